@@ -1,0 +1,30 @@
+#pragma once
+
+#include "common/base/vector.h"
+#include "common/coupling/options.h"
+
+namespace twoport {
+
+/// The virtual coupling's spring-damper.
+///
+///     f = K (x_d - x) + B (v_d - v)        translation [N] and, for N = 6, rotation [N m] with their own K and B
+template <int N>
+class SpringDamper {
+ public:
+  explicit SpringDamper(const CouplingOptions& o) {
+    k_.setConstant(o.stiffness_n_per_m);
+    b_.setConstant(o.damping_n_s_per_m);
+    if constexpr (N == 6) {
+      k_.template tail<3>().setConstant(o.rotational_stiffness_n_m_per_rad);
+      b_.template tail<3>().setConstant(o.rotational_damping_n_m_s_per_rad);
+    }
+  }
+  Force<N> force(const Displacement<N>& stretch, const Velocity<N>& rate) const noexcept {
+    return Force<N>{k_.cwiseProduct(stretch.vec()) + b_.cwiseProduct(rate.vec())};
+  }
+
+ private:
+  typename Force<N>::Vector k_, b_;
+};
+
+}  // namespace twoport

@@ -1,0 +1,65 @@
+#include "common/link/impairment.h"
+
+#include <algorithm>
+#include <cmath>
+
+namespace twoport {
+
+Impairment::Impairment(const ImpairmentOptions& options, std::uint64_t seed)
+    : options_{options}, random_{seed}, fixed_delay_{std::max(Duration{0}, to_duration(options.delay_s))} {
+  const ImpairmentOptions& o = options_;
+  certain_ = o.jitter_s == 0.0 && o.loss == 0.0 && !o.burst && o.blackout.empty() && o.duplicate == 0.0 &&
+             o.reorder == 0.0 && o.recorded_delay_s.empty();
+}
+
+double Impairment::uniform() noexcept {
+  return static_cast<double>(random_() >> 11) * 0x1.0p-53;  // [0, 1)
+}
+
+bool Impairment::lost(Duration since_start) noexcept {
+  bool gone = false;
+  if (options_.burst) {
+    const GilbertElliottOptions& b = *options_.burst;
+    bad_state_ = bad_state_ ? uniform() >= b.r : uniform() < b.p;
+    gone = uniform() < (bad_state_ ? b.loss_bad : b.loss_good);
+  }
+  if (options_.loss > 0.0 && uniform() < options_.loss) gone = true;
+  const double t = to_seconds(since_start).si();
+  for (const BlackoutWindow& w : options_.blackout)
+    if (t >= w.start_s && t < w.start_s + w.duration_s) gone = true;
+  return gone;
+}
+
+Duration Impairment::delay() noexcept {
+  if (!options_.recorded_delay_s.empty()) {
+    const double recorded = options_.recorded_delay_s[recorded_next_];
+    recorded_next_ = (recorded_next_ + 1) % options_.recorded_delay_s.size();
+    return std::max(Duration{0}, to_duration(recorded));
+  }
+  if (options_.jitter_s == 0.0) return fixed_delay_;
+  double unit = 0.0;  // mean 0, standard deviation 1
+  switch (options_.jitter_distribution) {
+    case JitterDistribution::normal: unit = normal_(random_); break;
+    case JitterDistribution::uniform: unit = std::sqrt(12.0) * (uniform() - 0.5); break;
+    case JitterDistribution::pareto: {
+      // Pareto tail index 3 from 1: mean 3/2, variance 3/4; never early by more than 0.58 standard deviations.
+      const double pareto = std::pow(1.0 - uniform(), -1.0 / 3.0);
+      unit = (pareto - 1.5) / std::sqrt(0.75);
+      break;
+    }
+  }
+  return std::max(Duration{0}, to_duration(options_.delay_s + options_.jitter_s * unit));
+}
+
+Impairment::Fate Impairment::draw(Duration since_start) noexcept {
+  if (certain_) return {1, {fixed_delay_, fixed_delay_}};
+  Fate fate{lost(since_start) ? 0 : 1, {delay(), Duration{0}}};
+  if (options_.reorder > 0.0 && uniform() < options_.reorder) fate.delay[0] += to_duration(options_.reorder_s);
+  if (options_.duplicate > 0.0 && uniform() < options_.duplicate && fate.copies == 1) {
+    fate.copies = 2;
+    fate.delay[1] = delay();
+  }
+  return fate;
+}
+
+}  // namespace twoport

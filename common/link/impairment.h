@@ -1,0 +1,63 @@
+#pragma once
+
+#include <cstdint>
+#include <optional>
+#include <random>
+#include <vector>
+
+#include "common/base/time.h"
+
+namespace twoport {
+
+enum class JitterDistribution : std::uint8_t { normal, uniform, pareto };
+
+/// Two-state loss: good -> bad with probability p, bad -> good with r, per packet.
+struct GilbertElliottOptions {
+  double p = 0.0, r = 1.0, loss_good = 0.0, loss_bad = 1.0;
+};
+struct BlackoutWindow {
+  double start_s = 0.0, duration_s = 0.0;
+};
+
+/// What one direction of the network does to packets.
+struct ImpairmentOptions {
+  double delay_s = 0.0;
+  double jitter_s = 0.0;  ///< standard deviation, whatever the distribution
+  JitterDistribution jitter_distribution = JitterDistribution::normal;
+  double loss = 0.0;
+  std::optional<GilbertElliottOptions> burst;
+  std::vector<BlackoutWindow> blackout;
+  double duplicate = 0.0;
+  double reorder = 0.0, reorder_s = 0.005;
+  std::vector<double> recorded_delay_s;  ///< replayed in a loop in place of delay and jitter; empty: none
+};
+
+/// The fate of each packet of one direction, drawn from a seed: how many copies arrive, and how late each is.
+/// The same code serves real datagrams and virtual time. Nothing is drawn for what is not asked for.
+class Impairment {
+ public:
+  struct Fate {
+    int copies;          ///< 0: lost
+    Duration delay[2];
+  };
+
+  Impairment(const ImpairmentOptions& options, std::uint64_t seed);
+
+  /// Fate of the packet sent `since_start` after the run began. No allocation.
+  Fate draw(Duration since_start) noexcept;
+
+ private:
+  [[nodiscard]] bool lost(Duration since_start) noexcept;
+  [[nodiscard]] Duration delay() noexcept;
+  double uniform() noexcept;
+
+  ImpairmentOptions options_;
+  std::mt19937_64 random_;
+  std::normal_distribution<double> normal_;
+  Duration fixed_delay_;
+  bool certain_;  ///< every packet arrives once, after fixed_delay_
+  bool bad_state_ = false;
+  std::size_t recorded_next_ = 0;
+};
+
+}  // namespace twoport

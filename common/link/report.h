@@ -1,0 +1,36 @@
+#pragma once
+
+#include <cstdint>
+
+#include "common/base/time.h"
+#include "common/base/vector.h"
+
+namespace twoport {
+
+/// The life of one side of a link.
+enum class Mode : std::uint8_t { idle, coupled, holding, released };
+
+/// What one side says of its port, in every packet, in both directions: the state, and the energy that has entered the
+/// link here so far. Energies are running totals since the two sessions met: a lost, late, repeated or reordered
+/// report delays knowledge and can neither destroy nor invent energy.
+/// Moments are in nanoseconds of the sender's clock; `echo_ns` is in the receiver's, and gives it its round-trip time.
+template <int N>
+struct Report {
+  std::uint64_t sequence = 0;
+  std::int64_t sent_ns = 0;
+  std::int64_t echo_ns = -1;  ///< stamp of the newest report received, plus the time it waited here; -1: none yet
+  Position<N> x{};
+  Velocity<N> v{};
+  Force<N> f{};              ///< the force that goes back (slave), or that is felt (master)
+  Force<N> f_coupling{};     ///< slave: the coupling force on the robot
+  Force<N> f_environment{}; ///< slave: the sensor's force of the environment on the robot
+  double energy_in_j = 0.0;
+  Mode mode = Mode::idle;
+
+  [[nodiscard]] bool finite() const {
+    return x.finite() && v.finite() && f.finite() && f_coupling.finite() && f_environment.finite() &&
+           energy_in_j - energy_in_j == 0.0;
+  }
+};
+
+}  // namespace twoport

@@ -1,0 +1,108 @@
+#pragma once
+
+#include <algorithm>
+#include <cstdint>
+#include <limits>
+
+#include "common/base/scalar.h"
+#include "common/base/vector.h"
+#include "common/passivity/observer.h"
+#include "common/ports/port.h"
+
+namespace twoport {
+
+enum class Method : std::uint8_t {
+  none,             ///< observe only
+  classic,          ///< correction along the port's input, out + αv or out + βf: paper eqs. (3), (5)-(7)
+  force_projected,  ///< correction along the port's output, out·s: paper eq. (8); the direction of out stays
+};
+
+struct ControllerOptions {
+  Method method = Method::none;
+  /// Largest gain that repays arrears: damping [N s/m] at an impedance, mobility [m/(N s)] at an admittance.
+  /// The new deficit bounds itself and has no cap.
+  double max_gain = 10.0;
+  /// A projected output keeps its sense: s >= 0, a wall never pulls.
+  bool unilateral = true;
+  /// Also cover the deficit that the coming interval will make, as far as in·out predicts it.
+  bool predict = true;
+};
+
+/// Why a controller left energy undissipated in a tick.
+enum class Shortfall : std::uint8_t {
+  none,        ///< nothing was owed, or all of it is dissipated
+  no_output,   ///< projected, |out| -> 0: there is no direction to act along
+  at_rest,     ///< |in| -> 0: no motion (or force) through which to dissipate
+  orthogonal,  ///< projected, out ⟂ in: what acts along out does no work
+  capped,      ///< repayment of arrears bounded by max_gain
+  clamped,     ///< s would be negative: the output is 0, the rest waits
+};
+
+/// What the account allows in the coming interval [J].
+struct Budget {
+  Energy available;  ///< E - E_ref: may be given back now; negative are arrears
+  Energy rise;       ///< by how much E_ref will grow over the coming interval
+};
+
+template <class Out>
+struct Corrected {
+  Out out;
+  Energy dissipated;    ///< by the correction, over the coming interval, as predicted by in·out
+  Energy owed;          ///< what should have been dissipated and could not be: it stays in the account
+  Shortfall shortfall;
+};
+
+/// Time-domain passivity controller of one port, in either causality: (Out, In) = (Force, Velocity) is the impedance
+/// form, gain α [N s/m]; (Velocity, Force) the admittance form, gain β [m/(N s)].
+///
+///     P  = out·in                                           power into the element [W]
+///     D  = max(0, rise - max(available, 0) - P T)           new deficit: bounds itself, |out_PC·in| <= |P| + rise/T
+///     A  = max(0, -available)                               arrears: repaid at no more than max_gain
+///
+///     classic          out' = out + g·in,    g = D/(T|in|²) + min(A/(T|in|²), max_gain)
+///     force projected  out' = out·s,         s = 1 + (D + min(A, max_gain T P²/|out|²)) / (T P),   s >= 0
+///
+/// The second is the paper's eq. (8): with v_p = (fᵀv/|f|²) f, f + α v_p = f·(1 - E/(T fᵀv)). It is one scalar, so a
+/// wrench needs no metric and no characteristic length, and the direction of out is kept exactly. Only the cap on arrears,
+/// a damping along out, reads a radian as a metre there.
+/// Where P -> 0 nothing along out does work: the debt waits in the account and is reported.
+/// Real time: one dot product, no allocation, no throw.
+template <class Out, class In>
+  requires PowerDual<Out, In>
+Corrected<Out> passivate(const Out& wanted, const In& in, const Budget& budget, const ControllerOptions& options,
+                          Seconds dt) noexcept {
+  constexpr double kVanishing = 1e-24;  // (1e-12 m/s)² or (1e-12 N)²: below it a direction is noise
+  const Power p = dot(wanted, in);
+  const double arrears = std::max(0.0, -budget.available.si());
+  const double fresh =
+      options.predict ? std::max(0.0, budget.rise.si() - std::max(budget.available.si(), 0.0) - (p * dt).si()) : 0.0;
+  const double due = arrears + fresh;
+  if (options.method == Method::none || due == 0.0) return {wanted, Energy{}, Energy{}, Shortfall::none};
+
+  const double in2 = in.squared_norm();
+  if (in2 < kVanishing) return {wanted, Energy{}, Energy{due}, Shortfall::at_rest};
+
+  if (options.method == Method::classic) {
+    const double per_gain = in2 * dt.si();
+    const double repaid = std::min(arrears, options.max_gain * per_gain);
+    const double gain = (fresh + repaid) / per_gain;
+    const Energy owed{arrears - repaid};
+    return {Out{wanted.vec() + gain * in.vec()}, Energy{fresh + repaid}, owed,
+            owed.si() > 0.0 ? Shortfall::capped : Shortfall::none};
+  }
+
+  const double out2 = wanted.squared_norm();
+  if (out2 < kVanishing) return {wanted, Energy{}, Energy{due}, Shortfall::no_output};
+  if (p.si() * p.si() < 1e-20 * in2 * out2) return {wanted, Energy{}, Energy{due}, Shortfall::orthogonal};
+  const double repaid = std::min(arrears, options.max_gain * dt.si() * p.si() * p.si() / out2);
+  double s = 1.0 + (fresh + repaid) / (dt.si() * p.si());
+  Shortfall shortfall = repaid < arrears ? Shortfall::capped : Shortfall::none;
+  if (options.unilateral && s < 0.0) {
+    s = 0.0;
+    shortfall = Shortfall::clamped;
+  }
+  const Energy dissipated{(s - 1.0) * p.si() * dt.si()};
+  return {s * wanted, dissipated, positive_part(Energy{due} - dissipated), shortfall};
+}
+
+}  // namespace twoport

@@ -1,0 +1,100 @@
+#pragma once
+
+#include <algorithm>
+#include <array>
+#include <cstddef>
+
+#include "common/base/scalar.h"
+#include "common/base/vector.h"
+
+namespace twoport {
+
+/// Running totals of one account, each of which only grows [J]:
+///
+///     absorbed = Σ max(dE, 0)     returned = Σ max(-dE, 0)     net = absorbed - returned
+///
+/// A total can be sent, lost, repeated and reordered without creating or destroying energy; an increment cannot.
+class Ledger {
+ public:
+  void book(Energy into) noexcept {
+    absorbed_ += positive_part(into);
+    returned_ += positive_part(-into);
+  }
+  [[nodiscard]] Energy absorbed() const noexcept { return absorbed_; }
+  [[nodiscard]] Energy returned() const noexcept { return returned_; }
+  [[nodiscard]] Energy net() const noexcept { return absorbed_ - returned_; }
+
+ private:
+  Energy absorbed_, returned_;
+};
+
+enum class ObserverRule : unsigned char {
+  exact,      ///< f(k-1)·(x(k) - x(k-1)): the energy of a held force, whatever the motion between the ticks
+  rectangle,  ///< f(k-1)·v(k-1)·T: the paper's eq. (2); blind to what a sampled spring creates
+};
+
+/// Where a port is and how fast it says it moves.
+template <int N>
+struct PortMotion {
+  Position<N> x;
+  Velocity<N> v;
+};
+
+/// Energy that a force held from tick k-1 to tick k has put into the element behind the port [J].
+///
+///     exact       f·Δx                          N = 1, 3
+///                 f·Δp + τ·(log ΔR + T²/12 ω(k-1)×ω(k))    N = 6: the rotation vector of an interval is not ∫ω dt
+///     rectangle   f·v(k-1)·T
+///
+/// `held` is the force that was really applied, after every limit.
+template <int N>
+Energy held_energy(ObserverRule rule, const Force<N>& held, const PortMotion<N>& before, const PortMotion<N>& now,
+                   Seconds dt) noexcept {
+  if (rule == ObserverRule::rectangle) return dot(held, before.v) * dt;
+  Energy e = dot(held, now.x - before.x);
+  if constexpr (N == 6) {
+    const Eigen::Vector3d w0 = before.v.vec().template tail<3>(), w1 = now.v.vec().template tail<3>();
+    e += Energy{dt.si() * dt.si() / 12.0 * held.vec().template tail<3>().dot(w0.cross(w1))};
+  }
+  return e;
+}
+
+/// Multi-port passivity observer: any number of ports and axes, booked into one or several accounts.
+///
+///     E_a(n) = E(0) + Σ_{k<=n} Σ_{ports and axes of a} f(k-1)·Δx(k)       paper eq. (1), (2), (4)
+///
+/// One account is the paper's total; more keep ports, normal and tangential parts, or translation and rotation apart.
+/// The network is passive while every account is >= 0. E(0) is shared equally.
+/// `Capacity` is how many accounts there is room for; how many there are is chosen when it is built.
+template <int Capacity = 1>
+class Observer {
+ public:
+  explicit Observer(Energy initial = Energy{}, int accounts = Capacity)
+      : count_{accounts} {
+    for (int a = 0; a < count_; ++a) store(a, Energy{initial.si() / accounts});
+  }
+
+  /// Adds to E(0) of one account what its element holds at the start.
+  void store(int account, Energy held) noexcept { initial_[static_cast<std::size_t>(account)] += held; }
+
+  [[nodiscard]] int accounts() const noexcept { return count_; }
+  void book(int account, Energy into) noexcept { accounts_[static_cast<std::size_t>(account)].book(into); }
+  [[nodiscard]] Energy energy(int account = 0) const noexcept {
+    return initial_[static_cast<std::size_t>(account)] + accounts_[static_cast<std::size_t>(account)].net();
+  }
+  [[nodiscard]] Energy total() const noexcept {
+    Energy sum;
+    for (int a = 0; a < count_; ++a) sum += energy(a);
+    return sum;
+  }
+  [[nodiscard]] const Ledger& ledger(int account = 0) const noexcept {
+    return accounts_[static_cast<std::size_t>(account)];
+  }
+
+ private:
+  std::array<Ledger, Capacity> accounts_{};
+  std::array<Energy, Capacity> initial_{};
+  int count_;
+};
+
+}  // namespace twoport

@@ -1,0 +1,74 @@
+#pragma once
+
+#include <atomic>
+#include <cstdint>
+#include <string>
+#include <vector>
+
+#include "common/base/histogram.h"
+#include "common/base/time.h"
+
+namespace twoport {
+
+/// Set by SIGINT and SIGTERM from the first call on. A second signal ends the program at once.
+const std::atomic<bool>& stop_on_signals();
+
+struct LoopOptions {
+  double rate_hz = 1000.0;
+  bool realtime = true;  ///< ask for locked memory, SCHED_FIFO, no idle states, and the finest timer
+  int priority = 80;     ///< of SCHED_FIFO, 1 to 99
+  bool spin = true;      ///< spin the last 50 us before each tick
+};
+
+/// Runs a step at tick k = start + k/rate of CLOCK_MONOTONIC, with what the machine permits. Build it in the thread
+/// that runs it: the scheduling is that thread's, and is put back when the loop goes.
+/// The loop itself does not allocate.
+class PeriodicLoop {
+ public:
+  /// Throws ConfigError when an option is out of its range. What is not permitted is not an error.
+  explicit PeriodicLoop(const LoopOptions& options);
+  ~PeriodicLoop();
+  PeriodicLoop(const PeriodicLoop&) = delete;
+  PeriodicLoop& operator=(const PeriodicLoop&) = delete;
+
+  /// What could not be had, and what to do about it: a sentence each.
+  [[nodiscard]] const std::vector<std::string>& not_permitted() const noexcept { return not_permitted_; }
+
+  /// Calls `bool step(std::int64_t k, Duration now)` every tick until it returns false or `stop` is set. `now` is the
+  /// nominal time of tick k since the start, tick_time(k, rate). When a whole period was missed, k jumps: what is
+  /// late is left out, not made up for.
+  template <class Step>
+  void run(const std::atomic<bool>& stop, Step&& step) {
+    begin();
+    for (std::int64_t k = next(stop); k >= 0; k = next(stop))
+      if (!step(k, tick_time(k, options_.rate_hz))) break;
+  }
+
+  /// How late each wake-up was for the tick it was meant for.
+  [[nodiscard]] const Histogram& lateness() const noexcept { return lateness_; }
+  /// Ticks left out because the loop was more than a period late for them.
+  [[nodiscard]] std::uint64_t deadline_misses() const noexcept { return deadline_misses_; }
+
+ private:
+  void begin();
+  std::int64_t next(const std::atomic<bool>& stop) noexcept;
+  [[nodiscard]] Duration deadline(std::int64_t k) const noexcept { return start_ + tick_time(k, options_.rate_hz); }
+
+  void lock_memory();
+  void take_priority();
+  void stay_awake();
+  void sharpen_timer();
+
+  LoopOptions options_;
+  std::vector<std::string> not_permitted_;
+  bool locked_ = false;
+  int latency_fd_ = -1;
+  int previous_policy_ = -1, previous_priority_ = 0;
+  int previous_slack_ns_ = -1;
+  Duration start_{0};
+  std::int64_t last_ = -1;
+  Histogram lateness_;
+  std::uint64_t deadline_misses_ = 0;
+};
+
+}  // namespace twoport

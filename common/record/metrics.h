@@ -1,0 +1,148 @@
+#pragma once
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <numbers>
+
+#include "common/record/row.h"
+#include "common/record/verdict.h"
+#include "common/scene/summary.h"
+
+namespace twoport {
+
+/// Translational part of a vector of coordinates: what "force" and "position" mean in a summary.
+template <class Vector>
+auto translational(const Vector& v) {
+  if constexpr (Vector::RowsAtCompileTime == 6) {
+    return Eigen::Vector3d{v.template head<3>()};
+  } else {
+    return v;
+  }
+}
+
+/// Angle between two vectors [rad], exact near 0 and near π: atan2(|u×f|, u·f), with |u×f| from the rejection of u on f.
+template <class Vector>
+double angle(const Vector& u, const Vector& f) {
+  const double along = u.dot(f), f2 = f.squaredNorm();
+  const Vector across = u - (along / f2) * f;
+  return std::atan2(across.norm() * std::sqrt(f2), along);
+}
+
+/// Second-order Butterworth high pass, bilinear: what of a force is above the corner frequency.
+template <int D>
+class HighPass {
+ public:
+  HighPass(double corner_hz, double rate_hz) {
+    const double k = std::tan(std::numbers::pi * std::min(corner_hz / rate_hz, 0.49));
+    const double norm = 1.0 / (1.0 + std::numbers::sqrt2 * k + k * k);
+    b0_ = norm;
+    a1_ = 2.0 * (k * k - 1.0) * norm;
+    a2_ = (1.0 - std::numbers::sqrt2 * k + k * k) * norm;
+  }
+  using Vector = Eigen::Matrix<double, D, 1>;
+  Vector step(const Vector& x) noexcept {
+    const Vector y = b0_ * x + s1_;
+    s1_ = -2.0 * b0_ * x - a1_ * y + s2_;
+    s2_ = b0_ * x - a2_ * y;
+    return y;
+  }
+
+ private:
+  double b0_, a1_, a2_;
+  Vector s1_ = Vector::Zero(), s2_ = Vector::Zero();
+};
+
+/// Turns rows into a summary, one by one, in constant memory.
+template <int N>
+class Metrics {
+ public:
+  static constexpr double kFelt = 0.05;  ///< a force below this has no direction to speak of [N]
+
+  Metrics(double rate_hz, double duration_s, double quiet_from_s, double initial_energy_j)
+      : rate_hz_{rate_hz},
+        initial_energy_j_{initial_energy_j},
+        verdict_{quiet_from_s, duration_s, initial_energy_j},
+        high_pass_{30.0, rate_hz} {}
+
+  /// Returns false once the run has diverged.
+  bool add(const Row<N>& row) noexcept {
+    ++rows_;
+    const auto felt = translational(row.master_f.vec()), wanted = translational(row.master_f_wanted.vec());
+    const auto missed = translational(row.position_error.vec());
+    min_energy_j_ = std::min(min_energy_j_, row.master_energy_j);
+    min_observed_j_ = std::min(min_observed_j_, row.observed_energy_j);
+    owed_j_ = std::max(owed_j_, row.owed_j);
+    dissipated_j_ += row.dissipated_j;
+    if (row.dissipated_j > 0.0) ++corrected_ticks_;
+    position_error2_ += missed.squaredNorm();
+    drift2_ = missed.squaredNorm();
+
+    const auto correction = (felt - wanted).eval();
+    const double correction2 = correction.squaredNorm(), felt2 = felt.squaredNorm(), wanted2 = wanted.squaredNorm();
+    force_error2_ += correction2;
+    correction2_max_ = std::max(correction2_max_, correction2);
+    force2_max_ = std::max(force2_max_, felt2);
+    chatter2_ += high_pass_.step(felt).squaredNorm();
+    if (wanted2 > kFelt * kFelt) {
+      ++contact_rows_;
+      if (felt2 > kFelt * kFelt) turn(felt, wanted, correction2, felt2, wanted2);
+    }
+    const double reach2 = std::max(translational_norm2(row.master_x), translational_norm2(row.slave_x));
+    return verdict_.add(row.t_s, std::sqrt(reach2), row.master_v.squared_norm() + row.slave_v.squared_norm(),
+                        row.master_energy_j);
+  }
+
+  /// Everything that rows tell; what ran, packets and times are the caller's.
+  void fill(Summary& s) const {
+    const double rows = static_cast<double>(std::max<std::uint64_t>(rows_, 1));
+    s.steps = static_cast<std::uint32_t>(rows_);
+    s.rate_hz = rate_hz_;
+    s.duration_s = static_cast<double>(rows_) / rate_hz_;
+    s.stable = verdict_.stable();
+    s.verdict = verdict_.words();
+    s.initial_energy_j = initial_energy_j_;
+    s.min_port_energy_j = initial_energy_j_ + min_energy_j_;
+    s.min_observed_energy_j = initial_energy_j_ + min_observed_j_;
+    s.energy_owed_j = owed_j_;
+    s.dissipated_j = dissipated_j_;
+    s.corrected_ticks = static_cast<std::uint32_t>(corrected_ticks_);
+    s.position_error_rms_m = std::sqrt(position_error2_ / rows);
+    s.drift_m = std::sqrt(drift2_);
+    s.force_error_rms_n = std::sqrt(force_error2_ / rows);
+    s.correction_max_n = std::sqrt(correction2_max_);
+    s.max_force_n = std::sqrt(force2_max_);
+    s.chatter_rms_n = std::sqrt(chatter2_ / rows);
+    s.contact_s = static_cast<double>(contact_rows_) / rate_hz_;
+    constexpr double kDegree = 180.0 / std::numbers::pi;
+    s.force_direction_error_max_deg = kDegree * turn_max_;
+    s.force_direction_error_rms_deg =
+        turned_rows_ > 0 ? kDegree * std::sqrt(turn2_ / static_cast<double>(turned_rows_)) : 0.0;
+  }
+
+ private:
+  template <class Vector>
+  void turn(const Vector& felt, const Vector& wanted, double correction2, double felt2, double wanted2) noexcept {
+    ++turned_rows_;
+    if (correction2 == 0.0) return;
+    const double along = felt.dot(wanted);
+    const double across2 = std::max(0.0, felt2 - along * along / wanted2);
+    // Parallel to rounding: the rejection says exactly how far.
+    const double a = along > 0.0 && across2 < 1e-14 * felt2
+                         ? (felt - (along / wanted2) * wanted).norm() / std::sqrt(felt2)
+                         : angle(felt, wanted);
+    turn_max_ = std::max(turn_max_, a);
+    turn2_ += a * a;
+  }
+  static double translational_norm2(const Position<N>& x) noexcept { return x.translation().squaredNorm(); }
+
+  double rate_hz_, initial_energy_j_;
+  Verdict verdict_;
+  HighPass<N == 6 ? 3 : N> high_pass_;
+  std::uint64_t rows_ = 0, contact_rows_ = 0, turned_rows_ = 0, corrected_ticks_ = 0;
+  double min_energy_j_ = 0.0, min_observed_j_ = 0.0, owed_j_ = 0.0, dissipated_j_ = 0.0;
+  double position_error2_ = 0.0, drift2_ = 0.0, force_error2_ = 0.0, correction2_max_ = 0.0, force2_max_ = 0.0;
+  double chatter2_ = 0.0, turn_max_ = 0.0, turn2_ = 0.0;
+};
+
+}  // namespace twoport

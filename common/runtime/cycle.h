@@ -1,0 +1,27 @@
+#pragma once
+
+#include "common/base/time.h"
+
+namespace twoport {
+
+/// Mail of a node that has no link.
+struct NoReport {};
+struct NoMail {
+  NoReport nothing;
+  const NoReport& collect(Duration) const noexcept { return nothing; }
+  void post(const NoReport&, Duration) const noexcept {}
+};
+
+/// One control period: sense, collect, step, actuate, post. The only place where this order is written down; the live
+/// programs, the laboratory and a replay all run it.
+template <class Node, class Plant, class Mail, class Clock>
+auto run_cycle(Node& node, Plant& plant, Mail& mail, const Tick<Clock>& tick) noexcept {
+  const auto sensed = plant.sense();
+  const auto& arrived = mail.collect(tick.now.time_since_epoch());
+  const auto out = node.step(tick, sensed, arrived);
+  plant.actuate(out.command);
+  mail.post(out.report, tick.now.time_since_epoch());
+  return out;
+}
+
+}  // namespace twoport

@@ -1,0 +1,30 @@
+#pragma once
+
+#include "common/link/report.h"
+
+namespace twoport {
+
+/// What a side knows of itself and of the link, at one tick.
+struct Health {
+  bool heard;       ///< a report of the other side has arrived within hold_after
+  bool silent;      ///< none within release_after
+  bool finite;      ///< own measurements and commands are finite
+};
+
+/// idle -> coupled on the first report; coupled -> holding when the link falls silent; holding -> coupled when it is
+/// heard again, -> released when it stays silent; released -> coupled when it is heard again. Anything that is not
+/// finite releases, for as long as `finite` is false: the caller latches it where that shall be for good.
+[[nodiscard]] constexpr Mode next_mode(Mode mode, const Health& health) noexcept {
+  if (!health.finite) return Mode::released;
+  if (health.heard) return Mode::coupled;
+  if (mode == Mode::coupled || mode == Mode::holding) return health.silent ? Mode::released : Mode::holding;
+  return mode;
+}
+
+static_assert(next_mode(Mode::idle, {.heard = false, .silent = true, .finite = true}) == Mode::idle);
+static_assert(next_mode(Mode::coupled, {.heard = false, .silent = false, .finite = true}) == Mode::holding);
+static_assert(next_mode(Mode::holding, {.heard = false, .silent = true, .finite = true}) == Mode::released);
+static_assert(next_mode(Mode::released, {.heard = true, .silent = false, .finite = true}) == Mode::coupled);
+static_assert(next_mode(Mode::coupled, {.heard = true, .silent = false, .finite = false}) == Mode::released);
+
+}  // namespace twoport

@@ -1,0 +1,123 @@
+#pragma once
+
+#include <Eigen/Core>
+#include <cstdint>
+#include <optional>
+#include <string>
+#include <variant>
+#include <vector>
+
+#include "common/coupling/options.h"
+#include "common/link/impairment.h"
+#include "common/passivity/controller.h"
+#include "common/passivity/observer.h"
+
+namespace twoport {
+
+// A scene as plain, validated values: what proto/scene.proto says, with every length, sign and range checked and every
+// default filled in. Vectors have `axes()` entries (1 or 3) unless said otherwise. SI units.
+
+/// Numbers as a scene writes them; empty means "not given".
+using Numbers = std::vector<double>;
+
+struct HandSpec {
+  double mass_kg, stiffness_n_per_m, damping_n_s_per_m;
+  double inertia_kg_m2, rotational_stiffness_n_m_per_rad, rotational_damping_n_m_s_per_rad;
+};
+struct HoldSpec {
+  double duration_s;
+};
+struct MoveToSpec {
+  Numbers position_m;  ///< 1 or 3 numbers; dof 6: 3, or 7 with the attitude w x y z
+  double duration_s;
+};
+struct SineSpec {
+  int axis;
+  double amplitude_m, frequency_hz, duration_s;
+};
+using SegmentSpec = std::variant<HoldSpec, MoveToSpec, SineSpec>;
+struct OperatorSpec {
+  std::optional<HandSpec> hand;
+  std::vector<SegmentSpec> path;
+};
+
+enum class VelocityEstimate : std::uint8_t { true_velocity, backward_difference, filtered };
+struct DeviceSpec {
+  double mass_kg, damping_n_s_per_m;
+  Numbers position_m, velocity_m_per_s;
+  double coulomb_friction_n, position_resolution_m;
+  std::optional<double> max_force_n;
+  VelocityEstimate velocity_estimate;
+  double velocity_filter_hz;
+  double inertia_kg_m2, rotational_damping_n_m_s_per_rad;
+};
+
+struct ForceSensorSpec {
+  double noise_n;
+  Numbers bias_n;
+  double latency_s;
+};
+struct RobotSpec {
+  double mass_kg, damping_n_s_per_m;
+  Numbers position_m, velocity_m_per_s;
+  std::optional<ForceSensorSpec> force_sensor;
+  Numbers inertia_kg_m2;  ///< dof 6: three principal moments
+  double rotational_damping_n_m_s_per_rad;
+};
+
+/// What touching a surface answers: stiffness and damping along the normal, friction across it.
+struct Material {
+  double stiffness_n_per_m, damping_n_s_per_m, friction, viscous_friction_n_s_per_m;
+};
+struct WallSpec {
+  Numbers normal;  ///< unit length
+  double offset_m;
+  Material material;
+};
+struct SphereSpec {
+  Numbers center_m;
+  double radius_m;
+  Material material;
+};
+struct CylinderSpec {
+  Numbers point_m, axis;  ///< axis of unit length
+  double radius_m;
+  Material material;
+};
+struct BoxSpec {
+  Numbers center_m, half_size_m;
+  Material material;
+};
+struct SpringSpec {
+  double stiffness_n_per_m, damping_n_s_per_m;
+  Numbers anchor_m;
+};
+using EnvironmentSpec = std::variant<WallSpec, SphereSpec, CylinderSpec, BoxSpec, SpringSpec>;
+
+struct Bound {
+  std::string key;
+  double value;
+};
+struct ExpectSpec {
+  std::optional<bool> stable;
+  std::vector<Bound> at_least, at_most;
+};
+
+struct Scene {
+  std::string name, description;
+  int dof;
+  double duration_s, rate_hz, master_rate_hz, slave_rate_hz;
+  std::uint64_t seed;
+  std::optional<OperatorSpec> human;
+  std::optional<DeviceSpec> device;
+  ControlOptions control;
+  ImpairmentOptions to_slave, to_master;
+  std::optional<RobotSpec> robot;
+  std::vector<EnvironmentSpec> environment;
+  std::vector<Numbers> tool;  ///< contact points in tool axes; dof 6 only, one at the origin where none is given
+  ExpectSpec expect;
+
+  [[nodiscard]] int axes() const { return dof == 1 ? 1 : 3; }
+};
+
+}  // namespace twoport

@@ -1,0 +1,189 @@
+#include "common/wire/codec.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <cstring>
+#include <string>
+
+#include "proto/report.pb.h"
+
+namespace twoport {
+namespace {
+
+template <int N>
+constexpr int kPositionSize = N == 6 ? 7 : N;
+template <int N>
+constexpr int kSampleSize = kPositionSize<N> + 4 * N;
+
+// Moments are durations since a loop began: 73 years, and no sum of two of them overflows.
+constexpr std::int64_t kLatest = std::int64_t{1} << 61;
+constexpr double kUnitTolerance = 1e-6;  // of |q|^2
+
+template <int N>
+double* write(double* to, const Position<N>& x) {
+  if constexpr (N == 6) {
+    const Eigen::Quaterniond& q = x.attitude();
+    to = std::copy_n(x.translation().data(), 3, to);
+    *to++ = q.w(), *to++ = q.x(), *to++ = q.y(), *to++ = q.z();
+    return to;
+  } else {
+    return std::copy_n(x.translation().data(), N, to);
+  }
+}
+template <class Kind, int N>
+double* write(double* to, const Coords<Kind, N>& c) {
+  return std::copy_n(c.vec().data(), N, to);
+}
+
+template <int N>
+const double* read(const double* from, Position<N>& x) {
+  if constexpr (N == 6) {
+    x = Position<6>{Eigen::Map<const Eigen::Vector3d>{from}, {from[3], from[4], from[5], from[6]}};
+  } else {
+    x = Position<N>{Eigen::Map<const typename Position<N>::Vector>{from}};
+  }
+  return from + kPositionSize<N>;
+}
+template <class Kind, int N>
+const double* read(const double* from, Coords<Kind, N>& c) {
+  c = Coords<Kind, N>{Eigen::Map<const typename Coords<Kind, N>::Vector>{from}};
+  return from + N;
+}
+
+/// Whether the bytes begin as every datagram of ours does, in any version: field 1, fixed32, "TP" in its high half.
+/// Keeps noise away from the parser.
+bool ours(std::span<const std::byte> bytes) {
+  return bytes.size() > 5 && bytes.size() <= kMaxDatagram && bytes[0] == std::byte{0x0d} &&
+         bytes[3] == std::byte{(kProtocolVersion >> 16) & 0xff} && bytes[4] == std::byte{kProtocolVersion >> 24};
+}
+
+template <int N>
+bool read_report(const schema::Datagram& message, Report<N>& r) {
+  if (message.sample_size() != kSampleSize<N> || message.mode() > static_cast<std::uint32_t>(Mode::released))
+    return false;
+  if (message.sequence() == 0 || message.sent_ns() < 0 || message.sent_ns() > kLatest || message.echo_ns() < -1 ||
+      message.echo_ns() > kLatest)
+    return false;
+  r.sequence = message.sequence();
+  r.sent_ns = message.sent_ns();
+  r.echo_ns = message.echo_ns();
+  r.mode = static_cast<Mode>(message.mode());
+  r.energy_in_j = message.energy_in_j();
+  const double* from = message.sample().data();
+  from = read(from, r.x);
+  from = read(from, r.v);
+  from = read(from, r.f);
+  from = read(from, r.f_coupling);
+  read(from, r.f_environment);
+  if (!r.finite()) return false;
+  if constexpr (N == 6) return std::abs(r.x.attitude().squaredNorm() - 1.0) < kUnitTolerance;
+  return true;
+}
+
+/// False when what it says of itself makes no sense. Nothing said (dof 0): no identity.
+bool read_identity(const schema::Datagram& message, std::optional<Identity>& identity) {
+  identity.reset();
+  if (message.dof() == 0) return true;
+  if (message.dof() > 6 || !(message.rate_hz() > 0.0) || !std::isfinite(message.rate_hz())) return false;
+  if (message.side() != static_cast<std::uint32_t>(Side::master) &&
+      message.side() != static_cast<std::uint32_t>(Side::slave))
+    return false;
+  identity = Identity{static_cast<int>(message.dof()), message.rate_hz(), message.scene_digest(),
+                      static_cast<Side>(message.side())};
+  return true;
+}
+
+/// The words end on a terminal: no control characters.
+std::string_view read_refusal(schema::Datagram& message) {
+  if (message.refusal().empty()) return {};
+  std::string& text = *message.mutable_refusal();
+  text.resize(std::min(text.size(), kMaxRefusal));
+  std::replace_if(text.begin(), text.end(), [](char c) { return c < ' ' || c > '~'; }, '?');
+  return text;
+}
+
+}  // namespace
+
+template <int N>
+struct Codec<N>::Impl {
+  schema::Datagram outgoing, incoming;
+  std::array<std::byte, kMaxDatagram> buffer{};
+
+  // Room, once, for the longest that can come: clearing a message keeps it.
+  Impl() {
+    for (schema::Datagram* message : {&outgoing, &incoming}) {
+      message->mutable_sample()->Reserve(static_cast<int>(kMaxDatagram / sizeof(double)));
+      message->mutable_refusal()->reserve(kMaxDatagram);
+    }
+  }
+};
+
+template <int N>
+Codec<N>::Codec() : impl_{std::make_unique<Impl>()} {}
+template <int N>
+Codec<N>::~Codec() = default;
+template <int N>
+Codec<N>::Codec(Codec&&) noexcept = default;
+template <int N>
+Codec<N>& Codec<N>::operator=(Codec&&) noexcept = default;
+
+template <int N>
+std::span<const std::byte> Codec<N>::encode(const Envelope<N>& envelope) noexcept {
+  schema::Datagram& message = impl_->outgoing;
+  message.Clear();
+  message.set_protocol_version(envelope.version);
+  message.set_session_id(envelope.session);
+  message.set_peer_session_id(envelope.peer_session);
+  if (!envelope.refusal.empty()) {
+    const std::string_view text = envelope.refusal.substr(0, kMaxRefusal);
+    message.mutable_refusal()->assign(text.data(), text.size());
+  } else {
+    const Report<N>& r = envelope.report;
+    message.set_sequence(r.sequence);
+    message.set_sent_ns(r.sent_ns);
+    message.set_echo_ns(r.echo_ns);
+    message.set_mode(static_cast<std::uint32_t>(r.mode));
+    message.set_energy_in_j(r.energy_in_j);
+    double* to = message.mutable_sample()->AddNAlreadyReserved(kSampleSize<N>);
+    to = write(to, r.x);
+    to = write(to, r.v);
+    to = write(to, r.f);
+    to = write(to, r.f_coupling);
+    write(to, r.f_environment);
+  }
+  if (envelope.identity) {
+    message.set_dof(static_cast<std::uint32_t>(envelope.identity->dof));
+    message.set_rate_hz(envelope.identity->rate_hz);
+    message.set_scene_digest(envelope.identity->scene_digest);
+    message.set_side(static_cast<std::uint32_t>(envelope.identity->side));
+  }
+  const std::size_t size = message.ByteSizeLong();
+  static_assert(kMaxDatagram > 8 * (kSampleSize<N> + 16) + kMaxRefusal);
+  message.SerializeWithCachedSizesToArray(reinterpret_cast<std::uint8_t*>(impl_->buffer.data()));
+  return {impl_->buffer.data(), size};
+}
+
+template <int N>
+Decoded Codec<N>::decode(std::span<const std::byte> bytes, Envelope<N>& envelope) noexcept {
+  schema::Datagram& message = impl_->incoming;
+  if (!ours(bytes) || !message.ParseFromArray(bytes.data(), static_cast<int>(bytes.size())) ||
+      message.session_id() == 0)
+    return Decoded::malformed;
+  envelope.version = message.protocol_version();
+  envelope.session = message.session_id();
+  envelope.peer_session = message.peer_session_id();
+  envelope.refusal = read_refusal(message);
+  envelope.identity.reset();
+  if (envelope.version != kProtocolVersion) return Decoded::other_version;
+  if (!read_identity(message, envelope.identity)) return Decoded::malformed;
+  if (envelope.identity && envelope.identity->dof != N) return Decoded::other_dof;
+  if (!envelope.refusal.empty()) return Decoded::ok;
+  return read_report(message, envelope.report) ? Decoded::ok : Decoded::malformed;
+}
+
+template class Codec<1>;
+template class Codec<3>;
+template class Codec<6>;
+
+}  // namespace twoport

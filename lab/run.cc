@@ -1,0 +1,72 @@
+#include "lab/run.h"
+
+#include <chrono>
+#include <optional>
+
+#include "common/record/metrics.h"
+#include "common/record/trace.h"
+#include "lab/simulation.h"
+
+namespace twoport::lab {
+namespace {
+
+Packets packets(const PacketCounts& sender, const PacketCounts& receiver) {
+  const auto count = [](std::uint64_t n) { return static_cast<std::uint32_t>(n); };
+  return {.sent = count(sender.sent),
+          .received = count(receiver.received),
+          .lost = count(receiver.lost),
+          .late = count(receiver.late),
+          .duplicated = count(receiver.duplicated),
+          .rejected = count(receiver.rejected)};
+}
+
+template <int N, class Simulation>
+Summary run_as(const Scene& scene, const std::string& trace_path) {
+  Simulation simulation{scene};
+  Metrics<N> metrics{scene.master_rate_hz, scene.duration_s, simulation.quiet_from_s(),
+                     simulation.initial_energy().si()};
+  std::optional<Trace<N>> trace;
+  if (!trace_path.empty()) trace.emplace(trace_path);
+
+  const auto start = std::chrono::steady_clock::now();
+  const std::uint64_t ticks = simulation.run([&](const Row<N>& row) {
+    if (trace) trace->add(row);
+    return metrics.add(row);
+  });
+  const std::chrono::duration<double, std::nano> spent = std::chrono::steady_clock::now() - start;
+  if (trace) trace->close();
+
+  Summary s;
+  metrics.fill(s);
+  s.scene = scene.name;
+  s.side = "lab";
+  s.architecture = to_string(scene.control.architecture);
+  s.method = to_string(scene.control.controller.method);
+  s.dof = scene.dof;
+  s.step_ns = spent.count() / static_cast<double>(std::max<std::uint64_t>(ticks, 1));
+  if constexpr (requires { simulation.master_packets(); }) {
+    s.to_slave = packets(simulation.master_packets(), simulation.slave_packets());
+    s.to_master = packets(simulation.slave_packets(), simulation.master_packets());
+    if (simulation.overflowed() > 0) s.verdict += "; packets in flight exceeded the line's room";
+  }
+  return s;
+}
+
+template <int N>
+Summary run_size(const Scene& scene, const std::string& trace_path) {
+  return scene.control.architecture == Architecture::render
+             ? run_as<N, RenderSimulation<N>>(scene, trace_path)
+             : run_as<N, LinkSimulation<N>>(scene, trace_path);
+}
+
+}  // namespace
+
+Summary run(const Scene& scene, const std::string& trace_path) {
+  switch (scene.dof) {
+    case 1: return run_size<1>(scene, trace_path);
+    case 3: return run_size<3>(scene, trace_path);
+    default: return run_size<6>(scene, trace_path);
+  }
+}
+
+}  // namespace twoport::lab

@@ -1,0 +1,203 @@
+#pragma once
+
+#include <algorithm>
+#include <cmath>
+#include <cstdint>
+
+#include "common/link/delay_line.h"
+#include "common/link/mailbox.h"
+#include "common/record/row.h"
+#include "common/runtime/cycle.h"
+#include "common/scene/scene.h"
+#include "master/master_node.h"
+#include "master/render_node.h"
+#include "sim/sim_device.h"
+#include "sim/sim_robot.h"
+#include "slave/slave_node.h"
+
+namespace twoport::lab {
+
+/// Seeds of the two directions, from the scene's: the live programs use the same.
+inline constexpr std::uint64_t kToSlaveStream = 0x70736c61, kToMasterStream = 0x746d6173;
+
+/// A network in memory: reports as values, no bytes.
+template <int N>
+class SimTransport {
+ public:
+  SimTransport(DelayLine<Report<N>>& in, DelayLine<Report<N>>& out) : in_{&in}, out_{&out} {}
+  template <class Visit>
+  void poll(Duration now, Visit visit) noexcept {
+    while (const Report<N>* r = in_->take(now)) visit(*r);
+  }
+  void send(const Report<N>& r, Duration now) noexcept { out_->put(r, now); }
+
+ private:
+  DelayLine<Report<N>>*in_, *out_;
+};
+
+/// A scene over a link, in virtual time: the same nodes and the same cycle as the live programs.
+///
+/// Each side ticks at its own rate, from 0. A report is readable strictly after it was posted, so the order of two
+/// sides that tick together does not matter.
+template <int N>
+class LinkSimulation {
+ public:
+  explicit LinkSimulation(const Scene& scene)
+      : scaling_{scene.control},
+        master_rate_hz_{scene.master_rate_hz},
+        slave_rate_hz_{scene.slave_rate_hz},
+        end_{to_duration(scene.duration_s)},
+        device_{scene, Seconds{1.0 / scene.master_rate_hz}},
+        robot_{scene, Seconds{1.0 / scene.slave_rate_hz}},
+        master_{scene.control},
+        slave_{scene.control},
+        to_slave_{scene.to_slave, scene.seed ^ kToSlaveStream, capacity(scene.to_slave, scene.master_rate_hz)},
+        to_master_{scene.to_master, scene.seed ^ kToMasterStream, capacity(scene.to_master, scene.slave_rate_hz)},
+        master_mail_{{to_master_, to_slave_}},
+        slave_mail_{{to_slave_, to_master_}} {
+    const Energy held = robot_.environment().potential(robot_.state().x) + kinetic(scene, robot_.state().v);
+    initial_energy_ = scene.control.initial_energy + scaling_.to_master(scene.control.initial_energy + held);
+  }
+
+  /// Runs to the end, or until `visit(row)` returns false. Returns the number of master ticks.
+  template <class Visit>
+  std::uint64_t run(Visit visit) {
+    std::int64_t m = 0, s = 0;
+    Duration next_m{0}, next_s{0};
+    while (next_m < end_) {
+      if (next_s < next_m) {
+        slave_tick(next_s, s);
+        next_s = tick_time(++s, slave_rate_hz_);
+        continue;
+      }
+      const auto out = master_tick(next_m, m);
+      if (!visit(row(next_m, out))) return static_cast<std::uint64_t>(m + 1);
+      if (next_s == next_m) {
+        slave_tick(next_s, s);
+        next_s = tick_time(++s, slave_rate_hz_);
+      }
+      next_m = tick_time(++m, master_rate_hz_);
+    }
+    return static_cast<std::uint64_t>(m);
+  }
+
+  /// E(0): what the scene grants both ledgers, and what environment and robot hold at the start [J].
+  [[nodiscard]] Energy initial_energy() const { return initial_energy_; }
+  [[nodiscard]] double quiet_from_s() const { return device_.path().end_s(); }
+  [[nodiscard]] const PacketCounts& master_packets() const { return master_mail_.counts(); }
+  [[nodiscard]] const PacketCounts& slave_packets() const { return slave_mail_.counts(); }
+  [[nodiscard]] std::uint64_t overflowed() const { return to_slave_.overflowed() + to_master_.overflowed(); }
+
+ private:
+  /// Room for what is in flight, with ten standard deviations of jitter and every packet doubled.
+  static std::size_t capacity(const ImpairmentOptions& o, double rate_hz) {
+    double longest = o.delay_s + 10.0 * o.jitter_s + o.reorder_s;
+    for (const double d : o.recorded_delay_s) longest = std::max(longest, d + o.reorder_s);
+    return static_cast<std::size_t>(std::min(2.0 * longest * rate_hz + 64.0, 1e6));
+  }
+  static Energy kinetic(const Scene& scene, const Velocity<N>& v) {
+    if (!scene.robot) return Energy{};
+    double e = 0.5 * scene.robot->mass_kg * v.vec().template head<(N == 1 ? 1 : 3)>().squaredNorm();
+    if constexpr (N == 6) {
+      // The initial attitude's axes: good for the isotropic and the aligned case, which is how bodies start.
+      const Eigen::Vector3d j = sim::vector<3>(scene.robot->inertia_kg_m2);
+      e += 0.5 * v.vec().template tail<3>().cwiseAbs2().dot(j);
+    }
+    return Energy{e};
+  }
+
+  auto master_tick(Duration now, std::int64_t k) noexcept {
+    if (k > 0) device_.advance();
+    return run_cycle(master_, device_, master_mail_,
+                     Tick<MasterClock>{Instant<MasterClock>{now}, Seconds{1.0 / master_rate_hz_}});
+  }
+  void slave_tick(Duration now, std::int64_t k) noexcept {
+    if (k > 0) robot_.advance();
+    slave_out_ = run_cycle(slave_, robot_, slave_mail_,
+                           Tick<SlaveClock>{Instant<SlaveClock>{now}, Seconds{1.0 / slave_rate_hz_}});
+    dissipated_ += scaling_.to_master(slave_out_.dissipated);
+  }
+
+  Row<N> row(Duration now, const typename MasterNode<N>::Output& out) noexcept {
+    const Energy dissipated = out.dissipated + dissipated_;
+    dissipated_ = Energy{};
+    return {.t_s = to_seconds(now).si(),
+            .master_x = device_.x(),
+            .master_v = device_.v(),
+            .master_f = device_.held(),
+            .master_f_wanted = out.wanted,
+            .slave_x = robot_.state().x,
+            .slave_v = robot_.state().v,
+            .slave_f = slave_out_.command.f,
+            .env_f = robot_.environment_force(),
+            .position_error = slave_out_.position_error,
+            .master_energy_j = device_.port_energy().si(),
+            .slave_energy_j = slave_.delivered().si(),
+            .observed_energy_j = master_.observed().si(),
+            .owed_j = std::max(out.owed.si(), slave_out_.owed.si()),
+            .dissipated_j = dissipated.si(),
+            .mode = out.mode};
+  }
+
+  Scaling<N> scaling_;
+  double master_rate_hz_, slave_rate_hz_;
+  Duration end_;
+  sim::SimDevice<N> device_;
+  sim::SimRobot<N> robot_;
+  MasterNode<N> master_;
+  SlaveNode<N> slave_;
+  DelayLine<Report<N>> to_slave_, to_master_;
+  Mailbox<N, SimTransport<N>> master_mail_, slave_mail_;
+  typename SlaveNode<N>::Output slave_out_{};
+  Energy dissipated_, initial_energy_;
+};
+
+/// A virtual environment rendered on the device, in virtual time.
+template <int N>
+class RenderSimulation {
+ public:
+  explicit RenderSimulation(const Scene& scene)
+      : rate_hz_{scene.master_rate_hz},
+        end_{to_duration(scene.duration_s)},
+        device_{scene, Seconds{1.0 / scene.master_rate_hz}},
+        environment_{scene},
+        node_{scene.control, environment_},
+        initial_energy_{scene.control.initial_energy + environment_.potential(device_.x())} {}
+
+  template <class Visit>
+  std::uint64_t run(Visit visit) {
+    NoMail mail;
+    const Seconds dt{1.0 / rate_hz_};
+    std::int64_t k = 0;
+    for (Duration now{0}; now < end_; now = tick_time(++k, rate_hz_)) {
+      if (k > 0) device_.advance();
+      const auto out = run_cycle(node_, device_, mail, Tick<MasterClock>{Instant<MasterClock>{now}, dt});
+      const Row<N> row{.t_s = to_seconds(now).si(),
+                       .master_x = device_.x(),
+                       .master_v = device_.v(),
+                       .master_f = device_.held(),
+                       .master_f_wanted = out.wanted,
+                       .env_f = -out.wanted,
+                       .master_energy_j = device_.port_energy().si(),
+                       .observed_energy_j = node_.observed().si() - initial_energy_.si(),
+                       .owed_j = out.owed.si(),
+                       .dissipated_j = out.dissipated.si(),
+                       .mode = Mode::coupled};
+      if (!visit(row)) return static_cast<std::uint64_t>(k + 1);
+    }
+    return static_cast<std::uint64_t>(k);
+  }
+
+  [[nodiscard]] Energy initial_energy() const { return initial_energy_; }
+  [[nodiscard]] double quiet_from_s() const { return device_.path().end_s(); }
+
+ private:
+  double rate_hz_;
+  Duration end_;
+  sim::SimDevice<N> device_;
+  sim::Environment<N> environment_;
+  RenderNode<N> node_;
+  Energy initial_energy_;
+};
+
+}  // namespace twoport::lab

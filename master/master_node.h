@@ -1,0 +1,117 @@
+#pragma once
+
+#include "common/base/time.h"
+#include "common/coupling/options.h"
+#include "common/coupling/ramp.h"
+#include "common/coupling/scaling.h"
+#include "common/coupling/spring_damper.h"
+#include "common/coupling/tracker.h"
+#include "common/hardware/device.h"
+#include "common/link/mailbox.h"
+#include "common/passivity/controller.h"
+#include "common/passivity/observer.h"
+#include "common/runtime/modes.h"
+
+namespace twoport {
+
+/// The master half of a delayed two-port: impedance causality, velocity in, force out.
+///
+///     dE(k)  = f_applied(k-1)·Δx(k)                      exact energy of the held force
+///     E_in  += max(dE, 0),   E_out += max(-dE, 0)
+///     f      = s_f f_rx                                  or the master's own spring-damper (position-position)
+///     f'     = passivate(f, v, E(0) + E_in,slave - E_out)
+///
+/// The hand never gets back more than the slave says has entered the link there, plus E(0).
+/// Source: Ryu, Artigas, Preusche, Mechatronics 20(7), 2010; the correction is the projected one where chosen.
+template <int N>
+class MasterNode {
+ public:
+  struct Output {
+    Force<N> command;  ///< at the master port, power f·v into the network
+    Report<N> report;
+    Force<N> wanted;   ///< before the passivity controller
+    Energy dissipated, owed;
+    Mode mode;
+  };
+
+  explicit MasterNode(const ControlOptions& o)
+      : options_{o},
+        scaling_{o},
+        coupling_{o.coupling},
+        tracker_{o.coupling},
+        ramp_{o.engage} {}
+
+  Output step(const Tick<MasterClock>& tick, const DeviceState<N>& device, const Known<N>& slave) noexcept {
+    const PortMotion<N> motion{device.x, device.v};
+    if (started_) ledger_.book(held_energy(options_.observer, device.applied, before_, motion, tick.dt));
+    before_ = motion;
+    started_ = true;
+
+    const Duration silence = tick.now.time_since_epoch() - slave.heard;
+    const Mode was = mode_;
+    mode_ = next_mode(mode_, {.heard = slave.any && to_seconds(silence) < options_.hold_after,
+                              .silent = to_seconds(silence) >= options_.release_after,
+                              .finite = device.x.finite() && device.v.finite()});
+    if (mode_ == Mode::coupled && (was == Mode::idle || was == Mode::released)) engage(device);
+
+    const double ramp = ramp_.step(mode_ == Mode::coupled, tick.dt);
+    Corrected<Force<N>> out{};
+    Force<N> wanted;
+    if (mode_ == Mode::coupled || mode_ == Mode::holding) {
+      wanted = ramp * reflected(device, slave, tick.dt);
+      const Energy available = options_.initial_energy + scaling_.to_master(Energy{slave.energy_in_j}) - returned();
+      out = passivate(wanted, device.v, Budget{available, Energy{}}, options_.controller, tick.dt);
+    }
+    return {.command = out.out,
+            .report = {.x = device.x, .v = device.v, .f = out.out, .energy_in_j = absorbed().si(), .mode = mode_},
+            .wanted = wanted,
+            .dissipated = out.dissipated,
+            .owed = out.owed,
+            .mode = mode_};
+  }
+
+  /// The other side has started anew and its totals with it: this side's start again too. Unused credit is dropped; a
+  /// debt is carried over.
+  void rebase(Energy slave_energy_in) noexcept {
+    const Energy balance = scaling_.to_master(slave_energy_in) - returned();
+    base_absorbed_ = ledger_.absorbed();
+    base_returned_ = ledger_.returned() - positive_part(-balance - options_.initial_energy);
+    mode_ = Mode::idle;
+    ramp_.drop();
+  }
+
+  [[nodiscard]] Mode mode() const noexcept { return mode_; }
+  /// What the observer believes the hand has put in, E(0) not included [J].
+  [[nodiscard]] Energy observed() const noexcept { return ledger_.net(); }
+
+ private:
+  [[nodiscard]] Energy absorbed() const noexcept { return ledger_.absorbed() - base_absorbed_; }
+  [[nodiscard]] Energy returned() const noexcept { return ledger_.returned() - base_returned_; }
+
+  void engage(const DeviceState<N>& device) noexcept {
+    ramp_.drop();
+    x_d_ = device.x;
+  }
+
+  Force<N> reflected(const DeviceState<N>& device, const Known<N>& slave, Seconds dt) noexcept {
+    if (options_.architecture != Architecture::position_position) return scaling_.to_master(slave.newest.f);
+    const Velocity<N> v_rx = scaling_.to_master(slave.newest.v);
+    const Velocity<N> v_d = tracker_.step(x_d_, scaling_.to_master(slave.newest.x), v_rx, slave.fresh, dt);
+    x_d_ = x_d_ + v_d * dt;
+    return coupling_.force(device.x - x_d_, device.v - v_rx);
+  }
+
+  ControlOptions options_;
+  Scaling<N> scaling_;
+  SpringDamper<N> coupling_;
+  Tracker<N> tracker_;
+  Ramp ramp_;
+  Ledger ledger_;
+  Energy base_absorbed_, base_returned_;
+  PortMotion<N> before_;
+  Position<N> x_d_;
+  Mode mode_ = Mode::idle;
+  bool started_ = false;
+};
+
+}  // namespace twoport

@@ -1,0 +1,121 @@
+#pragma once
+
+#include <numbers>
+#include <vector>
+
+#include "common/base/check.h"
+#include "common/base/vector.h"
+#include "common/scene/scene.h"
+
+namespace twoport::sim {
+
+/// A position as a scene writes it: N numbers, or for N = 6 x y z with or without a quaternion w x y z. Empty: origin.
+template <int N>
+Position<N> position(const Numbers& n) {
+  if constexpr (N == 6) {
+    Eigen::Vector3d p = Eigen::Vector3d::Zero();
+    Eigen::Quaterniond q = Eigen::Quaterniond::Identity();
+    for (std::size_t i = 0; i < 3 && i < n.size(); ++i) p[static_cast<int>(i)] = n[i];
+    if (n.size() == 7) q = Eigen::Quaterniond{n[3], n[4], n[5], n[6]}.normalized();
+    return {p, q};
+  } else {
+    typename Position<N>::Vector p = Position<N>::Vector::Zero();
+    for (int i = 0; i < N && i < static_cast<int>(n.size()); ++i) p[i] = n[static_cast<std::size_t>(i)];
+    return Position<N>{p};
+  }
+}
+
+/// Coordinates as a scene writes them, zero where it does not.
+template <int N>
+Eigen::Matrix<double, N, 1> vector(const Numbers& n) {
+  Eigen::Matrix<double, N, 1> v = Eigen::Matrix<double, N, 1>::Zero();
+  for (int i = 0; i < N && i < static_cast<int>(n.size()); ++i) v[i] = n[static_cast<std::size_t>(i)];
+  return v;
+}
+
+/// The intended motion of the hand: segments, each starting where the last one ended; after the last, hold.
+///
+///     move_to   x(s) = x0 + (x1 - x0)(10 s³ - 15 s⁴ + 6 s⁵),   s = t / duration       minimum jerk
+///     sine      x(t) = x0 + A sin(2π f t) along one axis
+template <int N>
+class Path {
+ public:
+  Path(const std::vector<SegmentSpec>& specs, const Position<N>& start) : end_{start} {
+    double t = 0.0;
+    for (const SegmentSpec& spec : specs) {
+      Segment s;
+      s.start_s = t;
+      s.from = end_;
+      if (const auto* hold = std::get_if<HoldSpec>(&spec)) {
+        s.duration_s = hold->duration_s;
+      } else if (const auto* move = std::get_if<MoveToSpec>(&spec)) {
+        s.kind = Kind::move;
+        s.duration_s = move->duration_s;
+        Position<N> to = position<N>(move->position_m);
+        if constexpr (N == 6) {
+          if (move->position_m.size() != 7) to = Position<6>{to.translation(), end_.attitude()};
+        }
+        s.along = to - end_;
+        end_ = to;
+      } else {
+        const auto& sine = std::get<SineSpec>(spec);
+        s.kind = Kind::sine;
+        s.duration_s = sine.duration_s;
+        s.omega = 2.0 * std::numbers::pi * sine.frequency_hz;
+        typename Displacement<N>::Vector a = Displacement<N>::Vector::Zero();
+        a[sine.axis] = sine.amplitude_m;
+        s.along = Displacement<N>{a};
+        end_ = s.at(s.duration_s).x;
+      }
+      t += s.duration_s;
+      segments_.push_back(s);
+    }
+    end_s_ = t;
+  }
+
+  struct Sample {
+    Position<N> x;
+    Velocity<N> v;
+  };
+
+  /// Times must not decrease from call to call.
+  Sample at(double t_s) noexcept {
+    while (current_ < segments_.size() && t_s >= segments_[current_].start_s + segments_[current_].duration_s)
+      ++current_;
+    if (current_ == segments_.size()) return {end_, {}};
+    return segments_[current_].at(t_s - segments_[current_].start_s);
+  }
+  /// When the last segment ends and the hand holds still [s].
+  [[nodiscard]] double end_s() const { return end_s_; }
+
+ private:
+  enum class Kind : unsigned char { hold, move, sine };
+  struct Segment {
+    Kind kind = Kind::hold;
+    double start_s = 0, duration_s = 0, omega = 0;
+    Position<N> from;
+    Displacement<N> along;
+
+    Sample at(double t) const noexcept {
+      switch (kind) {
+        case Kind::hold: break;
+        case Kind::move: {
+          const double s = t / duration_s;
+          const double x = s * s * s * (10.0 - s * (15.0 - 6.0 * s));
+          const double v = 30.0 * s * s * (1.0 - s) * (1.0 - s) / duration_s;
+          return {from + x * along, Velocity<N>{v * along.vec()}};
+        }
+        case Kind::sine:
+          return {from + std::sin(omega * t) * along, Velocity<N>{omega * std::cos(omega * t) * along.vec()}};
+      }
+      return {from, {}};
+    }
+  };
+
+  std::vector<Segment> segments_;
+  Position<N> end_;
+  double end_s_ = 0.0;
+  std::size_t current_ = 0;
+};
+
+}  // namespace twoport::sim

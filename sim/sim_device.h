@@ -1,0 +1,245 @@
+#pragma once
+
+#include <cmath>
+#include <limits>
+#include <optional>
+
+#include "common/hardware/device.h"
+#include "common/passivity/observer.h"
+#include "common/scene/scene.h"
+#include "sim/linear.h"
+#include "sim/path.h"
+
+namespace twoport::sim {
+
+/// The norm that `max_force_n` bounds: the translational force.
+template <int N>
+double force_norm(const Force<N>& f) {
+  if constexpr (N == 6) {
+    return f.vec().template head<3>().norm();
+  } else {
+    return f.vec().norm();
+  }
+}
+
+/// A hand on a haptic device, behind the device seam.
+///
+///     (m_d + m_h) ẍ = -f - b_d ẋ + k_h (x_h - x) + b_h (ẋ_h - ẋ) - f_c ẋ/|ẋ|
+///
+/// f is held over the tick; the intended motion x_h is linear within it; the step is the exact solution, with a stop
+/// by Coulomb friction resolved inside it. N = 6 rotates like a sphere (isotropic inertia), in rotation-vector
+/// coordinates local to the tick. Blocks that the scene does not name cost nothing and are ideal: no hand impedance, the
+/// path is imposed; no operator, nobody holds; neither device nor operator, the handle rests.
+template <int N>
+class SimDevice final : public Device<N> {
+ public:
+  /// `dt` is the control period; the handle starts where the device block says.
+  SimDevice(const Scene& scene, Seconds dt)
+      : dt_{dt.si()}, path_{scene.human ? scene.human->path : std::vector<SegmentSpec>{}, start(scene)} {
+    x_ = start(scene);
+    const HandSpec none{};
+    const HandSpec& hand = scene.human && scene.human->hand ? *scene.human->hand : none;
+    const DeviceSpec* device = scene.device ? &*scene.device : nullptr;
+    imposed_ = scene.human && !scene.human->hand;
+    held_by_hand_ = scene.human && scene.human->hand;
+    const double mass = hand.mass_kg + (device ? device->mass_kg : 0.0);
+    free_ = !imposed_ && mass > 0.0;
+    if (device) {
+      if (N != 6 || device->velocity_m_per_s.size() <= 3) {
+        v_.template head<kAxes>() = vector<kAxes>(device->velocity_m_per_s);
+      } else {
+        v_ = vector<N>(device->velocity_m_per_s);
+      }
+      coulomb_n_ = device->coulomb_friction_n;
+      resolution_ = device->position_resolution_m;
+      max_force_n_ = device->max_force_n.value_or(std::numeric_limits<double>::infinity());
+      estimate_ = device->velocity_estimate;
+      filter_ = -std::expm1(-2.0 * std::numbers::pi * device->velocity_filter_hz * dt_);
+    }
+    if (imposed_) v_ = path_.at(0.0).v.vec();
+
+    hand_k_.setConstant(hand.stiffness_n_per_m);
+    hand_b_.setConstant(hand.damping_n_s_per_m);
+    axis_ = {mass, hand.damping_n_s_per_m + (device ? device->damping_n_s_per_m : 0.0), hand.stiffness_n_per_m};
+    if (free_) fill<0, kAxes>(axis_);
+    if constexpr (N == 6) {
+      hand_k_.template tail<3>().setConstant(hand.rotational_stiffness_n_m_per_rad);
+      hand_b_.template tail<3>().setConstant(hand.rotational_damping_n_m_s_per_rad);
+      if (free_)
+        fill<3, 3>({hand.inertia_kg_m2 + (device ? device->inertia_kg_m2 : 0.0),
+                    hand.rotational_damping_n_m_s_per_rad + (device ? device->rotational_damping_n_m_s_per_rad : 0.0),
+                    hand.rotational_stiffness_n_m_per_rad});
+    }
+    intended_ = path_.at(0.0).x;
+    sensed_x_ = quantised(x_);
+    sensed_v_ = Velocity<N>{v_};
+  }
+
+  /// Moves the world on by one control period, under the force held since the last actuate.
+  void advance() noexcept {
+    applied_ = held_;
+    ++tick_;
+    const PortMotion<N> before{x_, Velocity<N>{v_}};
+    if (imposed_) {
+      const auto s = path_.at(static_cast<double>(tick_) * dt_);
+      x_ = s.x;
+      v_ = s.v.vec();
+    } else if (free_) {
+      step();
+    }
+    energy_ += held_energy(ObserverRule::exact, held_, before, {x_, Velocity<N>{v_}}, Seconds{dt_});
+    estimate();
+  }
+
+  DeviceState<N> sense() noexcept override { return {sensed_x_, sensed_v_, applied_}; }
+
+  void actuate(const Force<N>& f) noexcept override {
+    const double norm = force_norm(f);
+    held_ = norm <= max_force_n_ ? f : (max_force_n_ / norm) * f;
+  }
+  void release() noexcept override { held_ = Force<N>{}; }
+
+  /// The truth, which no encoder shows: position, velocity, the force held now, and the energy that has gone into the
+  /// master port since the start, E(0) not included.
+  [[nodiscard]] const Position<N>& x() const { return x_; }
+  [[nodiscard]] Velocity<N> v() const { return Velocity<N>{v_}; }
+  [[nodiscard]] const Force<N>& held() const { return held_; }
+  [[nodiscard]] Energy port_energy() const { return energy_; }
+  [[nodiscard]] const Path<N>& path() const { return path_; }
+
+ private:
+  using Vector = Eigen::Matrix<double, N, 1>;
+  static constexpr int kAxes = N == 6 ? 3 : N;
+
+  static Position<N> start(const Scene& scene) {
+    return scene.device ? position<N>(scene.device->position_m) : Position<N>{};
+  }
+
+  template <int From, int Count>
+  void fill(const Oscillator& o) {
+    const Response r{o, dt_};
+    xv_.template segment<Count>(From).setConstant(r.xv);
+    xu_.template segment<Count>(From).setConstant(r.xu);
+    xw_.template segment<Count>(From).setConstant(r.xw);
+    vv_.template segment<Count>(From).setConstant(r.vv);
+    vu_.template segment<Count>(From).setConstant(r.vu);
+    vw_.template segment<Count>(From).setConstant(r.vw);
+  }
+
+  void step() noexcept {
+    // In displacement from where the tick begins: u(s) = u + w s.
+    Vector u = -held_.vec(), w = Vector::Zero();
+    if (held_by_hand_) {
+      const Position<N> next = path_.at(static_cast<double>(tick_) * dt_).x;
+      const Vector rate = (next - intended_).vec() / dt_;
+      u += hand_k_.cwiseProduct((intended_ - x_).vec()) + hand_b_.cwiseProduct(rate);
+      w = hand_k_.cwiseProduct(rate);
+      intended_ = next;
+    }
+    Vector moved, v;
+    const auto solve = [&] {
+      moved = xv_.cwiseProduct(v_) + xu_.cwiseProduct(u) + xw_.cwiseProduct(w);
+      v = vv_.cwiseProduct(v_) + vu_.cwiseProduct(u) + vw_.cwiseProduct(w);
+    };
+    if (coulomb_n_ == 0.0) {
+      solve();
+    } else {
+      rub(u, w, moved, v);
+      if constexpr (N == 6) {
+        const Vector m = moved, vel = v;
+        solve();
+        moved.template head<3>() = m.template head<3>();
+        v.template head<3>() = vel.template head<3>();
+      }
+    }
+    if constexpr (N == 6) {
+      // From ∫ω dt to the rotation vector of the interval.
+      const Eigen::Vector3d w0 = v_.template tail<3>(), w1 = v.template tail<3>();
+      moved.template tail<3>() -= dt_ * dt_ / 12.0 * w0.cross(w1);
+    }
+    x_ = x_ + Displacement<N>{moved};
+    v_ = v;
+  }
+
+  /// The step with Coulomb friction on the translation: slide against the velocity until it stops along its
+  /// direction, then stick if the other forces allow, else slide on.
+  void rub(const Vector& u, const Vector& w, Vector& moved, Vector& v) noexcept {
+    moved = Vector::Zero();
+    v = v_;
+    double done = 0.0;
+    for (int part = 0; part < 4 && done < dt_; ++part) {
+      const double h = dt_ - done;
+      const Axes load = (u + done * w - hand_k_.cwiseProduct(moved)).template head<kAxes>();
+      const Axes velocity = v.template head<kAxes>();
+      Axes direction = velocity;
+      if (velocity.squaredNorm() < 1e-24) {
+        if (load.norm() <= coulomb_n_) {
+          v.template head<kAxes>().setZero();
+          return;
+        }
+        direction = load;
+      }
+      direction.normalize();
+      const Axes pushed = load - coulomb_n_ * direction;
+      const Axes slope = w.template head<kAxes>();
+      // Motion along the direction of sliding ends where its velocity crosses zero.
+      const AxisState along = propagate(axis_, {0, direction.dot(velocity)}, direction.dot(pushed),
+                                        direction.dot(slope), h);
+      double until = h;
+      const bool stops = along.v < 0.0 && direction.dot(velocity) > 0.0;
+      if (stops) {
+        double lo = 0.0, hi = h;
+        for (int i = 0; i < 50; ++i) {
+          until = 0.5 * (lo + hi);
+          const double vel = propagate(axis_, {0, direction.dot(velocity)}, direction.dot(pushed),
+                                       direction.dot(slope), until).v;
+          (vel > 0.0 ? lo : hi) = until;
+        }
+      }
+      for (int i = 0; i < kAxes; ++i) {
+        const AxisState s = propagate(axis_, {0, velocity[i]}, pushed[i], slope[i], until);
+        moved[i] += s.x;
+        v[i] = s.v;
+      }
+      if (stops) v.template head<kAxes>() -= direction.dot(v.template head<kAxes>()) * direction;
+      if (v.template head<kAxes>().squaredNorm() < 1e-24) v.template head<kAxes>().setZero();
+      done += until;
+    }
+  }
+
+  Position<N> quantised(const Position<N>& x) const noexcept {
+    if (resolution_ == 0.0) return x;
+    const typename Displacement<N>::Vector c = coordinates(x);
+    return Position<N>{} + Displacement<N>{((c / resolution_).array().round() * resolution_).matrix()};
+  }
+
+  void estimate() noexcept {
+    const Position<N> x = quantised(x_);
+    if (estimate_ == VelocityEstimate::true_velocity) {
+      sensed_v_ = Velocity<N>{v_};
+    } else {
+      const Velocity<N> difference = (x - sensed_x_) / Seconds{dt_};
+      const double share = estimate_ == VelocityEstimate::filtered ? filter_ : 1.0;
+      sensed_v_ = estimate_ == VelocityEstimate::filtered ? sensed_v_ + share * (difference - sensed_v_) : difference;
+    }
+    sensed_x_ = x;
+  }
+
+  using Axes = Eigen::Matrix<double, kAxes, 1>;
+  double dt_;
+  Path<N> path_;
+  bool imposed_ = false, held_by_hand_ = false, free_ = false;
+  Oscillator axis_{};
+  Vector hand_k_, hand_b_, xv_, xu_, xw_, vv_, vu_, vw_;
+  double coulomb_n_ = 0.0, resolution_ = 0.0, max_force_n_ = std::numeric_limits<double>::infinity(), filter_ = 1.0;
+  VelocityEstimate estimate_ = VelocityEstimate::true_velocity;
+
+  Position<N> x_, intended_, sensed_x_;
+  Vector v_ = Vector::Zero();
+  Velocity<N> sensed_v_;
+  Force<N> held_, applied_;
+  Energy energy_;
+  std::int64_t tick_ = 0;
+};
+
+}  // namespace twoport::sim
