@@ -134,7 +134,7 @@ class LinkSimulation {
             .master_energy_j = device_.port_energy().si(),
             .slave_energy_j = slave_.delivered().si(),
             .observed_energy_j = master_.observed().si(),
-            .owed_j = std::max(out.owed.si(), slave_out_.owed.si()),
+            .owed_j = out.owed.si(),
             .dissipated_j = dissipated.si(),
             .mode = out.mode};
   }

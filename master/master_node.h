@@ -1,5 +1,7 @@
 #pragma once
 
+#include <algorithm>
+
 #include "common/base/time.h"
 #include "common/coupling/options.h"
 #include "common/coupling/ramp.h"
@@ -19,9 +21,12 @@ namespace twoport {
 ///     dE(k)  = f_applied(k-1)·Δx(k)                      exact energy of the held force
 ///     E_in  += max(dE, 0),   E_out += max(-dE, 0)
 ///     f      = s_f f_rx                                  or the master's own spring-damper (position-position)
-///     f'     = passivate(f, v, E(0) + E_in,slave - E_out)
+///     f'     = passivate(f, v, E(0) + min(E_in,slave, E_in) - E_out)
 ///
-/// The hand never gets back more than the slave says has entered the link there, plus E(0).
+/// The hand never gets back more than the slave says has entered the link there, nor more than it has put in, plus E(0).
+/// When the sensor's force comes back, the hand does not feel what moves the robot and cannot pay for it. The motion
+/// command then is a source of its own (Artigas, Ryu, Preusche, Hirzinger, IROS 2011): it carries the energy that the hand
+/// would put in were the coupling force displayed, E_in of f_coupling,rx(k-1)·Δx(k).
 /// Source: Ryu, Artigas, Preusche, Mechatronics 20(7), 2010; the correction is the projected one where chosen.
 template <int N>
 class MasterNode {
@@ -43,7 +48,11 @@ class MasterNode {
 
   Output step(const Tick<MasterClock>& tick, const DeviceState<N>& device, const Known<N>& slave) noexcept {
     const PortMotion<N> motion{device.x, device.v};
-    if (started_) ledger_.book(held_energy(options_.observer, device.applied, before_, motion, tick.dt));
+    if (started_) {
+      ledger_.book(held_energy(options_.observer, device.applied, before_, motion, tick.dt));
+      if (measured()) command_.book(held_energy(options_.observer, moving_, before_, motion, tick.dt));
+    }
+    moving_ = scaling_.to_master(slave.newest.f_coupling);
     before_ = motion;
     started_ = true;
 
@@ -59,11 +68,13 @@ class MasterNode {
     Force<N> wanted;
     if (mode_ == Mode::coupled || mode_ == Mode::holding) {
       wanted = ramp * reflected(device, slave, tick.dt);
-      const Energy available = options_.initial_energy + scaling_.to_master(Energy{slave.energy_in_j}) - returned();
-      out = passivate(wanted, device.v, Budget{available, Energy{}}, options_.controller, tick.dt);
+      const Energy granted = std::min(scaling_.to_master(Energy{slave.energy_in_j}), absorbed());
+      const Energy available = options_.initial_energy + granted - returned();
+      out = corrected(wanted, device, available, tick.dt);
     }
+    v_before_ = device.v;
     return {.command = out.out,
-            .report = {.x = device.x, .v = device.v, .f = out.out, .energy_in_j = absorbed().si(), .mode = mode_},
+            .report = {.x = device.x, .v = device.v, .f = out.out, .energy_in_j = offered().si(), .mode = mode_},
             .wanted = wanted,
             .dissipated = out.dissipated,
             .owed = out.owed,
@@ -75,6 +86,7 @@ class MasterNode {
   void rebase(Energy slave_energy_in) noexcept {
     const Energy balance = scaling_.to_master(slave_energy_in) - returned();
     base_absorbed_ = ledger_.absorbed();
+    base_offered_ = command_.absorbed();
     base_returned_ = ledger_.returned() - positive_part(-balance - options_.initial_energy);
     mode_ = Mode::idle;
     ramp_.drop();
@@ -85,8 +97,27 @@ class MasterNode {
   [[nodiscard]] Energy observed() const noexcept { return ledger_.net(); }
 
  private:
+  [[nodiscard]] bool measured() const noexcept {
+    return options_.architecture == Architecture::position_measured_force;
+  }
+  [[nodiscard]] Energy offered() const noexcept {
+    return measured() ? command_.absorbed() - base_offered_ : absorbed();
+  }
   [[nodiscard]] Energy absorbed() const noexcept { return ledger_.absorbed() - base_absorbed_; }
   [[nodiscard]] Energy returned() const noexcept { return ledger_.returned() - base_returned_; }
+
+  Corrected<Force<N>> corrected(const Force<N>& wanted, const DeviceState<N>& device, Energy available,
+                                Seconds dt) const noexcept {
+    const bool weighed = options_.handle_mass_kg > 0.0 && (N != 6 || options_.handle_inertia_kg_m2 > 0.0);
+    if (options_.controller.method != Method::force_projected || !options_.controller.predict || !weighed)
+      return passivate(wanted, device.v, Budget{available, Energy{}}, options_.controller, dt);
+    typename Force<N>::Vector compliance;
+    compliance.setConstant(0.5 * dt.si() / options_.handle_mass_kg);
+    if constexpr (N == 6) compliance.template tail<3>().setConstant(0.5 * dt.si() / options_.handle_inertia_kg_m2);
+    // Mean velocity of the coming interval without a force: the last acceleration goes on, less what the force did.
+    const Velocity<N> w{1.5 * device.v.vec() - 0.5 * v_before_.vec() + compliance.cwiseProduct(device.applied.vec())};
+    return passivate_yielding(wanted, w, compliance, available, options_.controller, dt);
+  }
 
   void engage(const DeviceState<N>& device) noexcept {
     ramp_.drop();
@@ -106,9 +137,12 @@ class MasterNode {
   SpringDamper<N> coupling_;
   Tracker<N> tracker_;
   Ramp ramp_;
-  Ledger ledger_;
-  Energy base_absorbed_, base_returned_;
+  Ledger ledger_;   ///< the hand's port
+  Ledger command_;  ///< the motion command as a source of its own
+  Energy base_absorbed_, base_returned_, base_offered_;
+  Force<N> moving_;
   PortMotion<N> before_;
+  Velocity<N> v_before_;
   Position<N> x_d_;
   Mode mode_ = Mode::idle;
   bool started_ = false;

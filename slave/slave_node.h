@@ -4,7 +4,6 @@
 
 #include "common/base/time.h"
 #include "common/coupling/options.h"
-#include "common/coupling/ramp.h"
 #include "common/coupling/scaling.h"
 #include "common/coupling/spring_damper.h"
 #include "common/coupling/tracker.h"
@@ -18,14 +17,14 @@ namespace twoport {
 
 /// The slave half of a delayed two-port: admittance causality, force in, velocity out, closed by the virtual coupling.
 ///
-///     v_d     commanded motion (Tracker), s_x times the master's
-///     v_sd    = v_d - β f(k-1)                       so that f(k-1)·v_sd T <= E(0) + E_in,master - E_out
-///     dE(k)   = -f(k-1)·Δx_sd(k)                     f(k-1): the force held in the interval that has just ended
-///     E_in   += max(dE, 0),   E_out += max(-dE, 0)
-///     f(k)    = K (x_sd - x_s) + B (v_sd - v_s)      acts on the robot, and goes back to the master
+///     v_d       commanded motion (Tracker), s_x times the master's
+///     f_d       = K (x_sd(k-1) + T v_d - x_s) + B (v_rx - v_s)      what the coupling wants; goes back to the master
+///     f, v_sd   = yield(f_d, v_d)                  so that f·v_sd T <= E(0) + E_in,master - E_out; f acts on the robot
+///     dE(k)     = -f·Δx_sd,   E_in += max(dE, 0),   E_out += max(-dE, 0)
 ///
-/// The correction acts along the force, so sliding along a surface is not slowed. The sampled coupling is watched at
-/// both its ports; what it creates itself is not passed on as credit.
+/// The correction acts along the force, so sliding along a surface is not slowed. The hand feels f_d, not f: it must be
+/// able to put in the energy that a stalled coupling waits for. The sampled coupling is watched at both its ports; what
+/// it creates itself is not passed on as credit.
 /// Source: Ryu, Artigas, Preusche, Mechatronics 20(7), 2010.
 template <int N>
 class SlaveNode {
@@ -34,7 +33,7 @@ class SlaveNode {
     RobotCommand<N> command;
     Report<N> report;
     Displacement<N> position_error;  ///< robot against the delayed, scaled master
-    Energy dissipated, owed;
+    Energy dissipated;
     Mode mode;
   };
 
@@ -42,11 +41,7 @@ class SlaveNode {
       : options_{o},
         scaling_{o},
         coupling_{o.coupling},
-        tracker_{o.coupling},
-        ramp_{o.engage} {
-    // The admittance form along f is the force-projected one: both methods are the same here.
-    if (options_.controller.method != Method::none) options_.controller.method = Method::classic;
-  }
+        tracker_{o.coupling} {}
 
   Output step(const Tick<SlaveClock>& tick, const RobotState<N>& robot, const Known<N>& master) noexcept {
     const Duration silence = tick.now.time_since_epoch() - master.heard;
@@ -58,44 +53,35 @@ class SlaveNode {
     created_.book(0, -dot(f_, robot.x - x_before_));
     x_before_ = robot.x;
 
-    Corrected<Velocity<N>> motion{};
-    Velocity<N> rate;
-    switch (mode_) {
-      case Mode::coupled: {
-        const Velocity<N> v_rx = scaling_.to_slave(master.newest.v);
-        const Velocity<N> v_d = tracker_.step(options_.coupling.drift_compensation ? x_sd_ : x_d_,
-                                              scaling_.to_slave(master.newest.x), v_rx, master.fresh, tick.dt);
-        motion = passivate(v_d, -f_, Budget{available(master), Energy{}}, options_.controller, tick.dt);
-        move(v_d, motion.out, tick.dt);
-        rate = v_rx + (motion.out - v_d);
-        break;
-      }
-      case Mode::holding: break;
-      case Mode::idle:
-      case Mode::released: x_sd_ = x_d_ = robot.x; break;
-    }
-
-    const double ramp = ramp_.step(mode_ == Mode::coupled || mode_ == Mode::holding, tick.dt);
+    Velocity<N> v_rx, v_d;
+    Force<N> f_d;
     if (mode_ == Mode::idle || mode_ == Mode::released) {
-      f_ = Force<N>{};
-    } else if (robot.ideal) {
-      f_ = ramp * robot.f_environment;
+      x_sd_ = x_d_ = robot.x;
     } else {
-      f_ = ramp * coupling_.force(x_sd_ - robot.x, rate - robot.v);
+      if (mode_ == Mode::coupled) {
+        v_rx = scaling_.to_slave(master.newest.v);
+        v_d = tracker_.step(options_.coupling.drift_compensation ? x_sd_ : x_d_,
+                            scaling_.to_slave(master.newest.x), v_rx, master.fresh, tick.dt);
+      }
+      f_d = robot.ideal ? robot.f_environment
+                        : coupling_.force((x_sd_ + v_d * tick.dt) - robot.x, v_rx - robot.v);
     }
+    Yielded<N> allowed{f_d, v_d, Energy{}};
+    if (options_.controller.method != Method::none)
+      allowed = yield(f_d, v_d, coupling_.compliance(tick.dt), available(master), tick.dt);
+    move(v_d, allowed.v, allowed.f, tick.dt);
 
     const bool measured = options_.architecture == Architecture::position_measured_force;
-    return {.command = {.f = f_, .x_d = x_sd_, .v_d = rate},
+    return {.command = {.f = f_, .x_d = x_sd_, .v_d = allowed.v},
             .report = {.x = robot.x,
                        .v = robot.v,
-                       .f = measured ? ramp * robot.f_environment : f_,
+                       .f = measured ? robot.f_environment : f_d,
                        .f_coupling = f_,
                        .f_environment = robot.f_environment,
                        .energy_in_j = credit(),
                        .mode = mode_},
             .position_error = mode_ == Mode::coupled ? robot.x - tracker_.target() : Displacement<N>{},
-            .dissipated = motion.dissipated,
-            .owed = motion.owed,
+            .dissipated = allowed.dissipated,
             .mode = mode_};
   }
 
@@ -106,7 +92,6 @@ class SlaveNode {
     base_returned_ = ledger_.returned() - positive_part(-balance - options_.initial_energy);
     credit_ = 0.0;
     mode_ = Mode::idle;
-    ramp_.drop();
   }
 
   [[nodiscard]] Mode mode() const noexcept { return mode_; }
@@ -122,12 +107,12 @@ class SlaveNode {
   void engage(const RobotState<N>& robot) noexcept {
     x_before_ = x_sd_ = x_d_ = robot.x;
     f_ = Force<N>{};
-    ramp_.drop();
     started_ = true;
   }
 
-  /// x_d moves as commanded, x_sd as allowed; the held force does its work on x_sd.
-  void move(const Velocity<N>& v_d, const Velocity<N>& v_sd, Seconds dt) noexcept {
+  /// x_d moves as commanded, x_sd as allowed, against the force f that is held from now on.
+  void move(const Velocity<N>& v_d, const Velocity<N>& v_sd, const Force<N>& f, Seconds dt) noexcept {
+    f_ = f;
     const Displacement<N> moved = v_sd * dt;
     const Energy into_slave = dot(f_, moved);
     ledger_.book(-into_slave);
@@ -147,7 +132,6 @@ class SlaveNode {
   Scaling<N> scaling_;
   SpringDamper<N> coupling_;
   Tracker<N> tracker_;
-  Ramp ramp_;
   Ledger ledger_;
   Observer<1> created_;  ///< the coupling as a two-port: link port plus robot port
   double created_worst_ = 0.0, credit_ = 0.0;

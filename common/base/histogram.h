@@ -48,7 +48,7 @@ class Histogram {
   /// Octave of the value, then its seven bits below the leading one.
   static constexpr std::size_t index(std::uint64_t ns) noexcept {
     if (ns < kLinear) return ns;
-    const int shift = std::bit_width(ns) - 1 - kLinearBits;
+    const int shift = 63 - std::countl_zero(ns) - kLinearBits;
     return (static_cast<std::size_t>(shift) << kLinearBits) + (ns >> shift);
   }
   static constexpr Duration middle(std::size_t i) noexcept {

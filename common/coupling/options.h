@@ -22,7 +22,7 @@ struct CouplingOptions {
   double stiffness_n_per_m = 1000.0, damping_n_s_per_m = 20.0;
   double rotational_stiffness_n_m_per_rad = 10.0, rotational_damping_n_m_s_per_rad = 0.2;
   double catch_up_m_per_s = 0.05;
-  bool drift_compensation = false;
+  bool drift_compensation = true;
 };
 
 struct ControlOptions {
@@ -34,6 +34,7 @@ struct ControlOptions {
   Accounts accounts = Accounts::total;
   bool reference_energy = false;
   Energy initial_energy;
+  double handle_mass_kg = 0.0, handle_inertia_kg_m2 = 0.0;  ///< apparent, at the master; 0: not known
   Seconds engage, hold_after, release_after;
 };
 

@@ -23,6 +23,11 @@ class SpringDamper {
     return Force<N>{k_.cwiseProduct(stretch.vec()) + b_.cwiseProduct(rate.vec())};
   }
 
+  /// Compliance of one sampling interval, (B + K T)⁻¹ per axis [m/(N s)].
+  [[nodiscard]] typename Force<N>::Vector compliance(Seconds dt) const noexcept {
+    return (b_ + k_ * dt.si()).cwiseInverse();
+  }
+
  private:
   typename Force<N>::Vector k_, b_;
 };

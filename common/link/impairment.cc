@@ -24,9 +24,10 @@ bool Impairment::lost(Duration since_start) noexcept {
     gone = uniform() < (bad_state_ ? b.loss_bad : b.loss_good);
   }
   if (options_.loss > 0.0 && uniform() < options_.loss) gone = true;
-  const double t = to_seconds(since_start).si();
-  for (const BlackoutWindow& w : options_.blackout)
-    if (t >= w.start_s && t < w.start_s + w.duration_s) gone = true;
+  for (const BlackoutWindow& w : options_.blackout) {
+    const Duration into = since_start - to_duration(w.start_s);
+    if (into >= Duration{0} && into < to_duration(w.duration_s)) gone = true;
+  }
   return gone;
 }
 

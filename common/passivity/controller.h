@@ -1,6 +1,7 @@
 #pragma once
 
 #include <algorithm>
+#include <cmath>
 #include <cstdint>
 #include <limits>
 
@@ -103,6 +104,77 @@ Corrected<Out> passivate(const Out& wanted, const In& in, const Budget& budget, 
   }
   const Energy dissipated{(s - 1.0) * p.si() * dt.si()};
   return {s * wanted, dissipated, positive_part(Energy{due} - dissipated), shortfall};
+}
+
+/// Largest s in [0, 1] with q s² + b s <= a, for q >= 0, a >= 0: how much of a force fits a budget when the port gives
+/// way to it. Written so that neither root cancels.
+inline double share(double q, double b, double a) noexcept {
+  if (q + b <= a) return 1.0;
+  const double root = std::sqrt(b * b + 4.0 * q * a);
+  const double s = b <= 0.0 ? (root - b) / (2.0 * q) : 2.0 * a / (root + b);
+  return std::clamp(s, 0.0, 1.0);
+}
+
+/// Force-projected controller at an impedance whose handle gives way to the force within the interval.
+///
+///     Δx/T = w - s C f          w: mean velocity of the coming interval were there no force; C = T/(2m) per axis
+///     -s f·(w - s C f) T <= A   =>   s = share(fᵀC f, -f·w, A/T),   A = max(available, 0)
+///
+/// A large force on a light handle turns its velocity around within one tick; by f·v alone the outflow of that tick is
+/// not foreseen, and the controller chatters between all and nothing. At rest against a hand w = C f and s = 1: a held
+/// force does no work and stays. Arrears are repaid as in passivate().
+template <int N>
+Corrected<Force<N>> passivate_yielding(const Force<N>& wanted, const Velocity<N>& w,
+                                       const typename Force<N>::Vector& compliance, Energy available,
+                                       const ControllerOptions& options, Seconds dt) noexcept {
+  const double p = wanted.vec().dot(w.vec());
+  const double q = wanted.vec().dot(compliance.cwiseProduct(wanted.vec()));
+  const double a = std::max(available.si(), 0.0) / dt.si();
+  const double arrears = std::max(0.0, -available.si());
+  double s = share(q, -p, a);
+  Shortfall shortfall = arrears > 0.0 ? Shortfall::clamped : Shortfall::none;
+  double repaid = 0.0;
+  if (arrears > 0.0 && s == 1.0) {
+    const double f2 = wanted.squared_norm();
+    repaid = f2 > 0.0 ? std::min(arrears, options.max_gain * dt.si() * p * p / f2) : 0.0;
+    s += p > 0.0 ? repaid / (dt.si() * p) : 0.0;
+    shortfall = repaid < arrears ? Shortfall::capped : Shortfall::none;
+  }
+  const double before = p - q, after = s * (p - s * q);
+  return {s * wanted, Energy{std::max(0.0, (after - before) * dt.si())}, Energy{arrears - repaid}, shortfall};
+}
+
+/// What of a virtual coupling's force and motion the budget allows.
+template <int N>
+struct Yielded {
+  Force<N> f;          ///< s·f_d
+  Velocity<N> v;       ///< v_d - (1 - s) G⁻¹ f_d
+  Energy dissipated;
+};
+
+/// Admittance passivity controller acting as the virtual coupling: force in, velocity out, where the force answers the
+/// velocity in the same tick, f = f_0 + G v with G = B + K T (spring and damper of one sampling interval).
+///
+///     v = v_d - β f   and   f = f_0 + G v     =>     f = s f_d,  v = v_d - (1 - s) G⁻¹ f_d,   s = 1/(1 + G β)
+///     T f·v <= A      =>     Q s² + (P - Q) s = A/T,   P = f_d·v_d,  Q = f_dᵀ G⁻¹ f_d,   A = max(available, 0)
+///
+/// f_d is the force for the wanted motion v_d. Solved for both at once, the controller does not chatter against the
+/// damper, the force keeps its direction, and G is the metric that makes newtons and newton-metres comparable.
+/// Outflow is bounded exactly: f·v T <= A. Where nothing is available f·v = 0: the coupling slides along the force's
+/// normal plane or goes slack. Real time: two dot products, one square root; no allocation, no throw.
+template <int N>
+Yielded<N> yield(const Force<N>& f_d, const Velocity<N>& v_d, const typename Force<N>::Vector& compliance,
+                 Energy available, Seconds dt) noexcept {
+  const double a = std::max(available.si(), 0.0) / dt.si();
+  const double p = f_d.vec().dot(v_d.vec());
+  if (p <= a) return {f_d, v_d, Energy{}};
+  const typename Force<N>::Vector give = compliance.cwiseProduct(f_d.vec());
+  const double q = f_d.vec().dot(give);
+  if (q < 1e-300) return {f_d, v_d, Energy{}};
+  const double s = share(q, p - q, a);
+  const Force<N> f = s * f_d;
+  const Velocity<N> v{v_d.vec() - (1.0 - s) * give};
+  return {f, v, Energy{(p - f.vec().dot(v.vec())) * dt.si()}};
 }
 
 }  // namespace twoport

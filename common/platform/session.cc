@@ -8,6 +8,7 @@
 #include <random>
 #include <utility>
 
+#include "common/base/check.h"
 #include "common/link/delay_line.h"
 
 namespace twoport {
@@ -17,17 +18,33 @@ using namespace std::chrono_literals;
 
 constexpr Duration kSilent = 100ms;        // after which a peer may be gone
 constexpr Duration kRefusalEvery = 20ms;   // at most one so often
-constexpr Duration kRefusalLinger = 500ms; // during which the refused one is told
+constexpr Duration kRefusalLinger = 500ms;  // during which the refused one is told
 constexpr Duration kTakenAfter = 1s;       // asking in vain before a stranger is told that the slave is taken
+constexpr Duration kGoneAfter = 1s;        // of silence: then the slave takes up an earlier master that still lives
 constexpr int kMaxPerPoll = 256;           // datagrams; a flood must not hold up the tick
 constexpr std::size_t kQuietLine = 512, kDelayLine = 4096;  // packets
 
-std::uint64_t random_session() {
-  std::random_device device;
-  std::uint64_t session = 0;
-  while (session == 0) session = (std::uint64_t{device()} << 32) | device();
-  return session;
-}
+/// Session numbers, drawn from the machine once and mixed from there on (splitmix64).
+class Sessions {
+ public:
+  std::uint64_t draw() noexcept {
+    std::uint64_t z = 0;
+    while (z == 0) {
+      z = state_ += 0x9e3779b97f4a7c15;
+      z = (z ^ (z >> 30)) * 0xbf58476d1ce4e5b9;
+      z = (z ^ (z >> 27)) * 0x94d049bb133111eb;
+      z ^= z >> 31;
+    }
+    return z;
+  }
+
+ private:
+  static std::uint64_t random() {
+    std::random_device device;
+    return (std::uint64_t{device()} << 32) | device();
+  }
+  std::uint64_t state_ = random();
+};
 
 const char* name(Side side) { return side == Side::master ? "master" : "slave"; }
 
@@ -77,6 +94,12 @@ ImpairmentOptions without_blackouts(ImpairmentOptions options) {
   return options;
 }
 
+std::optional<Endpoint> checked(std::optional<Endpoint> peer) {
+  if (peer && (peer->port == 0 || peer->address == Endpoint{}.address))
+    throw ConfigError("peer " + to_string(*peer) + ": address and port must both be given, as in 127.0.0.1:45001");
+  return peer;
+}
+
 bool delays(const ImpairmentOptions& o) {
   return o.delay_s > 0.0 || o.jitter_s > 0.0 || o.reorder > 0.0 || !o.recorded_delay_s.empty();
 }
@@ -90,20 +113,19 @@ struct UdpTransport<N>::Impl {
         socket{std::move(s)},
         given_peer{p},
         peer{p},
-        session{random_session()},
+        session{sessions.draw()},
         line{without_blackouts(o.incoming), o.impairment_seed, delays(o.incoming) ? kDelayLine : kQuietLine} {
-    outgoing.session = session;
-    refusing.session = session;
     refusing.identity = identity();
+    if (given_peer) socket.keep_to(*given_peer);
   }
 
   [[nodiscard]] Identity identity() const {
     return {N, options.peer_rate_hz, options.scene_digest, options.side};
   }
-  [[nodiscard]] static bool within(std::optional<Duration> moment, Duration now) {
-    return moment && now - *moment < kSilent;
+  [[nodiscard]] static bool within(Duration span, std::optional<Duration> moment, Duration now) {
+    return moment && now - *moment < span;
   }
-  [[nodiscard]] bool peer_alive(Duration now) const { return peer_session != 0 && within(heard, now); }
+  [[nodiscard]] bool peer_alive(Duration now) const { return within(kSilent, heard, now); }
 
   [[nodiscard]] bool blacked_out(Duration now) const noexcept;
   const Report<N>* judge(const Arrival<N>& arrival, Duration now) noexcept;
@@ -116,6 +138,7 @@ struct UdpTransport<N>::Impl {
   SessionOptions options;
   UdpSocket socket;
   std::optional<Endpoint> given_peer, peer;
+  Sessions sessions;
   std::uint64_t session, peer_session = 0;
   Codec<N> codec;
   Arrival<N> arriving;
@@ -141,7 +164,7 @@ struct UdpTransport<N>::Impl {
 
 template <int N>
 UdpTransport<N>::UdpTransport(const SessionOptions& options, UdpSocket socket, std::optional<Endpoint> peer)
-    : impl_{std::make_unique<Impl>(options, std::move(socket), peer)} {}
+    : impl_{std::make_unique<Impl>(options, std::move(socket), checked(peer))} {}
 template <int N>
 UdpTransport<N>::~UdpTransport() = default;
 template <int N>
@@ -239,7 +262,7 @@ template <int N>
 void UdpTransport<N>::Impl::from_unknown(const Arrival<N>& arrival, Duration now) noexcept {
   const Envelope<N>& e = arrival.envelope;
   const bool introduces_itself = e.identity.has_value() || arrival.decoded == Decoded::other_version;
-  if (!introduces_itself || e.session == session || e.session == peer_session || retired.has(e.session)) {
+  if (!introduces_itself || e.session == session || e.session == peer_session) {
     ++counts.rejected;
     return;
   }
@@ -257,6 +280,11 @@ void UdpTransport<N>::Impl::from_unknown(const Arrival<N>& arrival, Duration now
     return;
   }
   if (intrudes) return stranger(arrival, now);
+  // A late packet of a session that is over. Only a master may still be living behind one, squeezed out by another.
+  if (retired.has(e.session) && (options.side == Side::master || within(kGoneAfter, heard, now))) {
+    ++counts.rejected;
+    return;
+  }
   ++counts.handshake;
   if (refusal_found) return;
   candidate = arrival;
@@ -312,6 +340,7 @@ template <int N>
 void UdpTransport<N>::Impl::refuse(const Arrival<N>& arrival, const Sentence& why, Duration now) noexcept {
   if (refusal_sent && now - *refusal_sent < kRefusalEvery) return;
   refusal_sent = now;
+  refusing.session = session;
   refusing.peer_session = arrival.envelope.session;
   refusing.refusal = why.view();
   socket.send_to(codec.encode(refusing), arrival.from);
@@ -321,6 +350,7 @@ template <int N>
 void UdpTransport<N>::send(const Report<N>& report, Duration now) noexcept {
   Impl& s = *impl_;
   if (!s.peer || s.refusal_due) return;
+  s.outgoing.session = s.session;
   s.outgoing.peer_session = s.peer_session;
   s.outgoing.report = report;
   s.outgoing.identity.reset();
@@ -334,7 +364,11 @@ template <int N>
 bool UdpTransport<N>::paired_anew() noexcept {
   Impl& s = *impl_;
   if (!s.candidate) return false;
-  if (s.peer_session != 0) s.retired.add(s.peer_session);
+  if (s.pairings > 0) {
+    s.retired.add(s.peer_session);
+    // A master that comes back has kept its number: a new one of ours makes it, too, start its totals again.
+    if (s.options.side == Side::slave) s.session = s.sessions.draw();
+  }
   s.peer_session = s.candidate->envelope.session;
   s.peer = s.candidate->from;
   s.heard = s.candidate_since;
@@ -352,7 +386,7 @@ std::string_view UdpTransport<N>::refusal() const noexcept {
 }
 template <int N>
 bool UdpTransport<N>::coupled(Duration now) const noexcept {
-  return Impl::within(impl_->returned, now);
+  return Impl::within(kSilent, impl_->returned, now);
 }
 template <int N>
 std::optional<Duration> UdpTransport<N>::first_paired() const noexcept {

@@ -48,7 +48,8 @@ struct LinkCounts {
 template <int N>
 class UdpTransport {
  public:
-  /// A master is given the address of its slave; a slave learns that of its master.
+  /// A master is given the address of its slave; a slave learns that of its master. Throws ConfigError for an address
+  /// that is nobody's.
   UdpTransport(const SessionOptions& options, UdpSocket socket, std::optional<Endpoint> peer = std::nullopt);
   ~UdpTransport();
   UdpTransport(UdpTransport&&) noexcept;

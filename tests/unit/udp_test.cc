@@ -1,0 +1,178 @@
+#include "common/platform/udp.h"
+
+#include <gtest/gtest.h>
+
+#include <array>
+#include <chrono>
+#include <string>
+#include <vector>
+
+#include "common/base/check.h"
+#include "tests/support/no_alloc.h"
+
+namespace twoport {
+namespace {
+
+using Clock = std::chrono::steady_clock;
+
+std::span<const std::byte> bytes(std::string_view text) { return std::as_bytes(std::span{text.data(), text.size()}); }
+std::string text(const ReceivedDatagram& d) { return {reinterpret_cast<const char*>(d.bytes.data()), d.bytes.size()}; }
+
+UdpSocket socket_on(std::string_view where) { return UdpSocket{parse_endpoint(where, "--listen")}; }
+
+std::optional<ReceivedDatagram> wait_for(UdpSocket& socket) {
+  const auto end = Clock::now() + std::chrono::seconds{5};
+  while (Clock::now() < end)
+    if (auto d = socket.receive()) return d;
+  return std::nullopt;
+}
+
+template <class F>
+std::string sentence(F&& f) {
+  try {
+    f();
+  } catch (const ConfigError& e) {
+    return e.what();
+  }
+  return "nothing was thrown";
+}
+
+TEST(Endpoint, ReadsAndWritesBothFamilies) {
+  for (const char* s : {"127.0.0.1:45001", "0.0.0.0:0", "[::1]:45001", "[fe80::1:2]:65535"})
+    EXPECT_EQ(to_string(parse_endpoint(s, "--peer")), s);
+}
+
+TEST(Endpoint, ComparesAddressAndPort) {
+  const Endpoint e = parse_endpoint("127.0.0.1:1", "--peer");
+  EXPECT_EQ(e, parse_endpoint("127.0.0.1:1", "--peer"));
+  EXPECT_NE(e, parse_endpoint("127.0.0.1:2", "--peer"));
+  EXPECT_NE(e, parse_endpoint("127.0.0.2:1", "--peer"));
+  EXPECT_NE(e, parse_endpoint("[::1]:1", "--peer"));
+}
+
+TEST(Endpoint, RefusesTheRestInASentence) {
+  for (const char* s : {"", ":", "127.0.0.1", "127.0.0.1:", ":45001", "127.0.0.1:65536", "127.0.0.1:-1", "127.0.0.1:1x",
+                        "localhost:45001", "::1:45001", "[127.0.0.1]:45001", "[::1]45001", "127.0.0.1: 1"}) {
+    const std::string said = sentence([&] { parse_endpoint(s, "--peer"); });
+    EXPECT_EQ(said.rfind("--peer: '" + std::string{s} + "' is not ADDR:PORT", 0), 0U) << said;
+  }
+}
+
+TEST(UdpSocket, CarriesADatagramAndItsSource) {
+  for (const char* where : {"127.0.0.1:0", "[::1]:0"}) {
+    UdpSocket a = socket_on(where), b = socket_on(where);
+    EXPECT_NE(a.local().port, 0);
+    EXPECT_FALSE(b.receive());
+    ASSERT_TRUE(a.send_to(bytes("hello"), b.local()));
+    const auto got = wait_for(b);
+    ASSERT_TRUE(got) << where;
+    EXPECT_EQ(text(*got), "hello");
+    EXPECT_EQ(got->from, a.local());
+    EXPECT_FALSE(b.receive());
+  }
+}
+
+TEST(UdpSocket, SaysWhichPortIsInUseAndWhatToDo) {
+  const UdpSocket first = socket_on("127.0.0.1:0");
+  const std::string said = sentence([&] { UdpSocket second{first.local()}; });
+  EXPECT_EQ(said.rfind("cannot listen on " + to_string(first.local()) + ": the port is in use", 0), 0U) << said;
+  EXPECT_NE(said.find("choose another port"), std::string::npos) << said;
+}
+
+TEST(UdpSocket, SaysThatAnAddressIsNotHere) {
+  const std::string said = sentence([] { socket_on("192.0.2.1:0"); });
+  EXPECT_NE(said.find("no interface of this machine has that address"), std::string::npos) << said;
+}
+
+TEST(UdpSocket, OutlivesAPeerThatIsGone) {
+  UdpSocket a = socket_on("127.0.0.1:0");
+  Endpoint gone;
+  {
+    const UdpSocket b = socket_on("127.0.0.1:0");
+    gone = b.local();
+  }
+  for (int k = 0; k < 20; ++k) {
+    a.send_to(bytes("anyone?"), gone);
+    EXPECT_FALSE(a.receive());
+  }
+  UdpSocket c = socket_on("127.0.0.1:0");
+  ASSERT_TRUE(a.send_to(bytes("you?"), c.local()));
+  EXPECT_TRUE(wait_for(c));
+}
+
+TEST(UdpSocket, KeepsToOnePeer) {
+  UdpSocket a = socket_on("127.0.0.1:0"), b = socket_on("127.0.0.1:0"), stranger = socket_on("127.0.0.1:0");
+  a.keep_to(b.local());
+  ASSERT_TRUE(stranger.send_to(bytes("me too"), a.local()));
+  ASSERT_TRUE(b.send_to(bytes("mine"), a.local()));
+  const auto got = wait_for(a);
+  ASSERT_TRUE(got);
+  EXPECT_EQ(text(*got), "mine");
+  ASSERT_TRUE(a.send_to(bytes("back"), b.local()));
+  EXPECT_TRUE(wait_for(b));
+}
+
+TEST(UdpSocket, KeepsToAPeerThatIsNotThereYet) {
+  UdpSocket a = socket_on("127.0.0.1:0");
+  Endpoint later;
+  {
+    const UdpSocket b = socket_on("127.0.0.1:0");
+    later = b.local();
+  }
+  a.keep_to(later);
+  for (int k = 0; k < 20; ++k) {
+    EXPECT_TRUE(a.send_to(bytes("there?"), later));
+    EXPECT_FALSE(a.receive());
+  }
+  UdpSocket b{later};
+  ASSERT_TRUE(a.send_to(bytes("now?"), later));
+  ASSERT_TRUE(wait_for(b));
+  ASSERT_TRUE(b.send_to(bytes("yes"), a.local()));
+  EXPECT_TRUE(wait_for(a));
+}
+
+TEST(UdpSocket, KeepsTheOrderOfMoreThanABatch) {
+  UdpSocket a = socket_on("127.0.0.1:0"), b = socket_on("127.0.0.1:0");
+  for (char k = 0; k < 100; ++k) ASSERT_TRUE(a.send_to(bytes({&k, 1}), b.local()));
+  for (char k = 0; k < 100; ++k) {
+    const auto got = wait_for(b);
+    ASSERT_TRUE(got);
+    EXPECT_EQ(text(*got), std::string(1, k));
+    EXPECT_EQ(got->from, a.local());
+  }
+  EXPECT_FALSE(b.receive());
+}
+
+TEST(UdpSocket, CountsWhatCannotBeSent) {
+  UdpSocket a = socket_on("127.0.0.1:0");
+  const std::vector<std::byte> too_long(70'000);
+  EXPECT_FALSE(a.send_to(too_long, a.local()));
+  EXPECT_EQ(a.unsent(), 1U);
+}
+
+TEST(UdpSocket, CutsWhatIsTooLongToALengthThatShows) {
+  UdpSocket a = socket_on("127.0.0.1:0"), b = socket_on("127.0.0.1:0");
+  const std::vector<std::byte> long_one(9000);
+  ASSERT_TRUE(a.send_to(long_one, b.local()));
+  const auto got = wait_for(b);
+  ASSERT_TRUE(got);
+  EXPECT_GT(got->bytes.size(), 1024U);
+  EXPECT_LT(got->bytes.size(), 9000U);
+}
+
+TEST(UdpSocket, DoesNotAllocate) {
+  UdpSocket a = socket_on("127.0.0.1:0"), b = socket_on("127.0.0.1:0");
+  const std::array<std::byte, 300> payload{};
+  int got = 0;
+  const NoAlloc guard;
+  for (int k = 0; k < 200; ++k) {
+    a.send_to(payload, b.local());
+    for (int i = 0; i < 10; ++i)
+      if (b.receive()) ++got;
+  }
+  EXPECT_EQ(guard.seen(), 0);
+  EXPECT_GT(got, 0);
+}
+
+}  // namespace
+}  // namespace twoport
