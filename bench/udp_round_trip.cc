@@ -3,6 +3,8 @@
 //   raw    plain connected sockets that spin on MSG_DONTWAIT, with as many bytes as our datagram has
 //   path   what the programs do: codec, UdpTransport, Mailbox, and the step of a node at the far end
 //
+// On a shared machine run it as `chrt -f 50 udp_round_trip`, or other programs' time slices end up in p99.
+//
 // usage: udp_round_trip [--dof 1|3|6] [--blocks N] [--trips N] [--cores A,B]
 #include <arpa/inet.h>
 #include <pthread.h>

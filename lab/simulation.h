@@ -17,9 +17,6 @@
 
 namespace twoport::lab {
 
-/// Seeds of the two directions, from the scene's: the live programs use the same.
-inline constexpr std::uint64_t kToSlaveStream = 0x70736c61, kToMasterStream = 0x746d6173;
-
 /// A network in memory: reports as values, no bytes.
 template <int N>
 class SimTransport {

@@ -32,6 +32,9 @@ struct ImpairmentOptions {
   std::vector<double> recorded_delay_s;  ///< replayed in a loop in place of delay and jitter; empty: none
 };
 
+/// What the seeds of the two directions are made from, with the scene's.
+inline constexpr std::uint64_t kToSlaveStream = 0x70736c61, kToMasterStream = 0x746d6173;
+
 /// The fate of each packet of one direction, drawn from a seed: how many copies arrive, and how late each is.
 /// The same code serves real datagrams and virtual time. Nothing is drawn for what is not asked for.
 class Impairment {

@@ -65,6 +65,7 @@ class Mailbox {
     seen_.reset();
   }
 
+  [[nodiscard]] const Known<N>& known() const noexcept { return known_; }
   [[nodiscard]] const PacketCounts& counts() const noexcept { return counts_; }
   [[nodiscard]] Transport& transport() noexcept { return transport_; }
 

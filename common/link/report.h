@@ -1,5 +1,6 @@
 #pragma once
 
+#include <cstddef>
 #include <cstdint>
 
 #include "common/base/time.h"
@@ -9,6 +10,11 @@ namespace twoport {
 
 /// The life of one side of a link.
 enum class Mode : std::uint8_t { idle, coupled, holding, released };
+
+constexpr const char* to_string(Mode mode) {
+  constexpr const char* kNames[] = {"idle", "coupled", "holding", "released"};
+  return kNames[static_cast<std::size_t>(mode)];
+}
 
 /// What one side says of its port, in every packet, in both directions: the state, and the energy that has entered the
 /// link here so far. Energies are running totals since the two sessions met: a lost, late, repeated or reordered

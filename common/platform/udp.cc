@@ -157,7 +157,9 @@ std::uint64_t UdpSocket::unsent() const noexcept { return impl_->unsent; }
 void UdpSocket::keep_to(const Endpoint& peer) noexcept {
   asio::error_code error;
   impl_->socket.connect(to_asio(peer), error);
-  if (!error) impl_->connected = peer;
+  if (error) return;
+  impl_->connected = peer;
+  for (mmsghdr& header : impl_->headers) header.msg_hdr.msg_name = nullptr;
 }
 
 ssize_t UdpSocket::Impl::send(std::span<const std::byte> bytes, const Endpoint& to) const noexcept {
@@ -192,7 +194,8 @@ std::optional<ReceivedDatagram> UdpSocket::receive() noexcept {
     if (emptied || !s.refill()) return std::nullopt;
   }
   const unsigned i = s.taken++;
-  return ReceivedDatagram{{s.buffers[i].data(), s.headers[i].msg_len}, from_system(s.sources[i])};
+  return ReceivedDatagram{{s.buffers[i].data(), s.headers[i].msg_len},
+                          s.connected ? *s.connected : from_system(s.sources[i])};
 }
 
 }  // namespace twoport

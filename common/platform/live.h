@@ -1,0 +1,49 @@
+#pragma once
+
+#include <spdlog/logger.h>
+
+#include <chrono>
+#include <cstdint>
+
+#include "common/platform/program.h"
+#include "common/platform/realtime.h"
+
+namespace twoport {
+
+/// Wall time of a node's cycle: read around it, never in it.
+class StepClock {
+ public:
+  template <class F>
+  auto time(F&& f) {
+    const auto start = std::chrono::steady_clock::now();
+    auto out = f();
+    spent_ += std::chrono::steady_clock::now() - start;
+    ++steps_;
+    return out;
+  }
+  [[nodiscard]] double mean_ns() const { return steps_ > 0 ? spent_.count() / static_cast<double>(steps_) : 0.0; }
+
+ private:
+  std::chrono::duration<double, std::nano> spent_{0};
+  std::uint64_t steps_ = 0;
+};
+
+inline void say_what_is_missing(spdlog::logger& log, const PeriodicLoop& loop) {
+  for (const std::string& sentence : loop.not_permitted()) log.warn(sentence);
+}
+
+/// What a live summary says of time.
+inline void add_times(Summary& s, const PeriodicLoop& loop, const StepClock& clock, bool interrupted) {
+  s.loop_lateness_us = percentiles(loop.lateness(), 1e3);
+  s.deadline_misses = static_cast<std::uint32_t>(loop.deadline_misses());
+  s.step_ns = clock.mean_ns();
+  if (interrupted) s.verdict += "; interrupted";
+}
+
+/// Advances simulated hardware by every tick since the last, those that the loop left out included.
+template <class Plant>
+void advance(Plant& plant, std::int64_t& done, std::int64_t k) noexcept {
+  for (; done < k; ++done) plant.advance();
+}
+
+}  // namespace twoport

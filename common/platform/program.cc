@@ -1,0 +1,83 @@
+#include "common/platform/program.h"
+
+#include <fmt/format.h>
+
+#include <CLI/CLI.hpp>
+#include <cstdio>
+#include <filesystem>
+
+#include "common/base/check.h"
+#include "common/scene/load.h"
+
+namespace twoport {
+
+int live_program(int argc, char** argv, const std::string& name, const std::string& description,
+                 const std::string& address_flag, const std::string& address_default,
+                 const std::function<int(const Scene&, const LiveArguments&)>& body) {
+  CLI::App app{name + ": " + description};
+  app.set_version_flag("--version", name + " " TWOPORT_VERSION);
+  LiveArguments a;
+  a.address = address_default;
+  app.add_option("--scene", a.scene, "Scene file (.textproto)")->required();
+  app.add_option("--set", a.set, "Override, PATH=VALUE, e.g. control.passivity.method=NONE")->take_all();
+  app.add_option(address_flag, a.address, "ADDR:PORT")->capture_default_str();
+  app.add_option("--out", a.out, "Folder for summary.json and trace.csv");
+  app.add_option("--trace", a.trace, "none or csv")->check(CLI::IsMember({"none", "csv"}))->capture_default_str();
+  app.add_flag("!--no-realtime", a.realtime, "Leave scheduling and memory as they are");
+  app.add_flag("!--no-spin", a.spin, "Sleep to the tick; do not spin the last 50 us");
+  try {
+    app.parse(argc, argv);
+    return body(load_scene(a.scene, a.set), a);
+  } catch (const CLI::ParseError& e) {
+    return app.exit(e) == 0 ? 0 : 2;
+  } catch (const ConfigError& e) {
+    fmt::print(stderr, "{}: {}\n", name, e.what());
+    return 2;
+  } catch (const std::exception& e) {
+    fmt::print(stderr, "{}: {}\n", name, e.what());
+    return 1;
+  }
+}
+
+std::string trace_path(const LiveArguments& a) {
+  if (a.out.empty()) return {};
+  std::error_code error;
+  std::filesystem::create_directories(a.out, error);
+  if (error) throw ConfigError(fmt::format("--out {}: cannot be created: {}", a.out, error.message()));
+  return a.trace == "csv" ? a.out + "/trace.csv" : std::string{};
+}
+
+int conclude(const Scene& scene, const LiveArguments& a, const std::string& side, Summary s, bool judged) {
+  s.scene = scene.name;
+  s.side = side;
+  s.architecture = to_string(scene.control.architecture);
+  s.method = to_string(scene.control.controller.method);
+  s.dof = scene.dof;
+  if (a.out.empty()) {
+    std::fputs(to_json(s).c_str(), stdout);
+  } else {
+    write_whole(a.out + "/summary.json", to_json(s));
+    fmt::print("{} {}: {}\n", side, scene.name, s.verdict);
+  }
+  if (!judged) return 0;
+  const std::vector<std::string> broken = broken_promises(scene.expect, s);
+  for (const std::string& sentence : broken) fmt::print(stderr, "{}: {}\n", a.scene, sentence);
+  return broken.empty() ? 0 : 3;
+}
+
+Packets packets(std::uint64_t sent_by_peer, const PacketCounts& receiver, std::uint64_t rejected_datagrams) {
+  const auto count = [](std::uint64_t n) { return static_cast<std::uint32_t>(n); };
+  return {.sent = count(sent_by_peer),
+          .received = count(receiver.received),
+          .lost = count(receiver.lost),
+          .late = count(receiver.late),
+          .duplicated = count(receiver.duplicated),
+          .rejected = count(receiver.rejected + rejected_datagrams)};
+}
+
+Percentiles percentiles(const Histogram& h, double unit_ns) {
+  const auto in_units = [&](Duration d) { return static_cast<double>(d.count()) / unit_ns; };
+  return {in_units(h.percentile(0.5)), in_units(h.percentile(0.99)), in_units(h.percentile(0.999)), in_units(h.max())};
+}
+
+}  // namespace twoport
