@@ -154,6 +154,7 @@ class Environment {
   }
 
   [[nodiscard]] const World<kDim>& world() const { return world_; }
+  [[nodiscard]] const std::vector<Eigen::Vector3d>& tool() const { return tool_; }
   [[nodiscard]] bool empty() const { return world_.surfaces.empty() && world_.springs.empty(); }
   [[nodiscard]] int contacts() const {
     return static_cast<int>((N == 6 ? tool_.size() : 1) * (world_.surfaces.size() + world_.springs.size()));

@@ -47,7 +47,7 @@ inline AxisState propagate(const Oscillator& o, AxisState s, double u0, double u
 
 /// The same map for one fixed h, as six numbers: exact, and one multiply-add each.
 ///
-///     x(h) = x0 + xv v0 + x0u u0 + x1u u1 - ...      for displacement from x0, with -k x0 in u0
+///     x(h) - x0 = xv v0 + xu u0 + xw u1      v(h) = vv v0 + vu u0 + vw u1      with -k x0 in u0
 struct Response {
   double xv, xu, xw;  ///< displacement per v0, u0, u1
   double vv, vu, vw;  ///< velocity per v0, u0, u1

@@ -45,11 +45,7 @@ class SimDevice final : public Device<N> {
     const double mass = hand.mass_kg + (device ? device->mass_kg : 0.0);
     free_ = !imposed_ && mass > 0.0;
     if (device) {
-      if (N != 6 || device->velocity_m_per_s.size() <= 3) {
-        v_.template head<kAxes>() = vector<kAxes>(device->velocity_m_per_s);
-      } else {
-        v_ = vector<N>(device->velocity_m_per_s);
-      }
+      v_ = vector<N>(device->velocity_m_per_s);
       coulomb_n_ = device->coulomb_friction_n;
       resolution_ = device->position_resolution_m;
       max_force_n_ = device->max_force_n.value_or(std::numeric_limits<double>::infinity());

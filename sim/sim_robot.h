@@ -34,8 +34,19 @@ class RungeKuttaPlant {
         rotational_damping_{robot.rotational_damping_n_m_s_per_rad},
         dt_{dt},
         environment_{&environment} {
-    if constexpr (N == 6) inertia_ = vector<3>(robot.inertia_kg_m2);
-    double stiffness = 0.0, damping = damping_;
+    // What a contact moves: 1/m, and for N = 6 also arm²/J at each point of the tool.
+    double all_points = 1.0 / mass_;
+    lightness_ = all_points;
+    if constexpr (N == 6) {
+      inertia_ = vector<3>(robot.inertia_kg_m2);
+      all_points = 0.0;
+      for (const Eigen::Vector3d& arm : environment.tool()) {
+        const double lightness = 1.0 / mass_ + arm.squaredNorm() / inertia_.minCoeff();
+        all_points += lightness;
+        lightness_ = std::max(lightness_, lightness);
+      }
+    }
+    double stiffness = 0.0, damping = 0.0;
     for (const auto& s : environment.world().surfaces) {
       stiffness += s.material.stiffness_n_per_m;
       damping += s.material.damping_n_s_per_m + s.material.viscous_friction_n_s_per_m;
@@ -45,29 +56,32 @@ class RungeKuttaPlant {
       stiffness += s.stiffness_n_per_m;
       damping += s.damping_n_s_per_m;
     }
-    double lightness = 1.0 / mass_;
-    if constexpr (N == 6) lightness += kArm2 / inertia_.minCoeff();
-    rate_ = std::max(std::sqrt(stiffness * lightness), damping * lightness);
+    rate_ = std::max(std::sqrt(stiffness * all_points), damping * all_points + damping_ / mass_);
     if constexpr (N == 6) rate_ = std::max(rate_, rotational_damping_ / inertia_.minCoeff());
   }
 
   void advance(BodyState<N>& s, const Force<N>& f) noexcept {
     // Steps short against the fastest motion: local error below (0.1)^5/120.
     double rate = rate_;
-    if (friction_ > 0.0) rate = std::max(rate, 0.3 * friction_ * f.vec().norm() / (mass_ * kStictionSpeed));
+    if (friction_ > 0.0) {
+      const double pressed = std::max(push(f), push(environment_->force(s.x, s.v)));
+      rate = std::max(rate, 0.3 * friction_ * pressed * lightness_ / kStictionSpeed);
+    }
     if constexpr (N == 6) rate = std::max(rate, s.v.vec().template tail<3>().norm());
     const int pieces = std::clamp(static_cast<int>(std::ceil(dt_ * rate / 0.1)), 1, 256);
     Motion m = motion(s);
+    std::uint64_t touched = touching(m);
     for (int i = 0; i < pieces; ++i) {
       double left = dt_ / pieces;
-      for (int split = 0; split < 4 && left > 0.0; ++split) left -= one(m, f, left);
+      for (int cuts = 0; left > 0.0; ++cuts) left -= one(m, touched, f, left, cuts < kCuts);
     }
     s = {m.x, velocity(m)};
   }
 
  private:
-  static constexpr double kArm2 = 0.01;  // (10 cm)²: contact arm in the step-length estimate
+  static constexpr int kCuts = 4;  // contacts that begin or end within one piece, each met on its own
   using Vector = typename Velocity<N>::Vector;
+  static double push(const Force<N>& f) noexcept { return f.vec().template head<kAxes<N>>().norm(); }
 
   // Momenta for N = 6, velocity otherwise.
   struct Motion {
@@ -146,36 +160,40 @@ class RungeKuttaPlant {
     return bits;
   }
 
-  // One step of at most h; ends early, just past the moment at which a contact begins or ends. Returns its length.
-  double one(Motion& m, const Force<N>& f, double h) const noexcept {
-    const std::uint64_t before = touching(m);
+  // One step of at most h; ends early, if it may, just past the moment at which a contact begins or ends. Returns its
+  // length.
+  double one(Motion& m, std::uint64_t& touched, const Force<N>& f, double h, bool may_cut) const noexcept {
     Motion next = step(m, f, h);
-    if (touching(next) == before) {
-      m = next;
-      return h;
-    }
-    double lo = 0.0, hi = h;
-    while (hi - lo > 1e-7 * h) {
-      const double mid = 0.5 * (lo + hi);
-      const Motion trial = step(m, f, mid);
-      if (touching(trial) == before) {
-        lo = mid;
-      } else {
-        hi = mid;
-        next = trial;
+    std::uint64_t after = touching(next);
+    if (may_cut && after != touched) {
+      double lo = 0.0, hi = h;
+      while (hi - lo > 1e-7 * h) {
+        const double mid = 0.5 * (lo + hi);
+        const Motion trial = step(m, f, mid);
+        const std::uint64_t bits = touching(trial);
+        if (bits == touched) {
+          lo = mid;
+        } else {
+          hi = mid;
+          next = trial;
+          after = bits;
+        }
       }
+      h = hi;
     }
     m = next;
-    return hi;
+    touched = after;
+    return h;
   }
 
-  double mass_, damping_, rotational_damping_, dt_, rate_ = 0.0, friction_ = 0.0;
+  double mass_, damping_, rotational_damping_, dt_, lightness_, rate_ = 0.0, friction_ = 0.0;
   Eigen::Vector3d inertia_ = Eigen::Vector3d::Ones();
   const Environment<N>* environment_;
 };
 
 /// Mass on springs and at most one frictionless or viscous wall: linear on either side of the wall, so each tick is one
-/// exact affine map, cut where contact begins or ends.
+/// exact affine map, cut where contact begins or ends. What begins and ends again within a tick, or within half a radian
+/// of an oscillation faster than that, is not seen.
 template <int D>
 class ExactPlant {
  public:
@@ -183,7 +201,7 @@ class ExactPlant {
   static bool fits(const World<D>& world) {
     if (world.surfaces.empty()) return true;
     return world.surfaces.size() == 1 && world.surfaces[0].shape.kind == Shape<D>::Kind::wall &&
-           world.surfaces[0].material.friction == 0.0;
+           (D == 1 || world.surfaces[0].material.friction == 0.0);
   }
 
   ExactPlant(const RobotSpec& robot, const World<D>& world, double dt) : dt_{dt} {
@@ -193,9 +211,9 @@ class ExactPlant {
       free.stiffness_n_per_m += s.stiffness_n_per_m;
       pull_ += s.stiffness_n_per_m * s.anchor;
     }
-    region_[0] = Region{free, free, dt};
-    if (world.surfaces.empty()) return;
-    wall_ = true;
+    wall_ = !world.surfaces.empty();
+    region_[0] = Region{free, free, wall_ ? span(free) : dt};
+    if (!wall_) return;
     const Surface<D>& w = world.surfaces[0];
     normal_ = w.shape.a;
     offset_ = w.shape.r;
@@ -205,7 +223,7 @@ class ExactPlant {
     across.stiffness_n_per_m += k_;
     across.damping_n_s_per_m += b_;
     along.damping_n_s_per_m += w.material.viscous_friction_n_s_per_m;
-    region_[1] = Region{across, along, dt};
+    region_[1] = Region{across, along, span(across)};
   }
 
   void advance(BodyState<D>& s, const Force<D>& f) noexcept {
@@ -217,14 +235,16 @@ class ExactPlant {
     }
     double left = dt_;
     bool in = contact(x, v);
-    for (int part = 0; part < 8 && left > 0.0; ++part) {
+    for (int cuts = 0; left > 0.0;) {
+      const Region& r = region_[in];
+      double h = std::min(left, r.span);
       Vector x1 = x, v1 = v;
-      move(region_[in], in, x1, v1, f.vec(), left);
-      const bool cut = part < 7 && contact(x1, v1) != in;
-      const double h = cut ? crossing(in, x, v, f.vec(), left) : left;
-      if (cut) {
+      move(r, in, x1, v1, f.vec(), h);
+      if (cuts < 8 && contact(x1, v1) != in) {
+        ++cuts;
+        h = crossing(in, x, v, f.vec(), h);
         x1 = x, v1 = v;
-        move(region_[in], in, x1, v1, f.vec(), h);
+        move(r, in, x1, v1, f.vec(), h);
         in = !in;
       }
       x = x1, v = v1;
@@ -237,11 +257,16 @@ class ExactPlant {
   using Vector = Eigen::Matrix<double, D, 1>;
   struct Region {
     Oscillator across, along;  ///< the wall's normal; any direction across it
+    double span;               ///< longest move
     Response full_across, full_along;
     Region() = default;
-    Region(const Oscillator& n, const Oscillator& t, double dt)
-        : across{n}, along{t}, full_across{n, dt}, full_along{t, dt} {}
+    Region(const Oscillator& n, const Oscillator& t, double h)
+        : across{n}, along{t}, span{h}, full_across{n, h}, full_along{t, h} {}
   };
+  /// A tick, or an equal part of it in which the motion turns by no more than half a radian.
+  [[nodiscard]] double span(const Oscillator& o) const noexcept {
+    return dt_ / std::ceil(std::max(1.0, 2.0 * dt_ * std::sqrt(o.stiffness_n_per_m / o.mass_kg)));
+  }
 
   [[nodiscard]] bool contact(const Vector& x, const Vector& v) const noexcept {
     const double depth = offset_ - normal_.dot(x);
@@ -249,8 +274,8 @@ class ExactPlant {
   }
 
   void move(const Region& r, bool in, Vector& x, Vector& v, const Vector& f, double h) const noexcept {
-    const Response across = h == dt_ ? r.full_across : Response{r.across, h};
-    const Response along = h == dt_ ? r.full_along : (D > 1 ? Response{r.along, h} : across);
+    const Response across = h == r.span ? r.full_across : Response{r.across, h};
+    const Response along = h == r.span ? r.full_along : (D > 1 ? Response{r.along, h} : across);
     const Vector u = f + pull_;
     if (!wall_) {
       const Vector u0 = u - r.along.stiffness_n_per_m * x;
@@ -305,18 +330,14 @@ class SimRobot final : public Robot<N> {
     if (scene.robot) {
       const RobotSpec& spec = *scene.robot;
       state_.x = position<N>(spec.position_m);
-      typename Velocity<N>::Vector v = Velocity<N>::Vector::Zero();
-      for (int i = 0; i < N && i < static_cast<int>(spec.velocity_m_per_s.size()); ++i)
-        v[i] = spec.velocity_m_per_s[static_cast<std::size_t>(i)];
-      state_.v = Velocity<N>{v};
+      state_.v = Velocity<N>{vector<N>(spec.velocity_m_per_s)};
       if constexpr (N != 6) {
         if (ExactPlant<N>::fits(environment_.world())) exact_.emplace(spec, environment_.world(), dt.si());
       }
       if (!exact_) general_.emplace(spec, environment_, dt.si());
       if (spec.force_sensor) {
         noise_ = spec.force_sensor->noise_n;
-        for (int i = 0; i < N && i < static_cast<int>(spec.force_sensor->bias_n.size()); ++i)
-          bias_[i] = spec.force_sensor->bias_n[static_cast<std::size_t>(i)];
+        bias_ = vector<N>(spec.force_sensor->bias_n);
         delay_.resize(static_cast<std::size_t>(std::lround(spec.force_sensor->latency_s / dt.si())));
       }
     }
