@@ -106,15 +106,17 @@ class Path {
       : far_{UdpTransport<N>{options(Side::slave), UdpSocket{parse_endpoint("127.0.0.1:0", "bench")}}},
         near_{UdpTransport<N>{options(Side::master), UdpSocket{parse_endpoint("127.0.0.1:0", "bench")},
                               far_.transport().local()}} {
+    Report<N> hello;
     while (!near_.collect(tick(near_now_)).any) {
       if (near_.transport().paired_anew()) near_.forget();
-      near_.post({}, near_now_);
+      near_.post(hello, near_now_);
       far_turn();
     }
   }
 
   void near_trip() {
-    near_.post(near_node_.step(known_), tick(near_now_));
+    Report<N> report = near_node_.step(known_);
+    near_.post(report, tick(near_now_));
     while (true) {
       const Known<N>& known = near_.collect(tick(near_now_));
       if (!known.fresh) continue;
@@ -125,7 +127,9 @@ class Path {
   void far_turn() {
     if (far_.transport().paired_anew()) far_.forget();
     const Known<N>& known = far_.collect(tick(far_now_));
-    if (known.fresh || !known.any) far_.post(far_node_.step(known), far_now_);
+    if (!known.fresh && known.any) return;
+    Report<N> report = far_node_.step(known);
+    far_.post(report, far_now_);
   }
 
   [[nodiscard]] std::uint64_t lost() { return near_.counts().lost + far_.counts().lost; }

@@ -7,6 +7,7 @@
 #include "common/base/check.h"
 #include "common/scene/load.h"
 #include "lab/run.h"
+#include "lab/search_commands.h"
 
 namespace {
 
@@ -53,8 +54,12 @@ int main(int argc, char** argv) {
   run->add_option("--out", a.out, "Folder for summary.json and trace.csv");
   run->add_option("--trace", a.trace, "none or csv")->check(CLI::IsMember({"none", "csv"}))->capture_default_str();
 
+  const std::vector<lab::Subcommand> search = lab::add_search_commands(app);
+
   try {
     app.parse(argc, argv);
+    for (const lab::Subcommand& each : search)
+      if (each.app->parsed()) return each.run();
     return run_command(a);
   } catch (const CLI::ParseError& e) {
     return app.exit(e) == 0 ? 0 : 2;

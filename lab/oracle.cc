@@ -36,16 +36,21 @@ std::pair<double, double> maximum(F f, double a, double b) {
   return f1 > f2 ? std::pair{x1, f1} : std::pair{x2, f2};
 }
 
-/// The same over a grid first: the largest of all, where neighbours on the grid are on one hill.
+/// The same over a grid first; every hill that the grid sees is climbed.
 template <class F>
 std::pair<double, double> largest(F f, double a, double b, int points) {
   const auto at = [&](int i) { return a + (b - a) * i / (points - 1); };
-  int best = 0;
-  double most = f(a);
-  for (int i = 1; i < points; ++i)
-    if (const double value = f(at(i)); value > most) best = i, most = value;
-  const auto refined = maximum(f, at(std::max(best - 1, 0)), at(std::min(best + 1, points - 1)));
-  return refined.second > most ? refined : std::pair{at(best), most};
+  std::vector<double> value;
+  for (int i = 0; i < points; ++i) value.push_back(f(at(i)));
+  const auto top = std::max_element(value.begin(), value.end()) - value.begin();
+  std::pair<double, double> best{at(static_cast<int>(top)), value[static_cast<std::size_t>(top)]};
+  for (int i = 0; i < points; ++i) {
+    const int left = std::max(i - 1, 0), right = std::min(i + 1, points - 1);
+    const auto of = [&](int j) { return value[static_cast<std::size_t>(j)]; };
+    if (of(i) < of(left) || of(i) < of(right)) continue;
+    if (const auto refined = maximum(f, at(left), at(right)); refined.second > best.second) best = refined;
+  }
+  return best;
 }
 
 /// Where `holds` first fails, from 0 up: scanned in steps of 10 % around `scale`, then bisected. 0: it never holds.
@@ -67,7 +72,9 @@ double first_failure(Holds holds, double scale) {
 }
 
 /// A radius of 1 is not unstable; eigenvalues come out to about 1e-14.
-bool stable(double radius) { return radius <= 1.0 + 1e-12; }
+bool stable(double radius) {
+  return radius <= 1.0 + 1e-12;
+}
 
 // ---- loops as matrices
 
@@ -83,8 +90,26 @@ MatrixXd matrix_of(Eigen::Index n, Step step) {
   return a;
 }
 
+/// Scales states by powers of two until rows and columns are alike (Parlett and Reinsch, 1969): positions and forces
+/// differ by 1e5, and eigenvalues lose as many digits without it.
+void balance(MatrixXd& a) {
+  for (bool better = true; better;) {
+    better = false;
+    for (Eigen::Index i = 0; i < a.rows(); ++i) {
+      const double self = std::abs(a(i, i)), row = a.row(i).lpNorm<1>() - self, column = a.col(i).lpNorm<1>() - self;
+      if (row == 0.0 || column == 0.0) continue;
+      const double scale = std::exp2(std::round(0.5 * std::log2(row / column)));
+      if (column * scale + row / scale >= 0.95 * (column + row)) continue;
+      a.col(i) *= scale;
+      a.row(i) /= scale;
+      better = true;
+    }
+  }
+}
+
 /// Moduli of the eigenvalues, largest first.
-std::vector<double> moduli(const MatrixXd& a) {
+std::vector<double> moduli(MatrixXd a) {
+  balance(a);
   const Eigen::VectorXcd values = a.eigenvalues();
   std::vector<double> all;
   for (Eigen::Index i = 0; i < values.size(); ++i) all.push_back(std::abs(values[i]));
@@ -148,7 +173,7 @@ double colgate_damping(const Discrete& wall, double period_s) {
     const double half = std::sin(0.5 * theta);
     return 0.5 * period_s * ((1.0 - 1.0 / z) * wall(z)).real() / (2.0 * half * half);
   };
-  return largest(needed, 1e-4, pi, 4096).second;
+  return largest(needed, 1e-5, pi, 4096).second;
 }
 
 double colgate_damping(double k, double b, double period_s, int d) {
@@ -186,8 +211,8 @@ double spectral_radius(const SampledWall& w) {
 
 double critical_stiffness(SampledWall w) {
   const double late = w.delay_ticks + w.delay_fraction;
-  const double rule = linear_rule_stiffness(w.damping_n_s_per_m, w.wall_damping_n_s_per_m, w.period_s, 0) /
-                      (1.0 + 2.0 * late);
+  const double rule =
+      linear_rule_stiffness(w.damping_n_s_per_m, w.wall_damping_n_s_per_m, w.period_s, 0) / (1.0 + 2.0 * late);
   if (!(rule > 0.0)) return 0.0;
   return first_failure(
       [&](double k) {
@@ -248,11 +273,15 @@ double spectral_radius(const BilateralLoop& l) {
     const double coupling = l.ideal_robot ? from_environment : k * (scale * xm - xs) + b * (scale * vm - vs);
     double to_master = 0.0;
     switch (l.architecture) {
-      case Architecture::position_measured_force: to_master = pass(s, 4, l.force_scale * from_environment); break;
+      case Architecture::position_measured_force:
+        to_master = pass(s, 4, l.force_scale * from_environment);
+        break;
       case Architecture::position_position:
         to_master = k * xm + b * vm - pass(s, 4, (k * xs + b * vs) / scale);
         break;
-      default: to_master = pass(s, 4, l.force_scale * coupling); break;
+      default:
+        to_master = pass(s, 4, l.force_scale * coupling);
+        break;
     }
     handle.move(s.head<2>(), -to_master);
     if (l.ideal_robot) {
@@ -327,7 +356,7 @@ LeastMargin least_llewellyn_margin(const std::function<Immittance(double)>& port
     const Immittance p = port(std::exp(log_omega));
     return -llewellyn_margin(p) / (scale > 0.0 ? scale : std::abs(p.p12 * p.p21));
   };
-  const auto [where, most] = largest(short_of, std::log(low), std::log(high), 20001);
+  const auto [where, most] = largest(short_of, std::log(low), std::log(high), 60001);
   return {-most, std::exp(where)};
 }
 
@@ -390,7 +419,9 @@ double spring_leak(double k, std::span<const double> x) {
   return 0.5 * k * sum;
 }
 
-double press_release_leak(double k, double period_s, double speed, double depth) { return k * speed * period_s * depth; }
+double press_release_leak(double k, double period_s, double speed, double depth) {
+  return k * speed * period_s * depth;
+}
 
 double sine_leak(double k, double amplitude, double ticks_per_period, int d) {
   const double theta = 2.0 * pi / ticks_per_period;

@@ -39,7 +39,7 @@ double colgate_damping(double stiffness_n_per_m, double damping_n_s_per_m, doubl
 ///     m ẍ = -b ẋ - k_h x - f(t),    f(t) = K x(k) + B v(k)   held from (k + d + g) T on, for T
 ///     v(k) = (x(k) - x(k-1))/T      or ẋ(kT) where true_velocity
 struct SampledWall {
-  double mass_kg, damping_n_s_per_m;
+  double mass_kg = 0.075, damping_n_s_per_m = 0.5;
   double hand_stiffness_n_per_m = 0.0;
   double stiffness_n_per_m = 0.0, wall_damping_n_s_per_m = 0.0;
   double period_s = 1e-3;
@@ -90,7 +90,8 @@ double linear_rule_stiffness(double damping_n_s_per_m, double wall_damping_n_s_p
 ///   tracker     without loss x_sd(k-1) + T v_d(k) is the received position itself, while catch_up_m_per_s exceeds
 ///               |Δx_rx/T - v_rx|; the damper works on the received velocity, not on v_d
 ///   order       each side senses, collects, steps and actuates at t_k: no delay of its own
-///   robot       without a robot block x_s(k+1) is the position received at k, v_s(k+1) its difference, and f_s what the
+///   robot       without a robot block x_s(k+1) is the position received at k, v_s(k+1) its difference, and f_s what
+///   the
 ///               environment answers at k: `ideal_robot`
 struct BilateralLoop {
   Architecture architecture = Architecture::position_force;
@@ -160,8 +161,8 @@ double llewellyn_stiffness(double master_damping_n_s_per_m, double slave_damping
 /// Exchanged springs with local damping only (z).
 Immittance exchanged_stiffness(double stiffness_n_per_m, double master_damping_n_s_per_m,
                                double slave_damping_n_s_per_m, double delays_s, double omega);
-/// The loop's handle, robot and coupling with one-way delay `delay_s` each way: PF with the measured force (h), position
-/// to position (z), or a wave line in place of the delays (z).
+/// The loop's handle, robot and coupling with one-way delay `delay_s` each way: PF with the measured force (h),
+/// position to position (z), or a wave line in place of the delays (z).
 Immittance position_measured_force(const BilateralLoop& loop, double delay_s, double omega);
 Immittance position_position(const BilateralLoop& loop, double delay_s, double omega);
 Immittance wave_line(const BilateralLoop& loop, double wave_impedance_n_s_per_m, double delay_s, double omega);

@@ -43,9 +43,11 @@ class LinkSimulation {
       : scaling_{scene.control},
         master_rate_hz_{scene.master_rate_hz},
         slave_rate_hz_{scene.slave_rate_hz},
+        master_dt_{1.0 / scene.master_rate_hz},
+        slave_dt_{1.0 / scene.slave_rate_hz},
         end_{to_duration(scene.duration_s)},
-        device_{scene, Seconds{1.0 / scene.master_rate_hz}},
-        robot_{scene, Seconds{1.0 / scene.slave_rate_hz}},
+        device_{scene, master_dt_},
+        robot_{scene, slave_dt_},
         master_{scene.control},
         slave_{scene.control},
         to_slave_{scene.to_slave, scene.seed ^ kToSlaveStream, capacity(scene.to_slave, scene.master_rate_hz)},
@@ -62,17 +64,14 @@ class LinkSimulation {
     std::int64_t m = 0, s = 0;
     Duration next_m{0}, next_s{0};
     while (next_m < end_) {
-      if (next_s < next_m) {
+      // The slave first where both are due, so that a row shows both at the same moment.
+      if (next_s <= next_m) {
         slave_tick(next_s, s);
         next_s = tick_time(++s, slave_rate_hz_);
         continue;
       }
       const auto out = master_tick(next_m, m);
       if (!visit(row(next_m, out))) return static_cast<std::uint64_t>(m + 1);
-      if (next_s == next_m) {
-        slave_tick(next_s, s);
-        next_s = tick_time(++s, slave_rate_hz_);
-      }
       next_m = tick_time(++m, master_rate_hz_);
     }
     return static_cast<std::uint64_t>(m);
@@ -103,15 +102,15 @@ class LinkSimulation {
     return Energy{e};
   }
 
-  auto master_tick(Duration now, std::int64_t k) noexcept {
+  [[gnu::always_inline]] auto master_tick(Duration now, std::int64_t k) noexcept {
     if (k > 0) device_.advance();
     return run_cycle(master_, device_, master_mail_,
-                     Tick<MasterClock>{Instant<MasterClock>{now}, Seconds{1.0 / master_rate_hz_}});
+                     Tick<MasterClock>{Instant<MasterClock>{now}, master_dt_});
   }
-  void slave_tick(Duration now, std::int64_t k) noexcept {
+  [[gnu::always_inline]] void slave_tick(Duration now, std::int64_t k) noexcept {
     if (k > 0) robot_.advance();
     slave_out_ = run_cycle(slave_, robot_, slave_mail_,
-                           Tick<SlaveClock>{Instant<SlaveClock>{now}, Seconds{1.0 / slave_rate_hz_}});
+                           Tick<SlaveClock>{Instant<SlaveClock>{now}, slave_dt_});
     dissipated_ += scaling_.to_master(slave_out_.dissipated);
   }
 
@@ -138,6 +137,7 @@ class LinkSimulation {
 
   Scaling<N> scaling_;
   double master_rate_hz_, slave_rate_hz_;
+  Seconds master_dt_, slave_dt_;
   Duration end_;
   sim::SimDevice<N> device_;
   sim::SimRobot<N> robot_;

@@ -44,7 +44,9 @@ class MasterNode {
         scaling_{o},
         coupling_{o.coupling},
         tracker_{o.coupling},
-        ramp_{o.engage} {}
+        ramp_{o.engage},
+        hold_after_{to_duration(o.hold_after.si())},
+        release_after_{to_duration(o.release_after.si())} {}
 
   Output step(const Tick<MasterClock>& tick, const DeviceState<N>& device, const Known<N>& slave) noexcept {
     const PortMotion<N> motion{device.x, device.v};
@@ -58,8 +60,8 @@ class MasterNode {
 
     const Duration silence = tick.now.time_since_epoch() - slave.heard;
     const Mode was = mode_;
-    mode_ = next_mode(mode_, {.heard = slave.any && to_seconds(silence) < options_.hold_after,
-                              .silent = to_seconds(silence) >= options_.release_after,
+    mode_ = next_mode(mode_, {.heard = slave.any && silence < hold_after_,
+                              .silent = silence >= release_after_,
                               .finite = device.x.finite() && device.v.finite()});
     if (mode_ == Mode::coupled && (was == Mode::idle || was == Mode::released)) engage(device);
 
@@ -144,6 +146,7 @@ class MasterNode {
   PortMotion<N> before_;
   Velocity<N> v_before_;
   Position<N> x_d_;
+  Duration hold_after_, release_after_;
   Mode mode_ = Mode::idle;
   bool started_ = false;
 };

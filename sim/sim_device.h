@@ -35,7 +35,7 @@ class SimDevice final : public Device<N> {
  public:
   /// `dt` is the control period; the handle starts where the device block says.
   SimDevice(const Scene& scene, Seconds dt)
-      : dt_{dt.si()}, path_{scene.human ? scene.human->path : std::vector<SegmentSpec>{}, start(scene)} {
+      : dt_{dt.si()}, path_{scene.human ? scene.human->path : std::vector<SegmentSpec>{}, intent(scene)} {
     x_ = start(scene);
     const HandSpec none{};
     const HandSpec& hand = scene.human && scene.human->hand ? *scene.human->hand : none;
@@ -106,9 +106,15 @@ class SimDevice final : public Device<N> {
  private:
   using Vector = Eigen::Matrix<double, N, 1>;
   static constexpr int kAxes = N == 6 ? 3 : N;
+  static constexpr int kStops = 3;  ///< by friction, within one tick
 
   static Position<N> start(const Scene& scene) {
     return scene.device ? position<N>(scene.device->position_m) : Position<N>{};
+  }
+  /// Where the intended motion begins: where the handle does; a hand without a path holds the origin.
+  static Position<N> intent(const Scene& scene) {
+    const bool waits = scene.human && scene.human->hand && scene.human->path.empty();
+    return waits ? Position<N>{} : start(scene);
   }
 
   template <int From, int Count>
@@ -128,8 +134,14 @@ class SimDevice final : public Device<N> {
     if (held_by_hand_) {
       const Position<N> next = path_.at(static_cast<double>(tick_) * dt_).x;
       const Vector rate = (next - intended_).vec() / dt_;
-      u += hand_k_.cwiseProduct((intended_ - x_).vec()) + hand_b_.cwiseProduct(rate);
+      const Vector stretch = (intended_ - x_).vec();
+      u += hand_k_.cwiseProduct(stretch) + hand_b_.cwiseProduct(rate);
       w = hand_k_.cwiseProduct(rate);
+      if constexpr (N == 6) {
+        // r = log(R_h Rᵀ) turns as it grows: ṙ = ω_h - ω - ½ r×(ω_h + ω) + (1/12) r×(r×(ω_h - ω)).
+        const Eigen::Vector3d r = stretch.template tail<3>(), w_h = rate.template tail<3>(), w_d = v_.template tail<3>();
+        w.template tail<3>() -= hand_k_[3] * r.cross(0.5 * (w_h + w_d) - r.cross(w_h - w_d) / 12.0);
+      }
       intended_ = next;
     }
     Vector moved, v;
@@ -163,7 +175,7 @@ class SimDevice final : public Device<N> {
     moved = Vector::Zero();
     v = v_;
     double done = 0.0;
-    for (int part = 0; part < 4 && done < dt_; ++part) {
+    for (int part = 0; done < dt_; ++part) {
       const double h = dt_ - done;
       const Axes load = (u + done * w - hand_k_.cwiseProduct(moved)).template head<kAxes>();
       const Axes velocity = v.template head<kAxes>();
@@ -182,7 +194,7 @@ class SimDevice final : public Device<N> {
       const AxisState along = propagate(axis_, {0, direction.dot(velocity)}, direction.dot(pushed),
                                         direction.dot(slope), h);
       double until = h;
-      const bool stops = along.v < 0.0 && direction.dot(velocity) > 0.0;
+      const bool stops = part < kStops && along.v < 0.0 && direction.dot(velocity) > 0.0;
       if (stops) {
         double lo = 0.0, hi = h;
         for (int i = 0; i < 50; ++i) {

@@ -70,7 +70,7 @@ class RungeKuttaPlant {
     if constexpr (N == 6) rate = std::max(rate, s.v.vec().template tail<3>().norm());
     const int pieces = std::clamp(static_cast<int>(std::ceil(dt_ * rate / 0.1)), 1, 256);
     Motion m = motion(s);
-    std::uint64_t touched = touching(m);
+    Contacts touched = touching(m);
     for (int i = 0; i < pieces; ++i) {
       double left = dt_ / pieces;
       for (int cuts = 0; left > 0.0; ++cuts) left -= one(m, touched, f, left, cuts < kCuts);
@@ -81,6 +81,8 @@ class RungeKuttaPlant {
  private:
   static constexpr int kCuts = 4;  // contacts that begin or end within one piece, each met on its own
   using Vector = typename Velocity<N>::Vector;
+  using Contacts = std::uint64_t;  // which carry force, as bits; beyond 64 they share
+  static Contacts bit(int contact) noexcept { return Contacts{1} << (contact % 64); }
   static double push(const Force<N>& f) noexcept { return f.vec().template head<kAxes<N>>().norm(); }
 
   // Momenta for N = 6, velocity otherwise.
@@ -113,9 +115,13 @@ class RungeKuttaPlant {
   struct Slope {
     Vector v, p;
   };
-  Slope slope(const Motion& m, const Force<N>& f) const noexcept {
+  /// Only of the contacts in `touched`: what begins within a step belongs to the next one.
+  Slope slope(const Motion& m, const Force<N>& f, Contacts touched) const noexcept {
     const Velocity<N> v = velocity(m);
-    Vector total = f.vec() + environment_->force(m.x, v).vec();
+    Vector total = f.vec();
+    environment_->for_each_contact(m.x, v, [&](int i, const Vector& normal, const Vector& tangential) {
+      if (touched & bit(i)) total += normal + tangential;
+    });
     if constexpr (N == 6) {
       total.template head<3>() -= damping_ * v.vec().template head<3>();
       total.template tail<3>() -= rotational_damping_ * v.vec().template tail<3>();
@@ -137,40 +143,39 @@ class RungeKuttaPlant {
       return v;
     }
   }
-  Motion step(const Motion& m, const Force<N>& f, double h) const noexcept {
+  Motion step(const Motion& m, const Force<N>& f, Contacts touched, double h) const noexcept {
     const auto at = [&](const Vector& moved, const Vector& dp) {
       return Motion{m.x + Displacement<N>{moved}, m.p + dp};
     };
-    const Slope a = slope(m, f);
+    const Slope a = slope(m, f, touched);
     const Vector xa = chart(Vector::Zero(), a.v);
-    const Slope b = slope(at(0.5 * h * xa, 0.5 * h * a.p), f);
+    const Slope b = slope(at(0.5 * h * xa, 0.5 * h * a.p), f, touched);
     const Vector xb = chart(0.5 * h * xa, b.v);
-    const Slope c = slope(at(0.5 * h * xb, 0.5 * h * b.p), f);
+    const Slope c = slope(at(0.5 * h * xb, 0.5 * h * b.p), f, touched);
     const Vector xc = chart(0.5 * h * xb, c.v);
-    const Slope d = slope(at(h * xc, h * c.p), f);
+    const Slope d = slope(at(h * xc, h * c.p), f, touched);
     const Vector xd = chart(h * xc, d.v);
     return at(h / 6.0 * (xa + 2.0 * (xb + xc) + xd), h / 6.0 * (a.p + 2.0 * (b.p + c.p) + d.p));
   }
 
-  // Which contacts carry force, as bits.
-  std::uint64_t touching(const Motion& m) const noexcept {
-    std::uint64_t bits = 0;
-    environment_->for_each_contact(m.x, velocity(m),
-                                   [&](int i, const Vector&, const Vector&) { bits |= std::uint64_t{1} << (i % 64); });
+  Contacts touching(const Motion& m) const noexcept {
+    Contacts bits = 0;
+    environment_->for_each_contact(m.x, velocity(m), [&](int i, const Vector&, const Vector&) { bits |= bit(i); });
     return bits;
   }
 
   // One step of at most h; ends early, if it may, just past the moment at which a contact begins or ends. Returns its
   // length.
-  double one(Motion& m, std::uint64_t& touched, const Force<N>& f, double h, bool may_cut) const noexcept {
-    Motion next = step(m, f, h);
-    std::uint64_t after = touching(next);
+  double one(Motion& m, Contacts& touched, const Force<N>& f, double h, bool may_cut) const noexcept {
+    const Contacts among = may_cut ? touched : ~Contacts{0};
+    Motion next = step(m, f, among, h);
+    Contacts after = touching(next);
     if (may_cut && after != touched) {
       double lo = 0.0, hi = h;
       while (hi - lo > 1e-7 * h) {
         const double mid = 0.5 * (lo + hi);
-        const Motion trial = step(m, f, mid);
-        const std::uint64_t bits = touching(trial);
+        const Motion trial = step(m, f, among, mid);
+        const Contacts bits = touching(trial);
         if (bits == touched) {
           lo = mid;
         } else {

@@ -41,13 +41,15 @@ class SlaveNode {
       : options_{o},
         scaling_{o},
         coupling_{o.coupling},
-        tracker_{o.coupling} {}
+        tracker_{o.coupling},
+        hold_after_{to_duration(o.hold_after.si())},
+        release_after_{to_duration(o.release_after.si())} {}
 
   Output step(const Tick<SlaveClock>& tick, const RobotState<N>& robot, const Known<N>& master) noexcept {
     const Duration silence = tick.now.time_since_epoch() - master.heard;
     const Mode was = mode_;
-    mode_ = next_mode(mode_, {.heard = master.any && to_seconds(silence) < options_.hold_after,
-                              .silent = to_seconds(silence) >= options_.release_after,
+    mode_ = next_mode(mode_, {.heard = master.any && silence < hold_after_,
+                              .silent = silence >= release_after_,
                               .finite = robot.x.finite() && robot.v.finite() && robot.f_environment.finite()});
     if (!started_ || (mode_ == Mode::coupled && (was == Mode::idle || was == Mode::released))) engage(robot);
     created_.book(0, -dot(f_, robot.x - x_before_));
@@ -138,6 +140,7 @@ class SlaveNode {
   Energy base_absorbed_, base_returned_;
   Position<N> x_before_, x_sd_, x_d_;
   Force<N> f_;
+  Duration hold_after_, release_after_;
   Mode mode_ = Mode::idle;
   bool started_ = false;
 };

@@ -41,7 +41,7 @@ inline Duration to_duration(double seconds) { return Duration{std::llround(secon
 
 /// Start of tick k of a loop at `rate_hz`: rounded once from k/rate, so that no error adds up.
 inline Duration tick_time(std::int64_t k, double rate_hz) {
-  return Duration{std::llround(static_cast<double>(k) * (kNanosecondsPerSecond / rate_hz))};
+  return Duration{static_cast<std::int64_t>(static_cast<double>(k) * (kNanosecondsPerSecond / rate_hz) + 0.5)};
 }
 
 }  // namespace twoport

@@ -31,7 +31,11 @@ class Coords {
     return *this;
   }
   [[nodiscard]] double squared_norm() const { return v_.squaredNorm(); }
-  [[nodiscard]] bool finite() const { return v_.allFinite(); }
+  /// A sum is not finite when one of its terms is not.
+  [[nodiscard]] bool finite() const noexcept {
+    const double sum = v_.sum();
+    return sum - sum == 0.0;
+  }
 
  private:
   Vector v_;
@@ -105,7 +109,8 @@ class Position {
   Position() : p_{Vector::Zero()} {}
   explicit Position(const Vector& p) : p_{p} {}
   [[nodiscard]] const Vector& translation() const { return p_; }
-  [[nodiscard]] bool finite() const { return p_.allFinite(); }
+  [[nodiscard]] double sum() const noexcept { return p_.sum(); }
+  [[nodiscard]] bool finite() const noexcept { return sum() - sum() == 0.0; }
 
   /// From b to a.
   friend Displacement<N> operator-(const Position& a, const Position& b) { return Displacement<N>{a.p_ - b.p_}; }
@@ -123,7 +128,8 @@ class Position<6> {
   Position(const Eigen::Vector3d& p, const Eigen::Quaterniond& q) : p_{p}, q_{q} {}
   [[nodiscard]] const Eigen::Vector3d& translation() const { return p_; }
   [[nodiscard]] const Eigen::Quaterniond& attitude() const { return q_; }
-  [[nodiscard]] bool finite() const { return p_.allFinite() && q_.coeffs().allFinite(); }
+  [[nodiscard]] double sum() const noexcept { return p_.sum() + q_.coeffs().sum(); }
+  [[nodiscard]] bool finite() const noexcept { return sum() - sum() == 0.0; }
 
   /// From b to a: translation and world rotation vector log(R_a R_b^T).
   friend Displacement<6> operator-(const Position& a, const Position& b) {

@@ -52,8 +52,7 @@ Duration Impairment::delay() noexcept {
   return std::max(Duration{0}, to_duration(options_.delay_s + options_.jitter_s * unit));
 }
 
-Impairment::Fate Impairment::draw(Duration since_start) noexcept {
-  if (certain_) return {1, {fixed_delay_, fixed_delay_}};
+Impairment::Fate Impairment::drawn(Duration since_start) noexcept {
   Fate fate{lost(since_start) ? 0 : 1, {delay(), Duration{0}}};
   if (options_.reorder > 0.0 && uniform() < options_.reorder) fate.delay[0] += to_duration(options_.reorder_s);
   if (options_.duplicate > 0.0 && uniform() < options_.duplicate && fate.copies == 1) {

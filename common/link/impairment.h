@@ -47,9 +47,12 @@ class Impairment {
   Impairment(const ImpairmentOptions& options, std::uint64_t seed);
 
   /// Fate of the packet sent `since_start` after the run began. No allocation.
-  Fate draw(Duration since_start) noexcept;
+  Fate draw(Duration since_start) noexcept {
+    return certain_ ? Fate{1, {fixed_delay_, fixed_delay_}} : drawn(since_start);
+  }
 
  private:
+  Fate drawn(Duration since_start) noexcept;
   [[nodiscard]] bool lost(Duration since_start) noexcept;
   [[nodiscard]] Duration delay() noexcept;
   double uniform() noexcept;

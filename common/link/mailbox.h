@@ -51,7 +51,8 @@ class Mailbox {
     return known_;
   }
 
-  void post(Report<N> report, Duration now) noexcept {
+  /// Stamps the report and sends it.
+  void post(Report<N>& report, Duration now) noexcept {
     report.sequence = ++counts_.sent;
     report.sent_ns = now.count();
     report.echo_ns = known_.any ? known_.newest.sent_ns + (now - known_.heard).count() : -1;

@@ -29,7 +29,9 @@ int live_program(int argc, char** argv, const std::string& name, const std::stri
     app.parse(argc, argv);
     return body(load_scene(a.scene, a.set), a);
   } catch (const CLI::ParseError& e) {
-    return app.exit(e) == 0 ? 0 : 2;
+    if (e.get_exit_code() == 0) return app.exit(e);  // --help, --version
+    fmt::print(stderr, "{}: {}\n", name, e.what());
+    return 2;
   } catch (const ConfigError& e) {
     fmt::print(stderr, "{}: {}\n", name, e.what());
     return 2;

@@ -114,6 +114,7 @@ struct UdpTransport<N>::Impl {
         given_peer{p},
         peer{p},
         session{sessions.draw()},
+        offer{o.side == Side::master ? session : sessions.draw()},
         line{without_blackouts(o.incoming), o.impairment_seed, delays(o.incoming) ? kDelayLine : kQuietLine} {
     refusing.identity = identity();
     if (given_peer) socket.keep_to(*given_peer);
@@ -126,6 +127,7 @@ struct UdpTransport<N>::Impl {
     return moment && now - *moment < span;
   }
   [[nodiscard]] bool peer_alive(Duration now) const { return within(kSilent, heard, now); }
+  [[nodiscard]] bool ours(std::uint64_t number) const { return number == session || number == offer; }
 
   [[nodiscard]] bool blacked_out(Duration now) const noexcept;
   const Report<N>* judge(const Arrival<N>& arrival, Duration now) noexcept;
@@ -134,17 +136,25 @@ struct UdpTransport<N>::Impl {
   [[nodiscard]] Sentence mismatch(const Arrival<N>& arrival) const noexcept;
   void refuse(const Arrival<N>& arrival, const Sentence& why, Duration now) noexcept;
   void stranger(const Arrival<N>& arrival, Duration now) noexcept;
+  void greet(const Report<N>& report) noexcept;
 
   SessionOptions options;
   UdpSocket socket;
   std::optional<Endpoint> given_peer, peer;
   Sessions sessions;
-  std::uint64_t session, peer_session = 0;
+  std::uint64_t session;
+  std::uint64_t offer;  ///< our number for the next session: who returns it is there now. A master has one for all
+  std::uint64_t peer_session = 0;
   Codec<N> codec;
   Arrival<N> arriving;
   DelayLine<Arrival<N>> line;
   Envelope<N> outgoing, refusing;
 
+  struct Greeting {
+    Endpoint to;
+    std::uint64_t session;
+  };
+  std::optional<Greeting> greeting;     ///< a slave's answer to one that has introduced itself; with the next report
   std::optional<Arrival<N>> candidate;  ///< good, and waits for paired_anew
   Duration candidate_since{0};
   Retired retired;
@@ -204,7 +214,7 @@ void UdpTransport<N>::receive(Duration now) noexcept {
     }
     // The words of the newest refusal are kept beside the line: there is never more than one to tell.
     s.arriving.refused = !s.arriving.envelope.refusal.empty();
-    if (s.arriving.refused && s.arriving.envelope.peer_session == s.session)
+    if (s.arriving.refused && s.ours(s.arriving.envelope.peer_session))
       s.refusal_heard = Sentence{s.arriving.envelope.refusal};
     s.arriving.envelope.refusal = {};
     // It arrived before this tick, so that what is not delayed is read in it.
@@ -230,7 +240,7 @@ const Report<N>* UdpTransport<N>::Impl::judge(const Arrival<N>& arrival, Duratio
   const Envelope<N>& e = arrival.envelope;
   if (arrival.refused) {
     // It must know our number: whoever has never heard us cannot refuse us.
-    if (e.peer_session != session || (peer && arrival.from != *peer)) {
+    if (!ours(e.peer_session) || (peer && arrival.from != *peer)) {
       ++counts.rejected;
       return nullptr;
     }
@@ -285,8 +295,18 @@ void UdpTransport<N>::Impl::from_unknown(const Arrival<N>& arrival, Duration now
     ++counts.rejected;
     return;
   }
+  // A packet that somebody has kept introduces itself like any other, but cannot know the number of now.
+  const bool returns_offer = e.peer_session == offer;
+  if (!returns_offer && options.side == Side::master) {
+    ++counts.rejected;
+    return;
+  }
   ++counts.handshake;
   if (refusal_found) return;
+  if (!returns_offer) {
+    greeting = Greeting{arrival.from, e.session};
+    return;
+  }
   candidate = arrival;
   candidate_since = now;
 }
@@ -346,10 +366,25 @@ void UdpTransport<N>::Impl::refuse(const Arrival<N>& arrival, const Sentence& wh
   socket.send_to(codec.encode(refusing), arrival.from);
 }
 
+/// What a report of a session to come may say: the state, and no energy yet.
+template <int N>
+void UdpTransport<N>::Impl::greet(const Report<N>& report) noexcept {
+  outgoing.session = offer;
+  outgoing.peer_session = greeting->session;
+  outgoing.report = report;
+  outgoing.report.energy_in_j = 0.0;
+  outgoing.report.echo_ns = -1;
+  outgoing.identity = identity();
+  socket.send_to(codec.encode(outgoing), greeting->to);
+  greeting.reset();
+}
+
 template <int N>
 void UdpTransport<N>::send(const Report<N>& report, Duration now) noexcept {
   Impl& s = *impl_;
-  if (!s.peer || s.refusal_due) return;
+  if (s.refusal_due) return;
+  if (s.greeting) s.greet(report);
+  if (!s.peer) return;
   s.outgoing.session = s.session;
   s.outgoing.peer_session = s.peer_session;
   s.outgoing.report = report;
@@ -364,11 +399,9 @@ template <int N>
 bool UdpTransport<N>::paired_anew() noexcept {
   Impl& s = *impl_;
   if (!s.candidate) return false;
-  if (s.pairings > 0) {
-    s.retired.add(s.peer_session);
-    // A master that comes back has kept its number: a new one of ours makes it, too, start its totals again.
-    if (s.options.side == Side::slave) s.session = s.sessions.draw();
-  }
+  if (s.pairings > 0) s.retired.add(s.peer_session);
+  // A master that comes back has kept its number: a new one of ours makes it, too, start its totals again.
+  if (s.options.side == Side::slave) s.session = std::exchange(s.offer, s.sessions.draw());
   s.peer_session = s.candidate->envelope.session;
   s.peer = s.candidate->from;
   s.heard = s.candidate_since;

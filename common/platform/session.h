@@ -36,10 +36,13 @@ struct LinkCounts {
 ///
 /// Every process draws a session number when it starts. Each packet carries its sender's, and the one it believes it
 /// talks to; until a peer has returned ours (and again when it has been silent for 100 ms) packets also say who we
-/// are. A good peer with a new number is taken up as soon as the caller has called `paired_anew`; only packets that
-/// carry both numbers as they now are go to the node. So a report is never read against totals of another session.
+/// are. A slave answers an introduction with the number that it will have in the session to come; it takes the master
+/// up when that returns the number, and the master the slave that has returned its own. So a packet of an older session
+/// that somebody has kept starts nothing. A good peer is taken up as soon as the caller has called `paired_anew`; only
+/// packets that carry both numbers as they now are go to the node. So a report is never read against totals of another
+/// session.
 ///
-/// A slave answers whoever greets it first. While that master is heard it has no ear for another address; a master
+/// A slave answers whoever is there first. While that master is heard it has no ear for another address; a master
 /// that starts again from a new port is taken up when the old one has been silent for 100 ms. One that keeps asking
 /// for a second meanwhile is told that the slave is taken.
 ///

@@ -83,14 +83,20 @@ class Metrics {
     force_error2_ += correction2;
     correction2_max_ = std::max(correction2_max_, correction2);
     force2_max_ = std::max(force2_max_, felt2);
-    chatter2_ += high_pass_.step(felt).squaredNorm();
+    const double fast2 = high_pass_.step(felt).squaredNorm();
+    chatter2_ += fast2;
     if (wanted2 > kFelt * kFelt) {
       ++contact_rows_;
       if (felt2 > kFelt * kFelt) turn(felt, wanted, correction2, felt2, wanted2);
     }
     const double reach2 = std::max(translational_norm2(row.master_x), translational_norm2(row.slave_x));
-    return verdict_.add(row.t_s, std::sqrt(reach2), row.master_v.squared_norm() + row.slave_v.squared_norm(),
-                        row.master_energy_j);
+    return verdict_.add({.t_s = row.t_s,
+                         .reach_m = std::sqrt(reach2),
+                         .speed2 = row.master_v.squared_norm() + row.slave_v.squared_norm(),
+                         .port_energy_j = row.master_energy_j,
+                         .force2 = felt2,
+                         .fast_force2 = fast2,
+                         .corrected = row.dissipated_j > 0.0});
   }
 
   /// Everything that rows tell; what ran, packets and times are the caller's.

@@ -7,49 +7,72 @@
 
 namespace twoport {
 
-/// Is a run stable? Judged from the motion at rest and from where its energy comes.
+/// Is a run stable? Judged from how the motion of both sides goes on by itself, and from where its energy comes.
 ///
 /// The second part of the run (after the operator's path has ended, if that leaves a tenth of it; else the second half)
 /// is cut into eight windows. In each, activity A is the rms velocity of both sides under a smooth weight (4p(1-p))²,
 /// which takes the ripple of an oscillation out of it. A line through ln A gives the growth and its standard error.
 ///
 ///   diverged    a value is not finite, or a position is beyond 100 m
-///   growing     ln A rises by more than five standard errors, and the network feeds it: the port energy has fallen
-///               below -5 % of the most it ever held (or A has grown tenfold, above 1 mm/s)
-///   sustained   ln A does not fall, and the port energy, below the same bound, has fallen in every window: a limit
-///               cycle that the network pays for
+///   growing     ln A rises by more than five standard errors, and one of
+///                 the hand rests, no controller has acted, and the port energy is no higher than where judging began
+///                 the network has paid: port energy below -5 % of the most it ever held
+///                 A has grown tenfold, above 1 mm/s
+///   sustained   ln A does not fall, the network has paid, and pays on in every window: a limit cycle that it feeds
 ///
-/// For a linear loop the line's slope is the spectral radius, so `growing` agrees with eigenvalues. A passive loop may
-/// buzz on credit; it is bounded, and its chatter is reported as such.
+/// Left to itself a linear loop follows its dominant eigenvalue ρ: ln A rises by ln ρ per tick, exactly, and whatever
+/// damps the handle makes the port pay for it; so `growing` agrees with ρ > 1, down to ripple and rounding (1e-7 per
+/// tick in a minute at 2 kHz). Modes that die out more slowly than the windows pass bend the line: near a boundary give
+/// the run time. At exact rest nothing grows: something must set the loop in motion.
+///
+/// A controller that acts makes the loop another one. A passive one may buzz on credit, and swell while it lasts; it is
+/// bounded, and its chatter is reported as such. So where one has acted growth alone says nothing, only growth that the
+/// network has paid for with what it never got.
+///
+/// While the path still runs, what moves is not the loop's alone. Then a payment counts only where the force above
+/// 30 Hz is at least half of the force felt (rms): a hand is slower than that.
 class Verdict {
  public:
   /// `quiet_from_s`: when the operator's path ends. `duration_s`: planned end. `initial_energy_j`: E(0).
   Verdict(double quiet_from_s, double duration_s, double initial_energy_j)
-      : from_s_{quiet_from_s < 0.9 * duration_s ? std::max(quiet_from_s, 0.25 * duration_s) : 0.5 * duration_s},
+      : quiet_{quiet_from_s < 0.9 * duration_s},
+        from_s_{quiet_ ? std::max(quiet_from_s, 0.25 * duration_s) : 0.5 * duration_s},
         window_s_{(duration_s - from_s_) / kWindows},
         initial_energy_j_{initial_energy_j},
         energy_j_{initial_energy_j},
         most_energy_j_{initial_energy_j} {}
 
-  /// One tick: largest position of either side [m], sum of squared velocities [m²/s²], port energy without E(0) [J].
+  struct Tick {
+    double t_s;
+    double reach_m;         ///< largest distance of either side from the origin
+    double speed2;          ///< sum of squared velocities of both sides [m²/s²]
+    double port_energy_j;   ///< without E(0)
+    double force2;          ///< squared force felt [N²]
+    double fast_force2;     ///< of that, above 30 Hz
+    bool corrected;         ///< a controller has acted
+  };
   /// Returns false once the run has diverged: there is no use in going on.
-  bool add(double t_s, double reach_m, double speed2, double port_energy_j) noexcept {
-    energy_j_ = initial_energy_j_ + port_energy_j;
+  bool add(const Tick& k) noexcept {
+    energy_j_ = initial_energy_j_ + k.port_energy_j;
     most_energy_j_ = std::max(most_energy_j_, energy_j_);
-    if (!(reach_m <= kReach) || !std::isfinite(speed2 + port_energy_j)) {
+    if (!(k.reach_m <= kReach) || !std::isfinite(k.speed2 + k.port_energy_j)) {
       diverged_ = true;
-      diverged_at_s_ = t_s;
+      diverged_at_s_ = k.t_s;
       return false;
     }
-    if (t_s < from_s_) return true;
-    const double at = (t_s - from_s_) / window_s_;
+    if (k.t_s < from_s_) return true;
+    const double at = (k.t_s - from_s_) / window_s_;
     const auto w = static_cast<std::size_t>(at);
     if (w >= kWindows) return true;
+    if (filled_ == 0) energy_at_start_j_ = energy_j_;
     const double p = at - static_cast<double>(w), bump = 4.0 * p * (1.0 - p), weight = bump * bump;
-    sum_[w] += weight * speed2;
+    sum_[w] += weight * k.speed2;
     weight_[w] += weight;
     energy_at_end_[w] = energy_j_;
     filled_ = w + 1;
+    force2_ += k.force2;
+    fast_force2_ += k.fast_force2;
+    corrected_ = corrected_ || k.corrected;
     return true;
   }
 
@@ -59,6 +82,7 @@ class Verdict {
  private:
   static constexpr std::size_t kWindows = 8;
   static constexpr double kReach = 100.0;
+  static constexpr double kStill = 1e-9;  // [m/s]
   struct Judgement {
     bool unstable;
     std::string words;
@@ -75,12 +99,17 @@ class Verdict {
     }
     const auto [slope, error] = line(y, n);
     const double last = std::exp(y[n - 1]), first = std::exp(y[0]);
-    const bool fed = energy_j_ < -0.05 * most_energy_j_ && energy_j_ < 0.0;
-    if (last > kStill && slope > 5.0 * error && (fed || (last > 10.0 * first && last > 1e-3)))
-      return {true, "growing: activity x" + std::to_string(std::exp(slope)) + " per window at rest, fed by the network"};
+    if (last <= kStill) return {false, "bounded, at rest"};
+
+    const bool own = quiet_ || fast_force2_ >= 0.25 * force2_;
+    const bool paid = own && energy_j_ < -0.05 * most_energy_j_ && energy_j_ < 0.0;
+    const bool by_itself = quiet_ && !corrected_ && energy_j_ <= energy_at_start_j_;
+    if (slope > 5.0 * error && (by_itself || paid || (last > 10.0 * first && last > 1e-3)))
+      return {true, "growing: activity x" + std::to_string(std::exp(slope)) + " per window" +
+                        (quiet_ ? " at rest" : "") + (paid ? ", fed by the network" : "")};
     bool falls = true;
     for (std::size_t i = 1; i < n; ++i) falls = falls && energy_at_end_[i] < energy_at_end_[i - 1];
-    if (last > kStill && fed && falls && slope > -5.0 * error && slope > -0.01)
+    if (paid && falls && slope > -5.0 * error && slope > -0.01)
       return {true, "sustained oscillation of " + std::to_string(1e3 * last) +
                         " mm/s rms, fed by the network: port energy " + std::to_string(energy_j_) + " J and falling"};
     return {false, slope < 0.0 ? "bounded and decaying" : "bounded, not growing"};
@@ -107,9 +136,10 @@ class Verdict {
     return {slope, std::sqrt(residual / (count - 2.0) / sxx)};
   }
 
-  static constexpr double kStill = 1e-9;  // [m/s]
-  double from_s_, window_s_, initial_energy_j_, energy_j_, most_energy_j_, diverged_at_s_ = 0.0;
-  bool diverged_ = false;
+  bool quiet_;
+  double from_s_, window_s_, initial_energy_j_, energy_j_, most_energy_j_;
+  double energy_at_start_j_ = 0.0, force2_ = 0.0, fast_force2_ = 0.0, diverged_at_s_ = 0.0;
+  bool diverged_ = false, corrected_ = false;
   std::array<double, kWindows> sum_{}, weight_{}, energy_at_end_{};
   std::size_t filled_ = 0;
 };

@@ -9,16 +9,16 @@ struct NoReport {};
 struct NoMail {
   NoReport nothing;
   const NoReport& collect(Duration) const noexcept { return nothing; }
-  void post(const NoReport&, Duration) const noexcept {}
+  void post(NoReport&, Duration) const noexcept {}
 };
 
 /// One control period: sense, collect, step, actuate, post. The only place where this order is written down; the live
 /// programs, the laboratory and a replay all run it.
 template <class Node, class Plant, class Mail, class Clock>
-auto run_cycle(Node& node, Plant& plant, Mail& mail, const Tick<Clock>& tick) noexcept {
+[[gnu::always_inline]] inline auto run_cycle(Node& node, Plant& plant, Mail& mail, const Tick<Clock>& tick) noexcept {
   const auto sensed = plant.sense();
   const auto& arrived = mail.collect(tick.now.time_since_epoch());
-  const auto out = node.step(tick, sensed, arrived);
+  auto out = node.step(tick, sensed, arrived);
   plant.actuate(out.command);
   mail.post(out.report, tick.now.time_since_epoch());
   return out;

@@ -81,9 +81,8 @@ bool read_report(const schema::Datagram& message, Report<N>& r) {
   return true;
 }
 
-/// False when what it says of itself makes no sense. Nothing said (dof 0): no identity.
+/// False when what it says of itself makes no sense. Nothing said (dof 0): `identity` stays as it is.
 bool read_identity(const schema::Datagram& message, std::optional<Identity>& identity) {
-  identity.reset();
   if (message.dof() == 0) return true;
   if (message.dof() > 6 || !(message.rate_hz() > 0.0) || !std::isfinite(message.rate_hz())) return false;
   if (message.side() != static_cast<std::uint32_t>(Side::master) &&

@@ -64,6 +64,7 @@ TEST(Histogram, TakesWhatIsOutOfRangeAsTheNearest) {
   EXPECT_EQ(h.percentile(1.0), 0ns);
   h.add(Duration::max());
   EXPECT_EQ(h.max(), Duration{(1L << 40) - 1});
+  EXPECT_EQ(h.percentile(0.5), 0ns);
   EXPECT_EQ(h.count(), 2U);
 }
 

@@ -52,6 +52,15 @@ TEST(Observer, SharesTheInitialEnergyEquallyAmongItsAccounts) {
   EXPECT_DOUBLE_EQ(observer.total().si(), 0.6);
 }
 
+TEST(Observer, CountsWhatAnElementHoldsAtTheStartInItsOwnAccount) {
+  Observer<2> observer{0.2_J};
+  observer.store(1, 0.5_J);
+  EXPECT_DOUBLE_EQ(observer.energy(0).si(), 0.1);
+  EXPECT_DOUBLE_EQ(observer.energy(1).si(), 0.6);
+  EXPECT_DOUBLE_EQ(observer.total().si(), 0.7);
+  EXPECT_EQ(observer.ledger(1).absorbed(), 0.0_J);  // held, not put in through the port
+}
+
 TEST(Observer, KeepsItsAccountsApart) {
   Observer<3> observer{0.3_J};
   observer.book(0, 1.0_J);

@@ -139,7 +139,8 @@ TEST_F(Session, DeliversNothingUntilTheNodeIsRebased) {
   s->listens = false;
   run(50, *m, *s);
   EXPECT_FALSE(s->seen.any);
-  EXPECT_FALSE(m->seen.any);  // and the slave has not spoken with totals of before
+  EXPECT_EQ(s->link().counts().handshake, 1U);  // and nothing is passed over meanwhile
+  EXPECT_FALSE(m->seen.any);                    // and the slave has not spoken with totals of before
   s->listens = true;
   EXPECT_TRUE(coupled(*m, *s));
 }

@@ -1,0 +1,155 @@
+// The whole chain in virtual time, per tick, beside the same equations written out by hand; what blocks of a scene cost;
+// and single node steps. Ratios within one run are meant; times are this machine's.
+
+#include <benchmark/benchmark.h>
+#include <fmt/format.h>
+
+#include <string>
+
+#include "bench/hand_written.h"
+#include "common/record/metrics.h"
+#include "common/scene/load.h"
+#include "lab/simulation.h"
+#include "sim/path.h"
+
+namespace {
+
+using namespace twoport;
+
+constexpr double kSeconds = 8.0, kRate = 2000.0;
+
+std::string list(int n, double first) { return fmt::format("[{}{}]", first, n == 1 ? "" : ", 0, 0"); }
+
+/// Press a wall and hold, 20 ms each way, no loss: the scene that both versions run.
+std::string wall_scene(int dof) {
+  const int axes = dof == 1 ? 1 : 3;
+  const std::string six = dof == 6 ? " inertia_kg_m2: 1e-3" : "";
+  return "dof: " + std::to_string(dof) + " duration_s: 8 rate_hz: 2000\n" +
+         "operator { hand { mass_kg: 0.1 stiffness_n_per_m: 400 damping_n_s_per_m: 8 " +
+         (dof == 6 ? "rotational_stiffness_n_m_per_rad: 5 rotational_damping_n_m_s_per_rad: 0.05 " : "") + "}\n" +
+         "  path { move_to { position_m: " + list(axes, 0.03) + " duration_s: 1 } } }\n" +
+         "device { mass_kg: 0.075 damping_n_s_per_m: 0.05" + six + " }\n" +
+         "control { architecture: POSITION_FORCE virtual_coupling { stiffness_n_per_m: 1000 damping_n_s_per_m: 20 } "
+         "passivity { method: FORCE_PROJECTED } }\n" +
+         "to_slave { delay_ms: 20 } to_master { delay_ms: 20 }\n" +
+         "robot { mass_kg: 0.5 damping_n_s_per_m: 2 " + (dof == 6 ? "inertia_kg_m2: [2e-3, 2e-3, 2e-3]" : "") + " }\n" +
+         "environment { wall { normal: " + list(axes, -1) + " offset_m: -0.02 stiffness_n_per_m: 5000 } }\n";
+}
+
+template <int N>
+void hand_written(benchmark::State& state) {
+  using V = typename bench::HandWritten<N>::V;
+  V to = V::Zero();
+  to[0] = 0.03;
+  double end = 0.0;
+  for (auto _ : state) {
+    bench::HandWritten<N> loop{{.T = 1 / kRate, .hand_m = 0.1, .hand_k = 400, .hand_b = 8, .device_m = 0.075,
+                                .device_b = 0.05, .k = 1000, .b = 20, .robot_m = 0.5, .robot_b = 2, .wall_k = 5000,
+                                .wall_at = 0.02, .e0 = 1e-3, .max_gain = 10, .engage_s = 0.1, .delay_ticks = 40}};
+    for (int k = 1; k <= static_cast<int>(kSeconds * kRate); ++k) {
+      const double s = std::min(1.0, k / kRate);
+      loop.step(s * s * s * (10.0 - s * (15.0 - 6.0 * s)) * to);
+    }
+    end = loop.slave()[0];
+    benchmark::ClobberMemory();
+  }
+  state.counters["slave_x_m"] = end;
+  state.SetItemsProcessed(state.iterations() * static_cast<std::int64_t>(kSeconds * kRate));
+}
+
+template <template <int> class Simulation, int N, bool kMetrics = false>
+void chain(benchmark::State& state, const std::string& text) {
+  const Scene scene = parse_scene(text, "bench");
+  double end = 0.0;
+  std::int64_t ticks = 0;
+  for (auto _ : state) {
+    state.PauseTiming();
+    Simulation<N> simulation{scene};
+    Metrics<N> metrics{scene.master_rate_hz, scene.duration_s, 1.0, 0.0};
+    state.ResumeTiming();
+    ticks += static_cast<std::int64_t>(simulation.run([&](const Row<N>& row) {
+      end = row.slave_x.translation()[0];
+      if constexpr (kMetrics) return metrics.add(row);
+      return true;
+    }));
+    benchmark::ClobberMemory();
+  }
+  state.counters["slave_x_m"] = end;
+  state.SetItemsProcessed(ticks);
+}
+
+void chain1(benchmark::State& s) { chain<lab::LinkSimulation, 1>(s, wall_scene(1)); }
+void chain3(benchmark::State& s) { chain<lab::LinkSimulation, 3>(s, wall_scene(3)); }
+void chain6(benchmark::State& s) { chain<lab::LinkSimulation, 6>(s, wall_scene(6)); }
+void chain1_metrics(benchmark::State& s) { chain<lab::LinkSimulation, 1, true>(s, wall_scene(1)); }
+void chain3_metrics(benchmark::State& s) { chain<lab::LinkSimulation, 3, true>(s, wall_scene(3)); }
+
+// An absent block costs nothing: the same device alone in free space, then with all there is.
+constexpr const char* kFree = R"(dof: 1 duration_s: 8 rate_hz: 2000 device { mass_kg: 0.075 velocity_m_per_s: [0.01] }
+  control { architecture: RENDER })";
+constexpr const char* kFull = R"(dof: 1 duration_s: 8 rate_hz: 2000
+  operator { hand { mass_kg: 0.1 stiffness_n_per_m: 400 damping_n_s_per_m: 8 }
+             path { move_to { position_m: [0.03] duration_s: 1 } } path { sine { amplitude_m: 0.01 frequency_hz: 1 duration_s: 6 } } }
+  device { mass_kg: 0.075 coulomb_friction_n: 0.04 position_resolution_m: 30e-6 velocity_estimate: FILTERED max_force_n: 8.5 }
+  control { passivity { method: FORCE_PROJECTED } }
+  to_slave { delay_ms: 20 jitter_ms: 3 loss: 0.05 } to_master { delay_ms: 20 jitter_ms: 3 loss: 0.05 }
+  robot { mass_kg: 0.5 damping_n_s_per_m: 2 force_sensor { noise_n: 0.01 latency_ms: 1 } }
+  environment { wall { normal: [-1] offset_m: -0.02 stiffness_n_per_m: 5000 damping_n_s_per_m: 2 } })";
+void free_space(benchmark::State& s) { chain<lab::RenderSimulation, 1>(s, kFree); }
+void full_scene(benchmark::State& s) { chain<lab::LinkSimulation, 1>(s, kFull); }
+
+template <int N>
+void master_step(benchmark::State& state) {
+  MasterNode<N> node{parse_scene(wall_scene(N), "bench").control};
+  DeviceState<N> device{};
+  Known<N> known{};
+  known.any = true;
+  known.newest.f = Force<N>{Force<N>::Vector::Ones()};
+  known.energy_in_j = 1e9;
+  std::int64_t k = 0;
+  const Seconds dt{1 / kRate};
+  for (auto _ : state) {
+    const Duration now = tick_time(++k, kRate);
+    known.heard = now;
+    device.v = Velocity<N>{Velocity<N>::Vector::Constant(k % 2 == 0 ? 0.1 : -0.1)};
+    device.x = device.x + device.v * dt;
+    benchmark::DoNotOptimize(node.step(Tick<MasterClock>{Instant<MasterClock>{now}, dt}, device, known));
+  }
+}
+template <int N>
+void slave_step(benchmark::State& state) {
+  SlaveNode<N> node{parse_scene(wall_scene(N), "bench").control};
+  RobotState<N> robot{};
+  Known<N> known{};
+  known.any = known.fresh = true;
+  known.energy_in_j = 1e9;
+  std::int64_t k = 0;
+  const Seconds dt{1 / kRate};
+  for (auto _ : state) {
+    const Duration now = tick_time(++k, kRate);
+    known.heard = now;
+    known.newest.v = Velocity<N>{Velocity<N>::Vector::Constant(k % 2 == 0 ? 0.1 : -0.1)};
+    known.newest.x = known.newest.x + known.newest.v * dt;
+    benchmark::DoNotOptimize(node.step(Tick<SlaveClock>{Instant<SlaveClock>{now}, dt}, robot, known));
+  }
+}
+
+BENCHMARK(hand_written<1>);
+BENCHMARK(chain1);
+BENCHMARK(chain1_metrics);
+BENCHMARK(hand_written<3>);
+BENCHMARK(chain3);
+BENCHMARK(chain3_metrics);
+BENCHMARK(chain6);
+BENCHMARK(free_space);
+BENCHMARK(full_scene);
+BENCHMARK(master_step<1>);
+BENCHMARK(slave_step<1>);
+BENCHMARK(master_step<3>);
+BENCHMARK(slave_step<3>);
+BENCHMARK(master_step<6>);
+BENCHMARK(slave_step<6>);
+
+}  // namespace
+
+BENCHMARK_MAIN();

@@ -1,0 +1,285 @@
+#include <gtest/gtest.h>
+
+#include <csignal>
+#include <memory>
+#include <random>
+#include <string>
+#include <thread>
+
+#include "tests/loopback/relay.h"
+#include "tests/support/live.h"
+
+// What a link does to a run: silence, loss, strangers, and the other side's death.
+namespace twoport::test {
+namespace {
+
+/// "coupled holding coupled" from what a program has shown on its terminal. A slave that has just found a master is idle
+/// for a moment, seen or not.
+std::string modes_shown(const std::string& terminal) {
+  std::string modes, last;
+  for (std::size_t at = terminal.find(" s   "); at != terminal.npos; at = terminal.find(" s   ", at + 1)) {
+    const std::string mode = terminal.substr(at + 5, terminal.find(' ', at + 5) - at - 5);
+    if (mode == "idle" || mode == last) continue;
+    modes += (modes.empty() ? "" : " ") + mode;
+    last = mode;
+  }
+  return modes;
+}
+
+// ---- the other side dies, and comes back
+
+// The robot stands in contact, and so does the handle: what a real one would do while its program starts anew.
+const Words kRobotInContact{"--set", "robot.position_m=[0.0204]"};
+const Words kHandInContact{"--set", "device.position_m=[0.026]"};
+
+TEST(Restart, OfTheSlaveInContactIsSurvivedByTheMaster) {
+  const Pair pair;
+  Process first = pair.listening_slave("first");
+  Process master = pair.master("master", {"--set", "duration_s=5"}, {.terminal = true});
+  std::this_thread::sleep_for(1500ms);
+  first.send(SIGKILL);
+  first.wait();
+  std::this_thread::sleep_for(500ms);
+  Process second = pair.slave("second", kRobotInContact);
+  EXPECT_EQ(master.wait(), exited(0)) << master.err();
+  EXPECT_EQ(second.wait(), exited(0)) << second.err();
+
+  const schema::Summary m = pair.summary("master"), s = pair.summary("second");
+  EXPECT_EQ(m.reconnects(), 1u);
+  EXPECT_EQ(m.mode(), "coupled");
+  EXPECT_EQ(modes_shown(master.err()), "coupled holding coupled");
+  for (const schema::Summary& each : {m, s}) EXPECT_TRUE(each.stable()) << each.verdict();
+  EXPECT_GE(m.min_port_energy_j(), -1e-3);
+
+  const Trace trace = pair.trace("master");
+  EXPECT_GT(trace.peak("master_f_wanted_0", 1.0, 1.3), 0.5) << "in contact before";
+  EXPECT_GT(trace.peak("master_f_wanted_0", 4.0, 5.0), 0.5) << "in contact after";
+  EXPECT_LE(trace.peak("master_f_0", 0.0, 5.0), 8.5) << "what the device can";
+  std::cout << "slave restarted: least port energy " << m.min_port_energy_j() << " J, largest force "
+            << m.max_force_n() << " N\n";
+}
+
+TEST(Restart, OfTheMasterInContactIsSurvivedByTheSlave) {
+  const Pair pair;
+  Process slave = pair.listening_slave("slave", {"--set", "duration_s=4"}, {.terminal = true});
+  Process first = pair.master("first", {"--set", "duration_s=60"});
+  std::this_thread::sleep_for(1500ms);
+  first.send(SIGKILL);
+  first.wait();
+  std::this_thread::sleep_for(500ms);
+  Process second = pair.master("second", kHandInContact);
+  EXPECT_EQ(second.wait(), exited(0)) << second.err();
+  EXPECT_EQ(slave.wait(), exited(0)) << slave.err();
+
+  const schema::Summary m = pair.summary("second"), s = pair.summary("slave");
+  EXPECT_EQ(s.reconnects(), 1u);
+  EXPECT_EQ(m.reconnects(), 0u);
+  EXPECT_EQ(modes_shown(slave.err()).find("coupled holding coupled"), 0u) << slave.err();
+  for (const schema::Summary& each : {m, s}) EXPECT_TRUE(each.stable()) << each.verdict();
+  EXPECT_GE(m.min_port_energy_j(), -1e-3);
+  EXPECT_GT(pair.trace("second").peak("master_f_wanted_0", 1.0, 2.0), 0.5);
+  std::cout << "master restarted: least port energy " << m.min_port_energy_j() << " J, largest force "
+            << m.max_force_n() << " N\n";
+}
+
+TEST(Restart, AfterALongSilenceFindsTheMasterReleased) {
+  const Pair pair;
+  Process first = pair.listening_slave("first");
+  Process master = pair.master("master", {"--set", "duration_s=4"}, {.terminal = true});
+  std::this_thread::sleep_for(1000ms);
+  first.send(SIGKILL);
+  first.wait();
+  std::this_thread::sleep_for(1600ms);
+  Process second = pair.slave("second", kRobotInContact);
+  EXPECT_EQ(master.wait(), exited(0)) << master.err();
+  EXPECT_EQ(second.wait(), exited(0)) << second.err();
+  EXPECT_EQ(modes_shown(master.err()), "coupled holding released coupled");
+  const schema::Summary m = pair.summary("master");
+  EXPECT_EQ(m.reconnects(), 1u);
+  EXPECT_TRUE(m.stable()) << m.verdict();
+  EXPECT_GE(m.min_port_energy_j(), -1e-3);
+  // A second of silence after the last packet the force is gone.
+  EXPECT_EQ(pair.trace("master").peak("master_f_0", 2.2, 2.5), 0.0);
+}
+
+// ---- silence
+
+TEST(Link, HoldsThroughABlackoutAndCouplesAgain) {
+  const Pair pair;
+  const Words longer{"--set", "duration_s=2.5", "--set", "to_master.blackout=[{start_s: 1 duration_s: 0.6}]",
+                     "--set", "to_slave.blackout=[{start_s: 1 duration_s: 0.6}]"};
+  Process slave = pair.listening_slave("slave", longer, {.terminal = true});
+  Process master = pair.master("master", longer, {.terminal = true});
+  EXPECT_EQ(master.wait(), exited(0)) << master.err();
+  EXPECT_EQ(slave.wait(), exited(0)) << slave.err();
+  EXPECT_EQ(modes_shown(master.err()), "coupled holding coupled");
+  EXPECT_EQ(modes_shown(slave.err()).find("coupled holding coupled"), 0u) << slave.err();
+  const schema::Summary m = pair.summary("master"), s = pair.summary("slave");
+  for (const schema::Summary& each : {m, s}) {
+    EXPECT_TRUE(each.stable()) << each.verdict();
+    EXPECT_EQ(each.reconnects(), 0u);
+  }
+  EXPECT_GE(m.min_port_energy_j(), -1e-3);
+  EXPECT_GT(m.to_master().lost(), 300u) << "600 ticks without a packet";
+  EXPECT_GT(s.to_slave().lost(), 300u);
+  const Trace trace = pair.trace("master");
+  EXPECT_LT(trace.peak("master_f_0", 1.35, 1.55), 0.05) << "the force has faded";
+  EXPECT_GT(trace.peak("master_f_wanted_0", 2.0, 2.5), 0.5) << "and comes back";
+}
+
+// ---- loss
+
+TEST(Link, LosesWhatTheSceneSaysAndIsStable) {
+  const Pair pair;
+  const Words loss{"--set", "to_slave.loss=0.1", "--set", "to_master.loss=0.25"};
+  Process slave = pair.listening_slave("slave", loss), master = pair.master("master", loss);
+  EXPECT_EQ(master.wait(), exited(0)) << master.err();
+  EXPECT_EQ(slave.wait(), exited(0)) << slave.err();
+  const schema::Summary m = pair.summary("master"), s = pair.summary("slave");
+  const auto share = [](const schema::Packets& p) {
+    return static_cast<double>(p.lost()) / static_cast<double>(p.lost() + p.received());
+  };
+  // Five standard deviations of 1500 draws, and what a busy machine's full queue adds.
+  EXPECT_NEAR(share(s.to_slave()), 0.1, 0.05);
+  EXPECT_NEAR(share(m.to_master()), 0.25, 0.07);
+  EXPECT_TRUE(m.stable()) << m.verdict();
+  EXPECT_GE(m.min_port_energy_j(), -1e-3);
+  std::cout << "lost " << share(s.to_slave()) << " of 0.1, " << share(m.to_master()) << " of 0.25\n";
+}
+
+// ---- strangers
+
+/// What came from the wire: noise of every length, the empty datagram and one longer than any buffer among it.
+class Noise {
+ public:
+  Datagram next() {
+    static constexpr int kLengths[] = {0, 1, 2, 5, 6, 30, 64, 200, 1024, 1025, 1499, 1500, 4000};
+    Datagram d(static_cast<std::size_t>(kLengths[random_() % std::size(kLengths)]));
+    for (auto& byte : d) byte = static_cast<std::uint8_t>(random_());
+    return d;
+  }
+  /// A real one, cut somewhere.
+  Datagram cut(const Datagram& whole) {
+    return {whole.begin(), whole.begin() + static_cast<std::ptrdiff_t>(random_() % whole.size())};
+  }
+  const Datagram& any(const std::vector<Datagram>& of) { return of[random_() % of.size()]; }
+
+ private:
+  std::mt19937 random_{20240611};
+};
+
+/// A run was not touched by what else came in.
+void expect_unaffected(const Pair& pair, Process& master, Process& slave) {
+  EXPECT_EQ(master.wait(), exited(0)) << master.err();
+  EXPECT_EQ(slave.wait(), exited(0)) << slave.err();
+  const schema::Summary m = pair.summary("master"), s = pair.summary("slave");
+  EXPECT_EQ(m.mode(), "coupled");
+  for (const schema::Summary& each : {m, s}) {
+    EXPECT_TRUE(each.stable()) << each.verdict();
+    EXPECT_EQ(each.reconnects(), 0u) << each.side();
+    EXPECT_GT(each.contact_s(), 0.5) << each.side();
+  }
+  EXPECT_GE(m.min_port_energy_j(), -1e-3);
+  EXPECT_LT(m.to_master().lost(), 200u);
+  EXPECT_LT(s.to_slave().lost(), 200u);
+  EXPECT_EQ(modes_shown(master.err()), "coupled");
+  std::cout << "rejected at the master " << m.to_master().rejected() << ", at the slave " << s.to_slave().rejected()
+            << "; position error " << m.position_error_rms_m() << " m rms\n";
+}
+
+/// All the datagrams of a run that is over, as the two have sent them.
+struct Recording {
+  std::vector<Datagram> from_master, from_slave;
+};
+Recording record(const Pair& pair, std::uint16_t relay_port) {
+  Relay relay{relay_port, pair.port};
+  Pair through{press()};
+  through.port = relay_port;
+  Process slave = pair.listening_slave("old"), master = through.master("old", {"--set", "duration_s=0.4"});
+  master.wait();
+  slave.send(SIGTERM);
+  slave.wait();
+  // The relay rests now: nobody is there to send.
+  std::this_thread::sleep_for(50ms);
+  return {relay.from_master, relay.from_slave};
+}
+
+TEST(Strangers, OnTheWayAreCountedAndDropped) {
+  const Pair pair;
+  Pair through{press()};
+  through.port = free_udp_port();
+  const Recording old = record(pair, through.port);
+  ASSERT_FALSE(old.from_master.empty());
+  ASSERT_FALSE(old.from_slave.empty());
+
+  std::atomic<int> sent = 0;
+  Noise noise;
+  std::unique_ptr<Process> slave = std::make_unique<Process>(pair.listening_slave("slave", {}, {.terminal = true}));
+  const Relay relay{through.port, pair.port, [&](Relay& r) {
+                      // From the very address of the other side, which is the worst that can be.
+                      r.to_slave(noise.next());
+                      r.to_master(noise.next());
+                      r.to_slave(noise.cut(noise.any(r.from_master)));
+                      r.to_master(noise.cut(noise.any(r.from_slave)));
+                      // Past the greetings, which are another matter.
+                      r.to_slave(old.from_master.back());
+                      r.to_master(old.from_slave.back());
+                      sent += 3;
+                    }};
+  Process master = through.master("master", {}, {.terminal = true});
+  EXPECT_EQ(master.wait(), exited(0)) << master.err();
+  std::filesystem::rename(through.at("master"), pair.at("master"));
+  expect_unaffected(pair, master, *slave);
+  std::cout << "strange datagrams sent to each: " << sent << "\n";
+  EXPECT_GT(pair.summary("slave").to_slave().rejected(), 0.5 * sent);
+  EXPECT_GT(pair.summary("master").to_master().rejected(), 0.5 * sent);
+}
+
+TEST(Strangers, FromElsewhereAreDroppedEvenWithGreetingsOfAnOldSession) {
+  const Pair pair;
+  Pair through{press()};
+  through.port = free_udp_port();
+  const Recording old = record(pair, through.port);
+
+  std::atomic<int> sent = 0;
+  Noise noise;
+  const Socket elsewhere;
+  Process slave = pair.listening_slave("slave", {}, {.terminal = true});
+  const Relay relay{through.port, pair.port, [&](Relay& r) {
+                      for (const Datagram& d : {noise.next(), noise.cut(noise.any(r.from_master)),
+                                                noise.any(r.from_master), noise.any(old.from_master),
+                                                old.from_master.front()}) {
+                        elsewhere.send(d, pair.port);
+                        elsewhere.send(d, r.master_port);
+                      }
+                      sent += 5;
+                    }};
+  Process master = through.master("master", {}, {.terminal = true});
+  EXPECT_EQ(master.wait(), exited(0)) << master.err();
+  std::filesystem::rename(through.at("master"), pair.at("master"));
+  expect_unaffected(pair, master, slave);
+  // The master's socket takes from its slave only: the system drops the rest before it is seen.
+  EXPECT_GT(pair.summary("slave").to_slave().rejected(), 0.5 * sent);
+}
+
+TEST(Strangers, OnTheWayDoNotPassForTheOtherSideWithGreetingsOfAnOldSession) {
+  const Pair pair;
+  Pair through{press()};
+  through.port = free_udp_port();
+  const Recording old = record(pair, through.port);
+
+  int ticks = 0;
+  Process slave = pair.listening_slave("slave", {}, {.terminal = true});
+  const Relay relay{through.port, pair.port, [&](Relay& r) {
+                      if (++ticks % 400 != 0) return;
+                      r.to_master(old.from_slave.front());
+                      r.to_slave(old.from_master.front());
+                    }};
+  Process master = through.master("master", {}, {.terminal = true});
+  EXPECT_EQ(master.wait(15s), exited(0)) << master.err();
+  std::filesystem::rename(through.at("master"), pair.at("master"));
+  expect_unaffected(pair, master, slave);
+}
+
+}  // namespace
+}  // namespace twoport::test

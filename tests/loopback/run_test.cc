@@ -1,0 +1,228 @@
+#include <gtest/gtest.h>
+
+#include <csignal>
+#include <filesystem>
+#include <regex>
+#include <string>
+#include <thread>
+
+#include "proto/scene.pb.h"
+#include "tests/support/live.h"
+
+// A run from its beginning to its end, however that comes.
+namespace twoport::test {
+namespace {
+
+bool exists(const std::string& path) { return std::filesystem::exists(path); }
+
+/// Both have run the pressing scene to its end: what their summaries must say.
+void expect_whole_run(const Pair& pair) {
+  const schema::Summary m = pair.summary("master"), s = pair.summary("slave");
+  EXPECT_EQ(m.scene(), "press");
+  EXPECT_EQ(m.side(), "master");
+  EXPECT_EQ(s.side(), "slave");
+  for (const schema::Summary& each : {m, s}) {
+    EXPECT_EQ(each.architecture(), "POSITION_FORCE");
+    EXPECT_EQ(each.method(), "FORCE_PROJECTED");
+    EXPECT_EQ(each.dof(), 1);
+    EXPECT_EQ(each.rate_hz(), 1000);
+    // Ticks that a busy machine left out are not rows.
+    EXPECT_GT(each.steps(), 1000u);
+    EXPECT_LE(each.steps(), 2000u);
+    EXPECT_LE(each.steps(), 2000u);
+    EXPECT_NEAR(each.duration_s(), each.steps() / 1000.0, 1e-9);
+    EXPECT_TRUE(each.stable()) << each.verdict();
+    EXPECT_GT(each.max_force_n(), 0.2);
+    EXPECT_GT(each.contact_s(), 0.5);
+    EXPECT_GT(each.step_ns(), 0.0);
+    EXPECT_LE(each.loop_lateness_us().p50(), each.loop_lateness_us().p99());
+    EXPECT_LE(each.loop_lateness_us().p99(), each.loop_lateness_us().max());
+    EXPECT_EQ(each.reconnects(), 0u);
+  }
+  EXPECT_EQ(m.mode(), "coupled");
+  EXPECT_GE(m.min_port_energy_j(), -1e-3);
+  // 10 ms each way, and what a busy machine adds.
+  EXPECT_GE(m.rtt_ms().p50(), 19.9);
+  EXPECT_LT(m.rtt_ms().p50(), 60.0);
+  // Each tick sends one packet; those before the two knew each other, and after one had gone, arrive nowhere.
+  EXPECT_GE(m.to_slave().sent(), m.steps());
+  EXPECT_LE(s.to_slave().received(), m.to_slave().sent());
+  EXPECT_GT(s.to_slave().received(), 0.9 * m.steps() - 100);
+  EXPECT_LE(m.to_master().received(), s.to_master().sent());
+  EXPECT_EQ(s.to_slave().duplicated(), 0u);
+  EXPECT_EQ(m.to_master().duplicated(), 0u);
+  EXPECT_EQ(s.to_slave().rejected() + m.to_master().rejected(), 0u);
+  EXPECT_EQ(pair.trace("master").rows(), m.steps());
+  EXPECT_EQ(pair.trace("slave").rows(), s.steps());
+}
+
+TEST(Run, GoesFromEndToEndWhenTheSlaveStartsFirst) {
+  const Pair pair;
+  Process slave = pair.listening_slave(), master = pair.master();
+  EXPECT_EQ(master.wait(), exited(0)) << master.err();
+  EXPECT_EQ(slave.wait(), exited(0)) << slave.err();
+  expect_whole_run(pair);
+}
+
+TEST(Run, GoesFromEndToEndWhenTheMasterStartsFirst) {
+  const Pair pair;
+  Process master = pair.master();
+  EXPECT_TRUE(master.says("waiting for a slave at " + pair.address())) << master.err();
+  std::this_thread::sleep_for(500ms);
+  Process slave = pair.slave();
+  EXPECT_EQ(master.wait(), exited(0)) << master.err();
+  EXPECT_EQ(slave.wait(), exited(0)) << slave.err();
+  expect_whole_run(pair);
+}
+
+/// A signal to each in the middle of contact: what was recorded until then is there, whole.
+void expect_stop_by(int to_master, int to_slave) {
+  const Pair pair;
+  Process slave = pair.listening_slave(), master = pair.master();
+  std::this_thread::sleep_for(1200ms);
+  master.send(to_master);
+  EXPECT_EQ(master.wait(), exited(0)) << master.err();
+  slave.send(to_slave);
+  EXPECT_EQ(slave.wait(), exited(0)) << slave.err();
+  for (const std::string side : {"master", "slave"}) {
+    const schema::Summary s = pair.summary(side);
+    EXPECT_NE(s.verdict().find("interrupted"), std::string::npos) << side << ": " << s.verdict();
+    EXPECT_GT(s.steps(), 100u) << side;
+    EXPECT_LT(s.steps(), 2000u) << side;
+    EXPECT_EQ(pair.trace(side).rows(), s.steps()) << side;
+    EXPECT_FALSE(exists(pair.at(side + "/trace.csv.partial"))) << side;
+  }
+}
+
+TEST(Run, EndsWholeOnSigintToTheMasterAndSigtermToTheSlave) { expect_stop_by(SIGINT, SIGTERM); }
+TEST(Run, EndsWholeOnSigtermToTheMasterAndSigintToTheSlave) { expect_stop_by(SIGTERM, SIGINT); }
+
+TEST(Run, EndsWholeOnASignalWhileItWaitsForTheOtherSide) {
+  const Pair pair;
+  Process slave = pair.listening_slave();
+  slave.send(SIGTERM);
+  EXPECT_EQ(slave.wait(), exited(0)) << slave.err();
+  Process master = pair.master();
+  ASSERT_TRUE(master.says("waiting for a slave"));
+  master.send(SIGINT);
+  EXPECT_EQ(master.wait(), exited(0)) << master.err();
+  for (const std::string side : {"master", "slave"}) {
+    EXPECT_EQ(pair.summary(side).steps(), 0u) << side;
+    EXPECT_EQ(pair.summary(side).mode(), "idle") << side;
+    EXPECT_EQ(pair.trace(side).rows(), 0u) << side;
+  }
+}
+
+TEST(Run, LeavesNothingUnderItsFinalNameWhenKilledInTheMiddle) {
+  const Pair pair;
+  Process slave = pair.listening_slave(), master = pair.master();
+  std::this_thread::sleep_for(700ms);
+  for (Process* each : {&master, &slave}) {
+    each->send(SIGKILL);
+    EXPECT_EQ(each->wait(), killed_by(SIGKILL));
+  }
+  for (const std::string side : {"master", "slave"}) {
+    EXPECT_FALSE(exists(pair.at(side + "/summary.json"))) << side;
+    EXPECT_FALSE(exists(pair.at(side + "/trace.csv"))) << side;
+  }
+}
+
+TEST(Run, LeavesWholeFilesOrNoneWhenKilledNearItsEnd) {
+  const Pair pair{press(1, "RENDER")};
+  int with_summary = 0, without = 0;
+  for (int i = 0; i < 24; ++i) {
+    const std::string out = "run" + std::to_string(i);
+    Process master = pair.master(out, {"--set", "duration_s=0.1"});
+    // The end comes when the trace gets its name; kill it around then.
+    for (int ms = 0; ms < 5000 && !exists(pair.at(out + "/trace.csv")) && i % 2 == 0; ++ms)
+      std::this_thread::sleep_for(200us);
+    if (i % 2 == 1) std::this_thread::sleep_for(100ms + i * 3ms);
+    master.send(SIGKILL);
+    master.wait();
+    if (exists(pair.at(out + "/trace.csv"))) {
+      EXPECT_GT(pair.trace(out).rows(), 0u);
+    }
+    if (exists(pair.at(out + "/summary.json"))) {
+      ++with_summary;
+      EXPECT_EQ(pair.summary(out).steps(), pair.trace(out).rows());
+    } else {
+      ++without;
+    }
+  }
+  std::cout << "killed near the end: " << with_summary << " runs with a whole summary, " << without << " without\n";
+}
+
+TEST(Run, OfARenderedEnvironmentNeedsNoSlaveAndNoSocket) {
+  const Pair pair{press(1, "RENDER")};
+  Process master = pair.master("master", {"--set", "duration_s=1"});
+  std::this_thread::sleep_for(400ms);
+  ASSERT_TRUE(master.running()) << master.err();
+  for (const auto& fd : std::filesystem::directory_iterator{"/proc/" + std::to_string(master.pid()) + "/fd"}) {
+    std::error_code gone;
+    const std::string target = std::filesystem::read_symlink(fd, gone).string();
+    EXPECT_EQ(target.find("socket"), std::string::npos) << target;
+  }
+  EXPECT_EQ(master.wait(), exited(0)) << master.err();
+  const schema::Summary s = pair.summary("master");
+  EXPECT_EQ(s.architecture(), "RENDER");
+  EXPECT_TRUE(s.stable()) << s.verdict();
+  EXPECT_GE(s.min_port_energy_j(), -1e-3);
+  EXPECT_GT(s.max_force_n(), 0.5);
+  EXPECT_EQ(s.to_slave().sent(), 0u);
+  EXPECT_EQ(pair.trace("master").rows(), s.steps());
+}
+
+/// Every architecture that has a link, at one size, side by side.
+void expect_each_architecture(int dof) {
+  const auto* architectures = schema::Control::Architecture_descriptor();
+  std::vector<std::unique_ptr<Pair>> pairs;
+  std::vector<Process> running;
+  for (int i = 0; i < architectures->value_count(); ++i) {
+    const std::string& name = architectures->value(i)->name();
+    pairs.push_back(std::make_unique<Pair>(press(dof, name)));
+    const Words shorter{"--set", "duration_s=1", "--set", "rate_hz=500", "--set", "name=" + name};
+    if (name != "RENDER") running.push_back(pairs.back()->slave("slave", shorter));
+    running.push_back(pairs.back()->master("master", shorter));
+  }
+  for (Process& each : running) EXPECT_EQ(each.wait(), exited(0)) << each.err();
+  for (const auto& pair : pairs) {
+    const schema::Summary m = pair->summary("master");
+    EXPECT_EQ(m.scene(), m.architecture());
+    EXPECT_EQ(m.dof(), dof) << m.scene();
+    EXPECT_TRUE(m.stable()) << m.scene() << ": " << m.verdict();
+    EXPECT_GE(m.min_port_energy_j(), -1e-3) << m.scene();
+    EXPECT_GT(m.contact_s(), 0.05) << m.scene();
+    if (m.architecture() == "RENDER") continue;
+    const schema::Summary s = pair->summary("slave");
+    EXPECT_EQ(s.dof(), dof) << m.scene();
+    EXPECT_TRUE(s.stable()) << m.scene() << ": " << s.verdict();
+    EXPECT_EQ(m.mode(), "coupled") << m.scene();
+    EXPECT_GT(s.to_slave().received(), 0u) << m.scene();
+    EXPECT_GT(m.to_master().received(), 0u) << m.scene();
+    EXPECT_EQ(s.to_slave().rejected() + m.to_master().rejected(), 0u) << m.scene();
+  }
+}
+
+TEST(Run, WorksForEveryArchitectureWithOneAxis) { expect_each_architecture(1); }
+TEST(Run, WorksForEveryArchitectureWithThreeAxes) { expect_each_architecture(3); }
+TEST(Run, WorksForEveryArchitectureWithSixDegreesOfFreedom) { expect_each_architecture(6); }
+
+TEST(Run, BreaksAPromiseWithStatusThreeAndSaysWhichByHowMuch) {
+  const Pair pair{press(1, "RENDER") + "expect { at_most { key: \"max_force_n\" value: 0.01 } }\n"};
+  Process master = pair.master("master", {"--set", "duration_s=0.7"});
+  EXPECT_EQ(master.wait(), exited(3));
+  EXPECT_TRUE(std::regex_search(master.err(), std::regex{"max_force_n is .* promised at most 0.01: over by"}))
+      << master.err();
+}
+
+TEST(Run, WithoutATraceWritesTheSummaryOnly) {
+  const Pair pair{press(1, "RENDER")};
+  Process master = pair.master("master", {"--trace", "none", "--set", "duration_s=0.1"});
+  EXPECT_EQ(master.wait(), exited(0)) << master.err();
+  EXPECT_GT(pair.summary("master").steps(), 0u);
+  EXPECT_FALSE(exists(pair.at("master/trace.csv")));
+  EXPECT_FALSE(exists(pair.at("master/trace.csv.partial")));
+}
+
+}  // namespace
+}  // namespace twoport::test

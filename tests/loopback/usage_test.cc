@@ -1,0 +1,140 @@
+#include <gtest/gtest.h>
+
+#include <string>
+
+#include "tests/support/live.h"
+
+// What the programs are told wrong, and how they say so.
+namespace twoport::test {
+namespace {
+
+/// It ends at once with status 2 and one sentence that has all the `parts`, and leaves nothing behind.
+void expect_refused(Process process, const Words& parts) {
+  EXPECT_EQ(process.wait(), exited(2)) << process.err();
+  EXPECT_EQ(process.out(), "");
+  EXPECT_EQ(count(process.err(), "\n"), 1) << process.err();
+  for (const std::string& part : parts) EXPECT_NE(process.err().find(part), std::string::npos) << process.err();
+}
+
+TEST(Usage, NamesAFlagThatIsNoneOrThatIsMissing) {
+  const Pair pair;
+  expect_refused(pair.master("out", {"--bogus"}), {"twoport-master: ", "--bogus"});
+  expect_refused(pair.slave("out", {"--peer", "127.0.0.1:1"}), {"twoport-slave: ", "--peer"});
+  expect_refused(pair.slave("out", {"--trace", "xml"}), {"twoport-slave: ", "--trace", "xml", "none", "csv"});
+  expect_refused(Process{{TWOPORT_MASTER}}, {"twoport-master: ", "--scene", "required"});
+}
+
+TEST(Usage, NamesASceneThatCannotBeRead) {
+  Pair pair;
+  pair.scene = pair.at("missing.textproto");
+  expect_refused(pair.master(), {"twoport-master: ", pair.scene, "No such file"});
+  pair.scene = pair.at(".");
+  expect_refused(pair.slave(), {"twoport-slave: ", pair.scene, "cannot be read"});
+}
+
+TEST(Usage, PlacesAMisspeltFieldByLineAndColumn) {
+  const Pair pair{"dof: 1\nduration_s: 1\ndevice { mass_kg: 1  dampin_n_s_per_m: 0 }\n"};
+  for (Process (Pair::*start)(const std::string&, const Words&, const Surroundings&) const :
+       {&Pair::master, &Pair::slave})
+    expect_refused((pair.*start)("out", {}, {}), {pair.scene + ":3:22: ", "dampin_n_s_per_m", "damping_n_s_per_m"});
+}
+
+TEST(Usage, SaysWhatAnEnumMayBe) {
+  const Pair in_file{press(1, "POSITION_FROCE")};
+  expect_refused(in_file.master(), {in_file.scene + ":13:17: ", "architecture", "POSITION_FROCE", "POSITION_FORCE"});
+  const Pair good;
+  expect_refused(good.slave("out", {"--set", "control.passivity.method=MAGIC"}),
+                 {"control.passivity.method=MAGIC", "NONE", "CLASSIC", "FORCE_PROJECTED"});
+}
+
+TEST(Usage, NamesAnOverrideOfNothingAndAValueOutOfBounds) {
+  const Pair pair;
+  expect_refused(pair.master("out", {"--set", "device.colour=3"}), {"device.colour=3", "colour", "mass_kg"});
+  expect_refused(pair.slave("out", {"--set", "to_slave.loss=1.5"}), {"to_slave.loss", "1.5", "between 0 and 1"});
+}
+
+TEST(Usage, RefusesASlaveOfARenderedEnvironment) {
+  const Pair pair{press(1, "RENDER")};
+  expect_refused(pair.slave(), {"twoport-slave: ", "RENDER"});
+}
+
+TEST(Usage, NamesAnAddressThatIsNone) {
+  Pair pair;
+  for (const std::string wrong : {"localhost", "256.0.0.1", "::1", "127.0.0.1:", ""}) {
+    pair.host = wrong;
+    expect_refused(pair.master(), {"--peer", "'" + pair.address() + "'", "ADDR:PORT"});
+    expect_refused(pair.slave(), {"--listen", "'" + pair.address() + "'", "ADDR:PORT"});
+  }
+  pair.host = "192.0.2.1";  // kept for documentation: nobody has it
+  expect_refused(pair.slave(), {pair.address(), "no interface"});
+  pair.host = "127.0.0.1";
+  pair.port = 0;
+  expect_refused(pair.master(), {pair.address()});
+}
+
+TEST(Usage, SaysThatAPortIsInUse) {
+  const Pair pair;
+  Process first = pair.listening_slave("first");
+  expect_refused(pair.slave("second"), {pair.address(), "in use"});
+  EXPECT_TRUE(first.running()) << first.err();
+}
+
+TEST(Usage, NamesAFolderThatCannotBeMade) {
+  const Pair pair;
+  expect_refused(pair.slave("scene.textproto/below"), {"--out", "scene.textproto/below", "cannot be created"});
+}
+
+TEST(Usage, HelpAndVersionAnswerOnStdout) {
+  for (const std::string program : {TWOPORT_MASTER, TWOPORT_SLAVE, TWOPORT_LAB}) {
+    Process help = finished({program, "--help"}), version = finished({program, "--version"});
+    const std::string name = program.substr(program.rfind('/') + 1);
+    EXPECT_EQ(help.wait(), exited(0));
+    EXPECT_EQ(help.err(), "");
+    EXPECT_EQ(help.out().find(name + ": "), 0u) << help.out();
+    EXPECT_EQ(version.wait(), exited(0));
+    EXPECT_EQ(version.err(), "");
+    EXPECT_EQ(version.out().find(name + " "), 0u) << version.out();
+  }
+  for (const std::string flag : {"--scene", "--set", "--peer", "127.0.0.1:45000", "--out", "--trace", "--no-realtime"})
+    EXPECT_NE(finished({TWOPORT_MASTER, "--help"}).out().find(flag), std::string::npos) << flag;
+  EXPECT_NE(finished({TWOPORT_SLAVE, "--help"}).out().find("--listen"), std::string::npos);
+}
+
+// ---- two programs that do not fit
+
+void expect_both_refuse(const Pair& pair, Process master, const Words& parts) {
+  Process slave = pair.slave();
+  EXPECT_EQ(master.wait(), exited(1)) << master.err();
+  EXPECT_EQ(slave.wait(), exited(1)) << slave.err();
+  for (const std::string& part : parts) {
+    EXPECT_NE(master.err().find(part), std::string::npos) << master.err();
+    EXPECT_NE(slave.err().find(part), std::string::npos) << slave.err();
+  }
+}
+
+TEST(Mismatch, OfScenesIsRefusedByBothInWords) {
+  const Pair pair;
+  expect_both_refuse(pair, pair.master("master", {"--set", "control.virtual_coupling.stiffness_n_per_m=900"}),
+                     {"master and slave run different scenes: digest"});
+}
+TEST(Mismatch, OfDofIsRefusedByBothInWords) {
+  const Pair pair;
+  Pair three{press(3)};
+  three.port = pair.port;
+  expect_both_refuse(pair, three.master(), {"differ in dof: 3 at the master, 1 at the slave"});
+}
+TEST(Mismatch, OfRatesIsRefusedByBothInWords) {
+  const Pair pair;
+  expect_both_refuse(pair, pair.master("master", {"--set", "slave_rate_hz=500"}),
+                     {"differ in the rate of the slave: it runs at 1000 Hz, the master expects 500 Hz"});
+}
+TEST(Mismatch, OfWhatEachSideModelsForItselfIsNone) {
+  const Pair pair;
+  Process slave = pair.listening_slave("slave", {"--set", "environment[0].wall.stiffness_n_per_m=2000"}),
+          master = pair.master("master", {"--set", "duration_s=0.4", "--set", "operator.hand.stiffness_n_per_m=200"});
+  EXPECT_EQ(master.wait(), exited(0)) << master.err();
+  EXPECT_EQ(slave.wait(), exited(0)) << slave.err();
+}
+
+}  // namespace
+}  // namespace twoport::test

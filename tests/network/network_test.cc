@@ -1,0 +1,213 @@
+#include <fcntl.h>
+#include <gtest/gtest.h>
+#include <sched.h>
+#include <unistd.h>
+
+#include <cerrno>
+#include <cstring>
+#include <filesystem>
+#include <fstream>
+#include <optional>
+#include <sstream>
+#include <string>
+#include <thread>
+
+#include "tests/support/live.h"
+
+// Two machines in one: each program has a network of its own, and a cable between them that can be pulled.
+namespace twoport::test {
+namespace {
+
+std::string reason() { return std::strerror(errno); }
+
+/// Root of a user namespace and of a network to come home to, where the user is not root already. Empty, or why not.
+std::string become_root() {
+  if (geteuid() == 0) return {};
+  const uid_t user = geteuid();
+  const gid_t group = getegid();
+  if (unshare(CLONE_NEWUSER | CLONE_NEWNET) != 0) return "neither root nor permitted a user namespace (" + reason() + ")";
+  std::ofstream{"/proc/self/setgroups"} << "deny";
+  std::ofstream{"/proc/self/uid_map"} << "0 " << user << " 1";
+  std::ofstream{"/proc/self/gid_map"} << "0 " << group << " 1";
+  return geteuid() == 0 ? "" : "the user namespace did not take its map";
+}
+
+/// A network namespace that has no name: it is there as long as somebody is in it or holds its descriptor, and is
+/// gone when this test is, however it ends.
+class Network {
+ public:
+  Network() {
+    const int home = open("/proc/self/ns/net", O_RDONLY | O_CLOEXEC);
+    if (unshare(CLONE_NEWNET) == 0) {
+      fd_ = open("/proc/self/ns/net", O_RDONLY | O_CLOEXEC);
+      if (setns(home, CLONE_NEWNET) != 0) std::abort();
+    } else {
+      problem_ = "no network namespace is permitted (" + reason() + ")";
+    }
+    close(home);
+  }
+  ~Network() {
+    if (fd_ >= 0) close(fd_);
+  }
+  Network(const Network&) = delete;
+
+  [[nodiscard]] const std::string& problem() const { return problem_; }
+  [[nodiscard]] int fd() const { return fd_; }
+  /// As another program finds it.
+  [[nodiscard]] std::string path() const {
+    return "/proc/" + std::to_string(getpid()) + "/fd/" + std::to_string(fd_);
+  }
+  /// `ip` in it, the words of the command apart by blanks. Empty, or what went wrong.
+  std::string ip(const std::string& command) const {
+    Words words{"ip"};
+    std::istringstream in{command};
+    for (std::string word; in >> word;) words.push_back(word);
+    Process process{words, {.network = fd_}};
+    const Exit end = process.wait(20s);
+    if (end == exited(0)) return {};
+    return end == exited(127) ? "`ip` is not installed (package iproute2)" : "`ip " + command + "`: " + process.err();
+  }
+  /// A counter of /proc/net/snmp.
+  [[nodiscard]] long counter(const std::string& protocol, const std::string& name) const {
+    Process process = finished({"cat", "/proc/net/snmp"}, {.network = fd_});
+    std::istringstream in{process.out()};
+    std::string names, values, cell;
+    while (std::getline(in, names) && std::getline(in, values)) {
+      if (names.rfind(protocol + ":", 0) != 0) continue;
+      std::istringstream name_in{names}, value_in{values};
+      for (std::string value; name_in >> cell && value_in >> value;)
+        if (cell == name) return std::stol(value);
+    }
+    return -1;
+  }
+
+ private:
+  int fd_ = -1;
+  std::string problem_;
+};
+
+class NetworkTest : public testing::Test {
+ protected:
+  void SetUp() override {
+    static const std::string not_root = become_root();
+    if (!not_root.empty()) GTEST_SKIP() << "no networks to test in: " << not_root;
+    master_.emplace(), slave_.emplace();
+    for (const Network* network : {&*master_, &*slave_})
+      if (!network->problem().empty()) GTEST_SKIP() << "no networks to test in: " << network->problem();
+    const std::string cable = master_->ip("link add cable-m type veth peer name cable-s netns " + slave_->path());
+    if (!cable.empty()) GTEST_SKIP() << "no networks to test in: " << cable;
+    for (const std::string& problem :
+         {master_->ip("addr add 10.45.0.1/24 dev cable-m"), slave_->ip("addr add 10.45.0.2/24 dev cable-s"),
+          master_->ip("addr add fd45::1/64 dev cable-m nodad"), slave_->ip("addr add fd45::2/64 dev cable-s nodad"),
+          master_->ip("link set cable-m up"), slave_->ip("link set cable-s up")})
+      ASSERT_EQ(problem, "");
+  }
+
+  Process start_slave(const Pair& pair, const Words& more = {}) {
+    return pair.listening_slave("slave", more, {.terminal = true, .network = slave_->fd()});
+  }
+  Process start_master(const Pair& pair, const Words& more = {}) {
+    return pair.master("master", more, {.terminal = true, .network = master_->fd()});
+  }
+
+  std::optional<Network> master_, slave_;
+};
+
+void expect_coupled_run(const Pair& pair, Process& master, Process& slave) {
+  EXPECT_EQ(master.wait(), exited(0)) << master.err();
+  EXPECT_EQ(slave.wait(), exited(0)) << slave.err();
+  const schema::Summary m = pair.summary("master"), s = pair.summary("slave");
+  EXPECT_EQ(m.mode(), "coupled");
+  EXPECT_GE(m.min_port_energy_j(), -1e-3);
+  for (const schema::Summary& each : {m, s}) {
+    EXPECT_TRUE(each.stable()) << each.verdict();
+    EXPECT_EQ(each.reconnects(), 0u);
+    EXPECT_GT(each.contact_s(), 0.3);
+  }
+}
+
+TEST_F(NetworkTest, TwoMachinesAreCoupled) {
+  Pair pair;
+  pair.host = "10.45.0.2";
+  Process slave = start_slave(pair), master = start_master(pair);
+  expect_coupled_run(pair, master, slave);
+  const schema::Summary m = pair.summary("master"), s = pair.summary("slave");
+  EXPECT_GT(s.to_slave().received(), 0.9 * m.steps() - 100);
+  EXPECT_LT(s.to_slave().lost() + m.to_master().lost(), 100u);
+  EXPECT_GE(m.rtt_ms().p50(), 19.9);
+}
+
+TEST_F(NetworkTest, ASlaveOnEveryAddressIsReachedByIpv6) {
+  Pair pair;
+  pair.host = "[::]";
+  Process slave = start_slave(pair, {"--set", "duration_s=1"});
+  pair.host = "[fd45::2]";
+  Process master = start_master(pair, {"--set", "duration_s=1"});
+  EXPECT_EQ(master.wait(), exited(0)) << master.err();
+  EXPECT_EQ(slave.wait(), exited(0)) << slave.err();
+  EXPECT_EQ(pair.summary("master").mode(), "coupled");
+}
+
+TEST_F(NetworkTest, APulledCableInContactIsHeldAndCoupledAgain) {
+  Pair pair;
+  pair.host = "10.45.0.2";
+  const Words longer{"--set", "duration_s=3.5", "--set", "control.release_after_s=2"};
+  Process slave = start_slave(pair, longer), master = start_master(pair, longer);
+  std::this_thread::sleep_for(1200ms);
+  ASSERT_EQ(master_->ip("link set cable-m down"), "");
+  std::this_thread::sleep_for(500ms);
+  ASSERT_EQ(master_->ip("link set cable-m up"), "");
+  expect_coupled_run(pair, master, slave);
+  EXPECT_NE(master.err().find("holding"), std::string::npos) << master.err();
+  EXPECT_NE(slave.err().find("holding"), std::string::npos) << slave.err();
+  EXPECT_EQ(master.err().find("released"), std::string::npos) << master.err();
+  const Trace trace = pair.trace("master");
+  EXPECT_GT(trace.peak("master_f_wanted_0", 0.7, 1.1), 0.5) << "in contact before";
+  EXPECT_GT(trace.peak("master_f_wanted_0", 2.7, 3.5), 0.5) << "and after";
+  EXPECT_GT(pair.summary("slave").to_slave().lost(), 200u);
+}
+
+TEST_F(NetworkTest, TheLargestDatagramPassesTheSmallestMtuWhole) {
+  // 576 B is what every IPv4 network must take; six degrees of freedom make the longest datagrams.
+  Pair pair{press(6)};
+  pair.host = "10.45.0.2";
+  ASSERT_EQ(master_->ip("link set cable-m mtu 576"), "");
+  ASSERT_EQ(slave_->ip("link set cable-s mtu 576"), "");
+  const Words shorter{"--set", "duration_s=1"};
+  Process slave = start_slave(pair, shorter), master = start_master(pair, shorter);
+  EXPECT_EQ(master.wait(), exited(0)) << master.err();
+  EXPECT_EQ(slave.wait(), exited(0)) << slave.err();
+  EXPECT_EQ(pair.summary("master").mode(), "coupled");
+  for (const Network* network : {&*master_, &*slave_}) {
+    EXPECT_GT(network->counter("Udp", "OutDatagrams"), 500);
+    EXPECT_EQ(network->counter("Ip", "FragCreates"), 0);
+    EXPECT_EQ(network->counter("Ip", "FragFails"), 0);
+  }
+}
+
+TEST_F(NetworkTest, AMasterWithoutARouteWaitsUntilThereIsOne) {
+  Pair pair;
+  pair.host = "10.45.0.2";
+  ASSERT_EQ(master_->ip("link set cable-m down"), "");
+  Process slave = start_slave(pair, {"--set", "duration_s=1"});
+  Process master = start_master(pair, {"--set", "duration_s=1"});
+  EXPECT_TRUE(master.says("waiting for a slave"));
+  std::this_thread::sleep_for(300ms);
+  EXPECT_TRUE(master.running()) << master.err();
+  ASSERT_EQ(master_->ip("link set cable-m up"), "");
+  EXPECT_EQ(master.wait(), exited(0)) << master.err();
+  EXPECT_EQ(slave.wait(), exited(0)) << slave.err();
+  EXPECT_EQ(pair.summary("master").mode(), "coupled");
+}
+
+TEST_F(NetworkTest, AnAddressOfTheOtherMachineCannotBeListenedOn) {
+  Pair pair;
+  pair.host = "10.45.0.1";
+  Process slave = pair.slave("slave", {}, {.network = slave_->fd()});
+  EXPECT_EQ(slave.wait(), exited(2));
+  EXPECT_NE(slave.err().find(pair.address()), std::string::npos) << slave.err();
+  EXPECT_NE(slave.err().find("no interface of this machine has that address"), std::string::npos) << slave.err();
+}
+
+}  // namespace
+}  // namespace twoport::test

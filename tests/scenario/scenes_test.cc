@@ -1,0 +1,50 @@
+#include <gtest/gtest.h>
+
+#include <cctype>
+#include <filesystem>
+
+#include "common/scene/load.h"
+#include "common/scene/summary.h"
+#include "lab/run.h"
+
+namespace twoport {
+namespace {
+
+std::vector<std::string> scene_files() {
+  std::vector<std::string> files;
+  for (const auto& entry : std::filesystem::directory_iterator{TWOPORT_SCENES})
+    if (entry.path().extension() == ".textproto") files.push_back(entry.path().string());
+  std::sort(files.begin(), files.end());
+  return files;
+}
+
+class Scenario : public testing::TestWithParam<std::string> {};
+
+TEST_P(Scenario, KeepsItsPromise) {
+  const Scene scene = load_scene(GetParam());
+  EXPECT_TRUE(scene.expect.stable || !scene.expect.at_least.empty() || !scene.expect.at_most.empty())
+      << "promises nothing";
+  for (const std::string& sentence : broken_promises(scene.expect, lab::run(scene))) ADD_FAILURE() << sentence;
+}
+
+// Bit for bit: the loop with a switching controller is chaotic, so any difference would grow to be seen.
+TEST_P(Scenario, RunsTheSameTwice) {
+  Scene scene = load_scene(GetParam());
+  scene.duration_s = std::min(scene.duration_s, 3.0);
+  const auto first = numbers(lab::run(scene)), second = numbers(lab::run(scene));
+  ASSERT_EQ(first.size(), second.size());
+  for (std::size_t i = 0; i < first.size(); ++i) {
+    if (first[i].first == "step_ns") continue;
+    EXPECT_EQ(first[i].second, second[i].second) << first[i].first;
+  }
+}
+
+INSTANTIATE_TEST_SUITE_P(Scenes, Scenario, testing::ValuesIn(scene_files()), [](const auto& each) {
+  std::string name = std::filesystem::path{each.param}.stem().string();
+  for (char& c : name)
+    if (std::isalnum(static_cast<unsigned char>(c)) == 0) c = '_';
+  return name;
+});
+
+}  // namespace
+}  // namespace twoport

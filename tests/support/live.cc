@@ -1,0 +1,107 @@
+#include "tests/support/live.h"
+
+#include <fmt/format.h>
+#include <google/protobuf/util/json_util.h>
+
+#include <cmath>
+#include <sstream>
+#include <stdexcept>
+
+namespace twoport::test {
+namespace {
+
+Process start(const std::string& program, const Pair& pair, const std::string& address_flag, const std::string& out,
+              const Words& more, const Surroundings& s) {
+  Words command{program, "--scene", pair.scene, address_flag, pair.address(), "--out", pair.at(out)};
+  command.insert(command.end(), pair.scheduling.begin(), pair.scheduling.end());
+  command.insert(command.end(), more.begin(), more.end());
+  return Process{command, s};
+}
+
+std::vector<std::string> split(const std::string& line) {
+  std::vector<std::string> cells;
+  std::istringstream in{line};
+  for (std::string cell; std::getline(in, cell, ',');) cells.push_back(cell);
+  return cells;
+}
+
+}  // namespace
+
+std::string press(int dof, std::string_view architecture) {
+  const std::string along_x = dof == 1 ? "" : ", 0, 0";
+  const bool turns = dof == 6, link = architecture != "RENDER";
+  std::string text = fmt::format(R"(name: "press"
+dof: {}
+duration_s: 2
+rate_hz: 1000
+seed: 3
+operator {{
+  hand {{ mass_kg: 0.02 stiffness_n_per_m: 300 damping_n_s_per_m: 1 {} }}
+  path {{ hold {{ duration_s: 0.2 }} }}
+  path {{ move_to {{ position_m: [0.03{}] duration_s: 0.5 }} }}
+}}
+device {{ mass_kg: 0.075 damping_n_s_per_m: 0.05 max_force_n: 8.5 {} }}
+control {{
+  architecture: {}
+  virtual_coupling {{ stiffness_n_per_m: 1000 damping_n_s_per_m: 20 }}
+  passivity {{ method: FORCE_PROJECTED }}
+}}
+environment {{ wall {{ normal: [-1{}] offset_m: -0.02 stiffness_n_per_m: {} }} }}
+)",
+                                 dof, turns ? "rotational_stiffness_n_m_per_rad: 1" : "", along_x,
+                                 turns ? "inertia_kg_m2: 1e-4 rotational_damping_n_m_s_per_rad: 1e-3" : "",
+                                 architecture, along_x, link ? 5000 : 500);
+  if (link)
+    text += fmt::format(R"(to_slave {{ delay_ms: 10 }}
+to_master {{ delay_ms: 10 }}
+robot {{ mass_kg: 0.5 damping_n_s_per_m: 2 force_sensor {{ }} {} }}
+)",
+                        turns ? "inertia_kg_m2: 1e-3 rotational_damping_n_m_s_per_rad: 0.01" : "");
+  return text;
+}
+
+Trace::Trace(const std::string& path) {
+  const std::string text = read_text(path);
+  if (text.empty() || text.back() != '\n') throw std::runtime_error{path + ": missing, or its last line is cut"};
+  std::istringstream in{text};
+  std::string line;
+  std::getline(in, line);
+  const std::vector<std::string> names = split(line);
+  for (const std::string& name : names) columns[name];
+  while (std::getline(in, line)) {
+    const std::vector<std::string> cells = split(line);
+    if (cells.size() != names.size()) throw std::runtime_error{path + ": a row of another length: " + line};
+    for (std::size_t i = 0; i < cells.size(); ++i) columns[names[i]].push_back(std::stod(cells[i]));
+  }
+}
+
+double Trace::peak(const std::string& name, double from_s, double to_s) const {
+  const std::vector<double>&t = (*this)["t_s"], &value = (*this)[name];
+  double peak = -1.0;
+  for (std::size_t i = 0; i < t.size(); ++i)
+    if (t[i] >= from_s && t[i] < to_s) peak = std::max(peak, std::abs(value[i]));
+  return peak;
+}
+
+schema::Summary summary_in(const std::string& folder) {
+  schema::Summary summary;
+  const auto status = google::protobuf::util::JsonStringToMessage(read_text(folder + "/summary.json"), &summary);
+  if (!status.ok()) throw std::runtime_error{folder + "/summary.json: " + status.ToString()};
+  return summary;
+}
+
+Pair::Pair(std::string_view text) : scene{folder.write("scene.textproto", text)} {}
+
+Process Pair::slave(const std::string& out, const Words& more, const Surroundings& s) const {
+  return start(TWOPORT_SLAVE, *this, "--listen", out, more, s);
+}
+Process Pair::master(const std::string& out, const Words& more, const Surroundings& s) const {
+  return start(TWOPORT_MASTER, *this, "--peer", out, more, s);
+}
+Process Pair::listening_slave(const std::string& out, const Words& more, const Surroundings& s) const {
+  Process process = slave(out, more, s);
+  process.says("listening on");
+  return process;
+}
+
+}  // namespace twoport::test
