@@ -35,7 +35,7 @@ std::string literal(std::string_view text) {
   return out + "'";
 }
 
-/// The unit that a name ends in, as in " [N/m]"; empty where it has none.
+/// The unit that a name ends in, as in "N/m"; empty where it has none.
 std::string unit(std::string_view name) {
   static constexpr std::pair<std::string_view, std::string_view> kUnits[] = {{"_n_m_s_per_rad", "N m s/rad"},
                                                                              {"_n_m_per_rad", "N m/rad"},
@@ -56,10 +56,16 @@ std::string unit(std::string_view name) {
                                                                              {"_s", "s"}};
   if (name.ends_with(']')) name = name.substr(0, name.rfind('['));
   for (const auto& [ending, words] : kUnits)
-    if (name.ends_with(ending)) return fmt::format(" [{}]", words);
+    if (name.ends_with(ending)) return std::string{words};
   // rtt_ms.p99
   const std::size_t dot = name.rfind('.');
   return dot == name.npos ? "" : unit(name.substr(0, dot));
+}
+
+/// A name with its unit, as an axis shows it.
+std::string with_unit(const std::string& name) {
+  const std::string in = unit(name);
+  return in.empty() ? name : fmt::format("{} [{}]", name, in);
 }
 
 /// Where an axis puts its values, and how far each of its cells reaches.
@@ -70,7 +76,7 @@ struct Scale {
   std::map<std::string, double> at;
   std::map<double, std::pair<double, double>> reach;
 
-  explicit Scale(const Axis& axis) : label{axis.path + unit(axis.path)}, texts{axis.values} {
+  explicit Scale(const Axis& axis) : label{with_unit(axis.path)}, texts{axis.values} {
     words = !std::all_of(axis.values.begin(), axis.values.end(), [](const std::string& v) { return number(v); });
     for (std::size_t i = 0; i < axis.values.size(); ++i)
       at.emplace(axis.values[i], words ? static_cast<double>(i) : *number(axis.values[i]));
@@ -111,80 +117,164 @@ struct Scale {
 
 struct Cell {
   double x, y, value;
-  bool stable;
+  bool stable;  ///< drawn in its value
 };
 
-/// Where the values lie that are drawn: those of stable cells, or all where the column is `stable` itself.
-struct Range {
-  double low = std::numeric_limits<double>::infinity(), high = -low;
-  bool unstable = false;  ///< is there a cell that is not drawn in its value
-  void add(const Cell& c) {
-    unstable = unstable || !c.stable;
-    if (!c.stable || !std::isfinite(c.value)) return;
-    low = std::min(low, c.value);
-    high = std::max(high, c.value);
-  }
+/// Everything that a picture shows.
+struct Picture {
+  std::string key;
+  std::vector<Scale> scales;                                          ///< one for each axis
+  std::vector<std::vector<Cell>> panels;                              ///< one, or one for each value of the third axis
+  double low = std::numeric_limits<double>::infinity(), high = -low;  ///< of the values drawn
+  bool unstable = false;                                              ///< is there a cell that is not
+
   [[nodiscard]] bool any() const { return low <= high; }
   [[nodiscard]] bool logarithmic() const { return low > 0.0 && high > 1e3 * low; }
 };
 
-constexpr const char* kLook =
-    "set encoding utf8\n"
-    "set border lc rgb '#505050'\n"
-    "set tics textcolor rgb '#202020' nomirror out\n"
-    "set grid lc rgb '#e4e4e4'\n"
-    "set termoption noenhanced\n";
+Picture picture(const Table& table, const std::string& key) {
+  // The last column of a name is the summary's: a path may have the same.
+  const auto column = [&](const std::string& name) {
+    const auto found = std::find(table.columns.rbegin(), table.columns.rend(), name);
+    if (found == table.columns.rend()) throw ConfigError{fmt::format("--plot {}: the table has no such column", name)};
+    return static_cast<std::size_t>(table.columns.rend() - found) - 1;
+  };
+  const std::size_t of_key = column(key), of_stable = column("stable");
+  Picture p{.key = key, .scales = {}, .panels = {}};
+  for (const Axis& axis : table.axes) p.scales.emplace_back(axis);
+  const std::vector<std::string> titles = table.axes.size() == 3 ? table.axes[2].values : std::vector<std::string>{""};
+  p.panels.resize(titles.size());
+  for (const auto& row : table.rows) {
+    const auto panel =
+        table.axes.size() == 3 ? std::find(titles.begin(), titles.end(), row[2]) - titles.begin() : std::ptrdiff_t{0};
+    const Cell c{p.scales[0].at.at(row[0]), table.axes.size() > 1 ? p.scales[1].at.at(row[1]) : 0.0,
+                 number(row[of_key]).value_or(kNone), key == "stable" || row[of_stable] == "1"};
+    p.panels[static_cast<std::size_t>(panel)].push_back(c);
+    p.unstable = p.unstable || !c.stable;
+    if (!c.stable || !std::isfinite(c.value)) continue;
+    p.low = std::min(p.low, c.value);
+    p.high = std::max(p.high, c.value);
+  }
+  for (std::vector<Cell>& cells : p.panels)
+    std::sort(cells.begin(), cells.end(), [](const Cell& a, const Cell& b) { return a.x < b.x; });
+  return p;
+}
+
+/// A block for each panel: place, reach, value, stable; a curve has no y.
+std::string data(const Picture& p) {
+  std::string all;
+  for (const std::vector<Cell>& cells : p.panels) {
+    all += fmt::format("# {} {} stable\n", p.scales.size() == 1 ? "x" : "x y x_low x_high y_low y_high", p.key);
+    for (const Cell& c : cells) {
+      if (p.scales.size() == 1) {
+        all += fmt::format("{} {} {}\n", c.x, c.value, c.stable ? 1 : 0);
+      } else {
+        const auto [x0, x1] = p.scales[0].reach.at(c.x);
+        const auto [y0, y1] = p.scales[1].reach.at(c.y);
+        all += fmt::format("{} {} {} {} {} {} {} {}\n", c.x, c.y, x0, x1, y0, y1, c.value, c.stable ? 1 : 0);
+      }
+    }
+    all += "\n\n";
+  }
+  return all;
+}
+
 // Viridis, which reads in grey and for most eyes.
 constexpr const char* kPalette =
     "set palette defined (0 '#440154', 1 '#46327e', 2 '#365c8d', 3 '#277f8e', 4 '#1fa187', 5 '#4ac16d', 6 '#a0da39', "
     "7 '#fde725')\n";
-constexpr const char *kStable = "#2a788e", *kUnstable = "#f4a582", *kOut = "#d0d0d0";
+constexpr const char *kStable = "#2a788e", *kUnstable = "#f4a582", *kUnstableDot = "#ca5a32", *kLeftOut = "#d0d0d0";
 
-std::string curve(const Scale& x, const std::string& key, const std::vector<Cell>& cells, const std::string& data) {
-  Range range;
-  for (const Cell& c : cells) range.add(c);
-  std::string gp =
-      x.commands('x') + fmt::format("set ylabel {}\nset key top left outside horizontal\n", literal(key + unit(key)));
-  if (key == "stable") {
+std::string curve(const Picture& p, const std::string& file) {
+  const Scale& x = p.scales[0];
+  std::string gp = x.commands('x');
+  if (p.key == "stable")
     return gp + fmt::format(
                     "set yrange [-0.2:1.2]\nset ytics ('unstable' 0, 'stable' 1)\n"
-                    "plot {0} using 1:($2 > 0.5 ? $2 : NaN) with points pt 7 ps 1 lc rgb '{1}' title 'stable', "
-                    "{0} using 1:($2 > 0.5 ? NaN : $2) with points pt 7 ps 1 lc rgb '{2}' title 'unstable'\n",
-                    literal(data), kStable, "#ca5a32");
-  }
-  if (range.logarithmic()) gp += "set logscale y\n";
-  if (!range.any()) gp += "set yrange [0:1]\n";
-  // Unstable cells as bands from bottom to top, over the width that each stands for.
+                    "plot {0} using 1:($2 > 0.5 ? $2 : NaN) with points pt 7 lc rgb '{1}' title 'stable', "
+                    "{0} using 1:($2 > 0.5 ? NaN : $2) with points pt 7 lc rgb '{2}' title 'unstable'\n",
+                    literal(file), kStable, kUnstableDot);
+  gp += fmt::format("set ylabel {}\n", literal(with_unit(p.key)));
+  if (p.logarithmic()) gp += "set logscale y\n";
+  if (!p.any()) gp += "set yrange [0:1]\n";
+  // Unstable cells are bands from bottom to top, as wide as what each stands for.
   int band = 0;
-  for (const Cell& c : cells)
+  for (const Cell& c : p.panels[0])
     if (!c.stable)
       gp += fmt::format(
-          "set object {} rectangle from first {}, graph 0 to first {}, graph 1 behind fc rgb '{}' fs solid "
-          "0.6 noborder\n",
+          "set object {} rectangle from first {}, graph 0 to first {}, graph 1 behind fc rgb '{}' fs solid 0.6 "
+          "noborder\n",
           ++band, x.reach.at(c.x).first, x.reach.at(c.x).second, kUnstable);
   gp += fmt::format("plot {} using 1:($3 > 0 ? $2 : NaN) with linespoints pt 7 ps 0.8 lw 1.5 lc rgb '{}' title {}",
-                    literal(data), kStable, literal(key));
-  if (range.unstable)
-    gp += fmt::format(", NaN with boxes fs solid 0.6 noborder lc rgb '{}' title 'unstable'", kUnstable);
+                    literal(file), kStable, literal(p.key));
+  if (p.unstable) gp += fmt::format(", NaN with boxes fs solid 0.6 noborder lc rgb '{}' title 'unstable'", kUnstable);
   return gp + "\n";
 }
 
-/// The plot command of one map; `block` of the data.
-std::string map(const std::string& key, bool unstable, const std::string& data, std::size_t block) {
-  const std::string from = fmt::format("{} index {} using 1:2:3:4:5:6", literal(data), block);
-  const auto boxes = [&](const std::string& test, const std::string& colour, const std::string& title) {
-    return fmt::format(
-        "{} index {} using ({} ? $1 : NaN):2:3:4:5:6 with boxxyerror fs solid 1 noborder fc rgb '{}' title {}",
-        literal(data), block, test, colour, literal(title));
+/// The plot command of one panel.
+std::string map(const Picture& p, std::size_t panel, const std::string& file) {
+  const auto boxes = [&](const char* test, const char* columns, const std::string& look) {
+    return fmt::format("{} index {} using ({} ? $1 : NaN):{} with boxxyerror fs solid 1 noborder {}", literal(file),
+                       panel, test, columns, look);
   };
-  if (key == "stable")
-    return fmt::format("plot {}, {}\n", boxes("$7 > 0.5", kStable, "stable"), boxes("$7 < 0.5", kUnstable, "unstable"));
-  std::string gp = fmt::format(
-      "plot {} index {} using ($8 > 0 ? $1 : NaN):2:3:4:5:6:7 with boxxyerror fs solid 1 noborder "
-      "lc palette notitle",
-      literal(data), block);
-  if (unstable) gp += ", " + boxes("$8 < 1", kOut, "unstable");
+  const auto plain = [&](const char* test, const char* colour, const char* title) {
+    return boxes(test, "2:3:4:5:6", fmt::format("fc rgb '{}' title '{}'", colour, title));
+  };
+  if (p.key == "stable")
+    return fmt::format("plot {}, {}\n", plain("$7 > 0.5", kStable, "stable"), plain("$7 < 0.5", kUnstable, "unstable"));
+  std::string gp = "plot " + boxes("$8 > 0", "2:3:4:5:6:7", "lc palette notitle");
+  if (p.unstable) gp += ", " + plain("$8 < 1", kLeftOut, "unstable");
   return gp + "\n";
+}
+
+/// One map, or a grid of them with `across` in a row.
+std::string maps(const Picture& p, std::size_t across, const Axis* third, const std::string& file) {
+  std::string gp = p.scales[0].commands('x') + p.scales[1].commands('y');
+  if (p.key != "stable") {
+    gp += kPalette + fmt::format("set cblabel {}\n", literal(with_unit(p.key)));
+    if (p.low < p.high) gp += fmt::format("set cbrange [{}:{}]\n", p.low, p.high);
+    if (p.logarithmic()) gp += "set logscale cb\nset format cb '%.0e'\n";
+  }
+  if (third == nullptr) return gp + map(p, 0, file);
+  gp += fmt::format("set multiplot layout {},{}\n", (p.panels.size() + across - 1) / across, across);
+  for (std::size_t i = 0; i < p.panels.size(); ++i)
+    gp += fmt::format("set title {}\n", literal(third->path + " = " + third->values[i] + " " + unit(third->path))) +
+          map(p, i, file);
+  return gp + "unset multiplot\n";
+}
+
+/// gnuplot's input: the same page twice, PNG and SVG.
+std::string pages(const Picture& p, const Axis* third, const std::string& file) {
+  std::size_t across = 1;
+  while (across * across < p.panels.size()) ++across;
+  const std::size_t down = (p.panels.size() + across - 1) / across;
+  const bool one = p.panels.size() == 1;
+  const std::size_t width = one ? 900 : 560 * across, height = one ? 620 : 480 * down;
+  const std::string body = p.scales.size() == 1 ? curve(p, file) : maps(p, across, third, file);
+  const auto page = [&](const char* terminal, const char* ending) {
+    return fmt::format(
+        "set terminal {} size {},{} font 'DejaVu Sans,{}' background rgb 'white'\n"
+        "set output {}\n"
+        "set termoption noenhanced\n"
+        "set border lc rgb '#505050'\n"
+        "set tics textcolor rgb '#202020' nomirror out\n"
+        "set grid lc rgb '#e4e4e4'\n"
+        "set key top left outside horizontal\n"
+        "{}unset output\nreset\n",
+        terminal, width, height, one ? 11 : 10, literal(p.key + ending), body);
+  };
+  return "set encoding utf8\n" + page("pngcairo", ".png") + page("svg", ".svg");
+}
+
+/// For a shell, which knows no escape within single quotes.
+std::string shell_word(const std::string& text) {
+  std::string out = "'";
+  for (const char c : text) out += c == '\'' ? "'\\''" : std::string(1, c);
+  return out + "'";
+}
+
+bool shell(const std::string& command) {
+  return std::system(command.c_str()) == 0;
 }
 
 }  // namespace
@@ -198,105 +288,23 @@ void check_key(const std::string& key) {
 }
 
 std::string draw(const Table& table, const std::string& key, const std::string& folder) {
-  if (table.axes.size() > 3) return fmt::format("no picture: {} axes, and one holds at most three", table.axes.size());
-  // The last column of a name is the summary's: a path may have the same.
-  const auto column = [&](const std::string& name) {
-    const auto found = std::find(table.columns.rbegin(), table.columns.rend(), name);
-    if (found == table.columns.rend()) throw ConfigError{fmt::format("--plot {}: the table has no such column", name)};
-    return static_cast<std::size_t>(table.columns.rend() - found) - 1;
-  };
-  const std::size_t of_key = column(key), of_stable = column("stable");
-  std::vector<Scale> scales;
-  for (const Axis& axis : table.axes) scales.emplace_back(axis);
-  const std::size_t panels = scales.size() < 3 ? 1 : scales[2].texts.size();
-  if (panels > kMostPanels)
-    return fmt::format("no picture: {} has {} values, and there is room for {} maps", table.axes[2].path, panels,
-                       kMostPanels);
-  if (table.rows.empty()) return "no picture: the table is empty";
+  if (table.axes.size() > 3) return fmt::format("no picture: {} axes, and one shows at most three", table.axes.size());
+  if (table.axes.size() == 3 && table.axes[2].values.size() > kMostPanels)
+    return fmt::format("no picture: {} takes {} values, and there is room for {} maps", table.axes[2].path,
+                       table.axes[2].values.size(), kMostPanels);
+  const Picture p = picture(table, key);
+  const std::string stem = folder + "/" + key;
+  write_whole(stem + ".dat", data(p));
+  write_whole(stem + ".gp", pages(p, table.axes.size() == 3 ? &table.axes[2] : nullptr, key + ".dat"));
 
-  std::vector<std::vector<Cell>> of_panel(panels);
-  Range range;
-  for (const auto& row : table.rows) {
-    const Cell c{scales[0].at.at(row[0]), scales.size() > 1 ? scales[1].at.at(row[1]) : 0.0,
-                 number(row[of_key]).value_or(kNone), row[of_stable] == "1" || key == "stable"};
-    const auto& texts = scales.size() == 3 ? scales[2].texts : scales[0].texts;
-    const std::size_t panel =
-        scales.size() == 3 ? static_cast<std::size_t>(std::find(texts.begin(), texts.end(), row[2]) - texts.begin())
-                           : 0;
-    of_panel[panel].push_back(c);
-    range.add(c);
-  }
-
-  std::string data;
-  for (std::vector<Cell>& cells : of_panel) {
-    std::sort(cells.begin(), cells.end(), [](const Cell& a, const Cell& b) {
-      return std::pair{a.x, a.y} < std::pair{b.x, b.y};
-    });
-    data += scales.size() == 1 ? fmt::format("# {} {} stable\n", table.axes[0].path, key)
-                               : fmt::format("# x y x_low x_high y_low y_high {} stable\n", key);
-    for (const Cell& c : cells) {
-      if (scales.size() == 1) {
-        data += fmt::format("{} {} {}\n", c.x, c.value, c.stable ? 1 : 0);
-      } else {
-        const auto [x0, x1] = scales[0].reach.at(c.x);
-        const auto [y0, y1] = scales[1].reach.at(c.y);
-        data += fmt::format("{} {} {} {} {} {} {} {}\n", c.x, c.y, x0, x1, y0, y1, c.value, c.stable ? 1 : 0);
-      }
-    }
-    data += "\n\n";
-  }
-  const std::string stem = folder + "/" + key, data_file = key + ".dat";
-  write_whole(stem + ".dat", data);
-
-  std::size_t across = 1;
-  while (across * across < panels) ++across;
-  const std::size_t down = (panels + across - 1) / across;
-  std::string body;
-  if (scales.size() == 1) {
-    body = curve(scales[0], key, of_panel[0], data_file);
-  } else {
-    body = scales[0].commands('x') + scales[1].commands('y') + "set key top left outside horizontal\n";
-    if (key != "stable") {
-      body += kPalette;
-      body += fmt::format("set cblabel {}\n", literal(key + unit(key)));
-      if (range.any() && range.low < range.high) body += fmt::format("set cbrange [{}:{}]\n", range.low, range.high);
-      if (range.logarithmic()) body += "set logscale cb\nset format cb '%.0e'\n";
-    }
-    if (panels == 1) {
-      body += map(key, range.unstable, data_file, 0);
-    } else {
-      body += fmt::format("set multiplot layout {},{}\n", down, across);
-      for (std::size_t i = 0; i < panels; ++i)
-        body += fmt::format("set title {}\n",
-                            literal(table.axes[2].path + " = " + scales[2].texts[i] + unit(table.axes[2].path))) +
-                map(key, range.unstable, data_file, i);
-      body += "unset multiplot\n";
-    }
-  }
-  const std::size_t width = panels == 1 ? 900 : std::max<std::size_t>(900, 520 * across),
-                    height = panels == 1 ? 620 : std::max<std::size_t>(500, 430 * down);
-  const auto page = [&](const char* terminal, const char* ending) {
-    return fmt::format(
-        "set terminal {} size {},{} font 'DejaVu Sans,11' background rgb 'white'\nset output {}\n{}{}unset "
-        "output\nreset\n",
-        terminal, width, height, literal(key + ending), kLook, body);
-  };
-  write_whole(stem + ".gp", page("pngcairo", ".png") + page("svg", ".svg"));
-
-  const auto shell = [](const std::string& text) {
-    std::string out = "'";
-    for (const char c : text) out += c == '\'' ? "'\\''" : std::string(1, c);
-    return out + "'";
-  };
-  if (std::system("command -v gnuplot > /dev/null 2>&1") != 0)
-    return fmt::format(
-        "no picture: gnuplot is not installed (apt-get install gnuplot-nox); {}.gp is what it would be given", stem);
-  const std::string log = stem + ".log";
-  if (std::system(fmt::format("cd {} && gnuplot {} > {} 2>&1", shell(folder), shell(key + ".gp"), shell(key + ".log"))
-                      .c_str()) != 0)
-    return fmt::format("no picture: gnuplot failed; {} says why", log);
-  std::remove(log.c_str());
-  return fmt::format("{0}.png and {0}.svg", stem);
+  if (!shell("command -v gnuplot > /dev/null 2>&1"))
+    return fmt::format("no picture: gnuplot is not installed (apt-get install gnuplot-nox); it would be given {}.gp",
+                       stem);
+  if (!shell(fmt::format("cd {} && gnuplot {} > {} 2>&1", shell_word(folder), shell_word(key + ".gp"),
+                         shell_word(key + ".log"))))
+    return fmt::format("no picture: gnuplot failed, {}.log says why", stem);
+  std::remove((stem + ".log").c_str());
+  return fmt::format("{0}.png, {0}.svg", stem);
 }
 
 }  // namespace twoport::lab
