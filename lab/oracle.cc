@@ -267,22 +267,24 @@ double spectral_radius(const BilateralLoop& l) {
   const double k = l.coupling_stiffness_n_per_m, b = l.coupling_damping_n_s_per_m, scale = l.motion_scale;
   // Only the round trip counts: the slave's time is shifted by d1. One number goes back, whatever the architecture.
   const Eigen::Index queue = l.to_slave_ticks + l.to_master_ticks;
-  const MatrixXd a = matrix_of(4 + queue, [&](VectorXd& s) {
-    const double xm = s[0], vm = s[1], xs = s[2], vs = s[3];
+  // x_m, ẋ_m, x_s, ẋ_s, x_m of the last tick, numbers under way
+  const MatrixXd a = matrix_of(5 + queue, [&](VectorXd& s) {
+    const double xm = s[0], vm = l.backward_difference ? (s[0] - s[4]) / l.period_s : s[1], xs = s[2], vs = s[3];
     const double from_environment = l.environment_stiffness_n_per_m * xs + l.environment_damping_n_s_per_m * vs;
     const double coupling = l.ideal_robot ? from_environment : k * (scale * xm - xs) + b * (scale * vm - vs);
     double to_master = 0.0;
     switch (l.architecture) {
       case Architecture::position_measured_force:
-        to_master = pass(s, 4, l.force_scale * from_environment);
+        to_master = pass(s, 5, l.force_scale * from_environment);
         break;
       case Architecture::position_position:
-        to_master = k * xm + b * vm - pass(s, 4, (k * xs + b * vs) / scale);
+        to_master = k * xm + b * vm - pass(s, 5, (k * xs + b * vs) / scale);
         break;
       default:
-        to_master = pass(s, 4, l.force_scale * coupling);
+        to_master = pass(s, 5, l.force_scale * coupling);
         break;
     }
+    s[4] = xm;
     handle.move(s.head<2>(), -to_master);
     if (l.ideal_robot) {
       s[2] = scale * xm;

@@ -84,15 +84,15 @@ double linear_rule_stiffness(double damping_n_s_per_m, double wall_damping_n_s_p
 ///     POSITION_MEASURED_FORCE   f_m(k) = s_f (k_e x_s + b_e v_s)(k-d2)
 ///     POSITION_POSITION         f_m(k) = K (x_m(k) - x_s(k-d2)/s_x) + B (v_m(k) - v_s(k-d2)/s_x)
 ///
-/// Velocities are the true ones at the tick. This is MasterNode and SlaveNode with method NONE, with these readings:
+/// Velocities are the true ones at the tick; v_m is (x_m(k) - x_m(k-1))/T where `backward_difference`. This is
+/// MasterNode and SlaveNode with method NONE, with these readings:
 ///
 ///   delay       a report can be read strictly later than it was posted, so d = max(1, ceil(delay/T)): `ticks_of_delay`
 ///   tracker     without loss x_sd(k-1) + T v_d(k) is the received position itself, while catch_up_m_per_s exceeds
 ///               |Δx_rx/T - v_rx|; the damper works on the received velocity, not on v_d
 ///   order       each side senses, collects, steps and actuates at t_k: no delay of its own
-///   robot       without a robot block x_s(k+1) is the position received at k, v_s(k+1) its difference, and f_s what
-///   the
-///               environment answers at k: `ideal_robot`
+///   robot       without a robot block x_s(k+1) is the position received at k, v_s(k+1) its difference, and f_s(k) what
+///               the environment answers: `ideal_robot`
 struct BilateralLoop {
   Architecture architecture = Architecture::position_force;
   double master_mass_kg = 0.5, master_damping_n_s_per_m = 2.0, hand_stiffness_n_per_m = 200.0;
@@ -102,7 +102,7 @@ struct BilateralLoop {
   double force_scale = 1.0, motion_scale = 1.0;
   double period_s = 1e-3;
   int to_slave_ticks = 0, to_master_ticks = 0;
-  bool ideal_robot = false;
+  bool backward_difference = false, ideal_robot = false;
 };
 
 /// Ticks that a constant one-way delay takes between our nodes.

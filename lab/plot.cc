@@ -205,8 +205,8 @@ std::string curve(const Picture& p, const std::string& file) {
           "set object {} rectangle from first {}, graph 0 to first {}, graph 1 behind fc rgb '{}' fs solid 0.6 "
           "noborder\n",
           ++band, x.reach.at(c.x).first, x.reach.at(c.x).second, kUnstable);
-  gp += fmt::format("plot {} using 1:($3 > 0 ? $2 : NaN) with linespoints pt 7 ps 0.8 lw 1.5 lc rgb '{}' title {}",
-                    literal(file), kStable, literal(p.key));
+  gp += fmt::format("plot {} using 1:($3 > 0 ? $2 : NaN) with {} pt 7 ps {} lw 1.5 lc rgb '{}' title {}", literal(file),
+                    x.words ? "points" : "linespoints", x.words ? 1.2 : 0.8, kStable, literal(p.key));
   if (p.unstable) gp += fmt::format(", NaN with boxes fs solid 0.6 noborder lc rgb '{}' title 'unstable'", kUnstable);
   return gp + "\n";
 }
@@ -233,9 +233,10 @@ std::string maps(const Picture& p, std::size_t across, const Axis* third, const 
   if (p.key != "stable") {
     gp += kPalette + fmt::format("set cblabel {}\n", literal(with_unit(p.key)));
     if (p.low < p.high) gp += fmt::format("set cbrange [{}:{}]\n", p.low, p.high);
-    if (p.logarithmic()) gp += "set logscale cb\nset format cb '%.0e'\n";
+    if (p.logarithmic()) gp += "set logscale cb\nset format cb '%g'\n";
   }
   if (third == nullptr) return gp + map(p, 0, file);
+  if (p.key != "stable") gp += "set rmargin 10\nset cblabel offset 1\n";
   gp += fmt::format("set multiplot layout {},{}\n", (p.panels.size() + across - 1) / across, across);
   for (std::size_t i = 0; i < p.panels.size(); ++i)
     gp += fmt::format("set title {}\n", literal(third->path + " = " + third->values[i] + " " + unit(third->path))) +

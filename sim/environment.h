@@ -18,12 +18,17 @@ inline constexpr int kAxes = N == 1 ? 1 : 3;
 /// Below this sliding speed Coulomb friction falls linearly to zero [m/s].
 inline constexpr double kStictionSpeed = 1e-3;
 
+/// Which side of a shape answers. Only a box has more than one, and is not smooth where they meet.
+using Face = signed char;
+inline constexpr Face kNearest = -1, kNone = -2;
+
 /// What touches, and how deep: depth = -(signed distance) [m], positive inside; normal = its gradient, outward. Both
 /// come from one function, so that the elastic force has a potential.
 template <int D>
 struct Touch {
   double depth;
   Eigen::Matrix<double, D, 1> normal;
+  Face face = 0;
 };
 
 /// A solid shape in D = 1 or 3 dimensions.
@@ -35,24 +40,29 @@ struct Shape {
   Vector b = Vector::Zero();  ///< cylinder: axis; box: half size
   double r = 0.0;             ///< wall: offset; sphere, cylinder: radius
 
-  [[nodiscard]] Touch<D> touch(const Vector& p) const noexcept {
+  /// A `face` that it returned before continues smoothly past the edges of the box.
+  [[nodiscard]] Touch<D> touch(const Vector& p, Face face = kNearest) const noexcept {
     switch (kind) {
       case Kind::wall: break;
       case Kind::sphere: return round(p - a);
       case Kind::cylinder: return round((p - a) - b.dot(p - a) * b);
-      case Kind::box: {
-        const Vector q = p - a, outside = q.cwiseAbs() - b;
-        int nearest = 0;
-        const double depth = -outside.maxCoeff(&nearest);
-        Vector n = Vector::Zero();
-        n[nearest] = q[nearest] < 0.0 ? -1.0 : 1.0;
-        return {depth, n};
-      }
+      case Kind::box: return flat(p - a, face);
     }
     return {r - a.dot(p), a};
   }
 
  private:
+  Touch<D> flat(const Vector& from_centre, Face face) const noexcept {
+    int axis = face / 2;
+    bool negative = face % 2 != 0;
+    if (face == kNearest) {
+      (from_centre.cwiseAbs() - b).maxCoeff(&axis);
+      negative = from_centre[axis] < 0.0;
+    }
+    Vector n = Vector::Zero();
+    n[axis] = negative ? -1.0 : 1.0;
+    return {b[axis] - n[axis] * from_centre[axis], n, static_cast<Face>(2 * axis + negative)};
+  }
   Touch<D> round(const Vector& from_centre) const noexcept {
     const double distance = from_centre.norm();
     Vector n = Vector::Unit(0);
@@ -65,6 +75,7 @@ struct Shape {
 template <int D>
 struct ContactForce {
   Eigen::Matrix<double, D, 1> normal, tangential;
+  Face face = 0;
 };
 
 template <int D>
@@ -77,12 +88,13 @@ struct Surface {
   ///
   ///     f_n = max(0, K d - B v_n) n                       never pulls
   ///     f_t = -B_t v_t - μ |f_n| v_t / max(|v_t|, 1 mm/s)
-  [[nodiscard]] bool force(const Vector& p, const Vector& v, ContactForce<D>& out) const noexcept {
-    const Touch<D> t = shape.touch(p);
+  [[nodiscard]] bool force(const Vector& p, const Vector& v, ContactForce<D>& out, Face face = kNearest) const noexcept {
+    const Touch<D> t = shape.touch(p, face);
     if (t.depth <= 0.0) return false;
     const double vn = t.normal.dot(v);
     const double fn = material.stiffness_n_per_m * t.depth - material.damping_n_s_per_m * vn;
     if (fn <= 0.0) return false;
+    out.face = t.face;
     out.normal = fn * t.normal;
     out.tangential.setZero();
     if constexpr (D > 1) {
@@ -163,14 +175,22 @@ class Environment {
   /// Calls visit(index, normal wrench, tangential wrench) for every contact; a spring is all normal.
   template <class Visit>
   void for_each_contact(const Position<N>& x, const Velocity<N>& v, Visit visit) const noexcept {
+    for_each_contact(x, v, [](int) { return kNearest; },
+                     [&](int index, Face, const Wrench& n, const Wrench& t) { visit(index, n, t); });
+  }
+
+  /// The same as visit(index, face, ...), where pick(index) tells which face of that contact answers, if any.
+  template <class Pick, class Visit>
+  void for_each_contact(const Position<N>& x, const Velocity<N>& v, Pick pick, Visit visit) const noexcept {
     int index = 0;
     for_each_point(x, v, [&](const Point& p, const Point& pv, const Point& arm) {
       ContactForce<kDim> c;
       for (const auto& s : world_.surfaces) {
-        if (s.force(p, pv, c)) visit(index, wrench(c.normal, arm), wrench(c.tangential, arm));
+        const Face face = pick(index);
+        if (face != kNone && s.force(p, pv, c, face)) visit(index, c.face, wrench(c.normal, arm), wrench(c.tangential, arm));
         ++index;
       }
-      for (const auto& s : world_.springs) visit(index++, wrench(s.force(p, pv), arm), Wrench{Wrench::Zero()});
+      for (const auto& s : world_.springs) visit(index++, Face{0}, wrench(s.force(p, pv), arm), Wrench{Wrench::Zero()});
     });
   }
 

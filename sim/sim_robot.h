@@ -33,7 +33,11 @@ class RungeKuttaPlant {
         damping_{robot.damping_n_s_per_m},
         rotational_damping_{robot.rotational_damping_n_m_s_per_rad},
         dt_{dt},
-        environment_{&environment} {
+        environment_{&environment},
+        any_(static_cast<std::size_t>(environment.contacts()), kNearest),
+        touched_{any_},
+        after_{any_},
+        trial_{any_} {
     // What a contact moves: 1/m, and for N = 6 also arm²/J at each point of the tool.
     double all_points = 1.0 / mass_;
     lightness_ = all_points;
@@ -70,10 +74,10 @@ class RungeKuttaPlant {
     if constexpr (N == 6) rate = std::max(rate, s.v.vec().template tail<3>().norm());
     const int pieces = std::clamp(static_cast<int>(std::ceil(dt_ * rate / 0.1)), 1, 256);
     Motion m = motion(s);
-    Contacts touched = touching(m);
+    touching(m, touched_);
     for (int i = 0; i < pieces; ++i) {
       double left = dt_ / pieces;
-      for (int cuts = 0; left > 0.0; ++cuts) left -= one(m, touched, f, left, cuts < kCuts);
+      for (int cuts = 0; left > 0.0; ++cuts) left -= one(m, f, left, cuts < kCuts);
     }
     s = {m.x, velocity(m)};
   }
@@ -81,8 +85,7 @@ class RungeKuttaPlant {
  private:
   static constexpr int kCuts = 4;  // contacts that begin or end within one piece, each met on its own
   using Vector = typename Velocity<N>::Vector;
-  using Contacts = std::uint64_t;  // which carry force, as bits; beyond 64 they share
-  static Contacts bit(int contact) noexcept { return Contacts{1} << (contact % 64); }
+  using Contacts = std::vector<Face>;  // of each contact, the face that carries force
   static double push(const Force<N>& f) noexcept { return f.vec().template head<kAxes<N>>().norm(); }
 
   // Momenta for N = 6, velocity otherwise.
@@ -115,13 +118,12 @@ class RungeKuttaPlant {
   struct Slope {
     Vector v, p;
   };
-  /// Only of the contacts in `touched`: what begins within a step belongs to the next one.
-  Slope slope(const Motion& m, const Force<N>& f, Contacts touched) const noexcept {
+  // Only with the contacts and faces of `among`: what begins within a step belongs to the next one.
+  Slope slope(const Motion& m, const Force<N>& f, const Contacts& among) const noexcept {
     const Velocity<N> v = velocity(m);
     Vector total = f.vec();
-    environment_->for_each_contact(m.x, v, [&](int i, const Vector& normal, const Vector& tangential) {
-      if (touched & bit(i)) total += normal + tangential;
-    });
+    environment_->for_each_contact(m.x, v, [&](int i) { return among[static_cast<std::size_t>(i)]; },
+                                   [&](int, Face, const Vector& n, const Vector& t) { total += n + t; });
     if constexpr (N == 6) {
       total.template head<3>() -= damping_ * v.vec().template head<3>();
       total.template tail<3>() -= rotational_damping_ * v.vec().template tail<3>();
@@ -143,57 +145,59 @@ class RungeKuttaPlant {
       return v;
     }
   }
-  Motion step(const Motion& m, const Force<N>& f, Contacts touched, double h) const noexcept {
+  Motion step(const Motion& m, const Force<N>& f, const Contacts& among, double h) const noexcept {
     const auto at = [&](const Vector& moved, const Vector& dp) {
       return Motion{m.x + Displacement<N>{moved}, m.p + dp};
     };
-    const Slope a = slope(m, f, touched);
+    const Slope a = slope(m, f, among);
     const Vector xa = chart(Vector::Zero(), a.v);
-    const Slope b = slope(at(0.5 * h * xa, 0.5 * h * a.p), f, touched);
+    const Slope b = slope(at(0.5 * h * xa, 0.5 * h * a.p), f, among);
     const Vector xb = chart(0.5 * h * xa, b.v);
-    const Slope c = slope(at(0.5 * h * xb, 0.5 * h * b.p), f, touched);
+    const Slope c = slope(at(0.5 * h * xb, 0.5 * h * b.p), f, among);
     const Vector xc = chart(0.5 * h * xb, c.v);
-    const Slope d = slope(at(h * xc, h * c.p), f, touched);
+    const Slope d = slope(at(h * xc, h * c.p), f, among);
     const Vector xd = chart(h * xc, d.v);
     return at(h / 6.0 * (xa + 2.0 * (xb + xc) + xd), h / 6.0 * (a.p + 2.0 * (b.p + c.p) + d.p));
   }
 
-  Contacts touching(const Motion& m) const noexcept {
-    Contacts bits = 0;
-    environment_->for_each_contact(m.x, velocity(m), [&](int i, const Vector&, const Vector&) { bits |= bit(i); });
-    return bits;
+  void touching(const Motion& m, Contacts& out) const noexcept {
+    std::fill(out.begin(), out.end(), kNone);
+    environment_->for_each_contact(
+        m.x, velocity(m), [](int) { return kNearest; },
+        [&](int i, Face face, const Vector&, const Vector&) { out[static_cast<std::size_t>(i)] = face; });
   }
 
-  // One step of at most h; ends early, if it may, just past the moment at which a contact begins or ends. Returns its
-  // length.
-  double one(Motion& m, Contacts& touched, const Force<N>& f, double h, bool may_cut) const noexcept {
-    const Contacts among = may_cut ? touched : ~Contacts{0};
+  // One step of at most h; ends early, if it may, just past the moment at which a contact begins, ends or changes to
+  // another face. Returns its length.
+  double one(Motion& m, const Force<N>& f, double h, bool may_cut) noexcept {
+    const Contacts& among = may_cut ? touched_ : any_;
     Motion next = step(m, f, among, h);
-    Contacts after = touching(next);
-    if (may_cut && after != touched) {
+    touching(next, after_);
+    if (may_cut && after_ != touched_) {
       double lo = 0.0, hi = h;
       while (hi - lo > 1e-7 * h) {
         const double mid = 0.5 * (lo + hi);
         const Motion trial = step(m, f, among, mid);
-        const Contacts bits = touching(trial);
-        if (bits == touched) {
+        touching(trial, trial_);
+        if (trial_ == touched_) {
           lo = mid;
         } else {
           hi = mid;
           next = trial;
-          after = bits;
+          std::swap(after_, trial_);
         }
       }
       h = hi;
     }
     m = next;
-    touched = after;
+    std::swap(touched_, after_);
     return h;
   }
 
   double mass_, damping_, rotational_damping_, dt_, lightness_, rate_ = 0.0, friction_ = 0.0;
   Eigen::Vector3d inertia_ = Eigen::Vector3d::Ones();
   const Environment<N>* environment_;
+  Contacts any_, touched_, after_, trial_;
 };
 
 /// Mass on springs and at most one frictionless or viscous wall: linear on either side of the wall, so each tick is one

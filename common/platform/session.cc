@@ -264,7 +264,8 @@ const Report<N>* UdpTransport<N>::Impl::from_current(const Arrival<N>& arrival, 
     ++counts.handshake;
     return nullptr;
   }
-  returned = now;
+  // A slave introduces itself until it has taken us up, and takes up only who introduces itself.
+  if (options.side == Side::slave || !arrival.envelope.identity) returned = now;
   return refusal_found ? nullptr : &arrival.envelope.report;
 }
 

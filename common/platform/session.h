@@ -77,7 +77,7 @@ class UdpTransport {
   /// the program when this is not empty.
   [[nodiscard]] std::string_view refusal() const noexcept;
 
-  /// Own packets have been returned within the last 100 ms: both sides know each other.
+  /// The other side has taken this session up, and returned its number within the last 100 ms.
   [[nodiscard]] bool coupled(Duration now) const noexcept;
   /// When the first peer was found; from here on blackouts count.
   [[nodiscard]] std::optional<Duration> first_paired() const noexcept;

@@ -145,6 +145,31 @@ TEST(Box, AnswersFromItsNearestFace) {
   }
 }
 
+TEST(Box, ContinuesAFacePastItsEdgesWhenAsked) {
+  // What an integrator needs until it has found the edge.
+  const Shape<3> box{Shape<3>::Kind::box, Vector3d::Zero(), Vector3d{0.03, 0.05, 0.08}, 0.0};
+  const Vector3d inside{0.029, 0.04, 0.0}, beyond{0.029, 0.0495, 0.0}, outside{0.031, 0.0495, 0.0};
+  const Touch<3> t = box.touch(inside);
+  EXPECT_NEAR(t.depth, 0.001, 1e-15);
+  EXPECT_EQ(t.normal, Vector3d::UnitX());
+  EXPECT_EQ(box.touch(beyond).normal, Vector3d::UnitY());
+  EXPECT_EQ(box.touch(beyond, t.face).normal, Vector3d::UnitX());
+  EXPECT_NEAR(box.touch(beyond, t.face).depth, 0.001, 1e-15);
+  EXPECT_NEAR(box.touch(outside, t.face).depth, -0.001, 1e-15);
+  std::set<int> faces;
+  for (int axis = 0; axis < 3; ++axis)
+    for (const double side : {-1.0, 1.0}) {
+      Vector3d p = Vector3d::Zero();
+      p[axis] = 0.99 * side * box.b[axis];
+      const Touch<3> near = box.touch(p), same = box.touch(p, near.face);
+      EXPECT_EQ(near.normal, side * Vector3d::Unit(axis));
+      EXPECT_EQ(near.normal, same.normal);
+      EXPECT_EQ(near.depth, same.depth);
+      faces.insert(near.face);
+    }
+  EXPECT_EQ(faces.size(), 6u);
+}
+
 // --- laws of contact -----------------------------------------------------------------------------------------------------------
 
 std::string rough(std::string shape) {

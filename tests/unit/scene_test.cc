@@ -409,6 +409,10 @@ TEST(SceneText, TheSameFieldTwiceHasAPlace) {
                    {"scenes/x.textproto:1:24: ", "sphere is given beside wall"}));
 }
 
+TEST(SceneText, OfTwoErrorsTheFirstIsTold) {
+  EXPECT_TRUE(says(complaint("dof: 3\nseed: 09\nduration_s: 1\nrate: 5"), {"scenes/x.textproto:2:8: ", "octal"}));
+}
+
 TEST(SceneText, ATextThatStopsShortHasAPlace) {
   EXPECT_TRUE(says(complaint("control {\n passivity {"), {"scenes/x.textproto:2:13: ", "the end of the text"}));
 }

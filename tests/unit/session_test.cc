@@ -137,12 +137,17 @@ TEST_F(Session, DeliversNothingUntilTheNodeIsRebased) {
   auto s = slave<1>();
   auto m = master<1>(*s);
   s->listens = false;
+  s->energy = 7.0;
   run(50, *m, *s);
   EXPECT_FALSE(s->seen.any);
-  EXPECT_EQ(s->link().counts().handshake, 1U);  // and nothing is passed over meanwhile
-  EXPECT_FALSE(m->seen.any);                    // and the slave has not spoken with totals of before
+  const std::uint64_t handshake = s->link().counts().handshake;
+  run(50, *m, *s);
+  EXPECT_EQ(s->link().counts().handshake, handshake);  // nothing is passed over meanwhile
+  EXPECT_EQ(m->most_energy_seen, 0.0);                 // and the slave has not spoken with totals of before
   s->listens = true;
   EXPECT_TRUE(coupled(*m, *s));
+  EXPECT_EQ(m->most_energy_seen, 0.0);
+  EXPECT_EQ(m->rebased, 1);
 }
 
 TEST_F(Session, TakesUpAMasterThatStartsAgainAndForgetsItsTotals) {
@@ -203,36 +208,67 @@ TEST_F(Session, DropsReportsOfASessionThatIsOverWhenTheyComeDue) {
   EXPECT_EQ(s->rebased, 2);
 }
 
-TEST_F(Session, ALateGreetingOfASessionThatIsOverDoesNotBringItBack) {
-  auto s = slave<1>();
-  auto m = master<1>(*s);
-  ASSERT_TRUE(coupled(*m, *s));
-  // What a first master once said, word for word, from where it said it.
-  Envelope<1> old;
-  old.session = 77;
-  old.report.sequence = 1;
-  old.identity = Identity{1, 2000.0, 0xabcdef, Side::master};
-  m.reset();
-  UdpSocket first{loopback()};
+/// A master made by hand, so that all it says can be kept.
+struct HandMade {
+  HandMade() {
+    words.session = 42;
+    words.identity = Identity{1, 2000.0, 0xabcdef, Side::master};
+  }
+  void talk(const Endpoint& to) {
+    ++words.report.sequence;
+    socket.send_to(codec.encode(words), to);
+    Envelope<1> got;
+    while (const auto datagram = socket.receive())
+      if (codec.decode(datagram->bytes, got) == Decoded::ok) words.peer_session = got.session;
+  }
+
+  UdpSocket socket{loopback()};
   Codec<1> codec;
+  Envelope<1> words;
+};
+
+TEST_F(Session, KeptWordsOfASessionThatIsOverStartNothing) {
+  auto s = slave<1>();
+  const Endpoint there = s->link().local();
+  HandMade first;
   ASSERT_TRUE(until(
       [&] {
-        first.send_to(codec.encode(old), s->link().local());
-        return s->rebased == 2;
+        first.talk(there);
+        return s->seen.any;
       },
       *s));
-  m = std::make_unique<Party<1>>(kMaster, loopback(), s->link().local());
-  ASSERT_TRUE(until([&] { return s->rebased == 3; }, *m, *s));
-  ASSERT_TRUE(coupled(*m, *s));
-  const std::uint64_t rejected = s->link().counts().rejected;
-  first.send_to(codec.encode(old), s->link().local());
-  ASSERT_TRUE(until([&] { return s->link().counts().rejected > rejected; }, *m, *s));
+  run(200, *s);
+  auto m = master<1>(*s);
+  ASSERT_TRUE(until([&] { return s->rebased == 2 && s->seen.any; }, *m, *s));
+  // Said again word for word, first beside the session of now, then in silence for as long as one likes.
+  const auto say_again = [&] { first.socket.send_to(first.codec.encode(first.words), there); };
+  for (int k = 0; k < 500; ++k) {
+    say_again();
+    run(1, *m, *s);
+  }
+  EXPECT_TRUE(s->link().coupled(now_));
   m.reset();
-  for (int k = 0; k < 500; ++k) {  // silent, but not for long enough
-    first.send_to(codec.encode(old), s->link().local());
+  for (int k = 0; k < 3000; ++k) {
+    say_again();
     run(1, *s);
   }
-  EXPECT_EQ(s->rebased, 3);
+  EXPECT_EQ(s->rebased, 2);
+  m = master<1>(*s);
+  ASSERT_TRUE(until([&] { return s->rebased == 3 && s->seen.any && m->seen.any; }, *m, *s));
+}
+
+TEST_F(Session, PairsWithinAFewRoundTrips) {
+  for (double delay : {0.0, 0.020}) {
+    SessionOptions late_m = kMaster, late_s = kSlave;
+    late_m.incoming.delay_s = late_s.incoming.delay_s = delay;
+    auto s = slave<3>(late_s);
+    auto m = master<3>(*s, late_m);
+    const Duration begin = now_;
+    ASSERT_TRUE(coupled(*m, *s));
+    EXPECT_LE(now_ - begin, 20ms + 5 * to_duration(delay));
+    run(200, *m, *s);
+    EXPECT_EQ(m->link().counts().rejected + s->link().counts().rejected, 0U) << delay;
+  }
 }
 
 template <int N, int M>
@@ -405,33 +441,25 @@ TEST(SessionOptions, NobodysAddressIsRefused) {
 
 TEST_F(Session, TheRightNumbersFromTheWrongAddressAreRejected) {
   auto s = slave<1>();
-  // A master made by hand, so that its numbers are known.
-  UdpSocket real{loopback()}, thief{loopback()};
-  Codec<1> codec;
-  Envelope<1> e, got;
-  e.session = 42;
-  e.identity = Identity{1, 2000.0, 0xabcdef, Side::master};
-  const auto talk = [&](UdpSocket& from) {
-    ++e.report.sequence;
-    from.send_to(codec.encode(e), s->link().local());
-    while (const auto datagram = real.receive())
-      if (codec.decode(datagram->bytes, got) == Decoded::ok) e.peer_session = got.session;
-  };
+  const Endpoint there = s->link().local();
+  HandMade real;
+  UdpSocket thief{loopback()};
   ASSERT_TRUE(until(
       [&] {
-        talk(real);
+        real.talk(there);
         return s->seen.any;
       },
       *s));
-  e.identity.reset();
-  e.report.energy_in_j = 3.0;
+  real.words.identity.reset();
+  real.words.report.energy_in_j = 3.0;
   const std::uint64_t before = s->link().counts().rejected;
-  talk(thief);
+  ++real.words.report.sequence;
+  thief.send_to(real.codec.encode(real.words), there);
   ASSERT_TRUE(until([&] { return s->link().counts().rejected > before; }, *s));
   EXPECT_EQ(s->most_energy_seen, 0.0);
   ASSERT_TRUE(until(
       [&] {
-        talk(real);
+        real.talk(there);
         return s->most_energy_seen == 3.0;
       },
       *s));
@@ -576,9 +604,8 @@ TEST_F(Session, DoesNotAllocateWhenThePeerStartsAgain) {
   m.reset();
   run(200, *s);
   m = master<6>(*s);
-  m->tick(now_);  // the greeting is on its way
   const NoAlloc guard;
-  bool again = until([&] { return s->rebased == 2; }, *s);
+  bool again = until([&] { return s->rebased == 2 && m->seen.any; }, *m, *s);
   EXPECT_EQ(guard.seen(), 0);
   EXPECT_TRUE(again);
 }

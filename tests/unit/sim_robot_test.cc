@@ -224,6 +224,13 @@ TEST(Slide, AlongAFaceOfABoxKeepsItsEnergy) {
   EXPECT_LT(slide_drift("environment { box { half_size_m: [0.06, 0.2, 0.2] stiffness_n_per_m: 4000 } }",
                         "position_m: [0.0585, 0, 0] velocity_m_per_s: [0, 0.3, 0.1]", 4000), kSlide);
 }
+TEST(Slide, OverTheEdgesOfABoxKeepsItsEnergy) {
+  // Five times around an edge at up to 2 m/s, where the force turns by 90° within the contact.
+  auto r = robot<3>("robot { mass_kg: 0.2 position_m: [0.0585, 0.15, 0] velocity_m_per_s: [0, 0.3, 0] } environment { spring { "
+                    "stiffness_n_per_m: 100 anchor_m: [0, 0.25, 0] } } environment { box { half_size_m: [0.06, 0.2, 0.2] "
+                    "stiffness_n_per_m: 4000 } }");
+  EXPECT_LT(energy_drift(r, 1200, 0.2), 3e-7);
+}
 TEST(Slide, BouncingOnASphereKeepsItsEnergy) {
   EXPECT_LT(slide_drift("environment { sphere { radius_m: 0.06 stiffness_n_per_m: 4000 } }",
                         "position_m: [0.07, 0, 0] velocity_m_per_s: [-0.5, 0.3, 0.2]", 4000),
@@ -300,7 +307,7 @@ TEST(RigidBody, TumblesForTenSecondsWithItsEnergyAndMomentum) {
   }
   EXPECT_LT(momentum_error, 2e-11);  // carried, so only rounded: 2e4 times 1e-16 at least
   EXPECT_LT(energy_error, 1e-10);
-  printf("E %.3g L %.3g att %.3g unit %.3g\n", energy_error,momentum_error,attitude_error,unit_error);  EXPECT_LT(attitude_error, 2e-7);   // [rad], after 24 turns of an unstable motion
+  EXPECT_LT(attitude_error, 1e-8);   // [rad], after 24 turns of an unstable motion
   EXPECT_LT(unit_error, 1e-14);
   EXPECT_NEAR(r.state().x.translation().x(), 1.0, 1e-12);
 }
@@ -346,11 +353,11 @@ TEST(RigidBody, OnFourPointsSettlesWhereTheyCarryIt) {
   Vector6 f;
   f << 0, 0, -weight, 0, 0, 0;
   push<6>(r, f);
-  for (int k = 0; k < 2000; ++k) r.advance();
+  for (int k = 0; k < 3000; ++k) r.advance();
   EXPECT_NEAR(r.state().x.translation().z(), 0.02 - weight / (4 * 2000), 1e-9);
   const Vector3d up = r.state().x.attitude() * Vector3d::UnitZ();
   EXPECT_LT((up - Vector3d::UnitZ()).norm(), 1e-9);
-  EXPECT_LT(r.state().v.vec().norm(), 1e-9);
+  EXPECT_LT(r.state().v.vec().norm(), 1e-8);  // its rocking halves in 30 ms
   EXPECT_NEAR(r.environment_force()[2], weight, 1e-6);
   EXPECT_NEAR(r.sense().f_environment[2], -weight, 1e-6);  // the sensor: the robot presses down
 }
