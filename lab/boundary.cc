@@ -53,15 +53,20 @@ Boundary find_boundary(const BoundaryOptions& o, const std::function<void(const 
   const auto& [path, low, high] = o.vary;
   if (!(o.tolerance > 0.0 && o.tolerance < 1.0))
     throw ConfigError{fmt::format("--tolerance is {}; it must be between 0 and 1", o.tolerance)};
-  const auto run_at = [&, &p = path](double value) {
+  const auto scene_at = [&, &p = path](double value) {
     std::vector<std::string> overrides = o.set;
     overrides.push_back(fmt::format("{}={}", p, value));
-    const Summary s = run(load_scene(o.scene, overrides));
+    return load_scene(o.scene, overrides);
+  };
+  const auto run_at = [&](double value) {
+    const Summary s = run(scene_at(value));
     return Trial{value, s.stable, s.verdict};
   };
   const auto tell = [&](const Trial& trial) {
     if (tried) tried(trial);
   };
+
+  for (const double end : {low, high}) scene_at(end);  // complains of an end, not of what lies between
 
   std::vector<Trial> scan(static_cast<std::size_t>(2 + std::max(o.scan, 0)));
   for (std::size_t i = 0; i < scan.size(); ++i) {

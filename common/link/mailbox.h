@@ -58,6 +58,7 @@ class Mailbox {
     report.echo_ns = known_.any ? known_.newest.sent_ns + (now - known_.heard).count() : -1;
     transport_.send(report, now);
   }
+  void post(Report<N>&& report, Duration now) noexcept { post(report, now); }
 
   /// A new session of the other side: its running totals start again from zero.
   void forget() noexcept {

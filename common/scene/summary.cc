@@ -1,17 +1,14 @@
 #include "common/scene/summary.h"
 
-#include <fcntl.h>
 #include <fmt/format.h>
 #include <google/protobuf/descriptor.h>
 #include <google/protobuf/message.h>
 #include <google/protobuf/util/json_util.h>
-#include <unistd.h>
 
 #include <algorithm>
 #include <cerrno>
 #include <cmath>
 #include <cstdio>
-#include <filesystem>
 #include <system_error>
 
 #include "common/base/check.h"
@@ -110,25 +107,6 @@ void collect(const pb::Message& from, const std::string& prefix, std::vector<std
   }
 }
 
-/// A file beside `path` that did not exist before; its name is left in `beside`.
-int create_beside(const std::string& path, std::string& beside) {
-  const std::filesystem::path whole{path};
-  for (int n = 0;; ++n) {
-    beside = (whole.parent_path() / fmt::format(".{}.{}.{}.tmp", whole.filename().string(), ::getpid(), n)).string();
-    const int file = ::open(beside.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, 0666);
-    if (file >= 0 || errno != EEXIST) return file;
-  }
-}
-
-bool write_all(int file, const std::string& text) {
-  for (std::size_t done = 0; done < text.size();) {
-    const ssize_t wrote = ::write(file, text.data() + done, text.size() - done);
-    if (wrote < 0 && errno != EINTR) return false;
-    if (wrote > 0) done += static_cast<std::size_t>(wrote);
-  }
-  return ::fsync(file) == 0;
-}
-
 }  // namespace
 
 std::string to_string(Architecture architecture) {
@@ -150,17 +128,14 @@ std::string to_json(const Summary& summary) {
 }
 
 void write_whole(const std::string& path, const std::string& text) {
-  std::string beside;
-  const int file = create_beside(path, beside);
-  int error = file < 0 ? errno : 0;
-  if (file >= 0) {
-    if (!write_all(file, text)) error = errno;
-    if (::close(file) != 0 && error == 0) error = errno;
-    if (error == 0 && std::rename(beside.c_str(), path.c_str()) != 0) error = errno;
-    if (error != 0) ::unlink(beside.c_str());
-  }
-  if (error != 0)
-    throw ConfigError{fmt::format("{}: cannot be written: {}", path, std::generic_category().message(error))};
+  const std::string beside = path + ".partial";
+  std::FILE* file = std::fopen(beside.c_str(), "w");
+  bool whole = file != nullptr && std::fwrite(text.data(), 1, text.size(), file) == text.size();
+  if (file != nullptr && std::fclose(file) != 0) whole = false;
+  if (whole && std::rename(beside.c_str(), path.c_str()) == 0) return;
+  const int error = errno;
+  if (file != nullptr) std::remove(beside.c_str());
+  throw ConfigError{fmt::format("{}: cannot be written: {}", path, std::generic_category().message(error))};
 }
 
 std::vector<std::pair<std::string, double>> numbers(const Summary& summary) {

@@ -13,8 +13,8 @@
 namespace twoport::test {
 namespace {
 
-/// "coupled holding coupled" from what a program has shown on its terminal. A slave that has just found a master is idle
-/// for a moment, seen or not.
+/// "coupled holding coupled" from what a program has shown on its terminal. A slave that has just found a master is
+/// idle for a moment, seen or not.
 std::string modes_shown(const std::string& terminal) {
   std::string modes, last;
   for (std::size_t at = terminal.find(" s   "); at != terminal.npos; at = terminal.find(" s   ", at + 1)) {
@@ -55,8 +55,8 @@ TEST(Restart, OfTheSlaveInContactIsSurvivedByTheMaster) {
   EXPECT_GT(trace.peak("master_f_wanted_0", 1.0, 1.3), 0.5) << "in contact before";
   EXPECT_GT(trace.peak("master_f_wanted_0", 4.0, 5.0), 0.5) << "in contact after";
   EXPECT_LE(trace.peak("master_f_0", 0.0, 5.0), 8.5) << "what the device can";
-  std::cout << "slave restarted: least port energy " << m.min_port_energy_j() << " J, largest force "
-            << m.max_force_n() << " N\n";
+  std::cout << "slave restarted: least port energy " << m.min_port_energy_j() << " J, largest force " << m.max_force_n()
+            << " N\n";
 }
 
 TEST(Restart, OfTheMasterInContactIsSurvivedByTheSlave) {
@@ -106,7 +106,8 @@ TEST(Restart, AfterALongSilenceFindsTheMasterReleased) {
 
 TEST(Link, HoldsThroughABlackoutAndCouplesAgain) {
   const Pair pair;
-  const Words longer{"--set", "duration_s=2.5", "--set", "to_master.blackout=[{start_s: 1 duration_s: 0.6}]",
+  const Words longer{"--set", "duration_s=2.5",
+                     "--set", "to_master.blackout=[{start_s: 1 duration_s: 0.6}]",
                      "--set", "to_slave.blackout=[{start_s: 1 duration_s: 0.6}]"};
   Process slave = pair.listening_slave("slave", longer, {.terminal = true});
   Process master = pair.master("master", longer, {.terminal = true});
@@ -245,15 +246,15 @@ TEST(Strangers, FromElsewhereAreDroppedEvenWithGreetingsOfAnOldSession) {
   Noise noise;
   const Socket elsewhere;
   Process slave = pair.listening_slave("slave", {}, {.terminal = true});
-  const Relay relay{through.port, pair.port, [&](Relay& r) {
-                      for (const Datagram& d : {noise.next(), noise.cut(noise.any(r.from_master)),
-                                                noise.any(r.from_master), noise.any(old.from_master),
-                                                old.from_master.front()}) {
-                        elsewhere.send(d, pair.port);
-                        elsewhere.send(d, r.master_port);
-                      }
-                      sent += 5;
-                    }};
+  const Relay relay{
+      through.port, pair.port, [&](Relay& r) {
+        for (const Datagram& d : {noise.next(), noise.cut(noise.any(r.from_master)), noise.any(r.from_master),
+                                  noise.any(old.from_master), old.from_master.front()}) {
+          elsewhere.send(d, pair.port);
+          elsewhere.send(d, r.master_port);
+        }
+        sent += 5;
+      }};
   Process master = through.master("master", {}, {.terminal = true});
   EXPECT_EQ(master.wait(), exited(0)) << master.err();
   std::filesystem::rename(through.at("master"), pair.at("master"));

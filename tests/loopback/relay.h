@@ -39,7 +39,8 @@ class Socket {
     Datagram bytes(2048);
     sockaddr_in from{};
     socklen_t size = sizeof from;
-    const ssize_t n = recvfrom(fd_, bytes.data(), bytes.size(), MSG_DONTWAIT, reinterpret_cast<sockaddr*>(&from), &size);
+    const ssize_t n =
+        recvfrom(fd_, bytes.data(), bytes.size(), MSG_DONTWAIT, reinterpret_cast<sockaddr*>(&from), &size);
     if (n < 0) return std::nullopt;
     bytes.resize(static_cast<std::size_t>(n));
     return std::pair{bytes, ntohs(from.sin_port)};

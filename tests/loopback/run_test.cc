@@ -13,7 +13,9 @@
 namespace twoport::test {
 namespace {
 
-bool exists(const std::string& path) { return std::filesystem::exists(path); }
+bool exists(const std::string& path) {
+  return std::filesystem::exists(path);
+}
 
 /// Both have run the pressing scene to its end: what their summaries must say.
 void expect_whole_run(const Pair& pair) {
@@ -94,8 +96,12 @@ void expect_stop_by(int to_master, int to_slave) {
   }
 }
 
-TEST(Run, EndsWholeOnSigintToTheMasterAndSigtermToTheSlave) { expect_stop_by(SIGINT, SIGTERM); }
-TEST(Run, EndsWholeOnSigtermToTheMasterAndSigintToTheSlave) { expect_stop_by(SIGTERM, SIGINT); }
+TEST(Run, EndsWholeOnSigintToTheMasterAndSigtermToTheSlave) {
+  expect_stop_by(SIGINT, SIGTERM);
+}
+TEST(Run, EndsWholeOnSigtermToTheMasterAndSigintToTheSlave) {
+  expect_stop_by(SIGTERM, SIGINT);
+}
 
 TEST(Run, EndsWholeOnASignalWhileItWaitsForTheOtherSide) {
   const Pair pair;
@@ -203,9 +209,15 @@ void expect_each_architecture(int dof) {
   }
 }
 
-TEST(Run, WorksForEveryArchitectureWithOneAxis) { expect_each_architecture(1); }
-TEST(Run, WorksForEveryArchitectureWithThreeAxes) { expect_each_architecture(3); }
-TEST(Run, WorksForEveryArchitectureWithSixDegreesOfFreedom) { expect_each_architecture(6); }
+TEST(Run, WorksForEveryArchitectureWithOneAxis) {
+  expect_each_architecture(1);
+}
+TEST(Run, WorksForEveryArchitectureWithThreeAxes) {
+  expect_each_architecture(3);
+}
+TEST(Run, WorksForEveryArchitectureWithSixDegreesOfFreedom) {
+  expect_each_architecture(6);
+}
 
 TEST(Run, BreaksAPromiseWithStatusThreeAndSaysWhichByHowMuch) {
   const Pair pair{press(1, "RENDER") + "expect { at_most { key: \"max_force_n\" value: 0.01 } }\n"};

@@ -50,7 +50,7 @@ Difference difference(const Trace& live, const Trace& virtual_time) {
 TEST(Timing, ALiveRunIsTheVirtualOneWithATickMoreOnTheWay) {
   // Two programs do not tick together: what one sends waits for the other's next tick, there and back one tick in all.
   constexpr int kAttempts = 6;
-  constexpr double kPosition = 1e-5, kForce = 0.02;
+  constexpr double kPosition = 1e-4, kForce = 0.1;
   // A tick more or less is felt: this scene's loop would not be stable by itself.
   constexpr double kPositionAsTold = 1e-3, kForceAsTold = 0.8;
   Pair pair{press()};

@@ -18,14 +18,17 @@
 namespace twoport::test {
 namespace {
 
-std::string reason() { return std::strerror(errno); }
+std::string reason() {
+  return std::strerror(errno);
+}
 
 /// Root of a user namespace and of a network to come home to, where the user is not root already. Empty, or why not.
 std::string become_root() {
   if (geteuid() == 0) return {};
   const uid_t user = geteuid();
   const gid_t group = getegid();
-  if (unshare(CLONE_NEWUSER | CLONE_NEWNET) != 0) return "neither root nor permitted a user namespace (" + reason() + ")";
+  if (unshare(CLONE_NEWUSER | CLONE_NEWNET) != 0)
+    return "neither root nor permitted a user namespace (" + reason() + ")";
   std::ofstream{"/proc/self/setgroups"} << "deny";
   std::ofstream{"/proc/self/uid_map"} << "0 " << user << " 1";
   std::ofstream{"/proc/self/gid_map"} << "0 " << group << " 1";
@@ -54,9 +57,7 @@ class Network {
   [[nodiscard]] const std::string& problem() const { return problem_; }
   [[nodiscard]] int fd() const { return fd_; }
   /// As another program finds it.
-  [[nodiscard]] std::string path() const {
-    return "/proc/" + std::to_string(getpid()) + "/fd/" + std::to_string(fd_);
-  }
+  [[nodiscard]] std::string path() const { return "/proc/" + std::to_string(getpid()) + "/fd/" + std::to_string(fd_); }
   /// `ip` in it, the words of the command apart by blanks. Empty, or what went wrong.
   std::string ip(const std::string& command) const {
     Words words{"ip"};

@@ -4,11 +4,8 @@
 #include <bit>
 #include <cmath>
 #include <cstdint>
-#include <cstdio>
-#include <limits>
 #include <random>
 #include <string>
-#include <tuple>
 #include <utility>
 #include <variant>
 #include <vector>
@@ -60,6 +57,10 @@ const std::string kSlide = R"(
   environment { wall { normal: [-2, 1, 2] offset_m: -0.008 stiffness_n_per_m: 5000 damping_n_s_per_m: 5 friction: 0.3 } }
 )";
 
+std::string without_link(const std::string& scene) {
+  return scene.substr(0, scene.find("to_slave")) + scene.substr(scene.find("robot"));
+}
+
 Numbers turned(const Matrix3d& r, Numbers v) {
   if (v.empty()) return v;
   v.resize(3, 0.0);
@@ -86,17 +87,15 @@ TEST(Rotation, OfEveryVectorOfASceneTurnsTheRun) {
     const Matrix3d r = Quaterniond{q.normalized()}.toRotationMatrix();
     const Rows<3> tilted = rows<3>(turned(r, scene));
     ASSERT_EQ(tilted.size(), straight.size());
-    double worst = 0.0, later = 0.0, reach = 0.0;
+    double worst = 0.0, reach = 0.0;
     for (std::size_t k = 0; k < straight.size(); ++k) {
       const auto apart = [&](const Position<3>& a, const Position<3>& b) {
         return (r * a.translation() - b.translation()).norm();
       };
-      const double error = std::max(apart(straight[k].master_x, tilted[k].master_x), apart(straight[k].slave_x, tilted[k].slave_x));
+      worst = std::max({worst, apart(straight[k].master_x, tilted[k].master_x), apart(straight[k].slave_x, tilted[k].slave_x)});
       reach = std::max(reach, straight[k].master_x.translation().norm());
-      double& of = straight[k].t_s < 0.5 ? worst : later;
-      of = std::max(of, error);
     }
-    printf("rotation %d: first half second %.3g later %.3g reach %.3g\n", i, worst, later, reach);
+    // Measured: 1e-14 in the first half second, 1e-12 to the end. The switching of the controllers does not amplify it here.
     EXPECT_LT(worst, 1e-9 * reach) << "rotation " << i;
   }
 }
@@ -145,7 +144,8 @@ const std::string kSixDof = R"(
     path { move_to { position_m: [0.02, 0, -0.03, 0.8, 0.2, -0.4, 0.4] duration_s: 0.4 } }
   }
   device { mass_kg: 0.075 inertia_kg_m2: 1e-4 coulomb_friction_n: 0.04 position_resolution_m: 3e-5 velocity_estimate: FILTERED }
-  control { passivity { method: FORCE_PROJECTED } }
+  control { virtual_coupling { rotational_stiffness_n_m_per_rad: 1 rotational_damping_n_m_s_per_rad: 0.01 }
+            passivity { method: FORCE_PROJECTED } }
   robot { mass_kg: 0.5 inertia_kg_m2: [1e-3, 2e-3, 2.5e-3] force_sensor { noise_n: 0.05 latency_ms: 2 } }
   environment { wall { normal: [0, 0, 1] offset_m: -0.02 stiffness_n_per_m: 3000 damping_n_s_per_m: 5 friction: 0.3 } }
   tool { contact_point { position_m: [0.02, 0, 0] } contact_point { position_m: [-0.02, 0.01, 0] } }
@@ -169,12 +169,22 @@ void expect_same_twice(const std::string& text) {
   EXPECT_FALSE(same_bits(once, numbers<N>(rows<N>(parse_scene(text + kEverythingRandom, "twice", {{"seed=99"}})))));
 }
 TEST(TwoRuns, AreTheSameToTheBit1Dof) { expect_same_twice<1>(kOneDof); }
-TEST(TwoRuns, AreTheSameToTheBit3Dof) { expect_same_twice<3>(kSlide.substr(0, kSlide.find("to_slave")) + kSlide.substr(kSlide.find("robot"))); }
+TEST(TwoRuns, AreTheSameToTheBit3Dof) { expect_same_twice<3>(without_link(kSlide)); }
 TEST(TwoRuns, AreTheSameToTheBit6Dof) { expect_same_twice<6>(kSixDof); }
 
 // --- nobody knows more than there is -------------------------------------------------------------------------------------------------
 
-/// A network in memory that remembers the most energy that was ever put into it.
+/// What has gone through a port since the start: in and out of the link, each of which only grows.
+struct Flow {
+  double in_j = 0.0, out_j = 0.0, net_j = 0.0;
+  void follow(double net) {
+    const double by = net - net_j;
+    (by > 0.0 ? in_j : out_j) += std::abs(by);
+    net_j = net;
+  }
+};
+
+/// A network in memory that remembers the most energy that was ever claimed in it.
 template <int N>
 struct WitnessedTransport {
   SimTransport<N> line;
@@ -189,55 +199,80 @@ struct WitnessedTransport {
   }
 };
 
-/// The laboratory's loop over a link, with a witness at each end. `visit(known at master, claimed by slave)`, and the
-/// other way round.
-template <int N, class Visit>
-void run_witnessed(const Scene& scene, Visit visit) {
-  const Seconds dt{1.0 / scene.rate_hz};
-  sim::SimDevice<N> device{scene, dt};
-  sim::SimRobot<N> robot{scene, dt};
-  MasterNode<N> master{scene.control};
-  SlaveNode<N> slave{scene.control};
-  DelayLine<Report<N>> to_slave{scene.to_slave, scene.seed ^ kToSlaveStream, 8192},
-      to_master{scene.to_master, scene.seed ^ kToMasterStream, 8192};
-  double by_master = 0.0, by_slave = 0.0;
-  Mailbox<N, WitnessedTransport<N>> master_mail{{{to_master, to_slave}, &by_master}}, slave_mail{{{to_slave, to_master}, &by_slave}};
-  const Duration end = to_duration(scene.duration_s);
-  std::int64_t k = 0;
-  for (Duration now{0}; now < end; now = tick_time(++k, scene.rate_hz)) {
-    if (k > 0) {
-      robot.advance();
-      device.advance();
+/// The laboratory's loop over a link of equal rates, opened up.
+template <int N>
+class Witness {
+ public:
+  explicit Witness(const Scene& scene)
+      : scene_{scene},
+        device_{scene, dt_},
+        robot_{scene, dt_},
+        master_{scene.control},
+        slave_{scene.control},
+        to_slave_{scene.to_slave, scene.seed ^ kToSlaveStream, 8192},
+        to_master_{scene.to_master, scene.seed ^ kToMasterStream, 8192} {}
+
+  /// Calls visit(tick) after each tick of both.
+  template <class Visit>
+  void run(Visit visit) {
+    const Duration end = to_duration(scene_.duration_s);
+    std::int64_t k = 0;
+    for (Duration now{0}; now < end; now = tick_time(++k, scene_.rate_hz)) {
+      if (k > 0) {
+        robot_.advance();
+        device_.advance();
+      }
+      // What a side may know at this tick was said before it.
+      said_by_master = claimed_by_master_, said_by_slave = claimed_by_slave_;
+      run_cycle(slave_, robot_, slave_mail_, Tick<SlaveClock>{Instant<SlaveClock>{now}, dt_});
+      run_cycle(master_, device_, master_mail_, Tick<MasterClock>{Instant<MasterClock>{now}, dt_});
+      known_at_slave = slave_mail_.collect(now).energy_in_j;
+      known_at_master = master_mail_.collect(now).energy_in_j;
+      // The master's port as the world has it; the slave's as it has booked it, the coming tick included.
+      hand.follow(device_.port_energy().si());
+      coupling.follow(-slave_.delivered().si());
+      visit(k);
     }
-    // What each may know at this tick was said before it.
-    const double master_said = by_master, slave_said = by_slave;
-    run_cycle(slave, robot, slave_mail, Tick<SlaveClock>{Instant<SlaveClock>{now}, dt});
-    run_cycle(master, device, master_mail, Tick<MasterClock>{Instant<MasterClock>{now}, dt});
-    visit(k, slave_mail.collect(now).energy_in_j, master_said);
-    visit(k, master_mail.collect(now).energy_in_j, slave_said);
   }
-  EXPECT_GT(by_master, 1e-3);
-  EXPECT_GT(by_slave, 1e-4);
-}
+
+  double said_by_master = 0.0, said_by_slave = 0.0, known_at_slave = 0.0, known_at_master = 0.0;
+  Flow hand, coupling;
+
+ private:
+  Scene scene_;
+  Seconds dt_{1.0 / scene_.rate_hz};
+  sim::SimDevice<N> device_;
+  sim::SimRobot<N> robot_;
+  MasterNode<N> master_;
+  SlaveNode<N> slave_;
+  DelayLine<Report<N>> to_slave_, to_master_;
+  double claimed_by_master_ = 0.0, claimed_by_slave_ = 0.0;
+  Mailbox<N, WitnessedTransport<N>> master_mail_{{{to_master_, to_slave_}, &claimed_by_master_}},
+      slave_mail_{{{to_slave_, to_master_}, &claimed_by_slave_}};
+};
 
 TEST(WhatASideKnows, NeverExceedsWhatTheOtherHasSent) {
+  double most_at_master = 0.0;
   for (const char* link : {"delay_ms: 0", "delay_ms: 0.5", "delay_ms: 20 loss: 0.4", "delay_ms: 10 jitter_ms: 20",
                            "delay_ms: 5 jitter_ms: 3 jitter_distribution: PARETO duplicate: 0.4",
                            "delay_ms: 5 reorder: 0.3 reorder_ms: 20", "delay_ms: 5 burst { p: 0.02 r: 0.05 }",
                            "delay_ms: 15 jitter_ms: 10 loss: 0.3 duplicate: 0.3 reorder: 0.3 blackout { start_s: 0.3 duration_s: 0.08 }"}) {
-    const std::string scene = kSlide.substr(0, kSlide.find("to_slave")) + kSlide.substr(kSlide.find("robot")) + " to_slave { " +
-                              link + " } to_master { " + link + " }";
-    double before[2] = {0.0, 0.0};
-    int side = 0, learnt = 0;
-    run_witnessed<3>(parse_scene(scene, "witnessed"), [&](std::int64_t k, double known, double said) {
-      ASSERT_LE(known, said) << link << ", tick " << k;
-      ASSERT_GE(known, before[side]) << link << ", tick " << k;  // and never forgets
-      learnt += known > before[side];
-      before[side] = known;
-      side = 1 - side;
+    Witness<3> w{parse_scene(without_link(kSlide) + " to_slave { " + link + " } to_master { " + link + " }", "witnessed")};
+    double at_master = 0.0, at_slave = 0.0;
+    int learnt = 0;
+    w.run([&](std::int64_t k) {
+      ASSERT_LE(w.known_at_slave, w.said_by_master) << link << ", tick " << k;
+      ASSERT_LE(w.known_at_master, w.said_by_slave) << link << ", tick " << k;
+      ASSERT_GE(w.known_at_slave, at_slave) << link << ", tick " << k;  // and is never forgotten
+      ASSERT_GE(w.known_at_master, at_master) << link << ", tick " << k;
+      learnt += w.known_at_slave > at_slave;
+      at_slave = w.known_at_slave, at_master = w.known_at_master;
     });
     EXPECT_GT(learnt, 100) << link;
+    EXPECT_GT(at_slave, 1e-3) << link;
+    most_at_master = std::max(most_at_master, at_master);
   }
+  EXPECT_GT(most_at_master, 1e-3);
 }
 
 // --- the channel is passive -------------------------------------------------------------------------------------------------------------
@@ -270,31 +305,32 @@ std::string random_scene(int number) {
          field("friction", uniform(0, 1) < 0.5 ? 0.0 : uniform(0, 0.5)) + "} }";
 }
 
-TEST(Channel, NeverGivesMoreThanItTook) {
-  double worst_channel = 1.0, worst_port = 1.0;
-  int corrected = 0;
-  for (int number = 0; number < 30; ++number) {
-    const Scene scene = parse_scene(random_scene(number), "random");
-    LinkSimulation<3> simulation{scene};
-    // Both ledgers start with E(0).
-    const double granted = 2.0 * scene.control.initial_energy.si();
-    double channel = std::numeric_limits<double>::infinity(), port = channel, dissipated = 0.0;
-    simulation.run([&](const Row<3>& row) {
-      channel = std::min(channel, granted + row.master_energy_j - row.slave_energy_j);
-      port = std::min(port, simulation.initial_energy().si() + row.master_energy_j);
-      dissipated += row.dissipated_j;
-      return true;
-    });
-    printf("scene %d: channel %.3g port %.3g dissipated %.3g\n", number, channel, port, dissipated);
-    corrected += dissipated > 0.0;
-    EXPECT_GE(channel, -1e-6) << "scene " << number << ": " << random_scene(number);
-    EXPECT_GE(port, -1e-4) << "scene " << number << ": " << random_scene(number);
-    worst_channel = std::min(worst_channel, channel);
-    worst_port = std::min(worst_port, port);
-  }
-  RecordProperty("worst_channel_j", std::to_string(worst_channel));
-  RecordProperty("worst_port_j", std::to_string(worst_port));
-  EXPECT_GT(corrected, 20);
+class RandomScene : public ::testing::TestWithParam<int> {};
+INSTANTIATE_TEST_SUITE_P(Of, RandomScene, ::testing::Range(0, 30));
+
+TEST_P(RandomScene, GivesNoMoreThanItTook) {
+  const Scene scene = parse_scene(random_scene(GetParam()), "random");
+  const double granted = scene.control.initial_energy.si();
+  Witness<3> w{scene};
+  w.run([&](std::int64_t k) {
+    const double to_robot = granted + w.hand.in_j - w.coupling.out_j, to_hand = granted + w.coupling.in_j - w.hand.out_j;
+    // The slave decides on force and velocity of the coming tick together, so its port is exact: 5e-16 J.
+    ASSERT_GE(to_robot, -1e-12) << "tick " << k << " of " << random_scene(GetParam());
+    // The master foresees how the hand will move and may be wrong by up to 2e-5 J a tick here. What it then owes it repays
+    // when it can: it owed 1.9e-4 J at most in these scenes, more than 1e-6 J in 23 of them.
+    ASSERT_GE(to_hand, -3e-4) << "tick " << k << " of " << random_scene(GetParam());
+    ASSERT_GE(to_robot + to_hand, -3e-4) << "tick " << k << " of " << random_scene(GetParam());
+  });
+}
+
+TEST_P(RandomScene, NeverGivesTheHandMoreThanItPutIn) {
+  LinkSimulation<3> simulation{parse_scene(random_scene(GetParam()), "random")};
+  double least = 0.0;
+  simulation.run([&](const Row<3>& row) {
+    least = std::min(least, row.master_energy_j);
+    return true;
+  });
+  EXPECT_GE(simulation.initial_energy().si() + least, -1e-4) << random_scene(GetParam());
 }
 
 // --- what an observer sees ----------------------------------------------------------------------------------------------------------------
@@ -324,8 +360,10 @@ template <int N>
 void expect_exact(const std::string& control, const std::string& device) {
   double most = 0.0;
   for (const Row<N>& row : rendered<N>(parse_scene(rendering(N, control, device), "rendering"))) {
-    ASSERT_NEAR(row.observed_energy_j, row.master_energy_j, 1e-12) << row.t_s << " s, " << control << device;
     most = std::max(most, std::abs(row.master_energy_j));
+    // Of what it has been at most: the classic correction of a wrench can run away to 100 J.
+    ASSERT_NEAR(row.observed_energy_j, row.master_energy_j, 1e-12 * std::max(1.0, most))
+        << row.t_s << " s, " << control << device;
   }
   EXPECT_GT(most, 1e-3);
 }
@@ -373,7 +411,6 @@ TEST(ExactObserver, ThroughAnEncoderErrsByNoMoreThanHalfACountPerSwingOfForce) {
     for (const double q : {3e-5, 2e-4}) {
       const auto [one, share_of_one] = expect_bounded<1>(q, control);
       const auto [three, share_of_three] = expect_bounded<3>(q, control);
-      printf("q %.0e %s: %.3g J (%.2g of bound), %.3g J (%.2g)\n", q, control, one, share_of_one, three, share_of_three);
       EXPECT_GT(one, 1e-6);  // it does err
       EXPECT_GT(three, 1e-6);
       EXPECT_GT(std::max(share_of_one, share_of_three), 0.1);  // and the bound is not idle

@@ -2,6 +2,7 @@
 
 #include <arpa/inet.h>
 #include <fcntl.h>
+#include <linux/capability.h>
 #include <netinet/in.h>
 #include <sched.h>
 #include <sys/prctl.h>
@@ -9,8 +10,6 @@
 #include <sys/socket.h>
 #include <sys/wait.h>
 #include <unistd.h>
-
-#include <linux/capability.h>
 
 #include <cerrno>
 #include <csignal>
@@ -26,7 +25,9 @@ namespace {
 
 constexpr int kCouldNotStart = 127;
 
-[[noreturn]] void fail(const std::string& what) { throw std::system_error{errno, std::generic_category(), what}; }
+[[noreturn]] void fail(const std::string& what) {
+  throw std::system_error{errno, std::generic_category(), what};
+}
 
 /// Between fork and exec. What only root may do is tried and does no harm where it fails.
 void take_rights_away() {
@@ -124,7 +125,9 @@ Process::~Process() = default;
 Process::Process(Process&&) noexcept = default;
 Process& Process::operator=(Process&&) noexcept = default;
 
-pid_t Process::pid() const { return impl_->pid; }
+pid_t Process::pid() const {
+  return impl_->pid;
+}
 void Process::send(int signal) {
   if (!impl_->has_ended()) kill(impl_->pid, signal);
 }
@@ -145,7 +148,9 @@ bool Process::says(std::string_view text, std::chrono::milliseconds timeout) {
   }
 }
 
-std::string Process::out() const { return read_text(impl_->folder / "out"); }
+std::string Process::out() const {
+  return read_text(impl_->folder / "out");
+}
 std::string Process::err() const {
   impl_->read_terminal();
   return impl_->terminal >= 0 ? impl_->shown : read_text(impl_->folder / "err");

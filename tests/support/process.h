@@ -39,8 +39,12 @@ struct Exit {
     return e.status < 0 ? out << "still running" : out << "exit status " << e.status;
   }
 };
-constexpr Exit exited(int status) { return {status, 0}; }
-constexpr Exit killed_by(int signal) { return {-1, signal}; }
+constexpr Exit exited(int status) {
+  return {status, 0};
+}
+constexpr Exit killed_by(int signal) {
+  return {-1, signal};
+}
 
 struct Surroundings {
   bool terminal = false;      ///< stderr is a terminal

@@ -1,0 +1,314 @@
+#include "lab/sweep.h"
+
+#include <fmt/format.h>
+#include <gtest/gtest.h>
+
+#include <csignal>
+#include <cstdlib>
+#include <filesystem>
+#include <fstream>
+#include <string>
+#include <thread>
+#include <vector>
+
+#include "common/base/check.h"
+#include "common/scene/summary.h"
+#include "lab/cells.h"
+#include "lab/plot.h"
+#include "tests/support/process.h"
+
+namespace twoport::lab {
+namespace {
+
+using test::exited;
+using test::finished;
+using test::Folder;
+using test::Process;
+using test::read_text;
+using Words = std::vector<std::string>;
+using namespace std::chrono_literals;
+
+const std::string kHeld = TWOPORT_SCENES "/held_spring.textproto";
+const std::string kWall = TWOPORT_SCENES "/stiff_wall_50ms.textproto";
+const std::string kStiffness = "environment[0].spring.stiffness_n_per_m";
+
+Words lab(Words arguments) {
+  arguments.insert(arguments.begin(), TWOPORT_LAB);
+  return arguments;
+}
+Words plus(Words all, const Words& more) {
+  all.insert(all.end(), more.begin(), more.end());
+  return all;
+}
+bool exists(const std::string& path) {
+  return std::filesystem::exists(path);
+}
+
+void expect_done(Process p) {
+  EXPECT_EQ(p.wait(), exited(0)) << p.out() << p.err();
+}
+
+void expect_refused(Process p, const Words& parts) {
+  EXPECT_EQ(p.wait(), exited(2)) << p.out() << p.err();
+  EXPECT_EQ(p.err().rfind("twoport-lab: ", 0), 0U) << p.err();
+  EXPECT_EQ(test::count(p.err(), "\n"), 1) << p.err();
+  for (const std::string& part : parts) EXPECT_NE(p.err().find(part), std::string::npos) << p.err();
+}
+
+// ---- specs
+
+Words values(const std::string& spec) {
+  return parse_axis("a=" + spec).values;
+}
+
+TEST(Axis, IsAListOrARange) {
+  EXPECT_EQ(values("NONE,CLASSIC"), (Words{"NONE", "CLASSIC"}));
+  EXPECT_EQ(values("3"), Words{"3"});
+  EXPECT_EQ(values("[1, 2],[3, 4]"), (Words{"[1, 2]", "[3, 4]"}));
+  EXPECT_EQ(values("0:1:5"), (Words{"0", "0.25", "0.5", "0.75", "1"}));
+  EXPECT_EQ(values("0.1:0.4:4"), (Words{"0.1", "0.2", "0.3", "0.4"}));
+  EXPECT_EQ(values("5:-5:3"), (Words{"5", "0", "-5"}));
+  EXPECT_EQ(values("1:1000:4:log"), (Words{"1", "10", "100", "1000"}));
+  EXPECT_TRUE(parse_axis("a=1:10:2:log").logarithmic);
+  EXPECT_FALSE(parse_axis("a=1:10:2").logarithmic);
+  EXPECT_EQ(parse_axis("environment[0].wall.friction=1,2").path, "environment[0].wall.friction");
+}
+
+TEST(Axis, SaysWhatIsWrong) {
+  const auto refused = [](const std::string& text, const std::string& part) {
+    try {
+      static_cast<void>(parse_axis(text));
+      ADD_FAILURE() << text << " was taken";
+    } catch (const ConfigError& e) {
+      EXPECT_NE(std::string{e.what()}.find("--vary " + text), std::string::npos) << e.what();
+      EXPECT_NE(std::string{e.what()}.find(part), std::string::npos) << e.what();
+    }
+  };
+  for (const char* text : {"a", "a=", "=1", "a=1:2", "a=1:2:x", "a=1:2:3:lin", "a=x:2:3", "a=1:2:3:log:4", "a=1:inf:3"})
+    refused(text, "PATH=a,b,c or PATH=start:stop:count or PATH=start:stop:count:log");
+  refused("a=1,,2", "empty");
+  refused("a=1:2:1", "count is 1");
+  refused("a=0:2:3:log", "both must be > 0");
+  refused("a=-1:2:3:log", "both must be > 0");
+}
+
+TEST(Shard, CountsFromOne) {
+  EXPECT_EQ(parse_shard("3/8").index, 3U);
+  EXPECT_EQ(parse_shard("3/8").count, 8U);
+  for (const char* text : {"", "1", "0/2", "3/2", "1/0", "a/2", "1/2/3", "-1/2"})
+    EXPECT_THROW(static_cast<void>(parse_shard(text)), ConfigError) << text;
+}
+
+// ---- tables
+
+TEST(Sweep, WritesTheVariedPathsThenEveryNumberOfTheSummary) {
+  const Folder folder;
+  const Table table = sweep({.scene = kHeld,
+                             .set = {"duration_s=0.5"},
+                             .axes = {parse_axis("device.mass_kg=0.05,0.1"), parse_axis(kStiffness + "=100,200,300")},
+                             .jobs = 2,
+                             .shard = {},
+                             .out = folder / "out"});
+  Words columns{"device.mass_kg", kStiffness};
+  for (const auto& [name, value] : numbers(Summary{}))
+    if (name != "step_ns") columns.push_back(name);
+  EXPECT_EQ(table.columns, columns);
+  ASSERT_EQ(table.rows.size(), 6U);
+  EXPECT_EQ(table.rows[0][0], "0.05");
+  EXPECT_EQ(table.rows[0][1], "100");
+  EXPECT_EQ(table.rows[1][1], "200");  // the last path varies fastest
+  EXPECT_EQ(table.rows[3][0], "0.1");
+  EXPECT_EQ(read_text(folder / "out/table.csv"), to_csv(table));
+  const auto stable = std::find(columns.begin(), columns.end(), "stable") - columns.begin();
+  EXPECT_EQ(table.rows[0][static_cast<std::size_t>(stable)], "1");
+}
+
+TEST(Sweep, VariesAnyPathOfTheScene) {
+  // An enum, a list, a field of a block that is absent, and what the summary has a column of as well.
+  for (const char* axis : {"control.passivity.method=NONE,CLASSIC,FORCE_PROJECTED", "device.position_m=[0.001],[0.002]",
+                           "operator.hand.stiffness_n_per_m=0:300:4", "rate_hz=1000,2000", "seed=1,2"}) {
+    const Table table = sweep(
+        {.scene = kHeld, .set = {"duration_s=0.2"}, .axes = {parse_axis(axis)}, .jobs = 1, .shard = {}, .out = ""});
+    EXPECT_EQ(table.rows.size(), parse_axis(axis).values.size()) << axis;
+  }
+}
+
+TEST(Sweep, QuotesWhatHoldsAComma) {
+  const Table table{.axes = {}, .columns = {"a", "b"}, .rows = {{"[1, 2]", "say \"no\""}}};
+  EXPECT_EQ(to_csv(table), "a,b\n\"[1, 2]\",\"say \"\"no\"\"\"\n");
+}
+
+const Words kGrid{"sweep",  kWall,
+                  "--set",  "duration_s=0.6",
+                  "--vary", "to_slave.delay_ms=5:50:4",
+                  "--vary", "control.passivity.method=NONE,CLASSIC,FORCE_PROJECTED"};
+
+TEST(SweepProgram, WritesTheSameTableForAnyNumberOfJobs) {
+  const Folder folder;
+  expect_done(finished(lab(plus(kGrid, {"--plot", "none", "--jobs", "1", "--out", folder / "one"}))));
+  expect_done(finished(lab(plus(kGrid, {"--plot", "none", "--jobs", "2", "--out", folder / "two"}))));
+  const std::string table = read_text(folder / "one/table.csv");
+  EXPECT_EQ(test::count(table, "\n"), 13);
+  EXPECT_EQ(read_text(folder / "two/table.csv"), table);
+
+  const Process to_stdout = finished(lab(plus(kGrid, {"--jobs", "2"})));
+  EXPECT_EQ(to_stdout.out(), table);
+  EXPECT_EQ(to_stdout.err(), "");
+}
+
+TEST(SweepProgram, GoesOnWhereItWasKilled) {
+  const Folder folder;
+  const auto command = [&](const std::string& out) {
+    return lab({"sweep", kWall, "--set", "duration_s=3", "--vary", "to_slave.delay_ms=5:50:12", "--jobs", "1", "--plot",
+                "none", "--out", folder / out});
+  };
+  expect_done(finished(command("whole")));
+  const std::string cells = folder / "killed/cells.jsonl";
+  {
+    Process victim{command("killed")};
+    while (victim.running() && (!exists(cells) || test::count(read_text(cells), "\n") < 4))
+      std::this_thread::sleep_for(1ms);
+    victim.send(SIGKILL);
+    EXPECT_EQ(victim.wait(), test::killed_by(SIGKILL));
+  }
+  EXPECT_FALSE(exists(folder / "killed/table.csv"));
+  std::string kept = read_text(cells);
+  kept.resize(kept.rfind('\n') + 1);
+  const int lines = test::count(kept, "\n");
+  ASSERT_GE(lines, 4);
+  ASSERT_LT(lines, 13);
+  std::ofstream{cells, std::ios::app} << R"({"cell": 11, "row": ["5)";  // a line that did not get to its end
+
+  const Process second = finished(command("killed"));
+  EXPECT_EQ(read_text(folder / "killed/table.csv"), read_text(folder / "whole/table.csv")) << second.err();
+  const std::string after = read_text(cells);
+  EXPECT_EQ(after.compare(0, kept.size(), kept), 0) << "cells that were there have not stayed";
+  EXPECT_EQ(test::count(after, "\n"), 13);
+  for (int cell = 0; cell < 12; ++cell) EXPECT_EQ(test::count(after, fmt::format("\"cell\": {},", cell)), 1) << cell;
+}
+
+TEST(SweepProgram, RefusesToGoOnWithAnotherSweep) {
+  const Folder folder;
+  const std::string out = folder / "out";
+  expect_done(finished(lab(plus(kGrid, {"--plot", "none", "--out", out}))));
+  expect_refused(finished(lab(plus(kGrid, {"--out", out, "--set", "seed=8"}))), {out, "another"});
+  expect_refused(
+      finished(lab({"sweep", kWall, "--set", "duration_s=0.6", "--vary", "to_slave.delay_ms=5,6", "--out", out})),
+      {out, "another"});
+  Words other_scene = kGrid;
+  other_scene[1] = folder.write("scene.textproto", read_text(kWall) + "# changed\n");
+  expect_refused(finished(lab(plus(other_scene, {"--out", out}))), {out, "another"});
+  std::ofstream{out + "/cells.jsonl", std::ios::app} << "nonsense\n";
+  expect_refused(finished(lab(plus(kGrid, {"--out", out}))), {out + "/cells.jsonl:14", "not a cell"});
+}
+
+TEST(SweepProgram, MergesItsPartsIntoTheWhole) {
+  const Folder folder;
+  const auto part = [&](const std::string& shard, const std::string& out) {
+    return finished(lab(plus(kGrid, {"--plot", "none", "--shard", shard, "--out", folder / out})));
+  };
+  expect_done(finished(lab(plus(kGrid, {"--plot", "none", "--out", folder / "whole"}))));
+  expect_done(part("1/3", "a"));
+  expect_done(part("2/3", "b"));
+  const auto merge = [&](const Words& parts, const std::string& out) {
+    Words command{"merge"};
+    for (const std::string& each : parts) command.push_back(folder / each);
+    return finished(lab(plus(command, {"--plot", "none", "--out", folder / out})));
+  };
+  expect_refused(merge({"a", "b"}, "m"), {"4 of 12 cells are missing", "cell 2 (", "FORCE_PROJECTED", "--shard"});
+  EXPECT_FALSE(exists(folder / "m/table.csv"));
+  expect_done(part("3/3", "c"));
+  EXPECT_EQ(test::count(read_text(folder / "c/table.csv"), "\n"), 5);
+  expect_refused(merge({"a", "b", "c", "b"}, "m"), {"in two parts", folder / "b"});
+  expect_done(merge({"c", "a", "b"}, "m"));
+  EXPECT_EQ(read_text(folder / "m/table.csv"), read_text(folder / "whole/table.csv"));
+  expect_done(merge({"m"}, "again"));  // what it leaves is a sweep's
+  EXPECT_EQ(read_text(folder / "again/table.csv"), read_text(folder / "whole/table.csv"));
+
+  expect_done(finished(lab(
+      {"sweep", kHeld, "--set", "duration_s=0.1", "--vary", "seed=1,2", "--plot", "none", "--out", folder / "other"})));
+  expect_refused(merge({"a", "other"}, "m"), {folder / "other", "another sweep"});
+  expect_refused(merge({"a", "nowhere"}, "m"), {folder / "nowhere", "cannot be read"});
+}
+
+TEST(SweepProgram, SaysWhatIsWrong) {
+  const auto sweep = [](const Words& more) {
+    return finished(lab(plus({"sweep", kHeld, "--set", "duration_s=0.1"}, more)));
+  };
+  expect_refused(sweep({"--vary", "device.mass_kg"}), {"--vary device.mass_kg", "PATH=a,b,c"});
+  expect_refused(sweep({"--vary", "device.mass_kg=1:2"}), {"device.mass_kg=1:2", "start:stop:count"});
+  expect_refused(sweep({"--vary", "device.colour=1,2"}), {"device.colour=1", "colour", "mass_kg"});
+  expect_refused(sweep({"--vary", "device.mass_kg=0.1,-1"}), {"device.mass_kg", "-1", ">= 0"});
+  expect_refused(sweep({"--vary", "device.mass_kg=1,2", "--vary", "device.mass_kg=3,4"}), {"device.mass_kg", "twice"});
+  expect_refused(sweep({"--vary", "seed=1:1000:1000", "--vary", "device.mass_kg=1:2:1001"}),
+                 {"1001000 cells", "at most"});
+  expect_refused(sweep({"--vary", "seed=1,2", "--shard", "3/2"}), {"--shard 3/2", "I/N"});
+  expect_refused(sweep({"--vary", "seed=1,2", "--jobs", "0"}), {"--jobs", "0", "at least 1"});
+  expect_refused(sweep({"--vary", "seed=1,2", "--plot", "colour"}), {"--plot colour", "stable", "drift_m"});
+  expect_refused(sweep({"--vary", "seed=1,2", "--out", "/dev/null/x"}), {"--out /dev/null/x"});
+  // Each value is good, one pair is not: the cell is named.
+  expect_refused(sweep({"--vary", "control.hold_after_s=0.1,2", "--vary", "control.release_after_s=3,1"}),
+                 {"cell 3 (control.hold_after_s=2, control.release_after_s=1)", "hold_after_s"});
+}
+
+TEST(SweepProgram, ShowsItsProgressToWhomWatches) {
+  const Folder folder;
+  const Words command = lab(plus(kGrid, {"--plot", "none", "--out", folder / "out"}));
+  Process watched{command, {.terminal = true, .unprivileged = false, .network = -1}};
+  EXPECT_EQ(watched.wait(), exited(0)) << watched.err();
+  EXPECT_NE(watched.err().find("12 of 12 cells"), std::string::npos) << watched.err();
+  EXPECT_NE(watched.err().find("s left"), std::string::npos) << watched.err();
+  EXPECT_EQ(finished(command).err(), "");
+}
+
+// ---- pictures
+
+Table some_table(std::size_t axes) {
+  Table table{.axes = {parse_axis("device.mass_kg=0.01:1:3:log"), parse_axis("control.passivity.method=NONE,CLASSIC"),
+                       parse_axis("to_slave.delay_ms=5,1,3")},
+              .columns = {},
+              .rows = {}};
+  table.axes.resize(axes);
+  const Plan plan{.digest = "", .axes = table.axes, .columns = {}};
+  for (const Axis& axis : table.axes) table.columns.push_back(axis.path);
+  table.columns.insert(table.columns.end(), {"stable", "drift_m"});
+  for (std::size_t cell = 0; cell < plan.cells(); ++cell) {
+    table.rows.push_back(plan.values(cell));
+    table.rows.back().push_back(cell % 3 == 0 ? "0" : "1");
+    table.rows.back().push_back(fmt::format("{}", 1e-3 * static_cast<double>(cell + 1)));
+  }
+  return table;
+}
+
+TEST(Picture, IsDrawnOfOneTwoOrThreeAxes) {
+  if (std::system("command -v gnuplot > /dev/null 2>&1") != 0) GTEST_SKIP() << "gnuplot is not installed";
+  for (const std::size_t axes : {1U, 2U, 3U})
+    for (const char* key : {"stable", "drift_m"}) {
+      const Folder folder;
+      std::filesystem::create_directories(folder / "it's here");
+      const std::string out = folder / "it's here";
+      EXPECT_EQ(draw(some_table(axes), key, out), fmt::format("{0}/{1}.png, {0}/{1}.svg", out, key));
+      EXPECT_EQ(read_text(out + "/" + key + ".png").rfind("\x89PNG", 0), 0U);
+      EXPECT_NE(read_text(out + "/" + key + ".svg").find("device.mass_kg [kg]"), std::string::npos);
+      EXPECT_NE(read_text(out + "/" + key + ".svg").find("unstable"), std::string::npos);
+      EXPECT_FALSE(exists(out + "/" + key + ".log"));
+    }
+}
+
+TEST(Picture, IsNotDrawnOfMoreOrWithoutGnuplot) {
+  const Folder folder;
+  Table table = some_table(3);
+  table.axes.push_back(parse_axis("seed=1,2"));
+  EXPECT_NE(draw(table, "stable", folder / ".").find("no picture: 4 axes"), std::string::npos);
+
+  Words command = lab(plus(kGrid, {"--out", folder / "out"}));
+  command.insert(command.begin(), {"/usr/bin/env", "PATH=/nonexistent"});
+  Process p = finished(command);
+  EXPECT_EQ(p.wait(), exited(0)) << p.err();
+  EXPECT_NE(p.out().find("gnuplot is not installed"), std::string::npos) << p.out();
+  EXPECT_TRUE(exists(folder / "out/table.csv"));
+  EXPECT_TRUE(exists(folder / "out/stable.gp"));
+}
+
+}  // namespace
+}  // namespace twoport::lab
