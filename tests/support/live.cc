@@ -2,7 +2,9 @@
 
 #include <fmt/format.h>
 #include <google/protobuf/util/json_util.h>
+#include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 #include <sstream>
 #include <stdexcept>
@@ -88,6 +90,29 @@ schema::Summary summary_in(const std::string& folder) {
   const auto status = google::protobuf::util::JsonStringToMessage(read_text(folder + "/summary.json"), &summary);
   if (!status.ok()) throw std::runtime_error{folder + "/summary.json: " + status.ToString()};
   return summary;
+}
+
+bool kept_time(const std::vector<schema::Summary>& of_a_run) {
+  return std::all_of(of_a_run.begin(), of_a_run.end(), [](const schema::Summary& s) {
+    return s.deadline_misses() <= s.steps() / 100 && s.loop_lateness_us().max() < 10e3;
+  });
+}
+
+void expect_sound(const std::vector<schema::Summary>& of_a_run) {
+  if (!kept_time(of_a_run)) {
+    for (const schema::Summary& s : of_a_run)
+      fmt::print(
+          "not judged: the {} left out {} ticks of {}, and was up to {:.3g} ms late; {}, least energy {:.3g} J\n",
+          s.side(), s.deadline_misses(), s.deadline_misses() + s.steps(), 1e-3 * s.loop_lateness_us().max(),
+          s.verdict(), s.min_port_energy_j());
+    return;
+  }
+  for (const schema::Summary& s : of_a_run) {
+    EXPECT_TRUE(s.stable()) << s.side() << ": " << s.verdict();
+    if (s.side() == "master") {
+      EXPECT_GE(s.min_port_energy_j(), -1e-3);
+    }
+  }
 }
 
 Pair::Pair(std::string_view text) : scene{folder.write("scene.textproto", text)} {}

@@ -257,17 +257,51 @@ TEST_F(Session, KeptWordsOfASessionThatIsOverStartNothing) {
   ASSERT_TRUE(until([&] { return s->rebased == 3 && s->seen.any && m->seen.any; }, *m, *s));
 }
 
+TEST_F(Session, ASlavesKeptWordsDoNotBringAnOldSessionBack) {
+  UdpSocket socket{loopback()};
+  auto m = std::make_unique<Party<1>>(kMaster, loopback(), socket.local());
+  Codec<1> codec;
+  Envelope<1> heard, words;
+  words.identity = Identity{1, 1000.0, 0xabcdef, Side::slave};
+  words.report.sequence = 1;
+  const auto say_as = [&](std::uint64_t session) {
+    while (const auto datagram = socket.receive())
+      if (codec.decode(datagram->bytes, heard) == Decoded::ok) words.peer_session = heard.session;
+    words.session = session;
+    socket.send_to(codec.encode(words), m->link().local());
+  };
+  for (std::uint64_t session : {71U, 72U}) {
+    const int before = m->rebased;
+    ASSERT_TRUE(until(
+        [&] {
+          say_as(session);
+          return m->rebased > before && m->link().pairings() + 70 == session;
+        },
+        *m));
+  }
+  const std::uint64_t rejected = m->link().counts().rejected;
+  for (int k = 0; k < 3000; ++k) {
+    say_as(71);
+    run(1, *m);
+  }
+  EXPECT_GT(m->link().counts().rejected, rejected + 1000);
+  EXPECT_EQ(m->rebased, 2);
+}
+
 TEST_F(Session, PairsWithinAFewRoundTrips) {
   for (double delay : {0.0, 0.020}) {
     SessionOptions late_m = kMaster, late_s = kSlave;
     late_m.incoming.delay_s = late_s.incoming.delay_s = delay;
     auto s = slave<3>(late_s);
     auto m = master<3>(*s, late_m);
+    m->energy = s->energy = 9.0;  // of before: said in greetings, and not of the session
     const Duration begin = now_;
     ASSERT_TRUE(coupled(*m, *s));
     EXPECT_LE(now_ - begin, 20ms + 5 * to_duration(delay));
     run(200, *m, *s);
     EXPECT_EQ(m->link().counts().rejected + s->link().counts().rejected, 0U) << delay;
+    EXPECT_EQ(s->most_energy_seen, 0.0) << delay;
+    EXPECT_EQ(m->most_energy_seen, 0.0) << delay;
   }
 }
 

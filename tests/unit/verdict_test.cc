@@ -1,0 +1,118 @@
+#include "common/record/verdict.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <limits>
+
+namespace twoport {
+namespace {
+
+/// An oscillation of 25 Hz that goes on by itself, as a verdict sees it.
+struct Motion {
+  double growth_per_tick = 0.0;  ///< ln ρ
+  double paid_w = 0.1;           ///< by the network, at the first amplitude; in proportion to its square
+  double speed = 0.1;            ///< first amplitude [m/s]
+  double fast_share = 0.0;       ///< of the force, rms, above 30 Hz
+  bool corrected = false;
+  double path_ends_s = 0.0, duration_s = 20.0, initial_energy_j = 1e-3;
+};
+
+constexpr double kRate = 2000.0;
+
+Verdict verdict(const Motion& m) {
+  Verdict judge{m.path_ends_s, m.duration_s, m.initial_energy_j};
+  double energy = 0.0;
+  for (int k = 0; k < static_cast<int>(m.duration_s * kRate); ++k) {
+    const double a = m.speed * std::exp(m.growth_per_tick * k), v = a * std::cos(157.0 * k / kRate);
+    energy -= m.paid_w * (a * a) / (m.speed * m.speed) / kRate;
+    if (!judge.add({.t_s = k / kRate,
+                    .reach_m = 0.01,
+                    .speed2 = v * v,
+                    .port_energy_j = energy,
+                    .force2 = 1.0,
+                    .fast_force2 = m.fast_share * m.fast_share,
+                    .corrected = m.corrected}))
+      break;
+  }
+  return judge;
+}
+
+TEST(Verdict, SeesGrowthOfOneInTenMillionPerTickInAMinute) {
+  const Verdict grows = verdict({.growth_per_tick = 1e-7, .duration_s = 60.0});
+  const Verdict falls = verdict({.growth_per_tick = -1e-7, .duration_s = 60.0});
+  EXPECT_FALSE(grows.stable());
+  EXPECT_NE(grows.words().find("growing"), std::string::npos) << grows.words();
+  EXPECT_TRUE(falls.stable()) << falls.words();
+  EXPECT_EQ(falls.words(), "bounded and decaying");
+}
+
+TEST(Verdict, SeesGrowthBeforeTheNetworkHasPaidMuch) {
+  // The store is a thousand times what is paid.
+  EXPECT_FALSE(verdict({.growth_per_tick = 1e-6, .paid_w = 1e-4, .initial_energy_j = 2.0}).stable());
+}
+
+TEST(Verdict, LeavesGrowthToTheHandWhereThePortEnergyRises) {
+  const Verdict fed_by_the_hand = verdict({.growth_per_tick = 1e-5, .paid_w = -0.1});
+  EXPECT_TRUE(fed_by_the_hand.stable()) << fed_by_the_hand.words();
+  EXPECT_FALSE(verdict({.growth_per_tick = 1e-4, .paid_w = -0.1}).stable()) << "tenfold all the same";
+}
+
+TEST(Verdict, BelievesAControllerThatHasCreditLeft) {
+  const Motion swelling{.growth_per_tick = 1e-5, .paid_w = 0.01, .corrected = true, .initial_energy_j = 1.0};
+  EXPECT_TRUE(verdict(swelling).stable()) << verdict(swelling).words();
+  Motion broke = swelling;
+  broke.initial_energy_j = 1e-3;
+  EXPECT_FALSE(verdict(broke).stable()) << verdict(broke).words();
+  Motion alone = swelling;
+  alone.corrected = false;
+  EXPECT_FALSE(verdict(alone).stable()) << verdict(alone).words();
+}
+
+TEST(Verdict, CallsALimitCycleThatTheNetworkFeedsSustained) {
+  const Verdict cycle = verdict({});
+  EXPECT_FALSE(cycle.stable());
+  EXPECT_NE(cycle.words().find("sustained oscillation"), std::string::npos) << cycle.words();
+  EXPECT_TRUE(verdict({.paid_w = 0.0}).stable());
+  EXPECT_TRUE(verdict({.initial_energy_j = 100.0}).stable()) << "from what the hand had put in";
+}
+
+TEST(Verdict, LeavesToTheHandWhatIsSlowWhileThePathRuns) {
+  EXPECT_TRUE(verdict({.fast_share = 0.4, .path_ends_s = 20.0}).stable());
+  EXPECT_FALSE(verdict({.fast_share = 0.6, .path_ends_s = 20.0}).stable());
+  EXPECT_FALSE(verdict({.fast_share = 0.4, .path_ends_s = 5.0}).stable()) << "the hand rests";
+  EXPECT_TRUE(verdict({.growth_per_tick = 1e-6, .fast_share = 0.4, .path_ends_s = 20.0}).stable());
+}
+
+TEST(Verdict, NeedsSomethingThatMoves) {
+  EXPECT_EQ(verdict({.speed = 1e-10}).words(), "bounded, at rest");
+  Verdict silent{0.0, 1.0, 0.0};
+  for (int k = 0; k < 2000; ++k) silent.add({k / kRate, 0, 0, 0, 0, 0, false});
+  EXPECT_EQ(silent.words(), "bounded, at rest");
+  EXPECT_TRUE(silent.stable());
+}
+
+TEST(Verdict, JudgesNothingFromLessThanHalfOfWhatWasPlanned) {
+  Verdict cut{0.0, 100.0, 0.0};
+  for (int k = 0; k < 40 * static_cast<int>(kRate); ++k)
+    cut.add({k / kRate, 0.01, std::exp(1e-5 * k), -1.0 * k, 0, 0, false});
+  EXPECT_TRUE(cut.stable());
+  EXPECT_NE(cut.words().find("too short"), std::string::npos) << cut.words();
+}
+
+TEST(Verdict, EndsWhereThereIsNoUseInGoingOn) {
+  constexpr double kNone = std::numeric_limits<double>::quiet_NaN(),
+                   kInfinite = std::numeric_limits<double>::infinity();
+  for (const Verdict::Tick bad :
+       {Verdict::Tick{0.5, 101.0, 0, 0, 0, 0, false}, Verdict::Tick{0.5, kNone, 0, 0, 0, 0, false},
+        Verdict::Tick{0.5, 0, kNone, 0, 0, 0, false}, Verdict::Tick{0.5, 0, 0, kInfinite, 0, 0, false}}) {
+    Verdict judge{0.0, 1.0, 0.0};
+    EXPECT_TRUE(judge.add({0.4, 99.0, 1.0, 0, 0, 0, false}));
+    EXPECT_FALSE(judge.add(bad));
+    EXPECT_FALSE(judge.stable());
+    EXPECT_EQ(judge.words(), "diverged at 0.500000 s");
+  }
+}
+
+}  // namespace
+}  // namespace twoport
