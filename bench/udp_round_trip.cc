@@ -36,7 +36,9 @@ struct Arguments {
   std::array<int, 2> cores{0, 1};
 };
 
-Duration clock_now() { return std::chrono::duration_cast<Duration>(Clock::now().time_since_epoch()); }
+Duration clock_now() {
+  return std::chrono::duration_cast<Duration>(Clock::now().time_since_epoch());
+}
 
 void pin(int core) {
   cpu_set_t set;
@@ -182,7 +184,9 @@ void block(Way& way, const Arguments& arguments, Histogram& histogram) {
   far.join();
 }
 
-double us(Duration d) { return static_cast<double>(d.count()) / 1e3; }
+double us(Duration d) {
+  return static_cast<double>(d.count()) / 1e3;
+}
 
 void print(const char* name, const Histogram& h) {
   std::printf("%-6s %8.2f %8.2f %8.2f %10.2f us\n", name, us(h.percentile(0.5)), us(h.percentile(0.99)),
@@ -234,9 +238,16 @@ int main(int argc, char** argv) {
   }
   twoport::pin(a.cores[0]);
   switch (a.dof) {
-    case 1: twoport::measure<1>(a); return 0;
-    case 3: twoport::measure<3>(a); return 0;
-    case 6: twoport::measure<6>(a); return 0;
-    default: return twoport::usage();
+    case 1:
+      twoport::measure<1>(a);
+      return 0;
+    case 3:
+      twoport::measure<3>(a);
+      return 0;
+    case 6:
+      twoport::measure<6>(a);
+      return 0;
+    default:
+      return twoport::usage();
   }
 }

@@ -3,7 +3,7 @@
 # usage: bench/wakeup.sh [ROUNDS [SECONDS [CORE]]]     WAKEUP=path/to/wakeup_lateness (build/release/bin/ by default)
 set -eu
 rounds=${1:-3} seconds=${2:-5} core=${3:-0}
-wakeup=${WAKEUP:-$(dirname "$0")/../build/release/bin/wakeup_lateness}
+wakeup=${WAKEUP:-$(dirname "$0")/../build/release/bin/bench_wakeup_lateness}
 for program in cyclictest taskset; do
   command -v $program >/dev/null || { echo "$program is missing: apt-get install rt-tests util-linux" >&2; exit 1; }
 done

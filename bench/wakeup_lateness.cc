@@ -12,7 +12,9 @@
 namespace twoport {
 namespace {
 
-double us(Duration d) { return static_cast<double>(d.count()) / 1e3; }
+double us(Duration d) {
+  return static_cast<double>(d.count()) / 1e3;
+}
 
 int usage() {
   std::fprintf(stderr, "usage: wakeup_lateness [--rate HZ] [--seconds S] [--spin 0|1] [--realtime 0|1]\n");

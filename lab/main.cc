@@ -50,7 +50,9 @@ int main(int argc, char** argv) {
   RunArguments a;
   CLI::App* run = app.add_subcommand("run", "Run one scene; summary and trace into --out, or the summary on stdout");
   run->add_option("scene", a.scene, "Scene file (.textproto)")->required();
-  run->add_option("--set", a.set, "Override, PATH=VALUE, e.g. control.passivity.method=NONE")->take_all();
+  run->add_option("--set", a.set, "Override, PATH=VALUE, e.g. control.passivity.method=NONE")
+      ->allow_extra_args(false)
+      ->take_all();
   run->add_option("--out", a.out, "Folder for summary.json and trace.csv");
   run->add_option("--trace", a.trace, "none or csv")->check(CLI::IsMember({"none", "csv"}))->capture_default_str();
 
@@ -62,7 +64,9 @@ int main(int argc, char** argv) {
       if (each.app->parsed()) return each.run();
     return run_command(a);
   } catch (const CLI::ParseError& e) {
-    return app.exit(e) == 0 ? 0 : 2;
+    if (e.get_exit_code() == 0) return app.exit(e);  // --help, --version
+    fmt::print(stderr, "twoport-lab: {}\n", e.what());
+    return 2;
   } catch (const ConfigError& e) {
     fmt::print(stderr, "twoport-lab: {}\n", e.what());
     return 2;

@@ -16,12 +16,12 @@ namespace {
 
 using namespace std::chrono_literals;
 
-constexpr Duration kSilent = 100ms;        // after which a peer may be gone
-constexpr Duration kRefusalEvery = 20ms;   // at most one so often
+constexpr Duration kSilent = 100ms;         // after which a peer may be gone
+constexpr Duration kRefusalEvery = 20ms;    // at most one so often
 constexpr Duration kRefusalLinger = 500ms;  // during which the refused one is told
-constexpr Duration kTakenAfter = 1s;       // asking in vain before a stranger is told that the slave is taken
-constexpr Duration kGoneAfter = 1s;        // of silence: then the slave takes up an earlier master that still lives
-constexpr int kMaxPerPoll = 256;           // datagrams; a flood must not hold up the tick
+constexpr Duration kTakenAfter = 1s;        // asking in vain before a stranger is told that the slave is taken
+constexpr Duration kGoneAfter = 1s;         // of silence: then the slave takes up an earlier master that still lives
+constexpr int kMaxPerPoll = 256;            // datagrams; a flood must not hold up the tick
 constexpr std::size_t kQuietLine = 512, kDelayLine = 4096;  // packets
 
 /// Session numbers, drawn from the machine once and mixed from there on (splitmix64).
@@ -46,7 +46,9 @@ class Sessions {
   std::uint64_t state_ = random();
 };
 
-const char* name(Side side) { return side == Side::master ? "master" : "slave"; }
+const char* name(Side side) {
+  return side == Side::master ? "master" : "slave";
+}
 
 /// A sentence of bounded length that is built without allocating.
 class Sentence {
@@ -120,9 +122,7 @@ struct UdpTransport<N>::Impl {
     if (given_peer) socket.keep_to(*given_peer);
   }
 
-  [[nodiscard]] Identity identity() const {
-    return {N, options.peer_rate_hz, options.scene_digest, options.side};
-  }
+  [[nodiscard]] Identity identity() const { return {N, options.peer_rate_hz, options.scene_digest, options.side}; }
   [[nodiscard]] static bool within(Duration span, std::optional<Duration> moment, Duration now) {
     return moment && now - *moment < span;
   }
@@ -320,8 +320,9 @@ void UdpTransport<N>::Impl::stranger(const Arrival<N>& arrival, Duration now) no
     stranger_session = arrival.envelope.session;
     stranger_since = now;
   } else if (now - stranger_since >= kTakenAfter) {
-    refuse(arrival, Sentence{"the %s is taken: it is working with another %s", name(options.side),
-                             name(arrival.envelope.identity->side)},
+    refuse(arrival,
+           Sentence{"the %s is taken: it is working with another %s", name(options.side),
+                    name(arrival.envelope.identity->side)},
            now);
   }
 }
@@ -335,9 +336,10 @@ Sentence UdpTransport<N>::Impl::mismatch(const Arrival<N>& arrival) const noexce
   };
   constexpr std::uint32_t kNumber = 0xffff;
   if (arrival.decoded == Decoded::other_version)
-    return differ("master and slave speak different protocols: version %u at the master, %u at the slave; install the "
-                  "same release of twoport on both",
-                  kProtocolVersion & kNumber, arrival.envelope.version & kNumber);
+    return differ(
+        "master and slave speak different protocols: version %u at the master, %u at the slave; install the "
+        "same release of twoport on both",
+        kProtocolVersion & kNumber, arrival.envelope.version & kNumber);
   const Identity& theirs = *arrival.envelope.identity;
   if (theirs.side == options.side)
     return Sentence{"both programs are a %s: a twoport-master needs the address of a twoport-slave", name(theirs.side)};
@@ -345,9 +347,10 @@ Sentence UdpTransport<N>::Impl::mismatch(const Arrival<N>& arrival) const noexce
     return differ("master and slave differ in dof: %d at the master, %d at the slave; start both with the same scene",
                   N, theirs.dof);
   if (theirs.rate_hz != options.rate_hz)
-    return Sentence{"master and slave differ in the rate of the %s: it runs at %.9g Hz, the %s expects %.9g Hz; start "
-                    "both with the same scene",
-                    name(options.side), options.rate_hz, name(theirs.side), theirs.rate_hz};
+    return Sentence{
+        "master and slave differ in the rate of the %s: it runs at %.9g Hz, the %s expects %.9g Hz; start "
+        "both with the same scene",
+        name(options.side), options.rate_hz, name(theirs.side), theirs.rate_hz};
   if (theirs.scene_digest != options.scene_digest)
     return differ("master and slave run different scenes: digest %016" PRIx64 " at the master, %016" PRIx64
                   " at the slave; start both with the same --scene and the same --set",

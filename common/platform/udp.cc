@@ -151,8 +151,12 @@ UdpSocket::~UdpSocket() = default;
 UdpSocket::UdpSocket(UdpSocket&&) noexcept = default;
 UdpSocket& UdpSocket::operator=(UdpSocket&&) noexcept = default;
 
-const Endpoint& UdpSocket::local() const noexcept { return impl_->local; }
-std::uint64_t UdpSocket::unsent() const noexcept { return impl_->unsent; }
+const Endpoint& UdpSocket::local() const noexcept {
+  return impl_->local;
+}
+std::uint64_t UdpSocket::unsent() const noexcept {
+  return impl_->unsent;
+}
 
 void UdpSocket::keep_to(const Endpoint& peer) noexcept {
   asio::error_code error;

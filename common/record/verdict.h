@@ -44,12 +44,12 @@ class Verdict {
 
   struct Tick {
     double t_s;
-    double reach_m;         ///< largest distance of either side from the origin
-    double speed2;          ///< sum of squared velocities of both sides [m²/s²]
-    double port_energy_j;   ///< without E(0)
-    double force2;          ///< squared force felt [N²]
-    double fast_force2;     ///< of that, above 30 Hz
-    bool corrected;         ///< a controller has acted
+    double reach_m;        ///< largest distance of either side from the origin
+    double speed2;         ///< sum of squared velocities of both sides [m²/s²]
+    double port_energy_j;  ///< without E(0)
+    double force2;         ///< squared force felt [N²]
+    double fast_force2;    ///< of that, above 30 Hz
+    bool corrected;        ///< a controller has acted
   };
   /// Returns false once the run has diverged: there is no use in going on.
   bool add(const Tick& k) noexcept {

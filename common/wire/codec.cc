@@ -98,7 +98,8 @@ std::string_view read_refusal(schema::Datagram& message) {
   if (message.refusal().empty()) return {};
   std::string& text = *message.mutable_refusal();
   text.resize(std::min(text.size(), kMaxRefusal));
-  std::replace_if(text.begin(), text.end(), [](char c) { return c < ' ' || c > '~'; }, '?');
+  std::replace_if(
+      text.begin(), text.end(), [](char c) { return c < ' ' || c > '~'; }, '?');
   return text;
 }
 

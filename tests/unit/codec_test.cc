@@ -300,10 +300,18 @@ TYPED_TEST(CodecOf, SurvivesEveryDamage) {
     for (std::uint64_t d = 0; d < damages; ++d) {
       const std::size_t at = rng() % bytes.size();
       switch (rng() % 4) {
-        case 0: bytes[at] ^= static_cast<std::byte>(1U << rng() % 8); break;
-        case 1: bytes[at] = static_cast<std::byte>(rng()); break;
-        case 2: bytes.resize(at + 1); break;
-        case 3: bytes.insert(bytes.begin() + static_cast<std::ptrdiff_t>(at), static_cast<std::byte>(rng())); break;
+        case 0:
+          bytes[at] ^= static_cast<std::byte>(1U << rng() % 8);
+          break;
+        case 1:
+          bytes[at] = static_cast<std::byte>(rng());
+          break;
+        case 2:
+          bytes.resize(at + 1);
+          break;
+        case 3:
+          bytes.insert(bytes.begin() + static_cast<std::ptrdiff_t>(at), static_cast<std::byte>(rng()));
+          break;
       }
     }
     if (codec.decode(bytes, got) != Decoded::ok || !got.refusal.empty()) continue;

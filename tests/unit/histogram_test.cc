@@ -27,7 +27,8 @@ TEST(Histogram, GivesOneValueBackAtEveryPercentile) {
     Histogram h;
     h.add(Duration{ns});
     for (double p : {0.001, 0.5, 1.0})
-      EXPECT_NEAR(static_cast<double>(h.percentile(p).count()), static_cast<double>(ns), 0.004 * static_cast<double>(ns))
+      EXPECT_NEAR(static_cast<double>(h.percentile(p).count()), static_cast<double>(ns),
+                  0.004 * static_cast<double>(ns))
           << p;
     EXPECT_EQ(h.max(), Duration{ns});
   }

@@ -330,8 +330,8 @@ TEST_F(Session, BothRefuseAnotherScene) {
   other.scene_digest = 0x123;
   auto s = slave<3>(other);
   auto m = master<3>(*s);
-  expect_both_refuse(*m, *s,
-                     "different scenes: digest 0000000000abcdef at the master, 0000000000000123 at the slave", now_);
+  expect_both_refuse(*m, *s, "different scenes: digest 0000000000abcdef at the master, 0000000000000123 at the slave",
+                     now_);
 }
 
 TEST_F(Session, BothRefuseARateTheOtherDoesNotExpect) {

@@ -15,10 +15,16 @@ namespace {
 
 using Clock = std::chrono::steady_clock;
 
-std::span<const std::byte> bytes(std::string_view text) { return std::as_bytes(std::span{text.data(), text.size()}); }
-std::string text(const ReceivedDatagram& d) { return {reinterpret_cast<const char*>(d.bytes.data()), d.bytes.size()}; }
+std::span<const std::byte> bytes(std::string_view text) {
+  return std::as_bytes(std::span{text.data(), text.size()});
+}
+std::string text(const ReceivedDatagram& d) {
+  return {reinterpret_cast<const char*>(d.bytes.data()), d.bytes.size()};
+}
 
-UdpSocket socket_on(std::string_view where) { return UdpSocket{parse_endpoint(where, "--listen")}; }
+UdpSocket socket_on(std::string_view where) {
+  return UdpSocket{parse_endpoint(where, "--listen")};
+}
 
 std::optional<ReceivedDatagram> wait_for(UdpSocket& socket) {
   const auto end = Clock::now() + std::chrono::seconds{5};
