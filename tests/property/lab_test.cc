@@ -212,7 +212,7 @@ class Witness {
         to_slave_{scene.to_slave, scene.seed ^ kToSlaveStream, 8192},
         to_master_{scene.to_master, scene.seed ^ kToMasterStream, 8192} {}
 
-  /// Calls visit(tick) after each tick of both.
+  /// Calls visit() after each tick of both.
   template <class Visit>
   void run(Visit visit) {
     const Duration end = to_duration(scene_.duration_s);
@@ -231,7 +231,7 @@ class Witness {
       // The master's port as the world has it; the slave's as it has booked it, the coming tick included.
       hand.follow(device_.port_energy().si());
       coupling.follow(-slave_.delivered().si());
-      visit(k);
+      visit();
     }
   }
 
@@ -259,15 +259,15 @@ TEST(WhatASideKnows, NeverExceedsWhatTheOtherHasSent) {
                            "delay_ms: 15 jitter_ms: 10 loss: 0.3 duplicate: 0.3 reorder: 0.3 blackout { start_s: 0.3 duration_s: 0.08 }"}) {
     Witness<3> w{parse_scene(without_link(kSlide) + " to_slave { " + link + " } to_master { " + link + " }", "witnessed")};
     double at_master = 0.0, at_slave = 0.0;
-    int learnt = 0;
-    w.run([&](std::int64_t k) {
-      ASSERT_LE(w.known_at_slave, w.said_by_master) << link << ", tick " << k;
-      ASSERT_LE(w.known_at_master, w.said_by_slave) << link << ", tick " << k;
-      ASSERT_GE(w.known_at_slave, at_slave) << link << ", tick " << k;  // and is never forgotten
-      ASSERT_GE(w.known_at_master, at_master) << link << ", tick " << k;
+    int learnt = 0, invented = 0, forgotten = 0;
+    w.run([&] {
+      invented += w.known_at_slave > w.said_by_master || w.known_at_master > w.said_by_slave;
+      forgotten += w.known_at_slave < at_slave || w.known_at_master < at_master;
       learnt += w.known_at_slave > at_slave;
       at_slave = w.known_at_slave, at_master = w.known_at_master;
     });
+    EXPECT_EQ(invented, 0) << "ticks with " << link;
+    EXPECT_EQ(forgotten, 0) << "ticks with " << link;
     EXPECT_GT(learnt, 100) << link;
     EXPECT_GT(at_slave, 1e-3) << link;
     most_at_master = std::max(most_at_master, at_master);
@@ -312,15 +312,19 @@ TEST_P(RandomScene, GivesNoMoreThanItTook) {
   const Scene scene = parse_scene(random_scene(GetParam()), "random");
   const double granted = scene.control.initial_energy.si();
   Witness<3> w{scene};
-  w.run([&](std::int64_t k) {
-    const double to_robot = granted + w.hand.in_j - w.coupling.out_j, to_hand = granted + w.coupling.in_j - w.hand.out_j;
-    // The slave decides on force and velocity of the coming tick together, so its port is exact: 5e-16 J.
-    ASSERT_GE(to_robot, -1e-12) << "tick " << k << " of " << random_scene(GetParam());
-    // The master foresees how the hand will move and may be wrong by up to 2e-5 J a tick here. What it then owes it repays
-    // when it can: it owed 1.9e-4 J at most in these scenes, more than 1e-6 J in 23 of them.
-    ASSERT_GE(to_hand, -3e-4) << "tick " << k << " of " << random_scene(GetParam());
-    ASSERT_GE(to_robot + to_hand, -3e-4) << "tick " << k << " of " << random_scene(GetParam());
+  double to_robot = granted, to_hand = granted, together = 2 * granted;
+  w.run([&] {
+    const double robot = granted + w.hand.in_j - w.coupling.out_j, hand = granted + w.coupling.in_j - w.hand.out_j;
+    to_robot = std::min(to_robot, robot);
+    to_hand = std::min(to_hand, hand);
+    together = std::min(together, robot + hand);
   });
+  // The slave decides on force and velocity of the coming tick together, so its port is exact: 5e-16 J.
+  EXPECT_GE(to_robot, -1e-12) << random_scene(GetParam());
+  // The master foresees how the hand will move, and may be wrong by up to 2e-5 J a tick here. What it then owes it repays
+  // when it can: it owed 1.9e-4 J at most in these scenes, more than 1e-6 J in 23 of them.
+  EXPECT_GE(to_hand, -3e-4) << random_scene(GetParam());
+  EXPECT_GE(together, -3e-4) << random_scene(GetParam());
 }
 
 TEST_P(RandomScene, NeverGivesTheHandMoreThanItPutIn) {
@@ -385,13 +389,13 @@ TEST(ExactObserver, SeesTheTrueEnergyThroughAnIdealEncoder) {
 template <int N>
 std::pair<double, double> expect_bounded(double q, const std::string& control) {
   const std::string device = "position_resolution_m: " + std::to_string(q) + " coulomb_friction_n: 0.04 velocity_estimate: FILTERED ";
-  double worst = 0.0, share = 0.0, swing = 0.0;
+  double worst = 0.0, share = 0.0, swing = 0.0, excess = 0.0;
   Eigen::Matrix<double, N, 1> first = Eigen::Matrix<double, N, 1>::Zero(), last = first;
   bool started = false;
   for (const Row<N>& row : rendered<N>(parse_scene(rendering(N, control, device), "encoder"))) {
     const double error = std::abs(row.observed_energy_j - row.master_energy_j);
     const double bound = 0.5 * q * (first.cwiseAbs().sum() + last.cwiseAbs().sum() + swing);
-    EXPECT_LE(error, bound + 1e-12) << row.t_s << " s, " << control;
+    excess = std::max(excess, error - bound);
     worst = std::max(worst, error);
     if (bound > 0.0) share = std::max(share, error / bound);
     const Eigen::Matrix<double, N, 1> f = row.master_f.vec();
@@ -403,6 +407,7 @@ std::pair<double, double> expect_bounded(double q, const std::string& control) {
     last = f;
     started = true;
   }
+  EXPECT_LT(excess, 1e-12) << control;
   return {worst, share};
 }
 TEST(ExactObserver, ThroughAnEncoderErrsByNoMoreThanHalfACountPerSwingOfForce) {

@@ -69,7 +69,7 @@ int expect_gradient(const Environment<N>& e, double size, std::uint64_t seed) {
   constexpr double h = 1e-6, tolerance = 1e-7;
   Source source{seed};
   int touched = 0;
-  for (int i = 0; i < 2000; ++i) {
+  for (int i = 0; i < 2000 && !::testing::Test::HasFailure(); ++i) {
     const Position<N> x = source.position<N>(size);
     const auto moved = [&](int axis, double by) {
       typename Displacement<N>::Vector d = Displacement<N>::Vector::Zero();
@@ -134,7 +134,7 @@ TEST(Depth, IsMeasuredAlongTheNormal) {
 TEST(Box, AnswersFromItsNearestFace) {
   const auto e = environment<3>(kBox);
   Source source{41};
-  for (int i = 0; i < 1000; ++i) {
+  for (int i = 0; i < 1000 && !::testing::Test::HasFailure(); ++i) {
     const Vector3d q = source.vector<3>(0.1), to_face = Vector3d{0.03, 0.05, 0.08} - q.cwiseAbs();
     const Vector3d f = e.force(Position<3>{Vector3d{0.02, 0.01, 0.0} + q}, {}).vec();
     int nearest = 0;
@@ -196,7 +196,7 @@ TEST_P(Surfaces, NeverPulls) {
   const auto damped = environment<3>(rough(shape())), plain = environment<3>(shape());
   Source source{51};
   int touched = 0, let_go = 0;
-  for (int i = 0; i < 20'000; ++i) {
+  for (int i = 0; i < 20'000 && !::testing::Test::HasFailure(); ++i) {
     const Position<3> x{source.vector<3>(0.15)};
     const Vector3d elastic = plain.force(x, {}).vec();  // along the outward normal
     bool visited = false;
@@ -216,7 +216,7 @@ TEST_P(Surfaces, NeverPulls) {
 TEST_P(Surfaces, DampTheNormalMotion) {
   const auto damped = environment<3>(smooth_and_damped(shape())), plain = environment<3>(shape());
   Source source{52};
-  for (int i = 0; i < 5000; ++i) {
+  for (int i = 0; i < 5000 && !::testing::Test::HasFailure(); ++i) {
     const Position<3> x{source.vector<3>(0.15)};
     const Vector3d elastic = plain.force(x, {}).vec();
     if (elastic.norm() == 0.0) continue;
@@ -230,7 +230,7 @@ TEST_P(Surfaces, DissipateBySliding) {
   const auto e = environment<3>(rough(shape()));
   Source source{53};
   int slid = 0, crept = 0;
-  for (int i = 0; i < 20'000; ++i) {
+  for (int i = 0; i < 20'000 && !::testing::Test::HasFailure(); ++i) {
     const Position<3> x{source.vector<3>(0.15)};
     const Vector3d v = source.vector<3>(1.0) * std::pow(10.0, source.uniform(-5.0, 0.0));
     e.for_each_contact(x, Velocity<3>{v}, [&](int, const Vector3d& n, const Vector3d& t) {
@@ -385,7 +385,7 @@ TEST(Wrench, IsTheSameWhereverTheWorldsOriginIs) {
   const auto near = environment<6>("environment { sphere { radius_m: 0.1 stiffness_n_per_m: 1000 friction: 0.2 } }", kTool);
   const auto far = environment<6>(
       "environment { sphere { center_m: [3, -2, 1] radius_m: 0.1 stiffness_n_per_m: 1000 friction: 0.2 } }", kTool);
-  for (int i = 0; i < 100; ++i) {
+  for (int i = 0; i < 100 && !::testing::Test::HasFailure(); ++i) {
     const Vector3d p = source.vector<3>(0.06);
     const Quaterniond q = source.attitude();
     const Velocity<6> v{source.vector<6>(0.3)};
@@ -412,7 +412,7 @@ TEST(Wrench, KnowsThatAPointOfATurningToolMoves) {
 TEST(Wrench, DissipatesAtEveryPoint) {
   const auto e = environment<6>(rough(kSphere) + rough(kBox) + rough(kWall), kTool);
   Source source{72};
-  for (int i = 0; i < 5000; ++i) {
+  for (int i = 0; i < 5000 && !::testing::Test::HasFailure(); ++i) {
     const Velocity<6> v{source.vector<6>(1.0)};
     e.for_each_contact(source.position<6>(0.1), v,
                        [&](int, const Vector6&, const Vector6& t) { EXPECT_LE(t.dot(v.vec()), 0.0) << "sample " << i; });
@@ -426,7 +426,7 @@ TEST(Contacts, AddUpToTheWhole) {
   EXPECT_EQ(e.contacts(), 12);  // three points, four things
   Source source{81};
   std::set<int> seen;
-  for (int i = 0; i < 2000; ++i) {
+  for (int i = 0; i < 2000 && !::testing::Test::HasFailure(); ++i) {
     const Position<6> x = source.position<6>(0.1);
     const Velocity<6> v{source.vector<6>(0.2)};
     Vector6 sum = Vector6::Zero();

@@ -325,7 +325,7 @@ TEST(CoulombFriction, InSpaceConvergesToTheTrueDirection) {
 
 TEST(Encoder, RoundsToItsNearestCount) {
   auto d = device<3>(kHand + kPath + kDevice + "position_resolution_m: 3e-5 position_m: [0.001, 0.002, -0.003] }");
-  for (int k = 0; k < 400; ++k) {
+  for (int k = 0; k < 400 && !HasFailure(); ++k) {
     const Vector3d true_x = d.x().translation(), seen = d.sense().x.translation();
     for (int i = 0; i < 3; ++i) {
       const double counts = seen[i] / 3e-5;
@@ -338,7 +338,7 @@ TEST(Encoder, RoundsToItsNearestCount) {
 
 TEST(Encoder, OfAnAttitudeRoundsItsRotationVector) {
   auto d = device<6>("device { mass_kg: 0.1 inertia_kg_m2: 1e-4 position_resolution_m: 1e-3 velocity_m_per_s: [0.01, 0, 0, 1, 2, -0.5] }");
-  for (int k = 0; k < 400; ++k) {
+  for (int k = 0; k < 400 && !HasFailure(); ++k) {
     const Vector6 true_x = coordinates(d.x()), seen = coordinates(d.sense().x);
     for (int i = 0; i < 6; ++i) {
       EXPECT_NEAR(seen[i] / 1e-3, std::round(seen[i] / 1e-3), 1e-9);
