@@ -88,7 +88,8 @@ struct Surface {
   ///
   ///     f_n = max(0, K d - B v_n) n                       never pulls
   ///     f_t = -B_t v_t - μ |f_n| v_t / max(|v_t|, 1 mm/s)
-  [[nodiscard]] bool force(const Vector& p, const Vector& v, ContactForce<D>& out, Face face = kNearest) const noexcept {
+  [[nodiscard]] bool force(const Vector& p, const Vector& v, ContactForce<D>& out,
+                           Face face = kNearest) const noexcept {
     const Touch<D> t = shape.touch(p, face);
     if (t.depth <= 0.0) return false;
     const double vn = t.normal.dot(v);
@@ -187,7 +188,8 @@ class Environment {
       ContactForce<kDim> c;
       for (const auto& s : world_.surfaces) {
         const Face face = pick(index);
-        if (face != kNone && s.force(p, pv, c, face)) visit(index, c.face, wrench(c.normal, arm), wrench(c.tangential, arm));
+        if (face != kNone && s.force(p, pv, c, face))
+          visit(index, c.face, wrench(c.normal, arm), wrench(c.tangential, arm));
         ++index;
       }
       for (const auto& s : world_.springs) visit(index++, Face{0}, wrench(s.force(p, pv), arm), Wrench{Wrench::Zero()});

@@ -139,7 +139,8 @@ class SimDevice final : public Device<N> {
       w = hand_k_.cwiseProduct(rate);
       if constexpr (N == 6) {
         // r = log(R_h Rᵀ) turns as it grows: ṙ = ω_h - ω - ½ r×(ω_h + ω) + (1/12) r×(r×(ω_h - ω)).
-        const Eigen::Vector3d r = stretch.template tail<3>(), w_h = rate.template tail<3>(), w_d = v_.template tail<3>();
+        const Eigen::Vector3d r = stretch.template tail<3>(), w_h = rate.template tail<3>(),
+                              w_d = v_.template tail<3>();
         w.template tail<3>() -= hand_k_[3] * r.cross(0.5 * (w_h + w_d) - r.cross(w_h - w_d) / 12.0);
       }
       intended_ = next;

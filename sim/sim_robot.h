@@ -201,8 +201,8 @@ class RungeKuttaPlant {
 };
 
 /// Mass on springs and at most one frictionless or viscous wall: linear on either side of the wall, so each tick is one
-/// exact affine map, cut where contact begins or ends. What begins and ends again within a tick, or within half a radian
-/// of an oscillation faster than that, is not seen.
+/// exact affine map, cut where contact begins or ends. What begins and ends again within a tick, or within half a
+/// radian of an oscillation faster than that, is not seen.
 template <int D>
 class ExactPlant {
  public:

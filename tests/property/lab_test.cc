@@ -38,7 +38,8 @@ Rows<N> rendered(const Scene& scene) {
   return rows<N, RenderSimulation<N>>(scene);
 }
 
-// --- no direction is special ---------------------------------------------------------------------------------------------------
+// --- no direction is special
+// ---------------------------------------------------------------------------------------------------
 
 /// A hand that presses a tilted, sticky wall and slides along it, over a link that delays and loses.
 const std::string kSlide = R"(
@@ -92,19 +93,26 @@ TEST(Rotation, OfEveryVectorOfASceneTurnsTheRun) {
       const auto apart = [&](const Position<3>& a, const Position<3>& b) {
         return (r * a.translation() - b.translation()).norm();
       };
-      worst = std::max({worst, apart(straight[k].master_x, tilted[k].master_x), apart(straight[k].slave_x, tilted[k].slave_x)});
+      worst = std::max(
+          {worst, apart(straight[k].master_x, tilted[k].master_x), apart(straight[k].slave_x, tilted[k].slave_x)});
       reach = std::max(reach, straight[k].master_x.translation().norm());
     }
-    // Measured: 1e-14 in the first half second, 1e-12 to the end. The switching of the controllers does not amplify it here.
+    // Measured: 1e-14 in the first half second, 1e-12 to the end. The switching of the controllers does not amplify it
+    // here.
     EXPECT_LT(worst, 1e-9 * reach) << "rotation " << i;
   }
 }
 
-// --- a run repeats -----------------------------------------------------------------------------------------------------------------
+// --- a run repeats
+// -----------------------------------------------------------------------------------------------------------------
 
-void append(std::vector<double>& out, double value) { out.push_back(value); }
+void append(std::vector<double>& out, double value) {
+  out.push_back(value);
+}
 template <class Vector>
-  requires requires(const Vector& v) { v.vec(); }
+requires requires(const Vector& v) {
+  v.vec();
+}
 void append(std::vector<double>& out, const Vector& v) {
   out.insert(out.end(), v.vec().data(), v.vec().data() + v.vec().size());
 }
@@ -119,8 +127,8 @@ std::vector<double> numbers(const Rows<N>& all) {
   std::vector<double> out;
   for (const Row<N>& r : all) {
     // By name: a new column does not compile until it is here.
-    const auto& [t, master_x, master_v, master_f, wanted, slave_x, slave_v, slave_f, env_f, position_error, master_energy,
-                 slave_energy, observed, owed, dissipated, mode] = r;
+    const auto& [t, master_x, master_v, master_f, wanted, slave_x, slave_v, slave_f, env_f, position_error,
+                 master_energy, slave_energy, observed, owed, dissipated, mode] = r;
     const auto each = [&](const auto&... values) { (append(out, values), ...); };
     each(t, master_x, master_v, master_f, wanted, slave_x, slave_v, slave_f, env_f, position_error, master_energy,
          slave_energy, observed, owed, dissipated, static_cast<double>(mode));
@@ -128,8 +136,9 @@ std::vector<double> numbers(const Rows<N>& all) {
   return out;
 }
 bool same_bits(const std::vector<double>& a, const std::vector<double>& b) {
-  return std::equal(a.begin(), a.end(), b.begin(), b.end(),
-                    [](double x, double y) { return std::bit_cast<std::uint64_t>(x) == std::bit_cast<std::uint64_t>(y); });
+  return std::equal(a.begin(), a.end(), b.begin(), b.end(), [](double x, double y) {
+    return std::bit_cast<std::uint64_t>(x) == std::bit_cast<std::uint64_t>(y);
+  });
 }
 
 const std::string kEverythingRandom = R"(
@@ -168,11 +177,18 @@ void expect_same_twice(const std::string& text) {
   // The comparison sees another seed, and would see one bit.
   EXPECT_FALSE(same_bits(once, numbers<N>(rows<N>(parse_scene(text + kEverythingRandom, "twice", {{"seed=99"}})))));
 }
-TEST(TwoRuns, AreTheSameToTheBit1Dof) { expect_same_twice<1>(kOneDof); }
-TEST(TwoRuns, AreTheSameToTheBit3Dof) { expect_same_twice<3>(without_link(kSlide)); }
-TEST(TwoRuns, AreTheSameToTheBit6Dof) { expect_same_twice<6>(kSixDof); }
+TEST(TwoRuns, AreTheSameToTheBit1Dof) {
+  expect_same_twice<1>(kOneDof);
+}
+TEST(TwoRuns, AreTheSameToTheBit3Dof) {
+  expect_same_twice<3>(without_link(kSlide));
+}
+TEST(TwoRuns, AreTheSameToTheBit6Dof) {
+  expect_same_twice<6>(kSixDof);
+}
 
-// --- nobody knows more than there is -------------------------------------------------------------------------------------------------
+// --- nobody knows more than there is
+// -------------------------------------------------------------------------------------------------
 
 /// What has gone through a port since the start: in and out of the link, each of which only grows.
 struct Flow {
@@ -256,8 +272,10 @@ TEST(WhatASideKnows, NeverExceedsWhatTheOtherHasSent) {
   for (const char* link : {"delay_ms: 0", "delay_ms: 0.5", "delay_ms: 20 loss: 0.4", "delay_ms: 10 jitter_ms: 20",
                            "delay_ms: 5 jitter_ms: 3 jitter_distribution: PARETO duplicate: 0.4",
                            "delay_ms: 5 reorder: 0.3 reorder_ms: 20", "delay_ms: 5 burst { p: 0.02 r: 0.05 }",
-                           "delay_ms: 15 jitter_ms: 10 loss: 0.3 duplicate: 0.3 reorder: 0.3 blackout { start_s: 0.3 duration_s: 0.08 }"}) {
-    Witness<3> w{parse_scene(without_link(kSlide) + " to_slave { " + link + " } to_master { " + link + " }", "witnessed")};
+                           "delay_ms: 15 jitter_ms: 10 loss: 0.3 duplicate: 0.3 reorder: 0.3 blackout { start_s: 0.3 "
+                           "duration_s: 0.08 }"}) {
+    Witness<3> w{
+        parse_scene(without_link(kSlide) + " to_slave { " + link + " } to_master { " + link + " }", "witnessed")};
     double at_master = 0.0, at_slave = 0.0;
     int learnt = 0, invented = 0, forgotten = 0;
     w.run([&] {
@@ -275,14 +293,17 @@ TEST(WhatASideKnows, NeverExceedsWhatTheOtherHasSent) {
   EXPECT_GT(most_at_master, 1e-3);
 }
 
-// --- the channel is passive -------------------------------------------------------------------------------------------------------------
+// --- the channel is passive
+// -------------------------------------------------------------------------------------------------------------
 
 /// A scene of its number: everything that may matter to the channel is drawn.
 std::string random_scene(int number) {
   std::mt19937_64 random{static_cast<std::uint64_t>(1000 + number)};
   const auto uniform = [&](double from, double to) { return std::uniform_real_distribution<double>{from, to}(random); };
   const auto log_uniform = [&](double from, double to) { return std::exp(uniform(std::log(from), std::log(to))); };
-  const auto field = [](const char* name, double value) { return std::string{name} + ": " + std::to_string(value) + " "; };
+  const auto field = [](const char* name, double value) {
+    return std::string{name} + ": " + std::to_string(value) + " ";
+  };
   const auto point = [&](double size) {
     return "[" + std::to_string(uniform(-size, size)) + ", " + std::to_string(uniform(-size, size)) + ", " +
            std::to_string(uniform(-size, size)) + "] ";
@@ -294,8 +315,9 @@ std::string random_scene(int number) {
   return "dof: 3 duration_s: 2 rate_hz: 2000 seed: " + std::to_string(number) + " operator { hand { " +
          field("mass_kg", log_uniform(0.005, 0.1)) + field("stiffness_n_per_m", log_uniform(50, 800)) +
          field("damping_n_s_per_m", log_uniform(0.3, 5)) + "} path { move_to { position_m: " + point(0.05) +
-         field("duration_s", uniform(0.2, 0.6)) + "} } path { sine { axis: 1 " + field("amplitude_m", uniform(0.005, 0.04)) +
-         field("frequency_hz", uniform(0.5, 3)) + "duration_s: 0.8 } } } device { " + field("mass_kg", log_uniform(0.05, 0.3)) +
+         field("duration_s", uniform(0.2, 0.6)) + "} } path { sine { axis: 1 " +
+         field("amplitude_m", uniform(0.005, 0.04)) + field("frequency_hz", uniform(0.5, 3)) +
+         "duration_s: 0.8 } } } device { " + field("mass_kg", log_uniform(0.05, 0.3)) +
          field("damping_n_s_per_m", uniform(0, 0.5)) + "} control { virtual_coupling { " +
          field("stiffness_n_per_m", log_uniform(100, 3000)) + field("damping_n_s_per_m", log_uniform(2, 40)) +
          "} passivity { method: FORCE_PROJECTED } } to_slave { " + link() + "} to_master { " + link() + "} robot { " +
@@ -321,8 +343,8 @@ TEST_P(RandomScene, GivesNoMoreThanItTook) {
   });
   // The slave decides on force and velocity of the coming tick together, so its port is exact: 5e-16 J.
   EXPECT_GE(to_robot, -1e-12) << random_scene(GetParam());
-  // The master foresees how the hand will move, and may be wrong by up to 2e-5 J a tick here. What it then owes it repays
-  // when it can: it owed 1.9e-4 J at most in these scenes, more than 1e-6 J in 23 of them.
+  // The master foresees how the hand will move, and may be wrong by up to 2e-5 J a tick here. What it then owes it
+  // repays when it can: it owed 1.9e-4 J at most in these scenes, more than 1e-6 J in 23 of them.
   EXPECT_GE(to_hand, -3e-4) << random_scene(GetParam());
   EXPECT_GE(together, -3e-4) << random_scene(GetParam());
 }
@@ -337,26 +359,34 @@ TEST_P(RandomScene, NeverGivesTheHandMoreThanItPutIn) {
   EXPECT_GE(simulation.initial_energy().si() + least, -1e-4) << random_scene(GetParam());
 }
 
-// --- what an observer sees ----------------------------------------------------------------------------------------------------------------
+// --- what an observer sees
+// ----------------------------------------------------------------------------------------------------------------
 
 std::string rendering(int dof, const std::string& control, const std::string& device) {
   const std::string hand = "operator { hand { mass_kg: 0.01 stiffness_n_per_m: 300 damping_n_s_per_m: 0.5 ";
   if (dof == 1)
-    return "dof: 1 duration_s: 2 rate_hz: 2000 " + hand + "} path { move_to { position_m: -0.006 duration_s: 0.3 } } path { sine { "
-           "amplitude_m: 0.008 frequency_hz: 2 duration_s: 1 } } } device { mass_kg: 0.075 damping_n_s_per_m: 0.02 position_m: 0.01 " +
+    return "dof: 1 duration_s: 2 rate_hz: 2000 " + hand +
+           "} path { move_to { position_m: -0.006 duration_s: 0.3 } } path { sine { "
+           "amplitude_m: 0.008 frequency_hz: 2 duration_s: 1 } } } device { mass_kg: 0.075 damping_n_s_per_m: 0.02 "
+           "position_m: 0.01 " +
            device + "} control { architecture: RENDER " + control +
            "} environment { wall { normal: 1 stiffness_n_per_m: 5000 } }";
   if (dof == 3)
-    return "dof: 3 duration_s: 2 rate_hz: 2000 " + hand + "} path { move_to { position_m: [0.054, 0, 0] duration_s: 0.3 } } path { sine { axis: "
-           "1 amplitude_m: 0.03 frequency_hz: 1 duration_s: 1 } } } device { mass_kg: 0.075 damping_n_s_per_m: 0.02 position_m: [0.07, 0, 0] " +
+    return "dof: 3 duration_s: 2 rate_hz: 2000 " + hand +
+           "} path { move_to { position_m: [0.054, 0, 0] duration_s: 0.3 } } path { sine { axis: "
+           "1 amplitude_m: 0.03 frequency_hz: 1 duration_s: 1 } } } device { mass_kg: 0.075 damping_n_s_per_m: 0.02 "
+           "position_m: [0.07, 0, 0] " +
            device + "} control { architecture: RENDER " + control +
            "} environment { cylinder { axis: [0, 0, 1] radius_m: 0.06 stiffness_n_per_m: 5000 friction: 0.2 } }";
   return "dof: 6 duration_s: 2 rate_hz: 2000 " + hand +
-         "inertia_kg_m2: 2e-5 rotational_stiffness_n_m_per_rad: 0.5 rotational_damping_n_m_s_per_rad: 1e-3 } path { move_to { position_m: "
-         "[0, 0, -0.006, 0.98, 0.1, 0.1, 0.14] duration_s: 0.3 } } path { sine { axis: 4 amplitude_m: 0.3 frequency_hz: 2 duration_s: 1 } } } "
-         "device { mass_kg: 0.075 inertia_kg_m2: 1e-4 damping_n_s_per_m: 0.02 position_m: [0, 0, 0.01] " + device +
-         "} control { architecture: RENDER " + control +
-         "} environment { wall { normal: [0, 0, 1] stiffness_n_per_m: 3000 friction: 0.2 } } tool { contact_point { position_m: [0.03, 0, "
+         "inertia_kg_m2: 2e-5 rotational_stiffness_n_m_per_rad: 0.5 rotational_damping_n_m_s_per_rad: 1e-3 } path { "
+         "move_to { position_m: "
+         "[0, 0, -0.006, 0.98, 0.1, 0.1, 0.14] duration_s: 0.3 } } path { sine { axis: 4 amplitude_m: 0.3 "
+         "frequency_hz: 2 duration_s: 1 } } } "
+         "device { mass_kg: 0.075 inertia_kg_m2: 1e-4 damping_n_s_per_m: 0.02 position_m: [0, 0, 0.01] " +
+         device + "} control { architecture: RENDER " + control +
+         "} environment { wall { normal: [0, 0, 1] stiffness_n_per_m: 3000 friction: 0.2 } } tool { contact_point { "
+         "position_m: [0.03, 0, "
          "0] } contact_point { position_m: [-0.02, 0.02, 0] } contact_point { position_m: [0, -0.03, 0.01] } }";
 }
 
@@ -372,9 +402,10 @@ void expect_exact(const std::string& control, const std::string& device) {
   EXPECT_GT(most, 1e-3);
 }
 TEST(ExactObserver, SeesTheTrueEnergyThroughAnIdealEncoder) {
-  for (const char* control : {"passivity { method: NONE }", "passivity { method: FORCE_PROJECTED }", "passivity { method: CLASSIC }",
-                              "passivity { method: FORCE_PROJECTED reference_energy: true }",
-                              "passivity { method: FORCE_PROJECTED accounts: PER_CONTACT }"})
+  for (const char* control :
+       {"passivity { method: NONE }", "passivity { method: FORCE_PROJECTED }", "passivity { method: CLASSIC }",
+        "passivity { method: FORCE_PROJECTED reference_energy: true }",
+        "passivity { method: FORCE_PROJECTED accounts: PER_CONTACT }"})
     for (const char* device : {"", "max_force_n: 3 ", "velocity_estimate: BACKWARD_DIFFERENCE "}) {
       // With accounts apart a limited force is booked part by part in proportion: the sum is the limited force again.
       expect_exact<1>(control, device);
@@ -388,7 +419,8 @@ TEST(ExactObserver, SeesTheTrueEnergyThroughAnIdealEncoder) {
 ///     |E_obs - E_true| <= Σ_axes (q/2) (|f_0| + |f_n| + Σ |Δf|)
 template <int N>
 std::pair<double, double> expect_bounded(double q, const std::string& control) {
-  const std::string device = "position_resolution_m: " + std::to_string(q) + " coulomb_friction_n: 0.04 velocity_estimate: FILTERED ";
+  const std::string device =
+      "position_resolution_m: " + std::to_string(q) + " coulomb_friction_n: 0.04 velocity_estimate: FILTERED ";
   double worst = 0.0, share = 0.0, swing = 0.0, excess = 0.0;
   Eigen::Matrix<double, N, 1> first = Eigen::Matrix<double, N, 1>::Zero(), last = first;
   bool started = false;

@@ -25,7 +25,8 @@ Environment<N> environment(const std::string& blocks, const std::string& tool = 
   return Environment<N>{parse_scene("dof: " + std::to_string(N) + " duration_s: 1 " + blocks + tool, "test")};
 }
 
-const std::string kSphere = "environment { sphere { center_m: [0.1, 0.05, -0.02] radius_m: 0.06 stiffness_n_per_m: 3000 } }";
+const std::string kSphere =
+    "environment { sphere { center_m: [0.1, 0.05, -0.02] radius_m: 0.06 stiffness_n_per_m: 3000 } }";
 const std::string kCylinder =
     "environment { cylinder { point_m: [0.1, 0, 0] axis: [1, 2, 2] radius_m: 0.05 stiffness_n_per_m: 3000 } }";
 const std::string kBox =
@@ -58,7 +59,8 @@ class Source {
   std::mt19937_64 random_;
 };
 
-// --- force and potential ---------------------------------------------------------------------------------------------------
+// --- force and potential
+// ---------------------------------------------------------------------------------------------------
 
 /// Wrench and gradient of the potential at many places, by central differences along every coordinate (N = 6: rotations
 /// of the world's axes through the tool's origin). Places less than a step from an edge of the box or of contact are
@@ -80,7 +82,8 @@ int expect_gradient(const Environment<N>& e, double size, std::uint64_t seed) {
     bool smooth = true;
     typename Force<N>::Vector gradient;
     for (int axis = 0; axis < N; ++axis) {
-      const auto there = e.force(moved(axis, h), Velocity<N>{}).vec(), back = e.force(moved(axis, -h), Velocity<N>{}).vec();
+      const auto there = e.force(moved(axis, h), Velocity<N>{}).vec(),
+                 back = e.force(moved(axis, -h), Velocity<N>{}).vec();
       smooth = smooth && (there - back).norm() < 0.1 * (1.0 + f.norm());
       gradient[axis] = (e.potential(moved(axis, h)) - e.potential(moved(axis, -h))).si() / (2 * h);
     }
@@ -92,28 +95,55 @@ int expect_gradient(const Environment<N>& e, double size, std::uint64_t seed) {
 }
 
 TEST(Force, IsTheSlopeOfThePotentialOnALine) {
-  EXPECT_GT(expect_gradient(environment<1>("environment { sphere { center_m: 0.1 radius_m: 0.06 stiffness_n_per_m: 3000 } }"),
-                            0.2, 11), 300);
-  EXPECT_GT(expect_gradient(environment<1>("environment { box { center_m: 0.02 half_size_m: 0.03 stiffness_n_per_m: 3000 } }"),
-                            0.1, 12), 300);
-  EXPECT_GT(expect_gradient(environment<1>("environment { wall { normal: -1 offset_m: 0.01 stiffness_n_per_m: 3000 } }"),
-                            0.1, 13), 300);
-  EXPECT_GT(expect_gradient(environment<1>("environment { spring { stiffness_n_per_m: 3000 anchor_m: 0.01 } }"), 0.1, 14), 300);
+  EXPECT_GT(
+      expect_gradient(environment<1>("environment { sphere { center_m: 0.1 radius_m: 0.06 stiffness_n_per_m: 3000 } }"),
+                      0.2, 11),
+      300);
+  EXPECT_GT(
+      expect_gradient(
+          environment<1>("environment { box { center_m: 0.02 half_size_m: 0.03 stiffness_n_per_m: 3000 } }"), 0.1, 12),
+      300);
+  EXPECT_GT(expect_gradient(
+                environment<1>("environment { wall { normal: -1 offset_m: 0.01 stiffness_n_per_m: 3000 } }"), 0.1, 13),
+            300);
+  EXPECT_GT(
+      expect_gradient(environment<1>("environment { spring { stiffness_n_per_m: 3000 anchor_m: 0.01 } }"), 0.1, 14),
+      300);
 }
-TEST(Force, IsTheSlopeOfThePotentialOfASphere) { EXPECT_GT(expect_gradient(environment<3>(kSphere), 0.15, 21), 30); }
-TEST(Force, IsTheSlopeOfThePotentialOfACylinder) { EXPECT_GT(expect_gradient(environment<3>(kCylinder), 0.15, 22), 30); }
-TEST(Force, IsTheSlopeOfThePotentialOfABox) { EXPECT_GT(expect_gradient(environment<3>(kBox), 0.1, 23), 100); }
-TEST(Force, IsTheSlopeOfThePotentialOfAWall) { EXPECT_GT(expect_gradient(environment<3>(kWall), 0.1, 24), 300); }
-TEST(Force, IsTheSlopeOfThePotentialOfASpring) { EXPECT_GT(expect_gradient(environment<3>(kSpring), 0.1, 25), 300); }
+TEST(Force, IsTheSlopeOfThePotentialOfASphere) {
+  EXPECT_GT(expect_gradient(environment<3>(kSphere), 0.15, 21), 30);
+}
+TEST(Force, IsTheSlopeOfThePotentialOfACylinder) {
+  EXPECT_GT(expect_gradient(environment<3>(kCylinder), 0.15, 22), 30);
+}
+TEST(Force, IsTheSlopeOfThePotentialOfABox) {
+  EXPECT_GT(expect_gradient(environment<3>(kBox), 0.1, 23), 100);
+}
+TEST(Force, IsTheSlopeOfThePotentialOfAWall) {
+  EXPECT_GT(expect_gradient(environment<3>(kWall), 0.1, 24), 300);
+}
+TEST(Force, IsTheSlopeOfThePotentialOfASpring) {
+  EXPECT_GT(expect_gradient(environment<3>(kSpring), 0.1, 25), 300);
+}
 TEST(Force, IsTheSlopeOfThePotentialOfAllTogether) {
   EXPECT_GT(expect_gradient(environment<3>(kSphere + kCylinder + kBox + kWall + kSpring), 0.1, 26), 300);
 }
 
-TEST(Wrench, IsTheSlopeOfThePotentialOfASphere) { EXPECT_GT(expect_gradient(environment<6>(kSphere, kTool), 0.15, 31), 30); }
-TEST(Wrench, IsTheSlopeOfThePotentialOfACylinder) { EXPECT_GT(expect_gradient(environment<6>(kCylinder, kTool), 0.15, 32), 30); }
-TEST(Wrench, IsTheSlopeOfThePotentialOfABox) { EXPECT_GT(expect_gradient(environment<6>(kBox, kTool), 0.1, 33), 100); }
-TEST(Wrench, IsTheSlopeOfThePotentialOfAWall) { EXPECT_GT(expect_gradient(environment<6>(kWall, kTool), 0.1, 34), 300); }
-TEST(Wrench, IsTheSlopeOfThePotentialOfASpring) { EXPECT_GT(expect_gradient(environment<6>(kSpring, kTool), 0.1, 35), 300); }
+TEST(Wrench, IsTheSlopeOfThePotentialOfASphere) {
+  EXPECT_GT(expect_gradient(environment<6>(kSphere, kTool), 0.15, 31), 30);
+}
+TEST(Wrench, IsTheSlopeOfThePotentialOfACylinder) {
+  EXPECT_GT(expect_gradient(environment<6>(kCylinder, kTool), 0.15, 32), 30);
+}
+TEST(Wrench, IsTheSlopeOfThePotentialOfABox) {
+  EXPECT_GT(expect_gradient(environment<6>(kBox, kTool), 0.1, 33), 100);
+}
+TEST(Wrench, IsTheSlopeOfThePotentialOfAWall) {
+  EXPECT_GT(expect_gradient(environment<6>(kWall, kTool), 0.1, 34), 300);
+}
+TEST(Wrench, IsTheSlopeOfThePotentialOfASpring) {
+  EXPECT_GT(expect_gradient(environment<6>(kSpring, kTool), 0.1, 35), 300);
+}
 TEST(Wrench, IsTheSlopeOfThePotentialOfAllTogether) {
   EXPECT_GT(expect_gradient(environment<6>(kSphere + kCylinder + kBox + kWall + kSpring, kTool), 0.1, 36), 300);
 }
@@ -170,7 +200,8 @@ TEST(Box, ContinuesAFacePastItsEdgesWhenAsked) {
   EXPECT_EQ(faces.size(), 6u);
 }
 
-// --- laws of contact -----------------------------------------------------------------------------------------------------------
+// --- laws of contact
+// -----------------------------------------------------------------------------------------------------------
 
 std::string rough(std::string shape) {
   const std::string stiffness = "stiffness_n_per_m: 3000";
@@ -222,7 +253,8 @@ TEST_P(Surfaces, DampTheNormalMotion) {
     if (elastic.norm() == 0.0) continue;
     const Vector3d n = elastic.normalized(), v = source.vector<3>(0.1);
     const Vector3d expected = std::max(0.0, elastic.norm() - 40 * n.dot(v)) * n;
-    EXPECT_LT((damped.force(x, Velocity<3>{v}).vec() - expected).norm(), 1e-11 * (1.0 + elastic.norm())) << "sample " << i;
+    EXPECT_LT((damped.force(x, Velocity<3>{v}).vec() - expected).norm(), 1e-11 * (1.0 + elastic.norm()))
+        << "sample " << i;
   }
 }
 
@@ -241,7 +273,8 @@ TEST_P(Surfaces, DissipateBySliding) {
       EXPECT_LT(t.dot(v), 0.0) << "sample " << i;
       // Coulomb's share of the friction, whole above the stiction speed and in proportion below.
       const double share = std::min(1.0, speed / kStictionSpeed);
-      EXPECT_LT((t + (0.4 * n.norm() * share / speed + 2.0) * sliding).norm(), 1e-12 * (1.0 + t.norm())) << "sample " << i;
+      EXPECT_LT((t + (0.4 * n.norm() * share / speed + 2.0) * sliding).norm(), 1e-12 * (1.0 + t.norm()))
+          << "sample " << i;
       (share < 1.0 ? crept : slid) += 1;
     });
   }
@@ -249,10 +282,12 @@ TEST_P(Surfaces, DissipateBySliding) {
   EXPECT_GT(crept, 100);
 }
 
-// --- closed loops ----------------------------------------------------------------------------------------------------------------
+// --- closed loops
+// ----------------------------------------------------------------------------------------------------------------
 
 /// Work of the environment along a closed loop that stays in contact, by the trapezoid rule: for a smooth periodic
-/// integrand its error falls faster than any power, and is rounding with 2000 points. `stored` is the most that is held.
+/// integrand its error falls faster than any power, and is rounding with 2000 points. `stored` is the most that is
+/// held.
 template <int N, class Pose, class Twist>
 double loop_work(const Environment<N>& e, Pose pose, Twist twist, double& stored, int& untouched) {
   constexpr int kPoints = 2000;
@@ -286,10 +321,18 @@ void expect_no_work(const std::string& shape, const Vector3d& centre, double siz
     EXPECT_EQ(untouched, 0);
   }
 }
-TEST(LoopInContact, DoesNoWorkOnASphere) { expect_no_work(kSphere, {0.13, 0.05, -0.02}, 0.004); }
-TEST(LoopInContact, DoesNoWorkOnACylinder) { expect_no_work(kCylinder, Vector3d{0.1, 0, 0} + Vector3d{2, 1, -2} / 3 * 0.03, 0.004); }
-TEST(LoopInContact, DoesNoWorkOnABox) { expect_no_work(kBox, {0.04, 0.01, 0.0}, 0.002); }
-TEST(LoopInContact, DoesNoWorkOnAWall) { expect_no_work(kWall, {-0.02, 0.02, -0.02}, 0.005); }
+TEST(LoopInContact, DoesNoWorkOnASphere) {
+  expect_no_work(kSphere, {0.13, 0.05, -0.02}, 0.004);
+}
+TEST(LoopInContact, DoesNoWorkOnACylinder) {
+  expect_no_work(kCylinder, Vector3d{0.1, 0, 0} + Vector3d{2, 1, -2} / 3 * 0.03, 0.004);
+}
+TEST(LoopInContact, DoesNoWorkOnABox) {
+  expect_no_work(kBox, {0.04, 0.01, 0.0}, 0.002);
+}
+TEST(LoopInContact, DoesNoWorkOnAWall) {
+  expect_no_work(kWall, {-0.02, 0.02, -0.02}, 0.005);
+}
 
 TEST(LoopInContact, OfAToolThatTurnsDoesNoWork) {
   // Three points of the tool in a wall and on a spring, through a loop of poses: R(s) = exp(α n) exp(β m).
@@ -297,7 +340,8 @@ TEST(LoopInContact, OfAToolThatTurnsDoesNoWork) {
   Source source{62};
   for (int i = 0; i < 50; ++i) {
     const Vector3d centre = Vector3d{-0.06, 0.03, -0.06} + source.vector<3>(0.005), a = source.vector<3>(0.005),
-                   b = source.vector<3>(0.005), n = source.vector<3>(1.0).normalized(), m = source.vector<3>(1.0).normalized();
+                   b = source.vector<3>(0.005), n = source.vector<3>(1.0).normalized(),
+                   m = source.vector<3>(1.0).normalized();
     const auto alpha = [&](double s) { return 0.3 * std::sin(s); };
     const auto beta = [&](double s) { return 0.4 * std::cos(s) + 0.1 * std::sin(2 * s); };
     const auto pose = [&](double s) {
@@ -367,13 +411,15 @@ TEST_P(Surfaces, GiveBackAlongAPolygonThroughThemWhatTheyTook) {
   EXPECT_GT(most, 0.05);
 }
 
-// --- wrenches ----------------------------------------------------------------------------------------------------------------------
+// --- wrenches
+// ----------------------------------------------------------------------------------------------------------------------
 
 TEST(Wrench, HasItsTorqueAboutTheToolsOrigin) {
   const auto e = environment<6>("environment { wall { normal: [0, 0, 1] stiffness_n_per_m: 1000 } }",
                                 "tool { contact_point { position_m: [0.03, 0, 0] } }");
   // The tool is turned a quarter about z: its point is at y = 30 mm, 2 mm deep.
-  const Position<6> x{Vector3d{0.5, 0.2, -0.002}, Quaterniond{Eigen::AngleAxisd{std::numbers::pi / 2, Vector3d::UnitZ()}}};
+  const Position<6> x{Vector3d{0.5, 0.2, -0.002},
+                      Quaterniond{Eigen::AngleAxisd{std::numbers::pi / 2, Vector3d::UnitZ()}}};
   Vector6 expected;
   expected << 0, 0, 2, 0.03 * 2, 0, 0;
   EXPECT_LT((e.force(x, {}).vec() - expected).norm(), 1e-12);
@@ -382,7 +428,8 @@ TEST(Wrench, HasItsTorqueAboutTheToolsOrigin) {
 TEST(Wrench, IsTheSameWhereverTheWorldsOriginIs) {
   Source source{71};
   const Vector3d shift{3.0, -2.0, 1.0};
-  const auto near = environment<6>("environment { sphere { radius_m: 0.1 stiffness_n_per_m: 1000 friction: 0.2 } }", kTool);
+  const auto near =
+      environment<6>("environment { sphere { radius_m: 0.1 stiffness_n_per_m: 1000 friction: 0.2 } }", kTool);
   const auto far = environment<6>(
       "environment { sphere { center_m: [3, -2, 1] radius_m: 0.1 stiffness_n_per_m: 1000 friction: 0.2 } }", kTool);
   for (int i = 0; i < 100 && !::testing::Test::HasFailure(); ++i) {
@@ -414,12 +461,14 @@ TEST(Wrench, DissipatesAtEveryPoint) {
   Source source{72};
   for (int i = 0; i < 5000 && !::testing::Test::HasFailure(); ++i) {
     const Velocity<6> v{source.vector<6>(1.0)};
-    e.for_each_contact(source.position<6>(0.1), v,
-                       [&](int, const Vector6&, const Vector6& t) { EXPECT_LE(t.dot(v.vec()), 0.0) << "sample " << i; });
+    e.for_each_contact(source.position<6>(0.1), v, [&](int, const Vector6&, const Vector6& t) {
+      EXPECT_LE(t.dot(v.vec()), 0.0) << "sample " << i;
+    });
   }
 }
 
-// --- contacts one by one -----------------------------------------------------------------------------------------------------------
+// --- contacts one by one
+// -----------------------------------------------------------------------------------------------------------
 
 TEST(Contacts, AddUpToTheWhole) {
   const auto e = environment<6>(rough(kSphere) + rough(kBox) + rough(kWall) + kSpring, kTool);
@@ -461,7 +510,8 @@ TEST(Contacts, AreNoneInFreeSpace) {
 }
 
 TEST(Spring, HoldsFromBothSidesAndDamps) {
-  const auto e = environment<1>("environment { spring { stiffness_n_per_m: 100 damping_n_s_per_m: 3 anchor_m: 0.01 } }");
+  const auto e =
+      environment<1>("environment { spring { stiffness_n_per_m: 100 damping_n_s_per_m: 3 anchor_m: 0.01 } }");
   const auto at = [](double x) { return Position<1>{Eigen::Matrix<double, 1, 1>{x}}; };
   const auto moving = [](double v) { return Velocity<1>{Eigen::Matrix<double, 1, 1>{v}}; };
   EXPECT_NEAR(e.force(at(0.03), moving(0.0))[0], -2.0, 1e-14);

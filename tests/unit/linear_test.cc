@@ -64,23 +64,24 @@ struct Case {
   Oscillator o;
   double h;
 };
-void PrintTo(const Case& c, std::ostream* out) { *out << c.name; }
+void PrintTo(const Case& c, std::ostream* out) {
+  *out << c.name;
+}
 
 class Propagate : public ::testing::TestWithParam<Case> {};
-INSTANTIATE_TEST_SUITE_P(
-    Of, Propagate,
-    ::testing::Values(Case{"AFreeMass", {0.075, 0, 0}, kPeriod},                  //
-                      Case{"ADampedMass", {0.075, 0.5, 0}, kPeriod},              //
-                      Case{"AnUndampedSpring", {0.1, 0, 5000}, kPeriod},          //
-                      Case{"AnUndampedSpringThatTurnsThrice", {0.1, 0, 4e6}, 3e-3},
-                      Case{"AnUnderdampedSpring", {0.1, 3, 300}, kPeriod},        //
-                      Case{"ACriticallyDampedSpring", {0.25, 2, 4}, 0.1},         //
-                      Case{"ACriticallyDampedStiffSpring", {0.25, 512, 262144}, kPeriod},
-                      Case{"AnOverdampedSpring", {0.075, 40, 1000}, kPeriod},     //
-                      Case{"AStiffDamper", {0.075, 3000, 0}, kPeriod},            // c T / m = 20
-                      Case{"AStiffDamperOnASpring", {0.075, 3000, 5000}, kPeriod},
-                      Case{"ALongStep", {0.5, 1, 50}, 1.0}),
-    [](const auto& instance) { return std::string{instance.param.name}; });
+INSTANTIATE_TEST_SUITE_P(Of, Propagate,
+                         ::testing::Values(Case{"AFreeMass", {0.075, 0, 0}, kPeriod},          //
+                                           Case{"ADampedMass", {0.075, 0.5, 0}, kPeriod},      //
+                                           Case{"AnUndampedSpring", {0.1, 0, 5000}, kPeriod},  //
+                                           Case{"AnUndampedSpringThatTurnsThrice", {0.1, 0, 4e6}, 3e-3},
+                                           Case{"AnUnderdampedSpring", {0.1, 3, 300}, kPeriod},  //
+                                           Case{"ACriticallyDampedSpring", {0.25, 2, 4}, 0.1},   //
+                                           Case{"ACriticallyDampedStiffSpring", {0.25, 512, 262144}, kPeriod},
+                                           Case{"AnOverdampedSpring", {0.075, 40, 1000}, kPeriod},  //
+                                           Case{"AStiffDamper", {0.075, 3000, 0}, kPeriod},         // c T / m = 20
+                                           Case{"AStiffDamperOnASpring", {0.075, 3000, 5000}, kPeriod},
+                                           Case{"ALongStep", {0.5, 1, 50}, 1.0}),
+                         [](const auto& instance) { return std::string{instance.param.name}; });
 
 TEST_P(Propagate, EqualsTheClosedForm) {
   const auto& [name, o, h] = GetParam();

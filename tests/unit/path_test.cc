@@ -19,8 +19,12 @@ using Segments = std::vector<SegmentSpec>;
 constexpr double kPi = std::numbers::pi;
 constexpr double kRounding = 1e-14;  // of numbers up to 1, a few operations
 
-Position<3> at(double x, double y, double z) { return Position<3>{Vector3d{x, y, z}}; }
-Numbers pose(const Vector3d& p, const Quaterniond& q) { return {p.x(), p.y(), p.z(), q.w(), q.x(), q.y(), q.z()}; }
+Position<3> at(double x, double y, double z) {
+  return Position<3>{Vector3d{x, y, z}};
+}
+Numbers pose(const Vector3d& p, const Quaterniond& q) {
+  return {p.x(), p.y(), p.z(), q.w(), q.x(), q.y(), q.z()};
+}
 
 /// Where the path is and how fast at t alone: a path only runs forwards.
 template <int N>
@@ -33,7 +37,8 @@ double apart(const Position<N>& a, const Position<N>& b) {
   return (a - b).vec().norm();
 }
 
-// --- how a scene writes it -----------------------------------------------------------------------------------------------
+// --- how a scene writes it
+// -----------------------------------------------------------------------------------------------
 
 TEST(PositionOfAScene, FillsWithZerosWhatIsNotWritten) {
   EXPECT_EQ(position<1>({}).translation()[0], 0.0);
@@ -51,10 +56,13 @@ TEST(PositionOfAScene, ReadsAnAttitudeAsWxyzOfUnitLength) {
   EXPECT_NEAR(pose.attitude().z(), 0.8, kRounding);
 }
 
-// --- move_to ---------------------------------------------------------------------------------------------------------------
+// --- move_to
+// ---------------------------------------------------------------------------------------------------------------
 
 constexpr double kSpan = 0.8;  // [s]
-Path<3> move() { return {{MoveToSpec{{0.03, -0.04, 0.12}, kSpan}}, at(0, 0, 0)}; }
+Path<3> move() {
+  return {{MoveToSpec{{0.03, -0.04, 0.12}, kSpan}}, at(0, 0, 0)};
+}
 constexpr double kLength = 0.13;
 
 TEST(MoveTo, LeavesAndArrivesAtRest) {
@@ -79,7 +87,8 @@ TEST(MoveTo, IsFastestHalfWayAt1875ThousandthsOfItsMean) {
   EXPECT_LT(apart(middle.x, at(0.015, -0.02, 0.06)), kRounding);
   EXPECT_NEAR(middle.v.vec().norm(), 1.875 * kLength / kSpan, kRounding);
   Path<3> path = move();
-  for (int k = 0; k <= 1000; ++k) EXPECT_LE(path.at(k * kSpan / 1000).v.vec().norm(), 1.875 * kLength / kSpan + kRounding);
+  for (int k = 0; k <= 1000; ++k)
+    EXPECT_LE(path.at(k * kSpan / 1000).v.vec().norm(), 1.875 * kLength / kSpan + kRounding);
 }
 
 TEST(MoveTo, KeepsToTheStraightLine) {
@@ -95,7 +104,8 @@ TEST(MoveTo, KeepsToTheStraightLine) {
   }
 }
 
-// --- every segment -----------------------------------------------------------------------------------------------------------
+// --- every segment
+// -----------------------------------------------------------------------------------------------------------
 
 template <int N>
 struct Tour {
@@ -111,8 +121,9 @@ Tour<1> tour<1>() {
 }
 template <>
 Tour<3> tour<3>() {
-  return {{SineSpec{2, 0.02, 1.7, 0.4}, MoveToSpec{{0.05, 0.01, 0.02}, 0.5}, HoldSpec{0.1}, SineSpec{1, 0.03, 2.5, 0.7}},
-          at(0.02, 0.0, -0.01)};
+  return {
+      {SineSpec{2, 0.02, 1.7, 0.4}, MoveToSpec{{0.05, 0.01, 0.02}, 0.5}, HoldSpec{0.1}, SineSpec{1, 0.03, 2.5, 0.7}},
+      at(0.02, 0.0, -0.01)};
 }
 template <>
 Tour<6> tour<6>() {
@@ -160,8 +171,8 @@ TYPED_TEST(AnyPath, DoesNotJumpFromSegmentToSegment) {
 
 TYPED_TEST(AnyPath, MovesAsFastAsItSays) {
   constexpr int N = TypeParam::value;
-  // Central differences within the segments, of up to 9 rad/s. Their error: the third derivative, up to 2e3 rad/s³, times
-  // h²/6, and the rounding of an attitude, 1e-15, over h.
+  // Central differences within the segments, of up to 9 rad/s. Their error: the third derivative, up to 2e3 rad/s³,
+  // times h²/6, and the rounding of an attitude, 1e-15, over h.
   constexpr double h = 1e-6;
   double start = 0.0;
   for (const SegmentSpec& spec : tour<N>().segments) {
@@ -198,7 +209,8 @@ TYPED_TEST(AnyPath, WithoutSegmentsHoldsItsStart) {
   EXPECT_EQ(none.at(6.0).v.vec().norm(), 0.0);
 }
 
-// --- hold ----------------------------------------------------------------------------------------------------------------------
+// --- hold
+// ----------------------------------------------------------------------------------------------------------------------
 
 TEST(Hold, StaysWhereTheLastSegmentEnded) {
   const Path<3> way{{MoveToSpec{{0.1, 0, 0}, 0.5}, HoldSpec{0.5}, MoveToSpec{{0.2, 0, 0}, 0.5}}, at(0, 0, 0)};
@@ -209,7 +221,8 @@ TEST(Hold, StaysWhereTheLastSegmentEnded) {
   EXPECT_GT(sample(way, 1.25).x.translation().x(), 0.14);
 }
 
-// --- sine ------------------------------------------------------------------------------------------------------------------------
+// --- sine
+// ------------------------------------------------------------------------------------------------------------------------
 
 TEST(Sine, SwingsAboutThePointWhereItStarts) {
   const Path<3> way{{MoveToSpec{{0.03, 0.01, 0.0}, 1.0}, SineSpec{1, 0.04, 0.5, 4.0}}, at(0, 0, 0)};
@@ -229,7 +242,8 @@ TEST(Sine, EndsWhereItIsWhenItsTimeIsUp) {
   EXPECT_NEAR(sample(way, 1.0).x.translation()[0], 0.02, kRounding);
 }
 
-// --- attitudes -------------------------------------------------------------------------------------------------------------------
+// --- attitudes
+// -------------------------------------------------------------------------------------------------------------------
 
 TEST(MoveToOfAPose, TurnsAboutOneAxisWithTheSameProfile) {
   const Quaterniond from{Eigen::AngleAxisd{0.4, Vector3d::UnitX()}};

@@ -27,8 +27,12 @@ template <int N>
 SimDevice<N> device(const std::string& blocks, double period = kPeriod) {
   return {scene(N, blocks), Seconds{period}};
 }
-Force<1> newton(double f) { return Force<1>{Eigen::Matrix<double, 1, 1>{f}}; }
-double x_of(const SimDevice<1>& d) { return d.x().translation()[0]; }
+Force<1> newton(double f) {
+  return Force<1>{Eigen::Matrix<double, 1, 1>{f}};
+}
+double x_of(const SimDevice<1>& d) {
+  return d.x().translation()[0];
+}
 
 /// Classical Runge-Kutta of m ẍ = force(t, x, v).
 template <int D>
@@ -53,7 +57,8 @@ struct Particle {
   }
 };
 
-// --- the exact step ----------------------------------------------------------------------------------------------------------
+// --- the exact step
+// ----------------------------------------------------------------------------------------------------------
 
 const std::string kHand = "operator { hand { mass_kg: 0.02 stiffness_n_per_m: 300 damping_n_s_per_m: 1 } ";
 const std::string kDevice = "device { mass_kg: 0.075 damping_n_s_per_m: 0.05 ";
@@ -80,7 +85,8 @@ TEST(HandOnADevice, FollowsAHeldForceExactly) {
 }
 
 const std::string kPath =
-    "path { move_to { position_m: [0.03, 0.01, 0] duration_s: 0.1 } } path { sine { axis: 2 amplitude_m: 0.02 frequency_hz: 4 "
+    "path { move_to { position_m: [0.03, 0.01, 0] duration_s: 0.1 } } path { sine { axis: 2 amplitude_m: 0.02 "
+    "frequency_hz: 4 "
     "duration_s: 0.1 } } } ";
 
 TEST(HandOnADevice, FollowsAHandThatMovesLinearlyWithinTheTick) {
@@ -136,11 +142,13 @@ TEST(HandOnADevice, TakesAHandThatMovesSmoothlyForOneThatMovesLinearlyWithinTheT
   EXPECT_NEAR(at_1_khz / at_2_khz, 4.0, 0.3);  // second order
 }
 
-// --- blocks that are absent ------------------------------------------------------------------------------------------------------
+// --- blocks that are absent
+// ------------------------------------------------------------------------------------------------------
 
 TEST(ImposedPath, IsFollowedToTheBit) {
   const std::string path =
-      "path { move_to { position_m: [0.03, 0.01, 0] duration_s: 0.1 } } path { sine { axis: 2 amplitude_m: 0.02 frequency_hz: 3 "
+      "path { move_to { position_m: [0.03, 0.01, 0] duration_s: 0.1 } } path { sine { axis: 2 amplitude_m: 0.02 "
+      "frequency_hz: 3 "
       "duration_s: 0.3 } } ";
   auto d = device<3>("operator { " + path + "} device { position_m: [0.1, 0, 0] mass_kg: 0.1 coulomb_friction_n: 1 }");
   Path<3> same = d.path();
@@ -154,8 +162,9 @@ TEST(ImposedPath, IsFollowedToTheBit) {
 }
 
 TEST(ImposedPath, StartsAtTheDevicesPositionAndAtThePathsVelocity) {
-  auto d = device<1>("operator { path { sine { amplitude_m: 0.02 frequency_hz: 3 duration_s: 1 } } } "
-                     "device { position_m: 0.05 velocity_m_per_s: 9 }");
+  auto d = device<1>(
+      "operator { path { sine { amplitude_m: 0.02 frequency_hz: 3 duration_s: 1 } } } "
+      "device { position_m: 0.05 velocity_m_per_s: 9 }");
   EXPECT_EQ(x_of(d), 0.05);
   EXPECT_NEAR(d.v()[0], 0.02 * 2 * std::numbers::pi * 3, 1e-15);
 }
@@ -200,12 +209,14 @@ TEST(WithAPath, TheHandBeginsWhereTheHandleStarts) {
   EXPECT_EQ(x_of(d), 0.05);
 }
 
-// --- Coulomb friction ----------------------------------------------------------------------------------------------------------------
+// --- Coulomb friction
+// ----------------------------------------------------------------------------------------------------------------
 
 TEST(CoulombFriction, StopsAMassAfterItsKineticEnergyOverTheFriction) {
   // m v²/(2 fc) = 18.75 mm after m v/fc = 0.1875 s: 375 ticks. The next speed stops inside a tick.
   for (const double v : {0.2, 0.19987, 0.0003, -0.1}) {
-    auto d = device<1>("device { mass_kg: 0.075 coulomb_friction_n: 0.08 velocity_m_per_s: " + std::to_string(v) + " }");
+    auto d =
+        device<1>("device { mass_kg: 0.075 coulomb_friction_n: 0.08 velocity_m_per_s: " + std::to_string(v) + " }");
     const double way = 0.075 * v * v / (2 * 0.08), time = 0.075 * std::abs(v) / 0.08;
     int ticks = 0;
     for (; d.v()[0] != 0.0; ++ticks) {
@@ -297,8 +308,10 @@ TEST(CoulombFriction, StopsAHandsOscillationInItsBand) {
 TEST(CoulombFriction, InSpaceConvergesToTheTrueDirection) {
   // Against its own velocity all the time, by steps of 5 us; the device keeps the direction of a tick's beginning.
   const std::string blocks =
-      "operator { hand { mass_kg: 0.02 stiffness_n_per_m: 300 damping_n_s_per_m: 1 } path { sine { axis: 1 amplitude_m: 0.02 "
-      "frequency_hz: 1 duration_s: 1 } } } device { mass_kg: 0.075 coulomb_friction_n: 0.04 velocity_m_per_s: [0.1, 0, 0] } ";
+      "operator { hand { mass_kg: 0.02 stiffness_n_per_m: 300 damping_n_s_per_m: 1 } path { sine { axis: 1 "
+      "amplitude_m: 0.02 "
+      "frequency_hz: 1 duration_s: 1 } } } device { mass_kg: 0.075 coulomb_friction_n: 0.04 velocity_m_per_s: [0.1, 0, "
+      "0] } ";
   const auto error = [&](double period) {
     auto d = device<3>(blocks, period);
     Particle<3> exact{kMass};
@@ -321,7 +334,8 @@ TEST(CoulombFriction, InSpaceConvergesToTheTrueDirection) {
   EXPECT_LT(error(1.25e-4), 0.35 * error(5e-4));  // first order
 }
 
-// --- sensing -----------------------------------------------------------------------------------------------------------------------------
+// --- sensing
+// -----------------------------------------------------------------------------------------------------------------------------
 
 TEST(Encoder, RoundsToItsNearestCount) {
   auto d = device<3>(kHand + kPath + kDevice + "position_resolution_m: 3e-5 position_m: [0.001, 0.002, -0.003] }");
@@ -337,7 +351,9 @@ TEST(Encoder, RoundsToItsNearestCount) {
 }
 
 TEST(Encoder, OfAnAttitudeRoundsItsRotationVector) {
-  auto d = device<6>("device { mass_kg: 0.1 inertia_kg_m2: 1e-4 position_resolution_m: 1e-3 velocity_m_per_s: [0.01, 0, 0, 1, 2, -0.5] }");
+  auto d = device<6>(
+      "device { mass_kg: 0.1 inertia_kg_m2: 1e-4 position_resolution_m: 1e-3 velocity_m_per_s: [0.01, 0, 0, 1, 2, "
+      "-0.5] }");
   for (int k = 0; k < 400 && !HasFailure(); ++k) {
     const Vector6 true_x = coordinates(d.x()), seen = coordinates(d.sense().x);
     for (int i = 0; i < 6; ++i) {
@@ -371,8 +387,9 @@ TEST(VelocityEstimate, ByBackwardDifferenceIsTheMeanOfTheTick) {
 
 TEST(VelocityEstimate, FilteredLagsByItsTimeConstant) {
   // A free handle at constant speed whose estimate starts elsewhere: what is missing fades as exp(-2π f t).
-  auto d = device<1>("operator { path { move_to { position_m: 0.0 duration_s: 1e-9 } } path { sine { amplitude_m: 1 "
-                     "frequency_hz: 0.001 duration_s: 10 } } } device { velocity_estimate: FILTERED velocity_filter_hz: 20 }");
+  auto d = device<1>(
+      "operator { path { move_to { position_m: 0.0 duration_s: 1e-9 } } path { sine { amplitude_m: 1 "
+      "frequency_hz: 0.001 duration_s: 10 } } } device { velocity_estimate: FILTERED velocity_filter_hz: 20 }");
   const double speed = 2 * std::numbers::pi * 0.001;
   for (int k = 1; k <= 100; ++k) {
     d.advance();
@@ -382,14 +399,17 @@ TEST(VelocityEstimate, FilteredLagsByItsTimeConstant) {
 }
 
 TEST(VelocityEstimate, OfATurningHandleIsItsMeanAngularVelocity) {
-  auto d = device<6>("device { mass_kg: 0.1 inertia_kg_m2: 1e-4 velocity_m_per_s: [0, 0, 0, 0, 3, 4] velocity_estimate: BACKWARD_DIFFERENCE }");
+  auto d = device<6>(
+      "device { mass_kg: 0.1 inertia_kg_m2: 1e-4 velocity_m_per_s: [0, 0, 0, 0, 3, 4] velocity_estimate: "
+      "BACKWARD_DIFFERENCE }");
   for (int k = 0; k < 1000; ++k) d.advance();  // 2.5 rad
   Vector6 expected;
   expected << 0, 0, 0, 0, 3, 4;
   EXPECT_LT((d.sense().v.vec() - expected).norm(), 1e-12);
 }
 
-// --- the force that is really held ---------------------------------------------------------------------------------------------------------
+// --- the force that is really held
+// ---------------------------------------------------------------------------------------------------------
 
 TEST(MaxForce, BoundsTheNormAndKeepsTheDirection) {
   auto d = device<3>(kHand + "} " + kDevice + "max_force_n: 8.5 }");
@@ -440,7 +460,8 @@ TEST(Applied, MovesTheHandleAndNotWhatWasAskedFor) {
   EXPECT_NEAR(d.v()[0], -2.0 / 0.1 * kPeriod, 1e-17);
 }
 
-// --- energy ------------------------------------------------------------------------------------------------------------------------------------
+// --- energy
+// ------------------------------------------------------------------------------------------------------------------------------------
 
 TEST(PortEnergy, IsTheSumOfHeldForceTimesTheWay) {
   auto d = device<3>(kHand + kPath + kDevice + "max_force_n: 4 position_resolution_m: 1e-4 coulomb_friction_n: 0.1 }");
@@ -485,7 +506,8 @@ TEST(PortEnergy, OfAWrenchCountsTheWorkOfItsTorque) {
   }
 }
 
-/// A quarter of a second of a torque held against a hand, between two attitudes that both turn, a tenth of a radian apart.
+/// A quarter of a second of a torque held against a hand, between two attitudes that both turn, a tenth of a radian
+/// apart.
 struct Turned {
   Quaterniond attitude;
   double port_energy_j;
@@ -493,8 +515,10 @@ struct Turned {
 Turned turn(double period) {
   auto d = device<6>(
       "operator { hand { mass_kg: 0.02 stiffness_n_per_m: 300 damping_n_s_per_m: 1 inertia_kg_m2: 2e-5 "
-      "rotational_stiffness_n_m_per_rad: 0.5 rotational_damping_n_m_s_per_rad: 1e-3 } path { sine { axis: 3 amplitude_m: 0.5 "
-      "frequency_hz: 1 duration_s: 2 } } } device { mass_kg: 0.075 inertia_kg_m2: 1e-4 velocity_m_per_s: [0, 0, 0, 3, 2, -1] }",
+      "rotational_stiffness_n_m_per_rad: 0.5 rotational_damping_n_m_s_per_rad: 1e-3 } path { sine { axis: 3 "
+      "amplitude_m: 0.5 "
+      "frequency_hz: 1 duration_s: 2 } } } device { mass_kg: 0.075 inertia_kg_m2: 1e-4 velocity_m_per_s: [0, 0, 0, 3, "
+      "2, -1] }",
       period);
   Vector6 f;
   f << 0.1, 0.2, 0.3, 0.01, -0.02, 0.03;

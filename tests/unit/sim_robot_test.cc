@@ -32,8 +32,12 @@ template <int N>
 void push(SimRobot<N>& r, const typename Force<N>::Vector& f) {
   r.actuate({.f = Force<N>{f}, .x_d = {}, .v_d = {}});
 }
-double x_of(const SimRobot<1>& r) { return r.state().x.translation()[0]; }
-double v_of(const SimRobot<1>& r) { return r.state().v[0]; }
+double x_of(const SimRobot<1>& r) {
+  return r.state().x.translation()[0];
+}
+double v_of(const SimRobot<1>& r) {
+  return r.state().v[0];
+}
 
 /// Kinetic energy and what the environment holds.
 template <int N>
@@ -61,7 +65,8 @@ double energy_drift(SimRobot<N>& r, int ticks, double mass, const Vector3d& iner
   return worst;
 }
 
-// --- a mass and a wall, exactly ----------------------------------------------------------------------------------------------
+// --- a mass and a wall, exactly
+// ----------------------------------------------------------------------------------------------
 
 // The case of the peers: 0.1 kg from -5 mm, a hand of 300 N/m and 3 N s/m towards +20 mm, an elastic wall from 0.
 const std::string kMassOnAWall =
@@ -105,15 +110,18 @@ TEST(MassOnAWall, IsTheSameWhateverTheTick) {
 
 TEST(Bounce, OnAnElasticWallKeepsItsEnergyForTenSeconds) {
   // 43 bounces a spring throws back; 86 cuts.
-  auto r = robot<1>("robot { mass_kg: 0.1 position_m: -0.01 velocity_m_per_s: 0.3 } environment { spring { "
-                    "stiffness_n_per_m: 100 } } " + kElastic);
+  auto r = robot<1>(
+      "robot { mass_kg: 0.1 position_m: -0.01 velocity_m_per_s: 0.3 } environment { spring { "
+      "stiffness_n_per_m: 100 } } " +
+      kElastic);
   EXPECT_LT(energy_drift(r, 20'000, 0.1), 1e-10);
 }
 
 TEST(Bounce, ShorterThanATickIsStillSeen) {
   // On 40 MN/m 0.1 kg stay 0.16 ms: a third of a tick, ten radians of the wall's oscillation in one.
-  const std::string stiff = "robot { mass_kg: 0.1 position_m: -0.01 velocity_m_per_s: 0.3 } environment { spring { "
-                            "stiffness_n_per_m: 100 } } environment { wall { normal: -1 stiffness_n_per_m: 4e7 } }";
+  const std::string stiff =
+      "robot { mass_kg: 0.1 position_m: -0.01 velocity_m_per_s: 0.3 } environment { spring { "
+      "stiffness_n_per_m: 100 } } environment { wall { normal: -1 stiffness_n_per_m: 4e7 } }";
   auto coarse = robot<1>(stiff), fine = robot<1>(stiff, kPeriod / 64);
   for (int k = 0; k < 2000; ++k) {
     coarse.advance();
@@ -131,8 +139,9 @@ TEST(Bounce, OnADampedWallEndsWhereTheWallWouldPull) {
   const auto speed = [&](double t) {
     return v0 * std::exp(-sigma * t) * (std::cos(wd * t) - sigma / wd * std::sin(wd * t));
   };
-  auto r = robot<1>("robot { mass_kg: 0.1 position_m: -0.004321 velocity_m_per_s: 0.3 } environment { wall { normal: -1 "
-                    "stiffness_n_per_m: 5000 damping_n_s_per_m: 12 } }");
+  auto r = robot<1>(
+      "robot { mass_kg: 0.1 position_m: -0.004321 velocity_m_per_s: 0.3 } environment { wall { normal: -1 "
+      "stiffness_n_per_m: 5000 damping_n_s_per_m: 12 } }");
   ASSERT_GT(depth(leave - enter), 1e-4);
   int pressed = 0;
   for (int tick = 1; tick <= 200; ++tick) {
@@ -150,16 +159,18 @@ TEST(Bounce, OnADampedWallEndsWhereTheWallWouldPull) {
 
 TEST(Bounce, AsideKeepsWhatIsAcrossTheWall) {
   // A tilted elastic wall turns the normal velocity around and leaves the rest.
-  auto r = robot<3>("robot { mass_kg: 0.1 position_m: [0.01, 0, 0] velocity_m_per_s: [-0.3, 0.1, 0.2] } "
-                    "environment { wall { normal: [2, -1, 2] stiffness_n_per_m: 5000 } }");
+  auto r = robot<3>(
+      "robot { mass_kg: 0.1 position_m: [0.01, 0, 0] velocity_m_per_s: [-0.3, 0.1, 0.2] } "
+      "environment { wall { normal: [2, -1, 2] stiffness_n_per_m: 5000 } }");
   const Vector3d n = Vector3d{2, -1, 2} / 3, v{-0.3, 0.1, 0.2};
   for (int k = 0; k < 400; ++k) r.advance();
   EXPECT_LT((r.state().v.vec() - (v - 2 * n.dot(v) * n)).norm(), 1e-13);
 }
 
 TEST(Spring, IsExactInSpace) {
-  auto r = robot<3>("robot { mass_kg: 0.4 damping_n_s_per_m: 0.7 position_m: [0.01, -0.02, 0] velocity_m_per_s: [0, 0.1, 0.2] } "
-                    "environment { spring { stiffness_n_per_m: 250 damping_n_s_per_m: 1.3 anchor_m: [0.01, 0.02, 0.03] } }");
+  auto r = robot<3>(
+      "robot { mass_kg: 0.4 damping_n_s_per_m: 0.7 position_m: [0.01, -0.02, 0] velocity_m_per_s: [0, 0.1, 0.2] } "
+      "environment { spring { stiffness_n_per_m: 250 damping_n_s_per_m: 1.3 anchor_m: [0.01, 0.02, 0.03] } }");
   push<3>(r, Vector3d{1, -2, 0.5});
   for (int k = 0; k < 1000; ++k) r.advance();
   const double sigma = 2.0 / 0.8, w = std::sqrt(250 / 0.4 - sigma * sigma), t = 0.5, e = std::exp(-sigma * t);
@@ -169,10 +180,12 @@ TEST(Spring, IsExactInSpace) {
   EXPECT_LT((r.state().x.translation() - x).norm(), 1e-13);
 }
 
-// --- the general plant ---------------------------------------------------------------------------------------------------------
+// --- the general plant
+// ---------------------------------------------------------------------------------------------------------
 
 TEST(RungeKutta, AgreesWithTheExactPlantOnAWallAndConvergesToIt) {
-  const Scene s = scene(1, kMassOnAWall + "environment { wall { normal: -1 stiffness_n_per_m: 5000 damping_n_s_per_m: 4 } }");
+  const Scene s =
+      scene(1, kMassOnAWall + "environment { wall { normal: -1 stiffness_n_per_m: 5000 damping_n_s_per_m: 4 } }");
   const Environment<1> e{s};
   ASSERT_TRUE(ExactPlant<1>::fits(e.world()));
   const auto error = [&](int per_ms) {
@@ -207,28 +220,33 @@ TEST(RungeKutta, LosesNoTimeToContactsThatBeginTogether) {
 
 /// A mass that a spring holds on a surface, sliding: it swings through the surface as well.
 double slide_drift(const std::string& surface, const std::string& start, int ticks) {
-  auto r = robot<3>("robot { mass_kg: 0.2 " + start + " } environment { spring { stiffness_n_per_m: 100 } } " + surface);
+  auto r =
+      robot<3>("robot { mass_kg: 0.2 " + start + " } environment { spring { stiffness_n_per_m: 100 } } " + surface);
   return energy_drift(r, ticks, 0.2);
 }
 constexpr double kSlide = 1e-8;  // two seconds of steps of 0.1 rad of the contact, each right to (0.1)⁵/120
 
 TEST(Slide, AroundASphereKeepsItsEnergy) {
   EXPECT_LT(slide_drift("environment { sphere { radius_m: 0.06 stiffness_n_per_m: 4000 } }",
-                        "position_m: [0.0585, 0, 0] velocity_m_per_s: [0, 0.3, 0.2]", 4000), kSlide);
+                        "position_m: [0.0585, 0, 0] velocity_m_per_s: [0, 0.3, 0.2]", 4000),
+            kSlide);
 }
 TEST(Slide, AroundACylinderKeepsItsEnergy) {
   EXPECT_LT(slide_drift("environment { cylinder { axis: [0, 0, 1] radius_m: 0.06 stiffness_n_per_m: 4000 } }",
-                        "position_m: [0.0585, 0, 0] velocity_m_per_s: [0, 0.3, 0.1]", 4000), kSlide);
+                        "position_m: [0.0585, 0, 0] velocity_m_per_s: [0, 0.3, 0.1]", 4000),
+            kSlide);
 }
 TEST(Slide, AlongAFaceOfABoxKeepsItsEnergy) {
   EXPECT_LT(slide_drift("environment { box { half_size_m: [0.06, 0.2, 0.2] stiffness_n_per_m: 4000 } }",
-                        "position_m: [0.0585, 0, 0] velocity_m_per_s: [0, 0.3, 0.1]", 4000), kSlide);
+                        "position_m: [0.0585, 0, 0] velocity_m_per_s: [0, 0.3, 0.1]", 4000),
+            kSlide);
 }
 TEST(Slide, OverTheEdgesOfABoxKeepsItsEnergy) {
   // Five times around an edge at up to 2 m/s, where the force turns by 90° within the contact.
-  auto r = robot<3>("robot { mass_kg: 0.2 position_m: [0.0585, 0.15, 0] velocity_m_per_s: [0, 0.3, 0] } environment { spring { "
-                    "stiffness_n_per_m: 100 anchor_m: [0, 0.25, 0] } } environment { box { half_size_m: [0.06, 0.2, 0.2] "
-                    "stiffness_n_per_m: 4000 } }");
+  auto r = robot<3>(
+      "robot { mass_kg: 0.2 position_m: [0.0585, 0.15, 0] velocity_m_per_s: [0, 0.3, 0] } environment { spring { "
+      "stiffness_n_per_m: 100 anchor_m: [0, 0.25, 0] } } environment { box { half_size_m: [0.06, 0.2, 0.2] "
+      "stiffness_n_per_m: 4000 } }");
   EXPECT_LT(energy_drift(r, 1200, 0.2), 3e-7);
 }
 TEST(Slide, BouncingOnASphereKeepsItsEnergy) {
@@ -237,12 +255,14 @@ TEST(Slide, BouncingOnASphereKeepsItsEnergy) {
             2e-6);  // each of ten bounces is 44 steps of 0.07 rad, which lose (0.07)⁶/72 each
 }
 
-// --- friction ------------------------------------------------------------------------------------------------------------------
+// --- friction
+// ------------------------------------------------------------------------------------------------------------------
 
 TEST(CoulombSlide, DeceleratesByTheFrictionalLoad) {
   // Pressed with 4 N from equilibrium, μ = 0.3: a = μN/m = 6 m/s², from 0.3 m/s for 48 ms.
-  auto r = robot<3>("robot { mass_kg: 0.2 position_m: [0, 0, -0.0008] velocity_m_per_s: [0.18, -0.24, 0] } "
-                    "environment { wall { normal: [0, 0, 1] stiffness_n_per_m: 5000 friction: 0.3 } }");
+  auto r = robot<3>(
+      "robot { mass_kg: 0.2 position_m: [0, 0, -0.0008] velocity_m_per_s: [0.18, -0.24, 0] } "
+      "environment { wall { normal: [0, 0, 1] stiffness_n_per_m: 5000 friction: 0.3 } }");
   push<3>(r, Vector3d{0, 0, -4});
   const Vector3d n{0.6, -0.8, 0};
   for (int k = 1; k <= 96; ++k) {
@@ -255,12 +275,14 @@ TEST(CoulombSlide, DeceleratesByTheFrictionalLoad) {
   for (int k = 0; k < 200; ++k) r.advance();
   EXPECT_LT(r.state().v.vec().norm(), 1e-12);
   // It stops at 7.5 mm, plus what the last millimetre per second takes, which fades linearly: v_s²/(2a).
-  EXPECT_NEAR(r.state().x.translation().norm(), std::hypot(0.0075 + 0.5 * kStictionSpeed * kStictionSpeed / 6, 0.0008), 1e-9);
+  EXPECT_NEAR(r.state().x.translation().norm(), std::hypot(0.0075 + 0.5 * kStictionSpeed * kStictionSpeed / 6, 0.0008),
+              1e-9);
 }
 
 TEST(CoulombSlide, UnderALoadBelowFrictionCreepsSlowerThanTheStictionSpeed) {
-  auto r = robot<3>("robot { mass_kg: 0.2 position_m: [0, 0, -0.0008] } "
-                    "environment { wall { normal: [0, 0, 1] stiffness_n_per_m: 5000 friction: 0.3 } }");
+  auto r = robot<3>(
+      "robot { mass_kg: 0.2 position_m: [0, 0, -0.0008] } "
+      "environment { wall { normal: [0, 0, 1] stiffness_n_per_m: 5000 friction: 0.3 } }");
   push<3>(r, Vector3d{0.6, 0, -4});
   for (int k = 0; k < 200; ++k) r.advance();
   EXPECT_NEAR(r.state().v[0], kStictionSpeed * 0.6 / 1.2, 1e-9);
@@ -268,8 +290,9 @@ TEST(CoulombSlide, UnderALoadBelowFrictionCreepsSlowerThanTheStictionSpeed) {
 
 TEST(CoulombSlide, OfAThrownMassStopsWithoutChatter) {
   // Nothing presses but the impact itself, of up to 7 N: half of which stops 0.05 m/s before the mass leaves again.
-  const std::string thrown = "robot { mass_kg: 0.1 position_m: [0, 0, 0.0001] velocity_m_per_s: [0.05, 0, -0.3] } "
-                             "environment { wall { normal: [0, 0, 1] stiffness_n_per_m: 5000 friction: 0.5 } }";
+  const std::string thrown =
+      "robot { mass_kg: 0.1 position_m: [0, 0, 0.0001] velocity_m_per_s: [0.05, 0, -0.3] } "
+      "environment { wall { normal: [0, 0, 1] stiffness_n_per_m: 5000 friction: 0.5 } }";
   auto coarse = robot<3>(thrown), fine = robot<3>(thrown, kPeriod / 20);
   for (int k = 1; k <= 60; ++k) {
     coarse.advance();
@@ -280,7 +303,8 @@ TEST(CoulombSlide, OfAThrownMassStopsWithoutChatter) {
   EXPECT_NEAR(coarse.state().v[2], 0.3, 1e-8);
 }
 
-// --- rigid bodies -----------------------------------------------------------------------------------------------------------------
+// --- rigid bodies
+// -----------------------------------------------------------------------------------------------------------------
 
 const std::string kBody = "robot { mass_kg: 0.5 inertia_kg_m2: [1e-3, 2e-3, 2.5e-3] ";
 const Vector3d kInertia{1e-3, 2e-3, 2.5e-3};
@@ -307,7 +331,7 @@ TEST(RigidBody, TumblesForTenSecondsWithItsEnergyAndMomentum) {
   }
   EXPECT_LT(momentum_error, 2e-11);  // carried, so only rounded: 2e4 times 1e-16 at least
   EXPECT_LT(energy_error, 1e-10);
-  EXPECT_LT(attitude_error, 1e-8);   // [rad], after 24 turns of an unstable motion
+  EXPECT_LT(attitude_error, 1e-8);  // [rad], after 24 turns of an unstable motion
   EXPECT_LT(unit_error, 1e-14);
   EXPECT_NEAR(r.state().x.translation().x(), 1.0, 1e-12);
 }
@@ -324,8 +348,8 @@ TEST(RigidBody, GainsTheEnergyOfItsHeldWrench) {
     const double before = energy(r, 0.5, kInertia);
     r.advance();
     const double gain = energy(r, 0.5, kInertia) - before;
-    const double exact = held_energy(ObserverRule::exact, Force<6>{f}, {s.x, s.v}, {r.state().x, r.state().v},
-                                     Seconds{kPeriod}).si();
+    const double exact =
+        held_energy(ObserverRule::exact, Force<6>{f}, {s.x, s.v}, {r.state().x, r.state().v}, Seconds{kPeriod}).si();
     const double naive = f.dot((r.state().x - s.x).vec());
     exact_sum += exact - gain;
     naive_sum += naive - gain;
@@ -347,8 +371,10 @@ std::string square_tool(double half) {
 }
 
 TEST(RigidBody, OnFourPointsSettlesWhereTheyCarryIt) {
-  auto r = robot<6>(kBody + "position_m: [0.1, 0.2, 0.03, 0.999, 0.03, -0.02, 0.01] } environment { wall { normal: [0, 0, 1] "
-                            "stiffness_n_per_m: 2000 damping_n_s_per_m: 20 friction: 0.4 } } " + square_tool(0.03));
+  auto r = robot<6>(kBody +
+                    "position_m: [0.1, 0.2, 0.03, 0.999, 0.03, -0.02, 0.01] } environment { wall { normal: [0, 0, 1] "
+                    "stiffness_n_per_m: 2000 damping_n_s_per_m: 20 friction: 0.4 } } " +
+                    square_tool(0.03));
   const double weight = 0.5 * 9.81;
   Vector6 f;
   f << 0, 0, -weight, 0, 0, 0;
@@ -367,19 +393,23 @@ TEST(RigidBody, OnManyPointsKeepsItsEnergy) {
   std::string points;
   for (int i = 0; i < 16; ++i) {
     const double a = 2 * std::numbers::pi * i / 16;
-    points += "contact_point { position_m: [" + std::to_string(0.1 * std::cos(a)) + ", " + std::to_string(0.1 * std::sin(a)) +
-              ", 0] } ";
+    points += "contact_point { position_m: [" + std::to_string(0.1 * std::cos(a)) + ", " +
+              std::to_string(0.1 * std::sin(a)) + ", 0] } ";
   }
-  auto r = robot<6>(kBody + "position_m: [0, 0, 0.01, 0.999, 0.03, 0.03, 0] velocity_m_per_s: [0, 0, -0.2, 0, 0, 0] } "
-                            "environment { wall { normal: [0, 0, 1] stiffness_n_per_m: 5000 } } environment { spring { "
-                            "stiffness_n_per_m: 2 } } tool { " + points + "}");
+  auto r = robot<6>(kBody +
+                    "position_m: [0, 0, 0.01, 0.999, 0.03, 0.03, 0] velocity_m_per_s: [0, 0, -0.2, 0, 0, 0] } "
+                    "environment { wall { normal: [0, 0, 1] stiffness_n_per_m: 5000 } } environment { spring { "
+                    "stiffness_n_per_m: 2 } } tool { " +
+                    points + "}");
   EXPECT_LT(energy_drift(r, 1000, 0.5, kInertia), 1e-7);
 }
 
 TEST(RigidBody, WithOnePointAtItsOriginMovesAsAMass) {
-  const std::string environment = "environment { wall { normal: [0, 0, 1] stiffness_n_per_m: 5000 damping_n_s_per_m: 10 } }";
+  const std::string environment =
+      "environment { wall { normal: [0, 0, 1] stiffness_n_per_m: 5000 damping_n_s_per_m: 10 } }";
   auto body = robot<6>(kBody + "position_m: [0, 0, 0.01] velocity_m_per_s: [0.1, 0, -0.3, 0, 0, 0] } " + environment);
-  auto mass = robot<3>("robot { mass_kg: 0.5 position_m: [0, 0, 0.01] velocity_m_per_s: [0.1, 0, -0.3] } " + environment);
+  auto mass =
+      robot<3>("robot { mass_kg: 0.5 position_m: [0, 0, 0.01] velocity_m_per_s: [0.1, 0, -0.3] } " + environment);
   for (int k = 0; k < 400; ++k) {
     body.advance();
     mass.advance();
@@ -389,18 +419,21 @@ TEST(RigidBody, WithOnePointAtItsOriginMovesAsAMass) {
 }
 
 TEST(RigidBody, IsSlowedByItsRotationalDamping) {
-  auto r = robot<6>("robot { mass_kg: 0.5 inertia_kg_m2: 1e-3 damping_n_s_per_m: 2 rotational_damping_n_m_s_per_rad: 3e-3 "
-                    "velocity_m_per_s: [0.2, 0, 0, 0, 0, 2] }");
+  auto r = robot<6>(
+      "robot { mass_kg: 0.5 inertia_kg_m2: 1e-3 damping_n_s_per_m: 2 rotational_damping_n_m_s_per_rad: 3e-3 "
+      "velocity_m_per_s: [0.2, 0, 0, 0, 0, 2] }");
   for (int k = 0; k < 400; ++k) r.advance();
   EXPECT_NEAR(r.state().v[0], 0.2 * std::exp(-2 / 0.5 * 0.2), 1e-12);
   EXPECT_NEAR(r.state().v[5], 2 * std::exp(-3e-3 / 1e-3 * 0.2), 1e-12);
 }
 
-// --- the seam ------------------------------------------------------------------------------------------------------------------------
+// --- the seam
+// ------------------------------------------------------------------------------------------------------------------------
 
 TEST(ForceSensor, ShowsTheForceOnTheEnvironment) {
-  auto r = robot<3>("robot { mass_kg: 0.2 position_m: [0, 0, -0.001] force_sensor { } } "
-                    "environment { wall { normal: [0, 0, 1] stiffness_n_per_m: 5000 } }");
+  auto r = robot<3>(
+      "robot { mass_kg: 0.2 position_m: [0, 0, -0.001] force_sensor { } } "
+      "environment { wall { normal: [0, 0, 1] stiffness_n_per_m: 5000 } }");
   EXPECT_NEAR(r.sense().f_environment[2], -5.0, 1e-14);
   EXPECT_NEAR(r.environment_force()[2], 5.0, 1e-14);
 }
@@ -440,8 +473,9 @@ TEST(ForceSensor, RepeatsItsNoiseWithItsSeed) {
 TEST(ForceSensor, IsLateByItsLatencyInTicks) {
   const auto lag = [](double latency_ms) {
     auto r = robot<1>(kMassOnAWall + kElastic, kPeriod);
-    auto late = robot<1>("robot { mass_kg: 0.1 position_m: -0.005 force_sensor { latency_ms: " + std::to_string(latency_ms) +
-                         " } } environment { spring { stiffness_n_per_m: 300 damping_n_s_per_m: 3 anchor_m: 0.02 } } " + kElastic);
+    auto late = robot<1>(
+        "robot { mass_kg: 0.1 position_m: -0.005 force_sensor { latency_ms: " + std::to_string(latency_ms) +
+        " } } environment { spring { stiffness_n_per_m: 300 damping_n_s_per_m: 3 anchor_m: 0.02 } } " + kElastic);
     std::vector<double> true_force;
     for (int k = 0; k < 300; ++k) {
       true_force.push_back(r.sense().f_environment[0]);
@@ -459,8 +493,9 @@ TEST(ForceSensor, IsLateByItsLatencyInTicks) {
 }
 
 TEST(ForceSensor, ShowsNothingBeforeItsLatencyIsOver) {
-  auto r = robot<1>("robot { mass_kg: 0.2 position_m: -0.001 force_sensor { latency_ms: 2 } } "
-                    "environment { wall { normal: 1 stiffness_n_per_m: 1000 } }");
+  auto r = robot<1>(
+      "robot { mass_kg: 0.2 position_m: -0.001 force_sensor { latency_ms: 2 } } "
+      "environment { wall { normal: 1 stiffness_n_per_m: 1000 } }");
   for (int k = 0; k < 4; ++k, r.advance()) EXPECT_EQ(r.sense().f_environment[0], 0.0) << "tick " << k;
   EXPECT_NEAR(r.sense().f_environment[0], -1.0, 1e-14);
 }
@@ -468,7 +503,9 @@ TEST(ForceSensor, ShowsNothingBeforeItsLatencyIsOver) {
 TEST(WithoutRobot, TheIdealOneIsWhereItIsTold) {
   auto r = robot<3>("environment { wall { normal: [0, 0, 1] stiffness_n_per_m: 1000 damping_n_s_per_m: 10 } }");
   EXPECT_TRUE(r.sense().ideal);
-  r.actuate({.f = Force<3>{Vector3d{9, 9, 9}}, .x_d = Position<3>{Vector3d{0.1, 0.2, -0.003}}, .v_d = Velocity<3>{Vector3d{0, 0, -0.1}}});
+  r.actuate({.f = Force<3>{Vector3d{9, 9, 9}},
+             .x_d = Position<3>{Vector3d{0.1, 0.2, -0.003}},
+             .v_d = Velocity<3>{Vector3d{0, 0, -0.1}}});
   r.advance();
   EXPECT_EQ(r.sense().x.translation(), Vector3d(0.1, 0.2, -0.003));
   EXPECT_EQ(r.sense().v.vec(), Vector3d(0, 0, -0.1));
