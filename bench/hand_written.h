@@ -36,6 +36,14 @@ class HandWritten {
     // Master: book, receive, bound, send.
     const double dE = f_m_.dot(x_m_ - x_m_before_);
     (dE > 0.0 ? in_m_ : out_m_) += std::abs(dE);
+    // What the handle does by itself: alpha-beta filter, the force fed forward.
+    const V expected = u_ + d_ - give_ * (f_m_before_ + f_m_), e = (x_m_ - x_m_before_) / p_.T - expected;
+    if (tick_ > 0) {
+      u_ = expected + 0.75 * e;
+      d_ += 0.25 * e;
+      doubt_ = std::max(e.norm(), 0.95 * doubt_);
+    }
+    f_m_before_ = f_m_;
     x_m_before_ = x_m_;
     const std::size_t at = tick_ % to_slave_.size();
     const ToMaster from_slave = to_master_[at];
@@ -46,16 +54,13 @@ class HandWritten {
     if (heard) {
       ramp_ = std::min(1.0, ramp_ + p_.T / p_.engage_s);
       const V f_d = ramp_ * from_slave.f;
-      const V w = 1.5 * v_m_ - 0.5 * v_m_before_ + give_ * f_m_;
+      const V w = u_ + d_ - give_ * f_m_;
       const double available = p_.e0 + std::min(from_slave.in, in_m_) - out_m_;
-      const double a = std::max(available, 0.0) / p_.T;
-      const double f2 = f_d.squaredNorm(), power = f_d.dot(w);
-      double s = share(give_ * f2, -power, a);
-      if (available < 0.0 && s == 1.0 && power > 0.0)
-        s += std::min(-available, p_.max_gain * p_.T * power * power / f2) / (p_.T * power);
-      f = s * f_d;
+      const double f2 = f_d.squaredNorm(), power = f_d.dot(w) - std::sqrt(f2) * doubt_;
+      const double repaid =
+          available < 0.0 && power > 0.0 ? std::min(-available, p_.max_gain * p_.T * power * power / f2) : 0.0;
+      f = share(give_ * f2, -power, (std::max(available, 0.0) - repaid) / p_.T) * f_d;
     }
-    v_m_before_ = v_m_;
     to_slave_[at] = {x_m_, v_m_, in_m_};
 
     // Slave: receive, couple, bound, send.
@@ -110,7 +115,7 @@ class HandWritten {
 
   static double share(double q, double b, double a) {
     if (q + b <= a) return 1.0;
-    const double root = std::sqrt(b * b + 4.0 * q * a);
+    const double root = std::sqrt(std::max(0.0, b * b + 4.0 * q * a));
     return std::clamp(b <= 0.0 ? (root - b) / (2.0 * q) : 2.0 * a / (root + b), 0.0, 1.0);
   }
 
@@ -153,7 +158,9 @@ class HandWritten {
   double compliance_, give_;
   std::vector<ToSlave> to_slave_;
   std::vector<ToMaster> to_master_;
-  V x_m_ = V::Zero(), x_m_before_ = V::Zero(), v_m_ = V::Zero(), v_m_before_ = V::Zero(), f_m_ = V::Zero();
+  V x_m_ = V::Zero(), x_m_before_ = V::Zero(), v_m_ = V::Zero(), f_m_ = V::Zero();
+  V f_m_before_ = V::Zero(), u_ = V::Zero(), d_ = V::Zero();
+  double doubt_ = 0.0;
   V x_s_ = V::Zero(), x_s_before_ = V::Zero(), v_s_ = V::Zero(), f_s_ = V::Zero(), x_sd_ = V::Zero();
   V x_h_ = V::Zero();
   double in_m_ = 0, out_m_ = 0, in_s_ = 0, out_s_ = 0, created_ = 0, worst_ = 0, credit_ = 0, ramp_ = 0;

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <algorithm>
+#include <optional>
 
 #include "common/base/time.h"
 #include "common/coupling/options.h"
@@ -11,6 +12,7 @@
 #include "common/hardware/device.h"
 #include "common/link/mailbox.h"
 #include "common/passivity/controller.h"
+#include "common/passivity/handle.h"
 #include "common/passivity/observer.h"
 #include "common/runtime/modes.h"
 
@@ -21,7 +23,7 @@ namespace twoport {
 ///     dE(k)  = f_applied(k-1)·Δx(k)                      exact energy of the held force
 ///     E_in  += max(dE, 0),   E_out += max(-dE, 0)
 ///     f      = s_f f_rx                                  or the master's own spring-damper (position-position)
-///     f'     = passivate(f, v, E(0) + min(E_in,slave, E_in) - E_out)
+///     f'     = passivate(f, E(0) + min(E_in,slave, E_in) - E_out)     foreseeing how the handle gives way, or by f·v
 ///
 /// The hand never gets back more than the slave says has entered the link there, nor more than it has put in, plus E(0).
 /// When the sensor's force comes back, the hand does not feel what moves the robot and cannot pay for it. The motion
@@ -45,6 +47,7 @@ class MasterNode {
         coupling_{o.coupling},
         tracker_{o.coupling},
         ramp_{o.engage},
+        handle_{handle(o)},
         hold_after_{to_duration(o.hold_after.si())},
         release_after_{to_duration(o.release_after.si())} {}
 
@@ -55,6 +58,7 @@ class MasterNode {
       if (measured()) command_.book(held_energy(options_.observer, moving_, before_, motion, tick.dt));
     }
     moving_ = scaling_.to_master(slave.newest.f_coupling);
+    if (started_ && handle_) handle_->step(motion.x - before_.x, device.applied, tick.dt);
     before_ = motion;
     started_ = true;
 
@@ -72,9 +76,9 @@ class MasterNode {
       wanted = ramp * reflected(device, slave, tick.dt);
       const Energy granted = std::min(scaling_.to_master(Energy{slave.energy_in_j}), absorbed());
       const Energy available = options_.initial_energy + granted - returned();
-      out = corrected(wanted, device, available, tick.dt);
+      out = handle_ ? passivate_yielding(wanted, handle_->foreseen(), available, options_.controller, tick.dt)
+                    : passivate(wanted, device.v, Budget{available, Energy{}}, options_.controller, tick.dt);
     }
-    v_before_ = device.v;
     return {.command = out.out,
             .report = {.x = device.x, .v = device.v, .f = out.out, .energy_in_j = offered().si(), .mode = mode_},
             .wanted = wanted,
@@ -108,17 +112,11 @@ class MasterNode {
   [[nodiscard]] Energy absorbed() const noexcept { return ledger_.absorbed() - base_absorbed_; }
   [[nodiscard]] Energy returned() const noexcept { return ledger_.returned() - base_returned_; }
 
-  Corrected<Force<N>> corrected(const Force<N>& wanted, const DeviceState<N>& device, Energy available,
-                                Seconds dt) const noexcept {
-    const bool weighed = options_.handle_mass_kg > 0.0 && (N != 6 || options_.handle_inertia_kg_m2 > 0.0);
-    if (options_.controller.method != Method::force_projected || !options_.controller.predict || !weighed)
-      return passivate(wanted, device.v, Budget{available, Energy{}}, options_.controller, dt);
-    typename Force<N>::Vector compliance;
-    compliance.setConstant(0.5 * dt.si() / options_.handle_mass_kg);
-    if constexpr (N == 6) compliance.template tail<3>().setConstant(0.5 * dt.si() / options_.handle_inertia_kg_m2);
-    // Mean velocity of the coming interval without a force: the last acceleration goes on, less what the force did.
-    const Velocity<N> w{1.5 * device.v.vec() - 0.5 * v_before_.vec() + compliance.cwiseProduct(device.applied.vec())};
-    return passivate_yielding(wanted, w, compliance, available, options_.controller, dt);
+  /// Nothing where the scene names no mass for the handle: its answer to a force is not known then.
+  static std::optional<Handle<N>> handle(const ControlOptions& o) {
+    const bool known = o.handle_mass_kg > 0.0 && (N != 6 || o.handle_inertia_kg_m2 > 0.0);
+    if (o.controller.method != Method::force_projected || !o.controller.predict || !known) return {};
+    return Handle<N>{o.handle_mass_kg, o.handle_inertia_kg_m2};
   }
 
   void engage(const DeviceState<N>& device) noexcept {
@@ -139,12 +137,12 @@ class MasterNode {
   SpringDamper<N> coupling_;
   Tracker<N> tracker_;
   Ramp ramp_;
+  std::optional<Handle<N>> handle_;
   Ledger ledger_;   ///< the hand's port
   Ledger command_;  ///< the motion command as a source of its own
   Energy base_absorbed_, base_returned_, base_offered_;
   Force<N> moving_;
   PortMotion<N> before_;
-  Velocity<N> v_before_;
   Position<N> x_d_;
   Duration hold_after_, release_after_;
   Mode mode_ = Mode::idle;

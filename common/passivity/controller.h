@@ -7,6 +7,7 @@
 
 #include "common/base/scalar.h"
 #include "common/base/vector.h"
+#include "common/passivity/handle.h"
 #include "common/passivity/observer.h"
 #include "common/ports/port.h"
 
@@ -106,42 +107,43 @@ Corrected<Out> passivate(const Out& wanted, const In& in, const Budget& budget, 
   return {s * wanted, dissipated, positive_part(Energy{due} - dissipated), shortfall};
 }
 
-/// Largest s in [0, 1] with q s² + b s <= a, for q >= 0, a >= 0: how much of a force fits a budget when the port gives
-/// way to it. Written so that neither root cancels.
+/// How much of a force fits a budget when the port gives way to it: the largest s in [0, 1] with q s² + b s <= a, q >= 0;
+/// where a < 0 asks for more than there is, the s for which q s² + b s is least. Written so that no root cancels.
 inline double share(double q, double b, double a) noexcept {
   if (q + b <= a) return 1.0;
-  const double root = std::sqrt(b * b + 4.0 * q * a);
+  const double root = std::sqrt(std::max(0.0, b * b + 4.0 * q * a));
   const double s = b <= 0.0 ? (root - b) / (2.0 * q) : 2.0 * a / (root + b);
   return std::clamp(s, 0.0, 1.0);
 }
 
 /// Force-projected controller at an impedance whose handle gives way to the force within the interval.
 ///
-///     Δx/T = w - s C f          w: mean velocity of the coming interval were there no force; C = T/(2m) per axis
-///     -s f·(w - s C f) T <= A   =>   s = share(fᵀC f, -f·w, A/T),   A = max(available, 0)
+///     Δx/T = w - s C f                          C = T/(2m) per axis
+///     P = f·w - |f| doubt,  Q = fᵀC f           power in is at least s (P - s Q)
+///     s = share(Q, -P, (max(available, 0) - R)/T),   R = min(max(-available, 0), max_gain T P²/|f|²) where P > 0
 ///
 /// A large force on a light handle turns its velocity around within one tick; by f·v alone the outflow of that tick is
 /// not foreseen, and the controller chatters between all and nothing. At rest against a hand w = C f and s = 1: a held
-/// force does no work and stays. Arrears are repaid as in passivate().
+/// force does no work and stays. Arrears are repaid out of the power that comes in, at no more than a damping of max_gain
+/// would. The force is never larger than wanted.
 template <int N>
-Corrected<Force<N>> passivate_yielding(const Force<N>& wanted, const Velocity<N>& w,
-                                       const typename Force<N>::Vector& compliance, Energy available,
+Corrected<Force<N>> passivate_yielding(const Force<N>& wanted, const Foreseen<N>& handle, Energy available,
                                        const ControllerOptions& options, Seconds dt) noexcept {
-  const double p = wanted.vec().dot(w.vec());
-  const double q = wanted.vec().dot(compliance.cwiseProduct(wanted.vec()));
-  const double a = std::max(available.si(), 0.0) / dt.si();
+  const auto& f = wanted.vec();
   const double arrears = std::max(0.0, -available.si());
-  double s = share(q, -p, a);
-  Shortfall shortfall = arrears > 0.0 ? Shortfall::clamped : Shortfall::none;
-  double repaid = 0.0;
-  if (arrears > 0.0 && s == 1.0) {
-    const double f2 = wanted.squared_norm();
-    repaid = p > 0.0 && f2 > 0.0 ? std::min(arrears, options.max_gain * dt.si() * p * p / f2) : 0.0;
-    if (repaid > 0.0) s += repaid / (dt.si() * p);
-    shortfall = repaid < arrears ? Shortfall::capped : Shortfall::none;
-  }
-  const double before = p - q, after = s * (p - s * q);
-  return {s * wanted, Energy{std::max(0.0, (after - before) * dt.si())}, Energy{arrears - repaid}, shortfall};
+  if (f.squaredNorm() == 0.0)
+    return {wanted, Energy{}, Energy{arrears}, arrears > 0.0 ? Shortfall::no_output : Shortfall::none};
+  const double foreseen = f.dot(handle.w.vec());
+  const double p = foreseen - handle.doubted(wanted);
+  const double q = f.dot(handle.compliance.cwiseProduct(f));
+  const double repaid =
+      arrears > 0.0 && p > 0.0 ? std::min(arrears, options.max_gain * dt.si() * p * p / f.squaredNorm()) : 0.0;
+  const double s = share(q, -p, (std::max(available.si(), 0.0) - repaid) / dt.si());
+  const auto taken_in = [&](double power, double share) { return share * (power - share * q) * dt.si(); };
+  const Energy owed{arrears - std::clamp(taken_in(p, s), 0.0, arrears)};
+  const Energy dissipated{std::max(0.0, taken_in(foreseen, s) - taken_in(foreseen, 1.0))};
+  const Shortfall shortfall = owed.si() == 0.0 ? Shortfall::none : s == 0.0 ? Shortfall::clamped : Shortfall::capped;
+  return {s * wanted, dissipated, owed, shortfall};
 }
 
 /// What of a virtual coupling's force and motion the budget allows.

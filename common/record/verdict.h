@@ -13,11 +13,11 @@ namespace twoport {
 /// is cut into eight windows. In each, activity A is the rms velocity of both sides under a smooth weight (4p(1-p))²,
 /// which takes the ripple of an oscillation out of it. A line through ln A gives the growth and its standard error.
 ///
-///   diverged    a value is not finite, or a position is beyond 100 m
+///   diverged    a value is not finite, a position is beyond 100 m or a velocity beyond 1000 m/s or rad/s
 ///   growing     ln A rises by more than five standard errors, and one of
 ///                 the hand rests, no controller has acted, and the port energy is no higher than where judging began
 ///                 the network has paid: port energy below -5 % of the most it ever held
-///                 A has grown tenfold, above 1 mm/s
+///                 no controller has acted, and A has grown tenfold, above 1 mm/s
 ///   sustained   ln A does not fall, the network has paid, and pays on in every window: a limit cycle that it feeds
 ///
 /// Left to itself a linear loop follows its dominant eigenvalue ρ: ln A rises by ln ρ per tick, exactly, and whatever
@@ -55,7 +55,7 @@ class Verdict {
   bool add(const Tick& k) noexcept {
     energy_j_ = initial_energy_j_ + k.port_energy_j;
     most_energy_j_ = std::max(most_energy_j_, energy_j_);
-    if (!(k.reach_m <= kReach) || !std::isfinite(k.speed2 + k.port_energy_j)) {
+    if (!(k.reach_m <= kReach && k.speed2 <= kSpeed * kSpeed) || !std::isfinite(k.port_energy_j)) {
       diverged_ = true;
       diverged_at_s_ = k.t_s;
       return false;
@@ -81,7 +81,7 @@ class Verdict {
 
  private:
   static constexpr std::size_t kWindows = 8;
-  static constexpr double kReach = 100.0;
+  static constexpr double kReach = 100.0, kSpeed = 1000.0;
   static constexpr double kStill = 1e-9;  // [m/s]
   struct Judgement {
     bool unstable;
@@ -104,7 +104,8 @@ class Verdict {
     const bool own = quiet_ || fast_force2_ >= 0.25 * force2_;
     const bool paid = own && energy_j_ < -0.05 * most_energy_j_ && energy_j_ < 0.0;
     const bool by_itself = quiet_ && !corrected_ && energy_j_ <= energy_at_start_j_;
-    if (slope > 5.0 * error && (by_itself || paid || (last > 10.0 * first && last > 1e-3)))
+    const bool tenfold = !corrected_ && last > 10.0 * first && last > 1e-3;
+    if (slope > 5.0 * error && (by_itself || paid || tenfold))
       return {true, "growing: activity x" + std::to_string(std::exp(slope)) + " per window" +
                         (quiet_ ? " at rest" : "") + (paid ? ", fed by the network" : "")};
     bool falls = true;

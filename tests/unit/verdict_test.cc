@@ -61,6 +61,13 @@ TEST(Verdict, LeavesGrowthToTheHandWhereThePortEnergyRises) {
 TEST(Verdict, BelievesAControllerThatHasCreditLeft) {
   const Motion swelling{.growth_per_tick = 1e-5, .paid_w = 0.01, .corrected = true, .initial_energy_j = 1.0};
   EXPECT_TRUE(verdict(swelling).stable()) << verdict(swelling).words();
+  Motion tenfold = swelling;
+  tenfold.growth_per_tick = 1e-4;
+  tenfold.speed = 1e-3;
+  tenfold.paid_w = 1e-5;
+  EXPECT_TRUE(verdict(tenfold).stable()) << verdict(tenfold).words();
+  tenfold.corrected = false;
+  EXPECT_FALSE(verdict(tenfold).stable()) << verdict(tenfold).words();
   Motion broke = swelling;
   broke.initial_energy_j = 1e-3;
   EXPECT_FALSE(verdict(broke).stable()) << verdict(broke).words();
