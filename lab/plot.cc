@@ -127,6 +127,7 @@ struct Picture {
   std::vector<std::vector<Cell>> panels;                              ///< one, or one for each value of the third axis
   double low = std::numeric_limits<double>::infinity(), high = -low;  ///< of the values drawn
   bool unstable = false;                                              ///< is there a cell that is not
+  std::vector<Line> lines;                                            ///< over every panel
 
   [[nodiscard]] bool any() const { return low <= high; }
   [[nodiscard]] bool logarithmic() const { return low > 0.0 && high > 1e3 * low; }
@@ -140,7 +141,7 @@ Picture picture(const Table& table, const std::string& key) {
     return static_cast<std::size_t>(table.columns.rend() - found) - 1;
   };
   const std::size_t of_key = column(key), of_stable = column("stable");
-  Picture p{.key = key, .scales = {}, .panels = {}};
+  Picture p{.key = key, .scales = {}, .panels = {}, .lines = {}};
   for (const Axis& axis : table.axes) p.scales.emplace_back(axis);
   const std::vector<std::string> titles = table.axes.size() == 3 ? table.axes[2].values : std::vector<std::string>{""};
   p.panels.resize(titles.size());
@@ -174,6 +175,11 @@ std::string data(const Picture& p) {
         all += fmt::format("{} {} {} {} {} {} {} {}\n", c.x, c.y, x0, x1, y0, y1, c.value, c.stable ? 1 : 0);
       }
     }
+    all += "\n\n";
+  }
+  for (const Line& line : p.lines) {
+    all += fmt::format("# {}\n", line.title);
+    for (const auto& [x, y] : line.points) all += fmt::format("{} {}\n", x, y);
     all += "\n\n";
   }
   return all;
@@ -220,10 +226,16 @@ std::string map(const Picture& p, std::size_t panel, const std::string& file) {
   const auto plain = [&](const char* test, const char* colour, const char* title) {
     return boxes(test, "2:3:4:5:6", fmt::format("fc rgb '{}' title '{}'", colour, title));
   };
-  if (p.key == "stable")
-    return fmt::format("plot {}, {}\n", plain("$7 > 0.5", kStable, "stable"), plain("$7 < 0.5", kUnstable, "unstable"));
-  std::string gp = "plot " + boxes("$8 > 0", "2:3:4:5:6:7", "lc palette notitle");
-  if (p.unstable) gp += ", " + plain("$8 < 1", kLeftOut, "unstable");
+  std::string gp = "plot ";
+  if (p.key == "stable") {
+    gp += plain("$7 > 0.5", kStable, "stable") + ", " + plain("$7 < 0.5", kUnstable, "unstable");
+  } else {
+    gp += boxes("$8 > 0", "2:3:4:5:6:7", "lc palette notitle");
+    if (p.unstable) gp += ", " + plain("$8 < 1", kLeftOut, "unstable");
+  }
+  for (std::size_t i = 0; i < p.lines.size(); ++i)
+    gp += fmt::format(", {} index {} with lines lw 2 dt {} lc rgb 'black' title {}", literal(file), p.panels.size() + i,
+                      i + 1, literal(p.lines[i].title));
   return gp + "\n";
 }
 
@@ -288,12 +300,14 @@ void check_key(const std::string& key) {
     throw ConfigError{fmt::format("--plot {}: it must be none or one of {}", key, fmt::join(known, ", "))};
 }
 
-std::string draw(const Table& table, const std::string& key, const std::string& folder) {
+std::string draw(const Table& table, const std::string& key, const std::string& folder,
+                 const std::vector<Line>& lines) {
   if (table.axes.size() > 3) return fmt::format("no picture: {} axes, and one shows at most three", table.axes.size());
   if (table.axes.size() == 3 && table.axes[2].values.size() > kMostPanels)
     return fmt::format("no picture: {} takes {} values, and there is room for {} maps", table.axes[2].path,
                        table.axes[2].values.size(), kMostPanels);
-  const Picture p = picture(table, key);
+  Picture p = picture(table, key);
+  p.lines = lines;
   const std::string stem = folder + "/" + key;
   write_whole(stem + ".dat", data(p));
   write_whole(stem + ".gp", pages(p, table.axes.size() == 3 ? &table.axes[2] : nullptr, key + ".dat"));

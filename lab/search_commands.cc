@@ -12,6 +12,7 @@
 #include "lab/parallel.h"
 #include "lab/plot.h"
 #include "lab/sweep.h"
+#include "lab/zwidth.h"
 
 namespace twoport::lab {
 namespace {
@@ -19,6 +20,7 @@ namespace {
 struct Arguments {
   BoundaryOptions boundary;
   SweepOptions sweep;
+  ZWidthOptions z_width;
   std::string interval, shard, plot = "stable";
   std::vector<std::string> axes, parts;
   int jobs = all_cores();
@@ -79,6 +81,16 @@ int sweep_command(Arguments& a) {
   return 0;
 }
 
+int zwidth_command(Arguments& a) {
+  if (a.jobs < 1) throw ConfigError{fmt::format("--jobs is {}; it must be at least 1", a.jobs)};
+  a.z_width.jobs = a.jobs;
+  const ZWidth z = z_width(a.z_width, show);
+  std::fputs(to_text(z).c_str(), stdout);
+  if (a.z_width.out.empty()) return 0;
+  fmt::print("{}\n", draw(z.table, "stable", a.z_width.out, {{"border by eigenvalues, no controller", z.border}}));
+  return 0;
+}
+
 int merge_command(Arguments& a) {
   check_picture(a);
   finish(merge(a.parts, a.sweep.out), a);
@@ -131,8 +143,21 @@ std::vector<Subcommand> add_search_commands(CLI::App& app) {
   merge->add_option("--out", a->sweep.out, "Folder for table.csv, cells.jsonl and pictures")->required();
   merge->add_option("--plot", a->plot, plot)->capture_default_str();
 
+  CLI::App* zwidth = app.add_subcommand("zwidth", "Which stiffness and damping a scene displays stably, beside theory");
+  zwidth->add_option("scene", a->z_width.scene, "Scene file (.textproto): one axis, RENDER, one wall or spring")
+      ->required();
+  zwidth->add_option("--damping", a->z_width.damping, "Values of B [N s/m], as --vary takes them")
+      ->capture_default_str();
+  zwidth->add_option("--stiffness", a->z_width.stiffness, "Values of K [N/m], from small to large")
+      ->capture_default_str();
+  zwidth->add_option("--methods", a->z_width.methods, "Controllers, one map each")->capture_default_str();
+  add_list(zwidth, "--set", a->z_width.set, set);
+  zwidth->add_option("--jobs", a->jobs, "Threads")->capture_default_str();
+  zwidth->add_option("--out", a->z_width.out, "Folder for table.csv, the map, and the cells finished so far");
+
   return {{boundary, [a] { return boundary_command(*a); }},
           {sweep, [a] { return sweep_command(*a); }},
+          {zwidth, [a] { return zwidth_command(*a); }},
           {merge, [a] { return merge_command(*a); }}};
 }
 

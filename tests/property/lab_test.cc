@@ -344,8 +344,8 @@ TEST_P(RandomScene, GivesNoMoreThanItTook) {
   // The slave decides on force and velocity of the coming tick together, so its port is exact: 5e-16 J.
   EXPECT_GE(to_robot, -1e-12) << random_scene(GetParam());
   // The master foresees how the hand will move. What goes out beyond the account in one tick is at most
-  // |f| max(0, |e| - doubt) T, with e the error of that tick: a jerk of the hand that no tick before has shown. In 400 such
-  // scenes 2.3e-5 J was owed at most, more than 5e-6 J in 25.
+  // |f| max(0, |e| - doubt) T, with e the error of that tick: a jerk of the hand that no tick before has shown. In 400
+  // such scenes 2.3e-5 J was owed at most, more than 5e-6 J in 25.
   EXPECT_GE(to_hand, -5e-5) << random_scene(GetParam());
   EXPECT_GE(together, -5e-5) << random_scene(GetParam());
 }
