@@ -1,12 +1,13 @@
 // Round trip of one datagram over 127.0.0.1 between two pinned threads, in interleaved blocks of one run:
 //
 //   raw    plain connected sockets that spin on MSG_DONTWAIT, with as many bytes as our datagram has
-//   path   what the programs do: codec, UdpTransport, Mailbox, and the step of a node at the far end
+//   path   what the programs do: device and robot simulated, both nodes, codec, UdpTransport, Mailbox
 //
 // On a shared machine run it as `chrt -f 50 udp_round_trip`, or other programs' time slices end up in p99.
 //
 // usage: udp_round_trip [--dof 1|3|6] [--blocks N] [--trips N] [--cores A,B]
 #include <arpa/inet.h>
+#include <fmt/format.h>
 #include <pthread.h>
 #include <sched.h>
 #include <sys/socket.h>
@@ -25,6 +26,11 @@
 #include "common/base/histogram.h"
 #include "common/link/mailbox.h"
 #include "common/platform/session.h"
+#include "common/scene/load.h"
+#include "master/master_node.h"
+#include "sim/sim_device.h"
+#include "sim/sim_robot.h"
+#include "slave/slave_node.h"
 
 namespace twoport {
 namespace {
@@ -94,14 +100,45 @@ class Raw {
 
 // ---- the real path
 
-/// Stands for a node where only the way there and back is measured: answers with what it has heard.
+/// A hand, a robot and a wall, stepped by their nodes: what the programs run between two packets.
 template <int N>
-struct Echo {
-  Report<N> step(const Known<N>& known) noexcept { return known.newest; }
+Scene scene() {
+  const char* const three = N == 1 ? "" : ", 0, 0";
+  return parse_scene(
+      fmt::format("dof: {0} duration_s: 1 rate_hz: 2000 operator {{ hand {{ mass_kg: 0.1 stiffness_n_per_m: 400 "
+                  "damping_n_s_per_m: 8 }} path {{ move_to {{ position_m: [0.03{1}] duration_s: 0.2 }} }} }} device {{ "
+                  "mass_kg: 0.075 {2} }} control {{ passivity {{ method: FORCE_PROJECTED }} }} robot {{ mass_kg: 0.5 {2} "
+                  "force_sensor {{ }} }} environment {{ wall {{ normal: [-1{1}] offset_m: -0.02 stiffness_n_per_m: 5000 "
+                  "}} }}",
+                  N, three, N == 6 ? "inertia_kg_m2: 1e-3" : ""),
+      "bench");
+}
+constexpr Seconds kPeriod{5e-4};
+
+template <int N>
+struct MasterSide {
+  sim::SimDevice<N> device{scene<N>(), kPeriod};
+  MasterNode<N> node{scene<N>().control};
+  Report<N> step(const Known<N>& known, Duration now) noexcept {
+    device.advance();
+    const auto out = node.step(Tick<MasterClock>{Instant<MasterClock>{now}, kPeriod}, device.sense(), known);
+    device.actuate(out.command);
+    return out.report;
+  }
+};
+template <int N>
+struct SlaveSide {
+  sim::SimRobot<N> robot{scene<N>(), kPeriod};
+  SlaveNode<N> node{scene<N>().control};
+  Report<N> step(const Known<N>& known, Duration now) noexcept {
+    robot.advance();
+    const auto out = node.step(Tick<SlaveClock>{Instant<SlaveClock>{now}, kPeriod}, robot.sense(), known);
+    robot.actuate(out.command);
+    return out.report;
+  }
 };
 
-/// `Node` has `Report<N> step(const Known<N>&) noexcept`, at both ends.
-template <int N, class Node = Echo<N>>
+template <int N>
 class Path {
  public:
   Path()
@@ -117,8 +154,8 @@ class Path {
   }
 
   void near_trip() {
-    Report<N> report = near_node_.step(known_);
-    near_.post(report, tick(near_now_));
+    Report<N> report = near_node_.step(known_, tick(near_now_));
+    near_.post(report, near_now_);
     while (true) {
       const Known<N>& known = near_.collect(tick(near_now_));
       if (!known.fresh) continue;
@@ -130,7 +167,7 @@ class Path {
     if (far_.transport().paired_anew()) far_.forget();
     const Known<N>& known = far_.collect(tick(far_now_));
     if (!known.fresh && known.any) return;
-    Report<N> report = far_node_.step(known);
+    Report<N> report = far_node_.step(known, far_now_);
     far_.post(report, far_now_);
   }
 
@@ -157,7 +194,8 @@ class Path {
 
   Duration near_now_{0}, far_now_{0};
   Mailbox<N, UdpTransport<N>> far_, near_;
-  Node far_node_, near_node_;
+  SlaveSide<N> far_node_;
+  MasterSide<N> near_node_;
   Known<N> known_;
 };
 

@@ -68,6 +68,7 @@ class Metrics {
   /// Returns false once the run has diverged.
   bool add(const Row<N>& row) noexcept {
     ++rows_;
+    last_s_ = row.t_s;
     const auto felt = translational(row.master_f.vec()), wanted = translational(row.master_f_wanted.vec());
     const auto missed = translational(row.position_error.vec());
     min_energy_j_ = std::min(min_energy_j_, row.master_energy_j);
@@ -104,7 +105,8 @@ class Metrics {
     const double rows = static_cast<double>(std::max<std::uint64_t>(rows_, 1));
     s.steps = static_cast<std::uint32_t>(rows_);
     s.rate_hz = rate_hz_;
-    s.duration_s = static_cast<double>(rows_) / rate_hz_;
+    // To the end of the last tick: a live loop may have left some out.
+    s.duration_s = rows_ > 0 ? (std::round(last_s_ * rate_hz_) + 1.0) / rate_hz_ : 0.0;
     s.stable = verdict_.stable();
     s.verdict = verdict_.words();
     s.initial_energy_j = initial_energy_j_;
@@ -146,7 +148,7 @@ class Metrics {
   Verdict verdict_;
   HighPass<N == 6 ? 3 : N> high_pass_;
   std::uint64_t rows_ = 0, contact_rows_ = 0, turned_rows_ = 0, corrected_ticks_ = 0;
-  double min_energy_j_ = 0.0, min_observed_j_ = 0.0, owed_j_ = 0.0, dissipated_j_ = 0.0;
+  double last_s_ = 0.0, min_energy_j_ = 0.0, min_observed_j_ = 0.0, owed_j_ = 0.0, dissipated_j_ = 0.0;
   double position_error2_ = 0.0, drift2_ = 0.0, force_error2_ = 0.0, correction2_max_ = 0.0, force2_max_ = 0.0;
   double chatter2_ = 0.0, turn_max_ = 0.0, turn2_ = 0.0;
 };
