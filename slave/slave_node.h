@@ -54,6 +54,7 @@ class SlaveNode {
     if (!started_ || (mode_ == Mode::coupled && (was == Mode::idle || was == Mode::released))) engage(robot);
     created_.book(0, -dot(f_, robot.x - x_before_));
     x_before_ = robot.x;
+    if (options_.reference_energy) follow_reference(robot.x);
 
     Velocity<N> v_rx, v_d;
     Force<N> f_d;
@@ -123,9 +124,17 @@ class SlaveNode {
     x_d_ = x_d_ + v_d * dt;
   }
 
+  /// Reference energy: the coupling has to hold what its spring would, ½ eᵀK e, tick for tick. What its damper has
+  /// dissipated does not pay for what it creates later.
+  void follow_reference(const Position<N>& x) noexcept {
+    const Energy surplus = created_.energy() - coupling_.stored(x_sd_ - x);
+    created_.book(0, -surplus);
+    created_worst_ -= positive_part(-surplus).si();
+  }
+
   /// What may be claimed as having entered here: not what the sampled coupling has created. Only grows.
   double credit() noexcept {
-    created_worst_ = std::min(created_worst_, created_.energy().si());
+    if (!options_.reference_energy) created_worst_ = std::min(created_worst_, created_.energy().si());
     const double earned = (ledger_.absorbed() - base_absorbed_).si() + created_worst_;
     return credit_ = std::max(credit_, earned);
   }

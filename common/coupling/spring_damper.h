@@ -23,6 +23,11 @@ class SpringDamper {
     return Force<N>{k_.cwiseProduct(stretch.vec()) + b_.cwiseProduct(rate.vec())};
   }
 
+  /// Energy that the spring holds, ½ eᵀK e [J].
+  [[nodiscard]] Energy stored(const Displacement<N>& stretch) const noexcept {
+    return Energy{0.5 * stretch.vec().dot(k_.cwiseProduct(stretch.vec()))};
+  }
+
   /// Compliance of one sampling interval, (B + K T)⁻¹ per axis [m/(N s)].
   [[nodiscard]] typename Force<N>::Vector compliance(Seconds dt) const noexcept {
     return (b_ + k_ * dt.si()).cwiseInverse();

@@ -557,9 +557,6 @@ ControlOptions control(const Block& of) {
     passivity.refuse("accounts",
                      fmt::format("be TOTAL{} over a link: only control.architecture RENDER knows its contacts",
                                  of.dof() == 6 ? " or TRANSLATION_ROTATION" : ""));
-  if (!rendering && options.reference_energy)
-    passivity.refuse("reference_energy",
-                     "be false over a link: only control.architecture RENDER knows the potential of its contacts");
   if (of.dof() != 6 && options.accounts == Accounts::translation_rotation)
     passivity.refuse("accounts", fmt::format("be another one: nothing turns with dof {}", of.dof()));
   return options;

@@ -360,6 +360,44 @@ TEST_P(RandomScene, NeverGivesTheHandMoreThanItPutIn) {
   EXPECT_GE(simulation.initial_energy().si() + least, -1e-4) << random_scene(GetParam());
 }
 
+// --- reference energy over a link
+// ----------------------------------------------------------------------------------------------------------------
+
+/// Speed of the handle in the last second, rms [m/s].
+double unrest(const std::vector<std::string>& set) {
+  const Scene scene = load_scene(TWOPORT_SCENES "/demo.textproto", set);
+  LinkSimulation<3> simulation{scene};
+  double sum = 0.0;
+  int ticks = 0;
+  simulation.run([&](const Row<3>& row) {
+    if (row.t_s >= scene.duration_s - 1.0) sum += row.master_v.squared_norm(), ++ticks;
+    return true;
+  });
+  return std::sqrt(sum / ticks);
+}
+
+// What the coupling's damper dissipated while the hand slid pays for what the late damper creates at rest: passive, and it
+// swings on for minutes. With the reference energy nothing is saved up.
+TEST(ReferenceEnergy, EndsASwingThatLivesOnWhatWasDissipatedBefore) {
+  EXPECT_GT(unrest({"duration_s=16"}), 3e-3);
+  EXPECT_LT(unrest({"duration_s=16", "control.passivity.reference_energy=true"}), 1e-5);
+}
+
+TEST_P(RandomScene, GivesNoMoreThanItTookUnderReferenceEnergyEither) {
+  const std::vector<std::string> set{"control.passivity.reference_energy=true"};
+  const Scene scene = parse_scene(random_scene(GetParam()), "random", set);
+  const double granted = scene.control.initial_energy.si();
+  Witness<3> w{scene};
+  double to_robot = granted, to_hand = granted;
+  w.run([&] {
+    to_robot = std::min(to_robot, granted + w.hand.in_j - w.coupling.out_j);
+    to_hand = std::min(to_hand, granted + w.coupling.in_j - w.hand.out_j);
+    ASSERT_LE(w.said_by_slave, w.coupling.in_j + 1e-12);
+  });
+  EXPECT_GE(to_robot, -1e-12);
+  EXPECT_GE(to_hand, -5e-5);
+}
+
 // --- what an observer sees
 // ----------------------------------------------------------------------------------------------------------------
 
