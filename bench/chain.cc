@@ -2,7 +2,6 @@
 // and single node steps. Ratios within one run are meant; times are this machine's.
 
 #include <benchmark/benchmark.h>
-#include <fmt/format.h>
 
 #include <string>
 
@@ -18,39 +17,29 @@ using namespace twoport;
 
 constexpr double kSeconds = 8.0, kRate = 2000.0;
 
-std::string list(int n, double first) { return fmt::format("[{}{}]", first, n == 1 ? "" : ", 0, 0"); }
+using bench::wall_scene;
 
-/// Press a wall and hold, 20 ms each way, no loss: the scene that both versions run.
-std::string wall_scene(int dof) {
-  const int axes = dof == 1 ? 1 : 3;
-  const std::string six = dof == 6 ? " inertia_kg_m2: 1e-3" : "";
-  return "dof: " + std::to_string(dof) + " duration_s: 8 rate_hz: 2000\n" +
-         "operator { hand { mass_kg: 0.1 stiffness_n_per_m: 400 damping_n_s_per_m: 8 " +
-         (dof == 6 ? "rotational_stiffness_n_m_per_rad: 5 rotational_damping_n_m_s_per_rad: 0.05 " : "") + "}\n" +
-         "  path { move_to { position_m: " + list(axes, 0.03) + " duration_s: 1 } } }\n" +
-         "device { mass_kg: 0.075 damping_n_s_per_m: 0.05" + six + " }\n" +
-         "control { architecture: POSITION_FORCE virtual_coupling { stiffness_n_per_m: 1000 damping_n_s_per_m: 20 } "
-         "passivity { method: FORCE_PROJECTED } }\n" +
-         "to_slave { delay_ms: 20 } to_master { delay_ms: 20 }\n" +
-         "robot { mass_kg: 0.5 damping_n_s_per_m: 2 " + (dof == 6 ? "inertia_kg_m2: [2e-3, 2e-3, 2e-3]" : "") + " }\n" +
-         "environment { wall { normal: " + list(axes, -1) + " offset_m: -0.02 stiffness_n_per_m: 5000 } }\n";
-}
+template <int N>
+struct Loop {
+  using Type = bench::HandWritten<N>;
+  static typename Type::V position(double x) { return x * Type::V::Unit(0); }
+  static double end(const Type& loop) { return loop.slave()[0]; }
+};
+template <>
+struct Loop<6> {
+  using Type = bench::HandWritten6;
+  static Position<6> position(double x) { return {x * Eigen::Vector3d::UnitX(), Eigen::Quaterniond::Identity()}; }
+  static double end(const Type& loop) { return loop.slave().translation()[0]; }
+};
 
 template <int N>
 void hand_written(benchmark::State& state) {
-  using V = typename bench::HandWritten<N>::V;
-  V to = V::Zero();
-  to[0] = 0.03;
+  const bench::WallParameters p;
   double end = 0.0;
   for (auto _ : state) {
-    bench::HandWritten<N> loop{{.T = 1 / kRate, .hand_m = 0.1, .hand_k = 400, .hand_b = 8, .device_m = 0.075,
-                                .device_b = 0.05, .k = 1000, .b = 20, .robot_m = 0.5, .robot_b = 2, .wall_k = 5000,
-                                .wall_at = 0.02, .e0 = 1e-3, .max_gain = 10, .engage_s = 0.1, .delay_ticks = 40}};
-    for (int k = 1; k <= static_cast<int>(kSeconds * kRate); ++k) {
-      const double s = std::min(1.0, k / kRate);
-      loop.step(s * s * s * (10.0 - s * (15.0 - 6.0 * s)) * to);
-    }
-    end = loop.slave()[0];
+    typename Loop<N>::Type loop{p};
+    for (int k = 1; k <= static_cast<int>(kSeconds * kRate); ++k) loop.step(Loop<N>::position(p.intended(k)));
+    end = Loop<N>::end(loop);
     benchmark::ClobberMemory();
   }
   state.counters["slave_x_m"] = end;
@@ -83,6 +72,9 @@ void chain3(benchmark::State& s) { chain<lab::LinkSimulation, 3>(s, wall_scene(3
 void chain6(benchmark::State& s) { chain<lab::LinkSimulation, 6>(s, wall_scene(6)); }
 void chain1_metrics(benchmark::State& s) { chain<lab::LinkSimulation, 1, true>(s, wall_scene(1)); }
 void chain3_metrics(benchmark::State& s) { chain<lab::LinkSimulation, 3, true>(s, wall_scene(3)); }
+void chain6_metrics(benchmark::State& s) {
+  chain<lab::LinkSimulation, 6, true>(s, wall_scene(6));
+}
 
 // An absent block costs nothing: the same device alone in free space, then with all there is.
 constexpr const char* kFree = R"(dof: 1 duration_s: 8 rate_hz: 2000 device { mass_kg: 0.075 velocity_m_per_s: [0.01] }
@@ -140,7 +132,9 @@ BENCHMARK(chain1_metrics);
 BENCHMARK(hand_written<3>);
 BENCHMARK(chain3);
 BENCHMARK(chain3_metrics);
+BENCHMARK(hand_written<6>);
 BENCHMARK(chain6);
+BENCHMARK(chain6_metrics);
 BENCHMARK(free_space);
 BENCHMARK(full_scene);
 BENCHMARK(master_step<1>);

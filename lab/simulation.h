@@ -23,10 +23,10 @@ class SimTransport {
  public:
   SimTransport(DelayLine<Report<N>>& in, DelayLine<Report<N>>& out) : in_{&in}, out_{&out} {}
   template <class Visit>
-  void poll(Duration now, Visit visit) noexcept {
+  [[gnu::always_inline]] void poll(Duration now, Visit visit) noexcept {
     while (const Report<N>* r = in_->take(now)) visit(*r);
   }
-  void send(const Report<N>& r, Duration now) noexcept { out_->put(r, now); }
+  [[gnu::always_inline]] void send(const Report<N>& r, Duration now) noexcept { out_->put(r, now); }
 
  private:
   DelayLine<Report<N>>*in_, *out_;
@@ -109,12 +109,11 @@ class LinkSimulation {
   }
   [[gnu::always_inline]] void slave_tick(Duration now, std::int64_t k) noexcept {
     if (k > 0) robot_.advance();
-    slave_out_ = run_cycle(slave_, robot_, slave_mail_,
-                           Tick<SlaveClock>{Instant<SlaveClock>{now}, slave_dt_});
-    dissipated_ += scaling_.to_master(slave_out_.dissipated);
+    const auto out = run_cycle(slave_, robot_, slave_mail_, Tick<SlaveClock>{Instant<SlaveClock>{now}, slave_dt_});
+    dissipated_ += scaling_.to_master(out.dissipated);
   }
 
-  Row<N> row(Duration now, const typename MasterNode<N>::Output& out) noexcept {
+  [[gnu::always_inline]] Row<N> row(Duration now, const typename MasterNode<N>::Output& out) noexcept {
     const Energy dissipated = out.dissipated + dissipated_;
     dissipated_ = Energy{};
     return {.t_s = to_seconds(now).si(),
@@ -124,9 +123,9 @@ class LinkSimulation {
             .master_f_wanted = out.wanted,
             .slave_x = robot_.state().x,
             .slave_v = robot_.state().v,
-            .slave_f = slave_out_.command.f,
+            .slave_f = robot_.held(),
             .env_f = robot_.environment_force(),
-            .position_error = slave_out_.position_error,
+            .position_error = slave_.position_error(),
             .master_energy_j = device_.port_energy().si(),
             .slave_energy_j = slave_.delivered().si(),
             .observed_energy_j = master_.observed().si(),
@@ -145,7 +144,6 @@ class LinkSimulation {
   SlaveNode<N> slave_;
   DelayLine<Report<N>> to_slave_, to_master_;
   Mailbox<N, SimTransport<N>> master_mail_, slave_mail_;
-  typename SlaveNode<N>::Output slave_out_{};
   Energy dissipated_, initial_energy_;
 };
 

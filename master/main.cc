@@ -123,7 +123,7 @@ int couple(const Scene& scene, const LiveArguments& arguments, spdlog::logger& l
         [&] { return run_cycle(node, device, mail, Tick<MasterClock>{Instant<MasterClock>{now}, dt}); });
     const Known<N>& slave = mail.known();
     energy_heard = slave.energy_in_j;
-    if (slave.fresh && slave.round_trip >= Duration{0}) round_trip.add(slave.round_trip);
+    if (slave.fresh && slave.round_trip() >= Duration{0}) round_trip.add(slave.round_trip());
     if (started < 0) return true;
     const bool comparable = slave.any && slave.newest.echo_ns >= 0 && out.mode == Mode::coupled;
     recorder.push({.t_s = t_s,

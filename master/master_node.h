@@ -51,13 +51,14 @@ class MasterNode {
         hold_after_{to_duration(o.hold_after.si())},
         release_after_{to_duration(o.release_after.si())} {}
 
-  Output step(const Tick<MasterClock>& tick, const DeviceState<N>& device, const Known<N>& slave) noexcept {
+  [[gnu::always_inline]] Output step(const Tick<MasterClock>& tick, const DeviceState<N>& device,
+                                     const Known<N>& slave) noexcept {
     const PortMotion<N> motion{device.x, device.v};
     if (started_) {
       ledger_.book(held_energy(options_.observer, device.applied, before_, motion, tick.dt));
       if (measured()) command_.book(held_energy(options_.observer, moving_, before_, motion, tick.dt));
     }
-    moving_ = scaling_.to_master(slave.newest.f_coupling);
+    if (measured()) moving_ = scaling_.to_master(slave.newest.f_coupling);
     if (started_ && handle_) handle_->step(motion.x - before_.x, device.applied, tick.dt);
     before_ = motion;
     started_ = true;
@@ -66,15 +67,15 @@ class MasterNode {
     const Mode was = mode_;
     mode_ = next_mode(mode_, {.heard = slave.any && silence < hold_after_,
                               .silent = silence >= release_after_,
-                              .finite = device.x.finite() && device.v.finite()});
-    if (mode_ == Mode::coupled && (was == Mode::idle || was == Mode::released)) engage(device);
+                              .finite = all_finite(device.x, device.v)});
+    if (begins(was, mode_)) engage(device);
 
     const double ramp = ramp_.step(mode_ == Mode::coupled, tick.dt);
     Corrected<Force<N>> out{};
     Force<N> wanted;
     if (mode_ == Mode::coupled || mode_ == Mode::holding) {
       wanted = ramp * reflected(device, slave, tick.dt);
-      const Energy granted = std::min(scaling_.to_master(Energy{slave.energy_in_j}), absorbed());
+      const Energy granted{std::min(scaling_.to_master(Energy{slave.energy_in_j}).si(), absorbed().si())};
       const Energy available = options_.initial_energy + granted - returned();
       out = handle_ ? passivate_yielding(wanted, handle_->foreseen(), available, options_.controller, tick.dt)
                     : passivate(wanted, device.v, Budget{available, Energy{}}, options_.controller, tick.dt);
@@ -124,8 +125,11 @@ class MasterNode {
     x_d_ = device.x;
   }
 
-  Force<N> reflected(const DeviceState<N>& device, const Known<N>& slave, Seconds dt) noexcept {
-    if (options_.architecture != Architecture::position_position) return scaling_.to_master(slave.newest.f);
+  [[gnu::always_inline]] Force<N> reflected(const DeviceState<N>& device, const Known<N>& slave, Seconds dt) noexcept {
+    if (options_.architecture == Architecture::position_position) return pulled(device, slave, dt);
+    return scaling_.to_master(slave.newest.f);
+  }
+  [[gnu::noinline]] Force<N> pulled(const DeviceState<N>& device, const Known<N>& slave, Seconds dt) noexcept {
     const Velocity<N> v_rx = scaling_.to_master(slave.newest.v);
     const Velocity<N> v_d = tracker_.step(x_d_, scaling_.to_master(slave.newest.x), v_rx, slave.fresh, dt);
     x_d_ = x_d_ + v_d * dt;

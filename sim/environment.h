@@ -41,17 +41,16 @@ struct Shape {
   double r = 0.0;             ///< wall: offset; sphere, cylinder: radius
 
   /// A `face` that it returned before continues smoothly past the edges of the box.
-  [[nodiscard]] Touch<D> touch(const Vector& p, Face face = kNearest) const noexcept {
-    switch (kind) {
-      case Kind::wall: break;
-      case Kind::sphere: return round(p - a);
-      case Kind::cylinder: return round((p - a) - b.dot(p - a) * b);
-      case Kind::box: return flat(p - a, face);
-    }
-    return {r - a.dot(p), a};
+  [[nodiscard, gnu::always_inline]] Touch<D> touch(const Vector& p, Face face = kNearest) const noexcept {
+    if (kind == Kind::wall) return {r - a.dot(p), a};
+    return solid(p, face);
   }
 
  private:
+  [[gnu::noinline]] Touch<D> solid(const Vector& p, Face face) const noexcept {
+    if (kind == Kind::box) return flat(p - a, face);
+    return round(kind == Kind::sphere ? Vector{p - a} : Vector{(p - a) - b.dot(p - a) * b});
+  }
   Touch<D> flat(const Vector& from_centre, Face face) const noexcept {
     int axis = face / 2;
     bool negative = face % 2 != 0;
@@ -88,11 +87,14 @@ struct Surface {
   ///
   ///     f_n = max(0, K d - B v_n) n                       never pulls
   ///     f_t = -B_t v_t - μ |f_n| v_t / max(|v_t|, 1 mm/s)
-  [[nodiscard]] bool force(const Vector& p, const Vector& v, ContactForce<D>& out,
-                           Face face = kNearest) const noexcept {
+  [[nodiscard, gnu::always_inline]] bool force(const Vector& p, const Vector& v, ContactForce<D>& out,
+                                               Face face = kNearest) const noexcept {
     const Touch<D> t = shape.touch(p, face);
-    if (t.depth <= 0.0) return false;
-    const double vn = t.normal.dot(v);
+    return t.depth > 0.0 && force(t, t.normal.dot(v), v, out);
+  }
+  /// The same for what touches, at the velocity vn along its normal.
+  [[nodiscard, gnu::always_inline]] bool force(const Touch<D>& t, double vn, const Vector& v,
+                                               ContactForce<D>& out) const noexcept {
     const double fn = material.stiffness_n_per_m * t.depth - material.damping_n_s_per_m * vn;
     if (fn <= 0.0) return false;
     out.face = t.face;
@@ -153,6 +155,19 @@ struct World {
   }
 };
 
+/// A position and, for N = 6, its attitude as a matrix, which several things need.
+template <int N>
+struct Placed {
+  Position<N> x;
+  Placed(const Position<N>& at) : x{at} {}
+};
+template <>
+struct Placed<6> {
+  Position<6> x;
+  Eigen::Matrix3d R;  ///< body to world
+  Placed(const Position<6>& at) : x{at}, R{at.attitude().toRotationMatrix()} {}
+};
+
 /// The environment as a port of size N sees it: N = 1, 3 touch with the port itself, N = 6 with points of a tool, so
 /// that a wrench with torque comes back. All forces act on the port, in world axes, at the tool's origin.
 template <int N>
@@ -175,14 +190,14 @@ class Environment {
 
   /// Calls visit(index, normal wrench, tangential wrench) for every contact; a spring is all normal.
   template <class Visit>
-  void for_each_contact(const Position<N>& x, const Velocity<N>& v, Visit visit) const noexcept {
+  void for_each_contact(const Placed<N>& x, const Velocity<N>& v, Visit visit) const noexcept {
     for_each_contact(x, v, [](int) { return kNearest; },
                      [&](int index, Face, const Wrench& n, const Wrench& t) { visit(index, n, t); });
   }
 
   /// The same as visit(index, face, ...), where pick(index) tells which face of that contact answers, if any.
   template <class Pick, class Visit>
-  void for_each_contact(const Position<N>& x, const Velocity<N>& v, Pick pick, Visit visit) const noexcept {
+  void for_each_contact(const Placed<N>& x, const Velocity<N>& v, Pick pick, Visit visit) const noexcept {
     int index = 0;
     for_each_point(x, v, [&](const Point& p, const Point& pv, const Point& arm) {
       ContactForce<kDim> c;
@@ -196,7 +211,7 @@ class Environment {
     });
   }
 
-  [[nodiscard]] Force<N> force(const Position<N>& x, const Velocity<N>& v) const noexcept {
+  [[nodiscard, gnu::always_inline]] Force<N> force(const Placed<N>& x, const Velocity<N>& v) const noexcept {
     Wrench sum = Wrench::Zero();
     for_each_contact(x, v, [&](int, const Wrench& n, const Wrench& t) { sum += n + t; });
     return Force<N>{sum};
@@ -224,16 +239,15 @@ class Environment {
 
  private:
   template <class Visit>
-  void for_each_point(const Position<N>& x, const Velocity<N>& v, Visit visit) const noexcept {
+  void for_each_point(const Placed<N>& at, const Velocity<N>& v, Visit visit) const noexcept {
     if constexpr (N == 6) {
       const Eigen::Vector3d linear = v.vec().template head<3>(), angular = v.vec().template tail<3>();
-      const Eigen::Matrix3d R = x.attitude().toRotationMatrix();
       for (const Eigen::Vector3d& point : tool_) {
-        const Eigen::Vector3d arm = R * point;
-        visit(Point{x.translation() + arm}, Point{linear + angular.cross(arm)}, arm);
+        const Eigen::Vector3d arm = at.R * point;
+        visit(Point{at.x.translation() + arm}, Point{linear + angular.cross(arm)}, arm);
       }
     } else {
-      visit(x.translation(), v.vec(), Point{Point::Zero()});
+      visit(at.x.translation(), v.vec(), Point{Point::Zero()});
     }
   }
   static Wrench wrench(const Point& f, const Point& arm) noexcept {

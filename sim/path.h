@@ -79,10 +79,9 @@ class Path {
   };
 
   /// Times must not decrease from call to call.
-  Sample at(double t_s) noexcept {
-    while (current_ < segments_.size() && t_s >= segments_[current_].start_s + segments_[current_].duration_s)
-      ++current_;
-    if (current_ == segments_.size()) return {end_, {}};
+  [[gnu::always_inline]] Sample at(double t_s) noexcept {
+    if (t_s >= end_s_) return {end_, {}};
+    while (t_s >= segments_[current_].start_s + segments_[current_].duration_s) ++current_;
     return segments_[current_].at(t_s - segments_[current_].start_s);
   }
   /// When the last segment ends and the hand holds still [s].
@@ -96,7 +95,7 @@ class Path {
     Position<N> from;
     Displacement<N> along;
 
-    Sample at(double t) const noexcept {
+    [[gnu::noinline]] Sample at(double t) const noexcept {
       switch (kind) {
         case Kind::hold: break;
         case Kind::move: {

@@ -67,12 +67,13 @@ class SimDevice final : public Device<N> {
                     hand.rotational_stiffness_n_m_per_rad});
     }
     intended_ = path_.at(0.0).x;
+    ideal_ = resolution_ == 0.0 && estimate_ == VelocityEstimate::true_velocity;
     sensed_x_ = quantised(x_);
     sensed_v_ = Velocity<N>{v_};
   }
 
   /// Moves the world on by one control period, under the force held since the last actuate.
-  void advance() noexcept {
+  [[gnu::always_inline]] void advance() noexcept {
     applied_ = held_;
     ++tick_;
     const PortMotion<N> before{x_, Velocity<N>{v_}};
@@ -84,14 +85,16 @@ class SimDevice final : public Device<N> {
       step();
     }
     energy_ += held_energy(ObserverRule::exact, held_, before, {x_, Velocity<N>{v_}}, Seconds{dt_});
-    estimate();
+    if (!ideal_) estimate();
   }
 
-  DeviceState<N> sense() noexcept override { return {sensed_x_, sensed_v_, applied_}; }
+  DeviceState<N> sense() noexcept override {
+    return ideal_ ? DeviceState<N>{x_, Velocity<N>{v_}, applied_} : DeviceState<N>{sensed_x_, sensed_v_, applied_};
+  }
 
   void actuate(const Force<N>& f) noexcept override {
-    const double norm = force_norm(f);
-    held_ = norm <= max_force_n_ ? f : (max_force_n_ / norm) * f;
+    held_ = f;
+    if (max_force_n_ < std::numeric_limits<double>::infinity()) limit();
   }
   void release() noexcept override { held_ = Force<N>{}; }
 
@@ -128,7 +131,7 @@ class SimDevice final : public Device<N> {
     vw_.template segment<Count>(From).setConstant(r.vw);
   }
 
-  void step() noexcept {
+  [[gnu::always_inline]] void step() noexcept {
     // In displacement from where the tick begins: u(s) = u + w s.
     Vector u = -held_.vec(), w = Vector::Zero();
     if (held_by_hand_) {
@@ -145,22 +148,9 @@ class SimDevice final : public Device<N> {
       }
       intended_ = next;
     }
-    Vector moved, v;
-    const auto solve = [&] {
-      moved = xv_.cwiseProduct(v_) + xu_.cwiseProduct(u) + xw_.cwiseProduct(w);
-      v = vv_.cwiseProduct(v_) + vu_.cwiseProduct(u) + vw_.cwiseProduct(w);
-    };
-    if (coulomb_n_ == 0.0) {
-      solve();
-    } else {
-      rub(u, w, moved, v);
-      if constexpr (N == 6) {
-        const Vector m = moved, vel = v;
-        solve();
-        moved.template head<3>() = m.template head<3>();
-        v.template head<3>() = vel.template head<3>();
-      }
-    }
+    Vector moved = xv_.cwiseProduct(v_) + xu_.cwiseProduct(u) + xw_.cwiseProduct(w);
+    Vector v = vv_.cwiseProduct(v_) + vu_.cwiseProduct(u) + vw_.cwiseProduct(w);
+    if (coulomb_n_ != 0.0) rub(u, w, moved, v);
     if constexpr (N == 6) {
       // From ∫ω dt to the rotation vector of the interval.
       const Eigen::Vector3d w0 = v_.template tail<3>(), w1 = v.template tail<3>();
@@ -170,11 +160,11 @@ class SimDevice final : public Device<N> {
     v_ = v;
   }
 
-  /// The step with Coulomb friction on the translation: slide against the velocity until it stops along its
+  /// The translation's step with Coulomb friction: slide against the velocity until it stops along its
   /// direction, then stick if the other forces allow, else slide on.
-  void rub(const Vector& u, const Vector& w, Vector& moved, Vector& v) noexcept {
-    moved = Vector::Zero();
-    v = v_;
+  [[gnu::noinline]] void rub(const Vector& u, const Vector& w, Vector& moved, Vector& v) noexcept {
+    moved.template head<kAxes>().setZero();
+    v.template head<kAxes>() = v_.template head<kAxes>();
     double done = 0.0;
     for (int part = 0; done < dt_; ++part) {
       const double h = dt_ - done;
@@ -216,13 +206,18 @@ class SimDevice final : public Device<N> {
     }
   }
 
+  [[gnu::noinline]] void limit() noexcept {
+    const double norm = force_norm(held_);
+    if (!(norm <= max_force_n_)) held_ = (max_force_n_ / norm) * held_;
+  }
+
   Position<N> quantised(const Position<N>& x) const noexcept {
     if (resolution_ == 0.0) return x;
     const typename Displacement<N>::Vector c = coordinates(x);
     return Position<N>{} + Displacement<N>{((c / resolution_).array().round() * resolution_).matrix()};
   }
 
-  void estimate() noexcept {
+  [[gnu::noinline]] void estimate() noexcept {
     const Position<N> x = quantised(x_);
     if (estimate_ == VelocityEstimate::true_velocity) {
       sensed_v_ = Velocity<N>{v_};
@@ -238,6 +233,7 @@ class SimDevice final : public Device<N> {
   double dt_;
   Path<N> path_;
   bool imposed_ = false, held_by_hand_ = false, free_ = false;
+  bool ideal_ = true;  ///< sensors show the truth
   Oscillator axis_{};
   Vector hand_k_, hand_b_, xv_, xu_, xw_, vv_, vu_, vw_;
   double coulomb_n_ = 0.0, resolution_ = 0.0, max_force_n_ = std::numeric_limits<double>::infinity(), filter_ = 1.0;

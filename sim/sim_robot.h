@@ -64,7 +64,7 @@ class RungeKuttaPlant {
     if constexpr (N == 6) rate_ = std::max(rate_, rotational_damping_ / inertia_.minCoeff());
   }
 
-  void advance(BodyState<N>& s, const Force<N>& f) noexcept {
+  [[gnu::noinline]] void advance(BodyState<N>& s, const Force<N>& f) noexcept {
     // Steps short against the fastest motion: local error below (0.1)^5/120.
     double rate = rate_;
     if (friction_ > 0.0) {
@@ -74,12 +74,12 @@ class RungeKuttaPlant {
     if constexpr (N == 6) rate = std::max(rate, s.v.vec().template tail<3>().norm());
     const int pieces = std::clamp(static_cast<int>(std::ceil(dt_ * rate / 0.1)), 1, 256);
     Motion m = motion(s);
-    touching(m, touched_);
+    Slope a = slope(m, f, touched_);
     for (int i = 0; i < pieces; ++i) {
       double left = dt_ / pieces;
-      for (int cuts = 0; left > 0.0; ++cuts) left -= one(m, f, left, cuts < kCuts);
+      for (int cuts = 0; left > 0.0; ++cuts) left -= one(m, a, f, left, cuts < kCuts);
     }
-    s = {m.x, velocity(m)};
+    s = {m.at.x, Velocity<N>{a.v}};
   }
 
  private:
@@ -90,22 +90,21 @@ class RungeKuttaPlant {
 
   // Momenta for N = 6, velocity otherwise.
   struct Motion {
-    Position<N> x;
+    Placed<N> at;
     Vector p;
   };
   Motion motion(const BodyState<N>& s) const noexcept {
-    Vector p = s.v.vec();
+    Motion m{s.x, s.v.vec()};
     if constexpr (N == 6) {
-      const Eigen::Matrix3d R = s.x.attitude().toRotationMatrix();
-      p.template head<3>() *= mass_;
-      p.template tail<3>() =
-          R * inertia_.cwiseProduct(R.transpose() * s.v.vec().template tail<3>());
+      const Eigen::Matrix3d& R = m.at.R;
+      m.p.template head<3>() *= mass_;
+      m.p.template tail<3>() = R * inertia_.cwiseProduct(R.transpose() * s.v.vec().template tail<3>());
     }
-    return {s.x, p};
+    return m;
   }
   Velocity<N> velocity(const Motion& m) const noexcept {
     if constexpr (N == 6) {
-      const Eigen::Matrix3d R = m.x.attitude().toRotationMatrix();
+      const Eigen::Matrix3d& R = m.at.R;
       Vector v;
       v << m.p.template head<3>() / mass_,
           R * (R.transpose() * m.p.template tail<3>()).cwiseQuotient(inertia_);
@@ -118,12 +117,16 @@ class RungeKuttaPlant {
   struct Slope {
     Vector v, p;
   };
-  // Only with the contacts and faces of `among`: what begins within a step belongs to the next one.
-  Slope slope(const Motion& m, const Force<N>& f, const Contacts& among) const noexcept {
+  /// `pick` and `touch` as for_each_contact has them.
+  template <class Pick, class Touch>
+  Slope slope(const Motion& m, const Force<N>& f, Pick pick, Touch touch) const noexcept {
     const Velocity<N> v = velocity(m);
     Vector total = f.vec();
-    environment_->for_each_contact(m.x, v, [&](int i) { return among[static_cast<std::size_t>(i)]; },
-                                   [&](int, Face, const Vector& n, const Vector& t) { total += n + t; });
+    environment_->for_each_contact(m.at, v, pick,
+                                   [&](int i, Face face, const Vector& normal, const Vector& tangential) {
+                                     total += normal + tangential;
+                                     touch(static_cast<std::size_t>(i), face);
+                                   });
     if constexpr (N == 6) {
       total.template head<3>() -= damping_ * v.vec().template head<3>();
       total.template tail<3>() -= rotational_damping_ * v.vec().template tail<3>();
@@ -131,6 +134,17 @@ class RungeKuttaPlant {
     } else {
       return {v.vec(), (total - damping_ * v.vec()) / mass_};
     }
+  }
+  /// Only with the contacts and faces of `among`: what begins within a step belongs to the next one.
+  Slope slope_among(const Motion& m, const Force<N>& f, const Contacts& among) const noexcept {
+    return slope(
+        m, f, [&](int i) { return among[static_cast<std::size_t>(i)]; }, [](std::size_t, Face) {});
+  }
+  /// With all that touches, which is told in `touched`.
+  Slope slope(const Motion& m, const Force<N>& f, Contacts& touched) const noexcept {
+    std::fill(touched.begin(), touched.end(), kNone);
+    return slope(
+        m, f, [](int) { return kNearest; }, [&](std::size_t i, Face face) { touched[i] = face; });
   }
 
   // For N = 6 the attitude advances by a rotation vector whose rate is ω - ½ r×ω + (1/12) r×(r×ω) for world ω.
@@ -145,51 +159,46 @@ class RungeKuttaPlant {
       return v;
     }
   }
-  Motion step(const Motion& m, const Force<N>& f, const Contacts& among, double h) const noexcept {
+  /// From m, where the slope is a.
+  Motion step(const Motion& m, const Slope& a, const Force<N>& f, const Contacts& among, double h) const noexcept {
     const auto at = [&](const Vector& moved, const Vector& dp) {
-      return Motion{m.x + Displacement<N>{moved}, m.p + dp};
+      return Motion{m.at.x + Displacement<N>{moved}, m.p + dp};
     };
-    const Slope a = slope(m, f, among);
     const Vector xa = chart(Vector::Zero(), a.v);
-    const Slope b = slope(at(0.5 * h * xa, 0.5 * h * a.p), f, among);
+    const Slope b = slope_among(at(0.5 * h * xa, 0.5 * h * a.p), f, among);
     const Vector xb = chart(0.5 * h * xa, b.v);
-    const Slope c = slope(at(0.5 * h * xb, 0.5 * h * b.p), f, among);
+    const Slope c = slope_among(at(0.5 * h * xb, 0.5 * h * b.p), f, among);
     const Vector xc = chart(0.5 * h * xb, c.v);
-    const Slope d = slope(at(h * xc, h * c.p), f, among);
+    const Slope d = slope_among(at(h * xc, h * c.p), f, among);
     const Vector xd = chart(h * xc, d.v);
     return at(h / 6.0 * (xa + 2.0 * (xb + xc) + xd), h / 6.0 * (a.p + 2.0 * (b.p + c.p) + d.p));
   }
 
-  void touching(const Motion& m, Contacts& out) const noexcept {
-    std::fill(out.begin(), out.end(), kNone);
-    environment_->for_each_contact(
-        m.x, velocity(m), [](int) { return kNearest; },
-        [&](int i, Face face, const Vector&, const Vector&) { out[static_cast<std::size_t>(i)] = face; });
-  }
-
   // One step of at most h; ends early, if it may, just past the moment at which a contact begins, ends or changes to
-  // another face. Returns its length.
-  double one(Motion& m, const Force<N>& f, double h, bool may_cut) noexcept {
+  // another face. Takes motion and slope along. Returns its length.
+  double one(Motion& m, Slope& a, const Force<N>& f, double h, bool may_cut) noexcept {
     const Contacts& among = may_cut ? touched_ : any_;
-    Motion next = step(m, f, among, h);
-    touching(next, after_);
+    Motion next = step(m, a, f, among, h);
+    Slope b = slope(next, f, after_);
     if (may_cut && after_ != touched_) {
       double lo = 0.0, hi = h;
       while (hi - lo > 1e-7 * h) {
         const double mid = 0.5 * (lo + hi);
-        const Motion trial = step(m, f, among, mid);
-        touching(trial, trial_);
+        const Motion trial = step(m, a, f, among, mid);
+        const Slope slope_there = slope(trial, f, trial_);
         if (trial_ == touched_) {
           lo = mid;
         } else {
           hi = mid;
           next = trial;
+          b = slope_there;
           std::swap(after_, trial_);
         }
       }
       h = hi;
     }
     m = next;
+    a = b;
     std::swap(touched_, after_);
     return h;
   }
@@ -213,7 +222,9 @@ class ExactPlant {
            (D == 1 || world.surfaces[0].material.friction == 0.0);
   }
 
-  ExactPlant(const RobotSpec& robot, const World<D>& world, double dt) : dt_{dt} {
+  /// `world` must outlive this.
+  ExactPlant(const RobotSpec& robot, const World<D>& world, double dt, const BodyState<D>& start)
+      : dt_{dt}, world_{&world}, s_{start} {
     Oscillator free{robot.mass_kg, robot.damping_n_s_per_m, 0.0};
     for (const auto& s : world.springs) {
       free.damping_n_s_per_m += s.damping_n_s_per_m;
@@ -221,7 +232,7 @@ class ExactPlant {
       pull_ += s.stiffness_n_per_m * s.anchor;
     }
     wall_ = !world.surfaces.empty();
-    region_[0] = Region{free, free, wall_ ? span(free) : dt};
+    region_[0] = Region{free, free, 0.0, wall_ ? span(free) : dt};
     if (!wall_) return;
     const Surface<D>& w = world.surfaces[0];
     normal_ = w.shape.a;
@@ -232,102 +243,139 @@ class ExactPlant {
     across.stiffness_n_per_m += k_;
     across.damping_n_s_per_m += b_;
     along.damping_n_s_per_m += w.material.viscous_friction_n_s_per_m;
-    region_[1] = Region{across, along, span(across)};
+    region_[1] = Region{across, along, k_ * offset_, span(across)};
+    n_ = normal(s_);
+    in_ = contact(n_);
   }
 
-  void advance(BodyState<D>& s, const Force<D>& f) noexcept {
-    Vector x = s.x.translation(), v = s.v.vec();
-    if (!wall_) {
-      move(region_[0], 0, x, v, f.vec(), dt_);
-      s = {Position<D>{x}, Velocity<D>{v}};
-      return;
-    }
-    double left = dt_;
-    bool in = contact(x, v);
-    for (int cuts = 0; left > 0.0;) {
-      const Region& r = region_[in];
-      double h = std::min(left, r.span);
-      Vector x1 = x, v1 = v;
-      move(r, in, x1, v1, f.vec(), h);
-      if (cuts < 8 && contact(x1, v1) != in) {
-        ++cuts;
-        h = crossing(in, x, v, f.vec(), h);
-        x1 = x, v1 = v;
-        move(r, in, x1, v1, f.vec(), h);
-        in = !in;
-      }
-      x = x1, v = v1;
-      left -= h;
-    }
-    s = {Position<D>{x}, Velocity<D>{v}};
+  [[gnu::always_inline]] const BodyState<D>& advance(const Force<D>& f) noexcept {
+    const Vector u = f.vec() + pull_;
+    if (!wall_) return glide(u);
+    const Region& r = region_[in_];
+    const BodyState<D> next = moved(s_, n_, u, r, r.full_across, r.full_along);
+    const Normal n = normal(next);
+    if (r.span < dt_ || contact(n) != in_) return advance_in_parts(u);
+    n_ = n;
+    return s_ = next;
+  }
+  [[nodiscard]] const BodyState<D>& state() const noexcept { return s_; }
+
+  /// Of the environment on the mass: Environment::force, to the bit.
+  [[nodiscard, gnu::always_inline]] Force<D> environment_force() const noexcept {
+    const Vector &x = s_.x.translation(), &v = s_.v.vec();
+    Vector sum = Vector::Zero();
+    ContactForce<D> c;
+    if (in_ && world_->surfaces[0].force({offset_ - n_.x, normal_}, n_.v, v, c)) sum += c.normal + c.tangential;
+    for (const auto& s : world_->springs) sum += s.force(x, v);
+    return Force<D>{sum};
   }
 
  private:
   using Vector = Eigen::Matrix<double, D, 1>;
   struct Region {
     Oscillator across, along;  ///< the wall's normal; any direction across it
+    double load;               ///< of the wall along the normal, at the origin
     double span;               ///< longest move
     Response full_across, full_along;
     Region() = default;
-    Region(const Oscillator& n, const Oscillator& t, double h)
-        : across{n}, along{t}, span{h}, full_across{n, h}, full_along{t, h} {}
+    Region(const Oscillator& n, const Oscillator& t, double l, double h)
+        : across{n}, along{t}, load{l}, span{h}, full_across{n, h}, full_along{t, h} {}
   };
+  /// What of a state is along the wall's normal.
+  struct Normal {
+    double x, v;
+  };
+  [[nodiscard]] Normal normal(const BodyState<D>& s) const noexcept {
+    return {normal_.dot(s.x.translation()), normal_.dot(s.v.vec())};
+  }
+  [[nodiscard]] bool contact(const Normal& n) const noexcept {
+    const double depth = offset_ - n.x;
+    return depth > 0.0 && k_ * depth - b_ * n.v > 0.0;
+  }
   /// A tick, or an equal part of it in which the motion turns by no more than half a radian.
   [[nodiscard]] double span(const Oscillator& o) const noexcept {
     return dt_ / std::ceil(std::max(1.0, 2.0 * dt_ * std::sqrt(o.stiffness_n_per_m / o.mass_kg)));
   }
 
-  [[nodiscard]] bool contact(const Vector& x, const Vector& v) const noexcept {
-    const double depth = offset_ - normal_.dot(x);
-    return depth > 0.0 && k_ * depth - b_ * normal_.dot(v) > 0.0;
+  /// A tick without a wall.
+  const BodyState<D>& glide(const Vector& u) noexcept {
+    const auto& [across, along, load, span, full_across, full] = region_[0];
+    const Vector x = s_.x.translation(), v = s_.v.vec();
+    const Vector u0 = u - along.stiffness_n_per_m * x;
+    s_.x = Position<D>{x + (full.xv * v + full.xu * u0)};
+    s_.v = Velocity<D>{full.vv * v + full.vu * u0};
+    return s_;
   }
 
-  void move(const Region& r, bool in, Vector& x, Vector& v, const Vector& f, double h) const noexcept {
-    const Response across = h == r.span ? r.full_across : Response{r.across, h};
-    const Response along = h == r.span ? r.full_along : (D > 1 ? Response{r.along, h} : across);
-    const Vector u = f + pull_;
-    if (!wall_) {
-      const Vector u0 = u - r.along.stiffness_n_per_m * x;
-      x += along.xv * v + along.xu * u0;
-      v = along.vv * v + along.vu * u0;
-      return;
+  /// A tick that is cut where contact begins or ends, and at spans.
+  [[gnu::noinline]] const BodyState<D>& advance_in_parts(const Vector& u) noexcept {
+    double left = dt_;
+    bool in = in_;
+    for (int cuts = 0; left > 0.0;) {
+      double h = std::min(left, region_[in].span);
+      BodyState<D> next = moved(s_, u, in, h);
+      if (cuts < 8 && contact(normal(next)) != in) {
+        ++cuts;
+        h = crossing(in, s_, u, h);
+        next = moved(s_, u, in, h);
+        in = !in;
+      }
+      s_ = next;
+      left -= h;
     }
-    // Split into the wall's normal and the rest; in contact the wall adds k (offset - n·x) to the normal load.
-    const double xn = normal_.dot(x), vn = normal_.dot(v);
-    const double un = normal_.dot(u) + (in ? k_ * offset_ : 0.0) - r.across.stiffness_n_per_m * xn;
-    const double xn1 = xn + across.xv * vn + across.xu * un, vn1 = across.vv * vn + across.vu * un;
+    n_ = normal(s_);
+    in_ = contact(n_);
+    return s_;
+  }
+  [[nodiscard, gnu::noinline]] BodyState<D> moved(const BodyState<D>& s, const Vector& u, bool in,
+                                                  double h) const noexcept {
+    const Region& r = region_[in];
+    const bool whole = h == r.span;
+    const Response across = whole ? r.full_across : Response{r.across, h};
+    const Response along = whole ? r.full_along : (D > 1 ? Response{r.along, h} : across);
+    return moved(s, normal(s), u, r, across, along);
+  }
+
+  /// Split into the wall's normal and the rest; in contact the wall adds k (offset - n·x) to the normal load.
+  [[nodiscard, gnu::always_inline]] BodyState<D> moved(const BodyState<D>& s, const Normal& n, const Vector& u,
+                                                       const Region& r, const Response& across,
+                                                       const Response& along) const noexcept {
+    const double u_n = normal_.dot(u), load = u_n + r.load - r.across.stiffness_n_per_m * n.x;
+    const double xn = n.x + across.xv * n.v + across.xu * load, vn = across.vv * n.v + across.vu * load;
     if constexpr (D == 1) {
-      x = xn1 * normal_;
-      v = vn1 * normal_;
+      return {Position<D>{xn * normal_}, Velocity<D>{vn * normal_}};
     } else {
-      const Vector xt = x - xn * normal_, vt = v - vn * normal_;
-      const Vector ut = u - normal_.dot(u) * normal_ - r.along.stiffness_n_per_m * xt;
-      x = xt + along.xv * vt + along.xu * ut + xn1 * normal_;
-      v = along.vv * vt + along.vu * ut + vn1 * normal_;
+      const Vector xt = s.x.translation() - n.x * normal_, vt = s.v.vec() - n.v * normal_;
+      const Vector ut = u - u_n * normal_ - r.along.stiffness_n_per_m * xt;
+      return {Position<D>{xt + along.xv * vt + along.xu * ut + xn * normal_},
+              Velocity<D>{along.vv * vt + along.vu * ut + vn * normal_}};
     }
   }
 
   /// When within h the normal motion, started in region `in`, leaves it.
-  double crossing(bool in, const Vector& x, const Vector& v, const Vector& f, double h) const noexcept {
+  double crossing(bool in, const BodyState<D>& s, const Vector& u, double h) const noexcept {
     const Oscillator& o = region_[in].across;
-    const AxisState s0{normal_.dot(x), normal_.dot(v)};
-    const double u = normal_.dot(f + pull_) + (in ? k_ * offset_ : 0.0) - o.stiffness_n_per_m * s0.x;
+    const Normal n = normal(s);
+    const double load = normal_.dot(u) + region_[in].load - o.stiffness_n_per_m * n.x;
     double lo = 0.0, hi = h;
     for (int i = 0; i < 60 && hi - lo > 1e-13 * h; ++i) {
       const double mid = 0.5 * (lo + hi);
-      const AxisState d = propagate({o.mass_kg, o.damping_n_s_per_m, o.stiffness_n_per_m}, {0, s0.v}, u, 0, mid);
-      const double depth = offset_ - (s0.x + d.x);
-      const bool still = (depth > 0.0 && k_ * depth - b_ * d.v > 0.0) == in;
-      (still ? lo : hi) = mid;
+      const AxisState d = propagate(o, {0, n.v}, load, 0, mid);
+      (contact({n.x + d.x, d.v}) == in ? lo : hi) = mid;
     }
     return hi;
   }
 
   double dt_;
+  const World<D>* world_;
   Vector pull_ = Vector::Zero(), normal_ = Vector::Unit(0);
   double offset_ = 0.0, k_ = 0.0, b_ = 0.0;
   bool wall_ = false;
   Region region_[2];
+
+  BodyState<D> s_;
+  Normal n_{};       ///< of s_
+  bool in_ = false;  ///< contact
 };
 
 /// The slave robot behind its seam: a mass (N = 1, 3) or a rigid body (N = 6) in an environment, with a force sensor.
@@ -341,7 +389,7 @@ class SimRobot final : public Robot<N> {
       state_.x = position<N>(spec.position_m);
       state_.v = Velocity<N>{vector<N>(spec.velocity_m_per_s)};
       if constexpr (N != 6) {
-        if (ExactPlant<N>::fits(environment_.world())) exact_.emplace(spec, environment_.world(), dt.si());
+        if (ExactPlant<N>::fits(environment_.world())) exact_.emplace(spec, environment_.world(), dt.si(), state_);
       }
       if (!exact_) general_.emplace(spec, environment_, dt.si());
       if (spec.force_sensor) {
@@ -355,12 +403,14 @@ class SimRobot final : public Robot<N> {
   SimRobot(const SimRobot&) = delete;  // the plant refers to this object's environment
 
   /// Moves the world on by one control period, under the command held since the last actuate.
-  void advance() noexcept {
-    if constexpr (N != 6) {
-      if (exact_) exact_->advance(state_, command_.f);
+  [[gnu::always_inline]] void advance() noexcept {
+    if (exact_) {
+      state_ = exact_->advance(command_.f);
+    } else if (general_) {
+      general_->advance(state_, command_.f);
+    } else {
+      state_ = {command_.x_d, command_.v_d};
     }
-    if (general_) general_->advance(state_, command_.f);
-    if (!exact_ && !general_) state_ = {command_.x_d, command_.v_d};
     touch();
   }
 
@@ -369,6 +419,8 @@ class SimRobot final : public Robot<N> {
   void release() noexcept override { command_.f = Force<N>{}; }
 
   [[nodiscard]] const BodyState<N>& state() const { return state_; }
+  /// Coupling force on the robot, held now.
+  [[nodiscard]] const Force<N>& held() const { return command_.f; }
   /// True force of the environment on the robot.
   [[nodiscard]] const Force<N>& environment_force() const { return from_environment_; }
   [[nodiscard]] const Environment<N>& environment() const { return environment_; }
@@ -376,13 +428,13 @@ class SimRobot final : public Robot<N> {
  private:
   static constexpr std::uint64_t kSensorStream = 0x5e4501;
 
-  void touch() noexcept {
-    if (environment_.empty()) {
-      sensed_ = Force<N>{bias_};
-    } else {
-      from_environment_ = environment_.force(state_.x, state_.v);
-      sensed_ = Force<N>{bias_ - from_environment_.vec()};
-    }
+  [[gnu::always_inline]] void touch() noexcept {
+    from_environment_ = exact_ ? exact_->environment_force() : environment_.force(state_.x, state_.v);
+    sensed_ = Force<N>{bias_ - from_environment_.vec()};
+    if (noise_ > 0.0 || !delay_.empty()) blur();
+  }
+  /// Noise and latency of the force sensor.
+  [[gnu::noinline]] void blur() noexcept {
     if (noise_ > 0.0) {
       typename Force<N>::Vector n;
       for (int i = 0; i < N; ++i) n[i] = noise_ * normal_(random_);
@@ -395,7 +447,9 @@ class SimRobot final : public Robot<N> {
   }
 
   struct Nothing {
-    void advance(BodyState<N>&, const Force<N>&) noexcept {}
+    const BodyState<N>& advance(const Force<N>&) noexcept { return state; }
+    Force<N> environment_force() const noexcept { return {}; }
+    BodyState<N> state;
   };
   Environment<N> environment_;
   Seconds dt_;

@@ -63,7 +63,7 @@ int run(const Scene& scene, const LiveArguments& arguments) {
                    .slave_v = robot.state().v,
                    .slave_f = out.command.f,
                    .env_f = robot.environment_force(),
-                   .position_error = out.position_error,
+                   .position_error = node.position_error(),
                    .slave_energy_j = node.delivered().si(),
                    .dissipated_j = out.dissipated.si(),
                    .mode = out.mode});

@@ -32,7 +32,6 @@ class SlaveNode {
   struct Output {
     RobotCommand<N> command;
     Report<N> report;
-    Displacement<N> position_error;  ///< robot against the delayed, scaled master
     Energy dissipated;
     Mode mode;
   };
@@ -45,13 +44,14 @@ class SlaveNode {
         hold_after_{to_duration(o.hold_after.si())},
         release_after_{to_duration(o.release_after.si())} {}
 
-  Output step(const Tick<SlaveClock>& tick, const RobotState<N>& robot, const Known<N>& master) noexcept {
+  [[gnu::always_inline]] Output step(const Tick<SlaveClock>& tick, const RobotState<N>& robot,
+                                     const Known<N>& master) noexcept {
     const Duration silence = tick.now.time_since_epoch() - master.heard;
     const Mode was = mode_;
     mode_ = next_mode(mode_, {.heard = master.any && silence < hold_after_,
                               .silent = silence >= release_after_,
-                              .finite = robot.x.finite() && robot.v.finite() && robot.f_environment.finite()});
-    if (!started_ || (mode_ == Mode::coupled && (was == Mode::idle || was == Mode::released))) engage(robot);
+                              .finite = all_finite(robot.x, robot.v, robot.f_environment)});
+    if (begins(was, mode_) || !started_) engage(robot);
     created_.book(0, -dot(f_, robot.x - x_before_));
     x_before_ = robot.x;
     if (options_.reference_energy) follow_reference(robot.x);
@@ -83,7 +83,6 @@ class SlaveNode {
                        .f_environment = robot.f_environment,
                        .energy_in_j = credit(),
                        .mode = mode_},
-            .position_error = mode_ == Mode::coupled ? robot.x - tracker_.target() : Displacement<N>{},
             .dissipated = allowed.dissipated,
             .mode = mode_};
   }
@@ -98,6 +97,10 @@ class SlaveNode {
   }
 
   [[nodiscard]] Mode mode() const noexcept { return mode_; }
+  /// Robot against the delayed, scaled master, at the last step. Null while not coupled.
+  [[nodiscard]] Displacement<N> position_error() const noexcept {
+    return mode_ == Mode::coupled ? x_before_ - tracker_.target() : Displacement<N>{};
+  }
   /// Net energy that has left the link into the slave [J].
   [[nodiscard]] Energy delivered() const noexcept { return -ledger_.net(); }
 
@@ -121,7 +124,7 @@ class SlaveNode {
     ledger_.book(-into_slave);
     created_.book(0, into_slave);
     x_sd_ = x_sd_ + moved;
-    x_d_ = x_d_ + v_d * dt;
+    if (!options_.coupling.drift_compensation) x_d_ = x_d_ + v_d * dt;
   }
 
   /// Reference energy: the coupling has to hold what its spring would, ½ eᵀK e, tick for tick. What its damper has

@@ -9,6 +9,13 @@
 
 namespace twoport {
 
+/// Are all numbers of all values finite? A sum is not when one of its terms is not.
+template <class... Values>
+[[nodiscard]] bool all_finite(const Values&... values) noexcept {
+  const double sum = (values.sum() + ...);
+  return sum - sum == 0.0;
+}
+
 /// Coordinates of one physical kind. Kinds do not mix; `.vec()` is the bare Eigen vector for use inside a step.
 /// N = 1 and 3 are translations. N = 6 is translation first, then rotation, in world axes at the tool point.
 template <class Kind, int N>
@@ -19,6 +26,8 @@ class Coords {
 
   Coords() : v_{Vector::Zero()} {}
   explicit Coords(const Vector& v) : v_{v} {}
+  template <class Expression>
+  explicit Coords(const Eigen::MatrixBase<Expression>& v) : v_{v} {}
   [[nodiscard]] const Vector& vec() const { return v_; }
   double operator[](int i) const { return v_[i]; }
 
@@ -31,11 +40,8 @@ class Coords {
     return *this;
   }
   [[nodiscard]] double squared_norm() const { return v_.squaredNorm(); }
-  /// A sum is not finite when one of its terms is not.
-  [[nodiscard]] bool finite() const noexcept {
-    const double sum = v_.sum();
-    return sum - sum == 0.0;
-  }
+  [[nodiscard]] double sum() const noexcept { return v_.sum(); }
+  [[nodiscard]] bool finite() const noexcept { return all_finite(*this); }
 
  private:
   Vector v_;
@@ -108,9 +114,11 @@ class Position {
   using Vector = Eigen::Matrix<double, N, 1>;
   Position() : p_{Vector::Zero()} {}
   explicit Position(const Vector& p) : p_{p} {}
+  template <class Expression>
+  explicit Position(const Eigen::MatrixBase<Expression>& p) : p_{p} {}
   [[nodiscard]] const Vector& translation() const { return p_; }
   [[nodiscard]] double sum() const noexcept { return p_.sum(); }
-  [[nodiscard]] bool finite() const noexcept { return sum() - sum() == 0.0; }
+  [[nodiscard]] bool finite() const noexcept { return all_finite(*this); }
 
   /// From b to a.
   friend Displacement<N> operator-(const Position& a, const Position& b) { return Displacement<N>{a.p_ - b.p_}; }
@@ -129,7 +137,7 @@ class Position<6> {
   [[nodiscard]] const Eigen::Vector3d& translation() const { return p_; }
   [[nodiscard]] const Eigen::Quaterniond& attitude() const { return q_; }
   [[nodiscard]] double sum() const noexcept { return p_.sum() + q_.coeffs().sum(); }
-  [[nodiscard]] bool finite() const noexcept { return sum() - sum() == 0.0; }
+  [[nodiscard]] bool finite() const noexcept { return all_finite(*this); }
 
   /// From b to a: translation and world rotation vector log(R_a R_b^T).
   friend Displacement<6> operator-(const Position& a, const Position& b) {

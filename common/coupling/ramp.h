@@ -13,6 +13,7 @@ class Ramp {
   explicit Ramp(Seconds duration) : duration_{duration} {}
 
   double step(bool engaged, Seconds dt) noexcept {
+    if (engaged && factor_ == 1.0) return factor_;
     const double by = duration_ > Seconds{} ? dt / duration_ : 1.0;
     return factor_ = std::clamp(factor_ + (engaged ? by : -by), 0.0, 1.0);
   }

@@ -13,7 +13,8 @@ namespace twoport {
 template <int N>
 class Scaling {
  public:
-  explicit Scaling(const ControlOptions& o) : force_{o.force_scale}, motion_{o.motion_scale} {}
+  explicit Scaling(const ControlOptions& o)
+      : force_{o.force_scale}, motion_{o.motion_scale}, torque_{force_ / motion_}, energy_to_slave_{motion_ / force_} {}
 
   Position<N> to_slave(const Position<N>& x) const noexcept {
     if constexpr (N == 6) {
@@ -33,9 +34,9 @@ class Scaling {
   Velocity<N> to_master(const Velocity<N>& v) const noexcept {
     return Velocity<N>{scaled(v.vec(), 1.0 / motion_, 1.0)};
   }
-  Force<N> to_master(const Force<N>& f) const noexcept { return Force<N>{scaled(f.vec(), force_, force_ / motion_)}; }
-  [[nodiscard]] Energy to_slave(Energy e) const noexcept { return (motion_ / force_) * e; }
-  [[nodiscard]] Energy to_master(Energy e) const noexcept { return (force_ / motion_) * e; }
+  Force<N> to_master(const Force<N>& f) const noexcept { return Force<N>{scaled(f.vec(), force_, torque_)}; }
+  [[nodiscard]] Energy to_slave(Energy e) const noexcept { return energy_to_slave_ * e; }
+  [[nodiscard]] Energy to_master(Energy e) const noexcept { return torque_ * e; }
 
  private:
   using Vector = typename Force<N>::Vector;
@@ -50,6 +51,8 @@ class Scaling {
     }
   }
   double force_, motion_;
+  double torque_;  ///< s_f / s_x, an energy's too
+  double energy_to_slave_;
 };
 
 }  // namespace twoport

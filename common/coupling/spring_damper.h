@@ -11,6 +11,7 @@ namespace twoport {
 template <int N>
 class SpringDamper {
  public:
+  using Vector = typename Force<N>::Vector;
   explicit SpringDamper(const CouplingOptions& o) {
     k_.setConstant(o.stiffness_n_per_m);
     b_.setConstant(o.damping_n_s_per_m);
@@ -28,13 +29,18 @@ class SpringDamper {
     return Energy{0.5 * stretch.vec().dot(k_.cwiseProduct(stretch.vec()))};
   }
 
-  /// Compliance of one sampling interval, (B + K T)⁻¹ per axis [m/(N s)].
-  [[nodiscard]] typename Force<N>::Vector compliance(Seconds dt) const noexcept {
-    return (b_ + k_ * dt.si()).cwiseInverse();
+  /// Compliance of one sampling interval, (B + K T)⁻¹ per axis [m/(N s)]. Computed when T changes.
+  [[nodiscard]] const Vector& compliance(Seconds dt) noexcept {
+    if (dt != period_) {
+      period_ = dt;
+      compliance_ = (b_ + k_ * dt.si()).cwiseInverse();
+    }
+    return compliance_;
   }
 
  private:
-  typename Force<N>::Vector k_, b_;
+  Vector k_, b_, compliance_;
+  Seconds period_{-1.0};
 };
 
 }  // namespace twoport

@@ -50,6 +50,9 @@ class Impairment {
   Fate draw(Duration since_start) noexcept {
     return certain_ ? Fate{1, {fixed_delay_, fixed_delay_}} : drawn(since_start);
   }
+  /// Does every packet arrive once, after fixed_delay()?
+  [[nodiscard]] bool certain() const noexcept { return certain_; }
+  [[nodiscard]] Duration fixed_delay() const noexcept { return fixed_delay_; }
 
  private:
   Fate drawn(Duration since_start) noexcept;
@@ -61,7 +64,7 @@ class Impairment {
   std::mt19937_64 random_;
   std::normal_distribution<double> normal_;
   Duration fixed_delay_;
-  bool certain_;  ///< every packet arrives once, after fixed_delay_
+  bool certain_;
   bool bad_state_ = false;
   std::size_t recorded_next_ = 0;
 };

@@ -32,7 +32,11 @@ struct Known {
   bool any = false;           ///< has a report arrived in this session
   bool fresh = false;         ///< has a newer one arrived in this tick
   Duration heard{0};          ///< local time of the newest
-  Duration round_trip{-1};    ///< of the newest; -1 where it is not known
+
+  /// Of the newest; -1 where it is not known.
+  [[nodiscard]] Duration round_trip() const noexcept {
+    return newest.echo_ns >= 0 ? heard - Duration{newest.echo_ns} : Duration{-1};
+  }
 };
 
 /// Keeps what arrives, in any order and any number of times. The transport hands over reports; the newest sequence
@@ -45,14 +49,15 @@ class Mailbox {
  public:
   explicit Mailbox(Transport transport) : transport_{std::move(transport)} {}
 
-  const Known<N>& collect(Duration now) noexcept {
+  [[gnu::always_inline]] const Known<N>& collect(Duration now) noexcept {
     known_.fresh = false;
-    transport_.poll(now, [&](const Report<N>& r) { offer(r, now); });
+    transport_.poll(
+        now, [&](const Report<N>& r) __attribute__((always_inline)) { offer(r, now); });
     return known_;
   }
 
   /// Stamps the report and sends it.
-  void post(Report<N>& report, Duration now) noexcept {
+  [[gnu::always_inline]] void post(Report<N>& report, Duration now) noexcept {
     report.sequence = ++counts_.sent;
     report.sent_ns = now.count();
     report.echo_ns = known_.any ? known_.newest.sent_ns + (now - known_.heard).count() : -1;
@@ -63,7 +68,7 @@ class Mailbox {
   /// A new session of the other side: its running totals start again from zero.
   void forget() noexcept {
     known_ = {};
-    first_ = 0;
+    first_ = 1;
     seen_.reset();
   }
 
@@ -75,28 +80,28 @@ class Mailbox {
   /// How far back repeats are told from late arrivals; an older one counts as repeated.
   static constexpr std::uint64_t kMemory = 4096;
 
-  void offer(const Report<N>& r, Duration now) noexcept {
-    if (!r.finite()) {
+  [[gnu::always_inline]] void offer(const Report<N>& r, Duration now) noexcept {
+    if (!r.finite()) [[unlikely]] {
       ++counts_.rejected;
       return;
     }
     ++counts_.received;
     known_.energy_in_j = std::max(known_.energy_in_j, r.energy_in_j);
-    if (known_.any && r.sequence <= known_.newest.sequence) return count_old(r.sequence);
-    if (known_.any) {
-      count_gap(known_.newest.sequence, r.sequence);
-    } else {
-      first_ = r.sequence;
+    if (r.sequence != known_.newest.sequence + 1) [[unlikely]] {
+      if (known_.any && r.sequence <= known_.newest.sequence) return count_old(r.sequence);
+      known_.any ? count_gap(r.sequence) : begin(r.sequence);
     }
     seen_[r.sequence % kMemory] = true;
     known_.newest = r;
     known_.heard = now;
     known_.any = known_.fresh = true;
-    known_.round_trip = r.echo_ns >= 0 ? now - Duration{r.echo_ns} : Duration{-1};
   }
 
+  void begin(std::uint64_t sequence) noexcept { first_ = sequence; }
+
   /// What lies between is missing until it comes.
-  void count_gap(std::uint64_t newest, std::uint64_t next) noexcept {
+  [[gnu::noinline]] void count_gap(std::uint64_t next) noexcept {
+    const std::uint64_t newest = known_.newest.sequence;
     counts_.lost += next - newest - 1;
     if (next - newest >= kMemory) {
       seen_.reset();
@@ -106,7 +111,7 @@ class Mailbox {
   }
 
   /// An old report fills the gap it left, unless it is a copy. One older than the first heard opens a gap behind it.
-  void count_old(std::uint64_t sequence) noexcept {
+  [[gnu::noinline]] void count_old(std::uint64_t sequence) noexcept {
     const bool before_first = sequence < first_;
     const bool remembered = known_.newest.sequence - sequence < kMemory;
     if (!before_first && (!remembered || seen_[sequence % kMemory])) {
@@ -126,7 +131,7 @@ class Mailbox {
   Transport transport_;
   Known<N> known_;
   PacketCounts counts_;
-  std::uint64_t first_ = 0;     ///< lowest sequence heard
+  std::uint64_t first_ = 1;    ///< lowest sequence heard
   std::bitset<kMemory> seen_;  ///< of the last kMemory sequences
 };
 

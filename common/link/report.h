@@ -33,12 +33,10 @@ struct Report {
   double energy_in_j = 0.0;
   Mode mode = Mode::idle;
 
-  /// A sum is not finite when one of its terms is not.
-  [[nodiscard]] bool finite() const noexcept {
-    const double sum = x.sum() + v.vec().sum() + f.vec().sum() + f_coupling.vec().sum() + f_environment.vec().sum() +
-                       energy_in_j;
-    return sum - sum == 0.0;
+  [[nodiscard]] double sum() const noexcept {
+    return x.sum() + (v.vec() + f.vec() + f_coupling.vec() + f_environment.vec()).sum() + energy_in_j;
   }
+  [[nodiscard]] bool finite() const noexcept { return all_finite(*this); }
 };
 
 }  // namespace twoport

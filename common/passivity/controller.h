@@ -109,7 +109,7 @@ Corrected<Out> passivate(const Out& wanted, const In& in, const Budget& budget, 
 
 /// How much of a force fits a budget when the port gives way to it: the largest s in [0, 1] with q s² + b s <= a, q >= 0;
 /// where a < 0 asks for more than there is, the s for which q s² + b s is least. Written so that no root cancels.
-inline double share(double q, double b, double a) noexcept {
+[[gnu::always_inline]] inline double share(double q, double b, double a) noexcept {
   if (q + b <= a) return 1.0;
   const double root = std::sqrt(std::max(0.0, b * b + 4.0 * q * a));
   const double s = b <= 0.0 ? (root - b) / (2.0 * q) : 2.0 * a / (root + b);
@@ -127,8 +127,9 @@ inline double share(double q, double b, double a) noexcept {
 /// force does no work and stays. Arrears are repaid out of the power that comes in, at no more than a damping of max_gain
 /// would. The force is never larger than wanted.
 template <int N>
-Corrected<Force<N>> passivate_yielding(const Force<N>& wanted, const Foreseen<N>& handle, Energy available,
-                                       const ControllerOptions& options, Seconds dt) noexcept {
+[[gnu::always_inline]] inline Corrected<Force<N>> passivate_yielding(const Force<N>& wanted, const Foreseen<N>& handle,
+                                                                     Energy available, const ControllerOptions& options,
+                                                                     Seconds dt) noexcept {
   const auto& f = wanted.vec();
   const double arrears = std::max(0.0, -available.si());
   if (f.squaredNorm() == 0.0)
@@ -165,8 +166,9 @@ struct Yielded {
 /// Outflow is bounded exactly: f·v T <= A. Where nothing is available f·v = 0: the coupling slides along the force's
 /// normal plane or goes slack. Real time: two dot products, one square root; no allocation, no throw.
 template <int N>
-Yielded<N> yield(const Force<N>& f_d, const Velocity<N>& v_d, const typename Force<N>::Vector& compliance,
-                 Energy available, Seconds dt) noexcept {
+[[gnu::always_inline]] inline Yielded<N> yield(const Force<N>& f_d, const Velocity<N>& v_d,
+                                               const typename Force<N>::Vector& compliance, Energy available,
+                                               Seconds dt) noexcept {
   const double a = std::max(available.si(), 0.0) / dt.si();
   const double p = f_d.vec().dot(v_d.vec());
   if (p <= a) return {f_d, v_d, Energy{}};

@@ -46,7 +46,7 @@ class Handle {
   }
 
   /// `moved` since the last step, while `applied` was held.
-  void step(const Displacement<N>& moved, const Force<N>& applied, Seconds dt) noexcept {
+  [[gnu::always_inline]] void step(const Displacement<N>& moved, const Force<N>& applied, Seconds dt) noexcept {
     const Vector c = 0.5 * dt.si() * mobility_;
     const Vector expected = u_ + d_ - c.cwiseProduct(applied_ + applied.vec());
     const Vector e = moved.vec() / dt.si() - expected;

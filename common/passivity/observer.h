@@ -17,8 +17,8 @@ namespace twoport {
 class Ledger {
  public:
   void book(Energy into) noexcept {
-    absorbed_ += positive_part(into);
-    returned_ += positive_part(-into);
+    if (into.si() > 0.0) absorbed_ += into;
+    if (into.si() < 0.0) returned_ -= into;
   }
   [[nodiscard]] Energy absorbed() const noexcept { return absorbed_; }
   [[nodiscard]] Energy returned() const noexcept { return returned_; }

@@ -21,6 +21,11 @@ struct Health {
   return mode;
 }
 
+/// Does a change from `was` to `mode` begin a coupling? Coming back from holding goes on with the one there is.
+[[nodiscard]] constexpr bool begins(Mode was, Mode mode) noexcept {
+  return mode != was && mode == Mode::coupled && was != Mode::holding;
+}
+
 static_assert(next_mode(Mode::idle, {.heard = false, .silent = true, .finite = true}) == Mode::idle);
 static_assert(next_mode(Mode::coupled, {.heard = false, .silent = false, .finite = true}) == Mode::holding);
 static_assert(next_mode(Mode::holding, {.heard = false, .silent = true, .finite = true}) == Mode::released);
