@@ -300,6 +300,18 @@ void check_key(const std::string& key) {
     throw ConfigError{fmt::format("--plot {}: it must be none or one of {}", key, fmt::join(known, ", "))};
 }
 
+std::string run_gnuplot(const std::string& folder, const std::string& name) {
+  const std::string stem = folder + "/" + name;
+  if (!shell("command -v gnuplot > /dev/null 2>&1"))
+    return fmt::format("no picture: gnuplot is not installed (apt-get install gnuplot-nox); it would be given {}.gp",
+                       stem);
+  if (!shell(fmt::format("cd {} && gnuplot {} > {} 2>&1", shell_word(folder), shell_word(name + ".gp"),
+                         shell_word(name + ".log"))))
+    return fmt::format("no picture: gnuplot failed, {}.log says why", stem);
+  std::remove((stem + ".log").c_str());
+  return fmt::format("{0}.png, {0}.svg", stem);
+}
+
 std::string draw(const Table& table, const std::string& key, const std::string& folder,
                  const std::vector<Line>& lines) {
   if (table.axes.size() > 3) return fmt::format("no picture: {} axes, and one shows at most three", table.axes.size());
@@ -312,14 +324,7 @@ std::string draw(const Table& table, const std::string& key, const std::string& 
   write_whole(stem + ".dat", data(p));
   write_whole(stem + ".gp", pages(p, table.axes.size() == 3 ? &table.axes[2] : nullptr, key + ".dat"));
 
-  if (!shell("command -v gnuplot > /dev/null 2>&1"))
-    return fmt::format("no picture: gnuplot is not installed (apt-get install gnuplot-nox); it would be given {}.gp",
-                       stem);
-  if (!shell(fmt::format("cd {} && gnuplot {} > {} 2>&1", shell_word(folder), shell_word(key + ".gp"),
-                         shell_word(key + ".log"))))
-    return fmt::format("no picture: gnuplot failed, {}.log says why", stem);
-  std::remove((stem + ".log").c_str());
-  return fmt::format("{0}.png, {0}.svg", stem);
+  return run_gnuplot(folder, key);
 }
 
 }  // namespace twoport::lab

@@ -22,6 +22,9 @@ struct Line {
 std::string draw(const Table& table, const std::string& key, const std::string& folder,
                  const std::vector<Line>& lines = {});
 
+/// Runs FOLDER/STEM.gp. One sentence: the pictures' names, or why there are none.
+std::string run_gnuplot(const std::string& folder, const std::string& stem);
+
 /// Throws ConfigError, naming what there is, unless a summary has this number.
 void check_key(const std::string& key);
 

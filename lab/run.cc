@@ -23,7 +23,8 @@ Packets packets(const PacketCounts& sender, const PacketCounts& receiver) {
 template <int N, class Simulation>
 Summary run_as(const Scene& scene, const std::string& trace_path) {
   Simulation simulation{scene};
-  Metrics<N> metrics{scene.master_rate_hz, scene.duration_s, simulation.quiet_from_s(),
+  const bool alone = scene.control.architecture == Architecture::uncontrolled;
+  Metrics<N> metrics{alone ? scene.slave_rate_hz : scene.master_rate_hz, scene.duration_s, simulation.quiet_from_s(),
                      simulation.initial_energy().si()};
   std::optional<Trace<N>> trace;
   if (!trace_path.empty()) trace.emplace(trace_path);
@@ -54,9 +55,11 @@ Summary run_as(const Scene& scene, const std::string& trace_path) {
 
 template <int N>
 Summary run_size(const Scene& scene, const std::string& trace_path) {
-  return scene.control.architecture == Architecture::render
-             ? run_as<N, RenderSimulation<N>>(scene, trace_path)
-             : run_as<N, LinkSimulation<N>>(scene, trace_path);
+  switch (scene.control.architecture) {
+    case Architecture::render: return run_as<N, RenderSimulation<N>>(scene, trace_path);
+    case Architecture::uncontrolled: return run_as<N, BodySimulation<N>>(scene, trace_path);
+    default: return run_as<N, LinkSimulation<N>>(scene, trace_path);
+  }
 }
 
 }  // namespace

@@ -8,7 +8,11 @@
 #include <string>
 
 #include "common/base/check.h"
+#include "common/scene/load.h"
+#include "common/scene/summary.h"
 #include "lab/boundary.h"
+#include "lab/cells.h"
+#include "lab/chart.h"
 #include "lab/parallel.h"
 #include "lab/plot.h"
 #include "lab/sweep.h"
@@ -21,6 +25,8 @@ struct Arguments {
   BoundaryOptions boundary;
   SweepOptions sweep;
   ZWidthOptions z_width;
+  ChartOptions chart;
+  double for_error = 0.0;
   std::string interval, shard, plot = "stable";
   std::vector<std::string> axes, parts;
   int jobs = all_cores();
@@ -91,6 +97,27 @@ int zwidth_command(Arguments& a) {
   return 0;
 }
 
+int chart_command(Arguments& a) {
+  static const bool watched = ::isatty(STDERR_FILENO) == 1;
+  const Chart c = chart(a.chart, {}, [](const std::string& what) {
+    if (watched) fmt::print(stderr, "\r{}\033[K", what);
+  });
+  if (watched) fmt::print(stderr, "\r\033[K");
+  std::fputs(to_text(c).c_str(), stdout);
+  if (!a.sweep.out.empty()) {
+    make_folder(a.sweep.out);
+    write_whole(a.sweep.out + "/chart.csv", to_csv(c));
+    fmt::print("{}\n", draw(c, load_scene(a.chart.scene, a.chart.set).name, a.sweep.out));
+  }
+  if (a.for_error > 0.0) {
+    const Point* best = cheapest(c.points, a.for_error);
+    if (best == nullptr) throw ConfigError{fmt::format("--for-error {}: no point comes that near", a.for_error)};
+    fmt::print("for {} m: {}, {:.4g} ns a tick, {:.2g} m\n", a.for_error, best->name, best->ns_per_tick,
+               best->error.position_rms_m);
+  }
+  return 0;
+}
+
 int merge_command(Arguments& a) {
   check_picture(a);
   finish(merge(a.parts, a.sweep.out), a);
@@ -155,8 +182,24 @@ std::vector<Subcommand> add_search_commands(CLI::App& app) {
   zwidth->add_option("--jobs", a->jobs, "Threads")->capture_default_str();
   zwidth->add_option("--out", a->z_width.out, "Folder for table.csv, the map, and the cells finished so far");
 
+  CLI::App* chart = app.add_subcommand("chart", "What each way to step a scene costs, against how far off it is");
+  chart->add_option("scene", a->chart.scene, "Scene file (.textproto)")->required();
+  add_list(chart, "--vary", a->chart.vary, "PATH=a,b,c; integrators and substeps unless given");
+  add_list(chart, "--set", a->chart.set, set);
+  chart->add_option("--boundary", a->chart.boundary, "PATH=LO:HI: also where each point changes the verdict");
+  chart->add_option("--for-error", a->for_error, "Recommend the cheapest with a position error up to this [m]")
+      ->check(CLI::PositiveNumber);
+  chart->add_option("--repetitions", a->chart.repetitions, "Timed rounds; the median counts")
+      ->check(CLI::Range(1, 1000))
+      ->capture_default_str();
+  chart->add_option("--reference-substeps", a->chart.reference_substeps, "Of the reference, Runge-Kutta 4")
+      ->check(CLI::Range(2, 10000))
+      ->capture_default_str();
+  chart->add_option("--out", a->sweep.out, "Folder for chart.csv and the picture");
+
   return {{boundary, [a] { return boundary_command(*a); }},
           {sweep, [a] { return sweep_command(*a); }},
+          {chart, [a] { return chart_command(*a); }},
           {zwidth, [a] { return zwidth_command(*a); }},
           {merge, [a] { return merge_command(*a); }}};
 }

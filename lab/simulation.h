@@ -78,6 +78,9 @@ class LinkSimulation {
   }
 
   /// E(0): what the scene grants both ledgers, and what environment and robot hold at the start [J].
+  std::uint64_t run_silently() {
+    return run([](const Row<N>&) { return true; });
+  }
   [[nodiscard]] Energy initial_energy() const { return initial_energy_; }
   [[nodiscard]] double quiet_from_s() const { return device_.path().end_s(); }
   [[nodiscard]] const PacketCounts& master_packets() const { return master_mail_.counts(); }
@@ -183,6 +186,9 @@ class RenderSimulation {
     return static_cast<std::uint64_t>(k);
   }
 
+  std::uint64_t run_silently() {
+    return run([](const Row<N>&) { return true; });
+  }
   [[nodiscard]] Energy initial_energy() const { return initial_energy_; }
   [[nodiscard]] double quiet_from_s() const { return device_.path().end_s(); }
 
@@ -193,6 +199,45 @@ class RenderSimulation {
   sim::Environment<N> environment_;
   RenderNode<N> node_;
   Energy initial_energy_;
+};
+
+/// A robot alone in its environment, in virtual time: nobody acts on it.
+template <int N>
+class BodySimulation {
+ public:
+  explicit BodySimulation(const Scene& scene)
+      : rate_hz_{scene.slave_rate_hz},
+        end_{to_duration(scene.duration_s)},
+        robot_{scene, Seconds{1.0 / scene.slave_rate_hz}} {}
+
+  template <class Visit>
+  std::uint64_t run(Visit visit) {
+    std::int64_t k = 0;
+    for (Duration now{0}; now < end_; now = tick_time(++k, rate_hz_)) {
+      if (k > 0) robot_.advance();
+      if (!visit(Row<N>{.t_s = to_seconds(now).si(),
+                        .slave_x = robot_.state().x,
+                        .slave_v = robot_.state().v,
+                        .env_f = robot_.environment_force()}))
+        return static_cast<std::uint64_t>(k + 1);
+    }
+    return static_cast<std::uint64_t>(k);
+  }
+
+  /// The same, with nobody looking on.
+  std::uint64_t run_silently() {
+    const auto ticks = static_cast<std::uint64_t>(std::ceil(to_seconds(end_).si() * rate_hz_ - 1e-6));
+    for (std::uint64_t k = 1; k < ticks; ++k) robot_.advance();
+    return ticks;
+  }
+
+  [[nodiscard]] Energy initial_energy() const { return Energy{}; }
+  [[nodiscard]] double quiet_from_s() const { return 0.0; }
+
+ private:
+  double rate_hz_;
+  Duration end_;
+  sim::SimRobot<N> robot_;
 };
 
 }  // namespace twoport::lab

@@ -7,6 +7,7 @@
 #include "common/hardware/device.h"
 #include "common/passivity/observer.h"
 #include "common/scene/scene.h"
+#include "sim/integrators.h"
 #include "sim/linear.h"
 #include "sim/path.h"
 
@@ -35,7 +36,10 @@ class SimDevice final : public Device<N> {
  public:
   /// `dt` is the control period; the handle starts where the device block says.
   SimDevice(const Scene& scene, Seconds dt)
-      : dt_{dt.si()}, path_{scene.human ? scene.human->path : std::vector<SegmentSpec>{}, intent(scene)} {
+      : dt_{dt.si()},
+        simulation_{scene.simulation},
+        as_written_{simulation_.integrator != Integrator::exact && simulation_.integrator != Integrator::exact_per_tick},
+        path_{scene.human ? scene.human->path : std::vector<SegmentSpec>{}, intent(scene)} {
     x_ = start(scene);
     const HandSpec none{};
     const HandSpec& hand = scene.human && scene.human->hand ? *scene.human->hand : none;
@@ -122,7 +126,11 @@ class SimDevice final : public Device<N> {
 
   template <int From, int Count>
   void fill(const Oscillator& o) {
-    const Response r{o, dt_};
+    inverse_mass_.template segment<Count>(From).setConstant(1.0 / o.mass_kg);
+    damping_.template segment<Count>(From).setConstant(o.damping_n_s_per_m);
+    stiffness_.template segment<Count>(From).setConstant(o.stiffness_n_per_m);
+    const Response r = simulation_.integrator == Integrator::trapezoidal ? trapezoidal(o, dt_ / simulation_.substeps)
+                                                                         : Response{o, dt_};
     xv_.template segment<Count>(From).setConstant(r.xv);
     xu_.template segment<Count>(From).setConstant(r.xu);
     xw_.template segment<Count>(From).setConstant(r.xw);
@@ -150,7 +158,11 @@ class SimDevice final : public Device<N> {
     }
     Vector moved = xv_.cwiseProduct(v_) + xu_.cwiseProduct(u) + xw_.cwiseProduct(w);
     Vector v = vv_.cwiseProduct(v_) + vu_.cwiseProduct(u) + vw_.cwiseProduct(w);
-    if (coulomb_n_ != 0.0) rub(u, w, moved, v);
+    if (as_written_) {
+      stepped(u, w, moved, v);
+    } else if (coulomb_n_ != 0.0) {
+      rub(u, w, moved, v);
+    }
     if constexpr (N == 6) {
       // From ∫ω dt to the rotation vector of the interval.
       const Eigen::Vector3d w0 = v_.template tail<3>(), w1 = v.template tail<3>();
@@ -158,6 +170,33 @@ class SimDevice final : public Device<N> {
     }
     x_ = x_ + Displacement<N>{moved};
     v_ = v;
+  }
+
+  /// The step by an integrator as it is usually written; Coulomb friction explicit, smooth below kStictionSpeed.
+  [[gnu::noinline]] void stepped(const Vector& u, const Vector& w, Vector& moved, Vector& v) const noexcept {
+    const double h = dt_ / simulation_.substeps;
+    const auto pushed = [&](double t, const Vector& speed) {
+      Vector load = u + t * w;
+      if (coulomb_n_ > 0.0) {
+        const Axes s = speed.template head<kAxes>();
+        load.template head<kAxes>() -= coulomb_n_ / std::max(s.norm(), kStictionSpeed) * s;
+      }
+      return load;
+    };
+    const auto a = [&](double t, const Vector& q, const Vector& speed) -> Vector {
+      return inverse_mass_.cwiseProduct(pushed(t, speed) - damping_.cwiseProduct(speed) - stiffness_.cwiseProduct(q));
+    };
+    moved.setZero();
+    v = v_;
+    for (int i = 0; i < simulation_.substeps; ++i) {
+      if (simulation_.integrator != Integrator::trapezoidal) {
+        step_by(simulation_.integrator, h, i * h, moved, v, a);
+        continue;
+      }
+      const Vector load = pushed(i * h, v) - stiffness_.cwiseProduct(moved);
+      moved += xv_.cwiseProduct(v) + xu_.cwiseProduct(load) + xw_.cwiseProduct(w);
+      v = vv_.cwiseProduct(v) + vu_.cwiseProduct(load) + vw_.cwiseProduct(w);
+    }
   }
 
   /// The translation's step with Coulomb friction: slide against the velocity until it stops along its
@@ -231,11 +270,13 @@ class SimDevice final : public Device<N> {
 
   using Axes = Eigen::Matrix<double, kAxes, 1>;
   double dt_;
+  SimulationSpec simulation_;
+  bool as_written_;
   Path<N> path_;
   bool imposed_ = false, held_by_hand_ = false, free_ = false;
   bool ideal_ = true;  ///< sensors show the truth
   Oscillator axis_{};
-  Vector hand_k_, hand_b_, xv_, xu_, xw_, vv_, vu_, vw_;
+  Vector inverse_mass_, damping_, stiffness_, hand_k_, hand_b_, xv_, xu_, xw_, vv_, vu_, vw_;
   double coulomb_n_ = 0.0, resolution_ = 0.0, max_force_n_ = std::numeric_limits<double>::infinity(), filter_ = 1.0;
   VelocityEstimate estimate_ = VelocityEstimate::true_velocity;
 

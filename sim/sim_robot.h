@@ -9,6 +9,7 @@
 #include "common/hardware/robot.h"
 #include "common/scene/scene.h"
 #include "sim/environment.h"
+#include "sim/integrators.h"
 #include "sim/linear.h"
 #include "sim/path.h"
 
@@ -82,7 +83,7 @@ class RungeKuttaPlant {
     s = {m.at.x, Velocity<N>{a.v}};
   }
 
- private:
+ protected:
   static constexpr int kCuts = 4;  // contacts that begin or end within one piece, each met on its own
   using Vector = typename Velocity<N>::Vector;
   using Contacts = std::vector<Face>;  // of each contact, the face that carries force
@@ -209,6 +210,53 @@ class RungeKuttaPlant {
   Contacts any_, touched_, after_, trial_;
 };
 
+/// The same equation of motion by an integrator as it is usually written, in equal steps, contacts met where a step finds
+/// them. N = 6 steps momenta and attitude: symplectic Euler and Verlet as kick and drift.
+template <int N>
+class SteppedPlant : RungeKuttaPlant<N> {
+ public:
+  SteppedPlant(const RobotSpec& robot, const Environment<N>& environment, double dt, const SimulationSpec& simulation)
+      : RungeKuttaPlant<N>{robot, environment, dt},
+        method_{simulation.integrator},
+        substeps_{simulation.substeps},
+        h_{dt / simulation.substeps} {}
+
+  [[gnu::noinline]] void advance(BodyState<N>& s, const Force<N>& f) noexcept {
+    if constexpr (N == 6) {
+      Motion m = this->motion(s);
+      for (int i = 0; i < substeps_; ++i) m = one(m, f);
+      s = {m.at.x, this->velocity(m)};
+    } else {
+      Vector q = s.x.translation(), v = s.v.vec();
+      const auto a = [&](double, const Vector& at, const Vector& speed) {
+        return this->slope_among({Position<N>{at}, speed}, f, this->any_).p;
+      };
+      for (int i = 0; i < substeps_; ++i) step_by(method_, h_, 0.0, q, v, a);
+      s = {Position<N>{q}, Velocity<N>{v}};
+    }
+  }
+
+ private:
+  using typename RungeKuttaPlant<N>::Motion;
+  using typename RungeKuttaPlant<N>::Vector;
+
+  Motion one(const Motion& m, const Force<N>& f) const noexcept {
+    const auto slope = [&](const Motion& at) { return this->slope_among(at, f, this->any_); };
+    const auto drift = [&](const Motion& at) {
+      return Motion{at.at.x + Displacement<N>{h_ * this->velocity(at).vec()}, at.p};
+    };
+    if (method_ == Integrator::rk4) return this->step(m, slope(m), f, this->any_, h_);
+    const double kick = method_ == Integrator::symplectic_euler ? h_ : 0.5 * h_;
+    Motion next = drift({m.at, m.p + kick * slope(m).p});
+    if (method_ == Integrator::velocity_verlet) next.p += kick * slope(next).p;
+    return next;
+  }
+
+  Integrator method_;
+  int substeps_;
+  double h_;
+};
+
 /// Mass on springs and at most one frictionless or viscous wall: linear on either side of the wall, so each tick is one
 /// exact affine map, cut where contact begins or ends. What begins and ends again within a tick, or within half a
 /// radian of an oscillation faster than that, is not seen.
@@ -223,8 +271,10 @@ class ExactPlant {
   }
 
   /// `world` must outlive this.
-  ExactPlant(const RobotSpec& robot, const World<D>& world, double dt, const BodyState<D>& start)
-      : dt_{dt}, world_{&world}, s_{start} {
+  /// Integrator::exact; or exact_per_tick or trapezoidal, which meet contacts at the end of a step.
+  ExactPlant(const RobotSpec& robot, const World<D>& world, double dt, const BodyState<D>& start,
+             Integrator method = Integrator::exact)
+      : dt_{dt}, method_{method}, cuts_{method == Integrator::exact}, world_{&world}, s_{start} {
     Oscillator free{robot.mass_kg, robot.damping_n_s_per_m, 0.0};
     for (const auto& s : world.springs) {
       free.damping_n_s_per_m += s.damping_n_s_per_m;
@@ -232,7 +282,7 @@ class ExactPlant {
       pull_ += s.stiffness_n_per_m * s.anchor;
     }
     wall_ = !world.surfaces.empty();
-    region_[0] = Region{free, free, 0.0, wall_ ? span(free) : dt};
+    region_[0] = region(free, free, 0.0);
     if (!wall_) return;
     const Surface<D>& w = world.surfaces[0];
     normal_ = w.shape.a;
@@ -243,7 +293,7 @@ class ExactPlant {
     across.stiffness_n_per_m += k_;
     across.damping_n_s_per_m += b_;
     along.damping_n_s_per_m += w.material.viscous_friction_n_s_per_m;
-    region_[1] = Region{across, along, k_ * offset_, span(across)};
+    region_[1] = region(across, along, k_ * offset_);
     n_ = normal(s_);
     in_ = contact(n_);
   }
@@ -254,7 +304,10 @@ class ExactPlant {
     const Region& r = region_[in_];
     const BodyState<D> next = moved(s_, n_, u, r, r.full_across, r.full_along);
     const Normal n = normal(next);
-    if (r.span < dt_ || contact(n) != in_) return advance_in_parts(u);
+    if (r.span < dt_ || contact(n) != in_) {
+      if (cuts_) return advance_in_parts(u);
+      in_ = contact(n);
+    }
     n_ = n;
     return s_ = next;
   }
@@ -277,10 +330,13 @@ class ExactPlant {
     double load;               ///< of the wall along the normal, at the origin
     double span;               ///< longest move
     Response full_across, full_along;
-    Region() = default;
-    Region(const Oscillator& n, const Oscillator& t, double l, double h)
-        : across{n}, along{t}, load{l}, span{h}, full_across{n, h}, full_along{t, h} {}
   };
+  [[nodiscard]] Region region(const Oscillator& across, const Oscillator& along, double load) const noexcept {
+    const double h = cuts_ && wall_ ? span(across) : dt_;
+    const bool exact = method_ != Integrator::trapezoidal;
+    return {across, along, load, h, exact ? Response{across, h} : trapezoidal(across, h),
+            exact ? Response{along, h} : trapezoidal(along, h)};
+  }
   /// What of a state is along the wall's normal.
   struct Normal {
     double x, v;
@@ -352,21 +408,38 @@ class ExactPlant {
     }
   }
 
-  /// When within h the normal motion, started in region `in`, leaves it.
+  /// When within h the normal motion, started in region `in`, leaves it: regula falsi (Illinois) on what contact() asks
+  /// for, until both ends are within 1e-13 h.
   double crossing(bool in, const BodyState<D>& s, const Vector& u, double h) const noexcept {
     const Oscillator& o = region_[in].across;
     const Normal n = normal(s);
     const double load = normal_.dot(u) + region_[in].load - o.stiffness_n_per_m * n.x;
-    double lo = 0.0, hi = h;
-    for (int i = 0; i < 60 && hi - lo > 1e-13 * h; ++i) {
-      const double mid = 0.5 * (lo + hi);
-      const AxisState d = propagate(o, {0, n.v}, load, 0, mid);
-      (contact({n.x + d.x, d.v}) == in ? lo : hi) = mid;
+    const auto pressed = [&](double t) {
+      const AxisState d = propagate(o, {0, n.v}, load, 0, t);
+      const double elastic = k_ * (offset_ - n.x - d.x);
+      return std::min(elastic, elastic - b_ * d.v);
+    };
+    double lo = 0.0, hi = h, at_lo = std::copysign(pressed(lo), in ? 1.0 : -1.0), at_hi = pressed(hi);
+    for (int i = 0, stuck = 0; i < 60 && hi - lo > 1e-13 * h; ++i) {
+      const double secant = hi - at_hi * (hi - lo) / (at_hi - at_lo), inset = 0.4e-13 * h;
+      const double t = std::clamp(std::isfinite(secant) ? secant : 0.5 * (lo + hi), lo + inset, hi - inset);
+      const double at = pressed(t);
+      if ((at > 0.0) == in) {
+        lo = t, at_lo = at;
+        if (stuck < 0) at_hi *= 0.5;
+        stuck = -1;
+      } else {
+        hi = t, at_hi = at;
+        if (stuck > 0) at_lo *= 0.5;
+        stuck = 1;
+      }
     }
     return hi;
   }
 
   double dt_;
+  Integrator method_;
+  bool cuts_;
   const World<D>* world_;
   Vector pull_ = Vector::Zero(), normal_ = Vector::Unit(0);
   double offset_ = 0.0, k_ = 0.0, b_ = 0.0;
@@ -388,10 +461,7 @@ class SimRobot final : public Robot<N> {
       const RobotSpec& spec = *scene.robot;
       state_.x = position<N>(spec.position_m);
       state_.v = Velocity<N>{vector<N>(spec.velocity_m_per_s)};
-      if constexpr (N != 6) {
-        if (ExactPlant<N>::fits(environment_.world())) exact_.emplace(spec, environment_.world(), dt.si(), state_);
-      }
-      if (!exact_) general_.emplace(spec, environment_, dt.si());
+      model(spec, scene.simulation);
       if (spec.force_sensor) {
         noise_ = spec.force_sensor->noise_n;
         bias_ = vector<N>(spec.force_sensor->bias_n);
@@ -406,15 +476,18 @@ class SimRobot final : public Robot<N> {
   [[gnu::always_inline]] void advance() noexcept {
     if (exact_) {
       state_ = exact_->advance(command_.f);
+      for (int i = 1; i < maps_; ++i) state_ = exact_->advance(command_.f);
     } else if (general_) {
       general_->advance(state_, command_.f);
+    } else if (stepped_) {
+      stepped_->advance(state_, command_.f);
     } else {
       state_ = {command_.x_d, command_.v_d};
     }
     touch();
   }
 
-  RobotState<N> sense() noexcept override { return {state_.x, state_.v, sensed_, !exact_ && !general_}; }
+  RobotState<N> sense() noexcept override { return {state_.x, state_.v, sensed_, !exact_ && !general_ && !stepped_}; }
   void actuate(const RobotCommand<N>& command) noexcept override { command_ = command; }
   void release() noexcept override { command_.f = Force<N>{}; }
 
@@ -427,6 +500,21 @@ class SimRobot final : public Robot<N> {
 
  private:
   static constexpr std::uint64_t kSensorStream = 0x5e4501;
+
+  void model(const RobotSpec& spec, const SimulationSpec& simulation) {
+    const Integrator method = simulation.integrator;
+    const bool map = method == Integrator::exact_per_tick || method == Integrator::trapezoidal;
+    if constexpr (N != 6) {
+      maps_ = map ? simulation.substeps : 1;
+      if (map || (method == Integrator::exact && ExactPlant<N>::fits(environment_.world())))
+        return void(exact_.emplace(spec, environment_.world(), dt_.si() / maps_, state_, method));
+    }
+    if (method == Integrator::exact) {
+      general_.emplace(spec, environment_, dt_.si());
+    } else {
+      stepped_.emplace(spec, environment_, dt_.si(), simulation);
+    }
+  }
 
   [[gnu::always_inline]] void touch() noexcept {
     from_environment_ = exact_ ? exact_->environment_force() : environment_.force(state_.x, state_.v);
@@ -456,6 +544,8 @@ class SimRobot final : public Robot<N> {
   BodyState<N> state_;
   std::optional<std::conditional_t<N == 6, Nothing, ExactPlant<N == 6 ? 3 : N>>> exact_;
   std::optional<RungeKuttaPlant<N>> general_;
+  std::optional<SteppedPlant<N>> stepped_;
+  int maps_ = 1;  ///< of `exact_` in a tick
   RobotCommand<N> command_;
   Force<N> from_environment_, sensed_;
   typename Force<N>::Vector bias_ = Force<N>::Vector::Zero();

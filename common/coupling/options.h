@@ -13,6 +13,7 @@ enum class Architecture : std::uint8_t {
   position_force,           ///< the slave's coupling force comes back
   position_measured_force,  ///< the force sensor's force comes back
   position_position,        ///< each side's spring-damper pulls towards the other's position
+  uncontrolled,             ///< no controller: the robot alone in its environment
 };
 
 enum class Accounts : std::uint8_t { total, normal_tangential, per_contact, translation_rotation };

@@ -27,7 +27,10 @@ int live_program(int argc, char** argv, const std::string& name, const std::stri
   app.add_flag("!--no-spin", a.spin, "Sleep to the tick; do not spin the last 50 us");
   try {
     app.parse(argc, argv);
-    return body(load_scene(a.scene, a.set), a);
+    const Scene scene = load_scene(a.scene, a.set);
+    if (scene.control.architecture == Architecture::uncontrolled)
+      throw ConfigError(a.scene + ": control.architecture is UNCONTROLLED, which nobody runs live; use twoport-lab run");
+    return body(scene, a);
   } catch (const CLI::ParseError& e) {
     if (e.get_exit_code() == 0) return app.exit(e);  // --help, --version
     fmt::print(stderr, "{}: {}\n", name, e.what());

@@ -39,7 +39,15 @@ static_assert(same(Architecture::render, schema::Control::RENDER) &&
               same(Architecture::position_force, schema::Control::POSITION_FORCE) &&
               same(Architecture::position_measured_force, schema::Control::POSITION_MEASURED_FORCE) &&
               same(Architecture::position_position, schema::Control::POSITION_POSITION) &&
-              same(Architecture::position_position, schema::Control::Architecture_MAX));
+              same(Architecture::uncontrolled, schema::Control::UNCONTROLLED) &&
+              same(Architecture::uncontrolled, schema::Control::Architecture_MAX));
+static_assert(same(Integrator::exact, schema::Simulation::EXACT) &&
+              same(Integrator::exact_per_tick, schema::Simulation::EXACT_PER_TICK) &&
+              same(Integrator::symplectic_euler, schema::Simulation::SYMPLECTIC_EULER) &&
+              same(Integrator::trapezoidal, schema::Simulation::TRAPEZOIDAL) &&
+              same(Integrator::velocity_verlet, schema::Simulation::VELOCITY_VERLET) &&
+              same(Integrator::rk4, schema::Simulation::RK4) &&
+              same(Integrator::rk4, schema::Simulation::Integrator_MAX));
 static_assert(same(Method::none, schema::Passivity::NONE) && same(Method::classic, schema::Passivity::CLASSIC) &&
               same(Method::force_projected, schema::Passivity::FORCE_PROJECTED) &&
               same(Method::force_projected, schema::Passivity::Method_MAX));
@@ -731,6 +739,36 @@ ExpectSpec expect(const Block& of) {
   return spec;
 }
 
+/// Integrators that are maps of a linear motion need one: a mass on springs and at most one plane wall.
+void check_simulation(const Block& of, const Scene& values) {
+  const Integrator i = values.simulation.integrator;
+  if (i != Integrator::exact_per_tick && i != Integrator::trapezoidal) return;
+  int walls = 0;
+  bool linear = values.dof != 6;
+  for (const EnvironmentSpec& e : values.environment) {
+    const auto* wall = std::get_if<WallSpec>(&e);
+    walls += wall != nullptr;
+    linear = linear && (wall != nullptr ? wall->material.friction == 0.0 : std::holds_alternative<SpringSpec>(e));
+  }
+  if (!linear || walls > 1)
+    of.refuse("integrator", "be another one here: it needs dof 1 or 3, springs and at most one wall without friction");
+}
+
+SimulationSpec simulation(const Block& of) {
+  const int substeps = of.integer("substeps");
+  if (substeps < 1 || substeps > 10'000) of.refuse("substeps", "be 1 to 10000");
+  return {of.choice<Integrator>("integrator"), substeps};
+}
+
+/// A body alone needs one.
+void check_uncontrolled(const Block& scene, const Scene& values) {
+  if (values.control.architecture != Architecture::uncontrolled) return;
+  if (!values.robot) scene.fail("robot is missing; with control.architecture UNCONTROLLED it is all that moves");
+  for (const char* name : {"operator", "device", "to_slave", "to_master"})
+    if (scene.has(name))
+      scene.fail(fmt::format("{} is given, but control.architecture is UNCONTROLLED: only the robot moves", name));
+}
+
 /// Without a link there is neither a far side nor a way to it.
 void check_rendering(const Block& scene, const Scene& values) {
   if (values.control.architecture != Architecture::render) return;
@@ -790,7 +828,10 @@ Scene validated(const schema::Scene& message, const std::string& file) {
   for (const Block& each : of.blocks("environment")) scene.environment.push_back(environment(each));
   scene.tool = tool(of);
   scene.expect = expect(of.block("expect"));
+  scene.simulation = simulation(of.block("simulation"));
+  check_simulation(of.block("simulation"), scene);
   check_rendering(of, scene);
+  check_uncontrolled(of, scene);
   check_handle(of, scene);
   return scene;
 }

@@ -94,6 +94,13 @@ struct SpringSpec {
 };
 using EnvironmentSpec = std::variant<WallSpec, SphereSpec, CylinderSpec, BoxSpec, SpringSpec>;
 
+/// How the simulated world is stepped between two ticks.
+enum class Integrator : std::uint8_t { exact, exact_per_tick, symplectic_euler, trapezoidal, velocity_verlet, rk4 };
+struct SimulationSpec {
+  Integrator integrator = Integrator::exact;
+  int substeps = 1;
+};
+
 struct Bound {
   std::string key;
   double value;
@@ -115,6 +122,7 @@ struct Scene {
   std::optional<RobotSpec> robot;
   std::vector<EnvironmentSpec> environment;
   std::vector<Numbers> tool;  ///< contact points in tool axes; dof 6 only, one at the origin where none is given
+  SimulationSpec simulation;
   ExpectSpec expect;
 
   [[nodiscard]] int axes() const { return dof == 1 ? 1 : 3; }

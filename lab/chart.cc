@@ -1,0 +1,346 @@
+#include "lab/chart.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <chrono>
+#include <cmath>
+#include <limits>
+
+#include "common/base/check.h"
+#include "common/scene/load.h"
+#include "common/scene/summary.h"
+#include "lab/boundary.h"
+#include "lab/plot.h"
+#include "lab/simulation.h"
+
+namespace twoport::lab {
+namespace {
+
+template <int N>
+void put(std::vector<double>& to, const Eigen::Matrix<double, N, 1>& v) {
+  for (int i = 0; i < 3; ++i) to.push_back(i < N ? v[i] : 0.0);
+}
+
+/// The simulation that a scene needs.
+template <int N, class Use>
+auto with_simulation(const Scene& scene, Use use) {
+  switch (scene.control.architecture) {
+    case Architecture::render:
+      return use(RenderSimulation<N>{scene});
+    case Architecture::uncontrolled:
+      return use(BodySimulation<N>{scene});
+    default:
+      return use(LinkSimulation<N>{scene});
+  }
+}
+template <class Use>
+auto with_size(const Scene& scene, Use use) {
+  switch (scene.dof) {
+    case 1:
+      return use.template operator()<1>();
+    case 3:
+      return use.template operator()<3>();
+    default:
+      return use.template operator()<6>();
+  }
+}
+
+Course course(const Scene& scene) {
+  return with_size(scene, [&]<int N>() {
+    return with_simulation<N>(scene, [&](auto simulation) {
+      Course c;
+      constexpr int kAxes = sim::kAxes<N>;
+      simulation.run([&](const Row<N>& row) {
+        c.t_s.push_back(row.t_s);
+        put<kAxes>(c.master_x, row.master_x.translation());
+        put<kAxes>(c.slave_x, row.slave_x.translation());
+        put<kAxes>(c.force, row.env_f.vec().template head<kAxes>());
+        c.energy_j.push_back(row.master_energy_j);
+        return row.master_x.finite() && row.slave_x.finite();
+      });
+      return c;
+    });
+  });
+}
+
+using Clock = std::chrono::steady_clock;
+
+/// One run, without building the scene [s], and its ticks.
+std::pair<double, double> timed(const Scene& scene) {
+  return with_size(scene, [&]<int N>() {
+    return with_simulation<N>(scene, [&](auto simulation) {
+      const auto start = Clock::now();
+      const std::uint64_t ticks = simulation.run_silently();
+      return std::pair{std::chrono::duration<double>(Clock::now() - start).count(), static_cast<double>(ticks)};
+    });
+  });
+}
+
+double median(std::vector<double> v) {
+  std::nth_element(v.begin(), v.begin() + static_cast<std::ptrdiff_t>(v.size() / 2), v.end());
+  return v[v.size() / 2];
+}
+
+struct Candidate {
+  Point point;
+  std::vector<std::string> set;
+  std::optional<Scene> scene;
+  const Peer* peer = nullptr;
+};
+
+/// All combinations, the last axis fastest. The exact integrator has no substeps: one of its combinations is enough.
+std::vector<Candidate> combinations(const ChartOptions& o) {
+  std::vector<Axis> axes;
+  for (const std::string& text : o.vary) axes.push_back(parse_axis(text));
+  if (axes.empty())
+    axes = {parse_axis("simulation.integrator=EXACT,EXACT_PER_TICK,SYMPLECTIC_EULER,TRAPEZOIDAL,VELOCITY_VERLET,RK4"),
+            parse_axis("simulation.substeps=1,2,5,10,30,100")};
+  std::vector<Candidate> all{{}};
+  for (const Axis& axis : axes) {
+    std::vector<Candidate> longer;
+    for (const Candidate& c : all)
+      for (const std::string& value : axis.values) {
+        Candidate next = c;
+        next.set.push_back(axis.path + "=" + value);
+        const std::size_t dot = axis.path.rfind('.');
+        const std::string name = axis.path.substr(dot == std::string::npos ? 0 : dot + 1);
+        if (next.point.group.empty()) next.point.group = value;
+        next.point.name += (next.point.name.empty() ? "" : ", ") + (name == "integrator" ? value : value + " " + name);
+        longer.push_back(next);
+      }
+    all = longer;
+  }
+  const auto idle = [](const Candidate& c) {
+    const auto has = [&](const std::string& text) {
+      return std::find(c.set.begin(), c.set.end(), text) != c.set.end();
+    };
+    const auto substeps = std::find_if(c.set.begin(), c.set.end(),
+                                       [](const std::string& s) { return s.rfind("simulation.substeps=", 0) == 0; });
+    return has("simulation.integrator=EXACT") && substeps != c.set.end() && *substeps != "simulation.substeps=1";
+  };
+  std::erase_if(all, idle);
+  return all;
+}
+
+std::vector<std::string> plus(std::vector<std::string> all, const std::vector<std::string>& more) {
+  all.insert(all.end(), more.begin(), more.end());
+  return all;
+}
+
+}  // namespace
+
+Difference difference(const Course& a, const Course& b) {
+  double position2 = 0.0, force2 = 0.0, force_max = 0.0, energy_max = 0.0, count = 0.0;
+  for (std::size_t i = 0, j = 0; i < a.t_s.size() && j < b.t_s.size();) {
+    const double apart = a.t_s[i] - b.t_s[j];
+    if (std::abs(apart) > 1e-9) {
+      ++(apart < 0.0 ? i : j);
+      continue;
+    }
+    double f2 = 0.0;
+    for (std::size_t k = 0; k < 3; ++k) {
+      const auto off = [&](const std::vector<double>& u, const std::vector<double>& v) {
+        const double d = u[3 * i + k] - v[3 * j + k];
+        return d * d;
+      };
+      position2 += off(a.master_x, b.master_x) + off(a.slave_x, b.slave_x);
+      f2 += off(a.force, b.force);
+    }
+    force2 += f2;
+    force_max = std::max(force_max, std::sqrt(f2));
+    energy_max = std::max(energy_max, std::abs(a.energy_j[i] - b.energy_j[j]));
+    ++count, ++i, ++j;
+  }
+  if (count == 0.0) return {};
+  return {std::sqrt(position2 / count), std::sqrt(force2 / count), force_max, energy_max};
+}
+
+Chart chart(const ChartOptions& o, const std::vector<Peer>& peers,
+            const std::function<void(const std::string&)>& heard) {
+  const auto say = [&](const std::string& text) {
+    if (heard) heard(text);
+  };
+  const Scene written = load_scene(o.scene, o.set);
+  const auto fine = [&](int substeps) {
+    Scene scene = written;
+    scene.simulation = {Integrator::rk4, substeps};
+    say(fmt::format("reference, {} substeps", substeps));
+    return course(scene);
+  };
+  const Course reference = fine(o.reference_substeps);
+  Chart result;
+  result.floor = difference(fine(std::max(1, o.reference_substeps / 2)), reference);
+  result.rate_hz = written.rate_hz;
+
+  std::vector<Candidate> all = combinations(o);
+  for (const Peer& peer : peers) {
+    Candidate& c = all.emplace_back();
+    c.point.name = peer.name;
+    c.point.group = "peers";
+    c.peer = &peer;
+  }
+  for (Candidate& c : all) {
+    say(c.point.name);
+    try {
+      if (c.peer != nullptr) {
+        c.point.error = difference(c.peer->course(), reference);
+        continue;
+      }
+      c.scene = load_scene(o.scene, plus(o.set, c.set));
+      c.point.error = difference(course(*c.scene), reference);
+    } catch (const ConfigError& e) {
+      c.point.impossible = e.what();
+    }
+  }
+  std::erase_if(all, [](const Candidate& c) { return !c.point.impossible.empty() && c.scene.has_value(); });
+
+  // Repetitions in turn, so that what else the machine does meets all alike.
+  std::vector<std::vector<double>> spent(all.size());
+  std::vector<double> ticks(all.size(), written.duration_s * written.rate_hz);
+  for (int r = 0; r < o.repetitions; ++r) {
+    say(fmt::format("timing, round {} of {}", r + 1, o.repetitions));
+    for (std::size_t i = 0; i < all.size(); ++i) {
+      if (!all[i].point.impossible.empty()) continue;
+      double shortest = std::numeric_limits<double>::infinity();
+      for (int again = 0; again < 3; ++again) {
+        double seconds = 0.0;
+        if (all[i].peer != nullptr) {
+          seconds = all[i].peer->seconds();
+        } else {
+          std::tie(seconds, ticks[i]) = timed(*all[i].scene);
+        }
+        shortest = std::min(shortest, seconds);
+      }
+      spent[i].push_back(shortest);
+    }
+  }
+  for (std::size_t i = 0; i < all.size(); ++i) {
+    Candidate& c = all[i];
+    if (!spent[i].empty()) {
+      const double seconds = median(spent[i]);
+      c.point.ns_per_tick = 1e9 * seconds / ticks[i];
+      c.point.cost = seconds / written.duration_s;
+    }
+    if (!o.boundary.empty() && c.scene) {
+      say("boundary of " + c.point.name);
+      try {
+        c.point.boundary =
+            find_boundary({.scene = o.scene, .set = plus(o.set, c.set), .vary = parse_interval(o.boundary)}).stable;
+      } catch (const ConfigError&) {
+        c.point.boundary = std::numeric_limits<double>::infinity();  // no change between the ends
+      }
+    }
+    result.points.push_back(c.point);
+  }
+  if (!o.boundary.empty())
+    result.boundary = find_boundary({.scene = o.scene, .set = o.set, .vary = parse_interval(o.boundary)}).stable;
+  find_front(result.points);
+  return result;
+}
+
+void find_front(std::vector<Point>& points) {
+  for (Point& p : points) {
+    p.dominated_by.clear();
+    if (!p.impossible.empty()) continue;
+    const Point* best = nullptr;
+    for (const Point& q : points) {
+      if (&q == &p || !q.impossible.empty() || q.cost > p.cost || q.error.position_rms_m > p.error.position_rms_m)
+        continue;
+      const bool better = q.cost < p.cost || q.error.position_rms_m < p.error.position_rms_m;
+      if (better && (best == nullptr || q.error.position_rms_m < best->error.position_rms_m)) best = &q;
+    }
+    if (best != nullptr) p.dominated_by = best->name;
+  }
+}
+
+const Point* cheapest(const std::vector<Point>& points, double error_m) {
+  const Point* best = nullptr;
+  for (const Point& p : points)
+    if (p.impossible.empty() && p.error.position_rms_m <= error_m && (best == nullptr || p.cost < best->cost))
+      best = &p;
+  return best;
+}
+
+std::string to_text(const Chart& c) {
+  std::vector<const Point*> sorted;
+  for (const Point& p : c.points)
+    if (p.impossible.empty()) sorted.push_back(&p);
+  std::sort(sorted.begin(), sorted.end(), [](const Point* a, const Point* b) { return a->cost < b->cost; });
+  std::string out = fmt::format("{:<44} {:>10} {:>12} {:>11} {:>11} {:>11}{}\n", "", "ns a tick", "position rms",
+                                "force rms", "force max", "energy max", c.boundary ? "    boundary" : "");
+  for (const Point* p : sorted) {
+    out += fmt::format("{:<44} {:>10.4g} {:>10.2g} m {:>9.2g} N {:>9.2g} N {:>9.2g} J", p->name, p->ns_per_tick,
+                       p->error.position_rms_m, p->error.force_rms_n, p->error.force_max_n, p->error.energy_max_j);
+    if (p->boundary) out += fmt::format(" {:>11.5g}", *p->boundary);
+    out += p->dominated_by.empty() ? "   front\n" : fmt::format("   beaten by {}\n", p->dominated_by);
+  }
+  out += fmt::format("reference: Runge-Kutta 4, uncertain by {:.1g} m, {:.1g} N, {:.1g} J", c.floor.position_rms_m,
+                     c.floor.force_max_n, c.floor.energy_max_j);
+  if (c.boundary) out += fmt::format("; the scene as written changes its verdict at {:.6g}", *c.boundary);
+  out += '\n';
+  for (const Point& p : c.points)
+    if (!p.impossible.empty()) out += fmt::format("not possible: {}: {}\n", p.name, p.impossible);
+  return out;
+}
+
+std::string to_csv(const Chart& c) {
+  std::string out =
+      "name,ns_per_tick,cost_s_per_s,position_rms_m,force_rms_n,force_max_n,energy_max_j,boundary,dominated_by\n";
+  for (const Point& p : c.points)
+    if (p.impossible.empty())
+      out += fmt::format("\"{}\",{},{},{},{},{},{},{},\"{}\"\n", p.name, p.ns_per_tick, p.cost, p.error.position_rms_m,
+                         p.error.force_rms_n, p.error.force_max_n, p.error.energy_max_j,
+                         p.boundary ? fmt::format("{}", *p.boundary) : "", p.dominated_by);
+  return out;
+}
+
+std::string draw(const Chart& c, const std::string& title, const std::string& folder) {
+  std::vector<std::string> groups;
+  for (const Point& p : c.points)
+    if (p.impossible.empty() && std::find(groups.begin(), groups.end(), p.group) == groups.end())
+      groups.push_back(p.group);
+  // What is equal to rounding is drawn at the bottom, not left out.
+  constexpr double kLeast = 1e-17;
+  std::string data;
+  const auto add = [&](const Point& p) {
+    data += fmt::format("{} {} \"{}\"\n", 1e6 * p.cost, std::max(p.error.position_rms_m, kLeast), p.name);
+  };
+  for (const std::string& group : groups) {
+    for (const Point& p : c.points)
+      if (p.impossible.empty() && p.group == group) add(p);
+    data += "\n\n";
+  }
+  std::vector<const Point*> front;
+  for (const Point& p : c.points)
+    if (p.impossible.empty() && p.dominated_by.empty()) front.push_back(&p);
+  std::sort(front.begin(), front.end(), [](const Point* a, const Point* b) { return a->cost < b->cost; });
+  for (const Point* p : front) add(*p);
+
+  constexpr const char* kColours[] = {"#2a788e", "#ca5a32", "#7a5195", "#58a45c", "#d9a441", "#4c72b0", "#8c8c8c"};
+  std::string plot = "plot ";
+  for (std::size_t i = 0; i < groups.size(); ++i)
+    plot += fmt::format("'chart.dat' index {} using 1:2 with points pt {} ps 1.3 lc rgb '{}' title '{}', ", i,
+                        groups[i] == "peers" ? 9 : 7, kColours[i % std::size(kColours)], groups[i]);
+  plot += fmt::format("'chart.dat' index {} using 1:2 with lines lw 1.5 dt 2 lc rgb 'black' title 'front', ",
+                      groups.size());
+  if (c.floor.position_rms_m > 0.0)
+    plot +=
+        fmt::format("{} with lines lc rgb '#a0a0a0' title 'uncertainty of the reference', ", c.floor.position_rms_m);
+  plot += fmt::format("'chart.dat' index {} using 1:2:3 with labels font ',8' left offset 0.8,0.5 notitle\n",
+                      groups.size());
+  const auto page = [&](const char* terminal, const char* ending) {
+    return fmt::format(
+        "set terminal {} size 1000,680 font 'DejaVu Sans,11' background rgb 'white'\nset output 'chart{}'\n"
+        "set termoption noenhanced\nset title '{}'\nset logscale xy\nset format y '%g'\n"
+        "set xlabel 'cost [µs per simulated second]'\nset ylabel 'position error, rms [m]'\n"
+        "set border lc rgb '#505050'\nset tics nomirror out\nset grid lc rgb '#e4e4e4'\nset key outside right top\n"
+        "{}unset output\nreset\n",
+        terminal, ending, title, plot);
+  };
+  write_whole(folder + "/chart.dat", data);
+  write_whole(folder + "/chart.gp", "set encoding utf8\n" + page("pngcairo", ".png") + page("svg", ".svg"));
+  return run_gnuplot(folder, "chart");
+}
+
+}  // namespace twoport::lab
