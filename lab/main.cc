@@ -6,6 +6,7 @@
 
 #include "common/base/check.h"
 #include "common/scene/load.h"
+#include "lab/paper_command.h"
 #include "lab/run.h"
 #include "lab/search_commands.h"
 
@@ -56,7 +57,8 @@ int main(int argc, char** argv) {
   run->add_option("--out", a.out, "Folder for summary.json and trace.csv");
   run->add_option("--trace", a.trace, "none or csv")->check(CLI::IsMember({"none", "csv"}))->capture_default_str();
 
-  const std::vector<lab::Subcommand> search = lab::add_search_commands(app);
+  std::vector<lab::Subcommand> search = lab::add_search_commands(app);
+  search.push_back(lab::add_paper_command(app));
 
   try {
     app.parse(argc, argv);

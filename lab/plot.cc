@@ -264,19 +264,7 @@ std::string pages(const Picture& p, const Axis* third, const std::string& file) 
   const bool one = p.panels.size() == 1;
   const std::size_t width = one ? 900 : 560 * across, height = one ? 620 : 480 * down;
   const std::string body = p.scales.size() == 1 ? curve(p, file) : maps(p, across, third, file);
-  const auto page = [&](const char* terminal, const char* ending) {
-    return fmt::format(
-        "set terminal {} size {},{} font 'DejaVu Sans,{}' background rgb 'white'\n"
-        "set output {}\n"
-        "set termoption noenhanced\n"
-        "set border lc rgb '#505050'\n"
-        "set tics textcolor rgb '#202020' nomirror out\n"
-        "set grid lc rgb '#e4e4e4'\n"
-        "set key top left outside horizontal\n"
-        "{}unset output\nreset\n",
-        terminal, width, height, one ? 11 : 10, literal(p.key + ending), body);
-  };
-  return "set encoding utf8\n" + page("pngcairo", ".png") + page("svg", ".svg");
+  return gnuplot_pages(p.key, width, height, one ? 11 : 10, body);
 }
 
 /// For a shell, which knows no escape within single quotes.
@@ -300,18 +288,6 @@ void check_key(const std::string& key) {
     throw ConfigError{fmt::format("--plot {}: it must be none or one of {}", key, fmt::join(known, ", "))};
 }
 
-std::string run_gnuplot(const std::string& folder, const std::string& name) {
-  const std::string stem = folder + "/" + name;
-  if (!shell("command -v gnuplot > /dev/null 2>&1"))
-    return fmt::format("no picture: gnuplot is not installed (apt-get install gnuplot-nox); it would be given {}.gp",
-                       stem);
-  if (!shell(fmt::format("cd {} && gnuplot {} > {} 2>&1", shell_word(folder), shell_word(name + ".gp"),
-                         shell_word(name + ".log"))))
-    return fmt::format("no picture: gnuplot failed, {}.log says why", stem);
-  std::remove((stem + ".log").c_str());
-  return fmt::format("{0}.png, {0}.svg", stem);
-}
-
 std::string draw(const Table& table, const std::string& key, const std::string& folder,
                  const std::vector<Line>& lines) {
   if (table.axes.size() > 3) return fmt::format("no picture: {} axes, and one shows at most three", table.axes.size());
@@ -323,8 +299,36 @@ std::string draw(const Table& table, const std::string& key, const std::string& 
   const std::string stem = folder + "/" + key;
   write_whole(stem + ".dat", data(p));
   write_whole(stem + ".gp", pages(p, table.axes.size() == 3 ? &table.axes[2] : nullptr, key + ".dat"));
-
   return run_gnuplot(folder, key);
+}
+
+std::string gnuplot_pages(const std::string& name, std::size_t width, std::size_t height, int font_size,
+                          const std::string& body) {
+  const auto page = [&](const char* terminal, const char* ending) {
+    return fmt::format(
+        "set terminal {} size {},{} font 'DejaVu Sans,{}' background rgb 'white'\n"
+        "set output {}\n"
+        "set termoption noenhanced\n"
+        "set border lc rgb '#505050'\n"
+        "set tics textcolor rgb '#202020' nomirror out\n"
+        "set grid lc rgb '#e4e4e4'\n"
+        "set key top left outside horizontal\n"
+        "{}unset output\nreset\n",
+        terminal, width, height, font_size, literal(name + ending), body);
+  };
+  return "set encoding utf8\n" + page("pngcairo", ".png") + page("svg", ".svg");
+}
+
+std::string run_gnuplot(const std::string& folder, const std::string& name) {
+  const std::string stem = folder + "/" + name;
+  if (!shell("command -v gnuplot > /dev/null 2>&1"))
+    return fmt::format("no picture: gnuplot is not installed (apt-get install gnuplot-nox); it would be given {}.gp",
+                       stem);
+  if (!shell(fmt::format("cd {} && gnuplot {} > {} 2>&1", shell_word(folder), shell_word(name + ".gp"),
+                         shell_word(name + ".log"))))
+    return fmt::format("no picture: gnuplot failed, {}.log says why", stem);
+  std::remove((stem + ".log").c_str());
+  return fmt::format("{0}.png, {0}.svg", stem);
 }
 
 }  // namespace twoport::lab

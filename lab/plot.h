@@ -1,5 +1,6 @@
 #pragma once
 
+#include <cstddef>
 #include <string>
 #include <utility>
 #include <vector>
@@ -22,8 +23,12 @@ struct Line {
 std::string draw(const Table& table, const std::string& key, const std::string& folder,
                  const std::vector<Line>& lines = {});
 
-/// Runs FOLDER/STEM.gp. One sentence: the pictures' names, or why there are none.
-std::string run_gnuplot(const std::string& folder, const std::string& stem);
+/// gnuplot's input for the same page twice, NAME.png and NAME.svg, in the style that all pictures share.
+std::string gnuplot_pages(const std::string& name, std::size_t width, std::size_t height, int font_size,
+                          const std::string& body);
+
+/// Runs FOLDER/NAME.gp. Returns one sentence: what was drawn, or why nothing was.
+std::string run_gnuplot(const std::string& folder, const std::string& name);
 
 /// Throws ConfigError, naming what there is, unless a summary has this number.
 void check_key(const std::string& key);

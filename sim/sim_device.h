@@ -39,7 +39,8 @@ class SimDevice final : public Device<N> {
       : dt_{dt.si()},
         simulation_{scene.simulation},
         as_written_{simulation_.integrator != Integrator::exact && simulation_.integrator != Integrator::exact_per_tick},
-        path_{scene.human ? scene.human->path : std::vector<SegmentSpec>{}, intent(scene)} {
+        path_{scene.human ? scene.human->path : std::vector<SegmentSpec>{}, intent(scene),
+              scene.human && scene.human->tremor ? Tremor<N>{*scene.human->tremor, scene.seed} : Tremor<N>{}} {
     x_ = start(scene);
     const HandSpec none{};
     const HandSpec& hand = scene.human && scene.human->hand ? *scene.human->hand : none;

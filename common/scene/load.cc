@@ -493,6 +493,16 @@ SegmentSpec segment(const Block& of) {
     const Block move = of.block("move_to");
     return MoveToSpec{.position_m = pose(move, "position_m"), .duration_s = move.required("duration_s", kSpan)};
   }
+  if (of.has("screw")) {
+    const Block screw = of.block("screw");
+    if (of.dof() == 1) of.fail(fmt::format("{} is given, but dof is 1; a screw needs dof 3 or 6", of.path_of("screw")));
+    return ScrewSpec{.point_m = screw.list("point_m", of.context().point()),
+                     .axis = direction(screw, "axis"),
+                     .angle_rad = screw.number("angle_rad", kFinite),
+                     .travel_m = screw.number("travel_m", kFinite),
+                     .frequency_hz = screw.required("frequency_hz", kPositive),
+                     .duration_s = screw.required("duration_s", kSpan)};
+  }
   if (!of.has("sine")) of.refuse_empty();
   const Block sine = of.block("sine");
   const int axis = sine.integer("axis");
@@ -503,10 +513,20 @@ SegmentSpec segment(const Block& of) {
                   .duration_s = sine.required("duration_s", kSpan)};
 }
 
+TremorSpec tremor(const Block& of) {
+  const TremorSpec spec{.rms_m = of.required("rms_m", kNotNegative),
+                        .low_hz = of.number("low_hz", kNotNegative),
+                        .high_hz = of.number("high_hz", kRate)};
+  if (!(spec.low_hz < spec.high_hz))
+    of.refuse("low_hz", fmt::format("be < {} ({})", of.path_of("high_hz"), spec.high_hz));
+  return spec;
+}
+
 OperatorSpec human(const Block& of) {
   OperatorSpec spec;
   if (of.has("hand")) spec.hand = hand(of.block("hand"));
   for (const Block& each : of.blocks("path")) spec.path.push_back(segment(each));
+  if (of.has("tremor")) spec.tremor = tremor(of.block("tremor"));
   return spec;
 }
 

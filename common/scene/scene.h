@@ -35,10 +35,18 @@ struct SineSpec {
   int axis;
   double amplitude_m, frequency_hz, duration_s;
 };
-using SegmentSpec = std::variant<HoldSpec, MoveToSpec, SineSpec>;
+struct ScrewSpec {
+  Numbers point_m, axis;  ///< axis of unit length
+  double angle_rad, travel_m, frequency_hz, duration_s;
+};
+using SegmentSpec = std::variant<HoldSpec, MoveToSpec, SineSpec, ScrewSpec>;
+struct TremorSpec {
+  double rms_m, low_hz, high_hz;
+};
 struct OperatorSpec {
   std::optional<HandSpec> hand;
   std::vector<SegmentSpec> path;
+  std::optional<TremorSpec> tremor;
 };
 
 enum class VelocityEstimate : std::uint8_t { true_velocity, backward_difference, filtered };

@@ -12,7 +12,7 @@ namespace {
 
 std::vector<std::string> scene_files() {
   std::vector<std::string> files;
-  for (const auto& entry : std::filesystem::directory_iterator{TWOPORT_SCENES})
+  for (const auto& entry : std::filesystem::recursive_directory_iterator{TWOPORT_SCENES})
     if (entry.path().extension() == ".textproto") files.push_back(entry.path().string());
   std::sort(files.begin(), files.end());
   return files;
@@ -40,7 +40,7 @@ TEST_P(Scenario, RunsTheSameTwice) {
 }
 
 INSTANTIATE_TEST_SUITE_P(Scenes, Scenario, testing::ValuesIn(scene_files()), [](const auto& each) {
-  std::string name = std::filesystem::path{each.param}.stem().string();
+  std::string name = std::filesystem::relative(each.param, TWOPORT_SCENES).replace_extension().string();
   for (char& c : name)
     if (std::isalnum(static_cast<unsigned char>(c)) == 0) c = '_';
   return name;

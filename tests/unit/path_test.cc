@@ -3,6 +3,8 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <cstdint>
+#include <limits>
 #include <numbers>
 #include <string>
 #include <type_traits>
@@ -283,6 +285,107 @@ TEST(SineOfAnAttitude, TurnsAboutAWorldAxisThroughWhereItStarts) {
   EXPECT_LT((rotation_vector(crest.x.attitude() * from.conjugate()) - 0.3 * Vector3d::UnitZ()).norm(), kRounding);
   EXPECT_EQ(crest.x.translation(), Vector3d(0.1, 0.2, 0.3));
   EXPECT_NEAR(sample(way, 0.0).v[5], 0.3 * 2 * kPi, kRounding);
+}
+
+// --- screw
+// -----------------------------------------------------------------------------------------------------------------
+
+TEST(Screw, GoesToAndFroAboutAnAxisAndAlongIt) {
+  // A quarter turn to either side about a line along z through (0.1, 0, 0), and 20 mm along it.
+  const Path<3> way{{ScrewSpec{{0.1, 0, 0}, {0, 0, 1}, kPi / 2, 0.02, 0.5, 4.0}}, at(0.15, 0, 0.01)};
+  EXPECT_LT(apart(sample(way, 0.0).x, at(0.15, 0, 0.01)), kRounding);
+  EXPECT_LT(apart(sample(way, 0.5).x, at(0.1, 0.05, 0.03)), kRounding);
+  EXPECT_LT(apart(sample(way, 1.5).x, at(0.1, -0.05, -0.01)), kRounding);
+  EXPECT_LT((sample(way, 0.0).v.vec() - kPi * Vector3d(0, 0.05 * kPi / 2, 0.02)).norm(), kRounding);
+  EXPECT_LT(apart(sample(way, 9.0).x, at(0.15, 0, 0.01)), kRounding);
+}
+
+TEST(Screw, WithoutAnAngleIsASineAlongItsAxis) {
+  const Path<3> screw{{ScrewSpec{{5, 6, 7}, {0, 1, 0}, 0.0, 0.04, 0.5, 4.0}}, at(0.03, 0.01, 0)};
+  const Path<3> sine{{SineSpec{1, 0.04, 0.5, 4.0}}, at(0.03, 0.01, 0)};
+  for (const double t : {0.0, 0.3, 1.1, 3.9}) {
+    EXPECT_LT(apart(sample(screw, t).x, sample(sine, t).x), kRounding);
+    EXPECT_LT((sample(screw, t).v.vec() - sample(sine, t).v.vec()).norm(), kRounding);
+  }
+}
+
+TEST(Screw, TurnsAPoseAlong) {
+  const Quaterniond from{Eigen::AngleAxisd{0.7, Vector3d::UnitX()}};
+  const Vector3d axis = Vector3d{1.0, -2.0, 2.0} / 3.0;
+  const Path<6> way{{ScrewSpec{{0.1, 0, 0}, {1.0 / 3, -2.0 / 3, 2.0 / 3}, 0.4, 0.02, 1.0, 1.0}},
+                    {Vector3d{0.1, 0.2, 0.3}, from}};
+  const double t = 0.05, h = 1e-5;
+  const auto now = sample(way, t);
+  const double share = std::sin(2 * kPi * t);
+  EXPECT_LT((rotation_vector(now.x.attitude() * from.conjugate()) - 0.4 * share * axis).norm(), kRounding);
+  // Central difference: error (2π h)²/6 of the velocity, and rounding 1e-16/h.
+  const Eigen::Matrix<double, 6, 1> difference = (sample(way, t + h).x - sample(way, t - h).x).vec() / (2 * h);
+  EXPECT_LT((now.v.vec() - difference).norm(), 1e-8);
+}
+
+// --- tremor
+// ----------------------------------------------------------------------------------------------------------------
+
+constexpr TremorSpec kShaking{0.15e-3, 2.0, 12.0};
+
+TEST(TremorOfAHand, HasTheRmsAndTheBandThatTheSceneSays) {
+  // Sinusoids of equal size, one in each eighth of the band: rms of the velocity is that of position times their mean
+  // square frequency, which lies between those of the lower and the upper edges of the eighths. Over 1000 s what two
+  // sinusoids closer than 0.1 Hz do to each other's mean stays below 1/(2π 0.1 Hz 1000 s) = 0.2 % of a sum of eight.
+  double lower = 0.0, upper = 0.0;
+  for (int j = 0; j < 8; ++j) {
+    lower += std::pow(2.0 + 1.25 * j, 2) / 8;
+    upper += std::pow(3.25 + 1.25 * j, 2) / 8;
+  }
+  for (const std::uint64_t seed : {1U, 2U, 3U}) {
+    const Tremor<3> tremor{kShaking, seed};
+    Vector3d x2 = Vector3d::Zero(), v2 = x2;
+    constexpr int kSamples = 100'000;
+    for (int k = 0; k < kSamples; ++k) {
+      const auto s = tremor.at(0.01 * k);
+      x2 += s.x.vec().cwiseAbs2() / kSamples;
+      v2 += s.v.vec().cwiseAbs2() / kSamples;
+    }
+    for (int axis = 0; axis < 3; ++axis) {
+      EXPECT_NEAR(std::sqrt(x2[axis]), 0.15e-3, 0.02 * 0.15e-3);
+      const double mean_square_hz = v2[axis] / x2[axis] / (4 * kPi * kPi);
+      EXPECT_GT(mean_square_hz, 0.96 * lower);
+      EXPECT_LT(mean_square_hz, 1.04 * upper);
+    }
+  }
+}
+
+TEST(TremorOfAHand, MovesAsItsVelocitySays) {
+  const Tremor<3> tremor{kShaking, 1};
+  const double h = 1e-5;  // central difference: (2π 12 Hz h)²/6 = 1e-7 of 10 mm/s
+  for (const double t : {0.0, 0.7, 33.3})
+    EXPECT_LT((tremor.at(t).v.vec() - (tremor.at(t + h).x - tremor.at(t - h).x).vec() / (2 * h)).norm(), 1e-8);
+}
+
+TEST(TremorOfAHand, IsDrawnFromTheSeedAlone) {
+  const Tremor<3> one{kShaking, 1}, again{kShaking, 1}, other{kShaking, 2};
+  EXPECT_EQ(one.at(0.4).x.vec(), again.at(0.4).x.vec());
+  EXPECT_GT((one.at(0.4).x.vec() - other.at(0.4).x.vec()).norm(), 1e-6);
+  EXPECT_NE(one.at(0.4).x[0], one.at(0.4).x[1]);
+}
+
+TEST(TremorOfAHand, ShakesThePathAndNeverEnds) {
+  const Segments way{MoveToSpec{{0.1, 0, 0}, 1.0}};
+  const Path<3> steady{way, Position<3>{}}, shaking{way, Position<3>{}, Tremor<3>{kShaking, 1}};
+  for (const double t : {0.0, 0.5, 7.0}) {
+    const auto a = sample(steady, t), b = sample(shaking, t);
+    const auto s = Tremor<3>{kShaking, 1}.at(t);
+    EXPECT_EQ((a.x + s.x).translation(), b.x.translation());
+    EXPECT_EQ((a.v + s.v).vec(), b.v.vec());
+  }
+  EXPECT_EQ(steady.end_s(), 1.0);
+  EXPECT_EQ(shaking.end_s(), std::numeric_limits<double>::infinity());
+}
+
+TEST(TremorOfAHand, LeavesTheAttitudeAlone) {
+  const Tremor<6> tremor{kShaking, 1};
+  EXPECT_GT(tremor.at(0.4).x.vec().head<3>().norm(), 1e-6);
+  EXPECT_EQ(tremor.at(0.4).x.vec().tail<3>(), Vector3d::Zero());
 }
 
 }  // namespace

@@ -76,6 +76,8 @@ operator {
   path { hold { duration_s: 1 } }
   path { move_to { position_m: [0, 0, 0.1, 0, 1, 0, 0] duration_s: 1 } }
   path { sine { axis: 5 amplitude_m: 0.1 frequency_hz: 1 duration_s: 1 } }
+  path { screw { point_m: [0, 0, 1] axis: [0, 0, 1] angle_rad: 0.1 travel_m: 0.1 frequency_hz: 1 duration_s: 1 } }
+  tremor { rms_m: 1e-4 }
 }
 device { mass_kg: 0.1 inertia_kg_m2: 1e-4 rotational_damping_n_m_s_per_rad: 1e-3
          position_m: [0, 0, 0.1, 1, 0, 0, 0] velocity_m_per_s: [0, 0, 0, 0, 0, 1] }
@@ -199,6 +201,25 @@ TEST(Scene, ReadsTheStiffWallOfTheContract) {
   EXPECT_EQ(s.expect.at_least[0].value, -1e-4);
   ASSERT_EQ(s.expect.at_most.size(), 1U);
   EXPECT_EQ(s.expect.at_most[0].key, "force_direction_error_max_deg");
+}
+
+TEST(Scene, ReadsAScrewAndATremor) {
+  const Scene s = scene_of(kStiffWall, {"operator.tremor={rms_m: 1.5e-4}",
+                                        "operator.path[3].screw={point_m: [1, 2, 3] axis: [0, 3, 4] angle_rad: 0.5 "
+                                        "travel_m: 0.03 frequency_hz: 0.5 duration_s: 2}"});
+  EXPECT_FALSE(scene_of(kStiffWall).human->tremor);
+  ASSERT_TRUE(s.human->tremor);
+  EXPECT_EQ(s.human->tremor->rms_m, 1.5e-4);
+  EXPECT_EQ(s.human->tremor->low_hz, 2.0);
+  EXPECT_EQ(s.human->tremor->high_hz, 12.0);
+  const auto& screw = std::get<ScrewSpec>(s.human->path.at(3));
+  EXPECT_EQ(screw.point_m, (Numbers{1, 2, 3}));
+  EXPECT_NEAR(screw.axis[1], 0.6, 1e-15);
+  EXPECT_NEAR(screw.axis[2], 0.8, 1e-15);
+  EXPECT_EQ(screw.angle_rad, 0.5);
+  EXPECT_EQ(screw.travel_m, 0.03);
+  EXPECT_EQ(screw.frequency_hz, 0.5);
+  EXPECT_EQ(screw.duration_s, 2.0);
 }
 
 TEST(Scene, ReadsTheHeldSpringOfTheContract) {
@@ -483,7 +504,7 @@ INSTANTIATE_TEST_SUITE_P(
         Refusal{"dof: 3 duration_s: 1 operator { hand { stiffness_n_per_m: 1 } }", {}, {"operator.hand.mass_kg is 0"}},
         Refusal{kStiffWall,
                 {"operator.path[3]={}"},
-                {"operator.path[3] is empty; it must hold one of hold, move_to, sine"}},
+                {"operator.path[3] is empty; it must hold one of hold, move_to, sine, screw"}},
         Refusal{
             kStiffWall, {"operator.path[2].hold={}"}, {"operator.path[2].hold.duration_s is missing; it must be > 0"}},
         Refusal{kStiffWall,
@@ -496,6 +517,21 @@ INSTANTIATE_TEST_SUITE_P(
         Refusal{kStiffWall,
                 {"operator.path[0].move_to.position_m[1]=inf"},
                 {"operator.path[0].move_to.position_m is [0.03, inf, 0]; it must hold finite numbers"}},
+        Refusal{kStiffWall, {"operator.path[0].screw={}"}, {"operator.path[0].screw.axis is missing"}},
+        Refusal{kStiffWall,
+                {"operator.path[3].screw={axis: [0, 0, 0]}"},
+                {"operator.path[3].screw.axis is [0, 0, 0]; it must not be zero"}},
+        Refusal{kStiffWall,
+                {"operator.path[3].screw={axis: [0, 0, 1] frequency_hz: 0 duration_s: 1}"},
+                {"operator.path[3].screw.frequency_hz is 0; it must be > 0"}},
+        Refusal{"dof: 1 duration_s: 1",
+                {"operator.path[0].screw={axis: [1] frequency_hz: 1 duration_s: 1}"},
+                {"operator.path[0].screw is given, but dof is 1; a screw needs dof 3 or 6"}},
+        Refusal{kStiffWall, {"operator.tremor={}"}, {"operator.tremor.rms_m is missing; it must be >= 0"}},
+        Refusal{kStiffWall, {"operator.tremor.rms_m=-1"}, {"operator.tremor.rms_m is -1; it must be >= 0"}},
+        Refusal{kStiffWall,
+                {"operator.tremor={rms_m: 1e-4 low_hz: 12}"},
+                {"operator.tremor.low_hz is 12; it must be < operator.tremor.high_hz (12)"}},
         Refusal{kStiffWall, {"operator.path[1].sine.axis=3"}, {"operator.path[1].sine.axis is 3; it must be 0 to 2"}},
         Refusal{kStiffWall, {"operator.path[1].sine.axis=-1"}, {"operator.path[1].sine.axis is -1; it must be 0 to 2"}},
         Refusal{kStiffWall, {"operator.path[1].sine={frequency_hz: 1 duration_s: 1}"}, {"sine.amplitude_m is missing"}},

@@ -538,5 +538,19 @@ TEST(TurningHand, ConvergesWithTheSquareOfTheTick) {
   EXPECT_NEAR(work(coarse) / work(fine), 16.0, 3.0);
 }
 
+TEST(HandThatTrembles, IsTheSteadyOneToTheBitWhereThereIsNoTremor) {
+  const std::string path = "path { sine { amplitude_m: 0.02 frequency_hz: 1 duration_s: 1 } } ";
+  auto steady = device<1>(kHand + path + "} " + kDevice + "}"),
+       absent = device<1>(kHand + path + "tremor { rms_m: 0 } } " + kDevice + "}"),
+       shaking = device<1>(kHand + path + "tremor { rms_m: 1.5e-4 } } " + kDevice + "}");
+  for (int k = 0; k < 2000; ++k) {
+    for (auto* d : {&steady, &absent, &shaking}) d->actuate(newton(std::sin(0.01 * k))), d->advance();
+    ASSERT_EQ(x_of(steady), x_of(absent)) << k;
+  }
+  EXPECT_NE(x_of(steady), x_of(shaking));
+  // Below the hand's resonance (56 rad/s here) the handle follows: a few tenths of a millimetre, not more.
+  EXPECT_LT(std::abs(x_of(steady) - x_of(shaking)), 5e-3);
+}
+
 }  // namespace
 }  // namespace twoport::sim
