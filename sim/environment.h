@@ -8,15 +8,13 @@
 
 #include "common/base/vector.h"
 #include "common/scene/scene.h"
+#include "sim/linear.h"
 #include "sim/path.h"
 
 namespace twoport::sim {
 
 template <int N>
 inline constexpr int kAxes = N == 1 ? 1 : 3;
-
-/// Below this sliding speed Coulomb friction falls linearly to zero [m/s].
-inline constexpr double kStictionSpeed = 1e-3;
 
 /// Which side of a shape answers. Only a box has more than one, and is not smooth where they meet.
 using Face = signed char;

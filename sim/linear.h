@@ -5,6 +5,9 @@
 
 namespace twoport::sim {
 
+/// Below this sliding speed Coulomb friction falls linearly to zero [m/s].
+inline constexpr double kStictionSpeed = 1e-3;
+
 /// One axis of a mass with a spring and a damper under a force that is linear in time:
 ///
 ///     m ẍ = u0 + u1 s - c ẋ - k x

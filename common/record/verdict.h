@@ -83,6 +83,7 @@ class Verdict {
   static constexpr std::size_t kWindows = 8;
   static constexpr double kReach = 100.0, kSpeed = 1000.0;
   static constexpr double kStill = 1e-9;  // [m/s]
+  static constexpr double kEven = 1e-5;   // growth per window that is none: a drift at constant speed, to rounding
   struct Judgement {
     bool unstable;
     std::string words;
@@ -105,7 +106,7 @@ class Verdict {
     const bool paid = own && energy_j_ < -0.05 * most_energy_j_ && energy_j_ < 0.0;
     const bool by_itself = quiet_ && !corrected_ && energy_j_ <= energy_at_start_j_;
     const bool tenfold = !corrected_ && last > 10.0 * first && last > 1e-3;
-    if (slope > 5.0 * error && (by_itself || paid || tenfold))
+    if (slope > std::max(5.0 * error, kEven) && (by_itself || paid || tenfold))
       return {true, "growing: activity x" + std::to_string(std::exp(slope)) + " per window" +
                         (quiet_ ? " at rest" : "") + (paid ? ", fed by the network" : "")};
     bool falls = true;

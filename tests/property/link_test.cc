@@ -635,11 +635,11 @@ TEST(RoundTrip, IsTheSumOfBothDelaysWhateverTheOtherSidesClockAndPatience) {
   Duration slave_tick = nanoseconds{1'250'000};
   for (std::int64_t k = 0; k < 1000; ++k) {
     const Known<1>& known = master.collect(at(k));
-    if (known.fresh && known.round_trip >= Duration{0}) {
+    if (known.fresh && known.round_trip() >= Duration{0}) {
       ++measured;
       // Posts of the slave fall on its own ticks of 2.5 of ours: rounded up to ours at arrival.
-      ASSERT_GE(known.round_trip, milliseconds{50});
-      ASSERT_LE(known.round_trip, milliseconds{50} + nanoseconds{500'000});
+      ASSERT_GE(known.round_trip(), milliseconds{50});
+      ASSERT_LE(known.round_trip(), milliseconds{50} + nanoseconds{500'000});
     }
     master.post(Report<1>{}, at(k));
     for (; slave_tick <= at(k + 1); slave_tick += nanoseconds{1'250'000}) {

@@ -436,7 +436,8 @@ TEST(Wrench, IsTheSameWhereverTheWorldsOriginIs) {
     const Vector3d p = source.vector<3>(0.06);
     const Quaterniond q = source.attitude();
     const Velocity<6> v{source.vector<6>(0.3)};
-    const Vector6 here = near.force({p, q}, v).vec(), there = far.force({p + shift, q}, v).vec();
+    const Vector6 here = near.force(Position<6>{p, q}, v).vec(),
+                  there = far.force(Position<6>{p + shift, q}, v).vec();
     EXPECT_LT((here - there).norm(), 1e-10 * (1.0 + here.norm())) << "sample " << i;  // 3 m are rounded to 4e-16
   }
 }

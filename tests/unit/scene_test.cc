@@ -94,6 +94,7 @@ environment { box { center_m: [0, 1, 0] half_size_m: [0.1, 0.2, 0.3] stiffness_n
 environment { spring { stiffness_n_per_m: 10 damping_n_s_per_m: 0.5 anchor_m: [0, 0, 0.1] } }
 environment { wall { normal: [0, 3, 4] stiffness_n_per_m: 100 } }
 tool { contact_point { position_m: [0, 0, 0.05] } contact_point { position_m: [0.01, 0, 0.05] } }
+simulation { integrator: RK4 substeps: 3 }
 expect { at_least { key: "drift_m" value: 0 } at_most { key: "drift_m" value: 1 } }
 )";
 
@@ -201,6 +202,25 @@ TEST(Scene, ReadsTheStiffWallOfTheContract) {
   EXPECT_EQ(s.expect.at_least[0].value, -1e-4);
   ASSERT_EQ(s.expect.at_most.size(), 1U);
   EXPECT_EQ(s.expect.at_most[0].key, "force_direction_error_max_deg");
+}
+
+TEST(Scene, ReadsHowTheWorldIsStepped) {
+  EXPECT_EQ(scene_of(kStiffWall).simulation.integrator, Integrator::exact);
+  const Scene s = scene_of(kStiffWall, {"simulation.integrator=SYMPLECTIC_EULER", "simulation.substeps=10"});
+  EXPECT_EQ(s.simulation.integrator, Integrator::symplectic_euler);
+  EXPECT_EQ(s.simulation.substeps, 10);
+  EXPECT_TRUE(says(complaint(kStiffWall, {"simulation.substeps=0"}), {"simulation.substeps is 0", "1 to 10000"}));
+  EXPECT_EQ(complaint(kStiffWall, {"simulation.integrator=TRAPEZOIDAL"}), "");
+  EXPECT_TRUE(says(complaint(kStiffWall, {"simulation.integrator=TRAPEZOIDAL", "environment[0].wall.friction=0.1"}),
+                   {"simulation.integrator is TRAPEZOIDAL", "one wall without friction"}));
+}
+
+TEST(Scene, OfABodyAloneHasNothingElse) {
+  const std::string body =
+      "dof: 1 duration_s: 1 control { architecture: UNCONTROLLED } environment { spring { stiffness_n_per_m: 1 } }";
+  EXPECT_TRUE(says(complaint(body, {}), {"robot is missing", "UNCONTROLLED"}));
+  EXPECT_EQ(complaint(body, {"robot.mass_kg=1"}), "");
+  EXPECT_TRUE(says(complaint(body, {"robot.mass_kg=1", "device.mass_kg=1"}), {"device is given", "UNCONTROLLED"}));
 }
 
 TEST(Scene, ReadsAScrewAndATremor) {

@@ -190,12 +190,12 @@ TEST(RungeKutta, AgreesWithTheExactPlantOnAWallAndConvergesToIt) {
   ASSERT_TRUE(ExactPlant<1>::fits(e.world()));
   const auto error = [&](int per_ms) {
     const double period = 1e-3 / per_ms;
-    ExactPlant<1> exact{*s.robot, e.world(), period};
+    BodyState<1> y{position<1>(s.robot->position_m), {}};
+    ExactPlant<1> exact{*s.robot, e.world(), period, y};
     RungeKuttaPlant<1> general{*s.robot, e, period};
-    BodyState<1> x{position<1>(s.robot->position_m), {}}, y = x;
     double worst = 0.0;
     for (int k = 0; k < 500 * per_ms; ++k) {
-      exact.advance(x, Force<1>{});
+      const BodyState<1>& x = exact.advance(Force<1>{});
       general.advance(y, Force<1>{});
       worst = std::max(worst, std::abs((x.x - y.x).vec()[0]));
     }

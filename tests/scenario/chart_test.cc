@@ -1,0 +1,103 @@
+#include "lab/chart.h"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+
+#include "common/base/check.h"
+#include "lab/boundary.h"
+#include "lab/oracle.h"
+#include "tests/support/process.h"
+
+namespace twoport::lab {
+namespace {
+
+Point point(const std::string& name, double cost, double error) {
+  Point p;
+  p.name = name;
+  p.cost = cost;
+  p.error.position_rms_m = error;
+  return p;
+}
+
+TEST(Front, HoldsWhatNothingBeats) {
+  std::vector<Point> points{point("cheap", 1, 1e-3), point("same, worse", 1, 2e-3), point("good", 3, 1e-6),
+                            point("dear", 5, 1e-6), point("best", 9, 1e-9)};
+  find_front(points);
+  EXPECT_EQ(points[0].dominated_by, "");
+  EXPECT_EQ(points[1].dominated_by, "cheap");
+  EXPECT_EQ(points[2].dominated_by, "");
+  EXPECT_EQ(points[3].dominated_by, "good");
+  EXPECT_EQ(points[4].dominated_by, "");
+  EXPECT_EQ(cheapest(points, 1e-2)->name, "cheap");
+  EXPECT_EQ(cheapest(points, 1e-5)->name, "good");
+  EXPECT_EQ(cheapest(points, 1e-8)->name, "best");
+  EXPECT_EQ(cheapest(points, 1e-10), nullptr);
+}
+
+TEST(Difference, IsTakenAtTheMomentsThatBothHave) {
+  Course slow, fast;
+  for (int k = 0; k < 10; ++k) {
+    slow.t_s.push_back(2e-3 * k), fast.t_s.push_back(1e-3 * k);
+    for (Course* c : {&slow, &fast}) {
+      const double x = c->t_s.back();
+      c->master_x.insert(c->master_x.end(), {x, 0, 0});
+      c->slave_x.insert(c->slave_x.end(), {0, c == &fast ? 0.5 : 0.0, 0});
+      c->force.insert(c->force.end(), {0, 0, c == &fast && k == 2 ? 3.0 : 0.0});
+      c->energy_j.push_back(0.0);
+    }
+  }
+  const Difference d = difference(slow, fast);
+  EXPECT_NEAR(d.position_rms_m, 0.5, 1e-15);
+  EXPECT_EQ(d.force_max_n, 3.0);
+}
+
+const Point& named(const Chart& c, const std::string& name) {
+  const auto found = std::find_if(c.points.begin(), c.points.end(), [&](const Point& p) { return p.name == name; });
+  EXPECT_NE(found, c.points.end()) << name;
+  return *found;
+}
+
+// Errors of one mass on a wall as measured elsewhere with a reference of 1 us.
+TEST(Chart, OfTheWallHasTheKnownErrors) {
+  const Chart c = chart({.scene = TWOPORT_SCENES "/chart/wall.textproto",
+                         .set = {},
+                         .vary = {"simulation.integrator=EXACT,EXACT_PER_TICK,SYMPLECTIC_EULER,TRAPEZOIDAL,RK4"},
+                         .boundary = {},
+                         .repetitions = 1});
+  EXPECT_LT(c.floor.position_rms_m, 1e-11);
+  EXPECT_LT(named(c, "EXACT").error.position_rms_m, 1e-11);
+  EXPECT_NEAR(named(c, "EXACT_PER_TICK").error.position_rms_m, 4.7e-6, 0.1e-6);
+  EXPECT_NEAR(named(c, "SYMPLECTIC_EULER").error.position_rms_m, 4.9e-5, 0.1e-5);
+  EXPECT_NEAR(named(c, "TRAPEZOIDAL").error.position_rms_m, 9.3e-6, 0.1e-6);
+  EXPECT_NEAR(named(c, "RK4").error.position_rms_m, 4.3e-7, 0.1e-7);
+  for (const Point& p : c.points) EXPECT_GT(p.ns_per_tick, 0.1) << p.name;
+}
+
+// A simulator with this error cannot judge a stability method.
+TEST(Chart, ShowsThatEulerCallsAWallStableThatIsNot) {
+  const double theory = critical_stiffness({.mass_kg = 0.075, .damping_n_s_per_m = 0.5, .period_s = 5e-4});
+  const auto found = [](const std::string& integrator) {
+    return find_boundary({.scene = TWOPORT_SCENES "/held_spring.textproto",
+                          .set = {"duration_s=15", "simulation.integrator=" + integrator},
+                          .vary = {"environment[0].spring.stiffness_n_per_m", 500.0, 4e6}})
+        .stable;
+  };
+  EXPECT_NEAR(found("EXACT"), theory, 1e-3 * theory);
+  EXPECT_GT(found("SYMPLECTIC_EULER"), 500.0 * theory);  // 1.2 MN/m for 2.0 kN/m
+}
+
+TEST(ChartProgram, RecommendsAndRefuses) {
+  const std::string wall = TWOPORT_SCENES "/chart/wall.textproto";
+  const test::Process p = test::finished({TWOPORT_LAB, "chart", wall, "--repetitions", "1", "--for-error", "1e-8",
+                                          "--vary", "simulation.integrator=EXACT,RK4"});
+  EXPECT_NE(p.out().find("for 1e-08 m: EXACT"), std::string::npos) << p.out() << p.err();
+  test::Process none = test::finished({TWOPORT_LAB, "chart", wall, "--repetitions", "1", "--for-error", "1e-12",
+                                       "--vary", "simulation.integrator=RK4"});
+  EXPECT_EQ(none.wait(), test::exited(2));
+  EXPECT_NE(none.err().find("--for-error"), std::string::npos) << none.err();
+}
+
+}  // namespace
+}  // namespace twoport::lab
