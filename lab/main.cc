@@ -9,6 +9,7 @@
 #include "lab/paper_command.h"
 #include "lab/run.h"
 #include "lab/search_commands.h"
+#include "lab/trim_command.h"
 
 namespace {
 
@@ -59,6 +60,7 @@ int main(int argc, char** argv) {
 
   std::vector<lab::Subcommand> search = lab::add_search_commands(app);
   search.push_back(lab::add_paper_command(app));
+  for (lab::Subcommand& each : lab::add_trim_commands(app)) search.push_back(std::move(each));
 
   try {
     app.parse(argc, argv);
