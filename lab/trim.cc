@@ -317,6 +317,10 @@ Scene without(Scene scene, const std::vector<Block>& left_out) {
 Trim trim(const Scene& scene, double tolerance, int repetitions) {
   if (!(tolerance > 0.0 && tolerance < 1.0))
     throw ConfigError{fmt::format("--tolerance is {}; it must be > 0 and < 1", tolerance)};
+  if (scene.control.architecture == Architecture::uncontrolled)
+    throw ConfigError{
+        "control.architecture is UNCONTROLLED; it must be another one: a summary says nothing of a robot "
+        "alone, so every block could be left out"};
   const std::vector<Block> all = blocks(scene);
   std::vector<Scene> variants{scene};
   for (const Block& block : all) variants.push_back(without(scene, {block}));

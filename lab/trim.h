@@ -57,6 +57,7 @@ struct Trim {
 /// Which blocks change the summary of a scene by less than `tolerance`, 0 < tolerance < 1. Every variant makes eight
 /// runs: the scene as it is, and with the seven seeds that follow its own and stiffnesses changed in the twelfth digit,
 /// which tells what scatters from what changes. `repetitions` times, in turn with the whole scene.
+/// Throws ConfigError for another tolerance, and for a robot alone, of which a summary says nothing.
 Trim trim(const Scene& scene, double tolerance, int repetitions);
 std::string to_text(const Trim& trim, double tolerance);
 std::string to_csv(const Trim& trim);

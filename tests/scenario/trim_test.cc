@@ -83,11 +83,11 @@ TEST(Blocks, AreWhatTheSceneModelsInTheOrderOfTheDataFlow) {
   // Nobody holds the handle: its mass stays.
   EXPECT_EQ(names(load_scene(file("held_spring"))),
             (Words{"device.damping_n_s_per_m", "device.velocity_estimate", "environment[0].spring"}));
-  // Where nobody controls, the robot is all there is.
-  EXPECT_EQ(names(parse_scene("dof: 1 duration_s: 1 control { architecture: UNCONTROLLED }"
-                              "robot { mass_kg: 1 damping_n_s_per_m: 1 }",
-                              "alone")),
-            Words{"robot.damping_n_s_per_m"});
+  // Where nobody controls, the robot is all there is, and a summary is silent about it.
+  const Scene alone = parse_scene(
+      "dof: 1 duration_s: 1 control { architecture: UNCONTROLLED } robot { mass_kg: 1 damping_n_s_per_m: 1 }", "alone");
+  EXPECT_EQ(names(alone), Words{"robot.damping_n_s_per_m"});
+  EXPECT_THROW(static_cast<void>(trim(alone, 1e-3, 1)), ConfigError);
 }
 
 TEST(Blocks, LeftOutGiveTheSceneThatNeverHadThem) {
