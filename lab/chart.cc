@@ -329,10 +329,10 @@ std::string draw(const Chart& c, const std::string& title, const std::string& fo
         fmt::format("{} with lines lc rgb '#a0a0a0' title 'uncertainty of the reference', ", c.floor.position_rms_m);
   plot += fmt::format("'chart.dat' index {} using 1:2:3 with labels font ',8' left offset 0.8,0.5 notitle\n",
                       groups.size());
-  const std::string body =
-      fmt::format("set title '{}'\nset logscale xy\nset format y '%g'\nset xlabel 'cost [µs per simulated second]'\n"
-                  "set ylabel 'position error, rms [m]'\nset key outside right top vertical\n{}",
-                  title, plot);
+  const std::string body = fmt::format(
+      "set title '{}'\nset logscale xy\nset format y '%g'\nset xlabel 'cost [µs per simulated second]'\n"
+      "set ylabel 'position error, rms [m]'\nset key outside right top vertical\n{}",
+      title, plot);
   write_whole(folder + "/chart.dat", data);
   write_whole(folder + "/chart.gp", gnuplot_pages("chart", 1000, 680, 11, body));
   return run_gnuplot(folder, "chart");

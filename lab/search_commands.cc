@@ -14,6 +14,7 @@
 #include "lab/cells.h"
 #include "lab/chart.h"
 #include "lab/parallel.h"
+#include "lab/peers/peers.h"
 #include "lab/plot.h"
 #include "lab/sweep.h"
 #include "lab/zwidth.h"
@@ -99,15 +100,19 @@ int zwidth_command(Arguments& a) {
 
 int chart_command(Arguments& a) {
   static const bool watched = ::isatty(STDERR_FILENO) == 1;
-  const Chart c = chart(a.chart, {}, [](const std::string& what) {
+  const Scene scene = load_scene(a.chart.scene, a.chart.set);
+  const std::vector<Peer> peers = peers_for(scene);
+  const Chart c = chart(a.chart, peers, [](const std::string& what) {
     if (watched) fmt::print(stderr, "\r{}\033[K", what);
   });
   if (watched) fmt::print(stderr, "\r\033[K");
   std::fputs(to_text(c).c_str(), stdout);
+  if (peers.empty() && absent_peers().empty()) fmt::print("other engines: not for a scene of this kind\n");
+  if (!absent_peers().empty()) fmt::print("other engines not installed: {}\n", fmt::join(absent_peers(), ", "));
   if (!a.sweep.out.empty()) {
     make_folder(a.sweep.out);
     write_whole(a.sweep.out + "/chart.csv", to_csv(c));
-    fmt::print("{}\n", draw(c, load_scene(a.chart.scene, a.chart.set).name, a.sweep.out));
+    fmt::print("{}\n", draw(c, scene.name, a.sweep.out));
   }
   if (a.for_error > 0.0) {
     const Point* best = cheapest(c.points, a.for_error);

@@ -107,8 +107,7 @@ class RungeKuttaPlant {
     if constexpr (N == 6) {
       const Eigen::Matrix3d& R = m.at.R;
       Vector v;
-      v << m.p.template head<3>() / mass_,
-          R * (R.transpose() * m.p.template tail<3>()).cwiseQuotient(inertia_);
+      v << m.p.template head<3>() / mass_, R * (R.transpose() * m.p.template tail<3>()).cwiseQuotient(inertia_);
       return Velocity<N>{v};
     } else {
       return Velocity<N>{m.p};
@@ -210,8 +209,8 @@ class RungeKuttaPlant {
   Contacts any_, touched_, after_, trial_;
 };
 
-/// The same equation of motion by an integrator as it is usually written, in equal steps, contacts met where a step finds
-/// them. N = 6 steps momenta and attitude: symplectic Euler and Verlet as kick and drift.
+/// The same equation of motion by an integrator as it is usually written, in equal steps, contacts met where a step
+/// finds them. N = 6 steps momenta and attitude: symplectic Euler and Verlet as kick and drift.
 template <int N>
 class SteppedPlant : RungeKuttaPlant<N> {
  public:
@@ -302,14 +301,16 @@ class ExactPlant {
     const Vector u = f.vec() + pull_;
     if (!wall_) return glide(u);
     const Region& r = region_[in_];
-    const BodyState<D> next = moved(s_, n_, u, r, r.full_across, r.full_along);
-    const Normal n = normal(next);
-    if (r.span < dt_ || contact(n) != in_) {
+    const double load = normal_.dot(u) + r.load;
+    const Normal n = r.map(n_, load);
+    const bool in = contact(n);
+    if (r.span < dt_ || in != in_) {
       if (cuts_) return advance_in_parts(u);
-      in_ = contact(n);
+      in_ = in;
     }
+    s_ = moved(s_, n_, n, u, r, r.full_along);
     n_ = n;
-    return s_ = next;
+    return s_;
   }
   [[nodiscard]] const BodyState<D>& state() const noexcept { return s_; }
 
@@ -318,35 +319,45 @@ class ExactPlant {
     const Vector &x = s_.x.translation(), &v = s_.v.vec();
     Vector sum = Vector::Zero();
     ContactForce<D> c;
-    if (in_ && world_->surfaces[0].force({offset_ - n_.x, normal_}, n_.v, v, c)) sum += c.normal + c.tangential;
+    if (in_ && world_->surfaces[0].force({offset_ - n_[0], normal_}, n_[1], v, c)) sum += c.normal + c.tangential;
     for (const auto& s : world_->springs) sum += s.force(x, v);
     return Force<D>{sum};
   }
 
  private:
   using Vector = Eigen::Matrix<double, D, 1>;
+  /// Position and velocity along the wall's normal. One packed vector: stored and loaded whole, from tick to tick.
+  using Normal = Eigen::Vector2d;
+
+  /// Position and velocity after a step, from those before and the load at the origin.
+  struct Map {
+    Eigen::Vector2d x, v, u;
+    Map() = default;
+    Map(const Response& r, const Oscillator& o)
+        : x{1.0 - o.stiffness_n_per_m * r.xu, -o.stiffness_n_per_m * r.vu}, v{r.xv, r.vv}, u{r.xu, r.vu} {}
+    [[gnu::always_inline]] Normal operator()(const Normal& n, double load) const noexcept {
+      return x * n[0] + (v * n[1] + u * load);
+    }
+  };
   struct Region {
     Oscillator across, along;  ///< the wall's normal; any direction across it
     double load;               ///< of the wall along the normal, at the origin
     double span;               ///< longest move
-    Response full_across, full_along;
+    Map map;                   ///< of a span, across
+    Response full_along;
   };
   [[nodiscard]] Region region(const Oscillator& across, const Oscillator& along, double load) const noexcept {
     const double h = cuts_ && wall_ ? span(across) : dt_;
     const bool exact = method_ != Integrator::trapezoidal;
-    return {across, along, load, h, exact ? Response{across, h} : trapezoidal(across, h),
-            exact ? Response{along, h} : trapezoidal(along, h)};
+    const auto response = [&](const Oscillator& o) { return exact ? Response{o, h} : trapezoidal(o, h); };
+    return {across, along, load, h, Map{response(across), across}, response(along)};
   }
-  /// What of a state is along the wall's normal.
-  struct Normal {
-    double x, v;
-  };
   [[nodiscard]] Normal normal(const BodyState<D>& s) const noexcept {
     return {normal_.dot(s.x.translation()), normal_.dot(s.v.vec())};
   }
   [[nodiscard]] bool contact(const Normal& n) const noexcept {
-    const double depth = offset_ - n.x;
-    return depth > 0.0 && k_ * depth - b_ * n.v > 0.0;
+    const double depth = offset_ - n[0];
+    return depth > 0.0 && k_ * depth - b_ * n[1] > 0.0;
   }
   /// A tick, or an equal part of it in which the motion turns by no more than half a radian.
   [[nodiscard]] double span(const Oscillator& o) const noexcept {
@@ -355,7 +366,7 @@ class ExactPlant {
 
   /// A tick without a wall.
   const BodyState<D>& glide(const Vector& u) noexcept {
-    const auto& [across, along, load, span, full_across, full] = region_[0];
+    const auto& [across, along, load, span, map, full] = region_[0];
     const Vector x = s_.x.translation(), v = s_.v.vec();
     const Vector u0 = u - along.stiffness_n_per_m * x;
     s_.x = Position<D>{x + (full.xv * v + full.xu * u0)};
@@ -387,24 +398,23 @@ class ExactPlant {
                                                   double h) const noexcept {
     const Region& r = region_[in];
     const bool whole = h == r.span;
-    const Response across = whole ? r.full_across : Response{r.across, h};
-    const Response along = whole ? r.full_along : (D > 1 ? Response{r.along, h} : across);
-    return moved(s, normal(s), u, r, across, along);
+    const Normal from = normal(s);
+    const Map map = whole ? r.map : Map{Response{r.across, h}, r.across};
+    const Response along = D == 1 || whole ? r.full_along : Response{r.along, h};
+    return moved(s, from, map(from, normal_.dot(u) + r.load), u, r, along);
   }
 
-  /// Split into the wall's normal and the rest; in contact the wall adds k (offset - n·x) to the normal load.
-  [[nodiscard, gnu::always_inline]] BodyState<D> moved(const BodyState<D>& s, const Normal& n, const Vector& u,
-                                                       const Region& r, const Response& across,
+  /// The wall's normal, which has gone on to `to`, and the rest.
+  [[nodiscard, gnu::always_inline]] BodyState<D> moved(const BodyState<D>& s, const Normal& from, const Normal& to,
+                                                       const Vector& u, const Region& r,
                                                        const Response& along) const noexcept {
-    const double u_n = normal_.dot(u), load = u_n + r.load - r.across.stiffness_n_per_m * n.x;
-    const double xn = n.x + across.xv * n.v + across.xu * load, vn = across.vv * n.v + across.vu * load;
     if constexpr (D == 1) {
-      return {Position<D>{xn * normal_}, Velocity<D>{vn * normal_}};
+      return {Position<D>{to[0] * normal_}, Velocity<D>{to[1] * normal_}};
     } else {
-      const Vector xt = s.x.translation() - n.x * normal_, vt = s.v.vec() - n.v * normal_;
-      const Vector ut = u - u_n * normal_ - r.along.stiffness_n_per_m * xt;
-      return {Position<D>{xt + along.xv * vt + along.xu * ut + xn * normal_},
-              Velocity<D>{along.vv * vt + along.vu * ut + vn * normal_}};
+      const Vector xt = s.x.translation() - from[0] * normal_, vt = s.v.vec() - from[1] * normal_;
+      const Vector ut = u - normal_.dot(u) * normal_ - r.along.stiffness_n_per_m * xt;
+      return {Position<D>{xt + along.xv * vt + along.xu * ut + to[0] * normal_},
+              Velocity<D>{along.vv * vt + along.vu * ut + to[1] * normal_}};
     }
   }
 
@@ -413,10 +423,10 @@ class ExactPlant {
   double crossing(bool in, const BodyState<D>& s, const Vector& u, double h) const noexcept {
     const Oscillator& o = region_[in].across;
     const Normal n = normal(s);
-    const double load = normal_.dot(u) + region_[in].load - o.stiffness_n_per_m * n.x;
+    const double load = normal_.dot(u) + region_[in].load - o.stiffness_n_per_m * n[0];
     const auto pressed = [&](double t) {
-      const AxisState d = propagate(o, {0, n.v}, load, 0, t);
-      const double elastic = k_ * (offset_ - n.x - d.x);
+      const AxisState d = propagate(o, {0, n[1]}, load, 0, t);
+      const double elastic = k_ * (offset_ - n[0] - d.x);
       return std::min(elastic, elastic - b_ * d.v);
     };
     double lo = 0.0, hi = h, at_lo = std::copysign(pressed(lo), in ? 1.0 : -1.0), at_hi = pressed(hi);
@@ -447,8 +457,8 @@ class ExactPlant {
   Region region_[2];
 
   BodyState<D> s_;
-  Normal n_{};       ///< of s_
-  bool in_ = false;  ///< contact
+  Normal n_ = Normal::Zero();  ///< of s_
+  bool in_ = false;            ///< contact
 };
 
 /// The slave robot behind its seam: a mass (N = 1, 3) or a rigid body (N = 6) in an environment, with a force sensor.
@@ -466,6 +476,7 @@ class SimRobot final : public Robot<N> {
         noise_ = spec.force_sensor->noise_n;
         bias_ = vector<N>(spec.force_sensor->bias_n);
         delay_.resize(static_cast<std::size_t>(std::lround(spec.force_sensor->latency_s / dt.si())));
+        blurred_ = noise_ > 0.0 || !delay_.empty();
       }
     }
     touch();
@@ -487,7 +498,10 @@ class SimRobot final : public Robot<N> {
     touch();
   }
 
-  RobotState<N> sense() noexcept override { return {state_.x, state_.v, sensed_, !exact_ && !general_ && !stepped_}; }
+  RobotState<N> sense() noexcept override {
+    if (exact_ && !blurred_) return {state_.x, state_.v, Force<N>{bias_ - environment_force().vec()}, false};
+    return {state_.x, state_.v, sensed_, !exact_ && !general_ && !stepped_};
+  }
   void actuate(const RobotCommand<N>& command) noexcept override { command_ = command; }
   void release() noexcept override { command_.f = Force<N>{}; }
 
@@ -495,7 +509,7 @@ class SimRobot final : public Robot<N> {
   /// Coupling force on the robot, held now.
   [[nodiscard]] const Force<N>& held() const { return command_.f; }
   /// True force of the environment on the robot.
-  [[nodiscard]] const Force<N>& environment_force() const { return from_environment_; }
+  [[nodiscard]] Force<N> environment_force() const { return exact_ ? exact_->environment_force() : from_environment_; }
   [[nodiscard]] const Environment<N>& environment() const { return environment_; }
 
  private:
@@ -517,9 +531,10 @@ class SimRobot final : public Robot<N> {
   }
 
   [[gnu::always_inline]] void touch() noexcept {
+    if (exact_ && !blurred_) return;  // told when asked
     from_environment_ = exact_ ? exact_->environment_force() : environment_.force(state_.x, state_.v);
     sensed_ = Force<N>{bias_ - from_environment_.vec()};
-    if (noise_ > 0.0 || !delay_.empty()) blur();
+    if (blurred_) blur();
   }
   /// Noise and latency of the force sensor.
   [[gnu::noinline]] void blur() noexcept {
@@ -550,6 +565,7 @@ class SimRobot final : public Robot<N> {
   Force<N> from_environment_, sensed_;
   typename Force<N>::Vector bias_ = Force<N>::Vector::Zero();
   double noise_ = 0.0;
+  bool blurred_ = false;  ///< by noise or latency
   std::mt19937_64 random_;
   std::normal_distribution<double> normal_;
   std::vector<Force<N>> delay_;
