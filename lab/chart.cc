@@ -6,6 +6,7 @@
 #include <chrono>
 #include <cmath>
 #include <limits>
+#include <set>
 
 #include "common/base/check.h"
 #include "common/scene/load.h"
@@ -177,7 +178,8 @@ Chart chart(const ChartOptions& o, const std::vector<Peer>& peers,
   for (const Peer& peer : peers) {
     Candidate& c = all.emplace_back();
     c.point.name = peer.name;
-    c.point.group = "peers";
+    c.point.group = peer.name;
+    c.point.peer = true;
     c.peer = &peer;
   }
   for (Candidate& c : all) {
@@ -297,9 +299,12 @@ std::string to_csv(const Chart& c) {
 
 std::string draw(const Chart& c, const std::string& title, const std::string& folder) {
   std::vector<std::string> groups;
+  std::set<std::string> others;
   for (const Point& p : c.points)
     if (p.impossible.empty() && std::find(groups.begin(), groups.end(), p.group) == groups.end())
       groups.push_back(p.group);
+  for (const Point& p : c.points)
+    if (p.peer) others.insert(p.group);
   // What is equal to rounding is drawn at the bottom, not left out.
   constexpr double kLeast = 1e-17;
   std::string data;
@@ -317,11 +322,12 @@ std::string draw(const Chart& c, const std::string& title, const std::string& fo
   std::sort(front.begin(), front.end(), [](const Point* a, const Point* b) { return a->cost < b->cost; });
   for (const Point* p : front) add(*p);
 
-  constexpr const char* kColours[] = {"#2a788e", "#ca5a32", "#7a5195", "#58a45c", "#d9a441", "#4c72b0", "#8c8c8c"};
+  constexpr const char* kColours[] = {"#2a788e", "#ca5a32", "#7a5195", "#58a45c", "#d9a441", "#4c72b0",
+                                      "#8c8c8c", "#b55d60", "#5f9e6e", "#857aab", "#c44e52", "#64b5cd"};
   std::string plot = "plot ";
   for (std::size_t i = 0; i < groups.size(); ++i)
     plot += fmt::format("'chart.dat' index {} using 1:2 with points pt {} ps 1.3 lc rgb '{}' title '{}', ", i,
-                        groups[i] == "peers" ? 9 : 7, kColours[i % std::size(kColours)], groups[i]);
+                        others.count(groups[i]) > 0 ? 9 : 7, kColours[i % std::size(kColours)], groups[i]);
   plot += fmt::format("'chart.dat' index {} using 1:2 with lines lw 1.5 dt 2 lc rgb 'black' title 'front', ",
                       groups.size());
   if (c.floor.position_rms_m > 0.0)
@@ -330,7 +336,8 @@ std::string draw(const Chart& c, const std::string& title, const std::string& fo
   plot += fmt::format("'chart.dat' index {} using 1:2:3 with labels font ',8' left offset 0.8,0.5 notitle\n",
                       groups.size());
   const std::string body = fmt::format(
-      "set title '{}'\nset logscale xy\nset format y '%g'\nset xlabel 'cost [µs per simulated second]'\n"
+      "set title '{}'\nset logscale xy\nset offsets graph 0.02, graph 0.25, graph 0.05, graph 0.05\nset format y "
+      "'%g'\nset xlabel 'cost [µs per simulated second]'\n"
       "set ylabel 'position error, rms [m]'\nset key outside right top vertical\n{}",
       title, plot);
   write_whole(folder + "/chart.dat", data);

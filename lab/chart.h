@@ -25,6 +25,7 @@ Difference difference(const Course& a, const Course& b);
 /// One way to step a scene: what it costs and how far off it is.
 struct Point {
   std::string name, group;   ///< the varied values; what it is drawn as
+  bool peer = false;         ///< another engine\'s answer
   double ns_per_tick = 0.0;  ///< median of interleaved repetitions
   double cost = 0.0;         ///< seconds per simulated second
   Difference error{};

@@ -38,7 +38,10 @@ class MuJoCo final : public Engine {
         "</mujoco>",
         b.period_s, plane, b.dof == 1 ? 0.0 : p.x(), p.y(), p.z(), q.w(), q.x(), q.y(), q.z(), b.mass_kg,
         b.inertia_kg_m2, b.inertia_kg_m2, b.inertia_kg_m2,
-        b.dof == 1 ? "<joint type='slide' axis='1 0 0'/>" : "<freejoint/>", geom, contact);
+        b.dof == 1
+            ? "<joint type='slide' axis='1 0 0'/><joint type='slide' axis='0 1 0'/><joint type='slide' axis='0 0 1'/>"
+            : "<freejoint/>",
+        geom, contact);
     const auto files = std::make_unique<mjVFS>();
     mj_defaultVFS(files.get());
     mj_makeEmptyFileVFS(files.get(), "body.xml", static_cast<int>(xml.size()));
