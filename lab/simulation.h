@@ -105,12 +105,12 @@ class LinkSimulation {
     return Energy{e};
   }
 
-  [[gnu::always_inline]] auto master_tick(Duration now, std::int64_t k) noexcept {
+  [[gnu::flatten]] auto master_tick(Duration now, std::int64_t k) noexcept {
     if (k > 0) device_.advance();
     return run_cycle(master_, device_, master_mail_,
                      Tick<MasterClock>{Instant<MasterClock>{now}, master_dt_});
   }
-  [[gnu::always_inline]] void slave_tick(Duration now, std::int64_t k) noexcept {
+  [[gnu::flatten]] void slave_tick(Duration now, std::int64_t k) noexcept {
     if (k > 0) robot_.advance();
     const auto out = run_cycle(slave_, robot_, slave_mail_, Tick<SlaveClock>{Instant<SlaveClock>{now}, slave_dt_});
     dissipated_ += scaling_.to_master(out.dissipated);

@@ -141,7 +141,7 @@ class RungeKuttaPlant {
         m, f, [&](int i) { return among[static_cast<std::size_t>(i)]; }, [](std::size_t, Face) {});
   }
   /// With all that touches, which is told in `touched`.
-  Slope slope(const Motion& m, const Force<N>& f, Contacts& touched) const noexcept {
+  [[gnu::flatten]] Slope slope(const Motion& m, const Force<N>& f, Contacts& touched) const noexcept {
     std::fill(touched.begin(), touched.end(), kNone);
     return slope(
         m, f, [](int) { return kNearest; }, [&](std::size_t i, Face face) { touched[i] = face; });
@@ -160,7 +160,8 @@ class RungeKuttaPlant {
     }
   }
   /// From m, where the slope is a.
-  Motion step(const Motion& m, const Slope& a, const Force<N>& f, const Contacts& among, double h) const noexcept {
+  [[gnu::flatten]] Motion step(const Motion& m, const Slope& a, const Force<N>& f, const Contacts& among,
+                                double h) const noexcept {
     const auto at = [&](const Vector& moved, const Vector& dp) {
       return Motion{m.at.x + Displacement<N>{moved}, m.p + dp};
     };
