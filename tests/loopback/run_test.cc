@@ -32,7 +32,9 @@ void expect_whole_run(const Pair& pair) {
     EXPECT_GE(each.steps() + each.deadline_misses(), 1990u);
     EXPECT_LE(each.steps(), 2000u);
     EXPECT_LE(each.steps(), 2000u);
-    EXPECT_NEAR(each.duration_s(), each.steps() / 1000.0, 1e-9);
+    // Ticks that the loop left out are time, too.
+    EXPECT_GE(each.duration_s(), each.steps() / 1000.0 - 1e-9);
+    EXPECT_LE(each.duration_s(), (each.steps() + each.deadline_misses()) / 1000.0 + 1e-9);
     EXPECT_GT(each.max_force_n(), 0.2);
     if (kept_time({m, s})) {
       EXPECT_GT(each.contact_s(), 0.5);
