@@ -152,11 +152,8 @@ int couple(const Scene& scene, const LiveArguments& arguments, spdlog::logger& l
     return 1;
   }
   add_times(s, loop, clock, stop);
-  s.to_slave.sent = static_cast<std::uint32_t>(mail.counts().sent);
-  s.to_master = packets(0, mail.counts(), mail.transport().counts().rejected);
+  add_link(s, s.to_slave, s.to_master, mail, node.mode());
   s.rtt_ms = percentiles(round_trip, 1e6);
-  s.mode = to_string(node.mode());
-  s.reconnects = static_cast<std::uint32_t>(std::max<std::uint64_t>(mail.transport().pairings(), 1) - 1);
   return conclude(scene, arguments, "master", s, !stop);
 }
 

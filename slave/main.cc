@@ -77,10 +77,7 @@ int run(const Scene& scene, const LiveArguments& arguments) {
     return 1;
   }
   add_times(s, loop, clock, stop);
-  s.to_master.sent = static_cast<std::uint32_t>(mail.counts().sent);
-  s.to_slave = packets(0, mail.counts(), mail.transport().counts().rejected);
-  s.mode = to_string(node.mode());
-  s.reconnects = static_cast<std::uint32_t>(std::max<std::uint64_t>(mail.transport().pairings(), 1) - 1);
+  add_link(s, s.to_master, s.to_slave, mail, node.mode());
   return conclude(scene, arguments, "slave", s, false);
 }
 

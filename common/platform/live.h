@@ -2,11 +2,13 @@
 
 #include <spdlog/logger.h>
 
+#include <algorithm>
 #include <chrono>
 #include <cstdint>
 
 #include "common/platform/program.h"
 #include "common/platform/realtime.h"
+#include "common/runtime/modes.h"
 
 namespace twoport {
 
@@ -38,6 +40,15 @@ inline void add_times(Summary& s, const PeriodicLoop& loop, const StepClock& clo
   s.deadline_misses = static_cast<std::uint32_t>(loop.deadline_misses());
   s.step_ns = clock.mean_ns();
   if (interrupted) s.verdict += "; interrupted";
+}
+
+/// What a live summary says of the link: `out` is the way to the peer, `in` the way back.
+template <class Mail>
+void add_link(Summary& s, Packets& out, Packets& in, Mail& mail, Mode mode) {
+  out.sent = static_cast<std::uint32_t>(mail.counts().sent);
+  in = packets(0, mail.counts(), mail.transport().counts().rejected);
+  s.mode = to_string(mode);
+  s.reconnects = static_cast<std::uint32_t>(std::max<std::uint64_t>(mail.transport().pairings(), 1) - 1);
 }
 
 /// Advances simulated hardware by every tick since the last, those that the loop left out included.
