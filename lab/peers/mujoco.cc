@@ -10,22 +10,25 @@
 namespace twoport::lab {
 namespace {
 
-/// MuJoCo's Euler (semi-implicit). Its contact is a constraint: the acceleration a0 that there would be becomes
-/// a0 + d (k r - a0), with the impedance d and, by a negative solref, k = -solref/d [1/s²]. For d -> 0 that is a spring
-/// of K = m d k; d = 0.01 also takes one per cent off every other force.
+/// MuJoCo's Euler (semi-implicit). Its contact is a constraint on the acceleration, of impedance d, and knows no newtons:
+/// with negative solref = -k, -b, and m' = 1/body_invweight0 (m for a free body, 3 m on one slide: the mean of three axes)
+///
+///     K = k m'/(1 - d),   B = b m'/(1 - d)
+///
+/// d also takes its share off every other force, so it is the least that MuJoCo allows. A friction pyramid has another
+/// stiffness than its edges, so the cone is the elliptic one.
 class MuJoCo final : public Engine {
  public:
   explicit MuJoCo(const EngineBody& b) : b_{b} {
-    constexpr double kImpedance = 0.01;
+    constexpr double kImpedance = 1e-4;
     const Eigen::Vector3d p = b.x.translation();
     const Eigen::Quaterniond& q = b.x.attitude();
     const std::string geom =
         b.dof == 1 ? fmt::format("type='sphere' size='{}' pos='{} 0 0'", kBallRadius, -kBallRadius)
                    : fmt::format("type='box' size='{} {} {}'", b.half_size_m.x(), b.half_size_m.y(), b.half_size_m.z());
     const std::string contact =
-        b.own_contact ? fmt::format("solref='{} {}' solimp='{} {} 0.001' friction='{} 0 0' condim='{}'",
-                                    -b.stiffness_n_per_m / b.mass_kg, std::min(-b.damping_n_s_per_m / b.mass_kg, -1e-9),
-                                    kImpedance, kImpedance, b.friction, b.friction > 0 ? 3 : 1)
+        b.own_contact ? fmt::format("solref='-1 -1' solimp='{} {} 0.001' friction='{} 0 0' condim='{}'", kImpedance,
+                                    kImpedance, b.friction, b.friction > 0 ? 3 : 1)
                       : "contype='0' conaffinity='0'";
     const std::string plane =
         b.own_contact ? fmt::format("<geom type='plane' size='1 1 1' pos='{} {} {}' zaxis='{} {} {}' {}/>",
@@ -33,15 +36,12 @@ class MuJoCo final : public Engine {
                                     b.normal.x(), b.normal.y(), b.normal.z(), contact)
                       : "";
     const std::string xml = fmt::format(
-        "<mujoco><option timestep='{}' gravity='0 0 0' integrator='Euler'/><worldbody>{}<body pos='{} {} {}' "
+        "<mujoco><option timestep='{}' gravity='0 0 0' integrator='Euler' cone='elliptic'/><worldbody>{}<body pos='{} {} {}' "
         "quat='{} {} {} {}'><inertial pos='0 0 0' mass='{}' diaginertia='{} {} {}'/>{}<geom {} {}/></body></worldbody>"
         "</mujoco>",
         b.period_s, plane, b.dof == 1 ? 0.0 : p.x(), p.y(), p.z(), q.w(), q.x(), q.y(), q.z(), b.mass_kg,
         b.inertia_kg_m2, b.inertia_kg_m2, b.inertia_kg_m2,
-        b.dof == 1
-            ? "<joint type='slide' axis='1 0 0'/><joint type='slide' axis='0 1 0'/><joint type='slide' axis='0 0 1'/>"
-            : "<freejoint/>",
-        geom, contact);
+        b.dof == 1 ? "<joint type='slide' axis='1 0 0'/>" : "<freejoint/>", geom, contact);
     const auto files = std::make_unique<mjVFS>();
     mj_defaultVFS(files.get());
     mj_makeEmptyFileVFS(files.get(), "body.xml", static_cast<int>(xml.size()));
@@ -50,6 +50,12 @@ class MuJoCo final : public Engine {
     model_ = mj_loadXML("body.xml", files.get(), error, sizeof error);
     mj_deleteVFS(files.get());
     if (model_ == nullptr) throw ConfigError{fmt::format("MuJoCo: {}", error)};
+    const double scale = (1.0 - kImpedance) * model_->body_invweight0[2];
+    for (int geom_id = 0; b.own_contact && geom_id < model_->ngeom; ++geom_id) {
+      mjtNum* solref = model_->geom_solref + mjNREF * geom_id;
+      solref[0] = -scale * b.stiffness_n_per_m;
+      solref[1] = std::min(-scale * b.damping_n_s_per_m, -1e-9);  // 0 would mean the other format
+    }
     data_ = mj_makeData(model_);
     if (b.dof == 1) {
       data_->qpos[0] = p.x();

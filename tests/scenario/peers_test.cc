@@ -34,6 +34,29 @@ TEST(Peers, PushedByForcesAreOurEulerStep) {
   }
 }
 
+/// Where each engine with its own contact ends, coordinate `axis`.
+template <class Look>
+void at_the_end(const char* name, const std::vector<std::string>& set, std::size_t axis, Look look) {
+  for (const Peer& peer : peers_for(load_scene(fmt::format("{}/chart/{}.textproto", TWOPORT_SCENES, name), set))) {
+    if (peer.name.find("own contact") == std::string::npos) continue;
+    SCOPED_TRACE(peer.name);
+    const Course c = peer.course();
+    look(c.slave_x.at(c.slave_x.size() - 3 + axis));
+  }
+}
+
+// An engine is not handicapped: its own contact is as stiff as the scene's, one wall or four corners.
+TEST(Peers, OwnContactIsAsStiffAsTheScene) {
+  at_the_end("wall", {"duration_s=4"}, 0, [](double x) {
+    const double depth = 300.0 * 0.02 / (300.0 + 5000.0);
+    EXPECT_NEAR(x, depth, 1e-3 * depth);
+  });
+  at_the_end("box_on_plane", {"duration_s=4", "robot.position_m=[0, 0, 0.05]"}, 2, [](double z) {
+    const double spring = 8 * 2.45, depth = spring * 0.55 / (spring + 4 * 20000.0);  // anchored 0.55 m below the centre
+    EXPECT_NEAR(0.05 - z, depth, 1e-3 * depth);
+  });
+}
+
 TEST(Peers, PlayOnlyScenesThatTheyCan) {
   for (const char* name : {"demo", "held_spring", "chart/curved_slide", "chart/bilateral"})
     EXPECT_TRUE(peers_for(load_scene(fmt::format("{}/{}.textproto", TWOPORT_SCENES, name))).empty()) << name;
