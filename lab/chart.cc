@@ -12,6 +12,7 @@
 #include "common/scene/load.h"
 #include "common/scene/summary.h"
 #include "lab/boundary.h"
+#include "lab/mechanical_energy.h"
 #include "lab/plot.h"
 #include "lab/simulation.h"
 
@@ -52,12 +53,15 @@ Course course(const Scene& scene) {
     return with_simulation<N>(scene, [&](auto simulation) {
       Course c;
       constexpr int kAxes = sim::kAxes<N>;
+      const bool alone = scene.control.architecture == Architecture::uncontrolled;
+      const sim::Environment<N> environment{scene};
       simulation.run([&](const Row<N>& row) {
         c.t_s.push_back(row.t_s);
         put<kAxes>(c.master_x, row.master_x.translation());
         put<kAxes>(c.slave_x, row.slave_x.translation());
         put<kAxes>(c.force, row.env_f.vec().template head<kAxes>());
-        c.energy_j.push_back(row.master_energy_j);
+        c.energy_j.push_back(alone ? mechanical_energy(*scene.robot, environment, row.slave_x, row.slave_v)
+                                   : row.master_energy_j);
         return row.master_x.finite() && row.slave_x.finite();
       });
       return c;
@@ -256,10 +260,11 @@ void find_front(std::vector<Point>& points) {
   }
 }
 
-const Point* cheapest(const std::vector<Point>& points, double error_m) {
+const Point* cheapest(const std::vector<Point>& points, double error_m, double floor_m) {
   const Point* best = nullptr;
   for (const Point& p : points)
-    if (p.impossible.empty() && p.error.position_rms_m <= error_m && (best == nullptr || p.cost < best->cost))
+    if (p.impossible.empty() && std::max(p.error.position_rms_m, floor_m) <= error_m &&
+        (best == nullptr || p.cost < best->cost))
       best = &p;
   return best;
 }
@@ -272,8 +277,14 @@ std::string to_text(const Chart& c) {
   std::string out = fmt::format("{:<44} {:>10} {:>12} {:>11} {:>11} {:>11}{}\n", "", "ns a tick", "position rms",
                                 "force rms", "force max", "energy max", c.boundary ? "    boundary" : "");
   for (const Point* p : sorted) {
-    out += fmt::format("{:<44} {:>10.4g} {:>10.2g} m {:>9.2g} N {:>9.2g} N {:>9.2g} J", p->name, p->ns_per_tick,
-                       p->error.position_rms_m, p->error.force_rms_n, p->error.force_max_n, p->error.energy_max_j);
+    // What is below the uncertainty of the reference is known to be no larger.
+    const auto known = [](double error, double floor) {
+      return error < floor ? fmt::format("<{:.1g}", floor) : fmt::format("{:.2g}", error);
+    };
+    const Difference &e = p->error, &f = c.floor;
+    out += fmt::format("{:<44} {:>10.4g} {:>10} m {:>9} N {:>9} N {:>9} J", p->name, p->ns_per_tick,
+                       known(e.position_rms_m, f.position_rms_m), known(e.force_rms_n, f.force_rms_n),
+                       known(e.force_max_n, f.force_max_n), known(e.energy_max_j, f.energy_max_j));
     if (p->boundary) out += fmt::format(" {:>11.5g}", *p->boundary);
     out += p->dominated_by.empty() ? "   front\n" : fmt::format("   beaten by {}\n", p->dominated_by);
   }
@@ -281,8 +292,10 @@ std::string to_text(const Chart& c) {
                      c.floor.force_max_n, c.floor.energy_max_j);
   if (c.boundary) out += fmt::format("; the scene as written changes its verdict at {:.6g}", *c.boundary);
   out += '\n';
+  std::set<std::string> reasons;
   for (const Point& p : c.points)
-    if (!p.impossible.empty()) out += fmt::format("not possible: {}: {}\n", p.name, p.impossible);
+    if (!p.impossible.empty() && reasons.insert(p.impossible).second)
+      out += fmt::format("not possible: {}: {}\n", p.name, p.impossible);
   return out;
 }
 

@@ -13,7 +13,7 @@ namespace twoport::lab {
 struct Course {
   std::vector<double> t_s;
   std::vector<double> master_x, slave_x, force;  ///< three numbers a tick [m], [m], [N] of the environment
-  std::vector<double> energy_j;                  ///< port energy
+  std::vector<double> energy_j;                  ///< at the master port; of a robot alone what it and its environment hold
 };
 
 /// Differences of two courses at the moments that both have, a nanosecond apart at most.
@@ -25,7 +25,7 @@ Difference difference(const Course& a, const Course& b);
 /// One way to step a scene: what it costs and how far off it is.
 struct Point {
   std::string name, group;   ///< the varied values; what it is drawn as
-  bool peer = false;         ///< another engine\'s answer
+  bool peer = false;         ///< another engine's answer
   double ns_per_tick = 0.0;  ///< median of interleaved repetitions
   double cost = 0.0;         ///< seconds per simulated second
   Difference error{};
@@ -64,8 +64,9 @@ Chart chart(const ChartOptions& options, const std::vector<Peer>& peers = {},
 
 /// Fills in dominated_by: front of cost against position error.
 void find_front(std::vector<Point>& points);
-/// Cheapest point with a position error of at most `error_m`; null when there is none.
-const Point* cheapest(const std::vector<Point>& points, double error_m);
+/// Cheapest point with a position error of at most `error_m`; null when there is none. An error below the uncertainty
+/// of the reference, `floor_m`, is known to be no larger than that, and no more.
+const Point* cheapest(const std::vector<Point>& points, double error_m, double floor_m = 0.0);
 
 std::string to_text(const Chart& chart);
 std::string to_csv(const Chart& chart);

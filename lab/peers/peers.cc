@@ -1,10 +1,12 @@
 #include "lab/peers/peers.h"
 
+#include <algorithm>
 #include <chrono>
 #include <cmath>
 #include <memory>
 #include <variant>
 
+#include "lab/mechanical_energy.h"
 #include "lab/peers/engine.h"
 #include "sim/environment.h"
 
@@ -40,6 +42,15 @@ struct Setting {
   Scene pushing;
   double rate_hz;
   int ticks;
+  double stiffness_n_per_m = 0.0, damping_n_s_per_m = 0.0, pull_n = 0.0;  ///< dof 1: of all springs
+
+  /// What is pushed with in one degree of freedom, written out: a peer does not pay for our environment.
+  [[nodiscard]] double push(double x, double v) const {
+    double f = pull_n - stiffness_n_per_m * x - damping_n_s_per_m * v;
+    if (const double depth = body.offset_m + x; !body.own_contact && depth > 0.0)
+      f -= std::max(0.0, body.stiffness_n_per_m * depth + body.damping_n_s_per_m * v);
+    return f;
+  }
 };
 
 std::optional<Setting> setting(const Scene& scene, bool own_contact) {
@@ -83,6 +94,12 @@ std::optional<Setting> setting(const Scene& scene, bool own_contact) {
   } else {
     s.body.x = {{robot.position_m.empty() ? 0.0 : robot.position_m[0], 0, 0}, Eigen::Quaterniond::Identity()};
   }
+  for (const EnvironmentSpec& e : scene.environment)
+    if (const auto* spring = std::get_if<SpringSpec>(&e); spring != nullptr && scene.dof == 1) {
+      s.stiffness_n_per_m += spring->stiffness_n_per_m;
+      s.damping_n_s_per_m += spring->damping_n_s_per_m;
+      s.pull_n += spring->stiffness_n_per_m * (spring->anchor_m.empty() ? 0.0 : spring->anchor_m[0]);
+    }
   if (own_contact)
     std::erase_if(s.pushing.environment, [](const EnvironmentSpec& e) { return std::holds_alternative<WallSpec>(e); });
   return s;
@@ -92,12 +109,9 @@ std::optional<Setting> setting(const Scene& scene, bool own_contact) {
 template <class At>
 void play(Engine& engine, const Setting& s, const At& at) {
   if (s.body.dof == 1) {
-    const sim::Environment<1> pushing{s.pushing};
     for (int k = 0; k < s.ticks; ++k) {
       at(k);
-      const Position<1> x{Position<1>::Vector{engine.position()}};
-      const Velocity<1> v{Velocity<1>::Vector{engine.velocity()}};
-      engine.push(pushing.force(x, v)[0]);
+      engine.push(s.push(engine.position(), engine.velocity()));
       engine.step();
     }
   } else {
@@ -117,29 +131,24 @@ void play(Engine& engine, const Setting& s, const At& at) {
 /// Force as the scene's own contact law has it at the engine's position.
 Course course(Engine& engine, const Setting& s, const Scene& scene) {
   Course c;
-  const auto note = [&](const Eigen::Vector3d& x, const Eigen::Vector3d& f) {
-    c.slave_x.insert(c.slave_x.end(), x.data(), x.data() + 3);
-    c.force.insert(c.force.end(), f.data(), f.data() + 3);
-    c.master_x.insert(c.master_x.end(), 3, 0.0);
-    c.energy_j.push_back(0.0);
-  };
-  const auto each = [&](int k, auto environment) {
+  const auto each = [&](int k, const auto& environment, const auto& x, const auto& v) {
+    const Eigen::VectorXd f = environment.force(x, v).vec();
     c.t_s.push_back(to_seconds(tick_time(k, s.rate_hz)).si());
-    if constexpr (std::is_same_v<decltype(environment), const sim::Environment<1>*>) {
-      const Position<1> x{Position<1>::Vector{engine.position()}};
-      const double f = environment->force(x, Velocity<1>{Velocity<1>::Vector{engine.velocity()}})[0];
-      note({x.translation()[0], 0, 0}, {f, 0, 0});
-    } else {
-      const Position<6> x = engine.pose();
-      note(x.translation(), environment->force(x, engine.twist()).vec().template head<3>());
+    for (int i = 0; i < 3; ++i) {
+      c.slave_x.push_back(i < x.translation().size() ? x.translation()[i] : 0.0);
+      c.force.push_back(i < f.size() ? f[i] : 0.0);
     }
+    c.master_x.insert(c.master_x.end(), 3, 0.0);
+    c.energy_j.push_back(mechanical_energy(*scene.robot, environment, x, v));
   };
   if (s.body.dof == 1) {
     const sim::Environment<1> e{scene};
-    play(engine, s, [&](int k) { each(k, &e); });
+    play(engine, s, [&](int k) {
+      each(k, e, Position<1>{Position<1>::Vector{engine.position()}}, Velocity<1>{Velocity<1>::Vector{engine.velocity()}});
+    });
   } else {
     const sim::Environment<6> e{scene};
-    play(engine, s, [&](int k) { each(k, &e); });
+    play(engine, s, [&](int k) { each(k, e, engine.pose(), engine.twist()); });
   }
   return c;
 }

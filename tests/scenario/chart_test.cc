@@ -34,6 +34,9 @@ TEST(Front, HoldsWhatNothingBeats) {
   EXPECT_EQ(cheapest(points, 1e-5)->name, "good");
   EXPECT_EQ(cheapest(points, 1e-8)->name, "best");
   EXPECT_EQ(cheapest(points, 1e-10), nullptr);
+  // What the reference cannot tell is not promised.
+  EXPECT_EQ(cheapest(points, 1e-8, 1e-8)->name, "best");
+  EXPECT_EQ(cheapest(points, 1e-8, 2e-8), nullptr);
 }
 
 TEST(Difference, IsTakenAtTheMomentsThatBothHave) {
@@ -86,6 +89,31 @@ TEST(Chart, ShowsThatEulerCallsAWallStableThatIsNot) {
   };
   EXPECT_NEAR(found("EXACT"), theory, 1e-3 * theory);
   EXPECT_GT(found("SYMPLECTIC_EULER"), 500.0 * theory);  // 1.2 MN/m for 2.0 kN/m
+}
+
+// With substeps its error falls as theory says, eigenvalue for eigenvalue.
+TEST(Chart, FindsTheStabilityOfEulerSubstepsThatTheoryHas) {
+  for (const int substeps : {2, 10}) {
+    const double theory = critical_stiffness(
+        {.mass_kg = 0.075, .damping_n_s_per_m = 0.5, .period_s = 5e-4, .euler_substeps = substeps});
+    const double found = find_boundary({.scene = TWOPORT_SCENES "/held_spring.textproto",
+                                        .set = {"duration_s=15", "simulation.integrator=SYMPLECTIC_EULER",
+                                                "simulation.substeps=" + std::to_string(substeps)},
+                                        .vary = {"environment[0].spring.stiffness_n_per_m", 500.0, 2e4}})
+                             .stable;
+    EXPECT_NEAR(found, theory, 5e-3 * theory) << substeps;
+  }
+}
+
+// A body alone holds energy, and a contact that meets the wall late makes or loses some.
+TEST(Chart, TellsTheEnergyOfABodyAlone) {
+  const Chart c = chart({.scene = TWOPORT_SCENES "/chart/impact.textproto",
+                         .set = {},
+                         .vary = {"simulation.integrator=EXACT,EXACT_PER_TICK"},
+                         .boundary = {},
+                         .repetitions = 1});
+  EXPECT_LT(named(c, "EXACT").error.energy_max_j, 1e-10);
+  EXPECT_GT(named(c, "EXACT_PER_TICK").error.energy_max_j, 1e-5);  // of 12.5 mJ
 }
 
 TEST(ChartProgram, RecommendsAndRefuses) {
