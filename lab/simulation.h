@@ -227,7 +227,7 @@ class BodySimulation {
   /// The same, with nobody looking on.
   std::uint64_t run_silently() {
     const auto ticks = static_cast<std::uint64_t>(std::ceil(to_seconds(end_).si() * rate_hz_ - 1e-6));
-    for (std::uint64_t k = 1; k < ticks; ++k) robot_.advance();
+    for (std::uint64_t k = 1; k < ticks; ++k) robot_.move();
     return ticks;
   }
 

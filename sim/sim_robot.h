@@ -486,6 +486,11 @@ class SimRobot final : public Robot<N> {
 
   /// Moves the world on by one control period, under the command held since the last actuate.
   [[gnu::always_inline]] void advance() noexcept {
+    move();
+    touch();
+  }
+  /// The same where nobody asks for a force before the next advance: the sensor is not read.
+  [[gnu::always_inline]] void move() noexcept {
     if (exact_) {
       state_ = exact_->advance(command_.f);
       for (int i = 1; i < maps_; ++i) state_ = exact_->advance(command_.f);
@@ -496,7 +501,6 @@ class SimRobot final : public Robot<N> {
     } else {
       state_ = {command_.x_d, command_.v_d};
     }
-    touch();
   }
 
   RobotState<N> sense() noexcept override {

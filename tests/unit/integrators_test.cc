@@ -66,6 +66,20 @@ TEST(Integrator, OfABodyInTheGeneralCaseIsTheShortStepsOfTheExactOne) {
   EXPECT_LT((end<6>(kBody, "EXACT", 1).x - end<6>(kBody, "RK4", 50).x).vec().norm(), 1e-10);
 }
 
+// Force and sensor tell of the state that there is, after every tick.
+TEST(Integrator, TellsTheForceWhereTheBodyIs) {
+  for (const char* integrator : {"EXACT", "SYMPLECTIC_EULER"}) {
+    const std::string set[] = {std::string{"simulation.integrator="} + integrator};
+    SimRobot<3> robot{parse_scene(kSphere, "asked", set), Seconds{1e-3}};
+    for (int k = 0; k < 50; ++k) {
+      const Force<3> now = robot.environment().force(robot.state().x, robot.state().v);
+      EXPECT_EQ(robot.environment_force().vec(), now.vec()) << integrator << ", tick " << k;
+      EXPECT_EQ(robot.sense().f_environment.vec(), (-now).vec()) << integrator << ", tick " << k;
+      robot.advance();
+    }
+  }
+}
+
 // The handle in a hand, on its way: the same four, against its exact map.
 TEST(Integrator, StepsTheHandleToo) {
   const auto at = [](const std::string& integrator, int substeps) {
