@@ -336,7 +336,7 @@ std::string draw(const Chart& c, const std::string& title, const std::string& fo
   for (const Point* p : front) add(*p);
 
   constexpr const char* kColours[] = {"#2a788e", "#ca5a32", "#7a5195", "#58a45c", "#d9a441", "#4c72b0",
-                                      "#8c8c8c", "#b55d60", "#5f9e6e", "#857aab", "#c44e52", "#64b5cd"};
+                                      "#8c8c8c", "#b55d60", "#5f9e6e", "#857aab", "#222222", "#64b5cd"};
   std::string plot = "plot ";
   for (std::size_t i = 0; i < groups.size(); ++i)
     plot += fmt::format("'chart.dat' index {} using 1:2 with points pt {} ps 1.3 lc rgb '{}' title '{}', ", i,

@@ -13,7 +13,7 @@ namespace twoport::lab {
 struct Course {
   std::vector<double> t_s;
   std::vector<double> master_x, slave_x, force;  ///< three numbers a tick [m], [m], [N] of the environment
-  std::vector<double> energy_j;                  ///< at the master port; of a robot alone what it and its environment hold
+  std::vector<double> energy_j;  ///< at the master port; of a robot alone what it and its environment hold
 };
 
 /// Differences of two courses at the moments that both have, a nanosecond apart at most.

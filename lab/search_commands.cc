@@ -118,9 +118,10 @@ int chart_command(Arguments& a) {
   if (a.for_error > 0.0) {
     const Point* best = cheapest(c.points, a.for_error, c.floor.position_rms_m);
     if (best == nullptr)
-      throw ConfigError{fmt::format("--for-error {}: no point is known to come that near; the reference itself is "
-                                    "uncertain by {:.1g} m",
-                                    a.for_error, c.floor.position_rms_m)};
+      throw ConfigError{
+          fmt::format("--for-error {}: no point is known to come that near; the reference itself is "
+                      "uncertain by {:.1g} m",
+                      a.for_error, c.floor.position_rms_m)};
     fmt::print("for {} m: {}, {:.4g} ns a tick, {:.2g} m\n", a.for_error, best->name, best->ns_per_tick,
                std::max(best->error.position_rms_m, c.floor.position_rms_m));
   }

@@ -10,8 +10,9 @@
 namespace twoport::lab {
 namespace {
 
-/// MuJoCo's Euler (semi-implicit). Its contact is a constraint on the acceleration, of impedance d, and knows no newtons:
-/// with negative solref = -k, -b, and m' = 1/body_invweight0 (m for a free body, 3 m on one slide: the mean of three axes)
+/// MuJoCo's Euler (semi-implicit). Its contact is a constraint on the acceleration, of impedance d, and knows no
+/// newtons: with negative solref = -k, -b, and m' = 1/body_invweight0 (m for a free body, 3 m on one slide: the mean of
+/// three axes)
 ///
 ///     K = k m'/(1 - d),   B = b m'/(1 - d)
 ///
@@ -26,17 +27,18 @@ class MuJoCo final : public Engine {
     const std::string geom =
         b.dof == 1 ? fmt::format("type='sphere' size='{}' pos='{} 0 0'", kBallRadius, -kBallRadius)
                    : fmt::format("type='box' size='{} {} {}'", b.half_size_m.x(), b.half_size_m.y(), b.half_size_m.z());
-    const std::string contact =
-        b.own_contact ? fmt::format("solref='-1 -1' solimp='{} {} 0.001' friction='{} 0 0' condim='{}'", kImpedance,
-                                    kImpedance, b.friction, b.friction > 0 ? 3 : 1)
-                      : "contype='0' conaffinity='0'";
+    const std::string contact = b.own_contact
+                                    ? fmt::format("solref='-1 -1' solimp='{} {} 0.001' friction='{} 0 0' condim='{}'",
+                                                  kImpedance, kImpedance, b.friction, b.friction > 0 ? 3 : 1)
+                                    : "contype='0' conaffinity='0'";
     const std::string plane =
         b.own_contact ? fmt::format("<geom type='plane' size='1 1 1' pos='{} {} {}' zaxis='{} {} {}' {}/>",
                                     b.offset_m * b.normal.x(), b.offset_m * b.normal.y(), b.offset_m * b.normal.z(),
                                     b.normal.x(), b.normal.y(), b.normal.z(), contact)
                       : "";
     const std::string xml = fmt::format(
-        "<mujoco><option timestep='{}' gravity='0 0 0' integrator='Euler' cone='elliptic'/><worldbody>{}<body pos='{} {} {}' "
+        "<mujoco><option timestep='{}' gravity='0 0 0' integrator='Euler' cone='elliptic'/><worldbody>{}<body pos='{} "
+        "{} {}' "
         "quat='{} {} {} {}'><inertial pos='0 0 0' mass='{}' diaginertia='{} {} {}'/>{}<geom {} {}/></body></worldbody>"
         "</mujoco>",
         b.period_s, plane, b.dof == 1 ? 0.0 : p.x(), p.y(), p.z(), q.w(), q.x(), q.y(), q.z(), b.mass_kg,

@@ -144,7 +144,8 @@ Course course(Engine& engine, const Setting& s, const Scene& scene) {
   if (s.body.dof == 1) {
     const sim::Environment<1> e{scene};
     play(engine, s, [&](int k) {
-      each(k, e, Position<1>{Position<1>::Vector{engine.position()}}, Velocity<1>{Velocity<1>::Vector{engine.velocity()}});
+      each(k, e, Position<1>{Position<1>::Vector{engine.position()}},
+           Velocity<1>{Velocity<1>::Vector{engine.velocity()}});
     });
   } else {
     const sim::Environment<6> e{scene};

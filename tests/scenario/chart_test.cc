@@ -94,8 +94,8 @@ TEST(Chart, ShowsThatEulerCallsAWallStableThatIsNot) {
 // With substeps its error falls as theory says, eigenvalue for eigenvalue.
 TEST(Chart, FindsTheStabilityOfEulerSubstepsThatTheoryHas) {
   for (const int substeps : {2, 10}) {
-    const double theory = critical_stiffness(
-        {.mass_kg = 0.075, .damping_n_s_per_m = 0.5, .period_s = 5e-4, .euler_substeps = substeps});
+    const double theory =
+        critical_stiffness({.mass_kg = 0.075, .damping_n_s_per_m = 0.5, .period_s = 5e-4, .euler_substeps = substeps});
     const double found = find_boundary({.scene = TWOPORT_SCENES "/held_spring.textproto",
                                         .set = {"duration_s=15", "simulation.integrator=SYMPLECTIC_EULER",
                                                 "simulation.substeps=" + std::to_string(substeps)},

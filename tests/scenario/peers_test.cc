@@ -1,9 +1,8 @@
 #include "lab/peers/peers.h"
 
-#include <gtest/gtest.h>
-
 #include <fmt/format.h>
 #include <fmt/ranges.h>
+#include <gtest/gtest.h>
 
 #include "common/scene/load.h"
 
