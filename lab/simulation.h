@@ -60,7 +60,7 @@ class LinkSimulation {
 
   /// Runs to the end, or until `visit(row)` returns false. Returns the number of master ticks.
   template <class Visit>
-  std::uint64_t run(Visit visit) {
+  [[gnu::flatten]] std::uint64_t run(Visit visit) {
     std::int64_t m = 0, s = 0;
     Duration next_m{0}, next_s{0};
     while (next_m < end_) {
@@ -70,7 +70,7 @@ class LinkSimulation {
         next_s = tick_time(++s, slave_rate_hz_);
         continue;
       }
-      const auto out = master_tick(next_m, m);
+      auto out = master_tick(next_m, m);
       if (!visit(row(next_m, out))) return static_cast<std::uint64_t>(m + 1);
       next_m = tick_time(++m, master_rate_hz_);
     }
@@ -105,14 +105,14 @@ class LinkSimulation {
     return Energy{e};
   }
 
-  [[gnu::flatten]] auto master_tick(Duration now, std::int64_t k) noexcept {
+  [[gnu::always_inline]] auto master_tick(Duration now, std::int64_t k) noexcept {
     if (k > 0) device_.advance();
     return run_cycle(master_, device_, master_mail_,
                      Tick<MasterClock>{Instant<MasterClock>{now}, master_dt_});
   }
-  [[gnu::flatten]] void slave_tick(Duration now, std::int64_t k) noexcept {
+  [[gnu::always_inline]] void slave_tick(Duration now, std::int64_t k) noexcept {
     if (k > 0) robot_.advance();
-    const auto out = run_cycle(slave_, robot_, slave_mail_, Tick<SlaveClock>{Instant<SlaveClock>{now}, slave_dt_});
+    auto out = run_cycle(slave_, robot_, slave_mail_, Tick<SlaveClock>{Instant<SlaveClock>{now}, slave_dt_});
     dissipated_ += scaling_.to_master(out.dissipated);
   }
 

@@ -129,7 +129,8 @@ class MasterNode {
     if (options_.architecture == Architecture::position_position) return pulled(device, slave, dt);
     return scaling_.to_master(slave.newest.f);
   }
-  [[gnu::noinline]] Force<N> pulled(const DeviceState<N>& device, const Known<N>& slave, Seconds dt) noexcept {
+  // By value: the caller keeps what it sensed in registers.
+  [[gnu::noinline]] Force<N> pulled(DeviceState<N> device, const Known<N>& slave, Seconds dt) noexcept {
     const Velocity<N> v_rx = scaling_.to_master(slave.newest.v);
     const Velocity<N> v_d = tracker_.step(x_d_, scaling_.to_master(slave.newest.x), v_rx, slave.fresh, dt);
     x_d_ = x_d_ + v_d * dt;

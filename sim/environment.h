@@ -100,7 +100,7 @@ struct Surface {
     out.tangential.setZero();
     if constexpr (D > 1) {
       if (material.friction > 0.0 || material.viscous_friction_n_s_per_m > 0.0) {
-        const Vector vt = v - vn * t.normal;
+        Vector vt = v - vn * t.normal;
         const double coulomb = material.friction * fn / std::max(vt.norm(), kStictionSpeed);
         out.tangential = -(material.viscous_friction_n_s_per_m + coulomb) * vt;
       }
@@ -239,9 +239,9 @@ class Environment {
   template <class Visit>
   void for_each_point(const Placed<N>& at, const Velocity<N>& v, Visit visit) const noexcept {
     if constexpr (N == 6) {
-      const Eigen::Vector3d linear = v.vec().template head<3>(), angular = v.vec().template tail<3>();
+      Eigen::Vector3d linear = v.vec().template head<3>(), angular = v.vec().template tail<3>();
       for (const Eigen::Vector3d& point : tool_) {
-        const Eigen::Vector3d arm = at.R * point;
+        Eigen::Vector3d arm = at.R * point;
         visit(Point{at.x.translation() + arm}, Point{linear + angular.cross(arm)}, arm);
       }
     } else {

@@ -281,10 +281,11 @@ class SimDevice final : public Device<N> {
   double coulomb_n_ = 0.0, resolution_ = 0.0, max_force_n_ = std::numeric_limits<double>::infinity(), filter_ = 1.0;
   VelocityEstimate estimate_ = VelocityEstimate::true_velocity;
 
-  Position<N> x_, intended_, sensed_x_;
+  Position<N> x_;
   Vector v_ = Vector::Zero();
+  Force<N> applied_, held_;
+  Position<N> intended_, sensed_x_;
   Velocity<N> sensed_v_;
-  Force<N> held_, applied_;
   Energy energy_;
   std::int64_t tick_ = 0;
 };

@@ -29,7 +29,7 @@ struct BodyState {
 template <int N>
 class RungeKuttaPlant {
  public:
-  RungeKuttaPlant(const RobotSpec& robot, const Environment<N>& environment, double dt)
+  RungeKuttaPlant(const RobotSpec& robot, const Environment<N>& environment, double dt, const BodyState<N>& start)
       : mass_{robot.mass_kg},
         damping_{robot.damping_n_s_per_m},
         rotational_damping_{robot.rotational_damping_n_m_s_per_rad},
@@ -38,7 +38,8 @@ class RungeKuttaPlant {
         any_(static_cast<std::size_t>(environment.contacts()), kNearest),
         touched_{any_},
         after_{any_},
-        trial_{any_} {
+        trial_{any_},
+        motion_{start.x, start.v.vec()} {
     // What a contact moves: 1/m, and for N = 6 also arm²/J at each point of the tool.
     double all_points = 1.0 / mass_;
     lightness_ = all_points;
@@ -63,25 +64,28 @@ class RungeKuttaPlant {
     }
     rate_ = std::max(std::sqrt(stiffness * all_points), damping * all_points + damping_ / mass_);
     if constexpr (N == 6) rate_ = std::max(rate_, rotational_damping_ / inertia_.minCoeff());
+    motion_ = motion(start);
+    slope_ = slope(motion_, held_, touched_);
   }
 
-  [[gnu::noinline]] void advance(BodyState<N>& s, const Force<N>& f) noexcept {
+  [[gnu::noinline]] BodyState<N> advance(Force<N> f) noexcept {
+    slope_.p += (f - held_).vec() / (N == 6 ? 1.0 : mass_);
+    held_ = f;
     // Steps short against the fastest motion: local error below (0.1)^5/120.
     double rate = rate_;
     if (friction_ > 0.0) {
-      const double pressed = std::max(push(f), push(environment_->force(s.x, s.v)));
+      const double pressed = std::max(push(f), push(environment_force()));
       rate = std::max(rate, 0.3 * friction_ * pressed * lightness_ / kStictionSpeed);
     }
-    if constexpr (N == 6) rate = std::max(rate, s.v.vec().template tail<3>().norm());
+    if constexpr (N == 6) rate = std::max(rate, slope_.v.template tail<3>().norm());
     const int pieces = std::clamp(static_cast<int>(std::ceil(dt_ * rate / 0.1)), 1, 256);
-    Motion m = motion(s);
-    Slope a = slope(m, f, touched_);
     for (int i = 0; i < pieces; ++i) {
       double left = dt_ / pieces;
-      for (int cuts = 0; left > 0.0; ++cuts) left -= one(m, a, f, left, cuts < kCuts);
+      for (int cuts = 0; left > 0.0; ++cuts) left -= one(motion_, slope_, f, left, cuts < kCuts);
     }
-    s = {m.at.x, Velocity<N>{a.v}};
+    return {motion_.at.x, Velocity<N>{slope_.v}};
   }
+  [[nodiscard]] Force<N> environment_force() const noexcept { return Force<N>{slope_.environment}; }
 
  protected:
   static constexpr int kCuts = 4;  // contacts that begin or end within one piece, each met on its own
@@ -116,23 +120,25 @@ class RungeKuttaPlant {
 
   struct Slope {
     Vector v, p;
+    Vector environment;  ///< force on the body
   };
   /// `pick` and `touch` as for_each_contact has them.
   template <class Pick, class Touch>
   Slope slope(const Motion& m, const Force<N>& f, Pick pick, Touch touch) const noexcept {
-    const Velocity<N> v = velocity(m);
-    Vector total = f.vec();
+    Velocity<N> v = velocity(m);
+    Vector environment = Vector::Zero();
     environment_->for_each_contact(m.at, v, pick,
                                    [&](int i, Face face, const Vector& normal, const Vector& tangential) {
-                                     total += normal + tangential;
+                                     environment += normal + tangential;
                                      touch(static_cast<std::size_t>(i), face);
                                    });
+    Vector total = f.vec() + environment;
     if constexpr (N == 6) {
       total.template head<3>() -= damping_ * v.vec().template head<3>();
       total.template tail<3>() -= rotational_damping_ * v.vec().template tail<3>();
-      return {v.vec(), total};
+      return {v.vec(), total, environment};
     } else {
-      return {v.vec(), (total - damping_ * v.vec()) / mass_};
+      return {v.vec(), (total - damping_ * v.vec()) / mass_, environment};
     }
   }
   /// Only with the contacts and faces of `among`: what begins within a step belongs to the next one.
@@ -151,7 +157,7 @@ class RungeKuttaPlant {
   static Vector chart(const Vector& moved, const Vector& v) noexcept {
     if constexpr (N == 6) {
       Vector out = v;
-      const Eigen::Vector3d r = moved.template tail<3>(), w = v.template tail<3>(), rw = r.cross(w);
+      Eigen::Vector3d r = moved.template tail<3>(), w = v.template tail<3>(), rw = r.cross(w);
       out.template tail<3>() = w - 0.5 * rw + r.cross(rw) / 12.0;
       return out;
     } else {
@@ -165,13 +171,13 @@ class RungeKuttaPlant {
     const auto at = [&](const Vector& moved, const Vector& dp) {
       return Motion{m.at.x + Displacement<N>{moved}, m.p + dp};
     };
-    const Vector xa = chart(Vector::Zero(), a.v);
-    const Slope b = slope_among(at(0.5 * h * xa, 0.5 * h * a.p), f, among);
-    const Vector xb = chart(0.5 * h * xa, b.v);
-    const Slope c = slope_among(at(0.5 * h * xb, 0.5 * h * b.p), f, among);
-    const Vector xc = chart(0.5 * h * xb, c.v);
-    const Slope d = slope_among(at(h * xc, h * c.p), f, among);
-    const Vector xd = chart(h * xc, d.v);
+    Vector xa = chart(Vector::Zero(), a.v);
+    Slope b = slope_among(at(0.5 * h * xa, 0.5 * h * a.p), f, among);
+    Vector xb = chart(0.5 * h * xa, b.v);
+    Slope c = slope_among(at(0.5 * h * xb, 0.5 * h * b.p), f, among);
+    Vector xc = chart(0.5 * h * xb, c.v);
+    Slope d = slope_among(at(h * xc, h * c.p), f, among);
+    Vector xd = chart(h * xc, d.v);
     return at(h / 6.0 * (xa + 2.0 * (xb + xc) + xd), h / 6.0 * (a.p + 2.0 * (b.p + c.p) + d.p));
   }
 
@@ -208,6 +214,9 @@ class RungeKuttaPlant {
   Eigen::Vector3d inertia_ = Eigen::Vector3d::Ones();
   const Environment<N>* environment_;
   Contacts any_, touched_, after_, trial_;
+  Motion motion_;
+  Slope slope_;  ///< of motion_, under held_
+  Force<N> held_;
 };
 
 /// The same equation of motion by an integrator as it is usually written, in equal steps, contacts met where a step
@@ -215,13 +224,14 @@ class RungeKuttaPlant {
 template <int N>
 class SteppedPlant : RungeKuttaPlant<N> {
  public:
-  SteppedPlant(const RobotSpec& robot, const Environment<N>& environment, double dt, const SimulationSpec& simulation)
-      : RungeKuttaPlant<N>{robot, environment, dt},
+  SteppedPlant(const RobotSpec& robot, const Environment<N>& environment, double dt, const BodyState<N>& start,
+               const SimulationSpec& simulation)
+      : RungeKuttaPlant<N>{robot, environment, dt, start},
         method_{simulation.integrator},
         substeps_{simulation.substeps},
         h_{dt / simulation.substeps} {}
 
-  [[gnu::noinline]] void advance(BodyState<N>& s, const Force<N>& f) noexcept {
+  [[gnu::noinline]] void advance(BodyState<N>& s, Force<N> f) noexcept {
     if constexpr (N == 6) {
       Motion m = this->motion(s);
       for (int i = 0; i < substeps_; ++i) m = one(m, f);
@@ -366,7 +376,7 @@ class ExactPlant {
   }
 
   /// A tick without a wall.
-  const BodyState<D>& glide(const Vector& u) noexcept {
+  const BodyState<D>& glide(Vector u) noexcept {
     const auto& [across, along, load, span, map, full] = region_[0];
     const Vector x = s_.x.translation(), v = s_.v.vec();
     const Vector u0 = u - along.stiffness_n_per_m * x;
@@ -376,7 +386,7 @@ class ExactPlant {
   }
 
   /// A tick that is cut where contact begins or ends, and at spans.
-  [[gnu::noinline]] const BodyState<D>& advance_in_parts(const Vector& u) noexcept {
+  [[gnu::noinline]] const BodyState<D>& advance_in_parts(Vector u) noexcept {
     double left = dt_;
     bool in = in_;
     for (int cuts = 0; left > 0.0;) {
@@ -495,7 +505,7 @@ class SimRobot final : public Robot<N> {
       state_ = exact_->advance(command_.f);
       for (int i = 1; i < maps_; ++i) state_ = exact_->advance(command_.f);
     } else if (general_) {
-      general_->advance(state_, command_.f);
+      state_ = general_->advance(command_.f);
     } else if (stepped_) {
       stepped_->advance(state_, command_.f);
     } else {
@@ -514,7 +524,7 @@ class SimRobot final : public Robot<N> {
   /// Coupling force on the robot, held now.
   [[nodiscard]] const Force<N>& held() const { return command_.f; }
   /// True force of the environment on the robot.
-  [[nodiscard]] Force<N> environment_force() const { return exact_ ? exact_->environment_force() : from_environment_; }
+  [[nodiscard, gnu::always_inline]] Force<N> environment_force() const { return exact_ ? exact_->environment_force() : from_environment_; }
   [[nodiscard]] const Environment<N>& environment() const { return environment_; }
 
  private:
@@ -529,15 +539,17 @@ class SimRobot final : public Robot<N> {
         return void(exact_.emplace(spec, environment_.world(), dt_.si() / maps_, state_, method));
     }
     if (method == Integrator::exact) {
-      general_.emplace(spec, environment_, dt_.si());
+      general_.emplace(spec, environment_, dt_.si(), state_);
     } else {
-      stepped_.emplace(spec, environment_, dt_.si(), simulation);
+      stepped_.emplace(spec, environment_, dt_.si(), state_, simulation);
     }
   }
 
   [[gnu::always_inline]] void touch() noexcept {
     if (exact_ && !blurred_) return;  // told when asked
-    from_environment_ = exact_ ? exact_->environment_force() : environment_.force(state_.x, state_.v);
+    from_environment_ = exact_     ? exact_->environment_force()
+                        : general_ ? general_->environment_force()
+                                   : environment_.force(state_.x, state_.v);
     sensed_ = Force<N>{bias_ - from_environment_.vec()};
     if (blurred_) blur();
   }

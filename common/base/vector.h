@@ -80,7 +80,7 @@ Velocity<N> operator/(const Displacement<N>& d, Seconds t) {
 /// Below |sin(theta/2)| = 0.02 by the series of asin (relative error below 1e-17), as nearly every tick is.
 inline Eigen::Vector3d rotation_vector(const Eigen::Quaterniond& q) {
   const double sign = q.w() < 0.0 ? -1.0 : 1.0;
-  const Eigen::Vector3d s = sign * q.vec();
+  Eigen::Vector3d s = sign * q.vec();
   const double s2 = s.squaredNorm();
   if (s2 < 4e-4) {
     const double asin_over_s =
@@ -103,7 +103,7 @@ inline Eigen::Quaterniond rotation(const Eigen::Vector3d& r) {
     c = std::cos(h);
     sinc = std::sin(h) / h;
   }
-  const Eigen::Vector3d v = (0.5 * sinc) * r;
+  Eigen::Vector3d v = (0.5 * sinc) * r;
   return {c, v.x(), v.y(), v.z()};
 }
 
@@ -146,7 +146,7 @@ class Position<6> {
     return Displacement<6>{d};
   }
   friend Position operator+(const Position& a, const Displacement<6>& d) {
-    const Eigen::Quaterniond q = rotation(d.vec().template tail<3>()) * a.q_;
+    Eigen::Quaterniond q = rotation(d.vec().template tail<3>()) * a.q_;
     // One Newton step of 1/sqrt keeps the quaternion on the unit sphere.
     const double scale = 1.5 - 0.5 * q.squaredNorm();
     return {a.p_ + d.vec().template head<3>(), Eigen::Quaterniond{scale * q.coeffs()}};

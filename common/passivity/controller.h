@@ -71,7 +71,7 @@ struct Corrected {
 /// Real time: one dot product, no allocation, no throw.
 template <class Out, class In>
   requires PowerDual<Out, In>
-Corrected<Out> passivate(const Out& wanted, const In& in, const Budget& budget, const ControllerOptions& options,
+Corrected<Out> passivate(Out wanted, In in, Budget budget, const ControllerOptions& options,
                           Seconds dt) noexcept {
   constexpr double kVanishing = 1e-24;  // (1e-12 m/s)² or (1e-12 N)²: below it a direction is noise
   const Power p = dot(wanted, in);

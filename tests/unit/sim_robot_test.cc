@@ -192,11 +192,11 @@ TEST(RungeKutta, AgreesWithTheExactPlantOnAWallAndConvergesToIt) {
     const double period = 1e-3 / per_ms;
     BodyState<1> y{position<1>(s.robot->position_m), {}};
     ExactPlant<1> exact{*s.robot, e.world(), period, y};
-    RungeKuttaPlant<1> general{*s.robot, e, period};
+    RungeKuttaPlant<1> general{*s.robot, e, period, y};
     double worst = 0.0;
     for (int k = 0; k < 500 * per_ms; ++k) {
       const BodyState<1>& x = exact.advance(Force<1>{});
-      general.advance(y, Force<1>{});
+      y = general.advance(Force<1>{});
       worst = std::max(worst, std::abs((x.x - y.x).vec()[0]));
     }
     return worst;
