@@ -18,7 +18,8 @@ namespace twoport {
 ///                 the hand rests, no controller has acted, and the port energy is no higher than where judging began
 ///                 the network has paid: port energy below -5 % of the most it ever held
 ///                 no controller has acted, and A has grown tenfold, above 1 mm/s
-///   sustained   ln A does not fall, the network has paid, and pays on in every window: a limit cycle that it feeds
+///   sustained   ln A does not fall, the network has paid, and pays on (a line through the windows' port energies falls
+///               by more than five standard errors): a limit cycle that it feeds
 ///
 /// Left to itself a linear loop follows its dominant eigenvalue ρ: ln A rises by ln ρ per tick, exactly, and whatever
 /// damps the handle makes the port pay for it; so `growing` agrees with ρ > 1, down to ripple and rounding (1e-7 per
@@ -109,9 +110,8 @@ class Verdict {
     if (slope > std::max(5.0 * error, kEven) && (by_itself || paid || tenfold))
       return {true, "growing: activity x" + std::to_string(std::exp(slope)) + " per window" +
                         (quiet_ ? " at rest" : "") + (paid ? ", fed by the network" : "")};
-    bool falls = true;
-    for (std::size_t i = 1; i < n; ++i) falls = falls && energy_at_end_[i] < energy_at_end_[i - 1];
-    if (paid && falls && slope > -5.0 * error && slope > -0.01)
+    const auto [income, income_error] = line(energy_at_end_, n);
+    if (paid && income < -5.0 * income_error && slope > -5.0 * error && slope > -0.01)
       return {true, "sustained oscillation of " + std::to_string(1e3 * last) +
                         " mm/s rms, fed by the network: port energy " + std::to_string(energy_j_) + " J and falling"};
     return {false, slope < 0.0 ? "bounded and decaying" : "bounded, not growing"};

@@ -4,6 +4,7 @@
 
 #include <cmath>
 #include <limits>
+#include <numbers>
 
 namespace twoport {
 namespace {
@@ -13,6 +14,7 @@ struct Motion {
   double growth_per_tick = 0.0;  ///< ln ρ
   double paid_w = 0.1;           ///< by the network, at the first amplitude; in proportion to its square
   double speed = 0.1;            ///< first amplitude [m/s]
+  double slides_j = 0.0;         ///< lent and taken back by the hand, every five seconds
   double fast_share = 0.0;       ///< of the force, rms, above 30 Hz
   bool corrected = false;
   double path_ends_s = 0.0, duration_s = 20.0, initial_energy_j = 1e-3;
@@ -29,7 +31,7 @@ Verdict verdict(const Motion& m) {
     if (!judge.add({.t_s = k / kRate,
                     .reach_m = 0.01,
                     .speed2 = v * v,
-                    .port_energy_j = energy,
+                    .port_energy_j = energy + m.slides_j * std::sin(2.0 * std::numbers::pi / 5.0 * k / kRate),
                     .force2 = 1.0,
                     .fast_force2 = m.fast_share * m.fast_share,
                     .corrected = m.corrected}))
@@ -82,6 +84,14 @@ TEST(Verdict, CallsALimitCycleThatTheNetworkFeedsSustained) {
   EXPECT_NE(cycle.words().find("sustained oscillation"), std::string::npos) << cycle.words();
   EXPECT_TRUE(verdict({.paid_w = 0.0}).stable());
   EXPECT_TRUE(verdict({.initial_energy_j = 100.0}).stable()) << "from what the hand had put in";
+}
+
+TEST(Verdict, SeesAPaymentThroughWhatTheHandDoesMeanwhile) {
+  const Motion sliding{.slides_j = 0.2, .fast_share = 0.6, .path_ends_s = 20.0};  // 0.125 J are paid in a window
+  EXPECT_FALSE(verdict(sliding).stable()) << verdict(sliding).words();
+  Motion unpaid = sliding;
+  unpaid.paid_w = 0.0;
+  EXPECT_TRUE(verdict(unpaid).stable()) << verdict(unpaid).words();
 }
 
 TEST(Verdict, LeavesToTheHandWhatIsSlowWhileThePathRuns) {
