@@ -78,7 +78,8 @@ class RungeKuttaPlant {
       rate = std::max(rate, 0.3 * friction_ * pressed * lightness_ / kStictionSpeed);
     }
     if constexpr (N == 6) rate = std::max(rate, slope_.v.template tail<3>().norm());
-    const int pieces = std::clamp(static_cast<int>(std::ceil(dt_ * rate / 0.1)), 1, 256);
+    const double wanted = dt_ * rate / 0.1;
+    const int pieces = wanted < kPieces ? std::max(1, static_cast<int>(std::ceil(wanted))) : kPieces;
     for (int i = 0; i < pieces; ++i) {
       double left = dt_ / pieces;
       for (int cuts = 0; left > 0.0; ++cuts) left -= one(motion_, slope_, f, left, cuts < kCuts);
@@ -88,6 +89,7 @@ class RungeKuttaPlant {
   [[nodiscard]] Force<N> environment_force() const noexcept { return Force<N>{slope_.environment}; }
 
  protected:
+  static constexpr int kPieces = 256;  // of a tick, at most
   static constexpr int kCuts = 4;  // contacts that begin or end within one piece, each met on its own
   using Vector = typename Velocity<N>::Vector;
   using Contacts = std::vector<Face>;  // of each contact, the face that carries force

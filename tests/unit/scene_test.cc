@@ -401,6 +401,20 @@ TEST(Scene, TheHandlesMassMayComeFromTheHandOrTheDevice) {
   EXPECT_EQ(complaint(kTurning, {"device.inertia_kg_m2=0", "operator.hand.inertia_kg_m2=1e-5"}), "");
 }
 
+TEST(Scene, RefusesWhatIsTooStiffToBeWorthAModel) {
+  const auto names = [](const std::string& override, const std::string& what, const char* scene = kStiffWall) {
+    const std::string said = complaint(scene, {override});
+    EXPECT_NE(said.find(what), std::string::npos) << override << ": " << said;
+    EXPECT_NE(said.find("rad in a tick; it must be <= 10000"), std::string::npos) << override << ": " << said;
+  };
+  names("operator.hand.stiffness_n_per_m=1e22", "device and operator.hand: mass");
+  names("device.damping_n_s_per_m=1e12", "device and operator.hand: mass");
+  names("operator.hand.rotational_stiffness_n_m_per_rad=1e18", "device and operator.hand: inertia", kTurning);
+  names("environment[0].wall.stiffness_n_per_m=1e22", "robot and environment: mass");
+  names("robot.mass_kg=1e-30", "robot and environment: mass");
+  EXPECT_EQ(complaint(kStiffWall, {"operator.hand.stiffness_n_per_m=1e12"}), "");
+}
+
 TEST(Scene, AnImposedPathOrAnIdealHandleNeedsNoMass) {
   EXPECT_EQ(complaint("dof: 6 duration_s: 1 operator { path { hold { duration_s: 1 } } } device { max_force_n: 5 }"),
             "");
