@@ -15,6 +15,13 @@
 #include "sim/sim_robot.h"
 #include "slave/slave_node.h"
 
+// All of a tick in one function, but not under a sanitizer, where that takes minutes to compile.
+#if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
+#define TWOPORT_FLATTEN
+#else
+#define TWOPORT_FLATTEN [[gnu::flatten]]
+#endif
+
 namespace twoport::lab {
 
 /// A network in memory: reports as values, no bytes.
@@ -60,7 +67,7 @@ class LinkSimulation {
 
   /// Runs to the end, or until `visit(row)` returns false. Returns the number of master ticks.
   template <class Visit>
-  [[gnu::flatten]] std::uint64_t run(Visit visit) {
+  TWOPORT_FLATTEN std::uint64_t run(Visit visit) {
     std::int64_t m = 0, s = 0;
     Duration next_m{0}, next_s{0};
     while (next_m < end_) {
