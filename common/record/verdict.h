@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <cstdio>
 #include <string>
 
 namespace twoport {
@@ -20,6 +21,9 @@ namespace twoport {
 ///                 no controller has acted, and A has grown tenfold, above 1 mm/s
 ///   sustained   ln A does not fall, the network has paid, and pays on (a line through the windows' port energies falls
 ///               by more than five standard errors): a limit cycle that it feeds
+///
+/// A limit cycle that is still settling falls a little: less than 1 % per window, and along no line, while the decay of a
+/// linear loop is one by more than 50 standard errors.
 ///
 /// Left to itself a linear loop follows its dominant eigenvalue ρ: ln A rises by ln ρ per tick, exactly, and whatever
 /// damps the handle makes the port pay for it; so `growing` agrees with ρ > 1, down to ripple and rounding (1e-7 per
@@ -85,13 +89,19 @@ class Verdict {
   static constexpr double kReach = 100.0, kSpeed = 1000.0;
   static constexpr double kStill = 1e-9;  // [m/s]
   static constexpr double kEven = 1e-5;   // growth per window that is none: a drift at constant speed, to rounding
+  static constexpr double kClean = 50.0;  // standard errors, in the decay of a linear loop's dominant mode
+  static std::string digits(double value) {
+    std::array<char, 32> text{};
+    std::snprintf(text.data(), text.size(), "%.4g", value);
+    return text.data();
+  }
   struct Judgement {
     bool unstable;
     std::string words;
   };
 
   [[nodiscard]] Judgement judge() const {
-    if (diverged_) return {true, "diverged at " + std::to_string(diverged_at_s_) + " s"};
+    if (diverged_) return {true, "diverged at " + digits(diverged_at_s_) + " s"};
     if (filled_ < 4) return {false, "bounded; too short to judge growth"};
     const std::size_t n = filled_ == kWindows ? kWindows : filled_ - 1;  // a window cut short is left out
     std::array<double, kWindows> y{};
@@ -108,12 +118,12 @@ class Verdict {
     const bool by_itself = quiet_ && !corrected_ && energy_j_ <= energy_at_start_j_;
     const bool tenfold = !corrected_ && last > 10.0 * first && last > 1e-3;
     if (slope > std::max(5.0 * error, kEven) && (by_itself || paid || tenfold))
-      return {true, "growing: activity x" + std::to_string(std::exp(slope)) + " per window" +
+      return {true, "growing: activity x" + digits(std::exp(slope)) + " per window" +
                         (quiet_ ? " at rest" : "") + (paid ? ", fed by the network" : "")};
     const auto [income, income_error] = line(energy_at_end_, n);
-    if (paid && income < -5.0 * income_error && slope > -5.0 * error && slope > -0.01)
-      return {true, "sustained oscillation of " + std::to_string(1e3 * last) +
-                        " mm/s rms, fed by the network: port energy " + std::to_string(energy_j_) + " J and falling"};
+    if (paid && income < -5.0 * income_error && slope > -kClean * error && slope > -0.01)
+      return {true, "sustained oscillation of " + digits(1e3 * last) +
+                        " mm/s rms, fed by the network: port energy " + digits(energy_j_) + " J and falling"};
     return {false, slope < 0.0 ? "bounded and decaying" : "bounded, not growing"};
   }
 
