@@ -97,7 +97,8 @@ class Metrics {
                          .port_energy_j = row.master_energy_j,
                          .force2 = felt2,
                          .fast_force2 = fast2,
-                         .corrected = row.dissipated_j > 0.0});
+                         .corrected = row.dissipated_j > 0.0,
+                         .limited = row.dissipated_j == 0.0 && felt2 < wanted2 * (1.0 - 1e-9)});
   }
 
   /// Everything that rows tell; what ran, packets and times are the caller's.

@@ -4,6 +4,7 @@
 #include <array>
 #include <cmath>
 #include <cstdio>
+#include <functional>
 #include <string>
 
 namespace twoport {
@@ -22,8 +23,8 @@ namespace twoport {
 ///   sustained   ln A does not fall, the network has paid, and pays on (a line through the windows' port energies falls
 ///               by more than five standard errors): a limit cycle that it feeds
 ///
-/// A limit cycle that is still settling falls a little: less than 1 % per window, and along no line, while the decay of a
-/// linear loop is one by more than 50 standard errors.
+/// A limit cycle that is still settling falls a little: less than 1 % per window, and the device's limit cuts its force in
+/// every window, or it falls along no line, while the decay of a linear loop is one by more than ten standard errors.
 ///
 /// Left to itself a linear loop follows its dominant eigenvalue ρ: ln A rises by ln ρ per tick, exactly, and whatever
 /// damps the handle makes the port pay for it; so `growing` agrees with ρ > 1, down to ripple and rounding (1e-7 per
@@ -55,6 +56,7 @@ class Verdict {
     double force2;         ///< squared force felt [N²]
     double fast_force2;    ///< of that, above 30 Hz
     bool corrected;        ///< a controller has acted
+    bool limited = false;  ///< the device has not given the whole force, and no controller is why
   };
   /// Returns false once the run has diverged: there is no use in going on.
   bool add(const Tick& k) noexcept {
@@ -78,6 +80,7 @@ class Verdict {
     force2_ += k.force2;
     fast_force2_ += k.fast_force2;
     corrected_ = corrected_ || k.corrected;
+    limited_[w] = limited_[w] || k.limited;
     return true;
   }
 
@@ -89,7 +92,7 @@ class Verdict {
   static constexpr double kReach = 100.0, kSpeed = 1000.0;
   static constexpr double kStill = 1e-9;  // [m/s]
   static constexpr double kEven = 1e-5;   // growth per window that is none: a drift at constant speed, to rounding
-  static constexpr double kClean = 50.0;  // standard errors, in the decay of a linear loop's dominant mode
+  static constexpr double kClean = 10.0;  // standard errors, in the decay of a linear loop's dominant mode
   static std::string digits(double value) {
     std::array<char, 32> text{};
     std::snprintf(text.data(), text.size(), "%.4g", value);
@@ -121,7 +124,8 @@ class Verdict {
       return {true, "growing: activity x" + digits(std::exp(slope)) + " per window" +
                         (quiet_ ? " at rest" : "") + (paid ? ", fed by the network" : "")};
     const auto [income, income_error] = line(energy_at_end_, n);
-    if (paid && income < -5.0 * income_error && slope > -kClean * error && slope > -0.01)
+    const bool limited = std::all_of(limited_.begin(), limited_.begin() + n, std::identity{});
+    if (paid && income < -5.0 * income_error && slope > -0.01 && (limited || slope > -kClean * error))
       return {true, "sustained oscillation of " + digits(1e3 * last) +
                         " mm/s rms, fed by the network: port energy " + digits(energy_j_) + " J and falling"};
     return {false, slope < 0.0 ? "bounded and decaying" : "bounded, not growing"};
@@ -153,6 +157,7 @@ class Verdict {
   double energy_at_start_j_ = 0.0, force2_ = 0.0, fast_force2_ = 0.0, diverged_at_s_ = 0.0;
   bool diverged_ = false, corrected_ = false;
   std::array<double, kWindows> sum_{}, weight_{}, energy_at_end_{};
+  std::array<bool, kWindows> limited_{};
   std::size_t filled_ = 0;
 };
 

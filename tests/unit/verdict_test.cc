@@ -17,7 +17,7 @@ struct Motion {
   double settles = 0.0;          ///< by this share of it, in seconds
   double slides_j = 0.0;         ///< lent and taken back by the hand, every five seconds
   double fast_share = 0.0;       ///< of the force, rms, above 30 Hz
-  bool corrected = false;
+  bool corrected = false, limited = false;
   double path_ends_s = 0.0, duration_s = 20.0, initial_energy_j = 1e-3;
 };
 
@@ -35,7 +35,8 @@ Verdict verdict(const Motion& m) {
                     .port_energy_j = energy + m.slides_j * std::sin(2.0 * std::numbers::pi / 5.0 * k / kRate),
                     .force2 = 1.0,
                     .fast_force2 = m.fast_share * m.fast_share,
-                    .corrected = m.corrected}))
+                    .corrected = m.corrected,
+                    .limited = m.limited}))
       break;
   }
   return judge;
@@ -84,6 +85,9 @@ TEST(Verdict, CallsALimitCycleThatTheNetworkFeedsSustained) {
   EXPECT_FALSE(cycle.stable());
   EXPECT_NE(cycle.words().find("sustained oscillation"), std::string::npos) << cycle.words();
   EXPECT_FALSE(verdict({.settles = 1e-3}).stable()) << verdict({.settles = 1e-3}).words();
+  EXPECT_TRUE(verdict({.growth_per_tick = -1e-7}).stable());
+  EXPECT_FALSE(verdict({.growth_per_tick = -1e-7, .limited = true}).stable()) << "no linear loop";
+  EXPECT_TRUE(verdict({.growth_per_tick = -1e-5, .limited = true}).stable());
   EXPECT_TRUE(verdict({.paid_w = 0.0}).stable());
   EXPECT_TRUE(verdict({.initial_energy_j = 100.0}).stable()) << "from what the hand had put in";
 }
