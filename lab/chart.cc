@@ -199,7 +199,8 @@ Chart chart(const ChartOptions& o, const std::vector<Peer>& peers,
       c.point.impossible = e.what();
     }
   }
-  std::erase_if(all, [](const Candidate& c) { return !c.point.impossible.empty() && c.scene.has_value(); });
+  const auto runs = [](const Candidate& c) { return c.scene.has_value(); };
+  if (std::none_of(all.begin(), all.end(), runs)) throw ConfigError(all.front().point.impossible);
 
   // Repetitions in turn, so that what else the machine does meets all alike.
   std::vector<std::vector<double>> spent(all.size());

@@ -125,6 +125,9 @@ TEST(ChartProgram, RecommendsAndRefuses) {
                                        "--vary", "simulation.integrator=RK4"});
   EXPECT_EQ(none.wait(), test::exited(2));
   EXPECT_NE(none.err().find("--for-error"), std::string::npos) << none.err();
+  test::Process unknown = test::finished({TWOPORT_LAB, "chart", wall, "--vary", "simulation.integrator=EULER"});
+  EXPECT_EQ(unknown.wait(), test::exited(2));
+  EXPECT_NE(unknown.err().find("SYMPLECTIC_EULER"), std::string::npos) << unknown.err();
 }
 
 }  // namespace
