@@ -13,7 +13,7 @@ class Ode final : public Engine {
   explicit Ode(const EngineBody& b) : b_{b} {
     static const bool started = dInitODE2(0) != 0;
     (void)started;
-    dAllocateODEDataForThread(dAllocateMaskAll);
+    dAllocateODEDataForThread(static_cast<unsigned>(dAllocateMaskAll));
     world_ = dWorldCreate();
     dWorldSetGravity(world_, 0, 0, 0);
     dWorldSetAutoDisableFlag(world_, 0);

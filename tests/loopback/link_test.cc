@@ -198,6 +198,7 @@ Recording record(const Pair& pair, std::uint16_t relay_port) {
   slave.wait();
   // The relay rests now: nobody is there to send.
   std::this_thread::sleep_for(50ms);
+  relay.stop();
   return {relay.from_master, relay.from_slave};
 }
 

@@ -66,14 +66,16 @@ class Relay {
   /// millisecond while both are known.
   Relay(std::uint16_t port, std::uint16_t slave_port, std::function<void(Relay&)> also = {})
       : towards_master_{port}, slave_port_{slave_port}, also_{std::move(also)}, thread_{[this] { run(); }} {}
-  ~Relay() {
-    stop_ = true;
-    thread_.join();
-  }
+  ~Relay() { stop(); }
   Relay(const Relay&) = delete;
 
   void to_master(const Datagram& bytes) const { towards_master_.send(bytes, master_port); }
   void to_slave(const Datagram& bytes) const { towards_slave_.send(bytes, slave_port_); }
+
+  void stop() {
+    stop_ = true;
+    if (thread_.joinable()) thread_.join();
+  }
 
   /// Read them after stop(), or in `also`.
   std::vector<Datagram> from_master, from_slave;
