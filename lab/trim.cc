@@ -172,8 +172,8 @@ std::vector<Row> rows(const Seen& seen) {
   return all;
 }
 
-Difference scatter(const Seen& seen) {
-  Difference most;
+Contrast scatter(const Seen& seen) {
+  Contrast most;
   for (const Row& row : rows(seen)) {
     const double change = relative_change(row.key, row.low(), row.high());
     if (change > most.change) most = {row.key, row.low(), row.high(), change};
@@ -202,13 +202,13 @@ Judged judge(const std::string& path, const Seen& with, const Seen& without, con
   for (std::size_t k = 0; k < kRuns && decisive.empty(); ++k)
     decisive = turned(expect, with.of_run[k], without.of_run[k]);
 
-  Difference any, beyond;
+  Contrast any, beyond;
   const std::vector<Row> a = rows(with), b = rows(without);
   for (std::size_t i = 0; i < a.size(); ++i) {
     const bool counts = decisive.empty() || a[i].key == decisive.front();
     const bool overlap = a[i].low() <= b[i].high() && b[i].low() <= a[i].high();
     for (std::size_t k = 0; k < kRuns && counts; ++k) {
-      const Difference d{a[i].key, a[i].values[k], b[i].values[k],
+      const Contrast d{a[i].key, a[i].values[k], b[i].values[k],
                          relative_change(a[i].key, a[i].values[k], b[i].values[k])};
       if (d.change > any.change) any = d;
       if (d.change > beyond.change && !overlap) beyond = d;

@@ -28,7 +28,7 @@ Scene without(Scene scene, const std::vector<Block>& left_out);
 double relative_change(const std::string& key, double a, double b);
 
 /// The number that tells two runs apart best. `step_ns`, which is wall-clock time, is none of them.
-struct Difference {
+struct Contrast {
   std::string key = "nothing";
   double with = 0.0, without = 0.0, change = 0.0;
 };
@@ -43,13 +43,13 @@ enum class Need {
 struct Judged {
   std::string path;
   Need need;
-  Difference most;
+  Contrast most;
   double saved;  ///< of the cost of a tick: 1 - without/with, median of interleaved runs
 };
 
 struct Trim {
   std::vector<Judged> blocks;
-  Difference scatter;  ///< of the whole scene over its runs: smallest and largest
+  Contrast scatter;  ///< of the whole scene over its runs: smallest and largest
   Judged spare;        ///< all spare blocks left out at once; path: them
   Judged loose;        ///< those within the scatter left out too; path: these
 };
