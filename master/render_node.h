@@ -76,7 +76,6 @@ class RenderNode {
   }
 
   [[nodiscard]] Energy observed() const noexcept { return observer_.total(); }
-  [[nodiscard]] const Observer<kMaxAccounts>& observer() const noexcept { return observer_; }
 
  private:
   using Vector = typename Force<N>::Vector;

@@ -5,7 +5,6 @@
 #include <utility>
 #include <vector>
 
-#include "common/base/check.h"
 #include "common/base/vector.h"
 #include "common/scene/scene.h"
 #include "sim/tremor.h"

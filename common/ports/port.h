@@ -8,15 +8,6 @@
 
 namespace twoport {
 
-/// What is known at a port at one tick: position, velocity, and the force held since the last tick.
-/// Power f·v is positive into the element behind the port.
-template <int N>
-struct PortSample {
-  Position<N> x;
-  Velocity<N> v;
-  Force<N> f;
-};
-
 /// Two quantities whose product is a power: a force and a velocity of the same size, in either order.
 template <class A, class B>
 concept PowerDual = requires(const A& a, const B& b) {
