@@ -173,10 +173,11 @@ Chart chart(const ChartOptions& o, const std::vector<Peer>& peers,
     say(fmt::format("reference, {} substeps", substeps));
     return course(scene);
   };
+  const double peer_rate_hz = written.slave_rate_hz;  // engines move a robot
   const Course reference = fine(o.reference_substeps);
   Chart result;
   result.floor = difference(fine(std::max(1, o.reference_substeps / 2)), reference);
-  result.rate_hz = written.rate_hz;
+  result.rate_hz = peer_rate_hz;
 
   std::vector<Candidate> all = combinations(o);
   for (const Peer& peer : peers) {
@@ -204,7 +205,7 @@ Chart chart(const ChartOptions& o, const std::vector<Peer>& peers,
 
   // Repetitions in turn, so that what else the machine does meets all alike.
   std::vector<std::vector<double>> spent(all.size());
-  std::vector<double> ticks(all.size(), written.duration_s * written.rate_hz);
+  std::vector<double> ticks(all.size(), written.duration_s * peer_rate_hz);
   for (int r = 0; r < o.repetitions; ++r) {
     say(fmt::format("timing, round {} of {}", r + 1, o.repetitions));
     for (std::size_t i = 0; i < all.size(); ++i) {

@@ -57,8 +57,8 @@ class LinkSimulation {
         robot_{scene, slave_dt_},
         master_{scene.control},
         slave_{scene.control},
-        to_slave_{scene.to_slave, scene.seed ^ kToSlaveStream, capacity(scene.to_slave, scene.master_rate_hz)},
-        to_master_{scene.to_master, scene.seed ^ kToMasterStream, capacity(scene.to_master, scene.slave_rate_hz)},
+        to_slave_{scene.to_slave, scene.seed ^ kToSlaveStream, packets_in_flight(scene.to_slave, scene.master_rate_hz)},
+        to_master_{scene.to_master, scene.seed ^ kToMasterStream, packets_in_flight(scene.to_master, scene.slave_rate_hz)},
         master_mail_{{to_master_, to_slave_}},
         slave_mail_{{to_slave_, to_master_}} {
     const Energy held = robot_.environment().potential(robot_.state().x) + kinetic(scene, robot_.state().v);
@@ -84,10 +84,10 @@ class LinkSimulation {
     return static_cast<std::uint64_t>(m);
   }
 
-  /// E(0): what the scene grants both ledgers, and what environment and robot hold at the start [J].
   std::uint64_t run_silently() {
     return run([](const Row<N>&) { return true; });
   }
+  /// E(0): what the scene grants both ledgers, and what environment and robot hold at the start [J].
   [[nodiscard]] Energy initial_energy() const { return initial_energy_; }
   [[nodiscard]] double quiet_from_s() const { return device_.path().end_s(); }
   [[nodiscard]] const PacketCounts& master_packets() const { return master_mail_.counts(); }
@@ -95,12 +95,6 @@ class LinkSimulation {
   [[nodiscard]] std::uint64_t overflowed() const { return to_slave_.overflowed() + to_master_.overflowed(); }
 
  private:
-  /// Room for what is in flight, with ten standard deviations of jitter and every packet doubled.
-  static std::size_t capacity(const ImpairmentOptions& o, double rate_hz) {
-    double longest = o.delay_s + 10.0 * o.jitter_s + o.reorder_s;
-    for (const double d : o.recorded_delay_s) longest = std::max(longest, d + o.reorder_s);
-    return static_cast<std::size_t>(std::min(2.0 * longest * rate_hz + 64.0, 1e6));
-  }
   static Energy kinetic(const Scene& scene, const Velocity<N>& v) {
     if (!scene.robot) return Energy{};
     double e = 0.5 * scene.robot->mass_kg * v.vec().template head<(N == 1 ? 1 : 3)>().squaredNorm();

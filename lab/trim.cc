@@ -12,6 +12,7 @@
 #include <utility>
 
 #include "common/base/check.h"
+#include "common/scene/load.h"
 #include "common/scene/summary.h"
 #include "lab/plot.h"
 #include "lab/run.h"
@@ -309,8 +310,7 @@ std::vector<Block> blocks(const Scene& scene) {
 Scene without(Scene scene, const std::vector<Block>& left_out) {
   // From the last: what a block holds before the block, and no index moves before its turn.
   for (auto block = left_out.rbegin(); block != left_out.rend(); ++block) block->remove(scene);
-  scene.control.handle_mass_kg = scene.device ? scene.device->mass_kg : 0.0;
-  scene.control.handle_inertia_kg_m2 = scene.device ? scene.device->inertia_kg_m2 : 0.0;
+  tell_handle(scene);
   return scene;
 }
 

@@ -23,6 +23,7 @@ SampledWall theory(const Scene& scene, const std::string& file) {
   if (scene.control.architecture != Architecture::render) throw refuse("the architecture is not RENDER");
   if (scene.environment.size() != 1) throw refuse(fmt::format("{} environments", scene.environment.size()));
   if (!scene.device) throw refuse("there is no device");
+  if (scene.human && !scene.human->hand) throw refuse("an operator without a hand leads the device along its path");
   const DeviceSpec& device = *scene.device;
   if (device.coulomb_friction_n > 0.0 || device.position_resolution_m > 0.0)
     throw refuse("Coulomb friction and encoder resolution have no eigenvalues");

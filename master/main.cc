@@ -1,5 +1,7 @@
 #include <fmt/format.h>
 
+#include <algorithm>
+#include <bit>
 #include <cmath>
 #include <vector>
 
@@ -23,17 +25,22 @@ namespace {
 template <int N>
 class History {
  public:
-  explicit History(double rate_hz) : rate_hz_{rate_hz} {}
-  void keep(std::int64_t k, const Position<N>& x) noexcept { x_[index(k)] = x; }
+  History(double rate_hz, double longest_s)
+      : rate_hz_{rate_hz}, x_(std::bit_ceil(static_cast<std::size_t>(std::min(longest_s * rate_hz, 1e6)))) {}
+  /// Ticks that were left out since the last have the position of this one.
+  void keep(std::int64_t k, const Position<N>& x) noexcept {
+    next_ = std::max(next_, k + 1 - static_cast<std::int64_t>(x_.size()));
+    while (next_ <= k) x_[index(next_++)] = x;
+  }
   [[nodiscard]] const Position<N>& at(std::int64_t ns) const noexcept {
     return x_[index(std::llround(static_cast<double>(ns) * rate_hz_ / kNanosecondsPerSecond))];
   }
 
  private:
-  static constexpr std::size_t kTicks = 8192;
-  static std::size_t index(std::int64_t k) noexcept { return static_cast<std::size_t>(k) % kTicks; }
+  [[nodiscard]] std::size_t index(std::int64_t k) const noexcept { return static_cast<std::size_t>(k) % x_.size(); }
   double rate_hz_;
-  std::vector<Position<N>> x_ = std::vector<Position<N>>(kTicks);
+  std::vector<Position<N>> x_;
+  std::int64_t next_ = 0;
 };
 
 template <int N>
@@ -54,9 +61,8 @@ int render(const Scene& scene, const LiveArguments& arguments, spdlog::logger& l
   std::int64_t done = 0;
   loop.run(stop, [&](std::int64_t k, Duration now) {
     if (to_seconds(now).si() >= scene.duration_s || recorder.diverged()) return false;
-    advance(device, done, k);
-    const auto out = clock.time(
-        [&] { return run_cycle(node, device, mail, Tick<MasterClock>{Instant<MasterClock>{now}, dt}); });
+    const std::int64_t passed = advance(device, done, k);
+    const auto out = clock.time([&] { return run_cycle(node, device, mail, tick_after<MasterClock>(passed, now, dt)); });
     recorder.push({.t_s = to_seconds(now).si(),
                    .master_x = device.x(),
                    .master_v = device.v(),
@@ -73,8 +79,11 @@ int render(const Scene& scene, const LiveArguments& arguments, spdlog::logger& l
   device.release();
 
   Summary s = recorder.finish();
+  say_what_was_lost(log, recorder.dropped(), 0);
   add_times(s, loop, clock, stop);
-  return conclude(scene, arguments, "master", s, !stop);
+  const int status = conclude(scene, arguments, "master", s, !stop);
+  recorder.close_trace();
+  return status;
 }
 
 template <int N>
@@ -100,7 +109,8 @@ int couple(const Scene& scene, const LiveArguments& arguments, spdlog::logger& l
   say_what_is_missing(log, loop);
   log.info("waiting for a slave at {}", arguments.address);
 
-  History<N> history{scene.master_rate_hz};
+  // A report may be as old as both ways are long, and as the slave is silent.
+  History<N> history{scene.master_rate_hz, 4.0 + longest_delay_s(scene.to_slave) + longest_delay_s(scene.to_master)};
   Histogram round_trip;
   StepClock clock;
   double energy_heard = 0.0;
@@ -116,11 +126,10 @@ int couple(const Scene& scene, const LiveArguments& arguments, spdlog::logger& l
     // Virtual hands and handles wait with the program for its first slave.
     const double t_s = started < 0 ? 0.0 : static_cast<double>(k - started) / scene.master_rate_hz;
     if (t_s >= scene.duration_s || recorder.diverged()) return false;
-    if (started >= 0) advance(device, done, k);
+    const std::int64_t passed = started < 0 ? 1 : advance(device, done, k);
     history.keep(k, device.x());
 
-    const auto out = clock.time(
-        [&] { return run_cycle(node, device, mail, Tick<MasterClock>{Instant<MasterClock>{now}, dt}); });
+    const auto out = clock.time([&] { return run_cycle(node, device, mail, tick_after<MasterClock>(passed, now, dt)); });
     const Known<N>& slave = mail.known();
     energy_heard = slave.energy_in_j;
     if (slave.fresh && slave.round_trip() >= Duration{0}) round_trip.add(slave.round_trip());
@@ -151,10 +160,13 @@ int couple(const Scene& scene, const LiveArguments& arguments, spdlog::logger& l
     fmt::print(stderr, "twoport-master: {}\n", mail.transport().refusal());
     return 1;
   }
+  say_what_was_lost(log, recorder.dropped(), mail.transport().counts().overflowed);
   add_times(s, loop, clock, stop);
   add_link(s, s.to_slave, s.to_master, mail, node.mode());
   s.rtt_ms = percentiles(round_trip, 1e6);
-  return conclude(scene, arguments, "master", s, !stop);
+  const int status = conclude(scene, arguments, "master", s, !stop);
+  recorder.close_trace();
+  return status;
 }
 
 template <int N>

@@ -53,21 +53,14 @@ class MasterNode {
 
   [[gnu::always_inline]] Output step(const Tick<MasterClock>& tick, const DeviceState<N>& device,
                                      const Known<N>& slave) noexcept {
-    const PortMotion<N> motion{device.x, device.v};
-    if (started_) {
-      ledger_.book(held_energy(options_.observer, device.applied, before_, motion, tick.dt));
-      if (measured()) command_.book(held_energy(options_.observer, moving_, before_, motion, tick.dt));
-    }
-    if (measured()) moving_ = scaling_.to_master(slave.newest.f_coupling);
-    if (started_ && handle_) handle_->step(motion.x - before_.x, device.applied, tick.dt);
-    before_ = motion;
-    started_ = true;
+    const bool finite = all_finite(device.x, device.v, device.applied);
+    if (finite) [[likely]] observe(tick, device, slave);
 
     const Duration silence = tick.now.time_since_epoch() - slave.heard;
     const Mode was = mode_;
     mode_ = next_mode(mode_, {.heard = slave.any && silence < hold_after_,
                               .silent = silence >= release_after_,
-                              .finite = all_finite(device.x, device.v)});
+                              .finite = finite});
     if (begins(was, mode_)) engage(device);
 
     const double ramp = ramp_.step(mode_ == Mode::coupled, tick.dt);
@@ -75,11 +68,11 @@ class MasterNode {
     Force<N> wanted;
     if (mode_ == Mode::coupled || mode_ == Mode::holding) {
       wanted = ramp * reflected(device, slave, tick.dt);
-      const Energy granted{std::min(scaling_.to_master(Energy{slave.energy_in_j}).si(), absorbed().si())};
-      const Energy available = options_.initial_energy + granted - returned();
+      const Energy available = options_.initial_energy + granted(Energy{slave.energy_in_j}) - returned();
       out = handle_ ? passivate_yielding(wanted, handle_->foreseen(), available, options_.controller, tick.dt)
                     : passivate(wanted, device.v, Budget{available, Energy{}}, options_.controller, tick.dt);
     }
+    if (!all_finite(out.out)) [[unlikely]] out = {};  // more than a double holds
     return {.command = out.out,
             .report = {.x = device.x, .v = device.v, .f = out.out, .energy_in_j = offered().si(), .mode = mode_},
             .wanted = wanted,
@@ -89,12 +82,12 @@ class MasterNode {
   }
 
   /// The other side has started anew and its totals with it: this side's start again too. Unused credit is dropped; a
-  /// debt is carried over.
+  /// debt, and what of E(0) is spent, is carried over.
   void rebase(Energy slave_energy_in) noexcept {
-    const Energy balance = scaling_.to_master(slave_energy_in) - returned();
+    const Energy balance = granted(slave_energy_in) - returned();
     base_absorbed_ = ledger_.absorbed();
     base_offered_ = command_.absorbed();
-    base_returned_ = ledger_.returned() - positive_part(-balance - options_.initial_energy);
+    base_returned_ = ledger_.returned() - positive_part(-balance);
     mode_ = Mode::idle;
     ramp_.drop();
   }
@@ -110,8 +103,26 @@ class MasterNode {
   [[nodiscard]] Energy offered() const noexcept {
     return measured() ? command_.absorbed() - base_offered_ : absorbed();
   }
+  [[nodiscard]] Energy granted(Energy slave_in) const noexcept {
+    return Energy{std::min(scaling_.to_master(slave_in).si(), absorbed().si())};
+  }
   [[nodiscard]] Energy absorbed() const noexcept { return ledger_.absorbed() - base_absorbed_; }
   [[nodiscard]] Energy returned() const noexcept { return ledger_.returned() - base_returned_; }
+
+  /// Books what has happened since the last tick. A reading that is not finite is none: the node lets go, and what the
+  /// handle does meanwhile is under no force of ours.
+  [[gnu::always_inline]] void observe(const Tick<MasterClock>& tick, const DeviceState<N>& device,
+                                      const Known<N>& slave) noexcept {
+    const PortMotion<N> motion{device.x, device.v};
+    if (started_) {
+      ledger_.book(held_energy(options_.observer, device.applied, before_, motion, tick.ended));
+      if (measured()) command_.book(held_energy(options_.observer, moving_, before_, motion, tick.ended));
+    }
+    if (measured()) moving_ = scaling_.to_master(slave.newest.f_coupling);
+    if (started_ && handle_) handle_->step(motion.x - before_.x, device.applied, tick.ended, tick.dt);
+    before_ = motion;
+    started_ = true;
+  }
 
   /// Nothing where the scene names no mass for the handle: its answer to a force is not known then.
   static std::optional<Handle<N>> handle(const ControlOptions& o) {

@@ -43,9 +43,14 @@ class RenderNode {
 
   Output step(const Tick<MasterClock>& tick, const DeviceState<N>& device, const NoReport&) noexcept {
     const Seconds dt = tick.dt;
-    book(device, dt);
-
     Output out{};
+    if (!all_finite(device.x, device.v, device.applied)) [[unlikely]] {  // no reading: let go
+      held_.fill({});
+      commanded_ = {};
+      return out;
+    }
+    book(device, tick.ended);
+
     if (options_.accounts == Accounts::total) {
       wanted_[0] = -environment_.force(device.x, device.v);
     } else {

@@ -47,10 +47,9 @@ int run(const Scene& scene, const LiveArguments& arguments) {
     // It serves as long as a master is there, and ends when the scene is over and the link silent.
     const double t_s = started < 0 ? 0.0 : static_cast<double>(k - started) / scene.slave_rate_hz;
     if ((t_s >= scene.duration_s && node.mode() != Mode::coupled) || recorder.diverged()) return false;
-    if (started >= 0) advance(robot, done, k);
+    const std::int64_t passed = started < 0 ? 1 : advance(robot, done, k);
 
-    const auto out = clock.time(
-        [&] { return run_cycle(node, robot, mail, Tick<SlaveClock>{Instant<SlaveClock>{now}, dt}); });
+    const auto out = clock.time([&] { return run_cycle(node, robot, mail, tick_after<SlaveClock>(passed, now, dt)); });
     const Known<N>& master = mail.known();
     energy_heard = master.energy_in_j;
     if (started < 0 || t_s >= scene.duration_s) return true;
@@ -76,9 +75,16 @@ int run(const Scene& scene, const LiveArguments& arguments) {
     fmt::print(stderr, "twoport-slave: {}\n", mail.transport().refusal());
     return 1;
   }
+  if (!recorder.diverged()) {
+    s.stable = true;
+    s.verdict = "bounded here; whether it is stable shows at the master's port";
+  }
+  say_what_was_lost(log, recorder.dropped(), mail.transport().counts().overflowed);
   add_times(s, loop, clock, stop);
   add_link(s, s.to_master, s.to_slave, mail, node.mode());
-  return conclude(scene, arguments, "slave", s, false);
+  const int status = conclude(scene, arguments, "slave", s, false);
+  recorder.close_trace();
+  return status;
 }
 
 }  // namespace

@@ -46,20 +46,23 @@ class SlaveNode {
 
   [[gnu::always_inline]] Output step(const Tick<SlaveClock>& tick, const RobotState<N>& robot,
                                      const Known<N>& master) noexcept {
+    const bool finite = all_finite(robot.x, robot.v, robot.f_environment);
     const Duration silence = tick.now.time_since_epoch() - master.heard;
     const Mode was = mode_;
     mode_ = next_mode(mode_, {.heard = master.any && silence < hold_after_,
                               .silent = silence >= release_after_,
-                              .finite = all_finite(robot.x, robot.v, robot.f_environment)});
-    if (begins(was, mode_) || !started_) engage(robot);
-    created_.book(0, -dot(f_, robot.x - x_before_));
-    x_before_ = robot.x;
-    if (options_.reference_energy) follow_reference(robot.x);
+                              .finite = finite});
+    if (finite) [[likely]] {  // a reading that is not finite is none
+      if (begins(was, mode_) || !started_) engage(robot);
+      created_.book(0, -dot(f_, robot.x - x_before_));
+      x_before_ = robot.x;
+      if (options_.reference_energy) follow_reference(robot.x);
+    }
 
     Velocity<N> v_rx, v_d;
     Force<N> f_d;
     if (mode_ == Mode::idle || mode_ == Mode::released) {
-      x_sd_ = x_d_ = robot.x;
+      if (finite) x_sd_ = x_d_ = robot.x;
     } else {
       if (mode_ == Mode::coupled) {
         v_rx = scaling_.to_slave(master.newest.v);
@@ -72,6 +75,7 @@ class SlaveNode {
     Yielded<N> allowed{f_d, v_d, Energy{}};
     if (options_.controller.method != Method::none)
       allowed = yield(f_d, v_d, coupling_.compliance(tick.dt), available(master), tick.dt);
+    if (!all_finite(allowed.f, allowed.v)) [[unlikely]] allowed = {};  // more than a double holds
     move(v_d, allowed.v, allowed.f, tick.dt);
 
     const bool measured = options_.architecture == Architecture::position_measured_force;
@@ -91,8 +95,9 @@ class SlaveNode {
   void rebase(Energy master_energy_in) noexcept {
     const Energy balance = scaling_.to_slave(master_energy_in) - returned();
     base_absorbed_ = ledger_.absorbed();
-    base_returned_ = ledger_.returned() - positive_part(-balance - options_.initial_energy);
-    credit_ = 0.0;
+    base_returned_ = ledger_.returned() - positive_part(-balance);
+    created_.book(0, -created_.energy());  // charged already, or unused
+    created_worst_ = credit_ = 0.0;
     mode_ = Mode::idle;
   }
 

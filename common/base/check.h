@@ -12,4 +12,10 @@ class ConfigError : public std::runtime_error {
   explicit ConfigError(const std::string& sentence) : std::runtime_error{sentence} {}
 };
 
+/// A file could not be read or written while the program ran.
+class IoError : public std::runtime_error {
+ public:
+  explicit IoError(const std::string& sentence) : std::runtime_error{sentence} {}
+};
+
 }  // namespace twoport

@@ -27,11 +27,13 @@ struct SlaveClock : Timeline<SlaveClock> {};
 template <class Clock>
 using Instant = std::chrono::time_point<Clock, Duration>;
 
-/// One control period: when it starts, by this side's clock, and how long it lasts (T).
+/// One control period: when it starts, by this side's clock, how long it lasts (T), and how long the interval was that
+/// ends with it: T, or several where ticks were left out.
 template <class Clock>
 struct Tick {
   Instant<Clock> now;
   Seconds dt;
+  Seconds ended = dt;
 };
 
 inline constexpr double kNanosecondsPerSecond = 1e9;

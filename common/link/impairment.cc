@@ -5,6 +5,15 @@
 
 namespace twoport {
 
+double longest_delay_s(const ImpairmentOptions& o) {
+  double longest = o.delay_s + 10.0 * o.jitter_s;
+  for (const double d : o.recorded_delay_s) longest = std::max(longest, d);
+  return longest + o.reorder_s;
+}
+std::size_t packets_in_flight(const ImpairmentOptions& o, double rate_hz) {
+  return static_cast<std::size_t>(std::min(2.0 * longest_delay_s(o) * rate_hz + 64.0, 1e6));
+}
+
 Impairment::Impairment(const ImpairmentOptions& options, std::uint64_t seed)
     : options_{options}, random_{seed}, fixed_delay_{std::max(Duration{0}, to_duration(options.delay_s))} {
   const ImpairmentOptions& o = options_;

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <cstddef>
 #include <cstdint>
 #include <optional>
 #include <random>
@@ -31,6 +32,11 @@ struct ImpairmentOptions {
   double reorder = 0.0, reorder_s = 0.005;
   std::vector<double> recorded_delay_s;  ///< replayed in a loop in place of delay and jitter; empty: none
 };
+
+/// Longest delay but for one in ten standard deviations [s].
+double longest_delay_s(const ImpairmentOptions& options);
+/// Room for what is in flight at `rate_hz`, every packet doubled.
+std::size_t packets_in_flight(const ImpairmentOptions& options, double rate_hz);
 
 /// What the seeds of the two directions are made from, with the scene's.
 inline constexpr std::uint64_t kToSlaveStream = 0x70736c61, kToMasterStream = 0x746d6173;

@@ -45,23 +45,40 @@ class Handle {
     if constexpr (N == 6) mobility_.template tail<3>().setConstant(1.0 / inertia_kg_m2);
   }
 
-  /// `moved` since the last step, while `applied` was held.
-  [[gnu::always_inline]] void step(const Displacement<N>& moved, const Force<N>& applied, Seconds dt) noexcept {
+  /// `moved` since the last step, `ended` ago, while `applied` was held.
+  [[gnu::always_inline]] void step(const Displacement<N>& moved, const Force<N>& applied, Seconds ended,
+                                   Seconds dt) noexcept {
+    if (ended.si() > 1.5 * dt.si()) [[unlikely]] return bridge(moved, applied, ended.si() / dt.si(), dt);
     const Vector c = 0.5 * dt.si() * mobility_;
     const Vector expected = u_ + d_ - c.cwiseProduct(applied_ + applied.vec());
     const Vector e = moved.vec() / dt.si() - expected;
     u_ = expected + kGain * e;
     d_ += kRateGain * e;
-    applied_ = applied.vec();
+    foresee(c, e, applied.vec());
+  }
+  [[nodiscard]] const Foreseen<N>& foreseen() const noexcept { return foreseen_; }
+
+ private:
+  [[gnu::always_inline]] void foresee(const Vector& c, const Vector& e, const Vector& applied) noexcept {
+    applied_ = applied;
     foreseen_.compliance = c;
     foreseen_.w = Velocity<N>{u_ + d_ - c.cwiseProduct(applied_)};
     foreseen_.doubt = std::max(e.template head<kAxes>().norm(), kMemory * foreseen_.doubt);
     if constexpr (N == 6)
       foreseen_.spin_doubt = std::max(e.template tail<3>().norm(), kMemory * foreseen_.spin_doubt);
   }
-  [[nodiscard]] const Foreseen<N>& foreseen() const noexcept { return foreseen_; }
 
- private:
+  /// The same over n intervals at once: what is measured is their mean, and each has changed the velocity by
+  /// d - 2 C f(k); believed as it is.
+  [[gnu::noinline]] void bridge(Displacement<N> moved, Force<N> applied, double n, Seconds dt) noexcept {
+    const Vector c = 0.5 * dt.si() * mobility_;
+    const Vector half = 0.5 * (n - 1.0) * (d_ - 2.0 * c.cwiseProduct(applied.vec()));
+    const Vector expected = u_ + d_ - c.cwiseProduct(applied_ + applied.vec()) + half;
+    const Vector mean = moved.vec() / (n * dt.si());
+    u_ = mean + half;
+    foresee(c, mean - expected, applied.vec());
+  }
+
   static constexpr int kAxes = N == 6 ? 3 : N;
   static constexpr double kTheta = 0.5, kGain = 1.0 - kTheta * kTheta, kRateGain = (1.0 - kTheta) * (1.0 - kTheta);
   static constexpr double kMemory = 0.95;

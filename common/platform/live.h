@@ -45,16 +45,29 @@ inline void add_times(Summary& s, const PeriodicLoop& loop, const StepClock& clo
 /// What a live summary says of the link: `out` is the way to the peer, `in` the way back.
 template <class Mail>
 void add_link(Summary& s, Packets& out, Packets& in, Mail& mail, Mode mode) {
-  out.sent = static_cast<std::uint32_t>(mail.counts().sent);
+  out.sent = static_cast<std::uint32_t>(mail.counts().sent - mail.transport().counts().unaddressed);
   in = packets(0, mail.counts(), mail.transport().counts().rejected);
   s.mode = to_string(mode);
   s.reconnects = static_cast<std::uint32_t>(std::max<std::uint64_t>(mail.transport().pairings(), 1) - 1);
 }
 
-/// Advances simulated hardware by every tick since the last, those that the loop left out included.
+/// Advances simulated hardware by every tick since the last, those that the loop left out included. Returns how many.
 template <class Plant>
-void advance(Plant& plant, std::int64_t& done, std::int64_t k) noexcept {
+std::int64_t advance(Plant& plant, std::int64_t& done, std::int64_t k) noexcept {
+  const std::int64_t ticks = k - done;
   for (; done < k; ++done) plant.advance();
+  return ticks;
+}
+/// Tick of a loop after `passed` periods; before the first, one.
+template <class Clock>
+Tick<Clock> tick_after(std::int64_t passed, Duration now, Seconds dt) noexcept {
+  return {Instant<Clock>{now}, dt, static_cast<double>(std::max<std::int64_t>(passed, 1)) * dt};
+}
+
+/// What was not recorded, and packets that found no room.
+inline void say_what_was_lost(spdlog::logger& log, std::uint64_t rows, std::uint64_t packets) {
+  if (rows > 0) log.warn("{} ticks are in neither summary nor trace: the disk was too slow for them", rows);
+  if (packets > 0) log.warn("{} packets found the simulated network full and count as lost", packets);
 }
 
 }  // namespace twoport

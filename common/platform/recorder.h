@@ -30,13 +30,17 @@ class Recorder {
   /// Has a recorded value run away? The cycle ends the run then.
   [[nodiscard]] bool diverged() const noexcept { return diverged_.load(std::memory_order_relaxed); }
 
-  /// After the last push: everything recorded, trace in place. Throws ConfigError when it cannot be written.
+  /// After the last push: what was recorded. The trace is put in place after the summary, so that a disk that is full
+  /// does not cost both.
   Summary finish() {
     stop();
-    if (trace_) trace_->close();
     Summary s;
     metrics_.fill(s);
     return s;
+  }
+  /// Throws IoError when the trace could not be written.
+  void close_trace() {
+    if (trace_) trace_->close();
   }
   [[nodiscard]] std::uint64_t dropped() const { return ring_.dropped(); }
 

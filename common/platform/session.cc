@@ -22,7 +22,7 @@ constexpr Duration kRefusalLinger = 500ms;  // during which the refused one is t
 constexpr Duration kTakenAfter = 1s;        // asking in vain before a stranger is told that the slave is taken
 constexpr Duration kGoneAfter = 1s;         // of silence: then the slave takes up an earlier master that still lives
 constexpr int kMaxPerPoll = 256;            // datagrams; a flood must not hold up the tick
-constexpr std::size_t kQuietLine = 512, kDelayLine = 4096;  // packets
+constexpr std::size_t kBurst = 512;         // packets at once that a line has room for
 
 /// Session numbers, drawn from the machine once and mixed from there on (splitmix64).
 class Sessions {
@@ -102,10 +102,6 @@ std::optional<Endpoint> checked(std::optional<Endpoint> peer) {
   return peer;
 }
 
-bool delays(const ImpairmentOptions& o) {
-  return o.delay_s > 0.0 || o.jitter_s > 0.0 || o.reorder > 0.0 || !o.recorded_delay_s.empty();
-}
-
 }  // namespace
 
 template <int N>
@@ -117,7 +113,8 @@ struct UdpTransport<N>::Impl {
         peer{p},
         session{sessions.draw()},
         offer{o.side == Side::master ? session : sessions.draw()},
-        line{without_blackouts(o.incoming), o.impairment_seed, delays(o.incoming) ? kDelayLine : kQuietLine} {
+        line{without_blackouts(o.incoming), o.impairment_seed,
+             kBurst + packets_in_flight(o.incoming, o.peer_rate_hz)} {
     refusing.identity = identity();
     if (given_peer) socket.keep_to(*given_peer);
   }
@@ -388,7 +385,10 @@ void UdpTransport<N>::send(const Report<N>& report, Duration now) noexcept {
   Impl& s = *impl_;
   if (s.refusal_due) return;
   if (s.greeting) s.greet(report);
-  if (!s.peer) return;
+  if (!s.peer) {
+    ++s.counts.unaddressed;
+    return;
+  }
   s.outgoing.session = s.session;
   s.outgoing.peer_session = s.peer_session;
   s.outgoing.report = report;

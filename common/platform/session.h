@@ -28,6 +28,7 @@ struct LinkCounts {
   std::uint64_t rejected = 0;    ///< did not parse, of another session, of somebody else
   std::uint64_t lost = 0;        ///< taken away by the impairment
   std::uint64_t overflowed = 0;  ///< found the delay line full
+  std::uint64_t unaddressed = 0; ///< reports of a slave that knows no master yet
   std::uint64_t unsent = 0;      ///< could not be handed to the socket
 };
 

@@ -5,6 +5,7 @@
 #include <cerrno>
 #include <cstring>
 #include <iterator>
+#include <utility>
 
 #include "common/base/check.h"
 
@@ -13,9 +14,6 @@ namespace {
 
 std::string partial(const std::string& path) { return path + ".partial"; }
 
-[[noreturn]] void fail(const std::string& path) {
-  throw ConfigError(fmt::format("{}: cannot be written: {}", path, std::strerror(errno)));
-}
 
 template <class Vector>
 void append(std::string& line, const Vector& v) {
@@ -26,7 +24,7 @@ void append(std::string& line, const Vector& v) {
 
 template <int N>
 Trace<N>::Trace(std::string path) : path_{std::move(path)}, file_{std::fopen(partial(path_).c_str(), "w")} {
-  if (file_ == nullptr) fail(path_);
+  if (file_ == nullptr) throw ConfigError(fmt::format("{}: cannot be written: {}", path_, std::strerror(errno)));
   line_ = "t_s";
   for (const char* name : {"master_x", "master_v", "master_f", "master_f_wanted", "slave_x", "slave_v", "slave_f",
                            "env_f"})
@@ -55,14 +53,16 @@ void Trace<N>::add(const Row<N>& row) {
   append(line_, row.slave_f.vec());
   append(line_, row.env_f.vec());
   fmt::format_to(std::back_inserter(line_), ",{:.9g},{:.9g}\n", row.master_energy_j, row.slave_energy_j);
-  std::fwrite(line_.data(), 1, line_.size(), file_);
+  if (std::fwrite(line_.data(), 1, line_.size(), file_) != line_.size() && error_ == 0) error_ = errno;
 }
 
 template <int N>
 void Trace<N>::close() {
-  const bool whole = std::ferror(file_) == 0 && std::fclose(file_) == 0;
-  file_ = nullptr;
-  if (!whole || std::rename(partial(path_).c_str(), path_.c_str()) != 0) fail(path_);
+  if (std::fclose(std::exchange(file_, nullptr)) != 0 && error_ == 0) error_ = errno;
+  if (error_ == 0 && std::rename(partial(path_).c_str(), path_.c_str()) != 0) error_ = errno;
+  if (error_ == 0) return;
+  std::remove(partial(path_).c_str());
+  throw IoError(fmt::format("{}: cannot be written: {}", path_, std::strerror(error_)));
 }
 
 template class Trace<1>;

@@ -17,11 +17,13 @@ class Trace {
   Trace(const Trace&) = delete;
 
   void add(const Row<N>& row);
+  /// Throws IoError when not all of it could be written.
   void close();
 
  private:
   std::string path_, line_;
   std::FILE* file_;
+  int error_ = 0;  ///< errno of the first write that failed
 };
 
 extern template class Trace<1>;

@@ -8,12 +8,12 @@ namespace twoport {
 struct Health {
   bool heard;       ///< a report of the other side has arrived within hold_after
   bool silent;      ///< none within release_after
-  bool finite;      ///< own measurements and commands are finite
+  bool finite;      ///< own measurements are finite
 };
 
 /// idle -> coupled on the first report; coupled -> holding when the link falls silent; holding -> coupled when it is
 /// heard again, -> released when it stays silent; released -> coupled when it is heard again. Anything that is not
-/// finite releases, for as long as `finite` is false: the caller latches it where that shall be for good.
+/// finite releases, for as long as `finite` is false.
 [[nodiscard]] constexpr Mode next_mode(Mode mode, const Health& health) noexcept {
   if (!health.finite) return Mode::released;
   if (health.heard) return Mode::coupled;

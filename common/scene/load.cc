@@ -580,11 +580,8 @@ ControlOptions control(const Block& of) {
     of.refuse("hold_after_s", fmt::format("be < {} ({})", of.path_of("release_after_s"), options.release_after.si()));
 
   // Only a rendering knows its contacts and their potential.
-  const bool by_contact = options.accounts == Accounts::normal_tangential || options.accounts == Accounts::per_contact;
-  if (!rendering && by_contact)
-    passivity.refuse("accounts",
-                     fmt::format("be TOTAL{} over a link: only control.architecture RENDER knows its contacts",
-                                 of.dof() == 6 ? " or TRANSLATION_ROTATION" : ""));
+  if (!rendering && options.accounts != Accounts::total)
+    passivity.refuse("accounts", "be TOTAL over a link: only control.architecture RENDER knows its contacts");
   if (of.dof() != 6 && options.accounts == Accounts::translation_rotation)
     passivity.refuse("accounts", fmt::format("be another one: nothing turns with dof {}", of.dof()));
   return options;
@@ -780,6 +777,16 @@ SimulationSpec simulation(const Block& of) {
   return {of.choice<Integrator>("integrator"), substeps};
 }
 
+/// An account each for what is normal and tangential to a contact.
+void check_accounts(const Block& scene, const Scene& values) {
+  constexpr std::size_t kMost = 16;
+  const std::size_t contacts = values.environment.size() * std::max<std::size_t>(values.tool.size(), 1);
+  if (values.control.accounts == Accounts::per_contact && contacts > kMost)
+    scene.fail(fmt::format("control.passivity.accounts is PER_CONTACT with {} contacts; it must be <= {}: environments "
+                           "times contact points of the tool",
+                           contacts, kMost));
+}
+
 /// A body alone needs one.
 void check_uncontrolled(const Block& scene, const Scene& values) {
   if (values.control.architecture != Architecture::uncontrolled) return;
@@ -878,10 +885,7 @@ Scene validated(const schema::Scene& message, const std::string& file) {
   if (of.has("operator")) scene.human = human(of.block("operator"));
   if (of.has("device")) scene.device = device(of.block("device"));
   scene.control = control(of.block("control"));
-  if (scene.device) {
-    scene.control.handle_mass_kg = scene.device->mass_kg;
-    scene.control.handle_inertia_kg_m2 = scene.device->inertia_kg_m2;
-  }
+  tell_handle(scene);
   scene.to_slave = impairment(of.block("to_slave"));
   scene.to_master = impairment(of.block("to_master"));
   if (of.has("robot")) scene.robot = robot(of.block("robot"));
@@ -894,6 +898,7 @@ Scene validated(const schema::Scene& message, const std::string& file) {
   check_uncontrolled(of, scene);
   check_handle(of, scene);
   check_fastest(of, scene);
+  check_accounts(of, scene);
   return scene;
 }
 
@@ -922,6 +927,13 @@ class Digest {
 };
 
 }  // namespace
+
+void tell_handle(Scene& scene) {
+  const HandSpec hand = scene.human && scene.human->hand ? *scene.human->hand : HandSpec{};
+  const DeviceSpec device = scene.device.value_or(DeviceSpec{});
+  scene.control.handle_mass_kg = device.mass_kg > 0.0 ? device.mass_kg : hand.mass_kg;
+  scene.control.handle_inertia_kg_m2 = device.inertia_kg_m2 > 0.0 ? device.inertia_kg_m2 : hand.inertia_kg_m2;
+}
 
 Scene parse_scene(const std::string& text, const std::string& name, std::span<const std::string> overrides) {
   schema::Scene message;

@@ -106,6 +106,24 @@ TEST(Run, EndsWholeOnSigtermToTheMasterAndSigintToTheSlave) {
   expect_stop_by(SIGTERM, SIGINT);
 }
 
+TEST(Run, EndsWholeWhenTheTerminalGoes) {
+  expect_stop_by(SIGHUP, SIGHUP);
+}
+
+TEST(Run, KeepsTheSummaryWhereTheTraceFindsNoRoom) {
+  const Pair pair;
+  for (const std::string side : {"master", "slave"}) {
+    std::filesystem::create_directories(pair.at(side));
+    std::filesystem::create_symlink("/dev/full", pair.at(side + "/trace.csv.partial"));
+  }
+  Process slave = pair.listening_slave(), master = pair.master();
+  EXPECT_EQ(master.wait(), exited(1)) << master.err();
+  EXPECT_EQ(slave.wait(), exited(1)) << slave.err();
+  EXPECT_NE(master.err().find("trace.csv: cannot be written: No space left"), std::string::npos) << master.err();
+  EXPECT_GT(pair.summary("master").steps(), 1000u);
+  EXPECT_FALSE(exists(pair.at("master/trace.csv")));
+}
+
 TEST(Run, EndsWholeOnASignalWhileItWaitsForTheOtherSide) {
   const Pair pair;
   Process slave = pair.listening_slave();

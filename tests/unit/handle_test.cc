@@ -58,7 +58,7 @@ TYPED_TEST(AHandle, UnderAConstantPushOfTheHandIsForeseenExactly) {
   Handle<N> handle{0.1, 1e-3};
   V v = this->random(0.1), moved = V::Zero(), f = V::Zero();
   for (int k = 0; k < 200; ++k) {
-    handle.step(Displacement<N>{moved}, Force<N>{f}, kPeriod);
+    handle.step(Displacement<N>{moved}, Force<N>{f}, kPeriod, kPeriod);
     f = this->random(2.0);
     // A mass under a held force, exactly.
     const V a = mobility.cwiseProduct(push - f);
@@ -71,20 +71,43 @@ TYPED_TEST(AHandle, UnderAConstantPushOfTheHandIsForeseenExactly) {
   }
 }
 
+TYPED_TEST(AHandle, IsForeseenAsWellAfterTicksThatWereLeftOut) {
+  constexpr int N = TestFixture::kN;
+  using V = typename TestFixture::Vector;
+  const V mobility = this->mobility(0.1, 1e-3), push = this->random(0.3);
+  Handle<N> handle{0.1, 1e-3};
+  V v = this->random(0.1), moved = V::Zero(), f = V::Zero();
+  double ended = kT;
+  for (int k = 0; k < 200; ++k) {
+    handle.step(Displacement<N>{moved}, Force<N>{f}, Seconds{ended}, kPeriod);
+    const V next = handle.foreseen().w.vec();
+    f = this->random(2.0);
+    ended = k % 10 == 9 ? 4 * kT : kT;
+    const V a = mobility.cwiseProduct(push - f);
+    if (k >= 40) {
+      EXPECT_LT((next - handle.foreseen().compliance.cwiseProduct(f) - (v + 0.5 * kT * a)).norm(),
+                1e-10 * (1.0 + v.norm()))
+          << "tick " << k;
+    }
+    moved = v * ended + 0.5 * ended * ended * a;
+    v += a * ended;
+  }
+}
+
 TYPED_TEST(AHandle, IsDoubtedByHowMuchItErredAndThenLess) {
   constexpr int N = TestFixture::kN;
   using V = typename TestFixture::Vector;
   Handle<N> handle{0.1, 1e-3};
-  for (int k = 0; k < 10; ++k) handle.step(Displacement<N>{}, Force<N>{}, kPeriod);
+  for (int k = 0; k < 10; ++k) handle.step(Displacement<N>{}, Force<N>{}, kPeriod, kPeriod);
   EXPECT_EQ(handle.foreseen().doubt, 0.0);
   const V jump = this->random(1e-4);
-  handle.step(Displacement<N>{jump}, Force<N>{}, kPeriod);
+  handle.step(Displacement<N>{jump}, Force<N>{}, kPeriod, kPeriod);
   const double linear = jump.template head<(N == 6 ? 3 : N)>().norm() / kT;
   EXPECT_NEAR(handle.foreseen().doubt, linear, 1e-12);
   if constexpr (N == 6) {
     EXPECT_NEAR(handle.foreseen().spin_doubt, jump.template tail<3>().norm() / kT, 1e-12);
   }
-  for (int k = 0; k < 200; ++k) handle.step(Displacement<N>{}, Force<N>{}, kPeriod);
+  for (int k = 0; k < 200; ++k) handle.step(Displacement<N>{}, Force<N>{}, kPeriod, kPeriod);
   EXPECT_LT(handle.foreseen().doubt, 1e-3 * linear);
   EXPECT_LT(handle.foreseen().spin_doubt, 1e-3 * jump.norm() / kT);
 }

@@ -431,11 +431,10 @@ TEST(Scene, OnlyARenderingKnowsItsContacts) {
     const std::string set = std::string{"control.passivity.accounts="} + accounts;
     EXPECT_EQ(complaint(kHeldSpring, {set}), "");
     EXPECT_TRUE(says(complaint(kTurning, {set}), {"scenes/x.textproto: control.passivity.accounts is", accounts,
-                                                  "must be TOTAL or TRANSLATION_ROTATION", "RENDER"}));
+                                                  "must be TOTAL over a link", "RENDER"}));
     EXPECT_TRUE(says(complaint(kStiffWall, {set}), {accounts, "must be TOTAL over", "RENDER"}));
   }
   EXPECT_EQ(complaint(kHeldSpring, {"control.passivity.reference_energy=true"}), "");
-  EXPECT_EQ(complaint(kTurning, {"control.passivity.accounts=TRANSLATION_ROTATION"}), "");
 }
 
 // ---- where the text does not read
@@ -630,9 +629,9 @@ INSTANTIATE_TEST_SUITE_P(
         Refusal{kStiffWall,
                 {"control.hold_after_s=1"},
                 {"control.hold_after_s is 1; it must be < control.release_after_s (1)"}},
-        Refusal{kStiffWall,
+        Refusal{kHeldSpring,
                 {"control.passivity.accounts=TRANSLATION_ROTATION"},
-                {"control.passivity.accounts is TRANSLATION_ROTATION", "dof 3"}},
+                {"control.passivity.accounts is TRANSLATION_ROTATION", "dof 1"}},
         Refusal{kHeldSpring,
                 {"robot.mass_kg=1"},
                 {"robot is given, but control.architecture is RENDER", "nothing would use it"}},
@@ -1004,7 +1003,6 @@ TEST(SceneDigest, ChangesWithEverythingThatBothSidesShare) {
                              "control.virtual_coupling.drift_compensation=true",
                              "control.passivity.method=CLASSIC",
                              "control.passivity.observer=RECTANGLE",
-                             "control.passivity.accounts=TRANSLATION_ROTATION",
                              "control.passivity.initial_energy_j=0",
                              "control.passivity.max_gain=11",
                              "control.passivity.unilateral=false",

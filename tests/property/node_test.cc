@@ -1,0 +1,116 @@
+// What the nodes do with readings that are none, with ticks that were left out, and when the other side starts anew.
+
+#include <gtest/gtest.h>
+
+#include <limits>
+
+#include "common/scene/load.h"
+#include "master/master_node.h"
+#include "master/render_node.h"
+#include "slave/slave_node.h"
+
+namespace twoport {
+namespace {
+
+constexpr double kNone = std::numeric_limits<double>::quiet_NaN();
+constexpr double kT = 1e-3;
+constexpr const char* kScene = R"(dof: 3 duration_s: 1 rate_hz: 1000 device { mass_kg: 0.1 }
+  control { passivity { method: FORCE_PROJECTED initial_energy_j: 1e-3 } } robot { mass_kg: 1 })";
+
+Force<3> along(double f) { return Force<3>{Eigen::Vector3d{f, 0, 0}}; }
+Velocity<3> velocity(double v) { return Velocity<3>{Eigen::Vector3d{v, 0, 0}}; }
+Position<3> at(double x) { return Position<3>{Eigen::Vector3d{x, 0, 0}}; }
+
+/// Steps a node at tick k with a peer that is heard all the time.
+template <class Clock, class Node, class State>
+auto step(Node& node, int k, const State& state, const Known<3>& known) {
+  return node.step(Tick<Clock>{Instant<Clock>{tick_time(k, 1.0 / kT)}, Seconds{kT}}, state, known);
+}
+Known<3> heard(int k, double f, double energy_j = 1.0) {
+  Known<3> known;
+  known.any = known.fresh = true;
+  known.heard = tick_time(k, 1.0 / kT);
+  known.newest.f = along(f);
+  known.energy_in_j = energy_j;
+  return known;
+}
+
+TEST(MasterNode, LetsGoForAReadingThatIsNoneAndForNoLonger) {
+  for (const int part : {0, 1, 2}) {
+    MasterNode<3> node{parse_scene(kScene, "test").control};
+    Force<3> held;
+    for (int k = 0; k < 300; ++k) {
+      DeviceState<3> device{at(1e-4 * k), velocity(0.1), held};
+      if (k == 200 && part == 0) device.x = at(kNone);
+      if (k == 200 && part == 1) device.v = velocity(kNone);
+      if (k == 200 && part == 2) device.applied = along(kNone);
+      const auto out = step<MasterClock>(node, k, device, heard(k, 1.0));
+      held = out.command;
+      ASSERT_TRUE(held.finite()) << part << " at tick " << k;
+      EXPECT_TRUE(std::isfinite(node.observed().si()));
+      if (k == 200) {
+        EXPECT_EQ(out.mode, Mode::released);
+        EXPECT_EQ(held.vec().norm(), 0.0);
+      }
+    }
+    EXPECT_NEAR(held.vec()[0], 0.99, 0.02) << "of the ramp";  // 99 of its 100 ticks after it has begun anew
+  }
+}
+
+TEST(MasterNode, HasNoForceThatADoubleDoesNotHold) {
+  Scene scene = parse_scene(kScene, "test", std::vector<std::string>{"control.force_scale=1e10"});
+  MasterNode<3> node{scene.control};
+  for (int k = 0; k < 200; ++k)
+    EXPECT_TRUE(step<MasterClock>(node, k, DeviceState<3>{}, heard(k, 1e300)).command.finite());
+}
+
+TEST(MasterNode, CarriesOverWhatOfItsAllowanceIsSpent) {
+  MasterNode<3> node{parse_scene(kScene, "test").control};
+  const auto run = [&](int from, double v, double energy_j) {
+    Force<3> held;
+    double paid = 0.0, x = 0.0;
+    for (int k = from; k < from + 300; ++k) {
+      const auto out = step<MasterClock>(node, k, DeviceState<3>{at(x), velocity(v), held}, heard(k, 1.0, energy_j));
+      held = out.command;
+      x += kT * v;
+      paid -= kT * v * held.vec()[0];
+    }
+    return paid;
+  };
+  EXPECT_NEAR(run(0, -0.1, 0.0), 1e-3, 2e-4);  // all of E(0)
+  node.rebase(Energy{0.0});
+  EXPECT_LT(run(1000, -0.1, 0.0), 2e-4);       // not again
+}
+
+TEST(SlaveNode, LetsGoForAReadingThatIsNoneAndForNoLonger) {
+  SlaveNode<3> node{parse_scene(kScene, "test").control};
+  for (int k = 0; k < 300; ++k) {
+    Known<3> master = heard(k, 0.0);
+    master.newest.x = at(1e-5 * k);
+    RobotState<3> robot{at(0.0), velocity(k == 200 ? kNone : 0.0), along(0.0)};
+    if (k == 100) robot.x = at(kNone);
+    const auto out = step<SlaveClock>(node, k, robot, master);
+    ASSERT_TRUE(out.command.f.finite() && out.command.x_d.finite() && out.command.v_d.finite()) << "at tick " << k;
+    EXPECT_EQ(out.mode == Mode::released, k == 100 || k == 200) << "at tick " << k;
+  }
+}
+
+TEST(RenderNode, LetsGoForAReadingThatIsNone) {
+  const Scene scene = parse_scene(R"(dof: 3 duration_s: 1 rate_hz: 1000 device { mass_kg: 0.1 }
+    control { architecture: RENDER passivity { method: CLASSIC } } environment { spring { stiffness_n_per_m: 100 } })",
+                                  "test");
+  RenderNode<3> node{scene.control, sim::Environment<3>{scene}};
+  Force<3> held;
+  for (int k = 0; k < 10; ++k) {
+    const double x = k == 5 ? kNone : 0.01 * k;
+    const auto out = node.step(Tick<MasterClock>{Instant<MasterClock>{tick_time(k, 1.0 / kT)}, Seconds{kT}},
+                               DeviceState<3>{at(x), velocity(0.01 / kT), held}, NoReport{});
+    held = out.command;
+    ASSERT_TRUE(held.finite()) << "at tick " << k;
+    EXPECT_EQ(held.vec().norm() == 0.0, k == 0 || k == 5);
+  }
+  EXPECT_TRUE(std::isfinite(node.observed().si()));
+}
+
+}  // namespace
+}  // namespace twoport
