@@ -65,8 +65,8 @@ schema::Summary to_message(const Summary& from) {
   to.set_contact_s(from.contact_s);
   to.set_correction_max_n(from.correction_max_n);
   to.set_corrected_ticks(from.corrected_ticks);
-  put(from.to_slave, *to.mutable_to_slave());
-  put(from.to_master, *to.mutable_to_master());
+  put(from.to_slave, *to.mutable_packets()->mutable_to_slave());
+  put(from.to_master, *to.mutable_packets()->mutable_to_master());
   put(from.rtt_ms, *to.mutable_rtt_ms());
   put(from.loop_lateness_us, *to.mutable_loop_lateness_us());
   to.set_deadline_misses(from.deadline_misses);

@@ -115,8 +115,8 @@ TEST(Link, HoldsThroughABlackoutAndCouplesAgain) {
   const schema::Summary m = pair.summary("master"), s = pair.summary("slave");
   for (const schema::Summary& each : {m, s}) EXPECT_EQ(each.reconnects(), 0u);
   expect_sound({m, s});
-  EXPECT_GT(m.to_master().lost(), 300u) << "600 ticks without a packet";
-  EXPECT_GT(s.to_slave().lost(), 300u);
+  EXPECT_GT(m.packets().to_master().lost(), 300u) << "600 ticks without a packet";
+  EXPECT_GT(s.packets().to_slave().lost(), 300u);
   const Trace trace = pair.trace("master");
   EXPECT_LT(trace.peak("master_f_0", 1.35, 1.55), 0.05) << "the force has faded";
   EXPECT_GT(trace.peak("master_f_wanted_0", 2.0, 2.5), 0.5) << "and comes back";
@@ -135,10 +135,10 @@ TEST(Link, LosesWhatTheSceneSaysAndIsStable) {
     return static_cast<double>(p.lost()) / static_cast<double>(p.lost() + p.received());
   };
   // Five standard deviations of 1500 draws, and what a busy machine's full queue adds.
-  EXPECT_NEAR(share(s.to_slave()), 0.1, 0.05);
-  EXPECT_NEAR(share(m.to_master()), 0.25, 0.07);
+  EXPECT_NEAR(share(s.packets().to_slave()), 0.1, 0.05);
+  EXPECT_NEAR(share(m.packets().to_master()), 0.25, 0.07);
   expect_sound({m, s});
-  std::cout << "lost " << share(s.to_slave()) << " of 0.1, " << share(m.to_master()) << " of 0.25\n";
+  std::cout << "lost " << share(s.packets().to_slave()) << " of 0.1, " << share(m.packets().to_master()) << " of 0.25\n";
 }
 
 // ---- strangers
@@ -175,12 +175,12 @@ void expect_unaffected(const Pair& pair, Process& master, Process& slave) {
     }
   }
   expect_sound({m, s});
-  EXPECT_LT(m.to_master().lost(), 400u);
-  EXPECT_LT(s.to_slave().lost(), 400u);
+  EXPECT_LT(m.packets().to_master().lost(), 400u);
+  EXPECT_LT(s.packets().to_slave().lost(), 400u);
   if (kept_time({m, s})) {
     EXPECT_EQ(modes_shown(master.err()), "coupled");
   }
-  std::cout << "rejected at the master " << m.to_master().rejected() << ", at the slave " << s.to_slave().rejected()
+  std::cout << "rejected at the master " << m.packets().to_master().rejected() << ", at the slave " << s.packets().to_slave().rejected()
             << "; position error " << m.position_error_rms_m() << " m rms\n";
 }
 
@@ -229,8 +229,8 @@ TEST(Strangers, OnTheWayAreCountedAndDropped) {
   std::filesystem::rename(through.at("master"), pair.at("master"));
   expect_unaffected(pair, master, *slave);
   std::cout << "strange datagrams sent to each: " << sent << "\n";
-  EXPECT_GT(pair.summary("slave").to_slave().rejected(), 0.5 * sent);
-  EXPECT_GT(pair.summary("master").to_master().rejected(), 0.5 * sent);
+  EXPECT_GT(pair.summary("slave").packets().to_slave().rejected(), 0.5 * sent);
+  EXPECT_GT(pair.summary("master").packets().to_master().rejected(), 0.5 * sent);
 }
 
 TEST(Strangers, FromElsewhereAreDroppedEvenWithGreetingsOfAnOldSession) {
@@ -257,7 +257,7 @@ TEST(Strangers, FromElsewhereAreDroppedEvenWithGreetingsOfAnOldSession) {
   std::filesystem::rename(through.at("master"), pair.at("master"));
   expect_unaffected(pair, master, slave);
   // The master's socket takes from its slave only: the system drops the rest before it is seen.
-  EXPECT_GT(pair.summary("slave").to_slave().rejected(), 0.5 * sent);
+  EXPECT_GT(pair.summary("slave").packets().to_slave().rejected(), 0.5 * sent);
 }
 
 TEST(Strangers, OnTheWayDoNotPassForTheOtherSideWithGreetingsOfAnOldSession) {

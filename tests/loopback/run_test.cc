@@ -50,13 +50,13 @@ void expect_whole_run(const Pair& pair) {
   EXPECT_GE(m.rtt_ms().p50(), 19.9);
   EXPECT_LT(m.rtt_ms().p50(), 100.0);
   // Each tick sends one packet; those before the two knew each other, and after one had gone, arrive nowhere.
-  EXPECT_GE(m.to_slave().sent(), m.steps());
-  EXPECT_LE(s.to_slave().received(), m.to_slave().sent());
-  EXPECT_GT(s.to_slave().received(), 0.8 * m.steps() - 200);
-  EXPECT_LE(m.to_master().received(), s.to_master().sent());
-  EXPECT_EQ(s.to_slave().duplicated(), 0u);
-  EXPECT_EQ(m.to_master().duplicated(), 0u);
-  EXPECT_EQ(s.to_slave().rejected() + m.to_master().rejected(), 0u);
+  EXPECT_GE(m.packets().to_slave().sent(), m.steps());
+  EXPECT_LE(s.packets().to_slave().received(), m.packets().to_slave().sent());
+  EXPECT_GT(s.packets().to_slave().received(), 0.8 * m.steps() - 200);
+  EXPECT_LE(m.packets().to_master().received(), s.packets().to_master().sent());
+  EXPECT_EQ(s.packets().to_slave().duplicated(), 0u);
+  EXPECT_EQ(m.packets().to_master().duplicated(), 0u);
+  EXPECT_EQ(s.packets().to_slave().rejected() + m.packets().to_master().rejected(), 0u);
   EXPECT_EQ(pair.trace("master").rows(), m.steps());
   EXPECT_EQ(pair.trace("slave").rows(), s.steps());
 }
@@ -194,7 +194,7 @@ TEST(Run, OfARenderedEnvironmentNeedsNoSlaveAndNoSocket) {
   EXPECT_EQ(s.architecture(), "RENDER");
   expect_sound({s});
   EXPECT_GT(s.max_force_n(), 0.5);
-  EXPECT_EQ(s.to_slave().sent(), 0u);
+  EXPECT_EQ(s.packets().to_slave().sent(), 0u);
   EXPECT_EQ(pair.trace("master").rows(), s.steps());
 }
 
@@ -225,9 +225,9 @@ void expect_each_architecture(int dof) {
     expect_sound({m, s});
     EXPECT_GT(m.contact_s(), 0.05) << m.scene();
     EXPECT_EQ(m.mode(), "coupled") << m.scene();
-    EXPECT_GT(s.to_slave().received(), 0u) << m.scene();
-    EXPECT_GT(m.to_master().received(), 0u) << m.scene();
-    EXPECT_EQ(s.to_slave().rejected() + m.to_master().rejected(), 0u) << m.scene();
+    EXPECT_GT(s.packets().to_slave().received(), 0u) << m.scene();
+    EXPECT_GT(m.packets().to_master().received(), 0u) << m.scene();
+    EXPECT_EQ(s.packets().to_slave().rejected() + m.packets().to_master().rejected(), 0u) << m.scene();
   }
 }
 

@@ -134,8 +134,8 @@ TEST_F(NetworkTest, TwoMachinesAreCoupled) {
   Process slave = start_slave(pair), master = start_master(pair);
   expect_coupled_run(pair, master, slave);
   const schema::Summary m = pair.summary("master"), s = pair.summary("slave");
-  EXPECT_GT(s.to_slave().received(), 0.8 * m.steps() - 200);
-  EXPECT_LT(s.to_slave().lost() + m.to_master().lost(), 400u);
+  EXPECT_GT(s.packets().to_slave().received(), 0.8 * m.steps() - 200);
+  EXPECT_LT(s.packets().to_slave().lost() + m.packets().to_master().lost(), 400u);
   EXPECT_GE(m.rtt_ms().p50(), 19.9);
 }
 
@@ -166,7 +166,7 @@ TEST_F(NetworkTest, APulledCableInContactIsHeldAndCoupledAgain) {
   const Trace trace = pair.trace("master");
   EXPECT_GT(trace.peak("master_f_wanted_0", 0.7, 1.1), 0.5) << "in contact before";
   EXPECT_GT(trace.peak("master_f_wanted_0", 2.7, 3.5), 0.5) << "and after";
-  EXPECT_GT(pair.summary("slave").to_slave().lost(), 200u);
+  EXPECT_GT(pair.summary("slave").packets().to_slave().lost(), 200u);
 }
 
 TEST_F(NetworkTest, TheLargestDatagramPassesTheSmallestMtuWhole) {

@@ -67,7 +67,7 @@ TEST(RelativeChange, IsOnTheScaleOfTheNumberAndNotBelowTheFloorOfItsUnit) {
   EXPECT_DOUBLE_EQ(relative_change("max_force_n", 1e-6, 0.0), 1e-3);
   EXPECT_DOUBLE_EQ(relative_change("force_direction_error_max_deg", 1e-5, 0.0), 1e-3);
   EXPECT_DOUBLE_EQ(relative_change("contact_s", 1e-6, 0.0), 1e-3);
-  EXPECT_DOUBLE_EQ(relative_change("to_slave.lost", 0.0, 3.0), 1.0);
+  EXPECT_DOUBLE_EQ(relative_change("packets.to_slave.lost", 0.0, 3.0), 1.0);
   const double inf = std::numeric_limits<double>::infinity(), nan = std::nan("");
   EXPECT_EQ(relative_change("drift_m", nan, nan), 0.0);
   EXPECT_EQ(relative_change("drift_m", inf, inf), 0.0);

@@ -1113,14 +1113,14 @@ TEST(SummaryJson, ComesBackAsItWas) {
   EXPECT_EQ(back.contact_s(), s.contact_s);
   EXPECT_EQ(back.correction_max_n(), s.correction_max_n);
   EXPECT_EQ(back.corrected_ticks(), s.corrected_ticks);
-  EXPECT_EQ(back.to_slave().sent(), 11U);
-  EXPECT_EQ(back.to_slave().received(), 12U);
-  EXPECT_EQ(back.to_slave().lost(), 13U);
-  EXPECT_EQ(back.to_slave().late(), 14U);
-  EXPECT_EQ(back.to_slave().duplicated(), 15U);
-  EXPECT_EQ(back.to_slave().rejected(), 16U);
-  EXPECT_EQ(back.to_master().sent(), 21U);
-  EXPECT_EQ(back.to_master().rejected(), 26U);
+  EXPECT_EQ(back.packets().to_slave().sent(), 11U);
+  EXPECT_EQ(back.packets().to_slave().received(), 12U);
+  EXPECT_EQ(back.packets().to_slave().lost(), 13U);
+  EXPECT_EQ(back.packets().to_slave().late(), 14U);
+  EXPECT_EQ(back.packets().to_slave().duplicated(), 15U);
+  EXPECT_EQ(back.packets().to_slave().rejected(), 16U);
+  EXPECT_EQ(back.packets().to_master().sent(), 21U);
+  EXPECT_EQ(back.packets().to_master().rejected(), 26U);
   EXPECT_EQ(back.rtt_ms().p50(), s.rtt_ms.p50);
   EXPECT_EQ(back.rtt_ms().p99(), s.rtt_ms.p99);
   EXPECT_EQ(back.rtt_ms().p999(), s.rtt_ms.p999);
@@ -1162,9 +1162,9 @@ TEST(SummaryNumbers, AreInTheSchemasOrderWithDottedNames) {
   const std::vector<std::string> first(names.begin(), names.begin() + 6);
   EXPECT_EQ(first, (std::vector<std::string>{"dof", "rate_hz", "duration_s", "steps", "stable", "min_port_energy_j"}));
   const auto place = [&](const char* name) { return std::find(names.begin(), names.end(), name) - names.begin(); };
-  EXPECT_LT(place("chatter_rms_n"), place("to_slave.sent"));
-  EXPECT_LT(place("to_slave.rejected"), place("to_master.sent"));
-  EXPECT_LT(place("to_master.rejected"), place("rtt_ms.p50"));
+  EXPECT_LT(place("chatter_rms_n"), place("packets.to_slave.sent"));
+  EXPECT_LT(place("packets.to_slave.rejected"), place("packets.to_master.sent"));
+  EXPECT_LT(place("packets.to_master.rejected"), place("rtt_ms.p50"));
   EXPECT_LT(place("rtt_ms.max"), place("deadline_misses"));
   EXPECT_EQ(std::set<std::string>(names.begin(), names.end()).size(), names.size());
   const auto value = [&](const char* name) {
@@ -1173,7 +1173,7 @@ TEST(SummaryNumbers, AreInTheSchemasOrderWithDottedNames) {
   };
   EXPECT_EQ(value("stable"), 1.0);
   EXPECT_EQ(value("steps"), 4e9);
-  EXPECT_EQ(value("to_master.lost"), 23.0);
+  EXPECT_EQ(value("packets.to_master.lost"), 23.0);
   EXPECT_EQ(value("rtt_ms.p99"), full_summary().rtt_ms.p99);
 }
 
@@ -1243,7 +1243,7 @@ TEST(Promises, KeptOnesSayNothing) {
   s.drift_m = 0.01;
   EXPECT_EQ(broken_promises({.stable = true,
                              .at_least = {{"min_port_energy_j", -1e-4}},
-                             .at_most = {{"drift_m", 0.01}, {"to_slave.lost", 0}}},
+                             .at_most = {{"drift_m", 0.01}, {"packets.to_slave.lost", 0}}},
                             s),
             Sentences{});
   EXPECT_EQ(broken_promises({}, s), Sentences{});
