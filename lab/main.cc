@@ -64,9 +64,12 @@ int main(int argc, char** argv) {
 
   try {
     app.parse(argc, argv);
+    int status = -1;
     for (const lab::Subcommand& each : search)
-      if (each.app->parsed()) return each.run();
-    return run_command(a);
+      if (each.app->parsed()) status = each.run();
+    if (status < 0) status = run_command(a);
+    if (std::fflush(stdout) != 0) throw IoError(fmt::format("standard output: {}", std::strerror(errno)));
+    return status;
   } catch (const CLI::ParseError& e) {
     if (e.get_exit_code() == 0) return app.exit(e);  // --help, --version
     fmt::print(stderr, "twoport-lab: {}\n", e.what());

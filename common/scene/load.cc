@@ -319,8 +319,9 @@ struct Rule {
   const char* words;
 };
 constexpr Rule kFinite{[](double v) { return std::isfinite(v); }, "be a finite number"};
-constexpr Rule kPositive{[](double v) { return v > 0.0; }, "be > 0"};
-constexpr Rule kNotNegative{[](double v) { return v >= 0.0; }, "be >= 0"};
+// Beyond this sums of squares leave what a double holds.
+constexpr Rule kPositive{[](double v) { return v > 0.0 && v <= 1e18; }, "be > 0 and at most 1e18"};
+constexpr Rule kNotNegative{[](double v) { return v >= 0.0 && v <= 1e18; }, "be >= 0 and at most 1e18"};
 constexpr Rule kProbability{[](double v) { return v >= 0.0 && v <= 1.0; }, "be between 0 and 1"};
 constexpr Rule kRate{[](double v) { return v > 0.0 && v <= 1e5; }, "be > 0 and at most 100000"};
 constexpr Rule kSpan{[](double v) { return v > 0.0 && v <= 1e6; }, "be > 0 and at most 1000000"};

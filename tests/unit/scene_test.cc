@@ -407,10 +407,10 @@ TEST(Scene, RefusesWhatIsTooStiffToBeWorthAModel) {
     EXPECT_NE(said.find(what), std::string::npos) << override << ": " << said;
     EXPECT_NE(said.find("rad in a tick; it must be <= 10000"), std::string::npos) << override << ": " << said;
   };
-  names("operator.hand.stiffness_n_per_m=1e22", "device and operator.hand: mass");
+  names("operator.hand.stiffness_n_per_m=1e15", "device and operator.hand: mass");
   names("device.damping_n_s_per_m=1e12", "device and operator.hand: mass");
-  names("operator.hand.rotational_stiffness_n_m_per_rad=1e18", "device and operator.hand: inertia", kTurning);
-  names("environment[0].wall.stiffness_n_per_m=1e22", "robot and environment: mass");
+  names("operator.hand.rotational_stiffness_n_m_per_rad=1e15", "device and operator.hand: inertia", kTurning);
+  names("environment[0].wall.stiffness_n_per_m=1e15", "robot and environment: mass");
   names("robot.mass_kg=1e-30", "robot and environment: mass");
   EXPECT_EQ(complaint(kStiffWall, {"operator.hand.stiffness_n_per_m=1e12"}), "");
 }
