@@ -10,16 +10,6 @@
 namespace twoport::lab {
 namespace {
 
-Packets packets(const PacketCounts& sender, const PacketCounts& receiver) {
-  const auto count = [](std::uint64_t n) { return static_cast<std::uint32_t>(n); };
-  return {.sent = count(sender.sent),
-          .received = count(receiver.received),
-          .lost = count(receiver.lost),
-          .late = count(receiver.late),
-          .duplicated = count(receiver.duplicated),
-          .rejected = count(receiver.rejected)};
-}
-
 template <int N, class Simulation>
 Summary run_as(const Scene& scene, const std::string& trace_path) {
   Simulation simulation{scene};
@@ -46,8 +36,8 @@ Summary run_as(const Scene& scene, const std::string& trace_path) {
   s.dof = scene.dof;
   s.step_ns = spent.count() / static_cast<double>(std::max<std::uint64_t>(ticks, 1));
   if constexpr (requires { simulation.master_packets(); }) {
-    s.to_slave = packets(simulation.master_packets(), simulation.slave_packets());
-    s.to_master = packets(simulation.slave_packets(), simulation.master_packets());
+    s.to_slave = packets(simulation.master_packets().sent, simulation.slave_packets());
+    s.to_master = packets(simulation.slave_packets().sent, simulation.master_packets());
     if (simulation.overflowed() > 0) s.verdict += "; packets in flight exceeded the line's room";
   }
   return s;

@@ -70,6 +70,15 @@ std::vector<std::string> overrides(const SweepOptions& o, const std::vector<std:
   return all;
 }
 
+/// What a table holds of a summary, as (column, text).
+std::vector<std::pair<std::string, std::string>> told(const Summary& summary) {
+  std::vector<std::pair<std::string, std::string>> all;
+  for (const auto& [name, value] : numbers(summary))
+    if (name != "step_ns") all.emplace_back(name, fmt::format("{}", value));
+  for (auto& word : words(summary)) all.push_back(std::move(word));
+  return all;
+}
+
 /// Says what the sweep is, and finds out what is wrong with any one value before a cell is run.
 Plan plan_of(const SweepOptions& o) {
   if (o.axes.empty()) throw ConfigError{"--vary is missing; it must read PATH=SPEC"};
@@ -83,8 +92,7 @@ Plan plan_of(const SweepOptions& o) {
   }
   if (cells > static_cast<double>(kMostCells))
     throw ConfigError{fmt::format("--vary: {:.0f} cells; there must be at most {}", cells, kMostCells)};
-  for (const auto& [name, value] : numbers(Summary{}))
-    if (name != "step_ns") plan.columns.push_back(name);
+  for (const auto& [name, text] : told(Summary{})) plan.columns.push_back(name);
 
   const std::vector<std::string> first = plan.values(0);
   const Scene scene = load_scene(o.scene, overrides(o, first));
@@ -206,8 +214,7 @@ Table sweep(const SweepOptions& o, const std::function<void(const Progress&)>& h
   for_each_parallel(todo.size(), o.jobs, [&](std::size_t i) {
     std::vector<std::string> row = plan.values(todo[i]);
     try {
-      for (const auto& [name, value] : numbers(run(load_scene(o.scene, overrides(o, row)))))
-        if (name != "step_ns") row.push_back(fmt::format("{}", value));
+      for (auto& [name, text] : told(run(load_scene(o.scene, overrides(o, row))))) row.push_back(std::move(text));
     } catch (const ConfigError& e) {
       throw ConfigError{fmt::format("cell {} ({}): {}", todo[i], plan.name(todo[i]), e.what())};
     }

@@ -53,14 +53,12 @@ class MasterNode {
 
   [[gnu::always_inline]] Output step(const Tick<MasterClock>& tick, const DeviceState<N>& device,
                                      const Known<N>& slave) noexcept {
-    const bool finite = all_finite(device.x, device.v, device.applied);
-    if (finite) [[likely]] observe(tick, device, slave);
+    if (!all_finite(device.x, device.v, device.applied)) [[unlikely]] return let_go(device);
+    observe(tick, device, slave);
 
     const Duration silence = tick.now.time_since_epoch() - slave.heard;
     const Mode was = mode_;
-    mode_ = next_mode(mode_, {.heard = slave.any && silence < hold_after_,
-                              .silent = silence >= release_after_,
-                              .finite = finite});
+    mode_ = next_mode(mode_, {.heard = slave.any && silence < hold_after_, .silent = silence >= release_after_});
     if (begins(was, mode_)) engage(device);
 
     const double ramp = ramp_.step(mode_ == Mode::coupled, tick.dt);
@@ -72,7 +70,7 @@ class MasterNode {
       out = handle_ ? passivate_yielding(wanted, handle_->foreseen(), available, options_.controller, tick.dt)
                     : passivate(wanted, device.v, Budget{available, Energy{}}, options_.controller, tick.dt);
     }
-    if (!all_finite(out.out)) [[unlikely]] out = {};  // more than a double holds
+    if (!all_finite(out.out)) [[unlikely]] return let_go(device);
     return {.command = out.out,
             .report = {.x = device.x, .v = device.v, .f = out.out, .energy_in_j = offered().si(), .mode = mode_},
             .wanted = wanted,
@@ -109,8 +107,17 @@ class MasterNode {
   [[nodiscard]] Energy absorbed() const noexcept { return ledger_.absorbed() - base_absorbed_; }
   [[nodiscard]] Energy returned() const noexcept { return ledger_.returned() - base_returned_; }
 
-  /// Books what has happened since the last tick. A reading that is not finite is none: the node lets go, and what the
-  /// handle does meanwhile is under no force of ours.
+  /// A reading that is not finite is none, nor is a force that no double holds: the handle is under no force of ours until
+  /// the next tick. The other side takes no report that is not finite.
+  [[gnu::always_inline]] Output let_go(const DeviceState<N>& device) noexcept {
+    mode_ = Mode::released;
+    Output out{};
+    out.report = {.x = device.x, .v = device.v, .energy_in_j = offered().si(), .mode = mode_};
+    out.mode = mode_;
+    return out;
+  }
+
+  /// Books what has happened since the last tick.
   [[gnu::always_inline]] void observe(const Tick<MasterClock>& tick, const DeviceState<N>& device,
                                       const Known<N>& slave) noexcept {
     const PortMotion<N> motion{device.x, device.v};

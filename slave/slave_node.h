@@ -46,23 +46,19 @@ class SlaveNode {
 
   [[gnu::always_inline]] Output step(const Tick<SlaveClock>& tick, const RobotState<N>& robot,
                                      const Known<N>& master) noexcept {
-    const bool finite = all_finite(robot.x, robot.v, robot.f_environment);
+    if (!all_finite(robot.x, robot.v, robot.f_environment)) [[unlikely]] return let_go(robot);
     const Duration silence = tick.now.time_since_epoch() - master.heard;
     const Mode was = mode_;
-    mode_ = next_mode(mode_, {.heard = master.any && silence < hold_after_,
-                              .silent = silence >= release_after_,
-                              .finite = finite});
-    if (finite) [[likely]] {  // a reading that is not finite is none
-      if (begins(was, mode_) || !started_) engage(robot);
-      created_.book(0, -dot(f_, robot.x - x_before_));
-      x_before_ = robot.x;
-      if (options_.reference_energy) follow_reference(robot.x);
-    }
+    mode_ = next_mode(mode_, {.heard = master.any && silence < hold_after_, .silent = silence >= release_after_});
+    if (begins(was, mode_) || !started_) engage(robot);
+    created_.book(0, -dot(f_, robot.x - x_before_));
+    x_before_ = robot.x;
+    if (options_.reference_energy) follow_reference(robot.x);
 
     Velocity<N> v_rx, v_d;
     Force<N> f_d;
     if (mode_ == Mode::idle || mode_ == Mode::released) {
-      if (finite) x_sd_ = x_d_ = robot.x;
+      x_sd_ = x_d_ = robot.x;
     } else {
       if (mode_ == Mode::coupled) {
         v_rx = scaling_.to_slave(master.newest.v);
@@ -75,7 +71,7 @@ class SlaveNode {
     Yielded<N> allowed{f_d, v_d, Energy{}};
     if (options_.controller.method != Method::none)
       allowed = yield(f_d, v_d, coupling_.compliance(tick.dt), available(master), tick.dt);
-    if (!all_finite(allowed.f, allowed.v)) [[unlikely]] allowed = {};  // more than a double holds
+    if (!all_finite(allowed.f, allowed.v)) [[unlikely]] return let_go(robot);
     move(v_d, allowed.v, allowed.f, tick.dt);
 
     const bool measured = options_.architecture == Architecture::position_measured_force;
@@ -113,6 +109,18 @@ class SlaveNode {
   [[nodiscard]] Energy returned() const noexcept { return ledger_.returned() - base_returned_; }
   [[nodiscard]] Energy available(const Known<N>& master) const noexcept {
     return options_.initial_energy + scaling_.to_slave(Energy{master.energy_in_j}) - returned();
+  }
+
+  /// A reading that is not finite is none, nor is a force that no double holds: nothing acts on the robot until the next
+  /// tick. The other side takes no report that is not finite.
+  [[gnu::always_inline]] Output let_go(const RobotState<N>& robot) noexcept {
+    mode_ = Mode::released;
+    f_ = Force<N>{};
+    Output out{};
+    out.command.x_d = x_sd_;
+    out.report = {.x = robot.x, .v = robot.v, .f_environment = robot.f_environment, .energy_in_j = credit(), .mode = mode_};
+    out.mode = mode_;
+    return out;
   }
 
   void engage(const RobotState<N>& robot) noexcept {

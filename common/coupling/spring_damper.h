@@ -39,7 +39,7 @@ class SpringDamper {
   }
 
  private:
-  Vector k_, b_, compliance_;
+  Vector k_, b_, compliance_ = Vector::Zero();
   Seconds period_{-1.0};
 };
 

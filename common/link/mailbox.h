@@ -20,7 +20,6 @@ struct PacketCounts {
   std::uint64_t lost = 0;        ///< gaps in the sequence that were never filled
   std::uint64_t late = 0;        ///< older than one already seen
   std::uint64_t duplicated = 0;
-  std::uint64_t rejected = 0;    ///< did not parse, wrong session, not finite
 };
 
 /// What is known of the other side: its newest report, the most energy it has ever said to have taken in, and
@@ -39,8 +38,8 @@ struct Known {
   }
 };
 
-/// Keeps what arrives, in any order and any number of times. The transport hands over reports; the newest sequence
-/// wins, the largest energy wins.
+/// Keeps what arrives, in any order and any number of times. The transport hands over reports, all of them finite; the
+/// newest sequence wins, the largest energy wins.
 ///
 ///     transport.poll(now, f)   calls f(report) for every report that has arrived
 ///     transport.send(report)
@@ -81,10 +80,6 @@ class Mailbox {
   static constexpr std::uint64_t kMemory = 4096;
 
   [[gnu::always_inline]] void offer(const Report<N>& r, Duration now) noexcept {
-    if (!r.finite()) [[unlikely]] {
-      ++counts_.rejected;
-      return;
-    }
     ++counts_.received;
     known_.energy_in_j = std::max(known_.energy_in_j, r.energy_in_j);
     if (r.sequence != known_.newest.sequence + 1) [[unlikely]] {

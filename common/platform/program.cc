@@ -70,16 +70,6 @@ int conclude(const Scene& scene, const LiveArguments& a, const std::string& side
   return broken.empty() ? 0 : 3;
 }
 
-Packets packets(std::uint64_t sent_by_peer, const PacketCounts& receiver, std::uint64_t rejected_datagrams) {
-  const auto count = [](std::uint64_t n) { return static_cast<std::uint32_t>(n); };
-  return {.sent = count(sent_by_peer),
-          .received = count(receiver.received),
-          .lost = count(receiver.lost),
-          .late = count(receiver.late),
-          .duplicated = count(receiver.duplicated),
-          .rejected = count(receiver.rejected + rejected_datagrams)};
-}
-
 Percentiles percentiles(const Histogram& h, double unit_ns) {
   const auto in_units = [&](Duration d) { return static_cast<double>(d.count()) / unit_ns; };
   return {in_units(h.percentile(0.5)), in_units(h.percentile(0.99)), in_units(h.percentile(0.999)), in_units(h.max())};

@@ -32,7 +32,6 @@ std::string trace_path(const LiveArguments& arguments);
 /// Returns the exit status.
 int conclude(const Scene& scene, const LiveArguments& arguments, const std::string& side, Summary summary, bool judged);
 
-Packets packets(std::uint64_t sent_by_peer, const PacketCounts& receiver, std::uint64_t rejected_datagrams);
 Percentiles percentiles(const Histogram& histogram, double unit_ns);
 
 }  // namespace twoport

@@ -116,6 +116,16 @@ std::string to_string(Method method) {
   return schema::Passivity::Method_Name(static_cast<schema::Passivity::Method>(method));
 }
 
+Packets packets(std::uint64_t sent, const PacketCounts& receiver, std::uint64_t rejected) {
+  const auto count = [](std::uint64_t n) { return static_cast<std::uint32_t>(n); };
+  return {.sent = count(sent),
+          .received = count(receiver.received),
+          .lost = count(receiver.lost),
+          .late = count(receiver.late),
+          .duplicated = count(receiver.duplicated),
+          .rejected = count(rejected)};
+}
+
 std::string to_json(const Summary& summary) {
   pb::util::JsonPrintOptions options;
   options.add_whitespace = true;
@@ -142,6 +152,10 @@ std::vector<std::pair<std::string, double>> numbers(const Summary& summary) {
   std::vector<std::pair<std::string, double>> all;
   collect(to_message(summary), "", all);
   return all;
+}
+
+std::vector<std::pair<std::string, std::string>> words(const Summary& s) {
+  return {{"scene", s.scene}, {"architecture", s.architecture}, {"method", s.method}, {"verdict", s.verdict}};
 }
 
 std::vector<std::string> broken_promises(const ExpectSpec& expect, const Summary& summary) {

@@ -3,6 +3,7 @@
 #include <cstdint>
 #include <string>
 
+#include "common/link/mailbox.h"
 #include "common/scene/scene.h"
 
 namespace twoport {
@@ -35,6 +36,9 @@ struct Summary {
   std::uint32_t reconnects = 0;
 };
 
+/// What the receiver of one direction has counted, of `sent`; and datagrams that were none of ours.
+Packets packets(std::uint64_t sent, const PacketCounts& receiver, std::uint64_t rejected = 0);
+
 /// The architecture and method as a scene writes them, e.g. "POSITION_FORCE".
 std::string to_string(Architecture architecture);
 std::string to_string(Method method);
@@ -48,6 +52,9 @@ void write_whole(const std::string& path, const std::string& text);
 
 /// Every number of the summary as (name, value) in the schema's order, nested ones as "rtt_ms.p99"; booleans as 0, 1.
 std::vector<std::pair<std::string, double>> numbers(const Summary& summary);
+
+/// What it says in words of a run in the laboratory, as (name, text): scene, architecture, method, verdict.
+std::vector<std::pair<std::string, std::string>> words(const Summary& summary);
 
 /// What the scene promised and the run did not keep: one sentence each, with the key, the value and the bound.
 /// Empty: all kept. Throws ConfigError for a key that no summary has.

@@ -95,6 +95,44 @@ TEST(SlaveNode, LetsGoForAReadingThatIsNoneAndForNoLonger) {
   }
 }
 
+TEST(SlaveNode, StaysWhereItWasWhileItsReadingIsNone) {
+  SlaveNode<3> node{parse_scene(kScene, "test").control};
+  for (int k = 0; k < 10; ++k) {  // nobody is heard
+    const RobotState<3> robot{at(k == 5 ? kNone : 0.01 * k), velocity(0.0), along(0.0)};
+    const auto out = step<SlaveClock>(node, k, robot, Known<3>{});
+    EXPECT_NEAR(out.command.x_d.translation()[0], 0.01 * (k == 5 ? 4 : k), 1e-15) << "at tick " << k;
+  }
+}
+
+TEST(SlaveNode, HasNoForceThatADoubleDoesNotHold) {
+  const std::vector<std::string> stiff{"control.virtual_coupling.stiffness_n_per_m=1e18"};
+  SlaveNode<3> node{parse_scene(kScene, "test", stiff).control};
+  for (int k = 0; k < 200; ++k) {
+    Known<3> master = heard(k, 0.0);
+    master.newest.v = velocity(1e300);
+    const auto out = step<SlaveClock>(node, k, RobotState<3>{}, master);
+    EXPECT_TRUE(out.command.f.finite() && out.command.x_d.finite() && out.command.v_d.finite()) << "at tick " << k;
+  }
+}
+
+TEST(SlaveNode, CarriesOverWhatOfItsAllowanceIsSpent) {
+  SlaveNode<3> node{parse_scene(kScene, "test").control};
+  // The robot is held fast, and the master goes on and on: the coupling's spring is loaded with what it is allowed.
+  const auto paid = [&](int from) {
+    double energy = 0.0;
+    for (int k = from; k < from + 300; ++k) {
+      Known<3> master = heard(k, 0.0, 0.0);
+      master.newest.x = at(1e-4 * (k - from));
+      const auto out = step<SlaveClock>(node, k, RobotState<3>{}, master);
+      energy += kT * out.command.f.vec().dot(out.command.v_d.vec());
+    }
+    return energy;
+  };
+  EXPECT_NEAR(paid(0), 1e-3, 1e-5);  // all of E(0)
+  node.rebase(Energy{0.0});
+  EXPECT_LT(paid(1000), 1e-5);       // not again
+}
+
 TEST(RenderNode, LetsGoForAReadingThatIsNone) {
   const Scene scene = parse_scene(R"(dof: 3 duration_s: 1 rate_hz: 1000 device { mass_kg: 0.1 }
     control { architecture: RENDER passivity { method: CLASSIC } } environment { spring { stiffness_n_per_m: 100 } })",

@@ -101,7 +101,7 @@ TEST(Shard, CountsFromOne) {
 
 // ---- tables
 
-TEST(Sweep, WritesTheVariedPathsThenEveryNumberOfTheSummary) {
+TEST(Sweep, WritesTheVariedPathsThenEveryNumberAndTheWordsOfTheSummary) {
   const Folder folder;
   const Table table = sweep({.scene = kHeld,
                              .set = {"duration_s=0.5"},
@@ -112,6 +112,7 @@ TEST(Sweep, WritesTheVariedPathsThenEveryNumberOfTheSummary) {
   Words columns{"device.mass_kg", kStiffness};
   for (const auto& [name, value] : numbers(Summary{}))
     if (name != "step_ns") columns.push_back(name);
+  columns.insert(columns.end(), {"scene", "architecture", "method", "verdict"});
   EXPECT_EQ(table.columns, columns);
   ASSERT_EQ(table.rows.size(), 6U);
   EXPECT_EQ(table.rows[0][0], "0.05");
@@ -121,6 +122,8 @@ TEST(Sweep, WritesTheVariedPathsThenEveryNumberOfTheSummary) {
   EXPECT_EQ(read_text(folder / "out/table.csv"), to_csv(table));
   const auto stable = std::find(columns.begin(), columns.end(), "stable") - columns.begin();
   EXPECT_EQ(table.rows[0][static_cast<std::size_t>(stable)], "1");
+  const Words last(table.rows[0].end() - 4, table.rows[0].end());
+  EXPECT_EQ(last, (Words{"held spring", "RENDER", "NONE", "bounded and decaying"}));
 }
 
 TEST(Sweep, VariesAnyPathOfTheScene) {

@@ -238,14 +238,19 @@ TYPED_TEST(CodecOf, RejectsNumbersThatAreNone) {
   ASSERT_EQ(decoded<N>(encoded(good)), Decoded::ok);
   for (double bad : {std::numeric_limits<double>::infinity(), -std::numeric_limits<double>::infinity(),
                      std::numeric_limits<double>::quiet_NaN()}) {
-    Envelope<N> e = good;
-    e.report.energy_in_j = bad;
-    EXPECT_EQ(decoded<N>(encoded(e)), Decoded::malformed);
-    e = good;
-    typename Force<N>::Vector f = e.report.f_environment.vec();
-    f[N - 1] = bad;
-    e.report.f_environment = Force<N>{f};
-    EXPECT_EQ(decoded<N>(encoded(e)), Decoded::malformed);
+    const auto with = [&](auto change) {
+      Envelope<N> e = good;
+      change(e.report);
+      return decoded<N>(encoded(e));
+    };
+    typename Force<N>::Vector last = Force<N>::Vector::Zero();
+    last[N - 1] = bad;
+    EXPECT_EQ(with([&](auto& r) { r.energy_in_j = bad; }), Decoded::malformed);
+    EXPECT_EQ(with([&](auto& r) { r.x = r.x + Displacement<N>{bad * Displacement<N>::Vector::Unit(0)}; }), Decoded::malformed);
+    EXPECT_EQ(with([&](auto& r) { r.v = Velocity<N>{last}; }), Decoded::malformed);
+    EXPECT_EQ(with([&](auto& r) { r.f = Force<N>{last}; }), Decoded::malformed);
+    EXPECT_EQ(with([&](auto& r) { r.f_coupling = Force<N>{last}; }), Decoded::malformed);
+    EXPECT_EQ(with([&](auto& r) { r.f_environment = Force<N>{last}; }), Decoded::malformed);
   }
 }
 

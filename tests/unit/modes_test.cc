@@ -9,27 +9,17 @@ namespace {
 
 constexpr std::array kModes{Mode::idle, Mode::coupled, Mode::holding, Mode::released};
 
-/// The eight things that can be known at a tick.
+/// The four things that can be known at a tick.
 template <class Visit>
 void for_every_health(Visit visit) {
   for (bool heard : {false, true})
-    for (bool silent : {false, true})
-      for (bool finite : {false, true}) visit(Health{.heard = heard, .silent = silent, .finite = finite});
-}
-
-TEST(Modes, ANumberThatIsNoneReleasesWhateverElseIsTrue) {
-  for (Mode mode : kModes)
-    for_every_health([&](const Health& h) {
-      if (!h.finite) {
-        EXPECT_EQ(next_mode(mode, h), Mode::released);
-      }
-    });
+    for (bool silent : {false, true}) visit(Health{.heard = heard, .silent = silent});
 }
 
 TEST(Modes, HearingTheOtherSideCouples) {
   for (Mode mode : kModes)
     for_every_health([&](const Health& h) {
-      if (h.finite && h.heard) {
+      if (h.heard) {
         EXPECT_EQ(next_mode(mode, h), Mode::coupled);
       }
     });
@@ -46,22 +36,22 @@ TEST(Modes, NothingCouplesWithoutHearingTheOtherSide) {
 
 TEST(Modes, IdleWaitsForTheFirstReport) {
   for (bool silent : {false, true})
-    EXPECT_EQ(next_mode(Mode::idle, {.heard = false, .silent = silent, .finite = true}), Mode::idle);
+    EXPECT_EQ(next_mode(Mode::idle, {.heard = false, .silent = silent}), Mode::idle);
 }
 
 TEST(Modes, AShortSilenceHolds) {
   for (Mode mode : {Mode::coupled, Mode::holding})
-    EXPECT_EQ(next_mode(mode, {.heard = false, .silent = false, .finite = true}), Mode::holding);
+    EXPECT_EQ(next_mode(mode, {.heard = false, .silent = false}), Mode::holding);
 }
 
 TEST(Modes, ALongSilenceReleases) {
   for (Mode mode : {Mode::coupled, Mode::holding})
-    EXPECT_EQ(next_mode(mode, {.heard = false, .silent = true, .finite = true}), Mode::released);
+    EXPECT_EQ(next_mode(mode, {.heard = false, .silent = true}), Mode::released);
 }
 
 TEST(Modes, ReleasedStaysReleasedUntilHeardAgain) {
   for (bool silent : {false, true})
-    EXPECT_EQ(next_mode(Mode::released, {.heard = false, .silent = silent, .finite = true}), Mode::released);
+    EXPECT_EQ(next_mode(Mode::released, {.heard = false, .silent = silent}), Mode::released);
 }
 
 TEST(Modes, DoNotFlickerWhileNothingChanges) {
