@@ -1,5 +1,5 @@
-// The whole chain in virtual time, per tick, beside the same equations written out by hand; what blocks of a scene cost;
-// and single node steps. Ratios within one run are meant; times are this machine's.
+// The whole chain in virtual time, per tick, beside the same equations written out by hand; what blocks of a scene
+// cost; and single node steps. Ratios within one run are meant; times are this machine's.
 
 #include <benchmark/benchmark.h>
 
@@ -67,11 +67,21 @@ void chain(benchmark::State& state, const std::string& text) {
   state.SetItemsProcessed(ticks);
 }
 
-void chain1(benchmark::State& s) { chain<lab::LinkSimulation, 1>(s, wall_scene(1)); }
-void chain3(benchmark::State& s) { chain<lab::LinkSimulation, 3>(s, wall_scene(3)); }
-void chain6(benchmark::State& s) { chain<lab::LinkSimulation, 6>(s, wall_scene(6)); }
-void chain1_metrics(benchmark::State& s) { chain<lab::LinkSimulation, 1, true>(s, wall_scene(1)); }
-void chain3_metrics(benchmark::State& s) { chain<lab::LinkSimulation, 3, true>(s, wall_scene(3)); }
+void chain1(benchmark::State& s) {
+  chain<lab::LinkSimulation, 1>(s, wall_scene(1));
+}
+void chain3(benchmark::State& s) {
+  chain<lab::LinkSimulation, 3>(s, wall_scene(3));
+}
+void chain6(benchmark::State& s) {
+  chain<lab::LinkSimulation, 6>(s, wall_scene(6));
+}
+void chain1_metrics(benchmark::State& s) {
+  chain<lab::LinkSimulation, 1, true>(s, wall_scene(1));
+}
+void chain3_metrics(benchmark::State& s) {
+  chain<lab::LinkSimulation, 3, true>(s, wall_scene(3));
+}
 void chain6_metrics(benchmark::State& s) {
   chain<lab::LinkSimulation, 6, true>(s, wall_scene(6));
 }
@@ -87,8 +97,12 @@ constexpr const char* kFull = R"(dof: 1 duration_s: 8 rate_hz: 2000
   to_slave { delay_ms: 20 jitter_ms: 3 loss: 0.05 } to_master { delay_ms: 20 jitter_ms: 3 loss: 0.05 }
   robot { mass_kg: 0.5 damping_n_s_per_m: 2 force_sensor { noise_n: 0.01 latency_ms: 1 } }
   environment { wall { normal: [-1] offset_m: -0.02 stiffness_n_per_m: 5000 damping_n_s_per_m: 2 } })";
-void free_space(benchmark::State& s) { chain<lab::RenderSimulation, 1>(s, kFree); }
-void full_scene(benchmark::State& s) { chain<lab::LinkSimulation, 1>(s, kFull); }
+void free_space(benchmark::State& s) {
+  chain<lab::RenderSimulation, 1>(s, kFree);
+}
+void full_scene(benchmark::State& s) {
+  chain<lab::LinkSimulation, 1>(s, kFull);
+}
 
 template <int N>
 void master_step(benchmark::State& state) {

@@ -49,8 +49,8 @@ inline double share(double q, double b, double a) {
 }
 
 /// The same closed loop as LinkSimulation, written out by hand for translations: hand and device on one exact map,
-/// constant delays, two-port observer and controller at both ends, virtual coupling, robot on an elastic wall stepped by
-/// its exact map and cut at the contact. No reports, no mailboxes, no modes, no telemetry: what the arithmetic costs.
+/// constant delays, two-port observer and controller at both ends, virtual coupling, robot on an elastic wall stepped
+/// by its exact map and cut at the contact. No reports, mailboxes, modes, telemetry: what the arithmetic costs.
 template <int N>
 class HandWritten {
  public:

@@ -105,12 +105,13 @@ template <int N>
 Scene scene() {
   const char* const three = N == 1 ? "" : ", 0, 0";
   return parse_scene(
-      fmt::format("dof: {0} duration_s: 1 rate_hz: 2000 operator {{ hand {{ mass_kg: 0.1 stiffness_n_per_m: 400 "
-                  "damping_n_s_per_m: 8 }} path {{ move_to {{ position_m: [0.03{1}] duration_s: 0.2 }} }} }} device {{ "
-                  "mass_kg: 0.075 {2} }} control {{ passivity {{ method: FORCE_PROJECTED }} }} robot {{ mass_kg: 0.5 {2} "
-                  "force_sensor {{ }} }} environment {{ wall {{ normal: [-1{1}] offset_m: -0.02 stiffness_n_per_m: 5000 "
-                  "}} }}",
-                  N, three, N == 6 ? "inertia_kg_m2: 1e-3" : ""),
+      fmt::format(
+          "dof: {0} duration_s: 1 rate_hz: 2000 operator {{ hand {{ mass_kg: 0.1 stiffness_n_per_m: 400 "
+          "damping_n_s_per_m: 8 }} path {{ move_to {{ position_m: [0.03{1}] duration_s: 0.2 }} }} }} device {{ "
+          "mass_kg: 0.075 {2} }} control {{ passivity {{ method: FORCE_PROJECTED }} }} robot {{ mass_kg: 0.5 {2} "
+          "force_sensor {{ }} }} environment {{ wall {{ normal: [-1{1}] offset_m: -0.02 stiffness_n_per_m: 5000 "
+          "}} }}",
+          N, three, N == 6 ? "inertia_kg_m2: 1e-3" : ""),
       "bench");
 }
 constexpr Seconds kPeriod{5e-4};

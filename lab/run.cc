@@ -46,9 +46,12 @@ Summary run_as(const Scene& scene, const std::string& trace_path) {
 template <int N>
 Summary run_size(const Scene& scene, const std::string& trace_path) {
   switch (scene.control.architecture) {
-    case Architecture::render: return run_as<N, RenderSimulation<N>>(scene, trace_path);
-    case Architecture::uncontrolled: return run_as<N, BodySimulation<N>>(scene, trace_path);
-    default: return run_as<N, LinkSimulation<N>>(scene, trace_path);
+    case Architecture::render:
+      return run_as<N, RenderSimulation<N>>(scene, trace_path);
+    case Architecture::uncontrolled:
+      return run_as<N, BodySimulation<N>>(scene, trace_path);
+    default:
+      return run_as<N, LinkSimulation<N>>(scene, trace_path);
   }
 }
 
@@ -56,9 +59,12 @@ Summary run_size(const Scene& scene, const std::string& trace_path) {
 
 Summary run(const Scene& scene, const std::string& trace_path) {
   switch (scene.dof) {
-    case 1: return run_size<1>(scene, trace_path);
-    case 3: return run_size<3>(scene, trace_path);
-    default: return run_size<6>(scene, trace_path);
+    case 1:
+      return run_size<1>(scene, trace_path);
+    case 3:
+      return run_size<3>(scene, trace_path);
+    default:
+      return run_size<6>(scene, trace_path);
   }
 }
 

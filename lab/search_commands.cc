@@ -168,8 +168,10 @@ std::vector<Subcommand> add_search_commands(CLI::App& app) {
   sweep->add_option("--out", a->sweep.out, "Folder for table.csv, pictures, and the cells finished so far");
   sweep->add_option("--plot", a->plot, plot)->capture_default_str();
   sweep->footer(
-      "table.csv holds the varied paths, then every number of the summary except step_ns (wall-clock time, which would\n"
-      "make two tables differ), then its words: scene, architecture, method, verdict. It is the same to the bit for any\n"
+      "table.csv holds the varied paths, then every number of the summary except step_ns (wall-clock time, which "
+      "would\n"
+      "make two tables differ), then its words: scene, architecture, method, verdict. It is the same to the bit for "
+      "any\n"
       "--jobs. Without --out it goes to stdout.\n"
       "Finished cells are kept in OUT/cells.jsonl: a sweep that was killed goes on where it was when the scene, the\n"
       "overrides and the axes are the same. What the scene promises (expect) is not checked: the sweep varies it.\n"

@@ -58,7 +58,8 @@ class LinkSimulation {
         master_{scene.control},
         slave_{scene.control},
         to_slave_{scene.to_slave, scene.seed ^ kToSlaveStream, packets_in_flight(scene.to_slave, scene.master_rate_hz)},
-        to_master_{scene.to_master, scene.seed ^ kToMasterStream, packets_in_flight(scene.to_master, scene.slave_rate_hz)},
+        to_master_{scene.to_master, scene.seed ^ kToMasterStream,
+                   packets_in_flight(scene.to_master, scene.slave_rate_hz)},
         master_mail_{{to_master_, to_slave_}},
         slave_mail_{{to_slave_, to_master_}} {
     const Energy held = robot_.environment().potential(robot_.state().x) + kinetic(scene, robot_.state().v);
@@ -108,8 +109,7 @@ class LinkSimulation {
 
   [[gnu::always_inline]] auto master_tick(Duration now, std::int64_t k) noexcept {
     if (k > 0) device_.advance();
-    return run_cycle(master_, device_, master_mail_,
-                     Tick<MasterClock>{Instant<MasterClock>{now}, master_dt_});
+    return run_cycle(master_, device_, master_mail_, Tick<MasterClock>{Instant<MasterClock>{now}, master_dt_});
   }
   [[gnu::always_inline]] void slave_tick(Duration now, std::int64_t k) noexcept {
     if (k > 0) robot_.advance();

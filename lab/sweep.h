@@ -33,7 +33,7 @@ struct SweepOptions {
 };
 
 /// One row for each cell, in the order of cells: the varied paths first, then every number of the summary but step_ns,
-/// which is wall-clock time and no two runs share, then its words. Numbers are written so that they read back to the bit.
+/// which is wall-clock time and no two runs share, then its words. Numbers read back to the bit.
 struct Table {
   std::vector<Axis> axes;
   std::vector<std::string> columns;

@@ -210,7 +210,7 @@ Judged judge(const std::string& path, const Seen& with, const Seen& without, con
     const bool overlap = a[i].low() <= b[i].high() && b[i].low() <= a[i].high();
     for (std::size_t k = 0; k < kRuns && counts; ++k) {
       const Contrast d{a[i].key, a[i].values[k], b[i].values[k],
-                         relative_change(a[i].key, a[i].values[k], b[i].values[k])};
+                       relative_change(a[i].key, a[i].values[k], b[i].values[k])};
       if (d.change > any.change) any = d;
       if (d.change > beyond.change && !overlap) beyond = d;
     }

@@ -50,8 +50,8 @@ struct Judged {
 struct Trim {
   std::vector<Judged> blocks;
   Contrast scatter;  ///< of the whole scene over its runs: smallest and largest
-  Judged spare;        ///< all spare blocks left out at once; path: them
-  Judged loose;        ///< those within the scatter left out too; path: these
+  Judged spare;      ///< all spare blocks left out at once; path: them
+  Judged loose;      ///< those within the scatter left out too; path: these
 };
 
 /// Which blocks change the summary of a scene by less than `tolerance`, 0 < tolerance < 1. Every variant makes eight

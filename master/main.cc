@@ -51,7 +51,8 @@ int render(const Scene& scene, const LiveArguments& arguments, spdlog::logger& l
   RenderNode<N> node{scene.control, environment};
   const Energy initial = scene.control.initial_energy + environment.potential(device.x());
   Recorder<N> recorder{{scene.master_rate_hz, scene.duration_s, device.path().end_s(), initial.si()},
-                       trace_path(arguments), scene.duration_s};
+                       trace_path(arguments),
+                       scene.duration_s};
   const std::atomic<bool>& stop = stop_on_signals();
   PeriodicLoop loop{{.rate_hz = scene.master_rate_hz, .realtime = arguments.realtime, .spin = arguments.spin}};
   say_what_is_missing(log, loop);
@@ -62,7 +63,8 @@ int render(const Scene& scene, const LiveArguments& arguments, spdlog::logger& l
   loop.run(stop, [&](std::int64_t k, Duration now) {
     if (to_seconds(now).si() >= scene.duration_s || recorder.diverged()) return false;
     const std::int64_t passed = advance(device, done, k);
-    const auto out = clock.time([&] { return run_cycle(node, device, mail, tick_after<MasterClock>(passed, now, dt)); });
+    const auto out =
+        clock.time([&] { return run_cycle(node, device, mail, tick_after<MasterClock>(passed, now, dt)); });
     recorder.push({.t_s = to_seconds(now).si(),
                    .master_x = device.x(),
                    .master_v = device.v(),
@@ -103,7 +105,8 @@ int couple(const Scene& scene, const LiveArguments& arguments, spdlog::logger& l
   const Scaling<N> scaling{scene.control};
   const Energy initial = scene.control.initial_energy + scaling.to_master(scene.control.initial_energy);
   Recorder<N> recorder{{scene.master_rate_hz, scene.duration_s, device.path().end_s(), initial.si()},
-                       trace_path(arguments), scene.duration_s};
+                       trace_path(arguments),
+                       scene.duration_s};
   const std::atomic<bool>& stop = stop_on_signals();
   PeriodicLoop loop{{.rate_hz = scene.master_rate_hz, .realtime = arguments.realtime, .spin = arguments.spin}};
   say_what_is_missing(log, loop);
@@ -129,7 +132,8 @@ int couple(const Scene& scene, const LiveArguments& arguments, spdlog::logger& l
     const std::int64_t passed = started < 0 ? 1 : advance(device, done, k);
     history.keep(k, device.x());
 
-    const auto out = clock.time([&] { return run_cycle(node, device, mail, tick_after<MasterClock>(passed, now, dt)); });
+    const auto out =
+        clock.time([&] { return run_cycle(node, device, mail, tick_after<MasterClock>(passed, now, dt)); });
     const Known<N>& slave = mail.known();
     energy_heard = slave.energy_in_j;
     if (slave.fresh && slave.round_trip() >= Duration{0}) round_trip.add(slave.round_trip());
@@ -184,9 +188,12 @@ int main(int argc, char** argv) {
   return live_program(argc, argv, "twoport-master", "hand and haptic device, live", "--peer", "127.0.0.1:45000",
                       [](const Scene& scene, const LiveArguments& arguments) {
                         switch (scene.dof) {
-                          case 1: return run<1>(scene, arguments);
-                          case 3: return run<3>(scene, arguments);
-                          default: return run<6>(scene, arguments);
+                          case 1:
+                            return run<1>(scene, arguments);
+                          case 3:
+                            return run<3>(scene, arguments);
+                          default:
+                            return run<6>(scene, arguments);
                         }
                       });
 }

@@ -25,18 +25,18 @@ namespace twoport {
 ///     f      = s_f f_rx                                  or the master's own spring-damper (position-position)
 ///     f'     = passivate(f, E(0) + min(E_in,slave, E_in) - E_out)     foreseeing how the handle gives way, or by f·v
 ///
-/// The hand never gets back more than the slave says has entered the link there, nor more than it has put in, plus E(0).
-/// When the sensor's force comes back, the hand does not feel what moves the robot and cannot pay for it. The motion
-/// command then is a source of its own (Artigas, Ryu, Preusche, Hirzinger, IROS 2011): it carries the energy that the hand
-/// would put in were the coupling force displayed, E_in of f_coupling,rx(k-1)·Δx(k).
-/// Source: Ryu, Artigas, Preusche, Mechatronics 20(7), 2010; the correction is the projected one where chosen.
+/// The hand never gets back more than the slave says has entered the link there, nor more than it has put in, plus
+/// E(0). When the sensor's force comes back, the hand does not feel what moves the robot and cannot pay for it. The
+/// motion command then is a source of its own (Artigas, Ryu, Preusche, Hirzinger, IROS 2011): it carries the energy
+/// that the hand would put in were the coupling force displayed, E_in of f_coupling,rx(k-1)·Δx(k). Source: Ryu,
+/// Artigas, Preusche, Mechatronics 20(7), 2010; the correction is the projected one where chosen.
 template <int N>
 class MasterNode {
  public:
   struct Output {
     Force<N> command;  ///< at the master port, power f·v into the network
     Report<N> report;
-    Force<N> wanted;   ///< before the passivity controller
+    Force<N> wanted;  ///< before the passivity controller
     Energy dissipated, owed;
     Mode mode;
   };
@@ -53,7 +53,8 @@ class MasterNode {
 
   [[gnu::always_inline]] Output step(const Tick<MasterClock>& tick, const DeviceState<N>& device,
                                      const Known<N>& slave) noexcept {
-    if (!all_finite(device.x, device.v, device.applied)) [[unlikely]] return let_go(device);
+    if (!all_finite(device.x, device.v, device.applied)) [[unlikely]]
+      return let_go(device);
     observe(tick, device, slave);
 
     const Duration silence = tick.now.time_since_epoch() - slave.heard;
@@ -70,7 +71,8 @@ class MasterNode {
       out = handle_ ? passivate_yielding(wanted, handle_->foreseen(), available, options_.controller, tick.dt)
                     : passivate(wanted, device.v, Budget{available, Energy{}}, options_.controller, tick.dt);
     }
-    if (!all_finite(out.out)) [[unlikely]] return let_go(device);
+    if (!all_finite(out.out)) [[unlikely]]
+      return let_go(device);
     return {.command = out.out,
             .report = {.x = device.x, .v = device.v, .f = out.out, .energy_in_j = offered().si(), .mode = mode_},
             .wanted = wanted,
@@ -107,8 +109,8 @@ class MasterNode {
   [[nodiscard]] Energy absorbed() const noexcept { return ledger_.absorbed() - base_absorbed_; }
   [[nodiscard]] Energy returned() const noexcept { return ledger_.returned() - base_returned_; }
 
-  /// A reading that is not finite is none, nor is a force that no double holds: the handle is under no force of ours until
-  /// the next tick. The other side takes no report that is not finite.
+  /// A reading that is not finite is none, nor is a force that no double holds: the handle is under no force of ours
+  /// until the next tick. The other side takes no report that is not finite.
   [[gnu::always_inline]] Output let_go(const DeviceState<N>& device) noexcept {
     mode_ = Mode::released;
     Output out{};
@@ -122,11 +124,12 @@ class MasterNode {
                                       const Known<N>& slave) noexcept {
     const PortMotion<N> motion{device.x, device.v};
     if (started_) {
-      ledger_.book(held_energy(options_.observer, device.applied, before_, motion, tick.ended));
-      if (measured()) command_.book(held_energy(options_.observer, moving_, before_, motion, tick.ended));
+      Interval<N> interval = motion - before_;
+      ledger_.book(held_energy(options_.observer, device.applied, interval, tick.ended));
+      if (measured()) command_.book(held_energy(options_.observer, moving_, interval, tick.ended));
+      if (handle_) handle_->step(interval.moved, device.applied, tick.ended, tick.dt);
     }
     if (measured()) moving_ = scaling_.to_master(slave.newest.f_coupling);
-    if (started_ && handle_) handle_->step(motion.x - before_.x, device.applied, tick.ended, tick.dt);
     before_ = motion;
     started_ = true;
   }

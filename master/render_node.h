@@ -14,7 +14,7 @@
 
 namespace twoport {
 
-/// A virtual environment rendered directly on the device, the seed paper's own case: one multi-port, impedance causality.
+/// A virtual environment rendered directly on the device, the seed paper's case: one multi-port, impedance causality.
 ///
 ///     f_i(k)  = parts of the environment's force at the sensed position and velocity, one for each account
 ///     E_i(k)  = E(0)/n + Σ f'_i(k-1)·Δx(k)
@@ -37,9 +37,7 @@ class RenderNode {
   };
 
   RenderNode(const ControlOptions& o, sim::Environment<N> environment)
-      : options_{o},
-        environment_{std::move(environment)},
-        observer_{o.initial_energy, accounts(o, environment_)} {}
+      : options_{o}, environment_{std::move(environment)}, observer_{o.initial_energy, accounts(o, environment_)} {}
 
   Output step(const Tick<MasterClock>& tick, const DeviceState<N>& device, const NoReport&) noexcept {
     const Seconds dt = tick.dt;
@@ -55,9 +53,8 @@ class RenderNode {
       wanted_[0] = -environment_.force(device.x, device.v);
     } else {
       for (int i = 0; i < observer_.accounts(); ++i) wanted_[static_cast<std::size_t>(i)] = Force<N>{};
-      environment_.for_each_contact(device.x, device.v, [&](int contact, const Vector& n, const Vector& t) {
-        split(contact, n, t);
-      });
+      environment_.for_each_contact(device.x, device.v,
+                                    [&](int contact, const Vector& n, const Vector& t) { split(contact, n, t); });
     }
     const bool reference = options_.reference_energy;
     if (reference) {
@@ -66,9 +63,8 @@ class RenderNode {
     }
     for (int i = 0; i < observer_.accounts(); ++i) {
       const auto a = static_cast<std::size_t>(i);
-      const Budget budget = reference
-                                ? Budget{observer_.energy(i) - potential_[a], next_potential_[a] - potential_[a]}
-                                : Budget{observer_.energy(i), Energy{}};
+      const Budget budget = reference ? Budget{observer_.energy(i) - potential_[a], next_potential_[a] - potential_[a]}
+                                      : Budget{observer_.energy(i), Energy{}};
       const Corrected<Force<N>> part = passivate(wanted_[a], device.v, budget, options_.controller, dt);
       held_[a] = part.out;
       out.wanted += wanted_[a];
@@ -88,10 +84,13 @@ class RenderNode {
 
   static int accounts(const ControlOptions& o, const sim::Environment<N>& e) {
     switch (o.accounts) {
-      case Accounts::total: return 1;
+      case Accounts::total:
+        return 1;
       case Accounts::normal_tangential:
-      case Accounts::translation_rotation: return 2;
-      case Accounts::per_contact: return std::min(kMaxAccounts, std::max(2, 2 * e.contacts()));
+      case Accounts::translation_rotation:
+        return 2;
+      case Accounts::per_contact:
+        return std::min(kMaxAccounts, std::max(2, 2 * e.contacts()));
     }
     return 1;
   }
@@ -107,8 +106,9 @@ class RenderNode {
       const double share = asked > 0.0 && !(device.applied.vec() == commanded_.vec())
                                ? std::sqrt(device.applied.squared_norm() / asked)
                                : 1.0;
+      const Interval<N> interval = motion - before_;
       for (int i = 0; i < observer_.accounts(); ++i)
-        observer_.book(i, share * held_energy(options_.observer, held_[static_cast<std::size_t>(i)], before_, motion, dt));
+        observer_.book(i, share * held_energy(options_.observer, held_[static_cast<std::size_t>(i)], interval, dt));
     }
     before_ = motion;
     started_ = true;
@@ -116,7 +116,8 @@ class RenderNode {
 
   void split(int contact, const Vector& n, const Vector& t) noexcept {
     switch (options_.accounts) {
-      case Accounts::total: break;
+      case Accounts::total:
+        break;
       case Accounts::normal_tangential:
         wanted_[0] += Force<N>{-n};
         wanted_[1] += Force<N>{-t};
@@ -143,9 +144,8 @@ class RenderNode {
   void potentials(const Position<N>& x, Energies& out) const noexcept {
     for (int i = 0; i < observer_.accounts(); ++i) out[static_cast<std::size_t>(i)] = Energy{};
     if (options_.accounts == Accounts::per_contact) {
-      environment_.for_each_potential(x, [&](int contact, Energy u) {
-        out[static_cast<std::size_t>((2 * contact) % kMaxAccounts)] += u;
-      });
+      environment_.for_each_potential(
+          x, [&](int contact, Energy u) { out[static_cast<std::size_t>((2 * contact) % kMaxAccounts)] += u; });
     } else {
       out[0] = environment_.potential(x);
     }

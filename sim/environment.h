@@ -189,8 +189,9 @@ class Environment {
   /// Calls visit(index, normal wrench, tangential wrench) for every contact; a spring is all normal.
   template <class Visit>
   void for_each_contact(const Placed<N>& x, const Velocity<N>& v, Visit visit) const noexcept {
-    for_each_contact(x, v, [](int) { return kNearest; },
-                     [&](int index, Face, const Wrench& n, const Wrench& t) { visit(index, n, t); });
+    for_each_contact(
+        x, v, [](int) { return kNearest; },
+        [&](int index, Face, const Wrench& n, const Wrench& t) { visit(index, n, t); });
   }
 
   /// The same as visit(index, face, ...), where pick(index) tells which face of that contact answers, if any.

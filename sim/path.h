@@ -125,7 +125,8 @@ class Path {
 
     [[gnu::noinline]] Sample at(double t) const noexcept {
       switch (kind) {
-        case Kind::hold: break;
+        case Kind::hold:
+          break;
         case Kind::move: {
           const double s = t / duration_s;
           const double x = s * s * s * (10.0 - s * (15.0 - 6.0 * s));

@@ -29,8 +29,8 @@ double force_norm(const Force<N>& f) {
 ///
 /// f is held over the tick; the intended motion x_h is linear within it; the step is the exact solution, with a stop
 /// by Coulomb friction resolved inside it. N = 6 rotates like a sphere (isotropic inertia), in rotation-vector
-/// coordinates local to the tick. Blocks that the scene does not name cost nothing and are ideal: no hand impedance, the
-/// path is imposed; no operator, nobody holds; neither device nor operator, the handle rests.
+/// coordinates local to the tick. Blocks that the scene does not name cost nothing and are ideal: no hand impedance,
+/// the path is imposed; no operator, nobody holds; neither device nor operator, the handle rests.
 template <int N>
 class SimDevice final : public Device<N> {
  public:
@@ -38,7 +38,8 @@ class SimDevice final : public Device<N> {
   SimDevice(const Scene& scene, Seconds dt)
       : dt_{dt.si()},
         simulation_{scene.simulation},
-        as_written_{simulation_.integrator != Integrator::exact && simulation_.integrator != Integrator::exact_per_tick},
+        as_written_{simulation_.integrator != Integrator::exact &&
+                    simulation_.integrator != Integrator::exact_per_tick},
         path_{scene.human ? scene.human->path : std::vector<SegmentSpec>{}, intent(scene),
               scene.human && scene.human->tremor ? Tremor<N>{*scene.human->tremor, scene.seed} : Tremor<N>{}} {
     x_ = start(scene);
@@ -81,15 +82,14 @@ class SimDevice final : public Device<N> {
   [[gnu::always_inline]] void advance() noexcept {
     applied_ = held_;
     ++tick_;
-    const PortMotion<N> before{x_, Velocity<N>{v_}};
     if (imposed_) {
       const auto s = path_.at(static_cast<double>(tick_) * dt_);
+      book({s.x - x_, Velocity<N>{v_}, s.v});
       x_ = s.x;
       v_ = s.v.vec();
     } else if (free_) {
       step();
     }
-    energy_ += held_energy(ObserverRule::exact, held_, before, {x_, Velocity<N>{v_}}, Seconds{dt_});
     if (!ideal_) estimate();
   }
 
@@ -169,8 +169,16 @@ class SimDevice final : public Device<N> {
       const Eigen::Vector3d w0 = v_.template tail<3>(), w1 = v.template tail<3>();
       moved.template tail<3>() -= dt_ * dt_ / 12.0 * w0.cross(w1);
     }
+    const Position<N> before = x_;
     x_ = x_ + Displacement<N>{moved};
+    // As an observer sees it to the last bit; for a pose to rounding, its logarithm being dear.
+    Interval<N> interval{N == 6 ? Displacement<N>{moved} : x_ - before, Velocity<N>{v_}, Velocity<N>{v}};
     v_ = v;
+    book(interval);
+  }
+  /// Energy into the master port under the force that was held.
+  void book(const Interval<N>& interval) noexcept {
+    energy_ += held_energy(ObserverRule::exact, held_, interval, Seconds{dt_});
   }
 
   /// The step by an integrator as it is usually written; Coulomb friction explicit, smooth below kStictionSpeed.
@@ -222,16 +230,16 @@ class SimDevice final : public Device<N> {
       const Axes pushed = load - coulomb_n_ * direction;
       const Axes slope = w.template head<kAxes>();
       // Motion along the direction of sliding ends where its velocity crosses zero.
-      const AxisState along = propagate(axis_, {0, direction.dot(velocity)}, direction.dot(pushed),
-                                        direction.dot(slope), h);
+      const AxisState along =
+          propagate(axis_, {0, direction.dot(velocity)}, direction.dot(pushed), direction.dot(slope), h);
       double until = h;
       const bool stops = part < kStops && along.v < 0.0 && direction.dot(velocity) > 0.0;
       if (stops) {
         double lo = 0.0, hi = h;
         for (int i = 0; i < 50; ++i) {
           until = 0.5 * (lo + hi);
-          const double vel = propagate(axis_, {0, direction.dot(velocity)}, direction.dot(pushed),
-                                       direction.dot(slope), until).v;
+          const double vel =
+              propagate(axis_, {0, direction.dot(velocity)}, direction.dot(pushed), direction.dot(slope), until).v;
           (vel > 0.0 ? lo : hi) = until;
         }
       }

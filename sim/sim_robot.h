@@ -90,7 +90,7 @@ class RungeKuttaPlant {
 
  protected:
   static constexpr int kPieces = 256;  // of a tick, at most
-  static constexpr int kCuts = 4;  // contacts that begin or end within one piece, each met on its own
+  static constexpr int kCuts = 4;      // contacts that begin or end within one piece, each met on its own
   using Vector = typename Velocity<N>::Vector;
   using Contacts = std::vector<Face>;  // of each contact, the face that carries force
   static double push(const Force<N>& f) noexcept { return f.vec().template head<kAxes<N>>().norm(); }
@@ -169,7 +169,7 @@ class RungeKuttaPlant {
   }
   /// From m, where the slope is a.
   [[gnu::flatten]] Motion step(const Motion& m, const Slope& a, const Force<N>& f, const Contacts& among,
-                                double h) const noexcept {
+                               double h) const noexcept {
     const auto at = [&](const Vector& moved, const Vector& dp) {
       return Motion{m.at.x + Displacement<N>{moved}, m.p + dp};
     };
@@ -526,7 +526,9 @@ class SimRobot final : public Robot<N> {
   /// Coupling force on the robot, held now.
   [[nodiscard]] const Force<N>& held() const { return command_.f; }
   /// True force of the environment on the robot.
-  [[nodiscard, gnu::always_inline]] Force<N> environment_force() const { return exact_ ? exact_->environment_force() : from_environment_; }
+  [[nodiscard, gnu::always_inline]] Force<N> environment_force() const {
+    return exact_ ? exact_->environment_force() : from_environment_;
+  }
   [[nodiscard]] const Environment<N>& environment() const { return environment_; }
 
  private:

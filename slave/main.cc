@@ -99,9 +99,12 @@ int main(int argc, char** argv) {
                                             ": control.architecture is RENDER, which has no slave; run twoport-master "
                                             "alone");
                         switch (scene.dof) {
-                          case 1: return run<1>(scene, arguments);
-                          case 3: return run<3>(scene, arguments);
-                          default: return run<6>(scene, arguments);
+                          case 1:
+                            return run<1>(scene, arguments);
+                          case 3:
+                            return run<3>(scene, arguments);
+                          default:
+                            return run<6>(scene, arguments);
                         }
                       });
 }

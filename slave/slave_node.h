@@ -46,7 +46,8 @@ class SlaveNode {
 
   [[gnu::always_inline]] Output step(const Tick<SlaveClock>& tick, const RobotState<N>& robot,
                                      const Known<N>& master) noexcept {
-    if (!all_finite(robot.x, robot.v, robot.f_environment)) [[unlikely]] return let_go(robot);
+    if (!all_finite(robot.x, robot.v, robot.f_environment)) [[unlikely]]
+      return let_go(robot);
     const Duration silence = tick.now.time_since_epoch() - master.heard;
     const Mode was = mode_;
     mode_ = next_mode(mode_, {.heard = master.any && silence < hold_after_, .silent = silence >= release_after_});
@@ -62,16 +63,16 @@ class SlaveNode {
     } else {
       if (mode_ == Mode::coupled) {
         v_rx = scaling_.to_slave(master.newest.v);
-        v_d = tracker_.step(options_.coupling.drift_compensation ? x_sd_ : x_d_,
-                            scaling_.to_slave(master.newest.x), v_rx, master.fresh, tick.dt);
+        v_d = tracker_.step(options_.coupling.drift_compensation ? x_sd_ : x_d_, scaling_.to_slave(master.newest.x),
+                            v_rx, master.fresh, tick.dt);
       }
-      f_d = robot.ideal ? robot.f_environment
-                        : coupling_.force((x_sd_ + v_d * tick.dt) - robot.x, v_rx - robot.v);
+      f_d = robot.ideal ? robot.f_environment : coupling_.force((x_sd_ + v_d * tick.dt) - robot.x, v_rx - robot.v);
     }
     Yielded<N> allowed{f_d, v_d, Energy{}};
     if (options_.controller.method != Method::none)
       allowed = yield(f_d, v_d, coupling_.compliance(tick.dt), available(master), tick.dt);
-    if (!all_finite(allowed.f, allowed.v)) [[unlikely]] return let_go(robot);
+    if (!all_finite(allowed.f, allowed.v)) [[unlikely]]
+      return let_go(robot);
     move(v_d, allowed.v, allowed.f, tick.dt);
 
     const bool measured = options_.architecture == Architecture::position_measured_force;
@@ -111,14 +112,15 @@ class SlaveNode {
     return options_.initial_energy + scaling_.to_slave(Energy{master.energy_in_j}) - returned();
   }
 
-  /// A reading that is not finite is none, nor is a force that no double holds: nothing acts on the robot until the next
-  /// tick. The other side takes no report that is not finite.
+  /// A reading that is not finite is none, nor is a force that no double holds: nothing acts on the robot until the
+  /// next tick. The other side takes no report that is not finite.
   [[gnu::always_inline]] Output let_go(const RobotState<N>& robot) noexcept {
     mode_ = Mode::released;
     f_ = Force<N>{};
     Output out{};
     out.command.x_d = x_sd_;
-    out.report = {.x = robot.x, .v = robot.v, .f_environment = robot.f_environment, .energy_in_j = credit(), .mode = mode_};
+    out.report = {
+        .x = robot.x, .v = robot.v, .f_environment = robot.f_environment, .energy_in_j = credit(), .mode = mode_};
     out.mode = mode_;
     return out;
   }

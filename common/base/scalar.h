@@ -29,7 +29,9 @@ using Seconds = Scalar<struct SecondsKind>;  // [s]
 using Energy = Scalar<struct EnergyKind>;    // [J]
 using Power = Scalar<struct PowerKind>;      // [W]
 
-constexpr Energy operator*(Power p, Seconds t) { return Energy{p.si() * t.si()}; }
+constexpr Energy operator*(Power p, Seconds t) {
+  return Energy{p.si() * t.si()};
+}
 
 template <class Kind>
 constexpr Scalar<Kind> positive_part(Scalar<Kind> a) {
@@ -37,8 +39,12 @@ constexpr Scalar<Kind> positive_part(Scalar<Kind> a) {
 }
 
 namespace literals {
-constexpr Energy operator""_J(long double v) { return Energy{static_cast<double>(v)}; }
-constexpr Seconds operator""_s(long double v) { return Seconds{static_cast<double>(v)}; }
+constexpr Energy operator""_J(long double v) {
+  return Energy{static_cast<double>(v)};
+}
+constexpr Seconds operator""_s(long double v) {
+  return Seconds{static_cast<double>(v)};
+}
 }  // namespace literals
 
 }  // namespace twoport

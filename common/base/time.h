@@ -38,8 +38,12 @@ struct Tick {
 
 inline constexpr double kNanosecondsPerSecond = 1e9;
 
-constexpr Seconds to_seconds(Duration d) { return Seconds{static_cast<double>(d.count()) / kNanosecondsPerSecond}; }
-inline Duration to_duration(double seconds) { return Duration{std::llround(seconds * kNanosecondsPerSecond)}; }
+constexpr Seconds to_seconds(Duration d) {
+  return Seconds{static_cast<double>(d.count()) / kNanosecondsPerSecond};
+}
+inline Duration to_duration(double seconds) {
+  return Duration{std::llround(seconds * kNanosecondsPerSecond)};
+}
 
 /// Start of tick k of a loop at `rate_hz`: rounded once from k/rate, so that no error adds up.
 inline Duration tick_time(std::int64_t k, double rate_hz) {

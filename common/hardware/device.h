@@ -7,9 +7,9 @@ namespace twoport {
 /// What a haptic device says at the start of a tick.
 template <int N>
 struct DeviceState {
-  Position<N> x;      ///< handle, as the encoders give it [m], attitude
-  Velocity<N> v;      ///< the device's own estimate [m/s], [rad/s]
-  Force<N> applied;   ///< force that was really held on the network port since the last tick [N], after every limit
+  Position<N> x;     ///< handle, as the encoders give it [m], attitude
+  Velocity<N> v;     ///< the device's own estimate [m/s], [rad/s]
+  Force<N> applied;  ///< force that was really held on the network port since the last tick [N], after every limit
 };
 
 /// A haptic device: the seam for hardware at the master. Both calls come once a period, from the cycle thread, and

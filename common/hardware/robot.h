@@ -7,10 +7,10 @@ namespace twoport {
 /// What a robot says at the start of a tick.
 template <int N>
 struct RobotState {
-  Position<N> x;              ///< tool [m], attitude
-  Velocity<N> v;              ///< [m/s], [rad/s]
-  Force<N> f_environment;     ///< the force sensor: force of the robot on the environment [N], [N m]
-  bool ideal = false;         ///< follows the motion it is told exactly; its sensor then is the coupling force
+  Position<N> x;           ///< tool [m], attitude
+  Velocity<N> v;           ///< [m/s], [rad/s]
+  Force<N> f_environment;  ///< the force sensor: force of the robot on the environment [N], [N m]
+  bool ideal = false;      ///< follows the motion it is told exactly; its sensor then is the coupling force
 };
 
 /// What the slave asks of its robot for the coming period.

@@ -49,8 +49,12 @@ Duration Impairment::delay() noexcept {
   if (options_.jitter_s == 0.0) return fixed_delay_;
   double unit = 0.0;  // mean 0, standard deviation 1
   switch (options_.jitter_distribution) {
-    case JitterDistribution::normal: unit = normal_(random_); break;
-    case JitterDistribution::uniform: unit = std::sqrt(12.0) * (uniform() - 0.5); break;
+    case JitterDistribution::normal:
+      unit = normal_(random_);
+      break;
+    case JitterDistribution::uniform:
+      unit = std::sqrt(12.0) * (uniform() - 0.5);
+      break;
     case JitterDistribution::pareto: {
       // Pareto tail index 3 from 1: mean 3/2, variance 3/4; never early by more than 0.58 standard deviations.
       const double pareto = std::pow(1.0 - uniform(), -1.0 / 3.0);

@@ -46,7 +46,7 @@ inline constexpr std::uint64_t kToSlaveStream = 0x70736c61, kToMasterStream = 0x
 class Impairment {
  public:
   struct Fate {
-    int copies;          ///< 0: lost
+    int copies;  ///< 0: lost
     Duration delay[2];
   };
 

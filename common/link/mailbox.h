@@ -15,10 +15,10 @@ namespace twoport {
 ///
 ///     newest - first + 1 = received - duplicated + lost
 struct PacketCounts {
-  std::uint64_t sent = 0;        ///< by this side
-  std::uint64_t received = 0;    ///< accepted, late and repeated ones included
-  std::uint64_t lost = 0;        ///< gaps in the sequence that were never filled
-  std::uint64_t late = 0;        ///< older than one already seen
+  std::uint64_t sent = 0;      ///< by this side
+  std::uint64_t received = 0;  ///< accepted, late and repeated ones included
+  std::uint64_t lost = 0;      ///< gaps in the sequence that were never filled
+  std::uint64_t late = 0;      ///< older than one already seen
   std::uint64_t duplicated = 0;
 };
 
@@ -27,10 +27,10 @@ struct PacketCounts {
 template <int N>
 struct Known {
   Report<N> newest;
-  double energy_in_j = 0.0;   ///< largest ever received: knowledge only grows
-  bool any = false;           ///< has a report arrived in this session
-  bool fresh = false;         ///< has a newer one arrived in this tick
-  Duration heard{0};          ///< local time of the newest
+  double energy_in_j = 0.0;  ///< largest ever received: knowledge only grows
+  bool any = false;          ///< has a report arrived in this session
+  bool fresh = false;        ///< has a newer one arrived in this tick
+  Duration heard{0};         ///< local time of the newest
 
   /// Of the newest; -1 where it is not known.
   [[nodiscard]] Duration round_trip() const noexcept {

@@ -29,7 +29,7 @@ struct Report {
   Velocity<N> v{};
   Force<N> f{};              ///< the force that goes back (slave), or that is felt (master)
   Force<N> f_coupling{};     ///< slave: the coupling force on the robot
-  Force<N> f_environment{}; ///< slave: the sensor's force of the environment on the robot
+  Force<N> f_environment{};  ///< slave: the sensor's force of the environment on the robot
   double energy_in_j = 0.0;
   Mode mode = Mode::idle;
 

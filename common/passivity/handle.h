@@ -10,7 +10,8 @@ namespace twoport {
 /// What a handle will do in the coming interval.
 template <int N>
 struct Foreseen {
-  typename Force<N>::Vector compliance = Force<N>::Vector::Zero();  ///< of the mean velocity to the force, T/(2m) per axis [m/(N s)]
+  typename Force<N>::Vector compliance =
+      Force<N>::Vector::Zero();          ///< of the mean velocity to the force, T/(2m) per axis [m/(N s)]
   Velocity<N> w{};                       ///< mean velocity were there no force
   double doubt = 0.0, spin_doubt = 0.0;  ///< how wrong w may be, in whatever direction [m/s], [rad/s]
 
@@ -27,10 +28,10 @@ struct Foreseen {
 /// Foresees the handle's motion under a held force from positions and the forces that were really applied; velocity
 /// estimates lag and are not asked.
 ///
-///     u(k+1) = u(k) + d - C (f(k-1) + f(k))         u: mean velocity of interval k; d: what the hand adds in an interval
-///     u, d  += g e, h e                             e: measured less foreseen mean velocity
-///     w      = u(k) + d - C f(k-1)                  mean velocity of the coming interval were there no force
-///     doubt  = max(|e|, 0.95 doubt)                 translation and rotation each
+///     u(k+1) = u(k) + d - C (f(k-1) + f(k))         u: mean velocity of interval k; d: what the hand adds in an
+///     interval u, d  += g e, h e                             e: measured less foreseen mean velocity w      = u(k) + d
+///     - C f(k-1)                  mean velocity of the coming interval were there no force doubt  = max(|e|, 0.95
+///     doubt)                 translation and rotation each
 ///
 /// C = T/(2m) per axis, exact for a mass under held forces; g = 1 - θ², h = (1 - θ)² is the fading-memory (alpha-beta)
 /// filter, which averages an encoder's counts over a few ticks and loses nothing of the answer to the force, as that is
@@ -48,7 +49,8 @@ class Handle {
   /// `moved` since the last step, `ended` ago, while `applied` was held.
   [[gnu::always_inline]] void step(const Displacement<N>& moved, const Force<N>& applied, Seconds ended,
                                    Seconds dt) noexcept {
-    if (ended.si() > 1.5 * dt.si()) [[unlikely]] return bridge(moved, applied, ended.si() / dt.si(), dt);
+    if (ended.si() > 1.5 * dt.si()) [[unlikely]]
+      return bridge(moved, applied, ended.si() / dt.si(), dt);
     const Vector c = 0.5 * dt.si() * mobility_;
     const Vector expected = u_ + d_ - c.cwiseProduct(applied_ + applied.vec());
     const Vector e = moved.vec() / dt.si() - expected;
@@ -64,8 +66,7 @@ class Handle {
     foreseen_.compliance = c;
     foreseen_.w = Velocity<N>{u_ + d_ - c.cwiseProduct(applied_)};
     foreseen_.doubt = std::max(e.template head<kAxes>().norm(), kMemory * foreseen_.doubt);
-    if constexpr (N == 6)
-      foreseen_.spin_doubt = std::max(e.template tail<3>().norm(), kMemory * foreseen_.spin_doubt);
+    if constexpr (N == 6) foreseen_.spin_doubt = std::max(e.template tail<3>().norm(), kMemory * foreseen_.spin_doubt);
   }
 
   /// The same over n intervals at once: what is measured is their mean, and each has changed the velocity by

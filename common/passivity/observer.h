@@ -40,6 +40,17 @@ struct PortMotion {
   Velocity<N> v;
 };
 
+/// What a port did between two ticks.
+template <int N>
+struct Interval {
+  Displacement<N> moved;
+  Velocity<N> v0, v1;  ///< at its ends
+};
+template <int N>
+[[gnu::always_inline]] inline Interval<N> operator-(const PortMotion<N>& now, const PortMotion<N>& before) {
+  return {now.x - before.x, before.v, now.v};
+}
+
 /// Energy that a force held from tick k-1 to tick k has put into the element behind the port [J].
 ///
 ///     exact       f·Δx                          N = 1, 3
@@ -48,12 +59,12 @@ struct PortMotion {
 ///
 /// `held` is the force that was really applied, after every limit.
 template <int N>
-Energy held_energy(ObserverRule rule, const Force<N>& held, const PortMotion<N>& before, const PortMotion<N>& now,
-                   Seconds dt) noexcept {
-  if (rule == ObserverRule::rectangle) return dot(held, before.v) * dt;
-  Energy e = dot(held, now.x - before.x);
+[[gnu::always_inline]] inline Energy held_energy(ObserverRule rule, const Force<N>& held, const Interval<N>& interval,
+                                                 Seconds dt) noexcept {
+  if (rule == ObserverRule::rectangle) return dot(held, interval.v0) * dt;
+  Energy e = dot(held, interval.moved);
   if constexpr (N == 6) {
-    const Eigen::Vector3d w0 = before.v.vec().template tail<3>(), w1 = now.v.vec().template tail<3>();
+    const Eigen::Vector3d w0 = interval.v0.vec().template tail<3>(), w1 = interval.v1.vec().template tail<3>();
     e += Energy{dt.si() * dt.si() / 12.0 * held.vec().template tail<3>().dot(w0.cross(w1))};
   }
   return e;
@@ -69,8 +80,7 @@ Energy held_energy(ObserverRule rule, const Force<N>& held, const PortMotion<N>&
 template <int Capacity = 1>
 class Observer {
  public:
-  explicit Observer(Energy initial = Energy{}, int accounts = Capacity)
-      : count_{accounts} {
+  explicit Observer(Energy initial = Energy{}, int accounts = Capacity) : count_{accounts} {
     for (int a = 0; a < count_; ++a) store(a, Energy{initial.si() / accounts});
   }
 

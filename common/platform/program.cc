@@ -29,7 +29,8 @@ int live_program(int argc, char** argv, const std::string& name, const std::stri
     app.parse(argc, argv);
     const Scene scene = load_scene(a.scene, a.set);
     if (scene.control.architecture == Architecture::uncontrolled)
-      throw ConfigError(a.scene + ": control.architecture is UNCONTROLLED, which nobody runs live; use twoport-lab run");
+      throw ConfigError(a.scene +
+                        ": control.architecture is UNCONTROLLED, which nobody runs live; use twoport-lab run");
     return body(scene, a);
   } catch (const CLI::ParseError& e) {
     if (e.get_exit_code() == 0) return app.exit(e);  // --help, --version

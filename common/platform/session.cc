@@ -113,8 +113,7 @@ struct UdpTransport<N>::Impl {
         peer{p},
         session{sessions.draw()},
         offer{o.side == Side::master ? session : sessions.draw()},
-        line{without_blackouts(o.incoming), o.impairment_seed,
-             kBurst + packets_in_flight(o.incoming, o.peer_rate_hz)} {
+        line{without_blackouts(o.incoming), o.impairment_seed, kBurst + packets_in_flight(o.incoming, o.peer_rate_hz)} {
     refusing.identity = identity();
     if (given_peer) socket.keep_to(*given_peer);
   }

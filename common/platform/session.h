@@ -24,12 +24,12 @@ struct SessionOptions {
 
 /// Datagrams that were not reports for the node.
 struct LinkCounts {
-  std::uint64_t handshake = 0;   ///< of a good peer that does not know this session yet
-  std::uint64_t rejected = 0;    ///< did not parse, of another session, of somebody else
-  std::uint64_t lost = 0;        ///< taken away by the impairment
-  std::uint64_t overflowed = 0;  ///< found the delay line full
-  std::uint64_t unaddressed = 0; ///< reports of a slave that knows no master yet
-  std::uint64_t unsent = 0;      ///< could not be handed to the socket
+  std::uint64_t handshake = 0;    ///< of a good peer that does not know this session yet
+  std::uint64_t rejected = 0;     ///< did not parse, of another session, of somebody else
+  std::uint64_t lost = 0;         ///< taken away by the impairment
+  std::uint64_t overflowed = 0;   ///< found the delay line full
+  std::uint64_t unaddressed = 0;  ///< reports of a slave that knows no master yet
+  std::uint64_t unsent = 0;       ///< could not be handed to the socket
 };
 
 /// The datagrams of one side of a live link, as Mailbox wants its transport: socket, codec, the impairment of the

@@ -21,7 +21,7 @@ auto translational(const Vector& v) {
   }
 }
 
-/// Angle between two vectors [rad], exact near 0 and near π: atan2(|u×f|, u·f), with |u×f| from the rejection of u on f.
+/// Angle between two vectors [rad], exact near 0 and π: atan2(|u×f|, u·f), with |u×f| from the rejection of u on f.
 template <class Vector>
 double angle(const Vector& u, const Vector& f) {
   const double along = u.dot(f), f2 = f.squaredNorm();

@@ -16,14 +16,14 @@ struct Row {
   Force<N> master_f_wanted{};  ///< before passivity control
   Position<N> slave_x{};
   Velocity<N> slave_v{};
-  Force<N> slave_f{};          ///< coupling force on the robot
-  Force<N> env_f{};            ///< force of the environment on the robot; under RENDER on the device
+  Force<N> slave_f{};                ///< coupling force on the robot
+  Force<N> env_f{};                  ///< force of the environment on the robot; under RENDER on the device
   Displacement<N> position_error{};  ///< robot against the delayed, scaled master
-  double master_energy_j = 0.0;    ///< exact energy through the master port so far, E(0) not included
-  double slave_energy_j = 0.0;     ///< net energy that has left the link at the slave
-  double observed_energy_j = 0.0;  ///< what the master's observer believes of the first
-  double owed_j = 0.0;             ///< what the master's controller could not yet dissipate
-  double dissipated_j = 0.0;       ///< by both controllers, in this tick
+  double master_energy_j = 0.0;      ///< exact energy through the master port so far, E(0) not included
+  double slave_energy_j = 0.0;       ///< net energy that has left the link at the slave
+  double observed_energy_j = 0.0;    ///< what the master's observer believes of the first
+  double owed_j = 0.0;               ///< what the master's controller could not yet dissipate
+  double dissipated_j = 0.0;         ///< by both controllers, in this tick
   Mode mode = Mode::idle;
 };
 

@@ -12,8 +12,9 @@
 namespace twoport {
 namespace {
 
-std::string partial(const std::string& path) { return path + ".partial"; }
-
+std::string partial(const std::string& path) {
+  return path + ".partial";
+}
 
 template <class Vector>
 void append(std::string& line, const Vector& v) {
@@ -26,8 +27,8 @@ template <int N>
 Trace<N>::Trace(std::string path) : path_{std::move(path)}, file_{std::fopen(partial(path_).c_str(), "w")} {
   if (file_ == nullptr) throw ConfigError(fmt::format("{}: cannot be written: {}", path_, std::strerror(errno)));
   line_ = "t_s";
-  for (const char* name : {"master_x", "master_v", "master_f", "master_f_wanted", "slave_x", "slave_v", "slave_f",
-                           "env_f"})
+  for (const char* name :
+       {"master_x", "master_v", "master_f", "master_f_wanted", "slave_x", "slave_v", "slave_f", "env_f"})
     for (int i = 0; i < N; ++i) fmt::format_to(std::back_inserter(line_), ",{}_{}", name, i);
   line_ += ",master_energy_j,slave_energy_j\n";
   std::fputs(line_.c_str(), file_);

@@ -23,8 +23,8 @@ namespace twoport {
 ///   sustained   ln A does not fall, the network has paid, and pays on (a line through the windows' port energies falls
 ///               by more than five standard errors): a limit cycle that it feeds
 ///
-/// A limit cycle that is still settling falls a little: less than 1 % per window, and the device's limit cuts its force in
-/// every window, or it falls along no line, while the decay of a linear loop is one by more than ten standard errors.
+/// A limit cycle that is still settling falls a little: less than 1 % per window, and the device's limit cuts its force
+/// in every window, or it falls along no line, while a linear loop's decay is one by over ten standard errors.
 ///
 /// Left to itself a linear loop follows its dominant eigenvalue ρ: ln A rises by ln ρ per tick, exactly, and whatever
 /// damps the handle makes the port pay for it; so `growing` agrees with ρ > 1, down to ripple and rounding (1e-7 per
@@ -121,13 +121,13 @@ class Verdict {
     const bool by_itself = quiet_ && !corrected_ && energy_j_ <= energy_at_start_j_;
     const bool tenfold = !corrected_ && last > 10.0 * first && last > 1e-3;
     if (slope > std::max(5.0 * error, kEven) && (by_itself || paid || tenfold))
-      return {true, "growing: activity x" + digits(std::exp(slope)) + " per window" +
-                        (quiet_ ? " at rest" : "") + (paid ? ", fed by the network" : "")};
+      return {true, "growing: activity x" + digits(std::exp(slope)) + " per window" + (quiet_ ? " at rest" : "") +
+                        (paid ? ", fed by the network" : "")};
     const auto [income, income_error] = line(energy_at_end_, n);
     const bool limited = std::all_of(limited_.begin(), limited_.begin() + n, std::identity{});
     if (paid && income < -5.0 * income_error && slope > -0.01 && (limited || slope > -kClean * error))
-      return {true, "sustained oscillation of " + digits(1e3 * last) +
-                        " mm/s rms, fed by the network: port energy " + digits(energy_j_) + " J and falling"};
+      return {true, "sustained oscillation of " + digits(1e3 * last) + " mm/s rms, fed by the network: port energy " +
+                        digits(energy_j_) + " J and falling"};
     return {false, slope < 0.0 ? "bounded and decaying" : "bounded, not growing"};
   }
 

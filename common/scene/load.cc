@@ -783,9 +783,10 @@ void check_accounts(const Block& scene, const Scene& values) {
   constexpr std::size_t kMost = 16;
   const std::size_t contacts = values.environment.size() * std::max<std::size_t>(values.tool.size(), 1);
   if (values.control.accounts == Accounts::per_contact && contacts > kMost)
-    scene.fail(fmt::format("control.passivity.accounts is PER_CONTACT with {} contacts; it must be <= {}: environments "
-                           "times contact points of the tool",
-                           contacts, kMost));
+    scene.fail(
+        fmt::format("control.passivity.accounts is PER_CONTACT with {} contacts; it must be <= {}: environments "
+                    "times contact points of the tool",
+                    contacts, kMost));
 }
 
 /// A body alone needs one.
@@ -824,24 +825,24 @@ void check_handle(const Block& scene, const Scene& values) {
   if (values.dof == 6) need("inertia_kg_m2", sum(&DeviceSpec::inertia_kg_m2, &HandSpec::inertia_kg_m2));
 }
 
-/// What moves by itself must not turn, or come to rest, too many times within a tick: the plants are exact however stiff
-/// they are, and take the longer for it.
+/// What moves by itself must not turn, or come to rest, too many times within a tick: the plants are exact however
+/// stiff they are, and take the longer for it.
 void check_fastest(const Block& scene, const Scene& values) {
   constexpr double kMost = 1e4;  // [rad] in a tick
   const auto check = [&](const char* what, double rate_hz, double mass, double damping, double stiffness) {
     const double turns = std::max(damping / mass, std::sqrt(stiffness / mass)) / rate_hz;
     if (mass > 0.0 && !(turns <= kMost))
-      scene.fail(fmt::format("{} {:.3g} on stiffness {:.3g} and damping {:.3g} moves by {:.3g} rad in a tick; "
-                             "it must be <= {:g}: what is so stiff is better left out",
-                             what, mass, stiffness, damping, turns, kMost));
+      scene.fail(
+          fmt::format("{} {:.3g} on stiffness {:.3g} and damping {:.3g} moves by {:.3g} rad in a tick; "
+                      "it must be <= {:g}: what is so stiff is better left out",
+                      what, mass, stiffness, damping, turns, kMost));
   };
   const HandSpec hand = values.human && values.human->hand ? *values.human->hand : HandSpec{};
   const DeviceSpec device = values.device.value_or(DeviceSpec{});
   check("device and operator.hand: mass", values.master_rate_hz, hand.mass_kg + device.mass_kg,
         hand.damping_n_s_per_m + device.damping_n_s_per_m, hand.stiffness_n_per_m);
   if (values.dof == 6)
-    check("device and operator.hand: inertia", values.master_rate_hz,
-          hand.inertia_kg_m2 + device.inertia_kg_m2,
+    check("device and operator.hand: inertia", values.master_rate_hz, hand.inertia_kg_m2 + device.inertia_kg_m2,
           hand.rotational_damping_n_m_s_per_rad + device.rotational_damping_n_m_s_per_rad,
           hand.rotational_stiffness_n_m_per_rad);
   if (!values.robot) return;

@@ -138,7 +138,8 @@ TEST(Link, LosesWhatTheSceneSaysAndIsStable) {
   EXPECT_NEAR(share(s.packets().to_slave()), 0.1, 0.05);
   EXPECT_NEAR(share(m.packets().to_master()), 0.25, 0.07);
   expect_sound({m, s});
-  std::cout << "lost " << share(s.packets().to_slave()) << " of 0.1, " << share(m.packets().to_master()) << " of 0.25\n";
+  std::cout << "lost " << share(s.packets().to_slave()) << " of 0.1, " << share(m.packets().to_master())
+            << " of 0.25\n";
 }
 
 // ---- strangers
@@ -180,8 +181,8 @@ void expect_unaffected(const Pair& pair, Process& master, Process& slave) {
   if (kept_time({m, s})) {
     EXPECT_EQ(modes_shown(master.err()), "coupled");
   }
-  std::cout << "rejected at the master " << m.packets().to_master().rejected() << ", at the slave " << s.packets().to_slave().rejected()
-            << "; position error " << m.position_error_rms_m() << " m rms\n";
+  std::cout << "rejected at the master " << m.packets().to_master().rejected() << ", at the slave "
+            << s.packets().to_slave().rejected() << "; position error " << m.position_error_rms_m() << " m rms\n";
 }
 
 /// All the datagrams of a run that is over, as the two have sent them.

@@ -91,7 +91,8 @@ struct SizeName {
     return std::to_string(Size::value) + "Dof";
   }
 };
-using Sizes = ::testing::Types<std::integral_constant<int, 1>, std::integral_constant<int, 3>, std::integral_constant<int, 6>>;
+using Sizes =
+    ::testing::Types<std::integral_constant<int, 1>, std::integral_constant<int, 3>, std::integral_constant<int, 6>>;
 TYPED_TEST_SUITE(Projected, Sizes, SizeName);
 
 TYPED_TEST(Projected, NeverTurnsTheForceAndNeverReversesIt) {
@@ -141,7 +142,7 @@ TEST(Classic, TurnsTheForce) {
   EXPECT_GT(turned, 100);
 }
 
-// --- frames ----------------------------------------------------------------------------------------------------------
+// --- frames --------------------------------------------------------------------------------------
 
 /// The same rotation for force and torque, velocity and angular velocity.
 template <int N>
@@ -176,12 +177,20 @@ void expect_same_in_every_frame(Method method, std::uint64_t seed) {
     ASSERT_NEAR(there.dissipated.si(), here.dissipated.si(), 1e-12 * stake) << "sample " << i;
   }
 }
-TEST(Projected3Dof, TurnsWithTheFrame) { expect_same_in_every_frame<3>(Method::force_projected, 11); }
-TEST(Projected6Dof, TurnsWithTheFrame) { expect_same_in_every_frame<6>(Method::force_projected, 12); }
-TEST(Classic3Dof, TurnsWithTheFrame) { expect_same_in_every_frame<3>(Method::classic, 13); }
-TEST(Classic6Dof, TurnsWithTheFrame) { expect_same_in_every_frame<6>(Method::classic, 14); }
+TEST(Projected3Dof, TurnsWithTheFrame) {
+  expect_same_in_every_frame<3>(Method::force_projected, 11);
+}
+TEST(Projected6Dof, TurnsWithTheFrame) {
+  expect_same_in_every_frame<6>(Method::force_projected, 12);
+}
+TEST(Classic3Dof, TurnsWithTheFrame) {
+  expect_same_in_every_frame<3>(Method::classic, 13);
+}
+TEST(Classic6Dof, TurnsWithTheFrame) {
+  expect_same_in_every_frame<6>(Method::classic, 14);
+}
 
-// --- units -------------------------------------------------------------------------------------------------------------
+// --- units ---------------------------------------------------------------------------------------
 
 /// Lengths in millimetres, all else as it was: N, N mm, mm/s, rad/s, mW, mJ, s.
 constexpr double kMilli = 1e3;
@@ -212,10 +221,11 @@ TEST(Projected6Dof, DoesNotKnowTheUnitOfLength) {
     // Force against force in N, torque against torque in N mm.
     const Force<6> expected = wrench_in_mm(in_m.out);
     const auto error = (in_mm.out.vec() - expected.vec()).eval();
-    ASSERT_LT(error.head<3>().norm(),
-              tolerance * std::max(s.f.vec().head<3>().norm(), in_m.out.vec().head<3>().norm())) << "sample " << i;
+    ASSERT_LT(error.head<3>().norm(), tolerance * std::max(s.f.vec().head<3>().norm(), in_m.out.vec().head<3>().norm()))
+        << "sample " << i;
     ASSERT_LT(error.tail<3>().norm(),
-              tolerance * std::max(mm.f.vec().tail<3>().norm(), expected.vec().tail<3>().norm())) << "sample " << i;
+              tolerance * std::max(mm.f.vec().tail<3>().norm(), expected.vec().tail<3>().norm()))
+        << "sample " << i;
     const double stake = in_mm.dissipated.si() + mm.f.vec().norm() * mm.v.vec().norm() * kPeriod.si();
     ASSERT_NEAR(in_mm.dissipated.si(), kMilli * in_m.dissipated.si(), 1e-12 * stake) << "sample " << i;
     ASSERT_EQ(in_mm.shortfall, in_m.shortfall) << "sample " << i;
@@ -223,7 +233,7 @@ TEST(Projected6Dof, DoesNotKnowTheUnitOfLength) {
 }
 
 TEST(Classic6Dof, DependsOnTheUnitOfLength) {
-  // Theory A5: V = (0.1 m/s, 1 rad/s); what translation takes of the dissipation is 1 % in m, 50 % in dm, 99.99 % in mm.
+  // Theory A5: V = (0.1 m/s, 1 rad/s); what translation takes of the dissipation is 1 % in m, 50 in dm, 99.99 in mm.
   const auto share = [](double per_metre) {
     Velocity<6>::Vector v;
     v << 0.1 * per_metre, 0, 0, 0, 0, 1.0;
@@ -236,7 +246,7 @@ TEST(Classic6Dof, DependsOnTheUnitOfLength) {
   EXPECT_NEAR(share(1e3), 1e4 / 10001.0, 1e-12);
 }
 
-// --- reference points ----------------------------------------------------------------------------------------------------
+// --- reference points ----------------------------------------------------------------------------
 
 /// The same wrench and the same motion, told at a point r away.
 Force<6> wrench_at(const Vector3d& r, const Force<6>& f) {
@@ -277,7 +287,8 @@ TEST(Projected6Dof, DoesNotDependOnTheReferencePoint) {
     const double products = std::max(moved.f.vec().norm() * moved.v.vec().norm(), s.f.vec().norm() * s.v.vec().norm());
     const double tolerance = 1e-14 * std::max(100.0, products / std::abs(dot(s.f, s.v).si()));
     ASSERT_LT((there.out.vec() - expected.vec()).norm(),
-              tolerance * std::max(expected.vec().norm(), moved.f.vec().norm())) << "sample " << i;
+              tolerance * std::max(expected.vec().norm(), moved.f.vec().norm()))
+        << "sample " << i;
   }
 }
 

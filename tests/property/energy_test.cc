@@ -71,10 +71,11 @@ struct SizeName {
     return std::to_string(Size::value) + "Dof";
   }
 };
-using Sizes = ::testing::Types<std::integral_constant<int, 1>, std::integral_constant<int, 3>, std::integral_constant<int, 6>>;
+using Sizes =
+    ::testing::Types<std::integral_constant<int, 1>, std::integral_constant<int, 3>, std::integral_constant<int, 6>>;
 TYPED_TEST_SUITE(EnergyOf, Sizes, SizeName);
 
-// --- closed loops ------------------------------------------------------------------------------------------------------
+// --- closed loops --------------------------------------------------------------------------------
 
 /// A light device pushed by a noisy hand against two sampled walls. It gets its momentum at the ticks, so the
 /// velocity of the coming interval is known and constant: the prediction is exact, the displacement too.
@@ -102,7 +103,7 @@ class Loop {
       const Force<N> wanted = wall_force(x);
       const auto c = passivate(wanted, v, Budget{observer.energy(), Energy{}}, options, kPeriod);
       const Position<N> next = x + v * kPeriod;
-      observer.book(0, held_energy(ObserverRule::exact, c.out, PortMotion<N>{x, v}, PortMotion<N>{next, v}, kPeriod));
+      observer.book(0, held_energy(ObserverRule::exact, c.out, Interval<N>{next - x, v, v}, kPeriod));
       least = std::min(least, observer.energy().si());
       x = next;
       v = Velocity<N>{v.vec() + kPeriod.si() * (hand(x, v) - c.out.vec()).cwiseQuotient(inertia())};
@@ -172,7 +173,7 @@ TYPED_TEST(EnergyOf, AClosedLoopWithoutPredictionPaysLate) {
   }
 }
 
-// --- Passivated ----------------------------------------------------------------------------------------------------------
+// --- Passivated ----------------------------------------------------------------------------------
 
 /// Impedance. A sampled ball of radius 1 cm that pushes out along its radius with K (R - |p|). Its position is the sum
 /// of what it is told: at constant velocity, the mean of the interval that has ended is the velocity of the next.
@@ -221,8 +222,8 @@ struct Chords {
     Force<N> held;
     for (int chord = 0; chord < 200; ++chord) {
       // Past a place where the ball is touched, and on.
-      const Point touching = 0.3 * Ball<N>::kRadius * source.vector<kAxes>() -
-                             Touch<N>::arm(ball.element().at()).template head<kAxes>();
+      const Point touching =
+          0.3 * Ball<N>::kRadius * source.vector<kAxes>() - Touch<N>::arm(ball.element().at()).template head<kAxes>();
       const Point to = touching + 0.06 * (touching - from).normalized();
       const int ticks = static_cast<int>(source.uniform(20.0, 400.0));
       typename Velocity<N>::Vector v = Velocity<N>::Vector::Zero();
@@ -232,8 +233,8 @@ struct Chords {
         const Position<N> before = ball.element().at();
         const Velocity<N> now{v};
         const Force<N> out = ball.step(now, kPeriod);
-        exact.book(0, held_energy(ObserverRule::exact, held, PortMotion<N>{before, now},
-                                  PortMotion<N>{ball.element().at(), now}, kPeriod));
+        exact.book(
+            0, held_energy(ObserverRule::exact, held, Interval<N>{ball.element().at() - before, now, now}, kPeriod));
         held = out;
         least_told = std::min(least_told, ball.energy().si());
         least_exact = std::min(least_exact, exact.energy().si());
@@ -267,7 +268,7 @@ TYPED_TEST(EnergyOf, APassivatedBallNeverGoesBelowZero) {
       }
 }
 
-// --- reference energy and ledger -------------------------------------------------------------------------------------------
+// --- reference energy and ledger -----------------------------------------------------------------
 
 TYPED_TEST(EnergyOf, ASpringFollowsItsReferenceFromAbove) {
   // E >= K x²/2 at every tick, not only E >= 0; classic, because at x = 0 there is no force to act along.
@@ -289,7 +290,7 @@ TYPED_TEST(EnergyOf, ASpringFollowsItsReferenceFromAbove) {
     const auto c = passivate(Force<N>{kStiffness * coordinates(x)}, v,
                              Budget{observer.energy() - Energy{stored(coordinates(x))}, rise},
                              {.method = Method::classic, .max_gain = 0.0}, kPeriod);
-    observer.book(0, held_energy(ObserverRule::exact, c.out, PortMotion<N>{x, v}, PortMotion<N>{next, v}, kPeriod));
+    observer.book(0, held_energy(ObserverRule::exact, c.out, Interval<N>{next - x, v, v}, kPeriod));
     x = next;
     ASSERT_GE(observer.energy().si() - stored(coordinates(x)), kFloor) << "tick " << k;
     above = std::max(above, observer.energy().si() - stored(coordinates(x)));

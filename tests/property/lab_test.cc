@@ -38,8 +38,7 @@ Rows<N> rendered(const Scene& scene) {
   return rows<N, RenderSimulation<N>>(scene);
 }
 
-// --- no direction is special
-// ---------------------------------------------------------------------------------------------------
+// --- no direction is special ---------------------------------------------------------------------
 
 /// A hand that presses a tilted, sticky wall and slides along it, over a link that delays and loses.
 const std::string kSlide = R"(
@@ -103,8 +102,7 @@ TEST(Rotation, OfEveryVectorOfASceneTurnsTheRun) {
   }
 }
 
-// --- a run repeats
-// -----------------------------------------------------------------------------------------------------------------
+// --- a run repeats -------------------------------------------------------------------------------
 
 void append(std::vector<double>& out, double value) {
   out.push_back(value);
@@ -187,8 +185,7 @@ TEST(TwoRuns, AreTheSameToTheBit6Dof) {
   expect_same_twice<6>(kSixDof);
 }
 
-// --- nobody knows more than there is
-// -------------------------------------------------------------------------------------------------
+// --- nobody knows more than there is -------------------------------------------------------------
 
 /// What has gone through a port since the start: in and out of the link, each of which only grows.
 struct Flow {
@@ -293,8 +290,7 @@ TEST(WhatASideKnows, NeverExceedsWhatTheOtherHasSent) {
   EXPECT_GT(most_at_master, 1e-3);
 }
 
-// --- the channel is passive
-// -------------------------------------------------------------------------------------------------------------
+// --- the channel is passive ----------------------------------------------------------------------
 
 /// A scene of its number: everything that may matter to the channel is drawn.
 std::string random_scene(int number) {
@@ -360,8 +356,7 @@ TEST_P(RandomScene, NeverGivesTheHandMoreThanItPutIn) {
   EXPECT_GE(simulation.initial_energy().si() + least, -1e-4) << random_scene(GetParam());
 }
 
-// --- reference energy over a link
-// ----------------------------------------------------------------------------------------------------------------
+// --- reference energy over a link ----------------------------------------------------------------
 
 /// Speed of the handle in the last second, rms [m/s].
 double unrest(const std::vector<std::string>& set) {
@@ -376,8 +371,8 @@ double unrest(const std::vector<std::string>& set) {
   return std::sqrt(sum / ticks);
 }
 
-// What the coupling's damper dissipated while the hand slid pays for what the late damper creates at rest: passive, and it
-// swings on for minutes. With the reference energy nothing is saved up.
+// What the coupling's damper dissipated while the hand slid pays for what the late damper creates at rest: passive, and
+// it swings on for minutes. With the reference energy nothing is saved up.
 TEST(ReferenceEnergy, EndsASwingThatLivesOnWhatWasDissipatedBefore) {
   EXPECT_GT(unrest({"duration_s=16"}), 3e-3);
   EXPECT_LT(unrest({"duration_s=16", "control.passivity.reference_energy=true"}), 1e-5);
@@ -398,8 +393,7 @@ TEST_P(RandomScene, GivesNoMoreThanItTookUnderReferenceEnergyEither) {
   EXPECT_GE(to_hand, -5e-5);
 }
 
-// --- what an observer sees
-// ----------------------------------------------------------------------------------------------------------------
+// --- what an observer sees -----------------------------------------------------------------------
 
 std::string rendering(int dof, const std::string& control, const std::string& device) {
   const std::string hand = "operator { hand { mass_kg: 0.01 stiffness_n_per_m: 300 damping_n_s_per_m: 0.5 ";
@@ -433,8 +427,9 @@ template <int N>
 void expect_exact(const std::string& control, const std::string& device) {
   double most = 0.0;
   for (const Row<N>& row : rendered<N>(parse_scene(rendering(N, control, device), "rendering"))) {
+    // The classic correction of a wrench can run away, and no observer sees more than half a turn between two ticks.
+    if (N == 6 && row.master_v.vec().template tail<(N == 6 ? 3 : 1)>().norm() > 0.9 * 3.14 * 2000.0) break;
     most = std::max(most, std::abs(row.master_energy_j));
-    // Of what it has been at most: the classic correction of a wrench can run away to 100 J.
     ASSERT_NEAR(row.observed_energy_j, row.master_energy_j, 1e-12 * std::max(1.0, most))
         << row.t_s << " s, " << control << device;
   }

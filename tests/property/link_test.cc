@@ -26,15 +26,19 @@ using std::chrono::nanoseconds;
 constexpr double kRate = 2000.0;
 constexpr std::uint64_t kSeed = 20240611;
 
-Duration at(std::int64_t tick) { return tick_time(tick, kRate); }
+Duration at(std::int64_t tick) {
+  return tick_time(tick, kRate);
+}
 
-// --- a stream through one direction ------------------------------------------------------------------------------------
+// --- a stream through one direction --------------------------------------------------------------
 
 struct Named {
   std::string name;
   ImpairmentOptions options;
 };
-void PrintTo(const Named& n, std::ostream* out) { *out << n.name; }
+void PrintTo(const Named& n, std::ostream* out) {
+  *out << n.name;
+}
 
 std::vector<Named> every_impairment() {
   std::vector<Named> all;
@@ -192,7 +196,7 @@ TEST_P(Impaired, FatesAreTheSameFromTheSameSeedAndOthersFromAnother) {
   EXPECT_EQ(differs, random);
 }
 
-// --- the delay line ------------------------------------------------------------------------------------------------------
+// --- the delay line ------------------------------------------------------------------------------
 
 TEST(DelayLine, OfAWholeNumberOfTicksDelaysByExactlyThatMany) {
   // Also where a tick is no whole number of nanoseconds.
@@ -281,11 +285,11 @@ TEST(DelayLine, AgreesWithAListSortedByDueTimeOverManyTurnsOfTheRing) {
   EXPECT_EQ(line.overflowed(), 0U);
 }
 
-// --- impairments against their closed forms ------------------------------------------------------------------------------
+// --- impairments against their closed forms ------------------------------------------------------
 
 constexpr int kDraws = 200'000;
 
-/// `count` of n independent draws of probability p, within 4 standard deviations (6e-5 of seeds would fail; this does not).
+/// `count` of n independent draws of probability p, within 4 standard deviations (6e-5 of seeds would fail).
 void expect_rate(std::int64_t count, std::int64_t n, double p, double variance_factor = 1.0) {
   const double mean = static_cast<double>(count) / static_cast<double>(n);
   EXPECT_NEAR(mean, p, 4.0 * std::sqrt(p * (1.0 - p) * variance_factor / static_cast<double>(n)));
@@ -343,9 +347,9 @@ TEST(Reordering, HoldsTheAskedShareBackByTheAskedTime) {
 TEST(Bursts, LoseWhatTheStationaryChainLoses) {
   // Bad with probability p/(p+r). Losses of neighbours correlate by 1-p-r per packet, which widens the deviation of the
   // mean by at most (1+c)/(1-c), c = 1-p-r.
-  for (const GilbertElliottOptions& b :
-       {GilbertElliottOptions{.p = 0.01, .r = 0.1}, GilbertElliottOptions{.p = 0.02, .r = 0.3, .loss_good = 0.01, .loss_bad = 0.7},
-        GilbertElliottOptions{.p = 0.6, .r = 0.5}}) {
+  for (const GilbertElliottOptions& b : {GilbertElliottOptions{.p = 0.01, .r = 0.1},
+                                         GilbertElliottOptions{.p = 0.02, .r = 0.3, .loss_good = 0.01, .loss_bad = 0.7},
+                                         GilbertElliottOptions{.p = 0.6, .r = 0.5}}) {
     ImpairmentOptions o;
     o.burst = b;
     Impairment impairment{o, kSeed};
@@ -394,7 +398,8 @@ std::vector<double> units(JitterDistribution distribution, double delay_s, doubl
   o.delay_s = delay_s, o.jitter_s = jitter_s, o.jitter_distribution = distribution;
   Impairment impairment{o, kSeed};
   std::vector<double> u;
-  for (int i = 0; i < kDraws; ++i) u.push_back((to_seconds(impairment.draw(Duration{i}).delay[0]).si() - delay_s) / jitter_s);
+  for (int i = 0; i < kDraws; ++i)
+    u.push_back((to_seconds(impairment.draw(Duration{i}).delay[0]).si() - delay_s) / jitter_s);
   return u;
 }
 struct Moments {
@@ -422,7 +427,8 @@ TEST(Jitter, NormalHasTheAskedDeviation) {
 TEST(Jitter, NormalFallsWhereANormalFalls) {
   const auto u = units(JitterDistribution::normal, 0.1, 0.01);
   for (double x : {-2.0, -1.0, 0.0, 0.5, 1.5, 3.0})
-    expect_rate(std::count_if(u.begin(), u.end(), [x](double y) { return y < x; }), kDraws, 0.5 * std::erfc(-x / std::sqrt(2.0)));
+    expect_rate(std::count_if(u.begin(), u.end(), [x](double y) { return y < x; }), kDraws,
+                0.5 * std::erfc(-x / std::sqrt(2.0)));
 }
 
 TEST(Jitter, UniformHasTheAskedDeviationAndIsFlatAndBounded) {
@@ -475,7 +481,7 @@ TEST(Recording, IsReplayedInALoopInPlaceOfDelayAndJitter) {
     for (int ms : {3, 1, 0}) EXPECT_EQ(impairment.draw(Duration{0}).delay[0], milliseconds{ms});
 }
 
-// --- the mailbox ---------------------------------------------------------------------------------------------------------
+// --- the mailbox ---------------------------------------------------------------------------------
 
 /// Hands over what the test has put there.
 struct Script {

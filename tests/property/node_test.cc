@@ -17,9 +17,15 @@ constexpr double kT = 1e-3;
 constexpr const char* kScene = R"(dof: 3 duration_s: 1 rate_hz: 1000 device { mass_kg: 0.1 }
   control { passivity { method: FORCE_PROJECTED initial_energy_j: 1e-3 } } robot { mass_kg: 1 })";
 
-Force<3> along(double f) { return Force<3>{Eigen::Vector3d{f, 0, 0}}; }
-Velocity<3> velocity(double v) { return Velocity<3>{Eigen::Vector3d{v, 0, 0}}; }
-Position<3> at(double x) { return Position<3>{Eigen::Vector3d{x, 0, 0}}; }
+Force<3> along(double f) {
+  return Force<3>{Eigen::Vector3d{f, 0, 0}};
+}
+Velocity<3> velocity(double v) {
+  return Velocity<3>{Eigen::Vector3d{v, 0, 0}};
+}
+Position<3> at(double x) {
+  return Position<3>{Eigen::Vector3d{x, 0, 0}};
+}
 
 /// Steps a node at tick k with a peer that is heard all the time.
 template <class Clock, class Node, class State>
@@ -79,7 +85,7 @@ TEST(MasterNode, CarriesOverWhatOfItsAllowanceIsSpent) {
   };
   EXPECT_NEAR(run(0, -0.1, 0.0), 1e-3, 2e-4);  // all of E(0)
   node.rebase(Energy{0.0});
-  EXPECT_LT(run(1000, -0.1, 0.0), 2e-4);       // not again
+  EXPECT_LT(run(1000, -0.1, 0.0), 2e-4);  // not again
 }
 
 TEST(SlaveNode, LetsGoForAReadingThatIsNoneAndForNoLonger) {
@@ -130,7 +136,7 @@ TEST(SlaveNode, CarriesOverWhatOfItsAllowanceIsSpent) {
   };
   EXPECT_NEAR(paid(0), 1e-3, 1e-5);  // all of E(0)
   node.rebase(Energy{0.0});
-  EXPECT_LT(paid(1000), 1e-5);       // not again
+  EXPECT_LT(paid(1000), 1e-5);  // not again
 }
 
 TEST(RenderNode, LetsGoForAReadingThatIsNone) {

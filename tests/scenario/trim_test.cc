@@ -200,10 +200,11 @@ TEST(Trim, TellsAChangeFromTheScatterOfSeeds) {
 
 // Without a mass of its own the handle follows every switch of the controller: rounding alone moves the numbers.
 TEST(Trim, TellsAChangeFromRoundingThatGrew) {
-  const Trim t = trim(load_scene(file("one_axis_wall"),
-                                 Words{"control.passivity.method=CLASSIC", "device.mass_kg=0.01", "to_slave.delay_ms=0",
-                               "environment[1]={ wall { normal: [-1] offset_m: -10 stiffness_n_per_m: 5000 } }"}),
-                      1e-3, 1);
+  const Trim t =
+      trim(load_scene(file("one_axis_wall"),
+                      Words{"control.passivity.method=CLASSIC", "device.mass_kg=0.01", "to_slave.delay_ms=0",
+                            "environment[1]={ wall { normal: [-1] offset_m: -10 stiffness_n_per_m: 5000 } }"}),
+           1e-3, 1);
   const Judged far_wall = judged(t, "environment[1].wall");
   EXPECT_GT(far_wall.most.change, 1e-3);
   EXPECT_EQ(far_wall.need, Need::in_scatter);

@@ -246,7 +246,8 @@ TYPED_TEST(CodecOf, RejectsNumbersThatAreNone) {
     typename Force<N>::Vector last = Force<N>::Vector::Zero();
     last[N - 1] = bad;
     EXPECT_EQ(with([&](auto& r) { r.energy_in_j = bad; }), Decoded::malformed);
-    EXPECT_EQ(with([&](auto& r) { r.x = r.x + Displacement<N>{bad * Displacement<N>::Vector::Unit(0)}; }), Decoded::malformed);
+    EXPECT_EQ(with([&](auto& r) { r.x = r.x + Displacement<N>{bad * Displacement<N>::Vector::Unit(0)}; }),
+              Decoded::malformed);
     EXPECT_EQ(with([&](auto& r) { r.v = Velocity<N>{last}; }), Decoded::malformed);
     EXPECT_EQ(with([&](auto& r) { r.f = Force<N>{last}; }), Decoded::malformed);
     EXPECT_EQ(with([&](auto& r) { r.f_coupling = Force<N>{last}; }), Decoded::malformed);

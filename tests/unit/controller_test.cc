@@ -72,7 +72,7 @@ TYPED_TEST_SUITE(Controller, Cases, CaseName);
 
 constexpr std::array kActing{Method::classic, Method::force_projected};
 
-// --- what is corrected -----------------------------------------------------------------------------------------------
+// --- what is corrected ---------------------------------------------------------------------------
 
 TYPED_TEST(Controller, LeavesTheOutputToTheBitWhileTheAccountCanPay) {
   for (Method method : kActing) {
@@ -92,8 +92,8 @@ TYPED_TEST(Controller, LeavesTheOutputToTheBitWhileTheAccountCanPay) {
 
 TYPED_TEST(Controller, OfMethodNoneOnlyLooks) {
   const typename TestFixture::Out wanted{this->random()};
-  const auto c = passivate(wanted, typename TestFixture::In{this->random()}, Budget{-1.0_J, 1.0_J}, options(Method::none),
-                           kPeriod);
+  const auto c = passivate(wanted, typename TestFixture::In{this->random()}, Budget{-1.0_J, 1.0_J},
+                           options(Method::none), kPeriod);
   EXPECT_EQ(c.out.vec(), wanted.vec());
   EXPECT_EQ(c.dissipated, 0.0_J);
   EXPECT_EQ(c.shortfall, Shortfall::none);
@@ -137,8 +137,7 @@ TYPED_TEST(Controller, IsTheOriginalOneWhenClassicAndUncapped) {
     gain_before = gain;
     in2_before = in2;
 
-    const auto c =
-        passivate(wanted, in, Budget{energy, Energy{}}, options(Method::classic), kPeriod);
+    const auto c = passivate(wanted, in, Budget{energy, Energy{}}, options(Method::classic), kPeriod);
     energy += dot(c.out, in) * kPeriod;
     acted += gain > 0.0;
     // Both sum 2000 terms of order one in their own order; the rest is divided by |in|.
@@ -195,7 +194,7 @@ TYPED_TEST(Controller, ProjectedDissipatesAsMuchAsClassicWithALargerCorrection) 
   }
 }
 
-// --- new deficit and arrears -------------------------------------------------------------------------------------------
+// --- new deficit and arrears ---------------------------------------------------------------------
 
 TYPED_TEST(Controller, CapsTheRepaymentOfArrearsOnly) {
   // Along one axis, where classic and projected are the same: in = 2, out = -3, so P = -6 and the new deficit is 6 T.
@@ -235,7 +234,8 @@ TYPED_TEST(Controller, ArrearsAreRepaidAtNoMoreThanTheCapAlongTheDirectionOfTheC
     const double power = dot(wanted, in).si(), fresh = std::max(0.0, -power * kPeriod.si());
     const auto classic = passivate(wanted, in, Budget{-1.0_J, Energy{}}, options(Method::classic, kGain), kPeriod);
     ASSERT_NEAR(classic.dissipated.si() - fresh, kGain * in.squared_norm() * kPeriod.si(), 1e-14);
-    const auto projected = passivate(wanted, in, Budget{-1.0_J, Energy{}}, options(Method::force_projected, kGain), kPeriod);
+    const auto projected =
+        passivate(wanted, in, Budget{-1.0_J, Energy{}}, options(Method::force_projected, kGain), kPeriod);
     const double v_p2 = power * power / wanted.squared_norm();  // |v_p|²
     ASSERT_NEAR(projected.dissipated.si() - fresh, kGain * v_p2 * kPeriod.si(), 1e-14);
   }
@@ -319,7 +319,7 @@ TYPED_TEST(Controller, WithoutTheClampPullsTheWholeDebtOut) {
   EXPECT_EQ(c.shortfall, Shortfall::none);
 }
 
-// --- where there is no answer ------------------------------------------------------------------------------------------
+// --- where there is no answer --------------------------------------------------------------------
 
 TYPED_TEST(Controller, AtRestWaits) {
   for (Method method : kActing) {
@@ -381,16 +381,17 @@ TYPED_TEST(Controller, IsFiniteWhateverTheSizesAndDirections) {
               for (double a : sizes)
                 for (double b : sizes)
                   for (double slope : slopes) {
-                    const typename TestFixture::Out wanted{a * (slope * this->along() + this->across() * (1.0 - std::abs(slope)))};
+                    const typename TestFixture::Out wanted{
+                        a * (slope * this->along() + this->across() * (1.0 - std::abs(slope)))};
                     const typename TestFixture::In in{b * this->along()};
                     const Budget budget{Energy{available}, Energy{rise}};
-                    const auto c = passivate(wanted, in, budget,
-                                             {.method = method, .max_gain = gain, .unilateral = unilateral, .predict = predict},
-                                             kPeriod);
-                    const bool good = c.out.finite() && std::isfinite(c.dissipated.si()) && std::isfinite(c.owed.si()) &&
-                                      c.owed.si() >= 0.0 && c.dissipated.si() >= 0.0;
-                    ASSERT_TRUE(good) << "gain " << gain << " available " << available << " rise " << rise << " |out| " << a
-                                      << " |in| " << b << " slope " << slope;
+                    const auto c = passivate(
+                        wanted, in, budget,
+                        {.method = method, .max_gain = gain, .unilateral = unilateral, .predict = predict}, kPeriod);
+                    const bool good = c.out.finite() && std::isfinite(c.dissipated.si()) &&
+                                      std::isfinite(c.owed.si()) && c.owed.si() >= 0.0 && c.dissipated.si() >= 0.0;
+                    ASSERT_TRUE(good) << "gain " << gain << " available " << available << " rise " << rise << " |out| "
+                                      << a << " |in| " << b << " slope " << slope;
                   }
 }
 
@@ -409,7 +410,7 @@ TYPED_TEST(Controller, SaysNothingIsWrongExactlyWhenNothingIsLeft) {
   }
 }
 
-// --- reference energy --------------------------------------------------------------------------------------------------
+// --- reference energy ----------------------------------------------------------------------------
 
 template <class Size>
 class ReferenceEnergy : public ::testing::Test {};
@@ -419,7 +420,8 @@ struct SizeName {
     return std::to_string(Size::value) + "Dof";
   }
 };
-using Sizes = ::testing::Types<std::integral_constant<int, 1>, std::integral_constant<int, 3>, std::integral_constant<int, 6>>;
+using Sizes =
+    ::testing::Types<std::integral_constant<int, 1>, std::integral_constant<int, 3>, std::integral_constant<int, 6>>;
 TYPED_TEST_SUITE(ReferenceEnergy, Sizes, SizeName);
 
 // Theory A3: prediction and a spring's reference energy K x²/2 damp a sampled spring by K T/2, the deficit of Colgate,

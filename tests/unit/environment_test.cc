@@ -59,8 +59,7 @@ class Source {
   std::mt19937_64 random_;
 };
 
-// --- force and potential
-// ---------------------------------------------------------------------------------------------------
+// --- force and potential -------------------------------------------------------------------------
 
 /// Wrench and gradient of the potential at many places, by central differences along every coordinate (N = 6: rotations
 /// of the world's axes through the tool's origin). Places less than a step from an edge of the box or of contact are
@@ -200,8 +199,7 @@ TEST(Box, ContinuesAFacePastItsEdgesWhenAsked) {
   EXPECT_EQ(faces.size(), 6u);
 }
 
-// --- laws of contact
-// -----------------------------------------------------------------------------------------------------------
+// --- laws of contact -----------------------------------------------------------------------------
 
 std::string rough(std::string shape) {
   const std::string stiffness = "stiffness_n_per_m: 3000";
@@ -282,8 +280,7 @@ TEST_P(Surfaces, DissipateBySliding) {
   EXPECT_GT(crept, 100);
 }
 
-// --- closed loops
-// ----------------------------------------------------------------------------------------------------------------
+// --- closed loops --------------------------------------------------------------------------------
 
 /// Work of the environment along a closed loop that stays in contact, by the trapezoid rule: for a smooth periodic
 /// integrand its error falls faster than any power, and is rounding with 2000 points. `stored` is the most that is
@@ -411,8 +408,7 @@ TEST_P(Surfaces, GiveBackAlongAPolygonThroughThemWhatTheyTook) {
   EXPECT_GT(most, 0.05);
 }
 
-// --- wrenches
-// ----------------------------------------------------------------------------------------------------------------------
+// --- wrenches ------------------------------------------------------------------------------------
 
 TEST(Wrench, HasItsTorqueAboutTheToolsOrigin) {
   const auto e = environment<6>("environment { wall { normal: [0, 0, 1] stiffness_n_per_m: 1000 } }",
@@ -436,8 +432,7 @@ TEST(Wrench, IsTheSameWhereverTheWorldsOriginIs) {
     const Vector3d p = source.vector<3>(0.06);
     const Quaterniond q = source.attitude();
     const Velocity<6> v{source.vector<6>(0.3)};
-    const Vector6 here = near.force(Position<6>{p, q}, v).vec(),
-                  there = far.force(Position<6>{p + shift, q}, v).vec();
+    const Vector6 here = near.force(Position<6>{p, q}, v).vec(), there = far.force(Position<6>{p + shift, q}, v).vec();
     EXPECT_LT((here - there).norm(), 1e-10 * (1.0 + here.norm())) << "sample " << i;  // 3 m are rounded to 4e-16
   }
 }
@@ -468,8 +463,7 @@ TEST(Wrench, DissipatesAtEveryPoint) {
   }
 }
 
-// --- contacts one by one
-// -----------------------------------------------------------------------------------------------------------
+// --- contacts one by one -------------------------------------------------------------------------
 
 TEST(Contacts, AddUpToTheWhole) {
   const auto e = environment<6>(rough(kSphere) + rough(kBox) + rough(kWall) + kSpring, kTool);

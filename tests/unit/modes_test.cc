@@ -35,8 +35,7 @@ TEST(Modes, NothingCouplesWithoutHearingTheOtherSide) {
 }
 
 TEST(Modes, IdleWaitsForTheFirstReport) {
-  for (bool silent : {false, true})
-    EXPECT_EQ(next_mode(Mode::idle, {.heard = false, .silent = silent}), Mode::idle);
+  for (bool silent : {false, true}) EXPECT_EQ(next_mode(Mode::idle, {.heard = false, .silent = silent}), Mode::idle);
 }
 
 TEST(Modes, AShortSilenceHolds) {

@@ -39,8 +39,7 @@ double apart(const Position<N>& a, const Position<N>& b) {
   return (a - b).vec().norm();
 }
 
-// --- how a scene writes it
-// -----------------------------------------------------------------------------------------------
+// --- how a scene writes it -----------------------------------------------------------------------
 
 TEST(PositionOfAScene, FillsWithZerosWhatIsNotWritten) {
   EXPECT_EQ(position<1>({}).translation()[0], 0.0);
@@ -58,8 +57,7 @@ TEST(PositionOfAScene, ReadsAnAttitudeAsWxyzOfUnitLength) {
   EXPECT_NEAR(pose.attitude().z(), 0.8, kRounding);
 }
 
-// --- move_to
-// ---------------------------------------------------------------------------------------------------------------
+// --- move_to -------------------------------------------------------------------------------------
 
 constexpr double kSpan = 0.8;  // [s]
 Path<3> move() {
@@ -106,8 +104,7 @@ TEST(MoveTo, KeepsToTheStraightLine) {
   }
 }
 
-// --- every segment
-// -----------------------------------------------------------------------------------------------------------
+// --- every segment -------------------------------------------------------------------------------
 
 template <int N>
 struct Tour {
@@ -211,8 +208,7 @@ TYPED_TEST(AnyPath, WithoutSegmentsHoldsItsStart) {
   EXPECT_EQ(none.at(6.0).v.vec().norm(), 0.0);
 }
 
-// --- hold
-// ----------------------------------------------------------------------------------------------------------------------
+// --- hold ----------------------------------------------------------------------------------------
 
 TEST(Hold, StaysWhereTheLastSegmentEnded) {
   const Path<3> way{{MoveToSpec{{0.1, 0, 0}, 0.5}, HoldSpec{0.5}, MoveToSpec{{0.2, 0, 0}, 0.5}}, at(0, 0, 0)};
@@ -223,8 +219,7 @@ TEST(Hold, StaysWhereTheLastSegmentEnded) {
   EXPECT_GT(sample(way, 1.25).x.translation().x(), 0.14);
 }
 
-// --- sine
-// ------------------------------------------------------------------------------------------------------------------------
+// --- sine ----------------------------------------------------------------------------------------
 
 TEST(Sine, SwingsAboutThePointWhereItStarts) {
   const Path<3> way{{MoveToSpec{{0.03, 0.01, 0.0}, 1.0}, SineSpec{1, 0.04, 0.5, 4.0}}, at(0, 0, 0)};
@@ -244,8 +239,7 @@ TEST(Sine, EndsWhereItIsWhenItsTimeIsUp) {
   EXPECT_NEAR(sample(way, 1.0).x.translation()[0], 0.02, kRounding);
 }
 
-// --- attitudes
-// -------------------------------------------------------------------------------------------------------------------
+// --- attitudes -----------------------------------------------------------------------------------
 
 TEST(MoveToOfAPose, TurnsAboutOneAxisWithTheSameProfile) {
   const Quaterniond from{Eigen::AngleAxisd{0.4, Vector3d::UnitX()}};
@@ -287,8 +281,7 @@ TEST(SineOfAnAttitude, TurnsAboutAWorldAxisThroughWhereItStarts) {
   EXPECT_NEAR(sample(way, 0.0).v[5], 0.3 * 2 * kPi, kRounding);
 }
 
-// --- screw
-// -----------------------------------------------------------------------------------------------------------------
+// --- screw ---------------------------------------------------------------------------------------
 
 TEST(Screw, GoesToAndFroAboutAnAxisAndAlongIt) {
   // A quarter turn to either side about a line along z through (0.1, 0, 0), and 20 mm along it.
@@ -323,8 +316,7 @@ TEST(Screw, TurnsAPoseAlong) {
   EXPECT_LT((now.v.vec() - difference).norm(), 1e-8);
 }
 
-// --- tremor
-// ----------------------------------------------------------------------------------------------------------------
+// --- tremor --------------------------------------------------------------------------------------
 
 constexpr TremorSpec kShaking{0.15e-3, 2.0, 12.0};
 

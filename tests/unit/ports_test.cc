@@ -1,5 +1,3 @@
-#include "common/ports/port.h"
-
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -8,11 +6,12 @@
 #include <utility>
 
 #include "common/passivity/passivated.h"
+#include "common/ports/port.h"
 
 namespace twoport {
 namespace {
 
-// --- elements ------------------------------------------------------------------------------------------------------
+// --- elements ------------------------------------------------------------------------------------
 
 /// Impedance. f(k) = K x(k), with x the sum of v T: what a sampled spring answers.
 template <int N>
@@ -121,11 +120,15 @@ struct VelocityToVelocity {
 };
 
 template <class Z, class Y>
-concept HasJoint = requires { typename Joined<Z, Y>; };
+concept HasJoint = requires {
+  typename Joined<Z, Y>;
+};
 template <class T, class E>
-concept HasEnd = requires { typename Terminated<T, E>; };
+concept HasEnd = requires {
+  typename Terminated<T, E>;
+};
 
-// --- what compiles -------------------------------------------------------------------------------------------------
+// --- what compiles -------------------------------------------------------------------------------
 
 TEST(OnePort, IsAStepBetweenDualsThatDoesNotThrow) {
   static_assert(OnePort<Spring<1>> && OnePort<Spring<6>> && OnePort<Mass<3>>);
@@ -153,7 +156,9 @@ TEST(Joinable, TwoAdmittancesDoNotJoin) {
   static_assert(!HasJoint<Mass<3>, Mass<3>>);
 }
 
-TEST(Joinable, SizesDoNotMix) { static_assert(!Joinable<Spring<3>, Mass<6>>); }
+TEST(Joinable, SizesDoNotMix) {
+  static_assert(!Joinable<Spring<3>, Mass<6>>);
+}
 
 TEST(Joined, NamesTheImpedanceFirst) {
   static_assert(HasJoint<Spring<6>, Mass<6>>);
@@ -170,12 +175,12 @@ TEST(Terminated, IsAOnePortWhoseEndMustFit) {
   static_assert(TwoPort<Lever<3>> && TwoPort<Rod<6>> && !TwoPort<Spring<3>>);
   static_assert(OnePort<Terminated<Lever<3>, Damper<3>>> && OnePort<Terminated<Rod<6>, Mass<6>>>);
   static_assert(Joinable<Terminated<Lever<3>, Damper<3>>, Mass<3>>);
-  static_assert(!HasEnd<Lever<3>, Mass<3>>);   // both would set the velocity
-  static_assert(!HasEnd<Rod<3>, Damper<3>>);   // both would set the force
+  static_assert(!HasEnd<Lever<3>, Mass<3>>);  // both would set the velocity
+  static_assert(!HasEnd<Rod<3>, Damper<3>>);  // both would set the force
   static_assert(!HasEnd<Lever<3>, Damper<6>>);
 }
 
-// --- what happens --------------------------------------------------------------------------------------------------
+// --- what happens --------------------------------------------------------------------------------
 
 template <class Size>
 class Ports : public ::testing::Test {
@@ -189,7 +194,8 @@ struct SizeName {
     return std::to_string(Size::value) + "Dof";
   }
 };
-using Sizes = ::testing::Types<std::integral_constant<int, 1>, std::integral_constant<int, 3>, std::integral_constant<int, 6>>;
+using Sizes =
+    ::testing::Types<std::integral_constant<int, 1>, std::integral_constant<int, 3>, std::integral_constant<int, 6>>;
 TYPED_TEST_SUITE(Ports, Sizes, SizeName);
 
 constexpr Seconds kPeriod{1e-3};

@@ -57,8 +57,7 @@ struct Particle {
   }
 };
 
-// --- the exact step
-// ----------------------------------------------------------------------------------------------------------
+// --- the exact step ------------------------------------------------------------------------------
 
 const std::string kHand = "operator { hand { mass_kg: 0.02 stiffness_n_per_m: 300 damping_n_s_per_m: 1 } ";
 const std::string kDevice = "device { mass_kg: 0.075 damping_n_s_per_m: 0.05 ";
@@ -142,8 +141,7 @@ TEST(HandOnADevice, TakesAHandThatMovesSmoothlyForOneThatMovesLinearlyWithinTheT
   EXPECT_NEAR(at_1_khz / at_2_khz, 4.0, 0.3);  // second order
 }
 
-// --- blocks that are absent
-// ------------------------------------------------------------------------------------------------------
+// --- blocks that are absent ----------------------------------------------------------------------
 
 TEST(ImposedPath, IsFollowedToTheBit) {
   const std::string path =
@@ -209,8 +207,7 @@ TEST(WithAPath, TheHandBeginsWhereTheHandleStarts) {
   EXPECT_EQ(x_of(d), 0.05);
 }
 
-// --- Coulomb friction
-// ----------------------------------------------------------------------------------------------------------------
+// --- Coulomb friction ----------------------------------------------------------------------------
 
 TEST(CoulombFriction, StopsAMassAfterItsKineticEnergyOverTheFriction) {
   // m v²/(2 fc) = 18.75 mm after m v/fc = 0.1875 s: 375 ticks. The next speed stops inside a tick.
@@ -334,8 +331,7 @@ TEST(CoulombFriction, InSpaceConvergesToTheTrueDirection) {
   EXPECT_LT(error(1.25e-4), 0.35 * error(5e-4));  // first order
 }
 
-// --- sensing
-// -----------------------------------------------------------------------------------------------------------------------------
+// --- sensing -------------------------------------------------------------------------------------
 
 TEST(Encoder, RoundsToItsNearestCount) {
   auto d = device<3>(kHand + kPath + kDevice + "position_resolution_m: 3e-5 position_m: [0.001, 0.002, -0.003] }");
@@ -408,8 +404,7 @@ TEST(VelocityEstimate, OfATurningHandleIsItsMeanAngularVelocity) {
   EXPECT_LT((d.sense().v.vec() - expected).norm(), 1e-12);
 }
 
-// --- the force that is really held
-// ---------------------------------------------------------------------------------------------------------
+// --- the force that is really held ---------------------------------------------------------------
 
 TEST(MaxForce, BoundsTheNormAndKeepsTheDirection) {
   auto d = device<3>(kHand + "} " + kDevice + "max_force_n: 8.5 }");
@@ -460,8 +455,7 @@ TEST(Applied, MovesTheHandleAndNotWhatWasAskedFor) {
   EXPECT_NEAR(d.v()[0], -2.0 / 0.1 * kPeriod, 1e-17);
 }
 
-// --- energy
-// ------------------------------------------------------------------------------------------------------------------------------------
+// --- energy --------------------------------------------------------------------------------------
 
 TEST(PortEnergy, IsTheSumOfHeldForceTimesTheWay) {
   auto d = device<3>(kHand + kPath + kDevice + "max_force_n: 4 position_resolution_m: 1e-4 coulomb_friction_n: 0.1 }");

@@ -65,8 +65,7 @@ double energy_drift(SimRobot<N>& r, int ticks, double mass, const Vector3d& iner
   return worst;
 }
 
-// --- a mass and a wall, exactly
-// ----------------------------------------------------------------------------------------------
+// --- a mass and a wall, exactly ------------------------------------------------------------------
 
 // The case of the peers: 0.1 kg from -5 mm, a hand of 300 N/m and 3 N s/m towards +20 mm, an elastic wall from 0.
 const std::string kMassOnAWall =
@@ -180,8 +179,7 @@ TEST(Spring, IsExactInSpace) {
   EXPECT_LT((r.state().x.translation() - x).norm(), 1e-13);
 }
 
-// --- the general plant
-// ---------------------------------------------------------------------------------------------------------
+// --- the general plant ---------------------------------------------------------------------------
 
 TEST(RungeKutta, AgreesWithTheExactPlantOnAWallAndConvergesToIt) {
   const Scene s =
@@ -255,8 +253,7 @@ TEST(Slide, BouncingOnASphereKeepsItsEnergy) {
             2e-6);  // each of ten bounces is 44 steps of 0.07 rad, which lose (0.07)⁶/72 each
 }
 
-// --- friction
-// ------------------------------------------------------------------------------------------------------------------
+// --- friction ------------------------------------------------------------------------------------
 
 TEST(CoulombSlide, DeceleratesByTheFrictionalLoad) {
   // Pressed with 4 N from equilibrium, μ = 0.3: a = μN/m = 6 m/s², from 0.3 m/s for 48 ms.
@@ -303,8 +300,7 @@ TEST(CoulombSlide, OfAThrownMassStopsWithoutChatter) {
   EXPECT_NEAR(coarse.state().v[2], 0.3, 1e-8);
 }
 
-// --- rigid bodies
-// -----------------------------------------------------------------------------------------------------------------
+// --- rigid bodies --------------------------------------------------------------------------------
 
 const std::string kBody = "robot { mass_kg: 0.5 inertia_kg_m2: [1e-3, 2e-3, 2.5e-3] ";
 const Vector3d kInertia{1e-3, 2e-3, 2.5e-3};
@@ -348,8 +344,9 @@ TEST(RigidBody, GainsTheEnergyOfItsHeldWrench) {
     const double before = energy(r, 0.5, kInertia);
     r.advance();
     const double gain = energy(r, 0.5, kInertia) - before;
-    const double exact =
-        held_energy(ObserverRule::exact, Force<6>{f}, {s.x, s.v}, {r.state().x, r.state().v}, Seconds{kPeriod}).si();
+    const double exact = held_energy(ObserverRule::exact, Force<6>{f}, Interval<6>{r.state().x - s.x, s.v, r.state().v},
+                                     Seconds{kPeriod})
+                             .si();
     const double naive = f.dot((r.state().x - s.x).vec());
     exact_sum += exact - gain;
     naive_sum += naive - gain;
@@ -427,8 +424,7 @@ TEST(RigidBody, IsSlowedByItsRotationalDamping) {
   EXPECT_NEAR(r.state().v[5], 2 * std::exp(-3e-3 / 1e-3 * 0.2), 1e-12);
 }
 
-// --- the seam
-// ------------------------------------------------------------------------------------------------------------------------
+// --- the seam ------------------------------------------------------------------------------------
 
 TEST(ForceSensor, ShowsTheForceOnTheEnvironment) {
   auto r = robot<3>(

@@ -20,19 +20,33 @@ using Eigen::Vector3d;
 using namespace literals;
 
 template <class A, class B>
-concept Adds = requires(const A& a, const B& b) { a + b; };
+concept Adds = requires(const A& a, const B& b) {
+  a + b;
+};
 template <class A, class B>
-concept Subtracts = requires(const A& a, const B& b) { a - b; };
+concept Subtracts = requires(const A& a, const B& b) {
+  a - b;
+};
 template <class A, class B>
-concept Dots = requires(const A& a, const B& b) { dot(a, b); };
+concept Dots = requires(const A& a, const B& b) {
+  dot(a, b);
+};
 template <class A, class B>
-concept Multiplies = requires(const A& a, const B& b) { a* b; };
+concept Multiplies = requires(const A& a, const B& b) {
+  a* b;
+};
 template <class A, class B>
-concept Divides = requires(const A& a, const B& b) { a / b; };
+concept Divides = requires(const A& a, const B& b) {
+  a / b;
+};
 template <class A, class B>
-concept Compares = requires(const A& a, const B& b) { a < b; };
+concept Compares = requires(const A& a, const B& b) {
+  a < b;
+};
 template <class Clock>
-concept CanBeAsked = requires { Clock::now(); };
+concept CanBeAsked = requires {
+  Clock::now();
+};
 
 TEST(Kinds, DoNotMixInSums) {
   static_assert(Adds<Force<3>, Force<3>>);
@@ -121,7 +135,7 @@ TEST(Coords, AreFiniteOnlyWhenEveryAxisIs) {
   EXPECT_FALSE((Position<6>{Vector3d{0, 0, std::nan("")}, Quaterniond::Identity()}.finite()));
 }
 
-// --- rotations -----------------------------------------------------------------------------------------------------
+// --- rotations -----------------------------------------------------------------------------------
 
 Vector3d random_axis(std::mt19937_64& rng) {
   std::normal_distribution<double> n;
@@ -142,7 +156,8 @@ TEST(RotationVector, ComesBackFromItsQuaternionFromTinyToNearPi) {
   for (int i = 0; i < 20'000; ++i) {
     const Vector3d r = std::pow(10.0, exponent(rng)) * random_axis(rng);
     // A factor of 1.5: two functions, one after the other.
-    ASSERT_LT(relative_error(rotation_vector(rotation(r)), r.cast<long double>()), 1.5 * kFewRoundings) << r.transpose();
+    ASSERT_LT(relative_error(rotation_vector(rotation(r)), r.cast<long double>()), 1.5 * kFewRoundings)
+        << r.transpose();
   }
 }
 
@@ -216,7 +231,7 @@ TEST(Rotation, AgreesWithEigensAngleAxis) {
   }
 }
 
-// --- positions -----------------------------------------------------------------------------------------------------
+// --- positions -----------------------------------------------------------------------------------
 
 Position<6> random_pose(std::mt19937_64& rng) {
   std::uniform_real_distribution<double> angle{0.0, 3.1}, metre{-1.0, 1.0};

@@ -27,7 +27,8 @@ Verdict verdict(const Motion& m) {
   Verdict judge{m.path_ends_s, m.duration_s, m.initial_energy_j};
   double energy = 0.0;
   for (int k = 0; k < static_cast<int>(m.duration_s * kRate); ++k) {
-    const double a = m.speed * std::exp(m.growth_per_tick * k) * (1.0 + m.settles * std::exp(-k / kRate / 5.0)), v = a * std::cos(157.0 * k / kRate);
+    const double a = m.speed * std::exp(m.growth_per_tick * k) * (1.0 + m.settles * std::exp(-k / kRate / 5.0)),
+                 v = a * std::cos(157.0 * k / kRate);
     energy -= m.paid_w * (a * a) / (m.speed * m.speed) / kRate;
     if (!judge.add({.t_s = k / kRate,
                     .reach_m = 0.01,

@@ -12,7 +12,8 @@
 int main() {
   using namespace twoport;
   const Scene scene = parse_scene(
-      "dof: 1 duration_s: 1 device { mass_kg: 1 } robot { mass_kg: 1 } control { architecture: POSITION_FORCE }", "text");
+      "dof: 1 duration_s: 1 device { mass_kg: 1 } robot { mass_kg: 1 } control { architecture: POSITION_FORCE }",
+      "text");
   sim::SimDevice<1> device{scene, Seconds{1.0 / scene.master_rate_hz}};
   MasterNode<1> master{scene.control};
   SlaveNode<1> slave{scene.control};
