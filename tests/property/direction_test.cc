@@ -11,6 +11,7 @@
 
 #include "common/base/vector.h"
 #include "common/passivity/controller.h"
+#include "tests/support/sizes.h"
 
 namespace twoport {
 namespace {
@@ -85,15 +86,7 @@ double angle_deg(const Eigen::Matrix<double, N, 1>& u, const Eigen::Matrix<doubl
 
 template <class Size>
 class Projected : public ::testing::Test {};
-struct SizeName {
-  template <class Size>
-  static std::string GetName(int) {
-    return std::to_string(Size::value) + "Dof";
-  }
-};
-using Sizes =
-    ::testing::Types<std::integral_constant<int, 1>, std::integral_constant<int, 3>, std::integral_constant<int, 6>>;
-TYPED_TEST_SUITE(Projected, Sizes, SizeName);
+TYPED_TEST_SUITE(Projected, test::Sizes, test::SizeName);
 
 TYPED_TEST(Projected, NeverTurnsTheForceAndNeverReversesIt) {
   constexpr int N = TypeParam::value;

@@ -13,6 +13,7 @@
 #include "common/passivity/controller.h"
 #include "common/passivity/observer.h"
 #include "common/passivity/passivated.h"
+#include "tests/support/sizes.h"
 
 namespace twoport {
 namespace {
@@ -65,15 +66,7 @@ struct Touch {
 
 template <class Size>
 class EnergyOf : public ::testing::Test {};
-struct SizeName {
-  template <class Size>
-  static std::string GetName(int) {
-    return std::to_string(Size::value) + "Dof";
-  }
-};
-using Sizes =
-    ::testing::Types<std::integral_constant<int, 1>, std::integral_constant<int, 3>, std::integral_constant<int, 6>>;
-TYPED_TEST_SUITE(EnergyOf, Sizes, SizeName);
+TYPED_TEST_SUITE(EnergyOf, test::Sizes, test::SizeName);
 
 // --- closed loops --------------------------------------------------------------------------------
 

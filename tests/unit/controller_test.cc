@@ -11,6 +11,7 @@
 #include <type_traits>
 
 #include "common/passivity/observer.h"
+#include "tests/support/sizes.h"
 
 namespace twoport {
 namespace {
@@ -414,15 +415,7 @@ TYPED_TEST(Controller, SaysNothingIsWrongExactlyWhenNothingIsLeft) {
 
 template <class Size>
 class ReferenceEnergy : public ::testing::Test {};
-struct SizeName {
-  template <class Size>
-  static std::string GetName(int) {
-    return std::to_string(Size::value) + "Dof";
-  }
-};
-using Sizes =
-    ::testing::Types<std::integral_constant<int, 1>, std::integral_constant<int, 3>, std::integral_constant<int, 6>>;
-TYPED_TEST_SUITE(ReferenceEnergy, Sizes, SizeName);
+TYPED_TEST_SUITE(ReferenceEnergy, test::Sizes, test::SizeName);
 
 // Theory A3: prediction and a spring's reference energy K x²/2 damp a sampled spring by K T/2, the deficit of Colgate,
 // at every tick, pressing and releasing alike.

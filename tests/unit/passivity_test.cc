@@ -10,6 +10,7 @@
 
 #include "common/base/vector.h"
 #include "common/passivity/observer.h"
+#include "tests/support/sizes.h"
 
 namespace twoport {
 namespace {
@@ -125,15 +126,7 @@ Position<N> shifted(const Vector3d& p) {
 
 template <class Size>
 class SampledSpring : public ::testing::Test {};
-struct SizeName {
-  template <class Size>
-  static std::string GetName(int) {
-    return std::to_string(Size::value) + "Dof";
-  }
-};
-using Sizes =
-    ::testing::Types<std::integral_constant<int, 1>, std::integral_constant<int, 3>, std::integral_constant<int, 6>>;
-TYPED_TEST_SUITE(SampledSpring, Sizes, SizeName);
+TYPED_TEST_SUITE(SampledSpring, test::Sizes, test::SizeName);
 
 // Theory A2: with S = K/2 (x_n² - x_0²) and L = K/2 sum dx²,
 //   exact      S - L      the spring always gives back more than it took

@@ -11,6 +11,8 @@
 #include <variant>
 #include <vector>
 
+#include "tests/support/sizes.h"
+
 namespace twoport::sim {
 namespace {
 
@@ -143,15 +145,7 @@ double duration_s(const SegmentSpec& spec) {
 
 template <class Size>
 class AnyPath : public ::testing::Test {};
-struct SizeName {
-  template <class Size>
-  static std::string GetName(int) {
-    return std::to_string(Size::value) + "Dof";
-  }
-};
-using Sizes =
-    ::testing::Types<std::integral_constant<int, 1>, std::integral_constant<int, 3>, std::integral_constant<int, 6>>;
-TYPED_TEST_SUITE(AnyPath, Sizes, SizeName);
+TYPED_TEST_SUITE(AnyPath, test::Sizes, test::SizeName);
 
 TYPED_TEST(AnyPath, StartsWhereItIsTold) {
   constexpr int N = TypeParam::value;

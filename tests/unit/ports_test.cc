@@ -7,6 +7,7 @@
 
 #include "common/passivity/passivated.h"
 #include "common/ports/port.h"
+#include "tests/support/sizes.h"
 
 namespace twoport {
 namespace {
@@ -188,15 +189,7 @@ class Ports : public ::testing::Test {
   using Vector = typename Force<Size::value>::Vector;
   static Vector ramp() { return Vector::LinSpaced(Size::value, 0.3, 1.4); }  // a different number on every axis
 };
-struct SizeName {
-  template <class Size>
-  static std::string GetName(int) {
-    return std::to_string(Size::value) + "Dof";
-  }
-};
-using Sizes =
-    ::testing::Types<std::integral_constant<int, 1>, std::integral_constant<int, 3>, std::integral_constant<int, 6>>;
-TYPED_TEST_SUITE(Ports, Sizes, SizeName);
+TYPED_TEST_SUITE(Ports, test::Sizes, test::SizeName);
 
 constexpr Seconds kPeriod{1e-3};
 
