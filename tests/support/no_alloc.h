@@ -1,5 +1,7 @@
 #pragma once
 
+#include <mm_malloc.h>  // declares posix_memalign in clang's way, which must come before ours
+
 #include <cerrno>
 #include <cstddef>
 #include <cstdlib>
