@@ -1,5 +1,5 @@
-// The whole chain in virtual time, per tick, beside the same equations written out by hand; what blocks of a scene
-// cost; and single node steps. Ratios within one run are meant; times are this machine's.
+// The whole chain in virtual time, per tick, beside the same equations written out by hand; what blocks of a scene cost;
+// and single node steps. Ratios within one run are meant; times are this machine's.
 
 #include <benchmark/benchmark.h>
 

@@ -25,11 +25,11 @@ namespace twoport {
 ///     f      = s_f f_rx                                  or the master's own spring-damper (position-position)
 ///     f'     = passivate(f, E(0) + min(E_in,slave, E_in) - E_out)     foreseeing how the handle gives way, or by f·v
 ///
-/// The hand never gets back more than the slave says has entered the link there, nor more than it has put in, plus
-/// E(0). When the sensor's force comes back, the hand does not feel what moves the robot and cannot pay for it. The
-/// motion command then is a source of its own (Artigas, Ryu, Preusche, Hirzinger, IROS 2011): it carries the energy
-/// that the hand would put in were the coupling force displayed, E_in of f_coupling,rx(k-1)·Δx(k). Source: Ryu,
-/// Artigas, Preusche, Mechatronics 20(7), 2010; the correction is the projected one where chosen.
+/// The hand never gets back more than the slave says has entered the link there, nor more than it has put in, plus E(0).
+/// When the sensor's force comes back, the hand does not feel what moves the robot and cannot pay for it. The motion
+/// command then is a source of its own (Artigas, Ryu, Preusche, Hirzinger, IROS 2011): it carries the energy that the hand
+/// would put in were the coupling force displayed, E_in of f_coupling,rx(k-1)·Δx(k).
+/// Source: Ryu, Artigas, Preusche, Mechatronics 20(7), 2010; the correction is the projected one where chosen.
 template <int N>
 class MasterNode {
  public:
@@ -109,8 +109,8 @@ class MasterNode {
   [[nodiscard]] Energy absorbed() const noexcept { return ledger_.absorbed() - base_absorbed_; }
   [[nodiscard]] Energy returned() const noexcept { return ledger_.returned() - base_returned_; }
 
-  /// A reading that is not finite is none, nor is a force that no double holds: the handle is under no force of ours
-  /// until the next tick. The other side takes no report that is not finite.
+  /// A reading that is not finite is none, nor is a force that no double holds: the handle is under no force of ours until
+  /// the next tick. The other side takes no report that is not finite.
   [[gnu::always_inline]] Output let_go(const DeviceState<N>& device) noexcept {
     mode_ = Mode::released;
     Output out{};

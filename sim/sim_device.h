@@ -29,8 +29,8 @@ double force_norm(const Force<N>& f) {
 ///
 /// f is held over the tick; the intended motion x_h is linear within it; the step is the exact solution, with a stop
 /// by Coulomb friction resolved inside it. N = 6 rotates like a sphere (isotropic inertia), in rotation-vector
-/// coordinates local to the tick. Blocks that the scene does not name cost nothing and are ideal: no hand impedance,
-/// the path is imposed; no operator, nobody holds; neither device nor operator, the handle rests.
+/// coordinates local to the tick. Blocks that the scene does not name cost nothing and are ideal: no hand impedance, the
+/// path is imposed; no operator, nobody holds; neither device nor operator, the handle rests.
 template <int N>
 class SimDevice final : public Device<N> {
  public:

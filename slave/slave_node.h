@@ -112,8 +112,8 @@ class SlaveNode {
     return options_.initial_energy + scaling_.to_slave(Energy{master.energy_in_j}) - returned();
   }
 
-  /// A reading that is not finite is none, nor is a force that no double holds: nothing acts on the robot until the
-  /// next tick. The other side takes no report that is not finite.
+  /// A reading that is not finite is none, nor is a force that no double holds: nothing acts on the robot until the next
+  /// tick. The other side takes no report that is not finite.
   [[gnu::always_inline]] Output let_go(const RobotState<N>& robot) noexcept {
     mode_ = Mode::released;
     f_ = Force<N>{};

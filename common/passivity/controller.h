@@ -54,6 +54,7 @@ struct Corrected {
   Shortfall shortfall;
 };
 
+// clang-format off
 /// Time-domain passivity controller of one port, in either causality: (Out, In) = (Force, Velocity) is the impedance
 /// form, gain α [N s/m]; (Velocity, Force) the admittance form, gain β [m/(N s)].
 ///
@@ -65,13 +66,14 @@ struct Corrected {
 ///     force projected  out' = out·s,         s = 1 + (D + min(A, max_gain T P²/|out|²)) / (T P),   s >= 0
 ///
 /// The second is the paper's eq. (8): with v_p = (fᵀv/|f|²) f, f + α v_p = f·(1 - E/(T fᵀv)). It is one scalar, so a
-/// wrench needs no metric and no characteristic length, and the direction of out is kept exactly. Only the cap on
-/// arrears, a damping along out, reads a radian as a metre there. Where P -> 0 nothing along out does work: the debt
-/// waits in the account and is reported. Real time: one dot product, no allocation, no throw.
+/// wrench needs no metric and no characteristic length, and the direction of out is kept exactly. Only the cap on arrears,
+/// a damping along out, reads a radian as a metre there.
+/// Where P -> 0 nothing along out does work: the debt waits in the account and is reported.
+/// Real time: one dot product, no allocation, no throw.
 template <class Out, class In>
-requires PowerDual<Out, In> Corrected<Out> passivate(Out wanted, In in, Budget budget, const ControllerOptions& options,
-                                                     Seconds dt)
-noexcept {
+  requires PowerDual<Out, In>
+Corrected<Out> passivate(Out wanted, In in, Budget budget, const ControllerOptions& options, Seconds dt) noexcept {
+  // clang-format on
   constexpr double kVanishing = 1e-24;  // (1e-12 m/s)² or (1e-12 N)²: below it a direction is noise
   const Power p = dot(wanted, in);
   const double arrears = std::max(0.0, -budget.available.si());
@@ -106,8 +108,8 @@ noexcept {
   return {s * wanted, dissipated, positive_part(Energy{due} - dissipated), shortfall};
 }
 
-/// How much of a force fits a budget when the port gives way to it: the largest s in [0, 1] with q s² + b s <= a, q >=
-/// 0; where a < 0 asks for more than there is, the s for which q s² + b s is least. Written so that no root cancels.
+/// How much of a force fits a budget when the port gives way to it: the largest s in [0, 1] with q s² + b s <= a, q >= 0;
+/// where a < 0 asks for more than there is, the s for which q s² + b s is least. Written so that no root cancels.
 [[gnu::always_inline]] inline double share(double q, double b, double a) noexcept {
   if (q + b <= a) return 1.0;
   const double root = std::sqrt(std::max(0.0, b * b + 4.0 * q * a));
@@ -123,8 +125,8 @@ noexcept {
 ///
 /// A large force on a light handle turns its velocity around within one tick; by f·v alone the outflow of that tick is
 /// not foreseen, and the controller chatters between all and nothing. At rest against a hand w = C f and s = 1: a held
-/// force does no work and stays. Arrears are repaid out of the power that comes in, at no more than a damping of
-/// max_gain would. The force is never larger than wanted.
+/// force does no work and stays. Arrears are repaid out of the power that comes in, at no more than a damping of max_gain
+/// would. The force is never larger than wanted.
 template <int N>
 [[gnu::always_inline]] inline Corrected<Force<N>> passivate_yielding(const Force<N>& wanted, const Foreseen<N>& handle,
                                                                      Energy available, const ControllerOptions& options,

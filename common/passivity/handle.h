@@ -10,8 +10,8 @@ namespace twoport {
 /// What a handle will do in the coming interval.
 template <int N>
 struct Foreseen {
-  typename Force<N>::Vector compliance =
-      Force<N>::Vector::Zero();          ///< of the mean velocity to the force, T/(2m) per axis [m/(N s)]
+  using Vector = typename Force<N>::Vector;
+  Vector compliance = Vector::Zero();    ///< of the mean velocity to the force, T/(2m) per axis [m/(N s)]
   Velocity<N> w{};                       ///< mean velocity were there no force
   double doubt = 0.0, spin_doubt = 0.0;  ///< how wrong w may be, in whatever direction [m/s], [rad/s]
 
@@ -28,10 +28,10 @@ struct Foreseen {
 /// Foresees the handle's motion under a held force from positions and the forces that were really applied; velocity
 /// estimates lag and are not asked.
 ///
-///     u(k+1) = u(k) + d - C (f(k-1) + f(k))         u: mean velocity of interval k; d: what the hand adds in an
-///     interval u, d  += g e, h e                             e: measured less foreseen mean velocity w      = u(k) + d
-///     - C f(k-1)                  mean velocity of the coming interval were there no force doubt  = max(|e|, 0.95
-///     doubt)                 translation and rotation each
+///     u(k+1) = u(k) + d - C (f(k-1) + f(k))         u: mean velocity of interval k; d: what the hand adds in an interval
+///     u, d  += g e, h e                             e: measured less foreseen mean velocity
+///     w      = u(k) + d - C f(k-1)                  mean velocity of the coming interval were there no force
+///     doubt  = max(|e|, 0.95 doubt)                 translation and rotation each
 ///
 /// C = T/(2m) per axis, exact for a mass under held forces; g = 1 - θ², h = (1 - θ)² is the fading-memory (alpha-beta)
 /// filter, which averages an encoder's counts over a few ticks and loses nothing of the answer to the force, as that is

@@ -825,8 +825,8 @@ void check_handle(const Block& scene, const Scene& values) {
   if (values.dof == 6) need("inertia_kg_m2", sum(&DeviceSpec::inertia_kg_m2, &HandSpec::inertia_kg_m2));
 }
 
-/// What moves by itself must not turn, or come to rest, too many times within a tick: the plants are exact however
-/// stiff they are, and take the longer for it.
+/// What moves by itself must not turn, or come to rest, too many times within a tick: the plants are exact however stiff
+/// they are, and take the longer for it.
 void check_fastest(const Block& scene, const Scene& values) {
   constexpr double kMost = 1e4;  // [rad] in a tick
   const auto check = [&](const char* what, double rate_hz, double mass, double damping, double stiffness) {

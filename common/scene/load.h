@@ -18,8 +18,8 @@ Scene load_scene(const std::string& path, std::span<const std::string> overrides
 /// The same from text; `name` stands for the file in error sentences.
 Scene parse_scene(const std::string& text, const std::string& name, std::span<const std::string> overrides = {});
 
-/// What gives way to the force at the master, which its controller may know: the device, or of an ideal one the hand
-/// that holds it. Sets control.handle_mass_kg and handle_inertia_kg_m2.
+/// What gives way to the force at the master, which its controller may know: the device, or of an ideal one the hand that
+/// holds it. Sets control.handle_mass_kg and handle_inertia_kg_m2.
 void tell_handle(Scene& scene);
 
 /// The two sides of a link must mean the same world: FNV-1a over what both must share (dof, rates, architecture,

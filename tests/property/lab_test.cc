@@ -371,8 +371,8 @@ double unrest(const std::vector<std::string>& set) {
   return std::sqrt(sum / ticks);
 }
 
-// What the coupling's damper dissipated while the hand slid pays for what the late damper creates at rest: passive, and
-// it swings on for minutes. With the reference energy nothing is saved up.
+// What the coupling's damper dissipated while the hand slid pays for what the late damper creates at rest: passive, and it
+// swings on for minutes. With the reference energy nothing is saved up.
 TEST(ReferenceEnergy, EndsASwingThatLivesOnWhatWasDissipatedBefore) {
   EXPECT_GT(unrest({"duration_s=16"}), 3e-3);
   EXPECT_LT(unrest({"duration_s=16", "control.passivity.reference_energy=true"}), 1e-5);
