@@ -24,30 +24,6 @@ void put(std::vector<double>& to, const Eigen::Matrix<double, N, 1>& v) {
   for (int i = 0; i < 3; ++i) to.push_back(i < N ? v[i] : 0.0);
 }
 
-/// The simulation that a scene needs.
-template <int N, class Use>
-auto with_simulation(const Scene& scene, Use use) {
-  switch (scene.control.architecture) {
-    case Architecture::render:
-      return use(RenderSimulation<N>{scene});
-    case Architecture::uncontrolled:
-      return use(BodySimulation<N>{scene});
-    default:
-      return use(LinkSimulation<N>{scene});
-  }
-}
-template <class Use>
-auto with_size(const Scene& scene, Use use) {
-  switch (scene.dof) {
-    case 1:
-      return use.template operator()<1>();
-    case 3:
-      return use.template operator()<3>();
-    default:
-      return use.template operator()<6>();
-  }
-}
-
 Course course(const Scene& scene) {
   return with_size(scene, [&]<int N>() {
     return with_simulation<N>(scene, [&](auto simulation) {

@@ -11,8 +11,7 @@ namespace twoport::lab {
 namespace {
 
 template <int N, class Simulation>
-Summary run_as(const Scene& scene, const std::string& trace_path) {
-  Simulation simulation{scene};
+Summary run_as(Simulation& simulation, const Scene& scene, const std::string& trace_path) {
   const bool alone = scene.control.architecture == Architecture::uncontrolled;
   Metrics<N> metrics{alone ? scene.slave_rate_hz : scene.master_rate_hz, scene.duration_s, simulation.quiet_from_s(),
                      simulation.initial_energy().si()};
@@ -43,29 +42,12 @@ Summary run_as(const Scene& scene, const std::string& trace_path) {
   return s;
 }
 
-template <int N>
-Summary run_size(const Scene& scene, const std::string& trace_path) {
-  switch (scene.control.architecture) {
-    case Architecture::render:
-      return run_as<N, RenderSimulation<N>>(scene, trace_path);
-    case Architecture::uncontrolled:
-      return run_as<N, BodySimulation<N>>(scene, trace_path);
-    default:
-      return run_as<N, LinkSimulation<N>>(scene, trace_path);
-  }
-}
-
 }  // namespace
 
 Summary run(const Scene& scene, const std::string& trace_path) {
-  switch (scene.dof) {
-    case 1:
-      return run_size<1>(scene, trace_path);
-    case 3:
-      return run_size<3>(scene, trace_path);
-    default:
-      return run_size<6>(scene, trace_path);
-  }
+  return with_size(scene, [&]<int N>() {
+    return with_simulation<N>(scene, [&](auto simulation) { return run_as<N>(simulation, scene, trace_path); });
+  });
 }
 
 }  // namespace twoport::lab

@@ -241,4 +241,17 @@ class BodySimulation {
   sim::SimRobot<N> robot_;
 };
 
+/// Calls use(simulation) with the one that the scene needs.
+template <int N, class Use>
+auto with_simulation(const Scene& scene, Use use) {
+  switch (scene.control.architecture) {
+    case Architecture::render:
+      return use(RenderSimulation<N>{scene});
+    case Architecture::uncontrolled:
+      return use(BodySimulation<N>{scene});
+    default:
+      return use(LinkSimulation<N>{scene});
+  }
+}
+
 }  // namespace twoport::lab

@@ -83,9 +83,7 @@ int render(const Scene& scene, const LiveArguments& arguments, spdlog::logger& l
   Summary s = recorder.finish();
   say_what_was_lost(log, recorder.dropped(), 0);
   add_times(s, loop, clock, stop);
-  const int status = conclude(scene, arguments, "master", s, !stop);
-  recorder.close_trace();
-  return status;
+  return conclude(scene, arguments, "master", s, !stop, recorder);
 }
 
 template <int N>
@@ -168,9 +166,7 @@ int couple(const Scene& scene, const LiveArguments& arguments, spdlog::logger& l
   add_times(s, loop, clock, stop);
   add_link(s, s.to_slave, s.to_master, mail, node.mode());
   s.rtt_ms = percentiles(round_trip, 1e6);
-  const int status = conclude(scene, arguments, "master", s, !stop);
-  recorder.close_trace();
-  return status;
+  return conclude(scene, arguments, "master", s, !stop, recorder);
 }
 
 template <int N>
@@ -187,13 +183,6 @@ int main(int argc, char** argv) {
   using namespace twoport;
   return live_program(argc, argv, "twoport-master", "hand and haptic device, live", "--peer", "127.0.0.1:45000",
                       [](const Scene& scene, const LiveArguments& arguments) {
-                        switch (scene.dof) {
-                          case 1:
-                            return run<1>(scene, arguments);
-                          case 3:
-                            return run<3>(scene, arguments);
-                          default:
-                            return run<6>(scene, arguments);
-                        }
+                        return with_size(scene, [&]<int N>() { return run<N>(scene, arguments); });
                       });
 }

@@ -82,9 +82,7 @@ int run(const Scene& scene, const LiveArguments& arguments) {
   say_what_was_lost(log, recorder.dropped(), mail.transport().counts().overflowed);
   add_times(s, loop, clock, stop);
   add_link(s, s.to_master, s.to_slave, mail, node.mode());
-  const int status = conclude(scene, arguments, "slave", s, false);
-  recorder.close_trace();
-  return status;
+  return conclude(scene, arguments, "slave", s, false, recorder);
 }
 
 }  // namespace
@@ -98,13 +96,6 @@ int main(int argc, char** argv) {
                           throw ConfigError(arguments.scene +
                                             ": control.architecture is RENDER, which has no slave; run twoport-master "
                                             "alone");
-                        switch (scene.dof) {
-                          case 1:
-                            return run<1>(scene, arguments);
-                          case 3:
-                            return run<3>(scene, arguments);
-                          default:
-                            return run<6>(scene, arguments);
-                        }
+                        return with_size(scene, [&]<int N>() { return run<N>(scene, arguments); });
                       });
 }

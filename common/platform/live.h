@@ -8,6 +8,7 @@
 
 #include "common/platform/program.h"
 #include "common/platform/realtime.h"
+#include "common/platform/recorder.h"
 #include "common/runtime/modes.h"
 
 namespace twoport {
@@ -62,6 +63,15 @@ std::int64_t advance(Plant& plant, std::int64_t& done, std::int64_t k) noexcept 
 template <class Clock>
 Tick<Clock> tick_after(std::int64_t passed, Duration now, Seconds dt) noexcept {
   return {Instant<Clock>{now}, dt, static_cast<double>(std::max<std::int64_t>(passed, 1)) * dt};
+}
+
+/// Concludes, and puts the trace in place last: a disk that is full costs the trace only.
+template <int N>
+int conclude(const Scene& scene, const LiveArguments& arguments, const std::string& side, const Summary& summary,
+             bool judged, Recorder<N>& recorder) {
+  const int status = conclude(scene, arguments, side, summary, judged);
+  recorder.close_trace();
+  return status;
 }
 
 /// What was not recorded, and packets that found no room.

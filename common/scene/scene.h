@@ -136,4 +136,17 @@ struct Scene {
   [[nodiscard]] int axes() const { return dof == 1 ? 1 : 3; }
 };
 
+/// Calls use.operator()<N>() with N = scene.dof.
+template <class Use>
+auto with_size(const Scene& scene, Use use) {
+  switch (scene.dof) {
+    case 1:
+      return use.template operator()<1>();
+    case 3:
+      return use.template operator()<3>();
+    default:
+      return use.template operator()<6>();
+  }
+}
+
 }  // namespace twoport
