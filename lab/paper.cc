@@ -3,11 +3,11 @@
 #include <fmt/format.h>
 
 #include <numbers>
-#include <random>
 #include <span>
 #include <utility>
 
 #include "common/base/check.h"
+#include "common/base/random.h"
 #include "common/passivity/passivated.h"
 #include "common/record/metrics.h"
 #include "common/scene/load.h"
@@ -315,10 +315,10 @@ std::vector<AdmittanceRun> admittance_runs() {
 // ---- frames
 namespace {
 
-Eigen::Quaterniond random_turn(std::mt19937_64& random) {
-  std::normal_distribution<double> normal;
-  const double w = normal(random), x = normal(random), y = normal(random), z = normal(random);
-  return Eigen::Quaterniond{w, x, y, z}.normalized();
+/// The i-th of uniformly distributed attitudes.
+Eigen::Quaterniond random_turn(const Random& random, std::uint64_t i) {
+  return Eigen::Quaterniond{random.normal(i, 0), random.normal(i, 1), random.normal(i, 2), random.normal(i, 3)}
+      .normalized();
 }
 
 void turn(Numbers& n, const Eigen::Quaterniond& q) {
@@ -341,7 +341,8 @@ Scene turned(Scene scene, const Eigen::Quaterniond& q) {
 
 std::vector<FrameCheck> frame_checks() {
   std::vector<FrameCheck> all;
-  std::mt19937_64 random{1};
+  const Random random{1};
+  std::uint64_t turns = 0;
   for (const char* method : {"none", "classic", "projected", "projected reference"}) {
     // What a hand feels on its axes is no part of the claim: a steady hand.
     PaperCase which = paper_case("slide", "light", "ideal", method);
@@ -359,7 +360,7 @@ std::vector<FrameCheck> frame_checks() {
     for (std::size_t k = 1; k < rows.size(); ++k) {
       const Vector3d x = rows[k].master_x.translation(), moved = x - rows[k - 1].master_x.translation();
       const Vector3d &wanted = rows[k].master_f_wanted.vec(), &v = rows[k].master_v.vec();
-      const Eigen::Quaterniond q[2] = {Eigen::Quaterniond::Identity(), random_turn(random)};
+      const Eigen::Quaterniond q[2] = {Eigen::Quaterniond::Identity(), random_turn(random, turns++)};
       Vector3d out[2];
       for (int i = 0; i < 2; ++i) {
         energy[i] += (q[i] * held).dot(q[i] * moved);
@@ -378,7 +379,7 @@ std::vector<FrameCheck> frame_checks() {
     check.energy_per_tick_frames /= most_energy;
     check.force_per_tick_frames /= most_force;
 
-    const Eigen::Quaterniond q = random_turn(random);
+    const Eigen::Quaterniond q = random_turn(random, turns++);
     std::vector<Row<3>> there;
     run(turned(scene, q), [&](const Row<3>& row) { there.push_back(row); });
     for (std::size_t k = 0; k < rows.size(); ++k) {

@@ -3,9 +3,9 @@
 #include <algorithm>
 #include <cmath>
 #include <optional>
-#include <random>
 #include <vector>
 
+#include "common/base/random.h"
 #include "common/hardware/robot.h"
 #include "common/scene/scene.h"
 #include "sim/environment.h"
@@ -561,8 +561,9 @@ class SimRobot final : public Robot<N> {
   [[gnu::noinline]] void blur() noexcept {
     if (noise_ > 0.0) {
       typename Force<N>::Vector n;
-      for (int i = 0; i < N; ++i) n[i] = noise_ * normal_(random_);
+      for (int i = 0; i < N; ++i) n[i] = noise_ * random_.normal(sample_, static_cast<unsigned>(i));
       sensed_ += Force<N>{n};
+      ++sample_;
     }
     if (!delay_.empty()) {
       std::swap(sensed_, delay_[delay_next_]);
@@ -587,8 +588,8 @@ class SimRobot final : public Robot<N> {
   typename Force<N>::Vector bias_ = Force<N>::Vector::Zero();
   double noise_ = 0.0;
   bool blurred_ = false;  ///< by noise or latency
-  std::mt19937_64 random_;
-  std::normal_distribution<double> normal_;
+  Random random_;
+  std::uint64_t sample_ = 0;  ///< of the force sensor
   std::vector<Force<N>> delay_;
   std::size_t delay_next_ = 0;
 };

@@ -3,9 +3,9 @@
 #include <cmath>
 #include <cstdint>
 #include <numbers>
-#include <random>
 #include <vector>
 
+#include "common/base/random.h"
 #include "common/base/vector.h"
 #include "common/scene/scene.h"
 
@@ -22,16 +22,16 @@ class Tremor {
   Tremor() = default;
   Tremor(const TremorSpec& spec, std::uint64_t seed) {
     if (spec.rms_m == 0.0) return;
-    std::mt19937_64 random{seed ^ kStream};
-    const auto uniform = [&] { return static_cast<double>(random() >> 11) * 0x1p-53; };
+    const Random random{seed ^ kStream};
     constexpr double kTurn = 2.0 * std::numbers::pi;
     for (int axis = 0; axis < kAxes; ++axis) {
       for (int j = 0; j < kWaves; ++j) {
-        const double part = (j + uniform()) / kWaves;
+        const auto wave = static_cast<std::uint64_t>(axis * kWaves + j);
+        const double part = (j + random.uniform(wave, kFrequency)) / kWaves;
         waves_.push_back({.axis = axis,
                           .amplitude_m = spec.rms_m * std::sqrt(2.0 / kWaves),
                           .omega = kTurn * (spec.low_hz + part * (spec.high_hz - spec.low_hz)),
-                          .phase = kTurn * uniform()});
+                          .phase = kTurn * random.uniform(wave, kPhase)});
       }
     }
   }
@@ -56,6 +56,7 @@ class Tremor {
  private:
   static constexpr int kAxes = N == 6 ? 3 : N, kWaves = 8;
   static constexpr std::uint64_t kStream = 0x7265306d;
+  enum Purpose : unsigned { kFrequency, kPhase };
   struct Wave {
     int axis;
     double amplitude_m, omega, phase;

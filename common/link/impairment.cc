@@ -4,6 +4,12 @@
 #include <cmath>
 
 namespace twoport {
+namespace {
+
+/// What a number of one packet is drawn for.
+enum Purpose : unsigned { kBurstState, kBurstLoss, kLoss, kJitter, kReorder, kDuplicate, kJitterOfDuplicate };
+
+}  // namespace
 
 double longest_delay_s(const ImpairmentOptions& o) {
   double longest = o.delay_s + 10.0 * o.jitter_s;
@@ -21,18 +27,15 @@ Impairment::Impairment(const ImpairmentOptions& options, std::uint64_t seed)
              o.reorder == 0.0 && o.recorded_delay_s.empty();
 }
 
-double Impairment::uniform() noexcept {
-  return static_cast<double>(random_() >> 11) * 0x1.0p-53;  // [0, 1)
-}
-
 bool Impairment::lost(Duration since_start) noexcept {
   bool gone = false;
   if (options_.burst) {
     const GilbertElliottOptions& b = *options_.burst;
-    bad_state_ = bad_state_ ? uniform() >= b.r : uniform() < b.p;
-    gone = uniform() < (bad_state_ ? b.loss_bad : b.loss_good);
+    const double u = random_.uniform(packet_, kBurstState);
+    bad_state_ = bad_state_ ? u >= b.r : u < b.p;
+    gone = random_.uniform(packet_, kBurstLoss) < (bad_state_ ? b.loss_bad : b.loss_good);
   }
-  if (options_.loss > 0.0 && uniform() < options_.loss) gone = true;
+  if (options_.loss > 0.0 && random_.uniform(packet_, kLoss) < options_.loss) gone = true;
   for (const BlackoutWindow& w : options_.blackout) {
     const Duration into = since_start - to_duration(w.start_s);
     if (into >= Duration{0} && into < to_duration(w.duration_s)) gone = true;
@@ -40,7 +43,7 @@ bool Impairment::lost(Duration since_start) noexcept {
   return gone;
 }
 
-Duration Impairment::delay() noexcept {
+Duration Impairment::delay(unsigned purpose) noexcept {
   if (!options_.recorded_delay_s.empty()) {
     const double recorded = options_.recorded_delay_s[recorded_next_];
     recorded_next_ = (recorded_next_ + 1) % options_.recorded_delay_s.size();
@@ -50,14 +53,14 @@ Duration Impairment::delay() noexcept {
   double unit = 0.0;  // mean 0, standard deviation 1
   switch (options_.jitter_distribution) {
     case JitterDistribution::normal:
-      unit = normal_(random_);
+      unit = random_.normal(packet_, purpose);
       break;
     case JitterDistribution::uniform:
-      unit = std::sqrt(12.0) * (uniform() - 0.5);
+      unit = std::sqrt(12.0) * (random_.uniform(packet_, purpose) - 0.5);
       break;
     case JitterDistribution::pareto: {
       // Pareto tail index 3 from 1: mean 3/2, variance 3/4; never early by more than 0.58 standard deviations.
-      const double pareto = std::pow(1.0 - uniform(), -1.0 / 3.0);
+      const double pareto = std::pow(random_.uniform(packet_, purpose), -1.0 / 3.0);
       unit = (pareto - 1.5) / std::sqrt(0.75);
       break;
     }
@@ -66,12 +69,14 @@ Duration Impairment::delay() noexcept {
 }
 
 Impairment::Fate Impairment::drawn(Duration since_start) noexcept {
-  Fate fate{lost(since_start) ? 0 : 1, {delay(), Duration{0}}};
-  if (options_.reorder > 0.0 && uniform() < options_.reorder) fate.delay[0] += to_duration(options_.reorder_s);
-  if (options_.duplicate > 0.0 && uniform() < options_.duplicate && fate.copies == 1) {
+  Fate fate{lost(since_start) ? 0 : 1, {delay(kJitter), Duration{0}}};
+  if (options_.reorder > 0.0 && random_.uniform(packet_, kReorder) < options_.reorder)
+    fate.delay[0] += to_duration(options_.reorder_s);
+  if (options_.duplicate > 0.0 && random_.uniform(packet_, kDuplicate) < options_.duplicate && fate.copies == 1) {
     fate.copies = 2;
-    fate.delay[1] = delay();
+    fate.delay[1] = delay(kJitterOfDuplicate);
   }
+  ++packet_;
   return fate;
 }
 

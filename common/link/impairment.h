@@ -3,9 +3,9 @@
 #include <cstddef>
 #include <cstdint>
 #include <optional>
-#include <random>
 #include <vector>
 
+#include "common/base/random.h"
 #include "common/base/time.h"
 
 namespace twoport {
@@ -41,8 +41,9 @@ std::size_t packets_in_flight(const ImpairmentOptions& options, double rate_hz);
 /// What the seeds of the two directions are made from, with the scene's.
 inline constexpr std::uint64_t kToSlaveStream = 0x70736c61, kToMasterStream = 0x746d6173;
 
-/// The fate of each packet of one direction, drawn from a seed: how many copies arrive, and how late each is.
-/// The same code serves real datagrams and virtual time. Nothing is drawn for what is not asked for.
+/// The fate of each packet of one direction: how many copies arrive, and how late each is. A function of the seed and of
+/// the number of the packet; only the state of a loss burst and the place in a recording are carried from packet to
+/// packet. The same code serves real datagrams and virtual time.
 class Impairment {
  public:
   struct Fate {
@@ -63,15 +64,14 @@ class Impairment {
  private:
   Fate drawn(Duration since_start) noexcept;
   [[nodiscard]] bool lost(Duration since_start) noexcept;
-  [[nodiscard]] Duration delay() noexcept;
-  double uniform() noexcept;
+  [[nodiscard]] Duration delay(unsigned purpose) noexcept;
 
   ImpairmentOptions options_;
-  std::mt19937_64 random_;
-  std::normal_distribution<double> normal_;
+  Random random_;
   Duration fixed_delay_;
   bool certain_;
   bool bad_state_ = false;
+  std::uint64_t packet_ = 0;  ///< number of the one that is drawn
   std::size_t recorded_next_ = 0;
 };
 
