@@ -8,7 +8,7 @@
 #include "bench/hand_written.h"
 #include "common/record/metrics.h"
 #include "common/scene/load.h"
-#include "lab/simulation.h"
+#include "lab/engine/loops.h"
 #include "sim/path.h"
 
 namespace {
@@ -68,22 +68,22 @@ void chain(benchmark::State& state, const std::string& text) {
 }
 
 void chain1(benchmark::State& s) {
-  chain<lab::LinkSimulation, 1>(s, wall_scene(1));
+  chain<lab::LinkLoop, 1>(s, wall_scene(1));
 }
 void chain3(benchmark::State& s) {
-  chain<lab::LinkSimulation, 3>(s, wall_scene(3));
+  chain<lab::LinkLoop, 3>(s, wall_scene(3));
 }
 void chain6(benchmark::State& s) {
-  chain<lab::LinkSimulation, 6>(s, wall_scene(6));
+  chain<lab::LinkLoop, 6>(s, wall_scene(6));
 }
 void chain1_metrics(benchmark::State& s) {
-  chain<lab::LinkSimulation, 1, true>(s, wall_scene(1));
+  chain<lab::LinkLoop, 1, true>(s, wall_scene(1));
 }
 void chain3_metrics(benchmark::State& s) {
-  chain<lab::LinkSimulation, 3, true>(s, wall_scene(3));
+  chain<lab::LinkLoop, 3, true>(s, wall_scene(3));
 }
 void chain6_metrics(benchmark::State& s) {
-  chain<lab::LinkSimulation, 6, true>(s, wall_scene(6));
+  chain<lab::LinkLoop, 6, true>(s, wall_scene(6));
 }
 
 // An absent block costs nothing: the same device alone in free space, then with all there is.
@@ -98,10 +98,10 @@ constexpr const char* kFull = R"(dof: 1 duration_s: 8 rate_hz: 2000
   robot { mass_kg: 0.5 damping_n_s_per_m: 2 force_sensor { noise_n: 0.01 latency_ms: 1 } }
   environment { wall { normal: [-1] offset_m: -0.02 stiffness_n_per_m: 5000 damping_n_s_per_m: 2 } })";
 void free_space(benchmark::State& s) {
-  chain<lab::RenderSimulation, 1>(s, kFree);
+  chain<lab::RenderLoop, 1>(s, kFree);
 }
 void full_scene(benchmark::State& s) {
-  chain<lab::LinkSimulation, 1>(s, kFull);
+  chain<lab::LinkLoop, 1>(s, kFull);
 }
 
 template <int N>

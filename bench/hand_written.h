@@ -48,7 +48,7 @@ inline double share(double q, double b, double a) {
   return std::clamp(b <= 0.0 ? (root - b) / (2.0 * q) : 2.0 * a / (root + b), 0.0, 1.0);
 }
 
-/// The same closed loop as LinkSimulation, written out by hand for translations: hand and device on one exact map,
+/// The same closed loop as LinkLoop, written out by hand for translations: hand and device on one exact map,
 /// constant delays, two-port observer and controller at both ends, virtual coupling, robot on an elastic wall stepped
 /// by its exact map and cut at the contact. No reports, mailboxes, modes, telemetry: what the arithmetic costs.
 template <int N>

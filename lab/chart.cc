@@ -12,9 +12,9 @@
 #include "common/scene/load.h"
 #include "common/scene/summary.h"
 #include "lab/boundary.h"
+#include "lab/engine/simulation.h"
 #include "lab/mechanical_energy.h"
 #include "lab/plot.h"
-#include "lab/simulation.h"
 
 namespace twoport::lab {
 namespace {
@@ -26,22 +26,20 @@ void put(std::vector<double>& to, const Eigen::Matrix<double, N, 1>& v) {
 
 Course course(const Scene& scene) {
   return with_size(scene, [&]<int N>() {
-    return with_simulation<N>(scene, [&](auto simulation) {
-      Course c;
-      constexpr int kAxes = sim::kAxes<N>;
-      const bool alone = scene.control.architecture == Architecture::uncontrolled;
-      const sim::Environment<N> environment{scene};
-      simulation.run([&](const Row<N>& row) {
-        c.t_s.push_back(row.t_s);
-        put<kAxes>(c.master_x, row.master_x.translation());
-        put<kAxes>(c.slave_x, row.slave_x.translation());
-        put<kAxes>(c.force, row.env_f.vec().template head<kAxes>());
-        c.energy_j.push_back(alone ? mechanical_energy(*scene.robot, environment, row.slave_x, row.slave_v)
-                                   : row.master_energy_j);
-        return row.master_x.finite() && row.slave_x.finite();
-      });
-      return c;
+    Course c;
+    constexpr int kAxes = sim::kAxes<N>;
+    const bool alone = scene.control.architecture == Architecture::uncontrolled;
+    const sim::Environment<N> environment{scene};
+    make_simulation<N>(scene)->run([&](const Row<N>& row) {
+      c.t_s.push_back(row.t_s);
+      put<kAxes>(c.master_x, row.master_x.translation());
+      put<kAxes>(c.slave_x, row.slave_x.translation());
+      put<kAxes>(c.force, row.env_f.vec().template head<kAxes>());
+      c.energy_j.push_back(alone ? mechanical_energy(*scene.robot, environment, row.slave_x, row.slave_v)
+                                 : row.master_energy_j);
+      return row.master_x.finite() && row.slave_x.finite();
     });
+    return c;
   });
 }
 
@@ -50,11 +48,10 @@ using Clock = std::chrono::steady_clock;
 /// One run, without building the scene [s], and its ticks.
 std::pair<double, double> timed(const Scene& scene) {
   return with_size(scene, [&]<int N>() {
-    return with_simulation<N>(scene, [&](auto simulation) {
-      const auto start = Clock::now();
-      const std::uint64_t ticks = simulation.run_silently();
-      return std::pair{std::chrono::duration<double>(Clock::now() - start).count(), static_cast<double>(ticks)};
-    });
+    const auto simulation = make_simulation<N>(scene);
+    const auto start = Clock::now();
+    const std::uint64_t ticks = simulation->run_silently();
+    return std::pair{std::chrono::duration<double>(Clock::now() - start).count(), static_cast<double>(ticks)};
   });
 }
 

@@ -11,7 +11,7 @@
 #include "common/passivity/passivated.h"
 #include "common/record/metrics.h"
 #include "common/scene/load.h"
-#include "lab/simulation.h"
+#include "lab/engine/simulation.h"
 
 namespace twoport::lab {
 namespace {
@@ -103,8 +103,7 @@ sim::Surface<3> only_surface(const Scene& scene) {
 
 template <class Visit>
 void run(const Scene& scene, Visit visit) {
-  RenderSimulation<3> simulation{scene};
-  simulation.run([&](const Row<3>& row) {
+  make_simulation<3>(scene)->run([&](const Row<3>& row) {
     visit(row);
     return row.master_x.finite();
   });

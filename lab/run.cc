@@ -5,13 +5,13 @@
 
 #include "common/record/metrics.h"
 #include "common/record/trace.h"
-#include "lab/simulation.h"
+#include "lab/engine/simulation.h"
 
 namespace twoport::lab {
 namespace {
 
-template <int N, class Simulation>
-Summary run_as(Simulation& simulation, const Scene& scene, const std::string& trace_path) {
+template <int N>
+Summary run_as(Simulation<N>& simulation, const Scene& scene, const std::string& trace_path) {
   const bool alone = scene.control.architecture == Architecture::uncontrolled;
   Metrics<N> metrics{alone ? scene.slave_rate_hz : scene.master_rate_hz, scene.duration_s, simulation.quiet_from_s(),
                      simulation.initial_energy().si()};
@@ -34,10 +34,10 @@ Summary run_as(Simulation& simulation, const Scene& scene, const std::string& tr
   s.method = to_string(scene.control.controller.method);
   s.dof = scene.dof;
   s.step_ns = spent.count() / static_cast<double>(std::max<std::uint64_t>(ticks, 1));
-  if constexpr (requires { simulation.master_packets(); }) {
-    s.to_slave = packets(simulation.master_packets().sent, simulation.slave_packets());
-    s.to_master = packets(simulation.slave_packets().sent, simulation.master_packets());
-    if (simulation.overflowed() > 0) s.verdict += "; packets in flight exceeded the line's room";
+  if (const std::optional<LinkUse> link = simulation.link()) {
+    s.to_slave = packets(link->master.sent, link->slave);
+    s.to_master = packets(link->slave.sent, link->master);
+    if (link->overflowed > 0) s.verdict += "; packets in flight exceeded the line's room";
   }
   return s;
 }
@@ -45,9 +45,7 @@ Summary run_as(Simulation& simulation, const Scene& scene, const std::string& tr
 }  // namespace
 
 Summary run(const Scene& scene, const std::string& trace_path) {
-  return with_size(scene, [&]<int N>() {
-    return with_simulation<N>(scene, [&](auto simulation) { return run_as<N>(simulation, scene, trace_path); });
-  });
+  return with_size(scene, [&]<int N>() { return run_as(*make_simulation<N>(scene), scene, trace_path); });
 }
 
 }  // namespace twoport::lab

@@ -19,9 +19,9 @@
 #include "common/base/check.h"
 #include "common/scene/load.h"
 #include "common/scene/summary.h"
+#include "lab/engine/simulation.h"
 #include "lab/parallel.h"
 #include "lab/run.h"
-#include "lab/simulation.h"
 #include "lab/sweep.h"
 
 namespace {
@@ -122,14 +122,12 @@ std::uint64_t of_summary(const Summary& s) {
 
 std::uint64_t of_rows(const Scene& scene) {
   return with_size(scene, [&]<int N>() {
-    return lab::with_simulation<N>(scene, [](auto simulation) {
-      Digest d;
-      simulation.run([&](const Row<N>& row) {
-        add(d, row);
-        return true;
-      });
-      return d.value();
+    Digest d;
+    lab::make_simulation<N>(scene)->run([&](const Row<N>& row) {
+      add(d, row);
+      return true;
     });
+    return d.value();
   });
 }
 

@@ -11,7 +11,7 @@
 #include <vector>
 
 #include "common/scene/load.h"
-#include "lab/simulation.h"
+#include "lab/engine/loops.h"
 
 namespace twoport::lab {
 namespace {
@@ -23,19 +23,14 @@ using Eigen::Vector3d;
 template <int N>
 using Rows = std::vector<Row<N>>;
 
-template <int N, class Simulation = LinkSimulation<N>>
+template <int N>
 Rows<N> rows(const Scene& scene) {
-  Simulation simulation{scene};
   Rows<N> all;
-  simulation.run([&](const Row<N>& row) {
+  make_simulation<N>(scene)->run([&](const Row<N>& row) {
     all.push_back(row);
     return true;
   });
   return all;
-}
-template <int N>
-Rows<N> rendered(const Scene& scene) {
-  return rows<N, RenderSimulation<N>>(scene);
 }
 
 // --- no direction is special ---------------------------------------------------------------------
@@ -347,35 +342,41 @@ TEST_P(RandomScene, GivesNoMoreThanItTook) {
 }
 
 TEST_P(RandomScene, NeverGivesTheHandMoreThanItPutIn) {
-  LinkSimulation<3> simulation{parse_scene(random_scene(GetParam()), "random")};
+  const auto simulation = make_simulation<3>(parse_scene(random_scene(GetParam()), "random"));
   double least = 0.0;
-  simulation.run([&](const Row<3>& row) {
+  simulation->run([&](const Row<3>& row) {
     least = std::min(least, row.master_energy_j);
     return true;
   });
-  EXPECT_GE(simulation.initial_energy().si() + least, -1e-4) << random_scene(GetParam());
+  EXPECT_GE(simulation->initial_energy().si() + least, -1e-4) << random_scene(GetParam());
 }
 
 // --- reference energy over a link ----------------------------------------------------------------
 
-/// Speed of the handle in the last second, rms [m/s].
-double unrest(const std::vector<std::string>& set) {
-  const Scene scene = load_scene(TWOPORT_SCENES "/demo.textproto", set);
-  LinkSimulation<3> simulation{scene};
-  double sum = 0.0;
-  int ticks = 0;
-  simulation.run([&](const Row<3>& row) {
-    if (row.t_s >= scene.duration_s - 1.0) sum += row.master_v.squared_norm(), ++ticks;
-    return true;
-  });
-  return std::sqrt(sum / ticks);
+/// Speed of the handle in the last second, rms [m/s]; for twelve seeds, from small to large.
+std::vector<double> unrest(std::vector<std::string> set) {
+  std::vector<double> all;
+  set.emplace_back("seed=0");
+  for (int seed = 1; seed <= 12; ++seed) {
+    set.back() = "seed=" + std::to_string(seed);
+    const Scene scene = load_scene(TWOPORT_SCENES "/demo.textproto", set);
+    double sum = 0.0;
+    int ticks = 0;
+    make_simulation<3>(scene)->run([&](const Row<3>& row) {
+      if (row.t_s >= scene.duration_s - 1.0) sum += row.master_v.squared_norm(), ++ticks;
+      return true;
+    });
+    all.push_back(std::sqrt(sum / ticks));
+  }
+  std::sort(all.begin(), all.end());
+  return all;
 }
 
-// What the coupling's damper dissipated while the hand slid pays for what the late damper creates at rest: passive, and it
-// swings on for minutes. With the reference energy nothing is saved up.
+// What the coupling's damper dissipated while the hand slid pays for what the late damper creates at rest: passive, and for
+// most seeds it swings on for minutes. With the reference energy nothing is saved up, and no seed swings.
 TEST(ReferenceEnergy, EndsASwingThatLivesOnWhatWasDissipatedBefore) {
-  EXPECT_GT(unrest({"duration_s=16"}), 3e-3);
-  EXPECT_LT(unrest({"duration_s=16", "control.passivity.reference_energy=true"}), 1e-5);
+  EXPECT_GT(unrest({"duration_s=16"})[6], 3e-3);
+  EXPECT_LT(unrest({"duration_s=16", "control.passivity.reference_energy=true"}).back(), 1e-5);
 }
 
 TEST_P(RandomScene, GivesNoMoreThanItTookUnderReferenceEnergyEither) {
@@ -426,7 +427,7 @@ std::string rendering(int dof, const std::string& control, const std::string& de
 template <int N>
 void expect_exact(const std::string& control, const std::string& device) {
   double most = 0.0;
-  for (const Row<N>& row : rendered<N>(parse_scene(rendering(N, control, device), "rendering"))) {
+  for (const Row<N>& row : rows<N>(parse_scene(rendering(N, control, device), "rendering"))) {
     // The classic correction of a wrench can run away, and no observer sees more than half a turn between two ticks.
     if (N == 6 && row.master_v.vec().template tail<(N == 6 ? 3 : 1)>().norm() > 0.9 * 3.14 * 2000.0) break;
     most = std::max(most, std::abs(row.master_energy_j));
@@ -458,7 +459,7 @@ std::pair<double, double> expect_bounded(double q, const std::string& control) {
   double worst = 0.0, share = 0.0, swing = 0.0, excess = 0.0;
   Eigen::Matrix<double, N, 1> first = Eigen::Matrix<double, N, 1>::Zero(), last = first;
   bool started = false;
-  for (const Row<N>& row : rendered<N>(parse_scene(rendering(N, control, device), "encoder"))) {
+  for (const Row<N>& row : rows<N>(parse_scene(rendering(N, control, device), "encoder"))) {
     const double error = std::abs(row.observed_energy_j - row.master_energy_j);
     const double bound = 0.5 * q * (first.cwiseAbs().sum() + last.cwiseAbs().sum() + swing);
     excess = std::max(excess, error - bound);

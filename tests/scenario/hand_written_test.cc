@@ -5,7 +5,7 @@
 #include <algorithm>
 
 #include "common/scene/load.h"
-#include "lab/simulation.h"
+#include "lab/engine/simulation.h"
 
 namespace twoport {
 namespace {
@@ -30,11 +30,11 @@ double apart(const Position<6>& x, const Position<6>& y) {
 template <int N, class Loop>
 double largest_distance() {
   const bench::WallParameters p;
-  lab::LinkSimulation<N> chain{parse_scene(bench::wall_scene(N), "wall")};
+  const auto chain = lab::make_simulation<N>(parse_scene(bench::wall_scene(N), "wall"));
   Loop loop{p};
   double worst = 0.0, deepest = -1.0;
   int tick = 0;
-  chain.run([&](const Row<N>& row) {
+  chain->run([&](const Row<N>& row) {
     worst = std::max({worst, apart(row.master_x, loop.master()), apart(row.slave_x, loop.slave())});
     deepest = std::max(deepest, row.slave_x.translation()[0] - p.wall_at);
     loop.step(along_x<N>(p.intended(++tick)));

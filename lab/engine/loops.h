@@ -9,6 +9,7 @@
 #include "common/record/row.h"
 #include "common/runtime/cycle.h"
 #include "common/scene/scene.h"
+#include "lab/engine/simulation.h"
 #include "master/master_node.h"
 #include "master/render_node.h"
 #include "sim/sim_device.h"
@@ -44,9 +45,9 @@ class SimTransport {
 /// Each side ticks at its own rate, from 0. A report is readable strictly after it was posted, so the order of two
 /// sides that tick together does not matter.
 template <int N>
-class LinkSimulation {
+class LinkLoop {
  public:
-  explicit LinkSimulation(const Scene& scene)
+  explicit LinkLoop(const Scene& scene)
       : scaling_{scene.control},
         master_rate_hz_{scene.master_rate_hz},
         slave_rate_hz_{scene.slave_rate_hz},
@@ -88,12 +89,11 @@ class LinkSimulation {
   std::uint64_t run_silently() {
     return run([](const Row<N>&) { return true; });
   }
-  /// E(0): what the scene grants both ledgers, and what environment and robot hold at the start [J].
   [[nodiscard]] Energy initial_energy() const { return initial_energy_; }
   [[nodiscard]] double quiet_from_s() const { return device_.path().end_s(); }
-  [[nodiscard]] const PacketCounts& master_packets() const { return master_mail_.counts(); }
-  [[nodiscard]] const PacketCounts& slave_packets() const { return slave_mail_.counts(); }
-  [[nodiscard]] std::uint64_t overflowed() const { return to_slave_.overflowed() + to_master_.overflowed(); }
+  [[nodiscard]] LinkUse link() const {
+    return {master_mail_.counts(), slave_mail_.counts(), to_slave_.overflowed() + to_master_.overflowed()};
+  }
 
  private:
   static Energy kinetic(const Scene& scene, const Velocity<N>& v) {
@@ -153,9 +153,9 @@ class LinkSimulation {
 
 /// A virtual environment rendered on the device, in virtual time.
 template <int N>
-class RenderSimulation {
+class RenderLoop {
  public:
-  explicit RenderSimulation(const Scene& scene)
+  explicit RenderLoop(const Scene& scene)
       : rate_hz_{scene.master_rate_hz},
         end_{to_duration(scene.duration_s)},
         device_{scene, Seconds{1.0 / scene.master_rate_hz}},
@@ -204,9 +204,9 @@ class RenderSimulation {
 
 /// A robot alone in its environment, in virtual time: nobody acts on it.
 template <int N>
-class BodySimulation {
+class BodyLoop {
  public:
-  explicit BodySimulation(const Scene& scene)
+  explicit BodyLoop(const Scene& scene)
       : rate_hz_{scene.slave_rate_hz},
         end_{to_duration(scene.duration_s)},
         robot_{scene, Seconds{1.0 / scene.slave_rate_hz}} {}
@@ -240,18 +240,5 @@ class BodySimulation {
   Duration end_;
   sim::SimRobot<N> robot_;
 };
-
-/// Calls use(simulation) with the one that the scene needs.
-template <int N, class Use>
-auto with_simulation(const Scene& scene, Use use) {
-  switch (scene.control.architecture) {
-    case Architecture::render:
-      return use(RenderSimulation<N>{scene});
-    case Architecture::uncontrolled:
-      return use(BodySimulation<N>{scene});
-    default:
-      return use(LinkSimulation<N>{scene});
-  }
-}
 
 }  // namespace twoport::lab

@@ -1,0 +1,41 @@
+#pragma once
+
+#include "lab/engine/loops.h"
+#include "lab/engine/simulation.h"
+
+namespace twoport::lab {
+
+/// A loop behind the interface.
+template <int N, class Loop>
+class Compiled final : public Simulation<N> {
+ public:
+  explicit Compiled(const Scene& scene) : loop_{scene} {}
+  std::uint64_t run(const typename Simulation<N>::Visit& visit) override { return loop_.run(visit); }
+  std::uint64_t run_silently() override { return loop_.run_silently(); }
+  [[nodiscard]] Energy initial_energy() const override { return loop_.initial_energy(); }
+  [[nodiscard]] double quiet_from_s() const override { return loop_.quiet_from_s(); }
+  [[nodiscard]] std::optional<LinkUse> link() const override {
+    if constexpr (requires { loop_.link(); }) {
+      return loop_.link();
+    } else {
+      return std::nullopt;
+    }
+  }
+
+ private:
+  Loop loop_;
+};
+
+template <int N>
+std::unique_ptr<Simulation<N>> make_simulation(const Scene& scene) {
+  switch (scene.control.architecture) {
+    case Architecture::render:
+      return std::make_unique<Compiled<N, RenderLoop<N>>>(scene);
+    case Architecture::uncontrolled:
+      return std::make_unique<Compiled<N, BodyLoop<N>>>(scene);
+    default:
+      return std::make_unique<Compiled<N, LinkLoop<N>>>(scene);
+  }
+}
+
+}  // namespace twoport::lab
