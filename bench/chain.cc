@@ -6,10 +6,11 @@
 #include <string>
 
 #include "bench/hand_written.h"
+#include "common/method/tdpa/tdpa.h"
 #include "common/record/metrics.h"
 #include "common/scene/load.h"
 #include "lab/engine/loops.h"
-#include "sim/path.h"
+#include "sim/operator/path.h"
 
 namespace {
 
@@ -46,14 +47,14 @@ void hand_written(benchmark::State& state) {
   state.SetItemsProcessed(state.iterations() * static_cast<std::int64_t>(kSeconds * kRate));
 }
 
-template <template <int> class Simulation, int N, bool kMetrics = false>
+template <class Simulation, int N, bool kMetrics = false>
 void chain(benchmark::State& state, const std::string& text) {
   const Scene scene = parse_scene(text, "bench");
   double end = 0.0;
   std::int64_t ticks = 0;
   for (auto _ : state) {
     state.PauseTiming();
-    Simulation<N> simulation{scene};
+    Simulation simulation{scene};
     Metrics<N> metrics{scene.master_rate_hz, scene.duration_s, 1.0, 0.0};
     state.ResumeTiming();
     ticks += static_cast<std::int64_t>(simulation.run([&](const Row<N>& row) {
@@ -68,22 +69,22 @@ void chain(benchmark::State& state, const std::string& text) {
 }
 
 void chain1(benchmark::State& s) {
-  chain<lab::LinkLoop, 1>(s, wall_scene(1));
+  chain<lab::LinkLoop<1, TimeDomainPassivity>, 1>(s, wall_scene(1));
 }
 void chain3(benchmark::State& s) {
-  chain<lab::LinkLoop, 3>(s, wall_scene(3));
+  chain<lab::LinkLoop<3, TimeDomainPassivity>, 3>(s, wall_scene(3));
 }
 void chain6(benchmark::State& s) {
-  chain<lab::LinkLoop, 6>(s, wall_scene(6));
+  chain<lab::LinkLoop<6, TimeDomainPassivity>, 6>(s, wall_scene(6));
 }
 void chain1_metrics(benchmark::State& s) {
-  chain<lab::LinkLoop, 1, true>(s, wall_scene(1));
+  chain<lab::LinkLoop<1, TimeDomainPassivity>, 1, true>(s, wall_scene(1));
 }
 void chain3_metrics(benchmark::State& s) {
-  chain<lab::LinkLoop, 3, true>(s, wall_scene(3));
+  chain<lab::LinkLoop<3, TimeDomainPassivity>, 3, true>(s, wall_scene(3));
 }
 void chain6_metrics(benchmark::State& s) {
-  chain<lab::LinkLoop, 6, true>(s, wall_scene(6));
+  chain<lab::LinkLoop<6, TimeDomainPassivity>, 6, true>(s, wall_scene(6));
 }
 
 // An absent block costs nothing: the same device alone in free space, then with all there is.
@@ -98,17 +99,17 @@ constexpr const char* kFull = R"(dof: 1 duration_s: 8 rate_hz: 2000
   robot { mass_kg: 0.5 damping_n_s_per_m: 2 force_sensor { noise_n: 0.01 latency_ms: 1 } }
   environment { wall { normal: [-1] offset_m: -0.02 stiffness_n_per_m: 5000 damping_n_s_per_m: 2 } })";
 void free_space(benchmark::State& s) {
-  chain<lab::RenderLoop, 1>(s, kFree);
+  chain<lab::RenderLoop<1>, 1>(s, kFree);
 }
 void full_scene(benchmark::State& s) {
-  chain<lab::LinkLoop, 1>(s, kFull);
+  chain<lab::LinkLoop<1, TimeDomainPassivity>, 1>(s, kFull);
 }
 
 template <int N>
 void master_step(benchmark::State& state) {
-  MasterNode<N> node{parse_scene(wall_scene(N), "bench").control};
+  MasterNode<N, TdpaMaster<N>> node{parse_scene(wall_scene(N), "bench").control};
   DeviceState<N> device{};
-  Known<N> known{};
+  PeerState<N> known{};
   known.any = true;
   known.newest.f = Force<N>{Force<N>::Vector::Ones()};
   known.energy_in_j = 1e9;
@@ -124,9 +125,9 @@ void master_step(benchmark::State& state) {
 }
 template <int N>
 void slave_step(benchmark::State& state) {
-  SlaveNode<N> node{parse_scene(wall_scene(N), "bench").control};
+  SlaveNode<N, TdpaSlave<N>> node{parse_scene(wall_scene(N), "bench").control};
   RobotState<N> robot{};
-  Known<N> known{};
+  PeerState<N> known{};
   known.any = known.fresh = true;
   known.energy_in_j = 1e9;
   std::int64_t k = 0;

@@ -7,7 +7,7 @@
 #include <vector>
 
 #include "common/base/vector.h"
-#include "sim/linear.h"
+#include "sim/plant/linear.h"
 
 namespace twoport::bench {
 

@@ -1,7 +1,7 @@
 // Round trip of one datagram over 127.0.0.1 between two pinned threads, in interleaved blocks of one run:
 //
 //   raw    plain connected sockets that spin on MSG_DONTWAIT, with as many bytes as our datagram has
-//   path   what the programs do: device and robot simulated, both nodes, codec, UdpTransport, Mailbox
+//   path   what the programs do: device and robot simulated, both nodes, codec, handshake, impaired socket, Mailbox
 //
 // On a shared machine run it as `chrt -f 50 udp_round_trip`, or other programs' time slices end up in p99.
 //
@@ -24,9 +24,12 @@
 #include <thread>
 
 #include "common/base/histogram.h"
+#include "common/link/impaired_socket.h"
 #include "common/link/mailbox.h"
-#include "common/platform/session.h"
+#include "common/platform/random.h"
+#include "common/platform/udp.h"
 #include "common/scene/load.h"
+#include "common/wire/link_transport.h"
 #include "master/master_node.h"
 #include "sim/sim_device.h"
 #include "sim/sim_robot.h"
@@ -120,7 +123,7 @@ template <int N>
 struct MasterSide {
   sim::SimDevice<N> device{scene<N>(), kPeriod};
   MasterNode<N> node{scene<N>().control};
-  Report<N> step(const Known<N>& known, Duration now) noexcept {
+  Report<N> step(const PeerState<N>& known, Duration now) noexcept {
     device.advance();
     const auto out = node.step(Tick<MasterClock>{Instant<MasterClock>{now}, kPeriod}, device.sense(), known);
     device.actuate(out.command);
@@ -131,7 +134,7 @@ template <int N>
 struct SlaveSide {
   sim::SimRobot<N> robot{scene<N>(), kPeriod};
   SlaveNode<N> node{scene<N>().control};
-  Report<N> step(const Known<N>& known, Duration now) noexcept {
+  Report<N> step(const PeerState<N>& known, Duration now) noexcept {
     robot.advance();
     const auto out = node.step(Tick<SlaveClock>{Instant<SlaveClock>{now}, kPeriod}, robot.sense(), known);
     robot.actuate(out.command);
@@ -142,13 +145,10 @@ struct SlaveSide {
 template <int N>
 class Path {
  public:
-  Path()
-      : far_{UdpTransport<N>{options(Side::slave), UdpSocket{parse_endpoint("127.0.0.1:0", "bench")}}},
-        near_{UdpTransport<N>{options(Side::master), UdpSocket{parse_endpoint("127.0.0.1:0", "bench")},
-                              far_.transport().local()}} {
+  Path() {
     Report<N> hello;
     while (!near_.collect(tick(near_now_)).any) {
-      if (near_.transport().paired_anew()) near_.forget();
+      if (near_.transport().take_new_session()) near_.forget();
       near_.post(hello, near_now_);
       far_turn();
     }
@@ -158,15 +158,15 @@ class Path {
     Report<N> report = near_node_.step(known_, tick(near_now_));
     near_.post(report, near_now_);
     while (true) {
-      const Known<N>& known = near_.collect(tick(near_now_));
+      const PeerState<N>& known = near_.collect(tick(near_now_));
       if (!known.fresh) continue;
       known_ = known;
       return;
     }
   }
   void far_turn() {
-    if (far_.transport().paired_anew()) far_.forget();
-    const Known<N>& known = far_.collect(tick(far_now_));
+    if (far_.transport().take_new_session()) far_.forget();
+    const PeerState<N>& known = far_.collect(tick(far_now_));
     if (!known.fresh && known.any) return;
     Report<N> report = far_node_.step(known, far_now_);
     far_.post(report, far_now_);
@@ -185,19 +185,18 @@ class Path {
   }
 
  private:
-  static SessionOptions options(Side side) {
-    SessionOptions o;
-    o.side = side;
-    return o;
-  }
   /// The time that a loop would hand in: it reads no clock, and must only move on.
   static Duration tick(Duration& now) { return now += Duration{100}; }
 
   Duration near_now_{0}, far_now_{0};
-  Mailbox<N, UdpTransport<N>> far_, near_;
+  static Endpoint here() { return parse_endpoint("127.0.0.1:0", "bench"); }
+  UdpSocket far_udp_{here()}, near_udp_{here(), far_udp_.local()};
+  ImpairedSocket far_network_{far_udp_, {}}, near_network_{near_udp_, {.peer = far_udp_.local()}};
+  Mailbox<N, LinkTransport<N>> far_{{far_network_, {.side = Side::slave}, system_random}};
+  Mailbox<N, LinkTransport<N>> near_{{near_network_, {.peer = far_udp_.local()}, system_random}};
   SlaveSide<N> far_node_;
   MasterSide<N> near_node_;
-  Known<N> known_;
+  PeerState<N> known_;
 };
 
 // ---- measuring

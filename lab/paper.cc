@@ -97,8 +97,8 @@ const char* scene_text(const std::string& name) {
   throw ConfigError{fmt::format("no scene of the paper is called {}", name)};
 }
 
-sim::Surface<3> only_surface(const Scene& scene) {
-  return sim::World<3>{scene.environment}.surfaces.at(0);
+Surface only_surface(const Scene& scene) {
+  return World{scene.environment}.surfaces.at(0);
 }
 
 template <class Visit>
@@ -183,7 +183,7 @@ void PaperMeter::add(const Row<3>& row) {
   PaperNumbers& n = numbers_;
   const Vector3d &x = row.master_x.translation(), &v = row.master_v.vec(), &f = row.master_f.vec(),
                  &wanted = row.master_f_wanted.vec();
-  const auto touch = surface_.shape.touch(x);
+  const SignedDistance<3> at = signed_distance<3>(surface_.shape, x);
   if (started_) {
     const Vector3d moved = x - x_;
     axis_energy_ += f_.cwiseProduct(moved);
@@ -192,9 +192,9 @@ void PaperMeter::add(const Row<3>& row) {
   started_ = true;
   x_ = x;
   f_ = f;
-  normal_ = touch.normal;
+  normal_ = at.normal;
   n.min_energy_j = std::min(n.min_energy_j, row.master_energy_j);
-  n.min_surplus_j = std::min(n.min_surplus_j, row.master_energy_j - surface_.potential(x));
+  n.min_surplus_j = std::min(n.min_surplus_j, row.master_energy_j - surface_.potential<3>(x));
   n.min_normal_energy_j = std::min(n.min_normal_energy_j, normal_energy_);
   n.energy_j = row.master_energy_j;
   for (int i = 0; i < 3; ++i) {
@@ -211,7 +211,7 @@ void PaperMeter::add(const Row<3>& row) {
 
   ++n.ticks;
   n.speed_m_per_s.add(v.norm());
-  n.max_depth_m = std::max(n.max_depth_m, touch.depth);
+  n.max_depth_m = std::max(n.max_depth_m, -at.distance);
   if (wanted.squaredNorm() == 0.0) {
     if (size > 0.0) ++n.free_air_ticks;
     return;
@@ -224,7 +224,7 @@ void PaperMeter::add(const Row<3>& row) {
   n.tip_n.add((f - f.dot(wanted) / wanted.squaredNorm() * wanted).norm());
   if (f.norm() <= PaperNumbers::kFelt) return;
   if (wanted.norm() > PaperNumbers::kFelt) n.direction_deg.add(kDegree * angle(f, wanted));
-  n.normal_direction_deg.add(kDegree * angle(f, Vector3d{-touch.normal}));
+  n.normal_direction_deg.add(kDegree * angle(f, Vector3d{-at.normal}));
 }
 
 PaperNumbers measure(const PaperCase& which, int seeds) {
@@ -321,7 +321,7 @@ Eigen::Quaterniond random_turn(const Random& random, std::uint64_t i) {
 }
 
 void turn(Numbers& n, const Eigen::Quaterniond& q) {
-  const Vector3d v = q * sim::vector<3>(n);
+  const Vector3d v = q * vector<3>(n);
   n = {v.x(), v.y(), v.z()};
 }
 
@@ -332,7 +332,8 @@ Scene turned(Scene scene, const Eigen::Quaterniond& q) {
     if (auto* screw = std::get_if<ScrewSpec>(&segment)) turn(screw->point_m, q), turn(screw->axis, q);
   }
   for (EnvironmentSpec& e : scene.environment)
-    if (auto* wall = std::get_if<WallSpec>(&e)) turn(wall->normal, q);
+    if (auto* surface = std::get_if<Surface>(&e))
+      if (auto* wall = std::get_if<Wall>(&surface->shape)) wall->normal = q * wall->normal;
   return scene;
 }
 
@@ -353,7 +354,7 @@ std::vector<FrameCheck> frame_checks() {
     // The same motion, observed and controlled in a new frame at each tick.
     const std::vector<Row<3>> rows = record(which, 1);
     const Seconds dt{1.0 / scene.rate_hz};
-    const sim::Surface<3> surface = only_surface(scene);
+    const Surface surface = only_surface(scene);
     double energy[2] = {0.0, 0.0}, most_energy = 0.0, most_force = 0.0;
     Vector3d held = Vector3d::Zero();
     for (std::size_t k = 1; k < rows.size(); ++k) {
@@ -363,8 +364,8 @@ std::vector<FrameCheck> frame_checks() {
       Vector3d out[2];
       for (int i = 0; i < 2; ++i) {
         energy[i] += (q[i] * held).dot(q[i] * moved);
-        const double u = scene.control.reference_energy ? surface.potential(x) : 0.0,
-                     next = scene.control.reference_energy ? surface.potential(x + v * dt.si()) : 0.0;
+        const double u = scene.control.reference_energy ? surface.potential<3>(x) : 0.0,
+                     next = scene.control.reference_energy ? surface.potential<3>(x + v * dt.si()) : 0.0;
         const auto part = passivate(Force<3>{q[i] * wanted}, Velocity<3>{q[i] * v},
                                     Budget{Energy{energy[i] - u}, Energy{next - u}}, scene.control.controller, dt);
         out[i] = q[i].conjugate() * part.out.vec();

@@ -10,7 +10,7 @@
 
 #include "common/record/row.h"
 #include "common/scene/scene.h"
-#include "sim/environment.h"
+#include "common/contact/environment.h"
 
 namespace twoport::lab {
 
@@ -83,7 +83,7 @@ class PaperMeter {
   [[nodiscard]] double normal_energy_j() const { return normal_energy_; }
 
  private:
-  sim::Surface<3> surface_;
+  Surface surface_;
   double limit_n_;
   PaperNumbers numbers_;
   Eigen::Vector3d x_ = Eigen::Vector3d::Zero(), f_ = x_, normal_ = x_, axis_energy_ = x_;

@@ -11,8 +11,8 @@
 #include "common/scene/summary.h"
 #include "lab/paper_figures.h"
 #include "lab/paper_table.h"
-#include "lab/parallel.h"
-#include "lab/plot.h"
+#include "lab/study/parallel.h"
+#include "lab/plot/gnuplot.h"
 
 namespace twoport::lab {
 namespace {

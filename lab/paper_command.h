@@ -1,6 +1,6 @@
 #pragma once
 
-#include "lab/search_commands.h"
+#include "lab/cli/subcommand.h"
 
 namespace twoport::lab {
 

@@ -8,7 +8,7 @@
 #include "common/record/metrics.h"
 #include "common/scene/summary.h"
 #include "lab/paper.h"
-#include "lab/plot.h"
+#include "lab/plot/gnuplot.h"
 
 namespace twoport::lab {
 namespace {
@@ -189,10 +189,11 @@ void figure_11(const std::string& folder, const std::string& name, const char* s
   int i = 0;
   for (const char* method : {"classic", "projected"}) {
     Spread tips;
-    const sim::World<3> world{paper_scene(paper_case("curved", "light", sensor, method), kSeed).environment};
+    const World world{paper_scene(paper_case("curved", "light", sensor, method), kSeed).environment};
     for (const Row<3>& r : recorded("curved", method, sensor)) {
       if (r.t_s < PaperNumbers::kFrom_s || r.master_f_wanted.squared_norm() == 0.0) continue;
-      const Vector3d n = world.surfaces[0].shape.touch(r.master_x.translation()).normal, f = -r.master_f.vec();
+      const Vector3d n = signed_distance<3>(world.surfaces[0].shape, r.master_x.translation()).normal,
+                     f = -r.master_f.vec();
       const Vector3d e2 = Vector3d::UnitZ(), e1 = e2.cross(n);
       data.line(f.dot(e1), f.dot(e2));
       tips.add((f - f.dot(n) * n).norm());
@@ -216,9 +217,9 @@ void figure_11(const std::string& folder, const std::string& name, const char* s
 void figure_reference(const std::string& folder) {
   Data data;
   for (const char* method : {"projected", "projected reference"}) {
-    const sim::World<3> world{paper_scene(paper_case("slide", "light", "ideal", method), kSeed).environment};
+    const World world{paper_scene(paper_case("slide", "light", "ideal", method), kSeed).environment};
     for (const Row<3>& r : recorded("slide", method))
-      data.line(r.t_s, 1e3 * r.master_energy_j, 1e3 * world.surfaces[0].potential(r.master_x.translation()),
+      data.line(r.t_s, 1e3 * r.master_energy_j, 1e3 * world.surfaces[0].potential<3>(r.master_x.translation()),
                 (r.master_f.vec() - r.master_f_wanted.vec()).norm());
     data.block();
   }
@@ -246,12 +247,13 @@ void figure_hiding(const std::string& folder) {
   for (const char* method : {"projected reference total", "projected reference"}) {
     const PaperCase which = paper_case("friction", "light", "ideal", method);
     const Scene scene = paper_scene(which, kSeed);
-    const sim::World<3> world{scene.environment};
+    const World world{scene.environment};
     PaperMeter meter{scene};
     for (const Row<3>& r : record(which, kSeed)) {
       meter.add(r);
-      data.line(r.t_s, 1e3 * world.surfaces[0].shape.touch(r.master_x.translation()).depth, 1e3 * r.master_energy_j,
-                1e3 * meter.normal_energy_j(), 1e3 * (r.master_energy_j - meter.normal_energy_j()));
+      data.line(r.t_s, -1e3 * signed_distance<3>(world.surfaces[0].shape, r.master_x.translation()).distance,
+                1e3 * r.master_energy_j, 1e3 * meter.normal_energy_j(),
+                1e3 * (r.master_energy_j - meter.normal_energy_j()));
     }
     data.block();
   }

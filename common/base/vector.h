@@ -6,6 +6,7 @@
 #include <concepts>
 
 #include "common/base/scalar.h"
+#include "common/base/spatial_vector.h"
 
 namespace twoport {
 
@@ -26,6 +27,11 @@ class Coords {
 
   Coords() : v_{Vector::Zero()} {}
   explicit Coords(const Vector& v) : v_{v} {}
+  explicit Coords(const SpatialVector& v)
+  requires(N == 6)
+  {
+    v_ << v.linear, v.angular;
+  }
   template <class Expression>
   explicit Coords(const Eigen::MatrixBase<Expression>& v) : v_{v} {}
   [[nodiscard]] const Vector& vec() const { return v_; }
@@ -123,6 +129,7 @@ class Position {
   /// From b to a.
   friend Displacement<N> operator-(const Position& a, const Position& b) { return Displacement<N>{a.p_ - b.p_}; }
   friend Position operator+(const Position& a, const Displacement<N>& d) { return Position{a.p_ + d.vec()}; }
+  friend Vector difference(const Position& a, const Position& b) { return a.p_ - b.p_; }
 
  private:
   Vector p_;
@@ -141,15 +148,20 @@ class Position<6> {
 
   /// From b to a: translation and world rotation vector log(R_a R_b^T).
   friend Displacement<6> operator-(const Position& a, const Position& b) {
-    Displacement<6>::Vector d;
-    d << a.p_ - b.p_, rotation_vector(a.q_ * b.q_.conjugate());
-    return Displacement<6>{d};
+    return Displacement<6>{difference(a, b)};
+  }
+  friend SpatialVector difference(const Position& a, const Position& b) {
+    return {a.p_ - b.p_, rotation_vector(a.q_ * b.q_.conjugate())};
   }
   friend Position operator+(const Position& a, const Displacement<6>& d) {
-    Eigen::Quaterniond q = rotation(d.vec().template tail<3>()) * a.q_;
+    return a.moved(d.vec().template head<3>(), d.vec().template tail<3>());
+  }
+  /// Moved by a translation [m] and turned by a rotation vector [rad], both in world axes.
+  [[nodiscard]] Position moved(const Eigen::Vector3d& by, const Eigen::Vector3d& turn) const {
+    Eigen::Quaterniond q = rotation(turn) * q_;
     // One Newton step of 1/sqrt keeps the quaternion on the unit sphere.
     const double scale = 1.5 - 0.5 * q.squaredNorm();
-    return {a.p_ + d.vec().template head<3>(), Eigen::Quaterniond{scale * q.coeffs()}};
+    return {p_ + by, Eigen::Quaterniond{scale * q.coeffs()}};
   }
 
  private:

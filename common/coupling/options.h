@@ -1,6 +1,8 @@
 #pragma once
 
 #include <cstdint>
+#include <limits>
+#include <string>
 
 #include "common/base/scalar.h"
 #include "common/passivity/controller.h"
@@ -26,17 +28,27 @@ struct CouplingOptions {
   bool drift_compensation = true;
 };
 
+/// Defaults as in proto/scene.proto.
 struct ControlOptions {
   Architecture architecture = Architecture::position_force;
   CouplingOptions coupling;
   double force_scale = 1.0, motion_scale = 1.0;
+  std::string method_name;  ///< a name of common/method/catalogue.h; empty: the one that `controller.method` stands for
   ControllerOptions controller;
   ObserverRule observer = ObserverRule::exact;
   Accounts accounts = Accounts::total;
   bool reference_energy = false;
-  Energy initial_energy;
-  double handle_mass_kg = 0.0, handle_inertia_kg_m2 = 0.0;  ///< apparent, at the master; 0: not known
-  Seconds engage, hold_after, release_after;
+  Energy initial_energy{1e-3};                                   ///< under `render` a scene's default is 0
+  double handle_mass_kg = 0.0, handle_inertia_kg_m2 = 0.0;       ///< apparent, at the master; 0: not known
+  double max_force_n = std::numeric_limits<double>::infinity();  ///< largest translational force at the device
+  Seconds engage{0.1};                                           ///< force ramp after the link is up
+  Seconds hold_after{0.1};                                       ///< silent link: coupled -> holding
+  Seconds release_after{1.0};                                    ///< silent link: holding -> released
 };
+
+/// Does the force sensor's force come back to the master, and not the coupling's?
+inline bool returns_measured_force(const ControlOptions& o) {
+  return o.architecture == Architecture::position_measured_force;
+}
 
 }  // namespace twoport

@@ -1,16 +1,35 @@
 #pragma once
 
+#include <string>
+
+#include "common/base/time.h"
 #include "common/base/vector.h"
+#include "common/hardware/status.h"
 
 namespace twoport {
 
-/// What a robot says at the start of a tick.
+/// What a robot is, told once when it has been opened.
+struct RobotInfo {
+  std::string name;              ///< for the log: maker, model, serial number
+  bool has_force_sensor = true;  ///< without one POSITION_MEASURED_FORCE is refused
+};
+
+/// One reading of a robot, at the start of a tick.
 template <int N>
-struct RobotState {
+struct RobotSample {
   Position<N> x;           ///< tool [m], attitude
   Velocity<N> v;           ///< [m/s], [rad/s]
   Force<N> f_environment;  ///< the force sensor: force of the robot on the environment [N], [N m]
   bool ideal = false;      ///< follows the motion it is told exactly; its sensor then is the coupling force
+  HardwareStatus status = HardwareStatus::ok;
+};
+template <int N>
+using RobotState = RobotSample<N>;
+
+/// What only a simulated robot knows. Of the moment of the last reading.
+template <int N>
+struct RobotTruth {
+  Force<N> f_environment;  ///< force of the environment on the robot [N], [N m]
 };
 
 /// What the slave asks of its robot for the coming period.
@@ -21,15 +40,21 @@ struct RobotCommand {
   Velocity<N> v_d;
 };
 
-/// A robot with a force sensor: the seam for hardware at the slave. Calls as for Device.
+/// A robot with a force sensor: the seam for hardware at the slave. A driver derives from it (docs/howto/add-a-robot.md).
+/// Calls and real time as for Device.
 template <int N>
 class Robot {
  public:
+  static constexpr int kSize = N;
   virtual ~Robot() = default;
-  virtual RobotState<N> sense() noexcept = 0;
+
+  [[nodiscard]] virtual RobotInfo info() const = 0;
+  virtual RobotSample<N> sense(const Tick<SlaveClock>& tick) noexcept = 0;
   virtual void actuate(const RobotCommand<N>& command) noexcept = 0;
-  /// Let go: no force, now.
+  virtual void start() noexcept {}
+  /// No force, now; a position-controlled robot stays where it is.
   virtual void release() noexcept = 0;
+  [[nodiscard]] virtual const RobotTruth<N>* truth() const noexcept { return nullptr; }
 };
 
 }  // namespace twoport

@@ -25,9 +25,10 @@ struct PacketCounts {
 /// What is known of the other side: its newest report, the most energy it has ever said to have taken in, and
 /// when it was last heard.
 template <int N>
-struct Known {
+struct PeerState {
   Report<N> newest;
   double energy_in_j = 0.0;  ///< largest ever received: knowledge only grows
+  Words words;               ///< of the method, merged by its rules
   bool any = false;          ///< has a report arrived in this session
   bool fresh = false;        ///< has a newer one arrived in this tick
   Duration heard{0};         ///< local time of the newest
@@ -48,7 +49,7 @@ class Mailbox {
  public:
   explicit Mailbox(Transport transport) : transport_{std::move(transport)} {}
 
-  [[gnu::always_inline]] const Known<N>& collect(Duration now) noexcept {
+  [[gnu::always_inline]] const PeerState<N>& collect(Duration now) noexcept {
     known_.fresh = false;
     transport_.poll(
         now, [&](const Report<N>& r) __attribute__((always_inline)) { offer(r, now); });
@@ -71,7 +72,7 @@ class Mailbox {
     seen_.reset();
   }
 
-  [[nodiscard]] const Known<N>& known() const noexcept { return known_; }
+  [[nodiscard]] const PeerState<N>& known() const noexcept { return known_; }
   [[nodiscard]] const PacketCounts& counts() const noexcept { return counts_; }
   [[nodiscard]] Transport& transport() noexcept { return transport_; }
 
@@ -82,6 +83,7 @@ class Mailbox {
   [[gnu::always_inline]] void offer(const Report<N>& r, Duration now) noexcept {
     ++counts_.received;
     known_.energy_in_j = std::max(known_.energy_in_j, r.energy_in_j);
+    known_.words.merge(r.words, !known_.any || r.sequence > known_.newest.sequence);
     if (r.sequence != known_.newest.sequence + 1) [[unlikely]] {
       if (known_.any && r.sequence <= known_.newest.sequence) return count_old(r.sequence);
       known_.any ? count_gap(r.sequence) : begin(r.sequence);
@@ -124,7 +126,7 @@ class Mailbox {
   }
 
   Transport transport_;
-  Known<N> known_;
+  PeerState<N> known_;
   PacketCounts counts_;
   std::uint64_t first_ = 1;    ///< lowest sequence heard
   std::bitset<kMemory> seen_;  ///< of the last kMemory sequences

@@ -5,6 +5,7 @@
 
 #include "common/base/time.h"
 #include "common/base/vector.h"
+#include "common/link/payload.h"
 
 namespace twoport {
 
@@ -32,9 +33,10 @@ struct Report {
   Force<N> f_environment{};  ///< slave: the sensor's force of the environment on the robot
   double energy_in_j = 0.0;
   Mode mode = Mode::idle;
+  Words words{};  ///< what the method adds
 
   [[nodiscard]] double sum() const noexcept {
-    return x.sum() + (v.vec() + f.vec() + f_coupling.vec() + f_environment.vec()).sum() + energy_in_j;
+    return x.sum() + (v.vec() + f.vec() + f_coupling.vec() + f_environment.vec()).sum() + energy_in_j + words.sum();
   }
   [[nodiscard]] bool finite() const noexcept { return all_finite(*this); }
 };

@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <array>
 #include <cstddef>
+#include <type_traits>
+#include <vector>
 
 #include "common/base/scalar.h"
 #include "common/base/vector.h"
@@ -76,11 +78,16 @@ template <int N>
 ///
 /// One account is the paper's total; more keep ports, normal and tangential parts, or translation and rotation apart.
 /// The network is passive while every account is >= 0. E(0) is shared equally.
-/// `Capacity` is how many accounts there is room for; how many there are is chosen when it is built.
+/// How many accounts there are is chosen when it is built: up to `Capacity`, or with kAnyCapacity any number.
+inline constexpr int kAnyCapacity = 0;
 template <int Capacity = 1>
 class Observer {
  public:
   explicit Observer(Energy initial = Energy{}, int accounts = Capacity) : count_{accounts} {
+    if constexpr (Capacity == kAnyCapacity) {
+      accounts_.resize(static_cast<std::size_t>(accounts));
+      initial_.resize(static_cast<std::size_t>(accounts));
+    }
     for (int a = 0; a < count_; ++a) store(a, Energy{initial.si() / accounts});
   }
 
@@ -102,8 +109,11 @@ class Observer {
   }
 
  private:
-  std::array<Ledger, Capacity> accounts_{};
-  std::array<Energy, Capacity> initial_{};
+  template <class T>
+  using Store = std::conditional_t<Capacity == kAnyCapacity, std::vector<T>, std::array<T, Capacity>>;
+
+  Store<Ledger> accounts_{};
+  Store<Energy> initial_{};
   int count_;
 };
 

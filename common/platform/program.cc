@@ -7,20 +7,29 @@
 #include <filesystem>
 
 #include "common/base/check.h"
+#include "common/platform/realtime.h"
 #include "common/scene/load.h"
 
 namespace twoport {
 
-int live_program(int argc, char** argv, const std::string& name, const std::string& description,
-                 const std::string& address_flag, const std::string& address_default,
+int live_program(int argc, char** argv, const ProgramText& text,
                  const std::function<int(const Scene&, const LiveArguments&)>& body) {
-  CLI::App app{name + ": " + description};
+  const std::string& name = text.name;
+  CLI::App app{name + ": " + text.description};
   app.set_version_flag("--version", name + " " TWOPORT_VERSION);
   LiveArguments a;
-  a.address = address_default;
+  a.address = text.address_default;
   app.add_option("--scene", a.scene, "Scene file (.textproto)")->required();
   app.add_option("--set", a.set, "Override, PATH=VALUE, e.g. control.passivity.method=NONE")->take_all();
-  app.add_option(address_flag, a.address, "ADDR:PORT")->capture_default_str();
+  app.add_option(text.address_flag, a.address, "ADDR:PORT")->capture_default_str();
+  app.add_option(text.hardware_flag, a.hardware, "NAME[:ARGS], " + text.hardware)->capture_default_str();
+  app.add_flag_callback(
+      "--list-devices",
+      [&] {
+        std::fputs(text.drivers.c_str(), stdout);
+        throw CLI::Success{};
+      },
+      "One line for each NAME of " + text.hardware_flag);
   app.add_option("--out", a.out, "Folder for summary.json and trace.csv");
   app.add_option("--trace", a.trace, "none or csv")->check(CLI::IsMember({"none", "csv"}))->capture_default_str();
   app.add_flag("!--no-realtime", a.realtime, "Leave scheduling and memory as they are");
@@ -31,9 +40,10 @@ int live_program(int argc, char** argv, const std::string& name, const std::stri
     if (scene.control.architecture == Architecture::uncontrolled)
       throw ConfigError(a.scene +
                         ": control.architecture is UNCONTROLLED, which nobody runs live; use twoport-lab run");
+    stop_on_signals();  // before hardware is opened, so that whatever has been opened is released
     return body(scene, a);
   } catch (const CLI::ParseError& e) {
-    if (e.get_exit_code() == 0) return app.exit(e);  // --help, --version
+    if (e.get_exit_code() == 0) return app.exit(e);  // --help, --version, --list-devices
     fmt::print(stderr, "{}: {}\n", name, e.what());
     return 2;
   } catch (const ConfigError& e) {
@@ -63,7 +73,8 @@ int conclude(const Scene& scene, const LiveArguments& a, const std::string& side
     std::fputs(to_json(s).c_str(), stdout);
   } else {
     write_whole(a.out + "/summary.json", to_json(s));
-    fmt::print("{} {}: {}\n", side, scene.name, s.verdict);
+    fmt::print("{} {}: {}; {} in {}\n", side, scene.name, s.verdict,
+               a.trace == "none" ? "summary" : "summary and trace", a.out);
   }
   if (!judged) return 0;
   const std::vector<std::string> broken = broken_promises(scene.expect, s);

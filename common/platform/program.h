@@ -11,18 +11,24 @@
 
 namespace twoport {
 
+/// What a live program says of itself on its command line.
+struct ProgramText {
+  std::string name, description;
+  std::string address_flag, address_default;
+  std::string hardware_flag, hardware;  ///< "--device", and what it chooses, in words
+  std::string drivers;                  ///< what --list-devices prints
+};
+
 /// What both live programs are told.
 struct LiveArguments {
-  std::string scene, address, out, trace = "csv";
+  std::string scene, address, out, trace = "csv", hardware = "sim";
   std::vector<std::string> set;
   bool realtime = true, spin = true;
 };
 
 /// Parses the command line of a live program, runs `body(scene, arguments)`, and turns what goes wrong into the exit
 /// status and one sentence on stderr: 0 done, 1 failed, 2 bad usage, scene or override, 3 a promise was broken.
-/// `address_flag` is "--listen" or "--peer".
-int live_program(int argc, char** argv, const std::string& name, const std::string& description,
-                 const std::string& address_flag, const std::string& address_default,
+int live_program(int argc, char** argv, const ProgramText& text,
                  const std::function<int(const Scene&, const LiveArguments&)>& body);
 
 /// Folder of a run, made where it is missing; and the path of its trace, empty where none is wanted.

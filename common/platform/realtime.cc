@@ -59,13 +59,11 @@ void touch_stack() noexcept {
 const std::atomic<bool>& stop_on_signals() {
   struct sigaction action {};
   action.sa_handler = [](int) { stop_requested.store(true, std::memory_order_relaxed); };
-  action.sa_flags = static_cast<int>(SA_RESETHAND);
   sigemptyset(&action.sa_mask);
   sigaction(SIGINT, &action, nullptr);
   sigaction(SIGTERM, &action, nullptr);
   sigaction(SIGHUP, &action, nullptr);  // the terminal has gone
   action.sa_handler = SIG_IGN;
-  action.sa_flags = 0;
   sigaction(SIGPIPE, &action, nullptr);  // so has who read what we print
   return stop_requested;
 }
@@ -159,7 +157,8 @@ std::int64_t PeriodicLoop::next(const std::atomic<bool>& stop) noexcept {
     now = monotonic();
   }
   if (stop.load(std::memory_order_relaxed)) return -1;
-  lateness_.add(now - due);
+  late_ = now - due;
+  lateness_.add(late_);
 
   // More than a period late: on with the newest tick that is due.
   if (deadline(k + 1) <= now) {

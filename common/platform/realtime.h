@@ -10,7 +10,8 @@
 
 namespace twoport {
 
-/// Set by SIGINT and SIGTERM from the first call on. A second signal ends the program at once.
+/// Set by SIGINT, SIGTERM and SIGHUP from the first call on, and by every further one: none of them ends the program before
+/// it has released its hardware and written its files. SIGQUIT (Ctrl-\) and SIGKILL still end it at once, without either.
 const std::atomic<bool>& stop_on_signals();
 
 struct LoopOptions {
@@ -46,6 +47,8 @@ class PeriodicLoop {
 
   /// How late each wake-up was for the tick it was meant for.
   [[nodiscard]] const Histogram& lateness() const noexcept { return lateness_; }
+  /// The same of this tick, from within the step.
+  [[nodiscard]] Duration late() const noexcept { return late_; }
   /// Ticks left out because the loop was more than a period late for them.
   [[nodiscard]] std::uint64_t deadline_misses() const noexcept { return deadline_misses_; }
 
@@ -65,7 +68,7 @@ class PeriodicLoop {
   int latency_fd_ = -1;
   int previous_policy_ = -1, previous_priority_ = 0;
   int previous_slack_ns_ = -1;
-  Duration start_{0};
+  Duration start_{0}, late_{0};
   std::int64_t last_ = -1;
   Histogram lateness_;
   std::uint64_t deadline_misses_ = 0;

@@ -1,36 +1,108 @@
 #include "common/platform/recorder.h"
 
 #include <fmt/format.h>
+#include <sys/ioctl.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <chrono>
+#include <cmath>
 #include <cstdio>
+#include <utility>
 
 namespace twoport {
+namespace {
+
+constexpr double kShowEvery = 0.1;  // [s]
+
+/// Columns of the terminal; 0 where it does not say.
+std::size_t columns() {
+  winsize size{};
+  return ioctl(STDERR_FILENO, TIOCGWINSZ, &size) == 0 ? size.ws_col : 0;
+}
+
+/// One line that replaces the one before.
+void rewrite(std::string line) {
+  if (const std::size_t width = columns(); width > 0 && line.size() >= width) line.resize(width - 1);
+  fmt::print(stderr, "\r{}\033[K", line);
+  std::fflush(stderr);
+}
+
+}  // namespace
+
 template <int N>
 void Recorder<N>::drain() {
-  Row<N> row;
-  const bool terminal = isatty(STDERR_FILENO) != 0;
+  Entry entry;
+  terminal_ = isatty(STDERR_FILENO) != 0;
   for (bool last = false; !last;) {
     last = done_.load(std::memory_order_acquire);
     bool any = false;
-    while (ring_.try_pop(row)) {
+    while (ring_.try_pop(entry)) {
       any = true;
-      if (trace_) trace_->add(row);
-      if (!metrics_.add(row)) diverged_.store(true, std::memory_order_relaxed);
+      if (trace_) trace_->add(entry.row);
+      if (!o_.metrics.add(entry.row)) diverged_.store(true, std::memory_order_relaxed);
+      if (entry.view.sessions > 0) log_change(entry);
+      latest_ = std::max(latest_, entry.view.late);
+      dissipated_j_ += entry.row.dissipated_j;
     }
-    if (any && terminal && row.t_s > shown_s_ + 0.1) show(row);
+    if (any && terminal_ && entry.row.t_s > shown_s_ + kShowEvery) show(entry);
     if (!last) std::this_thread::sleep_for(std::chrono::milliseconds{20});
   }
-  if (terminal && shown_s_ >= 0.0) std::fputs("\n", stderr);
+  if (terminal_ && shown_s_ >= 0.0) std::fputs("\n", stderr);
 }
 
 template <int N>
-void Recorder<N>::show(const Row<N>& row) {
+void Recorder<N>::show(const Entry& newest) {
+  const auto& [row, view] = newest;
+  const bool master = o_.side == Side::master;
+  std::string line = fmt::format("{:6.1f}", row.t_s);
+  if (std::isfinite(o_.duration_s)) line += fmt::format(" / {:.1f}", o_.duration_s);
+  line += fmt::format(" s   {:8}   force {:6.2f} N  port {:+9.4f} J", to_string(row.mode),
+                      translational((master ? row.master_f : row.slave_f).vec()).norm(),
+                      master ? row.master_energy_j : row.slave_energy_j);
+  if (view.sessions > 0) {
+    const double packets = static_cast<double>(std::max<std::uint64_t>(view.received + view.lost, 1));
+    line += view.round_trip >= Duration{0} ? fmt::format("  rtt {:5.1f} ms", 1e3 * to_seconds(view.round_trip).si())
+                                           : std::string{"  rtt       ms"};
+    line += fmt::format("  lost {:4.1f} %", 100.0 * static_cast<double>(view.lost) / packets);
+  }
+  // Since the line was last shown.
+  line += fmt::format("  late {:5.0f} us  controller {:6.1f} mW", 1e6 * to_seconds(latest_).si(),
+                      1e3 * dissipated_j_ / std::max(row.t_s - std::max(shown_s_, 0.0), 1e-3));
+  rewrite(std::move(line));
   shown_s_ = row.t_s;
-  fmt::print(stderr, "\r{:6.1f} / {:.1f} s   {:8}   force {:6.2f} N   port energy {:+9.4f} J ", row.t_s, duration_s_,
-             to_string(row.mode), translational(row.master_f.vec()).norm(), row.master_energy_j);
-  std::fflush(stderr);
+  latest_ = Duration{0};
+  dissipated_j_ = 0.0;
+}
+
+template <int N>
+void Recorder<N>::log_change(const Entry& entry) {
+  const Mode was = std::exchange(mode_, entry.row.mode);
+  const bool paired = std::exchange(sessions_, entry.view.sessions) != entry.view.sessions;
+  const char* peer = o_.side == Side::master ? "slave" : "master";
+  const auto say = [&](const std::string& text) {
+    if (terminal_) std::fputs("\r\033[K", stderr);
+    o_.log.info("{:.3f} s: {}", entry.row.t_s, text);
+  };
+  if (paired) {
+    say(fmt::format("paired with the {}", peer));
+    paired_ = true;
+  }
+  if (mode_ == was) return;
+  switch (mode_) {
+    case Mode::idle:
+      break;
+    case Mode::coupled:
+      if (!std::exchange(paired_, false)) say(fmt::format("the {} is heard again", peer));
+      break;
+    case Mode::holding:
+      say(fmt::format("the {} is silent; holding", peer));
+      break;
+    case Mode::released:
+      say(was == Mode::holding ? fmt::format("released: the {} has stayed silent", peer)
+                               : std::string{"released: a reading was not finite"});
+      break;
+  }
 }
 
 template class Recorder<1>;

@@ -1,5 +1,7 @@
 #pragma once
 
+#include <spdlog/logger.h>
+
 #include <atomic>
 #include <optional>
 #include <string>
@@ -8,25 +10,42 @@
 #include "common/record/metrics.h"
 #include "common/record/trace.h"
 #include "common/runtime/ring.h"
+#include "common/wire/codec.h"
 
 namespace twoport {
 
+/// What the live view shows of a tick beside its row.
+struct TickView {
+  Duration late{0};            ///< how late the tick began
+  Duration round_trip{-1};     ///< of the newest report; negative: not known
+  std::uint64_t received = 0;  ///< packets from the other side so far
+  std::uint64_t lost = 0;
+  std::uint64_t sessions = 0;  ///< of the other side so far; 0 where there is none
+};
+
 /// The cold side of a live run: a thread that takes rows from the cycle through a ring, writes the trace, adds up the
-/// summary and shows progress. The cycle never waits for it; a row that finds the ring full is counted, not recorded.
+/// summary, shows progress and logs what becomes of the link. The cycle never waits for it; a row that finds the ring full
+/// is counted, not recorded.
 template <int N>
 class Recorder {
  public:
-  /// No trace where `trace_path` is empty. Progress goes to stderr: one line rewritten on a terminal, else none.
-  Recorder(Metrics<N> metrics, const std::string& trace_path, double duration_s)
-      : metrics_{std::move(metrics)}, duration_s_{duration_s}, ring_{kRows} {
-    if (!trace_path.empty()) trace_.emplace(trace_path);
+  struct Options {
+    Metrics<N> metrics;
+    std::string trace_path;  ///< empty: no trace
+    double duration_s;       ///< planned; infinity: until somebody ends it
+    Side side;               ///< whose port is shown
+    spdlog::logger& log;
+  };
+  /// Progress goes to stderr: one line rewritten on a terminal, else none.
+  explicit Recorder(Options options) : o_{std::move(options)}, ring_{kRows} {
+    if (!o_.trace_path.empty()) trace_.emplace(o_.trace_path);
     thread_ = std::thread{[this] { drain(); }};
   }
   ~Recorder() { stop(); }
   Recorder(const Recorder&) = delete;
 
   /// From the cycle.
-  void push(const Row<N>& row) noexcept { ring_.try_push(row); }
+  void push(const Row<N>& row, const TickView& view) noexcept { ring_.try_push({row, view}); }
   /// Has a recorded value run away? The cycle ends the run then.
   [[nodiscard]] bool diverged() const noexcept { return diverged_.load(std::memory_order_relaxed); }
 
@@ -35,7 +54,7 @@ class Recorder {
   Summary finish() {
     stop();
     Summary s;
-    metrics_.fill(s);
+    o_.metrics.fill(s);
     return s;
   }
   /// Throws IoError when the trace could not be written.
@@ -46,19 +65,32 @@ class Recorder {
 
  private:
   static constexpr std::size_t kRows = 8192;
+  struct Entry {
+    Row<N> row;
+    TickView view;
+  };
 
   void stop() {
     done_.store(true, std::memory_order_release);
     if (thread_.joinable()) thread_.join();
   }
   void drain();
-  void show(const Row<N>& row);
+  void show(const Entry& newest);
+  void log_change(const Entry& entry);
 
-  Metrics<N> metrics_;
-  double duration_s_, shown_s_ = -1.0;
+  Options o_;
   std::optional<Trace<N>> trace_;
-  Ring<Row<N>> ring_;
+  Ring<Entry> ring_;
   std::atomic<bool> done_{false}, diverged_{false};
+
+  // Of the thread.
+  double shown_s_ = -1.0;
+  Mode mode_ = Mode::idle;  ///< of the newest row, as is the next
+  std::uint64_t sessions_ = 0;
+  bool paired_ = false;        ///< said so, and not coupled yet
+  Duration latest_{0};         ///< latest tick since the line was shown
+  double dissipated_j_ = 0.0;  ///< by the controller since then
+  bool terminal_ = false;
   std::thread thread_;
 };
 

@@ -17,14 +17,16 @@
 #include <cstring>
 
 #include "common/base/check.h"
+#include "common/link/datagram.h"
 
 namespace twoport {
 namespace {
 
 using asio::ip::udp;
 
-constexpr std::size_t kBuffer = 1500;  // [B], longer than any datagram of ours
-constexpr unsigned kBatch = 16;        // datagrams in one system call
+constexpr std::size_t kBuffer = 1500;  // [B]
+static_assert(kBuffer > kMaxDatagramBytes);
+constexpr unsigned kBatch = 16;  // datagrams in one system call
 
 udp::endpoint to_asio(const Endpoint& e) {
   if (e.v6) return {asio::ip::address_v6{e.address, e.scope}, e.port};
@@ -128,6 +130,7 @@ struct UdpSocket::Impl {
   std::array<mmsghdr, kBatch> headers{};
   unsigned filled = 0, taken = 0;
 
+  void connect(const Endpoint& peer) noexcept;
   [[nodiscard]] ssize_t send(std::span<const std::byte> bytes, const Endpoint& to) const noexcept;
   bool refill() noexcept;
 };
@@ -147,6 +150,11 @@ UdpSocket::UdpSocket(const Endpoint& local) : impl_{std::make_unique<Impl>()} {
     impl_->headers[i].msg_hdr.msg_name = &impl_->sources[i];
   }
 }
+UdpSocket::UdpSocket(const Endpoint& local, const Endpoint& peer) : UdpSocket{local} {
+  if (peer.port == 0 || peer.address == Endpoint{}.address)
+    throw ConfigError("peer " + to_string(peer) + ": address and port must both be given, as in 127.0.0.1:45001");
+  impl_->connect(peer);
+}
 UdpSocket::~UdpSocket() = default;
 UdpSocket::UdpSocket(UdpSocket&&) noexcept = default;
 UdpSocket& UdpSocket::operator=(UdpSocket&&) noexcept = default;
@@ -154,16 +162,16 @@ UdpSocket& UdpSocket::operator=(UdpSocket&&) noexcept = default;
 const Endpoint& UdpSocket::local() const noexcept {
   return impl_->local;
 }
-std::uint64_t UdpSocket::unsent() const noexcept {
-  return impl_->unsent;
+SocketCounts UdpSocket::counts() const noexcept {
+  return {.unsent = impl_->unsent};
 }
 
-void UdpSocket::keep_to(const Endpoint& peer) noexcept {
+void UdpSocket::Impl::connect(const Endpoint& peer) noexcept {
   asio::error_code error;
-  impl_->socket.connect(to_asio(peer), error);
+  socket.connect(to_asio(peer), error);
   if (error) return;
-  impl_->connected = peer;
-  for (mmsghdr& header : impl_->headers) header.msg_hdr.msg_name = nullptr;
+  connected = peer;
+  for (mmsghdr& header : headers) header.msg_hdr.msg_name = nullptr;
 }
 
 ssize_t UdpSocket::Impl::send(std::span<const std::byte> bytes, const Endpoint& to) const noexcept {
@@ -172,7 +180,7 @@ ssize_t UdpSocket::Impl::send(std::span<const std::byte> bytes, const Endpoint& 
   return ::sendto(fd, bytes.data(), bytes.size(), MSG_DONTWAIT, there.data(), static_cast<socklen_t>(there.size()));
 }
 
-bool UdpSocket::send_to(std::span<const std::byte> bytes, const Endpoint& to) noexcept {
+bool UdpSocket::send(std::span<const std::byte> bytes, const Endpoint& to, Duration) noexcept {
   bool sent = impl_->send(bytes, to) >= 0;
   // An ICMP error of an earlier datagram is reported here, and takes the place of this send: once more.
   if (!sent && errno == ECONNREFUSED) sent = impl_->send(bytes, to) >= 0;
@@ -189,7 +197,7 @@ bool UdpSocket::Impl::refill() noexcept {
   return filled > 0;
 }
 
-std::optional<ReceivedDatagram> UdpSocket::receive() noexcept {
+std::optional<ReceivedDatagram> UdpSocket::receive(Duration now) noexcept {
   Impl& s = *impl_;
   if (s.taken == s.filled) {
     // A batch that was not full has emptied the queue: say so without asking again.
@@ -199,7 +207,8 @@ std::optional<ReceivedDatagram> UdpSocket::receive() noexcept {
   }
   const unsigned i = s.taken++;
   return ReceivedDatagram{{s.buffers[i].data(), s.headers[i].msg_len},
-                          s.connected ? *s.connected : from_system(s.sources[i])};
+                          s.connected ? *s.connected : from_system(s.sources[i]),
+                          now - Duration{1}};
 }
 
 }  // namespace twoport

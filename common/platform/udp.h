@@ -1,25 +1,12 @@
 #pragma once
 
-#include <array>
-#include <cstddef>
-#include <cstdint>
 #include <memory>
-#include <optional>
-#include <span>
 #include <string>
 #include <string_view>
 
+#include "common/link/socket.h"
+
 namespace twoport {
-
-/// An IPv4 or IPv6 address and a port.
-struct Endpoint {
-  std::array<std::uint8_t, 16> address{};  ///< network order; IPv4: the first four, the rest 0
-  std::uint32_t scope = 0;                 ///< IPv6 link-local: the interface
-  std::uint16_t port = 0;
-  bool v6 = false;
-
-  friend bool operator==(const Endpoint&, const Endpoint&) = default;
-};
 
 /// "127.0.0.1:45001", "[::1]:45001".
 std::string to_string(const Endpoint& endpoint);
@@ -31,34 +18,28 @@ Endpoint parse_endpoint(std::string_view text, std::string_view option);
 /// Any free port, on any address, from which `peer` can be reached.
 Endpoint any_port_toward(const Endpoint& peer);
 
-struct ReceivedDatagram {
-  std::span<const std::byte> bytes;  ///< good until the next receive; longer than any of ours where it was cut
-  Endpoint from;
-};
-
 /// A UDP socket that never waits. Sending and receiving allocate nothing and throw nothing.
-class UdpSocket {
+class UdpSocket final : public DatagramSocket {
  public:
   /// Binds to `local`; port 0 takes a free one. Throws ConfigError naming address, port and what to do.
   explicit UdpSocket(const Endpoint& local);
-  ~UdpSocket();
+  /// The same, and from here on receives from `peer` only, and finds the way there faster; where there is no way now, it
+  /// receives from all. Throws ConfigError for an address that is nobody's.
+  UdpSocket(const Endpoint& local, const Endpoint& peer);
+  ~UdpSocket() override;
   UdpSocket(UdpSocket&&) noexcept;
   UdpSocket& operator=(UdpSocket&&) noexcept;
 
-  /// Where it is bound, with the port that was taken.
-  [[nodiscard]] const Endpoint& local() const noexcept;
-
-  /// From here on receive from `peer` only, and find the way there faster. Where there is none now, nothing changes.
-  void keep_to(const Endpoint& peer) noexcept;
-
   /// False, and counted, when the datagram could not be handed over: nobody listens there, the queue is full, no route.
-  /// To the protocol it is one more lost packet.
-  bool send_to(std::span<const std::byte> bytes, const Endpoint& to) noexcept;
+  bool send(std::span<const std::byte> bytes, const Endpoint& to, Duration now) noexcept override;
 
-  /// The oldest datagram that waits; nothing when none does, or none did when the last batch of them was fetched.
-  std::optional<ReceivedDatagram> receive() noexcept;
+  /// The oldest datagram that waits; nothing when none does, or none did when the last batch of them was fetched. One that
+  /// was too long is cut to more than kMaxDatagramBytes.
+  std::optional<ReceivedDatagram> receive(Duration now) noexcept override;
 
-  [[nodiscard]] std::uint64_t unsent() const noexcept;
+  /// Where it is bound, with the port that was taken.
+  [[nodiscard]] const Endpoint& local() const noexcept override;
+  [[nodiscard]] SocketCounts counts() const noexcept override;
 
  private:
   struct Impl;

@@ -16,7 +16,7 @@ struct NoMail {
 /// programs, the laboratory and a replay all run it.
 template <class Node, class Plant, class Mail, class Clock>
 [[gnu::always_inline]] inline auto run_cycle(Node& node, Plant& plant, Mail& mail, const Tick<Clock>& tick) noexcept {
-  auto sensed = plant.sense();
+  auto sensed = plant.sense(tick);
   const auto& arrived = mail.collect(tick.now.time_since_epoch());
   auto out = node.step(tick, sensed, arrived);
   plant.actuate(out.command);

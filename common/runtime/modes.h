@@ -1,6 +1,8 @@
 #pragma once
 
-#include "common/link/report.h"
+#include "common/base/time.h"
+#include "common/coupling/options.h"
+#include "common/link/mailbox.h"
 
 namespace twoport {
 
@@ -22,6 +24,32 @@ struct Health {
 [[nodiscard]] constexpr bool begins(Mode was, Mode mode) noexcept {
   return mode != was && mode == Mode::coupled && was != Mode::holding;
 }
+
+/// The mode of one side from tick to tick.
+class ModeMachine {
+ public:
+  explicit ModeMachine(const ControlOptions& o)
+      : hold_after_{to_duration(o.hold_after.si())}, release_after_{to_duration(o.release_after.si())} {}
+
+  /// True when a coupling begins.
+  template <int N>
+  [[gnu::always_inline]] bool step(Duration now, const PeerState<N>& peer) noexcept {
+    const Duration silence = now - peer.heard;
+    const Mode was = mode_;
+    mode_ = next_mode(mode_, {.heard = peer.any && silence < hold_after_, .silent = silence >= release_after_});
+    return begins(was, mode_);
+  }
+  void release() noexcept { mode_ = Mode::released; }
+  void reset() noexcept { mode_ = Mode::idle; }
+
+  [[nodiscard]] Mode mode() const noexcept { return mode_; }
+  [[nodiscard]] bool coupled() const noexcept { return mode_ == Mode::coupled; }
+  [[nodiscard]] bool active() const noexcept { return mode_ == Mode::coupled || mode_ == Mode::holding; }
+
+ private:
+  Duration hold_after_, release_after_;
+  Mode mode_ = Mode::idle;
+};
 
 static_assert(next_mode(Mode::idle, {.heard = false, .silent = true}) == Mode::idle);
 static_assert(next_mode(Mode::coupled, {.heard = false, .silent = false}) == Mode::holding);

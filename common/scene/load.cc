@@ -427,6 +427,7 @@ class Block {
   [[noreturn]] void fail(const std::string& words) const {
     throw ConfigError{fmt::format("{}: {}", context_.file, words)};
   }
+  [[nodiscard]] const std::string& path() const { return path_; }
   [[nodiscard]] std::string path_of(const char* name) const { return path_.empty() ? name : path_ + "." + name; }
 
  private:
@@ -565,6 +566,8 @@ ControlOptions control(const Block& of) {
   options.coupling = coupling(of.block("virtual_coupling"));
   options.force_scale = of.number("force_scale", kPositive);
   options.motion_scale = of.number("motion_scale", kPositive);
+  options.method_name =
+      schema::Passivity::Method_Name(static_cast<schema::Passivity::Method>(passivity.choice<Method>("method")));
   options.controller = {.method = passivity.choice<Method>("method"),
                         .max_gain = passivity.number("max_gain", kNotNegative),
                         .unilateral = passivity.flag("unilateral"),
@@ -680,53 +683,48 @@ Material material(const Block& of) {
           .viscous_friction_n_s_per_m = of.number("viscous_friction_n_s_per_m", kNotNegative)};
 }
 
-EnvironmentSpec environment(const Block& of) {
+Wall read(const Block& of, std::type_identity<Wall>) {
+  return {.normal = vector<3>(direction(of, "normal")), .offset_m = of.number("offset_m", kFinite)};
+}
+Sphere read(const Block& of, std::type_identity<Sphere>) {
+  return {.center_m = vector<3>(of.list("center_m", of.context().point())),
+          .radius_m = of.required("radius_m", kPositive)};
+}
+Cylinder read(const Block& of, std::type_identity<Cylinder>) {
+  if (of.dof() == 1) of.fail(fmt::format("{} is given, but dof is 1; a cylinder needs dof 3 or 6", of.path()));
+  return {.point_m = vector<3>(of.list("point_m", of.context().point())),
+          .axis = vector<3>(direction(of, "axis")),
+          .radius_m = of.required("radius_m", kPositive)};
+}
+Box read(const Block& of, std::type_identity<Box>) {
   const Count point = of.context().point();
-  if (of.has("wall")) {
-    const Block wall = of.block("wall");
-    return WallSpec{
-        .normal = direction(wall, "normal"), .offset_m = wall.number("offset_m", kFinite), .material = material(wall)};
-  }
-  if (of.has("sphere")) {
-    const Block sphere = of.block("sphere");
-    return SphereSpec{.center_m = sphere.list("center_m", point),
-                      .radius_m = sphere.required("radius_m", kPositive),
-                      .material = material(sphere)};
-  }
-  if (of.has("cylinder")) {
-    const Block cylinder = of.block("cylinder");
-    if (of.dof() == 1)
-      of.fail(fmt::format("{} is given, but dof is 1; a cylinder needs dof 3 or 6", of.path_of("cylinder")));
-    return CylinderSpec{.point_m = cylinder.list("point_m", point),
-                        .axis = direction(cylinder, "axis"),
-                        .radius_m = cylinder.required("radius_m", kPositive),
-                        .material = material(cylinder)};
-  }
-  if (of.has("box")) {
-    const Block box = of.block("box");
-    box.require("half_size_m", point.words());
-    BoxSpec spec{.center_m = box.list("center_m", point),
-                 .half_size_m = box.list("half_size_m", point),
-                 .material = material(box)};
-    if (!std::all_of(spec.half_size_m.begin(), spec.half_size_m.end(), kPositive.holds))
-      box.refuse("half_size_m", "hold numbers > 0");
-    return spec;
-  }
-  if (!of.has("spring")) of.refuse_empty();
-  const Block spring = of.block("spring");
-  return SpringSpec{.stiffness_n_per_m = spring.required("stiffness_n_per_m", kNotNegative),
-                    .damping_n_s_per_m = spring.number("damping_n_s_per_m", kNotNegative),
-                    .anchor_m = spring.list("anchor_m", point)};
+  of.require("half_size_m", point.words());
+  const Numbers half_size = of.list("half_size_m", point);
+  if (!std::all_of(half_size.begin(), half_size.end(), kPositive.holds)) of.refuse("half_size_m", "hold numbers > 0");
+  return {.center_m = vector<3>(of.list("center_m", point)), .half_size_m = vector<3>(half_size)};
 }
 
-std::vector<Numbers> tool(const Block& scene) {
+EnvironmentSpec environment(const Block& of) {
+  std::optional<EnvironmentSpec> found;
+  for_each_shape([&]<class S>(std::type_identity<S> shape) {
+    if (!of.has(S::kName)) return;
+    const Block block = of.block(S::kName);
+    found = Surface{read(block, shape), material(block)};
+  });
+  if (found) return *found;
+  if (!of.has(Spring::kName)) of.refuse_empty();
+  const Block spring = of.block(Spring::kName);
+  return Spring{.stiffness_n_per_m = spring.required("stiffness_n_per_m", kNotNegative),
+                .damping_n_s_per_m = spring.number("damping_n_s_per_m", kNotNegative),
+                .anchor_m = vector<3>(spring.list("anchor_m", of.context().point()))};
+}
+
+std::vector<Eigen::Vector3d> tool(const Block& scene) {
   scene.only_with_rotation({"tool"});
-  std::vector<Numbers> points;
-  for (const Block& point : scene.block("tool").blocks("contact_point")) {
-    points.push_back(point.list("position_m", {3, 3, ""}));
-    points.back().resize(3, 0.0);
-  }
-  if (points.empty() && scene.dof() == 6) points.push_back({0.0, 0.0, 0.0});
+  std::vector<Eigen::Vector3d> points;
+  for (const Block& point : scene.block("tool").blocks("contact_point"))
+    points.push_back(vector<3>(point.list("position_m", {3, 3, ""})));
+  if (points.empty() && scene.dof() == 6) points.push_back(Eigen::Vector3d::Zero());
   return points;
 }
 
@@ -763,11 +761,11 @@ void check_simulation(const Block& of, const Scene& values) {
   if (i != Integrator::exact_per_tick && i != Integrator::trapezoidal) return;
   int walls = 0;
   bool linear = values.dof != 6;
-  for (const EnvironmentSpec& e : values.environment) {
-    const auto* wall = std::get_if<WallSpec>(&e);
-    walls += wall != nullptr;
-    linear = linear && (wall != nullptr ? wall->material.friction == 0.0 : std::holds_alternative<SpringSpec>(e));
-  }
+  for (const EnvironmentSpec& e : values.environment)
+    if (const auto* surface = std::get_if<Surface>(&e)) {
+      ++walls;
+      linear = linear && std::holds_alternative<Wall>(surface->shape) && surface->material.friction == 0.0;
+    }
   if (!linear || walls > 1)
     of.refuse("integrator", "be another one here: it needs dof 1 or 3, springs and at most one wall without friction");
 }
@@ -847,20 +845,14 @@ void check_fastest(const Block& scene, const Scene& values) {
           hand.rotational_stiffness_n_m_per_rad);
   if (!values.robot) return;
   double stiffness = 0.0, damping = values.robot->damping_n_s_per_m;
-  for (const EnvironmentSpec& each : values.environment) {
-    const auto add = [&](const auto& of) {
-      stiffness += of.stiffness_n_per_m;
-      damping += of.damping_n_s_per_m;
-    };
-    std::visit(
-        [&](const auto& e) {
-          if constexpr (requires { e.material; }) {
-            add(e.material);
-          } else {
-            add(e);
-          }
-        },
-        each);
+  const World world{values.environment};
+  for (const Surface& each : world.surfaces) {
+    stiffness += each.material.stiffness_n_per_m;
+    damping += each.material.damping_n_s_per_m;
+  }
+  for (const Spring& each : world.springs) {
+    stiffness += each.stiffness_n_per_m;
+    damping += each.damping_n_s_per_m;
   }
   check("robot and environment: mass", values.slave_rate_hz, values.robot->mass_kg, damping, stiffness);
 }
@@ -935,6 +927,7 @@ void tell_handle(Scene& scene) {
   const DeviceSpec device = scene.device.value_or(DeviceSpec{});
   scene.control.handle_mass_kg = device.mass_kg > 0.0 ? device.mass_kg : hand.mass_kg;
   scene.control.handle_inertia_kg_m2 = device.inertia_kg_m2 > 0.0 ? device.inertia_kg_m2 : hand.inertia_kg_m2;
+  if (device.max_force_n) scene.control.max_force_n = *device.max_force_n;
 }
 
 Scene parse_scene(const std::string& text, const std::string& name, std::span<const std::string> overrides) {
@@ -950,9 +943,10 @@ Scene load_scene(const std::string& path, std::span<const std::string> overrides
 
 std::uint64_t scene_digest(const Scene& scene) {
   // Taken apart by name: a new option does not compile until it is decided here whether it counts. What the handle
-  // weighs is the master's own.
-  const auto& [architecture, coupling, force_scale, motion_scale, controller, observer, accounts, reference_energy,
-               initial_energy, handle_mass, handle_inertia, engage, hold_after, release_after] = scene.control;
+  // weighs and what the device can display is the master's own; the name of the method is its number's.
+  const auto& [architecture, coupling, force_scale, motion_scale, method_name, controller, observer, accounts,
+               reference_energy, initial_energy, handle_mass, handle_inertia, max_force, engage, hold_after,
+               release_after] = scene.control;
   const auto& [stiffness, damping, rotational_stiffness, rotational_damping, catch_up, drift_compensation] = coupling;
   const auto& [method, max_gain, unilateral, predict] = controller;
   Digest digest;

@@ -1,24 +1,22 @@
 #pragma once
 
-#include <Eigen/Core>
 #include <cstdint>
 #include <optional>
 #include <string>
 #include <variant>
 #include <vector>
 
+#include "common/contact/world.h"
 #include "common/coupling/options.h"
 #include "common/link/impairment.h"
 #include "common/passivity/controller.h"
 #include "common/passivity/observer.h"
+#include "common/scene/numbers.h"
 
 namespace twoport {
 
 // A scene as plain, validated values: what proto/scene.proto says, with every length, sign and range checked and every
 // default filled in. Vectors have `axes()` entries (1 or 3) unless said otherwise. SI units.
-
-/// Numbers as a scene writes them; empty means "not given".
-using Numbers = std::vector<double>;
 
 struct HandSpec {
   double mass_kg, stiffness_n_per_m, damping_n_s_per_m;
@@ -73,35 +71,6 @@ struct RobotSpec {
   double rotational_damping_n_m_s_per_rad;
 };
 
-/// What touching a surface answers: stiffness and damping along the normal, friction across it.
-struct Material {
-  double stiffness_n_per_m, damping_n_s_per_m, friction, viscous_friction_n_s_per_m;
-};
-struct WallSpec {
-  Numbers normal;  ///< unit length
-  double offset_m;
-  Material material;
-};
-struct SphereSpec {
-  Numbers center_m;
-  double radius_m;
-  Material material;
-};
-struct CylinderSpec {
-  Numbers point_m, axis;  ///< axis of unit length
-  double radius_m;
-  Material material;
-};
-struct BoxSpec {
-  Numbers center_m, half_size_m;
-  Material material;
-};
-struct SpringSpec {
-  double stiffness_n_per_m, damping_n_s_per_m;
-  Numbers anchor_m;
-};
-using EnvironmentSpec = std::variant<WallSpec, SphereSpec, CylinderSpec, BoxSpec, SpringSpec>;
-
 /// How the simulated world is stepped between two ticks.
 enum class Integrator : std::uint8_t { exact, exact_per_tick, symplectic_euler, trapezoidal, velocity_verlet, rk4 };
 struct SimulationSpec {
@@ -129,7 +98,7 @@ struct Scene {
   ImpairmentOptions to_slave, to_master;
   std::optional<RobotSpec> robot;
   std::vector<EnvironmentSpec> environment;
-  std::vector<Numbers> tool;  ///< contact points in tool axes; dof 6 only, one at the origin where none is given
+  std::vector<Eigen::Vector3d> tool;  ///< contact points in tool axes; dof 6 only, one at the origin where none is given
   SimulationSpec simulation;
   ExpectSpec expect;
 

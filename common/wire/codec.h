@@ -1,52 +1,22 @@
 #pragma once
 
 #include <cstddef>
-#include <cstdint>
 #include <memory>
-#include <optional>
 #include <span>
-#include <string_view>
 
 #include "common/link/report.h"
+#include "common/wire/header.h"
 
 namespace twoport {
 
-/// Every datagram begins with "TP" and the version of the wire.
-inline constexpr std::uint32_t kProtocolVersion = 0x5450'0001;
-inline constexpr std::size_t kMaxDatagram = 1024;  // [B]
-inline constexpr std::size_t kMaxRefusal = 400;    // [B]
-
-enum class Side : std::uint8_t { master = 1, slave = 2 };
-
-/// Who is speaking: what two programs must agree on before they exchange force.
-struct Identity {
-  int dof = 0;
-  double rate_hz = 0.0;  ///< the rate its receiver is expected to run at
-  std::uint64_t scene_digest = 0;
-  Side side = Side::master;
-};
-
 /// One datagram as values.
 template <int N>
-struct Envelope {
-  std::uint32_t version = kProtocolVersion;
-  std::uint64_t session = 0;       ///< drawn when the sender started, never 0
-  std::uint64_t peer_session = 0;  ///< whom the sender is talking to; 0 while it does not know
+struct Envelope : Header {
   Report<N> report;
-  std::optional<Identity> identity;  ///< until the peer has accepted it
-  std::string_view refusal;          ///< why the peer is refused; empty: it is not. Then there is no report
-};
-
-enum class Decoded : std::uint8_t {
-  ok,
-  malformed,      ///< nothing of it may be used
-  other_version,  ///< version, sessions and refusal are good
-  other_dof,      ///< all but the report is good
 };
 
 /// Envelope <-> bytes. Two Protobuf messages and one buffer are kept and reused.
-/// Real time: no allocation, no lock, no throw, except that `decode` allocates for a datagram which Protobuf can read
-/// but which has fields that nobody knows.
+/// Real time: no allocation, no lock, no throw, whatever the bytes are.
 template <int N>
 class Codec {
  public:

@@ -44,7 +44,7 @@ class SimTransport {
 ///
 /// Each side ticks at its own rate, from 0. A report is readable strictly after it was posted, so the order of two
 /// sides that tick together does not matter.
-template <int N>
+template <int N, class Method = AnyMethod>
 class LinkLoop {
  public:
   explicit LinkLoop(const Scene& scene)
@@ -101,7 +101,7 @@ class LinkLoop {
     double e = 0.5 * scene.robot->mass_kg * v.vec().template head<(N == 1 ? 1 : 3)>().squaredNorm();
     if constexpr (N == 6) {
       // The initial attitude's axes: good for the isotropic and the aligned case, which is how bodies start.
-      const Eigen::Vector3d j = sim::vector<3>(scene.robot->inertia_kg_m2);
+      const Eigen::Vector3d j = vector<3>(scene.robot->inertia_kg_m2);
       e += 0.5 * v.vec().template tail<3>().cwiseAbs2().dot(j);
     }
     return Energy{e};
@@ -117,7 +117,7 @@ class LinkLoop {
     dissipated_ += scaling_.to_master(out.dissipated);
   }
 
-  [[gnu::always_inline]] Row<N> row(Duration now, const typename MasterNode<N>::Output& out) noexcept {
+  [[gnu::always_inline]] Row<N> row(Duration now, const auto& out) noexcept {
     const Energy dissipated = out.dissipated + dissipated_;
     dissipated_ = Energy{};
     return {.t_s = to_seconds(now).si(),
@@ -144,8 +144,8 @@ class LinkLoop {
   Duration end_;
   sim::SimDevice<N> device_;
   sim::SimRobot<N> robot_;
-  MasterNode<N> master_;
-  SlaveNode<N> slave_;
+  MasterNode<N, typename Method::template Master<N>> master_;
+  SlaveNode<N, typename Method::template Slave<N>> slave_;
   DelayLine<Report<N>> to_slave_, to_master_;
   Mailbox<N, SimTransport<N>> master_mail_, slave_mail_;
   Energy dissipated_, initial_energy_;
@@ -159,12 +159,12 @@ class RenderLoop {
       : rate_hz_{scene.master_rate_hz},
         end_{to_duration(scene.duration_s)},
         device_{scene, Seconds{1.0 / scene.master_rate_hz}},
-        environment_{scene},
+        environment_{scene.environment, scene.tool},
         node_{scene.control, environment_},
         initial_energy_{scene.control.initial_energy + environment_.potential(device_.x())} {}
 
   template <class Visit>
-  std::uint64_t run(Visit visit) {
+  TWOPORT_FLATTEN std::uint64_t run(Visit visit) {
     NoMail mail;
     const Seconds dt{1.0 / rate_hz_};
     std::int64_t k = 0;
@@ -197,7 +197,7 @@ class RenderLoop {
   double rate_hz_;
   Duration end_;
   sim::SimDevice<N> device_;
-  sim::Environment<N> environment_;
+  Environment<N> environment_;
   RenderNode<N> node_;
   Energy initial_energy_;
 };

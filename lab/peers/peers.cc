@@ -6,9 +6,9 @@
 #include <memory>
 #include <variant>
 
+#include "common/contact/environment.h"
 #include "lab/mechanical_energy.h"
 #include "lab/peers/engine.h"
-#include "sim/environment.h"
 
 namespace twoport::lab {
 namespace {
@@ -55,19 +55,13 @@ struct Setting {
 
 std::optional<Setting> setting(const Scene& scene, bool own_contact) {
   if (scene.control.architecture != Architecture::uncontrolled || scene.dof == 3) return {};
-  const WallSpec* wall = nullptr;
-  for (const EnvironmentSpec& e : scene.environment) {
-    if (const auto* w = std::get_if<WallSpec>(&e)) {
-      if (wall != nullptr) return {};
-      wall = w;
-    } else if (!std::holds_alternative<SpringSpec>(e)) {
-      return {};
-    }
-  }
-  if (wall == nullptr) return {};
+  const World world{scene.environment};
+  if (world.surfaces.size() != 1 || !std::holds_alternative<Wall>(world.surfaces[0].shape)) return {};
+  const Wall& wall = std::get<Wall>(world.surfaces[0].shape);
+  const Material& material = world.surfaces[0].material;
   const RobotSpec& robot = *scene.robot;
   if (robot.damping_n_s_per_m > 0.0) return {};
-  if (scene.dof == 1 && wall->normal[0] > 0.0) return {};  // the ball's front is on the other side
+  if (scene.dof == 1 && wall.normal[0] > 0.0) return {};  // the ball's front is on the other side
   Setting s{.body = {.dof = scene.dof,
                      .mass_kg = robot.mass_kg,
                      .inertia_kg_m2 = scene.dof == 6 ? robot.inertia_kg_m2[0] : 1.0,
@@ -77,10 +71,10 @@ std::optional<Setting> setting(const Scene& scene, bool own_contact) {
                      .half_size_m = Eigen::Vector3d::Zero(),
                      .own_contact = own_contact,
                      .normal = Eigen::Vector3d::UnitX() * -1.0,
-                     .offset_m = wall->offset_m,
-                     .stiffness_n_per_m = wall->material.stiffness_n_per_m,
-                     .damping_n_s_per_m = wall->material.damping_n_s_per_m,
-                     .friction = wall->material.friction},
+                     .offset_m = wall.offset_m,
+                     .stiffness_n_per_m = material.stiffness_n_per_m,
+                     .damping_n_s_per_m = material.damping_n_s_per_m,
+                     .friction = material.friction},
             .pushing = scene,
             .rate_hz = scene.slave_rate_hz,
             .ticks = static_cast<int>(std::lround(scene.duration_s * scene.slave_rate_hz))};
@@ -88,20 +82,20 @@ std::optional<Setting> setting(const Scene& scene, bool own_contact) {
   for (std::size_t i = 0; i < robot.velocity_m_per_s.size(); ++i) v[static_cast<int>(i)] = robot.velocity_m_per_s[i];
   s.body.v = Velocity<6>{v};
   if (scene.dof == 6) {
-    s.body.x = sim::position<6>(robot.position_m);
-    s.body.normal = sim::vector<3>(wall->normal);
-    for (const Numbers& p : scene.tool) s.body.half_size_m = s.body.half_size_m.cwiseMax(sim::vector<3>(p).cwiseAbs());
+    s.body.x = position<6>(robot.position_m);
+    s.body.normal = wall.normal;
+    for (const Eigen::Vector3d& p : scene.tool) s.body.half_size_m = s.body.half_size_m.cwiseMax(p.cwiseAbs());
   } else {
     s.body.x = {{robot.position_m.empty() ? 0.0 : robot.position_m[0], 0, 0}, Eigen::Quaterniond::Identity()};
   }
-  for (const EnvironmentSpec& e : scene.environment)
-    if (const auto* spring = std::get_if<SpringSpec>(&e); spring != nullptr && scene.dof == 1) {
-      s.stiffness_n_per_m += spring->stiffness_n_per_m;
-      s.damping_n_s_per_m += spring->damping_n_s_per_m;
-      s.pull_n += spring->stiffness_n_per_m * (spring->anchor_m.empty() ? 0.0 : spring->anchor_m[0]);
+  if (scene.dof == 1)
+    for (const Spring& spring : world.springs) {
+      s.stiffness_n_per_m += spring.stiffness_n_per_m;
+      s.damping_n_s_per_m += spring.damping_n_s_per_m;
+      s.pull_n += spring.stiffness_n_per_m * spring.anchor_m[0];
     }
   if (own_contact)
-    std::erase_if(s.pushing.environment, [](const EnvironmentSpec& e) { return std::holds_alternative<WallSpec>(e); });
+    std::erase_if(s.pushing.environment, [](const EnvironmentSpec& e) { return std::holds_alternative<Surface>(e); });
   return s;
 }
 
@@ -115,7 +109,7 @@ void play(Engine& engine, const Setting& s, const At& at) {
       engine.step();
     }
   } else {
-    const sim::Environment<6> pushing{s.pushing};
+    const Environment<6> pushing{s.pushing.environment, s.pushing.tool};
     const double rotational = s.pushing.robot->rotational_damping_n_m_s_per_rad;
     for (int k = 0; k < s.ticks; ++k) {
       at(k);
@@ -142,13 +136,13 @@ Course course(Engine& engine, const Setting& s, const Scene& scene) {
     c.energy_j.push_back(mechanical_energy(*scene.robot, environment, x, v));
   };
   if (s.body.dof == 1) {
-    const sim::Environment<1> e{scene};
+    const Environment<1> e{scene.environment};
     play(engine, s, [&](int k) {
       each(k, e, Position<1>{Position<1>::Vector{engine.position()}},
            Velocity<1>{Velocity<1>::Vector{engine.velocity()}});
     });
   } else {
-    const sim::Environment<6> e{scene};
+    const Environment<6> e{scene.environment, scene.tool};
     play(engine, s, [&](int k) { each(k, e, engine.pose(), engine.twist()); });
   }
   return c;

@@ -4,7 +4,7 @@
 #include <vector>
 
 #include "common/scene/scene.h"
-#include "lab/chart.h"
+#include "lab/study/chart.h"
 
 namespace twoport::lab {
 

@@ -22,7 +22,7 @@
 #include "lab/engine/simulation.h"
 #include "lab/parallel.h"
 #include "lab/run.h"
-#include "lab/sweep.h"
+#include "lab/study/sweep.h"
 
 namespace {
 

@@ -110,6 +110,47 @@ TEST(Run, EndsWholeWhenTheTerminalGoes) {
   expect_stop_by(SIGHUP, SIGHUP);
 }
 
+/// `signals` at once, or nearly: what a user does who presses Ctrl-C again, and `timeout -s INT`.
+void expect_whole_after(Process& process, const std::vector<int>& signals, std::chrono::microseconds gap) {
+  for (const int signal : signals) {
+    process.send(signal);
+    std::this_thread::sleep_for(gap);
+  }
+  EXPECT_EQ(process.wait(), exited(0)) << process.err();
+}
+void expect_interrupted(const Pair& pair, const std::string& out) {
+  const schema::Summary s = pair.summary(out);
+  EXPECT_NE(s.verdict().find("interrupted"), std::string::npos) << out << ": " << s.verdict();
+  EXPECT_EQ(pair.trace(out).rows(), s.steps()) << out;
+  EXPECT_FALSE(exists(pair.at(out + "/trace.csv.partial"))) << out;
+}
+
+TEST(Run, EndsWholeHoweverOftenItIsInterrupted) {
+  // The second signal falls into another moment of the end each time: the loop, the release, the files.
+  const Pair pair{press(1, "RENDER")};
+  for (int i = 0; i < 24; ++i) {
+    const std::string out = "run" + std::to_string(i);
+    Process master = pair.master(out, {"--set", "duration_s=60"});
+    ASSERT_TRUE(master.says("hardware: ")) << master.err();
+    std::this_thread::sleep_for(60ms);
+    expect_whole_after(master, {SIGINT, i % 2 == 0 ? SIGINT : SIGTERM, SIGINT}, std::chrono::microseconds{200 * i});
+    expect_interrupted(pair, out);
+  }
+}
+
+TEST(Run, OfBothSidesEndsWholeWhenInterruptedTwiceAndThrice) {
+  const Pair pair;
+  Process slave = pair.listening_slave("slave", {"--set", "duration_s=60"}),
+          master = pair.master("master", {"--set", "duration_s=60"});
+  std::this_thread::sleep_for(1200ms);
+  expect_whole_after(master, {SIGINT, SIGINT}, 1ms);
+  expect_whole_after(slave, {SIGINT, SIGINT, SIGINT}, 1ms);
+  for (const std::string side : {"master", "slave"}) {
+    expect_interrupted(pair, side);
+    EXPECT_GT(pair.summary(side).steps(), 100u) << side;
+  }
+}
+
 TEST(Run, KeepsTheSummaryWhereTheTraceFindsNoRoom) {
   const Pair pair;
   for (const std::string side : {"master", "slave"}) {
@@ -247,6 +288,24 @@ TEST(Run, BreaksAPromiseWithStatusThreeAndSaysWhichByHowMuch) {
   EXPECT_EQ(master.wait(), exited(3));
   EXPECT_TRUE(std::regex_search(master.err(), std::regex{"max_force_n is .* promised at most 0.01: over by"}))
       << master.err();
+}
+
+TEST(Run, ShowsOnATerminalWhatTheTwoSidesDoAndSaysWhereTheFilesAre) {
+  const Pair pair;
+  Process slave = pair.listening_slave("slave", {}, {.terminal = true}),
+          master = pair.master("master", {}, {.terminal = true});
+  EXPECT_EQ(master.wait(), exited(0)) << master.err();
+  EXPECT_EQ(slave.wait(), exited(0)) << slave.err();
+  // Mode, force, energy of its own port, round trip, loss, lateness, what the controller dissipates.
+  const std::regex line{R"(/ 2.0 s   coupled    force +[0-9.]+ N  port +[+-][0-9.]+ J  rtt +2[0-9][.][0-9] ms  lost +)"
+                        R"([0-9.]+ %  late +[0-9]+ us  controller +[0-9.]+ mW)"};
+  const std::regex energy{R"(port +\+0\.0*[1-9])"};
+  for (const auto& [side, process] : {std::pair<std::string, Process*>{"master", &master}, {"slave", &slave}}) {
+    EXPECT_TRUE(std::regex_search(process->err(), line)) << process->err();
+    EXPECT_TRUE(std::regex_search(process->err(), energy)) << side << ": no energy at its port\n" << process->err();
+    EXPECT_NE(process->out().find("; summary and trace in " + pair.at(side) + "\n"), std::string::npos)
+        << process->out();
+  }
 }
 
 TEST(Run, WithoutATraceWritesTheSummaryOnly) {

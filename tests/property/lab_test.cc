@@ -68,7 +68,10 @@ Scene turned(const Matrix3d& r, Scene s) {
   for (SegmentSpec& segment : s.human->path) turn(std::get<MoveToSpec>(segment).position_m);
   turn(s.device->position_m), turn(s.device->velocity_m_per_s);
   turn(s.robot->position_m), turn(s.robot->velocity_m_per_s);
-  for (EnvironmentSpec& e : s.environment) turn(std::get<WallSpec>(e).normal);
+  for (EnvironmentSpec& e : s.environment) {
+    Eigen::Vector3d& normal = std::get<Wall>(std::get<Surface>(e).shape).normal;
+    normal = r * normal;
+  }
   return s;
 }
 

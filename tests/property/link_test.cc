@@ -124,7 +124,7 @@ TEST_P(Impaired, NeverKnowsMoreThanWasSentAndNeverForgets) {
   for (std::int64_t k = 0; k < kTicks; ++k) {
     const std::uint64_t before = s.posted();  // strictly before this tick
     s.post(k);
-    const Known<1>& now = s.receiver.collect(at(k));
+    const PeerState<1>& now = s.receiver.collect(at(k));
     ASSERT_GE(now.energy_in_j, known);
     ASSERT_GE(now.newest.sequence, newest);
     ASSERT_LE(now.newest.sequence, before) << "tick " << k;
@@ -170,8 +170,8 @@ TEST_P(Impaired, DoesNotCareWhichSideIsSteppedFirst) {
   Stream sends_first{GetParam().options}, listens_first{GetParam().options};
   for (std::int64_t k = 0; k < kTicks; ++k) {
     sends_first.post(k);
-    const Known<1>& a = sends_first.receiver.collect(at(k));
-    const Known<1>& b = listens_first.receiver.collect(at(k));
+    const PeerState<1>& a = sends_first.receiver.collect(at(k));
+    const PeerState<1>& b = listens_first.receiver.collect(at(k));
     listens_first.post(k);
     ASSERT_EQ(a.newest.sequence, b.newest.sequence) << "tick " << k;
     ASSERT_EQ(a.energy_in_j, b.energy_in_j) << "tick " << k;
@@ -557,7 +557,7 @@ TEST_F(MailboxOf, WhatIsOlderThanTheMemoryCountsAsRepeatedAndTheSumStillHolds) {
 
 TEST_F(MailboxOf, TheLargestEnergyWinsWhateverTheOrder) {
   arriving = {report(3, 0.5), report(1, 0.9), report(4, 0.2)};
-  const Known<1>& known = box.collect(Duration{0});
+  const PeerState<1>& known = box.collect(Duration{0});
   EXPECT_EQ(known.energy_in_j, 0.9);
   EXPECT_EQ(known.newest.sequence, 4U);
 }
@@ -578,7 +578,7 @@ TEST_F(MailboxOf, ANewSessionStartsFromNothingKnown) {
   box.collect(Duration{1});
   box.forget();
   arriving = {report(1, 0.1)};
-  const Known<1>& known = box.collect(Duration{2});
+  const PeerState<1>& known = box.collect(Duration{2});
   EXPECT_EQ(known.newest.sequence, 1U);
   EXPECT_EQ(known.energy_in_j, 0.1);
   EXPECT_EQ(box.counts().lost, 0U);
@@ -623,7 +623,7 @@ TEST(RoundTrip, IsTheSumOfBothDelaysWhateverTheOtherSidesClockAndPatience) {
   int measured = 0;
   Duration slave_tick = nanoseconds{1'250'000};
   for (std::int64_t k = 0; k < 1000; ++k) {
-    const Known<1>& known = master.collect(at(k));
+    const PeerState<1>& known = master.collect(at(k));
     if (known.fresh && known.round_trip() >= Duration{0}) {
       ++measured;
       // Posts of the slave fall on its own ticks of 2.5 of ours: rounded up to ours at arrival.

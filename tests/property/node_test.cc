@@ -29,11 +29,11 @@ Position<3> at(double x) {
 
 /// Steps a node at tick k with a peer that is heard all the time.
 template <class Clock, class Node, class State>
-auto step(Node& node, int k, const State& state, const Known<3>& known) {
+auto step(Node& node, int k, const State& state, const PeerState<3>& known) {
   return node.step(Tick<Clock>{Instant<Clock>{tick_time(k, 1.0 / kT)}, Seconds{kT}}, state, known);
 }
-Known<3> heard(int k, double f, double energy_j = 1.0) {
-  Known<3> known;
+PeerState<3> heard(int k, double f, double energy_j = 1.0) {
+  PeerState<3> known;
   known.any = known.fresh = true;
   known.heard = tick_time(k, 1.0 / kT);
   known.newest.f = along(f);
@@ -91,7 +91,7 @@ TEST(MasterNode, CarriesOverWhatOfItsAllowanceIsSpent) {
 TEST(SlaveNode, LetsGoForAReadingThatIsNoneAndForNoLonger) {
   SlaveNode<3> node{parse_scene(kScene, "test").control};
   for (int k = 0; k < 300; ++k) {
-    Known<3> master = heard(k, 0.0);
+    PeerState<3> master = heard(k, 0.0);
     master.newest.x = at(1e-5 * k);
     RobotState<3> robot{at(0.0), velocity(k == 200 ? kNone : 0.0), along(0.0)};
     if (k == 100) robot.x = at(kNone);
@@ -105,7 +105,7 @@ TEST(SlaveNode, StaysWhereItWasWhileItsReadingIsNone) {
   SlaveNode<3> node{parse_scene(kScene, "test").control};
   for (int k = 0; k < 10; ++k) {  // nobody is heard
     const RobotState<3> robot{at(k == 5 ? kNone : 0.01 * k), velocity(0.0), along(0.0)};
-    const auto out = step<SlaveClock>(node, k, robot, Known<3>{});
+    const auto out = step<SlaveClock>(node, k, robot, PeerState<3>{});
     EXPECT_NEAR(out.command.x_d.translation()[0], 0.01 * (k == 5 ? 4 : k), 1e-15) << "at tick " << k;
   }
 }
@@ -114,7 +114,7 @@ TEST(SlaveNode, HasNoForceThatADoubleDoesNotHold) {
   const std::vector<std::string> stiff{"control.virtual_coupling.stiffness_n_per_m=1e18"};
   SlaveNode<3> node{parse_scene(kScene, "test", stiff).control};
   for (int k = 0; k < 200; ++k) {
-    Known<3> master = heard(k, 0.0);
+    PeerState<3> master = heard(k, 0.0);
     master.newest.v = velocity(1e300);
     const auto out = step<SlaveClock>(node, k, RobotState<3>{}, master);
     EXPECT_TRUE(out.command.f.finite() && out.command.x_d.finite() && out.command.v_d.finite()) << "at tick " << k;
@@ -127,7 +127,7 @@ TEST(SlaveNode, CarriesOverWhatOfItsAllowanceIsSpent) {
   const auto paid = [&](int from) {
     double energy = 0.0;
     for (int k = from; k < from + 300; ++k) {
-      Known<3> master = heard(k, 0.0, 0.0);
+      PeerState<3> master = heard(k, 0.0, 0.0);
       master.newest.x = at(1e-4 * (k - from));
       const auto out = step<SlaveClock>(node, k, RobotState<3>{}, master);
       energy += kT * out.command.f.vec().dot(out.command.v_d.vec());
@@ -143,7 +143,7 @@ TEST(RenderNode, LetsGoForAReadingThatIsNone) {
   const Scene scene = parse_scene(R"(dof: 3 duration_s: 1 rate_hz: 1000 device { mass_kg: 0.1 }
     control { architecture: RENDER passivity { method: CLASSIC } } environment { spring { stiffness_n_per_m: 100 } })",
                                   "test");
-  RenderNode<3> node{scene.control, sim::Environment<3>{scene}};
+  RenderNode<3> node{scene.control, Environment<3>{scene.environment}};
   Force<3> held;
   for (int k = 0; k < 10; ++k) {
     const double x = k == 5 ? kNone : 0.01 * k;

@@ -1,4 +1,4 @@
-#include "lab/boundary.h"
+#include "lab/study/boundary.h"
 
 #include <fmt/format.h>
 #include <gtest/gtest.h>
@@ -57,7 +57,7 @@ void expect_boundary(const std::string& what, double theory, const std::string& 
                      const std::string& path, double tolerance) {
   SCOPED_TRACE(what);
   const Boundary found = find_boundary(
-      {.scene = scene, .set = set, .vary = {path, 0.8 * theory, 1.25 * theory}, .tolerance = kWidth, .scan = 2});
+      {.scene = scene, .set = set, .vary = {{path}, 0.8 * theory, 1.25 * theory}, .tolerance = kWidth, .scan = 2});
   EXPECT_LT(found.stable, found.unstable);
   const double off = distance(found, theory);
   fmt::print("    {:<104} theory {:<10.6g} laboratory {:<10.6g} to {:<10.6g} off by {:.1e}\n", what, theory,
@@ -370,6 +370,18 @@ TEST(BoundaryProgram, SaysSoWhereAValueIsTheLeastThatIsStable) {
   EXPECT_NEAR(std::stod(line.substr(name.size())), 0.5, 1e-3);
 }
 
+// Two springs side by side hold together what one holds alone.
+TEST(BoundaryProgram, MovesLinkedPathsTogether) {
+  const std::string other = "environment[1].spring.stiffness_n_per_m";
+  const test::Process p =
+      finished({TWOPORT_LAB, "boundary", kHeld, "--vary", kStiffness + "," + other + "=250:4000", "--set",
+                "environment[1].spring.anchor_m=[0]", "--set", "duration_s=15", "--tolerance", "5e-4"});
+  const std::string line = last_line(p.out()), name = kStiffness + "," + other + " = ";
+  ASSERT_EQ(line.rfind(name, 0), 0U) << p.out() << p.err();
+  const double theory = 0.5 * critical_stiffness({.period_s = 5e-4});
+  EXPECT_NEAR(std::stod(line.substr(name.size())), theory, 5e-4 * theory);
+}
+
 /// Two modes that meet: unstable by a hair from 0.54 to 0.79, then stable again up to beyond 1.1.
 const BilateralLoop kIsland{.architecture = Architecture::position_force,
                             .master_mass_kg = 0.331178,
@@ -392,7 +404,7 @@ TEST(Boundary, IsTheFirstOfSeveralChanges) {
   beyond.force_scale = 1.7 * first;
   ASSERT_LT(spectral_radius(beyond), 1.0);
   BoundaryOptions options{
-      .scene = scene, .set = overrides(kIsland), .vary = {"control.force_scale", 0.5 * first, 5.0 * first}};
+      .scene = scene, .set = overrides(kIsland), .vary = {{"control.force_scale"}, 0.5 * first, 5.0 * first}};
   EXPECT_LE(std::abs(distance(find_boundary(options), first)), 1e-2);
   options.scan = 0;
   EXPECT_GT(find_boundary(options).stable, 1.7 * first);  // bisection alone steps over it
@@ -430,6 +442,8 @@ TEST(BoundaryProgram, SaysWhatIsWrongWithAnIntervalOrAPath) {
   expect_refused({kHeld, "--vary", kStiffness}, {"--vary", kStiffness, "PATH=LO:HI"});
   expect_refused({kHeld, "--vary", kStiffness + "=5:x"}, {"\"x\"", "PATH=LO:HI"});
   expect_refused({kHeld, "--vary", kStiffness + "=5:5"}, {"LO is 5", "LO must be < HI"});
+  expect_refused({kHeld, "--vary", kStiffness + ",=1:2"}, {"a path is empty"});
+  expect_refused({kHeld, "--vary", kStiffness + "," + kStiffness + "=1:2"}, {"named twice"});
   expect_refused({kHeld, "--vary", "device.colour=1:2"}, {"device.colour=1", "colour", "mass_kg"});
   expect_refused({kHeld, "--vary", "device.mass_kg=-1:2"}, {"device.mass_kg", "-1", ">= 0"});
   expect_refused({kHeld, "--vary", kStiffness + "=500:8000", "--tolerance", "0"}, {"--tolerance", "0", "between"});

@@ -1,4 +1,4 @@
-#include "lab/chart.h"
+#include "lab/study/chart.h"
 
 #include <gtest/gtest.h>
 
@@ -6,8 +6,8 @@
 #include <cmath>
 
 #include "common/base/check.h"
-#include "lab/boundary.h"
 #include "lab/oracle.h"
+#include "lab/study/boundary.h"
 #include "tests/support/process.h"
 
 namespace twoport::lab {
@@ -84,7 +84,7 @@ TEST(Chart, ShowsThatEulerCallsAWallStableThatIsNot) {
   const auto found = [](const std::string& integrator) {
     return find_boundary({.scene = TWOPORT_SCENES "/held_spring.textproto",
                           .set = {"duration_s=15", "simulation.integrator=" + integrator},
-                          .vary = {"environment[0].spring.stiffness_n_per_m", 500.0, 4e6}})
+                          .vary = {{"environment[0].spring.stiffness_n_per_m"}, 500.0, 4e6}})
         .stable;
   };
   EXPECT_NEAR(found("EXACT"), theory, 1e-3 * theory);
@@ -99,7 +99,7 @@ TEST(Chart, FindsTheStabilityOfEulerSubstepsThatTheoryHas) {
     const double found = find_boundary({.scene = TWOPORT_SCENES "/held_spring.textproto",
                                         .set = {"duration_s=15", "simulation.integrator=SYMPLECTIC_EULER",
                                                 "simulation.substeps=" + std::to_string(substeps)},
-                                        .vary = {"environment[0].spring.stiffness_n_per_m", 500.0, 2e4}})
+                                        .vary = {{"environment[0].spring.stiffness_n_per_m"}, 500.0, 2e4}})
                              .stable;
     EXPECT_NEAR(found, theory, 5e-3 * theory) << substeps;
   }
@@ -114,6 +114,17 @@ TEST(Chart, TellsTheEnergyOfABodyAlone) {
                          .repetitions = 1});
   EXPECT_LT(named(c, "EXACT").error.energy_max_j, 1e-10);
   EXPECT_GT(named(c, "EXACT_PER_TICK").error.energy_max_j, 1e-5);  // of 12.5 mJ
+}
+
+TEST(Chart, NamesAPointOfLinkedPathsOnce) {
+  const Chart c = chart({.scene = TWOPORT_SCENES "/chart/bilateral.textproto",
+                         .set = {"duration_s=0.1"},
+                         .vary = {"to_slave.delay_ms,to_master.delay_ms=5,20", "device.mass_kg,robot.mass_kg=0.2"},
+                         .boundary = {},
+                         .repetitions = 1,
+                         .reference_substeps = 2});
+  named(c, "5 delay_ms, 0.2 mass_kg");
+  named(c, "20 delay_ms, 0.2 mass_kg");
 }
 
 TEST(ChartProgram, RecommendsAndRefuses) {

@@ -19,10 +19,9 @@ namespace twoport::lab {
 namespace {
 
 /// Two seeds of a case, measured once however many tests ask.
-const PaperNumbers& numbers(const std::string& experiment, const std::string& method,
-                            const std::string& sensor = "ideal") {
+const PaperNumbers& numbers(const char* experiment, const char* method, const char* sensor = "ideal") {
   static std::map<std::string, PaperNumbers> kept;
-  const std::string key = experiment + "/" + method + "/" + sensor;
+  const std::string key = std::string{experiment} + "/" + method + "/" + sensor;
   const auto found = kept.find(key);
   if (found != kept.end()) return found->second;
   return kept[key] = measure(paper_case(experiment, "light", sensor, method), 2);

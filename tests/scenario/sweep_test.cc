@@ -1,4 +1,4 @@
-#include "lab/sweep.h"
+#include "lab/study/sweep.h"
 
 #include <fmt/format.h>
 #include <gtest/gtest.h>
@@ -13,8 +13,8 @@
 
 #include "common/base/check.h"
 #include "common/scene/summary.h"
-#include "lab/cells.h"
-#include "lab/plot.h"
+#include "lab/plot/sweep_picture.h"
+#include "lab/study/cells.h"
 #include "tests/support/process.h"
 
 namespace twoport::lab {
@@ -71,7 +71,7 @@ TEST(Axis, IsAListOrARange) {
   EXPECT_EQ(values("1:1000:4:log"), (Words{"1", "10", "100", "1000"}));
   EXPECT_TRUE(parse_axis("a=1:10:2:log").logarithmic);
   EXPECT_FALSE(parse_axis("a=1:10:2").logarithmic);
-  EXPECT_EQ(parse_axis("environment[0].wall.friction=1,2").path, "environment[0].wall.friction");
+  EXPECT_EQ(parse_axis("environment[0].wall.friction=1,2").paths, Words{"environment[0].wall.friction"});
 }
 
 TEST(Axis, SaysWhatIsWrong) {
@@ -90,6 +90,17 @@ TEST(Axis, SaysWhatIsWrong) {
   refused("a=1:2:1", "count is 1");
   refused("a=0:2:3:log", "both must be > 0");
   refused("a=-1:2:3:log", "both must be > 0");
+}
+
+TEST(Axis, MayHavePathsThatMoveTogether) {
+  const Axis axis = parse_axis("to_slave.delay_ms,to_master.delay_ms=5,10");
+  EXPECT_EQ(axis.paths, (Words{"to_slave.delay_ms", "to_master.delay_ms"}));
+  EXPECT_EQ(axis.values, (Words{"5", "10"}));
+  EXPECT_EQ(axis.name(), "to_slave.delay_ms,to_master.delay_ms");
+  EXPECT_EQ(parse_axis("a,b=[1, 2],[3, 4]").values, (Words{"[1, 2]", "[3, 4]"}));
+  EXPECT_EQ(parse_axis("a,b,c={ hold { duration_s: 1 } }").paths.size(), 3U);
+  for (const char* text : {"a,=1", ",a=1", "a,,b=1,2", "a,b,a=1,2"})
+    EXPECT_THROW(static_cast<void>(parse_axis(text)), ConfigError) << text;
 }
 
 TEST(Shard, CountsFromOne) {
@@ -133,6 +144,29 @@ TEST(Sweep, VariesAnyPathOfTheScene) {
     const Table table = sweep(
         {.scene = kHeld, .set = {"duration_s=0.2"}, .axes = {parse_axis(axis)}, .jobs = 1, .shard = {}, .out = ""});
     EXPECT_EQ(table.rows.size(), parse_axis(axis).values.size()) << axis;
+  }
+}
+
+// The symmetric delay: each row is the run with both overrides, and the table has both columns.
+TEST(Sweep, MovesLinkedPathsTogether) {
+  const std::string there = "to_slave.delay_ms", back = "to_master.delay_ms";
+  const auto table = [&](const Words& set, const Words& axes) {
+    SweepOptions o{.scene = kWall, .set = {"duration_s=0.6"}, .axes = {}, .jobs = 2, .shard = {}, .out = ""};
+    o.set.insert(o.set.end(), set.begin(), set.end());
+    for (const std::string& axis : axes) o.axes.push_back(parse_axis(axis));
+    return sweep(o);
+  };
+  const std::string seeds = "seed=3,4";
+  const Table linked = table({}, {there + "," + back + "=10,30", seeds});
+  ASSERT_EQ(linked.rows.size(), 4U);
+  EXPECT_EQ(Words(linked.columns.begin(), linked.columns.begin() + 3), (Words{there, back, "seed"}));
+  for (const std::string delay : {"10", "30"}) {
+    const Table apart = table({there + "=" + delay, back + "=" + delay}, {seeds});
+    for (std::size_t seed = 0; seed < 2; ++seed) {
+      Words expected{delay, delay};
+      expected.insert(expected.end(), apart.rows[seed].begin(), apart.rows[seed].end());
+      EXPECT_EQ(linked.rows[(delay == "10" ? 0 : 2) + seed], expected);
+    }
   }
 }
 
@@ -234,6 +268,33 @@ TEST(SweepProgram, MergesItsPartsIntoTheWhole) {
   expect_refused(merge({"a", "nowhere"}, "m"), {folder / "nowhere", "cannot be read"});
 }
 
+TEST(SweepProgram, ShardsMergesAndGoesOnWithLinkedPaths) {
+  const Folder folder;
+  const Words grid{"sweep", kWall,    "--set",    "duration_s=0.3", "--plot",
+                   "none",  "--vary", "seed=1,2", "--vary",         "to_slave.delay_ms,to_master.delay_ms=5:50:4"};
+  const auto sweep = [&](const Words& more, const std::string& out) {
+    expect_done(finished(lab(plus(plus(grid, more), {"--out", folder / out}))));
+    return read_text(folder / out + "/table.csv");
+  };
+  const std::string whole = sweep({"--jobs", "1"}, "whole");
+  EXPECT_EQ(whole.rfind("seed,to_slave.delay_ms,to_master.delay_ms,dof,", 0), 0U) << whole.substr(0, 200);
+  EXPECT_NE(whole.find("\n2,35,35,"), std::string::npos) << whole;
+  EXPECT_EQ(sweep({"--jobs", "2"}, "two"), whole);
+
+  sweep({"--shard", "1/2"}, "a");
+  sweep({"--shard", "2/2"}, "b");
+  expect_done(finished(lab({"merge", folder / "a", folder / "b", "--plot", "none", "--out", folder / "m"})));
+  EXPECT_EQ(read_text(folder / "m/table.csv"), whole);
+
+  // Half of its cells are there.
+  const std::string kept = read_text(folder / "a/cells.jsonl");
+  EXPECT_EQ(sweep({}, "a"), whole);
+  EXPECT_EQ(read_text(folder / "a/cells.jsonl").rfind(kept, 0), 0U);
+  Words apart = grid;
+  apart.back() = "to_slave.delay_ms=5:50:4";
+  expect_refused(finished(lab(plus(apart, {"--out", folder / "a"}))), {folder / "a", "another"});
+}
+
 TEST(SweepProgram, SaysWhatIsWrong) {
   const auto sweep = [](const Words& more) {
     return finished(lab(plus({"sweep", kHeld, "--set", "duration_s=0.1"}, more)));
@@ -243,6 +304,10 @@ TEST(SweepProgram, SaysWhatIsWrong) {
   expect_refused(sweep({"--vary", "device.colour=1,2"}), {"device.colour=1", "colour", "mass_kg"});
   expect_refused(sweep({"--vary", "device.mass_kg=0.1,-1"}), {"device.mass_kg", "-1", ">= 0"});
   expect_refused(sweep({"--vary", "device.mass_kg=1,2", "--vary", "device.mass_kg=3,4"}), {"device.mass_kg", "twice"});
+  expect_refused(sweep({"--vary", "device.mass_kg,seed=1,2", "--vary", "seed=3,4"}), {"seed is varied twice"});
+  expect_refused(sweep({"--vary", "device.mass_kg,device.mass_kg=1,2"}), {"device.mass_kg is named twice"});
+  expect_refused(sweep({"--vary", "device.mass_kg,=1,2"}), {"device.mass_kg,=1,2", "a path is empty"});
+  expect_refused(sweep({"--vary", "device.mass_kg,device.colour=1,2"}), {"device.colour=1", "colour", "mass_kg"});
   expect_refused(sweep({"--vary", "seed=1:1000:1000", "--vary", "device.mass_kg=1:2:1001"}),
                  {"1001000 cells", "at most"});
   expect_refused(sweep({"--vary", "seed=1,2", "--shard", "3/2"}), {"--shard 3/2", "I/N"});
@@ -273,7 +338,7 @@ Table some_table(std::size_t axes) {
               .rows = {}};
   table.axes.resize(axes);
   const Plan plan{.digest = "", .axes = table.axes, .columns = {}};
-  for (const Axis& axis : table.axes) table.columns.push_back(axis.path);
+  for (const Axis& axis : table.axes) table.columns.push_back(axis.name());
   table.columns.insert(table.columns.end(), {"stable", "drift_m"});
   for (std::size_t cell = 0; cell < plan.cells(); ++cell) {
     table.rows.push_back(plan.values(cell));

@@ -1,4 +1,4 @@
-#include "lab/trim.h"
+#include "lab/study/trim.h"
 
 #include <gtest/gtest.h>
 

@@ -1,4 +1,4 @@
-#include "lab/zwidth.h"
+#include "lab/study/zwidth.h"
 
 #include <gtest/gtest.h>
 

@@ -1,4 +1,4 @@
-#include "sim/integrators.h"
+#include "sim/plant/integrators.h"
 
 #include <gtest/gtest.h>
 

@@ -1,4 +1,4 @@
-#include "sim/linear.h"
+#include "sim/plant/linear.h"
 
 #include <gtest/gtest.h>
 

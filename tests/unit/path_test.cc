@@ -1,4 +1,4 @@
-#include "sim/path.h"
+#include "sim/operator/path.h"
 
 #include <gtest/gtest.h>
 

@@ -26,6 +26,16 @@
 namespace twoport {
 namespace {
 
+using Eigen::Vector3d;
+
+template <class S>
+S shape_of(const EnvironmentSpec& spec) {
+  return std::get<S>(std::get<Surface>(spec).shape);
+}
+Material material_of(const EnvironmentSpec& spec) {
+  return std::get<Surface>(spec).material;
+}
+
 using Overrides = std::vector<std::string>;
 
 // The two scenes that fix the grammar, and one in 6 DoF that has every block and every list.
@@ -192,10 +202,10 @@ TEST(Scene, ReadsTheStiffWallOfTheContract) {
   EXPECT_EQ(s.robot->mass_kg, 0.5);
   EXPECT_EQ(s.robot->damping_n_s_per_m, 2.0);
   ASSERT_EQ(s.environment.size(), 1U);
-  const auto& wall = std::get<WallSpec>(s.environment[0]);
-  EXPECT_EQ(wall.normal, (Numbers{-1, 0, 0}));
+  const Wall wall = shape_of<Wall>(s.environment[0]);
+  EXPECT_EQ(wall.normal, Vector3d(-1, 0, 0));
   EXPECT_EQ(wall.offset_m, -0.02);
-  EXPECT_EQ(wall.material.stiffness_n_per_m, 5000.0);
+  EXPECT_EQ(material_of(s.environment[0]).stiffness_n_per_m, 5000.0);
   EXPECT_EQ(s.expect.stable, true);
   ASSERT_EQ(s.expect.at_least.size(), 1U);
   EXPECT_EQ(s.expect.at_least[0].key, "min_port_energy_j");
@@ -251,9 +261,9 @@ TEST(Scene, ReadsTheHeldSpringOfTheContract) {
   EXPECT_EQ(s.device->velocity_estimate, VelocityEstimate::backward_difference);
   EXPECT_EQ(s.control.architecture, Architecture::render);
   EXPECT_EQ(s.control.controller.method, Method::none);
-  const auto& spring = std::get<SpringSpec>(s.environment.at(0));
+  const auto& spring = std::get<Spring>(s.environment.at(0));
   EXPECT_EQ(spring.stiffness_n_per_m, 2000.0);
-  EXPECT_EQ(spring.anchor_m, Numbers{0});
+  EXPECT_EQ(spring.anchor_m, Vector3d(0, 0, 0));
 }
 
 TEST(Scene, ReadsEveryBlockInSixDegreesOfFreedom) {
@@ -278,21 +288,21 @@ TEST(Scene, ReadsEveryBlockInSixDegreesOfFreedom) {
   EXPECT_EQ(s.robot->force_sensor->latency_s, 2e-3);
 
   ASSERT_EQ(s.environment.size(), 5U);
-  const auto& sphere = std::get<SphereSpec>(s.environment[0]);
-  EXPECT_EQ(sphere.center_m, (Numbers{0, 0, -1}));
+  const Sphere sphere = shape_of<Sphere>(s.environment[0]);
+  EXPECT_EQ(sphere.center_m, Vector3d(0, 0, -1));
   EXPECT_EQ(sphere.radius_m, 0.9);
-  EXPECT_EQ(sphere.material.damping_n_s_per_m, 1.0);
-  EXPECT_EQ(sphere.material.friction, 0.3);
-  EXPECT_EQ(sphere.material.viscous_friction_n_s_per_m, 2.0);
-  const auto& cylinder = std::get<CylinderSpec>(s.environment[1]);
-  EXPECT_EQ(cylinder.point_m, (Numbers{1, 0, 0}));
-  EXPECT_EQ(cylinder.axis, (Numbers{0, 0, 1}));
+  EXPECT_EQ(material_of(s.environment[0]).damping_n_s_per_m, 1.0);
+  EXPECT_EQ(material_of(s.environment[0]).friction, 0.3);
+  EXPECT_EQ(material_of(s.environment[0]).viscous_friction_n_s_per_m, 2.0);
+  const Cylinder cylinder = shape_of<Cylinder>(s.environment[1]);
+  EXPECT_EQ(cylinder.point_m, Vector3d(1, 0, 0));
+  EXPECT_EQ(cylinder.axis, Vector3d(0, 0, 1));
   EXPECT_EQ(cylinder.radius_m, 0.1);
-  const auto& box = std::get<BoxSpec>(s.environment[2]);
-  EXPECT_EQ(box.center_m, (Numbers{0, 1, 0}));
-  EXPECT_EQ(box.half_size_m, (Numbers{0.1, 0.2, 0.3}));
-  EXPECT_EQ(std::get<SpringSpec>(s.environment[3]).damping_n_s_per_m, 0.5);
-  EXPECT_EQ(s.tool, (std::vector<Numbers>{{0, 0, 0.05}, {0.01, 0, 0.05}}));
+  const Box box = shape_of<Box>(s.environment[2]);
+  EXPECT_EQ(box.center_m, Vector3d(0, 1, 0));
+  EXPECT_EQ(box.half_size_m, Vector3d(0.1, 0.2, 0.3));
+  EXPECT_EQ(std::get<Spring>(s.environment[3]).damping_n_s_per_m, 0.5);
+  EXPECT_EQ(s.tool, (std::vector<Vector3d>{{0, 0, 0.05}, {0.01, 0, 0.05}}));
 }
 
 TEST(Scene, ReadsEveryImpairment) {
@@ -369,21 +379,19 @@ TEST(Scene, PositionsThatAreNotGivenStayEmpty) {
   EXPECT_TRUE(s.device->position_m.empty() && s.device->velocity_m_per_s.empty());
   EXPECT_TRUE(s.robot->position_m.empty());
   EXPECT_TRUE(std::get<MoveToSpec>(s.human->path[0]).position_m.empty());
-  EXPECT_TRUE(std::get<SpringSpec>(s.environment[0]).anchor_m.empty());
+  EXPECT_EQ(std::get<Spring>(s.environment[0]).anchor_m, Vector3d(0, 0, 0));
 }
 
 TEST(Scene, DirectionsAndAttitudesAreMadeOfUnitLength) {
   const Scene s = scene_of(kTurning, {"device.position_m=[0, 0, 0, 0.8005, 0.6, 0, 0]"});
-  const auto& wall = std::get<WallSpec>(s.environment[4]);
+  const Wall wall = shape_of<Wall>(s.environment[4]);
   EXPECT_NEAR(wall.normal[1], 0.6, 1e-15);
   EXPECT_NEAR(wall.normal[2], 0.8, 1e-15);
   EXPECT_NEAR(std::hypot(s.device->position_m[3], s.device->position_m[4]), 1.0, 1e-15);
-  EXPECT_EQ(
-      std::get<WallSpec>(scene_of(kStiffWall, {"environment[0].wall.normal=[1e300, 0, 0]"}).environment[0]).normal,
-      (Numbers{1, 0, 0}));
-  EXPECT_EQ(
-      std::get<WallSpec>(scene_of(kStiffWall, {"environment[0].wall.normal=[0, -1e-300, 0]"}).environment[0]).normal,
-      (Numbers{0, -1, 0}));
+  EXPECT_EQ(shape_of<Wall>(scene_of(kStiffWall, {"environment[0].wall.normal=[1e300, 0, 0]"}).environment[0]).normal,
+            Vector3d(1, 0, 0));
+  EXPECT_EQ(shape_of<Wall>(scene_of(kStiffWall, {"environment[0].wall.normal=[0, -1e-300, 0]"}).environment[0]).normal,
+            Vector3d(0, -1, 0));
 }
 
 TEST(Scene, OneMomentOfInertiaStandsForThree) {
@@ -391,8 +399,8 @@ TEST(Scene, OneMomentOfInertiaStandsForThree) {
 }
 
 TEST(Scene, AToolWithoutPointsTouchesAtItsOrigin) {
-  EXPECT_EQ(scene_of(kTurning, {"tool={}"}).tool, (std::vector<Numbers>{{0, 0, 0}}));
-  EXPECT_EQ(scene_of(kTurning, {"tool={contact_point {}}"}).tool, (std::vector<Numbers>{{0, 0, 0}}));
+  EXPECT_EQ(scene_of(kTurning, {"tool={}"}).tool, std::vector<Vector3d>{Vector3d::Zero()});
+  EXPECT_EQ(scene_of(kTurning, {"tool={contact_point {}}"}).tool, std::vector<Vector3d>{Vector3d::Zero()});
 }
 
 TEST(Scene, TheHandlesMassMayComeFromTheHandOrTheDevice) {
@@ -815,7 +823,7 @@ TEST(Override, SetsNumbersChoicesFlagsListsAndStrings) {
   EXPECT_EQ(s.to_slave.delay_s, 0.0125);
   EXPECT_EQ(s.control.controller.method, Method::classic);
   EXPECT_FALSE(s.control.controller.predict);
-  EXPECT_EQ(std::get<WallSpec>(s.environment[0]).normal, (Numbers{0, 1, 0}));
+  EXPECT_EQ(shape_of<Wall>(s.environment[0]).normal, Vector3d(0, 1, 0));
   EXPECT_EQ(s.seed, 99U);
   EXPECT_EQ(s.name, "of another name");
 }
@@ -837,8 +845,8 @@ TEST(Override, AnIndexPastTheEndAppends) {
                                         "environment[2]={wall {normal: [1, 0, 0] stiffness_n_per_m: 4}}",
                                         "device.position_m[0]=1", "device.position_m[1]=2", "device.position_m[2]=3"});
   ASSERT_EQ(s.environment.size(), 3U);
-  EXPECT_EQ(std::get<SpringSpec>(s.environment[1]).stiffness_n_per_m, 3.0);
-  EXPECT_EQ(std::get<WallSpec>(s.environment[2]).material.stiffness_n_per_m, 4.0);
+  EXPECT_EQ(std::get<Spring>(s.environment[1]).stiffness_n_per_m, 3.0);
+  EXPECT_EQ(material_of(s.environment[2]).stiffness_n_per_m, 4.0);
   EXPECT_EQ(s.device->position_m, (Numbers{1, 2, 3}));
 }
 
@@ -864,7 +872,7 @@ TEST(Override, ReplacesAWholeBlockAndAWholeList) {
 TEST(Override, AnotherKindTakesTheOldOnesPlace) {
   const Scene s = scene_of(kStiffWall, {"environment[0].spring.stiffness_n_per_m=3"});
   ASSERT_EQ(s.environment.size(), 1U);
-  EXPECT_EQ(std::get<SpringSpec>(s.environment[0]).stiffness_n_per_m, 3.0);
+  EXPECT_EQ(std::get<Spring>(s.environment[0]).stiffness_n_per_m, 3.0);
 }
 
 TEST(Override, TheLastOneWins) {

@@ -184,7 +184,7 @@ TEST(Spring, IsExactInSpace) {
 TEST(RungeKutta, AgreesWithTheExactPlantOnAWallAndConvergesToIt) {
   const Scene s =
       scene(1, kMassOnAWall + "environment { wall { normal: -1 stiffness_n_per_m: 5000 damping_n_s_per_m: 4 } }");
-  const Environment<1> e{s};
+  const Environment<1> e{s.environment};
   ASSERT_TRUE(ExactPlant<1>::fits(e.world()));
   const auto error = [&](int per_ms) {
     const double period = 1e-3 / per_ms;

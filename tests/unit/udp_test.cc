@@ -29,7 +29,7 @@ UdpSocket socket_on(std::string_view where) {
 std::optional<ReceivedDatagram> wait_for(UdpSocket& socket) {
   const auto end = Clock::now() + std::chrono::seconds{5};
   while (Clock::now() < end)
-    if (auto d = socket.receive()) return d;
+    if (auto d = socket.receive(Duration{0})) return d;
   return std::nullopt;
 }
 
@@ -68,13 +68,13 @@ TEST(UdpSocket, CarriesADatagramAndItsSource) {
   for (const char* where : {"127.0.0.1:0", "[::1]:0"}) {
     UdpSocket a = socket_on(where), b = socket_on(where);
     EXPECT_NE(a.local().port, 0);
-    EXPECT_FALSE(b.receive());
-    ASSERT_TRUE(a.send_to(bytes("hello"), b.local()));
+    EXPECT_FALSE(b.receive(Duration{0}));
+    ASSERT_TRUE(a.send(bytes("hello"), b.local(), Duration{0}));
     const auto got = wait_for(b);
     ASSERT_TRUE(got) << where;
     EXPECT_EQ(text(*got), "hello");
     EXPECT_EQ(got->from, a.local());
-    EXPECT_FALSE(b.receive());
+    EXPECT_FALSE(b.receive(Duration{0}));
   }
 }
 
@@ -98,71 +98,84 @@ TEST(UdpSocket, OutlivesAPeerThatIsGone) {
     gone = b.local();
   }
   for (int k = 0; k < 20; ++k) {
-    a.send_to(bytes("anyone?"), gone);
-    EXPECT_FALSE(a.receive());
+    a.send(bytes("anyone?"), gone, Duration{0});
+    EXPECT_FALSE(a.receive(Duration{0}));
   }
   UdpSocket c = socket_on("127.0.0.1:0");
-  ASSERT_TRUE(a.send_to(bytes("you?"), c.local()));
+  ASSERT_TRUE(a.send(bytes("you?"), c.local(), Duration{0}));
   EXPECT_TRUE(wait_for(c));
 }
 
 TEST(UdpSocket, KeepsToOnePeer) {
-  UdpSocket a = socket_on("127.0.0.1:0"), b = socket_on("127.0.0.1:0"), stranger = socket_on("127.0.0.1:0");
-  a.keep_to(b.local());
-  ASSERT_TRUE(stranger.send_to(bytes("me too"), a.local()));
-  ASSERT_TRUE(b.send_to(bytes("mine"), a.local()));
+  UdpSocket b = socket_on("127.0.0.1:0"), stranger = socket_on("127.0.0.1:0");
+  UdpSocket a{parse_endpoint("127.0.0.1:0", "--listen"), b.local()};
+  ASSERT_TRUE(stranger.send(bytes("me too"), a.local(), Duration{0}));
+  ASSERT_TRUE(b.send(bytes("mine"), a.local(), Duration{0}));
   const auto got = wait_for(a);
   ASSERT_TRUE(got);
   EXPECT_EQ(text(*got), "mine");
-  ASSERT_TRUE(a.send_to(bytes("back"), b.local()));
+  ASSERT_TRUE(a.send(bytes("back"), b.local(), Duration{0}));
   EXPECT_TRUE(wait_for(b));
 }
 
 TEST(UdpSocket, KeepsToAPeerThatIsNotThereYet) {
-  UdpSocket a = socket_on("127.0.0.1:0");
   Endpoint later;
   {
     const UdpSocket b = socket_on("127.0.0.1:0");
     later = b.local();
   }
-  a.keep_to(later);
+  UdpSocket a{parse_endpoint("127.0.0.1:0", "--listen"), later};
   // Each of these brings an error back, which the next meets.
-  for (int k = 0; k < 20; ++k) EXPECT_TRUE(a.send_to(bytes("there?"), later));
+  for (int k = 0; k < 20; ++k) EXPECT_TRUE(a.send(bytes("there?"), later, Duration{0}));
   for (int k = 0; k < 20; ++k) {
-    EXPECT_TRUE(a.send_to(bytes("there?"), later));
-    EXPECT_FALSE(a.receive());
+    EXPECT_TRUE(a.send(bytes("there?"), later, Duration{0}));
+    EXPECT_FALSE(a.receive(Duration{0}));
   }
-  EXPECT_EQ(a.unsent(), 0U);
+  EXPECT_EQ(a.counts().unsent, 0U);
   UdpSocket b{later};
-  ASSERT_TRUE(a.send_to(bytes("now?"), later));
+  ASSERT_TRUE(a.send(bytes("now?"), later, Duration{0}));
   ASSERT_TRUE(wait_for(b));
-  ASSERT_TRUE(b.send_to(bytes("yes"), a.local()));
+  ASSERT_TRUE(b.send(bytes("yes"), a.local(), Duration{0}));
   EXPECT_TRUE(wait_for(a));
+}
+
+TEST(UdpSocket, RefusesAPeerThatIsNobody) {
+  const Endpoint here = parse_endpoint("127.0.0.1:0", "--listen");
+  EXPECT_THROW((UdpSocket{here, here}), ConfigError);
+  EXPECT_THROW((UdpSocket{here, parse_endpoint("0.0.0.0:45001", "--peer")}), ConfigError);
+}
+
+TEST(UdpSocket, SaysThatADatagramArrivedBeforeItWasReceived) {
+  UdpSocket a = socket_on("127.0.0.1:0"), b = socket_on("127.0.0.1:0");
+  ASSERT_TRUE(a.send(bytes("hello"), b.local(), Duration{0}));
+  const auto got = wait_for(b);
+  ASSERT_TRUE(got);
+  EXPECT_LT(got->arrived, Duration{0});
 }
 
 TEST(UdpSocket, KeepsTheOrderOfMoreThanABatch) {
   UdpSocket a = socket_on("127.0.0.1:0"), b = socket_on("127.0.0.1:0");
-  for (char k = 0; k < 100; ++k) ASSERT_TRUE(a.send_to(bytes({&k, 1}), b.local()));
+  for (char k = 0; k < 100; ++k) ASSERT_TRUE(a.send(bytes({&k, 1}), b.local(), Duration{0}));
   for (char k = 0; k < 100; ++k) {
     const auto got = wait_for(b);
     ASSERT_TRUE(got);
     EXPECT_EQ(text(*got), std::string(1, k));
     EXPECT_EQ(got->from, a.local());
   }
-  EXPECT_FALSE(b.receive());
+  EXPECT_FALSE(b.receive(Duration{0}));
 }
 
 TEST(UdpSocket, CountsWhatCannotBeSent) {
   UdpSocket a = socket_on("127.0.0.1:0");
   const std::vector<std::byte> too_long(70'000);
-  EXPECT_FALSE(a.send_to(too_long, a.local()));
-  EXPECT_EQ(a.unsent(), 1U);
+  EXPECT_FALSE(a.send(too_long, a.local(), Duration{0}));
+  EXPECT_EQ(a.counts().unsent, 1U);
 }
 
 TEST(UdpSocket, CutsWhatIsTooLongToALengthThatShows) {
   UdpSocket a = socket_on("127.0.0.1:0"), b = socket_on("127.0.0.1:0");
   const std::vector<std::byte> long_one(9000);
-  ASSERT_TRUE(a.send_to(long_one, b.local()));
+  ASSERT_TRUE(a.send(long_one, b.local(), Duration{0}));
   const auto got = wait_for(b);
   ASSERT_TRUE(got);
   EXPECT_GT(got->bytes.size(), 1024U);
@@ -175,9 +188,9 @@ TEST(UdpSocket, DoesNotAllocate) {
   int got = 0;
   const NoAlloc guard;
   for (int k = 0; k < 200; ++k) {
-    a.send_to(payload, b.local());
+    a.send(payload, b.local(), Duration{0});
     for (int i = 0; i < 10; ++i)
-      if (b.receive()) ++got;
+      if (b.receive(Duration{0})) ++got;
   }
   EXPECT_EQ(guard.seen(), 0);
   EXPECT_GT(got, 0);

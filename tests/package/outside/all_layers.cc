@@ -1,8 +1,8 @@
-#include <common/platform/session.h>
+#include <common/platform/udp.h>
 #include <common/record/trace.h>
 #include <common/scene/load.h>
 #include <common/scene/summary.h>
-#include <common/wire/codec.h>
+#include <common/wire/link_transport.h>
 #include <master/master_node.h>
 #include <sim/sim_device.h>
 #include <slave/slave_node.h>

@@ -1,0 +1,76 @@
+#pragma once
+
+#include <Eigen/Core>
+#include <type_traits>
+
+namespace twoport {
+
+/// A velocity, force or momentum of a body, its translation and its rotation as two 3-vectors. Where the halves are
+/// computed apart, this is faster than one 6-vector: that is written by threes and read back by twos, which stalls.
+struct SpatialVector {
+  Eigen::Vector3d linear, angular;
+
+  static SpatialVector Zero() { return {Eigen::Vector3d::Zero(), Eigen::Vector3d::Zero()}; }
+  SpatialVector& operator+=(const SpatialVector& b) {
+    linear += b.linear;
+    angular += b.angular;
+    return *this;
+  }
+  SpatialVector& operator-=(const SpatialVector& b) {
+    linear -= b.linear;
+    angular -= b.angular;
+    return *this;
+  }
+  SpatialVector& operator/=(double s) {
+    linear /= s;
+    angular /= s;
+    return *this;
+  }
+  SpatialVector operator-() const { return {-linear, -angular}; }
+  friend SpatialVector operator+(SpatialVector a, const SpatialVector& b) { return a += b; }
+  friend SpatialVector operator-(SpatialVector a, const SpatialVector& b) { return a -= b; }
+  friend SpatialVector operator*(double s, const SpatialVector& a) { return {s * a.linear, s * a.angular}; }
+};
+
+/// The same for a port of size N: an N-vector, for N = 6 its two halves.
+template <int N>
+using PortVector = std::conditional_t<N == 6, SpatialVector, Eigen::Matrix<double, N, 1>>;
+
+/// Its part that translates.
+inline Eigen::Vector3d& translation(SpatialVector& v) {
+  return v.linear;
+}
+inline const Eigen::Vector3d& translation(const SpatialVector& v) {
+  return v.linear;
+}
+template <int D>
+Eigen::Matrix<double, D, 1>& translation(Eigen::Matrix<double, D, 1>& v) {
+  return v;
+}
+template <int D>
+const Eigen::Matrix<double, D, 1>& translation(const Eigen::Matrix<double, D, 1>& v) {
+  return v;
+}
+
+/// A factor for what translates and one for what turns.
+struct PortScale {
+  double linear = 0.0, angular = 0.0;
+  friend SpatialVector operator*(const PortScale& s, const SpatialVector& v) {
+    return {s.linear * v.linear, s.angular * v.angular};
+  }
+  template <int D>
+  friend Eigen::Matrix<double, D, 1> operator*(const PortScale& s, const Eigen::Matrix<double, D, 1>& v) {
+    return s.linear * v;
+  }
+};
+
+template <int N>
+PortVector<N> port_vector(const Eigen::Matrix<double, N, 1>& v) {
+  if constexpr (N == 6) {
+    return {v.template head<3>(), v.template tail<3>()};
+  } else {
+    return v;
+  }
+}
+
+}  // namespace twoport

@@ -1,0 +1,79 @@
+#pragma once
+
+#include <algorithm>
+
+#include "common/contact/shape.h"
+
+namespace twoport {
+
+/// Below this sliding speed Coulomb friction falls linearly to zero [m/s].
+inline constexpr double kStictionSpeed = 1e-3;
+
+/// What touching a surface answers: stiffness and damping along the normal, friction across it.
+struct Material {
+  double stiffness_n_per_m, damping_n_s_per_m, friction, viscous_friction_n_s_per_m;
+};
+
+/// Force of one contact on the point that touches [N], in two parts.
+template <int D>
+struct ContactForce {
+  Point<D> normal, tangential;
+};
+
+/// A shape with its material: spring and damper along the normal, friction across it.
+struct Surface {
+  Shape shape;
+  Material material;
+
+  /// Force on a point that is inside, at a signed distance -d, moving with v = v_n n + v_t [m/s]. False, and nothing
+  /// written, where it leaves faster than the spring follows.
+  ///
+  ///     f_n = max(0, K d - B v_n) n                       never pulls
+  ///     f_t = -B_t v_t - μ |f_n| v_t / max(|v_t|, 1 mm/s)
+  template <int D>
+  [[nodiscard]] bool force(const SignedDistance<D>& at, double vn, const Point<D>& v,
+                           ContactForce<D>& out) const noexcept {
+    const double depth = -at.distance;
+    const double fn = material.stiffness_n_per_m * depth - material.damping_n_s_per_m * vn;
+    if (fn <= 0.0) return false;
+    out.normal = fn * at.normal;
+    out.tangential.setZero();
+    if constexpr (D > 1) {
+      if (material.friction > 0.0 || material.viscous_friction_n_s_per_m > 0.0) {
+        Point<D> vt = v - vn * at.normal;
+        const double coulomb = material.friction * fn / std::max(vt.norm(), kStictionSpeed);
+        out.tangential = -(material.viscous_friction_n_s_per_m + coulomb) * vt;
+      }
+    }
+    return true;
+  }
+  /// Elastic energy of a point at a signed distance [J]: K d²/2 inside.
+  [[nodiscard]] double potential(double distance) const noexcept {
+    const double depth = std::max(0.0, -distance);
+    return 0.5 * material.stiffness_n_per_m * depth * depth;
+  }
+  template <int D>
+  [[nodiscard]] double potential(const Point<D>& p) const noexcept {
+    return potential(signed_distance<D>(shape, p).distance);
+  }
+};
+
+/// A spring and damper between a point and an anchor; holds from both sides.
+struct Spring {
+  static constexpr const char* kName = "spring";
+  double stiffness_n_per_m, damping_n_s_per_m;
+  Eigen::Vector3d anchor_m;
+
+  /// K (anchor - p) - B v  [N]
+  template <int D>
+  [[nodiscard]] Point<D> force(const Point<D>& p, const Point<D>& v) const noexcept {
+    return stiffness_n_per_m * (anchor_m.head<D>() - p) - damping_n_s_per_m * v;
+  }
+  /// K |anchor - p|²/2  [J]
+  template <int D>
+  [[nodiscard]] double potential(const Point<D>& p) const noexcept {
+    return 0.5 * stiffness_n_per_m * (anchor_m.head<D>() - p).squaredNorm();
+  }
+};
+
+}  // namespace twoport

@@ -1,0 +1,140 @@
+#pragma once
+
+#include <vector>
+
+#include "common/base/spatial_vector.h"
+#include "common/base/vector.h"
+#include "common/contact/world.h"
+
+namespace twoport {
+
+/// A position and, for N = 6, its attitude as a matrix too, which several computations need.
+template <int N>
+struct PoseWithRotation {
+  Position<N> x;
+  PoseWithRotation(const Position<N>& at) : x{at} {}
+};
+template <>
+struct PoseWithRotation<6> {
+  Position<6> x;
+  Eigen::Matrix3d R;  ///< body to world
+  PoseWithRotation(const Position<6>& at) : x{at}, R{at.attitude().toRotationMatrix()} {}
+};
+
+/// What one contact does to the port.
+template <int N>
+struct ContactPort {
+  int index;                         ///< of the contact
+  Feature feature;                   ///< that answers
+  bool presses;                      ///< carries force: the point does not leave faster than the spring follows
+  PortVector<N> normal, tangential;  ///< forces on the port; a spring is all normal [N], [N m]
+  Energy potential;                  ///< elastic energy held
+};
+
+/// The environment as a port of size N sees it: N = 1, 3 touch with the port itself, N = 6 with points of a tool, so
+/// that a wrench with torque comes back. All forces act on the port, in world axes, at the tool's origin [N], [N m].
+///
+/// A contact is a pair of a point and a thing, numbered from 0: the points in turn, for each the surfaces, then the
+/// springs. What a contact remembers stays with the caller: the environment itself never changes.
+template <int N>
+class Environment {
+ public:
+  static constexpr int kDim = kAxes<N>;
+  using Vector = PortVector<N>;
+
+  /// `tool`: the points in tool axes [m]; N = 6 only.
+  explicit Environment(const std::vector<EnvironmentSpec>& specs, const std::vector<Eigen::Vector3d>& tool = {})
+      : world_{specs}, tool_{tool} {}
+
+  [[nodiscard]] const World& world() const { return world_; }
+  [[nodiscard]] const std::vector<Eigen::Vector3d>& tool() const { return tool_; }
+  [[nodiscard]] bool empty() const { return world_.surfaces.empty() && world_.springs.empty(); }
+  [[nodiscard]] int contacts() const {
+    return static_cast<int>((N == 6 ? tool_.size() : 1) * (world_.surfaces.size() + world_.springs.size()));
+  }
+
+  /// Calls visit(const ContactPort<N>&) for every contact that the port is inside of, and for every spring.
+  /// `pick(index)` tells which feature of that contact answers, or kNone.
+  template <class Pick, class Visit>
+  void for_each_contact(const PoseWithRotation<N>& x, const Vector& v, Pick pick, Visit visit) const noexcept {
+    int index = 0;
+    for_each_point(x, v, [&](const Point<kDim>& p, const Point<kDim>& pv, const Point<kDim>& arm) {
+      ContactForce<kDim> c;
+      for (const Surface& s : world_.surfaces) {
+        const Feature feature = pick(index);
+        if (feature != kNone) {
+          const SignedDistance<kDim> at = signed_distance<kDim>(s.shape, p, feature);
+          if (at.distance < 0.0) {
+            const Energy potential{s.potential(at.distance)};
+            if (s.force(at, at.normal.dot(pv), pv, c))
+              visit(
+                  ContactPort<N>{index, at.feature, true, wrench(c.normal, arm), wrench(c.tangential, arm), potential});
+            else
+              visit(ContactPort<N>{index, at.feature, false, Vector::Zero(), Vector::Zero(), potential});
+          }
+        }
+        ++index;
+      }
+      for (const Spring& s : world_.springs)
+        visit(ContactPort<N>{index++, 0, true, wrench(s.force<kDim>(p, pv), arm), Vector::Zero(),
+                             Energy{s.potential<kDim>(p)}});
+    });
+  }
+  template <class Visit>
+  void for_each_contact(const PoseWithRotation<N>& x, const Velocity<N>& v, Visit visit) const noexcept {
+    for_each_contact(
+        x, port_vector<N>(v.vec()), [](int) { return kNearest; }, visit);
+  }
+
+  [[nodiscard]] Force<N> force(const PoseWithRotation<N>& x, const Velocity<N>& v) const noexcept {
+    Vector sum = Vector::Zero();
+    for_each_contact(x, v, [&](const ContactPort<N>& c) {
+      if (c.presses) sum += c.normal + c.tangential;
+    });
+    return Force<N>{sum};
+  }
+
+  /// Elastic energy held at x [J].
+  [[nodiscard]] Energy potential(const Position<N>& x) const noexcept {
+    double sum = 0.0;
+    for_each_potential(x, [&](int, Energy u) { sum += u.si(); });
+    return Energy{sum};
+  }
+
+  /// Calls visit(index, elastic energy) for every contact.
+  template <class Visit>
+  void for_each_potential(const Position<N>& x, Visit visit) const noexcept {
+    int index = 0;
+    for_each_point(x, Vector::Zero(), [&](const Point<kDim>& p, const Point<kDim>&, const Point<kDim>&) {
+      for (const Surface& s : world_.surfaces) visit(index++, Energy{s.potential<kDim>(p)});
+      for (const Spring& s : world_.springs) visit(index++, Energy{s.potential<kDim>(p)});
+    });
+  }
+
+ private:
+  /// Calls visit(position, velocity, arm from the tool's origin) for every point that touches.
+  template <class Visit>
+  void for_each_point(const PoseWithRotation<N>& at, const Vector& v, Visit visit) const noexcept {
+    if constexpr (N == 6) {
+      for (const Eigen::Vector3d& point : tool_) {
+        Eigen::Vector3d arm = at.R * point;
+        visit(Point<3>{at.x.translation() + arm}, Point<3>{v.linear + v.angular.cross(arm)}, arm);
+      }
+    } else {
+      visit(at.x.translation(), v, Point<kDim>{Point<kDim>::Zero()});
+    }
+  }
+  static Vector wrench(const Point<kDim>& f, const Point<kDim>& arm) noexcept {
+    if constexpr (N == 6) {
+      return {f, arm.cross(f)};
+    } else {
+      (void)arm;
+      return f;
+    }
+  }
+
+  World world_;
+  std::vector<Eigen::Vector3d> tool_;
+};
+
+}  // namespace twoport

@@ -1,0 +1,66 @@
+#pragma once
+
+#include "common/base/vector.h"
+#include "common/coupling/options.h"
+#include "common/coupling/scaling.h"
+#include "common/coupling/spring_damper.h"
+#include "common/coupling/tracker.h"
+#include "common/hardware/robot.h"
+#include "common/link/mailbox.h"
+
+namespace twoport {
+
+/// The virtual coupling of the slave: a spring-damper between the commanded motion and the robot.
+///
+///     v_d   = tracker(x_rx, v_rx)                            commanded motion, s_x times the master's
+///     f_d   = K (x_sd + T v_d - x_s) + B (v_rx - v_s)        what the coupling wants
+///     x_sd += T v_sd                                         the set point moves as a controller allows
+///
+/// Of an ideal robot f_d is the force that its sensor shows.
+template <int N>
+class VirtualCoupling {
+ public:
+  explicit VirtualCoupling(const ControlOptions& o)
+      : drift_compensation_{o.coupling.drift_compensation}, scaling_{o}, spring_{o.coupling}, tracker_{o.coupling} {}
+
+  struct Wanted {
+    Force<N> f;
+    Velocity<N> v;
+  };
+  /// The set point is at the robot: at engagement, and while nothing is coupled.
+  void start(const Position<N>& robot) noexcept { x_sd_ = x_d_ = robot; }
+
+  /// What the coupling wants; `coupled`: the master is heard, else the command rests.
+  [[gnu::always_inline]] Wanted step(const RobotSample<N>& robot, const PeerState<N>& master, bool coupled,
+                                     Seconds dt) noexcept {
+    Wanted out;
+    Velocity<N> v_rx;
+    if (coupled) {
+      v_rx = scaling_.to_slave(master.newest.v);
+      out.v =
+          tracker_.step(drift_compensation_ ? x_sd_ : x_d_, scaling_.to_slave(master.newest.x), v_rx, master.fresh, dt);
+    }
+    out.f = robot.ideal ? robot.f_environment : spring_.force((x_sd_ + out.v * dt) - robot.x, v_rx - robot.v);
+    return out;
+  }
+  /// The set point moves by `moved`, as allowed; the command by T v_d, as wanted.
+  void move(const Displacement<N>& moved, const Velocity<N>& v_d, Seconds dt) noexcept {
+    x_sd_ = x_sd_ + moved;
+    if (!drift_compensation_) x_d_ = x_d_ + v_d * dt;
+  }
+
+  [[nodiscard]] const Position<N>& set_point() const noexcept { return x_sd_; }
+  /// The master's position as far as it is known here, in the slave's world.
+  [[nodiscard]] const Position<N>& target() const noexcept { return tracker_.target(); }
+  [[nodiscard]] SpringDamper<N>& spring() noexcept { return spring_; }
+  [[nodiscard]] const Scaling<N>& scaling() const noexcept { return scaling_; }
+
+ private:
+  bool drift_compensation_;
+  Scaling<N> scaling_;
+  SpringDamper<N> spring_;
+  Tracker<N> tracker_;
+  Position<N> x_sd_, x_d_;
+};
+
+}  // namespace twoport

@@ -1,0 +1,42 @@
+#include "common/hardware/registry.h"
+
+#include <algorithm>
+
+#include "common/base/check.h"
+
+namespace twoport {
+
+template <template <int> class Hardware>
+std::string DriverList<Hardware>::lines() const {
+  std::string all;
+  for (const Entry& each : drivers_) all += each.name + "\t" + each.sentence + "\n";
+  return all;
+}
+
+template <template <int> class Hardware>
+auto DriverList<Hardware>::find(const std::string& name) const -> const Entry& {
+  const auto found =
+      std::find_if(drivers_.begin(), drivers_.end(), [&](const Entry& each) { return each.name == name; });
+  if (found != drivers_.end()) return *found;
+  std::string known;
+  for (const Entry& each : drivers_) known += (known.empty() ? "" : ", ") + each.name;
+  throw ConfigError{flag_ + " " + name + ": no driver has this name; it must be one of " + known};
+}
+
+template <template <int> class Hardware>
+void DriverList<Hardware>::refuse_size(const Entry& driver, int wanted) const {
+  std::string sizes;
+  const auto has = [&](bool maker, const char* size) {
+    if (maker) sizes += (sizes.empty() ? "" : " or ") + std::string{size};
+  };
+  has(static_cast<bool>(std::get<0>(driver.makers)), "1");
+  has(static_cast<bool>(std::get<1>(driver.makers)), "3");
+  has(static_cast<bool>(std::get<2>(driver.makers)), "6");
+  throw ConfigError{flag_ + " " + driver.name + ": has " + sizes + " degrees of freedom, but dof of the scene is " +
+                    std::to_string(wanted)};
+}
+
+template class DriverList<Device>;
+template class DriverList<Robot>;
+
+}  // namespace twoport

@@ -1,0 +1,86 @@
+#pragma once
+
+#include <functional>
+#include <memory>
+#include <string>
+#include <tuple>
+#include <utility>
+#include <vector>
+
+#include "common/base/scalar.h"
+#include "common/hardware/device.h"
+#include "common/hardware/robot.h"
+
+namespace twoport {
+
+struct Scene;
+
+/// What a driver's constructor is given.
+struct DriverOptions {
+  const Scene& scene;
+  Seconds period;         ///< of the loop that will call it
+  std::string arguments;  ///< what follows "NAME:" on the command line; empty where nothing does
+};
+
+/// The drivers of one seam (Hardware is Device or Robot) by name.
+template <template <int> class Hardware>
+class DriverList {
+ public:
+  /// `flag` is the command-line option that chooses a driver, e.g. "--device".
+  explicit DriverList(std::string flag) : flag_{std::move(flag)} {}
+
+  /// Adds a class template that drives every size: Driver<N> derives from Hardware<N> and is built from DriverOptions.
+  /// `sentence` is what --list-devices says of it.
+  template <template <int> class Driver>
+  void add(const std::string& name, const std::string& sentence) {
+    drivers_.push_back({name, sentence, {make<Driver<1>>, make<Driver<3>>, make<Driver<6>>}});
+  }
+  /// Adds a class that drives one size, that of the Hardware<N> it derives from.
+  template <class Driver>
+  void add(const std::string& name, const std::string& sentence) {
+    drivers_.push_back({name, sentence, {}});
+    std::get<Maker<Driver::kSize>>(drivers_.back().makers) = make<Driver>;
+  }
+
+  /// Opens "NAME" or "NAME:ARGUMENTS". Throws ConfigError for a name that is not known, a size that the driver does not
+  /// have, and whatever the driver's constructor refuses.
+  template <int N>
+  [[nodiscard]] std::unique_ptr<Hardware<N>> open(const std::string& choice, const Scene& scene, Seconds period) const {
+    const std::size_t colon = choice.find(':');
+    const Entry& driver = find(choice.substr(0, colon));
+    const Maker<N>& maker = std::get<Maker<N>>(driver.makers);
+    if (!maker) refuse_size(driver, N);
+    return maker({scene, period, colon == choice.npos ? std::string{} : choice.substr(colon + 1)});
+  }
+
+  /// One line a driver: name, tab, sentence.
+  [[nodiscard]] std::string lines() const;
+
+ private:
+  template <int N>
+  using Maker = std::function<std::unique_ptr<Hardware<N>>(const DriverOptions&)>;
+  struct Entry {
+    std::string name, sentence;
+    std::tuple<Maker<1>, Maker<3>, Maker<6>> makers;
+  };
+  template <class Driver>
+  static std::unique_ptr<Hardware<Driver::kSize>> make(const DriverOptions& options) {
+    return std::make_unique<Driver>(options);
+  }
+  [[nodiscard]] const Entry& find(const std::string& name) const;
+  [[noreturn]] void refuse_size(const Entry& driver, int wanted) const;
+
+  std::string flag_;
+  std::vector<Entry> drivers_;
+};
+
+extern template class DriverList<Device>;
+extern template class DriverList<Robot>;
+
+/// Every driver that a program can be told to use.
+struct Registry {
+  DriverList<Device> devices{"--device"};
+  DriverList<Robot> robots{"--robot"};
+};
+
+}  // namespace twoport

@@ -1,0 +1,51 @@
+#pragma once
+
+#include <cstdint>
+#include <optional>
+
+#include "common/link/datagram.h"
+#include "common/link/delay_line.h"
+#include "common/link/socket.h"
+
+namespace twoport {
+
+struct ImpairedSocketOptions {
+  ImpairmentOptions incoming{};    ///< what the network does to datagrams on their way here
+  std::uint64_t seed = 1;          ///< from the scene's seed and the direction
+  double peer_rate_hz = 1000.0;    ///< at which the peer sends
+  std::optional<Endpoint> peer{};  ///< given: datagrams of any other address are dropped and counted as rejected
+};
+
+/// The network of a scene, emulated over bytes in front of another socket. Incoming datagrams pass a delay line in which
+/// their fates are drawn; outgoing ones pass at once, since the other side emulates its own direction.
+///
+/// Datagrams of the peer (the given one, or the last one paired with) and those of all other addresses have a line and a
+/// sequence of fates each. So unpaired senders, however many datagrams they send, neither fill the line of the peer nor
+/// change the fate of its datagrams. The line of the others is short, and takes few in each tick.
+///
+/// Blackouts count from the first pairing.
+class ImpairedSocket final : public DatagramSocket {
+ public:
+  /// `socket` must outlive this.
+  ImpairedSocket(DatagramSocket& socket, const ImpairedSocketOptions& options);
+
+  bool send(std::span<const std::byte> bytes, const Endpoint& to, Duration now) noexcept override;
+  /// Asks the socket below once for each new `now`.
+  std::optional<ReceivedDatagram> receive(Duration now) noexcept override;
+  void paired(const Endpoint& peer, Duration since) noexcept override;
+  [[nodiscard]] const Endpoint& local() const noexcept override;
+  [[nodiscard]] SocketCounts counts() const noexcept override;
+
+ private:
+  void fill(Duration now) noexcept;
+
+  DatagramSocket* socket_;
+  bool peer_is_given_;
+  std::optional<Endpoint> peer_;
+  DelayLine<Datagram> of_peer_, of_others_;
+  Datagram arriving_;
+  std::optional<Duration> filled_at_, start_;
+  std::uint64_t rejected_ = 0;
+};
+
+}  // namespace twoport

@@ -1,0 +1,149 @@
+#pragma once
+
+#include <algorithm>
+#include <array>
+#include <cstddef>
+#include <cstdint>
+#include <tuple>
+
+#include "common/base/vector.h"
+
+namespace twoport {
+
+/// The numbers of a packet that only its method can read, as they cross the link: flat, `count` of them, all else unset.
+/// Bit i of `totals` says that number i is a running total. Copied only as far as it is filled.
+struct Words {
+  static constexpr std::size_t kMost = 24;
+
+  std::uint32_t totals = 0;
+  std::uint8_t count = 0;
+  std::array<double, kMost> at;
+
+  Words() noexcept {}  // `at` stays unset: filling it in every packet would cost more than the rest of a tick
+  Words(const Words& o) noexcept { copy(o); }
+  Words& operator=(const Words& o) noexcept {
+    copy(o);
+    return *this;
+  }
+
+  [[nodiscard]] double sum() const noexcept {
+    double s = 0.0;
+    for (std::size_t i = 0; i < count; ++i) s += at[i];
+    return s;
+  }
+
+  /// Takes in what has arrived. Of a newer packet everything counts, of an older one only what grows; a total never falls.
+  void merge(const Words& arrived, bool newer) noexcept {
+    if (arrived.count == 0) [[likely]]
+      return;
+    if (arrived.count != count) {
+      if (newer) *this = arrived;
+      return;
+    }
+    for (std::size_t i = 0; i < count; ++i) {
+      const bool total = (totals >> i & 1U) != 0;
+      if (total) {
+        at[i] = std::max(at[i], arrived.at[i]);
+      } else if (newer) {
+        at[i] = arrived.at[i];
+      }
+    }
+  }
+
+ private:
+  void copy(const Words& o) noexcept {
+    totals = o.totals, count = o.count;
+    if (count != 0) [[unlikely]]
+      std::copy_n(o.at.begin(), count, at.begin());
+  }
+};
+
+/// A quantity of which the newest value counts: a position, a force.
+template <class T>
+struct Latest {
+  T value{};
+};
+/// A quantity that only grows: an energy since the two sessions met. A lost packet delays it, a late or repeated one
+/// cannot lower it.
+struct RunningTotal {
+  double value = 0.0;
+};
+
+namespace payload {
+
+inline void put(Words& w, double v) noexcept {
+  w.at[w.count++] = v;
+}
+template <class Kind, int N>
+void put(Words& w, const Coords<Kind, N>& c) noexcept {
+  for (int i = 0; i < N; ++i) put(w, c[i]);
+}
+template <int N>
+void put(Words& w, const Position<N>& x) noexcept {
+  for (int i = 0; i < x.translation().size(); ++i) put(w, x.translation()[i]);
+  if constexpr (N == 6)
+    for (const double q : {x.attitude().w(), x.attitude().x(), x.attitude().y(), x.attitude().z()}) put(w, q);
+}
+template <class T>
+void put(Words& w, const Latest<T>& field) noexcept {
+  put(w, field.value);
+}
+inline void put(Words& w, const RunningTotal& field) noexcept {
+  w.totals |= 1U << w.count;
+  put(w, field.value);
+}
+
+inline const double* take(const double* from, double& v) noexcept {
+  v = *from;
+  return from + 1;
+}
+template <class Kind, int N>
+const double* take(const double* from, Coords<Kind, N>& c) noexcept {
+  c = Coords<Kind, N>{Eigen::Map<const typename Coords<Kind, N>::Vector>{from}};
+  return from + N;
+}
+template <int N>
+const double* take(const double* from, Position<N>& x) noexcept {
+  if constexpr (N == 6) {
+    x = Position<6>{Eigen::Map<const Eigen::Vector3d>{from}, {from[3], from[4], from[5], from[6]}};
+    return from + 7;
+  } else {
+    x = Position<N>{Eigen::Map<const typename Position<N>::Vector>{from}};
+    return from + N;
+  }
+}
+template <class T>
+const double* take(const double* from, Latest<T>& field) noexcept {
+  return take(from, field.value);
+}
+inline const double* take(const double* from, RunningTotal& field) noexcept {
+  return take(from, field.value);
+}
+
+}  // namespace payload
+
+/// Writes what a method says in a packet. A payload is a struct of Latest and RunningTotal fields which lists them:
+///
+///     template <int N> struct MyToMaster {
+///       Latest<Force<N>> f;
+///       RunningTotal energy_in;
+///       auto fields() { return std::tie(f, energy_in); }
+///     };
+template <class Payload>
+void write(Payload p, Words& to) noexcept {
+  to.count = 0, to.totals = 0;
+  std::apply([&](const auto&... field) { (payload::put(to, field), ...); }, p.fields());
+}
+/// Reads it again. False, and `p` as it was, when the words are not as many as such a payload has: nothing has come yet, or
+/// they are another method's.
+template <class Payload>
+bool read(const Words& from, Payload& p) noexcept {
+  Words shape;
+  write(p, shape);
+  if (shape.count != from.count || shape.totals != from.totals) return false;
+  const double* at = from.at.data();
+  std::apply([&](auto&... field) { ((at = payload::take(at, field)), ...); }, p.fields());
+  return true;
+}
+
+}  // namespace twoport

@@ -1,0 +1,89 @@
+#pragma once
+
+#include <memory>
+
+#include "common/method/method.h"
+
+namespace twoport {
+
+/// A half whose method is known when it is built, behind one indirect call a tick. Memory is taken when it is built.
+template <int N>
+class AnyMasterHalf {
+ public:
+  struct Concept {
+    virtual ~Concept() = default;
+    virtual void start(const DeviceSample<N>& device) noexcept = 0;
+    virtual MasterOutput<N> step(const MasterInput<N>& in, Words& words) noexcept = 0;
+    virtual void on_peer_restart(const Ledger& account, Energy slave_energy_in) noexcept = 0;
+  };
+  template <MasterHalf<N> H>
+  struct Model final : Concept {
+    explicit Model(const ControlOptions& o) : half{o} {}
+    void start(const DeviceSample<N>& device) noexcept override { half.start(device); }
+    MasterOutput<N> step(const MasterInput<N>& in, Words& words) noexcept override { return half.step(in, words); }
+    void on_peer_restart(const Ledger& account, Energy e) noexcept override { half.on_peer_restart(account, e); }
+    H half;
+  };
+
+  /// The half of the method that `o.method` names (common/method/any.cc).
+  explicit AnyMasterHalf(const ControlOptions& o);
+
+  void start(const DeviceSample<N>& device) noexcept { half_->start(device); }
+  MasterOutput<N> step(const MasterInput<N>& in, Words& words) noexcept { return half_->step(in, words); }
+  void on_peer_restart(const Ledger& account, Energy e) noexcept { half_->on_peer_restart(account, e); }
+
+ private:
+  std::unique_ptr<Concept> half_;
+};
+
+/// As AnyMasterHalf.
+template <int N>
+class AnySlaveHalf {
+ public:
+  struct Concept {
+    virtual ~Concept() = default;
+    virtual void start(const RobotSample<N>& robot, const PeerState<N>& master) noexcept = 0;
+    virtual SlaveOutput<N> step(const SlaveInput<N>& in, Words& words) noexcept = 0;
+    virtual SlaveOutput<N> fail_safe() noexcept = 0;
+    virtual void on_peer_restart(Energy master_energy_in) noexcept = 0;
+    [[nodiscard]] virtual Position<N> target() const noexcept = 0;
+  };
+  template <SlaveHalf<N> H>
+  struct Model final : Concept {
+    explicit Model(const ControlOptions& o) : half{o} {}
+    void start(const RobotSample<N>& robot, const PeerState<N>& master) noexcept override { half.start(robot, master); }
+    SlaveOutput<N> step(const SlaveInput<N>& in, Words& words) noexcept override { return half.step(in, words); }
+    SlaveOutput<N> fail_safe() noexcept override { return half.fail_safe(); }
+    void on_peer_restart(Energy e) noexcept override { half.on_peer_restart(e); }
+    [[nodiscard]] Position<N> target() const noexcept override { return half.target(); }
+    H half;
+  };
+
+  explicit AnySlaveHalf(const ControlOptions& o);
+
+  void start(const RobotSample<N>& robot, const PeerState<N>& master) noexcept { half_->start(robot, master); }
+  SlaveOutput<N> step(const SlaveInput<N>& in, Words& words) noexcept { return half_->step(in, words); }
+  SlaveOutput<N> fail_safe() noexcept { return half_->fail_safe(); }
+  void on_peer_restart(Energy e) noexcept { half_->on_peer_restart(e); }
+  [[nodiscard]] Position<N> target() const noexcept { return half_->target(); }
+
+ private:
+  std::unique_ptr<Concept> half_;
+};
+
+/// A method chosen by name when the halves are built.
+struct AnyMethod {
+  template <int N>
+  using Master = AnyMasterHalf<N>;
+  template <int N>
+  using Slave = AnySlaveHalf<N>;
+};
+
+extern template class AnyMasterHalf<1>;
+extern template class AnyMasterHalf<3>;
+extern template class AnyMasterHalf<6>;
+extern template class AnySlaveHalf<1>;
+extern template class AnySlaveHalf<3>;
+extern template class AnySlaveHalf<6>;
+
+}  // namespace twoport

@@ -1,0 +1,32 @@
+#pragma once
+
+#include "common/method/displayed_force.h"
+#include "common/method/method.h"
+
+namespace twoport {
+
+/// No passivity control: the hand feels what the architecture displays.
+template <int N>
+class NoControlMaster {
+ public:
+  explicit NoControlMaster(const ControlOptions& o) : displayed_{o} {}
+
+  void start(const DeviceSample<N>& device) noexcept { displayed_.start(device.x); }
+
+  MasterOutput<N> step(const MasterInput<N>& in, Words&) noexcept {
+    MasterOutput<N> out{};
+    out.energy_in = in.account.absorbed() - base_absorbed_;
+    if (!in.active) return out;
+    out.wanted = in.ramp * displayed_.step(in.device, in.slave, in.dt);
+    if (in.carried != nullptr) out.wanted += *in.carried;
+    out.f = out.wanted;
+    return out;
+  }
+  void on_peer_restart(const Ledger& account, Energy) noexcept { base_absorbed_ = account.absorbed(); }
+
+ private:
+  DisplayedForce<N> displayed_;
+  Energy base_absorbed_;
+};
+
+}  // namespace twoport

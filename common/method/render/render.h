@@ -1,0 +1,164 @@
+#pragma once
+
+#include <algorithm>
+#include <cmath>
+#include <cstddef>
+#include <utility>
+#include <vector>
+
+#include "common/contact/environment.h"
+#include "common/coupling/options.h"
+#include "common/passivity/controller.h"
+#include "common/passivity/observer.h"
+
+namespace twoport {
+
+/// A virtual environment rendered on the device: impedance causality, velocity in, force out. The equations, their
+/// source and where they fail are in README.md beside this file.
+///
+///     f_i(k)  = parts of the environment's force at the sensed position and velocity, one for each account
+///     E_i(k)  = E(0)/n + U_i(x(0)) + Σ f'_i(k-1)·Δx(k)
+///     f'_i(k) = passivate(f_i, v, E_i - U_i(x), U_i(x + T v) - U_i(x))         U = 0 without reference_energy
+///     f'      = Σ f'_i
+///
+/// Forces are those of the device on the environment: power f·v into it.
+template <int N>
+class Rendering {
+ public:
+  struct Output {
+    Force<N> command;  ///< f' [N], [N m]
+    Force<N> wanted;   ///< before the passivity controller
+    Energy dissipated, owed;
+  };
+
+  /// As many accounts as `o` asks for; allocates here and never again.
+  Rendering(const ControlOptions& o, Environment<N> environment)
+      : options_{o},
+        environment_{std::move(environment)},
+        accounts_(static_cast<std::size_t>(accounts(o, environment_))),
+        observer_{o.initial_energy, accounts(o, environment_)} {}
+
+  /// One control period of length `dt`: `ended` after the last one. `applied` is the force that was really held since.
+  Output step(const PortMotion<N>& port, const Force<N>& applied, Seconds dt, Seconds ended) noexcept {
+    evaluate(port);
+    book(port, applied, ended);
+    if (options_.reference_energy) potentials(port.x + port.v * dt, &Account::next_potential);
+
+    Output out{};
+    int i = 0;
+    for (Account& a : accounts_) {
+      const Energy energy = observer_.energy(i++);
+      const Budget budget = options_.reference_energy ? Budget{energy - a.potential, a.next_potential - a.potential}
+                                                      : Budget{energy, Energy{}};
+      const Force<N> wanted{a.on_environment};
+      const Corrected<Force<N>> part = passivate(wanted, port.v, budget, options_.controller, dt);
+      a.held = part.out;
+      out.wanted += wanted;
+      out.command += part.out;
+      out.dissipated += part.dissipated;
+      out.owed += part.owed;
+    }
+    commanded_ = out.command;
+    return out;
+  }
+
+  /// Instead of a step, where there is no reading: holds nothing until the next one.
+  void release() noexcept {
+    for (Account& a : accounts_) a.held = {};
+    commanded_ = {};
+  }
+
+  /// Sum of all accounts, E(0) and what the environment held at the start included.
+  [[nodiscard]] Energy observed() const noexcept { return observer_.total(); }
+
+ private:
+  using Vector = PortVector<N>;
+  struct Account {
+    Vector on_environment;  ///< sum of the contacts' forces, on the environment
+    Force<N> held;
+    Energy potential, next_potential;  ///< at x and at x + T v
+  };
+
+  static int accounts(const ControlOptions& o, const Environment<N>& e) {
+    switch (o.accounts) {
+      case Accounts::total:
+        return 1;
+      case Accounts::normal_tangential:
+      case Accounts::translation_rotation:
+        return 2;
+      case Accounts::per_contact:
+        return std::max(2, 2 * e.contacts());
+    }
+    return 1;
+  }
+
+  /// Force and elastic energy of each account at the port. Tangential and rotational accounts hold no energy.
+  void evaluate(const PortMotion<N>& port) noexcept {
+    for (Account& a : accounts_) a.on_environment = Vector::Zero(), a.potential = {};
+    Vector sum = Vector::Zero();
+    environment_.for_each_contact(port.x, port.v, [&](const ContactPort<N>& c) {
+      switch (options_.accounts) {
+        case Accounts::total:
+          accounts_[0].potential += c.potential;
+          if (c.presses) sum += c.normal + c.tangential;
+          break;
+        case Accounts::normal_tangential:
+          add(0, c);
+          break;
+        case Accounts::per_contact:
+          add(2 * static_cast<std::size_t>(c.index), c);
+          break;
+        case Accounts::translation_rotation:
+          accounts_[0].potential += c.potential;
+          if constexpr (N == 6) {
+            if (!c.presses) break;
+            accounts_[0].on_environment.linear -= c.normal.linear + c.tangential.linear;
+            accounts_[1].on_environment.angular -= c.normal.angular + c.tangential.angular;
+          }
+          break;
+      }
+    });
+    if (options_.accounts == Accounts::total) accounts_[0].on_environment = -sum;
+  }
+  void add(std::size_t normal, const ContactPort<N>& c) noexcept {
+    accounts_[normal].potential += c.potential;
+    if (!c.presses) return;
+    accounts_[normal].on_environment -= c.normal;
+    accounts_[normal + 1].on_environment -= c.tangential;
+  }
+  void potentials(const Position<N>& x, Energy Account::*out) noexcept {
+    const bool per_contact = options_.accounts == Accounts::per_contact;
+    for (Account& a : accounts_) a.*out = {};
+    environment_.for_each_potential(x, [&](int contact, Energy u) {
+      accounts_[per_contact ? 2 * static_cast<std::size_t>(contact) : 0].*out += u;
+    });
+  }
+
+  /// Energy of the interval that has just ended, with the force that was really applied: every part by the same factor.
+  void book(const PortMotion<N>& port, const Force<N>& applied, Seconds dt) noexcept {
+    int i = 0;
+    if (!started_) {
+      // E(0) of the paper's eq. (1): what the environment already holds.
+      for (const Account& a : accounts_) observer_.store(i++, a.potential);
+    } else {
+      const double asked = commanded_.squared_norm();
+      const double scale =
+          asked > 0.0 && !(applied.vec() == commanded_.vec()) ? std::sqrt(applied.squared_norm() / asked) : 1.0;
+      const Interval<N> interval = port - before_;
+      for (const Account& a : accounts_)
+        observer_.book(i++, scale * held_energy(options_.observer, a.held, interval, dt));
+    }
+    before_ = port;
+    started_ = true;
+  }
+
+  ControlOptions options_;
+  Environment<N> environment_;
+  std::vector<Account> accounts_;
+  Observer<kAnyCapacity> observer_;
+  Force<N> commanded_;
+  PortMotion<N> before_;
+  bool started_ = false;
+};
+
+}  // namespace twoport

@@ -1,0 +1,105 @@
+#pragma once
+
+#include <algorithm>
+#include <optional>
+
+#include "common/method/displayed_force.h"
+#include "common/method/method.h"
+#include "common/passivity/controller.h"
+#include "common/passivity/handle.h"
+
+namespace twoport {
+
+/// The master half of the two-port time domain passivity approach: impedance causality, velocity in, force out.
+///
+///     dE(k)  = f_applied(k-1)·Δx(k)                      exact energy of the held force (the node's account)
+///     E_in  += max(dE, 0),   E_out += max(-dE, 0)
+///     f'     = controller(f, E(0) + min(E_in,slave, E_in) - E_out)
+///
+/// The controller predicts the port's velocity under the force (projected, where the mass at the handle is known), or
+/// takes the present velocity. The hand never gets back more than the slave says has entered the link there, nor more than it
+/// has put in, plus E(0).
+///
+/// When the sensor's force comes back, the hand does not feel what moves the robot and cannot supply it. The motion command
+/// then is a source of its own (Artigas, Ryu, Preusche, Hirzinger, IROS 2011): it carries the energy that the hand would
+/// put in were the coupling force displayed, E_in of f_coupling,rx(k-1)·Δx(k).
+/// Source: Ryu, Artigas, Preusche, Mechatronics 20(7), 2010; the correction is the projected one where chosen.
+template <int N>
+class TdpaMaster {
+ public:
+  explicit TdpaMaster(const ControlOptions& o)
+      : controller_{o.controller},
+        observer_{o.observer},
+        initial_{o.initial_energy},
+        measured_{returns_measured_force(o)},
+        displayed_{o},
+        predictor_{predictor(o)} {}
+
+  void start(const DeviceSample<N>& device) noexcept { displayed_.start(device.x); }
+
+  [[gnu::always_inline]] MasterOutput<N> step(const MasterInput<N>& in, Words&) noexcept {
+    observe(in);
+    Corrected<Force<N>> allowed{};
+    Force<N> wanted;
+    if (in.active) {
+      wanted = in.ramp * displayed_.step(in.device, in.slave, in.dt);
+      if (in.carried != nullptr) [[unlikely]]
+        wanted += *in.carried;
+      const Energy available =
+          initial_ + transmittable_energy(in.account, Energy{in.slave.energy_in_j}) - returned(in.account);
+      allowed = predictor_ ? passivate_yielding(wanted, predictor_->foreseen(), available, controller_, in.dt)
+                           : passivate(wanted, in.device.v, Budget{available, Energy{}}, controller_, in.dt);
+    }
+    return {.f = allowed.out,
+            .wanted = wanted,
+            .energy_in = energy_sent(in.account),
+            .dissipated = allowed.dissipated,
+            .deficit = allowed.owed};
+  }
+
+  /// The totals of this side start again too. Unused credit is dropped; a deficit, and what of E(0) is spent, is carried
+  /// over.
+  void on_peer_restart(const Ledger& account, Energy slave_energy_in) noexcept {
+    const Energy balance = transmittable_energy(account, slave_energy_in) - returned(account);
+    base_absorbed_ = account.absorbed();
+    base_sent_ = command_.absorbed();
+    base_returned_ = account.returned() - positive_part(-balance);
+  }
+
+ private:
+  /// Nothing where the mass at the handle is not known: its answer to a force is not known then.
+  static std::optional<Handle<N>> predictor(const ControlOptions& o) {
+    const bool known = o.handle_mass_kg > 0.0 && (N != 6 || o.handle_inertia_kg_m2 > 0.0);
+    if (o.controller.method != Method::force_projected || !o.controller.predict || !known) return {};
+    return Handle<N>{o.handle_mass_kg, o.handle_inertia_kg_m2};
+  }
+
+  [[gnu::always_inline]] void observe(const MasterInput<N>& in) noexcept {
+    if (!in.first) {
+      if (measured_) command_.book(held_energy(observer_, command_force_, in.interval, in.ended));
+      if (predictor_) predictor_->step(in.interval.moved, in.device.applied, in.ended, in.dt);
+    }
+    if (measured_) command_force_ = displayed_.scaling().to_master(in.slave.newest.f_coupling);
+  }
+
+  [[nodiscard]] Energy energy_sent(const Ledger& account) const noexcept {
+    return measured_ ? command_.absorbed() - base_sent_ : absorbed(account);
+  }
+  [[nodiscard]] Energy transmittable_energy(const Ledger& account, Energy slave_in) const noexcept {
+    return Energy{std::min(displayed_.scaling().to_master(slave_in).si(), absorbed(account).si())};
+  }
+  [[nodiscard]] Energy absorbed(const Ledger& account) const noexcept { return account.absorbed() - base_absorbed_; }
+  [[nodiscard]] Energy returned(const Ledger& account) const noexcept { return account.returned() - base_returned_; }
+
+  ControllerOptions controller_;
+  ObserverRule observer_;
+  Energy initial_;
+  bool measured_;
+  DisplayedForce<N> displayed_;
+  std::optional<Handle<N>> predictor_;
+  Ledger command_;  ///< the motion command as a source of its own
+  Force<N> command_force_;
+  Energy base_absorbed_, base_returned_, base_sent_;
+};
+
+}  // namespace twoport

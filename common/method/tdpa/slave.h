@@ -1,0 +1,114 @@
+#pragma once
+
+#include <algorithm>
+
+#include "common/coupling/virtual_coupling.h"
+#include "common/method/method.h"
+#include "common/passivity/controller.h"
+#include "common/passivity/observer.h"
+
+namespace twoport {
+
+/// The slave half of the two-port time domain passivity approach: admittance causality, force in, velocity out, closed by
+/// the virtual coupling.
+///
+///     f_d, v_d  = what the virtual coupling wants; f_d goes back to the master
+///     f, v_sd   = controller(f_d, v_d)              so that f·v_sd T <= E(0) + E_in,master - E_out; f acts on the robot
+///     dE(k)     = -f·Δx_sd,   E_in += max(dE, 0),   E_out += max(-dE, 0)
+///
+/// The correction acts along the force, so sliding along a surface is not slowed. The hand feels f_d, not f: it must be
+/// able to put in the energy that a stalled coupling waits for. The sampled coupling is observed at both its ports; what
+/// it creates itself is not passed on as credit.
+/// Source: Ryu, Artigas, Preusche, Mechatronics 20(7), 2010.
+template <int N>
+class TdpaSlave {
+ public:
+  explicit TdpaSlave(const ControlOptions& o)
+      : coupling_{o},
+        initial_{o.initial_energy},
+        measured_{returns_measured_force(o)},
+        reference_energy_{o.reference_energy} {}
+
+  void start(const RobotSample<N>& robot, const PeerState<N>&) noexcept {
+    coupling_.start(robot.x);
+    x_before_ = robot.x;
+    f_ = Force<N>{};
+  }
+
+  [[gnu::always_inline]] SlaveOutput<N> step(const SlaveInput<N>& in, Words&) noexcept {
+    const RobotSample<N>& robot = in.robot;
+    coupling_energy_.book(0, -dot(f_, robot.x - x_before_));
+    x_before_ = robot.x;
+    if (reference_energy_) follow_reference(robot.x);
+
+    typename VirtualCoupling<N>::Wanted wanted;
+    if (in.active) {
+      wanted = coupling_.step(robot, in.master, in.coupled, in.dt);
+    } else {
+      coupling_.start(robot.x);
+    }
+    Yielded<N> allowed = yield(wanted.f, wanted.v, coupling_.spring().compliance(in.dt), available(in.master), in.dt);
+    f_ = allowed.f;
+    Displacement<N> moved = allowed.v * in.dt;
+    const Energy into_slave = dot(f_, moved);
+    account_.book(-into_slave);
+    coupling_energy_.book(0, into_slave);
+    coupling_.move(moved, wanted.v, in.dt);
+    return {.command = {.f = f_, .x_d = coupling_.set_point(), .v_d = allowed.v},
+            .f_back = measured_ ? robot.f_environment : wanted.f,
+            .energy_in = credit(),
+            .dissipated = allowed.dissipated};
+  }
+
+  SlaveOutput<N> fail_safe() noexcept {
+    f_ = Force<N>{};
+    SlaveOutput<N> out{};
+    out.command.x_d = coupling_.set_point();
+    out.energy_in = credit();
+    return out;
+  }
+
+  /// As TdpaMaster::on_peer_restart.
+  void on_peer_restart(Energy master_energy_in) noexcept {
+    const Energy balance = coupling_.scaling().to_slave(master_energy_in) - returned();
+    base_absorbed_ = account_.absorbed();
+    base_returned_ = account_.returned() - positive_part(-balance);
+    coupling_energy_.book(0, -coupling_energy_.energy());  // charged already, or unused
+    worst_coupling_energy_j_ = credit_j_ = 0.0;
+  }
+  [[nodiscard]] const Position<N>& target() const noexcept { return coupling_.target(); }
+
+ private:
+  [[nodiscard]] Energy returned() const noexcept { return account_.returned() - base_returned_; }
+  [[nodiscard]] Energy available(const PeerState<N>& master) const noexcept {
+    return initial_ + coupling_.scaling().to_slave(Energy{master.energy_in_j}) - returned();
+  }
+
+  /// Reference energy: the coupling has to hold what its spring would, ½ eᵀK e, tick for tick. What its damper has
+  /// dissipated does not pay for what it creates later.
+  void follow_reference(const Position<N>& x) noexcept {
+    const Energy surplus = coupling_energy_.energy() - coupling_.spring().stored(coupling_.set_point() - x);
+    coupling_energy_.book(0, -surplus);
+    worst_coupling_energy_j_ -= positive_part(-surplus).si();
+  }
+
+  /// What may be claimed as having entered here: not what the sampled coupling has created. Only grows.
+  Energy credit() noexcept {
+    if (!reference_energy_)
+      worst_coupling_energy_j_ = std::min(worst_coupling_energy_j_, coupling_energy_.energy().si());
+    const double earned = (account_.absorbed() - base_absorbed_).si() + worst_coupling_energy_j_;
+    return Energy{credit_j_ = std::max(credit_j_, earned)};
+  }
+
+  VirtualCoupling<N> coupling_;
+  Energy initial_;
+  bool measured_, reference_energy_;
+  Ledger account_;               ///< the link's port
+  Observer<1> coupling_energy_;  ///< of the coupling as a two-port: link port plus robot port
+  double worst_coupling_energy_j_ = 0.0, credit_j_ = 0.0;
+  Energy base_absorbed_, base_returned_;
+  Position<N> x_before_;
+  Force<N> f_;
+};
+
+}  // namespace twoport

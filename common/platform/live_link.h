@@ -1,0 +1,133 @@
+#pragma once
+
+#include <spdlog/logger.h>
+
+#include <algorithm>
+#include <optional>
+#include <string>
+
+#include "common/base/histogram.h"
+#include "common/link/impaired_socket.h"
+#include "common/link/mailbox.h"
+#include "common/platform/program.h"
+#include "common/platform/random.h"
+#include "common/platform/recorder.h"
+#include "common/platform/udp.h"
+#include "common/runtime/cycle.h"
+#include "common/scene/load.h"
+#include "common/wire/link_transport.h"
+
+namespace twoport {
+
+/// What a live run asks of its link: the mail for the cycle, and who is at the other end.
+template <int N>
+class LiveLink {
+ public:
+  /// A master calls the slave at `address`, a slave listens there.
+  LiveLink(Side side, const Scene& scene, const std::string& address)
+      : side_{side},
+        address_{address},
+        peer_{peer_at(side, address)},
+        udp_{peer_ ? UdpSocket{any_port_toward(*peer_), *peer_} : UdpSocket{parse_endpoint(address, "--listen")}},
+        network_{udp_, network(side, scene, peer_)},
+        mail_{{network_, session(side, scene, peer_), system_random}} {}
+  LiveLink(const LiveLink&) = delete;  // its parts refer to each other
+
+  [[nodiscard]] Mailbox<N, LinkTransport<N>>& mail() noexcept { return mail_; }
+  void say_where(spdlog::logger& log) {
+    if (side_ == Side::master) {
+      log.info("waiting for a slave at {}", address_);
+    } else {
+      log.info("listening on {}", to_string(udp_.local()));
+    }
+  }
+
+  /// Ask before every cycle. True when the other side is there for the first time or has started anew; the node's totals
+  /// then start again with the other's.
+  template <class Node>
+  bool met(Node& node) noexcept {
+    if (!mail_.transport().take_new_session()) return false;
+    node.rebase(Energy{mail_.known().energy_in_j});
+    mail_.forget();
+    return true;
+  }
+  /// Why the two sides cannot work together; empty while they can.
+  [[nodiscard]] std::string_view refusal() noexcept { return mail_.transport().reject_reason(); }
+  /// After every cycle.
+  void note() noexcept {
+    const PeerState<N>& peer = mail_.known();
+    if (peer.fresh && peer.round_trip() >= Duration{0}) round_trip_.add(peer.round_trip());
+  }
+
+  [[nodiscard]] TickView view() noexcept {
+    return {.round_trip = mail_.known().round_trip(),
+            .received = mail_.counts().received,
+            .lost = mail_.counts().lost,
+            .sessions = mail_.transport().pairings()};
+  }
+
+  /// What a summary says of the link.
+  void fill(Summary& s, Mode mode) {
+    const LinkCounts link = mail_.transport().counts();
+    Packets& out = side_ == Side::master ? s.to_slave : s.to_master;
+    Packets& in = side_ == Side::master ? s.to_master : s.to_slave;
+    out.sent = static_cast<std::uint32_t>(mail_.counts().sent - link.unaddressed);
+    in = packets(0, mail_.counts(), link.rejected);
+    s.mode = to_string(mode);
+    s.reconnects = static_cast<std::uint32_t>(std::max<std::uint64_t>(mail_.transport().pairings(), 1) - 1);
+    s.rtt_ms = percentiles(round_trip_, 1e6);
+  }
+  /// Packets that the simulated network had no room for.
+  [[nodiscard]] std::uint64_t overflowed() { return mail_.transport().counts().overflowed; }
+
+ private:
+  static std::optional<Endpoint> peer_at(Side side, const std::string& address) {
+    if (side == Side::slave) return std::nullopt;
+    return parse_endpoint(address, "--peer");
+  }
+  static ImpairedSocketOptions network(Side side, const Scene& scene, std::optional<Endpoint> peer) {
+    const bool master = side == Side::master;
+    return {.incoming = master ? scene.to_master : scene.to_slave,
+            .seed = scene.seed ^ (master ? kToMasterStream : kToSlaveStream),
+            .peer_rate_hz = master ? scene.slave_rate_hz : scene.master_rate_hz,
+            .peer = peer};
+  }
+  static SessionOptions session(Side side, const Scene& scene, std::optional<Endpoint> peer) {
+    const bool master = side == Side::master;
+    return {.side = side,
+            .rate_hz = master ? scene.master_rate_hz : scene.slave_rate_hz,
+            .peer_rate_hz = master ? scene.slave_rate_hz : scene.master_rate_hz,
+            .scene_digest = scene_digest(scene),
+            .peer = peer};
+  }
+
+  Side side_;
+  std::string address_;
+  std::optional<Endpoint> peer_;
+  // The stack, from the wire up.
+  UdpSocket udp_;
+  ImpairedSocket network_;
+  Mailbox<N, LinkTransport<N>> mail_;
+  Histogram round_trip_;
+};
+
+/// The same where there is no link: the scene begins with the first tick.
+class NoLink {
+ public:
+  [[nodiscard]] NoMail& mail() noexcept { return mail_; }
+  void say_where(spdlog::logger&) const {}
+  template <class Node>
+  bool met(Node&) noexcept {
+    return !std::exchange(met_, true);
+  }
+  [[nodiscard]] std::string_view refusal() const noexcept { return {}; }
+  void note() const noexcept {}
+  [[nodiscard]] TickView view() const noexcept { return {}; }
+  [[nodiscard]] std::uint64_t overflowed() const { return 0; }
+
+ private:
+  NoMail mail_;
+  bool met_ = false;
+};
+
+}  // namespace twoport

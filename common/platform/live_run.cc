@@ -1,0 +1,19 @@
+#include "common/platform/live_run.h"
+
+namespace twoport {
+
+void say(spdlog::logger& log, const LiveFigures& f) {
+  if (f.dropped_rows > 0)
+    log.warn("{} ticks are in neither summary nor trace: the disk was too slow for them", f.dropped_rows);
+  if (f.overflowed_packets > 0)
+    log.warn("{} packets found the simulated network full and count as lost", f.overflowed_packets);
+  if (f.stale_readings > 0) log.warn("the hardware had no new reading in {} ticks", f.stale_readings);
+}
+
+void fill(Summary& s, const LiveFigures& f) {
+  s.loop_lateness_us = percentiles(f.loop.lateness(), 1e3);
+  s.deadline_misses = static_cast<std::uint32_t>(f.loop.deadline_misses());
+  s.step_ns = f.clock.mean_ns();
+}
+
+}  // namespace twoport

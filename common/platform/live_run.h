@@ -1,0 +1,156 @@
+#pragma once
+
+#include <fmt/format.h>
+#include <spdlog/logger.h>
+
+#include <chrono>
+#include <cstdint>
+#include <string>
+
+#include "common/base/check.h"
+#include "common/hardware/status.h"
+#include "common/platform/program.h"
+#include "common/platform/realtime.h"
+#include "common/platform/recorder.h"
+#include "common/runtime/cycle.h"
+
+namespace twoport {
+
+/// Wall time of a node's cycle: read around it, never in it.
+class StepClock {
+ public:
+  template <class F>
+  auto time(F&& f) {
+    const auto start = std::chrono::steady_clock::now();
+    auto out = f();
+    spent_ += std::chrono::steady_clock::now() - start;
+    ++steps_;
+    return out;
+  }
+  [[nodiscard]] double mean_ns() const { return steps_ > 0 ? spent_.count() / static_cast<double>(steps_) : 0.0; }
+
+ private:
+  std::chrono::duration<double, std::nano> spent_{0};
+  std::uint64_t steps_ = 0;
+};
+
+/// Hardware for run_cycle, with its last reading kept.
+template <class Hardware, class Sample>
+struct Sensed {
+  Hardware& hardware;
+  Sample sample;
+  std::uint64_t stale = 0;  ///< readings that were the one before
+
+  template <class Clock>
+  Sample sense(const Tick<Clock>& tick) noexcept {
+    sample = hardware.sense(tick);
+    if (sample.status == HardwareStatus::stale) ++stale;
+    return sample;
+  }
+  template <class Command>
+  void actuate(const Command& command) noexcept {
+    hardware.actuate(command);
+  }
+};
+
+/// Reads opened hardware once, before anything moves. Throws IoError when it reports a fault.
+template <class Clock, class Hardware>
+auto first_reading(Hardware& hardware, Seconds period, const std::string& choice) {
+  const auto sample = hardware.sense(Tick<Clock>{Instant<Clock>{Duration{0}}, period});
+  if (sample.status == HardwareStatus::fault)
+    throw IoError{choice + ": the hardware reports a fault at its first reading; see what it shows, and start again"};
+  return sample;
+}
+
+/// What is said in a live run's log and summary, beside its rows.
+struct LiveFigures {
+  const PeriodicLoop& loop;
+  const StepClock& clock;
+  std::uint64_t dropped_rows, overflowed_packets, stale_readings;
+};
+void say(spdlog::logger& log, const LiveFigures& figures);
+void fill(Summary& summary, const LiveFigures& figures);
+
+/// A live run of one side from its first tick to its exit status, but for what the two sides differ in:
+///
+///     kSize, kSide, kName       degrees of freedom, Side, and its name
+///     Clock, Hardware, Sample   types: of its ticks, of `hardware`, of a reading
+///     node, hardware, link      a node, a Device or Robot, a LiveLink or NoLink
+///     rate_hz()
+///     serves()                  does it go on after the end of the scene?
+///     metrics()                 what turns the rows into a summary
+///     row(k, t_s, sample, out)  the row of tick k, t_s after the two sides have met
+///     complete(row, sample)     what the next tick's sample tells of that row
+///     fill(summary, diverged)   what the side adds to its summary
+///     judged()                  does it hold the scene's promises?
+template <class LiveSide>
+int run_live(LiveSide& side, const Scene& scene, const LiveArguments& arguments, spdlog::logger& log) {
+  constexpr int N = LiveSide::kSize;
+  using Clock = typename LiveSide::Clock;
+  const double rate_hz = side.rate_hz();
+  const Seconds dt{1.0 / rate_hz};
+  Recorder<N> recorder{{.metrics = side.metrics(),
+                        .trace_path = trace_path(arguments),
+                        .duration_s = scene.duration_s,
+                        .side = LiveSide::kSide,
+                        .log = log}};
+  const std::atomic<bool>& stop = stop_on_signals();
+  PeriodicLoop loop{{.rate_hz = rate_hz, .realtime = arguments.realtime, .spin = arguments.spin}};
+  for (const std::string& sentence : loop.not_permitted()) log.warn(sentence);
+  log.info("hardware: {}", side.hardware.info().name);
+  side.link.say_where(log);
+
+  Sensed<typename LiveSide::Hardware, typename LiveSide::Sample> plant{side.hardware, {}};
+  StepClock clock;
+  std::int64_t met = -1, last = -1;
+  Row<N> row;
+  TickView view;
+  bool has_row = false;
+  loop.run(stop, [&](std::int64_t k, Duration now) {
+    if (!side.link.refusal().empty()) return false;
+    if (side.link.met(side.node) && met < 0) {
+      met = k;
+      side.hardware.start();
+    }
+    const double t_s = met < 0 ? 0.0 : static_cast<double>(k - met) / rate_hz;
+    const bool over = t_s >= scene.duration_s;
+    if (recorder.diverged() || (over && !side.serves())) return false;
+
+    const double passed = last < 0 ? 1.0 : static_cast<double>(k - last);
+    last = k;
+    const auto out = clock.time([&] {
+      return run_cycle(side.node, plant, side.link.mail(), Tick<Clock>{Instant<Clock>{now}, dt, passed * dt});
+    });
+    side.link.note();
+    if (has_row) {
+      side.complete(row, plant.sample);
+      recorder.push(row, view);
+    }
+    has_row = met >= 0 && !over;
+    if (has_row) {
+      row = side.row(k, t_s, plant.sample, out);
+      view = side.link.view();
+      view.late = loop.late();
+    }
+    return plant.sample.status != HardwareStatus::fault;
+  });
+  side.hardware.release();
+  if (has_row) recorder.push(row, view);
+
+  Summary s = recorder.finish();
+  if (const std::string_view refusal = side.link.refusal(); !refusal.empty()) {
+    fmt::print(stderr, "twoport-{}: {}\n", LiveSide::kName, refusal);
+    return 1;
+  }
+  const LiveFigures figures{loop, clock, recorder.dropped(), side.link.overflowed(), plant.stale};
+  say(log, figures);
+  side.fill(s, recorder.diverged());
+  fill(s, figures);
+  if (stop) s.verdict += "; interrupted";
+  const int status = conclude(scene, arguments, LiveSide::kName, s, side.judged() && !stop);
+  // The trace last: a disk that is full costs the trace only.
+  recorder.close_trace();
+  return status;
+}
+
+}  // namespace twoport

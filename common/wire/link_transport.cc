@@ -1,0 +1,92 @@
+#include "common/wire/link_transport.h"
+
+#include <utility>
+
+namespace twoport {
+
+template <int N>
+LinkTransport<N>::LinkTransport(DatagramSocket& socket, const SessionOptions& options, SessionNumbers numbers)
+    : socket_{&socket}, handshake_{options, N, std::move(numbers)} {}
+
+template <int N>
+LinkTransport<N>::LinkTransport(DatagramSocket& socket, const SessionOptions& options, SessionNumbers numbers,
+                                const PairedSession& session)
+    : socket_{&socket}, handshake_{options, N, std::move(numbers), session} {
+  socket.paired(session.peer, handshake_.paired_since());
+}
+
+template <int N>
+const Report<N>* LinkTransport<N>::next(Duration now, int& left) noexcept {
+  using Action = Handshake::Action;
+  while (handshake_.listens() && left-- > 0) {
+    const std::optional<ReceivedDatagram> datagram = socket_->receive(now);
+    if (!datagram) return nullptr;
+    Action action = Action::reject;
+    if (handshake_.hears(datagram->from)) {
+      const Decoded decoded = codec_.decode(datagram->bytes, incoming_);
+      if (decoded != Decoded::malformed) action = handshake_.on(incoming_, decoded, datagram->from, now);
+    }
+    switch (action) {
+      case Action::deliver:
+        return &incoming_.report;
+      case Action::wait:
+      case Action::reply:
+      case Action::pair:
+        ++counts_.handshake;
+        break;
+      case Action::refuse:
+        static_cast<Header&>(outgoing_) = handshake_.refusal();
+        socket_->send(codec_.encode(outgoing_), datagram->from, now);
+        [[fallthrough]];
+      case Action::reject:
+        ++counts_.rejected;
+        break;
+      case Action::end:
+        break;
+    }
+  }
+  return nullptr;
+}
+
+template <int N>
+void LinkTransport<N>::send(const Report<N>& report, Duration now) noexcept {
+  if (!handshake_.reject_reason().empty()) return;
+  outgoing_.report = report;
+  if (const std::optional<Handshake::Greeting> greeting = handshake_.take_greeting()) {
+    outgoing_.report.energy_in_j = 0.0;
+    outgoing_.report.echo_ns = -1;
+    static_cast<Header&>(outgoing_) = greeting->header;
+    socket_->send(codec_.encode(outgoing_), greeting->to, now);
+    outgoing_.report = report;
+  }
+  if (!handshake_.peer()) {
+    ++counts_.unaddressed;
+    return;
+  }
+  static_cast<Header&>(outgoing_) = handshake_.header(now);
+  socket_->send(codec_.encode(outgoing_), *handshake_.peer(), now);
+}
+
+template <int N>
+bool LinkTransport<N>::take_new_session() noexcept {
+  if (!handshake_.take_new_session()) return false;
+  socket_->paired(*handshake_.peer(), handshake_.paired_since());
+  return true;
+}
+
+template <int N>
+LinkCounts LinkTransport<N>::counts() const noexcept {
+  const SocketCounts below = socket_->counts();
+  LinkCounts counts = counts_;
+  counts.rejected += below.rejected;
+  counts.lost += below.lost;
+  counts.overflowed += below.overflowed;
+  counts.unsent += below.unsent;
+  return counts;
+}
+
+template class LinkTransport<1>;
+template class LinkTransport<3>;
+template class LinkTransport<6>;
+
+}  // namespace twoport

@@ -1,0 +1,80 @@
+#pragma once
+
+#include <cstdint>
+#include <optional>
+#include <string_view>
+
+#include "common/base/time.h"
+#include "common/link/report.h"
+#include "common/link/socket.h"
+#include "common/wire/codec.h"
+#include "common/wire/handshake.h"
+
+namespace twoport {
+
+/// Datagrams that were not reports for the node.
+struct LinkCounts {
+  std::uint64_t handshake = 0;    ///< of a good peer that does not know this session yet
+  std::uint64_t rejected = 0;     ///< did not parse, of another session, of somebody else
+  std::uint64_t lost = 0;         ///< taken away by the impairment
+  std::uint64_t overflowed = 0;   ///< found the delay line full
+  std::uint64_t unaddressed = 0;  ///< reports of a slave that knows no master yet
+  std::uint64_t unsent = 0;       ///< could not be handed to the socket
+};
+
+/// The reports of one side of a link, as Mailbox wants its transport: a Handshake over a Codec over a socket, which may be
+/// a stack of filters (DatagramSocket).
+///
+/// All moments are durations since the loop began and must not decrease. One thread.
+/// Real time: poll and send allocate nothing, lock nothing, throw nothing.
+template <int N>
+class LinkTransport {
+ public:
+  /// `socket` must outlive this.
+  LinkTransport(DatagramSocket& socket, const SessionOptions& options, SessionNumbers numbers);
+  /// In the midst of a session, for tests that need no handshake.
+  LinkTransport(DatagramSocket& socket, const SessionOptions& options, SessionNumbers numbers,
+                const PairedSession& session);
+
+  /// Calls f(const Report<N>&) for each report that has arrived.
+  template <class F>
+  void poll(Duration now, F&& f) noexcept {
+    handshake_.advance(now);
+    for (int left = kMaxPerPoll; const Report<N>* report = next(now, left);) f(*report);
+  }
+
+  /// Nothing is sent while a slave knows no master.
+  void send(const Report<N>& report, Duration now) noexcept;
+
+  /// Ask before every cycle. True once for every session of the other side, the first included: running totals start
+  /// again from zero, so forget what the mailbox knows and rebase the node. Nothing is delivered before that.
+  [[nodiscard]] bool take_new_session() noexcept;
+
+  /// Why the two programs cannot work together: a sentence that is the same on both sides. End the program when this is
+  /// not empty.
+  [[nodiscard]] std::string_view reject_reason() const noexcept { return handshake_.reject_reason(); }
+
+  /// The other side has taken this session up, and returned its number within the last 100 ms.
+  [[nodiscard]] bool coupled(Duration now) const noexcept { return handshake_.coupled(now); }
+  /// Sessions of the other side so far: reconnects are one less.
+  [[nodiscard]] std::uint64_t pairings() const noexcept { return handshake_.pairings(); }
+  [[nodiscard]] const Handshake& handshake() const noexcept { return handshake_; }
+  [[nodiscard]] LinkCounts counts() const noexcept;
+
+ private:
+  static constexpr int kMaxPerPoll = 1024;  ///< datagrams read in one poll: the work of a tick is bounded
+
+  const Report<N>* next(Duration now, int& left) noexcept;
+
+  DatagramSocket* socket_;
+  Handshake handshake_;
+  Codec<N> codec_;
+  Envelope<N> incoming_, outgoing_;
+  LinkCounts counts_;
+};
+
+extern template class LinkTransport<1>;
+extern template class LinkTransport<3>;
+extern template class LinkTransport<6>;
+
+}  // namespace twoport

@@ -1,0 +1,25 @@
+#pragma once
+
+#include <cstdint>
+#include <optional>
+
+#include "common/link/endpoint.h"
+#include "common/wire/header.h"
+#include "common/wire/sentence.h"
+
+namespace twoport {
+
+/// What one side of a live link is, and what it expects of the other.
+struct SessionOptions {
+  Side side = Side::master;
+  double rate_hz = 1000.0;       ///< of this side
+  double peer_rate_hz = 1000.0;  ///< that the scene gives the other side
+  std::uint64_t scene_digest = 0;
+  std::optional<Endpoint> peer{};  ///< a master is given the address of its slave; a slave learns that of its master
+};
+
+/// What the program with `options` and `dof`, and the sender of `header`, must agree on and differ in: a sentence that is
+/// the same on both sides. Empty when they agree. The header has an identity, or `decoded` is other_version.
+Sentence mismatch(const SessionOptions& options, int dof, const Header& header, Decoded decoded) noexcept;
+
+}  // namespace twoport

@@ -1,0 +1,102 @@
+#include <cmath>
+
+#include "common/base/check.h"
+#include "common/hardware/registry.h"
+#include "sim/sim_device.h"
+#include "sim/sim_robot.h"
+
+namespace twoport {
+namespace {
+
+void refuse_arguments(const char* flag, const DriverOptions& options) {
+  if (!options.arguments.empty())
+    throw ConfigError{std::string{flag} + " sim:" + options.arguments +
+                      ": sim takes no arguments; the scene says it all"};
+}
+
+/// Time in a simulated world: it stands still until start(), and from the reading after that on goes as far as the clock.
+class WorldTime {
+ public:
+  void start() noexcept { started_ = true; }
+  /// Calls `advance()` for every period that has passed since the last reading, those that the loop left out included.
+  template <class Clock, class Advance>
+  void pass(const Tick<Clock>& tick, Advance advance) noexcept {
+    if (!started_) return;
+    if (begun_)
+      for (long periods = std::lround(tick.ended.si() / tick.dt.si()); periods > 0; --periods) advance();
+    begun_ = true;
+  }
+
+ private:
+  bool started_ = false, begun_ = false;
+};
+
+/// The scene's operator and device.
+template <int N>
+class SimulatedDevice final : public Device<N> {
+ public:
+  explicit SimulatedDevice(const DriverOptions& o) : model_{o.scene, o.period} {
+    refuse_arguments("--device", o);
+    info_.name = "simulated device";
+    info_.mass_kg = o.scene.control.handle_mass_kg;
+    info_.inertia_kg_m2 = o.scene.control.handle_inertia_kg_m2;
+    if (o.scene.device && o.scene.device->max_force_n) info_.max_force_n = *o.scene.device->max_force_n;
+    truth_.path_ends_s = model_.path().end_s();
+    note();
+  }
+
+  [[nodiscard]] DeviceInfo info() const override { return info_; }
+  DeviceSample<N> sense(const Tick<MasterClock>& tick) noexcept override {
+    time_.pass(tick, [this] { model_.advance(); });
+    note();
+    return model_.sense();
+  }
+  void actuate(const Force<N>& f) noexcept override { model_.actuate(f); }
+  void start() noexcept override { time_.start(); }
+  void release() noexcept override { model_.release(); }
+  [[nodiscard]] const DeviceTruth<N>* truth() const noexcept override { return &truth_; }
+
+ private:
+  void note() noexcept {
+    truth_.x = model_.x();
+    truth_.v = model_.v();
+    truth_.port_energy = model_.port_energy();
+  }
+
+  sim::SimDevice<N> model_;
+  WorldTime time_;
+  DeviceInfo info_;
+  DeviceTruth<N> truth_;
+};
+
+/// The scene's robot, force sensor and environment.
+template <int N>
+class SimulatedRobot final : public Robot<N> {
+ public:
+  explicit SimulatedRobot(const DriverOptions& o) : model_{o.scene, o.period} { refuse_arguments("--robot", o); }
+
+  [[nodiscard]] RobotInfo info() const override { return {.name = "simulated robot"}; }
+  RobotSample<N> sense(const Tick<SlaveClock>& tick) noexcept override {
+    time_.pass(tick, [this] { model_.advance(); });
+    truth_.f_environment = model_.environment_force();
+    return model_.sense();
+  }
+  void actuate(const RobotCommand<N>& command) noexcept override { model_.actuate(command); }
+  void start() noexcept override { time_.start(); }
+  void release() noexcept override { model_.release(); }
+  [[nodiscard]] const RobotTruth<N>* truth() const noexcept override { return &truth_; }
+
+ private:
+  sim::SimRobot<N> model_;
+  WorldTime time_;
+  RobotTruth<N> truth_;
+};
+
+}  // namespace
+
+void add_sim(Registry& all) {
+  all.devices.add<SimulatedDevice>("sim", "the hand and the device that the scene describes, simulated");
+  all.robots.add<SimulatedRobot>("sim", "the robot and the environment that the scene describes, simulated");
+}
+
+}  // namespace twoport

@@ -1,0 +1,75 @@
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+
+#include <algorithm>
+#include <cstdio>
+#include <memory>
+#include <string>
+
+#include "common/base/check.h"
+#include "common/scene/load.h"
+#include "common/scene/summary.h"
+#include "lab/cli/commands.h"
+#include "lab/peers/peers.h"
+#include "lab/plot/chart_picture.h"
+#include "lab/study/cells.h"
+#include "lab/study/chart.h"
+
+namespace twoport::lab {
+namespace {
+
+struct Arguments {
+  ChartOptions chart;
+  double for_error = 0.0;
+  std::string out;
+};
+
+int chart_command(const Arguments& a) {
+  const Scene scene = load_scene(a.chart.scene, a.chart.set);
+  const std::vector<Peer> peers = peers_for(scene);
+  const Chart c = chart(a.chart, peers, [](const std::string& what) {
+    if (progress_is_shown()) fmt::print(stderr, "\r{}\033[K", what);
+  });
+  if (progress_is_shown()) fmt::print(stderr, "\r\033[K");
+  std::fputs(to_text(c).c_str(), stdout);
+  if (peers.empty() && absent_peers().empty()) fmt::print("other engines: not for a scene of this kind\n");
+  if (!absent_peers().empty()) fmt::print("other engines not installed: {}\n", fmt::join(absent_peers(), ", "));
+  if (!a.out.empty()) {
+    make_folder(a.out);
+    write_whole(a.out + "/chart.csv", to_csv(c));
+    fmt::print("{}\n", draw(c, scene.name, a.out));
+  }
+  if (a.for_error > 0.0) {
+    const Point* best = cheapest(c.points, a.for_error, c.floor.position_rms_m);
+    if (best == nullptr)
+      throw ConfigError{
+          fmt::format("--for-error {}: no point is known to come that near; the reference itself is "
+                      "uncertain by {:.1g} m",
+                      a.for_error, c.floor.position_rms_m)};
+    fmt::print("for {} m: {}, {:.4g} ns a tick, {:.2g} m\n", a.for_error, best->name, best->ns_per_tick,
+               std::max(best->error.position_rms_m, c.floor.position_rms_m));
+  }
+  return 0;
+}
+
+}  // namespace
+
+Subcommand add_chart_command(CLI::App& app) {
+  const auto a = std::make_shared<Arguments>();
+  CLI::App* chart = app.add_subcommand("chart", "What each way to step a scene costs, against how far off it is");
+  add_scene(chart, a->chart.scene, a->chart.set);
+  add_list(chart, "--vary", a->chart.vary, "PATH=a,b,c or PATH,PATH=a,b,c; integrators and substeps unless given");
+  chart->add_option("--boundary", a->chart.boundary, "PATH=LO:HI: also where each point changes the verdict");
+  chart->add_option("--for-error", a->for_error, "Recommend the cheapest with a position error up to this [m]")
+      ->check(CLI::PositiveNumber);
+  chart->add_option("--repetitions", a->chart.repetitions, "Timed rounds; the median counts")
+      ->check(CLI::Range(1, 1000))
+      ->capture_default_str();
+  chart->add_option("--reference-substeps", a->chart.reference_substeps, "Of the reference, Runge-Kutta 4")
+      ->check(CLI::Range(2, 10000))
+      ->capture_default_str();
+  chart->add_option("--out", a->out, "Folder for chart.csv and the picture");
+  return {chart, [a] { return chart_command(*a); }};
+}
+
+}  // namespace twoport::lab

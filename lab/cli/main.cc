@@ -1,0 +1,58 @@
+#include <fmt/format.h>
+
+#include <CLI/CLI.hpp>
+#include <cerrno>
+#include <cstdio>
+#include <cstring>
+
+#include "common/base/check.h"
+#include "common/scene/summary.h"
+#include "lab/cli/commands.h"
+#include "lab/paper_command.h"
+
+namespace {
+
+using namespace twoport;
+
+std::vector<lab::Subcommand> add_commands(CLI::App& app) {
+  std::vector<lab::Subcommand> all{lab::add_run_command(app), lab::add_boundary_command(app)};
+  for (lab::Subcommand& each : lab::add_sweep_commands(app)) all.push_back(std::move(each));
+  all.push_back(lab::add_zwidth_command(app));
+  all.push_back(lab::add_chart_command(app));
+  all.push_back(lab::add_paper_command(app));
+  for (lab::Subcommand& each : lab::add_trim_commands(app)) all.push_back(std::move(each));
+  return all;
+}
+
+int run_given(const std::vector<lab::Subcommand>& commands) {
+  for (const lab::Subcommand& each : commands)
+    if (each.app->parsed()) {
+      const int status = each.run();
+      if (std::fflush(stdout) != 0) throw IoError(fmt::format("standard output: {}", std::strerror(errno)));
+      return status;
+    }
+  throw ConfigError{"a command is missing"};
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  CLI::App app{"twoport-lab: scenes in virtual time"};
+  app.set_version_flag("--version", "twoport-lab " TWOPORT_VERSION);
+  app.require_subcommand(1);
+  const std::vector<lab::Subcommand> commands = add_commands(app);
+  try {
+    app.parse(argc, argv);
+    return run_given(commands);
+  } catch (const CLI::ParseError& e) {
+    if (e.get_exit_code() == 0) return app.exit(e);  // --help, --version
+    fmt::print(stderr, "twoport-lab: {}\n", e.what());
+    return 2;
+  } catch (const ConfigError& e) {
+    fmt::print(stderr, "twoport-lab: {}\n", e.what());
+    return 2;
+  } catch (const std::exception& e) {
+    fmt::print(stderr, "twoport-lab: {}\n", e.what());
+    return 1;
+  }
+}

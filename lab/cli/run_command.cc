@@ -1,0 +1,53 @@
+#include <fmt/format.h>
+
+#include <cstdio>
+#include <memory>
+#include <string>
+
+#include "common/base/check.h"
+#include "common/scene/load.h"
+#include "common/scene/summary.h"
+#include "lab/cli/commands.h"
+#include "lab/run.h"
+#include "lab/study/cells.h"
+
+namespace twoport::lab {
+namespace {
+
+struct Arguments {
+  std::string scene, out, trace = "csv";
+  std::vector<std::string> set;
+};
+
+int run_command(const Arguments& a) {
+  const Scene scene = load_scene(a.scene, a.set);
+  std::string trace;
+  if (!a.out.empty()) {
+    make_folder(a.out);
+    if (a.trace == "csv") trace = a.out + "/trace.csv";
+  }
+  const Summary summary = run(scene, trace);
+  const std::string json = to_json(summary);
+  if (a.out.empty()) {
+    std::fputs(json.c_str(), stdout);
+  } else {
+    write_whole(a.out + "/summary.json", json);
+    fmt::print("{}: {}\n", scene.name, summary.verdict);
+  }
+  const std::vector<std::string> broken = broken_promises(scene.expect, summary);
+  for (const std::string& sentence : broken) fmt::print(stderr, "{}: {}\n", a.scene, sentence);
+  return broken.empty() ? 0 : 3;
+}
+
+}  // namespace
+
+Subcommand add_run_command(CLI::App& app) {
+  const auto a = std::make_shared<Arguments>();
+  CLI::App* run = app.add_subcommand("run", "Run one scene; summary and trace into --out, or the summary on stdout");
+  add_scene(run, a->scene, a->set);
+  run->add_option("--out", a->out, "Folder for summary.json and trace.csv");
+  run->add_option("--trace", a->trace, "none or csv")->check(CLI::IsMember({"none", "csv"}))->capture_default_str();
+  return {run, [a] { return run_command(*a); }};
+}
+
+}  // namespace twoport::lab

@@ -1,0 +1,65 @@
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <fstream>
+#include <map>
+#include <string>
+#include <vector>
+
+#include "lab/study/sweep.h"
+
+namespace twoport::lab {
+
+/// What a sweep is: the first line of cells.jsonl.
+struct Plan {
+  std::string digest;  ///< of scene, overrides, axes and version
+  std::vector<Axis> axes;
+  std::vector<std::string> columns;
+
+  [[nodiscard]] std::size_t cells() const;
+  /// The value of each axis in a cell, the last fastest.
+  [[nodiscard]] std::vector<std::string> values(std::size_t cell) const;
+  /// What a cell's row begins with: a value for each path.
+  [[nodiscard]] std::vector<std::string> varied_columns(std::size_t cell) const;
+  /// "a=1, b=2" for an error sentence.
+  [[nodiscard]] std::string name(std::size_t cell) const;
+};
+
+/// Rows by number of cell.
+using Cells = std::map<std::size_t, std::vector<std::string>>;
+
+/// The finished cells of a sweep in FOLDER/cells.jsonl, JSON by line:
+///
+///     {"digest": …, "axes": [{"path": …, "log": …, "values": […]}, …], "columns": […]}
+///     {"cell": 3, "row": ["0.5", "6000", …]}
+///
+/// Only ever appended to, a line at a time; a last line that is not whole is not there.
+class CellFile {
+ public:
+  /// Makes the folder and the file, or goes on with one of the same plan. Throws ConfigError for another plan's.
+  CellFile(const std::string& folder, const Plan& plan);
+
+  void append(std::size_t cell, const std::vector<std::string>& row);
+  [[nodiscard]] const Cells& kept() const { return kept_; }
+
+ private:
+  std::string path_;
+  std::ofstream file_;
+  Cells kept_;
+};
+
+/// Plan and cells that a folder holds. Throws ConfigError when there are none.
+struct Part {
+  std::string path;
+  Plan plan;
+  Cells cells;
+};
+Part read_part(const std::string& folder);
+
+/// All at once, whole or not at all.
+void write_part(const std::string& folder, const Plan& plan, const Cells& cells);
+
+void make_folder(const std::string& folder);
+
+}  // namespace twoport::lab

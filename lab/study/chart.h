@@ -1,0 +1,74 @@
+#pragma once
+
+#include <functional>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "lab/study/sweep.h"
+
+namespace twoport::lab {
+
+/// What a run comes to, tick by tick, for comparison with another.
+struct Course {
+  std::vector<double> t_s;
+  std::vector<double> master_x, slave_x, force;  ///< three numbers a tick [m], [m], [N] of the environment
+  std::vector<double> energy_j;  ///< at the master port; of a robot alone what it and its environment hold
+};
+
+/// Differences of two courses at the moments that both have, a nanosecond apart at most.
+struct Difference {
+  double position_rms_m, force_rms_n, force_max_n, energy_max_j;
+};
+Difference difference(const Course& a, const Course& b);
+
+/// One way to step a scene: what it costs and how far off it is.
+struct Point {
+  std::string name, group;   ///< the varied values; what it is drawn as
+  bool peer = false;         ///< another engine's answer
+  double ns_per_tick = 0.0;  ///< median of interleaved repetitions
+  double cost = 0.0;         ///< seconds per simulated second
+  Difference error{};
+  std::optional<double> boundary;  ///< where the verdict changes, when asked for
+  std::string impossible;          ///< why it was not run; empty when it was
+  std::string dominated_by;        ///< a point that is cheaper and no less accurate; empty on the front
+};
+
+/// Another program's answer to the same scene, on the same axes.
+struct Peer {
+  std::string name;
+  std::function<Course()> course;   ///< nothing when it cannot play the scene
+  std::function<double()> seconds;  ///< one timed run, without set-up [s]
+};
+
+struct ChartOptions {
+  std::string scene;
+  std::vector<std::string> set, vary;
+  std::string boundary;  ///< PATH=LO:HI: also find where the verdict changes, for each point
+  int repetitions = 7;
+  int reference_substeps = 1000;
+};
+
+struct Chart {
+  std::vector<Point> points;
+  Difference floor{};              ///< of the reference: with half as many substeps
+  std::optional<double> boundary;  ///< of the scene as written
+  double rate_hz = 0.0;
+};
+
+/// Every combination of the varied values (integrators and substeps where none are given) against the scene as it is
+/// written, stepped by Runge-Kutta 4 in many substeps: an integrator that is none of the exact ones, whose error is
+/// that of a contact met half a step late. `heard` gets the name of each point before it is run.
+Chart chart(const ChartOptions& options, const std::vector<Peer>& peers = {},
+            const std::function<void(const std::string&)>& heard = {});
+
+/// Fills in dominated_by: front of cost against position error.
+void find_front(std::vector<Point>& points);
+/// Cheapest point with a position error of at most `error_m`; null when there is none. An error below the uncertainty
+/// of the reference, `floor_m`, is known to be no larger than that, and no more.
+const Point* cheapest(const std::vector<Point>& points, double error_m, double floor_m = 0.0);
+
+std::string to_text(const Chart& chart);
+std::string to_csv(const Chart& chart);
+
+}  // namespace twoport::lab

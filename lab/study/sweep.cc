@@ -1,0 +1,295 @@
+#include "lab/study/sweep.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <bit>
+#include <charconv>
+#include <chrono>
+#include <cmath>
+#include <cstdint>
+#include <fstream>
+#include <iterator>
+#include <mutex>
+#include <optional>
+#include <string_view>
+
+#include "common/base/check.h"
+#include "common/scene/load.h"
+#include "common/scene/summary.h"
+#include "lab/run.h"
+#include "lab/study/cells.h"
+#include "lab/study/parallel.h"
+
+namespace twoport::lab {
+namespace {
+
+constexpr std::size_t kMostCells = 1'000'000;
+
+template <class Number>
+bool reads(std::string_view text, Number& number) {
+  const auto [stop, error] = std::from_chars(text.data(), text.data() + text.size(), number);
+  return error == std::errc{} && stop == text.data() + text.size();
+}
+
+std::vector<std::string_view> parts(std::string_view text, char separator) {
+  std::vector<std::string_view> all;
+  int depth = 0;
+  std::size_t from = 0;
+  for (std::size_t i = 0; i <= text.size(); ++i) {
+    if (i < text.size() && (text[i] == '[' || text[i] == '{')) ++depth;
+    if (i < text.size() && (text[i] == ']' || text[i] == '}')) --depth;
+    if (i < text.size() && (text[i] != separator || depth > 0)) continue;
+    all.push_back(text.substr(from, i - from));
+    from = i + 1;
+  }
+  return all;
+}
+
+/// Cells are of one sweep when scene text, recorded delays, overrides, axes and version are the same.
+class Digest {
+ public:
+  void add(std::string_view text) {
+    for (const char c : text) mix(static_cast<unsigned char>(c));
+    mix(0xff);  // no text holds it: the next one begins here
+  }
+  void add(double number) {
+    for (auto bits = std::bit_cast<std::uint64_t>(number); bits != 0; bits >>= 8) mix(bits & 0xff);
+    mix(0xff);
+  }
+  [[nodiscard]] std::string text() const { return fmt::format("{:016x}", value_); }
+
+ private:
+  void mix(std::uint64_t byte) { value_ = (value_ ^ byte) * 0x100000001b3; }
+  std::uint64_t value_ = 0xcbf29ce484222325;  // FNV-1a
+};
+
+std::vector<std::string> overrides(const SweepOptions& o, const std::vector<std::string>& values) {
+  std::vector<std::string> all = o.set;
+  for (std::size_t i = 0; i < values.size(); ++i) o.axes[i].append_overrides(all, values[i]);
+  return all;
+}
+
+/// What a table holds of a summary, as (column, text).
+std::vector<std::pair<std::string, std::string>> told(const Summary& summary) {
+  std::vector<std::pair<std::string, std::string>> all;
+  for (const auto& [name, value] : numbers(summary))
+    if (name != "step_ns") all.emplace_back(name, fmt::format("{}", value));
+  for (auto& word : words(summary)) all.push_back(std::move(word));
+  return all;
+}
+
+/// Says what the sweep is, and finds out what is wrong with any one value before a cell is run.
+Plan plan_of(const SweepOptions& o) {
+  if (o.axes.empty()) throw ConfigError{"--vary is missing; it must read PATH=SPEC"};
+  Plan plan{.digest = {}, .axes = o.axes, .columns = {}};
+  double cells = 1.0;
+  for (const Axis& axis : o.axes) {
+    cells *= static_cast<double>(axis.values.size());
+    for (const std::string& path : axis.paths) {
+      if (std::find(plan.columns.begin(), plan.columns.end(), path) != plan.columns.end())
+        throw ConfigError{fmt::format("--vary {}: {} is varied twice", axis.name(), path)};
+      plan.columns.push_back(path);
+    }
+  }
+  if (cells > static_cast<double>(kMostCells))
+    throw ConfigError{fmt::format("--vary: {:.0f} cells; there must be at most {}", cells, kMostCells)};
+  for (const auto& [name, text] : told(Summary{})) plan.columns.push_back(name);
+
+  const std::vector<std::string> first = plan.values(0);
+  const Scene scene = load_scene(o.scene, overrides(o, first));
+  for (std::size_t i = 0; i < o.axes.size(); ++i) {
+    std::vector<std::string> values = first;
+    for (const std::string& value : o.axes[i].values) {
+      values[i] = value;
+      load_scene(o.scene, overrides(o, values));
+    }
+  }
+
+  Digest digest;
+  digest.add(TWOPORT_VERSION);
+  std::ifstream file{o.scene, std::ios::binary};
+  digest.add(std::string{std::istreambuf_iterator<char>{file}, {}});
+  for (const std::string& assignment : o.set) digest.add(assignment);
+  for (const Axis& axis : o.axes) {
+    digest.add(axis.name());
+    for (const std::string& value : axis.values) digest.add(value);
+  }
+  for (const auto* direction : {&scene.to_slave, &scene.to_master})
+    for (const double delay : direction->recorded_delay_s) digest.add(delay);
+  plan.digest = digest.text();
+  return plan;
+}
+
+Table table_of(const Plan& plan, Cells cells) {
+  Table table{.axes = plan.axes, .columns = plan.columns, .rows = {}};
+  for (auto& [cell, row] : cells) table.rows.push_back(std::move(row));
+  return table;
+}
+
+}  // namespace
+
+std::string Axis::name() const {
+  return fmt::format("{}", fmt::join(paths, ","));
+}
+
+void Axis::append_overrides(std::vector<std::string>& overrides, const std::string& value) const {
+  for (const std::string& path : paths) overrides.push_back(path + "=" + value);
+}
+
+std::vector<std::string> parse_paths(const std::string& text, const std::string& what) {
+  std::vector<std::string> paths;
+  for (const std::string_view path : parts(text, ',')) {
+    if (path.empty()) throw ConfigError{fmt::format("{}: a path is empty; linked paths read A,B", what)};
+    if (std::find(paths.begin(), paths.end(), path) != paths.end())
+      throw ConfigError{fmt::format("{}: {} is named twice", what, path)};
+    paths.emplace_back(path);
+  }
+  return paths;
+}
+
+Axis parse_axis(const std::string& text, const std::string& option) {
+  const std::string what = fmt::format("{} {}", option, text);
+  const auto wrong = [&](const std::string& words) { return ConfigError{fmt::format("{}: {}", what, words)}; };
+  const char* const allowed = "it must read PATH=a,b,c or PATH=start:stop:count or PATH=start:stop:count:log";
+  const std::size_t equals = text.find('=');
+  if (equals == text.npos || equals == 0 || equals + 1 == text.size()) throw wrong(allowed);
+  Axis axis{.paths = parse_paths(text.substr(0, equals), what), .values = {}, .logarithmic = false};
+  const std::string_view spec = std::string_view{text}.substr(equals + 1);
+
+  const std::vector<std::string_view> range = parts(spec, ':');
+  if (range.size() == 1) {
+    for (const std::string_view value : parts(spec, ',')) {
+      if (value.empty()) throw wrong("a value is empty; " + std::string{allowed});
+      axis.values.emplace_back(value);
+    }
+    return axis;
+  }
+  double start = 0.0, stop = 0.0;
+  int count = 0;
+  axis.logarithmic = range.size() == 4 && range[3] == "log";
+  if (range.size() != (axis.logarithmic ? 4 : 3) || !reads(range[0], start) || !reads(range[1], stop) ||
+      !reads(range[2], count) || !std::isfinite(start) || !std::isfinite(stop))
+    throw wrong(allowed);
+  if (count < 2 || count > static_cast<int>(kMostCells))
+    throw wrong(fmt::format("count is {}; it must be 2 to {}", count, kMostCells));
+  if (axis.logarithmic && !(start * stop > 0.0))
+    throw wrong(fmt::format("start is {}, stop is {}; with :log both must be > 0, or both < 0", start, stop));
+  for (int i = 0; i < count; ++i) {
+    const double part = static_cast<double>(i) / (count - 1);
+    const double value = axis.logarithmic ? start * std::pow(stop / start, part) : start + part * (stop - start);
+    // 15 digits: what a person would have written, 0.3 and not 0.30000000000000004.
+    axis.values.push_back(fmt::format("{:.15g}", i == 0 ? start : i + 1 == count ? stop : value));
+  }
+  return axis;
+}
+
+Shard parse_shard(const std::string& text) {
+  Shard shard;
+  const std::vector<std::string_view> two = parts(text, '/');
+  if (two.size() != 2 || !reads(two[0], shard.index) || !reads(two[1], shard.count) || shard.index < 1 ||
+      shard.index > shard.count)
+    throw ConfigError{fmt::format("--shard {}: it must read I/N with I from 1 to N", text)};
+  return shard;
+}
+
+std::size_t Table::column_of(std::size_t axis) const {
+  std::size_t column = 0;
+  for (std::size_t i = 0; i < axis; ++i) column += axes[i].paths.size();
+  return column;
+}
+
+std::string to_csv(const Table& table) {
+  std::string csv;
+  const auto add = [&](const std::vector<std::string>& row) {
+    for (std::size_t i = 0; i < row.size(); ++i) {
+      if (i > 0) csv += ',';
+      if (row[i].find_first_of(",\"\n") == std::string::npos) {
+        csv += row[i];
+        continue;
+      }
+      csv += '"';
+      for (const char c : row[i]) csv += c == '"' ? "\"\"" : std::string(1, c);
+      csv += '"';
+    }
+    csv += '\n';
+  };
+  add(table.columns);
+  for (const auto& row : table.rows) add(row);
+  return csv;
+}
+
+Table sweep(const SweepOptions& o, const std::function<void(const Progress&)>& heard) {
+  const Plan plan = plan_of(o);
+  std::optional<CellFile> file;
+  if (!o.out.empty()) file.emplace(o.out, plan);
+
+  Cells cells;
+  std::vector<std::size_t> todo;
+  for (std::size_t cell = o.shard.index - 1; cell < plan.cells(); cell += o.shard.count) {
+    const auto kept = file ? file->kept().find(cell) : Cells::const_iterator{};
+    if (file && kept != file->kept().end()) {
+      cells.insert(*kept);
+    } else {
+      todo.push_back(cell);
+    }
+  }
+
+  Progress progress{.done = cells.size(), .kept = cells.size(), .count = cells.size() + todo.size(), .spent_s = 0.0};
+  if (heard) heard(progress);
+  std::mutex guard;
+  const auto start = std::chrono::steady_clock::now();
+  for_each_parallel(todo.size(), o.jobs, [&](std::size_t i) {
+    std::vector<std::string> row = plan.varied_columns(todo[i]);
+    try {
+      for (auto& [name, text] : told(run(load_scene(o.scene, overrides(o, plan.values(todo[i]))))))
+        row.push_back(std::move(text));
+    } catch (const ConfigError& e) {
+      throw ConfigError{fmt::format("cell {} ({}): {}", todo[i], plan.name(todo[i]), e.what())};
+    }
+    const std::lock_guard lock{guard};
+    if (file) file->append(todo[i], row);
+    cells.emplace(todo[i], std::move(row));
+    ++progress.done;
+    progress.spent_s = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+    if (heard) heard(progress);
+  });
+
+  Table table = table_of(plan, std::move(cells));
+  if (file) write_whole(o.out + "/table.csv", to_csv(table));
+  return table;
+}
+
+Table merge(const std::vector<std::string>& folders, const std::string& out) {
+  if (folders.empty()) throw ConfigError{"merge: there must be at least one folder"};
+  std::vector<Part> found;
+  for (const std::string& folder : folders) found.push_back(read_part(folder));
+  const Plan plan = found.front().plan;
+
+  Cells cells;
+  for (const Part& part : found) {
+    if (part.plan.digest != plan.digest)
+      throw ConfigError{fmt::format("{}: is of another sweep than {}", part.path, found.front().path)};
+    for (const auto& [cell, row] : part.cells)
+      if (!cells.emplace(cell, row).second) {
+        const auto other =
+            std::find_if(found.begin(), found.end(), [&, c = cell](const Part& p) { return p.cells.count(c) > 0; });
+        throw ConfigError{
+            fmt::format("cell {} ({}) is in two parts: {} and {}", cell, plan.name(cell), other->path, part.path)};
+      }
+  }
+  if (cells.size() < plan.cells()) {
+    std::size_t first = 0;
+    while (cells.count(first) > 0) ++first;
+    throw ConfigError{
+        fmt::format("{} of {} cells are missing, the first is cell {} ({}); every part of --shard I/N must "
+                    "be there and have run to its end",
+                    plan.cells() - cells.size(), plan.cells(), first, plan.name(first))};
+  }
+  write_part(out, plan, cells);
+  Table table = table_of(plan, std::move(cells));
+  write_whole(out + "/table.csv", to_csv(table));
+  return table;
+}
+
+}  // namespace twoport::lab

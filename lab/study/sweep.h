@@ -1,0 +1,74 @@
+#pragma once
+
+#include <cstddef>
+#include <functional>
+#include <string>
+#include <vector>
+
+namespace twoport::lab {
+
+/// A path into the scene that a sweep varies, or several that take the same value in each cell (linked), and the values,
+/// as an override would write them.
+struct Axis {
+  std::vector<std::string> paths;
+  std::vector<std::string> values;
+  bool logarithmic = false;
+
+  /// "A", or "A,B" where paths are linked.
+  [[nodiscard]] std::string name() const;
+  /// Appends PATH=VALUE for each path.
+  void append_overrides(std::vector<std::string>& overrides, const std::string& value) const;
+};
+/// PATH=SPEC or PATH,PATH=SPEC, split at the first '='. SPEC is a,b,c or start:stop:count, both ends included, evenly in
+/// value or, with :log, in the logarithm; nothing is split within brackets or braces. Throws ConfigError with the option,
+/// the text and what is allowed.
+Axis parse_axis(const std::string& text, const std::string& option = "--vary");
+
+/// The paths of "A,B". Throws ConfigError, whose sentence begins with `what`, when one is empty or named twice.
+std::vector<std::string> parse_paths(const std::string& text, const std::string& what);
+
+/// Part I of N, I from 1: the cells I-1, I-1+N, I-1+2N, …
+struct Shard {
+  std::size_t index = 1, count = 1;
+};
+Shard parse_shard(const std::string& text);
+
+struct SweepOptions {
+  std::string scene;
+  std::vector<std::string> set;  ///< overrides, applied before those that vary
+  std::vector<Axis> axes;        ///< the last varies fastest
+  int jobs = 1;
+  Shard shard;
+  std::string out;  ///< folder for table.csv and cells.jsonl; empty: nothing is kept
+};
+
+/// One row for each cell, in the order of cells: the varied paths first, then every number of the summary but step_ns,
+/// which is wall-clock time and no two runs share, then its words. Numbers read back to the bit.
+struct Table {
+  std::vector<Axis> axes;
+  std::vector<std::string> columns;
+  std::vector<std::vector<std::string>> rows;
+
+  /// The first of an axis's columns: it has one for each path, all with the same value.
+  [[nodiscard]] std::size_t column_of(std::size_t axis) const;
+};
+std::string to_csv(const Table& table);
+
+struct Progress {
+  std::size_t done, kept, count;  ///< cells; `kept` of `done` were there before
+  double spent_s;
+};
+
+/// Runs a scene over the product of its axes. The table is the same to the bit for any number of jobs.
+///
+/// A finished cell is kept in OUT/cells.jsonl at once, one whole line each, below a line that says what the sweep is;
+/// a sweep that was killed goes on from there, a half-written last line is dropped. Cells of another scene, other
+/// overrides, axes or version of this program are refused. Promises of the scene are not looked at: it is varied.
+/// Throws ConfigError with the cell when a scene is wrong; what is finished stays.
+Table sweep(const SweepOptions& options, const std::function<void(const Progress&)>& heard = {});
+
+/// Puts the parts of one sweep together again and writes them to `out`, as one sweep would have left them. Throws
+/// ConfigError naming the cells that are missing, or in two parts, and the folder that belongs to another sweep.
+Table merge(const std::vector<std::string>& folders, const std::string& out);
+
+}  // namespace twoport::lab

@@ -1,0 +1,420 @@
+#include "lab/study/trim.h"
+
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <initializer_list>
+#include <string_view>
+#include <type_traits>
+#include <utility>
+
+#include "common/base/check.h"
+#include "common/scene/load.h"
+#include "common/scene/summary.h"
+#include "lab/run.h"
+
+namespace twoport::lab {
+namespace {
+
+/// Two sets of eight values that have one law stay apart by chance once in 6435.
+constexpr std::size_t kRuns = 8;
+
+template <class T>
+T* pointer(std::optional<T>& from) {
+  return from ? &*from : nullptr;
+}
+
+Material* material(EnvironmentSpec& spec) {
+  auto* surface = std::get_if<Surface>(&spec);
+  return surface != nullptr ? &surface->material : nullptr;
+}
+
+/// Every number of `find(scene)` that is not zero.
+template <class Owner, class Find>
+void add_numbers(std::vector<Block>& all, Scene scene, const std::string& prefix, Find find,
+                 std::initializer_list<std::pair<const char*, double Owner::*>> numbers) {
+  Owner* const owner = find(scene);
+  if (owner == nullptr) return;
+  for (const auto& [name, number] : numbers)
+    if (owner->*number != 0.0)
+      all.push_back({prefix + name, [find, number = number](Scene& s) { find(s)->*number = 0.0; }});
+}
+
+void add_link(std::vector<Block>& all, const Scene& scene, const std::string& name, ImpairmentOptions Scene::*way) {
+  using Options = ImpairmentOptions;
+  const auto find = [way](Scene& s) { return &(s.*way); };
+  const Options& link = scene.*way;
+  add_numbers<Options>(all, scene, name, find, {{"delay_ms", &Options::delay_s}, {"jitter_ms", &Options::jitter_s}});
+  if (!link.recorded_delay_s.empty())
+    all.push_back({name + "trace_file", [way](Scene& s) { (s.*way).recorded_delay_s.clear(); }});
+  add_numbers<Options>(all, scene, name, find, {{"loss", &Options::loss}});
+  if (link.burst) all.push_back({name + "burst", [way](Scene& s) { (s.*way).burst.reset(); }});
+  if (!link.blackout.empty()) all.push_back({name + "blackout", [way](Scene& s) { (s.*way).blackout.clear(); }});
+  add_numbers<Options>(all, scene, name, find, {{"duplicate", &Options::duplicate}, {"reorder", &Options::reorder}});
+}
+
+void add_environment(std::vector<Block>& all, const Scene& scene) {
+  for (std::size_t i = 0; i < scene.environment.size(); ++i) {
+    const std::string path = fmt::format("environment[{}].{}", i, name(scene.environment[i]));
+    all.push_back(
+        {path, [i](Scene& s) { s.environment.erase(s.environment.begin() + static_cast<std::ptrdiff_t>(i)); }});
+    add_numbers<Material>(all, scene, path + ".", [i](Scene& s) { return material(s.environment[i]); },
+                          {{"damping_n_s_per_m", &Material::damping_n_s_per_m},
+                           {"friction", &Material::friction},
+                           {"viscous_friction_n_s_per_m", &Material::viscous_friction_n_s_per_m}});
+    add_numbers<Spring>(all, scene, path + ".", [i](Scene& s) { return std::get_if<Spring>(&s.environment[i]); },
+                        {{"damping_n_s_per_m", &Spring::damping_n_s_per_m}});
+  }
+}
+
+/// A handle that is not led along a path needs something to move, and where nobody controls there must be a robot.
+bool can_run(const Scene& scene) {
+  if (scene.control.architecture == Architecture::uncontrolled && !scene.robot) return false;
+  const HandSpec* hand = scene.human && scene.human->hand ? &*scene.human->hand : nullptr;
+  if (hand == nullptr && (scene.human || !scene.device)) return true;
+  const auto moves = [&](double DeviceSpec::*of_device, double HandSpec::*of_hand) {
+    return (scene.device ? *scene.device.*of_device : 0.0) + (hand ? hand->*of_hand : 0.0) > 0.0;
+  };
+  return moves(&DeviceSpec::mass_kg, &HandSpec::mass_kg) &&
+         (scene.dof != 6 || moves(&DeviceSpec::inertia_kg_m2, &HandSpec::inertia_kg_m2));
+}
+
+std::vector<Block> marked(const std::vector<Block>& all, const std::vector<bool>& which) {
+  std::vector<Block> some;
+  for (std::size_t i = 0; i < all.size(); ++i)
+    if (which[i]) some.push_back(all[i]);
+  return some;
+}
+std::string paths(const std::vector<Block>& some) {
+  std::vector<std::string> names;
+  for (const Block& block : some) names.push_back(block.path);
+  return fmt::format("{}", fmt::join(names, ", "));
+}
+
+// ---- runs
+
+/// The scene as its run `i` has it. Where a controller switches, rounding grows into numbers even if nothing is drawn:
+/// the seed moves on, and stiffnesses change in the twelfth digit. Run 0 is the scene itself.
+Scene shaken(Scene scene, std::size_t i) {
+  const double little = 1.0 + 1e-12 * static_cast<double>(i);
+  scene.seed += i;
+  scene.control.coupling.stiffness_n_per_m *= little;
+  if (scene.human && scene.human->hand) scene.human->hand->stiffness_n_per_m *= little;
+  for (EnvironmentSpec& each : scene.environment)
+    if (Material* surface = material(each))
+      surface->stiffness_n_per_m *= little;
+    else
+      std::get<Spring>(each).stiffness_n_per_m *= little;
+  return scene;
+}
+
+/// What the runs of one variant gave: a summary for each of the kRuns, a cost for each run and repetition.
+struct Seen {
+  std::vector<Summary> of_run;
+  std::vector<double> tick_ns;
+};
+
+/// Variants in turn, so that what disturbs the machine disturbs them alike.
+std::vector<Seen> run_in_turn(const std::vector<Scene>& variants, int repetitions) {
+  std::vector<Seen> seen(variants.size());
+  for (int r = 0; r < repetitions; ++r)
+    for (std::size_t k = 0; k < kRuns; ++k)
+      for (std::size_t i = 0; i < variants.size(); ++i) {
+        Summary summary = run(shaken(variants[i], k));
+        seen[i].tick_ns.push_back(summary.step_ns);
+        if (r == 0) seen[i].of_run.push_back(std::move(summary));
+      }
+  return seen;
+}
+
+double median(std::vector<double> of) {
+  const auto middle = of.begin() + static_cast<std::ptrdiff_t>(of.size() / 2);
+  std::nth_element(of.begin(), middle, of.end());
+  return of.size() % 2 == 1 ? *middle : 0.5 * (*middle + *std::max_element(of.begin(), middle));
+}
+double cost_ratio(const Seen& a, const Seen& b) {
+  std::vector<double> ratios(a.tick_ns.size());
+  std::transform(a.tick_ns.begin(), a.tick_ns.end(), b.tick_ns.begin(), ratios.begin(), std::divides<>{});
+  return median(ratios);
+}
+
+// ---- what tells runs apart
+
+/// One number of the summary over the runs.
+struct Row {
+  std::string key;
+  std::array<double, kRuns> values;
+  [[nodiscard]] double low() const { return *std::min_element(values.begin(), values.end()); }
+  [[nodiscard]] double high() const { return *std::max_element(values.begin(), values.end()); }
+};
+std::vector<Row> rows(const Seen& seen) {
+  std::vector<Row> all;
+  for (std::size_t k = 0; k < kRuns; ++k) {
+    std::size_t row = 0;
+    for (const auto& [key, value] : numbers(seen.of_run[k])) {
+      if (key == "step_ns") continue;
+      if (k == 0) all.push_back({key, {}});
+      all[row++].values[k] = value;
+    }
+  }
+  return all;
+}
+
+Contrast scatter(const Seen& seen) {
+  Contrast most;
+  for (const Row& row : rows(seen)) {
+    const double change = relative_change(row.key, row.low(), row.high());
+    if (change > most.change) most = {row.key, row.low(), row.high(), change};
+  }
+  return most;
+}
+
+/// The keys whose promises one run keeps and the other does not, `stable` first.
+std::vector<std::string> turned(const ExpectSpec& expect, const Summary& a, const Summary& b) {
+  std::vector<std::string> keys;
+  if (a.stable != b.stable) keys.push_back("stable");
+  const auto check = [&](const Bound& bound, std::vector<Bound> ExpectSpec::*side) {
+    ExpectSpec one;
+    (one.*side).push_back(bound);
+    if (bound.key != "step_ns" && broken_promises(one, a).empty() != broken_promises(one, b).empty())
+      keys.push_back(bound.key);
+  };
+  for (const Bound& bound : expect.at_least) check(bound, &ExpectSpec::at_least);
+  for (const Bound& bound : expect.at_most) check(bound, &ExpectSpec::at_most);
+  return keys;
+}
+
+Judged judge(const std::string& path, const Seen& with, const Seen& without, const ExpectSpec& expect,
+             double tolerance) {
+  std::vector<std::string> decisive;
+  for (std::size_t k = 0; k < kRuns && decisive.empty(); ++k)
+    decisive = turned(expect, with.of_run[k], without.of_run[k]);
+
+  Contrast any, beyond;
+  const std::vector<Row> a = rows(with), b = rows(without);
+  for (std::size_t i = 0; i < a.size(); ++i) {
+    const bool counts = decisive.empty() || a[i].key == decisive.front();
+    const bool overlap = a[i].low() <= b[i].high() && b[i].low() <= a[i].high();
+    for (std::size_t k = 0; k < kRuns && counts; ++k) {
+      const Contrast d{a[i].key, a[i].values[k], b[i].values[k],
+                       relative_change(a[i].key, a[i].values[k], b[i].values[k])};
+      if (d.change > any.change) any = d;
+      if (d.change > beyond.change && !overlap) beyond = d;
+    }
+  }
+  const double saved = 1.0 - cost_ratio(without, with);
+  if (!decisive.empty()) return {path, Need::needed, any, saved};
+  if (any.change < tolerance) return {path, Need::spare, any, saved};
+  if (beyond.change < tolerance) return {path, Need::in_scatter, any, saved};
+  return {path, Need::needed, beyond, saved};
+}
+
+const char* words(Need need) {
+  switch (need) {
+    case Need::needed:
+      return "needed";
+    case Need::in_scatter:
+      return "within the scatter";
+    case Need::spare:
+      return "could be left out";
+    default:
+      return "needed once the others are left out";
+  }
+}
+
+}  // namespace
+
+double relative_change(const std::string& key, double a, double b) {
+  static constexpr std::pair<std::string_view, double> kFloors[] = {
+      {"_j", 1e-6}, {"_m", 1e-6}, {"_n", 1e-3}, {"_deg", 1e-2}, {"_s", 1e-3}};
+  if (a == b || (std::isnan(a) && std::isnan(b))) return 0.0;
+  if (!std::isfinite(a) || !std::isfinite(b)) return 1.0;
+  double floor = 1.0;
+  for (const auto& [ending, value] : kFloors)
+    if (key.ends_with(ending)) floor = value;
+  return std::abs(a - b) / std::max({std::abs(a), std::abs(b), floor});
+}
+
+std::vector<Block> blocks(const Scene& scene) {
+  using D = DeviceSpec;
+  using H = HandSpec;
+  using R = RobotSpec;
+  const auto device = [](Scene& s) { return pointer(s.device); };
+  const auto hand = [](Scene& s) { return s.human ? pointer(s.human->hand) : nullptr; };
+  const auto robot = [](Scene& s) { return pointer(s.robot); };
+  const auto sensor = [](Scene& s) { return s.robot ? pointer(s.robot->force_sensor) : nullptr; };
+  std::vector<Block> all;
+
+  if (scene.human && scene.human->hand) all.push_back({"operator.hand", [](Scene& s) { s.human->hand.reset(); }});
+  add_numbers<H>(all, scene, "operator.hand.", hand,
+                 {{"mass_kg", &H::mass_kg},
+                  {"inertia_kg_m2", &H::inertia_kg_m2},
+                  {"stiffness_n_per_m", &H::stiffness_n_per_m},
+                  {"damping_n_s_per_m", &H::damping_n_s_per_m},
+                  {"rotational_stiffness_n_m_per_rad", &H::rotational_stiffness_n_m_per_rad},
+                  {"rotational_damping_n_m_s_per_rad", &H::rotational_damping_n_m_s_per_rad}});
+  if (scene.human && scene.human->tremor) all.push_back({"operator.tremor", [](Scene& s) { s.human->tremor.reset(); }});
+  add_numbers<D>(all, scene, "device.", device,
+                 {{"mass_kg", &D::mass_kg},
+                  {"inertia_kg_m2", &D::inertia_kg_m2},
+                  {"damping_n_s_per_m", &D::damping_n_s_per_m},
+                  {"rotational_damping_n_m_s_per_rad", &D::rotational_damping_n_m_s_per_rad},
+                  {"coulomb_friction_n", &D::coulomb_friction_n},
+                  {"position_resolution_m", &D::position_resolution_m}});
+  if (scene.device && scene.device->velocity_estimate != VelocityEstimate::true_velocity)
+    all.push_back(
+        {"device.velocity_estimate", [](Scene& s) { s.device->velocity_estimate = VelocityEstimate::true_velocity; }});
+  if (scene.device && scene.device->max_force_n)
+    all.push_back({"device.max_force_n", [](Scene& s) { s.device->max_force_n.reset(); }});
+
+  add_link(all, scene, "to_slave.", &Scene::to_slave);
+  add_link(all, scene, "to_master.", &Scene::to_master);
+
+  if (scene.robot) all.push_back({"robot", [](Scene& s) { s.robot.reset(); }});
+  add_numbers<R>(all, scene, "robot.", robot,
+                 {{"damping_n_s_per_m", &R::damping_n_s_per_m},
+                  {"rotational_damping_n_m_s_per_rad", &R::rotational_damping_n_m_s_per_rad}});
+  add_numbers<ForceSensorSpec>(all, scene, "robot.force_sensor.", sensor,
+                               {{"noise_n", &ForceSensorSpec::noise_n}, {"latency_ms", &ForceSensorSpec::latency_s}});
+  if (scene.robot && scene.robot->force_sensor) {
+    const Numbers& bias = scene.robot->force_sensor->bias_n;
+    if (std::any_of(bias.begin(), bias.end(), [](double b) { return b != 0.0; }))
+      all.push_back({"robot.force_sensor.bias_n", [](Scene& s) {
+                       Numbers& of = s.robot->force_sensor->bias_n;
+                       std::fill(of.begin(), of.end(), 0.0);
+                     }});
+  }
+
+  add_environment(all, scene);
+  for (std::size_t i = 0; scene.tool.size() > 1 && i < scene.tool.size(); ++i)
+    all.push_back({fmt::format("tool.contact_point[{}]", i),
+                   [i](Scene& s) { s.tool.erase(s.tool.begin() + static_cast<std::ptrdiff_t>(i)); }});
+
+  std::erase_if(all, [&](const Block& block) { return !can_run(without(scene, {block})); });
+  return all;
+}
+
+Scene without(Scene scene, const std::vector<Block>& left_out) {
+  // From the last: what a block holds before the block, and no index moves before its turn.
+  for (auto block = left_out.rbegin(); block != left_out.rend(); ++block) block->remove(scene);
+  tell_handle(scene);
+  return scene;
+}
+
+Trim trim(const Scene& scene, double tolerance, int repetitions) {
+  if (!(tolerance > 0.0 && tolerance < 1.0))
+    throw ConfigError{fmt::format("--tolerance is {}; it must be > 0 and < 1", tolerance)};
+  if (scene.control.architecture == Architecture::uncontrolled)
+    throw ConfigError{
+        "control.architecture is UNCONTROLLED; it must be another one: a summary says nothing of a robot "
+        "alone, so every block could be left out"};
+  const std::vector<Block> all = blocks(scene);
+  std::vector<Scene> variants{scene};
+  for (const Block& block : all) variants.push_back(without(scene, {block}));
+  const std::vector<Seen> seen = run_in_turn(variants, repetitions);
+
+  Trim result;
+  result.scatter = scatter(seen[0]);
+  for (std::size_t i = 0; i < all.size(); ++i)
+    result.blocks.push_back(judge(all[i].path, seen[0], seen[i + 1], scene.expect, tolerance));
+
+  // One after the other, from the one that changes least, as long as all that are gone change less than the tolerance.
+  std::vector<std::size_t> order;
+  for (std::size_t i = 0; i < all.size(); ++i)
+    if (result.blocks[i].need == Need::spare) order.push_back(i);
+  std::stable_sort(order.begin(), order.end(), [&](std::size_t a, std::size_t b) {
+    return result.blocks[a].most.change < result.blocks[b].most.change;
+  });
+  std::vector<bool> gone(all.size(), false);
+  for (const std::size_t i : order) {
+    gone[i] = true;
+    const Scene rest = without(scene, marked(all, gone));
+    if (can_run(rest) && judge("", seen[0], run_in_turn({rest}, 1)[0], scene.expect, tolerance).need == Need::spare)
+      continue;
+    gone[i] = false;
+    result.blocks[i].need = Need::together;
+  }
+  std::vector<bool> loose(all.size(), false), both = gone;
+  for (std::size_t i = 0; i < all.size(); ++i) {
+    if (result.blocks[i].need != Need::in_scatter) continue;
+    both[i] = true;
+    loose[i] = both[i] = can_run(without(scene, marked(all, both)));
+  }
+
+  const std::vector<Seen> last =
+      run_in_turn({scene, without(scene, marked(all, gone)), without(scene, marked(all, both))}, repetitions);
+  result.spare = judge(paths(marked(all, gone)), last[0], last[1], scene.expect, tolerance);
+  result.loose = judge(paths(marked(all, loose)), last[0], last[2], scene.expect, tolerance);
+  return result;
+}
+
+std::string to_text(const Trim& trim, double tolerance) {
+  std::size_t wide = 5;
+  for (const Judged& block : trim.blocks) wide = std::max(wide, block.path.size());
+  std::string text =
+      fmt::format("{:<{}} {:<30} {:>9} {:>7}\n", "block", wide, "number that changes most", "change", "saved");
+  const auto line = [&](const Judged& j) {
+    return fmt::format("{:<30} {:>9.2g} {:>5.0f} %  {}\n", j.most.key, j.most.change, std::round(100.0 * j.saved) + 0.0,
+                       words(j.need));
+  };
+  for (const Judged& block : trim.blocks) text += fmt::format("{:<{}} {}", block.path, wide, line(block));
+  text += fmt::format("scatter over {} runs: {} {:.2g}\n", kRuns, trim.scatter.key, trim.scatter.change);
+  if (trim.spare.path.empty()) {
+    text += fmt::format("nothing could be left out at a tolerance of {}\n", tolerance);
+  } else {
+    text += fmt::format("could be left out together: {}\n  all at once: {}", trim.spare.path, line(trim.spare));
+  }
+  if (!trim.loose.path.empty())
+    text += fmt::format("within the scatter: {}\n  without these too: {}", trim.loose.path, line(trim.loose));
+  return text;
+}
+
+std::string to_csv(const Trim& trim) {
+  std::string text = "block,verdict,key,with,without,change,saved\n";
+  for (const Judged& j : trim.blocks)
+    text += fmt::format("{},{},{},{},{},{},{}\n", j.path, words(j.need), j.most.key, j.most.with, j.most.without,
+                        j.most.change, j.saved);
+  return text;
+}
+
+std::vector<BlockCost> block_costs(const Scene& scene, int repetitions) {
+  const std::vector<Block> all = blocks(scene);
+  std::vector<std::string> labels;
+  std::vector<Scene> variants;
+  std::string label = "bare scene";
+  for (std::size_t i = 0; i <= all.size(); ++i) {
+    if (i > 0) label += (label.empty() ? "+ " : ", ") + all[i - 1].path;
+    const Scene variant = without(scene, {all.begin() + static_cast<std::ptrdiff_t>(i), all.end()});
+    if (!can_run(variant)) continue;  // a hand waits for its mass
+    labels.push_back(std::exchange(label, ""));
+    variants.push_back(variant);
+  }
+  const std::vector<Seen> seen = run_in_turn(variants, repetitions);
+  std::vector<BlockCost> costs;
+  for (std::size_t i = 0; i < seen.size(); ++i)
+    costs.push_back({labels[i], median(seen[i].tick_ns), cost_ratio(seen[i], seen[0]),
+                     std::all_of(seen[i].of_run.begin(), seen[i].of_run.end(), [](auto& s) { return s.stable; })});
+  return costs;
+}
+
+std::string to_text(const std::vector<BlockCost>& costs) {
+  std::size_t wide = 0;
+  for (const BlockCost& cost : costs) wide = std::max(wide, cost.path.size());
+  std::string text = fmt::format("{:<{}} {:>11} {:>7}\n", "model", wide, "ns per tick", "ratio");
+  for (const BlockCost& cost : costs)
+    text += fmt::format("{:<{}} {:>11.1f} {:>7.2f}{}\n", cost.path, wide, cost.tick_ns, cost.ratio,
+                        cost.stable ? "" : "  unstable");
+  return text;
+}
+
+std::string to_csv(const std::vector<BlockCost>& costs) {
+  std::string csv = "model,tick_ns,ratio,stable\n";
+  for (const BlockCost& cost : costs)
+    csv += fmt::format("\"{}\",{},{},{}\n", cost.path, cost.tick_ns, cost.ratio, cost.stable ? 1 : 0);
+  return csv;
+}
+
+}  // namespace twoport::lab

@@ -1,0 +1,77 @@
+#pragma once
+
+#include <functional>
+#include <string>
+#include <vector>
+
+#include "common/scene/scene.h"
+
+namespace twoport::lab {
+
+/// A part of the world that a scene models and need not: its path in the scene file, and how it is left out. What the
+/// scene is about stays: the operator's path, where things start, rates, architecture and controllers.
+struct Block {
+  std::string path;
+  std::function<void(Scene&)> remove;
+};
+
+/// What of the world is modelled, in the order of the data flow; a block stands before what it holds. Left out is what
+/// no scene can run without, such as the only mass that the handle has.
+std::vector<Block> blocks(const Scene& scene);
+
+/// The scene without these blocks, given in the order of blocks().
+Scene without(Scene scene, const std::vector<Block>& left_out);
+
+/// How far two numbers of a summary are apart, on their own scale; 0 where they are equal, 1 where one is not finite:
+///
+///     |a - b| / max(|a|, |b|, floor)     floor: 1e-6 J, 1e-6 m, 1e-3 N, 0.01 deg, 1e-3 s, 1 (ms, counts, flags)
+double relative_change(const std::string& key, double a, double b);
+
+/// The number that tells two runs apart best. `step_ns`, which is wall-clock time, is none of them.
+struct Contrast {
+  std::string key = "nothing";
+  double with = 0.0, without = 0.0, change = 0.0;
+};
+
+enum class Need {
+  needed,      ///< a number changes by the tolerance or more and leaves its scatter; or a verdict or promise turns
+  in_scatter,  ///< numbers change by the tolerance or more, within the range that each has anyway
+  spare,       ///< no number changes by the tolerance, in any run
+  together,    ///< the same, but not once the other spare ones are gone
+};
+
+struct Judged {
+  std::string path;
+  Need need;
+  Contrast most;
+  double saved;  ///< of the cost of a tick: 1 - without/with, median of interleaved runs
+};
+
+struct Trim {
+  std::vector<Judged> blocks;
+  Contrast scatter;  ///< of the whole scene over its runs: smallest and largest
+  Judged spare;      ///< all spare blocks left out at once; path: them
+  Judged loose;      ///< those within the scatter left out too; path: these
+};
+
+/// Which blocks change the summary of a scene by less than `tolerance`, 0 < tolerance < 1. Every variant makes eight
+/// runs: the scene as it is, and with the seven seeds that follow its own and stiffnesses changed in the twelfth digit,
+/// which tells what scatters from what changes. `repetitions` times, in turn with the whole scene.
+/// Throws ConfigError for another tolerance, and for a robot alone, of which a summary says nothing.
+Trim trim(const Scene& scene, double tolerance, int repetitions);
+std::string to_text(const Trim& trim, double tolerance);
+std::string to_csv(const Trim& trim);
+
+/// Cost of a scene that has blocks up to and with this one, or these: a hand comes with what gives it mass.
+struct BlockCost {
+  std::string path;
+  double tick_ns, ratio;  ///< to the bare scene; medians of interleaved runs
+  bool stable;
+};
+/// The first is the bare scene; then one more block each, in the order of blocks(). What a block costs depends on what
+/// the others then do: a bar may be shorter than the one before.
+std::vector<BlockCost> block_costs(const Scene& scene, int repetitions);
+std::string to_text(const std::vector<BlockCost>& costs);
+std::string to_csv(const std::vector<BlockCost>& costs);
+
+}  // namespace twoport::lab

@@ -1,0 +1,193 @@
+#include "master/program.h"
+
+#include <algorithm>
+#include <bit>
+#include <cmath>
+#include <limits>
+#include <memory>
+#include <optional>
+#include <vector>
+
+#include "common/coupling/scaling.h"
+#include "common/platform/live_link.h"
+#include "common/platform/live_run.h"
+#include "common/platform/log.h"
+#include "master/master_node.h"
+#include "master/render_node.h"
+
+namespace twoport {
+namespace {
+
+/// The handle's last positions by tick, to hold against what the slave says it was following.
+template <int N>
+class History {
+ public:
+  History(double rate_hz, double longest_s)
+      : rate_hz_{rate_hz}, x_(std::bit_ceil(static_cast<std::size_t>(std::min(longest_s * rate_hz, 1e6)))) {}
+  /// Ticks that were left out since the last have the position of this one.
+  void keep(std::int64_t k, const Position<N>& x) noexcept {
+    next_ = std::max(next_, k + 1 - static_cast<std::int64_t>(x_.size()));
+    while (next_ <= k) x_[index(next_++)] = x;
+  }
+  [[nodiscard]] const Position<N>& at(std::int64_t ns) const noexcept {
+    return x_[index(std::llround(static_cast<double>(ns) * rate_hz_ / kNanosecondsPerSecond))];
+  }
+
+ private:
+  [[nodiscard]] std::size_t index(std::int64_t k) const noexcept { return static_cast<std::size_t>(k) % x_.size(); }
+  double rate_hz_;
+  std::vector<Position<N>> x_;
+  std::int64_t next_ = 0;
+};
+
+/// What both kinds of master are to run_live.
+template <int N>
+struct Master {
+  static constexpr int kSize = N;
+  static constexpr Side kSide = Side::master;
+  static constexpr const char* kName = "master";
+  using Clock = MasterClock;
+  using Hardware = Device<N>;
+  using Sample = DeviceSample<N>;
+
+  Master(const Scene& s, Device<N>& device, const std::string& choice)
+      : scene{s},
+        hardware{device},
+        first{first_reading<MasterClock>(device, Seconds{1.0 / s.master_rate_hz}, choice)} {}
+
+  [[nodiscard]] double rate_hz() const { return scene.master_rate_hz; }
+  [[nodiscard]] static bool serves() { return false; }
+  [[nodiscard]] static bool judged() { return true; }
+  [[nodiscard]] Metrics<N> metrics(Energy initial) const {
+    const DeviceTruth<N>* truth = hardware.truth();
+    // A person's path ends when nobody knows.
+    const double rests_from_s = truth ? truth->path_ends_s : std::numeric_limits<double>::infinity();
+    return {scene.master_rate_hz, scene.duration_s, rests_from_s, initial.si()};
+  }
+
+  /// What the device and the node tell. `observed` is the node's account of the port, without what was granted.
+  template <class Output>
+  [[nodiscard]] Row<N> row_of(double t_s, const Sample& sample, const Output& out, Energy observed) const noexcept {
+    const DeviceTruth<N>* truth = hardware.truth();
+    return {.t_s = t_s,
+            .master_x = truth ? truth->x : sample.x,
+            .master_v = truth ? truth->v : sample.v,
+            .master_f = out.command,
+            .master_f_wanted = out.wanted,
+            .env_f = -out.wanted,
+            .master_energy_j = (truth ? truth->port_energy : observed).si(),
+            .observed_energy_j = observed.si(),
+            .owed_j = out.owed.si(),
+            .dissipated_j = out.dissipated.si(),
+            .mode = Mode::coupled};
+  }
+  /// What the device has made of the command.
+  static void complete(Row<N>& row, const Sample& next) noexcept { row.master_f = next.applied; }
+
+  const Scene& scene;
+  Device<N>& hardware;
+  Sample first;
+};
+
+/// A virtual environment on the device.
+template <int N>
+struct RenderMaster : Master<N> {
+  RenderMaster(const Scene& s, Device<N>& device, const std::string& choice)
+      : Master<N>{s, device, choice},
+        environment{s.environment, s.tool},
+        node{s.control, environment},
+        initial{s.control.initial_energy + environment.potential(device.truth() ? device.truth()->x : this->first.x)} {}
+
+  [[nodiscard]] Metrics<N> metrics() const { return Master<N>::metrics(initial); }
+  Row<N> row(std::int64_t, double t_s, const DeviceSample<N>& sample,
+             const typename RenderNode<N>::Output& out) const noexcept {
+    return this->row_of(t_s, sample, out, node.observed() - initial);
+  }
+  static void fill(Summary&, bool) {}
+
+  Environment<N> environment;
+  RenderNode<N> node;
+  Energy initial;
+  NoLink link;
+};
+
+/// A slave at the other end of a link.
+template <int N>
+struct LinkMaster : Master<N> {
+  LinkMaster(const Scene& s, Device<N>& device, const LiveArguments& a)
+      : Master<N>{s, device, a.hardware},
+        link{Side::master, s, a.address},
+        node{s.control},
+        scaling{s.control},
+        history{s.master_rate_hz, 4.0 + longest_delay_s(s.to_slave) + longest_delay_s(s.to_master)} {}
+
+  [[nodiscard]] Metrics<N> metrics() const {
+    const Energy granted = this->scene.control.initial_energy;
+    return Master<N>::metrics(granted + scaling.to_master(granted));
+  }
+  Row<N> row(std::int64_t k, double t_s, const DeviceSample<N>& sample,
+             const typename MasterNode<N>::Output& out) noexcept {
+    const PeerState<N>& slave = link.mail().known();
+    Row<N> row = this->row_of(t_s, sample, out, node.observed());
+    history.keep(k, row.master_x);
+    row.slave_x = slave.newest.x;
+    row.slave_v = slave.newest.v;
+    row.slave_f = slave.newest.f_coupling;
+    row.env_f = -slave.newest.f_environment;
+    if (slave.any && slave.newest.echo_ns >= 0 && out.mode == Mode::coupled)
+      row.position_error = slave.newest.x - scaling.to_slave(history.at(slave.newest.echo_ns));
+    row.mode = out.mode;
+    return row;
+  }
+  void fill(Summary& s, bool) { link.fill(s, node.mode()); }
+
+  LiveLink<N> link;
+  MasterNode<N> node;
+  Scaling<N> scaling;
+  History<N> history;
+};
+
+/// The scene with what only the driver knows of the device: the mass at the handle where the scene names none, and the
+/// smaller of the two limits of force.
+Scene with_device(Scene scene, const DeviceInfo& info) {
+  ControlOptions& control = scene.control;
+  const bool has_mass = scene.device && scene.device->mass_kg > 0.0;
+  const bool has_inertia = scene.device && scene.device->inertia_kg_m2 > 0.0;
+  if (!has_mass && info.mass_kg > 0.0) control.handle_mass_kg = info.mass_kg;
+  if (!has_inertia && info.inertia_kg_m2 > 0.0) control.handle_inertia_kg_m2 = info.inertia_kg_m2;
+  control.max_force_n = info.max_force_n;
+  if (scene.device && scene.device->max_force_n)
+    control.max_force_n = std::min(control.max_force_n, *scene.device->max_force_n);
+  return scene;
+}
+
+template <int N>
+int run(const Scene& read, const LiveArguments& arguments, const Registry& hardware) {
+  spdlog::logger log = make_log("master");
+  const std::unique_ptr<Device<N>> device =
+      hardware.devices.open<N>(arguments.hardware, read, Seconds{1.0 / read.master_rate_hz});
+  const Scene scene = with_device(read, device->info());
+  if (scene.control.architecture == Architecture::render) {
+    RenderMaster<N> side{scene, *device, arguments.hardware};
+    return run_live(side, scene, arguments, log);
+  }
+  LinkMaster<N> side{scene, *device, arguments};
+  return run_live(side, scene, arguments, log);
+}
+
+}  // namespace
+
+int master_program(int argc, char** argv, const Registry& hardware) {
+  const ProgramText text{.name = "twoport-master",
+                         .description = "hand and haptic device, live",
+                         .address_flag = "--peer",
+                         .address_default = "127.0.0.1:45000",
+                         .hardware_flag = "--device",
+                         .hardware = "the haptic device",
+                         .drivers = hardware.devices.lines()};
+  return live_program(argc, argv, text, [&](const Scene& scene, const LiveArguments& arguments) {
+    return with_size(scene, [&]<int N>() { return run<N>(scene, arguments, hardware); });
+  });
+}
+
+}  // namespace twoport

@@ -1,0 +1,147 @@
+#pragma once
+
+#include <limits>
+#include <numbers>
+#include <utility>
+#include <vector>
+
+#include "common/base/vector.h"
+#include "common/scene/scene.h"
+#include "sim/operator/tremor.h"
+
+namespace twoport::sim {
+
+/// The intended motion of the hand: segments, each starting where the last one ended; after the last, hold.
+///
+///     move_to   x(s) = x0 + (x1 - x0)(10 s³ - 15 s⁴ + 6 s⁵),   s = t / duration       minimum jerk
+///     sine      x(t) = x0 + A sin(2π f t) along one axis
+///     screw     x(t) = x0 turned by A sin(2π f t) about an axis and moved by L sin(2π f t) along it
+///
+/// A tremor is added to all of it, and never ends.
+template <int N>
+class Path {
+ public:
+  Path(const std::vector<SegmentSpec>& specs, const Position<N>& start, Tremor<N> tremor = {})
+      : end_{start}, tremor_{std::move(tremor)} {
+    double t = 0.0;
+    for (const SegmentSpec& spec : specs) {
+      Segment s;
+      s.start_s = t;
+      s.from = end_;
+      if (const auto* hold = std::get_if<HoldSpec>(&spec)) {
+        s.duration_s = hold->duration_s;
+      } else if (const auto* move = std::get_if<MoveToSpec>(&spec)) {
+        s.kind = Kind::move;
+        s.duration_s = move->duration_s;
+        Position<N> to = position<N>(move->position_m);
+        if constexpr (N == 6) {
+          if (move->position_m.size() != 7) to = Position<6>{to.translation(), end_.attitude()};
+        }
+        s.along = to - end_;
+        end_ = to;
+      } else if (const auto* screw = std::get_if<ScrewSpec>(&spec)) {
+        s.kind = Kind::screw;
+        s.duration_s = screw->duration_s;
+        s.omega = 2.0 * std::numbers::pi * screw->frequency_hz;
+        s.point = vector<3>(screw->point_m);
+        s.axis = vector<3>(screw->axis);
+        s.angle = screw->angle_rad;
+        s.travel = screw->travel_m;
+        end_ = s.at(s.duration_s).x;
+      } else {
+        const auto& sine = std::get<SineSpec>(spec);
+        s.kind = Kind::sine;
+        s.duration_s = sine.duration_s;
+        s.omega = 2.0 * std::numbers::pi * sine.frequency_hz;
+        typename Displacement<N>::Vector a = Displacement<N>::Vector::Zero();
+        a[sine.axis] = sine.amplitude_m;
+        s.along = Displacement<N>{a};
+        end_ = s.at(s.duration_s).x;
+      }
+      t += s.duration_s;
+      segments_.push_back(s);
+    }
+    end_s_ = t;
+    rest_from_s_ = tremor_.still() ? end_s_ : std::numeric_limits<double>::infinity();
+  }
+
+  struct Sample {
+    Position<N> x;
+    Velocity<N> v;
+  };
+
+  /// Times must not decrease from call to call.
+  [[gnu::always_inline]] Sample at(double t_s) noexcept {
+    if (t_s >= rest_from_s_) return {end_, {}};
+    Sample s = intended(t_s);
+    if (!tremor_.still()) {
+      const auto shake = tremor_.at(t_s);
+      s = {s.x + shake.x, s.v + shake.v};
+    }
+    return s;
+  }
+  /// When the last segment ends and the hand holds still [s]; infinite for one that trembles.
+  [[nodiscard]] double end_s() const { return rest_from_s_; }
+
+ private:
+  [[gnu::always_inline]] Sample intended(double t_s) noexcept {
+    if (t_s >= end_s_) return {end_, {}};
+    while (t_s >= segments_[current_].start_s + segments_[current_].duration_s) ++current_;
+    return segments_[current_].at(t_s - segments_[current_].start_s);
+  }
+
+  enum class Kind : unsigned char { hold, move, sine, screw };
+  struct Segment {
+    Kind kind = Kind::hold;
+    double start_s = 0, duration_s = 0, omega = 0;
+    Position<N> from;
+    Displacement<N> along;
+    Eigen::Vector3d point = Eigen::Vector3d::Zero(), axis = point;
+    double angle = 0, travel = 0;
+
+    [[gnu::noinline]] Sample at(double t) const noexcept {
+      switch (kind) {
+        case Kind::hold:
+          break;
+        case Kind::move: {
+          const double s = t / duration_s;
+          const double x = s * s * s * (10.0 - s * (15.0 - 6.0 * s));
+          const double v = 30.0 * s * s * (1.0 - s) * (1.0 - s) / duration_s;
+          return {from + x * along, Velocity<N>{v * along.vec()}};
+        }
+        case Kind::sine:
+          return {from + std::sin(omega * t) * along, Velocity<N>{omega * std::cos(omega * t) * along.vec()}};
+        case Kind::screw:
+          return turned(std::sin(omega * t), omega * std::cos(omega * t));
+      }
+      return {from, {}};
+    }
+    /// Out of line, as it is rare and the others are short.
+    [[gnu::noinline]] Sample turned(double share, double rate) const noexcept {
+      if constexpr (N >= 3) {
+        const Eigen::Quaterniond q = rotation(share * angle * axis);
+        const Eigen::Vector3d arm = q * (from.translation() - point);
+        const Eigen::Vector3d p = point + arm + share * travel * axis;
+        const Eigen::Vector3d v = rate * (angle * axis.cross(arm) + travel * axis);
+        if constexpr (N == 6) {
+          Velocity<6>::Vector twist;
+          twist << v, rate * angle * axis;
+          return {{p, q * from.attitude()}, Velocity<6>{twist}};
+        } else {
+          return {Position<N>{p}, Velocity<N>{v}};
+        }
+      } else {
+        (void)share, (void)rate;
+        return {from, {}};
+      }
+    }
+  };
+
+  std::vector<Segment> segments_;
+  Position<N> end_;
+  Tremor<N> tremor_;
+  double end_s_ = 0.0, rest_from_s_ = 0.0;
+  std::size_t current_ = 0;
+};
+
+}  // namespace twoport::sim

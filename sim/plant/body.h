@@ -1,0 +1,151 @@
+#pragma once
+
+#include <algorithm>
+#include <cstddef>
+#include <memory>
+#include <utility>
+#include <vector>
+
+#include "common/contact/environment.h"
+#include "common/scene/scene.h"
+
+namespace twoport::sim {
+
+/// Position and velocity of a robot's body, world axes.
+template <int N>
+struct BodyState {
+  Position<N> x;
+  Velocity<N> v;
+};
+
+/// The equation of motion of a mass (N = 1, 3) or a rigid body (N = 6) under a force f in an environment.
+///
+///     m v̇ = f - b v + f_env(x, v)         N = 6 also  L̇ = τ - b_r ω + τ_env,  L = R J Rᵀ ω  carried in world axes
+///
+/// Copies share the environment, which never changes.
+template <int N>
+class Body {
+ public:
+  using Vector = PortVector<N>;
+  using Contacts = std::vector<Feature>;  ///< of each contact, the feature that carries force, or kNone
+
+  /// Where the body is; p is its velocity, for N = 6 its momentum and angular momentum.
+  struct Motion {
+    PoseWithRotation<N> at;
+    Vector p;
+  };
+  struct Slope {
+    Vector v, p;         ///< rates of the position and of Motion::p
+    Vector environment;  ///< force on the body
+  };
+
+  Body(const RobotSpec& robot, std::shared_ptr<const Environment<N>> environment)
+      : mass_{robot.mass_kg},
+        damping_{robot.damping_n_s_per_m},
+        rotational_damping_{robot.rotational_damping_n_m_s_per_rad},
+        environment_{std::move(environment)} {
+    if constexpr (N == 6) inertia_ = vector<3>(robot.inertia_kg_m2);
+  }
+
+  [[nodiscard]] const Environment<N>& environment() const noexcept { return *environment_; }
+  [[nodiscard]] double mass() const noexcept { return mass_; }
+  /// Rate at which its own damping slows it down [1/s].
+  [[nodiscard]] double damping_rate() const noexcept {
+    const double linear = damping_ / mass_;
+    return N == 6 ? std::max(linear, rotational_damping_ / inertia_.minCoeff()) : linear;
+  }
+  /// How easily a force at an arm from its origin moves that point: 1/m + arm²/J at most [1/kg].
+  [[nodiscard]] double mobility_at(const Eigen::Vector3d& arm) const noexcept {
+    return 1.0 / mass_ + arm.squaredNorm() / inertia_.minCoeff();
+  }
+
+  [[nodiscard]] Motion motion(const BodyState<N>& s) const noexcept {
+    Motion m{s.x, port_vector<N>(s.v.vec())};
+    if constexpr (N == 6) {
+      const Eigen::Matrix3d& R = m.at.R;
+      m.p.linear *= mass_;
+      m.p.angular = R * inertia_.cwiseProduct(R.transpose() * m.p.angular);
+    }
+    return m;
+  }
+  [[nodiscard]] Vector velocity(const Motion& m) const noexcept {
+    if constexpr (N == 6) {
+      const Eigen::Matrix3d& R = m.at.R;
+      return {m.p.linear / mass_, R * (R.transpose() * m.p.angular).cwiseQuotient(inertia_)};
+    } else {
+      return m.p;
+    }
+  }
+
+  /// Only with the contacts and features of `among`: what begins within a step belongs to the next one.
+  [[nodiscard]] Slope slope_among(const Motion& m, const Vector& f, const Contacts& among) const noexcept {
+    return slope(
+        m, f, [&](int i) { return among[static_cast<std::size_t>(i)]; }, [](std::size_t, Feature) {});
+  }
+  /// With all that touches, which is told in `touched`.
+  [[gnu::flatten]] Slope slope(const Motion& m, const Vector& f, Contacts& touched) const noexcept {
+    std::fill(touched.begin(), touched.end(), kNone);
+    return slope(
+        m, f, [](int) { return kNearest; }, [&](std::size_t i, Feature feature) { touched[i] = feature; });
+  }
+
+  /// A classical Runge-Kutta step of h from m, where the slope is a.
+  [[gnu::flatten]] Motion runge_kutta(const Motion& m, const Slope& a, const Vector& f, const Contacts& among,
+                                      double h) const noexcept {
+    Vector xa = position_rate(Vector::Zero(), a.v);
+    Slope b = slope_among(moved(m, 0.5 * h * xa, 0.5 * h * a.p), f, among);
+    Vector xb = position_rate(0.5 * h * xa, b.v);
+    Slope c = slope_among(moved(m, 0.5 * h * xb, 0.5 * h * b.p), f, among);
+    Vector xc = position_rate(0.5 * h * xb, c.v);
+    Slope d = slope_among(moved(m, h * xc, h * c.p), f, among);
+    Vector xd = position_rate(h * xc, d.v);
+    return moved(m, h / 6.0 * (xa + 2.0 * (xb + xc) + xd), h / 6.0 * (a.p + 2.0 * (b.p + c.p) + d.p));
+  }
+
+  /// Moved by a displacement (N = 6: translation and rotation vector) and a change of p.
+  [[nodiscard]] static Motion moved(const Motion& m, const Vector& by, const Vector& dp) noexcept {
+    if constexpr (N == 6) {
+      return {m.at.x.moved(by.linear, by.angular), m.p + dp};
+    } else {
+      return {Position<N>{m.at.x.translation() + by}, m.p + dp};
+    }
+  }
+
+ private:
+  /// Rates under the force f. `pick` as for_each_contact has it; tell(index, feature) hears what carries force.
+  template <class Pick, class Tell>
+  Slope slope(const Motion& m, const Vector& f, Pick pick, Tell tell) const noexcept {
+    Vector v = velocity(m), environment = Vector::Zero();
+    environment_->for_each_contact(m.at, v, pick, [&](const ContactPort<N>& c) {
+      if (!c.presses) return;
+      environment += c.normal + c.tangential;
+      tell(static_cast<std::size_t>(c.index), c.feature);
+    });
+    Vector total = f + environment;
+    if constexpr (N == 6) {
+      total.linear -= damping_ * v.linear;
+      total.angular -= rotational_damping_ * v.angular;
+      return {v, total, environment};
+    } else {
+      return {v, (total - damping_ * v) / mass_, environment};
+    }
+  }
+
+  /// Rate of a displacement that has reached `moved`: for N = 6 the attitude advances by a rotation vector r, whose rate
+  /// is ω - ½ r×ω + (1/12) r×(r×ω) for ω in world axes.
+  static Vector position_rate(const Vector& moved, const Vector& v) noexcept {
+    if constexpr (N == 6) {
+      Eigen::Vector3d r = moved.angular, w = v.angular, rw = r.cross(w);
+      return {v.linear, w - 0.5 * rw + r.cross(rw) / 12.0};
+    } else {
+      (void)moved;
+      return v;
+    }
+  }
+
+  double mass_, damping_, rotational_damping_;
+  Eigen::Vector3d inertia_ = Eigen::Vector3d::Ones();
+  std::shared_ptr<const Environment<N>> environment_;
+};
+
+}  // namespace twoport::sim

@@ -1,0 +1,235 @@
+#pragma once
+
+#include <algorithm>
+#include <cmath>
+#include <utility>
+#include <variant>
+#include <vector>
+
+#include "sim/plant/body.h"
+#include "sim/plant/integrators.h"
+#include "sim/plant/linear.h"
+
+namespace twoport::sim {
+
+/// Mass on springs and at most one frictionless or viscous wall: linear on either side of the wall, so each tick is one
+/// exact affine map, cut where contact begins or ends. What begins and ends again within a tick, or within half a
+/// radian of an oscillation faster than that, is not seen.
+template <int D>
+class ExactPlant {
+ public:
+  /// All that goes on from one tick to the next.
+  struct State {
+    BodyState<D> body;
+    /// Position and velocity along the wall's normal. One packed vector: stored and loaded whole, from tick to tick.
+    Eigen::Vector2d across = Eigen::Vector2d::Zero();
+    bool in_contact = false;
+  };
+
+  /// Can this environment be stepped exactly?
+  static bool fits(const World& world) {
+    if (world.surfaces.empty()) return true;
+    return world.surfaces.size() == 1 && std::holds_alternative<Wall>(world.surfaces[0].shape) &&
+           (D == 1 || world.surfaces[0].material.friction == 0.0);
+  }
+
+  /// Integrator::exact; or exact_per_tick or trapezoidal, which meet contacts at the end of each of the tick's `steps`.
+  ExactPlant(const RobotSpec& robot, const World& world, double dt, const BodyState<D>& start,
+             Integrator method = Integrator::exact, int steps = 1)
+      : dt_{dt / steps}, steps_{steps}, method_{method}, cuts_{method == Integrator::exact}, world_{world}, s_{start} {
+    Oscillator free{robot.mass_kg, robot.damping_n_s_per_m, 0.0};
+    for (const auto& s : world.springs) {
+      free.damping_n_s_per_m += s.damping_n_s_per_m;
+      free.stiffness_n_per_m += s.stiffness_n_per_m;
+      pull_ += s.stiffness_n_per_m * s.anchor_m.head<D>();
+    }
+    wall_ = !world.surfaces.empty();
+    region_[0] = region(free, free, 0.0);
+    if (!wall_) return;
+    const Surface& w = world.surfaces[0];
+    const Wall& plane = std::get<Wall>(w.shape);
+    normal_ = plane.normal.head<D>();
+    offset_ = plane.offset_m;
+    k_ = w.material.stiffness_n_per_m;
+    b_ = w.material.damping_n_s_per_m;
+    Oscillator across = free, along = free;
+    across.stiffness_n_per_m += k_;
+    across.damping_n_s_per_m += b_;
+    along.damping_n_s_per_m += w.material.viscous_friction_n_s_per_m;
+    region_[1] = region(across, along, k_ * offset_);
+    s_.across = normal(s_.body);
+    s_.in_contact = contact(s_.across);
+  }
+
+  /// One tick under the force f.
+  [[gnu::always_inline]] const BodyState<D>& advance(const Force<D>& f) noexcept {
+    step(f);
+    for (int i = 1; i < steps_; ++i) step(f);
+    return s_.body;
+  }
+  [[nodiscard]] const BodyState<D>& body() const noexcept { return s_.body; }
+
+  [[nodiscard]] const State& state() const noexcept { return s_; }
+  /// Goes on from `state`, of a plant of the same scene.
+  void set_state(const State& state) noexcept { s_ = state; }
+
+  /// Of the environment on the mass: Environment::force, to the bit.
+  [[nodiscard, gnu::always_inline]] Force<D> environment_force() const noexcept {
+    const Vector &x = s_.body.x.translation(), &v = s_.body.v.vec();
+    Vector sum = Vector::Zero();
+    ContactForce<D> c;
+    if (s_.in_contact && world_.surfaces[0].force<D>({s_.across[0] - offset_, normal_}, s_.across[1], v, c))
+      sum += c.normal + c.tangential;
+    for (const auto& s : world_.springs) sum += s.force<D>(x, v);
+    return Force<D>{sum};
+  }
+
+ private:
+  using Vector = Eigen::Matrix<double, D, 1>;
+  using Normal = Eigen::Vector2d;  ///< as State::across
+
+  /// Position and velocity after a step, from those before and the load at the origin.
+  struct Map {
+    Eigen::Vector2d x, v, u;
+    Map() = default;
+    Map(const Response& r, const Oscillator& o)
+        : x{1.0 - o.stiffness_n_per_m * r.xu, -o.stiffness_n_per_m * r.vu}, v{r.xv, r.vv}, u{r.xu, r.vu} {}
+    [[gnu::always_inline]] Normal operator()(const Normal& n, double load) const noexcept {
+      return x * n[0] + (v * n[1] + u * load);
+    }
+  };
+  struct Region {
+    Oscillator across, along;  ///< the wall's normal; any direction across it
+    double load;               ///< of the wall along the normal, at the origin
+    double span;               ///< longest move
+    Map map;                   ///< of a span, across
+    Response full_along;
+  };
+  [[nodiscard]] Region region(const Oscillator& across, const Oscillator& along, double load) const noexcept {
+    const double h = cuts_ && wall_ ? span(across) : dt_;
+    const bool exact = method_ != Integrator::trapezoidal;
+    const auto response = [&](const Oscillator& o) { return exact ? Response{o, h} : trapezoidal(o, h); };
+    return {across, along, load, h, Map{response(across), across}, response(along)};
+  }
+  [[nodiscard]] Normal normal(const BodyState<D>& s) const noexcept {
+    return {normal_.dot(s.x.translation()), normal_.dot(s.v.vec())};
+  }
+  [[nodiscard]] bool contact(const Normal& n) const noexcept {
+    const double depth = offset_ - n[0];
+    return depth > 0.0 && k_ * depth - b_ * n[1] > 0.0;
+  }
+  /// A tick, or an equal part of it in which the motion turns by no more than half a radian.
+  [[nodiscard]] double span(const Oscillator& o) const noexcept {
+    return dt_ / std::ceil(std::max(1.0, 2.0 * dt_ * std::sqrt(o.stiffness_n_per_m / o.mass_kg)));
+  }
+
+  [[gnu::always_inline]] void step(const Force<D>& f) noexcept {
+    const Vector u = f.vec() + pull_;
+    if (!wall_) return step_free(u);
+    const Region& r = region_[s_.in_contact];
+    const double load = normal_.dot(u) + r.load;
+    const Normal n = r.map(s_.across, load);
+    const bool in = contact(n);
+    if (r.span < dt_ || in != s_.in_contact) {
+      if (cuts_) return step_in_parts(u);
+      s_.in_contact = in;
+    }
+    s_.body = moved(s_.body, s_.across, n, u, r, r.full_along);
+    s_.across = n;
+  }
+
+  /// A step without a wall.
+  void step_free(Vector u) noexcept {
+    const auto& [across, along, load, span, map, full] = region_[0];
+    const Vector x = s_.body.x.translation(), v = s_.body.v.vec();
+    const Vector u0 = u - along.stiffness_n_per_m * x;
+    s_.body.x = Position<D>{x + (full.xv * v + full.xu * u0)};
+    s_.body.v = Velocity<D>{full.vv * v + full.vu * u0};
+  }
+
+  /// A step that is cut where contact begins or ends, and at spans.
+  [[gnu::noinline]] void step_in_parts(Vector u) noexcept {
+    double left = dt_;
+    bool in = s_.in_contact;
+    for (int cuts = 0; left > 0.0;) {
+      double h = std::min(left, region_[in].span);
+      BodyState<D> next = moved(s_.body, u, in, h);
+      if (cuts < 8 && contact(normal(next)) != in) {
+        ++cuts;
+        h = crossing(in, s_.body, u, h);
+        next = moved(s_.body, u, in, h);
+        in = !in;
+      }
+      s_.body = next;
+      left -= h;
+    }
+    s_.across = normal(s_.body);
+    s_.in_contact = contact(s_.across);
+  }
+  [[nodiscard, gnu::noinline]] BodyState<D> moved(const BodyState<D>& s, const Vector& u, bool in,
+                                                  double h) const noexcept {
+    const Region& r = region_[in];
+    const bool whole = h == r.span;
+    const Normal from = normal(s);
+    const Map map = whole ? r.map : Map{Response{r.across, h}, r.across};
+    const Response along = D == 1 || whole ? r.full_along : Response{r.along, h};
+    return moved(s, from, map(from, normal_.dot(u) + r.load), u, r, along);
+  }
+
+  /// The wall's normal, which has gone on to `to`, and the rest.
+  [[nodiscard, gnu::always_inline]] BodyState<D> moved(const BodyState<D>& s, const Normal& from, const Normal& to,
+                                                       const Vector& u, const Region& r,
+                                                       const Response& along) const noexcept {
+    if constexpr (D == 1) {
+      return {Position<D>{to[0] * normal_}, Velocity<D>{to[1] * normal_}};
+    } else {
+      const Vector xt = s.x.translation() - from[0] * normal_, vt = s.v.vec() - from[1] * normal_;
+      const Vector ut = u - normal_.dot(u) * normal_ - r.along.stiffness_n_per_m * xt;
+      return {Position<D>{xt + along.xv * vt + along.xu * ut + to[0] * normal_},
+              Velocity<D>{along.vv * vt + along.vu * ut + to[1] * normal_}};
+    }
+  }
+
+  /// When within h the normal motion, started in region `in`, leaves it: regula falsi (Illinois) on what contact() asks
+  /// for, until both ends are within 1e-13 h.
+  double crossing(bool in, const BodyState<D>& s, const Vector& u, double h) const noexcept {
+    const Oscillator& o = region_[in].across;
+    const Normal n = normal(s);
+    const double load = normal_.dot(u) + region_[in].load - o.stiffness_n_per_m * n[0];
+    const auto pressed = [&](double t) {
+      const AxisState d = propagate(o, {0, n[1]}, load, 0, t);
+      const double elastic = k_ * (offset_ - n[0] - d.x);
+      return std::min(elastic, elastic - b_ * d.v);
+    };
+    double lo = 0.0, hi = h, at_lo = std::copysign(pressed(lo), in ? 1.0 : -1.0), at_hi = pressed(hi);
+    for (int i = 0, stuck = 0; i < 60 && hi - lo > 1e-13 * h; ++i) {
+      const double secant = hi - at_hi * (hi - lo) / (at_hi - at_lo), inset = 0.4e-13 * h;
+      const double t = std::clamp(std::isfinite(secant) ? secant : 0.5 * (lo + hi), lo + inset, hi - inset);
+      const double at = pressed(t);
+      if ((at > 0.0) == in) {
+        lo = t, at_lo = at;
+        if (stuck < 0) at_hi *= 0.5;
+        stuck = -1;
+      } else {
+        hi = t, at_hi = at;
+        if (stuck > 0) at_lo *= 0.5;
+        stuck = 1;
+      }
+    }
+    return hi;
+  }
+
+  double dt_;
+  int steps_;
+  Integrator method_;
+  bool cuts_;
+  World world_;
+  Vector pull_ = Vector::Zero(), normal_ = Vector::Unit(0);
+  double offset_ = 0.0, k_ = 0.0, b_ = 0.0;
+  bool wall_ = false;
+  Region region_[2];
+
+  State s_;
+};
+
+}  // namespace twoport::sim

@@ -1,0 +1,76 @@
+#pragma once
+
+#include <cstddef>
+#include <memory>
+#include <utility>
+
+#include "sim/plant/body.h"
+#include "sim/plant/integrators.h"
+
+namespace twoport::sim {
+
+/// A body under a held force in an environment by an integrator as it is usually written, in equal steps, contacts met
+/// where a step finds them. N = 6 steps momenta and attitude: symplectic Euler and Verlet as kick and drift.
+template <int N>
+class FixedStepPlant {
+ public:
+  using State = BodyState<N>;
+
+  FixedStepPlant(const RobotSpec& robot, std::shared_ptr<const Environment<N>> environment, double dt,
+                 const BodyState<N>& start, const SimulationSpec& simulation)
+      : body_{robot, std::move(environment)},
+        method_{simulation.integrator},
+        substeps_{simulation.substeps},
+        h_{dt / simulation.substeps},
+        any_(static_cast<std::size_t>(body_.environment().contacts()), kNearest),
+        s_{start} {}
+
+  /// One tick under the force f.
+  [[gnu::noinline]] const BodyState<N>& advance(Force<N> force) noexcept {
+    const Vector f = port_vector<N>(force.vec());
+    if constexpr (N == 6) {
+      Motion m = body_.motion(s_);
+      for (int i = 0; i < substeps_; ++i) m = step(m, f);
+      s_ = {m.at.x, Velocity<N>{body_.velocity(m)}};
+    } else {
+      Vector q = s_.x.translation(), v = s_.v.vec();
+      const auto a = [&](double, const Vector& at, const Vector& speed) {
+        return body_.slope_among({Position<N>{at}, speed}, f, any_).p;
+      };
+      for (int i = 0; i < substeps_; ++i) step_by(method_, h_, 0.0, q, v, a);
+      s_ = {Position<N>{q}, Velocity<N>{v}};
+    }
+    return s_;
+  }
+  [[nodiscard]] Force<N> environment_force() const noexcept { return body_.environment().force(s_.x, s_.v); }
+
+  [[nodiscard]] const State& state() const noexcept { return s_; }
+  /// Goes on from `state`, of a plant of the same scene.
+  void set_state(const State& state) noexcept { s_ = state; }
+
+ private:
+  using Motion = typename Body<N>::Motion;
+  using Vector = typename Body<N>::Vector;
+
+  Motion step(const Motion& m, const Vector& f) const noexcept requires(N == 6) {
+    const auto slope = [&](const Motion& at) { return body_.slope_among(at, f, any_); };
+    const auto drift = [&](const Motion& at) {
+      const Vector v = body_.velocity(at);
+      return Motion{at.at.x.moved(h_ * v.linear, h_ * v.angular), at.p};
+    };
+    if (method_ == Integrator::rk4) return body_.runge_kutta(m, slope(m), f, any_, h_);
+    const double kick = method_ == Integrator::symplectic_euler ? h_ : 0.5 * h_;
+    Motion next = drift({m.at, m.p + kick * slope(m).p});
+    if (method_ == Integrator::velocity_verlet) next.p += kick * slope(next).p;
+    return next;
+  }
+
+  Body<N> body_;
+  Integrator method_;
+  int substeps_;
+  double h_;
+  typename Body<N>::Contacts any_;  ///< every contact, by its nearest feature
+  BodyState<N> s_;
+};
+
+}  // namespace twoport::sim

@@ -1,0 +1,96 @@
+#include "slave/program.h"
+
+#include <memory>
+
+#include "common/base/check.h"
+#include "common/platform/live_link.h"
+#include "common/platform/live_run.h"
+#include "common/platform/log.h"
+#include "slave/slave_node.h"
+
+namespace twoport {
+namespace {
+
+/// What the slave is to run_live.
+template <int N>
+struct Slave {
+  static constexpr int kSize = N;
+  static constexpr Side kSide = Side::slave;
+  static constexpr const char* kName = "slave";
+  using Clock = SlaveClock;
+  using Hardware = Robot<N>;
+  using Sample = RobotSample<N>;
+
+  Slave(const Scene& s, Robot<N>& robot, const LiveArguments& a)
+      : scene{s}, hardware{robot}, link{Side::slave, s, a.address}, node{s.control} {
+    first_reading<SlaveClock>(robot, Seconds{1.0 / s.slave_rate_hz}, a.hardware);
+  }
+
+  [[nodiscard]] double rate_hz() const { return scene.slave_rate_hz; }
+  /// As long as a master is there.
+  [[nodiscard]] bool serves() const { return node.mode() == Mode::coupled; }
+  [[nodiscard]] static bool judged() { return false; }
+  [[nodiscard]] Metrics<N> metrics() const { return {scene.slave_rate_hz, scene.duration_s, 0.0, 0.0}; }
+
+  Row<N> row(std::int64_t, double t_s, const Sample& sample, const typename SlaveNode<N>::Output& out) noexcept {
+    const Report<N>& master = link.mail().known().newest;
+    const RobotTruth<N>* truth = hardware.truth();
+    return {.t_s = t_s,
+            .master_x = master.x,
+            .master_v = master.v,
+            .master_f = master.f,
+            .master_f_wanted = master.f,
+            .slave_x = sample.x,
+            .slave_v = sample.v,
+            .slave_f = out.command.f,
+            .env_f = truth ? truth->f_environment : -sample.f_environment,
+            .position_error = node.position_error(),
+            .slave_energy_j = node.delivered().si(),
+            .dissipated_j = out.dissipated.si(),
+            .mode = out.mode};
+  }
+  static void complete(Row<N>&, const Sample&) noexcept {}
+  void fill(Summary& s, bool diverged) {
+    link.fill(s, node.mode());
+    if (diverged) return;
+    s.stable = true;
+    s.verdict = "bounded here; whether it is stable shows at the master's port";
+  }
+
+  const Scene& scene;
+  Robot<N>& hardware;
+  LiveLink<N> link;
+  SlaveNode<N> node;
+};
+
+template <int N>
+int run(const Scene& scene, const LiveArguments& arguments, const Registry& hardware) {
+  spdlog::logger log = make_log("slave");
+  const std::unique_ptr<Robot<N>> robot =
+      hardware.robots.open<N>(arguments.hardware, scene, Seconds{1.0 / scene.slave_rate_hz});
+  if (!robot->info().has_force_sensor && scene.control.architecture == Architecture::position_measured_force)
+    throw ConfigError(arguments.scene + ": control.architecture is POSITION_MEASURED_FORCE, but the robot \"" +
+                      arguments.hardware + "\" has no force sensor; POSITION_FORCE needs none");
+  Slave<N> side{scene, *robot, arguments};
+  return run_live(side, scene, arguments, log);
+}
+
+}  // namespace
+
+int slave_program(int argc, char** argv, const Registry& hardware) {
+  const ProgramText text{.name = "twoport-slave",
+                         .description = "robot and force sensor, live",
+                         .address_flag = "--listen",
+                         .address_default = "127.0.0.1:45000",
+                         .hardware_flag = "--robot",
+                         .hardware = "the robot",
+                         .drivers = hardware.robots.lines()};
+  return live_program(argc, argv, text, [&](const Scene& scene, const LiveArguments& arguments) {
+    if (scene.control.architecture == Architecture::render)
+      throw ConfigError(arguments.scene +
+                        ": control.architecture is RENDER, which has no slave; run twoport-master alone");
+    return with_size(scene, [&]<int N>() { return run<N>(scene, arguments, hardware); });
+  });
+}
+
+}  // namespace twoport
