@@ -1,5 +1,7 @@
 #pragma once
 
+#include <algorithm>
+#include <cstdint>
 #include <utility>
 
 #include "common/base/time.h"
@@ -46,6 +48,12 @@ class MasterNode {
       half_.start(device);
     }
     const double ramp = ramp_.step(modes_.coupled(), tick.dt);
+    slave_energy_in_ = Energy{slave.epoch == epoch_ ? slave.energy_in_j : 0.0};
+    Force<N> carried;
+    if (carry_ > 0.0) [[unlikely]] {
+      carry_ = std::max(0.0, carry_ - tick.dt / engage_);
+      carried = carry_ * carried_;
+    }
     Words words;
     MasterOutput<N> half = half_.step({.dt = tick.dt,
                                        .ended = tick.ended,
@@ -53,10 +61,11 @@ class MasterNode {
                                        .interval = interval,
                                        .first = !started_,
                                        .slave = slave,
+                                       .slave_energy_in = slave_energy_in_,
                                        .account = account_,
                                        .active = modes_.active(),
                                        .ramp = ramp,
-                                       .carried = nullptr},
+                                       .carried = carry_ > 0.0 ? &carried : nullptr},
                                       words);
     before_ = motion;
     started_ = true;
@@ -64,12 +73,14 @@ class MasterNode {
     if (!all_finite(half.f)) [[unlikely]]
       return fail_safe(device);
     Force<N> f = limit_(half.f);
+    command_ = f;
     return {.command = f,
             .report = {.x = device.x,
                        .v = device.v,
                        .f = f,
                        .energy_in_j = half.energy_in.si(),
                        .mode = modes_.mode(),
+                       .epoch = epoch_,
                        .words = words},
             .wanted = half.wanted,
             .dissipated = half.dissipated,
@@ -79,10 +90,24 @@ class MasterNode {
 
   /// The slave has started anew and its totals with it: this side's start again too.
   void rebase(Energy slave_energy_in) noexcept {
-    half_.on_peer_restart(account_, slave_energy_in);
+    half_.restart(account_, half_.deficit(account_, slave_energy_in));
     energy_sent_ = Energy{};
     modes_.reset();
     ramp_.drop();
+  }
+
+  /// Another method takes over; `next` then holds the one that was. The force of before fades out as the new one's ramp
+  /// rises: without a controller the force changes by no more than T/engage (|f_before| + |f_displayed|) in a tick; a
+  /// passivity controller may take force away. A deficit is carried over. Totals start from zero: an epoch of the reports.
+  void switch_method(Half& next) noexcept {
+    next.restart(account_, half_.deficit(account_, slave_energy_in_));
+    next.start({.x = before_.x, .v = before_.v, .applied = command_});
+    std::swap(half_, next);
+    carried_ = command_;
+    carry_ = engage_ > Seconds{} ? 1.0 : 0.0;
+    ramp_.drop();
+    energy_sent_ = Energy{};
+    ++epoch_;
   }
 
   [[nodiscard]] Mode mode() const noexcept { return modes_.mode(); }
@@ -94,10 +119,13 @@ class MasterNode {
   /// the next tick. The other side takes no report that is not finite.
   [[gnu::noinline]] Output fail_safe(DeviceSample<N> device) noexcept {
     modes_.release();
+    command_ = Force<N>{};
+    carry_ = 0.0;
     Output out{};
     out.report.x = device.x;
     out.report.v = device.v;
     out.report.energy_in_j = energy_sent_.si();
+    out.report.epoch = epoch_;
     out.report.mode = out.mode = modes_.mode();
     return out;
   }
@@ -109,7 +137,10 @@ class MasterNode {
   Ramp ramp_;
   ModeMachine modes_;
   Ledger account_;  ///< the hand's port
-  Energy energy_sent_;
+  Energy energy_sent_, slave_energy_in_;
+  Force<N> command_, carried_;
+  double carry_ = 0.0;  ///< what is left of carried_
+  std::uint32_t epoch_ = 0;
   PortMotion<N> before_;
   bool started_ = false;
 };

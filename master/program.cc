@@ -1,14 +1,12 @@
 #include "master/program.h"
 
 #include <algorithm>
-#include <bit>
-#include <cmath>
 #include <limits>
 #include <memory>
 #include <optional>
 #include <vector>
 
-#include "common/coupling/scaling.h"
+#include "common/coupling/registration.h"
 #include "common/platform/live_link.h"
 #include "common/platform/live_run.h"
 #include "common/platform/log.h"
@@ -17,28 +15,6 @@
 
 namespace twoport {
 namespace {
-
-/// The handle's last positions by tick, to hold against what the slave says it was following.
-template <int N>
-class History {
- public:
-  History(double rate_hz, double longest_s)
-      : rate_hz_{rate_hz}, x_(std::bit_ceil(static_cast<std::size_t>(std::min(longest_s * rate_hz, 1e6)))) {}
-  /// Ticks that were left out since the last have the position of this one.
-  void keep(std::int64_t k, const Position<N>& x) noexcept {
-    next_ = std::max(next_, k + 1 - static_cast<std::int64_t>(x_.size()));
-    while (next_ <= k) x_[index(next_++)] = x;
-  }
-  [[nodiscard]] const Position<N>& at(std::int64_t ns) const noexcept {
-    return x_[index(std::llround(static_cast<double>(ns) * rate_hz_ / kNanosecondsPerSecond))];
-  }
-
- private:
-  [[nodiscard]] std::size_t index(std::int64_t k) const noexcept { return static_cast<std::size_t>(k) % x_.size(); }
-  double rate_hz_;
-  std::vector<Position<N>> x_;
-  std::int64_t next_ = 0;
-};
 
 /// What both kinds of master are to run_live.
 template <int N>
@@ -115,27 +91,21 @@ struct RenderMaster : Master<N> {
 template <int N>
 struct LinkMaster : Master<N> {
   LinkMaster(const Scene& s, Device<N>& device, const LiveArguments& a)
-      : Master<N>{s, device, a.hardware},
-        link{Side::master, s, a.address},
-        node{s.control},
-        scaling{s.control},
-        history{s.master_rate_hz, 4.0 + longest_delay_s(s.to_slave) + longest_delay_s(s.to_master)} {}
+      : Master<N>{s, device, a.hardware}, link{Side::master, s, a.address}, node{s.control}, registration{s.control} {}
 
   [[nodiscard]] Metrics<N> metrics() const {
     const Energy granted = this->scene.control.initial_energy;
-    return Master<N>::metrics(granted + scaling.to_master(granted));
+    return Master<N>::metrics(granted + registration.to_master(granted));
   }
-  Row<N> row(std::int64_t k, double t_s, const DeviceSample<N>& sample,
+  Row<N> row(std::int64_t, double t_s, const DeviceSample<N>& sample,
              const typename MasterNode<N>::Output& out) noexcept {
     const PeerState<N>& slave = link.mail().known();
     Row<N> row = this->row_of(t_s, sample, out, node.observed());
-    history.keep(k, row.master_x);
     row.slave_x = slave.newest.x;
     row.slave_v = slave.newest.v;
     row.slave_f = slave.newest.f_coupling;
     row.env_f = -slave.newest.f_environment;
-    if (slave.any && slave.newest.echo_ns >= 0 && out.mode == Mode::coupled)
-      row.position_error = slave.newest.x - scaling.to_slave(history.at(slave.newest.echo_ns));
+    row.position_error = slave.newest.position_error;
     row.mode = out.mode;
     return row;
   }
@@ -143,8 +113,7 @@ struct LinkMaster : Master<N> {
 
   LiveLink<N> link;
   MasterNode<N> node;
-  Scaling<N> scaling;
-  History<N> history;
+  Registration<N> registration;
 };
 
 /// The scene with what only the driver knows of the device: the mass at the handle where the scene names none, and the

@@ -1,5 +1,8 @@
 #pragma once
 
+#include <cstdint>
+#include <utility>
+
 #include "common/base/time.h"
 #include "common/coupling/options.h"
 #include "common/hardware/robot.h"
@@ -32,10 +35,15 @@ class SlaveNode {
     if (modes_.step(tick.now.time_since_epoch(), master) || !started_) half_.start(robot, master);
     started_ = true;
     x_ = robot.x;
+    master_energy_in_ = Energy{master.epoch == epoch_ ? master.energy_in_j : 0.0};
     Words words;
-    SlaveOutput<N> half = half_.step(
-        {.dt = tick.dt, .robot = robot, .master = master, .coupled = modes_.coupled(), .active = modes_.active()},
-        words);
+    SlaveOutput<N> half = half_.step({.dt = tick.dt,
+                                      .robot = robot,
+                                      .master = master,
+                                      .master_energy_in = master_energy_in_,
+                                      .coupled = modes_.coupled(),
+                                      .active = modes_.active()},
+                                     words);
     if (!all_finite(half.command.f, half.command.v_d)) [[unlikely]]
       return fail_safe(robot);
     account_.book(-dot(half.command.f, half.command.v_d * tick.dt));
@@ -45,8 +53,10 @@ class SlaveNode {
                        .f = half.f_back,
                        .f_coupling = half.command.f,
                        .f_environment = robot.f_environment,
+                       .position_error = position_error(),
                        .energy_in_j = half.energy_in.si(),
                        .mode = modes_.mode(),
+                       .epoch = epoch_,
                        .words = words},
             .dissipated = half.dissipated,
             .mode = modes_.mode()};
@@ -54,8 +64,16 @@ class SlaveNode {
 
   /// As MasterNode::rebase.
   void rebase(Energy master_energy_in) noexcept {
-    half_.on_peer_restart(master_energy_in);
+    half_.restart(half_.deficit(master_energy_in));
     modes_.reset();
+  }
+
+  /// As MasterNode::switch_method; set point and registration go on.
+  void switch_method(Half& next) noexcept {
+    next.restart(half_.deficit(master_energy_in_));
+    if (modes_.active()) next.resume(half_.handover());
+    std::swap(half_, next);
+    ++epoch_;
   }
 
   [[nodiscard]] Mode mode() const noexcept { return modes_.mode(); }
@@ -78,6 +96,7 @@ class SlaveNode {
     out.report.v = robot.v;
     out.report.f_environment = robot.f_environment;
     out.report.energy_in_j = half.energy_in.si();
+    out.report.epoch = epoch_;
     out.report.mode = out.mode = modes_.mode();
     return out;
   }
@@ -86,6 +105,8 @@ class SlaveNode {
   ModeMachine modes_;
   Ledger account_;  ///< the link's port
   Position<N> x_;
+  Energy master_energy_in_;
+  std::uint32_t epoch_ = 0;
   bool started_ = false;
 };
 

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <Eigen/Geometry>
 #include <cstdint>
 #include <limits>
 #include <string>
@@ -28,11 +29,19 @@ struct CouplingOptions {
   bool drift_compensation = true;
 };
 
+/// Where the master's world lies in the robot's.
+struct RegistrationOptions {
+  bool absolute = false;  ///< false: the robot does not move when a coupling begins, and follows from there
+  Eigen::Quaterniond rotation = Eigen::Quaterniond::Identity();  ///< turns the master's axes into the robot's
+  Eigen::Vector3d position_m = Eigen::Vector3d::Zero();          ///< absolute: the master's origin in the robot's world
+};
+
 /// Defaults as in proto/scene.proto.
 struct ControlOptions {
   Architecture architecture = Architecture::position_force;
   CouplingOptions coupling;
   double force_scale = 1.0, motion_scale = 1.0;
+  RegistrationOptions registration;
   std::string method_name;  ///< a name of common/method/catalogue.h; empty: the one that `controller.method` stands for
   ControllerOptions controller;
   ObserverRule observer = ObserverRule::exact;

@@ -1,14 +1,23 @@
 #pragma once
 
+#include <tuple>
+
 #include "common/base/vector.h"
 #include "common/coupling/options.h"
-#include "common/coupling/scaling.h"
+#include "common/coupling/registration.h"
 #include "common/coupling/spring_damper.h"
 #include "common/coupling/tracker.h"
 #include "common/hardware/robot.h"
 #include "common/link/mailbox.h"
 
 namespace twoport {
+
+/// What the slave adds to its packets under POSITION_POSITION.
+template <int N>
+struct RobotInMasterWorld {
+  Latest<Position<N>> x;
+  auto fields() { return std::tie(x); }
+};
 
 /// The virtual coupling of the slave: a spring-damper between the commanded motion and the robot.
 ///
@@ -21,14 +30,30 @@ template <int N>
 class VirtualCoupling {
  public:
   explicit VirtualCoupling(const ControlOptions& o)
-      : drift_compensation_{o.coupling.drift_compensation}, scaling_{o}, spring_{o.coupling}, tracker_{o.coupling} {}
+      : drift_compensation_{o.coupling.drift_compensation},
+        by_position_{o.architecture == Architecture::position_position},
+        registration_{o},
+        spring_{o.coupling},
+        tracker_{o.coupling} {}
 
   struct Wanted {
     Force<N> f;
     Velocity<N> v;
   };
-  /// The set point is at the robot: at engagement, and while nothing is coupled.
-  void start(const Position<N>& robot) noexcept { x_sd_ = x_d_ = robot; }
+  /// A coupling begins: the worlds are registered, and the set point is at the robot.
+  void start(const Position<N>& robot, const PeerState<N>& master) noexcept {
+    if (master.any) registration_.engage(master.newest.x, robot);
+    engaged_ = master.any;
+    rest(robot);
+  }
+  /// Goes on where another coupling was.
+  void resume(const Registration<N>& registration, const Position<N>& set_point) noexcept {
+    registration_ = registration;
+    engaged_ = true;
+    rest(set_point);
+  }
+  /// While nothing is coupled the set point stays at the robot.
+  void rest(const Position<N>& robot) noexcept { x_sd_ = x_d_ = robot; }
 
   /// What the coupling wants; `coupled`: the master is heard, else the command rests.
   [[gnu::always_inline]] Wanted step(const RobotSample<N>& robot, const PeerState<N>& master, bool coupled,
@@ -36,12 +61,16 @@ class VirtualCoupling {
     Wanted out;
     Velocity<N> v_rx;
     if (coupled) {
-      v_rx = scaling_.to_slave(master.newest.v);
-      out.v =
-          tracker_.step(drift_compensation_ ? x_sd_ : x_d_, scaling_.to_slave(master.newest.x), v_rx, master.fresh, dt);
+      v_rx = registration_.to_slave(master.newest.v);
+      out.v = tracker_.step(drift_compensation_ ? x_sd_ : x_d_, registration_.to_slave(master.newest.x), v_rx,
+                            master.fresh, dt);
     }
     out.f = robot.ideal ? robot.f_environment : spring_.force((x_sd_ + out.v * dt) - robot.x, v_rx - robot.v);
     return out;
+  }
+  /// Where the robot is in the master's world, for a master that pulls towards it; nothing before the first engagement.
+  void tell_position(const Position<N>& robot, Words& words) const noexcept {
+    if (by_position_ && engaged_) write(RobotInMasterWorld<N>{{registration_.to_master(robot)}}, words);
   }
   /// The set point moves by `moved`, as allowed; the command by T v_d, as wanted.
   void move(const Displacement<N>& moved, const Velocity<N>& v_d, Seconds dt) noexcept {
@@ -53,14 +82,15 @@ class VirtualCoupling {
   /// The master's position as far as it is known here, in the slave's world.
   [[nodiscard]] const Position<N>& target() const noexcept { return tracker_.target(); }
   [[nodiscard]] SpringDamper<N>& spring() noexcept { return spring_; }
-  [[nodiscard]] const Scaling<N>& scaling() const noexcept { return scaling_; }
+  [[nodiscard]] const Registration<N>& registration() const noexcept { return registration_; }
 
  private:
-  bool drift_compensation_;
-  Scaling<N> scaling_;
+  bool drift_compensation_, by_position_;
+  Registration<N> registration_;
   SpringDamper<N> spring_;
   Tracker<N> tracker_;
   Position<N> x_sd_, x_d_;
+  bool engaged_ = false;
 };
 
 }  // namespace twoport

@@ -29,6 +29,7 @@ struct PeerState {
   Report<N> newest;
   double energy_in_j = 0.0;  ///< largest ever received: knowledge only grows
   Words words;               ///< of the method, merged by its rules
+  std::uint32_t epoch = 0;   ///< of energy and words
   bool any = false;          ///< has a report arrived in this session
   bool fresh = false;        ///< has a newer one arrived in this tick
   Duration heard{0};         ///< local time of the newest
@@ -82,8 +83,12 @@ class Mailbox {
 
   [[gnu::always_inline]] void offer(const Report<N>& r, Duration now) noexcept {
     ++counts_.received;
-    known_.energy_in_j = std::max(known_.energy_in_j, r.energy_in_j);
-    known_.words.merge(r.words, !known_.any || r.sequence > known_.newest.sequence);
+    if (r.epoch > known_.epoch) [[unlikely]]
+      begin_epoch(r.epoch);
+    if (r.epoch == known_.epoch) [[likely]] {
+      known_.energy_in_j = std::max(known_.energy_in_j, r.energy_in_j);
+      known_.words.merge(r.words, !known_.any || r.sequence > known_.newest.sequence);
+    }
     if (r.sequence != known_.newest.sequence + 1) [[unlikely]] {
       if (known_.any && r.sequence <= known_.newest.sequence) return count_old(r.sequence);
       known_.any ? count_gap(r.sequence) : begin(r.sequence);
@@ -94,6 +99,12 @@ class Mailbox {
     known_.any = known_.fresh = true;
   }
 
+  /// Another method: its totals start from zero, and packets of before are not read against them.
+  [[gnu::noinline]] void begin_epoch(std::uint32_t epoch) noexcept {
+    known_.epoch = epoch;
+    known_.energy_in_j = 0.0;
+    known_.words = {};
+  }
   void begin(std::uint64_t sequence) noexcept { first_ = sequence; }
 
   /// What lies between is missing until it comes.

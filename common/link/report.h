@@ -28,15 +28,18 @@ struct Report {
   std::int64_t echo_ns = -1;  ///< stamp of the newest report received, plus the time it waited here; -1: none yet
   Position<N> x{};
   Velocity<N> v{};
-  Force<N> f{};              ///< the force that goes back (slave), or that is felt (master)
-  Force<N> f_coupling{};     ///< slave: the coupling force on the robot
-  Force<N> f_environment{};  ///< slave: the sensor's force of the environment on the robot
+  Force<N> f{};                      ///< the force that goes back (slave), or that is felt (master)
+  Force<N> f_coupling{};             ///< slave: the coupling force on the robot
+  Force<N> f_environment{};          ///< slave: the sensor's force of the environment on the robot
+  Displacement<N> position_error{};  ///< slave: robot against the delayed, registered master; null while not coupled
   double energy_in_j = 0.0;
   Mode mode = Mode::idle;
-  Words words{};  ///< what the method adds
+  std::uint32_t epoch = 0;  ///< grows when the method is switched; energies and words are of one epoch
+  Words words{};            ///< what the method adds
 
   [[nodiscard]] double sum() const noexcept {
-    return x.sum() + (v.vec() + f.vec() + f_coupling.vec() + f_environment.vec()).sum() + energy_in_j + words.sum();
+    return x.sum() + (v.vec() + f.vec() + f_coupling.vec() + f_environment.vec() + position_error.vec()).sum() +
+           energy_in_j + words.sum();
   }
   [[nodiscard]] bool finite() const noexcept { return all_finite(*this); }
 };

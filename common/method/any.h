@@ -14,14 +14,18 @@ class AnyMasterHalf {
     virtual ~Concept() = default;
     virtual void start(const DeviceSample<N>& device) noexcept = 0;
     virtual MasterOutput<N> step(const MasterInput<N>& in, Words& words) noexcept = 0;
-    virtual void on_peer_restart(const Ledger& account, Energy slave_energy_in) noexcept = 0;
+    [[nodiscard]] virtual Energy deficit(const Ledger& account, Energy slave_energy_in) const noexcept = 0;
+    virtual void restart(const Ledger& account, Energy deficit) noexcept = 0;
   };
   template <MasterHalf<N> H>
   struct Model final : Concept {
     explicit Model(const ControlOptions& o) : half{o} {}
     void start(const DeviceSample<N>& device) noexcept override { half.start(device); }
     MasterOutput<N> step(const MasterInput<N>& in, Words& words) noexcept override { return half.step(in, words); }
-    void on_peer_restart(const Ledger& account, Energy e) noexcept override { half.on_peer_restart(account, e); }
+    [[nodiscard]] Energy deficit(const Ledger& account, Energy e) const noexcept override {
+      return half.deficit(account, e);
+    }
+    void restart(const Ledger& account, Energy e) noexcept override { half.restart(account, e); }
     H half;
   };
 
@@ -30,7 +34,8 @@ class AnyMasterHalf {
 
   void start(const DeviceSample<N>& device) noexcept { half_->start(device); }
   MasterOutput<N> step(const MasterInput<N>& in, Words& words) noexcept { return half_->step(in, words); }
-  void on_peer_restart(const Ledger& account, Energy e) noexcept { half_->on_peer_restart(account, e); }
+  [[nodiscard]] Energy deficit(const Ledger& account, Energy e) const noexcept { return half_->deficit(account, e); }
+  void restart(const Ledger& account, Energy e) noexcept { half_->restart(account, e); }
 
  private:
   std::unique_ptr<Concept> half_;
@@ -45,7 +50,10 @@ class AnySlaveHalf {
     virtual void start(const RobotSample<N>& robot, const PeerState<N>& master) noexcept = 0;
     virtual SlaveOutput<N> step(const SlaveInput<N>& in, Words& words) noexcept = 0;
     virtual SlaveOutput<N> fail_safe() noexcept = 0;
-    virtual void on_peer_restart(Energy master_energy_in) noexcept = 0;
+    [[nodiscard]] virtual Energy deficit(Energy master_energy_in) const noexcept = 0;
+    virtual void restart(Energy deficit) noexcept = 0;
+    [[nodiscard]] virtual SlaveHandover<N> handover() const noexcept = 0;
+    virtual void resume(const SlaveHandover<N>& from) noexcept = 0;
     [[nodiscard]] virtual Position<N> target() const noexcept = 0;
   };
   template <SlaveHalf<N> H>
@@ -54,7 +62,10 @@ class AnySlaveHalf {
     void start(const RobotSample<N>& robot, const PeerState<N>& master) noexcept override { half.start(robot, master); }
     SlaveOutput<N> step(const SlaveInput<N>& in, Words& words) noexcept override { return half.step(in, words); }
     SlaveOutput<N> fail_safe() noexcept override { return half.fail_safe(); }
-    void on_peer_restart(Energy e) noexcept override { half.on_peer_restart(e); }
+    [[nodiscard]] Energy deficit(Energy e) const noexcept override { return half.deficit(e); }
+    void restart(Energy e) noexcept override { half.restart(e); }
+    [[nodiscard]] SlaveHandover<N> handover() const noexcept override { return half.handover(); }
+    void resume(const SlaveHandover<N>& from) noexcept override { half.resume(from); }
     [[nodiscard]] Position<N> target() const noexcept override { return half.target(); }
     H half;
   };
@@ -64,7 +75,10 @@ class AnySlaveHalf {
   void start(const RobotSample<N>& robot, const PeerState<N>& master) noexcept { half_->start(robot, master); }
   SlaveOutput<N> step(const SlaveInput<N>& in, Words& words) noexcept { return half_->step(in, words); }
   SlaveOutput<N> fail_safe() noexcept { return half_->fail_safe(); }
-  void on_peer_restart(Energy e) noexcept { half_->on_peer_restart(e); }
+  [[nodiscard]] Energy deficit(Energy e) const noexcept { return half_->deficit(e); }
+  void restart(Energy e) noexcept { half_->restart(e); }
+  [[nodiscard]] SlaveHandover<N> handover() const noexcept { return half_->handover(); }
+  void resume(const SlaveHandover<N>& from) noexcept { half_->resume(from); }
   [[nodiscard]] Position<N> target() const noexcept { return half_->target(); }
 
  private:

@@ -13,17 +13,17 @@ template <int N>
 class DisplayedForce {
  public:
   explicit DisplayedForce(const ControlOptions& o)
-      : by_position_{o.architecture == Architecture::position_position}, scaling_{o}, position_error_{o} {}
+      : by_position_{o.architecture == Architecture::position_position}, registration_{o}, position_error_{o} {}
 
   void start(const Position<N>& device) noexcept { position_error_.start(device); }
   [[gnu::always_inline]] Force<N> step(const DeviceSample<N>& device, const PeerState<N>& slave, Seconds dt) noexcept {
-    return by_position_ ? position_error_.step(device, slave, dt) : scaling_.to_master(slave.newest.f);
+    return by_position_ ? position_error_.step(device, slave, dt) : registration_.to_master(slave.newest.f);
   }
-  [[nodiscard]] const Scaling<N>& scaling() const noexcept { return scaling_; }
+  [[nodiscard]] const Registration<N>& registration() const noexcept { return registration_; }
 
  private:
   bool by_position_;
-  Scaling<N> scaling_;
+  Registration<N> registration_;
   PositionErrorForce<N> position_error_;
 };
 

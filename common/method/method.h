@@ -4,6 +4,7 @@
 
 #include "common/base/time.h"
 #include "common/coupling/options.h"
+#include "common/coupling/registration.h"
 #include "common/hardware/device.h"
 #include "common/hardware/robot.h"
 #include "common/link/mailbox.h"
@@ -26,6 +27,7 @@ struct MasterInput {
   const Interval<N>& interval;  ///< what the port did since the last tick
   bool first;                   ///< there was no tick before: `interval` is empty
   const PeerState<N>& slave;    ///< in the slave's units
+  Energy slave_energy_in;       ///< the slave's running total of this method, in its units
   const Ledger& account;        ///< energy into the master port, exact, since the start
   bool active;                  ///< coupled or holding; else no force is asked for
   double ramp;                  ///< rises from 0 to 1 after engagement
@@ -46,6 +48,7 @@ struct SlaveInput {
   Seconds dt;
   const RobotSample<N>& robot;
   const PeerState<N>& master;  ///< in the master's units
+  Energy master_energy_in;     ///< the master's running total of this method, in its units
   bool coupled;                ///< the master is heard: its motion is followed
   bool active;                 ///< coupled or holding
 };
@@ -57,6 +60,13 @@ struct SlaveOutput {
   Energy dissipated;
 };
 
+/// What a slave half leaves to the one that takes over.
+template <int N>
+struct SlaveHandover {
+  Registration<N> registration;
+  Position<N> set_point;
+};
+
 // clang-format off
 // (version 14 knows no concepts)
 
@@ -65,16 +75,20 @@ concept MasterHalf = std::constructible_from<H, const ControlOptions&> &&
     requires(H h, const H& c, const MasterInput<N>& in, Words& words, const DeviceSample<N>& device, const Ledger& account, Energy e) {
   { h.start(device) } noexcept;                                    // a coupling begins here
   { h.step(in, words) } noexcept -> std::same_as<MasterOutput<N>>; // every tick, active or not; fills words if it has any
-  { h.on_peer_restart(account, e) } noexcept;                      // the slave's totals, e until now, start again from zero
+  { c.deficit(account, e) } noexcept -> std::same_as<Energy>;       // what the hand has got beyond its grant; e: the slave's total
+  { h.restart(account, e) } noexcept;                              // all totals start here from zero, with the deficit e
 };
 
 template <class H, int N>
 concept SlaveHalf = std::constructible_from<H, const ControlOptions&> &&
-    requires(H h, const H& c, const SlaveInput<N>& in, Words& words, const RobotSample<N>& robot, Energy e) {
+    requires(H h, const H& c, const SlaveInput<N>& in, Words& words, const RobotSample<N>& robot, const SlaveHandover<N>& handover, Energy e) {
   { h.start(robot, in.master) } noexcept;
   { h.step(in, words) } noexcept -> std::same_as<SlaveOutput<N>>;
   { h.fail_safe() } noexcept -> std::same_as<SlaveOutput<N>>;      // no force from now on; the last energy_in again
-  { h.on_peer_restart(e) } noexcept;
+  { c.deficit(e) } noexcept -> std::same_as<Energy>;                // as at the master; e: the master's total
+  { h.restart(e) } noexcept;
+  { c.handover() } noexcept -> std::same_as<SlaveHandover<N>>;
+  { h.resume(handover) } noexcept;                                 // takes over while a coupling goes on
   { c.target() } noexcept -> std::convertible_to<Position<N>>;     // where the robot should be now
 };
 

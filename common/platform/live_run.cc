@@ -1,5 +1,7 @@
 #include "common/platform/live_run.h"
 
+#include "common/wire/mismatch.h"
+
 namespace twoport {
 
 void say(spdlog::logger& log, const LiveFigures& f) {
@@ -14,6 +16,14 @@ void fill(Summary& s, const LiveFigures& f) {
   s.loop_lateness_us = percentiles(f.loop.lateness(), 1e3);
   s.deadline_misses = static_cast<std::uint32_t>(f.loop.deadline_misses());
   s.step_ns = f.clock.mean_ns();
+}
+
+Failure why_failed(std::string_view refusal, HardwareStatus last, double ran_s) {
+  // Two that were started for different scenes are bad usage; one that is busy with another is not.
+  if (!refusal.empty()) return {"refused: " + std::string{refusal}, is_mismatch(refusal) ? 2 : 1};
+  if (last == HardwareStatus::fault)
+    return {fmt::format("the hardware reports a fault, {:.3f} s after the start, and is released", ran_s), 1};
+  return {};
 }
 
 }  // namespace twoport

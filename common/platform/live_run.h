@@ -6,6 +6,7 @@
 #include <chrono>
 #include <cstdint>
 #include <string>
+#include <string_view>
 
 #include "common/base/check.h"
 #include "common/hardware/status.h"
@@ -70,6 +71,13 @@ struct LiveFigures {
 };
 void say(spdlog::logger& log, const LiveFigures& figures);
 void fill(Summary& summary, const LiveFigures& figures);
+
+/// Why a run has failed, and with which exit status; 0 where it has not.
+struct Failure {
+  std::string sentence;
+  int status = 0;
+};
+Failure why_failed(std::string_view refusal, HardwareStatus last, double ran_s);
 
 /// A live run of one side from its first tick to its exit status, but for what the two sides differ in:
 ///
@@ -138,18 +146,29 @@ int run_live(LiveSide& side, const Scene& scene, const LiveArguments& arguments,
   if (has_row) recorder.push(row, view);
 
   Summary s = recorder.finish();
-  if (const std::string_view refusal = side.link.refusal(); !refusal.empty()) {
-    fmt::print(stderr, "twoport-{}: {}\n", LiveSide::kName, refusal);
-    return 1;
-  }
   const LiveFigures figures{loop, clock, recorder.dropped(), side.link.overflowed(), plant.stale};
   say(log, figures);
   side.fill(s, recorder.diverged());
   fill(s, figures);
   if (stop) s.verdict += "; interrupted";
-  const int status = conclude(scene, arguments, LiveSide::kName, s, side.judged() && !stop);
+  const Failure failure = why_failed(side.link.refusal(), plant.sample.status, s.duration_s);
+  if (failure.status != 0) {
+    s.stable = false;
+    s.verdict = failure.sentence;
+  }
+  const bool judged = side.judged() && !stop && failure.status == 0;
+  int status = conclude(scene, arguments, LiveSide::kName, s, judged);
   // The trace last: a disk that is full costs the trace only.
   recorder.close_trace();
+  if (failure.status != 0) {
+    fmt::print(stderr, "twoport-{}: {}\n", LiveSide::kName, failure.sentence);
+    return failure.status;
+  }
+  // Whoever promises nothing has not promised this.
+  if (status == 0 && recorder.diverged() && scene.expect.stable.value_or(true)) {
+    fmt::print(stderr, "{}: the {} has {}\n", arguments.scene, LiveSide::kName, s.verdict);
+    status = 3;
+  }
   return status;
 }
 

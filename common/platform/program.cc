@@ -60,6 +60,12 @@ std::string trace_path(const LiveArguments& a) {
   std::error_code error;
   std::filesystem::create_directories(a.out, error);
   if (error) throw ConfigError(fmt::format("--out {}: cannot be created: {}", a.out, error.message()));
+  for (const char* name : {"/summary.json", "/trace.csv"}) {
+    std::filesystem::remove(a.out + name, error);
+    if (error)
+      throw ConfigError(
+          fmt::format("{}{}: is of an earlier run and cannot be removed: {}", a.out, name, error.message()));
+  }
   return a.trace == "csv" ? a.out + "/trace.csv" : std::string{};
 }
 

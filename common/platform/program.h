@@ -31,7 +31,8 @@ struct LiveArguments {
 int live_program(int argc, char** argv, const ProgramText& text,
                  const std::function<int(const Scene&, const LiveArguments&)>& body);
 
-/// Folder of a run, made where it is missing; and the path of its trace, empty where none is wanted.
+/// Folder of a run, made where it is missing and rid of what an earlier run has left there; returns the path of its trace,
+/// empty where none is wanted.
 std::string trace_path(const LiveArguments& arguments);
 
 /// Fills what every live summary has, writes it where --out says and checks the scene's promises when `judged`.

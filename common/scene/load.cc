@@ -559,6 +559,26 @@ CouplingOptions coupling(const Block& of) {
           .drift_compensation = of.flag("drift_compensation")};
 }
 
+RegistrationOptions registration(const Block& of) {
+  RegistrationOptions options;
+  options.absolute = of.choice<schema::Registration::Mode>("mode") == schema::Registration::ABSOLUTE;
+  if (of.has("rotation")) {
+    if (of.dof() == 1)
+      of.fail(fmt::format("{} is given, but dof is 1; a rotation needs dof 3 or 6", of.path_of("rotation")));
+    const Numbers q = of.list("rotation", Count{4, 4, ""});
+    options.rotation = Eigen::Quaterniond{q[0], q[1], q[2], q[3]};
+    if (std::abs(options.rotation.norm() - 1.0) > 1e-3) of.refuse("rotation", "be of length 1");
+    options.rotation.normalize();
+  }
+  if (of.has("position_m")) {
+    if (!options.absolute)
+      of.fail(fmt::format("{} is given, but {} is OFFSET; it needs ABSOLUTE", of.path_of("position_m"),
+                          of.path_of("mode")));
+    options.position_m = vector<3>(of.list("position_m", of.context().point()));
+  }
+  return options;
+}
+
 ControlOptions control(const Block& of) {
   const Block passivity = of.block("passivity");
   ControlOptions options;
@@ -566,6 +586,7 @@ ControlOptions control(const Block& of) {
   options.coupling = coupling(of.block("virtual_coupling"));
   options.force_scale = of.number("force_scale", kPositive);
   options.motion_scale = of.number("motion_scale", kPositive);
+  options.registration = registration(of.block("registration"));
   options.method_name =
       schema::Passivity::Method_Name(static_cast<schema::Passivity::Method>(passivity.choice<Method>("method")));
   options.controller = {.method = passivity.choice<Method>("method"),
@@ -944,8 +965,8 @@ Scene load_scene(const std::string& path, std::span<const std::string> overrides
 std::uint64_t scene_digest(const Scene& scene) {
   // Taken apart by name: a new option does not compile until it is decided here whether it counts. What the handle
   // weighs and what the device can display is the master's own; the name of the method is its number's.
-  const auto& [architecture, coupling, force_scale, motion_scale, method_name, controller, observer, accounts,
-               reference_energy, initial_energy, handle_mass, handle_inertia, max_force, engage, hold_after,
+  const auto& [architecture, coupling, force_scale, motion_scale, registration, method_name, controller, observer,
+               accounts, reference_energy, initial_energy, handle_mass, handle_inertia, max_force, engage, hold_after,
                release_after] = scene.control;
   const auto& [stiffness, damping, rotational_stiffness, rotational_damping, catch_up, drift_compensation] = coupling;
   const auto& [method, max_gain, unilateral, predict] = controller;
@@ -953,6 +974,11 @@ std::uint64_t scene_digest(const Scene& scene) {
   digest.all(scene.dof, scene.master_rate_hz, scene.slave_rate_hz);
   digest.all(architecture, force_scale, motion_scale, observer, accounts, reference_energy, initial_energy);
   digest.all(engage, hold_after, release_after);
+  digest.all(registration.absolute);
+  for (const double each :
+       {registration.rotation.w(), registration.rotation.x(), registration.rotation.y(), registration.rotation.z(),
+        registration.position_m.x(), registration.position_m.y(), registration.position_m.z()})
+    digest.all(each);
   digest.all(stiffness, damping, rotational_stiffness, rotational_damping, catch_up, drift_compensation);
   digest.all(method, max_gain, unilateral, predict);
   return digest.value();

@@ -14,7 +14,7 @@ namespace {
 template <int N>
 constexpr int kPositionSize = N == 6 ? 7 : N;
 template <int N>
-constexpr int kSampleSize = kPositionSize<N> + 4 * N;
+constexpr int kSampleSize = kPositionSize<N> + 5 * N;
 
 // Moments are durations since a loop began: 73 years, and no sum of two of them overflows.
 constexpr std::int64_t kLatest = std::int64_t{1} << 61;
@@ -75,7 +75,13 @@ bool read_report(const schema::Datagram& message, Report<N>& r) {
   from = read(from, r.v);
   from = read(from, r.f);
   from = read(from, r.f_coupling);
-  read(from, r.f_environment);
+  from = read(from, r.f_environment);
+  read(from, r.position_error);
+  if (message.words_size() > static_cast<int>(Words::kMost)) return false;
+  r.words.count = static_cast<std::uint8_t>(message.words_size());
+  r.words.totals = message.running_totals();
+  r.epoch = message.epoch();
+  std::copy_n(message.words().data(), r.words.count, r.words.at.begin());
   if (!r.finite()) return false;
   if constexpr (N == 6) return std::abs(r.x.attitude().squaredNorm() - 1.0) < kUnitTolerance;
   return true;
@@ -114,6 +120,7 @@ struct Codec<N>::Impl {
   Impl() {
     for (schema::Datagram* message : {&outgoing, &incoming}) {
       message->mutable_sample()->Reserve(static_cast<int>(kMaxDatagram / sizeof(double)));
+      message->mutable_words()->Reserve(static_cast<int>(kMaxDatagram / sizeof(double)));
       message->mutable_refusal()->reserve(kMaxDatagram);
     }
   }
@@ -145,12 +152,18 @@ std::span<const std::byte> Codec<N>::encode(const Envelope<N>& envelope) noexcep
     message.set_echo_ns(r.echo_ns);
     message.set_mode(static_cast<std::uint32_t>(r.mode));
     message.set_energy_in_j(r.energy_in_j);
+    message.set_epoch(r.epoch);
     double* to = message.mutable_sample()->AddNAlreadyReserved(kSampleSize<N>);
     to = write(to, r.x);
     to = write(to, r.v);
     to = write(to, r.f);
     to = write(to, r.f_coupling);
-    write(to, r.f_environment);
+    to = write(to, r.f_environment);
+    write(to, r.position_error);
+    if (r.words.count > 0) {
+      std::copy_n(r.words.at.begin(), r.words.count, message.mutable_words()->AddNAlreadyReserved(r.words.count));
+      message.set_running_totals(r.words.totals);
+    }
   }
   if (envelope.identity) {
     message.set_dof(static_cast<std::uint32_t>(envelope.identity->dof));
@@ -159,7 +172,7 @@ std::span<const std::byte> Codec<N>::encode(const Envelope<N>& envelope) noexcep
     message.set_side(static_cast<std::uint32_t>(envelope.identity->side));
   }
   const std::size_t size = message.ByteSizeLong();
-  static_assert(kMaxDatagram > 8 * (kSampleSize<N> + 16) + kMaxRefusal);
+  static_assert(kMaxDatagram > 8 * (kSampleSize<N> + Words::kMost + 16));
   message.SerializeWithCachedSizesToArray(reinterpret_cast<std::uint8_t*>(impl_->buffer.data()));
   return {impl_->buffer.data(), size};
 }

@@ -29,9 +29,13 @@ Sentence mismatch(const SessionOptions& options, int dof, const Header& header, 
         to_string(options.side), options.rate_hz, to_string(theirs.side), theirs.rate_hz};
   if (theirs.scene_digest != options.scene_digest)
     return differ("master and slave run different scenes: digest %016" PRIx64 " at the master, %016" PRIx64
-                  " at the slave; start both with the same --scene and the same --set",
+                  " at the slave; their control blocks differ: compare them, and every --set control",
                   options.scene_digest, theirs.scene_digest);
   return {};
+}
+
+bool is_mismatch(std::string_view reason) noexcept {
+  return reason.starts_with("master and slave ") || reason.starts_with("both programs are ");
 }
 
 }  // namespace twoport

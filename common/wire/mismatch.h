@@ -2,6 +2,7 @@
 
 #include <cstdint>
 #include <optional>
+#include <string_view>
 
 #include "common/link/endpoint.h"
 #include "common/wire/header.h"
@@ -21,5 +22,8 @@ struct SessionOptions {
 /// What the program with `options` and `dof`, and the sender of `header`, must agree on and differ in: a sentence that is
 /// the same on both sides. Empty when they agree. The header has an identity, or `decoded` is other_version.
 Sentence mismatch(const SessionOptions& options, int dof, const Header& header, Decoded decoded) noexcept;
+
+/// Is this a sentence of mismatch(), so that the two must be started otherwise? If not, the other side is busy.
+[[nodiscard]] bool is_mismatch(std::string_view reject_reason) noexcept;
 
 }  // namespace twoport

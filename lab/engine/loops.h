@@ -20,7 +20,7 @@
 #if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
 #define TWOPORT_FLATTEN
 #else
-#define TWOPORT_FLATTEN [[gnu::flatten]]
+#define TWOPORT_FLATTEN [[gnu::flatten, gnu::noinline]]
 #endif
 
 namespace twoport::lab {
@@ -48,7 +48,7 @@ template <int N, class Method = AnyMethod>
 class LinkLoop {
  public:
   explicit LinkLoop(const Scene& scene)
-      : scaling_{scene.control},
+      : registration_{scene.control},
         master_rate_hz_{scene.master_rate_hz},
         slave_rate_hz_{scene.slave_rate_hz},
         master_dt_{1.0 / scene.master_rate_hz},
@@ -64,7 +64,7 @@ class LinkLoop {
         master_mail_{{to_master_, to_slave_}},
         slave_mail_{{to_slave_, to_master_}} {
     const Energy held = robot_.environment().potential(robot_.state().x) + kinetic(scene, robot_.state().v);
-    initial_energy_ = scene.control.initial_energy + scaling_.to_master(scene.control.initial_energy + held);
+    initial_energy_ = scene.control.initial_energy + registration_.to_master(scene.control.initial_energy + held);
   }
 
   /// Runs to the end, or until `visit(row)` returns false. Returns the number of master ticks.
@@ -114,7 +114,7 @@ class LinkLoop {
   [[gnu::always_inline]] void slave_tick(Duration now, std::int64_t k) noexcept {
     if (k > 0) robot_.advance();
     auto out = run_cycle(slave_, robot_, slave_mail_, Tick<SlaveClock>{Instant<SlaveClock>{now}, slave_dt_});
-    dissipated_ += scaling_.to_master(out.dissipated);
+    dissipated_ += registration_.to_master(out.dissipated);
   }
 
   [[gnu::always_inline]] Row<N> row(Duration now, const auto& out) noexcept {
@@ -138,7 +138,7 @@ class LinkLoop {
             .mode = out.mode};
   }
 
-  Scaling<N> scaling_;
+  Registration<N> registration_;
   double master_rate_hz_, slave_rate_hz_;
   Seconds master_dt_, slave_dt_;
   Duration end_;

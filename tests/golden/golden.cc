@@ -20,7 +20,7 @@
 #include "common/scene/load.h"
 #include "common/scene/summary.h"
 #include "lab/engine/simulation.h"
-#include "lab/parallel.h"
+#include "lab/study/parallel.h"
 #include "lab/run.h"
 #include "lab/study/sweep.h"
 

@@ -308,6 +308,35 @@ TEST(Run, ShowsOnATerminalWhatTheTwoSidesDoAndSaysWhereTheFilesAre) {
   }
 }
 
+TEST(Run, ThatDivergesEndsWithStatusThreeAtBothSidesUnlessTheSceneSaysSo) {
+  const Words unstable{"--set", "control.passivity.method=NONE",
+                       "--set", "control.virtual_coupling.stiffness_n_per_m=1e6",
+                       "--set", "robot.mass_kg=0.01"};
+  for (const bool promised : {false, true}) {
+    const Pair pair{press() + (promised ? "expect { stable: false }\n" : "")};
+    Process slave = pair.listening_slave("slave", unstable), master = pair.master("master", unstable);
+    EXPECT_EQ(master.wait(), exited(promised ? 0 : 3)) << master.err();
+    EXPECT_EQ(slave.wait(), exited(promised ? 0 : 3)) << slave.err();
+    for (const std::string side : {"master", "slave"}) {
+      EXPECT_FALSE(pair.summary(side).stable()) << side;
+      EXPECT_EQ(pair.summary(side).verdict().find("diverged at "), 0u) << pair.summary(side).verdict();
+    }
+    EXPECT_EQ(count(slave.err(), "the slave has diverged at "), promised ? 0 : 1) << slave.err();
+  }
+}
+
+TEST(Run, LeavesNothingOfAnEarlierRunWhenItIsKilled) {
+  const Pair pair{press(1, "RENDER")};
+  EXPECT_EQ(pair.master("out", {"--set", "duration_s=0.1"}).wait(), exited(0));
+  EXPECT_TRUE(exists(pair.at("out/summary.json")));
+  Process master = pair.master("out");
+  ASSERT_TRUE(master.says("hardware: ")) << master.err();
+  master.send(SIGKILL);
+  master.wait();
+  EXPECT_FALSE(exists(pair.at("out/summary.json")));
+  EXPECT_FALSE(exists(pair.at("out/trace.csv")));
+}
+
 TEST(Run, WithoutATraceWritesTheSummaryOnly) {
   const Pair pair{press(1, "RENDER")};
   Process master = pair.master("master", {"--trace", "none", "--set", "duration_s=0.1"});

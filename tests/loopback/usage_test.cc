@@ -1,5 +1,7 @@
 #include <gtest/gtest.h>
 
+#include <filesystem>
+#include <fstream>
 #include <string>
 
 #include "tests/support/live.h"
@@ -104,18 +106,49 @@ TEST(Usage, HelpAndVersionAnswerOnStdout) {
 
 void expect_both_refuse(const Pair& pair, Process master, const Words& parts) {
   Process slave = pair.slave();
-  EXPECT_EQ(master.wait(), exited(1)) << master.err();
-  EXPECT_EQ(slave.wait(), exited(1)) << slave.err();
+  EXPECT_EQ(master.wait(), exited(2)) << master.err();
+  EXPECT_EQ(slave.wait(), exited(2)) << slave.err();
   for (const std::string& part : parts) {
     EXPECT_NE(master.err().find(part), std::string::npos) << master.err();
     EXPECT_NE(slave.err().find(part), std::string::npos) << slave.err();
   }
 }
+/// It has written what it has recorded, and says that it was refused.
+void expect_refused_summary(const Pair& pair, const std::string& out, const std::string& part) {
+  const schema::Summary s = pair.summary(out);
+  EXPECT_FALSE(s.stable()) << out;
+  EXPECT_EQ(s.verdict().find("refused: "), 0u) << s.verdict();
+  EXPECT_NE(s.verdict().find(part), std::string::npos) << s.verdict();
+  EXPECT_EQ(pair.trace(out).rows(), s.steps()) << out;
+}
 
 TEST(Mismatch, OfScenesIsRefusedByBothInWords) {
   const Pair pair;
   expect_both_refuse(pair, pair.master("master", {"--set", "control.virtual_coupling.stiffness_n_per_m=900"}),
-                     {"master and slave run different scenes: digest"});
+                     {"master and slave run different scenes: digest", "their control blocks differ"});
+  for (const std::string side : {"master", "slave"}) expect_refused_summary(pair, side, "different scenes");
+}
+TEST(Mismatch, LeavesNothingOfAnEarlierRun) {
+  const Pair pair;
+  for (const std::string side : {"master", "slave"}) {
+    std::filesystem::create_directories(pair.at(side));
+    for (const std::string name : {"/summary.json", "/trace.csv"}) std::ofstream{pair.at(side + name)} << "earlier";
+  }
+  expect_both_refuse(pair, pair.master("master", {"--trace", "none", "--set", "slave_rate_hz=500"}),
+                     {"rate of the slave"});
+  EXPECT_FALSE(std::filesystem::exists(pair.at("master/trace.csv")));
+  expect_refused_summary(pair, "slave", "rate of the slave");
+  EXPECT_FALSE(pair.summary("master").stable());
+}
+TEST(Mismatch, OfASlaveThatIsTakenIsTheSecondMastersAlone) {
+  const Pair pair;
+  Process slave = pair.listening_slave(), first = pair.master("first");
+  ASSERT_TRUE(first.says("paired with the slave")) << first.err();
+  Process second = pair.master("second");
+  EXPECT_EQ(second.wait(), exited(1)) << second.err();
+  expect_refused_summary(pair, "second", "the slave is taken");
+  EXPECT_EQ(first.wait(), exited(0)) << first.err();
+  EXPECT_EQ(slave.wait(), exited(0)) << slave.err();
 }
 TEST(Mismatch, OfDofIsRefusedByBothInWords) {
   const Pair pair;

@@ -22,7 +22,9 @@ class NoControlMaster {
     out.f = out.wanted;
     return out;
   }
-  void on_peer_restart(const Ledger& account, Energy) noexcept { base_absorbed_ = account.absorbed(); }
+  /// None: energy that was given without control is not charged to whoever takes over.
+  [[nodiscard]] Energy deficit(const Ledger&, Energy) const noexcept { return Energy{}; }
+  void restart(const Ledger& account, Energy) noexcept { base_absorbed_ = account.absorbed(); }
 
  private:
   DisplayedForce<N> displayed_;

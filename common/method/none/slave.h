@@ -11,18 +11,19 @@ class NoControlSlave {
  public:
   explicit NoControlSlave(const ControlOptions& o) : coupling_{o}, measured_{returns_measured_force(o)} {}
 
-  void start(const RobotSample<N>& robot, const PeerState<N>&) noexcept { coupling_.start(robot.x); }
+  void start(const RobotSample<N>& robot, const PeerState<N>& master) noexcept { coupling_.start(robot.x, master); }
 
-  SlaveOutput<N> step(const SlaveInput<N>& in, Words&) noexcept {
+  SlaveOutput<N> step(const SlaveInput<N>& in, Words& words) noexcept {
     typename VirtualCoupling<N>::Wanted wanted;
     if (in.active) {
       wanted = coupling_.step(in.robot, in.master, in.coupled, in.dt);
     } else {
-      coupling_.start(in.robot.x);
+      coupling_.rest(in.robot.x);
     }
     const Displacement<N> moved = wanted.v * in.dt;
     account_.book(-dot(wanted.f, moved));
     coupling_.move(moved, wanted.v, in.dt);
+    coupling_.tell_position(in.robot.x, words);
     return {.command = {.f = wanted.f, .x_d = coupling_.set_point(), .v_d = wanted.v},
             .f_back = measured_ ? in.robot.f_environment : wanted.f,
             .energy_in = account_.absorbed() - base_absorbed_,
@@ -34,7 +35,10 @@ class NoControlSlave {
     out.energy_in = account_.absorbed() - base_absorbed_;
     return out;
   }
-  void on_peer_restart(Energy) noexcept { base_absorbed_ = account_.absorbed(); }
+  [[nodiscard]] Energy deficit(Energy) const noexcept { return Energy{}; }
+  void restart(Energy) noexcept { base_absorbed_ = account_.absorbed(); }
+  [[nodiscard]] SlaveHandover<N> handover() const noexcept { return {coupling_.registration(), coupling_.set_point()}; }
+  void resume(const SlaveHandover<N>& from) noexcept { coupling_.resume(from.registration, from.set_point); }
   [[nodiscard]] const Position<N>& target() const noexcept { return coupling_.target(); }
 
  private:

@@ -2,9 +2,10 @@
 
 #include "common/base/vector.h"
 #include "common/coupling/options.h"
-#include "common/coupling/scaling.h"
+#include "common/coupling/registration.h"
 #include "common/coupling/spring_damper.h"
 #include "common/coupling/tracker.h"
+#include "common/coupling/virtual_coupling.h"
 #include "common/hardware/device.h"
 #include "common/link/mailbox.h"
 
@@ -16,20 +17,22 @@ namespace twoport {
 template <int N>
 class PositionErrorForce {
  public:
-  explicit PositionErrorForce(const ControlOptions& o) : scaling_{o}, spring_{o.coupling}, tracker_{o.coupling} {}
+  explicit PositionErrorForce(const ControlOptions& o) : registration_{o}, spring_{o.coupling}, tracker_{o.coupling} {}
 
   void start(const Position<N>& device) noexcept { x_d_ = device; }
 
   // By value: the caller keeps what it sensed in registers.
   [[gnu::noinline]] Force<N> step(DeviceSample<N> device, const PeerState<N>& slave, Seconds dt) noexcept {
-    const Velocity<N> v_rx = scaling_.to_master(slave.newest.v);
-    const Velocity<N> v_d = tracker_.step(x_d_, scaling_.to_master(slave.newest.x), v_rx, slave.fresh, dt);
+    RobotInMasterWorld<N> robot;
+    if (!read(slave.words, robot)) return {};
+    const Velocity<N> v_rx = registration_.to_master(slave.newest.v);
+    const Velocity<N> v_d = tracker_.step(x_d_, robot.x.value, v_rx, slave.fresh, dt);
     x_d_ = x_d_ + v_d * dt;
     return spring_.force(device.x - x_d_, device.v - v_rx);
   }
 
  private:
-  Scaling<N> scaling_;
+  Registration<N> registration_;
   SpringDamper<N> spring_;
   Tracker<N> tracker_;
   Position<N> x_d_;

@@ -45,8 +45,7 @@ class TdpaMaster {
       wanted = in.ramp * displayed_.step(in.device, in.slave, in.dt);
       if (in.carried != nullptr) [[unlikely]]
         wanted += *in.carried;
-      const Energy available =
-          initial_ + transmittable_energy(in.account, Energy{in.slave.energy_in_j}) - returned(in.account);
+      const Energy available = initial_ + transmittable_energy(in.account, in.slave_energy_in) - returned(in.account);
       allowed = predictor_ ? passivate_yielding(wanted, predictor_->foreseen(), available, controller_, in.dt)
                            : passivate(wanted, in.device.v, Budget{available, Energy{}}, controller_, in.dt);
     }
@@ -57,13 +56,15 @@ class TdpaMaster {
             .deficit = allowed.owed};
   }
 
-  /// The totals of this side start again too. Unused credit is dropped; a deficit, and what of E(0) is spent, is carried
-  /// over.
-  void on_peer_restart(const Ledger& account, Energy slave_energy_in) noexcept {
-    const Energy balance = transmittable_energy(account, slave_energy_in) - returned(account);
+  /// What has been given back beyond the grant: a deficit, and what of E(0) is spent.
+  [[nodiscard]] Energy deficit(const Ledger& account, Energy slave_energy_in) const noexcept {
+    return positive_part(returned(account) - transmittable_energy(account, slave_energy_in));
+  }
+  /// Unused credit is dropped, the deficit is carried over.
+  void restart(const Ledger& account, Energy deficit) noexcept {
     base_absorbed_ = account.absorbed();
     base_sent_ = command_.absorbed();
-    base_returned_ = account.returned() - positive_part(-balance);
+    base_returned_ = account.returned() - deficit;
   }
 
  private:
@@ -79,14 +80,14 @@ class TdpaMaster {
       if (measured_) command_.book(held_energy(observer_, command_force_, in.interval, in.ended));
       if (predictor_) predictor_->step(in.interval.moved, in.device.applied, in.ended, in.dt);
     }
-    if (measured_) command_force_ = displayed_.scaling().to_master(in.slave.newest.f_coupling);
+    if (measured_) command_force_ = displayed_.registration().to_master(in.slave.newest.f_coupling);
   }
 
   [[nodiscard]] Energy energy_sent(const Ledger& account) const noexcept {
     return measured_ ? command_.absorbed() - base_sent_ : absorbed(account);
   }
   [[nodiscard]] Energy transmittable_energy(const Ledger& account, Energy slave_in) const noexcept {
-    return Energy{std::min(displayed_.scaling().to_master(slave_in).si(), absorbed(account).si())};
+    return Energy{std::min(displayed_.registration().to_master(slave_in).si(), absorbed(account).si())};
   }
   [[nodiscard]] Energy absorbed(const Ledger& account) const noexcept { return account.absorbed() - base_absorbed_; }
   [[nodiscard]] Energy returned(const Ledger& account) const noexcept { return account.returned() - base_returned_; }

@@ -29,13 +29,13 @@ class TdpaSlave {
         measured_{returns_measured_force(o)},
         reference_energy_{o.reference_energy} {}
 
-  void start(const RobotSample<N>& robot, const PeerState<N>&) noexcept {
-    coupling_.start(robot.x);
+  void start(const RobotSample<N>& robot, const PeerState<N>& master) noexcept {
+    coupling_.start(robot.x, master);
     x_before_ = robot.x;
     f_ = Force<N>{};
   }
 
-  [[gnu::always_inline]] SlaveOutput<N> step(const SlaveInput<N>& in, Words&) noexcept {
+  [[gnu::always_inline]] SlaveOutput<N> step(const SlaveInput<N>& in, Words& words) noexcept {
     const RobotSample<N>& robot = in.robot;
     coupling_energy_.book(0, -dot(f_, robot.x - x_before_));
     x_before_ = robot.x;
@@ -45,15 +45,17 @@ class TdpaSlave {
     if (in.active) {
       wanted = coupling_.step(robot, in.master, in.coupled, in.dt);
     } else {
-      coupling_.start(robot.x);
+      coupling_.rest(robot.x);
     }
-    Yielded<N> allowed = yield(wanted.f, wanted.v, coupling_.spring().compliance(in.dt), available(in.master), in.dt);
+    Yielded<N> allowed =
+        yield(wanted.f, wanted.v, coupling_.spring().compliance(in.dt), available(in.master_energy_in), in.dt);
     f_ = allowed.f;
     Displacement<N> moved = allowed.v * in.dt;
     const Energy into_slave = dot(f_, moved);
     account_.book(-into_slave);
     coupling_energy_.book(0, into_slave);
     coupling_.move(moved, wanted.v, in.dt);
+    coupling_.tell_position(robot.x, words);
     return {.command = {.f = f_, .x_d = coupling_.set_point(), .v_d = allowed.v},
             .f_back = measured_ ? robot.f_environment : wanted.f,
             .energy_in = credit(),
@@ -68,20 +70,24 @@ class TdpaSlave {
     return out;
   }
 
-  /// As TdpaMaster::on_peer_restart.
-  void on_peer_restart(Energy master_energy_in) noexcept {
-    const Energy balance = coupling_.scaling().to_slave(master_energy_in) - returned();
+  /// As TdpaMaster::deficit and restart.
+  [[nodiscard]] Energy deficit(Energy master_energy_in) const noexcept {
+    return positive_part(returned() - coupling_.registration().to_slave(master_energy_in));
+  }
+  void restart(Energy deficit) noexcept {
     base_absorbed_ = account_.absorbed();
-    base_returned_ = account_.returned() - positive_part(-balance);
+    base_returned_ = account_.returned() - deficit;
     coupling_energy_.book(0, -coupling_energy_.energy());  // charged already, or unused
     worst_coupling_energy_j_ = credit_j_ = 0.0;
   }
+  [[nodiscard]] SlaveHandover<N> handover() const noexcept { return {coupling_.registration(), coupling_.set_point()}; }
+  void resume(const SlaveHandover<N>& from) noexcept { coupling_.resume(from.registration, from.set_point); }
   [[nodiscard]] const Position<N>& target() const noexcept { return coupling_.target(); }
 
  private:
   [[nodiscard]] Energy returned() const noexcept { return account_.returned() - base_returned_; }
-  [[nodiscard]] Energy available(const PeerState<N>& master) const noexcept {
-    return initial_ + coupling_.scaling().to_slave(Energy{master.energy_in_j}) - returned();
+  [[nodiscard]] Energy available(Energy master_energy_in) const noexcept {
+    return initial_ + coupling_.registration().to_slave(master_energy_in) - returned();
   }
 
   /// Reference energy: the coupling has to hold what its spring would, ½ eᵀK e, tick for tick. What its damper has

@@ -1,0 +1,149 @@
+#pragma once
+
+#include <type_traits>
+
+#include "common/base/vector.h"
+#include "common/coupling/options.h"
+
+namespace twoport {
+
+/// Maps between the master's and the slave's world: lengths times s_x, forces times s_f, axes turned by R, and the origin
+/// of the motion set when a coupling begins.
+///
+///     x_s = s_x R x_m + p      v_s = s_x R v_m      f_m = s_f Rᵀ f_s
+///     q_s = R q_m c            ω_s = R ω_m          τ_m = (s_f / s_x) Rᵀ τ_s       a torque is a force times a length
+///     E_m = (s_f / s_x) E_s                         one number for all axes
+///
+/// R is the scene's. p and c (an attitude of the tool) are chosen at engagement so that the robot does not move, or are the
+/// scene's where the registration is absolute.
+template <int N>
+class Registration {
+ public:
+  explicit Registration(const ControlOptions& o)
+      : force_{o.force_scale},
+        motion_{o.motion_scale},
+        torque_{force_ / motion_},
+        energy_to_slave_{motion_ / force_},
+        absolute_{o.registration.absolute} {
+    if constexpr (N != 1) {
+      rotation_ = o.registration.rotation.normalized();
+      matrix_ = rotation_.toRotationMatrix();
+      rotated_ = !matrix_.isIdentity(0.0);
+    }
+    if (absolute_) origin_ = o.registration.position_m.template head<kAxes>();
+    shifted_ = !origin_.isZero(0.0);
+  }
+
+  /// A coupling begins with the master at `master` and the robot at `slave`. True: `to_slave(master)` is now `slave`.
+  void engage(const Position<N>& master, const Position<N>& slave) noexcept {
+    if (absolute_) return;
+    origin_.setZero();
+    if constexpr (N == 6) {
+      const Eigen::Quaterniond turned = rotation_ * master.attitude();
+      tool_ = turned.coeffs() == slave.attitude().coeffs() ? Eigen::Quaterniond::Identity()
+                                                           : (turned.conjugate() * slave.attitude()).normalized();
+    }
+    origin_ = slave.translation() - motion_ * along(master.translation());
+    shifted_ = !origin_.isZero(0.0);
+    if constexpr (N == 6) shifted_ = shifted_ || tool_.vec() != Eigen::Vector3d::Zero();
+  }
+
+  Position<N> to_slave(const Position<N>& x) const noexcept {
+    if (rotated_ || shifted_) [[unlikely]]
+      return placed(x);
+    if constexpr (N == 6) {
+      return {motion_ * x.translation(), x.attitude()};
+    } else {
+      return Position<N>{motion_ * x.translation()};
+    }
+  }
+  Position<N> to_master(const Position<N>& x) const noexcept {
+    if constexpr (N == 6) {
+      if (rotated_ || shifted_)
+        return {back(x.translation() - origin_) / motion_, rotation_.conjugate() * x.attitude() * tool_.conjugate()};
+      return {x.translation() / motion_, x.attitude()};
+    } else {
+      if (rotated_ || shifted_) return Position<N>{back(x.translation() - origin_) / motion_};
+      return Position<N>{x.translation() / motion_};
+    }
+  }
+  Velocity<N> to_slave(const Velocity<N>& v) const noexcept {
+    Vector out = scaled(v.vec(), motion_, 1.0);
+    if (rotated_) [[unlikely]]
+      turn(out, matrix_);
+    return Velocity<N>{out};
+  }
+  Velocity<N> to_master(const Velocity<N>& v) const noexcept {
+    Vector out = scaled(v.vec(), 1.0 / motion_, 1.0);
+    if (rotated_) [[unlikely]]
+      turn(out, matrix_.transpose());
+    return Velocity<N>{out};
+  }
+  Force<N> to_master(const Force<N>& f) const noexcept {
+    Vector out = scaled(f.vec(), force_, torque_);
+    if (rotated_) [[unlikely]]
+      turn(out, matrix_.transpose());
+    return Force<N>{out};
+  }
+  [[nodiscard]] Energy to_slave(Energy e) const noexcept { return energy_to_slave_ * e; }
+  [[nodiscard]] Energy to_master(Energy e) const noexcept { return torque_ * e; }
+
+ private:
+  static constexpr int kAxes = N == 1 ? 1 : 3;
+  using Vector = typename Force<N>::Vector;
+  using Point = Eigen::Matrix<double, kAxes, 1>;
+
+  static Vector scaled(const Vector& v, double translation, double rotation) noexcept {
+    if constexpr (N == 6) {
+      Vector out;
+      out << translation * v.template head<3>(), rotation * v.template tail<3>();
+      return out;
+    } else {
+      (void)rotation;
+      return translation * v;
+    }
+  }
+  template <class Matrix>
+  static void turn(Vector& v, const Matrix& r) noexcept {
+    if constexpr (N == 6) {
+      const Eigen::Vector3d linear = r * v.template head<3>(), angular = r * v.template tail<3>();
+      v << linear, angular;
+    } else if constexpr (N == 3) {
+      v = (r * v).eval();
+    } else {
+      (void)v, (void)r;
+    }
+  }
+  [[nodiscard]] Point along(const Point& p) const noexcept {
+    if constexpr (N == 1) {
+      return p;
+    } else {
+      return matrix_ * p;
+    }
+  }
+  [[nodiscard]] Point back(const Point& p) const noexcept {
+    if constexpr (N == 1) {
+      return p;
+    } else {
+      return matrix_.transpose() * p;
+    }
+  }
+  [[gnu::noinline]] Position<N> placed(Position<N> x) const noexcept {
+    const Point p = motion_ * along(x.translation()) + origin_;
+    if constexpr (N == 6) {
+      return {p, rotation_ * x.attitude() * tool_};
+    } else {
+      return Position<N>{p};
+    }
+  }
+
+  double force_, motion_;
+  double torque_;  ///< s_f / s_x, an energy's too
+  double energy_to_slave_;
+  bool absolute_, rotated_ = false, shifted_ = false;
+  Eigen::Quaterniond rotation_ = Eigen::Quaterniond::Identity(), tool_ = Eigen::Quaterniond::Identity();
+  Eigen::Matrix3d matrix_ = Eigen::Matrix3d::Identity();
+  Point origin_ = Point::Zero();
+};
+
+}  // namespace twoport

@@ -1,0 +1,12 @@
+#include "drivers/drivers.h"
+#include "slave/program.h"
+
+namespace twoport {
+void add_own_robot(Registry& all);
+}
+
+int main(int argc, char** argv) {
+  twoport::Registry drivers = twoport::all_drivers();
+  twoport::add_own_robot(drivers);
+  return twoport::slave_program(argc, argv, drivers);
+}
