@@ -12,6 +12,8 @@ install(TARGETS twoport-master twoport-slave twoport-lab RUNTIME DESTINATION ${C
 
 install(DIRECTORY common sim drivers master slave DESTINATION ${CMAKE_INSTALL_INCLUDEDIR}/twoport
         FILES_MATCHING PATTERN "*.h")
+install(DIRECTORY ${PROJECT_BINARY_DIR}/generated/proto DESTINATION ${CMAKE_INSTALL_INCLUDEDIR}/twoport
+        FILES_MATCHING PATTERN "*.h")
 
 set(twoport_package ${CMAKE_INSTALL_LIBDIR}/cmake/twoport)
 install(EXPORT twoport-targets NAMESPACE twoport:: DESTINATION ${twoport_package})

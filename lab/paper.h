@@ -8,9 +8,9 @@
 #include <string>
 #include <vector>
 
+#include "common/contact/environment.h"
 #include "common/record/row.h"
 #include "common/scene/scene.h"
-#include "common/contact/environment.h"
 
 namespace twoport::lab {
 

@@ -8,11 +8,11 @@
 #include <mutex>
 
 #include "common/base/check.h"
-#include "common/scene/summary.h"
+#include "common/base/file.h"
 #include "lab/paper_figures.h"
 #include "lab/paper_table.h"
-#include "lab/study/parallel.h"
 #include "lab/plot/gnuplot.h"
+#include "lab/study/parallel.h"
 
 namespace twoport::lab {
 namespace {

@@ -5,8 +5,8 @@
 #include <iterator>
 #include <numbers>
 
+#include "common/base/file.h"
 #include "common/record/metrics.h"
-#include "common/scene/summary.h"
 #include "lab/paper.h"
 #include "lab/plot/gnuplot.h"
 

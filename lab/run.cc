@@ -28,16 +28,12 @@ Summary run_as(Simulation<N>& simulation, const Scene& scene, const std::string&
 
   Summary s;
   metrics.fill(s);
-  s.scene = scene.name;
-  s.side = "lab";
-  s.architecture = to_string(scene.control.architecture);
-  s.method = to_string(scene.control.controller.method);
-  s.dof = scene.dof;
-  s.step_ns = spent.count() / static_cast<double>(std::max<std::uint64_t>(ticks, 1));
+  describe_run(scene, "lab", s);
+  s.set_step_ns(spent.count() / static_cast<double>(std::max<std::uint64_t>(ticks, 1)));
   if (const std::optional<LinkUse> link = simulation.link()) {
-    s.to_slave = packets(link->master.sent, link->slave);
-    s.to_master = packets(link->slave.sent, link->master);
-    if (link->overflowed > 0) s.verdict += "; packets in flight exceeded the line's room";
+    *s.mutable_packets()->mutable_to_slave() = packets(link->master.sent, link->slave);
+    *s.mutable_packets()->mutable_to_master() = packets(link->slave.sent, link->master);
+    if (link->overflowed > 0) s.mutable_verdict()->append("; packets in flight exceeded the line's room");
   }
   return s;
 }

@@ -2,8 +2,8 @@
 
 #include <string>
 
+#include "common/record/summary.h"
 #include "common/scene/scene.h"
-#include "common/scene/summary.h"
 
 namespace twoport::lab {
 

@@ -24,7 +24,7 @@ class MasterNode {
  public:
   struct Output {
     Force<N> command;  ///< at the master port, power f·v into the network
-    Report<N> report;
+    PortReport<N> report;
     Force<N> wanted;  ///< before the passivity controller
     Energy dissipated, owed;
     Mode mode;
@@ -49,12 +49,8 @@ class MasterNode {
     }
     const double ramp = ramp_.step(modes_.coupled(), tick.dt);
     slave_energy_in_ = Energy{slave.epoch == epoch_ ? slave.energy_in_j : 0.0};
-    Force<N> carried;
-    if (carry_ > 0.0) [[unlikely]] {
-      carry_ = std::max(0.0, carry_ - tick.dt / engage_);
-      carried = carry_ * carried_;
-    }
-    Words words;
+    if (carry_ > 0.0) [[unlikely]]
+      fade(tick.dt);
     MasterOutput<N> half = half_.step({.dt = tick.dt,
                                        .ended = tick.ended,
                                        .device = device,
@@ -65,8 +61,7 @@ class MasterNode {
                                        .account = account_,
                                        .active = modes_.active(),
                                        .ramp = ramp,
-                                       .carried = carry_ > 0.0 ? &carried : nullptr},
-                                      words);
+                                       .carried = carry_ > 0.0 ? &fading_ : nullptr});
     before_ = motion;
     started_ = true;
     energy_sent_ = half.energy_in;
@@ -80,8 +75,7 @@ class MasterNode {
                        .f = f,
                        .energy_in_j = half.energy_in.si(),
                        .mode = modes_.mode(),
-                       .epoch = epoch_,
-                       .words = words},
+                       .epoch = epoch_},
             .wanted = half.wanted,
             .dissipated = half.dissipated,
             .owed = half.deficit,
@@ -111,13 +105,21 @@ class MasterNode {
   }
 
   [[nodiscard]] Mode mode() const noexcept { return modes_.mode(); }
+  /// What the method adds to the report of the last step, if it adds anything.
+  [[nodiscard]] bool has_payload() const noexcept { return half_.has_payload(); }
+  void write_payload(Words& words) const noexcept { half_.write_payload(words); }
   /// What the observer believes the hand has put in, E(0) not included [J].
   [[nodiscard]] Energy observed() const noexcept { return account_.net(); }
 
  private:
+  [[gnu::noinline]] void fade(Seconds dt) noexcept {
+    carry_ = std::max(0.0, carry_ - dt / engage_);
+    fading_ = carry_ * carried_;
+  }
+
   /// A reading that is not finite is none, nor is a force that no double holds: the handle is under no force of ours until
   /// the next tick. The other side takes no report that is not finite.
-  [[gnu::noinline]] Output fail_safe(DeviceSample<N> device) noexcept {
+  [[gnu::always_inline]] Output fail_safe(const DeviceSample<N>& device) noexcept {
     modes_.release();
     command_ = Force<N>{};
     carry_ = 0.0;
@@ -138,8 +140,9 @@ class MasterNode {
   ModeMachine modes_;
   Ledger account_;  ///< the hand's port
   Energy energy_sent_, slave_energy_in_;
-  Force<N> command_, carried_;
-  double carry_ = 0.0;  ///< what is left of carried_
+  Force<N> command_;
+  Force<N> carried_, fading_;  ///< the force before the switch; what is left of it now
+  double carry_ = 0.0;         ///< fading_ / carried_
   std::uint32_t epoch_ = 0;
   PortMotion<N> before_;
   bool started_ = false;

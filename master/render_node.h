@@ -21,7 +21,7 @@ class RenderNode {
 
   RenderNode(const ControlOptions& o, Environment<N> environment) : rendering_{o, std::move(environment)} {}
 
-  Output step(const Tick<MasterClock>& tick, const DeviceState<N>& device, const NoReport&) noexcept {
+  [[gnu::flatten]] Output step(const Tick<MasterClock>& tick, const DeviceState<N>& device, const NoReport&) noexcept {
     if (!all_finite(device.x, device.v, device.applied)) [[unlikely]] {
       rendering_.release();
       return {};

@@ -53,8 +53,8 @@ struct Slave {
   void fill(Summary& s, bool diverged) {
     link.fill(s, node.mode());
     if (diverged) return;
-    s.stable = true;
-    s.verdict = "bounded here; whether it is stable shows at the master's port";
+    s.set_stable(true);
+    s.set_verdict("bounded here; whether it is stable shows at the master's port");
   }
 
   const Scene& scene;

@@ -21,7 +21,7 @@ class SlaveNode {
  public:
   struct Output {
     RobotCommand<N> command;
-    Report<N> report;
+    PortReport<N> report;
     Energy dissipated;
     Mode mode;
   };
@@ -36,15 +36,13 @@ class SlaveNode {
     started_ = true;
     x_ = robot.x;
     master_energy_in_ = Energy{master.epoch == epoch_ ? master.energy_in_j : 0.0};
-    Words words;
     SlaveOutput<N> half = half_.step({.dt = tick.dt,
                                       .robot = robot,
                                       .master = master,
                                       .master_energy_in = master_energy_in_,
                                       .coupled = modes_.coupled(),
-                                      .active = modes_.active()},
-                                     words);
-    if (!all_finite(half.command.f, half.command.v_d)) [[unlikely]]
+                                      .active = modes_.active()});
+    if (!all_finite(half.command.f, half.command.v_d, half.command.x_d)) [[unlikely]]
       return fail_safe(robot);
     account_.book(-dot(half.command.f, half.command.v_d * tick.dt));
     return {.command = half.command,
@@ -56,8 +54,7 @@ class SlaveNode {
                        .position_error = position_error(),
                        .energy_in_j = half.energy_in.si(),
                        .mode = modes_.mode(),
-                       .epoch = epoch_,
-                       .words = words},
+                       .epoch = epoch_},
             .dissipated = half.dissipated,
             .mode = modes_.mode()};
   }
@@ -77,6 +74,9 @@ class SlaveNode {
   }
 
   [[nodiscard]] Mode mode() const noexcept { return modes_.mode(); }
+  /// What the method adds to the report of the last step, if it adds anything.
+  [[nodiscard]] bool has_payload() const noexcept { return half_.has_payload(); }
+  void write_payload(Words& words) const noexcept { half_.write_payload(words); }
   /// Robot against the delayed, scaled master, at the last step. Null while not coupled.
   [[nodiscard]] Displacement<N> position_error() const noexcept {
     return modes_.coupled() ? x_ - half_.target() : Displacement<N>{};
@@ -87,7 +87,7 @@ class SlaveNode {
  private:
   /// A reading that is not finite is none, nor is a force that no double holds: nothing acts on the robot until the next
   /// tick. The other side takes no report that is not finite.
-  [[gnu::noinline]] Output fail_safe(RobotSample<N> robot) noexcept {
+  [[gnu::always_inline]] Output fail_safe(const RobotSample<N>& robot) noexcept {
     modes_.release();
     const SlaveOutput<N> half = half_.fail_safe();
     Output out{};

@@ -27,11 +27,7 @@ class Coords {
 
   Coords() : v_{Vector::Zero()} {}
   explicit Coords(const Vector& v) : v_{v} {}
-  explicit Coords(const SpatialVector& v)
-  requires(N == 6)
-  {
-    v_ << v.linear, v.angular;
-  }
+  explicit Coords(const SpatialVector& v) requires(N == 6) { v_ << v.linear, v.angular; }
   template <class Expression>
   explicit Coords(const Eigen::MatrixBase<Expression>& v) : v_{v} {}
   [[nodiscard]] const Vector& vec() const { return v_; }
@@ -147,9 +143,7 @@ class Position<6> {
   [[nodiscard]] bool finite() const noexcept { return all_finite(*this); }
 
   /// From b to a: translation and world rotation vector log(R_a R_b^T).
-  friend Displacement<6> operator-(const Position& a, const Position& b) {
-    return Displacement<6>{difference(a, b)};
-  }
+  friend Displacement<6> operator-(const Position& a, const Position& b) { return Displacement<6>{difference(a, b)}; }
   friend SpatialVector difference(const Position& a, const Position& b) {
     return {a.p_ - b.p_, rotation_vector(a.q_ * b.q_.conjugate())};
   }

@@ -69,8 +69,9 @@ class VirtualCoupling {
     return out;
   }
   /// Where the robot is in the master's world, for a master that pulls towards it; nothing before the first engagement.
-  void tell_position(const Position<N>& robot, Words& words) const noexcept {
-    if (by_position_ && engaged_) write(RobotInMasterWorld<N>{{registration_.to_master(robot)}}, words);
+  [[nodiscard]] bool tells_position() const noexcept { return by_position_ && engaged_; }
+  [[gnu::noinline]] void tell_position(const Position<N>& robot, Words& words) const noexcept {
+    write(RobotInMasterWorld<N>{{registration_.to_master(robot)}}, words);
   }
   /// The set point moves by `moved`, as allowed; the command by T v_d, as wanted.
   void move(const Displacement<N>& moved, const Velocity<N>& v_d, Seconds dt) noexcept {

@@ -18,11 +18,15 @@ class DelayLine {
       : impairment_{options, seed}, queue_{capacity} {}
   DelayLine(const DelayLine&) = delete;
 
-  /// `now` is the time since the run began.
-  [[gnu::always_inline]] void put(const Packet& packet, Duration now) noexcept { put(packet, now, now); }
+  /// `packet` is assigned to a Packet; `now` is the time since the run began.
+  template <class Content>
+  [[gnu::always_inline]] void put(const Content& packet, Duration now) noexcept {
+    put(packet, now, now);
+  }
 
   /// The same, where blackouts count from another moment than `now` does.
-  [[gnu::always_inline]] void put(const Packet& packet, Duration now, Duration since_start) noexcept {
+  template <class Content>
+  [[gnu::always_inline]] void put(const Content& packet, Duration now, Duration since_start) noexcept {
     if (impairment_.certain()) {
       insert(packet, now, now + impairment_.fixed_delay());
     } else {
@@ -48,7 +52,8 @@ class DelayLine {
     for (int c = 0; c < fate.copies; ++c) insert(packet, now, now + fate.delay[c]);
   }
 
-  [[gnu::always_inline]] void insert(const Packet& packet, Duration now, Duration due) noexcept {
+  template <class Content>
+  [[gnu::always_inline]] void insert(const Content& packet, Duration now, Duration due) noexcept {
     if (!queue_.put(packet, now, due)) [[unlikely]]
       ++overflowed_;
   }

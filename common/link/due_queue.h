@@ -20,8 +20,9 @@ class DueQueue {
   explicit DueQueue(std::size_t capacity) : entries_(std::bit_ceil(capacity)) {}
   DueQueue(const DueQueue&) = delete;
 
-  /// False when the queue is full.
-  [[gnu::always_inline]] bool put(const Packet& packet, Duration now, Duration due) noexcept {
+  /// `packet` is assigned to a Packet. False when the queue is full.
+  template <class Content>
+  [[gnu::always_inline]] bool put(const Content& packet, Duration now, Duration due) noexcept {
     if (size_ == entries_.size()) [[unlikely]]
       return false;
     Entry* entry = in_;

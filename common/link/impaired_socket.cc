@@ -6,10 +6,10 @@ namespace {
 constexpr Duration kInstant{1};  // the shortest time
 constexpr Duration kBeforeTheRun = -std::chrono::hours{1};
 
-constexpr int kMaxPerTick = 256;       // datagrams asked for; a flood must not hold up the tick
-constexpr int kMaxOthersPerTick = 16;  // of those from unpaired addresses
-constexpr std::size_t kBurst = 512;    // datagrams at once that the peer's line has room for
-constexpr std::size_t kOthersRoom = 128;
+constexpr int kMaxPerTick = 256;        // datagrams asked for; a flood must not hold up the tick
+constexpr int kMaxOthersPerTick = 128;  // of those from unpaired addresses
+constexpr std::size_t kBurst = 512;     // datagrams at once that the peer's line has room for
+constexpr std::size_t kOthersRoom = 512;
 constexpr std::uint64_t kOthersStream = 0x6f7468657273;  // makes their fates differ from the peer's
 
 }  // namespace

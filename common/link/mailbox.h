@@ -10,8 +10,8 @@
 
 namespace twoport {
 
-/// What happened to the packets of one direction, as the receiver knows it. Within a session each sequence number from
-/// the first to the newest heard is counted once:
+/// What happened to the packets of one direction, as the receiver knows it. Within a session (and since the count last
+/// began anew, see Mailbox) each sequence number from the first to the newest heard is counted once:
 ///
 ///     newest - first + 1 = received - duplicated + lost
 struct PacketCounts {
@@ -20,13 +20,14 @@ struct PacketCounts {
   std::uint64_t lost = 0;      ///< gaps in the sequence that were never filled
   std::uint64_t late = 0;      ///< older than one already seen
   std::uint64_t duplicated = 0;
+  std::uint64_t rejected = 0;  ///< sequence too far ahead of the newest to be true; not in `received`
 };
 
 /// What is known of the other side: its newest report, the most energy it has ever said to have taken in, and
 /// when it was last heard.
 template <int N>
 struct PeerState {
-  Report<N> newest;
+  PortReport<N> newest;
   double energy_in_j = 0.0;  ///< largest ever received: knowledge only grows
   Words words;               ///< of the method, merged by its rules
   std::uint32_t epoch = 0;   ///< of energy and words
@@ -58,18 +59,25 @@ class Mailbox {
   }
 
   /// Stamps the report and sends it.
-  [[gnu::always_inline]] void post(Report<N>& report, Duration now) noexcept {
-    report.sequence = ++counts_.sent;
-    report.sent_ns = now.count();
-    report.echo_ns = known_.any ? known_.newest.sent_ns + (now - known_.heard).count() : -1;
+  [[gnu::always_inline]] void post(PortReport<N>& report, Duration now) noexcept {
+    stamp(report, now);
     transport_.send(report, now);
   }
-  void post(Report<N>&& report, Duration now) noexcept { post(report, now); }
+  void post(PortReport<N>&& report, Duration now) noexcept { post(report, now); }
+  /// The same with what the method adds. By value: a report without words stays in registers.
+  [[gnu::noinline]] void post(PortReport<N> report, const Words& words, Duration now) noexcept {
+    stamp(report, now);
+    Report<N> packet{report};
+    packet.words = words;
+    transport_.send(packet, now);
+  }
 
   /// A new session of the other side: its running totals start again from zero.
   void forget() noexcept {
     known_ = {};
     first_ = 1;
+    suspect_ = 0;
+    older_for_ = older_at_ = Duration{0};
     seen_.reset();
   }
 
@@ -80,19 +88,37 @@ class Mailbox {
  private:
   /// How far back repeats are told from late arrivals; an older one counts as repeated.
   static constexpr std::uint64_t kMemory = 4096;
+  /// Of a sender.
+  static constexpr Duration kShortestPeriod = std::chrono::microseconds{10};
+  static constexpr Duration kLongestPeriod = std::chrono::milliseconds{20};
+  /// After older reports alone have come for so long, two in a row begin the count anew.
+  static constexpr Duration kDeaf = std::chrono::seconds{1};
+
+  enum class Order : std::uint8_t { newer, older, impossible };
+
+  [[gnu::always_inline]] void stamp(PortReport<N>& report, Duration now) noexcept {
+    report.sequence = ++counts_.sent;
+    report.sent_ns = now.count();
+    report.echo_ns = known_.any ? known_.newest.sent_ns + (now - known_.heard).count() : -1;
+  }
 
   [[gnu::always_inline]] void offer(const Report<N>& r, Duration now) noexcept {
+    Order order = Order::newer;
+    if (r.sequence != known_.newest.sequence + 1) [[unlikely]] {
+      order = count(r.sequence, now);
+      if (order == Order::impossible) {
+        ++counts_.rejected;
+        return;
+      }
+    }
     ++counts_.received;
     if (r.epoch > known_.epoch) [[unlikely]]
       begin_epoch(r.epoch);
     if (r.epoch == known_.epoch) [[likely]] {
       known_.energy_in_j = std::max(known_.energy_in_j, r.energy_in_j);
-      known_.words.merge(r.words, !known_.any || r.sequence > known_.newest.sequence);
+      known_.words.merge(r.words, order == Order::newer);
     }
-    if (r.sequence != known_.newest.sequence + 1) [[unlikely]] {
-      if (known_.any && r.sequence <= known_.newest.sequence) return count_old(r.sequence);
-      known_.any ? count_gap(r.sequence) : begin(r.sequence);
-    }
+    if (order == Order::older) return;
     seen_[r.sequence % kMemory] = true;
     known_.newest = r;
     known_.heard = now;
@@ -105,10 +131,36 @@ class Mailbox {
     known_.energy_in_j = 0.0;
     known_.words = {};
   }
-  void begin(std::uint64_t sequence) noexcept { first_ = sequence; }
+
+  /// Of a sequence that is not the next. One that is further ahead than the sender can have got is not believed, unless
+  /// its successor follows; nor is the newest, when all that comes for a second is older. So a wrong number deafens
+  /// nobody for longer.
+  [[gnu::noinline]] Order count(std::uint64_t sequence, Duration now) noexcept {
+    if (!known_.any) return begin(sequence);
+    const std::uint64_t newest = known_.newest.sequence;
+    const bool follows = sequence == std::exchange(suspect_, sequence) + 1;
+    if (sequence > newest) {
+      if (sequence - newest > kMemory + static_cast<std::uint64_t>((now - known_.heard) / kShortestPeriod))
+        return follows ? begin(sequence) : Order::impossible;
+      count_gap(sequence);
+      return Order::newer;
+    }
+    // A pause in which nobody polled does not count.
+    older_for_ = older_at_ > known_.heard ? older_for_ + std::min(now - older_at_, kLongestPeriod) : Duration{0};
+    older_at_ = now;
+    if (follows && older_for_ > kDeaf) return begin(sequence);
+    count_old(sequence);
+    return Order::older;
+  }
+
+  Order begin(std::uint64_t sequence) noexcept {
+    first_ = sequence;
+    seen_.reset();
+    return Order::newer;
+  }
 
   /// What lies between is missing until it comes.
-  [[gnu::noinline]] void count_gap(std::uint64_t next) noexcept {
+  void count_gap(std::uint64_t next) noexcept {
     const std::uint64_t newest = known_.newest.sequence;
     counts_.lost += next - newest - 1;
     if (next - newest >= kMemory) {
@@ -119,10 +171,10 @@ class Mailbox {
   }
 
   /// An old report fills the gap it left, unless it is a copy. One older than the first heard opens a gap behind it.
-  [[gnu::noinline]] void count_old(std::uint64_t sequence) noexcept {
-    const bool before_first = sequence < first_;
+  void count_old(std::uint64_t sequence) noexcept {
     const bool remembered = known_.newest.sequence - sequence < kMemory;
-    if (!before_first && (!remembered || seen_[sequence % kMemory])) {
+    const bool before_first = sequence < first_;
+    if (before_first ? first_ - sequence > kMemory : !remembered || seen_[sequence % kMemory]) {
       ++counts_.duplicated;
       return;
     }
@@ -139,8 +191,10 @@ class Mailbox {
   Transport transport_;
   PeerState<N> known_;
   PacketCounts counts_;
-  std::uint64_t first_ = 1;    ///< lowest sequence heard
-  std::bitset<kMemory> seen_;  ///< of the last kMemory sequences
+  std::uint64_t first_ = 1;              ///< lowest sequence heard since the count began
+  std::uint64_t suspect_ = 0;            ///< the last sequence that was not the next
+  Duration older_for_{0}, older_at_{0};  ///< how long only older reports have come, and when the last did
+  std::bitset<kMemory> seen_;            ///< of the last kMemory sequences
 };
 
 }  // namespace twoport

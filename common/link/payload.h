@@ -26,6 +26,8 @@ struct Words {
     return *this;
   }
 
+  void clear() noexcept { totals = 0, count = 0; }
+
   [[nodiscard]] double sum() const noexcept {
     double s = 0.0;
     for (std::size_t i = 0; i < count; ++i) s += at[i];

@@ -22,7 +22,7 @@ constexpr const char* to_string(Mode mode) {
 /// report delays knowledge and can neither destroy nor invent energy.
 /// Moments are in nanoseconds of the sender's clock; `echo_ns` is in the receiver's, and gives it its round-trip time.
 template <int N>
-struct Report {
+struct PortReport {
   std::uint64_t sequence = 0;
   std::int64_t sent_ns = 0;
   std::int64_t echo_ns = -1;  ///< stamp of the newest report received, plus the time it waited here; -1: none yet
@@ -30,17 +30,34 @@ struct Report {
   Velocity<N> v{};
   Force<N> f{};                      ///< the force that goes back (slave), or that is felt (master)
   Force<N> f_coupling{};             ///< slave: the coupling force on the robot
-  Force<N> f_environment{};          ///< slave: the sensor's force of the environment on the robot
+  Force<N> f_environment{};          ///< slave: the force sensor's force, of the robot on the environment
   Displacement<N> position_error{};  ///< slave: robot against the delayed, registered master; null while not coupled
   double energy_in_j = 0.0;
   Mode mode = Mode::idle;
   std::uint32_t epoch = 0;  ///< grows when the method is switched; energies and words are of one epoch
-  Words words{};            ///< what the method adds
 
   [[nodiscard]] double sum() const noexcept {
     return x.sum() + (v.vec() + f.vec() + f_coupling.vec() + f_environment.vec() + position_error.vec()).sum() +
-           energy_in_j + words.sum();
+           energy_in_j;
   }
+  [[nodiscard]] bool finite() const noexcept { return all_finite(*this); }
+};
+
+/// A packet: the same, and what the method adds. A node hands over a PortReport, which the compiler keeps in registers; the
+/// words' array would keep it in memory.
+template <int N>
+struct Report : PortReport<N> {
+  Words words;
+
+  Report() = default;
+  Report(const PortReport<N>& r) noexcept : PortReport<N>{r} {}  // NOLINT(google-explicit-constructor)
+  Report& operator=(const PortReport<N>& r) noexcept {
+    PortReport<N>::operator=(r);
+    words.clear();
+    return *this;
+  }
+
+  [[nodiscard]] double sum() const noexcept { return PortReport<N>::sum() + words.sum(); }
   [[nodiscard]] bool finite() const noexcept { return all_finite(*this); }
 };
 

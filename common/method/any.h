@@ -13,19 +13,23 @@ class AnyMasterHalf {
   struct Concept {
     virtual ~Concept() = default;
     virtual void start(const DeviceSample<N>& device) noexcept = 0;
-    virtual MasterOutput<N> step(const MasterInput<N>& in, Words& words) noexcept = 0;
+    virtual MasterOutput<N> step(const MasterInput<N>& in) noexcept = 0;
     [[nodiscard]] virtual Energy deficit(const Ledger& account, Energy slave_energy_in) const noexcept = 0;
     virtual void restart(const Ledger& account, Energy deficit) noexcept = 0;
+    [[nodiscard]] virtual bool has_payload() const noexcept = 0;
+    virtual void write_payload(Words& words) const noexcept = 0;
   };
   template <MasterHalf<N> H>
   struct Model final : Concept {
     explicit Model(const ControlOptions& o) : half{o} {}
     void start(const DeviceSample<N>& device) noexcept override { half.start(device); }
-    MasterOutput<N> step(const MasterInput<N>& in, Words& words) noexcept override { return half.step(in, words); }
+    MasterOutput<N> step(const MasterInput<N>& in) noexcept override { return half.step(in); }
     [[nodiscard]] Energy deficit(const Ledger& account, Energy e) const noexcept override {
       return half.deficit(account, e);
     }
     void restart(const Ledger& account, Energy e) noexcept override { half.restart(account, e); }
+    [[nodiscard]] bool has_payload() const noexcept override { return half.has_payload(); }
+    void write_payload(Words& words) const noexcept override { half.write_payload(words); }
     H half;
   };
 
@@ -33,9 +37,11 @@ class AnyMasterHalf {
   explicit AnyMasterHalf(const ControlOptions& o);
 
   void start(const DeviceSample<N>& device) noexcept { half_->start(device); }
-  MasterOutput<N> step(const MasterInput<N>& in, Words& words) noexcept { return half_->step(in, words); }
+  MasterOutput<N> step(const MasterInput<N>& in) noexcept { return half_->step(in); }
   [[nodiscard]] Energy deficit(const Ledger& account, Energy e) const noexcept { return half_->deficit(account, e); }
   void restart(const Ledger& account, Energy e) noexcept { half_->restart(account, e); }
+  [[nodiscard]] bool has_payload() const noexcept { return half_->has_payload(); }
+  void write_payload(Words& words) const noexcept { half_->write_payload(words); }
 
  private:
   std::unique_ptr<Concept> half_;
@@ -48,10 +54,12 @@ class AnySlaveHalf {
   struct Concept {
     virtual ~Concept() = default;
     virtual void start(const RobotSample<N>& robot, const PeerState<N>& master) noexcept = 0;
-    virtual SlaveOutput<N> step(const SlaveInput<N>& in, Words& words) noexcept = 0;
+    virtual SlaveOutput<N> step(const SlaveInput<N>& in) noexcept = 0;
     virtual SlaveOutput<N> fail_safe() noexcept = 0;
     [[nodiscard]] virtual Energy deficit(Energy master_energy_in) const noexcept = 0;
     virtual void restart(Energy deficit) noexcept = 0;
+    [[nodiscard]] virtual bool has_payload() const noexcept = 0;
+    virtual void write_payload(Words& words) const noexcept = 0;
     [[nodiscard]] virtual SlaveHandover<N> handover() const noexcept = 0;
     virtual void resume(const SlaveHandover<N>& from) noexcept = 0;
     [[nodiscard]] virtual Position<N> target() const noexcept = 0;
@@ -60,26 +68,30 @@ class AnySlaveHalf {
   struct Model final : Concept {
     explicit Model(const ControlOptions& o) : half{o} {}
     void start(const RobotSample<N>& robot, const PeerState<N>& master) noexcept override { half.start(robot, master); }
-    SlaveOutput<N> step(const SlaveInput<N>& in, Words& words) noexcept override { return half.step(in, words); }
+    SlaveOutput<N> step(const SlaveInput<N>& in) noexcept override { return half.step(in); }
     SlaveOutput<N> fail_safe() noexcept override { return half.fail_safe(); }
     [[nodiscard]] Energy deficit(Energy e) const noexcept override { return half.deficit(e); }
     void restart(Energy e) noexcept override { half.restart(e); }
     [[nodiscard]] SlaveHandover<N> handover() const noexcept override { return half.handover(); }
     void resume(const SlaveHandover<N>& from) noexcept override { half.resume(from); }
     [[nodiscard]] Position<N> target() const noexcept override { return half.target(); }
+    [[nodiscard]] bool has_payload() const noexcept override { return half.has_payload(); }
+    void write_payload(Words& words) const noexcept override { half.write_payload(words); }
     H half;
   };
 
   explicit AnySlaveHalf(const ControlOptions& o);
 
   void start(const RobotSample<N>& robot, const PeerState<N>& master) noexcept { half_->start(robot, master); }
-  SlaveOutput<N> step(const SlaveInput<N>& in, Words& words) noexcept { return half_->step(in, words); }
+  SlaveOutput<N> step(const SlaveInput<N>& in) noexcept { return half_->step(in); }
   SlaveOutput<N> fail_safe() noexcept { return half_->fail_safe(); }
   [[nodiscard]] Energy deficit(Energy e) const noexcept { return half_->deficit(e); }
   void restart(Energy e) noexcept { half_->restart(e); }
   [[nodiscard]] SlaveHandover<N> handover() const noexcept { return half_->handover(); }
   void resume(const SlaveHandover<N>& from) noexcept { half_->resume(from); }
   [[nodiscard]] Position<N> target() const noexcept { return half_->target(); }
+  [[nodiscard]] bool has_payload() const noexcept { return half_->has_payload(); }
+  void write_payload(Words& words) const noexcept { half_->write_payload(words); }
 
  private:
   std::unique_ptr<Concept> half_;

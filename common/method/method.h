@@ -67,6 +67,14 @@ struct SlaveHandover {
   Position<N> set_point;
 };
 
+/// Of a slave half whose force no double holds: it has changed nothing of its state, and the node lets go.
+template <int N>
+[[gnu::noinline]] SlaveOutput<N> no_force_exists(Force<N> f) noexcept {
+  SlaveOutput<N> out{};
+  out.command.f = f;
+  return out;
+}
+
 // clang-format off
 // (version 14 knows no concepts)
 
@@ -74,19 +82,23 @@ template <class H, int N>
 concept MasterHalf = std::constructible_from<H, const ControlOptions&> &&
     requires(H h, const H& c, const MasterInput<N>& in, Words& words, const DeviceSample<N>& device, const Ledger& account, Energy e) {
   { h.start(device) } noexcept;                                    // a coupling begins here
-  { h.step(in, words) } noexcept -> std::same_as<MasterOutput<N>>; // every tick, active or not; fills words if it has any
+  { h.step(in) } noexcept -> std::same_as<MasterOutput<N>>;        // every tick, active or not
   { c.deficit(account, e) } noexcept -> std::same_as<Energy>;       // what the hand has got beyond its grant; e: the slave's total
   { h.restart(account, e) } noexcept;                              // all totals start here from zero, with the deficit e
+  { c.has_payload() } noexcept -> std::same_as<bool>;              // does it add anything to the report of the last step?
+  { c.write_payload(words) } noexcept;                             // then what
 };
 
 template <class H, int N>
 concept SlaveHalf = std::constructible_from<H, const ControlOptions&> &&
     requires(H h, const H& c, const SlaveInput<N>& in, Words& words, const RobotSample<N>& robot, const SlaveHandover<N>& handover, Energy e) {
   { h.start(robot, in.master) } noexcept;
-  { h.step(in, words) } noexcept -> std::same_as<SlaveOutput<N>>;
+  { h.step(in) } noexcept -> std::same_as<SlaveOutput<N>>;
   { h.fail_safe() } noexcept -> std::same_as<SlaveOutput<N>>;      // no force from now on; the last energy_in again
   { c.deficit(e) } noexcept -> std::same_as<Energy>;                // as at the master; e: the master's total
   { h.restart(e) } noexcept;
+  { c.has_payload() } noexcept -> std::same_as<bool>;
+  { c.write_payload(words) } noexcept;
   { c.handover() } noexcept -> std::same_as<SlaveHandover<N>>;
   { h.resume(handover) } noexcept;                                 // takes over while a coupling goes on
   { c.target() } noexcept -> std::convertible_to<Position<N>>;     // where the robot should be now

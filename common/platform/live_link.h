@@ -69,13 +69,13 @@ class LiveLink {
   /// What a summary says of the link.
   void fill(Summary& s, Mode mode) {
     const LinkCounts link = mail_.transport().counts();
-    Packets& out = side_ == Side::master ? s.to_slave : s.to_master;
-    Packets& in = side_ == Side::master ? s.to_master : s.to_slave;
-    out.sent = static_cast<std::uint32_t>(mail_.counts().sent - link.unaddressed);
-    in = packets(0, mail_.counts(), link.rejected);
-    s.mode = to_string(mode);
-    s.reconnects = static_cast<std::uint32_t>(std::max<std::uint64_t>(mail_.transport().pairings(), 1) - 1);
-    s.rtt_ms = percentiles(round_trip_, 1e6);
+    auto *to_slave = s.mutable_packets()->mutable_to_slave(), *to_master = s.mutable_packets()->mutable_to_master();
+    const bool master = side_ == Side::master;
+    (master ? to_slave : to_master)->set_sent(static_cast<std::uint32_t>(mail_.counts().sent - link.unaddressed));
+    *(master ? to_master : to_slave) = packets(0, mail_.counts(), link.rejected);
+    s.set_mode(to_string(mode));
+    s.set_reconnects(static_cast<std::uint32_t>(std::max<std::uint64_t>(mail_.transport().pairings(), 1) - 1));
+    *s.mutable_rtt_ms() = percentiles(round_trip_, 1e6);
   }
   /// Packets that the simulated network had no room for.
   [[nodiscard]] std::uint64_t overflowed() { return mail_.transport().counts().overflowed; }

@@ -13,9 +13,9 @@ void say(spdlog::logger& log, const LiveFigures& f) {
 }
 
 void fill(Summary& s, const LiveFigures& f) {
-  s.loop_lateness_us = percentiles(f.loop.lateness(), 1e3);
-  s.deadline_misses = static_cast<std::uint32_t>(f.loop.deadline_misses());
-  s.step_ns = f.clock.mean_ns();
+  *s.mutable_loop_lateness_us() = percentiles(f.loop.lateness(), 1e3);
+  s.set_deadline_misses(static_cast<std::uint32_t>(f.loop.deadline_misses()));
+  s.set_step_ns(f.clock.mean_ns());
 }
 
 Failure why_failed(std::string_view refusal, HardwareStatus last, double ran_s) {

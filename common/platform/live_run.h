@@ -90,7 +90,7 @@ Failure why_failed(std::string_view refusal, HardwareStatus last, double ran_s);
 ///     row(k, t_s, sample, out)  the row of tick k, t_s after the two sides have met
 ///     complete(row, sample)     what the next tick's sample tells of that row
 ///     fill(summary, diverged)   what the side adds to its summary
-///     judged()                  does it hold the scene's promises?
+///     judged()                  is the scene's `expect` held against its summary?
 template <class LiveSide>
 int run_live(LiveSide& side, const Scene& scene, const LiveArguments& arguments, spdlog::logger& log) {
   constexpr int N = LiveSide::kSize;
@@ -150,11 +150,11 @@ int run_live(LiveSide& side, const Scene& scene, const LiveArguments& arguments,
   say(log, figures);
   side.fill(s, recorder.diverged());
   fill(s, figures);
-  if (stop) s.verdict += "; interrupted";
-  const Failure failure = why_failed(side.link.refusal(), plant.sample.status, s.duration_s);
+  if (stop) s.mutable_verdict()->append("; interrupted");
+  const Failure failure = why_failed(side.link.refusal(), plant.sample.status, s.duration_s());
   if (failure.status != 0) {
-    s.stable = false;
-    s.verdict = failure.sentence;
+    s.set_stable(false);
+    s.set_verdict(failure.sentence);
   }
   const bool judged = side.judged() && !stop && failure.status == 0;
   int status = conclude(scene, arguments, LiveSide::kName, s, judged);
@@ -164,9 +164,9 @@ int run_live(LiveSide& side, const Scene& scene, const LiveArguments& arguments,
     fmt::print(stderr, "twoport-{}: {}\n", LiveSide::kName, failure.sentence);
     return failure.status;
   }
-  // Whoever promises nothing has not promised this.
+  // A scene that expects nothing does not expect this.
   if (status == 0 && recorder.diverged() && scene.expect.stable.value_or(true)) {
-    fmt::print(stderr, "{}: the {} has {}\n", arguments.scene, LiveSide::kName, s.verdict);
+    fmt::print(stderr, "{}: the {} has {}\n", arguments.scene, LiveSide::kName, s.verdict());
     status = 3;
   }
   return status;

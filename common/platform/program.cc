@@ -7,7 +7,10 @@
 #include <filesystem>
 
 #include "common/base/check.h"
+#include "common/base/file.h"
 #include "common/platform/realtime.h"
+#include "common/record/expectation.h"
+#include "common/scene/hints.h"
 #include "common/scene/load.h"
 
 namespace twoport {
@@ -21,6 +24,8 @@ int live_program(int argc, char** argv, const ProgramText& text,
   a.address = text.address_default;
   app.add_option("--scene", a.scene, "Scene file (.textproto)")->required();
   app.add_option("--set", a.set, "Override, PATH=VALUE, e.g. control.passivity.method=NONE")->take_all();
+  std::string duration;
+  app.add_option("--duration", duration, "Seconds, as --set duration_s=SECONDS");
   app.add_option(text.address_flag, a.address, "ADDR:PORT")->capture_default_str();
   app.add_option(text.hardware_flag, a.hardware, "NAME[:ARGS], " + text.hardware)->capture_default_str();
   app.add_flag_callback(
@@ -36,7 +41,9 @@ int live_program(int argc, char** argv, const ProgramText& text,
   app.add_flag("!--no-spin", a.spin, "Sleep to the tick; do not spin the last 50 us");
   try {
     app.parse(argc, argv);
+    if (!duration.empty()) a.set.push_back("duration_s=" + duration);
     const Scene scene = load_scene(a.scene, a.set);
+    for (const std::string& sentence : hints(scene)) fmt::print(stderr, "{}: warning: {}\n", a.scene, sentence);
     if (scene.control.architecture == Architecture::uncontrolled)
       throw ConfigError(a.scene +
                         ": control.architecture is UNCONTROLLED, which nobody runs live; use twoport-lab run");
@@ -70,27 +77,28 @@ std::string trace_path(const LiveArguments& a) {
 }
 
 int conclude(const Scene& scene, const LiveArguments& a, const std::string& side, Summary s, bool judged) {
-  s.scene = scene.name;
-  s.side = side;
-  s.architecture = to_string(scene.control.architecture);
-  s.method = to_string(scene.control.controller.method);
-  s.dof = scene.dof;
+  describe_run(scene, side, s);
   if (a.out.empty()) {
     std::fputs(to_json(s).c_str(), stdout);
   } else {
     write_whole(a.out + "/summary.json", to_json(s));
-    fmt::print("{} {}: {}; {} in {}\n", side, scene.name, s.verdict,
+    fmt::print("{} {}: {}; {} in {}\n", side, scene.name, s.verdict(),
                a.trace == "none" ? "summary" : "summary and trace", a.out);
   }
   if (!judged) return 0;
-  const std::vector<std::string> broken = broken_promises(scene.expect, s);
-  for (const std::string& sentence : broken) fmt::print(stderr, "{}: {}\n", a.scene, sentence);
-  return broken.empty() ? 0 : 3;
+  const std::vector<std::string> violated = violations(scene.expect, s);
+  for (const std::string& sentence : violated) fmt::print(stderr, "{}: {}\n", a.scene, sentence);
+  return violated.empty() ? 0 : 3;
 }
 
 Percentiles percentiles(const Histogram& h, double unit_ns) {
   const auto in_units = [&](Duration d) { return static_cast<double>(d.count()) / unit_ns; };
-  return {in_units(h.percentile(0.5)), in_units(h.percentile(0.99)), in_units(h.percentile(0.999)), in_units(h.max())};
+  Percentiles all;
+  all.set_p50(in_units(h.percentile(0.5)));
+  all.set_p99(in_units(h.percentile(0.99)));
+  all.set_p999(in_units(h.percentile(0.999)));
+  all.set_max(in_units(h.max()));
+  return all;
 }
 
 }  // namespace twoport

@@ -6,8 +6,8 @@
 
 #include "common/base/histogram.h"
 #include "common/link/mailbox.h"
+#include "common/record/summary.h"
 #include "common/scene/scene.h"
-#include "common/scene/summary.h"
 
 namespace twoport {
 
@@ -27,7 +27,7 @@ struct LiveArguments {
 };
 
 /// Parses the command line of a live program, runs `body(scene, arguments)`, and turns what goes wrong into the exit
-/// status and one sentence on stderr: 0 done, 1 failed, 2 bad usage, scene or override, 3 a promise was broken.
+/// status and one sentence on stderr: 0 done, 1 failed, 2 bad usage, scene or override, 3 an expectation was not met.
 int live_program(int argc, char** argv, const ProgramText& text,
                  const std::function<int(const Scene&, const LiveArguments&)>& body);
 
@@ -35,7 +35,7 @@ int live_program(int argc, char** argv, const ProgramText& text,
 /// empty where none is wanted.
 std::string trace_path(const LiveArguments& arguments);
 
-/// Fills what every live summary has, writes it where --out says and checks the scene's promises when `judged`.
+/// Fills what every live summary has, writes it where --out says and checks what the scene expects when `judged`.
 /// Returns the exit status.
 int conclude(const Scene& scene, const LiveArguments& arguments, const std::string& side, Summary summary, bool judged);
 

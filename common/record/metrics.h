@@ -5,53 +5,13 @@
 #include <limits>
 #include <numbers>
 
+#include "common/record/angle.h"
+#include "common/record/high_pass.h"
 #include "common/record/row.h"
+#include "common/record/summary.h"
 #include "common/record/verdict.h"
-#include "common/scene/summary.h"
 
 namespace twoport {
-
-/// Translational part of a vector of coordinates: what "force" and "position" mean in a summary.
-template <class Vector>
-auto translational(const Vector& v) {
-  if constexpr (Vector::RowsAtCompileTime == 6) {
-    return Eigen::Vector3d{v.template head<3>()};
-  } else {
-    return v;
-  }
-}
-
-/// Angle between two vectors [rad], exact near 0 and π: atan2(|u×f|, u·f), with |u×f| from the rejection of u on f.
-template <class Vector>
-double angle(const Vector& u, const Vector& f) {
-  const double along = u.dot(f), f2 = f.squaredNorm();
-  const Vector across = u - (along / f2) * f;
-  return std::atan2(across.norm() * std::sqrt(f2), along);
-}
-
-/// Second-order Butterworth high pass, bilinear: what of a force is above the corner frequency.
-template <int D>
-class HighPass {
- public:
-  HighPass(double corner_hz, double rate_hz) {
-    const double k = std::tan(std::numbers::pi * std::min(corner_hz / rate_hz, 0.49));
-    const double norm = 1.0 / (1.0 + std::numbers::sqrt2 * k + k * k);
-    b0_ = norm;
-    a1_ = 2.0 * (k * k - 1.0) * norm;
-    a2_ = (1.0 - std::numbers::sqrt2 * k + k * k) * norm;
-  }
-  using Vector = Eigen::Matrix<double, D, 1>;
-  Vector step(const Vector& x) noexcept {
-    const Vector y = b0_ * x + s1_;
-    s1_ = -2.0 * b0_ * x - a1_ * y + s2_;
-    s2_ = b0_ * x - a2_ * y;
-    return y;
-  }
-
- private:
-  double b0_, a1_, a2_;
-  Vector s1_ = Vector::Zero(), s2_ = Vector::Zero();
-};
 
 /// Turns rows into a summary, one by one, in constant memory.
 template <int N>
@@ -104,29 +64,29 @@ class Metrics {
   /// Everything that rows tell; what ran, packets and times are the caller's.
   void fill(Summary& s) const {
     const double rows = static_cast<double>(std::max<std::uint64_t>(rows_, 1));
-    s.steps = static_cast<std::uint32_t>(rows_);
-    s.rate_hz = rate_hz_;
+    s.set_steps(static_cast<std::uint32_t>(rows_));
+    s.set_rate_hz(rate_hz_);
     // To the end of the last tick: a live loop may have left some out.
-    s.duration_s = rows_ > 0 ? (std::round(last_s_ * rate_hz_) + 1.0) / rate_hz_ : 0.0;
-    s.stable = verdict_.stable();
-    s.verdict = verdict_.words();
-    s.initial_energy_j = initial_energy_j_;
-    s.min_port_energy_j = initial_energy_j_ + min_energy_j_;
-    s.min_observed_energy_j = initial_energy_j_ + min_observed_j_;
-    s.energy_owed_j = owed_j_;
-    s.dissipated_j = dissipated_j_;
-    s.corrected_ticks = static_cast<std::uint32_t>(corrected_ticks_);
-    s.position_error_rms_m = std::sqrt(position_error2_ / rows);
-    s.drift_m = std::sqrt(drift2_);
-    s.force_error_rms_n = std::sqrt(force_error2_ / rows);
-    s.correction_max_n = std::sqrt(correction2_max_);
-    s.max_force_n = std::sqrt(force2_max_);
-    s.chatter_rms_n = std::sqrt(chatter2_ / rows);
-    s.contact_s = static_cast<double>(contact_rows_) / rate_hz_;
+    s.set_duration_s(rows_ > 0 ? (std::round(last_s_ * rate_hz_) + 1.0) / rate_hz_ : 0.0);
+    s.set_stable(verdict_.stable());
+    s.set_verdict(verdict_.text());
+    s.set_initial_energy_j(initial_energy_j_);
+    s.set_min_port_energy_j(initial_energy_j_ + min_energy_j_);
+    s.set_min_observed_energy_j(initial_energy_j_ + min_observed_j_);
+    s.set_energy_owed_j(owed_j_);
+    s.set_dissipated_j(dissipated_j_);
+    s.set_corrected_ticks(static_cast<std::uint32_t>(corrected_ticks_));
+    s.set_position_error_rms_m(std::sqrt(position_error2_ / rows));
+    s.set_drift_m(std::sqrt(drift2_));
+    s.set_force_error_rms_n(std::sqrt(force_error2_ / rows));
+    s.set_correction_max_n(std::sqrt(correction2_max_));
+    s.set_max_force_n(std::sqrt(force2_max_));
+    s.set_chatter_rms_n(std::sqrt(chatter2_ / rows));
+    s.set_contact_s(static_cast<double>(contact_rows_) / rate_hz_);
     constexpr double kDegree = 180.0 / std::numbers::pi;
-    s.force_direction_error_max_deg = kDegree * turn_max_;
-    s.force_direction_error_rms_deg =
-        turned_rows_ > 0 ? kDegree * std::sqrt(turn2_ / static_cast<double>(turned_rows_)) : 0.0;
+    s.set_force_direction_error_max_deg(kDegree * turn_max_);
+    s.set_force_direction_error_rms_deg(
+        turned_rows_ > 0 ? kDegree * std::sqrt(turn2_ / static_cast<double>(turned_rows_)) : 0.0);
   }
 
  private:

@@ -1,29 +1,26 @@
 #pragma once
 
-#include <cstdio>
 #include <string>
 
+#include "common/base/file.h"
 #include "common/record/row.h"
 
 namespace twoport {
 
-/// trace.csv: one row per master tick, header with units in the names. Written beside its name and renamed by close(),
-/// so that a killed run leaves no half a trace. Throws ConfigError with the path and the reason when it cannot write.
+/// trace.csv: one row per master tick. It appears under its name when close() has written all of it, so that a killed run
+/// leaves no half a trace. Throws ConfigError with the path and the reason when it cannot be opened.
 template <int N>
 class Trace {
  public:
-  explicit Trace(std::string path);
-  ~Trace();
-  Trace(const Trace&) = delete;
+  explicit Trace(const std::string& path);
 
   void add(const Row<N>& row);
   /// Throws IoError when not all of it could be written.
-  void close();
+  void close() { file_.commit(); }
 
  private:
-  std::string path_, line_;
-  std::FILE* file_;
-  int error_ = 0;  ///< errno of the first write that failed
+  WholeFile file_;
+  std::string line_;
 };
 
 extern template class Trace<1>;

@@ -48,7 +48,7 @@ class Verdict {
         energy_j_{initial_energy_j},
         most_energy_j_{initial_energy_j} {}
 
-  struct Tick {
+  struct Sample {
     double t_s;
     double reach_m;        ///< largest distance of either side from the origin
     double speed2;         ///< sum of squared velocities of both sides [m²/s²]
@@ -59,7 +59,7 @@ class Verdict {
     bool limited = false;  ///< the device has not given the whole force, and no controller is why
   };
   /// Returns false once the run has diverged: there is no use in going on.
-  bool add(const Tick& k) noexcept {
+  bool add(const Sample& k) noexcept {
     energy_j_ = initial_energy_j_ + k.port_energy_j;
     most_energy_j_ = std::max(most_energy_j_, energy_j_);
     if (!(k.reach_m <= kReach && k.speed2 <= kSpeed * kSpeed) || !std::isfinite(k.port_energy_j)) {
@@ -85,7 +85,7 @@ class Verdict {
   }
 
   [[nodiscard]] bool stable() const { return !judge().unstable; }
-  [[nodiscard]] std::string words() const { return judge().words; }
+  [[nodiscard]] std::string text() const { return judge().text; }
 
  private:
   static constexpr std::size_t kWindows = 8;
@@ -100,7 +100,7 @@ class Verdict {
   }
   struct Judgement {
     bool unstable;
-    std::string words;
+    std::string text;
   };
 
   [[nodiscard]] Judgement judge() const {

@@ -1,6 +1,7 @@
 #pragma once
 
 #include "common/base/time.h"
+#include "common/link/payload.h"
 
 namespace twoport {
 
@@ -20,6 +21,14 @@ template <class Node, class Plant, class Mail, class Clock>
   const auto& arrived = mail.collect(tick.now.time_since_epoch());
   auto out = node.step(tick, sensed, arrived);
   plant.actuate(out.command);
+  if constexpr (requires(Words & words) { node.write_payload(words); }) {
+    if (node.has_payload()) [[unlikely]] {
+      Words words;
+      node.write_payload(words);
+      mail.post(out.report, words, tick.now.time_since_epoch());
+      return out;
+    }
+  }
   mail.post(out.report, tick.now.time_since_epoch());
   return out;
 }

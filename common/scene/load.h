@@ -18,6 +18,10 @@ Scene load_scene(const std::string& path, std::span<const std::string> overrides
 /// The same from text; `name` stands for the file in error sentences.
 Scene parse_scene(const std::string& text, const std::string& name, std::span<const std::string> overrides = {});
 
+/// Why `assignment` is no override whatever the scene: it has no "=". Empty: it may be one. For command lines, which would
+/// otherwise refuse the VALUE of `--set PATH VALUE` as an argument of its own.
+std::string assignment_error(const std::string& assignment);
+
 /// What gives way to the force at the master, which its controller may know: the device, or of an ideal one the hand that
 /// holds it. Sets control.handle_mass_kg and handle_inertia_kg_m2.
 void tell_handle(Scene& scene);

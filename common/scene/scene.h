@@ -98,7 +98,8 @@ struct Scene {
   ImpairmentOptions to_slave, to_master;
   std::optional<RobotSpec> robot;
   std::vector<EnvironmentSpec> environment;
-  std::vector<Eigen::Vector3d> tool;  ///< contact points in tool axes; dof 6 only, one at the origin where none is given
+  std::vector<Eigen::Vector3d>
+      tool;  ///< contact points in tool axes; dof 6 only, one at the origin where none is given
   SimulationSpec simulation;
   ExpectSpec expect;
 

@@ -6,6 +6,7 @@
 #include <cstring>
 #include <string>
 
+#include "common/wire/fields.h"
 #include "proto/report.pb.h"
 
 namespace twoport {
@@ -56,6 +57,13 @@ const double* read(const double* from, Coords<Kind, N>& c) {
 bool ours(std::span<const std::byte> bytes) {
   return bytes.size() > 5 && bytes.size() <= kMaxDatagram && bytes[0] == std::byte{0x0d} &&
          bytes[3] == std::byte{(kProtocolVersion >> 16) & 0xff} && bytes[4] == std::byte{kProtocolVersion >> 24};
+}
+
+/// Of a datagram that is ours: the field comes first.
+std::uint32_t version(std::span<const std::byte> bytes) {
+  std::uint32_t version = 0;
+  for (std::size_t i = 4; i > 0; --i) version = version << 8 | std::to_integer<std::uint32_t>(bytes[i]);
+  return version;
 }
 
 template <int N>
@@ -179,16 +187,22 @@ std::span<const std::byte> Codec<N>::encode(const Envelope<N>& envelope) noexcep
 
 template <int N>
 Decoded Codec<N>::decode(std::span<const std::byte> bytes, Envelope<N>& envelope) noexcept {
+  if (!ours(bytes)) return Decoded::malformed;
   schema::Datagram& message = impl_->incoming;
-  if (!ours(bytes) || !message.ParseFromArray(bytes.data(), static_cast<int>(bytes.size())) ||
-      message.session_id() == 0)
+  if (version(bytes) != kProtocolVersion) {
+    if (!read_stable_fields(bytes, envelope) || envelope.session == 0) return Decoded::malformed;
+    message.mutable_refusal()->assign(envelope.refusal.data(), envelope.refusal.size());
+    envelope.refusal = read_refusal(message);
+    return Decoded::other_version;
+  }
+  if (!only_known_fields(bytes) || !message.ParseFromArray(bytes.data(), static_cast<int>(bytes.size())) ||
+      message.protocol_version() != kProtocolVersion || message.session_id() == 0)
     return Decoded::malformed;
-  envelope.version = message.protocol_version();
+  envelope.version = kProtocolVersion;
   envelope.session = message.session_id();
   envelope.peer_session = message.peer_session_id();
   envelope.refusal = read_refusal(message);
   envelope.identity.reset();
-  if (envelope.version != kProtocolVersion) return Decoded::other_version;
   if (!read_identity(message, envelope.identity)) return Decoded::malformed;
   if (envelope.identity && envelope.identity->dof != N) return Decoded::other_dof;
   if (!envelope.refusal.empty()) return Decoded::ok;

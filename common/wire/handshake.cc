@@ -14,32 +14,30 @@ constexpr Duration kRefusalLinger = 500ms;  // during which the refused one is t
 constexpr Duration kTakenAfter = 1s;        // asking in vain before an unpaired peer is told that the slave is taken
 constexpr Duration kGoneAfter = 1s;         // of silence: then the slave takes up an earlier master that still lives
 
+/// A slave that is asked by a master of another session draws a new offer so often: the master may have closed the last.
+constexpr Duration kOfferFor = 500ms;
+
 bool within(Duration span, std::optional<Duration> moment, Duration now) {
   return moment && now - *moment < span;
 }
 
 }  // namespace
 
-void ClosedSessions::add(std::uint64_t session) noexcept {
-  sessions_[next_++ % sessions_.size()] = session;
-}
-bool ClosedSessions::has(std::uint64_t session) const noexcept {
-  return std::find(sessions_.begin(), sessions_.end(), session) != sessions_.end();
-}
-
 Handshake::Handshake(const SessionOptions& options, int dof, SessionNumbers numbers)
     : options_{options},
       dof_{dof},
       numbers_{std::move(numbers)},
       session_{draw()},
-      offer_{options.side == Side::master ? session_ : draw()},
-      peer_{options.peer} {}
+      refusing_session_{draw()},
+      peer_{options.peer} {
+  offers_.add(options.side == Side::master ? session_ : draw());
+}
 
 Handshake::Handshake(const SessionOptions& options, int dof, SessionNumbers numbers, const PairedSession& session)
     : Handshake{options, dof, std::move(numbers)} {
   session_ = session.session;
-  if (options.side == Side::master) offer_ = session_;
-  begin({session.peer, session.peer_session, Duration{0}});
+  if (options.side == Side::master) offers_.add(session_);
+  begin({session.peer, session.peer_session, session.session, Duration{0}});
   returned_ = Duration{0};
 }
 
@@ -59,39 +57,50 @@ void Handshake::advance(Duration now) noexcept {
 }
 
 Handshake::Action Handshake::on(const Header& header, Decoded decoded, const Endpoint& from, Duration now) noexcept {
-  if (!header.refusal.empty()) return on_refusal(header, from);
-  if (header.session == peer_session_ && from == peer_) return on_current(header, decoded, now);
+  if (!header.refusal.empty()) return on_refusal(header, from, now);
+  if (header.session == peer_session_ && from == peer_) return on_current(header, decoded, from, now);
   return on_unknown(header, decoded, from, now);
 }
 
-Handshake::Action Handshake::on_refusal(const Header& header, const Endpoint& from) noexcept {
-  // It must know our number: whoever has never heard us cannot refuse us.
-  const bool knows_us = header.peer_session == session_ || header.peer_session == offer_;
-  if (!knows_us || (peer_ && from != *peer_)) return Action::reject;
+Handshake::Action Handshake::on_refusal(const Header& header, const Endpoint& from, Duration now) noexcept {
+  // It must know our number: whoever has never heard us cannot refuse us. Nor does a late one end a session that works.
+  const bool knows_us = header.peer_session == session_ || offers_.has(header.peer_session);
+  if (!knows_us || (peer_ && from != *peer_) || coupled(now)) return Action::reject;
   reject_reason_ = Sentence{header.refusal};
   ended_ = true;
   return Action::end;
 }
 
-Handshake::Action Handshake::on_current(const Header& header, Decoded decoded, Duration now) noexcept {
+Handshake::Action Handshake::on_current(const Header& header, Decoded decoded, const Endpoint& from,
+                                        Duration now) noexcept {
   if (decoded != Decoded::ok) return Action::reject;
   heard_ = now;
-  if (header.peer_session != session_) return Action::wait;
-  // A slave introduces itself until it has taken us up, and takes up only who introduces itself.
-  if (options_.side == Side::slave || !header.identity) returned_ = now;
-  return mismatch_found_ ? Action::wait : Action::deliver;
+  if (header.peer_session == session_) {
+    // A slave introduces itself until it has taken us up, and takes up only who introduces itself.
+    if (options_.side == Side::slave || !header.identity) returned_ = now;
+    mismatch_found_.reset();
+    return Action::deliver;
+  }
+  // A master that has left this session, for a late packet of a slave that is gone, will not come back to it: its number
+  // is closed there. So it is offered another.
+  const bool left =
+      options_.side == Side::slave && header.identity && !within(kSilent, returned_.value_or(paired_since_), now);
+  return left ? answer(header, from, now) : Action::wait;
 }
 
 Handshake::Action Handshake::on_unknown(const Header& header, Decoded decoded, const Endpoint& from,
                                         Duration now) noexcept {
   const bool introduces_itself = header.identity.has_value() || decoded == Decoded::other_version;
-  if (!introduces_itself || header.session == session_ || header.session == peer_session_) return Action::reject;
+  if (!introduces_itself || header.session == session_) return Action::reject;
   const bool elsewhere = peer_ && from != *peer_;
-  const bool preempts = elsewhere && within(kSilent, heard_, now);
+  if (header.session == peer_session_ && within(kSilent, heard_, now)) return Action::reject;
+  // A session that works gives way to nobody.
+  const bool preempts = elsewhere ? within(kSilent, heard_, now) : coupled(now);
   const Sentence why = mismatch(options_, dof_, header, decoded);
   if (!why.empty()) {
-    // Whom we are working with has not changed its mind.
-    if (!preempts && !mismatch_found_) {
+    // Only the first peer, and one that has started again in its place, can be the wrong one.
+    const bool ends_us = pairings_ == 0 || (!elsewhere && !preempts);
+    if (ends_us && !mismatch_found_) {
       reject_reason_ = why;
       mismatch_found_ = now;
     }
@@ -101,26 +110,34 @@ Handshake::Action Handshake::on_unknown(const Header& header, Decoded decoded, c
   // A late packet of a session that is over. Only a master may still be living behind one, squeezed out by another.
   if (closed_.has(header.session) && (options_.side == Side::master || within(kGoneAfter, heard_, now)))
     return Action::reject;
-  // A packet that somebody has kept introduces itself like any other, but cannot know the number of now.
-  const bool returns_offer = header.peer_session == offer_;
-  if (!returns_offer && options_.side == Side::master) return Action::reject;
-  if (mismatch_found_) return Action::wait;
-  if (!returns_offer) {
-    greeting_ = Invitation{from, header.session};
-    return Action::reply;
+  return answer(header, from, now);
+}
+
+/// A good peer in search of a session.
+Handshake::Action Handshake::answer(const Header& header, const Endpoint& from, Duration now) noexcept {
+  // A packet that somebody has kept introduces itself like any other, but cannot know the numbers of now.
+  if (offers_.has(header.peer_session)) {
+    candidate_ = Candidate{from, header.session, header.peer_session, now};
+    return Action::pair;
   }
-  candidate_ = Candidate{from, header.session, now};
-  return Action::pair;
+  if (options_.side == Side::master) return Action::reject;
+  if (header.peer_session != 0 && now - offered_at_ >= kOfferFor) {
+    offers_.add(draw());
+    offered_at_ = now;
+  }
+  greeting_ = Invitation{from, header.session};
+  return Action::reply;
 }
 
 /// One that would do, while we are working with another.
 Handshake::Action Handshake::on_unpaired_peer(const Header& header, Duration now) noexcept {
-  if (waiting_session_ != header.session) {
-    waiting_session_ = header.session;
-    waiting_since_ = now;
+  auto* const known =
+      std::find_if(waiting_.begin(), waiting_.end(), [&](const Waiting& w) { return w.session == header.session; });
+  if (known == waiting_.end()) {
+    waiting_[next_waiting_++ % waiting_.size()] = {header.session, now};
     return Action::reject;
   }
-  if (now - waiting_since_ < kTakenAfter) return Action::reject;
+  if (now - known->since < kTakenAfter) return Action::reject;
   return refuse(header,
                 Sentence{"the %s is taken: it is working with another %s", to_string(options_.side),
                          to_string(header.identity->side)},
@@ -140,7 +157,7 @@ Handshake::Action Handshake::refuse(const Header& header, const Sentence& why, D
 std::optional<Handshake::Greeting> Handshake::take_greeting() noexcept {
   if (!greeting_) return std::nullopt;
   Greeting greeting{greeting_->to, {}};
-  greeting.header.session = offer_;
+  greeting.header.session = offers_.newest();
   greeting.header.peer_session = greeting_->session;
   greeting.header.identity = identity();
   greeting_.reset();
@@ -156,10 +173,10 @@ Header Handshake::header(Duration now) const noexcept {
 }
 
 Header Handshake::refusal() const noexcept {
+  // No number of ours: who is refused could go on with it.
   Header header;
-  header.session = session_;
+  header.session = refusing_session_;
   header.peer_session = refused_session_;
-  header.identity = identity();
   header.refusal = refusal_.view();
   return header;
 }
@@ -168,9 +185,14 @@ Header Handshake::refusal() const noexcept {
 
 bool Handshake::take_new_session() noexcept {
   if (!candidate_) return false;
-  if (pairings_ > 0) closed_.add(peer_session_);
+  if (pairings_ > 0 && candidate_->session != peer_session_) closed_.add(peer_session_);
   // A master that comes back has kept its number: a new one of ours makes it, too, start its totals again.
-  if (options_.side == Side::slave) session_ = std::exchange(offer_, draw());
+  if (options_.side == Side::slave) {
+    session_ = candidate_->offer;
+    offers_ = {};
+    offers_.add(draw());
+    offered_at_ = candidate_->since;
+  }
   begin(*candidate_);
   candidate_.reset();
   return true;
@@ -184,7 +206,8 @@ void Handshake::begin(const Candidate& candidate) noexcept {
   returned_.reset();
   if (!first_paired_) first_paired_ = paired_since_;
   ++pairings_;
-  waiting_session_ = 0;
+  waiting_ = {};
+  mismatch_found_.reset();
 }
 
 std::string_view Handshake::reject_reason() const noexcept {

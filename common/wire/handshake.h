@@ -1,5 +1,6 @@
 #pragma once
 
+#include <algorithm>
 #include <array>
 #include <cstddef>
 #include <cstdint>
@@ -25,14 +26,20 @@ struct PairedSession {
   std::uint64_t session = 0, peer_session = 0;
 };
 
-/// Session numbers of the other side that are over: a late packet of theirs must not bring them back.
-class ClosedSessions {
+/// The last few numbers of sessions of one kind.
+class LastSessions {
  public:
-  void add(std::uint64_t session) noexcept;
-  [[nodiscard]] bool has(std::uint64_t session) const noexcept;
+  void add(std::uint64_t session) noexcept {
+    next_ = (next_ + 1) % sessions_.size();
+    sessions_[next_] = session;
+  }
+  [[nodiscard]] bool has(std::uint64_t session) const noexcept {
+    return session != 0 && std::find(sessions_.begin(), sessions_.end(), session) != sessions_.end();
+  }
+  [[nodiscard]] std::uint64_t newest() const noexcept { return sessions_[next_]; }
 
  private:
-  std::array<std::uint64_t, 8> sessions_{};
+  std::array<std::uint64_t, 16> sessions_{};
   std::size_t next_ = 0;
 };
 
@@ -111,20 +118,26 @@ class Handshake {
  private:
   struct Candidate {
     Endpoint from;
-    std::uint64_t session;
+    std::uint64_t session, offer;
     Duration since;
   };
   struct Invitation {
     Endpoint to;
     std::uint64_t session;
   };
+  /// An unpaired peer that would do.
+  struct Waiting {
+    std::uint64_t session = 0;
+    Duration since{0};
+  };
 
   [[nodiscard]] std::uint64_t draw() const noexcept;
   [[nodiscard]] Identity identity() const noexcept;
   void begin(const Candidate& candidate) noexcept;
-  Action on_refusal(const Header& header, const Endpoint& from) noexcept;
-  Action on_current(const Header& header, Decoded decoded, Duration now) noexcept;
+  Action on_refusal(const Header& header, const Endpoint& from, Duration now) noexcept;
+  Action on_current(const Header& header, Decoded decoded, const Endpoint& from, Duration now) noexcept;
   Action on_unknown(const Header& header, Decoded decoded, const Endpoint& from, Duration now) noexcept;
+  Action answer(const Header& header, const Endpoint& from, Duration now) noexcept;
   Action on_unpaired_peer(const Header& header, Duration now) noexcept;
   Action refuse(const Header& header, const Sentence& why, Duration now) noexcept;
 
@@ -132,14 +145,17 @@ class Handshake {
   int dof_;
   SessionNumbers numbers_;
   std::uint64_t session_;
-  std::uint64_t offer_;  ///< our number for the next session: who returns it is there now. A master has one for all
+  /// Our numbers for the next session: who returns one is there now. A slave says the newest; a master has one for all.
+  LastSessions offers_;
+  Duration offered_at_{0};          ///< the newest
+  std::uint64_t refusing_session_;  ///< in refusals in place of one of ours
   std::uint64_t peer_session_ = 0;
   std::optional<Endpoint> peer_;
   std::optional<Invitation> greeting_;
   std::optional<Candidate> candidate_;  ///< good, and waits for take_new_session()
-  ClosedSessions closed_;
-  std::optional<Duration> heard_;     ///< the current peer
-  std::optional<Duration> returned_;  ///< our session number by the current peer
+  LastSessions closed_;                 ///< of the other side: a late packet of theirs must not bring them back
+  std::optional<Duration> heard_;       ///< the current peer
+  std::optional<Duration> returned_;    ///< our session number by the current peer
   std::optional<Duration> first_paired_;
   Duration paired_since_{0};
   std::uint64_t pairings_ = 0;
@@ -150,8 +166,8 @@ class Handshake {
   Sentence refusal_;
   std::uint64_t refused_session_ = 0;
   std::optional<Duration> refused_at_;
-  std::uint64_t waiting_session_ = 0;  ///< of an unpaired peer that would do
-  Duration waiting_since_{0};
+  std::array<Waiting, 4> waiting_{};
+  std::size_t next_waiting_ = 0;
 };
 
 }  // namespace twoport

@@ -4,8 +4,11 @@
 #include <memory>
 #include <string>
 
+#include "common/base/file.h"
 #include "lab/cli/commands.h"
+#include "lab/plot/boundary_picture.h"
 #include "lab/study/boundary.h"
+#include "lab/study/cells.h"
 #include "lab/study/parallel.h"
 
 namespace twoport::lab {
@@ -13,11 +16,30 @@ namespace {
 
 struct Arguments {
   BoundaryOptions boundary;
-  std::string interval;
+  std::string interval, along, out;
 };
+
+int curve_command(const Arguments& a) {
+  const Axis along = parse_axis(a.along, "--along");
+  if (!a.out.empty()) make_folder(a.out);
+  const BoundaryCurve curve = boundary_curve(a.boundary, along, [&](std::size_t done) {
+    if (progress_is_shown())
+      fmt::print(stderr, "\r{} of {} values\033[K{}", done, along.values.size(),
+                 done == along.values.size() ? "\n" : "");
+  });
+  const std::string csv = to_csv(curve);
+  if (a.out.empty()) {
+    std::fputs(csv.c_str(), stdout);
+    return 0;
+  }
+  write_whole(a.out + "/boundary.csv", csv);
+  fmt::print("{}/boundary.csv: {} rows\n{}\n", a.out, along.values.size(), draw(curve, a.out));
+  return 0;
+}
 
 int boundary_command(Arguments& a) {
   a.boundary.vary = parse_interval(a.interval);
+  if (!a.along.empty()) return curve_command(a);
   const Boundary found = find_boundary(a.boundary, [](const Trial& t) {
     fmt::print("{:<14} {:<9} {}\n", t.value, t.stable ? "stable" : "unstable", t.verdict);
     std::fflush(stdout);
@@ -38,16 +60,24 @@ Subcommand add_boundary_command(CLI::App& app) {
       ->add_option("--vary", a->interval,
                    "PATH=LO:HI, LO < HI; stable at one end and unstable at the other; A,B=LO:HI moves both")
       ->required();
+  CLI::Option* along = boundary->add_option("--along", a->along,
+                                            "PATH=SPEC, as sweep --vary takes it: a boundary for each of these values");
+  boundary->add_option("--out", a->out, "With --along: folder for boundary.csv and the picture")->needs(along);
+  add_jobs(boundary, a->boundary.jobs);
   boundary->add_option("--tolerance", a->boundary.tolerance, "Relative width to which it is found")
       ->capture_default_str();
   boundary->add_option("--scan", a->boundary.scan, "Values between the ends tried first; the first change counts")
       ->capture_default_str();
   boundary->footer(
-      "Every run is a line: value, verdict. The last line is PATH = VALUE, the largest value up to which the run is\n"
-      "stable (the smallest from which it is, where it is stable at HI). Exit status 2 when both ends agree.\n"
-      "The verdict is the summary's `stable`: something must set the loop in motion, or nothing grows; near a "
-      "boundary\n"
-      "growth is slow, so give the run time after the operator's path has ended.");
+      R"(Every run is a line: value, verdict. The last line is PATH = VALUE, the largest value up to which the run is stable (the
+smallest from which it is, where it is stable at HI). Exit status 2 when both ends agree.
+The verdict is the summary's `stable`: something must set the loop in motion, or nothing grows; near a boundary growth is
+slow, so give the run time after the operator's path has ended.
+
+With --along the search is made at each value of a second path, and the result is a table: a row for each value, with the
+boundary and a note. The note is empty where the run is stable up to the boundary, and "stable from here up" where it is
+stable from there on; where both ends agree there is no boundary, the note says so, and the exit status stays 0.
+With --out the table is DIR/boundary.csv, and gnuplot draws DIR/boundary.png and .svg; without, it goes to stdout.)");
   return {boundary, [a] { return boundary_command(*a); }};
 }
 

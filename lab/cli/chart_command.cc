@@ -7,8 +7,8 @@
 #include <string>
 
 #include "common/base/check.h"
+#include "common/base/file.h"
 #include "common/scene/load.h"
-#include "common/scene/summary.h"
 #include "lab/cli/commands.h"
 #include "lab/peers/peers.h"
 #include "lab/plot/chart_picture.h"

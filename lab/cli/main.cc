@@ -6,7 +6,6 @@
 #include <cstring>
 
 #include "common/base/check.h"
-#include "common/scene/summary.h"
 #include "lab/cli/commands.h"
 #include "lab/paper_command.h"
 

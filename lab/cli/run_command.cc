@@ -5,8 +5,10 @@
 #include <string>
 
 #include "common/base/check.h"
+#include "common/base/file.h"
+#include "common/record/expectation.h"
+#include "common/scene/hints.h"
 #include "common/scene/load.h"
-#include "common/scene/summary.h"
 #include "lab/cli/commands.h"
 #include "lab/run.h"
 #include "lab/study/cells.h"
@@ -21,6 +23,7 @@ struct Arguments {
 
 int run_command(const Arguments& a) {
   const Scene scene = load_scene(a.scene, a.set);
+  for (const std::string& sentence : hints(scene)) fmt::print(stderr, "{}: warning: {}\n", a.scene, sentence);
   std::string trace;
   if (!a.out.empty()) {
     make_folder(a.out);
@@ -32,11 +35,11 @@ int run_command(const Arguments& a) {
     std::fputs(json.c_str(), stdout);
   } else {
     write_whole(a.out + "/summary.json", json);
-    fmt::print("{}: {}\n", scene.name, summary.verdict);
+    fmt::print("{}: {}\n", scene.name, summary.verdict());
   }
-  const std::vector<std::string> broken = broken_promises(scene.expect, summary);
-  for (const std::string& sentence : broken) fmt::print(stderr, "{}: {}\n", a.scene, sentence);
-  return broken.empty() ? 0 : 3;
+  const std::vector<std::string> violated = violations(scene.expect, summary);
+  for (const std::string& sentence : violated) fmt::print(stderr, "{}: {}\n", a.scene, sentence);
+  return violated.empty() ? 0 : 3;
 }
 
 }  // namespace

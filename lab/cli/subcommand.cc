@@ -5,11 +5,14 @@
 
 #include <cstdio>
 
+#include "common/scene/load.h"
+
 namespace twoport::lab {
 
 void add_scene(CLI::App* command, std::string& scene, std::vector<std::string>& set) {
   command->add_option("scene", scene, "Scene file (.textproto)")->required();
-  add_list(command, "--set", set, "Override, PATH=VALUE, e.g. control.passivity.method=NONE");
+  add_list(command, "--set", set, "Override, PATH=VALUE, e.g. control.passivity.method=NONE")
+      ->check(CLI::Validator{[](const std::string& text) { return assignment_error(text); }, "PATH=VALUE"});
 }
 
 void add_jobs(CLI::App* command, int& jobs) {

@@ -1,9 +1,12 @@
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <cstdio>
 #include <memory>
 #include <string>
+#include <utility>
 
+#include "common/base/check.h"
 #include "lab/cli/commands.h"
 #include "lab/plot/sweep_picture.h"
 #include "lab/study/parallel.h"
@@ -18,13 +21,52 @@ struct Arguments {
   std::vector<std::string> axes, parts;
 };
 
+/// Single-character edits that make `typed` the closest part of `name`, and those that make it all of `name`.
+std::pair<std::size_t, std::size_t> edit_distance(const std::string& typed, const std::string& name) {
+  const auto last_row = [&](std::size_t skipped) {
+    std::vector<std::size_t> row(name.size() + 1);
+    for (std::size_t j = 0; j < row.size(); ++j) row[j] = skipped * j;
+    for (std::size_t i = 0; i < typed.size(); ++i) {
+      std::size_t diagonal = std::exchange(row[0], i + 1);
+      for (std::size_t j = 0; j < name.size(); ++j) {
+        const std::size_t replaced = diagonal + (typed[i] == name[j] ? 0 : 1);
+        diagonal = row[j + 1];
+        row[j + 1] = std::min({row[j] + 1, row[j + 1] + 1, replaced});
+      }
+    }
+    return row;
+  };
+  const std::vector<std::size_t> part = last_row(0);
+  return {*std::min_element(part.begin(), part.end()), last_row(1).back()};
+}
+
+/// Throws ConfigError, with the nearest names, unless --plot is "none" or a figure of the table.
+void check_plot(const std::string& plot, bool with_spread) {
+  if (plot == "none") return;
+  std::vector<std::string> known = figures();
+  for (std::size_t i = 0, plain = known.size(); with_spread && i < plain; ++i)
+    for (const char* ending : {"_sd", "_worst"}) known.push_back(known[i] + ending);
+  if (std::find(known.begin(), known.end(), plot) != known.end()) return;
+  std::vector<std::pair<std::pair<std::size_t, std::size_t>, std::string>> nearest;
+  for (const std::string& name : known) nearest.emplace_back(edit_distance(plot, name), name);
+  std::sort(nearest.begin(), nearest.end());
+  throw ConfigError{fmt::format(
+      "--plot {}: no such figure; the nearest are {}, {} and {}, and twoport-lab sweep --list-figures prints all", plot,
+      nearest[0].second, nearest[1].second, nearest[2].second)};
+}
+
+void list_figures() {
+  for (const std::string& name : figures()) fmt::print("{}\n", name);
+  throw CLI::Success{};
+}
+
 void finish(const Table& table, const std::string& plot, const std::string& out) {
   fmt::print("{}/table.csv: {} cells\n", out, table.rows.size());
   if (plot != "none") fmt::print("{}\n", draw(table, plot, out));
 }
 
 int sweep_command(Arguments& a) {
-  if (a.plot != "none") check_key(a.plot);
+  check_plot(a.plot, a.sweep.seeds > 0);
   for (const std::string& axis : a.axes) a.sweep.axes.push_back(parse_axis(axis));
   if (!a.shard.empty()) a.sweep.shard = parse_shard(a.shard);
   const Table table = sweep(a.sweep, show_progress);
@@ -38,7 +80,7 @@ int sweep_command(Arguments& a) {
 }
 
 int merge_command(const Arguments& a) {
-  if (a.plot != "none") check_key(a.plot);
+  check_plot(a.plot, true);
   finish(merge(a.parts, a.sweep.out), a.plot, a.sweep.out);
   return 0;
 }
@@ -48,7 +90,7 @@ int merge_command(const Arguments& a) {
 std::vector<Subcommand> add_sweep_commands(CLI::App& app) {
   const auto a = std::make_shared<Arguments>();
   a->sweep.jobs = all_cores();
-  const char* const plot = "Number of the summary that the picture shows, or none";
+  const char* const plot = "Figure that the picture shows (--list-figures), or none";
 
   CLI::App* sweep = app.add_subcommand("sweep", "Run a scene over a grid of values; table.csv, one row per cell");
   add_scene(sweep, a->sweep.scene, a->sweep.set);
@@ -57,20 +99,28 @@ std::vector<Subcommand> add_sweep_commands(CLI::App& app) {
       "PATH=a,b,c or PATH=start:stop:count or PATH=start:stop:count:log; A,B=... moves the paths A and B together; "
       "the last --vary varies fastest")
       ->required();
+  sweep->add_option("--seeds", a->sweep.seeds, "Runs a cell, with the scene's seed, seed + 1, ...: mean, sd and worst")
+      ->check(CLI::Range(1, 1'000'000));
   add_jobs(sweep, a->sweep.jobs);
   sweep->add_option("--shard", a->shard, "I/N, I from 1: this part of the cells only, to be merged");
   sweep->add_option("--out", a->sweep.out, "Folder for table.csv, pictures, and the cells finished so far");
   sweep->add_option("--plot", a->plot, plot)->capture_default_str();
+  sweep->add_flag_callback("--list-figures", list_figures, "Print the figures that a table holds, and stop");
   sweep->footer(
-      "table.csv holds a column for each varied path, then every number of the summary except step_ns (wall-clock "
-      "time, which "
-      "would\n"
-      "make two tables differ), then its words: scene, architecture, method, verdict. It is the same to the bit for "
-      "any\n"
-      "--jobs. Without --out it goes to stdout.\n"
-      "Finished cells are kept in OUT/cells.jsonl: a sweep that was killed goes on where it was when the scene, the\n"
-      "overrides and the axes are the same. What the scene promises (expect) is not checked: the sweep varies it.\n"
-      "Up to three axes are drawn by gnuplot: a curve, a map, a map for each value of the third.");
+      R"(table.csv holds a column for each varied path, then the figures of the summary (all its numbers except step_ns, which is
+wall-clock time), then its words: scene, architecture, method, verdict. It is the same to the bit for any --jobs.
+Without --out it goes to stdout.
+
+With --seeds N each figure KEY has three columns: KEY is the mean over the seeds (of `stable`: the share of the seeds
+that are stable), KEY_sd the sample standard deviation (0 for N = 1), KEY_worst the worst value. The smallest is the worst
+of stable (0 when one seed is unstable), min_*, *_min_energy_j, *_share except muted_share, held_force_ratio, contact_s,
+environment_force_mean_n, steps, duration_s, packets.*.sent and packets.*.received; of every other figure the largest is.
+The verdict is that of the worst seed, which worst_seed names: an unstable one before a stable one, then the one with the
+least min_port_energy_j.
+
+Finished cells are kept in OUT/cells.jsonl: a sweep that was stopped goes on from there when scene, overrides, axes and
+seeds are the same. Expectations of the scene (expect) are not checked: the sweep varies it.
+Up to three axes are drawn by gnuplot: a curve, a map, a map for each value of the third.)");
 
   CLI::App* merge = app.add_subcommand("merge", "Put the parts of sweep --shard I/N together");
   merge->add_option("folders", a->parts, "The --out of each part")->required();

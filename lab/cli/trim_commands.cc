@@ -5,8 +5,8 @@
 #include <string>
 
 #include "common/base/check.h"
+#include "common/base/file.h"
 #include "common/scene/load.h"
-#include "common/scene/summary.h"
 #include "lab/cli/commands.h"
 #include "lab/plot/blocks_picture.h"
 #include "lab/study/cells.h"

@@ -4,7 +4,7 @@
 #include <memory>
 
 #include "lab/cli/commands.h"
-#include "lab/plot/sweep_picture.h"
+#include "lab/plot/zwidth_picture.h"
 #include "lab/study/parallel.h"
 #include "lab/study/zwidth.h"
 
@@ -15,7 +15,7 @@ int zwidth_command(const ZWidthOptions& options) {
   const ZWidth z = z_width(options, show_progress);
   std::fputs(to_text(z).c_str(), stdout);
   if (options.out.empty()) return 0;
-  fmt::print("{}\n", draw(z.table, "stable", options.out, {{"border by eigenvalues, no controller", z.border}}));
+  fmt::print("{}\n", draw(z, options.out));
   return 0;
 }
 

@@ -20,7 +20,7 @@
 #if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
 #define TWOPORT_FLATTEN
 #else
-#define TWOPORT_FLATTEN [[gnu::flatten, gnu::noinline]]
+#define TWOPORT_FLATTEN [[gnu::flatten]]
 #endif
 
 namespace twoport::lab {
@@ -34,7 +34,7 @@ class SimTransport {
   [[gnu::always_inline]] void poll(Duration now, Visit visit) noexcept {
     while (const Report<N>* r = in_->take(now)) visit(*r);
   }
-  [[gnu::always_inline]] void send(const Report<N>& r, Duration now) noexcept { out_->put(r, now); }
+  [[gnu::always_inline]] void send(const auto& r, Duration now) noexcept { out_->put(r, now); }
 
  private:
   DelayLine<Report<N>>*in_, *out_;
@@ -164,7 +164,7 @@ class RenderLoop {
         initial_energy_{scene.control.initial_energy + environment_.potential(device_.x())} {}
 
   template <class Visit>
-  TWOPORT_FLATTEN std::uint64_t run(Visit visit) {
+  std::uint64_t run(Visit visit) {
     NoMail mail;
     const Seconds dt{1.0 / rate_hz_};
     std::int64_t k = 0;

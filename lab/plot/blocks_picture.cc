@@ -4,7 +4,7 @@
 
 #include <algorithm>
 
-#include "common/scene/summary.h"
+#include "common/base/file.h"
 #include "lab/plot/gnuplot.h"
 
 namespace twoport::lab {

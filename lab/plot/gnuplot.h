@@ -6,6 +6,9 @@
 
 namespace twoport::lab {
 
+// Blue-green and orange: they differ for most eyes, and in grey.
+inline constexpr const char *kStableColour = "#2a788e", *kUnstableColour = "#f4a582";
+
 /// In single quotes for gnuplot, which knows no escape there but a doubled quote.
 std::string gnuplot_quoted(std::string_view text);
 

@@ -5,12 +5,12 @@
 #include <algorithm>
 #include <charconv>
 #include <cmath>
+#include <mutex>
 
 #include "common/base/check.h"
 #include "common/scene/load.h"
 #include "lab/run.h"
 #include "lab/study/parallel.h"
-#include "lab/study/sweep.h"
 
 namespace twoport::lab {
 namespace {
@@ -35,6 +35,12 @@ double number(const std::string& whole, std::string_view text) {
   return value;
 }
 
+Scene scene_at(const BoundaryOptions& o, double value) {
+  std::vector<std::string> overrides = o.set;
+  for (const std::string& path : o.vary.paths) overrides.push_back(fmt::format("{}={}", path, value));
+  return load_scene(o.scene, overrides);
+}
+
 }  // namespace
 
 Interval parse_interval(const std::string& text) {
@@ -54,24 +60,19 @@ std::string Interval::name() const {
   return fmt::format("{}", fmt::join(paths, ","));
 }
 
-Boundary find_boundary(const BoundaryOptions& o, const std::function<void(const Trial&)>& tried) {
+BoundarySearch search_boundary(const BoundaryOptions& o, const std::function<void(const Trial&)>& tried) {
   const double low = o.vary.low, high = o.vary.high;
   if (!(o.tolerance > 0.0 && o.tolerance < 1.0))
     throw ConfigError{fmt::format("--tolerance is {}; it must be between 0 and 1", o.tolerance)};
-  const auto scene_at = [&](double value) {
-    std::vector<std::string> overrides = o.set;
-    for (const std::string& path : o.vary.paths) overrides.push_back(fmt::format("{}={}", path, value));
-    return load_scene(o.scene, overrides);
-  };
   const auto run_at = [&](double value) {
-    const Summary s = run(scene_at(value));
-    return Trial{value, s.stable, s.verdict};
+    const Summary s = run(scene_at(o, value));
+    return Trial{value, s.stable(), s.verdict()};
   };
   const auto tell = [&](const Trial& trial) {
     if (tried) tried(trial);
   };
 
-  for (const double end : {low, high}) scene_at(end);  // complains of an end, not of what lies between
+  for (const double end : {low, high}) scene_at(o, end);  // complains of an end, not of what lies between
 
   std::vector<Trial> scan(static_cast<std::size_t>(2 + std::max(o.scan, 0)));
   for (std::size_t i = 0; i < scan.size(); ++i) {
@@ -82,10 +83,11 @@ Boundary find_boundary(const BoundaryOptions& o, const std::function<void(const 
   for (const Trial& trial : scan) tell(trial);
   const Trial &first = scan.front(), &last = scan.back();
   const auto change = std::find_if(scan.begin(), scan.end(), [&](const Trial& t) { return t.stable != first.stable; });
-  if (first.stable == last.stable)
-    throw ConfigError{fmt::format("{}: both ends are {}, {} and {}{}; the ends must differ", o.vary.name(),
-                                  first.stable ? "stable" : "unstable", low, high,
-                                  change == scan.end() ? "" : fmt::format(", though {} is not", change->value))};
+  BoundarySearch result{.boundary = {}, .stable_at_low = first.stable, .disagreement = {}};
+  if (first.stable == last.stable) {
+    if (change != scan.end()) result.disagreement = change->value;
+    return result;
+  }
 
   double same = std::prev(change)->value, other = change->value;
   while (other - same > o.tolerance * std::max(std::abs(same), std::abs(other))) {
@@ -96,7 +98,63 @@ Boundary find_boundary(const BoundaryOptions& o, const std::function<void(const 
     tell(trial);
     (trial.stable == first.stable ? same : other) = value;
   }
-  return first.stable ? Boundary{same, other} : Boundary{other, same};
+  result.boundary = first.stable ? Boundary{same, other} : Boundary{other, same};
+  return result;
+}
+
+Boundary find_boundary(const BoundaryOptions& o, const std::function<void(const Trial&)>& tried) {
+  const BoundarySearch found = search_boundary(o, tried);
+  if (!found.boundary)
+    throw ConfigError{fmt::format("{}: both ends are {}, {} and {}{}; the ends must differ", o.vary.name(),
+                                  found.stable_at_low ? "stable" : "unstable", o.vary.low, o.vary.high,
+                                  found.disagreement ? fmt::format(", though {} is not", *found.disagreement) : "")};
+  return *found.boundary;
+}
+
+BoundaryCurve boundary_curve(const BoundaryOptions& o, const Axis& along,
+                             const std::function<void(std::size_t)>& finished) {
+  for (const std::string& path : along.paths)
+    if (std::find(o.vary.paths.begin(), o.vary.paths.end(), path) != o.vary.paths.end())
+      throw ConfigError{fmt::format("--along {}: {} is varied by --vary", along.name(), path)};
+  const auto options_at = [&](const std::string& value) {
+    BoundaryOptions at = o;
+    along.append_overrides(at.set, value);
+    at.jobs = 1;
+    return at;
+  };
+  BoundaryCurve curve{.scene = {}, .along = along, .vary = o.vary, .found = {}};
+  // A scene that is wrong is found before anything runs.
+  for (const std::string& value : along.values)
+    for (const double end : {o.vary.low, o.vary.high}) curve.scene = scene_at(options_at(value), end).name;
+
+  curve.found.resize(along.values.size());
+  std::mutex guard;
+  std::size_t done = 0;
+  for_each_parallel(along.values.size(), o.jobs, [&](std::size_t i) {
+    curve.found[i] = search_boundary(options_at(along.values[i]));
+    const std::lock_guard lock{guard};
+    if (finished) finished(++done);
+  });
+  return curve;
+}
+
+std::string to_csv(const BoundaryCurve& curve) {
+  Table table{.axes = {}, .columns = curve.along.paths, .rows = {}};
+  table.columns.insert(table.columns.end(), curve.vary.paths.begin(), curve.vary.paths.end());
+  table.columns.emplace_back("note");
+  for (std::size_t i = 0; i < curve.found.size(); ++i) {
+    const BoundarySearch& at = curve.found[i];
+    std::vector<std::string>& row = table.rows.emplace_back(curve.along.paths.size(), curve.along.values[i]);
+    row.insert(row.end(), curve.vary.paths.size(), at.boundary ? fmt::format("{}", at.boundary->stable) : "");
+    if (at.boundary) {
+      row.emplace_back(at.stable_at_low ? "" : "stable from here up");
+      continue;
+    }
+    const char* const verdict = at.stable_at_low ? "stable" : "unstable";
+    row.push_back(fmt::format("{} at both ends", verdict));
+    if (at.disagreement) row.back() += fmt::format(" but not at {}", *at.disagreement);
+  }
+  return to_csv(table);
 }
 
 }  // namespace twoport::lab

@@ -1,8 +1,11 @@
 #pragma once
 
 #include <functional>
+#include <optional>
 #include <string>
 #include <vector>
+
+#include "lab/study/sweep.h"
 
 namespace twoport::lab {
 
@@ -37,9 +40,37 @@ struct Boundary {
   double stable, unstable;
 };
 
+/// What a search has found.
+struct BoundarySearch {
+  std::optional<Boundary> boundary;    ///< none where both ends agree
+  bool stable_at_low = false;          ///< the verdict at LO
+  std::optional<double> disagreement;  ///< where both ends agree: the first value of the scan that does not
+};
+
 /// The first value between LO and HI at which the verdict `stable` of the scene changes: ends and scan first, then
 /// bisection, in the logarithm where both ends have one sign. `tried` hears of every run, in the order of values for
-/// the scan. Throws ConfigError when the scene is wrong, or when both ends agree.
+/// the scan. Throws ConfigError when the scene is wrong.
+BoundarySearch search_boundary(const BoundaryOptions& options, const std::function<void(const Trial&)>& tried = {});
+/// The same. Throws ConfigError also when both ends agree.
 Boundary find_boundary(const BoundaryOptions& options, const std::function<void(const Trial&)>& tried = {});
+
+/// A boundary for each value of a second axis.
+struct BoundaryCurve {
+  std::string scene;  ///< its name
+  Axis along;
+  Interval vary;
+  std::vector<BoundarySearch> found;  ///< one for each of along.values
+};
+
+/// Searches at every value of `along`, `options.jobs` of them at once; the result is the same for any number of jobs.
+/// Throws ConfigError when a scene is wrong; that a search finds no boundary is a result. `finished` hears how many
+/// values are done.
+BoundaryCurve boundary_curve(const BoundaryOptions& options, const Axis& along,
+                             const std::function<void(std::size_t)>& finished = {});
+
+/// A header and a row for each value: the paths of `along`, the varied paths, and a note. The note is empty where the
+/// run is stable from LO up to the value, "stable from here up" where it is from the value up to HI. Without a boundary
+/// the varied columns are empty and the note says "stable at both ends" or "unstable at both ends".
+std::string to_csv(const BoundaryCurve& curve);
 
 }  // namespace twoport::lab

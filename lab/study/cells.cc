@@ -4,12 +4,14 @@
 #include <google/protobuf/struct.pb.h>
 #include <google/protobuf/util/json_util.h>
 
+#include <algorithm>
 #include <filesystem>
 #include <iterator>
 #include <string_view>
 
 #include "common/base/check.h"
-#include "common/scene/summary.h"
+#include "common/base/file.h"
+#include "lab/study/digest.h"
 
 namespace twoport::lab {
 namespace {
@@ -37,17 +39,34 @@ std::string list(const std::vector<std::string>& texts) {
   return fmt::format("[{}]", fmt::join(all, ", "));
 }
 
+constexpr std::string_view kCheck = ", \"check\": \"";
+
+/// Ends the object `{…` with a digest of itself and of the sweep that it belongs to.
+std::string with_check(const std::string& object, std::string_view of_sweep) {
+  Digest digest;
+  digest.add(of_sweep);
+  digest.add(object);
+  return fmt::format("{}{}{}\"}}\n", object, kCheck, digest.text());
+}
+
+/// Does this line, its newline included, end with its own check?
+bool is_as_written(const std::string& line, std::string_view of_sweep) {
+  const std::size_t end = line.rfind(kCheck);
+  return end != line.npos && with_check(line.substr(0, end), of_sweep) == line;
+}
+
 std::string line(const Plan& plan) {
   std::vector<std::string> axes;
   for (const Axis& a : plan.axes)
     axes.push_back(
         fmt::format(R"({{"path": {}, "log": {}, "values": {}}})", json_text(a.name()), a.logarithmic, list(a.values)));
-  return fmt::format("{{\"digest\": {}, \"axes\": [{}], \"columns\": {}}}\n", json_text(plan.digest),
-                     fmt::join(axes, ", "), list(plan.columns));
+  return with_check(fmt::format("{{\"digest\": {}, \"axes\": [{}], \"seeds\": {}, \"columns\": {}",
+                                json_text(plan.digest), fmt::join(axes, ", "), plan.seeds, list(plan.columns)),
+                    "");
 }
 
-std::string line(std::size_t cell, const std::vector<std::string>& row) {
-  return fmt::format("{{\"cell\": {}, \"row\": {}}}\n", cell, list(row));
+std::string line(const Plan& plan, std::size_t cell, const std::vector<std::string>& row) {
+  return with_check(fmt::format("{{\"cell\": {}, \"row\": {}", cell, list(row)), plan.digest);
 }
 
 std::vector<std::string> texts(const pb::Value& value) {
@@ -70,31 +89,50 @@ struct Contents {
   std::size_t whole = 0;
 };
 
+/// Line 1 of `path`. Throws ConfigError when it is not what a sweep has written.
+Plan parse_plan(const std::string& path, const std::string& line) {
+  pb::Struct object;
+  Plan plan;
+  if (!is_as_written(line, "") || !pb::util::JsonStringToMessage(line, &object).ok())
+    throw ConfigError{
+        fmt::format("{}:1: is not what a sweep has written; remove the file to run its cells again", path)};
+  plan.digest = member(object, "digest").string_value();
+  plan.seeds = static_cast<std::size_t>(member(object, "seeds").number_value());
+  plan.columns = texts(member(object, "columns"));
+  for (const pb::Value& axis : member(object, "axes").list_value().values())
+    plan.axes.push_back({.paths = parse_paths(member(axis.struct_value(), "path").string_value(), path + ":1"),
+                         .values = texts(member(axis.struct_value(), "values")),
+                         .logarithmic = member(axis.struct_value(), "log").bool_value()});
+  return plan;
+}
+
+/// One line of a cell into `cells`. False when it is none of the sweep, or not as it was written.
+bool add_cell(const Plan& plan, const std::string& line, Cells& cells) {
+  pb::Struct object;
+  if (!is_as_written(line, plan.digest) || !pb::util::JsonStringToMessage(line, &object).ok()) return false;
+  const double number = member(object, "cell").number_value();
+  if (!(number >= 0.0 && number < static_cast<double>(plan.cells()))) return false;
+  const auto cell = static_cast<std::size_t>(number);
+  std::vector<std::string> row = texts(member(object, "row"));
+  const std::vector<std::string> varied = plan.varied_columns(cell);
+  if (static_cast<double>(cell) != number || row.size() != plan.columns.size() ||
+      !std::equal(varied.begin(), varied.end(), row.begin()))
+    return false;
+  // Two processes at the same cell leave the same row twice.
+  return cells.emplace(cell, row).first->second == row;
+}
+
 Contents parse(const std::string& path, const std::string& text) {
   Contents found;
   int number = 0;
   for (std::size_t end; (end = text.find('\n', found.whole)) != text.npos; found.whole = end + 1) {
-    ++number;
-    pb::Struct object;
-    const bool parsed = pb::util::JsonStringToMessage(text.substr(found.whole, end - found.whole), &object).ok();
-    if (number == 1) {
-      found.plan.digest = member(object, "digest").string_value();
-      found.plan.columns = texts(member(object, "columns"));
-      for (const pb::Value& axis : member(object, "axes").list_value().values())
-        found.plan.axes.push_back(
-            {.paths = parse_paths(member(axis.struct_value(), "path").string_value(), path + ":1"),
-             .values = texts(member(axis.struct_value(), "values")),
-             .logarithmic = member(axis.struct_value(), "log").bool_value()});
-      if (!parsed || found.plan.digest.empty() || found.plan.axes.empty())
-        throw ConfigError{fmt::format("{}:1: does not say what sweep it is of", path)};
-      continue;
+    const std::string line = text.substr(found.whole, end + 1 - found.whole);
+    if (++number == 1) {
+      found.plan = parse_plan(path, line);
+    } else if (!add_cell(found.plan, line, found.cells)) {
+      throw ConfigError{fmt::format(
+          "{}:{}: is not a cell of this sweep as it was written; remove the line to run its cell again", path, number)};
     }
-    const double cell = member(object, "cell").number_value();
-    std::vector<std::string> row = texts(member(object, "row"));
-    if (!parsed || row.size() != found.plan.columns.size() || !(cell >= 0.0) ||
-        !(cell < static_cast<double>(found.plan.cells())))
-      throw ConfigError{fmt::format("{}:{}: is not a cell of the sweep that line 1 says", path, number)};
-    found.cells.emplace(static_cast<std::size_t>(cell), std::move(row));
   }
   return found;
 }
@@ -141,14 +179,14 @@ std::string Plan::name(std::size_t cell) const {
   return fmt::format("{}", fmt::join(parts, ", "));
 }
 
-CellFile::CellFile(const std::string& folder, const Plan& plan) : path_{path_in(folder)} {
+CellFile::CellFile(const std::string& folder, const Plan& plan) : path_{path_in(folder)}, plan_{plan} {
   make_folder(folder);
   std::string text;
   if (read(path_, text) && text.find('\n') != text.npos) {
     Contents found = parse(path_, text);
     if (found.plan.digest != plan.digest)
       throw ConfigError{
-          fmt::format("{}: holds cells of another scene, overrides, axes or version; name another --out, "
+          fmt::format("{}: holds cells of another scene, overrides, axes, seeds or version; name another --out, "
                       "or remove it",
                       path_)};
     kept_ = std::move(found.cells);
@@ -160,7 +198,7 @@ CellFile::CellFile(const std::string& folder, const Plan& plan) : path_{path_in(
 }
 
 void CellFile::append(std::size_t cell, const std::vector<std::string>& row) {
-  file_ << line(cell, row) << std::flush;
+  file_ << line(plan_, cell, row) << std::flush;
   if (!file_) throw ConfigError{fmt::format("{}: cannot be written", path_)};
 }
 
@@ -176,7 +214,7 @@ Part read_part(const std::string& folder) {
 void write_part(const std::string& folder, const Plan& plan, const Cells& cells) {
   make_folder(folder);
   std::string text = line(plan);
-  for (const auto& [cell, row] : cells) text += line(cell, row);
+  for (const auto& [cell, row] : cells) text += line(plan, cell, row);
   write_whole(path_in(folder), text);
 }
 

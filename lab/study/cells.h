@@ -13,8 +13,9 @@ namespace twoport::lab {
 
 /// What a sweep is: the first line of cells.jsonl.
 struct Plan {
-  std::string digest;  ///< of scene, overrides, axes and version
+  std::string digest;  ///< of scene, overrides, axes, seeds and version
   std::vector<Axis> axes;
+  std::size_t seeds = 0;  ///< as in SweepOptions
   std::vector<std::string> columns;
 
   [[nodiscard]] std::size_t cells() const;
@@ -31,10 +32,11 @@ using Cells = std::map<std::size_t, std::vector<std::string>>;
 
 /// The finished cells of a sweep in FOLDER/cells.jsonl, JSON by line:
 ///
-///     {"digest": …, "axes": [{"path": …, "log": …, "values": […]}, …], "columns": […]}
-///     {"cell": 3, "row": ["0.5", "6000", …]}
+///     {"digest": …, "axes": [{"path": …, "log": …, "values": […]}, …], "seeds": …, "columns": […], "check": …}
+///     {"cell": 3, "row": ["0.5", "6000", …], "check": …}
 ///
-/// Only ever appended to, a line at a time; a last line that is not whole is not there.
+/// Only ever appended to, a line at a time; a last line that is not whole is not there. `check` is a digest of the rest of
+/// the line and of the sweep: a line that was edited, or is of another sweep, is refused.
 class CellFile {
  public:
   /// Makes the folder and the file, or goes on with one of the same plan. Throws ConfigError for another plan's.
@@ -45,6 +47,7 @@ class CellFile {
 
  private:
   std::string path_;
+  Plan plan_;
   std::ofstream file_;
   Cells kept_;
 };

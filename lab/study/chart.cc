@@ -9,8 +9,8 @@
 #include <set>
 
 #include "common/base/check.h"
+#include "common/base/file.h"
 #include "common/scene/load.h"
-#include "common/scene/summary.h"
 #include "lab/engine/simulation.h"
 #include "lab/mechanical_energy.h"
 #include "lab/study/boundary.h"
@@ -92,7 +92,9 @@ std::vector<Candidate> combinations(const ChartOptions& o) {
         axis.append_overrides(next.set, value);
         const std::string name = field_names(axis);
         if (next.point.group.empty()) next.point.group = value;
-        next.point.name += (next.point.name.empty() ? "" : ", ") + (name == "integrator" ? value : value + " " + name);
+        if (!next.point.name.empty()) next.point.name += ", ";
+        next.point.name +=
+            name == "integrator" ? value : value + " " + (value == "1" && name == "substeps" ? "substep" : name);
         longer.push_back(next);
       }
     all = longer;

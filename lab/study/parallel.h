@@ -5,6 +5,7 @@
 #include <cstddef>
 #include <exception>
 #include <mutex>
+#include <system_error>
 #include <thread>
 #include <vector>
 
@@ -15,8 +16,8 @@ inline int all_cores() {
   return std::max(1, static_cast<int>(std::thread::hardware_concurrency()));
 }
 
-/// Calls work(0) … work(count - 1), each once, from up to `jobs` threads, in no fixed order. The first exception stops
-/// what has not begun and is thrown on.
+/// Calls work(0) … work(count - 1), each once, from up to `jobs` threads, in no fixed order; from fewer where the system
+/// gives no more. The first exception stops what has not begun and is thrown on.
 template <class Work>
 void for_each_parallel(std::size_t count, int jobs, Work work) {
   std::atomic<std::size_t> next{0};
@@ -35,7 +36,12 @@ void for_each_parallel(std::size_t count, int jobs, Work work) {
   };
   std::vector<std::thread> others;
   const std::size_t threads = std::min(count, static_cast<std::size_t>(std::max(jobs, 1)));
-  for (std::size_t i = 1; i < threads; ++i) others.emplace_back(loop);
+  others.reserve(threads);
+  try {
+    while (others.size() + 1 < threads) others.emplace_back(loop);
+  } catch (const std::system_error&) {
+    // No more threads: those that are there do the work.
+  }
   loop();
   for (std::thread& other : others) other.join();
   if (failure) std::rethrow_exception(failure);

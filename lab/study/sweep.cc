@@ -3,28 +3,31 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <bit>
 #include <charconv>
 #include <chrono>
 #include <cmath>
 #include <cstdint>
 #include <fstream>
 #include <iterator>
+#include <map>
 #include <mutex>
 #include <optional>
 #include <string_view>
 
 #include "common/base/check.h"
+#include "common/base/file.h"
+#include "common/record/summary.h"
 #include "common/scene/load.h"
-#include "common/scene/summary.h"
 #include "lab/run.h"
 #include "lab/study/cells.h"
+#include "lab/study/digest.h"
 #include "lab/study/parallel.h"
+#include "lab/study/seeds.h"
 
 namespace twoport::lab {
 namespace {
 
-constexpr std::size_t kMostCells = 1'000'000;
+constexpr std::size_t kMostCells = 1'000'000, kMostRuns = 1'000'000'000;
 
 template <class Number>
 bool reads(std::string_view text, Number& number) {
@@ -46,43 +49,53 @@ std::vector<std::string_view> parts(std::string_view text, char separator) {
   return all;
 }
 
-/// Cells are of one sweep when scene text, recorded delays, overrides, axes and version are the same.
-class Digest {
- public:
-  void add(std::string_view text) {
-    for (const char c : text) mix(static_cast<unsigned char>(c));
-    mix(0xff);  // no text holds it: the next one begins here
-  }
-  void add(double number) {
-    for (auto bits = std::bit_cast<std::uint64_t>(number); bits != 0; bits >>= 8) mix(bits & 0xff);
-    mix(0xff);
-  }
-  [[nodiscard]] std::string text() const { return fmt::format("{:016x}", value_); }
-
- private:
-  void mix(std::uint64_t byte) { value_ = (value_ ^ byte) * 0x100000001b3; }
-  std::uint64_t value_ = 0xcbf29ce484222325;  // FNV-1a
-};
-
 std::vector<std::string> overrides(const SweepOptions& o, const std::vector<std::string>& values) {
   std::vector<std::string> all = o.set;
   for (std::size_t i = 0; i < values.size(); ++i) o.axes[i].append_overrides(all, values[i]);
   return all;
 }
 
-/// What a table holds of a summary, as (column, text).
-std::vector<std::pair<std::string, std::string>> told(const Summary& summary) {
-  std::vector<std::pair<std::string, std::string>> all;
-  for (const auto& [name, value] : numbers(summary))
-    if (name != "step_ns") all.emplace_back(name, fmt::format("{}", value));
-  for (auto& word : words(summary)) all.push_back(std::move(word));
+using Columns = std::vector<std::pair<std::string, std::string>>;
+
+/// The figures of a summary, as (name, value).
+std::vector<std::pair<std::string, double>> figures_of(const Summary& summary) {
+  std::vector<std::pair<std::string, double>> all = numbers(summary);
+  std::erase_if(all, [](const auto& figure) { return figure.first == "step_ns"; });
+  return all;
+}
+
+/// What a table holds of one run, as (column, text).
+Columns columns_of(const Summary& summary) {
+  Columns all;
+  for (const auto& [name, value] : figures_of(summary)) all.emplace_back(name, fmt::format("{}", value));
+  for (auto& word : texts(summary)) all.push_back(std::move(word));
+  return all;
+}
+
+/// What a table holds of a cell that was run with several seeds, from `first_seed` on.
+Columns columns_of(const std::vector<Summary>& of_seeds, std::uint64_t first_seed) {
+  std::vector<std::vector<std::pair<std::string, double>>> figures;
+  for (const Summary& summary : of_seeds) figures.push_back(figures_of(summary));
+  Columns all;
+  std::vector<double> values(of_seeds.size());
+  for (std::size_t i = 0; i < figures.front().size(); ++i) {
+    for (std::size_t k = 0; k < values.size(); ++k) values[k] = figures[k][i].second;
+    const std::string& name = figures.front()[i].first;
+    const Spread s = spread(name, values);
+    all.emplace_back(name, fmt::format("{}", s.mean));
+    all.emplace_back(name + "_sd", fmt::format("{}", s.sd));
+    all.emplace_back(name + "_worst", fmt::format("{}", s.worst));
+  }
+  const std::size_t worst = worst_seed(of_seeds);
+  for (auto& word : texts(of_seeds[worst])) all.push_back(std::move(word));
+  all.emplace_back("worst_seed", fmt::format("{}", first_seed + worst));
   return all;
 }
 
 /// Says what the sweep is, and finds out what is wrong with any one value before a cell is run.
 Plan plan_of(const SweepOptions& o) {
   if (o.axes.empty()) throw ConfigError{"--vary is missing; it must read PATH=SPEC"};
-  Plan plan{.digest = {}, .axes = o.axes, .columns = {}};
+  Plan plan{.digest = {}, .axes = o.axes, .seeds = o.seeds, .columns = {}};
   double cells = 1.0;
   for (const Axis& axis : o.axes) {
     cells *= static_cast<double>(axis.values.size());
@@ -94,7 +107,11 @@ Plan plan_of(const SweepOptions& o) {
   }
   if (cells > static_cast<double>(kMostCells))
     throw ConfigError{fmt::format("--vary: {:.0f} cells; there must be at most {}", cells, kMostCells)};
-  for (const auto& [name, text] : told(Summary{})) plan.columns.push_back(name);
+  if (cells * static_cast<double>(o.seeds) > static_cast<double>(kMostRuns))
+    throw ConfigError{fmt::format("--seeds {}: {:.0f} cells make {:.0f} runs; there must be at most {}", o.seeds, cells,
+                                  cells * static_cast<double>(o.seeds), kMostRuns)};
+  for (const auto& [name, text] : o.seeds > 0 ? columns_of({Summary{}}, 0) : columns_of(Summary{}))
+    plan.columns.push_back(name);
 
   const std::vector<std::string> first = plan.values(0);
   const Scene scene = load_scene(o.scene, overrides(o, first));
@@ -106,6 +123,7 @@ Plan plan_of(const SweepOptions& o) {
     }
   }
 
+  // Cells are of one sweep when scene text, recorded delays, overrides, axes, seeds and version are the same.
   Digest digest;
   digest.add(TWOPORT_VERSION);
   std::ifstream file{o.scene, std::ios::binary};
@@ -115,14 +133,33 @@ Plan plan_of(const SweepOptions& o) {
     digest.add(axis.name());
     for (const std::string& value : axis.values) digest.add(value);
   }
+  if (o.seeds > 0) digest.add(fmt::format("seeds {}", o.seeds));
   for (const auto* direction : {&scene.to_slave, &scene.to_master})
     for (const double delay : direction->recorded_delay_s) digest.add(delay);
   plan.digest = digest.text();
   return plan;
 }
 
+/// A cell some of whose seeds have run.
+struct OpenCell {
+  std::vector<Summary> of_seeds;
+  std::size_t finished = 0;
+};
+
+/// The k-th seed of a cell, and the seed that the cell's scene has.
+std::pair<Summary, std::uint64_t> run_cell(const SweepOptions& o, const Plan& plan, std::size_t cell, std::size_t k) {
+  try {
+    Scene scene = load_scene(o.scene, overrides(o, plan.values(cell)));
+    const std::uint64_t first_seed = scene.seed;
+    scene.seed += k;
+    return {run(scene), first_seed};
+  } catch (const ConfigError& e) {
+    throw ConfigError{fmt::format("cell {} ({}): {}", cell, plan.name(cell), e.what())};
+  }
+}
+
 Table table_of(const Plan& plan, Cells cells) {
-  Table table{.axes = plan.axes, .columns = plan.columns, .rows = {}};
+  Table table{.axes = plan.axes, .seeds = plan.seeds, .columns = plan.columns, .rows = {}};
   for (auto& [cell, row] : cells) table.rows.push_back(std::move(row));
   return table;
 }
@@ -193,6 +230,12 @@ Shard parse_shard(const std::string& text) {
   return shard;
 }
 
+std::vector<std::string> figures() {
+  std::vector<std::string> names;
+  for (const auto& [name, value] : figures_of(Summary{})) names.push_back(name);
+  return names;
+}
+
 std::size_t Table::column_of(std::size_t axis) const {
   std::size_t column = 0;
   for (std::size_t i = 0; i < axis; ++i) column += axes[i].paths.size();
@@ -238,18 +281,23 @@ Table sweep(const SweepOptions& o, const std::function<void(const Progress&)>& h
   Progress progress{.done = cells.size(), .kept = cells.size(), .count = cells.size() + todo.size(), .spent_s = 0.0};
   if (heard) heard(progress);
   std::mutex guard;
+  std::map<std::size_t, OpenCell> open;
+  const std::size_t seeds = std::max<std::size_t>(o.seeds, 1);
   const auto start = std::chrono::steady_clock::now();
-  for_each_parallel(todo.size(), o.jobs, [&](std::size_t i) {
-    std::vector<std::string> row = plan.varied_columns(todo[i]);
-    try {
-      for (auto& [name, text] : told(run(load_scene(o.scene, overrides(o, plan.values(todo[i]))))))
-        row.push_back(std::move(text));
-    } catch (const ConfigError& e) {
-      throw ConfigError{fmt::format("cell {} ({}): {}", todo[i], plan.name(todo[i]), e.what())};
-    }
+  for_each_parallel(todo.size() * seeds, o.jobs, [&](std::size_t i) {
+    const std::size_t cell = todo[i / seeds], k = i % seeds;
+    const auto [summary, first_seed] = run_cell(o, plan, cell, k);
     const std::lock_guard lock{guard};
-    if (file) file->append(todo[i], row);
-    cells.emplace(todo[i], std::move(row));
+    OpenCell& of_cell = open[cell];
+    of_cell.of_seeds.resize(seeds);
+    of_cell.of_seeds[k] = summary;
+    if (++of_cell.finished < seeds) return;
+    std::vector<std::string> row = plan.varied_columns(cell);
+    for (auto& [name, text] : o.seeds > 0 ? columns_of(of_cell.of_seeds, first_seed) : columns_of(summary))
+      row.push_back(std::move(text));
+    open.erase(cell);
+    if (file) file->append(cell, row);
+    cells.emplace(cell, std::move(row));
     ++progress.done;
     progress.spent_s = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
     if (heard) heard(progress);

@@ -37,15 +37,19 @@ struct SweepOptions {
   std::string scene;
   std::vector<std::string> set;  ///< overrides, applied before those that vary
   std::vector<Axis> axes;        ///< the last varies fastest
+  std::size_t seeds = 0;  ///< runs a cell: the scene's seed, seed + 1, …; 0: one, without columns of the spread
   int jobs = 1;
   Shard shard;
   std::string out;  ///< folder for table.csv and cells.jsonl; empty: nothing is kept
 };
 
-/// One row for each cell, in the order of cells: the varied paths first, then every number of the summary but step_ns,
-/// which is wall-clock time and no two runs share, then its words. Numbers read back to the bit.
+/// One row for each cell, in the order of cells: the varied paths first, then every figure of the summary, then its
+/// words. With seeds each figure KEY has three columns: KEY, the mean; KEY_sd; KEY_worst (see lab/study/seeds.h). The
+/// words are then those of the worst seed, and a last column worst_seed says which one that is. Numbers read back to the
+/// bit.
 struct Table {
   std::vector<Axis> axes;
+  std::size_t seeds = 0;
   std::vector<std::string> columns;
   std::vector<std::vector<std::string>> rows;
 
@@ -53,6 +57,9 @@ struct Table {
   [[nodiscard]] std::size_t column_of(std::size_t axis) const;
 };
 std::string to_csv(const Table& table);
+
+/// The figures of a summary that a table holds: its numbers but step_ns, which is wall-clock time and no two runs share.
+std::vector<std::string> figures();
 
 struct Progress {
   std::size_t done, kept, count;  ///< cells; `kept` of `done` were there before
@@ -63,7 +70,7 @@ struct Progress {
 ///
 /// A finished cell is kept in OUT/cells.jsonl at once, one whole line each, below a line that says what the sweep is;
 /// a sweep that was killed goes on from there, a half-written last line is dropped. Cells of another scene, other
-/// overrides, axes or version of this program are refused. Promises of the scene are not looked at: it is varied.
+/// overrides, axes, seeds or version of this program are refused. Promises of the scene are not looked at: it is varied.
 /// Throws ConfigError with the cell when a scene is wrong; what is finished stays.
 Table sweep(const SweepOptions& options, const std::function<void(const Progress&)>& heard = {});
 

@@ -12,8 +12,9 @@
 #include <utility>
 
 #include "common/base/check.h"
+#include "common/base/file.h"
+#include "common/record/expectation.h"
 #include "common/scene/load.h"
-#include "common/scene/summary.h"
 #include "lab/run.h"
 
 namespace twoport::lab {
@@ -124,7 +125,7 @@ std::vector<Seen> run_in_turn(const std::vector<Scene>& variants, int repetition
     for (std::size_t k = 0; k < kRuns; ++k)
       for (std::size_t i = 0; i < variants.size(); ++i) {
         Summary summary = run(shaken(variants[i], k));
-        seen[i].tick_ns.push_back(summary.step_ns);
+        seen[i].tick_ns.push_back(summary.step_ns());
         if (r == 0) seen[i].of_run.push_back(std::move(summary));
       }
   return seen;
@@ -175,12 +176,11 @@ Contrast scatter(const Seen& seen) {
 /// The keys whose promises one run keeps and the other does not, `stable` first.
 std::vector<std::string> turned(const ExpectSpec& expect, const Summary& a, const Summary& b) {
   std::vector<std::string> keys;
-  if (a.stable != b.stable) keys.push_back("stable");
+  if (a.stable() != b.stable()) keys.push_back("stable");
   const auto check = [&](const Bound& bound, std::vector<Bound> ExpectSpec::*side) {
     ExpectSpec one;
     (one.*side).push_back(bound);
-    if (bound.key != "step_ns" && broken_promises(one, a).empty() != broken_promises(one, b).empty())
-      keys.push_back(bound.key);
+    if (bound.key != "step_ns" && violations(one, a).empty() != violations(one, b).empty()) keys.push_back(bound.key);
   };
   for (const Bound& bound : expect.at_least) check(bound, &ExpectSpec::at_least);
   for (const Bound& bound : expect.at_most) check(bound, &ExpectSpec::at_most);
@@ -396,7 +396,7 @@ std::vector<BlockCost> block_costs(const Scene& scene, int repetitions) {
   std::vector<BlockCost> costs;
   for (std::size_t i = 0; i < seen.size(); ++i)
     costs.push_back({labels[i], median(seen[i].tick_ns), cost_ratio(seen[i], seen[0]),
-                     std::all_of(seen[i].of_run.begin(), seen[i].of_run.end(), [](auto& s) { return s.stable; })});
+                     std::all_of(seen[i].of_run.begin(), seen[i].of_run.end(), [](auto& s) { return s.stable(); })});
   return costs;
 }
 

@@ -53,7 +53,9 @@ ZWidth z_width(const ZWidthOptions& o, const std::function<void(const Progress&)
                           .jobs = o.jobs,
                           .shard = {},
                           .out = o.out};
-  ZWidth z{.table = sweep(grid, heard),
+  ZWidth z{.scene = scene.name,
+           .table = sweep(grid, heard),
+           .stable_column = 0,
            .damping = {},
            .critical = {},
            .passive = {},
@@ -62,7 +64,7 @@ ZWidth z_width(const ZWidthOptions& o, const std::function<void(const Progress&)
            .border = {}};
   const auto& stiffness = grid.axes[1].values;
   const auto column = std::find(z.table.columns.rbegin(), z.table.columns.rend(), "stable");
-  const auto stable = static_cast<std::size_t>(z.table.columns.rend() - column) - 1;
+  z.stable_column = static_cast<std::size_t>(z.table.columns.rend() - column) - 1;
 
   for (const std::string& b : grid.axes[0].values) {
     wall.wall_damping_n_s_per_m = std::stod(b);
@@ -82,7 +84,7 @@ ZWidth z_width(const ZWidthOptions& o, const std::function<void(const Progress&)
       double last = 0.0;
       for (std::size_t k = 0; k < stiffness.size(); ++k) {
         const auto& row = z.table.rows[(b * stiffness.size() + k) * z.methods.size() + m];
-        if (row[stable] != "1") break;
+        if (row[z.stable_column] != "1") break;
         last = std::stod(stiffness[k]);
       }
       up_to.push_back(last);

@@ -21,7 +21,9 @@ struct ZWidthOptions {
 
 /// The map, and what theory says of it without a controller.
 struct ZWidth {
+  std::string scene;             ///< its name
   Table table;                   ///< axes: damping, stiffness, method
+  std::size_t stable_column;     ///< of the table
   std::vector<double> damping;   ///< [N s/m]
   std::vector<double> critical;  ///< stiffness at which eigenvalues leave the unit circle [N/m]
   std::vector<double> passive;   ///< Colgate: K <= 2 (b - B)/T; 0 where there is none [N/m]

@@ -63,8 +63,8 @@ class ExactPlant {
 
   /// One tick under the force f.
   [[gnu::always_inline]] const BodyState<D>& advance(const Force<D>& f) noexcept {
+    if (steps_ != 1) return advance_in_steps(f);
     step(f);
-    for (int i = 1; i < steps_; ++i) step(f);
     return s_.body;
   }
   [[nodiscard]] const BodyState<D>& body() const noexcept { return s_.body; }
@@ -136,6 +136,11 @@ class ExactPlant {
     }
     s_.body = moved(s_.body, s_.across, n, u, r, r.full_along);
     s_.across = n;
+  }
+
+  [[gnu::noinline]] const BodyState<D>& advance_in_steps(Force<D> f) noexcept {
+    for (int i = 0; i < steps_; ++i) step(f);
+    return s_.body;
   }
 
   /// A step without a wall.

@@ -83,12 +83,8 @@ class RungeKuttaPlant {
     }
     return body();
   }
-  [[nodiscard]] BodyState<N> body() const noexcept {
-    return {s_.motion.at.x, Velocity<N>{s_.slope.v}};
-  }
-  [[nodiscard]] Force<N> environment_force() const noexcept {
-    return Force<N>{s_.slope.environment};
-  }
+  [[nodiscard]] BodyState<N> body() const noexcept { return {s_.motion.at.x, Velocity<N>{s_.slope.v}}; }
+  [[nodiscard]] Force<N> environment_force() const noexcept { return Force<N>{s_.slope.environment}; }
 
   [[nodiscard]] const State& state() const noexcept { return s_; }
   /// Goes on from `state`, of a plant of the same scene.

@@ -17,11 +17,11 @@
 #include <vector>
 
 #include "common/base/check.h"
+#include "common/record/summary.h"
 #include "common/scene/load.h"
-#include "common/scene/summary.h"
 #include "lab/engine/simulation.h"
-#include "lab/study/parallel.h"
 #include "lab/run.h"
+#include "lab/study/parallel.h"
 #include "lab/study/sweep.h"
 
 namespace {
@@ -116,7 +116,7 @@ std::uint64_t of_summary(const Summary& s) {
     if (found == all.end()) throw ConfigError{fmt::format("no number {} in a summary", name)};
     d.add(found->second);
   }
-  d.add(s.verdict);
+  d.add(s.verdict());
   return d.value();
 }
 

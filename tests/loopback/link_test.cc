@@ -29,13 +29,15 @@ std::string modes_shown(const std::string& terminal) {
 // ---- the other side dies, and comes back
 
 // The robot stands in contact, and so does the handle: what a real one would do while its program starts anew.
-const Words kRobotInContact{"--set", "robot.position_m=[0.0204]"};
+// Registered anew it would follow from where it stands; in absolute registration it presses as before.
+const Words kRobotInContact{"--set", "robot.position_m=[0.0204]", "--set", "control.registration.mode=ABSOLUTE"};
 const Words kHandInContact{"--set", "device.position_m=[0.026]"};
 
 TEST(Restart, OfTheSlaveInContactIsSurvivedByTheMaster) {
   const Pair pair;
-  Process first = pair.listening_slave("first");
-  Process master = pair.master("master", {"--set", "duration_s=5"}, {.terminal = true});
+  Process first = pair.listening_slave("first", {"--set", "control.registration.mode=ABSOLUTE"});
+  Process master = pair.master("master", {"--set", "duration_s=5", "--set", "control.registration.mode=ABSOLUTE"},
+                               {.terminal = true});
   std::this_thread::sleep_for(1500ms);
   first.send(SIGKILL);
   first.wait();
@@ -88,7 +90,7 @@ TEST(Restart, AfterALongSilenceFindsTheMasterReleased) {
   first.send(SIGKILL);
   first.wait();
   std::this_thread::sleep_for(1600ms);
-  Process second = pair.slave("second", kRobotInContact);
+  Process second = pair.slave("second", {"--set", "robot.position_m=[0.0204]"});
   EXPECT_EQ(master.wait(), exited(0)) << master.err();
   EXPECT_EQ(second.wait(), exited(0)) << second.err();
   EXPECT_EQ(modes_shown(master.err()), "coupled holding released coupled");

@@ -282,11 +282,11 @@ TEST(Run, WorksForEveryArchitectureWithSixDegreesOfFreedom) {
   expect_each_architecture(6);
 }
 
-TEST(Run, BreaksAPromiseWithStatusThreeAndSaysWhichByHowMuch) {
+TEST(Run, MissesAnExpectationWithStatusThreeAndSaysWhichByHowMuch) {
   const Pair pair{press(1, "RENDER") + "expect { at_most { key: \"max_force_n\" value: 0.01 } }\n"};
   Process master = pair.master("master", {"--set", "duration_s=0.7"});
   EXPECT_EQ(master.wait(), exited(3));
-  EXPECT_TRUE(std::regex_search(master.err(), std::regex{"max_force_n is .* promised at most 0.01: over by"}))
+  EXPECT_TRUE(std::regex_search(master.err(), std::regex{"max_force_n is .* expected at most 0.01: over by"}))
       << master.err();
 }
 

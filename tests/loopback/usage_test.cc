@@ -55,6 +55,12 @@ TEST(Usage, NamesAnOverrideOfNothingAndAValueOutOfBounds) {
   expect_refused(pair.slave("out", {"--set", "to_slave.loss=1.5"}), {"to_slave.loss", "1.5", "between 0 and 1"});
 }
 
+TEST(Usage, NamesADurationThatIsNone) {
+  const Pair pair;
+  expect_refused(pair.master("out", {"--duration", "soon"}), {"duration_s=soon", "number"});
+  expect_refused(pair.slave("out", {"--duration=-1"}), {"duration_s is -1", "> 0"});
+}
+
 TEST(Usage, RefusesASlaveOfARenderedEnvironment) {
   const Pair pair{press(1, "RENDER")};
   expect_refused(pair.slave(), {"twoport-slave: ", "RENDER"});

@@ -14,7 +14,7 @@ build() {
     -D "CMAKE_CXX_COMPILER=$compiler" ${launcher:+-D "CMAKE_CXX_COMPILER_LAUNCHER=$launcher"} >"$work/log"
   cmake --build "$2" >"$work/log" || { cat "$work/log"; exit 1; }
 }
-fail() { echo "$1"; cat "$work"/*.said; exit 1; }
+fail() { echo "$1"; cat "$work"/*.said 2>/dev/null; exit 1; }
 figure() { sed -n "s/^ \"$2\": \([^,]*\),*$/\1/p" "$work/$1/summary.json"; }
 
 # Outside the tree: own programs, the example's drivers at both ends.
@@ -45,11 +45,11 @@ says "$work/own/own-master" --scene "$root/scenes/demo.textproto" --device own |
 says "$work/own/own-master" --scene "$root/examples/own_hardware/scene.textproto" --device own:9 |
   grep -q "own:9: no rail at this port" || fail "wrong port: $(cat "$work/err")"
 
-# In the tree: one file, one line.
+# In the tree: one file, one line. The simulated driver is left out, as it takes longest to compile.
 mkdir "$work/tree"
 cp -r "$root/drivers" "$work/tree/"
 cp "$root/examples/own_hardware/own_device.cc" "$work/tree/drivers/"
-sed -i '/^twoport_driver(sim/a twoport_driver(own_device)' "$work/tree/drivers/CMakeLists.txt"
+sed -i 's/^twoport_driver(sim.*/twoport_driver(own_device)/' "$work/tree/drivers/CMakeLists.txt"
 cp "$root/master/main.cc" "$work/tree/"
 cat >"$work/tree/CMakeLists.txt" <<'END'
 cmake_minimum_required(VERSION 3.25)
@@ -60,5 +60,5 @@ add_executable(twoport-master main.cc)
 target_link_libraries(twoport-master PRIVATE twoport::master_program twoport_drivers)
 END
 build "$work/tree" "$work/tree/build"
-[ "$("$work/tree/build/twoport-master" --list-devices | cut -f 1 | tr '\n' ' ')" = "sim own " ] || fail "one file and one line do not list the driver"
+[ "$("$work/tree/build/twoport-master" --list-devices | cut -f 1 | tr '\n' ' ')" = "own " ] || fail "one file and one line do not list the driver"
 echo "drivers of one's own: outside the tree, and in it by one file and one line"

@@ -549,10 +549,59 @@ TEST_F(MailboxOf, ARepeatIsToldFromALateReportOverSecondsOfJitter) {
 }
 
 TEST_F(MailboxOf, WhatIsOlderThanTheMemoryCountsAsRepeatedAndTheSumStillHolds) {
-  const PacketCounts& c = after({1, 10'000, 2, 9'999, 20'000, 9'999});
+  const PacketCounts& c = after({1, 4'000, 8'000, 2, 7'999, 12'000, 7'999});
   EXPECT_EQ(c.duplicated, 2U);
   EXPECT_EQ(c.late, 1U);
-  EXPECT_EQ(20'000 - 1 + 1, c.received - c.duplicated + c.lost);
+  EXPECT_EQ(12'000 - 1 + 1, c.received - c.duplicated + c.lost);
+}
+
+TEST_F(MailboxOf, AJumpOfTheSequenceIsRejectedAndChangesNothing) {
+  after({1, 2});
+  for (const std::uint64_t jump : {std::uint64_t{1} << 63, std::uint64_t{10'000}, ~std::uint64_t{0}}) {
+    arriving = {report(jump, 1e9)};
+    EXPECT_FALSE(box.collect(Duration{0}).fresh);
+  }
+  EXPECT_EQ(box.counts().rejected, 3U);
+  EXPECT_EQ(box.counts().received, 2U);
+  EXPECT_EQ(box.known().energy_in_j, 0.0);
+  arriving = {report(3)};
+  EXPECT_TRUE(box.collect(Duration{0}).fresh);
+  EXPECT_EQ(box.counts().lost, 0U);
+}
+
+TEST_F(MailboxOf, AJumpThatGoesOnIsBelieved) {
+  EXPECT_EQ(after({1, 2, 1'000'000, 1'000'001, 1'000'002}).rejected, 1U);
+  EXPECT_EQ(box.known().newest.sequence, 1'000'002U);
+  EXPECT_EQ(box.counts().lost, 0U);
+}
+
+TEST_F(MailboxOf, AfterASilenceAsManyAreMissingAsTheSenderCanHaveSent) {
+  after({1});
+  arriving = {report(7'200'001)};  // an hour at 2 kHz
+  EXPECT_TRUE(box.collect(std::chrono::hours{1}).fresh);
+  EXPECT_EQ(box.counts().lost, 7'199'999U);
+  EXPECT_EQ(box.counts().rejected, 0U);
+}
+
+TEST_F(MailboxOf, AWrongSequenceThatWasBelievedDeafensForASecond) {
+  for (const std::uint64_t wrong : {std::uint64_t{1} << 63, std::uint64_t{4'000}}) {
+    box.forget();
+    std::uint64_t next = 10;
+    if (wrong == 4'000) {  // far ahead, but not too far
+      arriving = {report(next++)};
+      box.collect(at(0));
+    }
+    arriving = {report(wrong)};
+    EXPECT_TRUE(box.collect(at(0)).fresh);
+    std::int64_t tick = 1;
+    do {
+      arriving = {report(next++)};
+    } while (!box.collect(at(tick++)).fresh && tick < 10'000);
+    EXPECT_LE(at(tick - 1), milliseconds{1002});
+    arriving = {report(next)};
+    EXPECT_TRUE(box.collect(at(tick)).fresh);
+    EXPECT_LT(box.counts().lost, 5'000U);
+  }
 }
 
 TEST_F(MailboxOf, TheLargestEnergyWinsWhateverTheOrder) {

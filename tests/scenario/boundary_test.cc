@@ -6,13 +6,15 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdint>
+#include <cstdlib>
 #include <numbers>
 #include <random>
 #include <string>
 #include <vector>
 
+#include "common/record/summary.h"
 #include "common/scene/load.h"
-#include "common/scene/summary.h"
+#include "common/scene/names.h"
 #include "lab/oracle.h"
 #include "lab/run.h"
 #include "tests/support/process.h"
@@ -246,9 +248,9 @@ environment { spring { stiffness_n_per_m: 500 anchor_m: [0] } }
 void expect_leak(const std::string& what, double theory, const Words& set) {
   SCOPED_TRACE(what);
   const Summary s = run(parse_scene(kImposed, "imposed", set));
-  const double off = -s.min_port_energy_j / theory - 1.0;
-  fmt::print("    {:<60} theory {:<12.8g} J laboratory {:<12.8g} J off by {:.1e}\n", what, theory, -s.min_port_energy_j,
-             off);
+  const double off = -s.min_port_energy_j() / theory - 1.0;
+  fmt::print("    {:<60} theory {:<12.8g} J laboratory {:<12.8g} J off by {:.1e}\n", what, theory,
+             -s.min_port_energy_j(), off);
   EXPECT_LE(std::abs(off), 1e-9);
 }
 
@@ -305,16 +307,16 @@ environment { wall { normal: [1, 0, 0] stiffness_n_per_m: 5000 } }
 
 TEST(Stable, IsNotALimitCycleThatTheNetworkFeeds) {
   const Summary s = run(parse_scene(kPressed, "pressed"));
-  EXPECT_FALSE(s.stable) << s.verdict;
-  EXPECT_NE(s.verdict.find("fed by the network"), std::string::npos) << s.verdict;
-  EXPECT_LT(s.max_force_n, 1000.0);  // bounded all the same
+  EXPECT_FALSE(s.stable()) << s.verdict();
+  EXPECT_NE(s.verdict().find("fed by the network"), std::string::npos) << s.verdict();
+  EXPECT_LT(s.max_force_n(), 1000.0);  // bounded all the same
 }
 
 TEST(Stable, IsWhatPaysForItsOwnWay) {
   for (const char* cure : {"operator.hand.damping_n_s_per_m=3", "control.passivity.method=FORCE_PROJECTED"}) {
     const Words set{cure};
     const Summary s = run(parse_scene(kPressed, "pressed", set));
-    EXPECT_TRUE(s.stable) << cure << ": " << s.verdict;
+    EXPECT_TRUE(s.stable()) << cure << ": " << s.verdict();
   }
 }
 
@@ -323,12 +325,12 @@ TEST(Stable, IsAPassiveControllerThatBuzzesOnCredit) {
   for (const char* method : {"CLASSIC", "FORCE_PROJECTED"}) {
     const Words set{std::string{"control.passivity.method="} + method};
     const Summary s = run(load_scene(scene, set));
-    EXPECT_TRUE(s.stable) << method << ": " << s.verdict;
-    EXPECT_GT(s.chatter_rms_n, 0.1) << method;
-    EXPECT_GE(s.min_port_energy_j, 0.0) << method;
+    EXPECT_TRUE(s.stable()) << method << ": " << s.verdict();
+    EXPECT_GT(s.chatter_rms_n(), 0.1) << method;
+    EXPECT_GE(s.min_port_energy_j(), 0.0) << method;
   }
   const Words none{"control.passivity.method=NONE"};
-  EXPECT_FALSE(run(load_scene(scene, none)).stable);
+  EXPECT_FALSE(run(load_scene(scene, none)).stable());
 }
 
 TEST(Stable, IsAHandThatMovesThoughTheSpringGivesAwayEnergy) {
@@ -336,8 +338,8 @@ TEST(Stable, IsAHandThatMovesThoughTheSpringGivesAwayEnergy) {
   const Words set{"duration_s=4", "operator.path[0]={ sine { amplitude_m: 0.01 frequency_hz: 2 duration_s: 10 } }",
                   "environment[0].spring.stiffness_n_per_m=5000", "rate_hz=2000"};
   const Summary s = run(parse_scene(kImposed, "imposed", set));
-  EXPECT_TRUE(s.stable) << s.verdict;
-  EXPECT_LT(s.min_port_energy_j, -0.01);
+  EXPECT_TRUE(s.stable()) << s.verdict();
+  EXPECT_LT(s.min_port_energy_j(), -0.01);
 }
 
 // ---- the program
@@ -431,6 +433,80 @@ void expect_refused(const Words& arguments, const Words& parts) {
   for (const std::string& part : parts) EXPECT_NE(p.err().find(part), std::string::npos) << p.err();
 }
 
+// ---- curves
+
+TEST(BoundaryCurve, IsTheBoundaryAtEachValueForAnyNumberOfJobs) {
+  const Axis damping = parse_axis("device.damping_n_s_per_m=0.3,0.5,0.8");
+  BoundaryOptions options{.scene = kHeld, .set = {"duration_s=10"}, .vary = {{kStiffness}, 500.0, 8000.0}};
+  const std::string alone = to_csv(boundary_curve(options, damping));
+  options.jobs = 3;
+  EXPECT_EQ(to_csv(boundary_curve(options, damping)), alone);
+  std::string expected = "device.damping_n_s_per_m," + kStiffness + ",note\n";
+  for (const std::string& value : damping.values) {
+    BoundaryOptions one = options;
+    one.set.push_back("device.damping_n_s_per_m=" + value);
+    expected += fmt::format("{},{},\n", value, find_boundary(one).stable);
+  }
+  EXPECT_EQ(alone, expected);
+}
+
+// A sampled spring is stable up to 2b/T: 200, 2000 and 20000 N/m.
+TEST(BoundaryProgram, MakesACurveWhoseRowsSayWhereThereIsNoBoundary) {
+  const Folder folder;
+  const Words command{TWOPORT_LAB,
+                      "boundary",
+                      kHeld,
+                      "--vary",
+                      kStiffness + "=500:4000",
+                      "--set",
+                      "duration_s=15",
+                      "--along",
+                      "device.damping_n_s_per_m=0.05,0.5,5"};
+  test::Process to_stdout = finished(command);
+  EXPECT_EQ(to_stdout.wait(), exited(0)) << to_stdout.err();
+  EXPECT_EQ(to_stdout.err(), "");
+  const std::string text = to_stdout.out();
+  EXPECT_EQ(text.rfind("device.damping_n_s_per_m," + kStiffness + ",note\n0.05,,unstable at both ends\n0.5,", 0), 0U)
+      << text;
+  EXPECT_NE(text.find("\n5,,stable at both ends\n"), std::string::npos) << text;
+  const std::size_t row = text.find("\n0.5,") + 5;
+  EXPECT_NEAR(std::stod(text.substr(row)), critical_stiffness({.period_s = 5e-4}), 2.0);  // 1e-3 of it
+
+  Words to_folder = command;
+  to_folder.insert(to_folder.end(), {"--out", folder / "curve"});
+  test::Process p = finished(to_folder);
+  EXPECT_EQ(p.wait(), exited(0)) << p.err();
+  EXPECT_EQ(test::read_text(folder / "curve/boundary.csv"), text);
+  EXPECT_NE(p.out().find("/boundary.csv: 3 rows\n"), std::string::npos) << p.out();
+  if (std::system("command -v gnuplot > /dev/null 2>&1") != 0) return;
+  EXPECT_EQ(test::read_text(folder / "curve/boundary.png").rfind("\x89PNG", 0), 0U) << p.out();
+  const std::string svg = test::read_text(folder / "curve/boundary.svg");
+  for (const char* words : {"device damping [N s/m]", "spring stiffness [N/m]", "held spring", "boundary", "unstable"})
+    EXPECT_NE(svg.find(words), std::string::npos) << words;
+}
+
+TEST(BoundaryProgram, MakesACurveOfLinkedPathsAndOfTheLeastStableValue) {
+  const std::string damping = "device.damping_n_s_per_m", other = "environment[1].spring.stiffness_n_per_m";
+  const test::Process p = finished({TWOPORT_LAB, "boundary", kHeld, "--vary", damping + "=0.05:5", "--along",
+                                    kStiffness + "," + other + "=1000,2000", "--set",
+                                    "environment[1].spring.anchor_m=[0]", "--set", "duration_s=15"});
+  const std::string text = p.out();
+  ASSERT_EQ(text.rfind(kStiffness + "," + other + "," + damping + ",note\n1000,1000,0.", 0), 0U) << text << p.err();
+  ASSERT_EQ(test::count(text, ",stable from here up\n"), 2) << text;
+  const auto found = [&](const std::string& row) { return std::stod(text.substr(text.find(row) + row.size())); };
+  EXPECT_NEAR(found("\n1000,1000,"), 0.5, 2e-3);  // b = K T/2 of both together; 1e-3, and the mass's small share
+  EXPECT_NEAR(found("\n2000,2000,"), 1.0, 4e-3);
+}
+
+TEST(BoundaryProgram, SaysThatARowIsStableAtBothEndsButNotBetween) {
+  const Folder folder;
+  const std::string scene = folder.write("loop.textproto", kLoop);
+  Words command{TWOPORT_LAB, "boundary", scene, "--vary", "control.force_scale=0.3:1", "--along", "seed=1,2"};
+  for (const std::string& each : overrides(kIsland)) command.insert(command.end(), {"--set", each});
+  const test::Process p = finished(command);
+  EXPECT_EQ(test::count(p.out(), ",,stable at both ends but not at 0."), 2) << p.out() << p.err();
+}
+
 TEST(BoundaryProgram, RefusesEndsThatAgree) {
   expect_refused({kHeld, "--vary", kStiffness + "=100:200", "--set", "duration_s=5"},
                  {kStiffness, "both ends are stable", "100", "200"});
@@ -447,6 +523,17 @@ TEST(BoundaryProgram, SaysWhatIsWrongWithAnIntervalOrAPath) {
   expect_refused({kHeld, "--vary", "device.colour=1:2"}, {"device.colour=1", "colour", "mass_kg"});
   expect_refused({kHeld, "--vary", "device.mass_kg=-1:2"}, {"device.mass_kg", "-1", ">= 0"});
   expect_refused({kHeld, "--vary", kStiffness + "=500:8000", "--tolerance", "0"}, {"--tolerance", "0", "between"});
+  const Words curve{kHeld, "--vary", kStiffness + "=500:8000", "--along"};
+  const auto plus = [](Words all, const Words& more) {
+    all.insert(all.end(), more.begin(), more.end());
+    return all;
+  };
+  expect_refused(plus(curve, {"device.mass_kg"}), {"--along device.mass_kg", "PATH=a,b,c"});
+  expect_refused(plus(curve, {"device.mass_kg=0.1,-1"}), {"device.mass_kg", "-1", ">= 0"});
+  expect_refused(plus(curve, {"device.mass_kg," + kStiffness + "=1,2"}), {"--along", kStiffness + " is varied"});
+  expect_refused(plus(curve, {"seed=1,2", "--jobs", "0"}), {"--jobs", "0", "at least 1"});
+  expect_refused(plus(curve, {"seed=1,2", "--out", "/dev/null/x"}), {"--out /dev/null/x"});
+  expect_refused({kHeld, "--vary", kStiffness + "=500:8000", "--out", "x"}, {"--out", "--along"});
   expect_refused({kHeld + "x", "--vary", kStiffness + "=500:8000"}, {kHeld + "x", "No such file"});
 }
 

@@ -3,8 +3,9 @@
 #include <cctype>
 #include <filesystem>
 
+#include "common/record/expectation.h"
+#include "common/scene/hints.h"
 #include "common/scene/load.h"
-#include "common/scene/summary.h"
 #include "lab/run.h"
 
 namespace twoport {
@@ -20,11 +21,15 @@ std::vector<std::string> scene_files() {
 
 class Scenario : public testing::TestWithParam<std::string> {};
 
-TEST_P(Scenario, KeepsItsPromise) {
+TEST_P(Scenario, MeetsItsExpectations) {
   const Scene scene = load_scene(GetParam());
   EXPECT_TRUE(scene.expect.stable || !scene.expect.at_least.empty() || !scene.expect.at_most.empty())
-      << "promises nothing";
-  for (const std::string& sentence : broken_promises(scene.expect, lab::run(scene))) ADD_FAILURE() << sentence;
+      << "expects nothing";
+  for (const std::string& sentence : violations(scene.expect, lab::run(scene))) ADD_FAILURE() << sentence;
+}
+
+TEST_P(Scenario, GivesNoWarning) {
+  for (const std::string& sentence : hints(load_scene(GetParam()))) ADD_FAILURE() << sentence;
 }
 
 // Bit for bit: the loop with a switching controller is chaotic, so any difference would grow to be seen.

@@ -46,21 +46,6 @@ int new_terminal() {
 
 }  // namespace
 
-Folder::Folder() {
-  std::string name = (std::filesystem::temp_directory_path() / "twoport-XXXXXX").string();
-  if (mkdtemp(name.data()) == nullptr) fail(name);
-  path_ = name;
-}
-Folder::~Folder() {
-  std::error_code ignored;
-  std::filesystem::remove_all(path_, ignored);
-}
-std::string Folder::write(std::string_view name, std::string_view text) const {
-  const std::string path = *this / name;
-  std::ofstream{path} << text;
-  return path;
-}
-
 struct Process::Impl {
   Folder folder;
   pid_t pid = -1;

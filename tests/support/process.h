@@ -4,31 +4,17 @@
 
 #include <chrono>
 #include <cstdint>
-#include <filesystem>
 #include <memory>
 #include <ostream>
 #include <string>
 #include <string_view>
 #include <vector>
 
+#include "tests/support/folder.h"
+
 namespace twoport::test {
 
 using namespace std::chrono_literals;
-
-/// A new folder below the system's temporary one. It goes with everything in it.
-class Folder {
- public:
-  Folder();
-  ~Folder();
-  Folder(const Folder&) = delete;
-
-  [[nodiscard]] std::string operator/(std::string_view name) const { return (path_ / name).string(); }
-  /// Writes a file and returns its path.
-  [[nodiscard]] std::string write(std::string_view name, std::string_view text) const;
-
- private:
-  std::filesystem::path path_;
-};
 
 /// How a program ended: with a status, or by a signal.
 struct Exit {

@@ -11,6 +11,7 @@
 #include <string>
 #include <vector>
 
+#include "proto/report.pb.h"
 #include "tests/support/no_alloc.h"
 
 namespace twoport {
@@ -96,6 +97,24 @@ Decoded decoded(const Bytes& bytes) {
   Codec<N> codec;
   Envelope<N> e;
   return codec.decode(bytes, e);
+}
+
+/// As proto/report.proto has it.
+unsigned wire_type_of(const google::protobuf::FieldDescriptor& field) {
+  using Field = google::protobuf::FieldDescriptor;
+  switch (field.type()) {
+    case Field::TYPE_FIXED64:
+    case Field::TYPE_SFIXED64:
+      return 1;
+    case Field::TYPE_DOUBLE:
+      return field.is_repeated() ? 2 : 1;
+    case Field::TYPE_BYTES:
+      return 2;
+    case Field::TYPE_FIXED32:
+      return 5;
+    default:
+      return 0;
+  }
 }
 
 template <class D>
@@ -231,6 +250,52 @@ TYPED_TEST(CodecOf, RejectsWhatIsTooLong) {
   EXPECT_EQ(decoded<N>(bytes), Decoded::malformed);
 }
 
+/// Appends a field of this number and wire type, of a valid length.
+void append_field(Bytes& bytes, unsigned number, unsigned wire_type) {
+  const unsigned tag = number << 3 | wire_type;
+  if (tag >= 0x80) bytes.push_back(static_cast<std::byte>((tag & 0x7f) | 0x80));
+  bytes.push_back(static_cast<std::byte>(tag >= 0x80 ? tag >> 7 : tag));
+  switch (wire_type) {
+    case 0:
+      return bytes.push_back(std::byte{1});
+    case 1:
+      return bytes.resize(bytes.size() + 8);
+    case 2:
+      bytes.push_back(std::byte{8});
+      return bytes.resize(bytes.size() + 8);
+    case 3:  // a group, and its end
+      return append_field(bytes, number, 4);
+    case 5:
+      return bytes.resize(bytes.size() + 4);
+  }
+}
+
+TYPED_TEST(CodecOf, RejectsFieldsThatNobodyKnowsWithoutAllocating) {
+  constexpr int N = TypeParam::value;
+  std::mt19937_64 rng{7};
+  const Bytes good = encoded(some<N>(rng));
+  Codec<N> codec;
+  Envelope<N> got;
+  int of_known_type = 0;
+  for (unsigned number : {1U, 2U, 3U, 4U, 5U, 6U, 7U, 8U, 9U, 10U, 11U, 12U, 13U, 14U, 15U, 16U, 17U, 18U, 100U}) {
+    for (unsigned wire_type : {0U, 1U, 2U, 3U, 5U}) {
+      Bytes bytes = good;
+      append_field(bytes, number, wire_type);
+      const NoAlloc guard;
+      const Decoded result = codec.decode(bytes, got);
+      EXPECT_EQ(guard.seen(), 0) << number << " " << wire_type;
+      const auto* field = schema::Datagram::descriptor()->FindFieldByNumber(static_cast<int>(number));
+      if (field != nullptr && wire_type == wire_type_of(*field)) {
+        ++of_known_type;
+      } else {
+        EXPECT_EQ(result, Decoded::malformed) << number << " " << wire_type;
+      }
+    }
+  }
+  EXPECT_EQ(of_known_type, schema::Datagram::descriptor()->field_count());
+  EXPECT_EQ(codec.decode(good, got), Decoded::ok);
+}
+
 TYPED_TEST(CodecOf, RejectsNumbersThatAreNone) {
   constexpr int N = TypeParam::value;
   std::mt19937_64 rng{8};
@@ -354,10 +419,19 @@ TEST(Codec, SaysWhenTheOtherHasAnotherVersion) {
   ASSERT_EQ(codec.decode(encoded(sent), got), Decoded::other_version);
   EXPECT_EQ(got.version, kProtocolVersion + 1);
   EXPECT_EQ(got.session, sent.session);
-  sent.refusal = "too new";
-  const Bytes bytes = encoded(sent);
+  sent.refusal = "too new\x01";
+  sent.peer_session = 5;
+  Bytes bytes = encoded(sent);
+  // A later version may have more fields, and other types.
+  append_field(bytes, 100, 2);
+  append_field(bytes, 7, 1);
+  const NoAlloc guard;
   ASSERT_EQ(codec.decode(bytes, got), Decoded::other_version);
-  EXPECT_EQ(got.refusal, "too new");
+  EXPECT_EQ(guard.seen(), 0);
+  EXPECT_EQ(got.refusal, "too new?");
+  EXPECT_EQ(got.peer_session, 5U);
+  bytes.pop_back();
+  EXPECT_EQ(codec.decode(bytes, got), Decoded::malformed);
 }
 
 TEST(Codec, RejectsAnAttitudeThatIsNone) {

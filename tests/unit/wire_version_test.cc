@@ -8,7 +8,7 @@
 #include <string>
 #include <string_view>
 
-#include "common/wire/codec.h"
+#include "common/wire/header.h"
 #include "proto/report.pb.h"
 
 namespace twoport {
@@ -24,6 +24,7 @@ struct WireVersion {
 };
 constexpr WireVersion kWireVersions[] = {
     {1, 0x569f0f783e77e61f, "0.1.0"},
+    {2, 0xe39bf9e41a06bba6, ""},
 };
 
 /// Everything about a message that decides its bytes: number, type and repetition of each field, in the order of numbers.
@@ -61,7 +62,8 @@ TEST(WireVersion, ChangesWithTheSchemaOfARelease) {
         newest.version, digest(text));
   } else {
     EXPECT_EQ(newest.digest, digest(text)) << fmt::format(
-        "proto/report.proto differs from release {}: raise kProtocolVersion in common/wire/codec.h to {:#x} and append "
+        "proto/report.proto differs from release {}: raise kProtocolVersion in common/wire/header.h to {:#x} and "
+        "append "
         "{{{}, {:#018x}, \"\"}} to kWireVersions.",
         newest.release, kProtocolVersion + 1, newest.version + 1, digest(text));
   }

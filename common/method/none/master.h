@@ -13,7 +13,7 @@ class NoControlMaster {
 
   void start(const DeviceSample<N>& device) noexcept { displayed_.start(device.x); }
 
-  MasterOutput<N> step(const MasterInput<N>& in, Words&) noexcept {
+  MasterOutput<N> step(const MasterInput<N>& in) noexcept {
     MasterOutput<N> out{};
     out.energy_in = in.account.absorbed() - base_absorbed_;
     if (!in.active) return out;
@@ -25,6 +25,8 @@ class NoControlMaster {
   /// None: energy that was given without control is not charged to whoever takes over.
   [[nodiscard]] Energy deficit(const Ledger&, Energy) const noexcept { return Energy{}; }
   void restart(const Ledger& account, Energy) noexcept { base_absorbed_ = account.absorbed(); }
+  static constexpr bool has_payload() noexcept { return false; }
+  void write_payload(Words&) const noexcept {}
 
  private:
   DisplayedForce<N> displayed_;

@@ -37,7 +37,7 @@ class TdpaMaster {
 
   void start(const DeviceSample<N>& device) noexcept { displayed_.start(device.x); }
 
-  [[gnu::always_inline]] MasterOutput<N> step(const MasterInput<N>& in, Words&) noexcept {
+  [[gnu::always_inline]] MasterOutput<N> step(const MasterInput<N>& in) noexcept {
     observe(in);
     Corrected<Force<N>> allowed{};
     Force<N> wanted;
@@ -66,6 +66,8 @@ class TdpaMaster {
     base_sent_ = command_.absorbed();
     base_returned_ = account.returned() - deficit;
   }
+  static constexpr bool has_payload() noexcept { return false; }
+  void write_payload(Words&) const noexcept {}
 
  private:
   /// Nothing where the mass at the handle is not known: its answer to a force is not known then.

@@ -35,7 +35,7 @@ class TdpaSlave {
     f_ = Force<N>{};
   }
 
-  [[gnu::always_inline]] SlaveOutput<N> step(const SlaveInput<N>& in, Words& words) noexcept {
+  [[gnu::always_inline]] SlaveOutput<N> step(const SlaveInput<N>& in) noexcept {
     const RobotSample<N>& robot = in.robot;
     coupling_energy_.book(0, -dot(f_, robot.x - x_before_));
     x_before_ = robot.x;
@@ -49,13 +49,14 @@ class TdpaSlave {
     }
     Yielded<N> allowed =
         yield(wanted.f, wanted.v, coupling_.spring().compliance(in.dt), available(in.master_energy_in), in.dt);
+    if (!all_finite(allowed.f, allowed.v)) [[unlikely]]
+      return no_force_exists(allowed.f);
     f_ = allowed.f;
     Displacement<N> moved = allowed.v * in.dt;
     const Energy into_slave = dot(f_, moved);
     account_.book(-into_slave);
     coupling_energy_.book(0, into_slave);
     coupling_.move(moved, wanted.v, in.dt);
-    coupling_.tell_position(robot.x, words);
     return {.command = {.f = f_, .x_d = coupling_.set_point(), .v_d = allowed.v},
             .f_back = measured_ ? robot.f_environment : wanted.f,
             .energy_in = credit(),
@@ -83,6 +84,8 @@ class TdpaSlave {
   [[nodiscard]] SlaveHandover<N> handover() const noexcept { return {coupling_.registration(), coupling_.set_point()}; }
   void resume(const SlaveHandover<N>& from) noexcept { coupling_.resume(from.registration, from.set_point); }
   [[nodiscard]] const Position<N>& target() const noexcept { return coupling_.target(); }
+  [[nodiscard]] bool has_payload() const noexcept { return coupling_.tells_position(); }
+  void write_payload(Words& words) const noexcept { coupling_.tell_position(x_before_, words); }
 
  private:
   [[nodiscard]] Energy returned() const noexcept { return account_.returned() - base_returned_; }

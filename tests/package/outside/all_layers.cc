@@ -1,7 +1,8 @@
 #include <common/platform/udp.h>
+#include <common/record/summary.h>
 #include <common/record/trace.h>
 #include <common/scene/load.h>
-#include <common/scene/summary.h>
+#include <common/scene/names.h>
 #include <common/wire/link_transport.h>
 #include <master/master_node.h>
 #include <sim/sim_device.h>

@@ -47,9 +47,9 @@ TEST(Verdict, SeesGrowthOfOneInTenMillionPerTickInAMinute) {
   const Verdict grows = verdict({.growth_per_tick = 1e-7, .duration_s = 60.0});
   const Verdict falls = verdict({.growth_per_tick = -1e-7, .duration_s = 60.0});
   EXPECT_FALSE(grows.stable());
-  EXPECT_NE(grows.words().find("growing"), std::string::npos) << grows.words();
-  EXPECT_TRUE(falls.stable()) << falls.words();
-  EXPECT_EQ(falls.words(), "bounded and decaying");
+  EXPECT_NE(grows.text().find("growing"), std::string::npos) << grows.text();
+  EXPECT_TRUE(falls.stable()) << falls.text();
+  EXPECT_EQ(falls.text(), "bounded and decaying");
 }
 
 TEST(Verdict, SeesGrowthBeforeTheNetworkHasPaidMuch) {
@@ -59,33 +59,33 @@ TEST(Verdict, SeesGrowthBeforeTheNetworkHasPaidMuch) {
 
 TEST(Verdict, LeavesGrowthToTheHandWhereThePortEnergyRises) {
   const Verdict fed_by_the_hand = verdict({.growth_per_tick = 1e-5, .paid_w = -0.1});
-  EXPECT_TRUE(fed_by_the_hand.stable()) << fed_by_the_hand.words();
+  EXPECT_TRUE(fed_by_the_hand.stable()) << fed_by_the_hand.text();
   EXPECT_FALSE(verdict({.growth_per_tick = 1e-4, .paid_w = -0.1}).stable()) << "tenfold all the same";
 }
 
 TEST(Verdict, BelievesAControllerThatHasCreditLeft) {
   const Motion swelling{.growth_per_tick = 1e-5, .paid_w = 0.01, .corrected = true, .initial_energy_j = 1.0};
-  EXPECT_TRUE(verdict(swelling).stable()) << verdict(swelling).words();
+  EXPECT_TRUE(verdict(swelling).stable()) << verdict(swelling).text();
   Motion tenfold = swelling;
   tenfold.growth_per_tick = 1e-4;
   tenfold.speed = 1e-3;
   tenfold.paid_w = 1e-5;
-  EXPECT_TRUE(verdict(tenfold).stable()) << verdict(tenfold).words();
+  EXPECT_TRUE(verdict(tenfold).stable()) << verdict(tenfold).text();
   tenfold.corrected = false;
-  EXPECT_FALSE(verdict(tenfold).stable()) << verdict(tenfold).words();
+  EXPECT_FALSE(verdict(tenfold).stable()) << verdict(tenfold).text();
   Motion broke = swelling;
   broke.initial_energy_j = 1e-3;
-  EXPECT_FALSE(verdict(broke).stable()) << verdict(broke).words();
+  EXPECT_FALSE(verdict(broke).stable()) << verdict(broke).text();
   Motion alone = swelling;
   alone.corrected = false;
-  EXPECT_FALSE(verdict(alone).stable()) << verdict(alone).words();
+  EXPECT_FALSE(verdict(alone).stable()) << verdict(alone).text();
 }
 
 TEST(Verdict, CallsALimitCycleThatTheNetworkFeedsSustained) {
   const Verdict cycle = verdict({});
   EXPECT_FALSE(cycle.stable());
-  EXPECT_NE(cycle.words().find("sustained oscillation"), std::string::npos) << cycle.words();
-  EXPECT_FALSE(verdict({.settles = 1e-3}).stable()) << verdict({.settles = 1e-3}).words();
+  EXPECT_NE(cycle.text().find("sustained oscillation"), std::string::npos) << cycle.text();
+  EXPECT_FALSE(verdict({.settles = 1e-3}).stable()) << verdict({.settles = 1e-3}).text();
   EXPECT_TRUE(verdict({.growth_per_tick = -1e-7}).stable());
   EXPECT_FALSE(verdict({.growth_per_tick = -1e-7, .limited = true}).stable()) << "no linear loop";
   EXPECT_TRUE(verdict({.growth_per_tick = -1e-5, .limited = true}).stable());
@@ -95,10 +95,10 @@ TEST(Verdict, CallsALimitCycleThatTheNetworkFeedsSustained) {
 
 TEST(Verdict, SeesAPaymentThroughWhatTheHandDoesMeanwhile) {
   const Motion sliding{.slides_j = 0.2, .fast_share = 0.6, .path_ends_s = 20.0};  // 0.125 J are paid in a window
-  EXPECT_FALSE(verdict(sliding).stable()) << verdict(sliding).words();
+  EXPECT_FALSE(verdict(sliding).stable()) << verdict(sliding).text();
   Motion unpaid = sliding;
   unpaid.paid_w = 0.0;
-  EXPECT_TRUE(verdict(unpaid).stable()) << verdict(unpaid).words();
+  EXPECT_TRUE(verdict(unpaid).stable()) << verdict(unpaid).text();
 }
 
 TEST(Verdict, LeavesToTheHandWhatIsSlowWhileThePathRuns) {
@@ -109,10 +109,10 @@ TEST(Verdict, LeavesToTheHandWhatIsSlowWhileThePathRuns) {
 }
 
 TEST(Verdict, NeedsSomethingThatMoves) {
-  EXPECT_EQ(verdict({.speed = 1e-10}).words(), "bounded, at rest");
+  EXPECT_EQ(verdict({.speed = 1e-10}).text(), "bounded, at rest");
   Verdict silent{0.0, 1.0, 0.0};
   for (int k = 0; k < 2000; ++k) silent.add({k / kRate, 0, 0, 0, 0, 0, false});
-  EXPECT_EQ(silent.words(), "bounded, at rest");
+  EXPECT_EQ(silent.text(), "bounded, at rest");
   EXPECT_TRUE(silent.stable());
 }
 
@@ -121,20 +121,20 @@ TEST(Verdict, JudgesNothingFromLessThanHalfOfWhatWasPlanned) {
   for (int k = 0; k < 40 * static_cast<int>(kRate); ++k)
     cut.add({k / kRate, 0.01, std::exp(1e-5 * k), -1.0 * k, 0, 0, false});
   EXPECT_TRUE(cut.stable());
-  EXPECT_NE(cut.words().find("too short"), std::string::npos) << cut.words();
+  EXPECT_NE(cut.text().find("too short"), std::string::npos) << cut.text();
 }
 
 TEST(Verdict, EndsWhereThereIsNoUseInGoingOn) {
   constexpr double kNone = std::numeric_limits<double>::quiet_NaN(),
                    kInfinite = std::numeric_limits<double>::infinity();
-  for (const Verdict::Tick bad :
-       {Verdict::Tick{0.5, 101.0, 0, 0, 0, 0, false}, Verdict::Tick{0.5, kNone, 0, 0, 0, 0, false},
-        Verdict::Tick{0.5, 0, kNone, 0, 0, 0, false}, Verdict::Tick{0.5, 0, 0, kInfinite, 0, 0, false}}) {
+  for (const Verdict::Sample bad :
+       {Verdict::Sample{0.5, 101.0, 0, 0, 0, 0, false}, Verdict::Sample{0.5, kNone, 0, 0, 0, 0, false},
+        Verdict::Sample{0.5, 0, kNone, 0, 0, 0, false}, Verdict::Sample{0.5, 0, 0, kInfinite, 0, 0, false}}) {
     Verdict judge{0.0, 1.0, 0.0};
     EXPECT_TRUE(judge.add({0.4, 99.0, 1.0, 0, 0, 0, false}));
     EXPECT_FALSE(judge.add(bad));
     EXPECT_FALSE(judge.stable());
-    EXPECT_EQ(judge.words(), "diverged at 0.5 s");
+    EXPECT_EQ(judge.text(), "diverged at 0.5 s");
   }
 }
 

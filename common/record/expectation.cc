@@ -1,0 +1,33 @@
+#include "common/record/expectation.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+
+#include "common/base/check.h"
+
+namespace twoport {
+
+std::vector<std::string> violations(const ExpectSpec& expect, const Summary& summary) {
+  std::vector<std::string> found;
+  if (expect.stable && *expect.stable != summary.stable())
+    found.push_back(fmt::format("stable is {}, expected {}{}", summary.stable(), *expect.stable,
+                                summary.verdict().empty() ? "" : ": " + summary.verdict()));
+
+  const auto all = numbers(summary);
+  const auto check = [&](const Bound& bound, const char* side, double sign, const char* missed) {
+    const auto figure = std::find_if(all.begin(), all.end(), [&](const auto& each) { return each.first == bound.key; });
+    if (figure == all.end()) throw ConfigError{fmt::format("expect: no number \"{}\" in a summary", bound.key)};
+    const double value = figure->second;
+    if (sign * value >= sign * bound.value) return;
+    std::string sentence = fmt::format("{} is {:.9g}, expected {} {:.9g}", bound.key, value, side, bound.value);
+    if (!std::isnan(value)) sentence += fmt::format(": {} by {:.9g}", missed, sign * (bound.value - value));
+    found.push_back(std::move(sentence));
+  };
+  for (const Bound& bound : expect.at_least) check(bound, "at least", 1.0, "short");
+  for (const Bound& bound : expect.at_most) check(bound, "at most", -1.0, "over");
+  return found;
+}
+
+}  // namespace twoport

@@ -1,0 +1,34 @@
+#pragma once
+
+#include <Eigen/Core>
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+
+namespace twoport {
+
+/// Second-order Butterworth high pass by the bilinear transform, of each of D coordinates.
+template <int D>
+class HighPass {
+ public:
+  HighPass(double corner_hz, double rate_hz) {
+    const double k = std::tan(std::numbers::pi * std::min(corner_hz / rate_hz, 0.49));
+    const double norm = 1.0 / (1.0 + std::numbers::sqrt2 * k + k * k);
+    b0_ = norm;
+    a1_ = 2.0 * (k * k - 1.0) * norm;
+    a2_ = (1.0 - std::numbers::sqrt2 * k + k * k) * norm;
+  }
+  using Vector = Eigen::Matrix<double, D, 1>;
+  Vector step(const Vector& x) noexcept {
+    const Vector y = b0_ * x + s1_;
+    s1_ = -2.0 * b0_ * x - a1_ * y + s2_;
+    s2_ = b0_ * x - a2_ * y;
+    return y;
+  }
+
+ private:
+  double b0_, a1_, a2_;
+  Vector s1_ = Vector::Zero(), s2_ = Vector::Zero();
+};
+
+}  // namespace twoport

@@ -1,0 +1,95 @@
+#include "common/record/summary.h"
+
+#include <google/protobuf/descriptor.h>
+#include <google/protobuf/message.h>
+#include <google/protobuf/util/json_util.h>
+
+#include <limits>
+
+#include "common/base/check.h"
+#include "common/scene/names.h"
+
+namespace twoport {
+namespace {
+
+namespace pb = google::protobuf;
+
+double number(const pb::Message& of, const pb::FieldDescriptor& field) {
+  using Field = pb::FieldDescriptor;
+  const pb::Reflection& reflection = *of.GetReflection();
+  if (field.has_presence() && !reflection.HasField(of, &field)) return std::numeric_limits<double>::quiet_NaN();
+  switch (field.cpp_type()) {
+    case Field::CPPTYPE_DOUBLE:
+      return reflection.GetDouble(of, &field);
+    case Field::CPPTYPE_INT32:
+      return reflection.GetInt32(of, &field);
+    case Field::CPPTYPE_UINT32:
+      return reflection.GetUInt32(of, &field);
+    case Field::CPPTYPE_BOOL:
+      return reflection.GetBool(of, &field) ? 1.0 : 0.0;
+    default:
+      throw ConfigError{"summary: " + field.full_name() +
+                        " is of a type without a rule here: " + field.cpp_type_name()};
+  }
+}
+
+void add_numbers(const pb::Message& of, const std::string& prefix, std::vector<std::pair<std::string, double>>& all) {
+  const pb::Descriptor& descriptor = *of.GetDescriptor();
+  for (int i = 0; i < descriptor.field_count(); ++i) {
+    const pb::FieldDescriptor& field = *descriptor.field(i);
+    if (field.message_type())
+      add_numbers(of.GetReflection()->GetMessage(of, &field), prefix + field.name() + ".", all);
+    else if (field.cpp_type() != pb::FieldDescriptor::CPPTYPE_STRING)
+      all.emplace_back(prefix + field.name(), number(of, field));
+  }
+}
+
+}  // namespace
+
+void describe_run(const Scene& scene, std::string_view side, Summary& s) {
+  s.set_scene(scene.name);
+  s.set_side(std::string{side});
+  s.set_architecture(to_string(scene.control.architecture));
+  s.set_method(to_string(scene.control.controller.method));
+  s.set_dof(scene.dof);
+  // Printed for every run, zeros included.
+  s.mutable_packets()->mutable_to_slave();
+  s.mutable_packets()->mutable_to_master();
+  s.mutable_rtt_ms();
+  s.mutable_loop_lateness_us();
+}
+
+Packets packets(std::uint64_t sent, const PacketCounts& receiver, std::uint64_t rejected) {
+  const auto count = [](std::uint64_t n) { return static_cast<std::uint32_t>(n); };
+  Packets all;
+  all.set_sent(count(sent));
+  all.set_received(count(receiver.received));
+  all.set_lost(count(receiver.lost));
+  all.set_late(count(receiver.late));
+  all.set_duplicated(count(receiver.duplicated));
+  all.set_rejected(count(rejected));
+  return all;
+}
+
+std::string to_json(const Summary& summary) {
+  pb::util::JsonPrintOptions options;
+  options.add_whitespace = true;
+  options.always_print_primitive_fields = true;
+  options.preserve_proto_field_names = true;
+  std::string json;
+  const auto status = pb::util::MessageToJsonString(summary, &json, options);
+  if (!status.ok()) throw ConfigError{"summary: cannot be written as JSON: " + status.ToString()};
+  return json;
+}
+
+std::vector<std::pair<std::string, double>> numbers(const Summary& summary) {
+  std::vector<std::pair<std::string, double>> all;
+  add_numbers(summary, "", all);
+  return all;
+}
+
+std::vector<std::pair<std::string, std::string>> texts(const Summary& s) {
+  return {{"scene", s.scene()}, {"architecture", s.architecture()}, {"method", s.method()}, {"verdict", s.verdict()}};
+}
+
+}  // namespace twoport

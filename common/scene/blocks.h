@@ -1,0 +1,33 @@
+#pragma once
+
+#include <vector>
+
+#include "common/scene/reader.h"
+#include "common/scene/scene.h"
+
+// The blocks of a scene, each checked by itself, and the rules between them. Internal to common/scene. Every error is a
+// ConfigError that names file, path, value and what is allowed.
+
+namespace twoport {
+
+OperatorSpec read_operator(const Block<schema::Operator>& of);
+DeviceSpec read_device(const Block<schema::Device>& of);
+ControlOptions read_control(const Block<schema::Control>& of);
+ImpairmentOptions read_impairment(const Block<schema::Impairment>& of);
+RobotSpec read_robot(const Block<schema::Robot>& of);
+EnvironmentSpec read_environment(const Block<schema::Environment>& of);
+/// Contact points of the tool; with dof 6 one at the origin where none is given.
+std::vector<Eigen::Vector3d> read_tool(const Block<schema::Tool>& of);
+SimulationSpec read_simulation(const Block<schema::Simulation>& of);
+ExpectSpec read_expect(const Block<schema::Expect>& of);
+
+/// What blocks ask of each other. `values` is what was read from `scene`.
+void check_rules(const Block<schema::Scene>& scene, const Scene& values);
+
+/// The plain enums count as the schema's do, so that a value crosses by its number.
+template <class Plain, class Schema>
+constexpr bool same_number(Plain plain, Schema schema) {
+  return static_cast<int>(plain) == static_cast<int>(schema);
+}
+
+}  // namespace twoport

@@ -1,0 +1,103 @@
+#include "common/scene/blocks.h"
+#include "common/scene/names.h"
+
+namespace twoport {
+namespace {
+
+static_assert(same_number(Architecture::render, schema::Control::RENDER) &&
+              same_number(Architecture::position_force, schema::Control::POSITION_FORCE) &&
+              same_number(Architecture::position_measured_force, schema::Control::POSITION_MEASURED_FORCE) &&
+              same_number(Architecture::position_position, schema::Control::POSITION_POSITION) &&
+              same_number(Architecture::uncontrolled, schema::Control::UNCONTROLLED) &&
+              same_number(Architecture::uncontrolled, schema::Control::Architecture_MAX));
+static_assert(same_number(Method::none, schema::Passivity::NONE) &&
+              same_number(Method::classic, schema::Passivity::CLASSIC) &&
+              same_number(Method::force_projected, schema::Passivity::FORCE_PROJECTED) &&
+              same_number(Method::force_projected, schema::Passivity::Method_MAX));
+static_assert(same_number(ObserverRule::exact, schema::Passivity::EXACT) &&
+              same_number(ObserverRule::rectangle, schema::Passivity::RECTANGLE) &&
+              same_number(ObserverRule::rectangle, schema::Passivity::Observer_MAX));
+static_assert(same_number(Accounts::total, schema::Passivity::TOTAL) &&
+              same_number(Accounts::normal_tangential, schema::Passivity::NORMAL_TANGENTIAL) &&
+              same_number(Accounts::per_contact, schema::Passivity::PER_CONTACT) &&
+              same_number(Accounts::translation_rotation, schema::Passivity::TRANSLATION_ROTATION) &&
+              same_number(Accounts::translation_rotation, schema::Passivity::Accounts_MAX));
+
+CouplingOptions read_coupling(const Block<schema::VirtualCoupling>& of) {
+  of.only_with_rotation(FIELD(rotational_stiffness_n_m_per_rad), FIELD(rotational_damping_n_m_s_per_rad));
+  return {
+      .stiffness_n_per_m = of.number(FIELD(stiffness_n_per_m), kNotNegative),
+      .damping_n_s_per_m = of.number(FIELD(damping_n_s_per_m), kNotNegative),
+      .rotational_stiffness_n_m_per_rad = of.number(FIELD(rotational_stiffness_n_m_per_rad), kNotNegative),
+      .rotational_damping_n_m_s_per_rad = of.number(FIELD(rotational_damping_n_m_s_per_rad), kNotNegative),
+      .catch_up_m_per_s = of.number(FIELD(catch_up_m_per_s), kNotNegative),
+      .drift_compensation = of.flag(FIELD(drift_compensation)),
+  };
+}
+
+RegistrationOptions read_registration(const Block<schema::Registration>& of) {
+  RegistrationOptions options;
+  options.absolute = of.choice<schema::Registration::Mode>(FIELD(mode)) == schema::Registration::ABSOLUTE;
+  if (of.has(FIELD(rotation))) {
+    if (of.dof() == 1)
+      of.fail(fmt::format("{} is given, but dof is 1; a rotation needs dof 3 or 6", of.path_of("rotation")));
+    const Numbers q = of.list(FIELD(rotation), Count{4, 4, ""});
+    options.rotation = Eigen::Quaterniond{q[0], q[1], q[2], q[3]};
+    if (std::abs(options.rotation.norm() - 1.0) > 1e-3) of.refuse(FIELD(rotation), "be of length 1");
+    options.rotation.normalize();
+  }
+  if (of.has(FIELD(position_m))) {
+    if (!options.absolute)
+      of.fail(fmt::format("{} is given, but {} is OFFSET; it needs ABSOLUTE", of.path_of("position_m"),
+                          of.path_of("mode")));
+    options.position_m = vector<3>(of.list(FIELD(position_m), of.context().point()));
+  }
+  return options;
+}
+
+void read_passivity(const Block<schema::Passivity>& of, ControlOptions& options) {
+  options.method_name = schema::Passivity::Method_Name(of.choice<schema::Passivity::Method>(FIELD(method)));
+  options.controller = {.method = of.choice<Method>(FIELD(method)),
+                        .max_gain = of.number(FIELD(max_gain), kNotNegative),
+                        .unilateral = of.flag(FIELD(unilateral)),
+                        .predict = of.flag(FIELD(predict))};
+  options.observer = of.choice<ObserverRule>(FIELD(observer));
+  options.accounts = of.choice<Accounts>(FIELD(accounts));
+  options.reference_energy = of.flag(FIELD(reference_energy));
+  const bool rendering = options.architecture == Architecture::render;
+  options.initial_energy = Energy{of.number_or(FIELD(initial_energy_j), kNotNegative, rendering ? 0.0 : 1e-3)};
+
+  // Only a rendering knows its contacts and their potential.
+  if (!rendering && options.accounts != Accounts::total)
+    of.refuse(FIELD(accounts), "be TOTAL over a link: only control.architecture RENDER knows its contacts");
+  if (of.dof() != 6 && options.accounts == Accounts::translation_rotation)
+    of.refuse(FIELD(accounts), fmt::format("be another one: nothing turns with dof {}", of.dof()));
+}
+
+}  // namespace
+
+ControlOptions read_control(const Block<schema::Control>& of) {
+  ControlOptions options;
+  options.architecture = of.choice<Architecture>(FIELD(architecture));
+  options.coupling = read_coupling(of.block(FIELD(virtual_coupling)));
+  options.force_scale = of.number(FIELD(force_scale), kPositive);
+  options.motion_scale = of.number(FIELD(motion_scale), kPositive);
+  options.registration = read_registration(of.block(FIELD(registration)));
+  options.engage = Seconds{of.number(FIELD(engage_s), kDelay)};
+  options.hold_after = Seconds{of.number(FIELD(hold_after_s), kSpan)};
+  options.release_after = Seconds{of.number(FIELD(release_after_s), kSpan)};
+  if (!(options.hold_after < options.release_after))
+    of.refuse(FIELD(hold_after_s),
+              fmt::format("be < {} ({})", of.path_of("release_after_s"), options.release_after.si()));
+  read_passivity(of.block(FIELD(passivity)), options);
+  return options;
+}
+
+std::string to_string(Architecture architecture) {
+  return schema::Control::Architecture_Name(static_cast<schema::Control::Architecture>(architecture));
+}
+std::string to_string(Method method) {
+  return schema::Passivity::Method_Name(static_cast<schema::Passivity::Method>(method));
+}
+
+}  // namespace twoport

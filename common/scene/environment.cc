@@ -1,0 +1,78 @@
+#include <algorithm>
+#include <optional>
+#include <type_traits>
+
+#include "common/scene/blocks.h"
+
+namespace twoport {
+namespace {
+
+/// The four numbers of a surface, which the text writes beside its shape.
+template <class Shape>
+Material read_material(const Block<Shape>& of) {
+  return {.stiffness_n_per_m = of.required(FIELD(stiffness_n_per_m), kPositive),
+          .damping_n_s_per_m = of.number(FIELD(damping_n_s_per_m), kNotNegative),
+          .friction = of.number(FIELD(friction), kNotNegative),
+          .viscous_friction_n_s_per_m = of.number(FIELD(viscous_friction_n_s_per_m), kNotNegative)};
+}
+
+Wall read_shape(const Block<schema::Wall>& of) {
+  return {.normal = vector<3>(direction(of, FIELD(normal))), .offset_m = of.number(FIELD(offset_m), kFinite)};
+}
+
+Sphere read_shape(const Block<schema::Sphere>& of) {
+  return {.center_m = vector<3>(of.list(FIELD(center_m), of.context().point())),
+          .radius_m = of.required(FIELD(radius_m), kPositive)};
+}
+
+Cylinder read_shape(const Block<schema::Cylinder>& of) {
+  if (of.dof() == 1) of.fail(fmt::format("{} is given, but dof is 1; a cylinder needs dof 3 or 6", of.path()));
+  return {.point_m = vector<3>(of.list(FIELD(point_m), of.context().point())),
+          .axis = vector<3>(direction(of, FIELD(axis))),
+          .radius_m = of.required(FIELD(radius_m), kPositive)};
+}
+
+Box read_shape(const Block<schema::Box>& of) {
+  of.require(FIELD(half_size_m), of.context().point().words());
+  const Numbers half_size = of.list(FIELD(half_size_m), of.context().point());
+  if (!std::all_of(half_size.begin(), half_size.end(), kPositive.holds))
+    of.refuse(FIELD(half_size_m), "hold numbers > 0");
+  return {.center_m = vector<3>(of.list(FIELD(center_m), of.context().point())), .half_size_m = vector<3>(half_size)};
+}
+
+Spring read_spring(const Block<schema::Spring>& of) {
+  return {.stiffness_n_per_m = of.required(FIELD(stiffness_n_per_m), kNotNegative),
+          .damping_n_s_per_m = of.number(FIELD(damping_n_s_per_m), kNotNegative),
+          .anchor_m = vector<3>(of.list(FIELD(anchor_m), of.context().point()))};
+}
+
+/// The field that holds each shape. One of the list in common/contact/shape.h that has none here does not compile.
+auto field_of(std::type_identity<Wall>) {
+  return FIELD(wall);
+}
+auto field_of(std::type_identity<Sphere>) {
+  return FIELD(sphere);
+}
+auto field_of(std::type_identity<Cylinder>) {
+  return FIELD(cylinder);
+}
+auto field_of(std::type_identity<Box>) {
+  return FIELD(box);
+}
+
+}  // namespace
+
+EnvironmentSpec read_environment(const Block<schema::Environment>& of) {
+  std::optional<EnvironmentSpec> found;
+  for_each_shape([&](auto shape) {
+    const auto field = field_of(shape);
+    if (!of.has(field)) return;
+    const auto block = of.block(field);
+    found = Surface{read_shape(block), read_material(block)};
+  });
+  if (found) return *found;
+  if (!of.has(FIELD(spring))) of.refuse_empty();
+  return read_spring(of.block(FIELD(spring)));
+}
+
+}  // namespace twoport

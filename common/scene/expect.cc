@@ -1,0 +1,49 @@
+#include <google/protobuf/descriptor.h>
+
+#include <algorithm>
+
+#include "common/scene/blocks.h"
+#include "proto/summary.pb.h"
+
+namespace twoport {
+namespace {
+
+/// The numbers of a summary, nested ones with dots.
+void add_number_names(const google::protobuf::Descriptor& block, const std::string& prefix,
+                      std::vector<std::string>& names) {
+  using Field = google::protobuf::FieldDescriptor;
+  for (int i = 0; i < block.field_count(); ++i) {
+    const Field& field = *block.field(i);
+    if (field.message_type())
+      add_number_names(*field.message_type(), prefix + field.name() + ".", names);
+    else if (field.cpp_type() != Field::CPPTYPE_STRING)
+      names.push_back(prefix + field.name());
+  }
+}
+
+std::vector<Bound> read_bounds(const std::vector<Block<schema::Bound>>& blocks) {
+  std::vector<std::string> known;
+  add_number_names(*schema::Summary::descriptor(), "", known);
+  known.erase(std::remove(known.begin(), known.end(), "stable"), known.end());
+  std::vector<Bound> bounds;
+  for (const auto& of : blocks) {
+    const std::string key = of.text(FIELD(key));
+    if (key == "stable") of.refuse(FIELD(key), "be a number of the summary; `expect { stable: ... }` is for that one");
+    if (std::find(known.begin(), known.end(), key) == known.end())
+      of.refuse(FIELD(key), fmt::format("be one of {}", fmt::join(known, ", ")));
+    bounds.push_back({key, of.required(FIELD(value), kFinite)});
+  }
+  return bounds;
+}
+
+}  // namespace
+
+ExpectSpec read_expect(const Block<schema::Expect>& of) {
+  ExpectSpec spec;
+  if (of.has(FIELD(stable))) spec.stable = of.flag(FIELD(stable));
+  spec.at_least = read_bounds(of.blocks(FIELD(at_least)));
+  spec.at_most = read_bounds(of.blocks(FIELD(at_most)));
+  return spec;
+}
+
+}  // namespace twoport

@@ -1,0 +1,115 @@
+#include "common/scene/hints.h"
+
+#include <fmt/format.h>
+
+#include <array>
+#include <cmath>
+#include <iterator>
+#include <variant>
+
+namespace twoport {
+namespace {
+
+/// A length of the scene: where it stands, and its largest coordinate.
+struct Length {
+  std::string path;
+  double metres = 0.0;
+};
+
+class LargestLength {
+ public:
+  /// Looks at every member of `block` that is a length.
+  template <class Block>
+  void look_at(const std::string& path, const Block& block) {
+    if constexpr (requires { block.position_m; }) take(path, "position_m", block.position_m);
+    if constexpr (requires { block.center_m; }) take(path, "center_m", block.center_m);
+    if constexpr (requires { block.point_m; }) take(path, "point_m", block.point_m);
+    if constexpr (requires { block.half_size_m; }) take(path, "half_size_m", block.half_size_m);
+    if constexpr (requires { block.anchor_m; }) take(path, "anchor_m", block.anchor_m);
+    if constexpr (requires { block.offset_m; }) take(path, "offset_m", std::array{block.offset_m});
+    if constexpr (requires { block.radius_m; }) take(path, "radius_m", std::array{block.radius_m});
+    if constexpr (requires { block.travel_m; }) take(path, "travel_m", std::array{block.travel_m});
+    if constexpr (requires { block.amplitude_m; }) take(path, "amplitude_m", std::array{block.amplitude_m});
+  }
+  [[nodiscard]] const Length& found() const { return largest_; }
+
+ private:
+  template <class Values>
+  void take(const std::string& path, const char* name, const Values& values) {
+    for (const double v : values)
+      if (std::abs(v) > largest_.metres) largest_ = {fmt::format("{}.{}", path, name), std::abs(v)};
+  }
+  Length largest_;
+};
+
+/// The blocks of SegmentSpec, in its order.
+constexpr const char* kSegments[] = {"hold", "move_to", "sine", "screw"};
+static_assert(std::size(kSegments) == std::variant_size_v<SegmentSpec>);
+
+Length largest_length(const Scene& scene) {
+  LargestLength lengths;
+  if (scene.device) lengths.look_at("device", *scene.device);
+  if (scene.robot) lengths.look_at("robot", *scene.robot);
+  if (scene.human)
+    for (std::size_t i = 0; i < scene.human->path.size(); ++i) {
+      const SegmentSpec& each = scene.human->path[i];
+      const std::string path = fmt::format("operator.path[{}].{}", i, kSegments[each.index()]);
+      std::visit([&](const auto& segment) { lengths.look_at(path, segment); }, each);
+    }
+  for (std::size_t i = 0; i < scene.environment.size(); ++i) {
+    const EnvironmentSpec& each = scene.environment[i];
+    const std::string path = fmt::format("environment[{}].{}", i, name(each));
+    const auto look = [&](const auto& block) { lengths.look_at(path, block); };
+    if (const auto* surface = std::get_if<Surface>(&each))
+      std::visit(look, surface->shape);
+    else
+      look(std::get<Spring>(each));
+  }
+  return lengths.found();
+}
+
+bool has_link(const Scene& scene) {
+  return scene.control.architecture != Architecture::render && scene.control.architecture != Architecture::uncontrolled;
+}
+
+bool delays(const ImpairmentOptions& way) {
+  return way.delay_s > 0.0 || way.jitter_s > 0.0 || !way.recorded_delay_s.empty();
+}
+
+struct Hint {
+  bool (*applies)(const Scene&);
+  std::string (*sentence)(const Scene&);
+};
+
+constexpr double kLong = 5.0;  // [m]
+
+constexpr Hint kHints[] = {
+    {[](const Scene& s) { return largest_length(s).metres > kLong; },
+     [](const Scene& s) {
+       const Length length = largest_length(s);
+       return fmt::format("{} is {:g} m; lengths are in metres, and {:g} mm are {:g}", length.path, length.metres,
+                          length.metres, 1e-3 * length.metres);
+     }},
+    {[](const Scene& s) { return has_link(s) && s.device && !s.human; },
+     [](const Scene&) -> std::string { return "operator is absent: nobody holds the handle, which moves by itself"; }},
+    {[](const Scene& s) {
+       return has_link(s) && (delays(s.to_slave) || delays(s.to_master)) && s.expect.stable.value_or(true) &&
+              s.control.controller.method == Method::none;
+     },
+     [](const Scene&) -> std::string {
+       return "control.passivity.method is NONE and the link delays: the loop may be unstable; FORCE_PROJECTED or "
+              "CLASSIC "
+              "keeps it passive";
+     }},
+};
+
+}  // namespace
+
+std::vector<std::string> hints(const Scene& scene) {
+  std::vector<std::string> all;
+  for (const Hint& hint : kHints)
+    if (hint.applies(scene)) all.push_back(hint.sentence(scene));
+  return all;
+}
+
+}  // namespace twoport

@@ -1,0 +1,14 @@
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "common/scene/scene.h"
+
+namespace twoport {
+
+/// What in a valid scene is probably not meant, one sentence each: lengths that look like millimetres, a handle that
+/// nobody holds, a delayed link without passivity control. Programs print them; they change no exit status.
+std::vector<std::string> hints(const Scene& scene);
+
+}  // namespace twoport

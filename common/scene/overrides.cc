@@ -1,0 +1,158 @@
+#include "common/scene/overrides.h"
+
+#include <fmt/format.h>
+#include <google/protobuf/descriptor.h>
+#include <google/protobuf/message.h>
+
+#include <charconv>
+#include <memory>
+#include <string_view>
+#include <vector>
+
+#include "common/base/check.h"
+#include "common/scene/load.h"
+#include "common/scene/text.h"
+
+namespace twoport {
+namespace {
+
+namespace pb = google::protobuf;
+
+/// What a field may hold, for error sentences.
+std::string allowed(const pb::FieldDescriptor& field, bool element) {
+  const auto one = [&]() -> std::string {
+    switch (field.cpp_type()) {
+      case pb::FieldDescriptor::CPPTYPE_DOUBLE:
+        return "a number";
+      case pb::FieldDescriptor::CPPTYPE_INT32:
+        return "an integer";
+      case pb::FieldDescriptor::CPPTYPE_UINT64:
+        return "an integer >= 0";
+      case pb::FieldDescriptor::CPPTYPE_BOOL:
+        return "true or false";
+      case pb::FieldDescriptor::CPPTYPE_STRING:
+        return "a string";
+      case pb::FieldDescriptor::CPPTYPE_ENUM:
+        return "one of " + value_names(*field.enum_type());
+      case pb::FieldDescriptor::CPPTYPE_MESSAGE:
+        return fmt::format("a block {{ ... }} of {}", field_names(*field.message_type()));
+      default:
+        return field.cpp_type_name();
+    }
+  }();
+  return field.is_repeated() && !element ? fmt::format("a list [...], each {}", one) : one;
+}
+
+/// One override on its way through the scene.
+class Override {
+ public:
+  Override(schema::Scene& scene, const std::string& assignment) : assignment_{assignment}, block_{&scene} {}
+
+  void apply() {
+    if (const std::string error = assignment_error(assignment_); !error.empty()) throw ConfigError{error};
+    const std::size_t equals = assignment_.find('=');
+    std::string_view path = trimmed(std::string_view{assignment_}.substr(0, equals));
+    for (std::size_t dot; (dot = path.find('.')) != path.npos; path = path.substr(dot + 1)) {
+      find(path.substr(0, dot));
+      descend();
+    }
+    find(path);
+    set(std::string{trimmed(std::string_view{assignment_}.substr(equals + 1))});
+  }
+
+ private:
+  [[noreturn]] void fail(const std::string& sentence) const {
+    throw ConfigError{fmt::format("override {}: {}", assignment_, sentence)};
+  }
+  [[nodiscard]] const pb::Reflection& reflection() const { return *block_->GetReflection(); }
+  [[nodiscard]] int size() const { return reflection().FieldSize(*block_, field_); }
+  [[nodiscard]] bool indexed() const { return index_ >= 0; }
+
+  /// Finds the field that one step of the path names: NAME or NAME[INDEX].
+  void find(std::string_view step) {
+    const std::size_t bracket = step.find('[');
+    const std::string name{step.substr(0, bracket)};
+    const pb::Descriptor& descriptor = *block_->GetDescriptor();
+    field_ = descriptor.FindFieldByName(name);
+    if (!field_)
+      fail(fmt::format("no field \"{}\" in {}; it has {}", name, path_.empty() ? "a scene" : path_,
+                       field_names(descriptor)));
+    path_ += path_.empty() ? name : "." + name;
+    index_ = -1;
+    if (bracket != step.npos) take_index(step.substr(bracket + 1));
+  }
+
+  /// `rest` is what follows the opening bracket.
+  void take_index(std::string_view rest) {
+    if (!field_->is_repeated()) fail(fmt::format("{} is not a list, it takes no index", path_));
+    const char* const end = rest.data() + rest.size();
+    const auto [stop, error] = std::from_chars(rest.data(), end, index_);
+    if (error != std::errc{} || stop + 1 != end || *stop != ']' || index_ < 0)
+      fail(fmt::format("{} must be followed by an index such as [0]", path_));
+    if (const int n = size(); index_ > n)
+      fail(fmt::format("{} holds {}; the index must be {}{} to append", path_, n,
+                       n == 0   ? ""
+                       : n == 1 ? "0, or "
+                                : fmt::format("0 to {}, or ", n - 1),
+                       n));
+    path_ += fmt::format("[{}]", index_);
+  }
+
+  /// Goes into the block that the field is; creates it where it is absent.
+  void descend() {
+    if (!field_->message_type())
+      fail(fmt::format("{} is {}, nothing lies below it", path_, allowed(*field_, indexed())));
+    if (field_->is_repeated() && !indexed()) fail(fmt::format("{} is a list, say which: {}[0]", path_, path_));
+    if (!indexed())
+      block_ = reflection().MutableMessage(block_, field_);
+    else if (index_ < size())
+      block_ = reflection().MutableRepeatedMessage(block_, field_, index_);
+    else
+      block_ = reflection().AddMessage(block_, field_);
+  }
+
+  /// Reads the value with the text-format parser, as a field of an otherwise empty block, and puts it in place.
+  void set(std::string value) {
+    if (field_->cpp_type() == pb::FieldDescriptor::CPPTYPE_STRING && !value.starts_with('"') &&
+        !value.starts_with('\''))
+      value = fmt::format("\"{}\"", value);  // a shell takes the quotes off
+    const std::unique_ptr<pb::Message> alone{block_->New()};
+    const auto error = parse_text(fmt::format("{}: {}", field_->name(), value), *alone);
+    if (error && field_->message_type())
+      fail(fmt::format("it must be {} ({})", allowed(*field_, indexed()), error->sentence));
+    if (error && field_->cpp_type() == pb::FieldDescriptor::CPPTYPE_DOUBLE && value.find(',') != value.npos)
+      fail(fmt::format("it must be {}; a decimal separator is a point", allowed(*field_, indexed())));
+    std::vector<const pb::FieldDescriptor*> given;
+    reflection().ListFields(*alone, &given);
+    const bool only = given.empty() ? field_->is_repeated() && !indexed() : given.size() == 1 && given[0] == field_;
+    if (error || !only || (indexed() && reflection().FieldSize(*alone, field_) != 1))
+      fail(fmt::format("it must be {}", allowed(*field_, indexed())));
+
+    if (!indexed()) reflection().ClearField(block_, field_);
+    const int before = field_->is_repeated() ? size() : 0;
+    block_->MergeFrom(*alone);  // appends to a list
+    if (indexed() && index_ < before) {
+      reflection().SwapElements(block_, field_, index_, before);
+      reflection().RemoveLast(block_, field_);
+    }
+  }
+
+  const std::string& assignment_;
+  pb::Message* block_;
+  const pb::FieldDescriptor* field_ = nullptr;
+  int index_ = -1;    ///< -1: none
+  std::string path_;  ///< so far
+};
+
+}  // namespace
+
+std::string assignment_error(const std::string& assignment) {
+  if (assignment.find('=') != assignment.npos) return "";
+  return fmt::format("override {}: it has no \"=\"; it must read PATH=VALUE, as in {}=1", assignment, assignment);
+}
+
+void apply_override(schema::Scene& scene, const std::string& assignment) {
+  Override{scene, assignment}.apply();
+}
+
+}  // namespace twoport

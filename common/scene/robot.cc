@@ -1,0 +1,56 @@
+#include <algorithm>
+
+#include "common/scene/blocks.h"
+
+namespace twoport {
+namespace {
+
+/// Three principal moments; one number stands for all three.
+Numbers read_inertia(const Block<schema::Robot>& of) {
+  of.only_with_rotation(FIELD(inertia_kg_m2));
+  if (of.dof() != 6) return {};
+  const Count count{1, 3, "for the principal moments"};
+  of.require(FIELD(inertia_kg_m2), count.words());
+  Numbers moments = of.list(FIELD(inertia_kg_m2), count);
+  moments.resize(3, moments[0]);
+  const auto [least, most] = std::minmax_element(moments.begin(), moments.end());
+  if (!(*least > 0.0)) of.refuse(FIELD(inertia_kg_m2), "hold numbers > 0");
+  const double others = moments[0] + moments[1] + moments[2] - *most;
+  if (*most > others * (1.0 + 1e-12))
+    of.refuse(FIELD(inertia_kg_m2),
+              "keep the triangle inequality: no principal moment exceeds the sum of the other two");
+  return moments;
+}
+
+ForceSensorSpec read_force_sensor(const Block<schema::ForceSensor>& of) {
+  return {.noise_n = of.number(FIELD(noise_n), kNotNegative),
+          .bias_n = of.list(FIELD(bias_n), of.context().twist()),
+          .latency_s = of.number(FIELD(latency_ms), kDelay) * 1e-3};
+}
+
+}  // namespace
+
+RobotSpec read_robot(const Block<schema::Robot>& of) {
+  of.only_with_rotation(FIELD(rotational_damping_n_m_s_per_rad));
+  RobotSpec spec{
+      .mass_kg = of.required(FIELD(mass_kg), kPositive),
+      .damping_n_s_per_m = of.number(FIELD(damping_n_s_per_m), kNotNegative),
+      .position_m = pose(of, FIELD(position_m)),
+      .velocity_m_per_s = of.list(FIELD(velocity_m_per_s), of.context().twist()),
+      .force_sensor = std::nullopt,
+      .inertia_kg_m2 = read_inertia(of),
+      .rotational_damping_n_m_s_per_rad = of.number(FIELD(rotational_damping_n_m_s_per_rad), kNotNegative),
+  };
+  if (of.has(FIELD(force_sensor))) spec.force_sensor = read_force_sensor(of.block(FIELD(force_sensor)));
+  return spec;
+}
+
+std::vector<Eigen::Vector3d> read_tool(const Block<schema::Tool>& of) {
+  std::vector<Eigen::Vector3d> points;
+  for (const auto& point : of.blocks(FIELD(contact_point)))
+    points.push_back(vector<3>(point.list(FIELD(position_m), {3, 3, ""})));
+  if (points.empty() && of.dof() == 6) points.push_back(Eigen::Vector3d::Zero());
+  return points;
+}
+
+}  // namespace twoport

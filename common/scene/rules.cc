@@ -1,0 +1,128 @@
+#include <algorithm>
+#include <cmath>
+
+#include "common/scene/blocks.h"
+
+namespace twoport {
+namespace {
+
+using SceneBlock = Block<schema::Scene>;
+
+/// Integrators that are maps of a linear motion need one: a mass on springs and at most one plane wall.
+void check_integrator(const SceneBlock& scene, const Scene& values) {
+  const Integrator i = values.simulation.integrator;
+  if (i != Integrator::exact_per_tick && i != Integrator::trapezoidal) return;
+  int walls = 0;
+  bool linear = values.dof != 6;
+  for (const EnvironmentSpec& e : values.environment)
+    if (const auto* surface = std::get_if<Surface>(&e)) {
+      ++walls;
+      linear = linear && std::holds_alternative<Wall>(surface->shape) && surface->material.friction == 0.0;
+    }
+  if (!linear || walls > 1)
+    scene.block(FIELD(simulation))
+        .refuse(FIELD(integrator),
+                "be another one here: it needs dof 1 or 3, springs and at most one wall without friction");
+}
+
+/// Without a link there is neither a far side nor a way to it.
+void check_rendering(const SceneBlock& scene, const Scene& values) {
+  if (values.control.architecture != Architecture::render) return;
+  const auto refuse = [&](const auto& field) {
+    if (scene.has(field))
+      scene.fail(fmt::format("{} is given, but control.architecture is RENDER: without a link nothing would use it",
+                             field.name));
+  };
+  refuse(FIELD(robot));
+  refuse(FIELD(to_slave));
+  refuse(FIELD(to_master));
+}
+
+/// Without a controller there is a robot and nothing else.
+void check_uncontrolled(const SceneBlock& scene, const Scene& values) {
+  if (values.control.architecture != Architecture::uncontrolled) return;
+  if (!values.robot) scene.fail("robot is missing; with control.architecture UNCONTROLLED it is all that moves");
+  const auto refuse = [&](const auto& field) {
+    if (scene.has(field))
+      scene.fail(
+          fmt::format("{} is given, but control.architecture is UNCONTROLLED: only the robot moves", field.name));
+  };
+  refuse(FIELD(operator_));
+  refuse(FIELD(device));
+  refuse(FIELD(to_slave));
+  refuse(FIELD(to_master));
+}
+
+/// A handle that does not follow an imposed path moves by its own dynamics, and needs a mass.
+void check_handle(const SceneBlock& scene, const Scene& values) {
+  const bool held = values.human && values.human->hand;
+  const bool free = values.device && !values.human;
+  if (!held && !free) return;
+  const auto need = [&](const char* name, double DeviceSpec::*of_device, double HandSpec::*of_hand) {
+    const double total =
+        (values.device ? *values.device.*of_device : 0.0) + (held ? *values.human->hand.*of_hand : 0.0);
+    if (total > 0.0) return;
+    scene.fail(fmt::format("device.{}{} is {}; it must be > 0: the handle moves by its own dynamics", name,
+                           held ? fmt::format(" + operator.hand.{}", name) : "", total));
+  };
+  need("mass_kg", &DeviceSpec::mass_kg, &HandSpec::mass_kg);
+  if (values.dof == 6) need("inertia_kg_m2", &DeviceSpec::inertia_kg_m2, &HandSpec::inertia_kg_m2);
+}
+
+/// No mass may turn by more than 1e4 rad in a tick, nor decay by more than e^-1e4: the plants are exact however stiff
+/// they are, and take the longer for it.
+void check_fastest(const SceneBlock& scene, const Scene& values) {
+  constexpr double kMost = 1e4;  // [rad] in a tick
+  const auto check = [&](const char* what, double rate_hz, double mass, double damping, double stiffness) {
+    const double turns = std::max(damping / mass, std::sqrt(stiffness / mass)) / rate_hz;
+    if (mass > 0.0 && !(turns <= kMost))
+      scene.fail(
+          fmt::format("{} {:.3g} on stiffness {:.3g} and damping {:.3g} moves by {:.3g} rad in a tick; "
+                      "it must be <= {:g}: what is so stiff is better left out",
+                      what, mass, stiffness, damping, turns, kMost));
+  };
+  const HandSpec hand = values.human && values.human->hand ? *values.human->hand : HandSpec{};
+  const DeviceSpec device = values.device.value_or(DeviceSpec{});
+  check("device and operator.hand: mass", values.master_rate_hz, hand.mass_kg + device.mass_kg,
+        hand.damping_n_s_per_m + device.damping_n_s_per_m, hand.stiffness_n_per_m);
+  if (values.dof == 6)
+    check("device and operator.hand: inertia", values.master_rate_hz, hand.inertia_kg_m2 + device.inertia_kg_m2,
+          hand.rotational_damping_n_m_s_per_rad + device.rotational_damping_n_m_s_per_rad,
+          hand.rotational_stiffness_n_m_per_rad);
+  if (!values.robot) return;
+  double stiffness = 0.0, damping = values.robot->damping_n_s_per_m;
+  const World world{values.environment};
+  for (const Surface& each : world.surfaces) {
+    stiffness += each.material.stiffness_n_per_m;
+    damping += each.material.damping_n_s_per_m;
+  }
+  for (const Spring& each : world.springs) {
+    stiffness += each.stiffness_n_per_m;
+    damping += each.damping_n_s_per_m;
+  }
+  check("robot and environment: mass", values.slave_rate_hz, values.robot->mass_kg, damping, stiffness);
+}
+
+/// Two accounts, normal and tangential, for each contact.
+void check_accounts(const SceneBlock& scene, const Scene& values) {
+  constexpr std::size_t kMost = 16;
+  const std::size_t contacts = values.environment.size() * std::max<std::size_t>(values.tool.size(), 1);
+  if (values.control.accounts == Accounts::per_contact && contacts > kMost)
+    scene.fail(
+        fmt::format("control.passivity.accounts is PER_CONTACT with {} contacts; it must be <= {}: environments "
+                    "times contact points of the tool",
+                    contacts, kMost));
+}
+
+}  // namespace
+
+void check_rules(const SceneBlock& scene, const Scene& values) {
+  check_integrator(scene, values);
+  check_rendering(scene, values);
+  check_uncontrolled(scene, values);
+  check_handle(scene, values);
+  check_fastest(scene, values);
+  check_accounts(scene, values);
+}
+
+}  // namespace twoport

@@ -1,0 +1,30 @@
+#pragma once
+
+#include <google/protobuf/descriptor.h>
+#include <google/protobuf/message.h>
+
+#include <optional>
+#include <string>
+#include <string_view>
+
+// Protobuf text to messages, and its errors in plain words. Internal to common/scene.
+
+namespace twoport {
+
+/// What is wrong with a text, and where.
+struct ParseError {
+  std::string place;  ///< "LINE:COLUMN", both from 1; columns count bytes
+  std::string sentence;
+};
+
+/// Reads Protobuf text into `message`. Returns the first error, or nothing.
+std::optional<ParseError> parse_text(const std::string& text, google::protobuf::Message& message);
+
+/// Names for error sentences: "a, b, c".
+std::string field_names(const google::protobuf::Descriptor& block);
+std::string value_names(const google::protobuf::EnumDescriptor& choice);
+
+/// Without the blanks at both ends.
+std::string_view trimmed(std::string_view text);
+
+}  // namespace twoport

@@ -1,0 +1,329 @@
+#include "common/wire/handshake.h"
+
+#include <gtest/gtest.h>
+
+#include <chrono>
+#include <cstdint>
+#include <memory>
+#include <string>
+
+#include "common/link/memory_network.h"
+#include "tests/support/no_alloc.h"
+
+namespace twoport {
+namespace {
+
+using namespace std::chrono_literals;
+using Action = Handshake::Action;
+
+constexpr int kDof = 3;
+constexpr std::uint64_t kScene = 0xabcdef;
+
+const Endpoint kSlaveAt = MemoryNetwork::address(1, 45000);
+const Endpoint kMasterAt = MemoryNetwork::address(2, 50000);
+const Endpoint kElsewhere = MemoryNetwork::address(3, 50000);
+
+/// from, from + 1, from + 2 and so on.
+SessionNumbers counting(std::uint64_t from) {
+  return [next = from]() mutable { return next++; };
+}
+Handshake master(std::uint64_t numbers_from = 1000, std::uint64_t scene = kScene) {
+  return {{.side = Side::master, .scene_digest = scene, .peer = kSlaveAt}, kDof, counting(numbers_from)};
+}
+Handshake slave(std::uint64_t numbers_from = 2000) {
+  return {{.side = Side::slave, .scene_digest = kScene}, kDof, counting(numbers_from)};
+}
+
+/// A slave and a master at kMasterAt that have just taken each other up.
+struct Pair {
+  Handshake s = slave(), m = master();
+  Duration now{0};
+
+  Pair() {
+    EXPECT_EQ(s.on(m.header(now), Decoded::ok, kMasterAt, now), Action::reply);
+    const auto greeting = s.take_greeting();
+    EXPECT_EQ(m.on(greeting->header, Decoded::ok, kSlaveAt, now), Action::pair);
+    EXPECT_TRUE(m.take_new_session());
+    EXPECT_EQ(s.on(m.header(now), Decoded::ok, kMasterAt, now), Action::pair);
+    EXPECT_TRUE(s.take_new_session());
+    talk(3);
+    EXPECT_TRUE(s.coupled(now) && m.coupled(now));
+  }
+  /// Packets both ways, each millisecond.
+  void talk(int ms) {
+    for (int k = 0; k < ms; ++k) {
+      now += 1ms;
+      EXPECT_EQ(s.on(m.header(now), Decoded::ok, kMasterAt, now), Action::deliver);
+      EXPECT_EQ(m.on(s.header(now), Decoded::ok, kSlaveAt, now), Action::deliver);
+    }
+  }
+};
+
+TEST(Handshake, PairsWhenEachHasReturnedTheNumberOfTheOther) {
+  Handshake s = slave(), m = master();
+  EXPECT_FALSE(s.peer());
+  EXPECT_EQ(m.peer(), kSlaveAt);
+  const Header introduction = m.header(0ms);
+  EXPECT_TRUE(introduction.identity);
+  EXPECT_EQ(introduction.peer_session, 0U);
+
+  ASSERT_EQ(s.on(introduction, Decoded::ok, kMasterAt, 1ms), Action::reply);
+  const auto greeting = s.take_greeting();
+  ASSERT_TRUE(greeting);
+  EXPECT_FALSE(s.take_greeting());
+  EXPECT_EQ(greeting->to, kMasterAt);
+  EXPECT_EQ(greeting->header.peer_session, introduction.session);
+  EXPECT_FALSE(s.take_new_session());
+
+  ASSERT_EQ(m.on(greeting->header, Decoded::ok, kSlaveAt, 2ms), Action::pair);
+  EXPECT_FALSE(m.listens());
+  EXPECT_TRUE(m.take_new_session());
+  EXPECT_FALSE(m.take_new_session());
+  EXPECT_TRUE(m.listens());
+  EXPECT_FALSE(m.coupled(2ms));
+
+  const Header returned = m.header(3ms);
+  EXPECT_EQ(returned.peer_session, greeting->header.session);
+  ASSERT_EQ(s.on(returned, Decoded::ok, kMasterAt, 3ms), Action::pair);
+  EXPECT_TRUE(s.take_new_session());
+  EXPECT_EQ(s.peer(), kMasterAt);
+  EXPECT_EQ(s.header(4ms).session, greeting->header.session);
+  EXPECT_EQ(s.paired_since(), 3ms);
+
+  EXPECT_EQ(s.on(returned, Decoded::ok, kMasterAt, 4ms), Action::deliver);
+  EXPECT_TRUE(s.coupled(4ms));
+  EXPECT_FALSE(s.header(5ms).identity);
+  EXPECT_EQ(m.on(s.header(5ms), Decoded::ok, kSlaveAt, 5ms), Action::deliver);
+  EXPECT_TRUE(m.coupled(5ms));
+  EXPECT_FALSE(m.coupled(105ms));
+  EXPECT_TRUE(m.header(105ms).identity);
+}
+
+TEST(Handshake, DrawsEveryNumberFromWhatItIsGiven) {
+  int drawn = 0;
+  const auto numbers = [&drawn] { return static_cast<std::uint64_t>(drawn++); };  // 0 first, which is no number
+  Handshake s{{.side = Side::slave, .scene_digest = kScene}, kDof, numbers};
+  const int before = drawn;
+  Handshake m = master();
+  s.on(m.header(0ms), Decoded::ok, kMasterAt, 0ms);
+  const auto greeting = s.take_greeting();
+  EXPECT_LT(greeting->header.session, static_cast<std::uint64_t>(before));
+  EXPECT_NE(greeting->header.session, 0U);
+  m.on(greeting->header, Decoded::ok, kSlaveAt, 0ms);
+  m.take_new_session();
+  s.on(m.header(0ms), Decoded::ok, kMasterAt, 0ms);
+  EXPECT_EQ(drawn, before);
+  s.take_new_session();
+  EXPECT_EQ(drawn, before + 1);  // for the session after this one
+}
+
+TEST(Handshake, ARefusalTellsNoNumberOfThisSide) {
+  Pair p;
+  Handshake rival = master(7000);
+  Action last = Action::reject;
+  for (int k = 0; k < 1100 && last != Action::refuse; ++k) {
+    p.talk(1);
+    last = p.s.on(rival.header(p.now), Decoded::ok, kElsewhere, p.now);
+  }
+  ASSERT_EQ(last, Action::refuse);
+  const Header refusal = p.s.refusal();
+  EXPECT_EQ(refusal.refusal, "the slave is taken: it is working with another master");
+  EXPECT_EQ(refusal.peer_session, rival.header(p.now).session);
+  EXPECT_FALSE(refusal.identity);
+  EXPECT_NE(refusal.session, 0U);
+  // Neither the session of now nor one that would begin another.
+  EXPECT_NE(refusal.session, p.s.header(p.now).session);
+  Header thief = rival.header(p.now);
+  thief.peer_session = refusal.session;
+  const Duration later = p.now + 200ms;
+  EXPECT_EQ(p.s.on(thief, Decoded::ok, kElsewhere, later), Action::reply);
+  // It is understood all the same.
+  EXPECT_EQ(rival.on(refusal, Decoded::ok, kSlaveAt, p.now), Action::end);
+  EXPECT_EQ(rival.reject_reason(), refusal.refusal);
+}
+
+TEST(Handshake, TellsEachOfTwoWaitingMastersThatTheSlaveIsTaken) {
+  Pair p;
+  Handshake first = master(7000), second = master(8000);
+  int told_first = 0, told_second = 0;
+  for (int k = 0; k < 1300; ++k) {
+    p.talk(1);
+    // Who has been told asks no more.
+    if (told_first == 0) told_first += p.s.on(first.header(p.now), Decoded::ok, kElsewhere, p.now) == Action::refuse;
+    told_second += p.s.on(second.header(p.now), Decoded::ok, MemoryNetwork::address(4, 4), p.now) == Action::refuse;
+  }
+  EXPECT_GT(told_first, 0);
+  EXPECT_GT(told_second, 0);
+}
+
+TEST(Handshake, ALateGreetingDoesNotEndASessionThatWorks) {
+  Pair p;
+  // Of a slave that was there before, and is gone: it has returned the master's number, and is not closed.
+  Handshake gone = slave(6000);
+  gone.on(p.m.header(200ms), Decoded::ok, kMasterAt, p.now);
+  const Header late = gone.take_greeting()->header;
+  p.talk(10);
+  EXPECT_EQ(p.m.on(late, Decoded::ok, kSlaveAt, p.now), Action::reject);
+  p.talk(10);
+  EXPECT_EQ(p.m.pairings(), 1U);
+  // When the session is silent it could be the slave that has started again.
+  EXPECT_EQ(p.m.on(late, Decoded::ok, kSlaveAt, p.now + 100ms), Action::pair);
+}
+
+TEST(Handshake, ASlaveOffersAnotherSessionToAMasterThatHasLeftThisOne) {
+  Pair p;
+  Handshake gone = slave(6000);
+  gone.on(p.m.header(200ms), Decoded::ok, kMasterAt, p.now);
+  const Header late = gone.take_greeting()->header;
+  p.now += 150ms;
+  ASSERT_EQ(p.m.on(late, Decoded::ok, kSlaveAt, p.now), Action::pair);
+  p.m.take_new_session();
+  // The slave still believes in the old one, whose number is closed at the master.
+  EXPECT_EQ(p.m.on(p.s.header(p.now), Decoded::ok, kSlaveAt, p.now), Action::reject);
+  ASSERT_EQ(p.s.on(p.m.header(p.now), Decoded::ok, kMasterAt, p.now), Action::reply);
+  ASSERT_EQ(p.m.on(p.s.take_greeting()->header, Decoded::ok, kSlaveAt, p.now), Action::pair);
+  p.m.take_new_session();
+  ASSERT_EQ(p.s.on(p.m.header(p.now), Decoded::ok, kMasterAt, p.now), Action::pair);
+  p.s.take_new_session();
+  p.talk(5);
+  EXPECT_TRUE(p.s.coupled(p.now) && p.m.coupled(p.now));
+}
+
+TEST(Handshake, AnOfferThatTheMasterHasClosedIsReplaced) {
+  // The master takes the offer up, and then a late greeting of a slave that is gone, before the slave hears of it.
+  Handshake s = slave(), gone = slave(6000), m = master();
+  s.on(m.header(0ms), Decoded::ok, kMasterAt, 0ms);
+  gone.on(m.header(0ms), Decoded::ok, kMasterAt, 0ms);
+  m.on(s.take_greeting()->header, Decoded::ok, kSlaveAt, 0ms);
+  m.take_new_session();
+  m.on(gone.take_greeting()->header, Decoded::ok, kSlaveAt, 0ms);
+  m.take_new_session();
+  Duration now{0};
+  for (; now < 600ms; now += 10ms) {
+    if (s.on(m.header(now), Decoded::ok, kMasterAt, now) == Action::pair) break;
+    if (m.on(s.take_greeting()->header, Decoded::ok, kSlaveAt, now) == Action::pair) m.take_new_session();
+  }
+  EXPECT_TRUE(s.take_new_session());
+  EXPECT_LE(now, 510ms);
+}
+
+TEST(Handshake, AnOlderOfferStaysGoodOverALongWay) {
+  Handshake s = slave(), m = master();
+  Header returned = m.header(0ms);
+  s.on(returned, Decoded::ok, kMasterAt, 0ms);
+  const std::uint64_t first_offer = s.take_greeting()->header.session;
+  // Meanwhile the master still shows another session, and new offers are drawn.
+  returned.peer_session = 99;
+  for (Duration now{0}; now < 7s; now += 100ms) s.on(returned, Decoded::ok, kMasterAt, now);
+  EXPECT_NE(s.take_greeting()->header.session, first_offer);
+  returned.peer_session = first_offer;
+  ASSERT_EQ(s.on(returned, Decoded::ok, kMasterAt, 7s), Action::pair);
+  s.take_new_session();
+  EXPECT_EQ(s.header(7s).session, first_offer);
+}
+
+TEST(Handshake, AMismatchEndsAnUnpairedSideAfterItHasToldTheOther) {
+  Handshake s = slave();
+  const Handshake other = master(7000, 0x123);
+  ASSERT_EQ(s.on(other.header(0ms), Decoded::ok, kElsewhere, 0ms), Action::refuse);
+  s.advance(499ms);
+  EXPECT_EQ(s.reject_reason(), "");
+  s.advance(500ms);
+  EXPECT_NE(std::string{s.reject_reason()}.find("different scenes"), std::string::npos);
+  EXPECT_FALSE(s.listens());
+}
+
+TEST(Handshake, AMismatchDoesNotEndAnUnpairedSideThatMeetsItsPeerMeanwhile) {
+  Handshake s = slave(), m = master();
+  s.on(master(7000, 0x123).header(0ms), Decoded::ok, kElsewhere, 0ms);
+  ASSERT_EQ(s.on(m.header(1ms), Decoded::ok, kMasterAt, 1ms), Action::reply);
+  m.on(s.take_greeting()->header, Decoded::ok, kSlaveAt, 1ms);
+  m.take_new_session();
+  ASSERT_EQ(s.on(m.header(2ms), Decoded::ok, kMasterAt, 2ms), Action::pair);
+  s.take_new_session();
+  s.advance(1s);
+  EXPECT_EQ(s.reject_reason(), "");
+}
+
+TEST(Handshake, AMismatchFromElsewhereDoesNotEndAPairedSideEvenInSilence) {
+  Pair p;
+  const Handshake other = master(7000, 0x123);
+  p.now += 200ms;
+  EXPECT_EQ(p.s.on(other.header(p.now), Decoded::ok, kElsewhere, p.now), Action::refuse);
+  p.s.advance(p.now + 1s);
+  EXPECT_EQ(p.s.reject_reason(), "");
+}
+
+TEST(Handshake, AMismatchFromThePeersAddressEndsNoSessionThatWorksButOneThatIsSilent) {
+  Pair p;
+  const Handshake other = master(7000, 0x123);
+  EXPECT_EQ(p.s.on(other.header(200ms), Decoded::ok, kMasterAt, p.now), Action::refuse);
+  p.talk(10);
+  p.s.advance(p.now + 1s);
+  EXPECT_EQ(p.s.reject_reason(), "");
+  p.now += 200ms;
+  EXPECT_EQ(p.s.on(other.header(p.now), Decoded::ok, kMasterAt, p.now), Action::refuse);
+  p.s.advance(p.now + 500ms);
+  EXPECT_NE(p.s.reject_reason(), "");
+}
+
+TEST(Handshake, ALateRefusalDoesNotEndASessionThatWorks) {
+  Pair p;
+  Header refusal;
+  refusal.session = 5;
+  refusal.peer_session = p.m.header(p.now).session;
+  refusal.refusal = "go away";
+  EXPECT_EQ(p.m.on(refusal, Decoded::ok, kSlaveAt, p.now), Action::reject);
+  EXPECT_EQ(p.m.on(refusal, Decoded::ok, kElsewhere, p.now + 200ms), Action::reject);
+  EXPECT_EQ(p.m.on(refusal, Decoded::ok, kSlaveAt, p.now + 200ms), Action::end);
+}
+
+TEST(Handshake, AMasterThatWasSeenAtAWrongAddressIsHeardAtItsOwn) {
+  // Somebody has sent the master's answer again from elsewhere, and was first.
+  Handshake s = slave(), m = master();
+  s.on(m.header(0ms), Decoded::ok, kMasterAt, 0ms);
+  m.on(s.take_greeting()->header, Decoded::ok, kSlaveAt, 0ms);
+  m.take_new_session();
+  ASSERT_EQ(s.on(m.header(1ms), Decoded::ok, kElsewhere, 1ms), Action::pair);
+  s.take_new_session();
+  EXPECT_EQ(s.on(m.header(2ms), Decoded::ok, kMasterAt, 2ms), Action::reject);
+  Duration now{200ms};
+  ASSERT_EQ(s.on(m.header(now), Decoded::ok, kMasterAt, now), Action::reply);
+  ASSERT_EQ(m.on(s.take_greeting()->header, Decoded::ok, kSlaveAt, now), Action::pair);
+  m.take_new_session();
+  ASSERT_EQ(s.on(m.header(now), Decoded::ok, kMasterAt, now), Action::pair);
+  s.take_new_session();
+  EXPECT_EQ(s.peer(), kMasterAt);
+}
+
+TEST(Handshake, HearsOnlyThePeerThatItWasGiven) {
+  const Handshake m = master(), s = slave();
+  EXPECT_TRUE(m.hears(kSlaveAt));
+  EXPECT_FALSE(m.hears(kElsewhere));
+  EXPECT_TRUE(s.hears(kElsewhere));
+}
+
+TEST(Handshake, CanBeginInTheMidstOfASession) {
+  Handshake m{{.side = Side::master, .peer = kSlaveAt}, kDof, counting(1), {kSlaveAt, 11, 22}};
+  Handshake s{{.side = Side::slave}, kDof, counting(1), {kMasterAt, 22, 11}};
+  EXPECT_EQ(s.on(m.header(0ms), Decoded::ok, kMasterAt, 1ms), Action::deliver);
+  EXPECT_EQ(m.on(s.header(0ms), Decoded::ok, kSlaveAt, 1ms), Action::deliver);
+  EXPECT_FALSE(m.take_new_session() || s.take_new_session());
+  EXPECT_EQ(s.pairings(), 1U);
+}
+
+TEST(Handshake, DoesNotAllocate) {
+  Pair p;
+  const Handshake other = master(7000, 0x123), rival = master(8000);
+  const NoAlloc guard;
+  for (int k = 0; k < 1500; ++k) {
+    p.talk(1);
+    p.s.on(other.header(p.now), Decoded::ok, kElsewhere, p.now);
+    p.s.on(rival.header(p.now), Decoded::ok, kElsewhere, p.now);
+    p.s.advance(p.now);
+  }
+  EXPECT_EQ(guard.seen(), 0);
+}
+
+}  // namespace
+}  // namespace twoport

@@ -1,0 +1,112 @@
+#include "common/wire/link_transport.h"
+
+#include <gtest/gtest.h>
+
+#include <array>
+#include <chrono>
+#include <random>
+#include <vector>
+
+#include "common/link/impaired_socket.h"
+#include "common/link/mailbox.h"
+#include "common/link/memory_network.h"
+#include "tests/support/no_alloc.h"
+
+namespace twoport {
+namespace {
+
+using namespace std::chrono_literals;
+
+const Endpoint kSlaveAt = MemoryNetwork::address(1, 45000), kMasterAt = MemoryNetwork::address(2, 50000),
+               kStranger = MemoryNetwork::address(3, 1);
+
+SessionNumbers seeded(std::uint64_t seed) {
+  return [random = std::mt19937_64{seed}]() mutable { return random(); };
+}
+
+/// Both ends of a link in memory, each with the whole stack.
+template <int N>
+struct Link {
+  void tick(int ticks = 1) {
+    for (int k = 0; k < ticks; ++k) {
+      now += 1ms;
+      for (auto* mail : {&master, &slave}) {
+        if (mail->transport().take_new_session()) mail->forget();
+        fresh += mail->collect(now).fresh;
+        mail->post(Report<N>{}, now);
+      }
+    }
+  }
+  [[nodiscard]] bool coupled() { return master.transport().coupled(now) && slave.transport().coupled(now); }
+
+  MemoryNetwork network{1, 4096};
+  MemorySocket master_socket = network.open(kMasterAt, 0ms), slave_socket = network.open(kSlaveAt, 0ms);
+  ImpairedSocket master_filter{master_socket, {.peer = kSlaveAt}}, slave_filter{slave_socket, {}};
+  Mailbox<N, LinkTransport<N>> master{{master_filter, {.side = Side::master, .peer = kSlaveAt}, seeded(1)}};
+  Mailbox<N, LinkTransport<N>> slave{{slave_filter, {.side = Side::slave}, seeded(2)}};
+  Duration now{0};
+  int fresh = 0;
+};
+
+TEST(LinkTransport, PairsAndDelivers) {
+  Link<3> link;
+  link.tick(10);
+  EXPECT_TRUE(link.coupled());
+  EXPECT_TRUE(link.master.known().any && link.slave.known().any);
+  EXPECT_EQ(link.slave.transport().handshake().peer(), kMasterAt);
+  EXPECT_EQ(link.master.transport().counts().rejected + link.slave.transport().counts().rejected, 0U);
+}
+
+TEST(LinkTransport, ReadsABoundedNumberInOnePoll) {
+  MemoryNetwork network{1, 8192};
+  MemorySocket socket = network.open(kSlaveAt, 0ms);
+  LinkTransport<1> transport{socket, {.side = Side::slave}, seeded(1)};
+  const std::array<std::byte, 20> noise{};
+  for (int k = 0; k < 5000; ++k) network.send(noise, kStranger, kSlaveAt, 0ms);
+  transport.poll(1ms, [](const Report<1>&) {});
+  EXPECT_EQ(transport.counts().rejected, 1024U);
+}
+
+TEST(LinkTransport, DropsWhatIsNotFromItsPeerWithoutReadingIt) {
+  MemoryNetwork network;
+  MemorySocket socket = network.open(kMasterAt, 0ms);
+  LinkTransport<1> transport{socket, {.side = Side::master, .peer = kSlaveAt}, seeded(1)};
+  Codec<1> codec;
+  Envelope<1> refusal;
+  refusal.session = 1;
+  refusal.peer_session = transport.handshake().header(0ms).session;
+  refusal.refusal = "go away";
+  network.send(codec.encode(refusal), kStranger, kMasterAt, 0ms);
+  transport.poll(1ms, [](const Report<1>&) {});
+  EXPECT_EQ(transport.counts().rejected, 1U);
+  EXPECT_EQ(transport.reject_reason(), "");
+  network.send(codec.encode(refusal), kSlaveAt, kMasterAt, 1ms);
+  transport.poll(2ms, [](const Report<1>&) {});
+  EXPECT_EQ(transport.reject_reason(), "go away");
+}
+
+TEST(LinkTransport, DoesNotAllocateInAFloodOfFieldsThatNobodyKnows) {
+  Link<6> link;
+  link.tick(20);
+  ASSERT_TRUE(link.coupled());
+  // Ours by its first bytes, and then as many fields of number 100 as there is room for: 3 bytes each.
+  std::vector<std::byte> flood = {std::byte{0x0d}, std::byte{1}, std::byte{0}, std::byte{0x50}, std::byte{0x54}};
+  while (flood.size() + 3 <= kMaxDatagram)
+    for (unsigned b : {0xa0U, 0x06U, 0x01U}) flood.push_back(static_cast<std::byte>(b));
+  const int fresh = link.fresh;
+  const NoAlloc guard;
+  for (int k = 0; k < 500; ++k) {
+    for (int f = 0; f < 50; ++f) {
+      link.network.send(flood, kStranger, kSlaveAt, link.now);
+      link.network.send(flood, kMasterAt, kSlaveAt, link.now);
+    }
+    link.tick();
+  }
+  EXPECT_EQ(guard.seen(), 0);
+  EXPECT_EQ(link.fresh - fresh, 1000);
+  EXPECT_EQ(link.slave.transport().counts().rejected, 50'000U);
+  EXPECT_TRUE(link.coupled());
+}
+
+}  // namespace
+}  // namespace twoport

@@ -1,0 +1,73 @@
+#include "common/record/expectation.h"
+
+#include <gtest/gtest.h>
+
+#include <limits>
+#include <string>
+#include <vector>
+
+#include "common/base/check.h"
+
+namespace twoport {
+namespace {
+
+using Sentences = std::vector<std::string>;
+
+TEST(Expectations, ThatAreMetSayNothing) {
+  Summary s;
+  s.set_stable(true);
+  s.set_min_port_energy_j(-1e-4);
+  s.set_drift_m(0.01);
+  EXPECT_EQ(violations({.stable = true,
+                        .at_least = {{"min_port_energy_j", -1e-4}},
+                        .at_most = {{"drift_m", 0.01}, {"packets.to_slave.lost", 0}}},
+                       s),
+            Sentences{});
+  EXPECT_EQ(violations({}, s), Sentences{});
+}
+
+TEST(Expectations, ThatAreMissedSayByHowMuch) {
+  Summary s;
+  s.set_min_port_energy_j(-0.0123);
+  s.set_drift_m(0.5);
+  s.mutable_rtt_ms()->set_p99(7);
+  EXPECT_EQ(violations({.stable = {},
+                        .at_least = {{"min_port_energy_j", -0.0001}},
+                        .at_most = {{"drift_m", 0.2}, {"rtt_ms.p99", 5}}},
+                       s),
+            (Sentences{"min_port_energy_j is -0.0123, expected at least -0.0001: short by 0.0122",
+                       "drift_m is 0.5, expected at most 0.2: over by 0.3",
+                       "rtt_ms.p99 is 7, expected at most 5: over by 2"}));
+}
+
+TEST(Expectations, MayBeStabilityOrInstability) {
+  Summary s;
+  s.set_stable(false);
+  s.set_verdict("grows");
+  EXPECT_EQ(violations({.stable = true, .at_least = {}, .at_most = {}}, s),
+            Sentences{"stable is false, expected true: grows"});
+  EXPECT_EQ(violations({.stable = false, .at_least = {}, .at_most = {}}, s), Sentences{});
+  s.set_stable(true);
+  s.set_verdict("bounded");
+  EXPECT_EQ(violations({.stable = false, .at_least = {}, .at_most = {}}, s),
+            Sentences{"stable is true, expected false: bounded"});
+}
+
+TEST(Expectations, AreMissedByANumberThatIsNone) {
+  Summary s;
+  s.set_drift_m(std::numeric_limits<double>::quiet_NaN());
+  EXPECT_EQ(violations({.stable = {}, .at_least = {{"drift_m", -1}}, .at_most = {{"drift_m", 1}}}, s),
+            (Sentences{"drift_m is nan, expected at least -1", "drift_m is nan, expected at most 1"}));
+}
+
+TEST(Expectations, OfAnUnknownNumberAreAnError) {
+  try {
+    static_cast<void>(violations({.stable = {}, .at_least = {{"drift", 0}}, .at_most = {}}, Summary{}));
+    FAIL() << "it was known";
+  } catch (const ConfigError& e) {
+    EXPECT_NE(std::string{e.what()}.find("\"drift\""), std::string::npos) << e.what();
+  }
+}
+
+}  // namespace
+}  // namespace twoport

@@ -1,0 +1,69 @@
+#include <gtest/gtest.h>
+
+#include <string>
+#include <vector>
+
+#include "common/base/check.h"
+#include "tests/support/folder.h"
+#include "tests/unit/scene/scenes.h"
+
+namespace twoport::test {
+namespace {
+
+TEST(SceneFile, IsReadWithItsRecordedDelaysBesideIt) {
+  const Folder folder;
+  folder.write("lab.textproto", std::string{kStiffWall} + "description: \"from a file\"");
+  folder.write("delays.txt", "# one way, ms\n12.5\n\n  8 # a quick one\r\n0");
+  const Scene s = load_scene(folder / "lab.textproto", Overrides{"to_slave.trace_file=\"delays.txt\""});
+  EXPECT_EQ(s.description, "from a file");
+  EXPECT_EQ(s.to_slave.recorded_delay_s, (std::vector<double>{0.0125, 0.008, 0.0}));
+  EXPECT_TRUE(s.to_master.recorded_delay_s.empty());
+}
+
+TEST(SceneFile, AWrongRecordedDelayIsNamedWithItsLine) {
+  const Folder folder;
+  folder.write("lab.textproto", kStiffWall);
+  const auto error = [&](const std::string& delays) -> std::string {
+    folder.write("delays.txt", delays);
+    try {
+      static_cast<void>(load_scene(folder / "lab.textproto", Overrides{"to_master.trace_file=\"delays.txt\""}));
+      return "";
+    } catch (const ConfigError& e) {
+      return e.what();
+    }
+  };
+  EXPECT_TRUE(says(error("1\n# two\nthree\n"), {"to_master.trace_file", "delays.txt:3: \"three\"", "between 0 and"}));
+  EXPECT_TRUE(says(error("1\n-2\n"), {"delays.txt:2: \"-2\""}));
+  EXPECT_TRUE(says(error("nan\n"), {"delays.txt:1: \"nan\""}));
+  EXPECT_TRUE(says(error("inf\n"), {"delays.txt:1: \"inf\""}));
+  EXPECT_TRUE(says(error("1 2\n"), {"delays.txt:1: \"1 2\""}));
+  EXPECT_TRUE(says(error("# nothing\n"), {"delays.txt holds no delay"}));
+}
+
+TEST(SceneFile, OneThatIsNotThereIsNamedWithTheReason) {
+  const Folder folder;
+  const auto error = [](const std::string& path) -> std::string {
+    try {
+      static_cast<void>(load_scene(path));
+      return "";
+    } catch (const ConfigError& e) {
+      return e.what();
+    }
+  };
+  EXPECT_TRUE(says(error(folder / "none.textproto"), {"none.textproto: cannot be read: No such file or directory"}));
+  EXPECT_TRUE(says(error(folder / ""), {"cannot be read: Is a directory"}));
+}
+
+TEST(SceneFile, AnErrorInItIsNamedWithItsPath) {
+  const Folder folder;
+  folder.write("bad.textproto", "dof: 3\nduration: 1\n");
+  try {
+    static_cast<void>(load_scene(folder / "bad.textproto"));
+    FAIL() << "it was read";
+  } catch (const ConfigError& e) {
+    EXPECT_TRUE(std::string{e.what()}.starts_with(folder / "bad.textproto" + ":2:1: ")) << e.what();
+  }
+}
+
+}  // namespace
+}  // namespace twoport::test

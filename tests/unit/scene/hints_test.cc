@@ -1,0 +1,52 @@
+#include "common/scene/hints.h"
+
+#include <gtest/gtest.h>
+
+#include <string>
+#include <vector>
+
+#include "tests/unit/scene/scenes.h"
+
+namespace twoport::test {
+namespace {
+
+using Sentences = std::vector<std::string>;
+
+TEST(Hints, OfAnOrdinarySceneAreNone) {
+  for (const char* scene : {kStiffWall, kHeldSpring}) EXPECT_EQ(hints(scene_of(scene)), Sentences{});
+}
+
+TEST(Hints, NameTheLargestLengthWhereItLooksLikeMillimetres) {
+  const auto first = [](const Overrides& overrides) { return hints(scene_of(kStiffWall, overrides)).at(0); };
+  EXPECT_EQ(first({"device.position_m=[0, -30, 6]"}),
+            "device.position_m is 30 m; lengths are in metres, and 30 mm are 0.03");
+  EXPECT_TRUE(first({"robot.position_m=[5.1, 0, 0]"}).starts_with("robot.position_m is 5.1 m"));
+  EXPECT_TRUE(first({"operator.path[1].sine.amplitude_m=40"}).starts_with("operator.path[1].sine.amplitude_m is 40 m"));
+  EXPECT_TRUE(
+      first({"operator.path[0].move_to.position_m=[30, 0, 0]"}).starts_with("operator.path[0].move_to.position_m is"));
+  EXPECT_TRUE(first({"environment[0].wall.offset_m=-20"}).starts_with("environment[0].wall.offset_m is 20 m"));
+  EXPECT_TRUE(first({"environment[1].sphere={radius_m: 50 stiffness_n_per_m: 1}"})
+                  .starts_with("environment[1].sphere.radius_m is 50 m"));
+  EXPECT_EQ(hints(scene_of(kStiffWall, {"environment[0].wall.offset_m=-5"})), Sentences{});
+}
+
+TEST(Hints, SayThatNobodyHoldsAHandleOverALink) {
+  const std::string free = "dof: 1 duration_s: 1 device { mass_kg: 1 } control { passivity { method: CLASSIC } }";
+  EXPECT_EQ(hints(scene_of(free)), Sentences{"operator is absent: nobody holds the handle, which moves by itself"});
+  EXPECT_EQ(hints(scene_of(free, {"operator={}"})), Sentences{});
+}
+
+TEST(Hints, SayThatADelayedLinkWithoutPassivityControlMayBeUnstable) {
+  const Sentences expected{
+      "control.passivity.method is NONE and the link delays: the loop may be unstable; FORCE_PROJECTED or CLASSIC "
+      "keeps "
+      "it passive"};
+  EXPECT_EQ(hints(scene_of(kStiffWall, {"control.passivity.method=NONE"})), expected);
+  EXPECT_EQ(hints(scene_of("dof: 1 duration_s: 1 to_master { jitter_ms: 1 }")), expected);
+  // Who expects it needs no hint; without a delay there is nothing to hint at.
+  EXPECT_EQ(hints(scene_of(kStiffWall, {"control.passivity.method=NONE", "expect.stable=false"})), Sentences{});
+  EXPECT_EQ(hints(scene_of("dof: 1 duration_s: 1")), Sentences{});
+}
+
+}  // namespace
+}  // namespace twoport::test

@@ -1,0 +1,298 @@
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <string>
+#include <vector>
+
+#include "tests/unit/scene/scenes.h"
+
+namespace twoport::test {
+namespace {
+
+TEST(Scene, ReadsTheStiffWallOfTheContract) {
+  const Scene s = scene_of(kStiffWall);
+  EXPECT_EQ(s.name, "stiff wall at 50 ms");
+  EXPECT_EQ(s.dof, 3);
+  EXPECT_EQ(s.axes(), 3);
+  EXPECT_EQ(s.duration_s, 8.0);
+  EXPECT_EQ(s.rate_hz, 2000.0);
+  EXPECT_EQ(s.seed, 7U);
+
+  ASSERT_TRUE(s.human && s.human->hand);
+  EXPECT_EQ(s.human->hand->mass_kg, 0.02);
+  EXPECT_EQ(s.human->hand->stiffness_n_per_m, 300.0);
+  EXPECT_EQ(s.human->hand->damping_n_s_per_m, 1.0);
+  ASSERT_EQ(s.human->path.size(), 3U);
+  EXPECT_EQ(std::get<MoveToSpec>(s.human->path[0]).position_m, (Numbers{0.03, 0, 0}));
+  EXPECT_EQ(std::get<MoveToSpec>(s.human->path[0]).duration_s, 1.0);
+  const auto& sine = std::get<SineSpec>(s.human->path[1]);
+  EXPECT_EQ(sine.axis, 1);
+  EXPECT_EQ(sine.amplitude_m, 0.04);
+  EXPECT_EQ(sine.frequency_hz, 0.5);
+  EXPECT_EQ(sine.duration_s, 4.0);
+  EXPECT_EQ(std::get<HoldSpec>(s.human->path[2]).duration_s, 1.0);
+
+  ASSERT_TRUE(s.device);
+  EXPECT_EQ(s.device->mass_kg, 0.075);
+  EXPECT_EQ(s.device->damping_n_s_per_m, 0.05);
+  EXPECT_EQ(s.device->max_force_n, 8.5);
+  EXPECT_EQ(s.control.architecture, Architecture::position_force);
+  EXPECT_EQ(s.control.handle_mass_kg, 0.075);  // the device's
+  EXPECT_EQ(s.control.coupling.stiffness_n_per_m, 1000.0);
+  EXPECT_EQ(s.control.coupling.damping_n_s_per_m, 20.0);
+  EXPECT_EQ(s.control.controller.method, Method::force_projected);
+  EXPECT_EQ(s.to_slave.delay_s, 0.05);
+  EXPECT_EQ(s.to_slave.loss, 0.05);
+  EXPECT_EQ(s.to_master.delay_s, 0.05);
+  ASSERT_TRUE(s.robot && s.robot->force_sensor);
+  EXPECT_EQ(s.robot->mass_kg, 0.5);
+  EXPECT_EQ(s.robot->damping_n_s_per_m, 2.0);
+  ASSERT_EQ(s.environment.size(), 1U);
+  const Wall wall = shape_of<Wall>(s.environment[0]);
+  EXPECT_EQ(wall.normal, Vector3d(-1, 0, 0));
+  EXPECT_EQ(wall.offset_m, -0.02);
+  EXPECT_EQ(material_of(s.environment[0]).stiffness_n_per_m, 5000.0);
+  EXPECT_EQ(s.expect.stable, true);
+  ASSERT_EQ(s.expect.at_least.size(), 1U);
+  EXPECT_EQ(s.expect.at_least[0].key, "min_port_energy_j");
+  EXPECT_EQ(s.expect.at_least[0].value, -1e-4);
+  ASSERT_EQ(s.expect.at_most.size(), 1U);
+  EXPECT_EQ(s.expect.at_most[0].key, "force_direction_error_max_deg");
+}
+
+TEST(Scene, ReadsHowTheWorldIsStepped) {
+  EXPECT_EQ(scene_of(kStiffWall).simulation.integrator, Integrator::exact);
+  const Scene s = scene_of(kStiffWall, {"simulation.integrator=SYMPLECTIC_EULER", "simulation.substeps=10"});
+  EXPECT_EQ(s.simulation.integrator, Integrator::symplectic_euler);
+  EXPECT_EQ(s.simulation.substeps, 10);
+  EXPECT_TRUE(says(error_of(kStiffWall, {"simulation.substeps=0"}), {"simulation.substeps is 0", "1 to 10000"}));
+  EXPECT_EQ(error_of(kStiffWall, {"simulation.integrator=TRAPEZOIDAL"}), "");
+  EXPECT_TRUE(says(error_of(kStiffWall, {"simulation.integrator=TRAPEZOIDAL", "environment[0].wall.friction=0.1"}),
+                   {"simulation.integrator is TRAPEZOIDAL", "one wall without friction"}));
+}
+
+TEST(Scene, OfABodyAloneHasNothingElse) {
+  const std::string body =
+      "dof: 1 duration_s: 1 control { architecture: UNCONTROLLED } environment { spring { stiffness_n_per_m: 1 } }";
+  EXPECT_TRUE(says(error_of(body, {}), {"robot is missing", "UNCONTROLLED"}));
+  EXPECT_EQ(error_of(body, {"robot.mass_kg=1"}), "");
+  EXPECT_TRUE(says(error_of(body, {"robot.mass_kg=1", "device.mass_kg=1"}), {"device is given", "UNCONTROLLED"}));
+}
+
+TEST(Scene, ReadsAScrewAndATremor) {
+  const Scene s = scene_of(kStiffWall, {"operator.tremor={rms_m: 1.5e-4}",
+                                        "operator.path[3].screw={point_m: [1, 2, 3] axis: [0, 3, 4] angle_rad: 0.5 "
+                                        "travel_m: 0.03 frequency_hz: 0.5 duration_s: 2}"});
+  EXPECT_FALSE(scene_of(kStiffWall).human->tremor);
+  ASSERT_TRUE(s.human->tremor);
+  EXPECT_EQ(s.human->tremor->rms_m, 1.5e-4);
+  EXPECT_EQ(s.human->tremor->low_hz, 2.0);
+  EXPECT_EQ(s.human->tremor->high_hz, 12.0);
+  const auto& screw = std::get<ScrewSpec>(s.human->path.at(3));
+  EXPECT_EQ(screw.point_m, (Numbers{1, 2, 3}));
+  EXPECT_NEAR(screw.axis[1], 0.6, 1e-15);
+  EXPECT_NEAR(screw.axis[2], 0.8, 1e-15);
+  EXPECT_EQ(screw.angle_rad, 0.5);
+  EXPECT_EQ(screw.travel_m, 0.03);
+  EXPECT_EQ(screw.frequency_hz, 0.5);
+  EXPECT_EQ(screw.duration_s, 2.0);
+}
+
+TEST(Scene, ReadsTheHeldSpringOfTheContract) {
+  const Scene s = scene_of(kHeldSpring);
+  EXPECT_EQ(s.axes(), 1);
+  EXPECT_FALSE(s.human || s.robot);
+  ASSERT_TRUE(s.device);
+  EXPECT_EQ(s.device->position_m, Numbers{0.001});
+  EXPECT_EQ(s.device->velocity_estimate, VelocityEstimate::backward_difference);
+  EXPECT_EQ(s.control.architecture, Architecture::render);
+  EXPECT_EQ(s.control.controller.method, Method::none);
+  const auto& spring = std::get<Spring>(s.environment.at(0));
+  EXPECT_EQ(spring.stiffness_n_per_m, 2000.0);
+  EXPECT_EQ(spring.anchor_m, Vector3d(0, 0, 0));
+}
+
+TEST(Scene, ReadsEveryBlockInSixDegreesOfFreedom) {
+  const Scene s = scene_of(kTurning);
+  EXPECT_EQ(s.axes(), 3);
+  EXPECT_EQ(s.human->hand->rotational_stiffness_n_m_per_rad, 2.0);
+  EXPECT_EQ(s.human->hand->rotational_damping_n_m_s_per_rad, 0.1);
+  EXPECT_EQ(s.device->inertia_kg_m2, 1e-4);
+  EXPECT_EQ(s.device->rotational_damping_n_m_s_per_rad, 1e-3);
+  EXPECT_EQ(s.device->position_m, (Numbers{0, 0, 0.1, 1, 0, 0, 0}));
+  EXPECT_EQ(s.device->velocity_m_per_s, (Numbers{0, 0, 0, 0, 0, 1}));
+  EXPECT_EQ(s.control.coupling.rotational_stiffness_n_m_per_rad, 5.0);
+  EXPECT_EQ(s.control.coupling.rotational_damping_n_m_s_per_rad, 0.3);
+  EXPECT_TRUE(s.control.registration.absolute);
+  EXPECT_EQ(s.control.registration.rotation.coeffs(), Eigen::Vector4d(0.8, 0, 0, 0.6));
+  EXPECT_EQ(s.control.registration.position_m, Vector3d(0.1, 0.2, 0.3));
+  EXPECT_EQ(s.robot->inertia_kg_m2, (Numbers{1e-3, 2e-3, 3e-3}));
+  EXPECT_EQ(s.robot->rotational_damping_n_m_s_per_rad, 0.01);
+  EXPECT_EQ(s.robot->position_m, (Numbers{1, 2, 3}));
+  EXPECT_EQ(s.robot->velocity_m_per_s, (Numbers{4, 5, 6}));
+  EXPECT_EQ(std::get<MoveToSpec>(s.human->path[1]).position_m, (Numbers{0, 0, 0.1, 0, 1, 0, 0}));
+  EXPECT_EQ(std::get<SineSpec>(s.human->path[2]).axis, 5);
+  EXPECT_EQ(s.robot->force_sensor->noise_n, 0.01);
+  EXPECT_EQ(s.robot->force_sensor->bias_n, (Numbers{0, 0, 0, 1, 2, 3}));
+  EXPECT_EQ(s.robot->force_sensor->latency_s, 2e-3);
+
+  ASSERT_EQ(s.environment.size(), 5U);
+  const Sphere sphere = shape_of<Sphere>(s.environment[0]);
+  EXPECT_EQ(sphere.center_m, Vector3d(0, 0, -1));
+  EXPECT_EQ(sphere.radius_m, 0.9);
+  EXPECT_EQ(material_of(s.environment[0]).damping_n_s_per_m, 1.0);
+  EXPECT_EQ(material_of(s.environment[0]).friction, 0.3);
+  EXPECT_EQ(material_of(s.environment[0]).viscous_friction_n_s_per_m, 2.0);
+  const Cylinder cylinder = shape_of<Cylinder>(s.environment[1]);
+  EXPECT_EQ(cylinder.point_m, Vector3d(1, 0, 0));
+  EXPECT_EQ(cylinder.axis, Vector3d(0, 0, 1));
+  EXPECT_EQ(cylinder.radius_m, 0.1);
+  const Box box = shape_of<Box>(s.environment[2]);
+  EXPECT_EQ(box.center_m, Vector3d(0, 1, 0));
+  EXPECT_EQ(box.half_size_m, Vector3d(0.1, 0.2, 0.3));
+  EXPECT_EQ(std::get<Spring>(s.environment[3]).damping_n_s_per_m, 0.5);
+  EXPECT_EQ(s.tool, (std::vector<Vector3d>{{0, 0, 0.05}, {0.01, 0, 0.05}}));
+}
+
+TEST(Scene, ReadsEveryImpairment) {
+  const Scene s = scene_of(
+      kStiffWall, {"to_slave.jitter_ms=3", "to_slave.jitter_distribution=PARETO",
+                   "to_slave.burst={p: 0.1 r: 0.5 loss_good: 0.01}", "to_slave.blackout={start_s: 1 duration_s: 0.25}",
+                   "to_slave.duplicate=0.02", "to_slave.reorder=0.03", "to_slave.reorder_ms=8"});
+  EXPECT_EQ(s.to_slave.jitter_s, 3e-3);
+  EXPECT_EQ(s.to_slave.jitter_distribution, JitterDistribution::pareto);
+  ASSERT_TRUE(s.to_slave.burst);
+  EXPECT_EQ(s.to_slave.burst->p, 0.1);
+  EXPECT_EQ(s.to_slave.burst->r, 0.5);
+  EXPECT_EQ(s.to_slave.burst->loss_good, 0.01);
+  EXPECT_EQ(s.to_slave.burst->loss_bad, 1.0);
+  ASSERT_EQ(s.to_slave.blackout.size(), 1U);
+  EXPECT_EQ(s.to_slave.blackout[0].start_s, 1.0);
+  EXPECT_EQ(s.to_slave.blackout[0].duration_s, 0.25);
+  EXPECT_EQ(s.to_slave.duplicate, 0.02);
+  EXPECT_EQ(s.to_slave.reorder, 0.03);
+  EXPECT_EQ(s.to_slave.reorder_s, 8e-3);
+  EXPECT_FALSE(s.to_master.burst);
+}
+
+TEST(Scene, FillsInWhatItDoesNotSay) {
+  const Scene s = scene_of("dof: 3 duration_s: 1");
+  EXPECT_EQ(s.name, "x");  // after its file
+  EXPECT_EQ(s.rate_hz, 1000.0);
+  EXPECT_EQ(s.master_rate_hz, 1000.0);
+  EXPECT_EQ(s.slave_rate_hz, 1000.0);
+  EXPECT_EQ(s.seed, 1U);
+  EXPECT_FALSE(s.human || s.device || s.robot);
+  EXPECT_TRUE(s.environment.empty() && s.tool.empty());
+  EXPECT_EQ(s.control.architecture, Architecture::position_force);
+  EXPECT_EQ(s.control.force_scale, 1.0);
+  EXPECT_EQ(s.control.motion_scale, 1.0);
+  const CouplingOptions coupling;  // the schema and the plain options agree
+  EXPECT_EQ(s.control.coupling.stiffness_n_per_m, coupling.stiffness_n_per_m);
+  EXPECT_EQ(s.control.coupling.damping_n_s_per_m, coupling.damping_n_s_per_m);
+  EXPECT_EQ(s.control.coupling.rotational_stiffness_n_m_per_rad, coupling.rotational_stiffness_n_m_per_rad);
+  EXPECT_EQ(s.control.coupling.rotational_damping_n_m_s_per_rad, coupling.rotational_damping_n_m_s_per_rad);
+  EXPECT_EQ(s.control.coupling.catch_up_m_per_s, coupling.catch_up_m_per_s);
+  EXPECT_EQ(s.control.coupling.drift_compensation, coupling.drift_compensation);
+  const ControllerOptions controller;
+  EXPECT_EQ(s.control.controller.method, controller.method);
+  EXPECT_EQ(s.control.controller.max_gain, controller.max_gain);
+  EXPECT_EQ(s.control.controller.unilateral, controller.unilateral);
+  EXPECT_EQ(s.control.controller.predict, controller.predict);
+  EXPECT_EQ(s.control.observer, ObserverRule::exact);
+  EXPECT_EQ(s.control.accounts, Accounts::total);
+  EXPECT_FALSE(s.control.reference_energy);
+  EXPECT_EQ(s.control.engage.si(), 0.1);
+  EXPECT_EQ(s.control.hold_after.si(), 0.1);
+  EXPECT_EQ(s.control.release_after.si(), 1.0);
+  EXPECT_EQ(s.to_slave.delay_s, 0.0);
+  EXPECT_TRUE(s.to_slave.recorded_delay_s.empty());
+}
+
+TEST(Scene, RatesOfTheTwoSidesMayDiffer) {
+  const Scene s = scene_of("dof: 1 duration_s: 1 rate_hz: 500 slave_rate_hz: 2000");
+  EXPECT_EQ(s.master_rate_hz, 500.0);
+  EXPECT_EQ(s.slave_rate_hz, 2000.0);
+}
+
+TEST(Scene, AccountsStartWithAMillijouleOverALinkAndWithNothingUnderRender) {
+  EXPECT_EQ(scene_of(kStiffWall).control.initial_energy.si(), 1e-3);
+  EXPECT_EQ(scene_of(kHeldSpring).control.initial_energy.si(), 0.0);
+  EXPECT_EQ(scene_of(kStiffWall, {"control.passivity.initial_energy_j=0"}).control.initial_energy.si(), 0.0);
+  EXPECT_EQ(scene_of(kHeldSpring, {"control.passivity.initial_energy_j=0.5"}).control.initial_energy.si(), 0.5);
+}
+
+TEST(Scene, PositionsThatAreNotGivenStayEmpty) {
+  const Scene s = scene_of(
+      kStiffWall, {"operator.path[0].move_to.position_m=[]", "environment[0]={spring {stiffness_n_per_m: 1}}"});
+  EXPECT_TRUE(s.device->position_m.empty() && s.device->velocity_m_per_s.empty());
+  EXPECT_TRUE(s.robot->position_m.empty());
+  EXPECT_TRUE(std::get<MoveToSpec>(s.human->path[0]).position_m.empty());
+  EXPECT_EQ(std::get<Spring>(s.environment[0]).anchor_m, Vector3d(0, 0, 0));
+}
+
+TEST(Scene, DirectionsAndAttitudesAreMadeOfUnitLength) {
+  const Scene s = scene_of(kTurning, {"device.position_m=[0, 0, 0, 0.8005, 0.6, 0, 0]"});
+  const Wall wall = shape_of<Wall>(s.environment[4]);
+  EXPECT_NEAR(wall.normal[1], 0.6, 1e-15);
+  EXPECT_NEAR(wall.normal[2], 0.8, 1e-15);
+  EXPECT_NEAR(std::hypot(s.device->position_m[3], s.device->position_m[4]), 1.0, 1e-15);
+  EXPECT_EQ(shape_of<Wall>(scene_of(kStiffWall, {"environment[0].wall.normal=[1e300, 0, 0]"}).environment[0]).normal,
+            Vector3d(1, 0, 0));
+  EXPECT_EQ(shape_of<Wall>(scene_of(kStiffWall, {"environment[0].wall.normal=[0, -1e-300, 0]"}).environment[0]).normal,
+            Vector3d(0, -1, 0));
+}
+
+TEST(Scene, OneMomentOfInertiaStandsForThree) {
+  EXPECT_EQ(scene_of(kTurning, {"robot.inertia_kg_m2=[2e-3]"}).robot->inertia_kg_m2, (Numbers{2e-3, 2e-3, 2e-3}));
+}
+
+TEST(Scene, AToolWithoutPointsTouchesAtItsOrigin) {
+  EXPECT_EQ(scene_of(kTurning, {"tool={}"}).tool, std::vector<Vector3d>{Vector3d::Zero()});
+  EXPECT_EQ(scene_of(kTurning, {"tool={contact_point {}}"}).tool, std::vector<Vector3d>{Vector3d::Zero()});
+}
+
+TEST(Scene, TheHandlesMassMayComeFromTheHandOrTheDevice) {
+  EXPECT_EQ(error_of(kStiffWall, {"device.mass_kg=0"}), "");
+  EXPECT_EQ(error_of(kStiffWall, {"operator.hand.mass_kg=0"}), "");
+  EXPECT_EQ(error_of(kTurning, {"device.inertia_kg_m2=0", "operator.hand.inertia_kg_m2=1e-5"}), "");
+}
+
+TEST(Scene, RefusesWhatIsTooStiffToBeWorthAModel) {
+  const auto names = [](const std::string& override, const std::string& what, const char* scene = kStiffWall) {
+    const std::string said = error_of(scene, {override});
+    EXPECT_NE(said.find(what), std::string::npos) << override << ": " << said;
+    EXPECT_NE(said.find("rad in a tick; it must be <= 10000"), std::string::npos) << override << ": " << said;
+  };
+  names("operator.hand.stiffness_n_per_m=1e15", "device and operator.hand: mass");
+  names("device.damping_n_s_per_m=1e12", "device and operator.hand: mass");
+  names("operator.hand.rotational_stiffness_n_m_per_rad=1e15", "device and operator.hand: inertia", kTurning);
+  names("environment[0].wall.stiffness_n_per_m=1e15", "robot and environment: mass");
+  names("robot.mass_kg=1e-30", "robot and environment: mass");
+  EXPECT_EQ(error_of(kStiffWall, {"operator.hand.stiffness_n_per_m=1e12"}), "");
+}
+
+TEST(Scene, AnImposedPathOrAnIdealHandleNeedsNoMass) {
+  EXPECT_EQ(error_of("dof: 6 duration_s: 1 operator { path { hold { duration_s: 1 } } } device { max_force_n: 5 }"),
+            "");
+  EXPECT_EQ(error_of("dof: 6 duration_s: 1"), "");
+}
+
+TEST(Scene, ALinkWithoutARobotHasAnIdealOne) {
+  EXPECT_EQ(error_of("dof: 3 duration_s: 1 control { architecture: POSITION_MEASURED_FORCE } to_slave { delay_ms: 5 }"),
+            "");
+}
+
+TEST(Scene, OnlyARenderingKnowsItsContacts) {
+  for (const char* accounts : {"PER_CONTACT", "NORMAL_TANGENTIAL"}) {
+    const std::string set = std::string{"control.passivity.accounts="} + accounts;
+    EXPECT_EQ(error_of(kHeldSpring, {set}), "");
+    EXPECT_TRUE(says(error_of(kTurning, {set}), {"scenes/x.textproto: control.passivity.accounts is", accounts,
+                                                 "must be TOTAL over a link", "RENDER"}));
+    EXPECT_TRUE(says(error_of(kStiffWall, {set}), {accounts, "must be TOTAL over", "RENDER"}));
+  }
+  EXPECT_EQ(error_of(kHeldSpring, {"control.passivity.reference_energy=true"}), "");
+}
+
+}  // namespace
+}  // namespace twoport::test

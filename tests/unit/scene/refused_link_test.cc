@@ -1,0 +1,42 @@
+#include "tests/unit/scene/scenes.h"
+
+namespace twoport::test {
+
+INSTANTIATE_TEST_SUITE_P(
+    Link, RefusedScene,
+    ::testing::Values(
+        Refusal{kStiffWall, {"to_slave.delay_ms=-1"}, "to_slave.delay_ms is -1; it must be between 0 and 1000000"},
+        Refusal{kStiffWall, {"to_slave.jitter_ms=-1"}, "to_slave.jitter_ms is -1; it must be between 0 and 1000000"},
+        Refusal{kStiffWall, {"to_master.loss=1.5"}, "to_master.loss is 1.5; it must be between 0 and 1"},
+        Refusal{kStiffWall, {"to_master.duplicate=-0.1"}, "to_master.duplicate is -0.1; it must be between 0 and 1"},
+        Refusal{kStiffWall, {"to_master.reorder=2"}, "to_master.reorder is 2; it must be between 0 and 1"},
+        Refusal{
+            kStiffWall, {"to_master.reorder_ms=-2"}, "to_master.reorder_ms is -2; it must be between 0 and 1000000"},
+        Refusal{kStiffWall, {"to_slave.burst={r: 1}"}, "to_slave.burst.p is missing; it must be between 0 and 1"},
+        Refusal{kStiffWall, {"to_slave.burst={p: 1}"}, "to_slave.burst.r is missing; it must be between 0 and 1"},
+        Refusal{kStiffWall, {"to_slave.burst={p: 2 r: 1}"}, "to_slave.burst.p is 2; it must be between 0 and 1"},
+        Refusal{kStiffWall, {"to_slave.burst={p: 1 r: 2}"}, "to_slave.burst.r is 2; it must be between 0 and 1"},
+        Refusal{kStiffWall,
+                {"to_slave.burst={p: 1 r: 1 loss_good: 2}"},
+                "to_slave.burst.loss_good is 2; it must be between 0 and 1"},
+        Refusal{kStiffWall,
+                {"to_slave.burst={p: 1 r: 1 loss_bad: 2}"},
+                "to_slave.burst.loss_bad is 2; it must be between 0 and 1"},
+        Refusal{kStiffWall,
+                {"to_slave.blackout={start_s: -1 duration_s: 1}"},
+                "to_slave.blackout[0].start_s is -1; it must be >= 0 and at most 1e18"},
+        Refusal{kStiffWall,
+                {"to_slave.blackout={start_s: 1 duration_s: 0}"},
+                "to_slave.blackout[0].duration_s is 0; it must be > 0 and at most 1e18"},
+        Refusal{kStiffWall,
+                {"to_slave.blackout[0].start_s=1"},
+                "to_slave.blackout[0].duration_s is missing; it must be > 0 and at most 1e18"},
+        Refusal{kStiffWall,
+                {"to_slave.blackout[0].duration_s=1"},
+                "to_slave.blackout[0].start_s is missing; it must be >= 0 and at most 1e18"},
+        Refusal{kStiffWall,
+                {"to_slave.trace_file=nowhere.txt"},
+                "to_slave.trace_file: scenes/nowhere.txt: cannot be read: No such file or directory"}),
+    name_of);
+
+}  // namespace twoport::test

@@ -1,0 +1,294 @@
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <chrono>
+#include <cmath>
+#include <optional>
+#include <stdexcept>
+#include <string>
+#include <string_view>
+#include <utility>
+#include <vector>
+
+#include "common/link/impaired_socket.h"
+#include "common/link/memory_network.h"
+#include "tests/support/no_alloc.h"
+
+namespace twoport {
+namespace {
+
+using namespace std::chrono_literals;
+
+const Endpoint kA = MemoryNetwork::address(1, 1), kB = MemoryNetwork::address(2, 2), kC = MemoryNetwork::address(3, 3);
+
+std::span<const std::byte> bytes(std::string_view text) {
+  return std::as_bytes(std::span{text.data(), text.size()});
+}
+std::string text(const std::optional<ReceivedDatagram>& d) {
+  return d ? std::string{reinterpret_cast<const char*>(d->bytes.data()), d->bytes.size()} : "nothing";
+}
+std::vector<std::string> all(DatagramSocket& socket, Duration now) {
+  std::vector<std::string> out;
+  while (const auto d = socket.receive(now)) out.push_back(text(d));
+  return out;
+}
+using Texts = std::vector<std::string>;
+
+template <class Set>
+ImpairmentOptions with(Set set) {
+  ImpairmentOptions o;
+  set(o);
+  return o;
+}
+
+// ---- the network in memory
+
+TEST(MemoryNetwork, CarriesADatagramAndItsSource) {
+  MemoryNetwork network;
+  MemorySocket a = network.open(kA, 0ms), b = network.open(kB, 0ms);
+  EXPECT_TRUE(a.send(bytes("hello"), kB, 5ms));
+  const auto got = b.receive(6ms);
+  ASSERT_EQ(text(got), "hello");
+  EXPECT_EQ(got->from, kA);
+  EXPECT_EQ(got->arrived, 5ms);
+  EXPECT_FALSE(b.receive(6ms));
+  EXPECT_FALSE(a.receive(6ms));
+}
+
+TEST(MemoryNetwork, IsReadableStrictlyLaterThanItWasSent) {
+  MemoryNetwork network;
+  MemorySocket a = network.open(kA, 0ms), b = network.open(kB, 0ms);
+  a.send(bytes("x"), kB, 5ms);
+  EXPECT_FALSE(b.receive(5ms));
+  EXPECT_TRUE(b.receive(5ms + 1ns));
+}
+
+TEST(MemoryNetwork, DelaysLosesAndRepeatsByTheDestination) {
+  MemoryNetwork network;
+  MemorySocket a = network.open(kA, 0ms), b = network.open(kB, 0ms), c = network.open(kC, 0ms);
+  network.set_conditions(kB, {.impairment = with([](auto& o) {
+                                o.delay_s = 0.010;
+                                o.duplicate = 1.0;
+                              })},
+                         1);
+  network.set_conditions(kC, {.impairment = with([](auto& o) { o.loss = 1.0; })}, 1);
+  a.send(bytes("x"), kB, 0ms);
+  a.send(bytes("x"), kC, 0ms);
+  EXPECT_EQ(all(b, 9ms), Texts{});
+  EXPECT_EQ(all(b, 10ms), (Texts{"x", "x"}));
+  EXPECT_EQ(all(c, 1s), Texts{});
+  EXPECT_EQ(c.counts().lost, 1U);
+}
+
+TEST(MemoryNetwork, WhatIsOnItsWayKeepsTheConditionsItWasSentUnder) {
+  MemoryNetwork network;
+  MemorySocket a = network.open(kA, 0ms), b = network.open(kB, 0ms);
+  network.set_conditions({.impairment = with([](auto& o) { o.delay_s = 0.1; })});
+  a.send(bytes("slow"), kB, 0ms);
+  network.set_conditions({});
+  a.send(bytes("fast"), kB, 1ms);
+  EXPECT_EQ(all(b, 2ms), Texts{"fast"});
+  EXPECT_EQ(all(b, 100ms), Texts{"slow"});
+}
+
+TEST(MemoryNetwork, DamagesAsOftenAsItIsTold) {
+  MemoryNetwork network{7, 4096};
+  MemorySocket a = network.open(kA, 0ms), b = network.open(kB, 0ms);
+  network.set_conditions({.corruption = 0.25});
+  const std::string whole(200, 'x');
+  constexpr int kCount = 2000;
+  for (int k = 0; k < kCount; ++k) a.send(bytes(whole), kB, Duration{k});
+  int damaged = 0, shorter = 0;
+  for (const std::string& got : all(b, 1s)) damaged += got != whole, shorter += got.size() < whole.size();
+  // Four standard deviations of a binomial; that a byte is replaced by itself is rare.
+  EXPECT_NEAR(damaged, 0.25 * kCount, 4 * std::sqrt(0.25 * 0.75 * kCount));
+  EXPECT_NEAR(shorter, 0.05 * kCount, 4 * std::sqrt(0.05 * 0.95 * kCount));
+}
+
+TEST(MemoryNetwork, ASocketThatIsOpenedAgainGetsWhatIsStillOnItsWay) {
+  MemoryNetwork network;
+  network.set_conditions({.impairment = with([](auto& o) { o.delay_s = 0.010; })});
+  MemorySocket a = network.open(kA, 0ms);
+  {
+    const MemorySocket first = network.open(kB, 0ms);
+    a.send(bytes("due while nobody is there"), kB, 0ms);
+    a.send(bytes("late"), kB, 15ms);
+  }
+  MemorySocket again = network.open(kB, 20ms);
+  EXPECT_EQ(all(again, 30ms), Texts{"late"});
+}
+
+TEST(MemoryNetwork, AnAddressHasOneSocket) {
+  MemoryNetwork network;
+  const MemorySocket a = network.open(kA, 0ms);
+  EXPECT_THROW(network.open(kA, 0ms), std::logic_error);
+}
+
+TEST(MemoryNetwork, StrangersSendFromAnyAddress) {
+  MemoryNetwork network;
+  MemorySocket a = network.open(kA, 0ms);
+  network.send(bytes("me"), kC, kA, 0ms);
+  EXPECT_EQ(a.receive(1ms)->from, kC);
+}
+
+TEST(MemoryNetwork, TheSameSeedGivesTheSameRun) {
+  const auto run = [](std::uint64_t seed) {
+    MemoryNetwork network{seed, 1024};
+    MemorySocket a = network.open(kA, 0ms), b = network.open(kB, 0ms);
+    network.set_conditions({.impairment = with([](auto& o) {
+                              o.delay_s = 0.01;
+                              o.jitter_s = 0.005;
+                              o.loss = 0.3;
+                            }),
+                            .corruption = 0.3});
+    for (int k = 0; k < 200; ++k) a.send(bytes(std::to_string(k) + " of two hundred"), kB, k * 1ms);
+    return all(b, 10s);
+  };
+  EXPECT_EQ(run(1), run(1));
+  EXPECT_NE(run(1), run(2));
+}
+
+// ---- the impaired socket
+
+/// A network of the scene in front of a socket in memory, and two that send to it.
+struct Impaired {
+  explicit Impaired(const ImpairedSocketOptions& o) : filter{socket, o} {}
+  void send(const Endpoint& from, const std::string& what, Duration now) { network.send(bytes(what), from, kA, now); }
+  MemoryNetwork network{1, 4096};
+  MemorySocket socket = network.open(kA, 0ms);
+  ImpairedSocket filter;
+};
+
+TEST(ImpairedSocket, PassesWhatIsNotImpairedInTheTickInWhichItIsThere) {
+  Impaired i{{}};
+  i.send(kB, "x", 0ms);
+  const auto got = i.filter.receive(1ms);
+  ASSERT_EQ(text(got), "x");
+  EXPECT_EQ(got->from, kB);
+  EXPECT_LT(got->arrived, 1ms);
+  EXPECT_EQ(i.filter.local(), kA);
+}
+
+TEST(ImpairedSocket, DelaysFromTheArrival) {
+  Impaired i{{.incoming = with([](auto& o) { o.delay_s = 0.010; }), .peer = kB}};
+  i.send(kB, "x", 0ms);
+  for (Duration now = 1ms; now < 10ms; now += 1ms) ASSERT_FALSE(i.filter.receive(now));
+  EXPECT_TRUE(i.filter.receive(10ms));
+}
+
+TEST(ImpairedSocket, DropsAllOthersWhereThePeerIsGiven) {
+  Impaired i{{.peer = kB}};
+  for (int k = 0; k < 5; ++k) i.send(kC, "stranger", 0ms);
+  i.send(kB, "peer", 0ms);
+  EXPECT_EQ(all(i.filter, 1ms), Texts{"peer"});
+  EXPECT_EQ(i.filter.counts().rejected, 5U);
+}
+
+TEST(ImpairedSocket, NoFloodOfOthersChangesWhatHappensToThePeersDatagrams) {
+  const ImpairedSocketOptions rough{.incoming = with([](auto& o) {
+                                      o.delay_s = 0.050;
+                                      o.jitter_s = 0.010;
+                                      o.loss = 0.3;
+                                      o.duplicate = 0.1;
+                                    }),
+                                    .seed = 5,
+                                    .peer_rate_hz = 1000};
+  const auto run = [&](int flood) {
+    Impaired i{rough};
+    i.filter.paired(kB, 0ms);
+    Texts heard;
+    int from_others = 0;
+    for (int k = 1; k < 2000; ++k) {
+      for (int f = 0; f < flood; ++f) i.send(kC, "flood", k * 1ms);
+      i.send(kB, std::to_string(k), k * 1ms);
+      while (const auto d = i.filter.receive(k * 1ms + 500us)) {
+        if (d->from == kB) heard.push_back(std::to_string(k) + ":" + text(d));
+        from_others += d->from != kB;
+      }
+    }
+    EXPECT_EQ(i.filter.counts().overflowed, 0U);
+    EXPECT_EQ(from_others > 0, flood > 0);
+    if (flood > 128) {
+      EXPECT_GT(i.filter.counts().rejected, static_cast<std::uint64_t>(flood - 128) * 1900);
+    }
+    return heard;
+  };
+  const Texts quiet = run(0);
+  EXPECT_GT(quiet.size(), 1000U);
+  EXPECT_EQ(run(200), quiet);
+}
+
+TEST(ImpairedSocket, ReadsNoMoreThanABoundedNumberInATick) {
+  Impaired i{{}};
+  i.filter.paired(kB, 0ms);
+  for (int k = 0; k < 1000; ++k) i.send(kB, "x", 0ms);
+  EXPECT_EQ(all(i.filter, 1ms).size(), 256U);
+  EXPECT_EQ(all(i.filter, 1ms).size(), 0U);
+  EXPECT_EQ(all(i.filter, 2ms).size(), 256U);
+}
+
+TEST(ImpairedSocket, BlackoutsCountFromTheFirstPairing) {
+  Impaired i{{.incoming = with([](auto& o) { o.blackout = {{0.010, 0.005}}; }), .peer = kB}};
+  Texts heard;
+  for (int k = 0; k < 200; ++k) {
+    i.send(kB, std::to_string(k), k * 1ms - 1ns);
+    if (k == 100) i.filter.paired(kB, 100ms);
+    for (const std::string& t : all(i.filter, k * 1ms)) heard.push_back(t);
+    if (k == 150) i.filter.paired(kB, 150ms);  // a new session begins no new run
+  }
+  Texts expected;
+  for (int k = 0; k < 200; ++k)
+    if (k < 110 || k >= 115) expected.push_back(std::to_string(k));
+  EXPECT_EQ(heard, expected);
+  EXPECT_EQ(i.filter.counts().lost, 5U);
+}
+
+/// A socket that hands out one datagram of any length.
+class Hands final : public DatagramSocket {
+ public:
+  explicit Hands(std::size_t size) : datagram_(size) {}
+  bool send(std::span<const std::byte>, const Endpoint&, Duration) noexcept override { return true; }
+  std::optional<ReceivedDatagram> receive(Duration now) noexcept override {
+    if (std::exchange(given_, true)) return std::nullopt;
+    return ReceivedDatagram{datagram_, kB, now - 1ns};
+  }
+  [[nodiscard]] const Endpoint& local() const noexcept override { return kA; }
+  [[nodiscard]] SocketCounts counts() const noexcept override { return {}; }
+
+ private:
+  std::vector<std::byte> datagram_;
+  bool given_ = false;
+};
+
+TEST(ImpairedSocket, RejectsWhatIsTooLong) {
+  Hands longest{kMaxDatagramBytes}, too_long{kMaxDatagramBytes + 1};
+  ImpairedSocket takes{longest, {}}, rejects{too_long, {}};
+  EXPECT_TRUE(takes.receive(1ms));
+  EXPECT_FALSE(rejects.receive(1ms));
+  EXPECT_EQ(rejects.counts().rejected, 1U);
+}
+
+TEST(ImpairedSocket, DoesNotAllocate) {
+  Impaired i{{.incoming = with([](auto& o) {
+                o.delay_s = 0.01;
+                o.jitter_s = 0.01;
+                o.loss = 0.1;
+                o.duplicate = 0.2;
+                o.reorder = 0.1;
+              })}};
+  const std::string what(300, 'x');
+  std::size_t heard = 0;
+  i.filter.paired(kB, 0ms);
+  const NoAlloc guard;
+  for (int k = 0; k < 1000; ++k) {
+    i.network.send(bytes(what), kB, kA, k * 1ms);
+    i.network.send(bytes(what), kC, kA, k * 1ms);
+    i.filter.send(bytes(what), kB, k * 1ms);
+    while (i.filter.receive(k * 1ms)) ++heard;
+  }
+  EXPECT_EQ(guard.seen(), 0);
+  EXPECT_GT(heard, 1000U);
+}
+
+}  // namespace
+}  // namespace twoport
