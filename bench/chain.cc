@@ -108,16 +108,16 @@ void full_scene(benchmark::State& s) {
 template <int N>
 void master_step(benchmark::State& state) {
   MasterNode<N, TdpaMaster<N>> node{parse_scene(wall_scene(N), "bench").control};
-  DeviceState<N> device{};
+  DeviceSample<N> device{};
   PeerState<N> known{};
-  known.any = true;
+  known.has_report = true;
   known.newest.f = Force<N>{Force<N>::Vector::Ones()};
   known.energy_in_j = 1e9;
   std::int64_t k = 0;
   const Seconds dt{1 / kRate};
   for (auto _ : state) {
     const Duration now = tick_time(++k, kRate);
-    known.heard = now;
+    known.received_at = now;
     device.v = Velocity<N>{Velocity<N>::Vector::Constant(k % 2 == 0 ? 0.1 : -0.1)};
     device.x = device.x + device.v * dt;
     benchmark::DoNotOptimize(node.step(Tick<MasterClock>{Instant<MasterClock>{now}, dt}, device, known));
@@ -126,15 +126,15 @@ void master_step(benchmark::State& state) {
 template <int N>
 void slave_step(benchmark::State& state) {
   SlaveNode<N, TdpaSlave<N>> node{parse_scene(wall_scene(N), "bench").control};
-  RobotState<N> robot{};
+  RobotSample<N> robot{};
   PeerState<N> known{};
-  known.any = known.fresh = true;
+  known.has_report = known.is_new = true;
   known.energy_in_j = 1e9;
   std::int64_t k = 0;
   const Seconds dt{1 / kRate};
   for (auto _ : state) {
     const Duration now = tick_time(++k, kRate);
-    known.heard = now;
+    known.received_at = now;
     known.newest.v = Velocity<N>{Velocity<N>::Vector::Constant(k % 2 == 0 ? 0.1 : -0.1)};
     known.newest.x = known.newest.x + known.newest.v * dt;
     benchmark::DoNotOptimize(node.step(Tick<SlaveClock>{Instant<SlaveClock>{now}, dt}, robot, known));

@@ -42,7 +42,7 @@ struct WallParameters {
 };
 
 /// Largest s in [0, 1] with q s² + b s <= a.
-inline double share(double q, double b, double a) {
+inline double largest_feasible_scale(double q, double b, double a) {
   if (q + b <= a) return 1.0;
   const double root = std::sqrt(std::max(0.0, b * b + 4.0 * q * a));
   return std::clamp(b <= 0.0 ? (root - b) / (2.0 * q) : 2.0 * a / (root + b), 0.0, 1.0);
@@ -94,7 +94,7 @@ class HandWritten {
       const double f2 = f_d.squaredNorm(), power = f_d.dot(w) - std::sqrt(f2) * doubt_;
       const double repaid =
           available < 0.0 && power > 0.0 ? std::min(-available, p_.max_gain * p_.T * power * power / f2) : 0.0;
-      f = share(give_ * f2, -power, (std::max(available, 0.0) - repaid) / p_.T) * f_d;
+      f = largest_feasible_scale(give_ * f2, -power, (std::max(available, 0.0) - repaid) / p_.T) * f_d;
     }
     to_slave_[at] = {x_m_, v_m_, in_m_};
 
@@ -110,7 +110,7 @@ class HandWritten {
       const V f_d = p_.k * (x_sd_ + p_.T * v - x_s_) + p_.b * (from_master.v - v_s_);
       const double power = f_d.dot(v), q = compliance_ * f_d.squaredNorm();
       const double a = std::max(p_.e0 + from_master.in - out_s_, 0.0) / p_.T;
-      const double s = power <= a ? 1.0 : share(q, power - q, a);
+      const double s = power <= a ? 1.0 : largest_feasible_scale(q, power - q, a);
       f_s = s * f_d;
       const V moved = p_.T * (v - (1.0 - s) * compliance_ * f_d);
       const double into = f_s.dot(moved);
@@ -250,7 +250,8 @@ class HandWritten6 {
       const double repaid = available < 0.0 && power > 0.0
                                 ? std::min(-available, p_.max_gain * p_.T * power * power / f_d.squaredNorm())
                                 : 0.0;
-      f = share(f_d.dot(give_.cwiseProduct(f_d)), -power, (std::max(available, 0.0) - repaid) / p_.T) * f_d;
+      f = largest_feasible_scale(f_d.dot(give_.cwiseProduct(f_d)), -power, (std::max(available, 0.0) - repaid) / p_.T) *
+          f_d;
     }
     v_m_before_ = v_m_;
     to_slave_[at] = {x_m_, v_m_, in_m_};
@@ -269,7 +270,7 @@ class HandWritten6 {
       const V give = compliance_.cwiseProduct(f_d);
       const double power = f_d.dot(v), q = f_d.dot(give);
       const double a = std::max(p_.e0 + from_master.in - out_s_, 0.0) / p_.T;
-      const double s = power <= a ? 1.0 : share(q, power - q, a);
+      const double s = power <= a ? 1.0 : largest_feasible_scale(q, power - q, a);
       f_s = s * f_d;
       const V moved = p_.T * (v - (1.0 - s) * give);
       const double into = f_s.dot(moved);

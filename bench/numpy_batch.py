@@ -30,7 +30,7 @@ def exact(m, b, k, h):
     return e[:2, 1:]
 
 
-def share(q, b, a):
+def largest_feasible_scale(q, b, a):
     """Largest s in [0, 1] with q s^2 + b s <= a."""
     root = np.sqrt(np.maximum(0.0, b * b + 4.0 * q * a))
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -44,7 +44,7 @@ def run(delay_ticks, loss, seconds, seed=1):
     hand, free, wall = (exact(HAND_M + DEVICE_M, HAND_B + DEVICE_B, HAND_K, T), exact(ROBOT_M, ROBOT_B, 0.0, T),
                         exact(ROBOT_M, ROBOT_B, WALL_K, T))
     z = lambda: np.zeros(n)
-    x_m, v_m, f_m, f_b, x_b, u, d, doubt = z(), z(), z(), z(), z(), z(), z(), z()
+    x_m, v_m, f_m, f_b, x_b, u, d, error_bound = z(), z(), z(), z(), z(), z(), z(), z()
     x_s, v_s, f_s, x_sb, x_sd = z(), z(), z(), z(), z()
     in_m, out_m, in_s, out_s, created, worst, credit, ramp = z(), z(), z(), z(), z(), z(), z(), z()
     target, rx_v, rx_in_m, rx_f, rx_in_s = z(), z(), z(), z(), z()
@@ -59,7 +59,7 @@ def run(delay_ticks, loss, seconds, seed=1):
         x_h_next = 0.03 * s**3 * (10 - s * (15 - 6 * s))
         slot, due = k % ring, (k - delay_ticks) % ring
         old = k >= delay_ticks
-        # Master: book, foresee, receive, bound.
+        # Master: book, predict, receive, bound.
         moved = x_m - x_b
         e = f_m * moved
         in_m += np.maximum(e, 0)
@@ -67,7 +67,7 @@ def run(delay_ticks, loss, seconds, seed=1):
         if k > 0:
             expected = u + d - give * (f_b + f_m)
             err = moved / T - expected
-            u, d, doubt = expected + 0.75 * err, d + 0.25 * err, np.maximum(np.abs(err), 0.95 * doubt)
+            u, d, error_bound = expected + 0.75 * err, d + 0.25 * err, np.maximum(np.abs(err), 0.95 * error_bound)
         f_b, x_b = f_m, x_m
         m = to_master[due, :, cell]
         got = old & (m[:, 2] > 0)
@@ -75,12 +75,12 @@ def run(delay_ticks, loss, seconds, seed=1):
         ramp = np.where(heard_m, np.minimum(1.0, ramp + T / ENGAGE_S), 0.0)
         f_d = ramp * rx_f
         f2, w = f_d * f_d, u + d - give * f_m
-        power = f_d * w - np.abs(f_d) * doubt
+        power = f_d * w - np.abs(f_d) * error_bound
         left = E0 + np.minimum(rx_in_s, in_m) - out_m
         with np.errstate(divide="ignore", invalid="ignore"):
             cap = np.nan_to_num(MAX_GAIN * T * power * power / f2)
         repaid = np.where((left < 0) & (power > 0), np.minimum(-left, cap), 0.0)
-        f = share(give * f2, -power, (np.maximum(left, 0) - repaid) / T) * f_d
+        f = largest_feasible_scale(give * f2, -power, (np.maximum(left, 0) - repaid) / T) * f_d
         # Slave: receive, couple, bound.
         created -= f_s * (x_s - x_sb)
         x_sb = x_s
@@ -92,7 +92,7 @@ def run(delay_ticks, loss, seconds, seed=1):
         f_ds = np.where(heard_s, K * (x_sd + T * v - x_s) + B * (rx_v - v_s), 0.0)
         p, q = f_ds * v, g * f_ds * f_ds
         a = np.maximum(E0 + rx_in_m - out_s, 0) / T
-        cut = np.where(p <= a, 1.0, share(q, p - q, a))
+        cut = np.where(p <= a, 1.0, largest_feasible_scale(q, p - q, a))
         step = np.where(heard_s, T * (v - (1 - cut) * g * f_ds), 0.0)
         f_s = cut * f_ds
         into = f_s * step

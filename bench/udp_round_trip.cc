@@ -147,8 +147,8 @@ class Path {
  public:
   Path() {
     Report<N> hello;
-    while (!near_.collect(tick(near_now_)).any) {
-      if (near_.transport().take_new_session()) near_.forget();
+    while (!near_.collect(tick(near_now_)).has_report) {
+      if (near_.transport().take_new_session()) near_.reset();
       near_.post(hello, near_now_);
       far_turn();
     }
@@ -159,15 +159,15 @@ class Path {
     near_.post(report, near_now_);
     while (true) {
       const PeerState<N>& known = near_.collect(tick(near_now_));
-      if (!known.fresh) continue;
+      if (!known.is_new) continue;
       known_ = known;
       return;
     }
   }
   void far_turn() {
-    if (far_.transport().take_new_session()) far_.forget();
+    if (far_.transport().take_new_session()) far_.reset();
     const PeerState<N>& known = far_.collect(tick(far_now_));
-    if (!known.fresh && known.any) return;
+    if (!known.is_new && known.has_report) return;
     Report<N> report = far_node_.step(known, far_now_);
     far_.post(report, far_now_);
   }

@@ -47,7 +47,7 @@ const std::vector<std::pair<std::string, Set>>& methods() {
         {"projected", passivity({"reference_energy=false", "predict=false"})},
         {"projected predict", passivity({"reference_energy=false"})},
         {"classic reference", passivity({"method=CLASSIC"})},
-        {"projected reference arrears", passivity({"predict=false"})},
+        {"projected reference no prediction", passivity({"predict=false"})},
         {"projected reference", {}},
         {"projected reference uncapped", passivity({"max_gain=1e18"})},
         {"projected reference total", passivity({"accounts=TOTAL"})},
@@ -327,7 +327,7 @@ void turn(Numbers& n, const Eigen::Quaterniond& q) {
 
 Scene turned(Scene scene, const Eigen::Quaterniond& q) {
   turn(scene.device->position_m, q);
-  for (SegmentSpec& segment : scene.human->path) {
+  for (SegmentSpec& segment : scene.operator_model->path) {
     if (auto* move = std::get_if<MoveToSpec>(&segment)) turn(move->position_m, q);
     if (auto* screw = std::get_if<ScrewSpec>(&segment)) turn(screw->point_m, q), turn(screw->axis, q);
   }
@@ -366,8 +366,9 @@ std::vector<FrameCheck> frame_checks() {
         energy[i] += (q[i] * held).dot(q[i] * moved);
         const double u = scene.control.reference_energy ? surface.potential<3>(x) : 0.0,
                      next = scene.control.reference_energy ? surface.potential<3>(x + v * dt.si()) : 0.0;
-        const auto part = passivate(Force<3>{q[i] * wanted}, Velocity<3>{q[i] * v},
-                                    Budget{Energy{energy[i] - u}, Energy{next - u}}, scene.control.controller, dt);
+        const auto part =
+            passivity_controller(Force<3>{q[i] * wanted}, Velocity<3>{q[i] * v},
+                                 Budget{Energy{energy[i] - u}, Energy{next - u}}, scene.control.controller, dt);
         out[i] = q[i].conjugate() * part.out.vec();
       }
       held = out[0];

@@ -62,7 +62,8 @@ int paper_command(const Arguments& a) {
 
 Subcommand add_paper_command(CLI::App& app) {
   const auto a = std::make_shared<Arguments>();
-  CLI::App* paper = app.add_subcommand("paper", "The figures of the seed paper from simulated data, and their numbers");
+  CLI::App* paper =
+      app.add_subcommand("paper", "The figures of the reference paper from simulated data, and their numbers");
   paper->add_option("--out", a->out, "Folder for pictures, their data, figures.csv and table.txt")->required();
   paper->add_option("--jobs", a->jobs, "Threads")->capture_default_str();
   paper->footer(

@@ -33,7 +33,7 @@ constexpr Known kKnown[] = {
     {"slide", "ideal", "projected no clamp", {-7.8e-5, kNone, 180, 0, 0, kNone, kNone}},
     {"slide", "ideal", "projected", {-9.1e-5, 0, 0, 0, 0, 0.8, 0}},
     {"slide", "ideal", "projected predict", {-3.3e-6, 0, 0, 0, 0, 1.5, 0}},
-    {"slide", "ideal", "projected reference arrears", {-8.7e-6, 0, 0, 0, 0, kNone, 0}},
+    {"slide", "ideal", "projected reference no prediction", {-8.7e-6, 0, 0, 0, 0, kNone, 0}},
     {"slide", "ideal", "projected reference", {-6.9e-8, 0, 0, 0, 0, 0.105, 0}},
     {"slide", "ideal", "projected reference uncapped", {-6.9e-8, 0, 0, 0, 0, 0.105, 0}},
     {"curved", "ideal", "none", {-0.120, kNone, kNone, kNone, kNone, kNone, kNone}},

@@ -41,7 +41,7 @@ Summary run_as(Simulation<N>& simulation, const Scene& scene, const std::string&
 }  // namespace
 
 Summary run(const Scene& scene, const std::string& trace_path) {
-  return with_size(scene, [&]<int N>() { return run_as(*make_simulation<N>(scene), scene, trace_path); });
+  return dispatch_dof(scene, [&]<int N>() { return run_as(*make_simulation<N>(scene), scene, trace_path); });
 }
 
 }  // namespace twoport::lab

@@ -26,7 +26,7 @@ class MasterNode {
     Force<N> command;  ///< at the master port, power f·v into the network
     PortReport<N> report;
     Force<N> wanted;  ///< before the passivity controller
-    Energy dissipated, owed;
+    Energy dissipated, undissipated;
     Mode mode;
   };
 
@@ -78,12 +78,12 @@ class MasterNode {
                        .epoch = epoch_},
             .wanted = half.wanted,
             .dissipated = half.dissipated,
-            .owed = half.deficit,
+            .undissipated = half.undissipated,
             .mode = modes_.mode()};
   }
 
   /// The slave has started anew and its totals with it: this side's start again too.
-  void rebase(Energy slave_energy_in) noexcept {
+  void on_peer_restart(Energy slave_energy_in) noexcept {
     half_.restart(account_, half_.deficit(account_, slave_energy_in));
     energy_sent_ = Energy{};
     modes_.reset();

@@ -53,7 +53,7 @@ struct Master {
             .env_f = -out.wanted,
             .master_energy_j = (truth ? truth->port_energy : observed).si(),
             .observed_energy_j = observed.si(),
-            .owed_j = out.owed.si(),
+            .undissipated_j = out.undissipated.si(),
             .dissipated_j = out.dissipated.si(),
             .mode = Mode::coupled};
   }
@@ -155,7 +155,7 @@ int master_program(int argc, char** argv, const Registry& hardware) {
                          .hardware = "the haptic device",
                          .drivers = hardware.devices.lines()};
   return live_program(argc, argv, text, [&](const Scene& scene, const LiveArguments& arguments) {
-    return with_size(scene, [&]<int N>() { return run<N>(scene, arguments, hardware); });
+    return dispatch_dof(scene, [&]<int N>() { return run<N>(scene, arguments, hardware); });
   });
 }
 

@@ -10,7 +10,7 @@
 
 namespace twoport {
 
-/// The master where there is no link: a virtual environment rendered directly on the device, the seed paper's case.
+/// The master where there is no link: a virtual environment rendered directly on the device, the reference paper's case.
 /// For a tick without a reading it lets go.
 template <int N>
 class RenderNode {
@@ -21,7 +21,7 @@ class RenderNode {
 
   RenderNode(const ControlOptions& o, Environment<N> environment) : rendering_{o, std::move(environment)} {}
 
-  [[gnu::flatten]] Output step(const Tick<MasterClock>& tick, const DeviceState<N>& device, const NoReport&) noexcept {
+  [[gnu::flatten]] Output step(const Tick<MasterClock>& tick, const DeviceSample<N>& device, const NoReport&) noexcept {
     if (!all_finite(device.x, device.v, device.applied)) [[unlikely]] {
       rendering_.release();
       return {};

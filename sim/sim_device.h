@@ -33,12 +33,15 @@ class SimDevice final {
   /// `dt` is the control period; the handle starts where the device block says.
   SimDevice(const Scene& scene, Seconds dt)
       : dt_{dt.si()},
-        path_{scene.human ? scene.human->path : std::vector<SegmentSpec>{}, intent(scene),
-              scene.human && scene.human->tremor ? Tremor<N>{*scene.human->tremor, scene.seed} : Tremor<N>{}},
-        imposed_{scene.human && !scene.human->hand},
+        path_{scene.operator_model ? scene.operator_model->path : std::vector<SegmentSpec>{}, intent(scene),
+              scene.operator_model && scene.operator_model->tremor
+                  ? Tremor<N>{*scene.operator_model->tremor, scene.seed}
+                  : Tremor<N>{}},
+        imposed_{scene.operator_model && !scene.operator_model->hand},
         handle_{scene.device.value_or(DeviceSpec{}), impedance(scene), scene.simulation, dt_, start(scene)} {
     if (imposed_) handle_.set_state({x(), port_vector<N>(path_.at(0.0).v.vec())});
-    if (scene.human && scene.human->hand) hand_.emplace(*scene.human->hand, dt_, path_.at(0.0).x);
+    if (scene.operator_model && scene.operator_model->hand)
+      hand_.emplace(*scene.operator_model->hand, dt_, path_.at(0.0).x);
     if (scene.device) {
       encoder_ = {*scene.device, dt_};
       max_force_n_ = scene.device->max_force_n.value_or(max_force_n_);
@@ -90,7 +93,7 @@ class SimDevice final {
   using Vector = PortVector<N>;
 
   static HandSpec impedance(const Scene& scene) {
-    return scene.human && scene.human->hand ? *scene.human->hand : HandSpec{};
+    return scene.operator_model && scene.operator_model->hand ? *scene.operator_model->hand : HandSpec{};
   }
   static typename HandlePlant<N>::State start(const Scene& scene) {
     const DeviceSpec device = scene.device.value_or(DeviceSpec{});
@@ -98,7 +101,7 @@ class SimDevice final {
   }
   /// Where the intended motion begins: where the handle does; a hand without a path holds the origin.
   static Position<N> intent(const Scene& scene) {
-    const bool waits = scene.human && scene.human->hand && scene.human->path.empty();
+    const bool waits = scene.operator_model && scene.operator_model->hand && scene.operator_model->path.empty();
     return waits ? Position<N>{} : start(scene).x;
   }
 

@@ -89,7 +89,7 @@ int slave_program(int argc, char** argv, const Registry& hardware) {
     if (scene.control.architecture == Architecture::render)
       throw ConfigError(arguments.scene +
                         ": control.architecture is RENDER, which has no slave; run twoport-master alone");
-    return with_size(scene, [&]<int N>() { return run<N>(scene, arguments, hardware); });
+    return dispatch_dof(scene, [&]<int N>() { return run<N>(scene, arguments, hardware); });
   });
 }
 

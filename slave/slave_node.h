@@ -60,7 +60,7 @@ class SlaveNode {
   }
 
   /// As MasterNode::rebase.
-  void rebase(Energy master_energy_in) noexcept {
+  void on_peer_restart(Energy master_energy_in) noexcept {
     half_.restart(half_.deficit(master_energy_in));
     modes_.reset();
   }

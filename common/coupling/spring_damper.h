@@ -30,7 +30,7 @@ class SpringDamper {
   }
 
   /// Compliance of one sampling interval, (B + K T)⁻¹ per axis [m/(N s)]. Computed when T changes.
-  [[nodiscard]] const Vector& compliance(Seconds dt) noexcept {
+  [[nodiscard]] const Vector& mobility(Seconds dt) noexcept {
     if (dt != period_) {
       period_ = dt;
       compliance_ = (b_ + k_ * dt.si()).cwiseInverse();

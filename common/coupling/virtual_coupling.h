@@ -5,8 +5,8 @@
 #include "common/base/vector.h"
 #include "common/coupling/options.h"
 #include "common/coupling/registration.h"
+#include "common/coupling/setpoint_tracker.h"
 #include "common/coupling/spring_damper.h"
-#include "common/coupling/tracker.h"
 #include "common/hardware/robot.h"
 #include "common/link/mailbox.h"
 
@@ -42,8 +42,8 @@ class VirtualCoupling {
   };
   /// A coupling begins: the worlds are registered, and the set point is at the robot.
   void start(const Position<N>& robot, const PeerState<N>& master) noexcept {
-    if (master.any) registration_.engage(master.newest.x, robot);
-    engaged_ = master.any;
+    if (master.has_report) registration_.engage(master.newest.x, robot);
+    engaged_ = master.has_report;
     rest(robot);
   }
   /// Goes on where another coupling was.
@@ -63,7 +63,7 @@ class VirtualCoupling {
     if (coupled) {
       v_rx = registration_.to_slave(master.newest.v);
       out.v = tracker_.step(drift_compensation_ ? x_sd_ : x_d_, registration_.to_slave(master.newest.x), v_rx,
-                            master.fresh, dt);
+                            master.is_new, dt);
     }
     out.f = robot.ideal ? robot.f_environment : spring_.force((x_sd_ + out.v * dt) - robot.x, v_rx - robot.v);
     return out;
@@ -89,7 +89,7 @@ class VirtualCoupling {
   bool drift_compensation_, by_position_;
   Registration<N> registration_;
   SpringDamper<N> spring_;
-  Tracker<N> tracker_;
+  SetpointTracker<N> tracker_;
   Position<N> x_sd_, x_d_;
   bool engaged_ = false;
 };

@@ -27,8 +27,6 @@ struct DeviceSample {
   HardwareStatus status = HardwareStatus::ok;
   std::uint32_t buttons = 0;  ///< bit i is set while button i is pressed
 };
-template <int N>
-using DeviceState = DeviceSample<N>;
 
 /// What no encoder shows, and only simulated hardware knows. Of the moment of the last reading.
 template <int N>

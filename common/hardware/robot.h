@@ -23,8 +23,6 @@ struct RobotSample {
   bool ideal = false;      ///< follows the motion it is told exactly; its sensor then is the coupling force
   HardwareStatus status = HardwareStatus::ok;
 };
-template <int N>
-using RobotState = RobotSample<N>;
 
 /// What only a simulated robot knows. Of the moment of the last reading.
 template <int N>

@@ -31,13 +31,13 @@ struct PeerState {
   double energy_in_j = 0.0;  ///< largest ever received: knowledge only grows
   Words words;               ///< of the method, merged by its rules
   std::uint32_t epoch = 0;   ///< of energy and words
-  bool any = false;          ///< has a report arrived in this session
-  bool fresh = false;        ///< has a newer one arrived in this tick
-  Duration heard{0};         ///< local time of the newest
+  bool has_report = false;   ///< has a report arrived in this session
+  bool is_new = false;       ///< has a newer one arrived in this tick
+  Duration received_at{0};   ///< local time of the newest
 
   /// Of the newest; -1 where it is not known.
   [[nodiscard]] Duration round_trip() const noexcept {
-    return newest.echo_ns >= 0 ? heard - Duration{newest.echo_ns} : Duration{-1};
+    return newest.echo_ns >= 0 ? received_at - Duration{newest.echo_ns} : Duration{-1};
   }
 };
 
@@ -52,7 +52,7 @@ class Mailbox {
   explicit Mailbox(Transport transport) : transport_{std::move(transport)} {}
 
   [[gnu::always_inline]] const PeerState<N>& collect(Duration now) noexcept {
-    known_.fresh = false;
+    known_.is_new = false;
     transport_.poll(
         now, [&](const Report<N>& r) __attribute__((always_inline)) { offer(r, now); });
     return known_;
@@ -73,7 +73,7 @@ class Mailbox {
   }
 
   /// A new session of the other side: its running totals start again from zero.
-  void forget() noexcept {
+  void reset() noexcept {
     known_ = {};
     first_ = 1;
     suspect_ = 0;
@@ -99,7 +99,7 @@ class Mailbox {
   [[gnu::always_inline]] void stamp(PortReport<N>& report, Duration now) noexcept {
     report.sequence = ++counts_.sent;
     report.sent_ns = now.count();
-    report.echo_ns = known_.any ? known_.newest.sent_ns + (now - known_.heard).count() : -1;
+    report.echo_ns = known_.has_report ? known_.newest.sent_ns + (now - known_.received_at).count() : -1;
   }
 
   [[gnu::always_inline]] void offer(const Report<N>& r, Duration now) noexcept {
@@ -121,8 +121,8 @@ class Mailbox {
     if (order == Order::older) return;
     seen_[r.sequence % kMemory] = true;
     known_.newest = r;
-    known_.heard = now;
-    known_.any = known_.fresh = true;
+    known_.received_at = now;
+    known_.has_report = known_.is_new = true;
   }
 
   /// Another method: its totals start from zero, and packets of before are not read against them.
@@ -136,17 +136,17 @@ class Mailbox {
   /// its successor follows; nor is the newest, when all that comes for a second is older. So a wrong number deafens
   /// nobody for longer.
   [[gnu::noinline]] Order count(std::uint64_t sequence, Duration now) noexcept {
-    if (!known_.any) return begin(sequence);
+    if (!known_.has_report) return begin(sequence);
     const std::uint64_t newest = known_.newest.sequence;
     const bool follows = sequence == std::exchange(suspect_, sequence) + 1;
     if (sequence > newest) {
-      if (sequence - newest > kMemory + static_cast<std::uint64_t>((now - known_.heard) / kShortestPeriod))
+      if (sequence - newest > kMemory + static_cast<std::uint64_t>((now - known_.received_at) / kShortestPeriod))
         return follows ? begin(sequence) : Order::impossible;
       count_gap(sequence);
       return Order::newer;
     }
     // A pause in which nobody polled does not count.
-    older_for_ = older_at_ > known_.heard ? older_for_ + std::min(now - older_at_, kLongestPeriod) : Duration{0};
+    older_for_ = older_at_ > known_.received_at ? older_for_ + std::min(now - older_at_, kLongestPeriod) : Duration{0};
     older_at_ = now;
     if (follows && older_for_ > kDeaf) return begin(sequence);
     count_old(sequence);

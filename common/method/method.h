@@ -35,11 +35,11 @@ struct MasterInput {
 };
 template <int N>
 struct MasterOutput {
-  Force<N> f;         ///< to be displayed
-  Force<N> wanted;    ///< before any passivity controller
-  Energy energy_in;   ///< running total that the slave is told: what has entered the link here
-  Energy dissipated;  ///< by a controller, in the coming interval
-  Energy deficit;     ///< what a controller should have dissipated and could not
+  Force<N> f;           ///< to be displayed
+  Force<N> wanted;      ///< before any passivity controller
+  Energy energy_in;     ///< running total that the slave is told: what has entered the link here
+  Energy dissipated;    ///< by a controller, in the coming interval
+  Energy undissipated;  ///< deficit that the controller could not dissipate in this tick
 };
 
 /// One tick at the slave. Forces act on the robot; power f·v out of the link.

@@ -7,8 +7,8 @@
 
 #include "common/base/scalar.h"
 #include "common/base/vector.h"
-#include "common/passivity/handle.h"
 #include "common/passivity/observer.h"
+#include "common/passivity/velocity_predictor.h"
 #include "common/ports/port.h"
 
 namespace twoport {
@@ -21,7 +21,7 @@ enum class Method : std::uint8_t {
 
 struct ControllerOptions {
   Method method = Method::none;
-  /// Largest gain that repays arrears: damping [N s/m] at an impedance, mobility [m/(N s)] at an admittance.
+  /// Largest gain against the accumulated deficit: damping [N s/m] at an impedance, mobility [m/(N s)] at an admittance.
   /// The new deficit bounds itself and has no cap.
   double max_gain = 10.0;
   /// A projected output keeps its sense: s >= 0, a wall never pulls.
@@ -30,28 +30,17 @@ struct ControllerOptions {
   bool predict = true;
 };
 
-/// Why a controller left energy undissipated in a tick.
-enum class Shortfall : std::uint8_t {
-  none,        ///< nothing was owed, or all of it is dissipated
-  no_output,   ///< projected, |out| -> 0: there is no direction to act along
-  at_rest,     ///< |in| -> 0: no motion (or force) through which to dissipate
-  orthogonal,  ///< projected, out ⟂ in: what acts along out does no work
-  capped,      ///< repayment of arrears bounded by max_gain
-  clamped,     ///< s would be negative: the output is 0, the rest waits
-};
-
 /// What the account allows in the coming interval [J].
 struct Budget {
-  Energy available;  ///< E - E_ref: may be given back now; negative are arrears
+  Energy available;  ///< E - E_ref: may be given back now; negative is an accumulated deficit
   Energy rise;       ///< by how much E_ref will grow over the coming interval
 };
 
 template <class Out>
 struct Corrected {
   Out out;
-  Energy dissipated;  ///< by the correction, over the coming interval, as predicted by in·out
-  Energy owed;        ///< what should have been dissipated and could not be: it stays in the account
-  Shortfall shortfall;
+  Energy dissipated;    ///< by the correction, over the coming interval, as predicted by in·out
+  Energy undissipated;  ///< deficit that the correction leaves: it stays in the account
 };
 
 // clang-format off
@@ -60,97 +49,92 @@ struct Corrected {
 ///
 ///     P  = out·in                                           power into the element [W]
 ///     D  = max(0, rise - max(available, 0) - P T)           new deficit: bounds itself, |out_PC·in| <= |P| + rise/T
-///     A  = max(0, -available)                               arrears: repaid at no more than max_gain
+///     A  = max(0, -available)                               accumulated deficit: dissipated at no more than max_gain
 ///
 ///     classic          out' = out + g·in,    g = D/(T|in|²) + min(A/(T|in|²), max_gain)
 ///     force projected  out' = out·s,         s = 1 + (D + min(A, max_gain T P²/|out|²)) / (T P),   s >= 0
 ///
 /// The second is the paper's eq. (8): with v_p = (fᵀv/|f|²) f, f + α v_p = f·(1 - E/(T fᵀv)). It is one scalar, so a
-/// wrench needs no metric and no characteristic length, and the direction of out is kept exactly. Only the cap on arrears,
-/// a damping along out, reads a radian as a metre there.
-/// Where P -> 0 nothing along out does work: the debt waits in the account and is reported.
+/// wrench needs no metric and no characteristic length, and the direction of out is kept exactly. Only the cap on A, a
+/// damping along out, takes a radian for a metre.
+/// Where P -> 0 nothing along out does work: the deficit stays in the account and is reported as undissipated.
 /// Real time: one dot product, no allocation, no throw.
 template <class Out, class In>
   requires PowerDual<Out, In>
-Corrected<Out> passivate(Out wanted, In in, Budget budget, const ControllerOptions& options, Seconds dt) noexcept {
+Corrected<Out> passivity_controller(Out wanted, In in, Budget budget, const ControllerOptions& options, Seconds dt) noexcept {
   // clang-format on
   constexpr double kVanishing = 1e-24;  // (1e-12 m/s)² or (1e-12 N)²: below it a direction is noise
   const Power p = dot(wanted, in);
-  const double arrears = std::max(0.0, -budget.available.si());
-  const double fresh =
+  const double accumulated_deficit = std::max(0.0, -budget.available.si());
+  const double new_deficit =
       options.predict ? std::max(0.0, budget.rise.si() - std::max(budget.available.si(), 0.0) - (p * dt).si()) : 0.0;
-  const double due = arrears + fresh;
-  if (options.method == Method::none || due == 0.0) return {wanted, Energy{}, Energy{}, Shortfall::none};
+  const double due = accumulated_deficit + new_deficit;
+  if (options.method == Method::none || due == 0.0) return {wanted, Energy{}, Energy{}};
 
   const double in2 = in.squared_norm();
-  if (in2 < kVanishing) return {wanted, Energy{}, Energy{due}, Shortfall::at_rest};
+  if (in2 < kVanishing) return {wanted, Energy{}, Energy{due}};
 
   if (options.method == Method::classic) {
     const double per_gain = in2 * dt.si();
-    const double repaid = std::min(arrears, options.max_gain * per_gain);
-    const double gain = (fresh + repaid) / per_gain;
-    const Energy owed{arrears - repaid};
-    return {Out{wanted.vec() + gain * in.vec()}, Energy{fresh + repaid}, owed,
-            owed.si() > 0.0 ? Shortfall::capped : Shortfall::none};
+    const double repaid = std::min(accumulated_deficit, options.max_gain * per_gain);
+    const double gain = (new_deficit + repaid) / per_gain;
+    return {Out{wanted.vec() + gain * in.vec()}, Energy{new_deficit + repaid}, Energy{accumulated_deficit - repaid}};
   }
 
   const double out2 = wanted.squared_norm();
-  if (out2 < kVanishing) return {wanted, Energy{}, Energy{due}, Shortfall::no_output};
-  if (p.si() * p.si() < 1e-20 * in2 * out2) return {wanted, Energy{}, Energy{due}, Shortfall::orthogonal};
-  const double repaid = std::min(arrears, options.max_gain * dt.si() * p.si() * p.si() / out2);
-  double s = 1.0 + (fresh + repaid) / (dt.si() * p.si());
-  Shortfall shortfall = repaid < arrears ? Shortfall::capped : Shortfall::none;
-  if (options.unilateral && s < 0.0) {
-    s = 0.0;
-    shortfall = Shortfall::clamped;
-  }
+  if (out2 < kVanishing) return {wanted, Energy{}, Energy{due}};
+  if (p.si() * p.si() < 1e-20 * in2 * out2) return {wanted, Energy{}, Energy{due}};
+  const double repaid = std::min(accumulated_deficit, options.max_gain * dt.si() * p.si() * p.si() / out2);
+  double s = 1.0 + (new_deficit + repaid) / (dt.si() * p.si());
+  if (options.unilateral) s = std::max(s, 0.0);
   const Energy dissipated{(s - 1.0) * p.si() * dt.si()};
-  return {s * wanted, dissipated, positive_part(Energy{due} - dissipated), shortfall};
+  return {s * wanted, dissipated, positive_part(Energy{due} - dissipated)};
 }
 
-/// How much of a force fits a budget when the port gives way to it: the largest s in [0, 1] with q s² + b s <= a, q >= 0;
+/// Largest scale s in [0, 1] of a force that fits a budget when the port yields to the force: q s² + b s <= a, q >= 0;
 /// where a < 0 asks for more than there is, the s for which q s² + b s is least. Written so that no root cancels.
-[[gnu::always_inline]] inline double share(double q, double b, double a) noexcept {
+[[gnu::always_inline]] inline double largest_feasible_scale(double q, double b, double a) noexcept {
   if (q + b <= a) return 1.0;
   const double root = std::sqrt(std::max(0.0, b * b + 4.0 * q * a));
   const double s = b <= 0.0 ? (root - b) / (2.0 * q) : 2.0 * a / (root + b);
   return std::clamp(s, 0.0, 1.0);
 }
 
-/// Force-projected controller at an impedance whose handle gives way to the force within the interval.
+/// Force-projected controller at an impedance whose handle yields to the force within the interval.
 ///
 ///     Δx/T = w - s C f                          C = T/(2m) per axis
-///     P = f·w - |f| doubt,  Q = fᵀC f           power in is at least s (P - s Q)
-///     s = share(Q, -P, (max(available, 0) - R)/T),   R = min(max(-available, 0), max_gain T P²/|f|²) where P > 0
+///     P = f·w - |f| error_bound,  Q = fᵀC f     power in is at least s (P - s Q)
+///     s = largest_feasible_scale(Q, -P, (max(available, 0) - R)/T),   R = min(max(-available, 0), max_gain T P²/|f|²) where P > 0
 ///
 /// A large force on a light handle turns its velocity around within one tick; by f·v alone the outflow of that tick is
-/// not foreseen, and the controller chatters between all and nothing. At rest against a hand w = C f and s = 1: a held
-/// force does no work and stays. Arrears are repaid out of the power that comes in, at no more than a damping of max_gain
-/// would. The force is never larger than wanted.
+/// not predicted, and the controller switches between the whole force and none. At rest against a hand w = C f and s = 1: a held
+/// force does no work and stays. An accumulated deficit is dissipated out of the power that comes in, at no more
+/// than a damping of max_gain would. The force is never larger than wanted.
 template <int N>
-[[gnu::always_inline]] inline Corrected<Force<N>> passivate_yielding(const Force<N>& wanted, const Foreseen<N>& handle,
-                                                                     Energy available, const ControllerOptions& options,
-                                                                     Seconds dt) noexcept {
+[[gnu::always_inline]] inline Corrected<Force<N>> predictive_impedance_controller(const Force<N>& wanted,
+                                                                                  const VelocityPrediction<N>& port,
+                                                                                  Energy available,
+                                                                                  const ControllerOptions& options,
+                                                                                  Seconds dt) noexcept {
   const auto& f = wanted.vec();
-  const double arrears = std::max(0.0, -available.si());
-  if (f.squaredNorm() == 0.0)
-    return {wanted, Energy{}, Energy{arrears}, arrears > 0.0 ? Shortfall::no_output : Shortfall::none};
-  const double foreseen = f.dot(handle.w.vec());
-  const double p = foreseen - handle.doubted(wanted);
-  const double q = f.dot(handle.compliance.cwiseProduct(f));
-  const double repaid =
-      arrears > 0.0 && p > 0.0 ? std::min(arrears, options.max_gain * dt.si() * p * p / f.squaredNorm()) : 0.0;
-  const double s = share(q, -p, (std::max(available.si(), 0.0) - repaid) / dt.si());
-  const auto taken_in = [&](double power, double share) { return share * (power - share * q) * dt.si(); };
-  const Energy owed{arrears - std::clamp(taken_in(p, s), 0.0, arrears)};
-  const Energy dissipated{std::max(0.0, taken_in(foreseen, s) - taken_in(foreseen, 1.0))};
-  const Shortfall shortfall = owed.si() == 0.0 ? Shortfall::none : s == 0.0 ? Shortfall::clamped : Shortfall::capped;
-  return {s * wanted, dissipated, owed, shortfall};
+  const double accumulated_deficit = std::max(0.0, -available.si());
+  if (f.squaredNorm() == 0.0) return {wanted, Energy{}, Energy{accumulated_deficit}};
+  const double predicted = f.dot(port.w.vec());
+  const double p = predicted - port.power_error_bound(wanted);
+  const double q = f.dot(port.mobility.cwiseProduct(f));
+  const double repaid = accumulated_deficit > 0.0 && p > 0.0
+                            ? std::min(accumulated_deficit, options.max_gain * dt.si() * p * p / f.squaredNorm())
+                            : 0.0;
+  const double s = largest_feasible_scale(q, -p, (std::max(available.si(), 0.0) - repaid) / dt.si());
+  const auto taken_in = [&](double power, double scale) { return scale * (power - scale * q) * dt.si(); };
+  const Energy undissipated{accumulated_deficit - std::clamp(taken_in(p, s), 0.0, accumulated_deficit)};
+  const Energy dissipated{std::max(0.0, taken_in(predicted, s) - taken_in(predicted, 1.0))};
+  return {s * wanted, dissipated, undissipated};
 }
 
-/// What of a virtual coupling's force and motion the budget allows.
+/// Force and motion of a virtual coupling's port that satisfy the coupling's law and the energy budget.
 template <int N>
-struct Yielded {
+struct PortSolution {
   Force<N> f;     ///< s·f_d
   Velocity<N> v;  ///< v_d - (1 - s) G⁻¹ f_d
   Energy dissipated;
@@ -167,16 +151,16 @@ struct Yielded {
 /// Outflow is bounded exactly: f·v T <= A. Where nothing is available f·v = 0: the coupling slides along the force's
 /// normal plane or goes slack. Real time: two dot products, one square root; no allocation, no throw.
 template <int N>
-[[gnu::always_inline]] inline Yielded<N> yield(const Force<N>& f_d, const Velocity<N>& v_d,
-                                               const typename Force<N>::Vector& compliance, Energy available,
-                                               Seconds dt) noexcept {
+[[gnu::always_inline]] inline PortSolution<N> admittance_controller(const Force<N>& f_d, const Velocity<N>& v_d,
+                                                                    const typename Force<N>::Vector& mobility,
+                                                                    Energy available, Seconds dt) noexcept {
   const double a = std::max(available.si(), 0.0) / dt.si();
   const double p = f_d.vec().dot(v_d.vec());
   if (p <= a) return {f_d, v_d, Energy{}};
-  const typename Force<N>::Vector give = compliance.cwiseProduct(f_d.vec());
+  const typename Force<N>::Vector give = mobility.cwiseProduct(f_d.vec());
   const double q = f_d.vec().dot(give);
   if (q < 1e-300) return {f_d, v_d, Energy{}};
-  const double s = share(q, p - q, a);
+  const double s = largest_feasible_scale(q, p - q, a);
   const Force<N> f = s * f_d;
   const Velocity<N> v{v_d.vec() - (1.0 - s) * give};
   return {f, v, Energy{(p - f.vec().dot(v.vec())) * dt.si()}};

@@ -10,7 +10,7 @@ namespace twoport {
 
 /// Any one-port with an observer and a controller around it: again a one-port, of the same causality.
 ///
-///     E(k) = E(k-1) + out'(k-1)·in(k) T,    out'(k) = passivate(out(k), in(k), E(k))
+///     E(k) = E(k-1) + out'(k-1)·in(k) T,    out'(k) = passivity_controller(out(k), in(k), E(k))
 ///
 /// Exact when `in` is the mean over the interval that has just ended: a backward difference of positions at an
 /// impedance, whose answer is held until the next step.
@@ -24,7 +24,7 @@ class Passivated {
 
   Out step(const In& in, Seconds dt) noexcept {
     observer_.book(0, dot(held_, in) * dt);
-    last_ = passivate(element_.step(in, dt), in, Budget{observer_.energy(), Energy{}}, options_, dt);
+    last_ = passivity_controller(element_.step(in, dt), in, Budget{observer_.energy(), Energy{}}, options_, dt);
     return held_ = last_.out;
   }
   const E& element() const { return element_; }

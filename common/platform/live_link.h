@@ -47,8 +47,8 @@ class LiveLink {
   template <class Node>
   bool met(Node& node) noexcept {
     if (!mail_.transport().take_new_session()) return false;
-    node.rebase(Energy{mail_.known().energy_in_j});
-    mail_.forget();
+    node.on_peer_restart(Energy{mail_.known().energy_in_j});
+    mail_.reset();
     return true;
   }
   /// Why the two sides cannot work together; empty while they can.
@@ -56,7 +56,7 @@ class LiveLink {
   /// After every cycle.
   void note() noexcept {
     const PeerState<N>& peer = mail_.known();
-    if (peer.fresh && peer.round_trip() >= Duration{0}) round_trip_.add(peer.round_trip());
+    if (peer.is_new && peer.round_trip() >= Duration{0}) round_trip_.add(peer.round_trip());
   }
 
   [[nodiscard]] TickView view() noexcept {

@@ -29,7 +29,7 @@ void for_each_column(const Row<N>& row, See&& see) {
   see(Column{"master_energy_j", "J", ""}, row.master_energy_j);
   see(Column{"slave_energy_j", "J", ""}, row.slave_energy_j);
   see(Column{"observed_energy_j", "J", ""}, row.observed_energy_j);
-  see(Column{"deficit_j", "J", ""}, row.owed_j);
+  see(Column{"undissipated_j", "J", ""}, row.undissipated_j);
   see(Column{"dissipated_j", "J", ""}, row.dissipated_j);
   see(Column{"position_error", "m", "rad"}, row.position_error.vec());
   see(Column{"mode", "", ""}, static_cast<double>(row.mode));

@@ -33,7 +33,7 @@ class Metrics {
     const auto missed = translational(row.position_error.vec());
     min_energy_j_ = std::min(min_energy_j_, row.master_energy_j);
     min_observed_j_ = std::min(min_observed_j_, row.observed_energy_j);
-    owed_j_ = std::max(owed_j_, row.owed_j);
+    owed_j_ = std::max(owed_j_, row.undissipated_j);
     dissipated_j_ += row.dissipated_j;
     if (row.dissipated_j > 0.0) ++corrected_ticks_;
     position_error2_ += missed.squaredNorm();

@@ -22,7 +22,7 @@ struct Row {
   double master_energy_j = 0.0;      ///< exact energy through the master port so far, E(0) not included
   double slave_energy_j = 0.0;       ///< net energy that has left the link at the slave
   double observed_energy_j = 0.0;    ///< what the master's observer believes of the first
-  double owed_j = 0.0;               ///< what the master's controller could not yet dissipate
+  double undissipated_j = 0.0;       ///< what the master's controller could not yet dissipate
   double dissipated_j = 0.0;         ///< by both controllers, in this tick
   Mode mode = Mode::idle;
 };

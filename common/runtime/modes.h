@@ -34,9 +34,9 @@ class ModeMachine {
   /// True when a coupling begins.
   template <int N>
   [[gnu::always_inline]] bool step(Duration now, const PeerState<N>& peer) noexcept {
-    const Duration silence = now - peer.heard;
+    const Duration silence = now - peer.received_at;
     const Mode was = mode_;
-    mode_ = next_mode(mode_, {.heard = peer.any && silence < hold_after_, .silent = silence >= release_after_});
+    mode_ = next_mode(mode_, {.heard = peer.has_report && silence < hold_after_, .silent = silence >= release_after_});
     return begins(was, mode_);
   }
   void release() noexcept { mode_ = Mode::released; }

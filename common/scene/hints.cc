@@ -50,9 +50,9 @@ Length largest_length(const Scene& scene) {
   LargestLength lengths;
   if (scene.device) lengths.look_at("device", *scene.device);
   if (scene.robot) lengths.look_at("robot", *scene.robot);
-  if (scene.human)
-    for (std::size_t i = 0; i < scene.human->path.size(); ++i) {
-      const SegmentSpec& each = scene.human->path[i];
+  if (scene.operator_model)
+    for (std::size_t i = 0; i < scene.operator_model->path.size(); ++i) {
+      const SegmentSpec& each = scene.operator_model->path[i];
       const std::string path = fmt::format("operator.path[{}].{}", i, kSegments[each.index()]);
       std::visit([&](const auto& segment) { lengths.look_at(path, segment); }, each);
     }
@@ -90,7 +90,7 @@ constexpr Hint kHints[] = {
        return fmt::format("{} is {:g} m; lengths are in metres, and {:g} mm are {:g}", length.path, length.metres,
                           length.metres, 1e-3 * length.metres);
      }},
-    {[](const Scene& s) { return has_link(s) && s.device && !s.human; },
+    {[](const Scene& s) { return has_link(s) && s.device && !s.operator_model; },
      [](const Scene&) -> std::string { return "operator is absent: nobody holds the handle, which moves by itself"; }},
     {[](const Scene& s) {
        return has_link(s) && (delays(s.to_slave) || delays(s.to_master)) && s.expect.stable.value_or(true) &&

@@ -43,7 +43,7 @@ Scene read_scene(const schema::Scene& message, const std::string& file) {
   scene.dof = context.dof;
   read_time(of, scene);
   scene.seed = of.count(FIELD(seed));
-  if (of.has(FIELD(operator_))) scene.human = read_operator(of.block(FIELD(operator_)));
+  if (of.has(FIELD(operator_))) scene.operator_model = read_operator(of.block(FIELD(operator_)));
   if (of.has(FIELD(device))) scene.device = read_device(of.block(FIELD(device)));
   scene.control = read_control(of.block(FIELD(control)));
   tell_handle(scene);
@@ -62,7 +62,7 @@ Scene read_scene(const schema::Scene& message, const std::string& file) {
 }  // namespace
 
 void tell_handle(Scene& scene) {
-  const HandSpec hand = scene.human && scene.human->hand ? *scene.human->hand : HandSpec{};
+  const HandSpec hand = scene.operator_model && scene.operator_model->hand ? *scene.operator_model->hand : HandSpec{};
   const DeviceSpec device = scene.device.value_or(DeviceSpec{});
   scene.control.handle_mass_kg = device.mass_kg > 0.0 ? device.mass_kg : hand.mass_kg;
   scene.control.handle_inertia_kg_m2 = device.inertia_kg_m2 > 0.0 ? device.inertia_kg_m2 : hand.inertia_kg_m2;

@@ -22,7 +22,7 @@ Scene parse_scene(const std::string& text, const std::string& name, std::span<co
 /// otherwise refuse the VALUE of `--set PATH VALUE` as an argument of its own.
 std::string assignment_error(const std::string& assignment);
 
-/// What gives way to the force at the master, which its controller may know: the device, or of an ideal one the hand that
+/// The mass that answers the force at the master, as its controller may know it: the device, or of an ideal one the hand that
 /// holds it. Sets control.handle_mass_kg and handle_inertia_kg_m2.
 void tell_handle(Scene& scene);
 

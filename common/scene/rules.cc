@@ -55,12 +55,12 @@ void check_uncontrolled(const SceneBlock& scene, const Scene& values) {
 
 /// A handle that does not follow an imposed path moves by its own dynamics, and needs a mass.
 void check_handle(const SceneBlock& scene, const Scene& values) {
-  const bool held = values.human && values.human->hand;
-  const bool free = values.device && !values.human;
+  const bool held = values.operator_model && values.operator_model->hand;
+  const bool free = values.device && !values.operator_model;
   if (!held && !free) return;
   const auto need = [&](const char* name, double DeviceSpec::*of_device, double HandSpec::*of_hand) {
     const double total =
-        (values.device ? *values.device.*of_device : 0.0) + (held ? *values.human->hand.*of_hand : 0.0);
+        (values.device ? *values.device.*of_device : 0.0) + (held ? *values.operator_model->hand.*of_hand : 0.0);
     if (total > 0.0) return;
     scene.fail(fmt::format("device.{}{} is {}; it must be > 0: the handle moves by its own dynamics", name,
                            held ? fmt::format(" + operator.hand.{}", name) : "", total));
@@ -81,7 +81,8 @@ void check_fastest(const SceneBlock& scene, const Scene& values) {
                       "it must be <= {:g}: what is so stiff is better left out",
                       what, mass, stiffness, damping, turns, kMost));
   };
-  const HandSpec hand = values.human && values.human->hand ? *values.human->hand : HandSpec{};
+  const HandSpec hand =
+      values.operator_model && values.operator_model->hand ? *values.operator_model->hand : HandSpec{};
   const DeviceSpec device = values.device.value_or(DeviceSpec{});
   check("device and operator.hand: mass", values.master_rate_hz, hand.mass_kg + device.mass_kg,
         hand.damping_n_s_per_m + device.damping_n_s_per_m, hand.stiffness_n_per_m);

@@ -92,7 +92,7 @@ struct Scene {
   int dof;
   double duration_s, rate_hz, master_rate_hz, slave_rate_hz;
   std::uint64_t seed;
-  std::optional<OperatorSpec> human;
+  std::optional<OperatorSpec> operator_model;
   std::optional<DeviceSpec> device;
   ControlOptions control;
   ImpairmentOptions to_slave, to_master;
@@ -108,7 +108,7 @@ struct Scene {
 
 /// Calls use.operator()<N>() with N = scene.dof.
 template <class Use>
-auto with_size(const Scene& scene, Use use) {
+auto dispatch_dof(const Scene& scene, Use use) {
   switch (scene.dof) {
     case 1:
       return use.template operator()<1>();

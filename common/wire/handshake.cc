@@ -94,7 +94,7 @@ Handshake::Action Handshake::on_unknown(const Header& header, Decoded decoded, c
   if (!introduces_itself || header.session == session_) return Action::reject;
   const bool elsewhere = peer_ && from != *peer_;
   if (header.session == peer_session_ && within(kSilent, heard_, now)) return Action::reject;
-  // A session that works gives way to nobody.
+  // A session that works is not replaced.
   const bool preempts = elsewhere ? within(kSilent, heard_, now) : coupled(now);
   const Sentence why = mismatch(options_, dof_, header, decoded);
   if (!why.empty()) {

@@ -64,7 +64,7 @@ std::vector<Subcommand> add_trim_commands(CLI::App& app) {
   trim->footer(
       "Each block is left out alone, everything else equal. A number changes by |a - b| / max(|a|, |b|, floor), with\n"
       "floors of 1e-6 J, 1e-6 m, 1e-3 N, 0.01 deg, 1e-3 s and 1 for counts; all of the summary but step_ns. A verdict\n"
-      "or a promise that turns always counts. Every variant makes eight runs: the scene, and with the seven seeds "
+      "or an expectation that turns always counts. Every variant makes eight runs: the scene, and with the seven seeds "
       "after\n"
       "its own and stiffnesses changed in the twelfth digit. A change that stays within the range of these runs is "
       "said\n"

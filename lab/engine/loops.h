@@ -133,7 +133,7 @@ class LinkLoop {
             .master_energy_j = device_.port_energy().si(),
             .slave_energy_j = slave_.delivered().si(),
             .observed_energy_j = master_.observed().si(),
-            .owed_j = out.owed.si(),
+            .undissipated_j = out.undissipated.si(),
             .dissipated_j = dissipated.si(),
             .mode = out.mode};
   }
@@ -179,7 +179,7 @@ class RenderLoop {
                        .env_f = -out.wanted,
                        .master_energy_j = device_.port_energy().si(),
                        .observed_energy_j = node_.observed().si() - initial_energy_.si(),
-                       .owed_j = out.owed.si(),
+                       .undissipated_j = out.undissipated.si(),
                        .dissipated_j = out.dissipated.si(),
                        .mode = Mode::coupled};
       if (!visit(row)) return static_cast<std::uint64_t>(k + 1);

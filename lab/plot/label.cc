@@ -145,7 +145,7 @@ Label label_of_figure(std::string_view key) {
   static constexpr Replacement kWhole[] = {{"rtt", "round-trip time"},
                                            {"steps", "ticks"},
                                            {"min_observed_energy", "least energy that the observer saw"},
-                                           {"energy_owed", "energy not yet dissipated"},
+                                           {"energy_owed", "undissipated deficit"},
                                            {"dissipated", "energy dissipated by the controllers"},
                                            {"packets.to_slave", "packets to the slave"},
                                            {"packets.to_master", "packets to the master"}};

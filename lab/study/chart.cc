@@ -24,7 +24,7 @@ void put(std::vector<double>& to, const Eigen::Matrix<double, N, 1>& v) {
 }
 
 Course course(const Scene& scene) {
-  return with_size(scene, [&]<int N>() {
+  return dispatch_dof(scene, [&]<int N>() {
     Course c;
     constexpr int kAxes = twoport::kAxes<N>;
     const bool alone = scene.control.architecture == Architecture::uncontrolled;
@@ -46,7 +46,7 @@ using Clock = std::chrono::steady_clock;
 
 /// One run, without building the scene [s], and its ticks.
 std::pair<double, double> timed(const Scene& scene) {
-  return with_size(scene, [&]<int N>() {
+  return dispatch_dof(scene, [&]<int N>() {
     const auto simulation = make_simulation<N>(scene);
     const auto start = Clock::now();
     const std::uint64_t ticks = simulation->run_silently();

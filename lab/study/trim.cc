@@ -74,8 +74,8 @@ void add_environment(std::vector<Block>& all, const Scene& scene) {
 /// A handle that is not led along a path needs something to move, and where nobody controls there must be a robot.
 bool can_run(const Scene& scene) {
   if (scene.control.architecture == Architecture::uncontrolled && !scene.robot) return false;
-  const HandSpec* hand = scene.human && scene.human->hand ? &*scene.human->hand : nullptr;
-  if (hand == nullptr && (scene.human || !scene.device)) return true;
+  const HandSpec* hand = scene.operator_model && scene.operator_model->hand ? &*scene.operator_model->hand : nullptr;
+  if (hand == nullptr && (scene.operator_model || !scene.device)) return true;
   const auto moves = [&](double DeviceSpec::*of_device, double HandSpec::*of_hand) {
     return (scene.device ? *scene.device.*of_device : 0.0) + (hand ? hand->*of_hand : 0.0) > 0.0;
   };
@@ -99,11 +99,11 @@ std::string paths(const std::vector<Block>& some) {
 
 /// The scene as its run `i` has it. Where a controller switches, rounding grows into numbers even if nothing is drawn:
 /// the seed moves on, and stiffnesses change in the twelfth digit. Run 0 is the scene itself.
-Scene shaken(Scene scene, std::size_t i) {
+Scene perturbed(Scene scene, std::size_t i) {
   const double little = 1.0 + 1e-12 * static_cast<double>(i);
   scene.seed += i;
   scene.control.coupling.stiffness_n_per_m *= little;
-  if (scene.human && scene.human->hand) scene.human->hand->stiffness_n_per_m *= little;
+  if (scene.operator_model && scene.operator_model->hand) scene.operator_model->hand->stiffness_n_per_m *= little;
   for (EnvironmentSpec& each : scene.environment)
     if (Material* surface = material(each))
       surface->stiffness_n_per_m *= little;
@@ -124,7 +124,7 @@ std::vector<Seen> run_in_turn(const std::vector<Scene>& variants, int repetition
   for (int r = 0; r < repetitions; ++r)
     for (std::size_t k = 0; k < kRuns; ++k)
       for (std::size_t i = 0; i < variants.size(); ++i) {
-        Summary summary = run(shaken(variants[i], k));
+        Summary summary = run(perturbed(variants[i], k));
         seen[i].tick_ns.push_back(summary.step_ns());
         if (r == 0) seen[i].of_run.push_back(std::move(summary));
       }
@@ -243,12 +243,13 @@ std::vector<Block> blocks(const Scene& scene) {
   using H = HandSpec;
   using R = RobotSpec;
   const auto device = [](Scene& s) { return pointer(s.device); };
-  const auto hand = [](Scene& s) { return s.human ? pointer(s.human->hand) : nullptr; };
+  const auto hand = [](Scene& s) { return s.operator_model ? pointer(s.operator_model->hand) : nullptr; };
   const auto robot = [](Scene& s) { return pointer(s.robot); };
   const auto sensor = [](Scene& s) { return s.robot ? pointer(s.robot->force_sensor) : nullptr; };
   std::vector<Block> all;
 
-  if (scene.human && scene.human->hand) all.push_back({"operator.hand", [](Scene& s) { s.human->hand.reset(); }});
+  if (scene.operator_model && scene.operator_model->hand)
+    all.push_back({"operator.hand", [](Scene& s) { s.operator_model->hand.reset(); }});
   add_numbers<H>(all, scene, "operator.hand.", hand,
                  {{"mass_kg", &H::mass_kg},
                   {"inertia_kg_m2", &H::inertia_kg_m2},
@@ -256,7 +257,8 @@ std::vector<Block> blocks(const Scene& scene) {
                   {"damping_n_s_per_m", &H::damping_n_s_per_m},
                   {"rotational_stiffness_n_m_per_rad", &H::rotational_stiffness_n_m_per_rad},
                   {"rotational_damping_n_m_s_per_rad", &H::rotational_damping_n_m_s_per_rad}});
-  if (scene.human && scene.human->tremor) all.push_back({"operator.tremor", [](Scene& s) { s.human->tremor.reset(); }});
+  if (scene.operator_model && scene.operator_model->tremor)
+    all.push_back({"operator.tremor", [](Scene& s) { s.operator_model->tremor.reset(); }});
   add_numbers<D>(all, scene, "device.", device,
                  {{"mass_kg", &D::mass_kg},
                   {"inertia_kg_m2", &D::inertia_kg_m2},

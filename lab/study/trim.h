@@ -34,7 +34,7 @@ struct Contrast {
 };
 
 enum class Need {
-  needed,      ///< a number changes by the tolerance or more and leaves its scatter; or a verdict or promise turns
+  needed,      ///< a number changes by the tolerance or more and leaves its scatter; or a verdict or expectation turns
   in_scatter,  ///< numbers change by the tolerance or more, within the range that each has anyway
   spare,       ///< no number changes by the tolerance, in any run
   together,    ///< the same, but not once the other spare ones are gone

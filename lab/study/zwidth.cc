@@ -23,12 +23,13 @@ SampledWall theory(const Scene& scene, const std::string& file) {
   if (scene.control.architecture != Architecture::render) throw refuse("the architecture is not RENDER");
   if (scene.environment.size() != 1) throw refuse(fmt::format("{} environments", scene.environment.size()));
   if (!scene.device) throw refuse("there is no device");
-  if (scene.human && !scene.human->hand) throw refuse("an operator without a hand leads the device along its path");
+  if (scene.operator_model && !scene.operator_model->hand)
+    throw refuse("an operator without a hand leads the device along its path");
   const DeviceSpec& device = *scene.device;
   if (device.coulomb_friction_n > 0.0 || device.position_resolution_m > 0.0)
     throw refuse("Coulomb friction and encoder resolution have no eigenvalues");
   if (device.velocity_estimate == VelocityEstimate::filtered) throw refuse("velocity_estimate is FILTERED");
-  const HandSpec hand = scene.human && scene.human->hand ? *scene.human->hand : HandSpec{};
+  const HandSpec hand = scene.operator_model && scene.operator_model->hand ? *scene.operator_model->hand : HandSpec{};
   return {.mass_kg = device.mass_kg + hand.mass_kg,
           .damping_n_s_per_m = device.damping_n_s_per_m + hand.damping_n_s_per_m,
           .hand_stiffness_n_per_m = hand.stiffness_n_per_m,

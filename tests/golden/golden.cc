@@ -67,7 +67,7 @@ void add(Digest& d, const Row<N>& row) {
   d.add_all(row.env_f.vec());
   d.add_all(row.position_error.vec());
   for (const double energy :
-       {row.master_energy_j, row.slave_energy_j, row.observed_energy_j, row.owed_j, row.dissipated_j})
+       {row.master_energy_j, row.slave_energy_j, row.observed_energy_j, row.undissipated_j, row.dissipated_j})
     d.add(energy);
   d.add(static_cast<double>(row.mode));
 }
@@ -121,7 +121,7 @@ std::uint64_t of_summary(const Summary& s) {
 }
 
 std::uint64_t of_rows(const Scene& scene) {
-  return with_size(scene, [&]<int N>() {
+  return dispatch_dof(scene, [&]<int N>() {
     Digest d;
     lab::make_simulation<N>(scene)->run([&](const Row<N>& row) {
       add(d, row);

@@ -167,7 +167,7 @@ TEST_P(EveryMethod, EngagesWithoutAMotionOfTheRobotAndWithoutAJumpInForce) {
   Case c = GetParam();
   at_size(c.dof, [&]<int N>() {
     Scene scene = scene_of(c);
-    scene.human.reset();  // nobody moves the handle
+    scene.operator_model.reset();  // nobody moves the handle
     scene.environment.clear();
     scene.robot->position_m = Numbers(c.dof == 1 ? 1 : 3, 0.3);
     Loop<N> loop{scene};

@@ -94,7 +94,7 @@ class Loop {
     double least = 0.0;
     for (int k = 0; k < ticks; ++k) {
       const Force<N> wanted = wall_force(x);
-      const auto c = passivate(wanted, v, Budget{observer.energy(), Energy{}}, options, kPeriod);
+      const auto c = passivity_controller(wanted, v, Budget{observer.energy(), Energy{}}, options, kPeriod);
       const Position<N> next = x + v * kPeriod;
       observer.book(0, held_energy(ObserverRule::exact, c.out, Interval<N>{next - x, v, v}, kPeriod));
       least = std::min(least, observer.energy().si());
@@ -142,7 +142,7 @@ TYPED_TEST(EnergyOf, AClosedLoopWithoutControlGoesBelowZero) {
 }
 
 TYPED_TEST(EnergyOf, AClosedLoopNeverGoesBelowZeroWhereTheMotionIsPredictedExactly) {
-  // Whatever the cap: prediction leaves no arrears, and the new deficit has none.
+  // Whatever the cap: prediction leaves no accumulated deficit, and the new deficit has none.
   for (Method method : {Method::classic, Method::force_projected})
     for (double gain : {0.0, 10.0, std::numeric_limits<double>::infinity()})
       for (std::uint64_t seed = 0; seed < kLoops; ++seed) {
@@ -153,7 +153,7 @@ TYPED_TEST(EnergyOf, AClosedLoopNeverGoesBelowZeroWhereTheMotionIsPredictedExact
 }
 
 TYPED_TEST(EnergyOf, AClosedLoopWithoutPredictionPaysLate) {
-  // Arrears only: each deficit is there for a tick. Better than nothing, and below the floor.
+  // Without prediction each deficit is there for a tick. Better than nothing, and below the floor.
   for (Method method : {Method::classic, Method::force_projected}) {
     double none = 0.0, late = 0.0;
     for (std::uint64_t seed = 0; seed < kLoops; ++seed) {
@@ -280,9 +280,9 @@ TYPED_TEST(EnergyOf, ASpringFollowsItsReferenceFromAbove) {
     v = Velocity<N>{kick};
     const Position<N> next = x + v * kPeriod;
     const Energy rise{stored(coordinates(next)) - stored(coordinates(x))};
-    const auto c = passivate(Force<N>{kStiffness * coordinates(x)}, v,
-                             Budget{observer.energy() - Energy{stored(coordinates(x))}, rise},
-                             {.method = Method::classic, .max_gain = 0.0}, kPeriod);
+    const auto c = passivity_controller(Force<N>{kStiffness * coordinates(x)}, v,
+                                        Budget{observer.energy() - Energy{stored(coordinates(x))}, rise},
+                                        {.method = Method::classic, .max_gain = 0.0}, kPeriod);
     observer.book(0, held_energy(ObserverRule::exact, c.out, Interval<N>{next - x, v, v}, kPeriod));
     x = next;
     ASSERT_GE(observer.energy().si() - stored(coordinates(x)), kFloor) << "tick " << k;

@@ -65,7 +65,7 @@ Numbers turned(const Matrix3d& r, Numbers v) {
 /// Every vector of the scene turned by r.
 Scene turned(const Matrix3d& r, Scene s) {
   const auto turn = [&](Numbers& v) { v = turned(r, v); };
-  for (SegmentSpec& segment : s.human->path) turn(std::get<MoveToSpec>(segment).position_m);
+  for (SegmentSpec& segment : s.operator_model->path) turn(std::get<MoveToSpec>(segment).position_m);
   turn(s.device->position_m), turn(s.device->velocity_m_per_s);
   turn(s.robot->position_m), turn(s.robot->velocity_m_per_s);
   for (EnvironmentSpec& e : s.environment) {
@@ -124,10 +124,10 @@ std::vector<double> numbers(const Rows<N>& all) {
   for (const Row<N>& r : all) {
     // By name: a new column does not compile until it is here.
     const auto& [t, master_x, master_v, master_f, wanted, slave_x, slave_v, slave_f, env_f, position_error,
-                 master_energy, slave_energy, observed, owed, dissipated, mode] = r;
+                 master_energy, slave_energy, observed, undissipated, dissipated, mode] = r;
     const auto each = [&](const auto&... values) { (append(out, values), ...); };
     each(t, master_x, master_v, master_f, wanted, slave_x, slave_v, slave_f, env_f, position_error, master_energy,
-         slave_energy, observed, owed, dissipated, static_cast<double>(mode));
+         slave_energy, observed, undissipated, dissipated, static_cast<double>(mode));
   }
   return out;
 }
@@ -337,9 +337,9 @@ TEST_P(RandomScene, GivesNoMoreThanItTook) {
   });
   // The slave decides on force and velocity of the coming tick together, so its port is exact: 5e-16 J.
   EXPECT_GE(to_robot, -1e-12) << random_scene(GetParam());
-  // The master foresees how the hand will move. What goes out beyond the account in one tick is at most
-  // |f| max(0, |e| - doubt) T, with e the error of that tick: a jerk of the hand that no tick before has shown. In 400
-  // such scenes 2.3e-5 J was owed at most, more than 5e-6 J in 25.
+  // The master predicts how the hand will move. What goes out beyond the account in one tick is at most
+  // |f| max(0, |e| - error_bound) T, with e the error of that tick: a jerk of the hand that no tick before has shown. In 400
+  // such scenes 2.3e-5 J was undissipated at most, more than 5e-6 J in 25.
   EXPECT_GE(to_hand, -5e-5) << random_scene(GetParam());
   EXPECT_GE(together, -5e-5) << random_scene(GetParam());
 }

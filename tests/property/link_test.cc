@@ -175,7 +175,7 @@ TEST_P(Impaired, DoesNotCareWhichSideIsSteppedFirst) {
     listens_first.post(k);
     ASSERT_EQ(a.newest.sequence, b.newest.sequence) << "tick " << k;
     ASSERT_EQ(a.energy_in_j, b.energy_in_j) << "tick " << k;
-    ASSERT_EQ(a.fresh, b.fresh) << "tick " << k;
+    ASSERT_EQ(a.is_new, b.is_new) << "tick " << k;
   }
 }
 
@@ -559,13 +559,13 @@ TEST_F(MailboxOf, AJumpOfTheSequenceIsRejectedAndChangesNothing) {
   after({1, 2});
   for (const std::uint64_t jump : {std::uint64_t{1} << 63, std::uint64_t{10'000}, ~std::uint64_t{0}}) {
     arriving = {report(jump, 1e9)};
-    EXPECT_FALSE(box.collect(Duration{0}).fresh);
+    EXPECT_FALSE(box.collect(Duration{0}).is_new);
   }
   EXPECT_EQ(box.counts().rejected, 3U);
   EXPECT_EQ(box.counts().received, 2U);
   EXPECT_EQ(box.known().energy_in_j, 0.0);
   arriving = {report(3)};
-  EXPECT_TRUE(box.collect(Duration{0}).fresh);
+  EXPECT_TRUE(box.collect(Duration{0}).is_new);
   EXPECT_EQ(box.counts().lost, 0U);
 }
 
@@ -578,28 +578,28 @@ TEST_F(MailboxOf, AJumpThatGoesOnIsBelieved) {
 TEST_F(MailboxOf, AfterASilenceAsManyAreMissingAsTheSenderCanHaveSent) {
   after({1});
   arriving = {report(7'200'001)};  // an hour at 2 kHz
-  EXPECT_TRUE(box.collect(std::chrono::hours{1}).fresh);
+  EXPECT_TRUE(box.collect(std::chrono::hours{1}).is_new);
   EXPECT_EQ(box.counts().lost, 7'199'999U);
   EXPECT_EQ(box.counts().rejected, 0U);
 }
 
 TEST_F(MailboxOf, AWrongSequenceThatWasBelievedDeafensForASecond) {
   for (const std::uint64_t wrong : {std::uint64_t{1} << 63, std::uint64_t{4'000}}) {
-    box.forget();
+    box.reset();
     std::uint64_t next = 10;
     if (wrong == 4'000) {  // far ahead, but not too far
       arriving = {report(next++)};
       box.collect(at(0));
     }
     arriving = {report(wrong)};
-    EXPECT_TRUE(box.collect(at(0)).fresh);
+    EXPECT_TRUE(box.collect(at(0)).is_new);
     std::int64_t tick = 1;
     do {
       arriving = {report(next++)};
-    } while (!box.collect(at(tick++)).fresh && tick < 10'000);
+    } while (!box.collect(at(tick++)).is_new && tick < 10'000);
     EXPECT_LE(at(tick - 1), milliseconds{1002});
     arriving = {report(next)};
-    EXPECT_TRUE(box.collect(at(tick)).fresh);
+    EXPECT_TRUE(box.collect(at(tick)).is_new);
     EXPECT_LT(box.counts().lost, 5'000U);
   }
 }
@@ -612,20 +612,20 @@ TEST_F(MailboxOf, TheLargestEnergyWinsWhateverTheOrder) {
 }
 
 TEST_F(MailboxOf, IsFreshOnlyInTheTickThatBringsANewerReport) {
-  EXPECT_FALSE(box.collect(Duration{1}).any);
+  EXPECT_FALSE(box.collect(Duration{1}).has_report);
   arriving = {report(2)};
-  EXPECT_TRUE(box.collect(Duration{2}).fresh);
-  EXPECT_FALSE(box.collect(Duration{3}).fresh);
+  EXPECT_TRUE(box.collect(Duration{2}).is_new);
+  EXPECT_FALSE(box.collect(Duration{3}).is_new);
   arriving = {report(1), report(2)};
-  EXPECT_FALSE(box.collect(Duration{4}).fresh);
-  EXPECT_TRUE(box.collect(Duration{4}).any);
-  EXPECT_EQ(box.collect(Duration{5}).heard, Duration{2});
+  EXPECT_FALSE(box.collect(Duration{4}).is_new);
+  EXPECT_TRUE(box.collect(Duration{4}).has_report);
+  EXPECT_EQ(box.collect(Duration{5}).received_at, Duration{2});
 }
 
 TEST_F(MailboxOf, ANewSessionStartsFromNothingKnown) {
   arriving = {report(100, 5.0)};
   box.collect(Duration{1});
-  box.forget();
+  box.reset();
   arriving = {report(1, 0.1)};
   const PeerState<1>& known = box.collect(Duration{2});
   EXPECT_EQ(known.newest.sequence, 1U);
@@ -673,7 +673,7 @@ TEST(RoundTrip, IsTheSumOfBothDelaysWhateverTheOtherSidesClockAndPatience) {
   Duration slave_tick = nanoseconds{1'250'000};
   for (std::int64_t k = 0; k < 1000; ++k) {
     const PeerState<1>& known = master.collect(at(k));
-    if (known.fresh && known.round_trip() >= Duration{0}) {
+    if (known.is_new && known.round_trip() >= Duration{0}) {
       ++measured;
       // Posts of the slave fall on its own ticks of 2.5 of ours: rounded up to ours at arrival.
       ASSERT_GE(known.round_trip(), milliseconds{50});

@@ -34,8 +34,8 @@ auto step(Node& node, int k, const State& state, const PeerState<3>& known) {
 }
 PeerState<3> heard(int k, double f, double energy_j = 1.0) {
   PeerState<3> known;
-  known.any = known.fresh = true;
-  known.heard = tick_time(k, 1.0 / kT);
+  known.has_report = known.is_new = true;
+  known.received_at = tick_time(k, 1.0 / kT);
   known.newest.f = along(f);
   known.energy_in_j = energy_j;
   return known;
@@ -46,7 +46,7 @@ TEST(MasterNode, LetsGoForAReadingThatIsNoneAndForNoLonger) {
     MasterNode<3> node{parse_scene(kScene, "test").control};
     Force<3> held;
     for (int k = 0; k < 300; ++k) {
-      DeviceState<3> device{at(1e-4 * k), velocity(0.1), held};
+      DeviceSample<3> device{at(1e-4 * k), velocity(0.1), held};
       if (k == 200 && part == 0) device.x = at(kNone);
       if (k == 200 && part == 1) device.v = velocity(kNone);
       if (k == 200 && part == 2) device.applied = along(kNone);
@@ -67,7 +67,7 @@ TEST(MasterNode, HasNoForceThatADoubleDoesNotHold) {
   Scene scene = parse_scene(kScene, "test", std::vector<std::string>{"control.force_scale=1e10"});
   MasterNode<3> node{scene.control};
   for (int k = 0; k < 200; ++k)
-    EXPECT_TRUE(step<MasterClock>(node, k, DeviceState<3>{}, heard(k, 1e300)).command.finite());
+    EXPECT_TRUE(step<MasterClock>(node, k, DeviceSample<3>{}, heard(k, 1e300)).command.finite());
 }
 
 TEST(MasterNode, CarriesOverWhatOfItsAllowanceIsSpent) {
@@ -76,7 +76,7 @@ TEST(MasterNode, CarriesOverWhatOfItsAllowanceIsSpent) {
     Force<3> held;
     double paid = 0.0, x = 0.0;
     for (int k = from; k < from + 300; ++k) {
-      const auto out = step<MasterClock>(node, k, DeviceState<3>{at(x), velocity(v), held}, heard(k, 1.0, energy_j));
+      const auto out = step<MasterClock>(node, k, DeviceSample<3>{at(x), velocity(v), held}, heard(k, 1.0, energy_j));
       held = out.command;
       x += kT * v;
       paid -= kT * v * held.vec()[0];
@@ -84,7 +84,7 @@ TEST(MasterNode, CarriesOverWhatOfItsAllowanceIsSpent) {
     return paid;
   };
   EXPECT_NEAR(run(0, -0.1, 0.0), 1e-3, 2e-4);  // all of E(0)
-  node.rebase(Energy{0.0});
+  node.on_peer_restart(Energy{0.0});
   EXPECT_LT(run(1000, -0.1, 0.0), 2e-4);  // not again
 }
 
@@ -93,7 +93,7 @@ TEST(SlaveNode, LetsGoForAReadingThatIsNoneAndForNoLonger) {
   for (int k = 0; k < 300; ++k) {
     PeerState<3> master = heard(k, 0.0);
     master.newest.x = at(1e-5 * k);
-    RobotState<3> robot{at(0.0), velocity(k == 200 ? kNone : 0.0), along(0.0)};
+    RobotSample<3> robot{at(0.0), velocity(k == 200 ? kNone : 0.0), along(0.0)};
     if (k == 100) robot.x = at(kNone);
     const auto out = step<SlaveClock>(node, k, robot, master);
     ASSERT_TRUE(out.command.f.finite() && out.command.x_d.finite() && out.command.v_d.finite()) << "at tick " << k;
@@ -104,7 +104,7 @@ TEST(SlaveNode, LetsGoForAReadingThatIsNoneAndForNoLonger) {
 TEST(SlaveNode, StaysWhereItWasWhileItsReadingIsNone) {
   SlaveNode<3> node{parse_scene(kScene, "test").control};
   for (int k = 0; k < 10; ++k) {  // nobody is heard
-    const RobotState<3> robot{at(k == 5 ? kNone : 0.01 * k), velocity(0.0), along(0.0)};
+    const RobotSample<3> robot{at(k == 5 ? kNone : 0.01 * k), velocity(0.0), along(0.0)};
     const auto out = step<SlaveClock>(node, k, robot, PeerState<3>{});
     EXPECT_NEAR(out.command.x_d.translation()[0], 0.01 * (k == 5 ? 4 : k), 1e-15) << "at tick " << k;
   }
@@ -116,7 +116,7 @@ TEST(SlaveNode, HasNoForceThatADoubleDoesNotHold) {
   for (int k = 0; k < 200; ++k) {
     PeerState<3> master = heard(k, 0.0);
     master.newest.v = velocity(1e300);
-    const auto out = step<SlaveClock>(node, k, RobotState<3>{}, master);
+    const auto out = step<SlaveClock>(node, k, RobotSample<3>{}, master);
     EXPECT_TRUE(out.command.f.finite() && out.command.x_d.finite() && out.command.v_d.finite()) << "at tick " << k;
   }
 }
@@ -129,13 +129,13 @@ TEST(SlaveNode, CarriesOverWhatOfItsAllowanceIsSpent) {
     for (int k = from; k < from + 300; ++k) {
       PeerState<3> master = heard(k, 0.0, 0.0);
       master.newest.x = at(1e-4 * (k - from));
-      const auto out = step<SlaveClock>(node, k, RobotState<3>{}, master);
+      const auto out = step<SlaveClock>(node, k, RobotSample<3>{}, master);
       energy += kT * out.command.f.vec().dot(out.command.v_d.vec());
     }
     return energy;
   };
   EXPECT_NEAR(paid(0), 1e-3, 1e-5);  // all of E(0)
-  node.rebase(Energy{0.0});
+  node.on_peer_restart(Energy{0.0});
   EXPECT_LT(paid(1000), 1e-5);  // not again
 }
 
@@ -148,7 +148,7 @@ TEST(RenderNode, LetsGoForAReadingThatIsNone) {
   for (int k = 0; k < 10; ++k) {
     const double x = k == 5 ? kNone : 0.01 * k;
     const auto out = node.step(Tick<MasterClock>{Instant<MasterClock>{tick_time(k, 1.0 / kT)}, Seconds{kT}},
-                               DeviceState<3>{at(x), velocity(0.01 / kT), held}, NoReport{});
+                               DeviceSample<3>{at(x), velocity(0.01 / kT), held}, NoReport{});
     held = out.command;
     ASSERT_TRUE(held.finite()) << "at tick " << k;
     EXPECT_EQ(held.vec().norm() == 0.0, k == 0 || k == 5);

@@ -118,7 +118,7 @@ struct Program {
   void tick(Duration now) {
     const bool was_coupled = link().coupled(now);
     if (link().take_new_session()) {
-      mail.forget();
+      mail.reset();
       life = lives->begin();
     }
     mail.collect(now);
@@ -303,8 +303,8 @@ class Schedule {
   bool settled() {
     if (out_.sentence) return true;
     if (!together()) return false;
-    return slave_->mail.known().any && master_->mail.known().any && slave_->mail.known().heard > now_ - 2 * kTick &&
-           master_->mail.known().heard > now_ - 2 * kTick;
+    return slave_->mail.known().has_report && master_->mail.known().has_report &&
+           slave_->mail.known().received_at > now_ - 2 * kTick && master_->mail.known().received_at > now_ - 2 * kTick;
   }
 
   std::mt19937_64 random_;

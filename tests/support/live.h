@@ -30,7 +30,7 @@ struct Trace {
 schema::Summary summary_in(const std::string& folder);
 
 /// Has every program of a run kept its ticks? A force that is held beyond its tick, because a busy machine left out the
-/// next ones, does what no controller has foreseen: what such a run felt like says nothing of the programs.
+/// next ones, does what no controller has predicted: what such a run felt like says nothing of the programs.
 bool kept_time(const std::vector<schema::Summary>& of_a_run);
 /// Every side is stable, and the master's port passive to 1 mJ; not judged, and said, where ticks were not kept.
 void expect_sound(const std::vector<schema::Summary>& of_a_run);

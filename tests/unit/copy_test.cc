@@ -167,7 +167,7 @@ TEST(StateOfAPlant, IsAllThatGoesOn) {
 TEST(StateOfAHandle, IsAllThatGoesOn) {
   const Scene s = scene(3, "operator { hand { mass_kg: 0.02 stiffness_n_per_m: 300 } } " + kDevice);
   const DeviceSpec& device = *s.device;
-  const HandSpec& hand = *s.human->hand;
+  const HandSpec& hand = *s.operator_model->hand;
   using Vector = HandlePlant<3>::Vector;
   HandlePlant<3> original{device, hand, {}, kPeriod.si(), {{}, Vector{0.1, 0, 0}}},
       fresh{device, hand, {}, kPeriod.si(), {{}, Vector::Zero()}};

@@ -31,8 +31,8 @@ struct Link {
     for (int k = 0; k < ticks; ++k) {
       now += 1ms;
       for (auto* mail : {&master, &slave}) {
-        if (mail->transport().take_new_session()) mail->forget();
-        fresh += mail->collect(now).fresh;
+        if (mail->transport().take_new_session()) mail->reset();
+        fresh += mail->collect(now).is_new;
         mail->post(Report<N>{}, now);
       }
     }
@@ -52,7 +52,7 @@ TEST(LinkTransport, PairsAndDelivers) {
   Link<3> link;
   link.tick(10);
   EXPECT_TRUE(link.coupled());
-  EXPECT_TRUE(link.master.known().any && link.slave.known().any);
+  EXPECT_TRUE(link.master.known().has_report && link.slave.known().has_report);
   EXPECT_EQ(link.slave.transport().handshake().peer(), kMasterAt);
   EXPECT_EQ(link.master.transport().counts().rejected + link.slave.transport().counts().rejected, 0U);
 }

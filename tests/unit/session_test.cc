@@ -63,12 +63,12 @@ struct Party {
 
   void tick(Duration now) {
     if (listens && link().take_new_session()) {
-      mail.forget();
+      mail.reset();
       energy = 0.0;
       ++rebased;
     }
     const PeerState<N>& known = mail.collect(now);
-    if (known.fresh) ++fresh;
+    if (known.is_new) ++fresh;
     seen = known;
     most_energy_seen = std::max(most_energy_seen, known.energy_in_j);
     Report<N> r;
@@ -113,7 +113,9 @@ class Session : public ::testing::Test {
   }
   template <int N, int M>
   [[nodiscard]] bool coupled(Party<N>& a, Party<M>& b) {
-    return until([&] { return a.seen.any && b.seen.any && a.link().coupled(now_) && b.link().coupled(now_); }, a, b);
+    return until(
+        [&] { return a.seen.has_report && b.seen.has_report && a.link().coupled(now_) && b.link().coupled(now_); }, a,
+        b);
   }
 
   Duration now_{0};
@@ -154,7 +156,7 @@ TEST_F(Session, DeliversNothingUntilTheNodeIsRebased) {
   s->listens = false;
   s->energy = 7.0;
   run(50, *m, *s);
-  EXPECT_FALSE(s->seen.any);
+  EXPECT_FALSE(s->seen.has_report);
   const std::uint64_t handshake = s->link().counts().handshake;
   run(50, *m, *s);
   EXPECT_EQ(s->link().counts().handshake, handshake);  // nothing is passed over meanwhile
@@ -194,7 +196,7 @@ TEST_F(Session, TakesUpASlaveThatStartsAgainOnItsPort) {
   s.reset();
   run(20, *m);
   s = slave<1>(kSlave, port);
-  ASSERT_TRUE(until([&] { return m->rebased == 2 && s->seen.any && m->link().coupled(now_); }, *m, *s));
+  ASSERT_TRUE(until([&] { return m->rebased == 2 && s->seen.has_report && m->link().coupled(now_); }, *m, *s));
   run(50, *m, *s);
   EXPECT_EQ(s->most_energy_seen, 0.0);
   EXPECT_EQ(s->rebased, 1);
@@ -249,12 +251,12 @@ TEST_F(Session, KeptWordsOfASessionThatIsOverStartNothing) {
   ASSERT_TRUE(until(
       [&] {
         first.talk(there);
-        return s->seen.any;
+        return s->seen.has_report;
       },
       *s));
   run(200, *s);
   auto m = master<1>(*s);
-  ASSERT_TRUE(until([&] { return s->rebased == 2 && s->seen.any; }, *m, *s));
+  ASSERT_TRUE(until([&] { return s->rebased == 2 && s->seen.has_report; }, *m, *s));
   // Said again word for word, first beside the session of now, then in silence for as long as one likes.
   const auto say_again = [&] { first.socket.send(first.codec.encode(first.words), there, Duration{0}); };
   for (int k = 0; k < 500; ++k) {
@@ -269,7 +271,7 @@ TEST_F(Session, KeptWordsOfASessionThatIsOverStartNothing) {
   }
   EXPECT_EQ(s->rebased, 2);
   m = master<1>(*s);
-  ASSERT_TRUE(until([&] { return s->rebased == 3 && s->seen.any && m->seen.any; }, *m, *s));
+  ASSERT_TRUE(until([&] { return s->rebased == 3 && s->seen.has_report && m->seen.has_report; }, *m, *s));
 }
 
 TEST_F(Session, ASlavesKeptWordsDoNotBringAnOldSessionBack) {
@@ -330,8 +332,8 @@ void expect_both_refuse(Party<N>& m, Party<M>& s, const std::string& words, Dura
   }
   EXPECT_EQ(m.link().reject_reason(), s.link().reject_reason());
   EXPECT_NE(m.link().reject_reason().find(words), std::string_view::npos) << m.link().reject_reason();
-  EXPECT_FALSE(m.seen.any);
-  EXPECT_FALSE(s.seen.any);
+  EXPECT_FALSE(m.seen.has_report);
+  EXPECT_FALSE(s.seen.has_report);
 }
 
 TEST_F(Session, BothRefuseOtherDof) {
@@ -494,7 +496,7 @@ TEST_F(Session, TheRightNumbersFromTheWrongAddressAreRejected) {
   ASSERT_TRUE(until(
       [&] {
         real.talk(there);
-        return s->seen.any;
+        return s->seen.has_report;
       },
       *s));
   real.words.identity.reset();
@@ -518,8 +520,8 @@ TEST_F(Session, PairsThroughHeavyLoss) {
   auto s = slave<3>(lossy_s);
   auto m = master<3>(*s, lossy_m);
   run(3, *m, *s);
-  EXPECT_FALSE(m->seen.any && s->seen.any);  // with these seeds the first ones are lost
-  ASSERT_TRUE(until([&] { return m->seen.any && s->seen.any; }, *m, *s));
+  EXPECT_FALSE(m->seen.has_report && s->seen.has_report);  // with these seeds the first ones are lost
+  ASSERT_TRUE(until([&] { return m->seen.has_report && s->seen.has_report; }, *m, *s));
   run(2000, *m, *s);
   EXPECT_GT(m->link().counts().lost, 1500U);
   EXPECT_GT(m->fresh, 100);
@@ -652,7 +654,7 @@ TEST_F(Session, DoesNotAllocateWhenThePeerStartsAgain) {
   run(200, *s);
   m = master<6>(*s);
   const NoAlloc guard;
-  bool again = until([&] { return s->rebased == 2 && m->seen.any; }, *m, *s);
+  bool again = until([&] { return s->rebased == 2 && m->seen.has_report; }, *m, *s);
   EXPECT_EQ(guard.seen(), 0);
   EXPECT_TRUE(again);
 }

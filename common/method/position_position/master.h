@@ -3,8 +3,8 @@
 #include "common/base/vector.h"
 #include "common/coupling/options.h"
 #include "common/coupling/registration.h"
+#include "common/coupling/setpoint_tracker.h"
 #include "common/coupling/spring_damper.h"
-#include "common/coupling/tracker.h"
 #include "common/coupling/virtual_coupling.h"
 #include "common/hardware/device.h"
 #include "common/link/mailbox.h"
@@ -26,7 +26,7 @@ class PositionErrorForce {
     RobotInMasterWorld<N> robot;
     if (!read(slave.words, robot)) return {};
     const Velocity<N> v_rx = registration_.to_master(slave.newest.v);
-    const Velocity<N> v_d = tracker_.step(x_d_, robot.x.value, v_rx, slave.fresh, dt);
+    const Velocity<N> v_d = tracker_.step(x_d_, robot.x.value, v_rx, slave.is_new, dt);
     x_d_ = x_d_ + v_d * dt;
     return spring_.force(device.x - x_d_, device.v - v_rx);
   }
@@ -34,7 +34,7 @@ class PositionErrorForce {
  private:
   Registration<N> registration_;
   SpringDamper<N> spring_;
-  Tracker<N> tracker_;
+  SetpointTracker<N> tracker_;
   Position<N> x_d_;
 };
 

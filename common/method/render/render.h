@@ -18,7 +18,7 @@ namespace twoport {
 ///
 ///     f_i(k)  = parts of the environment's force at the sensed position and velocity, one for each account
 ///     E_i(k)  = E(0)/n + U_i(x(0)) + Σ f'_i(k-1)·Δx(k)
-///     f'_i(k) = passivate(f_i, v, E_i - U_i(x), U_i(x + T v) - U_i(x))         U = 0 without reference_energy
+///     f'_i(k) = passivity_controller(f_i, v, E_i - U_i(x), U_i(x + T v) - U_i(x))         U = 0 without reference_energy
 ///     f'      = Σ f'_i
 ///
 /// Forces are those of the device on the environment: power f·v into it.
@@ -28,7 +28,7 @@ class Rendering {
   struct Output {
     Force<N> command;  ///< f' [N], [N m]
     Force<N> wanted;   ///< before the passivity controller
-    Energy dissipated, owed;
+    Energy dissipated, undissipated;
   };
 
   /// As many accounts as `o` asks for; allocates here and never again.
@@ -51,12 +51,12 @@ class Rendering {
       const Budget budget = options_.reference_energy ? Budget{energy - a.potential, a.next_potential - a.potential}
                                                       : Budget{energy, Energy{}};
       const Force<N> wanted{a.on_environment};
-      const Corrected<Force<N>> part = passivate(wanted, port.v, budget, options_.controller, dt);
+      const Corrected<Force<N>> part = passivity_controller(wanted, port.v, budget, options_.controller, dt);
       a.held = part.out;
       out.wanted += wanted;
       out.command += part.out;
       out.dissipated += part.dissipated;
-      out.owed += part.owed;
+      out.undissipated += part.undissipated;
     }
     commanded_ = out.command;
     return out;

@@ -6,7 +6,7 @@
 #include "common/method/displayed_force.h"
 #include "common/method/method.h"
 #include "common/passivity/controller.h"
-#include "common/passivity/handle.h"
+#include "common/passivity/velocity_predictor.h"
 
 namespace twoport {
 
@@ -46,21 +46,22 @@ class TdpaMaster {
       if (in.carried != nullptr) [[unlikely]]
         wanted += *in.carried;
       const Energy available = initial_ + transmittable_energy(in.account, in.slave_energy_in) - returned(in.account);
-      allowed = predictor_ ? passivate_yielding(wanted, predictor_->foreseen(), available, controller_, in.dt)
-                           : passivate(wanted, in.device.v, Budget{available, Energy{}}, controller_, in.dt);
+      allowed = predictor_
+                    ? predictive_impedance_controller(wanted, predictor_->prediction(), available, controller_, in.dt)
+                    : passivity_controller(wanted, in.device.v, Budget{available, Energy{}}, controller_, in.dt);
     }
     return {.f = allowed.out,
             .wanted = wanted,
             .energy_in = energy_sent(in.account),
             .dissipated = allowed.dissipated,
-            .deficit = allowed.owed};
+            .undissipated = allowed.undissipated};
   }
 
-  /// What has been given back beyond the grant: a deficit, and what of E(0) is spent.
+  /// Energy given back beyond the grant: a deficit, and the part of E(0) that is spent.
   [[nodiscard]] Energy deficit(const Ledger& account, Energy slave_energy_in) const noexcept {
     return positive_part(returned(account) - transmittable_energy(account, slave_energy_in));
   }
-  /// Unused credit is dropped, the deficit is carried over.
+  /// Unused energy is dropped, the deficit is carried over.
   void restart(const Ledger& account, Energy deficit) noexcept {
     base_absorbed_ = account.absorbed();
     base_sent_ = command_.absorbed();
@@ -71,10 +72,10 @@ class TdpaMaster {
 
  private:
   /// Nothing where the mass at the handle is not known: its answer to a force is not known then.
-  static std::optional<Handle<N>> predictor(const ControlOptions& o) {
+  static std::optional<PortVelocityPredictor<N>> predictor(const ControlOptions& o) {
     const bool known = o.handle_mass_kg > 0.0 && (N != 6 || o.handle_inertia_kg_m2 > 0.0);
     if (o.controller.method != Method::force_projected || !o.controller.predict || !known) return {};
-    return Handle<N>{o.handle_mass_kg, o.handle_inertia_kg_m2};
+    return PortVelocityPredictor<N>{o.handle_mass_kg, o.handle_inertia_kg_m2};
   }
 
   [[gnu::always_inline]] void observe(const MasterInput<N>& in) noexcept {
@@ -99,7 +100,7 @@ class TdpaMaster {
   Energy initial_;
   bool measured_;
   DisplayedForce<N> displayed_;
-  std::optional<Handle<N>> predictor_;
+  std::optional<PortVelocityPredictor<N>> predictor_;
   Ledger command_;  ///< the motion command as a source of its own
   Force<N> command_force_;
   Energy base_absorbed_, base_returned_, base_sent_;

@@ -18,7 +18,7 @@ namespace twoport {
 ///
 /// The correction acts along the force, so sliding along a surface is not slowed. The hand feels f_d, not f: it must be
 /// able to put in the energy that a stalled coupling waits for. The sampled coupling is observed at both its ports; what
-/// it creates itself is not passed on as credit.
+/// it creates itself is not passed on.
 /// Source: Ryu, Artigas, Preusche, Mechatronics 20(7), 2010.
 template <int N>
 class TdpaSlave {
@@ -47,8 +47,8 @@ class TdpaSlave {
     } else {
       coupling_.rest(robot.x);
     }
-    Yielded<N> allowed =
-        yield(wanted.f, wanted.v, coupling_.spring().compliance(in.dt), available(in.master_energy_in), in.dt);
+    PortSolution<N> allowed = admittance_controller(wanted.f, wanted.v, coupling_.spring().mobility(in.dt),
+                                                    available(in.master_energy_in), in.dt);
     if (!all_finite(allowed.f, allowed.v)) [[unlikely]]
       return no_force_exists(allowed.f);
     f_ = allowed.f;
@@ -59,7 +59,7 @@ class TdpaSlave {
     coupling_.move(moved, wanted.v, in.dt);
     return {.command = {.f = f_, .x_d = coupling_.set_point(), .v_d = allowed.v},
             .f_back = measured_ ? robot.f_environment : wanted.f,
-            .energy_in = credit(),
+            .energy_in = energy_sent(),
             .dissipated = allowed.dissipated};
   }
 
@@ -67,7 +67,7 @@ class TdpaSlave {
     f_ = Force<N>{};
     SlaveOutput<N> out{};
     out.command.x_d = coupling_.set_point();
-    out.energy_in = credit();
+    out.energy_in = energy_sent();
     return out;
   }
 
@@ -79,7 +79,7 @@ class TdpaSlave {
     base_absorbed_ = account_.absorbed();
     base_returned_ = account_.returned() - deficit;
     coupling_energy_.book(0, -coupling_energy_.energy());  // charged already, or unused
-    worst_coupling_energy_j_ = credit_j_ = 0.0;
+    worst_coupling_energy_j_ = energy_sent_j_ = 0.0;
   }
   [[nodiscard]] SlaveHandover<N> handover() const noexcept { return {coupling_.registration(), coupling_.set_point()}; }
   void resume(const SlaveHandover<N>& from) noexcept { coupling_.resume(from.registration, from.set_point); }
@@ -101,12 +101,12 @@ class TdpaSlave {
     worst_coupling_energy_j_ -= positive_part(-surplus).si();
   }
 
-  /// What may be claimed as having entered here: not what the sampled coupling has created. Only grows.
-  Energy credit() noexcept {
+  /// Energy reported as having entered here, without what the sampled coupling has created. It only grows.
+  Energy energy_sent() noexcept {
     if (!reference_energy_)
       worst_coupling_energy_j_ = std::min(worst_coupling_energy_j_, coupling_energy_.energy().si());
     const double earned = (account_.absorbed() - base_absorbed_).si() + worst_coupling_energy_j_;
-    return Energy{credit_j_ = std::max(credit_j_, earned)};
+    return Energy{energy_sent_j_ = std::max(energy_sent_j_, earned)};
   }
 
   VirtualCoupling<N> coupling_;
@@ -114,7 +114,7 @@ class TdpaSlave {
   bool measured_, reference_energy_;
   Ledger account_;               ///< the link's port
   Observer<1> coupling_energy_;  ///< of the coupling as a two-port: link port plus robot port
-  double worst_coupling_energy_j_ = 0.0, credit_j_ = 0.0;
+  double worst_coupling_energy_j_ = 0.0, energy_sent_j_ = 0.0;
   Energy base_absorbed_, base_returned_;
   Position<N> x_before_;
   Force<N> f_;

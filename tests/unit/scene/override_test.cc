@@ -27,7 +27,7 @@ TEST(Override, TakesAStringWithoutItsQuotes) {
 TEST(Override, CreatesTheBlocksOnTheWay) {
   const Scene s = scene_of("dof: 3 duration_s: 1", {"operator.hand.mass_kg=0.3", "control.passivity.observer=RECTANGLE",
                                                     "robot.mass_kg=2", "robot.force_sensor.noise_n=0.1"});
-  EXPECT_EQ(s.human->hand->mass_kg, 0.3);
+  EXPECT_EQ(s.operator_model->hand->mass_kg, 0.3);
   EXPECT_EQ(s.control.observer, ObserverRule::rectangle);
   EXPECT_EQ(s.robot->force_sensor->noise_n, 0.1);
 }
@@ -46,9 +46,9 @@ TEST(Override, ReplacesOneElementInItsPlace) {
   const Scene s =
       scene_of(kStiffWall, {"operator.path[0]={hold {duration_s: 3}}", "operator.path[0].move_to={duration_s: 2}",
                             "device.position_m=[1, 2, 3]", "device.position_m[1]=5"});
-  ASSERT_EQ(s.human->path.size(), 3U);
-  EXPECT_EQ(std::get<MoveToSpec>(s.human->path[0]).duration_s, 2.0);
-  EXPECT_TRUE(std::holds_alternative<SineSpec>(s.human->path[1]));
+  ASSERT_EQ(s.operator_model->path.size(), 3U);
+  EXPECT_EQ(std::get<MoveToSpec>(s.operator_model->path[0]).duration_s, 2.0);
+  EXPECT_TRUE(std::holds_alternative<SineSpec>(s.operator_model->path[1]));
   EXPECT_EQ(s.device->position_m, (Numbers{1, 5, 3}));
 }
 
@@ -57,8 +57,8 @@ TEST(Override, ReplacesAWholeBlockAndAWholeList) {
   EXPECT_EQ(s.device->mass_kg, 9.0);
   EXPECT_EQ(s.device->damping_n_s_per_m, 0.0);
   EXPECT_FALSE(s.device->max_force_n);
-  ASSERT_EQ(s.human->path.size(), 1U);
-  EXPECT_EQ(std::get<HoldSpec>(s.human->path[0]).duration_s, 5.0);
+  ASSERT_EQ(s.operator_model->path.size(), 1U);
+  EXPECT_EQ(std::get<HoldSpec>(s.operator_model->path[0]).duration_s, 5.0);
 }
 
 TEST(Override, AnotherKindTakesTheOldOnesPlace) {

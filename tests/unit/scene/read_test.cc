@@ -18,19 +18,19 @@ TEST(Scene, ReadsTheStiffWallOfTheContract) {
   EXPECT_EQ(s.rate_hz, 2000.0);
   EXPECT_EQ(s.seed, 7U);
 
-  ASSERT_TRUE(s.human && s.human->hand);
-  EXPECT_EQ(s.human->hand->mass_kg, 0.02);
-  EXPECT_EQ(s.human->hand->stiffness_n_per_m, 300.0);
-  EXPECT_EQ(s.human->hand->damping_n_s_per_m, 1.0);
-  ASSERT_EQ(s.human->path.size(), 3U);
-  EXPECT_EQ(std::get<MoveToSpec>(s.human->path[0]).position_m, (Numbers{0.03, 0, 0}));
-  EXPECT_EQ(std::get<MoveToSpec>(s.human->path[0]).duration_s, 1.0);
-  const auto& sine = std::get<SineSpec>(s.human->path[1]);
+  ASSERT_TRUE(s.operator_model && s.operator_model->hand);
+  EXPECT_EQ(s.operator_model->hand->mass_kg, 0.02);
+  EXPECT_EQ(s.operator_model->hand->stiffness_n_per_m, 300.0);
+  EXPECT_EQ(s.operator_model->hand->damping_n_s_per_m, 1.0);
+  ASSERT_EQ(s.operator_model->path.size(), 3U);
+  EXPECT_EQ(std::get<MoveToSpec>(s.operator_model->path[0]).position_m, (Numbers{0.03, 0, 0}));
+  EXPECT_EQ(std::get<MoveToSpec>(s.operator_model->path[0]).duration_s, 1.0);
+  const auto& sine = std::get<SineSpec>(s.operator_model->path[1]);
   EXPECT_EQ(sine.axis, 1);
   EXPECT_EQ(sine.amplitude_m, 0.04);
   EXPECT_EQ(sine.frequency_hz, 0.5);
   EXPECT_EQ(sine.duration_s, 4.0);
-  EXPECT_EQ(std::get<HoldSpec>(s.human->path[2]).duration_s, 1.0);
+  EXPECT_EQ(std::get<HoldSpec>(s.operator_model->path[2]).duration_s, 1.0);
 
   ASSERT_TRUE(s.device);
   EXPECT_EQ(s.device->mass_kg, 0.075);
@@ -83,12 +83,12 @@ TEST(Scene, ReadsAScrewAndATremor) {
   const Scene s = scene_of(kStiffWall, {"operator.tremor={rms_m: 1.5e-4}",
                                         "operator.path[3].screw={point_m: [1, 2, 3] axis: [0, 3, 4] angle_rad: 0.5 "
                                         "travel_m: 0.03 frequency_hz: 0.5 duration_s: 2}"});
-  EXPECT_FALSE(scene_of(kStiffWall).human->tremor);
-  ASSERT_TRUE(s.human->tremor);
-  EXPECT_EQ(s.human->tremor->rms_m, 1.5e-4);
-  EXPECT_EQ(s.human->tremor->low_hz, 2.0);
-  EXPECT_EQ(s.human->tremor->high_hz, 12.0);
-  const auto& screw = std::get<ScrewSpec>(s.human->path.at(3));
+  EXPECT_FALSE(scene_of(kStiffWall).operator_model->tremor);
+  ASSERT_TRUE(s.operator_model->tremor);
+  EXPECT_EQ(s.operator_model->tremor->rms_m, 1.5e-4);
+  EXPECT_EQ(s.operator_model->tremor->low_hz, 2.0);
+  EXPECT_EQ(s.operator_model->tremor->high_hz, 12.0);
+  const auto& screw = std::get<ScrewSpec>(s.operator_model->path.at(3));
   EXPECT_EQ(screw.point_m, (Numbers{1, 2, 3}));
   EXPECT_NEAR(screw.axis[1], 0.6, 1e-15);
   EXPECT_NEAR(screw.axis[2], 0.8, 1e-15);
@@ -101,7 +101,7 @@ TEST(Scene, ReadsAScrewAndATremor) {
 TEST(Scene, ReadsTheHeldSpringOfTheContract) {
   const Scene s = scene_of(kHeldSpring);
   EXPECT_EQ(s.axes(), 1);
-  EXPECT_FALSE(s.human || s.robot);
+  EXPECT_FALSE(s.operator_model || s.robot);
   ASSERT_TRUE(s.device);
   EXPECT_EQ(s.device->position_m, Numbers{0.001});
   EXPECT_EQ(s.device->velocity_estimate, VelocityEstimate::backward_difference);
@@ -115,8 +115,8 @@ TEST(Scene, ReadsTheHeldSpringOfTheContract) {
 TEST(Scene, ReadsEveryBlockInSixDegreesOfFreedom) {
   const Scene s = scene_of(kTurning);
   EXPECT_EQ(s.axes(), 3);
-  EXPECT_EQ(s.human->hand->rotational_stiffness_n_m_per_rad, 2.0);
-  EXPECT_EQ(s.human->hand->rotational_damping_n_m_s_per_rad, 0.1);
+  EXPECT_EQ(s.operator_model->hand->rotational_stiffness_n_m_per_rad, 2.0);
+  EXPECT_EQ(s.operator_model->hand->rotational_damping_n_m_s_per_rad, 0.1);
   EXPECT_EQ(s.device->inertia_kg_m2, 1e-4);
   EXPECT_EQ(s.device->rotational_damping_n_m_s_per_rad, 1e-3);
   EXPECT_EQ(s.device->position_m, (Numbers{0, 0, 0.1, 1, 0, 0, 0}));
@@ -130,8 +130,8 @@ TEST(Scene, ReadsEveryBlockInSixDegreesOfFreedom) {
   EXPECT_EQ(s.robot->rotational_damping_n_m_s_per_rad, 0.01);
   EXPECT_EQ(s.robot->position_m, (Numbers{1, 2, 3}));
   EXPECT_EQ(s.robot->velocity_m_per_s, (Numbers{4, 5, 6}));
-  EXPECT_EQ(std::get<MoveToSpec>(s.human->path[1]).position_m, (Numbers{0, 0, 0.1, 0, 1, 0, 0}));
-  EXPECT_EQ(std::get<SineSpec>(s.human->path[2]).axis, 5);
+  EXPECT_EQ(std::get<MoveToSpec>(s.operator_model->path[1]).position_m, (Numbers{0, 0, 0.1, 0, 1, 0, 0}));
+  EXPECT_EQ(std::get<SineSpec>(s.operator_model->path[2]).axis, 5);
   EXPECT_EQ(s.robot->force_sensor->noise_n, 0.01);
   EXPECT_EQ(s.robot->force_sensor->bias_n, (Numbers{0, 0, 0, 1, 2, 3}));
   EXPECT_EQ(s.robot->force_sensor->latency_s, 2e-3);
@@ -182,7 +182,7 @@ TEST(Scene, FillsInWhatItDoesNotSay) {
   EXPECT_EQ(s.master_rate_hz, 1000.0);
   EXPECT_EQ(s.slave_rate_hz, 1000.0);
   EXPECT_EQ(s.seed, 1U);
-  EXPECT_FALSE(s.human || s.device || s.robot);
+  EXPECT_FALSE(s.operator_model || s.device || s.robot);
   EXPECT_TRUE(s.environment.empty() && s.tool.empty());
   EXPECT_EQ(s.control.architecture, Architecture::position_force);
   EXPECT_EQ(s.control.force_scale, 1.0);
@@ -227,7 +227,7 @@ TEST(Scene, PositionsThatAreNotGivenStayEmpty) {
       kStiffWall, {"operator.path[0].move_to.position_m=[]", "environment[0]={spring {stiffness_n_per_m: 1}}"});
   EXPECT_TRUE(s.device->position_m.empty() && s.device->velocity_m_per_s.empty());
   EXPECT_TRUE(s.robot->position_m.empty());
-  EXPECT_TRUE(std::get<MoveToSpec>(s.human->path[0]).position_m.empty());
+  EXPECT_TRUE(std::get<MoveToSpec>(s.operator_model->path[0]).position_m.empty());
   EXPECT_EQ(std::get<Spring>(s.environment[0]).anchor_m, Vector3d(0, 0, 0));
 }
 

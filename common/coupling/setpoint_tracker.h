@@ -16,9 +16,9 @@ namespace twoport {
 /// Over a link without loss x_d is the received position, tick for tick. A gap is bridged at the last velocity, and
 /// what was missed is made up at no more than catch_up, so no loss leaves an offset and none makes a jump.
 template <int N>
-class Tracker {
+class SetpointTracker {
  public:
-  explicit Tracker(const CouplingOptions& o) : catch_up_{o.catch_up_m_per_s} {}
+  explicit SetpointTracker(const CouplingOptions& o) : catch_up_{o.catch_up_m_per_s} {}
 
   /// `from` is x_d(k-1): where the command is now.
   [[gnu::always_inline]] Velocity<N> step(const Position<N>& from, const Position<N>& x_rx, const Velocity<N>& v_rx,

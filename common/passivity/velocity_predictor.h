@@ -1,0 +1,94 @@
+#pragma once
+
+#include <algorithm>
+
+#include "common/base/scalar.h"
+#include "common/base/vector.h"
+
+namespace twoport {
+
+/// How a port is expected to move in the coming interval.
+template <int N>
+struct VelocityPrediction {
+  using Vector = typename Force<N>::Vector;
+  Vector mobility = Vector::Zero();   ///< of the mean velocity to the force, T/(2m) per axis [m/(N s)]
+  Velocity<N> w{};                    ///< mean velocity without a force
+  double error_bound = 0.0;           ///< of w, in any direction [m/s]
+  double rotation_error_bound = 0.0;  ///< of w's rotation, N = 6 [rad/s]
+
+  /// Largest power that f can do through the error of w [W].
+  [[nodiscard]] double power_error_bound(const Force<N>& f) const noexcept {
+    if constexpr (N == 6) {
+      return f.vec().template head<3>().norm() * error_bound + f.vec().template tail<3>().norm() * rotation_error_bound;
+    } else {
+      return f.vec().norm() * error_bound;
+    }
+  }
+};
+
+/// Predicts the motion of a port under a held force from positions and from the forces that were applied. Velocity
+/// estimates are not used: they lag.
+///
+///     u(k+1) = u(k) + d - C (f(k-1) + f(k))         u: mean velocity of interval k; d: change by the hand in an interval
+///     u, d  += g e, h e                             e: measured less predicted mean velocity
+///     w      = u(k) + d - C f(k-1)                  mean velocity of the coming interval without a force
+///     error_bound = max(|e|, 0.95 error_bound)      translation and rotation each
+///
+/// C = T/(2m) per axis, exact for a mass under held forces; g = 1 - θ², h = (1 - θ)² is the fading-memory (alpha-beta)
+/// filter, which averages an encoder's counts over a few ticks and loses nothing of the answer to the force, as that is
+/// fed forward.
+template <int N>
+class PortVelocityPredictor {
+ public:
+  using Vector = typename Force<N>::Vector;
+
+  PortVelocityPredictor(double mass_kg, double inertia_kg_m2) {
+    inverse_mass_.setConstant(1.0 / mass_kg);
+    if constexpr (N == 6) inverse_mass_.template tail<3>().setConstant(1.0 / inertia_kg_m2);
+  }
+
+  /// `moved` since the last step, `ended` ago, while `applied` was held.
+  [[gnu::always_inline]] void step(const Displacement<N>& moved, const Force<N>& applied, Seconds ended,
+                                   Seconds dt) noexcept {
+    if (ended.si() > 1.5 * dt.si()) [[unlikely]]
+      return bridge(moved, applied, ended.si() / dt.si(), dt);
+    const Vector c = 0.5 * dt.si() * inverse_mass_;
+    const Vector expected = u_ + d_ - c.cwiseProduct(applied_ + applied.vec());
+    const Vector e = moved.vec() / dt.si() - expected;
+    u_ = expected + kGain * e;
+    d_ += kRateGain * e;
+    predict(c, e, applied.vec());
+  }
+  [[nodiscard]] const VelocityPrediction<N>& prediction() const noexcept { return prediction_; }
+
+ private:
+  [[gnu::always_inline]] void predict(const Vector& c, const Vector& e, const Vector& applied) noexcept {
+    applied_ = applied;
+    prediction_.mobility = c;
+    prediction_.w = Velocity<N>{u_ + d_ - c.cwiseProduct(applied_)};
+    prediction_.error_bound = std::max(e.template head<kAxes>().norm(), kMemory * prediction_.error_bound);
+    if constexpr (N == 6)
+      prediction_.rotation_error_bound =
+          std::max(e.template tail<3>().norm(), kMemory * prediction_.rotation_error_bound);
+  }
+
+  /// The same over n intervals at once: what is measured is their mean, and each has changed the velocity by
+  /// d - 2 C f(k). The measured mean is taken without filtering.
+  [[gnu::noinline]] void bridge(Displacement<N> moved, Force<N> applied, double n, Seconds dt) noexcept {
+    const Vector c = 0.5 * dt.si() * inverse_mass_;
+    const Vector half = 0.5 * (n - 1.0) * (d_ - 2.0 * c.cwiseProduct(applied.vec()));
+    const Vector expected = u_ + d_ - c.cwiseProduct(applied_ + applied.vec()) + half;
+    const Vector mean = moved.vec() / (n * dt.si());
+    u_ = mean + half;
+    predict(c, mean - expected, applied.vec());
+  }
+
+  static constexpr int kAxes = N == 6 ? 3 : N;
+  static constexpr double kTheta = 0.5, kGain = 1.0 - kTheta * kTheta, kRateGain = (1.0 - kTheta) * (1.0 - kTheta);
+  static constexpr double kMemory = 0.95;
+
+  Vector inverse_mass_, u_ = Vector::Zero(), d_ = Vector::Zero(), applied_ = Vector::Zero();
+  VelocityPrediction<N> prediction_{};
+};
+
+}  // namespace twoport
