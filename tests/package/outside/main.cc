@@ -5,7 +5,7 @@
 
 using namespace twoport;
 
-/// A wall of one's own at x = 0, 5 kN/m: velocity in, force out, power f·v into it.
+/// A wall at x = 0, 5 kN/m: velocity in, force out, power f·v into it.
 struct OwnWall {
   using In = Velocity<1>;
   using Out = Force<1>;
