@@ -34,24 +34,25 @@ class SlaveNode {
       return fail_safe(robot);
     if (modes_.step(tick.now.time_since_epoch(), master) || !started_) half_.start(robot, master);
     started_ = true;
-    x_ = robot.x;
     master_energy_in_ = Energy{master.epoch == epoch_ ? master.energy_in_j : 0.0};
     SlaveOutput<N> half = half_.step({.dt = tick.dt,
                                       .robot = robot,
                                       .master = master,
                                       .master_energy_in = master_energy_in_,
+                                      .account = account_,
                                       .coupled = modes_.coupled(),
                                       .active = modes_.active()});
     if (!all_finite(half.command.f, half.command.v_d, half.command.x_d)) [[unlikely]]
       return fail_safe(robot);
     account_.book(-dot(half.command.f, half.command.v_d * tick.dt));
+    position_error_ = modes_.coupled() ? robot.x - half_.target() : Displacement<N>{};
     return {.command = half.command,
             .report = {.x = robot.x,
                        .v = robot.v,
                        .f = half.f_back,
                        .f_coupling = half.command.f,
                        .f_environment = robot.f_environment,
-                       .position_error = position_error(),
+                       .position_error = position_error_,
                        .energy_in_j = half.energy_in.si(),
                        .mode = modes_.mode(),
                        .epoch = epoch_},
@@ -59,15 +60,15 @@ class SlaveNode {
             .mode = modes_.mode()};
   }
 
-  /// As MasterNode::rebase.
+  /// As MasterNode::on_peer_restart.
   void on_peer_restart(Energy master_energy_in) noexcept {
-    half_.restart(half_.deficit(master_energy_in));
+    half_.restart(account_, half_.deficit(account_, master_energy_in));
     modes_.reset();
   }
 
   /// As MasterNode::switch_method; set point and registration go on.
   void switch_method(Half& next) noexcept {
-    next.restart(half_.deficit(master_energy_in_));
+    next.restart(account_, half_.deficit(account_, master_energy_in_));
     if (modes_.active()) next.resume(half_.handover());
     std::swap(half_, next);
     ++epoch_;
@@ -78,9 +79,7 @@ class SlaveNode {
   [[nodiscard]] bool has_payload() const noexcept { return half_.has_payload(); }
   void write_payload(Words& words) const noexcept { half_.write_payload(words); }
   /// Robot against the delayed, scaled master, at the last step. Null while not coupled.
-  [[nodiscard]] Displacement<N> position_error() const noexcept {
-    return modes_.coupled() ? x_ - half_.target() : Displacement<N>{};
-  }
+  [[nodiscard]] const Displacement<N>& position_error() const noexcept { return position_error_; }
   /// Net energy that has left the link into the slave [J].
   [[nodiscard]] Energy delivered() const noexcept { return -account_.net(); }
 
@@ -89,7 +88,8 @@ class SlaveNode {
   /// tick. The other side takes no report that is not finite.
   [[gnu::always_inline]] Output fail_safe(const RobotSample<N>& robot) noexcept {
     modes_.release();
-    const SlaveOutput<N> half = half_.fail_safe();
+    position_error_ = {};
+    const SlaveOutput<N> half = half_.fail_safe(account_);
     Output out{};
     out.command = half.command;
     out.report.x = robot.x;
@@ -104,7 +104,7 @@ class SlaveNode {
   Half half_;
   ModeMachine modes_;
   Ledger account_;  ///< the link's port
-  Position<N> x_;
+  Displacement<N> position_error_;
   Energy master_energy_in_;
   std::uint32_t epoch_ = 0;
   bool started_ = false;

@@ -36,8 +36,12 @@ struct Words {
 
   /// Takes in what has arrived. Of a newer packet everything counts, of an older one only what grows; a total never falls.
   void merge(const Words& arrived, bool newer) noexcept {
-    if (arrived.count == 0) [[likely]]
-      return;
+    if (arrived.count != 0) [[unlikely]]
+      merge_numbers(arrived, newer);
+  }
+
+ private:
+  [[gnu::noinline]] void merge_numbers(const Words& arrived, bool newer) noexcept {
     if (arrived.count != count) {
       if (newer) *this = arrived;
       return;
@@ -51,8 +55,6 @@ struct Words {
       }
     }
   }
-
- private:
   void copy(const Words& o) noexcept {
     totals = o.totals, count = o.count;
     if (count != 0) [[unlikely]]

@@ -55,9 +55,9 @@ class AnySlaveHalf {
     virtual ~Concept() = default;
     virtual void start(const RobotSample<N>& robot, const PeerState<N>& master) noexcept = 0;
     virtual SlaveOutput<N> step(const SlaveInput<N>& in) noexcept = 0;
-    virtual SlaveOutput<N> fail_safe() noexcept = 0;
-    [[nodiscard]] virtual Energy deficit(Energy master_energy_in) const noexcept = 0;
-    virtual void restart(Energy deficit) noexcept = 0;
+    virtual SlaveOutput<N> fail_safe(const Ledger& account) noexcept = 0;
+    [[nodiscard]] virtual Energy deficit(const Ledger& account, Energy master_energy_in) const noexcept = 0;
+    virtual void restart(const Ledger& account, Energy deficit) noexcept = 0;
     [[nodiscard]] virtual bool has_payload() const noexcept = 0;
     virtual void write_payload(Words& words) const noexcept = 0;
     [[nodiscard]] virtual SlaveHandover<N> handover() const noexcept = 0;
@@ -69,9 +69,11 @@ class AnySlaveHalf {
     explicit Model(const ControlOptions& o) : half{o} {}
     void start(const RobotSample<N>& robot, const PeerState<N>& master) noexcept override { half.start(robot, master); }
     SlaveOutput<N> step(const SlaveInput<N>& in) noexcept override { return half.step(in); }
-    SlaveOutput<N> fail_safe() noexcept override { return half.fail_safe(); }
-    [[nodiscard]] Energy deficit(Energy e) const noexcept override { return half.deficit(e); }
-    void restart(Energy e) noexcept override { half.restart(e); }
+    SlaveOutput<N> fail_safe(const Ledger& account) noexcept override { return half.fail_safe(account); }
+    [[nodiscard]] Energy deficit(const Ledger& account, Energy e) const noexcept override {
+      return half.deficit(account, e);
+    }
+    void restart(const Ledger& account, Energy e) noexcept override { half.restart(account, e); }
     [[nodiscard]] SlaveHandover<N> handover() const noexcept override { return half.handover(); }
     void resume(const SlaveHandover<N>& from) noexcept override { half.resume(from); }
     [[nodiscard]] Position<N> target() const noexcept override { return half.target(); }
@@ -84,9 +86,9 @@ class AnySlaveHalf {
 
   void start(const RobotSample<N>& robot, const PeerState<N>& master) noexcept { half_->start(robot, master); }
   SlaveOutput<N> step(const SlaveInput<N>& in) noexcept { return half_->step(in); }
-  SlaveOutput<N> fail_safe() noexcept { return half_->fail_safe(); }
-  [[nodiscard]] Energy deficit(Energy e) const noexcept { return half_->deficit(e); }
-  void restart(Energy e) noexcept { half_->restart(e); }
+  SlaveOutput<N> fail_safe(const Ledger& account) noexcept { return half_->fail_safe(account); }
+  [[nodiscard]] Energy deficit(const Ledger& account, Energy e) const noexcept { return half_->deficit(account, e); }
+  void restart(const Ledger& account, Energy e) noexcept { half_->restart(account, e); }
   [[nodiscard]] SlaveHandover<N> handover() const noexcept { return half_->handover(); }
   void resume(const SlaveHandover<N>& from) noexcept { half_->resume(from); }
   [[nodiscard]] Position<N> target() const noexcept { return half_->target(); }

@@ -49,6 +49,7 @@ struct SlaveInput {
   const RobotSample<N>& robot;
   const PeerState<N>& master;  ///< in the master's units
   Energy master_energy_in;     ///< the master's running total of this method, in its units
+  const Ledger& account;       ///< energy into the link through the slave's port, until this tick
   bool coupled;                ///< the master is heard: its motion is followed
   bool active;                 ///< coupled or holding
 };
@@ -91,12 +92,12 @@ concept MasterHalf = std::constructible_from<H, const ControlOptions&> &&
 
 template <class H, int N>
 concept SlaveHalf = std::constructible_from<H, const ControlOptions&> &&
-    requires(H h, const H& c, const SlaveInput<N>& in, Words& words, const RobotSample<N>& robot, const SlaveHandover<N>& handover, Energy e) {
+    requires(H h, const H& c, const SlaveInput<N>& in, Words& words, const RobotSample<N>& robot, const SlaveHandover<N>& handover, const Ledger& account, Energy e) {
   { h.start(robot, in.master) } noexcept;
   { h.step(in) } noexcept -> std::same_as<SlaveOutput<N>>;
-  { h.fail_safe() } noexcept -> std::same_as<SlaveOutput<N>>;      // no force from now on; the last energy_in again
-  { c.deficit(e) } noexcept -> std::same_as<Energy>;                // as at the master; e: the master's total
-  { h.restart(e) } noexcept;
+  { h.fail_safe(account) } noexcept -> std::same_as<SlaveOutput<N>>;  // no force from now on; the last energy_in again
+  { c.deficit(account, e) } noexcept -> std::same_as<Energy>;       // as at the master; e: the master's total
+  { h.restart(account, e) } noexcept;
   { c.has_payload() } noexcept -> std::same_as<bool>;
   { c.write_payload(words) } noexcept;
   { c.handover() } noexcept -> std::same_as<SlaveHandover<N>>;

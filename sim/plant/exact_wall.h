@@ -79,7 +79,7 @@ class ExactPlant {
     Vector sum = Vector::Zero();
     ContactForce<D> c;
     if (s_.in_contact && world_.surfaces[0].force<D>({s_.across[0] - offset_, normal_}, s_.across[1], v, c))
-      sum += c.normal + c.tangential;
+      for (int i = 0; i < D; ++i) sum[i] += c.normal[i] + c.tangential[i];  // a call where the compiler deems it rare
     for (const auto& s : world_.springs) sum += s.force<D>(x, v);
     return Force<D>{sum};
   }

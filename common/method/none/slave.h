@@ -24,21 +24,22 @@ class NoControlSlave {
     if (!all_finite(wanted.f, wanted.v)) [[unlikely]]
       return no_force_exists(wanted.f);
     const Displacement<N> moved = wanted.v * in.dt;
-    account_.book(-dot(wanted.f, moved));
+    Ledger account = in.account;
+    account.book(-dot(wanted.f, moved));
     coupling_.move(moved, wanted.v, in.dt);
     return {.command = {.f = wanted.f, .x_d = coupling_.set_point(), .v_d = wanted.v},
             .f_back = measured_ ? in.robot.f_environment : wanted.f,
-            .energy_in = account_.absorbed() - base_absorbed_,
+            .energy_in = account.absorbed() - base_absorbed_,
             .dissipated = Energy{}};
   }
-  SlaveOutput<N> fail_safe() noexcept {
+  SlaveOutput<N> fail_safe(const Ledger& account) noexcept {
     SlaveOutput<N> out{};
     out.command.x_d = coupling_.set_point();
-    out.energy_in = account_.absorbed() - base_absorbed_;
+    out.energy_in = account.absorbed() - base_absorbed_;
     return out;
   }
-  [[nodiscard]] Energy deficit(Energy) const noexcept { return Energy{}; }
-  void restart(Energy) noexcept { base_absorbed_ = account_.absorbed(); }
+  [[nodiscard]] Energy deficit(const Ledger&, Energy) const noexcept { return Energy{}; }
+  void restart(const Ledger& account, Energy) noexcept { base_absorbed_ = account.absorbed(); }
   [[nodiscard]] SlaveHandover<N> handover() const noexcept { return {coupling_.registration(), coupling_.set_point()}; }
   void resume(const SlaveHandover<N>& from) noexcept { coupling_.resume(from.registration, from.set_point); }
   [[nodiscard]] const Position<N>& target() const noexcept { return coupling_.target(); }
@@ -47,7 +48,6 @@ class NoControlSlave {
 
  private:
   VirtualCoupling<N> coupling_;
-  Ledger account_;  ///< the link's port: f·v_d T out of it
   Energy base_absorbed_;
   Position<N> x_;  ///< of the robot
   bool measured_;

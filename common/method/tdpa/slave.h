@@ -48,36 +48,37 @@ class TdpaSlave {
       coupling_.rest(robot.x);
     }
     PortSolution<N> allowed = admittance_controller(wanted.f, wanted.v, coupling_.spring().mobility(in.dt),
-                                                    available(in.master_energy_in), in.dt);
+                                                    available(in.account, in.master_energy_in), in.dt);
     if (!all_finite(allowed.f, allowed.v)) [[unlikely]]
       return no_force_exists(allowed.f);
     f_ = allowed.f;
     Displacement<N> moved = allowed.v * in.dt;
     const Energy into_slave = dot(f_, moved);
-    account_.book(-into_slave);
+    Ledger account = in.account;
+    account.book(-into_slave);
     coupling_energy_.book(0, into_slave);
     coupling_.move(moved, wanted.v, in.dt);
     return {.command = {.f = f_, .x_d = coupling_.set_point(), .v_d = allowed.v},
             .f_back = measured_ ? robot.f_environment : wanted.f,
-            .energy_in = energy_sent(),
+            .energy_in = energy_sent(account),
             .dissipated = allowed.dissipated};
   }
 
-  SlaveOutput<N> fail_safe() noexcept {
+  SlaveOutput<N> fail_safe(const Ledger& account) noexcept {
     f_ = Force<N>{};
     SlaveOutput<N> out{};
     out.command.x_d = coupling_.set_point();
-    out.energy_in = energy_sent();
+    out.energy_in = energy_sent(account);
     return out;
   }
 
   /// As TdpaMaster::deficit and restart.
-  [[nodiscard]] Energy deficit(Energy master_energy_in) const noexcept {
-    return positive_part(returned() - coupling_.registration().to_slave(master_energy_in));
+  [[nodiscard]] Energy deficit(const Ledger& account, Energy master_energy_in) const noexcept {
+    return positive_part(returned(account) - coupling_.registration().to_slave(master_energy_in));
   }
-  void restart(Energy deficit) noexcept {
-    base_absorbed_ = account_.absorbed();
-    base_returned_ = account_.returned() - deficit;
+  void restart(const Ledger& account, Energy deficit) noexcept {
+    base_absorbed_ = account.absorbed();
+    base_returned_ = account.returned() - deficit;
     coupling_energy_.book(0, -coupling_energy_.energy());  // charged already, or unused
     worst_coupling_energy_j_ = energy_sent_j_ = 0.0;
   }
@@ -88,9 +89,9 @@ class TdpaSlave {
   void write_payload(Words& words) const noexcept { coupling_.tell_position(x_before_, words); }
 
  private:
-  [[nodiscard]] Energy returned() const noexcept { return account_.returned() - base_returned_; }
-  [[nodiscard]] Energy available(Energy master_energy_in) const noexcept {
-    return initial_ + coupling_.registration().to_slave(master_energy_in) - returned();
+  [[nodiscard]] Energy returned(const Ledger& account) const noexcept { return account.returned() - base_returned_; }
+  [[nodiscard]] Energy available(const Ledger& account, Energy master_energy_in) const noexcept {
+    return initial_ + coupling_.registration().to_slave(master_energy_in) - returned(account);
   }
 
   /// Reference energy: the coupling has to hold what its spring would, ½ eᵀK e, tick for tick. What its damper has
@@ -102,17 +103,16 @@ class TdpaSlave {
   }
 
   /// Energy reported as having entered here, without what the sampled coupling has created. It only grows.
-  Energy energy_sent() noexcept {
+  Energy energy_sent(const Ledger& account) noexcept {
     if (!reference_energy_)
       worst_coupling_energy_j_ = std::min(worst_coupling_energy_j_, coupling_energy_.energy().si());
-    const double earned = (account_.absorbed() - base_absorbed_).si() + worst_coupling_energy_j_;
+    const double earned = (account.absorbed() - base_absorbed_).si() + worst_coupling_energy_j_;
     return Energy{energy_sent_j_ = std::max(energy_sent_j_, earned)};
   }
 
   VirtualCoupling<N> coupling_;
   Energy initial_;
   bool measured_, reference_energy_;
-  Ledger account_;               ///< the link's port
   Observer<1> coupling_energy_;  ///< of the coupling as a two-port: link port plus robot port
   double worst_coupling_energy_j_ = 0.0, energy_sent_j_ = 0.0;
   Energy base_absorbed_, base_returned_;
