@@ -1,5 +1,5 @@
-// The whole chain in virtual time, per tick, beside the same equations written out by hand; what blocks of a scene cost;
-// and single node steps. Ratios within one run are meant; times are this machine's.
+// Cost per tick of the whole chain in virtual time, compared with a hand-written loop of the same equations; cost of
+// the blocks of a scene; single node steps. Compare times only within one run.
 
 #include <benchmark/benchmark.h>
 

@@ -50,7 +50,7 @@ inline double largest_feasible_scale(double q, double b, double a) {
 
 /// The same closed loop as LinkLoop, written out by hand for translations: hand and device on one exact map,
 /// constant delays, two-port observer and controller at both ends, virtual coupling, robot on an elastic wall stepped
-/// by its exact map and cut at the contact. No reports, mailboxes, modes, telemetry: what the arithmetic costs.
+/// by its exact map and cut at the contact. No reports, mailboxes, modes, telemetry: the cost of the arithmetic.
 template <int N>
 class HandWritten {
  public:
@@ -71,7 +71,7 @@ class HandWritten {
     // Master: book, receive, bound, send.
     const double dE = f_m_.dot(x_m_ - x_m_before_);
     (dE > 0.0 ? in_m_ : out_m_) += std::abs(dE);
-    // What the handle does by itself: alpha-beta filter, the force fed forward.
+    // Free motion of the handle: alpha-beta filter with feedforward of the force.
     const V expected = u_ + d_ - give_ * (f_m_before_ + f_m_), e = (x_m_ - x_m_before_) / p_.T - expected;
     if (tick_ > 0) {
       u_ = expected + 0.75 * e;
@@ -225,7 +225,7 @@ class HandWritten6 {
     const double dE =
         f_m_.dot(moved_m.vec()) + p_.T * p_.T / 12.0 * f_m_.tail<3>().dot(turning(v_m_before_).cross(turning(v_m_)));
     (dE > 0.0 ? in_m_ : out_m_) += std::abs(dE);
-    // What the handle does by itself: alpha-beta filter, the force fed forward.
+    // Free motion of the handle: alpha-beta filter with feedforward of the force.
     const V expected = u_ + d_ - give_.cwiseProduct(f_m_before_ + f_m_), e = moved_m.vec() / p_.T - expected;
     if (tick_ > 0) {
       u_ = expected + 0.75 * e;

@@ -1,4 +1,4 @@
-# The framework as a CMake package: find_package(twoport), then link twoport::passivity or whatever layer is needed.
+# The framework as a CMake package: find_package(twoport), then link twoport::passivity or another layer.
 # Warnings and twoport_options stay here; a user's build has its own.
 include(CMakePackageConfigHelpers)
 

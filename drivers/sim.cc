@@ -11,14 +11,14 @@ namespace {
 void refuse_arguments(const char* flag, const DriverOptions& options) {
   if (!options.arguments.empty())
     throw ConfigError{std::string{flag} + " sim:" + options.arguments +
-                      ": sim takes no arguments; the scene says it all"};
+                      ": sim takes no arguments; the scene describes the model"};
 }
 
-/// Time in a simulated world: it stands still until start(), and from the reading after that on goes as far as the clock.
+/// Time of a simulated world: stands still until start(), and follows the clock from the next reading on.
 class WorldTime {
  public:
   void start() noexcept { started_ = true; }
-  /// Calls `advance()` for every period that has passed since the last reading, those that the loop left out included.
+  /// Calls `advance()` for every period that has passed since the last reading, skipped ones included.
   template <class Clock, class Advance>
   void pass(const Tick<Clock>& tick, Advance advance) noexcept {
     if (!started_) return;
@@ -95,8 +95,8 @@ class SimulatedRobot final : public Robot<N> {
 }  // namespace
 
 void add_sim(Registry& all) {
-  all.devices.add<SimulatedDevice>("sim", "the hand and the device that the scene describes, simulated");
-  all.robots.add<SimulatedRobot>("sim", "the robot and the environment that the scene describes, simulated");
+  all.devices.add<SimulatedDevice>("sim", "simulated hand and device of the scene");
+  all.robots.add<SimulatedRobot>("sim", "simulated robot and environment of the scene");
 }
 
 }  // namespace twoport

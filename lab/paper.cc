@@ -31,7 +31,7 @@ const std::vector<std::pair<std::string, Set>>& methods() {
       for (const std::string& field : fields) set.push_back("control.passivity." + field);
       return set;
     };
-    // The paper's equations bound nothing; what the first line of a pair takes away the next ones give back.
+    // The paper's equations have no bounds; each next line of a pair restores one addition.
     const Set paper = {"reference_energy=false", "predict=false", "unilateral=false"};
     const auto with = [&](Set set, const Set& more) {
       set.insert(set.end(), more.begin(), more.end());
@@ -94,7 +94,7 @@ Set arrival(const std::string& experiment) {
 const char* scene_text(const std::string& name) {
   for (const auto& [each, text] : kScenes)
     if (each == name) return text;
-  throw ConfigError{fmt::format("no scene of the paper is called {}", name)};
+  throw ConfigError{fmt::format("no scene of the paper has the name {}", name)};
 }
 
 Surface only_surface(const Scene& scene) {
@@ -344,7 +344,7 @@ std::vector<FrameCheck> frame_checks() {
   const Random random{1};
   std::uint64_t turns = 0;
   for (const char* method : {"none", "classic", "projected", "projected reference"}) {
-    // What a hand feels on its axes is no part of the claim: a steady hand.
+    // Without tremor, which depends on the axes.
     PaperCase which = paper_case("slide", "light", "ideal", method);
     which.set.push_back("operator.tremor.rms_m=0");
     const Scene scene = paper_scene(which, 1);

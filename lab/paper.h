@@ -43,36 +43,36 @@ struct Spread {
   [[nodiscard]] double rms() const noexcept { return count > 0 ? std::sqrt(sum2 / static_cast<double>(count)) : 0.0; }
 };
 
-/// What a case gave, over all its seeds. Energies are of the true port: f held, times the true displacement. Energies,
-/// the largest correction and the largest gain count from the start, all else from 0.3 s, when the hand has arrived.
+/// Results of a case over all its seeds. Energies are those of the true port: held f times true displacement. Energies,
+/// the largest correction and the largest gain count from the start, all else from 0.3 s, when the hand is in contact.
 struct PaperNumbers {
   static constexpr double kFrom_s = 0.3;
-  static constexpr double kFelt = 0.1;  ///< below it a force has no direction to speak of [N]
+  static constexpr double kFelt = 0.1;  ///< below it the direction is not evaluated [N]
 
-  double min_energy_j = 0.0;              ///< least value ever, E(0) = 0: worst over the seeds
-  double min_surplus_j = 0.0;             ///< the same of what it exceeds the energy of an ideal spring by
+  double min_energy_j = 0.0;              ///< minimum over time, E(0) = 0: worst over the seeds
+  double min_surplus_j = 0.0;             ///< the same of its excess over the energy of an ideal spring
   double min_normal_energy_j = 0.0;       ///< the same of the part along the true normal of the wall
   std::array<double, 3> axis_energy_j{};  ///< at the end, mean of the seeds
   double energy_j = 0.0;                  ///< their sum
   std::array<double, 3> axis_energy_at_1s_j{};
-  Spread direction_deg;            ///< between the force felt and the force rendered, both > kFelt
-  Spread normal_direction_deg;     ///< between the force felt and the true normal, force > kFelt
-  Spread tip_n;                    ///< of the force felt across the force rendered
+  Spread direction_deg;            ///< between felt and rendered force, both > kFelt
+  Spread normal_direction_deg;     ///< between felt force and true normal, force > kFelt
+  Spread tip_n;                    ///< of the felt force across the rendered force
   double mean_correction_n = 0.0;  ///< of |f_PC| in contact
   double max_correction_n = 0.0;
-  double max_gain_n_s_per_m = 0.0;  ///< α = |f_PC|²/(f_PC·v) of the true velocity, above 1 µN, where nothing limits
+  double max_gain_n_s_per_m = 0.0;  ///< α = |f_PC|²/(f_PC·v) of the true velocity, above 1 µN, without saturation
   Spread speed_m_per_s;
   double max_depth_m = 0.0;
   std::uint64_t ticks = 0, contact_ticks = 0;
-  std::uint64_t pulling_ticks = 0;    ///< in contact, the force turned against the one rendered
+  std::uint64_t pulling_ticks = 0;    ///< in contact, felt force opposite to the rendered one
   std::uint64_t saturated_ticks = 0;  ///< in contact, at the device's limit
-  std::uint64_t free_air_ticks = 0;   ///< a correction where nothing is touched
+  std::uint64_t free_air_ticks = 0;   ///< a correction without contact
   int seeds = 0;
 
   void add(const PaperNumbers& other);
 };
 
-/// Takes the numbers of one run, row by row.
+/// Accumulates the numbers of one run, row by row.
 class PaperMeter {
  public:
   explicit PaperMeter(const Scene& scene);
@@ -93,10 +93,10 @@ class PaperMeter {
 
 /// The scene of a case, from the text of scenes/paper/NAME.textproto as the program was built with it.
 Scene paper_scene(const PaperCase& which, std::uint64_t seed);
-/// By the names of its parts; ConfigError where there is none.
+/// By the names of its parts; ConfigError if there is no such case.
 PaperCase paper_case(const std::string& experiment, const std::string& hand, const std::string& sensor,
                      const std::string& method);
-/// Everything that the table shows.
+/// All results of the table.
 std::vector<PaperCase> paper_cases();
 
 constexpr int kPaperSeeds = 5;
@@ -104,13 +104,13 @@ PaperNumbers measure(const PaperCase& which, int seeds = kPaperSeeds);
 std::vector<Row<3>> record(const PaperCase& which, std::uint64_t seed);
 
 /// Both causalities of the paper's Fig. 2. The impedance is the wall. The admittance is its dual: a virtual mass whose
-/// sampled velocity is held for a tick creates |Δp|²/(2m) per tick, as the sampled spring K|Δx|²/2.
+/// sampled velocity is held for a tick generates |Δp|²/(2m) per tick, as the sampled spring K|Δx|²/2.
 struct AdmittanceRun {
   std::string method;
   double min_energy_j = 0.0;  ///< of the held velocity and the true force
   double most_speed_m_per_s = 0.0;
   double stopped_at_s = 0.0;  ///< when the speed passed 5 m/s; 0: never
-  Spread direction_deg;       ///< of the velocity against the one the virtual mass asked for
+  Spread direction_deg;       ///< of the velocity against that of the virtual mass
   Spread correction_m_per_s;
 };
 std::vector<AdmittanceRun> admittance_runs();

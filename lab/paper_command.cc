@@ -63,15 +63,13 @@ int paper_command(const Arguments& a) {
 Subcommand add_paper_command(CLI::App& app) {
   const auto a = std::make_shared<Arguments>();
   CLI::App* paper =
-      app.add_subcommand("paper", "The figures of the reference paper from simulated data, and their numbers");
+      app.add_subcommand("paper", "Reproduce the figures and numbers of the reference paper from simulated data");
   paper->add_option("--out", a->out, "Folder for pictures, their data, figures.csv and table.txt")->required();
   paper->add_option("--jobs", a->jobs, "Threads")->capture_default_str();
   paper->footer(
-      "\"Time Domain Passivity Control for 6 Degrees of Freedom Haptic Displays\": Figures 4 and 6 to 11, and what "
-      "the\n"
-      "paper says without a figure: the admittance, rendered friction, the reference energy, independence of the "
-      "frame.\n"
-      "The scenes are those of scenes/paper/, built in; figures.csv says with each row what is changed in them.");
+      "\"Time Domain Passivity Control for 6 Degrees of Freedom Haptic Displays\": Figures 4 and 6 to 11, and claims\n"
+      "without a figure: the admittance, rendered friction, the reference energy, independence of the frame.\n"
+      "The scenes of scenes/paper/ are built in; each row of figures.csv lists its overrides.");
   return {paper, [a] { return paper_command(*a); }};
 }
 

@@ -213,7 +213,7 @@ void figure_11(const std::string& folder, const std::string& name, const char* s
   save(folder, name, data, 1200, 640, body + "unset multiplot\n");
 }
 
-/// The paper's future work: what the controller takes, without and with the reference energy.
+/// The paper's future work: corrections without and with the reference energy.
 void figure_reference(const std::string& folder) {
   Data data;
   for (const char* method : {"projected", "projected reference"}) {
@@ -241,7 +241,7 @@ void figure_reference(const std::string& folder) {
   save(folder, "fig_reference", data, 1200, 700, body + "unset multiplot\n");
 }
 
-/// Rendered friction: one account, or the normal and the tangential apart.
+/// Rendered friction: one account, or normal and tangential accounts.
 void figure_hiding(const std::string& folder) {
   Data data;
   for (const char* method : {"projected reference total", "projected reference"}) {

@@ -56,7 +56,7 @@ double share(std::uint64_t part, std::uint64_t of) {
   return of > 0 ? static_cast<double>(part) / static_cast<double>(of) : 0.0;
 }
 
-/// "-1.2e-04", "0", and "·" where there is nothing to say.
+/// "-1.2e-04", "0", or "·" for an unknown value.
 std::string small(double x) {
   if (std::isnan(x)) return "·";
   return x == 0.0 ? "0" : fmt::format("{:.1e}", x);
@@ -165,7 +165,7 @@ std::vector<std::pair<const char*, double>> columns(const PaperResult& of) {
           {"speed_rms_m_per_s", n.speed_m_per_s.rms()}};
 }
 
-/// The table in words: what the paper claims, and what came out.
+/// The paper's claims with the computed numbers, in sentences.
 std::string words(const PaperTable& t) {
   const auto light = [&](const char* experiment, const char* method, const char* sensor = "ideal") -> decltype(auto) {
     return t.at(experiment, "light", sensor, method);
@@ -180,21 +180,22 @@ std::string words(const PaperTable& t) {
     for (const char* sensor : {"ideal", "encoder"})
       straightest = std::max(straightest, light(experiment, "projected", sensor).direction_deg.max);
   return fmt::format(
-      "In words\n"
-      "  Without control the wall makes {:.3f} J in 4 s and rattles {:.1f} mm deep (Fig. 7).\n"
+      "Summary\n"
+      "  Without control the wall generates {:.3f} J in 4 s and chatters {:.1f} mm deep (Fig. 7).\n"
       "  Damping along the velocity turns the force by {:.0f} deg rms when pressing, {:.0f} when sliding, {:.0f} on a "
       "curved wall\n"
-      "  (Figs. 8, 9, 11); a hand tells directions apart from 18 to 32 deg on.\n"
+      "  (Figs. 8, 9, 11); the hand's threshold for force direction is 18 to 32 deg.\n"
       "  Damping along the force turns it by at most {:.0e} deg, with an ideal sensor and with an encoder.\n"
-      "  The paper's equations without any bound pull the hand into the wall in {:.0f} % of contact; with its eq. (2) "
-      "taken\n"
-      "  literally too, nothing is observed and the wall makes {:.3f} J.\n"
+      "  The paper's equations without a bound pull the hand into the wall in {:.0f} % of contact; with its literal "
+      "eq. (2)\n"
+      "  nothing is observed and the wall generates {:.3f} J.\n"
       "  With reference energy, prediction and a force that never pulls, corrections are at most {:.3f} N, and the "
-      "energy of the\n"
-      "  port never more than {:.1e} J below that of an ideal spring.\n"
-      "  Rendered friction hides {:.2f} J from one total account: the wall rattles {:.2f} mm deep. With an account for "
+      "port energy\n"
+      "  is at most {:.1e} J below that of an ideal spring.\n"
+      "  Rendered friction hides {:.2f} J from one total account: the wall chatters {:.2f} mm deep. With an account "
+      "for "
       "the normal\n"
-      "  it holds at {:.2f} mm.\n",
+      "  force the depth is {:.2f} mm.\n",
       -none.min_energy_j, 1e3 * none.max_depth_m, point.direction_deg.rms(), slide.direction_deg.rms(),
       curved.direction_deg.rms(), straightest, 100.0 * share(literal.pulling_ticks, literal.contact_ticks),
       -eq2.min_energy_j, added.max_correction_n, -added.min_surplus_j, -hidden.min_normal_energy_j,
@@ -265,9 +266,9 @@ std::string paper_text(const PaperTable& table) {
   out += hands.text();
 
   out +=
-      "\nHow the hand arrives, surface following: gently in 0.3 s, at once (as above), or from 10 mm outside in 0.1 "
-      "s\n";
-  Grid arrivals{{"arrival", "sensor", "method", "worst port energy [J]", "below the ideal spring [J]",
+      "\nApproach of the hand, surface following: gentle in 0.3 s, at once (as above), or with impact, from 10 mm "
+      "outside in 0.1 s\n";
+  Grid arrivals{{"approach", "sensor", "method", "worst port energy [J]", "below the ideal spring [J]",
                  "direction error rms / max [deg]", "largest correction [N]", "largest gain [N s/m]", "pulls"}};
   for (const auto& [c, n] : table.results) {
     static constexpr std::string_view kShown[] = {"none", "classic", "projected no clamp", "projected",
@@ -281,7 +282,8 @@ std::string paper_text(const PaperTable& table) {
   out += arrivals.text();
 
   out +=
-      "\nFriction 0.3 rendered in the wall: one total account hides what the wall makes, an account for the normal "
+      "\nFriction 0.3 rendered in the wall: one total account hides the energy of the wall, an account for the normal "
+      "force "
       "does not.\nReported: 2.04 mm and 0.311 m/s with the total, 0.67 mm, 0.135 m/s and -7e-8 J with two accounts\n";
   Grid friction{{"sensor", "method", "worst port energy [J]", "worst normal energy [J]", "deepest [mm]",
                  "speed rms [m/s]", "direction error rms / max [deg]"}};
@@ -292,7 +294,7 @@ std::string paper_text(const PaperTable& table) {
                     pair(n.direction_deg.rms(), n.direction_deg.max)});
   out += friction.text();
 
-  out += "\nAdmittance causality (Fig. 2): a virtual mass that answers velocity, held by a firm grip\n";
+  out += "\nAdmittance causality (Fig. 2): a virtual mass with velocity as output, held by a firm grip\n";
   Grid admittance{{"method", "worst port energy [J]", "fastest [m/s]", "velocity turned rms / max [deg]",
                    "largest correction [m/s]"}};
   for (const AdmittanceRun& r : table.admittance)

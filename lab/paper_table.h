@@ -7,8 +7,8 @@
 
 namespace twoport::lab {
 
-/// Figures that another simulation of the same experiments gave, written by other hands with other seeds; NaN where it
-/// has none. Light hand, gain cap 10 N s/m.
+/// Figures of an independent simulation of the same experiments with other seeds; NaN: not reported. Light hand, gain
+/// limit 10 N s/m.
 struct PaperReported {
   double min_energy_j, direction_rms_deg, direction_max_deg, tip_rms_n, tip_max_n, correction_max_n, pulling_share;
 };
@@ -29,7 +29,7 @@ struct PaperTable {
 
 /// A line for each case, everything in SI units, with the overrides that make the scene.
 std::string paper_csv(const PaperTable& table);
-/// The same for people, with what each part of the paper says.
+/// The same as a readable text, with the claims of the paper.
 std::string paper_text(const PaperTable& table);
 
 }  // namespace twoport::lab

@@ -11,12 +11,12 @@ namespace twoport::lab {
 namespace {
 
 template <int N>
-Summary run_as(Simulation<N>& simulation, const Scene& scene, const std::string& trace_path) {
+Summary run_as(Simulation<N>& simulation, const Scene& scene, WholeFile* file) {
   const bool alone = scene.control.architecture == Architecture::uncontrolled;
   Metrics<N> metrics{alone ? scene.slave_rate_hz : scene.master_rate_hz, scene.duration_s, simulation.quiet_from_s(),
                      simulation.initial_energy().si()};
   std::optional<Trace<N>> trace;
-  if (!trace_path.empty()) trace.emplace(trace_path);
+  if (file != nullptr) trace.emplace(*file);
 
   const auto start = std::chrono::steady_clock::now();
   const std::uint64_t ticks = simulation.run([&](const Row<N>& row) {
@@ -24,7 +24,6 @@ Summary run_as(Simulation<N>& simulation, const Scene& scene, const std::string&
     return metrics.add(row);
   });
   const std::chrono::duration<double, std::nano> spent = std::chrono::steady_clock::now() - start;
-  if (trace) trace->close();
 
   Summary s;
   metrics.fill(s);
@@ -40,8 +39,8 @@ Summary run_as(Simulation<N>& simulation, const Scene& scene, const std::string&
 
 }  // namespace
 
-Summary run(const Scene& scene, const std::string& trace_path) {
-  return dispatch_dof(scene, [&]<int N>() { return run_as(*make_simulation<N>(scene), scene, trace_path); });
+Summary run(const Scene& scene, WholeFile* trace) {
+  return dispatch_dof(scene, [&]<int N>() { return run_as(*make_simulation<N>(scene), scene, trace); });
 }
 
 }  // namespace twoport::lab

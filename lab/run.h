@@ -1,14 +1,13 @@
 #pragma once
 
-#include <string>
-
+#include "common/base/file.h"
 #include "common/record/summary.h"
 #include "common/scene/scene.h"
 
 namespace twoport::lab {
 
-/// Runs a scene in virtual time. Writes `trace_path` unless it is empty. The same scene and seed give the same summary
-/// to the bit, `step_ns` (the mean wall time of a tick) excepted. Throws ConfigError when the trace cannot be written.
-Summary run(const Scene& scene, const std::string& trace_path = {});
+/// Runs a scene in virtual time. Writes its rows into `trace` unless it is null; the caller commits it. The same scene and
+/// seed give the same summary to the bit, `step_ns` (the mean wall time of a tick) excepted.
+Summary run(const Scene& scene, WholeFile* trace = nullptr);
 
 }  // namespace twoport::lab

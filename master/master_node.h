@@ -17,8 +17,8 @@
 
 namespace twoport {
 
-/// The master over a link: velocity in, force out. What all methods share is here: modes, the force ramp, finite checks, the
-/// limit of force, the exact account of the hand's port. How the force comes about is the half of the method.
+/// The master over a link: velocity in, force out. Implements what all methods share: modes, the force ramp, finite
+/// checks, the force limit, the exact account of the hand's port. The method's half computes the force.
 template <int N, class Half = AnyMasterHalf<N>>
 class MasterNode {
  public:
@@ -82,7 +82,7 @@ class MasterNode {
             .mode = modes_.mode()};
   }
 
-  /// The slave has started anew and its totals with it: this side's start again too.
+  /// The slave has restarted and its totals with it: those of this side restart too.
   void on_peer_restart(Energy slave_energy_in) noexcept {
     half_.restart(account_, half_.deficit(account_, slave_energy_in));
     energy_sent_ = Energy{};
@@ -90,9 +90,9 @@ class MasterNode {
     ramp_.drop();
   }
 
-  /// Another method takes over; `next` then holds the one that was. The force of before fades out as the new one's ramp
-  /// rises: without a controller the force changes by no more than T/engage (|f_before| + |f_displayed|) in a tick; a
-  /// passivity controller may take force away. A deficit is carried over. Totals start from zero: an epoch of the reports.
+  /// Switches to another method; `next` then holds the previous one. The old force fades out as the new one's ramp
+  /// rises: without a controller the force changes by at most T/engage (|f_before| + |f_displayed|) in a tick; a
+  /// passivity controller may reduce it further. A deficit is carried over. Totals start from zero in a new epoch.
   void switch_method(Half& next) noexcept {
     next.restart(account_, half_.deficit(account_, slave_energy_in_));
     next.start({.x = before_.x, .v = before_.v, .applied = command_});
@@ -105,10 +105,10 @@ class MasterNode {
   }
 
   [[nodiscard]] Mode mode() const noexcept { return modes_.mode(); }
-  /// What the method adds to the report of the last step, if it adds anything.
+  /// Words of the method for the report of the last step, if any.
   [[nodiscard]] bool has_payload() const noexcept { return half_.has_payload(); }
   void write_payload(Words& words) const noexcept { half_.write_payload(words); }
-  /// What the observer believes the hand has put in, E(0) not included [J].
+  /// Observed energy that the hand has put in, E(0) not included [J].
   [[nodiscard]] Energy observed() const noexcept { return account_.net(); }
 
  private:
@@ -117,8 +117,8 @@ class MasterNode {
     fading_ = carry_ * carried_;
   }
 
-  /// A reading that is not finite is none, nor is a force that no double holds: the handle is under no force of ours until
-  /// the next tick. The other side takes no report that is not finite.
+  /// For a reading or force that is not finite the node applies no force until the next tick. The other side rejects
+  /// reports that are not finite.
   [[gnu::always_inline]] Output fail_safe(const DeviceSample<N>& device) noexcept {
     modes_.release();
     command_ = Force<N>{};
@@ -141,7 +141,7 @@ class MasterNode {
   Ledger account_;  ///< the hand's port
   Energy energy_sent_, slave_energy_in_;
   Force<N> command_;
-  Force<N> carried_, fading_;  ///< the force before the switch; what is left of it now
+  Force<N> carried_, fading_;  ///< the force before the switch; its remaining part
   double carry_ = 0.0;         ///< fading_ / carried_
   std::uint32_t epoch_ = 0;
   PortMotion<N> before_;

@@ -16,7 +16,7 @@
 namespace twoport {
 namespace {
 
-/// What both kinds of master are to run_live.
+/// The common part of both masters for run_live.
 template <int N>
 struct Master {
   static constexpr int kSize = N;
@@ -36,12 +36,12 @@ struct Master {
   [[nodiscard]] static bool judged() { return true; }
   [[nodiscard]] Metrics<N> metrics(Energy initial) const {
     const DeviceTruth<N>* truth = hardware.truth();
-    // A person's path ends when nobody knows.
+    // The end of a person's path is not known.
     const double rests_from_s = truth ? truth->path_ends_s : std::numeric_limits<double>::infinity();
     return {scene.master_rate_hz, scene.duration_s, rests_from_s, initial.si()};
   }
 
-  /// What the device and the node tell. `observed` is the node's account of the port, without what was granted.
+  /// Values of the device and the node. `observed` is the node's account of the port, without E(0).
   template <class Output>
   [[nodiscard]] Row<N> row_of(double t_s, const Sample& sample, const Output& out, Energy observed) const noexcept {
     const DeviceTruth<N>* truth = hardware.truth();
@@ -57,7 +57,7 @@ struct Master {
             .dissipated_j = out.dissipated.si(),
             .mode = Mode::coupled};
   }
-  /// What the device has made of the command.
+  /// The applied force.
   static void complete(Row<N>& row, const Sample& next) noexcept { row.master_f = next.applied; }
 
   const Scene& scene;
@@ -116,17 +116,15 @@ struct LinkMaster : Master<N> {
   Registration<N> registration;
 };
 
-/// The scene with what only the driver knows of the device: the mass at the handle where the scene names none, and the
-/// smaller of the two limits of force.
+/// The scene completed from the driver: the mass at the handle if the scene has none, and the smaller of the two force
+/// limits.
 Scene with_device(Scene scene, const DeviceInfo& info) {
   ControlOptions& control = scene.control;
   const bool has_mass = scene.device && scene.device->mass_kg > 0.0;
   const bool has_inertia = scene.device && scene.device->inertia_kg_m2 > 0.0;
   if (!has_mass && info.mass_kg > 0.0) control.handle_mass_kg = info.mass_kg;
   if (!has_inertia && info.inertia_kg_m2 > 0.0) control.handle_inertia_kg_m2 = info.inertia_kg_m2;
-  control.max_force_n = info.max_force_n;
-  if (scene.device && scene.device->max_force_n)
-    control.max_force_n = std::min(control.max_force_n, *scene.device->max_force_n);
+  control.max_force_n = std::min(control.max_force_n, info.max_force_n);
   return scene;
 }
 
@@ -135,6 +133,7 @@ int run(const Scene& read, const LiveArguments& arguments, const Registry& hardw
   spdlog::logger log = make_log("master");
   const std::unique_ptr<Device<N>> device =
       hardware.devices.open<N>(arguments.hardware, read, Seconds{1.0 / read.master_rate_hz});
+  print_hints(read, arguments, device->truth() != nullptr);
   const Scene scene = with_device(read, device->info());
   if (scene.control.architecture == Architecture::render) {
     RenderMaster<N> side{scene, *device, arguments.hardware};

@@ -7,11 +7,12 @@
 #include "common/hardware/device.h"
 #include "common/method/render/render.h"
 #include "common/runtime/cycle.h"
+#include "common/runtime/limit.h"
 
 namespace twoport {
 
-/// The master where there is no link: a virtual environment rendered directly on the device, the reference paper's case.
-/// For a tick without a reading it lets go.
+/// The master where there is no link: a virtual environment rendered directly on the device, the reference paper's case. It keeps
+/// the limit of force as MasterNode does. For a tick without a reading, or with a force that no double holds, it lets go.
 template <int N>
 class RenderNode {
  public:
@@ -19,20 +20,29 @@ class RenderNode {
     NoReport report;
   };
 
-  RenderNode(const ControlOptions& o, Environment<N> environment) : rendering_{o, std::move(environment)} {}
+  RenderNode(const ControlOptions& o, Environment<N> environment)
+      : rendering_{o, std::move(environment)}, limit_{o.max_force_n} {}
 
   [[gnu::flatten]] Output step(const Tick<MasterClock>& tick, const DeviceSample<N>& device, const NoReport&) noexcept {
-    if (!all_finite(device.x, device.v, device.applied)) [[unlikely]] {
-      rendering_.release();
-      return {};
-    }
-    return {rendering_.step({device.x, device.v}, device.applied, tick.dt, tick.ended), {}};
+    if (!all_finite(device.x, device.v, device.applied)) [[unlikely]]
+      return fail_safe();
+    Output out{rendering_.step({device.x, device.v}, device.applied, tick.dt, tick.ended), {}};
+    if (!all_finite(out.command)) [[unlikely]]
+      return fail_safe();
+    out.command = limit_(out.command);
+    return out;
   }
 
   [[nodiscard]] Energy observed() const noexcept { return rendering_.observed(); }
 
  private:
+  [[gnu::noinline]] Output fail_safe() noexcept {
+    rendering_.release();
+    return {};
+  }
+
   Rendering<N> rendering_;
+  ForceLimit<N> limit_;
 };
 
 }  // namespace twoport

@@ -13,7 +13,7 @@
 
 namespace twoport::sim {
 
-/// A force sensor: bias, white noise, latency in whole ticks. Before its latency is over it shows nothing.
+/// A force sensor: bias, white noise, latency in whole ticks. Its reading is zero until its latency has passed.
 template <int N>
 class ForceSensor {
  public:
@@ -25,12 +25,12 @@ class ForceSensor {
         random_{seed ^ kStream},
         delayed_(static_cast<std::size_t>(std::lround(spec.latency_s / dt.si()))) {}
 
-  /// No noise, no latency: what it shows follows from the force now.
+  /// No noise, no latency: the reading depends on the present force only.
   [[nodiscard]] bool instant() const noexcept { return !(noise_ > 0.0) && delayed_.empty(); }
   /// Without noise and latency: force of the robot on the environment, from that of the environment on the robot.
   [[nodiscard]] Force<N> biased(const Force<N>& on_robot) const noexcept { return Force<N>{bias_ - on_robot.vec()}; }
 
-  /// What it shows in a tick in which the environment's force on the robot is `on_robot`. Once a tick.
+  /// Reading in a tick with the environment's force `on_robot` on the robot. Call once per tick.
   Force<N> sample(const Force<N>& on_robot) noexcept {
     const Force<N> f = biased(on_robot);
     return instant() ? f : add_sensor_errors(f);

@@ -1,7 +1,6 @@
 #pragma once
 
 #include <cstdint>
-#include <limits>
 #include <optional>
 #include <vector>
 
@@ -14,16 +13,6 @@
 #include "sim/sensor.h"
 
 namespace twoport::sim {
-
-/// The norm that `max_force_n` bounds: the translational force.
-template <int N>
-double force_norm(const Force<N>& f) {
-  if constexpr (N == 6) {
-    return f.vec().template head<3>().norm();
-  } else {
-    return f.vec().norm();
-  }
-}
 
 /// A hand on a haptic device. Blocks that the scene does not name cost nothing and are ideal: no
 /// hand impedance, the path is imposed; no operator, nobody holds; neither device nor operator, the handle rests.
@@ -42,14 +31,11 @@ class SimDevice final {
     if (imposed_) handle_.set_state({x(), port_vector<N>(path_.at(0.0).v.vec())});
     if (scene.operator_model && scene.operator_model->hand)
       hand_.emplace(*scene.operator_model->hand, dt_, path_.at(0.0).x);
-    if (scene.device) {
-      encoder_ = {*scene.device, dt_};
-      max_force_n_ = scene.device->max_force_n.value_or(max_force_n_);
-    }
+    if (scene.device) encoder_ = {*scene.device, dt_};
     encoder_.start(x(), v());
   }
 
-  /// Moves the world on by one control period, under the force held since the last actuate.
+  /// Advances the model by one control period, under the force held since the last actuate.
   [[gnu::always_inline]] void advance() noexcept {
     applied_ = held_;
     ++tick_;
@@ -75,14 +61,12 @@ class SimDevice final {
     return sense();
   }
 
-  void actuate(const Force<N>& f) noexcept {
-    held_ = f;
-    if (max_force_n_ < std::numeric_limits<double>::infinity()) limit();
-  }
+  /// Holds any force: `device.max_force_n` is the node's to keep.
+  void actuate(const Force<N>& f) noexcept { held_ = f; }
   void release() noexcept { held_ = Force<N>{}; }
 
-  /// The truth, which no encoder shows: position, velocity, the force held now, and the energy that has gone into the
-  /// master port since the start, E(0) not included.
+  /// True values: position, velocity, the force held now, and the energy into the master port since the start, E(0) not
+  /// included.
   [[nodiscard]] const Position<N>& x() const { return handle_.state().x; }
   [[nodiscard]] Velocity<N> v() const { return handle_.velocity(); }
   [[nodiscard]] const Force<N>& held() const { return held_; }
@@ -99,7 +83,7 @@ class SimDevice final {
     const DeviceSpec device = scene.device.value_or(DeviceSpec{});
     return {position<N>(device.position_m), port_vector<N>(vector<N>(device.velocity_m_per_s))};
   }
-  /// Where the intended motion begins: where the handle does; a hand without a path holds the origin.
+  /// Start of the intended motion: the handle's position; a hand without a path holds the origin.
   static Position<N> intent(const Scene& scene) {
     const bool waits = scene.operator_model && scene.operator_model->hand && scene.operator_model->path.empty();
     return waits ? Position<N>{} : start(scene).x;
@@ -109,11 +93,6 @@ class SimDevice final {
   void book(const Interval<N>& interval) noexcept {
     energy_ += held_energy(ObserverRule::exact, held_, interval, Seconds{dt_});
   }
-  [[gnu::noinline]] void limit() noexcept {
-    constexpr double kRounding = 1e-12;  // a force that the node has limited is as long as the limit, to rounding
-    const double norm = force_norm(held_);
-    if (!(norm <= (1.0 + kRounding) * max_force_n_)) held_ = (max_force_n_ / norm) * held_;
-  }
 
   double dt_;
   Path<N> path_;
@@ -121,7 +100,6 @@ class SimDevice final {
   HandlePlant<N> handle_;
   std::optional<Hand<N>> hand_;
   Encoder<N> encoder_;
-  double max_force_n_ = std::numeric_limits<double>::infinity();
 
   Force<N> applied_, held_;
   Energy energy_;

@@ -15,7 +15,7 @@
 namespace twoport::sim {
 
 /// The slave robot: a mass (N = 1, 3) or a rigid body (N = 6) in an environment, with a force sensor.
-/// Without a robot block it is ideal: it is where it is told to be. Copies share the environment, which never changes.
+/// Without a robot block it follows the command exactly. Copies share the environment, which never changes.
 template <int N>
 class SimRobot final {
  public:
@@ -30,12 +30,12 @@ class SimRobot final {
     touch();
   }
 
-  /// Moves the world on by one control period, under the command held since the last actuate.
+  /// Advances the model by one control period, under the command held since the last actuate.
   [[gnu::always_inline]] void advance() noexcept {
     move();
     touch();
   }
-  /// The same where nobody asks for a force before the next advance: the sensor is not read.
+  /// The same without reading the sensor, if no force is needed before the next advance.
   [[gnu::always_inline]] void move() noexcept {
     if (auto* exact = std::get_if<Exact>(&plant_)) {
       state_ = exact->advance(command_.f);

@@ -11,7 +11,7 @@
 namespace twoport {
 namespace {
 
-/// What the slave is to run_live.
+/// The slave for run_live.
 template <int N>
 struct Slave {
   static constexpr int kSize = N;
@@ -27,7 +27,7 @@ struct Slave {
   }
 
   [[nodiscard]] double rate_hz() const { return scene.slave_rate_hz; }
-  /// As long as a master is there.
+  /// Until the master ends.
   [[nodiscard]] bool serves() const { return node.mode() == Mode::coupled; }
   [[nodiscard]] static bool judged() { return false; }
   [[nodiscard]] Metrics<N> metrics() const { return {scene.slave_rate_hz, scene.duration_s, 0.0, 0.0}; }
@@ -54,7 +54,7 @@ struct Slave {
     link.fill(s, node.mode());
     if (diverged) return;
     s.set_stable(true);
-    s.set_verdict("bounded here; whether it is stable shows at the master's port");
+    s.set_verdict("bounded at the slave; the master judges stability");
   }
 
   const Scene& scene;
@@ -71,6 +71,7 @@ int run(const Scene& scene, const LiveArguments& arguments, const Registry& hard
   if (!robot->info().has_force_sensor && scene.control.architecture == Architecture::position_measured_force)
     throw ConfigError(arguments.scene + ": control.architecture is POSITION_MEASURED_FORCE, but the robot \"" +
                       arguments.hardware + "\" has no force sensor; POSITION_FORCE needs none");
+  print_hints(scene, arguments, false);  // the master's device is not seen from here
   Slave<N> side{scene, *robot, arguments};
   return run_live(side, scene, arguments, log);
 }

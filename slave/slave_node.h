@@ -14,8 +14,8 @@
 
 namespace twoport {
 
-/// The slave over a link: force in, motion out. What all methods share is here: modes, finite checks, the account of the
-/// link's port. How the robot is driven is the half of the method.
+/// The slave over a link: force in, motion out. Implements what all methods share: modes, finite checks, the account
+/// of the link's port. The method's half computes the command.
 template <int N, class Half = AnySlaveHalf<N>>
 class SlaveNode {
  public:
@@ -66,7 +66,7 @@ class SlaveNode {
     modes_.reset();
   }
 
-  /// As MasterNode::switch_method; set point and registration go on.
+  /// As MasterNode::switch_method; set point and registration are kept.
   void switch_method(Half& next) noexcept {
     next.restart(account_, half_.deficit(account_, master_energy_in_));
     if (modes_.active()) next.resume(half_.handover());
@@ -75,17 +75,17 @@ class SlaveNode {
   }
 
   [[nodiscard]] Mode mode() const noexcept { return modes_.mode(); }
-  /// What the method adds to the report of the last step, if it adds anything.
+  /// Words of the method for the report of the last step, if any.
   [[nodiscard]] bool has_payload() const noexcept { return half_.has_payload(); }
   void write_payload(Words& words) const noexcept { half_.write_payload(words); }
   /// Robot against the delayed, scaled master, at the last step. Null while not coupled.
   [[nodiscard]] const Displacement<N>& position_error() const noexcept { return position_error_; }
-  /// Net energy that has left the link into the slave [J].
+  /// Net energy that the link has delivered to the slave [J].
   [[nodiscard]] Energy delivered() const noexcept { return -account_.net(); }
 
  private:
-  /// A reading that is not finite is none, nor is a force that no double holds: nothing acts on the robot until the next
-  /// tick. The other side takes no report that is not finite.
+  /// For a reading or force that is not finite the node applies no force until the next tick. The other side rejects
+  /// reports that are not finite.
   [[gnu::always_inline]] Output fail_safe(const RobotSample<N>& robot) noexcept {
     modes_.release();
     position_error_ = {};

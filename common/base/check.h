@@ -5,8 +5,8 @@
 
 namespace twoport {
 
-/// What the user gave cannot be used: one sentence naming the thing, the value and what is allowed.
-/// Thrown while a scene is read and a program is built, never in a control step.
+/// Invalid user input: one sentence with the name, the value and what is allowed. Thrown while a scene is read and a
+/// program is set up, never in a control step.
 class ConfigError : public std::runtime_error {
  public:
   explicit ConfigError(const std::string& sentence) : std::runtime_error{sentence} {}

@@ -27,7 +27,7 @@ std::string read_whole(const std::string& path, std::string_view name, std::size
   const auto fail = [&](const std::string& why) -> ConfigError {
     return ConfigError{std::string{name.empty() ? path : name} + ": cannot be read: " + why};
   };
-  // Asked before it is opened: opening a pipe waits for its writer.
+  // Checked before opening: opening a pipe waits for its writer.
   std::error_code error;
   const std::filesystem::file_status status = std::filesystem::status(path, error);
   if (error) throw fail(error.message());

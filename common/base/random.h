@@ -7,8 +7,8 @@
 
 namespace twoport {
 
-/// A random number as a function of (seed, stream, index, purpose), never of what was drawn before: index counts packets
-/// or ticks, purpose tells the draws of one packet apart. The same on every machine, in any order, from any thread.
+/// A random number as a function of (seed, stream, index, purpose) only: index counts packets or ticks, purpose
+/// distinguishes the draws of one packet. The same on every machine, in any order, from any thread.
 ///
 ///     key        = mix(seed + γ)               seed: the scene's, XOR the number of the stream
 ///     bits(i, p) = mix(key + γ (16 i + p))     γ = 2^64/φ, odd;  p < 16
@@ -23,7 +23,7 @@ class Random {
   [[nodiscard]] std::uint64_t bits(std::uint64_t index, unsigned purpose = 0) const noexcept {
     return mix(key_ + kGamma * (16 * index + purpose));
   }
-  /// Uniform in (0, 1), 52 bits, never an end.
+  /// Uniform in (0, 1), 52 bits, without the end points.
   [[nodiscard]] double uniform(std::uint64_t index, unsigned purpose = 0) const noexcept {
     return (static_cast<double>(bits(index, purpose) >> 12) + 0.5) * 0x1.0p-52;
   }

@@ -4,7 +4,7 @@
 
 namespace twoport {
 
-/// A number with a physical kind: energies add to energies, and to nothing else. `si()` gives the bare value.
+/// A number with a physical kind: only values of the same kind can be added. `si()` returns the plain value.
 template <class Kind>
 class Scalar {
  public:

@@ -5,8 +5,8 @@
 
 namespace twoport {
 
-/// A velocity, force or momentum of a body, its translation and its rotation as two 3-vectors. Where the halves are
-/// computed apart, this is faster than one 6-vector: that is written by threes and read back by twos, which stalls.
+/// A velocity, force or momentum of a body as two 3-vectors, translation and rotation. Where both are computed
+/// separately this is faster than a 6-vector, which is stored in threes and loaded in twos and stalls.
 struct SpatialVector {
   Eigen::Vector3d linear, angular;
 
@@ -36,7 +36,7 @@ struct SpatialVector {
 template <int N>
 using PortVector = std::conditional_t<N == 6, SpatialVector, Eigen::Matrix<double, N, 1>>;
 
-/// Its part that translates.
+/// Its translational part.
 inline Eigen::Vector3d& translation(SpatialVector& v) {
   return v.linear;
 }
@@ -52,7 +52,7 @@ const Eigen::Matrix<double, D, 1>& translation(const Eigen::Matrix<double, D, 1>
   return v;
 }
 
-/// A factor for what translates and one for what turns.
+/// One factor for translation and one for rotation.
 struct PortScale {
   double linear = 0.0, angular = 0.0;
   friend SpatialVector operator*(const PortScale& s, const SpatialVector& v) {

@@ -10,7 +10,7 @@ namespace twoport {
 
 using Duration = std::chrono::nanoseconds;
 
-/// A clock nobody can ask for the time: whoever runs the loop hands it in.
+/// A clock without now(): the caller of a step passes the time.
 template <class Self>
 struct Timeline {
   using duration = Duration;
@@ -23,12 +23,12 @@ struct Timeline {
 struct MasterClock : Timeline<MasterClock> {};
 struct SlaveClock : Timeline<SlaveClock> {};
 
-/// A moment by one side's clock. Moments of the two sides do not subtract: only a round trip is a measurement.
+/// A time by one side's clock. Times of the two sides cannot be subtracted: only the round trip can be measured.
 template <class Clock>
 using Instant = std::chrono::time_point<Clock, Duration>;
 
-/// One control period: when it starts, by this side's clock, how long it lasts (T), and how long the interval was that
-/// ends with it: T, or several where ticks were left out.
+/// One control period: its start by this side's clock, its length T, and the length of the interval that ends at its
+/// start: T, or several T if ticks were skipped.
 template <class Clock>
 struct Tick {
   Instant<Clock> now;
@@ -45,7 +45,7 @@ inline Duration to_duration(double seconds) {
   return Duration{std::llround(seconds * kNanosecondsPerSecond)};
 }
 
-/// Start of tick k of a loop at `rate_hz`: rounded once from k/rate, so that no error adds up.
+/// Start of tick k of a loop at `rate_hz`: rounded once from k/rate, so that errors do not accumulate.
 inline Duration tick_time(std::int64_t k, double rate_hz) {
   return Duration{static_cast<std::int64_t>(static_cast<double>(k) * (kNanosecondsPerSecond / rate_hz) + 0.5)};
 }

@@ -17,7 +17,7 @@ template <class... Values>
   return sum - sum == 0.0;
 }
 
-/// Coordinates of one physical kind. Kinds do not mix; `.vec()` is the bare Eigen vector for use inside a step.
+/// Coordinates of one physical kind. Kinds do not mix; `.vec()` is the plain Eigen vector for use inside a step.
 /// N = 1 and 3 are translations. N = 6 is translation first, then rotation, in world axes at the tool point.
 template <class Kind, int N>
 class Coords {
@@ -109,7 +109,7 @@ inline Eigen::Quaterniond rotation(const Eigen::Vector3d& r) {
   return {c, v.x(), v.y(), v.z()};
 }
 
-/// Where a port is. N = 1, 3: a point [m].
+/// Position of a port. N = 1, 3: a point [m].
 template <int N>
 class Position {
  public:
@@ -131,7 +131,7 @@ class Position {
   Vector p_;
 };
 
-/// Where a port is. N = 6: a pose, translation [m] and attitude (unit quaternion, body to world).
+/// Position of a port. N = 6: a pose, translation [m] and attitude (unit quaternion, body to world).
 template <>
 class Position<6> {
  public:

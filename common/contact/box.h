@@ -5,8 +5,8 @@
 namespace twoport {
 
 /// Solid, faces along the axes: |p - center| < half_size in each coordinate. Its features are its faces: 2 i for the one
-/// towards +i, 2 i + 1 for the one towards -i. Inside, the nearest face answers; outside, the one that is farthest
-/// away, which is the distance to the plane of that face. A given face continues smoothly past its edges.
+/// towards +i, 2 i + 1 for the one towards -i. Inside, the nearest face is used; outside, the face with the largest
+/// distance to its plane. A given face continues smoothly past its edges.
 struct Box {
   static constexpr const char* kName = "box";
   Eigen::Vector3d center_m, half_size_m;

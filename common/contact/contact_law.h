@@ -9,7 +9,7 @@ namespace twoport {
 /// Below this sliding speed Coulomb friction falls linearly to zero [m/s].
 inline constexpr double kStictionSpeed = 1e-3;
 
-/// What touching a surface answers: stiffness and damping along the normal, friction across it.
+/// Contact properties of a surface: stiffness and damping along the normal, friction across it.
 struct Material {
   double stiffness_n_per_m, damping_n_s_per_m, friction, viscous_friction_n_s_per_m;
 };
@@ -26,7 +26,7 @@ struct Surface {
   Material material;
 
   /// Force on a point that is inside, at a signed distance -d, moving with v = v_n n + v_t [m/s]. False, and nothing
-  /// written, where it leaves faster than the spring follows.
+  /// written, if it leaves faster than the spring follows.
   ///
   ///     f_n = max(0, K d - B v_n) n                       never pulls
   ///     f_t = -B_t v_t - μ |f_n| v_t / max(|v_t|, 1 mm/s)
@@ -58,7 +58,7 @@ struct Surface {
   }
 };
 
-/// A spring and damper between a point and an anchor; holds from both sides.
+/// A spring and damper between a point and an anchor; bilateral.
 struct Spring {
   static constexpr const char* kName = "spring";
   double stiffness_n_per_m, damping_n_s_per_m;

@@ -21,21 +21,21 @@ struct PoseWithRotation<6> {
   PoseWithRotation(const Position<6>& at) : x{at}, R{at.attitude().toRotationMatrix()} {}
 };
 
-/// What one contact does to the port.
+/// Effect of one contact on the port.
 template <int N>
 struct ContactPort {
   int index;                         ///< of the contact
-  Feature feature;                   ///< that answers
-  bool presses;                      ///< carries force: the point does not leave faster than the spring follows
+  Feature feature;                   ///< in contact
+  bool presses;                      ///< carries force: the point does not separate faster than the spring follows
   PortVector<N> normal, tangential;  ///< forces on the port; a spring is all normal [N], [N m]
   Energy potential;                  ///< elastic energy held
 };
 
-/// The environment as a port of size N sees it: N = 1, 3 touch with the port itself, N = 6 with points of a tool, so
-/// that a wrench with torque comes back. All forces act on the port, in world axes, at the tool's origin [N], [N m].
+/// The environment at a port of size N: for N = 1, 3 the port itself makes contact, for N = 6 points of a tool, so
+/// that a wrench with torque results. All forces act on the port, in world axes, at the tool's origin [N], [N m].
 ///
-/// A contact is a pair of a point and a thing, numbered from 0: the points in turn, for each the surfaces, then the
-/// springs. What a contact remembers stays with the caller: the environment itself never changes.
+/// A contact is a pair of a point and a surface or spring, numbered from 0: for each point first the surfaces, then the
+/// springs. The caller stores the state of a contact: the environment itself never changes.
 template <int N>
 class Environment {
  public:
@@ -54,7 +54,7 @@ class Environment {
   }
 
   /// Calls visit(const ContactPort<N>&) for every contact that the port is inside of, and for every spring.
-  /// `pick(index)` tells which feature of that contact answers, or kNone.
+  /// `pick(index)` returns the feature of that contact to use, or kNone.
   template <class Pick, class Visit>
   void for_each_contact(const PoseWithRotation<N>& x, const Vector& v, Pick pick, Visit visit) const noexcept {
     int index = 0;
@@ -112,7 +112,7 @@ class Environment {
   }
 
  private:
-  /// Calls visit(position, velocity, arm from the tool's origin) for every point that touches.
+  /// Calls visit(position, velocity, arm from the tool's origin) for every contact point.
   template <class Visit>
   void for_each_point(const PoseWithRotation<N>& at, const Vector& v, Visit visit) const noexcept {
     if constexpr (N == 6) {

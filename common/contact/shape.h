@@ -10,12 +10,12 @@
 
 namespace twoport {
 
-/// Every shape that can be touched: the only list of them. A shape has
+/// List of all contact shapes. A shape has
 ///
 ///     kName                                     its block in a scene
 ///     signed_distance<D>(p, feature) noexcept   at p, on `feature` or kNearest
 ///
-/// and shares what is large (a mesh, a sampled field) between its copies.
+/// and shares large data (a mesh, a sampled field) between its copies.
 using Shape = std::variant<Wall, Sphere, Cylinder, Box>;
 
 /// Calls use(std::type_identity<S>{}) for every type S of the list.
@@ -30,7 +30,7 @@ inline const char* name(const Shape& shape) {
   return std::visit([](const auto& s) { return s.kName; }, shape);
 }
 
-/// The same for a shape that is no wall: out of line, so that a wall, the most frequent, does not pay for it.
+/// The same for a shape other than a wall: out of line, so that it does not slow down walls, the most frequent shape.
 template <int D>
 [[gnu::noinline]] SignedDistance<D> signed_distance_of_solid(const Shape& shape, Point<D> p, Feature feature) noexcept {
   return std::visit([&](const auto& s) { return s.template signed_distance<D>(p, feature); }, shape);

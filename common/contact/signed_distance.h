@@ -4,7 +4,7 @@
 
 namespace twoport {
 
-/// Axes of translation of a port of size N: points that touch have this dimension.
+/// Axes of translation of a port of size N, the dimension of contact points.
 template <int N>
 inline constexpr int kAxes = N == 1 ? 1 : 3;
 
@@ -12,10 +12,10 @@ inline constexpr int kAxes = N == 1 ? 1 : 3;
 template <int D>
 using Point = Eigen::Matrix<double, D, 1>;
 
-/// Which smooth part of a shape answers, numbered by the shape from 0. Only a box has more than one.
+/// Index of a smooth part of a shape, from 0. Only a box has more than one.
 using Feature = int;
 inline constexpr Feature kNearest = -1;  ///< the one nearest to the point
-inline constexpr Feature kNone = -2;     ///< none: the contact is left out
+inline constexpr Feature kNone = -2;     ///< none: the contact is ignored
 
 /// Signed distance from a point to a surface [m], negative inside, and its gradient there, the outward normal. Both come
 /// from one function, so that the elastic force has a potential.

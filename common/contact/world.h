@@ -7,7 +7,7 @@
 
 namespace twoport {
 
-/// One thing that can be touched.
+/// One element of the environment.
 using EnvironmentSpec = std::variant<Surface, Spring>;
 
 /// Its block in a scene.
@@ -16,7 +16,7 @@ inline const char* name(const EnvironmentSpec& spec) {
   return surface != nullptr ? name(surface->shape) : Spring::kName;
 }
 
-/// Everything that can be touched by one point.
+/// All elements of the environment.
 struct World {
   std::vector<Surface> surfaces;
   std::vector<Spring> springs;

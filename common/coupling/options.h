@@ -13,8 +13,8 @@ namespace twoport {
 
 enum class Architecture : std::uint8_t {
   render,                   ///< no link: the device against the environment directly
-  position_force,           ///< the slave's coupling force comes back
-  position_measured_force,  ///< the force sensor's force comes back
+  position_force,           ///< the slave's coupling force is displayed
+  position_measured_force,  ///< the force sensor's force is displayed
   position_position,        ///< each side's spring-damper pulls towards the other's position
   uncontrolled,             ///< no controller: the robot alone in its environment
 };
@@ -29,7 +29,7 @@ struct CouplingOptions {
   bool drift_compensation = true;
 };
 
-/// Where the master's world lies in the robot's.
+/// Map from the master's world to the robot's.
 struct RegistrationOptions {
   bool absolute = false;  ///< false: the robot does not move when a coupling begins, and follows from there
   Eigen::Quaterniond rotation = Eigen::Quaterniond::Identity();  ///< turns the master's axes into the robot's
@@ -42,7 +42,7 @@ struct ControlOptions {
   CouplingOptions coupling;
   double force_scale = 1.0, motion_scale = 1.0;
   RegistrationOptions registration;
-  std::string method_name;  ///< a name of common/method/catalogue.h; empty: the one that `controller.method` stands for
+  std::string method_name = "NONE";  ///< over a link: a name of common/method/catalogue.h
   ControllerOptions controller;
   ObserverRule observer = ObserverRule::exact;
   Accounts accounts = Accounts::total;
@@ -55,7 +55,7 @@ struct ControlOptions {
   Seconds release_after{1.0};                                    ///< silent link: holding -> released
 };
 
-/// Does the force sensor's force come back to the master, and not the coupling's?
+/// Is the force sensor's force displayed at the master, not the coupling's?
 inline bool returns_measured_force(const ControlOptions& o) {
   return o.architecture == Architecture::position_measured_force;
 }

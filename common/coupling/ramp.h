@@ -7,7 +7,7 @@
 namespace twoport {
 
 /// A factor in [0, 1] that rises while engaged and falls while not, each within `duration`. One number for all axes: a
-/// force grows without turning.
+/// force keeps its direction.
 class Ramp {
  public:
   explicit Ramp(Seconds duration) : duration_{duration} {}

@@ -14,8 +14,8 @@ namespace twoport {
 ///     q_s = R q_m c            ω_s = R ω_m          τ_m = (s_f / s_x) Rᵀ τ_s       a torque is a force times a length
 ///     E_m = (s_f / s_x) E_s                         one number for all axes
 ///
-/// R is the scene's. p and c (an attitude of the tool) are chosen at engagement so that the robot does not move, or are the
-/// scene's where the registration is absolute.
+/// R is given by the scene. p and c (an attitude offset of the tool) are computed at engagement so that the robot does
+/// not move, or given by the scene if the registration is absolute.
 template <int N>
 class Registration {
  public:

@@ -13,21 +13,21 @@ namespace twoport {
 ///     target(k) = x_rx            when a report has arrived, else target(k-1) + T v_rx
 ///     v_d(k)    = v_rx + clip((target(k) - x_d(k-1))/T - v_rx, catch_up)
 ///
-/// Over a link without loss x_d is the received position, tick for tick. A gap is bridged at the last velocity, and
-/// what was missed is made up at no more than catch_up, so no loss leaves an offset and none makes a jump.
+/// Over a link without loss x_d is the received position at each tick. A gap is bridged with the last velocity, and the
+/// remaining error is corrected at a velocity of at most catch_up, so a loss causes neither an offset nor a jump.
 template <int N>
 class SetpointTracker {
  public:
   explicit SetpointTracker(const CouplingOptions& o) : catch_up_{o.catch_up_m_per_s} {}
 
-  /// `from` is x_d(k-1): where the command is now.
+  /// `from` is x_d(k-1), the present command.
   [[gnu::always_inline]] Velocity<N> step(const Position<N>& from, const Position<N>& x_rx, const Velocity<N>& v_rx,
                                           bool fresh, Seconds dt) noexcept {
     target_ = fresh ? x_rx : target_ + v_rx * dt;
     return v_rx + clip((target_ - from) / dt - v_rx);
   }
 
-  /// The other side's position as far as it is known here.
+  /// Estimate of the other side's position.
   [[nodiscard]] const Position<N>& target() const noexcept { return target_; }
 
  private:

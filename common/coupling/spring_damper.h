@@ -24,7 +24,7 @@ class SpringDamper {
     return Force<N>{k_.cwiseProduct(stretch.vec()) + b_.cwiseProduct(rate.vec())};
   }
 
-  /// Energy that the spring holds, ½ eᵀK e [J].
+  /// Energy stored in the spring, ½ eᵀK e [J].
   [[nodiscard]] Energy stored(const Displacement<N>& stretch) const noexcept {
     return Energy{0.5 * stretch.vec().dot(k_.cwiseProduct(stretch.vec()))};
   }

@@ -22,10 +22,10 @@ struct RobotInMasterWorld {
 /// The virtual coupling of the slave: a spring-damper between the commanded motion and the robot.
 ///
 ///     v_d   = tracker(x_rx, v_rx)                            commanded motion, s_x times the master's
-///     f_d   = K (x_sd + T v_d - x_s) + B (v_rx - v_s)        what the coupling wants
-///     x_sd += T v_sd                                         the set point moves as a controller allows
+///     f_d   = K (x_sd + T v_d - x_s) + B (v_rx - v_s)        force of the coupling before control
+///     x_sd += T v_sd                                         set point, moved as the controller allows
 ///
-/// Of an ideal robot f_d is the force that its sensor shows.
+/// For an ideal robot f_d is the sensor's force.
 template <int N>
 class VirtualCoupling {
  public:
@@ -40,13 +40,13 @@ class VirtualCoupling {
     Force<N> f;
     Velocity<N> v;
   };
-  /// A coupling begins: the worlds are registered, and the set point is at the robot.
+  /// A coupling begins: registers the worlds and sets the set point to the robot's position.
   void start(const Position<N>& robot, const PeerState<N>& master) noexcept {
     if (master.has_report) registration_.engage(master.newest.x, robot);
     engaged_ = master.has_report;
     rest(robot);
   }
-  /// Goes on where another coupling was.
+  /// Continues from the state of another coupling.
   void resume(const Registration<N>& registration, const Position<N>& set_point) noexcept {
     registration_ = registration;
     engaged_ = true;
@@ -55,7 +55,7 @@ class VirtualCoupling {
   /// While nothing is coupled the set point stays at the robot.
   void rest(const Position<N>& robot) noexcept { x_sd_ = x_d_ = robot; }
 
-  /// What the coupling wants; `coupled`: the master is heard, else the command rests.
+  /// Force and velocity before control; `coupled`: the master's reports arrive, else the command is constant.
   [[gnu::always_inline]] Wanted step(const RobotSample<N>& robot, const PeerState<N>& master, bool coupled,
                                      Seconds dt) noexcept {
     Wanted out;
@@ -68,19 +68,19 @@ class VirtualCoupling {
     out.f = robot.ideal ? robot.f_environment : spring_.force((x_sd_ + out.v * dt) - robot.x, v_rx - robot.v);
     return out;
   }
-  /// Where the robot is in the master's world, for a master that pulls towards it; nothing before the first engagement.
+  /// Position of the robot in the master's world, for a position-position master; empty before the first engagement.
   [[nodiscard]] bool tells_position() const noexcept { return by_position_ && engaged_; }
   [[gnu::noinline]] void tell_position(const Position<N>& robot, Words& words) const noexcept {
     write(RobotInMasterWorld<N>{{registration_.to_master(robot)}}, words);
   }
-  /// The set point moves by `moved`, as allowed; the command by T v_d, as wanted.
+  /// Moves the set point by `moved`, the allowed displacement, and the command by T v_d.
   void move(const Displacement<N>& moved, const Velocity<N>& v_d, Seconds dt) noexcept {
     x_sd_ = x_sd_ + moved;
     if (!drift_compensation_) x_d_ = x_d_ + v_d * dt;
   }
 
   [[nodiscard]] const Position<N>& set_point() const noexcept { return x_sd_; }
-  /// The master's position as far as it is known here, in the slave's world.
+  /// Estimate of the master's position, in the slave's world.
   [[nodiscard]] const Position<N>& target() const noexcept { return tracker_.target(); }
   [[nodiscard]] SpringDamper<N>& spring() noexcept { return spring_; }
   [[nodiscard]] const Registration<N>& registration() const noexcept { return registration_; }

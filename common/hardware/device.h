@@ -10,7 +10,7 @@
 
 namespace twoport {
 
-/// What a haptic device is, told once when it has been opened.
+/// Properties of a haptic device, read once after opening.
 struct DeviceInfo {
   std::string name;  ///< for the log: maker, model, serial number
   /// Largest translational force that it displays [N]; 0: it displays none.
@@ -21,30 +21,30 @@ struct DeviceInfo {
 /// One reading of a haptic device, at the start of a tick.
 template <int N>
 struct DeviceSample {
-  Position<N> x;     ///< handle, as the encoders give it [m], attitude
+  Position<N> x;     ///< handle, from the encoders [m], attitude
   Velocity<N> v;     ///< the device's own estimate [m/s], [rad/s]
-  Force<N> applied;  ///< force that was really held on the network port since the last tick [N], after every limit
+  Force<N> applied;  ///< force actually held at the network port since the last tick [N], after all limits
   HardwareStatus status = HardwareStatus::ok;
   std::uint32_t buttons = 0;  ///< bit i is set while button i is pressed
 };
 
-/// What no encoder shows, and only simulated hardware knows. Of the moment of the last reading.
+/// Values that only simulated hardware knows, at the time of the last reading.
 template <int N>
 struct DeviceTruth {
   Position<N> x;
   Velocity<N> v;
-  Energy port_energy;        ///< energy that has gone into the master port since the start, E(0) not included [J]
+  Energy port_energy;        ///< energy into the master port since the start, E(0) not included [J]
   double path_ends_s = 0.0;  ///< when the simulated operator's path ends, counted from start() [s]
 };
 
-/// A haptic device: the seam for hardware at the master. A driver derives from it (docs/howto/add-a-device.md).
+/// A haptic device: the hardware interface of the master. A driver derives from it (docs/howto/add-a-device.md).
 ///
-/// The constructor opens the device and throws ConfigError with one sentence when it cannot. Then the program calls, from
-/// one thread: info(), once; sense() then actuate(), once a period, with a single sense() before the first period;
-/// start(), between two periods, when the two sides have met; release(), when the loop has ended, for whatever reason.
+/// The constructor opens the device and throws ConfigError with one sentence on failure. Then the program calls, from
+/// one thread: info(), once; sense() then actuate(), once per period, with a single sense() before the first period;
+/// start(), between two periods, when the link is up; release(), whenever the loop has ended.
 /// The destructor may run without release().
 /// Real time: sense, actuate, start and release return within a small part of the period. They do not block, allocate or
-/// throw. A slow bus is read by a thread of the driver, which leaves the newest reading.
+/// throw. For a slow bus the driver uses a thread that keeps the newest reading.
 template <int N>
 class Device {
  public:
@@ -52,16 +52,16 @@ class Device {
   virtual ~Device() = default;
 
   [[nodiscard]] virtual DeviceInfo info() const = 0;
-  /// The newest reading. `tick.now` is counted from the start of the loop; `tick.ended` is how long the interval was that
-  /// ends now: several periods where the loop left some out.
+  /// The newest reading. `tick.now` is counted from the start of the loop; `tick.ended` is the length of the
+  /// interval that ends now: several periods if the loop skipped some.
   virtual DeviceSample<N> sense(const Tick<MasterClock>& tick) noexcept = 0;
   /// `f` is the force at the master port, power f·v into the network: the hand is pushed with -f [N], [N m].
   virtual void actuate(const Force<N>& f) noexcept = 0;
-  /// The scene begins. Simulated hands stand still until then, and recordings do not play.
+  /// The session begins. Simulated hands and recordings start now.
   virtual void start() noexcept {}
-  /// No force, now.
+  /// Sets the force to zero immediately.
   virtual void release() noexcept = 0;
-  /// Null where the truth is not known, as with every real device.
+  /// Null for real devices.
   [[nodiscard]] virtual const DeviceTruth<N>* truth() const noexcept { return nullptr; }
 };
 

@@ -15,22 +15,22 @@ namespace twoport {
 
 struct Scene;
 
-/// What a driver's constructor is given.
+/// Arguments of a driver's constructor.
 struct DriverOptions {
   const Scene& scene;
   Seconds period;         ///< of the loop that will call it
-  std::string arguments;  ///< what follows "NAME:" on the command line; empty where nothing does
+  std::string arguments;  ///< text after "NAME:" on the command line, or empty
 };
 
-/// The drivers of one seam (Hardware is Device or Robot) by name.
+/// The drivers of one interface (Hardware is Device or Robot) by name.
 template <template <int> class Hardware>
 class DriverList {
  public:
   /// `flag` is the command-line option that chooses a driver, e.g. "--device".
   explicit DriverList(std::string flag) : flag_{std::move(flag)} {}
 
-  /// Adds a class template that drives every size: Driver<N> derives from Hardware<N> and is built from DriverOptions.
-  /// `sentence` is what --list-devices says of it.
+  /// Adds a class template for all sizes: Driver<N> derives from Hardware<N> and is constructed from DriverOptions.
+  /// `sentence` is its description in --list-devices.
   template <template <int> class Driver>
   void add(const std::string& name, const std::string& sentence) {
     drivers_.push_back({name, sentence, {make<Driver<1>>, make<Driver<3>>, make<Driver<6>>}});
@@ -42,8 +42,8 @@ class DriverList {
     std::get<Maker<Driver::kSize>>(drivers_.back().makers) = make<Driver>;
   }
 
-  /// Opens "NAME" or "NAME:ARGUMENTS". Throws ConfigError for a name that is not known, a size that the driver does not
-  /// have, and whatever the driver's constructor refuses.
+  /// Opens "NAME" or "NAME:ARGUMENTS". Throws ConfigError for an unknown name, a size that the driver does not support,
+  /// and errors of the driver's constructor.
   template <int N>
   [[nodiscard]] std::unique_ptr<Hardware<N>> open(const std::string& choice, const Scene& scene, Seconds period) const {
     const std::size_t colon = choice.find(':');
@@ -53,7 +53,7 @@ class DriverList {
     return maker({scene, period, colon == choice.npos ? std::string{} : choice.substr(colon + 1)});
   }
 
-  /// One line a driver: name, tab, sentence.
+  /// One line per driver: name, tab, sentence.
   [[nodiscard]] std::string lines() const;
 
  private:
@@ -77,7 +77,7 @@ class DriverList {
 extern template class DriverList<Device>;
 extern template class DriverList<Robot>;
 
-/// Every driver that a program can be told to use.
+/// All drivers of a program.
 struct Registry {
   DriverList<Device> devices{"--device"};
   DriverList<Robot> robots{"--robot"};

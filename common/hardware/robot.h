@@ -8,7 +8,7 @@
 
 namespace twoport {
 
-/// What a robot is, told once when it has been opened.
+/// Properties of a robot, read once after opening.
 struct RobotInfo {
   std::string name;              ///< for the log: maker, model, serial number
   bool has_force_sensor = true;  ///< without one POSITION_MEASURED_FORCE is refused
@@ -20,25 +20,25 @@ struct RobotSample {
   Position<N> x;           ///< tool [m], attitude
   Velocity<N> v;           ///< [m/s], [rad/s]
   Force<N> f_environment;  ///< the force sensor: force of the robot on the environment [N], [N m]
-  bool ideal = false;      ///< follows the motion it is told exactly; its sensor then is the coupling force
+  bool ideal = false;      ///< follows the commanded motion exactly; its sensor force is then the coupling force
   HardwareStatus status = HardwareStatus::ok;
 };
 
-/// What only a simulated robot knows. Of the moment of the last reading.
+/// Values that only a simulated robot knows, at the time of the last reading.
 template <int N>
 struct RobotTruth {
   Force<N> f_environment;  ///< force of the environment on the robot [N], [N m]
 };
 
-/// What the slave asks of its robot for the coming period.
+/// Command of the slave to its robot for the coming period.
 template <int N>
 struct RobotCommand {
   Force<N> f;       ///< coupling force on the robot [N], [N m]
-  Position<N> x_d;  ///< where the coupling's other end is: what an ideal robot follows
+  Position<N> x_d;  ///< set point of the coupling, which an ideal robot follows
   Velocity<N> v_d;
 };
 
-/// A robot with a force sensor: the seam for hardware at the slave. A driver derives from it (docs/howto/add-a-robot.md).
+/// A robot with a force sensor: the hardware interface of the slave. A driver derives from it (docs/howto/add-a-robot.md).
 /// Calls and real time as for Device.
 template <int N>
 class Robot {
@@ -50,7 +50,7 @@ class Robot {
   virtual RobotSample<N> sense(const Tick<SlaveClock>& tick) noexcept = 0;
   virtual void actuate(const RobotCommand<N>& command) noexcept = 0;
   virtual void start() noexcept {}
-  /// No force, now; a position-controlled robot stays where it is.
+  /// Sets the force to zero immediately; a position-controlled robot stops.
   virtual void release() noexcept = 0;
   [[nodiscard]] virtual const RobotTruth<N>* truth() const noexcept { return nullptr; }
 };

@@ -4,11 +4,11 @@
 
 namespace twoport {
 
-/// What a driver says of a reading.
+/// Status of a reading.
 enum class HardwareStatus : std::uint8_t {
   ok,
-  stale,  ///< nothing newer has arrived since the last tick; this is the last reading again
-  fault,  ///< the hardware has failed or stopped itself; the program releases it and ends
+  stale,  ///< no new reading since the last tick; this is the last one again
+  fault,  ///< failure or emergency stop; the program releases the hardware and ends
 };
 
 }  // namespace twoport

@@ -9,10 +9,10 @@
 
 namespace twoport {
 
-/// What fits into one Ethernet frame over IPv4; no datagram of this project is longer [B].
+/// Maximum length of a datagram: fits into one Ethernet frame over IPv4 [B].
 inline constexpr std::size_t kMaxDatagramBytes = 1472;
 
-/// A datagram that owns its bytes. A copy costs as much as the datagram is long.
+/// A datagram that owns its bytes. A copy transfers only the bytes in use.
 class Datagram {
  public:
   Datagram() noexcept {}  // NOLINT(modernize-use-equals-default): leaves the bytes alone

@@ -8,9 +8,9 @@
 
 namespace twoport {
 
-/// One direction of a network: what is put in comes out after the fate that its impairment draws, ordered by due time
-/// (first in first out where due together). Bounded: a packet that finds the line full is dropped and counted.
-/// No allocation after construction.
+/// One direction of a network: packets leave after the delay drawn by the impairment, ordered by due time (first in
+/// first out if equal). Bounded: a packet is dropped and counted if the line is full. No allocation after
+/// construction.
 template <class Packet>
 class DelayLine {
  public:
@@ -24,7 +24,7 @@ class DelayLine {
     put(packet, now, now);
   }
 
-  /// The same, where blackouts count from another moment than `now` does.
+  /// The same with another time origin for blackouts.
   template <class Content>
   [[gnu::always_inline]] void put(const Content& packet, Duration now, Duration since_start) noexcept {
     if (impairment_.certain()) {

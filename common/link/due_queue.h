@@ -69,7 +69,7 @@ class DueQueue {
   std::vector<Entry> entries_;
   Entry *in_ = entries_.data(), *out_ = entries_.data();
   std::size_t size_ = 0;
-  Duration latest_{0};  ///< due time of the last one put in that overtook nobody
+  Duration latest_{0};  ///< due time of the last one put in without overtaking
 };
 
 }  // namespace twoport

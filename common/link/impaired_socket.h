@@ -16,12 +16,12 @@ struct ImpairedSocketOptions {
   std::optional<Endpoint> peer{};  ///< given: datagrams of any other address are dropped and counted as rejected
 };
 
-/// The network of a scene, emulated over bytes in front of another socket. Incoming datagrams pass a delay line in which
-/// their fates are drawn; outgoing ones pass at once, since the other side emulates its own direction.
+/// The network of a scene, emulated over bytes above another socket. Incoming datagrams pass a delay line with random
+/// loss and delay; outgoing ones pass at once, since the other side emulates its incoming direction.
 ///
-/// Datagrams of the peer (the given one, or the last one paired with) and those of all other addresses have a line and a
-/// sequence of fates each. So unpaired senders, however many datagrams they send, neither fill the line of the peer nor
-/// change the fate of its datagrams. The line of the others is short, and takes few in each tick.
+/// Datagrams of the peer (the given one, or the last one paired with) and those of all other addresses have separate lines
+/// and random sequences. Unpaired senders therefore neither fill the line of the peer nor change the loss and delay of its
+/// datagrams. The line of the others is short and accepts few datagrams per tick.
 ///
 /// Blackouts count from the first pairing.
 class ImpairedSocket final : public DatagramSocket {

@@ -20,7 +20,7 @@ struct BlackoutWindow {
   double start_s = 0.0, duration_s = 0.0;
 };
 
-/// What one direction of the network does to packets.
+/// Impairments of one direction of the network.
 struct ImpairmentOptions {
   double delay_s = 0.0;
   double jitter_s = 0.0;  ///< standard deviation, whatever the distribution
@@ -33,17 +33,17 @@ struct ImpairmentOptions {
   std::vector<double> recorded_delay_s;  ///< replayed in a loop in place of delay and jitter; empty: none
 };
 
-/// Longest delay but for one in ten standard deviations [s].
+/// Longest delay, up to ten standard deviations of jitter [s].
 double longest_delay_s(const ImpairmentOptions& options);
-/// Room for what is in flight at `rate_hz`, every packet doubled.
+/// Capacity for the packets in flight at `rate_hz`, all duplicated.
 std::size_t packets_in_flight(const ImpairmentOptions& options, double rate_hz);
 
 /// What the seeds of the two directions are made from, with the scene's.
 inline constexpr std::uint64_t kToSlaveStream = 0x70736c61, kToMasterStream = 0x746d6173;
 
-/// The fate of each packet of one direction: how many copies arrive, and how late each is. A function of the seed and of
-/// the number of the packet; only the state of a loss burst and the place in a recording are carried from packet to
-/// packet. The same code serves real datagrams and virtual time.
+/// Number of copies and delay of each packet of one direction: a function of the seed and of the packet's number. Only
+/// the state of a loss burst and the place in a recording are carried from packet to packet. The same code serves real
+/// datagrams and virtual time.
 class Impairment {
  public:
   struct Fate {

@@ -10,8 +10,8 @@
 
 namespace twoport {
 
-/// What happened to the packets of one direction, as the receiver knows it. Within a session (and since the count last
-/// began anew, see Mailbox) each sequence number from the first to the newest heard is counted once:
+/// Packet counts of one direction at the receiver. Within a session (and since the last restart of the count,
+/// see Mailbox) each sequence number from the first to the newest received is counted once:
 ///
 ///     newest - first + 1 = received - duplicated + lost
 struct PacketCounts {
@@ -23,12 +23,12 @@ struct PacketCounts {
   std::uint64_t rejected = 0;  ///< sequence too far ahead of the newest to be true; not in `received`
 };
 
-/// What is known of the other side: its newest report, the most energy it has ever said to have taken in, and
-/// when it was last heard.
+/// State of the other side: its newest report, the largest absorbed energy that it has reported, and the time of its
+/// newest report.
 template <int N>
 struct PeerState {
   PortReport<N> newest;
-  double energy_in_j = 0.0;  ///< largest ever received: knowledge only grows
+  double energy_in_j = 0.0;  ///< largest ever received
   Words words;               ///< of the method, merged by its rules
   std::uint32_t epoch = 0;   ///< of energy and words
   bool has_report = false;   ///< has a report arrived in this session
@@ -41,11 +41,11 @@ struct PeerState {
   }
 };
 
-/// Keeps what arrives, in any order and any number of times. The transport hands over reports, all of them finite; the
-/// newest sequence wins, the largest energy wins.
+/// Merges reports that arrive in any order and any number of times: keeps the newest sequence number's state and the
+/// largest energy. The transport delivers finite reports only.
 ///
 ///     transport.poll(now, f)   calls f(report) for every report that has arrived
-///     transport.send(report)
+///     transport.send(report, now)
 template <int N, class Transport>
 class Mailbox {
  public:
@@ -64,7 +64,7 @@ class Mailbox {
     transport_.send(report, now);
   }
   void post(PortReport<N>&& report, Duration now) noexcept { post(report, now); }
-  /// The same with what the method adds. By value: a report without words stays in registers.
+  /// The same with the method's words. By value: a report without words stays in registers.
   [[gnu::noinline]] void post(PortReport<N> report, const Words& words, Duration now) noexcept {
     stamp(report, now);
     Report<N> packet{report};
@@ -86,12 +86,12 @@ class Mailbox {
   [[nodiscard]] Transport& transport() noexcept { return transport_; }
 
  private:
-  /// How far back repeats are told from late arrivals; an older one counts as repeated.
+  /// Number of sequence numbers for which late and repeated packets are distinguished; an older one counts as repeated.
   static constexpr std::uint64_t kMemory = 4096;
   /// Of a sender.
   static constexpr Duration kShortestPeriod = std::chrono::microseconds{10};
   static constexpr Duration kLongestPeriod = std::chrono::milliseconds{20};
-  /// After older reports alone have come for so long, two in a row begin the count anew.
+  /// If only older reports arrive for this long, two consecutive ones restart the count.
   static constexpr Duration kDeaf = std::chrono::seconds{1};
 
   enum class Order : std::uint8_t { newer, older, impossible };
@@ -125,16 +125,16 @@ class Mailbox {
     known_.has_report = known_.is_new = true;
   }
 
-  /// Another method: its totals start from zero, and packets of before are not read against them.
+  /// Another method: its totals start from zero; those of earlier packets are ignored.
   [[gnu::noinline]] void begin_epoch(std::uint32_t epoch) noexcept {
     known_.epoch = epoch;
     known_.energy_in_j = 0.0;
     known_.words = {};
   }
 
-  /// Of a sequence that is not the next. One that is further ahead than the sender can have got is not believed, unless
-  /// its successor follows; nor is the newest, when all that comes for a second is older. So a wrong number deafens
-  /// nobody for longer.
+  /// A sequence number that is not the next. One further ahead than the sender can have reached is rejected unless its
+  /// successor follows; the count restarts if only older numbers arrive for a second. A wrong number therefore blocks
+  /// reception for at most a second.
   [[gnu::noinline]] Order count(std::uint64_t sequence, Duration now) noexcept {
     if (!known_.has_report) return begin(sequence);
     const std::uint64_t newest = known_.newest.sequence;
@@ -145,7 +145,7 @@ class Mailbox {
       count_gap(sequence);
       return Order::newer;
     }
-    // A pause in which nobody polled does not count.
+    // Time without polling does not count.
     older_for_ = older_at_ > known_.received_at ? older_for_ + std::min(now - older_at_, kLongestPeriod) : Duration{0};
     older_at_ = now;
     if (follows && older_for_ > kDeaf) return begin(sequence);
@@ -159,7 +159,7 @@ class Mailbox {
     return Order::newer;
   }
 
-  /// What lies between is missing until it comes.
+  /// The numbers between are missing until they arrive.
   void count_gap(std::uint64_t next) noexcept {
     const std::uint64_t newest = known_.newest.sequence;
     counts_.lost += next - newest - 1;
@@ -170,7 +170,7 @@ class Mailbox {
     }
   }
 
-  /// An old report fills the gap it left, unless it is a copy. One older than the first heard opens a gap behind it.
+  /// An old report fills the gap it left, unless it is a copy. One older than the first received opens a gap behind it.
   void count_old(std::uint64_t sequence) noexcept {
     const bool remembered = known_.newest.sequence - sequence < kMemory;
     const bool before_first = sequence < first_;
@@ -191,9 +191,9 @@ class Mailbox {
   Transport transport_;
   PeerState<N> known_;
   PacketCounts counts_;
-  std::uint64_t first_ = 1;              ///< lowest sequence heard since the count began
+  std::uint64_t first_ = 1;              ///< lowest sequence received since the count began
   std::uint64_t suspect_ = 0;            ///< the last sequence that was not the next
-  Duration older_for_{0}, older_at_{0};  ///< how long only older reports have come, and when the last did
+  Duration older_for_{0}, older_at_{0};  ///< time with older reports only, and time of the last
   std::bitset<kMemory> seen_;            ///< of the last kMemory sequences
 };
 

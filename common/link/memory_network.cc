@@ -52,7 +52,7 @@ bool MemoryNetwork::send(std::span<const std::byte> bytes, const Endpoint& from,
                          Duration now) noexcept {
   if (bytes.size() > kMaxDatagramBytes) return false;
   Destination* there = find(to);
-  if (there == nullptr) return true;  // nobody is there: lost on the way, as far as the sender knows
+  if (there == nullptr) return true;  // no socket there: lost, as for UDP
   const Impairment::Fate fate = there->impairment.draw(now);
   if (fate.copies == 0) ++there->lost;
   for (int c = 0; c < fate.copies; ++c) {

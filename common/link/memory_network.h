@@ -14,12 +14,12 @@ namespace twoport {
 
 class MemorySocket;
 
-/// A network inside one process, in virtual time: any number of sockets, what it does to datagrams can change at any
-/// moment, and the same seed gives the same run. A datagram sent at t is readable strictly later than t, so it does not
-/// matter which of two programs is stepped first.
+/// A network inside one process, in virtual time: any number of sockets; impairments can change at any time; the same
+/// seed gives the same run. A datagram sent at t can be read strictly later than t, so results do not depend on which
+/// of two programs is stepped first.
 class MemoryNetwork {
  public:
-  /// What happens to a datagram on its way.
+  /// Impairments of a path.
   struct Conditions {
     ImpairmentOptions impairment{};
     double corruption = 0.0;  ///< share of datagrams in which 1 to 4 bytes are replaced, or the end is cut off
@@ -33,7 +33,7 @@ class MemoryNetwork {
   /// The address number `host` of this network, and a port.
   static Endpoint address(std::uint8_t host, std::uint16_t port);
 
-  /// Binds to an address that no living socket has. Datagrams that came due before `now` are gone; those still on their
+  /// Binds to an address that no open socket has. Datagrams that came due before `now` are lost; those still on their
   /// way reach the new socket. The network must outlive the socket.
   MemorySocket open(const Endpoint& local, Duration now);
 
@@ -68,7 +68,7 @@ class MemoryNetwork {
   Datagram travelling_;
 };
 
-/// A socket of a MemoryNetwork. Its end is the end of the program that had it.
+/// A socket of a MemoryNetwork. Destroying it models the end of its program.
 class MemorySocket final : public DatagramSocket {
  public:
   ~MemorySocket() override;

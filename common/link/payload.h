@@ -10,8 +10,8 @@
 
 namespace twoport {
 
-/// The numbers of a packet that only its method can read, as they cross the link: flat, `count` of them, all else unset.
-/// Bit i of `totals` says that number i is a running total. Copied only as far as it is filled.
+/// The method's numbers in a packet, flat: `count` of them, the rest unset. Bit i of `totals` marks number i as a
+/// running total. Copies transfer only the numbers in use.
 struct Words {
   static constexpr std::size_t kMost = 24;
 
@@ -34,7 +34,7 @@ struct Words {
     return s;
   }
 
-  /// Takes in what has arrived. Of a newer packet everything counts, of an older one only what grows; a total never falls.
+  /// Merges received words: all numbers of a newer packet, only running totals of an older one; a total never falls.
   void merge(const Words& arrived, bool newer) noexcept {
     if (arrived.count != 0) [[unlikely]]
       merge_numbers(arrived, newer);
@@ -67,8 +67,8 @@ template <class T>
 struct Latest {
   T value{};
 };
-/// A quantity that only grows: an energy since the two sessions met. A lost packet delays it, a late or repeated one
-/// cannot lower it.
+/// A monotonic quantity: an energy since the session began. A lost packet delays it, a late or repeated one cannot
+/// lower it.
 struct RunningTotal {
   double value = 0.0;
 };
@@ -126,7 +126,7 @@ inline const double* take(const double* from, RunningTotal& field) noexcept {
 
 }  // namespace payload
 
-/// Writes what a method says in a packet. A payload is a struct of Latest and RunningTotal fields which lists them:
+/// Writes a method's payload to a packet: a struct of Latest and RunningTotal fields that lists them:
 ///
 ///     template <int N> struct MyToMaster {
 ///       Latest<Force<N>> f;
@@ -138,8 +138,8 @@ void write(Payload p, Words& to) noexcept {
   to.count = 0, to.totals = 0;
   std::apply([&](const auto&... field) { (payload::put(to, field), ...); }, p.fields());
 }
-/// Reads it again. False, and `p` as it was, when the words are not as many as such a payload has: nothing has come yet, or
-/// they are another method's.
+/// Reads a payload. False, with `p` unchanged, if the number of words differs: nothing has arrived yet, or the words
+/// are of another method.
 template <class Payload>
 bool read(const Words& from, Payload& p) noexcept {
   Words shape;

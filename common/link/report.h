@@ -9,7 +9,7 @@
 
 namespace twoport {
 
-/// The life of one side of a link.
+/// Mode of one side of a link.
 enum class Mode : std::uint8_t { idle, coupled, holding, released };
 
 constexpr const char* to_string(Mode mode) {
@@ -17,10 +17,10 @@ constexpr const char* to_string(Mode mode) {
   return kNames[static_cast<std::size_t>(mode)];
 }
 
-/// What one side says of its port, in every packet, in both directions: the state, and the energy that has entered the
-/// link here so far. Energies are running totals since the two sessions met: a lost, late, repeated or reordered
-/// report delays knowledge and can neither destroy nor invent energy.
-/// Moments are in nanoseconds of the sender's clock; `echo_ns` is in the receiver's, and gives it its round-trip time.
+/// State of one side's port, in every packet, in both directions, with the energy that has entered the link there.
+/// Energies are running totals since the session began: a lost, late, repeated or reordered report delays information
+/// and can neither destroy nor create energy.
+/// Times are in nanoseconds of the sender's clock; `echo_ns` is in the receiver's, which computes the round trip from it.
 template <int N>
 struct PortReport {
   std::uint64_t sequence = 0;
@@ -28,7 +28,7 @@ struct PortReport {
   std::int64_t echo_ns = -1;  ///< stamp of the newest report received, plus the time it waited here; -1: none yet
   Position<N> x{};
   Velocity<N> v{};
-  Force<N> f{};                      ///< the force that goes back (slave), or that is felt (master)
+  Force<N> f{};                      ///< the returned force (slave), or the felt force (master)
   Force<N> f_coupling{};             ///< slave: the coupling force on the robot
   Force<N> f_environment{};          ///< slave: the force sensor's force, of the robot on the environment
   Displacement<N> position_error{};  ///< slave: robot against the delayed, registered master; null while not coupled
@@ -43,8 +43,8 @@ struct PortReport {
   [[nodiscard]] bool finite() const noexcept { return all_finite(*this); }
 };
 
-/// A packet: the same, and what the method adds. A node hands over a PortReport, which the compiler keeps in registers; the
-/// words' array would keep it in memory.
+/// A packet: a PortReport and the words of the method. Nodes pass a PortReport, which the compiler keeps in registers;
+/// the words' array would force it into memory.
 template <int N>
 struct Report : PortReport<N> {
   Words words;

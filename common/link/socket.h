@@ -18,17 +18,17 @@ struct ReceivedDatagram {
 
 /// Datagrams that a socket, or a filter above it, did not pass on.
 struct SocketCounts {
-  std::uint64_t unsent = 0;    ///< could not be handed over
-  std::uint64_t rejected = 0;  ///< from an address that is not listened to, beyond the share of unpaired ones, too long
-  std::uint64_t lost = 0;      ///< taken away by the impairment
-  std::uint64_t overflowed = 0;  ///< of the peer, and found the delay line full
+  std::uint64_t unsent = 0;      ///< could not be handed over
+  std::uint64_t rejected = 0;    ///< from an ignored address, above the limit of unpaired ones, too long
+  std::uint64_t lost = 0;        ///< dropped by the impairment
+  std::uint64_t overflowed = 0;  ///< of the peer, dropped because the delay line was full
 };
 
-/// Datagrams in, datagrams out: a socket (UDP or memory), or a filter that stands on another DatagramSocket.
+/// Datagrams in, datagrams out: a socket (UDP or memory), or a filter above another DatagramSocket.
 ///
 ///     Mailbox            reports: newest state, largest energy
 ///     LinkTransport      Handshake over Codec: bytes <-> reports of this session
-///     (security)         place of a filter that seals and opens datagrams; it may send and drop datagrams of its own
+///     (security)         place for a filter that encrypts and authenticates; it may send and drop datagrams of its own
 ///     ImpairedSocket     the network that the scene describes, over bytes
 ///     UdpSocket          or MemorySocket, in virtual time
 ///
@@ -43,7 +43,7 @@ class DatagramSocket {
   /// The next datagram; nothing when none waits.
   virtual std::optional<ReceivedDatagram> receive(Duration now) noexcept = 0;
 
-  /// The session above works with `peer` from now on. `since` is when `peer` was found.
+  /// The session above uses `peer` from now on. `since`: time at which `peer` was found.
   virtual void paired(const Endpoint& /*peer*/, Duration /*since*/) noexcept {}
 
   /// The address that this socket is bound to.

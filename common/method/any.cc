@@ -9,13 +9,6 @@
 namespace twoport {
 namespace {
 
-std::string name_of(const ControlOptions& o) {
-  if (!o.method_name.empty()) return o.method_name;
-  return o.controller.method == Method::none      ? "NONE"
-         : o.controller.method == Method::classic ? "CLASSIC"
-                                                  : "FORCE_PROJECTED";
-}
-
 /// Calls make.operator()<M>() for the method of that name.
 template <class Result, class Make, class... Each>
 Result make_by_name(const std::string& name, TypeList<Each...>, Make make) {
@@ -36,12 +29,12 @@ Result make_by_name(const std::string& name, TypeList<Each...>, Make make) {
 
 template <int N>
 AnyMasterHalf<N>::AnyMasterHalf(const ControlOptions& o)
-    : half_{make_by_name<std::unique_ptr<Concept>>(name_of(o), Methods{}, [&]<class M>() {
+    : half_{make_by_name<std::unique_ptr<Concept>>(o.method_name, Methods{}, [&]<class M>() {
         return std::make_unique<Model<typename M::template Master<N>>>(o);
       })} {}
 template <int N>
 AnySlaveHalf<N>::AnySlaveHalf(const ControlOptions& o)
-    : half_{make_by_name<std::unique_ptr<Concept>>(name_of(o), Methods{}, [&]<class M>() {
+    : half_{make_by_name<std::unique_ptr<Concept>>(o.method_name, Methods{}, [&]<class M>() {
         return std::make_unique<Model<typename M::template Slave<N>>>(o);
       })} {}
 

@@ -6,7 +6,7 @@
 
 namespace twoport {
 
-/// A half whose method is known when it is built, behind one indirect call a tick. Memory is taken when it is built.
+/// A half whose method is selected at construction, with one indirect call per tick. Allocates at construction only.
 template <int N>
 class AnyMasterHalf {
  public:

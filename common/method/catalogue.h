@@ -8,7 +8,7 @@ namespace twoport {
 template <class... Each>
 struct TypeList {};
 
-/// Every method there is. A new one is a folder beside these, its header above, its name here, and the names of its values in
+/// All methods. For a new one: a folder beside these, its header above, its type here, and its names in
 /// proto/scene.proto (Passivity.Method).
 using Methods = TypeList<NoControl, TimeDomainPassivity>;
 

@@ -4,8 +4,8 @@
 
 namespace twoport {
 
-/// The force that the architecture displays at the master, before any controller acts: the slave's force as it comes
-/// back, or the force of the position error.
+/// The force that the architecture displays at the master, before any controller acts: the received force of
+/// the slave, or the force of the position error.
 ///
 ///     POSITION_FORCE, POSITION_MEASURED_FORCE   f_m = s_f f_rx
 ///     POSITION_POSITION                         f_m = PositionErrorForce

@@ -12,32 +12,32 @@
 
 namespace twoport {
 
-// A method is what differs between ways to couple hand and robot over a link: a half at the master, a half at the slave, and
-// what they say to each other. Modes, the force ramp, finite checks, limits of force, the exact account of each port and the
-// restart of the other side are the nodes' (master/master_node.h, slave/slave_node.h) and the same for every method.
+// A method defines how hand and robot are coupled over a link: a half at the master, a half at the slave, and the data
+// between them. The nodes (master/master_node.h, slave/slave_node.h) implement what all methods share: modes, the force
+// ramp, finite checks, force limits, the exact account of each port, and restarts of the other side.
 //
-// A half is a step from values to values: no clock, no input or output, no allocation, no exception.
+// The step of a half is pure computation: no clock, no input or output, no allocation, no exception.
 
-/// One tick at the master, as its half sees it. Forces at the master port, power f·v into the network.
+/// Input of a master half in one tick. Forces at the master port, power f·v into the network.
 template <int N>
 struct MasterInput {
   Seconds dt;     ///< of the coming interval
-  Seconds ended;  ///< how long the interval was that has just ended
+  Seconds ended;  ///< length of the interval that has just ended
   const DeviceSample<N>& device;
-  const Interval<N>& interval;  ///< what the port did since the last tick
+  const Interval<N>& interval;  ///< motion of the port since the last tick
   bool first;                   ///< there was no tick before: `interval` is empty
   const PeerState<N>& slave;    ///< in the slave's units
   Energy slave_energy_in;       ///< the slave's running total of this method, in its units
   const Ledger& account;        ///< energy into the master port, exact, since the start
-  bool active;                  ///< coupled or holding; else no force is asked for
+  bool active;                  ///< coupled or holding; else the force is zero
   double ramp;                  ///< rises from 0 to 1 after engagement
-  const Force<N>* carried;      ///< what is left of the force before a switch of methods; null: nothing
+  const Force<N>* carried;      ///< remaining force of the previous method after a switch; null: none
 };
 template <int N>
 struct MasterOutput {
   Force<N> f;           ///< to be displayed
   Force<N> wanted;      ///< before any passivity controller
-  Energy energy_in;     ///< running total that the slave is told: what has entered the link here
+  Energy energy_in;     ///< running total reported to the slave: energy that has entered the link here
   Energy dissipated;    ///< by a controller, in the coming interval
   Energy undissipated;  ///< deficit that the controller could not dissipate in this tick
 };
@@ -50,25 +50,25 @@ struct SlaveInput {
   const PeerState<N>& master;  ///< in the master's units
   Energy master_energy_in;     ///< the master's running total of this method, in its units
   const Ledger& account;       ///< energy into the link through the slave's port, until this tick
-  bool coupled;                ///< the master is heard: its motion is followed
+  bool coupled;                ///< the master's reports arrive and its motion is followed
   bool active;                 ///< coupled or holding
 };
 template <int N>
 struct SlaveOutput {
   RobotCommand<N> command;
-  Force<N> f_back;   ///< what goes back to the master
-  Energy energy_in;  ///< running total that the master is told
+  Force<N> f_back;   ///< force returned to the master
+  Energy energy_in;  ///< running total reported to the master
   Energy dissipated;
 };
 
-/// What a slave half leaves to the one that takes over.
+/// State that a slave half passes to its successor.
 template <int N>
 struct SlaveHandover {
   Registration<N> registration;
   Position<N> set_point;
 };
 
-/// Of a slave half whose force no double holds: it has changed nothing of its state, and the node lets go.
+/// Result of a slave half whose force is not finite: its state is unchanged, and the node applies no force.
 template <int N>
 [[gnu::noinline]] SlaveOutput<N> no_force_exists(Force<N> f) noexcept {
   SlaveOutput<N> out{};
@@ -84,10 +84,10 @@ concept MasterHalf = std::constructible_from<H, const ControlOptions&> &&
     requires(H h, const H& c, const MasterInput<N>& in, Words& words, const DeviceSample<N>& device, const Ledger& account, Energy e) {
   { h.start(device) } noexcept;                                    // a coupling begins here
   { h.step(in) } noexcept -> std::same_as<MasterOutput<N>>;        // every tick, active or not
-  { c.deficit(account, e) } noexcept -> std::same_as<Energy>;       // what the hand has got beyond its grant; e: the slave's total
+  { c.deficit(account, e) } noexcept -> std::same_as<Energy>;       // energy returned beyond the available; e: the slave's total
   { h.restart(account, e) } noexcept;                              // all totals start here from zero, with the deficit e
-  { c.has_payload() } noexcept -> std::same_as<bool>;              // does it add anything to the report of the last step?
-  { c.write_payload(words) } noexcept;                             // then what
+  { c.has_payload() } noexcept -> std::same_as<bool>;              // does it add words to the report of the last step?
+  { c.write_payload(words) } noexcept;                             // these words
 };
 
 template <class H, int N>
@@ -101,8 +101,8 @@ concept SlaveHalf = std::constructible_from<H, const ControlOptions&> &&
   { c.has_payload() } noexcept -> std::same_as<bool>;
   { c.write_payload(words) } noexcept;
   { c.handover() } noexcept -> std::same_as<SlaveHandover<N>>;
-  { h.resume(handover) } noexcept;                                 // takes over while a coupling goes on
-  { c.target() } noexcept -> std::convertible_to<Position<N>>;     // where the robot should be now
+  { h.resume(handover) } noexcept;                                 // takes over during a coupling
+  { c.target() } noexcept -> std::convertible_to<Position<N>>;     // commanded position of the robot
 };
 
 /// A method for every size. kSummary is a sentence for lists.

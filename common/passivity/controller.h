@@ -16,31 +16,31 @@ namespace twoport {
 enum class Method : std::uint8_t {
   none,             ///< observe only
   classic,          ///< correction along the port's input, out + αv or out + βf: paper eqs. (3), (5)-(7)
-  force_projected,  ///< correction along the port's output, out·s: paper eq. (8); the direction of out stays
+  force_projected,  ///< correction along the port's output, out·s: paper eq. (8); keeps the direction of out
 };
 
 struct ControllerOptions {
   Method method = Method::none;
   /// Largest gain against the accumulated deficit: damping [N s/m] at an impedance, mobility [m/(N s)] at an admittance.
-  /// The new deficit bounds itself and has no cap.
+  /// The new deficit is not limited; it is bounded by |P| and rise.
   double max_gain = 10.0;
-  /// A projected output keeps its sense: s >= 0, a wall never pulls.
+  /// A projected output keeps its sign: s >= 0, a wall never pulls.
   bool unilateral = true;
-  /// Also cover the deficit that the coming interval will make, as far as in·out predicts it.
+  /// Also cover the deficit of the coming interval, as predicted by in·out.
   bool predict = true;
 };
 
-/// What the account allows in the coming interval [J].
+/// Energy budget of the coming interval [J].
 struct Budget {
-  Energy available;  ///< E - E_ref: may be given back now; negative is an accumulated deficit
-  Energy rise;       ///< by how much E_ref will grow over the coming interval
+  Energy available;  ///< E - E_ref: may be returned now; negative is an accumulated deficit
+  Energy rise;       ///< increase of E_ref over the coming interval
 };
 
 template <class Out>
 struct Corrected {
   Out out;
   Energy dissipated;    ///< by the correction, over the coming interval, as predicted by in·out
-  Energy undissipated;  ///< deficit that the correction leaves: it stays in the account
+  Energy undissipated;  ///< remaining deficit, which stays in the account
 };
 
 // clang-format off
@@ -55,9 +55,9 @@ struct Corrected {
 ///     force projected  out' = out·s,         s = 1 + (D + min(A, max_gain T P²/|out|²)) / (T P),   s >= 0
 ///
 /// The second is the paper's eq. (8): with v_p = (fᵀv/|f|²) f, f + α v_p = f·(1 - E/(T fᵀv)). It is one scalar, so a
-/// wrench needs no metric and no characteristic length, and the direction of out is kept exactly. Only the cap on A, a
-/// damping along out, takes a radian for a metre.
-/// Where P -> 0 nothing along out does work: the deficit stays in the account and is reported as undissipated.
+/// wrench needs no metric and no characteristic length, and the direction of out is kept exactly. Only the limit on A, a
+/// damping along out, equates a radian with a metre.
+/// Where P -> 0 a force along out does no work: the deficit stays in the account and is reported as undissipated.
 /// Real time: one dot product, no allocation, no throw.
 template <class Out, class In>
   requires PowerDual<Out, In>
@@ -91,8 +91,8 @@ Corrected<Out> passivity_controller(Out wanted, In in, Budget budget, const Cont
   return {s * wanted, dissipated, positive_part(Energy{due} - dissipated)};
 }
 
-/// Largest scale s in [0, 1] of a force that fits a budget when the port yields to the force: q s² + b s <= a, q >= 0;
-/// where a < 0 asks for more than there is, the s for which q s² + b s is least. Written so that no root cancels.
+/// Largest scale s in [0, 1] of a force within an energy budget, the port's response to the force included: q s² + b s
+/// <= a, q >= 0; if a < 0 cannot be reached, the s that minimises q s² + b s. Roots are computed without cancellation.
 [[gnu::always_inline]] inline double largest_feasible_scale(double q, double b, double a) noexcept {
   if (q + b <= a) return 1.0;
   const double root = std::sqrt(std::max(0.0, b * b + 4.0 * q * a));
@@ -100,16 +100,16 @@ Corrected<Out> passivity_controller(Out wanted, In in, Budget budget, const Cont
   return std::clamp(s, 0.0, 1.0);
 }
 
-/// Force-projected controller at an impedance whose handle yields to the force within the interval.
+/// Force-projected controller at an impedance, with the response of the handle to the force within the interval.
 ///
 ///     Δx/T = w - s C f                          C = T/(2m) per axis
 ///     P = f·w - |f| error_bound,  Q = fᵀC f     power in is at least s (P - s Q)
 ///     s = largest_feasible_scale(Q, -P, (max(available, 0) - R)/T),   R = min(max(-available, 0), max_gain T P²/|f|²) where P > 0
 ///
-/// A large force on a light handle turns its velocity around within one tick; by f·v alone the outflow of that tick is
-/// not predicted, and the controller switches between the whole force and none. At rest against a hand w = C f and s = 1: a held
-/// force does no work and stays. An accumulated deficit is dissipated out of the power that comes in, at no more
-/// than a damping of max_gain would. The force is never larger than wanted.
+/// A large force on a light handle reverses its velocity within one tick; f·v alone does not predict the outflow of that
+/// tick, and the controller would switch between full and zero force. In equilibrium with a hand w = C f and s = 1: a held
+/// force does no work and is not reduced. An accumulated deficit is dissipated from the inflowing power, no faster
+/// than a damping of max_gain. The force never exceeds the wanted force.
 template <int N>
 [[gnu::always_inline]] inline Corrected<Force<N>> predictive_impedance_controller(const Force<N>& wanted,
                                                                                   const VelocityPrediction<N>& port,
@@ -140,7 +140,7 @@ struct PortSolution {
   Energy dissipated;
 };
 
-/// Admittance passivity controller acting as the virtual coupling: force in, velocity out, where the force answers the
+/// Admittance passivity controller acting as the virtual coupling: force in, velocity out, where the force responds to the
 /// velocity in the same tick, f = f_0 + G v with G = B + K T (spring and damper of one sampling interval).
 ///
 ///     v = v_d - β f   and   f = f_0 + G v     =>     f = s f_d,  v = v_d - (1 - s) G⁻¹ f_d,   s = 1/(1 + G β)
@@ -148,8 +148,9 @@ struct PortSolution {
 ///
 /// f_d is the force for the wanted motion v_d. Solved for both at once, the controller does not chatter against the
 /// damper, the force keeps its direction, and G is the metric that makes newtons and newton-metres comparable.
-/// Outflow is bounded exactly: f·v T <= A. Where nothing is available f·v = 0: the coupling slides along the force's
-/// normal plane or goes slack. Real time: two dot products, one square root; no allocation, no throw.
+/// Outflow is bounded exactly: f·v T <= A. Without available energy f·v = 0: the coupling slides in the plane normal to
+/// the force, or its force is zero.
+/// Real time: two dot products, one square root; no allocation, no throw.
 template <int N>
 [[gnu::always_inline]] inline PortSolution<N> admittance_controller(const Force<N>& f_d, const Velocity<N>& v_d,
                                                                     const typename Force<N>::Vector& mobility,

@@ -8,7 +8,7 @@
 
 namespace twoport {
 
-/// Any one-port with an observer and a controller around it: again a one-port, of the same causality.
+/// A one-port wrapped with an observer and a controller: again a one-port, of the same causality.
 ///
 ///     E(k) = E(k-1) + out'(k-1)·in(k) T,    out'(k) = passivity_controller(out(k), in(k), E(k))
 ///

@@ -7,16 +7,16 @@
 
 namespace twoport {
 
-/// How a port is expected to move in the coming interval.
+/// Predicted motion of a port in the coming interval.
 template <int N>
 struct VelocityPrediction {
   using Vector = typename Force<N>::Vector;
   Vector mobility = Vector::Zero();   ///< of the mean velocity to the force, T/(2m) per axis [m/(N s)]
   Velocity<N> w{};                    ///< mean velocity without a force
-  double error_bound = 0.0;           ///< of w, in any direction [m/s]
+  double error_bound = 0.0;           ///< norm of the error of w [m/s]
   double rotation_error_bound = 0.0;  ///< of w's rotation, N = 6 [rad/s]
 
-  /// Largest power that f can do through the error of w [W].
+  /// Largest power of f due to the error of w [W].
   [[nodiscard]] double power_error_bound(const Force<N>& f) const noexcept {
     if constexpr (N == 6) {
       return f.vec().template head<3>().norm() * error_bound + f.vec().template tail<3>().norm() * rotation_error_bound;
@@ -26,8 +26,8 @@ struct VelocityPrediction {
   }
 };
 
-/// Predicts the motion of a port under a held force from positions and from the forces that were applied. Velocity
-/// estimates are not used: they lag.
+/// Predicts the motion of a port under a held force from positions and applied forces. Velocity estimates are not used
+/// because they lag.
 ///
 ///     u(k+1) = u(k) + d - C (f(k-1) + f(k))         u: mean velocity of interval k; d: change by the hand in an interval
 ///     u, d  += g e, h e                             e: measured less predicted mean velocity
@@ -35,8 +35,8 @@ struct VelocityPrediction {
 ///     error_bound = max(|e|, 0.95 error_bound)      translation and rotation each
 ///
 /// C = T/(2m) per axis, exact for a mass under held forces; g = 1 - θ², h = (1 - θ)² is the fading-memory (alpha-beta)
-/// filter, which averages an encoder's counts over a few ticks and loses nothing of the answer to the force, as that is
-/// fed forward.
+/// filter, which averages an encoder's counts over a few ticks; the response to the force is fed forward and not
+/// filtered.
 template <int N>
 class PortVelocityPredictor {
  public:

@@ -19,7 +19,7 @@
 
 namespace twoport {
 
-/// What a live run asks of its link: the mail for the cycle, and who is at the other end.
+/// The link of a live run: the mailbox of the cycle, and the session with the peer.
 template <int N>
 class LiveLink {
  public:
@@ -42,8 +42,8 @@ class LiveLink {
     }
   }
 
-  /// Ask before every cycle. True when the other side is there for the first time or has started anew; the node's totals
-  /// then start again with the other's.
+  /// Call before every cycle. True when the other side appears for the first time or has restarted; the node's totals
+  /// then restart with the peer's.
   template <class Node>
   bool met(Node& node) noexcept {
     if (!mail_.transport().take_new_session()) return false;
@@ -51,7 +51,7 @@ class LiveLink {
     mail_.reset();
     return true;
   }
-  /// Why the two sides cannot work together; empty while they can.
+  /// Reason why the two sides cannot work together, or empty.
   [[nodiscard]] std::string_view refusal() noexcept { return mail_.transport().reject_reason(); }
   /// After every cycle.
   void note() noexcept {
@@ -66,18 +66,18 @@ class LiveLink {
             .sessions = mail_.transport().pairings()};
   }
 
-  /// What a summary says of the link.
+  /// Link figures of the summary.
   void fill(Summary& s, Mode mode) {
     const LinkCounts link = mail_.transport().counts();
     auto *to_slave = s.mutable_packets()->mutable_to_slave(), *to_master = s.mutable_packets()->mutable_to_master();
     const bool master = side_ == Side::master;
-    (master ? to_slave : to_master)->set_sent(static_cast<std::uint32_t>(mail_.counts().sent - link.unaddressed));
+    (master ? to_slave : to_master)->set_sent(count(mail_.counts().sent - link.unaddressed));
     *(master ? to_master : to_slave) = packets(0, mail_.counts(), link.rejected);
     s.set_mode(to_string(mode));
-    s.set_reconnects(static_cast<std::uint32_t>(std::max<std::uint64_t>(mail_.transport().pairings(), 1) - 1));
+    s.set_reconnects(count(std::max<std::uint64_t>(mail_.transport().pairings(), 1) - 1));
     *s.mutable_rtt_ms() = percentiles(round_trip_, 1e6);
   }
-  /// Packets that the simulated network had no room for.
+  /// Packets dropped because the simulated network was full.
   [[nodiscard]] std::uint64_t overflowed() { return mail_.transport().counts().overflowed; }
 
  private:
@@ -111,7 +111,7 @@ class LiveLink {
   Histogram round_trip_;
 };
 
-/// The same where there is no link: the scene begins with the first tick.
+/// The same without a link: the session begins with the first tick.
 class NoLink {
  public:
   [[nodiscard]] NoMail& mail() noexcept { return mail_; }

@@ -5,10 +5,12 @@
 
 #include <chrono>
 #include <cstdint>
+#include <memory>
 #include <string>
 #include <string_view>
 
 #include "common/base/check.h"
+#include "common/base/file.h"
 #include "common/hardware/status.h"
 #include "common/platform/program.h"
 #include "common/platform/realtime.h"
@@ -59,11 +61,11 @@ template <class Clock, class Hardware>
 auto first_reading(Hardware& hardware, Seconds period, const std::string& choice) {
   const auto sample = hardware.sense(Tick<Clock>{Instant<Clock>{Duration{0}}, period});
   if (sample.status == HardwareStatus::fault)
-    throw IoError{choice + ": the hardware reports a fault at its first reading; see what it shows, and start again"};
+    throw IoError{choice + ": hardware fault at the first reading; check the hardware and start again"};
   return sample;
 }
 
-/// What is said in a live run's log and summary, beside its rows.
+/// Data for the log and summary of a live run, besides its rows.
 struct LiveFigures {
   const PeriodicLoop& loop;
   const StepClock& clock;
@@ -72,33 +74,34 @@ struct LiveFigures {
 void say(spdlog::logger& log, const LiveFigures& figures);
 void fill(Summary& summary, const LiveFigures& figures);
 
-/// Why a run has failed, and with which exit status; 0 where it has not.
+/// Why a run has failed, and its exit status; 0: no failure.
 struct Failure {
   std::string sentence;
   int status = 0;
 };
 Failure why_failed(std::string_view refusal, HardwareStatus last, double ran_s);
 
-/// A live run of one side from its first tick to its exit status, but for what the two sides differ in:
+/// A live run of one side from its first tick to its exit status. The sides differ in:
 ///
 ///     kSize, kSide, kName       degrees of freedom, Side, and its name
 ///     Clock, Hardware, Sample   types: of its ticks, of `hardware`, of a reading
 ///     node, hardware, link      a node, a Device or Robot, a LiveLink or NoLink
 ///     rate_hz()
-///     serves()                  does it go on after the end of the scene?
-///     metrics()                 what turns the rows into a summary
-///     row(k, t_s, sample, out)  the row of tick k, t_s after the two sides have met
-///     complete(row, sample)     what the next tick's sample tells of that row
-///     fill(summary, diverged)   what the side adds to its summary
-///     judged()                  is the scene's `expect` held against its summary?
+///     serves()                  does it continue after the end of the scene?
+///     metrics()                 computes the summary from the rows
+///     row(k, t_s, sample, out)  the row of tick k, t_s after the link came up
+///     complete(row, sample)     completes that row from the next tick's sample
+///     fill(summary, diverged)   the side's own figures of the summary
+///     judged()                  is its summary compared with the scene's `expect`?
 template <class LiveSide>
 int run_live(LiveSide& side, const Scene& scene, const LiveArguments& arguments, spdlog::logger& log) {
   constexpr int N = LiveSide::kSize;
   using Clock = typename LiveSide::Clock;
   const double rate_hz = side.rate_hz();
   const Seconds dt{1.0 / rate_hz};
+  const std::unique_ptr<WholeFile> trace = open_trace(arguments);
   Recorder<N> recorder{{.metrics = side.metrics(),
-                        .trace_path = trace_path(arguments),
+                        .trace = trace.get(),
                         .duration_s = scene.duration_s,
                         .side = LiveSide::kSide,
                         .log = log}};
@@ -156,20 +159,18 @@ int run_live(LiveSide& side, const Scene& scene, const LiveArguments& arguments,
     s.set_stable(false);
     s.set_verdict(failure.sentence);
   }
-  const bool judged = side.judged() && !stop && failure.status == 0;
-  int status = conclude(scene, arguments, LiveSide::kName, s, judged);
-  // The trace last: a disk that is full costs the trace only.
-  recorder.close_trace();
+  const int written = leave_files(scene, arguments, LiveSide::kName, trace.get(), s);
   if (failure.status != 0) {
     fmt::print(stderr, "twoport-{}: {}\n", LiveSide::kName, failure.sentence);
     return failure.status;
   }
+  int status = side.judged() && !stop ? judge(scene, arguments, s) : 0;
   // A scene that expects nothing does not expect this.
   if (status == 0 && recorder.diverged() && scene.expect.stable.value_or(true)) {
     fmt::print(stderr, "{}: the {} has {}\n", arguments.scene, LiveSide::kName, s.verdict());
     status = 3;
   }
-  return status;
+  return written != 0 ? written : status;
 }
 
 }  // namespace twoport

@@ -25,7 +25,7 @@ int live_program(int argc, char** argv, const ProgramText& text,
   app.add_option("--scene", a.scene, "Scene file (.textproto)")->required();
   app.add_option("--set", a.set, "Override, PATH=VALUE, e.g. control.passivity.method=NONE")->take_all();
   std::string duration;
-  app.add_option("--duration", duration, "Seconds, as --set duration_s=SECONDS");
+  app.add_option("--duration", duration, "SECONDS, as --set duration_s=SECONDS; without either, until Ctrl-C");
   app.add_option(text.address_flag, a.address, "ADDR:PORT")->capture_default_str();
   app.add_option(text.hardware_flag, a.hardware, "NAME[:ARGS], " + text.hardware)->capture_default_str();
   app.add_flag_callback(
@@ -37,16 +37,15 @@ int live_program(int argc, char** argv, const ProgramText& text,
       "One line for each NAME of " + text.hardware_flag);
   app.add_option("--out", a.out, "Folder for summary.json and trace.csv");
   app.add_option("--trace", a.trace, "none or csv")->check(CLI::IsMember({"none", "csv"}))->capture_default_str();
-  app.add_flag("!--no-realtime", a.realtime, "Leave scheduling and memory as they are");
-  app.add_flag("!--no-spin", a.spin, "Sleep to the tick; do not spin the last 50 us");
+  app.add_flag("!--no-realtime", a.realtime, "Do not request real-time scheduling or locked memory");
+  app.add_flag("!--no-spin", a.spin, "Sleep until the tick, without busy-waiting for the last 50 us");
   try {
     app.parse(argc, argv);
     if (!duration.empty()) a.set.push_back("duration_s=" + duration);
-    const Scene scene = load_scene(a.scene, a.set);
-    for (const std::string& sentence : hints(scene)) fmt::print(stderr, "{}: warning: {}\n", a.scene, sentence);
+    const Scene scene = load_scene(a.scene, a.set, SceneFor::live);
     if (scene.control.architecture == Architecture::uncontrolled)
       throw ConfigError(a.scene +
-                        ": control.architecture is UNCONTROLLED, which nobody runs live; use twoport-lab run");
+                        ": control.architecture is UNCONTROLLED, which does not run live; use twoport-lab run");
     stop_on_signals();  // before hardware is opened, so that whatever has been opened is released
     return body(scene, a);
   } catch (const CLI::ParseError& e) {
@@ -62,30 +61,44 @@ int live_program(int argc, char** argv, const ProgramText& text,
   }
 }
 
-std::string trace_path(const LiveArguments& a) {
-  if (a.out.empty()) return {};
+void print_hints(const Scene& scene, const LiveArguments& a, bool device_is_simulated) {
+  for (const std::string& sentence : hints(scene, device_is_simulated))
+    fmt::print(stderr, "{}: warning: {}\n", a.scene, sentence);
+}
+
+std::unique_ptr<WholeFile> open_trace(const LiveArguments& a) {
+  if (a.out.empty()) return nullptr;
   std::error_code error;
   std::filesystem::create_directories(a.out, error);
   if (error) throw ConfigError(fmt::format("--out {}: cannot be created: {}", a.out, error.message()));
   for (const char* name : {"/summary.json", "/trace.csv"}) {
     std::filesystem::remove(a.out + name, error);
     if (error)
-      throw ConfigError(
-          fmt::format("{}{}: is of an earlier run and cannot be removed: {}", a.out, name, error.message()));
+      throw ConfigError(fmt::format("{}{}: of an earlier run cannot be removed: {}", a.out, name, error.message()));
   }
-  return a.trace == "csv" ? a.out + "/trace.csv" : std::string{};
+  return a.trace == "csv" ? std::make_unique<WholeFile>(a.out + "/trace.csv") : nullptr;
 }
 
-int conclude(const Scene& scene, const LiveArguments& a, const std::string& side, Summary s, bool judged) {
+int leave_files(const Scene& scene, const LiveArguments& a, const std::string& side, WholeFile* trace, Summary s) {
   describe_run(scene, side, s);
-  if (a.out.empty()) {
-    std::fputs(to_json(s).c_str(), stdout);
-  } else {
-    write_whole(a.out + "/summary.json", to_json(s));
+  const auto written = [&](auto write) {
+    try {
+      write();
+      return true;
+    } catch (const std::exception& e) {
+      fmt::print(stderr, "twoport-{}: {}\n", side, e.what());
+      return false;
+    }
+  };
+  const bool has_trace = trace == nullptr || written([&] { trace->commit(); });
+  const bool has_summary = written([&] { leave_summary(s, a.out); });
+  if (has_summary && !a.out.empty())
     fmt::print("{} {}: {}; {} in {}\n", side, scene.name, s.verdict(),
-               a.trace == "none" ? "summary" : "summary and trace", a.out);
-  }
-  if (!judged) return 0;
+               trace != nullptr && has_trace ? "summary and trace" : "summary", a.out);
+  return has_trace && has_summary ? 0 : 1;
+}
+
+int judge(const Scene& scene, const LiveArguments& a, const Summary& s) {
   const std::vector<std::string> violated = violations(scene.expect, s);
   for (const std::string& sentence : violated) fmt::print(stderr, "{}: {}\n", a.scene, sentence);
   return violated.empty() ? 0 : 3;

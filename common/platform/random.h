@@ -4,8 +4,8 @@
 
 namespace twoport {
 
-/// 64 bits from the system's generator, which nobody can predict. No allocation, no lock. Ends the program where the
-/// system has no such generator.
+/// 64 unpredictable bits from the system's random generator. No allocation, no lock. Ends the program if the system has
+/// no such generator.
 std::uint64_t system_random() noexcept;
 
 }  // namespace twoport

@@ -48,7 +48,7 @@ void relax() noexcept {
 #endif
 }
 
-/// Touches the stack that the loop will use, so that it is there.
+/// Touches the stack that the loop will use, so that it is mapped.
 void touch_stack() noexcept {
   std::array<volatile char, 256 * 1024> stack;
   for (std::size_t i = 0; i < stack.size(); i += 1024) stack[i] = 0;
@@ -64,7 +64,7 @@ const std::atomic<bool>& stop_on_signals() {
   sigaction(SIGTERM, &action, nullptr);
   sigaction(SIGHUP, &action, nullptr);  // the terminal has gone
   action.sa_handler = SIG_IGN;
-  sigaction(SIGPIPE, &action, nullptr);  // so has who read what we print
+  sigaction(SIGPIPE, &action, nullptr);  // the reader of our output has gone
   return stop_requested;
 }
 
@@ -91,7 +91,7 @@ PeriodicLoop::~PeriodicLoop() {
 }
 
 void PeriodicLoop::lock_memory() {
-  // Locking what is still to come under a limit would make a later allocation fail: then only what is there.
+  // Under a limit, locking future memory would make a later allocation fail: then lock present memory only.
   rlimit limit{};
   getrlimit(RLIMIT_MEMLOCK, &limit);
   const rlimit none{RLIM_INFINITY, RLIM_INFINITY};
@@ -125,7 +125,7 @@ void PeriodicLoop::stay_awake() {
   if (latency_fd_ >= 0 && write(latency_fd_, &no_latency, sizeof no_latency) == sizeof no_latency) return;
   not_permitted_.push_back(
       std::string{"/dev/cpu_dma_latency cannot be held at 0 ("} + std::strerror(errno) +
-      "): waking an idle core takes tens of microseconds longer; run as root or permit writing it");
+      "): waking an idle core takes tens of microseconds longer; run as root or allow writing to it");
   if (latency_fd_ >= 0) close(latency_fd_);
   latency_fd_ = -1;
 }
@@ -135,7 +135,7 @@ void PeriodicLoop::sharpen_timer() {
   if (prctl(PR_SET_TIMERSLACK, 1UL, 0, 0, 0) == 0) return;
   previous_slack_ns_ = -1;
   not_permitted_.push_back(std::string{"timer slack of 1 ns refused ("} + std::strerror(errno) +
-                           "): ticks come up to 50 us late; nothing but SCHED_FIFO helps here");
+                           "): ticks are up to 50 us late; only SCHED_FIFO avoids this");
 }
 
 void PeriodicLoop::begin() {
@@ -160,7 +160,7 @@ std::int64_t PeriodicLoop::next(const std::atomic<bool>& stop) noexcept {
   late_ = now - due;
   lateness_.add(late_);
 
-  // More than a period late: on with the newest tick that is due.
+  // More than a period late: continue with the newest tick that is due.
   if (deadline(k + 1) <= now) {
     const Duration since = now - start_;
     k = std::max(k + 1, static_cast<std::int64_t>(to_seconds(since).si() * options_.rate_hz));

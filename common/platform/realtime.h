@@ -10,8 +10,8 @@
 
 namespace twoport {
 
-/// Set by SIGINT, SIGTERM and SIGHUP from the first call on, and by every further one: none of them ends the program before
-/// it has released its hardware and written its files. SIGQUIT (Ctrl-\) and SIGKILL still end it at once, without either.
+/// Set by SIGINT, SIGTERM and SIGHUP, also repeated, from the first call on: the program ends only after it has
+/// released its hardware and written its files. SIGQUIT (Ctrl-\) and SIGKILL still end it at once, without either.
 const std::atomic<bool>& stop_on_signals();
 
 struct LoopOptions {
@@ -21,8 +21,8 @@ struct LoopOptions {
   bool spin = true;      ///< spin the last 50 us before each tick
 };
 
-/// Runs a step at tick k = start + k/rate of CLOCK_MONOTONIC, with what the machine permits. Build it in the thread
-/// that runs it: the scheduling is that thread's, and is put back when the loop goes.
+/// Runs a step at tick k = start + k/rate of CLOCK_MONOTONIC, with the permitted real-time settings. Construct
+/// it in the thread that runs it: the destructor restores that thread's scheduling.
 /// The loop itself does not allocate.
 class PeriodicLoop {
  public:
@@ -32,12 +32,12 @@ class PeriodicLoop {
   PeriodicLoop(const PeriodicLoop&) = delete;
   PeriodicLoop& operator=(const PeriodicLoop&) = delete;
 
-  /// What could not be had, and what to do about it: a sentence each.
+  /// Settings that were not permitted, and the remedy: a sentence each.
   [[nodiscard]] const std::vector<std::string>& not_permitted() const noexcept { return not_permitted_; }
 
   /// Calls `bool step(std::int64_t k, Duration now)` every tick until it returns false or `stop` is set. `now` is the
-  /// nominal time of tick k since the start, tick_time(k, rate). When a whole period was missed, k jumps: what is
-  /// late is left out, not made up for.
+  /// nominal time of tick k since the start, tick_time(k, rate). When a whole period was missed, k jumps:
+  /// late ticks are skipped, not executed later.
   template <class Step>
   void run(const std::atomic<bool>& stop, Step&& step) {
     begin();
@@ -45,11 +45,11 @@ class PeriodicLoop {
       if (!step(k, tick_time(k, options_.rate_hz))) break;
   }
 
-  /// How late each wake-up was for the tick it was meant for.
+  /// Wake-up latency of each tick.
   [[nodiscard]] const Histogram& lateness() const noexcept { return lateness_; }
   /// The same of this tick, from within the step.
   [[nodiscard]] Duration late() const noexcept { return late_; }
-  /// Ticks left out because the loop was more than a period late for them.
+  /// Skipped ticks, for which the loop was more than a period late.
   [[nodiscard]] std::uint64_t deadline_misses() const noexcept { return deadline_misses_; }
 
  private:

@@ -93,13 +93,13 @@ void Recorder<N>::log_change(const Entry& entry) {
     case Mode::idle:
       break;
     case Mode::coupled:
-      if (!std::exchange(paired_, false)) say(fmt::format("the {} is heard again", peer));
+      if (!std::exchange(paired_, false)) say(fmt::format("packets of the {} arrive again", peer));
       break;
     case Mode::holding:
       say(fmt::format("the {} is silent; holding", peer));
       break;
     case Mode::released:
-      say(was == Mode::holding ? fmt::format("released: the {} has stayed silent", peer)
+      say(was == Mode::holding ? fmt::format("released: the {} is still silent", peer)
                                : std::string{"released: a reading was not finite"});
       break;
   }

@@ -14,31 +14,31 @@
 
 namespace twoport {
 
-/// What the live view shows of a tick beside its row.
+/// Data of a tick for the live view, besides its row.
 struct TickView {
-  Duration late{0};            ///< how late the tick began
+  Duration late{0};            ///< wake-up latency of the tick
   Duration round_trip{-1};     ///< of the newest report; negative: not known
   std::uint64_t received = 0;  ///< packets from the other side so far
   std::uint64_t lost = 0;
   std::uint64_t sessions = 0;  ///< of the other side so far; 0 where there is none
 };
 
-/// The cold side of a live run: a thread that takes rows from the cycle through a ring, writes the trace, adds up the
-/// summary, shows progress and logs what becomes of the link. The cycle never waits for it; a row that finds the ring full
-/// is counted, not recorded.
+/// The recording thread of a live run: takes rows from the cycle through a ring buffer, writes the trace, computes the
+/// summary, shows progress and logs the state of the link. The cycle never waits for it; if the ring is full, a row is
+/// counted, not recorded.
 template <int N>
 class Recorder {
  public:
   struct Options {
     Metrics<N> metrics;
-    std::string trace_path;  ///< empty: no trace
-    double duration_s;       ///< planned; infinity: until somebody ends it
-    Side side;               ///< whose port is shown
+    WholeFile* trace;   ///< null: none. The caller commits it after finish()
+    double duration_s;  ///< planned; infinity: until somebody ends it
+    Side side;          ///< whose port is shown
     spdlog::logger& log;
   };
   /// Progress goes to stderr: one line rewritten on a terminal, else none.
   explicit Recorder(Options options) : o_{std::move(options)}, ring_{kRows} {
-    if (!o_.trace_path.empty()) trace_.emplace(o_.trace_path);
+    if (o_.trace) trace_.emplace(*o_.trace);
     thread_ = std::thread{[this] { drain(); }};
   }
   ~Recorder() { stop(); }
@@ -46,20 +46,15 @@ class Recorder {
 
   /// From the cycle.
   void push(const Row<N>& row, const TickView& view) noexcept { ring_.try_push({row, view}); }
-  /// Has a recorded value run away? The cycle ends the run then.
+  /// Has a recorded value diverged? The cycle then ends the run.
   [[nodiscard]] bool diverged() const noexcept { return diverged_.load(std::memory_order_relaxed); }
 
-  /// After the last push: what was recorded. The trace is put in place after the summary, so that a disk that is full
-  /// does not cost both.
+  /// After the last push: what was recorded.
   Summary finish() {
     stop();
     Summary s;
     o_.metrics.fill(s);
     return s;
-  }
-  /// Throws IoError when the trace could not be written.
-  void close_trace() {
-    if (trace_) trace_->close();
   }
   [[nodiscard]] std::uint64_t dropped() const { return ring_.dropped(); }
 

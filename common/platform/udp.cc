@@ -2,7 +2,7 @@
 
 #define ASIO_STANDALONE
 #define ASIO_NO_DEPRECATED
-#define ASIO_DISABLE_FENCED_BLOCK  // no handler runs here, and the thread sanitizer knows no fences
+#define ASIO_DISABLE_FENCED_BLOCK  // no handler runs here, and the thread sanitizer does not support fences
 #include <netinet/in.h>
 #include <sys/socket.h>
 #include <sys/types.h>
@@ -69,13 +69,13 @@ Endpoint from_system(const sockaddr_storage& source) noexcept {
   return out;
 }
 
-/// Why the socket cannot be bound, and what to do about it.
+/// Why the socket cannot be bound, and the remedy.
 std::string bind_advice(const asio::error_code& error) {
   if (error == asio::error::address_in_use)
-    return "the port is in use, perhaps by a program that still runs; end that one or choose another port";
+    return "the port is in use; stop the program that uses it or choose another port";
   if (error.value() == EADDRNOTAVAIL)
-    return "no interface of this machine has that address; use one that `ip address` lists, or 0.0.0.0 for all";
-  if (error == asio::error::access_denied) return "not permitted; choose a port from 1024 on";
+    return "no interface of this machine has that address; use one of `ip address`, or 0.0.0.0 for all";
+  if (error == asio::error::access_denied) return "not permitted; choose a port >= 1024";
   return error.message();
 }
 
@@ -114,8 +114,8 @@ Endpoint any_port_toward(const Endpoint& peer) {
   return any;
 }
 
-// Asio opens and binds. The datagrams themselves go by system calls: a poll that finds one of them is then one call and
-// not two, and costs 0.4 us less.
+// Asio opens and binds the socket. Datagrams use system calls directly: a poll that finds one then needs one call
+// instead of two, and costs 0.4 us less.
 struct UdpSocket::Impl {
   asio::io_context context{1};
   udp::socket socket{context};
@@ -182,7 +182,7 @@ ssize_t UdpSocket::Impl::send(std::span<const std::byte> bytes, const Endpoint& 
 
 bool UdpSocket::send(std::span<const std::byte> bytes, const Endpoint& to, Duration) noexcept {
   bool sent = impl_->send(bytes, to) >= 0;
-  // An ICMP error of an earlier datagram is reported here, and takes the place of this send: once more.
+  // An ICMP error of an earlier datagram is reported here instead of this send: retry once.
   if (!sent && errno == ECONNREFUSED) sent = impl_->send(bytes, to) >= 0;
   if (!sent) ++impl_->unsent;
   return sent;
@@ -200,7 +200,7 @@ bool UdpSocket::Impl::refill() noexcept {
 std::optional<ReceivedDatagram> UdpSocket::receive(Duration now) noexcept {
   Impl& s = *impl_;
   if (s.taken == s.filled) {
-    // A batch that was not full has emptied the queue: say so without asking again.
+    // A batch that was not full has emptied the queue: no further call.
     const bool emptied = s.filled > 0 && s.filled < kBatch;
     s.filled = s.taken = 0;
     if (emptied || !s.refill()) return std::nullopt;

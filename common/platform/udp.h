@@ -23,18 +23,18 @@ class UdpSocket final : public DatagramSocket {
  public:
   /// Binds to `local`; port 0 takes a free one. Throws ConfigError naming address, port and what to do.
   explicit UdpSocket(const Endpoint& local);
-  /// The same, and from here on receives from `peer` only, and finds the way there faster; where there is no way now, it
-  /// receives from all. Throws ConfigError for an address that is nobody's.
+  /// The same, and from here on receives from `peer` only, with faster routing; without a route it
+  /// receives from all. Throws ConfigError for an invalid address.
   UdpSocket(const Endpoint& local, const Endpoint& peer);
   ~UdpSocket() override;
   UdpSocket(UdpSocket&&) noexcept;
   UdpSocket& operator=(UdpSocket&&) noexcept;
 
-  /// False, and counted, when the datagram could not be handed over: nobody listens there, the queue is full, no route.
+  /// False, and counted, when the datagram could not be sent: no receiver, a full queue or no route.
   bool send(std::span<const std::byte> bytes, const Endpoint& to, Duration now) noexcept override;
 
-  /// The oldest datagram that waits; nothing when none does, or none did when the last batch of them was fetched. One that
-  /// was too long is cut to more than kMaxDatagramBytes.
+  /// The oldest received datagram; empty if there is none, or was none when the last batch was fetched. An oversized
+  /// one is cut to more than kMaxDatagramBytes.
   std::optional<ReceivedDatagram> receive(Duration now) noexcept override;
 
   /// Where it is bound, with the port that was taken.

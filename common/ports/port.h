@@ -16,7 +16,7 @@ concept PowerDual = requires(const A& a, const B& b) {
   { dot(a, b) } -> std::same_as<Power>;
 };
 
-/// One period of an element with one port: what drives it in, what it answers out.
+/// One period of a one-port: input in, output out.
 /// In = Velocity, Out = Force is an impedance; the reverse an admittance.
 template <class E>
 concept OnePort = PowerDual<typename E::In, typename E::Out> && requires(E e, const typename E::In& in, Seconds dt) {

@@ -64,7 +64,7 @@ class Metrics {
   /// Everything that rows tell; what ran, packets and times are the caller's.
   void fill(Summary& s) const {
     const double rows = static_cast<double>(std::max<std::uint64_t>(rows_, 1));
-    s.set_steps(static_cast<std::uint32_t>(rows_));
+    s.set_steps(count(rows_));
     s.set_rate_hz(rate_hz_);
     // To the end of the last tick: a live loop may have left some out.
     s.set_duration_s(rows_ > 0 ? (std::round(last_s_ * rate_hz_) + 1.0) / rate_hz_ : 0.0);
@@ -75,7 +75,7 @@ class Metrics {
     s.set_min_observed_energy_j(initial_energy_j_ + min_observed_j_);
     s.set_energy_owed_j(owed_j_);
     s.set_dissipated_j(dissipated_j_);
-    s.set_corrected_ticks(static_cast<std::uint32_t>(corrected_ticks_));
+    s.set_corrected_ticks(count(corrected_ticks_));
     s.set_position_error_rms_m(std::sqrt(position_error2_ / rows));
     s.set_drift_m(std::sqrt(drift2_));
     s.set_force_error_rms_n(std::sqrt(force_error2_ / rows));

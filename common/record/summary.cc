@@ -4,9 +4,13 @@
 #include <google/protobuf/message.h>
 #include <google/protobuf/util/json_util.h>
 
+#include <algorithm>
+#include <cstdio>
+#include <exception>
 #include <limits>
 
 #include "common/base/check.h"
+#include "common/base/file.h"
 #include "common/scene/names.h"
 
 namespace twoport {
@@ -50,7 +54,7 @@ void describe_run(const Scene& scene, std::string_view side, Summary& s) {
   s.set_scene(scene.name);
   s.set_side(std::string{side});
   s.set_architecture(to_string(scene.control.architecture));
-  s.set_method(to_string(scene.control.controller.method));
+  s.set_method(scene.control.method_name);
   s.set_dof(scene.dof);
   // Printed for every run, zeros included.
   s.mutable_packets()->mutable_to_slave();
@@ -59,15 +63,18 @@ void describe_run(const Scene& scene, std::string_view side, Summary& s) {
   s.mutable_loop_lateness_us();
 }
 
+std::uint32_t count(std::uint64_t n) {
+  return static_cast<std::uint32_t>(std::min<std::uint64_t>(n, std::numeric_limits<std::uint32_t>::max()));
+}
+
 Packets packets(std::uint64_t sent, const PacketCounts& receiver, std::uint64_t rejected) {
-  const auto count = [](std::uint64_t n) { return static_cast<std::uint32_t>(n); };
   Packets all;
   all.set_sent(count(sent));
   all.set_received(count(receiver.received));
   all.set_lost(count(receiver.lost));
   all.set_late(count(receiver.late));
   all.set_duplicated(count(receiver.duplicated));
-  all.set_rejected(count(rejected));
+  all.set_rejected(count(receiver.rejected + rejected));
   return all;
 }
 
@@ -80,6 +87,20 @@ std::string to_json(const Summary& summary) {
   const auto status = pb::util::MessageToJsonString(summary, &json, options);
   if (!status.ok()) throw ConfigError{"summary: cannot be written as JSON: " + status.ToString()};
   return json;
+}
+
+void leave_summary(const Summary& summary, const std::string& folder) {
+  const std::string json = to_json(summary);
+  if (folder.empty()) {
+    std::fputs(json.c_str(), stdout);
+    return;
+  }
+  try {
+    write_whole(folder + "/summary.json", json);
+  } catch (const std::exception&) {
+    std::fputs(json.c_str(), stdout);
+    throw;
+  }
 }
 
 std::vector<std::pair<std::string, double>> numbers(const Summary& summary) {

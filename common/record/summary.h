@@ -21,11 +21,18 @@ using Percentiles = schema::Percentiles;
 /// Fills what every run has: which scene it was of, `side` ("lab", "master", "slave"), architecture, method, size.
 void describe_run(const Scene& scene, std::string_view side, Summary& summary);
 
-/// What the receiver of one direction has counted, of `sent`; and datagrams that were none of ours.
+/// `n` as a summary holds it: 2^32 - 1 also stands for more.
+std::uint32_t count(std::uint64_t n);
+
+/// What the receiver of one direction has counted, of `sent`; and datagrams that were `rejected` below it.
 Packets packets(std::uint64_t sent, const PacketCounts& receiver, std::uint64_t rejected = 0);
 
 /// Protobuf JSON, zeros and falses printed; what is not known is absent.
 std::string to_json(const Summary& summary);
+
+/// Leaves `summary` as summary.json in `folder`, on stdout where that is empty. One that cannot be written goes to stdout, so
+/// that no result is lost, and the IoError or ConfigError that says why is thrown.
+void leave_summary(const Summary& summary, const std::string& folder);
 
 /// Every number of the schema as (name, value), in its order, nested ones as "rtt_ms.p99"; booleans as 0, 1; NaN where
 /// it is not known.

@@ -28,10 +28,10 @@ void append(std::string& line, const Vector& v) {
 }  // namespace
 
 template <int N>
-Trace<N>::Trace(const std::string& path) : file_{path} {
+Trace<N>::Trace(WholeFile& file) : file_{&file} {
   for_each_column(Row<N>{}, [&](const Column& column, const auto& v) { append_names(line_, column.name, v); });
   line_.back() = '\n';
-  file_.write(line_);
+  file_->write(line_);
 }
 
 template <int N>
@@ -39,7 +39,7 @@ void Trace<N>::add(const Row<N>& row) {
   line_.clear();
   for_each_column(row, [&](const Column&, const auto& value) { append(line_, value); });
   line_.back() = '\n';
-  file_.write(line_);
+  file_->write(line_);
 }
 
 template class Trace<1>;

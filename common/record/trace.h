@@ -7,19 +7,17 @@
 
 namespace twoport {
 
-/// trace.csv: one row per master tick. It appears under its name when close() has written all of it, so that a killed run
-/// leaves no half a trace. Throws ConfigError with the path and the reason when it cannot be opened.
+/// Writes trace.csv, one row per master tick, into a file that the caller commits.
 template <int N>
 class Trace {
  public:
-  explicit Trace(const std::string& path);
+  /// Writes the header. `file` must outlive this.
+  explicit Trace(WholeFile& file);
 
   void add(const Row<N>& row);
-  /// Throws IoError when not all of it could be written.
-  void close() { file_.commit(); }
 
  private:
-  WholeFile file_;
+  WholeFile* file_;
   std::string line_;
 };
 

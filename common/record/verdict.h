@@ -39,7 +39,8 @@ namespace twoport {
 /// 30 Hz is at least half of the force felt (rms): a hand is slower than that.
 class Verdict {
  public:
-  /// `quiet_from_s`: when the operator's path ends. `duration_s`: planned end. `initial_energy_j`: E(0).
+  /// `quiet_from_s`: when the operator's path ends. `duration_s`: planned end; infinity: none, and then growth is not
+  /// judged. `initial_energy_j`: E(0).
   Verdict(double quiet_from_s, double duration_s, double initial_energy_j)
       : quiet_{quiet_from_s < 0.9 * duration_s},
         from_s_{quiet_ ? std::max(quiet_from_s, 0.25 * duration_s) : 0.5 * duration_s},
@@ -105,6 +106,7 @@ class Verdict {
 
   [[nodiscard]] Judgement judge() const {
     if (diverged_) return {true, "diverged at " + digits(diverged_at_s_) + " s"};
+    if (!std::isfinite(from_s_)) return {false, "bounded; growth is not judged where no end is planned"};
     if (filled_ < 4) return {false, "bounded; too short to judge growth"};
     const std::size_t n = filled_ == kWindows ? kWindows : filled_ - 1;  // a window cut short is left out
     std::array<double, kWindows> y{};

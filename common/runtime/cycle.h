@@ -5,7 +5,7 @@
 
 namespace twoport {
 
-/// Mail of a node that has no link.
+/// Mailbox of a node without a link.
 struct NoReport {};
 struct NoMail {
   NoReport nothing;
@@ -13,8 +13,8 @@ struct NoMail {
   void post(NoReport&, Duration) const noexcept {}
 };
 
-/// One control period: sense, collect, step, actuate, post. The only place where this order is written down; the live
-/// programs, the laboratory and a replay all run it.
+/// One control period: sense, collect, step, actuate, post. The live programs, the
+/// laboratory and a replay use this one function.
 template <class Node, class Plant, class Mail, class Clock>
 [[gnu::always_inline]] inline auto run_cycle(Node& node, Plant& plant, Mail& mail, const Tick<Clock>& tick) noexcept {
   auto sensed = plant.sense(tick);

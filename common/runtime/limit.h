@@ -7,7 +7,7 @@
 
 namespace twoport {
 
-/// Bound on the norm of the translational force. A longer one is scaled as a whole: its direction stays, and a torque falls
+/// Bound on the norm of the translational force, which must be finite. A longer one is scaled as a whole: its direction stays, and a torque falls
 /// with it.
 template <int N>
 class ForceLimit {
@@ -19,6 +19,8 @@ class ForceLimit {
     const double norm = translational_norm(f);
     return norm <= max_n_ ? f : (max_n_ / norm) * f;
   }
+
+ private:
   static double translational_norm(const Force<N>& f) noexcept {
     if constexpr (N == 6) {
       return f.vec().template head<3>().norm();
@@ -27,7 +29,6 @@ class ForceLimit {
     }
   }
 
- private:
   double max_n_;
   bool any_;
 };

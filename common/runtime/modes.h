@@ -6,21 +6,21 @@
 
 namespace twoport {
 
-/// What a side knows of the link at one tick.
+/// State of the link at one tick.
 struct Health {
   bool heard;   ///< a report of the other side has arrived within hold_after
   bool silent;  ///< none within release_after
 };
 
-/// idle -> coupled on the first report; coupled -> holding when the link falls silent; holding -> coupled when it is
-/// heard again, -> released when it stays silent; released -> coupled when it is heard again.
+/// idle -> coupled on the first report; coupled -> holding when the link is silent; holding -> coupled when reports
+/// arrive again, -> released when it stays silent; released -> coupled when reports arrive again.
 [[nodiscard]] constexpr Mode next_mode(Mode mode, const Health& health) noexcept {
   if (health.heard) return Mode::coupled;
   if (mode == Mode::coupled || mode == Mode::holding) return health.silent ? Mode::released : Mode::holding;
   return mode;
 }
 
-/// Does a change from `was` to `mode` begin a coupling? Coming back from holding goes on with the one there is.
+/// Does a change from `was` to `mode` begin a coupling? A return from holding continues the existing one.
 [[nodiscard]] constexpr bool begins(Mode was, Mode mode) noexcept {
   return mode != was && mode == Mode::coupled && was != Mode::holding;
 }

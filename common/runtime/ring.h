@@ -8,9 +8,9 @@
 
 namespace twoport {
 
-/// Rows from one thread to one other, in order, neither ever waiting: what finds the ring full is dropped and counted.
-/// One thread calls `try_push`, one other `try_pop`; anyone may read `dropped`.
-/// No allocation after construction, no lock.
+/// Rows from one thread to another, in order, without waiting: a row is dropped and counted if the ring is full. One
+/// thread calls `try_push`, one other `try_pop`; anyone may read `dropped`. No allocation after construction, no
+/// lock.
 template <class Row>
 class Ring {
  public:

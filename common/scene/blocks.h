@@ -21,7 +21,7 @@ std::vector<Eigen::Vector3d> read_tool(const Block<schema::Tool>& of);
 SimulationSpec read_simulation(const Block<schema::Simulation>& of);
 ExpectSpec read_expect(const Block<schema::Expect>& of);
 
-/// What blocks ask of each other. `values` is what was read from `scene`.
+/// Rules between blocks. `values` is what was read from `scene`.
 void check_rules(const Block<schema::Scene>& scene, const Scene& values);
 
 /// The plain enums count as the schema's do, so that a value crosses by its number.

@@ -10,10 +10,6 @@ static_assert(same_number(Architecture::render, schema::Control::RENDER) &&
               same_number(Architecture::position_position, schema::Control::POSITION_POSITION) &&
               same_number(Architecture::uncontrolled, schema::Control::UNCONTROLLED) &&
               same_number(Architecture::uncontrolled, schema::Control::Architecture_MAX));
-static_assert(same_number(Method::none, schema::Passivity::NONE) &&
-              same_number(Method::classic, schema::Passivity::CLASSIC) &&
-              same_number(Method::force_projected, schema::Passivity::FORCE_PROJECTED) &&
-              same_number(Method::force_projected, schema::Passivity::Method_MAX));
 static_assert(same_number(ObserverRule::exact, schema::Passivity::EXACT) &&
               same_number(ObserverRule::rectangle, schema::Passivity::RECTANGLE) &&
               same_number(ObserverRule::rectangle, schema::Passivity::Observer_MAX));
@@ -55,9 +51,17 @@ RegistrationOptions read_registration(const Block<schema::Registration>& of) {
   return options;
 }
 
+/// The one-port controller of a method's name; none for a method that brings its own.
+Method controller_of(schema::Passivity::Method method) {
+  if (method == schema::Passivity::CLASSIC) return Method::classic;
+  if (method == schema::Passivity::FORCE_PROJECTED) return Method::force_projected;
+  return Method::none;
+}
+
 void read_passivity(const Block<schema::Passivity>& of, ControlOptions& options) {
-  options.method_name = schema::Passivity::Method_Name(of.choice<schema::Passivity::Method>(FIELD(method)));
-  options.controller = {.method = of.choice<Method>(FIELD(method)),
+  const auto method = of.choice<schema::Passivity::Method>(FIELD(method));
+  options.method_name = schema::Passivity::Method_Name(method);
+  options.controller = {.method = controller_of(method),
                         .max_gain = of.number(FIELD(max_gain), kNotNegative),
                         .unilateral = of.flag(FIELD(unilateral)),
                         .predict = of.flag(FIELD(predict))};
@@ -67,11 +71,15 @@ void read_passivity(const Block<schema::Passivity>& of, ControlOptions& options)
   const bool rendering = options.architecture == Architecture::render;
   options.initial_energy = Energy{of.number_or(FIELD(initial_energy_j), kNotNegative, rendering ? 0.0 : 1e-3)};
 
+  if (rendering && options.controller.method == Method::none && method != schema::Passivity::NONE)
+    of.refuse(FIELD(method),
+              "be NONE, CLASSIC or FORCE_PROJECTED where control.architecture is RENDER: it needs a link");
   // Only a rendering knows its contacts and their potential.
   if (!rendering && options.accounts != Accounts::total)
-    of.refuse(FIELD(accounts), "be TOTAL over a link: only control.architecture RENDER knows its contacts");
+    of.refuse(FIELD(accounts), "be TOTAL over a link; other accounts need control.architecture RENDER");
   if (of.dof() != 6 && options.accounts == Accounts::translation_rotation)
-    of.refuse(FIELD(accounts), fmt::format("be another one: nothing turns with dof {}", of.dof()));
+    of.refuse(FIELD(accounts),
+              fmt::format("be another value: TRANSLATION_ROTATION needs dof 6, and dof is {}", of.dof()));
 }
 
 }  // namespace
@@ -95,9 +103,6 @@ ControlOptions read_control(const Block<schema::Control>& of) {
 
 std::string to_string(Architecture architecture) {
   return schema::Control::Architecture_Name(static_cast<schema::Control::Architecture>(architecture));
-}
-std::string to_string(Method method) {
-  return schema::Passivity::Method_Name(static_cast<schema::Passivity::Method>(method));
 }
 
 }  // namespace twoport

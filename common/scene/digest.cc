@@ -1,5 +1,6 @@
 #include <bit>
 #include <cstdint>
+#include <string>
 #include <type_traits>
 
 #include "common/scene/load.h"
@@ -13,6 +14,10 @@ class Digest {
   template <class... Values>
   void add(const Values&... values) {
     (mix(bits(values)), ...);
+  }
+  void add(const std::string& text) {
+    for (const char c : text) add(static_cast<int>(c));
+    add(-1);  // no text holds it: the next one begins here
   }
   [[nodiscard]] std::uint64_t value() const { return value_; }
 
@@ -36,8 +41,7 @@ class Digest {
 
 std::uint64_t scene_digest(const Scene& scene) {
   // Taken apart by name: a new option does not compile until it is decided here whether both sides share it.
-  // The handle's mass and the device's largest force are the master's own; the method's name is
-  // its number's.
+  // The handle's mass and the device's largest force are the master's own; the controller's method is that of the name.
   const auto& [architecture, coupling, force_scale, motion_scale, registration, method_name, controller, observer,
                accounts, reference_energy, initial_energy, handle_mass, handle_inertia, max_force, engage, hold_after,
                release_after] = scene.control;
@@ -51,7 +55,9 @@ std::uint64_t scene_digest(const Scene& scene) {
   digest.add(absolute, rotation.w(), rotation.x(), rotation.y(), rotation.z());
   digest.add(position.x(), position.y(), position.z());
   digest.add(stiffness, damping, rotational_stiffness, rotational_damping, catch_up, drift_compensation);
-  digest.add(method, max_gain, unilateral, predict);
+  static_cast<void>(method);
+  digest.add(method_name);
+  digest.add(max_gain, unilateral, predict);
   return digest.value();
 }
 

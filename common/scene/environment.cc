@@ -7,7 +7,7 @@
 namespace twoport {
 namespace {
 
-/// The four numbers of a surface, which the text writes beside its shape.
+/// The four contact numbers of a surface, which the text has beside its shape.
 template <class Shape>
 Material read_material(const Block<Shape>& of) {
   return {.stiffness_n_per_m = of.required(FIELD(stiffness_n_per_m), kPositive),

@@ -10,7 +10,7 @@
 namespace twoport {
 namespace {
 
-/// A length of the scene: where it stands, and its largest coordinate.
+/// A length of the scene: its path and its largest coordinate.
 struct Length {
   std::string path;
   double metres = 0.0;
@@ -79,6 +79,7 @@ bool delays(const ImpairmentOptions& way) {
 struct Hint {
   bool (*applies)(const Scene&);
   std::string (*sentence)(const Scene&);
+  bool of_simulated_device = false;  ///< said of a simulated device only
 };
 
 constexpr double kLong = 5.0;  // [m]
@@ -91,10 +92,10 @@ constexpr Hint kHints[] = {
                           length.metres, 1e-3 * length.metres);
      }},
     {[](const Scene& s) { return has_link(s) && s.device && !s.operator_model; },
-     [](const Scene&) -> std::string { return "operator is absent: nobody holds the handle, which moves by itself"; }},
+     [](const Scene&) -> std::string { return "operator is absent: no hand holds the handle"; }, true},
     {[](const Scene& s) {
        return has_link(s) && (delays(s.to_slave) || delays(s.to_master)) && s.expect.stable.value_or(true) &&
-              s.control.controller.method == Method::none;
+              s.control.method_name == "NONE";
      },
      [](const Scene&) -> std::string {
        return "control.passivity.method is NONE and the link delays: the loop may be unstable; FORCE_PROJECTED or "
@@ -105,10 +106,10 @@ constexpr Hint kHints[] = {
 
 }  // namespace
 
-std::vector<std::string> hints(const Scene& scene) {
+std::vector<std::string> hints(const Scene& scene, bool device_is_simulated) {
   std::vector<std::string> all;
   for (const Hint& hint : kHints)
-    if (hint.applies(scene)) all.push_back(hint.sentence(scene));
+    if (hint.applies(scene) && (device_is_simulated || !hint.of_simulated_device)) all.push_back(hint.sentence(scene));
   return all;
 }
 

@@ -23,25 +23,26 @@ int read_dof(const schema::Scene& message, const std::string& file) {
 }
 
 /// Durations and rates.
-void read_time(const Block<schema::Scene>& of, Scene& scene) {
-  scene.duration_s = of.required(FIELD(duration_s), kSpan);
+void read_time(const Block<schema::Scene>& of, SceneFor use, Scene& scene) {
+  const bool endless = use == SceneFor::live && !of.has(FIELD(duration_s));
+  scene.duration_s = endless ? std::numeric_limits<double>::infinity() : of.required(FIELD(duration_s), kSpan);
   scene.rate_hz = of.number(FIELD(rate_hz), kRate);
   scene.master_rate_hz = of.number_or(FIELD(master_rate_hz), kRate, scene.rate_hz);
   scene.slave_rate_hz = of.number_or(FIELD(slave_rate_hz), kRate, scene.rate_hz);
   constexpr double kMostTicks = std::numeric_limits<std::uint32_t>::max();  // as a summary counts them
   const double ticks = scene.duration_s * std::max(scene.master_rate_hz, scene.slave_rate_hz);
-  if (ticks > kMostTicks)
+  if (ticks > kMostTicks && !endless)
     of.refuse(FIELD(duration_s), fmt::format("last at most {:.0f} ticks, and makes {:.9g}", kMostTicks, ticks));
 }
 
-Scene read_scene(const schema::Scene& message, const std::string& file) {
+Scene read_scene(const schema::Scene& message, const std::string& file, SceneFor use) {
   const Context context{.file = file, .dof = read_dof(message, file)};
   const Block of{context, message};
   Scene scene{};
   scene.name = of.has(FIELD(name)) ? of.text(FIELD(name)) : std::filesystem::path{file}.stem().string();
   scene.description = of.text(FIELD(description));
   scene.dof = context.dof;
-  read_time(of, scene);
+  read_time(of, use, scene);
   scene.seed = of.count(FIELD(seed));
   if (of.has(FIELD(operator_))) scene.operator_model = read_operator(of.block(FIELD(operator_)));
   if (of.has(FIELD(device))) scene.device = read_device(of.block(FIELD(device)));
@@ -66,19 +67,20 @@ void tell_handle(Scene& scene) {
   const DeviceSpec device = scene.device.value_or(DeviceSpec{});
   scene.control.handle_mass_kg = device.mass_kg > 0.0 ? device.mass_kg : hand.mass_kg;
   scene.control.handle_inertia_kg_m2 = device.inertia_kg_m2 > 0.0 ? device.inertia_kg_m2 : hand.inertia_kg_m2;
-  if (device.max_force_n) scene.control.max_force_n = *device.max_force_n;
+  scene.control.max_force_n = device.max_force_n.value_or(std::numeric_limits<double>::infinity());
 }
 
-Scene parse_scene(const std::string& text, const std::string& name, std::span<const std::string> overrides) {
+Scene parse_scene(const std::string& text, const std::string& name, std::span<const std::string> overrides,
+                  SceneFor use) {
   schema::Scene message;
   if (const auto error = parse_text(text, message))
     throw ConfigError{fmt::format("{}:{}: {}", name, error->place, error->sentence)};
   for (const std::string& assignment : overrides) apply_override(message, assignment);
-  return read_scene(message, name);
+  return read_scene(message, name, use);
 }
 
-Scene load_scene(const std::string& path, std::span<const std::string> overrides) {
-  return parse_scene(read_whole(path), path, overrides);
+Scene load_scene(const std::string& path, std::span<const std::string> overrides, SceneFor use) {
+  return parse_scene(read_whole(path), path, overrides, use);
 }
 
 }  // namespace twoport

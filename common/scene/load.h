@@ -8,26 +8,32 @@
 
 namespace twoport {
 
+/// What a scene is read for. The laboratory needs `duration_s`; a live run may go on until somebody ends it.
+enum class SceneFor : std::uint8_t { laboratory, live };
+
 /// A scene file with overrides "PATH=VALUE" applied in order, checked. Every error is a ConfigError whose sentence
 /// names file, line and column, or the path, and the value and what is allowed.
 /// PATH is dotted (`control.passivity.method`, `environment[0].wall.stiffness_n_per_m`); VALUE is what the text format
 /// would hold there, lists included (`[1, 0, 0]`). Setting a field of an absent block creates the block; an index
 /// one past the end appends.
-Scene load_scene(const std::string& path, std::span<const std::string> overrides = {});
+/// A scene for a live run may leave `duration_s` out, which is infinity then.
+Scene load_scene(const std::string& path, std::span<const std::string> overrides = {},
+                 SceneFor whom = SceneFor::laboratory);
 
 /// The same from text; `name` stands for the file in error sentences.
-Scene parse_scene(const std::string& text, const std::string& name, std::span<const std::string> overrides = {});
+Scene parse_scene(const std::string& text, const std::string& name, std::span<const std::string> overrides = {},
+                  SceneFor whom = SceneFor::laboratory);
 
-/// Why `assignment` is no override whatever the scene: it has no "=". Empty: it may be one. For command lines, which would
-/// otherwise refuse the VALUE of `--set PATH VALUE` as an argument of its own.
+/// Error sentence if `assignment` has no "=" and is therefore no override of any scene, else empty. For command lines,
+/// which would otherwise report the VALUE of `--set PATH VALUE` as a separate argument.
 std::string assignment_error(const std::string& assignment);
 
-/// The mass that answers the force at the master, as its controller may know it: the device, or of an ideal one the hand that
-/// holds it. Sets control.handle_mass_kg and handle_inertia_kg_m2.
+/// What the master's node must know of its device. What gives way to the force: the device, or of an ideal one the hand
+/// that holds it. Sets control.handle_mass_kg, handle_inertia_kg_m2 and max_force_n.
 void tell_handle(Scene& scene);
 
-/// The two sides of a link must mean the same world: FNV-1a over what both must share (dof, rates, architecture,
-/// scales, coupling, passivity), the same on every machine.
+/// Digest of the values that both sides of a link must share (dof, rates, architecture, scales, coupling, passivity):
+/// FNV-1a, the same on every machine.
 std::uint64_t scene_digest(const Scene& scene);
 
 }  // namespace twoport

@@ -6,8 +6,7 @@
 
 namespace twoport {
 
-/// As a scene writes them, e.g. "POSITION_FORCE", "CLASSIC".
+/// As a scene writes it, e.g. "POSITION_FORCE".
 std::string to_string(Architecture architecture);
-std::string to_string(Method method);
 
 }  // namespace twoport

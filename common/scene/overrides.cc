@@ -98,11 +98,11 @@ class Override {
     path_ += fmt::format("[{}]", index_);
   }
 
-  /// Goes into the block that the field is; creates it where it is absent.
+  /// Enters the block of the field; creates it if absent.
   void descend() {
-    if (!field_->message_type())
-      fail(fmt::format("{} is {}, nothing lies below it", path_, allowed(*field_, indexed())));
-    if (field_->is_repeated() && !indexed()) fail(fmt::format("{} is a list, say which: {}[0]", path_, path_));
+    if (!field_->message_type()) fail(fmt::format("{} is {} and has no fields", path_, allowed(*field_, indexed())));
+    if (field_->is_repeated() && !indexed())
+      fail(fmt::format("{} is a list and needs an index, as in {}[0]", path_, path_));
     if (!indexed())
       block_ = reflection().MutableMessage(block_, field_);
     else if (index_ < size())

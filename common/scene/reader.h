@@ -32,14 +32,14 @@ inline constexpr Rule kRate{[](double v) { return v > 0.0 && v <= 1e5; }, "be > 
 inline constexpr Rule kSpan{[](double v) { return v > 0.0 && v <= 1e6; }, "be > 0 and at most 1000000"};
 inline constexpr Rule kDelay{[](double v) { return v >= 0.0 && v <= 1e6; }, "be between 0 and 1000000"};
 
-/// How many numbers a list may hold: `few`, or `many`, which then include what `more` says.
+/// Allowed lengths of a list: `few`, or `many`, described by `more`.
 struct Count {
   int few, many;
   const char* more;
   [[nodiscard]] std::string words() const;
 };
 
-/// What every check of one scene needs to know.
+/// Common context of the checks of one scene.
 struct Context {
   std::string file;
   int dof = 0;
@@ -161,7 +161,7 @@ class Block : public AnyBlock {
   void require(const auto& field, std::string_view words) const {
     if (!has(field)) refuse_missing(field.name, words);
   }
-  /// Refuses what turns, where nothing does.
+  /// Refuses a rotational field if dof is not 6.
   void only_with_rotation(const auto&... fields) const {
     const auto check = [this](const auto& field) {
       if (dof() != 6 && has(field)) refuse_without_rotation(field.name);
@@ -172,7 +172,7 @@ class Block : public AnyBlock {
     static_cast<void>(field.value(message_));  // it must be a field of this block
     refuse_field(field.name, words);
   }
-  /// Refuses the block: it holds none of the kinds that it must hold one of.
+  /// Refuses the block: it must hold one of several kinds and holds none.
   using AnyBlock::refuse_empty;
 
  private:

@@ -22,26 +22,25 @@ void check_integrator(const SceneBlock& scene, const Scene& values) {
   if (!linear || walls > 1)
     scene.block(FIELD(simulation))
         .refuse(FIELD(integrator),
-                "be another one here: it needs dof 1 or 3, springs and at most one wall without friction");
+                "be another value here: it needs dof 1 or 3, springs and at most one wall without friction");
 }
 
-/// Without a link there is neither a far side nor a way to it.
+/// Without a link there is neither a robot nor a network.
 void check_rendering(const SceneBlock& scene, const Scene& values) {
   if (values.control.architecture != Architecture::render) return;
   const auto refuse = [&](const auto& field) {
     if (scene.has(field))
-      scene.fail(fmt::format("{} is given, but control.architecture is RENDER: without a link nothing would use it",
-                             field.name));
+      scene.fail(fmt::format("{} is given, but control.architecture is RENDER: there is no link", field.name));
   };
   refuse(FIELD(robot));
   refuse(FIELD(to_slave));
   refuse(FIELD(to_master));
 }
 
-/// Without a controller there is a robot and nothing else.
+/// UNCONTROLLED has a robot only.
 void check_uncontrolled(const SceneBlock& scene, const Scene& values) {
   if (values.control.architecture != Architecture::uncontrolled) return;
-  if (!values.robot) scene.fail("robot is missing; with control.architecture UNCONTROLLED it is all that moves");
+  if (!values.robot) scene.fail("robot is missing; control.architecture UNCONTROLLED needs one");
   const auto refuse = [&](const auto& field) {
     if (scene.has(field))
       scene.fail(
@@ -69,8 +68,8 @@ void check_handle(const SceneBlock& scene, const Scene& values) {
   if (values.dof == 6) need("inertia_kg_m2", &DeviceSpec::inertia_kg_m2, &HandSpec::inertia_kg_m2);
 }
 
-/// No mass may turn by more than 1e4 rad in a tick, nor decay by more than e^-1e4: the plants are exact however stiff
-/// they are, and take the longer for it.
+/// No mass may oscillate by more than 1e4 rad in a tick, nor decay by more than e^-1e4: the plants are exact for any
+/// stiffness, but their cost rises with it.
 void check_fastest(const SceneBlock& scene, const Scene& values) {
   constexpr double kMost = 1e4;  // [rad] in a tick
   const auto check = [&](const char* what, double rate_hz, double mass, double damping, double stiffness) {
@@ -78,7 +77,7 @@ void check_fastest(const SceneBlock& scene, const Scene& values) {
     if (mass > 0.0 && !(turns <= kMost))
       scene.fail(
           fmt::format("{} {:.3g} on stiffness {:.3g} and damping {:.3g} moves by {:.3g} rad in a tick; "
-                      "it must be <= {:g}: what is so stiff is better left out",
+                      "it must be <= {:g}: leave out an element that is so stiff",
                       what, mass, stiffness, damping, turns, kMost));
   };
   const HandSpec hand =

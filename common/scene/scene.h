@@ -15,8 +15,8 @@
 
 namespace twoport {
 
-// A scene as plain, validated values: what proto/scene.proto says, with every length, sign and range checked and every
-// default filled in. Vectors have `axes()` entries (1 or 3) unless said otherwise. SI units.
+// A scene as plain, validated values: the content of proto/scene.proto with all lengths, signs and ranges checked and
+// all defaults filled in. Vectors have `axes()` entries (1 or 3) unless said otherwise. SI units.
 
 struct HandSpec {
   double mass_kg, stiffness_n_per_m, damping_n_s_per_m;
@@ -90,7 +90,8 @@ struct ExpectSpec {
 struct Scene {
   std::string name, description;
   int dof;
-  double duration_s, rate_hz, master_rate_hz, slave_rate_hz;
+  double duration_s;  ///< infinity: until somebody ends it; live runs only
+  double rate_hz, master_rate_hz, slave_rate_hz;
   std::uint64_t seed;
   std::optional<OperatorSpec> operator_model;
   std::optional<DeviceSpec> device;

@@ -111,7 +111,7 @@ std::vector<const pb::Descriptor*> schemas(const pb::Descriptor& whole, const st
 
 struct Explanation {
   std::string sentence;
-  std::string token;  ///< what it is about, which the parser has just passed; empty: the parser stands at it
+  std::string token;  ///< the token in error, just before the parser's position; empty: at the position
 };
 
 /// A number with a decimal comma, as in "mass_kg: 0,5": the parser takes the comma for the end of the field.
@@ -135,7 +135,7 @@ std::optional<DecimalComma> decimal_comma(std::string_view text, std::size_t off
   return found;
 }
 
-/// What stands in double quotes in a message of the parser.
+/// The text in double quotes in a message of the parser.
 std::vector<std::string> quoted_in(const std::string& message) {
   std::vector<std::string> all;
   for (std::size_t open = message.find('"'); open != message.npos;) {
@@ -150,7 +150,7 @@ std::vector<std::string> quoted_in(const std::string& message) {
 Explanation unknown_field(const pb::Descriptor& block, const std::string& name, std::string_view text,
                           const std::vector<OpenBlock>& open, const std::vector<const pb::Descriptor*>& known) {
   std::string sentence = fmt::format("{} has no field \"{}\"; it has {}", block.name(), name, field_names(block));
-  // A field of a block further out: this one was meant to be closed.
+  // A field of an outer block: a closing brace is probably missing.
   const bool further_out = std::any_of(known.begin(), known.end() - 1, [&](const pb::Descriptor* each) {
     return each->FindFieldByName(name) != nullptr;
   });
@@ -158,7 +158,8 @@ Explanation unknown_field(const pb::Descriptor& block, const std::string& name, 
   return {sentence, name};
 }
 
-/// What the parser says, in plain words. `text` is what stands before the parser's place, `whole` the schema of the text.
+/// Translates a message of the parser to a sentence. `text` is the text before the parser's position, `whole` its
+/// schema.
 Explanation explain(const std::string& message, std::string_view text, const pb::Descriptor& whole) {
   const std::vector<std::string> quoted = quoted_in(message);
   const auto starts = [&](std::string_view words, std::size_t quotes) {
@@ -181,19 +182,19 @@ Explanation explain(const std::string& message, std::string_view text, const pb:
     return {fmt::format("{} is {}; it must be true or false", quoted[0], quoted[1]), quoted[1]};
   if (starts("Non-repeated field ", 1)) return {fmt::format("{} is given twice", quoted[0]), quoted[0]};
   if (starts("Field ", 3))
-    return {fmt::format("{} is given beside {}; only one of the two can be", quoted[0], quoted[1]), quoted[0]};
+    return {fmt::format("{} and {} are both given; only one is allowed", quoted[0], quoted[1]), quoted[0]};
   if (message.ends_with("got: ") || message.ends_with("found \"\"."))
-    return {open.empty() ? "the text ends too early"
+    return {open.empty() ? "the text is incomplete"
                          : fmt::format("the text ends within {}; a }} is missing", described(open, text)),
             ""};
-  if (starts("Expected \"", 2)) return {fmt::format("\"{}\" is needed here, not {}", quoted[0], quoted[1]), ""};
+  if (starts("Expected \"", 2)) return {fmt::format("\"{}\" is expected here, not {}", quoted[0], quoted[1]), ""};
   if (message == "Expected identifier, got: }") return {"this } closes no block", ""};
   for (const auto& [begin, needed] :
        {std::pair{"Expected double, got: ", "a number"}, std::pair{"Expected integer, got: ", "an integer"},
         std::pair{"Expected string, got: ", "a string in quotes"},
         std::pair{"Expected identifier, got: ", "the name of a field"}})
     if (message.starts_with(begin))
-      return {fmt::format("{} is needed here, not {}", needed, message.substr(std::string_view{begin}.size())), ""};
+      return {fmt::format("{} is expected here, not {}", needed, message.substr(std::string_view{begin}.size())), ""};
   return {message, ""};
 }
 

@@ -7,7 +7,7 @@
 #include <string>
 #include <string_view>
 
-// Protobuf text to messages, and its errors in plain words. Internal to common/scene.
+// Protobuf text to messages, and its errors as sentences. Internal to common/scene.
 
 namespace twoport {
 

@@ -52,14 +52,14 @@ const double* read(const double* from, Coords<Kind, N>& c) {
   return from + N;
 }
 
-/// Whether the bytes begin as every datagram of ours does, in any version: field 1, fixed32, "TP" in its high half.
-/// Keeps noise away from the parser.
+/// Do the bytes begin like a datagram of any protocol version: field 1, fixed32, "TP" in its high half? Keeps other
+/// data away from the parser.
 bool ours(std::span<const std::byte> bytes) {
   return bytes.size() > 5 && bytes.size() <= kMaxDatagram && bytes[0] == std::byte{0x0d} &&
          bytes[3] == std::byte{(kProtocolVersion >> 16) & 0xff} && bytes[4] == std::byte{kProtocolVersion >> 24};
 }
 
-/// Of a datagram that is ours: the field comes first.
+/// Of such a datagram: the field comes first.
 std::uint32_t version(std::span<const std::byte> bytes) {
   std::uint32_t version = 0;
   for (std::size_t i = 4; i > 0; --i) version = version << 8 | std::to_integer<std::uint32_t>(bytes[i]);
@@ -95,7 +95,7 @@ bool read_report(const schema::Datagram& message, Report<N>& r) {
   return true;
 }
 
-/// False when what it says of itself makes no sense. Nothing said (dof 0): `identity` stays as it is.
+/// False if the identity is invalid. Without one (dof 0) `identity` is unchanged.
 bool read_identity(const schema::Datagram& message, std::optional<Identity>& identity) {
   if (message.dof() == 0) return true;
   if (message.dof() > 6 || !(message.rate_hz() > 0.0) || !std::isfinite(message.rate_hz())) return false;
@@ -107,7 +107,7 @@ bool read_identity(const schema::Datagram& message, std::optional<Identity>& ide
   return true;
 }
 
-/// The words end on a terminal: no control characters.
+/// The refusal may be printed on a terminal: no control characters.
 std::string_view read_refusal(schema::Datagram& message) {
   if (message.refusal().empty()) return {};
   std::string& text = *message.mutable_refusal();
@@ -124,7 +124,7 @@ struct Codec<N>::Impl {
   schema::Datagram outgoing, incoming;
   std::array<std::byte, kMaxDatagram> buffer{};
 
-  // Room, once, for the longest that can come: clearing a message keeps it.
+  // Allocates once for the longest message; clearing a message keeps the memory.
   Impl() {
     for (schema::Datagram* message : {&outgoing, &incoming}) {
       message->mutable_sample()->Reserve(static_cast<int>(kMaxDatagram / sizeof(double)));

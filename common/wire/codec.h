@@ -28,9 +28,9 @@ class Codec {
   /// The bytes are good until the next encode. A refusal is cut at kMaxRefusal.
   std::span<const std::byte> encode(const Envelope<N>& envelope) noexcept;
 
-  /// Fills `envelope` as far as the result says. Any bytes will do: what is truncated, has the wrong number of
-  /// samples, an unknown mode, an attitude that is none, a number that is not finite or a time that is none is
-  /// malformed. `refusal` is good until the next decode, and printable ASCII.
+  /// Fills `envelope` as far as the result allows. Accepts any bytes: a truncated datagram, a wrong number of samples,
+  /// an unknown mode, an invalid attitude or time, or a non-finite number is malformed. `refusal` is valid until the
+  /// next decode, and printable ASCII.
   Decoded decode(std::span<const std::byte> bytes, Envelope<N>& envelope) noexcept;
 
  private:

@@ -10,11 +10,11 @@ using namespace std::chrono_literals;
 
 constexpr Duration kSilent = 100ms;         // after which a peer may be gone
 constexpr Duration kRefusalEvery = 20ms;    // at most one so often
-constexpr Duration kRefusalLinger = 500ms;  // during which the refused one is told
-constexpr Duration kTakenAfter = 1s;        // asking in vain before an unpaired peer is told that the slave is taken
-constexpr Duration kGoneAfter = 1s;         // of silence: then the slave takes up an earlier master that still lives
+constexpr Duration kRefusalLinger = 500ms;  // during which refusals are sent
+constexpr Duration kTakenAfter = 1s;        // of requests before an unpaired peer is told that the slave is busy
+constexpr Duration kGoneAfter = 1s;  // of silence: then the slave accepts an earlier master that is still running
 
-/// A slave that is asked by a master of another session draws a new offer so often: the master may have closed the last.
+/// Interval at which a slave renews its offer to a master of another session: the master may have closed the last one.
 constexpr Duration kOfferFor = 500ms;
 
 bool within(Duration span, std::optional<Duration> moment, Duration now) {
@@ -63,7 +63,7 @@ Handshake::Action Handshake::on(const Header& header, Decoded decoded, const End
 }
 
 Handshake::Action Handshake::on_refusal(const Header& header, const Endpoint& from, Duration now) noexcept {
-  // It must know our number: whoever has never heard us cannot refuse us. Nor does a late one end a session that works.
+  // It must know our number: only a receiver of our packets can refuse us. A late one does not end an active session.
   const bool knows_us = header.peer_session == session_ || offers_.has(header.peer_session);
   if (!knows_us || (peer_ && from != *peer_) || coupled(now)) return Action::reject;
   reject_reason_ = Sentence{header.refusal};
@@ -76,13 +76,13 @@ Handshake::Action Handshake::on_current(const Header& header, Decoded decoded, c
   if (decoded != Decoded::ok) return Action::reject;
   heard_ = now;
   if (header.peer_session == session_) {
-    // A slave introduces itself until it has taken us up, and takes up only who introduces itself.
+    // A slave introduces itself until it has accepted us, and accepts only peers that introduce themselves.
     if (options_.side == Side::slave || !header.identity) returned_ = now;
     mismatch_found_.reset();
     return Action::deliver;
   }
-  // A master that has left this session, for a late packet of a slave that is gone, will not come back to it: its number
-  // is closed there. So it is offered another.
+  // A master that has left this session, due to a late packet of a slave that has ended, has closed this number and
+  // cannot return to it. It is offered another.
   const bool left =
       options_.side == Side::slave && header.identity && !within(kSilent, returned_.value_or(paired_since_), now);
   return left ? answer(header, from, now) : Action::wait;
@@ -94,11 +94,11 @@ Handshake::Action Handshake::on_unknown(const Header& header, Decoded decoded, c
   if (!introduces_itself || header.session == session_) return Action::reject;
   const bool elsewhere = peer_ && from != *peer_;
   if (header.session == peer_session_ && within(kSilent, heard_, now)) return Action::reject;
-  // A session that works is not replaced.
+  // An active session is not replaced.
   const bool preempts = elsewhere ? within(kSilent, heard_, now) : coupled(now);
   const Sentence why = mismatch(options_, dof_, header, decoded);
   if (!why.empty()) {
-    // Only the first peer, and one that has started again in its place, can be the wrong one.
+    // Only the first peer, and one that restarts in its place, can be the wrong one.
     const bool ends_us = pairings_ == 0 || (!elsewhere && !preempts);
     if (ends_us && !mismatch_found_) {
       reject_reason_ = why;
@@ -107,15 +107,15 @@ Handshake::Action Handshake::on_unknown(const Header& header, Decoded decoded, c
     return refuse(header, why, now);
   }
   if (preempts) return on_unpaired_peer(header, now);
-  // A late packet of a session that is over. Only a master may still be living behind one, squeezed out by another.
+  // A late packet of a session that is over. Only a master may still run behind one, displaced by another master.
   if (closed_.has(header.session) && (options_.side == Side::master || within(kGoneAfter, heard_, now)))
     return Action::reject;
   return answer(header, from, now);
 }
 
-/// A good peer in search of a session.
+/// A valid peer without a session.
 Handshake::Action Handshake::answer(const Header& header, const Endpoint& from, Duration now) noexcept {
-  // A packet that somebody has kept introduces itself like any other, but cannot know the numbers of now.
+  // A replayed packet also introduces itself, but does not contain the current numbers.
   if (offers_.has(header.peer_session)) {
     candidate_ = Candidate{from, header.session, header.peer_session, now};
     return Action::pair;
@@ -129,7 +129,7 @@ Handshake::Action Handshake::answer(const Header& header, const Endpoint& from, 
   return Action::reply;
 }
 
-/// One that would do, while we are working with another.
+/// A valid peer during a session with another.
 Handshake::Action Handshake::on_unpaired_peer(const Header& header, Duration now) noexcept {
   auto* const known =
       std::find_if(waiting_.begin(), waiting_.end(), [&](const Waiting& w) { return w.session == header.session; });
@@ -139,7 +139,7 @@ Handshake::Action Handshake::on_unpaired_peer(const Header& header, Duration now
   }
   if (now - known->since < kTakenAfter) return Action::reject;
   return refuse(header,
-                Sentence{"the %s is taken: it is working with another %s", to_string(options_.side),
+                Sentence{"the %s is busy: it has a session with another %s", to_string(options_.side),
                          to_string(header.identity->side)},
                 now);
 }
@@ -173,7 +173,7 @@ Header Handshake::header(Duration now) const noexcept {
 }
 
 Header Handshake::refusal() const noexcept {
-  // No number of ours: who is refused could go on with it.
+  // Not a session number: a refused peer could use it.
   Header header;
   header.session = refusing_session_;
   header.peer_session = refused_session_;
@@ -186,7 +186,7 @@ Header Handshake::refusal() const noexcept {
 bool Handshake::take_new_session() noexcept {
   if (!candidate_) return false;
   if (pairings_ > 0 && candidate_->session != peer_session_) closed_.add(peer_session_);
-  // A master that comes back has kept its number: a new one of ours makes it, too, start its totals again.
+  // A returning master has kept its number: our new number makes it restart its totals too.
   if (options_.side == Side::slave) {
     session_ = candidate_->offer;
     offers_ = {};

@@ -16,8 +16,8 @@
 
 namespace twoport {
 
-/// Draws the number of a session. Live, every number comes from the system's generator, so that nobody can compute the
-/// next one; in virtual time, from a seed.
+/// Draws the number of a session: live from the system's random generator, so that the next one cannot be predicted; in
+/// virtual time from a seed.
 using SessionNumbers = std::function<std::uint64_t()>;
 
 /// A session that exists already, in a test.
@@ -43,27 +43,27 @@ class LastSessions {
   std::size_t next_ = 0;
 };
 
-/// How two programs find each other and notice that one of them has started again. It rides on the packets of the cycle:
-/// headers and times in, actions and headers out. No I/O, no clock, no randomness of its own, no allocation.
+/// Pairing of two programs and detection of restarts, in the headers of the cycle's packets: headers and times in,
+/// actions and headers out. No I/O, no clock, no randomness of its own, no allocation.
 ///
-/// Every process draws a session number when it starts. Each packet carries its sender's, and the one it believes it
-/// talks to; until a peer has returned ours (and again when it has been silent for 100 ms) packets also say who we
-/// are. A slave answers an introduction with the number that it will have in the session to come; it takes the master
-/// up when that returns the number, and the master the slave that has returned its own. So a packet of an older session
-/// that somebody has kept starts nothing. A good peer is taken up as soon as the caller has called take_new_session();
-/// only packets that carry both numbers as they now are go to the node. So a report is never read against totals of
+/// Every process draws a session number when it starts. Each packet carries the sender's number and the number that the
+/// sender assumes for its peer; until a peer has returned ours (and again after 100 ms of silence) packets also carry
+/// our identity. A slave answers an introduction with the number of the coming session; it accepts the master
+/// when the master returns this number, and the master accepts the slave that has returned its own. A replayed packet of
+/// an older session therefore has no effect. A valid peer is accepted when the caller calls take_new_session();
+/// only packets with both current numbers go to the node, so a report is never combined with totals of
 /// another session.
 ///
-/// A slave answers whoever is there first. While that master is heard it has no ear for another address; a master
-/// that starts again from a new port is taken up when the old one has been silent for 100 ms. One that keeps asking
-/// for a second meanwhile is told that the slave is taken.
+/// A slave accepts the first master. While packets of that master arrive it ignores other addresses; a master
+/// that restarts from a new port is accepted after 100 ms of silence of the old one. A master that keeps asking
+/// for a second meanwhile is told that the slave is busy.
 class Handshake {
  public:
   enum class Action : std::uint8_t {
     deliver,  ///< its report is for the node
-    wait,     ///< of a good peer that does not know this session yet
+    wait,     ///< of a valid peer that does not know this session yet
     reply,    ///< as wait; take_greeting() answers it with the next report
-    pair,     ///< as wait; its sender is taken up by take_new_session()
+    pair,     ///< as wait; take_new_session() accepts its sender
     reject,   ///< drop it
     refuse,   ///< drop it, and send refusal() to its sender
     end,      ///< the peer refuses this side: reject_reason() says why
@@ -84,14 +84,14 @@ class Handshake {
   void advance(Duration now) noexcept;
   /// May a packet be handed in? Not between the packet that pairs and take_new_session(), and not after the end.
   [[nodiscard]] bool listens() const noexcept { return !candidate_ && !ended_; }
-  /// May `from` be listened to at all? Ask before the packet is decoded.
+  /// May packets of `from` be accepted? Check before decoding.
   [[nodiscard]] bool hears(const Endpoint& from) const noexcept { return !options_.peer || from == *options_.peer; }
   /// A packet that is not malformed.
   Action on(const Header& header, Decoded decoded, const Endpoint& from, Duration now) noexcept;
 
   // ---- out
 
-  /// An answer that is due, once. A report that goes with it says the state, and no energy: its session has not begun.
+  /// An answer that is due, once. Its report has the state but no energy: its session has not begun.
   std::optional<Greeting> take_greeting() noexcept;
   /// Of a packet to the peer.
   [[nodiscard]] Header header(Duration now) const noexcept;
@@ -102,16 +102,16 @@ class Handshake {
 
   /// True once for every session of the other side, the first included.
   bool take_new_session() noexcept;
-  /// Why the two programs cannot work together. Empty: they can, as far as is known. The side that finds out goes on for
-  /// half a second to tell the other, and says so here only then.
+  /// Reason why the two programs cannot work together, or empty. The side that detects it informs the other side for
+  /// half a second before it is returned here.
   [[nodiscard]] std::string_view reject_reason() const noexcept;
-  /// The other side has taken this session up, and returned its number within the last 100 ms.
+  /// The other side has accepted this session, and returned its number within the last 100 ms.
   [[nodiscard]] bool coupled(Duration now) const noexcept;
   /// When the first peer was found.
   [[nodiscard]] std::optional<Duration> first_paired() const noexcept { return first_paired_; }
   /// When the peer of the present session was found.
   [[nodiscard]] Duration paired_since() const noexcept { return paired_since_; }
-  /// Sessions of the other side so far: reconnects are one less.
+  /// Number of sessions so far; reconnects are one less.
   [[nodiscard]] std::uint64_t pairings() const noexcept { return pairings_; }
   [[nodiscard]] const std::optional<Endpoint>& peer() const noexcept { return peer_; }
 
@@ -125,7 +125,7 @@ class Handshake {
     Endpoint to;
     std::uint64_t session;
   };
-  /// An unpaired peer that would do.
+  /// A valid unpaired peer.
   struct Waiting {
     std::uint64_t session = 0;
     Duration since{0};
@@ -145,15 +145,16 @@ class Handshake {
   int dof_;
   SessionNumbers numbers_;
   std::uint64_t session_;
-  /// Our numbers for the next session: who returns one is there now. A slave says the newest; a master has one for all.
+  /// Our numbers for the next session: a peer that returns one is present. A slave offers the newest; a master has one
+  /// for all.
   LastSessions offers_;
   Duration offered_at_{0};          ///< the newest
   std::uint64_t refusing_session_;  ///< in refusals in place of one of ours
   std::uint64_t peer_session_ = 0;
   std::optional<Endpoint> peer_;
   std::optional<Invitation> greeting_;
-  std::optional<Candidate> candidate_;  ///< good, and waits for take_new_session()
-  LastSessions closed_;                 ///< of the other side: a late packet of theirs must not bring them back
+  std::optional<Candidate> candidate_;  ///< valid, waits for take_new_session()
+  LastSessions closed_;                 ///< of the other side: a late packet must not reopen them
   std::optional<Duration> heard_;       ///< the current peer
   std::optional<Duration> returned_;    ///< our session number by the current peer
   std::optional<Duration> first_paired_;

@@ -18,7 +18,7 @@ constexpr const char* to_string(Side side) {
   return side == Side::master ? "master" : "slave";
 }
 
-/// Who is speaking: what two programs must agree on before they exchange force.
+/// Identity: what two programs must agree on before they exchange force.
 struct Identity {
   int dof = 0;
   double rate_hz = 0.0;  ///< the rate its receiver is expected to run at
@@ -30,16 +30,16 @@ struct Identity {
 struct Header {
   std::uint32_t version = kProtocolVersion;
   std::uint64_t session = 0;         ///< the sender's session number, never 0
-  std::uint64_t peer_session = 0;    ///< whom the sender is talking to; 0 while it does not know
+  std::uint64_t peer_session = 0;    ///< assumed number of the peer; 0: not known
   std::optional<Identity> identity;  ///< until the peer has accepted it
-  std::string_view refusal;          ///< why the peer is refused; empty: it is not. Then there is no report
+  std::string_view refusal;          ///< reason for a refusal, then there is no report; empty: none
 };
 
 enum class Decoded : std::uint8_t {
   ok,
-  malformed,      ///< nothing of it may be used
-  other_version,  ///< version, sessions and refusal are good
-  other_dof,      ///< all but the report is good
+  malformed,      ///< not usable
+  other_version,  ///< version, sessions and refusal are valid
+  other_dof,      ///< all but the report is valid
 };
 
 }  // namespace twoport

@@ -14,16 +14,16 @@ namespace twoport {
 
 /// Datagrams that were not reports for the node.
 struct LinkCounts {
-  std::uint64_t handshake = 0;    ///< of a good peer that does not know this session yet
-  std::uint64_t rejected = 0;     ///< did not parse, of another session, of somebody else
-  std::uint64_t lost = 0;         ///< taken away by the impairment
-  std::uint64_t overflowed = 0;   ///< found the delay line full
-  std::uint64_t unaddressed = 0;  ///< reports of a slave that knows no master yet
+  std::uint64_t handshake = 0;    ///< of a valid peer that does not know this session yet
+  std::uint64_t rejected = 0;     ///< not parseable, of another session, of a foreign sender
+  std::uint64_t lost = 0;         ///< dropped by the impairment
+  std::uint64_t overflowed = 0;   ///< dropped because the delay line was full
+  std::uint64_t unaddressed = 0;  ///< reports of a slave without a master
   std::uint64_t unsent = 0;       ///< could not be handed to the socket
 };
 
-/// The reports of one side of a link, as Mailbox wants its transport: a Handshake over a Codec over a socket, which may be
-/// a stack of filters (DatagramSocket).
+/// The transport for Mailbox: a Handshake over a Codec over a socket, which may be a stack of filters
+/// (DatagramSocket).
 ///
 /// All moments are durations since the loop began and must not decrease. One thread.
 /// Real time: poll and send allocate nothing, lock nothing, throw nothing.
@@ -32,7 +32,7 @@ class LinkTransport {
  public:
   /// `socket` must outlive this.
   LinkTransport(DatagramSocket& socket, const SessionOptions& options, SessionNumbers numbers);
-  /// In the midst of a session, for tests that need no handshake.
+  /// With an existing session, for tests without a handshake.
   LinkTransport(DatagramSocket& socket, const SessionOptions& options, SessionNumbers numbers,
                 const PairedSession& session);
 
@@ -43,20 +43,20 @@ class LinkTransport {
     for (int left = kMaxPerPoll; const Report<N>* report = next(now, left);) f(*report);
   }
 
-  /// Nothing is sent while a slave knows no master.
+  /// A slave without a master sends nothing.
   void send(const Report<N>& report, Duration now) noexcept;
 
-  /// Ask before every cycle. True once for every session of the other side, the first included: running totals start
-  /// again from zero, so forget what the mailbox knows and rebase the node. Nothing is delivered before that.
+  /// Call before every cycle. True once for each new session, the first included: running totals start from zero, so
+  /// reset the mailbox and call on_peer_restart of the node. No report is delivered before that.
   [[nodiscard]] bool take_new_session() noexcept;
 
-  /// Why the two programs cannot work together: a sentence that is the same on both sides. End the program when this is
-  /// not empty.
+  /// Reason why the two programs cannot work together, the same sentence on both sides, or empty. If not empty, end the
+  /// program.
   [[nodiscard]] std::string_view reject_reason() const noexcept { return handshake_.reject_reason(); }
 
-  /// The other side has taken this session up, and returned its number within the last 100 ms.
+  /// The other side has accepted this session, and returned its number within the last 100 ms.
   [[nodiscard]] bool coupled(Duration now) const noexcept { return handshake_.coupled(now); }
-  /// Sessions of the other side so far: reconnects are one less.
+  /// Number of sessions so far; reconnects are one less.
   [[nodiscard]] std::uint64_t pairings() const noexcept { return handshake_.pairings(); }
   [[nodiscard]] const Handshake& handshake() const noexcept { return handshake_; }
   [[nodiscard]] LinkCounts counts() const noexcept;

@@ -12,7 +12,7 @@ Sentence mismatch(const SessionOptions& options, int dof, const Header& header, 
   constexpr std::uint32_t kNumber = 0xffff;
   if (decoded == Decoded::other_version)
     return differ(
-        "master and slave speak different protocols: version %u at the master, %u at the slave; install the "
+        "master and slave use different protocol versions: version %u at the master, %u at the slave; install the "
         "same release of twoport on both",
         kProtocolVersion & kNumber, header.version & kNumber);
   const Identity& theirs = *header.identity;

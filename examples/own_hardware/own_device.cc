@@ -1,5 +1,5 @@
-// A driver for a haptic device. `Rail` stands in for the maker's library: here a handle on a rail, which a hand moves to
-// and fro between 0 and 40 mm, once in 1.5 s.
+// A driver for a haptic device. `Rail` stands in for the vendor's library: here a handle on a rail, which a hand moves
+// back and forth between 0 and 40 mm with a period of 1.5 s.
 
 #include <chrono>
 #include <cmath>
@@ -10,7 +10,7 @@
 
 namespace {
 
-/// The maker's library: non-blocking, position grows to the right, a positive push goes to the right.
+/// The vendor's library: non-blocking, position grows to the right, a positive push goes to the right.
 class Rail {
  public:
   bool open(int port) { return port == 1; }
@@ -48,7 +48,7 @@ class OwnDevice final : public Device<1> {
   explicit OwnDevice(const DriverOptions& options) {
     const std::string port = options.arguments.empty() ? "1" : options.arguments;
     if (!rail_.open(std::atoi(port.c_str())))
-      throw ConfigError{"--device own:" + port + ": no rail at this port; plug it in, or give its port, as in own:1"};
+      throw ConfigError{"--device own:" + port + ": no rail at this port; connect it or give its port, as in own:1"};
   }
 
   DeviceInfo info() const override { return {.name = "rail of the example", .max_force_n = 6.0, .mass_kg = 0.12}; }

@@ -1,4 +1,4 @@
-// A driver for a robot. `Cart` stands in for the maker's library: here a cart with a force sensor at its front, 20 mm
+// A driver for a robot. `Cart` stands in for the vendor's library: here a cart with a force sensor at its front, 20 mm
 // before a wall.
 
 #include <algorithm>
@@ -9,7 +9,7 @@
 
 namespace {
 
-/// The maker's library: non-blocking, torque control.
+/// The vendor's library: non-blocking, torque control.
 class Cart {
  public:
   struct Reading {

@@ -54,29 +54,31 @@ int boundary_command(Arguments& a) {
 Subcommand add_boundary_command(CLI::App& app) {
   const auto a = std::make_shared<Arguments>();
   a->boundary.jobs = all_cores();
-  CLI::App* boundary = app.add_subcommand("boundary", "Find where a scene stops being stable along one number");
+  CLI::App* boundary = app.add_subcommand("boundary", "Find the stability boundary of a scene along one number");
   add_scene(boundary, a->boundary.scene, a->boundary.set);
   boundary
       ->add_option("--vary", a->interval,
-                   "PATH=LO:HI, LO < HI; stable at one end and unstable at the other; A,B=LO:HI moves both")
+                   "PATH=LO:HI, LO < HI; stable at one end and unstable at the other; A,B=LO:HI varies both")
       ->required();
-  CLI::Option* along = boundary->add_option("--along", a->along,
-                                            "PATH=SPEC, as sweep --vary takes it: a boundary for each of these values");
+  CLI::Option* along =
+      boundary->add_option("--along", a->along, "PATH=SPEC as for sweep --vary: one boundary per value");
   boundary->add_option("--out", a->out, "With --along: folder for boundary.csv and the picture")->needs(along);
   add_jobs(boundary, a->boundary.jobs);
-  boundary->add_option("--tolerance", a->boundary.tolerance, "Relative width to which it is found")
+  boundary->add_option("--tolerance", a->boundary.tolerance, "Relative width of the final bracket")
       ->capture_default_str();
-  boundary->add_option("--scan", a->boundary.scan, "Values between the ends tried first; the first change counts")
+  boundary
+      ->add_option("--scan", a->boundary.scan,
+                   "Values between the ends that are tried first; the first change is refined")
       ->capture_default_str();
   boundary->footer(
-      R"(Every run is a line: value, verdict. The last line is PATH = VALUE, the largest value up to which the run is stable (the
-smallest from which it is, where it is stable at HI). Exit status 2 when both ends agree.
-The verdict is the summary's `stable`: something must set the loop in motion, or nothing grows; near a boundary growth is
-slow, so give the run time after the operator's path has ended.
+      R"(Prints a line for each run: value, verdict. The last line is PATH = VALUE, the largest value up to which the run is
+stable (or the smallest, if it is stable at HI). Exit status 2 when both ends agree.
+The verdict is the summary's `stable`. The loop needs an excitation, and near a boundary growth is slow: give the run
+time after the operator's path has ended.
 
-With --along the search is made at each value of a second path, and the result is a table: a row for each value, with the
-boundary and a note. The note is empty where the run is stable up to the boundary, and "stable from here up" where it is
-stable from there on; where both ends agree there is no boundary, the note says so, and the exit status stays 0.
+With --along the search is repeated at each value of a second path, and the result is a table: a row for each value, with
+the boundary and a note. The note is empty if the run is stable up to the boundary, and "stable from here up" if it is
+stable from there on; if both ends agree there is no boundary, the note states this, and the exit status is 0.
 With --out the table is DIR/boundary.csv, and gnuplot draws DIR/boundary.png and .svg; without, it goes to stdout.)");
   return {boundary, [a] { return boundary_command(*a); }};
 }

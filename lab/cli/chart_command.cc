@@ -43,7 +43,7 @@ int chart_command(const Arguments& a) {
     const Point* best = cheapest(c.points, a.for_error, c.floor.position_rms_m);
     if (best == nullptr)
       throw ConfigError{
-          fmt::format("--for-error {}: no point is known to come that near; the reference itself is "
+          fmt::format("--for-error {}: no point is known to be as accurate; the reference itself is "
                       "uncertain by {:.1g} m",
                       a.for_error, c.floor.position_rms_m)};
     fmt::print("for {} m: {}, {:.4g} ns a tick, {:.2g} m\n", a.for_error, best->name, best->ns_per_tick,
@@ -56,13 +56,14 @@ int chart_command(const Arguments& a) {
 
 Subcommand add_chart_command(CLI::App& app) {
   const auto a = std::make_shared<Arguments>();
-  CLI::App* chart = app.add_subcommand("chart", "What each way to step a scene costs, against how far off it is");
+  CLI::App* chart =
+      app.add_subcommand("chart", "Plot error against computing cost of integrators, rates and model details");
   add_scene(chart, a->chart.scene, a->chart.set);
   add_list(chart, "--vary", a->chart.vary, "PATH=a,b,c or PATH,PATH=a,b,c; integrators and substeps unless given");
-  chart->add_option("--boundary", a->chart.boundary, "PATH=LO:HI: also where each point changes the verdict");
-  chart->add_option("--for-error", a->for_error, "Recommend the cheapest with a position error up to this [m]")
+  chart->add_option("--boundary", a->chart.boundary, "PATH=LO:HI: also find the stability boundary of each point");
+  chart->add_option("--for-error", a->for_error, "Recommend the cheapest point with at most this position error [m]")
       ->check(CLI::PositiveNumber);
-  chart->add_option("--repetitions", a->chart.repetitions, "Timed rounds; the median counts")
+  chart->add_option("--repetitions", a->chart.repetitions, "Timed rounds; the median is used")
       ->check(CLI::Range(1, 1000))
       ->capture_default_str();
   chart->add_option("--reference-substeps", a->chart.reference_substeps, "Of the reference, Runge-Kutta 4")

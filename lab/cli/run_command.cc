@@ -1,7 +1,9 @@
 #include <fmt/format.h>
 
 #include <cstdio>
+#include <exception>
 #include <memory>
+#include <optional>
 #include <string>
 
 #include "common/base/check.h"
@@ -24,19 +26,22 @@ struct Arguments {
 int run_command(const Arguments& a) {
   const Scene scene = load_scene(a.scene, a.set);
   for (const std::string& sentence : hints(scene)) fmt::print(stderr, "{}: warning: {}\n", a.scene, sentence);
-  std::string trace;
+  std::optional<WholeFile> trace;
   if (!a.out.empty()) {
     make_folder(a.out);
-    if (a.trace == "csv") trace = a.out + "/trace.csv";
+    if (a.trace == "csv") trace.emplace(a.out + "/trace.csv");
   }
-  const Summary summary = run(scene, trace);
-  const std::string json = to_json(summary);
-  if (a.out.empty()) {
-    std::fputs(json.c_str(), stdout);
-  } else {
-    write_whole(a.out + "/summary.json", json);
-    fmt::print("{}: {}\n", scene.name, summary.verdict());
+  const Summary summary = run(scene, trace ? &*trace : nullptr);
+  // First the trace: one that finds no room is removed, which leaves room for the summary.
+  std::exception_ptr unwritten;
+  try {
+    if (trace) trace->commit();
+  } catch (const IoError&) {
+    unwritten = std::current_exception();
   }
+  leave_summary(summary, a.out);
+  if (!a.out.empty()) fmt::print("{}: {}\n", scene.name, summary.verdict());
+  if (unwritten) std::rethrow_exception(unwritten);
   const std::vector<std::string> violated = violations(scene.expect, summary);
   for (const std::string& sentence : violated) fmt::print(stderr, "{}: {}\n", a.scene, sentence);
   return violated.empty() ? 0 : 3;

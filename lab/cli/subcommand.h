@@ -23,7 +23,7 @@ void add_jobs(CLI::App* command, int& jobs);
 CLI::Option* add_list(CLI::App* command, const std::string& name, std::vector<std::string>& into,
                       const std::string& help);
 
-/// Does a person watch stderr?
+/// Is stderr a terminal?
 bool progress_is_shown();
 /// Writes "3 of 12 cells, 2 s, 6 s left" over the last line of stderr when it is a terminal.
 void show_progress(const Progress& progress);

@@ -74,7 +74,7 @@ int sweep_command(Arguments& a) {
     std::fputs(to_csv(table).c_str(), stdout);
     return 0;
   }
-  const bool whole = a.sweep.shard.count == 1;  // merge draws the parts together
+  const bool whole = a.sweep.shard.count == 1;  // merge plots all parts
   finish(table, whole ? a.plot : "none", a.sweep.out);
   return 0;
 }
@@ -90,39 +90,39 @@ int merge_command(const Arguments& a) {
 std::vector<Subcommand> add_sweep_commands(CLI::App& app) {
   const auto a = std::make_shared<Arguments>();
   a->sweep.jobs = all_cores();
-  const char* const plot = "Figure that the picture shows (--list-figures), or none";
+  const char* const plot = "Figure to plot (--list-figures), or none";
 
   CLI::App* sweep = app.add_subcommand("sweep", "Run a scene over a grid of values; table.csv, one row per cell");
   add_scene(sweep, a->sweep.scene, a->sweep.set);
-  add_list(
-      sweep, "--vary", a->axes,
-      "PATH=a,b,c or PATH=start:stop:count or PATH=start:stop:count:log; A,B=... moves the paths A and B together; "
-      "the last --vary varies fastest")
+  add_list(sweep, "--vary", a->axes,
+           "PATH=a,b,c or PATH=start:stop:count or PATH=start:stop:count:log; A,B=... links the paths A and B; "
+           "the last --vary varies fastest")
       ->required();
-  sweep->add_option("--seeds", a->sweep.seeds, "Runs a cell, with the scene's seed, seed + 1, ...: mean, sd and worst")
+  sweep
+      ->add_option("--seeds", a->sweep.seeds, "Runs per cell, with the scene's seed, seed + 1, ...: mean, sd and worst")
       ->check(CLI::Range(1, 1'000'000));
   add_jobs(sweep, a->sweep.jobs);
-  sweep->add_option("--shard", a->shard, "I/N, I from 1: this part of the cells only, to be merged");
+  sweep->add_option("--shard", a->shard, "I/N, I from 1: run only this part of the cells, for merge");
   sweep->add_option("--out", a->sweep.out, "Folder for table.csv, pictures, and the cells finished so far");
   sweep->add_option("--plot", a->plot, plot)->capture_default_str();
-  sweep->add_flag_callback("--list-figures", list_figures, "Print the figures that a table holds, and stop");
+  sweep->add_flag_callback("--list-figures", list_figures, "Print the figures of a table and exit");
   sweep->footer(
       R"(table.csv holds a column for each varied path, then the figures of the summary (all its numbers except step_ns, which is
-wall-clock time), then its words: scene, architecture, method, verdict. It is the same to the bit for any --jobs.
+wall-clock time), then its texts: scene, architecture, method, verdict. It is bit-identical for any --jobs.
 Without --out it goes to stdout.
 
-With --seeds N each figure KEY has three columns: KEY is the mean over the seeds (of `stable`: the share of the seeds
-that are stable), KEY_sd the sample standard deviation (0 for N = 1), KEY_worst the worst value. The smallest is the worst
-of stable (0 when one seed is unstable), min_*, *_min_energy_j, *_share except muted_share, held_force_ratio, contact_s,
-environment_force_mean_n, steps, duration_s, packets.*.sent and packets.*.received; of every other figure the largest is.
-The verdict is that of the worst seed, which worst_seed names: an unstable one before a stable one, then the one with the
-least min_port_energy_j.
+With --seeds N each figure KEY has three columns: KEY is the mean over the seeds (for `stable`: the fraction of stable
+seeds), KEY_sd the sample standard deviation (0 for N = 1), KEY_worst the worst value. The smallest value is the
+worst of stable (0 if any seed is unstable), min_*, *_min_energy_j, *_share except muted_share, held_force_ratio, contact_s,
+environment_force_mean_n, steps, duration_s, packets.*.sent and packets.*.received; of all other figures the largest is.
+The verdict is that of the worst seed, given in worst_seed: an unstable one before a stable one, then the one with the
+smallest min_port_energy_j.
 
-Finished cells are kept in OUT/cells.jsonl: a sweep that was stopped goes on from there when scene, overrides, axes and
-seeds are the same. Expectations of the scene (expect) are not checked: the sweep varies it.
-Up to three axes are drawn by gnuplot: a curve, a map, a map for each value of the third.)");
+Finished cells are kept in OUT/cells.jsonl: a stopped sweep resumes from there if scene, overrides, axes and seeds
+are unchanged. Expectations of the scene (expect) are not checked.
+gnuplot draws up to three axes: a curve, a map, a map for each value of the third.)");
 
-  CLI::App* merge = app.add_subcommand("merge", "Put the parts of sweep --shard I/N together");
+  CLI::App* merge = app.add_subcommand("merge", "Combine the parts of sweep --shard I/N");
   merge->add_option("folders", a->parts, "The --out of each part")->required();
   merge->add_option("--out", a->sweep.out, "Folder for table.csv, cells.jsonl and pictures")->required();
   merge->add_option("--plot", a->plot, plot)->capture_default_str();

@@ -50,7 +50,7 @@ CLI::App* add(CLI::App& app, const char* name, const char* words, const char* ou
   CLI::App* command = app.add_subcommand(name, words);
   add_scene(command, a.scene, a.set);
   command->add_option("--out", a.out, out);
-  command->add_option("--repetitions", a.repetitions, "Of the eight runs")->capture_default_str();
+  command->add_option("--repetitions", a.repetitions, "Timed repetitions of the eight runs")->capture_default_str();
   return command;
 }
 
@@ -58,19 +58,19 @@ CLI::App* add(CLI::App& app, const char* name, const char* words, const char* ou
 
 std::vector<Subcommand> add_trim_commands(CLI::App& app) {
   const auto a = std::make_shared<Arguments>();
-  CLI::App* trim = add(app, "trim", "Which parts of a scene's world change its summary by less than a tolerance",
+  CLI::App* trim = add(app, "trim", "Find blocks of a scene that change its summary by less than a tolerance",
                        "Folder for trim.csv", *a);
-  trim->add_option("--tolerance", a->tolerance, "Of each number, relative")->capture_default_str();
+  trim->add_option("--tolerance", a->tolerance, "Relative change of each number")->capture_default_str();
   trim->footer(
       "Each block is left out alone, everything else equal. A number changes by |a - b| / max(|a|, |b|, floor), with\n"
-      "floors of 1e-6 J, 1e-6 m, 1e-3 N, 0.01 deg, 1e-3 s and 1 for counts; all of the summary but step_ns. A verdict\n"
-      "or an expectation that turns always counts. Every variant makes eight runs: the scene, and with the seven seeds "
-      "after\n"
-      "its own and stiffnesses changed in the twelfth digit. A change that stays within the range of these runs is "
-      "said\n"
-      "to be within the scatter, and is not proposed.\n"
-      "saved: of the cost of a tick, median of interleaved runs; below a few per cent it is noise.");
-  CLI::App* blocks = add(app, "blocks", "What a tick costs as blocks are added to a scene's world one at a time",
+      "floors of 1e-6 J, 1e-6 m, 1e-3 N, 0.01 deg, 1e-3 s and 1 for counts; all numbers of the summary except "
+      "step_ns.\n"
+      "A change of the verdict or of a met expectation always counts. Each variant is run eight times: with the "
+      "scene's\n"
+      "seed, and with the next seven seeds and stiffnesses changed in the twelfth digit. A change within the range of\n"
+      "these runs is within the scatter, and the block is not proposed.\n"
+      "saved: relative reduction of the cost of a tick, median of interleaved runs; a few per cent are noise.");
+  CLI::App* blocks = add(app, "blocks", "Measure the cost of a tick as blocks are added to a scene one at a time",
                          "Folder for blocks.csv and the chart", *a);
   return {{trim, [a] { return trim_command(*a); }}, {blocks, [a] { return blocks_command(*a); }}};
 }

@@ -8,7 +8,7 @@
 
 namespace twoport::lab {
 
-/// One rigid body in another engine's world, and the half space it may touch there.
+/// One rigid body in another engine's world, and a half space for contact.
 struct EngineBody {
   int dof;  ///< 1: along x, a ball that touches at its front; 6: a box
   double mass_kg, inertia_kg_m2, period_s;
@@ -39,7 +39,7 @@ class Engine {
   virtual void step() = 0;
 };
 
-// Each is null where its library was not there when this was built.
+// Each is null if its library was missing at build time.
 std::unique_ptr<Engine> ode(const EngineBody& body);
 std::unique_ptr<Engine> bullet(const EngineBody& body);
 std::unique_ptr<Engine> mujoco(const EngineBody& body);

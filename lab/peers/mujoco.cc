@@ -10,14 +10,14 @@
 namespace twoport::lab {
 namespace {
 
-/// MuJoCo's Euler (semi-implicit). Its contact is a constraint on the acceleration, of impedance d, and knows no
-/// newtons: with negative solref = -k, -b, and m' = 1/body_invweight0 (m for a free body, 3 m on one slide: the mean of
+/// MuJoCo's Euler (semi-implicit). Its contact is a constraint on the acceleration, of impedance d, not a stiffness in
+/// N/m: with negative solref = -k, -b, and m' = 1/body_invweight0 (m for a free body, 3 m on one slide: the mean of
 /// three axes)
 ///
 ///     K = k m'/(1 - d),   B = b m'/(1 - d)
 ///
-/// d also takes its share off every other force, so it is the least that MuJoCo allows. A friction pyramid has another
-/// stiffness than its edges, so the cone is the elliptic one.
+/// d also reduces every other force, so it is the smallest that MuJoCo allows. The stiffness of a pyramidal cone
+/// depends on the direction, so the cone is elliptic.
 class MuJoCo final : public Engine {
  public:
   explicit MuJoCo(const EngineBody& b) : b_{b} {

@@ -36,7 +36,7 @@ constexpr Library kLibraries[] = {
 #endif
 };
 
-/// The body of a scene and what pushes it, all of it or all but the wall.
+/// The body of a scene and the forces on it, all or all except the wall's.
 struct Setting {
   EngineBody body;
   Scene pushing;
@@ -44,7 +44,7 @@ struct Setting {
   int ticks;
   double stiffness_n_per_m = 0.0, damping_n_s_per_m = 0.0, pull_n = 0.0;  ///< dof 1: of all springs
 
-  /// What is pushed with in one degree of freedom, written out: a peer does not pay for our environment.
+  /// Force in one degree of freedom, hand-written: an engine's time does not include our environment code.
   [[nodiscard]] double push(double x, double v) const {
     double f = pull_n - stiffness_n_per_m * x - damping_n_s_per_m * v;
     if (const double depth = body.offset_m + x; !body.own_contact && depth > 0.0)
@@ -122,7 +122,7 @@ void play(Engine& engine, const Setting& s, const At& at) {
   }
 }
 
-/// Force as the scene's own contact law has it at the engine's position.
+/// Force of the scene's contact law at the engine's position.
 Course course(Engine& engine, const Setting& s, const Scene& scene) {
   Course c;
   const auto each = [&](int k, const auto& environment, const auto& x, const auto& v) {

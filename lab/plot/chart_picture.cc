@@ -20,7 +20,7 @@ namespace {
 constexpr double kWidth = 1060.0, kHeight = 620.0, kLeft = 95.0, kRight = 230.0, kTop = 45.0, kBottom = 70.0;
 constexpr double kCharacter = 7.3, kLine = 13.0, kDot = 6.0;
 
-// What is equal to rounding is drawn at the bottom, not left out.
+// Errors at rounding level are drawn at the bottom.
 constexpr double kLeast = 1e-17;
 
 double cost_us(const Point& p) {
@@ -30,7 +30,7 @@ double error_m(const Point& p) {
   return std::max(p.error.position_rms_m, kLeast);
 }
 
-/// An integrator or an engine has the same colour in every chart; other groups take the spare ones in turn.
+/// An integrator or an engine has the same colour in every chart; other groups use the remaining colours in turn.
 std::string colour_of(std::string_view group, std::size_t& spare) {
   static constexpr std::pair<std::string_view, const char*> kOwn[] = {{"EXACT_PER_TICK", "#ca5a32"},
                                                                       {"EXACT", "#2a788e"},

@@ -8,7 +8,7 @@
 namespace twoport::lab {
 namespace {
 
-/// For a shell, which knows no escape within single quotes.
+/// Quoted for a shell, which has no escape within single quotes.
 std::string shell_word(const std::string& text) {
   std::string out = "'";
   for (const char c : text) out += c == '\'' ? "'\\''" : std::string(1, c);

@@ -9,7 +9,7 @@ namespace twoport::lab {
 // Blue-green and orange: they differ for most eyes, and in grey.
 inline constexpr const char *kStableColour = "#2a788e", *kUnstableColour = "#f4a582";
 
-/// In single quotes for gnuplot, which knows no escape there but a doubled quote.
+/// In single quotes for gnuplot; the only escape there is a doubled quote.
 std::string gnuplot_quoted(std::string_view text);
 
 /// gnuplot's input for the same page twice, NAME.png and NAME.svg, in the style that all pictures share.

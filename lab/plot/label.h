@@ -6,7 +6,7 @@
 
 namespace twoport::lab {
 
-/// What an axis, a legend or a title of a picture says of a number, in words.
+/// Label of a number on an axis, in a legend or a title.
 struct Label {
   std::string words, unit;  ///< unit: "N/m"; empty where there is none
 
@@ -14,7 +14,7 @@ struct Label {
   [[nodiscard]] std::string text() const;
 };
 
-/// Of a path into a scene, or of several that move together:
+/// Of a path into a scene, or of several linked ones:
 ///
 ///     environment[0].wall.stiffness_n_per_m    wall stiffness [N/m]
 ///     to_slave.delay_ms                        delay to the slave [ms]

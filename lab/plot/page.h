@@ -28,7 +28,7 @@ class Page {
   bool slants(const Scale& x);
   Page& colour_bar(const Label& label, double low, double high, bool logarithmic);
 
-  /// What stands before the plot command of panel i: its title, and labels where nothing nearer says what the axis is.
+  /// Commands before the plot command of panel i: its title, and axis labels where the page has none.
   [[nodiscard]] std::string panel(std::size_t i, const std::string& title, const Label& x, const Label& y) const;
   [[nodiscard]] bool at_left(std::size_t i) const { return i % across_ == 0; }
   /// gnuplot's input for NAME.png and NAME.svg, where `body` is panel() and a plot command for each panel.

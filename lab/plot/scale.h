@@ -12,15 +12,15 @@
 
 namespace twoport::lab {
 
-/// A text that is a number and nothing else.
+/// Is the text a number?
 std::optional<double> number_of(const std::string& text);
 
 /// gnuplot's ticks for a logarithmic axis of less than three decades, at 1, 2, 5 of each; empty for a longer one, where
 /// gnuplot's own serve.
 std::string log_ticks(char name, double low, double high);
 
-/// Where a picture puts the values of an axis, and how far the cell of each reaches. Values that are no numbers stand one
-/// apart, from 0 on.
+/// Where a picture puts the values of an axis, and how far the cell of each reaches. Values that are no numbers have a
+/// spacing of one, from 0.
 class Scale {
  public:
   explicit Scale(const Axis& axis);

@@ -170,7 +170,7 @@ std::string curve_range(const Picture& p) {
 std::string curve(const Picture& p, const std::string& file) {
   const Scale& x = p.scales[0];
   std::string gp = curve_range(p);
-  // Unstable cells are bands from bottom to top, as wide as what each stands for.
+  // Unstable cells are bands from bottom to top, as wide as their cells.
   int band = 0;
   for (const Cell& c : p.panels[0])
     if (!c.stable)

@@ -9,7 +9,7 @@
 
 namespace twoport::lab {
 
-/// A number of a scene to search along, or several that move together: A=LO:HI or A,B=LO:HI, LO < HI.
+/// A number of a scene to search along, or several linked ones: A=LO:HI or A,B=LO:HI, LO < HI.
 struct Interval {
   std::vector<std::string> paths;
   double low, high;
@@ -40,7 +40,7 @@ struct Boundary {
   double stable, unstable;
 };
 
-/// What a search has found.
+/// Result of a search.
 struct BoundarySearch {
   std::optional<Boundary> boundary;    ///< none where both ends agree
   bool stable_at_low = false;          ///< the verdict at LO
@@ -48,7 +48,7 @@ struct BoundarySearch {
 };
 
 /// The first value between LO and HI at which the verdict `stable` of the scene changes: ends and scan first, then
-/// bisection, in the logarithm where both ends have one sign. `tried` hears of every run, in the order of values for
+/// bisection, in the logarithm where both ends have one sign. `tried` is called for every run, in the order of values for
 /// the scan. Throws ConfigError when the scene is wrong.
 BoundarySearch search_boundary(const BoundaryOptions& options, const std::function<void(const Trial&)>& tried = {});
 /// The same. Throws ConfigError also when both ends agree.
@@ -63,8 +63,8 @@ struct BoundaryCurve {
 };
 
 /// Searches at every value of `along`, `options.jobs` of them at once; the result is the same for any number of jobs.
-/// Throws ConfigError when a scene is wrong; that a search finds no boundary is a result. `finished` hears how many
-/// values are done.
+/// Throws ConfigError when a scene is wrong; that a search finds no boundary is a result. `finished` is called with
+/// the number of finished values.
 BoundaryCurve boundary_curve(const BoundaryOptions& options, const Axis& along,
                              const std::function<void(std::size_t)>& finished = {});
 

@@ -106,7 +106,7 @@ Plan parse_plan(const std::string& path, const std::string& line) {
   return plan;
 }
 
-/// One line of a cell into `cells`. False when it is none of the sweep, or not as it was written.
+/// One line of a cell into `cells`. False if it is not of the sweep, or was changed.
 bool add_cell(const Plan& plan, const std::string& line, Cells& cells) {
   pb::Struct object;
   if (!is_as_written(line, plan.digest) || !pb::util::JsonStringToMessage(line, &object).ok()) return false;

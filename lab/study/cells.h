@@ -11,7 +11,7 @@
 
 namespace twoport::lab {
 
-/// What a sweep is: the first line of cells.jsonl.
+/// Definition of a sweep: the first line of cells.jsonl.
 struct Plan {
   std::string digest;  ///< of scene, overrides, axes, seeds and version
   std::vector<Axis> axes;
@@ -21,7 +21,7 @@ struct Plan {
   [[nodiscard]] std::size_t cells() const;
   /// The value of each axis in a cell, the last fastest.
   [[nodiscard]] std::vector<std::string> values(std::size_t cell) const;
-  /// What a cell's row begins with: a value for each path.
+  /// Start of a cell's row: a value for each path.
   [[nodiscard]] std::vector<std::string> varied_columns(std::size_t cell) const;
   /// "a=1, b=2" for an error sentence.
   [[nodiscard]] std::string name(std::size_t cell) const;
@@ -35,11 +35,11 @@ using Cells = std::map<std::size_t, std::vector<std::string>>;
 ///     {"digest": …, "axes": [{"path": …, "log": …, "values": […]}, …], "seeds": …, "columns": […], "check": …}
 ///     {"cell": 3, "row": ["0.5", "6000", …], "check": …}
 ///
-/// Only ever appended to, a line at a time; a last line that is not whole is not there. `check` is a digest of the rest of
-/// the line and of the sweep: a line that was edited, or is of another sweep, is refused.
+/// Lines are only appended; an incomplete last line is ignored. `check` is a digest of the rest of the line and of the
+/// sweep: a line that was edited, or is of another sweep, is refused.
 class CellFile {
  public:
-  /// Makes the folder and the file, or goes on with one of the same plan. Throws ConfigError for another plan's.
+  /// Creates the folder and the file, or continues one of the same plan. Throws ConfigError for another plan's.
   CellFile(const std::string& folder, const Plan& plan);
 
   void append(std::size_t cell, const std::vector<std::string>& row);
@@ -60,7 +60,7 @@ struct Part {
 };
 Part read_part(const std::string& folder);
 
-/// All at once, whole or not at all.
+/// All at once: complete or not at all.
 void write_part(const std::string& folder, const Plan& plan, const Cells& cells);
 
 void make_folder(const std::string& folder);

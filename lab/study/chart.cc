@@ -186,7 +186,7 @@ Chart chart(const ChartOptions& o, const std::vector<Peer>& peers,
   const auto runs = [](const Candidate& c) { return c.scene.has_value(); };
   if (std::none_of(all.begin(), all.end(), runs)) throw ConfigError(all.front().point.impossible);
 
-  // Repetitions in turn, so that what else the machine does meets all alike.
+  // Repetitions in turn, so that disturbances of the machine affect all alike.
   std::vector<std::vector<double>> spent(all.size());
   std::vector<double> ticks(all.size(), written.duration_s * peer_rate_hz);
   for (int r = 0; r < o.repetitions; ++r) {
@@ -271,7 +271,7 @@ std::string to_text(const Chart& c) {
                        known(e.position_rms_m, f.position_rms_m), known(e.force_rms_n, f.force_rms_n),
                        known(e.force_max_n, f.force_max_n), known(e.energy_max_j, f.energy_max_j));
     if (p->boundary) out += fmt::format(" {:>11.5g}", *p->boundary);
-    out += p->dominated_by.empty() ? "   front\n" : fmt::format("   beaten by {}\n", p->dominated_by);
+    out += p->dominated_by.empty() ? "   front\n" : fmt::format("   dominated by {}\n", p->dominated_by);
   }
   out += fmt::format("reference: Runge-Kutta 4, uncertain by {:.1g} m, {:.1g} N, {:.1g} J", c.floor.position_rms_m,
                      c.floor.force_max_n, c.floor.energy_max_j);

@@ -9,23 +9,23 @@
 
 namespace twoport::lab {
 
-/// What a run comes to, tick by tick, for comparison with another.
+/// Trajectory of a run, tick by tick, for comparison with another.
 struct Course {
   std::vector<double> t_s;
   std::vector<double> master_x, slave_x, force;  ///< three numbers a tick [m], [m], [N] of the environment
-  std::vector<double> energy_j;  ///< at the master port; of a robot alone what it and its environment hold
+  std::vector<double> energy_j;  ///< at the master port; of a robot alone the energy stored in it and its environment
 };
 
-/// Differences of two courses at the moments that both have, a nanosecond apart at most.
+/// Differences of two courses at common times, at most a nanosecond apart.
 struct Difference {
   double position_rms_m, force_rms_n, force_max_n, energy_max_j;
 };
 Difference difference(const Course& a, const Course& b);
 
-/// One way to step a scene: what it costs and how far off it is.
+/// One variant of a scene: its cost and its error.
 struct Point {
-  std::string name, group;   ///< the varied values; what it is drawn as
-  bool peer = false;         ///< another engine's answer
+  std::string name, group;   ///< the varied values; the group in the picture
+  bool peer = false;         ///< result of another engine
   double ns_per_tick = 0.0;  ///< median of interleaved repetitions
   double cost = 0.0;         ///< seconds per simulated second
   Difference error{};
@@ -34,10 +34,10 @@ struct Point {
   std::string dominated_by;        ///< a point that is cheaper and no less accurate; empty on the front
 };
 
-/// Another program's answer to the same scene, on the same axes.
+/// The same scene computed by another engine, on the same axes.
 struct Peer {
   std::string name;
-  std::function<Course()> course;   ///< nothing when it cannot play the scene
+  std::function<Course()> course;   ///< empty if it cannot run the scene
   std::function<double()> seconds;  ///< one timed run, without set-up [s]
 };
 
@@ -56,16 +56,16 @@ struct Chart {
   double rate_hz = 0.0;
 };
 
-/// Every combination of the varied values (integrators and substeps where none are given) against the scene as it is
-/// written, stepped by Runge-Kutta 4 in many substeps: an integrator that is none of the exact ones, whose error is
-/// that of a contact met half a step late. `heard` gets the name of each point before it is run.
+/// Every combination of the varied values (integrators and substeps where none are given) against the unchanged scene
+/// with Runge-Kutta 4 in many substeps, not an exact map; its error is that of a contact detected half a step late.
+/// `heard` is called with the name of each point before it is run.
 Chart chart(const ChartOptions& options, const std::vector<Peer>& peers = {},
             const std::function<void(const std::string&)>& heard = {});
 
 /// Fills in dominated_by: front of cost against position error.
 void find_front(std::vector<Point>& points);
 /// Cheapest point with a position error of at most `error_m`; null when there is none. An error below the uncertainty
-/// of the reference, `floor_m`, is known to be no larger than that, and no more.
+/// of the reference, `floor_m`, counts as that uncertainty.
 const Point* cheapest(const std::vector<Point>& points, double error_m, double floor_m = 0.0);
 
 std::string to_text(const Chart& chart);

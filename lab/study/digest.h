@@ -9,8 +9,8 @@
 
 namespace twoport::lab {
 
-/// FNV-1a over a sequence of texts and numbers: tells sweeps apart and finds lines that were edited. No protection
-/// against somebody who wants to deceive.
+/// FNV-1a over a sequence of texts and numbers: distinguishes sweeps and detects edited lines. Not
+/// cryptographic.
 class Digest {
  public:
   void add(std::string_view text) {

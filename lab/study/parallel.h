@@ -11,13 +11,13 @@
 
 namespace twoport::lab {
 
-/// As many threads as the machine runs at once.
+/// Number of hardware threads.
 inline int all_cores() {
   return std::max(1, static_cast<int>(std::thread::hardware_concurrency()));
 }
 
-/// Calls work(0) … work(count - 1), each once, from up to `jobs` threads, in no fixed order; from fewer where the system
-/// gives no more. The first exception stops what has not begun and is thrown on.
+/// Calls work(0) … work(count - 1), each once, from up to `jobs` threads, in no fixed order; from fewer if the system
+/// provides fewer. The first exception stops calls that have not begun and is rethrown.
 template <class Work>
 void for_each_parallel(std::size_t count, int jobs, Work work) {
   std::atomic<std::size_t> next{0};

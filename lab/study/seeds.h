@@ -24,8 +24,8 @@ struct Spread {
 /// All equal values give a mean equal to them and an sd of 0, to the bit.
 Spread spread(std::string_view figure, std::span<const double> values);
 
-/// Index of the seed whose verdict stands for all: the one that is not stable before one that is, then the one with the
-/// least port energy, then the first.
+/// Index of the worst seed, whose verdict is reported: an unstable seed before a stable one, then the smallest port
+/// energy, then the first.
 std::size_t worst_seed(const std::vector<Summary>& of_seeds);
 
 }  // namespace twoport::lab

@@ -92,7 +92,7 @@ Columns columns_of(const std::vector<Summary>& of_seeds, std::uint64_t first_see
   return all;
 }
 
-/// Says what the sweep is, and finds out what is wrong with any one value before a cell is run.
+/// Makes the plan of a sweep, and checks each single value before a cell is run.
 Plan plan_of(const SweepOptions& o) {
   if (o.axes.empty()) throw ConfigError{"--vary is missing; it must read PATH=SPEC"};
   Plan plan{.digest = {}, .axes = o.axes, .seeds = o.seeds, .columns = {}};
@@ -215,7 +215,7 @@ Axis parse_axis(const std::string& text, const std::string& option) {
   for (int i = 0; i < count; ++i) {
     const double part = static_cast<double>(i) / (count - 1);
     const double value = axis.logarithmic ? start * std::pow(stop / start, part) : start + part * (stop - start);
-    // 15 digits: what a person would have written, 0.3 and not 0.30000000000000004.
+    // 15 digits: 0.3 and not 0.30000000000000004.
     axis.values.push_back(fmt::format("{:.15g}", i == 0 ? start : i + 1 == count ? stop : value));
   }
   return axis;

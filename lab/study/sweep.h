@@ -43,10 +43,10 @@ struct SweepOptions {
   std::string out;  ///< folder for table.csv and cells.jsonl; empty: nothing is kept
 };
 
-/// One row for each cell, in the order of cells: the varied paths first, then every figure of the summary, then its
-/// words. With seeds each figure KEY has three columns: KEY, the mean; KEY_sd; KEY_worst (see lab/study/seeds.h). The
-/// words are then those of the worst seed, and a last column worst_seed says which one that is. Numbers read back to the
-/// bit.
+/// One row for each cell, in the order of cells: the varied paths first, then every figure of the summary, then
+/// its texts. With seeds each figure KEY has three columns: KEY, the mean; KEY_sd; KEY_worst (see
+/// lab/study/seeds.h). The texts are then those of the worst seed, which a last column worst_seed gives. Numbers
+/// read back to the bit.
 struct Table {
   std::vector<Axis> axes;
   std::size_t seeds = 0;
@@ -58,7 +58,7 @@ struct Table {
 };
 std::string to_csv(const Table& table);
 
-/// The figures of a summary that a table holds: its numbers but step_ns, which is wall-clock time and no two runs share.
+/// The figures of a summary that a table holds: its numbers but step_ns, which is wall-clock time.
 std::vector<std::string> figures();
 
 struct Progress {
@@ -68,13 +68,13 @@ struct Progress {
 
 /// Runs a scene over the product of its axes. The table is the same to the bit for any number of jobs.
 ///
-/// A finished cell is kept in OUT/cells.jsonl at once, one whole line each, below a line that says what the sweep is;
-/// a sweep that was killed goes on from there, a half-written last line is dropped. Cells of another scene, other
-/// overrides, axes, seeds or version of this program are refused. Promises of the scene are not looked at: it is varied.
-/// Throws ConfigError with the cell when a scene is wrong; what is finished stays.
+/// Each finished cell is appended at once to OUT/cells.jsonl, below a line that defines the sweep;
+/// a sweep that was killed resumes from there, an incomplete last line is dropped. Cells of another scene, other
+/// overrides, axes, seeds or version of this program are refused. Expectations of the scene are ignored.
+/// Throws ConfigError with the cell when a scene is invalid; finished cells are kept.
 Table sweep(const SweepOptions& options, const std::function<void(const Progress&)>& heard = {});
 
-/// Puts the parts of one sweep together again and writes them to `out`, as one sweep would have left them. Throws
+/// Combines the parts of one sweep and writes them to `out`, as a single sweep would. Throws
 /// ConfigError naming the cells that are missing, or in two parts, and the folder that belongs to another sweep.
 Table merge(const std::vector<std::string>& folders, const std::string& out);
 

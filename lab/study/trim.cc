@@ -20,7 +20,7 @@
 namespace twoport::lab {
 namespace {
 
-/// Two sets of eight values that have one law stay apart by chance once in 6435.
+/// Two sets of eight values of one distribution are separated by chance once in 6435 cases.
 constexpr std::size_t kRuns = 8;
 
 template <class T>
@@ -71,7 +71,7 @@ void add_environment(std::vector<Block>& all, const Scene& scene) {
   }
 }
 
-/// A handle that is not led along a path needs something to move, and where nobody controls there must be a robot.
+/// A handle without an imposed path needs a mass, and UNCONTROLLED needs a robot.
 bool can_run(const Scene& scene) {
   if (scene.control.architecture == Architecture::uncontrolled && !scene.robot) return false;
   const HandSpec* hand = scene.operator_model && scene.operator_model->hand ? &*scene.operator_model->hand : nullptr;
@@ -112,13 +112,13 @@ Scene perturbed(Scene scene, std::size_t i) {
   return scene;
 }
 
-/// What the runs of one variant gave: a summary for each of the kRuns, a cost for each run and repetition.
+/// Results of one variant: a summary for each of the kRuns, a cost for each run and repetition.
 struct Seen {
   std::vector<Summary> of_run;
   std::vector<double> tick_ns;
 };
 
-/// Variants in turn, so that what disturbs the machine disturbs them alike.
+/// Variants in turn, so that disturbances of the machine affect all alike.
 std::vector<Seen> run_in_turn(const std::vector<Scene>& variants, int repetitions) {
   std::vector<Seen> seen(variants.size());
   for (int r = 0; r < repetitions; ++r)
@@ -142,7 +142,7 @@ double cost_ratio(const Seen& a, const Seen& b) {
   return median(ratios);
 }
 
-// ---- what tells runs apart
+// ---- comparison of runs
 
 /// One number of the summary over the runs.
 struct Row {
@@ -173,7 +173,7 @@ Contrast scatter(const Seen& seen) {
   return most;
 }
 
-/// The keys whose promises one run keeps and the other does not, `stable` first.
+/// The keys of expectations that one run meets and the other does not, `stable` first.
 std::vector<std::string> turned(const ExpectSpec& expect, const Summary& a, const Summary& b) {
   std::vector<std::string> keys;
   if (a.stable() != b.stable()) keys.push_back("stable");
@@ -311,8 +311,7 @@ Trim trim(const Scene& scene, double tolerance, int repetitions) {
     throw ConfigError{fmt::format("--tolerance is {}; it must be > 0 and < 1", tolerance)};
   if (scene.control.architecture == Architecture::uncontrolled)
     throw ConfigError{
-        "control.architecture is UNCONTROLLED; it must be another one: a summary says nothing of a robot "
-        "alone, so every block could be left out"};
+        "control.architecture is UNCONTROLLED; it must be another value: a summary has no figures of a robot alone"};
   const std::vector<Block> all = blocks(scene);
   std::vector<Scene> variants{scene};
   for (const Block& block : all) variants.push_back(without(scene, {block}));

@@ -8,26 +8,26 @@
 
 namespace twoport::lab {
 
-/// A part of the world that a scene models and need not: its path in the scene file, and how it is left out. What the
-/// scene is about stays: the operator's path, where things start, rates, architecture and controllers.
+/// An optional part of a scene's model: its path in the scene file, and how it is left out. The operator's path,
+/// initial states, rates, architecture and controllers are not optional.
 struct Block {
   std::string path;
   std::function<void(Scene&)> remove;
 };
 
-/// What of the world is modelled, in the order of the data flow; a block stands before what it holds. Left out is what
-/// no scene can run without, such as the only mass that the handle has.
+/// The optional blocks, in the order of the data flow; a block precedes its parts. Blocks without which the scene
+/// cannot run, such as the only mass of the handle, are not listed.
 std::vector<Block> blocks(const Scene& scene);
 
 /// The scene without these blocks, given in the order of blocks().
 Scene without(Scene scene, const std::vector<Block>& left_out);
 
-/// How far two numbers of a summary are apart, on their own scale; 0 where they are equal, 1 where one is not finite:
+/// Relative difference of two numbers of a summary; 0 if equal, 1 if one is not finite:
 ///
 ///     |a - b| / max(|a|, |b|, floor)     floor: 1e-6 J, 1e-6 m, 1e-3 N, 0.01 deg, 1e-3 s, 1 (ms, counts, flags)
 double relative_change(const std::string& key, double a, double b);
 
-/// The number that tells two runs apart best. `step_ns`, which is wall-clock time, is none of them.
+/// The number with the largest relative difference between two runs, except `step_ns`.
 struct Contrast {
   std::string key = "nothing";
   double with = 0.0, without = 0.0, change = 0.0;
@@ -55,9 +55,9 @@ struct Trim {
 };
 
 /// Which blocks change the summary of a scene by less than `tolerance`, 0 < tolerance < 1. Every variant makes eight
-/// runs: the scene as it is, and with the seven seeds that follow its own and stiffnesses changed in the twelfth digit,
-/// which tells what scatters from what changes. `repetitions` times, in turn with the whole scene.
-/// Throws ConfigError for another tolerance, and for a robot alone, of which a summary says nothing.
+/// runs: with the scene's seed, and with the next seven seeds and stiffnesses changed in the twelfth digit,
+/// which distinguishes changes from scatter. `repetitions` times, in turn with the whole scene.
+/// Throws ConfigError for another tolerance, and for a robot alone, of which a summary has no figures.
 Trim trim(const Scene& scene, double tolerance, int repetitions);
 std::string to_text(const Trim& trim, double tolerance);
 std::string to_csv(const Trim& trim);
@@ -68,8 +68,8 @@ struct BlockCost {
   double tick_ns, ratio;  ///< to the bare scene; medians of interleaved runs
   bool stable;
 };
-/// The first is the bare scene; then one more block each, in the order of blocks(). What a block costs depends on what
-/// the others then do: a bar may be shorter than the one before.
+/// The first is the bare scene; then one more block each, in the order of blocks(). The cost of a block includes its
+/// effect on the others: a bar may be shorter than the one before.
 std::vector<BlockCost> block_costs(const Scene& scene, int repetitions);
 std::string to_text(const std::vector<BlockCost>& costs);
 std::string to_csv(const std::vector<BlockCost>& costs);

@@ -19,7 +19,7 @@ struct ZWidthOptions {
   std::string out;
 };
 
-/// The map, and what theory says of it without a controller.
+/// The map, and theory without a controller.
 struct ZWidth {
   std::string scene;             ///< its name
   Table table;                   ///< axes: damping, stiffness, method
@@ -33,7 +33,7 @@ struct ZWidth {
 };
 
 /// Runs the grid (resuming what OUT holds) and computes the theory: SampledWall with the mass, damping and stiffness of
-/// device and hand together. Throws ConfigError when the scene is not of the kind that theory knows.
+/// device and hand together. Throws ConfigError when the theory does not cover the scene.
 ZWidth z_width(const ZWidthOptions& options, const std::function<void(const Progress&)>& heard = {});
 
 /// One line for each damping: theory, then each method.

@@ -10,8 +10,8 @@ namespace twoport::sim {
 ///
 ///     f = k (x_h - x) + b (ẋ_h - ẋ)
 ///
-/// x_h moves linearly within a tick. What depends on the handle's motion within the tick, -k (x - x(0)) - b ẋ, is the
-/// handle's own stiffness and damping; the rest is a load u + w s at time s of the tick.
+/// x_h moves linearly within a tick. The part that depends on the handle's motion within the tick,
+/// -k (x - x(0)) - b ẋ, is added to the handle's stiffness and damping; the rest is a load u + w s at time s of the tick.
 template <int N>
 class Hand {
  public:

@@ -17,7 +17,7 @@ namespace twoport::sim {
 ///     sine      x(t) = x0 + A sin(2π f t) along one axis
 ///     screw     x(t) = x0 turned by A sin(2π f t) about an axis and moved by L sin(2π f t) along it
 ///
-/// A tremor is added to all of it, and never ends.
+/// A tremor is added to all segments and does not end.
 template <int N>
 class Path {
  public:
@@ -80,7 +80,7 @@ class Path {
     }
     return s;
   }
-  /// When the last segment ends and the hand holds still [s]; infinite for one that trembles.
+  /// When the last segment ends and the hand holds still [s]; infinite with tremor.
   [[nodiscard]] double end_s() const { return rest_from_s_; }
 
  private:

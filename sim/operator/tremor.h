@@ -11,11 +11,11 @@
 
 namespace twoport::sim {
 
-/// The trembling of a hand: on each translational axis a sum of sinusoids, drawn once from a seed.
+/// Tremor of a hand: on each translational axis a sum of sinusoids, drawn once from a seed.
 ///
 ///     x(t) = Σ_j a sin(2π f_j t + φ_j),   a = rms √(2/n),   f_j uniform in the j-th of n equal parts of the band
 ///
-/// A function of time alone, the same on every machine: what a run does cannot change it.
+/// A function of time alone, the same on every machine.
 template <int N>
 class Tremor {
  public:
@@ -42,7 +42,7 @@ class Tremor {
     Displacement<N> x;
     Velocity<N> v;
   };
-  /// Out of line: a steady hand does not pay for it.
+  /// Out of line, as it is rare.
   [[nodiscard, gnu::noinline]] Sample at(double t_s) const noexcept {
     typename Displacement<N>::Vector x = Displacement<N>::Vector::Zero(), v = x;
     for (const Wave& w : waves_) {

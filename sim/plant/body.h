@@ -29,7 +29,7 @@ class Body {
   using Vector = PortVector<N>;
   using Contacts = std::vector<Feature>;  ///< of each contact, the feature that carries force, or kNone
 
-  /// Where the body is; p is its velocity, for N = 6 its momentum and angular momentum.
+  /// Motion of the body; p is its velocity, for N = 6 its momentum and angular momentum.
   struct Motion {
     PoseWithRotation<N> at;
     Vector p;
@@ -54,7 +54,7 @@ class Body {
     const double linear = damping_ / mass_;
     return N == 6 ? std::max(linear, rotational_damping_ / inertia_.minCoeff()) : linear;
   }
-  /// How easily a force at an arm from its origin moves that point: 1/m + arm²/J at most [1/kg].
+  /// Mobility of a point at an arm from the origin: at most 1/m + arm²/J [1/kg].
   [[nodiscard]] double mobility_at(const Eigen::Vector3d& arm) const noexcept {
     return 1.0 / mass_ + arm.squaredNorm() / inertia_.minCoeff();
   }
@@ -77,12 +77,12 @@ class Body {
     }
   }
 
-  /// Only with the contacts and features of `among`: what begins within a step belongs to the next one.
+  /// Only with the contacts and features of `among`: a contact that begins within a step belongs to the next one.
   [[nodiscard]] Slope slope_among(const Motion& m, const Vector& f, const Contacts& among) const noexcept {
     return slope(
         m, f, [&](int i) { return among[static_cast<std::size_t>(i)]; }, [](std::size_t, Feature) {});
   }
-  /// With all that touches, which is told in `touched`.
+  /// With all contacts, which are returned in `touched`.
   [[gnu::flatten]] Slope slope(const Motion& m, const Vector& f, Contacts& touched) const noexcept {
     std::fill(touched.begin(), touched.end(), kNone);
     return slope(
@@ -112,7 +112,7 @@ class Body {
   }
 
  private:
-  /// Rates under the force f. `pick` as for_each_contact has it; tell(index, feature) hears what carries force.
+  /// Rates under the force f. `pick` as for_each_contact has it; tell(index, feature) is called for each contact with force.
   template <class Pick, class Tell>
   Slope slope(const Motion& m, const Vector& f, Pick pick, Tell tell) const noexcept {
     Vector v = velocity(m), environment = Vector::Zero();

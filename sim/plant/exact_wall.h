@@ -13,12 +13,12 @@
 namespace twoport::sim {
 
 /// Mass on springs and at most one frictionless or viscous wall: linear on either side of the wall, so each tick is one
-/// exact affine map, cut where contact begins or ends. What begins and ends again within a tick, or within half a
-/// radian of an oscillation faster than that, is not seen.
+/// exact affine map, cut where contact begins or ends. A contact that begins and ends within a tick, or within
+/// half a radian of an oscillation faster than that, is not detected.
 template <int D>
 class ExactPlant {
  public:
-  /// All that goes on from one tick to the next.
+  /// State between two ticks.
   struct State {
     BodyState<D> body;
     /// Position and velocity along the wall's normal. One packed vector: stored and loaded whole, from tick to tick.
@@ -33,7 +33,7 @@ class ExactPlant {
            (D == 1 || world.surfaces[0].material.friction == 0.0);
   }
 
-  /// Integrator::exact; or exact_per_tick or trapezoidal, which meet contacts at the end of each of the tick's `steps`.
+  /// Integrator::exact; or exact_per_tick or trapezoidal, which detect contacts at the end of each of the tick's `steps`.
   ExactPlant(const RobotSpec& robot, const World& world, double dt, const BodyState<D>& start,
              Integrator method = Integrator::exact, int steps = 1)
       : dt_{dt / steps}, steps_{steps}, method_{method}, cuts_{method == Integrator::exact}, world_{world}, s_{start} {
@@ -70,7 +70,7 @@ class ExactPlant {
   [[nodiscard]] const BodyState<D>& body() const noexcept { return s_.body; }
 
   [[nodiscard]] const State& state() const noexcept { return s_; }
-  /// Goes on from `state`, of a plant of the same scene.
+  /// Continues from `state`, of a plant of the same scene.
   void set_state(const State& state) noexcept { s_ = state; }
 
   /// Of the environment on the mass: Environment::force, to the bit.
@@ -181,7 +181,7 @@ class ExactPlant {
     return moved(s, from, map(from, normal_.dot(u) + r.load), u, r, along);
   }
 
-  /// The wall's normal, which has gone on to `to`, and the rest.
+  /// Completes a step whose normal motion has reached `to`.
   [[nodiscard, gnu::always_inline]] BodyState<D> moved(const BodyState<D>& s, const Normal& from, const Normal& to,
                                                        const Vector& u, const Region& r,
                                                        const Response& along) const noexcept {

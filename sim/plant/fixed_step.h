@@ -9,8 +9,8 @@
 
 namespace twoport::sim {
 
-/// A body under a held force in an environment by an integrator as it is usually written, in equal steps, contacts met
-/// where a step finds them. N = 6 steps momenta and attitude: symplectic Euler and Verlet as kick and drift.
+/// A body under a held force in an environment by a textbook integrator in equal steps; contacts are
+/// detected at steps only. N = 6 steps momenta and attitude: symplectic Euler and Verlet as kick and drift.
 template <int N>
 class FixedStepPlant {
  public:
@@ -45,7 +45,7 @@ class FixedStepPlant {
   [[nodiscard]] Force<N> environment_force() const noexcept { return body_.environment().force(s_.x, s_.v); }
 
   [[nodiscard]] const State& state() const noexcept { return s_; }
-  /// Goes on from `state`, of a plant of the same scene.
+  /// Continues from `state`, of a plant of the same scene.
   void set_state(const State& state) noexcept { s_ = state; }
 
  private:

@@ -23,7 +23,7 @@ class HandlePlant {
  public:
   using Vector = PortVector<N>;
 
-  /// All that goes on from one tick to the next.
+  /// State between two ticks.
   struct State {
     Position<N> x;
     Vector v;
@@ -46,9 +46,9 @@ class HandlePlant {
     if (N == 6 && turn.mass_kg > 0.0) fill(turn, &PortScale::angular);
   }
 
-  /// Has it a mass to be moved by forces?
+  /// Does it have a mass?
   [[nodiscard]] bool moves() const noexcept { return axis_.mass_kg > 0.0; }
-  /// One tick under the load u + w s, for one that moves. Returns what the port did in it.
+  /// One tick under the load u + w s, for one that moves. Returns the motion of the port.
   Interval<N> advance(const Vector& u, const Vector& w) noexcept {
     Vector v0 = s_.v, moved = xv_ * v0 + xu_ * u + xw_ * w, v = vv_ * v0 + vu_ * u + vw_ * w;
     if (fixed_) {
@@ -63,17 +63,17 @@ class HandlePlant {
       // From ∫ω dt to the rotation vector of the interval.
       moved.angular -= dt_ * dt_ / 12.0 * v0.angular.cross(v.angular);
       s_ = {before.moved(moved.linear, moved.angular), v};
-      // As an observer sees it but for rounding: the logarithm of a pose costs much.
+      // As an observer computes it, except for rounding: the logarithm of a pose is expensive.
       return {Displacement<N>{moved}, Velocity<N>{v0}, Velocity<N>{v}};
     } else {
       s_ = {before + Displacement<N>{moved}, v};
-      return {s_.x - before, Velocity<N>{v0}, Velocity<N>{v}};  // as an observer sees it, to the bit
+      return {s_.x - before, Velocity<N>{v0}, Velocity<N>{v}};  // as an observer computes it, to the bit
     }
   }
 
   [[nodiscard]] Velocity<N> velocity() const noexcept { return Velocity<N>{s_.v}; }
   [[nodiscard]] const State& state() const noexcept { return s_; }
-  /// Goes on from `state`.
+  /// Continues from `state`.
   void set_state(const State& state) noexcept { s_ = state; }
 
  private:
@@ -94,7 +94,7 @@ class HandlePlant {
   struct Motion {
     Vector moved, v;
   };
-  /// The step by an integrator as it is usually written; Coulomb friction explicit, smooth below kStictionSpeed.
+  /// The step by a textbook integrator; Coulomb friction explicit, smooth below kStictionSpeed.
   [[gnu::noinline]] Motion step_fixed(Vector u, Vector w) const noexcept {
     const double h = dt_ / simulation_.substeps;
     const auto load = [&](double t, const Vector& speed) {
@@ -170,7 +170,7 @@ class HandlePlant {
 
   double dt_;
   SimulationSpec simulation_;
-  bool fixed_;  ///< by an integrator as it is usually written
+  bool fixed_;  ///< by a textbook integrator
   double coulomb_n_;
   Oscillator axis_;  ///< of translation
   PortScale inverse_mass_, damping_, stiffness_, xv_, xu_, xw_, vv_, vu_, vw_;

@@ -5,8 +5,8 @@
 
 namespace twoport::sim {
 
-// Integrators as they are usually written, for the chart of what each costs and gets wrong. None of them meets a
-// contact within its step.
+// Textbook integrators, for the chart of error against cost. None of them detects a contact within its
+// step.
 
 /// One step of h from t of q̈ = a(t, q, q̇).
 ///

@@ -18,7 +18,7 @@ class RungeKuttaPlant {
   using Vector = typename Body<N>::Vector;
   using Contacts = typename Body<N>::Contacts;
 
-  /// All that goes on from one tick to the next.
+  /// State between two ticks.
   struct State {
     typename Body<N>::Motion motion;
     typename Body<N>::Slope slope;  ///< of motion, under held
@@ -34,7 +34,7 @@ class RungeKuttaPlant {
         after_{any_},
         trial_{any_},
         s_{body_.motion(start), {}, Vector::Zero(), any_} {
-    // How easily contacts move the body: all points at once, and the one that moves it most.
+    // Mobility at the contacts: of all points together, and the largest of one point.
     double all_points = 1.0 / body_.mass();
     mobility_ = all_points;
     if constexpr (N == 6) {
@@ -87,7 +87,7 @@ class RungeKuttaPlant {
   [[nodiscard]] Force<N> environment_force() const noexcept { return Force<N>{s_.slope.environment}; }
 
   [[nodiscard]] const State& state() const noexcept { return s_; }
-  /// Goes on from `state`, of a plant of the same scene.
+  /// Continues from `state`, of a plant of the same scene.
   void set_state(const State& state) noexcept { s_ = state; }
 
  private:

@@ -144,12 +144,12 @@ TEST(Hardware, ThatReportsAFaultIsReleasedAndTheRunEndsInWords) {
   const Rendered rendered;
   EXPECT_EQ(rendered.run("odd:fault=100"), 1);
   const Said said;
-  EXPECT_NE(said.err.find("twoport-master: the hardware reports a fault, 0."), std::string::npos) << said.err;
+  EXPECT_NE(said.err.find("twoport-master: hardware fault 0."), std::string::npos) << said.err;
   EXPECT_EQ(std::count(calls.order.begin(), calls.order.end(), 's'), 101);
   EXPECT_EQ(calls.order.find('r'), calls.order.size() - 1);
   const schema::Summary s = summary_in(rendered.folder / "out");
   EXPECT_FALSE(s.stable());
-  EXPECT_NE(s.verdict().find("reports a fault"), std::string::npos) << s.verdict();
+  EXPECT_NE(s.verdict().find("hardware fault"), std::string::npos) << s.verdict();
   EXPECT_EQ(Trace{rendered.folder / "out/trace.csv"}.rows(), s.steps());
 }
 
@@ -157,8 +157,7 @@ TEST(Hardware, ThatReportsAFaultAtOnceIsNotRun) {
   const Rendered rendered;
   EXPECT_EQ(rendered.run("odd:fault=0"), 1);
   const Said said;
-  EXPECT_NE(said.err.find("odd:fault=0: the hardware reports a fault at its first reading"), std::string::npos)
-      << said.err;
+  EXPECT_NE(said.err.find("odd:fault=0: hardware fault at the first reading"), std::string::npos) << said.err;
   EXPECT_EQ(calls.order.find('a'), std::string::npos) << calls.order;
 }
 
@@ -195,7 +194,7 @@ TEST(Drivers, ThatAreNoneOrOfAnotherSizeAreRefusedInOneSentence) {
   EXPECT_EQ(rendered.run("magic"), 2);
   EXPECT_EQ(Said{}.err, "twoport-master: --device magic: no driver has this name; it must be one of sim, odd\n");
   EXPECT_EQ(rendered.run("sim:7"), 2);
-  EXPECT_EQ(Said{}.err, "twoport-master: --device sim:7: sim takes no arguments; the scene says it all\n");
+  EXPECT_EQ(Said{}.err, "twoport-master: --device sim:7: sim takes no arguments; the scene describes the model\n");
   const Folder folder;
   const std::string three = folder.write("scene.textproto", press(3, "RENDER"));
   EXPECT_EQ(run(master_program, {"twoport-master", "--scene", three, "--device", "odd"}), 2);

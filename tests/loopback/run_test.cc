@@ -110,6 +110,29 @@ TEST(Run, EndsWholeWhenTheTerminalGoes) {
   expect_stop_by(SIGHUP, SIGHUP);
 }
 
+TEST(Run, WithoutADurationGoesOnUntilItIsEnded) {
+  std::string scene = press();
+  scene.erase(scene.find("duration_s: 2\n"), 14);
+  const Pair pair{scene};
+  Process slave = pair.listening_slave("slave", {}, {.terminal = true}),
+          master = pair.master("master", {}, {.terminal = true});
+  EXPECT_EQ(master.wait(2500ms), Exit{}) << master.err();
+  for (Process* each : {&master, &slave}) {
+    each->send(SIGINT);
+    EXPECT_EQ(each->wait(), exited(0)) << each->err();
+  }
+  EXPECT_TRUE(std::regex_search(master.err(), std::regex{R"(\r +2\.[0-9] s   coupled)"})) << master.err();
+  const schema::Summary m = pair.summary("master"), s = pair.summary("slave");
+  EXPECT_TRUE(m.stable());
+  EXPECT_EQ(m.verdict(), "bounded; growth is not judged where no end is planned; interrupted");
+  for (const schema::Summary& each : {m, s}) EXPECT_GT(each.duration_s(), 1.5) << each.side();
+  // Given on the command line, it ends.
+  const Pair rendered{press(1, "RENDER")};
+  Process ended = rendered.master("ended", {"--duration", "0.2"});
+  EXPECT_EQ(ended.wait(), exited(0)) << ended.err();
+  EXPECT_LE(rendered.summary("ended").steps(), 200u);
+}
+
 /// `signals` at once, or nearly: what a user does who presses Ctrl-C again, and `timeout -s INT`.
 void expect_whole_after(Process& process, const std::vector<int>& signals, std::chrono::microseconds gap) {
   for (const int signal : signals) {
@@ -151,18 +174,57 @@ TEST(Run, OfBothSidesEndsWholeWhenInterruptedTwiceAndThrice) {
   }
 }
 
+// A file that finds no room costs itself only. /dev/full is a disk without room.
+void fill_disk_under(const std::string& file) {
+  std::filesystem::create_directories(std::filesystem::path{file}.parent_path());
+  std::filesystem::create_symlink("/dev/full", file + ".partial");
+}
+bool says_no_room(const std::string& text, const std::string& file) {
+  return text.find(file + ": cannot be written: No space left") != std::string::npos;
+}
+
 TEST(Run, KeepsTheSummaryWhereTheTraceFindsNoRoom) {
   const Pair pair;
-  for (const std::string side : {"master", "slave"}) {
-    std::filesystem::create_directories(pair.at(side));
-    std::filesystem::create_symlink("/dev/full", pair.at(side + "/trace.csv.partial"));
-  }
+  for (const std::string side : {"master", "slave"}) fill_disk_under(pair.at(side + "/trace.csv"));
   Process slave = pair.listening_slave(), master = pair.master();
   EXPECT_EQ(master.wait(), exited(1)) << master.err();
   EXPECT_EQ(slave.wait(), exited(1)) << slave.err();
-  EXPECT_NE(master.err().find("trace.csv: cannot be written: No space left"), std::string::npos) << master.err();
-  EXPECT_GT(pair.summary("master").steps(), 1000u);
-  EXPECT_FALSE(exists(pair.at("master/trace.csv")));
+  for (const auto& [side, process] : {std::pair<std::string, Process*>{"master", &master}, {"slave", &slave}}) {
+    EXPECT_TRUE(says_no_room(process->err(), "trace.csv")) << process->err();
+    EXPECT_NE(process->out().find("; summary in "), std::string::npos) << process->out();
+    EXPECT_GT(pair.summary(side).steps(), 1000u);
+    EXPECT_FALSE(exists(pair.at(side + "/trace.csv")));
+    EXPECT_FALSE(exists(pair.at(side + "/trace.csv.partial")));
+  }
+}
+
+TEST(Run, KeepsTheTraceAndPrintsTheSummaryWhereThatFindsNoRoom) {
+  const Pair pair{press(1, "RENDER")};
+  fill_disk_under(pair.at("master/summary.json"));
+  Process master = pair.master("master", {"--set", "duration_s=0.5"});
+  EXPECT_EQ(master.wait(), exited(1)) << master.err();
+  EXPECT_TRUE(says_no_room(master.err(), "summary.json")) << master.err();
+  EXPECT_GT(pair.trace("master").rows(), 300u);
+  EXPECT_FALSE(exists(pair.at("master/summary.json")));
+  EXPECT_NE(master.out().find("\"side\": \"master\""), std::string::npos) << master.out();
+}
+
+TEST(Run, OfTheLaboratoryKeepsWhatFindsRoom) {
+  for (const std::string full : {"trace.csv", "summary.json"}) {
+    const Folder folder;
+    const std::string scene = folder.write("scene.textproto", press()), out = folder / "out";
+    fill_disk_under(out + "/" + full);
+    Process lab = finished({TWOPORT_LAB, "run", scene, "--out", out});
+    EXPECT_EQ(lab.wait(), exited(1)) << lab.err();
+    EXPECT_TRUE(says_no_room(lab.err(), full)) << lab.err();
+    EXPECT_FALSE(exists(out + "/" + full));
+    if (full == "trace.csv") {
+      EXPECT_EQ(summary_in(out).steps(), 2000u);
+    } else {
+      EXPECT_EQ(Trace{out + "/trace.csv"}.rows(), 2000u);
+      EXPECT_NE(lab.out().find("\"side\": \"lab\""), std::string::npos) << lab.out();
+    }
+  }
 }
 
 TEST(Run, EndsWholeOnASignalWhileItWaitsForTheOtherSide) {

@@ -152,7 +152,7 @@ TEST(Mismatch, OfASlaveThatIsTakenIsTheSecondMastersAlone) {
   ASSERT_TRUE(first.says("paired with the slave")) << first.err();
   Process second = pair.master("second");
   EXPECT_EQ(second.wait(), exited(1)) << second.err();
-  expect_refused_summary(pair, "second", "the slave is taken");
+  expect_refused_summary(pair, "second", "the slave is busy");
   EXPECT_EQ(first.wait(), exited(0)) << first.err();
   EXPECT_EQ(slave.wait(), exited(0)) << slave.err();
 }

@@ -8,18 +8,13 @@
 #include <vector>
 
 #include "common/base/check.h"
-#include "common/link/delay_line.h"
 #include "common/link/mailbox.h"
 #include "common/method/any.h"
 #include "common/method/catalogue.h"
-#include "common/runtime/cycle.h"
 #include "common/scene/load.h"
-#include "lab/engine/loops.h"
-#include "master/master_node.h"
-#include "sim/sim_device.h"
-#include "sim/sim_robot.h"
-#include "slave/slave_node.h"
+#include "proto/scene.pb.h"
 #include "tests/support/no_alloc.h"
+#include "tests/support/two_sides.h"
 
 namespace twoport {
 namespace {
@@ -58,48 +53,26 @@ Scene scene_of(const Case& c, const std::string& more = {}) {
                      "method test");
 }
 
-/// Both sides, opened up, in virtual time at one rate.
+/// Both sides in virtual time, at one rate.
 template <int N>
-class Loop {
+class Loop : test::DelayLines<N>, public test::TwoSides<N> {
  public:
   explicit Loop(const Scene& scene)
-      : scene_{scene},
-        device{scene, dt_},
-        robot{scene, dt_},
-        master{scene.control},
-        slave{scene.control},
-        to_slave_{scene.to_slave, scene.seed ^ kToSlaveStream, 8192},
-        to_master_{scene.to_master, scene.seed ^ kToMasterStream, 8192} {}
+      : test::DelayLines<N>{scene}, test::TwoSides<N>{scene, this->master_end(), this->slave_end()}, scene_{scene} {}
 
   typename MasterNode<N>::Output tick() noexcept {
-    const Duration now = tick_time(k_, scene_.rate_hz);
-    if (k_++ > 0) {
-      robot.advance();
-      device.advance();
-    }
-    slave_out = run_cycle(slave, robot, slave_mail, Tick<SlaveClock>{Instant<SlaveClock>{now}, dt_});
-    return run_cycle(master, device, master_mail, Tick<MasterClock>{Instant<MasterClock>{now}, dt_});
+    const Duration now = tick_time(k_++, scene_.rate_hz);
+    slave_out = this->slave_tick(now);
+    return this->master_tick(now);
   }
   [[nodiscard]] int ticks() const { return static_cast<int>(scene_.duration_s * scene_.rate_hz); }
-  [[nodiscard]] Seconds dt() const { return dt_; }
+  [[nodiscard]] Seconds dt() const { return this->master_dt; }
 
- private:
-  Scene scene_;
-  Seconds dt_{1.0 / scene_.rate_hz};
-
- public:
-  sim::SimDevice<N> device;
-  sim::SimRobot<N> robot;
-  MasterNode<N> master;
-  SlaveNode<N> slave;
   typename SlaveNode<N>::Output slave_out;
 
  private:
-  DelayLine<Report<N>> to_slave_, to_master_;
+  Scene scene_;
   std::int64_t k_ = 0;
-
- public:
-  Mailbox<N, lab::SimTransport<N>> master_mail{{to_master_, to_slave_}}, slave_mail{{to_slave_, to_master_}};
 };
 
 class EveryMethod : public testing::TestWithParam<Case> {};
@@ -257,6 +230,8 @@ INSTANTIATE_TEST_SUITE_P(Of, EverySwitch, testing::ValuesIn(pairs()), [](const a
 });
 
 TEST(Catalogue, NamesOfMethodsAreTheSchemasAndUnknownOnesAreRefused) {
+  const auto* values = schema::Passivity::Method_descriptor();
+  EXPECT_EQ(values->value_count(), static_cast<int>(names(Methods{}).size()));
   for (const std::string& name : names(Methods{}))
     EXPECT_EQ(
         parse_scene("dof: 1 duration_s: 1 control { passivity { method: " + name + " } } robot { mass_kg: 1 }", "m")

@@ -1,29 +1,50 @@
 #!/usr/bin/env bash
-# A new method is one folder and one line: takes the example of docs/howto/add-a-method.md into the catalogue and compiles what
-# builds halves by name. new_method.sh COMPILER EIGEN_INCLUDE
+# A new method is one folder and two lines: takes the example of docs/howto/add-a-method.md into the catalogue and into the
+# schema, compiles what reads its name and builds its halves. new_method.sh COMPILER PROTOC EIGEN_INCLUDE LIBRARY...
 set -euo pipefail
 cd "$(dirname "$(readlink -f "$0")")/../.."
-compiler=$1 eigen=$2
+compiler=$1 protoc=$2 eigen=$3
+shift 3
 work=$(mktemp -d)
 trap 'rm -rf "$work"' EXIT
 
-mkdir -p "$work/common/method"
+mkdir -p "$work/common/method" "$work/proto"
 cp -r tests/method/local_damping "$work/common/method/"
-sed -e 's/^using Methods = TypeList<\(.*\)>;/using Methods = TypeList<\1, LocalDamping>;/' \
-  -e 's|^#include "common/method/none/none.h"|&\n#include "common/method/local_damping/local_damping.h"|' \
-  common/method/catalogue.h >"$work/common/method/catalogue.h"
-! cmp -s common/method/catalogue.h "$work/common/method/catalogue.h" || { echo "the list of methods was not found"; exit 1; }
+# change FILE SED...: a copy of FILE, changed.
+change() {
+  local file=$1
+  shift
+  sed "$@" "$file" >"$work/$file"
+  ! cmp -s "$file" "$work/$file" || { echo "$file: no place for the new method"; exit 1; }
+}
+change common/method/catalogue.h -e 's/^using Methods = TypeList<\(.*\)>;/using Methods = TypeList<\1, LocalDamping>;/' \
+  -e 's|^#include "common/method/none/none.h"|&\n#include "common/method/local_damping/local_damping.h"|'
+change proto/scene.proto 's/\(enum Method {.*\) }/\1 LOCAL_DAMPING = 3; }/'
 
 cat >"$work/main.cc" <<'CC'
+#include <google/protobuf/text_format.h>
+
 #include <cstdio>
+
+#include "common/base/check.h"
 #include "common/method/any.h"
 #include "common/method/catalogue.h"
+#include "common/scene/blocks.h"
+
+namespace {
+using namespace twoport;
+
+ControlOptions read(const char* control) {
+  schema::Control message;
+  if (!google::protobuf::TextFormat::ParseFromString(control, &message)) std::puts("the schema lacks it");
+  const Context context{.file = "scene", .dof = 3};
+  return read_control(Block{context, message, "control"});
+}
+}  // namespace
+
 int main() {
-  using namespace twoport;
   static_assert(MethodOf<LocalDamping, 1> && MethodOf<LocalDamping, 3> && MethodOf<LocalDamping, 6>);
-  ControlOptions o;
-  o.method_name = "LOCAL_DAMPING";
-  AnyMasterHalf<3> half{o};
+  AnyMasterHalf<3> half{read("passivity { method: LOCAL_DAMPING }")};
   DeviceSample<3> device;
   device.v = Velocity<3>{Eigen::Vector3d{0.5, 0, 0}};
   PeerState<3> slave;
@@ -31,8 +52,21 @@ int main() {
       half.step({.dt = Seconds{1e-3}, .ended = Seconds{1e-3}, .device = device, .interval = {}, .first = true, .slave = slave,
                  .slave_energy_in = {}, .account = {}, .active = true, .ramp = 1.0, .carried = nullptr});
   std::printf("%g N\n", out.f[0]);
-  return out.f[0] == 1.0 ? 0 : 1;
+  if (out.f[0] != 1.0) return 1;
+  try {
+    read("architecture: RENDER passivity { method: LOCAL_DAMPING }");
+  } catch (const ConfigError& e) {
+    std::puts(e.what());
+    return 0;
+  }
+  std::puts("a method over a link is not refused where there is none");
+  return 1;
 }
 CC
-"$compiler" -std=c++20 -I"$work" -I. -isystem "$eigen" "$work/main.cc" common/method/any.cc -o "$work/program"
+"$protoc" --proto_path="$work" --cpp_out="$work" proto/scene.proto
+for file in "$work/proto/scene.pb.cc" common/scene/control.cc common/scene/reader.cc common/scene/text.cc common/method/any.cc \
+  "$work/main.cc"; do
+  "$compiler" -std=c++20 -I"$work" -I. -isystem "$eigen" -c "$file" -o "$work/$(basename "$file").o"
+done
+"$compiler" "$work"/*.o "$@" -pthread -o "$work/program"
 "$work/program"

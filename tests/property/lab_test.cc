@@ -12,6 +12,8 @@
 
 #include "common/scene/load.h"
 #include "lab/engine/loops.h"
+#include "tests/support/rows.h"
+#include "tests/support/two_sides.h"
 
 namespace twoport::lab {
 namespace {
@@ -20,18 +22,7 @@ using Eigen::Matrix3d;
 using Eigen::Quaterniond;
 using Eigen::Vector3d;
 
-template <int N>
-using Rows = std::vector<Row<N>>;
-
-template <int N>
-Rows<N> rows(const Scene& scene) {
-  Rows<N> all;
-  make_simulation<N>(scene)->run([&](const Row<N>& row) {
-    all.push_back(row);
-    return true;
-  });
-  return all;
-}
+using test::Rows, test::rows, test::numbers, test::same_bits;
 
 // --- no direction is special ---------------------------------------------------------------------
 
@@ -101,41 +92,6 @@ TEST(Rotation, OfEveryVectorOfASceneTurnsTheRun) {
 }
 
 // --- a run repeats -------------------------------------------------------------------------------
-
-void append(std::vector<double>& out, double value) {
-  out.push_back(value);
-}
-template <class Vector>
-requires requires(const Vector& v) {
-  v.vec();
-}
-void append(std::vector<double>& out, const Vector& v) {
-  out.insert(out.end(), v.vec().data(), v.vec().data() + v.vec().size());
-}
-template <int N>
-void append(std::vector<double>& out, const Position<N>& x) {
-  out.insert(out.end(), x.translation().data(), x.translation().data() + x.translation().size());
-  if constexpr (N == 6) out.insert(out.end(), x.attitude().coeffs().data(), x.attitude().coeffs().data() + 4);
-}
-/// All numbers of all rows.
-template <int N>
-std::vector<double> numbers(const Rows<N>& all) {
-  std::vector<double> out;
-  for (const Row<N>& r : all) {
-    // By name: a new column does not compile until it is here.
-    const auto& [t, master_x, master_v, master_f, wanted, slave_x, slave_v, slave_f, env_f, position_error,
-                 master_energy, slave_energy, observed, undissipated, dissipated, mode] = r;
-    const auto each = [&](const auto&... values) { (append(out, values), ...); };
-    each(t, master_x, master_v, master_f, wanted, slave_x, slave_v, slave_f, env_f, position_error, master_energy,
-         slave_energy, observed, undissipated, dissipated, static_cast<double>(mode));
-  }
-  return out;
-}
-bool same_bits(const std::vector<double>& a, const std::vector<double>& b) {
-  return std::equal(a.begin(), a.end(), b.begin(), b.end(), [](double x, double y) {
-    return std::bit_cast<std::uint64_t>(x) == std::bit_cast<std::uint64_t>(y);
-  });
-}
 
 const std::string kEverythingRandom = R"(
   to_slave { delay_ms: 20 jitter_ms: 6 loss: 0.2 duplicate: 0.1 reorder: 0.1 burst { p: 0.01 r: 0.2 } }
@@ -210,18 +166,14 @@ struct WitnessedTransport {
   }
 };
 
-/// The laboratory's loop over a link of equal rates, opened up.
+/// Both sides of a link of equal rates, and what is said and known between them.
 template <int N>
 class Witness {
  public:
   explicit Witness(const Scene& scene)
       : scene_{scene},
-        device_{scene, dt_},
-        robot_{scene, dt_},
-        master_{scene.control},
-        slave_{scene.control},
-        to_slave_{scene.to_slave, scene.seed ^ kToSlaveStream, 8192},
-        to_master_{scene.to_master, scene.seed ^ kToMasterStream, 8192} {}
+        lines_{scene},
+        sides_{scene, {lines_.master_end(), &claimed_by_master_}, {lines_.slave_end(), &claimed_by_slave_}} {}
 
   /// Calls visit() after each tick of both.
   template <class Visit>
@@ -229,19 +181,15 @@ class Witness {
     const Duration end = to_duration(scene_.duration_s);
     std::int64_t k = 0;
     for (Duration now{0}; now < end; now = tick_time(++k, scene_.rate_hz)) {
-      if (k > 0) {
-        robot_.advance();
-        device_.advance();
-      }
       // What a side may know at this tick was said before it.
       said_by_master = claimed_by_master_, said_by_slave = claimed_by_slave_;
-      run_cycle(slave_, robot_, slave_mail_, Tick<SlaveClock>{Instant<SlaveClock>{now}, dt_});
-      run_cycle(master_, device_, master_mail_, Tick<MasterClock>{Instant<MasterClock>{now}, dt_});
-      known_at_slave = slave_mail_.collect(now).energy_in_j;
-      known_at_master = master_mail_.collect(now).energy_in_j;
+      sides_.slave_tick(now);
+      sides_.master_tick(now);
+      known_at_slave = sides_.slave_mail.collect(now).energy_in_j;
+      known_at_master = sides_.master_mail.collect(now).energy_in_j;
       // The master's port as the world has it; the slave's as it has booked it, the coming tick included.
-      hand.follow(device_.port_energy().si());
-      coupling.follow(-slave_.delivered().si());
+      hand.follow(sides_.device.port_energy().si());
+      coupling.follow(-sides_.slave.delivered().si());
       visit();
     }
   }
@@ -251,15 +199,9 @@ class Witness {
 
  private:
   Scene scene_;
-  Seconds dt_{1.0 / scene_.rate_hz};
-  sim::SimDevice<N> device_;
-  sim::SimRobot<N> robot_;
-  MasterNode<N> master_;
-  SlaveNode<N> slave_;
-  DelayLine<Report<N>> to_slave_, to_master_;
   double claimed_by_master_ = 0.0, claimed_by_slave_ = 0.0;
-  Mailbox<N, WitnessedTransport<N>> master_mail_{{{to_master_, to_slave_}, &claimed_by_master_}},
-      slave_mail_{{{to_slave_, to_master_}, &claimed_by_slave_}};
+  test::DelayLines<N> lines_;
+  test::TwoSides<N, WitnessedTransport<N>> sides_;
 };
 
 TEST(WhatASideKnows, NeverExceedsWhatTheOtherHasSent) {

@@ -2,7 +2,10 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <limits>
+#include <string>
+#include <vector>
 
 #include "common/scene/load.h"
 #include "master/master_node.h"
@@ -68,6 +71,15 @@ TEST(MasterNode, HasNoForceThatADoubleDoesNotHold) {
   MasterNode<3> node{scene.control};
   for (int k = 0; k < 200; ++k)
     EXPECT_TRUE(step<MasterClock>(node, k, DeviceSample<3>{}, heard(k, 1e300)).command.finite());
+}
+
+// Whatever the device would display.
+TEST(MasterNode, KeepsTheLimitOfForce) {
+  MasterNode<3> node{parse_scene(kScene, "test", std::vector<std::string>{"device.max_force_n=0.5"}).control};
+  double most = 0.0;
+  for (int k = 0; k < 300; ++k)
+    most = std::max(most, step<MasterClock>(node, k, DeviceSample<3>{}, heard(k, 40.0)).command.vec().norm());
+  EXPECT_NEAR(most, 0.5, 1e-15);
 }
 
 TEST(MasterNode, CarriesOverWhatOfItsAllowanceIsSpent) {
@@ -154,6 +166,25 @@ TEST(RenderNode, LetsGoForAReadingThatIsNone) {
     EXPECT_EQ(held.vec().norm() == 0.0, k == 0 || k == 5);
   }
   EXPECT_TRUE(std::isfinite(node.observed().si()));
+}
+
+/// The command of a rendered spring that is stretched by `x`.
+Force<3> rendered(double stiffness_n_per_m, double x) {
+  const std::vector<std::string> set{"environment[0].spring.stiffness_n_per_m=" + std::to_string(stiffness_n_per_m)};
+  const Scene scene = parse_scene(
+      "dof: 3 duration_s: 1 device { mass_kg: 0.1 max_force_n: 0.5 } control { architecture: RENDER }", "test", set);
+  RenderNode<3> node{scene.control, Environment<3>{scene.environment}};
+  return node
+      .step(Tick<MasterClock>{Instant<MasterClock>{Duration{0}}, Seconds{kT}}, DeviceSample<3>{at(x), {}, {}},
+            NoReport{})
+      .command;
+}
+TEST(RenderNode, KeepsTheLimitOfForce) {
+  EXPECT_NEAR(rendered(100.0, 0.004).vec().norm(), 0.4, 1e-15);
+  EXPECT_NEAR(rendered(100.0, 4.0).vec().norm(), 0.5, 1e-15);
+}
+TEST(RenderNode, HasNoForceThatADoubleDoesNotHold) {
+  EXPECT_EQ(rendered(1e15, 1e300).vec().norm(), 0.0);
 }
 
 }  // namespace

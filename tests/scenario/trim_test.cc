@@ -100,6 +100,10 @@ TEST(Blocks, LeftOutGiveTheSceneThatNeverHadThem) {
   const Scene cut = less(plain, {"device.mass_kg", "to_slave.delay_ms"});
   EXPECT_EQ(cut.control.handle_mass_kg, light.control.handle_mass_kg) << "what the controller knows of the handle";
   EXPECT_EQ(largest_change(cut, light), 0.0);
+
+  const Scene limited = load_scene(file("one_axis_wall"), Words{"device.max_force_n=0.5"});
+  EXPECT_GT(largest_change(limited, plain), 0.1);
+  EXPECT_EQ(largest_change(less(limited, {"device.max_force_n"}), plain), 0.0);
 }
 
 // Every kind of block at once: all can go, and coming back one by one they always leave a scene that runs.

@@ -127,7 +127,7 @@ TEST(Handshake, ARefusalTellsNoNumberOfThisSide) {
   }
   ASSERT_EQ(last, Action::refuse);
   const Header refusal = p.s.refusal();
-  EXPECT_EQ(refusal.refusal, "the slave is taken: it is working with another master");
+  EXPECT_EQ(refusal.refusal, "the slave is busy: it has a session with another master");
   EXPECT_EQ(refusal.peer_session, rival.header(p.now).session);
   EXPECT_FALSE(refusal.identity);
   EXPECT_NE(refusal.session, 0U);

@@ -580,7 +580,7 @@ TEST_F(Session, ASecondMasterIsToldThatTheSlaveIsTaken) {
   run(900, *m, *s, *second);
   EXPECT_TRUE(second->link().reject_reason().empty());
   ASSERT_TRUE(until([&] { return !second->link().reject_reason().empty(); }, *m, *s, *second));
-  EXPECT_EQ(second->link().reject_reason(), "the slave is taken: it is working with another master");
+  EXPECT_EQ(second->link().reject_reason(), "the slave is busy: it has a session with another master");
   EXPECT_EQ(s->rebased, 1);
   EXPECT_TRUE(s->link().reject_reason().empty());
   EXPECT_TRUE(m->link().coupled(now_));

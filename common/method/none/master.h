@@ -5,7 +5,7 @@
 
 namespace twoport {
 
-/// No passivity control: the hand feels what the architecture displays.
+/// No passivity control: the hand feels the force of the architecture unchanged.
 template <int N>
 class NoControlMaster {
  public:
@@ -22,7 +22,7 @@ class NoControlMaster {
     out.f = out.wanted;
     return out;
   }
-  /// None: energy that was given without control is not charged to whoever takes over.
+  /// None: energy returned without control is not charged to the next method.
   [[nodiscard]] Energy deficit(const Ledger&, Energy) const noexcept { return Energy{}; }
   void restart(const Ledger& account, Energy) noexcept { base_absorbed_ = account.absorbed(); }
   static constexpr bool has_payload() noexcept { return false; }

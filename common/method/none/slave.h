@@ -5,7 +5,7 @@
 
 namespace twoport {
 
-/// No passivity control: the virtual coupling acts on the robot as it is.
+/// No passivity control: the force of the virtual coupling acts unchanged.
 template <int N>
 class NoControlSlave {
  public:

@@ -13,8 +13,8 @@
 
 namespace twoport {
 
-/// A virtual environment rendered on the device: impedance causality, velocity in, force out. The equations, their
-/// source and where they fail are in README.md beside this file.
+/// A virtual environment rendered on the device: impedance causality, velocity in, force out. Equations,
+/// source and limits: README.md beside this file.
 ///
 ///     f_i(k)  = parts of the environment's force at the sensed position and velocity, one for each account
 ///     E_i(k)  = E(0)/n + U_i(x(0)) + Σ f'_i(k-1)·Δx(k)
@@ -31,14 +31,14 @@ class Rendering {
     Energy dissipated, undissipated;
   };
 
-  /// As many accounts as `o` asks for; allocates here and never again.
+  /// With the accounts of `o`; allocates here only.
   Rendering(const ControlOptions& o, Environment<N> environment)
       : options_{o},
         environment_{std::move(environment)},
         accounts_(static_cast<std::size_t>(accounts(o, environment_))),
         observer_{o.initial_energy, accounts(o, environment_)} {}
 
-  /// One control period of length `dt`: `ended` after the last one. `applied` is the force that was really held since.
+  /// One control period of length `dt`: `ended` after the last one. `applied` is the force actually held since then.
   Output step(const PortMotion<N>& port, const Force<N>& applied, Seconds dt, Seconds ended) noexcept {
     evaluate(port);
     book(port, applied, ended);
@@ -62,7 +62,7 @@ class Rendering {
     return out;
   }
 
-  /// Instead of a step, where there is no reading: holds nothing until the next one.
+  /// Instead of a step without a valid reading: no force until the next one.
   void release() noexcept {
     for (Account& a : accounts_) a.held = {};
     commanded_ = {};
@@ -92,7 +92,7 @@ class Rendering {
     return 1;
   }
 
-  /// Force and elastic energy of each account at the port. Tangential and rotational accounts hold no energy.
+  /// Force and elastic energy of each account at the port. Tangential and rotational accounts store no energy.
   void evaluate(const PortMotion<N>& port) noexcept {
     for (Account& a : accounts_) a.on_environment = Vector::Zero(), a.potential = {};
     Vector sum = Vector::Zero();
@@ -134,7 +134,7 @@ class Rendering {
     });
   }
 
-  /// Energy of the interval that has just ended, with the force that was really applied: every part by the same factor.
+  /// Energy of the interval that has just ended, with the force actually applied: every part by the same factor.
   void book(const PortMotion<N>& port, const Force<N>& applied, Seconds dt) noexcept {
     int i = 0;
     if (!started_) {

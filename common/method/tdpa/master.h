@@ -16,13 +16,13 @@ namespace twoport {
 ///     E_in  += max(dE, 0),   E_out += max(-dE, 0)
 ///     f'     = controller(f, E(0) + min(E_in,slave, E_in) - E_out)
 ///
-/// The controller predicts the port's velocity under the force (projected, where the mass at the handle is known), or
-/// takes the present velocity. The hand never gets back more than the slave says has entered the link there, nor more than it
-/// has put in, plus E(0).
+/// The controller predicts the port's velocity under the force (projected, if the mass at the handle is known), or
+/// uses the present velocity. The energy returned to the hand is at most E(0) plus the smaller of the energy that the slave
+/// reports as received and the energy that the hand has put in.
 ///
-/// When the sensor's force comes back, the hand does not feel what moves the robot and cannot supply it. The motion command
-/// then is a source of its own (Artigas, Ryu, Preusche, Hirzinger, IROS 2011): it carries the energy that the hand would
-/// put in were the coupling force displayed, E_in of f_coupling,rx(k-1)·Δx(k).
+/// When the sensor's force is displayed, the hand does not feel the force that moves the robot and cannot supply its energy.
+/// The motion command is then a separate source (Artigas, Ryu, Preusche, Hirzinger, IROS 2011): it carries the energy that
+/// the hand would put in if the coupling force were displayed, E_in of f_coupling,rx(k-1)·Δx(k).
 /// Source: Ryu, Artigas, Preusche, Mechatronics 20(7), 2010; the correction is the projected one where chosen.
 template <int N>
 class TdpaMaster {
@@ -57,7 +57,7 @@ class TdpaMaster {
             .undissipated = allowed.undissipated};
   }
 
-  /// Energy given back beyond the grant: a deficit, and the part of E(0) that is spent.
+  /// Energy returned beyond the available energy: a deficit, and the used part of E(0).
   [[nodiscard]] Energy deficit(const Ledger& account, Energy slave_energy_in) const noexcept {
     return positive_part(returned(account) - transmittable_energy(account, slave_energy_in));
   }
@@ -71,7 +71,7 @@ class TdpaMaster {
   void write_payload(Words&) const noexcept {}
 
  private:
-  /// Nothing where the mass at the handle is not known: its answer to a force is not known then.
+  /// Empty if the mass at the handle is not known, as its response to a force is then unknown.
   static std::optional<PortVelocityPredictor<N>> predictor(const ControlOptions& o) {
     const bool known = o.handle_mass_kg > 0.0 && (N != 6 || o.handle_inertia_kg_m2 > 0.0);
     if (o.controller.method != Method::force_projected || !o.controller.predict || !known) return {};
@@ -101,7 +101,7 @@ class TdpaMaster {
   bool measured_;
   DisplayedForce<N> displayed_;
   std::optional<PortVelocityPredictor<N>> predictor_;
-  Ledger command_;  ///< the motion command as a source of its own
+  Ledger command_;  ///< the motion command as a separate source
   Force<N> command_force_;
   Energy base_absorbed_, base_returned_, base_sent_;
 };

@@ -96,6 +96,26 @@ TEST(SummaryJson, WhatIsNotFiniteSurvives) {
   EXPECT_EQ(back.min_port_energy_j(), s.min_port_energy_j());
 }
 
+TEST(SummaryPackets, HoldWhatTheReceiverCountedAndNoLessThanThat) {
+  const PacketCounts receiver{
+      .sent = 9, .received = 1, .lost = 2, .late = 3, .duplicated = 5'000'000'000, .rejected = 40};
+  const Packets all = packets(70, receiver, 5);
+  EXPECT_EQ(all.sent(), 70U);
+  EXPECT_EQ(all.received(), 1U);
+  EXPECT_EQ(all.lost(), 2U);
+  EXPECT_EQ(all.late(), 3U);
+  EXPECT_EQ(all.duplicated(), 4'294'967'295U);  // the largest that it can say
+  EXPECT_EQ(all.rejected(), 45U);
+}
+
+TEST(SummaryMethod, IsTheOneThatTheNodesLookUp) {
+  Scene scene = parse_scene("dof: 1 duration_s: 1", "x");
+  scene.control.method_name = "OF_MY_OWN";
+  Summary s;
+  describe_run(scene, "lab", s);
+  EXPECT_EQ(s.method(), "OF_MY_OWN");
+}
+
 TEST(SummaryNumbers, AreInTheSchemasOrderWithDottedNames) {
   const auto all = numbers(full_summary());
   std::vector<std::string> names;
@@ -129,8 +149,6 @@ TEST(SummaryNumbers, HaveTheFieldsValues) {
 TEST(SummaryNames, AreThoseOfTheScene) {
   EXPECT_EQ(to_string(Architecture::render), "RENDER");
   EXPECT_EQ(to_string(Architecture::position_measured_force), "POSITION_MEASURED_FORCE");
-  EXPECT_EQ(to_string(Method::none), "NONE");
-  EXPECT_EQ(to_string(Method::force_projected), "FORCE_PROJECTED");
 }
 
 }  // namespace

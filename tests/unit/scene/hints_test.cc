@@ -32,8 +32,11 @@ TEST(Hints, NameTheLargestLengthWhereItLooksLikeMillimetres) {
 
 TEST(Hints, SayThatNobodyHoldsAHandleOverALink) {
   const std::string free = "dof: 1 duration_s: 1 device { mass_kg: 1 } control { passivity { method: CLASSIC } }";
-  EXPECT_EQ(hints(scene_of(free)), Sentences{"operator is absent: nobody holds the handle, which moves by itself"});
+  EXPECT_EQ(hints(scene_of(free)), Sentences{"operator is absent: no hand holds the handle"});
   EXPECT_EQ(hints(scene_of(free, {"operator={}"})), Sentences{});
+  // A real device is in somebody's hand. What else there is to say is said of any.
+  EXPECT_EQ(hints(scene_of(free), false), Sentences{});
+  EXPECT_EQ(hints(scene_of(free, {"device.position_m=30"}), false).size(), 1U);
 }
 
 TEST(Hints, SayThatADelayedLinkWithoutPassivityControlMayBeUnstable) {

@@ -112,7 +112,7 @@ INSTANTIATE_TEST_SUITE_P(
         Unusable{"environment[0]x.wall.offset_m=1", {"environment must be followed by an index such as [0]"}},
         Unusable{"environment[99999999999].wall.offset_m=1", {"environment must be followed by an index"}},
         Unusable{"device[0].mass_kg=1", {"device is not a list"}},
-        Unusable{"dof.x=1", {"dof is an integer, nothing lies below it"}},
+        Unusable{"dof.x=1", {"dof is an integer and has no fields"}},
         Unusable{"device.mass_kg=1 damping_n_s_per_m: 2", {"must be a number"}},
         Unusable{"dof.=1", {"dof is an integer"}}, Unusable{"device.=1", {"no field \"\" in device"}}));
 

@@ -60,6 +60,45 @@ TEST(Scene, ReadsTheStiffWallOfTheContract) {
   EXPECT_EQ(s.expect.at_most[0].key, "force_direction_error_max_deg");
 }
 
+TEST(Scene, NeedsADurationInTheLaboratoryOnly) {
+  EXPECT_TRUE(std::isinf(parse_scene("dof: 1", "live", {}, SceneFor::live).duration_s));
+  EXPECT_EQ(parse_scene("dof: 1", "live", Overrides{"duration_s=2"}, SceneFor::live).duration_s, 2.0);
+  EXPECT_TRUE(says(error_of("dof: 1"), {"duration_s is missing; it must be > 0"}));
+}
+
+TEST(Scene, ThatSaysNothingOfTheControllersHasTheDefaultsOfTheirOptions) {
+  for (const std::string dof : {"1", "3", "6"}) {
+    const ControlOptions scene = scene_of("duration_s: 1 dof: " + dof).control, own;
+    EXPECT_EQ(scene.architecture, own.architecture);
+    EXPECT_EQ(scene.coupling.stiffness_n_per_m, own.coupling.stiffness_n_per_m);
+    EXPECT_EQ(scene.coupling.damping_n_s_per_m, own.coupling.damping_n_s_per_m);
+    EXPECT_EQ(scene.coupling.rotational_stiffness_n_m_per_rad, own.coupling.rotational_stiffness_n_m_per_rad);
+    EXPECT_EQ(scene.coupling.rotational_damping_n_m_s_per_rad, own.coupling.rotational_damping_n_m_s_per_rad);
+    EXPECT_EQ(scene.coupling.catch_up_m_per_s, own.coupling.catch_up_m_per_s);
+    EXPECT_EQ(scene.coupling.drift_compensation, own.coupling.drift_compensation);
+    EXPECT_EQ(scene.force_scale, own.force_scale);
+    EXPECT_EQ(scene.motion_scale, own.motion_scale);
+    EXPECT_EQ(scene.registration.absolute, own.registration.absolute);
+    EXPECT_EQ(scene.registration.rotation.coeffs(), own.registration.rotation.coeffs());
+    EXPECT_EQ(scene.registration.position_m, own.registration.position_m);
+    EXPECT_EQ(scene.method_name, own.method_name);
+    EXPECT_EQ(scene.controller.method, own.controller.method);
+    EXPECT_EQ(scene.controller.max_gain, own.controller.max_gain);
+    EXPECT_EQ(scene.controller.unilateral, own.controller.unilateral);
+    EXPECT_EQ(scene.controller.predict, own.controller.predict);
+    EXPECT_EQ(scene.observer, own.observer);
+    EXPECT_EQ(scene.accounts, own.accounts);
+    EXPECT_EQ(scene.reference_energy, own.reference_energy);
+    EXPECT_EQ(scene.initial_energy.si(), own.initial_energy.si());
+    EXPECT_EQ(scene.handle_mass_kg, own.handle_mass_kg);
+    EXPECT_EQ(scene.handle_inertia_kg_m2, own.handle_inertia_kg_m2);
+    EXPECT_EQ(scene.max_force_n, own.max_force_n);
+    EXPECT_EQ(scene.engage.si(), own.engage.si());
+    EXPECT_EQ(scene.hold_after.si(), own.hold_after.si());
+    EXPECT_EQ(scene.release_after.si(), own.release_after.si());
+  }
+}
+
 TEST(Scene, ReadsHowTheWorldIsStepped) {
   EXPECT_EQ(scene_of(kStiffWall).simulation.integrator, Integrator::exact);
   const Scene s = scene_of(kStiffWall, {"simulation.integrator=SYMPLECTIC_EULER", "simulation.substeps=10"});

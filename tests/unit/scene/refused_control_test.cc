@@ -59,16 +59,15 @@ INSTANTIATE_TEST_SUITE_P(
                 "control.registration.position_m is given, but control.registration.mode is OFFSET; it needs ABSOLUTE"},
         Refusal{kHeldSpring,
                 {"control.passivity.accounts=TRANSLATION_ROTATION"},
-                "control.passivity.accounts is TRANSLATION_ROTATION; it must be another one: nothing turns with dof 1"},
-        Refusal{kHeldSpring,
-                {"robot.mass_kg=1"},
-                "robot is given, but control.architecture is RENDER: without a link nothing would use it"},
+                "control.passivity.accounts is TRANSLATION_ROTATION; it must be another value: TRANSLATION_ROTATION "
+                "needs dof 6, and dof is 1"},
+        Refusal{
+            kHeldSpring, {"robot.mass_kg=1"}, "robot is given, but control.architecture is RENDER: there is no link"},
         Refusal{kHeldSpring,
                 {"to_slave.delay_ms=1"},
-                "to_slave is given, but control.architecture is RENDER: without a link nothing would use it"},
-        Refusal{kHeldSpring,
-                {"to_master={}"},
-                "to_master is given, but control.architecture is RENDER: without a link nothing would use it"}),
+                "to_slave is given, but control.architecture is RENDER: there is no link"},
+        Refusal{
+            kHeldSpring, {"to_master={}"}, "to_master is given, but control.architecture is RENDER: there is no link"}),
     name_of);
 
 }  // namespace twoport::test

@@ -21,13 +21,13 @@ TEST(SceneText, AWrongTypeHasAPlace) {
   EXPECT_TRUE(says(error_of("\n\n\tdof: x"), {"scenes/x.textproto:3:7: ", "integer", "x"}));
   EXPECT_TRUE(says(error_of("expect {\n stable: maybe }"), {"scenes/x.textproto:2:10: ", "maybe", "true or false"}));
   EXPECT_TRUE(
-      says(error_of("device { mass_kg: heavy }"), {"scenes/x.textproto:1:19: ", "a number is needed", "heavy"}));
+      says(error_of("device { mass_kg: heavy }"), {"scenes/x.textproto:1:19: ", "a number is expected", "heavy"}));
 }
 
 TEST(SceneText, TheSameFieldTwiceHasAPlace) {
   EXPECT_TRUE(says(error_of("dof: 3 # three\ndof: 1"), {"scenes/x.textproto:2:1: ", "dof is given twice"}));
   EXPECT_TRUE(says(error_of("environment { wall { } sphere { } }"),
-                   {"scenes/x.textproto:1:24: ", "sphere is given beside wall"}));
+                   {"scenes/x.textproto:1:24: ", "sphere and wall are both given"}));
 }
 
 TEST(SceneText, OfTwoErrorsTheFirstIsTold) {
