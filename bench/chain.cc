@@ -55,9 +55,9 @@ void chain(benchmark::State& state, const std::string& text) {
   for (auto _ : state) {
     state.PauseTiming();
     Simulation simulation{scene};
-    Metrics<N> metrics{scene.master_rate_hz, scene.duration_s, 1.0, 0.0};
+    Metrics<N> metrics{{.rate_hz = scene.master_rate_hz, .duration_s = scene.duration_s, .quiet_from_s = 1.0}};
     state.ResumeTiming();
-    ticks += static_cast<std::int64_t>(simulation.run([&](const Row<N>& row) {
+    ticks += static_cast<std::int64_t>(simulation.run(simulation.end(), [&](const Row<N>& row) {
       end = row.slave_x.translation()[0];
       if constexpr (kMetrics) return metrics.add(row);
       return true;

@@ -71,6 +71,7 @@ class HandWritten {
     // Master: book, receive, bound, send.
     const double dE = f_m_.dot(x_m_ - x_m_before_);
     (dE > 0.0 ? in_m_ : out_m_) += std::abs(dE);
+    const double put_in = std::max(dE, 0.0);
     // Free motion of the handle: alpha-beta filter with feedforward of the force.
     const V expected = u_ + d_ - give_ * (f_m_before_ + f_m_), e = (x_m_ - x_m_before_) / p_.T - expected;
     if (tick_ > 0) {
@@ -86,6 +87,11 @@ class HandWritten {
     const bool heard = tick_ >= to_slave_.size();
 
     V f = V::Zero();
+    // A deficit is cancelled by what the hand puts in.
+    known_ = std::max(known_, from_slave.in);
+    const double kept = std::max(0.0, std::min(put_in, out_m_ - (p_.e0 + known_)));
+    in_m_ -= kept;
+    out_m_ -= kept;
     if (heard) {
       ramp_ = std::min(1.0, ramp_ + p_.T / p_.engage_s);
       const V f_d = ramp_ * from_slave.f;
@@ -190,6 +196,7 @@ class HandWritten {
   V x_m_ = V::Zero(), x_m_before_ = V::Zero(), v_m_ = V::Zero(), f_m_ = V::Zero();
   V f_m_before_ = V::Zero(), u_ = V::Zero(), d_ = V::Zero();
   double doubt_ = 0.0;
+  double known_ = 0.0;  ///< largest total of the slave
   V x_s_ = V::Zero(), x_s_before_ = V::Zero(), v_s_ = V::Zero(), f_s_ = V::Zero(), x_sd_ = V::Zero();
   V x_h_ = V::Zero();
   double in_m_ = 0, out_m_ = 0, in_s_ = 0, out_s_ = 0, created_ = 0, worst_ = 0, credit_ = 0, ramp_ = 0;
@@ -225,6 +232,7 @@ class HandWritten6 {
     const double dE =
         f_m_.dot(moved_m.vec()) + p_.T * p_.T / 12.0 * f_m_.tail<3>().dot(turning(v_m_before_).cross(turning(v_m_)));
     (dE > 0.0 ? in_m_ : out_m_) += std::abs(dE);
+    const double put_in = std::max(dE, 0.0);
     // Free motion of the handle: alpha-beta filter with feedforward of the force.
     const V expected = u_ + d_ - give_.cwiseProduct(f_m_before_ + f_m_), e = moved_m.vec() / p_.T - expected;
     if (tick_ > 0) {
@@ -241,6 +249,11 @@ class HandWritten6 {
     const bool heard = tick_ >= to_slave_.size();
 
     V f = V::Zero();
+    // A deficit is cancelled by what the hand puts in.
+    known_ = std::max(known_, from_slave.in);
+    const double kept = std::max(0.0, std::min(put_in, out_m_ - (p_.e0 + known_)));
+    in_m_ -= kept;
+    out_m_ -= kept;
     if (heard) {
       ramp_ = std::min(1.0, ramp_ + p_.T / p_.engage_s);
       const V f_d = ramp_ * from_slave.f;
@@ -402,6 +415,7 @@ class HandWritten6 {
   V v_m_ = V::Zero(), v_m_before_ = V::Zero(), f_m_ = V::Zero(), v_s_ = V::Zero(), f_s_ = V::Zero();
   V f_m_before_ = V::Zero(), u_ = V::Zero(), d_ = V::Zero();
   double doubt_ = 0.0, spin_doubt_ = 0.0;
+  double known_ = 0.0;  ///< largest total of the slave
   Body body_;
   double in_m_ = 0, out_m_ = 0, in_s_ = 0, out_s_ = 0, created_ = 0, worst_ = 0, credit_ = 0, ramp_ = 0;
   std::size_t tick_ = 0;

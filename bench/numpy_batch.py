@@ -76,6 +76,9 @@ def run(delay_ticks, loss, seconds, seed=1):
         f_d = ramp * rx_f
         f2, w = f_d * f_d, u + d - give * f_m
         power = f_d * w - np.abs(f_d) * error_bound
+        kept = np.maximum(0.0, np.minimum(np.maximum(e, 0), out_m - (E0 + rx_in_s)))
+        in_m -= kept
+        out_m -= kept
         left = E0 + np.minimum(rx_in_s, in_m) - out_m
         with np.errstate(divide="ignore", invalid="ignore"):
             cap = np.nan_to_num(MAX_GAIN * T * power * power / f2)

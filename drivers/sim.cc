@@ -79,6 +79,7 @@ class SimulatedRobot final : public Robot<N> {
   RobotSample<N> sense(const Tick<SlaveClock>& tick) noexcept override {
     time_.pass(tick, [this] { model_.advance(); });
     truth_.f_environment = model_.environment_force();
+    truth_.touches = model_.environment().holds() || truth_.f_environment.squared_norm() > 0.0;
     return model_.sense();
   }
   void actuate(const RobotCommand<N>& command) noexcept override { model_.actuate(command); }

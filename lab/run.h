@@ -1,13 +1,33 @@
 #pragma once
 
+#include <cstdint>
+
 #include "common/base/file.h"
 #include "common/record/summary.h"
 #include "common/scene/scene.h"
 
 namespace twoport::lab {
 
-/// Runs a scene in virtual time. Writes its rows into `trace` unless it is null; the caller commits it. The same scene and
-/// seed give the same summary to the bit, `step_ns` (the mean wall time of a tick) excepted.
-Summary run(const Scene& scene, WholeFile* trace = nullptr);
+/// What the verdict is made from.
+enum class VerdictFrom : unsigned char {
+  tail,   ///< the loop left alone after the scene's end, beside a twin: decides nearly always, for some three more runs
+  plain,  ///< the scene's own run, as a live side judges it: costs nothing, and says UNDECIDED more often
+};
+
+struct RunOptions {
+  WholeFile* trace = nullptr;  ///< takes the rows of the scene's run; the caller commits it
+  VerdictFrom verdict = VerdictFrom::tail;
+};
+
+/// Runs a scene in virtual time. Everything but the verdict comes from the scene's own run. The same scene and seed give the
+/// same summary to the bit, `step_ns` (the mean wall time of a tick of the scene's run) excepted.
+Summary run(const Scene& scene, const RunOptions& options = {});
+
+/// The same, and how many ticks were simulated for it, those for the verdict included.
+struct CountedRun {
+  Summary summary;
+  std::uint64_t ticks;
+};
+CountedRun run_counted(const Scene& scene, const RunOptions& options = {});
 
 }  // namespace twoport::lab

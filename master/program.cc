@@ -34,11 +34,22 @@ struct Master {
   [[nodiscard]] double rate_hz() const { return scene.master_rate_hz; }
   [[nodiscard]] static bool serves() { return false; }
   [[nodiscard]] static bool judged() { return true; }
-  [[nodiscard]] Metrics<N> metrics(Energy initial) const {
+  [[nodiscard]] Metrics<N> metrics(Energy initial, KnownParts known) const {
     const DeviceTruth<N>* truth = hardware.truth();
     // The end of a person's path is not known.
     const double rests_from_s = truth ? truth->path_ends_s : std::numeric_limits<double>::infinity();
-    return {scene.master_rate_hz, scene.duration_s, rests_from_s, initial.si()};
+    const bool link = scene.control.architecture != Architecture::render;
+    // Of a real device nobody knows the friction; what the slave dissipates is not said here.
+    return Metrics<N>{{.rate_hz = scene.master_rate_hz,
+                       .duration_s = scene.duration_s,
+                       .quiet_from_s = rests_from_s,
+                       .initial_energy_j = initial.si(),
+                       .controller = has_controller(scene),
+                       .unseen = link,
+                       .coarse = !truth || is_coarse(scene),
+                       .link = link},
+                      1.0,
+                      known};
   }
 
   /// Values of the device and the node. `observed` is the node's account of the port, without E(0).
@@ -55,7 +66,9 @@ struct Master {
             .observed_energy_j = observed.si(),
             .undissipated_j = out.undissipated.si(),
             .dissipated_j = out.dissipated.si(),
-            .mode = Mode::coupled};
+            .mode = Mode::coupled,
+            .reference = out.wanted,
+            .coupled = true};
   }
   /// The applied force.
   static void complete(Row<N>& row, const Sample& next) noexcept { row.master_f = next.applied; }
@@ -74,10 +87,14 @@ struct RenderMaster : Master<N> {
         node{s.control, environment},
         initial{s.control.initial_energy + environment.potential(device.truth() ? device.truth()->x : this->first.x)} {}
 
-  [[nodiscard]] Metrics<N> metrics() const { return Master<N>::metrics(initial); }
+  [[nodiscard]] Metrics<N> metrics() const {
+    return Master<N>::metrics(initial, {.link = false, .robot = false, .robot_energy = false});
+  }
   Row<N> row(std::int64_t, double t_s, const DeviceSample<N>& sample,
              const typename RenderNode<N>::Output& out) const noexcept {
-    return this->row_of(t_s, sample, out, node.observed() - initial);
+    Row<N> row = this->row_of(t_s, sample, out, node.observed() - initial);
+    row.touching = environment.holds() || out.wanted.squared_norm() > 0.0;
+    return row;
   }
   static void fill(Summary&, bool) {}
 
@@ -94,8 +111,7 @@ struct LinkMaster : Master<N> {
       : Master<N>{s, device, a.hardware}, link{Side::master, s, a.address}, node{s.control}, registration{s.control} {}
 
   [[nodiscard]] Metrics<N> metrics() const {
-    const Energy granted = this->scene.control.initial_energy;
-    return Master<N>::metrics(granted + registration.to_master(granted));
+    return Master<N>::metrics(this->scene.control.initial_energy, {.robot_energy = false});
   }
   Row<N> row(std::int64_t, double t_s, const DeviceSample<N>& sample,
              const typename MasterNode<N>::Output& out) noexcept {
@@ -107,6 +123,12 @@ struct LinkMaster : Master<N> {
     row.env_f = -slave.newest.f_environment;
     row.position_error = slave.newest.position_error;
     row.mode = out.mode;
+    // Of the robot all is as old as the newest report.
+    row.reference = registration.to_master(slave.newest.f_environment);
+    row.ahead = -slave.newest.position_error;
+    row.following = slave.has_report && slave.newest.mode == Mode::coupled;
+    row.coupled = row.following && out.mode == Mode::coupled;
+    row.touching = out.mode == Mode::coupled && senses_contact(slave.newest.f_environment);
     return row;
   }
   void fill(Summary& s, bool) { link.fill(s, node.mode()); }

@@ -30,6 +30,9 @@ class ForceSensor {
   /// Without noise and latency: force of the robot on the environment, from that of the environment on the robot.
   [[nodiscard]] Force<N> biased(const Force<N>& on_robot) const noexcept { return Force<N>{bias_ - on_robot.vec()}; }
 
+  /// From now on without noise.
+  void silence() noexcept { noise_ = 0.0; }
+
   /// Reading in a tick with the environment's force `on_robot` on the robot. Call once per tick.
   Force<N> sample(const Force<N>& on_robot) noexcept {
     const Force<N> f = biased(on_robot);

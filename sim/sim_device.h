@@ -51,6 +51,17 @@ class SimDevice final {
     if (!encoder_.ideal()) encoder_.sample(x(), v());
   }
 
+  /// From now on the hand holds where it is, without a tremor.
+  void hold() noexcept { path_.hold(static_cast<double>(tick_) * dt_); }
+  /// Adds dv to the velocity of a handle that forces move. False where the hand leads it or it has no mass.
+  bool kick(const Velocity<N>& dv) noexcept {
+    if (imposed_ || !handle_.moves()) return false;
+    auto state = handle_.state();
+    state.v += port_vector<N>(dv.vec());
+    handle_.set_state(state);
+    return true;
+  }
+
   [[nodiscard]] DeviceSample<N> sense() const noexcept {
     return encoder_.ideal() ? DeviceSample<N>{x(), v(), applied_}
                             : DeviceSample<N>{encoder_.x(), encoder_.v(), applied_};

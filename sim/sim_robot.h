@@ -48,6 +48,18 @@ class SimRobot final {
     }
   }
 
+  /// From now on without noise of its sensor.
+  void silence() noexcept { sensor_.silence(); }
+  /// Adds dv to its velocity. False where it is ideal.
+  bool kick(const Velocity<N>& dv) noexcept {
+    if (std::holds_alternative<Ideal>(plant_)) return false;
+    if (auto* exact = std::get_if<Exact>(&plant_)) exact->kick(dv);
+    if (auto* general = std::get_if<RungeKuttaPlant<N>>(&plant_)) general->kick(dv);
+    if (auto* fixed = std::get_if<FixedStepPlant<N>>(&plant_)) fixed->kick(dv);
+    state_.v += dv;
+    return true;
+  }
+
   [[nodiscard]] RobotSample<N> sense() const noexcept {
     const auto* exact = std::get_if<Exact>(&plant_);
     if (exact && sensor_.instant()) return {state_.x, state_.v, sensor_.biased(exact->environment_force()), false};
@@ -76,6 +88,7 @@ class SimRobot final {
   /// Stands where the exact maps do not exist.
   struct NoMap {
     BodyState<N> advance(const Force<N>&) noexcept { return {}; }
+    void kick(const Velocity<N>&) noexcept {}
     [[nodiscard]] Force<N> environment_force() const noexcept { return {}; }
   };
   using Exact = std::conditional_t<N == 6, NoMap, ExactPlant<N == 6 ? 3 : N>>;

@@ -1,5 +1,6 @@
 #include "slave/program.h"
 
+#include <limits>
 #include <memory>
 
 #include "common/base/check.h"
@@ -30,11 +31,26 @@ struct Slave {
   /// Until the master ends.
   [[nodiscard]] bool serves() const { return node.mode() == Mode::coupled; }
   [[nodiscard]] static bool judged() { return false; }
-  [[nodiscard]] Metrics<N> metrics() const { return {scene.slave_rate_hz, scene.duration_s, 0.0, 0.0}; }
+  /// When the hand rests nobody says here.
+  [[nodiscard]] Metrics<N> metrics() const {
+    return Metrics<N>{{.rate_hz = scene.slave_rate_hz,
+                       .duration_s = scene.duration_s,
+                       .quiet_from_s = std::numeric_limits<double>::infinity(),
+                       .link = true},
+                      1.0,
+                      {.stability = false, .hand = false}};
+  }
 
   Row<N> row(std::int64_t, double t_s, const Sample& sample, const typename SlaveNode<N>::Output& out) noexcept {
-    const Report<N>& master = link.mail().known().newest;
+    const PortReport<N>& master = link.mail().known().newest;
     const RobotTruth<N>* truth = hardware.truth();
+    const bool follows = out.mode == Mode::coupled;
+    if (has_moved_) into_robot_ += dot(f_, sample.x - x_);
+    const Energy into_coupling = delivered_ - into_robot_;
+    delivered_ = node.delivered();
+    f_ = out.command.f;
+    x_ = sample.x;
+    has_moved_ = true;
     return {.t_s = t_s,
             .master_x = master.x,
             .master_v = master.v,
@@ -47,20 +63,34 @@ struct Slave {
             .position_error = node.position_error(),
             .slave_energy_j = node.delivered().si(),
             .dissipated_j = out.dissipated.si(),
-            .mode = out.mode};
+            .mode = out.mode,
+            .coupling_energy_j = into_coupling.si(),
+            .ahead = -node.position_error(),
+            .touching = truth ? truth->touches : senses_contact(sample.f_environment),
+            .coupled = follows && master.mode == Mode::coupled,
+            .following = follows};
   }
   static void complete(Row<N>&, const Sample&) noexcept {}
   void fill(Summary& s, bool diverged) {
     link.fill(s, node.mode());
-    if (diverged) return;
-    s.set_stable(true);
-    s.set_verdict("bounded at the slave; the master judges stability");
+    if (!diverged) {
+      set_verdict({VerdictKind::undecided, "undecided: bounded at the slave; the master judges stability"}, s);
+      s.clear_stable();
+    }
+    say_if_coupling_feeds(s, scene.control.initial_energy);
   }
 
   const Scene& scene;
   Robot<N>& hardware;
   LiveLink<N> link;
   SlaveNode<N> node;
+
+ private:
+  // Of the last row.
+  Energy delivered_, into_robot_;
+  Force<N> f_;
+  Position<N> x_;
+  bool has_moved_ = false;
 };
 
 template <int N>

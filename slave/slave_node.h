@@ -80,7 +80,9 @@ class SlaveNode {
   void write_payload(Words& words) const noexcept { half_.write_payload(words); }
   /// Robot against the delayed, scaled master, at the last step. Null while not coupled.
   [[nodiscard]] const Displacement<N>& position_error() const noexcept { return position_error_; }
-  /// Net energy that the link has delivered to the slave [J].
+  /// The master's position as far as it is known here, in the slave's world.
+  [[nodiscard]] Position<N> target() const noexcept { return half_.target(); }
+  /// Net energy that has left the link into the slave [J].
   [[nodiscard]] Energy delivered() const noexcept { return -account_.net(); }
 
  private:

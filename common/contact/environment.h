@@ -49,6 +49,8 @@ class Environment {
   [[nodiscard]] const World& world() const { return world_; }
   [[nodiscard]] const std::vector<Eigen::Vector3d>& tool() const { return tool_; }
   [[nodiscard]] bool empty() const { return world_.surfaces.empty() && world_.springs.empty(); }
+  /// Does it hold on to the port wherever that is? Else the two touch where it answers with a force.
+  [[nodiscard]] bool holds() const { return !world_.springs.empty(); }
   [[nodiscard]] int contacts() const {
     return static_cast<int>((N == 6 ? tool_.size() : 1) * (world_.surfaces.size() + world_.springs.size()));
   }

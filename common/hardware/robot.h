@@ -28,6 +28,7 @@ struct RobotSample {
 template <int N>
 struct RobotTruth {
   Force<N> f_environment;  ///< force of the environment on the robot [N], [N m]
+  bool touches = false;    ///< the environment
 };
 
 /// Command of the slave to its robot for the coming period.

@@ -16,7 +16,6 @@ class DelayLine {
  public:
   DelayLine(const ImpairmentOptions& options, std::uint64_t seed, std::size_t capacity = 4096)
       : impairment_{options, seed}, queue_{capacity} {}
-  DelayLine(const DelayLine&) = delete;
 
   /// `packet` is assigned to a Packet; `now` is the time since the run began.
   template <class Content>
@@ -40,6 +39,9 @@ class DelayLine {
     const auto* entry = queue_.take(now);
     return entry == nullptr ? nullptr : &entry->packet;
   }
+
+  /// From now on there are no blackouts; delay, jitter and loss stay.
+  void end_blackouts() noexcept { impairment_.end_blackouts(); }
 
   [[nodiscard]] std::uint64_t lost() const noexcept { return lost_; }
   [[nodiscard]] std::uint64_t overflowed() const noexcept { return overflowed_; }

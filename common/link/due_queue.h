@@ -18,7 +18,13 @@ class DueQueue {
   };
 
   explicit DueQueue(std::size_t capacity) : entries_(std::bit_ceil(capacity)) {}
-  DueQueue(const DueQueue&) = delete;
+  DueQueue(const DueQueue& other)
+      : entries_{other.entries_},
+        in_{entries_.data() + (other.in_ - other.entries_.data())},
+        out_{entries_.data() + (other.out_ - other.entries_.data())},
+        size_{other.size_},
+        latest_{other.latest_} {}
+  DueQueue& operator=(const DueQueue&) = delete;
 
   /// `packet` is assigned to a Packet. False when the queue is full.
   template <class Content>

@@ -60,6 +60,8 @@ class Impairment {
   /// Does every packet arrive once, after fixed_delay()?
   [[nodiscard]] bool certain() const noexcept { return certain_; }
   [[nodiscard]] Duration fixed_delay() const noexcept { return fixed_delay_; }
+  /// From now on there are no blackouts.
+  void end_blackouts() noexcept { options_.blackout.clear(); }
 
  private:
   Fate drawn(Duration since_start) noexcept;

@@ -12,6 +12,7 @@ class AnyMasterHalf {
  public:
   struct Concept {
     virtual ~Concept() = default;
+    [[nodiscard]] virtual std::unique_ptr<Concept> copy() const = 0;
     virtual void start(const DeviceSample<N>& device) noexcept = 0;
     virtual MasterOutput<N> step(const MasterInput<N>& in) noexcept = 0;
     [[nodiscard]] virtual Energy deficit(const Ledger& account, Energy slave_energy_in) const noexcept = 0;
@@ -22,6 +23,7 @@ class AnyMasterHalf {
   template <MasterHalf<N> H>
   struct Model final : Concept {
     explicit Model(const ControlOptions& o) : half{o} {}
+    [[nodiscard]] std::unique_ptr<Concept> copy() const override { return std::make_unique<Model>(*this); }
     void start(const DeviceSample<N>& device) noexcept override { half.start(device); }
     MasterOutput<N> step(const MasterInput<N>& in) noexcept override { return half.step(in); }
     [[nodiscard]] Energy deficit(const Ledger& account, Energy e) const noexcept override {
@@ -35,6 +37,9 @@ class AnyMasterHalf {
 
   /// The half of the method that `o.method` names (common/method/any.cc).
   explicit AnyMasterHalf(const ControlOptions& o);
+  AnyMasterHalf(const AnyMasterHalf& other) : half_{other.half_->copy()} {}
+  AnyMasterHalf(AnyMasterHalf&&) noexcept = default;
+  AnyMasterHalf& operator=(AnyMasterHalf&&) noexcept = default;
 
   void start(const DeviceSample<N>& device) noexcept { half_->start(device); }
   MasterOutput<N> step(const MasterInput<N>& in) noexcept { return half_->step(in); }
@@ -53,6 +58,7 @@ class AnySlaveHalf {
  public:
   struct Concept {
     virtual ~Concept() = default;
+    [[nodiscard]] virtual std::unique_ptr<Concept> copy() const = 0;
     virtual void start(const RobotSample<N>& robot, const PeerState<N>& master) noexcept = 0;
     virtual SlaveOutput<N> step(const SlaveInput<N>& in) noexcept = 0;
     virtual SlaveOutput<N> fail_safe(const Ledger& account) noexcept = 0;
@@ -67,6 +73,7 @@ class AnySlaveHalf {
   template <SlaveHalf<N> H>
   struct Model final : Concept {
     explicit Model(const ControlOptions& o) : half{o} {}
+    [[nodiscard]] std::unique_ptr<Concept> copy() const override { return std::make_unique<Model>(*this); }
     void start(const RobotSample<N>& robot, const PeerState<N>& master) noexcept override { half.start(robot, master); }
     SlaveOutput<N> step(const SlaveInput<N>& in) noexcept override { return half.step(in); }
     SlaveOutput<N> fail_safe(const Ledger& account) noexcept override { return half.fail_safe(account); }
@@ -83,6 +90,9 @@ class AnySlaveHalf {
   };
 
   explicit AnySlaveHalf(const ControlOptions& o);
+  AnySlaveHalf(const AnySlaveHalf& other) : half_{other.half_->copy()} {}
+  AnySlaveHalf(AnySlaveHalf&&) noexcept = default;
+  AnySlaveHalf& operator=(AnySlaveHalf&&) noexcept = default;
 
   void start(const RobotSample<N>& robot, const PeerState<N>& master) noexcept { half_->start(robot, master); }
   SlaveOutput<N> step(const SlaveInput<N>& in) noexcept { return half_->step(in); }

@@ -72,10 +72,10 @@ class LiveLink {
     auto *to_slave = s.mutable_packets()->mutable_to_slave(), *to_master = s.mutable_packets()->mutable_to_master();
     const bool master = side_ == Side::master;
     (master ? to_slave : to_master)->set_sent(count(mail_.counts().sent - link.unaddressed));
-    *(master ? to_master : to_slave) = packets(0, mail_.counts(), link.rejected);
+    *(master ? to_master : to_slave) = received_packets(mail_.counts(), link.rejected);
     s.set_mode(to_string(mode));
     s.set_reconnects(count(std::max<std::uint64_t>(mail_.transport().pairings(), 1) - 1));
-    *s.mutable_rtt_ms() = percentiles(round_trip_, 1e6);
+    if (round_trip_.count() > 0) *s.mutable_rtt_ms() = percentiles(round_trip_, 1e6);
   }
   /// Packets dropped because the simulated network was full.
   [[nodiscard]] std::uint64_t overflowed() { return mail_.transport().counts().overflowed; }

@@ -156,8 +156,7 @@ int run_live(LiveSide& side, const Scene& scene, const LiveArguments& arguments,
   if (stop) s.mutable_verdict()->append("; interrupted");
   const Failure failure = why_failed(side.link.refusal(), plant.sample.status, s.duration_s());
   if (failure.status != 0) {
-    s.set_stable(false);
-    s.set_verdict(failure.sentence);
+    set_verdict({VerdictKind::undecided, failure.sentence}, s);
   }
   const int written = leave_files(scene, arguments, LiveSide::kName, trace.get(), s);
   if (failure.status != 0) {

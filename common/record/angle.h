@@ -2,6 +2,7 @@
 
 #include <Eigen/Core>
 #include <cmath>
+#include <numbers>
 
 namespace twoport {
 
@@ -21,6 +22,21 @@ double angle(const Vector& u, const Vector& f) {
   const double along = u.dot(f), f2 = f.squaredNorm();
   const Vector across = u - (along / f2) * f;
   return std::atan2(across.norm() * std::sqrt(f2), along);
+}
+
+/// Square of the angle between u and f, with their squared norms at hand [rad²]. Where the two are parallel to rounding,
+/// the rejection r of u on f says exactly how far they are not: |r|²/|u|². In one dimension it is 0 or π².
+template <class Vector>
+double squared_angle(const Vector& u, const Vector& f, double u2, double f2) noexcept {
+  const double along = u.dot(f);
+  if constexpr (Vector::RowsAtCompileTime == 1) {
+    return along < 0.0 ? std::numbers::pi * std::numbers::pi : 0.0;
+  } else {
+    const double share = along / f2, across2 = u2 - along * share;
+    if (along > 0.0 && across2 < 1e-14 * u2) return (u - share * f).squaredNorm() / u2;
+    const double a = angle(u, f);
+    return a * a;
+  }
 }
 
 }  // namespace twoport

@@ -11,15 +11,21 @@ namespace twoport {
 
 std::vector<std::string> violations(const ExpectSpec& expect, const Summary& summary) {
   std::vector<std::string> found;
-  if (expect.stable && *expect.stable != summary.stable())
+  if (expect.stable && !summary.has_stable())
+    found.push_back(fmt::format("stable is not known of this run, expected {}", *expect.stable));
+  else if (expect.stable && *expect.stable != summary.stable())
     found.push_back(fmt::format("stable is {}, expected {}{}", summary.stable(), *expect.stable,
                                 summary.verdict().empty() ? "" : ": " + summary.verdict()));
 
-  const auto all = numbers(summary);
+  const auto all = known_numbers(summary);
   const auto check = [&](const Bound& bound, const char* side, double sign, const char* missed) {
     const auto figure = std::find_if(all.begin(), all.end(), [&](const auto& each) { return each.first == bound.key; });
     if (figure == all.end()) throw ConfigError{fmt::format("expect: no number \"{}\" in a summary", bound.key)};
-    const double value = figure->second;
+    if (!figure->second) {
+      found.push_back(fmt::format("{} is not known of this run, expected {} {:.9g}", bound.key, side, bound.value));
+      return;
+    }
+    const double value = *figure->second;
     if (sign * value >= sign * bound.value) return;
     std::string sentence = fmt::format("{} is {:.9g}, expected {} {:.9g}", bound.key, value, side, bound.value);
     if (!std::isnan(value)) sentence += fmt::format(": {} by {:.9g}", missed, sign * (bound.value - value));

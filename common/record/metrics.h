@@ -6,12 +6,22 @@
 #include <numbers>
 
 #include "common/record/angle.h"
+#include "common/record/contact_figures.h"
 #include "common/record/high_pass.h"
 #include "common/record/row.h"
+#include "common/record/run_judge.h"
 #include "common/record/summary.h"
-#include "common/record/verdict.h"
 
 namespace twoport {
+
+/// What the side that records a run can know of it.
+struct KnownParts {
+  bool stability = true;
+  bool hand = true;          ///< the master port
+  bool link = true;          ///< there is another side, and its position error
+  bool robot = true;         ///< its motion, and the force on it
+  bool robot_energy = true;  ///< the ports of its coupling
+};
 
 /// Turns rows into a summary, one by one, in constant memory.
 template <int N>
@@ -19,11 +29,15 @@ class Metrics {
  public:
   static constexpr double kFelt = 0.05;  ///< a force below this has no direction to speak of [N]
 
-  Metrics(double rate_hz, double duration_s, double quiet_from_s, double initial_energy_j)
-      : rate_hz_{rate_hz},
-        initial_energy_j_{initial_energy_j},
-        verdict_{quiet_from_s, duration_s, initial_energy_j},
-        high_pass_{30.0, rate_hz} {}
+  /// `run.initial_energy_j`: E(0) of the hand's port. `energy_scale`: joules at the master for one at the slave.
+  explicit Metrics(const typename RunJudge<N>::Known& run, double energy_scale = 1.0, KnownParts known = {})
+      : rate_hz_{run.rate_hz},
+        initial_energy_j_{run.initial_energy_j},
+        energy_scale_{energy_scale},
+        known_{known},
+        judge_{run},
+        high_pass_{30.0, run.rate_hz},
+        contact_{run.rate_hz} {}
 
   /// Returns false once the run has diverged.
   bool add(const Row<N>& row) noexcept {
@@ -31,35 +45,38 @@ class Metrics {
     last_s_ = row.t_s;
     const auto felt = translational(row.master_f.vec()), wanted = translational(row.master_f_wanted.vec());
     const auto missed = translational(row.position_error.vec());
-    min_energy_j_ = std::min(min_energy_j_, row.master_energy_j);
-    min_observed_j_ = std::min(min_observed_j_, row.observed_energy_j);
-    owed_j_ = std::max(owed_j_, row.undissipated_j);
+    lower(min_energy_j_, row.master_energy_j);
+    lower(min_observed_j_, row.observed_energy_j);
+    lower(min_two_port_j_, row.master_energy_j - energy_scale_ * row.slave_energy_j);
+    lower(min_robot_j_, row.coupling_energy_j);
+    raise(robot_force2_max_, translational(row.slave_f.vec()).squaredNorm());
+    raise(robot_speed2_max_, translational(row.slave_v.vec()).squaredNorm());
+    raise(owed_j_, row.undissipated_j);
     dissipated_j_ += row.dissipated_j;
     if (row.dissipated_j > 0.0) ++corrected_ticks_;
-    position_error2_ += missed.squaredNorm();
     drift2_ = missed.squaredNorm();
+    position_error2_ += drift2_;  // 0 while the slave does not follow
+    if (!row.following) [[unlikely]]
+      ++apart_rows_, last_apart_row_ = rows_;
 
     const auto correction = (felt - wanted).eval();
     const double correction2 = correction.squaredNorm(), felt2 = felt.squaredNorm(), wanted2 = wanted.squaredNorm();
     force_error2_ += correction2;
-    correction2_max_ = std::max(correction2_max_, correction2);
-    force2_max_ = std::max(force2_max_, felt2);
+    raise(correction2_max_, correction2);
+    raise(force2_max_, felt2);
     const double fast2 = high_pass_.step(felt).squaredNorm();
     chatter2_ += fast2;
     if (wanted2 > kFelt * kFelt) {
-      ++contact_rows_;
-      if (felt2 > kFelt * kFelt) turn(felt, wanted, correction2, felt2, wanted2);
+      ++wanted_rows_;
+      if (felt2 > kFelt * kFelt) {
+        ++turned_rows_;
+        if (correction2 != 0.0) turn(squared_angle(felt, wanted, felt2, wanted2));
+      }
     }
-    const double reach2 = std::max(translational_norm2(row.master_x), translational_norm2(row.slave_x));
-    return verdict_.add({.t_s = row.t_s,
-                         .reach_m = std::sqrt(reach2),
-                         .speed2 = row.master_v.squared_norm() + row.slave_v.squared_norm(),
-                         .port_energy_j = row.master_energy_j,
-                         .force2 = felt2,
-                         .fast_force2 = fast2,
-                         .corrected = row.dissipated_j > 0.0,
-                         .limited = row.dissipated_j == 0.0 && felt2 < wanted2 * (1.0 - 1e-9)});
+    contact_.add(row, felt, felt2);
+    return judge_.add(row);
   }
+  [[nodiscard]] const RunJudge<N>& judge() const { return judge_; }
 
   /// Everything that rows tell; what ran, packets and times are the caller's.
   void fill(Summary& s) const {
@@ -68,50 +85,64 @@ class Metrics {
     s.set_rate_hz(rate_hz_);
     // To the end of the last tick: a live loop may have left some out.
     s.set_duration_s(rows_ > 0 ? (std::round(last_s_ * rate_hz_) + 1.0) / rate_hz_ : 0.0);
-    s.set_stable(verdict_.stable());
-    s.set_verdict(verdict_.text());
-    s.set_initial_energy_j(initial_energy_j_);
-    s.set_min_port_energy_j(initial_energy_j_ + min_energy_j_);
-    s.set_min_observed_energy_j(initial_energy_j_ + min_observed_j_);
-    s.set_energy_owed_j(owed_j_);
     s.set_dissipated_j(dissipated_j_);
     s.set_corrected_ticks(count(corrected_ticks_));
-    s.set_position_error_rms_m(std::sqrt(position_error2_ / rows));
-    s.set_drift_m(std::sqrt(drift2_));
-    s.set_force_error_rms_n(std::sqrt(force_error2_ / rows));
-    s.set_correction_max_n(std::sqrt(correction2_max_));
-    s.set_max_force_n(std::sqrt(force2_max_));
-    s.set_chatter_rms_n(std::sqrt(chatter2_ / rows));
-    s.set_contact_s(static_cast<double>(contact_rows_) / rate_hz_);
-    constexpr double kDegree = 180.0 / std::numbers::pi;
-    s.set_force_direction_error_max_deg(kDegree * turn_max_);
-    s.set_force_direction_error_rms_deg(
-        turned_rows_ > 0 ? kDegree * std::sqrt(turn2_ / static_cast<double>(turned_rows_)) : 0.0);
+    set_verdict(judge_.verdict(), s);
+    if (!known_.stability) s.clear_stable();
+    if (known_.hand) {
+      s.set_initial_energy_j(initial_energy_j_);
+      s.set_min_port_energy_j(initial_energy_j_ + min_energy_j_);
+      s.set_min_observed_energy_j(initial_energy_j_ + min_observed_j_);
+      s.set_hand_min_energy_j(min_energy_j_);
+      s.set_energy_owed_j(owed_j_);
+      s.set_force_error_rms_n(std::sqrt(force_error2_ / rows));
+      s.set_correction_max_n(std::sqrt(correction2_max_));
+      s.set_max_force_n(std::sqrt(force2_max_));
+      s.set_chatter_rms_n(std::sqrt(chatter2_ / rows));
+      if (wanted_rows_ > 0)
+        s.set_force_direction_share(static_cast<double>(turned_rows_) / static_cast<double>(wanted_rows_));
+      if (turned_rows_ > 0) {
+        constexpr double kDegree = 180.0 / std::numbers::pi;
+        s.set_force_direction_error_max_deg(kDegree * std::sqrt(turn2_max_));
+        s.set_force_direction_error_rms_deg(kDegree * std::sqrt(turn2_ / static_cast<double>(turned_rows_)));
+      }
+    }
+    if (known_.hand && known_.robot_energy) s.set_two_port_min_energy_j(min_two_port_j_);
+    if (known_.robot_energy) s.set_robot_min_energy_j(min_robot_j_);
+    if (known_.link && rows_ > apart_rows_) {
+      s.set_position_error_rms_m(std::sqrt(position_error2_ / static_cast<double>(rows_ - apart_rows_)));
+      if (last_apart_row_ != rows_) s.set_drift_m(std::sqrt(drift2_));
+    }
+    if (known_.robot) {
+      s.set_robot_max_force_n(std::sqrt(robot_force2_max_));
+      s.set_robot_max_speed_m_per_s(std::sqrt(robot_speed2_max_));
+    }
+    contact_.fill(s, known_.hand, known_.link, rows, rate_hz_);
   }
 
  private:
-  template <class Vector>
-  void turn(const Vector& felt, const Vector& wanted, double correction2, double felt2, double wanted2) noexcept {
-    ++turned_rows_;
-    if (correction2 == 0.0) return;
-    const double along = felt.dot(wanted);
-    const double across2 = std::max(0.0, felt2 - along * along / wanted2);
-    // Parallel to rounding: the rejection says exactly how far.
-    const double a = along > 0.0 && across2 < 1e-14 * felt2
-                         ? (felt - (along / wanted2) * wanted).norm() / std::sqrt(felt2)
-                         : angle(felt, wanted);
-    turn_max_ = std::max(turn_max_, a);
-    turn2_ += a * a;
+  // Extremes change in few ticks: a branch costs less than a store.
+  static void lower(double& least, double value) noexcept {
+    if (value < least) least = value;
   }
-  static double translational_norm2(const Position<N>& x) noexcept { return x.translation().squaredNorm(); }
-
-  double rate_hz_, initial_energy_j_;
-  Verdict verdict_;
+  static void raise(double& most, double value) noexcept {
+    if (value > most) most = value;
+  }
+  void turn(double squared_angle) noexcept {
+    raise(turn2_max_, squared_angle);
+    turn2_ += squared_angle;
+  }
+  double rate_hz_, initial_energy_j_, energy_scale_;
+  KnownParts known_;
+  RunJudge<N> judge_;
   HighPass<N == 6 ? 3 : N> high_pass_;
-  std::uint64_t rows_ = 0, contact_rows_ = 0, turned_rows_ = 0, corrected_ticks_ = 0;
+  ContactFigures<N> contact_;
+  std::uint64_t rows_ = 0, apart_rows_ = 0, last_apart_row_ = 0, wanted_rows_ = 0, turned_rows_ = 0,
+                corrected_ticks_ = 0;
   double last_s_ = 0.0, min_energy_j_ = 0.0, min_observed_j_ = 0.0, owed_j_ = 0.0, dissipated_j_ = 0.0;
+  double min_two_port_j_ = 0.0, min_robot_j_ = 0.0, robot_force2_max_ = 0.0, robot_speed2_max_ = 0.0;
   double position_error2_ = 0.0, drift2_ = 0.0, force_error2_ = 0.0, correction2_max_ = 0.0, force2_max_ = 0.0;
-  double chatter2_ = 0.0, turn_max_ = 0.0, turn2_ = 0.0;
+  double chatter2_ = 0.0, turn2_max_ = 0.0, turn2_ = 0.0;
 };
 
 }  // namespace twoport

@@ -25,6 +25,16 @@ struct Row {
   double undissipated_j = 0.0;       ///< what the master's controller could not yet dissipate
   double dissipated_j = 0.0;         ///< by both controllers, in this tick
   Mode mode = Mode::idle;
+
+  // Of the summary only, no columns.
+  Force<N> reference{};  ///< what of the environment should be felt: its force in the master's units and axes,
+                         ///< as old as the way back makes it; sign as master_f
+  double coupling_energy_j =
+      0.0;                  ///< put into the robot's coupling through both its ports so far, in the slave's units
+  Displacement<N> ahead{};  ///< the scaled hand against the robot; translation only
+  bool touching = false;    ///< robot (device under RENDER) and environment
+  bool coupled = false;     ///< both sides
+  bool following = false;   ///< the slave is coupled: position_error is of now
 };
 
 }  // namespace twoport

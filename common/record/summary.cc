@@ -1,5 +1,6 @@
 #include "common/record/summary.h"
 
+#include <fmt/format.h>
 #include <google/protobuf/descriptor.h>
 #include <google/protobuf/message.h>
 #include <google/protobuf/util/json_util.h>
@@ -21,7 +22,6 @@ namespace pb = google::protobuf;
 double number(const pb::Message& of, const pb::FieldDescriptor& field) {
   using Field = pb::FieldDescriptor;
   const pb::Reflection& reflection = *of.GetReflection();
-  if (field.has_presence() && !reflection.HasField(of, &field)) return std::numeric_limits<double>::quiet_NaN();
   switch (field.cpp_type()) {
     case Field::CPPTYPE_DOUBLE:
       return reflection.GetDouble(of, &field);
@@ -37,14 +37,17 @@ double number(const pb::Message& of, const pb::FieldDescriptor& field) {
   }
 }
 
-void add_numbers(const pb::Message& of, const std::string& prefix, std::vector<std::pair<std::string, double>>& all) {
+void add_numbers(const pb::Message& of, bool known, const std::string& prefix,
+                 std::vector<std::pair<std::string, std::optional<double>>>& all) {
   const pb::Descriptor& descriptor = *of.GetDescriptor();
+  const pb::Reflection& reflection = *of.GetReflection();
   for (int i = 0; i < descriptor.field_count(); ++i) {
     const pb::FieldDescriptor& field = *descriptor.field(i);
+    const bool is_known = known && (!field.has_presence() || reflection.HasField(of, &field));
     if (field.message_type())
-      add_numbers(of.GetReflection()->GetMessage(of, &field), prefix + field.name() + ".", all);
+      add_numbers(reflection.GetMessage(of, &field), is_known, prefix + field.name() + ".", all);
     else if (field.cpp_type() != pb::FieldDescriptor::CPPTYPE_STRING)
-      all.emplace_back(prefix + field.name(), number(of, field));
+      all.emplace_back(prefix + field.name(), is_known ? std::optional{number(of, field)} : std::nullopt);
   }
 }
 
@@ -56,26 +59,33 @@ void describe_run(const Scene& scene, std::string_view side, Summary& s) {
   s.set_architecture(to_string(scene.control.architecture));
   s.set_method(scene.control.method_name);
   s.set_dof(scene.dof);
-  // Printed for every run, zeros included.
-  s.mutable_packets()->mutable_to_slave();
-  s.mutable_packets()->mutable_to_master();
-  s.mutable_rtt_ms();
-  s.mutable_loop_lateness_us();
 }
 
 std::uint32_t count(std::uint64_t n) {
   return static_cast<std::uint32_t>(std::min<std::uint64_t>(n, std::numeric_limits<std::uint32_t>::max()));
 }
 
-Packets packets(std::uint64_t sent, const PacketCounts& receiver, std::uint64_t rejected) {
+void set_verdict(const Verdict& verdict, Summary& s) {
+  s.set_stable(verdict.stable());
+  s.set_verdict(verdict.text);
+  s.set_verdict_kind(std::string{to_string(verdict.kind)});
+}
+
+Packets received_packets(const PacketCounts& receiver, std::uint64_t rejected) {
   Packets all;
-  all.set_sent(count(sent));
   all.set_received(count(receiver.received));
   all.set_lost(count(receiver.lost));
   all.set_late(count(receiver.late));
   all.set_duplicated(count(receiver.duplicated));
   all.set_rejected(count(receiver.rejected + rejected));
   return all;
+}
+
+void say_if_coupling_feeds(Summary& s, Energy granted) {
+  constexpr double kRounding = 1e-5;  // [J]
+  if (s.robot_min_energy_j() < -(granted.si() + kRounding))
+    s.mutable_verdict()->append(
+        fmt::format("; the sampled coupling has fed the robot {:.3g} J", -s.robot_min_energy_j()));
 }
 
 std::string to_json(const Summary& summary) {
@@ -103,9 +113,16 @@ void leave_summary(const Summary& summary, const std::string& folder) {
   }
 }
 
+std::vector<std::pair<std::string, std::optional<double>>> known_numbers(const Summary& summary) {
+  std::vector<std::pair<std::string, std::optional<double>>> all;
+  add_numbers(summary, true, "", all);
+  return all;
+}
+
 std::vector<std::pair<std::string, double>> numbers(const Summary& summary) {
   std::vector<std::pair<std::string, double>> all;
-  add_numbers(summary, "", all);
+  for (const auto& [name, value] : known_numbers(summary))
+    all.emplace_back(name, value.value_or(std::numeric_limits<double>::quiet_NaN()));
   return all;
 }
 

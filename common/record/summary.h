@@ -1,12 +1,14 @@
 #pragma once
 
 #include <cstdint>
+#include <optional>
 #include <string>
 #include <string_view>
 #include <utility>
 #include <vector>
 
 #include "common/link/mailbox.h"
+#include "common/record/verdict.h"
 #include "common/scene/scene.h"
 #include "proto/summary.pb.h"
 
@@ -24,8 +26,15 @@ void describe_run(const Scene& scene, std::string_view side, Summary& summary);
 /// `n` as a summary holds it: 2^32 - 1 also stands for more.
 std::uint32_t count(std::uint64_t n);
 
-/// What the receiver of one direction has counted, of `sent`; and datagrams that were `rejected` below it.
-Packets packets(std::uint64_t sent, const PacketCounts& receiver, std::uint64_t rejected = 0);
+/// What the receiver of one direction has counted, and datagrams `rejected` below it. What was sent is not known here.
+Packets received_packets(const PacketCounts& receiver, std::uint64_t rejected = 0);
+
+/// Adds to the verdict's text where the sampled coupling has given the robot more than `granted`, what its account starts
+/// with, and rounding.
+void say_if_coupling_feeds(Summary& summary, Energy granted);
+
+/// `stable`, `verdict` and `verdict_kind`.
+void set_verdict(const Verdict& verdict, Summary& summary);
 
 /// Protobuf JSON, zeros and falses printed; what is not known is absent.
 std::string to_json(const Summary& summary);
@@ -34,8 +43,10 @@ std::string to_json(const Summary& summary);
 /// that no result is lost, and the IoError or ConfigError that says why is thrown.
 void leave_summary(const Summary& summary, const std::string& folder);
 
-/// Every number of the schema as (name, value), in its order, nested ones as "rtt_ms.p99"; booleans as 0, 1; NaN where
-/// it is not known.
+/// Every number of the schema as (name, value), in its order, nested ones as "rtt_ms.p99"; booleans as 0, 1; no value
+/// where it is not known.
+std::vector<std::pair<std::string, std::optional<double>>> known_numbers(const Summary& summary);
+/// The same with NaN for what is not known.
 std::vector<std::pair<std::string, double>> numbers(const Summary& summary);
 
 /// The texts that a table holds of a run, as (name, text): scene, architecture, method, verdict.

@@ -37,7 +37,16 @@ struct ScrewSpec {
   Numbers point_m, axis;  ///< axis of unit length
   double angle_rad, travel_m, frequency_hz, duration_s;
 };
-using SegmentSpec = std::variant<HoldSpec, MoveToSpec, SineSpec, ScrewSpec>;
+/// A sum of sinusoids along one direction, which a program asks for; no block of a scene does.
+struct MultiSineSpec {
+  struct Wave {
+    double amplitude_m, frequency_hz, phase_rad;
+  };
+  Numbers direction;  ///< of unit length
+  std::vector<Wave> waves;
+  double duration_s;
+};
+using SegmentSpec = std::variant<HoldSpec, MoveToSpec, SineSpec, ScrewSpec, MultiSineSpec>;
 struct TremorSpec {
   double rms_m, low_hz, high_hz;
 };

@@ -12,6 +12,7 @@ Subcommand add_boundary_command(CLI::App& app);
 std::vector<Subcommand> add_sweep_commands(CLI::App& app);
 Subcommand add_zwidth_command(CLI::App& app);
 Subcommand add_chart_command(CLI::App& app);
+Subcommand add_impedance_command(CLI::App& app);
 /// `trim` and `blocks`.
 std::vector<Subcommand> add_trim_commands(CLI::App& app);
 

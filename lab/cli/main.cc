@@ -18,6 +18,7 @@ std::vector<lab::Subcommand> add_commands(CLI::App& app) {
   for (lab::Subcommand& each : lab::add_sweep_commands(app)) all.push_back(std::move(each));
   all.push_back(lab::add_zwidth_command(app));
   all.push_back(lab::add_chart_command(app));
+  all.push_back(lab::add_impedance_command(app));
   all.push_back(lab::add_paper_command(app));
   for (lab::Subcommand& each : lab::add_trim_commands(app)) all.push_back(std::move(each));
   return all;

@@ -19,7 +19,7 @@ namespace twoport::lab {
 namespace {
 
 struct Arguments {
-  std::string scene, out, trace = "csv";
+  std::string scene, out, trace = "csv", verdict = "tail";
   std::vector<std::string> set;
 };
 
@@ -31,7 +31,8 @@ int run_command(const Arguments& a) {
     make_folder(a.out);
     if (a.trace == "csv") trace.emplace(a.out + "/trace.csv");
   }
-  const Summary summary = run(scene, trace ? &*trace : nullptr);
+  const Summary summary = run(scene, {.trace = trace ? &*trace : nullptr,
+                                      .verdict = a.verdict == "plain" ? VerdictFrom::plain : VerdictFrom::tail});
   // First the trace: one that finds no room is removed, which leaves room for the summary.
   std::exception_ptr unwritten;
   try {
@@ -55,6 +56,12 @@ Subcommand add_run_command(CLI::App& app) {
   add_scene(run, a->scene, a->set);
   run->add_option("--out", a->out, "Folder for summary.json and trace.csv");
   run->add_option("--trace", a->trace, "none or csv")->check(CLI::IsMember({"none", "csv"}))->capture_default_str();
+  run->add_option("--verdict", a->verdict,
+                  "tail: left alone after the scene's end, beside a twin; plain: from the scene's own run, faster, and "
+                  "UNDECIDED "
+                  "more often")
+      ->check(CLI::IsMember({"tail", "plain"}))
+      ->capture_default_str();
   return {run, [a] { return run_command(*a); }};
 }
 

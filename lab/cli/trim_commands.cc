@@ -63,8 +63,8 @@ std::vector<Subcommand> add_trim_commands(CLI::App& app) {
   trim->add_option("--tolerance", a->tolerance, "Relative change of each number")->capture_default_str();
   trim->footer(
       "Each block is left out alone, everything else equal. A number changes by |a - b| / max(|a|, |b|, floor), with\n"
-      "floors of 1e-6 J, 1e-6 m, 1e-3 N, 0.01 deg, 1e-3 s and 1 for counts; all numbers of the summary except "
-      "step_ns.\n"
+      "floors of 1e-6 J (1e-3 J for *_min_energy_j), 1e-6 m, 1e-3 N, 0.01 deg, 1e-3 s and 1 for counts; all numbers\n"
+      "of the summary except step_ns.\n"
       "A change of the verdict or of a met expectation always counts. Each variant is run eight times: with the "
       "scene's\n"
       "seed, and with the next seven seeds and stiffnesses changed in the twelfth digit. A change within the range of\n"

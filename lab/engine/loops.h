@@ -1,11 +1,14 @@
 #pragma once
 
 #include <algorithm>
+#include <bit>
 #include <cmath>
 #include <cstdint>
+#include <vector>
 
 #include "common/link/delay_line.h"
 #include "common/link/mailbox.h"
+#include "common/record/angle.h"
 #include "common/record/row.h"
 #include "common/runtime/cycle.h"
 #include "common/scene/scene.h"
@@ -40,6 +43,89 @@ class SimTransport {
   DelayLine<Report<N>>*in_, *out_;
 };
 
+/// The environment's force as old as the way back makes it: of the slave's tick from which the newest report comes that the
+/// master has. While the master hears nothing it goes on, as old as that report was when it came.
+template <int N>
+class DelayedForce {
+ public:
+  DelayedForce(const ImpairmentOptions& way_back, double rate_hz)
+      : past_(std::bit_ceil(packets_in_flight(way_back, rate_hz))), lag_{1 + std::lround(way_back.delay_s * rate_hz)} {}
+
+  /// Of the slave's next tick.
+  [[gnu::always_inline]] void put(const Force<N>& f) noexcept { past_[index(ticks_++)] = f; }
+  /// In a tick of the master.
+  [[gnu::always_inline]] void step(const PeerState<N>& slave, bool coupled) noexcept {
+    if (slave.is_new) {
+      lag_ = std::min(ticks_ + 1 - static_cast<std::int64_t>(slave.newest.sequence),
+                      static_cast<std::int64_t>(past_.size()));
+    } else if (coupled) {
+      return;
+    }
+    now_ = ticks_ >= lag_ ? past_[index(ticks_ - lag_)] : Force<N>{};
+  }
+  [[nodiscard]] const Force<N>& now() const noexcept { return now_; }
+
+ private:
+  [[nodiscard]] std::size_t index(std::int64_t k) const noexcept {
+    return static_cast<std::size_t>(k) & (past_.size() - 1);
+  }
+  std::vector<Force<N>> past_;
+  std::int64_t ticks_ = 0, lag_;
+  Force<N> now_;
+};
+
+/// Both directions of a link and the mail of both sides, in memory. Copies are independent.
+template <int N>
+class SimLink {
+ public:
+  explicit SimLink(const Scene& scene)
+      : to_slave_{scene.to_slave, scene.seed ^ kToSlaveStream, packets_in_flight(scene.to_slave, scene.master_rate_hz)},
+        to_master_{scene.to_master, scene.seed ^ kToMasterStream,
+                   packets_in_flight(scene.to_master, scene.slave_rate_hz)},
+        master_{{to_master_, to_slave_}},
+        slave_{{to_slave_, to_master_}} {}
+  SimLink(const SimLink& other)
+      : to_slave_{other.to_slave_}, to_master_{other.to_master_}, master_{other.master_}, slave_{other.slave_} {
+    master_.transport() = {to_master_, to_slave_};
+    slave_.transport() = {to_slave_, to_master_};
+  }
+  SimLink& operator=(const SimLink&) = delete;
+
+  [[nodiscard, gnu::always_inline]] Mailbox<N, SimTransport<N>>& master() noexcept { return master_; }
+  [[nodiscard, gnu::always_inline]] Mailbox<N, SimTransport<N>>& slave() noexcept { return slave_; }
+  void end_blackouts() noexcept {
+    to_slave_.end_blackouts();
+    to_master_.end_blackouts();
+  }
+  [[nodiscard]] LinkUse use() const {
+    return {master_.counts(), slave_.counts(), to_slave_.overflowed() + to_master_.overflowed()};
+  }
+
+ private:
+  DelayLine<Report<N>> to_slave_, to_master_;
+  Mailbox<N, SimTransport<N>> master_, slave_;
+};
+
+/// ½ m v² + ½ ωᵀ R J Rᵀ ω, and what the environment holds; `inertia` about the body's axes.
+template <int N>
+Energy mechanical_energy(const sim::SimRobot<N>& robot, double mass_kg, const Eigen::Vector3d& inertia_kg_m2) {
+  const sim::BodyState<N>& s = robot.state();
+  double kinetic = 0.5 * mass_kg * s.v.vec().template head<(N == 1 ? 1 : 3)>().squaredNorm();
+  if constexpr (N == 6) {
+    const Eigen::Vector3d w = s.x.attitude().conjugate() * Eigen::Vector3d{s.v.vec().template tail<3>()};
+    kinetic += 0.5 * w.cwiseAbs2().dot(inertia_kg_m2);
+  }
+  return Energy{kinetic} + robot.environment().potential(s.x);
+}
+/// Of the scene's robot; an ideal one has no mass.
+template <int N>
+Energy mechanical_energy(const Scene& scene, const sim::SimRobot<N>& robot) {
+  Eigen::Vector3d inertia = Eigen::Vector3d::Zero();
+  if constexpr (N == 6)
+    if (scene.robot) inertia = vector<3>(scene.robot->inertia_kg_m2);
+  return mechanical_energy(robot, scene.robot ? scene.robot->mass_kg : 0.0, inertia);
+}
+
 /// A scene over a link, in virtual time: the same nodes and the same cycle as the live programs.
 ///
 /// Each side ticks at its own rate, from 0. A report is readable strictly after it was posted, so the order of two
@@ -58,84 +144,117 @@ class LinkLoop {
         robot_{scene, slave_dt_},
         master_{scene.control},
         slave_{scene.control},
-        to_slave_{scene.to_slave, scene.seed ^ kToSlaveStream, packets_in_flight(scene.to_slave, scene.master_rate_hz)},
-        to_master_{scene.to_master, scene.seed ^ kToMasterStream,
-                   packets_in_flight(scene.to_master, scene.slave_rate_hz)},
-        master_mail_{{to_master_, to_slave_}},
-        slave_mail_{{to_slave_, to_master_}} {
-    const Energy held = robot_.environment().potential(robot_.state().x) + kinetic(scene, robot_.state().v);
-    initial_energy_ = scene.control.initial_energy + registration_.to_master(scene.control.initial_energy + held);
+        link_{scene},
+        delayed_force_{scene.to_master, scene.slave_rate_hz},
+        held_by_environment_{robot_.environment().holds()},
+        initial_energy_{scene.control.initial_energy},
+        granted_energy_{initial_energy_ + registration_.to_master(initial_energy_ + mechanical_energy(scene, robot_))} {
   }
 
-  /// Runs to the end, or until `visit(row)` returns false. Returns the number of master ticks.
+  /// Goes on until `end`, or until `visit(row)` returns false. Returns the number of master ticks.
   template <class Visit>
-  TWOPORT_FLATTEN std::uint64_t run(Visit visit) {
-    std::int64_t m = 0, s = 0;
-    Duration next_m{0}, next_s{0};
-    while (next_m < end_) {
+  TWOPORT_FLATTEN std::uint64_t run(Duration end, Visit visit) {
+    std::int64_t from = ticks_, m = from, s = slave_ticks_;
+    Duration next_m = tick_time(m, master_rate_hz_), next_s = tick_time(s, slave_rate_hz_);
+    while (next_m < end) {
       // The slave first where both are due, so that a row shows both at the same moment.
       if (next_s <= next_m) {
         slave_tick(next_s, s);
         next_s = tick_time(++s, slave_rate_hz_);
         continue;
       }
-      auto out = master_tick(next_m, m);
-      if (!visit(row(next_m, out))) return static_cast<std::uint64_t>(m + 1);
+      const Duration now = next_m;
+      auto out = master_tick(now, m);
       next_m = tick_time(++m, master_rate_hz_);
+      if (!visit(row(now, out))) break;
     }
-    return static_cast<std::uint64_t>(m);
+    ticks_ = m;
+    slave_ticks_ = s;
+    return static_cast<std::uint64_t>(m - from);
+  }
+  std::uint64_t run_silently() {
+    return run(end_, [](const Row<N>&) { return true; });
   }
 
-  std::uint64_t run_silently() {
-    return run([](const Row<N>&) { return true; });
+  void be_quiet() noexcept {
+    device_.hold();
+    robot_.silence();
+    link_.end_blackouts();
   }
+  Kicked kick(const Velocity<N>& master, const Velocity<N>& slave) noexcept {
+    return {device_.kick(master), robot_.kick(slave)};
+  }
+  [[nodiscard]] Duration end() const { return end_; }
+  [[nodiscard]] std::int64_t ticks() const { return ticks_; }
   [[nodiscard]] Energy initial_energy() const { return initial_energy_; }
+  [[nodiscard]] Energy granted_energy() const { return granted_energy_; }
   [[nodiscard]] double quiet_from_s() const { return device_.path().end_s(); }
-  [[nodiscard]] LinkUse link() const {
-    return {master_mail_.counts(), slave_mail_.counts(), to_slave_.overflowed() + to_master_.overflowed()};
-  }
+  [[nodiscard]] std::vector<double> segment_ends_s() const { return device_.path().segment_ends_s(); }
+  [[nodiscard]] LinkUse link() const { return link_.use(); }
 
  private:
-  static Energy kinetic(const Scene& scene, const Velocity<N>& v) {
-    if (!scene.robot) return Energy{};
-    double e = 0.5 * scene.robot->mass_kg * v.vec().template head<(N == 1 ? 1 : 3)>().squaredNorm();
-    if constexpr (N == 6) {
-      // The initial attitude's axes: good for the isotropic and the aligned case, which is how bodies start.
-      const Eigen::Vector3d j = vector<3>(scene.robot->inertia_kg_m2);
-      e += 0.5 * v.vec().template tail<3>().cwiseAbs2().dot(j);
-    }
-    return Energy{e};
-  }
-
   [[gnu::always_inline]] auto master_tick(Duration now, std::int64_t k) noexcept {
     if (k > 0) device_.advance();
-    return run_cycle(master_, device_, master_mail_, Tick<MasterClock>{Instant<MasterClock>{now}, master_dt_});
+    return run_cycle(master_, device_, link_.master(), Tick<MasterClock>{Instant<MasterClock>{now}, master_dt_});
   }
   [[gnu::always_inline]] void slave_tick(Duration now, std::int64_t k) noexcept {
-    if (k > 0) robot_.advance();
-    auto out = run_cycle(slave_, robot_, slave_mail_, Tick<SlaveClock>{Instant<SlaveClock>{now}, slave_dt_});
+    if (k > 0) {
+      Position<N> before = robot_.state().x;
+      robot_.advance();
+      into_robot_ += dot(robot_.held(), robot_.state().x - before);
+    }
+    coupling_energy_ = slave_.delivered() - into_robot_;
+    environment_force_ = robot_.environment_force();
+    delayed_force_.put(environment_force_);
+    auto out = run_cycle(slave_, robot_, link_.slave(), Tick<SlaveClock>{Instant<SlaveClock>{now}, slave_dt_});
     dissipated_ += registration_.to_master(out.dissipated);
+    if (out.mode != slave_mode_) [[unlikely]]
+      change_mode(out.mode);
+  }
+  /// Of the slave. When it begins to follow, the worlds have just been registered.
+  [[gnu::noinline]] void change_mode(Mode mode) noexcept {
+    slave_mode_ = mode;
+    if (mode != Mode::coupled) return;
+    origin_ = slave_.target().translation() - registration_.to_slave(link_.slave().known().newest.x).translation();
   }
 
   [[gnu::always_inline]] Row<N> row(Duration now, const auto& out) noexcept {
     const Energy dissipated = out.dissipated + dissipated_;
     dissipated_ = Energy{};
-    return {.t_s = to_seconds(now).si(),
-            .master_x = device_.x(),
-            .master_v = device_.v(),
-            .master_f = device_.held(),
-            .master_f_wanted = out.wanted,
-            .slave_x = robot_.state().x,
-            .slave_v = robot_.state().v,
-            .slave_f = robot_.held(),
-            .env_f = robot_.environment_force(),
-            .position_error = slave_.position_error(),
-            .master_energy_j = device_.port_energy().si(),
-            .slave_energy_j = slave_.delivered().si(),
-            .observed_energy_j = master_.observed().si(),
-            .undissipated_j = out.undissipated.si(),
-            .dissipated_j = dissipated.si(),
-            .mode = out.mode};
+    delayed_force_.step(link_.master().known(), out.mode == Mode::coupled);
+    Row<N> r{.t_s = to_seconds(now).si(),
+             .master_x = device_.x(),
+             .master_v = device_.v(),
+             .master_f = device_.held(),
+             .master_f_wanted = out.wanted,
+             .slave_x = robot_.state().x,
+             .slave_v = robot_.state().v,
+             .slave_f = robot_.held(),
+             .env_f = environment_force_,
+             .position_error = slave_.position_error(),
+             .master_energy_j = device_.port_energy().si(),
+             .slave_energy_j = slave_.delivered().si(),
+             .observed_energy_j = master_.observed().si(),
+             .undissipated_j = out.undissipated.si(),
+             .dissipated_j = dissipated.si(),
+             .mode = out.mode,
+             .reference = registration_.to_master(-delayed_force_.now()),
+             .coupling_energy_j = coupling_energy_.si(),
+             .touching = held_by_environment_ || environment_force_.squared_norm() > 0.0,
+             .coupled = out.mode == Mode::coupled && slave_mode_ == Mode::coupled,
+             .following = slave_mode_ == Mode::coupled};
+    if (r.touching && r.following) r.ahead = hand_ahead();
+    return r;
+  }
+  /// The hand in the robot's world against the robot; translation only.
+  [[nodiscard]] Displacement<N> hand_ahead() const noexcept {
+    Position<N> hand = registration_.to_slave(device_.x());
+    Point<kAxes<N>> ahead = hand.translation() + origin_ - robot_.state().x.translation();
+    if constexpr (N == 6) {
+      return Displacement<6>{SpatialVector{ahead, Eigen::Vector3d::Zero()}};
+    } else {
+      return Displacement<N>{ahead};
+    }
   }
 
   Registration<N> registration_;
@@ -146,9 +265,18 @@ class LinkLoop {
   sim::SimRobot<N> robot_;
   MasterNode<N, typename Method::template Master<N>> master_;
   SlaveNode<N, typename Method::template Slave<N>> slave_;
-  DelayLine<Report<N>> to_slave_, to_master_;
-  Mailbox<N, SimTransport<N>> master_mail_, slave_mail_;
-  Energy dissipated_, initial_energy_;
+  SimLink<N> link_;
+  Energy dissipated_;
+  std::int64_t ticks_ = 0, slave_ticks_ = 0;  ///< done
+
+  // What nobody in the loop knows.
+  DelayedForce<N> delayed_force_;
+  Force<N> environment_force_;
+  Energy into_robot_, coupling_energy_;  ///< through the robot's port; into its coupling through both ports
+  Point<kAxes<N>> origin_ = Point<kAxes<N>>::Zero();  ///< of the hand's world in the robot's
+  Mode slave_mode_ = Mode::idle;
+  bool held_by_environment_;
+  Energy initial_energy_, granted_energy_;
 };
 
 /// A virtual environment rendered on the device, in virtual time.
@@ -164,11 +292,11 @@ class RenderLoop {
         initial_energy_{scene.control.initial_energy + environment_.potential(device_.x())} {}
 
   template <class Visit>
-  std::uint64_t run(Visit visit) {
+  std::uint64_t run(Duration end, Visit visit) {
     NoMail mail;
     const Seconds dt{1.0 / rate_hz_};
-    std::int64_t k = 0;
-    for (Duration now{0}; now < end_; now = tick_time(++k, rate_hz_)) {
+    std::int64_t from = ticks_, k = from;
+    for (Duration now = tick_time(k, rate_hz_), next; now < end; now = next) {
       if (k > 0) device_.advance();
       const auto out = run_cycle(node_, device_, mail, Tick<MasterClock>{Instant<MasterClock>{now}, dt});
       const Row<N> row{.t_s = to_seconds(now).si(),
@@ -181,17 +309,28 @@ class RenderLoop {
                        .observed_energy_j = node_.observed().si() - initial_energy_.si(),
                        .undissipated_j = out.undissipated.si(),
                        .dissipated_j = out.dissipated.si(),
-                       .mode = Mode::coupled};
-      if (!visit(row)) return static_cast<std::uint64_t>(k + 1);
+                       .mode = Mode::coupled,
+                       .reference = out.wanted,
+                       .touching = environment_.holds() || out.wanted.squared_norm() > 0.0,
+                       .coupled = true};
+      next = tick_time(++k, rate_hz_);
+      if (!visit(row)) break;
     }
-    return static_cast<std::uint64_t>(k);
+    ticks_ = k;
+    return static_cast<std::uint64_t>(k - from);
+  }
+  std::uint64_t run_silently() {
+    return run(end_, [](const Row<N>&) { return true; });
   }
 
-  std::uint64_t run_silently() {
-    return run([](const Row<N>&) { return true; });
-  }
+  void be_quiet() noexcept { device_.hold(); }
+  Kicked kick(const Velocity<N>& master, const Velocity<N>&) noexcept { return {device_.kick(master), false}; }
+  [[nodiscard]] Duration end() const { return end_; }
+  [[nodiscard]] std::int64_t ticks() const { return ticks_; }
   [[nodiscard]] Energy initial_energy() const { return initial_energy_; }
+  [[nodiscard]] Energy granted_energy() const { return initial_energy_; }
   [[nodiscard]] double quiet_from_s() const { return device_.path().end_s(); }
+  [[nodiscard]] std::vector<double> segment_ends_s() const { return device_.path().segment_ends_s(); }
 
  private:
   double rate_hz_;
@@ -200,6 +339,7 @@ class RenderLoop {
   Environment<N> environment_;
   RenderNode<N> node_;
   Energy initial_energy_;
+  std::int64_t ticks_ = 0;  ///< done
 };
 
 /// A robot alone in its environment, in virtual time: nobody acts on it.
@@ -209,20 +349,27 @@ class BodyLoop {
   explicit BodyLoop(const Scene& scene)
       : rate_hz_{scene.slave_rate_hz},
         end_{to_duration(scene.duration_s)},
-        robot_{scene, Seconds{1.0 / scene.slave_rate_hz}} {}
+        robot_{scene, Seconds{1.0 / scene.slave_rate_hz}} {
+    if (!scene.robot) return;
+    mass_kg_ = scene.robot->mass_kg;
+    if constexpr (N == 6) inertia_ = vector<3>(scene.robot->inertia_kg_m2);
+  }
 
   template <class Visit>
-  std::uint64_t run(Visit visit) {
-    std::int64_t k = 0;
-    for (Duration now{0}; now < end_; now = tick_time(++k, rate_hz_)) {
+  std::uint64_t run(Duration end, Visit visit) {
+    std::int64_t from = ticks_, k = from;
+    for (Duration now = tick_time(k, rate_hz_), next; now < end; now = next) {
       if (k > 0) robot_.advance();
+      next = tick_time(++k, rate_hz_);
       if (!visit(Row<N>{.t_s = to_seconds(now).si(),
                         .slave_x = robot_.state().x,
                         .slave_v = robot_.state().v,
-                        .env_f = robot_.environment_force()}))
-        return static_cast<std::uint64_t>(k + 1);
+                        .env_f = robot_.environment_force(),
+                        .touching = robot_.environment().holds() || robot_.environment_force().squared_norm() > 0.0}))
+        break;
     }
-    return static_cast<std::uint64_t>(k);
+    ticks_ = k;
+    return static_cast<std::uint64_t>(k - from);
   }
 
   /// The same, with nobody looking on.
@@ -232,13 +379,23 @@ class BodyLoop {
     return ticks;
   }
 
+  void be_quiet() noexcept { robot_.silence(); }
+  Kicked kick(const Velocity<N>&, const Velocity<N>& slave) noexcept { return {false, robot_.kick(slave)}; }
+  [[nodiscard]] Duration end() const { return end_; }
+  [[nodiscard]] std::int64_t ticks() const { return ticks_; }
   [[nodiscard]] Energy initial_energy() const { return Energy{}; }
+  [[nodiscard]] Energy granted_energy() const { return Energy{}; }
+  [[nodiscard]] Energy mechanical_energy() const { return lab::mechanical_energy(robot_, mass_kg_, inertia_); }
   [[nodiscard]] double quiet_from_s() const { return 0.0; }
+  [[nodiscard]] std::vector<double> segment_ends_s() const { return {}; }
 
  private:
   double rate_hz_;
   Duration end_;
   sim::SimRobot<N> robot_;
+  double mass_kg_ = 0.0;
+  Eigen::Vector3d inertia_ = Eigen::Vector3d::Zero();
+  std::int64_t ticks_ = 0;  ///< done
 };
 
 }  // namespace twoport::lab

@@ -11,10 +11,26 @@ template <int N, class Loop>
 class Compiled final : public Simulation<N> {
  public:
   explicit Compiled(const Scene& scene) : loop_{scene} {}
-  std::uint64_t run(const typename Simulation<N>::Visit& visit) override { return loop_.run(visit); }
+  std::uint64_t run_until(Duration end, const typename Simulation<N>::Visit& visit) override {
+    return loop_.run(end, visit);
+  }
   std::uint64_t run_silently() override { return loop_.run_silently(); }
+  [[nodiscard]] std::unique_ptr<Simulation<N>> copy() const override { return std::make_unique<Compiled>(*this); }
+  void be_quiet() override { loop_.be_quiet(); }
+  Kicked kick(const Velocity<N>& master, const Velocity<N>& slave) override { return loop_.kick(master, slave); }
+  [[nodiscard]] Duration end() const override { return loop_.end(); }
+  [[nodiscard]] std::int64_t ticks() const override { return loop_.ticks(); }
   [[nodiscard]] Energy initial_energy() const override { return loop_.initial_energy(); }
+  [[nodiscard]] Energy granted_energy() const override { return loop_.granted_energy(); }
+  [[nodiscard]] std::optional<Energy> mechanical_energy() const override {
+    if constexpr (requires { loop_.mechanical_energy(); }) {
+      return loop_.mechanical_energy();
+    } else {
+      return std::nullopt;
+    }
+  }
   [[nodiscard]] double quiet_from_s() const override { return loop_.quiet_from_s(); }
+  [[nodiscard]] std::vector<double> segment_ends_s() const override { return loop_.segment_ends_s(); }
   [[nodiscard]] std::optional<LinkUse> link() const override {
     if constexpr (requires { loop_.link(); }) {
       return loop_.link();

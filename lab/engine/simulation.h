@@ -4,6 +4,7 @@
 #include <functional>
 #include <memory>
 #include <optional>
+#include <vector>
 
 #include "common/link/mailbox.h"
 #include "common/record/row.h"
@@ -17,6 +18,11 @@ struct LinkUse {
   std::uint64_t overflowed = 0;  ///< found the delay line full
 };
 
+/// Which sides a kick has moved: not one that the hand leads or that is ideal.
+struct Kicked {
+  bool master, slave;
+};
+
 /// A scene in virtual time. The tick itself is compiled once for each size and kind of scene (lab/engine); through this
 /// interface a run is started, not a tick.
 template <int N>
@@ -25,15 +31,35 @@ class Simulation {
   virtual ~Simulation() = default;
 
   using Visit = std::function<bool(const Row<N>&)>;
-  /// Runs to the end, or until visit(row) returns false. Returns the number of ticks. Once for each simulation.
-  virtual std::uint64_t run(const Visit& visit) = 0;
-  /// The same, with nobody looking on.
+  /// Goes on until the time `end`, or until visit(row) returns false. Returns the number of ticks.
+  virtual std::uint64_t run_until(Duration end, const Visit& visit) = 0;
+  /// The same to the end of the scene.
+  std::uint64_t run(const Visit& visit) { return run_until(end(), visit); }
+  /// From the start to the end of the scene with nobody looking on.
   virtual std::uint64_t run_silently() = 0;
 
-  /// E(0): what the scene grants, and what environment and robot hold at the start [J].
+  /// Another one in the same state: both go on identically, and neither touches the other.
+  [[nodiscard]] virtual std::unique_ptr<Simulation> copy() const = 0;
+  /// From now on nothing excites the loop: the hand holds where it is, tremor, sensor noise and blackouts are off. Delay,
+  /// jitter and loss stay.
+  virtual void be_quiet() = 0;
+  /// Adds to the velocities of handle and robot [m/s], [rad/s].
+  virtual Kicked kick(const Velocity<N>& master, const Velocity<N>& slave) = 0;
+
+  [[nodiscard]] virtual Duration end() const = 0;        ///< of the scene
+  [[nodiscard]] virtual std::int64_t ticks() const = 0;  ///< done so far
+
+  /// E(0) of the hand's port [J].
   [[nodiscard]] virtual Energy initial_energy() const = 0;
+  /// The most that a passive network can give the hand: E(0) of both sides, and what robot and environment hold at the start,
+  /// in the master's joules [J].
+  [[nodiscard]] virtual Energy granted_energy() const = 0;
+  /// Of a body that nobody drives: kinetic and elastic energy [J]. Nothing where there is a loop.
+  [[nodiscard]] virtual std::optional<Energy> mechanical_energy() const = 0;
   /// When the operator's path ends [s].
   [[nodiscard]] virtual double quiet_from_s() const = 0;
+  /// When each segment of the operator's path ends [s], in order.
+  [[nodiscard]] virtual std::vector<double> segment_ends_s() const = 0;
   /// Nothing where the scene has no link.
   [[nodiscard]] virtual std::optional<LinkUse> link() const = 0;
 };

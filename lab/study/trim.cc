@@ -229,7 +229,7 @@ const char* words(Need need) {
 
 double relative_change(const std::string& key, double a, double b) {
   static constexpr std::pair<std::string_view, double> kFloors[] = {
-      {"_j", 1e-6}, {"_m", 1e-6}, {"_n", 1e-3}, {"_deg", 1e-2}, {"_s", 1e-3}};
+      {"_j", 1e-6}, {"_min_energy_j", 1e-3}, {"_m", 1e-6}, {"_n", 1e-3}, {"_deg", 1e-2}, {"_s", 1e-3}};
   if (a == b || (std::isnan(a) && std::isnan(b))) return 0.0;
   if (!std::isfinite(a) || !std::isfinite(b)) return 1.0;
   double floor = 1.0;

@@ -24,7 +24,8 @@ Scene without(Scene scene, const std::vector<Block>& left_out);
 
 /// Relative difference of two numbers of a summary; 0 if equal, 1 if one is not finite:
 ///
-///     |a - b| / max(|a|, |b|, floor)     floor: 1e-6 J, 1e-6 m, 1e-3 N, 0.01 deg, 1e-3 s, 1 (ms, counts, flags)
+///     |a - b| / max(|a|, |b|, floor)     floor: 1e-6 J (1e-3 J for *_min_energy_j), 1e-6 m, 1e-3 N, 0.01 deg,
+///                                        1e-3 s, 1 (ms, counts, flags)
 double relative_change(const std::string& key, double a, double b);
 
 /// The number with the largest relative difference between two runs, except `step_ns`.

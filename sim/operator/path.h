@@ -15,6 +15,7 @@ namespace twoport::sim {
 ///
 ///     move_to   x(s) = x0 + (x1 - x0)(10 s³ - 15 s⁴ + 6 s⁵),   s = t / duration       minimum jerk
 ///     sine      x(t) = x0 + A sin(2π f t) along one axis
+///     multisine x(t) = x0 + Σ a (sin(2π f t + φ) - sin φ) along one direction
 ///     screw     x(t) = x0 turned by A sin(2π f t) about an axis and moved by L sin(2π f t) along it
 ///
 /// A tremor is added to all segments and does not end.
@@ -48,6 +49,15 @@ class Path {
         s.angle = screw->angle_rad;
         s.travel = screw->travel_m;
         end_ = s.at(s.duration_s).x;
+      } else if (const auto* multi = std::get_if<MultiSineSpec>(&spec)) {
+        s.kind = Kind::multi_sine;
+        s.duration_s = multi->duration_s;
+        typename Displacement<N>::Vector direction = Displacement<N>::Vector::Zero();
+        for (std::size_t i = 0; i < multi->direction.size(); ++i)
+          direction[static_cast<Eigen::Index>(i)] = multi->direction[i];
+        s.along = Displacement<N>{direction};
+        s.waves = multi->waves;
+        end_ = s.at(s.duration_s).x;
       } else {
         const auto& sine = std::get<SineSpec>(spec);
         s.kind = Kind::sine;
@@ -80,6 +90,17 @@ class Path {
     }
     return s;
   }
+  /// From now on the hand holds where it was to be at t_s, and does not tremble.
+  void hold(double t_s) noexcept {
+    end_ = at(t_s).x;
+    rest_from_s_ = t_s;
+  }
+  /// When each segment ends [s], in order.
+  [[nodiscard]] std::vector<double> segment_ends_s() const {
+    std::vector<double> ends;
+    for (const Segment& s : segments_) ends.push_back(s.start_s + s.duration_s);
+    return ends;
+  }
   /// When the last segment ends and the hand holds still [s]; infinite with tremor.
   [[nodiscard]] double end_s() const { return rest_from_s_; }
 
@@ -90,7 +111,7 @@ class Path {
     return segments_[current_].at(t_s - segments_[current_].start_s);
   }
 
-  enum class Kind : unsigned char { hold, move, sine, screw };
+  enum class Kind : unsigned char { hold, move, sine, multi_sine, screw };
   struct Segment {
     Kind kind = Kind::hold;
     double start_s = 0, duration_s = 0, omega = 0;
@@ -98,6 +119,7 @@ class Path {
     Displacement<N> along;
     Eigen::Vector3d point = Eigen::Vector3d::Zero(), axis = point;
     double angle = 0, travel = 0;
+    std::vector<MultiSineSpec::Wave> waves;
 
     [[gnu::noinline]] Sample at(double t) const noexcept {
       switch (kind) {
@@ -111,12 +133,23 @@ class Path {
         }
         case Kind::sine:
           return {from + std::sin(omega * t) * along, Velocity<N>{omega * std::cos(omega * t) * along.vec()}};
+        case Kind::multi_sine:
+          return summed(t);
         case Kind::screw:
           return turned(std::sin(omega * t), omega * std::cos(omega * t));
       }
       return {from, {}};
     }
-    /// Out of line, as it is rare and the others are short.
+    // Out of line, as they are rare and the others are short.
+    [[gnu::noinline]] Sample summed(double t) const noexcept {
+      double x = 0.0, v = 0.0;
+      for (const MultiSineSpec::Wave& w : waves) {
+        const double rate = 2.0 * std::numbers::pi * w.frequency_hz;
+        x += w.amplitude_m * (std::sin(rate * t + w.phase_rad) - std::sin(w.phase_rad));
+        v += w.amplitude_m * rate * std::cos(rate * t + w.phase_rad);
+      }
+      return {from + x * along, Velocity<N>{v * along.vec()}};
+    }
     [[gnu::noinline]] Sample turned(double share, double rate) const noexcept {
       if constexpr (N >= 3) {
         const Eigen::Quaterniond q = rotation(share * angle * axis);

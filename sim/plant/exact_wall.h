@@ -73,6 +73,13 @@ class ExactPlant {
   /// Continues from `state`, of a plant of the same scene.
   void set_state(const State& state) noexcept { s_ = state; }
 
+  /// Adds dv to the velocity.
+  void kick(const Velocity<D>& dv) noexcept {
+    s_.body.v += dv;
+    s_.across = normal(s_.body);
+    s_.in_contact = wall_ && contact(s_.across);
+  }
+
   /// Of the environment on the mass: Environment::force, to the bit.
   [[nodiscard, gnu::always_inline]] Force<D> environment_force() const noexcept {
     const Vector &x = s_.body.x.translation(), &v = s_.body.v.vec();

@@ -47,6 +47,8 @@ class FixedStepPlant {
   [[nodiscard]] const State& state() const noexcept { return s_; }
   /// Continues from `state`, of a plant of the same scene.
   void set_state(const State& state) noexcept { s_ = state; }
+  /// Adds dv to the velocity.
+  void kick(const Velocity<N>& dv) noexcept { s_.v += dv; }
 
  private:
   using Motion = typename Body<N>::Motion;

@@ -89,6 +89,12 @@ class RungeKuttaPlant {
   [[nodiscard]] const State& state() const noexcept { return s_; }
   /// Continues from `state`, of a plant of the same scene.
   void set_state(const State& state) noexcept { s_ = state; }
+  /// Adds dv to the velocity.
+  void kick(const Velocity<N>& dv) noexcept {
+    const BodyState<N> now = body();
+    s_.motion = body_.motion({now.x, now.v + dv});
+    s_.slope = body_.slope(s_.motion, s_.held, s_.touched);
+  }
 
  private:
   static constexpr int kPieces = 256;  // of a tick, at most

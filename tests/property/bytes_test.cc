@@ -116,6 +116,16 @@ void expect_same(const PacketCounts& a, const PacketCounts& b) {
   EXPECT_EQ(a.rejected, b.rejected);
 }
 
+/// `row` without what only the summary uses.
+template <int N>
+Row<N> columns(Row<N> row) {
+  row.reference = {};
+  row.ahead = {};
+  row.coupling_energy_j = 0.0;
+  row.touching = row.coupled = row.following = false;
+  return row;
+}
+
 template <int N>
 void expect_same_over_bytes(const Scene& scene) {
   const auto simulation = make_simulation<N>(scene);
@@ -125,7 +135,7 @@ void expect_same_over_bytes(const Scene& scene) {
     OverBytes<N> bytes{scene, where};
     std::size_t k = 0;
     bytes.run([&](const Row<N>& row) {
-      const bool same = k < expected.size() && test::same_bits(test::numbers(row), test::numbers(expected[k]));
+      const bool same = k < expected.size() && test::same_bits(test::numbers(row), test::numbers(columns(expected[k])));
       EXPECT_TRUE(same) << "row " << k << " of " << expected.size() << ", impaired in place "
                         << static_cast<int>(where);
       ++k;

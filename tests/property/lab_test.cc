@@ -1,3 +1,4 @@
+#include <fmt/format.h>
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -194,6 +195,8 @@ class Witness {
     }
   }
 
+  /// What the master has kept of the energy that the hand put in, to cancel a deficit [J].
+  [[nodiscard]] double kept_by_master() const { return hand.in_j - claimed_by_master_; }
   double said_by_master = 0.0, said_by_slave = 0.0, known_at_slave = 0.0, known_at_master = 0.0;
   Flow hand, coupling;
 
@@ -272,10 +275,11 @@ TEST_P(RandomScene, GivesNoMoreThanItTook) {
   Witness<3> w{scene};
   double to_robot = granted, to_hand = granted, together = 2 * granted;
   w.run([&] {
-    const double robot = granted + w.hand.in_j - w.coupling.out_j, hand = granted + w.coupling.in_j - w.hand.out_j;
+    const double robot = granted + w.hand.in_j - w.coupling.out_j,
+                 hand = granted + w.coupling.in_j + w.kept_by_master() - w.hand.out_j;
     to_robot = std::min(to_robot, robot);
     to_hand = std::min(to_hand, hand);
-    together = std::min(together, robot + hand);
+    together = std::min(together, robot + granted + w.coupling.in_j - w.hand.out_j);
   });
   // The slave decides on force and velocity of the coming tick together, so its port is exact: 5e-16 J.
   EXPECT_GE(to_robot, -1e-12) << random_scene(GetParam());
@@ -294,6 +298,49 @@ TEST_P(RandomScene, NeverGivesTheHandMoreThanItPutIn) {
     return true;
   });
   EXPECT_GE(simulation->initial_energy().si() + least, -1e-4) << random_scene(GetParam());
+}
+
+// --- a held press ----------------------------------------------------------------------------------
+
+/// A hand of so many times the device's mass presses a wall for a minute; delays are one way.
+std::string held_press(double delay_ms, double hand_per_device) {
+  return fmt::format(
+      "dof: 1 duration_s: 62 rate_hz: 2000 operator {{ hand {{ mass_kg: {} stiffness_n_per_m: 300 damping_n_s_per_m: 4 "
+      "}} "
+      "path {{ move_to {{ position_m: 0.03 duration_s: 1 }} }} path {{ hold {{ duration_s: 61 }} }} }} "
+      "device {{ mass_kg: 0.1 damping_n_s_per_m: 0.05 max_force_n: 8.5 }} control {{ architecture: POSITION_FORCE "
+      "virtual_coupling {{ stiffness_n_per_m: 1000 damping_n_s_per_m: 20 }} passivity {{ method: FORCE_PROJECTED }} }} "
+      "to_slave {{ delay_ms: {} }} to_master {{ delay_ms: {} }} robot {{ mass_kg: 0.5 damping_n_s_per_m: 2 }} "
+      "environment {{ wall {{ normal: -1 offset_m: -0.015 stiffness_n_per_m: 5000 }} }}",
+      std::max(1e-6, 0.1 * hand_per_device), delay_ms, delay_ms);
+}
+
+struct Press {
+  double delay_ms, hand_per_device;
+  double kept;  ///< least part of the force that is left after a minute
+};
+class HeldPress : public ::testing::TestWithParam<Press> {};
+INSTANTIATE_TEST_SUITE_P(Of, HeldPress,
+                         ::testing::Values(Press{5, 0, 0.95}, Press{5, 0.5, 0.95}, Press{5, 1, 0.95}, Press{5, 2, 0.95},
+                                           Press{5, 5, 0.95}, Press{10, 0, 0.93}, Press{10, 0.5, 0.95},
+                                           Press{10, 1, 0.90}, Press{10, 2, 0.88},
+                                           // A heavy hand: the prediction errs, and its bound takes force away.
+                                           Press{10, 5, 0.4}));
+
+// At rest no energy flows: nothing entitles a controller to take force away. It did as long as a deficit was never
+// cancelled: max_gain then damped the hand for good, and the force fell by 2 % a second.
+TEST_P(HeldPress, KeepsItsForceForAMinute) {
+  const auto [delay_ms, hand_per_device, kept] = GetParam();
+  double after_two_s = 0.0, last = 0.0, deficit = 0.0;
+  make_simulation<1>(parse_scene(held_press(delay_ms, hand_per_device), "held press"))->run([&](const Row<1>& row) {
+    if (row.t_s < 2.0) after_two_s = row.master_f[0];
+    last = row.master_f[0];
+    deficit = std::max(deficit, row.undissipated_j);
+    return true;
+  });
+  EXPECT_GT(after_two_s, 2.5);
+  EXPECT_GE(last, kept * after_two_s);
+  EXPECT_LE(deficit, 1e-4);
 }
 
 // --- reference energy over a link ----------------------------------------------------------------
@@ -321,7 +368,7 @@ std::vector<double> unrest(std::vector<std::string> set) {
 // most seeds it swings on for minutes. With the reference energy nothing is saved up, and no seed swings.
 TEST(ReferenceEnergy, EndsASwingThatLivesOnWhatWasDissipatedBefore) {
   EXPECT_GT(unrest({"duration_s=16"})[6], 3e-3);
-  EXPECT_LT(unrest({"duration_s=16", "control.passivity.reference_energy=true"}).back(), 1e-5);
+  EXPECT_LT(unrest({"duration_s=16", "control.passivity.reference_energy=true"}).back(), 1e-4);
 }
 
 TEST_P(RandomScene, GivesNoMoreThanItTookUnderReferenceEnergyEither) {
@@ -332,7 +379,7 @@ TEST_P(RandomScene, GivesNoMoreThanItTookUnderReferenceEnergyEither) {
   double to_robot = granted, to_hand = granted;
   w.run([&] {
     to_robot = std::min(to_robot, granted + w.hand.in_j - w.coupling.out_j);
-    to_hand = std::min(to_hand, granted + w.coupling.in_j - w.hand.out_j);
+    to_hand = std::min(to_hand, granted + w.coupling.in_j + w.kept_by_master() - w.hand.out_j);
     ASSERT_LE(w.said_by_slave, w.coupling.in_j + 1e-12);
   });
   EXPECT_GE(to_robot, -1e-12);

@@ -39,6 +39,7 @@ class TdpaMaster {
 
   [[gnu::always_inline]] MasterOutput<N> step(const MasterInput<N>& in) noexcept {
     observe(in);
+    keep_for_deficit(in.account, in.slave_energy_in);
     Corrected<Force<N>> allowed{};
     Force<N> wanted;
     if (in.active) {
@@ -63,7 +64,7 @@ class TdpaMaster {
   }
   /// Unused energy is dropped, the deficit is carried over.
   void restart(const Ledger& account, Energy deficit) noexcept {
-    base_absorbed_ = account.absorbed();
+    base_absorbed_ = absorbed_before_ = account.absorbed();
     base_sent_ = command_.absorbed();
     base_returned_ = account.returned() - deficit;
   }
@@ -86,6 +87,20 @@ class TdpaMaster {
     if (measured_) command_force_ = displayed_.registration().to_master(in.slave.newest.f_coupling);
   }
 
+  /// Energy that the hand puts in while there is a deficit cancels the deficit and is not sent to the slave:
+  ///
+  ///     kept(k) = min(dE(k), E_out - E(0) - E_in,slave)  where both are > 0;    E_out -= kept,   E_in -= kept
+  ///
+  /// So what the controller takes in against a deficit ends the deficit.
+  [[gnu::always_inline]] void keep_for_deficit(const Ledger& account, Energy slave_energy_in) noexcept {
+    const Energy put_in = account.absorbed() - absorbed_before_;
+    absorbed_before_ = account.absorbed();
+    const Energy over = returned(account) - (initial_ + displayed_.registration().to_master(slave_energy_in));
+    const Energy kept = positive_part(Energy{std::min(put_in.si(), over.si())});
+    base_returned_ += kept;
+    base_absorbed_ += kept;
+  }
+
   [[nodiscard]] Energy energy_sent(const Ledger& account) const noexcept {
     return measured_ ? command_.absorbed() - base_sent_ : absorbed(account);
   }
@@ -103,7 +118,7 @@ class TdpaMaster {
   std::optional<PortVelocityPredictor<N>> predictor_;
   Ledger command_;  ///< the motion command as a separate source
   Force<N> command_force_;
-  Energy base_absorbed_, base_returned_, base_sent_;
+  Energy base_absorbed_, base_returned_, base_sent_, absorbed_before_;
 };
 
 }  // namespace twoport

@@ -18,6 +18,7 @@ TEST(Expectations, ThatAreMetSayNothing) {
   s.set_stable(true);
   s.set_min_port_energy_j(-1e-4);
   s.set_drift_m(0.01);
+  s.mutable_packets()->mutable_to_slave()->set_lost(0);
   EXPECT_EQ(violations({.stable = true,
                         .at_least = {{"min_port_energy_j", -1e-4}},
                         .at_most = {{"drift_m", 0.01}, {"packets.to_slave.lost", 0}}},
@@ -58,6 +59,20 @@ TEST(Expectations, AreMissedByANumberThatIsNone) {
   s.set_drift_m(std::numeric_limits<double>::quiet_NaN());
   EXPECT_EQ(violations({.stable = {}, .at_least = {{"drift_m", -1}}, .at_most = {{"drift_m", 1}}}, s),
             (Sentences{"drift_m is nan, expected at least -1", "drift_m is nan, expected at most 1"}));
+}
+
+TEST(Expectations, AreMissedByWhatIsNotKnown) {
+  Summary s;
+  EXPECT_EQ(violations({.stable = true,
+                        .at_least = {{"held_force_ratio", 0.9}},
+                        .at_most = {{"muted_share", 0.1}, {"rtt_ms.p99", 5}}},
+                       s),
+            (Sentences{"stable is not known of this run, expected true",
+                       "held_force_ratio is not known of this run, expected at least 0.9",
+                       "muted_share is not known of this run, expected at most 0.1",
+                       "rtt_ms.p99 is not known of this run, expected at most 5"}));
+  s.mutable_rtt_ms();  // a block that is there has all its numbers
+  EXPECT_EQ(violations({.stable = {}, .at_least = {}, .at_most = {{"rtt_ms.p99", 5}}}, s), Sentences{});
 }
 
 TEST(Expectations, OfAnUnknownNumberAreAnError) {

@@ -77,12 +77,34 @@ TEST(SummaryJson, ComesBackAsItWas) {
   EXPECT_TRUE(pb::util::MessageDifferencer::Equals(from_json(to_json(s)), s)) << to_json(s);
 }
 
-TEST(SummaryJson, PrintsZerosAndFalsesUnderTheSchemasNames) {
-  const std::string json = to_json(described());
+TEST(SummaryJson, PrintsZerosAndFalsesOfWhatIsKnownUnderTheSchemasNames) {
+  Summary s = described();
+  s.set_stable(false);
+  s.set_min_port_energy_j(0.0);
+  s.mutable_packets()->mutable_to_slave()->set_rejected(0);
+  s.mutable_rtt_ms();
+  const std::string json = to_json(s);
   for (const char* said : {"\"scene\": \"a wall\"", "\"method\": \"CLASSIC\"", "\"dof\": 3", "\"stable\": false",
-                           "\"min_port_energy_j\": 0", "\"verdict\": \"\"", "\"to_slave\": {", "\"rejected\": 0",
-                           "\"rtt_ms\": {", "\"p999\": 0"})
+                           "\"min_port_energy_j\": 0", "\"verdict\": \"\"", "\"dissipated_j\": 0", "\"to_slave\": {",
+                           "\"rejected\": 0", "\"rtt_ms\": {", "\"p999\": 0"})
     EXPECT_NE(json.find(said), std::string::npos) << said << " is not in " << json;
+}
+
+TEST(SummaryJson, LeavesOutWhatIsNotKnown) {
+  const std::string json = to_json(described());
+  for (const char* name : {"stable", "min_port_energy_j", "felt_force_error_rms_n", "muted_share", "packets", "rtt_ms",
+                           "loop_lateness_us", "deadline_misses", "mode"})
+    EXPECT_EQ(json.find(std::string{"\""}.append(name).append("\"")), std::string::npos) << name << " is in " << json;
+}
+
+TEST(SummaryNumbers, AreNoneWhereTheyAreNotKnown) {
+  Summary s = described();
+  s.mutable_packets()->mutable_to_master()->set_lost(0);
+  for (const auto& [name, value] : known_numbers(s))
+    EXPECT_EQ(value.has_value(), name == "dof" || name == "rate_hz" || name == "duration_s" || name == "steps" ||
+                                     name == "dissipated_j" || name == "corrected_ticks" || name == "step_ns" ||
+                                     name == "packets.to_master.lost")
+        << name;
 }
 
 TEST(SummaryJson, WhatIsNotFiniteSurvives) {
@@ -99,8 +121,7 @@ TEST(SummaryJson, WhatIsNotFiniteSurvives) {
 TEST(SummaryPackets, HoldWhatTheReceiverCountedAndNoLessThanThat) {
   const PacketCounts receiver{
       .sent = 9, .received = 1, .lost = 2, .late = 3, .duplicated = 5'000'000'000, .rejected = 40};
-  const Packets all = packets(70, receiver, 5);
-  EXPECT_EQ(all.sent(), 70U);
+  const Packets all = received_packets(receiver, 5);
   EXPECT_EQ(all.received(), 1U);
   EXPECT_EQ(all.lost(), 2U);
   EXPECT_EQ(all.late(), 3U);

@@ -3,139 +3,198 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
-#include <limits>
+#include <functional>
 #include <numbers>
+#include <vector>
+
+#include "common/record/run_judge.h"
 
 namespace twoport {
 namespace {
 
-/// An oscillation of 25 Hz that goes on by itself, as a verdict sees it.
-struct Motion {
-  double growth_per_tick = 0.0;  ///< ln ρ
-  double paid_w = 0.1;           ///< by the network, at the first amplitude; in proportion to its square
-  double speed = 0.1;            ///< first amplitude [m/s]
-  double settles = 0.0;          ///< by this share of it, in seconds
-  double slides_j = 0.0;         ///< lent and taken back by the hand, every five seconds
-  double fast_share = 0.0;       ///< of the force, rms, above 30 Hz
-  bool corrected = false, limited = false;
-  double path_ends_s = 0.0, duration_s = 20.0, initial_energy_j = 1e-3;
+constexpr double kRate = 1000.0;
+
+/// A tail of one coordinate of each side, the slave at rest: y(t), d(t), port energy(t).
+struct Signal {
+  std::function<double(double)> y = [](double) { return 0.0; };
+  std::function<double(double)> d = [](double) { return 0.0; };
+  std::function<double(double)> energy = [](double) { return 0.0; };
+  double seconds = 10.0;
+  double run_lengths = 1.0;
+  bool has_controller = false, acted = false, last = false, touching = true;
 };
 
-constexpr double kRate = 2000.0;
-
-Verdict verdict(const Motion& m) {
-  Verdict judge{m.path_ends_s, m.duration_s, m.initial_energy_j};
-  double energy = 0.0;
-  for (int k = 0; k < static_cast<int>(m.duration_s * kRate); ++k) {
-    const double a = m.speed * std::exp(m.growth_per_tick * k) * (1.0 + m.settles * std::exp(-k / kRate / 5.0)),
-                 v = a * std::cos(157.0 * k / kRate);
-    energy -= m.paid_w * (a * a) / (m.speed * m.speed) / kRate;
-    if (!judge.add({.t_s = k / kRate,
-                    .reach_m = 0.01,
-                    .speed2 = v * v,
-                    .port_energy_j = energy + m.slides_j * std::sin(2.0 * std::numbers::pi / 5.0 * k / kRate),
-                    .force2 = 1.0,
-                    .fast_force2 = m.fast_share * m.fast_share,
-                    .corrected = m.corrected,
-                    .limited = m.limited}))
-      break;
+Verdict verdict(const Signal& s) {
+  Tail tail{.record = {4, 2}, .has_twin = true};
+  for (int i = 0; i < s.seconds * kRate; ++i) {
+    const double t = i / kRate, e = s.energy(t);
+    const std::vector<double> signals{s.y(t), 0.0, s.d(t), 0.0}, energies{e, e};
+    tail.record.add(signals, energies, {.touching = s.touching});
   }
-  return judge;
+  tail.has_controller = s.has_controller;
+  tail.controller_acted = s.acted;
+  tail.driven = true;
+  tail.run_lengths = s.run_lengths;
+  tail.last = s.last;
+  return judge(tail, {.dof = 1, .rate_hz = kRate, .reach_m = 0.1, .speed = {0.1, 0.1}, .early = {0.1, 0.1}});
 }
 
-TEST(Verdict, SeesGrowthOfOneInTenMillionPerTickInAMinute) {
-  const Verdict grows = verdict({.growth_per_tick = 1e-7, .duration_s = 60.0});
-  const Verdict falls = verdict({.growth_per_tick = -1e-7, .duration_s = 60.0});
-  EXPECT_FALSE(grows.stable());
-  EXPECT_NE(grows.text().find("growing"), std::string::npos) << grows.text();
-  EXPECT_TRUE(falls.stable()) << falls.text();
-  EXPECT_EQ(falls.text(), "bounded and decaying");
+/// An oscillation of 5 Hz.
+std::function<double(double)> wave(double amplitude, double sigma) {
+  return [=](double t) { return amplitude * std::exp(sigma * t) * std::sin(2.0 * std::numbers::pi * 5.0 * t + 0.3); };
 }
 
-TEST(Verdict, SeesGrowthBeforeTheNetworkHasPaidMuch) {
-  // The store is a thousand times what is paid.
-  EXPECT_FALSE(verdict({.growth_per_tick = 1e-6, .paid_w = 1e-4, .initial_energy_j = 2.0}).stable());
-}
-
-TEST(Verdict, LeavesGrowthToTheHandWhereThePortEnergyRises) {
-  const Verdict fed_by_the_hand = verdict({.growth_per_tick = 1e-5, .paid_w = -0.1});
-  EXPECT_TRUE(fed_by_the_hand.stable()) << fed_by_the_hand.text();
-  EXPECT_FALSE(verdict({.growth_per_tick = 1e-4, .paid_w = -0.1}).stable()) << "tenfold all the same";
-}
-
-TEST(Verdict, BelievesAControllerThatHasCreditLeft) {
-  const Motion swelling{.growth_per_tick = 1e-5, .paid_w = 0.01, .corrected = true, .initial_energy_j = 1.0};
-  EXPECT_TRUE(verdict(swelling).stable()) << verdict(swelling).text();
-  Motion tenfold = swelling;
-  tenfold.growth_per_tick = 1e-4;
-  tenfold.speed = 1e-3;
-  tenfold.paid_w = 1e-5;
-  EXPECT_TRUE(verdict(tenfold).stable()) << verdict(tenfold).text();
-  tenfold.corrected = false;
-  EXPECT_FALSE(verdict(tenfold).stable()) << verdict(tenfold).text();
-  Motion broke = swelling;
-  broke.initial_energy_j = 1e-3;
-  EXPECT_FALSE(verdict(broke).stable()) << verdict(broke).text();
-  Motion alone = swelling;
-  alone.corrected = false;
-  EXPECT_FALSE(verdict(alone).stable()) << verdict(alone).text();
-}
-
-TEST(Verdict, CallsALimitCycleThatTheNetworkFeedsSustained) {
-  const Verdict cycle = verdict({});
-  EXPECT_FALSE(cycle.stable());
-  EXPECT_NE(cycle.text().find("sustained oscillation"), std::string::npos) << cycle.text();
-  EXPECT_FALSE(verdict({.settles = 1e-3}).stable()) << verdict({.settles = 1e-3}).text();
-  EXPECT_TRUE(verdict({.growth_per_tick = -1e-7}).stable());
-  EXPECT_FALSE(verdict({.growth_per_tick = -1e-7, .limited = true}).stable()) << "no linear loop";
-  EXPECT_TRUE(verdict({.growth_per_tick = -1e-5, .limited = true}).stable());
-  EXPECT_TRUE(verdict({.paid_w = 0.0}).stable());
-  EXPECT_TRUE(verdict({.initial_energy_j = 100.0}).stable()) << "from what the hand had put in";
-}
-
-TEST(Verdict, SeesAPaymentThroughWhatTheHandDoesMeanwhile) {
-  const Motion sliding{.slides_j = 0.2, .fast_share = 0.6, .path_ends_s = 20.0};  // 0.125 J are paid in a window
-  EXPECT_FALSE(verdict(sliding).stable()) << verdict(sliding).text();
-  Motion unpaid = sliding;
-  unpaid.paid_w = 0.0;
-  EXPECT_TRUE(verdict(unpaid).stable()) << verdict(unpaid).text();
-}
-
-TEST(Verdict, LeavesToTheHandWhatIsSlowWhileThePathRuns) {
-  EXPECT_TRUE(verdict({.fast_share = 0.4, .path_ends_s = 20.0}).stable());
-  EXPECT_FALSE(verdict({.fast_share = 0.6, .path_ends_s = 20.0}).stable());
-  EXPECT_FALSE(verdict({.fast_share = 0.4, .path_ends_s = 5.0}).stable()) << "the hand rests";
-  EXPECT_TRUE(verdict({.growth_per_tick = 1e-6, .fast_share = 0.4, .path_ends_s = 20.0}).stable());
-}
-
-TEST(Verdict, NeedsSomethingThatMoves) {
-  EXPECT_EQ(verdict({.speed = 1e-10}).text(), "bounded, at rest");
-  Verdict silent{0.0, 1.0, 0.0};
-  for (int k = 0; k < 2000; ++k) silent.add({k / kRate, 0, 0, 0, 0, 0, false});
-  EXPECT_EQ(silent.text(), "bounded, at rest");
-  EXPECT_TRUE(silent.stable());
-}
-
-TEST(Verdict, JudgesNothingFromLessThanHalfOfWhatWasPlanned) {
-  Verdict cut{0.0, 100.0, 0.0};
-  for (int k = 0; k < 40 * static_cast<int>(kRate); ++k)
-    cut.add({k / kRate, 0.01, std::exp(1e-5 * k), -1.0 * k, 0, 0, false});
-  EXPECT_TRUE(cut.stable());
-  EXPECT_NE(cut.text().find("too short"), std::string::npos) << cut.text();
-}
-
-TEST(Verdict, EndsWhereThereIsNoUseInGoingOn) {
-  constexpr double kNone = std::numeric_limits<double>::quiet_NaN(),
-                   kInfinite = std::numeric_limits<double>::infinity();
-  for (const Verdict::Sample bad :
-       {Verdict::Sample{0.5, 101.0, 0, 0, 0, 0, false}, Verdict::Sample{0.5, kNone, 0, 0, 0, 0, false},
-        Verdict::Sample{0.5, 0, kNone, 0, 0, 0, false}, Verdict::Sample{0.5, 0, 0, kInfinite, 0, 0, false}}) {
-    Verdict judge{0.0, 1.0, 0.0};
-    EXPECT_TRUE(judge.add({0.4, 99.0, 1.0, 0, 0, 0, false}));
-    EXPECT_FALSE(judge.add(bad));
-    EXPECT_FALSE(judge.stable());
-    EXPECT_EQ(judge.text(), "diverged at 0.5 s");
+TEST(Verdict, SeesGrowthAndDecayOfAThousandthASecond) {
+  for (const double sigma : {1e-3, -1e-3}) {
+    const Verdict v = verdict({.y = wave(0.05, sigma), .d = wave(1e-7, sigma)});
+    EXPECT_EQ(v.kind, sigma > 0.0 ? VerdictKind::unstable : VerdictKind::stable) << v.text;
   }
+}
+
+TEST(Verdict, SeesAModeThatHidesInTheTwin) {
+  const Verdict v = verdict({.y = wave(0.05, -0.1), .d = wave(1e-7, 0.5)});
+  EXPECT_EQ(v.kind, VerdictKind::unstable) << v.text;
+  EXPECT_NE(v.text.find("when touched"), std::string::npos) << v.text;
+}
+
+TEST(Verdict, DoesNotTakeGrowthByAPowerOfTimeForAnExponential) {
+  const auto ramp = [](double t) { return (0.01 + 0.01 * t) * std::sin(31.0 * t); };
+  EXPECT_NE(verdict({.y = ramp, .d = ramp}).kind, VerdictKind::unstable);
+}
+
+TEST(Verdict, CallsASustainedOscillationUnstableWhereTheNetworkPays) {
+  Signal s{.y = wave(0.05, 0.0), .d = wave(1e-7, 0.0), .run_lengths = 4.0};
+  EXPECT_EQ(verdict(s).kind, VerdictKind::stable) << verdict(s).text;
+  s.energy = [](double t) { return 1.0 - 0.1 * t; };
+  EXPECT_EQ(verdict(s).kind, VerdictKind::unstable) << verdict(s).text;
+  s.has_controller = s.acted = true;
+  s.energy = [](double t) { return 100.0 - 0.1 * t; };
+  EXPECT_EQ(verdict(s).kind, VerdictKind::restless) << verdict(s).text;
+  s.energy = [](double t) { return -1.0 - 0.1 * t; };
+  EXPECT_EQ(verdict(s).kind, VerdictKind::unstable) << verdict(s).text;
+}
+
+TEST(Verdict, IsTheSameForEveryUnit) {
+  for (const double sigma : {0.3, -0.3})
+    for (const double scale : {1e-3, 1.0, 1e3}) {
+      Tail tail{.record = {4, 2}, .has_twin = true, .driven = true};
+      for (int i = 0; i < 10000; ++i) {
+        const double t = i / kRate;
+        const std::vector<double> signals{scale * wave(0.05, sigma)(t), 0.0, scale * wave(1e-7, sigma)(t), 0.0},
+            energies{0.0, 0.0};
+        tail.record.add(signals, energies, {});
+      }
+      const double v = 0.1 * scale;
+      const Verdict judged = judge(tail, {.dof = 1, .rate_hz = kRate, .reach_m = v, .speed = {v, v}, .early = {v, v}});
+      EXPECT_EQ(judged.kind, sigma > 0.0 ? VerdictKind::unstable : VerdictKind::stable) << scale << judged.text;
+    }
+}
+
+TEST(Verdict, WaitsWhereAControllerHasCreditLeft) {
+  Signal s{.y = wave(0.01, 0.3), .d = wave(1e-7, 0.3), .has_controller = true};
+  s.energy = [](double) { return 1.0; };
+  EXPECT_EQ(verdict(s).kind, VerdictKind::undecided) << verdict(s).text;
+  s.energy = [](double) { return -1.0; };
+  EXPECT_EQ(verdict(s).kind, VerdictKind::unstable) << verdict(s).text;
+}
+
+TEST(Verdict, IsUndecidedWhereTooLittleIsSeen) {
+  const Verdict v = verdict({.y = wave(0.05, 0.3), .seconds = 0.05});
+  EXPECT_EQ(v.kind, VerdictKind::undecided);
+  EXPECT_NE(v.text.find("longer"), std::string::npos) << v.text;
+}
+
+// ---- what is kept of a tail
+
+TEST(TrendRecord, KeepsWindowMeansHoweverLongItGets) {
+  TrendRecord record{1, 1};
+  const auto sum = [](double t) { return std::exp(-0.2 * t) * std::sin(40.0 * t); };
+  for (int i = 0; i < 100000; ++i) {
+    const double t = i / 1e4, v = sum(t);
+    const std::vector<double> signals{v}, energies{t};
+    record.add(signals, energies, {});
+  }
+  const MotionTrend trend = record.motion(0, 0.0, true);
+  EXPECT_EQ(trend.trend, Trend::decays);
+  // ln A falls by 0.2 1/s over windows of an eighth of what whole blocks hold.
+  EXPECT_NEAR(trend.slope, -0.2 * static_cast<double>(record.ticks()) / 1e4 / 8.0, 1e-5);
+  EXPECT_NEAR(static_cast<double>(trend.turns), 40.0 / std::numbers::pi * 7.5, 3.0);
+  EXPECT_NEAR(record.energies(0)[0], 10.0 / 16.0, 0.03);
+  EXPECT_LT(record.energy(0).ripple, 0.05);
+  EXPECT_FALSE(record.energy(0).falls());
+}
+
+TEST(DampedMode, IsFoundInAQuarterOfAPeriod) {
+  std::array<double, kPencilSamples> x{};
+  for (std::size_t i = 0; i < x.size(); ++i) {
+    const double t = static_cast<double>(i) / static_cast<double>(x.size());
+    x[i] = std::exp(0.2 * t) * std::cos(0.5 * std::numbers::pi * t);
+  }
+  const DampedMode mode = least_damped_mode(x);
+  ASSERT_TRUE(mode.found);
+  EXPECT_NEAR(mode.rate * static_cast<double>(x.size()), 0.2, 1e-6);
+}
+
+// ---- from the run's own rows
+
+using Known = RunJudge<1>::Known;
+Row<1> row(double t, double v) {
+  Row<1> r;
+  r.t_s = t;
+  r.master_v = Velocity<1>{Eigen::Matrix<double, 1, 1>{v}};
+  r.mode = Mode::coupled;
+  return r;
+}
+
+TEST(RunJudge, SaysNothingOfARunThatShowsNothing) {
+  const Known known{.rate_hz = kRate, .duration_s = 1.0, .quiet_from_s = 0.0};
+  EXPECT_EQ(RunJudge<1>{known}.verdict().kind, VerdictKind::undecided);
+  EXPECT_NE(RunJudge<1>{known}.verdict().text.find("nothing was run"), std::string::npos);
+
+  RunJudge<1> still{known};
+  still.add(row(0.0, 0.0));
+  EXPECT_EQ(still.verdict().kind, VerdictKind::undecided);
+  EXPECT_NE(still.verdict().text.find("nothing moved"), std::string::npos);
+
+  RunJudge<1> alone{{.rate_hz = kRate, .duration_s = 1.0, .quiet_from_s = 0.0, .link = true}};
+  Row<1> idle = row(0.0, 1.0);
+  idle.mode = Mode::idle;
+  alone.add(idle);
+  EXPECT_EQ(alone.verdict().kind, VerdictKind::undecided);
+  EXPECT_NE(alone.verdict().text.find("never met"), std::string::npos);
+}
+
+TEST(RunJudge, IsUndecidedWhileTheHandMovesAndSaysWhatWasPaid) {
+  RunJudge<1> judge{{.rate_hz = kRate, .duration_s = 10.0, .quiet_from_s = std::numeric_limits<double>::infinity()}};
+  for (int i = 0; i < 10000; ++i) {
+    Row<1> r = row(i / kRate, wave(0.05, 0.5)(i / kRate));
+    r.master_energy_j = -1e-3 * i / kRate;
+    judge.add(r);
+  }
+  EXPECT_EQ(judge.verdict().kind, VerdictKind::undecided);
+  EXPECT_NE(judge.verdict().text.find("paid 0.009999 J"), std::string::npos) << judge.verdict().text;
+}
+
+TEST(RunJudge, JudgesWhatComesAfterThePathsEnd) {
+  for (const double sigma : {0.5, -0.5}) {
+    RunJudge<1> judge{{.rate_hz = kRate, .duration_s = 10.0, .quiet_from_s = 5.0}};
+    for (int i = 0; i < 10000; ++i) judge.add(row(i / kRate, wave(0.05, sigma)(i / kRate)));
+    EXPECT_EQ(judge.verdict().kind, sigma > 0.0 ? VerdictKind::unstable : VerdictKind::stable) << judge.verdict().text;
+  }
+}
+
+TEST(RunJudge, EndsWhereThereIsNoUseInGoingOn) {
+  constexpr double kNone = std::numeric_limits<double>::quiet_NaN();
+  const Known known{.rate_hz = kRate, .duration_s = 1.0, .quiet_from_s = 0.0};
+  for (const double bad : {kNone, 1001.0}) {
+    RunJudge<1> judge{known};
+    EXPECT_TRUE(judge.add(row(0.0, 0.1)));
+    EXPECT_FALSE(judge.add(row(0.5, bad)));
+    EXPECT_EQ(judge.verdict().kind, VerdictKind::unstable);
+    EXPECT_EQ(judge.verdict().text, "diverged at 0.5 s");
+  }
+  RunJudge<1> fast{known};
+  for (int i = 0; i < 10; ++i) EXPECT_TRUE(fast.add(row(i / kRate, 2000.0))) << "a body that glides";
 }
 
 }  // namespace

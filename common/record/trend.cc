@@ -1,0 +1,233 @@
+#include "common/record/trend.h"
+
+#include <Eigen/Dense>
+#include <algorithm>
+#include <cmath>
+#include <complex>
+#include <limits>
+
+namespace twoport {
+namespace {
+
+constexpr std::size_t kSkip = 2;  // windows that a trend of motion leaves out: what dies away first
+constexpr std::size_t kUsed = kTrendWindows - kSkip;
+
+double bump(double p) {
+  const double b = 4.0 * p * (1.0 - p);
+  return b * b;
+}
+
+}  // namespace
+
+Line fit_line(std::span<const double> y) {
+  const double count = static_cast<double>(y.size()), mid = 0.5 * (count - 1.0);
+  double mean = 0.0, sxy = 0.0, sxx = 0.0, rr = 0.0;
+  for (const double each : y) mean += each / count;
+  for (std::size_t i = 0; i < y.size(); ++i) {
+    const double dx = static_cast<double>(i) - mid;
+    sxy += dx * (y[i] - mean);
+    sxx += dx * dx;
+  }
+  const double slope = sxy / sxx;
+  for (std::size_t i = 0; i < y.size(); ++i) {
+    const double r = y[i] - mean - slope * (static_cast<double>(i) - mid);
+    rr += r * r;
+  }
+  return {slope, std::sqrt(std::max(rr, 1e-32) / (count - 2.0) / sxx)};
+}
+
+DampedMode least_damped_mode(const std::array<double, kPencilSamples>& x) {
+  constexpr int kSamples = kPencilSamples, kPencil = 32, kRank = 8;
+  Eigen::VectorXd z = Eigen::Map<const Eigen::VectorXd>(x.data(), kSamples);
+  const double most = z.cwiseAbs().maxCoeff();
+  if (!(most > 0.0) || !std::isfinite(most)) return {};
+  z /= most;
+  Eigen::MatrixXd h(kPencil + 1, kSamples - kPencil);
+  for (int i = 0; i <= kPencil; ++i) h.row(i) = z.segment(i, kSamples - kPencil).transpose();
+  const Eigen::JacobiSVD<Eigen::MatrixXd> svd(h.topRows(kPencil), Eigen::ComputeThinU | Eigen::ComputeThinV);
+  const auto& s = svd.singularValues();
+  int rank = 0;
+  while (rank < std::min<int>(kRank, static_cast<int>(s.size())) && s[rank] > 1e-6 * s[0]) ++rank;
+  const Eigen::MatrixXd a = svd.matrixU().leftCols(rank).transpose() * h.bottomRows(kPencil) *
+                            svd.matrixV().leftCols(rank) * s.head(rank).cwiseInverse().asDiagonal();
+  const Eigen::VectorXcd lambda = Eigen::EigenSolver<Eigen::MatrixXd>(a, false).eigenvalues();
+  Eigen::MatrixXcd v(kSamples, rank);
+  for (int j = 0; j < rank; ++j)
+    for (int k = 0; k < kSamples; ++k) v(k, j) = k == 0 ? std::complex<double>(1.0) : v(k - 1, j) * lambda[j];
+  const Eigen::VectorXcd c = v.colPivHouseholderQr().solve(z.cast<std::complex<double>>());
+  const double residual = (v * c - z.cast<std::complex<double>>()).cwiseAbs().maxCoeff();
+  if (!(residual <= 1e-4)) return {};
+  double rate = -std::numeric_limits<double>::infinity();
+  for (int j = 0; j < rank; ++j)
+    if ((v.col(j) * c[j]).norm() > 1e-3 * std::sqrt(static_cast<double>(kSamples)))
+      rate = std::max(rate, std::log(std::abs(lambda[j])));
+  if (!std::isfinite(rate)) return {};
+  return {true, rate, residual};
+}
+
+TrendRecord::TrendRecord(std::size_t signals, std::size_t energies, std::size_t ticks)
+    : signals_{signals},
+      energies_{energies},
+      block_ticks_{std::max<std::size_t>(ticks, 1)},
+      signal_((kBlocks + 1) * signals),
+      energy_((kBlocks + 1) * energies),
+      happened_(kBlocks + 1),
+      sign_(signals, 0) {}
+
+void TrendRecord::add(std::span<const double> signals, std::span<const double> energies, Events events) noexcept {
+  const std::size_t b = filled_;
+  if (in_block_ == 0) {
+    for (std::size_t i = 0; i < signals_; ++i) of_signal(b, i) = {0.0, signals[i], 0};
+    for (std::size_t i = 0; i < energies_; ++i) of_energy(b, i) = {0.0, energies[i], energies[i]};
+    happened_[b] = {0, false};
+  }
+  for (std::size_t i = 0; i < signals_; ++i) {
+    const double x = signals[i];
+    Signal& s = of_signal(b, i);
+    s.sum2 += x * x;
+    const auto sign = static_cast<signed char>((x > 0.0) - (x < 0.0));
+    if (sign != 0) {
+      s.turns += sign == -sign_[i];
+      sign_[i] = sign;
+    }
+  }
+  for (std::size_t i = 0; i < energies_; ++i) {
+    Energies& e = of_energy(b, i);
+    e.sum += energies[i];
+    e.least = std::min(e.least, energies[i]);
+    e.most = std::max(e.most, energies[i]);
+  }
+  happened_[b].contact_changes += started_ && events.touching != touching_;
+  happened_[b].limited = happened_[b].limited || events.limited;
+  touching_ = events.touching;
+  started_ = true;
+  if (++in_block_ == block_ticks_) close_block();
+}
+
+void TrendRecord::close_block() noexcept {
+  in_block_ = 0;
+  if (++filled_ <= kBlocks) return;
+  // The block that is too many waits behind until its neighbours have been merged.
+  for (std::size_t b = 0; b < kBlocks / 2; ++b) {
+    for (std::size_t i = 0; i < signals_; ++i) {
+      const Signal &one = of_signal(2 * b, i), &two = of_signal(2 * b + 1, i);
+      of_signal(b, i) = {one.sum2 + two.sum2, one.first, one.turns + two.turns};
+    }
+    for (std::size_t i = 0; i < energies_; ++i) {
+      const Energies &one = of_energy(2 * b, i), &two = of_energy(2 * b + 1, i);
+      of_energy(b, i) = {one.sum + two.sum, std::min(one.least, two.least), std::max(one.most, two.most)};
+    }
+    const Happened &one = happened_[2 * b], &two = happened_[2 * b + 1];
+    happened_[b] = {one.contact_changes + two.contact_changes, one.limited || two.limited};
+  }
+  // It is the first half of the next one.
+  for (std::size_t i = 0; i < signals_; ++i) of_signal(kBlocks / 2, i) = of_signal(kBlocks, i);
+  for (std::size_t i = 0; i < energies_; ++i) of_energy(kBlocks / 2, i) = of_energy(kBlocks, i);
+  happened_[kBlocks / 2] = happened_[kBlocks];
+  filled_ = kBlocks / 2;
+  in_block_ = block_ticks_;
+  block_ticks_ *= 2;
+}
+
+template <class Value>
+WindowMeans TrendRecord::window_means(Value value) const {
+  WindowMeans sum{}, weight{};
+  for (std::size_t b = 0; b < filled_; ++b) {
+    const double at = (static_cast<double>(b) + 0.5) / static_cast<double>(filled_) * kTrendWindows;
+    const std::size_t w = std::min(static_cast<std::size_t>(at), kTrendWindows - 1);
+    const double share = bump(at - static_cast<double>(w));
+    sum[w] += share * value(b);
+    weight[w] += share;
+  }
+  for (std::size_t w = 0; w < kTrendWindows; ++w) sum[w] /= weight[w] * static_cast<double>(block_ticks_);
+  return sum;
+}
+
+WindowMeans TrendRecord::mean_squares(std::size_t signal) const {
+  return window_means([&](std::size_t b) { return of_signal(b, signal).sum2; });
+}
+WindowMeans TrendRecord::energies(std::size_t energy) const {
+  return window_means([&](std::size_t b) { return of_energy(b, energy).sum; });
+}
+
+MotionTrend TrendRecord::motion(std::size_t signal, double floor, bool linear) const {
+  const WindowMeans a2 = mean_squares(signal);
+  MotionTrend t{.rms = std::sqrt(a2.back())};
+  if (!(a2.back() > floor * floor) || a2.back() < 1e-290) return t;
+  std::array<double, kUsed> y{};
+  for (std::size_t i = 0; i < kUsed; ++i) y[i] = 0.5 * std::log(std::max(a2[i + kSkip], 1e-300));
+  const std::size_t from = filled_ * kSkip / kTrendWindows;
+  for (std::size_t b = from; b < filled_; ++b) t.turns += of_signal(b, signal).turns;
+
+  const auto [slope, error] = fit_line(y);
+  const double s1 = fit_line(std::span{y}.first<kUsed / 2>()).slope,
+               s2 = fit_line(std::span{y}.last<kUsed / 2>()).slope;
+  t.slope = slope;
+  t.error = error;
+  const double total = slope * (kUsed - 1), need = std::max(5.0 * error, 1e-6), spread = std::abs(slope) + 3.0 * error;
+  const bool turns = t.turns >= 8, goes_on = s2 > 0.6 * s1 && s2 > 0.0;
+  if (!linear && turns && std::abs(total) + 3.0 * error * kUsed < 2e-3) {
+    t.trend = Trend::flat;
+  } else if (slope > need) {
+    t.trend = (turns || total > 3.0) && goes_on ? Trend::grows : Trend::unclear_growth;
+  } else if (slope < -need) {
+    t.trend = total < -3.0 || (turns && s2 < 0.5 * s1 && s2 < 0.0) ? Trend::decays : Trend::unclear_decay;
+  } else if (total < -3.0 && s2 < 0.0) {
+    t.trend = Trend::decays;
+  } else if (total > 3.0 && goes_on) {
+    t.trend = Trend::grows;
+  } else if ((turns && spread < 3e-2) || (t.turns == 0 && spread < 1e-3)) {
+    t.trend = Trend::flat;
+  } else {
+    t.trend = Trend::unclear;
+  }
+  if (is_known(t.trend) || t.turns >= 40 || filled_ - from < kPencilSamples) return t;
+
+  const std::size_t step = (filled_ - from) / kPencilSamples;
+  std::array<double, kPencilSamples> x{};
+  for (std::size_t i = 0; i < kPencilSamples; ++i) x[i] = of_signal(from + i * step, signal).first;
+  const DampedMode mode = least_damped_mode(x);
+  const double grown = mode.rate * static_cast<double>(filled_ - from) / static_cast<double>(step);
+  if (!mode.found || !(std::abs(grown) > std::max(0.02, 1e3 * mode.residual))) return t;
+  t.trend = grown > 0.0 ? Trend::grows : Trend::decays;
+  t.slope = grown / kUsed;
+  t.error = mode.residual;
+  return t;
+}
+
+EnergyTrend TrendRecord::energy(std::size_t energy) const {
+  const WindowMeans means = energies(energy);
+  EnergyTrend t{.line = fit_line(std::span{means}.last<kTrendWindows - 1>()), .last = means.back()};
+  const std::size_t from = filled_ / kTrendWindows, n = filled_ - from;
+  const double mid = 0.5 * static_cast<double>(n - 1), ticks = static_cast<double>(block_ticks_);
+  const double start = of_energy(from, energy).sum / ticks;
+  double sxx = 0.0, sxy = 0.0, mean = 0.0;
+  for (std::size_t i = 0; i < n; ++i) {
+    const double x = static_cast<double>(i) - mid, y = of_energy(from + i, energy).sum / ticks - start;
+    sxx += x * x;
+    sxy += x * y;
+    mean += y / static_cast<double>(n);
+  }
+  const double slope = sxy / sxx;
+  double low = std::numeric_limits<double>::infinity(), high = -low;
+  for (std::size_t i = 0; i < n; ++i) {
+    const double on_line = start + mean + slope * (static_cast<double>(i) - mid);
+    low = std::min(low, of_energy(from + i, energy).least - on_line);
+    high = std::max(high, of_energy(from + i, energy).most - on_line);
+  }
+  t.ripple = high - low;
+  return t;
+}
+
+std::size_t TrendRecord::contact_changes() const {
+  std::size_t sum = 0;
+  for (std::size_t b = filled_ / 4; b < filled_; ++b) sum += happened_[b].contact_changes;
+  return sum;
+}
+bool TrendRecord::limited() const {
+  return std::any_of(happened_.begin() + static_cast<std::ptrdiff_t>(filled_ / 4),
+                     happened_.begin() + static_cast<std::ptrdiff_t>(filled_),
+                     [](const Happened& h) { return h.limited; });
+}
+
+}  // namespace twoport

@@ -1,0 +1,155 @@
+#include "lab/engine/quiet_tail.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <memory>
+#include <vector>
+
+#include "common/coupling/registration.h"
+#include "common/record/run_judge.h"
+
+namespace twoport::lab {
+namespace {
+
+constexpr double kFirst = 0.25, kLongest = 32.0;  // lengths of the scene
+constexpr std::size_t kChunk = 512;               // ticks that the run is ahead of its twin, at most
+constexpr double kDiverged = 1e3;                 // of the run's largest speed
+
+template <int N>
+class TailRun {
+ public:
+  TailRun(const Simulation<N>& at, const Scene& scene, const MotionScale& run)
+      : scene_{scene},
+        scale_{run},
+        registration_{scene.control},
+        self_{at.copy()},
+        rate_hz_{run.rate_hz},
+        alone_{scene.control.architecture == Architecture::uncontrolled} {
+    self_->be_quiet();
+    twin_ = alone_ ? nullptr : self_->copy();
+    if (twin_) kick();
+    // Blocks such that the first judgement finds half of those that a record holds.
+    const double ticks = rate_hz_ * scene.duration_s;
+    const auto block =
+        static_cast<std::size_t>(std::ceil(kFirst * ticks / static_cast<double>(TrendRecord::kBlocks / 2)));
+    first_ticks_ = std::max<std::size_t>(block, 1) * TrendRecord::kBlocks / 2;
+    tail_ = std::make_unique<Tail>(Tail{.record = {twin_ ? kSignals : kSides, 2, std::max<std::size_t>(block, 1)},
+                                        .has_twin = twin_ != nullptr,
+                                        .has_controller = has_controller(scene),
+                                        .coarse = is_coarse(scene),
+                                        .initial_energy_j = at.granted_energy().si()});
+    chunk_.reserve(kChunk);
+  }
+
+  TailVerdict judged() {
+    std::size_t ticks = 0;
+    Verdict verdict;
+    for (double lengths = kFirst;; lengths *= 2.0) {
+      const auto until = static_cast<std::size_t>(lengths / kFirst) * first_ticks_;
+      while (ticks < until && !tail_->diverged) {
+        const std::size_t more = std::min(kChunk, until - ticks);
+        advance(more);
+        ticks += more;
+      }
+      tail_->run_lengths = lengths;
+      tail_->last = lengths >= kLongest;
+      verdict = alone_ ? judge_body(*tail_) : judge(*tail_, scale_);
+      if (verdict.kind != VerdictKind::undecided || tail_->last) break;
+    }
+    return {verdict, (twin_ ? 2 : 1) * ticks};
+  }
+
+ private:
+  static constexpr std::size_t kSides = 2 * N, kSignals = 2 * kSides;
+  struct Tick {
+    std::array<double, kSides> v;
+    std::array<double, 2> energies;
+    TrendRecord::Events events;
+  };
+
+  static std::array<double, kSides> velocities(const Row<N>& row) {
+    std::array<double, kSides> v;
+    for (std::size_t i = 0; i < N; ++i) {
+      v[i] = row.master_v.vec()[static_cast<Eigen::Index>(i)];
+      v[N + i] = row.slave_v.vec()[static_cast<Eigen::Index>(i)];
+    }
+    return v;
+  }
+
+  void kick() {
+    std::array<typename Velocity<N>::Vector, 2> dv;
+    for (std::size_t i = 0; i < kSides; ++i) {
+      const double speed = scale_.speed[i], rounding = scale_.rounding(i);
+      double size = 0.0;
+      if (speed > rounding) size = std::min(1e-3 * speed, std::max(1e-6 * speed, 1e6 * rounding));
+      dv[i / N][static_cast<Eigen::Index>(i % N)] = i % 2 == 0 ? size : -size;
+    }
+    twin_->kick(Velocity<N>{dv[0]}, Velocity<N>{dv[1]});
+  }
+
+  void advance(std::size_t ticks) {
+    chunk_.clear();
+    const Duration until = tick_time(self_->ticks() + static_cast<std::int64_t>(ticks), rate_hz_);
+    self_->run_until(until, [&](const Row<N>& row) { return see(row); });
+    if (!twin_) {
+      for (const Tick& tick : chunk_) tail_->record.add(tick.v, tick.energies, tick.events);
+      return;
+    }
+    std::size_t k = 0;
+    std::array<double, kSignals> signals{};
+    twin_->run_until(until, [&](const Row<N>& row) {
+      if (k == chunk_.size()) return false;
+      const Tick& tick = chunk_[k++];
+      const auto of_twin = velocities(row);
+      for (std::size_t i = 0; i < kSides; ++i) {
+        signals[i] = tick.v[i];
+        signals[kSides + i] = of_twin[i] - tick.v[i];
+      }
+      tail_->record.add(signals, tick.energies, tick.events);
+      return true;
+    });
+  }
+
+  bool see(const Row<N>& row) {
+    Tick tick{.v = velocities(row), .energies = {}, .events = RunJudge<N>::events(row)};
+    if (const std::optional<Energy> held = self_->mechanical_energy()) {
+      tick.energies = {held->si(), held->si()};
+    } else {
+      const double out = registration_.to_master(Energy{row.slave_energy_j}).si();
+      tick.energies = {row.master_energy_j, row.master_energy_j - out};
+    }
+    tail_->controller_acted = tail_->controller_acted || row.dissipated_j > 0.0;
+    tail_->driven = tail_->driven || row.master_f.squared_norm() > 0.0 || row.slave_f.squared_norm() > 0.0;
+    for (std::size_t i = 0; i < kSides; ++i) {
+      const double most = std::max(scale_.largest_of_kind(i), 1e6 * scale_.rounding(i));
+      if (!(std::abs(tick.v[i]) <= kDiverged * most)) tail_->diverged = true;
+    }
+    if (tail_->diverged) return false;
+    chunk_.push_back(tick);
+    return true;
+  }
+
+  const Scene& scene_;
+  const MotionScale& scale_;
+  Registration<N> registration_;
+  std::unique_ptr<Simulation<N>> self_, twin_;
+  double rate_hz_;
+  bool alone_;
+  std::size_t first_ticks_ = 0;
+  std::unique_ptr<Tail> tail_;
+  std::vector<Tick> chunk_;
+};
+
+}  // namespace
+
+template <int N>
+TailVerdict judge_tail(const Simulation<N>& at, const Scene& scene, const MotionScale& run) {
+  return TailRun<N>{at, scene, run}.judged();
+}
+
+template TailVerdict judge_tail<1>(const Simulation<1>&, const Scene&, const MotionScale&);
+template TailVerdict judge_tail<3>(const Simulation<3>&, const Scene&, const MotionScale&);
+template TailVerdict judge_tail<6>(const Simulation<6>&, const Scene&, const MotionScale&);
+
+}  // namespace twoport::lab

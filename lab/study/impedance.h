@@ -1,0 +1,54 @@
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "common/scene/scene.h"
+
+namespace twoport::lab {
+
+struct ImpedanceOptions {
+  double amplitude_m = 1e-3;  ///< largest excursion; less where contact would end or begin
+  double low_hz = 0.5;        ///< lines are odd multiples of it
+  double high_hz = 50.0;
+  int lines = 20;
+  int periods = 8;  ///< of 1/low_hz each, after one that is left out
+};
+
+/// m, b, k of a dynamic stiffness S(jω) = k - m ω² + jω b, along one direction.
+struct MassDamperSpring {
+  double mass_kg = 0.0, damping_n_s_per_m = 0.0, stiffness_n_per_m = 0.0;
+};
+/// At one frequency.
+struct ImpedanceLine {
+  double frequency_hz;
+  double displayed_re, displayed_im;  ///< F/X [N/m]
+  double true_re, true_im;
+  double coherence;  ///< |Σ X*F|² / (Σ|X|² Σ|F|²) over the periods; NaN where no force is displayed
+};
+/// In one place.
+struct DisplayedImpedance {
+  std::string place;  ///< "free space" or "contact"
+  double amplitude_m = 0.0;
+  MassDamperSpring displayed, truth;
+  double least_coherence = 0.0;  ///< of the lines that the fit is over
+  std::vector<ImpedanceLine> lines;
+};
+
+/// What the hand meets: force against motion at the master port, along the direction in which the environment pushes.
+///
+/// The scene is run to find where the robot (device under RENDER) touches. Then the handle is led there, and to free space,
+/// and shaken by a multi-sine of constant speed amplitude: odd lines, Schroeder's phases, whole periods. The force is held
+/// between ticks of T: its spectrum is that of the samples times e^{-jωT/2} sinc(ωT/2). The truth is the robot's mass and
+/// damping and the environment's slopes, all times force_scale · motion_scale. Displayed m, b, k are a least-squares fit of
+/// relative errors over the lines up to 10 Hz, what a hand does.
+///
+/// A spring K rendered on the device so displays K sinc(ωT/2) and the damping -KT/2. Throws ConfigError where there is no
+/// master port.
+std::vector<DisplayedImpedance> displayed_impedance(const Scene& scene, const ImpedanceOptions& options = {});
+
+std::string to_csv(const std::vector<DisplayedImpedance>& all);
+/// A table for people.
+std::string to_text(const std::vector<DisplayedImpedance>& all);
+
+}  // namespace twoport::lab

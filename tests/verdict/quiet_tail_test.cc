@@ -1,0 +1,110 @@
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <string>
+#include <vector>
+
+#include "common/record/columns.h"
+#include "common/scene/load.h"
+#include "lab/engine/simulation.h"
+#include "lab/run.h"
+
+// What the verdict stands on: a simulation can be copied while it runs, and what is run for the verdict changes nothing else.
+namespace twoport::lab {
+namespace {
+
+const std::string kLink = R"(
+duration_s: 0.4 rate_hz: 1000 seed: 5
+operator { hand { mass_kg: 0.02 stiffness_n_per_m: 300 damping_n_s_per_m: 1 } tremor { rms_m: 1e-4 }
+  path { sine { amplitude_m: 0.01 frequency_hz: 3 duration_s: 0.3 } } }
+device { mass_kg: 0.1 damping_n_s_per_m: 1 position_resolution_m: 1e-5 }
+to_slave { delay_ms: 7 jitter_ms: 2 loss: 0.1 duplicate: 0.1 reorder: 0.1 blackout { start_s: 0.25 duration_s: 0.1 } }
+to_master { delay_ms: 5 jitter_ms: 1 burst { p: 0.1 r: 0.5 } }
+robot { mass_kg: 0.5 damping_n_s_per_m: 2 force_sensor { noise_n: 0.01 latency_ms: 3 } }
+)";
+
+template <int N>
+std::vector<double> numbers_until(Simulation<N>& simulation, double end_s) {
+  std::vector<double> all;
+  simulation.run_until(to_duration(end_s), [&](const Row<N>& row) {
+    for_each_column(row, [&]<class Value>(const Column&, const Value& value) {
+      if constexpr (std::is_same_v<Value, double>)
+        all.push_back(value);
+      else
+        all.insert(all.end(), value.data(), value.data() + value.size());
+    });
+    return true;
+  });
+  return all;
+}
+
+template <int N>
+void expect_copies_go_on(const std::string& text, const std::vector<std::string>& set = {}) {
+  SCOPED_TRACE(text);
+  const Scene scene = parse_scene("dof: " + std::to_string(N) + " " + text, "copied", set);
+  const auto whole = make_simulation<N>(scene), simulation = make_simulation<N>(scene);
+  std::vector<double> all = numbers_until(*whole, 0.4), first = numbers_until(*simulation, 0.2173);
+  const auto copy = simulation->copy();
+  const std::vector<double> of_copy = numbers_until(*copy, 0.4), of_original = numbers_until(*simulation, 0.4);
+  EXPECT_EQ(of_copy, of_original);
+  first.insert(first.end(), of_original.begin(), of_original.end());
+  EXPECT_EQ(first, all) << "in two parts";
+
+  const auto kicked = copy->copy();
+  typename Velocity<N>::Vector dv = Velocity<N>::Vector::Constant(1e-3);
+  kicked->kick(Velocity<N>{dv}, Velocity<N>{dv});
+  EXPECT_NE(numbers_until(*kicked, 0.6), numbers_until(*copy, 0.6));
+}
+
+TEST(Simulation, CanBeCopiedWhileItRuns) {
+  const std::string wall = "environment { wall { normal: [1, 0, 0] stiffness_n_per_m: 1000 } }";
+  for (const std::string method : {"NONE", "CLASSIC", "FORCE_PROJECTED"})
+    for (const std::string architecture : {"POSITION_FORCE", "POSITION_POSITION", "POSITION_MEASURED_FORCE"}) {
+      const std::string control =
+          "control { architecture: " + architecture + " passivity { method: " + method + " } } ";
+      expect_copies_go_on<3>(kLink + control + wall);
+      expect_copies_go_on<6>(kLink + control + wall,
+                             {"device.inertia_kg_m2=1e-3", "robot.inertia_kg_m2=[1e-3, 1e-3, 1e-3]"});
+    }
+  expect_copies_go_on<1>(kLink + "environment { wall { normal: [1] stiffness_n_per_m: 1000 } }");
+  expect_copies_go_on<3>("duration_s: 0.4 device { mass_kg: 0.1 velocity_m_per_s: [-0.1, 0.02, 0] } " + wall +
+                         " control { architecture: RENDER passivity { method: CLASSIC } }");
+  expect_copies_go_on<6>(
+      "duration_s: 0.4 robot { mass_kg: 0.1 inertia_kg_m2: [1e-3, 1e-3, 1e-3] velocity_m_per_s: [-0.1, 0, 0, 1, 2, 3] "
+      "} " +
+      wall + " control { architecture: UNCONTROLLED }");
+}
+
+TEST(Verdict, ChangesNoOtherFigure) {
+  const Scene scene = parse_scene("dof: 3 " + kLink, "link");
+  Summary with = run(scene), without = run(scene, {.verdict = VerdictFrom::plain});
+  for (Summary* s : {&with, &without}) {
+    s->set_stable(false), s->set_step_ns(0.0);
+    s->clear_verdict(), s->clear_verdict_kind();
+  }
+  EXPECT_EQ(to_json(with), to_json(without));
+}
+
+TEST(Verdict, IsUndecidedWhereNothingCanBeSaid) {
+  const std::string link = "dof: 1 duration_s: 2 device { mass_kg: 0.1 velocity_m_per_s: [0.1] } robot { mass_kg: 1 } ";
+  const auto judged = [](const std::string& text) { return run(parse_scene(text, "scene")); };
+  const Summary alone = judged(link + "to_slave { loss: 1 } to_master { loss: 1 }");
+  EXPECT_EQ(alone.verdict_kind(), "UNDECIDED") << alone.verdict();
+  EXPECT_NE(alone.verdict().find("never met"), std::string::npos) << alone.verdict();
+  EXPECT_FALSE(alone.stable());
+  const Summary still = judged("dof: 1 duration_s: 2 device { mass_kg: 0.1 } robot { mass_kg: 1 } ");
+  EXPECT_EQ(still.verdict_kind(), "UNDECIDED") << still.verdict();
+  EXPECT_NE(still.verdict().find("nothing moved"), std::string::npos) << still.verdict();
+}
+
+// Positions beyond a hundred metres are no divergence where nothing drives.
+TEST(Verdict, LetsAFreeBodyGo) {
+  const Summary s = run(parse_scene(
+      "dof: 1 duration_s: 100 robot { mass_kg: 1 velocity_m_per_s: [20] } control { architecture: UNCONTROLLED }",
+      "free"));
+  EXPECT_EQ(s.verdict_kind(), "STABLE") << s.verdict();
+  EXPECT_EQ(s.steps(), 100000U);
+}
+
+}  // namespace
+}  // namespace twoport::lab
