@@ -73,10 +73,7 @@ struct Slave {
   static void complete(Row<N>&, const Sample&) noexcept {}
   void fill(Summary& s, bool diverged) {
     link.fill(s, node.mode());
-    if (!diverged) {
-      set_verdict({VerdictKind::undecided, "undecided: bounded at the slave; the master judges stability"}, s);
-      s.clear_stable();
-    }
+    if (!diverged) s.set_verdict("undecided: bounded at the slave; the master judges stability");
     say_if_coupling_feeds(s, scene.control.initial_energy);
   }
 

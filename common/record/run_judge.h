@@ -52,8 +52,7 @@ class RunJudge {
       return false;
     }
     scale_.reach_m = std::max(scale_.reach_m, std::sqrt(reach2));
-    std::array<double, 2 * N> v;
-    for (int i = 0; i < N; ++i) v[i] = row.master_v.vec()[i], v[N + i] = row.slave_v.vec()[i];
+    const std::array v = velocities(row);
     for (std::size_t i = 0; i < 2 * N; ++i) scale_.speed[i] = std::max(scale_.speed[i], std::abs(v[i]));
     if (row.t_s < 0.05 * known_.duration_s) scale_.early = scale_.speed;
     coupled_ = coupled_ || row.mode == Mode::coupled;
@@ -69,6 +68,12 @@ class RunJudge {
 
   [[nodiscard]] bool diverged() const { return diverged_; }
   [[nodiscard]] const MotionScale& scale() const { return scale_; }
+  /// Of both sides, the master's first.
+  static std::array<double, 2 * N> velocities(const Row<N>& row) noexcept {
+    std::array<double, 2 * N> v;
+    for (int i = 0; i < N; ++i) v[i] = row.master_v.vec()[i], v[N + i] = row.slave_v.vec()[i];
+    return v;
+  }
   static TrendRecord::Events events(const Row<N>& row) noexcept {
     const double wanted2 = row.master_f_wanted.squared_norm();
     return {.touching = row.env_f.squared_norm() > 0.0,

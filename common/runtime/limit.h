@@ -7,8 +7,8 @@
 
 namespace twoport {
 
-/// Bound on the norm of the translational force, which must be finite. A longer one is scaled as a whole: its direction stays, and a torque falls
-/// with it.
+/// Bound on the norm of the translational force, which must be finite. A longer one is scaled as a whole: its direction
+/// stays, and a torque falls with it.
 template <int N>
 class ForceLimit {
  public:

@@ -68,15 +68,6 @@ class TailRun {
     TrendRecord::Events events;
   };
 
-  static std::array<double, kSides> velocities(const Row<N>& row) {
-    std::array<double, kSides> v;
-    for (std::size_t i = 0; i < N; ++i) {
-      v[i] = row.master_v.vec()[static_cast<Eigen::Index>(i)];
-      v[N + i] = row.slave_v.vec()[static_cast<Eigen::Index>(i)];
-    }
-    return v;
-  }
-
   void kick() {
     std::array<typename Velocity<N>::Vector, 2> dv;
     for (std::size_t i = 0; i < kSides; ++i) {
@@ -101,7 +92,7 @@ class TailRun {
     twin_->run_until(until, [&](const Row<N>& row) {
       if (k == chunk_.size()) return false;
       const Tick& tick = chunk_[k++];
-      const auto of_twin = velocities(row);
+      const auto of_twin = RunJudge<N>::velocities(row);
       for (std::size_t i = 0; i < kSides; ++i) {
         signals[i] = tick.v[i];
         signals[kSides + i] = of_twin[i] - tick.v[i];
@@ -112,7 +103,7 @@ class TailRun {
   }
 
   bool see(const Row<N>& row) {
-    Tick tick{.v = velocities(row), .energies = {}, .events = RunJudge<N>::events(row)};
+    Tick tick{.v = RunJudge<N>::velocities(row), .energies = {}, .events = RunJudge<N>::events(row)};
     if (const std::optional<Energy> held = self_->mechanical_energy()) {
       tick.energies = {held->si(), held->si()};
     } else {
