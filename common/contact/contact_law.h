@@ -18,6 +18,7 @@ struct Material {
 template <int D>
 struct ContactForce {
   Point<D> normal, tangential;
+  double coulomb_damping;  ///< μ |f_n| / max(|v_t|, 1 mm/s) [N s/m]
 };
 
 /// A shape with its material: spring and damper along the normal, friction across it.
@@ -38,11 +39,12 @@ struct Surface {
     if (fn <= 0.0) return false;
     out.normal = fn * at.normal;
     out.tangential.setZero();
+    out.coulomb_damping = 0.0;
     if constexpr (D > 1) {
       if (material.friction > 0.0 || material.viscous_friction_n_s_per_m > 0.0) {
         Point<D> vt = v - vn * at.normal;
-        const double coulomb = material.friction * fn / std::max(vt.norm(), kStictionSpeed);
-        out.tangential = -(material.viscous_friction_n_s_per_m + coulomb) * vt;
+        out.coulomb_damping = material.friction * fn / std::max(vt.norm(), kStictionSpeed);
+        out.tangential = -(material.viscous_friction_n_s_per_m + out.coulomb_damping) * vt;
       }
     }
     return true;

@@ -29,6 +29,7 @@ struct ContactPort {
   bool presses;                      ///< carries force: the point does not separate faster than the spring follows
   PortVector<N> normal, tangential;  ///< forces on the port; a spring is all normal [N], [N m]
   Energy potential;                  ///< elastic energy held
+  double coulomb_damping = 0.0;      ///< friction force per sliding velocity, its Coulomb part [N s/m]
 };
 
 /// The environment at a port of size N: for N = 1, 3 the port itself makes contact, for N = 6 points of a tool, so
@@ -69,8 +70,8 @@ class Environment {
           if (at.distance < 0.0) {
             const Energy potential{s.potential(at.distance)};
             if (s.force(at, at.normal.dot(pv), pv, c))
-              visit(
-                  ContactPort<N>{index, at.feature, true, wrench(c.normal, arm), wrench(c.tangential, arm), potential});
+              visit(ContactPort<N>{index, at.feature, true, wrench(c.normal, arm), wrench(c.tangential, arm), potential,
+                                   c.coulomb_damping});
             else
               visit(ContactPort<N>{index, at.feature, false, Vector::Zero(), Vector::Zero(), potential});
           }

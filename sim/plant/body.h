@@ -1,6 +1,7 @@
 #pragma once
 
 #include <algorithm>
+#include <cmath>
 #include <cstddef>
 #include <memory>
 #include <utility>
@@ -8,6 +9,7 @@
 
 #include "common/contact/environment.h"
 #include "common/scene/scene.h"
+#include "sim/plant/rosenbrock.h"
 
 namespace twoport::sim {
 
@@ -35,8 +37,9 @@ class Body {
     Vector p;
   };
   struct Slope {
-    Vector v, p;         ///< rates of the position and of Motion::p
-    Vector environment;  ///< force on the body
+    Vector v, p;            ///< rates of the position and of Motion::p
+    Vector environment;     ///< force on the body
+    double friction = 0.0;  ///< sum of the contacts' Coulomb damping [N s/m]; of a slope with all contacts
   };
 
   Body(const RobotSpec& robot, std::shared_ptr<const Environment<N>> environment)
@@ -53,6 +56,10 @@ class Body {
   [[nodiscard]] double damping_rate() const noexcept {
     const double linear = damping_ / mass_;
     return N == 6 ? std::max(linear, rotational_damping_ / inertia_.minCoeff()) : linear;
+  }
+  /// A torque over the square root of the least moment of inertia [√kg m/s²]: times that of a mobility, an acceleration.
+  [[nodiscard]] double largest_spin_up(const Eigen::Vector3d& torque) const noexcept {
+    return torque.norm() / std::sqrt(inertia_.minCoeff());
   }
   /// Mobility of a point at an arm from the origin: at most 1/m + arm²/J [1/kg].
   [[nodiscard]] double mobility_at(const Eigen::Vector3d& arm) const noexcept {
@@ -80,13 +87,20 @@ class Body {
   /// Only with the contacts and features of `among`: a contact that begins within a step belongs to the next one.
   [[nodiscard]] Slope slope_among(const Motion& m, const Vector& f, const Contacts& among) const noexcept {
     return slope(
-        m, f, [&](int i) { return among[static_cast<std::size_t>(i)]; }, [](std::size_t, Feature) {});
+        m, f, [&](int i) { return among[static_cast<std::size_t>(i)]; }, [](std::size_t, const ContactPort<N>&) {});
   }
   /// With all contacts, which are returned in `touched`.
   [[gnu::flatten]] Slope slope(const Motion& m, const Vector& f, Contacts& touched) const noexcept {
     std::fill(touched.begin(), touched.end(), kNone);
-    return slope(
-        m, f, [](int) { return kNearest; }, [&](std::size_t i, Feature feature) { touched[i] = feature; });
+    double friction = 0.0;
+    Slope a = slope(
+        m, f, [](int) { return kNearest; },
+        [&](std::size_t i, const ContactPort<N>& c) {
+          touched[i] = c.feature;
+          friction += c.coulomb_damping;
+        });
+    a.friction = friction;
+    return a;
   }
 
   /// A classical Runge-Kutta step of h from m, where the slope is a.
@@ -102,6 +116,34 @@ class Body {
     return moved(m, h / 6.0 * (xa + 2.0 * (xb + xc) + xd), h / 6.0 * (a.p + 2.0 * (b.p + c.p) + d.p));
   }
 
+  /// A step of h from m, where the slope is a, by RODAS, with the contacts of `among`: for friction that is stiff. Tells
+  /// its own error, against what it is allowed: accept it up to 1.
+  [[gnu::noinline]] Motion rosenbrock(const Motion& m, const Slope& a, const Vector& f, const Contacts& among, double h,
+                                      double& error) const noexcept {
+    const auto rates = [&](const Stacked& y) {
+      const Vector by = part(y, 0);
+      const Slope s = slope_among(moved(m, by, part(y, N)), f, among);
+      return stacked(position_rate(by, s.v), s.p);
+    };
+    constexpr double kDifference = 1e-7;  // [m], [rad], [m/s], [rad/s]
+    Eigen::Matrix<double, 2 * N, 2 * N> jacobian;
+    for (int i = 0; i < 2 * N; ++i) {
+      const double d = i < N ? kDifference : kDifference * momentum_of_unit(i - N);
+      Stacked by = Stacked::Zero();
+      by[i] = d;
+      jacobian.col(i) = (rates(by) - rates(-by)) / (2.0 * d);
+    }
+    Stacked off;
+    const Stacked by = rosenbrock_step<2 * N>(jacobian, stacked(a.v, a.p), h, rates, off);
+    error = 0.0;
+    for (int i = 0; i < N; ++i) {
+      const double size = i < 3 ? 1.0 : kErrorArm;
+      error = std::max({error, size * std::abs(off[i]) / kPositionError,
+                        size * std::abs(off[N + i]) / momentum_of_unit(i) / kVelocityError});
+    }
+    return moved(m, part(by, 0), part(by, N));
+  }
+
   /// Moved by a displacement (N = 6: translation and rotation vector) and a change of p.
   [[nodiscard]] static Motion moved(const Motion& m, const Vector& by, const Vector& dp) noexcept {
     if constexpr (N == 6) {
@@ -112,14 +154,41 @@ class Body {
   }
 
  private:
-  /// Rates under the force f. `pick` as for_each_contact has it; tell(index, feature) is called for each contact with force.
+  using Stacked = Eigen::Matrix<double, 2 * N, 1>;  ///< a displacement and a change of Motion::p
+
+  // What a step by RODAS may err by: a contact of 1 kN/m errs by 10 nN.
+  static constexpr double kPositionError = 1e-11, kVelocityError = 1e-9;  // [m], [m/s]
+  static constexpr double kErrorArm = 0.1;                                // of a rotation [m]
+
+  static Stacked stacked(const Vector& a, const Vector& b) noexcept {
+    Stacked y;
+    if constexpr (N == 6) {
+      y << a.linear, a.angular, b.linear, b.angular;
+    } else {
+      y.template head<N>() = a;
+      y.template tail<N>() = b;
+    }
+    return y;
+  }
+  static Vector part(const Stacked& y, int from) noexcept {
+    return port_vector<N>(Eigen::Matrix<double, N, 1>{y.template segment<N>(from)});
+  }
+  /// Motion::p along axis i at 1 m/s or, at least, 1 rad/s.
+  [[nodiscard]] double momentum_of_unit(int i) const noexcept {
+    if constexpr (N == 6) return i < 3 ? mass_ : inertia_.minCoeff();
+    (void)i;
+    return 1.0;
+  }
+
+  /// Rates under the force f. `pick` as for_each_contact has it; tell(index, contact) is called for each
+  /// contact with force.
   template <class Pick, class Tell>
   Slope slope(const Motion& m, const Vector& f, Pick pick, Tell tell) const noexcept {
     Vector v = velocity(m), environment = Vector::Zero();
     environment_->for_each_contact(m.at, v, pick, [&](const ContactPort<N>& c) {
       if (!c.presses) return;
       environment += c.normal + c.tangential;
-      tell(static_cast<std::size_t>(c.index), c.feature);
+      tell(static_cast<std::size_t>(c.index), c);
     });
     Vector total = f + environment;
     if constexpr (N == 6) {

@@ -11,7 +11,8 @@
 namespace twoport::sim {
 
 /// A body under a held force in an environment, integrated by classical Runge-Kutta steps that end where a contact
-/// begins or ends. The general case: curved surfaces, Coulomb friction, several walls, rigid bodies.
+/// begins or ends. The general case: curved surfaces, Coulomb friction, several walls, rigid bodies. A tick that needs
+/// more than kPieces such steps (friction on a light body) is integrated by RODAS with error control.
 template <int N>
 class RungeKuttaPlant {
  public:
@@ -55,7 +56,8 @@ class RungeKuttaPlant {
       stiffness += s.stiffness_n_per_m;
       damping += s.damping_n_s_per_m;
     }
-    rate_ = std::max(std::sqrt(stiffness * all_points), damping * all_points + robot.damping_n_s_per_m / robot.mass_kg);
+    rate_of_springs_ = std::sqrt(stiffness * all_points);
+    rate_ = std::max(rate_of_springs_, damping * all_points + robot.damping_n_s_per_m / robot.mass_kg);
     rate_ = std::max(rate_, body_.damping_rate());
     s_.slope = body_.slope(s_.motion, s_.held, s_.touched);
   }
@@ -72,14 +74,24 @@ class RungeKuttaPlant {
     double rate = rate_;
     if (friction_ > 0.0) {
       const double pressed = std::max(translation(f).norm(), translation(s_.slope.environment).norm());
-      rate = std::max(rate, 0.3 * friction_ * pressed * mobility_ / kStictionSpeed);
+      rate = std::max({rate, 0.3 * friction_ * pressed * mobility_ / kStictionSpeed, friction_rate()});
     }
     if constexpr (N == 6) rate = std::max(rate, s_.slope.v.angular.norm());
     const double wanted = dt_ * rate / 0.1;
+    if (wanted > kPieces) {
+      advance_stiff(dt_);
+      return body();
+    }
     const int pieces = wanted < kPieces ? std::max(1, static_cast<int>(std::ceil(wanted))) : kPieces;
     for (int i = 0; i < pieces; ++i) {
       double left = dt_ / pieces;
-      for (int cuts = 0; left > 0.0; ++cuts) left -= step(left, cuts < kCuts);
+      for (int cuts = 0; left > 0.0; ++cuts) {
+        if (friction_ > 0.0 && friction_rate() > 1.5 * rate) {
+          advance_finer(left);
+          break;
+        }
+        left -= step(left, cuts < kCuts);
+      }
     }
     return body();
   }
@@ -97,20 +109,75 @@ class RungeKuttaPlant {
   }
 
  private:
-  static constexpr int kPieces = 256;  // of a tick, at most
-  static constexpr int kCuts = 4;      // contacts that begin or end within one piece, each met on its own
+  static constexpr int kPieces = 256;    // of a tick, at most; what is faster is stiff
+  static constexpr int kCuts = 4;        // contacts that begin or end within one piece, each met on its own
+  static constexpr int kSteps = 20'000;  // of a stiff tick, at most
+
+  /// Rate against which Coulomb friction asks for short steps [1/s]: 0.3 of that at which it damps the body at its
+  /// present velocity; while the velocity hardly changes, what keeps a step stable (2 of a limit of 2.8).
+  [[nodiscard]] double friction_rate() const noexcept {
+    constexpr double kSteady = 1e-7;  // [m/s] in a tick
+    double acceleration = translation(s_.slope.p).norm();
+    if constexpr (N == 6)
+      acceleration = mobility_ * acceleration + std::sqrt(mobility_) * body_.largest_spin_up(s_.slope.p.angular);
+    return (acceleration * dt_ > kSteady ? 0.3 : 0.05) * s_.slope.friction * mobility_;
+  }
+  /// What is left of a piece in which contacts have come to press more than the tick's steps are short for.
+  [[gnu::noinline]] void advance_finer(double left) noexcept {
+    for (int cuts = 0; left > 0.0;) {
+      const double wanted = std::max(1.0, left * std::max(rate_, friction_rate()) / 0.1);
+      if (wanted * dt_ > kPieces * left) return advance_stiff(left);
+      const double part = left / std::ceil(wanted), taken = step(part, cuts < kCuts * kPieces);
+      cuts += taken < part;
+      left = taken == left ? 0.0 : left - taken;
+    }
+  }
+  /// Where explicit steps would be too many: linearly implicit ones, as long as their own error allows.
+  [[gnu::noinline]] void advance_stiff(double left) noexcept {
+    const double shortest = 1e-9 * left, longest = 0.5 / rate_of_springs_;
+    double h = std::min(left / kPieces, longest);
+    for (int steps = 0, cuts = 0; left > 0.0; ++steps) {
+      h = std::min({h, left, longest});
+      const bool last = steps >= kSteps;
+      if (last) h = left;
+      const bool may_cut = cuts < kCuts * kPieces && !last;
+      const Contacts& among = may_cut ? s_.touched : any_;
+      double error = 0.0;
+      typename Body<N>::Motion next = body_.rosenbrock(s_.motion, s_.slope, s_.held, among, h, error);
+      const double factor = error > 0.0 ? std::clamp(0.9 / std::sqrt(std::sqrt(error)), 0.2, 5.0) : 5.0;
+      if (!(error <= 1.0) && !last) {
+        if (h > shortest) {
+          h *= error > 1.0 ? std::min(factor, 0.9) : 0.2;
+          continue;
+        }
+        if (!std::isfinite(error)) steps = kSteps;
+      }
+      const double taken = finish(next, h, may_cut, [&](double part) {
+        double unused;
+        return body_.rosenbrock(s_.motion, s_.slope, s_.held, among, part, unused);
+      });
+      cuts += taken < h;
+      left -= taken;
+      h *= factor;
+    }
+  }
 
   /// One step of at most h; ends early, if it may, just past the moment at which a contact begins, ends or changes to
   /// another feature. Returns its length.
   double step(double h, bool may_cut) noexcept {
     const Contacts& among = may_cut ? s_.touched : any_;
-    typename Body<N>::Motion next = body_.runge_kutta(s_.motion, s_.slope, s_.held, among, h);
+    const auto go = [&](double part) { return body_.runge_kutta(s_.motion, s_.slope, s_.held, among, part); };
+    return finish(go(h), h, may_cut, go);
+  }
+  /// The step of h that leads to `next`, cut if it may be; go(h) is where one of h leads to. Returns its length.
+  template <class Go>
+  [[gnu::always_inline]] double finish(typename Body<N>::Motion next, double h, bool may_cut, const Go& go) noexcept {
     typename Body<N>::Slope there = body_.slope(next, s_.held, after_);
     if (may_cut && after_ != s_.touched) {
       double lo = 0.0, hi = h;
       while (hi - lo > 1e-7 * h) {
         const double mid = 0.5 * (lo + hi);
-        const auto trial = body_.runge_kutta(s_.motion, s_.slope, s_.held, among, mid);
+        const auto trial = go(mid);
         const auto slope_of_trial = body_.slope(trial, s_.held, trial_);
         if (trial_ == s_.touched) {
           lo = mid;
@@ -130,7 +197,7 @@ class RungeKuttaPlant {
   }
 
   Body<N> body_;
-  double dt_, mobility_, rate_ = 0.0, friction_ = 0.0;
+  double dt_, mobility_, rate_of_springs_, rate_ = 0.0, friction_ = 0.0;
   Contacts any_;            ///< every contact, by its nearest feature
   Contacts after_, trial_;  ///< of a step; no state
   State s_;
