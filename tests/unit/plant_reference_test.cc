@@ -149,5 +149,59 @@ TEST(Friction, OfALightRoughBodyOnFourPointsIsTheClosedForm) {
   EXPECT_EQ(seen, 0);
 }
 
+// --- the device's friction -----------------------------------------------------------------------
+
+template <int N>
+using Load = typename HandlePlant<N>::Vector;
+
+/// Largest distance to a table [m] of a handle under load(t), linear within ticks of 1 ms.
+template <int N, class LoadAt>
+double handle_error(const std::string& name, const DeviceSpec& device, const HandSpec& hand, const Load<N>& v,
+                    const LoadAt& load) {
+  HandlePlant<N> handle{device, hand, {}, 1e-3, {{}, v}};
+  double worst = 0.0;
+  int k = 0;
+  for (const auto& row : table(name)) {
+    const Load<N> u = load(1e-3 * k), w = (load(1e-3 * (k + 1)) - u) / 1e-3;
+    ++k;
+    // The handle's own spring pulls towards where the tick begins.
+    handle.advance(u - hand.stiffness_n_per_m * handle.state().x.translation(), w);
+    for (int i = 0; i < N; ++i) {
+      const auto at = static_cast<std::size_t>(1 + i);
+      worst = std::max(worst, std::abs(handle.state().x.translation()[i] - row[at]));
+    }
+  }
+  return worst;
+}
+
+TEST(HandleWithFriction, OnALineStopsAndBreaksAwayWhenTheReferenceDoes) {
+  DeviceSpec device{};
+  device.mass_kg = 0.075;
+  device.coulomb_friction_n = 0.3;
+  HandSpec hand{};
+  hand.mass_kg = 0.02;
+  hand.stiffness_n_per_m = 300;
+  hand.damping_n_s_per_m = 1;
+  const auto load = [](double t) {
+    constexpr double kTurn = 2 * std::numbers::pi;
+    return Load<1>{0.6 * std::sin(kTurn * 40 * t) + 0.2 * std::sin(kTurn * 93 * t)};
+  };
+  EXPECT_LT(handle_error<1>("handle_on_a_line", device, hand, Load<1>{0.0}, load), 1e-14);
+}
+
+TEST(HandleWithFriction, InSpaceTurnsWithItsVelocity) {
+  DeviceSpec device{};
+  device.mass_kg = 0.075;
+  device.damping_n_s_per_m = 0.02;
+  device.coulomb_friction_n = 0.04;
+  HandSpec hand{};
+  hand.stiffness_n_per_m = 20;
+  const auto load = [](double t) {
+    constexpr double kTurn = 2 * std::numbers::pi;
+    return Load<3>{0.08 * std::sin(kTurn * 9 * t), 0.07 * std::sin(kTurn * 7 * t + 1.0), 0.05 * std::cos(30 * t)};
+  };
+  EXPECT_LT(handle_error<3>("handle_in_space", device, hand, Load<3>{0.1, 0, 0.02}, load), 1e-10);
+}
+
 }  // namespace
 }  // namespace twoport::sim
