@@ -13,8 +13,8 @@
 namespace twoport::sim {
 
 /// Mass on springs and at most one frictionless or viscous wall: linear on either side of the wall, so each tick is one
-/// exact affine map, cut where contact begins or ends. A contact that begins and ends within a tick, or within
-/// half a radian of an oscillation faster than that, is not detected.
+/// exact affine map, cut where contact begins or ends, however often within the tick. A contact that is lost and made
+/// again within half a radian of the wall's oscillation is not detected.
 template <int D>
 class ExactPlant {
  public:
@@ -92,6 +92,7 @@ class ExactPlant {
   }
 
  private:
+  static constexpr int kCuts = 4096;  ///< beginnings and ends of contact within a tick
   using Vector = Eigen::Matrix<double, D, 1>;
   using Normal = Eigen::Vector2d;  ///< as State::across
 
@@ -140,6 +141,8 @@ class ExactPlant {
     if (r.span < dt_ || in != s_.in_contact) {
       if (cuts_) return step_in_parts(u);
       s_.in_contact = in;
+    } else if (!in && s_.across[1] < 0.0 && n[1] > 0.0 && cuts_) {
+      if (dips(u)) return step_in_parts(u);
     }
     s_.body = moved(s_.body, s_.across, n, u, r, r.full_along);
     s_.across = n;
@@ -148,6 +151,26 @@ class ExactPlant {
   [[gnu::noinline]] const BodyState<D>& advance_in_steps(Force<D> f) noexcept {
     for (int i = 0; i < steps_; ++i) step(f);
     return s_.body;
+  }
+
+  /// Does the mass, which is free at both ends of a tick, turn around inside the wall?
+  [[nodiscard, gnu::noinline]] bool dips(Vector u) const noexcept { return contact_at_turn(s_.across, u, dt_); }
+  [[nodiscard]] bool contact_at_turn(const Normal& from, const Vector& u, double h) const noexcept {
+    const AxisState at = free_across(from, u, turn(from, u, h));
+    return contact({at.x, at.v});
+  }
+  /// Without the wall, from `from`.
+  [[nodiscard]] AxisState free_across(const Normal& from, const Vector& u, double t) const noexcept {
+    return propagate(region_[0].across, {from[0], from[1]}, normal_.dot(u), 0.0, t);
+  }
+  /// When the free motion, towards the wall at first, turns around within h.
+  [[nodiscard, gnu::noinline]] double turn(Normal from, Vector u, double h) const noexcept {
+    double lo = 0.0, hi = h;
+    for (int i = 0; i < 60; ++i) {
+      const double t = 0.5 * (lo + hi);
+      (free_across(from, u, t).v < 0.0 ? lo : hi) = t;
+    }
+    return hi;
   }
 
   /// A step without a wall.
@@ -166,9 +189,11 @@ class ExactPlant {
     for (int cuts = 0; left > 0.0;) {
       double h = std::min(left, region_[in].span);
       BodyState<D> next = moved(s_.body, u, in, h);
-      if (cuts < 8 && contact(normal(next)) != in) {
+      const Normal from = normal(s_.body), to = normal(next);
+      const bool dips = !in && from[1] < 0.0 && to[1] > 0.0 && !contact(to);
+      if (cuts < kCuts && (contact(to) != in || (dips && contact_at_turn(from, u, h)))) {
         ++cuts;
-        h = crossing(in, s_.body, u, h);
+        h = crossing(in, s_.body, u, dips ? turn(from, u, h) : h);
         next = moved(s_.body, u, in, h);
         in = !in;
       }
@@ -214,9 +239,9 @@ class ExactPlant {
       return std::min(elastic, elastic - b_ * d.v);
     };
     double lo = 0.0, hi = h, at_lo = std::copysign(pressed(lo), in ? 1.0 : -1.0), at_hi = pressed(hi);
-    for (int i = 0, stuck = 0; i < 60 && hi - lo > 1e-13 * h; ++i) {
+    for (int i = 0, stuck = 0; i < 120 && hi - lo > 1e-13 * h; ++i) {
       const double secant = hi - at_hi * (hi - lo) / (at_hi - at_lo), inset = 0.4e-13 * h;
-      const double t = std::clamp(std::isfinite(secant) ? secant : 0.5 * (lo + hi), lo + inset, hi - inset);
+      const double t = std::clamp(std::isfinite(secant) && i < 60 ? secant : 0.5 * (lo + hi), lo + inset, hi - inset);
       const double at = pressed(t);
       if ((at > 0.0) == in) {
         lo = t, at_lo = at;

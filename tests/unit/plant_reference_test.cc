@@ -203,5 +203,55 @@ TEST(HandleWithFriction, InSpaceTurnsWithItsVelocity) {
   EXPECT_LT(handle_error<3>("handle_in_space", device, hand, Load<3>{0.1, 0, 0.02}, load), 1e-10);
 }
 
+// --- bounces within a tick -----------------------------------------------------------------------
+
+/// A mass pressed by a force f on an elastic wall, bouncing: its velocity into the wall and depth after t from a touch at
+/// v0. In contact k d = f + (...) as an oscillator about f/k, in flight a parabola.
+struct Bouncing {
+  double m, k, f, v0;
+  [[nodiscard]] std::pair<double, double> at(double t) const {
+    const double w = std::sqrt(k / m), rest = f / k, amplitude = std::hypot(rest, v0 / w);
+    const double begin = std::atan2(-rest, v0 / w);  // depth = rest + amplitude sin(phase)
+    const double contact = (std::numbers::pi - 2 * begin) / w, flight = 2 * v0 * m / f;
+    t = std::fmod(t, contact + flight);
+    if (t < contact) return {rest + amplitude * std::sin(begin + w * t), amplitude * w * std::cos(begin + w * t)};
+    t -= contact;
+    return {-v0 * t + 0.5 * f / m * t * t, -v0 + f / m * t};
+  }
+};
+
+TEST(Bounces, ManyInATickAreTheClosedForm) {
+  // 20 g on 1 MN/m, pressed with 60 N, touch every 0.8 ms: twelve times in a tick of 100 Hz.
+  const Bouncing exact{0.02, 1e6, 60.0, 0.5};
+  auto r = robot<1>(
+      "robot { mass_kg: 0.02 velocity_m_per_s: 0.5 } environment { wall { normal: -1 stiffness_n_per_m: 1e6 } }", 0.01);
+  push<1>(r, Force<1>::Vector{60.0});
+  for (int k = 1; k <= 100; ++k) {
+    r.advance();
+    const auto [x, v] = exact.at(0.01 * k);
+    ASSERT_NEAR(r.state().x.translation()[0], x, 1e-12) << "tick " << k;
+    ASSERT_NEAR(r.state().v[0], v, 1e-8) << "tick " << k;  // turns at 3e3 m/s² and more
+  }
+}
+
+TEST(Bounces, BetweenTwoTicksAreSeen) {
+  // Pulled away by 4 N it reaches the wall 1 ms after the first tick and is back before the second.
+  const double m = 0.02, k = 1e6, v0 = 0.5, w = std::sqrt(k / m), enter = 0.0011, pull = 4.0;
+  auto r = robot<1>("robot { mass_kg: 0.02 position_m: " + std::to_string(-0.00055 + 0.5 * pull / m * enter * enter) +
+                        " velocity_m_per_s: 0.5 } environment { wall { normal: -1 stiffness_n_per_m: 1e6 } }",
+                    0.01);
+  const double x0 = r.state().x.translation()[0];
+  push<1>(r, Force<1>::Vector{-pull});
+  // When it touches, and how fast.
+  const double touch = (v0 - std::sqrt(v0 * v0 + 2 * pull / m * x0)) / (pull / m), v1 = v0 - pull / m * touch;
+  ASSERT_GT(v1, 0.1);
+  // In contact about -pull/k; leaves with -v1.
+  const double begin = std::atan2(pull / k, v1 / w), contact = (std::numbers::pi - 2 * begin) / w;
+  const double rest = 0.01 - touch - contact;
+  r.advance();
+  EXPECT_NEAR(r.state().x.translation()[0], -v1 * rest - 0.5 * pull / m * rest * rest, 1e-12);
+  EXPECT_NEAR(r.state().v[0], -v1 - pull / m * rest, 1e-10);
+}
+
 }  // namespace
 }  // namespace twoport::sim
