@@ -1,6 +1,7 @@
 #pragma once
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <cstddef>
 #include <memory>
@@ -144,6 +145,26 @@ class Body {
     return moved(m, part(by, 0), part(by, N));
   }
 
+  /// Motion after h without contacts (N = 6), under a held wrench: the Taylor series, to rounding, of
+  ///
+  ///     J ω̇ = Jω×ω + t - b_r ω,   ṫ = t×ω,   q̇ = ½ q (0, ω),   m v̇ = f - b v        ω, t = Rᵀτ in body axes
+  ///
+  /// in pieces short enough for it to converge.
+  [[gnu::noinline]] Motion flight(Motion m, Vector f, double h) const noexcept requires(N == 6) {
+    constexpr int kHalvings = 10;
+    double left = h, piece = h;
+    for (int halvings = 0; left > 0.0;) {
+      piece = std::min(piece, left);
+      if (series(m, f, piece, halvings == kHalvings)) {
+        left -= piece;
+      } else {
+        piece *= 0.5;
+        ++halvings;
+      }
+    }
+    return m;
+  }
+
   /// Moved by a displacement (N = 6: translation and rotation vector) and a change of p.
   [[nodiscard]] static Motion moved(const Motion& m, const Vector& by, const Vector& dp) noexcept {
     if constexpr (N == 6) {
@@ -178,6 +199,64 @@ class Body {
     if constexpr (N == 6) return i < 3 ? mass_ : inertia_.minCoeff();
     (void)i;
     return 1.0;
+  }
+
+  /// One Taylor series of flight(). False, and m unchanged, where it has not converged and need not be accepted.
+  [[nodiscard]] bool series(Motion& m, const Vector& f, double h, bool accept) const noexcept requires(N == 6) {
+    constexpr std::size_t kTerms = 24;
+    constexpr double kRounding = 1e-17;
+    const Eigen::Matrix3d& R = m.at.R;
+    // Coefficients of (s/h)^k for s of 0 to h; l = J ω.
+    std::array<Eigen::Vector3d, kTerms> l, w, t, q;
+    std::array<double, kTerms> q0;
+    l[0] = R.transpose() * m.p.angular;
+    w[0] = l[0].cwiseQuotient(inertia_);
+    t[0] = R.transpose() * f.angular;
+    q[0].setZero(), q0[0] = 1.0;
+    Eigen::Vector3d term = m.p.linear / mass_, v = term, x = Eigen::Vector3d::Zero(), spin = w[0], axis = q[0];
+    double real = 1.0, spin_size = spin.lpNorm<1>(), speed_size = v.lpNorm<1>();
+    bool small = false;
+    for (std::size_t k = 0; k + 1 < kTerms; ++k) {
+      Eigen::Vector3d l_rate = t[k] - rotational_damping_ * w[k];
+      Eigen::Vector3d t_rate = Eigen::Vector3d::Zero(), q_rate = Eigen::Vector3d::Zero();
+      double q0_rate = 0.0;
+      for (std::size_t i = 0; i <= k; ++i) {
+        l_rate += l[i].cross(w[k - i]);
+        t_rate += t[i].cross(w[k - i]);
+        q_rate += q0[i] * w[k - i] + q[i].cross(w[k - i]);
+        q0_rate -= q[i].dot(w[k - i]);
+      }
+      const std::size_t n = k + 1;
+      const double step = h / static_cast<double>(n);
+      l[n] = step * l_rate;
+      w[n] = l[n].cwiseQuotient(inertia_);
+      t[n] = step * t_rate;
+      q[n] = 0.5 * step * q_rate;
+      q0[n] = 0.5 * step * q0_rate;
+      x += step * term;
+      term *= -step * damping_ / mass_;
+      if (k == 0) term += step / mass_ * f.linear;
+      v += term;
+      spin += w[n];
+      axis += q[n];
+      real += q0[n];
+      spin_size += w[n].template lpNorm<1>();
+      speed_size += term.template lpNorm<1>();
+      // Two small terms in succession.
+      const bool was_small = small;
+      small = w[n].template lpNorm<1>() <= kRounding * spin_size &&
+              term.template lpNorm<1>() <= kRounding * speed_size &&
+              q[n].template lpNorm<1>() + std::abs(q0[n]) <= kRounding;
+      if ((small && was_small) || (accept && n + 1 == kTerms)) {
+        Eigen::Quaterniond to = m.at.x.attitude() * Eigen::Quaterniond{real, axis.x(), axis.y(), axis.z()};
+        to.coeffs() *= 1.5 - 0.5 * to.squaredNorm();
+        const Vector p{mass_ * v, m.p.angular + h * f.angular};
+        m = {Position<6>{m.at.x.translation() + x, to}, p};
+        if (rotational_damping_ != 0.0) m.p.angular = m.at.R * inertia_.cwiseProduct(spin);
+        return true;
+      }
+    }
+    return false;
   }
 
   /// Rates under the force f. `pick` as for_each_contact has it; tell(index, contact) is called for each

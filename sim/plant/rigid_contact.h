@@ -12,7 +12,8 @@ namespace twoport::sim {
 
 /// A body under a held force in an environment, integrated by classical Runge-Kutta steps that end where a contact
 /// begins or ends. The general case: curved surfaces, Coulomb friction, several walls, rigid bodies. A tick that needs
-/// more than kPieces such steps (friction on a light body) is integrated by RODAS with error control.
+/// more than kPieces such steps (friction on a light body) is integrated by RODAS with error control; a body that turns
+/// without contact by its Taylor series.
 template <int N>
 class RungeKuttaPlant {
  public:
@@ -109,9 +110,10 @@ class RungeKuttaPlant {
   }
 
  private:
-  static constexpr int kPieces = 256;    // of a tick, at most; what is faster is stiff
-  static constexpr int kCuts = 4;        // contacts that begin or end within one piece, each met on its own
-  static constexpr int kSteps = 20'000;  // of a stiff tick, at most
+  static constexpr int kPieces = 256;        // of a tick, at most; what is faster is stiff
+  static constexpr int kCuts = 4;            // contacts that begin or end within one piece, each met on its own
+  static constexpr int kSteps = 20'000;      // of a stiff tick, at most
+  static constexpr double kSlowTurn = 1e-3;  // [rad] in a step: below, Runge-Kutta errs by less than rounding
 
   /// Rate against which Coulomb friction asks for short steps [1/s]: 0.3 of that at which it damps the body at its
   /// present velocity; while the velocity hardly changes, what keeps a step stable (2 of a limit of 2.8).
@@ -166,6 +168,13 @@ class RungeKuttaPlant {
   /// another feature. Returns its length.
   double step(double h, bool may_cut) noexcept {
     const Contacts& among = may_cut ? s_.touched : any_;
+    if constexpr (N == 6) {
+      if (h * h * s_.slope.v.angular.squaredNorm() > kSlowTurn * kSlowTurn &&
+          std::all_of(among.begin(), among.end(), [](Feature f) { return f == kNone; })) {
+        const auto fly = [&](double part) { return body_.flight(s_.motion, s_.held, part); };
+        return finish(fly(h), h, may_cut, fly);
+      }
+    }
     const auto go = [&](double part) { return body_.runge_kutta(s_.motion, s_.slope, s_.held, among, part); };
     return finish(go(h), h, may_cut, go);
   }
