@@ -221,7 +221,7 @@ struct Bouncing {
 };
 
 TEST(Bounces, ManyInATickAreTheClosedForm) {
-  // 20 g on 1 MN/m, pressed with 60 N, touch every 0.8 ms: twelve times in a tick of 100 Hz.
+  // 20 g on 1 MN/m, pressed with 60 N, touch every millisecond: ten times in a tick of 100 Hz.
   const Bouncing exact{0.02, 1e6, 60.0, 0.5};
   auto r = robot<1>(
       "robot { mass_kg: 0.02 velocity_m_per_s: 0.5 } environment { wall { normal: -1 stiffness_n_per_m: 1e6 } }", 0.01);
