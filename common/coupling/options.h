@@ -1,6 +1,7 @@
 #pragma once
 
 #include <Eigen/Geometry>
+#include <cmath>
 #include <cstdint>
 #include <limits>
 #include <string>
@@ -54,6 +55,15 @@ struct ControlOptions {
   Seconds hold_after{0.1};                                       ///< silent link: coupled -> holding
   Seconds release_after{1.0};                                    ///< silent link: holding -> released
 };
+
+/// The options of a one-port controller at the handle, with what is known of the handle.
+inline ControllerOptions controller_at_the_handle(const ControlOptions& o) {
+  ControllerOptions c = o.controller;
+  c.mass_kg = o.handle_mass_kg;
+  if (o.handle_mass_kg > 0.0 && o.handle_inertia_kg_m2 > 0.0)
+    c.radius_of_gyration_m = std::sqrt(o.handle_inertia_kg_m2 / o.handle_mass_kg);
+  return c;
+}
 
 /// Is the force sensor's force displayed at the master, not the coupling's?
 inline bool returns_measured_force(const ControlOptions& o) {

@@ -1,3 +1,5 @@
+#include <numbers>
+
 #include "common/scene/blocks.h"
 #include "common/scene/names.h"
 
@@ -55,6 +57,8 @@ RegistrationOptions read_registration(const Block<schema::Registration>& of) {
 Method controller_of(schema::Passivity::Method method) {
   if (method == schema::Passivity::CLASSIC) return Method::classic;
   if (method == schema::Passivity::FORCE_PROJECTED) return Method::force_projected;
+  if (method == schema::Passivity::METRIC_DAMPING) return Method::metric_damping;
+  if (method == schema::Passivity::FORCE_CONE) return Method::force_cone;
   return Method::none;
 }
 
@@ -64,7 +68,8 @@ void read_passivity(const Block<schema::Passivity>& of, ControlOptions& options)
   options.controller = {.method = controller_of(method),
                         .max_gain = of.number(FIELD(max_gain), kNotNegative),
                         .unilateral = of.flag(FIELD(unilateral)),
-                        .predict = of.flag(FIELD(predict))};
+                        .predict = of.flag(FIELD(predict)),
+                        .max_turn_rad = of.number(FIELD(max_turn_deg), kAcute) * std::numbers::pi / 180.0};
   options.observer = of.choice<ObserverRule>(FIELD(observer));
   options.accounts = of.choice<Accounts>(FIELD(accounts));
   options.reference_energy = of.flag(FIELD(reference_energy));
@@ -73,7 +78,11 @@ void read_passivity(const Block<schema::Passivity>& of, ControlOptions& options)
 
   if (rendering && options.controller.method == Method::none && method != schema::Passivity::NONE)
     of.refuse(FIELD(method),
-              "be NONE, CLASSIC or FORCE_PROJECTED where control.architecture is RENDER: it needs a link");
+              "be NONE, CLASSIC, FORCE_PROJECTED, METRIC_DAMPING or FORCE_CONE where control.architecture is RENDER: "
+              "it needs a link");
+  if (!rendering &&
+      (options.controller.method == Method::metric_damping || options.controller.method == Method::force_cone))
+    of.refuse(FIELD(method), "be another value over a link: this one needs control.architecture RENDER");
   // Only a rendering knows its contacts and their potential.
   if (!rendering && options.accounts != Accounts::total)
     of.refuse(FIELD(accounts), "be TOTAL over a link; other accounts need control.architecture RENDER");

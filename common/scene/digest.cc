@@ -46,7 +46,7 @@ std::uint64_t scene_digest(const Scene& scene) {
                accounts, reference_energy, initial_energy, handle_mass, handle_inertia, max_force, engage, hold_after,
                release_after] = scene.control;
   const auto& [stiffness, damping, rotational_stiffness, rotational_damping, catch_up, drift_compensation] = coupling;
-  const auto& [method, max_gain, unilateral, predict] = controller;
+  const auto& [method, max_gain, max_mobility, unilateral, predict, mass, radius_of_gyration, max_turn] = controller;
   Digest digest;
   digest.add(scene.dof, scene.master_rate_hz, scene.slave_rate_hz);
   digest.add(architecture, force_scale, motion_scale, observer, accounts, reference_energy, initial_energy);
@@ -55,9 +55,9 @@ std::uint64_t scene_digest(const Scene& scene) {
   digest.add(absolute, rotation.w(), rotation.x(), rotation.y(), rotation.z());
   digest.add(position.x(), position.y(), position.z());
   digest.add(stiffness, damping, rotational_stiffness, rotational_damping, catch_up, drift_compensation);
-  static_cast<void>(method);
+  static_cast<void>(method), static_cast<void>(mass), static_cast<void>(radius_of_gyration);
   digest.add(method_name);
-  digest.add(max_gain, unilateral, predict);
+  digest.add(max_gain, max_mobility, unilateral, predict, max_turn);
   return digest.value();
 }
 

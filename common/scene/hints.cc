@@ -2,6 +2,7 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <array>
 #include <cmath>
 #include <iterator>
@@ -76,6 +77,30 @@ bool delays(const ImpairmentOptions& way) {
   return way.delay_s > 0.0 || way.jitter_s > 0.0 || !way.recorded_delay_s.empty();
 }
 
+/// A mass held by a sampled spring-damper, F = -K x - B v held for T, is stable where the eigenvalues of
+///
+///     A = [1 - l K, h - l B; -g K, a - g B],   a = e^(-bT/m), g = (1 - a)/b, h = m g, l = (T - h)/b
+///
+/// lie inside the unit circle: |det A| < 1 and |tr A| < 1 + det A (Jury). Without b: KT/2 < B < 2m/T.
+bool sampled_spring_is_stable(double mass, double own_damping, double stiffness, double damping, double period) {
+  const double b = std::max(own_damping, 1e-6 * mass / period);
+  const double a = std::exp(-b * period / mass), g = -std::expm1(-b * period / mass) / b, h = mass * g;
+  const double l = (period - h) / b;
+  const double trace = 1.0 - l * stiffness + a - g * damping;
+  const double det = (1.0 - l * stiffness) * (a - g * damping) + (h - l * damping) * g * stiffness;
+  return std::abs(det) < 1.0 && std::abs(trace) < 1.0 + det;
+}
+
+/// Is the robot unstable on the virtual coupling alone? The sampled coupling then generates energy at the robot's port,
+/// where no controller acts.
+bool coupling_feeds_robot(const Scene& s) {
+  if (!has_link(s) || !s.robot || s.robot->mass_kg <= 0.0 || !s.expect.stable.value_or(true)) return false;
+  const CouplingOptions& c = s.control.coupling;
+  return c.stiffness_n_per_m > 0.0 &&
+         !sampled_spring_is_stable(s.robot->mass_kg, s.robot->damping_n_s_per_m, c.stiffness_n_per_m,
+                                   c.damping_n_s_per_m, 1.0 / s.slave_rate_hz);
+}
+
 struct Hint {
   bool (*applies)(const Scene&);
   std::string (*sentence)(const Scene&);
@@ -101,6 +126,17 @@ constexpr Hint kHints[] = {
        return "control.passivity.method is NONE and the link delays: the loop may be unstable; FORCE_PROJECTED or "
               "CLASSIC "
               "keeps it passive";
+     }},
+    {coupling_feeds_robot,
+     [](const Scene& s) {
+       const CouplingOptions& c = s.control.coupling;
+       return fmt::format(
+           "control.virtual_coupling makes the robot unstable, whatever the link does: robot.mass_kg {:g} on {:g} N/m "
+           "at "
+           "{:g} Hz needs a damping between about {:.3g} and {:.3g} N s/m, and damping_n_s_per_m is {:g}",
+           s.robot->mass_kg, c.stiffness_n_per_m, s.slave_rate_hz,
+           std::max(0.0, 0.5 * c.stiffness_n_per_m / s.slave_rate_hz - s.robot->damping_n_s_per_m),
+           2.0 * s.robot->mass_kg * s.slave_rate_hz, c.damping_n_s_per_m);
      }},
 };
 

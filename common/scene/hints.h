@@ -8,7 +8,7 @@
 namespace twoport {
 
 /// What in a valid scene is probably not meant, one sentence each: lengths that look like millimetres, a simulated handle
-/// that nobody holds, a delayed link without passivity control. Programs print them; they change no exit status.
+/// that nobody holds, a delayed link without passivity control, a virtual coupling that the robot cannot hold. Programs print them; they change no exit status.
 std::vector<std::string> hints(const Scene& scene, bool device_is_simulated = true);
 
 }  // namespace twoport

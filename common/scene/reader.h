@@ -26,6 +26,7 @@ struct Rule {
 // Beyond 1e18 a sum of squares may exceed the range of a double.
 inline constexpr Rule kFinite{[](double v) { return std::isfinite(v); }, "be a finite number"};
 inline constexpr Rule kPositive{[](double v) { return v > 0.0 && v <= 1e18; }, "be > 0 and at most 1e18"};
+inline constexpr Rule kAcute{[](double v) { return v >= 0.0 && v < 90.0; }, "be >= 0 and < 90"};
 inline constexpr Rule kNotNegative{[](double v) { return v >= 0.0 && v <= 1e18; }, "be >= 0 and at most 1e18"};
 inline constexpr Rule kProbability{[](double v) { return v >= 0.0 && v <= 1.0; }, "be between 0 and 1"};
 inline constexpr Rule kRate{[](double v) { return v > 0.0 && v <= 1e5; }, "be > 0 and at most 100000"};

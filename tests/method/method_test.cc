@@ -231,7 +231,10 @@ INSTANTIATE_TEST_SUITE_P(Of, EverySwitch, testing::ValuesIn(pairs()), [](const a
 
 TEST(Catalogue, NamesOfMethodsAreTheSchemasAndUnknownOnesAreRefused) {
   const auto* values = schema::Passivity::Method_descriptor();
-  EXPECT_EQ(values->value_count(), static_cast<int>(names(Methods{}).size()));
+  const std::vector<std::string> rendering_only{"METRIC_DAMPING", "FORCE_CONE"};
+  EXPECT_EQ(values->value_count(), static_cast<int>(names(Methods{}).size() + rendering_only.size()));
+  for (const std::string& name : rendering_only)
+    EXPECT_THROW(parse_scene("dof: 1 duration_s: 1 control { passivity { method: " + name + " } }", "m"), ConfigError);
   for (const std::string& name : names(Methods{}))
     EXPECT_EQ(
         parse_scene("dof: 1 duration_s: 1 control { passivity { method: " + name + " } } robot { mass_kg: 1 }", "m")

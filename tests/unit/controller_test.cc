@@ -22,7 +22,8 @@ constexpr Seconds kPeriod{5e-4};
 constexpr double kUncapped = std::numeric_limits<double>::infinity();
 
 ControllerOptions options(Method method, double max_gain = kUncapped) {
-  return {.method = method, .max_gain = max_gain, .unilateral = false, .predict = true};
+  return {
+      .method = method, .max_gain = max_gain, .max_mobility_m_per_n_s = max_gain, .unilateral = false, .predict = true};
 }
 
 template <int Size>
@@ -382,15 +383,167 @@ TYPED_TEST(Controller, IsFiniteWhateverTheSizesAndDirections) {
                         a * (slope * this->along() + this->across() * (1.0 - std::abs(slope)))};
                     const typename TestFixture::In in{b * this->along()};
                     const Budget budget{Energy{available}, Energy{rise}};
-                    const auto c = passivity_controller(
-                        wanted, in, budget,
-                        {.method = method, .max_gain = gain, .unilateral = unilateral, .predict = predict}, kPeriod);
+                    const auto c = passivity_controller(wanted, in, budget,
+                                                        {.method = method,
+                                                         .max_gain = gain,
+                                                         .max_mobility_m_per_n_s = gain,
+                                                         .unilateral = unilateral,
+                                                         .predict = predict},
+                                                        kPeriod);
                     const bool good = c.out.finite() && std::isfinite(c.dissipated.si()) &&
                                       std::isfinite(c.undissipated.si()) && c.undissipated.si() >= 0.0 &&
                                       c.dissipated.si() >= 0.0;
                     ASSERT_TRUE(good) << "gain " << gain << " available " << available << " rise " << rise << " |out| "
                                       << a << " |in| " << b << " slope " << slope;
                   }
+}
+
+// --- in the metric of the handle's inertia -------------------------------------------------------------
+
+/// A mass with inertia, pushed by a held force for one period: displacement = (V - T M⁻¹F/2) T.
+template <int N>
+struct Handle {
+  double mass_kg, radius_m;
+  typename Force<N>::Vector displacement(const Velocity<N>& v, const typename Force<N>::Vector& f) const {
+    const typename Force<N>::Vector acceleration = dual_in_metric(Force<N>{f}, radius_m) / mass_kg;
+    return (v.vec() - 0.5 * kPeriod.si() * acceleration) * kPeriod.si();
+  }
+  double kinetic(const Velocity<N>& v) const { return 0.5 * mass_kg * squared_norm_in_metric(v, radius_m); }
+};
+
+template <class Size>
+class InMetric : public Controller<Impedance<Size::value>> {
+ public:
+  static constexpr int kDof = Size::value;
+  const Handle<kDof> handle{0.2, kDof == 6 ? 0.02 : 1.0};
+  ControllerOptions options(Method method, double turn_rad = 0.0) const {
+    return {.method = method,
+            .max_gain = kUncapped,
+            .mass_kg = 0.2,
+            .radius_of_gyration_m = handle.radius_m,
+            .max_turn_rad = turn_rad};
+  }
+  /// Energy that `correction` alone takes out of the handle in one period.
+  double taken(const Velocity<kDof>& v, const typename Force<kDof>::Vector& correction) const {
+    return correction.dot(handle.displacement(v, correction));
+  }
+  double angle(const Force<kDof>& a, const Force<kDof>& b) const {
+    const auto inner = [&](const Force<kDof>& p, const Force<kDof>& q) {
+      return p.vec().dot(dual_in_metric(q, handle.radius_m));
+    };
+    return std::acos(std::clamp(inner(a, b) / std::sqrt(inner(a, a) * inner(b, b)), -1.0, 1.0));
+  }
+};
+TYPED_TEST_SUITE(InMetric, test::Sizes, test::SizeName);
+
+TYPED_TEST(InMetric, DampingTakesTheEnergyDueOrTheKineticEnergy) {
+  constexpr int kN = TestFixture::kDof;
+  int all = 0;
+  for (int i = 0; i < 2000; ++i) {
+    const Force<kN> wanted{this->random()};
+    const Velocity<kN> v{this->random(0.1)};
+    const double due = this->uniform(0.0, 2.0) * this->handle.kinetic(v);
+    const auto c = passivity_controller(wanted, v, Budget{Energy{-due}, (dot(wanted, v) * kPeriod)},
+                                        this->options(Method::metric_damping), kPeriod);
+    const double expected = std::min(due, this->handle.kinetic(v));
+    all += due > expected;
+    // 1e-12 of the kinetic energy: one square root.
+    ASSERT_NEAR(this->taken(v, c.out.vec() - wanted.vec()), expected, 1e-12 * this->handle.kinetic(v));
+  }
+  EXPECT_GT(all, 500);
+}
+
+TYPED_TEST(InMetric, AConeTurnsTheForceByNoMoreThanItsAngle) {
+  constexpr int kN = TestFixture::kDof;
+  int cut = 0;
+  for (int i = 0; i < 5000; ++i) {
+    const Force<kN> wanted{this->random()};
+    const Velocity<kN> v{this->random(0.1)};
+    const double turn = this->uniform(0.01, 1.0);
+    const Budget budget{Energy{-this->uniform(0.0, 1e-3)}, Energy{}};
+    const auto metric = passivity_controller(wanted, v, budget, this->options(Method::metric_damping), kPeriod);
+    const auto cone = passivity_controller(wanted, v, budget, this->options(Method::force_cone, turn), kPeriod);
+    if (cone.out.squared_norm() < 1e-12) continue;
+    // acos resolves 1.5e-8 rad near zero.
+    ASSERT_LE(this->angle(cone.out, wanted), turn + 1e-7);
+    if (this->angle(metric.out, wanted) < turn - 1e-7) {
+      ASSERT_LE((cone.out.vec() - metric.out.vec()).norm(), 1e-12 * metric.out.vec().norm());
+    } else {
+      ++cut;
+    }
+  }
+  EXPECT_EQ(cut > 100, kN > 1) << cut;
+}
+
+// At a right angle a projected force does no work; the cone's edge does, as far as its angle goes.
+TYPED_TEST(InMetric, AConeTakesEnergyWhereForceIsAcrossVelocity) {
+  constexpr int kN = TestFixture::kDof;
+  if constexpr (kN > 1) {
+    const Force<kN> wanted{10.0 * this->along()};
+    const Velocity<kN> v{0.1 * TestFixture::Vector::Unit(1)};
+    const Budget budget{Energy{-1e-5}, Energy{}};
+    const auto projected = passivity_controller(wanted, v, budget, this->options(Method::force_projected), kPeriod);
+    EXPECT_EQ(projected.out.vec(), wanted.vec());
+    const auto wide = passivity_controller(wanted, v, budget, this->options(Method::force_cone, 0.1), kPeriod);
+    EXPECT_NEAR(this->taken(v, wide.out.vec() - wanted.vec()), 1e-5, 1e-12);
+    const auto narrow = passivity_controller(wanted, v, budget, this->options(Method::force_cone, 0.001), kPeriod);
+    EXPECT_NEAR(this->angle(narrow.out, wanted), 0.001, 1e-7);
+    EXPECT_GT(this->taken(v, narrow.out.vec() - wanted.vec()), 0.0);
+  }
+}
+
+// Millimetres for metres: v and f/m grow by 1000, forces of mass x length too; torque and energy by 1e6, ρ by 1000.
+TEST(InTheMetric, NothingDependsOnTheUnitOfLength) {
+  constexpr double kUnit = 1000.0;
+  std::mt19937_64 rng{7};
+  std::normal_distribution<double> normal;
+  const auto random = [&] {
+    return Eigen::Matrix<double, 6, 1>::NullaryExpr([&](Eigen::Index) { return normal(rng); }).eval();
+  };
+  const auto scaled = [](Eigen::Matrix<double, 6, 1> x, double linear, double angular) {
+    x.head<3>() *= linear, x.tail<3>() *= angular;
+    return x;
+  };
+  for (const Method method : {Method::classic, Method::force_projected, Method::metric_damping, Method::force_cone})
+    for (int i = 0; i < 200; ++i) {
+      const Eigen::Matrix<double, 6, 1> f = random(), v = random();
+      const Energy owed{-1e-3 * std::abs(normal(rng))};
+      ControllerOptions o{.method = method, .mass_kg = 0.2, .radius_of_gyration_m = 0.02, .max_turn_rad = 0.1};
+      const auto metres = passivity_controller(Force<6>{f}, Velocity<6>{v}, Budget{owed, Energy{}}, o, kPeriod);
+      o.radius_of_gyration_m *= kUnit;
+      const auto millimetres =
+          passivity_controller(Force<6>{scaled(f, kUnit, kUnit * kUnit)}, Velocity<6>{scaled(v, kUnit, 1.0)},
+                               Budget{kUnit * kUnit * owed, Energy{}}, o, kPeriod);
+      ASSERT_LE((scaled(metres.out.vec(), kUnit, kUnit * kUnit) - millimetres.out.vec()).norm(),
+                1e-9 * millimetres.out.vec().norm())
+          << static_cast<int>(method);
+    }
+}
+
+// --- the limit at an admittance --------------------------------------------------------------------------
+
+/// A 50 g admittance with a constant push, held by a grip of 5 kN/m: a mobility of 10 m/(N s) at 2 kHz is 25 times
+/// what the sampled grip can hold, 2/(K T).
+TEST(LimitAtAnAdmittance, KeepsAStiffGripStable) {
+  const auto largest = [](double max_mobility) {
+    constexpr double kGrip_n_per_m = 5000.0, kMass_kg = 0.05;
+    ControllerOptions o{.method = Method::classic, .max_mobility_m_per_n_s = max_mobility};
+    double v = 0.3, x = 0.0, most = 0.0;
+    Observer<1> observer{Energy{-1e6}};  // a deficit that lasts
+    for (int k = 0; k < 4000; ++k) {
+      const Force<1> f{Eigen::Matrix<double, 1, 1>{-kGrip_n_per_m * x}};  // of the grip on the element
+      v += f[0] / kMass_kg * kPeriod.si();
+      const auto c = passivity_controller(Velocity<1>{Eigen::Matrix<double, 1, 1>{v}}, f,
+                                          Budget{observer.energy(), Energy{}}, o, kPeriod);
+      x += c.out[0] * kPeriod.si();
+      observer.book(0, dot(c.out, f) * kPeriod);
+      most = std::max(most, std::abs(x));
+      if (!(most < 1e3)) break;
+    }
+    return most;
+  };
+  EXPECT_LT(largest(ControllerOptions{}.max_mobility_m_per_n_s), 0.01);
+  EXPECT_GT(largest(10.0), 1.0);
 }
 
 // --- reference energy ----------------------------------------------------------------------------

@@ -34,6 +34,7 @@ class Rendering {
   /// With the accounts of `o`; allocates here only.
   Rendering(const ControlOptions& o, Environment<N> environment)
       : options_{o},
+        controller_{controller_at_the_handle(o)},
         environment_{std::move(environment)},
         accounts_(static_cast<std::size_t>(accounts(o, environment_))),
         observer_{o.initial_energy, accounts(o, environment_)} {}
@@ -51,7 +52,7 @@ class Rendering {
       const Budget budget = options_.reference_energy ? Budget{energy - a.potential, a.next_potential - a.potential}
                                                       : Budget{energy, Energy{}};
       const Force<N> wanted{a.on_environment};
-      const Corrected<Force<N>> part = passivity_controller(wanted, port.v, budget, options_.controller, dt);
+      const Corrected<Force<N>> part = passivity_controller(wanted, port.v, budget, controller_, dt);
       a.held = part.out;
       out.wanted += wanted;
       out.command += part.out;
@@ -153,6 +154,7 @@ class Rendering {
   }
 
   ControlOptions options_;
+  ControllerOptions controller_;
   Environment<N> environment_;
   std::vector<Account> accounts_;
   Observer<kAnyCapacity> observer_;

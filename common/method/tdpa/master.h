@@ -28,7 +28,7 @@ template <int N>
 class TdpaMaster {
  public:
   explicit TdpaMaster(const ControlOptions& o)
-      : controller_{o.controller},
+      : controller_{controller_at_the_handle(o)},
         observer_{o.observer},
         initial_{o.initial_energy},
         measured_{returns_measured_force(o)},

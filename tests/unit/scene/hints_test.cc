@@ -39,6 +39,29 @@ TEST(Hints, SayThatNobodyHoldsAHandleOverALink) {
   EXPECT_EQ(hints(scene_of(free, {"device.position_m=30"}), false).size(), 1U);
 }
 
+// Known boundaries of a mass m on a sampled spring-damper: B = 2m/T and, with no damping of its own, B = KT/2.
+TEST(Hints, SayThatTheCouplingAloneMakesTheRobotUnstable) {
+  const std::string scene =
+      "dof: 1 duration_s: 1 rate_hz: 1000 operator {} device { mass_kg: 0.1 } robot { mass_kg: 0.5 damping_n_s_per_m: "
+      "0 }";
+  const auto count = [&](double stiffness, double damping, double own = 0.0) {
+    return hints(scene_of(scene, {"control.virtual_coupling.stiffness_n_per_m=" + std::to_string(stiffness),
+                                  "control.virtual_coupling.damping_n_s_per_m=" + std::to_string(damping),
+                                  "robot.damping_n_s_per_m=" + std::to_string(own)}))
+        .size();
+  };
+  EXPECT_EQ(count(1000.0, 999.0), 0U);
+  EXPECT_EQ(count(1000.0, 1001.0), 1U);
+  EXPECT_EQ(count(20000.0, 10.1), 0U);
+  EXPECT_EQ(count(20000.0, 9.9), 1U);
+  EXPECT_EQ(count(20000.0, 9.9, 1.0), 0U);
+  EXPECT_EQ(count(0.0, 0.0), 0U);
+  EXPECT_EQ(hints(scene_of(scene, {"control.virtual_coupling.damping_n_s_per_m=2000"})),
+            Sentences{"control.virtual_coupling makes the robot unstable, whatever the link does: robot.mass_kg 0.5 on "
+                      "1000 N/m at 1000 Hz needs a damping between about 0.5 and 1e+03 N s/m, and damping_n_s_per_m is "
+                      "2000"});
+}
+
 TEST(Hints, SayThatADelayedLinkWithoutPassivityControlMayBeUnstable) {
   const Sentences expected{
       "control.passivity.method is NONE and the link delays: the loop may be unstable; FORCE_PROJECTED or CLASSIC "
