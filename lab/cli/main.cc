@@ -16,6 +16,7 @@ using namespace twoport;
 std::vector<lab::Subcommand> add_commands(CLI::App& app) {
   std::vector<lab::Subcommand> all{lab::add_run_command(app), lab::add_boundary_command(app)};
   for (lab::Subcommand& each : lab::add_sweep_commands(app)) all.push_back(std::move(each));
+  for (lab::Subcommand& each : lab::add_map_commands(app)) all.push_back(std::move(each));
   all.push_back(lab::add_zwidth_command(app));
   all.push_back(lab::add_chart_command(app));
   all.push_back(lab::add_impedance_command(app));

@@ -1,0 +1,155 @@
+#include <fmt/format.h>
+
+#include <cstdio>
+#include <memory>
+#include <string>
+
+#include "common/base/check.h"
+#include "common/base/file.h"
+#include "common/record/summary.h"
+#include "common/scene/load.h"
+#include "lab/cli/commands.h"
+#include "lab/plot/compare_picture.h"
+#include "lab/plot/map_picture.h"
+#include "lab/study/cells.h"
+#include "lab/study/compare.h"
+#include "lab/study/map.h"
+#include "lab/study/parallel.h"
+
+namespace twoport::lab {
+namespace {
+
+/// "a,b" or start:stop:count, as for --vary.
+std::vector<double> values_of(const std::string& option, const std::string& spec) {
+  std::vector<double> all;
+  for (const std::string& value : parse_axis(option + "=" + spec, option).values) {
+    try {
+      std::size_t used = 0;
+      all.push_back(std::stod(value, &used));
+      if (used == value.size()) continue;
+    } catch (const std::exception&) {
+    }
+    throw ConfigError{fmt::format("{}: {} is not a number", option, value)};
+  }
+  return all;
+}
+
+std::vector<std::string> words_of(const std::string& option, const std::string& spec) {
+  return spec.empty() ? std::vector<std::string>{} : parse_axis(option + "=" + spec, option).values;
+}
+
+struct MapArguments {
+  MapOptions map;
+  std::string methods, round_trips, losses, bursts, stiffnesses, out;
+};
+
+int map_command(MapArguments& a) {
+  a.map.methods = words_of("--methods", a.methods);
+  const auto take = [](const char* option, const std::string& spec, std::vector<double>& into) {
+    if (!spec.empty()) into = values_of(option, spec);
+  };
+  take("--round-trip-ms", a.round_trips, a.map.round_trips_ms);
+  take("--loss", a.losses, a.map.losses);
+  take("--burst-packets", a.bursts, a.map.bursts_packets);
+  take("--stiffness", a.stiffnesses, a.map.stiffnesses_n_per_m);
+  if (!a.out.empty()) make_folder(a.out);
+  const Map map = make_map(a.map, show_progress);
+  std::fputs(to_text(map).c_str(), stdout);
+  if (a.out.empty()) return 0;
+  write_whole(a.out + "/table.csv", to_csv(map));
+  fmt::print("{}/table.csv: {} rows\n{}\n", a.out, map.cells.size(), draw(map, a.out));
+  return 0;
+}
+
+Subcommand add_map(CLI::App& app) {
+  const auto a = std::make_shared<MapArguments>();
+  a->map.jobs = all_cores();
+  CLI::App* map = app.add_subcommand("map", "Where each method holds: round trip, loss and stiffness varied");
+  map->add_option("--scene", a->map.scene, "Another scene than scenes/map.textproto, which is built in");
+  add_list(map, "--set", a->map.set, "PATH=VALUE, before those that the map sets");
+  map->add_option("--methods", a->methods, "NAME,NAME; all of them if absent");
+  map->add_option("--round-trip-ms", a->round_trips, "Values as for sweep --vary; half of it each way");
+  map->add_option("--loss", a->losses, "Probability each way");
+  map->add_option("--burst-packets", a->bursts, "Mean number of packets lost in a row; 1: independent");
+  map->add_option("--stiffness", a->stiffnesses, "Of the environment [N/m]");
+  map->add_option("--seeds", a->map.seeds, "Runs per cell, with seeds counted up from the scene's")
+      ->capture_default_str();
+  map->add_option("--out", a->out, "Folder for table.csv and the pictures");
+  add_jobs(map, a->map.jobs);
+  map->footer(
+      R"(A method holds in a place where every seed is stable and quiet and at least half of the force is pressed that the
+same scene presses without delay and loss. The error is the root of the sum of squares of felt-force error, missing
+force, drag in free space and chatter [N]; best is the method with the least.)");
+  return {map, [a] { return map_command(*a); }};
+}
+
+struct RecommendArguments {
+  double delay_ms = 0.0, loss = 0.0, stiffness = 0.0, burst = 1.0;
+  int seeds = 3, jobs = 1;
+};
+
+int recommend_command(const RecommendArguments& a) {
+  const Map map = make_map({.scene = {},
+                            .set = {},
+                            .methods = {},
+                            .round_trips_ms = {2.0 * a.delay_ms},
+                            .losses = {a.loss},
+                            .bursts_packets = {a.burst},
+                            .stiffnesses_n_per_m = {a.stiffness},
+                            .seeds = a.seeds,
+                            .jobs = a.jobs});
+  const Recommendation found = recommend(map);
+  fmt::print("{}: {}\n", found.method, found.why);
+  return 0;
+}
+
+Subcommand add_recommend(CLI::App& app) {
+  const auto a = std::make_shared<RecommendArguments>();
+  a->jobs = all_cores();
+  CLI::App* recommend = app.add_subcommand("recommend", "The method for a network and a wall, by running them all");
+  recommend->add_option("--delay-ms", a->delay_ms, "One way")->required();
+  recommend->add_option("--loss", a->loss, "Probability each way")->required();
+  recommend->add_option("--stiffness", a->stiffness, "Of the environment [N/m]")->required();
+  recommend->add_option("--burst-packets", a->burst, "Mean number of packets lost in a row")->capture_default_str();
+  recommend->add_option("--seeds", a->seeds, "Runs per method")->capture_default_str();
+  add_jobs(recommend, a->jobs);
+  recommend->footer(
+      "Prints one line: NAME: why. The scene is that of `map`: one axis of an ordinary hand, device and robot.");
+  return {recommend, [a] { return recommend_command(*a); }};
+}
+
+struct CompareArguments {
+  CompareOptions compare;
+  std::string methods;
+};
+
+int compare_command(CompareArguments& a) {
+  a.compare.methods = words_of("--methods", a.methods);
+  if (!a.compare.out.empty()) make_folder(a.compare.out);
+  const Comparison all = compare(a.compare);
+  std::fputs(to_text(all).c_str(), stdout);
+  if (a.compare.out.empty()) return 0;
+  write_whole(a.compare.out + "/table.csv", to_csv(all));
+  fmt::print("{}/table.csv: {} methods\n{}\n", a.compare.out, all.methods.size(), draw(all, a.compare.out));
+  return 0;
+}
+
+Subcommand add_compare(CLI::App& app) {
+  const auto a = std::make_shared<CompareArguments>();
+  a->compare.jobs = all_cores();
+  CLI::App* compare =
+      app.add_subcommand("compare", "Every method on one scene: a table, and their traces in one picture");
+  add_scene(compare, a->compare.scene, a->compare.set);
+  compare->add_option("--methods", a->methods, "NAME,NAME; all of them if absent");
+  compare->add_option("--out", a->compare.out, "Folder for table.csv and the picture");
+  add_jobs(compare, a->compare.jobs);
+  return {compare, [a] { return compare_command(*a); }};
+}
+
+}  // namespace
+
+std::vector<Subcommand> add_map_commands(CLI::App& app) {
+  return {add_compare(app), add_map(app), add_recommend(app)};
+}
+
+}  // namespace twoport::lab

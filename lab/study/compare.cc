@@ -1,0 +1,94 @@
+#include "lab/study/compare.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <optional>
+#include <utility>
+
+#include "common/base/check.h"
+#include "common/base/file.h"
+#include "common/scene/load.h"
+#include "lab/run.h"
+#include "lab/study/cells.h"
+#include "lab/study/map.h"
+#include "lab/study/parallel.h"
+#include "lab/study/sweep.h"
+
+namespace twoport::lab {
+
+Comparison compare(const CompareOptions& o) {
+  Comparison all{.scene = {}, .dof = 0, .methods = o.methods.empty() ? all_methods() : o.methods, .summaries = {}};
+  std::vector<Scene> scenes;
+  for (const std::string& method : all.methods) {
+    std::vector<std::string> set = o.set;
+    set.push_back("control.passivity.method=" + method);
+    scenes.push_back(load_scene(o.scene, set));
+  }
+  all.scene = scenes.front().name;
+  all.dof = scenes.front().dof;
+  all.summaries.resize(scenes.size());
+  for_each_parallel(scenes.size(), o.jobs, [&](std::size_t i) {
+    if (o.out.empty()) {
+      all.summaries[i] = run(scenes[i]);
+      return;
+    }
+    const std::string folder = o.out + "/" + all.methods[i];
+    make_folder(folder);
+    WholeFile trace{folder + "/trace.csv"};
+    all.summaries[i] = run(scenes[i], {.trace = &trace, .verdict = VerdictFrom::tail});
+    trace.commit();
+    leave_summary(all.summaries[i], folder);
+  });
+  return all;
+}
+
+std::string to_csv(const Comparison& all) {
+  std::string csv = "method";
+  std::vector<std::string> names = figures();
+  for (const std::string& name : names) csv += "," + name;
+  csv += ",verdict_kind,verdict\n";
+  for (std::size_t m = 0; m < all.methods.size(); ++m) {
+    csv += all.methods[m];
+    const auto of = numbers(all.summaries[m]);
+    for (const std::string& name : names) {
+      const auto found = std::find_if(of.begin(), of.end(), [&](const auto& each) { return each.first == name; });
+      csv += found == of.end() || !std::isfinite(found->second) ? "," : fmt::format(",{}", found->second);
+    }
+    csv += fmt::format(",{},\"{}\"\n", all.summaries[m].verdict_kind(), all.summaries[m].verdict());
+  }
+  return csv;
+}
+
+std::string to_text(const Comparison& all) {
+  struct Column {
+    const char *title, *figure;
+    double scale;
+  };
+  constexpr Column kColumns[] = {{"pressed N", "environment_force_mean_n", 1.0},
+                                 {"felt err N", "felt_force_error_rms_n", 1.0},
+                                 {"held", "held_force_ratio", 1.0},
+                                 {"muted", "muted_share", 1.0},
+                                 {"drag N", "free_force_rms_n", 1.0},
+                                 {"chatter N", "chatter_rms_n", 1.0},
+                                 {"turned deg", "force_direction_error_rms_deg", 1.0},
+                                 {"drift mm", "drift_m", 1e3},
+                                 {"hand mJ", "hand_min_energy_j", 1e3},
+                                 {"both mJ", "two_port_min_energy_j", 1e3}};
+  std::string out = fmt::format("{}\n{:<26} {:<10}", all.scene, "method", "verdict");
+  for (const Column& c : kColumns) out += fmt::format(" {:>10}", c.title);
+  out += '\n';
+  for (std::size_t m = 0; m < all.methods.size(); ++m) {
+    out += fmt::format("{:<26} {:<10}", all.methods[m], all.summaries[m].verdict_kind());
+    const auto of = numbers(all.summaries[m]);
+    for (const Column& c : kColumns) {
+      const auto found = std::find_if(of.begin(), of.end(), [&](const auto& each) { return each.first == c.figure; });
+      out += found == of.end() ? fmt::format(" {:>10}", "-") : fmt::format(" {:>10.3g}", c.scale * found->second);
+    }
+    out += '\n';
+  }
+  return out;
+}
+
+}  // namespace twoport::lab

@@ -1,0 +1,34 @@
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "common/record/summary.h"
+
+namespace twoport::lab {
+
+struct CompareOptions {
+  std::string scene;
+  std::vector<std::string> set;
+  std::vector<std::string> methods;  ///< empty: every method
+  int jobs = 1;
+  std::string out;  ///< folder; METHOD/summary.json and METHOD/trace.csv are written there; empty: nothing
+};
+
+/// One scene run with several methods.
+struct Comparison {
+  std::string scene;  ///< its name
+  int dof = 0;
+  std::vector<std::string> methods;
+  std::vector<Summary> summaries;  ///< one for each method
+};
+
+/// Throws ConfigError for an invalid scene or method, before anything runs.
+Comparison compare(const CompareOptions& options);
+
+/// A row for each method: its name, then every figure of the summary, then its texts.
+std::string to_csv(const Comparison& all);
+/// For people.
+std::string to_text(const Comparison& all);
+
+}  // namespace twoport::lab

@@ -1,0 +1,281 @@
+#include "lab/study/map.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <atomic>
+#include <chrono>
+#include <cmath>
+#include <iterator>
+#include <limits>
+#include <mutex>
+#include <variant>
+
+#include "common/base/check.h"
+#include "common/method/catalogue.h"
+#include "common/record/summary.h"
+#include "common/scene/load.h"
+#include "lab/run.h"
+#include "lab/study/parallel.h"
+
+namespace twoport::lab {
+namespace {
+
+constexpr const char* kMapScene =
+#include "lab/map_scene.inc"
+    ;
+constexpr double kNone = std::numeric_limits<double>::quiet_NaN();
+
+Scene scene_of(const MapOptions& o, std::vector<std::string> more = {}) {
+  more.insert(more.begin(), o.set.begin(), o.set.end());
+  return o.scene.empty() ? parse_scene(kMapScene, "the map's scene", more) : load_scene(o.scene, more);
+}
+
+/// A figure of a summary; NaN where it is absent.
+double figure(const std::vector<std::pair<std::string, double>>& of, const std::string& name) {
+  const auto found = std::find_if(of.begin(), of.end(), [&](const auto& each) { return each.first == name; });
+  return found == of.end() ? kNone : found->second;
+}
+
+double positive_or_zero(double value) {
+  return value > 0.0 ? value : 0.0;
+}
+
+MapCell cell_of(const std::string& method, const MapPlace& place, const std::vector<Summary>& of_seeds,
+                double reference_n) {
+  MapCell cell{};
+  cell.method = method;
+  cell.place = place;
+  std::vector<std::vector<std::pair<std::string, double>>> figures;
+  std::vector<double> pressed, error;
+  for (const Summary& s : of_seeds) {
+    figures.push_back(numbers(s));
+    const std::string& kind = s.verdict_kind();
+    ++(kind == "STABLE"     ? cell.stable
+       : kind == "RESTLESS" ? cell.restless
+       : kind == "UNSTABLE" ? cell.unstable
+                            : cell.undecided);
+    if (kind != "STABLE") continue;
+    const auto of = [&](const char* name) { return positive_or_zero(figure(figures.back(), name)); };
+    // A run without contact has pressed nothing.
+    const double force = of("environment_force_mean_n") * of("touching_share");
+    pressed.push_back(reference_n > 0.0 ? force / reference_n : kNone);
+    error.push_back(std::sqrt(std::pow(of("felt_force_error_rms_n"), 2) +
+                              std::pow(positive_or_zero(reference_n - force), 2) + std::pow(of("free_force_rms_n"), 2) +
+                              std::pow(of("chatter_rms_n"), 2)));
+  }
+  // Less pressed is worse; any other name has the largest value as the worst.
+  cell.pressed = pressed.empty() ? Spread{kNone, kNone, kNone} : spread("environment_force_mean_n", pressed);
+  cell.error_n = error.empty() ? Spread{kNone, kNone, kNone} : spread("error", error);
+  for (const std::string& name : map_figures()) {
+    std::vector<double> values;
+    for (const auto& each : figures) values.push_back(figure(each, name));
+    cell.figures.push_back(spread(name, values));
+  }
+  return cell;
+}
+
+std::vector<MapPlace> places_of(const MapOptions& o) {
+  std::vector<MapPlace> all;
+  for (const double round_trip : o.round_trips_ms)
+    for (const double loss : o.losses)
+      for (std::size_t b = 0; b < (loss > 0.0 ? o.bursts_packets.size() : 1); ++b)
+        for (const double stiffness : o.stiffnesses_n_per_m)
+          all.push_back({round_trip, loss, loss > 0.0 ? o.bursts_packets[b] : 1.0, stiffness});
+  return all;
+}
+
+void check(const MapOptions& o) {
+  const auto need = [](const char* option, const std::vector<double>& values, double low, double high) {
+    for (const double v : values)
+      if (!(v >= low && v <= high))
+        throw ConfigError{fmt::format("{} has {}; it must be between {} and {}", option, v, low, high)};
+    if (values.empty()) throw ConfigError{fmt::format("{} is empty; it needs a value", option)};
+  };
+  need("--round-trip-ms", o.round_trips_ms, 0.0, 1e5);
+  need("--loss", o.losses, 0.0, 0.99);
+  need("--burst-packets", o.bursts_packets, 1.0, 1e6);
+  need("--stiffness", o.stiffnesses_n_per_m, 1e-3, 1e9);
+  if (o.seeds < 1) throw ConfigError{fmt::format("--seeds is {}; it must be at least 1", o.seeds)};
+}
+
+}  // namespace
+
+const std::vector<std::string>& map_figures() {
+  static const std::vector<std::string> all{"environment_force_mean_n",
+                                            "felt_force_error_rms_n",
+                                            "held_force_ratio",
+                                            "muted_share",
+                                            "drift_m",
+                                            "position_error_rms_m",
+                                            "force_direction_error_rms_deg",
+                                            "chatter_rms_n",
+                                            "free_force_rms_n",
+                                            "penetration_max_m",
+                                            "hand_min_energy_j",
+                                            "two_port_min_energy_j",
+                                            "robot_min_energy_j",
+                                            "dissipated_j"};
+  return all;
+}
+
+std::vector<std::string> all_methods() {
+  std::vector<std::string> all;
+  const auto add = [&]<class M>() { all.insert(all.end(), std::begin(M::kNames), std::end(M::kNames)); };
+  [&]<class... Each>(TypeList<Each...>) { (add.template operator()<Each>(), ...); }(Methods{});
+  return all;
+}
+
+std::vector<std::string> map_overrides(const Scene& scene, const std::string& method, const MapPlace& p,
+                                       std::uint64_t seed) {
+  const double round_trip_s = 1e-3 * p.round_trip_ms;
+  std::vector<std::string> all{
+      "control.passivity.method=" + method, fmt::format("seed={}", seed),
+      fmt::format("environment[0].{}.stiffness_n_per_m={}", name(scene.environment.at(0)), p.stiffness_n_per_m)};
+  for (const char* way : {"to_slave", "to_master"}) {
+    all.push_back(fmt::format("{}.delay_ms={}", way, 0.5 * p.round_trip_ms));
+    if (p.burst_packets > 1.0 && p.loss > 0.0) {
+      // Two states: lost with r = 1/length to end, so that the share of the bad state p/(p + r) is the loss.
+      const double r = 1.0 / p.burst_packets;
+      all.push_back(fmt::format("{}.burst={{ p: {} r: {} }}", way, r * p.loss / (1.0 - p.loss), r));
+    } else {
+      all.push_back(fmt::format("{}.loss={}", way, p.loss));
+    }
+  }
+  double duration_s = scene.duration_s;
+  if (scene.operator_model)
+    for (std::size_t i = 0; i < scene.operator_model->path.size(); ++i)
+      if (const auto* hold = std::get_if<HoldSpec>(&scene.operator_model->path[i])) {
+        all.push_back(fmt::format("operator.path[{}].hold.duration_s={}", i, hold->duration_s + round_trip_s));
+        duration_s += round_trip_s;
+      }
+  all.push_back(fmt::format("duration_s={}", duration_s));
+  return all;
+}
+
+Map make_map(const MapOptions& o, const std::function<void(const Progress&)>& heard) {
+  check(o);
+  const Scene scene = scene_of(o);
+  if (scene.environment.empty() || scene.control.architecture == Architecture::render ||
+      scene.control.architecture == Architecture::uncontrolled)
+    throw ConfigError{fmt::format("{}: a map needs a link and an environment with a stiffness", o.scene)};
+  Map map{.scene = scene.name,
+          .methods = o.methods.empty() ? all_methods() : o.methods,
+          .places = places_of(o),
+          .reference_n = {},
+          .cells = {}};
+  // An unknown name is refused before anything runs.
+  for (const std::string& method : map.methods) scene_of(o, {"control.passivity.method=" + method});
+
+  const auto started = std::chrono::steady_clock::now();
+  std::mutex guard;
+  std::size_t done = 0;
+  const std::size_t count = map.methods.size() * map.places.size();
+  const auto run_one = [&](const std::string& method, const MapPlace& place, std::uint64_t seed) {
+    return run(scene_of(o, map_overrides(scene, method, place, seed)));
+  };
+
+  map.reference_n.resize(map.places.size());
+  for_each_parallel(map.places.size(), o.jobs, [&](std::size_t i) {
+    // The path is that of the place: its rests are as long.
+    Scene ideal = scene_of(o, map_overrides(scene, "NONE", map.places[i], scene.seed));
+    ideal.to_slave = ideal.to_master = {};
+    const auto numbers_of = numbers(run(ideal, {.verdict = VerdictFrom::plain}));
+    map.reference_n[i] = positive_or_zero(figure(numbers_of, "environment_force_mean_n")) *
+                         positive_or_zero(figure(numbers_of, "touching_share"));
+  });
+  map.cells.resize(count);
+  for_each_parallel(count, o.jobs, [&](std::size_t i) {
+    const std::string& method = map.methods[i / map.places.size()];
+    const std::size_t place = i % map.places.size();
+    std::vector<Summary> of_seeds;
+    for (int s = 0; s < o.seeds; ++s)
+      of_seeds.push_back(run_one(method, map.places[place], scene.seed + static_cast<std::uint64_t>(s)));
+    map.cells[i] = cell_of(method, map.places[place], of_seeds, map.reference_n[place]);
+    if (!heard) return;
+    const std::lock_guard lock{guard};
+    const std::chrono::duration<double> spent = std::chrono::steady_clock::now() - started;
+    heard({++done, 0, count, spent.count()});
+  });
+  return map;
+}
+
+std::size_t best_method(const Map& map, std::size_t place) {
+  std::size_t found = map.methods.size();
+  for (std::size_t m = 0; m < map.methods.size(); ++m)
+    if (map.at(m, place).holds() &&
+        (found == map.methods.size() || map.at(m, place).error_n.mean < map.at(found, place).error_n.mean))
+      found = m;
+  return found;
+}
+
+std::string to_csv(const Map& map) {
+  std::string csv =
+      "method,round_trip_ms,loss,burst_packets,stiffness_n_per_m,stable_seeds,restless_seeds,undecided_seeds,"
+      "unstable_seeds,holds,reference_force_n,pressed_share,pressed_share_sd,pressed_share_worst,error_n,error_n_sd,"
+      "error_n_worst";
+  for (const std::string& name : map_figures()) csv += fmt::format(",{0},{0}_sd,{0}_worst", name);
+  csv += '\n';
+  const auto number = [](double v) { return std::isfinite(v) ? fmt::format("{}", v) : std::string{}; };
+  const auto three = [&](const Spread& s) {
+    return fmt::format(",{},{},{}", number(s.mean), number(s.sd), number(s.worst));
+  };
+  for (std::size_t i = 0; i < map.cells.size(); ++i) {
+    const MapCell& c = map.cells[i];
+    csv += fmt::format("{},{},{},{},{},{},{},{},{},{},{}", c.method, c.place.round_trip_ms, c.place.loss,
+                       c.place.burst_packets, c.place.stiffness_n_per_m, c.stable, c.restless, c.undecided, c.unstable,
+                       c.holds() ? 1 : 0, map.reference_n[i % map.places.size()]);
+    csv += three(c.pressed) + three(c.error_n);
+    for (const Spread& each : c.figures) csv += three(each);
+    csv += '\n';
+  }
+  return csv;
+}
+
+std::string to_text(const Map& map) {
+  std::string out = fmt::format("{}: {} places, {} seeds each\n", map.scene, map.places.size(),
+                                map.cells.empty() ? 0 : map.cells[0].seeds());
+  out += fmt::format("{:<24} {:>7} {:>9} {:>9} {:>9} {:>7} {:>7} {:>9} {:>14}\n", "method", "stable", "restless",
+                     "undecided", "unstable", "holds", "best", "within 5 %", "least hand mJ");
+  std::vector<std::size_t> best_of;
+  for (std::size_t p = 0; p < map.places.size(); ++p) best_of.push_back(best_method(map, p));
+  const auto energy = static_cast<std::size_t>(
+      std::find(map_figures().begin(), map_figures().end(), "hand_min_energy_j") - map_figures().begin());
+  for (std::size_t m = 0; m < map.methods.size(); ++m) {
+    int stable = 0, restless = 0, undecided = 0, unstable = 0, holds = 0, first = 0, near = 0;
+    double least = 0.0;
+    for (std::size_t p = 0; p < map.places.size(); ++p) {
+      const MapCell& c = map.at(m, p);
+      ++(c.unstable > 0 ? unstable : c.restless > 0 ? restless : c.undecided > 0 ? undecided : stable);
+      holds += c.holds();
+      first += best_of[p] == m;
+      near += c.holds() && c.error_n.mean <= 1.05 * map.at(best_of[p], p).error_n.mean;
+      least = std::min(least, c.figures[energy].worst);
+    }
+    out += fmt::format("{:<24} {:>7} {:>9} {:>9} {:>9} {:>7} {:>7} {:>9} {:>14.4g}\n", map.methods[m], stable, restless,
+                       undecided, unstable, holds, first, near, 1e3 * least);
+  }
+  return out;
+}
+
+Recommendation recommend(const Map& map) {
+  const std::size_t found = best_method(map, 0);
+  if (found == map.methods.size())
+    return {"none", "no method is stable and quiet here with at least half of the force pressed"};
+  const MapCell& c = map.at(found, 0);
+  std::string others;
+  int holding = 0, not_stable = 0;
+  for (std::size_t m = 0; m < map.methods.size(); ++m) {
+    const MapCell& other = map.at(m, 0);
+    holding += other.holds();
+    not_stable += other.unstable > 0;
+  }
+  return {
+      c.method,
+      fmt::format("stable and quiet with {} seeds, presses {:.0f} % of the force, error {:.2g} N of {:.2g} N; {} of {} "
+                  "methods hold here, {} are unstable",
+                  c.seeds(), 100.0 * c.pressed.mean, c.error_n.mean, map.reference_n[0], holding, map.methods.size(),
+                  not_stable)};
+}
+
+}  // namespace twoport::lab

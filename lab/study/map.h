@@ -1,0 +1,89 @@
+#pragma once
+
+#include <cstdint>
+#include <functional>
+#include <string>
+#include <vector>
+
+#include "common/scene/scene.h"
+#include "lab/study/seeds.h"
+#include "lab/study/sweep.h"
+
+namespace twoport::lab {
+
+/// The network and the wall of one cell. Both directions are alike.
+struct MapPlace {
+  double round_trip_ms = 0.0;
+  double loss = 0.0;           ///< probability, each way
+  double burst_packets = 1.0;  ///< mean number of packets lost in a row; 1: each is lost independently
+  double stiffness_n_per_m = 0.0;
+};
+
+struct MapOptions {
+  std::string scene;                 ///< file; empty: scenes/map.textproto, which is built in
+  std::vector<std::string> set;      ///< overrides, applied before those of the cell
+  std::vector<std::string> methods;  ///< empty: every method
+  std::vector<double> round_trips_ms{0, 10, 20, 50, 100, 200, 400, 700, 1000, 2000};
+  std::vector<double> losses{0, 0.05, 0.1, 0.2, 0.5};
+  std::vector<double> bursts_packets{1, 20};
+  std::vector<double> stiffnesses_n_per_m{200, 300, 500, 700, 1000, 1500, 2300, 3500, 5500, 8500, 13000, 20000};
+  int seeds = 3;  ///< the scene's seed, seed + 1, …
+  int jobs = 1;
+};
+
+/// One method in one place.
+struct MapCell {
+  std::string method;
+  MapPlace place;
+  int stable = 0, restless = 0, undecided = 0, unstable = 0;  ///< seeds, by verdict
+  /// Mean force of the environment over that of the same scene without delay, loss and control; of the stable seeds.
+  Spread pressed{};
+  /// √(felt_force_error_rms² + (force missing at the environment)² + free_force_rms² + chatter_rms²) [N], of the stable
+  /// seeds: what is wrong with the hand's force, that nothing is pressed, drag, chatter.
+  Spread error_n{};
+  std::vector<Spread> figures;  ///< as map_figures(), over all seeds; NaN where a figure is absent
+
+  [[nodiscard]] int seeds() const { return stable + restless + undecided + unstable; }
+  /// Does the method work here: stable and quiet with every seed, and at least half of the force is pressed?
+  [[nodiscard]] bool holds() const { return stable == seeds() && pressed.worst >= 0.5; }
+};
+
+struct Map {
+  std::string scene;                 ///< its name
+  std::vector<std::string> methods;  ///< in the order of cells
+  std::vector<MapPlace> places;      ///< in the order of cells
+  std::vector<double> reference_n;   ///< of each place: environment's mean force without delay, loss and control
+  std::vector<MapCell> cells;        ///< [method * places.size() + place]
+  [[nodiscard]] const MapCell& at(std::size_t method, std::size_t place) const {
+    return cells[method * places.size() + place];
+  }
+};
+
+/// Figures of the summary that the table holds.
+const std::vector<std::string>& map_figures();
+
+/// Every method that a scene over a link can name.
+std::vector<std::string> all_methods();
+
+/// The overrides that make the map's scene the run of one method in one place.
+std::vector<std::string> map_overrides(const Scene& scene, const std::string& method, const MapPlace& place,
+                                       std::uint64_t seed);
+
+/// Runs every method in every place with every seed. A loss of 0 is run once, not for every burst length.
+/// Throws ConfigError when an option or the scene is invalid.
+Map make_map(const MapOptions& options, const std::function<void(const Progress&)>& heard = {});
+
+/// Of the methods that hold in a place, the number of the one with the least error_n; the number of methods where none does.
+std::size_t best_method(const Map& map, std::size_t place);
+
+std::string to_csv(const Map& map);
+/// For people: one line a method, in how many places it holds, is best or within 5 % of the best, and its worst figures.
+std::string to_text(const Map& map);
+
+/// The method for one network and wall, and why: of those that hold, the one with the least error_n.
+struct Recommendation {
+  std::string method, why;
+};
+Recommendation recommend(const Map& of_one_place);
+
+}  // namespace twoport::lab
