@@ -74,6 +74,10 @@ class Judge {
         return {unstable, "oscillation of " + amplitude() + ", fed past its controller" + paid_so_far()};
       if (!tail_.last && spending()) return marginal();
     }
+    if (!acted && on_credit() && paid && (y_flat || (tail_.run_lengths >= 4.0 && sustained()))) {
+      if (!tail_.last && spending()) return marginal();
+      return restless_at("on granted energy that the passivity controller lets go before it acts");
+    }
     if (y_flat && paid) {
       if (linear_ && tail_.run_lengths < 4.0) return marginal();
       if (acted && !below) return restless_at("on energy that the hand has put in before");

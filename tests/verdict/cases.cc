@@ -379,19 +379,20 @@ Case two_walls(Draw& draw) {
 Case unspent_energy(Draw& draw) {
   for (;;) {
     Rendered r = in_hand(draw, 1.0, 30.0);
-    r.wall = tuned(r.wall, draw.about(3.0, 30.0));
-    r.duration_s = draw.about(0.5, 4.0);
-    r.of_operator = fmt::format("path {{ move_to {{ position_m: {} duration_s: 0.3 }} }}", -draw.about(3e-3, 0.02));
+    r.wall.wall_damping_n_s_per_m = 0.0;
+    r.wall = tuned(r.wall, draw.about(3.0, 15.0));
+    r.duration_s = draw.about(1.0, 5.0);
+    r.of_operator = fmt::format("path {{ move_to {{ position_m: {} duration_s: 0.3 }} }}", -draw.about(2e-3, 0.01));
     r.of_device = "position_m: [0]";
     r.environment = r.half_space();
     const auto with = [&](double joules) {
       r.passivity = fmt::format("method: CLASSIC initial_energy_j: {}", joules);
       return r.text();
     };
-    // A tenth to ten times what the wall spends within the scene.
     const double spent = spent_by_network(with(1e6));
-    if (!(spent > 1e-4)) continue;
-    const double joules = spent * draw.about(0.1, 10.0);
+    if (!(spent > 1e-3)) continue;
+    const double joules = spent * draw.about(1.5, 100.0);
+    // Of controllers that let nothing pass once they act.
     if (paid_by_hand(with(0.0)) != Paid::no || paid_by_hand(with(joules)) != Paid::no) continue;
     Case c = of(r, fmt::format(", CLASSIC, E(0) {:.3g} J of which {:.3g} J are spent", joules, spent));
     c.stable = true;
