@@ -11,6 +11,8 @@ namespace {
 
 /// The twin's difference from the run has become a part of the motion itself.
 constexpr double kLarge = 0.03;
+/// A twin that differs by this part of the motion has parted from the run.
+constexpr double kParted = 0.3;
 /// A motion below this part of the run's largest speed is not noticed by a hand.
 constexpr double kNoticed = 0.01;
 /// Below this part even one that the network pays for is as good as rest, where a controller acts.
@@ -50,6 +52,12 @@ class Judge {
         linear_{!tail.controller_acted && !tail.coarse && contact_changes_ == 0 && !tail.record.limited()} {
     const std::size_t n = tail.has_twin ? tail.record.signals() / 2 : tail.record.signals();
     for (std::size_t i = 0; i < n; ++i) coordinates_.push_back(coordinate(i, n));
+  }
+
+  bool twin_has_parted() const {
+    return tail_.controller_acted && !any([](const Coordinate& c) {
+             return c.y.trend != Trend::rest && (!c.far || c.d.rms < kParted * c.y.rms);
+           });
   }
 
   Verdict decide() const {
@@ -107,7 +115,10 @@ class Judge {
   Coordinate coordinate(std::size_t i, std::size_t n) const {
     const double rounding = run_.rounding(i), still = std::max(rounding, 1e-9 * run_.largest_of_kind(i));
     Coordinate c{.signal = i, .y = tail_.record.motion(i, still, linear_), .d = {}};
-    if (tail_.has_twin) c.d = tail_.record.motion(n + i, rounding, linear_);
+    if (tail_.twin_parted)
+      c.d.trend = c.y.rms > still ? Trend::unclear : Trend::rest, c.d.rms = c.y.rms;
+    else if (tail_.has_twin)
+      c.d = tail_.record.motion(n + i, rounding, linear_);
     c.far = !is_known(c.d.trend) && c.d.rms >= kLarge * c.y.rms && c.y.rms > still;
     const double error = c.y.error + c.d.error;
     // A run and its twin that agree on a slope show it, however small.
@@ -311,6 +322,10 @@ Verdict judge_body(const Tail& tail) {
     return {VerdictKind::unstable,
             "the mechanical energy of a body that nobody drives grows: its integrator adds to it"};
   return {VerdictKind::stable, "bounded: nobody drives the body, and its mechanical energy does not grow"};
+}
+
+bool twin_has_parted(const Tail& tail, const MotionScale& run) {
+  return tail.has_twin && tail.record.enough() && Judge{tail, run}.twin_has_parted();
 }
 
 Verdict judge(const Tail& tail, const MotionScale& run) {
