@@ -11,8 +11,6 @@ namespace {
 
 /// The twin's difference from the run has become a part of the motion itself.
 constexpr double kLarge = 0.03;
-/// A twin that differs by this part of the motion has parted from the run.
-constexpr double kParted = 0.3;
 /// A motion below this part of the run's largest speed is not noticed by a hand.
 constexpr double kNoticed = 0.01;
 /// Below this part even one that the network pays for is as good as rest, where a controller acts.
@@ -55,9 +53,7 @@ class Judge {
   }
 
   bool twin_has_parted() const {
-    return tail_.controller_acted && !any([](const Coordinate& c) {
-             return c.y.trend != Trend::rest && (!c.far || c.d.rms < kParted * c.y.rms);
-           });
+    return tail_.controller_acted && any([](const Coordinate& c) { return c.far; });
   }
 
   Verdict decide() const {
@@ -78,7 +74,7 @@ class Judge {
     if (y_grows && !acted) return grows_by_itself();
     if (!noticed(kFaint) && trembles()) return restless_at("");
     if (acted && noticed()) {
-      if (tail_.run_lengths >= 4.0 && leaks())
+      if (tail_.run_lengths >= 2.0 && leaks())
         return {unstable, "oscillation of " + amplitude() + ", fed past its controller" + paid_so_far()};
       if (!tail_.last && spending()) return marginal();
     }

@@ -63,8 +63,8 @@ struct Tail {
 /// for good makes it unstable. Energies of the record: that energy.
 Verdict judge_body(const Tail& tail);
 
-/// Has the twin's difference become as large as the motion itself, and irregular, in every coordinate that moves under a
-/// passivity controller? It then tells no more than the motion does.
+/// Has the twin's difference become a part of the motion itself, and irregular, under a passivity controller? It then tells
+/// no more than the motion does.
 bool twin_has_parted(const Tail& tail, const MotionScale& run);
 
 /// Judges a tail by the trends of every coordinate alone, y and d, and by who pays for a motion that goes on. Equations:
