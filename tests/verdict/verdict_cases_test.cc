@@ -40,7 +40,6 @@ TEST_P(VerdictOfKnownTruth, IsNeverWrongAndRarelyUndecided) {
     const Scene scene = parse_scene(c.scene, kind.name);
     const auto [s, ticks] = lab::run_counted(scene);
     cost += static_cast<double>(ticks) / s.steps() / cases;
-    if (std::getenv("TWOPORT_COST")) fmt::print("   {} {}: {} steps, {:.1f} runs, {}\n", kind.name, i, s.steps(), static_cast<double>(ticks) / s.steps(), s.verdict());
     const bool is_undecided = s.verdict_kind() == "UNDECIDED";
     ++(is_undecided ? undecided : s.stable() == c.stable ? right : wrong)[c.stable];
     restless += s.verdict_kind() == "RESTLESS";
