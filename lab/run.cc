@@ -10,6 +10,7 @@
 #include <utility>
 #include <vector>
 
+#include "common/contact/environment.h"
 #include "common/record/metrics.h"
 #include "common/record/trace.h"
 #include "lab/engine/quiet_tail.h"
@@ -18,9 +19,10 @@
 namespace twoport::lab {
 namespace {
 
-/// Parts of a run, each to the end of a segment of the operator's path or, where the path has no more than one, sixteenths.
-/// Times of their ends [s].
+/// Times of the ends of the parts of a run [s]: the ends of the path's segments, or sixteenths of the run where no segment
+/// ends before it. Without a path one part: the hand changes nothing between a part's end and the scene's.
 std::vector<double> parts(std::vector<double> segment_ends_s, double end_s) {
+  if (segment_ends_s.empty()) return {end_s};
   std::erase_if(segment_ends_s, [&](double t) { return !(t > 0.0 && t < end_s); });
   if (segment_ends_s.empty())
     for (int i = 1; i < 16; ++i) segment_ends_s.push_back(end_s * i / 16);
@@ -28,28 +30,68 @@ std::vector<double> parts(std::vector<double> segment_ends_s, double end_s) {
   return segment_ends_s;
 }
 
-/// The state in which a run has pressed most against its environment: at the end of the part with the largest ∫|f| dt. An
-/// integral, as a loop that bounces presses now and then.
+/// States of a run in contact, to be judged beside its last one. A state is the end of a part in whose second half something
+/// was touched. Of the parts that end on the same set of surfaces the one with the largest ∫|f| dt is kept, f the
+/// environment's force: an integral, as a robot that bounces presses now and then.
 template <int N>
-class MostPressed {
+class ContactStates {
  public:
+  static constexpr std::size_t kMost = 4;  ///< sets of surfaces; those that were pressed most
+
+  struct State {
+    std::uint64_t surfaces;  ///< bit i: surface i, modulo 64
+    double pressed;          ///< ∫|f| dt / T
+    double at_s;
+    std::unique_ptr<Simulation<N>> at;  ///< null: the end of the scene
+  };
+
+  explicit ContactStates(const Scene& scene)
+      : environment_{scene.environment, scene.tool},
+        rendered_{scene.control.architecture == Architecture::render},
+        kinds_{environment_.world().surfaces.size() + environment_.world().springs.size()} {}
+
+  void begin_part(double from_s, double until_s) { late_from_s_ = 0.5 * (from_s + until_s); }
   /// A tick of the run.
-  void see(const Row<N>& row) { pressed_ += std::sqrt(row.env_f.squared_norm()); }
-  /// A part of the run is over.
+  void add(const Row<N>& row) {
+    const double f2 = row.env_f.squared_norm();
+    if (f2 == 0.0) return;
+    pressed_ += std::sqrt(f2);
+    // The set is seen at every eighth tick of contact: a contact lasts longer, or comes again.
+    if (row.t_s >= late_from_s_ && late_++ % 8 == 0) see_surfaces(rendered_ ? row.master_x : row.slave_x);
+  }
   void end_part(const Simulation<N>& now, double now_s, bool last) {
     const double pressed = std::exchange(pressed_, 0.0);
-    if (!(pressed > most_)) return;
-    at_ = last ? nullptr : now.copy();
-    at_s_ = now_s;
-    most_ = pressed;
+    const std::uint64_t surfaces = std::exchange(surfaces_, 0);
+    late_ = 0;
+    if (surfaces == 0) return;
+    auto same = std::find_if(states_.begin(), states_.end(), [&](const State& s) { return s.surfaces == surfaces; });
+    if (same == states_.end()) {
+      if (states_.size() < kMost) {
+        same = states_.insert(states_.end(), State{surfaces, 0.0, 0.0, nullptr});
+      } else {
+        same = std::min_element(states_.begin(), states_.end(),
+                                [](const State& a, const State& b) { return a.pressed < b.pressed; });
+      }
+    }
+    if (!(pressed > same->pressed)) return;
+    *same = {surfaces, pressed, now_s, last ? nullptr : now.copy()};
   }
-  /// Null: it never pressed, or most in the last part.
-  [[nodiscard]] const Simulation<N>* at() const { return at_.get(); }
-  [[nodiscard]] double at_s() const { return at_s_; }
+  [[nodiscard]] const std::vector<State>& all() const { return states_; }
 
  private:
-  std::unique_ptr<Simulation<N>> at_;
-  double at_s_ = 0.0, most_ = 0.0, pressed_ = 0.0;
+  [[gnu::noinline]] void see_surfaces(const Position<N>& x) {
+    environment_.for_each_contact(x, Velocity<N>{}, [&](const ContactPort<N>& c) {
+      const std::size_t kind = static_cast<std::size_t>(c.index) % kinds_;
+      if (kind < environment_.world().surfaces.size()) surfaces_ |= std::uint64_t{1} << (kind % 64);
+    });
+  }
+
+  Environment<N> environment_;
+  bool rendered_;
+  std::size_t kinds_;  ///< surfaces and springs
+  double late_from_s_ = 0.0, pressed_ = 0.0;
+  std::uint64_t surfaces_ = 0, late_ = 0;
+  std::vector<State> states_;
 };
 
 int severity(VerdictKind kind) {
@@ -66,17 +108,20 @@ int severity(VerdictKind kind) {
   return 3;
 }
 
-/// The verdict of the loop as the scene leaves it and, where it has pressed more before, as it was there: the worse counts.
+/// The verdict of the loop as the scene leaves it, and in the other states: the worst.
 template <int N>
-TailVerdict judge_twice(const Simulation<N>& at_end, const MostPressed<N>& most_pressed, const Scene& scene,
-                        const MotionScale& scale) {
-  TailVerdict left = judge_tail(at_end, scene, scale);
-  if (left.verdict.kind == VerdictKind::unstable || most_pressed.at() == nullptr) return left;
-  TailVerdict pressed = judge_tail(*most_pressed.at(), scene, scale);
-  pressed.ticks += left.ticks;
-  pressed.verdict.text += fmt::format(" (held where it pressed most, at {:.4g} s)", most_pressed.at_s());
-  if (severity(pressed.verdict.kind) <= severity(left.verdict.kind)) pressed.verdict = left.verdict;
-  return pressed;
+TailVerdict judge_all(const Simulation<N>& at_end, const ContactStates<N>& states, const Scene& scene,
+                      const MotionScale& scale) {
+  TailVerdict worst = judge_tail(at_end, scene, scale);
+  for (const auto& state : states.all()) {
+    if (worst.verdict.kind == VerdictKind::unstable) break;
+    if (!state.at) continue;
+    TailVerdict held = judge_tail(*state.at, scene, scale);
+    worst.ticks += held.ticks;
+    if (severity(held.verdict.kind) <= severity(worst.verdict.kind)) continue;
+    worst.verdict = {held.verdict.kind, held.verdict.text + fmt::format(" (held in contact at {:.4g} s)", state.at_s)};
+  }
+  return worst;
 }
 
 template <int N>
@@ -97,22 +142,25 @@ CountedRun run_as(Simulation<N>& simulation, const Scene& scene, const RunOption
   if (options.trace != nullptr) trace.emplace(*options.trace);
 
   bool goes_on = true;
-  MostPressed<N> most_pressed;
+  ContactStates<N> contact_states{scene};
   std::uint64_t ticks = 0;
   std::chrono::duration<double, std::nano> spent{0};
   // Springs alone answer the same wherever the robot is.
   const bool probes = options.verdict == VerdictFrom::tail && !alone && !World{scene.environment}.surfaces.empty();
   const double end_s = to_seconds(simulation.end()).si();
+  double from_s = 0.0;
   for (const double until_s : probes ? parts(simulation.segment_ends_s(), end_s) : std::vector{end_s}) {
+    contact_states.begin_part(from_s, until_s);
     const auto start = std::chrono::steady_clock::now();
     ticks += simulation.run_until(to_duration(until_s), [&](const Row<N>& row) {
       if (trace) trace->add(row);
-      if (probes) most_pressed.see(row);
+      if (probes) contact_states.add(row);
       return goes_on = metrics.add(row);
     });
     spent += std::chrono::steady_clock::now() - start;
     if (!goes_on) break;
-    if (probes) most_pressed.end_part(simulation, until_s, until_s >= end_s);
+    if (probes) contact_states.end_part(simulation, until_s, until_s >= end_s);
+    from_s = until_s;
   }
 
   Summary s;
@@ -121,7 +169,7 @@ CountedRun run_as(Simulation<N>& simulation, const Scene& scene, const RunOption
   s.set_step_ns(spent.count() / static_cast<double>(std::max<std::uint64_t>(ticks, 1)));
   const RunJudge<N>& judge = metrics.judge();
   if (options.verdict == VerdictFrom::tail && !judge.diverged() && judge.not_judged().empty()) {
-    const TailVerdict judged = judge_twice(simulation, most_pressed, scene, judge.scale());
+    const TailVerdict judged = judge_all(simulation, contact_states, scene, judge.scale());
     set_verdict(judged.verdict, s);
     ticks += judged.ticks;
   }

@@ -13,6 +13,8 @@ std::vector<std::string> violations(const ExpectSpec& expect, const Summary& sum
   std::vector<std::string> found;
   if (expect.stable && !summary.has_stable())
     found.push_back(fmt::format("stable is not known of this run, expected {}", *expect.stable));
+  else if (expect.stable && summary.verdict_kind() == to_string(VerdictKind::undecided))
+    found.push_back(fmt::format("stable is undecided, expected {}: {}", *expect.stable, summary.verdict()));
   else if (expect.stable && *expect.stable != summary.stable())
     found.push_back(fmt::format("stable is {}, expected {}{}", summary.stable(), *expect.stable,
                                 summary.verdict().empty() ? "" : ": " + summary.verdict()));

@@ -36,33 +36,62 @@ Line fit_line(std::span<const double> y) {
   return {slope, std::sqrt(std::max(rr, 1e-32) / (count - 2.0) / sxx)};
 }
 
-DampedMode least_damped_mode(const std::array<double, kPencilSamples>& x) {
-  constexpr int kSamples = kPencilSamples, kPencil = 32, kRank = 8;
-  Eigen::VectorXd z = Eigen::Map<const Eigen::VectorXd>(x.data(), kSamples);
-  const double most = z.cwiseAbs().maxCoeff();
-  if (!(most > 0.0) || !std::isfinite(most)) return {};
-  z /= most;
-  Eigen::MatrixXd h(kPencil + 1, kSamples - kPencil);
-  for (int i = 0; i <= kPencil; ++i) h.row(i) = z.segment(i, kSamples - kPencil).transpose();
-  const Eigen::JacobiSVD<Eigen::MatrixXd> svd(h.topRows(kPencil), Eigen::ComputeThinU | Eigen::ComputeThinV);
-  const auto& s = svd.singularValues();
-  int rank = 0;
-  while (rank < std::min<int>(kRank, static_cast<int>(s.size())) && s[rank] > 1e-6 * s[0]) ++rank;
-  const Eigen::MatrixXd a = svd.matrixU().leftCols(rank).transpose() * h.bottomRows(kPencil) *
-                            svd.matrixV().leftCols(rank) * s.head(rank).cwiseInverse().asDiagonal();
-  const Eigen::VectorXcd lambda = Eigen::EigenSolver<Eigen::MatrixXd>(a, false).eigenvalues();
-  Eigen::MatrixXcd v(kSamples, rank);
-  for (int j = 0; j < rank; ++j)
-    for (int k = 0; k < kSamples; ++k) v(k, j) = k == 0 ? std::complex<double>(1.0) : v(k - 1, j) * lambda[j];
+namespace {
+
+/// The fit of least_damped_mode to samples of any number.
+DampedMode fit_modes(const Eigen::VectorXd& z) {
+  constexpr Eigen::Index kRank = 8;
+  const Eigen::Index samples = z.size(), rows = samples / 3 + 1, columns = samples - rows + 1;
+  Eigen::MatrixXd h(rows, columns);
+  for (Eigen::Index i = 0; i < rows; ++i) h.row(i) = z.segment(i, columns).transpose();
+  // An orthonormal basis of what its columns span, by Gram and Schmidt, the largest remainder first; each twice.
+  Eigen::MatrixXd basis(rows, kRank);
+  Eigen::Index rank = 0;
+  for (double first = 0.0; rank < kRank; ++rank) {
+    Eigen::Index largest = 0;
+    const double size = h.colwise().norm().maxCoeff(&largest);
+    if (rank == 0) first = size;
+    if (!(size > 1e-6 * first)) break;
+    Eigen::VectorXd q = h.col(largest) / size;
+    q -= basis.leftCols(rank) * (basis.leftCols(rank).transpose() * q);
+    basis.col(rank) = q.normalized();
+    h -= basis.col(rank) * (basis.col(rank).transpose() * h);
+  }
+  if (rank == 0) return {};
+  const auto used = basis.leftCols(rank);
+  const Eigen::MatrixXd step = used.topRows(rows - 1).colPivHouseholderQr().solve(used.bottomRows(rows - 1));
+  const Eigen::VectorXcd lambda = Eigen::EigenSolver<Eigen::MatrixXd>(step, false).eigenvalues();
+  Eigen::MatrixXcd v(samples, rank);
+  for (Eigen::Index j = 0; j < rank; ++j)
+    for (Eigen::Index k = 0; k < samples; ++k) v(k, j) = k == 0 ? std::complex<double>(1.0) : v(k - 1, j) * lambda[j];
   const Eigen::VectorXcd c = v.colPivHouseholderQr().solve(z.cast<std::complex<double>>());
   const double residual = (v * c - z.cast<std::complex<double>>()).cwiseAbs().maxCoeff();
   if (!(residual <= 1e-4)) return {};
   double rate = -std::numeric_limits<double>::infinity();
-  for (int j = 0; j < rank; ++j)
-    if ((v.col(j) * c[j]).norm() > 1e-3 * std::sqrt(static_cast<double>(kSamples)))
+  for (Eigen::Index j = 0; j < rank; ++j)
+    if ((v.col(j) * c[j]).norm() > 1e-3 * std::sqrt(static_cast<double>(samples)))
       rate = std::max(rate, std::log(std::abs(lambda[j])));
   if (!std::isfinite(rate)) return {};
-  return {true, rate, residual};
+  return {.found = true, .rate = rate, .residual = residual};
+}
+
+}  // namespace
+
+DampedMode least_damped_mode(const std::array<double, kPencilSamples>& x) {
+  constexpr Eigen::Index kPart = 2 * kPencilSamples / 3;
+  Eigen::VectorXd z = Eigen::Map<const Eigen::VectorXd>(x.data(), kPencilSamples);
+  const double most = z.cwiseAbs().maxCoeff();
+  if (!(most > 0.0) || !std::isfinite(most)) return {};
+  z /= most;
+  DampedMode all = fit_modes(z);
+  if (!all.found) return {};
+  all.error = std::numeric_limits<double>::infinity();
+  Eigen::VectorXd first = z.head(kPart), last = z.tail(kPart);
+  const double scale = last.cwiseAbs().maxCoeff();
+  if (!(scale > 0.0)) return all;
+  const DampedMode one = fit_modes(first / first.cwiseAbs().maxCoeff()), two = fit_modes(last / scale);
+  if (one.found && two.found) all.error = std::max(std::abs(one.rate - all.rate), std::abs(two.rate - all.rate));
+  return all;
 }
 
 TrendRecord::TrendRecord(std::size_t signals, std::size_t energies, std::size_t ticks)
@@ -181,17 +210,21 @@ MotionTrend TrendRecord::motion(std::size_t signal, double floor, bool linear) c
   } else {
     t.trend = Trend::unclear;
   }
-  if (is_known(t.trend) || t.turns >= 40 || filled_ - from < kPencilSamples) return t;
+  if (filled_ - from < kPencilSamples || (!linear && (is_known(t.trend) || t.turns >= 40))) return t;
 
   const std::size_t step = (filled_ - from) / kPencilSamples;
   std::array<double, kPencilSamples> x{};
   for (std::size_t i = 0; i < kPencilSamples; ++i) x[i] = of_signal(from + i * step, signal).first;
   const DampedMode mode = least_damped_mode(x);
-  const double grown = mode.rate * static_cast<double>(filled_ - from) / static_cast<double>(step);
-  if (!mode.found || !(std::abs(grown) > std::max(0.02, 1e3 * mode.residual))) return t;
+  if (!mode.found) return t;
+  const double per_window = static_cast<double>(filled_ - from) / static_cast<double>(step * kUsed);
+  const bool precise = linear && std::abs(mode.rate) > 10.0 * mode.error && std::abs(mode.rate) * per_window > 1e-6;
+  const double grown = mode.rate * per_window * kUsed;
+  if (!precise && (is_known(t.trend) || t.turns >= 40 || !(std::abs(grown) > std::max(0.02, 1e3 * mode.residual))))
+    return t;
   t.trend = grown > 0.0 ? Trend::grows : Trend::decays;
-  t.slope = grown / kUsed;
-  t.error = mode.residual;
+  t.slope = mode.rate * per_window;
+  t.error = precise ? mode.error * per_window : mode.residual;
   return t;
 }
 

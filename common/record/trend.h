@@ -135,11 +135,12 @@ class TrendRecord {
 ///
 ///     x_i ≈ Σ c_j λ_j^i,   rank at most 8,   rate = max ln |λ_j| over modes with at least 1e-3 of the signal
 ///
-/// By a matrix pencil (Hua and Sarkar, IEEE Trans. ASSP 38(5), 1990) over 96 samples. `residual` is the largest difference
-/// from the signal, relative to its largest value; above 1e-4 `found` is false.
+/// By a matrix pencil (Hua and Sarkar, IEEE Trans. ASSP 38(5), 1990) over 96 samples; the signal's subspace by a pivoted
+/// Gram-Schmidt decomposition. `residual` is the largest difference from the signal, relative to its largest value; above
+/// 1e-4 `found` is false. `error` is the larger difference of `rate` from that of the first and that of the last 64 samples.
 struct DampedMode {
   bool found = false;
-  double rate = 0.0, residual = 0.0;
+  double rate = 0.0, residual = 0.0, error = 0.0;
 };
 inline constexpr std::size_t kPencilSamples = 96;
 DampedMode least_damped_mode(const std::array<double, kPencilSamples>& x);

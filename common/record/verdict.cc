@@ -52,6 +52,10 @@ class Judge {
     for (std::size_t i = 0; i < n; ++i) coordinates_.push_back(coordinate(i, n));
   }
 
+  bool twin_has_parted() const {
+    return tail_.controller_acted && any([](const Coordinate& c) { return c.far; });
+  }
+
   Verdict decide() const {
     using enum VerdictKind;
     const bool acted = tail_.controller_acted;
@@ -70,9 +74,13 @@ class Judge {
     if (y_grows && !acted) return grows_by_itself();
     if (!noticed(kFaint) && trembles()) return restless_at("");
     if (acted && noticed()) {
-      if (tail_.run_lengths >= 4.0 && leaks())
+      if (tail_.run_lengths >= 2.0 && leaks())
         return {unstable, "oscillation of " + amplitude() + ", fed past its controller" + paid_so_far()};
       if (!tail_.last && spending()) return marginal();
+    }
+    if (!acted && on_credit() && paid && (y_flat || (tail_.run_lengths >= 4.0 && sustained()))) {
+      if (!tail_.last && spending()) return marginal();
+      return restless_at("on granted energy that the passivity controller lets go before it acts");
     }
     if (y_flat && paid) {
       if (linear_ && tail_.run_lengths < 4.0) return marginal();
@@ -103,7 +111,10 @@ class Judge {
   Coordinate coordinate(std::size_t i, std::size_t n) const {
     const double rounding = run_.rounding(i), still = std::max(rounding, 1e-9 * run_.largest_of_kind(i));
     Coordinate c{.signal = i, .y = tail_.record.motion(i, still, linear_), .d = {}};
-    if (tail_.has_twin) c.d = tail_.record.motion(n + i, rounding, linear_);
+    if (tail_.twin_parted)
+      c.d.trend = c.y.rms > still ? Trend::unclear : Trend::rest, c.d.rms = c.y.rms;
+    else if (tail_.has_twin)
+      c.d = tail_.record.motion(n + i, rounding, linear_);
     c.far = !is_known(c.d.trend) && c.d.rms >= kLarge * c.y.rms && c.y.rms > still;
     const double error = c.y.error + c.d.error;
     // A run and its twin that agree on a slope show it, however small.
@@ -307,6 +318,10 @@ Verdict judge_body(const Tail& tail) {
     return {VerdictKind::unstable,
             "the mechanical energy of a body that nobody drives grows: its integrator adds to it"};
   return {VerdictKind::stable, "bounded: nobody drives the body, and its mechanical energy does not grow"};
+}
+
+bool twin_has_parted(const Tail& tail, const MotionScale& run) {
+  return tail.has_twin && tail.record.enough() && Judge{tail, run}.twin_has_parted();
 }
 
 Verdict judge(const Tail& tail, const MotionScale& run) {

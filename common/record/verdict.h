@@ -48,6 +48,7 @@ struct Tail {
   /// Energies: through the hand's port; through the hand's and the robot's coupling port together; E(0) in neither [J].
   TrendRecord record;
   bool has_twin = false;
+  bool twin_parted = false;       ///< the twin has been given up (see twin_has_parted)
   bool has_controller = false;    ///< a passivity controller is there, and acts once the hand's credit is used up
   bool controller_acted = false;  ///< a passivity controller dissipated energy in it
   bool driven = false;            ///< a force of ours acted: on the hand, or of the coupling on the robot
@@ -61,6 +62,10 @@ struct Tail {
 /// Judges a body that nobody drives by its mechanical energy, which can only fall: a step of its integrator that adds to it
 /// for good makes it unstable. Energies of the record: that energy.
 Verdict judge_body(const Tail& tail);
+
+/// Has the twin's difference become a part of the motion itself, and irregular, under a passivity controller? It then tells
+/// no more than the motion does.
+bool twin_has_parted(const Tail& tail, const MotionScale& run);
 
 /// Judges a tail by the trends of every coordinate alone, y and d, and by who pays for a motion that goes on. Equations:
 /// docs/stability.md. UNDECIDED asks for a longer tail.

@@ -4,6 +4,7 @@
 #include <array>
 #include <cmath>
 #include <memory>
+#include <span>
 #include <vector>
 
 #include "common/coupling/registration.h"
@@ -13,6 +14,7 @@ namespace twoport::lab {
 namespace {
 
 constexpr double kFirst = 0.25, kLongest = 32.0;  // lengths of the scene
+constexpr std::size_t kFewest = 128;              // ticks of the shortest tail
 constexpr std::size_t kChunk = 512;               // ticks that the run is ahead of its twin, at most
 constexpr double kDiverged = 1e3;                 // of the run's largest speed
 
@@ -29,12 +31,11 @@ class TailRun {
     self_->be_quiet();
     twin_ = alone_ ? nullptr : self_->copy();
     if (twin_) kick();
-    // Blocks such that the first judgement finds half of those that a record holds.
-    const double ticks = rate_hz_ * scene.duration_s;
-    const auto block =
-        static_cast<std::size_t>(std::ceil(kFirst * ticks / static_cast<double>(TrendRecord::kBlocks / 2)));
-    first_ticks_ = std::max<std::size_t>(block, 1) * TrendRecord::kBlocks / 2;
-    tail_ = std::make_unique<Tail>(Tail{.record = {twin_ ? kSignals : kSides, 2, std::max<std::size_t>(block, 1)},
+    // The first judgement finds more than half of the blocks that a record holds, or as few ticks as show a trend.
+    const double quarter = std::ceil(kFirst * rate_hz_ * scene.duration_s);
+    first_ticks_ = std::max(kFewest, static_cast<std::size_t>(quarter));
+    const std::size_t block = std::max<std::size_t>(1, first_ticks_ / (TrendRecord::kBlocks / 2));
+    tail_ = std::make_unique<Tail>(Tail{.record = {twin_ ? kSignals : kSides, 2, block},
                                         .has_twin = twin_ != nullptr,
                                         .has_controller = has_controller(scene),
                                         .coarse = is_coarse(scene),
@@ -44,6 +45,7 @@ class TailRun {
 
   TailVerdict judged() {
     std::size_t ticks = 0;
+    std::uint64_t simulated = 0;
     Verdict verdict;
     for (double lengths = kFirst;; lengths *= 2.0) {
       const auto until = static_cast<std::size_t>(lengths / kFirst) * first_ticks_;
@@ -51,13 +53,18 @@ class TailRun {
         const std::size_t more = std::min(kChunk, until - ticks);
         advance(more);
         ticks += more;
+        simulated += twin_ ? 2 * more : more;
       }
       tail_->run_lengths = lengths;
       tail_->last = lengths >= kLongest;
       verdict = alone_ ? judge_body(*tail_) : judge(*tail_, scale_);
       if (verdict.kind != VerdictKind::undecided || tail_->last) break;
+      if (twin_ && lengths >= 1.0 && twin_has_parted(*tail_, scale_)) {
+        tail_->twin_parted = true;
+        twin_ = nullptr;
+      }
     }
-    return {verdict, (twin_ ? 2 : 1) * ticks};
+    return {verdict, simulated};
   }
 
  private:
@@ -83,12 +90,15 @@ class TailRun {
     chunk_.clear();
     const Duration until = tick_time(self_->ticks() + static_cast<std::int64_t>(ticks), rate_hz_);
     self_->run_until(until, [&](const Row<N>& row) { return see(row); });
+    std::array<double, kSignals> signals{};
     if (!twin_) {
-      for (const Tick& tick : chunk_) tail_->record.add(tick.v, tick.energies, tick.events);
+      for (const Tick& tick : chunk_) {
+        std::copy(tick.v.begin(), tick.v.end(), signals.begin());
+        tail_->record.add(std::span{signals}.first(tail_->record.signals()), tick.energies, tick.events);
+      }
       return;
     }
     std::size_t k = 0;
-    std::array<double, kSignals> signals{};
     twin_->run_until(until, [&](const Row<N>& row) {
       if (k == chunk_.size()) return false;
       const Tick& tick = chunk_[k++];

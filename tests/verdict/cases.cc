@@ -299,6 +299,17 @@ Paid paid_by_hand(const std::string& text) {
   return run_to(40) >= -ripple ? Paid::no : Paid::unclear;
 }
 
+/// What the hand has got from the network by the end of the scene [J].
+double spent_by_network(const std::string& text) {
+  const auto simulation = lab::make_simulation<1>(parse_scene(text, "case"));
+  double energy = 0.0;
+  simulation->run([&](const Row<1>& row) {
+    energy = row.master_energy_j;
+    return std::isfinite(energy);
+  });
+  return -energy;
+}
+
 /// Pressed, then let go: how it was while pressed counts. A loop whose eigenvalues are within the circle may still go on
 /// bouncing for ever; then it is the energy that tells.
 Case let_go(Draw& draw) {
@@ -329,6 +340,62 @@ Case passive_rendering(Draw& draw) {
     if (paid == Paid::unclear) continue;
     Case c = of(r, ", " + r.passivity);
     c.stable = paid == Paid::no;
+    return c;
+  }
+}
+
+/// Rests on a wall, then presses a soft one on the other side harder; the soft loop is stable. What the first wall does counts.
+Case two_walls(Draw& draw) {
+  for (;;) {
+    Rendered r = in_hand(draw, 0.5, 30.0);
+    Rendered soft = r;
+    soft.wall.stiffness_n_per_m = draw.between(0.003, 0.03) * r.wall.stiffness_n_per_m;
+    soft.wall.wall_damping_n_s_per_m = 0.1 * soft.wall.damping_n_s_per_m;
+    if (rate(soft.wall) > -0.5) continue;
+    const double depth = draw.about(1e-3, 0.01), hold_s = draw.between(1.0, 4.0);
+    r.of_device = fmt::format("position_m: [{}]", depth);
+    r.environment = r.half_space();
+    r.of_operator = fmt::format("path {{ move_to {{ position_m: {} duration_s: 0.3 }} }}", -depth);
+    const Paid paid = paid_by_hand(r.text());
+    if ((paid == Paid::no) != (rate(r.wall) < 0.0)) continue;
+    const double deep = draw.between(0.2, 0.4);
+    r.environment += fmt::format(
+        " }} environment {{ wall {{ normal: [-1] offset_m: -0.05 stiffness_n_per_m: {} damping_n_s_per_m: {} }}",
+        soft.wall.stiffness_n_per_m, soft.wall.wall_damping_n_s_per_m);
+    r.of_operator += fmt::format(
+        " path {{ hold {{ duration_s: {} }} }} path {{ move_to {{ position_m: {} duration_s: 0.6 }} }} path {{ hold {{ "
+        "duration_s: 2 }} }}",
+        hold_s, deep);
+    r.duration_s = hold_s + 3.0;
+    if (draw.coin()) {
+      r.of_operator += " path { move_to { position_m: 0.02 duration_s: 0.5 } } path { hold { duration_s: 1 } }";
+      r.duration_s += 1.5;
+    }
+    return of(r, fmt::format(", then a soft wall, K {:.3g}", soft.wall.stiffness_n_per_m));
+  }
+}
+
+/// A controller that has been granted more energy than an unstable wall spends in the run.
+Case unspent_energy(Draw& draw) {
+  for (;;) {
+    Rendered r = in_hand(draw, 1.0, 30.0);
+    r.wall.wall_damping_n_s_per_m = 0.0;
+    r.wall = tuned(r.wall, draw.about(3.0, 15.0));
+    r.duration_s = draw.about(1.0, 5.0);
+    r.of_operator = fmt::format("path {{ move_to {{ position_m: {} duration_s: 0.3 }} }}", -draw.about(2e-3, 0.01));
+    r.of_device = "position_m: [0]";
+    r.environment = r.half_space();
+    const auto with = [&](double joules) {
+      r.passivity = fmt::format("method: CLASSIC initial_energy_j: {}", joules);
+      return r.text();
+    };
+    const double spent = spent_by_network(with(1e6));
+    if (!(spent > 1e-3)) continue;
+    const double joules = spent * draw.about(1.5, 100.0);
+    // Of controllers that let nothing pass once they act.
+    if (paid_by_hand(with(0.0)) != Paid::no || paid_by_hand(with(joules)) != Paid::no) continue;
+    Case c = of(r, fmt::format(", CLASSIC, E(0) {:.3g} J of which {:.3g} J are spent", joules, spent));
+    c.stable = true;
     return c;
   }
 }
@@ -600,6 +667,8 @@ const std::vector<Kind>& kinds() {
                                       {"preload", preload},
                                       {"limit_cycle", limit_cycle},
                                       {"let_go", let_go},
+                                      {"two_walls", two_walls},
+                                      {"unspent_energy", unspent_energy},
                                       {"lengths", lengths},
                                       {"initial_energy", initial_energy},
                                       {"quarter_period", quarter_period},

@@ -54,6 +54,15 @@ TEST(Expectations, MayBeStabilityOrInstability) {
             Sentences{"stable is true, expected false: bounded"});
 }
 
+TEST(Expectations, OfStabilityAreMissedByAnUndecidedRun) {
+  Summary s;
+  set_verdict({VerdictKind::undecided, "undecided: too short"}, s);
+  EXPECT_EQ(violations({.stable = true, .at_least = {}, .at_most = {}}, s),
+            Sentences{"stable is undecided, expected true: undecided: too short"});
+  EXPECT_EQ(violations({.stable = false, .at_least = {}, .at_most = {}}, s),
+            Sentences{"stable is undecided, expected false: undecided: too short"});
+}
+
 TEST(Expectations, AreMissedByANumberThatIsNone) {
   Summary s;
   s.set_drift_m(std::numeric_limits<double>::quiet_NaN());
