@@ -38,6 +38,7 @@ struct Master {
     const DeviceTruth<N>* truth = hardware.truth();
     // The end of a person's path is not known.
     const double rests_from_s = truth ? truth->path_ends_s : std::numeric_limits<double>::infinity();
+    if (truth) known.rests = rests(scene);
     const bool link = scene.control.architecture != Architecture::render;
     // Of a real device nobody knows the friction; what the slave dissipates is not said here.
     return Metrics<N>{{.rate_hz = scene.master_rate_hz,
@@ -49,7 +50,7 @@ struct Master {
                        .coarse = !truth || is_coarse(scene),
                        .link = link},
                       1.0,
-                      known};
+                      std::move(known)};
   }
 
   /// Values of the device and the node. `observed` is the node's account of the port, without E(0).
