@@ -169,16 +169,10 @@ int run(const Scene& read, const LiveArguments& arguments, const Registry& hardw
 }  // namespace
 
 int master_program(int argc, char** argv, const Registry& hardware) {
-  const ProgramText text{.name = "twoport-master",
-                         .description = "hand and haptic device, live",
-                         .address_flag = "--peer",
-                         .address_default = "127.0.0.1:45000",
-                         .hardware_flag = "--device",
-                         .hardware = "the haptic device",
-                         .drivers = hardware.devices.lines()};
-  return live_program(argc, argv, text, [&](const Scene& scene, const LiveArguments& arguments) {
-    return dispatch_dof(scene, [&]<int N>() { return run<N>(scene, arguments, hardware); });
-  });
+  return live_program(argc, argv, Side::master, hardware.devices.lines(),
+                      [&](const Scene& scene, const LiveArguments& arguments) {
+                        return dispatch_dof(scene, [&]<int N>() { return run<N>(scene, arguments, hardware); });
+                      });
 }
 
 }  // namespace twoport
