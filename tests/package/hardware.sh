@@ -48,7 +48,7 @@ says "$work/own/own-master" --scene "$root/examples/own_hardware/scene.textproto
 # In the tree: one file, one line. The simulated driver is left out, as it takes longest to compile.
 mkdir "$work/tree"
 cp -r "$root/drivers" "$work/tree/"
-cp "$root/examples/own_hardware/own_device.cc" "$work/tree/drivers/"
+cp "$root/examples/own_hardware/"{own_device.cc,vendor.h} "$work/tree/drivers/"
 sed -i 's/^twoport_driver(sim.*/twoport_driver(own_device)/' "$work/tree/drivers/CMakeLists.txt"
 cp "$root/master/main.cc" "$work/tree/"
 cat >"$work/tree/CMakeLists.txt" <<'END'
