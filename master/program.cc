@@ -38,6 +38,7 @@ struct Master {
     const DeviceTruth<N>* truth = hardware.truth();
     // The end of a person's path is not known.
     const double rests_from_s = truth ? truth->path_ends_s : std::numeric_limits<double>::infinity();
+    if (truth) known.rests = rests(scene);
     const bool link = scene.control.architecture != Architecture::render;
     // Of a real device nobody knows the friction; what the slave dissipates is not said here.
     return Metrics<N>{{.rate_hz = scene.master_rate_hz,
@@ -49,7 +50,7 @@ struct Master {
                        .coarse = !truth || is_coarse(scene),
                        .link = link},
                       1.0,
-                      known};
+                      std::move(known)};
   }
 
   /// Values of the device and the node. `observed` is the node's account of the port, without E(0).
@@ -168,16 +169,10 @@ int run(const Scene& read, const LiveArguments& arguments, const Registry& hardw
 }  // namespace
 
 int master_program(int argc, char** argv, const Registry& hardware) {
-  const ProgramText text{.name = "twoport-master",
-                         .description = "hand and haptic device, live",
-                         .address_flag = "--peer",
-                         .address_default = "127.0.0.1:45000",
-                         .hardware_flag = "--device",
-                         .hardware = "the haptic device",
-                         .drivers = hardware.devices.lines()};
-  return live_program(argc, argv, text, [&](const Scene& scene, const LiveArguments& arguments) {
-    return dispatch_dof(scene, [&]<int N>() { return run<N>(scene, arguments, hardware); });
-  });
+  return live_program(argc, argv, Side::master, hardware.devices.lines(),
+                      [&](const Scene& scene, const LiveArguments& arguments) {
+                        return dispatch_dof(scene, [&]<int N>() { return run<N>(scene, arguments, hardware); });
+                      });
 }
 
 }  // namespace twoport

@@ -106,19 +106,13 @@ int run(const Scene& scene, const LiveArguments& arguments, const Registry& hard
 }  // namespace
 
 int slave_program(int argc, char** argv, const Registry& hardware) {
-  const ProgramText text{.name = "twoport-slave",
-                         .description = "robot and force sensor, live",
-                         .address_flag = "--listen",
-                         .address_default = "127.0.0.1:45000",
-                         .hardware_flag = "--robot",
-                         .hardware = "the robot",
-                         .drivers = hardware.robots.lines()};
-  return live_program(argc, argv, text, [&](const Scene& scene, const LiveArguments& arguments) {
+  const auto body = [&](const Scene& scene, const LiveArguments& arguments) {
     if (scene.control.architecture == Architecture::render)
       throw ConfigError(arguments.scene +
                         ": control.architecture is RENDER, which has no slave; run twoport-master alone");
     return dispatch_dof(scene, [&]<int N>() { return run<N>(scene, arguments, hardware); });
-  });
+  };
+  return live_program(argc, argv, Side::slave, hardware.robots.lines(), body);
 }
 
 }  // namespace twoport

@@ -42,6 +42,15 @@ class LiveLink {
     }
   }
 
+  /// Says that the other side has not come, and what to do.
+  [[nodiscard]] std::string not_met() const {
+    if (side_ == Side::master)
+      return "no slave answered at " + address_ +
+             " before --duration was over; start twoport-slave there, or set --peer to its address";
+    return "no master called " + to_string(udp_.local()) +
+           " before --duration was over; start twoport-master with this address, or the one of this machine, as --peer";
+  }
+
   /// Call before every cycle. True when the other side appears for the first time or has restarted; the node's totals
   /// then restart with the peer's.
   template <class Node>
@@ -116,6 +125,7 @@ class NoLink {
  public:
   [[nodiscard]] NoMail& mail() noexcept { return mail_; }
   void say_where(spdlog::logger&) const {}
+  [[nodiscard]] std::string not_met() const { return {}; }
   template <class Node>
   bool met(Node&) noexcept {
     return !std::exchange(met_, true);

@@ -79,7 +79,8 @@ struct Failure {
   std::string sentence;
   int status = 0;
 };
-Failure why_failed(std::string_view refusal, HardwareStatus last, double ran_s);
+/// `missed`: the sentence of a side that has ended without meeting the other; empty otherwise.
+Failure why_failed(std::string_view refusal, HardwareStatus last, double ran_s, std::string_view missed);
 
 /// A live run of one side from its first tick to its exit status. The sides differ in:
 ///
@@ -87,7 +88,7 @@ Failure why_failed(std::string_view refusal, HardwareStatus last, double ran_s);
 ///     Clock, Hardware, Sample   types: of its ticks, of `hardware`, of a reading
 ///     node, hardware, link      a node, a Device or Robot, a LiveLink or NoLink
 ///     rate_hz()
-///     serves()                  does it continue after the end of the scene?
+///     serves()                  does it continue after the end of the scene? Not beyond LiveArguments::limit_s
 ///     metrics()                 computes the summary from the rows
 ///     row(k, t_s, sample, out)  the row of tick k, t_s after the link came up
 ///     complete(row, sample)     completes that row from the next tick's sample
@@ -118,7 +119,7 @@ int run_live(LiveSide& side, const Scene& scene, const LiveArguments& arguments,
   TickView view;
   bool has_row = false;
   loop.run(stop, [&](std::int64_t k, Duration now) {
-    if (!side.link.refusal().empty()) return false;
+    if (!side.link.refusal().empty() || to_seconds(now).si() >= arguments.limit_s) return false;
     if (side.link.met(side.node) && met < 0) {
       met = k;
       side.hardware.start();
@@ -154,7 +155,8 @@ int run_live(LiveSide& side, const Scene& scene, const LiveArguments& arguments,
   side.fill(s, recorder.diverged());
   fill(s, figures);
   if (stop) s.mutable_verdict()->append("; interrupted");
-  const Failure failure = why_failed(side.link.refusal(), plant.sample.status, s.duration_s());
+  const Failure failure = why_failed(side.link.refusal(), plant.sample.status, s.duration_s(),
+                                     met < 0 && !stop ? side.link.not_met() : std::string{});
   if (failure.status != 0) {
     set_verdict({VerdictKind::undecided, failure.sentence}, s);
   }

@@ -15,26 +15,34 @@
 
 namespace twoport {
 
-int live_program(int argc, char** argv, const ProgramText& text,
+int live_program(int argc, char** argv, Side side, const std::string& drivers,
                  const std::function<int(const Scene&, const LiveArguments&)>& body) {
-  const std::string& name = text.name;
-  CLI::App app{name + ": " + text.description};
+  const bool master = side == Side::master;
+  const std::string name = std::string{"twoport-"} + to_string(side);
+  const std::string hardware_flag = master ? "--device" : "--robot";
+  CLI::App app{name + (master ? ": hand and haptic device, live" : ": robot and force sensor, live")};
   app.set_version_flag("--version", name + " " TWOPORT_VERSION);
   LiveArguments a;
-  a.address = text.address_default;
+  a.address = "127.0.0.1:45000";
   app.add_option("--scene", a.scene, "Scene file (.textproto)")->required();
   app.add_option("--set", a.set, "Override, PATH=VALUE, e.g. control.passivity.method=NONE")->take_all();
   std::string duration;
-  app.add_option("--duration", duration, "SECONDS, as --set duration_s=SECONDS; without either, until Ctrl-C");
-  app.add_option(text.address_flag, a.address, "ADDR:PORT")->capture_default_str();
-  app.add_option(text.hardware_flag, a.hardware, "NAME[:ARGS], " + text.hardware)->capture_default_str();
+  app.add_option(
+      "--duration", duration,
+      "SECONDS from the start of the program to its end, waiting for the other side included; replaces "
+      "duration_s of the scene, which counts from the first contact with the other side. Without either, until "
+      "Ctrl-C");
+  app.add_option(master ? "--peer" : "--listen", a.address, "ADDR:PORT, an IP address or a host name")
+      ->capture_default_str();
+  app.add_option(hardware_flag, a.hardware, std::string{"NAME[:ARGS], "} + (master ? "the haptic device" : "the robot"))
+      ->capture_default_str();
   app.add_flag_callback(
       "--list-devices",
       [&] {
-        std::fputs(text.drivers.c_str(), stdout);
+        std::fputs(drivers.c_str(), stdout);
         throw CLI::Success{};
       },
-      "One line for each NAME of " + text.hardware_flag);
+      "One line for each NAME of " + hardware_flag);
   app.add_option("--out", a.out, "Folder for summary.json and trace.csv");
   app.add_option("--trace", a.trace, "none or csv")->check(CLI::IsMember({"none", "csv"}))->capture_default_str();
   app.add_flag("!--no-realtime", a.realtime, "Do not request real-time scheduling or locked memory");
@@ -43,6 +51,7 @@ int live_program(int argc, char** argv, const ProgramText& text,
     app.parse(argc, argv);
     if (!duration.empty()) a.set.push_back("duration_s=" + duration);
     const Scene scene = load_scene(a.scene, a.set, SceneFor::live);
+    if (!duration.empty()) a.limit_s = scene.duration_s;
     if (scene.control.architecture == Architecture::uncontrolled)
       throw ConfigError(a.scene +
                         ": control.architecture is UNCONTROLLED, which does not run live; use twoport-lab run");

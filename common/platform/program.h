@@ -1,6 +1,7 @@
 #pragma once
 
 #include <functional>
+#include <limits>
 #include <memory>
 #include <string>
 #include <vector>
@@ -10,27 +11,23 @@
 #include "common/link/mailbox.h"
 #include "common/record/summary.h"
 #include "common/scene/scene.h"
+#include "common/wire/header.h"
 
 namespace twoport {
-
-/// Texts of a live program's command line.
-struct ProgramText {
-  std::string name, description;
-  std::string address_flag, address_default;
-  std::string hardware_flag, hardware;  ///< "--device", and what it chooses, in words
-  std::string drivers;                  ///< what --list-devices prints
-};
 
 /// Arguments of both live programs.
 struct LiveArguments {
   std::string scene, address, out, trace = "csv", hardware = "sim";
   std::vector<std::string> set;
   bool realtime = true, spin = true;
+  /// --duration: the program ends this long after its start [s].
+  double limit_s = std::numeric_limits<double>::infinity();
 };
 
-/// Parses the command line of a live program, runs `body(scene, arguments)`, and converts errors to the exit status and
-/// one sentence on stderr: 0 success, 1 failure, 2 invalid usage, scene or override, 3 an expectation was not met.
-int live_program(int argc, char** argv, const ProgramText& text,
+/// Parses the command line of twoport-master or twoport-slave, runs `body(scene, arguments)`, and converts errors to the exit
+/// status and one sentence on stderr: 0 success, 1 failure, 2 invalid usage, scene or override, 3 an expectation was not
+/// met. `drivers` is what --list-devices prints.
+int live_program(int argc, char** argv, Side side, const std::string& drivers,
                  const std::function<int(const Scene&, const LiveArguments&)>& body);
 
 /// Prints what in the scene is probably not meant, to stderr.

@@ -79,6 +79,13 @@ std::string bind_advice(const asio::error_code& error) {
   return error.message();
 }
 
+/// Letters, digits, '-' and '.', with a letter among them: an address with a typing error is none.
+bool may_be_host_name(std::string_view text) {
+  const auto is_letter = [](char c) { return (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z'); };
+  const auto is_allowed = [&](char c) { return is_letter(c) || (c >= '0' && c <= '9') || c == '-' || c == '.'; };
+  return std::any_of(text.begin(), text.end(), is_letter) && std::all_of(text.begin(), text.end(), is_allowed);
+}
+
 }  // namespace
 
 std::string to_string(const Endpoint& endpoint) {
@@ -89,8 +96,8 @@ std::string to_string(const Endpoint& endpoint) {
 Endpoint parse_endpoint(std::string_view text, std::string_view option) {
   const auto refuse = [&] {
     return ConfigError(std::string{option} + ": '" + std::string{text} +
-                       "' is not ADDR:PORT with a numeric address and a port from 0 to 65535; allowed is for example "
-                       "127.0.0.1:45001 or [::1]:45001");
+                       "' is not ADDR:PORT with an IP address or host name and a port from 0 to 65535; allowed is for "
+                       "example 127.0.0.1:45001, [::1]:45001 or robot.local:45001");
   };
   const std::size_t colon = text.rfind(':');
   if (colon == std::string_view::npos) throw refuse();
@@ -99,13 +106,21 @@ Endpoint parse_endpoint(std::string_view text, std::string_view option) {
   const bool bracketed = address.size() > 2 && address.front() == '[' && address.back() == ']';
   if (bracketed) address = address.substr(1, address.size() - 2);
 
-  asio::error_code error;
-  const asio::ip::address parsed = asio::ip::make_address(std::string{address}, error);
   std::uint16_t number = 0;
   const auto [end, problem] = std::from_chars(port.data(), port.data() + port.size(), number);
-  if (error || parsed.is_v6() != bracketed || problem != std::errc{} || end != port.data() + port.size())
-    throw refuse();
-  return from_asio({parsed, number});
+  if (problem != std::errc{} || end != port.data() + port.size()) throw refuse();
+  asio::error_code error;
+  const asio::ip::address parsed = asio::ip::make_address(std::string{address}, error);
+  if (!error && parsed.is_v6() == bracketed) return from_asio({parsed, number});
+  if (!error || bracketed || !may_be_host_name(address)) throw refuse();
+  asio::io_context context;
+  const auto found = udp::resolver{context}.resolve(std::string{address}, "", error);
+  if (error || found.empty())
+    throw ConfigError(std::string{option} + ": '" + std::string{text} + "': the host name " + std::string{address} +
+                      " cannot be looked up (" + error.message() + "); correct it or give an IP address");
+  const auto v4 =
+      std::find_if(found.begin(), found.end(), [](const auto& e) { return e.endpoint().address().is_v4(); });
+  return from_asio({(v4 != found.end() ? v4 : found.begin())->endpoint().address(), number});
 }
 
 Endpoint any_port_toward(const Endpoint& peer) {

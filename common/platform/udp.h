@@ -11,8 +11,8 @@ namespace twoport {
 /// "127.0.0.1:45001", "[::1]:45001".
 std::string to_string(const Endpoint& endpoint);
 
-/// Reads the value of `option` as ADDR:PORT, an address being a number. Throws ConfigError with option, value and what
-/// is allowed.
+/// Reads the value of `option` as ADDR:PORT: an IP address, or a host name, which is looked up now and may take seconds; of
+/// its addresses the first IPv4 one is taken, else the first. Throws ConfigError with option, value and what is allowed.
 Endpoint parse_endpoint(std::string_view text, std::string_view option);
 
 /// Any free port, on any address, from which `peer` can be reached.

@@ -4,8 +4,12 @@
 #include <cmath>
 #include <cstdint>
 #include <numbers>
+#include <optional>
+#include <utility>
+#include <vector>
 
 #include "common/record/angle.h"
+#include "common/record/held_force.h"
 #include "common/record/high_pass.h"
 #include "common/record/row.h"
 #include "common/record/summary.h"
@@ -18,27 +22,22 @@ namespace twoport {
 ///
 ///     felt force error      rms |f - r|
 ///     muted share           ticks with |f| < |r|/10, of those with |r| > 0.2 N
-///     held force ratio      |mean f| / |mean r| over the last 50 ms (ten samples) in which hand and robot moved by less than 0.1 mm
-///                           (a mean speed of 2 mm/s) and touched all the time
+///     held force ratio      |mean f| / |mean r| at the end of the last rest in contact: HeldForce
 ///     free force            rms |f| while both sides are coupled, nothing touches, and nothing touched one delay ago
 ///
 /// Torques likewise with N = 6, in N m at the handle.
 template <int N>
 class ContactFigures {
  public:
-  static constexpr double kSensed = 0.05;        ///< [N]: what touches, where only a force sensor tells
-  static constexpr double kLoud = 0.2;           ///< [N]
-  static constexpr double kMuted = 0.1;          ///< of the reference
-  static constexpr double kTorqueFelt = 1e-3;    ///< a torque below this has no direction to speak of [N m]
-  static constexpr double kWindow = 0.05;        ///< of a rest [s]
-  static constexpr int kSamples = 10;            ///< of the forces, in a window
-  static constexpr double kRestDistance = 1e-4;  ///< in such a window [m]
+  static constexpr double kSensed = 0.05;      ///< [N]: what touches, where only a force sensor tells
+  static constexpr double kLoud = 0.2;         ///< [N]
+  static constexpr double kMuted = 0.1;        ///< of the reference
+  static constexpr double kTorqueFelt = 1e-3;  ///< a torque below this has no direction to speak of [N m]
 
-  explicit ContactFigures(double rate_hz)
-      : sample_rows_{std::max(1, static_cast<int>(std::lround(kWindow * rate_hz / kSamples)))},
-        torque_high_pass_{30.0, rate_hz} {}
+  using Vector = typename HeldForce<N>::Vector;
 
-  using Vector = Eigen::Matrix<double, N == 6 ? 3 : N, 1>;
+  ContactFigures(double rate_hz, std::optional<std::vector<Rest>> rests)
+      : held_force_{rate_hz, std::move(rests)}, torque_high_pass_{30.0, rate_hz} {}
 
   /// `felt2` is |felt|².
   [[gnu::always_inline]] void add(const Row<N>& row, const Vector& felt, double felt2) noexcept {
@@ -49,7 +48,7 @@ class ContactFigures {
     const double reference2 = reference.squaredNorm();
     if constexpr (N == 6) add_torque(row);
     if (!row.touching) {
-      until_sample_ = samples_ = 0;
+      held_force_.interrupt();
       if (row.coupled && reference2 == 0.0) {
         ++free_;
         free_force2_ += felt2;
@@ -68,8 +67,7 @@ class ContactFigures {
     }
     const double behind = -environment.dot(translational(row.ahead.vec()));  // times |environment|
     if (behind > 0.0 && behind * behind > penetration2_ * environment2) penetration2_ = behind * behind / environment2;
-    if (--until_sample_ <= 0) [[unlikely]]
-      sample(row, felt, reference);
+    held_force_.add(row, felt, reference);
   }
 
   /// What is known of the run: `hand`, what is felt; `link`, another side; `rows` in all.
@@ -87,7 +85,7 @@ class ContactFigures {
     if (!hand) return;
     s.set_felt_force_error_rms_n(std::sqrt(error2_ / touching));
     if (touching_ > quiet_) s.set_muted_share(static_cast<double>(muted_) / static_cast<double>(touching_ - quiet_));
-    if (held_force_ratio_ >= 0.0) s.set_held_force_ratio(held_force_ratio_);
+    if (const std::optional<double> ratio = held_force_.ratio()) s.set_held_force_ratio(*ratio);
     if constexpr (N == 6) {
       s.set_felt_torque_error_rms_n_m(std::sqrt(torque_error2_ / touching));
       s.set_torque_chatter_rms_n_m(std::sqrt(torque_chatter2_ / touching));
@@ -97,27 +95,6 @@ class ContactFigures {
   }
 
  private:
-  /// The first sample of a window, one in it, or the one that ends it and begins the next.
-  [[gnu::noinline]] void sample(const Row<N>& row, Vector felt, Vector reference) noexcept {
-    until_sample_ = sample_rows_;
-    if (samples_ == kSamples) {
-      const double moved2 = std::max((row.master_x.translation() - from_master_).squaredNorm(),
-                                     (row.slave_x.translation() - from_slave_).squaredNorm());
-      const double held = reference_sum_.norm();
-      if (moved2 < kRestDistance * kRestDistance && held > kLoud * kSamples)
-        held_force_ratio_ = felt_sum_.norm() / held;
-      samples_ = 0;
-    }
-    if (samples_++ == 0) {
-      from_master_ = row.master_x.translation();
-      from_slave_ = row.slave_x.translation();
-      felt_sum_.setZero();
-      reference_sum_.setZero();
-    }
-    felt_sum_ += felt;
-    reference_sum_ += reference;
-  }
-
   void add_torque(const Row<N>& row) noexcept {
     const Eigen::Vector3d felt = row.master_f.vec().template tail<3>();
     const Eigen::Vector3d fast = torque_high_pass_.step(felt);
@@ -136,11 +113,9 @@ class ContactFigures {
     }
   }
 
-  int sample_rows_, until_sample_ = 0, samples_ = 0;
+  HeldForce<N> held_force_;
   std::uint64_t uncoupled_ = 0, touching_ = 0, free_ = 0, quiet_ = 0, muted_ = 0, following_ = 0, torque_turned_ = 0;
-  double environment_force_ = 0.0, error2_ = 0.0, free_force2_ = 0.0, penetration2_ = 0.0, held_force_ratio_ = -1.0;
-  Vector felt_sum_ = Vector::Zero(), reference_sum_ = Vector::Zero(), from_master_ = Vector::Zero(),
-         from_slave_ = Vector::Zero();
+  double environment_force_ = 0.0, error2_ = 0.0, free_force2_ = 0.0, penetration2_ = 0.0;
   // N = 6
   HighPass<3> torque_high_pass_;
   double torque_error2_ = 0.0, torque_chatter2_ = 0.0, torque_turn2_max_ = 0.0, attitude_error2_ = 0.0;

@@ -4,6 +4,9 @@
 #include <cmath>
 #include <limits>
 #include <numbers>
+#include <optional>
+#include <utility>
+#include <vector>
 
 #include "common/record/angle.h"
 #include "common/record/contact_figures.h"
@@ -17,10 +20,11 @@ namespace twoport {
 /// What the side that records a run can know of it.
 struct KnownParts {
   bool stability = true;
-  bool hand = true;          ///< the master port
-  bool link = true;          ///< there is another side, and its position error
-  bool robot = true;         ///< its motion, and the force on it
-  bool robot_energy = true;  ///< the ports of its coupling
+  bool hand = true;                                       ///< the master port
+  bool link = true;                                       ///< there is another side, and its position error
+  bool robot = true;                                      ///< its motion, and the force on it
+  bool robot_energy = true;                               ///< the ports of its coupling
+  std::optional<std::vector<Rest>> rests = std::nullopt;  ///< of the intended motion
 };
 
 /// Turns rows into a summary, one by one, in constant memory.
@@ -34,10 +38,10 @@ class Metrics {
       : rate_hz_{run.rate_hz},
         initial_energy_j_{run.initial_energy_j},
         energy_scale_{energy_scale},
-        known_{known},
+        known_{std::move(known)},
         judge_{run},
         high_pass_{30.0, run.rate_hz},
-        contact_{run.rate_hz} {}
+        contact_{run.rate_hz, known_.rests} {}
 
   /// Returns false once the run has diverged.
   bool add(const Row<N>& row) noexcept {

@@ -1,44 +1,12 @@
-// A driver for a haptic device. `Rail` stands in for the vendor's library: here a handle on a rail, which a hand moves
-// back and forth between 0 and 40 mm with a period of 1.5 s.
+// A driver for a haptic device. `Rail` in vendor.h stands in for the vendor's library.
 
-#include <chrono>
-#include <cmath>
 #include <cstdlib>
 
 #include "common/base/check.h"
 #include "common/hardware/registry.h"
+#include "vendor.h"
 
 namespace {
-
-/// The vendor's library: non-blocking, position grows to the right, a positive push goes to the right.
-class Rail {
- public:
-  bool open(int port) { return port == 1; }
-  struct Reading {
-    double x_m = 0.0, v_m_per_s = 0.0, push_n = 0.0;  ///< `push_n` was held until now
-    bool fresh = false, broken = false;
-  };
-  Reading read() {
-    const double step_s = 1e-4, mass_kg = 0.12, stiffness_n_per_m = 300.0, damping_n_s_per_m = 4.0;
-    const double now_s = std::chrono::duration<double>(std::chrono::steady_clock::now() - start_).count();
-    reading_.fresh = false;
-    for (; time_s_ + step_s <= now_s; time_s_ += step_s) {
-      const double target_m = 0.02 * (1.0 - std::cos(2.0 * 3.14159 / 1.5 * time_s_));
-      const double hand_n = stiffness_n_per_m * (target_m - reading_.x_m) - damping_n_s_per_m * reading_.v_m_per_s;
-      reading_.v_m_per_s += step_s / mass_kg * (hand_n + push_n_);
-      reading_.x_m += step_s * reading_.v_m_per_s;
-      reading_.fresh = true;
-    }
-    reading_.push_n = push_n_;
-    return reading_;
-  }
-  void push(double n) { push_n_ = n; }
-
- private:
-  std::chrono::steady_clock::time_point start_ = std::chrono::steady_clock::now();
-  Reading reading_;
-  double time_s_ = 0.0, push_n_ = 0.0;
-};
 
 using namespace twoport;
 

@@ -23,8 +23,8 @@ struct Arguments {
 
 int impedance_command(const Arguments& a) {
   const Scene scene = load_scene(a.scene, a.set);
-  if (!a.out.empty()) make_folder(a.out);
   const std::vector<DisplayedImpedance> all = displayed_impedance(scene, a.options);
+  if (!a.out.empty()) make_folder(a.out);
   std::fputs(to_text(all).c_str(), stdout);
   if (a.out.empty()) return 0;
   write_whole(a.out + "/table.csv", to_csv(all));
@@ -44,11 +44,13 @@ Subcommand add_impedance_command(CLI::App& app) {
       ->capture_default_str();
   impedance->add_option("--out", a->out, "Folder for table.csv and the picture");
   impedance->footer(
-      R"(The scene is run once to find where the robot (the device under RENDER) touches. Then the handle is led to that place,
-and to free space, and shaken by a multi-sine of 0.5 to 50 Hz along the environment's force. Force against motion at the
-master port gives a mass, a damping and a stiffness, fitted up to 10 Hz. True are those of robot and environment, times
-force_scale and motion_scale. Coherence is below 1 where the force does not follow the motion: controllers, lost packets,
-contact that ends. table.csv holds each line: real and imaginary part of force / motion [N/m], displayed and true.)");
+      R"(The scene is run once to find where the robot (the device under RENDER) touches. Then the handle is moved to that place,
+and to free space, and excited by a random-phase multi-sine of 0.5 to 50 Hz along the environment's force. Force against
+motion at the master port gives a mass, a damping and a stiffness, fitted up to 10 Hz. True are those of robot and
+environment, times force_scale and motion_scale. Coherence is the share of the force that a linear law explains: below 1
+where a force saturates, an encoder is coarse, controllers switch, packets are lost or contact ends. table.csv holds each
+line: real and imaginary part of force / motion [N/m], displayed and true. A scene that is unstable or never coupled, or
+has no free space, is refused.)");
   return {impedance, [a] { return impedance_command(*a); }};
 }
 

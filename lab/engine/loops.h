@@ -126,6 +126,30 @@ Energy mechanical_energy(const Scene& scene, const sim::SimRobot<N>& robot) {
   return mechanical_energy(robot, scene.robot ? scene.robot->mass_kg : 0.0, inertia);
 }
 
+/// The columns of trace.csv after a master tick with the result `out`; `dissipated` by both sides since the last one.
+template <int N>
+[[gnu::always_inline]] inline Row<N> columns(Duration now, const auto& out, Energy dissipated,
+                                             const Force<N>& environment_force, const sim::SimDevice<N>& device,
+                                             const sim::SimRobot<N>& robot, const auto& master,
+                                             const auto& slave) noexcept {
+  return {.t_s = to_seconds(now).si(),
+          .master_x = device.x(),
+          .master_v = device.v(),
+          .master_f = device.held(),
+          .master_f_wanted = out.wanted,
+          .slave_x = robot.state().x,
+          .slave_v = robot.state().v,
+          .slave_f = robot.held(),
+          .env_f = environment_force,
+          .position_error = slave.position_error(),
+          .master_energy_j = device.port_energy().si(),
+          .slave_energy_j = slave.delivered().si(),
+          .observed_energy_j = master.observed().si(),
+          .undissipated_j = out.undissipated.si(),
+          .dissipated_j = dissipated.si(),
+          .mode = out.mode};
+}
+
 /// A scene over a link, in virtual time: the same nodes and the same cycle as the live programs.
 ///
 /// Each side ticks at its own rate, from 0. A report is readable strictly after it was posted, so the order of two
@@ -222,27 +246,12 @@ class LinkLoop {
     const Energy dissipated = out.dissipated + dissipated_;
     dissipated_ = Energy{};
     delayed_force_.step(link_.master().known(), out.mode == Mode::coupled);
-    Row<N> r{.t_s = to_seconds(now).si(),
-             .master_x = device_.x(),
-             .master_v = device_.v(),
-             .master_f = device_.held(),
-             .master_f_wanted = out.wanted,
-             .slave_x = robot_.state().x,
-             .slave_v = robot_.state().v,
-             .slave_f = robot_.held(),
-             .env_f = environment_force_,
-             .position_error = slave_.position_error(),
-             .master_energy_j = device_.port_energy().si(),
-             .slave_energy_j = slave_.delivered().si(),
-             .observed_energy_j = master_.observed().si(),
-             .undissipated_j = out.undissipated.si(),
-             .dissipated_j = dissipated.si(),
-             .mode = out.mode,
-             .reference = registration_.to_master(-delayed_force_.now()),
-             .coupling_energy_j = coupling_energy_.si(),
-             .touching = held_by_environment_ || environment_force_.squared_norm() > 0.0,
-             .coupled = out.mode == Mode::coupled && slave_mode_ == Mode::coupled,
-             .following = slave_mode_ == Mode::coupled};
+    Row<N> r = columns<N>(now, out, dissipated, environment_force_, device_, robot_, master_, slave_);
+    r.reference = registration_.to_master(-delayed_force_.now());
+    r.coupling_energy_j = coupling_energy_.si();
+    r.touching = held_by_environment_ || environment_force_.squared_norm() > 0.0;
+    r.coupled = out.mode == Mode::coupled && slave_mode_ == Mode::coupled;
+    r.following = slave_mode_ == Mode::coupled;
     if (r.touching && r.following) r.ahead = hand_ahead();
     return r;
   }

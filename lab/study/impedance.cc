@@ -12,8 +12,10 @@
 #include <optional>
 
 #include "common/base/check.h"
+#include "common/base/random.h"
 #include "common/contact/environment.h"
 #include "lab/engine/simulation.h"
+#include "lab/run.h"
 
 namespace twoport::lab {
 namespace {
@@ -22,6 +24,8 @@ using Complex = std::complex<double>;
 constexpr double kApproach = 1.0, kSettle = 1.0;  // [s]
 constexpr double kFitHz = 10.0;
 constexpr double kTurn = 2.0 * std::numbers::pi;
+constexpr double kLeastShare = 0.01;  // of the amplitude asked for, in a place that is measured
+constexpr double kNoForce = 1e-9;     // of the force of all frequencies: below this a line shows none
 
 template <int N>
 using Direction = Point<kAxes<N>>;
@@ -32,6 +36,7 @@ struct Place {
   Direction<N> at, along;
   double amplitude_m;
   MassDamperSpring truth;
+  bool free;
 };
 
 /// A row of the run that looks for a place.
@@ -48,12 +53,24 @@ std::vector<Seen<N>> look(const Scene& scene) {
   const bool rendered = scene.control.architecture == Architecture::render;
   make_simulation<N>(scene)->run([&](const Row<N>& row) {
     const Direction<N> f = row.env_f.vec().template head<kAxes<N>>();
-    if (!std::isfinite(f.norm()) || row.master_x.translation().norm() > 100.0) return false;
     rows.push_back({row.master_x.translation(), rendered ? row.master_x.translation() : row.slave_x.translation(), f,
                     f.norm(), row.touching});
     return true;
   });
   return rows;
+}
+
+std::string unstable(const Scene& scene, const std::string& why) {
+  return fmt::format(
+      "{}: {}; the impedance of an unstable loop has no meaning: choose another control.passivity.method, a lower "
+      "stiffness "
+      "or a shorter delay, until twoport-lab run calls the scene stable",
+      scene.name, why);
+}
+std::string never_coupled(const Scene& scene) {
+  return scene.name +
+         ": the two sides were never coupled, so no force comes back; lower the loss and the blackouts of to_slave and "
+         "to_master";
 }
 
 /// Slopes of the environment's force against position and velocity, along `n`, at `x`.
@@ -89,6 +106,14 @@ Direction<N> in_masters_axes(const Scene& scene, const Direction<N>& n) {
   }
 }
 
+std::string no_free_space(const Scene& scene, double distance_m, double amplitude_m) {
+  return fmt::format(
+      "{}: the hand is never farther than {:.3g} m from contact, too little for an excursion of {:g} m in free space; "
+      "let "
+      "operator.path begin farther from the environment, or give a smaller --amplitude",
+      scene.name, distance_m, amplitude_m);
+}
+
 template <int N>
 std::vector<std::pair<std::string, Place<N>>> places(const Scene& scene, double amplitude_m) {
   const std::vector<Seen<N>> rows = look<N>(scene);
@@ -121,19 +146,27 @@ std::vector<std::pair<std::string, Place<N>>> places(const Scene& scene, double 
     double amplitude = amplitude_m;
     if (!environment.holds()) {
       first_touch = along.dot(first.master);
-      amplitude = std::min(amplitude, std::abs(along.dot(typical.master) - first_touch) / 3.0);
+      const double depth = std::abs(along.dot(typical.master) - first_touch);
+      amplitude = std::min(amplitude, depth / 3.0);
+      if (amplitude < kLeastShare * amplitude_m)
+        throw ConfigError{
+            fmt::format("{}: in contact the hand is only {:.3g} m behind the place where contact began, too little for "
+                        "an excursion of {:g} "
+                        "m; let operator.path press deeper, or give a smaller --amplitude",
+                        scene.name, depth, amplitude_m)};
     }
-    contact = Place<N>{typical.master, along, amplitude, scaled(truth, scale)};
+    contact = Place<N>{typical.master, along, amplitude, scaled(truth, scale), false};
   }
   // Free space: where the hand is farthest from there.
   const Seen<N>* away = nullptr;
   for (const auto& row : rows)
     if (!row.touching && (away == nullptr || along.dot(row.master) < along.dot(away->master))) away = &row;
-  if (away != nullptr)
-    all.emplace_back(
-        "free space",
-        Place<N>{away->master, along, std::min(amplitude_m, std::abs(first_touch - along.dot(away->master)) / 2.0),
-                 scaled(robot, scale)});
+  if (away != nullptr) {
+    const double distance = std::abs(first_touch - along.dot(away->master));
+    const double amplitude = std::min(amplitude_m, distance / 2.0);
+    if (amplitude < kLeastShare * amplitude_m) throw ConfigError{no_free_space(scene, distance, amplitude_m)};
+    all.emplace_back("free space", Place<N>{away->master, along, amplitude, scaled(robot, scale), true});
+  }
   if (contact) all.emplace_back("contact", *contact);
   return all;
 }
@@ -150,14 +183,12 @@ std::vector<int> odd_lines(const ImpedanceOptions& o, double rate_hz) {
   return odd;
 }
 
-/// Constant speed amplitude, Schroeder's phases, largest excursion `amplitude_m`.
-std::vector<MultiSineSpec::Wave> waves(const std::vector<int>& lines, double base_hz, double amplitude_m) {
+/// Constant speed amplitude, random phases, largest excursion `amplitude_m`.
+std::vector<MultiSineSpec::Wave> waves(const std::vector<int>& lines, double base_hz, double amplitude_m,
+                                       const Random& phases) {
   std::vector<MultiSineSpec::Wave> all;
-  const double n = static_cast<double>(lines.size());
-  for (std::size_t i = 0; i < lines.size(); ++i) {
-    const double k = static_cast<double>(i);
-    all.push_back({1.0 / lines[i], base_hz * lines[i], -std::numbers::pi * k * (k + 1.0) / n});
-  }
+  for (const int line : lines)
+    all.push_back({1.0 / line, base_hz * line, kTurn * phases.uniform(static_cast<std::uint64_t>(line))});
   double largest = 0.0;
   for (int i = 0; i < 4096; ++i) {
     double x = 0.0;
@@ -201,41 +232,72 @@ MassDamperSpring fit(const std::vector<ImpedanceLine>& lines) {
   return {.mass_kg = x[1] / unit, .damping_n_s_per_m = wi / ww, .stiffness_n_per_m = x[0]};
 }
 
+/// Spectra of whole periods, line by line.
+struct Spectra {
+  std::vector<std::vector<Complex>> x, f;  ///< [line][period of all realizations]
+  double force2 = 0.0;                     ///< mean square of the force, constant part included [N²]
+};
+
+/// Runs one realization and appends its periods.
 template <int N>
-DisplayedImpedance perturbed(Scene scene, const std::string& name, const Place<N>& place, const ImpedanceOptions& o) {
-  const double rate = scene.master_rate_hz, period_s = 1.0 / o.low_hz;
-  const auto period = static_cast<std::size_t>(std::lround(period_s * rate));
+void excite(Scene scene, const Place<N>& place, const ImpedanceOptions& o, int realization,
+            const std::vector<int>& lines, Spectra& spectra) {
+  const double rate = scene.master_rate_hz;
+  const auto period = static_cast<std::size_t>(std::lround(rate / o.low_hz));
   const double base_hz = rate / static_cast<double>(period);
-  const std::vector<int> lines = odd_lines(o, rate);
-  const double shaken_s = (o.periods + 1) * static_cast<double>(period) / rate;
+  const auto periods = static_cast<std::size_t>(o.periods);
+  const double excited_s = static_cast<double>((periods + 1) * period) / rate;
+  const double amplitude_m = realization % 2 == 0 ? place.amplitude_m : 0.5 * place.amplitude_m;
   OperatorSpec hand;
   hand.path.push_back(MoveToSpec{{place.at.data(), place.at.data() + place.at.size()}, kApproach});
   hand.path.push_back(HoldSpec{kSettle});
   hand.path.push_back(MultiSineSpec{{place.along.data(), place.along.data() + place.along.size()},
-                                    waves(lines, base_hz, place.amplitude_m),
-                                    shaken_s + 1.0});
+                                    waves(lines, base_hz, amplitude_m, Random{static_cast<std::uint64_t>(realization)}),
+                                    excited_s + 1.0});
   scene.operator_model = hand;
   if (scene.device) scene.device->velocity_m_per_s.clear();
-  scene.duration_s = kApproach + kSettle + shaken_s;
+  scene.seed += static_cast<std::uint64_t>(realization);
+  scene.duration_s = kApproach + kSettle + excited_s;
 
-  // Line by line and period by period.
   const auto from = static_cast<std::size_t>(std::lround((kApproach + kSettle) * rate)) + period;
-  const auto periods = static_cast<std::size_t>(o.periods);
-  std::vector<Complex> x(lines.size() * periods), f(x.size());
+  for (std::size_t i = 0; i < lines.size(); ++i) {
+    spectra.x[i].resize(spectra.x[i].size() + periods);
+    spectra.f[i].resize(spectra.f[i].size() + periods);
+  }
+  const std::size_t first = spectra.x[0].size() - periods;
   std::size_t k = 0;
+  bool coupled = false, touched = false, finite = true;
   make_simulation<N>(scene)->run([&](const Row<N>& row) {
     const std::size_t into = k++ - from;
     if (k <= from || into / period >= periods) return true;
     const double dx = place.along.dot(row.master_x.translation() - place.at);
     const double force = place.along.dot(row.master_f.vec().template head<kAxes<N>>());
+    spectra.force2 += force * force / static_cast<double>(periods * period) / o.realizations;
     for (std::size_t i = 0; i < lines.size(); ++i) {
       const double turn = static_cast<double>(into % period) * lines[i] / static_cast<double>(period);
-      const Complex e = std::polar(1.0, -kTurn * (turn - std::floor(turn)));
-      x[i * periods + into / period] += dx * e;
-      f[i * periods + into / period] += force * e;
+      const Complex e = std::polar(1.0 / static_cast<double>(period), -kTurn * (turn - std::floor(turn)));
+      spectra.x[i][first + into / period] += dx * e;
+      spectra.f[i][first + into / period] += force * e;
     }
-    return std::isfinite(force);
+    coupled = coupled || row.coupled;
+    touched = touched || row.touching;
+    return finite = std::isfinite(force);
   });
+  if (!finite) throw ConfigError{unstable(scene, "it diverges while the handle is moved as the measurement asks")};
+  if (!coupled) throw ConfigError{never_coupled(scene)};
+  if (place.free && touched) throw ConfigError{no_free_space(scene, 2.0 * place.amplitude_m, o.amplitude_m)};
+}
+
+template <int N>
+DisplayedImpedance measured(const Scene& scene, const std::string& name, const Place<N>& place,
+                            const ImpedanceOptions& o) {
+  const double rate = scene.master_rate_hz;
+  const std::vector<int> lines = odd_lines(o, rate);
+  const double base_hz = rate / static_cast<double>(std::lround(rate / o.low_hz));
+  Spectra spectra;
+  spectra.x.resize(lines.size());
+  spectra.f.resize(lines.size());
+  for (int r = 0; r < o.realizations; ++r) excite<N>(scene, place, o, r, lines, spectra);
 
   DisplayedImpedance out{
       .place = name, .amplitude_m = place.amplitude_m, .displayed = {}, .truth = place.truth, .lines = {}};
@@ -244,14 +306,18 @@ DisplayedImpedance perturbed(Scene scene, const std::string& name, const Place<N
     const double omega = kTurn * base_hz * lines[i], half_tick = 0.5 * omega / rate;
     Complex xf;
     double xx = 0.0, ff = 0.0;
-    for (std::size_t p = i * periods; p < (i + 1) * periods; ++p) {
-      xf += std::conj(x[p]) * f[p];
-      xx += std::norm(x[p]);
-      ff += std::norm(f[p]);
+    for (std::size_t p = 0; p < spectra.x[i].size(); ++p) {
+      xf += std::conj(spectra.x[i][p]) * spectra.f[i][p];
+      xx += std::norm(spectra.x[i][p]);
+      ff += std::norm(spectra.f[i][p]);
     }
     const Complex shown = xf / xx * std::polar(sinc(half_tick), -half_tick),
                   truth = dynamic_stiffness(place.truth, omega);
-    const double coherence = ff > 0.0 ? std::norm(xf) / (xx * ff) : std::numeric_limits<double>::quiet_NaN();
+    double coherence = std::numeric_limits<double>::quiet_NaN();
+    if (spectra.force2 > 0.0) {
+      const double least = kNoForce * kNoForce * spectra.force2 * static_cast<double>(spectra.f[i].size());
+      coherence = ff > least ? std::norm(xf) / (xx * ff) : 0.0;
+    }
     out.lines.push_back({base_hz * lines[i], shown.real(), shown.imag(), truth.real(), truth.imag(), coherence});
     if (base_hz * lines[i] <= kFitHz) out.least_coherence = std::fmin(out.least_coherence, coherence);
   }
@@ -264,10 +330,13 @@ DisplayedImpedance perturbed(Scene scene, const std::string& name, const Place<N
 std::vector<DisplayedImpedance> displayed_impedance(const Scene& scene, const ImpedanceOptions& options) {
   if (scene.control.architecture == Architecture::uncontrolled)
     throw ConfigError{scene.name + ": control.architecture is UNCONTROLLED, which has no master port"};
+  const Summary whole = run(scene);
+  if (whole.has_coupled_share() && whole.coupled_share() == 0.0) throw ConfigError{never_coupled(scene)};
+  if (whole.verdict_kind() == to_string(VerdictKind::unstable)) throw ConfigError{unstable(scene, whole.verdict())};
   return dispatch_dof(scene, [&]<int N>() {
     std::vector<DisplayedImpedance> all;
     for (const auto& [name, place] : places<N>(scene, options.amplitude_m))
-      all.push_back(perturbed<N>(scene, name, place, options));
+      all.push_back(measured<N>(scene, name, place, options));
     return all;
   });
 }

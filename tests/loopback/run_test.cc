@@ -154,6 +154,35 @@ TEST(Run, WithoutADurationGoesOnUntilItIsEnded) {
   EXPECT_LE(rendered.summary("ended").steps(), 200u);
 }
 
+TEST(Run, EndsAfterItsDurationThoughNobodyComes) {
+  const Pair pair;
+  Process alone = pair.master("alone", {"--duration", "0.3"});
+  EXPECT_EQ(alone.wait(), exited(1));
+  for (const std::string& part : Words{"no slave answered at ", pair.address(), "--duration", "--peer"})
+    EXPECT_NE(alone.err().find(part), std::string::npos) << alone.err();
+  EXPECT_EQ(pair.summary("alone").steps(), 0u);
+  EXPECT_EQ(pair.summary("alone").verdict_kind(), "UNDECIDED");
+  Process unused = pair.slave("unused", {"--duration", "0.3"});
+  EXPECT_EQ(unused.wait(), exited(1));
+  for (const std::string& part : Words{"no master called ", pair.address(), "--duration", "--peer"})
+    EXPECT_NE(unused.err().find(part), std::string::npos) << unused.err();
+}
+
+TEST(Run, CountsItsDurationFromItsStart) {
+  const Pair pair;
+  const auto start = std::chrono::steady_clock::now();
+  Process slave = pair.listening_slave("slave", {"--duration", "1.2"});
+  std::this_thread::sleep_for(500ms);
+  Process master = pair.master("master", {"--duration", "5"});
+  EXPECT_EQ(slave.wait(), exited(0)) << slave.err();
+  // Half a second of waiting leaves 0.7 s together, however long the master would go on.
+  EXPECT_LT(std::chrono::steady_clock::now() - start, 3s);
+  EXPECT_LE(pair.summary("slave").duration_s(), 0.7);
+  EXPECT_GT(pair.summary("slave").duration_s(), 0.0);
+  master.send(SIGINT);
+  EXPECT_EQ(master.wait(), exited(0)) << master.err();
+}
+
 /// `signals` at once, or nearly: what a user does who presses Ctrl-C again, and `timeout -s INT`.
 void expect_whole_after(Process& process, const std::vector<int>& signals, std::chrono::microseconds gap) {
   for (const int signal : signals) {

@@ -68,7 +68,7 @@ TEST(Usage, RefusesASlaveOfARenderedEnvironment) {
 
 TEST(Usage, NamesAnAddressThatIsNone) {
   Pair pair;
-  for (const std::string wrong : {"localhost", "256.0.0.1", "::1", "127.0.0.1:", ""}) {
+  for (const std::string wrong : {"256.0.0.1", "::1", "127.0.0.1:", ""}) {
     pair.host = wrong;
     expect_refused(pair.master(), {"--peer", "'" + pair.address() + "'", "ADDR:PORT"});
     expect_refused(pair.slave(), {"--listen", "'" + pair.address() + "'", "ADDR:PORT"});
@@ -78,6 +78,16 @@ TEST(Usage, NamesAnAddressThatIsNone) {
   pair.host = "127.0.0.1";
   pair.port = 0;
   expect_refused(pair.master(), {pair.address()});
+}
+
+TEST(Usage, TakesHostNames) {
+  Pair pair{press(1)};
+  pair.host = "localhost";
+  Process slave = pair.listening_slave(), master = pair.master("master", {"--duration", "1"});
+  EXPECT_EQ(master.wait(), exited(0)) << master.err();
+  EXPECT_GT(pair.summary("master").steps(), 0u);
+  pair.host = "no-such-host.invalid";
+  expect_refused(pair.master("out"), {"--peer", "no-such-host.invalid", "cannot be looked up", "IP address"});
 }
 
 TEST(Usage, SaysThatAPortIsInUse) {

@@ -22,7 +22,7 @@ build "$root/examples/own_hardware" "$work/own"
 "$work/own/own-master" --list-devices | grep -q "^own	the rail" || fail "own-master does not list the driver"
 "$work/own/own-slave" --list-devices | grep -q "^sim	" || fail "own-slave has lost the drivers of the tree"
 port=$((32000 + $$ % 700))
-"$work/own/own-slave" --scene "$root/examples/own_hardware/scene.textproto" --duration 4 --robot own --listen "127.0.0.1:$port" \
+"$work/own/own-slave" --scene "$root/examples/own_hardware/scene.textproto" --duration 6 --robot own --listen "127.0.0.1:$port" \
   --out "$work/slave" >"$work/slave.said" 2>&1 &
 slave=$!
 "$work/own/own-master" --scene "$root/examples/own_hardware/scene.textproto" --duration 4 --device own:1 --peer "127.0.0.1:$port" \
@@ -48,7 +48,7 @@ says "$work/own/own-master" --scene "$root/examples/own_hardware/scene.textproto
 # In the tree: one file, one line. The simulated driver is left out, as it takes longest to compile.
 mkdir "$work/tree"
 cp -r "$root/drivers" "$work/tree/"
-cp "$root/examples/own_hardware/own_device.cc" "$work/tree/drivers/"
+cp "$root/examples/own_hardware/"{own_device.cc,vendor.h} "$work/tree/drivers/"
 sed -i 's/^twoport_driver(sim.*/twoport_driver(own_device)/' "$work/tree/drivers/CMakeLists.txt"
 cp "$root/master/main.cc" "$work/tree/"
 cat >"$work/tree/CMakeLists.txt" <<'END'

@@ -54,7 +54,7 @@ class OverBytes {
     network_.set_conditions(kMaster, {scene.to_master}, scene.seed ^ kToMasterStream);
   }
 
-  /// The rows of lab::LinkLoop.
+  /// The columns of lab::LinkLoop.
   template <class Visit>
   void run(Visit visit) {
     auto& [master_dt, slave_dt, device, robot, master, slave, master_mail, slave_mail] = sides_;
@@ -69,22 +69,8 @@ class OverBytes {
         continue;
       }
       const auto out = sides_.master_tick(next_m);
-      const Row<N> row{.t_s = to_seconds(next_m).si(),
-                       .master_x = device.x(),
-                       .master_v = device.v(),
-                       .master_f = device.held(),
-                       .master_f_wanted = out.wanted,
-                       .slave_x = robot.state().x,
-                       .slave_v = robot.state().v,
-                       .slave_f = robot.held(),
-                       .env_f = robot.environment_force(),
-                       .position_error = slave.position_error(),
-                       .master_energy_j = device.port_energy().si(),
-                       .slave_energy_j = slave.delivered().si(),
-                       .observed_energy_j = master.observed().si(),
-                       .undissipated_j = out.undissipated.si(),
-                       .dissipated_j = (out.dissipated + std::exchange(dissipated_by_slave, {})).si(),
-                       .mode = out.mode};
+      const Row<N> row = columns<N>(next_m, out, out.dissipated + std::exchange(dissipated_by_slave, {}),
+                                    robot.environment_force(), device, robot, master, slave);
       if (!visit(row)) return;
       next_m = tick_time(++m, scene_.master_rate_hz);
     }
@@ -118,7 +104,7 @@ void expect_same(const PacketCounts& a, const PacketCounts& b) {
 
 /// `row` without what only the summary uses.
 template <int N>
-Row<N> columns(Row<N> row) {
+Row<N> without_figures(Row<N> row) {
   row.reference = {};
   row.ahead = {};
   row.coupling_energy_j = 0.0;
@@ -135,7 +121,8 @@ void expect_same_over_bytes(const Scene& scene) {
     OverBytes<N> bytes{scene, where};
     std::size_t k = 0;
     bytes.run([&](const Row<N>& row) {
-      const bool same = k < expected.size() && test::same_bits(test::numbers(row), test::numbers(columns(expected[k])));
+      const bool same =
+          k < expected.size() && test::same_bits(test::numbers(row), test::numbers(without_figures(expected[k])));
       EXPECT_TRUE(same) << "row " << k << " of " << expected.size() << ", impaired in place "
                         << static_cast<int>(where);
       ++k;

@@ -6,6 +6,7 @@
 #include <cmath>
 #include <deque>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "common/record/expectation.h"
@@ -89,6 +90,39 @@ TEST(Figures, OfALatePressDoNotImproveHoweverLongItIsHeld) {
   EXPECT_GT(std::abs(hundred.held_force_ratio() - 1.0), 0.1);
   EXPECT_GT(hundred.felt_force_error_rms_n(), 0.9 * ten.felt_force_error_rms_n());
   EXPECT_GT(hundred.muted_share(), 0.9 * ten.muted_share());
+}
+
+TEST(Figures, OfAHeldForceAreMeansBeforeTheHandRetreatsOrTheRunEnds) {
+  // Of shipped scenes: when the last rest ends in which the robot touches [s], and the tenth of a second before.
+  const auto means_before = [](const Scene& scene, double end_s, double& felt, double& reference) {
+    return dispatch_dof(scene, [&]<int N>() {
+      Eigen::VectorXd f = Eigen::VectorXd::Zero(N), r = f;
+      bool touching = true;
+      make_simulation<N>(scene)->run([&](const Row<N>& row) {
+        if (row.t_s < end_s - 0.1 - 1e-9 || row.t_s >= end_s - 1e-9) return true;
+        f += row.master_f.vec();
+        r += row.reference.vec();
+        touching = touching && row.touching;
+        return true;
+      });
+      felt = f.head(N == 6 ? 3 : N).norm();
+      reference = r.head(N == 6 ? 3 : N).norm();
+      return touching;
+    });
+  };
+  for (const auto& [name, end_s] : {std::pair{"one_axis_wall", 3.0},
+                                    {"demo", 6.5},
+                                    {"two_rates", 8.0},
+                                    {"measured_force_50ms", 8.0},
+                                    {"render_box", 4.0},
+                                    {"six_dof_render", 6.0}}) {
+    const Scene scene = load_scene(std::string{TWOPORT_SCENES "/"} + name + ".textproto");
+    double felt = 0.0, reference = 0.0;
+    ASSERT_TRUE(means_before(scene, end_s, felt, reference)) << name;
+    EXPECT_NEAR(run(scene).held_force_ratio(), felt / reference, 1e-12) << name;
+  }
+  // Hand and felt force balance: 400 N/m hold the handle 3.8 mm from where the hand wants it.
+  EXPECT_NEAR(run(load_scene(TWOPORT_SCENES "/one_axis_wall.textproto")).held_force_ratio(), 1.0, 0.03);
 }
 
 /// Nothing that is felt moves the handle, which is led into a wall. The sensor's force comes back as it is.

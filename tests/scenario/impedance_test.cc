@@ -4,8 +4,10 @@
 
 #include <cmath>
 #include <complex>
+#include <filesystem>
 #include <numbers>
 #include <string>
+#include <vector>
 
 #include "common/base/check.h"
 #include "common/scene/load.h"
@@ -99,9 +101,96 @@ TEST(Impedance, OfADelayedLinkUnderAControllerIsNeitherTrueNorCoherent) {
   EXPECT_LT(all[1].least_coherence, 0.99);
 }
 
+/// A spring on the device, with other properties of the device.
+double coherence_with(const std::string& device) {
+  const auto all = of("dof: 1 device { mass_kg: 0.1 damping_n_s_per_m: 1 " + device + R"( }
+    control { architecture: RENDER passivity { method: NONE } }
+    environment { spring { stiffness_n_per_m: 800 anchor_m: [0] } })");
+  EXPECT_EQ(all.size(), 1u);
+  return all.at(0).least_coherence;
+}
+
+TEST(Impedance, IsCoherentWhereTheForceIsLinearInTheMotion) {
+  EXPECT_GT(coherence_with(""), 0.999);
+  EXPECT_GT(coherence_with("max_force_n: 1"), 0.999);               // of 0.8 N
+  EXPECT_GT(coherence_with("position_resolution_m: 1e-7"), 0.999);  // of 1 mm
+}
+
+TEST(Impedance, IsLessCoherentTheLessLinearTheForceIs) {
+  // 0.8 N is the largest that the spring asks for.
+  const double little = coherence_with("max_force_n: 0.5"), more = coherence_with("max_force_n: 0.2");
+  EXPECT_LT(little, 0.99);
+  EXPECT_LT(more, 0.9);
+  EXPECT_LT(more, little);
+  // A coarse encoder: the lines up to 10 Hz share 1 mm.
+  const double fine = coherence_with("position_resolution_m: 1e-4"),
+               coarse = coherence_with("position_resolution_m: 1e-3");
+  EXPECT_LT(fine, 0.99);
+  EXPECT_LT(coarse, fine);
+  // A force that does not change at all: the handle stays within one step of the encoder.
+  const auto still = of(R"(dof: 1 device { mass_kg: 0.1 damping_n_s_per_m: 1 position_resolution_m: 0.01 }
+                           operator { path { hold { duration_s: 1 } } }
+                           control { architecture: RENDER passivity { method: NONE } }
+                           environment { spring { stiffness_n_per_m: 800 anchor_m: [0.005] } })");
+  ASSERT_EQ(still.size(), 1u);
+  EXPECT_EQ(still[0].least_coherence, 0.0);
+}
+
+/// What is said of a scene that cannot be measured.
+std::string refused(const std::string& scene) {
+  try {
+    of(scene);
+  } catch (const ConfigError& e) {
+    return e.what();
+  }
+  return "measured";
+}
+void expect_words(const std::string& said, const std::vector<std::string>& words) {
+  for (const std::string& each : words) EXPECT_NE(said.find(each), std::string::npos) << said;
+  EXPECT_EQ(said.find('\n'), std::string::npos) << said;
+}
+/// A hand presses a wall, `distance` away, over a link.
+std::string press(const std::string& distance, const std::string& more) {
+  return R"(dof: 1
+    operator { hand { mass_kg: 0.1 stiffness_n_per_m: 400 damping_n_s_per_m: 8 }
+               path { move_to { position_m: [0.03] duration_s: 1 } } }
+    device { mass_kg: 0.075 damping_n_s_per_m: 0.05 }
+    control { virtual_coupling { stiffness_n_per_m: 2000 damping_n_s_per_m: 20 } passivity { method: NONE } }
+    robot { mass_kg: 0.5 damping_n_s_per_m: 2 force_sensor { } }
+    environment { wall { normal: [-1] offset_m: )" +
+         distance + " stiffness_n_per_m: 3000 damping_n_s_per_m: 5 } } " + more;
+}
+
+TEST(Impedance, OfAnUnstableSceneIsRefused) {
+  expect_words(refused(R"(dof: 1 device { mass_kg: 0.1 position_m: [0.001] }
+                          control { architecture: RENDER passivity { method: NONE } }
+                          environment { spring { stiffness_n_per_m: 5000 anchor_m: [0] } })"),
+               {"impedance: ", "unstable loop", "control.passivity.method", "stiffness", "twoport-lab run"});
+}
+
+TEST(Impedance, OfAHandThatIsNeverFreeIsRefused) {
+  expect_words(refused(press("0", "")), {"impedance: ", "free space", "0.001 m", "operator.path", "--amplitude"});
+  EXPECT_EQ(refused(press("-0.01", "")), "measured");
+}
+
+TEST(Impedance, OfSidesThatNeverMeetIsRefused) {
+  for (const char* silent : {"to_slave { loss: 1 }", "to_master { loss: 1 }"})
+    expect_words(refused(press("-0.01", silent)), {"impedance: ", "never coupled", "loss", "to_slave", "to_master"});
+}
+
 TEST(Impedance, NeedsAMasterPort) {
   EXPECT_THROW(static_cast<void>(of("dof: 1 control { architecture: UNCONTROLLED } robot { mass_kg: 1 }")),
                ConfigError);
+}
+
+TEST(Impedance, ThatIsRefusedIsOneSentenceAndNoTable) {
+  const test::Folder folder;
+  test::Process lab{
+      {TWOPORT_LAB, "impedance", TWOPORT_SCENES "/held_spring_unstable.textproto", "--out", folder / "out"}};
+  EXPECT_EQ(lab.wait(), test::exited(2));
+  EXPECT_EQ(lab.out(), "");
+  expect_words(lab.err().substr(0, lab.err().find('\n')), {"twoport-lab: held spring, unstable: ", "unstable loop"});
+  EXPECT_FALSE(std::filesystem::exists(folder / "out/table.csv"));
 }
 
 TEST(Impedance, IsATableAndAPicture) {

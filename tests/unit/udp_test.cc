@@ -56,9 +56,16 @@ TEST(Endpoint, ComparesAddressAndPort) {
   EXPECT_NE(e, parse_endpoint("[::1]:1", "--peer"));
 }
 
+TEST(Endpoint, LooksUpAHostName) {
+  EXPECT_EQ(to_string(parse_endpoint("localhost:45001", "--peer")), "127.0.0.1:45001");
+  EXPECT_NE(sentence([] { parse_endpoint("no-such-host.invalid:1", "--peer"); }).find("cannot be looked up"),
+            std::string::npos);
+}
+
 TEST(Endpoint, RefusesTheRestInASentence) {
   for (const char* s : {"", ":", "127.0.0.1", "127.0.0.1:", ":45001", "127.0.0.1:65536", "127.0.0.1:-1", "127.0.0.1:1x",
-                        "localhost:45001", "::1:45001", "[127.0.0.1]:45001", "[::1]45001", "127.0.0.1: 1"}) {
+                        "local host:45001", "[localhost]:45001", "256.0.0.1:45001", "::1:45001", "[127.0.0.1]:45001",
+                        "[::1]45001", "127.0.0.1: 1"}) {
     const std::string said = sentence([&] { parse_endpoint(s, "--peer"); });
     EXPECT_EQ(said.rfind("--peer: '" + std::string{s} + "' is not ADDR:PORT", 0), 0U) << said;
   }

@@ -5,10 +5,12 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdint>
+#include <limits>
 #include <numbers>
 #include <set>
 #include <string>
 #include <tuple>
+#include <utility>
 #include <vector>
 
 namespace twoport {
@@ -114,6 +116,60 @@ TEST(ContactFigures, TakeTheRatioAtTheEndOfTheLastRest) {
     metrics.fill(s);
     EXPECT_FALSE(s.has_held_force_ratio());
   }
+}
+
+TEST(ContactFigures, TakeTheHeldRatioBeforeTheIntendedMotionGoesOn) {
+  // The hand holds for a second; then the force falls off at once, long before the hand has moved visibly.
+  const Row<1> held = contact(2.0, 4.0, 4.0), fading = contact(0.001, 4.0, 4.0);
+  const std::vector<Part<1>> run{{1.0, held}, {0.3, fading}, {0.7, free_space(0.0)}};
+  EXPECT_NEAR(summary_of<1>(run, {.rests = {{{0.0, 1.0}, {1.5, 2.0}}}}).held_force_ratio(), 0.5, kRounding);
+  // A rest without contact, one that is shorter than the window, and one with little force do not replace it.
+  const std::vector<Part<1>> more{{1.0, held}, {0.5, fading}, {0.09, fading}, {0.5, contact(0.1, 0.1, 0.1)}};
+  EXPECT_NEAR(summary_of<1>(more, {.rests = {{{0.0, 1.0}, {1.5, 1.59}, {1.6, 3.0}}}}).held_force_ratio(), 0.5,
+              kRounding);
+  // Nor is there one without a rest.
+  EXPECT_FALSE(summary_of<1>(run, {.rests = {std::vector<Rest>{}}}).has_held_force_ratio());
+}
+
+TEST(ContactFigures, TakeTheHeldRatioBeforeContactIsLost) {
+  const std::vector<Part<1>> run{{1.0, contact(1.0, 4.0, 4.0)}, {0.1, contact(3.0, 4.0, 4.0)}, {1.0, free_space(0.0)}};
+  EXPECT_NEAR(summary_of<1>(run, {.rests = {{{0.0, 9.0}}}}).held_force_ratio(), 0.75, kRounding);
+}
+
+TEST(ContactFigures, AverageTheHeldForceOverEveryTickOfATenthOfASecond) {
+  // A force that alternates from tick to tick, 2.5 N and 0.5 N, on a slow slope; 1.5 N on average, 0.1 N of which is slope.
+  Metrics<1> metrics{{.rate_hz = kRate, .duration_s = 1.0, .quiet_from_s = 0.0}, 1.0, {.rests = {{{0.0, 9.0}}}}};
+  for (int k = 0; k < 2000; ++k) {
+    Row<1> row = contact((k % 2 == 0 ? 2.5 : 0.5) + 2.0 * (k - 1999) / kRate, 3.0, 3.0);
+    row.t_s = k / kRate;
+    metrics.add(row);
+  }
+  Summary s;
+  metrics.fill(s);
+  EXPECT_NEAR(s.held_force_ratio(), (1.5 - 2.0 * 0.5 * 199 / kRate) / 3.0, kRounding);  // of 200 ticks
+}
+
+TEST(Rests, AreHoldsAndTheEndOfThePathOneRoundTripLater) {
+  Scene scene;
+  EXPECT_FALSE(rests(scene));
+  scene.operator_model.emplace();
+  constexpr double kForever = std::numeric_limits<double>::infinity();
+  const auto of = [&] {
+    std::vector<std::pair<double, double>> all;
+    const std::optional<std::vector<Rest>> found = rests(scene);
+    for (const Rest& rest : found.value()) all.emplace_back(rest.from_s, rest.to_s);
+    return all;
+  };
+  using Intervals = std::vector<std::pair<double, double>>;
+  EXPECT_EQ(of(), (Intervals{{0.0, kForever}}));
+  scene.to_slave.delay_s = 0.25;
+  scene.to_master.delay_s = 0.25;
+  const HoldSpec hold{1.0};
+  const MoveToSpec move{{0.1}, 2.0};
+  scene.operator_model->path = {hold, hold, move, hold, move, HoldSpec{0.5}, move};
+  EXPECT_EQ(of(), (Intervals{{0.0, 2.0}, {4.5, 5.0}, {9.5 + 0.5, kForever}}));
+  scene.control.architecture = Architecture::render;  // no link
+  EXPECT_EQ(of(), (Intervals{{0.0, 2.0}, {4.0, 5.0}, {7.0, 7.5}, {9.5, kForever}}));
 }
 
 TEST(ContactFigures, LeaveWhatTheDelayStillBringsOutOfTheDrag) {
