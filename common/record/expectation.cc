@@ -19,6 +19,11 @@ std::vector<std::string> violations(const ExpectSpec& expect, const Summary& sum
     found.push_back(fmt::format("stable is {}, expected {}{}", summary.stable(), *expect.stable,
                                 summary.verdict().empty() ? "" : ": " + summary.verdict()));
 
+  for (const MethodVerdict& each : expect.of_method)
+    if (each.method == summary.method() && each.verdict_kind != summary.verdict_kind())
+      found.push_back(fmt::format("verdict_kind with {} is {}, expected {}: {}", each.method, summary.verdict_kind(),
+                                  each.verdict_kind, summary.verdict()));
+
   const auto all = known_numbers(summary);
   const auto check = [&](const Bound& bound, const char* side, double sign, const char* missed) {
     const auto figure = std::find_if(all.begin(), all.end(), [&](const auto& each) { return each.first == bound.key; });

@@ -43,6 +43,13 @@ ExpectSpec read_expect(const Block<schema::Expect>& of) {
   if (of.has(FIELD(stable))) spec.stable = of.flag(FIELD(stable));
   spec.at_least = read_bounds(of.blocks(FIELD(at_least)));
   spec.at_most = read_bounds(of.blocks(FIELD(at_most)));
+  for (const auto& each : of.blocks(FIELD(of_method))) {
+    if (!each.has(FIELD(method)) || !each.has(FIELD(verdict)))
+      each.fail("expect.of_method needs a method and a verdict");
+    spec.of_method.push_back(
+        {schema::Passivity::Method_Name(each.choice<schema::Passivity::Method>(FIELD(method))),
+         schema::MethodVerdict::Verdict_Name(each.choice<schema::MethodVerdict::Verdict>(FIELD(verdict)))});
+  }
   return spec;
 }
 

@@ -91,9 +91,14 @@ struct Bound {
   std::string key;
   double value;
 };
+/// The verdict_kind that a run with a method must have.
+struct MethodVerdict {
+  std::string method, verdict_kind;
+};
 struct ExpectSpec {
   std::optional<bool> stable;
   std::vector<Bound> at_least, at_most;
+  std::vector<MethodVerdict> of_method{};
 };
 
 struct Scene {

@@ -13,7 +13,7 @@ std::vector<Subcommand> add_sweep_commands(CLI::App& app);
 Subcommand add_zwidth_command(CLI::App& app);
 Subcommand add_chart_command(CLI::App& app);
 Subcommand add_impedance_command(CLI::App& app);
-/// `map`, `compare` and `recommend`.
+/// `compare`, `gallery`, `map` and `recommend`.
 std::vector<Subcommand> add_map_commands(CLI::App& app);
 /// `trim` and `blocks`.
 std::vector<Subcommand> add_trim_commands(CLI::App& app);

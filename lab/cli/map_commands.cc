@@ -13,6 +13,7 @@
 #include "lab/plot/map_picture.h"
 #include "lab/study/cells.h"
 #include "lab/study/compare.h"
+#include "lab/study/gallery.h"
 #include "lab/study/map.h"
 #include "lab/study/parallel.h"
 
@@ -146,10 +147,45 @@ Subcommand add_compare(CLI::App& app) {
   return {compare, [a] { return compare_command(*a); }};
 }
 
+struct GalleryArguments {
+  GalleryOptions gallery;
+  std::string methods, out;
+};
+
+int gallery_command(GalleryArguments& a) {
+  a.gallery.methods = words_of("--methods", a.methods);
+  if (!a.out.empty()) make_folder(a.out);
+  const Gallery all = gallery(a.gallery, show_progress);
+  std::fputs(to_text(all).c_str(), stdout);
+  if (!a.out.empty()) {
+    write_whole(a.out + "/table.csv", to_csv(all));
+    fmt::print("{}/table.csv: {} rows\n", a.out, all.entries.size() * all.methods.size());
+  }
+  bool met = true;
+  for (const Gallery::Entry& each : all.entries)
+    for (const std::string& sentence : each.missed) {
+      fmt::print(stderr, "{}: {}\n", each.scene, sentence);
+      met = false;
+    }
+  return met ? 0 : 3;
+}
+
+Subcommand add_gallery(CLI::App& app) {
+  const auto a = std::make_shared<GalleryArguments>();
+  a->gallery.jobs = all_cores();
+  CLI::App* gallery =
+      app.add_subcommand("gallery", "Who survives what: the scenes of a folder, each with every method");
+  gallery->add_option("folder", a->gallery.folder, "Folder of scenes (.textproto)")->capture_default_str();
+  gallery->add_option("--methods", a->methods, "NAME,NAME; all of them if absent");
+  gallery->add_option("--out", a->out, "Folder for table.csv");
+  add_jobs(gallery, a->gallery.jobs);
+  return {gallery, [a] { return gallery_command(*a); }};
+}
+
 }  // namespace
 
 std::vector<Subcommand> add_map_commands(CLI::App& app) {
-  return {add_compare(app), add_map(app), add_recommend(app)};
+  return {add_compare(app), add_gallery(app), add_map(app), add_recommend(app)};
 }
 
 }  // namespace twoport::lab

@@ -23,9 +23,14 @@ class Scenario : public testing::TestWithParam<std::string> {};
 
 TEST_P(Scenario, MeetsItsExpectations) {
   const Scene scene = load_scene(GetParam());
-  EXPECT_TRUE(scene.expect.stable || !scene.expect.at_least.empty() || !scene.expect.at_most.empty())
+  EXPECT_TRUE(scene.expect.stable || !scene.expect.at_least.empty() || !scene.expect.at_most.empty() ||
+              !scene.expect.of_method.empty())
       << "expects nothing";
   for (const std::string& sentence : violations(scene.expect, lab::run(scene))) ADD_FAILURE() << sentence;
+  for (const MethodVerdict& each : scene.expect.of_method) {
+    const Scene with_method = load_scene(GetParam(), std::vector{"control.passivity.method=" + each.method});
+    for (const std::string& sentence : violations(scene.expect, lab::run(with_method))) ADD_FAILURE() << sentence;
+  }
 }
 
 TEST_P(Scenario, GivesNoWarning) {

@@ -27,6 +27,19 @@ TEST(Expectations, ThatAreMetSayNothing) {
   EXPECT_EQ(violations({}, s), Sentences{});
 }
 
+TEST(Expectations, OfAMethodConcernItsRunsOnly) {
+  Summary s;
+  s.set_method("CLASSIC");
+  s.set_verdict_kind("UNSTABLE");
+  s.set_verdict("port energy -1 J");
+  const ExpectSpec expect{
+      .stable = {}, .at_least = {}, .at_most = {}, .of_method = {{"NONE", "STABLE"}, {"CLASSIC", "STABLE"}}};
+  EXPECT_EQ(violations(expect, s),
+            Sentences{"verdict_kind with CLASSIC is UNSTABLE, expected STABLE: port energy -1 J"});
+  s.set_verdict_kind("STABLE");
+  EXPECT_EQ(violations(expect, s), Sentences{});
+}
+
 TEST(Expectations, ThatAreMissedSayByHowMuch) {
   Summary s;
   s.set_min_port_energy_j(-0.0123);

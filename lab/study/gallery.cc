@@ -1,0 +1,92 @@
+#include "lab/study/gallery.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <chrono>
+#include <filesystem>
+#include <mutex>
+
+#include "common/base/check.h"
+#include "common/record/expectation.h"
+#include "common/scene/load.h"
+#include "lab/run.h"
+#include "lab/study/map.h"
+#include "lab/study/parallel.h"
+
+namespace twoport::lab {
+
+Gallery gallery(const GalleryOptions& o, const std::function<void(const Progress&)>& heard) {
+  namespace fs = std::filesystem;
+  std::vector<fs::path> files;
+  std::error_code error;
+  for (const auto& each : fs::directory_iterator{o.folder, error})
+    if (each.path().extension() == ".textproto") files.push_back(each.path());
+  if (error) throw ConfigError{fmt::format("{}: {}", o.folder, error.message())};
+  if (files.empty()) throw ConfigError{fmt::format("{}: no scene (.textproto) in this folder", o.folder)};
+  std::sort(files.begin(), files.end());
+
+  Gallery all{.methods = o.methods.empty() ? all_methods() : o.methods, .entries = {}};
+  std::vector<Scene> scenes;
+  for (const fs::path& file : files) {
+    all.entries.push_back({file.stem().string(), std::vector<Summary>(all.methods.size()), {}});
+    for (const std::string& method : all.methods)
+      scenes.push_back(load_scene(file.string(), std::vector{"control.passivity.method=" + method}));
+  }
+  const auto started = std::chrono::steady_clock::now();
+  std::mutex guard;
+  std::size_t done = 0;
+  for_each_parallel(scenes.size(), o.jobs, [&](std::size_t i) {
+    Gallery::Entry& entry = all.entries[i / all.methods.size()];
+    Summary& summary = entry.summaries[i % all.methods.size()] = run(scenes[i]);
+    const std::vector<std::string> missed =
+        violations({.stable = {}, .at_least = {}, .at_most = {}, .of_method = scenes[i].expect.of_method}, summary);
+    const std::lock_guard lock{guard};
+    entry.missed.insert(entry.missed.end(), missed.begin(), missed.end());
+    const std::chrono::duration<double> spent = std::chrono::steady_clock::now() - started;
+    if (heard) heard({++done, 0, scenes.size(), spent.count()});
+  });
+  return all;
+}
+
+std::string in_a_word(const Summary& s) {
+  if (s.verdict_kind() == "UNSTABLE") return "UNSTABLE";
+  if (s.verdict_kind() == "STABLE") return s.has_muted_share() && s.muted_share() > 0.5 ? "mute" : "stable";
+  return s.verdict_kind() == "RESTLESS" ? "restless" : "undecided";
+}
+
+std::string to_text(const Gallery& all) {
+  std::size_t wide = 5;
+  for (const Gallery::Entry& each : all.entries) wide = std::max(wide, each.scene.size());
+  std::string out = fmt::format("{:<{}}", "scene", wide);
+  for (const std::string& method : all.methods)
+    out += fmt::format("  {:<{}}", method, std::max<std::size_t>(9, method.size()));
+  out += '\n';
+  for (const Gallery::Entry& each : all.entries) {
+    out += fmt::format("{:<{}}", each.scene, wide);
+    for (std::size_t m = 0; m < all.methods.size(); ++m)
+      out += fmt::format("  {:<{}}", in_a_word(each.summaries[m]), std::max<std::size_t>(9, all.methods[m].size()));
+    out += '\n';
+  }
+  return out;
+}
+
+std::string to_csv(const Gallery& all) {
+  std::string csv = "scene,method,verdict_kind,word";
+  for (const std::string& name : map_figures()) csv += "," + name;
+  csv += '\n';
+  for (const Gallery::Entry& each : all.entries)
+    for (std::size_t m = 0; m < all.methods.size(); ++m) {
+      const Summary& s = each.summaries[m];
+      csv += fmt::format("{},{},{},{}", each.scene, all.methods[m], s.verdict_kind(), in_a_word(s));
+      const auto of = numbers(s);
+      for (const std::string& name : map_figures()) {
+        const auto found = std::find_if(of.begin(), of.end(), [&](const auto& f) { return f.first == name; });
+        csv += found == of.end() ? "," : fmt::format(",{}", found->second);
+      }
+      csv += '\n';
+    }
+  return csv;
+}
+
+}  // namespace twoport::lab
