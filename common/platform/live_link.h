@@ -103,11 +103,18 @@ class LiveLink {
   }
   static SessionOptions session(Side side, const Scene& scene, std::optional<Endpoint> peer) {
     const bool master = side == Side::master;
-    return {.side = side,
-            .rate_hz = master ? scene.master_rate_hz : scene.slave_rate_hz,
-            .peer_rate_hz = master ? scene.slave_rate_hz : scene.master_rate_hz,
-            .scene_digest = scene_digest(scene),
-            .peer = peer};
+    SessionOptions options{.side = side,
+                           .rate_hz = master ? scene.master_rate_hz : scene.slave_rate_hz,
+                           .peer_rate_hz = master ? scene.slave_rate_hz : scene.master_rate_hz,
+                           .scene_digest = scene_digest(scene),
+                           .peer = peer};
+    for (const SharedField& field : shared_fields(scene)) {
+      options.scene_field_names.push_back(field.path);
+      const std::uint64_t folded = field.digest ^ field.digest >> 32;
+      for (const int shift : {0, 16})
+        options.scene_fields.push_back(static_cast<char>(folded >> shift ^ folded >> (shift + 8)));
+    }
+    return options;
   }
 
   Side side_;

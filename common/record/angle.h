@@ -6,7 +6,7 @@
 
 namespace twoport {
 
-/// Translational part of a vector of coordinates: what "force" and "position" mean in a summary.
+/// Translational part of a vector of coordinates. Figures of forces and positions in a summary are of this part.
 template <class Vector>
 auto translational(const Vector& v) {
   if constexpr (Vector::RowsAtCompileTime == 6) {
@@ -16,7 +16,8 @@ auto translational(const Vector& v) {
   }
 }
 
-/// Angle between two vectors [rad], exact near 0 and π: atan2(|u×f|, u·f), with |u×f| from the rejection of u on f.
+/// Angle between two vectors [rad], accurate near 0 and π too: atan2(|r| |f|, u·f) with r = u - (u·f/|f|²) f, the part of u
+/// perpendicular to f.
 template <class Vector>
 double angle(const Vector& u, const Vector& f) {
   const double along = u.dot(f), f2 = f.squaredNorm();
@@ -24,8 +25,8 @@ double angle(const Vector& u, const Vector& f) {
   return std::atan2(across.norm() * std::sqrt(f2), along);
 }
 
-/// Square of the angle between u and f, with their squared norms at hand [rad²]. Where the two are parallel to rounding,
-/// the rejection r of u on f says exactly how far they are not: |r|²/|u|². In one dimension it is 0 or π².
+/// Square of the angle between u and f [rad²]; u2 = |u|², f2 = |f|². For angles below 1e-7 rad it is |r|²/|u|², with r the
+/// part of u perpendicular to f. In one dimension it is 0 or π².
 template <class Vector>
 double squared_angle(const Vector& u, const Vector& f, double u2, double f2) noexcept {
   const double along = u.dot(f);

@@ -6,15 +6,15 @@
 
 namespace twoport {
 
-/// A column of a recording, or one column a coordinate: NAME_0, NAME_1, ...
+/// A quantity of a recording: one column NAME, or for a vector one column for each coordinate, NAME_0, NAME_1, ...
 struct Column {
   std::string_view name;
-  std::string_view unit;             ///< of a number, or of translational coordinates; empty: none
-  std::string_view rotational_unit;  ///< of coordinates 3 to 5 with dof 6; empty: it is a number
+  std::string_view unit;             ///< of a number, or of the translational coordinates of a vector; empty: none
+  std::string_view rotational_unit;  ///< of coordinates 3 to 5 of a vector with dof 6; empty: not a vector
 };
 
 /// Calls see(column, value) for each column of trace.csv, in order; `value` is a number or an Eigen vector of N numbers.
-/// The one list of columns. docs/summary-and-trace.md says what they mean.
+/// This is the only list of columns; docs/summary-and-trace.md explains them.
 template <int N, class See>
 void for_each_column(const Row<N>& row, See&& see) {
   see(Column{"t_s", "s", ""}, row.t_s);

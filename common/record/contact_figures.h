@@ -16,9 +16,9 @@
 
 namespace twoport {
 
-/// What the hand feels of the environment. Felt is Row::master_f; the reference r is Row::reference, the environment's force
-/// as it should be felt. Sums are over ticks in which robot (device under RENDER) and environment touch; no tick of free
-/// space or of silence improves them.
+/// Figures of contact: how the felt force f, Row::master_f, compares with the reference r, Row::reference: the environment's
+/// force as it should be felt. Only ticks count in which the robot (device under RENDER) touches the environment, so neither
+/// free space nor a silent link improves a figure.
 ///
 ///     felt force error      rms |f - r|
 ///     muted share           ticks with |f| < |r|/10, of those with |r| > 0.2 N
@@ -29,10 +29,10 @@ namespace twoport {
 template <int N>
 class ContactFigures {
  public:
-  static constexpr double kSensed = 0.05;      ///< [N]: what touches, where only a force sensor tells
-  static constexpr double kLoud = 0.2;         ///< [N]
-  static constexpr double kMuted = 0.1;        ///< of the reference
-  static constexpr double kTorqueFelt = 1e-3;  ///< a torque below this has no direction to speak of [N m]
+  static constexpr double kSensed = 0.05;      ///< force from which a sensor reading counts as contact [N]
+  static constexpr double kLoud = 0.2;         ///< least reference for the muted share [N]
+  static constexpr double kMuted = 0.1;        ///< felt force below this part of the reference is muted
+  static constexpr double kTorqueFelt = 1e-3;  ///< torques below this do not count in the direction figure [N m]
 
   using Vector = typename HeldForce<N>::Vector;
 
@@ -41,7 +41,7 @@ class ContactFigures {
 
   /// `felt2` is |felt|².
   [[gnu::always_inline]] void add(const Row<N>& row, const Vector& felt, double felt2) noexcept {
-    // Rare events are counted and frequent ones are what is left: a branch costs less than a store.
+    // Counts the rarer of two events: a branch costs less than a store.
     if (!row.coupled) [[unlikely]]
       ++uncoupled_;
     Vector reference = translational(row.reference.vec());
@@ -70,7 +70,7 @@ class ContactFigures {
     held_force_.add(row, felt, reference);
   }
 
-  /// What is known of the run: `hand`, what is felt; `link`, another side; `rows` in all.
+  /// `hand`, `link`: as in KnownParts. `rows`: number of rows in all.
   void fill(Summary& s, bool hand, bool link, double rows, double rate_hz) const {
     const auto touching = static_cast<double>(touching_);
     if (link) s.set_coupled_share(1.0 - static_cast<double>(uncoupled_) / rows);
@@ -121,7 +121,7 @@ class ContactFigures {
   double torque_error2_ = 0.0, torque_chatter2_ = 0.0, torque_turn2_max_ = 0.0, attitude_error2_ = 0.0;
 };
 
-/// Do robot and environment touch, as far as a force sensor tells?
+/// Does this sensor reading indicate contact?
 template <int N>
 bool senses_contact(const Force<N>& f) noexcept {
   return translational(f.vec()).squaredNorm() > ContactFigures<N>::kSensed * ContactFigures<N>::kSensed;

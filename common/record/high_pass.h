@@ -7,7 +7,8 @@
 
 namespace twoport {
 
-/// Second-order Butterworth high pass by the bilinear transform, of each of D coordinates.
+/// Second-order Butterworth high-pass filter of D coordinates, by the bilinear transform, in transposed direct form II. The
+/// corner frequency is at most 0.49 of the sampling rate.
 template <int D>
 class HighPass {
  public:

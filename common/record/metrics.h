@@ -17,23 +17,23 @@
 
 namespace twoport {
 
-/// What the side that records a run can know of it.
+/// Which parts of the system the recording side observes. Figures of the others are left out of the summary.
 struct KnownParts {
   bool stability = true;
-  bool hand = true;                                       ///< the master port
-  bool link = true;                                       ///< there is another side, and its position error
+  bool hand = true;                                       ///< the master port: felt force, port energy
+  bool link = true;                                       ///< another side, and the position error
   bool robot = true;                                      ///< its motion, and the force on it
-  bool robot_energy = true;                               ///< the ports of its coupling
-  std::optional<std::vector<Rest>> rests = std::nullopt;  ///< of the intended motion
+  bool robot_energy = true;                               ///< the energies through both ports of its coupling
+  std::optional<std::vector<Rest>> rests = std::nullopt;  ///< of the intended motion; nothing: not known
 };
 
-/// Turns rows into a summary, one by one, in constant memory.
+/// Computes the summary from rows, one at a time, in constant memory.
 template <int N>
 class Metrics {
  public:
-  static constexpr double kFelt = 0.05;  ///< a force below this has no direction to speak of [N]
+  static constexpr double kFelt = 0.05;  ///< forces below this do not count in the direction figures [N]
 
-  /// `run.initial_energy_j`: E(0) of the hand's port. `energy_scale`: joules at the master for one at the slave.
+  /// `run.initial_energy_j`: E(0) of the master port. `energy_scale`: E_master / E_slave, as Registration::to_master(Energy).
   explicit Metrics(const typename RunJudge<N>::Known& run, double energy_scale = 1.0, KnownParts known = {})
       : rate_hz_{run.rate_hz},
         initial_energy_j_{run.initial_energy_j},
@@ -82,12 +82,12 @@ class Metrics {
   }
   [[nodiscard]] const RunJudge<N>& judge() const { return judge_; }
 
-  /// Everything that rows tell; what ran, packets and times are the caller's.
+  /// Sets all fields that follow from rows. The caller sets those of the scene, the packets and the computing time.
   void fill(Summary& s) const {
     const double rows = static_cast<double>(std::max<std::uint64_t>(rows_, 1));
     s.set_steps(count(rows_));
     s.set_rate_hz(rate_hz_);
-    // To the end of the last tick: a live loop may have left some out.
+    // To the end of the last tick: a live loop may have skipped some.
     s.set_duration_s(rows_ > 0 ? (std::round(last_s_ * rate_hz_) + 1.0) / rate_hz_ : 0.0);
     s.set_dissipated_j(dissipated_j_);
     s.set_corrected_ticks(count(corrected_ticks_));
@@ -125,7 +125,7 @@ class Metrics {
   }
 
  private:
-  // Extremes change in few ticks: a branch costs less than a store.
+  // An extreme changes in few ticks, and a branch costs less than a store.
   static void lower(double& least, double value) noexcept {
     if (value < least) least = value;
   }

@@ -1,7 +1,9 @@
 #include <bit>
 #include <cstdint>
 #include <string>
+#include <string_view>
 #include <type_traits>
+#include <vector>
 
 #include "common/scene/load.h"
 
@@ -37,9 +39,21 @@ class Digest {
   std::uint64_t value_ = 0xcbf29ce484222325;
 };
 
-}  // namespace
+/// The digest of all fields, and of each.
+struct Digests {
+  Digest all;
+  std::vector<SharedField> fields;
 
-std::uint64_t scene_digest(const Scene& scene) {
+  template <class... Values>
+  void add(std::string_view path, const Values&... values) {
+    Digest one;
+    (one.add(values), ...);
+    (all.add(values), ...);
+    fields.push_back({path, one.value()});
+  }
+};
+
+Digests digests(const Scene& scene) {
   // Taken apart by name: a new option does not compile until it is decided here whether both sides share it.
   // The handle's mass and the device's largest force are the master's own; the controller's method is that of the name.
   const auto& [architecture, coupling, force_scale, motion_scale, registration, method_name, controller, observer,
@@ -47,18 +61,46 @@ std::uint64_t scene_digest(const Scene& scene) {
                release_after] = scene.control;
   const auto& [stiffness, damping, rotational_stiffness, rotational_damping, catch_up, drift_compensation] = coupling;
   const auto& [method, max_gain, max_mobility, unilateral, predict, mass, radius_of_gyration, max_turn] = controller;
-  Digest digest;
-  digest.add(scene.dof, scene.master_rate_hz, scene.slave_rate_hz);
-  digest.add(architecture, force_scale, motion_scale, observer, accounts, reference_energy, initial_energy);
-  digest.add(engage, hold_after, release_after);
-  const auto& [absolute, rotation, position] = registration;
-  digest.add(absolute, rotation.w(), rotation.x(), rotation.y(), rotation.z());
-  digest.add(position.x(), position.y(), position.z());
-  digest.add(stiffness, damping, rotational_stiffness, rotational_damping, catch_up, drift_compensation);
   static_cast<void>(method), static_cast<void>(mass), static_cast<void>(radius_of_gyration);
-  digest.add(method_name);
-  digest.add(max_gain, max_mobility, unilateral, predict, max_turn);
-  return digest.value();
+  const auto& [absolute, rotation, position] = registration;
+  Digests d;
+  d.add("dof", scene.dof);
+  d.add("master_rate_hz", scene.master_rate_hz);
+  d.add("slave_rate_hz", scene.slave_rate_hz);
+  d.add("control.architecture", architecture);
+  d.add("control.force_scale", force_scale);
+  d.add("control.motion_scale", motion_scale);
+  d.add("control.passivity.observer", observer);
+  d.add("control.passivity.accounts", accounts);
+  d.add("control.passivity.reference_energy", reference_energy);
+  d.add("control.passivity.initial_energy_j", initial_energy);
+  d.add("control.engage_s", engage);
+  d.add("control.hold_after_s", hold_after);
+  d.add("control.release_after_s", release_after);
+  d.add("control.registration", absolute, rotation.w(), rotation.x(), rotation.y(), rotation.z(), position.x(),
+        position.y(), position.z());
+  d.add("control.virtual_coupling.stiffness_n_per_m", stiffness);
+  d.add("control.virtual_coupling.damping_n_s_per_m", damping);
+  d.add("control.virtual_coupling.rotational_stiffness_n_m_per_rad", rotational_stiffness);
+  d.add("control.virtual_coupling.rotational_damping_n_m_s_per_rad", rotational_damping);
+  d.add("control.virtual_coupling.catch_up_m_per_s", catch_up);
+  d.add("control.virtual_coupling.drift_compensation", drift_compensation);
+  d.add("control.passivity.method", method_name);
+  d.add("control.passivity.max_gain", max_gain, max_mobility);  // the latter is no field of a scene
+  d.add("control.passivity.unilateral", unilateral);
+  d.add("control.passivity.predict", predict);
+  d.add("control.passivity.max_turn_deg", max_turn);
+  return d;
+}
+
+}  // namespace
+
+std::uint64_t scene_digest(const Scene& scene) {
+  return digests(scene).all.value();
+}
+
+std::vector<SharedField> shared_fields(const Scene& scene) {
+  return digests(scene).fields;
 }
 
 }  // namespace twoport

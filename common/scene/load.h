@@ -3,6 +3,8 @@
 #include <cstdint>
 #include <span>
 #include <string>
+#include <string_view>
+#include <vector>
 
 #include "common/scene/scene.h"
 
@@ -35,5 +37,13 @@ void tell_handle(Scene& scene);
 /// Digest of the values that both sides of a link must share (dof, rates, architecture, scales, coupling, passivity):
 /// FNV-1a, the same on every machine.
 std::uint64_t scene_digest(const Scene& scene);
+
+/// One of these values: the path in the scene, and a digest of it alone.
+struct SharedField {
+  std::string_view path;
+  std::uint64_t digest;
+};
+/// All of them, in a fixed order.
+std::vector<SharedField> shared_fields(const Scene& scene);
 
 }  // namespace twoport

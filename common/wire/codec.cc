@@ -103,7 +103,7 @@ bool read_identity(const schema::Datagram& message, std::optional<Identity>& ide
       message.side() != static_cast<std::uint32_t>(Side::slave))
     return false;
   identity = Identity{static_cast<int>(message.dof()), message.rate_hz(), message.scene_digest(),
-                      static_cast<Side>(message.side())};
+                      static_cast<Side>(message.side()), message.scene_fields()};
   return true;
 }
 
@@ -130,6 +130,7 @@ struct Codec<N>::Impl {
       message->mutable_sample()->Reserve(static_cast<int>(kMaxDatagram / sizeof(double)));
       message->mutable_words()->Reserve(static_cast<int>(kMaxDatagram / sizeof(double)));
       message->mutable_refusal()->reserve(kMaxDatagram);
+      message->mutable_scene_fields()->reserve(kMaxDatagram);
     }
   }
 };
@@ -178,9 +179,11 @@ std::span<const std::byte> Codec<N>::encode(const Envelope<N>& envelope) noexcep
     message.set_rate_hz(envelope.identity->rate_hz);
     message.set_scene_digest(envelope.identity->scene_digest);
     message.set_side(static_cast<std::uint32_t>(envelope.identity->side));
+    const std::string_view fields = envelope.identity->scene_fields.substr(0, kMaxSceneFields);
+    message.mutable_scene_fields()->assign(fields.data(), fields.size());
   }
   const std::size_t size = message.ByteSizeLong();
-  static_assert(kMaxDatagram > 8 * (kSampleSize<N> + Words::kMost + 16));
+  static_assert(kMaxDatagram > 8 * (kSampleSize<N> + Words::kMost + 16) + kMaxSceneFields);
   message.SerializeWithCachedSizesToArray(reinterpret_cast<std::uint8_t*>(impl_->buffer.data()));
   return {impl_->buffer.data(), size};
 }

@@ -47,7 +47,7 @@ std::uint64_t Handshake::draw() const noexcept {
   return number;
 }
 Identity Handshake::identity() const noexcept {
-  return {dof_, options_.peer_rate_hz, options_.scene_digest, options_.side};
+  return {dof_, options_.peer_rate_hz, options_.scene_digest, options_.side, options_.scene_fields};
 }
 
 // ---- in

@@ -9,8 +9,9 @@ namespace twoport {
 
 /// Every datagram begins with "TP" and the version of the wire.
 inline constexpr std::uint32_t kProtocolVersion = 0x5450'0002;
-inline constexpr std::size_t kMaxDatagram = 1024;  // [B]
-inline constexpr std::size_t kMaxRefusal = 400;    // [B]
+inline constexpr std::size_t kMaxDatagram = 1024;    // [B]
+inline constexpr std::size_t kMaxRefusal = 400;      // [B]
+inline constexpr std::size_t kMaxSceneFields = 128;  // [B]
 
 enum class Side : std::uint8_t { master = 1, slave = 2 };
 
@@ -24,6 +25,7 @@ struct Identity {
   double rate_hz = 0.0;  ///< the rate its receiver is expected to run at
   std::uint64_t scene_digest = 0;
   Side side = Side::master;
+  std::string_view scene_fields{};  ///< digests of the single fields, two bytes each; valid as long as Header::refusal
 };
 
 /// All of a datagram but the report.

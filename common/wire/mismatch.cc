@@ -1,8 +1,39 @@
 #include "common/wire/mismatch.h"
 
+#include <algorithm>
+#include <array>
 #include <cinttypes>
+#include <cstdio>
 
 namespace twoport {
+namespace {
+
+/// The first names of a list, with commas.
+struct FieldList {
+  static constexpr int kMost = 3;
+  std::array<char, 200> text{};
+  int count = 0;
+};
+
+/// Fields whose digests differ. None if the other side sends another number of them.
+FieldList different_fields(const SessionOptions& options, const Identity& theirs) noexcept {
+  FieldList list;
+  const std::string_view mine = options.scene_fields;
+  const std::size_t fields = options.scene_field_names.size();
+  if (mine.size() != 2 * fields || theirs.scene_fields.size() != mine.size()) return list;
+  int used = 0;
+  for (std::size_t i = 0; i < fields; ++i) {
+    if (mine.substr(2 * i, 2) == theirs.scene_fields.substr(2 * i, 2)) continue;
+    if (++list.count > FieldList::kMost) continue;
+    const std::string_view name = options.scene_field_names[i];
+    const auto room = list.text.size() - static_cast<std::size_t>(used);
+    used += std::snprintf(list.text.data() + used, room, "%s%.*s", used > 0 ? ", " : "",
+                          static_cast<int>(std::min<std::size_t>(name.size(), 60)), name.data());
+  }
+  return list;
+}
+
+}  // namespace
 
 Sentence mismatch(const SessionOptions& options, int dof, const Header& header, Decoded decoded) noexcept {
   const bool master = options.side == Side::master;
@@ -27,6 +58,11 @@ Sentence mismatch(const SessionOptions& options, int dof, const Header& header, 
         "master and slave differ in the rate of the %s: it runs at %.9g Hz, the %s expects %.9g Hz; start "
         "both with the same scene",
         to_string(options.side), options.rate_hz, to_string(theirs.side), theirs.rate_hz};
+  if (const FieldList differing = different_fields(options, theirs); differing.count > 0)
+    return Sentence{
+        "master and slave run different scenes: they differ in %s%s; start both with the same scene and the same "
+        "--set",
+        differing.text.data(), differing.count > FieldList::kMost ? " and more" : ""};
   if (theirs.scene_digest != options.scene_digest)
     return differ("master and slave run different scenes: digest %016" PRIx64 " at the master, %016" PRIx64
                   " at the slave; their control blocks differ: compare them, and every --set control",

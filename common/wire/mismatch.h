@@ -2,7 +2,9 @@
 
 #include <cstdint>
 #include <optional>
+#include <string>
 #include <string_view>
+#include <vector>
 
 #include "common/link/endpoint.h"
 #include "common/wire/header.h"
@@ -16,6 +18,8 @@ struct SessionOptions {
   double rate_hz = 1000.0;       ///< of this side
   double peer_rate_hz = 1000.0;  ///< that the scene gives the other side
   std::uint64_t scene_digest = 0;
+  std::vector<std::string_view> scene_field_names{};  ///< of the fields that both sides share
+  std::string scene_fields{};                         ///< their digests, two bytes each
   std::optional<Endpoint> peer{};  ///< a master is given the address of its slave; a slave learns that of its master
 };
 

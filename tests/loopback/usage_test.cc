@@ -140,9 +140,17 @@ void expect_refused_summary(const Pair& pair, const std::string& out, const std:
 
 TEST(Mismatch, OfScenesIsRefusedByBothInWords) {
   const Pair pair;
-  expect_both_refuse(pair, pair.master("master", {"--set", "control.virtual_coupling.stiffness_n_per_m=900"}),
-                     {"master and slave run different scenes: digest", "their control blocks differ"});
+  expect_both_refuse(
+      pair, pair.master("master", {"--set", "control.virtual_coupling.stiffness_n_per_m=900"}),
+      {"master and slave run different scenes: they differ in control.virtual_coupling.stiffness_n_per_m; start both "
+       "with the same scene"});
   for (const std::string side : {"master", "slave"}) expect_refused_summary(pair, side, "different scenes");
+  const Pair several;
+  expect_both_refuse(
+      several,
+      several.master("master", {"--set", "control.passivity.method=NONE", "--set", "control.force_scale=2", "--set",
+                                "control.engage_s=3", "--set", "control.hold_after_s=0.5"}),
+      {"differ in control.force_scale, control.engage_s, control.hold_after_s and more; start"});
 }
 TEST(Mismatch, LeavesNothingOfAnEarlierRun) {
   const Pair pair;

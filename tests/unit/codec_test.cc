@@ -160,7 +160,8 @@ TYPED_TEST(CodecOf, CarriesIdentityAndForgetsItInTheNext) {
   constexpr int N = TypeParam::value;
   std::mt19937_64 rng{3};
   Envelope<N> sent = some<N>(rng);
-  sent.identity = Identity{N, 2000.0, 0xfedcba9876543210, Side::slave};
+  const std::string fields{"\0\xff\x80 of fields", 13};
+  sent.identity = Identity{N, 2000.0, 0xfedcba9876543210, Side::slave, fields};
   Codec<N> sender, receiver;
   Envelope<N> got;
   ASSERT_EQ(receiver.decode(sender.encode(sent), got), Decoded::ok);
@@ -169,6 +170,7 @@ TYPED_TEST(CodecOf, CarriesIdentityAndForgetsItInTheNext) {
   EXPECT_EQ(got.identity->rate_hz, 2000.0);
   EXPECT_EQ(got.identity->scene_digest, 0xfedcba9876543210);
   EXPECT_EQ(got.identity->side, Side::slave);
+  EXPECT_EQ(got.identity->scene_fields, fields);
   expect_same(got.report, sent.report);
 
   sent.identity.reset();

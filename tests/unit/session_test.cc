@@ -351,6 +351,22 @@ TEST_F(Session, BothRefuseAnotherScene) {
                      now_);
 }
 
+TEST_F(Session, BothNameTheFieldsThatDiffer) {
+  PartyOptions of_master = kMaster, of_slave = kSlave;
+  for (PartyOptions* each : {&of_master, &of_slave}) each->scene_field_names = {"dof", "one.field", "another"};
+  of_master.scene_fields = "aabbcc";
+  of_slave.scene_fields = "aaBbcd";
+  of_slave.scene_digest = 0x123;
+  auto s = slave<3>(of_slave);
+  auto m = master<3>(*s, of_master);
+  expect_both_refuse(*m, *s, "different scenes: they differ in one.field, another; start both", now_);
+  // Of another number of fields nothing is known.
+  of_slave.scene_fields = "aabb";
+  auto s2 = slave<3>(of_slave);
+  auto m2 = master<3>(*s2, of_master);
+  expect_both_refuse(*m2, *s2, "different scenes: digest", now_);
+}
+
 TEST_F(Session, BothRefuseARateTheOtherDoesNotExpect) {
   PartyOptions other = kSlave;
   other.rate_hz = 500.0;

@@ -3,6 +3,7 @@
 #include <cstdint>
 #include <set>
 #include <string>
+#include <vector>
 
 #include "tests/unit/scene/scenes.h"
 
@@ -58,6 +59,26 @@ TEST(SceneDigest, DoesNotChangeWithWhatIsASidesOwn) {
         "robot.mass_kg=2", "operator.hand.mass_kg=1", "environment[0].wall.stiffness_n_per_m=1", "expect.stable=false",
         "control.virtual_coupling.stiffness_n_per_m=1e3", "control.passivity.max_gain=10"})
     EXPECT_EQ(before, scene_digest(scene_of(kStiffWall, {own}))) << own;
+}
+
+TEST(SceneDigest, NamesTheFieldThatDiffers) {
+  const std::vector<SharedField> before = shared_fields(scene_of(kSpelt));
+  for (const std::string path :
+       {"slave_rate_hz", "control.force_scale", "control.architecture", "control.engage_s",
+        "control.virtual_coupling.rotational_damping_n_m_s_per_rad", "control.passivity.method",
+        "control.passivity.observer", "control.passivity.predict"}) {
+    const std::string value = path == "control.architecture"         ? "POSITION_POSITION"
+                              : path == "control.passivity.method"   ? "CLASSIC"
+                              : path == "control.passivity.observer" ? "RECTANGLE"
+                              : path == "control.passivity.predict"  ? "false"
+                                                                     : "0.7";
+    const std::vector<SharedField> after = shared_fields(scene_of(kSpelt, {path + "=" + value}));
+    ASSERT_EQ(after.size(), before.size());
+    for (std::size_t i = 0; i < before.size(); ++i) {
+      EXPECT_EQ(after[i].path, before[i].path);
+      EXPECT_EQ(after[i].digest != before[i].digest, before[i].path == path) << path << " and " << before[i].path;
+    }
+  }
 }
 
 TEST(SceneDigest, IsTheSameOnEveryMachine) {
