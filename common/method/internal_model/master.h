@@ -30,7 +30,7 @@ namespace twoport {
 ///         f_d = r, fading to 0 over 3 mm                                            outside;   f_d·n >= 0: a surface never pulls
 ///         f_d *= c ramp,   c = min(1, m_handle/(4 T² K*)) inside                     no stiffer than the sampled handle allows
 ///     (6) s f_d:  energy spring with K_c
-///     (7) g = b v + K* T/2 (n·v) n,   b = 0.5 + 2 min(R, 1 s) + 10 (1 - LP_20ms s) inside;   each at most m_handle/(4T)
+///     (7) g = b v + K* T/2 (n·v) n,  v = LP_3ms Δx/T,   b = 0.5 + 2 min(R, 1 s) + 10 (1 - LP_20ms s) inside;   each at most m_handle/(4T)
 ///         f = s f_d + γ g
 ///     (8) o = LP_50ms (outside LP_{0.3 s + R}) of min((1 - s q c) f_d·n/K*, d) along LP_{0.5 s + 2R} n;  x_cmd = x - o
 ///         q = LP_20ms of |applied|/|commanded|
@@ -91,7 +91,8 @@ class InternalModelMaster {
     const Velocity<N> v = in.first ? Velocity<N>{} : in.interval.moved / in.ended;
     const double s = energy_.scale(wanted, v, in.dt);  // (6)
     low_pass(scale_slow_, s, in.dt, kScale_s);
-    const Force<N> g = ramp * damping(v, hand, round_trip, in.dt);  // (7)
+    low_pass(v_slow_, v, in.dt, kDamperVelocity_s);
+    const Force<N> g = ramp * damping(v_slow_, hand, round_trip, in.dt);  // (7)
     const Force<N> scaled = s * wanted;
     f_ = scaled + damper_.apply(g);
     move_set_point(f_d, hand, 1.0 - s * shown_ * c, round_trip, in.dt);  // (8)
@@ -119,7 +120,8 @@ class InternalModelMaster {
   static constexpr double kCredit_j = 20e-3, kScale_s = 20e-3;
   static constexpr double kResidual_s = 0.3, kFreeResidual_s = 50e-3, kAlong_s = 0.2, kFlight_n = 0.3;
   static constexpr double kFade_m = 3e-3;
-  static constexpr double kDamping = 0.5, kDampingPerDelay = 2.0, kLongDelay_s = 1.0, kHarvest = 10.0;  // [N s/m]
+  static constexpr double kDamping = 0.5, kDampingPerDelay = 2.0, kLongDelay_s = 1.0, kHarvest = 10.0,
+                          kDamperVelocity_s = 3e-3;  // [N s/m]
   static constexpr double kOffset_s = 50e-3, kOffsetOutside_s = 0.3, kOffsetNormal_s = 0.5;
   static constexpr double kCommanded_n = 0.1, kLever_s = 20e-3, kOffsetNegligible_m = 1e-6;
 
@@ -276,6 +278,7 @@ class InternalModelMaster {
   Vector lever_ = Vector::Zero();    ///< b of N = 6, handle axes [m]
   double offset_m_ = 0.0;            ///< o
   Vector offset_normal_ = Vector::Unit(0);
+  Velocity<N> v_slow_;                     ///< LP_3ms v
   double scale_slow_ = 1.0, shown_ = 1.0;  ///< LP_20ms s; q
   Force<N> f_;                             ///< commanded in the last tick
   Energy base_absorbed_;
