@@ -160,8 +160,8 @@ class SurfaceEstimator {
            x_mean_ = Point<D>::Zero(), n_mean_ = Point<D>::Zero();
 };
 
-/// Bias of a force sensor: its low-passed reading (1 s) while it is less than 0.3 N away, the robot touches nothing and the
-/// bias is below 0.3 N. The thresholds are in the master's units, the readings in the slave's.
+/// Bias of a force sensor: the mean reading of the first second, then its low pass (1 s), while it is less than 0.3 N away,
+/// the robot touches nothing and the bias is below 0.3 N. The thresholds are in the master's units, the readings in the slave's.
 template <int N>
 class SensorBias {
  public:
@@ -171,8 +171,9 @@ class SensorBias {
   /// `f`: the sensor's reading, in free space only.
   void learn(const Force<N>& f, Seconds dt) noexcept {
     if (translation(f - value_) >= most_n_) return;
+    learned_s_ = std::min(kMemory_s, learned_s_ + dt.si());
     Force<N> next = value_;
-    low_pass(next, f, dt, kMemory_s);
+    low_pass(next, f, dt, learned_s_);
     if (translation(next) <= most_n_) value_ = next;
   }
   [[nodiscard]] const Force<N>& value() const noexcept { return value_; }
@@ -181,7 +182,7 @@ class SensorBias {
   static constexpr double kMost_n = 0.3, kMemory_s = 1.0;
   static double translation(const Force<N>& f) noexcept { return f.vec().template head<kAxes<N>>().norm(); }
 
-  double most_n_;
+  double most_n_, learned_s_ = 0.0;
   Force<N> value_;
 };
 
