@@ -41,8 +41,10 @@ class VirtualCoupling {
     Velocity<N> v;
   };
   /// A coupling begins: registers the worlds and sets the set point to the robot's position.
-  void start(const Position<N>& robot, const PeerState<N>& master) noexcept {
-    if (master.has_report) registration_.engage(master.newest.x, robot);
+  void start(const Position<N>& robot, const PeerState<N>& master) noexcept { start(robot, master, master.newest.x); }
+  /// As above, with `x` as the master's position.
+  void start(const Position<N>& robot, const PeerState<N>& master, const Position<N>& x) noexcept {
+    if (master.has_report) registration_.engage(x, robot);
     engaged_ = master.has_report;
     rest(robot);
   }
@@ -58,12 +60,16 @@ class VirtualCoupling {
   /// Force and velocity before control; `coupled`: the master's reports arrive, else the command is constant.
   [[gnu::always_inline]] Wanted step(const RobotSample<N>& robot, const PeerState<N>& master, bool coupled,
                                      Seconds dt) noexcept {
+    return step(robot, master, master.newest.x, coupled, dt);
+  }
+  /// As above, with `x` as the master's position.
+  [[gnu::always_inline]] Wanted step(const RobotSample<N>& robot, const PeerState<N>& master, const Position<N>& x,
+                                     bool coupled, Seconds dt) noexcept {
     Wanted out;
     Velocity<N> v_rx;
     if (coupled) {
       v_rx = registration_.to_slave(master.newest.v);
-      out.v = tracker_.step(drift_compensation_ ? x_sd_ : x_d_, registration_.to_slave(master.newest.x), v_rx,
-                            master.is_new, dt);
+      out.v = tracker_.step(drift_compensation_ ? x_sd_ : x_d_, registration_.to_slave(x), v_rx, master.is_new, dt);
     }
     out.f = robot.ideal ? robot.f_environment : spring_.force((x_sd_ + out.v * dt) - robot.x, v_rx - robot.v);
     return out;

@@ -1,0 +1,44 @@
+#pragma once
+
+#include <tuple>
+
+#include "common/base/vector.h"
+#include "common/contact/signed_distance.h"
+#include "common/link/payload.h"
+
+namespace twoport {
+
+template <int D>
+using Direction = Coords<struct DirectionKind, D>;  // unit vector
+
+/// What the slave reports about the surface it touches and its set point, in the master's world and units.
+template <int N>
+struct SurfaceReport {
+  static constexpr int D = kAxes<N>;
+  Latest<double> contact;              ///< 1: the robot touches; 0: it is free
+  Latest<Direction<D>> normal;         ///< n, into the surface
+  Latest<Position<D>> point;           ///< p, on the surface
+  Latest<double> stiffness;            ///< K*: surface and coupling in series [N/m]
+  Latest<double> friction, curvature;  ///< μ, κ [1/m]
+  Latest<Position<N>> echo;            ///< set point of the slave's coupling in the tick of this report
+  Latest<Position<D>> robot;           ///< the robot's contact point (N = 1, 3: the robot)
+  Latest<Displacement<3>> lever;       ///< N = 6: from the tool point to the contact, in handle axes [m]
+
+  auto fields() {
+    auto all = std::tie(contact, normal, point, stiffness, friction, curvature, echo, robot);
+    if constexpr (N == 6) {
+      return std::tuple_cat(all, std::tie(lever));
+    } else {
+      return all;
+    }
+  }
+};
+
+/// What the master adds: its set point is x - offset, x the position in the same report.
+template <int N>
+struct SetPointOffset {
+  Latest<Displacement<kAxes<N>>> offset;  ///< [m], in the master's world
+  auto fields() { return std::tie(offset); }
+};
+
+}  // namespace twoport

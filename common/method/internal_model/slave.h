@@ -1,0 +1,170 @@
+#pragma once
+
+#include <algorithm>
+
+#include "common/coupling/virtual_coupling.h"
+#include "common/method/internal_model/payload.h"
+#include "common/method/method.h"
+#include "common/method/surface/surface_estimator.h"
+
+namespace twoport {
+
+/// The slave half of internal-model control: the virtual coupling, and an estimate of the surface for the master's model.
+///
+///     x_rx  = x_m - o                                      set point: the master's position less its offset
+///     f_s   = K_c (x_sd - x_s) + B_c (v_rx - v_s)          the virtual coupling
+///             - min(20 N s/m, B_c) min(0, v_s·n) n         in contact and coupled: brakes the robot where it leaves the surface
+///     f     = f_e - bias                                   force sensor (POSITION_FORCE, POSITION_MEASURED_FORCE)
+///     f     = f_s                                          POSITION_POSITION: no sensor is used
+///     K*    = 1/(1/K + 1/K_c + |R b × n|²/K_r)             what the hand should feel: the surface in series with the coupling
+///
+/// To the master: n, p, K*, μ, κ (surface_estimator.h), contact, the set point x_sd, and f as the returned force.
+/// N = 6: the surface is that at the contact point x + R b, from the lever of the wrench:
+///
+///     b = LP_10ms Rᵀ (f × τ)/|f|²
+template <int N>
+class InternalModelSlave {
+ public:
+  explicit InternalModelSlave(const ControlOptions& o)
+      : coupling_{o},
+        senses_{o.architecture != Architecture::position_position},
+        bias_{o.force_scale},
+        brake_n_s_per_m_{std::min(kBrake_n_s_per_m, o.coupling.damping_n_s_per_m)},
+        coupling_n_per_m_{o.force_scale * o.motion_scale * o.coupling.stiffness_n_per_m},
+        rotation_n_m_per_rad_{o.force_scale / o.motion_scale * o.coupling.rotational_stiffness_n_m_per_rad} {}
+
+  void start(const RobotSample<N>& robot, const PeerState<N>& master) noexcept {
+    coupling_.start(robot.x, master, commanded(master));
+    estimator_.reset();
+    engaged_ = master.has_report;
+  }
+
+  SlaveOutput<N> step(const SlaveInput<N>& in) noexcept {
+    const RobotSample<N>& robot = in.robot;
+    const Position<N> x_rx = commanded(in.master);
+    typename VirtualCoupling<N>::Wanted wanted;
+    if (in.active) {
+      wanted = coupling_.step(robot, in.master, x_rx, in.coupled, in.dt);
+      if (in.coupled && in.master.is_new)
+        offset_ = coupling_.registration().to_slave(in.master.newest.x) - coupling_.registration().to_slave(x_rx);
+    } else {
+      coupling_.rest(robot.x);
+    }
+    if (!all_finite(wanted.f, wanted.v)) [[unlikely]]
+      return no_force_exists(wanted.f);
+
+    const Force<N> felt = senses_ ? robot.f_environment - bias_.value() : wanted.f;
+    estimate(robot, felt, in.dt);
+    const Displacement<N> moved = wanted.v * in.dt;
+    coupling_.move(moved, wanted.v, in.dt);
+    const Force<N> f = in.coupled ? wanted.f + leaving_brake(robot) : wanted.f;
+    Ledger account = in.account;
+    account.book(-dot(f, moved));
+    report(robot);
+    return {.command = {.f = f, .x_d = coupling_.set_point(), .v_d = wanted.v},
+            .f_back = felt,
+            .energy_in = account.absorbed() - base_absorbed_,
+            .dissipated = Energy{}};
+  }
+
+  SlaveOutput<N> fail_safe(const Ledger& account) noexcept {
+    SlaveOutput<N> out{};
+    out.command.x_d = coupling_.set_point();
+    out.energy_in = account.absorbed() - base_absorbed_;
+    return out;
+  }
+  /// None: the guarantee is that of the master's port.
+  [[nodiscard]] Energy deficit(const Ledger&, Energy) const noexcept { return Energy{}; }
+  void restart(const Ledger& account, Energy) noexcept { base_absorbed_ = account.absorbed(); }
+  [[nodiscard]] SlaveHandover<N> handover() const noexcept { return {coupling_.registration(), coupling_.set_point()}; }
+  void resume(const SlaveHandover<N>& from) noexcept {
+    coupling_.resume(from.registration, from.set_point);
+    engaged_ = true;
+  }
+  [[nodiscard]] Position<N> target() const noexcept { return coupling_.target() + offset_; }
+  [[nodiscard]] bool has_payload() const noexcept { return engaged_; }
+  void write_payload(Words& words) const noexcept { write(report_, words); }
+
+ private:
+  static constexpr int D = kAxes<N>;
+  static constexpr double kBrake_n_s_per_m = 20.0, kLever_s = 10e-3, kLeverForce_n = 0.1;
+
+  /// x_m - o.
+  [[nodiscard]] static Position<N> commanded(const PeerState<N>& master) noexcept {
+    SetPointOffset<N> said;
+    if (!read(master.words, said)) return master.newest.x;
+    typename Displacement<N>::Vector by = Displacement<N>::Vector::Zero();
+    by.template head<D>() = said.offset.value.vec();
+    return master.newest.x + Displacement<N>{-by};
+  }
+
+  /// Everything in the master's world and units.
+  void estimate(const RobotSample<N>& robot, const Force<N>& felt, Seconds dt) noexcept {
+    const Registration<N>& to = coupling_.registration();
+    const auto f = to.to_master(felt).vec().eval();
+    const auto v = to.to_master(robot.v).vec().eval();
+    const Position<N> x = to.to_master(robot.x);
+    contact_point_ = x.translation();
+    Point<D> velocity = v.template head<D>();
+    if constexpr (N == 6) {
+      const Eigen::Vector3d force = f.template head<3>(), torque = f.template tail<3>();
+      if (force.norm() > kLeverForce_n) {
+        const Eigen::Vector3d lever = x.attitude().conjugate() * force.cross(torque) / force.squaredNorm();
+        if (estimator_.contact()) {
+          low_pass(lever_, lever, dt, kLever_s);
+        } else {
+          lever_ = lever;
+        }
+      }
+      arm_ = x.attitude() * lever_;
+      contact_point_ += arm_;
+      velocity += Eigen::Vector3d{v.template tail<3>()}.cross(arm_);
+    }
+    estimator_.step(contact_point_, velocity, f.template head<D>(), dt);
+    if (senses_ && !estimator_.contact()) bias_.learn(robot.f_environment, dt);
+  }
+
+  [[nodiscard]] Force<N> leaving_brake(const RobotSample<N>& robot) const noexcept {
+    if (!estimator_.contact()) return {};
+    const Registration<N>& to = coupling_.registration();
+    const Point<D> n = estimator_.patch().normal;
+    typename Velocity<N>::Vector leaving = Velocity<N>::Vector::Zero();
+    leaving.template head<D>() = std::min(0.0, n.dot(to.to_master(robot.v).vec().template head<D>())) * n;
+    return Force<N>{-brake_n_s_per_m_ * to.to_slave(Velocity<N>{leaving}).vec()};
+  }
+
+  void report(const RobotSample<N>& robot) noexcept {
+    const SurfacePatch<D>& patch = estimator_.patch();
+    report_.contact.value = estimator_.contact() ? 1.0 : 0.0;
+    report_.normal.value = Direction<D>{patch.normal};
+    report_.point.value = Position<D>{patch.point};
+    report_.stiffness.value = in_series(patch, robot.ideal);
+    report_.friction.value = patch.friction;
+    report_.curvature.value = patch.curvature;
+    report_.echo.value = coupling_.registration().to_master(coupling_.set_point());
+    report_.robot.value = Position<D>{contact_point_};
+    if constexpr (N == 6) report_.lever.value = Displacement<3>{lever_};
+  }
+  [[nodiscard]] double in_series(const SurfacePatch<D>& patch, bool ideal) const noexcept {
+    if (!(patch.stiffness > 0.0)) return 0.0;
+    double compliance = 1.0 / patch.stiffness;
+    if (!ideal && coupling_n_per_m_ > 0.0) compliance += 1.0 / coupling_n_per_m_;
+    if constexpr (N == 6)
+      if (!ideal && rotation_n_m_per_rad_ > 0.0)
+        compliance += arm_.cross(patch.normal).squaredNorm() / rotation_n_m_per_rad_;
+    return 1.0 / compliance;
+  }
+
+  VirtualCoupling<N> coupling_;
+  bool senses_, engaged_ = false;
+  SensorBias<N> bias_;
+  double brake_n_s_per_m_, coupling_n_per_m_, rotation_n_m_per_rad_;
+  SurfaceEstimator<D> estimator_;
+  Point<D> contact_point_ = Point<D>::Zero();
+  Point<3> lever_ = Point<3>::Zero(), arm_ = Point<3>::Zero();  ///< N = 6: b and R b
+  Displacement<N> offset_;                                      ///< o in the slave's world
+  SurfaceReport<N> report_;
+  Energy base_absorbed_;
+};
+
+}  // namespace twoport
