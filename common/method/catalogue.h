@@ -1,5 +1,8 @@
 #pragma once
 
+#include <string_view>
+
+#include "common/method/fixed_damping/fixed_damping.h"
 #include "common/method/none/none.h"
 #include "common/method/tdpa/tdpa.h"
 
@@ -9,7 +12,13 @@ template <class... Each>
 struct TypeList {};
 
 /// All methods. For a new one: a folder beside these, its header above, its type here, and its names in
-/// proto/scene.proto (Passivity.Method).
-using Methods = TypeList<NoControl, TimeDomainPassivity>;
+/// proto/scene.proto (Passivity.Method). The first name of the first is what a scene over a link gets that names none.
+using Methods = TypeList<NoControl, TimeDomainPassivity, FixedDamping>;
+
+template <class First, class... Others>
+constexpr std::string_view first_name(TypeList<First, Others...>) {
+  return First::kNames[0];
+}
+static_assert(first_name(Methods{}) == kDefaultMethod, "the first method of the list is a scene's default");
 
 }  // namespace twoport
