@@ -4,6 +4,7 @@
 
 #include "common/method/fixed_damping/fixed_damping.h"
 #include "common/method/none/none.h"
+#include "common/method/set_position_modulation/set_position_modulation.h"
 #include "common/method/tdpa/tdpa.h"
 #include "common/method/wave_variables/wave_variables.h"
 
@@ -14,7 +15,7 @@ struct TypeList {};
 
 /// All methods. For a new one: a folder beside these, its header above, its type here, and its names in
 /// proto/scene.proto (Passivity.Method). The first name of the first is what a scene over a link gets that names none.
-using Methods = TypeList<NoControl, TimeDomainPassivity, FixedDamping, WaveVariables>;
+using Methods = TypeList<NoControl, TimeDomainPassivity, FixedDamping, WaveVariables, SetPositionModulation>;
 
 template <class First, class... Others>
 constexpr std::string_view first_name(TypeList<First, Others...>) {

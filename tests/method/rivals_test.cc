@@ -233,5 +233,50 @@ TEST(WaveVariables, MatchedImpedanceReflectsNothing) {
   }
 }
 
+// ---- set-position modulation: whatever the port and the network do
+
+/// A port that jumps about, against `force(x)`, which is held; put_in books its energy. At most 3 mm in a tick.
+template <class Side, class ForceAt>
+double least_level(Side& side, ForceAt force_at, double& largest_step) {
+  std::mt19937 rng{5};
+  std::normal_distribution<double> d;
+  Position<3> x;
+  Energy received;
+  double least = 1e9;
+  largest_step = 0.0;
+  for (int k = 0; k < 20000; ++k) {
+    const Force<3> f = force_at(x, received, rng);
+    const Displacement<3> moved{std::min(1.0, std::abs(d(rng))) *
+                                Eigen::Vector3d{1e-3 * d(rng), 1e-3 * d(rng), 1e-3 * d(rng)}};
+    side.put_in(dot(f, moved));
+    largest_step = std::max(largest_step, std::sqrt(moved.squared_norm()));
+    x = x + moved;
+    if (k % 100 == 0) received += Energy{1e-4};
+    least = std::min(least, side.level(received).si());
+  }
+  return least;
+}
+
+TEST(SetPositionModulation, SpringHoldsNoMoreThanItsEnergyAndTheSampledLeakDoesNotAdd) {
+  ControlOptions o;
+  o.set_position_modulation.damping_n_s_per_m = 0.0;
+  SetPositionSpring<3> side{o};
+  side.start({});
+  std::normal_distribution<double> d;
+  double step = 0.0;
+  const double least = least_level(
+      side,
+      [&](const Position<3>& x, Energy received, std::mt19937& rng) {
+        const Position<3> wanted = x + Displacement<3>{Eigen::Vector3d{0.05 * d(rng), 0.05 * d(rng), 0.05 * d(rng)}};
+        side.follow(wanted, x, received);
+        const double held = 0.5 * side.spring(x).squared_norm() / 500.0;
+        EXPECT_LE(held, std::max(0.0, side.level(received).si()) + 1e-12);
+        return side.spring(x);
+      },
+      step);
+  EXPECT_GE(least, -0.5 * 500.0 * step * step);
+  EXPECT_LT(least, 0.0) << "the bound is tested only where energy runs out";
+}
+
 }  // namespace
 }  // namespace twoport
