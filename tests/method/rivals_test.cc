@@ -233,7 +233,7 @@ TEST(WaveVariables, MatchedImpedanceReflectsNothing) {
   }
 }
 
-// ---- set-position modulation: whatever the port and the network do
+// ---- set-position modulation and energy tank: whatever the port and the network do
 
 /// A port that jumps about, against `force(x)`, which is held; put_in books its energy. At most 3 mm in a tick.
 template <class Side, class ForceAt>
@@ -275,6 +275,23 @@ TEST(SetPositionModulation, SpringHoldsNoMoreThanItsEnergyAndTheSampledLeakDoesN
       },
       step);
   EXPECT_GE(least, -0.5 * 500.0 * step * step);
+  EXPECT_LT(least, 0.0) << "the bound is tested only where energy runs out";
+}
+
+TEST(EnergyTank, LevelFallsBelowZeroByNoMoreThanOneTickOfItsSpring) {
+  ControlOptions o;
+  EnergyTankSide<3> side{o};
+  std::normal_distribution<double> d;
+  double step = 0.0;
+  const double least = least_level(
+      side,
+      [&](const Position<3>&, Energy received, std::mt19937& rng) {
+        side.send(received, Seconds{1e-3});
+        return side.limited(Force<3>{Eigen::Vector3d{10 * d(rng), 10 * d(rng), 10 * d(rng)}}, Power{},
+                            side.level(received), Seconds{1e-3});
+      },
+      step);
+  EXPECT_GE(least, -0.5 * 1000.0 * step * step);
   EXPECT_LT(least, 0.0) << "the bound is tested only where energy runs out";
 }
 
