@@ -295,5 +295,29 @@ TEST(EnergyTank, LevelFallsBelowZeroByNoMoreThanOneTickOfItsSpring) {
   EXPECT_LT(least, 0.0) << "the bound is tested only where energy runs out";
 }
 
+// ---- energy bounding
+
+TEST(EnergyBounding, NoMotionMakesTheAccountNegative) {
+  std::mt19937 rng{3};
+  std::normal_distribution<double> d;
+  const double b = 0.02, t = 5e-4;
+  const Eigen::Vector3d inverse = Eigen::Vector3d::Constant(1.0 / b);
+  double e = 1e-5, least = e;
+  for (int k = 0; k < 200000; ++k) {
+    const Force<3> wanted{Eigen::Vector3d{5 * d(rng), 5 * d(rng), 5 * d(rng)}};
+    const Force<3> f = energy_bounding_scale(wanted, Energy{e}, inverse, Seconds{t}) * wanted;
+    // The worst motion every third tick, else any.
+    Eigen::Vector3d moved{1e-5 * d(rng), 1e-5 * d(rng), 1e-5 * d(rng)};
+    if (k % 3 == 0) moved = -0.5 * t / b * f.vec();
+    e += b / t * moved.squaredNorm() + f.vec().dot(moved);
+    least = std::min(least, e);
+    if (k % 3 == 0 && wanted.squared_norm() > f.squared_norm()) {
+      ASSERT_NEAR(e, 0.0, 1e-12) << "the bound is tight: the worst motion takes all there is";
+    }
+    if (k % 50 == 0) e += 1e-5;
+  }
+  EXPECT_GE(least, -1e-15);  // rounding
+}
+
 }  // namespace
 }  // namespace twoport
