@@ -5,6 +5,7 @@
 #include "common/method/energy_bounding/energy_bounding.h"
 #include "common/method/energy_tank/energy_tank.h"
 #include "common/method/fixed_damping/fixed_damping.h"
+#include "common/method/four_channel/four_channel.h"
 #include "common/method/none/none.h"
 #include "common/method/set_position_modulation/set_position_modulation.h"
 #include "common/method/tdpa/tdpa.h"
@@ -18,7 +19,7 @@ struct TypeList {};
 /// All methods. For a new one: a folder beside these, its header above, its type here, and its names in
 /// proto/scene.proto (Passivity.Method). The first name of the first is what a scene over a link gets that names none.
 using Methods = TypeList<NoControl, TimeDomainPassivity, FixedDamping, WaveVariables, SetPositionModulation, EnergyTank,
-                         EnergyBounding>;
+                         EnergyBounding, FourChannel>;
 
 template <class First, class... Others>
 constexpr std::string_view first_name(TypeList<First, Others...>) {

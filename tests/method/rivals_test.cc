@@ -319,5 +319,33 @@ TEST(EnergyBounding, NoMotionMakesTheAccountNegative) {
   EXPECT_GE(least, -1e-15);  // rounding
 }
 
+// ---- four channels
+
+// At rest in contact with almost no delay: f_h = f_e, and x_m - x_s = (1 - g) F/K. A spring alone leaves F/K. To 1 %: what
+// still moves after 3 s.
+TEST(FourChannel, IsTransparentWithoutDelayButForTheForceGain) {
+  for (const std::string observer : {"false", "true"}) {
+    const Scene scene = parse_scene(
+        "dof: 3 duration_s: 4 rate_hz: 4000 operator { hand { mass_kg: 0.1 stiffness_n_per_m: 200 damping_n_s_per_m: "
+        "10 } path { "
+        "move_to { position_m: [0.03, 0, 0] duration_s: 1 } } } device { mass_kg: 0.1 } control { virtual_coupling { "
+        "stiffness_n_per_m: 1000 damping_n_s_per_m: 20 } passivity { method: FOUR_CHANNEL four_channel { force_gain: "
+        "0.5 "
+        "reaction_force_observer: " +
+            observer +
+            " } } } robot { mass_kg: 0.5 force_sensor { } } environment { wall { normal: [-1, 0, 0] offset_m: -0.02 "
+            "stiffness_n_per_m: 500 damping_n_s_per_m: 20 } }",
+        "four channels");
+    Loop<3> loop{scene};
+    Force<3> felt;
+    for (int k = 0; k < 16000; ++k) felt = loop.tick().command;
+    const double pressed = loop.slave_out.report.f_environment[0];
+    EXPECT_GT(pressed, 1.0);
+    EXPECT_NEAR(felt[0], pressed, 0.01 * pressed) << observer;
+    const double ahead = loop.device.x().translation()[0] - loop.robot.state().x.translation()[0];
+    EXPECT_NEAR(ahead, 0.5 * pressed / 1000.0, 1e-2 * pressed / 1000.0) << observer;
+  }
+}
+
 }  // namespace
 }  // namespace twoport
