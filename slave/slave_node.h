@@ -44,7 +44,7 @@ class SlaveNode {
                                       .active = modes_.active()});
     if (!all_finite(half.command.f, half.command.v_d, half.command.x_d)) [[unlikely]]
       return fail_safe(robot);
-    account_.book(-dot(half.command.f, half.command.v_d * tick.dt));
+    account_.book(half.grounded - dot(half.command.f, half.command.v_d * tick.dt));
     position_error_ = modes_.coupled() ? robot.x - half_.target() : Displacement<N>{};
     return {.command = half.command,
             .report = {.x = robot.x,

@@ -4,9 +4,18 @@
 #include <cmath>
 #include <cstdint>
 #include <limits>
+#include <optional>
 #include <string>
+#include <string_view>
 
 #include "common/base/scalar.h"
+#include "common/method/energy_bounding/options.h"
+#include "common/method/energy_tank/options.h"
+#include "common/method/fixed_damping/options.h"
+#include "common/method/four_channel/options.h"
+#include "common/method/fractal_impedance/options.h"
+#include "common/method/set_position_modulation/options.h"
+#include "common/method/wave_variables/options.h"
 #include "common/passivity/controller.h"
 #include "common/passivity/observer.h"
 
@@ -37,13 +46,25 @@ struct RegistrationOptions {
   Eigen::Vector3d position_m = Eigen::Vector3d::Zero();          ///< absolute: the master's origin in the robot's world
 };
 
+/// What a scene says of the system that is coupled, for the gain rules of methods. Filled by tell_system
+/// (common/scene/load.h). 0: not known.
+struct KnownSystem {
+  Seconds round_trip{};  ///< nominal: control.passivity.round_trip_ms, else the mean delays of both directions
+  Seconds master_tick{}, slave_tick{};
+  double device_damping_n_s_per_m = 0.0, device_rotational_damping_n_m_s_per_rad = 0.0;
+  double robot_mass_kg = 0.0, robot_inertia_kg_m2 = 0.0;  ///< the smallest principal moment
+};
+
+/// The method of a scene over a link that names none: the first of the list in common/method/catalogue.h.
+inline constexpr std::string_view kDefaultMethod = "NONE";
+
 /// Defaults as in proto/scene.proto.
 struct ControlOptions {
   Architecture architecture = Architecture::position_force;
   CouplingOptions coupling;
   double force_scale = 1.0, motion_scale = 1.0;
   RegistrationOptions registration;
-  std::string method_name = "NONE";  ///< over a link: a name of common/method/catalogue.h
+  std::string method_name{kDefaultMethod};  ///< over a link: a name of common/method/catalogue.h
   ControllerOptions controller;
   ObserverRule observer = ObserverRule::exact;
   Accounts accounts = Accounts::total;
@@ -54,6 +75,16 @@ struct ControlOptions {
   Seconds engage{0.1};                                           ///< force ramp after the link is up
   Seconds hold_after{0.1};                                       ///< silent link: coupled -> holding
   Seconds release_after{1.0};                                    ///< silent link: holding -> released
+  KnownSystem known;
+  std::optional<Seconds> stated_round_trip;  ///< of the network; absent: known.round_trip is that of the scene's delays
+  // One block of options for each method that has some; only that of the method in use is read.
+  FixedDampingOptions fixed_damping;
+  WaveVariablesOptions wave_variables;
+  SetPositionModulationOptions set_position_modulation;
+  EnergyTankOptions energy_tank;
+  EnergyBoundingOptions energy_bounding;
+  FourChannelOptions four_channel;
+  FractalImpedanceOptions fractal_impedance;
 };
 
 /// The options of a one-port controller at the handle, with what is known of the handle.

@@ -59,6 +59,7 @@ struct SlaveOutput {
   Force<N> f_back;   ///< force returned to the master
   Energy energy_in;  ///< running total reported to the master
   Energy dissipated;
+  Energy grounded{};  ///< part of f·v_d T that a grounded element at the robot takes, not the link: a damper's
 };
 
 /// State that a slave half passes to its successor.

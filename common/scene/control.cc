@@ -20,6 +20,10 @@ static_assert(same_number(Accounts::total, schema::Passivity::TOTAL) &&
               same_number(Accounts::per_contact, schema::Passivity::PER_CONTACT) &&
               same_number(Accounts::translation_rotation, schema::Passivity::TRANSLATION_ROTATION) &&
               same_number(Accounts::translation_rotation, schema::Passivity::Accounts_MAX));
+static_assert(same_number(WaveReceiverRule::energy_limited, schema::WaveVariables::ENERGY_LIMITED) &&
+              same_number(WaveReceiverRule::hold, schema::WaveVariables::HOLD) &&
+              same_number(WaveReceiverRule::zero, schema::WaveVariables::ZERO) &&
+              same_number(WaveReceiverRule::zero, schema::WaveVariables::Receiver_MAX));
 
 CouplingOptions read_coupling(const Block<schema::VirtualCoupling>& of) {
   of.only_with_rotation(FIELD(rotational_stiffness_n_m_per_rad), FIELD(rotational_damping_n_m_s_per_rad));
@@ -62,19 +66,83 @@ Method controller_of(schema::Passivity::Method method) {
   return Method::none;
 }
 
+/// The options of single methods. Those of a method that is not in use are checked all the same.
+void read_method_options(const Block<schema::Passivity>& of, ControlOptions& options) {
+  const Block fixed = of.block(FIELD(fixed_damping));
+  fixed.only_with_rotation(FIELD(rotational_damping_n_m_s_per_rad), FIELD(rotational_stiffness_n_m_per_rad));
+  options.fixed_damping = {
+      .damping_n_s_per_m = fixed.number_if_given(FIELD(damping_n_s_per_m), kNotNegative),
+      .stiffness_n_per_m = fixed.number_if_given(FIELD(stiffness_n_per_m), kNotNegative),
+      .rotational_damping_n_m_s_per_rad = fixed.number_if_given(FIELD(rotational_damping_n_m_s_per_rad), kNotNegative),
+      .rotational_stiffness_n_m_per_rad = fixed.number_if_given(FIELD(rotational_stiffness_n_m_per_rad), kNotNegative),
+  };
+  const Block wave = of.block(FIELD(wave_variables));
+  wave.only_with_rotation(FIELD(rotational_impedance_n_m_s_per_rad));
+  options.wave_variables = {
+      .impedance_n_s_per_m = wave.number_if_given(FIELD(impedance_n_s_per_m), kPositive),
+      .rotational_impedance_n_m_s_per_rad = wave.number_if_given(FIELD(rotational_impedance_n_m_s_per_rad), kPositive),
+      .receiver = wave.choice<WaveReceiverRule>(FIELD(receiver)),
+      .position_correction_per_s = wave.number(FIELD(position_correction_per_s), kNotNegative),
+  };
+  const Block set_position = of.block(FIELD(set_position_modulation));
+  set_position.only_with_rotation(FIELD(rotational_stiffness_n_m_per_rad), FIELD(rotational_damping_n_m_s_per_rad));
+  options.set_position_modulation = {
+      .stiffness_n_per_m = set_position.number_if_given(FIELD(stiffness_n_per_m), kNotNegative),
+      .damping_n_s_per_m = set_position.number_if_given(FIELD(damping_n_s_per_m), kNotNegative),
+      .rotational_stiffness_n_m_per_rad =
+          set_position.number_if_given(FIELD(rotational_stiffness_n_m_per_rad), kNotNegative),
+      .rotational_damping_n_m_s_per_rad =
+          set_position.number_if_given(FIELD(rotational_damping_n_m_s_per_rad), kNotNegative),
+      .energy_ceiling_j = set_position.number_if_given(FIELD(energy_ceiling_j), kNotNegative),
+  };
+  const Block tank = of.block(FIELD(energy_tank));
+  options.energy_tank = {
+      .desired_level_j = tank.number_if_given(FIELD(desired_level_j), kNotNegative),
+      .level_gain_n_s_per_m_per_j = tank.number_if_given(FIELD(level_gain_n_s_per_m_per_j), kNotNegative),
+      .transfer_per_s = tank.number_if_given(FIELD(transfer_per_s), kNotNegative),
+  };
+  const Block bounding = of.block(FIELD(energy_bounding));
+  bounding.only_with_rotation(FIELD(rotational_damping_n_m_s_per_rad));
+  options.energy_bounding = {
+      .damping_n_s_per_m = bounding.number_if_given(FIELD(damping_n_s_per_m), kPositive),
+      .rotational_damping_n_m_s_per_rad = bounding.number_if_given(FIELD(rotational_damping_n_m_s_per_rad), kPositive),
+  };
+  const Block channels = of.block(FIELD(four_channel));
+  options.four_channel = {
+      .reaction_force_observer = channels.flag(FIELD(reaction_force_observer)),
+      .observer_bandwidth_rad_per_s = channels.number_if_given(FIELD(observer_bandwidth_rad_per_s), kPositive),
+      .force_gain = channels.number_if_given(FIELD(force_gain), kNotNegative),
+  };
+  const Block fractal = of.block(FIELD(fractal_impedance));
+  fractal.only_with_rotation(FIELD(rotational_stiffness_n_m_per_rad));
+  options.fractal_impedance = {
+      .stiffness_n_per_m = fractal.number_if_given(FIELD(stiffness_n_per_m), kNotNegative),
+      .rotational_stiffness_n_m_per_rad =
+          fractal.number_if_given(FIELD(rotational_stiffness_n_m_per_rad), kNotNegative),
+  };
+}
+
 void read_passivity(const Block<schema::Passivity>& of, ControlOptions& options) {
-  const auto method = of.choice<schema::Passivity::Method>(FIELD(method));
+  const bool rendering = options.architecture == Architecture::render;
+  schema::Passivity::Method method = schema::Passivity::NONE;
+  if (of.has(FIELD(method))) {
+    method = of.choice<schema::Passivity::Method>(FIELD(method));
+  } else if (!rendering) {
+    schema::Passivity::Method_Parse(std::string{kDefaultMethod}, &method);
+  }
   options.method_name = schema::Passivity::Method_Name(method);
   options.controller = {.method = controller_of(method),
                         .max_gain = of.number(FIELD(max_gain), kNotNegative),
                         .unilateral = of.flag(FIELD(unilateral)),
                         .predict = of.flag(FIELD(predict)),
                         .max_turn_rad = of.number(FIELD(max_turn_deg), kAcute) * std::numbers::pi / 180.0};
+  if (const auto ms = of.number_if_given(FIELD(round_trip_ms), kDelay)) options.stated_round_trip = Seconds{*ms * 1e-3};
   options.observer = of.choice<ObserverRule>(FIELD(observer));
   options.accounts = of.choice<Accounts>(FIELD(accounts));
   options.reference_energy = of.flag(FIELD(reference_energy));
-  const bool rendering = options.architecture == Architecture::render;
   options.initial_energy = Energy{of.number_or(FIELD(initial_energy_j), kNotNegative, rendering ? 0.0 : 1e-3)};
+
+  read_method_options(of, options);
 
   if (rendering && options.controller.method == Method::none && method != schema::Passivity::NONE)
     of.refuse(FIELD(method),

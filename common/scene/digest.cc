@@ -1,5 +1,6 @@
 #include <bit>
 #include <cstdint>
+#include <optional>
 #include <string>
 #include <string_view>
 #include <type_traits>
@@ -25,6 +26,8 @@ class Digest {
 
  private:
   static std::uint64_t bits(double number) { return std::bit_cast<std::uint64_t>(number + 0.0); }  // -0 is 0
+  /// An option that is not given differs from every value.
+  static std::uint64_t bits(const std::optional<double>& given) { return given ? bits(*given) : ~std::uint64_t{0}; }
   static std::uint64_t bits(int number) { return static_cast<std::uint64_t>(number); }
   static std::uint64_t bits(bool flag) { return static_cast<std::uint64_t>(flag); }
   static std::uint64_t bits(Seconds t) { return bits(t.si()); }
@@ -58,7 +61,8 @@ Digests digests(const Scene& scene) {
   // The handle's mass and the device's largest force are the master's own; the controller's method is that of the name.
   const auto& [architecture, coupling, force_scale, motion_scale, registration, method_name, controller, observer,
                accounts, reference_energy, initial_energy, handle_mass, handle_inertia, max_force, engage, hold_after,
-               release_after] = scene.control;
+               release_after, known, stated_round_trip, fixed_damping, wave_variables, set_position_modulation,
+               energy_tank, energy_bounding, four_channel, fractal_impedance] = scene.control;
   const auto& [stiffness, damping, rotational_stiffness, rotational_damping, catch_up, drift_compensation] = coupling;
   const auto& [method, max_gain, max_mobility, unilateral, predict, mass, radius_of_gyration, max_turn] = controller;
   static_cast<void>(method), static_cast<void>(mass), static_cast<void>(radius_of_gyration);
@@ -90,6 +94,33 @@ Digests digests(const Scene& scene) {
   d.add("control.passivity.unilateral", unilateral);
   d.add("control.passivity.predict", predict);
   d.add("control.passivity.max_turn_deg", max_turn);
+  static_cast<void>(known);            // of the scene's device, robot and delays
+  static_cast<void>(energy_bounding);  // of the master's device
+  d.add("control.passivity.round_trip_ms", stated_round_trip ? std::optional{stated_round_trip->si()} : std::nullopt);
+  {
+    const auto& [damping_of, stiffness_of, rotational_damping_of, rotational_stiffness_of] = fixed_damping;
+    d.add("control.passivity.fixed_damping", damping_of, stiffness_of, rotational_damping_of, rotational_stiffness_of);
+  }
+  {
+    const auto& [impedance, rotational_impedance, receiver, correction] = wave_variables;
+    d.add("control.passivity.wave_variables", impedance, rotational_impedance, receiver, correction);
+  }
+  {
+    const auto& [k, b, k_rotational, b_rotational, ceiling] = set_position_modulation;
+    d.add("control.passivity.set_position_modulation", k, b, k_rotational, b_rotational, ceiling);
+  }
+  {
+    const auto& [desired_level, level_gain, transfer] = energy_tank;
+    d.add("control.passivity.energy_tank", desired_level, level_gain, transfer);
+  }
+  {
+    const auto& [observer_used, bandwidth, force_gain] = four_channel;
+    d.add("control.passivity.four_channel", observer_used, bandwidth, force_gain);
+  }
+  {
+    const auto& [k, k_rotational] = fractal_impedance;
+    d.add("control.passivity.fractal_impedance", k, k_rotational);
+  }
   return d;
 }
 

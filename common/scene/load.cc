@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <filesystem>
 #include <limits>
+#include <numeric>
 
 #include "common/base/check.h"
 #include "common/base/file.h"
@@ -12,6 +13,12 @@
 
 namespace twoport {
 namespace {
+
+double mean_delay_s(const ImpairmentOptions& o) {
+  const std::vector<double>& recorded = o.recorded_delay_s;
+  if (recorded.empty()) return o.delay_s;
+  return std::accumulate(recorded.begin(), recorded.end(), 0.0) / static_cast<double>(recorded.size());
+}
 
 int read_dof(const schema::Scene& message, const std::string& file) {
   const Context context{.file = file};
@@ -47,10 +54,10 @@ Scene read_scene(const schema::Scene& message, const std::string& file, SceneFor
   if (of.has(FIELD(operator_))) scene.operator_model = read_operator(of.block(FIELD(operator_)));
   if (of.has(FIELD(device))) scene.device = read_device(of.block(FIELD(device)));
   scene.control = read_control(of.block(FIELD(control)));
-  tell_handle(scene);
   scene.to_slave = read_impairment(of.block(FIELD(to_slave)));
   scene.to_master = read_impairment(of.block(FIELD(to_master)));
   if (of.has(FIELD(robot))) scene.robot = read_robot(of.block(FIELD(robot)));
+  tell_system(scene);
   for (const auto& each : of.blocks(FIELD(environment))) scene.environment.push_back(read_environment(each));
   of.only_with_rotation(FIELD(tool));
   scene.tool = read_tool(of.block(FIELD(tool)));
@@ -62,12 +69,24 @@ Scene read_scene(const schema::Scene& message, const std::string& file, SceneFor
 
 }  // namespace
 
-void tell_handle(Scene& scene) {
+void tell_system(Scene& scene) {
   const HandSpec hand = scene.operator_model && scene.operator_model->hand ? *scene.operator_model->hand : HandSpec{};
   const DeviceSpec device = scene.device.value_or(DeviceSpec{});
   scene.control.handle_mass_kg = device.mass_kg > 0.0 ? device.mass_kg : hand.mass_kg;
   scene.control.handle_inertia_kg_m2 = device.inertia_kg_m2 > 0.0 ? device.inertia_kg_m2 : hand.inertia_kg_m2;
   scene.control.max_force_n = device.max_force_n.value_or(std::numeric_limits<double>::infinity());
+
+  KnownSystem& known = scene.control.known;
+  known.round_trip =
+      scene.control.stated_round_trip.value_or(Seconds{mean_delay_s(scene.to_slave) + mean_delay_s(scene.to_master)});
+  known.master_tick = Seconds{1.0 / scene.master_rate_hz};
+  known.slave_tick = Seconds{1.0 / scene.slave_rate_hz};
+  known.device_damping_n_s_per_m = device.damping_n_s_per_m;
+  known.device_rotational_damping_n_m_s_per_rad = device.rotational_damping_n_m_s_per_rad;
+  known.robot_mass_kg = scene.robot ? scene.robot->mass_kg : 0.0;
+  known.robot_inertia_kg_m2 = 0.0;
+  if (scene.robot && !scene.robot->inertia_kg_m2.empty())
+    known.robot_inertia_kg_m2 = *std::min_element(scene.robot->inertia_kg_m2.begin(), scene.robot->inertia_kg_m2.end());
 }
 
 Scene parse_scene(const std::string& text, const std::string& name, std::span<const std::string> overrides,

@@ -30,9 +30,9 @@ Scene parse_scene(const std::string& text, const std::string& name, std::span<co
 /// which would otherwise report the VALUE of `--set PATH VALUE` as a separate argument.
 std::string assignment_error(const std::string& assignment);
 
-/// What the master's node must know of its device. What gives way to the force: the device, or of an ideal one the hand
-/// that holds it. Sets control.handle_mass_kg, handle_inertia_kg_m2 and max_force_n.
-void tell_handle(Scene& scene);
+/// What the nodes must know of the system. Of the device: What gives way to the force: the device, or of an ideal one the hand
+/// that holds it. Sets control.handle_mass_kg, handle_inertia_kg_m2 and max_force_n, and control.known.
+void tell_system(Scene& scene);
 
 /// Digest of the values that both sides of a link must share (dof, rates, architecture, scales, coupling, passivity):
 /// FNV-1a, the same on every machine.

@@ -5,6 +5,7 @@
 #include <cmath>
 #include <concepts>
 #include <cstdint>
+#include <optional>
 #include <string>
 #include <string_view>
 #include <type_traits>
@@ -123,6 +124,9 @@ class Block : public AnyBlock {
   }
   [[nodiscard]] double number_or(const auto& field, const Rule& rule, double absent) const {
     return has(field) ? number(field, rule) : absent;
+  }
+  [[nodiscard]] std::optional<double> number_if_given(const auto& field, const Rule& rule) const {
+    return has(field) ? std::optional{number(field, rule)} : std::nullopt;
   }
   [[nodiscard]] int integer(const auto& field) const {
     static_assert(std::same_as<ValueOf<decltype(field)>, std::int32_t>);

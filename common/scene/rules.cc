@@ -114,6 +114,24 @@ void check_accounts(const SceneBlock& scene, const Scene& values) {
                     contacts, kMost));
 }
 
+/// Combinations of method and architecture that have no meaning.
+void check_method(const Scene& values, const Block<schema::Passivity>& passivity) {
+  const ControlOptions& c = values.control;
+  const auto is = [&c](const auto&... names) { return ((c.method_name == names) || ...); };
+  if (c.architecture == Architecture::position_measured_force) {
+    if (is("FIXED_DAMPING", "SET_POSITION_MODULATION", "FRACTAL_IMPEDANCE"))
+      passivity.refuse(FIELD(method), "be another one under POSITION_MEASURED_FORCE: it displays the position error");
+    if (is("WAVE_VARIABLES"))
+      passivity.refuse(FIELD(method),
+                       "be another one under POSITION_MEASURED_FORCE: its waves carry the coupling force");
+  }
+  if (is("ENERGY_BOUNDING") && !(c.energy_bounding.damping_n_s_per_m || c.known.device_damping_n_s_per_m > 0.0))
+    passivity.refuse(
+        FIELD(method),
+        "be another one where device.damping_n_s_per_m is 0, or "
+        "control.passivity.energy_bounding.damping_n_s_per_m must be given: it needs damping of the device");
+}
+
 }  // namespace
 
 void check_rules(const SceneBlock& scene, const Scene& values) {
@@ -123,6 +141,7 @@ void check_rules(const SceneBlock& scene, const Scene& values) {
   check_handle(scene, values);
   check_fastest(scene, values);
   check_accounts(scene, values);
+  check_method(values, scene.block(FIELD(control)).block(FIELD(passivity)));
 }
 
 }  // namespace twoport

@@ -7,6 +7,7 @@
 namespace twoport::lab {
 
 Subcommand add_run_command(CLI::App& app);
+Subcommand add_methods_command(CLI::App& app);
 Subcommand add_boundary_command(CLI::App& app);
 /// `sweep` and `merge`.
 std::vector<Subcommand> add_sweep_commands(CLI::App& app);

@@ -302,7 +302,7 @@ std::vector<Block> blocks(const Scene& scene) {
 Scene without(Scene scene, const std::vector<Block>& left_out) {
   // From the last: what a block holds before the block, and no index moves before its turn.
   for (auto block = left_out.rbegin(); block != left_out.rend(); ++block) block->remove(scene);
-  tell_handle(scene);
+  tell_system(scene);
   return scene;
 }
 

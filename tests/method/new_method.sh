@@ -17,9 +17,9 @@ change() {
   sed "$@" "$file" >"$work/$file"
   ! cmp -s "$file" "$work/$file" || { echo "$file: no place for the new method"; exit 1; }
 }
-change common/method/catalogue.h -e 's/^using Methods = TypeList<\(.*\)>;/using Methods = TypeList<\1, LocalDamping>;/' \
+change common/method/catalogue.h -e 's/^using Methods = TypeList<[A-Za-z]*/&, LocalDamping/' \
   -e 's|^#include "common/method/none/none.h"|&\n#include "common/method/local_damping/local_damping.h"|'
-change proto/scene.proto 's/\(enum Method {.*\) }/\1 LOCAL_DAMPING = 3; }/'
+change proto/scene.proto 's/^ *NONE = 0; CLASSIC = 1;/& LOCAL_DAMPING = 1000;/'
 
 cat >"$work/main.cc" <<'CC'
 #include <google/protobuf/text_format.h>

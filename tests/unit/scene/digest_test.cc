@@ -43,7 +43,29 @@ TEST(SceneDigest, ChangesWithEverythingThatBothSidesShare) {
                              "control.passivity.initial_energy_j=0",
                              "control.passivity.max_gain=11",
                              "control.passivity.unilateral=false",
-                             "control.passivity.predict=false"})
+                             "control.passivity.predict=false",
+                             "control.passivity.round_trip_ms=1",
+                             "control.passivity.fixed_damping.damping_n_s_per_m=1",
+                             "control.passivity.fixed_damping.stiffness_n_per_m=1",
+                             "control.passivity.fixed_damping.rotational_damping_n_m_s_per_rad=1",
+                             "control.passivity.fixed_damping.rotational_stiffness_n_m_per_rad=1",
+                             "control.passivity.wave_variables.impedance_n_s_per_m=1",
+                             "control.passivity.wave_variables.rotational_impedance_n_m_s_per_rad=1",
+                             "control.passivity.wave_variables.receiver=HOLD",
+                             "control.passivity.wave_variables.position_correction_per_s=1",
+                             "control.passivity.set_position_modulation.stiffness_n_per_m=1",
+                             "control.passivity.set_position_modulation.damping_n_s_per_m=1",
+                             "control.passivity.set_position_modulation.rotational_stiffness_n_m_per_rad=1",
+                             "control.passivity.set_position_modulation.rotational_damping_n_m_s_per_rad=1",
+                             "control.passivity.set_position_modulation.energy_ceiling_j=1",
+                             "control.passivity.energy_tank.desired_level_j=1",
+                             "control.passivity.energy_tank.level_gain_n_s_per_m_per_j=1",
+                             "control.passivity.energy_tank.transfer_per_s=1",
+                             "control.passivity.four_channel.reaction_force_observer=true",
+                             "control.passivity.four_channel.observer_bandwidth_rad_per_s=1",
+                             "control.passivity.four_channel.force_gain=1",
+                             "control.passivity.fractal_impedance.stiffness_n_per_m=1",
+                             "control.passivity.fractal_impedance.rotational_stiffness_n_m_per_rad=1"})
     EXPECT_TRUE(seen.insert(scene_digest(scene_of(kSpelt, {shared}))).second)
         << shared << " made no difference of its own";
   EXPECT_NE(scene_digest(scene_of("dof: 1 duration_s: 1")), scene_digest(scene_of("dof: 3 duration_s: 1")));
@@ -57,7 +79,8 @@ TEST(SceneDigest, DoesNotChangeWithWhatIsASidesOwn) {
   for (const char* own :
        {"name=\"other\"", "seed=8", "duration_s=9", "to_slave.delay_ms=1", "to_master.loss=0.5", "device.mass_kg=0.1",
         "robot.mass_kg=2", "operator.hand.mass_kg=1", "environment[0].wall.stiffness_n_per_m=1", "expect.stable=false",
-        "control.virtual_coupling.stiffness_n_per_m=1e3", "control.passivity.max_gain=10"})
+        "control.virtual_coupling.stiffness_n_per_m=1e3", "control.passivity.max_gain=10",
+        "control.passivity.energy_bounding.damping_n_s_per_m=1"})
     EXPECT_EQ(before, scene_digest(scene_of(kStiffWall, {own}))) << own;
 }
 

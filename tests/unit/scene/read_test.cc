@@ -254,6 +254,28 @@ TEST(Scene, RatesOfTheTwoSidesMayDiffer) {
   EXPECT_EQ(s.slave_rate_hz, 2000.0);
 }
 
+TEST(Scene, TellsMethodsWhatIsKnownOfTheSystem) {
+  const KnownSystem known = scene_of(kStiffWall, {"slave_rate_hz=500", "to_master.delay_ms=20"}).control.known;
+  EXPECT_DOUBLE_EQ(known.round_trip.si(), 0.07);
+  EXPECT_EQ(known.master_tick.si(), 1.0 / 2000);
+  EXPECT_EQ(known.slave_tick.si(), 1.0 / 500);
+  EXPECT_EQ(known.device_damping_n_s_per_m, 0.05);
+  EXPECT_EQ(known.robot_mass_kg, 0.5);
+  EXPECT_EQ(known.robot_inertia_kg_m2, 0.0);
+  EXPECT_EQ(scene_of(kTurning).control.known.robot_inertia_kg_m2, 1e-3);
+  EXPECT_EQ(scene_of(kStiffWall, {"control.passivity.round_trip_ms=300"}).control.known.round_trip.si(), 0.3);
+}
+
+TEST(Scene, OptionsOfMethodsAreAbsentUntilGivenAndAllowedUnderAnyMethod) {
+  EXPECT_FALSE(scene_of(kStiffWall).control.fixed_damping.damping_n_s_per_m);
+  const ControlOptions o = scene_of(kStiffWall, {"control.passivity.fixed_damping.damping_n_s_per_m=7",
+                                                 "control.passivity.wave_variables.receiver=ZERO"})
+                               .control;
+  EXPECT_EQ(o.method_name, "FORCE_PROJECTED");
+  EXPECT_EQ(o.fixed_damping.damping_n_s_per_m, 7.0);
+  EXPECT_EQ(o.wave_variables.receiver, WaveReceiverRule::zero);
+}
+
 TEST(Scene, AccountsStartWithAMillijouleOverALinkAndWithNothingUnderRender) {
   EXPECT_EQ(scene_of(kStiffWall).control.initial_energy.si(), 1e-3);
   EXPECT_EQ(scene_of(kHeldSpring).control.initial_energy.si(), 0.0);

@@ -36,6 +36,24 @@ INSTANTIATE_TEST_SUITE_P(
         Refusal{kStiffWall,
                 {"control.passivity.max_gain=-1"},
                 "control.passivity.max_gain is -1; it must be >= 0 and at most 1e18"},
+        Refusal{kStiffWall,
+                {"control.passivity.wave_variables.impedance_n_s_per_m=0"},
+                "control.passivity.wave_variables.impedance_n_s_per_m is 0; it must be > 0 and at most 1e18"},
+        Refusal{kStiffWall,
+                {"control.passivity.fixed_damping.rotational_damping_n_m_s_per_rad=1"},
+                "control.passivity.fixed_damping.rotational_damping_n_m_s_per_rad is given, but applies to dof 6 only; "
+                "dof is 3"},
+        Refusal{kStiffWall,
+                {"control.passivity.round_trip_ms=-1"},
+                "control.passivity.round_trip_ms is -1; it must be between 0 and 1000000"},
+        Refusal{kStiffWall,
+                {"control.passivity.method=FIXED_DAMPING", "control.architecture=POSITION_MEASURED_FORCE"},
+                "control.passivity.method is FIXED_DAMPING; it must be another one under POSITION_MEASURED_FORCE: it "
+                "displays the position error"},
+        Refusal{kStiffWall,
+                {"control.passivity.method=ENERGY_BOUNDING", "device.damping_n_s_per_m=0"},
+                "control.passivity.method is ENERGY_BOUNDING; it must be another one where device.damping_n_s_per_m is "
+                "0, or control.passivity.energy_bounding.damping_n_s_per_m must be given"},
         Refusal{kStiffWall, {"control.engage_s=-1"}, "control.engage_s is -1; it must be between 0 and 1000000"},
         Refusal{
             kStiffWall, {"control.hold_after_s=0"}, "control.hold_after_s is 0; it must be > 0 and at most 1000000"},

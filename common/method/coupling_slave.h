@@ -1,0 +1,87 @@
+#pragma once
+
+#include "common/coupling/virtual_coupling.h"
+#include "common/method/method.h"
+
+namespace twoport {
+
+/// The options of a method that displays the position error whatever the architecture: both sides then have a spring-damper
+/// of this stiffness and damping, and the slave reports the robot's position.
+inline ControlOptions coupled_by_position(ControlOptions o, const CouplingOptions& coupling) {
+  o.architecture = Architecture::position_position;
+  o.coupling = coupling;
+  return o;
+}
+
+/// What slave halves around a virtual coupling share: everything but the step.
+template <int N>
+class CouplingSlave {
+ public:
+  explicit CouplingSlave(const ControlOptions& o) : coupling_{o} {}
+
+  void start(const RobotSample<N>& robot, const PeerState<N>& master) noexcept {
+    coupling_.start(robot.x, master);
+    x_ = robot.x;
+  }
+  SlaveOutput<N> fail_safe(const Ledger& account) noexcept {
+    SlaveOutput<N> out{};
+    out.command.x_d = coupling_.set_point();
+    out.energy_in = account.absorbed() - base_absorbed_;
+    return out;
+  }
+  [[nodiscard]] Energy deficit(const Ledger&, Energy) const noexcept { return Energy{}; }
+  void restart(const Ledger& account, Energy) noexcept { base_absorbed_ = account.absorbed(); }
+  [[nodiscard]] SlaveHandover<N> handover() const noexcept { return {coupling_.registration(), coupling_.set_point()}; }
+  void resume(const SlaveHandover<N>& from) noexcept { coupling_.resume(from.registration, from.set_point); }
+  [[nodiscard]] const Position<N>& target() const noexcept { return coupling_.target(); }
+  [[nodiscard]] bool has_payload() const noexcept { return coupling_.tells_position(); }
+  void write_payload(Words& words) const noexcept { coupling_.tell_position(x_, words); }
+
+ protected:
+  using Vector = typename Force<N>::Vector;
+
+  /// Force and velocity of the coupling, zero while nothing is coupled.
+  typename VirtualCoupling<N>::Wanted want(const SlaveInput<N>& in) noexcept {
+    x_ = in.robot.x;
+    if (in.active) return coupling_.step(in.robot, in.master, in.coupled, in.dt);
+    coupling_.rest(in.robot.x);
+    return {};
+  }
+  /// The set point moves by v T, and f acts on the robot; `grounded` is the part of f that does not come from the link.
+  SlaveOutput<N> act(const SlaveInput<N>& in, const Force<N>& f, const Velocity<N>& v, const Velocity<N>& v_d,
+                     const Force<N>& grounded = {}) noexcept {
+    if (!all_finite(f, v)) [[unlikely]]
+      return no_force_exists(f);
+    const Displacement<N> moved = v * in.dt;
+    const Energy not_of_link = dot(grounded, moved);
+    Ledger account = in.account;
+    account.book(not_of_link - dot(f, moved));
+    coupling_.move(moved, v_d, in.dt);
+    return {.command = {.f = f, .x_d = coupling_.set_point(), .v_d = v},
+            .f_back = f,
+            .energy_in = account.absorbed() - base_absorbed_,
+            .dissipated = Energy{},
+            .grounded = not_of_link};
+  }
+  /// -B v of the robot, zero for an ideal one and while nothing is coupled.
+  static Force<N> damper(const SlaveInput<N>& in, const Vector& damping) noexcept {
+    if (!in.active || in.robot.ideal) return {};
+    return Force<N>{-damping.cwiseProduct(in.robot.v.vec())};
+  }
+
+  VirtualCoupling<N> coupling_;
+  Energy base_absorbed_;
+  Position<N> x_;  ///< of the robot
+};
+
+/// One number for the translational axes and one for the rotational ones.
+template <int N>
+typename Force<N>::Vector per_axis(double translation, double rotation) noexcept {
+  typename Force<N>::Vector out;
+  out.setConstant(translation);
+  if constexpr (N == 6) out.template tail<3>().setConstant(rotation);
+  (void)rotation;
+  return out;
+}
+
+}  // namespace twoport

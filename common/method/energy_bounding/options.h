@@ -1,0 +1,12 @@
+#pragma once
+
+#include <optional>
+
+namespace twoport {
+
+/// `control.passivity.energy_bounding`: lower bounds of the device's damping. Absent: the scene's device.
+struct EnergyBoundingOptions {
+  std::optional<double> damping_n_s_per_m, rotational_damping_n_m_s_per_rad;
+};
+
+}  // namespace twoport

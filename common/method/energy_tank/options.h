@@ -1,0 +1,14 @@
+#pragma once
+
+#include <optional>
+
+namespace twoport {
+
+/// `control.passivity.energy_tank`. An absent number is set by the rule in gains.h.
+struct EnergyTankOptions {
+  std::optional<double> desired_level_j;             ///< H_d of the master's tank
+  std::optional<double> level_gain_n_s_per_m_per_j;  ///< α: damping for each joule that is missing
+  std::optional<double> transfer_per_s;              ///< share of a tank that is sent in a second
+};
+
+}  // namespace twoport

@@ -1,0 +1,150 @@
+#pragma once
+
+#include <algorithm>
+#include <string_view>
+#include <tuple>
+
+#include "common/method/coupling_slave.h"
+#include "common/method/displayed_force.h"
+
+namespace twoport {
+
+/// Estimates the force on a mass from its velocity and the other force on it, without differentiation.
+///
+///     f̂ = LP_g(f - b v + g m v) - g m v        m dv/dt = f - b v - f̂;   LP_g: first order, g rad/s
+///
+/// Source: reaction force observer, Murakami, Yu, Ohnishi, IEEE T-IE 40(2), 1993.
+template <int N>
+class ReactionForceObserver {
+ public:
+  using Vector = typename Force<N>::Vector;
+  ReactionForceObserver(const Vector& mass, const Vector& damping, double bandwidth_rad_per_s)
+      : mass_{mass}, damping_{damping}, bandwidth_{bandwidth_rad_per_s} {}
+
+  void start(const Velocity<N>& v) noexcept { low_pass_ = bandwidth_ * mass_.cwiseProduct(v.vec()); }
+  Force<N> step(const Force<N>& f, const Velocity<N>& v, Seconds dt) noexcept {
+    const Vector momentum = bandwidth_ * mass_.cwiseProduct(v.vec());
+    const double share = bandwidth_ * dt.si() / (1.0 + bandwidth_ * dt.si());
+    low_pass_ += share * (f.vec() - damping_.cwiseProduct(v.vec()) + momentum - low_pass_);
+    return Force<N>{low_pass_ - momentum};
+  }
+
+ private:
+  Vector mass_, damping_, low_pass_ = Vector::Zero();
+  double bandwidth_;
+};
+
+/// What is not given: force gains 1, bandwidth 200 rad/s.
+inline double four_channel_force_gain(const ControlOptions& o) {
+  return o.four_channel.force_gain.value_or(1.0);
+}
+inline double four_channel_bandwidth(const ControlOptions& o) {
+  return o.four_channel.observer_bandwidth_rad_per_s.value_or(200.0);
+}
+
+/// What the master adds to its packets: the force of the hand on the handle.
+template <int N>
+struct HandForce {
+  Latest<Force<N>> f;
+  auto fields() { return std::tie(f); }
+};
+
+/// Master half of the four-channel architecture.
+///
+///     f_m = ρ (K (x_m - x_s,rx) + B (v_m - v_s,rx) + g s_f f_e,rx)        f̂_h = force of the hand, by observer
+template <int N>
+class FourChannelMaster {
+ public:
+  explicit FourChannelMaster(const ControlOptions& o)
+      : displayed_{coupled_by_position(o, o.coupling)},
+        gain_{four_channel_force_gain(o)},
+        hand_{per_axis<N>(o.handle_mass_kg, o.handle_inertia_kg_m2),
+              per_axis<N>(o.known.device_damping_n_s_per_m, o.known.device_rotational_damping_n_m_s_per_rad),
+              four_channel_bandwidth(o)} {}
+
+  void start(const DeviceSample<N>& device) noexcept {
+    displayed_.start(device.x);
+    hand_.start(device.v);
+  }
+  MasterOutput<N> step(const MasterInput<N>& in) noexcept {
+    MasterOutput<N> out{};
+    out.energy_in = in.account.absorbed() - base_absorbed_;
+    // The handle's equation: m dv/dt = -f_applied - b v + f_h.
+    const Force<N> on_hand = hand_.step(-in.device.applied, in.device.v, in.dt);
+    hand_force_.f.value = in.active ? -on_hand : Force<N>{};
+    if (!in.active) return out;
+    out.wanted = in.ramp * (displayed_.step(in.device, in.slave, in.dt) +
+                            gain_ * displayed_.registration().to_master(in.slave.newest.f));
+    if (in.carried != nullptr) out.wanted += *in.carried;
+    out.f = out.wanted;
+    return out;
+  }
+  [[nodiscard]] Energy deficit(const Ledger&, Energy) const noexcept { return Energy{}; }
+  void restart(const Ledger& account, Energy) noexcept { base_absorbed_ = account.absorbed(); }
+  static constexpr bool has_payload() noexcept { return true; }
+  void write_payload(Words& words) const noexcept { write(hand_force_, words); }
+
+ private:
+  DisplayedForce<N> displayed_;
+  double gain_;
+  ReactionForceObserver<N> hand_;
+  HandForce<N> hand_force_;
+  Energy base_absorbed_;
+};
+
+/// Slave half: f_s = K (x_m,rx - x_s) + B (v_m,rx - v_s) + g f̂_h,rx/s_f; returns f_e, measured or by observer.
+template <int N>
+class FourChannelSlave : public CouplingSlave<N> {
+ public:
+  explicit FourChannelSlave(const ControlOptions& o)
+      : CouplingSlave<N>{coupled_by_position(o, o.coupling)},
+        gain_{four_channel_force_gain(o)},
+        observes_{o.four_channel.reaction_force_observer},
+        to_slave_units_{per_axis<N>(1.0 / (o.force_scale * o.motion_scale), o.motion_scale / o.force_scale)},
+        environment_{per_axis<N>(o.known.robot_mass_kg, o.known.robot_inertia_kg_m2), Vector::Zero(),
+                     four_channel_bandwidth(o)} {}
+
+  void start(const RobotSample<N>& robot, const PeerState<N>& master) noexcept {
+    CouplingSlave<N>::start(robot, master);
+    environment_.start(robot.v);
+    f_ = Force<N>{};
+  }
+  SlaveOutput<N> step(const SlaveInput<N>& in) noexcept {
+    const auto wanted = this->want(in);
+    Force<N> f = wanted.f;
+    HandForce<N> hand;
+    if (in.coupled && !in.robot.ideal && read(in.master.words, hand)) {
+      const Vector turned = this->coupling_.registration().to_slave(Velocity<N>{hand.f.value.vec()}).vec();
+      f += Force<N>{gain_ * to_slave_units_.cwiseProduct(turned)};
+    }
+    const Force<N> felt = environment_.step(f_, in.robot.v, in.dt);
+    SlaveOutput<N> out = this->act(in, f, wanted.v, wanted.v);
+    out.f_back = observes_ && !in.robot.ideal ? felt : in.robot.f_environment;
+    f_ = out.command.f;
+    return out;
+  }
+  SlaveOutput<N> fail_safe(const Ledger& account) noexcept {
+    f_ = Force<N>{};
+    return CouplingSlave<N>::fail_safe(account);
+  }
+
+ private:
+  using Vector = typename Force<N>::Vector;
+  double gain_;
+  bool observes_;
+  Vector to_slave_units_;
+  ReactionForceObserver<N> environment_;
+  Force<N> f_;
+};
+
+struct FourChannel {
+  static constexpr std::string_view kNames[] = {"FOUR_CHANNEL"};
+  static constexpr std::string_view kSummary =
+      "positions and forces in both directions: transparent without delay, not passive";
+  template <int N>
+  using Master = FourChannelMaster<N>;
+  template <int N>
+  using Slave = FourChannelSlave<N>;
+};
+
+}  // namespace twoport

@@ -1,0 +1,14 @@
+#pragma once
+
+#include <optional>
+
+namespace twoport {
+
+/// `control.passivity.four_channel`. An absent number is set by the rule in gains.h.
+struct FourChannelOptions {
+  bool reaction_force_observer = false;  ///< estimates the environment's force instead of measuring it
+  std::optional<double> observer_bandwidth_rad_per_s;
+  std::optional<double> force_gain;  ///< of both force channels
+};
+
+}  // namespace twoport
