@@ -107,7 +107,7 @@ template <int N>
   if (along >= -1.0 && across2 <= most * most) return Force<N>{f + correction};
 
   Vector edge = f;
-  if (across2 > 0.0) edge += std::sqrt(f2 / across2) * tan_most * across;
+  if (across2 > 1e-24 * inner(correction, correction)) edge += std::sqrt(f2 / across2) * tan_most * across;
   const double half = o.mass_kg > 0.0 ? 0.5 * dt.si() / o.mass_kg : 0.0, need = due.si() / dt.si();
   // With x = σe - F: x·V - half |x|² = -q σ² + b σ - c
   const double q = half * inner(edge, edge), b = edge.dot(v.vec()) + 2.0 * half * inner(edge, f);

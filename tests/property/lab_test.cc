@@ -348,6 +348,7 @@ TEST_P(HeldPress, KeepsItsForceForAMinute) {
 /// Speed of the handle in the last second, rms [m/s]; for twelve seeds, from small to large.
 std::vector<double> unrest(std::vector<std::string> set) {
   std::vector<double> all;
+  set.emplace_back("control.passivity.method=FORCE_PROJECTED");
   set.emplace_back("seed=0");
   for (int seed = 1; seed <= 12; ++seed) {
     set.back() = "seed=" + std::to_string(seed);
