@@ -137,7 +137,8 @@ CountedRun run_as(Simulation<N>& simulation, const Scene& scene, const RunOption
        .initial_energy_j = simulation.initial_energy().si(),
        .controller = has_controller(scene),
        .coarse = is_coarse(scene),
-       .link = link},
+       .link = link,
+       .trends = options.verdict == VerdictFrom::plain},
       Registration<N>{scene.control}.to_master(Energy{1.0}).si(),
       {.hand = !alone, .link = link, .robot = link || alone, .robot_energy = link, .rests = rests(scene)}};
   std::optional<Trace<N>> trace;

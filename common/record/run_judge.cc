@@ -17,10 +17,20 @@ bool has_controller(const Scene& scene) {
 }
 
 template <int N>
+MotionScale RunJudge<N>::scale() const {
+  const Speeds& early = early_ ? speed_ : early_speed_;
+  return {.dof = N,
+          .rate_hz = known_.rate_hz,
+          .reach_m = std::sqrt(reach2_),
+          .speed = {speed_.begin(), speed_.end()},
+          .early = {early.begin(), early.end()}};
+}
+
+template <int N>
 std::string RunJudge<N>::not_judged() const {
   if (rows_ == 0) return "undecided: nothing was run";
   if (known_.link && !coupled_) return "undecided: the two sides never met";
-  if (std::all_of(scale_.speed.begin(), scale_.speed.end(), [](double v) { return v == 0.0; }))
+  if (std::all_of(speed_.begin(), speed_.end(), [](double v) { return v == 0.0; }))
     return "undecided: nothing moved; something must set the loop in motion";
   return {};
 }
@@ -29,14 +39,15 @@ template <int N>
 Verdict RunJudge<N>::verdict() const {
   if (diverged_) return {VerdictKind::unstable, fmt::format("diverged at {:.4g} s", diverged_at_s_)};
   if (const std::string why = not_judged(); !why.empty()) return {VerdictKind::undecided, why};
-  if (!after_.enough()) {
+  if (!after_) return {};
+  if (!after_->enough()) {
     const double paid = -(known_.initial_energy_j + energy_j_);
     return {VerdictKind::undecided,
             "undecided: " + (paid > 0.0 ? fmt::format("the hand has been paid {:.4g} J, but ", paid) : std::string{}) +
                 "the hand moves to the end; a rest at the end of the run would decide it"};
   }
-  const double after_s = static_cast<double>(after_.ticks()) / known_.rate_hz;
-  return judge({.record = after_,
+  const double after_s = static_cast<double>(after_->ticks()) / known_.rate_hz;
+  return judge({.record = *after_,
                 .has_controller = known_.controller,
                 .controller_acted = acted_after_ || (known_.controller && known_.unseen),
                 .driven = true,
@@ -44,7 +55,7 @@ Verdict RunJudge<N>::verdict() const {
                 .initial_energy_j = known_.initial_energy_j,
                 .run_lengths = after_s * known_.rate_hz / static_cast<double>(rows_),
                 .last = true},
-               scale_);
+               scale());
 }
 
 template class RunJudge<1>;

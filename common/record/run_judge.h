@@ -5,6 +5,7 @@
 #include <cmath>
 #include <cstdint>
 #include <limits>
+#include <optional>
 #include <span>
 
 #include "common/record/row.h"
@@ -13,9 +14,8 @@
 
 namespace twoport {
 
-/// Judges a run by its own rows, one by one, in constant memory: what a live side can do, and the laboratory where it is to
-/// run nothing beside the scene. Only what comes after the operator's path has ended tells a loop from the hand that moves
-/// it: before, only a divergence is seen.
+/// Judges a run by its own rows, one by one, in constant memory. Live sides use it, and the laboratory with `--verdict plain`.
+/// Trends are taken from the end of the operator's path on; before it only a divergence is detected, as the hand moves the loop.
 template <int N>
 class RunJudge {
  public:
@@ -29,45 +29,42 @@ class RunJudge {
     bool unseen = false;            ///< one at the other side may act, and the rows do not say so
     bool coarse = false;            ///< an encoder or Coulomb friction is in the loop
     bool link = false;              ///< there is another side
+    bool trends = true;             ///< verdict() is wanted; false: only divergence and scale are
   };
   static constexpr double kDiverged = 1000.0;  // [m/s], [rad/s]
 
-  explicit RunJudge(const Known& known) : known_{known}, after_{2 * N, 2} {
-    scale_.dof = N;
-    scale_.rate_hz = known.rate_hz;
-    scale_.speed.assign(2 * N, 0.0);
-    scale_.early.assign(2 * N, 0.0);
+  explicit RunJudge(const Known& known) : known_{known}, early_until_s_{0.05 * known.duration_s} {
+    if (known.trends) after_.emplace(2 * N, 2);
   }
 
   /// Returns false once the run has diverged: a value is not finite, or a speed is beyond 1000 m/s or rad/s and ten times
-  /// that of the first row. There is no use in going on.
-  bool add(const Row<N>& row) noexcept {
+  /// that of the first row. The run may then end.
+  [[gnu::always_inline]] bool add(const Row<N>& row) noexcept {
     const double speed2 = row.master_v.squared_norm() + row.slave_v.squared_norm();
-    if (rows_++ == 0) first_speed2_ = speed2;
+    if (rows_++ == 0) most_speed2_ = std::max(kDiverged * kDiverged, 100.0 * speed2);
     const double reach2 = std::max(row.master_x.translation().squaredNorm(), row.slave_x.translation().squaredNorm());
-    if (!(speed2 <= std::max(kDiverged * kDiverged, 100.0 * first_speed2_)) || !std::isfinite(reach2) ||
-        !std::isfinite(row.master_energy_j)) {
+    if (!(speed2 <= most_speed2_) || !std::isfinite(reach2 + row.master_energy_j)) [[unlikely]] {
       diverged_ = true;
       diverged_at_s_ = row.t_s;
       return false;
     }
-    scale_.reach_m = std::max(scale_.reach_m, std::sqrt(reach2));
-    const std::array v = velocities(row);
-    for (std::size_t i = 0; i < 2 * N; ++i) scale_.speed[i] = std::max(scale_.speed[i], std::abs(v[i]));
-    if (row.t_s < 0.05 * known_.duration_s) scale_.early = scale_.speed;
-    coupled_ = coupled_ || row.mode == Mode::coupled;
-    acted_ = acted_ || row.dissipated_j > 0.0;
-    energy_j_ = row.master_energy_j;
-    if (row.t_s >= known_.quiet_from_s) {
-      const std::array energies{row.master_energy_j, row.master_energy_j};
-      after_.add(v, energies, events(row));
-      acted_after_ = acted_after_ || row.dissipated_j > 0.0;
+    if (early_ && row.t_s >= early_until_s_) [[unlikely]]
+      end_early();
+    // Extremes change in few ticks: a branch costs less than a store.
+    if (reach2 > reach2_) reach2_ = reach2;
+    for (int i = 0; i < N; ++i) {
+      const double of_master = std::abs(row.master_v.vec()[i]), of_slave = std::abs(row.slave_v.vec()[i]);
+      if (of_master > speed_[i]) speed_[i] = of_master;
+      if (of_slave > speed_[N + i]) speed_[N + i] = of_slave;
     }
+    if (row.mode == Mode::coupled) coupled_ = true;
+    if (known_.trends) see(row);
     return true;
   }
 
   [[nodiscard]] bool diverged() const { return diverged_; }
-  [[nodiscard]] const MotionScale& scale() const { return scale_; }
+  /// Of the run so far.
+  [[nodiscard]] MotionScale scale() const;
   /// Of both sides, the master's first.
   static std::array<double, 2 * N> velocities(const Row<N>& row) noexcept {
     std::array<double, 2 * N> v;
@@ -85,12 +82,28 @@ class RunJudge {
   [[nodiscard]] Verdict verdict() const;
 
  private:
+  using Speeds = std::array<double, 2 * N>;
+
+  [[gnu::noinline]] void end_early() noexcept {
+    early_ = false;
+    early_speed_ = speed_;
+  }
+  void see(const Row<N>& row) noexcept {
+    energy_j_ = row.master_energy_j;
+    if (row.t_s < known_.quiet_from_s) return;
+    const Speeds v = velocities(row);
+    const std::array energies{row.master_energy_j, row.master_energy_j};
+    after_->add(v, energies, events(row));
+    acted_after_ = acted_after_ || row.dissipated_j > 0.0;
+  }
+
   Known known_;
-  MotionScale scale_;
-  TrendRecord after_;  ///< what came after the path's end
+  double early_until_s_;
+  std::optional<TrendRecord> after_;  ///< what came after the path's end
   std::uint64_t rows_ = 0;
-  double first_speed2_ = 0.0, diverged_at_s_ = 0.0, energy_j_ = 0.0;
-  bool diverged_ = false, coupled_ = false, acted_ = false, acted_after_ = false;
+  double most_speed2_ = 0.0, reach2_ = 0.0, diverged_at_s_ = 0.0, energy_j_ = 0.0;
+  Speeds speed_{}, early_speed_{};  ///< largest, and within the first twentieth of the run
+  bool early_ = true, diverged_ = false, coupled_ = false, acted_after_ = false;
 };
 
 /// Is something in the scene that makes a loop nonlinear however small its motion: an encoder, Coulomb friction?

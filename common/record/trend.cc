@@ -217,9 +217,13 @@ MotionTrend TrendRecord::motion(std::size_t signal, double floor, bool linear) c
   for (std::size_t i = 0; i < kPencilSamples; ++i) x[i] = of_signal(from + i * step, signal).first;
   const DampedMode mode = least_damped_mode(x);
   if (!mode.found) return t;
-  const double per_window = static_cast<double>(filled_ - from) / static_cast<double>(step * kUsed);
+  const double per_window = static_cast<double>(filled_) / static_cast<double>(step * kTrendWindows);
   const bool precise = linear && std::abs(mode.rate) > 10.0 * mode.error && std::abs(mode.rate) * per_window > 1e-6;
   const double grown = mode.rate * per_window * kUsed;
+  if (linear && t.trend == Trend::flat && mode.error * per_window < t.error) {
+    t.slope = mode.rate * per_window;
+    t.error = mode.error * per_window;
+  }
   if (!precise && (is_known(t.trend) || t.turns >= 40 || !(std::abs(grown) > std::max(0.02, 1e3 * mode.residual))))
     return t;
   t.trend = grown > 0.0 ? Trend::grows : Trend::decays;

@@ -46,11 +46,11 @@ struct EnergyTrend {
   double last = 0.0;    ///< mean of the last window
   double ripple = 0.0;  ///< largest less least difference from a line, first window left out
 
-  /// Does it fall for good: by more than five standard errors, and by more than twice its ripple?
+  /// Does it fall steadily: by more than five standard errors, and by more than twice its ripple?
   [[nodiscard]] bool falls() const { return line.slope < -5.0 * line.error && -7.0 * line.slope > 2.0 * ripple; }
 };
 
-/// What is kept of a stretch of time to see trends in it: signals and energies, in constant memory however long it gets.
+/// Signals and energies over a stretch of time of any length, in constant memory, for their trends.
 ///
 /// Ticks are gathered in blocks of equal length, at most kBlocks; when there is no room for another, neighbours are merged
 /// and blocks are twice as long from then on. A block holds the mean square of each signal, its first value, its changes of
@@ -89,8 +89,10 @@ class TrendRecord {
   ///             (`linear` false) also |S| + 18 e < 2e-3
   ///     else    unclear
   ///
-  /// The halves tell exponential growth from what grows by a power of time (s2 = 0.53 s1). Where that leaves it unclear, with fewer than
-  /// forty turning points, the least damped mode decides, if a few modes explain the signal (see least_damped_rate).
+  /// The halves tell exponential growth from what grows by a power of time (s2 = 0.53 s1). Of a `linear` signal the least
+  /// damped mode decides instead, and gives slope and error, where a few modes explain the signal, the mode's rate is more than
+  /// ten times its error, and more than 1e-6 per window (see least_damped_mode). Of another signal it decides what is left
+  /// unclear, with fewer than forty turning points, from a growth of 2 % on.
   [[nodiscard]] MotionTrend motion(std::size_t signal, double floor, bool linear) const;
   [[nodiscard]] EnergyTrend energy(std::size_t energy) const;
 

@@ -9,20 +9,20 @@
 namespace twoport {
 namespace {
 
-/// The twin's difference from the run has become a part of the motion itself.
+/// From this part of the motion on the twin's difference is not small.
 constexpr double kLarge = 0.03;
-/// A motion below this part of the run's largest speed is not noticed by a hand.
+/// A hand does not notice a motion below this part of the run's largest speed.
 constexpr double kNoticed = 0.01;
-/// Below this part even one that the network pays for is as good as rest, where a controller acts.
+/// Where a controller acts, a motion below this part counts as rest, even if the network feeds it.
 constexpr double kFaint = 1e-4;
 constexpr double kDiverged = 1e3;
-/// For so many lengths of the run a controller is watched that lets the hand's energy go.
+/// A controller that lets the hand's energy pass is watched for this many lengths of the run.
 constexpr double kCredit = 8.0;
 
 struct Coordinate {
   std::size_t signal;
   MotionTrend y, d;
-  bool far = false;  ///< d is no small difference, and unclear: y alone speaks
+  bool far = false;  ///< d is not small, and unclear: y alone decides
 };
 
 /// Is it known not to grow?
@@ -30,7 +30,7 @@ bool is_settled(const MotionTrend& t) {
   return is_known(t.trend) && t.trend != Trend::grows;
 }
 
-/// Do a run and its twin show the same growth or decay, clearly?
+/// Do y and d show the same growth or decay, clearly?
 bool agree(const MotionTrend& y, const MotionTrend& d) {
   if (y.trend == Trend::rest && d.trend == Trend::rest) return true;
   const bool clear = std::abs(y.slope) > 10.0 * y.error && std::abs(d.slope) > 10.0 * d.error;
@@ -67,9 +67,11 @@ class Judge {
     const bool d_settled = !any([](const Coordinate& c) { return !c.far && !is_settled(c.d); });
     const bool calm = !any([this](const Coordinate& c) { return !dies_away(c); });
     const bool paid = this->paid();
-    // What is called decaying does so for certain.
+    // All y that decay do so certainly.
     const bool confirmed = !any([this](const Coordinate& c) { return c.y.trend == Trend::decays && !dies_away(c); });
     const bool below = this->below();
+    // A live run has but one tail, and it is short: what would need four lengths is taken as it is.
+    const bool is_long = tail_.run_lengths >= 4.0 || tail_.last;
 
     if (y_grows && !acted) return grows_by_itself();
     if (!noticed(kFaint) && trembles()) return restless_at("");
@@ -78,27 +80,30 @@ class Judge {
         return {unstable, "oscillation of " + amplitude() + ", fed past its controller" + paid_so_far()};
       if (!tail_.last && spending()) return marginal();
     }
-    if (!acted && on_credit() && paid && (y_flat || (tail_.run_lengths >= 4.0 && sustained()))) {
+    if (!acted && on_credit() && paid && (y_flat || (is_long && sustained()))) {
       if (!tail_.last && spending()) return marginal();
       return restless_at("on granted energy that the passivity controller lets go before it acts");
     }
     if (y_flat && paid) {
-      if (linear_ && tail_.run_lengths < 4.0) return marginal();
+      if (linear_ && !is_long) return marginal();
       if (acted && !below) return restless_at("on energy that the hand has put in before");
       return {unstable, "sustained oscillation of " + amplitude() + ", fed by the network" + paid_so_far()};
     }
     if (const std::string how = grows_when_touched(calm); !how.empty()) return {unstable, how};
-    if (tail_.run_lengths >= 4.0 && paid && (!acted || below) && sustained())
+    if (is_long && (paid || (tail_.last && fed())) && (!acted || below) && sustained())
       return {unstable, "unsteady oscillation of " + amplitude() + ", fed by the network" + paid_so_far()};
     if (!tail_.driven) return {stable, "bounded; no force of a controller acts"};
     if (trembles()) return restless_at("");
     if (calm && (d_settled || (acted && tail_.last))) return {stable, "bounded and decaying"};
     if (y_settled) {
       if (acted) return restless_at("kept going by a passive controller");
-      if (d_settled && confirmed && (linear_ ? tail_.run_lengths >= 4.0 : !pays() || tail_.run_lengths >= kCredit))
-        return {stable, "bounded, neither growing nor decaying"};
+      if (d_settled && confirmed && (linear_ ? is_long : !pays() || tail_.run_lengths >= kCredit))
+        return {stable, "bounded, neither growing nor decaying" + resolution()};
     }
-    if (acted && tail_.run_lengths >= 4.0 && !calm) {
+    if (acted && is_long && !calm) {
+      if (tail_.run_lengths < 2.0 && noticed() && tail_.initial_energy_j + port_.last < 0.0)
+        return {undecided,
+                "undecided: little energy passes the controller" + paid_so_far() + "; a longer rest would decide it"};
       if (y_grows && two_port_.falls() && below)
         return {unstable, "growing, fed by the network" + rate() + paid_so_far()};
       const bool hand_pays = tail_.run_lengths >= kCredit && port_.line.slope > -5.0 * port_.line.error;
@@ -129,7 +134,7 @@ class Judge {
     return c;
   }
 
-  /// What is clear long before the tail is as long as the run.
+  /// The verdict of a tail shorter than the run: only what is clear.
   Verdict at_a_glance() const {
     const auto clearly = [](const MotionTrend& t) { return t.slope * (kTrendWindows - 3); };
     if (!tail_.controller_acted &&
@@ -158,7 +163,7 @@ class Judge {
 
   /// Is there a controller that waits until the hand's energy is used up?
   bool on_credit() const { return tail_.has_controller && tail_.initial_energy_j + port_.last >= 0.0; }
-  /// A controller that is there lets a motion grow while the hand's energy lasts: it is not the loop's last word.
+  /// A passivity controller lets a motion grow until the hand's energy is used up: undecided until then.
   Verdict grows_by_itself() const {
     if (!on_credit()) return {VerdictKind::unstable, "growing by itself" + rate()};
     return {VerdictKind::undecided,
@@ -172,7 +177,7 @@ class Judge {
 
   bool runs_away() const {
     if (tail_.diverged) return true;
-    // What one side does at a thousand times the speed that the hand and the robot began with is no answer to it.
+    // A speed a thousand times that of the hand, and of the robot at the beginning, is not caused by them.
     double own = 0.0;
     for (std::size_t i = 0; i < run_.dof; ++i) own = std::max(own, run_.speed[i]);
     if (!(own > 0.0)) return false;
@@ -197,22 +202,28 @@ class Judge {
   }
 
   bool paid() const { return port_.falls() || two_port_.falls(); }
-  /// Is there a motion that goes on, however unsteadily, through many turning points?
+  /// Is there an unsteady motion with many turning points?
   bool sustained() const {
-    return any([](const Coordinate& c) { return c.y.trend == Trend::unclear && c.y.turns >= 40; });
+    return any([](const Coordinate& c) {
+      return (c.y.trend == Trend::unclear || c.y.trend == Trend::unclear_growth) && c.y.turns >= 40;
+    });
+  }
+  /// Has the hand got more energy than it was granted, and does it get more from window to window?
+  bool fed() const {
+    const WindowMeans means = tail_.record.energies(0);
+    return tail_.initial_energy_j + port_.last < 0.0 && std::is_sorted(means.rbegin(), means.rend() - 1);
   }
   /// Does the port's energy fall, if only by little against its ripple?
   bool pays() const {
     return port_.line.slope < -10.0 * port_.line.error || two_port_.line.slope < -10.0 * two_port_.line.error;
   }
-  /// Where a run and its twin have parted, a decay that the network pays for, or one of a motion that still makes and breaks
-  /// contacts, is not the last word.
+  /// Once the twin has parted from the run, a decay is not trusted while the network feeds energy or contacts change.
   bool dies_away(const Coordinate& c) const {
     if (c.y.trend == Trend::rest) return true;
     if (c.y.trend != Trend::decays) return false;
     return !c.far || (c.y.slope < -10.0 * c.y.error && !paid() && contact_changes_ == 0) || tail_.last;
   }
-  /// Does the hand's port pay on, slowly but steadily, though its energy is used up?
+  /// Does the hand's energy fall steadily though it is used up?
   bool leaks() const { return tail_.initial_energy_j + port_.last < 0.0 && port_.line.slope < -8.0 * port_.line.error; }
   /// Does a controller let the hand's energy go, so that it will soon be gone, or has just been used up?
   bool spending() const {
@@ -247,15 +258,23 @@ class Judge {
     return {signal < run_.dof ? "the master's" : "the slave's",
             fmt::format("{} {}", run_.rotates(signal) ? "rotation" : "translation", signal % run_.dof % 3)};
   }
-  /// The fastest growth.
+  [[nodiscard]] double windows_per_s() const {
+    return kTrendWindows * run_.rate_hz / static_cast<double>(std::max<std::size_t>(tail_.record.ticks(), 1));
+  }
+  /// The fastest growth. Of a linear loop it is the rate of a mode, else the mean over the tail.
   std::string rate() const {
-    const double windows_per_s =
-        kTrendWindows * run_.rate_hz / static_cast<double>(std::max<std::size_t>(tail_.record.ticks(), 1));
     double most = 0.0;
     for (const Coordinate& c : coordinates_)
       for (const MotionTrend* t : {&c.y, &c.d})
-        if (t->trend == Trend::grows) most = std::max(most, t->slope * windows_per_s);
-    return fmt::format(", {:.3g} 1/s", most);
+        if (t->trend == Trend::grows) most = std::max(most, t->slope * windows_per_s());
+    return linear_ ? fmt::format(", {:.3g} 1/s", most) : fmt::format(", about {:.2g} 1/s", most);
+  }
+  /// What rate may have been missed.
+  std::string resolution() const {
+    double most = 0.0;
+    for (const Coordinate& c : coordinates_)
+      if (c.y.trend == Trend::flat) most = std::max(most, (std::abs(c.y.slope) + 3.0 * c.y.error) * windows_per_s());
+    return fmt::format(" by more than {:.1g} 1/s", most);
   }
   std::string amplitude() const {
     double translation = 0.0, rotation = 0.0;
@@ -274,7 +293,7 @@ class Judge {
   const MotionScale& run_;
   EnergyTrend port_, two_port_;
   std::size_t contact_changes_;
-  /// Nothing took part that could bound an oscillation: what goes on is a linear loop's.
+  /// Nothing acted that is not linear.
   bool linear_;
   std::vector<Coordinate> coordinates_;
 };

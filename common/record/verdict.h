@@ -10,10 +10,10 @@ namespace twoport {
 
 /// Is a run stable? docs/stability.md explains the criterion.
 enum class VerdictKind : unsigned char {
-  stable,     ///< what moves dies away, or neither grows nor decays and nobody pays for it
+  stable,     ///< the motion decays, or stays bounded and takes no energy from the network
   restless,   ///< bounded and passive, but a controller keeps it moving
   unstable,   ///< grows by itself, diverges, or is kept going by energy that the network creates
-  undecided,  ///< not known; the text says why and what would decide it
+  undecided,  ///< not known; the text says why, and what would decide it
 };
 std::string_view to_string(VerdictKind kind);
 
@@ -41,7 +41,7 @@ struct MotionScale {
   [[nodiscard]] double rounding(std::size_t signal) const;
 };
 
-/// What is known of a quiet tail: nothing has excited the loop in it but its own state at the beginning.
+/// What is known of a quiet tail: a stretch of time in which the loop moves from its initial state, with no excitation.
 struct Tail {
   /// Signals: each coordinate's velocity y; then, where there is a twin, as many differences d of the twin's from it. The
   /// twin is the same run with every coordinate that moved kicked a little at the beginning of the tail.
@@ -51,7 +51,7 @@ struct Tail {
   bool twin_parted = false;       ///< the twin has been given up (see twin_has_parted)
   bool has_controller = false;    ///< a passivity controller is there, and acts once the hand's credit is used up
   bool controller_acted = false;  ///< a passivity controller dissipated energy in it
-  bool driven = false;            ///< a force of ours acted: on the hand, or of the coupling on the robot
+  bool driven = false;            ///< a control force acted: on the hand, or of the coupling on the robot
   bool coarse = false;            ///< an encoder or Coulomb friction is in the loop: it is not linear however small
   bool diverged = false;          ///< not finite, or beyond a thousand times the reach or speed of the run
   double initial_energy_j = 0.0;
@@ -59,16 +59,16 @@ struct Tail {
   bool last = false;         ///< there is no more tail to come
 };
 
-/// Judges a body that nobody drives by its mechanical energy, which can only fall: a step of its integrator that adds to it
-/// for good makes it unstable. Energies of the record: that energy.
+/// Judges a body without a controller by its mechanical energy, the record's energies. The energy of the model cannot grow;
+/// if it does, the integrator adds to it: UNSTABLE.
 Verdict judge_body(const Tail& tail);
 
 /// Has the twin's difference become a part of the motion itself, and irregular, under a passivity controller? It then tells
 /// no more than the motion does.
 bool twin_has_parted(const Tail& tail, const MotionScale& run);
 
-/// Judges a tail by the trends of every coordinate alone, y and d, and by who pays for a motion that goes on. Equations:
-/// docs/stability.md. UNDECIDED asks for a longer tail.
+/// Judges a tail by the trends of each coordinate, y and d, and by the energies through the ports. Rules: docs/stability.md.
+/// UNDECIDED: a longer tail is needed.
 Verdict judge(const Tail& tail, const MotionScale& run);
 
 }  // namespace twoport

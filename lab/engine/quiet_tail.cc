@@ -40,6 +40,8 @@ class TailRun {
                                         .has_controller = has_controller(scene),
                                         .coarse = is_coarse(scene),
                                         .initial_energy_j = at.granted_energy().si()});
+    for (std::size_t i = 0; i < kSides; ++i)
+      most_[i] = kDiverged * std::max(run.largest_of_kind(i), 1e6 * run.rounding(i));
     chunk_.reserve(kChunk);
   }
 
@@ -114,18 +116,17 @@ class TailRun {
 
   bool see(const Row<N>& row) {
     Tick tick{.v = RunJudge<N>::velocities(row), .energies = {}, .events = RunJudge<N>::events(row)};
-    if (const std::optional<Energy> held = self_->mechanical_energy()) {
-      tick.energies = {held->si(), held->si()};
+    if (alone_) {
+      const double held = self_->mechanical_energy()->si();
+      tick.energies = {held, held};
     } else {
       const double out = registration_.to_master(Energy{row.slave_energy_j}).si();
       tick.energies = {row.master_energy_j, row.master_energy_j - out};
     }
     tail_->controller_acted = tail_->controller_acted || row.dissipated_j > 0.0;
     tail_->driven = tail_->driven || row.master_f.squared_norm() > 0.0 || row.slave_f.squared_norm() > 0.0;
-    for (std::size_t i = 0; i < kSides; ++i) {
-      const double most = std::max(scale_.largest_of_kind(i), 1e6 * scale_.rounding(i));
-      if (!(std::abs(tick.v[i]) <= kDiverged * most)) tail_->diverged = true;
-    }
+    for (std::size_t i = 0; i < kSides; ++i)
+      if (!(std::abs(tick.v[i]) <= most_[i])) tail_->diverged = true;
     if (tail_->diverged) return false;
     chunk_.push_back(tick);
     return true;
@@ -140,6 +141,7 @@ class TailRun {
   std::size_t first_ticks_ = 0;
   std::unique_ptr<Tail> tail_;
   std::vector<Tick> chunk_;
+  std::array<double, kSides> most_{};  ///< speeds beyond which the tail has diverged
 };
 
 }  // namespace

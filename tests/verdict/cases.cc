@@ -107,7 +107,7 @@ std::string words(const SampledWall& w) {
 }
 
 Case of(const Rendered& r, const std::string& more = {}) {
-  return {r.text(), rate(r.wall) < 0.0, fmt::format("{}; {:.3g} s{}", words(r.wall), r.duration_s, more)};
+  return {r.text(), rate(r.wall) < 0.0, fmt::format("{}; {:.3g} s{}", words(r.wall), r.duration_s, more), rate(r.wall)};
 }
 
 Case held(Draw& draw, double low, double high, double shortest_s, double longest_s) {
@@ -124,6 +124,12 @@ Case oscillator(Draw& draw) {
 /// A thousandth a second, up or down.
 Case slow(Draw& draw) {
   return held(draw, 1e-3, 3e-3, 4.0, 20.0);
+}
+
+/// So slow that the amplitude changes by a thousandth to a hundred thousandth within the scene.
+Case marginal(Draw& draw) {
+  const double duration = draw.between(0.5, 8.0);
+  return held(draw, 1e-5 / duration, 1e-3 / duration, duration, duration);
 }
 
 /// With a hand that holds the handle.
@@ -415,7 +421,7 @@ Case free_body(Draw& draw) {
     return {fmt::format("dof: {} duration_s: {} device {{ mass_kg: {} damping_n_s_per_m: {} {} }}\n"
                         "control {{ architecture: RENDER passivity {{ method: NONE }} }}",
                         dof, duration, draw.about(0.01, 10.0), draw.coin() ? 0.0 : draw.about(1e-3, 1.0), motion),
-            true, "a device that nobody holds glides"};
+            true, "a device that nobody holds glides", 0.0};
   std::string environment;
   const char* zeros = dof == 1 ? "[0]" : "[0, 0, 0]";
   if (draw.coin())
@@ -428,7 +434,7 @@ Case free_body(Draw& draw) {
                                          draw.between(0.011, 0.02), draw.between(0.011, 0.02))
                            : "",
                   environment),
-      true, "a body that nobody drives"};
+      true, "a body that nobody drives", 0.0};
 }
 
 // ---- loops over a link
@@ -518,11 +524,16 @@ BilateralLoop drawn_loop(Draw& draw) {
 }
 
 Case of(const Linked& l, const std::string& more = {}) {
-  return {l.text(), rate(l.loop) < 0.0, fmt::format("{}; {:.3g} s{}", words(l.loop), l.duration_s, more)};
+  return {l.text(), rate(l.loop) < 0.0, fmt::format("{}; {:.3g} s{}", words(l.loop), l.duration_s, more), rate(l.loop)};
 }
 
 Case link(Draw& draw) {
   return of({.loop = tuned(drawn_loop(draw), signed_rate(draw, 0.01, 10.0)), .duration_s = draw.between(2.0, 8.0)});
+}
+Case link_marginal(Draw& draw) {
+  const double duration = draw.between(2.0, 8.0);
+  return of(
+      {.loop = tuned(drawn_loop(draw), signed_rate(draw, 1e-5 / duration, 1e-3 / duration)), .duration_s = duration});
 }
 Case link_slow(Draw& draw) {
   return of({.loop = tuned(drawn_loop(draw), signed_rate(draw, 1e-3, 5e-3)), .duration_s = draw.between(4.0, 12.0)});
@@ -549,7 +560,9 @@ Case jitter_and_loss(Draw& draw) {
     if (!clear(l.loop) || !clear(early) || !clear(late)) continue;
     l.of_link = fmt::format("jitter_ms: {} loss: {}", 1e3 * jitter, loss);
     l.scene = fmt::format("seed: {}", draw.one_of(1, 1000));
-    return of(l, fmt::format(", jitter {:.2g} ms, loss {:.2g}", 1e3 * jitter, loss));
+    Case c = of(l, fmt::format(", jitter {:.2g} ms, loss {:.2g}", 1e3 * jitter, loss));
+    c.rate = 0.0;
+    return c;
   }
 }
 /// A noisy force sensor and a tremor, over a link.
@@ -634,7 +647,8 @@ Case link_six(Draw& draw) {
         1e3 * judged.to_master_ticks * period, t.robot_mass_kg, t.robot_damping_n_s_per_m, to_r * r.robot_mass_kg,
         to_r * r.robot_damping_n_s_per_m, twist);
     return {text, rate(judged) < 0.0,
-            words(judged) + (rotation ? ", of the rotation, behind a glide" : ", of the translation, behind a spin")};
+            words(judged) + (rotation ? ", of the rotation, behind a glide" : ", of the translation, behind a spin"),
+            rate(judged)};
   }
 }
 
@@ -661,6 +675,7 @@ Case link_passive(Draw& draw) {
 const std::vector<Kind>& kinds() {
   static const std::vector<Kind> kAll{{"oscillator", oscillator},
                                       {"slow", slow},
+                                      {"marginal", marginal},
                                       {"tremor", tremor},
                                       {"endless_path", endless_path},
                                       {"forced_sine", forced_sine},
@@ -680,6 +695,7 @@ const std::vector<Kind>& kinds() {
                                       {"free_body", free_body},
                                       {"link", link},
                                       {"link_slow", link_slow},
+                                      {"link_marginal", link_marginal},
                                       {"blackout", blackout},
                                       {"jitter_and_loss", jitter_and_loss},
                                       {"link_noise", link_noise},

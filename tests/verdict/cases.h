@@ -28,6 +28,7 @@ struct Case {
   std::string scene;  ///< text
   bool stable;        ///< the truth
   std::string why;    ///< where it comes from, with the parameters
+  double rate = 0.0;  ///< of the least damped mode [1/s]; 0: no eigenvalue tells it
 };
 
 /// One kind of case. `draw` makes one; they differ in all that the kind leaves open.

@@ -2,6 +2,7 @@
 #include <gtest/gtest.h>
 
 #include <cstdlib>
+#include <optional>
 #include <string>
 
 #include "common/base/file.h"
@@ -21,6 +22,15 @@ constexpr int kCases = 14;  // of each kind
 std::uint64_t number_of(const char* variable, std::uint64_t otherwise) {
   const char* const text = std::getenv(variable);
   return text ? std::strtoull(text, nullptr, 10) : otherwise;
+}
+
+/// The rate that a verdict gives of a linear loop [1/s], to three digits. The test allows 1 %, half a digit and what the fit
+/// of the tail leaves, and 1e-7 per window of the shortest tail, a 32nd of the scene.
+std::optional<double> growth_in(const std::string& verdict) {
+  const std::string before = "growing by itself, ";
+  const std::size_t at = verdict.find(before), end = verdict.find(" 1/s");
+  if (at == std::string::npos || end == std::string::npos || verdict.find("about") != std::string::npos) return {};
+  return std::stod(verdict.substr(at + before.size()));
 }
 
 class VerdictOfKnownTruth : public testing::TestWithParam<test::Kind> {};
@@ -43,6 +53,10 @@ TEST_P(VerdictOfKnownTruth, IsNeverWrongAndRarelyUndecided) {
     const bool is_undecided = s.verdict_kind() == "UNDECIDED";
     ++(is_undecided ? undecided : s.stable() == c.stable ? right : wrong)[c.stable];
     restless += s.verdict_kind() == "RESTLESS";
+    if (const std::optional<double> growth = growth_in(s.verdict()); growth && c.rate > 0.0) {
+      EXPECT_NEAR(*growth, c.rate, 0.01 * c.rate + 1e-7 * 32.0 / scene.duration_s)
+          << s.verdict() << " (" << c.why << ")";
+    }
     if (is_undecided || s.stable() != c.stable)
       fmt::print("  {} {}: {}, in truth {}: {} ({})\n", kind.name, i, is_undecided ? "undecided" : "WRONG",
                  c.stable ? "stable" : "unstable", s.verdict(), c.why);

@@ -124,6 +124,21 @@ TEST(TrendRecord, KeepsWindowMeansHoweverLongItGets) {
   EXPECT_FALSE(record.energy(0).falls());
 }
 
+// A window is an eighth of the record; the rate is that of the least damped mode, whatever decays beside it.
+TEST(TrendRecord, GivesTheRateOfTheLeastDampedMode) {
+  for (const double rate : {1e-4, -1e-4, 0.3}) {
+    TrendRecord record{1, 1};
+    for (int i = 0; i < 4096; ++i) {
+      const double t = i / 1e3, v = std::exp(rate * t) * std::sin(130.0 * t) + std::exp(-3.0 * t) * std::cos(40.0 * t);
+      const std::vector<double> signals{v}, energies{0.0};
+      record.add(signals, energies, {});
+    }
+    const MotionTrend trend = record.motion(0, 0.0, true);
+    EXPECT_EQ(trend.trend, rate > 0.0 ? Trend::grows : Trend::decays) << rate;
+    EXPECT_NEAR(trend.slope, rate * static_cast<double>(record.ticks()) / 1e3 / 8.0, 1e-4 * std::abs(rate)) << rate;
+  }
+}
+
 TEST(DampedMode, IsFoundInAQuarterOfAPeriod) {
   std::array<double, kPencilSamples> x{};
   for (std::size_t i = 0; i < x.size(); ++i) {
@@ -181,6 +196,30 @@ TEST(RunJudge, JudgesWhatComesAfterThePathsEnd) {
     for (int i = 0; i < 10000; ++i) judge.add(row(i / kRate, wave(0.05, sigma)(i / kRate)));
     EXPECT_EQ(judge.verdict().kind, sigma > 0.0 ? VerdictKind::unstable : VerdictKind::stable) << judge.verdict().text;
   }
+}
+
+// A live run has no longer tail to wait for.
+TEST(RunJudge, DecidesAnUnsteadyMotionByTheEnergyOfTheHand) {
+  const auto judged = [](bool controller, double power_w) {
+    RunJudge<1> judge{{.rate_hz = kRate,
+                       .duration_s = 10.0,
+                       .quiet_from_s = 5.0,
+                       .initial_energy_j = 1e-3,
+                       .controller = controller,
+                       .unseen = true,
+                       .coarse = true}};
+    for (int i = 0; i < 10000; ++i) {
+      const double t = i / kRate;
+      Row<1> r = row(t, 0.05 * (1.0 + 0.6 * std::sin(2.0 * t)) * std::sin(100.0 * t));
+      r.master_energy_j = power_w * t;
+      judge.add(r);
+    }
+    return judge.verdict();
+  };
+  EXPECT_EQ(judged(false, -1.0).kind, VerdictKind::unstable) << judged(false, -1.0).text;
+  EXPECT_EQ(judged(true, -1.0).kind, VerdictKind::unstable) << judged(true, -1.0).text;
+  EXPECT_EQ(judged(true, 0.0).kind, VerdictKind::restless) << judged(true, 0.0).text;
+  EXPECT_EQ(judged(false, 0.0).kind, VerdictKind::undecided) << judged(false, 0.0).text;
 }
 
 TEST(RunJudge, EndsWhereThereIsNoUseInGoingOn) {
