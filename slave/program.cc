@@ -4,6 +4,7 @@
 #include <memory>
 
 #include "common/base/check.h"
+#include "common/method/internal_model/internal_model.h"
 #include "common/platform/live_link.h"
 #include "common/platform/live_run.h"
 #include "common/platform/log.h"
@@ -98,6 +99,11 @@ int run(const Scene& scene, const LiveArguments& arguments, const Registry& hard
   if (!robot->info().has_force_sensor && scene.control.architecture == Architecture::position_measured_force)
     throw ConfigError(arguments.scene + ": control.architecture is POSITION_MEASURED_FORCE, but the robot \"" +
                       arguments.hardware + "\" has no force sensor; POSITION_FORCE needs none");
+  if (!robot->info().has_force_sensor && scene.control.method_name == InternalModelControl::kNames[0] &&
+      scene.control.architecture != Architecture::position_position)
+    throw ConfigError(arguments.scene + ": control.passivity.method is INTERNAL_MODEL, but the robot \"" +
+                      arguments.hardware +
+                      "\" has no force sensor; with control.architecture POSITION_POSITION it needs none");
   print_hints(scene, arguments, false);  // the master's device is not seen from here
   Slave<N> side{scene, *robot, arguments};
   return run_live(side, scene, arguments, log);

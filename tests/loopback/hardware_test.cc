@@ -171,9 +171,17 @@ TEST(Hardware, WithoutAForceSensorIsRefusedWhereItsForceWouldComeBack) {
   const Folder folder;
   const std::string scene = folder.write("scene.textproto", press(1, "POSITION_MEASURED_FORCE"));
   EXPECT_EQ(run(slave_program, {"twoport-slave", "--scene", scene, "--robot", "numb"}), 2);
+  {
+    const Said said;
+    EXPECT_NE(said.err.find("POSITION_MEASURED_FORCE, but the robot \"numb\" has no force sensor"), std::string::npos)
+        << said.err;
+  }
+  const std::string model = folder.write("model.textproto", press(1, "POSITION_FORCE"));
+  EXPECT_EQ(run(slave_program, {"twoport-slave", "--scene", model, "--robot", "numb", "--set",
+                                "control.passivity.method=INTERNAL_MODEL"}),
+            2);
   const Said said;
-  EXPECT_NE(said.err.find("POSITION_MEASURED_FORCE, but the robot \"numb\" has no force sensor"), std::string::npos)
-      << said.err;
+  EXPECT_NE(said.err.find("INTERNAL_MODEL, but the robot \"numb\" has no force sensor"), std::string::npos) << said.err;
 }
 
 TEST(Drivers, AreKnownByName) {

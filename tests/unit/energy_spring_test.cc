@@ -1,0 +1,97 @@
+#include "common/passivity/energy_spring.h"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <random>
+
+namespace twoport {
+namespace {
+
+Force<3> along_x(double n) {
+  return Force<3>{Eigen::Vector3d{n, 0.0, 0.0}};
+}
+Displacement<3> moved_x(double m) {
+  return Displacement<3>{Eigen::Vector3d{m, 0.0, 0.0}};
+}
+
+constexpr double kStiffness_n_per_m = 1000.0;
+
+/// A handle that is pushed out against a wanted force of 100 N from rest with `initial`, in steps of `step_m`. Returns the
+/// energy that has left.
+double given_back_j(EnergySpring<3> spring, double step_m, int steps) {
+  const Seconds dt{1e-3};
+  double net = 0.0;
+  Force<3> f;
+  for (int k = 0; k < steps; ++k) {
+    const Displacement<3> moved = moved_x(k == 0 ? 0.0 : -step_m);
+    net += dot(f, moved).si();
+    spring.observe(Energy{net}, moved, f, dt, dt);
+    f = spring.scale(along_x(100.0), moved / dt, dt) * along_x(100.0);
+  }
+  return -net;
+}
+
+// dE = -sqrt(2 K E) dx: the way of a spring K that gives back E. It ends after sqrt(2E/K) = 4.5 mm.
+TEST(EnergySpring, GivesBackWhatItHoldsAndNoMore) {
+  const EnergySpring<3> spring{Energy{10e-3}, kStiffness_n_per_m, 0.0, 0.0, 0.0};
+  EXPECT_NEAR(given_back_j(spring, 1e-5, 1000), 10e-3, 1e-4);  // K δ: 1 % of sqrt(2 K E)
+  EXPECT_LE(given_back_j(spring, 1e-5, 1000), 10e-3 * (1.0 + 1e-12));
+}
+
+// Without a mass only the velocity of the last tick is known: it misses at most K δ²/2.
+TEST(EnergySpring, MissesAtMostTheEnergyOfOneTickWithoutAPrediction) {
+  for (const double step : {1e-4, 1e-3, 3e-3}) {
+    const EnergySpring<3> spring{Energy{1e-3}, kStiffness_n_per_m, 0.0, 0.0, 0.0};
+    EXPECT_LE(given_back_j(spring, step, 100), 1e-3 + 0.5 * kStiffness_n_per_m * step * step) << step;
+  }
+}
+
+TEST(EnergySpring, ShowsTheForceOfASpringThatHoldsTheEnergy) {
+  EnergySpring<3> spring{Energy{2e-3}, kStiffness_n_per_m, 0.0, 0.0, 0.0};
+  EXPECT_DOUBLE_EQ(spring.scale(along_x(10.0), {}, Seconds{1e-3}), 0.2);  // sqrt(2·1000·2e-3) = 2 N
+  EXPECT_EQ(spring.scale(along_x(1.9), {}, Seconds{1e-3}), 1.0);
+  spring.restart(Energy{}, Energy{5e-3});
+  EXPECT_EQ(spring.scale(along_x(1.9), {}, Seconds{1e-3}), 0.0);
+  EXPECT_DOUBLE_EQ(spring.undissipated().si(), 3e-3);
+  EXPECT_EQ(spring.scale({}, {}, Seconds{1e-3}), 1.0);
+}
+
+// A torque counts by K/K_r: 0.1 N m at 10 N m/rad is as far as 1 N at 100 N/m.
+TEST(EnergySpring, WeighsATorqueByTheStiffnesses) {
+  const EnergySpring<6> spring{Energy{1e-3}, 100.0, 10.0, 0.0, 0.0};
+  Force<6>::Vector f = Force<6>::Vector::Zero();
+  f[4] = 0.1;
+  EXPECT_DOUBLE_EQ(spring.norm(Force<6>{f}), std::sqrt(0.1));
+}
+
+/// A damping b on a mass m, held for T, with bT/m beyond 2: each tick turns the velocity round and makes it larger.
+double least_energy_of_a_damper_j(bool with_account) {
+  const Seconds dt{0.01};
+  const double mass = 0.05, damping = 15.0;  // bT/m = 3
+  DamperAccount<3> account;
+  double x_step = 0.0, v = 0.1, net = 0.0, least = 0.0, before = 0.0;
+  std::mt19937 random{1};
+  for (int k = 0; k < 500; ++k) {
+    net += before * x_step;
+    least = std::min(least, net);
+    account.observe(moved_x(x_step), 1.0);
+    const Force<3> wanted = along_x(damping * v);
+    const double f = with_account ? account.apply(wanted)[0] : wanted[0];
+    before = f;
+    v = std::clamp(v - f * dt.si() / mass, -3.0, 3.0);
+    x_step = v * dt.si();
+    v += 0.02 * std::normal_distribution<>{}(random);  // the hand
+  }
+  return least;
+}
+
+TEST(DamperAccount, SwitchesOffADamperThatIsActive) {
+  EXPECT_LT(least_energy_of_a_damper_j(false), -1.0);
+  // It halves the force in each tick that costs more than 10 µJ; 20 mJ: some ticks at b v = 1.5 N and 1 cm.
+  EXPECT_GT(least_energy_of_a_damper_j(true), -20e-3);
+}
+
+}  // namespace
+}  // namespace twoport
