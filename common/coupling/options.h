@@ -56,7 +56,7 @@ struct KnownSystem {
 };
 
 /// The method of a scene over a link that names none: the first of the list in common/method/catalogue.h.
-inline constexpr std::string_view kDefaultMethod = "NONE";
+inline constexpr std::string_view kDefaultMethod = "INTERNAL_MODEL";
 
 /// Defaults as in proto/scene.proto.
 struct ControlOptions {
@@ -64,7 +64,7 @@ struct ControlOptions {
   CouplingOptions coupling;
   double force_scale = 1.0, motion_scale = 1.0;
   RegistrationOptions registration;
-  std::string method_name{kDefaultMethod};  ///< over a link: a name of common/method/catalogue.h
+  std::string method_name{"NONE"};  ///< over a link: a name of common/method/catalogue.h
   ControllerOptions controller;
   ObserverRule observer = ObserverRule::exact;
   Accounts accounts = Accounts::total;

@@ -20,8 +20,8 @@ struct TypeList {};
 
 /// All methods. For a new one: a folder beside these, its header above, its type here, and its names in
 /// proto/scene.proto (Passivity.Method). The first name of the first is what a scene over a link gets that names none.
-using Methods = TypeList<NoControl, TimeDomainPassivity, FixedDamping, WaveVariables, SetPositionModulation, EnergyTank,
-                         EnergyBounding, FourChannel, FractalImpedance, InternalModelControl>;
+using Methods = TypeList<InternalModelControl, NoControl, TimeDomainPassivity, FixedDamping, WaveVariables,
+                         SetPositionModulation, EnergyTank, EnergyBounding, FourChannel, FractalImpedance>;
 
 template <class First, class... Others>
 constexpr std::string_view first_name(TypeList<First, Others...>) {

@@ -127,7 +127,7 @@ void read_passivity(const Block<schema::Passivity>& of, ControlOptions& options)
   schema::Passivity::Method method = schema::Passivity::NONE;
   if (of.has(FIELD(method))) {
     method = of.choice<schema::Passivity::Method>(FIELD(method));
-  } else if (!rendering) {
+  } else if (!rendering && options.architecture != Architecture::uncontrolled) {
     schema::Passivity::Method_Parse(std::string{kDefaultMethod}, &method);
   }
   options.method_name = schema::Passivity::Method_Name(method);

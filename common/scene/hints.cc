@@ -123,9 +123,8 @@ constexpr Hint kHints[] = {
               s.control.method_name == "NONE";
      },
      [](const Scene&) -> std::string {
-       return "control.passivity.method is NONE and the link delays: the loop may be unstable; FORCE_PROJECTED or "
-              "CLASSIC "
-              "keeps it passive";
+       return "control.passivity.method is NONE and the link delays: the loop may be unstable; INTERNAL_MODEL, the "
+              "default, holds it";
      }},
     {coupling_feeds_robot,
      [](const Scene& s) {

@@ -81,7 +81,7 @@ TEST(Scene, ThatSaysNothingOfTheControllersHasTheDefaultsOfTheirOptions) {
     EXPECT_EQ(scene.registration.absolute, own.registration.absolute);
     EXPECT_EQ(scene.registration.rotation.coeffs(), own.registration.rotation.coeffs());
     EXPECT_EQ(scene.registration.position_m, own.registration.position_m);
-    EXPECT_EQ(scene.method_name, own.method_name);
+    EXPECT_EQ(scene.method_name, kDefaultMethod);
     EXPECT_EQ(scene.controller.method, own.controller.method);
     EXPECT_EQ(scene.controller.max_gain, own.controller.max_gain);
     EXPECT_EQ(scene.controller.unilateral, own.controller.unilateral);
