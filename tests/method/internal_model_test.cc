@@ -139,7 +139,7 @@ INSTANTIATE_TEST_SUITE_P(Of, HostilePackets, testing::ValuesIn(hostiles()));
 struct Contact {
   double delay_ms = 50.0;
   std::string surface = "wall { normal: [-1, 0, 0] offset_m: -0.02 stiffness_n_per_m: 5000 }";
-  std::string sensor, device = "max_force_n: 20", control, to_master;
+  std::string sensor{}, device = "max_force_n: 20", control{}, to_master{};
   double rate_hz = 1000.0;
 };
 

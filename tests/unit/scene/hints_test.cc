@@ -67,7 +67,8 @@ TEST(Hints, SayThatADelayedLinkWithoutPassivityControlMayBeUnstable) {
       "control.passivity.method is NONE and the link delays: the loop may be unstable; INTERNAL_MODEL, the "
       "default, holds it"};
   EXPECT_EQ(hints(scene_of(kStiffWall, {"control.passivity.method=NONE"})), expected);
-  EXPECT_EQ(hints(scene_of("dof: 1 duration_s: 1 control { passivity { method: NONE } } to_master { jitter_ms: 1 }")), expected);
+  EXPECT_EQ(hints(scene_of("dof: 1 duration_s: 1 control { passivity { method: NONE } } to_master { jitter_ms: 1 }")),
+            expected);
   // Who expects it needs no hint; without a delay there is nothing to hint at.
   EXPECT_EQ(hints(scene_of(kStiffWall, {"control.passivity.method=NONE", "expect.stable=false"})), Sentences{});
   EXPECT_EQ(hints(scene_of("dof: 1 duration_s: 1")), Sentences{});
