@@ -2,9 +2,12 @@
 
 #include <limits>
 #include <memory>
+#include <string>
 
 #include "common/base/check.h"
+#include "common/method/four_channel/four_channel.h"
 #include "common/method/internal_model/internal_model.h"
+#include "common/method/model_mediated/model_mediated.h"
 #include "common/platform/live_link.h"
 #include "common/platform/live_run.h"
 #include "common/platform/log.h"
@@ -91,6 +94,17 @@ struct Slave {
   bool has_moved_ = false;
 };
 
+/// What would make the force sensor unnecessary for the method; empty: it needs none.
+std::string replaces_force_sensor(const ControlOptions& o) {
+  const bool estimates_surface =
+      o.method_name == InternalModelControl::kNames[0] || o.method_name == ModelMediated::kNames[0];
+  if (estimates_surface && o.architecture != Architecture::position_position)
+    return "control.architecture POSITION_POSITION";
+  if (o.method_name == FourChannel::kNames[0] && !o.four_channel.reaction_force_observer)
+    return "control.passivity.four_channel.reaction_force_observer";
+  return {};
+}
+
 template <int N>
 int run(const Scene& scene, const LiveArguments& arguments, const Registry& hardware) {
   spdlog::logger log = make_log("slave");
@@ -99,11 +113,10 @@ int run(const Scene& scene, const LiveArguments& arguments, const Registry& hard
   if (!robot->info().has_force_sensor && scene.control.architecture == Architecture::position_measured_force)
     throw ConfigError(arguments.scene + ": control.architecture is POSITION_MEASURED_FORCE, but the robot \"" +
                       arguments.hardware + "\" has no force sensor; POSITION_FORCE needs none");
-  if (!robot->info().has_force_sensor && scene.control.method_name == InternalModelControl::kNames[0] &&
-      scene.control.architecture != Architecture::position_position)
-    throw ConfigError(arguments.scene + ": control.passivity.method is INTERNAL_MODEL, but the robot \"" +
-                      arguments.hardware +
-                      "\" has no force sensor; with control.architecture POSITION_POSITION it needs none");
+  if (!robot->info().has_force_sensor && !replaces_force_sensor(scene.control).empty())
+    throw ConfigError(arguments.scene + ": control.passivity.method is " + scene.control.method_name +
+                      ", but the robot \"" + arguments.hardware + "\" has no force sensor; with " +
+                      replaces_force_sensor(scene.control) + " it needs none");
   print_hints(scene, arguments, false);  // the master's device is not seen from here
   Slave<N> side{scene, *robot, arguments};
   return run_live(side, scene, arguments, log);

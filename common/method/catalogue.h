@@ -8,6 +8,7 @@
 #include "common/method/four_channel/four_channel.h"
 #include "common/method/fractal_impedance/fractal_impedance.h"
 #include "common/method/internal_model/internal_model.h"
+#include "common/method/model_mediated/model_mediated.h"
 #include "common/method/none/none.h"
 #include "common/method/set_position_modulation/set_position_modulation.h"
 #include "common/method/tdpa/tdpa.h"
@@ -20,8 +21,9 @@ struct TypeList {};
 
 /// All methods. For a new one: a folder beside these, its header above, its type here, and its names in
 /// proto/scene.proto (Passivity.Method). The first name of the first is what a scene over a link gets that names none.
-using Methods = TypeList<InternalModelControl, NoControl, TimeDomainPassivity, FixedDamping, WaveVariables,
-                         SetPositionModulation, EnergyTank, EnergyBounding, FourChannel, FractalImpedance>;
+using Methods =
+    TypeList<InternalModelControl, NoControl, TimeDomainPassivity, FixedDamping, WaveVariables, SetPositionModulation,
+             EnergyTank, EnergyBounding, FourChannel, FractalImpedance, ModelMediated>;
 
 template <class First, class... Others>
 constexpr std::string_view first_name(TypeList<First, Others...>) {

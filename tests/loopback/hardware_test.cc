@@ -177,11 +177,13 @@ TEST(Hardware, WithoutAForceSensorIsRefusedWhereItsForceWouldComeBack) {
         << said.err;
   }
   const std::string model = folder.write("model.textproto", press(1, "POSITION_FORCE"));
-  EXPECT_EQ(run(slave_program, {"twoport-slave", "--scene", model, "--robot", "numb", "--set",
-                                "control.passivity.method=INTERNAL_MODEL"}),
-            2);
-  const Said said;
-  EXPECT_NE(said.err.find("INTERNAL_MODEL, but the robot \"numb\" has no force sensor"), std::string::npos) << said.err;
+  for (const std::string method : {"INTERNAL_MODEL", "MODEL_MEDIATED", "FOUR_CHANNEL"}) {
+    EXPECT_EQ(run(slave_program, {"twoport-slave", "--scene", model, "--robot", "numb", "--set",
+                                  "control.passivity.method=" + method}),
+              2);
+    const Said said;
+    EXPECT_NE(said.err.find(method + ", but the robot \"numb\" has no force sensor"), std::string::npos) << said.err;
+  }
 }
 
 TEST(Drivers, AreKnownByName) {

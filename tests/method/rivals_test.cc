@@ -235,7 +235,7 @@ TEST(WaveVariables, MatchedImpedanceReflectsNothing) {
 
 // ---- set-position modulation and energy tank: whatever the port and the network do
 
-/// A port that jumps about, against `force(x)`, which is held; put_in books its energy. At most 3 mm in a tick.
+/// A port that jumps about, every second time with the force, against `force_at`, which is held; put_in books its energy.
 template <class Side, class ForceAt>
 double least_level(Side& side, ForceAt force_at, double& largest_step) {
   std::mt19937 rng{5};
@@ -246,8 +246,10 @@ double least_level(Side& side, ForceAt force_at, double& largest_step) {
   largest_step = 0.0;
   for (int k = 0; k < 20000; ++k) {
     const Force<3> f = force_at(x, received, rng);
-    const Displacement<3> moved{std::min(1.0, std::abs(d(rng))) *
-                                Eigen::Vector3d{1e-3 * d(rng), 1e-3 * d(rng), 1e-3 * d(rng)}};
+    Displacement<3> moved{std::min(1.0, std::abs(d(rng))) *
+                          Eigen::Vector3d{1e-3 * d(rng), 1e-3 * d(rng), 1e-3 * d(rng)}};
+    if (k % 2 == 0 && f.squared_norm() > 0.0)
+      moved = Displacement<3>{-1e-3 * std::abs(d(rng)) / std::sqrt(f.squared_norm()) * f.vec()};
     side.put_in(dot(f, moved));
     largest_step = std::max(largest_step, std::sqrt(moved.squared_norm()));
     x = x + moved;
@@ -358,6 +360,53 @@ TEST(FractalImpedance, IsStableAtASecondOfRoundTripIfItIsSoft) {
   };
   EXPECT_TRUE(stable("100"));
   EXPECT_FALSE(stable("200"));
+}
+
+// ---- model-mediated
+
+// 50 ms each way: exactly no force before the surface is known, a local force afterwards, and the port's guarantee. 1e-4 J: what
+// the prediction of the first contact may miss.
+TEST(ModelMediated, TheHandMovesFreelyAndThenFeelsTheModel) {
+  const Scene scene = parse_scene(
+      "dof: 3 duration_s: 4 rate_hz: 1000 operator { hand { mass_kg: 0.1 stiffness_n_per_m: 400 damping_n_s_per_m: 8 } "
+      "path { "
+      "move_to { position_m: [0.03, 0, 0] duration_s: 1 } } } device { mass_kg: 0.1 } control { passivity { method: "
+      "MODEL_MEDIATED } } robot { mass_kg: 0.5 damping_n_s_per_m: 2 force_sensor { } } environment { wall { normal: "
+      "[-1, 0, 0] "
+      "offset_m: -0.02 stiffness_n_per_m: 2000 } } to_slave { delay_ms: 50 loss: 0.1 } to_master { delay_ms: 50 loss: "
+      "0.1 }",
+      "model-mediated");
+  Loop<3> loop{scene};
+  Force<3> felt;
+  int touched_at = -1;
+  double least = 0.0;
+  for (int k = 0; k < 4000; ++k) {
+    felt = loop.tick().command;
+    if (touched_at < 0 && loop.robot.environment_force().squared_norm() > 0.0) touched_at = k;
+    if (touched_at < 0 || k < touched_at + 50) {
+      ASSERT_EQ(felt.squared_norm(), 0.0) << k;
+    }
+    least = std::min(least, loop.device.port_energy().si());
+  }
+  EXPECT_GT(touched_at, 400);
+  EXPECT_GT(felt[0], 1.0);
+  EXPECT_GE(least, -1e-3 - 1e-4);
+}
+
+// ---- time domain passivity
+
+// The slave's set point loses what the controller takes from the motion; with drift_compensation it is brought back at
+// catch_up_m_per_s within the same energy limit (the law of Chawda and O'Malley). The demo ends in free space.
+TEST(TimeDomainPassivity, DriftCompensationBringsTheRobotBack) {
+  const auto drift_m = [](const char* compensated) {
+    return lab::run(load_scene(std::string{TWOPORT_SCENES} + "/demo.textproto",
+                               std::vector<std::string>{std::string{"control.virtual_coupling.drift_compensation="} +
+                                                        compensated}))
+        .drift_m();
+  };
+  const double with = drift_m("true"), without = drift_m("false");
+  EXPECT_LT(with, 1e-3);
+  EXPECT_GT(without, 5.0 * with);
 }
 
 // ---- four channels

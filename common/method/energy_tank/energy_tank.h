@@ -121,6 +121,7 @@ class EnergyTankSlave : public CouplingSlave<N> {
     if (in.active) side_.send(received, in.dt);
     const Force<N> f = side_.limited(wanted.f, dot(wanted.f, in.robot.v), side_.level(received), in.dt);
     SlaveOutput<N> out = this->act(in, f, wanted.v, wanted.v);
+    out.grounded = dot(f, (out.command.v_d - in.robot.v) * in.dt);  // the port of this side is the robot's
     out.f_back = measured_ ? in.robot.f_environment : f;
     out.dissipated = positive_part(dot(wanted.f - f, in.robot.v) * in.dt);
     out.energy_in = side_.sent();

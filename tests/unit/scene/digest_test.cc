@@ -89,7 +89,7 @@ TEST(SceneDigest, NamesTheFieldThatDiffers) {
   for (const std::string path :
        {"slave_rate_hz", "control.force_scale", "control.architecture", "control.engage_s",
         "control.virtual_coupling.rotational_damping_n_m_s_per_rad", "control.passivity.method",
-        "control.passivity.observer", "control.passivity.predict"}) {
+        "control.passivity.observer", "control.passivity.predict", "control.passivity.round_trip_ms"}) {
     const std::string value = path == "control.architecture"         ? "POSITION_POSITION"
                               : path == "control.passivity.method"   ? "CLASSIC"
                               : path == "control.passivity.observer" ? "RECTANGLE"
