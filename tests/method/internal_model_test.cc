@@ -143,7 +143,7 @@ struct Contact {
   double rate_hz = 1000.0;
 };
 
-constexpr double kRestFrom_s = 5.0, kRest_s = 6.0, kEnd_s = 8.5;
+constexpr double kRestFrom_s = 5.0, kRest_s = 6.0;
 constexpr double kCoupling_n_per_m = 1000.0;
 
 Scene contact_scene(const Contact& c) {
