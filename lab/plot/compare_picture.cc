@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <cstdint>
 
 #include "common/base/file.h"
 #include "lab/plot/gnuplot.h"
@@ -26,6 +27,7 @@ std::string draw(const Comparison& all, const std::string& folder) {
             {{Mark::line, kUnstableColour, "environment"}, {Mark::line, kStableColour, "felt by the hand"}}};
   page.panels(all.methods.size());
   // One scale for all that is stable; what is not is cut.
+  constexpr std::uint64_t kPoints = 3000;  // of a curve
   double most = 0.0;
   for (const Summary& s : all.summaries)
     if (s.verdict_kind() != "UNSTABLE") most = std::max(most, s.robot_max_force_n());
@@ -35,8 +37,11 @@ std::string draw(const Comparison& all, const std::string& folder) {
     const std::string file = gnuplot_quoted(all.methods[m] + "/trace.csv");
     body += page.panel(m, all.methods[m] + ": " + all.summaries[m].verdict_kind(), {"time", "s"}, {"force", "N"});
     body += fmt::format(
-        "plot {0} using 't_s':{1} with lines lw 1.2 lc rgb '{2}', {0} using 't_s':{3} with lines lw 1.2 lc rgb '{4}'\n",
-        file, norm_of("env_f", all.dof), kUnstableColour, norm_of("master_f", all.dof), kStableColour);
+        "plot {0} using 't_s':{1} every {5} with lines lw 1.2 lc rgb '{2}', {0} using 't_s':{3} every {5} with lines "
+        "lw "
+        "1.2 lc rgb '{4}'\n",
+        file, norm_of("env_f", all.dof), kUnstableColour, norm_of("master_f", all.dof), kStableColour,
+        all.summaries[m].steps() / kPoints + 1);
   }
   write_whole(folder + "/compare.gp", page.pages("compare", body));
   return run_gnuplot(folder, "compare");

@@ -270,12 +270,12 @@ Recommendation recommend(const Map& map) {
     holding += other.holds();
     not_stable += other.unstable > 0;
   }
-  return {
-      c.method,
-      fmt::format("stable and quiet with {} seeds, presses {:.0f} % of the force, error {:.2g} N of {:.2g} N; {} of {} "
-                  "methods hold here, {} are unstable",
-                  c.seeds(), 100.0 * c.pressed.mean, c.error_n.mean, map.reference_n[0], holding, map.methods.size(),
-                  not_stable)};
+  return {c.method,
+          fmt::format(
+              "stable and quiet with {} seed{}, presses {:.0f} % of the force, error {:.2g} N of {:.2g} N; {} of {} "
+              "methods hold here, {} are unstable",
+              c.seeds(), c.seeds() == 1 ? "" : "s", 100.0 * c.pressed.mean, c.error_n.mean, map.reference_n[0], holding,
+              map.methods.size(), not_stable)};
 }
 
 }  // namespace twoport::lab

@@ -17,7 +17,7 @@ change() {
   sed "$@" "$file" >"$work/$file"
   ! cmp -s "$file" "$work/$file" || { echo "$file: no place for the new method"; exit 1; }
 }
-change common/method/catalogue.h -e 's/^using Methods = TypeList<[A-Za-z]*/&, LocalDamping/' \
+change common/method/catalogue.h -e 's/^\(using Methods =\)\{0,1\} *TypeList<[A-Za-z]*/&, LocalDamping/' \
   -e 's|^#include "common/method/none/none.h"|&\n#include "common/method/local_damping/local_damping.h"|'
 change proto/scene.proto 's/^ *NONE = 0; CLASSIC = 1;/& LOCAL_DAMPING = 1000;/'
 

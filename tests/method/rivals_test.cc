@@ -400,8 +400,9 @@ TEST(ModelMediated, TheHandMovesFreelyAndThenFeelsTheModel) {
 TEST(TimeDomainPassivity, DriftCompensationBringsTheRobotBack) {
   const auto drift_m = [](const char* compensated) {
     return lab::run(load_scene(std::string{TWOPORT_SCENES} + "/demo.textproto",
-                               std::vector<std::string>{std::string{"control.virtual_coupling.drift_compensation="} +
-                                                        compensated}))
+                               std::vector<std::string>{
+                                   "control.passivity.method=FORCE_PROJECTED",
+                                   std::string{"control.virtual_coupling.drift_compensation="} + compensated}))
         .drift_m();
   };
   const double with = drift_m("true"), without = drift_m("false");
