@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <cstddef>
 #include <cstdint>
 #include <limits>
 #include <optional>
@@ -54,8 +55,9 @@ class RunJudge {
     if (reach2 > reach2_) reach2_ = reach2;
     for (int i = 0; i < N; ++i) {
       const double of_master = std::abs(row.master_v.vec()[i]), of_slave = std::abs(row.slave_v.vec()[i]);
-      if (of_master > speed_[i]) speed_[i] = of_master;
-      if (of_slave > speed_[N + i]) speed_[N + i] = of_slave;
+      const auto at = static_cast<std::size_t>(i);
+      if (of_master > speed_[at]) speed_[at] = of_master;
+      if (of_slave > speed_[N + at]) speed_[N + at] = of_slave;
     }
     if (row.mode == Mode::coupled) coupled_ = true;
     if (known_.trends) see(row);
@@ -68,7 +70,10 @@ class RunJudge {
   /// Of both sides, the master's first.
   static std::array<double, 2 * N> velocities(const Row<N>& row) noexcept {
     std::array<double, 2 * N> v;
-    for (int i = 0; i < N; ++i) v[i] = row.master_v.vec()[i], v[N + i] = row.slave_v.vec()[i];
+    for (int i = 0; i < N; ++i) {
+      const auto at = static_cast<std::size_t>(i);
+      v[at] = row.master_v.vec()[i], v[N + at] = row.slave_v.vec()[i];
+    }
     return v;
   }
   static TrendRecord::Events events(const Row<N>& row) noexcept {

@@ -77,10 +77,14 @@ std::string draw_best(const Map& map, const Ticks& x, const Ticks& y, const std:
   std::map<Loss, std::vector<std::size_t>> by_loss;
   for (std::size_t p = 0; p < map.places.size(); ++p)
     by_loss[{map.places[p].loss, map.places[p].burst_packets}].push_back(p);
+  // Only what is drawn.
+  std::vector<std::size_t> best(map.places.size());
+  for (std::size_t p = 0; p < map.places.size(); ++p) best[p] = best_method(map, p);
+  const auto is_drawn = [&](std::size_t m) { return std::find(best.begin(), best.end(), m) != best.end(); };
   std::vector<LegendEntry> legend;
   for (std::size_t m = 0; m < map.methods.size(); ++m)
-    legend.push_back({LegendEntry::Mark::box, kColours[m % std::size(kColours)], map.methods[m]});
-  legend.push_back({LegendEntry::Mark::box, kNoMethod, "none holds"});
+    if (is_drawn(m)) legend.push_back({LegendEntry::Mark::box, kColours[m % std::size(kColours)], map.methods[m]});
+  if (is_drawn(map.methods.size())) legend.push_back({LegendEntry::Mark::box, kNoMethod, "none holds"});
   Page page{map.scene + ": the method with the least error", legend};
   page.panels(by_loss.size());
   std::string data, body = "unset grid\n" + x.commands('x', 1.0);
@@ -89,7 +93,7 @@ std::string draw_best(const Map& map, const Ticks& x, const Ticks& y, const std:
     data += fmt::format("# loss {} in bursts of {}: round trip, stiffness (numbers of ticks), number of the method\n",
                         loss.first, loss.second);
     for (const std::size_t p : places)
-      data += fmt::format("{} {} {}\n", x.at(map.places[p]), y.at(map.places[p]), best_method(map, p));
+      data += fmt::format("{} {} {}\n", x.at(map.places[p]), y.at(map.places[p]), best[p]);
     data += "\n\n";
     const std::string title = fmt::format("loss {:g} %{}", 100.0 * loss.first,
                                           loss.second > 1.0 ? fmt::format(", bursts of {:g}", loss.second) : "");

@@ -55,18 +55,27 @@ std::string in_a_word(const Summary& s) {
   return s.verdict_kind() == "RESTLESS" ? "restless" : "undecided";
 }
 
+namespace {
+
+void end_line(std::string& text) {
+  text.erase(text.find_last_not_of(' ') + 1);
+  text += '\n';
+}
+
+}  // namespace
+
 std::string to_text(const Gallery& all) {
   std::size_t wide = 5;
   for (const Gallery::Entry& each : all.entries) wide = std::max(wide, each.scene.size());
   std::string out = fmt::format("{:<{}}", "scene", wide);
   for (const std::string& method : all.methods)
     out += fmt::format("  {:<{}}", method, std::max<std::size_t>(9, method.size()));
-  out += '\n';
+  end_line(out);
   for (const Gallery::Entry& each : all.entries) {
     out += fmt::format("{:<{}}", each.scene, wide);
     for (std::size_t m = 0; m < all.methods.size(); ++m)
       out += fmt::format("  {:<{}}", in_a_word(each.summaries[m]), std::max<std::size_t>(9, all.methods[m].size()));
-    out += '\n';
+    end_line(out);
   }
   return out;
 }
