@@ -20,23 +20,33 @@
 namespace twoport::lab {
 namespace {
 
-/// "a,b" or start:stop:count, as for --vary.
+/// The values of "a,b" or start:stop:count, as --vary takes them. Throws ConfigError that names the option.
+std::vector<std::string> words_of(const std::string& option, const std::string& spec) {
+  if (spec.empty()) return {};
+  try {
+    return parse_axis(option + "=" + spec, option).values;
+  } catch (const ConfigError&) {
+    throw ConfigError{
+        fmt::format("{} is {}; it must be a,b,c or start:stop:count, with :log for the logarithm", option, spec)};
+  }
+}
+
 std::vector<double> values_of(const std::string& option, const std::string& spec) {
   std::vector<double> all;
-  for (const std::string& value : parse_axis(option + "=" + spec, option).values) {
+  for (const std::string& value : words_of(option, spec)) {
     try {
       std::size_t used = 0;
       all.push_back(std::stod(value, &used));
       if (used == value.size()) continue;
     } catch (const std::exception&) {
     }
-    throw ConfigError{fmt::format("{}: {} is not a number", option, value)};
+    throw ConfigError{fmt::format("{} has {}; it must be a number", option, value)};
   }
   return all;
 }
 
-std::vector<std::string> words_of(const std::string& option, const std::string& spec) {
-  return spec.empty() ? std::vector<std::string>{} : parse_axis(option + "=" + spec, option).values;
+std::string not_empty(const std::string& value) {
+  return value.empty() ? "it must not be empty" : "";
 }
 
 struct MapArguments {
@@ -68,11 +78,13 @@ Subcommand add_map(CLI::App& app) {
   CLI::App* map = app.add_subcommand("map", "Where each method holds: round trip, loss and stiffness varied");
   map->add_option("--scene", a->map.scene, "Another scene than scenes/map.textproto, which is built in");
   add_list(map, "--set", a->map.set, "PATH=VALUE, before those that the map sets");
-  map->add_option("--methods", a->methods, "NAME,NAME; all of them if absent");
-  map->add_option("--round-trip-ms", a->round_trips, "Values as for sweep --vary; half of it each way");
-  map->add_option("--loss", a->losses, "Probability each way");
-  map->add_option("--burst-packets", a->bursts, "Mean number of packets lost in a row; 1: independent");
-  map->add_option("--stiffness", a->stiffnesses, "Of the environment [N/m]");
+  map->add_option("--methods", a->methods, "NAME,NAME; all of them if absent")->check(not_empty);
+  map->add_option("--round-trip-ms", a->round_trips, "Values as for sweep --vary; half of it each way")
+      ->check(not_empty);
+  map->add_option("--loss", a->losses, "Probability each way")->check(not_empty);
+  map->add_option("--burst-packets", a->bursts, "Mean number of packets lost in a row; 1: independent")
+      ->check(not_empty);
+  map->add_option("--stiffness", a->stiffnesses, "Of the environment [N/m]")->check(not_empty);
   map->add_option("--seeds", a->map.seeds, "Runs per cell, with seeds counted up from the scene's")
       ->capture_default_str();
   map->add_option("--out", a->out, "Folder for table.csv and the pictures");
@@ -108,7 +120,7 @@ Subcommand add_recommend(CLI::App& app) {
   const auto a = std::make_shared<RecommendArguments>();
   a->jobs = all_cores();
   CLI::App* recommend = app.add_subcommand("recommend", "The method for a network and a wall, by running them all");
-  recommend->add_option("--delay-ms", a->delay_ms, "One way")->required();
+  recommend->add_option("--delay-ms", a->delay_ms, "One way")->required()->check(CLI::Range(0.0, 5e4));
   recommend->add_option("--loss", a->loss, "Probability each way")->required();
   recommend->add_option("--stiffness", a->stiffness, "Of the environment [N/m]")->required();
   recommend->add_option("--burst-packets", a->burst, "Mean number of packets lost in a row")->capture_default_str();
@@ -141,7 +153,7 @@ Subcommand add_compare(CLI::App& app) {
   CLI::App* compare =
       app.add_subcommand("compare", "Every method on one scene: a table, and their traces in one picture");
   add_scene(compare, a->compare.scene, a->compare.set);
-  compare->add_option("--methods", a->methods, "NAME,NAME; all of them if absent");
+  compare->add_option("--methods", a->methods, "NAME,NAME; all of them if absent")->check(not_empty);
   compare->add_option("--out", a->compare.out, "Folder for table.csv and the picture");
   add_jobs(compare, a->compare.jobs);
   return {compare, [a] { return compare_command(*a); }};
@@ -176,7 +188,7 @@ Subcommand add_gallery(CLI::App& app) {
   CLI::App* gallery =
       app.add_subcommand("gallery", "Who survives what: the scenes of a folder, each with every method");
   gallery->add_option("folder", a->gallery.folder, "Folder of scenes (.textproto)")->capture_default_str();
-  gallery->add_option("--methods", a->methods, "NAME,NAME; all of them if absent");
+  gallery->add_option("--methods", a->methods, "NAME,NAME; all of them if absent")->check(not_empty);
   gallery->add_option("--out", a->out, "Folder for table.csv");
   add_jobs(gallery, a->gallery.jobs);
   return {gallery, [a] { return gallery_command(*a); }};

@@ -19,7 +19,10 @@
 namespace twoport::lab {
 
 Comparison compare(const CompareOptions& o) {
-  Comparison all{.scene = {}, .dof = 0, .methods = o.methods.empty() ? all_methods() : o.methods, .summaries = {}};
+  Comparison all{.scene = {}, .dof = 0, .methods = o.methods, .summaries = {}};
+  if (all.methods.empty())
+    all.methods =
+        load_scene(o.scene, o.set).control.architecture == Architecture::render ? rendering_methods() : all_methods();
   std::vector<Scene> scenes;
   for (const std::string& method : all.methods) {
     std::vector<std::string> set = o.set;
@@ -84,7 +87,8 @@ std::string to_text(const Comparison& all) {
     const auto of = numbers(all.summaries[m]);
     for (const Column& c : kColumns) {
       const auto found = std::find_if(of.begin(), of.end(), [&](const auto& each) { return each.first == c.figure; });
-      out += found == of.end() ? fmt::format(" {:>10}", "-") : fmt::format(" {:>10.3g}", c.scale * found->second);
+      out += found == of.end() || !std::isfinite(found->second) ? fmt::format(" {:>10}", "-")
+                                                                : fmt::format(" {:>10.3g}", c.scale * found->second);
     }
     out += '\n';
   }

@@ -126,6 +126,10 @@ std::vector<std::string> all_methods() {
   return all;
 }
 
+std::vector<std::string> rendering_methods() {
+  return {"NONE", "CLASSIC", "FORCE_PROJECTED", "METRIC_DAMPING", "FORCE_CONE"};
+}
+
 std::vector<std::string> map_overrides(const Scene& scene, const std::string& method, const MapPlace& p,
                                        std::uint64_t seed) {
   const double round_trip_s = 1e-3 * p.round_trip_ms;

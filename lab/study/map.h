@@ -64,6 +64,8 @@ const std::vector<std::string>& map_figures();
 
 /// Every method that a scene over a link can name.
 std::vector<std::string> all_methods();
+/// Every controller that a rendered scene can name.
+std::vector<std::string> rendering_methods();
 
 /// The overrides that make the map's scene the run of one method in one place.
 std::vector<std::string> map_overrides(const Scene& scene, const std::string& method, const MapPlace& place,

@@ -1,0 +1,152 @@
+#include "lab/study/map.h"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <string>
+#include <vector>
+
+#include "common/base/check.h"
+#include "common/record/summary.h"
+#include "common/scene/load.h"
+#include "lab/run.h"
+#include "lab/study/compare.h"
+#include "lab/study/gallery.h"
+#include "tests/support/process.h"
+
+namespace twoport::lab {
+namespace {
+
+MapOptions small(std::vector<std::string> methods) {
+  return {.scene = {},
+          .set = {},
+          .methods = std::move(methods),
+          .round_trips_ms = {0, 200},
+          .losses = {0, 0.2},
+          .bursts_packets = {1, 10},
+          .stiffnesses_n_per_m = {2000},
+          .seeds = 2,
+          .jobs = 2};
+}
+
+TEST(Map, RunsALossOfZeroOnceAndEveryOtherForEachBurst) {
+  const Map map = make_map(small({"NONE", "INTERNAL_MODEL"}));
+  ASSERT_EQ(map.places.size(), 2u * (1u + 2u));
+  ASSERT_EQ(map.cells.size(), 2u * map.places.size());
+  const std::string csv = to_csv(map);
+  EXPECT_EQ(std::count(csv.begin(), csv.end(), '\n'), 1 + static_cast<int>(map.cells.size()));
+  // Without a delay the loop without control is the reference itself; over 200 ms it is unstable.
+  EXPECT_TRUE(map.at(0, 0).holds());
+  EXPECT_NEAR(map.at(0, 0).pressed.mean, 1.0, 1e-3);
+  EXPECT_EQ(map.at(0, 3).unstable, 2);
+  EXPECT_FALSE(map.at(0, 3).holds());
+  for (std::size_t p = 0; p < map.places.size(); ++p) EXPECT_TRUE(map.at(1, p).holds()) << p;
+}
+
+TEST(Map, ACellIsTheRunOfItsOverrides) {
+  const Map map = make_map(small({"INTERNAL_MODEL"}));
+  const Scene scene = load_scene(TWOPORT_SCENES "/map.textproto");
+  const Summary run_of_cell = run(load_scene(TWOPORT_SCENES "/map.textproto",
+                                             map_overrides(scene, "INTERNAL_MODEL", map.places[5], scene.seed + 1)));
+  const auto at = static_cast<std::size_t>(
+      std::find(map_figures().begin(), map_figures().end(), "felt_force_error_rms_n") - map_figures().begin());
+  const double of_run = run_of_cell.felt_force_error_rms_n();
+  const Spread& of_cell = map.at(0, 5).figures[at];
+  // Mean and sd of two values are (a + b)/2 and |a - b|/√2.
+  EXPECT_NEAR(std::abs(of_run - of_cell.mean), of_cell.sd / std::sqrt(2.0), 1e-12);
+}
+
+TEST(Map, BurstsLoseTheShareThatIsAsked) {
+  const Scene scene = load_scene(TWOPORT_SCENES "/map.textproto");
+  const MapPlace place{.round_trip_ms = 100, .loss = 0.3, .burst_packets = 10, .stiffness_n_per_m = 2000};
+  const Scene of_place = load_scene(TWOPORT_SCENES "/map.textproto", map_overrides(scene, "NONE", place, 1));
+  ASSERT_TRUE(of_place.to_slave.burst);
+  const auto& burst = *of_place.to_slave.burst;
+  EXPECT_NEAR(burst.p / (burst.p + burst.r), 0.3, 1e-12);
+  EXPECT_NEAR(1.0 / burst.r, 10.0, 1e-12);
+  EXPECT_DOUBLE_EQ(of_place.duration_s, scene.duration_s + 6 * 0.1);
+}
+
+TEST(Map, RefusesWhatItCannotRun) {
+  for (const auto& change : std::vector<void (*)(MapOptions&)>{
+           [](MapOptions& o) { o.losses = {1.0}; }, [](MapOptions& o) { o.losses = {}; },
+           [](MapOptions& o) { o.seeds = 0; }, [](MapOptions& o) { o.methods = {"NO_SUCH"}; },
+           [](MapOptions& o) { o.methods = {"FORCE_CONE"}; }, [](MapOptions& o) { o.stiffnesses_n_per_m = {0.0}; },
+           [](MapOptions& o) { o.scene = TWOPORT_SCENES "/render_sphere.textproto"; }}) {
+    MapOptions options = small({"NONE"});
+    change(options);
+    EXPECT_THROW(make_map(options), ConfigError);
+  }
+}
+
+TEST(Recommend, NamesTheMethodThatHoldsWithTheLeastError) {
+  MapOptions options = small({"NONE", "FORCE_PROJECTED", "INTERNAL_MODEL"});
+  options.round_trips_ms = {200};
+  options.losses = {0.2};
+  options.bursts_packets = {1};
+  const Map map = make_map(options);
+  EXPECT_EQ(recommend(map).method, "INTERNAL_MODEL");
+  EXPECT_EQ(best_method(map, 0), 2u);
+  options.methods = {"NONE"};
+  EXPECT_EQ(recommend(make_map(options)).method, "none");
+}
+
+TEST(Compare, RunsEveryMethodThatTheSceneCanName) {
+  const Comparison link = compare({.scene = TWOPORT_SCENES "/one_axis_wall.textproto",
+                                   .set = {"duration_s=0.1"},
+                                   .methods = {},
+                                   .jobs = 2,
+                                   .out = {}});
+  EXPECT_EQ(link.methods, all_methods());
+  const Comparison rendered = compare({.scene = TWOPORT_SCENES "/render_spring_orbit.textproto",
+                                       .set = {"duration_s=0.1"},
+                                       .methods = {},
+                                       .jobs = 2,
+                                       .out = {}});
+  EXPECT_EQ(rendered.methods, rendering_methods());
+  EXPECT_EQ(to_text(rendered).find("nan"), std::string::npos);
+  EXPECT_THROW(compare({.scene = TWOPORT_SCENES "/one_axis_wall.textproto",
+                        .set = {},
+                        .methods = {"NO_SUCH"},
+                        .jobs = 1,
+                        .out = {}}),
+               ConfigError);
+}
+
+TEST(Gallery, SaysInAWordWhatARunWas) {
+  Summary s;
+  s.set_verdict_kind("STABLE");
+  EXPECT_EQ(in_a_word(s), "stable");
+  s.set_muted_share(0.6);
+  EXPECT_EQ(in_a_word(s), "mute");
+  s.set_verdict_kind("UNSTABLE");
+  EXPECT_EQ(in_a_word(s), "UNSTABLE");
+  EXPECT_THROW(gallery({.folder = "/nonexistent", .methods = {}, .jobs = 1}), ConfigError);
+  EXPECT_THROW(gallery({.folder = TWOPORT_SCENES "/../docs", .methods = {}, .jobs = 1}), ConfigError);
+}
+
+// The program names the option that was typed, in one sentence, and runs nothing.
+TEST(MapProgram, RefusesWhatItIsToldWrong) {
+  using Words = std::vector<std::string>;
+  const std::string scene = TWOPORT_SCENES "/one_axis_wall.textproto";
+  const std::vector<std::pair<Words, Words>> cases{
+      {{"map", "--methods", ""}, {"--methods", "empty"}},
+      {{"map", "--loss", "0:1"}, {"--loss is 0:1", "start:stop:count"}},
+      {{"map", "--loss", "a"}, {"--loss has a", "number"}},
+      {{"map", "--loss", "1"}, {"--loss has 1", "0.99"}},
+      {{"compare", scene, "--methods", "NO_SUCH"}, {"NO_SUCH", "INTERNAL_MODEL"}},
+      {{"recommend", "--delay-ms", "-5", "--loss", "0", "--stiffness", "1000"}, {"--delay-ms", "-5"}},
+      {{"gallery", "/nonexistent"}, {"/nonexistent", "No such file"}}};
+  for (const auto& [arguments, parts] : cases) {
+    Words line{TWOPORT_LAB};
+    line.insert(line.end(), arguments.begin(), arguments.end());
+    test::Process process{line};
+    EXPECT_EQ(process.wait(), test::exited(2)) << process.err();
+    EXPECT_EQ(process.out(), "");
+    for (const std::string& part : parts) EXPECT_NE(process.err().find(part), std::string::npos) << process.err();
+  }
+}
+
+}  // namespace
+}  // namespace twoport::lab
