@@ -113,6 +113,8 @@ Endpoint parse_endpoint(std::string_view text, std::string_view option) {
   const asio::ip::address parsed = asio::ip::make_address(std::string{address}, error);
   if (!error && parsed.is_v6() == bracketed) return from_asio({parsed, number});
   if (!error || bracketed || !may_be_host_name(address)) throw refuse();
+  // RFC 6761, 6.3: this name is the loopback address, whether or not the machine's resolver knows it.
+  if (address == "localhost") return from_asio({asio::ip::address_v4::loopback(), number});
   asio::io_context context;
   const auto found = udp::resolver{context}.resolve(std::string{address}, "", error);
   if (error || found.empty())
