@@ -205,7 +205,7 @@ void figure_11(const std::string& folder, const std::string& name, const char* s
       "set multiplot layout 1,2\nset size ratio -1\nunset key\nset xrange [-0.8:0.8]\nset yrange [-0.8:0.8]\nset "
       "xlabel "
       "'across [N]'\nset ylabel 'along the axis [N]'\n";
-  const char* titles[] = {"PO/PC without", "PO/PC with multi-dof adaptation"};
+  const char* titles[] = {"PO/PC without multi-dof adaptation", "PO/PC with multi-dof adaptation"};
   for (int k = 0; k < 2; ++k)
     body += fmt::format(
         "set title '{}: {} N rms'\nplot '{}.dat' index {} using 1:2 with points pt 7 ps 0.35 lc rgb '{}'\n", titles[k],
