@@ -46,10 +46,11 @@ class MasterNode {
     Interval<N> interval{};
     if (started_) {
       interval = motion - before_;
-      account_.book(held_energy(observer_, device.applied, interval, tick.ended));
+      Energy into = held_energy(observer_, device.applied, interval, tick.ended);
+      if (modes_.has_paused(tick)) [[unlikely]]
+        into = pause(into);
+      account_.book(into);
     }
-    if (modes_.has_paused(tick)) [[unlikely]]
-      pause();
     if (modes_.step(tick.now.time_since_epoch(), slave)) {
       ramp_.drop();
       half_.start(device);
@@ -125,12 +126,14 @@ class MasterNode {
     fading_ = carry_ * carried_;
   }
 
-  /// This side has stood still for a while: what it knows is old. The coupling begins anew, with its ramp.
-  [[gnu::noinline]] void pause() noexcept {
+  /// This side has stood still for a while: what it knows is old. The coupling begins anew, with its ramp. Of the energy of an
+  /// interval in which the device may have let go by itself, only what the hand was given is believed.
+  [[gnu::noinline]] Energy pause(Energy into) noexcept {
     modes_.release();
     safety_.release();
     safety_.note(Limit::pause);
     carry_ = 0.0;
+    return std::min(into, Energy{});
   }
 
   /// For a reading or force that is not finite the node applies no force until the next tick. The other side rejects

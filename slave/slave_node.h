@@ -35,7 +35,10 @@ class SlaveNode {
       return fail_safe(robot);
     if (modes_.has_paused(tick)) [[unlikely]]
       pause();
-    if (modes_.step(tick.now.time_since_epoch(), master) || !started_) half_.start(robot, master);
+    if (modes_.step(tick.now.time_since_epoch(), master) || !started_) {
+      half_.start(robot, master);
+      commanded_ = false;
+    }
     started_ = true;
     master_energy_in_ = Energy{master.epoch == epoch_ ? master.energy_in_j : 0.0};
     SlaveOutput<N> half = half_.step({.dt = tick.dt,
