@@ -1,3 +1,4 @@
+#include <algorithm>
 #include <cmath>
 
 #include "common/base/check.h"
@@ -14,17 +15,25 @@ void refuse_arguments(const char* flag, const DriverOptions& options) {
                       ": sim takes no arguments; the scene describes the model"};
 }
 
+constexpr Seconds kWatchdog{0.1};
+
 /// Time of a simulated world: stands still until start(), and follows the clock from the next reading on.
 class WorldTime {
  public:
   void start() noexcept { started_ = true; }
-  /// Calls `advance()` for every period that has passed since the last reading, skipped ones included.
-  template <class Clock, class Advance>
-  void pass(const Tick<Clock>& tick, Advance advance) noexcept {
-    if (!started_) return;
-    if (begun_)
-      for (long periods = std::lround(tick.ended.si() / tick.dt.si()); periods > 0; --periods) advance();
+  /// Calls `advance()` for every period that has passed since the last reading, skipped ones included; `let_go()` when the last
+  /// command is kWatchdog old. Returns the share of that time in which the command was held.
+  template <class Clock, class Advance, class LetGo>
+  double pass(const Tick<Clock>& tick, Advance advance, LetGo let_go) noexcept {
+    if (!started_) return 1.0;
+    const long periods = begun_ ? std::lround(tick.ended.si() / tick.dt.si()) : 0;
+    const long held = std::min(periods, std::lround(std::max(kWatchdog.si(), tick.dt.si()) / tick.dt.si()));
     begun_ = true;
+    for (long k = 0; k < held; ++k) advance();
+    if (held == periods) return 1.0;
+    let_go();
+    for (long k = held; k < periods; ++k) advance();
+    return static_cast<double>(held) / static_cast<double>(periods);
   }
 
  private:
@@ -38,6 +47,7 @@ class SimulatedDevice final : public Device<N> {
   explicit SimulatedDevice(const DriverOptions& o) : model_{o.scene, o.period} {
     refuse_arguments("--device", o);
     info_.name = "simulated device";
+    info_.watchdog = kWatchdog;
     info_.mass_kg = o.scene.control.handle_mass_kg;
     info_.inertia_kg_m2 = o.scene.control.handle_inertia_kg_m2;
     if (o.scene.device && o.scene.device->max_force_n) info_.max_force_n = *o.scene.device->max_force_n;
@@ -47,9 +57,14 @@ class SimulatedDevice final : public Device<N> {
 
   [[nodiscard]] DeviceInfo info() const override { return info_; }
   DeviceSample<N> sense(const Tick<MasterClock>& tick) noexcept override {
-    time_.pass(tick, [this] { model_.advance(); });
+    const Force<N> held = model_.held();
+    const double share = time_.pass(
+        tick, [this] { model_.advance(); }, [this] { model_.release(); });
     note();
-    return model_.sense();
+    DeviceSample<N> sample = model_.sense();
+    if (share < 1.0) [[unlikely]]
+      sample.applied = share * held;
+    return sample;
   }
   void actuate(const Force<N>& f) noexcept override { model_.actuate(f); }
   void start() noexcept override { time_.start(); }
@@ -75,9 +90,10 @@ class SimulatedRobot final : public Robot<N> {
  public:
   explicit SimulatedRobot(const DriverOptions& o) : model_{o.scene, o.period} { refuse_arguments("--robot", o); }
 
-  [[nodiscard]] RobotInfo info() const override { return {.name = "simulated robot"}; }
+  [[nodiscard]] RobotInfo info() const override { return {.name = "simulated robot", .watchdog = kWatchdog}; }
   RobotSample<N> sense(const Tick<SlaveClock>& tick) noexcept override {
-    time_.pass(tick, [this] { model_.advance(); });
+    time_.pass(
+        tick, [this] { model_.advance(); }, [this] { model_.release(); });
     truth_.f_environment = model_.environment_force();
     truth_.touches = model_.environment().holds() || truth_.f_environment.squared_norm() > 0.0;
     return model_.sense();

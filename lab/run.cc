@@ -151,12 +151,13 @@ CountedRun run_as(Simulation<N>& simulation, const Scene& scene, const RunOption
   // Springs alone answer the same wherever the robot is.
   const bool probes = options.verdict == VerdictFrom::tail && !alone && !World{scene.environment}.surfaces.empty();
   const double end_s = to_seconds(simulation.end()).si();
+  std::uint64_t rows = 0;
   double from_s = 0.0;
   for (const double until_s : probes ? parts(simulation.segment_ends_s(), end_s) : std::vector{end_s}) {
     contact_states.begin_part(from_s, until_s);
     const auto start = std::chrono::steady_clock::now();
     ticks += simulation.run_until(to_duration(until_s), [&](const Row<N>& row) {
-      if (trace) trace->add(row);
+      if (trace && rows++ % options.trace_every == 0) trace->add(row);
       if (probes) contact_states.add(row);
       return goes_on = metrics.add(row);
     });
@@ -183,6 +184,10 @@ CountedRun run_as(Simulation<N>& simulation, const Scene& scene, const RunOption
     packets.mutable_to_slave()->set_sent(count(use->master.sent));
     *packets.mutable_to_master() = received_packets(use->master);
     packets.mutable_to_master()->set_sent(count(use->slave.sent));
+    if (!(scene.control.device_limits == PortLimits{} && scene.control.robot_limits == PortLimits{})) {
+      *s.mutable_limits()->mutable_device() = limits_of_device(use->device_limits);
+      *s.mutable_limits()->mutable_robot() = limits_of_robot(use->robot_limits);
+    }
     if (use->overflowed > 0) s.mutable_verdict()->append("; packets in flight exceeded the line's room");
   }
   return {s, ticks};

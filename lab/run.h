@@ -15,7 +15,8 @@ enum class VerdictFrom : unsigned char {
 };
 
 struct RunOptions {
-  WholeFile* trace = nullptr;  ///< takes the rows of the scene's run; the caller commits it
+  WholeFile* trace = nullptr;     ///< takes the rows of the scene's run; the caller commits it
+  std::uint64_t trace_every = 1;  ///< one row in so many
   VerdictFrom verdict = VerdictFrom::tail;
 };
 

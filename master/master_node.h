@@ -12,13 +12,13 @@
 #include "common/method/any.h"
 #include "common/method/method.h"
 #include "common/passivity/observer.h"
-#include "common/runtime/limit.h"
 #include "common/runtime/modes.h"
+#include "common/safety/safety_stage.h"
 
 namespace twoport {
 
 /// The master over a link: velocity in, force out. Implements what all methods share: modes, the force ramp, finite
-/// checks, the force limit, the exact account of the hand's port. The method's half computes the force.
+/// checks, the limits at the device, the exact account of the hand's port. The method's half computes the force.
 template <int N, class Half = AnyMasterHalf<N>>
 class MasterNode {
  public:
@@ -31,7 +31,12 @@ class MasterNode {
   };
 
   explicit MasterNode(const ControlOptions& o)
-      : observer_{o.observer}, engage_{o.engage}, limit_{o.max_force_n}, half_{o}, ramp_{o.engage}, modes_{o} {}
+      : observer_{o.observer},
+        engage_{o.engage},
+        safety_{limits_at_device(o), -1.0},
+        half_{o},
+        ramp_{o.engage},
+        modes_{o} {}
 
   [[gnu::always_inline]] Output step(const Tick<MasterClock>& tick, const DeviceSample<N>& device,
                                      const PeerState<N>& slave) noexcept {
@@ -41,7 +46,10 @@ class MasterNode {
     Interval<N> interval{};
     if (started_) {
       interval = motion - before_;
-      account_.book(held_energy(observer_, device.applied, interval, tick.ended));
+      Energy into = held_energy(observer_, device.applied, interval, tick.ended);
+      if (modes_.has_paused(tick)) [[unlikely]]
+        into = pause(into);
+      account_.book(into);
     }
     if (modes_.step(tick.now.time_since_epoch(), slave)) {
       ramp_.drop();
@@ -67,7 +75,7 @@ class MasterNode {
     energy_sent_ = half.energy_in;
     if (!all_finite(half.f)) [[unlikely]]
       return fail_safe(device);
-    Force<N> f = limit_(half.f);
+    Force<N> f = safety_(half.f, device.x, device.v, tick.dt);
     command_ = f;
     return {.command = f,
             .report = {.x = device.x,
@@ -108,6 +116,7 @@ class MasterNode {
   /// Words of the method for the report of the last step, if any.
   [[nodiscard]] bool has_payload() const noexcept { return half_.has_payload(); }
   void write_payload(Words& words) const noexcept { half_.write_payload(words); }
+  [[nodiscard]] const LimitCounts& limit_counts() const noexcept { return safety_.counts(); }
   /// Observed energy that the hand has put in, E(0) not included [J].
   [[nodiscard]] Energy observed() const noexcept { return account_.net(); }
 
@@ -117,10 +126,21 @@ class MasterNode {
     fading_ = carry_ * carried_;
   }
 
+  /// This side has stood still for a while: what it knows is old. The coupling begins anew, with its ramp. Of the energy of an
+  /// interval in which the device may have let go by itself, only what the hand was given is believed.
+  [[gnu::noinline]] Energy pause(Energy into) noexcept {
+    modes_.release();
+    safety_.release();
+    safety_.note(Limit::pause);
+    carry_ = 0.0;
+    return std::min(into, Energy{});
+  }
+
   /// For a reading or force that is not finite the node applies no force until the next tick. The other side rejects
   /// reports that are not finite.
   [[gnu::always_inline]] Output fail_safe(const DeviceSample<N>& device) noexcept {
     modes_.release();
+    safety_.release();
     command_ = Force<N>{};
     carry_ = 0.0;
     Output out{};
@@ -134,7 +154,7 @@ class MasterNode {
 
   ObserverRule observer_;
   Seconds engage_;
-  ForceLimit<N> limit_;
+  SafetyStage<N> safety_;
   Half half_;
   Ramp ramp_;
   ModeMachine modes_;

@@ -48,7 +48,8 @@ struct Master {
                        .controller = has_controller(scene),
                        .unseen = link,
                        .coarse = !truth || is_coarse(scene),
-                       .link = link},
+                       .link = link,
+                       .of_slave = !link},
                       1.0,
                       std::move(known)};
   }
@@ -148,6 +149,7 @@ Scene with_device(Scene scene, const DeviceInfo& info) {
   if (!has_mass && info.mass_kg > 0.0) control.handle_mass_kg = info.mass_kg;
   if (!has_inertia && info.inertia_kg_m2 > 0.0) control.handle_inertia_kg_m2 = info.inertia_kg_m2;
   control.max_force_n = std::min(control.max_force_n, info.max_force_n);
+  control.own_limits = info.limits;
   return scene;
 }
 

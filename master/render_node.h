@@ -7,12 +7,12 @@
 #include "common/hardware/device.h"
 #include "common/method/render/render.h"
 #include "common/runtime/cycle.h"
-#include "common/runtime/limit.h"
+#include "common/safety/safety_stage.h"
 
 namespace twoport {
 
 /// The master where there is no link: a virtual environment rendered directly on the device, the reference paper's case. It keeps
-/// the limit of force as MasterNode does. For a tick without a reading, or with a force that no double holds, it lets go.
+/// the limits at the device as MasterNode does. For a tick without a reading, or with a force that no double holds, it lets go.
 template <int N>
 class RenderNode {
  public:
@@ -21,7 +21,7 @@ class RenderNode {
   };
 
   RenderNode(const ControlOptions& o, Environment<N> environment)
-      : rendering_{o, std::move(environment)}, limit_{o.max_force_n} {}
+      : rendering_{o, std::move(environment)}, safety_{limits_at_device(o), -1.0} {}
 
   [[gnu::flatten]] Output step(const Tick<MasterClock>& tick, const DeviceSample<N>& device, const NoReport&) noexcept {
     if (!all_finite(device.x, device.v, device.applied)) [[unlikely]]
@@ -29,20 +29,22 @@ class RenderNode {
     Output out{rendering_.step({device.x, device.v}, device.applied, tick.dt, tick.ended), {}};
     if (!all_finite(out.command)) [[unlikely]]
       return fail_safe();
-    out.command = limit_(out.command);
+    out.command = safety_(out.command, device.x, device.v, tick.dt);
     return out;
   }
 
+  [[nodiscard]] const LimitCounts& limit_counts() const noexcept { return safety_.counts(); }
   [[nodiscard]] Energy observed() const noexcept { return rendering_.observed(); }
 
  private:
   [[gnu::noinline]] Output fail_safe() noexcept {
     rendering_.release();
+    safety_.release();
     return {};
   }
 
   Rendering<N> rendering_;
-  ForceLimit<N> limit_;
+  SafetyStage<N> safety_;
 };
 
 }  // namespace twoport

@@ -72,7 +72,7 @@ class SimDevice final {
     return sense();
   }
 
-  /// Holds any force: `device.max_force_n` is the node's to keep.
+  /// Holds any force: the limits are the node's to keep.
   void actuate(const Force<N>& f) noexcept { held_ = f; }
   void release() noexcept { held_ = Force<N>{}; }
 

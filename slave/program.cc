@@ -40,7 +40,8 @@ struct Slave {
     return Metrics<N>{{.rate_hz = scene.slave_rate_hz,
                        .duration_s = scene.duration_s,
                        .quiet_from_s = std::numeric_limits<double>::infinity(),
-                       .link = true},
+                       .link = true,
+                       .of_master = false},
                       1.0,
                       {.stability = false, .hand = false}};
   }
@@ -106,7 +107,7 @@ std::string replaces_force_sensor(const ControlOptions& o) {
 }
 
 template <int N>
-int run(const Scene& scene, const LiveArguments& arguments, const Registry& hardware) {
+int run(Scene scene, const LiveArguments& arguments, const Registry& hardware) {
   spdlog::logger log = make_log("slave");
   const std::unique_ptr<Robot<N>> robot =
       hardware.robots.open<N>(arguments.hardware, scene, Seconds{1.0 / scene.slave_rate_hz});
@@ -117,6 +118,7 @@ int run(const Scene& scene, const LiveArguments& arguments, const Registry& hard
     throw ConfigError(arguments.scene + ": control.passivity.method is " + scene.control.method_name +
                       ", but the robot \"" + arguments.hardware + "\" has no force sensor; with " +
                       replaces_force_sensor(scene.control) + " it needs none");
+  scene.control.own_limits = robot->info().limits;
   print_hints(scene, arguments, false);  // the master's device is not seen from here
   Slave<N> side{scene, *robot, arguments};
   return run_live(side, scene, arguments, log);

@@ -11,11 +11,12 @@
 #include "common/method/method.h"
 #include "common/passivity/observer.h"
 #include "common/runtime/modes.h"
+#include "common/safety/safety_stage.h"
 
 namespace twoport {
 
-/// The slave over a link: force in, motion out. Implements what all methods share: modes, finite checks, the account
-/// of the link's port. The method's half computes the command.
+/// The slave over a link: force in, motion out. Implements what all methods share: modes, finite checks, the limits
+/// at the robot, the account of the link's port. The method's half computes the command.
 template <int N, class Half = AnySlaveHalf<N>>
 class SlaveNode {
  public:
@@ -26,13 +27,18 @@ class SlaveNode {
     Mode mode;
   };
 
-  explicit SlaveNode(const ControlOptions& o) : half_{o}, modes_{o} {}
+  explicit SlaveNode(const ControlOptions& o) : half_{o}, modes_{o}, safety_{limits_at_robot(o), 1.0} {}
 
   [[gnu::always_inline]] Output step(const Tick<SlaveClock>& tick, const RobotSample<N>& robot,
                                      const PeerState<N>& master) noexcept {
     if (!all_finite(robot.x, robot.v, robot.f_environment)) [[unlikely]]
       return fail_safe(robot);
-    if (modes_.step(tick.now.time_since_epoch(), master) || !started_) half_.start(robot, master);
+    if (modes_.has_paused(tick)) [[unlikely]]
+      pause();
+    if (modes_.step(tick.now.time_since_epoch(), master) || !started_) {
+      half_.start(robot, master);
+      commanded_ = false;
+    }
     started_ = true;
     master_energy_in_ = Energy{master.epoch == epoch_ ? master.energy_in_j : 0.0};
     SlaveOutput<N> half = half_.step({.dt = tick.dt,
@@ -44,6 +50,8 @@ class SlaveNode {
                                       .active = modes_.active()});
     if (!all_finite(half.command.f, half.command.v_d, half.command.x_d)) [[unlikely]]
       return fail_safe(robot);
+    if (safety_.any()) [[unlikely]]
+      keep_limits(half, robot, tick.dt);
     account_.book(half.grounded - dot(half.command.f, half.command.v_d * tick.dt));
     position_error_ = modes_.coupled() ? robot.x - half_.target() : Displacement<N>{};
     return {.command = half.command,
@@ -75,6 +83,7 @@ class SlaveNode {
   }
 
   [[nodiscard]] Mode mode() const noexcept { return modes_.mode(); }
+  [[nodiscard]] const LimitCounts& limit_counts() const noexcept { return safety_.counts(); }
   /// Words of the method for the report of the last step, if any.
   [[nodiscard]] bool has_payload() const noexcept { return half_.has_payload(); }
   void write_payload(Words& words) const noexcept { half_.write_payload(words); }
@@ -86,10 +95,42 @@ class SlaveNode {
   [[nodiscard]] Energy delivered() const noexcept { return -account_.net(); }
 
  private:
+  /// The command within the limits, with the energy that it then takes from the link.
+  [[gnu::noinline]] void keep_limits(SlaveOutput<N>& half, const RobotSample<N>& robot, Seconds dt) noexcept {
+    RobotCommand<N>& c = half.command;
+    const RobotCommand<N> asked = c;
+    const bool follows = modes_.active();
+    const Position<N> from = follows && commanded_ ? x_d_ : robot.x;
+    // A robot that follows the set point exactly is held by it; another one by its force.
+    if (follows) c.x_d = safety_.set_point(c.x_d, from, dt, robot.ideal ? &robot.f_environment : nullptr);
+    if (!robot.ideal) c.f = safety_(c.f, robot.x, robot.v, dt);
+    x_d_ = c.x_d;
+    commanded_ = follows;
+    if (robot.ideal && follows && c.x_d.translation() != asked.x_d.translation()) {
+      typename Velocity<N>::Vector v = c.v_d.vec();
+      v.template head<kAxes<N>>() = (c.x_d.translation() - from.translation()) / dt.si();
+      c.v_d = Velocity<N>{v};
+    }
+    if (half.f_back.vec() == asked.f.vec()) half.f_back = c.f;
+    // What is reported never exceeds what the limited command takes; the account has the exact value in the next tick.
+    const Energy wished = half.grounded - dot(asked.f, asked.v_d * dt), taken = half.grounded - dot(c.f, c.v_d * dt);
+    const Energy more = positive_part(taken) - positive_part(wished);
+    if (more.si() < 0.0) half.energy_in += more;
+  }
+
+  /// As MasterNode::pause.
+  [[gnu::noinline]] void pause() noexcept {
+    modes_.release();
+    safety_.release();
+    safety_.note(Limit::pause);
+  }
+
   /// For a reading or force that is not finite the node applies no force until the next tick. The other side rejects
   /// reports that are not finite.
   [[gnu::always_inline]] Output fail_safe(const RobotSample<N>& robot) noexcept {
     modes_.release();
+    safety_.release();
+    commanded_ = false;
     position_error_ = {};
     const SlaveOutput<N> half = half_.fail_safe(account_);
     Output out{};
@@ -105,6 +146,9 @@ class SlaveNode {
 
   Half half_;
   ModeMachine modes_;
+  SafetyStage<N> safety_;
+  Position<N> x_d_;  ///< the last set point, while one is commanded
+  bool commanded_ = false;
   Ledger account_;  ///< the link's port
   Displacement<N> position_error_;
   Energy master_energy_in_;

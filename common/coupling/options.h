@@ -1,6 +1,7 @@
 #pragma once
 
 #include <Eigen/Geometry>
+#include <algorithm>
 #include <cmath>
 #include <cstdint>
 #include <limits>
@@ -18,6 +19,7 @@
 #include "common/method/wave_variables/options.h"
 #include "common/passivity/controller.h"
 #include "common/passivity/observer.h"
+#include "common/safety/limits.h"
 
 namespace twoport {
 
@@ -75,6 +77,8 @@ struct ControlOptions {
   Seconds engage{0.1};                                           ///< force ramp after the link is up
   Seconds hold_after{0.1};                                       ///< silent link: coupled -> holding
   Seconds release_after{1.0};                                    ///< silent link: holding -> released
+  PortLimits device_limits, robot_limits;                        ///< of the scene: both sides have the same
+  PortLimits own_limits;                                         ///< of this side's driver
   KnownSystem known;
   std::optional<Seconds> stated_round_trip;  ///< of the network; absent: known.round_trip is that of the scene's delays
   // One block of options for each method that has some; only that of the method in use is read.
@@ -86,6 +90,27 @@ struct ControlOptions {
   FourChannelOptions four_channel;
   FractalImpedanceOptions fractal_impedance;
 };
+
+/// What the master keeps at its device, and the slave at its robot.
+inline PortLimits limits_at_device(const ControlOptions& o) {
+  PortLimits all = lowest(o.device_limits, o.own_limits);
+  all.force_n = std::min(all.force_n, o.max_force_n);
+  return all;
+}
+inline PortLimits limits_at_robot(const ControlOptions& o) {
+  return lowest(o.robot_limits, o.own_limits);
+}
+
+/// What each side believes of the other one's reports, in that one's units. The robot's speed limit counts at the hand too.
+inline PortLimits limits_of_master_reports(const ControlOptions& o) {
+  PortLimits all = o.device_limits;
+  all.speed_m_per_s = std::min(all.speed_m_per_s, o.robot_limits.speed_m_per_s / o.motion_scale);
+  all.angular_speed_rad_per_s = std::min(all.angular_speed_rad_per_s, o.robot_limits.angular_speed_rad_per_s);
+  return all;
+}
+inline PortLimits limits_of_slave_reports(const ControlOptions& o) {
+  return o.robot_limits;
+}
 
 /// The options of a one-port controller at the handle, with what is known of the handle.
 inline ControllerOptions controller_at_the_handle(const ControlOptions& o) {

@@ -7,6 +7,7 @@
 #include "common/base/time.h"
 #include "common/base/vector.h"
 #include "common/hardware/status.h"
+#include "common/safety/limits.h"
 
 namespace twoport {
 
@@ -16,6 +17,10 @@ struct DeviceInfo {
   /// Largest translational force that it displays [N]; 0: it displays none.
   double max_force_n = std::numeric_limits<double>::infinity();
   double mass_kg = 0.0, inertia_kg_m2 = 0.0;  ///< apparent, at the handle; 0: not known
+  /// What else the device can do or shall do. The master keeps these, max_force_n, and the scene's limits: the smaller of each.
+  PortLimits limits{};
+  /// The device lets go by itself when no actuate() has come for this long; 0: it does not.
+  Seconds watchdog{};
 };
 
 /// One reading of a haptic device, at the start of a tick.

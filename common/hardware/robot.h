@@ -5,6 +5,7 @@
 #include "common/base/time.h"
 #include "common/base/vector.h"
 #include "common/hardware/status.h"
+#include "common/safety/limits.h"
 
 namespace twoport {
 
@@ -12,6 +13,8 @@ namespace twoport {
 struct RobotInfo {
   std::string name;              ///< for the log: maker, model, serial number
   bool has_force_sensor = true;  ///< without one POSITION_MEASURED_FORCE is refused
+  PortLimits limits{};           ///< what the robot can do or shall do; the slave keeps these and the scene's
+  Seconds watchdog{};            ///< the robot stops by itself when no actuate() has come for this long; 0: it does not
 };
 
 /// One reading of a robot, at the start of a tick.

@@ -14,6 +14,7 @@
 #include "common/platform/recorder.h"
 #include "common/platform/udp.h"
 #include "common/runtime/cycle.h"
+#include "common/safety/guarded_transport.h"
 #include "common/scene/load.h"
 #include "common/wire/link_transport.h"
 
@@ -23,6 +24,8 @@ namespace twoport {
 template <int N>
 class LiveLink {
  public:
+  using Transport = GuardedTransport<N, LinkTransport<N>>;
+
   /// A master calls the slave at `address`, a slave listens there.
   LiveLink(Side side, const Scene& scene, const std::string& address)
       : side_{side},
@@ -30,10 +33,12 @@ class LiveLink {
         peer_{peer_at(side, address)},
         udp_{peer_ ? UdpSocket{any_port_toward(*peer_), *peer_} : UdpSocket{parse_endpoint(address, "--listen")}},
         network_{udp_, network(side, scene, peer_)},
-        mail_{{network_, session(side, scene, peer_), system_random}} {}
+        mail_{Transport{
+            side == Side::master ? limits_of_slave_reports(scene.control) : limits_of_master_reports(scene.control),
+            network_, session(side, scene, peer_), SessionNumbers{system_random}}} {}
   LiveLink(const LiveLink&) = delete;  // its parts refer to each other
 
-  [[nodiscard]] Mailbox<N, LinkTransport<N>>& mail() noexcept { return mail_; }
+  [[nodiscard]] Mailbox<N, Transport>& mail() noexcept { return mail_; }
   void say_where(spdlog::logger& log) {
     if (side_ == Side::master) {
       log.info("waiting for a slave at {}", address_);
@@ -72,8 +77,11 @@ class LiveLink {
     return {.round_trip = mail_.known().round_trip(),
             .received = mail_.counts().received,
             .lost = mail_.counts().lost,
-            .sessions = mail_.transport().pairings()};
+            .sessions = mail_.transport().pairings(),
+            .refused = mail_.transport().counts().rejected};
   }
+  /// Of what the other side claims.
+  [[nodiscard]] const LimitCounts& limit_counts() noexcept { return mail_.transport().limit_counts(); }
 
   /// Link figures of the summary.
   void fill(Summary& s, Mode mode) {
@@ -84,6 +92,7 @@ class LiveLink {
     *(master ? to_master : to_slave) = received_packets(mail_.counts(), link.rejected);
     s.set_mode(to_string(mode));
     s.set_reconnects(count(std::max<std::uint64_t>(mail_.transport().pairings(), 1) - 1));
+    *s.mutable_limits()->mutable_peer() = limits_of_peer(limit_counts());
     if (round_trip_.count() > 0) *s.mutable_rtt_ms() = percentiles(round_trip_, 1e6);
   }
   /// Packets dropped because the simulated network was full.
@@ -123,7 +132,7 @@ class LiveLink {
   // The stack, from the wire up.
   UdpSocket udp_;
   ImpairedSocket network_;
-  Mailbox<N, LinkTransport<N>> mail_;
+  Mailbox<N, Transport> mail_;
   Histogram round_trip_;
 };
 
@@ -140,6 +149,7 @@ class NoLink {
   [[nodiscard]] std::string_view refusal() const noexcept { return {}; }
   void note() const noexcept {}
   [[nodiscard]] TickView view() const noexcept { return {}; }
+  [[nodiscard]] LimitCounts limit_counts() const noexcept { return {}; }
   [[nodiscard]] std::uint64_t overflowed() const { return 0; }
 
  private:

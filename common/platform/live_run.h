@@ -74,6 +74,15 @@ struct LiveFigures {
 void say(spdlog::logger& log, const LiveFigures& figures);
 void fill(Summary& summary, const LiveFigures& figures);
 
+template <Side kSide>
+void fill_own_limits(const LimitCounts& counts, Summary& s) {
+  if constexpr (kSide == Side::master) {
+    *s.mutable_limits()->mutable_device() = limits_of_device(counts);
+  } else {
+    *s.mutable_limits()->mutable_robot() = limits_of_robot(counts);
+  }
+}
+
 /// Why a run has failed, and its exit status; 0: no failure.
 struct Failure {
   std::string sentence;
@@ -105,16 +114,20 @@ int run_live(LiveSide& side, const Scene& scene, const LiveArguments& arguments,
                         .trace = trace.get(),
                         .duration_s = scene.duration_s,
                         .side = LiveSide::kSide,
+                        .trace_every = arguments.trace_every,
                         .log = log}};
   const std::atomic<bool>& stop = stop_on_signals();
   PeriodicLoop loop{{.rate_hz = rate_hz, .realtime = arguments.realtime, .spin = arguments.spin}};
   for (const std::string& sentence : loop.not_permitted()) log.warn(sentence);
-  log.info("hardware: {}", side.hardware.info().name);
+  const auto info = side.hardware.info();
+  log.info("hardware: {}", info.name);
+  if (!(info.watchdog > Seconds{}))
+    log.warn("{} has no watchdog: if this program is stopped, its last command stands", info.name);
   side.link.say_where(log);
 
   Sensed<typename LiveSide::Hardware, typename LiveSide::Sample> plant{side.hardware, {}};
   StepClock clock;
-  std::int64_t met = -1, last = -1;
+  std::int64_t met = -1, last = -1, waiting_until = 0;
   Row<N> row;
   TickView view;
   bool has_row = false;
@@ -143,6 +156,10 @@ int run_live(LiveSide& side, const Scene& scene, const LiveArguments& arguments,
       row = side.row(k, t_s, plant.sample, out);
       view = side.link.view();
       view.late = loop.late();
+      view.limits = side.node.limit_counts() + side.link.limit_counts();
+    } else if (met < 0 && k >= waiting_until) {
+      recorder.push_waiting(to_seconds(now).si(), side.link.view());
+      waiting_until = k + static_cast<std::int64_t>(0.1 * rate_hz);
     }
     return plant.sample.status != HardwareStatus::fault;
   });
@@ -153,6 +170,7 @@ int run_live(LiveSide& side, const Scene& scene, const LiveArguments& arguments,
   const LiveFigures figures{loop, clock, recorder.dropped(), side.link.overflowed(), plant.stale};
   say(log, figures);
   side.fill(s, recorder.diverged());
+  fill_own_limits<LiveSide::kSide>(side.node.limit_counts(), s);
   fill(s, figures);
   if (stop) s.mutable_verdict()->append("; interrupted");
   const Failure failure = why_failed(side.link.refusal(), plant.sample.status, s.duration_s(),

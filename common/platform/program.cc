@@ -45,6 +45,9 @@ int live_program(int argc, char** argv, Side side, const std::string& drivers,
       "One line for each NAME of " + hardware_flag);
   app.add_option("--out", a.out, "Folder for summary.json and trace.csv");
   app.add_option("--trace", a.trace, "none or csv")->check(CLI::IsMember({"none", "csv"}))->capture_default_str();
+  app.add_option("--trace-every", a.trace_every, "N: one tick in N has a row in the trace; the summary is of all ticks")
+      ->check(CLI::Range(std::uint64_t{1}, std::uint64_t{1'000'000'000}))
+      ->capture_default_str();
   app.add_flag("!--no-realtime", a.realtime, "Do not request real-time scheduling or locked memory");
   app.add_flag("!--no-spin", a.spin, "Sleep until the tick, without busy-waiting for the last 50 us");
   try {
@@ -55,6 +58,7 @@ int live_program(int argc, char** argv, Side side, const std::string& drivers,
     if (scene.control.architecture == Architecture::uncontrolled)
       throw ConfigError(a.scene +
                         ": control.architecture is UNCONTROLLED, which does not run live; use twoport-lab run");
+    prepare_folder(a);  // before anything can fail
     stop_on_signals();  // before hardware is opened, so that whatever has been opened is released
     return body(scene, a);
   } catch (const CLI::ParseError& e) {
@@ -75,8 +79,8 @@ void print_hints(const Scene& scene, const LiveArguments& a, bool device_is_simu
     fmt::print(stderr, "{}: warning: {}\n", a.scene, sentence);
 }
 
-std::unique_ptr<WholeFile> open_trace(const LiveArguments& a) {
-  if (a.out.empty()) return nullptr;
+void prepare_folder(const LiveArguments& a) {
+  if (a.out.empty()) return;
   std::error_code error;
   std::filesystem::create_directories(a.out, error);
   if (error) throw ConfigError(fmt::format("--out {}: cannot be created: {}", a.out, error.message()));
@@ -85,6 +89,10 @@ std::unique_ptr<WholeFile> open_trace(const LiveArguments& a) {
     if (error)
       throw ConfigError(fmt::format("{}{}: of an earlier run cannot be removed: {}", a.out, name, error.message()));
   }
+}
+
+std::unique_ptr<WholeFile> open_trace(const LiveArguments& a) {
+  if (a.out.empty()) return nullptr;
   return a.trace == "csv" ? std::make_unique<WholeFile>(a.out + "/trace.csv") : nullptr;
 }
 

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <cstdint>
 #include <functional>
 #include <limits>
 #include <memory>
@@ -20,6 +21,7 @@ struct LiveArguments {
   std::string scene, address, out, trace = "csv", hardware = "sim";
   std::vector<std::string> set;
   bool realtime = true, spin = true;
+  std::uint64_t trace_every = 1;  ///< the trace has one row in so many
   /// --duration: the program ends this long after its start [s].
   double limit_s = std::numeric_limits<double>::infinity();
 };
@@ -33,8 +35,9 @@ int live_program(int argc, char** argv, Side side, const std::string& drivers,
 /// Prints what in the scene is probably not meant, to stderr.
 void print_hints(const Scene& scene, const LiveArguments& arguments, bool device_is_simulated);
 
-/// Makes the folder of a run where it is missing, removes what an earlier run has left there, and opens the trace; null where
-/// none is wanted.
+/// Makes the folder of a run where it is missing, and removes what an earlier run has left there.
+void prepare_folder(const LiveArguments& arguments);
+/// Opens the trace there; null where none is wanted.
 std::unique_ptr<WholeFile> open_trace(const LiveArguments& arguments);
 
 /// Fills what every live summary has, and leaves `trace` and summary where --out says. First the trace: one that finds no room

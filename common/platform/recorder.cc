@@ -38,10 +38,13 @@ void Recorder<N>::drain() {
     last = done_.load(std::memory_order_acquire);
     bool any = false;
     while (ring_.try_pop(entry)) {
+      if (entry.view.refused != refused_) log_refused(entry);
+      if (!entry.recorded) continue;
       any = true;
-      if (trace_) trace_->add(entry.row);
+      if (trace_ && rows_++ % o_.trace_every == 0) trace_->add(entry.row);
       if (!o_.metrics.add(entry.row)) diverged_.store(true, std::memory_order_relaxed);
       if (entry.view.sessions > 0) log_change(entry);
+      if (!(entry.view.limits == limits_)) log_limits(entry);
       latest_ = std::max(latest_, entry.view.late);
       dissipated_j_ += entry.row.dissipated_j;
     }
@@ -53,7 +56,8 @@ void Recorder<N>::drain() {
 
 template <int N>
 void Recorder<N>::show(const Entry& newest) {
-  const auto& [row, view] = newest;
+  const auto& [row, view, recorded] = newest;
+  static_cast<void>(recorded);
   const bool master = o_.side == Side::master;
   std::string line = fmt::format("{:6.1f}", row.t_s);
   if (std::isfinite(o_.duration_s)) line += fmt::format(" / {:.1f}", o_.duration_s);
@@ -76,16 +80,46 @@ void Recorder<N>::show(const Entry& newest) {
 }
 
 template <int N>
+void Recorder<N>::say(const Entry& at, const std::string& text) {
+  if (terminal_) std::fputs("\r\033[K", stderr);
+  o_.log.info("{:.3f} s: {}", at.row.t_s, text);
+}
+
+/// Each limit when it acts for the first time, then at most every kSayEvery.
+template <int N>
+void Recorder<N>::log_limits(const Entry& entry) {
+  const double now = entry.row.t_s;
+  for (std::size_t i = 0; i < kLimits; ++i) {
+    if (entry.view.limits.of[i] == limits_.of[i]) continue;
+    if (now < limit_at_s_[i] + kSayEvery) continue;
+    limit_at_s_[i] = now;
+    if (static_cast<Limit>(i) == Limit::pause) {
+      say(entry, "this side stood still; the coupling begins anew");
+    } else {
+      say(entry, fmt::format("limit reached: {}, {} times so far", kLimitNames[i], entry.view.limits.of[i]));
+    }
+  }
+  limits_ = entry.view.limits;
+}
+
+template <int N>
+void Recorder<N>::log_refused(const Entry& entry) {
+  const double now = entry.row.t_s;
+  if (now >= refused_at_s_ && now < refused_at_s_ + kSayEvery) return;
+  refused_at_s_ = now;
+  refused_ = entry.view.refused;
+  say(entry, fmt::format("refused: {} datagrams so far, damaged or not of the {}", refused_,
+                         o_.side == Side::master ? "slave" : "master"));
+}
+
+template <int N>
 void Recorder<N>::log_change(const Entry& entry) {
   const Mode was = std::exchange(mode_, entry.row.mode);
-  const bool paired = std::exchange(sessions_, entry.view.sessions) != entry.view.sessions;
+  const std::uint64_t sessions = std::exchange(sessions_, entry.view.sessions);
   const char* peer = o_.side == Side::master ? "slave" : "master";
-  const auto say = [&](const std::string& text) {
-    if (terminal_) std::fputs("\r\033[K", stderr);
-    o_.log.info("{:.3f} s: {}", entry.row.t_s, text);
-  };
-  if (paired) {
-    say(fmt::format("paired with the {}", peer));
+  const auto tell = [&](const std::string& text) { say(entry, text); };
+  if (sessions != entry.view.sessions) {
+    tell(fmt::format("{} with the {}", sessions == 0 ? "paired" : "re-paired", peer));
     paired_ = true;
   }
   if (mode_ == was) return;
@@ -93,14 +127,14 @@ void Recorder<N>::log_change(const Entry& entry) {
     case Mode::idle:
       break;
     case Mode::coupled:
-      if (!std::exchange(paired_, false)) say(fmt::format("packets of the {} arrive again", peer));
+      if (!std::exchange(paired_, false)) tell(fmt::format("packets of the {} arrive again", peer));
       break;
     case Mode::holding:
-      say(fmt::format("the {} is silent; holding", peer));
+      tell(fmt::format("the {} is silent; holding", peer));
       break;
     case Mode::released:
-      say(was == Mode::holding ? fmt::format("released: the {} is still silent", peer)
-                               : std::string{"released: a reading was not finite"});
+      tell(was == Mode::holding ? fmt::format("released: the {} is still silent", peer)
+                                : std::string{"released: a reading was not finite"});
       break;
   }
 }

@@ -2,7 +2,9 @@
 
 #include <spdlog/logger.h>
 
+#include <array>
 #include <atomic>
+#include <cstdint>
 #include <optional>
 #include <string>
 #include <thread>
@@ -10,6 +12,7 @@
 #include "common/record/metrics.h"
 #include "common/record/trace.h"
 #include "common/runtime/ring.h"
+#include "common/safety/limits.h"
 #include "common/wire/codec.h"
 
 namespace twoport {
@@ -21,6 +24,8 @@ struct TickView {
   std::uint64_t received = 0;  ///< packets from the other side so far
   std::uint64_t lost = 0;
   std::uint64_t sessions = 0;  ///< of the other side so far; 0 where there is none
+  std::uint64_t refused = 0;   ///< datagrams so far that were none of the other side
+  LimitCounts limits{};
 };
 
 /// The recording thread of a live run: takes rows from the cycle through a ring buffer, writes the trace, computes the
@@ -31,13 +36,15 @@ class Recorder {
  public:
   struct Options {
     Metrics<N> metrics;
-    WholeFile* trace;   ///< null: none. The caller commits it after finish()
-    double duration_s;  ///< planned; infinity: until somebody ends it
-    Side side;          ///< whose port is shown
+    WholeFile* trace;           ///< null: none. The caller commits it after finish()
+    double duration_s;          ///< planned; infinity: until somebody ends it
+    Side side;                  ///< whose port is shown
+    std::uint64_t trace_every;  ///< one row in so many
     spdlog::logger& log;
   };
   /// Progress goes to stderr: one line rewritten on a terminal, else none.
   explicit Recorder(Options options) : o_{std::move(options)}, ring_{kRows} {
+    limit_at_s_.fill(kNever);
     if (o_.trace) trace_.emplace(*o_.trace);
     thread_ = std::thread{[this] { drain(); }};
   }
@@ -45,7 +52,9 @@ class Recorder {
   Recorder(const Recorder&) = delete;
 
   /// From the cycle.
-  void push(const Row<N>& row, const TickView& view) noexcept { ring_.try_push({row, view}); }
+  void push(const Row<N>& row, const TickView& view) noexcept { ring_.try_push({row, view, true}); }
+  /// The same before the other side has come: for the log only. `t_s`: since the start of the program.
+  void push_waiting(double t_s, const TickView& view) noexcept { ring_.try_push({Row<N>{.t_s = t_s}, view, false}); }
   /// Has a recorded value diverged? The cycle then ends the run.
   [[nodiscard]] bool diverged() const noexcept { return diverged_.load(std::memory_order_relaxed); }
 
@@ -60,9 +69,11 @@ class Recorder {
 
  private:
   static constexpr std::size_t kRows = 8192;
+  static constexpr double kNever = -1e9, kSayEvery = 10.0;  // [s]
   struct Entry {
     Row<N> row;
     TickView view;
+    bool recorded;  ///< false: for the log only
   };
 
   void stop() {
@@ -72,6 +83,9 @@ class Recorder {
   void drain();
   void show(const Entry& newest);
   void log_change(const Entry& entry);
+  void log_limits(const Entry& entry);
+  void log_refused(const Entry& entry);
+  void say(const Entry& at, const std::string& text);
 
   Options o_;
   std::optional<Trace<N>> trace_;
@@ -82,7 +96,11 @@ class Recorder {
   double shown_s_ = -1.0;
   Mode mode_ = Mode::idle;  ///< of the newest row, as is the next
   std::uint64_t sessions_ = 0;
-  bool paired_ = false;        ///< said so, and not coupled yet
+  bool paired_ = false;  ///< said so, and not coupled yet
+  std::uint64_t rows_ = 0, refused_ = 0;
+  LimitCounts limits_;                      ///< as last seen
+  std::array<double, kLimits> limit_at_s_;  ///< when each was said last
+  double refused_at_s_ = kNever;
   Duration latest_{0};         ///< latest tick since the line was shown
   double dissipated_j_ = 0.0;  ///< by the controller since then
   bool terminal_ = false;

@@ -23,14 +23,15 @@ class RunJudge {
   /// What is known of the run.
   struct Known {
     double rate_hz;
-    double duration_s;              ///< planned; infinity: until somebody ends it
-    double quiet_from_s;            ///< when the operator's path ends; infinity: not known, or never
-    double initial_energy_j = 0.0;  ///< E(0)
-    bool controller = false;        ///< there is a passivity controller
-    bool unseen = false;            ///< one at the other side may act, and the rows do not say so
-    bool coarse = false;            ///< an encoder or Coulomb friction is in the loop
-    bool link = false;              ///< there is another side
-    bool trends = true;             ///< verdict() is wanted; false: only divergence and scale are
+    double duration_s;                       ///< planned; infinity: until somebody ends it
+    double quiet_from_s;                     ///< when the operator's path ends; infinity: not known, or never
+    double initial_energy_j = 0.0;           ///< E(0)
+    bool controller = false;                 ///< there is a passivity controller
+    bool unseen = false;                     ///< one at the other side may act, and the rows do not say so
+    bool coarse = false;                     ///< an encoder or Coulomb friction is in the loop
+    bool link = false;                       ///< there is another side
+    bool trends = true;                      ///< verdict() is wanted; false: only divergence and scale are
+    bool of_master = true, of_slave = true;  ///< whose motion is known first-hand; what is only reported is not judged
   };
   static constexpr double kDiverged = 1000.0;  // [m/s], [rad/s]
 
@@ -41,9 +42,11 @@ class RunJudge {
   /// Returns false once the run has diverged: a value is not finite, or a speed is beyond 1000 m/s or rad/s and ten times
   /// that of the first row. The run may then end.
   [[gnu::always_inline]] bool add(const Row<N>& row) noexcept {
-    const double speed2 = row.master_v.squared_norm() + row.slave_v.squared_norm();
+    const double speed2 =
+        (known_.of_master ? row.master_v.squared_norm() : 0.0) + (known_.of_slave ? row.slave_v.squared_norm() : 0.0);
     if (rows_++ == 0) most_speed2_ = std::max(kDiverged * kDiverged, 100.0 * speed2);
-    const double reach2 = std::max(row.master_x.translation().squaredNorm(), row.slave_x.translation().squaredNorm());
+    const double reach2 = std::max(known_.of_master ? row.master_x.translation().squaredNorm() : 0.0,
+                                   known_.of_slave ? row.slave_x.translation().squaredNorm() : 0.0);
     if (!(speed2 <= most_speed2_) || !std::isfinite(reach2 + row.master_energy_j)) [[unlikely]] {
       diverged_ = true;
       diverged_at_s_ = row.t_s;
@@ -56,8 +59,8 @@ class RunJudge {
     for (int i = 0; i < N; ++i) {
       const double of_master = std::abs(row.master_v.vec()[i]), of_slave = std::abs(row.slave_v.vec()[i]);
       const auto at = static_cast<std::size_t>(i);
-      if (of_master > speed_[at]) speed_[at] = of_master;
-      if (of_slave > speed_[N + at]) speed_[N + at] = of_slave;
+      if (of_master > speed_[at] && known_.of_master) speed_[at] = of_master;
+      if (of_slave > speed_[N + at] && known_.of_slave) speed_[N + at] = of_slave;
     }
     if (row.mode == Mode::coupled) coupled_ = true;
     if (known_.trends) see(row);
@@ -96,9 +99,15 @@ class RunJudge {
   void see(const Row<N>& row) noexcept {
     energy_j_ = row.master_energy_j;
     if (row.t_s < known_.quiet_from_s) return;
-    const Speeds v = velocities(row);
+    Speeds v = velocities(row);
+    auto what = events(row);
+    if (!known_.of_master) std::fill_n(v.begin(), N, 0.0);
+    if (!known_.of_slave) {
+      std::fill_n(v.begin() + N, N, 0.0);
+      what.touching = row.master_f_wanted.squared_norm() > 0.0;
+    }
     const std::array energies{row.master_energy_j, row.master_energy_j};
-    after_->add(v, energies, events(row));
+    after_->add(v, energies, what);
     acted_after_ = acted_after_ || row.dissipated_j > 0.0;
   }
 

@@ -81,6 +81,29 @@ Packets received_packets(const PacketCounts& receiver, std::uint64_t rejected) {
   return all;
 }
 
+schema::LimitsOfPort limits_of_device(const LimitCounts& counts) {
+  schema::LimitsOfPort port;
+  port.set_force(counts[Limit::force]);
+  port.set_force_rate(counts[Limit::force_rate]);
+  port.set_power(counts[Limit::power]);
+  port.set_speed(counts[Limit::speed]);
+  port.set_workspace(counts[Limit::workspace]);
+  port.set_pause(counts[Limit::pause]);
+  return port;
+}
+schema::LimitsOfPort limits_of_robot(const LimitCounts& counts) {
+  schema::LimitsOfPort port = limits_of_device(counts);
+  port.set_set_point_step(counts[Limit::set_point_step]);
+  return port;
+}
+schema::LimitsOfPeer limits_of_peer(const LimitCounts& counts) {
+  schema::LimitsOfPeer peer;
+  peer.set_motion(counts[Limit::peer_motion]);
+  peer.set_force(counts[Limit::peer_force]);
+  peer.set_energy(counts[Limit::peer_energy]);
+  return peer;
+}
+
 void say_if_coupling_feeds(Summary& s, Energy granted) {
   constexpr double kRounding = 1e-5;  // [J]
   if (s.robot_min_energy_j() < -(granted.si() + kRounding))

@@ -9,6 +9,7 @@
 
 #include "common/link/mailbox.h"
 #include "common/record/verdict.h"
+#include "common/safety/limits.h"
 #include "common/scene/scene.h"
 #include "proto/summary.pb.h"
 
@@ -28,6 +29,11 @@ std::uint32_t count(std::uint64_t n);
 
 /// What the receiver of one direction has counted, and datagrams `rejected` below it. What was sent is not known here.
 Packets received_packets(const PacketCounts& receiver, std::uint64_t rejected = 0);
+
+/// What `counts` says of the own hardware.
+schema::LimitsOfPort limits_of_device(const LimitCounts& counts);
+schema::LimitsOfPort limits_of_robot(const LimitCounts& counts);
+schema::LimitsOfPeer limits_of_peer(const LimitCounts& counts);
 
 /// Adds to the verdict's text where the sampled coupling has given the robot more than `granted`, what its account starts
 /// with, and rounding.

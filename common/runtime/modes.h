@@ -29,8 +29,15 @@ struct Health {
 class ModeMachine {
  public:
   explicit ModeMachine(const ControlOptions& o)
-      : hold_after_{to_duration(o.hold_after.si())}, release_after_{to_duration(o.release_after.si())} {}
+      : pause_after_{o.hold_after},
+        hold_after_{to_duration(o.hold_after.si())},
+        release_after_{to_duration(o.release_after.si())} {}
 
+  /// Has this side stood still for hold_after, so that it knows nothing of the present?
+  template <class Clock>
+  [[nodiscard]] bool has_paused(const Tick<Clock>& tick) const noexcept {
+    return tick.ended >= pause_after_ && tick.ended > 1.5 * tick.dt;
+  }
   /// True when a coupling begins.
   template <int N>
   [[gnu::always_inline]] bool step(Duration now, const PeerState<N>& peer) noexcept {
@@ -47,6 +54,7 @@ class ModeMachine {
   [[nodiscard]] bool active() const noexcept { return mode_ == Mode::coupled || mode_ == Mode::holding; }
 
  private:
+  Seconds pause_after_;
   Duration hold_after_, release_after_;
   Mode mode_ = Mode::idle;
 };

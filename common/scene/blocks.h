@@ -2,6 +2,7 @@
 
 #include <vector>
 
+#include "common/scene/load.h"
 #include "common/scene/reader.h"
 #include "common/scene/scene.h"
 
@@ -12,7 +13,7 @@ namespace twoport {
 
 OperatorSpec read_operator(const Block<schema::Operator>& of);
 DeviceSpec read_device(const Block<schema::Device>& of);
-ControlOptions read_control(const Block<schema::Control>& of);
+ControlOptions read_control(const Block<schema::Control>& of, SceneFor use);
 ImpairmentOptions read_impairment(const Block<schema::Impairment>& of);
 RobotSpec read_robot(const Block<schema::Robot>& of);
 EnvironmentSpec read_environment(const Block<schema::Environment>& of);

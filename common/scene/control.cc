@@ -159,9 +159,22 @@ void read_passivity(const Block<schema::Passivity>& of, ControlOptions& options)
               fmt::format("be another value: TRANSLATION_ROTATION needs dof 6, and dof is {}", of.dof()));
 }
 
+PortLimits read_limits(const Block<schema::Limits>& of, const PortLimits& absent) {
+  of.only_with_rotation(FIELD(torque_n_m), FIELD(angular_speed_rad_per_s));
+  return {.force_n = of.number_or(FIELD(force_n), kPositive, absent.force_n),
+          .torque_n_m = of.number_or(FIELD(torque_n_m), kPositive, absent.torque_n_m),
+          .force_rate_n_per_s = of.number_or(FIELD(force_rate_n_per_s), kPositive, absent.force_rate_n_per_s),
+          .power_w = of.number_or(FIELD(power_w), kPositive, absent.power_w),
+          .speed_m_per_s = of.number_or(FIELD(speed_m_per_s), kPositive, absent.speed_m_per_s),
+          .angular_speed_rad_per_s =
+              of.number_or(FIELD(angular_speed_rad_per_s), kPositive, absent.angular_speed_rad_per_s),
+          .set_point_step_m = of.number_or(FIELD(set_point_step_m), kPositive, absent.set_point_step_m),
+          .workspace_m = of.number_or(FIELD(workspace_m), kPositive, absent.workspace_m)};
+}
+
 }  // namespace
 
-ControlOptions read_control(const Block<schema::Control>& of) {
+ControlOptions read_control(const Block<schema::Control>& of, SceneFor use) {
   ControlOptions options;
   options.architecture = of.choice<Architecture>(FIELD(architecture));
   options.coupling = read_coupling(of.block(FIELD(virtual_coupling)));
@@ -174,6 +187,15 @@ ControlOptions read_control(const Block<schema::Control>& of) {
   if (!(options.hold_after < options.release_after))
     of.refuse(FIELD(hold_after_s),
               fmt::format("be < {} ({})", of.path_of("release_after_s"), options.release_after.si()));
+  const bool live = use == SceneFor::live;
+  const Block device = of.block(FIELD(device_limits)), robot = of.block(FIELD(robot_limits));
+  options.device_limits = read_limits(device, live ? kDeviceDefaults : PortLimits{});
+  options.robot_limits = read_limits(robot, live ? kRobotDefaults : PortLimits{});
+  if (device.has(FIELD(set_point_step_m)))
+    device.fail(fmt::format("{} is given, but a device has no set point; it is of control.robot_limits",
+                            device.path_of("set_point_step_m")));
+  if (options.architecture == Architecture::render && of.has(FIELD(robot_limits)))
+    of.fail("control.robot_limits is given, but control.architecture is RENDER: there is no robot");
   read_passivity(of.block(FIELD(passivity)), options);
   return options;
 }

@@ -4,6 +4,7 @@
 #include <string>
 #include <string_view>
 #include <type_traits>
+#include <utility>
 #include <vector>
 
 #include "common/scene/load.h"
@@ -61,8 +62,9 @@ Digests digests(const Scene& scene) {
   // The handle's mass and the device's largest force are the master's own; the controller's method is that of the name.
   const auto& [architecture, coupling, force_scale, motion_scale, registration, method_name, controller, observer,
                accounts, reference_energy, initial_energy, handle_mass, handle_inertia, max_force, engage, hold_after,
-               release_after, known, stated_round_trip, fixed_damping, wave_variables, set_position_modulation,
-               energy_tank, energy_bounding, four_channel, fractal_impedance] = scene.control;
+               release_after, device_limits, robot_limits, own_limits, known, stated_round_trip, fixed_damping,
+               wave_variables, set_position_modulation, energy_tank, energy_bounding, four_channel, fractal_impedance] =
+      scene.control;
   const auto& [stiffness, damping, rotational_stiffness, rotational_damping, catch_up, drift_compensation] = coupling;
   const auto& [method, max_gain, max_mobility, unilateral, predict, mass, radius_of_gyration, max_turn] = controller;
   static_cast<void>(method), static_cast<void>(mass), static_cast<void>(radius_of_gyration);
@@ -94,6 +96,11 @@ Digests digests(const Scene& scene) {
   d.add("control.passivity.unilateral", unilateral);
   d.add("control.passivity.predict", predict);
   d.add("control.passivity.max_turn_deg", max_turn);
+  for (const auto& [path, limits] :
+       {std::pair{"control.device_limits", device_limits}, {"control.robot_limits", robot_limits}})
+    d.add(path, limits.force_n, limits.torque_n_m, limits.force_rate_n_per_s, limits.power_w, limits.speed_m_per_s,
+          limits.angular_speed_rad_per_s, limits.set_point_step_m, limits.workspace_m);
+  static_cast<void>(own_limits);       // of this side's driver
   static_cast<void>(known);            // of the scene's device, robot and delays
   static_cast<void>(energy_bounding);  // of the master's device
   d.add("control.passivity.round_trip_ms", stated_round_trip ? std::optional{stated_round_trip->si()} : std::nullopt);

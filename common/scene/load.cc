@@ -53,7 +53,7 @@ Scene read_scene(const schema::Scene& message, const std::string& file, SceneFor
   scene.seed = of.count(FIELD(seed));
   if (of.has(FIELD(operator_))) scene.operator_model = read_operator(of.block(FIELD(operator_)));
   if (of.has(FIELD(device))) scene.device = read_device(of.block(FIELD(device)));
-  scene.control = read_control(of.block(FIELD(control)));
+  scene.control = read_control(of.block(FIELD(control)), use);
   scene.to_slave = read_impairment(of.block(FIELD(to_slave)));
   scene.to_master = read_impairment(of.block(FIELD(to_master)));
   if (of.has(FIELD(robot))) scene.robot = read_robot(of.block(FIELD(robot)));

@@ -1,7 +1,9 @@
 #include <fmt/format.h>
 
+#include <cstdint>
 #include <cstdio>
 #include <exception>
+#include <filesystem>
 #include <memory>
 #include <optional>
 #include <string>
@@ -20,6 +22,7 @@ namespace {
 
 struct Arguments {
   std::string scene, out, trace = "csv", verdict = "tail";
+  std::uint64_t trace_every = 1;
   std::vector<std::string> set;
 };
 
@@ -29,9 +32,12 @@ int run_command(const Arguments& a) {
   std::optional<WholeFile> trace;
   if (!a.out.empty()) {
     make_folder(a.out);
+    for (const char* name : {"/summary.json", "/trace.csv"})
+      std::filesystem::remove(a.out + name);  // of an earlier run
     if (a.trace == "csv") trace.emplace(a.out + "/trace.csv");
   }
   const Summary summary = run(scene, {.trace = trace ? &*trace : nullptr,
+                                      .trace_every = a.trace_every,
                                       .verdict = a.verdict == "plain" ? VerdictFrom::plain : VerdictFrom::tail});
   // First the trace: one that finds no room is removed, which leaves room for the summary.
   std::exception_ptr unwritten;
@@ -56,6 +62,10 @@ Subcommand add_run_command(CLI::App& app) {
   add_scene(run, a->scene, a->set);
   run->add_option("--out", a->out, "Folder for summary.json and trace.csv");
   run->add_option("--trace", a->trace, "none or csv")->check(CLI::IsMember({"none", "csv"}))->capture_default_str();
+  run->add_option("--trace-every", a->trace_every,
+                  "N: one tick in N has a row in the trace; the summary is of all ticks")
+      ->check(CLI::Range(std::uint64_t{1}, std::uint64_t{1'000'000'000}))
+      ->capture_default_str();
   run->add_option("--verdict", a->verdict,
                   "tail: left alone after the scene's end, beside a twin; plain: from the scene's own run, faster, and "
                   "UNDECIDED "

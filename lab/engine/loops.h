@@ -214,7 +214,12 @@ class LinkLoop {
   [[nodiscard]] Energy granted_energy() const { return granted_energy_; }
   [[nodiscard]] double quiet_from_s() const { return device_.path().end_s(); }
   [[nodiscard]] std::vector<double> segment_ends_s() const { return device_.path().segment_ends_s(); }
-  [[nodiscard]] LinkUse link() const { return link_.use(); }
+  [[nodiscard]] LinkUse link() const {
+    LinkUse use = link_.use();
+    use.device_limits = master_.limit_counts();
+    use.robot_limits = slave_.limit_counts();
+    return use;
+  }
 
  private:
   [[gnu::always_inline]] auto master_tick(Duration now, std::int64_t k) noexcept {

@@ -8,6 +8,7 @@
 
 #include "common/link/mailbox.h"
 #include "common/record/row.h"
+#include "common/safety/limits.h"
 #include "common/scene/scene.h"
 
 namespace twoport::lab {
@@ -16,6 +17,7 @@ namespace twoport::lab {
 struct LinkUse {
   PacketCounts master, slave;    ///< as each side has counted them
   std::uint64_t overflowed = 0;  ///< found the delay line full
+  LimitCounts device_limits{}, robot_limits{};
 };
 
 /// Which sides a kick has moved: not one that the hand leads or that is ideal.
