@@ -3,18 +3,21 @@
 #include <spdlog/logger.h>
 
 #include <algorithm>
+#include <memory>
 #include <optional>
 #include <string>
 
 #include "common/base/histogram.h"
 #include "common/link/impaired_socket.h"
 #include "common/link/mailbox.h"
+#include "common/platform/key_file.h"
 #include "common/platform/program.h"
 #include "common/platform/random.h"
 #include "common/platform/recorder.h"
 #include "common/platform/udp.h"
 #include "common/runtime/cycle.h"
 #include "common/scene/load.h"
+#include "common/secure/secure_socket.h"
 #include "common/wire/link_transport.h"
 
 namespace twoport {
@@ -23,14 +26,22 @@ namespace twoport {
 template <int N>
 class LiveLink {
  public:
-  /// A master calls the slave at `address`, a slave listens there.
-  LiveLink(Side side, const Scene& scene, const std::string& address)
+  /// A master calls the slave at the address, a slave listens there. Throws ConfigError for an address of another machine
+  /// without a key.
+  LiveLink(Side side, const Scene& scene, const LiveArguments& arguments)
       : side_{side},
-        address_{address},
-        peer_{peer_at(side, address)},
-        udp_{peer_ ? UdpSocket{any_port_toward(*peer_), *peer_} : UdpSocket{parse_endpoint(address, "--listen")}},
+        address_{arguments.address},
+        key_file_{arguments.key},
+        where_{parse_allowed_endpoint(address_, side == Side::master ? "--peer" : "--listen", !key_file_.empty(),
+                                      arguments.insecure)},
+        peer_{side == Side::master ? std::optional{where_} : std::nullopt},
+        udp_{peer_ ? UdpSocket{any_port_toward(*peer_), *peer_} : UdpSocket{where_}},
         network_{udp_, network(side, scene, peer_)},
-        mail_{{network_, session(side, scene, peer_), system_random}} {}
+        secure_{secured(network_, side, peer_, key_file_)},
+        mail_{{top(), session(side, scene, peer_, secure_ != nullptr), system_random}} {
+    // Of a period: the rest is for the node.
+    udp_.limit(to_duration(0.25 / (side == Side::master ? scene.master_rate_hz : scene.slave_rate_hz)));
+  }
   LiveLink(const LiveLink&) = delete;  // its parts refer to each other
 
   [[nodiscard]] Mailbox<N, LinkTransport<N>>& mail() noexcept { return mail_; }
@@ -40,10 +51,20 @@ class LiveLink {
     } else {
       log.info("listening on {}", to_string(udp_.local()));
     }
+    if (secure_) {
+      log.info("packets are encrypted and authenticated with the key in {}", key_file_);
+    } else if (where_.loopback()) {
+      log.info("without a key: every program on this machine can take part");
+    } else {
+      log.warn("--insecure: packets are neither encrypted nor authenticated; whoever reaches {} can take over",
+               to_string(where_));
+    }
   }
 
   /// Says that the other side has not come, and what to do.
-  [[nodiscard]] std::string not_met() const {
+  [[nodiscard]] std::string not_met() {
+    const std::string about_keys = key_advice();
+    if (!about_keys.empty()) return about_keys;
     if (side_ == Side::master)
       return "no slave answered at " + address_ +
              " before --duration was over; start twoport-slave there, or set --peer to its address";
@@ -82,6 +103,7 @@ class LiveLink {
     const bool master = side_ == Side::master;
     (master ? to_slave : to_master)->set_sent(count(mail_.counts().sent - link.unaddressed));
     *(master ? to_master : to_slave) = received_packets(mail_.counts(), link.rejected);
+    s.set_encrypted(secure_ != nullptr);
     s.set_mode(to_string(mode));
     s.set_reconnects(count(std::max<std::uint64_t>(mail_.transport().pairings(), 1) - 1));
     if (round_trip_.count() > 0) *s.mutable_rtt_ms() = percentiles(round_trip_, 1e6);
@@ -90,9 +112,27 @@ class LiveLink {
   [[nodiscard]] std::uint64_t overflowed() { return mail_.transport().counts().overflowed; }
 
  private:
-  static std::optional<Endpoint> peer_at(Side side, const std::string& address) {
-    if (side == Side::slave) return std::nullopt;
-    return parse_endpoint(address, "--peer");
+  static std::unique_ptr<SecureSocket> secured(DatagramSocket& below, Side side, std::optional<Endpoint> peer,
+                                               const std::string& key_file) {
+    if (key_file.empty()) return nullptr;
+    const SecureSocketOptions options{.server = side == Side::slave, .peer = peer, .own_thread = true};
+    return std::make_unique<SecureSocket>(below, options, read_key_file(key_file));
+  }
+  DatagramSocket& top() noexcept {
+    if (secure_) return *secure_;
+    return network_;
+  }
+  /// Why no session has come about, where it is a matter of keys; else empty.
+  [[nodiscard]] std::string key_advice() {
+    const Rejected rejected = mail_.transport().counts().rejected;
+    if (secure_ && secure_->answered() && secure_->associations() == 0)
+      return "the program at " + address_ +
+             " answered, but the handshake did not succeed; start both with the same --key";
+    if (secure_ && secure_->associations() == 0 && rejected.not_encrypted > 0)
+      return "packets without encryption arrived; start both programs with the same --key, or both without";
+    if (!secure_ && rejected.encrypted > 0)
+      return "encrypted packets arrived, and this program has no key; start both programs with the same --key";
+    return {};
   }
   static ImpairedSocketOptions network(Side side, const Scene& scene, std::optional<Endpoint> peer) {
     const bool master = side == Side::master;
@@ -101,13 +141,14 @@ class LiveLink {
             .peer_rate_hz = master ? scene.slave_rate_hz : scene.master_rate_hz,
             .peer = peer};
   }
-  static SessionOptions session(Side side, const Scene& scene, std::optional<Endpoint> peer) {
+  static SessionOptions session(Side side, const Scene& scene, std::optional<Endpoint> peer, bool encrypted) {
     const bool master = side == Side::master;
     SessionOptions options{.side = side,
                            .rate_hz = master ? scene.master_rate_hz : scene.slave_rate_hz,
                            .peer_rate_hz = master ? scene.slave_rate_hz : scene.master_rate_hz,
                            .scene_digest = scene_digest(scene),
-                           .peer = peer};
+                           .peer = peer,
+                           .tells_reasons = encrypted};
     for (const SharedField& field : shared_fields(scene)) {
       options.scene_field_names.push_back(field.path);
       const std::uint64_t folded = field.digest ^ field.digest >> 32;
@@ -118,11 +159,13 @@ class LiveLink {
   }
 
   Side side_;
-  std::string address_;
+  std::string address_, key_file_;
+  Endpoint where_;
   std::optional<Endpoint> peer_;
   // The stack, from the wire up.
   UdpSocket udp_;
   ImpairedSocket network_;
+  std::unique_ptr<SecureSocket> secure_;  ///< null: without a key
   Mailbox<N, LinkTransport<N>> mail_;
   Histogram round_trip_;
 };

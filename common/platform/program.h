@@ -18,6 +18,8 @@ namespace twoport {
 /// Arguments of both live programs.
 struct LiveArguments {
   std::string scene, address, out, trace = "csv", hardware = "sim";
+  std::string key;        ///< --key: the file; empty: packets are neither encrypted nor authenticated
+  bool insecure = false;  ///< --insecure: without a key also beyond this machine
   std::vector<std::string> set;
   bool realtime = true, spin = true;
   /// --duration: the program ends this long after its start [s].

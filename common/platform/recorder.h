@@ -9,7 +9,7 @@
 
 #include "common/record/metrics.h"
 #include "common/record/trace.h"
-#include "common/runtime/ring.h"
+#include "common/base/ring.h"
 #include "common/wire/codec.h"
 
 namespace twoport {

@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "common/link/mailbox.h"
+#include "common/link/rejected.h"
 #include "common/record/verdict.h"
 #include "common/scene/scene.h"
 #include "proto/summary.pb.h"
@@ -27,7 +28,7 @@ void describe_run(const Scene& scene, std::string_view side, Summary& summary);
 std::uint32_t count(std::uint64_t n);
 
 /// What the receiver of one direction has counted, and datagrams `rejected` below it. What was sent is not known here.
-Packets received_packets(const PacketCounts& receiver, std::uint64_t rejected = 0);
+Packets received_packets(const PacketCounts& receiver, Rejected rejected = {});
 
 /// Adds to the verdict's text where the sampled coupling has given the robot more than `granted`, what its account starts
 /// with, and rounding.
