@@ -3,6 +3,7 @@
 #include <spdlog/logger.h>
 
 #include <algorithm>
+#include <atomic>
 #include <memory>
 #include <optional>
 #include <string>
@@ -37,7 +38,7 @@ class LiveLink {
         peer_{side == Side::master ? std::optional{where_} : std::nullopt},
         udp_{peer_ ? UdpSocket{any_port_toward(*peer_), *peer_} : UdpSocket{where_}},
         network_{udp_, network(side, scene, peer_)},
-        secure_{secured(network_, side, peer_, key_file_)},
+        secure_{secured()},
         mail_{{top(), session(side, scene, peer_, secure_ != nullptr), system_random}} {
     // Of a period: the rest is for the node.
     udp_.limit(to_duration(0.25 / (side == Side::master ? scene.master_rate_hz : scene.slave_rate_hz)));
@@ -45,7 +46,9 @@ class LiveLink {
   LiveLink(const LiveLink&) = delete;  // its parts refer to each other
 
   [[nodiscard]] Mailbox<N, LinkTransport<N>>& mail() noexcept { return mail_; }
+  /// `log` is used until this is destroyed, from another thread too.
   void say_where(spdlog::logger& log) {
+    log_ = &log;
     if (side_ == Side::master) {
       log.info("waiting for a slave at {}", address_);
     } else {
@@ -112,11 +115,19 @@ class LiveLink {
   [[nodiscard]] std::uint64_t overflowed() { return mail_.transport().counts().overflowed; }
 
  private:
-  static std::unique_ptr<SecureSocket> secured(DatagramSocket& below, Side side, std::optional<Endpoint> peer,
-                                               const std::string& key_file) {
-    if (key_file.empty()) return nullptr;
-    const SecureSocketOptions options{.server = side == Side::slave, .peer = peer, .own_thread = true};
-    return std::make_unique<SecureSocket>(below, options, read_key_file(key_file));
+  std::unique_ptr<SecureSocket> secured() {
+    if (key_file_.empty()) return nullptr;
+    SecureSocketOptions options{.server = side_ == Side::slave, .peer = peer_, .own_thread = true};
+    options.tell = [this](SecureEvent event, const Endpoint& peer) {
+      spdlog::logger* const log = log_.load();
+      if (log == nullptr) return;
+      if (event == SecureEvent::agreed) {
+        log->info("{} has the key", to_string(peer));
+      } else {
+        log->warn("a handshake with {} has failed: another key, or packets are lost", to_string(peer));
+      }
+    };
+    return std::make_unique<SecureSocket>(network_, options, read_key_file(key_file_));
   }
   DatagramSocket& top() noexcept {
     if (secure_) return *secure_;
@@ -163,6 +174,7 @@ class LiveLink {
   Endpoint where_;
   std::optional<Endpoint> peer_;
   // The stack, from the wire up.
+  std::atomic<spdlog::logger*> log_{nullptr};
   UdpSocket udp_;
   ImpairedSocket network_;
   std::unique_ptr<SecureSocket> secure_;  ///< null: without a key

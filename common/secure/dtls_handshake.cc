@@ -358,6 +358,7 @@ void DtlsHandshake::on_hello(std::span<const std::byte> bytes, const Endpoint& f
   listener_->random = random;
   attempts_.push_back(std::move(listener_));
   listener_ = make_attempt({});
+  answered_ = true;
   Attempt& attempt = *attempts_.back();
   attempt.began = attempt.repeated = attempt.progressed = now;
   proceed(attempt, {}, now);

@@ -37,6 +37,7 @@ struct DtlsCounts {
   std::uint64_t associations = 0;
   std::uint64_t cookies_sent = 0;  ///< HelloVerifyRequests
   std::uint64_t refused = 0;       ///< datagrams of nobody's handshake, or of one that failed
+  std::uint64_t failed = 0;        ///< attempts that somebody has answered, and that have come to nothing
 };
 
 /// Handshakes of DTLS 1.2 with a pre-shared key, cipher suite ECDHE-PSK-CHACHA20-POLY1305 (RFC 6347, 5489, 7905):
@@ -65,8 +66,11 @@ class DtlsHandshake {
   /// A new association; null: none.
   std::unique_ptr<Association> take_association();
 
-  /// Has somebody answered a client, and not finished a handshake? Then the keys differ, or packets are lost.
+  /// Has somebody answered since the last association, and not finished a handshake? Then the keys differ, or packets are
+  /// lost.
   [[nodiscard]] bool answered() const noexcept { return answered_; }
+  /// Of the last attempt that has failed.
+  [[nodiscard]] const Endpoint& failed_peer() const noexcept { return failed_peer_; }
   [[nodiscard]] const DtlsCounts& counts() const noexcept { return counts_; }
 
  private:
@@ -91,6 +95,7 @@ class DtlsHandshake {
   std::vector<std::unique_ptr<Association>> associations_;
   DtlsCounts counts_;
   bool answered_ = false;
+  Endpoint failed_peer_;
 };
 
 /// Does a datagram begin with a ClientHello in plain text?

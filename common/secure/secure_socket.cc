@@ -12,6 +12,7 @@ using namespace std::chrono_literals;
 // A client makes a new handshake when it has opened nothing for this long, and as long as the last handshake has taken:
 // three round trips.
 constexpr Duration kDeaf = 250ms, kLongestTrip = 3s;
+constexpr Duration kTellEvery = 5s;
 constexpr Duration kPatience = 2ms;  // of the thread, between two looks at its rings
 
 // A flood of handshakes costs the thread, not the tick: what finds a ring full is dropped. ClientHellos, which anybody can
@@ -163,12 +164,25 @@ void SecureSocket::work() {
     if (has_leaving_) break;
   }
   while (waiting_ || (waiting_ = handshake_.take_association())) {
+    agreed_with_ = waiting_->peer;
     if (!arrived_.try_push(waiting_.get())) break;
     static_cast<void>(waiting_.release());
     ++made_;
   }
   answered_.store(handshake_.answered(), std::memory_order_relaxed);
   failed_.store(handshake_.counts().refused, std::memory_order_relaxed);
+  if (options_.tell) tell(now);
+}
+
+void SecureSocket::tell(Duration now) {
+  const auto once = [&](SecureEvent event, std::uint64_t count, const Endpoint& peer, std::uint64_t& told,
+                        std::optional<Duration>& at) {
+    if (count == told || (at && now - *at < kTellEvery)) return;
+    told = count, at = now;
+    options_.tell(event, peer);
+  };
+  once(SecureEvent::agreed, made_, agreed_with_, told_agreed_, agreed_at_);
+  once(SecureEvent::failed, handshake_.counts().failed, handshake_.failed_peer(), told_failed_, failed_at_);
 }
 
 void SecureSocket::run() {

@@ -2,6 +2,7 @@
 
 #include <atomic>
 #include <cstdint>
+#include <functional>
 #include <memory>
 #include <optional>
 #include <thread>
@@ -14,11 +15,19 @@
 
 namespace twoport {
 
+/// What the handshakes have to say, at most once in five seconds each.
+enum class SecureEvent : std::uint8_t {
+  agreed,  ///< the peer has proved that it has the key
+  failed,  ///< a handshake has come to nothing: another key, or packets lost
+};
+
 struct SecureSocketOptions {
   bool server = false;
   std::optional<Endpoint> peer{};  ///< a client's
   /// Handshakes run in a thread of their own, beside the cycle; else within receive(), in virtual time.
   bool own_thread = false;
+  /// Called by that thread.
+  std::function<void(SecureEvent, const Endpoint& peer)> tell{};
 };
 
 /// A filter above another socket that encrypts and authenticates every datagram: DTLS 1.2 with a pre-shared key. What it
@@ -44,7 +53,7 @@ class SecureSocket final : public DatagramSocket {
   [[nodiscard]] const Endpoint& local() const noexcept override;
   [[nodiscard]] SocketCounts counts() const noexcept override;
 
-  /// Has somebody answered this client without finishing a handshake? Then the keys differ, or packets are lost.
+  /// Has somebody begun or answered a handshake, and none has been finished since? Then the keys differ, or packets are lost.
   [[nodiscard]] bool answered() const noexcept { return answered_.load(std::memory_order_relaxed); }
   /// Handshakes that have succeeded.
   [[nodiscard]] std::uint64_t associations() const noexcept { return associations_; }
@@ -55,6 +64,7 @@ class SecureSocket final : public DatagramSocket {
   bool hand_over(const ReceivedDatagram& datagram) noexcept;
   bool open(const ReceivedDatagram& datagram, Duration now, std::span<const std::byte>& plain) noexcept;
   void work();
+  void tell(Duration now);
   void run();
 
   DatagramSocket* socket_;
@@ -81,7 +91,10 @@ class SecureSocket final : public DatagramSocket {
   Datagram working_, leaving_;
   bool has_leaving_ = false;
   std::uint64_t made_ = 0;
+  std::uint64_t told_agreed_ = 0, told_failed_ = 0;
+  std::optional<Duration> agreed_at_, failed_at_;  ///< told
   std::unique_ptr<Association> waiting_;
+  Endpoint agreed_with_;
   std::atomic<bool> done_{false};
   std::thread thread_;
 };
