@@ -110,7 +110,7 @@ struct RenderMaster : Master<N> {
 template <int N>
 struct LinkMaster : Master<N> {
   LinkMaster(const Scene& s, Device<N>& device, const LiveArguments& a)
-      : Master<N>{s, device, a.hardware}, link{Side::master, s, a.address}, node{s.control}, registration{s.control} {}
+      : Master<N>{s, device, a.hardware}, link{Side::master, s, a}, node{s.control}, registration{s.control} {}
 
   [[nodiscard]] Metrics<N> metrics() const {
     return Master<N>::metrics(this->scene.control.initial_energy, {.robot_energy = false});

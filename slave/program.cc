@@ -27,7 +27,7 @@ struct Slave {
   using Sample = RobotSample<N>;
 
   Slave(const Scene& s, Robot<N>& robot, const LiveArguments& a)
-      : scene{s}, hardware{robot}, link{Side::slave, s, a.address}, node{s.control} {
+      : scene{s}, hardware{robot}, link{Side::slave, s, a}, node{s.control} {
     first_reading<SlaveClock>(robot, Seconds{1.0 / s.slave_rate_hz}, a.hardware);
   }
 

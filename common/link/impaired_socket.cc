@@ -43,8 +43,12 @@ void ImpairedSocket::fill(Duration now) noexcept {
     const std::optional<ReceivedDatagram> datagram = socket_->receive(now);
     if (!datagram) return;
     const bool of_peer = datagram->from == peer_;
-    if (datagram->bytes.size() > kMaxDatagramBytes || (!of_peer && (peer_is_given_ || ++others > kMaxOthersPerTick))) {
-      ++rejected_;
+    if (!of_peer && (peer_is_given_ || ++others > kMaxOthersPerTick)) {
+      ++(peer_is_given_ ? rejected_.foreign_address : rejected_.flood);
+      continue;
+    }
+    if (datagram->bytes.size() > kMaxDatagramBytes) {
+      ++rejected_.too_long;
       continue;
     }
     arriving_.assign(datagram->bytes, datagram->from);
@@ -66,7 +70,8 @@ const Endpoint& ImpairedSocket::local() const noexcept {
 
 SocketCounts ImpairedSocket::counts() const noexcept {
   SocketCounts counts = socket_->counts();
-  counts.rejected += rejected_ + of_others_.overflowed();
+  counts.rejected += rejected_;
+  counts.rejected.flood += of_others_.overflowed();
   counts.lost += of_peer_.lost() + of_others_.lost();
   counts.overflowed += of_peer_.overflowed();
   return counts;

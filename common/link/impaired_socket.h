@@ -45,7 +45,7 @@ class ImpairedSocket final : public DatagramSocket {
   DelayLine<Datagram> of_peer_, of_others_;
   Datagram arriving_;
   std::optional<Duration> filled_at_, start_;
-  std::uint64_t rejected_ = 0;
+  Rejected rejected_;
 };
 
 }  // namespace twoport

@@ -7,6 +7,7 @@
 
 #include "common/base/time.h"
 #include "common/link/endpoint.h"
+#include "common/link/rejected.h"
 
 namespace twoport {
 
@@ -18,8 +19,8 @@ struct ReceivedDatagram {
 
 /// Datagrams that a socket, or a filter above it, did not pass on.
 struct SocketCounts {
-  std::uint64_t unsent = 0;      ///< could not be handed over
-  std::uint64_t rejected = 0;    ///< from an ignored address, above the limit of unpaired ones, too long
+  std::uint64_t unsent = 0;  ///< could not be handed over
+  Rejected rejected{};
   std::uint64_t lost = 0;        ///< dropped by the impairment
   std::uint64_t overflowed = 0;  ///< of the peer, dropped because the delay line was full
 };
@@ -28,7 +29,7 @@ struct SocketCounts {
 ///
 ///     Mailbox            reports: newest state, largest energy
 ///     LinkTransport      Handshake over Codec: bytes <-> reports of this session
-///     (security)         place for a filter that encrypts and authenticates; it may send and drop datagrams of its own
+///     SecureSocket       with a key: encrypts and authenticates; sends and drops datagrams of its own
 ///     ImpairedSocket     the network that the scene describes, over bytes
 ///     UdpSocket          or MemorySocket, in virtual time
 ///

@@ -3,12 +3,15 @@
 #include <spdlog/logger.h>
 
 #include <algorithm>
+#include <atomic>
+#include <memory>
 #include <optional>
 #include <string>
 
 #include "common/base/histogram.h"
 #include "common/link/impaired_socket.h"
 #include "common/link/mailbox.h"
+#include "common/platform/key_file.h"
 #include "common/platform/program.h"
 #include "common/platform/random.h"
 #include "common/platform/recorder.h"
@@ -16,6 +19,7 @@
 #include "common/runtime/cycle.h"
 #include "common/safety/guarded_transport.h"
 #include "common/scene/load.h"
+#include "common/secure/secure_socket.h"
 #include "common/wire/link_transport.h"
 
 namespace twoport {
@@ -26,29 +30,49 @@ class LiveLink {
  public:
   using Transport = GuardedTransport<N, LinkTransport<N>>;
 
-  /// A master calls the slave at `address`, a slave listens there.
-  LiveLink(Side side, const Scene& scene, const std::string& address)
+  /// A master calls the slave at the address, a slave listens there. Throws ConfigError for an address of another machine
+  /// without a key.
+  LiveLink(Side side, const Scene& scene, const LiveArguments& arguments)
       : side_{side},
-        address_{address},
-        peer_{peer_at(side, address)},
-        udp_{peer_ ? UdpSocket{any_port_toward(*peer_), *peer_} : UdpSocket{parse_endpoint(address, "--listen")}},
+        address_{arguments.address},
+        key_file_{arguments.key},
+        where_{parse_allowed_endpoint(address_, side == Side::master ? "--peer" : "--listen", !key_file_.empty(),
+                                      arguments.insecure)},
+        peer_{side == Side::master ? std::optional{where_} : std::nullopt},
+        udp_{peer_ ? UdpSocket{any_port_toward(*peer_), *peer_} : UdpSocket{where_}},
         network_{udp_, network(side, scene, peer_)},
+        secure_{secured()},
         mail_{Transport{
             side == Side::master ? limits_of_slave_reports(scene.control) : limits_of_master_reports(scene.control),
-            network_, session(side, scene, peer_), SessionNumbers{system_random}}} {}
+            top(), session(side, scene, peer_, secure_ != nullptr), SessionNumbers{system_random}}} {
+    // Of a period: the rest is for the node.
+    udp_.limit(to_duration(0.25 / (side == Side::master ? scene.master_rate_hz : scene.slave_rate_hz)));
+  }
   LiveLink(const LiveLink&) = delete;  // its parts refer to each other
 
   [[nodiscard]] Mailbox<N, Transport>& mail() noexcept { return mail_; }
+  /// `log` is used until this is destroyed, from another thread too.
   void say_where(spdlog::logger& log) {
+    log_ = &log;
     if (side_ == Side::master) {
       log.info("waiting for a slave at {}", address_);
     } else {
       log.info("listening on {}", to_string(udp_.local()));
     }
+    if (secure_) {
+      log.info("packets are encrypted and authenticated with the key in {}", key_file_);
+    } else if (where_.loopback()) {
+      log.info("without a key: every program on this machine can take part");
+    } else {
+      log.warn("--insecure: packets are neither encrypted nor authenticated; whoever reaches {} can take over",
+               to_string(where_));
+    }
   }
 
   /// Says that the other side has not come, and what to do.
-  [[nodiscard]] std::string not_met() const {
+  [[nodiscard]] std::string not_met() {
+    const std::string about_keys = key_advice();
+    if (!about_keys.empty()) return about_keys;
     if (side_ == Side::master)
       return "no slave answered at " + address_ +
              " before --duration was over; start twoport-slave there, or set --peer to its address";
@@ -90,6 +114,7 @@ class LiveLink {
     const bool master = side_ == Side::master;
     (master ? to_slave : to_master)->set_sent(count(mail_.counts().sent - link.unaddressed));
     *(master ? to_master : to_slave) = received_packets(mail_.counts(), link.rejected);
+    s.set_encrypted(secure_ != nullptr);
     s.set_mode(to_string(mode));
     s.set_reconnects(count(std::max<std::uint64_t>(mail_.transport().pairings(), 1) - 1));
     *s.mutable_limits()->mutable_peer() = limits_of_peer(limit_counts());
@@ -99,9 +124,35 @@ class LiveLink {
   [[nodiscard]] std::uint64_t overflowed() { return mail_.transport().counts().overflowed; }
 
  private:
-  static std::optional<Endpoint> peer_at(Side side, const std::string& address) {
-    if (side == Side::slave) return std::nullopt;
-    return parse_endpoint(address, "--peer");
+  std::unique_ptr<SecureSocket> secured() {
+    if (key_file_.empty()) return nullptr;
+    SecureSocketOptions options{.server = side_ == Side::slave, .peer = peer_, .own_thread = true};
+    options.tell = [this](SecureEvent event, const Endpoint& peer) {
+      spdlog::logger* const log = log_.load();
+      if (log == nullptr) return;
+      if (event == SecureEvent::agreed) {
+        log->info("{} has the key", to_string(peer));
+      } else {
+        log->warn("a handshake with {} has failed: another key, or packets are lost", to_string(peer));
+      }
+    };
+    return std::make_unique<SecureSocket>(network_, options, read_key_file(key_file_));
+  }
+  DatagramSocket& top() noexcept {
+    if (secure_) return *secure_;
+    return network_;
+  }
+  /// Why no session has come about, where it is a matter of keys; else empty.
+  [[nodiscard]] std::string key_advice() {
+    const Rejected rejected = mail_.transport().counts().rejected;
+    if (secure_ && secure_->answered() && secure_->associations() == 0)
+      return "the program at " + address_ +
+             " answered, but the handshake did not succeed; start both with the same --key";
+    if (secure_ && secure_->associations() == 0 && rejected.not_encrypted > 0)
+      return "packets without encryption arrived; start both programs with the same --key, or both without";
+    if (!secure_ && rejected.encrypted > 0)
+      return "encrypted packets arrived, and this program has no key; start both programs with the same --key";
+    return {};
   }
   static ImpairedSocketOptions network(Side side, const Scene& scene, std::optional<Endpoint> peer) {
     const bool master = side == Side::master;
@@ -110,13 +161,14 @@ class LiveLink {
             .peer_rate_hz = master ? scene.slave_rate_hz : scene.master_rate_hz,
             .peer = peer};
   }
-  static SessionOptions session(Side side, const Scene& scene, std::optional<Endpoint> peer) {
+  static SessionOptions session(Side side, const Scene& scene, std::optional<Endpoint> peer, bool encrypted) {
     const bool master = side == Side::master;
     SessionOptions options{.side = side,
                            .rate_hz = master ? scene.master_rate_hz : scene.slave_rate_hz,
                            .peer_rate_hz = master ? scene.slave_rate_hz : scene.master_rate_hz,
                            .scene_digest = scene_digest(scene),
-                           .peer = peer};
+                           .peer = peer,
+                           .tells_reasons = encrypted};
     for (const SharedField& field : shared_fields(scene)) {
       options.scene_field_names.push_back(field.path);
       const std::uint64_t folded = field.digest ^ field.digest >> 32;
@@ -127,11 +179,14 @@ class LiveLink {
   }
 
   Side side_;
-  std::string address_;
+  std::string address_, key_file_;
+  Endpoint where_;
   std::optional<Endpoint> peer_;
   // The stack, from the wire up.
+  std::atomic<spdlog::logger*> log_{nullptr};
   UdpSocket udp_;
   ImpairedSocket network_;
+  std::unique_ptr<SecureSocket> secure_;  ///< null: without a key
   Mailbox<N, Transport> mail_;
   Histogram round_trip_;
 };

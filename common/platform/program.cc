@@ -34,6 +34,11 @@ int live_program(int argc, char** argv, Side side, const std::string& drivers,
       "Ctrl-C");
   app.add_option(master ? "--peer" : "--listen", a.address, "ADDR:PORT, an IP address or a host name")
       ->capture_default_str();
+  app.add_option("--key", a.key,
+                 "File with the key that both programs share, made by twoport-keygen: encrypts and authenticates every "
+                 "packet. Without it only addresses of this machine are allowed");
+  app.add_flag("--insecure", a.insecure,
+               "Without a key, allow addresses of other machines too: anyone there can take over");
   app.add_option(hardware_flag, a.hardware, std::string{"NAME[:ARGS], "} + (master ? "the haptic device" : "the robot"))
       ->capture_default_str();
   app.add_flag_callback(

@@ -19,6 +19,8 @@ namespace twoport {
 /// Arguments of both live programs.
 struct LiveArguments {
   std::string scene, address, out, trace = "csv", hardware = "sim";
+  std::string key;        ///< --key: the file; empty: packets are neither encrypted nor authenticated
+  bool insecure = false;  ///< --insecure: without a key also beyond this machine
   std::vector<std::string> set;
   bool realtime = true, spin = true;
   std::uint64_t trace_every = 1;  ///< the trace has one row in so many

@@ -9,9 +9,9 @@
 #include <string>
 #include <thread>
 
+#include "common/base/ring.h"
 #include "common/record/metrics.h"
 #include "common/record/trace.h"
-#include "common/runtime/ring.h"
 #include "common/safety/limits.h"
 #include "common/wire/codec.h"
 

@@ -14,6 +14,7 @@
 #include <asio/ip/udp.hpp>
 #include <cerrno>
 #include <charconv>
+#include <chrono>
 #include <cstring>
 
 #include "common/base/check.h"
@@ -125,6 +126,16 @@ Endpoint parse_endpoint(std::string_view text, std::string_view option) {
   return from_asio({(v4 != found.end() ? v4 : found.begin())->endpoint().address(), number});
 }
 
+Endpoint parse_allowed_endpoint(std::string_view text, std::string_view option, bool has_key, bool insecure) {
+  const Endpoint endpoint = parse_endpoint(text, option);
+  if (has_key || insecure || endpoint.loopback()) return endpoint;
+  throw ConfigError(
+      std::string{option} + " " + std::string{text} +
+      ": without a key only addresses of this machine are allowed (127.0.0.1, [::1]); make a key with "
+      "twoport-keygen FILE and start both programs with --key FILE, or accept with --insecure that anyone "
+      "who reaches the address can take over");
+}
+
 Endpoint any_port_toward(const Endpoint& peer) {
   Endpoint any;
   any.v6 = peer.v6;
@@ -147,6 +158,11 @@ struct UdpSocket::Impl {
   std::array<mmsghdr, kBatch> headers{};
   unsigned filled = 0, taken = 0;
 
+  Duration span = Duration::max();
+  std::optional<Duration> tick;
+  std::chrono::steady_clock::time_point tick_began;
+
+  bool over(Duration now) noexcept;
   void connect(const Endpoint& peer) noexcept;
   [[nodiscard]] ssize_t send(std::span<const std::byte> bytes, const Endpoint& to) const noexcept;
   bool refill() noexcept;
@@ -214,13 +230,29 @@ bool UdpSocket::Impl::refill() noexcept {
   return filled > 0;
 }
 
+void UdpSocket::limit(Duration span) noexcept {
+  impl_->span = span;
+}
+
+/// Has the time of this tick been spent?
+bool UdpSocket::Impl::over(Duration now) noexcept {
+  if (span == Duration::max()) return false;
+  const auto moment = std::chrono::steady_clock::now();
+  if (tick != now) {
+    tick = now;
+    tick_began = moment;
+    return false;
+  }
+  return moment - tick_began >= span;
+}
+
 std::optional<ReceivedDatagram> UdpSocket::receive(Duration now) noexcept {
   Impl& s = *impl_;
   if (s.taken == s.filled) {
     // A batch that was not full has emptied the queue: no further call.
     const bool emptied = s.filled > 0 && s.filled < kBatch;
     s.filled = s.taken = 0;
-    if (emptied || !s.refill()) return std::nullopt;
+    if (emptied || s.over(now) || !s.refill()) return std::nullopt;
   }
   const unsigned i = s.taken++;
   return ReceivedDatagram{{s.buffers[i].data(), s.headers[i].msg_len},

@@ -18,6 +18,9 @@ Endpoint parse_endpoint(std::string_view text, std::string_view option);
 /// Any free port, on any address, from which `peer` can be reached.
 Endpoint any_port_toward(const Endpoint& peer);
 
+/// The address of --peer or --listen, which must be of this machine unless `has_key` or `insecure`. Throws ConfigError.
+Endpoint parse_allowed_endpoint(std::string_view text, std::string_view option, bool has_key, bool insecure);
+
 /// A UDP socket that never waits. Sending and receiving allocate nothing and throw nothing.
 class UdpSocket final : public DatagramSocket {
  public:
@@ -36,6 +39,10 @@ class UdpSocket final : public DatagramSocket {
   /// The oldest received datagram; empty if there is none, or was none when the last batch was fetched. An oversized
   /// one is cut to more than kMaxDatagramBytes.
   std::optional<ReceivedDatagram> receive(Duration now) noexcept override;
+
+  /// From `span` after the first receive of a `now` on, that `now` fetches no further batch: work of a tick is bounded in
+  /// time, whatever arrives. What is left stays with the system, which drops what finds its queue full.
+  void limit(Duration span) noexcept;
 
   /// Where it is bound, with the port that was taken.
   [[nodiscard]] const Endpoint& local() const noexcept override;

@@ -43,6 +43,7 @@ void add_numbers(const pb::Message& of, bool known, const std::string& prefix,
   const pb::Reflection& reflection = *of.GetReflection();
   for (int i = 0; i < descriptor.field_count(); ++i) {
     const pb::FieldDescriptor& field = *descriptor.field(i);
+    if (field.is_repeated()) continue;
     const bool is_known = known && (!field.has_presence() || reflection.HasField(of, &field));
     if (field.message_type())
       add_numbers(reflection.GetMessage(of, &field), is_known, prefix + field.name() + ".", all);
@@ -71,13 +72,17 @@ void set_verdict(const Verdict& verdict, Summary& s) {
   s.set_verdict_kind(std::string{to_string(verdict.kind)});
 }
 
-Packets received_packets(const PacketCounts& receiver, std::uint64_t rejected) {
+Packets received_packets(const PacketCounts& receiver, Rejected rejected) {
+  rejected.sequence += receiver.rejected;
   Packets all;
   all.set_received(count(receiver.received));
   all.set_lost(count(receiver.lost));
   all.set_late(count(receiver.late));
   all.set_duplicated(count(receiver.duplicated));
-  all.set_rejected(count(receiver.rejected + rejected));
+  all.set_rejected(count(rejected.total()));
+  rejected.each([&](const char* reason, std::uint64_t n) {
+    if (n > 0) (*all.mutable_rejected_by())[reason] = count(n);
+  });
   return all;
 }
 

@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "common/link/mailbox.h"
+#include "common/link/rejected.h"
 #include "common/record/verdict.h"
 #include "common/safety/limits.h"
 #include "common/scene/scene.h"
@@ -28,7 +29,7 @@ void describe_run(const Scene& scene, std::string_view side, Summary& summary);
 std::uint32_t count(std::uint64_t n);
 
 /// What the receiver of one direction has counted, and datagrams `rejected` below it. What was sent is not known here.
-Packets received_packets(const PacketCounts& receiver, std::uint64_t rejected = 0);
+Packets received_packets(const PacketCounts& receiver, Rejected rejected = {});
 
 /// What `counts` says of the own hardware.
 schema::LimitsOfPort limits_of_device(const LimitCounts& counts);

@@ -12,6 +12,7 @@ constexpr Duration kSilent = 100ms;         // after which a peer may be gone
 constexpr Duration kRefusalEvery = 20ms;    // at most one so often
 constexpr Duration kRefusalLinger = 500ms;  // during which refusals are sent
 constexpr Duration kTakenAfter = 1s;        // of requests before an unpaired peer is told that the slave is busy
+constexpr Duration kFollowedAfter = 750ms;  // of silence: then another address may follow, where it could be anybody's
 constexpr Duration kGoneAfter = 1s;  // of silence: then the slave accepts an earlier master that is still running
 
 /// Interval at which a slave renews its offer to a master of another session: the master may have closed the last one.
@@ -62,13 +63,31 @@ Handshake::Action Handshake::on(const Header& header, Decoded decoded, const End
   return on_unknown(header, decoded, from, now);
 }
 
+/// Only a receiver of our packets can know one of these numbers.
+bool Handshake::knows_us(const Header& header) const noexcept {
+  return header.peer_session == session_ || offers_.has(header.peer_session);
+}
+
 Handshake::Action Handshake::on_refusal(const Header& header, const Endpoint& from, Duration now) noexcept {
-  // It must know our number: only a receiver of our packets can refuse us. A late one does not end an active session.
-  const bool knows_us = header.peer_session == session_ || offers_.has(header.peer_session);
-  if (!knows_us || (peer_ && from != *peer_) || coupled(now)) return Action::reject;
-  reject_reason_ = Sentence{header.refusal};
-  ended_ = true;
-  return Action::end;
+  if (header.peer_session == refusing_session_) {
+    // The answer to a refusal of ours. A paired side continues.
+    if (pairings_ > 0 || difference_.empty() || (options_.peer && from != *options_.peer)) return Action::reject;
+    reject_reason_ = difference_;
+    ended_ = true;
+    return Action::end;
+  }
+  // A late one does not end an active session.
+  if (!knows_us(header) || (peer_ && from != *peer_) || coupled(now)) return Action::reject;
+  const bool without_reason = header.refusal == mismatch_without_reason(Side::master).view() ||
+                              header.refusal == mismatch_without_reason(Side::slave).view();
+  reject_reason_ = without_reason && !difference_.empty() ? difference_ : Sentence{header.refusal};
+  if (!without_reason) {
+    ended_ = true;
+    return Action::end;
+  }
+  // The other side ends when it knows that this one was told.
+  if (!mismatch_found_) mismatch_found_ = now;
+  return refuse(header, mismatch_without_reason(options_.side), now);
 }
 
 Handshake::Action Handshake::on_current(const Header& header, Decoded decoded, const Endpoint& from,
@@ -95,16 +114,18 @@ Handshake::Action Handshake::on_unknown(const Header& header, Decoded decoded, c
   const bool elsewhere = peer_ && from != *peer_;
   if (header.session == peer_session_ && within(kSilent, heard_, now)) return Action::reject;
   // An active session is not replaced.
-  const bool preempts = elsewhere ? within(kSilent, heard_, now) : coupled(now);
+  const Duration followed_after = options_.tells_reasons ? kSilent : kFollowedAfter;
+  const bool preempts = elsewhere ? within(followed_after, heard_, now) : coupled(now);
   const Sentence why = mismatch(options_, dof_, header, decoded);
   if (!why.empty()) {
     // Only the first peer, and one that restarts in its place, can be the wrong one.
-    const bool ends_us = pairings_ == 0 || (!elsewhere && !preempts);
+    const bool ends_us = (pairings_ == 0 || (!elsewhere && !preempts)) && (options_.tells_reasons || knows_us(header));
     if (ends_us && !mismatch_found_) {
       reject_reason_ = why;
       mismatch_found_ = now;
     }
-    return refuse(header, why, now);
+    difference_ = why;
+    return refuse(header, options_.tells_reasons ? why : mismatch_without_reason(options_.side), now);
   }
   if (preempts) return on_unpaired_peer(header, now);
   // A late packet of a session that is over. Only a master may still run behind one, displaced by another master.

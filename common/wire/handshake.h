@@ -55,8 +55,13 @@ class LastSessions {
 /// another session.
 ///
 /// A slave accepts the first master. While packets of that master arrive it ignores other addresses; a master
-/// that restarts from a new port is accepted after 100 ms of silence of the old one. A master that keeps asking
-/// for a second meanwhile is told that the slave is busy.
+/// that restarts from a new port is accepted after 750 ms of silence of the old one, when the robot is almost released; after
+/// 100 ms where every sender is known to have the key (SessionOptions::tells_reasons). A master that keeps asking for a second
+/// meanwhile is told that the slave is busy.
+///
+/// Without a key a refusal names nothing of this side, and an introduction that does not fit ends nobody by itself, since
+/// its source may be forged: the refused program returns the number that came with the refusal, and only then an
+/// unpaired side ends, with the difference it has found.
 class Handshake {
  public:
   enum class Action : std::uint8_t {
@@ -65,7 +70,7 @@ class Handshake {
     reply,    ///< as wait; take_greeting() answers it with the next report
     pair,     ///< as wait; take_new_session() accepts its sender
     reject,   ///< drop it
-    refuse,   ///< drop it, and send refusal() to its sender
+    refuse,   ///< drop it, and send refusal() to its sender; also the answer to a refusal
     end,      ///< the peer refuses this side: reject_reason() says why
   };
   struct Greeting {
@@ -140,6 +145,7 @@ class Handshake {
   Action answer(const Header& header, const Endpoint& from, Duration now) noexcept;
   Action on_unpaired_peer(const Header& header, Duration now) noexcept;
   Action refuse(const Header& header, const Sentence& why, Duration now) noexcept;
+  [[nodiscard]] bool knows_us(const Header& header) const noexcept;
 
   SessionOptions options_;
   int dof_;
@@ -161,6 +167,7 @@ class Handshake {
   Duration paired_since_{0};
   std::uint64_t pairings_ = 0;
 
+  Sentence difference_;  ///< found here, in an introduction whose source may be forged
   Sentence reject_reason_;
   std::optional<Duration> mismatch_found_;
   bool ended_ = false;

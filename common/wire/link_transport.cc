@@ -3,6 +3,14 @@
 #include <utility>
 
 namespace twoport {
+namespace {
+
+/// Does a datagram begin like a record of DTLS?
+bool is_encrypted(std::span<const std::byte> bytes) noexcept {
+  return bytes.size() > 1 && bytes[0] >= std::byte{20} && bytes[0] <= std::byte{23} && bytes[1] == std::byte{0xfe};
+}
+
+}  // namespace
 
 template <int N>
 LinkTransport<N>::LinkTransport(DatagramSocket& socket, const SessionOptions& options, SessionNumbers numbers)
@@ -21,12 +29,16 @@ const Report<N>* LinkTransport<N>::next(Duration now, int& left) noexcept {
   while (handshake_.listens() && left-- > 0) {
     const std::optional<ReceivedDatagram> datagram = socket_->receive(now);
     if (!datagram) return nullptr;
-    Action action = Action::reject;
-    if (handshake_.hears(datagram->from)) {
-      const Decoded decoded = codec_.decode(datagram->bytes, incoming_);
-      if (decoded != Decoded::malformed) action = handshake_.on(incoming_, decoded, datagram->from, now);
+    if (!handshake_.hears(datagram->from)) {
+      ++counts_.rejected.foreign_address;
+      continue;
     }
-    switch (action) {
+    const Decoded decoded = codec_.decode(datagram->bytes, incoming_);
+    if (decoded == Decoded::malformed) {
+      ++(is_encrypted(datagram->bytes) ? counts_.rejected.encrypted : counts_.rejected.malformed);
+      continue;
+    }
+    switch (handshake_.on(incoming_, decoded, datagram->from, now)) {
       case Action::deliver:
         return &incoming_.report;
       case Action::wait:
@@ -37,9 +49,10 @@ const Report<N>* LinkTransport<N>::next(Duration now, int& left) noexcept {
       case Action::refuse:
         static_cast<Header&>(outgoing_) = handshake_.refusal();
         socket_->send(codec_.encode(outgoing_), datagram->from, now);
-        [[fallthrough]];
+        ++counts_.rejected.refused;
+        break;
       case Action::reject:
-        ++counts_.rejected;
+        ++counts_.rejected.other_session;
         break;
       case Action::end:
         break;

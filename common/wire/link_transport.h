@@ -14,8 +14,8 @@ namespace twoport {
 
 /// Datagrams that were not reports for the node.
 struct LinkCounts {
-  std::uint64_t handshake = 0;    ///< of a valid peer that does not know this session yet
-  std::uint64_t rejected = 0;     ///< not parseable, of another session, of a foreign sender
+  std::uint64_t handshake = 0;  ///< of a valid peer that does not know this session yet
+  Rejected rejected{};
   std::uint64_t lost = 0;         ///< dropped by the impairment
   std::uint64_t overflowed = 0;   ///< dropped because the delay line was full
   std::uint64_t unaddressed = 0;  ///< reports of a slave without a master

@@ -70,6 +70,12 @@ Sentence mismatch(const SessionOptions& options, int dof, const Header& header, 
   return {};
 }
 
+Sentence mismatch_without_reason(Side side) noexcept {
+  return Sentence{
+      "master and slave do not fit together: scene, --set, dof, rate, version or role; the %s names the difference",
+      to_string(side)};
+}
+
 bool is_mismatch(std::string_view reason) noexcept {
   return reason.starts_with("master and slave ") || reason.starts_with("both programs are ");
 }

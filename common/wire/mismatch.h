@@ -21,11 +21,16 @@ struct SessionOptions {
   std::vector<std::string_view> scene_field_names{};  ///< of the fields that both sides share
   std::string scene_fields{};                         ///< their digests, two bytes each
   std::optional<Endpoint> peer{};  ///< a master is given the address of its slave; a slave learns that of its master
+  /// What arrives comes from a holder of the key: refusals name what differs, and another address may follow at once.
+  bool tells_reasons = false;
 };
 
 /// What the program with `options` and `dof`, and the sender of `header`, must agree on and differ in: a sentence that is
 /// the same on both sides. Empty when they agree. The header has an identity, or `decoded` is other_version.
 Sentence mismatch(const SessionOptions& options, int dof, const Header& header, Decoded decoded) noexcept;
+
+/// What a stranger is told instead: nothing about this side. It is a sentence for is_mismatch() too.
+Sentence mismatch_without_reason(Side side) noexcept;
 
 /// Is this a sentence of mismatch(), so that the two must be started otherwise? If not, the other side is busy.
 [[nodiscard]] bool is_mismatch(std::string_view reject_reason) noexcept;

@@ -104,7 +104,8 @@ class NetworkTest : public testing::Test {
       ASSERT_EQ(problem, "");
   }
 
-  Process start_slave(const Pair& pair, const Words& more = {}) {
+  Process start_slave(Pair& pair, const Words& more = {}) {
+    if (more.empty() || more.front() != "--insecure") pair.share_key();
     return pair.listening_slave("slave", more, {.terminal = true, .network = slave_->fd()});
   }
   Process start_master(const Pair& pair, const Words& more = {}) {
@@ -137,6 +138,25 @@ TEST_F(NetworkTest, TwoMachinesAreCoupled) {
   EXPECT_GT(s.packets().to_slave().received(), 0.8 * m.steps() - 200);
   EXPECT_LT(s.packets().to_slave().lost() + m.packets().to_master().lost(), 400u);
   EXPECT_GE(m.rtt_ms().p50(), 19.9);
+}
+
+TEST_F(NetworkTest, WithoutAKeyOnlyWhoInsistsTalksToAnotherMachine) {
+  Pair pair;
+  pair.host = "10.45.0.2";
+  for (const bool master : {false, true}) {
+    const Surroundings where{.network = master ? master_->fd() : slave_->fd()};
+    Process refused = master ? pair.master("master", {}, where) : pair.slave("slave", {}, where);
+    EXPECT_EQ(refused.wait(), exited(2));
+    for (const std::string part : {"10.45.0.2", "without a key only addresses of this machine", "twoport-keygen"})
+      EXPECT_NE(refused.err().find(part), std::string::npos) << refused.err();
+  }
+  const Words insecure{"--insecure", "--set", "duration_s=1"};
+  Process slave = start_slave(pair, insecure), master = start_master(pair, insecure);
+  EXPECT_EQ(master.wait(), exited(0)) << master.err();
+  EXPECT_EQ(slave.wait(), exited(0)) << slave.err();
+  for (const Process* each : {&slave, &master})
+    EXPECT_NE(each->err().find("neither encrypted nor authenticated"), std::string::npos) << each->err();
+  EXPECT_FALSE(pair.summary("master").encrypted());
 }
 
 TEST_F(NetworkTest, ASlaveOnEveryAddressIsReachedByIpv6) {
@@ -205,6 +225,7 @@ TEST_F(NetworkTest, AMasterWithoutARouteWaitsUntilThereIsOne) {
 TEST_F(NetworkTest, AnAddressOfTheOtherMachineCannotBeListenedOn) {
   Pair pair;
   pair.host = "10.45.0.1";
+  pair.share_key();
   Process slave = pair.slave("slave", {}, {.network = slave_->fd()});
   EXPECT_EQ(slave.wait(), exited(2));
   EXPECT_NE(slave.err().find(pair.address()), std::string::npos) << slave.err();

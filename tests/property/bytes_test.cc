@@ -134,7 +134,7 @@ void expect_same_over_bytes(const Scene& scene) {
     expect_same(sides.slave_mail.counts(), use.slave);
     // Every report went through the handshake, and none was turned away.
     for (const LinkTransport<N>* link : {&sides.master_mail.transport(), &sides.slave_mail.transport()}) {
-      EXPECT_EQ(link->counts().rejected + link->counts().handshake + link->counts().overflowed, 0U);
+      EXPECT_EQ(link->counts().rejected.total() + link->counts().handshake + link->counts().overflowed, 0U);
       EXPECT_EQ(link->pairings(), 1U);
     }
   }

@@ -45,6 +45,9 @@ class Pair {
   /// A slave that listens: what may begin now will find it.
   Process listening_slave(const std::string& out = "slave", const Words& more = {}, const Surroundings& s = {}) const;
 
+  /// Gives both a key.
+  void share_key();
+
   [[nodiscard]] std::string at(std::string_view name) const { return folder / name; }
   [[nodiscard]] schema::Summary summary(std::string_view out) const { return summary_in(at(out)); }
   [[nodiscard]] Trace trace(std::string_view out) const { return Trace{at(out) + "/trace.csv"}; }

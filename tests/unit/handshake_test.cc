@@ -30,16 +30,16 @@ SessionNumbers counting(std::uint64_t from) {
 Handshake master(std::uint64_t numbers_from = 1000, std::uint64_t scene = kScene) {
   return {{.side = Side::master, .scene_digest = scene, .peer = kSlaveAt}, kDof, counting(numbers_from)};
 }
-Handshake slave(std::uint64_t numbers_from = 2000) {
-  return {{.side = Side::slave, .scene_digest = kScene}, kDof, counting(numbers_from)};
+Handshake slave(std::uint64_t numbers_from = 2000, bool key = false) {
+  return {{.side = Side::slave, .scene_digest = kScene, .tells_reasons = key}, kDof, counting(numbers_from)};
 }
 
 /// A slave and a master at kMasterAt that have just taken each other up.
 struct Pair {
-  Handshake s = slave(), m = master();
+  Handshake s, m = master();
   Duration now{0};
 
-  Pair() {
+  explicit Pair(bool key = false) : s{slave(2000, key)} {
     EXPECT_EQ(s.on(m.header(now), Decoded::ok, kMasterAt, now), Action::reply);
     const auto greeting = s.take_greeting();
     EXPECT_EQ(m.on(greeting->header, Decoded::ok, kSlaveAt, now), Action::pair);
@@ -135,7 +135,7 @@ TEST(Handshake, ARefusalTellsNoNumberOfThisSide) {
   EXPECT_NE(refusal.session, p.s.header(p.now).session);
   Header thief = rival.header(p.now);
   thief.peer_session = refusal.session;
-  const Duration later = p.now + 200ms;
+  const Duration later = p.now + 800ms;
   EXPECT_EQ(p.s.on(thief, Decoded::ok, kElsewhere, later), Action::reply);
   // It is understood all the same.
   EXPECT_EQ(rival.on(refusal, Decoded::ok, kSlaveAt, p.now), Action::end);
@@ -222,15 +222,68 @@ TEST(Handshake, AnOlderOfferStaysGoodOverALongWay) {
   EXPECT_EQ(s.header(7s).session, first_offer);
 }
 
-TEST(Handshake, AMismatchEndsAnUnpairedSideAfterItHasToldTheOther) {
-  Handshake s = slave();
+TEST(Handshake, WithAKeyAMismatchEndsAnUnpairedSideAfterItHasToldTheOther) {
+  Handshake s = slave(2000, true);
   const Handshake other = master(7000, 0x123);
   ASSERT_EQ(s.on(other.header(0ms), Decoded::ok, kElsewhere, 0ms), Action::refuse);
+  EXPECT_NE(s.refusal().refusal.find("different scenes"), std::string::npos);
   s.advance(499ms);
   EXPECT_EQ(s.reject_reason(), "");
   s.advance(500ms);
   EXPECT_NE(std::string{s.reject_reason()}.find("different scenes"), std::string::npos);
   EXPECT_FALSE(s.listens());
+}
+
+TEST(Handshake, WithoutAKeyNoNumberOfIntroductionsEndsASide) {
+  // Each with a forged source: whoever sends them does not receive the refusals.
+  Handshake s = slave();
+  Handshake other = master(7000, 0x123);
+  Header future;
+  future.version = kProtocolVersion + 1;
+  future.session = 8;
+  for (Duration now{0}; now < 10s; now += 5ms) {
+    s.on(other.header(now), Decoded::ok, kElsewhere, now);
+    s.on(future, Decoded::other_version, kMasterAt, now);
+    s.advance(now);
+    Header guess = other.header(now);
+    guess.refusal = "go away";
+    guess.peer_session = static_cast<std::uint64_t>(now.count());
+    s.on(guess, Decoded::ok, kElsewhere, now);
+    ASSERT_EQ(s.reject_reason(), "");
+  }
+  // Nor a master, from the address of its slave.
+  Handshake m = master();
+  for (Duration now{0}; now < 10s; now += 5ms) {
+    m.on(future, Decoded::other_version, kSlaveAt, now);
+    m.advance(now);
+    ASSERT_EQ(m.reject_reason(), "");
+  }
+}
+
+TEST(Handshake, WithoutAKeyBothEndOnceTheRefusedOneHasAnswered) {
+  Handshake s = slave(), other = master(7000, 0x123);
+  ASSERT_EQ(s.on(other.header(0ms), Decoded::ok, kMasterAt, 0ms), Action::refuse);
+  const Header told = s.refusal();
+  EXPECT_EQ(told.refusal, mismatch_without_reason(Side::slave).view());
+  ASSERT_EQ(other.on(told, Decoded::ok, kSlaveAt, 1ms), Action::refuse);
+  ASSERT_EQ(s.on(other.refusal(), Decoded::ok, kMasterAt, 2ms), Action::end);
+  EXPECT_NE(s.reject_reason().find("different scenes"), std::string_view::npos);
+  other.advance(600ms);
+  EXPECT_EQ(other.reject_reason(), told.refusal);
+  EXPECT_TRUE(is_mismatch(other.reject_reason()));
+}
+
+TEST(Handshake, TheAnswerToARefusalEndsNoPairedSide) {
+  Pair p;
+  Handshake other = master(7000, 0x123);
+  p.now += 2s;
+  ASSERT_EQ(p.s.on(other.header(p.now), Decoded::ok, kElsewhere, p.now), Action::refuse);
+  Header answer = other.header(p.now);
+  answer.peer_session = p.s.refusal().session;
+  answer.refusal = "understood";
+  EXPECT_EQ(p.s.on(answer, Decoded::ok, kElsewhere, p.now), Action::reject);
+  p.s.advance(p.now + 1s);
+  EXPECT_EQ(p.s.reject_reason(), "");
 }
 
 TEST(Handshake, AMismatchDoesNotEndAnUnpairedSideThatMeetsItsPeerMeanwhile) {
@@ -254,17 +307,29 @@ TEST(Handshake, AMismatchFromElsewhereDoesNotEndAPairedSideEvenInSilence) {
   EXPECT_EQ(p.s.reject_reason(), "");
 }
 
-TEST(Handshake, AMismatchFromThePeersAddressEndsNoSessionThatWorksButOneThatIsSilent) {
-  Pair p;
-  const Handshake other = master(7000, 0x123);
-  EXPECT_EQ(p.s.on(other.header(200ms), Decoded::ok, kMasterAt, p.now), Action::refuse);
-  p.talk(10);
-  p.s.advance(p.now + 1s);
-  EXPECT_EQ(p.s.reject_reason(), "");
-  p.now += 200ms;
-  EXPECT_EQ(p.s.on(other.header(p.now), Decoded::ok, kMasterAt, p.now), Action::refuse);
-  p.s.advance(p.now + 500ms);
-  EXPECT_NE(p.s.reject_reason(), "");
+TEST(Handshake, AMismatchFromThePeersAddressEndsNoSessionThatWorksButWithAKeyOneThatIsSilent) {
+  for (const bool key : {false, true}) {
+    Pair p{key};
+    const Handshake other = master(7000, 0x123);
+    EXPECT_EQ(p.s.on(other.header(200ms), Decoded::ok, kMasterAt, p.now), Action::refuse);
+    p.talk(10);
+    p.s.advance(p.now + 1s);
+    EXPECT_EQ(p.s.reject_reason(), "");
+    p.now += 200ms;
+    EXPECT_EQ(p.s.on(other.header(p.now), Decoded::ok, kMasterAt, p.now), Action::refuse);
+    p.s.advance(p.now + 500ms);
+    EXPECT_EQ(p.s.reject_reason().empty(), !key);
+  }
+}
+
+TEST(Handshake, AnotherMasterFollowsASilentOneLaterWhereItCouldBeAnybody) {
+  for (const bool key : {false, true}) {
+    Pair p{key};
+    const Handshake rival = master(7000);
+    const Duration after = key ? Duration{100ms} : Duration{750ms};
+    EXPECT_EQ(p.s.on(rival.header(p.now), Decoded::ok, kElsewhere, p.now + after - 1ms), Action::reject);
+    EXPECT_EQ(p.s.on(rival.header(p.now), Decoded::ok, kElsewhere, p.now + after), Action::reply);
+  }
 }
 
 TEST(Handshake, ALateRefusalDoesNotEndASessionThatWorks) {
@@ -287,7 +352,7 @@ TEST(Handshake, AMasterThatWasSeenAtAWrongAddressIsHeardAtItsOwn) {
   ASSERT_EQ(s.on(m.header(1ms), Decoded::ok, kElsewhere, 1ms), Action::pair);
   s.take_new_session();
   EXPECT_EQ(s.on(m.header(2ms), Decoded::ok, kMasterAt, 2ms), Action::reject);
-  Duration now{200ms};
+  Duration now{800ms};
   ASSERT_EQ(s.on(m.header(now), Decoded::ok, kMasterAt, now), Action::reply);
   ASSERT_EQ(m.on(s.take_greeting()->header, Decoded::ok, kSlaveAt, now), Action::pair);
   m.take_new_session();

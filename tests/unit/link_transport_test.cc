@@ -54,7 +54,7 @@ TEST(LinkTransport, PairsAndDelivers) {
   EXPECT_TRUE(link.coupled());
   EXPECT_TRUE(link.master.known().has_report && link.slave.known().has_report);
   EXPECT_EQ(link.slave.transport().handshake().peer(), kMasterAt);
-  EXPECT_EQ(link.master.transport().counts().rejected + link.slave.transport().counts().rejected, 0U);
+  EXPECT_EQ(link.master.transport().counts().rejected.total() + link.slave.transport().counts().rejected.total(), 0U);
 }
 
 TEST(LinkTransport, ReadsABoundedNumberInOnePoll) {
@@ -64,7 +64,7 @@ TEST(LinkTransport, ReadsABoundedNumberInOnePoll) {
   const std::array<std::byte, 20> noise{};
   for (int k = 0; k < 5000; ++k) network.send(noise, kStranger, kSlaveAt, 0ms);
   transport.poll(1ms, [](const Report<1>&) {});
-  EXPECT_EQ(transport.counts().rejected, 1024U);
+  EXPECT_EQ(transport.counts().rejected.total(), 1024U);
 }
 
 TEST(LinkTransport, DropsWhatIsNotFromItsPeerWithoutReadingIt) {
@@ -78,7 +78,7 @@ TEST(LinkTransport, DropsWhatIsNotFromItsPeerWithoutReadingIt) {
   refusal.refusal = "go away";
   network.send(codec.encode(refusal), kStranger, kMasterAt, 0ms);
   transport.poll(1ms, [](const Report<1>&) {});
-  EXPECT_EQ(transport.counts().rejected, 1U);
+  EXPECT_EQ(transport.counts().rejected.total(), 1U);
   EXPECT_EQ(transport.reject_reason(), "");
   network.send(codec.encode(refusal), kSlaveAt, kMasterAt, 1ms);
   transport.poll(2ms, [](const Report<1>&) {});
@@ -104,7 +104,7 @@ TEST(LinkTransport, DoesNotAllocateInAFloodOfFieldsThatNobodyKnows) {
   }
   EXPECT_EQ(guard.seen(), 0);
   EXPECT_EQ(link.fresh - fresh, 1000);
-  EXPECT_EQ(link.slave.transport().counts().rejected, 50'000U);
+  EXPECT_EQ(link.slave.transport().counts().rejected.total(), 50'000U);
   EXPECT_TRUE(link.coupled());
 }
 

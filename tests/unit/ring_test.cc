@@ -1,4 +1,4 @@
-#include "common/runtime/ring.h"
+#include "common/base/ring.h"
 
 #include <gtest/gtest.h>
 

@@ -8,6 +8,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <map>
 #include <set>
 #include <string>
 #include <vector>
@@ -121,12 +122,14 @@ TEST(SummaryJson, WhatIsNotFiniteSurvives) {
 TEST(SummaryPackets, HoldWhatTheReceiverCountedAndNoLessThanThat) {
   const PacketCounts receiver{
       .sent = 9, .received = 1, .lost = 2, .late = 3, .duplicated = 5'000'000'000, .rejected = 40};
-  const Packets all = received_packets(receiver, 5);
+  const Packets all = received_packets(receiver, {.flood = 2, .malformed = 3});
   EXPECT_EQ(all.received(), 1U);
   EXPECT_EQ(all.lost(), 2U);
   EXPECT_EQ(all.late(), 3U);
   EXPECT_EQ(all.duplicated(), 4'294'967'295U);  // the largest that it can say
   EXPECT_EQ(all.rejected(), 45U);
+  const std::map<std::string, std::uint32_t> by{all.rejected_by().begin(), all.rejected_by().end()};
+  EXPECT_EQ(by, (std::map<std::string, std::uint32_t>{{"flood", 2}, {"malformed", 3}, {"sequence", 40}}));
 }
 
 TEST(SummaryMethod, IsTheOneThatTheNodesLookUp) {

@@ -1,0 +1,118 @@
+#include "common/platform/key_file.h"
+
+#include <fcntl.h>
+#include <fmt/format.h>
+#include <strings.h>
+#include <sys/random.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include <array>
+#include <cerrno>
+#include <cstring>
+
+#include "common/base/check.h"
+
+namespace twoport {
+namespace {
+
+constexpr std::size_t kDigits = 2 * Key::kSize;
+constexpr mode_t kOthers = 077;
+
+/// A descriptor that is closed in any case.
+struct File {
+  int fd;
+  explicit File(int f) : fd{f} {}
+  ~File() {
+    if (fd >= 0) ::close(fd);
+  }
+  File(const File&) = delete;
+};
+
+/// Bytes that are wiped in any case.
+template <std::size_t Size>
+struct Secret {
+  std::array<char, Size> bytes{};
+  ~Secret() { explicit_bzero(bytes.data(), Size); }
+};
+
+int value_of(char digit) {
+  if (digit >= '0' && digit <= '9') return digit - '0';
+  if (digit >= 'a' && digit <= 'f') return digit - 'a' + 10;
+  if (digit >= 'A' && digit <= 'F') return digit - 'A' + 10;
+  return -1;
+}
+
+}  // namespace
+
+Key read_key_file(const std::string& path) {
+  const auto refuse = [&](const std::string& why) { return ConfigError{fmt::format("--key {}: {}", path, why)}; };
+  // Without O_NONBLOCK, opening a pipe waits for its writer.
+  const File file{::open(path.c_str(), O_RDONLY | O_NOFOLLOW | O_CLOEXEC | O_NONBLOCK)};
+  if (file.fd < 0) {
+    if (errno == ELOOP) throw refuse("is a symbolic link; give the file itself");
+    throw refuse(fmt::format("cannot be opened: {}; twoport-keygen FILE makes a key", std::strerror(errno)));
+  }
+  struct stat about {};
+  if (::fstat(file.fd, &about) != 0) throw refuse(std::strerror(errno));
+  if (!S_ISREG(about.st_mode)) throw refuse("is not a regular file");
+  if (about.st_uid != ::geteuid() && about.st_uid != 0)
+    throw refuse(fmt::format("belongs to user {}; allowed are this user ({}) and root", about.st_uid, ::geteuid()));
+  if ((about.st_mode & kOthers) != 0)
+    throw refuse(fmt::format("mode {:04o} lets others at the key; chmod 600 {}", about.st_mode & 07777, path));
+
+  Secret<kDigits + 2> text;
+  std::size_t size = 0;
+  while (size < text.bytes.size()) {
+    const ssize_t n = ::read(file.fd, text.bytes.data() + size, text.bytes.size() - size);
+    if (n < 0 && errno == EINTR) continue;
+    if (n < 0) throw refuse(fmt::format("cannot be read: {}", std::strerror(errno)));
+    if (n == 0) break;
+    size += static_cast<std::size_t>(n);
+  }
+  const bool ended = size == kDigits || (size == kDigits + 1 && text.bytes[kDigits] == '\n');
+  Secret<Key::kSize> key;
+  bool valid = ended;
+  for (std::size_t i = 0; valid && i < Key::kSize; ++i) {
+    const int high = value_of(text.bytes[2 * i]), low = value_of(text.bytes[2 * i + 1]);
+    valid = high >= 0 && low >= 0;
+    key.bytes[i] = static_cast<char>(high * 16 + low);
+  }
+  if (!valid)
+    throw refuse("is no key: allowed are 64 hexadecimal digits and one end of line; twoport-keygen FILE makes one");
+  Key::Bytes bytes;
+  std::memcpy(bytes.data(), key.bytes.data(), bytes.size());
+  Key out{bytes};
+  explicit_bzero(bytes.data(), bytes.size());
+  return out;
+}
+
+void make_key_file(const std::string& path) {
+  Secret<Key::kSize> key;
+  if (::getrandom(key.bytes.data(), Key::kSize, 0) != static_cast<ssize_t>(Key::kSize))
+    throw IoError{fmt::format("the system has no random numbers: {}", std::strerror(errno))};
+  Secret<kDigits + 1> text;
+  for (std::size_t i = 0; i < Key::kSize; ++i) {
+    const auto byte = static_cast<unsigned char>(key.bytes[i]);
+    text.bytes[2 * i] = "0123456789abcdef"[byte >> 4];
+    text.bytes[2 * i + 1] = "0123456789abcdef"[byte & 15];
+  }
+  text.bytes[kDigits] = '\n';
+
+  const File file{::open(path.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_NOFOLLOW | O_CLOEXEC, 0600)};
+  if (file.fd < 0) {
+    if (errno == EEXIST) throw ConfigError{path + ": exists already; a key is never overwritten, choose another name"};
+    throw ConfigError{fmt::format("{}: cannot be made: {}", path, std::strerror(errno))};
+  }
+  // The mode that was asked for, whatever the umask.
+  const bool written =
+      ::fchmod(file.fd, 0600) == 0 &&
+      ::write(file.fd, text.bytes.data(), text.bytes.size()) == static_cast<ssize_t>(text.bytes.size()) &&
+      ::fsync(file.fd) == 0;
+  if (written) return;
+  const int error = errno;
+  ::unlink(path.c_str());
+  throw IoError{fmt::format("{}: cannot be written: {}", path, std::strerror(error))};
+}
+
+}  // namespace twoport

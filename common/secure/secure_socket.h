@@ -1,0 +1,102 @@
+#pragma once
+
+#include <atomic>
+#include <cstdint>
+#include <functional>
+#include <memory>
+#include <optional>
+#include <thread>
+
+#include "common/base/ring.h"
+#include "common/link/datagram.h"
+#include "common/link/socket.h"
+#include "common/secure/dtls_handshake.h"
+#include "common/secure/key.h"
+
+namespace twoport {
+
+/// What the handshakes have to say, at most once in five seconds each.
+enum class SecureEvent : std::uint8_t {
+  agreed,  ///< the peer has proved that it has the key
+  failed,  ///< a handshake has come to nothing: another key, or packets lost
+};
+
+struct SecureSocketOptions {
+  bool server = false;
+  std::optional<Endpoint> peer{};  ///< a client's
+  /// Handshakes run in a thread of their own, beside the cycle; else within receive(), in virtual time.
+  bool own_thread = false;
+  /// Called by that thread.
+  std::function<void(SecureEvent, const Endpoint& peer)> tell{};
+};
+
+/// A filter above another socket that encrypts and authenticates every datagram: DTLS 1.2 with a pre-shared key. What it
+/// hands up comes from a holder of the key, unchanged, once, and within this association. It hands down nothing in
+/// plain text.
+///
+/// Handshakes run beside: datagrams go to and from them through rings. The tick only seals, opens and looks at
+/// source and type of a datagram, the source first. A client makes a new handshake when nothing has been opened for 250 ms,
+/// so that a server that has started again is found; a server takes a new association when the peer has proved that it has
+/// the key. Until then the present association stays, whatever arrives.
+///
+/// One peer at a time. send() and receive() allocate, lock and throw nothing; not so with handshakes within receive().
+class SecureSocket final : public DatagramSocket {
+ public:
+  /// `socket` must outlive this. Throws std::runtime_error when OpenSSL lacks what is needed.
+  SecureSocket(DatagramSocket& socket, const SecureSocketOptions& options, const Key& key);
+  ~SecureSocket() override;
+  SecureSocket(const SecureSocket&) = delete;
+
+  bool send(std::span<const std::byte> bytes, const Endpoint& to, Duration now) noexcept override;
+  std::optional<ReceivedDatagram> receive(Duration now) noexcept override;
+  void paired(const Endpoint& peer, Duration since) noexcept override;
+  [[nodiscard]] const Endpoint& local() const noexcept override;
+  [[nodiscard]] SocketCounts counts() const noexcept override;
+
+  /// Has somebody begun or answered a handshake, and none has been finished since? Then the keys differ, or packets are lost.
+  [[nodiscard]] bool answered() const noexcept { return answered_.load(std::memory_order_relaxed); }
+  /// Handshakes that have succeeded.
+  [[nodiscard]] std::uint64_t associations() const noexcept { return associations_; }
+
+ private:
+  void begin_tick(Duration now) noexcept;
+  void take_association(Duration now) noexcept;
+  bool hand_over(const ReceivedDatagram& datagram) noexcept;
+  bool open(const ReceivedDatagram& datagram, Duration now, std::span<const std::byte>& plain) noexcept;
+  void work();
+  void tell(Duration now);
+  void run();
+
+  DatagramSocket* socket_;
+  SecureSocketOptions options_;
+
+  // Of the cycle.
+  std::unique_ptr<Association> association_;
+  std::optional<Duration> tick_;
+  Duration opened_{0};      ///< last
+  Duration deaf_after_{0};  ///< without any
+  std::uint64_t associations_ = 0, unsent_ = 0;
+  Rejected rejected_;
+  Datagram passing_;
+
+  // Between the two.
+  std::atomic<std::int64_t> now_ns_{0};
+  std::atomic<bool> wanted_{false}, answered_{false};
+  std::atomic<std::uint64_t> failed_{0}, taken_{0};
+  Ring<Datagram> hellos_, flights_, outgoing_;
+  Ring<Association*> arrived_, retired_;
+
+  // Of the handshakes.
+  DtlsHandshake handshake_;
+  Datagram working_, leaving_;
+  bool has_leaving_ = false;
+  std::uint64_t made_ = 0;
+  std::uint64_t told_agreed_ = 0, told_failed_ = 0;
+  std::optional<Duration> agreed_at_, failed_at_;  ///< told
+  std::unique_ptr<Association> waiting_;
+  Endpoint agreed_with_;
+  std::atomic<bool> done_{false};
+  std::thread thread_;
+};
+
+}  // namespace twoport

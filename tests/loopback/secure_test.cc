@@ -1,0 +1,222 @@
+#include <gtest/gtest.h>
+
+#include <csignal>
+#include <filesystem>
+#include <memory>
+#include <random>
+#include <string>
+#include <thread>
+
+#include "common/wire/codec.h"
+#include "tests/loopback/relay.h"
+#include "tests/support/live.h"
+
+// Two programs with a key, and what those without can do.
+namespace twoport::test {
+namespace {
+
+struct KeyedPair : Pair {
+  KeyedPair() { share_key(); }
+};
+
+void expect_coupled(const Pair& pair, const std::vector<std::string>& sides, unsigned reconnects = 0) {
+  std::vector<schema::Summary> all;
+  for (const std::string& side : sides) all.push_back(pair.summary(side));
+  EXPECT_EQ(all.front().mode(), "coupled");
+  EXPECT_EQ(all.front().reconnects(), reconnects);
+  for (const schema::Summary& each : all) EXPECT_TRUE(each.encrypted());
+  expect_sound(all);
+}
+
+TEST(Key, MadeByKeygenCouplesTwoPrograms) {
+  Pair pair;
+  const std::string key = pair.at("made");
+  EXPECT_EQ(finished({TWOPORT_KEYGEN, key}).wait(), exited(0));
+  Process again = finished({TWOPORT_KEYGEN, key});
+  EXPECT_EQ(again.wait(), exited(2));
+  EXPECT_NE(again.err().find("exists already"), std::string::npos) << again.err();
+  for (const std::string flag : {"--help", "--version"}) EXPECT_EQ(finished({TWOPORT_KEYGEN, flag}).wait(), exited(0));
+  EXPECT_EQ(finished({TWOPORT_KEYGEN}).wait(), exited(2));
+
+  pair.scheduling.insert(pair.scheduling.end(), {"--key", key});
+  Process slave = pair.listening_slave(), master = pair.master();
+  EXPECT_EQ(master.wait(), exited(0)) << master.err();
+  EXPECT_EQ(slave.wait(), exited(0)) << slave.err();
+  EXPECT_NE(master.err().find("encrypted and authenticated"), std::string::npos) << master.err();
+  EXPECT_EQ(count(slave.err(), " has the key"), 1) << slave.err();
+  expect_coupled(pair, {"master", "slave"});
+  EXPECT_EQ(pair.summary("master").packets().to_master().rejected(), 0u);
+}
+
+TEST(Key, LetsNothingOnTheWireInPlainText) {
+  const KeyedPair pair;
+  KeyedPair through;
+  through.port = free_udp_port();
+  Relay relay{through.port, pair.port};
+  Process slave = pair.listening_slave(), master = through.master("master", {"--set", "duration_s=0.5"});
+  EXPECT_EQ(master.wait(), exited(0)) << master.err();
+  slave.send(SIGTERM);
+  slave.wait();
+  relay.stop();
+  EXPECT_GT(relay.from_master.size(), 300u);
+  for (const auto* all : {&relay.from_master, &relay.from_slave})
+    for (const Datagram& d : *all) {
+      ASSERT_GT(d.size(), 13u);
+      EXPECT_TRUE(d[0] >= 20 && d[0] <= 23 && d[1] == 0xfe) << "a record of DTLS";
+      // The version of the wire, with which every datagram begins.
+      static constexpr std::uint8_t kMark[] = {0x50, 0x54};
+      EXPECT_TRUE(d[0] != 23 || std::search(d.begin() + 13, d.begin() + 20, kMark, kMark + 2) == d.begin() + 20);
+    }
+}
+
+TEST(Key, ThatDiffersOrIsMissingIsSaidOnBothSides) {
+  const Pair plain;
+  const KeyedPair pair;
+  const std::string other = plain.folder.write("other", std::string(64, '8'));
+  std::filesystem::permissions(other, std::filesystem::perms::owner_read);
+  struct Case {
+    Words slave, master;
+    std::string slave_says, master_says;
+  };
+  const std::string key = pair.at("key");
+  const Case cases[] = {
+      {{"--key", key},
+       {"--key", other},
+       "a program called, but the handshake did not succeed",
+       "answered, but the handshake"},
+      {{"--key", key}, {}, "packets without encryption arrived", "no slave answered"},
+      {{}, {"--key", key}, "encrypted packets arrived, and this program has no key", "no slave answered"}};
+  for (const Case& c : cases) {
+    Words of_slave = c.slave, of_master = c.master;
+    of_slave.insert(of_slave.end(), {"--duration", "2"});
+    of_master.insert(of_master.end(), {"--duration", "1.5"});
+    Process slave = plain.listening_slave("slave", of_slave), master = plain.master("master", of_master);
+    EXPECT_EQ(master.wait(), exited(1));
+    EXPECT_EQ(slave.wait(), exited(1));
+    EXPECT_NE(slave.err().find(c.slave_says), std::string::npos) << slave.err();
+    EXPECT_NE(master.err().find(c.master_says), std::string::npos) << master.err();
+  }
+}
+
+TEST(Key, SurvivesARestartOfEachSide) {
+  const KeyedPair pair;
+  const Words absolute{"--set", "duration_s=6", "--set", "control.registration.mode=ABSOLUTE"};
+  Process first = pair.listening_slave("first", absolute);
+  Process master = pair.master("master", absolute);
+  ASSERT_TRUE(master.says("paired with the slave")) << master.err();
+  std::this_thread::sleep_for(700ms);
+  first.send(SIGKILL);
+  first.wait();
+  Process second =
+      pair.slave("second", {"--set", "robot.position_m=[0.0204]", "--set", "control.registration.mode=ABSOLUTE"});
+  EXPECT_TRUE(second.says("paired with the master")) << second.err();
+  std::this_thread::sleep_for(500ms);
+  master.send(SIGKILL);
+  master.wait();
+  Process third =
+      pair.master("third", {"--set", "device.position_m=[0.026]", "--set", "control.registration.mode=ABSOLUTE"});
+  EXPECT_EQ(third.wait(), exited(0)) << third.err();
+  EXPECT_EQ(second.wait(), exited(0)) << second.err();
+  EXPECT_EQ(count(second.err(), " has the key"), 2) << second.err();
+  expect_coupled(pair, {"second", "third"}, 1);
+}
+
+TEST(Key, IsNotNeededByWhoRecordsAndRepeatsButHelpsNobody) {
+  const KeyedPair pair;
+  KeyedPair through;
+  through.port = free_udp_port();
+  std::vector<Datagram> old_master, old_slave;
+  {
+    Relay relay{through.port, pair.port};
+    Process slave = pair.listening_slave("old"), master = through.master("old", {"--set", "duration_s=0.4"});
+    master.wait();
+    slave.send(SIGTERM);
+    slave.wait();
+    relay.stop();
+    old_master = relay.from_master, old_slave = relay.from_slave;
+  }
+  std::mt19937 random{20};
+  std::size_t next = 0;
+  const Socket elsewhere;
+  Process slave = pair.listening_slave("slave", {});
+  const Relay relay{through.port, pair.port, [&](Relay& r) {
+                      // Of the session before and of this one, whole, changed and cut, from the peer's address and another.
+                      const std::size_t i = next++;
+                      Datagram d = i % 2 ? r.from_master[i % r.from_master.size()] : old_master[i % old_master.size()];
+                      Datagram e = i % 2 ? r.from_slave[i % r.from_slave.size()] : old_slave[i % old_slave.size()];
+                      // Handshakes from the peer's own address are the business of who reads them and stops them.
+                      if (d[0] == 23) r.to_slave(d);
+                      if (e[0] == 23) r.to_master(e);
+                      elsewhere.send(d, pair.port);
+                      elsewhere.send(e, pair.port);
+                      for (Datagram* x : {&d, &e})
+                        (*x)[random() % x->size()] ^= static_cast<std::uint8_t>(1 + random() % 255);
+                      if (d[0] == 23) r.to_slave(d);
+                      if (e[0] == 23) r.to_master(e);
+                    }};
+  Process master = through.master("master");
+  EXPECT_EQ(master.wait(), exited(0)) << master.err();
+  EXPECT_EQ(slave.wait(), exited(0)) << slave.err();
+  std::filesystem::rename(through.at("master"), pair.at("master"));
+  expect_coupled(pair, {"master", "slave"});
+  const auto& by = pair.summary("slave").packets().to_slave().rejected_by();
+  EXPECT_GT(by.at("replayed"), 100u);
+  EXPECT_GT(by.at("not_authentic"), 100u);
+  EXPECT_GT(by.at("foreign_address"), 100u);
+}
+
+// ---- without a key
+
+/// A mismatching introduction, as short as it can be: of another version.
+Datagram other_version() {
+  Datagram d{0x0d, 0x63, 0x00, 0x50, 0x54, 0x11};
+  for (int i = 0; i < 8; ++i) d.push_back(1);
+  return d;
+}
+
+TEST(Attack, NoDatagramOfOneWhoDoesNotListenEndsAProgram) {
+  const Pair pair;
+  const Socket stranger;
+  Process slave = pair.listening_slave("slave", {}, {.terminal = true});
+  for (int k = 0; k < 200; ++k) {
+    stranger.send(other_version(), pair.port);
+    std::this_thread::sleep_for(2ms);
+  }
+  std::this_thread::sleep_for(700ms);  // half a second was the time after which a refusing side ended
+  EXPECT_TRUE(slave.running()) << slave.err();
+  int answers = 0;
+  while (const auto answer = stranger.receive()) {
+    ++answers;
+    Codec<1> codec;
+    Envelope<1> refusal;
+    ASSERT_EQ(codec.decode(std::as_bytes(std::span{answer->first}), refusal), Decoded::ok);
+    EXPECT_FALSE(refusal.identity);
+    EXPECT_EQ(refusal.refusal.find_first_of("0123456789"), refusal.refusal.npos) << refusal.refusal;
+  }
+  EXPECT_GT(answers, 3);
+  Process master = pair.master();
+  EXPECT_EQ(master.wait(), exited(0)) << master.err();
+  EXPECT_EQ(slave.wait(), exited(0)) << slave.err();
+  EXPECT_GT(pair.summary("slave").packets().to_slave().rejected_by().at("refused"), 3u);
+}
+
+TEST(Attack, AWaitingMasterDoesNotTakeARobotInContactInAShortSilence) {
+  const Pair pair;
+  Process slave = pair.listening_slave("slave", {"--set", "duration_s=4"}, {.terminal = true});
+  Process master = pair.master("master", {"--set", "duration_s=4"});
+  ASSERT_TRUE(slave.says("paired with the master")) << slave.err();
+  std::this_thread::sleep_for(900ms);
+  Process rival = pair.master("rival", {"--set", "duration_s=4"});
+  std::this_thread::sleep_for(200ms);
+  master.send(SIGSTOP);
+  std::this_thread::sleep_for(500ms);
+  master.send(SIGCONT);
+  EXPECT_EQ(rival.wait(), exited(1)) << rival.err();
+  EXPECT_NE(rival.err().find("busy"), std::string::npos) << rival.err();
+  master.wait();
+  slave.wait();
+  EXPECT_EQ(pair.summary("slave").reconnects(), 0u);
+}
+
+}  // namespace
+}  // namespace twoport::test

@@ -1,0 +1,98 @@
+#include "common/platform/key_file.h"
+
+#include <gtest/gtest.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include <filesystem>
+#include <fstream>
+#include <string>
+
+#include "common/base/check.h"
+#include "tests/support/folder.h"
+
+namespace twoport {
+namespace {
+
+class KeyFile : public ::testing::Test {
+ protected:
+  std::string write(const std::string& text, mode_t mode = 0600) {
+    std::ofstream{path} << text;
+    ::chmod(path.c_str(), mode);
+    return path;
+  }
+  /// The sentence that reading is refused with; empty: it is not.
+  static std::string refusal(const std::string& of) {
+    try {
+      read_key_file(of);
+    } catch (const ConfigError& e) {
+      return e.what();
+    }
+    return {};
+  }
+  static bool has(const std::string& text, const std::string& part) { return text.find(part) != text.npos; }
+
+  test::Folder folder;
+  std::string path = folder / "key", digits = std::string(62, '0') + "fF";
+};
+
+TEST_F(KeyFile, ThatIsMadeIsReadAndNoTwoAreTheSame) {
+  const std::string other = folder / "other";
+  const mode_t before = ::umask(0);
+  make_key_file(path);
+  ::umask(0777);
+  make_key_file(other);
+  ::umask(before);
+  const Key a = read_key_file(path), b = read_key_file(other);
+  EXPECT_NE(a.bytes(), b.bytes());
+  EXPECT_EQ(a.bytes(), read_key_file(path).bytes());
+  struct stat about {};
+  for (const std::string& made : {path, other}) {
+    ASSERT_EQ(::stat(made.c_str(), &about), 0);
+    EXPECT_EQ(about.st_mode & 07777, 0600U);
+    EXPECT_EQ(about.st_size, 65);
+  }
+}
+
+TEST_F(KeyFile, IsNeverOverwritten) {
+  make_key_file(path);
+  const Key::Bytes before = read_key_file(path).bytes();
+  EXPECT_THROW(make_key_file(path), ConfigError);
+  EXPECT_EQ(read_key_file(path).bytes(), before);
+  const std::string link = folder / "link";
+  std::filesystem::create_symlink(folder / "not-there", link);
+  EXPECT_THROW(make_key_file(link), ConfigError) << "not through a link either";
+  EXPECT_THROW(make_key_file(folder / "no/such/folder"), ConfigError);
+}
+
+TEST_F(KeyFile, HoldsSixtyFourDigits) {
+  write(digits + "\n");
+  EXPECT_EQ(read_key_file(path).bytes()[31], 0xff);
+  EXPECT_EQ(refusal(write(digits)), "");
+  for (const std::string& wrong : {std::string{}, digits.substr(1), digits + "0", digits + "\n\n", digits + " ",
+                                   "g" + digits.substr(1), digits + "\n" + std::string(100, '0')})
+    EXPECT_TRUE(has(refusal(write(wrong)), "64 hexadecimal digits")) << wrong;
+}
+
+TEST_F(KeyFile, IsReadableByItsOwnerOnly) {
+  for (const mode_t mode : {0640, 0604, 0660, 0644, 0620, 0601})
+    EXPECT_TRUE(has(refusal(write(digits, mode)), "chmod 600")) << mode;
+  EXPECT_EQ(refusal(write(digits, 0400)), "");
+}
+
+TEST_F(KeyFile, IsARegularFileOfThisUserOrRoot) {
+  EXPECT_TRUE(has(refusal(folder / "missing"), "No such file"));
+  write(digits);
+  const std::string link = folder / "link", pipe = folder / "pipe";
+  std::filesystem::create_symlink(path, link);
+  EXPECT_TRUE(has(refusal(link), "symbolic link"));
+  ASSERT_EQ(::mkfifo(pipe.c_str(), 0600), 0);
+  EXPECT_TRUE(has(refusal(pipe), "regular file"));
+  EXPECT_TRUE(has(refusal(folder / ""), "regular file"));
+  if (::geteuid() != 0) GTEST_SKIP() << "only root can give a file away";
+  ASSERT_EQ(::chown(path.c_str(), 12345, 12345), 0);
+  EXPECT_TRUE(has(refusal(path), "belongs to user 12345"));
+}
+
+}  // namespace
+}  // namespace twoport
