@@ -112,12 +112,12 @@ int severity(VerdictKind kind) {
 /// The verdict of the loop as the scene leaves it, and in the other states: the worst.
 template <int N>
 TailVerdict judge_all(const Simulation<N>& at_end, const ContactStates<N>& states, const Scene& scene,
-                      const MotionScale& scale) {
-  TailVerdict worst = judge_tail(at_end, scene, scale);
+                      const MotionScale& scale, TwinUse twin) {
+  TailVerdict worst = judge_tail(at_end, scene, scale, twin);
   for (const auto& state : states.all()) {
     if (worst.verdict.kind == VerdictKind::unstable) break;
     if (!state.at) continue;
-    TailVerdict held = judge_tail(*state.at, scene, scale);
+    TailVerdict held = judge_tail(*state.at, scene, scale, twin);
     worst.ticks += held.ticks;
     if (severity(held.verdict.kind) <= severity(worst.verdict.kind)) continue;
     worst.verdict = {held.verdict.kind, held.verdict.text + fmt::format(" (held in contact at {:.4g} s)", state.at_s)};
@@ -149,7 +149,8 @@ CountedRun run_as(Simulation<N>& simulation, const Scene& scene, const RunOption
   std::uint64_t ticks = 0;
   std::chrono::duration<double, std::nano> spent{0};
   // Springs alone answer the same wherever the robot is.
-  const bool probes = options.verdict == VerdictFrom::tail && !alone && !World{scene.environment}.surfaces.empty();
+  const bool tails = options.verdict != VerdictFrom::plain;
+  const bool probes = tails && !alone && !World{scene.environment}.surfaces.empty();
   const double end_s = to_seconds(simulation.end()).si();
   std::uint64_t rows = 0;
   double from_s = 0.0;
@@ -172,8 +173,10 @@ CountedRun run_as(Simulation<N>& simulation, const Scene& scene, const RunOption
   describe_run(scene, "lab", s);
   s.set_step_ns(spent.count() / static_cast<double>(std::max<std::uint64_t>(ticks, 1)));
   const RunJudge<N>& judge = metrics.judge();
-  if (options.verdict == VerdictFrom::tail && !judge.diverged() && judge.not_judged().empty()) {
-    const TailVerdict judged = judge_all(simulation, contact_states, scene, judge.scale());
+  if (tails && !judge.diverged() && judge.not_judged().empty()) {
+    const TailVerdict judged =
+        judge_all(simulation, contact_states, scene, judge.scale(),
+                  options.verdict == VerdictFrom::lean ? TwinUse::under_control : TwinUse::always);
     set_verdict(judged.verdict, s);
     ticks += judged.ticks;
   }

@@ -11,6 +11,7 @@ namespace twoport::lab {
 /// What the verdict is made from.
 enum class VerdictFrom : unsigned char {
   tail,   ///< the loop left alone after the scene's end, beside a twin: decides nearly always, for some three more runs
+  lean,   ///< the same, with the twin only where a passivity controller acts: half as many ticks
   plain,  ///< the scene's own run, as a live side judges it: costs nothing, and says UNDECIDED more often
 };
 

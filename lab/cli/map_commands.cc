@@ -11,6 +11,7 @@
 #include "lab/cli/commands.h"
 #include "lab/plot/compare_picture.h"
 #include "lab/plot/map_picture.h"
+#include "lab/study/adversary.h"
 #include "lab/study/cells.h"
 #include "lab/study/compare.h"
 #include "lab/study/gallery.h"
@@ -51,7 +52,7 @@ std::string not_empty(const std::string& value) {
 
 struct MapArguments {
   MapOptions map;
-  std::string methods, round_trips, losses, bursts, stiffnesses, out;
+  std::string methods, round_trips, losses, bursts, stiffnesses, out, verdict = "lean";
 };
 
 int map_command(MapArguments& a) {
@@ -63,8 +64,15 @@ int map_command(MapArguments& a) {
   take("--loss", a.losses, a.map.losses);
   take("--burst-packets", a.bursts, a.map.bursts_packets);
   take("--stiffness", a.stiffnesses, a.map.stiffnesses_n_per_m);
+  a.map.verdict = a.verdict == "tail" ? VerdictFrom::tail : VerdictFrom::lean;
   if (!a.out.empty()) make_folder(a.out);
-  const Map map = make_map(a.map, show_progress);
+  double spent_s = 0.0;
+  const Map map = make_map(a.map, [&](const Progress& progress) {
+    spent_s = progress.spent_s;
+    show_progress(progress);
+  });
+  const double runs = static_cast<double>(map.cells.size()) * a.map.seeds;
+  fmt::print(stderr, "{} runs in {:.1f} s, {:.0f} a second\n", runs, spent_s, runs / spent_s);
   std::fputs(to_text(map).c_str(), stdout);
   if (a.out.empty()) return 0;
   write_whole(a.out + "/table.csv", to_csv(map));
@@ -86,6 +94,12 @@ Subcommand add_map(CLI::App& app) {
       ->check(not_empty);
   map->add_option("--stiffness", a->stiffnesses, "Of the environment [N/m]")->check(not_empty);
   map->add_option("--seeds", a->map.seeds, "Runs per cell, with seeds counted up from the scene's")
+      ->capture_default_str();
+  map->add_option(
+         "--verdict", a->verdict,
+         "lean: left alone after the scene's end, beside a twin where a passivity controller acts; tail: with a "
+         "twin always, as run does")
+      ->check(CLI::IsMember({"lean", "tail"}))
       ->capture_default_str();
   map->add_option("--out", a->out, "Folder for table.csv and the pictures");
   add_jobs(map, a->map.jobs);
@@ -194,10 +208,45 @@ Subcommand add_gallery(CLI::App& app) {
   return {gallery, [a] { return gallery_command(*a); }};
 }
 
+struct AdversaryArguments {
+  AdversaryOptions adversary;
+  std::string methods, out;
+};
+
+int adversary_command(AdversaryArguments& a) {
+  a.adversary.methods = words_of("--methods", a.methods);
+  if (!a.out.empty()) make_folder(a.out);
+  const Adversary all = attack_all(a.adversary, show_progress);
+  std::fputs(to_text(all).c_str(), stdout);
+  if (!a.out.empty()) {
+    write_whole(a.out + "/table.csv", to_csv(all));
+    fmt::print("{}/table.csv: {} rows\n", a.out, all.methods.size() * static_cast<std::size_t>(a.adversary.runs));
+  }
+  std::fputs(broken_runs(all).c_str(), stderr);
+  return all.broken() == 0 ? 0 : 3;
+}
+
+Subcommand add_adversary(CLI::App& app) {
+  const auto a = std::make_shared<AdversaryArguments>();
+  a->adversary.jobs = all_cores();
+  CLI::App* adversary = app.add_subcommand(
+      "adversary", "Hand, robot, network and packets drawn to create energy: the least that each method lets pass");
+  adversary->add_option("--methods", a->methods, "NAME,NAME; all of them if absent")->check(not_empty);
+  adversary->add_option("--seed", a->adversary.seed, "Of the first run")->capture_default_str();
+  adversary->add_option("--runs", a->adversary.runs, "Per method, with seeds counted up")->capture_default_str();
+  adversary->add_option("--out", a->out, "Folder for table.csv, a row for each run");
+  add_jobs(adversary, a->adversary.jobs);
+  adversary->footer(
+      R"(hand: least energy through the hand's port; told lies: the same where the slave's reports are replaced; both: through the
+hand's and the slave's port together; below -E(0): runs in which the hand gets more than its allowance. A run that breaks what its method claims is named with the command that runs it
+again, and the exit status is 3.)");
+  return {adversary, [a] { return adversary_command(*a); }};
+}
+
 }  // namespace
 
 std::vector<Subcommand> add_map_commands(CLI::App& app) {
-  return {add_compare(app), add_gallery(app), add_map(app), add_recommend(app)};
+  return {add_adversary(app), add_compare(app), add_gallery(app), add_map(app), add_recommend(app)};
 }
 
 }  // namespace twoport::lab

@@ -21,7 +21,7 @@ constexpr double kDiverged = 1e3;                 // of the run's largest speed
 template <int N>
 class TailRun {
  public:
-  TailRun(const Simulation<N>& at, const Scene& scene, const MotionScale& run)
+  TailRun(const Simulation<N>& at, const Scene& scene, const MotionScale& run, bool twin)
       : scene_{scene},
         scale_{run},
         registration_{scene.control},
@@ -29,7 +29,7 @@ class TailRun {
         rate_hz_{run.rate_hz},
         alone_{scene.control.architecture == Architecture::uncontrolled} {
     self_->be_quiet();
-    twin_ = alone_ ? nullptr : self_->copy();
+    twin_ = twin && !alone_ ? self_->copy() : nullptr;
     if (twin_) kick();
     // The first judgement finds more than half of the blocks that a record holds, or as few ticks as show a trend.
     const double quarter = std::ceil(kFirst * rate_hz_ * scene.duration_s);
@@ -45,6 +45,7 @@ class TailRun {
     chunk_.reserve(kChunk);
   }
 
+  /// Without a twin it ends where a controller acts: the verdict is then UNDECIDED, and has no text.
   TailVerdict judged() {
     std::size_t ticks = 0;
     std::uint64_t simulated = 0;
@@ -57,6 +58,7 @@ class TailRun {
         ticks += more;
         simulated += twin_ ? 2 * more : more;
       }
+      if (!tail_->has_twin && !alone_ && tail_->controller_acted) return {{}, simulated};
       tail_->run_lengths = lengths;
       tail_->last = lengths >= kLongest;
       verdict = alone_ ? judge_body(*tail_) : judge(*tail_, scale_);
@@ -147,12 +149,20 @@ class TailRun {
 }  // namespace
 
 template <int N>
-TailVerdict judge_tail(const Simulation<N>& at, const Scene& scene, const MotionScale& run) {
-  return TailRun<N>{at, scene, run}.judged();
+TailVerdict judge_tail(const Simulation<N>& at, const Scene& scene, const MotionScale& run, TwinUse twin) {
+  std::uint64_t ticks = 0;
+  if (twin == TwinUse::under_control) {
+    TailVerdict one = TailRun<N>{at, scene, run, false}.judged();
+    if (!one.verdict.text.empty()) return one;
+    ticks = one.ticks;
+  }
+  TailVerdict two = TailRun<N>{at, scene, run, true}.judged();
+  two.ticks += ticks;
+  return two;
 }
 
-template TailVerdict judge_tail<1>(const Simulation<1>&, const Scene&, const MotionScale&);
-template TailVerdict judge_tail<3>(const Simulation<3>&, const Scene&, const MotionScale&);
-template TailVerdict judge_tail<6>(const Simulation<6>&, const Scene&, const MotionScale&);
+template TailVerdict judge_tail<1>(const Simulation<1>&, const Scene&, const MotionScale&, TwinUse);
+template TailVerdict judge_tail<3>(const Simulation<3>&, const Scene&, const MotionScale&, TwinUse);
+template TailVerdict judge_tail<6>(const Simulation<6>&, const Scene&, const MotionScale&, TwinUse);
 
 }  // namespace twoport::lab

@@ -56,8 +56,8 @@ std::string to_csv(const Comparison& all) {
     csv += all.methods[m];
     const auto of = numbers(all.summaries[m]);
     for (const std::string& name : names) {
-      const auto found = std::find_if(of.begin(), of.end(), [&](const auto& each) { return each.first == name; });
-      csv += found == of.end() || !std::isfinite(found->second) ? "," : fmt::format(",{}", found->second);
+      const double value = figure(of, name);
+      csv += std::isfinite(value) ? fmt::format(",{}", value) : ",";
     }
     csv += fmt::format(",{},\"{}\"\n", all.summaries[m].verdict_kind(), all.summaries[m].verdict());
   }
@@ -86,9 +86,8 @@ std::string to_text(const Comparison& all) {
     out += fmt::format("{:<26} {:<10}", all.methods[m], all.summaries[m].verdict_kind());
     const auto of = numbers(all.summaries[m]);
     for (const Column& c : kColumns) {
-      const auto found = std::find_if(of.begin(), of.end(), [&](const auto& each) { return each.first == c.figure; });
-      out += found == of.end() || !std::isfinite(found->second) ? fmt::format(" {:>10}", "-")
-                                                                : fmt::format(" {:>10.3g}", c.scale * found->second);
+      const double value = figure(of, c.figure);
+      out += std::isfinite(value) ? fmt::format(" {:>10.3g}", c.scale * value) : fmt::format(" {:>10}", "-");
     }
     out += '\n';
   }

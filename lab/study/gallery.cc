@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <chrono>
+#include <cmath>
 #include <filesystem>
 #include <mutex>
 
@@ -90,8 +91,8 @@ std::string to_csv(const Gallery& all) {
       csv += fmt::format("{},{},{},{}", each.scene, all.methods[m], s.verdict_kind(), in_a_word(s));
       const auto of = numbers(s);
       for (const std::string& name : map_figures()) {
-        const auto found = std::find_if(of.begin(), of.end(), [&](const auto& f) { return f.first == name; });
-        csv += found == of.end() ? "," : fmt::format(",{}", found->second);
+        const double value = figure(of, name);
+        csv += std::isfinite(value) ? fmt::format(",{}", value) : ",";
       }
       csv += '\n';
     }

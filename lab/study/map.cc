@@ -8,7 +8,9 @@
 #include <cmath>
 #include <iterator>
 #include <limits>
+#include <map>
 #include <mutex>
+#include <utility>
 #include <variant>
 
 #include "common/base/check.h"
@@ -29,12 +31,6 @@ constexpr double kNone = std::numeric_limits<double>::quiet_NaN();
 Scene scene_of(const MapOptions& o, std::vector<std::string> more = {}) {
   more.insert(more.begin(), o.set.begin(), o.set.end());
   return o.scene.empty() ? parse_scene(kMapScene, "the map's scene", more) : load_scene(o.scene, more);
-}
-
-/// A figure of a summary; NaN where it is absent.
-double figure(const std::vector<std::pair<std::string, double>>& of, const std::string& name) {
-  const auto found = std::find_if(of.begin(), of.end(), [&](const auto& each) { return each.first == name; });
-  return found == of.end() ? kNone : found->second;
 }
 
 double positive_or_zero(double value) {
@@ -100,6 +96,18 @@ void check(const MapOptions& o) {
 }
 
 }  // namespace
+
+Interval wilson(int k, int n) {
+  constexpr double z = 1.959963984540054;
+  const double p = static_cast<double>(k) / n, z2n = z * z / n;
+  const double middle = p + 0.5 * z2n, half = z * std::sqrt(p * (1.0 - p) / n + 0.25 * z2n / n);
+  return {std::max(0.0, (middle - half) / (1.0 + z2n)), std::min(1.0, (middle + half) / (1.0 + z2n))};
+}
+
+double figure(const std::vector<std::pair<std::string, double>>& of, const std::string& name) {
+  const auto found = std::find_if(of.begin(), of.end(), [&](const auto& each) { return each.first == name; });
+  return found == of.end() ? kNone : found->second;
+}
 
 const std::vector<std::string>& map_figures() {
   static const std::vector<std::string> all{"environment_force_mean_n",
@@ -175,26 +183,27 @@ Map make_map(const MapOptions& o, const std::function<void(const Progress&)>& he
   std::mutex guard;
   std::size_t done = 0;
   const std::size_t count = map.methods.size() * map.places.size();
-  const auto run_one = [&](const std::string& method, const MapPlace& place, std::uint64_t seed) {
-    return run(scene_of(o, map_overrides(scene, method, place, seed)));
-  };
-
-  map.reference_n.resize(map.places.size());
-  for_each_parallel(map.places.size(), o.jobs, [&](std::size_t i) {
-    // The path is that of the place: its rests are as long.
-    Scene ideal = scene_of(o, map_overrides(scene, "NONE", map.places[i], scene.seed));
+  // Without a link a place is its path, whose rests grow with the round trip, and its wall.
+  std::map<std::pair<double, double>, double> references;
+  for (const MapPlace& p : map.places) references[{p.round_trip_ms, p.stiffness_n_per_m}] = 0.0;
+  std::vector<std::pair<const std::pair<double, double>, double>*> to_run;
+  for (auto& each : references) to_run.push_back(&each);
+  for_each_parallel(to_run.size(), o.jobs, [&](std::size_t i) {
+    const MapPlace place{.round_trip_ms = to_run[i]->first.first, .stiffness_n_per_m = to_run[i]->first.second};
+    Scene ideal = scene_of(o, map_overrides(scene, "NONE", place, scene.seed));
     ideal.to_slave = ideal.to_master = {};
     const auto numbers_of = numbers(run(ideal, {.verdict = VerdictFrom::plain}));
-    map.reference_n[i] = positive_or_zero(figure(numbers_of, "environment_force_mean_n")) *
-                         positive_or_zero(figure(numbers_of, "touching_share"));
+    to_run[i]->second = positive_or_zero(figure(numbers_of, "environment_force_mean_n")) *
+                        positive_or_zero(figure(numbers_of, "touching_share"));
   });
+  for (const MapPlace& p : map.places) map.reference_n.push_back(references.at({p.round_trip_ms, p.stiffness_n_per_m}));
   map.cells.resize(count);
   for_each_parallel(count, o.jobs, [&](std::size_t i) {
     const std::string& method = map.methods[i / map.places.size()];
     const std::size_t place = i % map.places.size();
     std::vector<Summary> of_seeds;
-    for (int s = 0; s < o.seeds; ++s)
-      of_seeds.push_back(run_one(method, map.places[place], scene.seed + static_cast<std::uint64_t>(s)));
+    Scene of_place = scene_of(o, map_overrides(scene, method, map.places[place], scene.seed));
+    for (int s = 0; s < o.seeds; ++s, ++of_place.seed) of_seeds.push_back(run(of_place, {.verdict = o.verdict}));
     map.cells[i] = cell_of(method, map.places[place], of_seeds, map.reference_n[place]);
     if (!heard) return;
     const std::lock_guard lock{guard};
@@ -216,7 +225,8 @@ std::size_t best_method(const Map& map, std::size_t place) {
 std::string to_csv(const Map& map) {
   std::string csv =
       "method,round_trip_ms,loss,burst_packets,stiffness_n_per_m,stable_seeds,restless_seeds,undecided_seeds,"
-      "unstable_seeds,holds,reference_force_n,pressed_share,pressed_share_sd,pressed_share_worst,error_n,error_n_sd,"
+      "unstable_seeds,stable_low,stable_high,holds,reference_force_n,pressed_share,pressed_share_sd,pressed_share_"
+      "worst,error_n,error_n_sd,"
       "error_n_worst";
   for (const std::string& name : map_figures()) csv += fmt::format(",{0},{0}_sd,{0}_worst", name);
   csv += '\n';
@@ -226,9 +236,10 @@ std::string to_csv(const Map& map) {
   };
   for (std::size_t i = 0; i < map.cells.size(); ++i) {
     const MapCell& c = map.cells[i];
-    csv += fmt::format("{},{},{},{},{},{},{},{},{},{},{}", c.method, c.place.round_trip_ms, c.place.loss,
+    const Interval stable = wilson(c.stable, c.seeds());
+    csv += fmt::format("{},{},{},{},{},{},{},{},{},{:.4f},{:.4f},{},{}", c.method, c.place.round_trip_ms, c.place.loss,
                        c.place.burst_packets, c.place.stiffness_n_per_m, c.stable, c.restless, c.undecided, c.unstable,
-                       c.holds() ? 1 : 0, map.reference_n[i % map.places.size()]);
+                       stable.low, stable.high, c.holds() ? 1 : 0, map.reference_n[i % map.places.size()]);
     csv += three(c.pressed) + three(c.error_n);
     for (const Spread& each : c.figures) csv += three(each);
     csv += '\n';
@@ -239,25 +250,30 @@ std::string to_csv(const Map& map) {
 std::string to_text(const Map& map) {
   std::string out = fmt::format("{}: {} places, {} seeds each\n", map.scene, map.places.size(),
                                 map.cells.empty() ? 0 : map.cells[0].seeds());
-  out += fmt::format("{:<24} {:>7} {:>9} {:>9} {:>9} {:>7} {:>7} {:>9} {:>14}\n", "method", "stable", "restless",
-                     "undecided", "unstable", "holds", "best", "within 5 %", "least hand mJ");
+  out += fmt::format("{:<24} {:>7} {:>9} {:>9} {:>9} {:>17} {:>7} {:>7} {:>9} {:>14}\n", "method", "stable", "restless",
+                     "undecided", "unstable", "stable runs, 95 %", "holds", "best", "within 5 %", "least hand mJ");
   std::vector<std::size_t> best_of;
   for (std::size_t p = 0; p < map.places.size(); ++p) best_of.push_back(best_method(map, p));
   const auto energy = static_cast<std::size_t>(
       std::find(map_figures().begin(), map_figures().end(), "hand_min_energy_j") - map_figures().begin());
   for (std::size_t m = 0; m < map.methods.size(); ++m) {
-    int stable = 0, restless = 0, undecided = 0, unstable = 0, holds = 0, first = 0, near = 0;
+    int stable = 0, restless = 0, undecided = 0, unstable = 0, holds = 0, first = 0, near = 0, runs = 0,
+        stable_runs = 0;
     double least = 0.0;
     for (std::size_t p = 0; p < map.places.size(); ++p) {
       const MapCell& c = map.at(m, p);
       ++(c.unstable > 0 ? unstable : c.restless > 0 ? restless : c.undecided > 0 ? undecided : stable);
+      runs += c.seeds(), stable_runs += c.stable;
       holds += c.holds();
       first += best_of[p] == m;
       near += c.holds() && c.error_n.mean <= 1.05 * map.at(best_of[p], p).error_n.mean;
       least = std::min(least, c.figures[energy].worst);
     }
-    out += fmt::format("{:<24} {:>7} {:>9} {:>9} {:>9} {:>7} {:>7} {:>9} {:>14.4g}\n", map.methods[m], stable, restless,
-                       undecided, unstable, holds, first, near, 1e3 * least);
+    const Interval share = wilson(stable_runs, runs);
+    out += fmt::format("{:<24} {:>7} {:>9} {:>9} {:>9} {:>17} {:>7} {:>7} {:>9} {:>14.4g}\n", map.methods[m], stable,
+                       restless, undecided, unstable,
+                       fmt::format("{:.1f} - {:.1f} %", 100.0 * share.low, 100.0 * share.high), holds, first, near,
+                       1e3 * least);
   }
   return out;
 }

@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "common/scene/scene.h"
+#include "lab/run.h"
 #include "lab/study/seeds.h"
 #include "lab/study/sweep.h"
 
@@ -28,6 +29,7 @@ struct MapOptions {
   std::vector<double> bursts_packets{1, 20};
   std::vector<double> stiffnesses_n_per_m{200, 300, 500, 700, 1000, 1500, 2300, 3500, 5500, 8500, 13000, 20000};
   int seeds = 3;  ///< the scene's seed, seed + 1, …
+  VerdictFrom verdict = VerdictFrom::lean;
   int jobs = 1;
 };
 
@@ -58,6 +60,15 @@ struct Map {
     return cells[method * places.size() + place];
   }
 };
+
+/// An interval for a probability after k of n trials, by Wilson's score at 95 % (z = 1.96).
+struct Interval {
+  double low, high;
+};
+Interval wilson(int k, int n);
+
+/// A figure of a summary by its name; NaN where it is absent.
+double figure(const std::vector<std::pair<std::string, double>>& of, const std::string& name);
 
 /// Figures of the summary that the table holds.
 const std::vector<std::string>& map_figures();

@@ -57,6 +57,29 @@ TEST(Map, ACellIsTheRunOfItsOverrides) {
   EXPECT_NEAR(std::abs(of_run - of_cell.mean), of_cell.sd / std::sqrt(2.0), 1e-12);
 }
 
+// The twin is left out where no controller acts; everything but the verdict comes from the same run.
+TEST(Map, LeanVerdictIsTheFullOneOnASampleOfPlaces) {
+  MapOptions options = small({"NONE", "INTERNAL_MODEL", "FORCE_PROJECTED", "FOUR_CHANNEL"});
+  options.seeds = 1;
+  const Map lean = make_map(options);
+  options.verdict = VerdictFrom::tail;
+  const Map full = make_map(options);
+  for (std::size_t i = 0; i < lean.cells.size(); ++i) {
+    EXPECT_EQ(lean.cells[i].stable, full.cells[i].stable) << i;
+    EXPECT_EQ(lean.cells[i].restless, full.cells[i].restless) << i;
+    EXPECT_EQ(lean.cells[i].figures[1].mean, full.cells[i].figures[1].mean) << i;
+  }
+}
+
+// (p + z²/2n ± z √(p(1-p)/n + z²/4n²))/(1 + z²/n); for p = 0 it ends at z²/(n + z²) = 3.8415/13.8415.
+TEST(Map, IntervalIsWilsons) {
+  EXPECT_EQ(wilson(0, 10).low, 0.0);
+  EXPECT_NEAR(wilson(0, 10).high, 0.2775, 5e-5);
+  EXPECT_NEAR(wilson(8, 10).low, 0.4902, 5e-5);
+  EXPECT_NEAR(wilson(8, 10).high, 0.9433, 5e-5);
+  EXPECT_NEAR(wilson(10, 10).low, 1.0 - 0.2775, 5e-5);
+}
+
 TEST(Map, BurstsLoseTheShareThatIsAsked) {
   const Scene scene = load_scene(TWOPORT_SCENES "/map.textproto");
   const MapPlace place{.round_trip_ms = 100, .loss = 0.3, .burst_packets = 10, .stiffness_n_per_m = 2000};

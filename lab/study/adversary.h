@@ -1,0 +1,79 @@
+#pragma once
+
+#include <cstdint>
+#include <functional>
+#include <string>
+#include <vector>
+
+#include "lab/study/sweep.h"
+
+namespace twoport::lab {
+
+/// What a method promises of the energies [J] since the start, for any hand, robot and network:
+///
+///     hand   Σ f·Δx at the master port              >= -E(0) - slack
+///     both   hand less what leaves at the slave      >= -E(0) of both sides - slack
+///     slack  = jolt max j + jolts Σ j + K δ²/2       j(k) = |f(k)·T²/(2m) (u(k) - 2 u(k-1) + u(k-2))|
+///
+/// At the slave Σ f·v_d T leaves the link, with `robot_port` Σ f·Δx of the robot. j: what the displayed force f gives away in
+/// the part of a tick's motion that the hand's own force u makes by changing otherwise than in the tick before, which no
+/// prediction knows. K: the coupling's stiffness where `tick_of_spring`, else 0; δ: largest motion in a tick.
+struct EnergyClaim {
+  bool hand = false, both = false;
+  bool any_packets = false;     ///< of the hand: whatever the slave reports
+  bool device_damping = false;  ///< Σ b Δx²/T of the device counts with the hand's energy
+  bool robot_port = false;
+  bool tick_of_spring = false;
+  double jolt = 0.0, jolts = 0.0;
+};
+EnergyClaim energy_claim(const std::string& method);
+
+/// One run against an adversary.
+struct AdversaryRun {
+  std::uint64_t seed = 0;
+  int dof = 0;
+  double rate_hz = 0.0;
+  bool lies = false;                              ///< the reports that reach the master are not the slave's
+  double hand_least_j = 0.0, both_least_j = 0.0;  ///< with device damping where the claim counts it
+  double hand_bound_j = 0.0, both_bound_j = 0.0;  ///< -infinity where nothing is claimed
+  double initial_j = 0.0;                         ///< E(0) of a side
+  double jolt_j = 0.0, jolts_j = 0.0;             ///< max j, Σ j
+  double felt_max_n = 0.0;                        ///< largest force displayed
+
+  static constexpr double kRounding_j = 1e-9;
+  /// Is the hand's energy below -E(0)?
+  [[nodiscard]] bool below() const { return hand_least_j < -initial_j - kRounding_j; }
+  /// Is an energy below what the method claims?
+  [[nodiscard]] bool broken() const {
+    return hand_least_j < hand_bound_j - kRounding_j || both_least_j < both_bound_j - kRounding_j;
+  }
+};
+
+/// Everything is drawn from the seed: size, rate (250 to 4000 Hz), device, robot, coupling, delay, jitter, loss, bursts,
+/// repeated and reordered packets, silences. A hand and a robot's environment that know the forces of both ports change
+/// every 10 to 300 ms between pulling along the displayed force, resisting it, springs to a moving target, sines and rest;
+/// forces rise within 5 to 50 ms. Every fourth run the master gets reports with wrong forces, positions, energies and
+/// words. Positions, velocities and forces are read exactly. 1500 to 4000 ticks.
+/// Throws ConfigError for an unknown method.
+AdversaryRun attack(const std::string& method, std::uint64_t seed);
+
+struct AdversaryOptions {
+  std::vector<std::string> methods;  ///< empty: every method
+  std::uint64_t seed = 1;            ///< of the first run
+  int runs = 500;                    ///< per method, with seeds counted up
+  int jobs = 1;
+};
+struct Adversary {
+  std::vector<std::string> methods;
+  std::vector<std::vector<AdversaryRun>> runs;  ///< of each method, by seed
+  [[nodiscard]] int broken() const;
+};
+Adversary attack_all(const AdversaryOptions& options, const std::function<void(const Progress&)>& heard = {});
+
+/// A line for each method: claim, least energies and their seeds, runs that break the claim.
+std::string to_text(const Adversary& all);
+/// Of each run that breaks a claim: what it reached, and the command that runs it again.
+std::string broken_runs(const Adversary& all);
+std::string to_csv(const Adversary& all);
+
+}  // namespace twoport::lab

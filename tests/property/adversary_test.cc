@@ -1,0 +1,49 @@
+// Hands, robots, networks and packets that are drawn to create energy, against what each method claims.
+
+#include "lab/study/adversary.h"
+
+#include <gtest/gtest.h>
+
+#include <string>
+
+#include "common/base/check.h"
+#include "lab/study/map.h"
+#include "lab/study/parallel.h"
+
+namespace twoport::lab {
+namespace {
+
+class EveryMethod : public testing::TestWithParam<std::string> {};
+
+// scripts/check adversary runs 10,000.
+TEST_P(EveryMethod, KeepsWhatItClaimsIn500Runs) {
+  const Adversary all = attack_all({.methods = {GetParam()}, .seed = 1, .runs = 500, .jobs = all_cores()});
+  EXPECT_EQ(broken_runs(all), "");
+}
+INSTANTIATE_TEST_SUITE_P(Of, EveryMethod, testing::ValuesIn(all_methods()),
+                         [](const auto& each) { return each.param; });
+
+// The adversary is one: without a controller every third hand gets more than E(0). And methods display forces: what they keep
+// is not kept by silence.
+TEST(Adversary, GetsEnergyFromALoopWithoutControl) {
+  const Adversary all = attack_all(
+      {.methods = {"NONE", "INTERNAL_MODEL", "FORCE_PROJECTED"}, .seed = 1, .runs = 200, .jobs = all_cores()});
+  int below = 0, felt = 0;
+  for (const AdversaryRun& run : all.runs[0]) below += run.below();
+  for (const std::size_t m : {1U, 2U})
+    for (const AdversaryRun& run : all.runs[m]) felt += run.felt_max_n > 0.1;
+  EXPECT_GT(below, 67);
+  EXPECT_GT(felt, 300);
+}
+
+TEST(Adversary, ASeedIsARun) {
+  const Adversary many = attack_all({.methods = {"ENERGY_TANK"}, .seed = 40, .runs = 150, .jobs = 2});
+  const AdversaryRun alone = attack("ENERGY_TANK", 187);
+  EXPECT_EQ(many.runs[0][147].seed, 187U);
+  EXPECT_EQ(many.runs[0][147].hand_least_j, alone.hand_least_j);
+  EXPECT_EQ(many.runs[0][147].both_least_j, alone.both_least_j);
+  EXPECT_THROW(attack("NO_SUCH", 1), ConfigError);
+}
+
+}  // namespace
+}  // namespace twoport::lab
