@@ -183,6 +183,8 @@ CountedRun run_as(Simulation<N>& simulation, const Scene& scene, const RunOption
     packets.mutable_to_slave()->set_sent(count(use->master.sent));
     *packets.mutable_to_master() = received_packets(use->master);
     packets.mutable_to_master()->set_sent(count(use->slave.sent));
+    if (!scene.schedule.empty()) s.set_switches(use->switches);
+    if (use->clock) *s.mutable_slave_clock() = clock_estimate(*use->clock);
     if (use->overflowed > 0) s.mutable_verdict()->append("; packets in flight exceeded the line's room");
   }
   return {s, ticks};

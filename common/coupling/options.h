@@ -87,6 +87,12 @@ struct ControlOptions {
   FractalImpedanceOptions fractal_impedance;
 };
 
+/// An entry of a schedule: the controllers from then on.
+struct ScheduledControl {
+  double at_s;  ///< since the start of the run; infinity: by hand only
+  ControlOptions control;
+};
+
 /// The options of a one-port controller at the handle, with what is known of the handle.
 inline ControllerOptions controller_at_the_handle(const ControlOptions& o) {
   ControllerOptions c = o.controller;

@@ -7,6 +7,7 @@
 #include <string>
 
 #include "common/base/histogram.h"
+#include "common/link/clock_offset.h"
 #include "common/link/impaired_socket.h"
 #include "common/link/mailbox.h"
 #include "common/platform/program.h"
@@ -30,7 +31,7 @@ class LiveLink {
         peer_{peer_at(side, address)},
         udp_{peer_ ? UdpSocket{any_port_toward(*peer_), *peer_} : UdpSocket{parse_endpoint(address, "--listen")}},
         network_{udp_, network(side, scene, peer_)},
-        mail_{{network_, session(side, scene, peer_), system_random}} {}
+        mail_{{network_, session(side, scene, peer_), system_random}, incoming(side, scene), outgoing(side, scene)} {}
   LiveLink(const LiveLink&) = delete;  // its parts refer to each other
 
   [[nodiscard]] Mailbox<N, LinkTransport<N>>& mail() noexcept { return mail_; }
@@ -58,6 +59,7 @@ class LiveLink {
     if (!mail_.transport().take_new_session()) return false;
     node.on_peer_restart(Energy{mail_.known().energy_in_j});
     mail_.reset();
+    clock_ = {};
     return true;
   }
   /// Reason why the two sides cannot work together, or empty.
@@ -66,6 +68,7 @@ class LiveLink {
   void note() noexcept {
     const PeerState<N>& peer = mail_.known();
     if (peer.is_new && peer.round_trip() >= Duration{0}) round_trip_.add(peer.round_trip());
+    clock_.step(peer);
   }
 
   [[nodiscard]] TickView view() noexcept {
@@ -85,6 +88,8 @@ class LiveLink {
     s.set_mode(to_string(mode));
     s.set_reconnects(count(std::max<std::uint64_t>(mail_.transport().pairings(), 1) - 1));
     if (round_trip_.count() > 0) *s.mutable_rtt_ms() = percentiles(round_trip_, 1e6);
+    if (master && clock_.known())
+      *s.mutable_slave_clock() = clock_estimate(clock_.figures(to_seconds(mail_.known().received_at).si()));
   }
   /// Packets dropped because the simulated network was full.
   [[nodiscard]] std::uint64_t overflowed() { return mail_.transport().counts().overflowed; }
@@ -100,6 +105,12 @@ class LiveLink {
             .seed = scene.seed ^ (master ? kToMasterStream : kToSlaveStream),
             .peer_rate_hz = master ? scene.slave_rate_hz : scene.master_rate_hz,
             .peer = peer};
+  }
+  static const TransmissionOptions& incoming(Side side, const Scene& scene) {
+    return side == Side::master ? scene.transmission_to_master : scene.transmission_to_slave;
+  }
+  static const TransmissionOptions& outgoing(Side side, const Scene& scene) {
+    return side == Side::master ? scene.transmission_to_slave : scene.transmission_to_master;
   }
   static SessionOptions session(Side side, const Scene& scene, std::optional<Endpoint> peer) {
     const bool master = side == Side::master;
@@ -125,6 +136,7 @@ class LiveLink {
   ImpairedSocket network_;
   Mailbox<N, LinkTransport<N>> mail_;
   Histogram round_trip_;
+  ClockOffset clock_;
 };
 
 /// The same without a link: the session begins with the first tick.

@@ -21,6 +21,7 @@ struct TickView {
   std::uint64_t received = 0;  ///< packets from the other side so far
   std::uint64_t lost = 0;
   std::uint64_t sessions = 0;  ///< of the other side so far; 0 where there is none
+  std::uint32_t epoch = 0;     ///< of the method
 };
 
 /// The recording thread of a live run: takes rows from the cycle through a ring buffer, writes the trace, computes the
@@ -34,6 +35,7 @@ class Recorder {
     WholeFile* trace;   ///< null: none. The caller commits it after finish()
     double duration_s;  ///< planned; infinity: until somebody ends it
     Side side;          ///< whose port is shown
+    std::vector<std::string> configurations;  ///< of the schedule, in words; epoch e has that of e modulo their number
     spdlog::logger& log;
   };
   /// Progress goes to stderr: one line rewritten on a terminal, else none.
@@ -82,6 +84,7 @@ class Recorder {
   double shown_s_ = -1.0;
   Mode mode_ = Mode::idle;  ///< of the newest row, as is the next
   std::uint64_t sessions_ = 0;
+  std::uint32_t epoch_ = 0;
   bool paired_ = false;        ///< said so, and not coupled yet
   Duration latest_{0};         ///< latest tick since the line was shown
   double dissipated_j_ = 0.0;  ///< by the controller since then

@@ -81,6 +81,16 @@ Packets received_packets(const PacketCounts& receiver, std::uint64_t rejected) {
   return all;
 }
 
+schema::ClockEstimate clock_estimate(const ClockFigures& clock) {
+  schema::ClockEstimate estimate;
+  estimate.set_offset_ms(1e3 * clock.offset_s);
+  estimate.set_bound_ms(1e3 * clock.bound_s);
+  estimate.set_drift_ppm(1e6 * clock.drift);
+  estimate.set_one_way_ms(1e3 * clock.one_way_s);
+  if (clock.error_s) estimate.set_error_ms(1e3 * *clock.error_s);
+  return estimate;
+}
+
 void say_if_coupling_feeds(Summary& s, Energy granted) {
   constexpr double kRounding = 1e-5;  // [J]
   if (s.robot_min_energy_j() < -(granted.si() + kRounding))

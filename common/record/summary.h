@@ -7,6 +7,7 @@
 #include <utility>
 #include <vector>
 
+#include "common/link/clock_offset.h"
 #include "common/link/mailbox.h"
 #include "common/record/verdict.h"
 #include "common/scene/scene.h"
@@ -28,6 +29,8 @@ std::uint32_t count(std::uint64_t n);
 
 /// What the receiver of one direction has counted, and datagrams `rejected` below it. What was sent is not known here.
 Packets received_packets(const PacketCounts& receiver, std::uint64_t rejected = 0);
+
+schema::ClockEstimate clock_estimate(const ClockFigures& clock);
 
 /// Adds to the verdict's text where the sampled coupling has given the robot more than `granted`, what its account starts
 /// with, and rounding.
