@@ -73,8 +73,7 @@ class MasterNode {
                                        .slave_energy_in = slave_energy_in_,
                                        .account = account_,
                                        .active = modes_.active(),
-                                       .ramp = ramp,
-                                       .carried = nullptr});
+                                       .ramp = ramp});
     before_ = motion;
     started_ = true;
     energy_sent_ = half.energy_in;

@@ -33,9 +33,11 @@ class ClockOffset {
     const double received = to_seconds(peer.received_at).si(), sent = to_seconds(Duration{peer.newest.sent_ns}).si(),
                  echo = to_seconds(Duration{peer.newest.echo_ns}).si();
     const std::int64_t second = peer.received_at / std::chrono::seconds{1};
-    if (second != second_ && best_.round_trip < kNone) add(best_);
-    if (second != second_) best_ = {};
-    second_ = second;
+    if (second > second_) {
+      if (best_.round_trip < kNone) add(best_);
+      best_ = {};
+      second_ = second;
+    }
     if (const double round_trip = received - echo; round_trip < best_.round_trip)
       best_ = {received, sent - 0.5 * (echo + received), round_trip};
     const double weight = 1.0 / static_cast<double>(++packets_);
