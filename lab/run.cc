@@ -191,6 +191,8 @@ CountedRun run_as(Simulation<N>& simulation, const Scene& scene, const RunOption
       *s.mutable_limits()->mutable_device() = limits_of_device(use->device_limits);
       *s.mutable_limits()->mutable_robot() = limits_of_robot(use->robot_limits);
     }
+    if (!scene.schedule.empty()) s.set_switches(use->switches);
+    if (use->clock) *s.mutable_slave_clock() = clock_estimate(*use->clock);
     if (use->overflowed > 0) s.mutable_verdict()->append("; packets in flight exceeded the line's room");
   }
   return {s, ticks};

@@ -2,13 +2,16 @@
 
 #include <algorithm>
 #include <cstdint>
+#include <span>
 #include <utility>
 
 #include "common/base/time.h"
+#include "common/coupling/bridge.h"
 #include "common/coupling/options.h"
 #include "common/coupling/ramp.h"
 #include "common/hardware/device.h"
 #include "common/link/mailbox.h"
+#include "common/method/alternatives.h"
 #include "common/method/any.h"
 #include "common/method/method.h"
 #include "common/passivity/observer.h"
@@ -30,11 +33,13 @@ class MasterNode {
     Mode mode;
   };
 
-  explicit MasterNode(const ControlOptions& o)
+  explicit MasterNode(const ControlOptions& o, std::span<const ScheduledControl> schedule = {})
       : observer_{o.observer},
-        engage_{o.engage},
+        initial_{o.initial_energy},
         safety_{limits_at_device(o), -1.0},
         half_{o},
+        alternatives_{o, schedule},
+        bridge_{o.engage},
         ramp_{o.engage},
         modes_{o} {}
 
@@ -56,25 +61,29 @@ class MasterNode {
       half_.start(device);
     }
     const double ramp = ramp_.step(modes_.coupled(), tick.dt);
-    slave_energy_in_ = Energy{slave.epoch == epoch_ ? slave.energy_in_j : 0.0};
-    if (carry_ > 0.0) [[unlikely]]
-      fade(tick.dt);
+    const bool same_epoch = slave.epoch == epoch_;
+    slave_energy_in_ = Energy{same_epoch ? slave.energy_in_j : 0.0};
+    if (!same_epoch) [[unlikely]]
+      await_slave(slave);
+    else if (awaits_slave_) [[unlikely]]
+      slave_follows();
     MasterOutput<N> half = half_.step({.dt = tick.dt,
                                        .ended = tick.ended,
                                        .device = device,
                                        .interval = interval,
                                        .first = !started_,
-                                       .slave = slave,
+                                       .slave = same_epoch ? slave : without_words_,
                                        .slave_energy_in = slave_energy_in_,
                                        .account = account_,
                                        .active = modes_.active(),
-                                       .ramp = ramp,
-                                       .carried = carry_ > 0.0 ? &fading_ : nullptr});
+                                       .ramp = ramp});
     before_ = motion;
     started_ = true;
     energy_sent_ = half.energy_in;
     if (!all_finite(half.f)) [[unlikely]]
       return fail_safe(device);
+    if (bridge_.active()) [[unlikely]]
+      cross(half, device.v, tick.dt);
     Force<N> f = safety_(half.f, device.x, device.v, tick.dt);
     command_ = f;
     return {.command = f,
@@ -98,19 +107,29 @@ class MasterNode {
     ramp_.drop();
   }
 
-  /// Switches to another method; `next` then holds the previous one. The old force fades out as the new one's ramp
-  /// rises: without a controller the force changes by at most T/engage (|f_before| + |f_displayed|) in a tick; a
-  /// passivity controller may reduce it further. A deficit is carried over. Totals start from zero in a new epoch.
+  /// Switches to another method or architecture; `next` then holds the previous one. The force is continuous (Bridge, over
+  /// engage_s), now and when the slave's first report under the new one arrives:
+  ///
+  ///     |f(k) - f(k-1)| <= |change of the new half's own force| + T/engage |f_before - f_new(0)|
+  ///
+  /// What the bridge adds returns energy to the hand only as far as the hand's port has it, E(0) + E >= 0. A deficit is carried
+  /// over. Totals start from zero in a new epoch.
   void switch_method(Half& next) noexcept {
     next.restart(account_, half_.deficit(account_, slave_energy_in_));
     next.start({.x = before_.x, .v = before_.v, .applied = command_});
     std::swap(half_, next);
-    carried_ = command_;
-    carry_ = engage_ > Seconds{} ? 1.0 : 0.0;
+    bridge_.begin(command_);
     ramp_.drop();
     energy_sent_ = Energy{};
     ++epoch_;
   }
+  /// Switches to the next entry of the schedule, after the last one to the first control. Call between ticks.
+  void switch_to_next() noexcept {
+    if (alternatives_.empty()) return;
+    switch_method(*alternatives_.of(epoch_ + 1));
+    alternatives_.used(epoch_);
+  }
+  [[nodiscard]] std::uint32_t epoch() const noexcept { return epoch_; }
 
   [[nodiscard]] Mode mode() const noexcept { return modes_.mode(); }
   /// Words of the method for the report of the last step, if any.
@@ -121,9 +140,24 @@ class MasterNode {
   [[nodiscard]] Energy observed() const noexcept { return account_.net(); }
 
  private:
-  [[gnu::noinline]] void fade(Seconds dt) noexcept {
-    carry_ = std::max(0.0, carry_ - dt / engage_);
-    fading_ = carry_ * carried_;
+  /// The slave has not switched yet: the words that it sends are the other method's.
+  [[gnu::noinline]] void await_slave(const PeerState<N>& slave) noexcept {
+    without_words_ = slave;
+    without_words_.words.clear();
+    awaits_slave_ = true;
+  }
+  /// Its reports change their meaning now.
+  [[gnu::noinline]] void slave_follows() noexcept {
+    awaits_slave_ = false;
+    bridge_.begin(command_);
+  }
+  [[gnu::noinline]] void cross(MasterOutput<N>& half, const Velocity<N>& v, Seconds dt) noexcept {
+    if (!modes_.active()) return bridge_.stop();
+    Force<N> added = bridge_.step(half.f, dt);
+    const Energy left = initial_ + account_.net() - positive_part(dot(-half.f, v) * dt), out = dot(-added, v) * dt;
+    if (out > positive_part(left)) added = (positive_part(left) / out) * added;
+    half.f += added;
+    half.wanted += added;
   }
 
   /// This side has stood still for a while: what it knows is old. The coupling begins anew, with its ramp. Of the energy of an
@@ -132,7 +166,7 @@ class MasterNode {
     modes_.release();
     safety_.release();
     safety_.note(Limit::pause);
-    carry_ = 0.0;
+    bridge_.stop();
     return std::min(into, Energy{});
   }
 
@@ -142,7 +176,7 @@ class MasterNode {
     modes_.release();
     safety_.release();
     command_ = Force<N>{};
-    carry_ = 0.0;
+    bridge_.stop();
     Output out{};
     out.report.x = device.x;
     out.report.v = device.v;
@@ -153,17 +187,19 @@ class MasterNode {
   }
 
   ObserverRule observer_;
-  Seconds engage_;
+  Energy initial_;
   SafetyStage<N> safety_;
   Half half_;
+  Alternatives<Half> alternatives_;
+  Bridge<N> bridge_;
   Ramp ramp_;
   ModeMachine modes_;
   Ledger account_;  ///< the hand's port
   Energy energy_sent_, slave_energy_in_;
   Force<N> command_;
-  Force<N> carried_, fading_;  ///< the force before the switch; its remaining part
-  double carry_ = 0.0;         ///< fading_ / carried_
   std::uint32_t epoch_ = 0;
+  PeerState<N> without_words_;  ///< of a slave in another epoch
+  bool awaits_slave_ = false;
   PortMotion<N> before_;
   bool started_ = false;
 };

@@ -110,7 +110,12 @@ struct RenderMaster : Master<N> {
 template <int N>
 struct LinkMaster : Master<N> {
   LinkMaster(const Scene& s, Device<N>& device, const LiveArguments& a)
-      : Master<N>{s, device, a.hardware}, link{Side::master, s, a}, node{s.control}, registration{s.control} {}
+      : Master<N>{s, device, a.hardware},
+        link{Side::master, s, a},
+        node{s.control, s.schedule},
+        registration{s.control},
+        switch_times{s.schedule},
+        switched_by_hand{switches_by_hand()} {}
 
   [[nodiscard]] Metrics<N> metrics() const {
     return Master<N>::metrics(this->scene.control.initial_energy, {.robot_energy = false});
@@ -133,23 +138,37 @@ struct LinkMaster : Master<N> {
     row.touching = out.mode == Mode::coupled && senses_contact(slave.newest.f_environment);
     return row;
   }
-  void fill(Summary& s, bool) { link.fill(s, node.mode()); }
+  void fill(Summary& s, bool) {
+    link.fill(s, node.mode());
+    if (!this->scene.schedule.empty()) s.set_switches(node.epoch());
+  }
+  /// At its time, and upon SIGUSR1.
+  void switch_when_due(double t_s) noexcept {
+    while (switch_times.due(t_s, node.epoch())) node.switch_to_next();
+    for (const unsigned asked = switches_by_hand(); switched_by_hand != asked; ++switched_by_hand)
+      node.switch_to_next();
+  }
 
   LiveLink<N> link;
   MasterNode<N> node;
   Registration<N> registration;
+  SwitchTimes switch_times;
+  unsigned switched_by_hand;
 };
 
 /// The scene completed from the driver: the mass at the handle if the scene has none, and the smaller of the two force
 /// limits.
 Scene with_device(Scene scene, const DeviceInfo& info) {
-  ControlOptions& control = scene.control;
   const bool has_mass = scene.device && scene.device->mass_kg > 0.0;
   const bool has_inertia = scene.device && scene.device->inertia_kg_m2 > 0.0;
-  if (!has_mass && info.mass_kg > 0.0) control.handle_mass_kg = info.mass_kg;
-  if (!has_inertia && info.inertia_kg_m2 > 0.0) control.handle_inertia_kg_m2 = info.inertia_kg_m2;
-  control.max_force_n = std::min(control.max_force_n, info.max_force_n);
-  control.own_limits = info.limits;
+  const auto complete = [&](ControlOptions& control) {
+    if (!has_mass && info.mass_kg > 0.0) control.handle_mass_kg = info.mass_kg;
+    if (!has_inertia && info.inertia_kg_m2 > 0.0) control.handle_inertia_kg_m2 = info.inertia_kg_m2;
+    control.max_force_n = std::min(control.max_force_n, info.max_force_n);
+  };
+  complete(scene.control);
+  for (ScheduledControl& entry : scene.schedule) complete(entry.control);
+  scene.control.own_limits = info.limits;
   return scene;
 }
 

@@ -1,6 +1,10 @@
 #pragma once
 
+#include <algorithm>
+#include <cmath>
+#include <cstdint>
 #include <memory>
+#include <numbers>
 #include <type_traits>
 #include <variant>
 
@@ -27,11 +31,16 @@ class SimRobot final {
       model(robot, scene.simulation, dt.si());
       if (robot.force_sensor) sensor_ = ForceSensor<N>{*robot.force_sensor, dt, scene.seed};
     }
+    anchors_move_ = std::any_of(environment_->world().springs.begin(), environment_->world().springs.end(),
+                                [](const Spring& s) { return s.motion.amplitude_m != 0.0; });
+    dt_s_ = dt.si();
     touch();
   }
 
   /// Advances the model by one control period, under the command held since the last actuate.
   [[gnu::always_inline]] void advance() noexcept {
+    if (anchors_move_) [[unlikely]]
+      return advance_with_anchors();
     move();
     touch();
   }
@@ -49,7 +58,10 @@ class SimRobot final {
   }
 
   /// From now on without noise of its sensor.
-  void silence() noexcept { sensor_.silence(); }
+  void silence() noexcept {
+    sensor_.silence();
+    anchors_rest_ = true;
+  }
   /// Adds dv to its velocity. False where it is ideal.
   bool kick(const Velocity<N>& dv) noexcept {
     if (std::holds_alternative<Ideal>(plant_)) return false;
@@ -62,7 +74,7 @@ class SimRobot final {
 
   [[nodiscard]] RobotSample<N> sense() const noexcept {
     const auto* exact = std::get_if<Exact>(&plant_);
-    if (exact && sensor_.instant()) return {state_.x, state_.v, sensor_.biased(exact->environment_force()), false};
+    if (exact && sensor_.instant()) return {state_.x, state_.v, sensor_.biased(environment_force()), false};
     return {state_.x, state_.v, sensed_, std::holds_alternative<Ideal>(plant_)};
   }
   /// The same for run_cycle: the caller advances.
@@ -79,11 +91,34 @@ class SimRobot final {
   /// True force of the environment on the robot.
   [[nodiscard, gnu::always_inline]] Force<N> environment_force() const {
     const auto* exact = std::get_if<Exact>(&plant_);
+    if (anchors_move_) [[unlikely]]
+      return exact ? exact->environment_force() + from_anchors_ : from_environment_;
     return exact ? exact->environment_force() : from_environment_;
   }
   [[nodiscard]] const Environment<N>& environment() const { return *environment_; }
 
  private:
+  /// One tick under the force of the moving anchors: that of a spring whose anchor is a(t) away from its place is
+  /// K a(t) + B da/dt more. It is held for the tick.
+  [[gnu::noinline]] void advance_with_anchors() noexcept {
+    if (!anchors_rest_) {
+      typename Force<N>::Vector f = Force<N>::Vector::Zero();
+      const double t = static_cast<double>(tick_++) * dt_s_;
+      for (const Spring& s : environment_->world().springs) {
+        const double w = 2.0 * std::numbers::pi * s.motion.frequency_hz;
+        if (s.motion.axis < N)
+          f[s.motion.axis] += s.motion.amplitude_m *
+                              (s.stiffness_n_per_m * std::sin(w * t) + s.damping_n_s_per_m * w * std::cos(w * t));
+      }
+      from_anchors_ = Force<N>{f};
+    }
+    const Force<N> commanded = command_.f;
+    command_.f += from_anchors_;
+    move();
+    command_.f = commanded;
+    touch();
+  }
+
   struct Ideal {};
   /// Stands where the exact maps do not exist.
   struct NoMap {
@@ -117,6 +152,8 @@ class SimRobot final {
       from_environment_ = general->environment_force();
     else
       from_environment_ = environment_->force(state_.x, state_.v);
+    if (anchors_move_) [[unlikely]]
+      from_environment_ += from_anchors_;
     sensed_ = sensor_.sample(from_environment_);
   }
 
@@ -125,6 +162,10 @@ class SimRobot final {
   std::variant<Ideal, Exact, RungeKuttaPlant<N>, FixedStepPlant<N>> plant_;
   RobotCommand<N> command_;
   Force<N> from_environment_, sensed_;
+  Force<N> from_anchors_;  ///< what moving anchors add
+  bool anchors_move_ = false, anchors_rest_ = false;
+  double dt_s_ = 0.0;
+  std::int64_t tick_ = 0;
   ForceSensor<N> sensor_;
 };
 

@@ -27,7 +27,7 @@ struct Slave {
   using Sample = RobotSample<N>;
 
   Slave(const Scene& s, Robot<N>& robot, const LiveArguments& a)
-      : scene{s}, hardware{robot}, link{Side::slave, s, a}, node{s.control} {
+      : scene{s}, hardware{robot}, link{Side::slave, s, a}, node{s.control, s.schedule} {
     first_reading<SlaveClock>(robot, Seconds{1.0 / s.slave_rate_hz}, a.hardware);
   }
 
@@ -106,18 +106,26 @@ std::string replaces_force_sensor(const ControlOptions& o) {
   return {};
 }
 
+/// Refuses controllers that need the force sensor which the robot lacks.
+void check_without_force_sensor(const ControlOptions& o, const LiveArguments& arguments) {
+  if (o.architecture == Architecture::position_measured_force)
+    throw ConfigError(arguments.scene + ": control.architecture is POSITION_MEASURED_FORCE, but the robot \"" +
+                      arguments.hardware + "\" has no force sensor; POSITION_FORCE needs none");
+  if (!replaces_force_sensor(o).empty())
+    throw ConfigError(arguments.scene + ": control.passivity.method is " + o.method_name + ", but the robot \"" +
+                      arguments.hardware + "\" has no force sensor; with " + replaces_force_sensor(o) +
+                      " it needs none");
+}
+
 template <int N>
 int run(Scene scene, const LiveArguments& arguments, const Registry& hardware) {
   spdlog::logger log = make_log("slave");
   const std::unique_ptr<Robot<N>> robot =
       hardware.robots.open<N>(arguments.hardware, scene, Seconds{1.0 / scene.slave_rate_hz});
-  if (!robot->info().has_force_sensor && scene.control.architecture == Architecture::position_measured_force)
-    throw ConfigError(arguments.scene + ": control.architecture is POSITION_MEASURED_FORCE, but the robot \"" +
-                      arguments.hardware + "\" has no force sensor; POSITION_FORCE needs none");
-  if (!robot->info().has_force_sensor && !replaces_force_sensor(scene.control).empty())
-    throw ConfigError(arguments.scene + ": control.passivity.method is " + scene.control.method_name +
-                      ", but the robot \"" + arguments.hardware + "\" has no force sensor; with " +
-                      replaces_force_sensor(scene.control) + " it needs none");
+  if (!robot->info().has_force_sensor) {
+    check_without_force_sensor(scene.control, arguments);
+    for (const ScheduledControl& entry : scene.schedule) check_without_force_sensor(entry.control, arguments);
+  }
   scene.control.own_limits = robot->info().limits;
   print_hints(scene, arguments, false);  // the master's device is not seen from here
   Slave<N> side{scene, *robot, arguments};

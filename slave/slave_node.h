@@ -1,12 +1,15 @@
 #pragma once
 
 #include <cstdint>
+#include <span>
 #include <utility>
 
 #include "common/base/time.h"
+#include "common/coupling/bridge.h"
 #include "common/coupling/options.h"
 #include "common/hardware/robot.h"
 #include "common/link/mailbox.h"
+#include "common/method/alternatives.h"
 #include "common/method/any.h"
 #include "common/method/method.h"
 #include "common/passivity/observer.h"
@@ -27,7 +30,8 @@ class SlaveNode {
     Mode mode;
   };
 
-  explicit SlaveNode(const ControlOptions& o) : half_{o}, modes_{o}, safety_{limits_at_robot(o), 1.0} {}
+  explicit SlaveNode(const ControlOptions& o, std::span<const ScheduledControl> schedule = {})
+      : half_{o}, alternatives_{o, schedule}, bridge_{o.engage}, modes_{o}, safety_{limits_at_robot(o), 1.0} {}
 
   [[gnu::always_inline]] Output step(const Tick<SlaveClock>& tick, const RobotSample<N>& robot,
                                      const PeerState<N>& master) noexcept {
@@ -40,18 +44,24 @@ class SlaveNode {
       commanded_ = false;
     }
     started_ = true;
-    master_energy_in_ = Energy{master.epoch == epoch_ ? master.energy_in_j : 0.0};
+    if (master.epoch != epoch_) [[unlikely]]
+      follow(robot, master);
+    const bool same_epoch = master.epoch == epoch_;
+    master_energy_in_ = Energy{same_epoch ? master.energy_in_j : 0.0};
     SlaveOutput<N> half = half_.step({.dt = tick.dt,
                                       .robot = robot,
-                                      .master = master,
+                                      .master = same_epoch ? master : without_words_,
                                       .master_energy_in = master_energy_in_,
                                       .account = account_,
                                       .coupled = modes_.coupled(),
                                       .active = modes_.active()});
     if (!all_finite(half.command.f, half.command.v_d, half.command.x_d)) [[unlikely]]
       return fail_safe(robot);
+    if (bridge_.active()) [[unlikely]]
+      cross(half, robot, tick.dt);
     if (safety_.any()) [[unlikely]]
       keep_limits(half, robot, tick.dt);
+    command_ = half.command.f;
     account_.book(half.grounded - dot(half.command.f, half.command.v_d * tick.dt));
     position_error_ = modes_.coupled() ? robot.x - half_.target() : Displacement<N>{};
     return {.command = half.command,
@@ -74,13 +84,17 @@ class SlaveNode {
     modes_.reset();
   }
 
-  /// As MasterNode::switch_method; set point and registration are kept.
+  /// As MasterNode::switch_method; set point and registration are kept. The force on the robot is continuous (Bridge): what
+  /// that adds does at most the work |f_before - f_new(0)| times the robot's path within engage_s.
   void switch_method(Half& next) noexcept {
     next.restart(account_, half_.deficit(account_, master_energy_in_));
     if (modes_.active()) next.resume(half_.handover());
     std::swap(half_, next);
+    bridge_.begin(command_);
     ++epoch_;
   }
+
+  [[nodiscard]] std::uint32_t epoch() const noexcept { return epoch_; }
 
   [[nodiscard]] Mode mode() const noexcept { return modes_.mode(); }
   [[nodiscard]] const LimitCounts& limit_counts() const noexcept { return safety_.counts(); }
@@ -123,6 +137,26 @@ class SlaveNode {
     modes_.release();
     safety_.release();
     safety_.note(Limit::pause);
+    bridge_.stop();
+  [[gnu::noinline]] void cross(SlaveOutput<N>& half, const RobotSample<N>& robot, Seconds dt) noexcept {
+    if (!modes_.active() || robot.ideal) return bridge_.stop();
+    half.command.f += bridge_.step(half.command.f, dt);
+  }
+  /// The master is in another epoch: it has switched, or restarted. Every epoch that it may name has a configuration.
+  [[gnu::noinline]] void follow(const RobotSample<N>& robot, const PeerState<N>& master) noexcept {
+    if (alternatives_.empty() || !master.has_report) {
+      without_words_ = master;
+      without_words_.words.clear();
+      return;
+    }
+    if (Half* next = alternatives_.of(master.epoch)) {
+      next->start(robot, master);
+      switch_method(*next);
+      alternatives_.used(master.epoch);
+    } else {
+      half_.restart(account_, half_.deficit(account_, master_energy_in_));
+    }
+    epoch_ = master.epoch;
   }
 
   /// For a reading or force that is not finite the node applies no force until the next tick. The other side rejects
@@ -132,6 +166,8 @@ class SlaveNode {
     safety_.release();
     commanded_ = false;
     position_error_ = {};
+    command_ = Force<N>{};
+    bridge_.stop();
     const SlaveOutput<N> half = half_.fail_safe(account_);
     Output out{};
     out.command = half.command;
@@ -145,13 +181,17 @@ class SlaveNode {
   }
 
   Half half_;
+  Alternatives<Half> alternatives_;
+  Bridge<N> bridge_;
   ModeMachine modes_;
   SafetyStage<N> safety_;
   Position<N> x_d_;  ///< the last set point, while one is commanded
   bool commanded_ = false;
   Ledger account_;  ///< the link's port
   Displacement<N> position_error_;
+  Force<N> command_;  ///< of the last tick
   Energy master_energy_in_;
+  PeerState<N> without_words_;  ///< of a master in another epoch
   std::uint32_t epoch_ = 0;
   bool started_ = false;
 };

@@ -60,11 +60,18 @@ struct Surface {
   }
 };
 
+/// Motion of an anchor about its place: a sin(2πft) along one axis. Amplitude 0: none.
+struct AnchorMotion {
+  int axis = 0;
+  double amplitude_m = 0.0, frequency_hz = 0.0;
+};
+
 /// A spring and damper between a point and an anchor; bilateral.
 struct Spring {
   static constexpr const char* kName = "spring";
   double stiffness_n_per_m, damping_n_s_per_m;
   Eigen::Vector3d anchor_m;
+  AnchorMotion motion{};  ///< a simulated robot adds its force (sim/sim_robot.h)
 
   /// K (anchor - p) - B v  [N]
   template <int D>

@@ -111,6 +111,11 @@ inline PortLimits limits_of_master_reports(const ControlOptions& o) {
 inline PortLimits limits_of_slave_reports(const ControlOptions& o) {
   return o.robot_limits;
 }
+/// An entry of a schedule: the controllers from then on.
+struct ScheduledControl {
+  double at_s;  ///< since the start of the run; infinity: by hand only
+  ControlOptions control;
+};
 
 /// The options of a one-port controller at the handle, with what is known of the handle.
 inline ControllerOptions controller_at_the_handle(const ControlOptions& o) {

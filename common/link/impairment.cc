@@ -14,6 +14,7 @@ enum Purpose : unsigned { kBurstState, kBurstLoss, kLoss, kJitter, kReorder, kDu
 double longest_delay_s(const ImpairmentOptions& o) {
   double longest = o.delay_s + 10.0 * o.jitter_s;
   for (const double d : o.recorded_delay_s) longest = std::max(longest, d);
+  for (const DelayStep& s : o.delay_step) longest = std::max(longest, s.delay_s + 10.0 * o.jitter_s);
   return longest + o.reorder_s;
 }
 std::size_t packets_in_flight(const ImpairmentOptions& o, double rate_hz) {
@@ -24,7 +25,16 @@ Impairment::Impairment(const ImpairmentOptions& options, std::uint64_t seed)
     : options_{options}, random_{seed}, fixed_delay_{std::max(Duration{0}, to_duration(options.delay_s))} {
   const ImpairmentOptions& o = options_;
   certain_ = o.jitter_s == 0.0 && o.loss == 0.0 && !o.burst && o.blackout.empty() && o.duplicate == 0.0 &&
-             o.reorder == 0.0 && o.recorded_delay_s.empty();
+             o.reorder == 0.0 && o.recorded_delay_s.empty() && o.delay_step.empty();
+}
+
+void Impairment::change_delay(Duration since_start) noexcept {
+  for (; steps_done_ < options_.delay_step.size(); ++steps_done_) {
+    const DelayStep& step = options_.delay_step[steps_done_];
+    if (since_start < to_duration(step.at_s)) return;
+    options_.delay_s = step.delay_s;
+    fixed_delay_ = to_duration(step.delay_s);
+  }
 }
 
 bool Impairment::lost(Duration since_start) noexcept {
@@ -69,6 +79,7 @@ Duration Impairment::delay(unsigned purpose) noexcept {
 }
 
 Impairment::Fate Impairment::drawn(Duration since_start) noexcept {
+  change_delay(since_start);
   Fate fate{lost(since_start) ? 0 : 1, {delay(kJitter), Duration{0}}};
   if (options_.reorder > 0.0 && random_.uniform(packet_, kReorder) < options_.reorder)
     fate.delay[0] += to_duration(options_.reorder_s);

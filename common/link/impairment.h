@@ -19,6 +19,10 @@ struct GilbertElliottOptions {
 struct BlackoutWindow {
   double start_s = 0.0, duration_s = 0.0;
 };
+/// From `at_s` on the delay is `delay_s`.
+struct DelayStep {
+  double at_s = 0.0, delay_s = 0.0;
+};
 
 /// Impairments of one direction of the network.
 struct ImpairmentOptions {
@@ -31,6 +35,7 @@ struct ImpairmentOptions {
   double duplicate = 0.0;
   double reorder = 0.0, reorder_s = 0.005;
   std::vector<double> recorded_delay_s;  ///< replayed in a loop in place of delay and jitter; empty: none
+  std::vector<DelayStep> delay_step{};   ///< in the order of their times
 };
 
 /// Longest delay, up to ten standard deviations of jitter [s].
@@ -67,6 +72,8 @@ class Impairment {
   Fate drawn(Duration since_start) noexcept;
   [[nodiscard]] bool lost(Duration since_start) noexcept;
   [[nodiscard]] Duration delay(unsigned purpose) noexcept;
+  /// Takes the delay of the last step that is due.
+  void change_delay(Duration since_start) noexcept;
 
   ImpairmentOptions options_;
   Random random_;
@@ -74,7 +81,7 @@ class Impairment {
   bool certain_;
   bool bad_state_ = false;
   std::uint64_t packet_ = 0;  ///< number of the one that is drawn
-  std::size_t recorded_next_ = 0;
+  std::size_t recorded_next_ = 0, steps_done_ = 0;
 };
 
 }  // namespace twoport

@@ -3,9 +3,12 @@
 #include <algorithm>
 #include <bitset>
 #include <cstdint>
+#include <optional>
 #include <utility>
 
 #include "common/base/time.h"
+#include "common/link/deadband.h"
+#include "common/link/playout.h"
 #include "common/link/report.h"
 
 namespace twoport {
@@ -49,10 +52,17 @@ struct PeerState {
 template <int N, class Transport>
 class Mailbox {
  public:
-  explicit Mailbox(Transport transport) : transport_{std::move(transport)} {}
+  explicit Mailbox(Transport transport, const TransmissionOptions& incoming = {},
+                   const TransmissionOptions& outgoing = {})
+      : transport_{std::move(transport)} {
+    if (incoming.playout_s > 0.0) playout_.emplace(incoming.playout_s);
+    if (outgoing.deadband) deadband_.emplace(*outgoing.deadband);
+  }
 
   [[gnu::always_inline]] const PeerState<N>& collect(Duration now) noexcept {
     known_.is_new = false;
+    if (playout_) [[unlikely]]
+      return collect_in_time(now);
     transport_.poll(
         now, [&](const Report<N>& r) __attribute__((always_inline)) { offer(r, now); });
     return known_;
@@ -60,12 +70,15 @@ class Mailbox {
 
   /// Stamps the report and sends it.
   [[gnu::always_inline]] void post(PortReport<N>& report, Duration now) noexcept {
+    if (deadband_ && !deadband_->tells(report, now)) [[unlikely]]
+      return;
     stamp(report, now);
     transport_.send(report, now);
   }
   void post(PortReport<N>&& report, Duration now) noexcept { post(report, now); }
   /// The same with the method's words. By value: a report without words stays in registers.
   [[gnu::noinline]] void post(PortReport<N> report, const Words& words, Duration now) noexcept {
+    if (deadband_ && !deadband_->tells(report, now)) return;
     stamp(report, now);
     Report<N> packet{report};
     packet.words = words;
@@ -79,6 +92,7 @@ class Mailbox {
     suspect_ = 0;
     older_for_ = older_at_ = Duration{0};
     seen_.reset();
+    if (playout_) playout_->clear();
   }
 
   [[nodiscard]] const PeerState<N>& known() const noexcept { return known_; }
@@ -96,6 +110,12 @@ class Mailbox {
 
   enum class Order : std::uint8_t { newer, older, impossible };
 
+  [[gnu::noinline]] const PeerState<N>& collect_in_time(Duration now) noexcept {
+    transport_.poll(now, [&](const Report<N>& r) { playout_->put(r, now); });
+    while (const Report<N>* r = playout_->take(now)) offer(*r, now);
+    return known_;
+  }
+
   [[gnu::always_inline]] void stamp(PortReport<N>& report, Duration now) noexcept {
     report.sequence = ++counts_.sent;
     report.sent_ns = now.count();
@@ -112,7 +132,7 @@ class Mailbox {
       }
     }
     ++counts_.received;
-    if (r.epoch > known_.epoch) [[unlikely]]
+    if (r.epoch != known_.epoch && order == Order::newer) [[unlikely]]
       begin_epoch(r.epoch);
     if (r.epoch == known_.epoch) [[likely]] {
       known_.energy_in_j = std::max(known_.energy_in_j, r.energy_in_j);
@@ -125,7 +145,8 @@ class Mailbox {
     known_.has_report = known_.is_new = true;
   }
 
-  /// Another method: its totals start from zero; those of earlier packets are ignored.
+  /// Another method: its totals start from zero; those of other epochs are ignored. The newest packet decides, so a wrong
+  /// epoch lasts until the next right one, whose totals are whole.
   [[gnu::noinline]] void begin_epoch(std::uint32_t epoch) noexcept {
     known_.epoch = epoch;
     known_.energy_in_j = 0.0;
@@ -195,6 +216,8 @@ class Mailbox {
   std::uint64_t suspect_ = 0;            ///< the last sequence that was not the next
   Duration older_for_{0}, older_at_{0};  ///< time with older reports only, and time of the last
   std::bitset<kMemory> seen_;            ///< of the last kMemory sequences
+  std::optional<Playout<N>> playout_;
+  std::optional<Deadband<N>> deadband_;
 };
 
 }  // namespace twoport

@@ -31,7 +31,6 @@ struct MasterInput {
   const Ledger& account;        ///< energy into the master port, exact, since the start
   bool active;                  ///< coupled or holding; else the force is zero
   double ramp;                  ///< rises from 0 to 1 after engagement
-  const Force<N>* carried;      ///< remaining force of the previous method after a switch; null: none
 };
 template <int N>
 struct MasterOutput {

@@ -9,6 +9,7 @@
 #include <string>
 
 #include "common/base/histogram.h"
+#include "common/link/clock_offset.h"
 #include "common/link/impaired_socket.h"
 #include "common/link/mailbox.h"
 #include "common/platform/key_file.h"
@@ -44,7 +45,8 @@ class LiveLink {
         secure_{secured()},
         mail_{Transport{
             side == Side::master ? limits_of_slave_reports(scene.control) : limits_of_master_reports(scene.control),
-            top(), session(side, scene, peer_, secure_ != nullptr), SessionNumbers{system_random}}} {
+            top(), session(side, scene, peer_, secure_ != nullptr), SessionNumbers{system_random}},
+              incoming(side, scene), outgoing(side, scene)} {
     // Of a period: the rest is for the node.
     udp_.limit(to_duration(0.25 / (side == Side::master ? scene.master_rate_hz : scene.slave_rate_hz)));
   }
@@ -87,6 +89,7 @@ class LiveLink {
     if (!mail_.transport().take_new_session()) return false;
     node.on_peer_restart(Energy{mail_.known().energy_in_j});
     mail_.reset();
+    clock_ = {};
     return true;
   }
   /// Reason why the two sides cannot work together, or empty.
@@ -95,6 +98,7 @@ class LiveLink {
   void note() noexcept {
     const PeerState<N>& peer = mail_.known();
     if (peer.is_new && peer.round_trip() >= Duration{0}) round_trip_.add(peer.round_trip());
+    clock_.step(peer);
   }
 
   [[nodiscard]] TickView view() noexcept {
@@ -119,6 +123,8 @@ class LiveLink {
     s.set_reconnects(count(std::max<std::uint64_t>(mail_.transport().pairings(), 1) - 1));
     *s.mutable_limits()->mutable_peer() = limits_of_peer(limit_counts());
     if (round_trip_.count() > 0) *s.mutable_rtt_ms() = percentiles(round_trip_, 1e6);
+    if (master && clock_.known())
+      *s.mutable_slave_clock() = clock_estimate(clock_.figures(to_seconds(mail_.known().received_at).si()));
   }
   /// Packets dropped because the simulated network was full.
   [[nodiscard]] std::uint64_t overflowed() { return mail_.transport().counts().overflowed; }
@@ -161,6 +167,12 @@ class LiveLink {
             .peer_rate_hz = master ? scene.slave_rate_hz : scene.master_rate_hz,
             .peer = peer};
   }
+  static const TransmissionOptions& incoming(Side side, const Scene& scene) {
+    return side == Side::master ? scene.transmission_to_master : scene.transmission_to_slave;
+  }
+  static const TransmissionOptions& outgoing(Side side, const Scene& scene) {
+    return side == Side::master ? scene.transmission_to_slave : scene.transmission_to_master;
+  }
   static SessionOptions session(Side side, const Scene& scene, std::optional<Endpoint> peer, bool encrypted) {
     const bool master = side == Side::master;
     SessionOptions options{.side = side,
@@ -189,6 +201,7 @@ class LiveLink {
   std::unique_ptr<SecureSocket> secure_;  ///< null: without a key
   Mailbox<N, Transport> mail_;
   Histogram round_trip_;
+  ClockOffset clock_;
 };
 
 /// The same without a link: the session begins with the first tick.

@@ -1,5 +1,6 @@
 #include "common/platform/live_run.h"
 
+#include "common/scene/names.h"
 #include "common/wire/mismatch.h"
 
 namespace twoport {
@@ -16,6 +17,15 @@ void fill(Summary& s, const LiveFigures& f) {
   *s.mutable_loop_lateness_us() = percentiles(f.loop.lateness(), 1e3);
   s.set_deadline_misses(count(f.loop.deadline_misses()));
   s.set_step_ns(f.clock.mean_ns());
+}
+
+std::vector<std::string> configurations(const Scene& scene) {
+  std::vector<std::string> all;
+  if (scene.schedule.empty()) return all;
+  const auto words = [](const ControlOptions& c) { return c.method_name + ", " + to_string(c.architecture); };
+  all.push_back(words(scene.control));
+  for (const ScheduledControl& entry : scene.schedule) all.push_back(words(entry.control));
+  return all;
 }
 
 Failure why_failed(std::string_view refusal, HardwareStatus last, double ran_s, std::string_view missed) {

@@ -91,6 +91,9 @@ struct Failure {
 /// `missed`: the sentence of a side that has ended without meeting the other; empty otherwise.
 Failure why_failed(std::string_view refusal, HardwareStatus last, double ran_s, std::string_view missed);
 
+/// What a run is switched between, in words: the scene's first control, then the schedule. Empty without a schedule.
+std::vector<std::string> configurations(const Scene& scene);
+
 /// A live run of one side from its first tick to its exit status. The sides differ in:
 ///
 ///     kSize, kSide, kName       degrees of freedom, Side, and its name
@@ -103,6 +106,7 @@ Failure why_failed(std::string_view refusal, HardwareStatus last, double ran_s, 
 ///     complete(row, sample)     completes that row from the next tick's sample
 ///     fill(summary, diverged)   the side's own figures of the summary
 ///     judged()                  is its summary compared with the scene's `expect`?
+///     switch_when_due(t_s)      a master over a link: before each tick
 template <class LiveSide>
 int run_live(LiveSide& side, const Scene& scene, const LiveArguments& arguments, spdlog::logger& log) {
   constexpr int N = LiveSide::kSize;
@@ -115,6 +119,7 @@ int run_live(LiveSide& side, const Scene& scene, const LiveArguments& arguments,
                         .duration_s = scene.duration_s,
                         .side = LiveSide::kSide,
                         .trace_every = arguments.trace_every,
+                        .configurations = configurations(scene),
                         .log = log}};
   const std::atomic<bool>& stop = stop_on_signals();
   PeriodicLoop loop{{.rate_hz = rate_hz, .realtime = arguments.realtime, .spin = arguments.spin}};
@@ -141,6 +146,8 @@ int run_live(LiveSide& side, const Scene& scene, const LiveArguments& arguments,
     const bool over = t_s >= scene.duration_s;
     if (recorder.diverged() || (over && !side.serves())) return false;
 
+    if constexpr (requires { side.switch_when_due(t_s); })
+      if (met >= 0) side.switch_when_due(t_s);
     const double passed = last < 0 ? 1.0 : static_cast<double>(k - last);
     last = k;
     const auto out = clock.time([&] {
@@ -160,6 +167,7 @@ int run_live(LiveSide& side, const Scene& scene, const LiveArguments& arguments,
     } else if (met < 0 && k >= waiting_until) {
       recorder.push_waiting(to_seconds(now).si(), side.link.view());
       waiting_until = k + static_cast<std::int64_t>(0.1 * rate_hz);
+      if constexpr (requires { side.node.epoch(); }) view.epoch = side.node.epoch();
     }
     return plant.sample.status != HardwareStatus::fault;
   });

@@ -27,6 +27,8 @@ constexpr Duration kLead = 1ms;  // from begin to tick 0
 constexpr double kMaxRateHz = 100e3;
 
 std::atomic<bool> stop_requested{false};
+std::atomic<unsigned> hand_switches{0};
+static_assert(std::atomic<unsigned>::is_always_lock_free);
 static_assert(std::atomic<bool>::is_always_lock_free);  // as a signal handler needs it
 
 Duration monotonic() noexcept {
@@ -66,6 +68,18 @@ const std::atomic<bool>& stop_on_signals() {
   action.sa_handler = SIG_IGN;
   sigaction(SIGPIPE, &action, nullptr);  // the reader of our output has gone
   return stop_requested;
+}
+
+unsigned switches_by_hand() noexcept {
+  static const bool installed = [] {
+    struct sigaction action {};
+    action.sa_handler = [](int) { hand_switches.fetch_add(1, std::memory_order_relaxed); };
+    sigemptyset(&action.sa_mask);
+    action.sa_flags = SA_RESTART;
+    return sigaction(SIGUSR1, &action, nullptr) == 0;
+  }();
+  static_cast<void>(installed);
+  return hand_switches.load(std::memory_order_relaxed);
 }
 
 PeriodicLoop::PeriodicLoop(const LoopOptions& options) : options_{options} {

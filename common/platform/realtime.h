@@ -14,6 +14,9 @@ namespace twoport {
 /// released its hardware and written its files. SIGQUIT (Ctrl-\) and SIGKILL still end it at once, without either.
 const std::atomic<bool>& stop_on_signals();
 
+/// Number of SIGUSR1 received since the first call. For a master: each switches to the next entry of the schedule.
+unsigned switches_by_hand() noexcept;
+
 struct LoopOptions {
   double rate_hz = 1000.0;
   bool realtime = true;  ///< ask for locked memory, SCHED_FIFO, no idle states, and the finest timer

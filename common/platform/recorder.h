@@ -26,6 +26,7 @@ struct TickView {
   std::uint64_t sessions = 0;  ///< of the other side so far; 0 where there is none
   std::uint64_t refused = 0;   ///< datagrams so far that were none of the other side
   LimitCounts limits{};
+  std::uint32_t epoch = 0;     ///< of the method
 };
 
 /// The recording thread of a live run: takes rows from the cycle through a ring buffer, writes the trace, computes the
@@ -40,6 +41,7 @@ class Recorder {
     double duration_s;          ///< planned; infinity: until somebody ends it
     Side side;                  ///< whose port is shown
     std::uint64_t trace_every;  ///< one row in so many
+    std::vector<std::string> configurations;  ///< of the schedule, in words; epoch e has that of e modulo their number
     spdlog::logger& log;
   };
   /// Progress goes to stderr: one line rewritten on a terminal, else none.
@@ -101,6 +103,7 @@ class Recorder {
   LimitCounts limits_;                      ///< as last seen
   std::array<double, kLimits> limit_at_s_;  ///< when each was said last
   double refused_at_s_ = kNever;
+  std::uint32_t epoch_ = 0;
   Duration latest_{0};         ///< latest tick since the line was shown
   double dissipated_j_ = 0.0;  ///< by the controller since then
   bool terminal_ = false;

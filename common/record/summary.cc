@@ -107,6 +107,14 @@ schema::LimitsOfPeer limits_of_peer(const LimitCounts& counts) {
   peer.set_force(counts[Limit::peer_force]);
   peer.set_energy(counts[Limit::peer_energy]);
   return peer;
+schema::ClockEstimate clock_estimate(const ClockFigures& clock) {
+  schema::ClockEstimate estimate;
+  estimate.set_offset_ms(1e3 * clock.offset_s);
+  estimate.set_bound_ms(1e3 * clock.bound_s);
+  estimate.set_drift_ppm(1e6 * clock.drift);
+  estimate.set_one_way_ms(1e3 * clock.one_way_s);
+  if (clock.error_s) estimate.set_error_ms(1e3 * *clock.error_s);
+  return estimate;
 }
 
 void say_if_coupling_feeds(Summary& s, Energy granted) {

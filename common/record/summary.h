@@ -7,6 +7,7 @@
 #include <utility>
 #include <vector>
 
+#include "common/link/clock_offset.h"
 #include "common/link/mailbox.h"
 #include "common/link/rejected.h"
 #include "common/record/verdict.h"
@@ -35,6 +36,8 @@ Packets received_packets(const PacketCounts& receiver, Rejected rejected = {});
 schema::LimitsOfPort limits_of_device(const LimitCounts& counts);
 schema::LimitsOfPort limits_of_robot(const LimitCounts& counts);
 schema::LimitsOfPeer limits_of_peer(const LimitCounts& counts);
+
+schema::ClockEstimate clock_estimate(const ClockFigures& clock);
 
 /// Adds to the verdict's text where the sampled coupling has given the robot more than `granted`, what its account starts
 /// with, and rounding.

@@ -14,7 +14,11 @@ namespace twoport {
 OperatorSpec read_operator(const Block<schema::Operator>& of);
 DeviceSpec read_device(const Block<schema::Device>& of);
 ControlOptions read_control(const Block<schema::Control>& of, SceneFor use);
+/// The entries of the schedule, each on top of the one before.
+std::vector<ScheduledControl> read_schedule(const Block<schema::Control>& of, SceneFor use);
 ImpairmentOptions read_impairment(const Block<schema::Impairment>& of);
+TransmissionOptions read_transmission(const Block<schema::Impairment>& of);
+ClockSpec read_clock(const Block<schema::Clock>& of);
 RobotSpec read_robot(const Block<schema::Robot>& of);
 EnvironmentSpec read_environment(const Block<schema::Environment>& of);
 /// Contact points of the tool; with dof 6 one at the origin where none is given.

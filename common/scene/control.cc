@@ -1,3 +1,4 @@
+#include <limits>
 #include <numbers>
 
 #include "common/scene/blocks.h"
@@ -198,6 +199,28 @@ ControlOptions read_control(const Block<schema::Control>& of, SceneFor use) {
     of.fail("control.robot_limits is given, but control.architecture is RENDER: there is no robot");
   read_passivity(of.block(FIELD(passivity)), options);
   return options;
+}
+
+std::vector<ScheduledControl> read_schedule(const Block<schema::Control>& of, SceneFor use) {
+  std::vector<ScheduledControl> entries;
+  schema::Control control = of.message();
+  control.clear_schedule();
+  double last_s = 0.0;
+  for (const auto& entry : of.blocks(FIELD(schedule))) {
+    const double at_s = entry.number_or(FIELD(at_s), kNotNegative, std::numeric_limits<double>::infinity());
+    if (!entry.has(FIELD(architecture)) && !entry.has(FIELD(passivity)))
+      of.fail(fmt::format("{} changes nothing; it must name architecture or passivity", entry.path()));
+    if (entry.has(FIELD(at_s)) && !(at_s > last_s)) entry.refuse(FIELD(at_s), "be > 0 and later than the entry before");
+    if (entry.has(FIELD(at_s))) last_s = at_s;
+    if (entry.has(FIELD(architecture))) control.set_architecture(entry.message().architecture());
+    control.mutable_passivity()->MergeFrom(entry.message().passivity());
+    entries.push_back({at_s, read_control(Block{of.context(), control, entry.path()}, use)});
+    for (const Architecture a : {entries.back().control.architecture, of.choice<Architecture>(FIELD(architecture))})
+      if (a == Architecture::render || a == Architecture::uncontrolled)
+        entry.fail(fmt::format("{} is given with {}; a schedule needs a link before and after a switch", entry.path(),
+                               to_string(a)));
+  }
+  return entries;
 }
 
 std::string to_string(Architecture architecture) {

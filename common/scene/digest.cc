@@ -29,6 +29,7 @@ class Digest {
   static std::uint64_t bits(double number) { return std::bit_cast<std::uint64_t>(number + 0.0); }  // -0 is 0
   /// An option that is not given differs from every value.
   static std::uint64_t bits(const std::optional<double>& given) { return given ? bits(*given) : ~std::uint64_t{0}; }
+  static std::uint64_t bits(std::uint64_t number) { return number; }
   static std::uint64_t bits(int number) { return static_cast<std::uint64_t>(number); }
   static std::uint64_t bits(bool flag) { return static_cast<std::uint64_t>(flag); }
   static std::uint64_t bits(Seconds t) { return bits(t.si()); }
@@ -128,6 +129,17 @@ Digests digests(const Scene& scene) {
     const auto& [k, k_rotational] = fractal_impedance;
     d.add("control.passivity.fractal_impedance", k, k_rotational);
   }
+  // What is switched to, each as a scene of its own; when is the master's own. A scene without a schedule has the digest that it
+  // had before there were any.
+  Digest switches;
+  for (const ScheduledControl& entry : scene.schedule) {
+    Scene then = scene;
+    then.schedule.clear();
+    then.control = entry.control;
+    switches.add(digests(then).all.value());
+  }
+  d.fields.push_back({"control.schedule", switches.value()});
+  if (!scene.schedule.empty()) d.all.add(switches.value());
   return d;
 }
 

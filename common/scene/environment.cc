@@ -40,10 +40,21 @@ Box read_shape(const Block<schema::Box>& of) {
   return {.center_m = vector<3>(of.list(FIELD(center_m), of.context().point())), .half_size_m = vector<3>(half_size)};
 }
 
+AnchorMotion read_anchor_motion(const Block<schema::AnchorMotion>& of) {
+  if (of.dof() == 6) of.fail(fmt::format("{} is given, but dof is 6; it needs dof 1 or 3", of.path()));
+  const int axis = of.integer(FIELD(axis));
+  if (axis < 0 || axis >= of.dof()) of.refuse(FIELD(axis), fmt::format("be between 0 and {}", of.dof() - 1));
+  return {.axis = axis,
+          .amplitude_m = of.required(FIELD(amplitude_m), kNotNegative),
+          .frequency_hz = of.required(FIELD(frequency_hz), kNotNegative)};
+}
+
 Spring read_spring(const Block<schema::Spring>& of) {
-  return {.stiffness_n_per_m = of.required(FIELD(stiffness_n_per_m), kNotNegative),
-          .damping_n_s_per_m = of.number(FIELD(damping_n_s_per_m), kNotNegative),
-          .anchor_m = vector<3>(of.list(FIELD(anchor_m), of.context().point()))};
+  Spring spring{.stiffness_n_per_m = of.required(FIELD(stiffness_n_per_m), kNotNegative),
+                .damping_n_s_per_m = of.number(FIELD(damping_n_s_per_m), kNotNegative),
+                .anchor_m = vector<3>(of.list(FIELD(anchor_m), of.context().point()))};
+  if (of.has(FIELD(anchor_motion))) spring.motion = read_anchor_motion(of.block(FIELD(anchor_motion)));
+  return spring;
 }
 
 /// The field that holds each shape. One of the list in common/contact/shape.h that has none here does not compile.

@@ -64,7 +64,34 @@ ImpairmentOptions read_impairment(const Block<schema::Impairment>& of) {
   options.reorder = of.number(FIELD(reorder), kProbability);
   options.reorder_s = of.number(FIELD(reorder_ms), kDelay) * 1e-3;
   if (of.has(FIELD(trace_file))) options.recorded_delay_s = read_recorded_delays(of);
+  for (const auto& step : of.blocks(FIELD(delay_step))) {
+    if (of.has(FIELD(trace_file)))
+      of.fail(fmt::format("{} is given, but {} too, which holds the delays", step.path(), of.path_of("trace_file")));
+    const double at_s = step.required(FIELD(at_s), kNotNegative);
+    if (!options.delay_step.empty() && !(at_s > options.delay_step.back().at_s))
+      step.refuse(FIELD(at_s), "be later than that of the step before");
+    options.delay_step.push_back({.at_s = at_s, .delay_s = step.required(FIELD(delay_ms), kDelay) * 1e-3});
+  }
   return options;
+}
+
+TransmissionOptions read_transmission(const Block<schema::Impairment>& of) {
+  TransmissionOptions spec;
+  spec.playout_s = of.number(FIELD(playout_ms), kDelay) * 1e-3;
+  if (!of.has(FIELD(deadband))) return spec;
+  const auto band = of.block(FIELD(deadband));
+  spec.deadband = DeadbandOptions{.ratio = band.required(FIELD(ratio), kProbability),
+                                  .position_m = band.number(FIELD(position_m), kNotNegative),
+                                  .velocity_m_per_s = band.number(FIELD(velocity_m_per_s), kNotNegative),
+                                  .force_n = band.number(FIELD(force_n), kNotNegative),
+                                  .energy_j = band.number(FIELD(energy_j), kNotNegative),
+                                  .silence_s = band.number(FIELD(silence_ms), kDelay) * 1e-3};
+  return spec;
+}
+
+ClockSpec read_clock(const Block<schema::Clock>& of) {
+  constexpr Rule kDrift{[](double v) { return v >= -1e5 && v <= 1e5; }, "be between -100000 and 100000"};
+  return {.offset_s = of.number(FIELD(offset_ms), kDelay) * 1e-3, .drift = of.number(FIELD(drift_ppm), kDrift) * 1e-6};
 }
 
 }  // namespace twoport

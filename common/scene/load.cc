@@ -54,8 +54,12 @@ Scene read_scene(const schema::Scene& message, const std::string& file, SceneFor
   if (of.has(FIELD(operator_))) scene.operator_model = read_operator(of.block(FIELD(operator_)));
   if (of.has(FIELD(device))) scene.device = read_device(of.block(FIELD(device)));
   scene.control = read_control(of.block(FIELD(control)), use);
+  scene.schedule = read_schedule(of.block(FIELD(control)), use);
   scene.to_slave = read_impairment(of.block(FIELD(to_slave)));
   scene.to_master = read_impairment(of.block(FIELD(to_master)));
+  scene.transmission_to_slave = read_transmission(of.block(FIELD(to_slave)));
+  scene.transmission_to_master = read_transmission(of.block(FIELD(to_master)));
+  scene.slave_clock = read_clock(of.block(FIELD(slave_clock)));
   if (of.has(FIELD(robot))) scene.robot = read_robot(of.block(FIELD(robot)));
   tell_system(scene);
   for (const auto& each : of.blocks(FIELD(environment))) scene.environment.push_back(read_environment(each));
@@ -67,18 +71,18 @@ Scene read_scene(const schema::Scene& message, const std::string& file, SceneFor
   return scene;
 }
 
-}  // namespace
-
-void tell_system(Scene& scene) {
+/// What the nodes must know of the system, for one set of controllers.
+void tell_system(const Scene& scene, ControlOptions& control) {
   const HandSpec hand = scene.operator_model && scene.operator_model->hand ? *scene.operator_model->hand : HandSpec{};
   const DeviceSpec device = scene.device.value_or(DeviceSpec{});
-  scene.control.handle_mass_kg = device.mass_kg > 0.0 ? device.mass_kg : hand.mass_kg;
-  scene.control.handle_inertia_kg_m2 = device.inertia_kg_m2 > 0.0 ? device.inertia_kg_m2 : hand.inertia_kg_m2;
-  scene.control.max_force_n = device.max_force_n.value_or(std::numeric_limits<double>::infinity());
+  control.handle_mass_kg = device.mass_kg > 0.0 ? device.mass_kg : hand.mass_kg;
+  control.handle_inertia_kg_m2 = device.inertia_kg_m2 > 0.0 ? device.inertia_kg_m2 : hand.inertia_kg_m2;
+  control.max_force_n = device.max_force_n.value_or(std::numeric_limits<double>::infinity());
 
-  KnownSystem& known = scene.control.known;
-  known.round_trip =
-      scene.control.stated_round_trip.value_or(Seconds{mean_delay_s(scene.to_slave) + mean_delay_s(scene.to_master)});
+  KnownSystem& known = control.known;
+  known.round_trip = control.stated_round_trip.value_or(
+      Seconds{mean_delay_s(scene.to_slave) + mean_delay_s(scene.to_master) + scene.transmission_to_slave.playout_s +
+              scene.transmission_to_master.playout_s});
   known.master_tick = Seconds{1.0 / scene.master_rate_hz};
   known.slave_tick = Seconds{1.0 / scene.slave_rate_hz};
   known.device_damping_n_s_per_m = device.damping_n_s_per_m;
@@ -87,6 +91,13 @@ void tell_system(Scene& scene) {
   known.robot_inertia_kg_m2 = 0.0;
   if (scene.robot && !scene.robot->inertia_kg_m2.empty())
     known.robot_inertia_kg_m2 = *std::min_element(scene.robot->inertia_kg_m2.begin(), scene.robot->inertia_kg_m2.end());
+}
+
+}  // namespace
+
+void tell_system(Scene& scene) {
+  tell_system(scene, scene.control);
+  for (ScheduledControl& entry : scene.schedule) tell_system(scene, entry.control);
 }
 
 Scene parse_scene(const std::string& text, const std::string& name, std::span<const std::string> overrides,

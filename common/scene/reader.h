@@ -111,6 +111,7 @@ class Block : public AnyBlock {
   Block(const Context& context, const Message& message, std::string path = "")
       : AnyBlock{context, message, std::move(path)}, message_{message} {}
 
+  [[nodiscard]] const Message& message() const { return message_; }
   [[nodiscard]] bool has(const auto& field) const { return field.present(message_); }
 
   /// A number, the schema's default where it is absent.

@@ -35,6 +35,10 @@ void check_rendering(const SceneBlock& scene, const Scene& values) {
   refuse(FIELD(robot));
   refuse(FIELD(to_slave));
   refuse(FIELD(to_master));
+  refuse(FIELD(slave_clock));
+  for (const EnvironmentSpec& e : values.environment)
+    if (const auto* spring = std::get_if<Spring>(&e); spring && spring->motion.amplitude_m != 0.0)
+      scene.fail("environment.spring.anchor_motion is given, but control.architecture is RENDER: it needs a link");
 }
 
 /// UNCONTROLLED has a robot only.
@@ -115,8 +119,7 @@ void check_accounts(const SceneBlock& scene, const Scene& values) {
 }
 
 /// Combinations of method and architecture that have no meaning.
-void check_method(const Scene& values, const Block<schema::Passivity>& passivity) {
-  const ControlOptions& c = values.control;
+void check_method(const ControlOptions& c, const Block<schema::Passivity>& passivity) {
   const auto is = [&c](const auto&... names) { return ((c.method_name == names) || ...); };
   if (c.architecture == Architecture::position_measured_force) {
     if (is("FIXED_DAMPING", "SET_POSITION_MODULATION", "FRACTAL_IMPEDANCE"))
@@ -141,7 +144,11 @@ void check_rules(const SceneBlock& scene, const Scene& values) {
   check_handle(scene, values);
   check_fastest(scene, values);
   check_accounts(scene, values);
-  check_method(values, scene.block(FIELD(control)).block(FIELD(passivity)));
+  const auto control = scene.block(FIELD(control));
+  check_method(values.control, control.block(FIELD(passivity)));
+  const auto entries = control.blocks(FIELD(schedule));
+  for (std::size_t i = 0; i < entries.size(); ++i)
+    check_method(values.schedule[i].control, entries[i].block(FIELD(passivity)));
 }
 
 }  // namespace twoport

@@ -9,6 +9,7 @@
 #include "common/contact/world.h"
 #include "common/coupling/options.h"
 #include "common/link/impairment.h"
+#include "common/link/transmission.h"
 #include "common/passivity/controller.h"
 #include "common/passivity/observer.h"
 #include "common/scene/numbers.h"
@@ -101,6 +102,11 @@ struct ExpectSpec {
   std::vector<MethodVerdict> of_method{};
 };
 
+/// The slave's clock against the master's.
+struct ClockSpec {
+  double offset_s = 0.0, drift = 0.0;  ///< s, s/s
+};
+
 struct Scene {
   std::string name, description;
   int dof;
@@ -110,7 +116,10 @@ struct Scene {
   std::optional<OperatorSpec> operator_model;
   std::optional<DeviceSpec> device;
   ControlOptions control;
+  std::vector<ScheduledControl> schedule{};
   ImpairmentOptions to_slave, to_master;
+  TransmissionOptions transmission_to_slave{}, transmission_to_master{};
+  ClockSpec slave_clock{};
   std::optional<RobotSpec> robot;
   std::vector<EnvironmentSpec> environment;
   std::vector<Eigen::Vector3d>

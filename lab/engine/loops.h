@@ -6,6 +6,7 @@
 #include <cstdint>
 #include <vector>
 
+#include "common/link/clock_offset.h"
 #include "common/link/delay_line.h"
 #include "common/link/mailbox.h"
 #include "common/record/angle.h"
@@ -35,12 +36,15 @@ class SimTransport {
   SimTransport(DelayLine<Report<N>>& in, DelayLine<Report<N>>& out) : in_{&in}, out_{&out} {}
   template <class Visit>
   [[gnu::always_inline]] void poll(Duration now, Visit visit) noexcept {
-    while (const Report<N>* r = in_->take(now)) visit(*r);
+    while (const Report<N>* r = in_->take(now - clock_ahead_)) visit(*r);
   }
-  [[gnu::always_inline]] void send(const auto& r, Duration now) noexcept { out_->put(r, now); }
+  [[gnu::always_inline]] void send(const auto& r, Duration now) noexcept { out_->put(r, now - clock_ahead_); }
+  /// The clock of this end against the network's.
+  void set_clock_ahead(Duration ahead) noexcept { clock_ahead_ = ahead; }
 
  private:
   DelayLine<Report<N>>*in_, *out_;
+  Duration clock_ahead_{0};
 };
 
 /// The environment's force as old as the way back makes it: of the slave's tick from which the newest report comes that the
@@ -48,28 +52,41 @@ class SimTransport {
 template <int N>
 class DelayedForce {
  public:
-  DelayedForce(const ImpairmentOptions& way_back, double rate_hz)
-      : past_(std::bit_ceil(packets_in_flight(way_back, rate_hz))), lag_{1 + std::lround(way_back.delay_s * rate_hz)} {}
+  /// `gaps`: the slave does not send in every tick; between two reports the force goes on, as old as the last one was when it
+  /// came.
+  DelayedForce(const ImpairmentOptions& way_back, double rate_hz, bool gaps)
+      : past_(std::bit_ceil(packets_in_flight(way_back, rate_hz))), lag_{1 + std::lround(way_back.delay_s * rate_hz)} {
+    if (gaps) tick_of_.resize(past_.size());
+  }
 
   /// Of the slave's next tick.
   [[gnu::always_inline]] void put(const Force<N>& f) noexcept { past_[index(ticks_++)] = f; }
   /// In a tick of the master.
   [[gnu::always_inline]] void step(const PeerState<N>& slave, bool coupled) noexcept {
     if (slave.is_new) {
-      lag_ = std::min(ticks_ + 1 - static_cast<std::int64_t>(slave.newest.sequence),
-                      static_cast<std::int64_t>(past_.size()));
-    } else if (coupled) {
+      lag_ = std::min(ticks_ + 1 - tick_of(slave.newest.sequence), static_cast<std::int64_t>(past_.size()));
+    } else if (coupled && tick_of_.empty()) {
       return;
     }
     now_ = ticks_ >= lag_ ? past_[index(ticks_ - lag_)] : Force<N>{};
   }
   [[nodiscard]] const Force<N>& now() const noexcept { return now_; }
+  /// After each tick of the slave: its packets so far.
+  void note_sent(std::uint64_t sent) noexcept {
+    if (!tick_of_.empty()) tick_of_[index(static_cast<std::int64_t>(sent))] = ticks_;
+  }
 
  private:
+  /// Number of the tick in which a packet was sent, counted as packets are.
+  [[nodiscard]] std::int64_t tick_of(std::uint64_t sequence) const noexcept {
+    const auto number = static_cast<std::int64_t>(sequence);
+    return tick_of_.empty() ? number : tick_of_[index(number)];
+  }
   [[nodiscard]] std::size_t index(std::int64_t k) const noexcept {
     return static_cast<std::size_t>(k) & (past_.size() - 1);
   }
   std::vector<Force<N>> past_;
+  std::vector<std::int64_t> tick_of_;  ///< of each packet; empty: one in every tick
   std::int64_t ticks_ = 0, lag_;
   Force<N> now_;
 };
@@ -82,8 +99,8 @@ class SimLink {
       : to_slave_{scene.to_slave, scene.seed ^ kToSlaveStream, packets_in_flight(scene.to_slave, scene.master_rate_hz)},
         to_master_{scene.to_master, scene.seed ^ kToMasterStream,
                    packets_in_flight(scene.to_master, scene.slave_rate_hz)},
-        master_{{to_master_, to_slave_}},
-        slave_{{to_slave_, to_master_}} {}
+        master_{{to_master_, to_slave_}, scene.transmission_to_master, scene.transmission_to_slave},
+        slave_{{to_slave_, to_master_}, scene.transmission_to_slave, scene.transmission_to_master} {}
   SimLink(const SimLink& other)
       : to_slave_{other.to_slave_}, to_master_{other.to_master_}, master_{other.master_}, slave_{other.slave_} {
     master_.transport() = {to_master_, to_slave_};
@@ -163,13 +180,18 @@ class LinkLoop {
         slave_rate_hz_{scene.slave_rate_hz},
         master_dt_{1.0 / scene.master_rate_hz},
         slave_dt_{1.0 / scene.slave_rate_hz},
+        true_slave_rate_hz_{scene.slave_rate_hz * (1.0 + scene.slave_clock.drift)},
+        slave_clock_offset_{to_duration(scene.slave_clock.offset_s)},
+        slave_clock_{scene.slave_clock.offset_s != 0.0 || scene.slave_clock.drift != 0.0},
         end_{to_duration(scene.duration_s)},
         device_{scene, master_dt_},
-        robot_{scene, slave_dt_},
-        master_{scene.control},
-        slave_{scene.control},
+        robot_{scene, Seconds{1.0 / true_slave_rate_hz_}},
+        master_{scene.control, scene.schedule},
+        slave_{scene.control, scene.schedule},
         link_{scene},
-        delayed_force_{scene.to_master, scene.slave_rate_hz},
+        switch_times_{scene.schedule},
+        delayed_force_{with_playout(scene.to_master, scene.transmission_to_master), scene.slave_rate_hz,
+                       scene.transmission_to_master.deadband.has_value()},
         held_by_environment_{robot_.environment().holds()},
         initial_energy_{scene.control.initial_energy},
         granted_energy_{initial_energy_ + registration_.to_master(initial_energy_ + mechanical_energy(scene, robot_))} {
@@ -179,12 +201,12 @@ class LinkLoop {
   template <class Visit>
   TWOPORT_FLATTEN std::uint64_t run(Duration end, Visit visit) {
     std::int64_t from = ticks_, m = from, s = slave_ticks_;
-    Duration next_m = tick_time(m, master_rate_hz_), next_s = tick_time(s, slave_rate_hz_);
+    Duration next_m = tick_time(m, master_rate_hz_), next_s = tick_time(s, true_slave_rate_hz_);
     while (next_m < end) {
       // The slave first where both are due, so that a row shows both at the same moment.
       if (next_s <= next_m) {
         slave_tick(next_s, s);
-        next_s = tick_time(++s, slave_rate_hz_);
+        next_s = tick_time(++s, true_slave_rate_hz_);
         continue;
       }
       const Duration now = next_m;
@@ -204,6 +226,7 @@ class LinkLoop {
     device_.hold();
     robot_.silence();
     link_.end_blackouts();
+    switch_times_.end();
   }
   Kicked kick(const Velocity<N>& master, const Velocity<N>& slave) noexcept {
     return {device_.kick(master), robot_.kick(slave)};
@@ -218,12 +241,21 @@ class LinkLoop {
     LinkUse use = link_.use();
     use.device_limits = master_.limit_counts();
     use.robot_limits = slave_.limit_counts();
+    use.switches = master_.epoch();
+    if (slave_clock_ && clock_offset_.known()) {
+      const double end_s = to_seconds(end_).si();
+      const double ahead_s = to_seconds(slave_time(slave_ticks_) - tick_time(slave_ticks_, true_slave_rate_hz_)).si();
+      use.clock = clock_offset_.figures(end_s);
+      use.clock->error_s = use.clock->offset_s - ahead_s;
+    }
     return use;
   }
 
  private:
   [[gnu::always_inline]] auto master_tick(Duration now, std::int64_t k) noexcept {
     if (k > 0) device_.advance();
+    if (switch_times_.any()) [[unlikely]]
+      switch_when_due(now);
     return run_cycle(master_, device_, link_.master(), Tick<MasterClock>{Instant<MasterClock>{now}, master_dt_});
   }
   [[gnu::always_inline]] void slave_tick(Duration now, std::int64_t k) noexcept {
@@ -235,10 +267,24 @@ class LinkLoop {
     coupling_energy_ = slave_.delivered() - into_robot_;
     environment_force_ = robot_.environment_force();
     delayed_force_.put(environment_force_);
+    if (slave_clock_) [[unlikely]]
+      now = read_slave_clock(now, k);
     auto out = run_cycle(slave_, robot_, link_.slave(), Tick<SlaveClock>{Instant<SlaveClock>{now}, slave_dt_});
+    delayed_force_.note_sent(link_.slave().counts().sent);
     dissipated_ += registration_.to_master(out.dissipated);
     if (out.mode != slave_mode_) [[unlikely]]
       change_mode(out.mode);
+  }
+  [[gnu::noinline]] void switch_when_due(Duration now) noexcept {
+    while (switch_times_.due(to_seconds(now).si(), master_.epoch())) master_.switch_to_next();
+  }
+  [[nodiscard]] Duration slave_time(std::int64_t k) const noexcept {
+    return slave_clock_offset_ + tick_time(k, slave_rate_hz_);
+  }
+  [[gnu::noinline]] Duration read_slave_clock(Duration now, std::int64_t k) noexcept {
+    const Duration local = slave_time(k);
+    link_.slave().transport().set_clock_ahead(local - now);
+    return local;
   }
   /// Of the slave. When it begins to follow, the worlds have just been registered.
   [[gnu::noinline]] void change_mode(Mode mode) noexcept {
@@ -251,6 +297,8 @@ class LinkLoop {
     const Energy dissipated = out.dissipated + dissipated_;
     dissipated_ = Energy{};
     delayed_force_.step(link_.master().known(), out.mode == Mode::coupled);
+    if (slave_clock_) [[unlikely]]
+      clock_offset_.step(link_.master().known());
     Row<N> r = columns<N>(now, out, dissipated, environment_force_, device_, robot_, master_, slave_);
     r.reference = registration_.to_master(-delayed_force_.now());
     r.coupling_energy_j = coupling_energy_.si();
@@ -274,12 +322,17 @@ class LinkLoop {
   Registration<N> registration_;
   double master_rate_hz_, slave_rate_hz_;
   Seconds master_dt_, slave_dt_;
+  double true_slave_rate_hz_;  ///< by the master's clock
+  Duration slave_clock_offset_;
+  bool slave_clock_;  ///< does the slave's clock differ?
   Duration end_;
   sim::SimDevice<N> device_;
   sim::SimRobot<N> robot_;
   MasterNode<N, typename Method::template Master<N>> master_;
   SlaveNode<N, typename Method::template Slave<N>> slave_;
   SimLink<N> link_;
+  SwitchTimes switch_times_;
+  ClockOffset clock_offset_;
   Energy dissipated_;
   std::int64_t ticks_ = 0, slave_ticks_ = 0;  ///< done
 

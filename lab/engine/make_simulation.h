@@ -53,7 +53,7 @@ std::unique_ptr<Simulation<N>> make_simulation(const Scene& scene) {
     default:
       // One loop for each size does for every method; the controllers that sweeps run most have one of their own, 10 %
       // faster.
-      if (scene.control.controller.method != Method::none)
+      if (scene.control.controller.method != Method::none && scene.schedule.empty())
         return std::make_unique<Compiled<N, LinkLoop<N, TimeDomainPassivity>>>(scene);
       return std::make_unique<Compiled<N, LinkLoop<N>>>(scene);
   }

@@ -6,6 +6,7 @@
 #include <optional>
 #include <vector>
 
+#include "common/link/clock_offset.h"
 #include "common/link/mailbox.h"
 #include "common/record/row.h"
 #include "common/safety/limits.h"
@@ -15,9 +16,11 @@ namespace twoport::lab {
 
 /// What happened to the packets of a run over a link.
 struct LinkUse {
-  PacketCounts master, slave;    ///< as each side has counted them
-  std::uint64_t overflowed = 0;  ///< found the delay line full
+  PacketCounts master, slave;           ///< as each side has counted them
+  std::uint64_t overflowed = 0;         ///< found the delay line full
+  std::uint32_t switches = 0;           ///< of method or architecture
   LimitCounts device_limits{}, robot_limits{};
+  std::optional<ClockFigures> clock{};  ///< the master's estimate of the slave's clock, where that differs
 };
 
 /// Which sides a kick has moved: not one that the hand leads or that is ideal.

@@ -24,10 +24,10 @@ struct TwoSides {
         slave_dt{1.0 / scene.slave_rate_hz},
         device{scene, master_dt},
         robot{scene, slave_dt},
-        master{scene.control},
-        slave{scene.control},
-        master_mail{std::move(master_link)},
-        slave_mail{std::move(slave_link)} {}
+        master{scene.control, scene.schedule},
+        slave{scene.control, scene.schedule},
+        master_mail{std::move(master_link), scene.transmission_to_master, scene.transmission_to_slave},
+        slave_mail{std::move(slave_link), scene.transmission_to_slave, scene.transmission_to_master} {}
 
   /// A side's tick at `now`; its first is at 0. Where both are due, the slave's comes first.
   typename SlaveNode<N>::Output slave_tick(Duration now) noexcept {

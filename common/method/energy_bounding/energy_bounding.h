@@ -59,7 +59,6 @@ class EnergyBoundingMaster {
     out.energy_in = in.account.absorbed() - base_absorbed_;
     if (!in.active) return out;
     out.wanted = in.ramp * displayed_.step(in.device, in.slave, in.dt);
-    if (in.carried != nullptr) out.wanted += *in.carried;
     Force<N> f = out.wanted;
     if constexpr (N == 6) {
       if (damping_[0] == 0.0)

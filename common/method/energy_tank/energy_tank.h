@@ -71,7 +71,6 @@ class EnergyTankMaster {
       side_.send(received, in.dt);
       const Energy level = side_.level(received);
       out.wanted = in.ramp * displayed_.step(in.device, in.slave, in.dt);
-      if (in.carried != nullptr) out.wanted += *in.carried;
       double b = gains_.level_gain_n_s_per_m_per_j * positive_part(gains_.desired_level - level).si();
       if (handle_mass_kg_ > 0.0) b = std::min(b, 0.25 * handle_mass_kg_ / in.dt.si());
       const Force<N> damper{in.ramp * b * shape_.cwiseProduct(in.device.v.vec())};

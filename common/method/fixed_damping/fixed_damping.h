@@ -32,7 +32,6 @@ class FixedDampingMaster {
     out.energy_in = in.account.absorbed() - base_absorbed_;
     if (!in.active) return out;
     out.wanted = in.ramp * displayed_.step(in.device, in.slave, in.dt);
-    if (in.carried != nullptr) out.wanted += *in.carried;
     out.f = out.wanted + Force<N>{in.ramp * damping_.cwiseProduct(in.device.v.vec())};
     return out;
   }

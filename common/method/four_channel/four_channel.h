@@ -75,7 +75,6 @@ class FourChannelMaster {
     if (!in.active) return out;
     out.wanted = in.ramp * (displayed_.step(in.device, in.slave, in.dt) +
                             gain_ * displayed_.registration().to_master(in.slave.newest.f));
-    if (in.carried != nullptr) out.wanted += *in.carried;
     out.f = out.wanted;
     return out;
   }

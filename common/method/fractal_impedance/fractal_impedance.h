@@ -87,7 +87,6 @@ class FractalImpedanceMaster {
     const Velocity<N> v_rx = registration_.to_master(in.slave.newest.v);
     robot_ = robot_ + tracker_.step(robot_, robot.x.value, v_rx, in.slave.is_new, in.dt) * in.dt;
     out.wanted = in.ramp * spring_.step(in.device.x - robot_);
-    if (in.carried != nullptr) out.wanted += *in.carried;
     out.f = out.wanted;
     return out;
   }

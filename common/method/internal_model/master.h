@@ -71,7 +71,7 @@ class InternalModelMaster {
     MasterOutput<N> out{};
     out.energy_in = in.account.absorbed() - base_absorbed_;
     out.undissipated = energy_.undissipated();
-    if (ramp == 0.0 && in.carried == nullptr) {
+    if (ramp == 0.0) {
       f_ = Force<N>{};
       damper_.rest();
       return out;
@@ -87,7 +87,6 @@ class InternalModelMaster {
     }
     const double c = hand.inside ? stiffness_cap(in.dt) : 1.0;
     Force<N> wanted = ramp * c * f_d;
-    if (in.carried != nullptr) wanted += *in.carried;
     const Velocity<N> v = in.first ? Velocity<N>{} : in.interval.moved / in.ended;
     const double s = energy_.scale(wanted, v, in.dt);  // (6)
     low_pass(scale_slow_, s, in.dt, kScale_s);

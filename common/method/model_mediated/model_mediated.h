@@ -67,7 +67,6 @@ class ModelMediatedMaster {
       stick_.release();
     }
     out.wanted = Force<N>{in.ramp * wanted};
-    if (in.carried != nullptr) out.wanted += *in.carried;
     const Velocity<N> v = in.first ? Velocity<N>{} : in.interval.moved / in.ended;
     const double s = energy_.scale(out.wanted, v, in.dt);
     out.f = s * out.wanted + Force<N>{in.ramp * damper};

@@ -18,7 +18,6 @@ class NoControlMaster {
     out.energy_in = in.account.absorbed() - base_absorbed_;
     if (!in.active) return out;
     out.wanted = in.ramp * displayed_.step(in.device, in.slave, in.dt);
-    if (in.carried != nullptr) out.wanted += *in.carried;
     out.f = out.wanted;
     return out;
   }

@@ -93,7 +93,6 @@ class SetPositionMaster {
       robot_ = robot_ + tracker_.step(robot_, robot.x.value, v_rx, in.slave.is_new, in.dt) * in.dt;
       side_.follow(robot_, in.device.x, received);
       out.wanted = in.ramp * side_.spring(in.device.x);
-      if (in.carried != nullptr) out.wanted += *in.carried;
       out.f = out.wanted + Force<N>{in.ramp * side_.damping().cwiseProduct(in.device.v.vec())};
       out.undissipated = positive_part(-side_.level(received));
     }

@@ -44,8 +44,6 @@ class TdpaMaster {
     Force<N> wanted;
     if (in.active) {
       wanted = in.ramp * displayed_.step(in.device, in.slave, in.dt);
-      if (in.carried != nullptr) [[unlikely]]
-        wanted += *in.carried;
       const Energy available = initial_ + transmittable_energy(in.account, in.slave_energy_in) - returned(in.account);
       allowed = predictor_
                     ? predictive_impedance_controller(wanted, predictor_->prediction(), available, controller_, in.dt)

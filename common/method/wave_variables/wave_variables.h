@@ -37,7 +37,6 @@ class WaveMaster {
       const Wave<N> w = receiver_.step(in.slave, in.slave_energy_in, in.dt);
       const auto& v = in.device.v.vec();
       out.wanted = Force<N>{in.ramp * (impedance_.cwiseProduct(v) - root_.cwiseProduct(w.vec()))};
-      if (in.carried != nullptr) out.wanted += *in.carried;
       out.f = out.wanted;
       u = Wave<N>{root_.cwiseProduct(v) - w.vec()};
       const Energy enters = level + dot(out.f, in.device.v) * in.dt + Energy{0.5 * w.squared_norm() * in.dt.si()};
