@@ -123,7 +123,7 @@ void Recorder<N>::log_change(const Entry& entry) {
     paired_ = true;
   }
   if (std::exchange(epoch_, entry.view.epoch) != entry.view.epoch && !o_.configurations.empty())
-    say("switched to " + o_.configurations[epoch_ % o_.configurations.size()]);
+    tell("switched to " + o_.configurations[epoch_ % o_.configurations.size()]);
   if (mode_ == was) return;
   switch (mode_) {
     case Mode::idle:

@@ -21,6 +21,7 @@ namespace twoport {
 /// free space nor a silent link improves a figure.
 ///
 ///     felt force error      rms |f - r|
+///     felt direction error  rms angle between f and r, of ticks with both above kSensed
 ///     muted share           ticks with |f| < |r|/10, of those with |r| > 0.2 N
 ///     held force ratio      |mean f| / |mean r| at the end of the last rest in contact: HeldForce
 ///     free force            rms |f| while both sides are coupled, nothing touches, and nothing touched one delay ago
@@ -60,6 +61,10 @@ class ContactFigures {
     const double environment2 = environment.squaredNorm();
     environment_force_ += N == 1 ? std::abs(environment[0]) : std::sqrt(environment2);
     error2_ += (felt - reference).squaredNorm();
+    if (felt2 > kSensed * kSensed && reference2 > kSensed * kSensed) {
+      ++compared_;
+      turn2_ += squared_angle(felt, reference, felt2, reference2);
+    }
     if (reference2 <= kLoud * kLoud) {
       ++quiet_;
     } else if (felt2 < kMuted * kMuted * reference2) {
@@ -85,6 +90,9 @@ class ContactFigures {
     if (!hand) return;
     s.set_felt_force_error_rms_n(std::sqrt(error2_ / touching));
     if (touching_ > quiet_) s.set_muted_share(static_cast<double>(muted_) / static_cast<double>(touching_ - quiet_));
+    if (compared_ > 0)
+      s.set_felt_force_direction_error_rms_deg(180.0 / std::numbers::pi *
+                                               std::sqrt(turn2_ / static_cast<double>(compared_)));
     if (const std::optional<double> ratio = held_force_.ratio()) s.set_held_force_ratio(*ratio);
     if constexpr (N == 6) {
       s.set_felt_torque_error_rms_n_m(std::sqrt(torque_error2_ / touching));
@@ -114,8 +122,9 @@ class ContactFigures {
   }
 
   HeldForce<N> held_force_;
-  std::uint64_t uncoupled_ = 0, touching_ = 0, free_ = 0, quiet_ = 0, muted_ = 0, following_ = 0, torque_turned_ = 0;
-  double environment_force_ = 0.0, error2_ = 0.0, free_force2_ = 0.0, penetration2_ = 0.0;
+  std::uint64_t uncoupled_ = 0, touching_ = 0, free_ = 0, quiet_ = 0, muted_ = 0, compared_ = 0, following_ = 0,
+                torque_turned_ = 0;
+  double environment_force_ = 0.0, error2_ = 0.0, turn2_ = 0.0, free_force2_ = 0.0, penetration2_ = 0.0;
   // N = 6
   HighPass<3> torque_high_pass_;
   double torque_error2_ = 0.0, torque_chatter2_ = 0.0, torque_turn2_max_ = 0.0, attitude_error2_ = 0.0;

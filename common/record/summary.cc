@@ -107,6 +107,7 @@ schema::LimitsOfPeer limits_of_peer(const LimitCounts& counts) {
   peer.set_force(counts[Limit::peer_force]);
   peer.set_energy(counts[Limit::peer_energy]);
   return peer;
+}
 schema::ClockEstimate clock_estimate(const ClockFigures& clock) {
   schema::ClockEstimate estimate;
   estimate.set_offset_ms(1e3 * clock.offset_s);

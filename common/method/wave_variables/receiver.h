@@ -47,17 +47,19 @@ class WaveSender {
 ///     ZERO             u = u_rx in a tick in which a packet has arrived, else 0
 ///     ENERGY_LIMITED   U* = U_rx, or U* + T u_rx in a tick without a packet
 ///                      u  = u_rx + c + (T/τ) ((U* - ΣT u)/T - u_rx),  τ = 20 ms,  then shortened so that
-///                      Σ T|u|²/2 <= E_rx, the largest energy that a packet has reported as sent
+///                      Σ T|u|²/2 <= E_0 + E_rx, E_rx: the largest energy that a packet has reported as sent
 ///
-/// U: integral of the wave. Without loss and jitter every rule plays u_rx. A packet that is lost is made up for by the
-/// integral of the next one. c: a correction of the caller, which only spends energy that the wave leaves over.
-/// ENERGY_LIMITED is passive whatever the network does, as E_rx is monotone; HOLD is not.
+/// U: integral of the wave. Without loss and jitter every rule plays u_rx. In a tick without a packet E_0 pays for u_rx, and is
+/// repaid by the next packet. A gap that costs more than E_0 shortens the wave, and what it lacks then is not made up for:
+/// of a constant wave, catching up costs twice the energy that the gap has left over. c: a correction of the caller, which
+/// only spends energy that the wave leaves over. ENERGY_LIMITED creates at most E_0 whatever the network does, as E_rx is
+/// monotone; HOLD may create any.
 /// Source: wave integrals, Niemeyer, Slotine, Int. J. Robotics Research 23(9), 2004; energy limit, Secchi, Stramigioli,
 /// Fantuzzi, and Hirche, Buss, for reconstruction after losses.
 template <int N>
 class WaveReceiver {
  public:
-  explicit WaveReceiver(WaveReceiverRule rule) : rule_{rule} {}
+  explicit WaveReceiver(WaveReceiverRule rule, Energy initial = {}) : rule_{rule}, initial_{initial} {}
 
   Wave<N> step(const PeerState<N>& peer, Energy received, Seconds dt, const Wave<N>& correction = {}) noexcept {
     WavePayload<N> packet;
@@ -70,7 +72,7 @@ class WaveReceiver {
     starts_ = false;
     const auto missing = target_.vec() - played_.vec() - newest.vec() * dt.si();
     Wave<N> u{newest.vec() + correction.vec() + missing / std::max(dt.si(), kMakeUp_s)};
-    const double most = 2.0 * std::max(0.0, (received - energy_).si()) / dt.si();
+    const double most = 2.0 * std::max(0.0, (initial_ + received - energy_).si()) / dt.si();
     if (u.squared_norm() > most) u = std::sqrt(most / u.squared_norm()) * u;
     return play(u, dt);
   }
@@ -90,6 +92,7 @@ class WaveReceiver {
   }
 
   WaveReceiverRule rule_;
+  Energy initial_;  ///< E_0
   WaveIntegral<N> target_, played_;
   Energy energy_;
   bool starts_ = true;

@@ -16,13 +16,16 @@ namespace twoport {
 /// The wave that is sent is shortened where its energy would exceed what has entered at the port: the sampled damper, the
 /// force ramp and the force limit then cannot create energy in the line.
 ///
-///     Σ T|u|²/2 <= E(0) + Σ f_applied·Δx + Σ T|w|²/2
+///     Σ T|u|²/2 <= 0.2 E(0) + Σ f_applied·Δx + Σ T|w|²/2
+///
+/// The rest of E(0) belongs to the receivers, 0.4 E(0) each.
 ///
 /// Source: Anderson, Spong, IEEE TAC 34(5), 1989; Niemeyer, Slotine, IEEE J. Oceanic Engineering 16(1), 1991.
 template <int N>
 class WaveMaster {
  public:
-  explicit WaveMaster(const ControlOptions& o) : initial_{o.initial_energy}, receiver_{o.wave_variables.receiver} {
+  explicit WaveMaster(const ControlOptions& o)
+      : initial_{0.2 * o.initial_energy}, receiver_{o.wave_variables.receiver, 0.4 * o.initial_energy} {
     const WaveImpedance b = wave_impedance(o);
     impedance_ = per_axis<N>(b.translation, b.rotation);
     root_ = (2.0 * impedance_).cwiseSqrt();
@@ -63,7 +66,7 @@ class WaveMaster {
   void write_payload(Words& words) const noexcept { write(sender_.packet(), words); }
 
  private:
-  /// At this end of the line: E(0), what has entered at the port and has been received, less what has been sent.
+  /// At this end of the line: 0.2 E(0), what has entered at the port and has been received, less what has been sent.
   [[nodiscard]] Energy stored(const Ledger& account) const noexcept {
     return initial_ + (account.net() - base_) + receiver_.energy() - sender_.energy();
   }
@@ -88,7 +91,7 @@ class WaveSlave : public CouplingSlave<N> {
   explicit WaveSlave(const ControlOptions& o)
       : CouplingSlave<N>{o},
         correction_per_s_{o.wave_variables.position_correction_per_s},
-        receiver_{o.wave_variables.receiver} {
+        receiver_{o.wave_variables.receiver, 0.4 * o.initial_energy} {
     const WaveImpedance b = wave_impedance(o);
     impedance_ = per_axis<N>(b.translation, b.rotation);
     root_ = (2.0 * impedance_).cwiseSqrt();
