@@ -186,6 +186,8 @@ int run_live(LiveSide& side, const Scene& scene, const LiveArguments& arguments,
   if (failure.status != 0) {
     set_verdict({VerdictKind::undecided, failure.sentence}, s);
   }
+  // Neither stable nor unstable: nobody knows.
+  if (s.verdict_kind() == to_string(VerdictKind::undecided)) s.clear_stable();
   const int written = leave_files(scene, arguments, LiveSide::kName, trace.get(), s);
   if (failure.status != 0) {
     fmt::print(stderr, "twoport-{}: {}\n", LiveSide::kName, failure.sentence);

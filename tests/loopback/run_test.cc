@@ -420,19 +420,26 @@ TEST(Run, ShowsOnATerminalWhatTheTwoSidesDoAndSaysWhereTheFilesAre) {
   }
 }
 
-TEST(Run, ThatDivergesEndsWithStatusThreeAtBothSidesUnlessTheSceneSaysSo) {
-  const Words unstable{"--set", "control.passivity.method=NONE",
-                       "--set", "control.virtual_coupling.stiffness_n_per_m=1e6",
-                       "--set", "robot.mass_kg=0.01"};
+TEST(Run, OfASlaveThatDivergesEndsWithStatusThreeUnlessTheSceneSaysSo) {
+  const Words unstable{"--set",
+                       "control.passivity.method=NONE",
+                       "--set",
+                       "control.virtual_coupling.stiffness_n_per_m=1e6",
+                       "--set",
+                       "robot.mass_kg=0.01",
+                       "--set",
+                       "control.robot_limits={force_n: 1e9 force_rate_n_per_s: 1e18 power_w: 1e18 speed_m_per_s: 1e9 "
+                       "set_point_step_m: 1e9 workspace_m: 1e9}"};
   for (const bool promised : {false, true}) {
     const Pair pair{press() + (promised ? "expect { stable: false }\n" : "")};
     Process slave = pair.listening_slave("slave", unstable), master = pair.master("master", unstable);
-    EXPECT_EQ(master.wait(), exited(promised ? 0 : 3)) << master.err();
     EXPECT_EQ(slave.wait(), exited(promised ? 0 : 3)) << slave.err();
-    for (const std::string side : {"master", "slave"}) {
-      EXPECT_FALSE(pair.summary(side).stable()) << side;
-      EXPECT_EQ(pair.summary(side).verdict().find("diverged at "), 0u) << pair.summary(side).verdict();
-    }
+    EXPECT_FALSE(pair.summary("slave").stable());
+    EXPECT_EQ(pair.summary("slave").verdict().find("diverged at "), 0u) << pair.summary("slave").verdict();
+    // The master judges what it knows first-hand: its own motion, which its limits have kept.
+    master.wait();
+    EXPECT_EQ(pair.summary("master").verdict().find("diverged at "), std::string::npos)
+        << pair.summary("master").verdict();
     EXPECT_EQ(count(slave.err(), "the slave has diverged at "), promised ? 0 : 1) << slave.err();
   }
 }
