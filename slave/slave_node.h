@@ -138,6 +138,7 @@ class SlaveNode {
     safety_.release();
     safety_.note(Limit::pause);
     bridge_.stop();
+  }
   [[gnu::noinline]] void cross(SlaveOutput<N>& half, const RobotSample<N>& robot, Seconds dt) noexcept {
     if (!modes_.active() || robot.ideal) return bridge_.stop();
     half.command.f += bridge_.step(half.command.f, dt);
