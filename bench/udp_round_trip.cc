@@ -152,10 +152,10 @@ class Path {
  public:
   explicit Path(bool key) {
     if (key) {
-      far_secure_ = std::make_unique<SecureSocket>(
-          far_network_, SecureSocketOptions{.server = true, .own_thread = true}, Key{Key::Bytes{}});
-      near_secure_ = std::make_unique<SecureSocket>(
-          near_network_, SecureSocketOptions{.peer = far_udp_.local(), .own_thread = true}, Key{Key::Bytes{}});
+      far_secure_ =
+          std::make_unique<SecureSocket>(far_network_, SecureSocketOptions{.server = true}, Key{Key::Bytes{}});
+      near_secure_ = std::make_unique<SecureSocket>(near_network_, SecureSocketOptions{.peer = far_udp_.local()},
+                                                    Key{Key::Bytes{}});
     }
     const auto top = [](auto& secure, DatagramSocket& plain) -> DatagramSocket& { return secure ? *secure : plain; };
     far_box_ = std::make_unique<Box>(
