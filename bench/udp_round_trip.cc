@@ -62,6 +62,31 @@ void pin(int core) {
     std::fprintf(stderr, "not pinned to core %d: the numbers will jump\n", core);
 }
 
+/// While it lives, this thread and those that it starts have ordinary priority and every core: the handshakes' threads must
+/// not wait for ours.
+class Ordinary {
+ public:
+  Ordinary() {
+    pthread_getschedparam(pthread_self(), &policy_, &parameter_);
+    pthread_getaffinity_np(pthread_self(), sizeof cores_, &cores_);
+    const sched_param none{};
+    pthread_setschedparam(pthread_self(), SCHED_OTHER, &none);
+    cpu_set_t all;
+    std::memset(&all, 0xff, sizeof all);
+    pthread_setaffinity_np(pthread_self(), sizeof all, &all);
+  }
+  ~Ordinary() {
+    pthread_setaffinity_np(pthread_self(), sizeof cores_, &cores_);
+    pthread_setschedparam(pthread_self(), policy_, &parameter_);
+  }
+  Ordinary(const Ordinary&) = delete;
+
+ private:
+  int policy_ = 0;
+  sched_param parameter_{};
+  cpu_set_t cores_{};
+};
+
 // ---- raw sockets
 
 int plain_socket(sockaddr_in& local) {
@@ -152,10 +177,11 @@ class Path {
  public:
   explicit Path(bool key) {
     if (key) {
-      far_secure_ =
-          std::make_unique<SecureSocket>(far_network_, SecureSocketOptions{.server = true}, Key{Key::Bytes{}});
-      near_secure_ = std::make_unique<SecureSocket>(near_network_, SecureSocketOptions{.peer = far_udp_.local()},
-                                                    Key{Key::Bytes{}});
+      const Ordinary ordinary;
+      far_secure_ = std::make_unique<SecureSocket>(
+          far_network_, SecureSocketOptions{.server = true, .own_thread = true}, Key{Key::Bytes{}});
+      near_secure_ = std::make_unique<SecureSocket>(
+          near_network_, SecureSocketOptions{.peer = far_udp_.local(), .own_thread = true}, Key{Key::Bytes{}});
     }
     const auto top = [](auto& secure, DatagramSocket& plain) -> DatagramSocket& { return secure ? *secure : plain; };
     far_box_ = std::make_unique<Box>(
