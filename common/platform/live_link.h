@@ -152,8 +152,8 @@ class LiveLink {
   [[nodiscard]] std::string key_advice() {
     const Rejected rejected = mail_.transport().counts().rejected;
     if (secure_ && secure_->answered() && secure_->associations() == 0)
-      return "the program at " + address_ +
-             " answered, but the handshake did not succeed; start both with the same --key";
+      return (side_ == Side::master ? "the program at " + address_ + " answered" : std::string{"a program called"}) +
+             ", but the handshake did not succeed; start both with the same --key";
     if (secure_ && secure_->associations() == 0 && rejected.not_encrypted > 0)
       return "packets without encryption arrived; start both programs with the same --key, or both without";
     if (!secure_ && rejected.encrypted > 0)

@@ -51,7 +51,6 @@ class Sealer {
   std::span<const std::byte> seal(std::span<const std::byte> plain) noexcept;
 
  private:
-  RecordKeys keys_;
   Cipher cipher_;
   std::uint64_t next_;
   std::array<std::uint8_t, kMaxDatagramBytes> record_{};
@@ -82,7 +81,6 @@ class Opener {
   [[nodiscard]] Opened look_up(std::uint64_t sequence) const noexcept;
   void remember(std::uint64_t sequence) noexcept;
 
-  RecordKeys keys_;
   Cipher cipher_;
   bool any_ = false;
   std::uint64_t newest_ = 0;

@@ -175,14 +175,14 @@ void SecureSocket::work() {
 }
 
 void SecureSocket::tell(Duration now) {
-  const auto once = [&](SecureEvent event, std::uint64_t count, const Endpoint& peer, std::uint64_t& told,
-                        std::optional<Duration>& at) {
-    if (count == told || (at && now - *at < kTellEvery)) return;
-    told = count, at = now;
-    options_.tell(event, peer);
-  };
-  once(SecureEvent::agreed, made_, agreed_with_, told_agreed_, agreed_at_);
-  once(SecureEvent::failed, handshake_.counts().failed, handshake_.failed_peer(), told_failed_, failed_at_);
+  if (made_ != told_agreed_) {
+    told_agreed_ = made_;
+    options_.tell(SecureEvent::agreed, agreed_with_);
+  }
+  const std::uint64_t failed = handshake_.counts().failed;
+  if (failed == told_failed_ || (failed_at_ && now - *failed_at_ < kTellEvery)) return;
+  told_failed_ = failed, failed_at_ = now;
+  options_.tell(SecureEvent::failed, handshake_.failed_peer());
 }
 
 void SecureSocket::run() {

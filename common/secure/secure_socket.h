@@ -15,10 +15,10 @@
 
 namespace twoport {
 
-/// What the handshakes have to say, at most once in five seconds each.
+/// What the handshakes have to say.
 enum class SecureEvent : std::uint8_t {
   agreed,  ///< the peer has proved that it has the key
-  failed,  ///< a handshake has come to nothing: another key, or packets lost
+  failed,  ///< a handshake has come to nothing: another key, or packets lost; at most once in five seconds
 };
 
 struct SecureSocketOptions {
@@ -92,7 +92,7 @@ class SecureSocket final : public DatagramSocket {
   bool has_leaving_ = false;
   std::uint64_t made_ = 0;
   std::uint64_t told_agreed_ = 0, told_failed_ = 0;
-  std::optional<Duration> agreed_at_, failed_at_;  ///< told
+  std::optional<Duration> failed_at_;  ///< told
   std::unique_ptr<Association> waiting_;
   Endpoint agreed_with_;
   std::atomic<bool> done_{false};

@@ -31,7 +31,7 @@ class World {
     // Peace. An old session is given up after a second; an offer is replaced every half second.
     const bool ended = !s_.reject_reason().empty() || !m_.reject_reason().empty();
     require(!ended, "nobody ends a program without its numbers");
-    for (int k = 0; k < 800; ++k) {
+    for (int k = 0; k < 800 && !(k > 2 && m_.coupled(now_) && s_.coupled(now_)); ++k) {
       now_ += 5ms;
       deliver({m_.header(now_), true}, kMasterAt);
       deliver({s_.header(now_), false}, kSlaveAt);
