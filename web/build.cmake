@@ -1,5 +1,6 @@
 # Builds the page in BUILD from SOURCE with NPM and writes OUT. Never fails: a page that cannot be built is left out.
 file(MAKE_DIRECTORY ${BUILD})
+file(REMOVE ${BUILD}/absent.txt)
 file(COPY ${SOURCE}/ DESTINATION ${BUILD} PATTERN node_modules EXCLUDE)
 
 # `npm install` accepts the lock file whatever the version of npm; `npm ci` of npm 11 refuses the optional packages of other
@@ -11,10 +12,10 @@ if(EXISTS ${BUILD}/installed)
 endif()
 set(reason "")
 if(NOT done STREQUAL lock)
-  execute_process(COMMAND ${NPM} install --ignore-scripts --no-audit --no-fund WORKING_DIRECTORY ${BUILD} RESULT_VARIABLE failed
+  execute_process(COMMAND ${NPM} install --ignore-scripts --no-audit --no-fund --fetch-retries=1 --fetch-timeout=30000 WORKING_DIRECTORY ${BUILD} RESULT_VARIABLE failed
                   OUTPUT_VARIABLE said ERROR_VARIABLE said TIMEOUT 300)
   if(failed)
-    set(reason "npm could not install its packages; with a network, build again")
+    set(reason "npm could not install its packages; with a network, run scripts/play, or remove assets.cc in the build folder and build again")
   else()
     file(WRITE ${BUILD}/installed ${lock})
   endif()

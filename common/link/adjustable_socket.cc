@@ -40,7 +40,7 @@ void AdjustableSocket::pass(Duration now) noexcept {
     const std::optional<ReceivedDatagram> datagram = socket_->receive(now);
     if (!datagram) return;
     if (datagram->bytes.size() > kMaxDatagramBytes) {
-      ++rejected_;
+      ++too_long_;
       continue;
     }
     moving_.assign(datagram->bytes, datagram->from);
@@ -60,7 +60,7 @@ std::optional<ReceivedDatagram> AdjustableSocket::receive(Duration now) noexcept
 
 SocketCounts AdjustableSocket::counts() const noexcept {
   SocketCounts counts = socket_->counts();
-  counts.rejected += rejected_;
+  counts.rejected.too_long += too_long_;
   counts.lost += outgoing_.lost() + incoming_.lost();
   counts.overflowed += outgoing_.overflowed() + incoming_.overflowed();
   return counts;

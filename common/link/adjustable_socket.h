@@ -44,7 +44,7 @@ class AdjustableSocket final : public DatagramSocket {
   Datagram moving_;
   std::optional<Duration> passed_at_;
   std::uint64_t waiting_ = 0;  ///< outgoing datagrams in the line
-  std::uint64_t rejected_ = 0;
+  std::uint64_t too_long_ = 0;
 };
 
 }  // namespace twoport

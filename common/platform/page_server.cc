@@ -219,6 +219,7 @@ struct PageServer::Impl {
           break;
         case Kind::text:
           obey(client, e.payload);
+          if (client->ends) return;
           break;
         case Kind::ping:
           if (client->replies.size() < 16)

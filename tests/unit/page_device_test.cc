@@ -22,10 +22,12 @@ struct Rig {
     test::Folder folder;
     const std::string dof = std::to_string(N);
     scene = load_scene(
-        folder.write("s.textproto", "name: \"s\" dof: " + dof +
-                                        " rate_hz: 1000 device { mass_kg: 0.1 damping_n_s_per_m: 0.2 max_force_n: 8 " +
-                                        (N == 6 ? "inertia_kg_m2: 1e-3 rotational_damping_n_m_s_per_rad: 1e-3" : "") +
-                                        " } control { architecture: RENDER passivity { method: NONE } }"),
+        folder.write(
+            "s.textproto",
+            "name: \"s\" dof: " + dof + " rate_hz: 1000 device { mass_kg: 0.1 damping_n_s_per_m: 0.2 max_force_n: 8 " +
+                (N == 6 ? "inertia_kg_m2: 1e-3 rotational_damping_n_m_s_per_rad: 1e-3" : "") +
+                " } control { architecture: RENDER passivity { method: NONE } } environment { wall { normal: " +
+                (N == 1 ? "[-1]" : "[-1, 0, 0]") + " offset_m: -1 stiffness_n_per_m: 1000 } }"),
         {}, SceneFor::live);
     device = all_drivers().devices.open<N>("page", scene, Seconds{kPeriod}, &channel);
   }

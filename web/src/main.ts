@@ -80,6 +80,7 @@ class Page {
     element('method-state').hidden = scene.methods.length < 2;
     this.picture = new Picture(element<HTMLCanvasElement>('picture'), scene);
     const zoom = element<HTMLInputElement>('zoom');
+    if (scene.dof === 6) zoom.value = '2000';
     this.picture.scale = Number(zoom.value);
     zoom.oninput = () => (this.picture!.scale = Number(zoom.value));
     const views = viewsFor(scene.dof), view = element<HTMLSelectElement>('view');
@@ -125,9 +126,9 @@ class Page {
         title: `Force ${name}`,
         unit: 'N',
         curves: [
-          curve('felt', '--felt', at('felt_n') + i, 1),
           curve('before the controller', '--third', at('unlimited_n') + i, 1),
           curve('on the environment', '--robot', at('environment_n') + i, 1),
+          curve('felt', '--felt', at('felt_n') + i, 1),
         ],
       },
       {
@@ -162,9 +163,10 @@ class Page {
     tellGrip();
 
     element('network-controls').hidden = !scene.linked;
-    const of = (n: Network): string => `${n.delay_ms} ms ± ${n.jitter_ms} ms, ${(100 * n.loss).toFixed(1)} % loss`;
+    const of = (n: Network): string =>
+      n.delay_ms + n.jitter_ms + n.loss > 0 ? `${n.delay_ms} ± ${n.jitter_ms} ms, ${(100 * n.loss).toFixed(1)} % loss` : 'none';
     element('scene-network').textContent =
-      `Of the scene: to the slave ${of(scene.to_slave)}; to the master ${of(scene.to_master)}.`;
+      `Delay and loss of the scene: to the slave ${of(scene.to_slave)}, to the master ${of(scene.to_master)}.`;
     const both = element<HTMLInputElement>('both');
     const limits = scene.network_limits;
     const rows: { key: keyof Network; name: string; most: number; step: number; unit: string; factor: number }[] = [

@@ -37,7 +37,7 @@ export class Plots {
       const plot = new uPlot(
         {
           title: `${spec.title} [${spec.unit}]`,
-          width: 300,
+          width: 225,
           height: 190,
           pxAlign: false,
           cursor: { show: false },
