@@ -10,6 +10,7 @@
 #include "common/platform/live_link.h"
 #include "common/platform/live_run.h"
 #include "common/platform/log.h"
+#include "master/live_page.h"
 #include "master/master_node.h"
 #include "master/render_node.h"
 
@@ -26,9 +27,10 @@ struct Master {
   using Hardware = Device<N>;
   using Sample = DeviceSample<N>;
 
-  Master(const Scene& s, Device<N>& device, const std::string& choice)
+  Master(const Scene& s, Device<N>& device, const std::string& choice, LivePage* live_page)
       : scene{s},
         hardware{device},
+        page{live_page},
         first{first_reading<MasterClock>(device, Seconds{1.0 / s.master_rate_hz}, choice)} {}
 
   [[nodiscard]] double rate_hz() const { return scene.master_rate_hz; }
@@ -77,14 +79,15 @@ struct Master {
 
   const Scene& scene;
   Device<N>& hardware;
+  LivePage* page;  ///< null: none
   Sample first;
 };
 
 /// A virtual environment on the device.
 template <int N>
 struct RenderMaster : Master<N> {
-  RenderMaster(const Scene& s, Device<N>& device, const std::string& choice)
-      : Master<N>{s, device, choice},
+  RenderMaster(const Scene& s, Device<N>& device, const std::string& choice, LivePage* live_page)
+      : Master<N>{s, device, choice, live_page},
         environment{s.environment, s.tool},
         node{s.control, environment},
         initial{s.control.initial_energy + environment.potential(device.truth() ? device.truth()->x : this->first.x)} {}
@@ -99,6 +102,11 @@ struct RenderMaster : Master<N> {
     return row;
   }
   static void fill(Summary&, bool) {}
+  void end_tick(Duration now, Duration late, const DeviceSample<N>& sample,
+                const typename RenderNode<N>::Output& out) noexcept {
+    if (this->page) [[unlikely]]
+      this->page->show(now, late, sample, out, node.observed() - initial, static_cast<PeerState<N>*>(nullptr), {});
+  }
 
   Environment<N> environment;
   RenderNode<N> node;
@@ -109,9 +117,9 @@ struct RenderMaster : Master<N> {
 /// A slave at the other end of a link.
 template <int N>
 struct LinkMaster : Master<N> {
-  LinkMaster(const Scene& s, Device<N>& device, const LiveArguments& a)
-      : Master<N>{s, device, a.hardware},
-        link{Side::master, s, a},
+  LinkMaster(const Scene& s, Device<N>& device, const LiveArguments& a, LivePage* live_page)
+      : Master<N>{s, device, a.hardware, live_page},
+        link{Side::master, s, a, live_page != nullptr},
         node{s.control, s.schedule},
         registration{s.control},
         switch_times{s.schedule},
@@ -149,6 +157,27 @@ struct LinkMaster : Master<N> {
       node.switch_to_next();
   }
 
+  /// To one of the configurations; the slave follows to that of the newest epoch.
+  void switch_to(int wanted) noexcept {
+    const auto all = static_cast<std::uint32_t>(this->scene.schedule.size() + 1);
+    const auto to = static_cast<std::uint32_t>(wanted);
+    if (to >= all) return;
+    while (node.epoch() % all != to) node.switch_to_next();
+  }
+  void begin_tick() noexcept {
+    if (!this->page) return;
+    this->page->take_commands([&](const PageCommand& c) {
+      if (c.kind == PageCommand::Kind::network)
+        link.adjust(c.which == 0, {1e-3 * c.number[0], 1e-3 * c.number[1], c.number[2]});
+      if (c.kind == PageCommand::Kind::method) switch_to(c.which);
+    });
+  }
+  void end_tick(Duration now, Duration late, const DeviceSample<N>& sample,
+                const typename MasterNode<N>::Output& out) noexcept {
+    if (this->page) [[unlikely]]
+      this->page->show(now, late, sample, out, node.observed(), &link.mail().known(), link.view(), node.epoch());
+  }
+
   LiveLink<N> link;
   MasterNode<N> node;
   Registration<N> registration;
@@ -175,15 +204,17 @@ Scene with_device(Scene scene, const DeviceInfo& info) {
 template <int N>
 int run(const Scene& read, const LiveArguments& arguments, const Registry& hardware) {
   spdlog::logger log = make_log("master");
-  const std::unique_ptr<Device<N>> device =
-      hardware.devices.open<N>(arguments.hardware, read, Seconds{1.0 / read.master_rate_hz});
+  const std::unique_ptr<LivePage> page = LivePage::wanted(arguments);
+  const std::unique_ptr<Device<N>> device = hardware.devices.open<N>(
+      arguments.hardware, read, Seconds{1.0 / read.master_rate_hz}, page ? page->channel() : nullptr);
   print_hints(read, arguments, device->truth() != nullptr);
   const Scene scene = with_device(read, device->info());
+  if (page) page->serve(scene, arguments, device->info().name, log);
   if (scene.control.architecture == Architecture::render) {
-    RenderMaster<N> side{scene, *device, arguments.hardware};
+    RenderMaster<N> side{scene, *device, arguments.hardware, page.get()};
     return run_live(side, scene, arguments, log);
   }
-  LinkMaster<N> side{scene, *device, arguments};
+  LinkMaster<N> side{scene, *device, arguments, page.get()};
   return run_live(side, scene, arguments, log);
 }
 

@@ -13,13 +13,15 @@
 
 namespace twoport {
 
+struct PageChannel;
 struct Scene;
 
 /// Arguments of a driver's constructor.
 struct DriverOptions {
   const Scene& scene;
-  Seconds period;         ///< of the loop that will call it
-  std::string arguments;  ///< text after "NAME:" on the command line, or empty
+  Seconds period;               ///< of the loop that will call it
+  std::string arguments;        ///< text after "NAME:" on the command line, or empty
+  PageChannel* page = nullptr;  ///< of --page; null: the program serves none
 };
 
 /// The drivers of one interface (Hardware is Device or Robot) by name.
@@ -45,12 +47,13 @@ class DriverList {
   /// Opens "NAME" or "NAME:ARGUMENTS". Throws ConfigError for an unknown name, a size that the driver does not support,
   /// and errors of the driver's constructor.
   template <int N>
-  [[nodiscard]] std::unique_ptr<Hardware<N>> open(const std::string& choice, const Scene& scene, Seconds period) const {
+  [[nodiscard]] std::unique_ptr<Hardware<N>> open(const std::string& choice, const Scene& scene, Seconds period,
+                                                  PageChannel* page = nullptr) const {
     const std::size_t colon = choice.find(':');
     const Entry& driver = find(choice.substr(0, colon));
     const Maker<N>& maker = std::get<Maker<N>>(driver.makers);
     if (!maker) refuse_size(driver, N);
-    return maker({scene, period, colon == choice.npos ? std::string{} : choice.substr(colon + 1)});
+    return maker({scene, period, colon == choice.npos ? std::string{} : choice.substr(colon + 1), page});
   }
 
   /// One line per driver: name, tab, sentence.

@@ -42,6 +42,12 @@ class DelayLine {
 
   /// From now on there are no blackouts; delay, jitter and loss stay.
   void end_blackouts() noexcept { impairment_.end_blackouts(); }
+  /// Changes delay, jitter and loss of the packets put in from now on.
+  void adjust(double delay_s, double jitter_s, double loss) noexcept { impairment_.adjust(delay_s, jitter_s, loss); }
+  /// Does every packet pass at once?
+  [[nodiscard]] bool unimpaired() const noexcept {
+    return impairment_.certain() && impairment_.fixed_delay() == Duration{0};
+  }
 
   [[nodiscard]] std::uint64_t lost() const noexcept { return lost_; }
   [[nodiscard]] std::uint64_t overflowed() const noexcept { return overflowed_; }

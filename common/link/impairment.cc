@@ -23,9 +23,21 @@ std::size_t packets_in_flight(const ImpairmentOptions& o, double rate_hz) {
 
 Impairment::Impairment(const ImpairmentOptions& options, std::uint64_t seed)
     : options_{options}, random_{seed}, fixed_delay_{std::max(Duration{0}, to_duration(options.delay_s))} {
+  certain_ = is_certain();
+}
+
+bool Impairment::is_certain() const noexcept {
   const ImpairmentOptions& o = options_;
-  certain_ = o.jitter_s == 0.0 && o.loss == 0.0 && !o.burst && o.blackout.empty() && o.duplicate == 0.0 &&
-             o.reorder == 0.0 && o.recorded_delay_s.empty() && o.delay_step.empty();
+  return o.jitter_s == 0.0 && o.loss == 0.0 && !o.burst && o.blackout.empty() && o.duplicate == 0.0 &&
+         o.reorder == 0.0 && o.recorded_delay_s.empty() && o.delay_step.empty();
+}
+
+void Impairment::adjust(double delay_s, double jitter_s, double loss) noexcept {
+  options_.delay_s = delay_s;
+  options_.jitter_s = jitter_s;
+  options_.loss = loss;
+  fixed_delay_ = std::max(Duration{0}, to_duration(delay_s));
+  certain_ = is_certain();
 }
 
 void Impairment::change_delay(Duration since_start) noexcept {

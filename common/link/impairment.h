@@ -67,6 +67,8 @@ class Impairment {
   [[nodiscard]] Duration fixed_delay() const noexcept { return fixed_delay_; }
   /// From now on there are no blackouts.
   void end_blackouts() noexcept { options_.blackout.clear(); }
+  /// Changes delay, jitter and loss from the next packet on.
+  void adjust(double delay_s, double jitter_s, double loss) noexcept;
 
  private:
   Fate drawn(Duration since_start) noexcept;
@@ -74,6 +76,8 @@ class Impairment {
   [[nodiscard]] Duration delay(unsigned purpose) noexcept;
   /// Takes the delay of the last step that is due.
   void change_delay(Duration since_start) noexcept;
+
+  [[nodiscard]] bool is_certain() const noexcept;
 
   ImpairmentOptions options_;
   Random random_;

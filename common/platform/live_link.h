@@ -9,9 +9,11 @@
 #include <string>
 
 #include "common/base/histogram.h"
+#include "common/link/adjustable_socket.h"
 #include "common/link/clock_offset.h"
 #include "common/link/impaired_socket.h"
 #include "common/link/mailbox.h"
+#include "common/page/channel.h"
 #include "common/platform/key_file.h"
 #include "common/platform/program.h"
 #include "common/platform/random.h"
@@ -32,8 +34,8 @@ class LiveLink {
   using Transport = GuardedTransport<N, LinkTransport<N>>;
 
   /// A master calls the slave at the address, a slave listens there. Throws ConfigError for an address of another machine
-  /// without a key.
-  LiveLink(Side side, const Scene& scene, const LiveArguments& arguments)
+  /// without a key. `adjustable`: with a further network that adjust() changes.
+  LiveLink(Side side, const Scene& scene, const LiveArguments& arguments, bool adjustable = false)
       : side_{side},
         address_{arguments.address},
         key_file_{arguments.key},
@@ -41,11 +43,13 @@ class LiveLink {
                                       arguments.insecure)},
         peer_{side == Side::master ? std::optional{where_} : std::nullopt},
         udp_{peer_ ? UdpSocket{any_port_toward(*peer_), *peer_} : UdpSocket{where_}},
-        network_{udp_, network(side, scene, peer_)},
+        adjustable_{adjustable ? std::make_unique<AdjustableSocket>(udp_, room(side, scene), scene.seed ^ kPageStream)
+                               : nullptr},
+        network_{adjustable_ ? static_cast<DatagramSocket&>(*adjustable_) : udp_, network(side, scene, peer_)},
         secure_{secured()},
-        mail_{Transport{
-            side == Side::master ? limits_of_slave_reports(scene.control) : limits_of_master_reports(scene.control),
-            top(), session(side, scene, peer_, secure_ != nullptr), SessionNumbers{system_random}},
+        mail_{Transport{side == Side::master ? limits_of_slave_reports(scene.control)
+                                             : limits_of_master_reports(scene.control),
+                        top(), session(side, scene, peer_, secure_ != nullptr), SessionNumbers{system_random}},
               incoming(side, scene), outgoing(side, scene)} {
     // Of a period: the rest is for the node.
     udp_.limit(to_duration(0.25 / (side == Side::master ? scene.master_rate_hz : scene.slave_rate_hz)));
@@ -101,6 +105,16 @@ class LiveLink {
     clock_.step(peer);
   }
 
+  /// Changes what is added to the scene's network, where the link is adjustable.
+  void adjust(bool outgoing, const AdjustableSocket::Direction& d) noexcept {
+    if (!adjustable_) return;
+    if (outgoing) {
+      adjustable_->set_outgoing(d);
+    } else {
+      adjustable_->set_incoming(d);
+    }
+  }
+
   [[nodiscard]] TickView view() noexcept {
     return {.round_trip = mail_.known().round_trip(),
             .received = mail_.counts().received,
@@ -130,6 +144,13 @@ class LiveLink {
   [[nodiscard]] std::uint64_t overflowed() { return mail_.transport().counts().overflowed; }
 
  private:
+  static constexpr std::uint64_t kPageStream = 0x70616765;
+  static AdjustableSocket::Room room(Side side, const Scene& scene) {
+    const bool master = side == Side::master;
+    return {.longest_delay_s = 1e-3 * (kPageDelayMs + 10.0 * kPageJitterMs),
+            .outgoing_hz = master ? scene.master_rate_hz : scene.slave_rate_hz,
+            .incoming_hz = master ? scene.slave_rate_hz : scene.master_rate_hz};
+  }
   std::unique_ptr<SecureSocket> secured() {
     if (key_file_.empty()) return nullptr;
     SecureSocketOptions options{.server = side_ == Side::slave, .peer = peer_, .own_thread = true};
@@ -197,6 +218,7 @@ class LiveLink {
   // The stack, from the wire up.
   std::atomic<spdlog::logger*> log_{nullptr};
   UdpSocket udp_;
+  std::unique_ptr<AdjustableSocket> adjustable_;
   ImpairedSocket network_;
   std::unique_ptr<SecureSocket> secure_;  ///< null: without a key
   Mailbox<N, Transport> mail_;

@@ -107,6 +107,7 @@ std::vector<std::string> configurations(const Scene& scene);
 ///     fill(summary, diverged)   the side's own figures of the summary
 ///     judged()                  is its summary compared with the scene's `expect`?
 ///     switch_when_due(t_s)      a master over a link: before each tick
+///     begin_tick(), end_tick(now, late, sample, out)   optional: around the cycle of every tick
 template <class LiveSide>
 int run_live(LiveSide& side, const Scene& scene, const LiveArguments& arguments, spdlog::logger& log) {
   constexpr int N = LiveSide::kSize;
@@ -138,6 +139,7 @@ int run_live(LiveSide& side, const Scene& scene, const LiveArguments& arguments,
   bool has_row = false;
   loop.run(stop, [&](std::int64_t k, Duration now) {
     if (!side.link.refusal().empty() || to_seconds(now).si() >= arguments.limit_s) return false;
+    if constexpr (requires { side.begin_tick(); }) side.begin_tick();
     if (side.link.met(side.node) && met < 0) {
       met = k;
       side.hardware.start();
@@ -154,6 +156,8 @@ int run_live(LiveSide& side, const Scene& scene, const LiveArguments& arguments,
       return run_cycle(side.node, plant, side.link.mail(), Tick<Clock>{Instant<Clock>{now}, dt, passed * dt});
     });
     side.link.note();
+    if constexpr (requires { side.end_tick(now, loop.late(), plant.sample, out); })
+      side.end_tick(now, loop.late(), plant.sample, out);
     if (has_row) {
       side.complete(row, plant.sample);
       recorder.push(row, view);

@@ -14,6 +14,11 @@
 #include "common/scene/load.h"
 
 namespace twoport {
+namespace {
+
+constexpr const char* kDefaultPage = "127.0.0.1:45080";
+
+}  // namespace
 
 int live_program(int argc, char** argv, Side side, const std::string& drivers,
                  const std::function<int(const Scene&, const LiveArguments&)>& body) {
@@ -48,6 +53,13 @@ int live_program(int argc, char** argv, Side side, const std::string& drivers,
         throw CLI::Success{};
       },
       "One line for each NAME of " + hardware_flag);
+  CLI::Option* page = nullptr;
+  if (master) {
+    page = app.add_option("--page", a.page,
+                          std::string{"ADDR:PORT, default "} + kDefaultPage +
+                              ": serves a page that shows the run and takes the pointer of --device page as the hand");
+    page->expected(0, 1);
+  }
   app.add_option("--out", a.out, "Folder for summary.json and trace.csv");
   app.add_option("--trace", a.trace, "none or csv")->check(CLI::IsMember({"none", "csv"}))->capture_default_str();
   app.add_option("--trace-every", a.trace_every, "N: one tick in N has a row in the trace; the summary is of all ticks")
@@ -57,6 +69,8 @@ int live_program(int argc, char** argv, Side side, const std::string& drivers,
   app.add_flag("!--no-spin", a.spin, "Sleep until the tick, without busy-waiting for the last 50 us");
   try {
     app.parse(argc, argv);
+    if (page != nullptr && page->count() > 0 && a.page.empty()) a.page = kDefaultPage;
+    if (master && a.page.empty() && a.hardware == "page") a.page = kDefaultPage;
     if (!duration.empty()) a.set.push_back("duration_s=" + duration);
     const Scene scene = load_scene(a.scene, a.set, SceneFor::live);
     if (!duration.empty()) a.limit_s = scene.duration_s;

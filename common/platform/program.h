@@ -22,6 +22,7 @@ struct LiveArguments {
   std::string key;        ///< --key: the file; empty: packets are neither encrypted nor authenticated
   bool insecure = false;  ///< --insecure: without a key also beyond this machine
   std::vector<std::string> set;
+  std::string page;  ///< of --page: ADDR:PORT; empty: no page
   bool realtime = true, spin = true;
   std::uint64_t trace_every = 1;  ///< the trace has one row in so many
   /// --duration: the program ends this long after its start [s].

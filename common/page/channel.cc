@@ -1,0 +1,77 @@
+#include "common/page/channel.h"
+
+#include <algorithm>
+#include <charconv>
+#include <cmath>
+
+namespace twoport {
+namespace {
+
+/// The words of a command, one after the other.
+class CommandReader {
+ public:
+  explicit CommandReader(std::string_view text) : rest_{text} {}
+  std::string_view word() {
+    const std::size_t space = rest_.find(' ');
+    const std::string_view word = rest_.substr(0, space);
+    rest_.remove_prefix(space == rest_.npos ? rest_.size() : space + 1);
+    return word;
+  }
+  /// A finite number within [least, most], or the nearer limit. Anything else makes the command invalid.
+  double number(double least, double most) {
+    const std::string_view text = word();
+    double value = 0.0;
+    const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value);
+    if (error != std::errc{} || end != text.data() + text.size() || !std::isfinite(value)) {
+      good_ = false;
+      return least;
+    }
+    return std::clamp(value, least, most);
+  }
+  void expect(bool condition) { good_ = good_ && condition; }
+  /// Was everything well-formed, and nothing is left?
+  [[nodiscard]] bool good() const { return good_ && rest_.empty(); }
+
+ private:
+  std::string_view rest_;
+  bool good_ = true;
+};
+
+}  // namespace
+
+std::optional<PageCommand> parse_page_command(std::string_view text) {
+  CommandReader words{text};
+  const std::string_view verb = words.word();
+  PageCommand c;
+  if (verb == "target") {
+    c.kind = PageCommand::Kind::target;
+    for (std::size_t i = 0; i < 6; ++i) {
+      const double most = i < 3 ? kPageReach : kPageTurn;
+      c.number[i] = words.number(-most, most);
+    }
+  } else if (verb == "release") {
+    c.kind = PageCommand::Kind::release;
+  } else if (verb == "grip") {
+    c.kind = PageCommand::Kind::grip;
+    c.number[0] = words.number(kPageGripLeast, kPageGripMost);
+  } else if (verb == "network") {
+    c.kind = PageCommand::Kind::network;
+    const std::string_view direction = words.word();
+    words.expect(direction == "to_slave" || direction == "to_master");
+    c.which = direction == "to_slave" ? 0 : 1;
+    c.number[0] = words.number(0.0, kPageDelayMs);
+    c.number[1] = words.number(0.0, kPageJitterMs);
+    c.number[2] = words.number(0.0, kPageLoss);
+  } else if (verb == "method") {
+    c.kind = PageCommand::Kind::method;
+    const double index = words.number(0.0, 1000.0);
+    words.expect(index == std::floor(index));
+    c.which = static_cast<int>(index);
+  } else {
+    return std::nullopt;
+  }
+  if (!words.good()) return std::nullopt;
+  return c;
+}
+
+}  // namespace twoport

@@ -1,0 +1,121 @@
+#pragma once
+
+#include <array>
+#include <cstddef>
+#include <cstdint>
+#include <optional>
+#include <string_view>
+#include <utility>
+
+#include "common/runtime/ring.h"
+
+namespace twoport {
+
+/// What the page shows of one tick. Vectors have three entries, unused ones are 0; attitudes are w, x, y, z.
+struct PageSample {
+  using Vector = std::array<double, 3>;
+  using Quaternion = std::array<double, 4>;
+
+  double t_s = 0.0;  ///< since the program's loop began
+  Vector hand_x_m{};
+  Quaternion hand_attitude{1.0, 0.0, 0.0, 0.0};
+  Vector robot_x_m{};
+  Quaternion robot_attitude{1.0, 0.0, 0.0, 0.0};
+  Vector behind_m{};                  ///< robot minus the delayed, registered hand
+  Vector felt_n{};                    ///< force on the hand
+  Vector felt_n_m{};                  ///< torque on the hand
+  Vector unlimited_n{};               ///< force on the hand that the method asked for, before the passivity controller
+  Vector environment_n{};             ///< force of the robot on the environment, as measured
+  Vector environment_n_m{};           ///< its torque
+  Vector coupling_n{};                ///< force of the coupling on the robot
+  double hand_energy_j = 0.0;         ///< that the hand has put in, as observed
+  double robot_energy_j = 0.0;        ///< that has entered the link at the robot's side, as reported
+  double dissipated_j = 0.0;          ///< by the master's controller so far
+  double deficit_j = 0.0;             ///< not dissipated yet
+  double round_trip_ms = -1.0;        ///< of the newest report; negative: not known
+  double received = 0.0, lost = 0.0;  ///< packets from the slave
+  double late_us = 0.0;               ///< largest wake-up latency since the sample before
+  double mode = 0.0, slave_mode = 0.0;
+  double epoch = 0.0;    ///< switches of the method so far
+  double held = 0.0;     ///< 1 while the pointer holds the handle of --device page
+  double dropped = 0.0;  ///< samples that the page was too slow for
+};
+
+/// Calls see(name, size, field) for each field in order: the layout of a sample on the wire, doubles of this machine's
+/// byte order.
+template <class Sample, class See>
+void for_each_page_field(Sample& s, See&& see) {
+  const auto vector = [&](const char* name, auto& field) { see(name, field.size(), field.data()); };
+  const auto number = [&](const char* name, auto& field) { see(name, std::size_t{1}, &field); };
+  number("t_s", s.t_s);
+  vector("hand_x_m", s.hand_x_m);
+  vector("hand_attitude", s.hand_attitude);
+  vector("robot_x_m", s.robot_x_m);
+  vector("robot_attitude", s.robot_attitude);
+  vector("behind_m", s.behind_m);
+  vector("felt_n", s.felt_n);
+  vector("felt_n_m", s.felt_n_m);
+  vector("unlimited_n", s.unlimited_n);
+  vector("environment_n", s.environment_n);
+  vector("environment_n_m", s.environment_n_m);
+  vector("coupling_n", s.coupling_n);
+  number("hand_energy_j", s.hand_energy_j);
+  number("robot_energy_j", s.robot_energy_j);
+  number("dissipated_j", s.dissipated_j);
+  number("deficit_j", s.deficit_j);
+  number("round_trip_ms", s.round_trip_ms);
+  number("received", s.received);
+  number("lost", s.lost);
+  number("late_us", s.late_us);
+  number("mode", s.mode);
+  number("slave_mode", s.slave_mode);
+  number("epoch", s.epoch);
+  number("held", s.held);
+  number("dropped", s.dropped);
+}
+
+/// A command of the page: finite numbers within their limits.
+struct PageCommand {
+  enum class Kind : std::uint8_t {
+    target,   ///< the pointer holds the handle; numbers 0 to 2: where [m], 3 to 5: rotation vector [rad]
+    release,  ///< it does not
+    grip,     ///< number 0: stiffness of the hand [N/m]
+    network,  ///< which: 0 to the slave, 1 to the master; numbers: delay [ms], jitter [ms], loss [1]
+    method,   ///< which: index into the methods that the page was told
+  };
+  Kind kind = Kind::release;
+  int which = 0;
+  std::array<double, 6> number{};
+};
+
+/// Limits of a command's numbers; a number beyond is set to the limit.
+inline constexpr double kPageReach = 0.5, kPageTurn = 3.0;              // [m], [rad]
+inline constexpr double kPageGripLeast = 20.0, kPageGripMost = 2000.0;  // [N/m]
+inline constexpr double kPageDelayMs = 500.0, kPageJitterMs = 50.0, kPageLoss = 0.9;
+
+/// Reads a command as text, words separated by single spaces:
+///
+///     target X Y Z RX RY RZ      [m], [rad]
+///     release
+///     grip N_PER_M
+///     network to_slave|to_master DELAY_MS JITTER_MS LOSS
+///     method INDEX
+///
+/// Nothing where it is malformed or a number is not finite.
+std::optional<PageCommand> parse_page_command(std::string_view text);
+
+/// State of the pointer, written and read by the cycle's thread.
+struct PagePointer {
+  bool held = false;
+  double grip_n_per_m = 0.0;  ///< initial stiffness of the hand
+};
+
+/// Between the cycle and the page's server. Each ring has one producer and one consumer; neither side waits.
+struct PageChannel {
+  Ring<PageSample> samples{4096};   ///< cycle to server
+  Ring<PageCommand> commands{256};  ///< server to cycle: network, method
+  Ring<PageCommand> hand{256};      ///< server to the device, in the cycle's thread: target, release, grip
+  PagePointer pointer;
+};
+
+}  // namespace twoport

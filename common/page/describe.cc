@@ -1,0 +1,118 @@
+#include "common/page/describe.h"
+
+#include <fmt/format.h>
+
+#include <cmath>
+
+#include "common/contact/world.h"
+#include "common/page/channel.h"
+
+namespace twoport {
+namespace {
+
+std::string number(double value) {
+  return std::isfinite(value) ? fmt::format("{:.9g}", value) : std::string{"null"};
+}
+std::string vector(const Eigen::Vector3d& v) {
+  return fmt::format("[{},{},{}]", number(v.x()), number(v.y()), number(v.z()));
+}
+std::string shape(const Wall& s) {
+  return fmt::format(R"("normal":{},"offset_m":{})", vector(s.normal), number(s.offset_m));
+}
+std::string shape(const Sphere& s) {
+  return fmt::format(R"("center_m":{},"radius_m":{})", vector(s.center_m), number(s.radius_m));
+}
+std::string shape(const Cylinder& s) {
+  return fmt::format(R"("point_m":{},"axis":{},"radius_m":{})", vector(s.point_m), vector(s.axis), number(s.radius_m));
+}
+std::string shape(const Box& s) {
+  return fmt::format(R"("center_m":{},"half_size_m":{})", vector(s.center_m), vector(s.half_size_m));
+}
+/// A shape that the page does not draw.
+template <class Other>
+std::string shape(const Other&) {
+  return R"("hidden":true)";
+}
+
+std::string element(const EnvironmentSpec& spec) {
+  const std::string kind = json_string(name(spec));
+  if (const auto* surface = std::get_if<Surface>(&spec))
+    return fmt::format(R"({{"kind":{},"stiffness_n_per_m":{},"friction":{},{}}})", kind,
+                       number(surface->material.stiffness_n_per_m), number(surface->material.friction),
+                       std::visit([](const auto& s) { return shape(s); }, surface->shape));
+  const auto& spring = std::get<Spring>(spec);
+  return fmt::format(R"({{"kind":{},"stiffness_n_per_m":{},"anchor_m":{}}})", kind, number(spring.stiffness_n_per_m),
+                     vector(spring.anchor_m));
+}
+
+template <class Values, class Text>
+std::string list(const Values& values, Text text) {
+  std::string out = "[";
+  for (const auto& value : values) {
+    if (out.size() > 1) out += ',';
+    out += text(value);
+  }
+  out += ']';
+  return out;
+}
+
+std::string network(const ImpairmentOptions& o) {
+  return fmt::format(R"({{"delay_ms":{},"jitter_ms":{},"loss":{}}})", number(1e3 * o.delay_s), number(1e3 * o.jitter_s),
+                     number(o.loss));
+}
+
+const char* name_of(Architecture a) {
+  switch (a) {
+    case Architecture::render:
+      return "RENDER";
+    case Architecture::position_force:
+      return "POSITION_FORCE";
+    case Architecture::position_measured_force:
+      return "POSITION_MEASURED_FORCE";
+    case Architecture::position_position:
+      return "POSITION_POSITION";
+    case Architecture::uncontrolled:
+      break;
+  }
+  return "UNCONTROLLED";
+}
+
+}  // namespace
+
+std::string json_string(std::string_view text) {
+  std::string out = "\"";
+  for (const char c : text) {
+    const auto code = static_cast<unsigned char>(c);
+    if (c == '"' || c == '\\') {
+      out += '\\';
+      out += c;
+    } else if (code < 0x20) {
+      out += fmt::format("\\u{:04x}", code);
+    } else {
+      out += c;
+    }
+  }
+  return out + '"';
+}
+
+std::string describe_for_page(const Scene& s, const PageIntroduction& i) {
+  std::string fields;
+  PageSample sample;
+  for_each_page_field(sample, [&](const char* name, std::size_t size, const double*) {
+    fields += fmt::format("{}[{},{}]", fields.empty() ? "" : ",", json_string(name), size);
+  });
+  const auto axis = [](const Eigen::Vector3d& v) { return vector(v); };
+  return fmt::format(
+      R"({{"scene":{},"dof":{},"rate_hz":{},"architecture":{},"method":{},"methods":{},"device":{},"pointer":{},)"
+      R"("grip_n_per_m":{},"grip_limits_n_per_m":[{},{}],"max_force_n":{},"motion_scale":{},"force_scale":{},)"
+      R"("linked":{},"to_slave":{},"to_master":{},"network_limits":{{"delay_ms":{},"jitter_ms":{},"loss":{}}},)"
+      R"("environment":{},"tool":{},"fields":[{}]}})",
+      json_string(s.name), s.dof, number(s.master_rate_hz), json_string(name_of(s.control.architecture)),
+      json_string(s.control.method_name), list(i.methods, json_string), json_string(i.device), i.has_pointer,
+      number(i.grip_n_per_m), number(kPageGripLeast), number(kPageGripMost), number(s.control.max_force_n),
+      number(s.control.motion_scale), number(s.control.force_scale), s.control.architecture != Architecture::render,
+      network(s.to_slave), network(s.to_master), number(kPageDelayMs), number(kPageJitterMs), number(kPageLoss),
+      list(s.environment, element), list(s.tool, axis), fields);
+}
+
+}  // namespace twoport

@@ -1,0 +1,25 @@
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "common/scene/scene.h"
+
+namespace twoport {
+
+/// What the page is told once, when it connects.
+struct PageIntroduction {
+  std::string device;         ///< name of the haptic device
+  bool has_pointer = false;   ///< is it the page's own (--device page)?
+  double grip_n_per_m = 0.0;  ///< initial stiffness of the hand, of the page's device
+  std::vector<std::string>
+      methods;  ///< that may be chosen while running: that of epoch e is number e modulo their number; empty: none may
+};
+
+/// Scene, samples' layout and limits of the commands as JSON.
+std::string describe_for_page(const Scene& scene, const PageIntroduction& introduction);
+
+/// `text` as a JSON string, with its quotes.
+std::string json_string(std::string_view text);
+
+}  // namespace twoport

@@ -1,0 +1,40 @@
+#pragma once
+
+#include <memory>
+#include <span>
+#include <string>
+
+#include "common/page/assets.h"
+#include "common/page/channel.h"
+
+namespace twoport {
+
+/// Serves the page over HTTP and its samples over a WebSocket, on a thread of its own at ordinary priority. Samples go
+/// out as one binary message at about 60 Hz; of a slow reader only the newest pending message is kept. When a client that
+/// holds the handle goes, the handle is released.
+///
+/// Refused: a Host that is not localhost or an IP address with this port, a WebSocket of another Origin, requests and
+/// messages beyond kLargestRequest and kLargestMessage, more than eight connections.
+class PageServer {
+ public:
+  struct Options {
+    std::string address;       ///< value of --page, ADDR:PORT; port 0: any free one
+    std::string introduction;  ///< text message that each client gets first
+    std::span<const PageAsset> assets;
+  };
+  /// Binds and starts. `channel` must outlive this. Throws ConfigError with the address and what to do.
+  PageServer(const Options& options, PageChannel& channel);
+  ~PageServer();
+  PageServer(const PageServer&) = delete;
+
+  /// "http://127.0.0.1:45080/", with the port that was taken.
+  [[nodiscard]] const std::string& url() const;
+  /// Is it bound to an address of this machine only?
+  [[nodiscard]] bool is_local() const;
+
+ private:
+  struct Impl;
+  std::unique_ptr<Impl> impl_;
+};
+
+}  // namespace twoport

@@ -1,0 +1,112 @@
+// Drives the live page in Chromium: drags the hand into the wall, changes sliders, closes the tab. Prints one line for
+// each step; throws at the first that fails.
+//
+//   node end_to_end.mjs URL CHROMIUM MODULES [PICTURE.png]      MODULES: a node_modules folder with playwright-core
+//
+// Afterwards the caller checks that the robot was let go.
+import { createRequire } from 'node:module';
+
+const [url, chromiumPath, modules, picture] = process.argv.slice(2);
+const { chromium } = createRequire(`${modules}/`)('playwright-core');
+
+const browser = await chromium.launch({
+  executablePath: chromiumPath,
+  headless: true,
+  args: ['--no-sandbox', '--disable-gpu', '--disable-quic', '--no-first-run', '--disable-background-networking',
+         '--disable-component-update', '--disable-sync'],
+});
+const context = await browser.newContext({ bypassCSP: true, acceptDownloads: true, viewport: { width: 1280, height: 1000 } });
+const page = await context.newPage();
+const errors = [];
+page.on('pageerror', (e) => errors.push(String(e)));
+page.on('console', (m) => m.type() === 'error' && errors.push(m.text()));
+
+const started = Date.now();
+const value = async (id) => Number(await page.locator(`#${id}`).getAttribute('data-value'));
+const text = (id) => page.locator(`#${id}`).textContent();
+async function until(what, condition, patience_ms = 15000) {
+  const end = Date.now() + patience_ms;
+  while (!(await condition())) {
+    if (Date.now() > end) {
+      if (picture) await page.screenshot({ path: picture });
+      throw new Error(`${what}: not within ${patience_ms} ms`);
+    }
+    await new Promise((r) => setTimeout(r, 50));
+  }
+}
+const say = (line) => console.log(`${((Date.now() - started) / 1000).toFixed(1)} s: ${line}`);
+async function set(id, to) {
+  await page.locator(`#${id}`).evaluate((input, v) => {
+    input.value = v;
+    input.dispatchEvent(new Event('input'));
+  }, String(to));
+}
+
+try {
+  await page.goto(url);
+  await until('both sides are coupled', async () => (await text('mode')) === 'master: coupled' && (await text('slave-mode')) === 'slave: coupled');
+  say('the page shows both sides coupled');
+  if ((await value('felt')) > 0.2) throw new Error(`a force is felt before the drag: ${await text('felt')}`);
+
+  const box = await page.locator('#picture').boundingBox();
+  const [x, y] = [box.x + 0.45 * box.width, box.y + 0.5 * box.height];
+  const scale = Number(await page.locator('#zoom').inputValue());
+  await page.mouse.move(x, y);
+  await page.mouse.down();
+  await until('the handle is held', async () => (await text('held')) === 'handle held');
+  await page.mouse.move(x + 0.045 * scale, y, { steps: 30 });
+  await until('a force above 1 N is felt', async () => (await value('felt')) > 1);
+  await new Promise((r) => setTimeout(r, 1500));
+  const soft = await value('felt');
+  const robot = await value('environment');
+  say(`dragged 45 mm, 25 mm of it into the wall: ${soft.toFixed(2)} N felt, ${robot.toFixed(2)} N on the environment`);
+  if (robot < 1) throw new Error('the robot does not press the wall');
+
+  await set('grip', 1200);
+  await until('a stiffer hand feels a larger force', async () => (await value('felt')) > 1.2 * soft);
+  await new Promise((r) => setTimeout(r, 1000));
+  say(`stiffness of the hand 1200 N/m: ${(await value('felt')).toFixed(2)} N felt`);
+  if (picture) await page.screenshot({ path: picture });
+
+  const before = await value('round-trip');
+  await set('to_slave-delay_ms', 40);
+  await until('the round trip grows by 80 ms', async () => Math.abs((await value('round-trip')) - before - 80) < 10);
+  say(`delay 40 ms each way: round trip ${before.toFixed(1)} -> ${(await value('round-trip')).toFixed(1)} ms`);
+  await set('to_slave-loss', 20);
+  await until('packets are lost', async () => Math.abs((await value('loss')) - 20) < 8);
+  say(`loss 20 %: ${(await value('loss')).toFixed(1)} % of the packets from the slave are lost`);
+  await set('to_slave-loss', 0);
+  await set('to_slave-delay_ms', 0);
+
+  await page.mouse.up();
+  await until('the handle is free', async () => (await text('held')) === 'handle free');
+  await until('the force vanishes', async () => (await value('felt')) < 0.2);
+  say('pointer released: the handle is free and feels no force');
+
+  // By keyboard, and closed while it presses.
+  await page.locator('#picture').focus();
+  await page.keyboard.press('Space');
+  await until('the keyboard holds the handle', async () => (await text('held')) === 'handle held');
+  for (let i = 0; i < 60 && (await value('felt')) < 2; ++i) {
+    await page.keyboard.press('ArrowRight');
+    await new Promise((r) => setTimeout(r, 40));
+  }
+  await until('the keyboard presses the wall', async () => (await value('felt')) > 1);
+  say(`moved by keyboard: ${(await value('felt')).toFixed(2)} N felt`);
+
+  // A second page watches while the first one is closed.
+  const watcher = await context.newPage();
+  await watcher.goto(url);
+  const watched = async (id) => Number(await watcher.locator(`#${id}`).getAttribute('data-value'));
+  await until('the second page sees the force', async () => (await watched('environment')) > 1);
+  await page.close({ runBeforeUnload: false });
+  const end = Date.now() + 10000;
+  while (!((await watched('environment')) < 0.2 && (await watcher.locator('#held').textContent()) === 'handle free')) {
+    if (Date.now() > end) throw new Error('the robot presses the wall although the tab is closed');
+    await new Promise((r) => setTimeout(r, 50));
+  }
+  say('the tab is closed: the handle is free and the robot does not press the wall');
+  if (errors.length > 0) throw new Error(`errors on the page: ${errors.join('; ')}`);
+} finally {
+  await browser.close();
+}

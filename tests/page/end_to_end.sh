@@ -1,0 +1,52 @@
+#!/usr/bin/env bash
+# Runs end_to_end.mjs against both programs: end_to_end.sh MASTER SLAVE NODE_MODULES [PICTURE.png]
+# Exit status 77: skipped, with the reason.
+set -euo pipefail
+master=$1 slave=$2 modules=$3 picture=${4:-}
+here=$(dirname "$(readlink -f "$0")")
+scene=$here/../../examples/play/one_axis.textproto
+
+skip() { echo "SKIPPED: $1"; exit 77; }
+command -v node >/dev/null || skip "node is not installed; the page is driven by playwright-core, which needs it"
+[ -d "$modules/playwright-core" ] || skip "playwright-core is not installed: npm was not there, or could not fetch it, when the programs were built"
+chromium=$(command -v chromium || command -v chromium-browser || command -v google-chrome) ||
+  skip "Chromium is not installed; install Debian's package chromium"
+
+work=$(mktemp -d)
+pids=()
+cleanup() {
+  for pid in "${pids[@]}"; do kill -INT "$pid" 2>/dev/null || true; done
+  for pid in "${pids[@]}"; do wait "$pid" 2>/dev/null || true; done
+  rm -rf "$work"
+}
+trap cleanup EXIT
+wait_for() { # PATTERN FILE
+  for ((i = 0; i < 200; i++)); do
+    grep -qE "$1" "$2" && return
+    sleep 0.1
+  done
+  cat "$2" >&2
+  echo "end_to_end.sh: no '$1' within 20 s" >&2
+  exit 1
+}
+
+env --default-signal=INT "$slave" --scene "$scene" --listen 127.0.0.1:0 --no-spin --out "$work/slave" >"$work/slave.log" 2>&1 &
+pids+=($!)
+wait_for 'listening on' "$work/slave.log"
+port=$(sed -n 's/.*listening on 127\.0\.0\.1:\([0-9]*\).*/\1/p' "$work/slave.log")
+env --default-signal=INT "$master" --scene "$scene" --peer "127.0.0.1:$port" --device page --page 127.0.0.1:0 --no-spin \
+  --out "$work/master" >"$work/master.log" 2>&1 &
+pids+=($!)
+if ! wait_for 'page: http|without the page' "$work/master.log"; then exit 1; fi
+grep -q 'without the page' "$work/master.log" && skip "the programs were built without the page"
+url=$(grep -om1 'http://[^ ]*' "$work/master.log")
+node "$here/end_to_end.mjs" "$url" "$chromium" "$modules" "$picture"
+
+# Both end by SIGINT, with whole summaries.
+for pid in "${pids[@]}"; do
+  kill -INT "$pid"
+  wait "$pid"
+done
+pids=()
+grep -o '"loop_lateness_us":.*' -A4 "$work/master/summary.json" | tr -d '\n '
+echo

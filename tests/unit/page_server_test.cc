@@ -1,0 +1,191 @@
+#include "common/platform/page_server.h"
+
+#include <gtest/gtest.h>
+#include <netinet/in.h>
+#include <sys/socket.h>
+#include <unistd.h>
+
+#include <array>
+#include <chrono>
+#include <cstring>
+#include <string>
+#include <thread>
+
+#include "common/base/check.h"
+
+namespace twoport {
+namespace {
+
+using namespace std::chrono_literals;
+
+constexpr PageAsset kAssets[] = {{"/index.html", "text/html", "<p>page"}};
+
+/// A blocking connection to a port of 127.0.0.1.
+class Connection {
+ public:
+  explicit Connection(std::uint16_t port, int receive_buffer = 0) : fd_{socket(AF_INET, SOCK_STREAM, 0)} {
+    const timeval patience{5, 0};
+    setsockopt(fd_, SOL_SOCKET, SO_RCVTIMEO, &patience, sizeof patience);
+    if (receive_buffer > 0) setsockopt(fd_, SOL_SOCKET, SO_RCVBUF, &receive_buffer, sizeof receive_buffer);
+    sockaddr_in to{};
+    to.sin_family = AF_INET;
+    to.sin_port = htons(port);
+    to.sin_addr.s_addr = htonl(INADDR_LOOPBACK);
+    if (connect(fd_, reinterpret_cast<const sockaddr*>(&to), sizeof to) != 0) throw IoError{"no connection"};
+  }
+  ~Connection() { close(fd_); }
+  Connection(const Connection&) = delete;
+  void write(const std::string& text) const {
+    ASSERT_EQ(send(fd_, text.data(), text.size(), MSG_NOSIGNAL), static_cast<ssize_t>(text.size()));
+  }
+  /// Until `text` has been received, the connection ends or five seconds pass.
+  std::string read_until(const std::string& text) {
+    std::array<char, 4096> some{};
+    while (text.empty() || got_.find(text) == got_.npos) {
+      const ssize_t size = recv(fd_, some.data(), some.size(), 0);
+      if (size <= 0) break;
+      got_.append(some.data(), static_cast<std::size_t>(size));
+    }
+    return got_;
+  }
+  std::string read_all() { return read_until(""); }
+
+ private:
+  int fd_;
+  std::string got_;
+};
+
+struct Served {
+  PageChannel channel;
+  PageServer server{{.address = "127.0.0.1:0", .introduction = "{\"scene\":\"s\"}", .assets = kAssets}, channel};
+  std::uint16_t port = static_cast<std::uint16_t>(std::stoi(server.url().substr(server.url().rfind(':') + 1)));
+  std::string host = "127.0.0.1:" + std::to_string(port);
+
+  std::string get(const std::string& target, const std::string& as_host) {
+    Connection c{port};
+    c.write("GET " + target + " HTTP/1.1\r\nHost: " + as_host + "\r\n\r\n");
+    return c.read_all();
+  }
+  std::string upgrade(const std::string& origin) {
+    return "GET /live HTTP/1.1\r\nHost: " + host + "\r\nOrigin: " + origin +
+           "\r\nUpgrade: websocket\r\nConnection: Upgrade\r\nSec-WebSocket-Key: dGhlIHNhbXBsZSBub25jZQ==\r\n"
+           "Sec-WebSocket-Version: 13\r\n\r\n";
+  }
+};
+
+std::string masked(unsigned first, const std::string& payload) {
+  std::string out{static_cast<char>(first)};
+  out += static_cast<char>(0x80 | payload.size());
+  out += std::string(4, '\0');
+  return out + payload;
+}
+
+template <class Row>
+bool soon_pops(Ring<Row>& ring, Row& row) {
+  for (int i = 0; i < 500; ++i) {
+    if (ring.try_pop(row)) return true;
+    std::this_thread::sleep_for(10ms);
+  }
+  return false;
+}
+
+TEST(PageServer, ServesItsFilesWithAPolicy) {
+  Served s;
+  const std::string page = s.get("/", s.host);
+  EXPECT_NE(page.find("200 OK"), page.npos) << page;
+  EXPECT_NE(page.find("<p>page"), page.npos);
+  EXPECT_NE(page.find("Content-Security-Policy: default-src 'none'"), page.npos);
+  EXPECT_NE(s.get("/../etc/passwd", s.host).find("404"), std::string::npos);
+}
+
+TEST(PageServer, RefusesOtherNamesAndOtherSites) {
+  Served s;
+  EXPECT_NE(s.get("/", "evil.example:" + std::to_string(s.port)).find("421"), std::string::npos);
+  Connection c{s.port};
+  c.write(s.upgrade("http://evil.example"));
+  EXPECT_NE(c.read_all().find("403"), std::string::npos);
+  Connection garbage{s.port};
+  garbage.write("\x16\x03\x01 not http\r\n\r\n");
+  EXPECT_NE(garbage.read_all().find("400"), std::string::npos);
+}
+
+TEST(PageServer, SendsSamplesAndTakesCommands) {
+  Served s;
+  Connection c{s.port};
+  c.write(s.upgrade("http://" + s.host));
+  const std::string hello = c.read_until("{\"scene\":\"s\"}");
+  EXPECT_NE(hello.find("Sec-WebSocket-Accept: s3pPLMBiTxaQ9kYGzzhZRbK+xOo="), hello.npos) << hello;
+  PageSample sample;
+  sample.t_s = 1.25;
+  s.channel.samples.try_push(sample);
+  std::string number(8, '\0');
+  std::memcpy(number.data(), &sample.t_s, 8);
+  EXPECT_NE(c.read_until(number).find(number), std::string::npos);
+
+  c.write(masked(0x81, "grip 300") + masked(0x81, "network to_slave 10 1 0.1"));
+  PageCommand command;
+  ASSERT_TRUE(soon_pops(s.channel.hand, command));
+  EXPECT_EQ(command.number[0], 300.0);
+  ASSERT_TRUE(soon_pops(s.channel.commands, command));
+  EXPECT_EQ(command.kind, PageCommand::Kind::network);
+}
+
+TEST(PageServer, AClosedConnectionReleasesTheHandle) {
+  Served s;
+  {
+    Connection c{s.port};
+    c.write(s.upgrade("http://" + s.host) + masked(0x81, "target 0.01 0 0 0 0 0"));
+    PageCommand command;
+    ASSERT_TRUE(soon_pops(s.channel.hand, command));
+    EXPECT_EQ(command.kind, PageCommand::Kind::target);
+  }
+  PageCommand command;
+  ASSERT_TRUE(soon_pops(s.channel.hand, command));
+  EXPECT_EQ(command.kind, PageCommand::Kind::release);
+}
+
+TEST(PageServer, AMalformedCommandEndsTheConnectionAndReleases) {
+  Served s;
+  Connection c{s.port};
+  c.write(s.upgrade("http://" + s.host) + masked(0x81, "target 0 0 0 0 0 0") + masked(0x81, "target nan 0 0 0 0 0"));
+  PageCommand command;
+  ASSERT_TRUE(soon_pops(s.channel.hand, command));
+  ASSERT_TRUE(soon_pops(s.channel.hand, command));
+  EXPECT_EQ(command.kind, PageCommand::Kind::release);
+  EXPECT_NE(c.read_all().find("\x88\x02\x03\xf0"), std::string::npos) << "close 1008";
+}
+
+/// A client that never reads does not hold up the server, another client, or the samples' ring.
+TEST(PageServer, AClientThatNeverReadsHoldsUpNobody) {
+  Served s;
+  Connection deaf{s.port, 2048}, reader{s.port};
+  deaf.write(s.upgrade("http://" + s.host));
+  reader.write(s.upgrade("http://" + s.host));
+  reader.read_until("{\"scene\":\"s\"}");
+  PageSample sample;
+  const auto end = std::chrono::steady_clock::now() + 1500ms;
+  while (std::chrono::steady_clock::now() < end) {
+    for (int i = 0; i < 30; ++i) s.channel.samples.try_push(sample);
+    std::this_thread::sleep_for(2ms);
+  }
+  sample.t_s = 4711.5;
+  s.channel.samples.try_push(sample);
+  std::string number(8, '\0');
+  std::memcpy(number.data(), &sample.t_s, 8);
+  EXPECT_NE(reader.read_until(number).find(number), std::string::npos);
+  EXPECT_EQ(s.channel.samples.dropped(), 0u);
+}
+
+TEST(PageServer, SaysWhichAddressIsTaken) {
+  Served s;
+  PageChannel other;
+  try {
+    PageServer second{{.address = s.host, .introduction = "", .assets = {}}, other};
+    FAIL();
+  } catch (const ConfigError& e) {
+    EXPECT_NE(std::string{e.what()}.find("--page " + s.host), std::string::npos) << e.what();
+  }
+}
+
+}  // namespace
+}  // namespace twoport

@@ -1,0 +1,42 @@
+# Builds the page in BUILD from SOURCE with NPM and writes OUT. Never fails: a page that cannot be built is left out.
+file(MAKE_DIRECTORY ${BUILD})
+file(REMOVE ${BUILD}/absent.txt)
+file(COPY ${SOURCE}/ DESTINATION ${BUILD} PATTERN node_modules EXCLUDE)
+
+# `npm install` accepts the lock file whatever the version of npm; `npm ci` of npm 11 refuses the optional packages of other
+# processors that older versions leave out.
+file(SHA256 ${BUILD}/package-lock.json lock)
+set(done "")
+if(EXISTS ${BUILD}/installed)
+  file(READ ${BUILD}/installed done)
+endif()
+set(reason "")
+if(NOT done STREQUAL lock)
+  execute_process(COMMAND ${NPM} install --ignore-scripts --no-audit --no-fund --fetch-retries=1 --fetch-timeout=30000 WORKING_DIRECTORY ${BUILD} RESULT_VARIABLE failed
+                  OUTPUT_VARIABLE said ERROR_VARIABLE said TIMEOUT 300)
+  if(failed)
+    set(reason "npm could not install its packages; with a network, run scripts/play, or remove assets.cc in the build folder and build again")
+  else()
+    file(WRITE ${BUILD}/installed ${lock})
+  endif()
+endif()
+if(NOT reason)
+  file(REMOVE_RECURSE ${BUILD}/dist)
+  execute_process(COMMAND ${NODE} node_modules/typescript/bin/tsc --noEmit WORKING_DIRECTORY ${BUILD} RESULT_VARIABLE failed
+                  OUTPUT_VARIABLE said ERROR_VARIABLE said)
+  if(NOT failed)
+    execute_process(COMMAND ${NODE} node_modules/vite/bin/vite.js build --logLevel warn WORKING_DIRECTORY ${BUILD}
+                    RESULT_VARIABLE failed OUTPUT_VARIABLE said ERROR_VARIABLE said)
+  endif()
+  if(failed)
+    set(reason "its TypeScript did not compile")
+  endif()
+endif()
+if(reason)
+  file(REMOVE_RECURSE ${BUILD}/dist)
+  file(WRITE ${BUILD}/absent.txt "${reason}")
+  set(ABSENT_FILE ${BUILD}/absent.txt)
+  message("${said}\ntwoport-master is built without the live page: ${reason}")
+endif()
+set(DIST ${BUILD}/dist)
+include(${CMAKE_CURRENT_LIST_DIR}/embed.cmake)

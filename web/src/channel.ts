@@ -1,0 +1,107 @@
+// The WebSocket of twoport-master: one introduction as JSON, then samples as little-endian doubles.
+
+export type Vec = [number, number, number];
+
+export interface Element {
+  kind: string;
+  stiffness_n_per_m?: number;
+  hidden?: boolean;
+  normal?: Vec;
+  offset_m?: number;
+  center_m?: Vec;
+  point_m?: Vec;
+  axis?: Vec;
+  radius_m?: number;
+  half_size_m?: Vec;
+  anchor_m?: Vec;
+}
+
+export interface Network {
+  delay_ms: number;
+  jitter_ms: number;
+  loss: number;
+}
+
+export interface Introduction {
+  scene: string;
+  dof: number;
+  rate_hz: number;
+  architecture: string;
+  method: string;
+  methods: string[];
+  device: string;
+  pointer: boolean;
+  grip_n_per_m: number;
+  grip_limits_n_per_m: [number, number];
+  max_force_n: number | null;
+  motion_scale: number;
+  force_scale: number;
+  linked: boolean;
+  to_slave: Network;
+  to_master: Network;
+  network_limits: Network;
+  environment: Element[];
+  tool: Vec[];
+  fields: [string, number][];
+}
+
+/** One sample: numbers by field, at their place. */
+export class Layout {
+  readonly size: number;
+  private readonly at = new Map<string, number>();
+  constructor(readonly fields: [string, number][]) {
+    let size = 0;
+    for (const [name, count] of fields) {
+      this.at.set(name, size);
+      size += count;
+    }
+    this.size = size;
+  }
+  place(name: string): number {
+    const at = this.at.get(name);
+    if (at === undefined) throw new Error(`the program sends no ${name}`);
+    return at;
+  }
+  /** Names of all numbers, vectors with their index. */
+  columns(): string[] {
+    return this.fields.flatMap(([name, count]) =>
+      count === 1 ? [name] : Array.from({ length: count }, (_, i) => `${name}_${i}`),
+    );
+  }
+}
+
+export class Channel {
+  private socket: WebSocket | null = null;
+
+  constructor(
+    private readonly on: {
+      introduction(i: Introduction): void;
+      samples(numbers: Float64Array): void;
+      state(connected: boolean): void;
+    },
+  ) {
+    this.connect();
+  }
+
+  send(text: string): void {
+    if (this.socket?.readyState === WebSocket.OPEN) this.socket.send(text);
+  }
+
+  private connect(): void {
+    const socket = new WebSocket(`ws://${location.host}/live`);
+    socket.binaryType = 'arraybuffer';
+    socket.onmessage = (event: MessageEvent<string | ArrayBuffer>) => {
+      if (typeof event.data === 'string') {
+        this.on.introduction(JSON.parse(event.data) as Introduction);
+        this.on.state(true);
+      } else {
+        this.on.samples(new Float64Array(event.data));
+      }
+    };
+    socket.onclose = () => {
+      this.on.state(false);
+      window.setTimeout(() => this.connect(), 1000);
+    };
+    this.socket = socket;
+  }
+}

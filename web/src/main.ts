@@ -1,0 +1,452 @@
+import 'uplot/dist/uPlot.min.css';
+import './style.css';
+
+import { Channel, Layout, type Introduction, type Network, type Vec } from './channel';
+import { Picture, viewsFor } from './picture';
+import { Plots, type Curve, type PlotSpec } from './plots';
+
+const MODES = ['idle', 'coupled', 'holding', 'released'];
+const PLOT_EVERY = 4; // samples
+const REACH_M = 0.5;
+
+function element<T extends HTMLElement>(id: string): T {
+  return document.getElementById(id) as T;
+}
+/** A value with its unit; the number itself stays readable to programs. */
+function show(id: string, value: number, digits: number, unit: string): void {
+  const out = element(id);
+  out.textContent = Number.isFinite(value) ? `${value.toFixed(digits)} ${unit}` : '–';
+  out.dataset.value = String(value);
+}
+function state(id: string, text: string, kind: '' | 'good' | 'bad' = ''): void {
+  const out = element(id);
+  if (out.textContent !== text) out.textContent = text;
+  out.className = `state ${kind}`;
+}
+
+class Page {
+  private scene: Introduction | null = null;
+  private layout = new Layout([]);
+  private last: Float64Array | null = null;
+  private picture: Picture | null = null;
+  private plots: Plots | null = null;
+  private readonly channel: Channel;
+
+  private held = false;
+  private target: Vec = [0, 0, 0];
+  private turn: Vec = [0, 0, 0];
+  private origin: Vec = [0, 0, 0]; // of the hand's world in the robot's
+  private past: { t: number; hand: Vec }[] = [];
+
+  private samples = 0;
+  private axis = 0;
+  private latest: { at: number; late: number }[] = [];
+  private lossWindow: { at: number; received: number; lost: number }[] = [];
+  private recording: string[] | null = null;
+
+  constructor() {
+    this.channel = new Channel({
+      introduction: (i) => this.begin(i),
+      samples: (numbers) => this.take(numbers),
+      state: (connected) => {
+        state('connection', connected ? 'connected' : 'no connection', connected ? 'good' : 'bad');
+        if (!connected) this.letGo();
+      },
+    });
+    element('let-go').onclick = () => this.letGo();
+    element('pause').onclick = () => this.pause();
+    element('record').onclick = () => this.record();
+    document.addEventListener('visibilitychange', () => document.hidden && this.letGo());
+    window.addEventListener('pagehide', () => this.letGo());
+    window.addEventListener('blur', () => this.letGo());
+    window.addEventListener('keydown', (e) => e.key === 'Escape' && this.letGo());
+    this.takePointer(element<HTMLCanvasElement>('picture'));
+    let frame = 0;
+    const loop = (): void => {
+      this.frame(frame++);
+      requestAnimationFrame(loop);
+    };
+    requestAnimationFrame(loop);
+  }
+
+  private begin(scene: Introduction): void {
+    this.scene = scene;
+    this.layout = new Layout(scene.fields);
+    this.last = null;
+    this.past = [];
+    element('scene').textContent =
+      `${scene.scene} · ${scene.dof} DoF · ${scene.rate_hz} Hz` +
+      (scene.methods.length > 1 ? '' : ` · ${scene.method}, ${scene.architecture}`);
+    element('method-state').hidden = scene.methods.length < 2;
+    this.picture = new Picture(element<HTMLCanvasElement>('picture'), scene);
+    const zoom = element<HTMLInputElement>('zoom');
+    if (scene.dof === 6) zoom.value = '2000';
+    this.picture.scale = Number(zoom.value);
+    zoom.oninput = () => (this.picture!.scale = Number(zoom.value));
+    const views = viewsFor(scene.dof), view = element<HTMLSelectElement>('view');
+    view.replaceChildren(...views.map((v, i) => new Option(v.name, String(i))));
+    view.onchange = () => (this.picture!.view = views[Number(view.value)]!);
+
+    const axes = scene.dof === 1 ? ['x'] : ['x', 'y', 'z'], axis = element<HTMLSelectElement>('axis');
+    axis.replaceChildren(...axes.map((a, i) => new Option(a, String(i))));
+    axis.onchange = () => {
+      this.axis = Number(axis.value);
+      this.makePlots();
+    };
+    this.axis = 0;
+    this.makePlots();
+    this.makeSliders(scene);
+    element('hint').textContent = !scene.pointer
+      ? `The hand is at: ${scene.device}. Start twoport-master with --device page to move it from here.`
+      : scene.dof === 1
+        ? 'Drag to move the hand. Keyboard: Space takes and lets go, ← → move.'
+        : scene.dof === 3
+          ? 'Drag to move the hand in the view; the wheel moves it along the view. Keyboard: Space, arrows, Page Up and Down.'
+          : 'Drag to move the hand in the view, with Shift to turn it; the wheel moves it along the view. Keyboard: Space, arrows, Page Up and Down, with Shift to turn.';
+  }
+
+  private makePlots(): void {
+    const at = (name: string): number => this.layout.place(name), i = this.axis, name = ['x', 'y', 'z'][i]!;
+    const scale = (this.scene?.motion_scale ?? 1) * 1e3;
+    const curve = (label: string, colour: string, place: number, factor: number, absent = -Infinity): Curve => ({
+      label,
+      colour,
+      value: (s) => (s[place]! <= absent ? NaN : factor * s[place]!),
+    });
+    const specs: PlotSpec[] = [
+      {
+        title: `Position ${name}`,
+        unit: 'mm',
+        curves: [
+          { label: 'hand', colour: '--hand', value: (s) => scale * s[at('hand_x_m') + i]! + 1e3 * this.origin[i]! },
+          curve('robot', '--robot', at('robot_x_m') + i, 1e3),
+        ],
+      },
+      {
+        title: `Force ${name}`,
+        unit: 'N',
+        curves: [
+          curve('before the controller', '--third', at('unlimited_n') + i, 1),
+          curve('on the environment', '--robot', at('environment_n') + i, 1),
+          curve('felt', '--felt', at('felt_n') + i, 1),
+        ],
+      },
+      {
+        title: 'Energy',
+        unit: 'mJ',
+        curves: [
+          curve('in at the hand', '--hand', at('hand_energy_j'), 1e3),
+          curve('in at the robot', '--robot', at('robot_energy_j'), 1e3),
+          curve('dissipated', '--felt', at('dissipated_j'), 1e3),
+          curve('not dissipated yet', '--third', at('deficit_j'), 1e3),
+        ],
+      },
+      { title: 'Round trip', unit: 'ms', curves: [curve('round trip', '--hand', at('round_trip_ms'), 1, -1e-9)] },
+      { title: 'Wake-up latency', unit: 'µs', curves: [curve('latency', '--hand', at('late_us'), 1)] },
+    ];
+    this.plots = new Plots(element('plots'), specs.filter((s) => this.scene?.linked || s.title !== 'Round trip'));
+  }
+
+  private makeSliders(scene: Introduction): void {
+    const hand = element('hand-controls');
+    hand.hidden = !scene.pointer;
+    const grip = element<HTMLInputElement>('grip');
+    [grip.min, grip.max] = scene.grip_limits_n_per_m.map(String) as [string, string];
+    grip.value = String(scene.grip_n_per_m);
+    const tellGrip = (): void => {
+      element('grip-value').textContent = `${grip.value} N/m`;
+    };
+    grip.oninput = () => {
+      tellGrip();
+      this.channel.send(`grip ${grip.value}`);
+    };
+    tellGrip();
+
+    element('network-controls').hidden = !scene.linked;
+    const of = (n: Network): string =>
+      n.delay_ms + n.jitter_ms + n.loss > 0 ? `${n.delay_ms} ± ${n.jitter_ms} ms, ${(100 * n.loss).toFixed(1)} % loss` : 'none';
+    element('scene-network').textContent =
+      `Delay and loss of the scene: to the slave ${of(scene.to_slave)}, to the master ${of(scene.to_master)}.`;
+    const both = element<HTMLInputElement>('both');
+    const limits = scene.network_limits;
+    const rows: { key: keyof Network; name: string; most: number; step: number; unit: string; factor: number }[] = [
+      { key: 'delay_ms', name: 'Delay', most: limits.delay_ms, step: 1, unit: 'ms', factor: 1 },
+      { key: 'jitter_ms', name: 'Jitter, s.d.', most: limits.jitter_ms, step: 0.5, unit: 'ms', factor: 1 },
+      { key: 'loss', name: 'Loss', most: 100 * limits.loss, step: 1, unit: '%', factor: 0.01 },
+    ];
+    const directions = ['to_slave', 'to_master'] as const;
+    const inputs = directions.map((direction) =>
+      rows.map((row) => {
+        const input = document.createElement('input');
+        Object.assign(input, { type: 'range', min: '0', max: String(row.most), step: String(row.step), value: '0' });
+        input.id = `${direction}-${row.key}`;
+        return input;
+      }),
+    );
+    const outputs = inputs.map((list) => list.map(() => document.createElement('output')));
+    const send = (d: number): void => {
+      const words = rows.map((row, i) => Number(inputs[d]![i]!.value) * row.factor);
+      this.channel.send(`network ${directions[d]} ${words.join(' ')}`);
+      rows.forEach((row, i) => (outputs[d]![i]!.textContent = `${inputs[d]![i]!.value} ${row.unit}`));
+    };
+    const boxes = directions.map((direction, d) => {
+      const box = document.createElement('div');
+      box.className = 'direction';
+      const title = document.createElement('b');
+      box.append(title);
+      rows.forEach((row, i) => {
+        const label = document.createElement('label'), text = document.createElement('span');
+        label.className = 'slider';
+        text.textContent = row.name;
+        label.append(text, inputs[d]![i]!, outputs[d]![i]!);
+        box.append(label);
+        inputs[d]![i]!.oninput = () => {
+          if (both.checked) inputs[1 - d]![i]!.value = inputs[d]![i]!.value;
+          send(d);
+          if (both.checked) send(1 - d);
+        };
+      });
+      title.dataset.direction = direction;
+      return box;
+    });
+    const arrange = (): void => {
+      boxes[1]!.hidden = both.checked;
+      boxes[0]!.querySelector('b')!.textContent = both.checked ? 'Each direction' : 'To the slave';
+      boxes[1]!.querySelector('b')!.textContent = 'To the master';
+    };
+    both.onchange = () => {
+      arrange();
+      if (!both.checked) return;
+      inputs[0]!.forEach((input, i) => (inputs[1]![i]!.value = input.value));
+      send(1);
+    };
+    element('network').replaceChildren(...boxes);
+    arrange();
+    // A page that is loaded again begins with the network of the scene.
+    send(0);
+    send(1);
+
+    element('method-controls').hidden = scene.methods.length < 2;
+    const method = element<HTMLSelectElement>('method');
+    method.replaceChildren(...scene.methods.map((m, i) => new Option(m, String(i))));
+    method.onchange = () => this.channel.send(`method ${method.value}`);
+  }
+
+  // The hand.
+
+  private vector(name: string): Vec {
+    const at = this.layout.place(name);
+    return [this.last![at]!, this.last![at + 1]!, this.last![at + 2]!];
+  }
+  private grab(): void {
+    if (!this.scene?.pointer || !this.last || this.held) return;
+    this.held = true;
+    this.target = this.vector('hand_x_m');
+    const q = this.layout.place('hand_attitude');
+    const [w, v] = [this.last[q]!, [this.last[q + 1]!, this.last[q + 2]!, this.last[q + 3]!] as Vec];
+    const n = Math.hypot(...v), angle = 2 * Math.atan2(n, w);
+    this.turn = n > 1e-9 ? (v.map((x) => (x / n) * (angle > Math.PI ? angle - 2 * Math.PI : angle)) as Vec) : [0, 0, 0];
+    element('picture').classList.add('held');
+    this.sendTarget();
+  }
+  letGo(): void {
+    if (!this.held) return;
+    this.held = false;
+    element('picture').classList.remove('held');
+    this.channel.send('release');
+  }
+  private sendTarget(): void {
+    this.channel.send(`target ${[...this.target, ...this.turn].map((x) => x.toFixed(6)).join(' ')}`);
+  }
+  private move(dx: number, dy: number, depth: number, turning: boolean): void {
+    if (!this.held || !this.picture || !this.scene) return;
+    const { right, up } = this.picture.view;
+    const out: Vec = [
+      right[1] * up[2] - right[2] * up[1],
+      right[2] * up[0] - right[0] * up[2],
+      right[0] * up[1] - right[1] * up[0],
+    ];
+    if (turning && this.scene.dof === 6) {
+      // To the right turns about the upward axis, upward about the axis to the left; 300 pixels are one radian.
+      const most = 1.5;
+      this.turn = this.turn.map((x, i) =>
+        Math.max(-most, Math.min(most, x + (dx * up[i]! + dy * right[i]! + depth * out[i]!) / 300)),
+      ) as Vec;
+    } else {
+      const by = this.picture.displacement(dx, dy);
+      this.target = this.target.map((x, i) => {
+        const moved = x + (by[i]! + (depth * out[i]!) / this.picture!.scale) / this.scene!.motion_scale;
+        return Math.max(-REACH_M, Math.min(REACH_M, moved));
+      }) as Vec;
+    }
+  }
+
+  private takePointer(canvas: HTMLCanvasElement): void {
+    let at: [number, number] | null = null;
+    canvas.addEventListener('pointerdown', (e) => {
+      if (e.button !== 0 || at) return;
+      at = [e.clientX, e.clientY];
+      canvas.setPointerCapture(e.pointerId);
+      this.grab();
+    });
+    canvas.addEventListener('pointermove', (e) => {
+      if (!at) return;
+      this.move(e.clientX - at[0], e.clientY - at[1], 0, e.shiftKey);
+      at = [e.clientX, e.clientY];
+    });
+    const end = (): void => {
+      at = null;
+      this.letGo();
+    };
+    for (const name of ['pointerup', 'pointercancel', 'lostpointercapture'] as const) canvas.addEventListener(name, end);
+    canvas.addEventListener(
+      'wheel',
+      (e) => {
+        if (!this.held) return;
+        e.preventDefault();
+        this.move(0, 0, -0.1 * e.deltaY, e.shiftKey);
+      },
+      { passive: false },
+    );
+    canvas.addEventListener('keydown', (e) => {
+      const step = 0.001 * (this.picture?.scale ?? 1000); // 1 mm
+      const moves: Record<string, Vec> = {
+        ArrowLeft: [-step, 0, 0],
+        ArrowRight: [step, 0, 0],
+        ArrowUp: [0, -step, 0],
+        ArrowDown: [0, step, 0],
+        PageUp: [0, 0, step],
+        PageDown: [0, 0, -step],
+      };
+      const by = moves[e.key];
+      if (e.key === ' ') {
+        e.preventDefault();
+        if (e.repeat) return;
+        if (this.held) this.letGo();
+        else this.grab();
+      } else if (by && this.held) {
+        e.preventDefault();
+        this.move(by[0], by[1], by[2], e.shiftKey);
+      }
+    });
+    canvas.addEventListener('blur', () => at === null && this.letGo());
+  }
+
+  // Samples.
+
+  private take(numbers: Float64Array): void {
+    const size = this.layout.size;
+    if (!this.scene || size === 0 || numbers.length % size !== 0) return;
+    for (let at = 0; at < numbers.length; at += size) {
+      const sample = numbers.subarray(at, at + size);
+      const t = sample[this.layout.place('t_s')]!;
+      if (this.last && t < this.last[this.layout.place('t_s')]!) this.plots?.clear();
+      this.last = sample;
+      this.register(t);
+      const late = sample[this.layout.place('late_us')]!;
+      this.latest.push({ at: t, late });
+      if (this.samples++ % PLOT_EVERY === 0) this.plots?.add(t, sample);
+      this.recording?.push(Array.from(sample).join(','));
+    }
+    const now = this.last![this.layout.place('t_s')]!;
+    this.latest = this.latest.filter((x) => x.at > now - 1);
+  }
+
+  /** The hand's place in the robot's world: where the robot was told to be, against the hand a round trip ago. */
+  private register(t: number): void {
+    const hand = this.vector('hand_x_m');
+    if (this.samples % 10 === 0) this.past.push({ t, hand });
+    if (this.past.length > 200) this.past.shift();
+    const coupled = this.last![this.layout.place('slave_mode')] === 1, trip = this.last![this.layout.place('round_trip_ms')]!;
+    if (!this.scene!.linked || !coupled || trip < 0) return;
+    const then = this.past.find((p) => p.t >= t - 1e-3 * trip) ?? this.past.at(-1);
+    if (!then) return;
+    const robot = this.vector('robot_x_m'), behind = this.vector('behind_m'), s = this.scene!.motion_scale;
+    const share = this.samples < 200 ? 1 : 0.005;
+    this.origin = this.origin.map((o, i) => o + share * (robot[i]! - behind[i]! - s * then.hand[i]! - o)) as Vec;
+  }
+  private inRobotWorld(p: Vec): Vec {
+    return p.map((x, i) => this.scene!.motion_scale * x + this.origin[i]!) as Vec;
+  }
+
+  private frame(count: number): void {
+    if (this.held) this.sendTarget();
+    if (!this.last || !this.picture) return;
+    const quaternion = (name: string): [number, number, number, number] => {
+      const at = this.layout.place(name);
+      return [this.last![at]!, this.last![at + 1]!, this.last![at + 2]!, this.last![at + 3]!];
+    };
+    this.picture.draw({
+      hand: this.inRobotWorld(this.vector('hand_x_m')),
+      handAttitude: quaternion('hand_attitude'),
+      robot: this.vector('robot_x_m'),
+      robotAttitude: quaternion('robot_attitude'),
+      target: this.held ? this.inRobotWorld(this.target) : null,
+      felt: this.vector('felt_n'),
+      feltTorque: this.vector('felt_n_m'),
+      environment: this.vector('environment_n'),
+    });
+    if (count % 3 === 0) this.plots?.draw();
+    if (count % 6 === 0) this.values();
+  }
+
+  private values(): void {
+    const number = (name: string): number => this.last![this.layout.place(name)]!;
+    show('felt', Math.hypot(...this.vector('felt_n')), 2, 'N');
+    show('environment', Math.hypot(...this.vector('environment_n')), 2, 'N');
+    show('behind', 1e3 * Math.hypot(...this.vector('behind_m')), 2, 'mm');
+    show('hand-energy', 1e3 * number('hand_energy_j'), 3, 'mJ');
+    show('robot-energy', 1e3 * number('robot_energy_j'), 3, 'mJ');
+    show('dissipated', 1e3 * number('dissipated_j'), 3, 'mJ');
+    show('deficit', 1e3 * number('deficit_j'), 3, 'mJ');
+    const trip = number('round_trip_ms');
+    show('round-trip', trip < 0 ? NaN : trip, 1, 'ms');
+    show('late', Math.max(...this.latest.map((x) => x.late)), 0, 'µs');
+    const now = { at: performance.now(), received: number('received'), lost: number('lost') };
+    this.lossWindow.push(now);
+    while (this.lossWindow.length > 2 && this.lossWindow[0]!.at < now.at - 2000) this.lossWindow.shift();
+    const then = this.lossWindow[0]!, lost = now.lost - then.lost, all = now.received - then.received + lost;
+    show('loss', all > 0 ? (100 * lost) / all : NaN, 1, '%');
+    const mode = MODES[number('mode')] ?? '?', slave = MODES[number('slave_mode')] ?? '?';
+    const kind = (m: string): '' | 'good' | 'bad' => (m === 'coupled' ? 'good' : m === 'idle' ? '' : 'bad');
+    state('mode', `master: ${mode}`, kind(mode));
+    element('slave-mode').hidden = !this.scene!.linked;
+    state('slave-mode', `slave: ${slave}`, kind(slave));
+    const methods = this.scene!.methods;
+    if (methods.length > 1) {
+      const method = element<HTMLSelectElement>('method'), now = String(number('epoch') % methods.length);
+      if (document.activeElement !== method) method.value = now;
+      state('method-state', methods[Number(now)]!);
+    }
+    const held = number('held') === 1;
+    state('held', held ? 'handle held' : 'handle free', held ? 'good' : '');
+    element('held').hidden = !this.scene!.pointer;
+  }
+
+  private pause(): void {
+    if (!this.plots) return;
+    this.plots.paused = !this.plots.paused;
+    element('pause').setAttribute('aria-pressed', String(this.plots.paused));
+  }
+
+  /** The samples received between two presses, as a file. */
+  private record(): void {
+    const button = element('record');
+    if (!this.recording) {
+      this.recording = [this.layout.columns().join(',')];
+      button.setAttribute('aria-pressed', 'true');
+      button.textContent = 'Stop and save';
+      return;
+    }
+    const link = document.createElement('a');
+    link.href = URL.createObjectURL(new Blob([this.recording.join('\n') + '\n'], { type: 'text/csv' }));
+    link.download = 'twoport.csv';
+    link.click();
+    URL.revokeObjectURL(link.href);
+    this.recording = null;
+    button.setAttribute('aria-pressed', 'false');
+    button.textContent = 'Record CSV';
+  }
+}
+
+new Page();

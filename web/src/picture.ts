@@ -1,0 +1,394 @@
+// Hand, robot, environment and forces, projected on the picture's plane.
+
+import type { Element, Introduction, Vec } from './channel';
+
+/** A direction of view: which directions of space point right and up. */
+export interface View {
+  name: string;
+  right: Vec;
+  up: Vec;
+}
+
+const VIEWS_3: View[] = [
+  { name: 'x – y', right: [1, 0, 0], up: [0, 1, 0] },
+  { name: 'x – z', right: [1, 0, 0], up: [0, 0, 1] },
+  { name: 'y – z', right: [0, 1, 0], up: [0, 0, 1] },
+];
+const OBLIQUE: View = { name: 'oblique', right: [0.9, -0.436, 0], up: [0.168, 0.346, 0.923] };
+
+export function viewsFor(dof: number): View[] {
+  if (dof === 1) return [{ name: 'x', right: [1, 0, 0], up: [0, 0, 0] }];
+  return dof === 3 ? VIEWS_3 : [OBLIQUE, ...VIEWS_3];
+}
+
+export interface Shown {
+  hand: Vec; // in the robot's world
+  handAttitude: [number, number, number, number];
+  robot: Vec;
+  robotAttitude: [number, number, number, number];
+  target: Vec | null; // of the pointer, in the robot's world
+  felt: Vec;
+  feltTorque: Vec;
+  environment: Vec;
+}
+
+const dot = (a: Vec, b: Vec): number => a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
+const add = (a: Vec, b: Vec, s = 1): Vec => [a[0] + s * b[0], a[1] + s * b[1], a[2] + s * b[2]];
+const norm = (a: Vec): number => Math.sqrt(dot(a, a));
+const cross = (a: Vec, b: Vec): Vec => [
+  a[1] * b[2] - a[2] * b[1],
+  a[2] * b[0] - a[0] * b[2],
+  a[0] * b[1] - a[1] * b[0],
+];
+export function rotate(q: [number, number, number, number], v: Vec): Vec {
+  const u: Vec = [q[1], q[2], q[3]];
+  const t = cross(u, v).map((x) => 2 * x) as Vec;
+  return add(add(v, t, q[0]), cross(u, t));
+}
+
+const PIXELS_PER_NEWTON = 12;
+
+export class Picture {
+  view: View;
+  scale = 2500; // pixels per metre
+  private readonly context: CanvasRenderingContext2D;
+
+  constructor(
+    readonly canvas: HTMLCanvasElement,
+    private readonly scene: Introduction,
+  ) {
+    this.view = viewsFor(scene.dof)[0]!;
+    this.context = canvas.getContext('2d')!;
+  }
+
+  private get width(): number {
+    return this.canvas.clientWidth;
+  }
+  private get height(): number {
+    return this.canvas.clientHeight;
+  }
+  private point(p: Vec): [number, number] {
+    return [
+      0.45 * this.width + this.scale * dot(p, this.view.right),
+      0.5 * this.height - this.scale * dot(p, this.view.up),
+    ];
+  }
+  /** The displacement in space of a displacement in pixels. */
+  displacement(dx: number, dy: number): Vec {
+    const { right, up } = this.view;
+    return [0, 1, 2].map((i) => (dx * right[i]! - dy * up[i]!) / this.scale) as Vec;
+  }
+
+  draw(s: Shown): void {
+    const c = this.context;
+    const ratio = window.devicePixelRatio || 1;
+    if (this.canvas.width !== Math.round(this.width * ratio) || this.canvas.height !== Math.round(this.height * ratio)) {
+      this.canvas.width = Math.round(this.width * ratio);
+      this.canvas.height = Math.round(this.height * ratio);
+    }
+    const colour = (name: string): string => getComputedStyle(document.documentElement).getPropertyValue(name).trim();
+    c.setTransform(ratio, 0, 0, ratio, 0, 0);
+    c.clearRect(0, 0, this.width, this.height);
+    this.grid(colour('--grid'), colour('--muted'));
+    for (const e of this.scene.environment) this.element(e, s, colour('--surface'), colour('--surface-line'));
+    this.tool(s.robot, s.robotAttitude, colour('--robot'));
+    this.robot(s.robot, colour('--robot'));
+    this.hand(s, colour('--hand'), colour('--muted'));
+    this.arrow(s.robot, s.environment, colour('--robot'), 'on the environment', 18);
+    this.arrow(s.hand, s.felt, colour('--felt'), 'felt', -14);
+    this.legend(colour('--text'), [
+      [colour('--hand'), 'hand (handle of the device)'],
+      [colour('--robot'), 'robot and tool'],
+      [colour('--felt'), 'force felt by the hand'],
+    ]);
+  }
+
+  private grid(line: string, text: string): void {
+    const c = this.context;
+    const steps = [0.005, 0.01, 0.02, 0.05, 0.1];
+    const step = steps.find((x) => x * this.scale > 45) ?? 0.2;
+    c.lineWidth = 1;
+    c.font = '11px system-ui, sans-serif';
+    const [ox, oy] = this.point([0, 0, 0]);
+    c.strokeStyle = line;
+    c.beginPath();
+    for (let x = ox % (step * this.scale); x < this.width; x += step * this.scale) {
+      c.moveTo(x, 0);
+      c.lineTo(x, this.height);
+    }
+    for (let y = oy % (step * this.scale); y < this.height; y += step * this.scale) {
+      c.moveTo(0, y);
+      c.lineTo(this.width, y);
+    }
+    c.stroke();
+    c.strokeStyle = text;
+    c.fillStyle = text;
+    c.lineWidth = 1.5;
+    c.beginPath();
+    c.moveTo(12, this.height - 14);
+    c.lineTo(12 + step * this.scale, this.height - 14);
+    c.stroke();
+    c.fillText(`${(1e3 * step).toFixed(0)} mm`, 12, this.height - 20);
+    // Axes of the world.
+    const names = ['x', 'y', 'z'];
+    for (let i = 0; i < (this.scene.dof === 1 ? 1 : 3); ++i) {
+      const axis: Vec = [0, 0, 0];
+      axis[i] = 28 / this.scale;
+      const [ax, ay] = this.point(axis);
+      if (Math.hypot(ax - ox, ay - oy) < 6) continue;
+      c.beginPath();
+      c.moveTo(ox, oy);
+      c.lineTo(ax, ay);
+      c.stroke();
+      c.fillText(names[i]!, ax + 3, ay - 3);
+    }
+  }
+
+  private polygon(corners: Vec[], fill: string, line: string): void {
+    const c = this.context;
+    c.beginPath();
+    corners.forEach((p, i) => {
+      const [x, y] = this.point(p);
+      if (i === 0) c.moveTo(x, y);
+      else c.lineTo(x, y);
+    });
+    c.closePath();
+    c.fillStyle = fill;
+    c.globalAlpha = 0.35;
+    c.fill();
+    c.globalAlpha = 1;
+    c.strokeStyle = line;
+    c.lineWidth = 1.5;
+    c.stroke();
+  }
+
+  private element(e: Element, s: Shown, fill: string, line: string): void {
+    const c = this.context;
+    if (e.kind === 'wall' && e.normal && e.offset_m !== undefined) {
+      this.wall(e.normal, e.offset_m, fill, line);
+    } else if (e.kind === 'sphere' && e.center_m && e.radius_m !== undefined) {
+      if (this.scene.dof === 1) {
+        this.band(e.center_m[0] - e.radius_m, e.center_m[0] + e.radius_m, fill, line);
+        return;
+      }
+      const [x, y] = this.point(e.center_m);
+      c.beginPath();
+      c.arc(x, y, e.radius_m * this.scale, 0, 2 * Math.PI);
+      c.fillStyle = fill;
+      c.globalAlpha = 0.5;
+      c.fill();
+      c.globalAlpha = 1;
+      c.strokeStyle = line;
+      c.lineWidth = 1.5;
+      c.stroke();
+    } else if (e.kind === 'cylinder' && e.point_m && e.axis && e.radius_m !== undefined) {
+      const along = Math.hypot(dot(e.axis, this.view.right), dot(e.axis, this.view.up));
+      if (along < 0.05) {
+        this.element({ kind: 'sphere', center_m: e.point_m, radius_m: e.radius_m }, s, fill, line);
+        return;
+      }
+      const depth = cross(this.view.right, this.view.up);
+      let side = cross(e.axis, depth);
+      side = side.map((v) => v / (norm(side) || 1)) as Vec;
+      const a = add(e.point_m, e.axis, -1), b = add(e.point_m, e.axis, 1), r = e.radius_m;
+      this.polygon([add(a, side, r), add(b, side, r), add(b, side, -r), add(a, side, -r)], fill, line);
+    } else if (e.kind === 'box' && e.center_m && e.half_size_m) {
+      const h = e.half_size_m, m = e.center_m;
+      for (let axis = 0; axis < 3; ++axis)
+        for (const sign of [-1, 1]) {
+          const [i, j] = [(axis + 1) % 3, (axis + 2) % 3];
+          const corner = (u: number, v: number): Vec => {
+            const p: Vec = [...m];
+            p[axis] = m[axis]! + sign * h[axis]!;
+            p[i] = m[i]! + u * h[i]!;
+            p[j] = m[j]! + v * h[j]!;
+            return p;
+          };
+          this.polygon([corner(-1, -1), corner(1, -1), corner(1, 1), corner(-1, 1)], fill, line);
+        }
+    } else if (e.kind === 'spring' && e.anchor_m) {
+      const [ax, ay] = this.point(e.anchor_m), [bx, by] = this.point(s.robot);
+      const length = Math.hypot(bx - ax, by - ay) || 1, nx = -(by - ay) / length, ny = (bx - ax) / length;
+      c.beginPath();
+      c.moveTo(ax, ay);
+      for (let i = 1; i < 16; ++i) {
+        const side = i % 2 ? 6 : -6;
+        c.lineTo(ax + ((bx - ax) * i) / 16 + side * nx, ay + ((by - ay) * i) / 16 + side * ny);
+      }
+      c.lineTo(bx, by);
+      c.strokeStyle = line;
+      c.lineWidth = 1.5;
+      c.stroke();
+    }
+  }
+
+  private band(from: number, to: number, fill: string, line: string): void {
+    const c = this.context, [a] = this.point([from, 0, 0]), [b] = this.point([to, 0, 0]);
+    c.fillStyle = fill;
+    c.fillRect(a, 0, b - a, this.height);
+    c.strokeStyle = line;
+    c.lineWidth = 2;
+    c.beginPath();
+    for (const x of [a, b]) {
+      c.moveTo(x, 0);
+      c.lineTo(x, this.height);
+    }
+    c.stroke();
+  }
+
+  /** The half space behind a plane; where the plane is seen from the side, to the edge of the picture. */
+  private wall(normal: Vec, offset: number, fill: string, line: string): void {
+    const c = this.context;
+    const a = dot(normal, this.view.right), b = dot(normal, this.view.up), inPlane = Math.hypot(a, b);
+    const at: Vec = normal.map((n) => n * offset) as Vec;
+    if (inPlane < 0.99) {
+      let u = cross(normal, Math.abs(normal[2]) < 0.9 ? [0, 0, 1] : [1, 0, 0]);
+      u = u.map((x) => x / norm(u)) as Vec;
+      const v = cross(normal, u), size = 0.08;
+      const corner = (i: number, j: number): Vec => add(add(at, u, i * size), v, j * size);
+      this.polygon([corner(-1, -1), corner(1, -1), corner(1, 1), corner(-1, 1)], fill, line);
+      return;
+    }
+    const [x, y] = this.point(at), nx = a / inPlane, ny = -b / inPlane, far = 4000;
+    const corner = (t: number, d: number): [number, number] => [x - ny * t - nx * d, y + nx * t - ny * d];
+    c.beginPath();
+    c.moveTo(...corner(-far, 0));
+    c.lineTo(...corner(far, 0));
+    c.lineTo(...corner(far, far));
+    c.lineTo(...corner(-far, far));
+    c.closePath();
+    c.fillStyle = fill;
+    c.fill();
+    c.beginPath();
+    c.moveTo(...corner(-far, 0));
+    c.lineTo(...corner(far, 0));
+    c.strokeStyle = line;
+    c.lineWidth = 2;
+    c.stroke();
+  }
+
+  private robot(at: Vec, colour: string): void {
+    const c = this.context, [x, y] = this.point(at);
+    c.fillStyle = colour;
+    c.beginPath();
+    c.arc(x, y, 7, 0, 2 * Math.PI);
+    c.fill();
+  }
+
+  /** Axes of a body, and its contact points joined. */
+  private tool(at: Vec, q: [number, number, number, number], colour: string): void {
+    if (this.scene.dof !== 6) return;
+    const c = this.context;
+    const points = this.scene.tool.map((p) => this.point(add(at, rotate(q, p))));
+    const centre = this.point(at);
+    c.strokeStyle = colour;
+    c.lineWidth = 1.5;
+    c.globalAlpha = 0.7;
+    c.beginPath();
+    for (let i = 0; i < points.length; ++i) {
+      c.moveTo(...centre);
+      c.lineTo(...points[i]!);
+      for (let j = i + 1; j < points.length; ++j) {
+        c.moveTo(...points[i]!);
+        c.lineTo(...points[j]!);
+      }
+    }
+    c.stroke();
+    c.globalAlpha = 1;
+    c.fillStyle = colour;
+    for (const [x, y] of points) {
+      c.beginPath();
+      c.arc(x, y, 3.5, 0, 2 * Math.PI);
+      c.fill();
+    }
+    this.axes(at, q, colour, 24);
+  }
+  private axes(at: Vec, q: [number, number, number, number], colour: string, pixels: number): void {
+    const c = this.context, from = this.point(at);
+    c.strokeStyle = colour;
+    c.fillStyle = colour;
+    c.font = '10px system-ui, sans-serif';
+    c.lineWidth = 2;
+    (['x', 'y', 'z'] as const).forEach((name, i) => {
+      const axis: Vec = [0, 0, 0];
+      axis[i] = pixels / this.scale;
+      const to = this.point(add(at, rotate(q, axis)));
+      c.beginPath();
+      c.moveTo(...from);
+      c.lineTo(...to);
+      c.stroke();
+      c.fillText(name, to[0] + 2, to[1] - 2);
+    });
+  }
+
+  private hand(s: Shown, colour: string, muted: string): void {
+    const c = this.context, [x, y] = this.point(s.hand);
+    if (s.target) {
+      const [tx, ty] = this.point(s.target);
+      c.strokeStyle = muted;
+      c.lineWidth = 1.5;
+      c.setLineDash([4, 4]);
+      c.beginPath();
+      c.moveTo(x, y);
+      c.lineTo(tx, ty);
+      c.stroke();
+      c.setLineDash([]);
+      c.beginPath();
+      c.moveTo(tx - 6, ty);
+      c.lineTo(tx + 6, ty);
+      c.moveTo(tx, ty - 6);
+      c.lineTo(tx, ty + 6);
+      c.stroke();
+    }
+    if (this.scene.dof === 6) this.axes(s.hand, s.handAttitude, colour, 44);
+    c.strokeStyle = colour;
+    c.lineWidth = 3;
+    c.beginPath();
+    c.arc(x, y, 13, 0, 2 * Math.PI);
+    c.stroke();
+  }
+
+  private arrow(from: Vec, force: Vec, colour: string, name: string, offset: number): void {
+    const size = norm(force);
+    if (size < 0.02) return;
+    const c = this.context, [x, y] = this.point(from);
+    let dx = dot(force, this.view.right) * PIXELS_PER_NEWTON, dy = -dot(force, this.view.up) * PIXELS_PER_NEWTON;
+    const length = Math.hypot(dx, dy), most = 0.4 * this.width;
+    if (length > most) {
+      dx *= most / length;
+      dy *= most / length;
+    }
+    const y0 = y + (this.scene.dof === 1 ? offset : 0);
+    const shown = Math.hypot(dx, dy) || 1, ux = dx / shown, uy = dy / shown;
+    c.strokeStyle = colour;
+    c.fillStyle = colour;
+    c.lineWidth = 3;
+    c.beginPath();
+    c.moveTo(x, y0);
+    c.lineTo(x + dx, y0 + dy);
+    c.stroke();
+    if (shown > 6) {
+      c.beginPath();
+      c.moveTo(x + dx + 8 * ux, y0 + dy + 8 * uy);
+      c.lineTo(x + dx - 5 * uy, y0 + dy + 5 * ux);
+      c.lineTo(x + dx + 5 * uy, y0 + dy - 5 * ux);
+      c.fill();
+    }
+    c.font = '12px system-ui, sans-serif';
+    const text = `${size.toFixed(2)} N ${name}`;
+    const wide = c.measureText(text).width;
+    const left = Math.min(Math.max(4, x + dx + (ux < 0 ? -wide - 12 : 12)), this.width - wide - 4);
+    c.fillText(text, left, y0 + dy + (offset > 0 ? 18 : -10));
+  }
+
+  private legend(text: string, entries: [string, string][]): void {
+    const c = this.context;
+    c.font = '12px system-ui, sans-serif';
+    entries.forEach(([colour, name], i) => {
+      c.fillStyle = colour;
+      c.fillRect(12, 14 + 18 * i, 12, 4);
+      c.fillStyle = text;
+      c.fillText(name, 30, 20 + 18 * i);
+    });
+  }
+}

@@ -1,0 +1,81 @@
+// Scrolling plots of the last ten seconds.
+
+import uPlot from 'uplot';
+
+export interface Curve {
+  label: string;
+  colour: string;
+  value(sample: Float64Array): number;
+}
+export interface PlotSpec {
+  title: string;
+  unit: string;
+  curves: Curve[];
+}
+
+const SPAN_S = 10;
+const POINTS = 1300; // of SPAN_S at the plots' rate
+
+export class Plots {
+  private readonly t: number[] = [];
+  private readonly columns: number[][][];
+  private readonly plots: uPlot[];
+  paused = false;
+
+  constructor(
+    parent: HTMLElement,
+    private readonly specs: PlotSpec[],
+  ) {
+    this.columns = specs.map((s) => s.curves.map(() => []));
+    const css = getComputedStyle(document.documentElement);
+    const colour = (name: string): string => css.getPropertyValue(name).trim();
+    parent.replaceChildren();
+    this.plots = specs.map((spec) => {
+      const box = document.createElement('figure');
+      parent.append(box);
+      const axis = { stroke: colour('--text'), grid: { stroke: colour('--grid'), width: 1 }, ticks: { show: false }, font: '11px system-ui' };
+      const plot = new uPlot(
+        {
+          title: `${spec.title} [${spec.unit}]`,
+          width: 225,
+          height: 190,
+          pxAlign: false,
+          cursor: { show: false },
+          legend: { live: false },
+          scales: { x: { time: false, range: (_u, _min, max) => [max - SPAN_S, max] } },
+          series: [
+            { label: 't [s]' },
+            ...spec.curves.map((c) => ({ label: c.label, stroke: colour(c.colour), width: 1.5, points: { show: false } })),
+          ],
+          axes: [
+            { ...axis, size: 28, values: (_u: uPlot, ticks: number[]) => ticks.map((x) => `${x.toFixed(0)} s`) },
+            { ...axis, size: 56, values: (_u: uPlot, ticks: number[]) => ticks.map((x) => String(+x.toPrecision(6))) },
+          ],
+        },
+        [[], ...spec.curves.map(() => [])],
+        box,
+      );
+      new ResizeObserver(() => plot.setSize({ width: Math.max(200, box.clientWidth), height: 190 })).observe(box);
+      return plot;
+    });
+  }
+
+  add(t: number, sample: Float64Array): void {
+    if (this.paused) return;
+    this.t.push(t);
+    this.specs.forEach((s, i) => s.curves.forEach((c, j) => this.columns[i]![j]!.push(c.value(sample))));
+    if (this.t.length > 1.2 * POINTS) {
+      const cut = this.t.length - POINTS;
+      this.t.splice(0, cut);
+      for (const plot of this.columns) for (const column of plot) column.splice(0, cut);
+    }
+  }
+  clear(): void {
+    this.t.length = 0;
+    for (const plot of this.columns) for (const column of plot) column.length = 0;
+  }
+  draw(): void {
+    if (this.paused) return;
+    this.plots.forEach((plot, i) => plot.setData([this.t, ...this.columns[i]!]));
+  }
+}
