@@ -329,8 +329,7 @@ int Adversary::broken() const {
 Adversary attack_all(const AdversaryOptions& o, const std::function<void(const Progress&)>& heard) {
   if (o.runs < 1) throw ConfigError{fmt::format("--runs is {}; it must be at least 1", o.runs)};
   Adversary all{.methods = o.methods.empty() ? all_methods() : o.methods, .runs = {}};
-  for (const std::string& method : all.methods)
-    attack(method, o.seed);  // an unknown name is refused before anything runs
+  check_methods(all.methods, all_methods());
   const auto runs = static_cast<std::size_t>(o.runs);
   all.runs.resize(all.methods.size(), std::vector<AdversaryRun>(runs));
   const auto started = std::chrono::steady_clock::now();
@@ -367,9 +366,9 @@ std::string to_text(const Adversary& all) {
   for (std::size_t m = 0; m < all.methods.size(); ++m) {
     const auto& runs = all.runs[m];
     const EnergyClaim claim = energy_claim(all.methods[m]);
-    const AdversaryRun &honest = least(runs, [](const AdversaryRun& r) { return r.lies ? 0.0 : r.hand_least_j; }),
-                       &lied = least(runs, [](const AdversaryRun& r) { return r.lies ? r.hand_least_j : 0.0; }),
-                       &both = least(runs, [](const AdversaryRun& r) { return r.both_least_j; });
+    const AdversaryRun &honest = least(runs, [](const AdversaryRun&r) { return r.lies ? 0.0 : r.hand_least_j; }),
+                       &lied = least(runs, [](const AdversaryRun&r) { return r.lies ? r.hand_least_j : 0.0; }),
+                       &both = least(runs, [](const AdversaryRun&r) { return r.both_least_j; });
     const auto broken = std::count_if(runs.begin(), runs.end(), [](const AdversaryRun& r) { return r.broken(); });
     const auto below = std::count_if(runs.begin(), runs.end(), [](const AdversaryRun& r) { return r.below(); });
     const std::string claims = claim.hand && claim.both ? "hand, both"
