@@ -17,6 +17,7 @@
 #include "lab/study/gallery.h"
 #include "lab/study/map.h"
 #include "lab/study/parallel.h"
+#include "lab/study/tune.h"
 
 namespace twoport::lab {
 namespace {
@@ -243,10 +244,46 @@ again, and the exit status is 3.)");
   return {adversary, [a] { return adversary_command(*a); }};
 }
 
+struct TuneArguments {
+  TuneOptions tune;
+  std::string methods, round_trips, out;
+};
+
+int tune_command(TuneArguments& a) {
+  a.tune.methods = words_of("--methods", a.methods);
+  if (!a.round_trips.empty()) a.tune.round_trips_ms = values_of("--round-trip-ms", a.round_trips);
+  if (!a.out.empty()) make_folder(a.out);
+  const std::string table = to_text(tune(a.tune, show_progress));
+  std::fputs(table.c_str(), stdout);
+  if (!a.out.empty()) write_whole(a.out + "/table.txt", table);
+  return 0;
+}
+
+Subcommand add_tune(CLI::App& app) {
+  const auto a = std::make_shared<TuneArguments>();
+  a->tune.jobs = all_cores();
+  CLI::App* tune =
+      app.add_subcommand("tune", "Search of each method's gains on a training set, against those of its rule");
+  tune->add_option("scenes", a->tune.scenes, "Scenes of the training set")->required();
+  add_list(tune, "--set", a->tune.set, "PATH=VALUE, in each scene");
+  tune->add_option("--methods", a->methods, "NAME,NAME; all that have gains if absent")->check(not_empty);
+  tune->add_option("--round-trip-ms", a->round_trips, "Each is searched by itself; 40,200,800 if absent")
+      ->check(not_empty);
+  tune->add_option("--evaluations", a->tune.evaluations, "Of each method and round trip, that of the rule included")
+      ->capture_default_str();
+  tune->add_option("--seed", a->tune.seed, "Of the search")->capture_default_str();
+  tune->add_option("--out", a->out, "Folder for table.txt");
+  add_jobs(tune, a->tune.jobs);
+  tune->footer(
+      R"(Loss 10 %, walls of 800 and 6000 N/m. The score is the mean of the map's error over the force of the same scene without
+delay, loss and control; 2 where a run is not stable and quiet. 1: as bad as no force; 0: transparent.)");
+  return {tune, [a] { return tune_command(*a); }};
+}
+
 }  // namespace
 
 std::vector<Subcommand> add_map_commands(CLI::App& app) {
-  return {add_adversary(app), add_compare(app), add_gallery(app), add_map(app), add_recommend(app)};
+  return {add_adversary(app), add_compare(app), add_gallery(app), add_map(app), add_recommend(app), add_tune(app)};
 }
 
 }  // namespace twoport::lab

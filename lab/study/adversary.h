@@ -13,18 +13,18 @@ namespace twoport::lab {
 ///
 ///     hand   Σ f·Δx at the master port              >= -E(0) - slack
 ///     both   hand less what leaves at the slave      >= -E(0) of both sides - slack
-///     slack  = jolt max j + jolts Σ j + K δ²/2       j(k) = |f(k)·T²/(2m) (u(k) - 2 u(k-1) + u(k-2))|
+///     slack  = c Σ j + K δ²/2                        j(k) = |f(k)·T²/(2m) (u(k) - 2 u(k-1) + u(k-2))|
 ///
 /// At the slave Σ f·v_d T leaves the link, with `robot_port` Σ f·Δx of the robot. j: what the displayed force f gives away in
 /// the part of a tick's motion that the hand's own force u makes by changing otherwise than in the tick before, which no
-/// prediction knows. K: the coupling's stiffness where `tick_of_spring`, else 0; δ: largest motion in a tick.
+/// prediction knows; c: `jolts`. K: the coupling's stiffness where `tick_of_spring`, else 0; δ: largest motion in a tick.
 struct EnergyClaim {
   bool hand = false, both = false;
   bool any_packets = false;     ///< of the hand: whatever the slave reports
   bool device_damping = false;  ///< Σ b Δx²/T of the device counts with the hand's energy
   bool robot_port = false;
   bool tick_of_spring = false;
-  double jolt = 0.0, jolts = 0.0;
+  double jolts = 0.0;  ///< 4 is measured: the misses of a controller add up
 };
 EnergyClaim energy_claim(const std::string& method);
 
@@ -37,7 +37,7 @@ struct AdversaryRun {
   double hand_least_j = 0.0, both_least_j = 0.0;  ///< with device damping where the claim counts it
   double hand_bound_j = 0.0, both_bound_j = 0.0;  ///< -infinity where nothing is claimed
   double initial_j = 0.0;                         ///< E(0) of a side
-  double jolt_j = 0.0, jolts_j = 0.0;             ///< max j, Σ j
+  double jolts_j = 0.0;                           ///< Σ j
   double felt_max_n = 0.0;                        ///< largest force displayed
 
   static constexpr double kRounding_j = 1e-9;

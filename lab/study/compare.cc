@@ -20,9 +20,10 @@ namespace twoport::lab {
 
 Comparison compare(const CompareOptions& o) {
   Comparison all{.scene = {}, .dof = 0, .methods = o.methods, .summaries = {}};
-  if (all.methods.empty())
-    all.methods =
-        load_scene(o.scene, o.set).control.architecture == Architecture::render ? rendering_methods() : all_methods();
+  const bool rendered = load_scene(o.scene, o.set).control.architecture == Architecture::render;
+  const std::vector<std::string> allowed = rendered ? rendering_methods() : all_methods();
+  check_methods(o.methods, allowed);
+  if (all.methods.empty()) all.methods = allowed;
   std::vector<Scene> scenes;
   for (const std::string& method : all.methods) {
     std::vector<std::string> set = o.set;

@@ -23,10 +23,12 @@ Gallery gallery(const GalleryOptions& o, const std::function<void(const Progress
   std::error_code error;
   for (const auto& each : fs::directory_iterator{o.folder, error})
     if (each.path().extension() == ".textproto") files.push_back(each.path());
-  if (error) throw ConfigError{fmt::format("{}: {}", o.folder, error.message())};
+  if (error)
+    throw ConfigError{fmt::format("{}: {}; name a folder of scenes, such as scenes/edge", o.folder, error.message())};
   if (files.empty()) throw ConfigError{fmt::format("{}: no scene (.textproto) in this folder", o.folder)};
   std::sort(files.begin(), files.end());
 
+  check_methods(o.methods, all_methods());
   Gallery all{.methods = o.methods.empty() ? all_methods() : o.methods, .entries = {}};
   std::vector<Scene> scenes;
   for (const fs::path& file : files) {

@@ -1,6 +1,7 @@
 #include "lab/study/map.h"
 
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 
 #include <algorithm>
 #include <atomic>
@@ -138,6 +139,12 @@ std::vector<std::string> rendering_methods() {
   return {"NONE", "CLASSIC", "FORCE_PROJECTED", "METRIC_DAMPING", "FORCE_CONE"};
 }
 
+void check_methods(const std::vector<std::string>& methods, const std::vector<std::string>& allowed) {
+  for (const std::string& method : methods)
+    if (std::find(allowed.begin(), allowed.end(), method) == allowed.end())
+      throw ConfigError{fmt::format("--methods has {}; it must be one of {}", method, fmt::join(allowed, ", "))};
+}
+
 std::vector<std::string> map_overrides(const Scene& scene, const std::string& method, const MapPlace& p,
                                        std::uint64_t seed) {
   const double round_trip_s = 1e-3 * p.round_trip_ms;
@@ -167,6 +174,7 @@ std::vector<std::string> map_overrides(const Scene& scene, const std::string& me
 
 Map make_map(const MapOptions& o, const std::function<void(const Progress&)>& heard) {
   check(o);
+  check_methods(o.methods, all_methods());
   const Scene scene = scene_of(o);
   if (scene.environment.empty() || scene.control.architecture == Architecture::render ||
       scene.control.architecture == Architecture::uncontrolled)
@@ -176,7 +184,7 @@ Map make_map(const MapOptions& o, const std::function<void(const Progress&)>& he
           .places = places_of(o),
           .reference_n = {},
           .cells = {}};
-  // An unknown name is refused before anything runs.
+  // A combination without a meaning is refused before anything runs.
   for (const std::string& method : map.methods) scene_of(o, {"control.passivity.method=" + method});
 
   const auto started = std::chrono::steady_clock::now();

@@ -78,6 +78,9 @@ std::vector<std::string> all_methods();
 /// Every controller that a rendered scene can name.
 std::vector<std::string> rendering_methods();
 
+/// Throws ConfigError for a name of `methods` that is not in `allowed`.
+void check_methods(const std::vector<std::string>& methods, const std::vector<std::string>& allowed);
+
 /// The overrides that make the map's scene the run of one method in one place.
 std::vector<std::string> map_overrides(const Scene& scene, const std::string& method, const MapPlace& place,
                                        std::uint64_t seed);
