@@ -465,5 +465,50 @@ TEST(Run, WithoutATraceWritesTheSummaryOnly) {
   EXPECT_FALSE(exists(pair.at("master/trace.csv.partial")));
 }
 
+// The first entry at its time, the second by hand.
+TEST(Schedule, BothSidesFollowItAndAUserGoesOn) {
+  const Pair pair;
+  const Words scheduled{"--set", "control.schedule[0].at_s=0.6",
+                        "--set", "control.schedule[0].passivity.method=INTERNAL_MODEL",
+                        "--set", "control.schedule[1].architecture=POSITION_POSITION"};
+  Process slave = pair.listening_slave("slave", scheduled), master = pair.master("master", scheduled);
+  EXPECT_TRUE(master.says("switched to INTERNAL_MODEL, POSITION_FORCE")) << master.err();
+  EXPECT_TRUE(slave.says("switched to INTERNAL_MODEL, POSITION_FORCE")) << slave.err();
+  master.send(SIGUSR1);
+  EXPECT_TRUE(master.says("switched to INTERNAL_MODEL, POSITION_POSITION")) << master.err();
+  EXPECT_TRUE(slave.says("switched to INTERNAL_MODEL, POSITION_POSITION")) << slave.err();
+  EXPECT_EQ(master.wait(), exited(0)) << master.err();
+  EXPECT_EQ(slave.wait(), exited(0)) << slave.err();
+  const schema::Summary m = pair.summary("master");
+  EXPECT_EQ(m.switches(), 2u);
+  EXPECT_EQ(m.mode(), "coupled");
+  expect_sound({m, pair.summary("slave")});
+}
+
+TEST(Schedule, OfAnotherOrderIsRefused) {
+  const Pair pair;
+  Process slave = pair.listening_slave("slave", {"--set", "control.schedule[0].passivity.method=INTERNAL_MODEL"});
+  Process master = pair.master("master", {"--set", "control.schedule[0].passivity.method=WAVE_VARIABLES"});
+  EXPECT_EQ(master.wait(), exited(2));
+  EXPECT_NE(master.err().find("control.schedule"), std::string::npos) << master.err();
+  slave.send(SIGTERM);
+  slave.wait();
+}
+
+TEST(Clock, OfTheSlaveIsEstimatedByTheMaster) {
+  const Pair pair;
+  Process slave = pair.listening_slave();
+  std::this_thread::sleep_for(300ms);
+  Process master = pair.master();
+  EXPECT_EQ(master.wait(), exited(0)) << master.err();
+  EXPECT_EQ(slave.wait(), exited(0)) << slave.err();
+  const schema::ClockEstimate clock = pair.summary("master").slave_clock();
+  // Each program counts from its own start; the slave's was at least 0.3 s before.
+  EXPECT_GT(clock.offset_ms(), 300.0 - clock.bound_ms());
+  EXPECT_GT(clock.bound_ms(), 9.9);
+  EXPECT_GE(clock.one_way_ms(), 9.9);
+  EXPECT_FALSE(clock.has_error_ms());
+}
+
 }  // namespace
 }  // namespace twoport::test

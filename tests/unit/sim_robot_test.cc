@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <complex>
 #include <memory>
 #include <numbers>
 #include <random>
@@ -518,6 +519,30 @@ TEST(Release, LetsTheRobotGo) {
   r.release();
   r.advance();
   EXPECT_EQ(v_of(r), v);
+}
+
+// Steady oscillation of a mass on a spring whose anchor swings: |X| = A |K + iBω| / |K - mω² + i(B + b)ω|.
+TEST(SimRobot, IsShakenByAnAnchorThatMoves) {
+  const Scene scene = parse_scene(
+      "dof: 1 duration_s: 1 rate_hz: 1000 robot { mass_kg: 0.5 damping_n_s_per_m: 3 } environment { spring { "
+      "stiffness_n_per_m: 200 damping_n_s_per_m: 4 anchor_m: [0.1] anchor_motion { amplitude_m: 0.01 frequency_hz: 2 } "
+      "} }",
+      "anchor");
+  sim::SimRobot<1> robot{scene, Seconds{1e-3}};
+  double most = 0.0, work = 0.0;
+  for (int k = 0; k < 20000; ++k) {
+    robot.advance();
+    if (k > 15000) most = std::max(most, std::abs(robot.state().x.translation()[0] - 0.1));
+    work += std::abs(robot.environment_force()[0]);
+  }
+  const std::complex<double> i{0.0, 1.0};
+  const double w = 4.0 * std::numbers::pi;
+  const double expected = 0.01 * std::abs((200.0 + 4.0 * w * i) / (200.0 - 0.5 * w * w + 7.0 * w * i));
+  EXPECT_NEAR(most, expected, 0.01 * expected);  // the anchor moves in steps of a tick
+  EXPECT_GT(work, 0.0);
+  robot.silence();
+  for (int k = 0; k < 20000; ++k) robot.advance();
+  EXPECT_LT(std::abs(robot.state().v[0]), 1e-9) << "an anchor at rest";
 }
 
 }  // namespace

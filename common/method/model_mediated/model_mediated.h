@@ -74,9 +74,12 @@ class ModelMediatedMaster {
     return out;
   }
   [[nodiscard]] Energy deficit(const Ledger&, Energy) const noexcept { return energy_.deficit(); }
+  /// Without a deficit the method starts with what the hand has put in so far, under whatever method, up to the credit: that
+  /// keeps its bound of the hand's energy. What a method without control has created is not charged.
   void restart(const Ledger& account, Energy deficit) noexcept {
     base_absorbed_ = account.absorbed();
-    energy_.restart(account.net(), deficit);
+    const Energy owed = deficit > Energy{} ? deficit : Energy{-std::clamp(account.net().si(), 0.0, kCredit_j)};
+    energy_.restart(account.net(), owed);
   }
   static constexpr bool has_payload() noexcept { return false; }
   void write_payload(Words&) const noexcept {}

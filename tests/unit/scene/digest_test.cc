@@ -68,7 +68,9 @@ TEST(SceneDigest, ChangesWithEverythingThatBothSidesShare) {
                              "control.passivity.four_channel.observer_bandwidth_rad_per_s=1",
                              "control.passivity.four_channel.force_gain=1",
                              "control.passivity.fractal_impedance.stiffness_n_per_m=1",
-                             "control.passivity.fractal_impedance.rotational_stiffness_n_m_per_rad=1"})
+                             "control.passivity.fractal_impedance.rotational_stiffness_n_m_per_rad=1",
+                             "control.schedule={at_s: 1 passivity { method: CLASSIC }}",
+                             "control.schedule={at_s: 1 architecture: POSITION_POSITION}"})
     EXPECT_TRUE(seen.insert(scene_digest(scene_of(kSpelt, {shared}))).second)
         << shared << " made no difference of its own";
   EXPECT_NE(scene_digest(scene_of("dof: 1 duration_s: 1")), scene_digest(scene_of("dof: 3 duration_s: 1")));
@@ -83,7 +85,8 @@ TEST(SceneDigest, DoesNotChangeWithWhatIsASidesOwn) {
        {"name=\"other\"", "seed=8", "duration_s=9", "to_slave.delay_ms=1", "to_master.loss=0.5", "device.mass_kg=0.1",
         "robot.mass_kg=2", "operator.hand.mass_kg=1", "environment[0].wall.stiffness_n_per_m=1", "expect.stable=false",
         "control.virtual_coupling.stiffness_n_per_m=1e3", "control.passivity.max_gain=10",
-        "control.passivity.energy_bounding.damping_n_s_per_m=1"})
+        "control.passivity.energy_bounding.damping_n_s_per_m=1", "to_slave.playout_ms=1",
+        "to_master.deadband.ratio=0.1", "slave_clock.offset_ms=1", "to_slave.delay_step={at_s: 1 delay_ms: 1}"})
     EXPECT_EQ(before, scene_digest(scene_of(kStiffWall, {own}))) << own;
 }
 

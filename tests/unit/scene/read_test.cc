@@ -1,6 +1,7 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <limits>
 #include <string>
 #include <vector>
 
@@ -212,6 +213,44 @@ TEST(Scene, ReadsEveryImpairment) {
   EXPECT_EQ(s.to_slave.reorder, 0.03);
   EXPECT_EQ(s.to_slave.reorder_s, 8e-3);
   EXPECT_FALSE(s.to_master.burst);
+}
+
+TEST(Scene, AScheduleStartsFromTheControlBefore) {
+  const Scene s = scene_of(
+      kStiffWall, {"control.passivity.max_gain=7", "control.schedule={at_s: 2 passivity { method: INTERNAL_MODEL }}",
+                   "control.schedule[1]={architecture: POSITION_POSITION}",
+                   "control.schedule[2]={at_s: 3 passivity { method: NONE max_gain: 8 }}"});
+  ASSERT_EQ(s.schedule.size(), 3U);
+  const ControlOptions &a = s.schedule[0].control, &b = s.schedule[1].control, &c = s.schedule[2].control;
+  EXPECT_EQ(s.schedule[0].at_s, 2.0);
+  EXPECT_EQ(s.schedule[1].at_s, std::numeric_limits<double>::infinity());
+  EXPECT_EQ(a.method_name, "INTERNAL_MODEL");
+  EXPECT_EQ(a.controller.max_gain, 7.0);
+  EXPECT_EQ(a.architecture, s.control.architecture);
+  EXPECT_EQ(b.method_name, "INTERNAL_MODEL");
+  EXPECT_EQ(b.architecture, Architecture::position_position);
+  EXPECT_EQ(c.method_name, "NONE");
+  EXPECT_EQ(c.controller.max_gain, 8.0);
+  for (const ControlOptions* each : {&a, &b, &c}) {
+    EXPECT_EQ(each->handle_mass_kg, s.control.handle_mass_kg);
+    EXPECT_EQ(each->max_force_n, s.control.max_force_n);
+    EXPECT_EQ(each->known.robot_mass_kg, s.control.known.robot_mass_kg);
+  }
+}
+
+TEST(Scene, ReadsWhatSidesDoWithTheirPackets) {
+  const Scene s = scene_of(kStiffWall, {"to_slave={delay_ms: 10 playout_ms: 20 deadband { ratio: 0.2 force_n: 0.1 }}",
+                                        "to_master={delay_ms: 10 delay_step { at_s: 1 delay_ms: 30 }}",
+                                        "slave_clock={offset_ms: 50 drift_ppm: -200}"});
+  EXPECT_DOUBLE_EQ(s.transmission_to_slave.playout_s, 0.02);
+  EXPECT_EQ(s.transmission_to_slave.deadband->ratio, 0.2);
+  EXPECT_EQ(s.transmission_to_slave.deadband->force_n, 0.1);
+  EXPECT_DOUBLE_EQ(s.transmission_to_slave.deadband->silence_s, 0.02);
+  EXPECT_FALSE(s.transmission_to_master.deadband);
+  EXPECT_DOUBLE_EQ(s.to_master.delay_step.at(0).delay_s, 0.03);
+  EXPECT_DOUBLE_EQ(s.slave_clock.offset_s, 0.05);
+  EXPECT_DOUBLE_EQ(s.slave_clock.drift, -200e-6);
+  EXPECT_DOUBLE_EQ(s.control.known.round_trip.si(), 0.04) << "the wait in the playout buffer is part of the delay";
 }
 
 TEST(Scene, FillsInWhatItDoesNotSay) {

@@ -35,6 +35,27 @@ INSTANTIATE_TEST_SUITE_P(
                 {"to_slave.blackout[0].duration_s=1"},
                 "to_slave.blackout[0].start_s is missing; it must be >= 0 and at most 1e18"},
         Refusal{kStiffWall,
+                {"to_slave.delay_step[0].delay_ms=1"},
+                "to_slave.delay_step[0].at_s is missing; it must be >= 0 and at most 1e18"},
+        Refusal{kStiffWall,
+                {"to_slave.delay_step={at_s: 1}"},
+                "to_slave.delay_step[0].delay_ms is missing; it must be between 0 and 1000000"},
+        Refusal{kStiffWall,
+                {"to_slave.delay_step=[{at_s: 2 delay_ms: 1}, {at_s: 2 delay_ms: 2}]"},
+                "to_slave.delay_step[1].at_s is 2; it must be later than that of the step before"},
+        Refusal{
+            kStiffWall, {"to_master.playout_ms=-1"}, "to_master.playout_ms is -1; it must be between 0 and 1000000"},
+        Refusal{kStiffWall,
+                {"to_master.deadband={force_n: 1}"},
+                "to_master.deadband.ratio is missing; it must be between 0 and 1"},
+        Refusal{
+            kStiffWall, {"to_master.deadband={ratio: 2}"}, "to_master.deadband.ratio is 2; it must be between 0 and 1"},
+        Refusal{
+            kStiffWall, {"slave_clock.offset_ms=-1"}, "slave_clock.offset_ms is -1; it must be between 0 and 1000000"},
+        Refusal{kStiffWall,
+                {"slave_clock.drift_ppm=1e6"},
+                "slave_clock.drift_ppm is 1000000; it must be between -100000 and 100000"},
+        Refusal{kStiffWall,
                 {"to_slave.trace_file=nowhere.txt"},
                 "to_slave.trace_file: scenes/nowhere.txt: cannot be read: No such file or directory"}),
     name_of);
