@@ -58,6 +58,8 @@ Scene read_scene(const schema::Scene& message, const std::string& file, SceneFor
   scene.to_master = read_impairment(of.block(FIELD(to_master)));
   if (of.has(FIELD(robot))) scene.robot = read_robot(of.block(FIELD(robot)));
   tell_system(scene);
+  if (!message.control().passivity().has_initial_energy_j())
+    scene.control.initial_energy = default_initial_energy(scene.control);
   for (const auto& each : of.blocks(FIELD(environment))) scene.environment.push_back(read_environment(each));
   of.only_with_rotation(FIELD(tool));
   scene.tool = read_tool(of.block(FIELD(tool)));
@@ -68,6 +70,15 @@ Scene read_scene(const schema::Scene& message, const std::string& file, SceneFor
 }
 
 }  // namespace
+
+Energy default_initial_energy(const ControlOptions& o) {
+  if (o.architecture == Architecture::render) return {};
+  constexpr double kLeast_j = 1e-3, kMost_j = 20e-3, kApproach_m_per_s = 0.05;
+  if (o.method_name != kDefaultMethod) return Energy{kLeast_j};
+  const double way_m = kApproach_m_per_s * o.known.round_trip.si();
+  const double stiffness_n_per_m = o.force_scale * o.motion_scale * o.coupling.stiffness_n_per_m;
+  return Energy{std::clamp(0.5 * stiffness_n_per_m * way_m * way_m, kLeast_j, kMost_j)};
+}
 
 void tell_system(Scene& scene) {
   const HandSpec hand = scene.operator_model && scene.operator_model->hand ? *scene.operator_model->hand : HandSpec{};
