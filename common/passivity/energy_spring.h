@@ -37,24 +37,28 @@ std::optional<PortVelocityPredictor<N>> predictor_of(double mass_kg, double iner
 /// enters the port.
 ///
 ///     A  = max(0, E + E(0))                      available energy; E: energy into the port, exact
+///     K  = K_0 min(1, m/(4 T² K_0), J/(4 T² K_r))     no stiffer than the sampled handle, where its mass m is known
 ///     s1 = min(1, sqrt(2 K A) / |f_d|)           |f| <= sqrt(2 K A): the force of a spring K that stores A
-///     s2 = predictive_impedance_controller       or, without a known mass, T s1 f_d·(-v) s2 <= A
+///     s2 = largest_feasible_scale                predicted outflow <= A, see predictive_impedance_controller; without a known
+///                                                mass T s1 f_d·(-v) s2 <= A
 ///     f  = s1 s2 f_d
 ///
 /// Without a controller law of time: outward motion under |f| = sqrt(2 K A) is exactly that of a spring K. So the force has no
 /// switching, no division by the velocity and no gain. One scalar for the whole wrench: the direction is that of f_d.
 ///
 ///     E(k) >= -E(0) - K δ²/2     δ: largest motion in one tick; s2 removes the second term where its prediction holds
+///     K δ²/2 <= m |δ/T|²/8       where the mass is known: a quarter of the kinetic energy of the handle at that speed, at any T
 ///
-/// for any f_d(k), whatever has arrived, been lost or is wrong.
+/// for any f_d(k), whatever has arrived, been lost or is wrong. N = 6: |δ|² = |Δp|² + K_r/K_0 |log ΔR|².
 template <int N>
 class EnergySpring {
  public:
-  /// `stiffness` K [N/m], `rotational_stiffness` K_r [N m/rad] of N = 6; `mass`, `inertia` of the handle, 0: not known.
+  /// `stiffness` K_0 [N/m], `rotational_stiffness` K_r [N m/rad] of N = 6; `mass`, `inertia` of the handle, 0: not known.
   EnergySpring(Energy initial, double stiffness, double rotational_stiffness, double mass_kg, double inertia_kg_m2)
       : initial_{initial},
         stiffness_{stiffness},
         ratio_{N == 6 && rotational_stiffness > 0.0 ? stiffness / rotational_stiffness : 0.0},
+        quarter_mass_kg_{0.25 * (N == 6 ? std::min(mass_kg, ratio_ * inertia_kg_m2) : mass_kg)},
         predictor_{predictor_of<N>(mass_kg, inertia_kg_m2)} {}
 
   /// Books the interval that has ended: `net`, the account of the port since the start; `moved` under `applied`.
@@ -79,53 +83,70 @@ class EnergySpring {
   [[nodiscard]] Energy undissipated() const noexcept { return positive_part(-(energy_ + initial_)); }
   [[nodiscard]] double norm(const Force<N>& f) const noexcept { return wrench_norm(f, ratio_); }
 
-  /// Scale s = s1 s2 in [0, 1] of f_d for the coming interval; `v`: velocity of the port.
-  [[nodiscard]] double scale(const Force<N>& f_d, const Velocity<N>& v, Seconds dt) const noexcept {
+  /// K [N/m] at the period `dt`.
+  [[nodiscard]] double stiffness(Seconds dt) const noexcept {
+    return predictor_ ? std::min(stiffness_, quarter_mass_kg_ / (dt.si() * dt.si())) : stiffness_;
+  }
+  /// Scale s = s1 s2 in [0, 1] of f_d for the coming interval; `v`: velocity of the port; `beside`: what is displayed besides s f_d
+  /// and has an account of its own.
+  [[nodiscard]] double scale(const Force<N>& f_d, const Velocity<N>& v, Seconds dt,
+                             const Force<N>& beside = {}) const noexcept {
     const double a = available().si(), size = norm(f_d);
     if (size == 0.0) return 1.0;
-    const double most = std::sqrt(2.0 * stiffness_ * a);
+    const double most = std::sqrt(2.0 * stiffness(dt) * a);
     const double s1 = size <= most ? 1.0 : most / size;
     if (s1 == 0.0) return 0.0;
+    return s1 * feasible_part(s1 * f_d, v, Energy{a}, dt, beside);
+  }
+  /// Largest part in [0, 1] of `f` that returns no more than `budget` in the coming interval, as predicted; `v` serves where there
+  /// is no predictor.
+  [[nodiscard]] double feasible_part(const Force<N>& f, const Velocity<N>& v, Energy budget, Seconds dt,
+                                     const Force<N>& beside = {}) const noexcept {
+    const double a = budget.si();
     if (predictor_) {
-      const Force<N> f = s1 * f_d;
       const VelocityPrediction<N>& port = predictor_->prediction();
-      const double power = f.vec().dot(port.w.vec()) - port.power_error_bound(f);
-      const double response = f.vec().dot(port.mobility.cwiseProduct(f.vec()));
-      return s1 * largest_feasible_scale(response, -power, a / dt.si());
+      const auto response = port.mobility.cwiseProduct(f.vec());
+      const double power = f.vec().dot(port.w.vec()) - port.power_error_bound(f) - 2.0 * beside.vec().dot(response);
+      return largest_feasible_scale(f.vec().dot(response), -power, a / dt.si());
     }
-    const double out = -s1 * dot(f_d, v).si() * dt.si();
-    return out > a ? s1 * a / out : s1;
+    const double out = -dot(f, v).si() * dt.si();
+    return out > a ? a / out : 1.0;
   }
 
  private:
   Energy initial_, energy_, net_;
   double stiffness_, ratio_;
+  double quarter_mass_kg_;  ///< N = 6: or K_0/K_r of a quarter of the inertia, where that is less
   std::optional<PortVelocityPredictor<N>> predictor_;
 };
 
 /// Own account of a damper's force g = b v on the port: a held damping force is active where b is large for the mass and the
-/// period.
+/// period, or where the hand turns back within a tick.
 ///
-///     D += λ g·Δx,   D < -10 µJ:  γ /= 2, D = 0;   γ += 2e-4 in each tick, up to 1;   force γ g
+///     L += λ γ g·Δx + r T,   L <= D_0 = 10 µJ,   r = 1 µW
+///     γ  = min(1, 2 L/D_0), at least 0, and predicted outflow of γ g <= L;   force γ g
 ///
-/// λ: part of the force that the device has applied.
+/// λ: part of the force that the device has applied. L >= -b δ²/T: with L <= 0 the force is zero. What the damper gives back beyond
+/// what it has taken is at most D_0 + b δ²/T + r t, t the time since L was last D_0.
 template <int N>
 class DamperAccount {
  public:
-  void observe(const Displacement<N>& moved, double applied_part) noexcept {
-    account_j_ += applied_part * dot(g_, moved).si();
-    gain_ = std::min(1.0, gain_ + kRise);
-    if (account_j_ >= -kDeficit_j) return;
-    gain_ *= 0.5;
-    account_j_ = 0.0;
+  void observe(const Displacement<N>& moved, double applied_part, Seconds dt) noexcept {
+    level_j_ = std::min(kMost_j, level_j_ + applied_part * dot(g_, moved).si() + kRefill_w * dt.si());
   }
-  /// Force for the coming interval.
-  [[nodiscard]] const Force<N>& apply(const Force<N>& wanted) noexcept { return g_ = gain_ * wanted; }
+  /// Force for the coming interval at `port`.
+  [[nodiscard]] const Force<N>& apply(const Force<N>& wanted, const Velocity<N>& v, const EnergySpring<N>& port,
+                                      Seconds dt) noexcept {
+    const double part = std::clamp(2.0 * level_j_ / kMost_j, 0.0, 1.0);
+    if (part == 0.0) return g_ = Force<N>{};
+    const Force<N> g = part * wanted;
+    return g_ = port.feasible_part(g, v, Energy{level_j_}, dt) * g;
+  }
   void rest() noexcept { g_ = Force<N>{}; }
 
  private:
-  static constexpr double kDeficit_j = 1e-5, kRise = 2e-4;
-  double account_j_ = 0.0, gain_ = 1.0;
+  static constexpr double kMost_j = 1e-5, kRefill_w = 1e-6;
+  double level_j_ = kMost_j;  ///< L
   Force<N> g_;
 };
 

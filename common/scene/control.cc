@@ -141,7 +141,8 @@ void read_passivity(const Block<schema::Passivity>& of, ControlOptions& options)
   options.observer = of.choice<ObserverRule>(FIELD(observer));
   options.accounts = of.choice<Accounts>(FIELD(accounts));
   options.reference_energy = of.flag(FIELD(reference_energy));
-  options.initial_energy = Energy{of.number_or(FIELD(initial_energy_j), kNotNegative, rendering ? 0.0 : 1e-3)};
+  // Absent: default_initial_energy, once the system is known.
+  if (const auto j = of.number_if_given(FIELD(initial_energy_j), kNotNegative)) options.initial_energy = Energy{*j};
 
   read_method_options(of, options);
 

@@ -80,7 +80,9 @@ Digests digests(const Scene& scene) {
   d.add("control.passivity.observer", observer);
   d.add("control.passivity.accounts", accounts);
   d.add("control.passivity.reference_energy", reference_energy);
-  d.add("control.passivity.initial_energy_j", initial_energy);
+  // Under internal-model control the account is the master's own, and its default that of the scene's delays.
+  d.add("control.passivity.initial_energy_j",
+        method_name == kDefaultMethod ? std::nullopt : std::optional{initial_energy.si()});
   d.add("control.engage_s", engage);
   d.add("control.hold_after_s", hold_after);
   d.add("control.release_after_s", release_after);

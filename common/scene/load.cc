@@ -42,6 +42,16 @@ void read_time(const Block<schema::Scene>& of, SceneFor use, Scene& scene) {
     of.refuse(FIELD(duration_s), fmt::format("last at most {:.0f} ticks, and makes {:.9g}", kMostTicks, ticks));
 }
 
+/// E(0) where the scene does not state it: of the first controllers by default_initial_energy, of a schedule's as theirs.
+void complete_initial_energy(const schema::Control& message, Scene& scene) {
+  bool stated = message.passivity().has_initial_energy_j();
+  if (!stated) scene.control.initial_energy = default_initial_energy(scene.control);
+  for (std::size_t i = 0; i < scene.schedule.size(); ++i) {
+    stated = stated || message.schedule(static_cast<int>(i)).passivity().has_initial_energy_j();
+    if (!stated) scene.schedule[i].control.initial_energy = scene.control.initial_energy;
+  }
+}
+
 Scene read_scene(const schema::Scene& message, const std::string& file, SceneFor use) {
   const Context context{.file = file, .dof = read_dof(message, file)};
   const Block of{context, message};
@@ -62,6 +72,7 @@ Scene read_scene(const schema::Scene& message, const std::string& file, SceneFor
   scene.slave_clock = read_clock(of.block(FIELD(slave_clock)));
   if (of.has(FIELD(robot))) scene.robot = read_robot(of.block(FIELD(robot)));
   tell_system(scene);
+  complete_initial_energy(message.control(), scene);
   for (const auto& each : of.blocks(FIELD(environment))) scene.environment.push_back(read_environment(each));
   of.only_with_rotation(FIELD(tool));
   scene.tool = read_tool(of.block(FIELD(tool)));
@@ -94,6 +105,15 @@ void tell_system(const Scene& scene, ControlOptions& control) {
 }
 
 }  // namespace
+
+Energy default_initial_energy(const ControlOptions& o) {
+  if (o.architecture == Architecture::render) return {};
+  constexpr double kLeast_j = 1e-3, kMost_j = 20e-3, kApproach_m_per_s = 0.05;
+  if (o.method_name != kDefaultMethod) return Energy{kLeast_j};
+  const double way_m = kApproach_m_per_s * o.known.round_trip.si();
+  const double stiffness_n_per_m = o.force_scale * o.motion_scale * o.coupling.stiffness_n_per_m;
+  return Energy{std::clamp(0.5 * stiffness_n_per_m * way_m * way_m, kLeast_j, kMost_j)};
+}
 
 void tell_system(Scene& scene) {
   tell_system(scene, scene.control);

@@ -34,6 +34,14 @@ std::string assignment_error(const std::string& assignment);
 /// that holds it. Sets control.handle_mass_kg, handle_inertia_kg_m2 and max_force_n, and control.known.
 void tell_system(Scene& scene);
 
+/// E(0) of a scene that does not state control.passivity.initial_energy_j. Under INTERNAL_MODEL the energy that a spring K_c takes over
+/// the way that a hand goes behind a surface before the master hears of it:
+///
+///     E(0) = K_c (v R)²/2,   v = 50 mm/s,   at least 1 mJ, at most 20 mJ
+///
+/// K_c: the coupling's stiffness in the master's units; R: nominal round trip. Other methods over a link: 1 mJ; RENDER: 0.
+Energy default_initial_energy(const ControlOptions& o);
+
 /// Digest of the values that both sides of a link must share (dof, rates, architecture, scales, coupling, passivity):
 /// FNV-1a, the same on every machine.
 std::uint64_t scene_digest(const Scene& scene);

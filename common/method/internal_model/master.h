@@ -25,11 +25,12 @@ namespace twoport {
 ///     (2) model: SurfaceModel follows the slave's n, p, K*, μ, κ
 ///     (3) F(y) = K* [d(y)]+ n(y),   F_x = ρ F(x),   ρ: 0 -> 1 in 0.1 s;             E = min(E, |F_x|²/2K* + 20 mJ)
 ///     (4) r   = LP_a of f - F(x_echo),   a = 0.3 s + R/2, or 50 ms while the slave is free and not in flight
-///         r_t = LP_{0.2 s + R} of the part of that along the surface, less the stick spring's force at x_echo
+///         r_t = LP_{0.2 s + R} of the part of that along the surface, less the stick spring's force at x_echo; both stick
+///         springs decay with 0.2 s + R
 ///     (5) f_d = F_x + (r·n) n + r_t + stick spring at x                             inside, d(x) > 0
 ///         f_d = r, fading to 0 over 3 mm                                            outside;   f_d·n >= 0: a surface never pulls
 ///         f_d *= c ramp,   c = min(1, m_handle/(4 T² K*)) inside                     no stiffer than the sampled handle allows
-///     (6) s f_d:  energy spring with K_c
+///     (6) s f_d:  energy spring with min(K_c, m_handle/(4 T²))
 ///     (7) g = b v + K* T/2 (n·v) n,  v = LP_3ms Δx/T,   b = 0.5 + 2 min(R, 1 s) + 10 (1 - LP_20ms s) inside;   each at most m_handle/(4T)
 ///         f = s f_d + γ g
 ///     (8) o = LP_50ms (outside LP_{0.3 s + R}) of min((1 - s q c) f_d·n/K*, d) along LP_{0.5 s + 2R} n;  x_cmd = x - o
@@ -88,16 +89,16 @@ class InternalModelMaster {
     const double c = hand.inside ? stiffness_cap(in.dt) : 1.0;
     Force<N> wanted = ramp * c * f_d;
     const Velocity<N> v = in.first ? Velocity<N>{} : in.interval.moved / in.ended;
-    const double s = energy_.scale(wanted, v, in.dt);  // (6)
-    low_pass(scale_slow_, s, in.dt, kScale_s);
     low_pass(v_slow_, v, in.dt, kDamperVelocity_s);
-    const Force<N> g = ramp * damping(v_slow_, hand, round_trip, in.dt);  // (7)
-    const Force<N> scaled = s * wanted;
-    f_ = scaled + damper_.apply(g);
+    const Force<N> wanted_damping = ramp * damping(v_slow_, hand, round_trip, in.dt);  // (7)
+    const Force<N>& g = damper_.apply(wanted_damping, v, energy_, in.dt);
+    const double s = energy_.scale(wanted, v, in.dt, g);  // (6)
+    low_pass(scale_slow_, s, in.dt, kScale_s);
+    f_ = s * wanted + g;
     move_set_point(f_d, hand, 1.0 - s * shown_ * c, round_trip, in.dt);  // (8)
 
     out.f = f_;
-    out.wanted = wanted + g;
+    out.wanted = wanted + wanted_damping;
     out.dissipated = positive_part(Energy{-(1.0 - s) * dot(wanted, v).si() * in.dt.si()});
     return out;
   }
@@ -158,7 +159,7 @@ class InternalModelMaster {
         commanded > kCommanded_n ? std::min(1.0, in.device.applied.vec().template head<D>().norm() / commanded) : 1.0;
     low_pass(shown_, part, in.dt, kScale_s);
     energy_.observe(in.account.net(), moved, in.device.applied, in.ended, in.dt);
-    damper_.observe(moved, part);
+    damper_.observe(moved, part, in.ended);
   }
 
   void follow_surface(Seconds dt) noexcept {
@@ -188,6 +189,7 @@ class InternalModelMaster {
     error.template head<D>() -= modelled;
     if constexpr (N == 6) error.template tail<3>() -= echo.arm.cross(modelled);
 
+    along_weight_ = low_pass_weight(in.dt, kAlong_s + round_trip.si());
     const bool free = said_.contact.value < 0.5;
     const double pressed = coupling_n_per_m_ * (echo.point - said_.robot.value.translation()).norm();
     const bool in_flight = echo.inside && pressed > kFlight_n;
@@ -197,8 +199,9 @@ class InternalModelMaster {
     const Vector& n = echo.surface.normal;
     Vector along = error.template head<D>();
     along -= along.dot(n) * n;
-    along -= stick_at_echo_.step(echo.point, n, model_.patch().friction * modelled.norm(), coupling_n_per_m_);
-    low_pass(r_along_, along, in.dt, kAlong_s + round_trip.si());
+    along -=
+        stick_at_echo_.step(echo.point, n, model_.patch().friction * modelled.norm(), coupling_n_per_m_, along_weight_);
+    r_along_ += along_weight_ * (along - r_along_);
   }
 
   [[nodiscard]] Force<N> displayed(const Hand& hand) noexcept {
@@ -211,7 +214,7 @@ class InternalModelMaster {
     if (hand.inside) {
       const Vector elastic = model_.ramp() * model_.force(hand.surface);
       f = elastic + r.dot(n) * n + r_along_ +
-          stick_.step(hand.point, n, model_.patch().friction * elastic.norm(), coupling_n_per_m_);
+          stick_.step(hand.point, n, model_.patch().friction * elastic.norm(), coupling_n_per_m_, along_weight_);
       if constexpr (N == 6) f_d.template tail<3>() = hand.arm.cross(elastic);
     } else {
       fade = std::max(0.0, 1.0 + hand.surface.depth / kFade_m);
@@ -277,6 +280,7 @@ class InternalModelMaster {
   StickSpring<D> stick_, stick_at_echo_;
   Force<N> r_;                       ///< r, and r_τ of N = 6
   Vector r_along_ = Vector::Zero();  ///< r_t
+  double along_weight_ = 0.0;        ///< of r_t and of the stick springs' decay, in this tick
   Vector lever_ = Vector::Zero();    ///< b of N = 6, handle axes [m]
   double offset_m_ = 0.0;            ///< o
   Vector offset_normal_ = Vector::Unit(0);

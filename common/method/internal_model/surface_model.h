@@ -98,19 +98,22 @@ class SurfaceModel {
 
 /// Static friction on a surface: a spring along it whose anchor z slips.
 ///
-///     f = K e,   e = y - z along the surface,   |e| <= μ F_n/K: beyond, z follows y
+///     f = K e,   e = y - z along the surface,   |e| <= μ F_n/K: beyond, z follows y;   e decays with the time constant τ
+///
+/// The decay leaves what lasts to the measured force: two springs that have followed two set points differ by what they remember.
 template <int D>
 class StickSpring {
  public:
   using Vector = Point<D>;
   void release() noexcept { sticks_ = false; }
-  /// Force at y, opposite to sliding for the hand (positive f·v enters the port); `most` = μ F_n.
-  Vector step(const Vector& y, const Vector& normal, double most, double stiffness) noexcept {
+  /// Force at y, opposite to sliding for the hand (positive f·v enters the port); `most` = μ F_n, `decay` = T/τ.
+  Vector step(const Vector& y, const Vector& normal, double most, double stiffness, double decay = 0.0) noexcept {
     if (D == 1 || !(stiffness > 0.0)) return Vector::Zero();
     if (!sticks_) anchor_ = y;
     sticks_ = true;
     Vector e = y - anchor_;
     e -= e.dot(normal) * normal;
+    e -= decay * e;
     const double size = e.norm(), longest = most / stiffness;
     if (size > longest) e *= longest / size;
     anchor_ = y - e;

@@ -115,5 +115,13 @@ TEST(SceneDigest, IsTheSameOnEveryMachine) {
   EXPECT_EQ(scene_digest(scene_of(kSpelt)), 0x7d42802aa12d6fa7ULL);
 }
 
+// The two programs may state different delays of one network; E(0) of internal-model control is that of the master.
+TEST(SceneDigest, IsTheSameForOtherDelaysUnderInternalModelControl) {
+  const auto digest = [](const char* delay) {
+    return scene_digest(scene_of("dof: 1 duration_s: 1 control { passivity { method: INTERNAL_MODEL } }", {delay}));
+  };
+  EXPECT_EQ(digest("to_slave.delay_ms=0"), digest("to_slave.delay_ms=200"));
+}
+
 }  // namespace
 }  // namespace twoport::test

@@ -322,6 +322,25 @@ TEST(Scene, AccountsStartWithAMillijouleOverALinkAndWithNothingUnderRender) {
   EXPECT_EQ(scene_of(kHeldSpring, {"control.passivity.initial_energy_j=0.5"}).control.initial_energy.si(), 0.5);
 }
 
+// Internal-model control: K_c (50 mm/s R)²/2 between 1 and 20 mJ; 1 kN/m of the coupling's default.
+TEST(Scene, InternalModelControlStartsWithTheEnergyOfABlindWay) {
+  const auto initial_j = [](const std::vector<std::string>& more) {
+    std::vector<std::string> all{"control.passivity.method=INTERNAL_MODEL",
+                                 "control.virtual_coupling.stiffness_n_per_m=1000",
+                                 "control.passivity.round_trip_ms=100", "robot.force_sensor={}"};
+    all.insert(all.end(), more.begin(), more.end());
+    return scene_of(kStiffWall, all).control.initial_energy.si();
+  };
+  EXPECT_DOUBLE_EQ(initial_j({}), 12.5e-3);
+  EXPECT_DOUBLE_EQ(initial_j({"control.passivity.round_trip_ms=20"}), 1e-3);
+  EXPECT_DOUBLE_EQ(initial_j({"control.passivity.round_trip_ms=500"}), 20e-3);
+  EXPECT_DOUBLE_EQ(initial_j({"control.virtual_coupling.stiffness_n_per_m=500"}), 6.25e-3);
+  EXPECT_DOUBLE_EQ(initial_j({"control.force_scale=0.5", "control.motion_scale=0.5"}), 3.125e-3);
+  EXPECT_EQ(initial_j({"control.passivity.initial_energy_j=0"}), 0.0);
+  EXPECT_EQ(initial_j({"control.passivity.initial_energy_j=1e-3"}), 1e-3);
+  EXPECT_EQ(initial_j({"control.passivity.method=CLASSIC"}), 1e-3);
+}
+
 TEST(Scene, PositionsThatAreNotGivenStayEmpty) {
   const Scene s = scene_of(
       kStiffWall, {"operator.path[0].move_to.position_m=[]", "environment[0]={spring {stiffness_n_per_m: 1}}"});
