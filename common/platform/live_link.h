@@ -120,7 +120,7 @@ class LiveLink {
             .received = mail_.counts().received,
             .lost = mail_.counts().lost,
             .sessions = mail_.transport().pairings(),
-            .refused = mail_.transport().counts().rejected};
+            .refused = mail_.transport().counts().rejected.total()};
   }
   /// Of what the other side claims.
   [[nodiscard]] const LimitCounts& limit_counts() noexcept { return mail_.transport().limit_counts(); }
