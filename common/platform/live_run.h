@@ -167,11 +167,11 @@ int run_live(LiveSide& side, const Scene& scene, const LiveArguments& arguments,
       row = side.row(k, t_s, plant.sample, out);
       view = side.link.view();
       view.late = loop.late();
+      if constexpr (requires { side.node.epoch(); }) view.epoch = side.node.epoch();
       view.limits = side.node.limit_counts() + side.link.limit_counts();
     } else if (met < 0 && k >= waiting_until) {
       recorder.push_waiting(to_seconds(now).si(), side.link.view());
       waiting_until = k + static_cast<std::int64_t>(0.1 * rate_hz);
-      if constexpr (requires { side.node.epoch(); }) view.epoch = side.node.epoch();
     }
     return plant.sample.status != HardwareStatus::fault;
   });

@@ -26,7 +26,7 @@ struct TickView {
   std::uint64_t sessions = 0;  ///< of the other side so far; 0 where there is none
   std::uint64_t refused = 0;   ///< datagrams so far that were none of the other side
   LimitCounts limits{};
-  std::uint32_t epoch = 0;     ///< of the method
+  std::uint32_t epoch = 0;  ///< of the method
 };
 
 /// The recording thread of a live run: takes rows from the cycle through a ring buffer, writes the trace, computes the
@@ -37,10 +37,10 @@ class Recorder {
  public:
   struct Options {
     Metrics<N> metrics;
-    WholeFile* trace;           ///< null: none. The caller commits it after finish()
-    double duration_s;          ///< planned; infinity: until somebody ends it
-    Side side;                  ///< whose port is shown
-    std::uint64_t trace_every;  ///< one row in so many
+    WholeFile* trace;                         ///< null: none. The caller commits it after finish()
+    double duration_s;                        ///< planned; infinity: until somebody ends it
+    Side side;                                ///< whose port is shown
+    std::uint64_t trace_every;                ///< one row in so many
     std::vector<std::string> configurations;  ///< of the schedule, in words; epoch e has that of e modulo their number
     spdlog::logger& log;
   };

@@ -16,9 +16,9 @@ namespace twoport::lab {
 
 /// What happened to the packets of a run over a link.
 struct LinkUse {
-  PacketCounts master, slave;           ///< as each side has counted them
-  std::uint64_t overflowed = 0;         ///< found the delay line full
-  std::uint32_t switches = 0;           ///< of method or architecture
+  PacketCounts master, slave;    ///< as each side has counted them
+  std::uint64_t overflowed = 0;  ///< found the delay line full
+  std::uint32_t switches = 0;    ///< of method or architecture
   LimitCounts device_limits{}, robot_limits{};
   std::optional<ClockFigures> clock{};  ///< the master's estimate of the slave's clock, where that differs
 };
