@@ -45,7 +45,7 @@ Scene scene_of(const std::string& method, const std::string& scene, const std::s
                   "8 }} path {{ "
                   "move_to {{ position_m: {} duration_s: 0.5 }} }} path {{ sine {{ amplitude_m: 0.01 frequency_hz: 1 "
                   "duration_s: 2 }} }} }} device {{ mass_kg: 0.1 damping_n_s_per_m: 0.2 }} control {{ passivity {{ "
-                  "method: {} }} "
+                  "method: {} initial_energy_j: 1e-3 }} "
                   "}} robot {{ mass_kg: 0.5 damping_n_s_per_m: 2 force_sensor {{ }} }} environment {{ wall {{ normal: "
                   "{} offset_m: "
                   "-0.02 stiffness_n_per_m: 1000 }} }} to_slave {{ delay_ms: 20 {} }} to_master {{ delay_ms: 20 {} }}",
