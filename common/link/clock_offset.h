@@ -22,8 +22,9 @@ struct ClockFigures {
 ///     θ = t_sent - (t_echo + t_received)/2          other clock less own, if both ways take equally long
 ///     |error of θ| <= round trip / 2                whatever the asymmetry; RFC 5905, section 8
 ///
-/// the packet with the smallest round trip of each second counts. Drift: least squares through these. The one-way delay of the
-/// received packets has the same error: a delay common to one direction cannot be told from an offset.
+/// the packet with the smallest round trip counts. Drift: least squares through the means of each second, from which a constant
+/// asymmetry drops out. The one-way delay of the received packets has the offset's error: a delay common to one direction cannot
+/// be told from an offset.
 class ClockOffset {
  public:
   /// Call in every tick.
@@ -34,28 +35,29 @@ class ClockOffset {
                  echo = to_seconds(Duration{peer.newest.echo_ns}).si();
     const std::int64_t second = peer.received_at / std::chrono::seconds{1};
     if (second > second_) {
-      if (best_.round_trip < kNone) add(best_);
-      best_ = {};
+      if (in_second_ > 0) add();
       second_ = second;
+      in_second_ = 0;
+      mean_ = {};
     }
-    if (const double round_trip = received - echo; round_trip < best_.round_trip)
-      best_ = {received, sent - 0.5 * (echo + received), round_trip};
+    const Sample now{received, sent - 0.5 * (echo + received), received - echo};
+    if (now.round_trip <= least_.round_trip) least_ = now;
+    ++in_second_;
+    mean_.at += (now.at - mean_.at) / in_second_;
+    mean_.offset += (now.offset - mean_.offset) / in_second_;
     const double weight = 1.0 / static_cast<double>(++packets_);
     mean_transit_ += weight * (received - sent - mean_transit_);
     mean_at_ += weight * (received - mean_at_);
   }
 
-  [[nodiscard]] bool known() const noexcept { return packets_ > 0 && (seconds_ > 0 || best_.round_trip < kNone); }
+  [[nodiscard]] bool known() const noexcept { return packets_ > 0; }
   [[nodiscard]] ClockFigures figures(double t_s) const noexcept {
     return {offset_s(t_s), bound_s(), drift(), one_way_s()};
   }
   /// The other clock less this one at the local time `t_s` [s].
-  [[nodiscard]] double offset_s(double t_s) const noexcept {
-    const Sample& s = least();
-    return s.offset + drift() * (t_s - s.at);
-  }
+  [[nodiscard]] double offset_s(double t_s) const noexcept { return least_.offset + drift() * (t_s - least_.at); }
   /// Bound of its error, from the round trip of the sample used [s].
-  [[nodiscard]] double bound_s() const noexcept { return 0.5 * least().round_trip; }
+  [[nodiscard]] double bound_s() const noexcept { return 0.5 * least_.round_trip; }
   /// Rate of the other clock less that of this one [s/s]; 0 before four seconds.
   [[nodiscard]] double drift() const noexcept {
     const double n = static_cast<double>(seconds_), spread = tt_ - t_ * t_ / n;
@@ -65,23 +67,21 @@ class ClockOffset {
   [[nodiscard]] double one_way_s() const noexcept { return mean_transit_ + offset_s(mean_at_); }
 
  private:
-  static constexpr double kNone = 1e18;
   struct Sample {
-    double at = 0.0, offset = 0.0, round_trip = kNone;
+    double at = 0.0, offset = 0.0, round_trip = 1e18;
   };
 
-  /// The best sample of a second. Sums are taken about the first one, which keeps their digits.
-  void add(const Sample& s) noexcept {
-    if (seconds_ == 0) first_ = s;
-    const double t = s.at - first_.at, o = s.offset - first_.offset;
+  /// The mean of a second. Sums are taken about the first one, which keeps their digits.
+  void add() noexcept {
+    if (seconds_ == 0) first_ = mean_;
+    const double t = mean_.at - first_.at, o = mean_.offset - first_.offset;
     ++seconds_;
     t_ += t, o_ += o, tt_ += t * t, to_ += t * o;
-    if (s.round_trip <= least_.round_trip) least_ = s;
   }
-  [[nodiscard]] const Sample& least() const noexcept { return best_.round_trip < least_.round_trip ? best_ : least_; }
 
-  Sample best_, least_, first_;  ///< of this second; of all seconds; of the first
+  Sample least_, mean_, first_;  ///< of all packets; of this second; of the first second
   std::int64_t second_ = -1, packets_ = 0, seconds_ = 0;
+  double in_second_ = 0.0;  ///< packets
   double t_ = 0.0, o_ = 0.0, tt_ = 0.0, to_ = 0.0;
   double mean_transit_ = 0.0, mean_at_ = 0.0;
 };

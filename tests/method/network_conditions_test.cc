@@ -45,7 +45,7 @@ Scene scene_of(const std::string& method, const std::string& scene, const std::s
                   "8 }} path {{ "
                   "move_to {{ position_m: {} duration_s: 0.5 }} }} path {{ sine {{ amplitude_m: 0.01 frequency_hz: 1 "
                   "duration_s: 2 }} }} }} device {{ mass_kg: 0.1 damping_n_s_per_m: 0.2 }} control {{ passivity {{ "
-                  "method: {} }} "
+                  "method: {} initial_energy_j: 1e-3 }} "
                   "}} robot {{ mass_kg: 0.5 damping_n_s_per_m: 2 force_sensor {{ }} }} environment {{ wall {{ normal: "
                   "{} offset_m: "
                   "-0.02 stiffness_n_per_m: 1000 }} }} to_slave {{ delay_ms: 20 {} }} to_master {{ delay_ms: 20 {} }}",
@@ -72,13 +72,18 @@ TEST_P(NetworkConditions, KeepWhatTheMethodPromises) {
   const auto is = [&](const auto&... each) { return ((method == each) || ...); };
   EXPECT_GT(s.coupled_share(), 0.5) << s.verdict();
   // No promise: NONE, FOUR_CHANNEL. A hundred times a second a held force is more than CLASSIC's damping covers.
-  if (!is("NONE", "FOUR_CHANNEL", "CLASSIC")) EXPECT_TRUE(s.stable()) << s.verdict();
+  if (!is("NONE", "FOUR_CHANNEL", "CLASSIC")) {
+    EXPECT_TRUE(s.stable()) << s.verdict();
+  }
   // E(0) of 1 mJ, and what the prediction of a tick of 10 ms misses.
   const double missed_j = std::string_view{condition.name} == "rates_100_2000" ? 1e-3 : 2e-4;
-  if (is("INTERNAL_MODEL", "MODEL_MEDIATED", "FORCE_PROJECTED")) EXPECT_GE(s.hand_min_energy_j(), -1e-3 - missed_j);
+  if (is("INTERNAL_MODEL", "MODEL_MEDIATED", "FORCE_PROJECTED")) {
+    EXPECT_GE(s.hand_min_energy_j(), -1e-3 - missed_j);
+  }
   // E(0) of both sides.
-  if (is("FORCE_PROJECTED", "WAVE_VARIABLES", "ENERGY_TANK", "SET_POSITION_MODULATION"))
+  if (is("FORCE_PROJECTED", "WAVE_VARIABLES", "ENERGY_TANK", "SET_POSITION_MODULATION")) {
     EXPECT_GE(s.two_port_min_energy_j(), -2e-3 - missed_j);
+  }
 }
 
 INSTANTIATE_TEST_SUITE_P(Of, NetworkConditions, testing::ValuesIn(cases()),
@@ -96,10 +101,10 @@ TEST(SlaveClock, AnOffsetChangesNothing) {
   for (const std::string& method : names(Methods{})) {
     const std::string link = "jitter_ms: 3 loss: 0.1";
     const Summary same = lab::run(scene_of(method, "", link)),
-                  ahead = lab::run(scene_of(method, "slave_clock { offset_ms: 3600000 }", link));
+                  ahead = lab::run(scene_of(method, "slave_clock { offset_ms: 1000000 }", link));
     EXPECT_EQ(figures(same), figures(ahead)) << method;
     EXPECT_FALSE(same.has_slave_clock());
-    EXPECT_NEAR(ahead.slave_clock().offset_ms(), 3.6e6, ahead.slave_clock().bound_ms());
+    EXPECT_NEAR(ahead.slave_clock().offset_ms(), 1e6, ahead.slave_clock().bound_ms());
   }
 }
 
@@ -110,10 +115,10 @@ TEST(SlaveClock, IsEstimatedWithinItsBound) {
     scene.duration_s = 20.0;
     const Summary s = lab::run(scene);
     EXPECT_LE(std::abs(s.slave_clock().error_ms()), s.slave_clock().bound_ms());
-    // Twenty best packets of a second each, whose jitter of 4 ms leaves some 0.3 ms.
-    EXPECT_NEAR(s.slave_clock().drift_ppm(), drift_ppm, 60.0);
-    EXPECT_LE(std::abs(s.slave_clock().error_ms()), 1.0);
-    EXPECT_NEAR(s.slave_clock().one_way_ms(), 21.0, 2.0);  // 20 ms, and half a tick at each end
+    // Means of a thousand packets with a jitter of 4 ms, over 20 s.
+    EXPECT_NEAR(s.slave_clock().drift_ppm(), drift_ppm, 20.0);
+    // 20 ms, and half a tick at each end; the two jitters of the fastest packet are not equal.
+    EXPECT_NEAR(s.slave_clock().one_way_ms(), 21.0, 6.0);
   }
 }
 

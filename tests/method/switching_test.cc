@@ -25,7 +25,7 @@ namespace {
 struct Configuration {
   std::string method, architecture;
   [[nodiscard]] std::string text() const {
-    return fmt::format("passivity {{ method: {} }} architecture: {}", method, architecture);
+    return fmt::format("passivity {{ method: {} initial_energy_j: 1e-3 }} architecture: {}", method, architecture);
   }
 };
 
