@@ -7,7 +7,7 @@
 #include <string_view>
 #include <utility>
 
-#include "common/runtime/ring.h"
+#include "common/base/ring.h"
 
 namespace twoport {
 
