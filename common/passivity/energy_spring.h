@@ -37,7 +37,7 @@ std::optional<PortVelocityPredictor<N>> predictor_of(double mass_kg, double iner
 /// enters the port.
 ///
 ///     A  = max(0, E + E(0))                      available energy; E: energy into the port, exact
-///     K  = K_0 min(1, m/(4 T² K_0), J/(4 T² K_r))     no stiffer than the sampled handle, where its mass m is known
+///     K  = min(K_0, m/(4 T²)),  K_r likewise   no stiffer than the sampled handle, where its mass m (and inertia) is known
 ///     s1 = min(1, sqrt(2 K A) / |f_d|)           |f| <= sqrt(2 K A): the force of a spring K that stores A
 ///     s2 = largest_feasible_scale                predicted outflow <= A, see predictive_impedance_controller; without a known
 ///                                                mass T s1 f_d·(-v) s2 <= A
@@ -49,7 +49,7 @@ std::optional<PortVelocityPredictor<N>> predictor_of(double mass_kg, double iner
 ///     E(k) >= -E(0) - K δ²/2     δ: largest motion in one tick; s2 removes the second term where its prediction holds
 ///     K δ²/2 <= m |δ/T|²/8       where the mass is known: a quarter of the kinetic energy of the handle at that speed, at any T
 ///
-/// for any f_d(k), whatever has arrived, been lost or is wrong. N = 6: |δ|² = |Δp|² + K_r/K_0 |log ΔR|².
+/// for any f_d(k), whatever has arrived, been lost or is wrong. N = 6: |f|² = |f_t|² + K/K_r |τ|² and |δ|² = |Δp|² + K_r/K |log ΔR|².
 template <int N>
 class EnergySpring {
  public:
@@ -57,8 +57,9 @@ class EnergySpring {
   EnergySpring(Energy initial, double stiffness, double rotational_stiffness, double mass_kg, double inertia_kg_m2)
       : initial_{initial},
         stiffness_{stiffness},
-        ratio_{N == 6 && rotational_stiffness > 0.0 ? stiffness / rotational_stiffness : 0.0},
-        quarter_mass_kg_{0.25 * (N == 6 ? std::min(mass_kg, ratio_ * inertia_kg_m2) : mass_kg)},
+        rotational_stiffness_{rotational_stiffness},
+        quarter_mass_kg_{0.25 * mass_kg},
+        quarter_inertia_kg_m2_{0.25 * inertia_kg_m2},
         predictor_{predictor_of<N>(mass_kg, inertia_kg_m2)} {}
 
   /// Books the interval that has ended: `net`, the account of the port since the start; `moved` under `applied`.
@@ -81,17 +82,22 @@ class EnergySpring {
   [[nodiscard]] Energy deficit() const noexcept { return positive_part(-energy_); }
   /// Energy returned beyond E(0) too.
   [[nodiscard]] Energy undissipated() const noexcept { return positive_part(-(energy_ + initial_)); }
-  [[nodiscard]] double norm(const Force<N>& f) const noexcept { return wrench_norm(f, ratio_); }
 
-  /// K [N/m] at the period `dt`.
-  [[nodiscard]] double stiffness(Seconds dt) const noexcept {
-    return predictor_ ? std::min(stiffness_, quarter_mass_kg_ / (dt.si() * dt.si())) : stiffness_;
+  /// K [N/m] and K_r [N m/rad] at the period `dt`.
+  [[nodiscard]] double stiffness(Seconds dt) const noexcept { return sampled(stiffness_, quarter_mass_kg_, dt); }
+  [[nodiscard]] double rotational_stiffness(Seconds dt) const noexcept {
+    return sampled(rotational_stiffness_, quarter_inertia_kg_m2_, dt);
+  }
+  /// |f| [N]: a torque counts by K/K_r.
+  [[nodiscard]] double norm(const Force<N>& f, Seconds dt) const noexcept {
+    const double k_r = N == 6 ? rotational_stiffness(dt) : 0.0;
+    return wrench_norm(f, k_r > 0.0 ? stiffness(dt) / k_r : 0.0);
   }
   /// Scale s = s1 s2 in [0, 1] of f_d for the coming interval; `v`: velocity of the port; `beside`: what is displayed besides s f_d
   /// and has an account of its own.
   [[nodiscard]] double scale(const Force<N>& f_d, const Velocity<N>& v, Seconds dt,
                              const Force<N>& beside = {}) const noexcept {
-    const double a = available().si(), size = norm(f_d);
+    const double a = available().si(), size = norm(f_d, dt);
     if (size == 0.0) return 1.0;
     const double most = std::sqrt(2.0 * stiffness(dt) * a);
     const double s1 = size <= most ? 1.0 : most / size;
@@ -114,9 +120,12 @@ class EnergySpring {
   }
 
  private:
+  [[nodiscard]] double sampled(double stiffness, double quarter, Seconds dt) const noexcept {
+    return predictor_ ? std::min(stiffness, quarter / (dt.si() * dt.si())) : stiffness;
+  }
+
   Energy initial_, energy_, net_;
-  double stiffness_, ratio_;
-  double quarter_mass_kg_;  ///< N = 6: or K_0/K_r of a quarter of the inertia, where that is less
+  double stiffness_, rotational_stiffness_, quarter_mass_kg_, quarter_inertia_kg_m2_;
   std::optional<PortVelocityPredictor<N>> predictor_;
 };
 

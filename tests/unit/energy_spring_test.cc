@@ -63,7 +63,7 @@ TEST(EnergySpring, WeighsATorqueByTheStiffnesses) {
   const EnergySpring<6> spring{Energy{1e-3}, 100.0, 10.0, 0.0, 0.0};
   Force<6>::Vector f = Force<6>::Vector::Zero();
   f[4] = 0.1;
-  EXPECT_DOUBLE_EQ(spring.norm(Force<6>{f}), std::sqrt(0.1));
+  EXPECT_DOUBLE_EQ(spring.norm(Force<6>{f}, Seconds{1e-3}), std::sqrt(0.1));
 }
 
 /// A damping b on a mass m, held for T, with bT/m beyond 2: each tick turns the velocity round and makes it larger.
@@ -98,9 +98,11 @@ TEST(EnergySpring, IsNoStifferThanTheSampledHandleAllows) {
   EXPECT_DOUBLE_EQ(known.stiffness(slow), 10.0);
   EXPECT_DOUBLE_EQ(known.stiffness(fast), kStiffness_n_per_m);
   EXPECT_LE(known.scale(along_x(10.0), {}, slow) * 10.0, std::sqrt(2.0 * 10.0 * 20e-3) * (1.0 + 1e-12));
-  // J/(4T²) = 1e-3/(4·(10 ms)²) = 2.5 N m/rad of K_r = 10: a quarter of K too.
+  // Rotation apart: J/(4T²) = 1e-3/(4·(10 ms)²) = 2.5 N m/rad of K_r = 10, which leaves K as it is.
   const EnergySpring<6> wrench{Energy{20e-3}, kStiffness_n_per_m, 10.0, 10.0, 1e-3};
-  EXPECT_DOUBLE_EQ(wrench.stiffness(Seconds{0.01}), 250.0);
+  EXPECT_DOUBLE_EQ(wrench.stiffness(Seconds{0.01}), kStiffness_n_per_m);
+  EXPECT_DOUBLE_EQ(wrench.rotational_stiffness(Seconds{0.01}), 2.5);
+}), 250.0);
 }
 
 // Against a hand that turns back in each tick, whatever the period: -E(0) - K δ²/2 with K δ²/2 <= m (δ/T)²/8.
