@@ -54,10 +54,10 @@ class LivePage {
     while (channel_.commands.try_pop(command)) apply(command);
   }
 
-  /// Of every tick. `peer`: null without a link.
+  /// Of every tick. `peer`: null without a link. `epoch`: of the method.
   template <int N, class Output>
   void show(Duration now, Duration late, const DeviceSample<N>& device, const Output& out, Energy observed,
-            const PeerState<N>* peer, const TickView& view) noexcept {
+            const PeerState<N>* peer, const TickView& view, std::uint32_t epoch) noexcept {
     late_ = std::max(late_, late);
     dissipated_j_ += out.dissipated.si();
     if (++tick_ % every_ != 0) return;
@@ -93,7 +93,7 @@ class LivePage {
     s.dissipated_j = dissipated_j_;
     s.deficit_j = out.undissipated.si();
     s.late_us = 1e6 * to_seconds(late_).si();
-    s.epoch = epoch;
+    s.epoch = static_cast<double>(epoch);
     s.held = channel_.pointer.held ? 1.0 : 0.0;
     late_ = Duration{0};
     channel_.samples.try_push(s);

@@ -105,7 +105,7 @@ struct RenderMaster : Master<N> {
   void end_tick(Duration now, Duration late, const DeviceSample<N>& sample,
                 const typename RenderNode<N>::Output& out) noexcept {
     if (this->page) [[unlikely]]
-      this->page->show(now, late, sample, out, node.observed() - initial, static_cast<PeerState<N>*>(nullptr), {});
+      this->page->show(now, late, sample, out, node.observed() - initial, static_cast<PeerState<N>*>(nullptr), {}, 0);
   }
 
   Environment<N> environment;
