@@ -197,7 +197,7 @@ Scene scene_of(const std::string& method, int dof, Draw& draw) {
   if (dof == 6)
     text += fmt::format("rotational_stiffness_n_m_per_rad: {} rotational_damping_n_m_s_per_rad: {} ", 1e-3 * stiffness,
                         1e-3 * damping);
-  text += fmt::format("}} passivity {{ method: {} }} }}", method);
+  text += fmt::format("}} passivity {{ method: {} initial_energy_j: 1e-3 }} }}", method);
   text += " to_slave { " + way(draw) + " } to_master { " + way(draw) + " }";
   return parse_scene(text, "adversary");
 }
