@@ -102,7 +102,6 @@ TEST(EnergySpring, IsNoStifferThanTheSampledHandleAllows) {
   const EnergySpring<6> wrench{Energy{20e-3}, kStiffness_n_per_m, 10.0, 10.0, 1e-3};
   EXPECT_DOUBLE_EQ(wrench.stiffness(Seconds{0.01}), kStiffness_n_per_m);
   EXPECT_DOUBLE_EQ(wrench.rotational_stiffness(Seconds{0.01}), 2.5);
-}), 250.0);
 }
 
 // Against a hand that turns back in each tick, whatever the period: -E(0) - K δ²/2 with K δ²/2 <= m (δ/T)²/8.
