@@ -263,8 +263,7 @@ TEST(WaveVariables, AClampedLineIsAStaircaseOfTwiceTheImpedance) {
                                 .slave_energy_in = far_end.energy(),
                                 .account = account,
                                 .active = true,
-                                .ramp = 1.0,
-                                .carried = nullptr});
+                                .ramp = 1.0});
     account.book(dot(out.f, device.v * dt));
     Words words;
     half.write_payload(words);

@@ -68,6 +68,7 @@ class OverBytes {
         next_s = tick_time(++s, scene_.slave_rate_hz);
         continue;
       }
+      while (switch_times_.due(to_seconds(next_m).si(), master.epoch())) master.switch_to_next();
       const auto out = sides_.master_tick(next_m);
       const Row<N> row = columns<N>(next_m, out, out.dissipated + std::exchange(dissipated_by_slave, {}),
                                     robot.environment_force(), device, robot, master, slave);
@@ -90,6 +91,7 @@ class OverBytes {
   MemorySocket master_socket_ = network_.open(kMaster, Duration{0}), slave_socket_ = network_.open(kSlave, Duration{0});
   ImpairedSocket master_filter_, slave_filter_;
   test::TwoSides<N, LinkTransport<N>> sides_;
+  SwitchTimes switch_times_{scene_.schedule};
   Registration<N> registration_;
 };
 
@@ -140,12 +142,13 @@ void expect_same_over_bytes(const Scene& scene) {
   }
 }
 
-/// Every scene with a link.
+/// Every scene with a link whose two sides have one clock, as they have here.
 std::vector<std::string> scenes() {
   std::vector<std::string> all;
   for (const auto& entry : std::filesystem::recursive_directory_iterator{TWOPORT_SCENES}) {
     if (entry.path().extension() != ".textproto") continue;
     const Scene scene = load_scene(entry.path());
+    if (!(scene.slave_clock == ClockSpec{})) continue;
     if (scene.control.architecture != Architecture::render && scene.control.architecture != Architecture::uncontrolled)
       all.push_back(std::filesystem::relative(entry.path(), TWOPORT_SCENES).replace_extension().string());
   }

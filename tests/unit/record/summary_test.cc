@@ -45,6 +45,7 @@ void fill(pb::Message& m, double& next) {
         r.SetString(&m, field, "a \"wall\"\nof " + field->name());
         break;
       case Field::CPPTYPE_MESSAGE:
+        if (field->is_repeated()) break;  // a map: not among the numbers
         fill(*r.MutableMessage(&m, field), next);
         break;
       default:
