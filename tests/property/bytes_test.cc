@@ -148,7 +148,7 @@ std::vector<std::string> scenes() {
   for (const auto& entry : std::filesystem::recursive_directory_iterator{TWOPORT_SCENES}) {
     if (entry.path().extension() != ".textproto") continue;
     const Scene scene = load_scene(entry.path());
-    if (!(scene.slave_clock == ClockSpec{})) continue;
+    if (scene.slave_clock.offset_s != 0.0 || scene.slave_clock.drift != 0.0) continue;
     if (scene.control.architecture != Architecture::render && scene.control.architecture != Architecture::uncontrolled)
       all.push_back(std::filesystem::relative(entry.path(), TWOPORT_SCENES).replace_extension().string());
   }
