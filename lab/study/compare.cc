@@ -20,7 +20,8 @@ namespace twoport::lab {
 
 Comparison compare(const CompareOptions& o) {
   Comparison all{.scene = {}, .dof = 0, .methods = o.methods, .summaries = {}};
-  const bool rendered = load_scene(o.scene, o.set).control.architecture == Architecture::render;
+  const Scene as_it_is = load_scene(o.scene, o.set);
+  const bool rendered = as_it_is.control.architecture == Architecture::render;
   const std::vector<std::string> allowed = rendered ? rendering_methods() : all_methods();
   check_methods(o.methods, allowed);
   if (all.methods.empty()) all.methods = allowed;
@@ -28,6 +29,9 @@ Comparison compare(const CompareOptions& o) {
   for (const std::string& method : all.methods) {
     std::vector<std::string> set = o.set;
     set.push_back("control.passivity.method=" + method);
+    // The same E(0) for every method.
+    if (!rendered)
+      set.push_back(fmt::format("control.passivity.initial_energy_j={}", as_it_is.control.initial_energy.si()));
     scenes.push_back(load_scene(o.scene, set));
   }
   all.scene = scenes.front().name;
@@ -76,7 +80,7 @@ std::string to_text(const Comparison& all) {
                                  {"muted", "muted_share", 1.0},
                                  {"drag N", "free_force_rms_n", 1.0},
                                  {"chatter N", "chatter_rms_n", 1.0},
-                                 {"turned deg", "force_direction_error_rms_deg", 1.0},
+                                 {"turned deg", "felt_force_direction_error_rms_deg", 1.0},
                                  {"drift mm", "drift_m", 1e3},
                                  {"hand mJ", "hand_min_energy_j", 1e3},
                                  {"both mJ", "two_port_min_energy_j", 1e3}};

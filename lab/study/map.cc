@@ -118,6 +118,7 @@ const std::vector<std::string>& map_figures() {
                                             "drift_m",
                                             "position_error_rms_m",
                                             "force_direction_error_rms_deg",
+                                            "felt_force_direction_error_rms_deg",
                                             "chatter_rms_n",
                                             "free_force_rms_n",
                                             "penetration_max_m",
@@ -160,6 +161,13 @@ std::vector<std::string> map_overrides(const Scene& scene, const std::string& me
     } else {
       all.push_back(fmt::format("{}.loss={}", way, p.loss));
     }
+  }
+  // The same E(0) for every method, that of the default's rule at this round trip, unless the scene states one.
+  if (scene.control.initial_energy.si() == default_initial_energy(scene.control).si()) {
+    ControlOptions there = scene.control;
+    there.method_name = kDefaultMethod;
+    there.known.round_trip = Seconds{round_trip_s};
+    all.push_back(fmt::format("control.passivity.initial_energy_j={}", default_initial_energy(there).si()));
   }
   double duration_s = scene.duration_s;
   if (scene.operator_model)

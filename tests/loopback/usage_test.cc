@@ -74,7 +74,10 @@ TEST(Usage, NamesAnAddressThatIsNone) {
     expect_refused(pair.slave(), {"--listen", "'" + pair.address() + "'", "ADDR:PORT"});
   }
   pair.host = "192.0.2.1";  // kept for documentation: nobody has it
-  expect_refused(pair.slave(), {pair.address(), "no interface"});
+  expect_refused(pair.slave(), {pair.address(), "without a key"});
+  Process insecure = pair.slave("out", {"--insecure"});
+  EXPECT_EQ(insecure.wait(), exited(2)) << insecure.err();
+  EXPECT_NE(insecure.err().find("no interface"), std::string::npos) << insecure.err();
   pair.host = "127.0.0.1";
   pair.port = 0;
   expect_refused(pair.master(), {pair.address()});

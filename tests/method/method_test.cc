@@ -207,9 +207,9 @@ TEST_P(EverySwitch, MakesNoJumpInForceAndKeepsTheHandsGrant) {
     // The others add a damper to the wanted force.
     const bool only_shortens = p.to == "NONE" || p.to == "FORCE_PROJECTED" || p.to == "WAVE_VARIABLES" ||
                                p.to == "ENERGY_BOUNDING" || p.to == "FOUR_CHANNEL" || p.to == "FRACTAL_IMPEDANCE";
-    // The slave's force is not that of the virtual coupling and changes when the slave switches.
-    const bool slave_jumps =
-        p.from == "SET_POSITION_MODULATION" || p.from == "FOUR_CHANNEL" || p.from == "FRACTAL_IMPEDANCE";
+    // The force pressed or displayed is not that of the virtual coupling, and changes after the switch.
+    const bool slave_jumps = p.from == "SET_POSITION_MODULATION" || p.from == "FOUR_CHANNEL" ||
+                             p.from == "FRACTAL_IMPEDANCE" || p.from == "MODEL_MEDIATED";
     AnyMasterHalf<N> master{next};
     AnySlaveHalf<N> slave{next};
     const Energy at_switch = loop.device.port_energy();

@@ -38,7 +38,7 @@ ControlOptions read(const char* control) {
   schema::Control message;
   if (!google::protobuf::TextFormat::ParseFromString(control, &message)) std::puts("the schema lacks it");
   const Context context{.file = "scene", .dof = 3};
-  return read_control(Block{context, message, "control"});
+  return read_control(Block{context, message, "control"}, SceneFor::laboratory);
 }
 }  // namespace
 
@@ -50,7 +50,7 @@ int main() {
   PeerState<3> slave;
   const MasterOutput<3> out =
       half.step({.dt = Seconds{1e-3}, .ended = Seconds{1e-3}, .device = device, .interval = {}, .first = true, .slave = slave,
-                 .slave_energy_in = {}, .account = {}, .active = true, .ramp = 1.0, .carried = nullptr});
+                 .slave_energy_in = {}, .account = {}, .active = true, .ramp = 1.0});
   std::printf("%g N\n", out.f[0]);
   if (out.f[0] != 1.0) return 1;
   try {

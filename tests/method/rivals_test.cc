@@ -473,10 +473,11 @@ TEST(ModelMediated, TheHandMovesFreelyAndThenFeelsTheModel) {
 // catch_up_m_per_s within the same energy limit (the law of Chawda and O'Malley). The demo ends in free space.
 TEST(TimeDomainPassivity, DriftCompensationBringsTheRobotBack) {
   const auto drift_m = [](const char* compensated) {
-    return lab::run(load_scene(std::string{TWOPORT_SCENES} + "/demo.textproto",
-                               std::vector<std::string>{
-                                   "control.passivity.method=FORCE_PROJECTED",
-                                   std::string{"control.virtual_coupling.drift_compensation="} + compensated}))
+    return lab::run(
+               load_scene(std::string{TWOPORT_SCENES} + "/demo.textproto",
+                          std::vector<std::string>{
+                              "control.passivity.method=FORCE_PROJECTED", "control.passivity.initial_energy_j=1e-3",
+                              std::string{"control.virtual_coupling.drift_compensation="} + compensated}))
         .drift_m();
   };
   const double with = drift_m("true"), without = drift_m("false");

@@ -10,15 +10,15 @@ struct SetPositionGains {
   Energy ceiling;
 };
 
-/// What is not given: half of the virtual coupling's spring, as each side has one, a tenth of its damper; ceiling 20 mJ. The law is
-/// passive for any values; these set drag against stiffness.
+/// What is not given: half of the virtual coupling's spring and damper, as each side has one; ceiling 20 mJ. These set drag against
+/// stiffness.
 inline SetPositionGains set_position_gains(const ControlOptions& o) {
   const SetPositionModulationOptions& given = o.set_position_modulation;
   const CouplingOptions& c = o.coupling;
   return {given.stiffness_n_per_m.value_or(0.5 * c.stiffness_n_per_m),
-          given.damping_n_s_per_m.value_or(0.1 * c.damping_n_s_per_m),
+          given.damping_n_s_per_m.value_or(0.5 * c.damping_n_s_per_m),
           given.rotational_stiffness_n_m_per_rad.value_or(0.5 * c.rotational_stiffness_n_m_per_rad),
-          given.rotational_damping_n_m_s_per_rad.value_or(0.1 * c.rotational_damping_n_m_s_per_rad),
+          given.rotational_damping_n_m_s_per_rad.value_or(0.5 * c.rotational_damping_n_m_s_per_rad),
           Energy{given.energy_ceiling_j.value_or(0.02)}};
 }
 

@@ -56,8 +56,9 @@ TEST(Scene, RefusesEveryNumberThatIsNotFinite) {
 }
 
 TEST(Scene, RefusesAnAnchorsMotionThatIsNotFinite) {
-  const char* const moving = "dof: 1 duration_s: 1 robot { } environment { spring { stiffness_n_per_m: 1 anchor_m: [0] "
-                             "anchor_motion { amplitude_m: 0.01 frequency_hz: 1 } } }";
+  const char* const moving =
+      "dof: 1 duration_s: 1 robot { mass_kg: 1 } environment { spring { stiffness_n_per_m: 1 anchor_m: [0] "
+      "anchor_motion { amplitude_m: 0.01 frequency_hz: 1 } } }";
   EXPECT_EQ(error_of(moving), "");
   for (const std::string field : {"amplitude_m", "frequency_hz"}) {
     const std::string path = "environment[0].spring.anchor_motion." + field;
