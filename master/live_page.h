@@ -44,7 +44,7 @@ class LivePage {
         channel_);
     log.info("page: {}", server_->url());
     if (!server_->is_local())
-      log.warn("the page has no password: whoever reaches {} can watch and move the robot", server_->url());
+      log.warn("the page has no password: whoever reaches {} can watch and move the robot", a.page);
   }
 
   /// Calls apply(command) for each command that has arrived: network, method.

@@ -77,8 +77,9 @@ int live_program(int argc, char** argv, Side side, const std::string& drivers,
     if (scene.control.architecture == Architecture::uncontrolled)
       throw ConfigError(a.scene +
                         ": control.architecture is UNCONTROLLED, which does not run live; use twoport-lab run");
-    prepare_folder(a);  // before anything can fail
-    stop_on_signals();  // before hardware is opened, so that whatever has been opened is released
+    prepare_folder(a);   // before anything can fail
+    stop_on_signals();   // before hardware is opened, so that whatever has been opened is released
+    switches_by_hand();  // SIGUSR1 to a slave counts, and does nothing
     return body(scene, a);
   } catch (const CLI::ParseError& e) {
     if (e.get_exit_code() == 0) return app.exit(e);  // --help, --version, --list-devices

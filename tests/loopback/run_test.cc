@@ -485,6 +485,16 @@ TEST(Schedule, BothSidesFollowItAndAUserGoesOn) {
   expect_sound({m, pair.summary("slave")});
 }
 
+TEST(Schedule, SignalsToTheSlaveChangeNothing) {
+  const Pair pair;
+  Process slave = pair.listening_slave("slave");
+  slave.send(SIGUSR1);
+  Process master = pair.master("master");
+  EXPECT_EQ(master.wait(), exited(0)) << master.err();
+  EXPECT_EQ(slave.wait(), exited(0)) << slave.err();
+  EXPECT_EQ(pair.summary("slave").mode(), "coupled");
+}
+
 TEST(Schedule, OfAnotherOrderIsRefused) {
   const Pair pair;
   Process slave = pair.listening_slave("slave", {"--set", "control.schedule[0].passivity.method=INTERNAL_MODEL"});
