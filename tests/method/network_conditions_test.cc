@@ -7,21 +7,13 @@
 #include <string>
 #include <vector>
 
-#include "common/method/catalogue.h"
 #include "common/record/summary.h"
 #include "common/scene/load.h"
 #include "lab/run.h"
+#include "lab/study/map.h"
 
 namespace twoport {
 namespace {
-
-template <class... Each>
-std::vector<std::string> names(TypeList<Each...>) {
-  std::vector<std::string> all;
-  const auto add = [&]<class M>() { all.insert(all.end(), std::begin(M::kNames), std::end(M::kNames)); };
-  (add.template operator()<Each>(), ...);
-  return all;
-}
 
 struct Condition {
   const char *name, *scene, *link;
@@ -59,7 +51,7 @@ struct Case {
 };
 std::vector<Case> cases() {
   std::vector<Case> all;
-  for (const std::string& method : names(Methods{}))
+  for (const std::string& method : lab::all_methods())
     for (const Condition& c : kConditions) all.push_back({method, c});
   return all;
 }
@@ -98,7 +90,7 @@ std::string figures(Summary s) {
 
 // Time stamps of one side mean nothing to the other: nothing but the estimate changes with the slave's clock.
 TEST(SlaveClock, AnOffsetChangesNothing) {
-  for (const std::string& method : names(Methods{})) {
+  for (const std::string& method : lab::all_methods()) {
     const std::string link = "jitter_ms: 3 loss: 0.1";
     const Summary same = lab::run(scene_of(method, "", link)),
                   ahead = lab::run(scene_of(method, "slave_clock { offset_ms: 1000000 }", link));
