@@ -70,7 +70,7 @@ class PageDevice final : public Device<N> {
     begun_ = true;
     if (held_ && since_ > kWatchdog) held_ = false;
     channel_->pointer.held = held_;
-    return {x_, Velocity<N>{v_}, applied_};
+    return {.x = x_, .v = Velocity<N>{v_}, .applied = applied_, .held = held_};
   }
   void actuate(const Force<N>& f) noexcept override { applied_ = f; }
   void release() noexcept override {

@@ -56,7 +56,8 @@ class MasterNode {
         into = pause(into);
       account_.book(into);
     }
-    if (modes_.step(tick.now.time_since_epoch(), slave)) {
+    const Duration now = tick.now.time_since_epoch();
+    if (modes_.step(now, slave, modes_.has_let_go(now, device.held))) {
       ramp_.drop();
       half_.start(device);
     }

@@ -39,7 +39,7 @@ class SlaveNode {
       return fail_safe(robot);
     if (modes_.has_paused(tick)) [[unlikely]]
       pause();
-    if (modes_.step(tick.now.time_since_epoch(), master) || !started_) {
+    if (modes_.step(tick.now.time_since_epoch(), master, master.newest.mode == Mode::let_go) || !started_) {
       half_.start(robot, master);
       commanded_ = false;
     }

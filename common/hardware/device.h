@@ -31,6 +31,9 @@ struct DeviceSample {
   Force<N> applied;  ///< force actually held at the network port since the last tick [N], after all limits
   HardwareStatus status = HardwareStatus::ok;
   std::uint32_t buttons = 0;  ///< bit i is set while button i is pressed
+  /// Does the operator hold the handle? Devices that cannot know say true. After control.release_after_s without, both sides
+  /// are released until it is held again.
+  bool held = true;
 };
 
 /// Values that only simulated hardware knows, at the time of the last reading.

@@ -9,11 +9,11 @@
 
 namespace twoport {
 
-/// Mode of one side of a link.
-enum class Mode : std::uint8_t { idle, coupled, holding, released };
+/// Mode of one side of a link. let_go: nobody holds the handle; the other side is there.
+enum class Mode : std::uint8_t { idle, coupled, holding, released, let_go };
 
 constexpr const char* to_string(Mode mode) {
-  constexpr const char* kNames[] = {"idle", "coupled", "holding", "released"};
+  constexpr const char* kNames[] = {"idle", "coupled", "holding", "released", "let_go"};
   return kNames[static_cast<std::size_t>(mode)];
 }
 

@@ -10,14 +10,16 @@ namespace twoport {
 struct Health {
   bool heard;   ///< a report of the other side has arrived within hold_after
   bool silent;  ///< none within release_after
+  bool let_go;  ///< nobody has held the handle for release_after
 };
 
 /// idle -> coupled on the first report; coupled -> holding when the link is silent; holding -> coupled when reports
-/// arrive again, -> released when it stays silent; released -> coupled when reports arrive again.
+/// arrive again, -> released when it stays silent; released -> coupled when reports arrive again. While reports arrive and
+/// nobody holds the handle: let_go.
 [[nodiscard]] constexpr Mode next_mode(Mode mode, const Health& health) noexcept {
-  if (health.heard) return Mode::coupled;
+  if (health.heard) return health.let_go ? Mode::let_go : Mode::coupled;
   if (mode == Mode::coupled || mode == Mode::holding) return health.silent ? Mode::released : Mode::holding;
-  return mode;
+  return mode == Mode::let_go ? Mode::released : mode;
 }
 
 /// Does a change from `was` to `mode` begin a coupling? A return from holding continues the existing one.
@@ -38,12 +40,19 @@ class ModeMachine {
   [[nodiscard]] bool has_paused(const Tick<Clock>& tick) const noexcept {
     return tick.ended >= pause_after_ && tick.ended > 1.5 * tick.dt;
   }
+  /// At the master: has nobody held the handle for release_after? Call in every tick, before step().
+  [[nodiscard]] bool has_let_go(Duration now, bool held) noexcept {
+    if (held) held_at_ = now;
+    return now - held_at_ >= release_after_;
+  }
   /// True when a coupling begins.
   template <int N>
-  [[gnu::always_inline]] bool step(Duration now, const PeerState<N>& peer) noexcept {
+  [[gnu::always_inline]] bool step(Duration now, const PeerState<N>& peer, bool let_go) noexcept {
     const Duration silence = now - peer.received_at;
     const Mode was = mode_;
-    mode_ = next_mode(mode_, {.heard = peer.has_report && silence < hold_after_, .silent = silence >= release_after_});
+    mode_ = next_mode(
+        mode_,
+        {.heard = peer.has_report && silence < hold_after_, .silent = silence >= release_after_, .let_go = let_go});
     return begins(was, mode_);
   }
   void release() noexcept { mode_ = Mode::released; }
@@ -55,13 +64,14 @@ class ModeMachine {
 
  private:
   Seconds pause_after_;
-  Duration hold_after_, release_after_;
+  Duration hold_after_, release_after_, held_at_{0};
   Mode mode_ = Mode::idle;
 };
 
-static_assert(next_mode(Mode::idle, {.heard = false, .silent = true}) == Mode::idle);
-static_assert(next_mode(Mode::coupled, {.heard = false, .silent = false}) == Mode::holding);
-static_assert(next_mode(Mode::holding, {.heard = false, .silent = true}) == Mode::released);
-static_assert(next_mode(Mode::released, {.heard = true, .silent = false}) == Mode::coupled);
+static_assert(next_mode(Mode::idle, {.heard = false, .silent = true, .let_go = false}) == Mode::idle);
+static_assert(next_mode(Mode::coupled, {.heard = false, .silent = false, .let_go = false}) == Mode::holding);
+static_assert(next_mode(Mode::holding, {.heard = false, .silent = true, .let_go = false}) == Mode::released);
+static_assert(next_mode(Mode::released, {.heard = true, .silent = false, .let_go = false}) == Mode::coupled);
+static_assert(next_mode(Mode::coupled, {.heard = true, .silent = false, .let_go = true}) == Mode::let_go);
 
 }  // namespace twoport

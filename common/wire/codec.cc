@@ -68,7 +68,7 @@ std::uint32_t version(std::span<const std::byte> bytes) {
 
 template <int N>
 bool read_report(const schema::Datagram& message, Report<N>& r) {
-  if (message.sample_size() != kSampleSize<N> || message.mode() > static_cast<std::uint32_t>(Mode::released))
+  if (message.sample_size() != kSampleSize<N> || message.mode() > static_cast<std::uint32_t>(Mode::let_go))
     return false;
   if (message.sequence() == 0 || message.sent_ns() < 0 || message.sent_ns() > kLatest || message.echo_ns() < -1 ||
       message.echo_ns() > kLatest)

@@ -25,14 +25,17 @@ struct Calls {
 Calls calls;
 
 /// The simulated device, whose arguments change what it says: "blind" (no truth), "fault=K", "stale=K" (at its Kth
-/// reading, the first being 0).
+/// reading, the first being 0), "loose=K" (nobody holds it from then on).
 class Odd final : public Device<1> {
  public:
   explicit Odd(const DriverOptions& o)
       : model_{all_drivers().devices.open<1>("sim", o.scene, o.period)}, blind_{o.arguments == "blind"} {
     const std::size_t equals = o.arguments.find('=');
     if (equals == std::string::npos) return;
-    status_ = o.arguments.starts_with("fault") ? HardwareStatus::fault : HardwareStatus::stale;
+    loose_ = o.arguments.starts_with("loose");
+    status_ = loose_                             ? HardwareStatus::ok
+              : o.arguments.starts_with("fault") ? HardwareStatus::fault
+                                                 : HardwareStatus::stale;
     odd_at_ = std::stoi(o.arguments.substr(equals + 1));
   }
   [[nodiscard]] DeviceInfo info() const override {
@@ -46,6 +49,7 @@ class Odd final : public Device<1> {
     DeviceSample<1> sample = model_->sense(tick);
     calls.energies_j.push_back(model_->truth()->port_energy.si());
     if (readings_++ == odd_at_) sample.status = status_;
+    sample.held = !loose_ || readings_ <= odd_at_;
     return sample;
   }
   void actuate(const Force<1>& f) noexcept override {
@@ -64,7 +68,7 @@ class Odd final : public Device<1> {
 
  private:
   std::unique_ptr<Device<1>> model_;
-  bool blind_;
+  bool blind_, loose_ = false;
   int readings_ = 0, odd_at_ = -1;
   HardwareStatus status_ = HardwareStatus::ok;
 };
@@ -159,6 +163,26 @@ TEST(Hardware, ThatReportsAFaultAtOnceIsNotRun) {
   const Said said;
   EXPECT_NE(said.err.find("odd:fault=0: hardware fault at the first reading"), std::string::npos) << said.err;
   EXPECT_EQ(calls.order.find('a'), std::string::npos) << calls.order;
+}
+
+// The scene presses the wall under FORCE_PROJECTED, and its hand pushes on: what the robot feels ends by its own rule.
+TEST(Hardware, ThatNobodyHoldsLetsTheRobotGo) {
+  Pair pair;
+  Process slave = pair.listening_slave("slave", {"--set", "duration_s=4"});
+  EXPECT_EQ(
+      run(master_program, {"twoport-master", "--scene", pair.scene, "--peer", pair.address(), "--set", "duration_s=3.2",
+                           "--no-spin", "--out", pair.at("master"), "--device", "odd:loose=1500"}),
+      0);
+  const Said said;
+  EXPECT_EQ(slave.wait(), exited(0)) << slave.err();
+  EXPECT_EQ(count(said.err, "s: released: nobody holds the handle"), 1) << said.err;
+  EXPECT_EQ(count(slave.err(), "s: released: nobody holds the handle"), 1) << slave.err();
+  // Let go after 1.5 s; control.release_after_s is 1 s, and the way 10 ms. 0.3 s for what a busy machine is late.
+  const Trace trace = pair.trace("slave");
+  EXPECT_GT(trace.peak("slave_f_0", 1.0, 2.4), 1.0) << "it pressed";
+  EXPECT_EQ(trace.peak("slave_f_0", 2.85, 3.1), 0.0);
+  EXPECT_LT(trace.peak("env_f_0", 2.95, 3.1), 0.5) << "and leaves the wall";
+  EXPECT_EQ(summary_in(pair.at("master")).mode(), "let_go");
 }
 
 TEST(Hardware, WithNothingNewIsCountedAndSaid) {

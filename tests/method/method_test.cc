@@ -75,6 +75,15 @@ class Loop : test::DelayLines<N>, public test::TwoSides<N> {
     slave_out = this->slave_tick(now);
     return this->master_tick(now);
   }
+  /// The same with another device before the simulated one.
+  template <class OtherDevice>
+  typename MasterNode<N>::Output tick(OtherDevice& other) noexcept {
+    const Duration now = tick_time(k_++, scene_.rate_hz);
+    slave_out = this->slave_tick(now);
+    if (now > Duration{0}) this->device.advance();
+    return run_cycle(this->master, other, this->master_mail,
+                     Tick<MasterClock>{Instant<MasterClock>{now}, this->master_dt});
+  }
   [[nodiscard]] int ticks() const { return static_cast<int>(scene_.duration_s * scene_.rate_hz); }
   [[nodiscard]] Seconds dt() const { return this->master_dt; }
 
@@ -141,6 +150,54 @@ TEST_P(EveryMethod, LetsGoForAReadingThatIsNoneAndRecovers) {
       const auto next = loop.tick();
       ASSERT_TRUE(next.command.finite());
       coupled = coupled || next.mode == Mode::coupled;
+    }
+    EXPECT_TRUE(coupled);
+  });
+}
+
+/// A device whose operator may have let go. The hand pushes on all the same: the worst case, a handle that stays where it is.
+template <int N>
+struct LooseDevice {
+  test::TwoSides<N>* sides;
+  bool held;
+  DeviceSample<N> sense(const Tick<MasterClock>& tick) noexcept {
+    DeviceSample<N> sample = sides->device.sense(tick);
+    sample.held = held;
+    return sample;
+  }
+  void actuate(const Force<N>& f) noexcept { sides->device.actuate(f); }
+};
+
+// The handle is let go while the robot presses the wall: release_after_s and one way later no force acts on the robot.
+TEST_P(EveryMethod, ReleasesTheRobotWhenNobodyHoldsTheHandle) {
+  at_size(GetParam().dof, [&]<int N>() {
+    const Scene scene = scene_of(GetParam());
+    Loop<N> loop{scene};
+    LooseDevice<N> device{&loop, true};
+    double pressed = 0.0;
+    for (int k = 0; k < 600; ++k) {
+      loop.tick(device);
+      pressed = std::max(pressed, std::sqrt(loop.slave_out.command.f.squared_norm()));
+    }
+    EXPECT_GT(pressed, 0.5) << "nothing to let go of";
+    device.held = false;
+    // One way of the longest delay: 20 ms, or 10 ms with five standard deviations and a reordered packet, and losses.
+    const int release = static_cast<int>(1000.0 * scene.control.release_after.si()), way = 120;
+    for (int k = 0; k < release - 1; ++k) loop.tick(device);
+    for (int k = 0; k < 700; ++k) {
+      const auto out = loop.tick(device);
+      ASSERT_EQ(out.command.squared_norm(), 0.0) << k;
+      if (k < way) continue;
+      ASSERT_EQ(loop.slave_out.command.f.squared_norm(), 0.0) << k;
+      ASSERT_FALSE(loop.slave_out.mode == Mode::coupled || loop.slave_out.mode == Mode::holding) << k;
+    }
+    EXPECT_EQ(loop.master.mode(), Mode::let_go);
+    device.held = true;
+    bool coupled = false;
+    for (int k = 0; k < 300; ++k) {
+      const auto out = loop.tick(device);
+      ASSERT_TRUE(out.command.finite() && loop.slave_out.command.f.finite());
+      coupled = coupled || (out.mode == Mode::coupled && loop.slave_out.mode == Mode::coupled);
     }
     EXPECT_TRUE(coupled);
   });

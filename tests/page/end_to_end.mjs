@@ -44,8 +44,8 @@ async function set(id, to) {
 
 try {
   await page.goto(url);
-  await until('both sides are coupled', async () => (await text('mode')) === 'master: coupled' && (await text('slave-mode')) === 'slave: coupled');
-  say('the page shows both sides coupled');
+  await until('both sides wait for a hand', async () => (await text('mode')) === 'master: let go' && (await text('slave-mode')) === 'slave: let go');
+  say('the page shows that nobody holds the handle');
   if ((await value('felt')) > 0.2) throw new Error(`a force is felt before the drag: ${await text('felt')}`);
 
   const box = await page.locator('#picture').boundingBox();
@@ -54,6 +54,7 @@ try {
   await page.mouse.move(x, y);
   await page.mouse.down();
   await until('the handle is held', async () => (await text('held')) === 'handle held');
+  await until('both sides are coupled', async () => (await text('mode')) === 'master: coupled' && (await text('slave-mode')) === 'slave: coupled');
   await page.mouse.move(x + 0.045 * scale, y, { steps: 30 });
   await until('a force above 1 N is felt', async () => (await value('felt')) > 1);
   await new Promise((r) => setTimeout(r, 1500));

@@ -5,7 +5,8 @@ import { Channel, Layout, type Introduction, type Network, type Vec } from './ch
 import { Picture, viewsFor } from './picture';
 import { Plots, type Curve, type PlotSpec } from './plots';
 
-const MODES = ['idle', 'coupled', 'holding', 'released'];
+const MODES = ['idle', 'coupled', 'holding', 'released', 'let go'];
+const COUPLED = 1;
 const PLOT_EVERY = 4; // samples
 const REACH_M = 0.5;
 
@@ -39,6 +40,7 @@ class Page {
   private past: { t: number; hand: Vec }[] = [];
 
   private samples = 0;
+  private coupledFor = 0; // samples
   private axis = 0;
   private latest: { at: number; late: number }[] = [];
   private lossWindow: { at: number; received: number; lost: number }[] = [];
@@ -357,12 +359,15 @@ class Page {
     const hand = this.vector('hand_x_m');
     if (this.samples % 10 === 0) this.past.push({ t, hand });
     if (this.past.length > 200) this.past.shift();
-    const coupled = this.last![this.layout.place('slave_mode')] === 1, trip = this.last![this.layout.place('round_trip_ms')]!;
+    const coupled = this.last![this.layout.place('slave_mode')] === COUPLED, trip = this.last![this.layout.place('round_trip_ms')]!;
+    if (!coupled) this.coupledFor = 0;
     if (!this.scene!.linked || !coupled || trip < 0) return;
     const then = this.past.find((p) => p.t >= t - 1e-3 * trip) ?? this.past.at(-1);
     if (!then) return;
     const robot = this.vector('robot_x_m'), behind = this.vector('behind_m'), s = this.scene!.motion_scale;
-    const share = this.samples < 200 ? 1 : 0.005;
+    // A coupling that begins has an origin of its own.
+    if (this.coupledFor++ === 0) this.past = this.past.slice(-1);
+    const share = this.coupledFor < 200 ? 1 : 0.005;
     this.origin = this.origin.map((o, i) => o + share * (robot[i]! - behind[i]! - s * then.hand[i]! - o)) as Vec;
   }
   private inRobotWorld(p: Vec): Vec {
@@ -408,7 +413,7 @@ class Page {
     const then = this.lossWindow[0]!, lost = now.lost - then.lost, all = now.received - then.received + lost;
     show('loss', all > 0 ? (100 * lost) / all : NaN, 1, '%');
     const mode = MODES[number('mode')] ?? '?', slave = MODES[number('slave_mode')] ?? '?';
-    const kind = (m: string): '' | 'good' | 'bad' => (m === 'coupled' ? 'good' : m === 'idle' ? '' : 'bad');
+    const kind = (m: string): '' | 'good' | 'bad' => (m === 'coupled' ? 'good' : m === 'idle' || m === 'let go' ? '' : 'bad');
     state('mode', `master: ${mode}`, kind(mode));
     element('slave-mode').hidden = !this.scene!.linked;
     state('slave-mode', `slave: ${slave}`, kind(slave));
