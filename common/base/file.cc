@@ -1,8 +1,13 @@
 #include "common/base/file.h"
 
+#include <fcntl.h>
+#include <sys/file.h>
+#include <unistd.h>
+
 #include <algorithm>
 #include <array>
 #include <cerrno>
+#include <cstdint>
 #include <filesystem>
 #include <memory>
 #include <system_error>
@@ -63,15 +68,63 @@ WholeFile::~WholeFile() {
 }
 
 void WholeFile::write(std::string_view text) noexcept {
-  if (std::fwrite(text.data(), 1, text.size(), file_) != text.size() && error_ == 0) error_ = errno;
+  lines_ += static_cast<std::size_t>(std::count(text.begin(), text.end(), '\n'));
+  if (error_ == 0 && std::fwrite(text.data(), 1, text.size(), file_) != text.size()) error_ = errno;
+}
+
+void WholeFile::close() noexcept {
+  if (std::fclose(std::exchange(file_, nullptr)) != 0 && error_ == 0) error_ = errno;
+}
+
+void WholeFile::fail() const {
+  std::remove(partial(path_).c_str());
+  throw IoError{path_ + ": cannot be written: " + reason(error_)};
 }
 
 void WholeFile::commit() {
-  if (std::fclose(std::exchange(file_, nullptr)) != 0 && error_ == 0) error_ = errno;
+  close();
   if (error_ == 0 && std::rename(partial(path_).c_str(), path_.c_str()) != 0) error_ = errno;
-  if (error_ == 0) return;
-  std::remove(partial(path_).c_str());
-  throw IoError{path_ + ": cannot be written: " + reason(error_)};
+  if (error_ != 0) fail();
+}
+
+void WholeFile::commit_rows() {
+  if (error_ == 0 && std::fflush(file_) != 0) error_ = errno;
+  if (error_ == 0) return commit();
+  close();
+  const std::size_t kept = keep_lines();
+  if (kept < 2 || std::rename(partial(path_).c_str(), path_.c_str()) != 0) fail();
+  throw IoError{path_ + ": its last " + std::to_string(lines_ - kept) + " of " + std::to_string(lines_ - 1) +
+                " rows cannot be written: " + reason(error_)};
+}
+
+std::size_t WholeFile::keep_lines() const {
+  const std::string path = partial(path_);
+  std::error_code error;
+  if (!std::filesystem::is_regular_file(std::filesystem::symlink_status(path, error))) return 0;
+  const std::unique_ptr<std::FILE, int (*)(std::FILE*)> file{std::fopen(path.c_str(), "rb"), std::fclose};
+  const std::uintmax_t size = std::filesystem::file_size(path, error);
+  if (!file || error || size <= kRoom) return 0;
+  std::size_t lines = 0;
+  std::uintmax_t end = 0, at = 0;
+  std::array<char, 65536> chunk;
+  for (std::size_t n; at < size - kRoom && (n = std::fread(chunk.data(), 1, chunk.size(), file.get())) > 0; at += n)
+    for (std::size_t i = 0; i < n && at + i < size - kRoom; ++i)
+      if (chunk[i] == '\n') ++lines, end = at + i + 1;
+  std::filesystem::resize_file(path, end, error);
+  return error ? 0 : lines;
+}
+
+FolderLock::FolderLock(const std::string& folder, std::string_view name)
+    : fd_{::open(folder.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC)} {
+  // File systems without locks take none.
+  if (fd_ < 0 || ::flock(fd_, LOCK_EX | LOCK_NB) == 0 || errno != EWOULDBLOCK) return;
+  ::close(fd_);
+  throw ConfigError{std::string{name} + " " + folder +
+                    ": another program writes there now; give each program a folder of its own"};
+}
+
+FolderLock::~FolderLock() {
+  if (fd_ >= 0) ::close(fd_);
 }
 
 }  // namespace twoport

@@ -27,15 +27,39 @@ class WholeFile {
   WholeFile(const WholeFile&) = delete;
   WholeFile& operator=(const WholeFile&) = delete;
 
-  /// Does not throw: commit() reports the first error.
+  /// Does not throw: commit() reports the first error. After that nothing more is written.
   void write(std::string_view text) noexcept;
   /// Throws IoError with the path and the reason when not all of it could be written; then nothing is left.
   void commit();
+  /// The same for a table of a header and rows, one a line, of which a beginning is worth keeping: the rows that could be
+  /// written are left under the name, less the last kRoom bytes, which leaves room for a summary beside it. IoError then says
+  /// how many are missing.
+  void commit_rows();
+
+  static constexpr std::size_t kRoom = 64 << 10;
 
  private:
+  void close() noexcept;
+  /// Cuts the partial file to whole lines. Returns their number; 0: nothing can be kept.
+  std::size_t keep_lines() const;
+  [[noreturn]] void fail() const;
+
   std::string path_;
   std::FILE* file_;
-  int error_ = 0;  ///< errno of the first write that failed
+  int error_ = 0;          ///< errno of the first write that failed
+  std::size_t lines_ = 0;  ///< that were to be written
+};
+
+/// Takes a folder for this program until its end: throws ConfigError with `name` where another one has taken it.
+class FolderLock {
+ public:
+  FolderLock(const std::string& folder, std::string_view name);
+  ~FolderLock();
+  FolderLock(const FolderLock&) = delete;
+  FolderLock& operator=(const FolderLock&) = delete;
+
+ private:
+  int fd_;
 };
 
 }  // namespace twoport

@@ -114,9 +114,10 @@ int run_live(LiveSide& side, const Scene& scene, const LiveArguments& arguments,
   using Clock = typename LiveSide::Clock;
   const double rate_hz = side.rate_hz();
   const Seconds dt{1.0 / rate_hz};
-  const std::unique_ptr<WholeFile> trace = open_trace(arguments);
+  const RunFolder folder = begin_folder(arguments);
+  WholeFile* const trace = folder.trace.get();
   Recorder<N> recorder{{.metrics = side.metrics(),
-                        .trace = trace.get(),
+                        .trace = trace,
                         .duration_s = scene.duration_s,
                         .side = LiveSide::kSide,
                         .trace_every = arguments.trace_every,
@@ -167,10 +168,13 @@ int run_live(LiveSide& side, const Scene& scene, const LiveArguments& arguments,
       row = side.row(k, t_s, plant.sample, out);
       view = side.link.view();
       view.late = loop.late();
+      view.switches = switches_by_hand();
       if constexpr (requires { side.node.epoch(); }) view.epoch = side.node.epoch();
       view.limits = side.node.limit_counts() + side.link.limit_counts();
     } else if (met < 0 && k >= waiting_until) {
-      recorder.push_waiting(to_seconds(now).si(), side.link.view());
+      view = side.link.view();
+      view.switches = switches_by_hand();
+      recorder.push_waiting(to_seconds(now).si(), view);
       waiting_until = k + static_cast<std::int64_t>(0.1 * rate_hz);
     }
     return plant.sample.status != HardwareStatus::fault;
@@ -181,6 +185,7 @@ int run_live(LiveSide& side, const Scene& scene, const LiveArguments& arguments,
   Summary s = recorder.finish();
   const LiveFigures figures{loop, clock, recorder.dropped(), side.link.overflowed(), plant.stale};
   say(log, figures);
+  if (met < 0 && stop) log.warn("ended by a signal; the other side had not come, and nothing is recorded");
   side.fill(s, recorder.diverged());
   fill_own_limits<LiveSide::kSide>(side.node.limit_counts(), s);
   fill(s, figures);
@@ -192,7 +197,7 @@ int run_live(LiveSide& side, const Scene& scene, const LiveArguments& arguments,
   }
   // Neither stable nor unstable: nobody knows.
   if (s.verdict_kind() == to_string(VerdictKind::undecided)) s.clear_stable();
-  const int written = leave_files(scene, arguments, LiveSide::kName, trace.get(), s);
+  const int written = leave_files(scene, arguments, LiveSide::kName, trace, s);
   if (failure.status != 0) {
     fmt::print(stderr, "twoport-{}: {}\n", LiveSide::kName, failure.sentence);
     return failure.status;

@@ -39,9 +39,10 @@ int live_program(int argc, char** argv, Side side, const std::string& drivers,
       "Ctrl-C");
   app.add_option(master ? "--peer" : "--listen", a.address, "ADDR:PORT, an IP address or a host name")
       ->capture_default_str();
-  app.add_option("--key", a.key,
-                 "File with the key that both programs share, made by twoport-keygen: encrypts and authenticates every "
-                 "packet. Without it only addresses of this machine are allowed");
+  const CLI::Option* key =
+      app.add_option("--key", a.key,
+                     "File with the key that both programs share, made by twoport-keygen: encrypts and authenticates "
+                     "every packet. Without it only addresses of this machine are allowed");
   app.add_flag("--insecure", a.insecure,
                "Without a key, allow addresses of other machines too: anyone there can take over");
   app.add_option(hardware_flag, a.hardware, std::string{"NAME[:ARGS], "} + (master ? "the haptic device" : "the robot"))
@@ -71,13 +72,14 @@ int live_program(int argc, char** argv, Side side, const std::string& drivers,
     app.parse(argc, argv);
     if (page != nullptr && page->count() > 0 && a.page.empty()) a.page = kDefaultPage;
     if (master && a.page.empty() && a.hardware == "page") a.page = kDefaultPage;
+    if (key->count() > 0 && a.key.empty())
+      throw ConfigError("--key: the path is empty; give a file made by twoport-keygen, or leave out --key");
     if (!duration.empty()) a.set.push_back("duration_s=" + duration);
     const Scene scene = load_scene(a.scene, a.set, SceneFor::live);
     if (!duration.empty()) a.limit_s = scene.duration_s;
     if (scene.control.architecture == Architecture::uncontrolled)
       throw ConfigError(a.scene +
                         ": control.architecture is UNCONTROLLED, which does not run live; use twoport-lab run");
-    prepare_folder(a);   // before anything can fail
     stop_on_signals();   // before hardware is opened, so that whatever has been opened is released
     switches_by_hand();  // SIGUSR1 to a slave counts, and does nothing
     return body(scene, a);
@@ -95,25 +97,23 @@ int live_program(int argc, char** argv, Side side, const std::string& drivers,
 }
 
 void print_hints(const Scene& scene, const LiveArguments& a, bool device_is_simulated) {
-  for (const std::string& sentence : hints(scene, device_is_simulated))
+  for (const std::string& sentence : live_hints(scene, device_is_simulated))
     fmt::print(stderr, "{}: warning: {}\n", a.scene, sentence);
 }
 
-void prepare_folder(const LiveArguments& a) {
-  if (a.out.empty()) return;
+RunFolder begin_folder(const LiveArguments& a) {
+  if (a.out.empty()) return {};
   std::error_code error;
   std::filesystem::create_directories(a.out, error);
   if (error) throw ConfigError(fmt::format("--out {}: cannot be created: {}", a.out, error.message()));
+  RunFolder folder{std::make_unique<FolderLock>(a.out, "--out"), nullptr};
+  if (a.trace == "csv") folder.trace = std::make_unique<WholeFile>(a.out + "/trace.csv");
   for (const char* name : {"/summary.json", "/trace.csv"}) {
     std::filesystem::remove(a.out + name, error);
     if (error)
       throw ConfigError(fmt::format("{}{}: of an earlier run cannot be removed: {}", a.out, name, error.message()));
   }
-}
-
-std::unique_ptr<WholeFile> open_trace(const LiveArguments& a) {
-  if (a.out.empty()) return nullptr;
-  return a.trace == "csv" ? std::make_unique<WholeFile>(a.out + "/trace.csv") : nullptr;
+  return folder;
 }
 
 int leave_files(const Scene& scene, const LiveArguments& a, const std::string& side, WholeFile* trace, Summary s) {
@@ -127,7 +127,7 @@ int leave_files(const Scene& scene, const LiveArguments& a, const std::string& s
       return false;
     }
   };
-  const bool has_trace = trace == nullptr || written([&] { trace->commit(); });
+  const bool has_trace = trace == nullptr || written([&] { trace->commit_rows(); });
   const bool has_summary = written([&] { leave_summary(s, a.out); });
   if (has_summary && !a.out.empty())
     fmt::print("{} {}: {}; {} in {}\n", side, scene.name, s.verdict(),

@@ -38,13 +38,17 @@ int live_program(int argc, char** argv, Side side, const std::string& drivers,
 /// Prints what in the scene is probably not meant, to stderr.
 void print_hints(const Scene& scene, const LiveArguments& arguments, bool device_is_simulated);
 
-/// Makes the folder of a run where it is missing, and removes what an earlier run has left there.
-void prepare_folder(const LiveArguments& arguments);
-/// Opens the trace there; null where none is wanted.
-std::unique_ptr<WholeFile> open_trace(const LiveArguments& arguments);
+/// The folder of --out, which this program has for itself. Nothing where there is none.
+struct RunFolder {
+  std::unique_ptr<FolderLock> lock;
+  std::unique_ptr<WholeFile> trace;  ///< null: none is wanted
+};
+/// Makes the folder where it is missing, takes it, opens the trace, and then removes what an earlier run has left there. Call
+/// when nothing else can prevent the run. Throws ConfigError.
+RunFolder begin_folder(const LiveArguments& arguments);
 
 /// Fills what every live summary has, and leaves `trace` and summary where --out says. First the trace: one that finds no room
-/// is removed, which leaves room for the summary. Returns the exit status, 1 where one of them could not be written.
+/// is cut, which leaves room for the summary. Returns the exit status, 1 where one of them could not be written.
 int leave_files(const Scene& scene, const LiveArguments& arguments, const std::string& side, WholeFile* trace,
                 Summary summary);
 

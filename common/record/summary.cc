@@ -6,9 +6,11 @@
 #include <google/protobuf/util/json_util.h>
 
 #include <algorithm>
+#include <cerrno>
 #include <cstdio>
 #include <exception>
 #include <limits>
+#include <system_error>
 
 #include "common/base/check.h"
 #include "common/base/file.h"
@@ -139,7 +141,8 @@ std::string to_json(const Summary& summary) {
 void leave_summary(const Summary& summary, const std::string& folder) {
   const std::string json = to_json(summary);
   if (folder.empty()) {
-    std::fputs(json.c_str(), stdout);
+    if (std::fputs(json.c_str(), stdout) < 0 || std::fflush(stdout) != 0)
+      throw IoError{"the summary cannot be written to stdout: " + std::generic_category().message(errno)};
     return;
   }
   try {

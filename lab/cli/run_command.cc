@@ -29,20 +29,22 @@ struct Arguments {
 int run_command(const Arguments& a) {
   const Scene scene = load_scene(a.scene, a.set);
   for (const std::string& sentence : hints(scene)) fmt::print(stderr, "{}: warning: {}\n", a.scene, sentence);
+  std::optional<FolderLock> lock;
   std::optional<WholeFile> trace;
   if (!a.out.empty()) {
     make_folder(a.out);
+    lock.emplace(a.out, "--out");
+    if (a.trace == "csv") trace.emplace(a.out + "/trace.csv");
     for (const char* name : {"/summary.json", "/trace.csv"})
       std::filesystem::remove(a.out + name);  // of an earlier run
-    if (a.trace == "csv") trace.emplace(a.out + "/trace.csv");
   }
   const Summary summary = run(scene, {.trace = trace ? &*trace : nullptr,
                                       .trace_every = a.trace_every,
                                       .verdict = a.verdict == "plain" ? VerdictFrom::plain : VerdictFrom::tail});
-  // First the trace: one that finds no room is removed, which leaves room for the summary.
+  // First the trace: one that finds no room is cut, which leaves room for the summary.
   std::exception_ptr unwritten;
   try {
-    if (trace) trace->commit();
+    if (trace) trace->commit_rows();
   } catch (const IoError&) {
     unwritten = std::current_exception();
   }

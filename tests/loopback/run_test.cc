@@ -1,6 +1,8 @@
 #include <gtest/gtest.h>
+#include <sys/mount.h>
 
 #include <csignal>
+#include <cstring>
 #include <filesystem>
 #include <regex>
 #include <string>
@@ -257,6 +259,37 @@ TEST(Run, KeepsTheTraceAndPrintsTheSummaryWhereThatFindsNoRoom) {
   EXPECT_GT(pair.trace("master").rows(), 300u);
   EXPECT_FALSE(exists(pair.at("master/summary.json")));
   EXPECT_NE(master.out().find("\"side\": \"master\""), std::string::npos) << master.out();
+}
+
+// A small disk of its own for each program.
+TEST(Run, KeepsTheRowsThatFindRoomAndTheSummary) {
+  const Pair pair{press(1, "RENDER")};
+  for (const std::string side : {"master", "lab"}) {
+    const std::string out = pair.at(side);
+    std::filesystem::create_directories(out);
+    if (mount("tmpfs", out.c_str(), "tmpfs", 0, "size=256k") != 0)
+      GTEST_SKIP() << "no right to mount a file system of its own: " << std::strerror(errno);
+    Process process = side == "master"
+                          ? pair.master("master", {"--set", "duration_s=3"})
+                          : finished({TWOPORT_LAB, "run", pair.scene, "--set", "duration_s=3", "--out", out});
+    const Exit end = process.wait();
+    std::size_t rows = 0, steps = 0;
+    std::string wrong;
+    try {
+      rows = Trace{out + "/trace.csv"}.rows();
+      steps = summary_in(out).steps();
+    } catch (const std::exception& e) {
+      wrong = e.what();
+    }
+    umount(out.c_str());
+    EXPECT_EQ(wrong, "") << process.err();
+    EXPECT_EQ(end, exited(1)) << process.err();
+    EXPECT_GT(rows, 500u) << "of 250 bytes each; 192 kB are kept";
+    EXPECT_GT(steps, 2500u);
+    const std::string missing = "trace.csv: its last " + std::to_string(steps - rows) + " of " + std::to_string(steps);
+    EXPECT_NE(process.err().find(missing + " rows cannot be written: No space left"), std::string::npos)
+        << process.err();
+  }
 }
 
 TEST(Run, OfTheLaboratoryKeepsWhatFindsRoom) {

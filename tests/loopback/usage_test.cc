@@ -4,6 +4,7 @@
 #include <fstream>
 #include <string>
 
+#include "tests/loopback/relay.h"
 #include "tests/support/live.h"
 
 // What the programs are told wrong, and how they say so.
@@ -105,6 +106,63 @@ TEST(Usage, NamesAFolderThatCannotBeMade) {
   expect_refused(pair.slave("scene.textproto/below"), {"--out", "scene.textproto/below", "cannot be created"});
 }
 
+/// A summary and a trace of a run before.
+void leave_earlier(const Pair& pair, const std::string& out) {
+  std::filesystem::create_directories(pair.at(out));
+  for (const std::string name : {"/summary.json", "/trace.csv"}) std::ofstream{pair.at(out + name)} << "earlier";
+}
+
+TEST(Usage, ARefusedCommandKeepsEarlierResults) {
+  Pair pair;
+  const Socket taken{pair.port};
+  leave_earlier(pair, "out");
+  const auto expect_kept = [&](Process process) {
+    EXPECT_EQ(process.wait(), exited(2)) << process.err();
+    EXPECT_EQ(read_text(pair.at("out/summary.json")), "earlier") << process.err();
+    EXPECT_EQ(read_text(pair.at("out/trace.csv")), "earlier") << process.err();
+    EXPECT_FALSE(std::filesystem::exists(pair.at("out/trace.csv.partial"))) << process.err();
+  };
+  expect_kept(pair.slave("out"));  // the port is in use
+  expect_kept(pair.master("out", {"--device", "none"}));
+  expect_kept(pair.master("out", {"--key", pair.at("no-key")}));
+  expect_kept(pair.slave("out", {"--robot", "none"}));
+  expect_kept(pair.slave("out", {"--key", ""}));
+  pair.host = "192.0.2.1";
+  expect_kept(pair.slave("out"));
+}
+
+TEST(Usage, AnEmptyPathIsNoKey) {
+  const Pair pair;
+  expect_refused(pair.slave("out", {"--key", ""}), {"--key: the path is empty", "twoport-keygen"});
+  expect_refused(pair.master("out", {"--key", ""}), {"--key: the path is empty", "twoport-keygen"});
+}
+
+TEST(Usage, OneFolderIsForOneProgram) {
+  const Pair pair;
+  Process slave = pair.listening_slave("out");
+  Process second = pair.master("out");
+  EXPECT_EQ(second.wait(), exited(2)) << second.err();
+  EXPECT_NE(second.err().find("--out " + pair.at("out") + ": another program writes there now"), std::string::npos)
+      << second.err();
+  Process lab = finished({TWOPORT_LAB, "run", pair.scene, "--out", pair.at("out")});
+  EXPECT_EQ(lab.wait(), exited(2)) << lab.err();
+  Process master = pair.master("master", {"--set", "duration_s=0.5"});
+  EXPECT_EQ(master.wait(), exited(0)) << master.err();
+  EXPECT_EQ(slave.wait(), exited(0)) << slave.err();
+  EXPECT_EQ(pair.summary("out").side(), "slave");
+}
+
+TEST(Usage, ASummaryThatStdoutDoesNotTakeIsAFailure) {
+  const Pair pair{press(1, "RENDER")};
+  for (const std::string command :
+       {std::string{TWOPORT_MASTER} + " --no-realtime --scene", TWOPORT_LAB + std::string{" run"}}) {
+    Process process = finished({"/bin/sh", "-c", command + " \"$0\" --set duration_s=0.1 >/dev/full", pair.scene});
+    EXPECT_EQ(process.wait(), exited(1)) << process.err();
+    EXPECT_NE(process.err().find("the summary cannot be written to stdout: No space left on device"), std::string::npos)
+        << process.err();
+  }
+}
+
 TEST(Usage, HelpAndVersionAnswerOnStdout) {
   for (const std::string program : {TWOPORT_MASTER, TWOPORT_SLAVE, TWOPORT_LAB}) {
     Process help = finished({program, "--help"}), version = finished({program, "--version"});
@@ -168,10 +226,7 @@ TEST(Mismatch, WithAKeyIsNamedByBoth) {
 }
 TEST(Mismatch, LeavesNothingOfAnEarlierRun) {
   const Pair pair;
-  for (const std::string side : {"master", "slave"}) {
-    std::filesystem::create_directories(pair.at(side));
-    for (const std::string name : {"/summary.json", "/trace.csv"}) std::ofstream{pair.at(side + name)} << "earlier";
-  }
+  for (const std::string side : {"master", "slave"}) leave_earlier(pair, side);
   expect_both_refuse(pair, pair.master("master", {"--trace", "none", "--set", "slave_rate_hz=500"}),
                      {"rate of the slave"});
   EXPECT_FALSE(std::filesystem::exists(pair.at("master/trace.csv")));

@@ -70,25 +70,99 @@ TEST(WriteWhole, SaysWhyItCannot) {
   EXPECT_TRUE(folder.names().empty());
 }
 
+/// While it exists no file grows beyond `bytes`.
+class FullDisk {
+ public:
+  explicit FullDisk(rlim_t bytes) : handler_{std::signal(SIGXFSZ, SIG_IGN)} {
+    getrlimit(RLIMIT_FSIZE, &before_);
+    const rlimit small{bytes, before_.rlim_max};
+    setrlimit(RLIMIT_FSIZE, &small);
+  }
+  ~FullDisk() {
+    setrlimit(RLIMIT_FSIZE, &before_);
+    std::signal(SIGXFSZ, handler_);
+  }
+  FullDisk(const FullDisk&) = delete;
+
+ private:
+  rlimit before_{};
+  void (*handler_)(int);
+};
+
 TEST(WriteWhole, KeepsTheOldFileWhenTheDiskIsFull) {
   const Folder folder;
   write_whole(folder / "summary.json", "old");
-  rlimit before{};
-  ASSERT_EQ(getrlimit(RLIMIT_FSIZE, &before), 0);
-  auto* const handler = std::signal(SIGXFSZ, SIG_IGN);
-  const rlimit small{1000, before.rlim_max};
-  ASSERT_EQ(setrlimit(RLIMIT_FSIZE, &small), 0);
   bool refused = false;
-  try {
-    write_whole(folder / "summary.json", std::string(5000, 'x'));
-  } catch (const IoError&) {
-    refused = true;
+  {
+    const FullDisk full{1000};
+    try {
+      write_whole(folder / "summary.json", std::string(5000, 'x'));
+    } catch (const IoError&) {
+      refused = true;
+    }
   }
-  setrlimit(RLIMIT_FSIZE, &before);
-  std::signal(SIGXFSZ, handler);
   EXPECT_TRUE(refused);
   EXPECT_EQ(read_whole(folder / "summary.json"), "old");
   EXPECT_EQ(folder.names(), std::set<std::string>{"summary.json"});
+}
+
+// 300,000 rows of 10 bytes on a disk that has room for 1 MB.
+TEST(WriteRows, KeepsWholeRowsWhenTheDiskIsFullAndSaysHowManyAreMissing) {
+  const Folder folder;
+  constexpr std::size_t kBytes = 1'000'003, kRows = 300'000;
+  std::string why;
+  {
+    const FullDisk full{kBytes};
+    WholeFile file{folder / "trace.csv"};
+    file.write("a header of another length\n");
+    for (std::size_t k = 0; k < kRows; ++k) file.write(std::to_string(100'000'000 + k) + "\n");
+    try {
+      file.commit_rows();
+    } catch (const IoError& e) {
+      why = e.what();
+    }
+  }
+  const std::string text = read_whole(folder / "trace.csv");
+  const std::size_t kept = (text.size() - 27) / 10;
+  EXPECT_EQ(text.size(), 27 + 10 * kept) << "whole rows";
+  EXPECT_GE(text.size(), kBytes - WholeFile::kRoom - 10);
+  EXPECT_LE(text.size(), kBytes - WholeFile::kRoom) << "room for the summary";
+  EXPECT_EQ(text.substr(text.size() - 10), std::to_string(100'000'000 + kept - 1) + "\n")
+      << "the first rows, without a gap";
+  EXPECT_EQ(why, (folder / "trace.csv") + ": its last " + std::to_string(kRows - kept) +
+                     " of 300000 rows cannot be written: File too large");
+  EXPECT_EQ(folder.names(), std::set<std::string>{"trace.csv"});
+}
+
+TEST(WriteRows, LeavesNothingWhereNoRowCanBeKept) {
+  const Folder folder;
+  {
+    const FullDisk full{1000};
+    WholeFile file{folder / "trace.csv"};
+    for (int k = 0; k < 1000; ++k) file.write("a row\n");
+    EXPECT_THROW(file.commit_rows(), IoError);
+  }
+  EXPECT_TRUE(folder.names().empty());
+  WholeFile whole{folder / "trace.csv"};
+  whole.write("header\nrow\n");
+  whole.commit_rows();
+  EXPECT_EQ(read_whole(folder / "trace.csv"), "header\nrow\n");
+}
+
+TEST(FolderLock, IsForOneProgramAtATime) {
+  const Folder folder;
+  {
+    const FolderLock first{folder / "", "--out"};
+    try {
+      const FolderLock second{folder / "", "--out"};
+      FAIL() << "two have it";
+    } catch (const ConfigError& e) {
+      EXPECT_EQ(std::string{e.what()},
+                "--out " + (folder / "") + ": another program writes there now; give each program a folder of its own");
+    }
+  }
+  const FolderLock again{folder / "", "--out"};
+  EXPECT_TRUE(folder.names().empty());
 }
 
 TEST(WriteWhole, LeavesNothingBesideWhenItCannotTakeTheName) {
