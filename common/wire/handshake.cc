@@ -11,6 +11,8 @@ using namespace std::chrono_literals;
 constexpr Duration kSilent = 100ms;         // after which a peer may be gone
 constexpr Duration kRefusalEvery = 20ms;    // at most one so often
 constexpr Duration kRefusalLinger = 500ms;  // during which refusals are sent
+constexpr Duration kRefusedFor = 200ms;  // and as often: then a refusal is believed, where anybody could have made it
+constexpr int kRefusedTimes = 5;
 constexpr Duration kTakenAfter = 1s;        // of requests before an unpaired peer is told that the slave is busy
 constexpr Duration kFollowedAfter = 750ms;  // of silence: then another address may follow, where it could be anybody's
 constexpr Duration kGoneAfter = 1s;  // of silence: then the slave accepts an earlier master that is still running
@@ -68,16 +70,26 @@ bool Handshake::knows_us(const Header& header) const noexcept {
   return header.peer_session == session_ || offers_.has(header.peer_session);
 }
 
+/// Has the same been said often and for long enough? Without a key it could be anybody's, or damage.
+bool Handshake::persists(std::string_view text, bool found_here, Duration now) noexcept {
+  if (options_.tells_reasons) return true;
+  if (objection_.times == 0 || objection_.text.view() != text) objection_ = {Sentence{text}, now, 0, found_here};
+  return ++objection_.times >= kRefusedTimes && now - objection_.since >= kRefusedFor;
+}
+
 Handshake::Action Handshake::on_refusal(const Header& header, const Endpoint& from, Duration now) noexcept {
   if (header.peer_session == refusing_session_) {
     // The answer to a refusal of ours. A paired side continues.
     if (pairings_ > 0 || difference_.empty() || (options_.peer && from != *options_.peer)) return Action::reject;
+    if (!persists(header.refusal, true, now)) return Action::reject;
     reject_reason_ = difference_;
     ended_ = true;
     return Action::end;
   }
   // A late one does not end an active session.
   if (!knows_us(header) || (peer_ && from != *peer_) || coupled(now)) return Action::reject;
+  if (!options_.tells_reasons && within(kFollowedAfter, heard_, now)) return Action::reject;
+  if (!persists(header.refusal, false, now)) return Action::reject;
   const bool without_reason = header.refusal == mismatch_without_reason(Side::master).view() ||
                               header.refusal == mismatch_without_reason(Side::slave).view();
   reject_reason_ = without_reason && !difference_.empty() ? difference_ : Sentence{header.refusal};
@@ -94,6 +106,7 @@ Handshake::Action Handshake::on_current(const Header& header, Decoded decoded, c
                                         Duration now) noexcept {
   if (decoded != Decoded::ok) return Action::reject;
   heard_ = now;
+  objection_.times = 0;
   if (header.peer_session == session_) {
     // A slave introduces itself until it has accepted us, and accepts only peers that introduce themselves.
     if (options_.side == Side::slave || !header.identity) returned_ = now;
@@ -119,13 +132,15 @@ Handshake::Action Handshake::on_unknown(const Header& header, Decoded decoded, c
   const Sentence why = mismatch(options_, dof_, header, decoded);
   if (!why.empty()) {
     // Only the first peer, and one that restarts in its place, can be the wrong one.
-    const bool ends_us = (pairings_ == 0 || (!elsewhere && !preempts)) && (options_.tells_reasons || knows_us(header));
-    if (ends_us && !mismatch_found_) {
+    const bool may_end_us = pairings_ == 0 || (!elsewhere && !within(followed_after, heard_, now) && !preempts);
+    if (may_end_us && !mismatch_found_ && (options_.tells_reasons || knows_us(header)) &&
+        persists(why.view(), true, now)) {
       reject_reason_ = why;
       mismatch_found_ = now;
     }
     difference_ = why;
-    return refuse(header, options_.tells_reasons ? why : mismatch_without_reason(options_.side), now);
+    if (options_.tells_reasons) return refuse(header, why, now);
+    return refuse(header, preempts ? busy() : mismatch_without_reason(options_.side), now);
   }
   if (preempts) return on_unpaired_peer(header, now);
   // A late packet of a session that is over. Only a master may still run behind one, displaced by another master.
@@ -136,8 +151,10 @@ Handshake::Action Handshake::on_unknown(const Header& header, Decoded decoded, c
 
 /// A valid peer without a session.
 Handshake::Action Handshake::answer(const Header& header, const Endpoint& from, Duration now) noexcept {
+  if (objection_.found_here) objection_.times = 0;
   // A replayed packet also introduces itself, but does not contain the current numbers.
   if (offers_.has(header.peer_session)) {
+    objection_.times = 0;
     candidate_ = Candidate{from, header.session, header.peer_session, now};
     return Action::pair;
   }
@@ -159,10 +176,12 @@ Handshake::Action Handshake::on_unpaired_peer(const Header& header, Duration now
     return Action::reject;
   }
   if (now - known->since < kTakenAfter) return Action::reject;
-  return refuse(header,
-                Sentence{"the %s is busy: it has a session with another %s", to_string(options_.side),
-                         to_string(header.identity->side)},
-                now);
+  return refuse(header, busy(), now);
+}
+
+Sentence Handshake::busy() const noexcept {
+  return Sentence{"the %s is busy: it has a session with another %s", to_string(options_.side),
+                  to_string(options_.side == Side::slave ? Side::master : Side::slave)};
 }
 
 Handshake::Action Handshake::refuse(const Header& header, const Sentence& why, Duration now) noexcept {

@@ -60,8 +60,10 @@ class LastSessions {
 /// meanwhile is told that the slave is busy.
 ///
 /// Without a key a refusal names nothing of this side, and an introduction that does not fit ends nobody by itself, since
-/// its source may be forged: the refused program returns the number that came with the refusal, and only then an
-/// unpaired side ends, with the difference it has found.
+/// its source may be forged or its bits flipped on the way. What ends a side is the same refusal, with a number that only
+/// a receiver of its packets has, five times and for 200 ms, with no packet of the peer that fits between them, and to a paired
+/// side only after 750 ms of its peer's silence. The refused program then returns the number that came with the refusal,
+/// and by the same rule the refusing one ends, with the difference it has found.
 class Handshake {
  public:
   enum class Action : std::uint8_t {
@@ -130,6 +132,13 @@ class Handshake {
     Endpoint to;
     std::uint64_t session;
   };
+  /// A refusal, or a reason for one, that repeats itself.
+  struct Objection {
+    Sentence text{};
+    Duration since{0};
+    int times = 0;
+    bool found_here = false;  ///< the peer does not fit; else the peer says that this side does not
+  };
   /// A valid unpaired peer.
   struct Waiting {
     std::uint64_t session = 0;
@@ -145,6 +154,8 @@ class Handshake {
   Action answer(const Header& header, const Endpoint& from, Duration now) noexcept;
   Action on_unpaired_peer(const Header& header, Duration now) noexcept;
   Action refuse(const Header& header, const Sentence& why, Duration now) noexcept;
+  bool persists(std::string_view text, bool found_here, Duration now) noexcept;
+  [[nodiscard]] Sentence busy() const noexcept;
   [[nodiscard]] bool knows_us(const Header& header) const noexcept;
 
   SessionOptions options_;
@@ -167,6 +178,7 @@ class Handshake {
   Duration paired_since_{0};
   std::uint64_t pairings_ = 0;
 
+  Objection objection_;  ///< of the peer that this side would take
   Sentence difference_;  ///< found here, in an introduction whose source may be forged
   Sentence reject_reason_;
   std::optional<Duration> mismatch_found_;

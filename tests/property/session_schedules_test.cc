@@ -339,10 +339,7 @@ void expect_sound(std::uint64_t seed, const Events& events) {
     const Outcome out = Schedule{seed + static_cast<std::uint64_t>(k), events}.run();
     ASSERT_FALSE(out.mixed) << "running totals were read against those of another session";
     ASSERT_FALSE(out.ended_while_coupled) << out.words;
-    // A damaged identity can look like another scene.
-    if (!events.damage) {
-      ASSERT_FALSE(out.paired_slave_ended) << out.words;
-    }
+    ASSERT_FALSE(out.paired_slave_ended) << out.words;
     ASSERT_TRUE(out.coupled || out.sentence) << "neither coupled nor told why after " << out.after.count() << " ns";
     ASSERT_LE(out.after, kCalmWithin);
     if (!events.competing_masters && !events.strangers && !events.damage) {

@@ -2,9 +2,11 @@
 
 #include <gtest/gtest.h>
 
+#include <array>
 #include <chrono>
 #include <cstdint>
 #include <memory>
+#include <random>
 #include <string>
 
 #include "common/link/memory_network.h"
@@ -58,6 +60,13 @@ struct Pair {
     }
   }
 };
+
+/// What `to` does with a refusal that is said again every 20 ms for 200 ms, the last time at `end`.
+Action insisted(Handshake& to, const Header& refusal, const Endpoint& from, Duration end) {
+  for (Duration at = end - 200ms; at < end; at += 20ms)
+    EXPECT_EQ(to.on(refusal, Decoded::ok, from, at), Action::reject) << at.count();
+  return to.on(refusal, Decoded::ok, from, end);
+}
 
 TEST(Handshake, PairsWhenEachHasReturnedTheNumberOfTheOther) {
   Handshake s = slave(), m = master();
@@ -137,8 +146,8 @@ TEST(Handshake, ARefusalTellsNoNumberOfThisSide) {
   thief.peer_session = refusal.session;
   const Duration later = p.now + 800ms;
   EXPECT_EQ(p.s.on(thief, Decoded::ok, kElsewhere, later), Action::reply);
-  // It is understood all the same.
-  EXPECT_EQ(rival.on(refusal, Decoded::ok, kSlaveAt, p.now), Action::end);
+  // It is understood all the same, when it persists.
+  EXPECT_EQ(insisted(rival, refusal, kSlaveAt, p.now), Action::end);
   EXPECT_EQ(rival.reject_reason(), refusal.refusal);
 }
 
@@ -260,17 +269,91 @@ TEST(Handshake, WithoutAKeyNoNumberOfIntroductionsEndsASide) {
   }
 }
 
-TEST(Handshake, WithoutAKeyBothEndOnceTheRefusedOneHasAnswered) {
+TEST(Handshake, WithoutAKeyBothEndOnceTheRefusalHasPersistedAndTheRefusedOneHasAnswered) {
   Handshake s = slave(), other = master(7000, 0x123);
-  ASSERT_EQ(s.on(other.header(0ms), Decoded::ok, kMasterAt, 0ms), Action::refuse);
-  const Header told = s.refusal();
-  EXPECT_EQ(told.refusal, mismatch_without_reason(Side::slave).view());
-  ASSERT_EQ(other.on(told, Decoded::ok, kSlaveAt, 1ms), Action::refuse);
-  ASSERT_EQ(s.on(other.refusal(), Decoded::ok, kMasterAt, 2ms), Action::end);
+  Duration now{0}, answered{0}, ended{0};
+  std::string told;
+  for (; now < 2s && s.reject_reason().empty(); now += 1ms) {
+    s.advance(now), other.advance(now);
+    if (!other.listens() || s.on(other.header(now), Decoded::ok, kMasterAt, now) != Action::refuse) continue;
+    told = s.refusal().refusal;
+    if (other.on(s.refusal(), Decoded::ok, kSlaveAt, now) != Action::refuse) continue;
+    if (answered == Duration{0}) answered = now;
+    if (s.on(other.refusal(), Decoded::ok, kMasterAt, now) == Action::end) ended = now;
+  }
+  EXPECT_EQ(told, mismatch_without_reason(Side::slave).view());
+  EXPECT_NEAR(static_cast<double>(answered.count()) * 1e-9, 0.2, 1e-9);
+  EXPECT_NEAR(static_cast<double>(ended.count()) * 1e-9, 0.4, 1e-9);
   EXPECT_NE(s.reject_reason().find("different scenes"), std::string_view::npos);
-  other.advance(600ms);
-  EXPECT_EQ(other.reject_reason(), told.refusal);
+  other.advance(answered + 500ms);
+  EXPECT_EQ(other.reject_reason(), told);
   EXPECT_TRUE(is_mismatch(other.reject_reason()));
+}
+
+// One on the path flips bits of the identity, so that the two seem not to fit, and answers the refusals as if it were the peer.
+TEST(Handshake, WithoutAKeyFlippedBitsEndNeitherSideAndTheTwoPair) {
+  for (unsigned seed = 0; seed < 100; ++seed) {
+    Handshake s = slave(), m = master();
+    std::mt19937 random{seed};
+    const unsigned damaged_percent = std::array{10U, 30U, 50U, 80U}[seed % 4];
+    Duration now{0};
+    const auto damaged = [&](Header h) {
+      if (h.identity && random() % 100 < damaged_percent) h.identity->scene_digest ^= 1;
+      return h;
+    };
+    const auto to_slave = [&](const Header& h) {
+      if (!s.listens()) return;
+      const Action a = s.on(h, Decoded::ok, kMasterAt, now);
+      ASSERT_NE(a, Action::end);
+      if (a != Action::refuse || !m.listens()) return;
+      const Header refusal = s.refusal();
+      Header answer = m.header(now);
+      answer.identity.reset();
+      answer.peer_session = refusal.session;
+      answer.refusal = mismatch_without_reason(Side::master).view();
+      ASSERT_NE(s.on(answer, Decoded::ok, kMasterAt, now), Action::end);
+      ASSERT_NE(m.on(refusal, Decoded::ok, kSlaveAt, now), Action::end);
+    };
+    for (; now < 3s && !(m.coupled(now) && s.coupled(now)); now += 1ms) {
+      m.advance(now), s.advance(now);
+      to_slave(damaged(m.header(now)));
+      if (const auto greeting = s.take_greeting(); greeting && m.listens())
+        m.on(damaged(greeting->header), Decoded::ok, kSlaveAt, now);
+      if (s.peer() && m.listens()) m.on(damaged(s.header(now)), Decoded::ok, kSlaveAt, now);
+      m.take_new_session(), s.take_new_session();
+    }
+    EXPECT_EQ(m.reject_reason(), "") << seed;
+    EXPECT_EQ(s.reject_reason(), "") << seed;
+    EXPECT_TRUE(m.coupled(now) && s.coupled(now)) << seed;
+  }
+}
+
+TEST(Handshake, WithoutAKeyRefusalsEndAPairedMasterOnlyAfterALongSilence) {
+  Pair p;
+  Header refusal;
+  refusal.session = 5;
+  refusal.peer_session = p.m.header(p.now).session;
+  refusal.refusal = "go away";
+  const Duration heard = p.now;
+  for (; p.now < heard + 740ms; p.now += 10ms)
+    ASSERT_EQ(p.m.on(refusal, Decoded::ok, kSlaveAt, p.now), Action::reject) << (p.now - heard).count();
+  // The slave is there after all.
+  p.now += 20ms;
+  EXPECT_EQ(p.m.on(p.s.header(heard), Decoded::ok, kSlaveAt, p.now), Action::deliver);
+  p.now += 760ms;
+  for (int k = 0; k < 8; ++k, p.now += 20ms) {
+    refusal.refusal = k % 2 == 0 ? "go away" : "begone";  // not the same
+    EXPECT_EQ(p.m.on(refusal, Decoded::ok, kSlaveAt, p.now), Action::reject);
+  }
+  refusal.refusal = "go away";
+  EXPECT_EQ(insisted(p.m, refusal, kSlaveAt, p.now + 220ms), Action::end);
+}
+
+TEST(Handshake, AMasterOfAnotherSceneIsToldThatTheSlaveIsBusyWhileItIs) {
+  Pair p;
+  const Handshake other = master(7000, 0x123);
+  ASSERT_EQ(p.s.on(other.header(p.now), Decoded::ok, kElsewhere, p.now), Action::refuse);
+  EXPECT_EQ(p.s.refusal().refusal, "the slave is busy: it has a session with another master");
 }
 
 TEST(Handshake, TheAnswerToARefusalEndsNoPairedSide) {
@@ -339,8 +422,8 @@ TEST(Handshake, ALateRefusalDoesNotEndASessionThatWorks) {
   refusal.peer_session = p.m.header(p.now).session;
   refusal.refusal = "go away";
   EXPECT_EQ(p.m.on(refusal, Decoded::ok, kSlaveAt, p.now), Action::reject);
-  EXPECT_EQ(p.m.on(refusal, Decoded::ok, kElsewhere, p.now + 200ms), Action::reject);
-  EXPECT_EQ(p.m.on(refusal, Decoded::ok, kSlaveAt, p.now + 200ms), Action::end);
+  EXPECT_EQ(p.m.on(refusal, Decoded::ok, kElsewhere, p.now + 900ms), Action::reject);
+  EXPECT_EQ(insisted(p.m, refusal, kSlaveAt, p.now + 1s), Action::end);
 }
 
 TEST(Handshake, AMasterThatWasSeenAtAWrongAddressIsHeardAtItsOwn) {
