@@ -12,6 +12,9 @@
 
 namespace twoport {
 
+/// Packets that a playout buffer has room for.
+inline constexpr std::size_t kPlayoutRoom = 4096;
+
 /// Receiver's playout buffer: turns jitter into delay. A packet is used at
 ///
 ///     sent + least + playout       least: smallest (arrival - sent) of the last 2 s, in which the clocks' offset cancels
@@ -21,7 +24,7 @@ namespace twoport {
 template <int N>
 class Playout {
  public:
-  explicit Playout(double playout_s) : playout_{to_duration(playout_s)}, queue_{kRoom} { clear(); }
+  explicit Playout(double playout_s) : playout_{to_duration(playout_s)}, queue_{kPlayoutRoom} { clear(); }
 
   void put(const Report<N>& r, Duration now) noexcept {
     const Duration transit = now - Duration{r.sent_ns};
@@ -49,7 +52,7 @@ class Playout {
   [[nodiscard]] std::uint64_t overflowed() const noexcept { return overflowed_; }
 
  private:
-  static constexpr std::size_t kRoom = 4096, kSlots = 8;
+  static constexpr std::size_t kSlots = 8;
   static constexpr Duration kSlot = std::chrono::milliseconds{250};
 
   void begin(std::int64_t slot) noexcept {

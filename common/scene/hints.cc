@@ -148,4 +148,11 @@ std::vector<std::string> hints(const Scene& scene, bool device_is_simulated) {
   return all;
 }
 
+std::vector<std::string> live_hints(const Scene& scene, bool device_is_simulated) {
+  std::vector<std::string> all = hints(scene, device_is_simulated);
+  if (scene.slave_clock.offset_s != 0.0 || scene.slave_clock.drift != 0.0)
+    all.emplace_back("slave_clock is ignored: it is for the laboratory, here each side has the clock of its machine");
+  return all;
+}
+
 }  // namespace twoport

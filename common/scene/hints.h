@@ -11,4 +11,7 @@ namespace twoport {
 /// that nobody holds, a delayed link without passivity control, a virtual coupling that the robot cannot hold. Programs print them; they change no exit status.
 std::vector<std::string> hints(const Scene& scene, bool device_is_simulated = true);
 
+/// The same for a live program, with what of the scene it ignores.
+std::vector<std::string> live_hints(const Scene& scene, bool device_is_simulated);
+
 }  // namespace twoport

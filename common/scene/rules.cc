@@ -1,6 +1,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "common/link/playout.h"
 #include "common/scene/blocks.h"
 
 namespace twoport {
@@ -118,6 +119,27 @@ void check_accounts(const SceneBlock& scene, const Scene& values) {
                     contacts, kMost));
 }
 
+/// A pause between packets and a wait in the playout buffer must not look like a silent link, nor hide one for long.
+void check_transmission(const Block<schema::Impairment>& way, const TransmissionOptions& options,
+                        const ControlOptions& c, double sender_rate_hz) {
+  constexpr double kSilent = 0.1;  // after which a live session takes its peer to be gone [s]
+  const double most_silence = 0.5 * std::min(c.hold_after.si(), kSilent);
+  if (options.deadband && options.deadband->silence_s > most_silence * (1.0 + 1e-9))
+    way.block(FIELD(deadband))
+        .refuse(FIELD(silence_ms),
+                fmt::format("be <= {:g}, half of control.hold_after_s and half of 100 ms: else one lost "
+                            "packet is a silent link",
+                            1e3 * most_silence));
+  const double room = static_cast<double>(kPlayoutRoom) / sender_rate_hz;
+  const double most_wait = std::min(c.release_after.si(), room);
+  if (options.playout_s > most_wait * (1.0 + 1e-9))
+    way.refuse(FIELD(playout_ms),
+               room < c.release_after.si()
+                   ? fmt::format("be <= {:g}: the buffer has room for {} packets", 1e3 * most_wait, kPlayoutRoom)
+                   : fmt::format("be <= {:g}, control.release_after_s: what waits hides that the link is silent",
+                                 1e3 * most_wait));
+}
+
 /// Combinations of method and architecture that have no meaning.
 void check_method(const ControlOptions& c, const Block<schema::Passivity>& passivity) {
   const auto is = [&c](const auto&... names) { return ((c.method_name == names) || ...); };
@@ -144,6 +166,9 @@ void check_rules(const SceneBlock& scene, const Scene& values) {
   check_handle(scene, values);
   check_fastest(scene, values);
   check_accounts(scene, values);
+  check_transmission(scene.block(FIELD(to_slave)), values.transmission_to_slave, values.control, values.master_rate_hz);
+  check_transmission(scene.block(FIELD(to_master)), values.transmission_to_master, values.control,
+                     values.slave_rate_hz);
   const auto control = scene.block(FIELD(control));
   check_method(values.control, control.block(FIELD(passivity)));
   const auto entries = control.blocks(FIELD(schedule));

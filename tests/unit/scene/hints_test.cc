@@ -16,6 +16,16 @@ TEST(Hints, OfAnOrdinarySceneAreNone) {
   for (const char* scene : {kStiffWall, kHeldSpring}) EXPECT_EQ(hints(scene_of(scene)), Sentences{});
 }
 
+TEST(Hints, OfALiveProgramSayThatTheSlavesClockIsIgnored) {
+  EXPECT_EQ(live_hints(scene_of(kStiffWall), true), Sentences{});
+  const Sentences expected{
+      "slave_clock is ignored: it is for the laboratory, here each side has the clock of its machine"};
+  for (const char* clock : {"slave_clock.drift_ppm=100", "slave_clock.offset_ms=5"}) {
+    EXPECT_EQ(live_hints(scene_of(kStiffWall, {clock}), true), expected);
+    EXPECT_EQ(hints(scene_of(kStiffWall, {clock})), Sentences{});
+  }
+}
+
 TEST(Hints, NameTheLargestLengthWhereItLooksLikeMillimetres) {
   const auto first = [](const Overrides& overrides) { return hints(scene_of(kStiffWall, overrides)).at(0); };
   EXPECT_EQ(first({"device.position_m=[0, -30, 6]"}),

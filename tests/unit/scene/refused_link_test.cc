@@ -51,6 +51,24 @@ INSTANTIATE_TEST_SUITE_P(
         Refusal{
             kStiffWall, {"to_master.deadband={ratio: 2}"}, "to_master.deadband.ratio is 2; it must be between 0 and 1"},
         Refusal{
+            kStiffWall,
+            {"to_master.deadband={ratio: 0.1 silence_ms: 51}"},
+            "to_master.deadband.silence_ms is 51; it must be <= 50, half of control.hold_after_s and half of 100 ms: "
+            "else one lost packet is a silent link"},
+        Refusal{
+            kStiffWall,
+            {"to_slave.deadband={ratio: 0.1 silence_ms: 11}", "control.hold_after_s=0.02"},
+            "to_slave.deadband.silence_ms is 11; it must be <= 10, half of control.hold_after_s and half of 100 ms: "
+            "else one lost packet is a silent link"},
+        Refusal{
+            kStiffWall,
+            {"to_slave.playout_ms=1001"},
+            "to_slave.playout_ms is 1001; it must be <= 1000, control.release_after_s: what waits hides that the link "
+            "is silent"},
+        Refusal{kStiffWall,
+                {"to_slave.playout_ms=2049", "control.release_after_s=10"},
+                "to_slave.playout_ms is 2049; it must be <= 2048: the buffer has room for 4096 packets"},
+        Refusal{
             kStiffWall, {"slave_clock.offset_ms=-1"}, "slave_clock.offset_ms is -1; it must be between 0 and 1000000"},
         Refusal{kStiffWall,
                 {"slave_clock.drift_ppm=1e6"},
