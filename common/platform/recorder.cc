@@ -10,6 +10,8 @@
 #include <cstdio>
 #include <utility>
 
+#include "common/base/thread.h"
+
 namespace twoport {
 namespace {
 
@@ -33,12 +35,14 @@ void rewrite(std::string line) {
 template <int N>
 void Recorder<N>::drain() {
   Entry entry;
+  take_ordinary_priority();
   terminal_ = isatty(STDERR_FILENO) != 0;
   for (bool last = false; !last;) {
     last = done_.load(std::memory_order_acquire);
     bool any = false;
     while (ring_.try_pop(entry)) {
       if (entry.view.refused != refused_) log_refused(entry);
+      if (entry.view.switches != switches_) log_ignored_switch(entry);
       if (!entry.recorded) continue;
       any = true;
       if (trace_ && rows_++ % o_.trace_every == 0) trace_->add(entry.row);
@@ -112,6 +116,17 @@ void Recorder<N>::log_refused(const Entry& entry) {
                          o_.side == Side::master ? "slave" : "master"));
 }
 
+/// Where SIGUSR1 switches nothing.
+template <int N>
+void Recorder<N>::log_ignored_switch(const Entry& entry) {
+  switches_ = entry.view.switches;
+  if (o_.side == Side::slave) {
+    say(entry, "SIGUSR1 does nothing here: send it to the master, which switches both sides");
+  } else if (o_.configurations.empty()) {
+    say(entry, "SIGUSR1 does nothing: the scene has no control.schedule to switch to");
+  }
+}
+
 template <int N>
 void Recorder<N>::log_change(const Entry& entry) {
   const Mode was = std::exchange(mode_, entry.row.mode);
@@ -137,6 +152,9 @@ void Recorder<N>::log_change(const Entry& entry) {
     case Mode::released:
       tell(was == Mode::holding ? fmt::format("released: the {} is still silent", peer)
                                 : std::string{"released: a reading was not finite"});
+      break;
+    case Mode::let_go:
+      tell("released: nobody holds the handle");
       break;
   }
 }

@@ -27,6 +27,7 @@ struct TickView {
   std::uint64_t refused = 0;   ///< datagrams so far that were none of the other side
   LimitCounts limits{};
   std::uint32_t epoch = 0;  ///< of the method
+  unsigned switches = 0;    ///< asked for by hand so far
 };
 
 /// The recording thread of a live run: takes rows from the cycle through a ring buffer, writes the trace, computes the
@@ -87,6 +88,7 @@ class Recorder {
   void log_change(const Entry& entry);
   void log_limits(const Entry& entry);
   void log_refused(const Entry& entry);
+  void log_ignored_switch(const Entry& entry);
   void say(const Entry& at, const std::string& text);
 
   Options o_;
@@ -104,6 +106,7 @@ class Recorder {
   std::array<double, kLimits> limit_at_s_;  ///< when each was said last
   double refused_at_s_ = kNever;
   std::uint32_t epoch_ = 0;
+  unsigned switches_ = 0;
   Duration latest_{0};         ///< latest tick since the line was shown
   double dissipated_j_ = 0.0;  ///< by the controller since then
   bool terminal_ = false;

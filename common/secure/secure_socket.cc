@@ -4,6 +4,8 @@
 #include <chrono>
 #include <exception>
 
+#include "common/base/thread.h"
+
 namespace twoport {
 namespace {
 
@@ -186,6 +188,7 @@ void SecureSocket::tell(Duration now) {
 }
 
 void SecureSocket::run() {
+  take_ordinary_priority();
   while (!done_.load(std::memory_order_relaxed)) {
     try {
       work();

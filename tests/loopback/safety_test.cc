@@ -1,10 +1,18 @@
+#include <fcntl.h>
 #include <gtest/gtest.h>
+#include <pty.h>
+#include <sched.h>
+#include <unistd.h>
 
+#include <algorithm>
 #include <csignal>
 #include <filesystem>
 #include <functional>
+#include <sstream>
+#include <stdexcept>
 #include <string>
 #include <thread>
+#include <vector>
 
 #include "common/wire/codec.h"
 #include "tests/loopback/relay.h"
@@ -150,17 +158,6 @@ TEST(Safety, ASlaveThatWasStoppedBeginsAnewAndSaysSo) {
 
 // ---- what a run leaves
 
-TEST(Safety, NothingOfAnEarlierRunStaysWhereOneCannotBegin) {
-  const Pair pair;
-  const Socket taken{pair.port};
-  std::filesystem::create_directories(pair.at("slave"));
-  for (const char* name : {"/summary.json", "/trace.csv"}) pair.folder.write(std::string{"slave"} + name, "{}");
-  Process slave = pair.slave();
-  EXPECT_NE(slave.wait(), exited(0));
-  EXPECT_FALSE(std::filesystem::exists(pair.at("slave/summary.json")));
-  EXPECT_FALSE(std::filesystem::exists(pair.at("slave/trace.csv")));
-}
-
 TEST(Safety, WhatNobodyKnowsIsNeitherStableNorUnstable) {
   const Pair pair;
   Process slave = pair.slave("slave", {"--duration", "0.2"});
@@ -180,6 +177,108 @@ TEST(Safety, StrangersAreSaidWhileNobodyHasCome) {
   }
   slave.wait();
   EXPECT_EQ(count(slave.err(), "s: refused: "), 1) << slave.err();
+}
+
+TEST(Safety, ASlaveThatIsInterruptedBeforeAMasterComesSaysSo) {
+  const Pair pair;
+  Process slave = pair.listening_slave();
+  slave.send(SIGUSR1);
+  EXPECT_TRUE(slave.says("s: SIGUSR1 does nothing here")) << slave.err();
+  slave.send(SIGINT);
+  EXPECT_EQ(slave.wait(), exited(0)) << slave.err();
+  EXPECT_EQ(count(slave.err(), "ended by a signal; the other side had not come, and nothing is recorded"), 1)
+      << slave.err();
+}
+
+TEST(Safety, SigusrToAMasterWithoutAScheduleIsSaid) {
+  const Pair pair;
+  Process slave = pair.listening_slave(), master = pair.master();
+  ASSERT_TRUE(master.says("paired with the slave")) << master.err();
+  master.send(SIGUSR1);
+  EXPECT_EQ(master.wait(), exited(0)) << master.err();
+  EXPECT_EQ(count(master.err(), "s: SIGUSR1 does nothing: the scene has no control.schedule"), 1) << master.err();
+  EXPECT_EQ(slave.wait(), exited(0)) << slave.err();
+}
+
+/// A terminal, and a program whose messages go there. Nobody reads until the end.
+class UnreadTerminal {
+ public:
+  UnreadTerminal() {
+    if (openpty(&reader_, &writer_, nullptr, nullptr, nullptr) != 0) throw std::runtime_error{"no terminal"};
+    fcntl(writer_, F_SETFL, O_NONBLOCK);
+    fcntl(reader_, F_SETFL, O_NONBLOCK);
+  }
+  ~UnreadTerminal() {
+    close(reader_);
+    close(writer_);
+  }
+  UnreadTerminal(const UnreadTerminal&) = delete;
+  [[nodiscard]] std::string path() const { return ttyname(writer_); }
+  /// Until it takes no more: whoever writes then waits.
+  void fill() const {
+    while (write(writer_, "x", 1) == 1) {
+    }
+  }
+  std::string read_all() {
+    char some[4096];
+    for (ssize_t n; (n = read(reader_, some, sizeof some)) > 0;) text_.append(some, static_cast<std::size_t>(n));
+    return text_;
+  }
+
+ private:
+  int reader_ = -1, writer_ = -1;
+  std::string text_;
+};
+
+// Its recording thread waits for the terminal; the cycle does not: the master hears the slave to the end.
+TEST(Safety, AProgramWhoseMessagesNobodyReadsKeepsItsCycle) {
+  const Pair pair;
+  UnreadTerminal terminal;
+  Process slave{{"/bin/sh", "-c", R"(exec "$0" "$@" 2>)" + terminal.path(), TWOPORT_SLAVE, "--scene", pair.scene,
+                 "--listen", pair.address(), "--out", pair.at("slave"), "--no-spin"}};
+  for (int k = 0; k < 300 && terminal.read_all().find("listening on") == std::string::npos; ++k)
+    std::this_thread::sleep_for(20ms);
+  Process master = pair.master();
+  ASSERT_TRUE(master.says("paired with the slave")) << master.err();
+  terminal.fill();
+  EXPECT_EQ(master.wait(), exited(0)) << master.err();
+  EXPECT_EQ(count(master.err(), "the slave is silent"), 0) << master.err();
+  EXPECT_EQ(pair.summary("master").mode(), "coupled");
+  EXPECT_TRUE(slave.running()) << "it waits for its reader now, with the robot released";
+  for (int k = 0; k < 500 && slave.running(); ++k) {
+    terminal.read_all();
+    std::this_thread::sleep_for(10ms);
+  }
+  EXPECT_EQ(slave.wait(1s), exited(0)) << terminal.read_all();
+  EXPECT_GT(pair.summary("slave").steps(), 1500u);
+}
+
+/// Scheduling policies of a program's threads; field 41 of proc(5).
+std::vector<int> policies(pid_t pid) {
+  std::vector<int> all;
+  for (const auto& task : std::filesystem::directory_iterator{"/proc/" + std::to_string(pid) + "/task"}) {
+    const std::string stat = read_text(task.path() / "stat");
+    std::istringstream rest{stat.substr(stat.rfind(')') + 1)};
+    std::string field;
+    for (int i = 3; i <= 41; ++i) rest >> field;
+    all.push_back(std::stoi(field));
+  }
+  return all;
+}
+
+TEST(Safety, OnlyTheCycleHasRealTimePriorityWhereTheProgramWasStartedWithIt) {
+  Pair pair;
+  pair.share_key();
+  Process slave{{"chrt", "-f", "5", TWOPORT_SLAVE, "--scene", pair.scene, "--listen", pair.address(), "--no-spin",
+                 "--key", pair.scheduling.back()}};
+  if (!slave.says("listening on", 5s)) GTEST_SKIP() << "no right to real time, or no chrt: " << slave.err();
+  std::this_thread::sleep_for(200ms);
+  std::vector<int> all = policies(slave.pid());
+  EXPECT_EQ(all.size(), 3u) << "the cycle, the recording and the handshakes";
+  EXPECT_EQ(std::count(all.begin(), all.end(), SCHED_FIFO), 1);
+  EXPECT_EQ(std::count(all.begin(), all.end(), SCHED_OTHER), 2);
+  slave.send(SIGINT);
+  slave.wait();
 }
 
 TEST(Safety, ATraceOfEveryTenthTickHasEveryTenthRow) {
