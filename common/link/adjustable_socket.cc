@@ -14,8 +14,9 @@ std::size_t capacity(double delay_s, double rate_hz) {
 
 }  // namespace
 
-AdjustableSocket::AdjustableSocket(DatagramSocket& socket, const Room& room, std::uint64_t seed)
+AdjustableSocket::AdjustableSocket(DatagramSocket& socket, const Endpoint& peer, const Room& room, std::uint64_t seed)
     : socket_{&socket},
+      peer_{peer},
       outgoing_{{}, seed ^ kOutgoingStream, capacity(room.longest_delay_s, room.outgoing_hz)},
       incoming_{{}, seed, capacity(room.longest_delay_s, room.incoming_hz)} {}
 
@@ -39,8 +40,12 @@ void AdjustableSocket::pass(Duration now) noexcept {
   for (int i = 0; i < kMaxPerTick; ++i) {
     const std::optional<ReceivedDatagram> datagram = socket_->receive(now);
     if (!datagram) return;
+    if (datagram->from != peer_) {
+      ++rejected_.foreign_address;
+      continue;
+    }
     if (datagram->bytes.size() > kMaxDatagramBytes) {
-      ++too_long_;
+      ++rejected_.too_long;
       continue;
     }
     moving_.assign(datagram->bytes, datagram->from);
@@ -60,7 +65,7 @@ std::optional<ReceivedDatagram> AdjustableSocket::receive(Duration now) noexcept
 
 SocketCounts AdjustableSocket::counts() const noexcept {
   SocketCounts counts = socket_->counts();
-  counts.rejected.too_long += too_long_;
+  counts.rejected += rejected_;
   counts.lost += outgoing_.lost() + incoming_.lost();
   counts.overflowed += outgoing_.overflowed() + incoming_.overflowed();
   return counts;

@@ -11,7 +11,7 @@ namespace twoport {
 
 /// A network between this program and the socket below that is changed while it runs: delay, jitter and loss of each
 /// direction, none at first. It adds to the network of the scene. Datagrams on their way keep the delay that they have
-/// been given.
+/// been given. Only datagrams of the peer enter: others neither fill its line nor change the loss and delay of its datagrams.
 class AdjustableSocket final : public DatagramSocket {
  public:
   struct Direction {
@@ -23,7 +23,7 @@ class AdjustableSocket final : public DatagramSocket {
     double longest_delay_s, outgoing_hz, incoming_hz;
   };
   /// `socket` must outlive this. `room`: what the delay lines have room for; the rest is dropped and counted.
-  AdjustableSocket(DatagramSocket& socket, const Room& room, std::uint64_t seed);
+  AdjustableSocket(DatagramSocket& socket, const Endpoint& peer, const Room& room, std::uint64_t seed);
 
   void set_outgoing(const Direction& d) noexcept { outgoing_.adjust(d.delay_s, d.jitter_s, d.loss); }
   void set_incoming(const Direction& d) noexcept { incoming_.adjust(d.delay_s, d.jitter_s, d.loss); }
@@ -40,11 +40,12 @@ class AdjustableSocket final : public DatagramSocket {
   void pass(Duration now) noexcept;
 
   DatagramSocket* socket_;
+  Endpoint peer_;
   DelayLine<Datagram> outgoing_, incoming_;
   Datagram moving_;
   std::optional<Duration> passed_at_;
   std::uint64_t waiting_ = 0;  ///< outgoing datagrams in the line
-  std::uint64_t too_long_ = 0;
+  Rejected rejected_;
 };
 
 }  // namespace twoport

@@ -43,8 +43,9 @@ class LiveLink {
                                       arguments.insecure)},
         peer_{side == Side::master ? std::optional{where_} : std::nullopt},
         udp_{peer_ ? UdpSocket{any_port_toward(*peer_), *peer_} : UdpSocket{where_}},
-        adjustable_{adjustable ? std::make_unique<AdjustableSocket>(udp_, room(side, scene), scene.seed ^ kPageStream)
-                               : nullptr},
+        adjustable_{adjustable
+                        ? std::make_unique<AdjustableSocket>(udp_, where_, room(side, scene), scene.seed ^ kPageStream)
+                        : nullptr},
         network_{adjustable_ ? static_cast<DatagramSocket&>(*adjustable_) : udp_, network(side, scene, peer_)},
         secure_{secured()},
         mail_{Transport{side == Side::master ? limits_of_slave_reports(scene.control)

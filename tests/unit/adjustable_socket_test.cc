@@ -29,7 +29,7 @@ std::string next(DatagramSocket& socket, Duration now) {
 TEST(AdjustableSocket, AddsNothingAtFirst) {
   MemoryNetwork network;
   MemorySocket below = network.open(kHere, 0ms), there = network.open(kThere, 0ms);
-  AdjustableSocket here{below, kRoom, 7};
+  AdjustableSocket here{below, kThere, kRoom, 7};
   here.send(bytes("a"), kThere, 1ms);
   EXPECT_EQ(next(there, 2ms), "a");
   there.send(bytes("b"), kHere, 2ms);
@@ -40,7 +40,7 @@ TEST(AdjustableSocket, AddsNothingAtFirst) {
 TEST(AdjustableSocket, DelaysEachDirectionByItsOwn) {
   MemoryNetwork network;
   MemorySocket below = network.open(kHere, 0ms), there = network.open(kThere, 0ms);
-  AdjustableSocket here{below, kRoom, 7};
+  AdjustableSocket here{below, kThere, kRoom, 7};
   here.set_outgoing({.delay_s = 0.020});
   here.set_incoming({.delay_s = 0.005});
   here.send(bytes("a"), kThere, 1ms);
@@ -57,7 +57,7 @@ TEST(AdjustableSocket, DelaysEachDirectionByItsOwn) {
 TEST(AdjustableSocket, WhatIsOnItsWayIsNotOvertaken) {
   MemoryNetwork network;
   MemorySocket below = network.open(kHere, 0ms), there = network.open(kThere, 0ms);
-  AdjustableSocket here{below, kRoom, 7};
+  AdjustableSocket here{below, kThere, kRoom, 7};
   here.set_outgoing({.delay_s = 0.010});
   here.send(bytes("old"), kThere, 0ms);
   here.set_outgoing({});
@@ -76,7 +76,7 @@ TEST(AdjustableSocket, WhatIsOnItsWayIsNotOvertaken) {
 TEST(AdjustableSocket, LosesTheStatedShareAndCountsIt) {
   MemoryNetwork network{1, 4096};
   MemorySocket below = network.open(kHere, 0ms), there = network.open(kThere, 0ms);
-  AdjustableSocket here{below, kRoom, 7};
+  AdjustableSocket here{below, kThere, kRoom, 7};
   here.set_outgoing({.loss = 0.3});
   int arrived = 0;
   constexpr int kSent = 4000;
@@ -89,10 +89,29 @@ TEST(AdjustableSocket, LosesTheStatedShareAndCountsIt) {
   EXPECT_EQ(here.counts().lost + static_cast<std::uint64_t>(arrived), kSent);
 }
 
+// A flood of others: the peer's datagrams arrive as they would without it.
+TEST(AdjustableSocket, DropsAndCountsWhatIsNotOfThePeer) {
+  MemoryNetwork network{1, 4096};
+  MemorySocket below = network.open(kHere, 0ms), there = network.open(kThere, 0ms);
+  MemorySocket stranger = network.open(MemoryNetwork::address(3, 3), 0ms);
+  AdjustableSocket here{below, kThere, {0.1, 10.0, 10.0}, 7};  // room for 513 datagrams
+  here.set_incoming({.delay_s = 0.1});
+  for (int k = 0; k < 1000; ++k) {
+    stranger.send(bytes("flood"), kHere, k * 50us);
+    EXPECT_EQ(next(here, k * 50us + 1us), "nothing");
+  }
+  there.send(bytes("of the peer"), kHere, 51ms);
+  EXPECT_EQ(next(here, 52ms), "nothing");
+  EXPECT_EQ(next(here, 150ms), "nothing");
+  EXPECT_EQ(next(here, 152ms), "of the peer");
+  EXPECT_EQ(here.counts().rejected.foreign_address, 1000u);
+  EXPECT_EQ(here.counts().overflowed, 0u);
+}
+
 TEST(AdjustableSocket, AllocatesNothing) {
   MemoryNetwork network;
   MemorySocket below = network.open(kHere, 0ms), there = network.open(kThere, 0ms);
-  AdjustableSocket here{below, kRoom, 7};
+  AdjustableSocket here{below, kThere, kRoom, 7};
   const NoAlloc guard;
   for (int t = 1; t < 200; ++t) {
     here.set_outgoing({.delay_s = 1e-3 * (t % 9), .jitter_s = 1e-3 * (t % 3), .loss = 0.1 * (t % 2)});
