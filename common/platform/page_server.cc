@@ -20,6 +20,7 @@
 #include <vector>
 
 #include "common/base/check.h"
+#include "common/base/thread.h"
 #include "common/page/http.h"
 #include "common/page/websocket.h"
 #include "common/platform/udp.h"
@@ -33,9 +34,12 @@ using namespace std::chrono_literals;
 
 static_assert(std::endian::native == std::endian::little, "the page reads little-endian numbers");
 
-constexpr auto kFrameTime = 16ms;          // between two messages to a client
-constexpr auto kPatience = 10s;            // for a request, and for a client that reads nothing
-constexpr std::size_t kClients = 8;        // connections at once
+constexpr auto kFrameTime = 16ms;  // between two messages to a client
+constexpr auto kPatience = 10s;    // for a client that reads nothing
+constexpr std::size_t kRequests =
+    16;  // connections at once that are no WebSockets; a new one takes the place of the oldest
+constexpr std::size_t kSockets = 8;        // WebSockets at once
+constexpr std::size_t kReplies = 16;       // to a client that wait
 constexpr std::size_t kMostSamples = 128;  // in one message
 
 constexpr std::string_view kAbsent = "Nothing is at this address.\n";
@@ -55,7 +59,7 @@ struct PageServer::Impl {
     bool upgraded = false, holds = false, writing = false, ends = false;
     std::vector<Text> replies;  ///< sent in order, before samples
     Text samples;               ///< newest that are not sent yet
-    Now::time_point last_progress = Now::now();
+    Now::time_point since = Now::now(), heard = since, pinged = since, last_progress = since;
   };
   using Shared = std::shared_ptr<Client>;
 
@@ -86,7 +90,10 @@ struct PageServer::Impl {
     introduction = std::make_shared<const std::string>(websocket_frame(WebSocketOpcode::text, o.introduction));
     accept();
     tick();
-    thread = std::thread{[this] { context.run(); }};
+    thread = std::thread{[this] {
+      take_ordinary_priority();
+      context.run();
+    }};
   }
   ~Impl() {
     context.stop();
@@ -96,13 +103,15 @@ struct PageServer::Impl {
   void accept() {
     acceptor.async_accept([this](Error error, tcp::socket socket) {
       if (!error) {
-        if (clients.size() < kClients) {
-          auto client = std::make_shared<Client>(std::move(socket));
-          Error ignored;
-          client->socket.set_option(tcp::no_delay{true}, ignored);
-          clients.push_back(client);
-          read(client);
-        }
+        // In the order of their arrival.
+        const auto is_request = [](const Shared& c) { return !c->upgraded; };
+        if (std::count_if(clients.begin(), clients.end(), is_request) >= static_cast<std::ptrdiff_t>(kRequests))
+          drop(Shared{*std::find_if(clients.begin(), clients.end(), is_request)});
+        auto client = std::make_shared<Client>(std::move(socket));
+        Error ignored;
+        client->socket.set_option(tcp::no_delay{true}, ignored);
+        clients.push_back(client);
+        read(client);
         accept();
         return;
       }
@@ -112,15 +121,22 @@ struct PageServer::Impl {
     });
   }
 
-  /// Samples of the cycle to all clients; clients that make no progress end.
+  /// Samples of the cycle to all clients; clients that make no progress or say nothing end. A browser answers a ping by itself.
   void tick() {
     timer.expires_after(kFrameTime);
     timer.async_wait([this](Error) {
       send_samples();
       const auto now = Now::now();
       for (const Shared& client : std::vector<Shared>{clients}) {
-        const bool slow = client->writing || !client->upgraded;
-        if (slow && now - client->last_progress > kPatience) drop(client);
+        const bool slow = client->writing && now - client->last_progress > kPatience;
+        const bool silent = client->upgraded ? now - client->heard > options.silence
+                                             : !client->ends && now - client->since > options.request_time;
+        if (slow || silent) {
+          drop(client);
+        } else if (client->upgraded && !client->ends && now - client->pinged > options.ping_every) {
+          client->pinged = now;
+          reply(client, websocket_frame(WebSocketOpcode::ping, ""));
+        }
       }
       tick();
     });
@@ -151,6 +167,7 @@ struct PageServer::Impl {
   void read(const Shared& client) {
     client->socket.async_read_some(asio::buffer(client->arriving), [this, client](Error error, std::size_t size) {
       if (error) return drop(client);
+      client->heard = Now::now();
       const std::string_view bytes{client->arriving.data(), size};
       if (client->upgraded) {
         client->reader.add(bytes);
@@ -200,6 +217,9 @@ struct PageServer::Impl {
                                        {{"Upgrade", "websocket"}, {"Sec-WebSocket-Version", "13"}}));
     if (!is_own_origin(r))
       return end(client, http_response("403 Forbidden", "text/plain", "Another web site may not connect.\n"));
+    if (std::count_if(clients.begin(), clients.end(), [](const Shared& c) { return c->upgraded; }) >=
+        static_cast<std::ptrdiff_t>(kSockets))
+      return end(client, http_response("503 Service Unavailable", "text/plain", "Eight pages are open; close one.\n"));
     client->upgraded = true;
     client->reader.add(rest);
     client->replies.push_back(std::make_shared<const std::string>(
@@ -222,10 +242,7 @@ struct PageServer::Impl {
           if (client->ends) return;
           break;
         case Kind::ping:
-          if (client->replies.size() < 16)
-            client->replies.push_back(
-                std::make_shared<const std::string>(websocket_frame(WebSocketOpcode::pong, e.payload)));
-          write(client);
+          reply(client, websocket_frame(WebSocketOpcode::pong, e.payload));
           break;
         case Kind::close:
         case Kind::error:
@@ -262,6 +279,12 @@ struct PageServer::Impl {
   void release(const Shared& client) {
     // Where the ring is full the device's own time limit releases the handle.
     if (std::exchange(client->holds, false)) channel.hand.try_push({});
+  }
+
+  void reply(const Shared& client, std::string frame) {
+    if (client->replies.size() < kReplies)
+      client->replies.push_back(std::make_shared<const std::string>(std::move(frame)));
+    write(client);
   }
 
   void write(const Shared& client) {

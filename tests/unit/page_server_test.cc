@@ -5,11 +5,16 @@
 #include <sys/socket.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <array>
+#include <atomic>
 #include <chrono>
 #include <cstring>
+#include <memory>
 #include <string>
 #include <thread>
+#include <utility>
+#include <vector>
 
 #include "common/base/check.h"
 
@@ -41,7 +46,8 @@ class Connection {
   /// Until `text` has been received, the connection ends or five seconds pass.
   std::string read_until(const std::string& text) {
     std::array<char, 4096> some{};
-    while (text.empty() || got_.find(text) == got_.npos) {
+    for (std::size_t from = 0; text.empty() || got_.find(text, from) == got_.npos;) {
+      from = got_.size() - std::min(got_.size(), text.size());
       const ssize_t size = recv(fd_, some.data(), some.size(), 0);
       if (size <= 0) break;
       got_.append(some.data(), static_cast<std::size_t>(size));
@@ -56,8 +62,16 @@ class Connection {
 };
 
 struct Served {
+  explicit Served(PageServer::Options o = {}) : options{std::move(o)} {}
+  static PageServer::Options complete(PageServer::Options o) {
+    o.address = "127.0.0.1:0";
+    o.introduction = "{\"scene\":\"s\"}";
+    o.assets = kAssets;
+    return o;
+  }
+  PageServer::Options options;
   PageChannel channel;
-  PageServer server{{.address = "127.0.0.1:0", .introduction = "{\"scene\":\"s\"}", .assets = kAssets}, channel};
+  PageServer server{complete(options), channel};
   std::uint16_t port = static_cast<std::uint16_t>(std::stoi(server.url().substr(server.url().rfind(':') + 1)));
   std::string host = "127.0.0.1:" + std::to_string(port);
 
@@ -174,6 +188,65 @@ TEST(PageServer, AClientThatNeverReadsHoldsUpNobody) {
   std::memcpy(number.data(), &sample.t_s, 8);
   EXPECT_NE(reader.read_until(number).find(number), std::string::npos);
   EXPECT_EQ(s.channel.samples.dropped(), 0u);
+}
+
+TEST(PageServer, IdleConnectionsKeepNobodyOut) {
+  Served s;
+  std::vector<std::unique_ptr<Connection>> idle;
+  for (int k = 0; k < 300; ++k) idle.push_back(std::make_unique<Connection>(s.port));
+  EXPECT_NE(s.get("/", s.host).find("200 OK"), std::string::npos);
+  // One that says a little at a time gains none.
+  EXPECT_EQ(idle.front()->read_all(), "");
+}
+
+TEST(PageServer, ARequestThatIsNotCompleteInTimeEnds) {
+  Served s{{.request_time = 300ms}};
+  Connection c{s.port};
+  const auto begin = std::chrono::steady_clock::now();
+  std::thread slow{[&] {
+    for (const char letter : std::string{"GET /"}) {
+      c.write({letter});
+      std::this_thread::sleep_for(50ms);
+    }
+  }};
+  slow.join();
+  EXPECT_EQ(c.read_all(), "");
+  EXPECT_LT(std::chrono::steady_clock::now() - begin, 2s);
+}
+
+TEST(PageServer, SilentWebSocketsMakeRoomAndOthersStay) {
+  Served s{{.ping_every = 100ms, .silence = 400ms}};
+  const auto opened = [&](Connection& c) {
+    c.write(s.upgrade("http://" + s.host));
+    return c.read_until("{\"scene\":\"s\"}").find("101 Switching") != std::string::npos;
+  };
+  // This one answers the pings.
+  Connection alive{s.port};
+  ASSERT_TRUE(opened(alive));
+  std::atomic<bool> done{false};
+  std::thread answers{[&] {
+    while (!done) {
+      alive.write(masked(0x8a, ""));
+      std::this_thread::sleep_for(50ms);
+    }
+  }};
+  std::vector<std::unique_ptr<Connection>> silent;
+  for (int k = 0; k < 7; ++k) {
+    silent.push_back(std::make_unique<Connection>(s.port));
+    EXPECT_TRUE(opened(*silent.back())) << k;
+  }
+  Connection ninth{s.port};
+  ninth.write(s.upgrade("http://" + s.host));
+  EXPECT_NE(ninth.read_all().find("503"), std::string::npos) << "eight are open";
+  const std::string end = silent.front()->read_all();
+  EXPECT_NE(end.find(std::string("\x89\x00", 2)), std::string::npos) << "it was pinged";
+  Connection next{s.port};
+  EXPECT_TRUE(opened(next));
+  done = true;
+  answers.join();
+  PageCommand command;
+  alive.write(masked(0x81, "grip 300"));
+  EXPECT_TRUE(soon_pops(s.channel.hand, command)) << "it was not ended";
 }
 
 TEST(PageServer, SaysWhichAddressIsTaken) {
