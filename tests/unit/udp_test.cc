@@ -172,6 +172,31 @@ TEST(UdpSocket, KeepsTheOrderOfMoreThanABatch) {
   EXPECT_FALSE(b.receive(Duration{0}));
 }
 
+// A batch is 16 datagrams. Whoever takes long with them gets no other one in this tick.
+TEST(UdpSocket, FetchesNoFurtherBatchWhenItsTimeOfATickIsOver) {
+  UdpSocket a = socket_on("127.0.0.1:0"), b = socket_on("127.0.0.1:0");
+  const auto received = [&](Duration now, std::chrono::milliseconds each) {
+    int n = 0;
+    for (; b.receive(now); ++n)
+      for (const auto end = Clock::now() + each; Clock::now() < end;) {
+      }
+    return n;
+  };
+  const auto flood = [&] {
+    for (int k = 0; k < 100; ++k) ASSERT_TRUE(a.send(bytes("x"), b.local(), Duration{0}));
+  };
+  flood();
+  b.limit(std::chrono::milliseconds{5});
+  EXPECT_EQ(received(std::chrono::milliseconds{1}, std::chrono::milliseconds{1}), 16);
+  EXPECT_EQ(received(std::chrono::milliseconds{1}, std::chrono::milliseconds{0}), 0) << "the same tick";
+  EXPECT_EQ(received(std::chrono::milliseconds{2}, std::chrono::milliseconds{1}), 16) << "the next";
+  b.limit(std::chrono::hours{1});
+  EXPECT_EQ(received(std::chrono::milliseconds{3}, std::chrono::milliseconds{0}), 68) << "nothing is lost";
+  flood();
+  b.limit(Duration::max());
+  EXPECT_EQ(received(std::chrono::milliseconds{4}, std::chrono::milliseconds{1}), 100) << "without a limit";
+}
+
 TEST(UdpSocket, CountsWhatCannotBeSent) {
   UdpSocket a = socket_on("127.0.0.1:0");
   const std::vector<std::byte> too_long(70'000);
