@@ -8,6 +8,7 @@
 #include <memory>
 #include <random>
 #include <string>
+#include <utility>
 
 #include "common/link/memory_network.h"
 #include "tests/support/no_alloc.h"
@@ -326,6 +327,38 @@ TEST(Handshake, WithoutAKeyFlippedBitsEndNeitherSideAndTheTwoPair) {
     EXPECT_EQ(s.reject_reason(), "") << seed;
     EXPECT_TRUE(m.coupled(now) && s.coupled(now)) << seed;
   }
+}
+
+// One on the path stops every answer of the slave, makes introductions that do not fit, and answers their refusals himself. The
+// true master's introductions arrive.
+TEST(Handshake, WithoutAKeyWhoAnswersRefusalsInPlaceOfTheMasterDoesNotEndTheSlave) {
+  Handshake s = slave();
+  const Handshake m = master(), other = master(7000, 0x123);
+  int refused = 0;
+  for (Duration now{0}; now < 3s; now += 1ms) {
+    s.advance(now);
+    if (s.on(other.header(now), Decoded::ok, kMasterAt, now) == Action::refuse) {
+      ++refused;
+      Header answer = s.refusal();
+      std::swap(answer.session, answer.peer_session);
+      ASSERT_EQ(s.on(answer, Decoded::ok, kMasterAt, now), Action::reject) << now.count();
+    }
+    if (now.count() % 50'000'000 == 0) {
+      ASSERT_EQ(s.on(m.header(now), Decoded::ok, kMasterAt, now), Action::reply);
+    }
+  }
+  EXPECT_GT(refused, 100);
+  EXPECT_EQ(s.reject_reason(), "");
+}
+
+TEST(Handshake, WithoutAKeyFourRefusalsAreNoneHoweverFarApart) {
+  Handshake m = master();
+  Header refusal;
+  refusal.session = 5;
+  refusal.peer_session = m.header(0ms).session;
+  refusal.refusal = "go away";
+  for (Duration now{0}; now < 4s; now += 1s) EXPECT_EQ(m.on(refusal, Decoded::ok, kSlaveAt, now), Action::reject);
+  EXPECT_EQ(m.on(refusal, Decoded::ok, kSlaveAt, 4s), Action::end);
 }
 
 TEST(Handshake, WithoutAKeyRefusalsEndAPairedMasterOnlyAfterALongSilence) {
