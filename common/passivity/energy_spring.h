@@ -74,6 +74,10 @@ class EnergySpring {
   }
   /// Drops energy above `most`: energy put in long ago cannot be returned as a kick.
   void drop_above(Energy most) noexcept { energy_ = std::min(energy_, most); }
+  /// Passes energy on to another account.
+  void take(Energy e) noexcept { energy_ -= e; }
+  /// What another force of the port may lose in the coming interval: the spring leaves it alone.
+  void reserve(Energy e) noexcept { reserved_ = e; }
   /// Starts anew with a deficit; `net` as in observe.
   void restart(Energy net, Energy deficit) noexcept {
     net_ = net;
@@ -113,7 +117,7 @@ class EnergySpring {
   /// and has an account of its own.
   [[nodiscard]] double scale(const Force<N>& f_d, const Velocity<N>& v, Seconds dt,
                              const Force<N>& beside = {}) const noexcept {
-    const double a = available().si(), size = norm(f_d, dt);
+    const double a = positive_part(available() - reserved_).si(), size = norm(f_d, dt);
     if (size == 0.0) return 1.0;
     const double most = std::min(std::sqrt(2.0 * stiffness(dt) * a), a / std::max(reach(dt), kLeastReach_m));
     const double s1 = size <= most ? 1.0 : most / size;
@@ -142,7 +146,7 @@ class EnergySpring {
 
   static constexpr double kPeak_s = 0.5, kFirstSpeed_m_per_s = 1.0, kLeastReach_m = 1e-12;
 
-  Energy initial_, energy_, net_;
+  Energy initial_, energy_, net_, reserved_;
   double stiffness_, rotational_stiffness_, quarter_mass_kg_, quarter_inertia_kg_m2_;
   double peak_speed_ = kFirstSpeed_m_per_s;  ///< v_p
   std::optional<PortVelocityPredictor<N>> predictor_;
@@ -163,13 +167,14 @@ class DamperAccount {
   void observe(const Displacement<N>& moved, double applied_part, Seconds dt) noexcept {
     level_j_ = std::min(kMost_j, level_j_ + applied_part * dot(g_, moved).si() + kRefill_w * dt.si());
   }
-  /// Force for the coming interval at `port`.
+  /// Force for the coming interval at `port`; `most`: what it may lose in a tick, at most D_1.
   [[nodiscard]] const Force<N>& apply(const Force<N>& wanted, const Velocity<N>& v, const EnergySpring<N>& port,
-                                      Seconds dt) noexcept {
+                                      Seconds dt, Energy most = Energy{kMostOfATick_j}) noexcept {
     const double part = std::clamp(2.0 * level_j_ / kMost_j, 0.0, 1.0);
     if (part == 0.0) return g_ = Force<N>{};
     const double reach_j = part * port.norm(wanted, dt) * port.reach(dt);
-    const Force<N> g = (reach_j > kMostOfATick_j ? part * kMostOfATick_j / reach_j : part) * wanted;
+    const double most_j = std::min(kMostOfATick_j, most.si());
+    const Force<N> g = (reach_j > most_j ? part * most_j / reach_j : part) * wanted;
     return g_ = port.feasible_part(g, v, Energy{level_j_}, dt) * g;
   }
   void rest() noexcept { g_ = Force<N>{}; }
