@@ -12,6 +12,7 @@
 #include <vector>
 
 #include "bench/hand_written.h"
+#include "common/method/any.h"
 #include "common/scene/load.h"
 #include "lab/engine/simulation.h"
 #include "lab/study/map.h"
@@ -41,7 +42,7 @@ std::vector<double> ns_per_tick(const std::vector<std::string>& methods, int rou
 
 int main(int argc, char** argv) {
   const int rounds = argc > 1 ? std::max(1, std::atoi(argv[1])) : 9;
-  const std::vector<std::string> methods = lab::all_methods();
+  const std::vector<std::string> methods = method_names();
   const auto none = static_cast<std::size_t>(std::find(methods.begin(), methods.end(), "NONE") - methods.begin());
   const std::vector<double> of[] = {ns_per_tick<1>(methods, rounds), ns_per_tick<3>(methods, rounds),
                                     ns_per_tick<6>(methods, rounds)};

@@ -12,6 +12,7 @@
 
 #include "common/contact/environment.h"
 #include "common/coupling/registration.h"
+#include "common/method/any.h"
 #include "common/record/metrics.h"
 #include "common/record/trace.h"
 #include "lab/engine/quiet_tail.h"
@@ -130,17 +131,21 @@ CountedRun run_as(Simulation<N>& simulation, const Scene& scene, const RunOption
   const bool alone = scene.control.architecture == Architecture::uncontrolled;
   const bool link = simulation.link().has_value();
   const double rate_hz = alone ? scene.slave_rate_hz : scene.master_rate_hz;
-  Metrics<N> metrics{
-      {.rate_hz = rate_hz,
-       .duration_s = scene.duration_s,
-       .quiet_from_s = simulation.quiet_from_s(),
-       .initial_energy_j = simulation.initial_energy().si(),
-       .controller = has_controller(scene),
-       .coarse = is_coarse(scene),
-       .link = link,
-       .trends = options.verdict == VerdictFrom::plain},
-      Registration<N>{scene.control}.to_master(Energy{1.0}).si(),
-      {.hand = !alone, .link = link, .robot = link || alone, .robot_energy = link, .rests = rests(scene)}};
+  Metrics<N> metrics{{.rate_hz = rate_hz,
+                      .duration_s = scene.duration_s,
+                      .quiet_from_s = simulation.quiet_from_s(),
+                      .initial_energy_j = simulation.initial_energy().si(),
+                      .controller = has_controller(scene),
+                      .coarse = is_coarse(scene),
+                      .link = link,
+                      .trends = options.verdict == VerdictFrom::plain},
+                     Registration<N>{scene.control}.to_master(Energy{1.0}).si(),
+                     {.hand = !alone,
+                      .link = link,
+                      .robot = link || alone,
+                      .account = keeps_account(scene.control, scene.schedule),
+                      .robot_energy = link,
+                      .rests = rests(scene)}};
   std::optional<Trace<N>> trace;
   if (options.trace != nullptr) trace.emplace(*options.trace);
 

@@ -45,8 +45,11 @@ class MasterNode {
 
   [[gnu::always_inline]] Output step(const Tick<MasterClock>& tick, const DeviceSample<N>& device,
                                      const PeerState<N>& slave) noexcept {
-    if (!all_finite(device.x, device.v, device.applied)) [[unlikely]]
+    if (!all_finite(device.x, device.v, device.applied)) [[unlikely]] {
+      if (!unread_) held_unread_ = command_;
+      unread_ = true;
       return fail_safe(device);
+    }
     PortMotion<N> motion{device.x, device.v};
     Interval<N> interval{};
     if (started_) {
@@ -54,6 +57,8 @@ class MasterNode {
       Energy into = held_energy(observer_, device.applied, interval, tick.ended);
       if (modes_.has_paused(tick)) [[unlikely]]
         into = pause(into);
+      if (unread_) [[unlikely]]
+        into += given_unread(interval);
       account_.book(into);
     }
     const Duration now = tick.now.time_since_epoch();
@@ -171,6 +176,13 @@ class MasterNode {
     return std::min(into, Energy{});
   }
 
+  /// Energy of the force that was held when readings were not finite, over the motion since the last finite one. How much of that
+  /// motion was under it is not known, so only what the hand was given is believed.
+  [[gnu::noinline]] Energy given_unread(const Interval<N>& interval) noexcept {
+    unread_ = false;
+    return std::min(dot(held_unread_, interval.moved), Energy{});
+  }
+
   /// For a reading or force that is not finite the node applies no force until the next tick. The other side rejects
   /// reports that are not finite.
   [[gnu::always_inline]] Output fail_safe(const DeviceSample<N>& device) noexcept {
@@ -203,6 +215,8 @@ class MasterNode {
   bool awaits_slave_ = false;
   PortMotion<N> before_;
   bool started_ = false;
+  bool unread_ = false;   ///< the last reading was not finite
+  Force<N> held_unread_;  ///< the force that was held then
 };
 
 }  // namespace twoport

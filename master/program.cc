@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "common/coupling/registration.h"
+#include "common/method/any.h"
 #include "common/platform/live_link.h"
 #include "common/platform/live_run.h"
 #include "common/platform/log.h"
@@ -42,6 +43,7 @@ struct Master {
     const double rests_from_s = truth ? truth->path_ends_s : std::numeric_limits<double>::infinity();
     if (truth) known.rests = rests(scene);
     const bool link = scene.control.architecture != Architecture::render;
+    known.account = keeps_account(scene.control, scene.schedule);
     // Of a real device nobody knows the friction; what the slave dissipates is not said here.
     return Metrics<N>{{.rate_hz = scene.master_rate_hz,
                        .duration_s = scene.duration_s,

@@ -15,6 +15,7 @@
 #include "common/method/fixed_damping/options.h"
 #include "common/method/four_channel/options.h"
 #include "common/method/fractal_impedance/options.h"
+#include "common/method/internal_model/options.h"
 #include "common/method/set_position_modulation/options.h"
 #include "common/method/wave_variables/options.h"
 #include "common/passivity/controller.h"
@@ -89,6 +90,7 @@ struct ControlOptions {
   EnergyBoundingOptions energy_bounding;
   FourChannelOptions four_channel;
   FractalImpedanceOptions fractal_impedance;
+  InternalModelOptions internal_model;
 };
 
 /// What the master keeps at its device, and the slave at its robot.

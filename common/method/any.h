@@ -1,10 +1,18 @@
 #pragma once
 
 #include <memory>
+#include <span>
+#include <string>
+#include <vector>
 
 #include "common/method/method.h"
 
 namespace twoport {
+
+/// Names of all methods, in the order of the catalogue.
+std::vector<std::string> method_names();
+/// Does a controller at the master keep an account of energy, so that a deficit is known? Under any of these controls.
+bool keeps_account(const ControlOptions& first, std::span<const ScheduledControl> schedule);
 
 /// A half whose method is selected at construction, with one indirect call per tick. Allocates at construction only.
 template <int N>

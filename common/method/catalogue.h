@@ -25,6 +25,25 @@ using Methods =
     TypeList<InternalModelControl, NoControl, TimeDomainPassivity, FixedDamping, WaveVariables, SetPositionModulation,
              EnergyTank, EnergyBounding, FourChannel, FractalImpedance, ModelMediated>;
 
+/// Calls visit.operator()<M>(name) for every name of every method, in the order of the list.
+template <class Visit>
+void for_each_method(Visit visit) {
+  const auto names_of = [&]<class M>() {
+    for (const std::string_view name : M::kNames) visit.template operator()<M>(name);
+  };
+  [&]<class... Each>(TypeList<Each...>) { (names_of.template operator()<Each>(), ...); }(Methods{});
+}
+
+/// Does the master half keep an account of energy, whose deficit it tells? A method that has none says kKeepsAccount = false.
+template <class M>
+constexpr bool keeps_account() {
+  if constexpr (requires { M::kKeepsAccount; }) {
+    return M::kKeepsAccount;
+  } else {
+    return true;
+  }
+}
+
 template <class First, class... Others>
 constexpr std::string_view first_name(TypeList<First, Others...>) {
   return First::kNames[0];

@@ -38,7 +38,8 @@ std::optional<PortVelocityPredictor<N>> predictor_of(double mass_kg, double iner
 ///
 ///     A  = max(0, E + E(0))                      available energy; E: energy into the port, exact
 ///     K  = min(K_0, m/(4 T²)),  K_r likewise   no stiffer than the sampled handle, where its mass m (and inertia) is known
-///     s1 = min(1, sqrt(2 K A) / |f_d|)           |f| <= sqrt(2 K A): the force of a spring K that stores A
+///     d  = 2 T v_p,   v_p = max(|Δx|/T, (1 - T/τ) v_p),   τ = 0.5 s,  v_p(0) = 1 m/s      twice the largest recent motion of a tick
+///     s1 = min(1, sqrt(2 K A) / |f_d|, A / (d |f_d|))   |f| <= sqrt(2 K A): the force of a spring K that stores A;  |f| d <= A
 ///     s2 = largest_feasible_scale                predicted outflow <= A, see predictive_impedance_controller; without a known
 ///                                                mass T s1 f_d·(-v) s2 <= A
 ///     f  = s1 s2 f_d
@@ -46,7 +47,8 @@ std::optional<PortVelocityPredictor<N>> predictor_of(double mass_kg, double iner
 /// Without a controller law of time: outward motion under |f| = sqrt(2 K A) is exactly that of a spring K. So the force has no
 /// switching, no division by the velocity and no gain. One scalar for the whole wrench: the direction is that of f_d.
 ///
-///     E(k) >= -E(0) - K δ²/2     δ: largest motion in one tick; s2 removes the second term where its prediction holds
+///     E(k) >= -E(0)              where every tick moves the port by no more than d, or as s2 predicts
+///     E(k) >= -E(0) - K δ²/2     else; δ: largest motion in one tick
 ///     K δ²/2 <= m |δ/T|²/8       where the mass is known: a quarter of the kinetic energy of the handle at that speed, at any T
 ///
 /// for any f_d(k), whatever has arrived, been lost or is wrong. N = 6: |f|² = |f_t|² + K/K_r |τ|² and |δ|² = |Δp|² + K_r/K |log ΔR|².
@@ -66,10 +68,16 @@ class EnergySpring {
   void observe(Energy net, const Displacement<N>& moved, const Force<N>& applied, Seconds ended, Seconds dt) noexcept {
     energy_ += net - net_;
     net_ = net;
+    const double speed = ended.si() > 0.0 ? motion_norm(moved, dt) / ended.si() : 0.0;
+    peak_speed_ = std::max(speed, std::max(0.0, 1.0 - dt.si() / kPeak_s) * peak_speed_);
     if (predictor_) predictor_->step(moved, applied, ended, dt);
   }
   /// Drops energy above `most`: energy put in long ago cannot be returned as a kick.
   void drop_above(Energy most) noexcept { energy_ = std::min(energy_, most); }
+  /// Passes energy on to another account.
+  void take(Energy e) noexcept { energy_ -= e; }
+  /// What another force of the port may lose in the coming interval: the spring leaves it alone.
+  void reserve(Energy e) noexcept { reserved_ = e; }
   /// Starts anew with a deficit; `net` as in observe.
   void restart(Energy net, Energy deficit) noexcept {
     net_ = net;
@@ -93,13 +101,25 @@ class EnergySpring {
     const double k_r = N == 6 ? rotational_stiffness(dt) : 0.0;
     return wrench_norm(f, k_r > 0.0 ? stiffness(dt) / k_r : 0.0);
   }
+  /// |Δx| [m]: a rotation counts by K_r/K.
+  [[nodiscard]] double motion_norm(const Displacement<N>& moved, Seconds dt) const noexcept {
+    if constexpr (N == 6) {
+      const double ratio = rotational_stiffness(dt) / stiffness(dt);
+      return std::sqrt(moved.vec().template head<3>().squaredNorm() +
+                       ratio * moved.vec().template tail<3>().squaredNorm());
+    } else {
+      return moved.vec().norm();
+    }
+  }
+  /// d [m]: no motion of one tick is expected to be larger.
+  [[nodiscard]] double reach(Seconds dt) const noexcept { return 2.0 * dt.si() * peak_speed_; }
   /// Scale s = s1 s2 in [0, 1] of f_d for the coming interval; `v`: velocity of the port; `beside`: what is displayed besides s f_d
   /// and has an account of its own.
   [[nodiscard]] double scale(const Force<N>& f_d, const Velocity<N>& v, Seconds dt,
                              const Force<N>& beside = {}) const noexcept {
-    const double a = available().si(), size = norm(f_d, dt);
+    const double a = positive_part(available() - reserved_).si(), size = norm(f_d, dt);
     if (size == 0.0) return 1.0;
-    const double most = std::sqrt(2.0 * stiffness(dt) * a);
+    const double most = std::min(std::sqrt(2.0 * stiffness(dt) * a), a / std::max(reach(dt), kLeastReach_m));
     const double s1 = size <= most ? 1.0 : most / size;
     if (s1 == 0.0) return 0.0;
     return s1 * feasible_part(s1 * f_d, v, Energy{a}, dt, beside);
@@ -124,8 +144,11 @@ class EnergySpring {
     return predictor_ ? std::min(stiffness, quarter / (dt.si() * dt.si())) : stiffness;
   }
 
-  Energy initial_, energy_, net_;
+  static constexpr double kPeak_s = 0.5, kFirstSpeed_m_per_s = 1.0, kLeastReach_m = 1e-12;
+
+  Energy initial_, energy_, net_, reserved_;
   double stiffness_, rotational_stiffness_, quarter_mass_kg_, quarter_inertia_kg_m2_;
+  double peak_speed_ = kFirstSpeed_m_per_s;  ///< v_p
   std::optional<PortVelocityPredictor<N>> predictor_;
 };
 
@@ -133,28 +156,31 @@ class EnergySpring {
 /// period, or where the hand turns back within a tick.
 ///
 ///     L += λ γ g·Δx + r T,   L <= D_0 = 10 µJ,   r = 1 µW
-///     γ  = min(1, 2 L/D_0), at least 0, and predicted outflow of γ g <= L;   force γ g
+///     γ  = min(1, 2 L/D_0), at least 0, γ |g| d <= D_1 = 1 mJ, and predicted outflow of γ g <= L;   force γ g
 ///
-/// λ: part of the force that the device has applied. L >= -b δ²/T: with L <= 0 the force is zero. What the damper gives back beyond
-/// what it has taken is at most D_0 + b δ²/T + r t, t the time since L was last D_0.
+/// λ: part of the force that the device has applied; d: EnergySpring's. L >= -D_1 while no tick moves the port by more than d, else
+/// L >= -b δ²/T: with L <= 0 the force is zero. What the damper gives back beyond what it has taken is at most D_0 - L + r t, t the
+/// time since L was last D_0.
 template <int N>
 class DamperAccount {
  public:
   void observe(const Displacement<N>& moved, double applied_part, Seconds dt) noexcept {
     level_j_ = std::min(kMost_j, level_j_ + applied_part * dot(g_, moved).si() + kRefill_w * dt.si());
   }
-  /// Force for the coming interval at `port`.
+  /// Force for the coming interval at `port`; `most`: what it may lose in a tick, at most D_1.
   [[nodiscard]] const Force<N>& apply(const Force<N>& wanted, const Velocity<N>& v, const EnergySpring<N>& port,
-                                      Seconds dt) noexcept {
+                                      Seconds dt, Energy most = Energy{kMostOfATick_j}) noexcept {
     const double part = std::clamp(2.0 * level_j_ / kMost_j, 0.0, 1.0);
     if (part == 0.0) return g_ = Force<N>{};
-    const Force<N> g = part * wanted;
+    const double reach_j = part * port.norm(wanted, dt) * port.reach(dt);
+    const double most_j = std::min(kMostOfATick_j, most.si());
+    const Force<N> g = (reach_j > most_j ? part * most_j / reach_j : part) * wanted;
     return g_ = port.feasible_part(g, v, Energy{level_j_}, dt) * g;
   }
   void rest() noexcept { g_ = Force<N>{}; }
 
  private:
-  static constexpr double kMost_j = 1e-5, kRefill_w = 1e-6;
+  static constexpr double kMost_j = 1e-5, kRefill_w = 1e-6, kMostOfATick_j = 1e-3;
   double level_j_ = kMost_j;  ///< L
   Force<N> g_;
 };

@@ -23,6 +23,7 @@ struct KnownParts {
   bool hand = true;                                       ///< the master port: felt force, port energy
   bool link = true;                                       ///< another side, and the position error
   bool robot = true;                                      ///< its motion, and the force on it
+  bool account = true;                                    ///< a controller at the master that tells its deficit
   bool robot_energy = true;                               ///< the energies through both ports of its coupling
   std::optional<std::vector<Rest>> rests = std::nullopt;  ///< of the intended motion; nothing: not known
 };
@@ -98,7 +99,7 @@ class Metrics {
       s.set_min_port_energy_j(initial_energy_j_ + min_energy_j_);
       s.set_min_observed_energy_j(initial_energy_j_ + min_observed_j_);
       s.set_hand_min_energy_j(min_energy_j_);
-      s.set_energy_owed_j(owed_j_);
+      if (known_.account) s.set_energy_owed_j(owed_j_);
       s.set_force_error_rms_n(std::sqrt(force_error2_ / rows));
       s.set_correction_max_n(std::sqrt(correction2_max_));
       s.set_max_force_n(std::sqrt(force2_max_));

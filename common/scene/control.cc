@@ -113,7 +113,9 @@ void read_method_options(const Block<schema::Passivity>& of, ControlOptions& opt
       .reaction_force_observer = channels.flag(FIELD(reaction_force_observer)),
       .observer_bandwidth_rad_per_s = channels.number_if_given(FIELD(observer_bandwidth_rad_per_s), kPositive),
       .force_gain = channels.number_if_given(FIELD(force_gain), kNotNegative),
+      .disturbance_observer = channels.flag(FIELD(disturbance_observer)),
   };
+  options.internal_model = {.strict_two_port = of.block(FIELD(internal_model)).flag(FIELD(strict_two_port))};
   const Block fractal = of.block(FIELD(fractal_impedance));
   fractal.only_with_rotation(FIELD(rotational_stiffness_n_m_per_rad));
   options.fractal_impedance = {

@@ -56,6 +56,13 @@ struct Digests {
     (all.add(values), ...);
     fields.push_back({path, one.value()});
   }
+  /// A switch that came later: a scene without it keeps the digest that it had.
+  void add_if_set(std::string_view path, bool set) {
+    Digest one;
+    one.add(set);
+    if (set) all.add(set);
+    fields.push_back({path, one.value()});
+  }
 };
 
 Digests digests(const Scene& scene) {
@@ -64,8 +71,8 @@ Digests digests(const Scene& scene) {
   const auto& [architecture, coupling, force_scale, motion_scale, registration, method_name, controller, observer,
                accounts, reference_energy, initial_energy, handle_mass, handle_inertia, max_force, engage, hold_after,
                release_after, device_limits, robot_limits, own_limits, known, stated_round_trip, fixed_damping,
-               wave_variables, set_position_modulation, energy_tank, energy_bounding, four_channel, fractal_impedance] =
-      scene.control;
+               wave_variables, set_position_modulation, energy_tank, energy_bounding, four_channel, fractal_impedance,
+               internal_model] = scene.control;
   const auto& [stiffness, damping, rotational_stiffness, rotational_damping, catch_up, drift_compensation] = coupling;
   const auto& [method, max_gain, max_mobility, unilateral, predict, mass, radius_of_gyration, max_turn] = controller;
   static_cast<void>(method), static_cast<void>(mass), static_cast<void>(radius_of_gyration);
@@ -124,12 +131,17 @@ Digests digests(const Scene& scene) {
     d.add("control.passivity.energy_tank", desired_level, level_gain, transfer);
   }
   {
-    const auto& [observer_used, bandwidth, force_gain] = four_channel;
+    const auto& [observer_used, bandwidth, force_gain, disturbance_observer] = four_channel;
     d.add("control.passivity.four_channel", observer_used, bandwidth, force_gain);
+    d.add_if_set("control.passivity.four_channel.disturbance_observer", disturbance_observer);
   }
   {
     const auto& [k, k_rotational] = fractal_impedance;
     d.add("control.passivity.fractal_impedance", k, k_rotational);
+  }
+  {
+    const auto& [strict_two_port] = internal_model;
+    d.add_if_set("control.passivity.internal_model.strict_two_port", strict_two_port);
   }
   // What is switched to, each as a scene of its own; when is the master's own. A scene without a schedule has the digest that it
   // had before there were any.

@@ -1,6 +1,7 @@
 #include <fmt/format.h>
 
 #include <cstdio>
+#include <filesystem>
 #include <memory>
 #include <string>
 
@@ -107,9 +108,12 @@ Subcommand add_map(CLI::App& app) {
   map->footer(
       R"(A method holds in a place where every seed is stable and quiet and at least half of the force is pressed that the
 same scene presses without delay and loss. The error is the root of the sum of squares of felt-force error, missing
-force, drag in free space and chatter [N]; best is the method with the least.)");
+force, drag in free space and chatter [N]; best is the method with the least. It is good where it holds and that error is below
+half of the force pressed without delay and loss: a method that displays nothing, or drags as much, is not.)");
   return {map, [a] { return map_command(*a); }};
 }
+
+constexpr double kLongestDelay_ms = 5e4;
 
 struct RecommendArguments {
   double delay_ms = 0.0, loss = 0.0, stiffness = 0.0, burst = 1.0;
@@ -117,6 +121,9 @@ struct RecommendArguments {
 };
 
 int recommend_command(const RecommendArguments& a) {
+  // The map would name the round trip, which nobody gave.
+  if (!(a.delay_ms >= 0.0 && a.delay_ms <= kLongestDelay_ms))
+    throw ConfigError{fmt::format("--delay-ms is {}; it must be between 0 and {:g}", a.delay_ms, kLongestDelay_ms)};
   const Map map = make_map({.scene = {},
                             .set = {},
                             .methods = {},
@@ -135,7 +142,7 @@ Subcommand add_recommend(CLI::App& app) {
   const auto a = std::make_shared<RecommendArguments>();
   a->jobs = all_cores();
   CLI::App* recommend = app.add_subcommand("recommend", "The method for a network and a wall, by running them all");
-  recommend->add_option("--delay-ms", a->delay_ms, "One way")->required()->check(CLI::Range(0.0, 5e4));
+  recommend->add_option("--delay-ms", a->delay_ms, "One way")->required();
   recommend->add_option("--loss", a->loss, "Probability each way")->required();
   recommend->add_option("--stiffness", a->stiffness, "Of the environment [N/m]")->required();
   recommend->add_option("--burst-packets", a->burst, "Mean number of packets lost in a row")->capture_default_str();
@@ -174,6 +181,17 @@ Subcommand add_compare(CLI::App& app) {
   return {compare, [a] { return compare_command(*a); }};
 }
 
+/// scenes/edge of the current directory, else of the first folder above this program that has one: its source tree.
+std::string gallery_folder() {
+  namespace fs = std::filesystem;
+  const fs::path name{"scenes/edge"};
+  std::error_code error;
+  if (fs::is_directory(name, error)) return name.string();
+  for (fs::path at = fs::read_symlink("/proc/self/exe", error); at.has_relative_path(); at = at.parent_path())
+    if (fs::is_directory(at / name, error)) return (at / name).string();
+  return name.string();
+}
+
 struct GalleryArguments {
   GalleryOptions gallery;
   std::string methods, out;
@@ -200,9 +218,11 @@ int gallery_command(GalleryArguments& a) {
 Subcommand add_gallery(CLI::App& app) {
   const auto a = std::make_shared<GalleryArguments>();
   a->gallery.jobs = all_cores();
+  a->gallery.folder = gallery_folder();
   CLI::App* gallery =
       app.add_subcommand("gallery", "Who survives what: the scenes of a folder, each with every method");
-  gallery->add_option("folder", a->gallery.folder, "Folder of scenes (.textproto)")->capture_default_str();
+  gallery->add_option("folder", a->gallery.folder,
+                      "Folder of scenes (.textproto); absent: scenes/edge, here or in the source tree of this program");
   gallery->add_option("--methods", a->methods, "NAME,NAME; all of them if absent")->check(not_empty);
   gallery->add_option("--out", a->out, "Folder for table.csv");
   add_jobs(gallery, a->gallery.jobs);

@@ -13,6 +13,7 @@
 #include "common/coupling/registration.h"
 #include "common/link/delay_line.h"
 #include "common/link/mailbox.h"
+#include "common/method/any.h"
 #include "common/scene/load.h"
 #include "lab/engine/loops.h"
 #include "lab/study/map.h"
@@ -180,7 +181,7 @@ std::string way(Draw& draw) {
 }
 
 /// Scene of a run; `draw` goes on with what the scene does not hold.
-Scene scene_of(const std::string& method, int dof, Draw& draw) {
+Scene scene_of(const std::string& method, int dof, Draw& draw, const std::vector<std::string>& set) {
   constexpr double kRates[] = {250.0, 500.0, 1000.0, 2000.0, 4000.0};
   const double rate_hz = kRates[draw.below(5)], mass_kg = draw.decades(0.03, 0.5), robot_kg = draw.decades(0.2, 3.0);
   // A coupling that the sampled loop holds without a delay.
@@ -199,7 +200,7 @@ Scene scene_of(const std::string& method, int dof, Draw& draw) {
                         1e-3 * damping);
   text += fmt::format("}} passivity {{ method: {} initial_energy_j: 1e-3 }} }}", method);
   text += " to_slave { " + way(draw) + " } to_master { " + way(draw) + " }";
-  return parse_scene(text, "adversary");
+  return parse_scene(text, "adversary", set);
 }
 
 /// What the master is told instead of what the slave says; the lie changes from time to time.
@@ -237,8 +238,8 @@ class Lie {
 };
 
 template <int N>
-AdversaryRun run_of(const std::string& method, AdversaryRun out, Draw& draw) {
-  const Scene scene = scene_of(method, N, draw);
+AdversaryRun run_of(const std::string& method, AdversaryRun out, Draw& draw, const std::vector<std::string>& set) {
+  const Scene scene = scene_of(method, N, draw, set);
   out.rate_hz = scene.rate_hz;
   const Seconds dt{1.0 / scene.rate_hz};
   const EnergyClaim claim = energy_claim(method);
@@ -307,16 +308,16 @@ EnergyClaim energy_claim(const std::string& method) {
   return {};
 }
 
-AdversaryRun attack(const std::string& method, std::uint64_t seed) {
+AdversaryRun attack(const std::string& method, std::uint64_t seed, const std::vector<std::string>& set) {
   Draw draw{seed};
   constexpr int kSizes[] = {1, 3, 3, 6};
   AdversaryRun run;
   run.seed = seed;
   run.dof = kSizes[draw.below(4)];
   run.lies = draw.once_in(4);
-  if (run.dof == 1) return run_of<1>(method, run, draw);
-  if (run.dof == 3) return run_of<3>(method, run, draw);
-  return run_of<6>(method, run, draw);
+  if (run.dof == 1) return run_of<1>(method, run, draw, set);
+  if (run.dof == 3) return run_of<3>(method, run, draw, set);
+  return run_of<6>(method, run, draw, set);
 }
 
 int Adversary::broken() const {
@@ -328,8 +329,8 @@ int Adversary::broken() const {
 
 Adversary attack_all(const AdversaryOptions& o, const std::function<void(const Progress&)>& heard) {
   if (o.runs < 1) throw ConfigError{fmt::format("--runs is {}; it must be at least 1", o.runs)};
-  Adversary all{.methods = o.methods.empty() ? all_methods() : o.methods, .runs = {}};
-  check_methods(all.methods, all_methods());
+  Adversary all{.methods = o.methods.empty() ? method_names() : o.methods, .runs = {}};
+  check_methods(all.methods, method_names());
   const auto runs = static_cast<std::size_t>(o.runs);
   all.runs.resize(all.methods.size(), std::vector<AdversaryRun>(runs));
   const auto started = std::chrono::steady_clock::now();

@@ -54,8 +54,8 @@ struct AdversaryRun {
 /// every 10 to 300 ms between pulling along the displayed force, resisting it, springs to a moving target, sines and rest;
 /// forces rise within 5 to 50 ms. Every fourth run the master gets reports with wrong forces, positions, energies and
 /// words. Positions, velocities and forces are read exactly. 1500 to 4000 ticks.
-/// Throws ConfigError for an unknown method.
-AdversaryRun attack(const std::string& method, std::uint64_t seed);
+/// `set`: overrides of the scene. Throws ConfigError for an unknown method.
+AdversaryRun attack(const std::string& method, std::uint64_t seed, const std::vector<std::string>& set = {});
 
 struct AdversaryOptions {
   std::vector<std::string> methods;  ///< empty: every method

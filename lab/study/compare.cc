@@ -9,6 +9,7 @@
 
 #include "common/base/check.h"
 #include "common/base/file.h"
+#include "common/method/any.h"
 #include "common/scene/load.h"
 #include "lab/run.h"
 #include "lab/study/cells.h"
@@ -22,7 +23,7 @@ Comparison compare(const CompareOptions& o) {
   Comparison all{.scene = {}, .dof = 0, .methods = o.methods, .summaries = {}};
   const Scene as_it_is = load_scene(o.scene, o.set);
   const bool rendered = as_it_is.control.architecture == Architecture::render;
-  const std::vector<std::string> allowed = rendered ? rendering_methods() : all_methods();
+  const std::vector<std::string> allowed = rendered ? rendering_methods() : method_names();
   check_methods(o.methods, allowed);
   if (all.methods.empty()) all.methods = allowed;
   std::vector<Scene> scenes;

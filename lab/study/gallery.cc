@@ -9,6 +9,7 @@
 #include <mutex>
 
 #include "common/base/check.h"
+#include "common/method/any.h"
 #include "common/record/expectation.h"
 #include "common/scene/load.h"
 #include "lab/run.h"
@@ -24,12 +25,12 @@ Gallery gallery(const GalleryOptions& o, const std::function<void(const Progress
   for (const auto& each : fs::directory_iterator{o.folder, error})
     if (each.path().extension() == ".textproto") files.push_back(each.path());
   if (error)
-    throw ConfigError{fmt::format("{}: {}; name a folder of scenes, such as scenes/edge", o.folder, error.message())};
+    throw ConfigError{fmt::format("{}: {}; name a folder of scenes, such as scenes/edge of the source tree", o.folder, error.message())};
   if (files.empty()) throw ConfigError{fmt::format("{}: no scene (.textproto) in this folder", o.folder)};
   std::sort(files.begin(), files.end());
 
-  check_methods(o.methods, all_methods());
-  Gallery all{.methods = o.methods.empty() ? all_methods() : o.methods, .entries = {}};
+  check_methods(o.methods, method_names());
+  Gallery all{.methods = o.methods.empty() ? method_names() : o.methods, .entries = {}};
   std::vector<Scene> scenes;
   for (const fs::path& file : files) {
     all.entries.push_back({file.stem().string(), std::vector<Summary>(all.methods.size()), {}});

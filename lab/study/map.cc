@@ -15,7 +15,7 @@
 #include <variant>
 
 #include "common/base/check.h"
-#include "common/method/catalogue.h"
+#include "common/method/any.h"
 #include "common/record/summary.h"
 #include "common/scene/load.h"
 #include "lab/run.h"
@@ -43,6 +43,7 @@ MapCell cell_of(const std::string& method, const MapPlace& place, const std::vec
   MapCell cell{};
   cell.method = method;
   cell.place = place;
+  cell.reference_n = reference_n;
   std::vector<std::vector<std::pair<std::string, double>>> figures;
   std::vector<double> pressed, error;
   for (const Summary& s : of_seeds) {
@@ -129,13 +130,6 @@ const std::vector<std::string>& map_figures() {
   return all;
 }
 
-std::vector<std::string> all_methods() {
-  std::vector<std::string> all;
-  const auto add = [&]<class M>() { all.insert(all.end(), std::begin(M::kNames), std::end(M::kNames)); };
-  [&]<class... Each>(TypeList<Each...>) { (add.template operator()<Each>(), ...); }(Methods{});
-  return all;
-}
-
 std::vector<std::string> rendering_methods() {
   return {"NONE", "CLASSIC", "FORCE_PROJECTED", "METRIC_DAMPING", "FORCE_CONE"};
 }
@@ -182,13 +176,13 @@ std::vector<std::string> map_overrides(const Scene& scene, const std::string& me
 
 Map make_map(const MapOptions& o, const std::function<void(const Progress&)>& heard) {
   check(o);
-  check_methods(o.methods, all_methods());
+  check_methods(o.methods, method_names());
   const Scene scene = scene_of(o);
   if (scene.environment.empty() || scene.control.architecture == Architecture::render ||
       scene.control.architecture == Architecture::uncontrolled)
     throw ConfigError{fmt::format("{}: a map needs a link and an environment with a stiffness", o.scene)};
   Map map{.scene = scene.name,
-          .methods = o.methods.empty() ? all_methods() : o.methods,
+          .methods = o.methods.empty() ? method_names() : o.methods,
           .places = places_of(o),
           .reference_n = {},
           .cells = {}};
@@ -241,7 +235,7 @@ std::size_t best_method(const Map& map, std::size_t place) {
 std::string to_csv(const Map& map) {
   std::string csv =
       "method,round_trip_ms,loss,burst_packets,stiffness_n_per_m,stable_seeds,restless_seeds,undecided_seeds,"
-      "unstable_seeds,stable_low,stable_high,holds,reference_force_n,pressed_share,pressed_share_sd,pressed_share_"
+      "unstable_seeds,stable_low,stable_high,holds,good,reference_force_n,pressed_share,pressed_share_sd,pressed_share_"
       "worst,error_n,error_n_sd,"
       "error_n_worst";
   for (const std::string& name : map_figures()) csv += fmt::format(",{0},{0}_sd,{0}_worst", name);
@@ -253,9 +247,10 @@ std::string to_csv(const Map& map) {
   for (std::size_t i = 0; i < map.cells.size(); ++i) {
     const MapCell& c = map.cells[i];
     const Interval stable = wilson(c.stable, c.seeds());
-    csv += fmt::format("{},{},{},{},{},{},{},{},{},{:.4f},{:.4f},{},{}", c.method, c.place.round_trip_ms, c.place.loss,
-                       c.place.burst_packets, c.place.stiffness_n_per_m, c.stable, c.restless, c.undecided, c.unstable,
-                       stable.low, stable.high, c.holds() ? 1 : 0, map.reference_n[i % map.places.size()]);
+    csv +=
+        fmt::format("{},{},{},{},{},{},{},{},{},{:.4f},{:.4f},{},{},{}", c.method, c.place.round_trip_ms, c.place.loss,
+                    c.place.burst_packets, c.place.stiffness_n_per_m, c.stable, c.restless, c.undecided, c.unstable,
+                    stable.low, stable.high, c.holds() ? 1 : 0, c.good() ? 1 : 0, c.reference_n);
     csv += three(c.pressed) + three(c.error_n);
     for (const Spread& each : c.figures) csv += three(each);
     csv += '\n';
@@ -266,14 +261,15 @@ std::string to_csv(const Map& map) {
 std::string to_text(const Map& map) {
   std::string out = fmt::format("{}: {} places, {} seeds each\n", map.scene, map.places.size(),
                                 map.cells.empty() ? 0 : map.cells[0].seeds());
-  out += fmt::format("{:<24} {:>7} {:>9} {:>9} {:>9} {:>17} {:>7} {:>7} {:>9} {:>14}\n", "method", "stable", "restless",
-                     "undecided", "unstable", "stable runs, 95 %", "holds", "best", "within 5 %", "least hand mJ");
+  out += fmt::format("{:<24} {:>7} {:>9} {:>9} {:>9} {:>17} {:>7} {:>7} {:>7} {:>9} {:>14}\n", "method", "stable",
+                     "restless", "undecided", "unstable", "stable runs, 95 %", "holds", "good", "best", "within 5 %",
+                     "least hand mJ");
   std::vector<std::size_t> best_of;
   for (std::size_t p = 0; p < map.places.size(); ++p) best_of.push_back(best_method(map, p));
   const auto energy = static_cast<std::size_t>(
       std::find(map_figures().begin(), map_figures().end(), "hand_min_energy_j") - map_figures().begin());
   for (std::size_t m = 0; m < map.methods.size(); ++m) {
-    int stable = 0, restless = 0, undecided = 0, unstable = 0, holds = 0, first = 0, near = 0, runs = 0,
+    int stable = 0, restless = 0, undecided = 0, unstable = 0, holds = 0, good = 0, first = 0, near = 0, runs = 0,
         stable_runs = 0;
     double least = 0.0;
     for (std::size_t p = 0; p < map.places.size(); ++p) {
@@ -281,15 +277,16 @@ std::string to_text(const Map& map) {
       ++(c.unstable > 0 ? unstable : c.restless > 0 ? restless : c.undecided > 0 ? undecided : stable);
       runs += c.seeds(), stable_runs += c.stable;
       holds += c.holds();
+      good += c.good();
       first += best_of[p] == m;
       near += c.holds() && c.error_n.mean <= 1.05 * map.at(best_of[p], p).error_n.mean;
       least = std::min(least, c.figures[energy].worst);
     }
     const Interval share = wilson(stable_runs, runs);
-    out += fmt::format("{:<24} {:>7} {:>9} {:>9} {:>9} {:>17} {:>7} {:>7} {:>9} {:>14.4g}\n", map.methods[m], stable,
-                       restless, undecided, unstable,
-                       fmt::format("{:.1f} - {:.1f} %", 100.0 * share.low, 100.0 * share.high), holds, first, near,
-                       1e3 * least);
+    out += fmt::format("{:<24} {:>7} {:>9} {:>9} {:>9} {:>17} {:>7} {:>7} {:>7} {:>9} {:>14.4g}\n", map.methods[m],
+                       stable, restless, undecided, unstable,
+                       fmt::format("{:.1f} - {:.1f} %", 100.0 * share.low, 100.0 * share.high), holds, good, first,
+                       near, 1e3 * least);
   }
   return out;
 }

@@ -48,6 +48,10 @@ struct MapCell {
   [[nodiscard]] int seeds() const { return stable + restless + undecided + unstable; }
   /// Does the method work here: stable and quiet with every seed, and at least half of the force is pressed?
   [[nodiscard]] bool holds() const { return stable == seeds() && pressed.worst >= 0.5; }
+  double reference_n = 0.0;  ///< of the place
+  /// Does the hand also feel what is pressed? Holds, and the error of every seed is below half of the force that is pressed without
+  /// delay, loss and control. A method that displays nothing, or drags with that force, has an error of about all of it.
+  [[nodiscard]] bool good() const { return holds() && error_n.worst < 0.5 * reference_n; }
 };
 
 struct Map {
@@ -73,8 +77,6 @@ double figure(const std::vector<std::pair<std::string, double>>& of, const std::
 /// Figures of the summary that the table holds.
 const std::vector<std::string>& map_figures();
 
-/// Every method that a scene over a link can name.
-std::vector<std::string> all_methods();
 /// Every controller that a rendered scene can name.
 std::vector<std::string> rendering_methods();
 

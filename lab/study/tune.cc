@@ -9,6 +9,7 @@
 
 #include "common/base/check.h"
 #include "common/base/random.h"
+#include "common/method/any.h"
 #include "lab/study/map.h"
 #include "lab/study/parallel.h"
 
@@ -99,7 +100,7 @@ std::vector<Tuned> tune(const TuneOptions& o, const std::function<void(const Pro
   if (o.evaluations < 1) throw ConfigError{fmt::format("--evaluations is {}; it must be at least 1", o.evaluations)};
   std::vector<std::string> methods = o.methods;
   if (methods.empty())
-    for (const std::string& method : all_methods())
+    for (const std::string& method : method_names())
       if (!gains_of(method).empty()) methods.push_back(method);
   for (const std::string& method : methods)
     if (gains_of(method).empty())

@@ -19,15 +19,6 @@
 namespace twoport {
 namespace {
 
-/// Every name of the catalogue, in its order.
-template <class... Each>
-std::vector<std::string> names(TypeList<Each...>) {
-  std::vector<std::string> all;
-  const auto add = [&]<class M>() { all.insert(all.end(), std::begin(M::kNames), std::end(M::kNames)); };
-  (add.template operator()<Each>(), ...);
-  return all;
-}
-
 constexpr const char* kLinks[] = {"delay_ms: 0", "delay_ms: 20", "delay_ms: 20 loss: 0.2",
                                   "delay_ms: 10 jitter_ms: 5 duplicate: 0.2 reorder: 0.2",
                                   "delay_ms: 5 burst { p: 0.02 r: 0.1 } blackout { start_s: 0.5 duration_s: 0.2 }"};
@@ -99,7 +90,7 @@ class EveryMethod : public testing::TestWithParam<Case> {};
 std::vector<Case> cases() {
   std::vector<Case> all;
   for (const int dof : {1, 3, 6})
-    for (const std::string& method : names(Methods{}))
+    for (const std::string& method : method_names())
       for (const char* architecture : {"POSITION_FORCE", "POSITION_MEASURED_FORCE", "POSITION_POSITION"})
         for (const char* link : kLinks)
           if (const Case c{dof, method, architecture, link}; !is_refused(c)) all.push_back(c);
@@ -242,8 +233,8 @@ class EverySwitch : public testing::TestWithParam<Pair> {};
 std::vector<Pair> pairs() {
   std::vector<Pair> all;
   for (const int dof : {1, 3, 6})
-    for (const std::string& from : names(Methods{}))
-      for (const std::string& to : names(Methods{})) all.push_back({dof, from, to});
+    for (const std::string& from : method_names())
+      for (const std::string& to : method_names()) all.push_back({dof, from, to});
   return all;
 }
 
@@ -304,7 +295,7 @@ INSTANTIATE_TEST_SUITE_P(Of, EverySwitch, testing::ValuesIn(pairs()), [](const a
 });
 
 TEST(Catalogue, CombinationsWithoutAMeaningAreRefused) {
-  for (const std::string& method : names(Methods{})) {
+  for (const std::string& method : method_names()) {
     const bool by_position =
         method == "FIXED_DAMPING" || method == "SET_POSITION_MODULATION" || method == "FRACTAL_IMPEDANCE";
     const Case measured{3, method, "POSITION_MEASURED_FORCE", kLinks[0]};
@@ -320,10 +311,10 @@ TEST(Catalogue, CombinationsWithoutAMeaningAreRefused) {
 TEST(Catalogue, NamesOfMethodsAreTheSchemasAndUnknownOnesAreRefused) {
   const auto* values = schema::Passivity::Method_descriptor();
   const std::vector<std::string> rendering_only{"METRIC_DAMPING", "FORCE_CONE"};
-  EXPECT_EQ(values->value_count(), static_cast<int>(names(Methods{}).size() + rendering_only.size()));
+  EXPECT_EQ(values->value_count(), static_cast<int>(method_names().size() + rendering_only.size()));
   for (const std::string& name : rendering_only)
     EXPECT_THROW(parse_scene("dof: 1 duration_s: 1 control { passivity { method: " + name + " } }", "m"), ConfigError);
-  for (const std::string& name : names(Methods{}))
+  for (const std::string& name : method_names())
     EXPECT_EQ(
         parse_scene("dof: 1 duration_s: 1 device { mass_kg: 1 damping_n_s_per_m: 1 } control { passivity { method: " +
                         name + " } } robot { mass_kg: 1 }",
@@ -436,6 +427,19 @@ TEST(Mailbox, StartsTotalsAnewWithAnEpochAndReadsNoneOfTheOneBefore) {
   arriving = {report(2, 0, 9.0)};  // late, of the epoch before
   EXPECT_EQ(mail.collect(Duration{2}).energy_in_j, 0.5);
   EXPECT_EQ(mail.known().epoch, 1U);
+}
+
+// A side says a deficit only of an account that it keeps.
+TEST(Methods, WithoutAnAccountSayNoDeficit) {
+  for (const std::string& method : method_names()) {
+    const Scene scene = parse_scene(
+        "dof: 1 duration_s: 1 device { mass_kg: 0.1 damping_n_s_per_m: 1 } control { passivity { method: " + method +
+            " } } robot { mass_kg: 1 } to_slave { delay_ms: 1 } to_master { delay_ms: 1 }",
+        method);
+    const bool none =
+        method == "NONE" || method == "FIXED_DAMPING" || method == "FOUR_CHANNEL" || method == "FRACTAL_IMPEDANCE";
+    EXPECT_EQ(keeps_account(scene.control, scene.schedule), !none) << method;
+  }
 }
 
 }  // namespace

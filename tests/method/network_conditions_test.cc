@@ -7,6 +7,7 @@
 #include <string>
 #include <vector>
 
+#include "common/method/any.h"
 #include "common/record/summary.h"
 #include "common/scene/load.h"
 #include "lab/run.h"
@@ -51,7 +52,7 @@ struct Case {
 };
 std::vector<Case> cases() {
   std::vector<Case> all;
-  for (const std::string& method : lab::all_methods())
+  for (const std::string& method : method_names())
     for (const Condition& c : kConditions) all.push_back({method, c});
   return all;
 }
@@ -90,7 +91,7 @@ std::string figures(Summary s) {
 
 // Time stamps of one side mean nothing to the other: nothing but the estimate changes with the slave's clock.
 TEST(SlaveClock, AnOffsetChangesNothing) {
-  for (const std::string& method : lab::all_methods()) {
+  for (const std::string& method : method_names()) {
     const std::string link = "jitter_ms: 3 loss: 0.1";
     const Summary same = lab::run(scene_of(method, "", link)),
                   ahead = lab::run(scene_of(method, "slave_clock { offset_ms: 1000000 }", link));

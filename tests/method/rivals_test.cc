@@ -338,6 +338,60 @@ TEST(EnergyTank, LevelFallsBelowZeroByNoMoreThanOneTickOfItsSpring) {
   EXPECT_LT(least, 0.0) << "the bound is tested only where energy runs out";
 }
 
+/// A hand that moves into a wall and presses, 1 axis.
+std::string press(const std::string& method, const std::string& control, const std::string& link,
+                  const std::string& path, const std::string& environment) {
+  return "dof: 1 duration_s: 12 rate_hz: 1000 seed: 5 operator { hand { mass_kg: 0.1 stiffness_n_per_m: 400 "
+         "damping_n_s_per_m: 8 } "
+         "path { " +
+         path +
+         " } } device { mass_kg: 0.1 damping_n_s_per_m: 0.1 } control { virtual_coupling { stiffness_n_per_m: 1000 "
+         "damping_n_s_per_m: 20 " +
+         control + " } passivity { method: " + method +
+         " initial_energy_j: 1e-3 } } robot { mass_kg: 0.5 damping_n_s_per_m: 4 force_sensor { } } to_slave { " + link +
+         " } to_master { " + link + " } " + environment;
+}
+constexpr const char* kPressPath = "move_to { position_m: [0.03] duration_s: 1 }";
+constexpr const char* kPressWall = "environment { wall { normal: [-1] offset_m: -0.015 stiffness_n_per_m: 2000 } }";
+
+// Lee, Huang 2010, theorem 1: at rest each side's force is that of the spring between the two positions, K (x_m - x_s), whatever the
+// delays and losses were, and no position is lost. K: half of the coupling's.
+TEST(SetPositionModulation, AtRestBothForcesAreTheSpringsWhateverTheNetworkWas) {
+  for (const std::string link : {"delay_ms: 100", "delay_ms: 100 jitter_ms: 40 loss: 0.3 reorder: 0.2"}) {
+    const Scene scene = parse_scene(press("SET_POSITION_MODULATION", "", link, kPressPath, kPressWall), link);
+    Loop<1> loop{scene};
+    Force<1> felt;
+    for (int k = 0; k < 12000; ++k) felt = loop.tick().command;
+    const double pressed = loop.slave_out.report.f_environment[0],
+                 apart_m = loop.device.x().translation()[0] - loop.robot.state().x.translation()[0];
+    EXPECT_GT(pressed, 1.0) << link;
+    EXPECT_NEAR(felt[0], pressed, 0.01 * pressed) << link;
+    EXPECT_NEAR(500.0 * apart_m, pressed, 0.01 * pressed) << link;
+  }
+}
+
+// Franken et al. 2011, 2012: the level controller supplies what the slave's side spends, so in steady free motion the hand does the
+// work that the robot's friction takes, delayed or not: per period, ∮ f·dx at the hand = ∮ b v² dt at the robot. 3 %: the levels
+// still move.
+TEST(EnergyTank, TheHandPaysForTheRobotsFriction) {
+  for (const std::string link : {"delay_ms: 0", "delay_ms: 50", "delay_ms: 100 loss: 0.2"}) {
+    const Scene scene = parse_scene(
+        press("ENERGY_TANK", "", link, "sine { axis: 0 amplitude_m: 0.02 frequency_hz: 1 duration_s: 60 }", ""), link);
+    Loop<1> loop{scene};
+    Force<1> held;
+    double x = 0.0, robot_x = 0.0, by_hand = 0.0, by_friction = 0.0;
+    for (int k = 0; k < 60000; ++k) {
+      const Force<1> f = loop.tick().command;
+      const double moved = loop.device.x().translation()[0] - x, robot_v = loop.robot.state().v[0];
+      if (k >= 40000) by_hand += held[0] * moved, by_friction += 4.0 * robot_v * robot_v * 1e-3;
+      x += moved, robot_x = loop.robot.state().x.translation()[0];
+      held = f;
+    }
+    EXPECT_GT(std::abs(robot_x) + by_friction, 0.05) << link;
+    EXPECT_NEAR(by_hand, by_friction, 0.03 * by_friction) << link;
+  }
+}
+
 // ---- energy bounding
 
 TEST(EnergyBounding, NoMotionMakesTheAccountNegative) {
@@ -420,20 +474,25 @@ TEST(FractalImpedance, IsStableAtASecondOfRoundTripIfItIsSoft) {
   EXPECT_FALSE(stable("200"));
 }
 
-// The papers' other claim is a link of 10 Hz at that delay. Here it holds down to 20 packets a second on average (2 % of 1 kHz
-// arrive, at random), not at 10: the set point goes on between packets, and both sides have the law, the paper's robot alone.
-TEST(FractalImpedance, IsStableWithTwentyPacketsASecond) {
-  const auto stable = [](const std::string& method, const std::string& link) {
-    return lab::run(load_scene(std::string{TWOPORT_SCENES} + "/demo.textproto",
-                               std::vector<std::string>{"rate_hz=1000", "to_slave=" + link, "to_master=" + link,
-                                                        "control.hold_after_s=0.5", "control.release_after_s=2",
-                                                        "control.passivity.method=" + method,
-                                                        "control.passivity.fractal_impedance.stiffness_n_per_m=100"}))
-        .stable();
+// The papers' other figure: ten packets a second each way, at regular times, up to a second of round trip. With 50 N/m; with 100 N/m
+// it is reproduced up to 100 ms, and at a second grows by 0.2 per s.
+TEST(FractalImpedance, IsStableWithTenPacketsASecond) {
+  const auto stable = [](const std::string& method, int delay_ms, const std::string& stiffness) {
+    const std::string link = "{ delay_ms: " + std::to_string(delay_ms) +
+                             " deadband { ratio: 1 position_m: 1 velocity_m_per_s: 1 force_n: 1000 energy_j: 1000 "
+                             "silence_ms: 100 } }";
+    const Summary s = lab::run(load_scene(
+        std::string{TWOPORT_SCENES} + "/demo.textproto",
+        std::vector<std::string>{"rate_hz=1000", "to_slave=" + link, "to_master=" + link, "control.hold_after_s=0.5",
+                                 "control.release_after_s=2", "control.passivity.method=" + method,
+                                 "control.passivity.fractal_impedance.stiffness_n_per_m=" + stiffness}));
+    EXPECT_NEAR(s.packets().to_slave().sent(), 90, 2);
+    return s.stable();
   };
-  EXPECT_TRUE(stable("FRACTAL_IMPEDANCE", "{ delay_ms: 500 loss: 0.98 }"));
-  EXPECT_FALSE(stable("FRACTAL_IMPEDANCE", "{ delay_ms: 500 loss: 0.99 }"));
-  EXPECT_FALSE(stable("NONE", "{ delay_ms: 500 loss: 0.98 }"));
+  for (const int delay_ms : {0, 50, 500}) EXPECT_TRUE(stable("FRACTAL_IMPEDANCE", delay_ms, "50")) << delay_ms;
+  EXPECT_TRUE(stable("FRACTAL_IMPEDANCE", 50, "100"));
+  EXPECT_FALSE(stable("FRACTAL_IMPEDANCE", 500, "100"));
+  EXPECT_FALSE(stable("NONE", 500, "50"));
 }
 
 // ---- model-mediated
@@ -485,6 +544,35 @@ TEST(TimeDomainPassivity, DriftCompensationBringsTheRobotBack) {
   EXPECT_GT(without, 5.0 * with);
 }
 
+// Ryu, Artigas, Preusche 2010, what their figures of the energies show: with a delay that varies and packets that are lost, what leaves at
+// one side never exceeds what has entered at the other, and without the controllers it does, and the loop diverges. Here E_out <= E_in + E(0)
+// of the other side; 1 mJ: CLASSIC acts on the velocity of the present tick, and pays the rest back afterwards.
+TEST(TimeDomainPassivity, NoSideGivesMoreThanHasEnteredAtTheOther) {
+  for (const std::string method : {"CLASSIC", "FORCE_PROJECTED", "NONE"}) {
+    const Scene scene = parse_scene(
+        press(method, "drift_compensation: false", "delay_ms: 60 jitter_ms: 20 loss: 0.1", kPressPath, kPressWall),
+        method);
+    Loop<1> loop{scene};
+    double in[2] = {0.0, 0.0}, out[2] = {0.0, 0.0}, worst = 0.0, x = 0.0;
+    Force<1> held;
+    for (int k = 0; k < 8000 && worst > -1e3; ++k) {
+      const Force<1> f = loop.tick().command;
+      const double moved = loop.device.x().translation()[0] - x;
+      x += moved;
+      const double work[2] = {held[0] * moved, -loop.slave_out.command.f[0] * loop.slave_out.command.v_d[0] * 1e-3};
+      held = f;
+      for (const int side : {0, 1}) in[side] += std::max(work[side], 0.0), out[side] += std::max(-work[side], 0.0);
+      worst = std::min({worst, in[0] - out[1], in[1] - out[0]});
+    }
+    if (method == "NONE") {
+      EXPECT_LT(worst, -0.1);
+    } else {
+      EXPECT_GE(worst, -1e-3 - 1e-3) << method;
+      EXPECT_GT(in[0], 2e-3) << method;
+    }
+  }
+}
+
 // ---- four channels
 
 // At rest in contact with almost no delay: f_h = f_e, and x_m - x_s = (1 - g) F/K. A spring alone leaves F/K. To 1 %: what
@@ -510,6 +598,42 @@ TEST(FourChannel, IsTransparentWithoutDelayButForTheForceGain) {
     EXPECT_NEAR(felt[0], pressed, 0.01 * pressed) << observer;
     const double ahead = loop.device.x().translation()[0] - loop.robot.state().x.translation()[0];
     EXPECT_NEAR(ahead, 0.5 * pressed / 1000.0, 1e-2 * pressed / 1000.0) << observer;
+  }
+}
+
+// Acceleration control: with observers that are fast, hand and robot are a mass m a = g/2 (f_h - f_e) each, whatever friction they have.
+// The hand's spring k on both then has the period 2π sqrt(2 m/(g k)); without the observers friction of 10 N s/m stops it within one. K is small, as a tick of
+// delay each way makes it a damper K T at both masses.
+TEST(FourChannel, WithADisturbanceObserverHasTheMassesAloneWhateverTheirFriction) {
+  constexpr double kMass = 0.5, kSpring = 20.0;
+  for (const double gain : {0.5, 1.0}) {
+    const Scene scene = parse_scene(
+        "dof: 1 duration_s: 6 rate_hz: 4000 operator { hand { stiffness_n_per_m: 20 damping_n_s_per_m: 0 } } device { "
+        "mass_kg: 0.5 "
+        "damping_n_s_per_m: 2 position_m: [0.02] } control { engage_s: 0.001 virtual_coupling { stiffness_n_per_m: "
+        "200 "
+        "damping_n_s_per_m: 20 } passivity { method: FOUR_CHANNEL four_channel { disturbance_observer: true "
+        "observer_bandwidth_rad_per_s: 1500 force_gain: " +
+            std::to_string(gain) + " } } } robot { mass_kg: 0.5 damping_n_s_per_m: 10 force_sensor { } }",
+        "acceleration control");
+    Loop<1> loop{scene};
+    double before = 0.0, t_s = 0.0, least_m = 1.0, largest_m = -1.0, most_m = 0.0;
+    std::vector<double> rises_s;
+    for (int k = 0; k < 24000; ++k) {
+      loop.tick();
+      const double x = loop.device.x().translation()[0];
+      t_s = k / 4000.0;
+      if (before < 0.0 && x >= 0.0) rises_s.push_back(t_s);
+      before = x;
+      const double apart_m = x - loop.robot.state().x.translation()[0];  // 20 mm: the robot starts at its own origin
+      if (k > 2000) least_m = std::min(least_m, apart_m), largest_m = std::max(largest_m, apart_m);
+      if (k > 20000) most_m = std::max(most_m, std::abs(x));
+    }
+    ASSERT_GE(rises_s.size(), 2u) << gain;
+    const double period_s = (rises_s.back() - rises_s.front()) / static_cast<double>(rises_s.size() - 1);
+    EXPECT_NEAR(period_s, 2.0 * 3.14159265358979 * std::sqrt(2.0 * kMass / (gain * kSpring)), 0.02 * period_s) << gain;
+    EXPECT_GT(most_m, 0.01) << gain;
+    EXPECT_LT(largest_m - least_m, 1e-3) << gain;
   }
 }
 

@@ -44,6 +44,25 @@ PeerState<3> heard(int k, double f, double energy_j = 1.0) {
   return known;
 }
 
+// The force of tick 199 was held until tick 200, whose reading is none: what it has given over the motion until tick 201 counts, what
+// it may have taken in does not.
+TEST(MasterNode, BooksWhatAHeldForceGaveBeforeAReadingThatIsNone) {
+  for (const double moved : {-1e-3, 1e-3}) {
+    MasterNode<3> node{parse_scene(kScene, "test").control};
+    Force<3> held, before;
+    double x = 0.0, observed = 0.0;
+    for (int k = 0; k < 203; ++k) {
+      DeviceSample<3> device{at(k == 200 ? kNone : x), velocity(0.1), held};
+      const auto out = step<MasterClock>(node, k, device, heard(k, 1.0));
+      if (k == 199) observed = node.observed().si(), before = out.command;
+      held = out.command;
+      x += k < 199 ? 1e-4 : (k == 200 ? moved : 0.0);
+    }
+    ASSERT_GT(before[0], 0.5);
+    EXPECT_NEAR(node.observed().si() - observed, std::min(0.0, before[0] * moved), 1e-15) << moved;
+  }
+}
+
 TEST(MasterNode, LetsGoForAReadingThatIsNoneAndForNoLonger) {
   for (const int part : {0, 1, 2}) {
     MasterNode<3> node{parse_scene(kScene, "test").control};

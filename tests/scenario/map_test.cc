@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "common/base/check.h"
+#include "common/method/any.h"
 #include "common/record/summary.h"
 #include "common/scene/load.h"
 #include "lab/run.h"
@@ -71,6 +72,18 @@ TEST(Map, LeanVerdictIsTheFullOneOnASampleOfPlaces) {
   }
 }
 
+// Good is more than holding: what is pressed is felt too. ENERGY_BOUNDING presses at 200 ms, and displays next to nothing.
+TEST(Map, AMuteMethodIsNotGood) {
+  MapOptions options = small({"INTERNAL_MODEL", "ENERGY_BOUNDING"});
+  options.round_trips_ms = {200};
+  options.losses = {0.0};
+  options.seeds = 1;
+  const Map map = make_map(options);
+  EXPECT_TRUE(map.at(0, 0).good());
+  EXPECT_TRUE(map.at(1, 0).holds());
+  EXPECT_FALSE(map.at(1, 0).good());
+}
+
 // (p + z²/2n ± z √(p(1-p)/n + z²/4n²))/(1 + z²/n); for p = 0 it ends at z²/(n + z²) = 3.8415/13.8415.
 TEST(Map, IntervalIsWilsons) {
   EXPECT_EQ(wilson(0, 10).low, 0.0);
@@ -121,7 +134,7 @@ TEST(Compare, RunsEveryMethodThatTheSceneCanName) {
                                    .methods = {},
                                    .jobs = 2,
                                    .out = {}});
-  EXPECT_EQ(link.methods, all_methods());
+  EXPECT_EQ(link.methods, method_names());
   const Comparison rendered = compare({.scene = TWOPORT_SCENES "/render_spring_orbit.textproto",
                                        .set = {"duration_s=0.1"},
                                        .methods = {},
@@ -160,6 +173,7 @@ TEST(MapProgram, RefusesWhatItIsToldWrong) {
       {{"map", "--loss", "1"}, {"--loss has 1", "0.99"}},
       {{"compare", scene, "--methods", "NO_SUCH"}, {"NO_SUCH", "INTERNAL_MODEL"}},
       {{"recommend", "--delay-ms", "-5", "--loss", "0", "--stiffness", "1000"}, {"--delay-ms", "-5"}},
+      {{"recommend", "--delay-ms", "nan", "--loss", "0", "--stiffness", "1000"}, {"--delay-ms", "nan"}},
       {{"gallery", "/nonexistent"}, {"/nonexistent", "No such file"}}};
   for (const auto& [arguments, parts] : cases) {
     Words line{TWOPORT_LAB};

@@ -33,9 +33,16 @@ double given_back_j(EnergySpring<3> spring, double step_m, int steps) {
   return -net;
 }
 
+/// After ten seconds at rest: the reach d is that of the tick's own motion.
+EnergySpring<3> rested(EnergySpring<3> spring) {
+  const Seconds dt{1e-3};
+  for (int k = 0; k < 10000; ++k) spring.observe(Energy{}, moved_x(0.0), Force<3>{}, dt, dt);
+  return spring;
+}
+
 // dE = -sqrt(2 K E) dx: the way of a spring K that gives back E. It ends after sqrt(2E/K) = 4.5 mm.
 TEST(EnergySpring, GivesBackWhatItHoldsAndNoMore) {
-  const EnergySpring<3> spring{Energy{10e-3}, kStiffness_n_per_m, 0.0, 0.0, 0.0};
+  const EnergySpring<3> spring = rested({Energy{10e-3}, kStiffness_n_per_m, 0.0, 0.0, 0.0});
   EXPECT_NEAR(given_back_j(spring, 1e-5, 1000), 10e-3, 1e-4);  // K δ: 1 % of sqrt(2 K E)
   EXPECT_LE(given_back_j(spring, 1e-5, 1000), 10e-3 * (1.0 + 1e-12));
 }
@@ -49,7 +56,7 @@ TEST(EnergySpring, MissesAtMostTheEnergyOfOneTickWithoutAPrediction) {
 }
 
 TEST(EnergySpring, ShowsTheForceOfASpringThatHoldsTheEnergy) {
-  EnergySpring<3> spring{Energy{2e-3}, kStiffness_n_per_m, 0.0, 0.0, 0.0};
+  EnergySpring<3> spring = rested({Energy{2e-3}, kStiffness_n_per_m, 0.0, 0.0, 0.0});
   EXPECT_DOUBLE_EQ(spring.scale(along_x(10.0), {}, Seconds{1e-3}), 0.2);  // sqrt(2·1000·2e-3) = 2 N
   EXPECT_EQ(spring.scale(along_x(1.9), {}, Seconds{1e-3}), 1.0);
   spring.restart(Energy{}, Energy{5e-3});
@@ -124,6 +131,43 @@ TEST(EnergySpring, MissesAtMostAQuarterOfTheKineticEnergyOfOneTick) {
     EXPECT_GE(least, -1e-3 - mass * 0.25 / 8.0) << dt_s;
     EXPECT_LT(least, -0.5e-3) << "the spring must be used";
   }
+}
+
+// Any motion, any period, no mass, no prediction: E >= -E(0) to rounding, as long as no tick moves more than twice as far as one of
+// the last half second, at first 2 m/s T. The fourth step is the largest allowed.
+TEST(EnergySpring, KeepsItsEnergyForAnyMotionUpToTwiceTheLargestRecentOne) {
+  std::mt19937 random{5};
+  for (const double dt_s : {0.001, 0.01, 0.05}) {
+    const Seconds dt{dt_s};
+    EnergySpring<3> spring{Energy{1e-3}, 1e5, 0.0, 0.0, 0.0};
+    double net = 0.0, least = 0.0, taken = 0.0;
+    Force<3> f;
+    for (int k = 0; k < 5000; ++k) {
+      const double share = std::uniform_real_distribution<>{-1.0, 1.0}(random);
+      const double most = k % 500 == 400 ? spring.reach(dt) : std::min(spring.reach(dt), 0.3 * dt_s);
+      const Displacement<3> moved = moved_x(k % 500 == 400 ? -std::copysign(most, f[0]) : share * most);
+      net += dot(f, moved).si();
+      taken = std::min(taken, dot(f, moved).si());
+      least = std::min(least, net);
+      spring.observe(Energy{net}, moved, f, dt, dt);
+      const Force<3> wanted = along_x(random() % 2 == 0 ? 50.0 : -50.0);
+      f = spring.scale(wanted, {}, dt) * wanted;
+    }
+    EXPECT_GE(least, -1e-3 - 1e-12) << dt_s;
+    EXPECT_LT(least, -0.9e-3) << "the spring must be used";
+    EXPECT_LT(taken, -0.1e-3) << "and a tick must take much of it";
+  }
+}
+
+// D_1 = 1 mJ for one tick within the reach; a damper of 20 N s/m at 2 m/s and 20 ms would lose 800 mJ in a tick that turns back.
+TEST(DamperAccount, LosesNoMoreThanItsShareInOneTick) {
+  const Seconds dt{0.02};
+  DamperAccount<3> account;
+  EnergySpring<3> port{Energy{}, kStiffness_n_per_m, 0.0, 0.0, 0.0};  // predicts nothing
+  port.observe(Energy{}, moved_x(1.0 * dt.si()), Force<3>{}, dt, dt);
+  const Force<3> g = account.apply(along_x(20.0 * 2.0), Velocity<3>{}, port, dt);
+  EXPECT_GT(g[0], 0.0);
+  EXPECT_LE(g[0] * 2.0 * dt.si(), 1e-3 * (1.0 + 1e-12));
 }
 
 // What it gives back beyond what it has taken: D_0 = 10 µJ, one tick at b v = 15 N s/m · v over v T, and 1 µW.

@@ -57,6 +57,7 @@ class EnergyBoundingMaster {
     net_before_ = in.account.net();
     MasterOutput<N> out{};
     out.energy_in = in.account.absorbed() - base_absorbed_;
+    out.undissipated = positive_part(-energy_);
     if (!in.active) return out;
     out.wanted = in.ramp * displayed_.step(in.device, in.slave, in.dt);
     Force<N> f = out.wanted;

@@ -67,6 +67,7 @@ class FixedDampingSlave : public CouplingSlave<N> {
 
 struct FixedDamping {
   static constexpr std::string_view kNames[] = {"FIXED_DAMPING"};
+  static constexpr bool kKeepsAccount = false;
   static constexpr std::string_view kSummary =
       "a spring between the two positions and a damper at each side (P+d): stable for any passive hand and environment "
       "at a "

@@ -8,7 +8,8 @@ namespace twoport {
 struct FourChannelOptions {
   bool reaction_force_observer = false;  ///< estimates the environment's force instead of measuring it
   std::optional<double> observer_bandwidth_rad_per_s;
-  std::optional<double> force_gain;  ///< of both force channels
+  std::optional<double> force_gain;   ///< of both force channels
+  bool disturbance_observer = false;  ///< cancels all other forces on handle and robot
 };
 
 }  // namespace twoport

@@ -128,6 +128,7 @@ class FractalImpedanceSlave : public CouplingSlave<N> {
 
 struct FractalImpedance {
   static constexpr std::string_view kNames[] = {"FRACTAL_IMPEDANCE"};
+  static constexpr bool kKeepsAccount = false;
   static constexpr std::string_view kSummary =
       "springs that give back less than they take, without a damper; no account of energy";
   template <int N>

@@ -38,6 +38,10 @@ namespace twoport {
 ///
 /// (8) makes the slave press as hard as the hand feels where energy or device do not allow the right force.
 /// In flight: free, but commanded into the surface; the robot bounces and will touch it again.
+/// `strict_two_port`: the robot too gets no more energy than the hand puts in, Σ f·Δx less what leaves at the slave >= -E(0). Each
+/// half has E(0)/2; the master sends what E has above a quarter of the model's |F_x|²/2K*, in place of the end of (3), the slave what
+/// it has above E(0)/2 + 5 mJ (InternalModelSlave). A damper may lose only what A has, γ |g| d <= A, and the spring only the rest;
+/// b = 8 + 2 min(R, 1 s) pays for the robot.
 /// N = 6: y = x + R b with b from the slave; the torque of f_d is (R b) × F_x + r_τ, r_τ = LP_a of τ - (R_echo b) × F(x_echo).
 template <int N>
 class InternalModelMaster {
@@ -48,7 +52,9 @@ class InternalModelMaster {
         rotation_n_m_per_rad_{o.force_scale / o.motion_scale * o.coupling.rotational_stiffness_n_m_per_rad},
         mass_kg_{o.handle_mass_kg},
         inertia_kg_m2_{o.handle_inertia_kg_m2},
-        energy_{o.initial_energy, coupling_n_per_m_, rotation_n_m_per_rad_, o.handle_mass_kg, o.handle_inertia_kg_m2},
+        strict_{o.internal_model.strict_two_port},
+        energy_{(strict_ ? 0.5 : 1.0) * o.initial_energy, coupling_n_per_m_, rotation_n_m_per_rad_, o.handle_mass_kg,
+                o.handle_inertia_kg_m2},
         ramp_{o.engage} {}
 
   void start(const DeviceSample<N>&) noexcept {
@@ -70,7 +76,7 @@ class InternalModelMaster {
     if (in.active && read(in.slave.words, said_)) heard_ = true;
 
     MasterOutput<N> out{};
-    out.energy_in = in.account.absorbed() - base_absorbed_;
+    out.energy_in = strict_ ? sent_ : in.account.absorbed() - base_absorbed_;
     out.undissipated = energy_.undissipated();
     if (ramp == 0.0) {
       f_ = Force<N>{};
@@ -82,23 +88,26 @@ class InternalModelMaster {
     if (heard_) follow_surface(in.dt);  // (2)
     const Hand hand = at(in.device.x);
     if (heard_) {
-      energy_.drop_above(model_.stored(hand.surface) + Energy{kCredit_j});  // (3)
-      correct(in, round_trip);                                              // (4)
-      f_d = displayed(hand);                                                // (5)
+      if (!strict_) energy_.drop_above(model_.stored(hand.surface) + Energy{kCredit_j});  // (3)
+      correct(in, round_trip);                                                            // (4)
+      f_d = displayed(hand);                                                              // (5)
     }
+    if (strict_) [[unlikely]]
+      out.energy_in = pass_on(kKept * model_.stored(hand.surface));
     const double c = hand.inside ? stiffness_cap(in.dt) : 1.0;
     Force<N> wanted = ramp * c * f_d;
     const Velocity<N> v = in.first ? Velocity<N>{} : in.interval.moved / in.ended;
     low_pass(v_slow_, v, in.dt, kDamperVelocity_s);
     const Force<N> wanted_damping = ramp * damping(v_slow_, hand, round_trip, in.dt);  // (7)
-    const Force<N>& g = damper_.apply(wanted_damping, v, energy_, in.dt);
+    const Force<N>& g =
+        strict_ ? reserved_damper(wanted_damping, v, in.dt) : damper_.apply(wanted_damping, v, energy_, in.dt);
     const double s = energy_.scale(wanted, v, in.dt, g);  // (6)
     low_pass(scale_slow_, s, in.dt, kScale_s);
     f_ = s * wanted + g;
     move_set_point(f_d, hand, 1.0 - s * shown_ * c, round_trip, in.dt);  // (8)
 
     out.f = f_;
-    out.wanted = wanted + wanted_damping;
+    out.wanted = wanted;
     out.dissipated = positive_part(Energy{-(1.0 - s) * dot(wanted, v).si() * in.dt.si()});
     return out;
   }
@@ -108,7 +117,10 @@ class InternalModelMaster {
   /// keeps its bound of the hand's energy. What a method without control has created is not charged.
   void restart(const Ledger& account, Energy deficit) noexcept {
     base_absorbed_ = account.absorbed();
-    const Energy owed = deficit > Energy{} ? deficit : Energy{-std::clamp(account.net().si(), 0.0, kCredit_j)};
+    sent_ = received_ = Energy{};
+    const Energy owed = strict_              ? deficit
+                        : deficit > Energy{} ? deficit
+                                             : Energy{-std::clamp(account.net().si(), 0.0, kCredit_j)};
     energy_.restart(account.net(), owed);
   }
   [[nodiscard]] bool has_payload() const noexcept { return heard_; }
@@ -125,6 +137,7 @@ class InternalModelMaster {
   static constexpr double kFade_m = 3e-3;
   static constexpr double kDamping = 0.5, kDampingPerDelay = 2.0, kLongDelay_s = 1.0, kHarvest = 10.0,
                           kDamperVelocity_s = 3e-3;  // [N s/m]
+  static constexpr double kStrictDamping = 8.0, kKept = 0.25;
   static constexpr double kOffset_s = 50e-3, kOffsetOutside_s = 0.3, kOffsetNormal_s = 0.5;
   static constexpr double kCommanded_n = 0.1, kLever_s = 20e-3, kOffsetNegligible_m = 1e-6;
 
@@ -158,8 +171,23 @@ class InternalModelMaster {
     const double part =
         commanded > kCommanded_n ? std::min(1.0, in.device.applied.vec().template head<D>().norm() / commanded) : 1.0;
     low_pass(shown_, part, in.dt, kScale_s);
-    energy_.observe(in.account.net(), moved, in.device.applied, in.ended, in.dt);
+    Energy net = in.account.net();
+    if (strict_) net += received_ = registration_.to_master(in.slave_energy_in);
+    energy_.observe(net, moved, in.device.applied, in.ended, in.dt);
     damper_.observe(moved, part, in.ended);
+  }
+
+  /// Strict: energy beyond `kept` goes to the slave. Returns the total sent.
+  [[gnu::noinline]] Energy pass_on(Energy kept) noexcept {
+    const Energy surplus = positive_part(energy_.energy() - kept);
+    energy_.take(surplus);
+    return sent_ += surplus;
+  }
+  /// Strict: what the damper may lose in a tick is there, and the spring leaves it alone.
+  [[gnu::noinline]] Force<N> reserved_damper(const Force<N>& wanted, const Velocity<N>& v, Seconds dt) noexcept {
+    const Force<N> g = damper_.apply(wanted, v, energy_, dt, energy_.available());
+    energy_.reserve(Energy{energy_.norm(g, dt) * energy_.reach(dt)});
+    return g;
   }
 
   void follow_surface(Seconds dt) noexcept {
@@ -235,7 +263,7 @@ class InternalModelMaster {
   [[nodiscard]] Force<N> damping(const Velocity<N>& v, const Hand& hand, Seconds round_trip,
                                  Seconds dt) const noexcept {
     const double most = mass_kg_ > 0.0 ? mass_kg_ / (4.0 * dt.si()) : kHarvest;
-    double b = kDamping + kDampingPerDelay * std::min(round_trip.si(), kLongDelay_s);
+    double b = (strict_ ? kStrictDamping : kDamping) + kDampingPerDelay * std::min(round_trip.si(), kLongDelay_s);
     double b_normal = 0.0;
     if (hand.inside) {
       b += kHarvest * (1.0 - scale_slow_);
@@ -270,6 +298,7 @@ class InternalModelMaster {
   Registration<N> registration_;
   double coupling_n_per_m_, rotation_n_m_per_rad_;  ///< K_c, K_r in the master's units
   double mass_kg_, inertia_kg_m2_;                  ///< of the handle; 0: not known
+  bool strict_;
   EnergySpring<N> energy_;
   DamperAccount<N> damper_;
   Ramp ramp_;
@@ -288,6 +317,7 @@ class InternalModelMaster {
   double scale_slow_ = 1.0, shown_ = 1.0;  ///< LP_20ms s; q
   Force<N> f_;                             ///< commanded in the last tick
   Energy base_absorbed_;
+  Energy sent_, received_;  ///< strict: to the slave, from it
 };
 
 }  // namespace twoport

@@ -6,6 +6,7 @@
 #include "common/method/internal_model/payload.h"
 #include "common/method/method.h"
 #include "common/method/surface/surface_estimator.h"
+#include "common/passivity/controller.h"
 
 namespace twoport {
 
@@ -18,6 +19,9 @@ namespace twoport {
 ///     f     = f_s                                          POSITION_POSITION: no sensor is used
 ///     K*    = 1/(1/K + 1/K_c + |R b × n|²/K_r)             what the hand should feel: the surface in series with the coupling
 ///
+/// `strict_two_port`: no brake; set point and force move as the level of energy at this side allows, T f·v_sd <= E(0)/2 + received -
+/// sent - E_out (admittance_controller).
+///
 /// To the master: n, p, K*, μ, κ (surface_estimator.h), contact, the set point x_sd, and f as the returned force.
 /// N = 6: the surface is that at the contact point x + R b, from the lever of the wrench:
 ///
@@ -27,6 +31,8 @@ class InternalModelSlave {
  public:
   explicit InternalModelSlave(const ControlOptions& o)
       : coupling_{o},
+        strict_{o.internal_model.strict_two_port},
+        initial_{0.5 * o.initial_energy},
         senses_{o.architecture != Architecture::position_position},
         bias_{o.force_scale},
         brake_n_s_per_m_{std::min(kBrake_n_s_per_m, o.coupling.damping_n_s_per_m)},
@@ -55,27 +61,37 @@ class InternalModelSlave {
 
     const Force<N> felt = senses_ ? robot.f_environment - bias_.value() : wanted.f;
     estimate(robot, felt, in.dt);
+    const Velocity<N> v_d = wanted.v;
+    Energy dissipated;
+    if (strict_) [[unlikely]]
+      dissipated = limit(wanted, in);
     const Displacement<N> moved = wanted.v * in.dt;
-    coupling_.move(moved, wanted.v, in.dt);
-    const Force<N> f = in.coupled ? wanted.f + leaving_brake(robot) : wanted.f;
+    coupling_.move(moved, v_d, in.dt);
+    const Force<N> f = in.coupled && !strict_ ? wanted.f + leaving_brake(robot) : wanted.f;
     Ledger account = in.account;
     account.book(-dot(f, moved));
     report(robot);
     return {.command = {.f = f, .x_d = coupling_.set_point(), .v_d = wanted.v},
             .f_back = felt,
-            .energy_in = account.absorbed() - base_absorbed_,
-            .dissipated = Energy{}};
+            .energy_in = strict_ ? sent_ : account.absorbed() - base_absorbed_,
+            .dissipated = dissipated};
   }
 
   SlaveOutput<N> fail_safe(const Ledger& account) noexcept {
     SlaveOutput<N> out{};
     out.command.x_d = coupling_.set_point();
-    out.energy_in = account.absorbed() - base_absorbed_;
+    out.energy_in = strict_ ? sent_ : account.absorbed() - base_absorbed_;
     return out;
   }
-  /// None: the guarantee is that of the master's port.
-  [[nodiscard]] Energy deficit(const Ledger&, Energy) const noexcept { return Energy{}; }
-  void restart(const Ledger& account, Energy) noexcept { base_absorbed_ = account.absorbed(); }
+  /// None, unless both ports are bounded: the guarantee is that of the master's port.
+  [[nodiscard]] Energy deficit(const Ledger& account, Energy master_in) const noexcept {
+    return strict_ ? positive_part(initial_ - level(account, master_in)) : Energy{};
+  }
+  void restart(const Ledger& account, Energy deficit) noexcept {
+    base_absorbed_ = account.absorbed();
+    base_net_ = account.net() + deficit;
+    sent_ = Energy{};
+  }
   [[nodiscard]] SlaveHandover<N> handover() const noexcept { return {coupling_.registration(), coupling_.set_point()}; }
   void resume(const SlaveHandover<N>& from) noexcept {
     coupling_.resume(from.registration, from.set_point);
@@ -87,7 +103,23 @@ class InternalModelSlave {
 
  private:
   static constexpr int D = kAxes<N>;
-  static constexpr double kBrake_n_s_per_m = 20.0, kLever_s = 10e-3, kLeverForce_n = 0.1;
+  static constexpr double kBrake_n_s_per_m = 20.0, kLever_s = 10e-3, kLeverForce_n = 0.1, kKept_j = 5e-3;
+
+  /// Strict: E(0)/2, what has been received, less what has been sent back and has left through the coupling.
+  [[nodiscard]] Energy level(const Ledger& account, Energy master_in) const noexcept {
+    return initial_ + coupling_.registration().to_slave(master_in) + (account.net() - base_net_) - sent_;
+  }
+  /// Strict: force and motion of the coupling within the level, in the coming interval; what the level has above E(0)/2 + 5 mJ
+  /// goes back. Returns what is dissipated.
+  [[gnu::noinline]] Energy limit(typename VirtualCoupling<N>::Wanted& wanted, const SlaveInput<N>& in) noexcept {
+    const Energy has = level(in.account, in.master_energy_in);
+    const PortSolution<N> allowed =
+        admittance_controller(wanted.f, wanted.v, coupling_.spring().mobility(in.dt), has, in.dt);
+    sent_ += positive_part(has - dot(allowed.f, allowed.v) * in.dt - initial_ - Energy{kKept_j});
+    wanted.f = allowed.f;
+    wanted.v = allowed.v;
+    return allowed.dissipated;
+  }
 
   /// x_m - o.
   [[nodiscard]] static Position<N> commanded(const PeerState<N>& master) noexcept {
@@ -156,6 +188,8 @@ class InternalModelSlave {
   }
 
   VirtualCoupling<N> coupling_;
+  bool strict_;
+  Energy initial_;
   bool senses_, engaged_ = false;
   SensorBias<N> bias_;
   double brake_n_s_per_m_, coupling_n_per_m_, rotation_n_m_per_rad_;
@@ -165,6 +199,7 @@ class InternalModelSlave {
   Displacement<N> offset_;                                      ///< o in the slave's world
   SurfaceReport<N> report_;
   Energy base_absorbed_;
+  Energy base_net_, sent_;  ///< strict
 };
 
 }  // namespace twoport

@@ -9,6 +9,7 @@ namespace twoport {
 
 struct NoControl {
   static constexpr std::string_view kNames[] = {"NONE"};
+  static constexpr bool kKeepsAccount = false;
   static constexpr std::string_view kSummary = "no passivity control: transparent, and unstable over delay";
   template <int N>
   using Master = NoControlMaster<N>;

@@ -14,11 +14,13 @@ namespace twoport {
 ///
 ///     dE(k)  = f_applied(k-1)·Δx(k)                      exact energy of the held force (the node's account)
 ///     E_in  += max(dE, 0),   E_out += max(-dE, 0)
-///     f'     = controller(f, E(0) + min(E_in,slave, E_in) - E_out)
+///     f'     = controller(f, A)
+///     A      = E(0) + E_in,slave - E_out                  CLASSIC, as published
+///     A      = E(0) + min(E_in,slave, E_in) - E_out       FORCE_PROJECTED; what the hand puts in cancels a deficit (below)
 ///
 /// The controller predicts the port's velocity under the force (projected, if the mass at the handle is known), or
-/// uses the present velocity. The energy returned to the hand is at most E(0) plus the smaller of the energy that the slave
-/// reports as received and the energy that the hand has put in.
+/// uses the present velocity. The energy returned to the hand is at most E(0) plus the energy that the slave reports as received;
+/// under FORCE_PROJECTED also at most E(0) plus the energy that the hand has put in, whatever is reported.
 ///
 /// When the sensor's force is displayed, the hand does not feel the force that moves the robot and cannot supply its energy.
 /// The motion command is then a separate source (Artigas, Ryu, Preusche, Hirzinger, IROS 2011): it carries the energy that
@@ -31,6 +33,7 @@ class TdpaMaster {
       : controller_{controller_at_the_handle(o)},
         observer_{o.observer},
         initial_{o.initial_energy},
+        as_published_{o.controller.method == Method::classic},
         measured_{returns_measured_force(o)},
         displayed_{o},
         predictor_{predictor(o)} {}
@@ -39,7 +42,7 @@ class TdpaMaster {
 
   [[gnu::always_inline]] MasterOutput<N> step(const MasterInput<N>& in) noexcept {
     observe(in);
-    keep_for_deficit(in.account, in.slave_energy_in);
+    if (!as_published_) keep_for_deficit(in.account, in.slave_energy_in);
     Corrected<Force<N>> allowed{};
     Force<N> wanted;
     if (in.active) {
@@ -103,7 +106,8 @@ class TdpaMaster {
     return measured_ ? command_.absorbed() - base_sent_ : absorbed(account);
   }
   [[nodiscard]] Energy transmittable_energy(const Ledger& account, Energy slave_in) const noexcept {
-    return Energy{std::min(displayed_.registration().to_master(slave_in).si(), absorbed(account).si())};
+    const Energy reported = displayed_.registration().to_master(slave_in);
+    return as_published_ ? reported : Energy{std::min(reported.si(), absorbed(account).si())};
   }
   [[nodiscard]] Energy absorbed(const Ledger& account) const noexcept { return account.absorbed() - base_absorbed_; }
   [[nodiscard]] Energy returned(const Ledger& account) const noexcept { return account.returned() - base_returned_; }
@@ -111,7 +115,7 @@ class TdpaMaster {
   ControllerOptions controller_;
   ObserverRule observer_;
   Energy initial_;
-  bool measured_;
+  bool as_published_, measured_;
   DisplayedForce<N> displayed_;
   std::optional<PortVelocityPredictor<N>> predictor_;
   Ledger command_;  ///< the motion command as a separate source

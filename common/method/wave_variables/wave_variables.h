@@ -37,6 +37,7 @@ class WaveMaster {
     Wave<N> u;
     if (in.active) {
       const Energy level = stored(in.account);
+      out.undissipated = positive_part(-level);
       const Wave<N> w = receiver_.step(in.slave, in.slave_energy_in, in.dt);
       const auto& v = in.device.v.vec();
       out.wanted = Force<N>{in.ramp * (impedance_.cwiseProduct(v) - root_.cwiseProduct(w.vec()))};

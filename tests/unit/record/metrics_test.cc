@@ -293,6 +293,8 @@ TEST(KnownParts, AreAllThatASideSays) {
       if (value) names.insert(name);
     return names;
   };
+  // No controller that keeps an account: its deficit is not known.
+  EXPECT_FALSE(says({.account = false}).count("energy_owed_j"));
   const auto all = says({}), master = says({.robot_energy = false}), slave = says({.stability = false, .hand = false}),
              rendering = says({.link = false, .robot = false, .robot_energy = false});
   for (const char* name : {"robot_min_energy_j", "two_port_min_energy_j"}) {

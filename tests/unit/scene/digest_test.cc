@@ -67,6 +67,8 @@ TEST(SceneDigest, ChangesWithEverythingThatBothSidesShare) {
                              "control.passivity.four_channel.reaction_force_observer=true",
                              "control.passivity.four_channel.observer_bandwidth_rad_per_s=1",
                              "control.passivity.four_channel.force_gain=1",
+                             "control.passivity.four_channel.disturbance_observer=true",
+                             "control.passivity.internal_model.strict_two_port=true",
                              "control.passivity.fractal_impedance.stiffness_n_per_m=1",
                              "control.passivity.fractal_impedance.rotational_stiffness_n_m_per_rad=1",
                              "control.schedule={at_s: 1 passivity { method: CLASSIC }}",
