@@ -216,12 +216,12 @@ class UnreadTerminal {
   [[nodiscard]] std::string path() const { return ttyname(writer_); }
   /// Until it takes no more: whoever writes then waits.
   void fill() const {
-    while (write(writer_, "x", 1) == 1) {
+    while (::write(writer_, "x", 1) == 1) {
     }
   }
   std::string read_all() {
     char some[4096];
-    for (ssize_t n; (n = read(reader_, some, sizeof some)) > 0;) text_.append(some, static_cast<std::size_t>(n));
+    for (ssize_t n; (n = ::read(reader_, some, sizeof some)) > 0;) text_.append(some, static_cast<std::size_t>(n));
     return text_;
   }
 

@@ -154,7 +154,7 @@ TEST(Usage, OneFolderIsForOneProgram) {
 
 TEST(Usage, ASummaryThatStdoutDoesNotTakeIsAFailure) {
   const Pair pair{press(1, "RENDER")};
-  for (const std::string command :
+  for (const std::string& command :
        {std::string{TWOPORT_MASTER} + " --no-realtime --scene", TWOPORT_LAB + std::string{" run"}}) {
     Process process = finished({"/bin/sh", "-c", command + " \"$0\" --set duration_s=0.1 >/dev/full", pair.scene});
     EXPECT_EQ(process.wait(), exited(1)) << process.err();
