@@ -20,12 +20,12 @@ const std::string kOdd = TWOPORT_ODD_PLUGIN, kOld = TWOPORT_OLD_PLUGIN, kNone = 
 
 template <int N = 3>
 std::unique_ptr<Device<N>> open_device(const std::string& choice) {
-  static const Scene scene;
+  static const Scene scene{};
   return all_drivers().devices.open<N>(choice, scene, kPeriod);
 }
 template <int N>
 std::unique_ptr<Robot<N>> open_robot(const std::string& choice) {
-  static const Scene scene;
+  static const Scene scene{};
   return all_drivers().robots.open<N>(choice, scene, kPeriod);
 }
 std::string why_not(const std::string& choice) {
