@@ -8,7 +8,7 @@ foreach(name IN LISTS twoport_exported)
   set_target_properties(twoport_${name} PROPERTIES EXPORT_NAME ${name})
   install(TARGETS twoport_${name} EXPORT twoport-targets ARCHIVE DESTINATION ${CMAKE_INSTALL_LIBDIR})
 endforeach()
-install(TARGETS twoport-master twoport-slave twoport-lab twoport-keygen RUNTIME DESTINATION ${CMAKE_INSTALL_BINDIR})
+install(TARGETS twoport-master twoport-slave twoport-lab twoport-keygen twoport-device RUNTIME DESTINATION ${CMAKE_INSTALL_BINDIR})
 
 install(DIRECTORY common sim drivers master slave DESTINATION ${CMAKE_INSTALL_INCLUDEDIR}/twoport
         FILES_MATCHING PATTERN "*.h")

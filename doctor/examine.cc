@@ -13,11 +13,11 @@ namespace twoport::doctor {
 namespace {
 
 // /etc/security/limits.d/twoport.conf and the udev rule of the package grant all three to the group realtime.
-constexpr const char* kJoin = "sudo groupadd -f realtime; sudo usermod -aG realtime $USER";
-const std::string kLimits = std::string{kJoin} +
+const std::string kJoin = "sudo groupadd -f realtime; sudo usermod -aG realtime $USER";
+const std::string kLimits = kJoin +
                             "; printf '@realtime - rtprio 90\\n@realtime - memlock unlimited\\n' | sudo tee "
                             "/etc/security/limits.d/twoport.conf; then log in again";
-constexpr const char* kCpu = "/sys/devices/system/cpu/";
+const std::string kCpu = "/sys/devices/system/cpu/";
 
 class Examination {
  public:
@@ -56,7 +56,7 @@ class Examination {
   /// cpu0, cpu1, …: of those that are online.
   std::vector<std::string> processors() const {
     std::vector<std::string> all;
-    for (const int cpu : processor_list(read_(std::string{kCpu} + "online").value_or("0")))
+    for (const int cpu : processor_list(read_(kCpu + "online").value_or("0")))
       all.push_back(fmt::format("{}cpu{}/", kCpu, cpu));
     return all;
   }
@@ -90,7 +90,7 @@ class Examination {
           fmt::format(
               "/dev/cpu_dma_latency cannot be opened ({}): waking an idle core may take tens of microseconds longer",
               reason(may_.latency_errno)),
-          std::string{kJoin} +
+          kJoin +
               "; echo 'KERNEL==\"cpu_dma_latency\", GROUP=\"realtime\", MODE=\"0660\"' | sudo tee "
               "/etc/udev/rules.d/60-twoport.rules; sudo udevadm trigger /dev/cpu_dma_latency");
     }
@@ -104,7 +104,7 @@ class Examination {
   }
 
   void idle_states() {
-    const std::optional<std::string> driver = line(std::string{kCpu} + "cpuidle/current_driver");
+    const std::optional<std::string> driver = line(kCpu + "cpuidle/current_driver");
     if (!driver || *driver == "none") return unseen("idle states", "no cpuidle driver, as in most virtual machines");
     std::int64_t deepest = -1;
     std::string name;
@@ -174,7 +174,7 @@ class Examination {
   }
 
   void cores() {
-    const auto isolated = processor_list(read_(std::string{kCpu} + "isolated").value_or(""));
+    const auto isolated = processor_list(read_(kCpu + "isolated").value_or(""));
     const std::size_t count = processors().size();
     if (may_.processors == 1) {
       add("processors", Grade::notice, "one: every other program and every interrupt delays a tick");
@@ -184,7 +184,7 @@ class Examination {
                       isolated.empty() ? std::string{", none isolated"}
                                        : fmt::format(", isolated: {}", fmt::join(isolated, ","))));
     }
-    if (const auto smt = line(std::string{kCpu} + "smt/active"); smt == "1")
+    if (const auto smt = line(kCpu + "smt/active"); smt == "1")
       add("hyper-threading", Grade::notice, "on: a busy sibling slows a tick down by up to half",
           "echo off | sudo tee /sys/devices/system/cpu/smt/control");
   }
@@ -321,7 +321,7 @@ Counters read_counters(const ReadFile& read, double at_s) {
   const auto group = cgroup_path(read("/proc/self/cgroup").value_or(""));
   if (const auto stat = group ? read("/sys/fs/cgroup" + *group + "/cpu.stat") : std::nullopt)
     if (const auto throttled = field(*stat, "nr_throttled")) c.throttled_periods = whole_number(*throttled);
-  for (const int cpu : processor_list(read(std::string{kCpu} + "online").value_or("")))
+  for (const int cpu : processor_list(read(kCpu + "online").value_or("")))
     if (const auto count =
             whole_number(read(fmt::format("{}cpu{}/thermal_throttle/core_throttle_count", kCpu, cpu)).value_or("")))
       c.throttle_events = c.throttle_events.value_or(0) + *count;

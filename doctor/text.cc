@@ -124,7 +124,9 @@ std::map<std::string, std::int64_t> device_interrupts(std::string_view interrupt
     const std::vector<std::string_view> word = words(line);
     if (column == 0) {
       processors = word.size();
-      const auto found = std::find(word.begin(), word.end(), "CPU" + std::to_string(processor));
+      const auto found = std::find_if(word.begin(), word.end(), [&](std::string_view name) {
+        return name.starts_with("CPU") && number(name.substr(3), 10) == processor;
+      });
       if (found == word.end()) return {};
       column = static_cast<std::size_t>(found - word.begin()) + 1;
       continue;

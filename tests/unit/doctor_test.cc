@@ -75,7 +75,7 @@ TEST(DoctorText, SurvivesAnyBytes) {
   const std::string alphabet = "0123456789-,:. \n\tcpusomeUdp:total=[]max";
   for (int i = 0; i < 20000; ++i) {
     std::string text;
-    for (unsigned n = draw() % 60; n > 0; --n) text += alphabet[draw() % alphabet.size()];
+    for (auto n = draw() % 60; n > 0; --n) text += alphabet[draw() % alphabet.size()];
     processor_list(text);
     preemption(text, text, text);
     field(text, "cpu");
