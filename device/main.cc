@@ -2,9 +2,11 @@
 
 #include <CLI/CLI.hpp>
 #include <algorithm>
+#include <atomic>
 #include <cmath>
 #include <cstdio>
 #include <memory>
+#include <optional>
 #include <string>
 
 #include "common/base/check.h"
@@ -75,8 +77,11 @@ void print_measured(const ProbeFigures& f, double period_s, bool moved, double t
     fmt::print("explained          {:.2f} % of the impulses\n", 100.0 * f.fit);
   }
   if (std::isfinite(f.wall_n_per_m))
-    fmt::print("stiffest wall      {}{:.4g} N/m within {:.0f} %{}\n", f.wall_is_bound ? "beyond " : "", f.wall_n_per_m,
-               100.0 * tolerance,
+    fmt::print("stiffest wall      {}{:.4g} N/m within {:.0f} %{}\n",
+               !f.wall_is_bound         ? ""
+               : f.wall_n_per_m > 100.0 ? "above "
+                                        : "below ",
+               f.wall_n_per_m, 100.0 * tolerance,
                f.damping_n_s_per_m > 0.0
                    ? fmt::format("; 2 b/T = {:.4g} N/m in theory, without delay", 2.0 * f.damping_n_s_per_m / period_s)
                    : "");
@@ -131,6 +136,7 @@ int probe(const Arguments& a, const Scene& scene) {
   };
 
   ProbeOptions o{.period_s = period_s};
+  o.most_push_n = info.max_force_n;
   if (std::isfinite(info.max_force_n)) o.push_n = std::min(1.0, 0.2 * info.max_force_n);
   if (a.push_n > 0.0) o.push_n = a.push_n;
   o.kick_n = 0.5 * o.push_n;

@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 #include <functional>
+#include <limits>
 #include <optional>
 #include <string>
 #include <utility>
@@ -25,11 +26,12 @@ using ProbeRunner = std::function<void(const ProbePhase&)>;
 
 struct ProbeOptions {
   double period_s = 1e-3;
-  double push_n = 1.0;                                 ///< for mass and friction
-  double kick_n = 0.5;                                 ///< before each wall
-  double trial_s = 3.0;                                ///< of a wall
-  double quiet_s = 1.0;                                ///< without force
-  double most_speed_m_per_s = 1.0, most_way_m = 0.05;  ///< beyond it a phase is broken off
+  double push_n = 1.0;                                           ///< for mass and friction
+  double most_push_n = std::numeric_limits<double>::infinity();  ///< of the device
+  double kick_n = 0.5;                                           ///< before each wall
+  double trial_s = 3.0;                                          ///< of a wall
+  double quiet_s = 1.0;                                          ///< without force
+  double most_speed_m_per_s = 1.0, most_way_m = 0.05;            ///< beyond it a phase is broken off
   double least_wall_n_per_m = 10.0, most_wall_n_per_m = 1e5, wall_tolerance = 0.05;
 };
 
@@ -203,7 +205,10 @@ class Probe {
       // Growing beyond anything that the kick can have done: let go.
       if (share > 0.4 && std::abs(x) > 4.0 * early + 1e-4) gone = true;
       if (gone) return -damper() * t.v_m_per_s;
-      return (t.t_s < kick_s ? o_.kick_n : 0.0) - stiffness * x;
+      const double push = (t.t_s < kick_s ? o_.kick_n : 0.0) - stiffness * x;
+      // An unstable wall that the device's largest force bounds neither rests nor grows.
+      if (share > 0.4 && std::abs(push) > o_.most_push_n) gone = true;
+      return std::clamp(push, -o_.most_push_n, o_.most_push_n);
     });
     const bool holds = !gone && f_.broken_off.empty() && (late < early || late == 0.0);
     // Of a wall that did not hold, the handle may still move: that is no reason to end.

@@ -84,7 +84,8 @@ TEST(Probe, FindsTheStiffestWallThatTheoryHas) {
   struct Case {
     double mass, damping, rate_hz;
   };
-  for (const Case& c : {Case{0.075, 0.5, 2000.0}, Case{0.2, 1.5, 1000.0}, Case{0.05, 0.2, 1000.0}}) {
+  for (const Case& c :
+       {Case{0.075, 0.5, 2000.0}, Case{0.075, 0.5, 1000.0}, Case{0.2, 1.5, 1000.0}, Case{0.05, 0.2, 1000.0}}) {
     Simulated sim{
         "mass_kg: " + std::to_string(c.mass) + " damping_n_s_per_m: " + std::to_string(c.damping) + " max_force_n: 8",
         c.rate_hz};
