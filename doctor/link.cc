@@ -2,7 +2,8 @@
 
 #include <fmt/format.h>
 
-#include <algorithm>
+#include <chrono>
+#include <functional>
 #include <memory>
 
 #include "common/base/check.h"
@@ -44,12 +45,16 @@ class End {
   template <class Tick>
   void run(const LinkRequest& request, const std::atomic<bool>& stop, Tick tick) {
     PeriodicLoop loop{{.rate_hz = kPolls * request.rate_hz, .spin = false}};
-    loop.run(stop, [&](std::int64_t k, Duration nominal) {
-      now_ = std::max(now_, nominal + loop.late());
+    const auto start = std::chrono::steady_clock::now();
+    // Moments are read where they happen: a tick's own time would add what the loop is late.
+    clock_now_ = [start] { return Duration{std::chrono::steady_clock::now() - start}; };
+    loop.run(stop, [&](std::int64_t k, Duration) {
+      now_ = clock_now_();
       auto& transport = link_.mail().transport();
       if (transport.take_new_session()) begin();
       transport.poll(now_, [&](const Report<3>& r) { receive(r); });
       if (k % kPolls == 0) {
+        now_ = clock_now_();
         Report<3> packet;
         packet.sequence = ++sent_;
         packet.sent_ns = now_.count();
@@ -72,6 +77,7 @@ class End {
     since_ = now_;
   }
   void receive(const Report<3>& r) {
+    now_ = clock_now_();
     meter_->on(r.sequence, Duration{r.sent_ns}, now_);
     from_words(r.words, other_);
     if (state_.has_report && r.sequence <= state_.newest.sequence) return;
@@ -91,6 +97,7 @@ class End {
   Histogram round_trip_;
   ClockOffset clock_;
   std::uint64_t sent_ = 0, sessions_ = 0;
+  std::function<Duration()> clock_now_;
   Duration now_{0}, since_{0};
 };
 

@@ -22,7 +22,8 @@ namespace twoport {
 ///
 ///     |f_d| <= f_c + (f_max - f_c) min(1, 5 (1 - θ))
 ///
-/// Watchdog: without a new reading for let_go_after_s the device is released, until readings come again.
+/// Watchdog: without a new reading for let_go_after_s, and at once for a reading that is not finite, the device is released, until
+/// readings come again. In place of one that is not finite stands the last one, stale and at rest.
 /// After clutch and watchdog the force returns over engage_s. What is taken from the force is not booked: `applied` is the
 /// device's own.
 template <int N>
@@ -140,10 +141,19 @@ class MountedDevice final : public Device<N> {
     if constexpr (N == 6) turn_ = (x.attitude().conjugate() * as.attitude()).normalized();
   }
 
-  void watch(const DeviceSample<N>& s, Seconds ended) noexcept {
-    const bool fresh = s.status == HardwareStatus::ok && all_finite(s.x, s.v, s.applied);
+  void watch(DeviceSample<N>& s, Seconds ended) noexcept {
+    const bool finite = all_finite(s.x, s.v, s.applied), fresh = finite && s.status == HardwareStatus::ok;
     silent_s_ = fresh ? 0.0 : silent_s_ + ended.si();
-    if (silent_s_ >= m_.let_go_after_s) [[unlikely]] {
+    if (finite) [[likely]] {
+      last_ = s;
+      any_ = true;
+    } else if (any_) {
+      const HardwareStatus status = s.status == HardwareStatus::fault ? s.status : HardwareStatus::stale;
+      s = last_;
+      s.v = Velocity<N>{};
+      s.status = status;
+    }
+    if (silent_s_ >= m_.let_go_after_s || !finite) [[unlikely]] {
       if (!let_go_) device_->release();
       let_go_ = true;
     } else if (let_go_ && fresh) {
@@ -195,6 +205,8 @@ class MountedDevice final : public Device<N> {
   Force<N> carried_;  ///< in device axes
   bool carries_ = false;
 
+  DeviceSample<N> last_;  ///< the last one that was finite
+  bool any_ = false;
   double silent_s_ = 0.0, gain_ = 1.0;
   bool let_go_ = false, clutches_ = false, frozen_ = false;
   Position<N> at_;
@@ -208,6 +220,7 @@ class MountedDevice final : public Device<N> {
 ///     f = f_s - R b + m g       τ = τ_s - R b_τ + (R c) × m g
 ///
 /// for a reading (f_s, τ_s) of force and torque on tool and environment, b its bias, m and c mass and centre of the tool, g gravity.
+/// In place of a reading that is not finite stands the last one, stale and at rest, and the robot is released until the next one.
 template <int N>
 class MountedRobot final : public Robot<N> {
  public:
@@ -220,6 +233,17 @@ class MountedRobot final : public Robot<N> {
   [[nodiscard]] RobotInfo info() const override { return robot_->info(); }
   RobotSample<N> sense(const Tick<SlaveClock>& tick) noexcept override {
     RobotSample<N> s = robot_->sense(tick);
+    lets_go_ = !all_finite(s.x, s.v, s.f_environment);
+    if (lets_go_ && any_) [[unlikely]] {
+      robot_->release();
+      const HardwareStatus status = s.status == HardwareStatus::fault ? s.status : HardwareStatus::stale;
+      s = last_;
+      s.v = Velocity<N>{};
+      s.status = status;
+    } else if (!lets_go_) {
+      last_ = s;
+      any_ = true;
+    }
     if (!corrects_) return s;
     typename Force<N>::Vector f = s.f_environment.vec() + fixed_;
     if constexpr (N == 6) {
@@ -231,7 +255,9 @@ class MountedRobot final : public Robot<N> {
     s.f_environment = Force<N>{f};
     return s;
   }
-  void actuate(const RobotCommand<N>& command) noexcept override { robot_->actuate(command); }
+  void actuate(const RobotCommand<N>& command) noexcept override {
+    if (!lets_go_) robot_->actuate(command);
+  }
   void start() noexcept override { robot_->start(); }
   void release() noexcept override { robot_->release(); }
   [[nodiscard]] std::string trouble() const override { return robot_->trouble(); }
@@ -241,7 +267,8 @@ class MountedRobot final : public Robot<N> {
   std::unique_ptr<Robot<N>> robot_;
   RobotMount m_;
   typename Force<N>::Vector fixed_ = Force<N>::Vector::Zero();
-  bool corrects_;
+  RobotSample<N> last_;  ///< the last one that was finite
+  bool corrects_, any_ = false, lets_go_ = false;
 };
 
 }  // namespace twoport

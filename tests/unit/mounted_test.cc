@@ -6,6 +6,7 @@
 #include <limits>
 #include <memory>
 #include <random>
+#include <utility>
 
 namespace twoport {
 namespace {
@@ -178,8 +179,10 @@ TEST(Mounted, LetsGoOfADeviceThatFallsSilent) {
       } else {
         rig.script.sample.status = HardwareStatus::stale;
       }
-      rig.tick(f);
-      if (i < 249) {
+      const DeviceSample<1> s = rig.tick(f);
+      ASSERT_TRUE(all_finite(s.x, s.v, s.applied));
+      ASSERT_EQ(s.status, HardwareStatus::stale);
+      if (i < (not_finite ? 0 : 249)) {
         ASSERT_EQ(rig.script.releases, released) << i;
       } else {
         ASSERT_EQ(rig.script.releases, released + 1) << i;  // once
@@ -239,6 +242,35 @@ class Holding final : public Robot<N> {
  private:
   RobotSample<N> sample_;
 };
+
+TEST(MountedRobot, IsReleasedWhileItsReadingsAreNotFinite) {
+  struct Blinking final : Robot<1> {
+    [[nodiscard]] RobotInfo info() const override { return {.name = "blinking"}; }
+    RobotSample<1> sense(const Tick<SlaveClock>&) noexcept override {
+      RobotSample<1> s;
+      s.x = Position<1>{Position<1>::Vector{0.5}};
+      s.v = Velocity<1>{Velocity<1>::Vector{1.0}};
+      if (++readings == 2) s.f_environment = Force<1>{Force<1>::Vector{std::numeric_limits<double>::infinity()}};
+      return s;
+    }
+    void actuate(const RobotCommand<1>&) noexcept override { ++commands; }
+    void release() noexcept override { ++releases; }
+    int readings = 0, commands = 0, releases = 0;
+  };
+  auto owned = std::make_unique<Blinking>();
+  Blinking& inner = *owned;
+  MountedRobot<1> robot{std::move(owned), {}};
+  for (int k = 1; k <= 3; ++k) {
+    const RobotSample<1> s = robot.sense({Instant<SlaveClock>{tick_time(k, 1.0 / kPeriod)}, Seconds{kPeriod}});
+    robot.actuate({});
+    EXPECT_EQ(s.x.translation()[0], 0.5);
+    EXPECT_EQ(s.f_environment[0], 0.0);
+    EXPECT_EQ(s.status, k == 2 ? HardwareStatus::stale : HardwareStatus::ok);
+    EXPECT_EQ(s.v[0], k == 2 ? 0.0 : 1.0);
+    EXPECT_EQ(inner.commands, k == 3 ? 2 : 1);
+    EXPECT_EQ(inner.releases, k == 1 ? 0 : 1);
+  }
+}
 
 TEST(MountedRobot, TakesWeightAndBiasFromTheForceSensor) {
   RobotMount m;
