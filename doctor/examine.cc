@@ -31,6 +31,7 @@ class Examination {
     preemption_model();
     throttling();
     cores();
+    interrupts();
     quota();
     virtual_machine();
     clock();
@@ -189,6 +190,24 @@ class Examination {
           "echo off | sudo tee /sys/devices/system/cpu/smt/control");
   }
 
+  void interrupts() {
+    if (after_.interrupts.empty()) return unseen("interrupts", "no /proc/interrupts");
+    const double spent = after_.at_s - before_.at_s;
+    double most = 0.0;
+    std::string busiest;
+    for (const auto& [name, count] : after_.interrupts) {
+      const auto earlier = before_.interrupts.find(name);
+      const double rate = static_cast<double>(count - (earlier == before_.interrupts.end() ? 0 : earlier->second)) /
+                          std::max(spent, 1e-9);
+      if (rate > most) most = rate, busiest = name;
+    }
+    if (most < 2000.0)
+      return add("interrupts", Grade::good, fmt::format("of devices, at most {:.0f} a second on one processor", most));
+    add("interrupts", Grade::notice, fmt::format("{:.0f} a second by {}", most, busiest),
+        "echo OTHER | sudo tee /proc/irq/" + busiest.substr(0, busiest.find(' ')) +
+            "/smp_affinity_list, with another processor's number");
+  }
+
   void quota() {
     const auto group = cgroup_path(read_("/proc/self/cgroup").value_or(""));
     const auto text = group ? read_("/sys/fs/cgroup" + *group + "/cpu.max") : std::nullopt;
@@ -321,7 +340,12 @@ Counters read_counters(const ReadFile& read, double at_s) {
   const auto group = cgroup_path(read("/proc/self/cgroup").value_or(""));
   if (const auto stat = group ? read("/sys/fs/cgroup" + *group + "/cpu.stat") : std::nullopt)
     if (const auto throttled = field(*stat, "nr_throttled")) c.throttled_periods = whole_number(*throttled);
-  for (const int cpu : processor_list(read(kCpu + "online").value_or("")))
+  const std::string interrupts = read("/proc/interrupts").value_or("");
+  const std::vector<int> processors = processor_list(read(kCpu + "online").value_or(""));
+  for (const int cpu : processors)
+    for (const auto& [name, count] : device_interrupts(interrupts, cpu))
+      c.interrupts[fmt::format("{} on processor {}", name, cpu)] = count;
+  for (const int cpu : processors)
     if (const auto count =
             whole_number(read(fmt::format("{}cpu{}/thermal_throttle/core_throttle_count", kCpu, cpu)).value_or("")))
       c.throttle_events = c.throttle_events.value_or(0) + *count;

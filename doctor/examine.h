@@ -2,6 +2,7 @@
 
 #include <cstdint>
 #include <functional>
+#include <map>
 #include <optional>
 #include <string>
 #include <vector>
@@ -38,7 +39,8 @@ struct Permissions {
 struct Counters {
   std::optional<std::int64_t> steal_ticks, total_ticks;
   std::optional<std::int64_t> pressure_us, udp_queue_errors, softnet_dropped, throttled_periods, throttle_events;
-  double at_s = 0.0;  ///< monotonic
+  double at_s = 0.0;                                 ///< monotonic
+  std::map<std::string, std::int64_t> interrupts{};  ///< of devices, by "NAME on processor N"
 };
 Counters read_counters(const ReadFile& read, double at_s);
 

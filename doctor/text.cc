@@ -136,7 +136,7 @@ std::map<std::string, std::int64_t> device_interrupts(std::string_view interrupt
     const auto count = number(word[column], 10);
     if (!count) continue;
     std::string name{word[0].substr(0, word[0].size() - 1)};
-    if (word.size() > processors + 1) name += " " + std::string{word.back()};
+    if (word.size() > processors + 1) (name += ' ') += word.back();
     all[name] += *count;
   }
   return all;
@@ -202,11 +202,6 @@ std::optional<std::string_view> chosen(std::string_view choices) {
   const std::size_t open = choices.find('['), close = choices.find(']');
   if (open == choices.npos || close == choices.npos || close < open) return {};
   return choices.substr(open + 1, close - open - 1);
-}
-
-std::optional<std::int64_t> run_delay_ns(std::string_view schedstat) {
-  const std::vector<std::string_view> word = words(schedstat);
-  return word.size() == 3 ? number(word[1], 10) : std::nullopt;
 }
 
 }  // namespace twoport::doctor

@@ -63,7 +63,4 @@ bool swaps(std::string_view swaps);
 /// The choice in brackets, as in "always [madvise] never".
 std::optional<std::string_view> chosen(std::string_view choices);
 
-/// Of /proc/self/task/TID/schedstat: time on the run queue, waiting for a processor [ns].
-std::optional<std::int64_t> run_delay_ns(std::string_view schedstat);
-
 }  // namespace twoport::doctor
