@@ -159,6 +159,8 @@ class MountedDevice final : public Device<N> {
     } else if (let_go_ && fresh) {
       let_go_ = false;
     }
+    // Nobody knows where the hand is.
+    if (let_go_) s.held = false;
     clutches_ = m_.clutch_button >= 0 && (s.buttons >> m_.clutch_button & 1u) != 0;
     if (let_go_ || clutches_) gain_ = 0.0;
   }

@@ -52,6 +52,7 @@ struct DeviceReading {
   double velocity[6]{};  ///< [m/s], [rad/s]
   double applied[6]{};   ///< force held since the last reading, with the sign of actuate()'s argument
   std::uint32_t buttons = 0;
+  bool held = true;  ///< by the hand, where the device can tell: the robot is released some time after it is let go
   Status status = Status::ok;
 };
 

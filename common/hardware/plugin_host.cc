@@ -207,7 +207,8 @@ class PluginDevice final : public Device<N> {
              .v = coords<Velocity<N>>(r.velocity),
              .applied = coords<Force<N>>(r.applied),
              .status = status_of(r.status),
-             .buttons = r.buttons};
+             .buttons = r.buttons,
+             .held = r.held};
     if (!device_.plausible(all_finite(last_.x, last_.v, last_.applied), tick.ended))
       last_.status = HardwareStatus::fault;
     return last_;

@@ -182,6 +182,7 @@ TEST(Mounted, LetsGoOfADeviceThatFallsSilent) {
       const DeviceSample<1> s = rig.tick(f);
       ASSERT_TRUE(all_finite(s.x, s.v, s.applied));
       ASSERT_EQ(s.status, HardwareStatus::stale);
+      ASSERT_EQ(s.held, !not_finite && i < 249);
       if (i < (not_finite ? 0 : 249)) {
         ASSERT_EQ(rig.script.releases, released) << i;
       } else {
