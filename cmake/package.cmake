@@ -19,9 +19,9 @@ endforeach()
 install(DIRECTORY scenes DESTINATION ${CMAKE_INSTALL_DATADIR}/twoport FILES_MATCHING PATTERN "*.textproto")
 install(DIRECTORY examples DESTINATION ${CMAKE_INSTALL_DOCDIR})
 install(DIRECTORY docs/ DESTINATION ${CMAKE_INSTALL_DOCDIR} FILES_MATCHING PATTERN "*.md" PATTERN "*.png")
-install(FILES README.md SECURITY.md DESTINATION ${CMAKE_INSTALL_DOCDIR})
+install(FILES README.md CHANGELOG.md SECURITY.md DESTINATION ${CMAKE_INSTALL_DOCDIR})
 
-# Debian wants the licence in a format of its own, and the changes compressed.
+# Debian wants the licence in a format of its own.
 file(STRINGS LICENSE licence)
 list(TRANSFORM licence PREPEND " ")
 list(TRANSFORM licence REPLACE "^ $" " .")
@@ -35,10 +35,7 @@ Copyright: 2026 The twoport authors
 License: BSD-3-Clause
 @licence@
 ")
-execute_process(COMMAND gzip -9nc ${PROJECT_SOURCE_DIR}/CHANGELOG.md
-                OUTPUT_FILE ${PROJECT_BINARY_DIR}/packaging/changelog.gz)
-install(FILES ${PROJECT_BINARY_DIR}/packaging/copyright ${PROJECT_BINARY_DIR}/packaging/changelog.gz
-        DESTINATION ${CMAKE_INSTALL_DOCDIR})
+install(FILES ${PROJECT_BINARY_DIR}/packaging/copyright DESTINATION ${CMAKE_INSTALL_DOCDIR})
 
 set(CPACK_GENERATOR DEB)
 set(CPACK_PACKAGE_NAME twoport)
@@ -46,7 +43,7 @@ set(CPACK_PACKAGE_VENDOR "The twoport authors")
 set(CPACK_PACKAGE_CONTACT "The twoport authors <twoport@example.org>")
 set(CPACK_PACKAGE_DESCRIPTION_SUMMARY "passive bilateral teleoperation over delayed, lossy links")
 set(CPACK_DEBIAN_PACKAGE_DESCRIPTION
-    "Programs for a haptic device and a robot that feel each other over UDP,\n with passivity control at both ends; a laboratory that runs the same\n controllers in virtual time; library and headers for own programs and\n for drivers as plug-ins.")
+    "Programs for a haptic device and a robot that feel each other over UDP,\nwith passivity control at both ends; a laboratory that runs the same\ncontrollers in virtual time; library and headers for own programs and\nfor drivers as plug-ins.")
 set(CPACK_PACKAGING_INSTALL_PREFIX /usr)
 set(CPACK_INSTALLED_DIRECTORIES ${PROJECT_SOURCE_DIR}/packaging/root /)
 set(CPACK_STRIP_FILES ON)
