@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "common/base/check.h"
+#include "common/hardware/plugin.h"
 #include "common/scene/load.h"
 #include "drivers/drivers.h"
 #include "master/program.h"
@@ -40,6 +41,11 @@ template <class Clock>
 Tick<Clock> tick(long k) {
   return {Instant<Clock>{tick_time(k, 1.0 / kPeriod.si())}, kPeriod};
 }
+
+// A plug-in that was compiled with other sizes crashes the program: where they change, plugin::kVersion must grow.
+static_assert(plugin::kVersion == 1 && sizeof(plugin::Session) == 24 && sizeof(plugin::DeviceInfo) == 112 &&
+              sizeof(plugin::DeviceReading) == 168 && sizeof(plugin::RobotInfo) == 56 &&
+              sizeof(plugin::RobotReading) == 160 && sizeof(plugin::RobotCommand) == 152);
 
 TEST(Plugin, IsAPathThatEndsInSoWithOrWithoutArguments) {
   EXPECT_FALSE(plugin_choice("sim"));
