@@ -69,7 +69,7 @@ class End {
     meter_ = std::make_unique<DirectionMeter>();
     other_ = {};
     words_.clear();
-    sent_ = 0;
+    sent_before_ = sent_;  // numbers go on, as the programs' do
     state_ = {};
     clock_ = {};
     round_trip_ = Histogram{};
@@ -96,7 +96,7 @@ class End {
   Words words_;
   Histogram round_trip_;
   ClockOffset clock_;
-  std::uint64_t sent_ = 0, sessions_ = 0;
+  std::uint64_t sent_ = 0, sent_before_ = 0, sessions_ = 0;
   std::function<Duration()> clock_now_;
   Duration now_{0}, since_{0};
 };
@@ -123,7 +123,7 @@ LinkFigures measure_link(const LinkRequest& request, const std::atomic<bool>& st
                               request.key.empty() ? "" : " with the same --key")};
   LinkFigures f;
   f.seconds = to_seconds(end->now_ - end->since_).si();
-  f.sent = static_cast<double>(end->sent_);
+  f.sent = static_cast<double>(end->sent_ - end->sent_before_);
   f.encrypted = !request.key.empty();
   f.round_trip = end->round_trip_;
   f.clock_known = end->clock_.known();
