@@ -1,3 +1,5 @@
+#include "common/hardware/plugin.h"
+
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -6,7 +8,6 @@
 #include <vector>
 
 #include "common/base/check.h"
-#include "common/hardware/plugin.h"
 #include "common/scene/load.h"
 #include "drivers/drivers.h"
 #include "master/program.h"
