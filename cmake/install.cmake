@@ -2,13 +2,13 @@
 # Warnings and twoport_options stay here; a user's build has its own.
 include(CMakePackageConfigHelpers)
 
-set(twoport_layers base ports contact passivity safety hardware link coupling method runtime wire scene record secure page platform)
+set(twoport_layers plugin base ports contact passivity safety hardware link coupling method runtime wire scene record secure page platform)
 set(twoport_exported proto ${twoport_layers} web sim drivers master slave master_program slave_program)
 foreach(name IN LISTS twoport_exported)
   set_target_properties(twoport_${name} PROPERTIES EXPORT_NAME ${name})
   install(TARGETS twoport_${name} EXPORT twoport-targets ARCHIVE DESTINATION ${CMAKE_INSTALL_LIBDIR})
 endforeach()
-install(TARGETS twoport-master twoport-slave twoport-lab twoport-keygen RUNTIME DESTINATION ${CMAKE_INSTALL_BINDIR})
+install(TARGETS twoport-master twoport-slave twoport-lab twoport-keygen twoport-device RUNTIME DESTINATION ${CMAKE_INSTALL_BINDIR})
 
 install(DIRECTORY common sim drivers master slave DESTINATION ${CMAKE_INSTALL_INCLUDEDIR}/twoport
         FILES_MATCHING PATTERN "*.h")

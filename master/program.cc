@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "common/coupling/registration.h"
+#include "common/hardware/mounted.h"
 #include "common/method/any.h"
 #include "common/platform/live_link.h"
 #include "common/platform/live_run.h"
@@ -191,9 +192,14 @@ struct LinkMaster : Master<N> {
 /// limits.
 Scene with_device(Scene scene, const DeviceInfo& info) {
   const bool has_mass = scene.device && scene.device->mass_kg > 0.0;
+  const double scale = scene.device_mount.scale;  // m = m_d / s²: the same kinetic energy
   const bool has_inertia = scene.device && scene.device->inertia_kg_m2 > 0.0;
   const auto complete = [&](ControlOptions& control) {
-    if (!has_mass && info.mass_kg > 0.0) control.handle_mass_kg = info.mass_kg;
+    if (!has_mass && info.mass_kg > 0.0) {
+      control.handle_mass_kg = info.mass_kg;
+    } else if (scale != 1.0) {
+      control.handle_mass_kg /= scale * scale;
+    }
     if (!has_inertia && info.inertia_kg_m2 > 0.0) control.handle_inertia_kg_m2 = info.inertia_kg_m2;
     control.max_force_n = std::min(control.max_force_n, info.max_force_n);
   };
@@ -207,8 +213,10 @@ template <int N>
 int run(const Scene& read, const LiveArguments& arguments, const Registry& hardware) {
   spdlog::logger log = make_log("master");
   const std::unique_ptr<LivePage> page = LivePage::wanted(arguments);
-  const std::unique_ptr<Device<N>> device = hardware.devices.open<N>(
-      arguments.hardware, read, Seconds{1.0 / read.master_rate_hz}, page ? page->channel() : nullptr);
+  const std::unique_ptr<Device<N>> device = std::make_unique<MountedDevice<N>>(
+      hardware.devices.open<N>(arguments.hardware, read, Seconds{1.0 / read.master_rate_hz},
+                               page ? page->channel() : nullptr),
+      read.device_mount);
   print_hints(read, arguments, device->truth() != nullptr);
   const Scene scene = with_device(read, device->info());
   if (page) page->serve(scene, arguments, device->info().name, log);

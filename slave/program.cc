@@ -5,6 +5,7 @@
 #include <string>
 
 #include "common/base/check.h"
+#include "common/hardware/mounted.h"
 #include "common/method/four_channel/four_channel.h"
 #include "common/method/internal_model/internal_model.h"
 #include "common/method/model_mediated/model_mediated.h"
@@ -120,8 +121,8 @@ void check_without_force_sensor(const ControlOptions& o, const LiveArguments& ar
 template <int N>
 int run(Scene scene, const LiveArguments& arguments, const Registry& hardware) {
   spdlog::logger log = make_log("slave");
-  const std::unique_ptr<Robot<N>> robot =
-      hardware.robots.open<N>(arguments.hardware, scene, Seconds{1.0 / scene.slave_rate_hz});
+  const std::unique_ptr<Robot<N>> robot = std::make_unique<MountedRobot<N>>(
+      hardware.robots.open<N>(arguments.hardware, scene, Seconds{1.0 / scene.slave_rate_hz}), scene.robot_mount);
   if (!robot->info().has_force_sensor) {
     check_without_force_sensor(scene.control, arguments);
     for (const ScheduledControl& entry : scene.schedule) check_without_force_sensor(entry.control, arguments);

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <array>
 #include <cstdint>
 #include <limits>
 #include <string>
@@ -21,6 +22,12 @@ struct DeviceInfo {
   PortLimits limits{};
   /// The device lets go by itself when no actuate() has come for this long; 0: it does not.
   Seconds watchdog{};
+  int dof = 0;                          ///< degrees of freedom that it senses; 0: those of the scene
+  std::array<double, 3> workspace_m{};  ///< extent along each axis; 0: not known
+  double continuous_force_n = std::numeric_limits<double>::infinity();  ///< that it holds for ever
+  double resolution_m = 0.0, rate_hz = 0.0;                             ///< of its readings; 0: not known
+  int buttons = 0;
+  bool gripper = false;  ///< has one more axis that opens and closes
 };
 
 /// One reading of a haptic device, at the start of a tick.
@@ -69,6 +76,8 @@ class Device {
   virtual void start() noexcept {}
   /// Sets the force to zero immediately.
   virtual void release() noexcept = 0;
+  /// One sentence on the last fault, if the driver knows more; else empty.
+  [[nodiscard]] virtual std::string trouble() const { return {}; }
   /// Null for real devices.
   [[nodiscard]] virtual const DeviceTruth<N>* truth() const noexcept { return nullptr; }
 };

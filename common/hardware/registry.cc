@@ -10,6 +10,7 @@ template <template <int> class Hardware>
 std::string DriverList<Hardware>::lines() const {
   std::string all;
   for (const Entry& each : drivers_) all += each.name + "\t" + each.sentence + "\n";
+  all += "PATH.so[:ARGS]\ta driver of your own, built against the installed twoport\n";
   return all;
 }
 
@@ -17,10 +18,11 @@ template <template <int> class Hardware>
 auto DriverList<Hardware>::find(const std::string& name) const -> const Entry& {
   const auto found =
       std::find_if(drivers_.begin(), drivers_.end(), [&](const Entry& each) { return each.name == name; });
+  if (found != drivers_.end() && found->missing) throw ConfigError{flag_ + " " + name + ": " + found->sentence};
   if (found != drivers_.end()) return *found;
   std::string known;
-  for (const Entry& each : drivers_) known += (known.empty() ? "" : ", ") + each.name;
-  throw ConfigError{flag_ + " " + name + ": no driver has this name; it must be one of " + known};
+  for (const Entry& each : drivers_) known += each.name + ", ";
+  throw ConfigError{flag_ + " " + name + ": no driver has this name; it must be one of " + known + "or PATH.so"};
 }
 
 template <template <int> class Hardware>

@@ -2,6 +2,7 @@
 
 #include <functional>
 #include <memory>
+#include <optional>
 #include <string>
 #include <tuple>
 #include <utility>
@@ -9,6 +10,7 @@
 
 #include "common/base/scalar.h"
 #include "common/hardware/device.h"
+#include "common/hardware/plugin_host.h"
 #include "common/hardware/robot.h"
 
 namespace twoport {
@@ -35,20 +37,26 @@ class DriverList {
   /// `sentence` is its description in --list-devices.
   template <template <int> class Driver>
   void add(const std::string& name, const std::string& sentence) {
-    drivers_.push_back({name, sentence, {make<Driver<1>>, make<Driver<3>>, make<Driver<6>>}});
+    drivers_.push_back({name, sentence, {make<Driver<1>>, make<Driver<3>>, make<Driver<6>>}, false});
   }
   /// Adds a class that drives one size, that of the Hardware<N> it derives from.
   template <class Driver>
   void add(const std::string& name, const std::string& sentence) {
-    drivers_.push_back({name, sentence, {}});
+    drivers_.push_back({name, sentence, {}, false});
     std::get<Maker<Driver::kSize>>(drivers_.back().makers) = make<Driver>;
   }
+  /// A name whose driver this build lacks. `sentence`: why.
+  void add_missing(const std::string& name, const std::string& sentence) {
+    drivers_.push_back({name, sentence, {}, true});
+  }
 
-  /// Opens "NAME" or "NAME:ARGUMENTS". Throws ConfigError for an unknown name, a size that the driver does not support,
-  /// and errors of the driver's constructor.
+  /// Opens "NAME", "NAME:ARGUMENTS", or a plug-in, "PATH.so" or "PATH.so:ARGUMENTS". Throws ConfigError for an unknown name, a
+  /// size that the driver does not support, a plug-in that cannot be loaded, and errors of the driver's constructor.
   template <int N>
   [[nodiscard]] std::unique_ptr<Hardware<N>> open(const std::string& choice, const Scene& scene, Seconds period,
                                                   PageChannel* page = nullptr) const {
+    if (const std::optional<PluginChoice> plugin = plugin_choice(choice))
+      return open_plugin<Hardware, N>(flag_, *plugin, period);
     const std::size_t colon = choice.find(':');
     const Entry& driver = find(choice.substr(0, colon));
     const Maker<N>& maker = std::get<Maker<N>>(driver.makers);
@@ -56,7 +64,7 @@ class DriverList {
     return maker({scene, period, colon == choice.npos ? std::string{} : choice.substr(colon + 1), page});
   }
 
-  /// One line per driver: name, tab, sentence.
+  /// One line per driver, and one for plug-ins: name, tab, sentence.
   [[nodiscard]] std::string lines() const;
 
  private:
@@ -65,6 +73,7 @@ class DriverList {
   struct Entry {
     std::string name, sentence;
     std::tuple<Maker<1>, Maker<3>, Maker<6>> makers;
+    bool missing;
   };
   template <class Driver>
   static std::unique_ptr<Hardware<Driver::kSize>> make(const DriverOptions& options) {

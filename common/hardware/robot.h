@@ -56,6 +56,7 @@ class Robot {
   virtual void start() noexcept {}
   /// Sets the force to zero immediately; a position-controlled robot stops.
   virtual void release() noexcept = 0;
+  [[nodiscard]] virtual std::string trouble() const { return {}; }
   [[nodiscard]] virtual const RobotTruth<N>* truth() const noexcept { return nullptr; }
 };
 

@@ -56,12 +56,15 @@ struct Sensed {
   }
 };
 
-/// Reads opened hardware once, before anything moves. Throws IoError when it reports a fault.
+/// Reads opened hardware once, before anything moves. Throws IoError when it reports a fault or no finite number.
 template <class Clock, class Hardware>
 auto first_reading(Hardware& hardware, Seconds period, const std::string& choice) {
   const auto sample = hardware.sense(Tick<Clock>{Instant<Clock>{Duration{0}}, period});
   if (sample.status == HardwareStatus::fault)
-    throw IoError{choice + ": hardware fault at the first reading; check the hardware and start again"};
+    throw IoError{choice + ": hardware fault at the first reading; " +
+                  (hardware.trouble().empty() ? "check the hardware and start again" : hardware.trouble())};
+  if (!all_finite(sample.x, sample.v))
+    throw IoError{choice + ": the first reading is not finite; check the hardware and start again"};
   return sample;
 }
 
@@ -88,8 +91,10 @@ struct Failure {
   std::string sentence;
   int status = 0;
 };
-/// `missed`: the sentence of a side that has ended without meeting the other; empty otherwise.
-Failure why_failed(std::string_view refusal, HardwareStatus last, double ran_s, std::string_view missed);
+/// `trouble`: the driver's sentence on the fault, may be empty. `missed`: the sentence of a side that has ended without meeting
+/// the other; empty otherwise.
+Failure why_failed(std::string_view refusal, HardwareStatus last, std::string_view trouble, double ran_s,
+                   std::string_view missed);
 
 /// What a run is switched between, in words: the scene's first control, then the schedule. Empty without a schedule.
 std::vector<std::string> configurations(const Scene& scene);
@@ -190,7 +195,7 @@ int run_live(LiveSide& side, const Scene& scene, const LiveArguments& arguments,
   fill_own_limits<LiveSide::kSide>(side.node.limit_counts(), s);
   fill(s, figures);
   if (stop) s.mutable_verdict()->append("; interrupted");
-  const Failure failure = why_failed(side.link.refusal(), plant.sample.status, s.duration_s(),
+  const Failure failure = why_failed(side.link.refusal(), plant.sample.status, side.hardware.trouble(), s.duration_s(),
                                      met < 0 && !stop ? side.link.not_met() : std::string{});
   if (failure.status != 0) {
     set_verdict({VerdictKind::undecided, failure.sentence}, s);

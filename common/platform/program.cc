@@ -18,6 +18,10 @@ namespace {
 
 constexpr const char* kDefaultPage = "127.0.0.1:45080";
 
+std::string version_line(const std::string& program) {
+  return fmt::format("{} {} (wire protocol {})", program, TWOPORT_VERSION, kProtocolVersion & 0xffff);
+}
+
 }  // namespace
 
 int live_program(int argc, char** argv, Side side, const std::string& drivers,
@@ -26,7 +30,7 @@ int live_program(int argc, char** argv, Side side, const std::string& drivers,
   const std::string name = std::string{"twoport-"} + to_string(side);
   const std::string hardware_flag = master ? "--device" : "--robot";
   CLI::App app{name + (master ? ": hand and haptic device, live" : ": robot and force sensor, live")};
-  app.set_version_flag("--version", name + " " TWOPORT_VERSION);
+  app.set_version_flag("--version", version_line(name));
   LiveArguments a;
   a.address = "127.0.0.1:45000";
   app.add_option("--scene", a.scene, "Scene file (.textproto)")->required();

@@ -23,6 +23,8 @@ RobotSpec read_robot(const Block<schema::Robot>& of);
 EnvironmentSpec read_environment(const Block<schema::Environment>& of);
 /// Contact points of the tool; with dof 6 one at the origin where none is given.
 std::vector<Eigen::Vector3d> read_tool(const Block<schema::Tool>& of);
+DeviceMount read_device_mount(const Block<schema::DeviceMount>& of);
+RobotMount read_robot_mount(const Block<schema::RobotMount>& of);
 SimulationSpec read_simulation(const Block<schema::Simulation>& of);
 ExpectSpec read_expect(const Block<schema::Expect>& of);
 

@@ -78,6 +78,8 @@ Scene read_scene(const schema::Scene& message, const std::string& file, SceneFor
   scene.tool = read_tool(of.block(FIELD(tool)));
   scene.simulation = read_simulation(of.block(FIELD(simulation)));
   scene.expect = read_expect(of.block(FIELD(expect)));
+  scene.device_mount = read_device_mount(of.block(FIELD(device_mount)));
+  scene.robot_mount = read_robot_mount(of.block(FIELD(robot_mount)));
   check_rules(of, scene);
   return scene;
 }

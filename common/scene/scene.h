@@ -8,6 +8,7 @@
 
 #include "common/contact/world.h"
 #include "common/coupling/options.h"
+#include "common/hardware/mount.h"
 #include "common/link/impairment.h"
 #include "common/link/transmission.h"
 #include "common/passivity/controller.h"
@@ -126,6 +127,8 @@ struct Scene {
       tool;  ///< contact points in tool axes; dof 6 only, one at the origin where none is given
   SimulationSpec simulation;
   ExpectSpec expect;
+  DeviceMount device_mount{};
+  RobotMount robot_mount{};
 
   [[nodiscard]] int axes() const { return dof == 1 ? 1 : 3; }
 };

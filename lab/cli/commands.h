@@ -13,6 +13,7 @@ Subcommand add_boundary_command(CLI::App& app);
 std::vector<Subcommand> add_sweep_commands(CLI::App& app);
 Subcommand add_zwidth_command(CLI::App& app);
 Subcommand add_chart_command(CLI::App& app);
+Subcommand add_doctor_command(CLI::App& app);
 Subcommand add_impedance_command(CLI::App& app);
 /// `compare`, `gallery`, `map` and `recommend`.
 std::vector<Subcommand> add_map_commands(CLI::App& app);

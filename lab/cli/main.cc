@@ -6,6 +6,7 @@
 #include <cstring>
 
 #include "common/base/check.h"
+#include "common/wire/header.h"
 #include "lab/cli/commands.h"
 #include "lab/paper_command.h"
 
@@ -22,6 +23,7 @@ std::vector<lab::Subcommand> add_commands(CLI::App& app) {
   all.push_back(lab::add_impedance_command(app));
   all.push_back(lab::add_paper_command(app));
   all.push_back(lab::add_methods_command(app));
+  all.push_back(lab::add_doctor_command(app));
   for (lab::Subcommand& each : lab::add_trim_commands(app)) all.push_back(std::move(each));
   return all;
 }
@@ -40,7 +42,8 @@ int run_given(const std::vector<lab::Subcommand>& commands) {
 
 int main(int argc, char** argv) {
   CLI::App app{"twoport-lab: scenes in virtual time"};
-  app.set_version_flag("--version", "twoport-lab " TWOPORT_VERSION);
+  app.set_version_flag("--version",
+                       fmt::format("twoport-lab {} (wire protocol {})", TWOPORT_VERSION, kProtocolVersion & 0xffff));
   app.require_subcommand(1);
   const std::vector<lab::Subcommand> commands = add_commands(app);
   try {

@@ -49,7 +49,7 @@ says "$work/own/own-master" --scene "$root/examples/own_hardware/scene.textproto
 mkdir "$work/tree"
 cp -r "$root/drivers" "$work/tree/"
 cp "$root/examples/own_hardware/"{own_device.cc,vendor.h} "$work/tree/drivers/"
-sed -i 's/^twoport_driver(sim.*/twoport_driver(own_device)/; /^twoport_driver(page/d' "$work/tree/drivers/CMakeLists.txt"
+sed -i 's/^twoport_driver(sim.*/twoport_driver(own_device)/; /^twoport_driver(\(page\|evdev\|spacenav\)/d' "$work/tree/drivers/CMakeLists.txt"
 cp "$root/master/main.cc" "$work/tree/"
 cat >"$work/tree/CMakeLists.txt" <<'END'
 cmake_minimum_required(VERSION 3.25)
@@ -60,5 +60,5 @@ add_executable(twoport-master main.cc)
 target_link_libraries(twoport-master PRIVATE twoport::master_program twoport_drivers)
 END
 build "$work/tree" "$work/tree/build"
-[ "$("$work/tree/build/twoport-master" --list-devices | cut -f 1 | tr '\n' ' ')" = "own " ] || fail "one file and one line do not list the driver"
+[ "$("$work/tree/build/twoport-master" --list-devices | cut -f 1 | tr '\n' ' ')" = "own PATH.so[:ARGS] " ] || fail "one file and one line do not list the driver"
 echo "drivers of one's own: outside the tree, and in it by one file and one line"

@@ -17,6 +17,7 @@ cmake -S "$here/outside" -B "$work/build" -G Ninja -D CMAKE_BUILD_TYPE=Release -
 cmake --build "$work/build"
 "$work/prefix/bin/twoport-lab" --version
 "$work/build/all_layers"
+"$here/plugin.sh" "$work/prefix" "$compiler" "$launcher"
 "$here/hardware.sh" "$work/prefix" "$compiler" "$launcher"
 "$work/build/outside" | tee "$work/said"
 

@@ -88,7 +88,8 @@ TEST(SceneDigest, DoesNotChangeWithWhatIsASidesOwn) {
         "robot.mass_kg=2", "operator.hand.mass_kg=1", "environment[0].wall.stiffness_n_per_m=1", "expect.stable=false",
         "control.virtual_coupling.stiffness_n_per_m=1e3", "control.passivity.max_gain=10",
         "control.passivity.energy_bounding.damping_n_s_per_m=1", "to_slave.playout_ms=1",
-        "to_master.deadband.ratio=0.1", "slave_clock.offset_ms=1", "to_slave.delay_step={at_s: 1 delay_ms: 1}"})
+        "to_master.deadband.ratio=0.1", "slave_clock.offset_ms=1", "device_mount.scale=2", "robot_mount.tool_mass_kg=1",
+        "to_slave.delay_step={at_s: 1 delay_ms: 1}"})
     EXPECT_EQ(before, scene_digest(scene_of(kStiffWall, {own}))) << own;
 }
 

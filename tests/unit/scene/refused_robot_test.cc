@@ -42,4 +42,32 @@ INSTANTIATE_TEST_SUITE_P(
                 "the sum of the other two"}),
     name_of);
 
+INSTANTIATE_TEST_SUITE_P(
+    Mount, RefusedScene,
+    ::testing::Values(
+        Refusal{kStiffWall, {"device_mount.scale=0"}, "device_mount.scale is 0; it must be from 0.001 to 1000"},
+        Refusal{kStiffWall,
+                {"device_mount.rotation=[1, 1, 0, 0]"},
+                "device_mount.rotation is [1, 1, 0, 0]; it must be of length 1"},
+        Refusal{kStiffWall, {"device_mount.position_m=[1]"}, "device_mount.position_m is [1]; it must hold 3 numbers"},
+        Refusal{kStiffWall,
+                {"device_mount.clutch_button=32"},
+                "device_mount.clutch_button is 32; it must be from 0 to 31, or -1 for none"},
+        Refusal{kStiffWall,
+                {"device_mount.let_go_after_s=0"},
+                "device_mount.let_go_after_s is 0; it must be > 0 and at most 1000000"},
+        Refusal{kStiffWall, {"device_mount.engage_s=-1"}, "device_mount.engage_s is -1; it must be from 0 to 60"},
+        Refusal{"dof: 1 duration_s: 1",
+                {"device_mount.rotation=[1, 0, 0, 0]"},
+                "device_mount.rotation is given, but dof is 1; a rotation needs dof 3 or 6"},
+        Refusal{"dof: 1 duration_s: 1",
+                {"robot_mount.tool_mass_kg=1"},
+                "robot_mount.tool_mass_kg is 1; it must be absent with dof 1, whose axis is not vertical"},
+        Refusal{
+            kStiffWall, {"robot_mount.force_bias_n=[1]"}, "robot_mount.force_bias_n is [1]; it must hold 3 numbers"},
+        Refusal{kStiffWall,
+                {"robot_mount.tool_center_m=[0, 0, 1]"},
+                "robot_mount.tool_center_m is given, but applies to dof 6 only; dof is 3"}),
+    name_of);
+
 }  // namespace twoport::test

@@ -68,6 +68,9 @@ control { virtual_coupling { rotational_stiffness_n_m_per_rad: 5 rotational_damp
 to_slave { burst { p: 0.1 r: 0.5 } blackout { start_s: 1 duration_s: 1 } delay_step { at_s: 1 delay_ms: 20 } deadband { ratio: 0.1 } }
 to_master { burst { p: 0.1 r: 0.5 } blackout { start_s: 1 duration_s: 1 } delay_step { at_s: 1 delay_ms: 20 } deadband { ratio: 0.1 } }
 slave_clock { offset_ms: 3 drift_ppm: 200 }
+device_mount { position_m: [0, 0.1, 0] rotation: [1, 0, 0, 0] scale: 2 clutch_button: 1 carried_force_n: [0, 0, 0.4]
+  let_go_after_s: 0.3 engage_s: 0.2 }
+robot_mount { tool_mass_kg: 0.5 tool_center_m: [0, 0, 0.1] force_bias_n: [0.1, 0, 0, 0, 0, 0.01] }
 robot { mass_kg: 0.5 inertia_kg_m2: [1e-3, 2e-3, 3e-3] rotational_damping_n_m_s_per_rad: 0.01
         position_m: [1, 2, 3] velocity_m_per_s: [4, 5, 6]
         force_sensor { noise_n: 0.01 bias_n: [0, 0, 0, 1, 2, 3] latency_ms: 2 } }

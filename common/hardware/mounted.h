@@ -1,0 +1,276 @@
+#pragma once
+
+#include <algorithm>
+#include <cmath>
+#include <memory>
+#include <string>
+#include <utility>
+
+#include "common/hardware/device.h"
+#include "common/hardware/mount.h"
+#include "common/hardware/robot.h"
+
+namespace twoport {
+
+/// Every haptic device, in the scene's world. With R, s, p the mount's rotation, scale and position, and o the clutch's offset:
+///
+///     x = s R x_d + p + o       v = s R v_d        f_d = s Rᵀ f + Rᵀ f_carried
+///
+/// so that f·v = (f_d - Rᵀ f_carried)·v_d: energy in the world is energy at the device. Attitudes: q = R q_d Rᵀ c.
+/// Clutch: while the button is pressed the handle is free, x stands still and v = 0; afterwards o (and c) continue x where it was.
+/// Continuous force: with f_c the device's, and a heat θ' = (|f_d|²/f_c² - θ)/10 s,
+///
+///     |f_d| <= f_c + (f_max - f_c) min(1, 5 (1 - θ))
+///
+/// Watchdog: without a new reading for let_go_after_s, and at once for a reading that is not finite, the device is released, until
+/// readings come again. In place of one that is not finite stands the last one, stale and at rest.
+/// After clutch and watchdog the force returns over engage_s. What is taken from the force is not booked: `applied` is the
+/// device's own.
+template <int N>
+class MountedDevice final : public Device<N> {
+ public:
+  MountedDevice(std::unique_ptr<Device<N>> device, const DeviceMount& mount)
+      : device_{std::move(device)},
+        m_{mount},
+        maps_{!(mount == DeviceMount{})},
+        info_{in_world(device_->info(), mount)},
+        peak_n_{device_->info().max_force_n},
+        continuous_n_{limit_of(device_->info())} {
+    typename Force<N>::Vector carried = Force<N>::Vector::Zero();
+    for (int i = 0; i < kAxes; ++i) carried[i] = mount.carried_force_n[i];
+    carried_ = Force<N>{turned_back(carried)};
+    carries_ = carried_.squared_norm() > 0.0;
+  }
+
+  [[nodiscard]] DeviceInfo info() const override { return info_; }
+  DeviceSample<N> sense(const Tick<MasterClock>& tick) noexcept override {
+    DeviceSample<N> s = device_->sense(tick);
+    watch(s, tick.ended);
+    if (continuous_n_ < peak_n_) [[unlikely]]
+      warm(s.applied, tick.ended.si());
+    if (maps_) [[unlikely]]
+      map(s);
+    if (gain_ < 1.0 && !let_go_ && !clutches_) [[unlikely]]
+      gain_ = std::min(1.0, gain_ + tick.ended.si() / std::max(m_.engage_s, 1e-9));
+    return s;
+  }
+  void actuate(const Force<N>& f) noexcept override {
+    if (let_go_) [[unlikely]]
+      return;
+    if (clutches_) [[unlikely]]
+      return device_->actuate(carried_);
+    Force<N> command = maps_ ? Force<N>{to_device(f.vec())} : f;
+    if (gain_ < 1.0) [[unlikely]]
+      command = gain_ * command;
+    if (continuous_n_ < peak_n_) [[unlikely]]
+      command = cooled(command);
+    device_->actuate(carries_ ? command + carried_ : command);
+  }
+  void start() noexcept override { device_->start(); }
+  void release() noexcept override { device_->release(); }
+  [[nodiscard]] std::string trouble() const override { return device_->trouble(); }
+  [[nodiscard]] const DeviceTruth<N>* truth() const noexcept override {
+    return device_->truth() == nullptr ? nullptr : maps_ ? &truth_ : device_->truth();
+  }
+
+ private:
+  using Vector = typename Force<N>::Vector;
+  static constexpr int kAxes = N == 1 ? 1 : 3;
+  static constexpr double kHeat = 10.0;  ///< time constant of a motor's winding, at the short end [s]
+
+  /// A device that states none, or no force at all, has no continuous force.
+  static double limit_of(const DeviceInfo& info) {
+    return info.continuous_force_n > 0.0 ? info.continuous_force_n : info.max_force_n;
+  }
+  static DeviceInfo in_world(DeviceInfo info, const DeviceMount& m) {
+    info.max_force_n /= m.scale;
+    info.continuous_force_n /= m.scale;
+    info.limits.force_n /= m.scale;
+    info.limits.speed_m_per_s *= m.scale;
+    info.limits.workspace_m = info.limits.workspace_m * m.scale + m.position_m.norm();
+    info.mass_kg /= m.scale * m.scale;
+    for (double& extent : info.workspace_m) extent *= m.scale;
+    info.resolution_m *= m.scale;
+    return info;
+  }
+
+  /// Of translation and rotation apart, with the translation scaled by s.
+  template <class Turn>
+  static Vector each(const Vector& v, double s, Turn turn) noexcept {
+    Vector out;
+    if constexpr (N == 1) {
+      out = s * v;
+    } else if constexpr (N == 3) {
+      out = s * turn(v);
+    } else {
+      out.template head<3>() = s * turn(v.template head<3>());
+      out.template tail<3>() = turn(v.template tail<3>());
+    }
+    return out;
+  }
+  [[nodiscard]] Vector to_world(const Vector& v) const noexcept {
+    return each(v, m_.scale, [&](const Eigen::Vector3d& a) -> Eigen::Vector3d { return m_.rotation * a; });
+  }
+  [[nodiscard]] Vector to_device(const Vector& f) const noexcept {
+    return each(f, m_.scale, [&](const Eigen::Vector3d& a) -> Eigen::Vector3d { return m_.rotation.conjugate() * a; });
+  }
+  [[nodiscard]] Vector turned_back(const Vector& f) const noexcept {
+    return each(f, 1.0, [&](const Eigen::Vector3d& a) -> Eigen::Vector3d { return m_.rotation.conjugate() * a; });
+  }
+  /// Without the clutch's offset.
+  [[nodiscard]] Position<N> placed(const Position<N>& x) const noexcept {
+    if constexpr (N == 6) {
+      const Eigen::Vector3d p = m_.scale * (m_.rotation * x.translation()) + m_.position_m;
+      return {p, m_.rotation * x.attitude() * m_.rotation.conjugate()};
+    } else {
+      Vector p = to_world(x.translation());
+      for (int i = 0; i < kAxes; ++i) p[i] += m_.position_m[i];
+      return Position<N>{p};
+    }
+  }
+  [[nodiscard]] Position<N> indexed(const Position<N>& x) const noexcept {
+    if constexpr (N == 6) {
+      return {x.translation() + offset_, x.attitude() * turn_};
+    } else {
+      return Position<N>{Vector{x.translation() + offset_}};
+    }
+  }
+  /// From now on `x` counts as `as`.
+  void index(const Position<N>& x, const Position<N>& as) noexcept {
+    offset_ = as.translation() - x.translation();
+    if constexpr (N == 6) turn_ = (x.attitude().conjugate() * as.attitude()).normalized();
+  }
+
+  void watch(DeviceSample<N>& s, Seconds ended) noexcept {
+    const bool finite = all_finite(s.x, s.v, s.applied), fresh = finite && s.status == HardwareStatus::ok;
+    silent_s_ = fresh ? 0.0 : silent_s_ + ended.si();
+    if (finite) [[likely]] {
+      last_ = s;
+      any_ = true;
+    } else if (any_) {
+      const HardwareStatus status = s.status == HardwareStatus::fault ? s.status : HardwareStatus::stale;
+      s = last_;
+      s.v = Velocity<N>{};
+      s.status = status;
+    }
+    if (silent_s_ >= m_.let_go_after_s || !finite) [[unlikely]] {
+      if (!let_go_) device_->release();
+      let_go_ = true;
+    } else if (let_go_ && fresh) {
+      let_go_ = false;
+    }
+    // Nobody knows where the hand is.
+    if (let_go_) s.held = false;
+    clutches_ = m_.clutch_button >= 0 && (s.buttons >> m_.clutch_button & 1u) != 0;
+    if (let_go_ || clutches_) gain_ = 0.0;
+  }
+
+  void map(DeviceSample<N>& s) noexcept {
+    const Position<N> x = placed(s.x);
+    if (frozen_ && !clutches_) {
+      // The handle is where the clutch has left it: this reading is the frozen one.
+      index(x, at_);
+      frozen_ = false;
+    }
+    const Position<N> now = indexed(x);
+    // The interval that ends with the press was coupled: its motion counts.
+    s.x = frozen_ ? at_ : now;
+    if (s.x.finite()) at_ = s.x;
+    const bool stands = frozen_ || clutches_;
+    if (clutches_) frozen_ = true;
+    s.v = stands ? Velocity<N>{} : Velocity<N>{to_world(s.v.vec())};
+    const Vector applied = s.applied.vec() - carried_.vec();
+    s.applied = Force<N>{
+        each(applied, 1.0 / m_.scale, [&](const Eigen::Vector3d& a) -> Eigen::Vector3d { return m_.rotation * a; })};
+    if (const DeviceTruth<N>* truth = device_->truth()) {
+      truth_ = *truth;
+      truth_.x = stands ? at_ : indexed(placed(truth->x));
+      truth_.v = stands ? Velocity<N>{} : Velocity<N>{to_world(truth->v.vec())};
+    }
+  }
+  void warm(const Force<N>& f, double dt_s) noexcept {
+    const double share = translation(f).squaredNorm() / (continuous_n_ * continuous_n_);
+    if (std::isfinite(share)) heat_ += std::min(dt_s / kHeat, 1.0) * (share - heat_);
+  }
+  Force<N> cooled(const Force<N>& f) noexcept {
+    const double norm = translation(f).norm();
+    const double most = continuous_n_ + (peak_n_ - continuous_n_) * std::clamp(5.0 * (1.0 - heat_), 0.0, 1.0);
+    return norm > most ? (most / norm) * f : f;
+  }
+  static auto translation(const Force<N>& f) noexcept { return f.vec().template head<kAxes>(); }
+
+  std::unique_ptr<Device<N>> device_;
+  DeviceMount m_;
+  bool maps_;
+  DeviceInfo info_;
+  double peak_n_, continuous_n_, heat_ = 0.0;
+  Force<N> carried_;  ///< in device axes
+  bool carries_ = false;
+
+  DeviceSample<N> last_;  ///< the last one that was finite
+  bool any_ = false;
+  double silent_s_ = 0.0, gain_ = 1.0;
+  bool let_go_ = false, clutches_ = false, frozen_ = false;
+  Position<N> at_;
+  Eigen::Matrix<double, kAxes, 1> offset_ = Eigen::Matrix<double, kAxes, 1>::Zero();
+  Eigen::Quaterniond turn_ = Eigen::Quaterniond::Identity();
+  DeviceTruth<N> truth_;
+};
+
+/// Every robot. What its force sensor carries is no force on the environment: with R the tool's attitude,
+///
+///     f = f_s - R b + m g       τ = τ_s - R b_τ + (R c) × m g
+///
+/// for a reading (f_s, τ_s) of force and torque on tool and environment, b its bias, m and c mass and centre of the tool, g gravity.
+/// In place of a reading that is not finite stands the last one, stale and at rest, and the robot is released until the next one.
+template <int N>
+class MountedRobot final : public Robot<N> {
+ public:
+  MountedRobot(std::unique_ptr<Robot<N>> robot, const RobotMount& mount) : robot_{std::move(robot)}, m_{mount} {
+    const Eigen::Vector3d weight = m_.tool_mass_kg * m_.gravity_m_per_s2;
+    for (int i = 0; i < std::min(N, 3); ++i) fixed_[i] = (N == 1 ? 0.0 : weight[i]) - (N == 6 ? 0.0 : m_.bias[i]);
+    corrects_ = m_.tool_mass_kg > 0.0 || m_.bias.squaredNorm() > 0.0;
+  }
+
+  [[nodiscard]] RobotInfo info() const override { return robot_->info(); }
+  RobotSample<N> sense(const Tick<SlaveClock>& tick) noexcept override {
+    RobotSample<N> s = robot_->sense(tick);
+    lets_go_ = !all_finite(s.x, s.v, s.f_environment);
+    if (lets_go_ && any_) [[unlikely]] {
+      robot_->release();
+      const HardwareStatus status = s.status == HardwareStatus::fault ? s.status : HardwareStatus::stale;
+      s = last_;
+      s.v = Velocity<N>{};
+      s.status = status;
+    } else if (!lets_go_) {
+      last_ = s;
+      any_ = true;
+    }
+    if (!corrects_) return s;
+    typename Force<N>::Vector f = s.f_environment.vec() + fixed_;
+    if constexpr (N == 6) {
+      const Eigen::Quaterniond& q = s.x.attitude();
+      const Eigen::Vector3d arm = q * m_.tool_center_m, weight = m_.tool_mass_kg * m_.gravity_m_per_s2;
+      f.template head<3>() -= q * Eigen::Vector3d{m_.bias.template head<3>()};
+      f.template tail<3>() += arm.cross(weight) - q * Eigen::Vector3d{m_.bias.template tail<3>()};
+    }
+    s.f_environment = Force<N>{f};
+    return s;
+  }
+  void actuate(const RobotCommand<N>& command) noexcept override {
+    if (!lets_go_) robot_->actuate(command);
+  }
+  void start() noexcept override { robot_->start(); }
+  void release() noexcept override { robot_->release(); }
+  [[nodiscard]] std::string trouble() const override { return robot_->trouble(); }
+  [[nodiscard]] const RobotTruth<N>* truth() const noexcept override { return robot_->truth(); }
+
+ private:
+  std::unique_ptr<Robot<N>> robot_;
+  RobotMount m_;
+  typename Force<N>::Vector fixed_ = Force<N>::Vector::Zero();
+  RobotSample<N> last_;  ///< the last one that was finite
+  bool corrects_, any_ = false, lets_go_ = false;
+};
+
+}  // namespace twoport

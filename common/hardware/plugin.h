@@ -1,0 +1,124 @@
+#pragma once
+
+#include <cstdint>
+#include <limits>
+
+// The interface of plug-ins: drivers in shared libraries that the programs load by `--device PATH.so[:ARGS]` and
+// `--robot PATH.so[:ARGS]`. This file needs no other and no library; a plug-in is built as in examples/plugin.
+//
+// SI units; arrays of six are translation first, then rotation, in world axes. Attitudes are unit quaternions w x y z.
+// A device of fewer degrees of freedom leaves the other numbers as they are.
+//
+// All calls come from one thread, in the order: constructor, info(), sense() once, then sense() and actuate() in every period;
+// start() between two of them; release() when the loop has ended; destructor. The constructor opens the hardware and throws a
+// std::exception whose what() is one sentence. The other calls return within a small part of the period and do not wait. If
+// one throws all the same, or if readings stay not finite, the program releases the hardware and ends.
+
+namespace twoport::plugin {
+
+/// Of this interface. A program loads plug-ins of its own version only.
+inline constexpr std::uint32_t kVersion = 1;
+
+/// What the program asks for.
+struct Session {
+  const char* arguments;  ///< ARGS, or ""
+  int dof;                ///< of the scene: 1, 3 or 6
+  double period_s;        ///< of the loop
+};
+
+enum class Status : std::int32_t {
+  ok,
+  stale,  ///< no new reading since the last one
+  fault,  ///< failure or emergency stop: the program releases the hardware and ends
+};
+
+inline constexpr double kUnlimited = std::numeric_limits<double>::infinity();
+
+struct DeviceInfo {
+  const char* name = "";    ///< maker, model, serial number; good as long as the device
+  int dof = 3;              ///< degrees of freedom: 1, 3 or 6. A scene may use fewer; the others are then left free
+  double workspace_m[3]{};  ///< extent along each axis; 0: not known
+  double peak_force_n = kUnlimited;  ///< 0: it displays no force
+  double peak_torque_n_m = kUnlimited;
+  double continuous_force_n = kUnlimited;                                        ///< that it holds for ever
+  double resolution_m = 0.0, rate_hz = 0.0, mass_kg = 0.0, inertia_kg_m2 = 0.0;  ///< 0: not known
+  double watchdog_s = 0.0;  ///< it lets go by itself after this time without actuate(); 0: it does not
+  int buttons = 0;
+  bool gripper = false;
+};
+
+struct DeviceReading {
+  double position_m[3]{}, attitude[4]{1.0, 0.0, 0.0, 0.0};
+  double velocity[6]{};  ///< [m/s], [rad/s]
+  double applied[6]{};   ///< force held since the last reading, with the sign of actuate()'s argument
+  std::uint32_t buttons = 0;
+  bool held = true;  ///< by the hand, where the device can tell: the robot is released some time after it is let go
+  Status status = Status::ok;
+};
+
+class Device {
+ public:
+  virtual ~Device() = default;
+  virtual DeviceInfo info() const = 0;
+  /// `now_s` from the start of the loop; `ended_s`: length of the interval that ends now.
+  virtual DeviceReading sense(double now_s, double ended_s) = 0;
+  /// `force[6]` at the master port, power force·velocity into the network: push the hand with -force [N], [N m].
+  virtual void actuate(const double* force) = 0;
+  virtual void start() {}
+  /// No force, now.
+  virtual void release() = 0;
+};
+
+struct RobotInfo {
+  const char* name = "";
+  int dof = 3;
+  bool has_force_sensor = true;
+  double max_force_n = kUnlimited, max_torque_n_m = kUnlimited, max_speed_m_per_s = kUnlimited,
+         workspace_m = kUnlimited;
+  double watchdog_s = 0.0;
+};
+
+struct RobotReading {
+  double position_m[3]{}, attitude[4]{1.0, 0.0, 0.0, 0.0};
+  double velocity[6]{};
+  double force[6]{};   ///< of the robot on the environment, by the force sensor
+  bool ideal = false;  ///< follows the commanded motion exactly
+  Status status = Status::ok;
+};
+
+struct RobotCommand {
+  double force[6]{};                                                       ///< on the robot
+  double position_m[3]{}, attitude[4]{1.0, 0.0, 0.0, 0.0}, velocity[6]{};  ///< set point
+};
+
+class Robot {
+ public:
+  virtual ~Robot() = default;
+  virtual RobotInfo info() const = 0;
+  virtual RobotReading sense(double now_s, double ended_s) = 0;
+  virtual void actuate(const RobotCommand& command) = 0;
+  virtual void start() {}
+  /// No force, now; a position-controlled robot stops.
+  virtual void release() = 0;
+};
+
+/// What the entry point returns. `version` stays first in every version.
+template <class Interface>
+struct Entry {
+  std::uint32_t version;
+  Interface* (*open)(const Session&);
+};
+
+}  // namespace twoport::plugin
+
+/// Makes the library a plug-in: Class derives from twoport::plugin::Device (Robot) and is constructed from a Session.
+#define TWOPORT_DEVICE_PLUGIN(Class) TWOPORT_PLUGIN_ENTRY(twoport_device_plugin, Device, Class)
+#define TWOPORT_ROBOT_PLUGIN(Class) TWOPORT_PLUGIN_ENTRY(twoport_robot_plugin, Robot, Class)
+#define TWOPORT_PLUGIN_ENTRY(symbol, Interface, Class)                                                              \
+  extern "C" __attribute__((visibility("default"))) const twoport::plugin::Entry<twoport::plugin::Interface>*       \
+  symbol() {                                                                                                        \
+    static const twoport::plugin::Entry<twoport::plugin::Interface> entry{                                          \
+        twoport::plugin::kVersion,                                                                                  \
+        [](const twoport::plugin::Session& session) -> twoport::plugin::Interface* { return new Class(session); }}; \
+    return &entry;                                                                                                  \
+  }

@@ -1,0 +1,317 @@
+#include "common/hardware/plugin_host.h"
+
+#include <dlfcn.h>
+
+#include <algorithm>
+#include <cmath>
+#include <exception>
+#include <filesystem>
+#include <functional>
+#include <string_view>
+#include <type_traits>
+#include <utility>
+
+#include "common/base/check.h"
+#include "common/hardware/device.h"
+#include "common/hardware/plugin.h"
+#include "common/hardware/robot.h"
+
+namespace twoport {
+namespace {
+
+template <class Interface>
+constexpr bool kIsDevice = std::is_same_v<Interface, plugin::Device>;
+template <class Interface>
+constexpr const char* kSymbol = kIsDevice<Interface> ? "twoport_device_plugin" : "twoport_robot_plugin";
+template <class Interface>
+constexpr const char* kOtherSymbol = kIsDevice<Interface> ? "twoport_robot_plugin" : "twoport_device_plugin";
+
+[[noreturn]] void refuse(const std::string& flag, const PluginChoice& choice, const std::string& why) {
+  throw ConfigError{flag + " " + choice.path + (choice.arguments.empty() ? "" : ":" + choice.arguments) + ": " + why};
+}
+
+/// What is being caught, in words.
+std::string current_words() {
+  try {
+    throw;
+  } catch (const std::exception& e) {
+    return e.what();
+  } catch (...) {
+    return "an exception that is no std::exception";
+  }
+}
+
+template <class Interface>
+const plugin::Entry<Interface>& load(const std::string& flag, const PluginChoice& choice) {
+  std::error_code error;
+  if (!std::filesystem::is_regular_file(choice.path, error))
+    refuse(flag, choice, "there is no such file; give the path of a shared library");
+  // A name without a slash would be searched in the system's folders.
+  const std::string path = std::filesystem::absolute(choice.path).string();
+  void* const library = dlopen(path.c_str(), RTLD_NOW | RTLD_LOCAL);
+  if (library == nullptr) refuse(flag, choice, std::string{"cannot be loaded: "} + dlerror());
+  void* const symbol = dlsym(library, kSymbol<Interface>);
+  if (symbol == nullptr)
+    refuse(flag, choice,
+           std::string{"is no plug-in for "} + flag + ": it has no entry point " + kSymbol<Interface> +
+               (dlsym(library, kOtherSymbol<Interface>) != nullptr
+                    ? std::string{"; it has one for "} + (kIsDevice<Interface> ? "--robot" : "--device")
+                    : std::string{}));
+  const auto entry = reinterpret_cast<const plugin::Entry<Interface>* (*)()>(symbol)();
+  if (entry == nullptr) refuse(flag, choice, "its entry point returns nothing");
+  if (entry->version != plugin::kVersion)
+    refuse(flag, choice,
+           "is a plug-in of version " + std::to_string(entry->version) + ", and this program loads version " +
+               std::to_string(plugin::kVersion) + "; build it again with the installed twoport");
+  return *entry;
+}
+
+template <class Interface>
+std::unique_ptr<Interface> open(const std::string& flag, const PluginChoice& choice, int dof, Seconds period) {
+  const plugin::Entry<Interface>& entry = load<Interface>(flag, choice);
+  std::unique_ptr<Interface> hardware;
+  std::string why;
+  int has = 0;
+  try {
+    hardware.reset(entry.open({choice.arguments.c_str(), dof, period.si()}));
+    if (hardware) has = hardware->info().dof;
+  } catch (...) {
+    why = current_words();
+  }
+  if (!why.empty()) refuse(flag, choice, why);
+  if (!hardware) refuse(flag, choice, "has opened nothing and does not say why");
+  if (has < dof)
+    refuse(flag, choice, "drives dof " + std::to_string(has) + ", but dof of the scene is " + std::to_string(dof));
+  return hardware;
+}
+
+template <class Quantity>
+Quantity coords(const double* six) {
+  typename Quantity::Vector v;
+  for (int i = 0; i < Quantity::kSize; ++i) v[i] = six[i];
+  return Quantity{v};
+}
+template <class Quantity>
+void store(const Quantity& from, double* six) {
+  for (int i = 0; i < Quantity::kSize; ++i) six[i] = from[i];
+}
+template <int N>
+Position<N> position(const double* p, const double* q) {
+  if constexpr (N == 6) {
+    return {{p[0], p[1], p[2]}, Eigen::Quaterniond{q[0], q[1], q[2], q[3]}};
+  } else {
+    typename Position<N>::Vector v;
+    for (int i = 0; i < N; ++i) v[i] = p[i];
+    return Position<N>{v};
+  }
+}
+
+HardwareStatus status_of(plugin::Status s) noexcept {
+  switch (s) {
+    case plugin::Status::ok:
+      return HardwareStatus::ok;
+    case plugin::Status::stale:
+      return HardwareStatus::stale;
+    case plugin::Status::fault:
+      break;
+  }
+  return HardwareStatus::fault;
+}
+
+/// Hardware of a plug-in. A call that throws is the last one before release(): from then on every reading is the last good one
+/// and a fault, and commands are dropped.
+template <class Interface>
+class Guarded {
+ public:
+  Guarded(std::unique_ptr<Interface> hardware, std::string path)
+      : hardware_{std::move(hardware)}, path_{std::move(path)} {}
+
+  /// Calls use(hardware) unless a call has failed before. True: it has not thrown.
+  template <class Use>
+  bool call(const char* name, Use use) noexcept {
+    if (failed_) return false;
+    try {
+      use(*hardware_);
+      return true;
+    } catch (...) {
+      failed_ = true;
+      try {
+        trouble_ = path_ + ": " + name + "() threw: " + current_words();
+      } catch (...) {
+        trouble_.clear();  // no memory left
+      }
+    }
+    return false;
+  }
+  /// Of every reading: `finite` is whether all of its numbers are. False once they have not been for a tenth of a second; the node
+  /// applies no force meanwhile.
+  bool plausible(bool finite, Seconds ended) noexcept {
+    if (finite) [[likely]] {
+      not_finite_ = Seconds{};
+      return true;
+    }
+    not_finite_ += ended;
+    if (not_finite_ < Seconds{0.1}) return true;
+    try {
+      if (!failed_) trouble_ = path_ + ": readings are not finite numbers";
+    } catch (...) {
+    }
+    failed_ = true;
+    return false;
+  }
+  /// Also after a failure, which need not keep the hardware from letting go.
+  void release() noexcept {
+    const bool failed = std::exchange(failed_, false);
+    call("release", [](Interface& h) { h.release(); });
+    failed_ = failed_ || failed;
+  }
+  [[nodiscard]] const Interface& hardware() const { return *hardware_; }
+  [[nodiscard]] const std::string& trouble() const { return trouble_; }
+
+ private:
+  std::unique_ptr<Interface> hardware_;
+  std::string path_, trouble_;
+  bool failed_ = false;
+  Seconds not_finite_;
+};
+
+template <int N>
+class PluginDevice final : public Device<N> {
+ public:
+  PluginDevice(std::unique_ptr<plugin::Device> device, const std::string& path) : device_{std::move(device), path} {
+    const plugin::DeviceInfo from = device_.hardware().info();
+    info_.name = from.name;
+    info_.max_force_n = from.peak_force_n;
+    info_.mass_kg = from.mass_kg;
+    info_.inertia_kg_m2 = from.inertia_kg_m2;
+    info_.limits.torque_n_m = from.peak_torque_n_m;
+    info_.watchdog = Seconds{from.watchdog_s};
+    info_.dof = from.dof;
+    std::copy_n(from.workspace_m, 3, info_.workspace_m.begin());
+    info_.continuous_force_n = from.continuous_force_n;
+    info_.resolution_m = from.resolution_m;
+    info_.rate_hz = from.rate_hz;
+    info_.buttons = from.buttons;
+    info_.gripper = from.gripper;
+  }
+  [[nodiscard]] DeviceInfo info() const override { return info_; }
+  DeviceSample<N> sense(const Tick<MasterClock>& tick) noexcept override {
+    plugin::DeviceReading r;
+    if (!device_.call("sense", [&](plugin::Device& d) {
+          r = d.sense(to_seconds(tick.now.time_since_epoch()).si(), tick.ended.si());
+        })) [[unlikely]] {
+      last_.status = HardwareStatus::fault;
+      return last_;
+    }
+    last_ = {.x = position<N>(r.position_m, r.attitude),
+             .v = coords<Velocity<N>>(r.velocity),
+             .applied = coords<Force<N>>(r.applied),
+             .status = status_of(r.status),
+             .buttons = r.buttons,
+             .held = r.held};
+    if (!device_.plausible(all_finite(last_.x, last_.v, last_.applied), tick.ended))
+      last_.status = HardwareStatus::fault;
+    return last_;
+  }
+  void actuate(const Force<N>& f) noexcept override {
+    double six[6]{};
+    store(f, six);
+    device_.call("actuate", [&](plugin::Device& d) { d.actuate(six); });
+  }
+  void start() noexcept override {
+    device_.call("start", [](plugin::Device& d) { d.start(); });
+  }
+  void release() noexcept override { device_.release(); }
+  [[nodiscard]] std::string trouble() const override { return device_.trouble(); }
+
+ private:
+  Guarded<plugin::Device> device_;
+  DeviceInfo info_;
+  DeviceSample<N> last_;
+};
+
+template <int N>
+class PluginRobot final : public Robot<N> {
+ public:
+  PluginRobot(std::unique_ptr<plugin::Robot> robot, const std::string& path) : robot_{std::move(robot), path} {
+    const plugin::RobotInfo from = robot_.hardware().info();
+    info_.name = from.name;
+    info_.has_force_sensor = from.has_force_sensor;
+    info_.limits.force_n = from.max_force_n;
+    info_.limits.torque_n_m = from.max_torque_n_m;
+    info_.limits.speed_m_per_s = from.max_speed_m_per_s;
+    info_.limits.workspace_m = from.workspace_m;
+    info_.watchdog = Seconds{from.watchdog_s};
+  }
+  [[nodiscard]] RobotInfo info() const override { return info_; }
+  RobotSample<N> sense(const Tick<SlaveClock>& tick) noexcept override {
+    plugin::RobotReading r;
+    if (!robot_.call("sense", [&](plugin::Robot& d) {
+          r = d.sense(to_seconds(tick.now.time_since_epoch()).si(), tick.ended.si());
+        })) [[unlikely]] {
+      last_.status = HardwareStatus::fault;
+      return last_;
+    }
+    last_ = {.x = position<N>(r.position_m, r.attitude),
+             .v = coords<Velocity<N>>(r.velocity),
+             .f_environment = coords<Force<N>>(r.force),
+             .ideal = r.ideal,
+             .status = status_of(r.status)};
+    if (!robot_.plausible(all_finite(last_.x, last_.v, last_.f_environment), tick.ended))
+      last_.status = HardwareStatus::fault;
+    return last_;
+  }
+  void actuate(const RobotCommand<N>& c) noexcept override {
+    plugin::RobotCommand plain;
+    store(c.f, plain.force);
+    store(c.v_d, plain.velocity);
+    for (int i = 0; i < std::min(N, 3); ++i) plain.position_m[i] = c.x_d.translation()[i];
+    if constexpr (N == 6) {
+      const Eigen::Quaterniond& q = c.x_d.attitude();
+      const double attitude[]{q.w(), q.x(), q.y(), q.z()};
+      std::copy_n(attitude, 4, plain.attitude);
+    }
+    robot_.call("actuate", [&](plugin::Robot& d) { d.actuate(plain); });
+  }
+  void start() noexcept override {
+    robot_.call("start", [](plugin::Robot& d) { d.start(); });
+  }
+  void release() noexcept override { robot_.release(); }
+  [[nodiscard]] std::string trouble() const override { return robot_.trouble(); }
+
+ private:
+  Guarded<plugin::Robot> robot_;
+  RobotInfo info_;
+  RobotSample<N> last_;
+};
+
+}  // namespace
+
+std::optional<PluginChoice> plugin_choice(const std::string& choice) {
+  for (std::size_t at = choice.find(".so"); at != choice.npos; at = choice.find(".so", at + 1)) {
+    const std::size_t end = at + 3;
+    if (end == choice.size()) return PluginChoice{choice, {}};
+    if (choice[end] == ':') return PluginChoice{choice.substr(0, end), choice.substr(end + 1)};
+  }
+  return {};
+}
+
+template <template <int> class Hardware, int N>
+std::unique_ptr<Hardware<N>> open_plugin(const std::string& flag, const PluginChoice& choice, Seconds period) {
+  if constexpr (std::is_same_v<Hardware<N>, Device<N>>) {
+    return std::make_unique<PluginDevice<N>>(open<plugin::Device>(flag, choice, N, period), choice.path);
+  } else {
+    return std::make_unique<PluginRobot<N>>(open<plugin::Robot>(flag, choice, N, period), choice.path);
+  }
+}
+
+#define TWOPORT_OPEN(Hardware, N) \
+  template std::unique_ptr<Hardware<N>> open_plugin<Hardware, N>(const std::string&, const PluginChoice&, Seconds)
+TWOPORT_OPEN(Device, 1);
+TWOPORT_OPEN(Device, 3);
+TWOPORT_OPEN(Device, 6);
+TWOPORT_OPEN(Robot, 1);
+TWOPORT_OPEN(Robot, 3);
+TWOPORT_OPEN(Robot, 6);
+
+}  // namespace twoport

@@ -1,0 +1,24 @@
+#pragma once
+
+#include <memory>
+#include <optional>
+#include <string>
+
+#include "common/base/scalar.h"
+
+namespace twoport {
+
+/// "PATH.so[:ARGS]" of --device or --robot.
+struct PluginChoice {
+  std::string path, arguments;
+};
+/// Empty where `choice` is a driver's name.
+std::optional<PluginChoice> plugin_choice(const std::string& choice);
+
+/// Loads a plug-in (plugin.h) and opens its hardware as Hardware<N>, which is Device<N> or Robot<N>. Throws ConfigError with one
+/// sentence: no such file, not a library, not a plug-in of this kind, of another version, fewer degrees of freedom than N, or
+/// what the plug-in says. The library stays loaded until the program ends.
+template <template <int> class Hardware, int N>
+std::unique_ptr<Hardware<N>> open_plugin(const std::string& flag, const PluginChoice& choice, Seconds period);
+
+}  // namespace twoport

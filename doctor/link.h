@@ -1,0 +1,36 @@
+#pragma once
+
+#include <atomic>
+#include <string>
+
+#include "common/base/histogram.h"
+#include "common/link/clock_offset.h"
+#include "doctor/link_meter.h"
+
+namespace twoport::doctor {
+
+struct LinkRequest {
+  std::string address;  ///< of the side that answers
+  std::string key;      ///< file; empty: none
+  bool insecure = false;
+  double rate_hz = 1000.0, seconds = 10.0;
+};
+
+struct LinkFigures {
+  double seconds = 0.0;
+  double sent = 0.0;
+  bool encrypted = false;
+  Histogram round_trip;
+  bool clock_known = false;
+  ClockFigures clock{};  ///< of the other side; one_way_s is the delay to this side
+  DirectionFigures to_slave, to_master;
+};
+
+/// Exchanges the programs' own packets with `answer` at the other end: same codec, handshake, encryption, rate. Throws ConfigError
+/// and IoError with one sentence.
+LinkFigures measure_link(const LinkRequest& request, const std::atomic<bool>& stop);
+
+/// Answers until `stop`, or for `seconds`.
+void answer(const LinkRequest& request, const std::atomic<bool>& stop);
+
+}  // namespace twoport::doctor

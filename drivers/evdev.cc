@@ -1,0 +1,253 @@
+#include <fcntl.h>
+#include <sys/ioctl.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <atomic>
+#include <cerrno>
+#include <chrono>
+#include <cstring>
+#include <filesystem>
+#include <memory>
+#include <string>
+#include <thread>
+#include <utility>
+#include <vector>
+
+#include "common/base/check.h"
+#include "common/hardware/registry.h"
+#include "drivers/evdev_stick.h"
+#include "drivers/smoothed_target.h"
+
+namespace twoport {
+namespace {
+
+constexpr double kReach = 0.05, kTurn = 0.5;  // of the handle at full deflection [m], [rad]
+constexpr double kCutoffHz = 15.0;            // of the handle's motion: sticks report at 100 to 250 Hz
+constexpr double kFullForce = 1.0;            // at the largest level of an effect, unless ARGS say otherwise [N]
+constexpr std::uint16_t kEffectMs = 100;      // an effect that is not renewed ends by itself
+constexpr int kMostEvents = 256;              // read in one tick
+
+/// PATH, PATH,NEWTONS or nothing.
+struct Arguments {
+  std::string path;
+  double full_force_n = kFullForce;
+};
+Arguments parse(const std::string& text) {
+  Arguments a{text, kFullForce};
+  const std::size_t comma = text.find(',');
+  if (comma == text.npos) return a;
+  a.path = text.substr(0, comma);
+  char* end = nullptr;
+  a.full_force_n = std::strtod(text.c_str() + comma + 1, &end);
+  if (*end != '\0' || !(a.full_force_n > 0.0 && a.full_force_n <= 50.0))
+    throw ConfigError{"--device evdev:" + text +
+                      ": after the comma stands the force of the strongest effect, above 0 and at most 50 N"};
+  return a;
+}
+
+/// An opened event device.
+class EventDevice {
+ public:
+  explicit EventDevice(const std::string& path) : path_{path} {
+    fd_ = open(path.c_str(), O_RDWR | O_NONBLOCK | O_CLOEXEC);
+    writable_ = fd_ >= 0;
+    if (fd_ < 0) fd_ = open(path.c_str(), O_RDONLY | O_NONBLOCK | O_CLOEXEC);
+    error_ = fd_ < 0 ? errno : -libevdev_new_from_fd(fd_, &device_);
+  }
+  ~EventDevice() {
+    if (device_ != nullptr) libevdev_free(device_);
+    if (fd_ >= 0) close(fd_);
+  }
+  EventDevice(const EventDevice&) = delete;
+  EventDevice& operator=(const EventDevice&) = delete;
+
+  /// 0, or why it could not be opened.
+  [[nodiscard]] int error() const { return error_; }
+  [[nodiscard]] libevdev* get() const { return device_; }
+  [[nodiscard]] int fd() const { return fd_; }
+  [[nodiscard]] bool writable() const { return writable_; }
+  [[nodiscard]] const std::string& path() const { return path_; }
+
+ private:
+  std::string path_;
+  int fd_ = -1, error_ = 0;
+  bool writable_ = false;
+  libevdev* device_ = nullptr;
+};
+
+std::unique_ptr<EventDevice> open_stick(const std::string& path) {
+  auto device = std::make_unique<EventDevice>(path);
+  if (device->error() == EACCES)
+    throw ConfigError{"--device evdev:" + path +
+                      ": no permission; join the group input (sudo usermod -aG input $USER)"};
+  if (device->error() != 0) throw ConfigError{"--device evdev:" + path + ": " + std::strerror(device->error())};
+  if (!is_stick(device->get()))
+    throw ConfigError{"--device evdev:" + path + ": " + libevdev_get_name(device->get()) +
+                      " is no joystick: it lacks two axes or buttons of one"};
+  return device;
+}
+
+std::unique_ptr<EventDevice> first_stick() {
+  std::vector<std::string> paths;
+  std::error_code error;
+  for (const auto& entry : std::filesystem::directory_iterator{"/dev/input", error})
+    if (entry.path().filename().string().starts_with("event")) paths.push_back(entry.path().string());
+  std::sort(paths.begin(), paths.end());
+  int hidden = 0;
+  for (const std::string& path : paths) {
+    auto device = std::make_unique<EventDevice>(path);
+    if (device->error() == EACCES) ++hidden;
+    if (device->error() == 0 && is_stick(device->get())) return device;
+  }
+  throw ConfigError{"--device evdev: no joystick among " + std::to_string(paths.size()) + " files /dev/input/event*" +
+                    (hidden > 0 ? ", of which " + std::to_string(hidden) +
+                                      " may not be read; join the group input (sudo usermod -aG input $USER)"
+                                : "; connect one, or name its file as in evdev:/dev/input/event5")};
+}
+
+/// Plays the force by an effect of the device, on a thread: an upload may take milliseconds.
+class ForceFeedback {
+ public:
+  ForceFeedback(int fd, double full_force_n) : fd_{fd}, full_force_n_{full_force_n} {
+    ff_effect effect = constant_force({0.0, 0.0}, full_force_n_, -1, kEffectMs);
+    if (ioctl(fd_, EVIOCSFF, &effect) < 0) return;
+    id_ = effect.id;
+    thread_ = std::thread{[this] { run(); }};
+  }
+  ~ForceFeedback() {
+    if (id_ < 0) return;
+    going_ = false;
+    thread_.join();
+    play(0);
+    ioctl(fd_, EVIOCRMFF, id_);
+  }
+  ForceFeedback(const ForceFeedback&) = delete;
+  ForceFeedback& operator=(const ForceFeedback&) = delete;
+
+  [[nodiscard]] bool works() const noexcept { return id_ >= 0; }
+  /// The hand is to be pushed with (right, forward).
+  void push(double right_n, double forward_n) noexcept {
+    right_n_.store(right_n, std::memory_order_relaxed);
+    forward_n_.store(forward_n, std::memory_order_relaxed);
+  }
+  /// The effect that plays now.
+  [[nodiscard]] std::array<double, 2> played() const noexcept {
+    return {played_right_n_.load(std::memory_order_relaxed), played_forward_n_.load(std::memory_order_relaxed)};
+  }
+  void stop() noexcept {
+    push(0.0, 0.0);
+    if (id_ >= 0) play(0);
+  }
+
+ private:
+  void run() noexcept {
+    while (going_.load(std::memory_order_relaxed)) {
+      const std::array<double, 2> wanted{right_n_.load(std::memory_order_relaxed),
+                                         forward_n_.load(std::memory_order_relaxed)};
+      ff_effect effect = constant_force(wanted, full_force_n_, id_, kEffectMs);
+      if (ioctl(fd_, EVIOCSFF, &effect) == 0 && play(1)) {
+        played_right_n_.store(wanted[0], std::memory_order_relaxed);
+        played_forward_n_.store(wanted[1], std::memory_order_relaxed);
+      }
+      std::this_thread::sleep_for(std::chrono::milliseconds{10});
+    }
+  }
+  bool play(int times) noexcept {
+    input_event event{};
+    event.type = EV_FF;
+    event.code = static_cast<std::uint16_t>(id_);
+    event.value = times;
+    return write(fd_, &event, sizeof event) == static_cast<ssize_t>(sizeof event);
+  }
+
+  int fd_;
+  double full_force_n_;
+  int id_ = -1;  ///< of the effect; -1: the device took none
+  std::atomic<bool> going_{true};
+  std::atomic<double> right_n_{0.0}, forward_n_{0.0}, played_right_n_{0.0}, played_forward_n_{0.0};
+  std::thread thread_;
+};
+
+/// A joystick or gamepad: the deflection is the position of a handle within 50 mm (and 0.5 rad). Its constant-force effect, where
+/// it has one, displays the force to the right and forward; its strength in newtons is what ARGS say.
+template <int N>
+class EvdevDevice final : public Device<N> {
+ public:
+  explicit EvdevDevice(const DriverOptions& o)
+      : arguments_{parse(o.arguments)},
+        device_{arguments_.path.empty() ? first_stick() : open_stick(arguments_.path)},
+        motion_{kCutoffHz} {
+    if (device_->writable() && libevdev_has_event_code(device_->get(), EV_FF, FF_CONSTANT) != 0) {
+      force_ = std::make_unique<ForceFeedback>(device_->fd(), arguments_.full_force_n);
+      if (!force_->works()) force_.reset();
+    }
+  }
+
+  [[nodiscard]] DeviceInfo info() const override {
+    return {.name = std::string{libevdev_get_name(device_->get())} + " at " + device_->path(),
+            .max_force_n = force_ ? arguments_.full_force_n : 0.0,
+            .watchdog = to_seconds(std::chrono::milliseconds{kEffectMs}),
+            .dof = 6,
+            .workspace_m = {2.0 * kReach, 2.0 * kReach, 2.0 * kReach},
+            .buttons = stick_buttons(device_->get())};
+  }
+  DeviceSample<N> sense(const Tick<MasterClock>& tick) noexcept override {
+    if (!lost_) read();
+    const StickState state = stick_state(device_->get());
+    typename Velocity<N>::Vector target;
+    for (int i = 0; i < N; ++i) target[i] = state.axis[static_cast<std::size_t>(i)] * (i < 3 ? kReach : kTurn);
+    motion_.advance(target, std::min(tick.ended.si(), 0.1));
+    DeviceSample<N> sample{.x = position_at<N>(motion_.x()), .v = Velocity<N>{motion_.v()}, .applied = {}};
+    if (force_) {
+      typename Force<N>::Vector applied = Force<N>::Vector::Zero();
+      const std::array<double, 2> push = force_->played();
+      for (int i = 0; i < std::min(N, 2); ++i) applied[i] = -push[static_cast<std::size_t>(i)];
+      sample.applied = Force<N>{applied};
+    }
+    sample.buttons = state.buttons;
+    if (lost_) sample.status = HardwareStatus::fault;
+    return sample;
+  }
+  void actuate(const Force<N>& f) noexcept override {
+    if (force_) force_->push(-f[0], N > 1 ? -f[std::min(1, N - 1)] : 0.0);
+  }
+  void release() noexcept override {
+    if (force_) force_->stop();
+  }
+  [[nodiscard]] std::string trouble() const override { return lost_ ? device_->path() + " is gone" : ""; }
+
+ private:
+  void read() noexcept {
+    unsigned flag = LIBEVDEV_READ_FLAG_NORMAL;
+    for (int left = kMostEvents; left > 0; --left) {
+      input_event event;
+      const int status = libevdev_next_event(device_->get(), flag, &event);
+      if (status == -EAGAIN && flag == LIBEVDEV_READ_FLAG_SYNC) {
+        flag = LIBEVDEV_READ_FLAG_NORMAL;
+      } else if (status == -EAGAIN || status == -EINTR) {
+        return;
+      } else if (status < 0) {
+        lost_ = true;
+        return;
+      } else {
+        // Events were dropped: libevdev reads the state anew.
+        flag = status == LIBEVDEV_READ_STATUS_SYNC ? LIBEVDEV_READ_FLAG_SYNC : LIBEVDEV_READ_FLAG_NORMAL;
+      }
+    }
+  }
+
+  Arguments arguments_;
+  std::unique_ptr<EventDevice> device_;
+  std::unique_ptr<ForceFeedback> force_;  ///< null: it displays no force
+  SmoothedTarget<N> motion_;
+  bool lost_ = false;
+};
+
+}  // namespace
+
+void add_evdev(Registry& all) {
+  all.devices.add<EvdevDevice>("evdev", "joystick or gamepad; ARGS is PATH[,NEWTONS], as /dev/input/event5,2");
+}
+
+}  // namespace twoport

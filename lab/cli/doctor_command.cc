@@ -1,0 +1,219 @@
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <atomic>
+#include <chrono>
+#include <limits>
+#include <memory>
+#include <thread>
+#include <utility>
+
+#include "common/base/check.h"
+#include "common/platform/realtime.h"
+#include "doctor/examine.h"
+#include "doctor/link.h"
+#include "doctor/loop.h"
+#include "lab/cli/commands.h"
+#include "lab/study/map.h"
+
+namespace twoport::lab {
+namespace {
+
+using namespace twoport::doctor;
+
+struct DoctorArguments {
+  double rate_hz = 1000.0;
+  double seconds = 0.0;  ///< 0: of the kind of measurement
+  bool realtime = true, spin = true, json = false;
+  std::string link, answer;
+  LinkRequest request;
+  double stiffness = 1000.0;
+  int seeds = 1, jobs = 1;
+};
+
+std::string quoted(const std::string& text) {
+  std::string all = "\"";
+  for (const char c : text) {
+    if (c == '"' || c == '\\') {
+      all += '\\';
+      all += c;
+    } else if (static_cast<unsigned char>(c) < 0x20) {
+      all += fmt::format("\\u{:04x}", static_cast<int>(c));
+    } else {
+      all += c;
+    }
+  }
+  return all + '"';
+}
+double us(Duration d) {
+  return 1e-3 * static_cast<double>(d.count());
+}
+double ms(Duration d) {
+  return 1e-6 * static_cast<double>(d.count());
+}
+
+void print_json(const LoopFigures& loop, const std::vector<Finding>& findings) {
+  fmt::print(
+      "{{\n \"loop\": {{\"grade\": {}, \"rate_hz\": {}, \"ticks\": {}, \"skipped\": {}, \"late_us\": {{\"p50\": "
+      "{:.3f}, "
+      "\"p99\": {:.3f}, \"p999\": {:.3f}, \"max\": {:.3f}}},\n  \"late\": {{\"ticks\": {}, \"preempted\": {}, "
+      "\"waited\": "
+      "{}, \"moved\": {}, \"faulted\": {}, \"unexplained\": {}}},\n  \"not_permitted\": [",
+      quoted(to_string(grade(loop))), loop.rate_hz, loop.ticks, loop.skipped, us(loop.lateness.percentile(0.5)),
+      us(loop.lateness.percentile(0.99)), us(loop.lateness.percentile(0.999)), us(loop.lateness.max()), loop.late,
+      loop.preempted, loop.waited, loop.moved, loop.faulted, loop.unexplained);
+  for (std::size_t i = 0; i < loop.not_permitted.size(); ++i)
+    fmt::print("{}{}", i > 0 ? ", " : "", quoted(loop.not_permitted[i]));
+  fmt::print("]}},\n \"checks\": [");
+  for (std::size_t i = 0; i < findings.size(); ++i) {
+    const Finding& f = findings[i];
+    fmt::print("{}\n  {{\"name\": {}, \"grade\": {}, \"says\": {}, \"cure\": {}}}", i > 0 ? "," : "", quoted(f.name),
+               quoted(to_string(f.grade)), quoted(f.says), quoted(f.cure));
+  }
+  fmt::print("\n ]\n}}\n");
+}
+
+void print_text(const LoopFigures& loop, const std::vector<Finding>& findings) {
+  fmt::print("{:<7} loop, as permitted here: {}\n", to_string(grade(loop)), describe(loop));
+  if (const std::string why = blame(loop); !why.empty()) fmt::print("{:<7} {}\n", "", why);
+  for (const std::string& sentence : loop.not_permitted) fmt::print("{:<7} without: {}\n", "", sentence);
+  for (const Finding& f : findings) {
+    fmt::print("{:<7} {}: {}\n", to_string(f.grade), f.name, f.says);
+    if (!f.cure.empty()) fmt::print("{:<7}   cure: {}\n", "", f.cure);
+  }
+}
+
+int loop_command(const DoctorArguments& a) {
+  const Permissions may = probe_permissions();
+  const auto now_s = [] {
+    return std::chrono::duration<double>(std::chrono::steady_clock::now().time_since_epoch()).count();
+  };
+  const Counters before = read_counters(read_file, now_s());
+  const LoopFigures loop = measure_loop(
+      {.rate_hz = a.rate_hz, .seconds = a.seconds > 0.0 ? a.seconds : 2.0, .realtime = a.realtime, .spin = a.spin});
+  const Counters after = read_counters(read_file, now_s());
+  const std::vector<Finding> findings = examine(read_file, may, before, after);
+  if (a.json) {
+    print_json(loop, findings);
+  } else {
+    print_text(loop, findings);
+  }
+  return grade(loop) == Grade::bad ? 3 : 0;
+}
+
+std::string direction_json(const DirectionFigures& f) {
+  return fmt::format(
+      "{{\"received\": {}, \"lost\": {}, \"late\": {}, \"duplicated\": {}, \"loss\": {:.6f}, \"burst_packets\": "
+      "{:.2f}, "
+      "\"jitter_ms\": {{\"p50\": {:.3f}, \"p99\": {:.3f}, \"max\": {:.3f}}}, \"longest_gap_ms\": {:.3f}}}",
+      f.received, f.lost, f.late, f.duplicated, f.loss(), f.burst_packets, 1e3 * f.jitter_p50_s, 1e3 * f.jitter_p99_s,
+      1e3 * f.jitter_max_s, 1e3 * f.longest_gap_s);
+}
+
+int link_command(const DoctorArguments& a) {
+  const std::atomic<bool>& stop = stop_on_signals();
+  LinkRequest request = a.request;
+  request.address = a.link;
+  request.rate_hz = a.rate_hz;
+  request.seconds = a.seconds > 0.0 ? a.seconds : 10.0;
+  const LinkFigures f = measure_link(request, stop);
+  const double round_trip_s = 1e-3 * ms(f.round_trip.percentile(0.5));
+  const LinkAdvice advice = advise(round_trip_s, f.to_slave, f.to_master);
+  const Recommendation method = recommend(make_map({.scene = {},
+                                                    .set = {},
+                                                    .methods = {},
+                                                    .round_trips_ms = {2.0 * advice.delay_ms},
+                                                    .losses = {advice.loss},
+                                                    .bursts_packets = {advice.burst_packets},
+                                                    .stiffnesses_n_per_m = {a.stiffness},
+                                                    .seeds = a.seeds,
+                                                    .jobs = a.jobs}));
+  const double back_ms = f.clock_known ? 1e3 * f.clock.one_way_s : 0.0,
+               bound_ms = f.clock_known ? 1e3 * f.clock.bound_s : 0.0;
+  const double there_ms = 1e3 * round_trip_s - back_ms;
+  if (a.json) {
+    fmt::print(
+        "{{\n \"address\": {}, \"seconds\": {:.3f}, \"rate_hz\": {}, \"sent\": {}, \"encrypted\": {},\n "
+        "\"round_trip_ms\": "
+        "{{\"p50\": {:.3f}, \"p99\": {:.3f}, \"max\": {:.3f}}},\n \"one_way_ms\": {{\"to_slave\": {:.3f}, "
+        "\"to_master\": "
+        "{:.3f}, \"bound\": {:.3f}}},\n \"to_slave\": {},\n \"to_master\": {},\n \"advice\": {{\"method\": {}, "
+        "\"why\": {}, "
+        "\"to_slave.playout_ms\": {}, \"to_master.playout_ms\": {}, \"control.hold_after_s\": {:.2f}, "
+        "\"control.passivity.round_trip_ms\": {:.1f}}}\n}}\n",
+        quoted(a.link), f.seconds, a.rate_hz, f.sent, f.encrypted, ms(f.round_trip.percentile(0.5)),
+        ms(f.round_trip.percentile(0.99)), ms(f.round_trip.max()), there_ms, back_ms, bound_ms,
+        direction_json(f.to_slave), direction_json(f.to_master), quoted(method.method), quoted(method.why),
+        advice.playout_to_slave_ms, advice.playout_to_master_ms, advice.hold_after_s, 2.0 * advice.delay_ms);
+    return 0;
+  }
+  fmt::print("{}: {:.1f} s at {:g} Hz, {} packets sent, {}\n", a.link, f.seconds, a.rate_hz, f.sent,
+             f.encrypted ? "encrypted" : "not encrypted");
+  fmt::print("round trip: {:.2f} ms in the median, {:.2f} ms at 99 %, {:.2f} ms at most\n",
+             ms(f.round_trip.percentile(0.5)), ms(f.round_trip.percentile(0.99)), ms(f.round_trip.max()));
+  if (f.clock_known)
+    fmt::print(
+        "one way: {:.2f} ms there, {:.2f} ms back, if the fastest packet took as long there as back; at most {:.2f} ms "
+        "wrong\n",
+        there_ms, back_ms, bound_ms);
+  fmt::print("{:<10} {:>9} {:>7} {:>8} {:>10} {:>11} {:>24} {:>12}\n", "", "received", "lost", "late", "duplicated",
+             "in a row", "jitter: 50, 99 %, most ms", "longest gap");
+  for (const auto& [name, d] : {std::pair{"to_slave", f.to_slave}, {"to_master", f.to_master}})
+    fmt::print("{:<10} {:>9} {:>6.2f}% {:>8} {:>10} {:>11.1f} {:>8.2f} {:>7.2f} {:>7.2f} {:>9.1f} ms\n", name,
+               d.received, 100.0 * d.loss(), d.late, d.duplicated, d.burst_packets, 1e3 * d.jitter_p50_s,
+               1e3 * d.jitter_p99_s, 1e3 * d.jitter_max_s, 1e3 * d.longest_gap_s);
+  fmt::print("\nFor a scene over this link, with a wall of {:g} N/m:\n", a.stiffness);
+  fmt::print("control {{ hold_after_s: {:.2f} passivity {{ method: {} round_trip_ms: {:.1f} }} }}\n",
+             advice.hold_after_s, method.method, 2.0 * advice.delay_ms);
+  for (const auto& [name, playout] :
+       {std::pair{"to_slave", advice.playout_to_slave_ms}, {"to_master", advice.playout_to_master_ms}})
+    if (playout > 0.0) fmt::print("{} {{ playout_ms: {:g} }}\n", name, playout);
+  fmt::print("# {}: {}\n", method.method, method.why);
+  return 0;
+}
+
+int answer_command(const DoctorArguments& a) {
+  LinkRequest request = a.request;
+  request.address = a.answer.find(':') == std::string::npos ? "127.0.0.1:" + a.answer : a.answer;
+  request.rate_hz = a.rate_hz;
+  request.seconds = a.seconds > 0.0 ? a.seconds : std::numeric_limits<double>::infinity();
+  answer(request, stop_on_signals());
+  return 0;
+}
+
+}  // namespace
+
+Subcommand add_doctor_command(CLI::App& app) {
+  const auto a = std::make_shared<DoctorArguments>();
+  a->jobs = std::max(1, static_cast<int>(std::thread::hardware_concurrency()));
+  CLI::App* doctor = app.add_subcommand(
+      "doctor", "Why is the loop late, why is the link bad: measures and names the causes, each with a cure");
+  doctor->add_option("--rate-hz", a->rate_hz, "Of the loop, or of packets")
+      ->check(CLI::Range(1.0, 1e4))
+      ->capture_default_str();
+  doctor->add_option("--seconds", a->seconds, "To measure; absent: 2 for the loop, 10 for a link, no end for --answer")
+      ->check(CLI::Range(0.05, 1e6));
+  CLI::Option* link =
+      doctor->add_option("--link", a->link, "HOST:PORT where a doctor answers: measures the link to there");
+  doctor
+      ->add_option("--answer", a->answer,
+                   "[ADDR:]PORT: is the other end of --link, until Ctrl-C. PORT alone: of 127.0.0.1")
+      ->excludes(link);
+  doctor->add_option("--key", a->request.key, "File of twoport-keygen, as for the programs; both ends need the same");
+  doctor->add_flag("--insecure", a->request.insecure, "Without a key, allow addresses of other machines too");
+  doctor->add_option("--stiffness", a->stiffness, "--link: of the wall for which a method is advised [N/m]")
+      ->capture_default_str();
+  doctor->add_flag("!--no-realtime", a->realtime, "Measure the loop without real-time scheduling and locked memory");
+  doctor->add_flag("!--no-spin", a->spin, "Measure the loop without busy-waiting for the last 50 us");
+  doctor->add_flag("--json", a->json, "Print the same as JSON");
+  doctor->footer(
+      "Grades: good, notice, bad, and unseen: what cannot be read on this machine. Exit status 3 where the loop's is "
+      "bad: more "
+      "than one tick in a thousand skipped, or 99 % not within a quarter of the period.");
+  return {doctor, [a] {
+            if (!a->answer.empty()) return answer_command(*a);
+            return a->link.empty() ? loop_command(*a) : link_command(*a);
+          }};
+}
+
+}  // namespace twoport::lab

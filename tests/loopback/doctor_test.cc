@@ -1,0 +1,126 @@
+#include <gtest/gtest.h>
+#include <poll.h>
+
+#include <atomic>
+#include <chrono>
+#include <csignal>
+#include <cstdlib>
+#include <deque>
+#include <string>
+#include <thread>
+#include <utility>
+
+#include "tests/loopback/relay.h"
+#include "tests/support/process.h"
+
+// `twoport-lab doctor` as its users run it.
+namespace twoport::test {
+namespace {
+
+using Clock = std::chrono::steady_clock;
+
+/// The number behind `"name": ` after the first `after` in a JSON text.
+double number(const std::string& json, const std::string& after, const std::string& name) {
+  const std::size_t from = json.find(after), at = json.find("\"" + name + "\": ", from);
+  if (from == std::string::npos || at == std::string::npos) return -1e9;
+  return std::strtod(json.c_str() + at + name.size() + 4, nullptr);
+}
+
+/// A network between two doctors: a constant delay each way; every tenth datagram towards the slave is lost.
+class Network {
+ public:
+  Network(std::uint16_t port, std::uint16_t slave_port, std::chrono::milliseconds there, std::chrono::milliseconds back)
+      : near_{port}, slave_port_{slave_port}, there_{there}, back_{back}, thread_{[this] { run(); }} {}
+  ~Network() {
+    stop_ = true;
+    thread_.join();
+  }
+  Network(const Network&) = delete;
+
+ private:
+  void run() {
+    std::deque<std::pair<Clock::time_point, Datagram>> to_slave, to_master;
+    std::uint16_t master_port = 0;
+    std::uint64_t count = 0;
+    while (!stop_) {
+      std::this_thread::sleep_for(std::chrono::microseconds{100});
+      const auto now = Clock::now();
+      while (auto d = near_.receive()) {
+        master_port = d->second;
+        if (++count % 10 != 0) to_slave.emplace_back(now + there_, std::move(d->first));
+      }
+      while (auto d = far_.receive()) to_master.emplace_back(now + back_, std::move(d->first));
+      for (; !to_slave.empty() && to_slave.front().first <= now; to_slave.pop_front())
+        far_.send(to_slave.front().second, slave_port_);
+      for (; !to_master.empty() && to_master.front().first <= now; to_master.pop_front())
+        near_.send(to_master.front().second, master_port);
+    }
+  }
+
+  Socket near_, far_;
+  std::uint16_t slave_port_;
+  std::chrono::milliseconds there_, back_;
+  std::atomic<bool> stop_{false};
+  std::thread thread_;
+};
+
+TEST(Doctor, GradesTheLoopAndEveryCheck) {
+  Process doctor{{TWOPORT_LAB, "doctor", "--seconds", "0.5", "--json"}};
+  const Exit end = doctor.wait();
+  EXPECT_TRUE(end == exited(0) || end == exited(3)) << end;  // of a busy machine
+  const std::string json = doctor.out();
+  EXPECT_NEAR(number(json, "\"loop\"", "ticks") + number(json, "\"loop\"", "skipped"), 500.0, 60.0) << json;
+  EXPECT_GE(number(json, "\"late_us\"", "p99"), number(json, "\"late_us\"", "p50"));
+  for (const std::string name :
+       {"real-time priority", "locked memory", "idle latency", "timer slack", "idle states", "frequency governor",
+        "kernel", "real-time throttling", "processors", "processor quota", "virtual machine", "clock source", "load",
+        "temperature", "UDP queue"})
+    EXPECT_NE(json.find("{\"name\": \"" + name + "\", \"grade\": \""), std::string::npos) << name << json;
+
+  Process unprivileged{{TWOPORT_LAB, "doctor", "--seconds", "0.1"}, {.unprivileged = true}};
+  unprivileged.wait();
+  const std::string text = unprivileged.out();
+  EXPECT_NE(text.find("bad     real-time priority: SCHED_FIFO 80 is not permitted"), std::string::npos) << text;
+  EXPECT_NE(text.find("without: no SCHED_FIFO priority 80"), std::string::npos) << text;
+  EXPECT_NE(text.find("cure: sudo groupadd -f realtime"), std::string::npos) << text;
+}
+
+TEST(Doctor, MeasuresALinkAndSaysWhatASceneNeeds) {
+  const std::uint16_t port = free_udp_port(), slave_port = free_udp_port();
+  const Network network{port, slave_port, std::chrono::milliseconds{20}, std::chrono::milliseconds{30}};
+  Process answer{{TWOPORT_LAB, "doctor", "--answer", std::to_string(slave_port)}};
+  ASSERT_TRUE(answer.says("listening on"));
+  Process doctor{{TWOPORT_LAB, "doctor", "--link", "127.0.0.1:" + std::to_string(port), "--seconds", "2", "--json"}};
+  EXPECT_EQ(doctor.wait(120s), exited(0)) << doctor.err();
+  const std::string json = doctor.out();
+  // Delays are exact but for the relay's and the doctors' polling, 0.1 and 0.25 ms each way, on an idle machine.
+  const double round_trip = number(json, "\"round_trip_ms\"", "p50");
+  EXPECT_GT(round_trip, 49.9) << json;
+  EXPECT_LT(round_trip, 70.0) << json;
+  // Nothing tells 20 + 30 from 25 + 25: the estimate is the half, and its bound holds the truth.
+  const double back = number(json, "\"one_way_ms\"", "to_master"), bound = number(json, "\"one_way_ms\"", "bound");
+  EXPECT_NEAR(back, 0.5 * round_trip, 5.0);
+  EXPECT_LE(std::abs(back - 30.0), bound + 0.5 * (round_trip - 50.0) + 0.5);
+  EXPECT_NEAR(number(json, "\"to_slave\": {", "loss"), 0.1, 0.01) << json;
+  EXPECT_NEAR(number(json, "\"to_slave\": {", "burst_packets"), 1.0, 0.2);
+  EXPECT_EQ(number(json, "\"to_master\": {", "lost"), 0.0);
+  EXPECT_EQ(number(json, "\"to_master\": {", "duplicated"), 0.0);
+  EXPECT_NE(json.find("\"method\": \""), std::string::npos);
+  EXPECT_GE(number(json, "\"advice\"", "control.hold_after_s"), 0.1);
+  answer.send(SIGINT);
+  EXPECT_EQ(answer.wait(), exited(0)) << answer.err();
+}
+
+TEST(Doctor, SaysWhatIsMissing) {
+  Process nobody{{TWOPORT_LAB, "doctor", "--link", "127.0.0.1:" + std::to_string(free_udp_port()), "--seconds", "1"}};
+  EXPECT_EQ(nobody.wait(), exited(1));
+  EXPECT_NE(nobody.err().find("start twoport-lab doctor --answer 127.0.0.1:"), std::string::npos) << nobody.err();
+  Process outside{{TWOPORT_LAB, "doctor", "--link", "192.0.2.1:45000"}};
+  EXPECT_EQ(outside.wait(), exited(2));
+  EXPECT_NE(outside.err().find("--key"), std::string::npos) << outside.err();
+  Process both{{TWOPORT_LAB, "doctor", "--link", "127.0.0.1:1", "--answer", "2"}};
+  EXPECT_EQ(both.wait(), exited(2));
+}
+
+}  // namespace
+}  // namespace twoport::test

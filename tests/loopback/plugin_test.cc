@@ -1,0 +1,172 @@
+#include "common/hardware/plugin.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "common/base/check.h"
+#include "common/scene/load.h"
+#include "drivers/drivers.h"
+#include "master/program.h"
+#include "tests/support/live.h"
+
+// Drivers in shared libraries: how they are loaded, what they say, and what becomes of their defects.
+namespace twoport::test {
+namespace {
+
+constexpr Seconds kPeriod{1e-3};
+const std::string kOdd = TWOPORT_ODD_PLUGIN, kOld = TWOPORT_OLD_PLUGIN, kNone = TWOPORT_NO_PLUGIN;
+
+template <int N = 3>
+std::unique_ptr<Device<N>> open_device(const std::string& choice) {
+  static const Scene scene{};
+  return all_drivers().devices.open<N>(choice, scene, kPeriod);
+}
+template <int N>
+std::unique_ptr<Robot<N>> open_robot(const std::string& choice) {
+  static const Scene scene{};
+  return all_drivers().robots.open<N>(choice, scene, kPeriod);
+}
+std::string why_not(const std::string& choice) {
+  try {
+    open_device(choice);
+  } catch (const ConfigError& e) {
+    return e.what();
+  }
+  return "opened";
+}
+template <class Clock>
+Tick<Clock> tick(long k) {
+  return {Instant<Clock>{tick_time(k, 1.0 / kPeriod.si())}, kPeriod};
+}
+
+// A plug-in that was compiled with other sizes crashes the program: where they change, plugin::kVersion must grow.
+static_assert(plugin::kVersion == 1 && sizeof(plugin::Session) == 24 && sizeof(plugin::DeviceInfo) == 112 &&
+              sizeof(plugin::DeviceReading) == 168 && sizeof(plugin::RobotInfo) == 56 &&
+              sizeof(plugin::RobotReading) == 160 && sizeof(plugin::RobotCommand) == 152);
+
+TEST(Plugin, IsAPathThatEndsInSoWithOrWithoutArguments) {
+  EXPECT_FALSE(plugin_choice("sim"));
+  EXPECT_FALSE(plugin_choice("playback:a.sock"));
+  EXPECT_EQ(plugin_choice("./a.so")->path, "./a.so");
+  EXPECT_EQ(plugin_choice("/b/a.so:1:x.so")->path, "/b/a.so");
+  EXPECT_EQ(plugin_choice("/b/a.so:1:x.so")->arguments, "1:x.so");
+  EXPECT_EQ(plugin_choice("/b.so/a.so:")->path, "/b.so/a.so");
+}
+
+TEST(Plugin, NamesItsCapabilitiesAndPassesNumbersOn) {
+  const std::unique_ptr<Device<3>> device = open_device(kOdd);
+  const DeviceInfo info = device->info();
+  EXPECT_EQ(info.name, "odd plug-in");
+  EXPECT_EQ(info.dof, 3);
+  EXPECT_EQ(info.max_force_n, 4.0);
+  EXPECT_EQ(info.mass_kg, 0.1);
+  EXPECT_EQ(info.watchdog, Seconds{0.1});
+  EXPECT_EQ(info.buttons, 1);
+  device->sense(tick<MasterClock>(0));
+  device->actuate(Force<3>{Force<3>::Vector{1.0, 2.0, 3.0}});
+  const DeviceSample<3> sample = device->sense(tick<MasterClock>(1));
+  EXPECT_EQ(sample.x.translation(), (Eigen::Vector3d{0.005, 0.005, 0.005}));
+  EXPECT_EQ(sample.applied.vec(), (Eigen::Vector3d{1.0, 2.0, 3.0}));
+  EXPECT_EQ(sample.status, HardwareStatus::ok);
+}
+
+TEST(Plugin, OfMoreDegreesOfFreedomDrivesASceneWithFewerAndLeavesTheOthersFree) {
+  const std::unique_ptr<Device<1>> device = open_device<1>(kOdd);
+  device->actuate(Force<1>{Force<1>::Vector{1.5}});
+  EXPECT_EQ(device->sense(tick<MasterClock>(1)).applied[0], 1.5);
+  EXPECT_THROW(open_device<6>(kOdd), ConfigError);
+}
+
+TEST(Plugin, OfARobotGetsItsSetPoint) {
+  const std::unique_ptr<Robot<6>> robot = open_robot<6>(kOdd);
+  RobotCommand<6> command;
+  command.x_d = Position<6>{{0.1, 0.2, 0.3}, Eigen::Quaterniond{0.6, 0.8, 0.0, 0.0}};
+  robot->actuate(command);
+  const RobotSample<6> sample = robot->sense(tick<SlaveClock>(1));
+  EXPECT_TRUE(sample.ideal);
+  EXPECT_EQ(sample.x.translation(), (Eigen::Vector3d{0.1, 0.2, 0.3}));
+  EXPECT_EQ(sample.x.attitude().coeffs(), command.x_d.attitude().coeffs());
+}
+
+TEST(Plugin, ThatCannotBeLoadedIsRefusedInOneSentence) {
+  EXPECT_EQ(why_not("/nowhere/a.so:7"),
+            "--device /nowhere/a.so:7: there is no such file; give the path of a shared library");
+  const Folder folder;
+  const std::string text = folder.write("text.so", "no library");
+  EXPECT_EQ(why_not(text).find("--device " + text + ": cannot be loaded: "), 0u) << why_not(text);
+  EXPECT_EQ(why_not(kNone), "--device " + kNone +
+                                ": is no plug-in for --device: it has no entry point twoport_device_plugin; it has one "
+                                "for --robot");
+  EXPECT_THROW(open_robot<1>(kNone), ConfigError) << "its entry point returns nothing";
+  EXPECT_EQ(why_not(kOld), "--device " + kOld +
+                               ": is a plug-in of version 0, and this program loads version 1; build it again with the "
+                               "installed twoport");
+  EXPECT_EQ(why_not(kOdd + ":refuses"), "--device " + kOdd + ":refuses: no power at the socket");
+  EXPECT_EQ(why_not(kOdd + ":refuses_oddly"),
+            "--device " + kOdd + ":refuses_oddly: an exception that is no std::exception");
+}
+
+TEST(Plugin, ThatThrowsReportsAFaultWithItsLastReadingAndIsReleased) {
+  for (const std::string defect : {"throw_in_sense=3", "throw_oddly=3", "throw_in_actuate=2"}) {
+    const std::unique_ptr<Device<3>> device = open_device(kOdd + ":" + defect);
+    for (int k = 0; k < 2; ++k) {
+      ASSERT_EQ(device->sense(tick<MasterClock>(k)).status, HardwareStatus::ok) << defect;
+      device->actuate(Force<3>{Force<3>::Vector{1.0, 0.0, 0.0}});
+    }
+    for (int k = 2; k < 5; ++k) {
+      const DeviceSample<3> sample = device->sense(tick<MasterClock>(k));
+      EXPECT_EQ(sample.status, HardwareStatus::fault) << defect;
+      EXPECT_TRUE(all_finite(sample.x, sample.v, sample.applied));
+      EXPECT_EQ(sample.x.translation()[0], 0.005);
+    }
+    EXPECT_NE(device->trouble().find("() threw: "), std::string::npos) << device->trouble();
+    device->release();
+  }
+}
+
+TEST(Plugin, WhoseReadingsStayNotFiniteReportsAFaultAfterATenthOfASecond) {
+  const std::unique_ptr<Device<3>> device = open_device(kOdd + ":nan=10");
+  int finite = 0, failing = 0;
+  for (int k = 0; k < 300; ++k) {
+    const DeviceSample<3> sample = device->sense(tick<MasterClock>(k));
+    finite += all_finite(sample.v) ? 1 : 0;
+    failing += sample.status == HardwareStatus::fault ? 1 : 0;
+  }
+  EXPECT_EQ(finite, 9);
+  EXPECT_EQ(failing, 300 - 9 - 99);  // the hundredth such reading and all later ones
+  EXPECT_EQ(device->trouble(), kOdd + ": readings are not finite numbers");
+  const std::unique_ptr<Device<3>> blinks = open_device(kOdd + ":blink=10");
+  for (int k = 0; k < 300; ++k) ASSERT_EQ(blinks->sense(tick<MasterClock>(k)).status, HardwareStatus::ok);
+}
+
+TEST(Plugin, RunsInTheMasterAndItsDefectsEndTheRunInWords) {
+  const Folder folder;
+  const std::string scene = folder.write("scene.textproto", press(3, "RENDER"));
+  const auto run = [&](const std::string& arguments, int status, const std::string& says) {
+    Words words{"twoport-master", "--scene", scene,          "--duration", "0.5",           "--no-realtime",
+                "--no-spin",      "--out",   folder / "out", "--device",   kOdd + arguments};
+    std::vector<char*> argv;
+    for (std::string& word : words) argv.push_back(word.data());
+    testing::internal::CaptureStderr();
+    testing::internal::CaptureStdout();
+    EXPECT_EQ(master_program(static_cast<int>(argv.size()), argv.data(), all_drivers()), status) << arguments;
+    testing::internal::GetCapturedStdout();
+    const std::string said = testing::internal::GetCapturedStderr();
+    EXPECT_NE(said.find(says), std::string::npos) << said;
+  };
+  run("", 0, "hardware: odd plug-in");
+  run(":blink=50", 0, "hardware: odd plug-in");
+  run(":throw_in_sense=50", 1, ": sense() threw: the cable is out; the hardware was released");
+  run(":throw_in_actuate=50", 1, ": actuate() threw: the amplifier is out; the hardware was released");
+  run(":nan=50", 1, ": readings are not finite numbers; the hardware was released");
+  run(":nan=1", 1, "the first reading is not finite");
+  run(":throw_in_sense=1", 1, "hardware fault at the first reading; " + kOdd + ": sense() threw: the cable is out");
+  run(":refuses", 2, "no power at the socket");
+}
+
+}  // namespace
+}  // namespace twoport::test

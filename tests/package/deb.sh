@@ -1,0 +1,67 @@
+#!/usr/bin/env bash
+# The Debian package: built, looked into, unpacked, its programs run: deb.sh BUILD_DIR
+# Exit status 77: skipped, in words.
+set -euo pipefail
+build=$(readlink -f "$1")
+work=$(mktemp -d)
+trap 'rm -rf "$work"' EXIT
+fail() { echo "$1"; exit 1; }
+for tool in dpkg-deb dpkg-shlibdeps fakeroot; do
+  command -v $tool >/dev/null && continue
+  [ $tool = fakeroot ] || { echo "skipped: $tool is not installed (apt-get install dpkg-dev)"; exit 77; }
+done
+
+cpack --config "$build/CPackConfig.cmake" -B "$work" >"$work/log" 2>&1 || { cat "$work/log"; exit 1; }
+deb=$(ls "$work"/twoport_*.deb)
+dpkg-deb -c "$deb" | sed -E 's/^([^ ]+) +([^ ]+).* (\.\/[^ ]*)( -> .*)?$/\1 \2 \3/' >"$work/contents"
+for path in ./usr/bin/twoport-{master,slave,lab,device,keygen} ./usr/share/man/man1/twoport-{master,slave,lab,device,keygen}.1.gz \
+  ./usr/share/bash-completion/completions/twoport-master ./usr/share/twoport/scenes/demo.textproto \
+  ./usr/include/twoport/common/hardware/plugin.h ./usr/lib/udev/rules.d/60-twoport.rules \
+  ./etc/security/limits.d/twoport.conf ./usr/share/doc/twoport/copyright ./usr/share/doc/twoport/examples/plugin/rail.cc; do
+  grep -qF " $path" "$work/contents" || fail "the package lacks $path"
+done
+grep -q 'libtwoport_passivity\|libtwoport_platform.a' "$work/contents" || fail "the package lacks the library"
+grep -q 'twoport-config.cmake' "$work/contents" || fail "the package lacks its CMake configuration"
+grep -v ' root/root ' "$work/contents" && fail "not everything belongs to root"
+grep -E '^.......(-w|.-.w)' "$work/contents" | grep -v '^l' && fail "others may write"
+grep -E ' \./(usr/local|tmp|home|root)/' "$work/contents" && fail "files in a place of the user's"
+depends=$(dpkg-deb -f "$deb" Depends)
+grep -q 'libc6' <<<"$depends" && grep -q 'libprotobuf' <<<"$depends" || fail "Depends: $depends"
+dpkg-deb -e "$deb" "$work/control"
+[ -x "$work/control/postinst" ] && sh -n "$work/control/postinst" || fail "postinst"
+
+# Unpacked: the programs run from there, and name their version.
+dpkg-deb -x "$deb" "$work/root"
+version=$(dpkg-deb -f "$deb" Version)
+for program in master slave lab device keygen; do
+  "$work/root/usr/bin/twoport-$program" --version | grep -qF "twoport-$program $version" || fail "twoport-$program: other version"
+done
+"$work/root/usr/bin/twoport-lab" run "$work/root/usr/share/twoport/scenes/held_spring.textproto" >/dev/null
+grep -rqF "$build" "$work/root/usr/lib" "$work/root/usr/include" --include='*.cmake' --include='*.h' && fail "paths of the build are in the package"
+if command -v man >/dev/null; then
+  man -l --warnings "$work/root/usr/share/man/man1/twoport-master.1.gz" 2>&1 >"$work/page" | grep . && fail "the man page has faults"
+  grep -q -- '--device' "$work/page" || fail "the man page lacks options"
+fi
+if command -v lintian >/dev/null; then
+  lintian --fail-on error --no-tag-display-limit --suppress-tags no-changelog,statically-linked-binary "$deb" >"$work/lintian" 2>&1 ||
+    { grep '^E:' "$work/lintian"; fail "lintian finds errors"; }
+fi
+# Completion, in a shell of its own.
+PATH=$work/root/usr/bin:$PATH bash -c '
+  . "$0"
+  COMP_WORDS=(twoport-master --device s) COMP_CWORD=2; _twoport twoport-master s --device
+  [[ " ${COMPREPLY[*]} " == *" sim "* ]] || { echo "no device is completed: ${COMPREPLY[*]}"; exit 1; }
+  COMP_WORDS=(twoport-lab do) COMP_CWORD=1; _twoport twoport-lab do twoport-lab
+  [[ " ${COMPREPLY[*]} " == *" doctor "* ]] || { echo "no command is completed: ${COMPREPLY[*]}"; exit 1; }
+  COMP_WORDS=(twoport-lab sweep --va) COMP_CWORD=2; _twoport twoport-lab --va sweep
+  [[ " ${COMPREPLY[*]} " == *" --vary "* ]] || { echo "no option is completed: ${COMPREPLY[*]}"; exit 1; }
+' "$work/root/usr/share/bash-completion/completions/twoport-lab"
+
+# Installed into a bare root, where this may be done.
+if [ -n "${TWOPORT_BARE_ROOT:-}" ]; then
+  cp "$deb" "$TWOPORT_BARE_ROOT/tmp/twoport.deb"
+  chroot "$TWOPORT_BARE_ROOT" apt-get install -y --no-install-recommends /tmp/twoport.deb >"$work/log" 2>&1 || { cat "$work/log"; exit 1; }
+  chroot "$TWOPORT_BARE_ROOT" twoport-lab --version
+  chroot "$TWOPORT_BARE_ROOT" getent group realtime
+fi
+echo "$(basename "$deb"): $(du -h "$deb" | cut -f 1), $(wc -l <"$work/contents") entries"

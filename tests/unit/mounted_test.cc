@@ -1,0 +1,300 @@
+#include "common/hardware/mounted.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <limits>
+#include <memory>
+#include <random>
+#include <utility>
+
+namespace twoport {
+namespace {
+
+constexpr double kPeriod = 1e-3;
+
+/// Hardware that says what the test has set, and remembers what it was asked.
+template <int N>
+struct Script {
+  DeviceInfo info{.name = "script", .max_force_n = 10.0, .mass_kg = 0.4};
+  DeviceSample<N> sample;
+  Force<N> command;
+  int commands = 0, releases = 0;
+};
+template <int N>
+class Scripted final : public Device<N> {
+ public:
+  explicit Scripted(Script<N>& s) : s_{s} {}
+  [[nodiscard]] DeviceInfo info() const override { return s_.info; }
+  DeviceSample<N> sense(const Tick<MasterClock>&) noexcept override { return s_.sample; }
+  void actuate(const Force<N>& f) noexcept override {
+    s_.command = s_.sample.applied = f;
+    ++s_.commands;
+  }
+  void release() noexcept override {
+    ++s_.releases;
+    s_.command = s_.sample.applied = Force<N>{};
+  }
+
+ private:
+  Script<N>& s_;
+};
+template <int N>
+struct Rig {
+  explicit Rig(const DeviceMount& mount = {},
+               const DeviceInfo& info = {.name = "script", .max_force_n = 10.0, .mass_kg = 0.4})
+      : script{.info = info, .sample = {}, .command = {}}, device{std::make_unique<Scripted<N>>(script), mount} {}
+  DeviceSample<N> tick(const Force<N>& f = {}) {
+    const DeviceSample<N> s = device.sense({Instant<MasterClock>{tick_time(++k, 1.0 / kPeriod)}, Seconds{kPeriod}});
+    device.actuate(f);
+    return s;
+  }
+  Script<N> script;
+  MountedDevice<N> device;
+  long k = 0;
+};
+Force<3> force(double x, double y, double z) {
+  return Force<3>{Eigen::Vector3d{x, y, z}};
+}
+Position<3> position(double x, double y, double z) {
+  return Position<3>{Eigen::Vector3d{x, y, z}};
+}
+
+TEST(Mounted, ChangesNothingByDefault) {
+  Rig<3> rig;
+  rig.script.sample = {.x = position(1.0, 2.0, 3.0), .v = Velocity<3>{Eigen::Vector3d{4.0, 5.0, 6.0}}, .applied = {}};
+  const DeviceSample<3> s = rig.tick(force(7.0, 0.1, 0.3));
+  EXPECT_EQ(s.x.translation(), (Eigen::Vector3d{1.0, 2.0, 3.0}));
+  EXPECT_EQ(s.v.vec(), (Eigen::Vector3d{4.0, 5.0, 6.0}));
+  EXPECT_EQ(rig.script.command.vec(), (Eigen::Vector3d{7.0, 0.1, 0.3}));
+  EXPECT_EQ(rig.device.info().max_force_n, 10.0);
+}
+
+TEST(Mounted, MapsMotionAndForceByOneMapThatKeepsPower) {
+  std::mt19937 draw{3};
+  std::normal_distribution<double> normal;
+  const auto any = [&] { return Eigen::Vector3d{normal(draw), normal(draw), normal(draw)}; };
+  for (int i = 0; i < 100; ++i) {
+    DeviceMount m;
+    m.position_m = any();
+    m.rotation = Eigen::Quaterniond{normal(draw), normal(draw), normal(draw), normal(draw)}.normalized();
+    m.scale = 0.1 + std::abs(normal(draw));
+    Rig<3> rig{m};
+    const Eigen::Vector3d x = any(), v = any(), f = any();
+    rig.script.sample = {.x = Position<3>{x}, .v = Velocity<3>{v}, .applied = {}};
+    const DeviceSample<3> s = rig.tick(Force<3>{f});
+    EXPECT_LT((s.x.translation() - (m.scale * (m.rotation * x) + m.position_m)).norm(), 1e-12);
+    // Power of the command at the device and in the world.
+    EXPECT_NEAR(rig.script.command.vec().dot(v), f.dot(s.v.vec()), 1e-12 * (1.0 + f.norm() * s.v.vec().norm()));
+    EXPECT_LT((rig.tick().applied.vec() - f).norm(), 1e-12 * (1.0 + f.norm()));
+    EXPECT_NEAR(rig.device.info().max_force_n, 10.0 / m.scale, 1e-12 * 10.0 / m.scale);
+    // The same kinetic energy.
+    EXPECT_NEAR(rig.device.info().mass_kg * s.v.squared_norm(), 0.4 * v.squaredNorm(), 1e-12 * (1.0 + v.squaredNorm()));
+  }
+}
+
+TEST(Mounted, TurnsAttitudesWithTheWorldAndKeepsTheirMotion) {
+  DeviceMount m;
+  m.rotation = rotation({0.3, -1.0, 0.4});
+  m.scale = 2.0;
+  Rig<6> rig{m};
+  const Eigen::Vector3d turn{0.02, 0.01, -0.03};
+  rig.script.sample.x = Position<6>{{0.0, 0.0, 0.0}, rotation({0.5, 0.1, 0.2})};
+  const DeviceSample<6> a = rig.tick();
+  rig.script.sample.x = rig.script.sample.x.moved({0.1, 0.0, 0.0}, turn);
+  const DeviceSample<6> b = rig.tick();
+  const Displacement<6> moved = b.x - a.x;
+  EXPECT_LT((moved.vec().head<3>() - 2.0 * (m.rotation * Eigen::Vector3d{0.1, 0.0, 0.0})).norm(), 1e-12);
+  EXPECT_LT((moved.vec().tail<3>() - m.rotation * turn).norm(), 1e-12);
+}
+
+TEST(Mounted, ClutchFreesTheHandAndContinuesWithoutAJump) {
+  DeviceMount m;
+  m.clutch_button = 2;
+  m.scale = 3.0;
+  m.engage_s = 0.1;
+  Rig<3> rig{m};
+  const auto at = [&](double x, bool pressed) {
+    rig.script.sample.x = position(x, 0.0, 0.0);
+    rig.script.sample.v = Velocity<3>{Eigen::Vector3d{1.0, 0.0, 0.0}};
+    rig.script.sample.buttons = pressed ? 0b100u : 0b011u;
+    return rig.tick(force(1.0, 0.0, 0.0));
+  };
+  EXPECT_EQ(at(0.10, false).x.translation()[0], 0.30000000000000004);
+  EXPECT_DOUBLE_EQ(rig.script.command[0], 3.0);
+  // The interval up to the press counts; then the world stands still and the hand is free.
+  DeviceSample<3> s = at(0.11, true);
+  EXPECT_DOUBLE_EQ(s.x.translation()[0], 0.33);
+  EXPECT_EQ(s.v.squared_norm(), 0.0);
+  EXPECT_DOUBLE_EQ(s.applied[0], 1.0);
+  EXPECT_EQ(rig.script.command.squared_norm(), 0.0);
+  for (int i = 0; i < 50; ++i) {
+    s = at(0.11 - 0.002 * i, true);
+    EXPECT_DOUBLE_EQ(s.x.translation()[0], 0.33);
+    EXPECT_EQ(rig.script.command.squared_norm(), 0.0);
+  }
+  EXPECT_EQ(s.applied.squared_norm(), 0.0);
+  // Back at 12 mm: from there on, with the force over 0.1 s.
+  s = at(0.012, false);
+  EXPECT_DOUBLE_EQ(s.x.translation()[0], 0.33);
+  EXPECT_NEAR(rig.script.command[0], 0.03, 1e-12);
+  s = at(0.013, false);
+  EXPECT_NEAR(s.x.translation()[0], 0.333, 1e-15);
+  EXPECT_EQ(s.v[0], 3.0);
+  double before = rig.script.command[0];
+  for (int i = 0; i < 120; ++i) {
+    at(0.013, false);
+    EXPECT_LE(rig.script.command[0] - before, 0.03 + 1e-12);
+    before = rig.script.command[0];
+  }
+  EXPECT_DOUBLE_EQ(before, 3.0);
+}
+
+TEST(Mounted, ClutchKeepsTheAttitude) {
+  DeviceMount m;
+  m.clutch_button = 0;
+  Rig<6> rig{m};
+  rig.script.sample.x = Position<6>{{0.1, 0.0, 0.0}, rotation({0.4, 0.0, 0.0})};
+  const DeviceSample<6> a = rig.tick();
+  rig.script.sample.buttons = 1;
+  rig.tick();
+  rig.script.sample.x = Position<6>{{0.3, 0.2, 0.0}, rotation({0.0, -0.7, 0.2})};
+  rig.tick();
+  rig.script.sample.buttons = 0;
+  EXPECT_LT((rig.tick().x - a.x).vec().norm(), 1e-14);
+  rig.script.sample.x = rig.script.sample.x.moved({0.0, 0.0, 0.01}, {0.01, 0.02, 0.03});
+  const Displacement<6> moved = rig.tick().x - a.x;
+  EXPECT_LT((moved.vec() - (Displacement<6>::Vector{} << 0.0, 0.0, 0.01, 0.01, 0.02, 0.03).finished()).norm(), 1e-12);
+}
+
+TEST(Mounted, LetsGoOfADeviceThatFallsSilent) {
+  Rig<1> rig;
+  const Force<1> f{Force<1>::Vector{2.0}};
+  rig.tick(f);
+  for (const bool not_finite : {false, true}) {
+    const int released = rig.script.releases;
+    for (int i = 0; i < 500; ++i) {
+      if (not_finite) {
+        rig.script.sample.v = Velocity<1>{Velocity<1>::Vector{std::numeric_limits<double>::quiet_NaN()}};
+      } else {
+        rig.script.sample.status = HardwareStatus::stale;
+      }
+      const DeviceSample<1> s = rig.tick(f);
+      ASSERT_TRUE(all_finite(s.x, s.v, s.applied));
+      ASSERT_EQ(s.status, HardwareStatus::stale);
+      ASSERT_EQ(s.held, !not_finite && i < 249);
+      if (i < (not_finite ? 0 : 249)) {
+        ASSERT_EQ(rig.script.releases, released) << i;
+      } else {
+        ASSERT_EQ(rig.script.releases, released + 1) << i;  // once
+      }
+    }
+    EXPECT_EQ(rig.script.command[0], 0.0);
+    rig.script.sample.status = HardwareStatus::ok;
+    rig.script.sample.v = Velocity<1>{};
+    rig.tick(f);
+    EXPECT_NEAR(rig.script.command[0], 0.02, 1e-12);  // 1 ms of the ramp of 0.1 s
+    for (int i = 0; i < 110; ++i) rig.tick(f);
+    EXPECT_EQ(rig.script.command[0], 2.0);
+  }
+}
+
+TEST(Mounted, CoolsAMotorAtItsContinuousForce) {
+  const double f_c = 2.0, f_max = 10.0;
+  Rig<3> rig{DeviceMount{}, {.name = "hot", .max_force_n = f_max, .continuous_force_n = f_c}};
+  double heat = 0.0, largest = 0.0;
+  int full = 0;
+  for (int i = 0; i < 100000; ++i) {
+    heat += kPeriod / 10.0 * (rig.script.sample.applied.squared_norm() / (f_c * f_c) - heat);
+    rig.tick(force(0.0, 6.0, 8.0));
+    const double norm = std::sqrt(rig.script.command.squared_norm());
+    ASSERT_NEAR(norm, std::min(f_max, f_c + (f_max - f_c) * std::min(1.0, 5.0 * (1.0 - heat))), 1e-9);
+    ASSERT_LT((rig.script.command.vec() / norm - Eigen::Vector3d{0.0, 0.6, 0.8}).norm(), 1e-12);
+    largest = std::max(largest, norm);
+    full += norm > 9.999 ? 1 : 0;
+  }
+  EXPECT_EQ(largest, f_max);
+  // Full force until the heat is 0.8: -10 s ln(1 - 0.8 f_c²/f_max²) = 325 ms.
+  EXPECT_NEAR(full, 325, 2);
+  EXPECT_NEAR(std::sqrt(rig.script.command.squared_norm()), f_c, 0.05);  // after 100 s; f_c is approached, not reached
+  for (int i = 0; i < 30000; ++i) rig.tick(force(0.0, 1.5, 0.0));
+  EXPECT_DOUBLE_EQ(rig.script.command[1], 1.5);  // below f_c nothing is taken
+}
+
+TEST(Mounted, CarriesTheToolBesideTheForceAndBooksTheForceAlone) {
+  DeviceMount m;
+  m.rotation = rotation({M_PI / 2.0, 0.0, 0.0});  // the world's z is the device's y, backwards
+  m.carried_force_n = {0.0, 0.0, 0.5};
+  Rig<3> rig{m};
+  rig.tick(force(1.0, 0.0, 0.0));
+  EXPECT_LT((rig.script.command.vec() - Eigen::Vector3d{1.0, 0.5, 0.0}).norm(), 1e-15);
+  EXPECT_LT((rig.tick().applied.vec() - Eigen::Vector3d{1.0, 0.0, 0.0}).norm(), 1e-15);
+}
+
+template <int N>
+class Holding final : public Robot<N> {
+ public:
+  explicit Holding(RobotSample<N> sample) : sample_{sample} {}
+  [[nodiscard]] RobotInfo info() const override { return {.name = "holding"}; }
+  RobotSample<N> sense(const Tick<SlaveClock>&) noexcept override { return sample_; }
+  void actuate(const RobotCommand<N>&) noexcept override {}
+  void release() noexcept override {}
+
+ private:
+  RobotSample<N> sample_;
+};
+
+TEST(MountedRobot, IsReleasedWhileItsReadingsAreNotFinite) {
+  struct Blinking final : Robot<1> {
+    [[nodiscard]] RobotInfo info() const override { return {.name = "blinking"}; }
+    RobotSample<1> sense(const Tick<SlaveClock>&) noexcept override {
+      RobotSample<1> s;
+      s.x = Position<1>{Position<1>::Vector{0.5}};
+      s.v = Velocity<1>{Velocity<1>::Vector{1.0}};
+      if (++readings == 2) s.f_environment = Force<1>{Force<1>::Vector{std::numeric_limits<double>::infinity()}};
+      return s;
+    }
+    void actuate(const RobotCommand<1>&) noexcept override { ++commands; }
+    void release() noexcept override { ++releases; }
+    int readings = 0, commands = 0, releases = 0;
+  };
+  auto owned = std::make_unique<Blinking>();
+  Blinking& inner = *owned;
+  MountedRobot<1> robot{std::move(owned), {}};
+  for (int k = 1; k <= 3; ++k) {
+    const RobotSample<1> s = robot.sense({Instant<SlaveClock>{tick_time(k, 1.0 / kPeriod)}, Seconds{kPeriod}});
+    robot.actuate({});
+    EXPECT_EQ(s.x.translation()[0], 0.5);
+    EXPECT_EQ(s.f_environment[0], 0.0);
+    EXPECT_EQ(s.status, k == 2 ? HardwareStatus::stale : HardwareStatus::ok);
+    EXPECT_EQ(s.v[0], k == 2 ? 0.0 : 1.0);
+    EXPECT_EQ(inner.commands, k == 3 ? 2 : 1);
+    EXPECT_EQ(inner.releases, k == 1 ? 0 : 1);
+  }
+}
+
+TEST(MountedRobot, TakesWeightAndBiasFromTheForceSensor) {
+  RobotMount m;
+  m.tool_mass_kg = 0.5;
+  m.tool_center_m = {0.0, 0.02, 0.1};
+  m.bias << 0.3, -0.2, 0.1, 0.01, 0.02, -0.03;
+  const Eigen::Vector3d g{0.0, 0.0, -9.80665}, pressed{1.0, -2.0, 3.0}, torque{0.1, 0.2, -0.3};
+  for (const Eigen::Vector3d& attitude : {Eigen::Vector3d{0.0, 0.0, 0.0}, Eigen::Vector3d{0.4, -1.1, 0.7}}) {
+    const Eigen::Quaterniond q = rotation(attitude);
+    RobotSample<6> s;
+    s.x = Position<6>{{0.1, 0.2, 0.3}, q};
+    // The sensor carries the tool: it pushes it up.
+    Force<6>::Vector reading;
+    reading.head<3>() = pressed - m.tool_mass_kg * g + q * Eigen::Vector3d{m.bias.head<3>()};
+    reading.tail<3>() =
+        torque + (q * m.tool_center_m).cross(-m.tool_mass_kg * g) + q * Eigen::Vector3d{m.bias.tail<3>()};
+    s.f_environment = Force<6>{reading};
+    MountedRobot<6> robot{std::make_unique<Holding<6>>(s), m};
+    const Force<6> f = robot.sense({Instant<SlaveClock>{Duration{0}}, Seconds{kPeriod}}).f_environment;
+    EXPECT_LT((f.vec().head<3>() - pressed).norm(), 1e-12);
+    EXPECT_LT((f.vec().tail<3>() - torque).norm(), 1e-12);
+  }
+}
+
+}  // namespace
+}  // namespace twoport
