@@ -37,7 +37,7 @@ std::string checked(const Scene& scene, const std::string& path) {
 template <int N>
 LabRecording<N>::LabRecording(const Scene& scene, const RecordingOptions& o)
     : file_{checked(scene, o.path), kProgram},
-      trace_{file_, "/trace"},
+      trace_{file_, "/master/trace"},
       taps_{side<N>(file_, scene, o, true), side<N>(file_, scene, o, false)} {}
 
 template <int N>
