@@ -13,7 +13,8 @@ namespace {
 /// The readings of one side of a recording, from its first contact with the other side on.
 template <int N>
 std::vector<TickRecord<N>> readings(const char* flag, const DriverOptions& o, const std::string& side) {
-  if (o.arguments.empty()) throw ConfigError{std::string{flag} + " playback: a recording is missing: playback:FILE.mcap"};
+  if (o.arguments.empty())
+    throw ConfigError{std::string{flag} + " playback: a recording is missing: playback:FILE.mcap"};
   RecordingReader recording{o.arguments};
   std::vector<TickRecord<N>> all;
   RecordedTick<N> recorded;

@@ -128,7 +128,8 @@ TailVerdict judge_all(const Simulation<N>& at_end, const ContactStates<N>& state
 }
 
 template <int N>
-CountedRun run_as(Simulation<N>& simulation, const Scene& scene, const RunOptions& options, LabRecording<N>* recording) {
+CountedRun run_as(Simulation<N>& simulation, const Scene& scene, const RunOptions& options,
+                  LabRecording<N>* recording) {
   const bool alone = scene.control.architecture == Architecture::uncontrolled;
   const bool link = simulation.link().has_value();
   const double rate_hz = alone ? scene.slave_rate_hz : scene.master_rate_hz;

@@ -20,8 +20,7 @@ constexpr std::size_t kLargestChunk = std::size_t{4} << 20;  // [bytes]
 constexpr int kCompression = 1;
 
 std::uint32_t crc(std::string_view bytes) {
-  return static_cast<std::uint32_t>(
-      ::crc32_z(0, reinterpret_cast<const unsigned char*>(bytes.data()), bytes.size()));
+  return static_cast<std::uint32_t>(::crc32_z(0, reinterpret_cast<const unsigned char*>(bytes.data()), bytes.size()));
 }
 
 /// Empty where zstd fails.

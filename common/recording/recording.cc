@@ -121,10 +121,8 @@ bool take(const schema::RecordedReport& from, Report<N>& to) {
 }
 
 std::array<double, 8> numbers(const PortLimits& l) {
-  return {l.force_n,       l.torque_n_m,
-          l.force_rate_n_per_s, l.power_w,
-          l.speed_m_per_s, l.angular_speed_rad_per_s,
-          l.set_point_step_m,   l.workspace_m};
+  return {l.force_n,          l.torque_n_m, l.force_rate_n_per_s, l.power_w, l.speed_m_per_s, l.angular_speed_rad_per_s,
+          l.set_point_step_m, l.workspace_m};
 }
 
 }  // namespace
@@ -275,8 +273,7 @@ bool RecordingReader::tick(RecordedTick<N>& into) {
               take(m.command(), t.command) && take(m.mode(), t.mode);
   fits = fits && (master ? take(m.wanted(), t.wanted) : take(m.x_d(), t.x_d) && take(m.v_d(), t.v_d));
   into.received.clear();
-  for (const schema::RecordedReport& each : m.received())
-    fits = fits && take(each, into.received.emplace_back());
+  for (const schema::RecordedReport& each : m.received()) fits = fits && take(each, into.received.emplace_back());
   t.sends = m.has_sent();
   return fits && (!t.sends || take(m.sent(), t.sent));
 }
@@ -290,12 +287,12 @@ RecordedHand read_recorded_hand(const std::string& path) {
   RecordedHand hand;
   schema::RecordedTick m;
   for (RecordingReader::Kind kind; (kind = recording.next()) != RecordingReader::Kind::end;) {
-    if (kind == RecordingReader::Kind::header && recording.header().side == "master")
-      hand.dof = recording.header().dof;
+    if (kind == RecordingReader::Kind::header && recording.header().side == "master") hand.dof = recording.header().dof;
     if (kind != RecordingReader::Kind::tick || recording.topic() != "/master/tick" || hand.dof == 0) continue;
     const std::string_view data = recording.message().data;
     if (!m.ParseFromArray(data.data(), static_cast<int>(data.size()))) recording.fail("a tick is damaged");
-    if (m.x_size() != (hand.dof == 6 ? 7 : hand.dof) || m.v_size() != hand.dof) recording.fail("a tick has another dof");
+    if (m.x_size() != (hand.dof == 6 ? 7 : hand.dof) || m.v_size() != hand.dof)
+      recording.fail("a tick has another dof");
     if (!(m.t_s() >= 0.0)) continue;
     if (!hand.t_s.empty() && !(m.t_s() > hand.t_s.back())) recording.fail("its times do not increase");
     hand.t_s.push_back(m.t_s());

@@ -70,7 +70,8 @@ RecordedHandSpec read_recording(const Block<schema::Operator>& of) {
   } catch (const ConfigError& e) {
     of.fail(fmt::format("{}: {}", of.path_of("recording"), e.what()));
   }
-  if (hand->dof != of.dof()) of.refuse(FIELD(recording), fmt::format("be of dof {}, and is of {}", of.dof(), hand->dof));
+  if (hand->dof != of.dof())
+    of.refuse(FIELD(recording), fmt::format("be of dof {}, and is of {}", of.dof(), hand->dof));
   const double end_s = hand->t_s.back();
   return {std::move(hand), end_s};
 }

@@ -264,11 +264,12 @@ class LinkLoop {
     if (k > 0) device_.advance();
     if (switch_times_.any()) [[unlikely]]
       switch_when_due(now);
-    const Tick<MasterClock> tick{Instant<MasterClock>{now}, master_dt_};
     if constexpr (kTapped) {
-      if (taps_) return taps_->master.cycle(master_, device_, link_.master(), tick);
+      if (taps_)
+        return taps_->master.cycle(master_, device_, link_.master(),
+                                   Tick<MasterClock>{Instant<MasterClock>{now}, master_dt_});
     }
-    return run_cycle(master_, device_, link_.master(), tick);
+    return run_cycle(master_, device_, link_.master(), Tick<MasterClock>{Instant<MasterClock>{now}, master_dt_});
   }
   [[gnu::always_inline]] void slave_tick(Duration now, std::int64_t k) noexcept {
     if (k > 0) {
@@ -281,17 +282,18 @@ class LinkLoop {
     delayed_force_.put(environment_force_);
     if (slave_clock_) [[unlikely]]
       now = read_slave_clock(now, k);
-    auto out = slave_cycle(Tick<SlaveClock>{Instant<SlaveClock>{now}, slave_dt_});
+    auto out = slave_cycle(now);
     delayed_force_.note_sent(link_.slave().counts().sent);
     dissipated_ += registration_.to_master(out.dissipated);
     if (out.mode != slave_mode_) [[unlikely]]
       change_mode(out.mode);
   }
-  [[gnu::always_inline]] auto slave_cycle(const Tick<SlaveClock>& tick) noexcept {
+  [[gnu::always_inline]] auto slave_cycle(Duration now) noexcept {
     if constexpr (kTapped) {
-      if (taps_) return taps_->slave.cycle(slave_, robot_, link_.slave(), tick);
+      if (taps_)
+        return taps_->slave.cycle(slave_, robot_, link_.slave(), Tick<SlaveClock>{Instant<SlaveClock>{now}, slave_dt_});
     }
-    return run_cycle(slave_, robot_, link_.slave(), tick);
+    return run_cycle(slave_, robot_, link_.slave(), Tick<SlaveClock>{Instant<SlaveClock>{now}, slave_dt_});
   }
   [[gnu::noinline]] void switch_when_due(Duration now) noexcept {
     while (switch_times_.due(to_seconds(now).si(), master_.epoch())) master_.switch_to_next();
@@ -385,7 +387,7 @@ class RenderLoop {
     std::int64_t from = ticks_, k = from;
     for (Duration now = tick_time(k, rate_hz_), next; now < end; now = next) {
       if (k > 0) device_.advance();
-      const auto out = cycle(mail, Tick<MasterClock>{Instant<MasterClock>{now}, dt});
+      const auto out = cycle(mail, now, dt);
       const Row<N> row{.t_s = to_seconds(now).si(),
                        .master_x = device_.x(),
                        .master_v = device_.v(),
@@ -420,11 +422,11 @@ class RenderLoop {
   [[nodiscard]] std::vector<double> segment_ends_s() const { return device_.path().segment_ends_s(); }
 
  private:
-  [[gnu::always_inline]] auto cycle(NoMail& mail, const Tick<MasterClock>& tick) noexcept {
+  [[gnu::always_inline]] auto cycle(NoMail& mail, Duration now, Seconds dt) noexcept {
     if constexpr (kTapped) {
-      if (taps_) return taps_->master.cycle(node_, device_, mail, tick);
+      if (taps_) return taps_->master.cycle(node_, device_, mail, Tick<MasterClock>{Instant<MasterClock>{now}, dt});
     }
-    return run_cycle(node_, device_, mail, tick);
+    return run_cycle(node_, device_, mail, Tick<MasterClock>{Instant<MasterClock>{now}, dt});
   }
 
   [[no_unique_address]] std::conditional_t<kTapped, NotCopied<Taps<N>>, Nothing> taps_;

@@ -238,8 +238,7 @@ std::unique_ptr<Replay> make_replay(const RecordingHeader& h, const Scene& scene
 
 /// The scene as the recorded program had it.
 Scene scene_of(const RecordingHeader& h) {
-  Scene scene =
-      parse_scene(h.scene_text, h.scene_file, h.overrides, h.live ? SceneFor::live : SceneFor::laboratory);
+  Scene scene = parse_scene(h.scene_text, h.scene_file, h.overrides, h.live ? SceneFor::live : SceneFor::laboratory);
   if (!h.properties) return scene;
   if (h.side == "master") return with_device(std::move(scene), *h.properties);
   scene.control.own_limits = h.properties->limits;

@@ -12,7 +12,8 @@ namespace twoport::lab {
 struct ReplayedSide {
   std::string side;
   std::uint64_t ticks = 0;  ///< that were identical
-  std::string difference;   ///< the first tick and field that are not, or why the replay ends there; empty: all are identical
+  std::string
+      difference;  ///< the first tick and field that are not, or why the replay ends there; empty: all are identical
 };
 
 struct Replayed {

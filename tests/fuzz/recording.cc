@@ -46,7 +46,8 @@ std::string file_of(Input& in) {
     record(chunk, 5, message);
   }
   std::string body;
-  put(body, 0, 8), put(body, 0, 8), put(body, chunk.size(), 8), put(body, 0, 4), put(body, ""), put(body, chunk.size(), 8);
+  put(body, 0, 8), put(body, 0, 8), put(body, chunk.size(), 8), put(body, 0, 4), put(body, ""),
+      put(body, chunk.size(), 8);
   record(file, 6, body + chunk);
   return file;
 }

@@ -216,7 +216,7 @@ TEST(Drivers, AreKnownByName) {
   const Said said;
   EXPECT_EQ(said.out.find("sim\t"), 0u) << said.out;
   EXPECT_NE(said.out.find("\nodd\tthe simulated device, with a fault\n"), std::string::npos) << said.out;
-  EXPECT_EQ(count(said.out, "\n"), 3) << said.out;
+  EXPECT_EQ(count(said.out, "\n"), 4) << said.out;
   EXPECT_EQ(said.err, "");
 
   EXPECT_EQ(run(slave_program, {"twoport-slave", "--list-devices"}), 0);
@@ -226,7 +226,8 @@ TEST(Drivers, AreKnownByName) {
 TEST(Drivers, ThatAreNoneOrOfAnotherSizeAreRefusedInOneSentence) {
   const Rendered rendered;
   EXPECT_EQ(rendered.run("magic"), 2);
-  EXPECT_EQ(Said{}.err, "twoport-master: --device magic: no driver has this name; it must be one of sim, page, odd\n");
+  EXPECT_EQ(Said{}.err,
+            "twoport-master: --device magic: no driver has this name; it must be one of sim, page, playback, odd\n");
   EXPECT_EQ(rendered.run("sim:7"), 2);
   EXPECT_EQ(Said{}.err, "twoport-master: --device sim:7: sim takes no arguments; the scene describes the model\n");
   const Folder folder;

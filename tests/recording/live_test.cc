@@ -1,3 +1,5 @@
+#include "tests/support/live.h"
+
 #include <fmt/format.h>
 #include <gtest/gtest.h>
 
@@ -9,7 +11,6 @@
 #include <thread>
 
 #include "tests/recording/rewrite.h"
-#include "tests/support/live.h"
 
 // Both programs over UDP, recorded. The recordings are replayed by the laboratory, bit by bit.
 namespace twoport::test {
@@ -74,8 +75,8 @@ TEST(RecordedLive, TheTraceIsThatOfTheRun) {
 TEST(RecordedLive, ARenderedEnvironmentReplaysToTheBit) {
   const Folder folder;
   const std::string scene = folder.write("scene.textproto", press(3, "RENDER"));
-  Process m = finished({TWOPORT_MASTER, "--scene", scene, "--no-spin", "--out", folder / "out", "--record",
-                        folder / "render.mcap"});
+  Process m = finished(
+      {TWOPORT_MASTER, "--scene", scene, "--no-spin", "--out", folder / "out", "--record", folder / "render.mcap"});
   ASSERT_EQ(m.wait(), exited(0)) << m.err();
   EXPECT_NE(replayed(folder / "render.mcap").find("master: "), std::string::npos);
 }
@@ -136,8 +137,8 @@ TEST(RecordedLive, AKilledProgramLosesHalfASecondAtMost) {
 
     const Messages there = read_messages(pair.at("master.mcap"));
     ASSERT_FALSE(there.all.empty());
-    const double lost_s =
-        std::chrono::duration<double>(killed.time_since_epoch()).count() - 1e-9 * static_cast<double>(there.all.back().log_time_ns);
+    const double lost_s = std::chrono::duration<double>(killed.time_since_epoch()).count() -
+                          1e-9 * static_cast<double>(there.all.back().log_time_ns);
     worst_s = std::max(worst_s, lost_s);
     sum_s += lost_s;
     ended += there.torn ? 0 : 1;
@@ -145,7 +146,8 @@ TEST(RecordedLive, AKilledProgramLosesHalfASecondAtMost) {
     EXPECT_LT(lost_s, 1.0);
     EXPECT_NE(replayed(pair.at("master.mcap")).find("identical to the bit"), std::string::npos);
   }
-  fmt::print("{} of {} files have their end; lost: mean {:.2f} s, most {:.2f} s\n", ended, kills, sum_s / kills, worst_s);
+  fmt::print("{} of {} files have their end; lost: mean {:.2f} s, most {:.2f} s\n", ended, kills, sum_s / kills,
+             worst_s);
 }
 
 TEST(RecordedLive, PlaysBackAsDeviceAndRobot) {
@@ -166,16 +168,19 @@ TEST(RecordedLive, AFileThatCannotBeWrittenIsRefusedAtOnce) {
   const Pair pair;
   Process m = pair.master("master", {"--record", "/nowhere/run.mcap"});
   EXPECT_EQ(m.wait(), exited(2));
-  EXPECT_NE(m.err().find("twoport-master: /nowhere/run.mcap: cannot be written: No such file"), std::string::npos) << m.err();
+  EXPECT_NE(m.err().find("twoport-master: /nowhere/run.mcap: cannot be written: No such file"), std::string::npos)
+      << m.err();
 }
 
 TEST(RecordedLive, AFullDiskIsSaidAndTheRunGoesOn) {
   const Pair pair{press(3)};
   // Scene, summary and trace are smaller; the trace is left out.
   Process s = pair.listening_slave("slave", {"--trace", "none"});
-  Process m{{"/bin/bash", "-c",
-             fmt::format("trap '' XFSZ; ulimit -f 100; exec {} --scene {} --peer {} --no-spin --trace none --out {} --record {}",
-                         TWOPORT_MASTER, pair.scene, pair.address(), pair.at("master"), pair.at("full.mcap"))}};
+  Process m{
+      {"/bin/bash", "-c",
+       fmt::format(
+           "trap '' XFSZ; ulimit -f 100; exec {} --scene {} --peer {} --no-spin --trace none --out {} --record {}",
+           TWOPORT_MASTER, pair.scene, pair.address(), pair.at("master"), pair.at("full.mcap"))}};
   EXPECT_EQ(m.wait(), exited(1)) << m.err();
   s.wait();
   EXPECT_EQ(count(m.err(), "the recording ends here; what was written stays readable"), 1) << m.err();

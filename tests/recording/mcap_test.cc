@@ -16,11 +16,15 @@
 namespace twoport::test {
 namespace {
 
-constexpr std::string_view kFooterMagic{"\x89MCAP0\r\n", 8};
+constexpr std::string_view kMagic{"\x89MCAP0\r\n", 8};
 
-/// Message i of channel 1 is "i" and many bytes, at i ms.
+/// Message i is "i" and 100 bytes that do not compress, at i ms.
 std::string content(int i) {
-  return std::to_string(i) + std::string(static_cast<std::size_t>(i % 97), static_cast<char>('a' + i % 26));
+  std::string bytes = std::to_string(i);
+  std::uint64_t random = static_cast<std::uint64_t>(i);
+  for (int k = 0; k < 100; ++k)
+    bytes.push_back(static_cast<char>((random = random * 6364136223846793005 + 1442695040888963407) >> 56));
+  return bytes;
 }
 constexpr std::uint64_t at_ns(int i) {
   return static_cast<std::uint64_t>(i) * 1'000'000;
@@ -62,7 +66,7 @@ TEST(Mcap, TheFileIsWholeAfterEveryFlush) {
     for (int i = 0; i < 100; ++i, ++written) file.write(channel, at_ns(written), content(written));
     file.flush();
     const std::string bytes = bytes_of(path);  // as a killed program leaves it
-    EXPECT_TRUE(bytes.ends_with(kFooterMagic)) << flushes;
+    EXPECT_TRUE(bytes.ends_with(kMagic)) << flushes;
     EXPECT_EQ(expect_messages(path, false), written);
   }
 }
@@ -113,7 +117,7 @@ TEST(Mcap, ADamagedChunkIsRefusedInASentence) {
     for (int i = 0; i < 1000; ++i) file.write(channel, at_ns(i), content(i));
   }
   std::string bytes = bytes_of(path);
-  const std::size_t middle = bytes.size() / 3;
+  const std::size_t middle = bytes.size() / 3;  // of the first chunk's content
   bytes[middle] = static_cast<char>(bytes[middle] ^ 1);
   std::ofstream{damaged, std::ios::binary} << bytes;
   try {
@@ -145,11 +149,8 @@ TEST(Mcap, AFullDiskIsSaidAndWhatWasWrittenStaysReadable) {
   {
     mcap::Writer file{path, "test"};
     const auto channel = file.add_channel("/numbers", "Number", "", {});
-    std::uint64_t random = 1;
     for (int i = 0; i < 5000; ++i) {
-      std::string bytes;  // that do not compress
-      for (int k = 0; k < 100; ++k) bytes.push_back(static_cast<char>((random = random * 6364136223846793005 + 1) >> 56));
-      file.write(channel, at_ns(i), bytes);
+      file.write(channel, at_ns(i), content(i));
       if (i % 50 == 49) file.flush();
     }
     EXPECT_FALSE(file.error().empty());
@@ -161,11 +162,10 @@ TEST(Mcap, AFullDiskIsSaidAndWhatWasWrittenStaysReadable) {
   }
   setrlimit(RLIMIT_FSIZE, &before);
   EXPECT_EQ(said, path + ": cannot be written: File too large");
-  EXPECT_TRUE(bytes_of(path).ends_with(kFooterMagic));
-  const Messages m = read_messages(path);
-  EXPECT_FALSE(m.torn);
-  EXPECT_GT(m.all.size(), 500u);
-  EXPECT_EQ(m.all.size() % 50, 0u);
+  EXPECT_TRUE(bytes_of(path).ends_with(kMagic));
+  const int there = expect_messages(path, false);
+  EXPECT_GT(there, 500);
+  EXPECT_EQ(there % 50, 0);
   EXPECT_LE(std::filesystem::file_size(path), 100'000u);
 }
 

@@ -1,3 +1,5 @@
+#include "lab/study/replay.h"
+
 #include <gtest/gtest.h>
 
 #include <bit>
@@ -15,7 +17,6 @@
 #include "common/scene/load.h"
 #include "lab/engine/recording.h"
 #include "lab/run.h"
-#include "lab/study/replay.h"
 #include "proto/recording.pb.h"
 #include "tests/recording/rewrite.h"
 #include "tests/support/folder.h"
@@ -71,24 +72,25 @@ TEST_P(Replay, IsIdenticalToTheBit) {
   expect_identical(run.replayed(), GetParam().sides);
 }
 
-INSTANTIATE_TEST_SUITE_P(
-    Runs, Replay,
-    testing::Values(Case{"demo", {}}, Case{"demo", {"control.passivity.method=FORCE_PROJECTED"}},
-                    Case{"demo", {"control.passivity.method=NONE"}},
-                    Case{"demo", {"control.passivity.method=WAVE_VARIABLES"}},
-                    Case{"demo", {"control.passivity.method=ENERGY_TANK"}},
-                    Case{"demo", {"control.passivity.method=MODEL_MEDIATED"}}, Case{"one_axis_wall", {}},
-                    Case{"six_dof_plate", {}}, Case{"ideal_robot", {}}, Case{"two_rates", {}}, Case{"switching", {}},
-                    Case{"reorder_and_duplicate", {}}, Case{"blackout_in_contact", {}}, Case{"edge/deadband", {}},
-                    Case{"edge/playout", {}}, Case{"edge/clock_skew", {}}, Case{"render_sphere", {}, 1},
-                    Case{"six_dof_render", {}, 1}),
-    [](const auto& each) {
-      std::string name = each.param.scene;
-      for (const std::string& o : each.param.overrides) name += "_" + o.substr(o.find('=') + 1);
-      for (char& c : name)
-        if (std::isalnum(static_cast<unsigned char>(c)) == 0) c = '_';
-      return name;
-    });
+INSTANTIATE_TEST_SUITE_P(Runs, Replay,
+                         testing::Values(Case{"demo", {}}, Case{"demo", {"control.passivity.method=FORCE_PROJECTED"}},
+                                         Case{"demo", {"control.passivity.method=NONE"}},
+                                         Case{"demo", {"control.passivity.method=WAVE_VARIABLES"}},
+                                         Case{"demo", {"control.passivity.method=ENERGY_TANK"}},
+                                         Case{"demo", {"control.passivity.method=MODEL_MEDIATED"}},
+                                         Case{"one_axis_wall", {}}, Case{"six_dof_plate", {}}, Case{"ideal_robot", {}},
+                                         Case{"two_rates", {}}, Case{"switching", {}},
+                                         Case{"reorder_and_duplicate", {}}, Case{"blackout_in_contact", {}},
+                                         Case{"edge/deadband", {}}, Case{"edge/playout", {}},
+                                         Case{"edge/clock_skew", {}}, Case{"render_sphere", {}, 1},
+                                         Case{"six_dof_render", {}, 1}),
+                         [](const auto& each) {
+                           std::string name = each.param.scene;
+                           for (const std::string& o : each.param.overrides) name += "_" + o.substr(o.find('=') + 1);
+                           for (char& c : name)
+                             if (std::isalnum(static_cast<unsigned char>(c)) == 0) c = '_';
+                           return name;
+                         });
 
 // The recorded loop is compiled apart; its results are those of the other one.
 TEST(Recording, ChangesNoResult) {
@@ -155,9 +157,11 @@ TEST(Recording, OneBitOfAnInputOrAResultIsFound) {
       {"command", "/master/tick", [&](auto& t) { flip(t.mutable_command()); }},
       {"wanted", "/master/tick", [&](auto& t) { flip(t.mutable_wanted()); }},
       {"received force", "/master/tick", [&](auto& t) { flip(t.mutable_received(0)->mutable_f()); }},
+      // A low bit would be a gap and a repetition, which change no result.
       {"received sequence", "/master/tick",
-       [](auto& t) { t.mutable_received(0)->set_sequence(t.received(0).sequence() ^ 1U); }},
-      {"sent", "/master/tick", [](auto& t) { t.mutable_sent()->set_energy_in_j(with_last_bit_flipped(t.sent().energy_in_j())); }},
+       [](auto& t) { t.mutable_received(0)->set_sequence(t.received(0).sequence() ^ std::uint64_t{1} << 40U); }},
+      {"sent", "/master/tick",
+       [](auto& t) { t.mutable_sent()->set_energy_in_j(with_last_bit_flipped(t.sent().energy_in_j())); }},
       {"now", "/master/tick", [](auto& t) { t.set_now_ns(t.now_ns() ^ 1); }},
       {"mode", "/master/tick", [](auto& t) { t.set_mode(t.mode() ^ 1U); }},
       {"x", "/slave/tick", [&](auto& t) { flip(t.mutable_x()); }},
@@ -167,14 +171,14 @@ TEST(Recording, OneBitOfAnInputOrAResultIsFound) {
   };
   for (const Flipped& each : all) {
     const std::string difference = difference_after(run, each.topic, 2000, each.change);
-    EXPECT_NE(difference, "") << each.topic << " " << each.name;
+    ASSERT_NE(difference, "") << each.topic << " " << each.name;
     // At once, or where the number first counts.
     const std::uint64_t tick = std::stoull(difference.substr(std::string{"tick "}.size()));
     EXPECT_GE(tick, 2000u) << difference;
     EXPECT_LE(tick, 2200u) << difference;
   }
-  EXPECT_EQ(difference_after(run, "/master/tick", 2000, [&](auto& t) { flip(t.mutable_command()); }).find(
-                "tick 2000 at 1.000000 s: command[0] is "),
+  EXPECT_EQ(difference_after(run, "/master/tick", 2000, [&](auto& t) { flip(t.mutable_command()); })
+                .find("tick 2000 at 1.000000 s: command[0] is "),
             0u);
 }
 
@@ -200,9 +204,8 @@ TEST(Recording, MissingTicksAreSaid) {
   const Recorded run{scene("demo"), {"duration_s=1"}};
   Messages m = read_messages(run.path);
   std::size_t seen = 0;
-  std::erase_if(m.all, [&](const Messages::Each& each) {
-    return each.topic == "/slave/tick" && ++seen > 100 && seen <= 103;
-  });
+  std::erase_if(m.all,
+                [&](const Messages::Each& each) { return each.topic == "/slave/tick" && ++seen > 100 && seen <= 103; });
   write_messages(run.folder / "changed.mcap", m);
   RecordingReader reader{run.folder / "changed.mcap"};
   const lab::Replayed all = lab::replay(reader);
