@@ -92,9 +92,10 @@ class Recording:
             elif op == 0x0B:
                 self.messages = f.number("Q")
                 f.raw(2 + 4 + 4 + 4)
-                assert f.number("I") == len(self.chunks), "number of chunks"
+                number_of_chunks = f.number("I")
                 self.begin, self.end = f.number("Q"), f.number("Q")
                 self.counts = f.map("Q")
+        assert number_of_chunks == len(self.chunks), "number of chunks"
         self.classes = {number: self.message_class(*self.schemas[schema])
                         for number, (_, schema, _) in self.channels.items()}
 
