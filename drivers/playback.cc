@@ -61,7 +61,7 @@ class PlaybackDevice final : public Device<N> {
   DeviceSample<N> sense(const Tick<MasterClock>& tick) noexcept override {
     const TickRecord<N>& t = playback_.at(tick.ended);
     // It rests where the recording ends.
-    return {t.x, playback_.over() ? Velocity<N>{} : t.v, applied_, HardwareStatus::ok, t.buttons};
+    return {t.x, playback_.over() ? Velocity<N>{} : t.v, applied_, HardwareStatus::ok, t.buttons, t.held};
   }
   void actuate(const Force<N>& f) noexcept override { applied_ = f; }
   void start() noexcept override { playback_.start(); }

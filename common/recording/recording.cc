@@ -99,7 +99,7 @@ bool take(const Numbers& from, Position<N>& to) {
   return true;
 }
 bool take(std::uint32_t from, Mode& to) {
-  if (from > static_cast<std::uint32_t>(Mode::released)) return false;
+  if (from > static_cast<std::uint32_t>(Mode::let_go)) return false;
   to = static_cast<Mode>(from);
   return true;
 }
@@ -180,6 +180,7 @@ void RecordingSide::add(const TickRecord<N>& tick, std::span<const Report<N>> re
   message.set_ideal(tick.ideal);
   message.set_status(static_cast<std::uint32_t>(tick.status));
   message.set_buttons(tick.buttons);
+  message.set_held(tick.held);
   for (const Report<N>& each : received) put(each, *message.add_received());
   put(tick.command, *message.mutable_command());
   if (master_) {
@@ -266,6 +267,7 @@ bool RecordingReader::tick(RecordedTick<N>& into) {
   if (m.status() > static_cast<std::uint32_t>(HardwareStatus::fault)) return false;
   t.status = static_cast<HardwareStatus>(m.status());
   t.buttons = m.buttons();
+  t.held = m.held();
   t.dissipated_j = m.dissipated_j();
   t.undissipated_j = m.undissipated_j();
   const bool master = m.applied_size() > 0;

@@ -111,7 +111,7 @@ struct MasterSide {
   explicit MasterSide(const Scene& s)
       : node{s.control, s.schedule}, mail{{}, s.transmission_to_master, s.transmission_to_slave} {}
   static Sample sample(const TickRecord<N>& t) {
-    return {.x = t.x, .v = t.v, .applied = t.f, .status = t.status, .buttons = t.buttons};
+    return {.x = t.x, .v = t.v, .applied = t.f, .status = t.status, .buttons = t.buttons, .held = t.held};
   }
   MasterNode<N> node;
   Mailbox<N, ReplayTransport<N>> mail;
