@@ -28,7 +28,7 @@ esac
 work=$(mktemp -d)
 pids=()
 cleanup() {
-  for pid in "${pids[@]}"; do kill -KILL "$pid" 2>/dev/null || true; done
+  for pid in "${pids[@]}"; do kill -KILL "$pid" 2>/dev/null && wait "$pid" 2>/dev/null || true; done
   rm -rf "$work"
 }
 trap cleanup EXIT
@@ -39,11 +39,11 @@ read_it "$work/lab.mcap"
 
 "$slave" --scene "$scene" --listen 127.0.0.1:0 --no-spin --trace none --out "$work/slave" >"$work/slave.log" 2>&1 &
 pids+=($!)
-for ((i = 0; i < 200; i++)); do grep -q 'listening on' "$work/slave.log" && break; sleep 0.1; done
+for ((i = 0; i < 200; i++)); do grep -qs 'listening on' "$work/slave.log" && break; sleep 0.1; done
 port=$(sed -n 's/.*listening on 127\.0\.0\.1:\([0-9]*\).*/\1/p' "$work/slave.log")
 "$master" --scene "$scene" --peer "127.0.0.1:$port" --no-spin --trace none --out "$work/master" --record "$work/killed.mcap" >"$work/master.log" 2>&1 &
 pids+=($!)
-for ((i = 0; i < 200; i++)); do grep -q 'paired' "$work/master.log" && break; sleep 0.1; done
+for ((i = 0; i < 200; i++)); do grep -qs 'paired' "$work/master.log" && break; sleep 0.1; done
 sleep 2
 kill -KILL "${pids[1]}"
 wait "${pids[1]}" 2>/dev/null || true
