@@ -16,6 +16,7 @@
 #include "common/record/metrics.h"
 #include "common/record/trace.h"
 #include "lab/engine/quiet_tail.h"
+#include "lab/engine/recording.h"
 #include "lab/engine/simulation.h"
 
 namespace twoport::lab {
@@ -127,7 +128,8 @@ TailVerdict judge_all(const Simulation<N>& at_end, const ContactStates<N>& state
 }
 
 template <int N>
-CountedRun run_as(Simulation<N>& simulation, const Scene& scene, const RunOptions& options) {
+CountedRun run_as(Simulation<N>& simulation, const Scene& scene, const RunOptions& options,
+                  LabRecording<N>* recording) {
   const bool alone = scene.control.architecture == Architecture::uncontrolled;
   const bool link = simulation.link().has_value();
   const double rate_hz = alone ? scene.slave_rate_hz : scene.master_rate_hz;
@@ -163,7 +165,10 @@ CountedRun run_as(Simulation<N>& simulation, const Scene& scene, const RunOption
     contact_states.begin_part(from_s, until_s);
     const auto start = std::chrono::steady_clock::now();
     ticks += simulation.run_until(to_duration(until_s), [&](const Row<N>& row) {
-      if (trace && rows++ % options.trace_every == 0) trace->add(row);
+      if (rows++ % options.trace_every == 0) {
+        if (trace) trace->add(row);
+        if (recording != nullptr) recording->add(row);
+      }
       if (probes) contact_states.add(row);
       return goes_on = metrics.add(row);
     });
@@ -210,7 +215,13 @@ Summary run(const Scene& scene, const RunOptions& options) {
 }
 
 CountedRun run_counted(const Scene& scene, const RunOptions& options) {
-  return dispatch_dof(scene, [&]<int N>() { return run_as(*make_simulation<N>(scene), scene, options); });
+  return dispatch_dof(scene, [&]<int N>() {
+    if (options.record == nullptr) return run_as<N>(*make_simulation<N>(scene), scene, options, nullptr);
+    LabRecording<N> recording{scene, *options.record};
+    CountedRun done = run_as<N>(*make_recorded_simulation<N>(scene, recording.taps()), scene, options, &recording);
+    recording.finish();
+    return done;
+  });
 }
 
 }  // namespace twoport::lab

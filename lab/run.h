@@ -8,6 +8,8 @@
 
 namespace twoport::lab {
 
+struct RecordingOptions;
+
 /// What the verdict is made from.
 enum class VerdictFrom : unsigned char {
   tail,   ///< the loop left alone after the scene's end, beside a twin: decides nearly always, for some three more runs
@@ -19,6 +21,7 @@ struct RunOptions {
   WholeFile* trace = nullptr;     ///< takes the rows of the scene's run; the caller commits it
   std::uint64_t trace_every = 1;  ///< one row in so many
   VerdictFrom verdict = VerdictFrom::tail;
+  const RecordingOptions* record = nullptr;  ///< null: nothing is recorded
 };
 
 /// Runs a scene in virtual time. Everything but the verdict comes from the scene's own run. The same scene and seed give the

@@ -92,6 +92,12 @@ class SimDevice final {
   }
   static typename HandlePlant<N>::State start(const Scene& scene) {
     const DeviceSpec device = scene.device.value_or(DeviceSpec{});
+    const bool recorded = scene.operator_model && scene.operator_model->path.size() == 1 &&
+                          std::holds_alternative<RecordedHandSpec>(scene.operator_model->path[0]);
+    if (recorded) {
+      const auto hand = Path<N>{scene.operator_model->path, Position<N>{}}.at(0.0);
+      return {hand.x, port_vector<N>(hand.v.vec())};
+    }
     return {position<N>(device.position_m), port_vector<N>(vector<N>(device.velocity_m_per_s))};
   }
   /// Start of the intended motion: the handle's position; a hand without a path holds the origin.

@@ -19,6 +19,7 @@
 #include "common/platform/random.h"
 #include "common/platform/recorder.h"
 #include "common/platform/udp.h"
+#include "common/recording/tick.h"
 #include "common/runtime/cycle.h"
 #include "common/safety/guarded_transport.h"
 #include "common/scene/load.h"
@@ -31,7 +32,7 @@ namespace twoport {
 template <int N>
 class LiveLink {
  public:
-  using Transport = GuardedTransport<N, LinkTransport<N>>;
+  using Transport = TappedTransport<N, GuardedTransport<N, LinkTransport<N>>>;
 
   /// A master calls the slave at the address, a slave listens there. Throws ConfigError for an address of another machine
   /// without a key. `adjustable`: with a further network that adjust() changes.
@@ -58,6 +59,7 @@ class LiveLink {
   LiveLink(const LiveLink&) = delete;  // its parts refer to each other
 
   [[nodiscard]] Mailbox<N, Transport>& mail() noexcept { return mail_; }
+  void tap(ReportTap<N>* tap) noexcept { mail_.transport().tap(tap); }
   /// `log` is used until this is destroyed, from another thread too.
   void say_where(spdlog::logger& log) {
     log_ = &log;
@@ -231,6 +233,7 @@ class LiveLink {
 class NoLink {
  public:
   [[nodiscard]] NoMail& mail() noexcept { return mail_; }
+  void tap(const void*) const noexcept {}
   void say_where(spdlog::logger&) const {}
   [[nodiscard]] std::string not_met() const { return {}; }
   template <class Node>

@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 #include <spdlog/logger.h>
 
+#include <algorithm>
 #include <chrono>
 #include <cstdint>
 #include <memory>
@@ -12,6 +13,7 @@
 #include "common/base/check.h"
 #include "common/base/file.h"
 #include "common/hardware/status.h"
+#include "common/platform/live_recording.h"
 #include "common/platform/program.h"
 #include "common/platform/realtime.h"
 #include "common/platform/recorder.h"
@@ -77,6 +79,22 @@ struct LiveFigures {
 void say(spdlog::logger& log, const LiveFigures& figures);
 void fill(Summary& summary, const LiveFigures& figures);
 
+/// Of the node's method; 0 for a node that has one only.
+template <class Node>
+std::uint32_t epoch_of(const Node& node) noexcept {
+  if constexpr (requires { node.epoch(); }) {
+    return node.epoch();
+  } else {
+    return 0;
+  }
+}
+
+/// Since 1970, of the computer's clock.
+inline std::int64_t unix_time_ns() {
+  return std::chrono::duration_cast<std::chrono::nanoseconds>(std::chrono::system_clock::now().time_since_epoch())
+      .count();
+}
+
 template <Side kSide>
 void fill_own_limits(const LimitCounts& counts, Summary& s) {
   if constexpr (kSide == Side::master) {
@@ -121,8 +139,12 @@ int run_live(LiveSide& side, const Scene& scene, const LiveArguments& arguments,
   const Seconds dt{1.0 / rate_hz};
   const RunFolder folder = begin_folder(arguments);
   WholeFile* const trace = folder.trace.get();
+  const std::unique_ptr<LiveRecording<N>> recording =
+      open_recording<N>(arguments, LiveSide::kName, rate_hz, side.hardware.info());
+  if (recording) side.link.tap(&recording->feed());
   Recorder<N> recorder{{.metrics = side.metrics(),
                         .trace = trace,
+                        .recording = recording.get(),
                         .duration_s = scene.duration_s,
                         .side = LiveSide::kSide,
                         .trace_every = arguments.trace_every,
@@ -143,10 +165,13 @@ int run_live(LiveSide& side, const Scene& scene, const LiveArguments& arguments,
   Row<N> row;
   TickView view;
   bool has_row = false;
+  if (recording) recording->start_at(unix_time_ns());
   loop.run(stop, [&](std::int64_t k, Duration now) {
     if (!side.link.refusal().empty() || to_seconds(now).si() >= arguments.limit_s) return false;
     if constexpr (requires { side.begin_tick(); }) side.begin_tick();
-    if (side.link.met(side.node) && met < 0) {
+    const std::uint32_t epoch_before = epoch_of(side.node);
+    const bool new_session = side.link.met(side.node);
+    if (new_session && met < 0) {
       met = k;
       side.hardware.start();
     }
@@ -158,9 +183,10 @@ int run_live(LiveSide& side, const Scene& scene, const LiveArguments& arguments,
       if (met >= 0) side.switch_when_due(t_s);
     const double passed = last < 0 ? 1.0 : static_cast<double>(k - last);
     last = k;
-    const auto out = clock.time([&] {
-      return run_cycle(side.node, plant, side.link.mail(), Tick<Clock>{Instant<Clock>{now}, dt, passed * dt});
-    });
+    const Tick<Clock> tick{Instant<Clock>{now}, dt, passed * dt};
+    if (recording) recording->feed().begin(met < 0 ? -1.0 : t_s, epoch_before, new_session, epoch_of(side.node));
+    const auto out = clock.time([&] { return run_cycle(side.node, plant, side.link.mail(), tick); });
+    if (recording) recording->feed().end(tick, plant.sample, out);
     side.link.note();
     if constexpr (requires { side.end_tick(now, loop.late(), plant.sample, out); })
       side.end_tick(now, loop.late(), plant.sample, out);
@@ -174,7 +200,7 @@ int run_live(LiveSide& side, const Scene& scene, const LiveArguments& arguments,
       view = side.link.view();
       view.late = loop.late();
       view.switches = switches_by_hand();
-      if constexpr (requires { side.node.epoch(); }) view.epoch = side.node.epoch();
+      view.epoch = epoch_of(side.node);
       view.limits = side.node.limit_counts() + side.link.limit_counts();
     } else if (met < 0 && k >= waiting_until) {
       view = side.link.view();
@@ -188,6 +214,18 @@ int run_live(LiveSide& side, const Scene& scene, const LiveArguments& arguments,
   if (has_row) recorder.push(row, view);
 
   Summary s = recorder.finish();
+  int recorded = 0;
+  if (recording) {
+    side.link.tap(nullptr);
+    if (recording->missing() > 0)
+      log.warn("{} ticks are missing from {}: the disk was too slow", recording->missing(), arguments.record);
+    try {
+      recording->finish();
+    } catch (const IoError& e) {
+      fmt::print(stderr, "twoport-{}: --record {}\n", LiveSide::kName, e.what());
+      recorded = 1;
+    }
+  }
   const LiveFigures figures{loop, clock, recorder.dropped(), side.link.overflowed(), plant.stale};
   say(log, figures);
   if (met < 0 && stop) log.warn("ended by a signal; the other side had not come, and nothing is recorded");
@@ -202,7 +240,7 @@ int run_live(LiveSide& side, const Scene& scene, const LiveArguments& arguments,
   }
   // Neither stable nor unstable: nobody knows.
   if (s.verdict_kind() == to_string(VerdictKind::undecided)) s.clear_stable();
-  const int written = leave_files(scene, arguments, LiveSide::kName, trace, s);
+  const int written = std::max(recorded, leave_files(scene, arguments, LiveSide::kName, trace, s));
   if (failure.status != 0) {
     fmt::print(stderr, "twoport-{}: {}\n", LiveSide::kName, failure.sentence);
     return failure.status;

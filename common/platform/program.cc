@@ -66,6 +66,9 @@ int live_program(int argc, char** argv, Side side, const std::string& drivers,
     page->expected(0, 1);
   }
   app.add_option("--out", a.out, "Folder for summary.json and trace.csv");
+  app.add_option("--record", a.record,
+                 "FILE.mcap: everything that this side takes in and puts out, for twoport-lab replay and export, "
+                 "Foxglove, PlotJuggler and Python; readable even after kill -9");
   app.add_option("--trace", a.trace, "none or csv")->check(CLI::IsMember({"none", "csv"}))->capture_default_str();
   app.add_option("--trace-every", a.trace_every, "N: one tick in N has a row in the trace; the summary is of all ticks")
       ->check(CLI::Range(std::uint64_t{1}, std::uint64_t{1'000'000'000}))
@@ -98,6 +101,10 @@ int live_program(int argc, char** argv, Side side, const std::string& drivers,
     fmt::print(stderr, "{}: {}\n", name, e.what());
     return 1;
   }
+}
+
+std::string program_name(const std::string& side) {
+  return "twoport-" + side + " " TWOPORT_VERSION;
 }
 
 void print_hints(const Scene& scene, const LiveArguments& a, bool device_is_simulated) {

@@ -22,7 +22,8 @@ struct LiveArguments {
   std::string key;        ///< --key: the file; empty: packets are neither encrypted nor authenticated
   bool insecure = false;  ///< --insecure: without a key also beyond this machine
   std::vector<std::string> set;
-  std::string page;  ///< of --page: ADDR:PORT; empty: no page
+  std::string record;  ///< --record: the file; empty: nothing is recorded
+  std::string page;    ///< of --page: ADDR:PORT; empty: no page
   bool realtime = true, spin = true;
   std::uint64_t trace_every = 1;  ///< the trace has one row in so many
   /// --duration: the program ends this long after its start [s].
@@ -34,6 +35,9 @@ struct LiveArguments {
 /// met. `drivers` is what --list-devices prints.
 int live_program(int argc, char** argv, Side side, const std::string& drivers,
                  const std::function<int(const Scene&, const LiveArguments&)>& body);
+
+/// "twoport-SIDE VERSION".
+std::string program_name(const std::string& side);
 
 /// Prints what in the scene is probably not meant, to stderr.
 void print_hints(const Scene& scene, const LiveArguments& arguments, bool device_is_simulated);

@@ -40,12 +40,16 @@ void Recorder<N>::drain() {
   for (bool last = false; !last;) {
     last = done_.load(std::memory_order_acquire);
     bool any = false;
+    if (o_.recording) record(entry);
     while (ring_.try_pop(entry)) {
       if (entry.view.refused != refused_) log_refused(entry);
       if (entry.view.switches != switches_) log_ignored_switch(entry);
       if (!entry.recorded) continue;
       any = true;
-      if (trace_ && rows_++ % o_.trace_every == 0) trace_->add(entry.row);
+      if (rows_++ % o_.trace_every == 0) {
+        if (trace_) trace_->add(entry.row);
+        if (o_.recording) o_.recording->add(entry.row);
+      }
       if (!o_.metrics.add(entry.row)) diverged_.store(true, std::memory_order_relaxed);
       if (entry.view.sessions > 0) log_change(entry);
       if (!(entry.view.limits == limits_)) log_limits(entry);
@@ -56,6 +60,14 @@ void Recorder<N>::drain() {
     if (!last) std::this_thread::sleep_for(std::chrono::milliseconds{20});
   }
   if (terminal_ && shown_s_ >= 0.0) std::fputs("\n", stderr);
+}
+
+/// The ticks first: they tell when the rows begin.
+template <int N>
+void Recorder<N>::record(const Entry& newest) {
+  o_.recording->drain();
+  if (o_.recording->error().empty() || std::exchange(recording_failed_, true)) return;
+  say(newest, "the recording ends here; what was written stays readable: " + o_.recording->error());
 }
 
 template <int N>

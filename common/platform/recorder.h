@@ -10,6 +10,7 @@
 #include <thread>
 
 #include "common/base/ring.h"
+#include "common/platform/live_recording.h"
 #include "common/record/metrics.h"
 #include "common/record/trace.h"
 #include "common/safety/limits.h"
@@ -39,6 +40,7 @@ class Recorder {
   struct Options {
     Metrics<N> metrics;
     WholeFile* trace;                         ///< null: none. The caller commits it after finish()
+    LiveRecording<N>* recording;              ///< null: none. The caller finishes it after finish()
     double duration_s;                        ///< planned; infinity: until somebody ends it
     Side side;                                ///< whose port is shown
     std::uint64_t trace_every;                ///< one row in so many
@@ -90,6 +92,7 @@ class Recorder {
   void log_refused(const Entry& entry);
   void log_ignored_switch(const Entry& entry);
   void say(const Entry& at, const std::string& text);
+  void record(const Entry& newest);
 
   Options o_;
   std::optional<Trace<N>> trace_;
@@ -110,6 +113,7 @@ class Recorder {
   Duration latest_{0};         ///< latest tick since the line was shown
   double dissipated_j_ = 0.0;  ///< by the controller since then
   bool terminal_ = false;
+  bool recording_failed_ = false;  ///< said so
   std::thread thread_;
 };
 

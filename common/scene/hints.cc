@@ -44,7 +44,7 @@ class LargestLength {
 };
 
 /// The blocks of SegmentSpec, in its order.
-constexpr const char* kSegments[] = {"hold", "move_to", "sine", "screw", "multi_sine"};
+constexpr const char* kSegments[] = {"hold", "move_to", "sine", "screw", "multi_sine", "recording"};
 static_assert(std::size(kSegments) == std::variant_size_v<SegmentSpec>);
 
 Length largest_length(const Scene& scene) {

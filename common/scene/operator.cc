@@ -1,3 +1,8 @@
+#include <filesystem>
+#include <memory>
+
+#include "common/base/check.h"
+#include "common/recording/hand.h"
 #include "common/scene/blocks.h"
 
 namespace twoport {
@@ -56,12 +61,28 @@ TremorSpec read_tremor(const Block<schema::Tremor>& of) {
   return spec;
 }
 
+/// A relative path starts at the scene's folder.
+RecordedHandSpec read_recording(const Block<schema::Operator>& of) {
+  const std::filesystem::path folder = std::filesystem::path{of.context().file}.parent_path();
+  auto hand = std::make_shared<RecordedHand>();
+  try {
+    *hand = read_recorded_hand((folder / of.text(FIELD(recording))).string());
+  } catch (const ConfigError& e) {
+    of.fail(fmt::format("{}: {}", of.path_of("recording"), e.what()));
+  }
+  if (hand->dof != of.dof())
+    of.refuse(FIELD(recording), fmt::format("be of dof {}, and is of {}", of.dof(), hand->dof));
+  const double end_s = hand->t_s.back();
+  return {std::move(hand), end_s};
+}
+
 }  // namespace
 
 OperatorSpec read_operator(const Block<schema::Operator>& of) {
   OperatorSpec spec;
   if (of.has(FIELD(hand))) spec.hand = read_hand(of.block(FIELD(hand)));
   for (const auto& each : of.blocks(FIELD(path))) spec.path.push_back(read_segment(each));
+  if (of.has(FIELD(recording))) spec.path = {read_recording(of)};
   if (of.has(FIELD(tremor))) spec.tremor = read_tremor(of.block(FIELD(tremor)));
   return spec;
 }

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <cstdint>
+#include <memory>
 #include <optional>
 #include <string>
 #include <variant>
@@ -16,6 +17,8 @@
 #include "common/scene/numbers.h"
 
 namespace twoport {
+
+struct RecordedHand;
 
 // A scene as plain, validated values: the content of proto/scene.proto with all lengths, signs and ranges checked and
 // all defaults filled in. Vectors have `axes()` entries (1 or 3) unless said otherwise. SI units.
@@ -48,7 +51,12 @@ struct MultiSineSpec {
   std::vector<Wave> waves;
   double duration_s;
 };
-using SegmentSpec = std::variant<HoldSpec, MoveToSpec, SineSpec, ScrewSpec, MultiSineSpec>;
+/// The hand of operator.recording, at its recorded positions.
+struct RecordedHandSpec {
+  std::shared_ptr<const RecordedHand> hand;
+  double duration_s;
+};
+using SegmentSpec = std::variant<HoldSpec, MoveToSpec, SineSpec, ScrewSpec, MultiSineSpec, RecordedHandSpec>;
 struct TremorSpec {
   double rms_m, low_hz, high_hz;
 };

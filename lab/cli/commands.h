@@ -17,6 +17,8 @@ Subcommand add_doctor_command(CLI::App& app);
 Subcommand add_impedance_command(CLI::App& app);
 /// `compare`, `gallery`, `map` and `recommend`.
 std::vector<Subcommand> add_map_commands(CLI::App& app);
+/// `replay` and `export`.
+std::vector<Subcommand> add_recording_commands(CLI::App& app);
 /// `trim` and `blocks`.
 std::vector<Subcommand> add_trim_commands(CLI::App& app);
 

@@ -14,6 +14,7 @@
 #include "common/scene/hints.h"
 #include "common/scene/load.h"
 #include "lab/cli/commands.h"
+#include "lab/engine/recording.h"
 #include "lab/run.h"
 #include "lab/study/cells.h"
 
@@ -21,7 +22,7 @@ namespace twoport::lab {
 namespace {
 
 struct Arguments {
-  std::string scene, out, trace = "csv", verdict = "tail";
+  std::string scene, out, trace = "csv", verdict = "tail", record;
   std::uint64_t trace_every = 1;
   std::vector<std::string> set;
 };
@@ -38,9 +39,12 @@ int run_command(const Arguments& a) {
     for (const char* name : {"/summary.json", "/trace.csv"})
       std::filesystem::remove(a.out + name);  // of an earlier run
   }
+  std::optional<RecordingOptions> record;
+  if (!a.record.empty()) record = {a.record, a.scene, read_whole(a.scene), a.set};
   const Summary summary = run(scene, {.trace = trace ? &*trace : nullptr,
                                       .trace_every = a.trace_every,
-                                      .verdict = a.verdict == "plain" ? VerdictFrom::plain : VerdictFrom::tail});
+                                      .verdict = a.verdict == "plain" ? VerdictFrom::plain : VerdictFrom::tail,
+                                      .record = record ? &*record : nullptr});
   // First the trace: one that finds no room is cut, which leaves room for the summary.
   std::exception_ptr unwritten;
   try {
@@ -63,6 +67,8 @@ Subcommand add_run_command(CLI::App& app) {
   CLI::App* run = app.add_subcommand("run", "Run one scene; summary and trace into --out, or the summary on stdout");
   add_scene(run, a->scene, a->set);
   run->add_option("--out", a->out, "Folder for summary.json and trace.csv");
+  run->add_option("--record", a->record,
+                  "FILE.mcap: a recording of both sides, for replay, export, Foxglove, PlotJuggler and Python");
   run->add_option("--trace", a->trace, "none or csv")->check(CLI::IsMember({"none", "csv"}))->capture_default_str();
   run->add_option("--trace-every", a->trace_every,
                   "N: one tick in N has a row in the trace; the summary is of all ticks")

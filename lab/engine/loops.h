@@ -4,6 +4,7 @@
 #include <bit>
 #include <cmath>
 #include <cstdint>
+#include <type_traits>
 #include <vector>
 
 #include "common/link/clock_offset.h"
@@ -14,6 +15,7 @@
 #include "common/runtime/cycle.h"
 #include "common/scene/scene.h"
 #include "lab/engine/simulation.h"
+#include "lab/engine/tap.h"
 #include "master/master_node.h"
 #include "master/render_node.h"
 #include "sim/sim_device.h"
@@ -91,8 +93,8 @@ class DelayedForce {
   Force<N> now_;
 };
 
-/// Both directions of a link and the mail of both sides, in memory. Copies are independent.
-template <int N>
+/// Both directions of a link and the mail of both sides, in memory. Copies are independent, and nobody taps them.
+template <int N, class Transport = SimTransport<N>>
 class SimLink {
  public:
   explicit SimLink(const Scene& scene)
@@ -103,13 +105,13 @@ class SimLink {
         slave_{{to_slave_, to_master_}, scene.transmission_to_slave, scene.transmission_to_master} {}
   SimLink(const SimLink& other)
       : to_slave_{other.to_slave_}, to_master_{other.to_master_}, master_{other.master_}, slave_{other.slave_} {
-    master_.transport() = {to_master_, to_slave_};
-    slave_.transport() = {to_slave_, to_master_};
+    master_.transport() = Transport{to_master_, to_slave_};
+    slave_.transport() = Transport{to_slave_, to_master_};
   }
   SimLink& operator=(const SimLink&) = delete;
 
-  [[nodiscard, gnu::always_inline]] Mailbox<N, SimTransport<N>>& master() noexcept { return master_; }
-  [[nodiscard, gnu::always_inline]] Mailbox<N, SimTransport<N>>& slave() noexcept { return slave_; }
+  [[nodiscard, gnu::always_inline]] Mailbox<N, Transport>& master() noexcept { return master_; }
+  [[nodiscard, gnu::always_inline]] Mailbox<N, Transport>& slave() noexcept { return slave_; }
   void end_blackouts() noexcept {
     to_slave_.end_blackouts();
     to_master_.end_blackouts();
@@ -120,7 +122,7 @@ class SimLink {
 
  private:
   DelayLine<Report<N>> to_slave_, to_master_;
-  Mailbox<N, SimTransport<N>> master_, slave_;
+  Mailbox<N, Transport> master_, slave_;
 };
 
 /// ½ m v² + ½ ωᵀ R J Rᵀ ω, and what the environment holds; `inertia` about the body's axes.
@@ -171,9 +173,15 @@ template <int N>
 ///
 /// Each side ticks at its own rate, from 0. A report is readable strictly after it was posted, so the order of two
 /// sides that tick together does not matter.
-template <int N, class Method = AnyMethod>
+template <int N, class Method = AnyMethod, bool kTapped = false>
 class LinkLoop {
  public:
+  /// `taps` see every tick of both nodes; a copy has none.
+  LinkLoop(const Scene& scene, Taps<N>& taps) requires kTapped : LinkLoop{scene} {
+    taps_ = &taps;
+    link_.master().transport().tap(&taps.master);
+    link_.slave().transport().tap(&taps.slave);
+  }
   explicit LinkLoop(const Scene& scene)
       : registration_{scene.control},
         master_rate_hz_{scene.master_rate_hz},
@@ -256,6 +264,11 @@ class LinkLoop {
     if (k > 0) device_.advance();
     if (switch_times_.any()) [[unlikely]]
       switch_when_due(now);
+    if constexpr (kTapped) {
+      if (taps_)
+        return taps_->master.cycle(master_, device_, link_.master(),
+                                   Tick<MasterClock>{Instant<MasterClock>{now}, master_dt_});
+    }
     return run_cycle(master_, device_, link_.master(), Tick<MasterClock>{Instant<MasterClock>{now}, master_dt_});
   }
   [[gnu::always_inline]] void slave_tick(Duration now, std::int64_t k) noexcept {
@@ -269,11 +282,18 @@ class LinkLoop {
     delayed_force_.put(environment_force_);
     if (slave_clock_) [[unlikely]]
       now = read_slave_clock(now, k);
-    auto out = run_cycle(slave_, robot_, link_.slave(), Tick<SlaveClock>{Instant<SlaveClock>{now}, slave_dt_});
+    auto out = slave_cycle(now);
     delayed_force_.note_sent(link_.slave().counts().sent);
     dissipated_ += registration_.to_master(out.dissipated);
     if (out.mode != slave_mode_) [[unlikely]]
       change_mode(out.mode);
+  }
+  [[gnu::always_inline]] auto slave_cycle(Duration now) noexcept {
+    if constexpr (kTapped) {
+      if (taps_)
+        return taps_->slave.cycle(slave_, robot_, link_.slave(), Tick<SlaveClock>{Instant<SlaveClock>{now}, slave_dt_});
+    }
+    return run_cycle(slave_, robot_, link_.slave(), Tick<SlaveClock>{Instant<SlaveClock>{now}, slave_dt_});
   }
   [[gnu::noinline]] void switch_when_due(Duration now) noexcept {
     while (switch_times_.due(to_seconds(now).si(), master_.epoch())) master_.switch_to_next();
@@ -330,7 +350,8 @@ class LinkLoop {
   sim::SimRobot<N> robot_;
   MasterNode<N, typename Method::template Master<N>> master_;
   SlaveNode<N, typename Method::template Slave<N>> slave_;
-  SimLink<N> link_;
+  SimLink<N, std::conditional_t<kTapped, TappedTransport<N, SimTransport<N>>, SimTransport<N>>> link_;
+  [[no_unique_address]] std::conditional_t<kTapped, NotCopied<Taps<N>>, Nothing> taps_;
   SwitchTimes switch_times_;
   ClockOffset clock_offset_;
   Energy dissipated_;
@@ -347,9 +368,10 @@ class LinkLoop {
 };
 
 /// A virtual environment rendered on the device, in virtual time.
-template <int N>
+template <int N, bool kTapped = false>
 class RenderLoop {
  public:
+  RenderLoop(const Scene& scene, Taps<N>& taps) requires kTapped : RenderLoop{scene} { taps_ = &taps; }
   explicit RenderLoop(const Scene& scene)
       : rate_hz_{scene.master_rate_hz},
         end_{to_duration(scene.duration_s)},
@@ -365,7 +387,7 @@ class RenderLoop {
     std::int64_t from = ticks_, k = from;
     for (Duration now = tick_time(k, rate_hz_), next; now < end; now = next) {
       if (k > 0) device_.advance();
-      const auto out = run_cycle(node_, device_, mail, Tick<MasterClock>{Instant<MasterClock>{now}, dt});
+      const auto out = cycle(mail, now, dt);
       const Row<N> row{.t_s = to_seconds(now).si(),
                        .master_x = device_.x(),
                        .master_v = device_.v(),
@@ -400,6 +422,14 @@ class RenderLoop {
   [[nodiscard]] std::vector<double> segment_ends_s() const { return device_.path().segment_ends_s(); }
 
  private:
+  [[gnu::always_inline]] auto cycle(NoMail& mail, Duration now, Seconds dt) noexcept {
+    if constexpr (kTapped) {
+      if (taps_) return taps_->master.cycle(node_, device_, mail, Tick<MasterClock>{Instant<MasterClock>{now}, dt});
+    }
+    return run_cycle(node_, device_, mail, Tick<MasterClock>{Instant<MasterClock>{now}, dt});
+  }
+
+  [[no_unique_address]] std::conditional_t<kTapped, NotCopied<Taps<N>>, Nothing> taps_;
   double rate_hz_;
   Duration end_;
   sim::SimDevice<N> device_;

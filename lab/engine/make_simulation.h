@@ -10,7 +10,8 @@ namespace twoport::lab {
 template <int N, class Loop>
 class Compiled final : public Simulation<N> {
  public:
-  explicit Compiled(const Scene& scene) : loop_{scene} {}
+  template <class... Taps>
+  explicit Compiled(const Scene& scene, Taps&... taps) : loop_{scene, taps...} {}
   std::uint64_t run_until(Duration end, const typename Simulation<N>::Visit& visit) override {
     return loop_.run(end, visit);
   }
@@ -42,6 +43,13 @@ class Compiled final : public Simulation<N> {
  private:
   Loop loop_;
 };
+
+template <int N>
+std::unique_ptr<Simulation<N>> make_recorded_simulation(const Scene& scene, Taps<N>& taps) {
+  if (scene.control.architecture == Architecture::render)
+    return std::make_unique<Compiled<N, RenderLoop<N, true>>>(scene, taps);
+  return std::make_unique<Compiled<N, LinkLoop<N, AnyMethod, true>>>(scene, taps);
+}
 
 template <int N>
 std::unique_ptr<Simulation<N>> make_simulation(const Scene& scene) {

@@ -28,6 +28,9 @@ struct Kicked {
   bool master, slave;
 };
 
+template <int N>
+struct Taps;
+
 /// A scene in virtual time. The tick itself is compiled once for each size and kind of scene (lab/engine); through this
 /// interface a run is started, not a tick.
 template <int N>
@@ -73,8 +76,15 @@ class Simulation {
 template <int N>
 std::unique_ptr<Simulation<N>> make_simulation(const Scene& scene);
 
+/// The same, over a link or of a rendering, with every tick of its nodes seen by `taps`, which must outlive it.
+template <int N>
+std::unique_ptr<Simulation<N>> make_recorded_simulation(const Scene& scene, Taps<N>& taps);
+
 extern template std::unique_ptr<Simulation<1>> make_simulation<1>(const Scene&);
 extern template std::unique_ptr<Simulation<3>> make_simulation<3>(const Scene&);
 extern template std::unique_ptr<Simulation<6>> make_simulation<6>(const Scene&);
+extern template std::unique_ptr<Simulation<1>> make_recorded_simulation<1>(const Scene&, Taps<1>&);
+extern template std::unique_ptr<Simulation<3>> make_recorded_simulation<3>(const Scene&, Taps<3>&);
+extern template std::unique_ptr<Simulation<6>> make_recorded_simulation<6>(const Scene&, Taps<6>&);
 
 }  // namespace twoport::lab

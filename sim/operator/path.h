@@ -1,11 +1,15 @@
 #pragma once
 
+#include <algorithm>
+#include <cstddef>
 #include <limits>
+#include <memory>
 #include <numbers>
 #include <utility>
 #include <vector>
 
 #include "common/base/vector.h"
+#include "common/recording/hand.h"
 #include "common/scene/scene.h"
 #include "sim/operator/tremor.h"
 
@@ -17,6 +21,7 @@ namespace twoport::sim {
 ///     sine      x(t) = x0 + A sin(2π f t) along one axis
 ///     multisine x(t) = x0 + Σ a (sin(2π f t + φ) - sin φ) along one direction
 ///     screw     x(t) = x0 turned by A sin(2π f t) about an axis and moved by L sin(2π f t) along it
+///     recording x and v as recorded, linear between two samples
 ///
 /// A tremor is added to all segments and does not end.
 template <int N>
@@ -57,6 +62,11 @@ class Path {
           direction[static_cast<Eigen::Index>(i)] = multi->direction[i];
         s.along = Displacement<N>{direction};
         s.waves = multi->waves;
+        end_ = s.at(s.duration_s).x;
+      } else if (const auto* recorded = std::get_if<RecordedHandSpec>(&spec)) {
+        s.kind = Kind::recording;
+        s.duration_s = recorded->duration_s;
+        s.hand = recorded->hand;
         end_ = s.at(s.duration_s).x;
       } else {
         const auto& sine = std::get<SineSpec>(spec);
@@ -111,7 +121,7 @@ class Path {
     return segments_[current_].at(t_s - segments_[current_].start_s);
   }
 
-  enum class Kind : unsigned char { hold, move, sine, multi_sine, screw };
+  enum class Kind : unsigned char { hold, move, sine, multi_sine, screw, recording };
   struct Segment {
     Kind kind = Kind::hold;
     double start_s = 0, duration_s = 0, omega = 0;
@@ -120,6 +130,7 @@ class Path {
     Eigen::Vector3d point = Eigen::Vector3d::Zero(), axis = point;
     double angle = 0, travel = 0;
     std::vector<MultiSineSpec::Wave> waves;
+    std::shared_ptr<const RecordedHand> hand;
 
     [[gnu::noinline]] Sample at(double t) const noexcept {
       switch (kind) {
@@ -137,6 +148,8 @@ class Path {
           return summed(t);
         case Kind::screw:
           return turned(std::sin(omega * t), omega * std::cos(omega * t));
+        case Kind::recording:
+          return recorded(t);
       }
       return {from, {}};
     }
@@ -149,6 +162,24 @@ class Path {
         v += w.amplitude_m * rate * std::cos(rate * t + w.phase_rad);
       }
       return {from + x * along, Velocity<N>{v * along.vec()}};
+    }
+    [[gnu::noinline]] Sample recorded(double t) const noexcept {
+      const std::vector<double>& times = hand->t_s;
+      const auto after = static_cast<std::size_t>(std::upper_bound(times.begin(), times.end(), t) - times.begin());
+      if (after == 0) return recorded_at(0);
+      if (after == times.size()) return recorded_at(after - 1);
+      const Sample a = recorded_at(after - 1), b = recorded_at(after);
+      const double share = (t - times[after - 1]) / (times[after] - times[after - 1]);
+      return {a.x + share * (b.x - a.x), a.v + share * (b.v - a.v)};
+    }
+    [[nodiscard]] Sample recorded_at(std::size_t i) const noexcept {
+      const double *x = hand->x.data() + i * (N == 6 ? 7 : N), *v = hand->v.data() + i * N;
+      const Velocity<N> velocity{Eigen::Map<const typename Velocity<N>::Vector>{v}};
+      if constexpr (N == 6) {
+        return {Position<6>{Eigen::Vector3d{x[0], x[1], x[2]}, Eigen::Quaterniond{x[3], x[4], x[5], x[6]}}, velocity};
+      } else {
+        return {Position<N>{Eigen::Map<const typename Position<N>::Vector>{x}}, velocity};
+      }
     }
     [[gnu::noinline]] Sample turned(double share, double rate) const noexcept {
       if constexpr (N >= 3) {

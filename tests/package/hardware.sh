@@ -49,7 +49,7 @@ says "$work/own/own-master" --scene "$root/examples/own_hardware/scene.textproto
 mkdir "$work/tree"
 cp -r "$root/drivers" "$work/tree/"
 cp "$root/examples/own_hardware/"{own_device.cc,vendor.h} "$work/tree/drivers/"
-sed -i 's/^twoport_driver(sim.*/twoport_driver(own_device)/; /^twoport_driver(\(page\|evdev\|spacenav\)/d' "$work/tree/drivers/CMakeLists.txt"
+sed -i 's/^twoport_driver(sim.*/twoport_driver(own_device)/; /^twoport_driver(\(page\|playback\|evdev\|spacenav\)/d' "$work/tree/drivers/CMakeLists.txt"
 cp "$root/master/main.cc" "$work/tree/"
 cat >"$work/tree/CMakeLists.txt" <<'END'
 cmake_minimum_required(VERSION 3.25)

@@ -1,0 +1,102 @@
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <optional>
+#include <span>
+#include <string>
+#include <type_traits>
+#include <utility>
+#include <vector>
+
+#include "common/base/check.h"
+#include "common/base/file.h"
+#include "common/mcap/writer.h"
+#include "common/platform/program.h"
+#include "common/record/row.h"
+#include "common/record/trace_channel.h"
+#include "common/recording/feed.h"
+#include "common/recording/recording.h"
+
+namespace twoport {
+
+/// The recording of one side of a live run: a feed from the cycle, and what the recording thread makes of it. The file is
+/// whole after every half second.
+template <int N>
+class LiveRecording {
+ public:
+  /// Throws ConfigError when the file cannot be written.
+  LiveRecording(const std::string& path, RecordingHeader header)
+      : header_{std::move(header)}, file_{path, header_.program} {
+    file_.flush();
+    if (!file_.error().empty()) throw ConfigError{"--record " + file_.error()};
+  }
+
+  /// Before the first tick: its time.
+  void start_at(std::int64_t unix_ns) { header_.start_unix_ns = unix_ns; }
+  [[nodiscard]] TickFeed<N>& feed() noexcept { return feed_; }
+
+  // From the recording thread.
+  void drain() {
+    while (feed_.try_pop(entry_)) {
+      if (!side_) {
+        side_.emplace(file_, header_);
+        trace_.emplace(file_, "/" + header_.side + "/trace");
+      }
+      if (entry_.is_tick) {
+        side_->add(entry_.tick, std::span<const Report<N>>{received_});
+        received_.clear();
+        if (entry_.tick.t_s >= 0.0) met_at_ = entry_.tick.now - to_duration(entry_.tick.t_s);
+      } else {
+        received_.push_back(entry_.tick.sent);
+      }
+    }
+  }
+  void add(const Row<N>& row) {
+    if (trace_) trace_->add(side_->log_time_ns(met_at_ + to_duration(row.t_s)), row);
+  }
+  [[nodiscard]] const std::string& error() const { return file_.error(); }
+
+  /// After the last tick, when the thread has ended: completes the file. Throws IoError where not everything was written.
+  void finish() {
+    drain();
+    file_.close();
+  }
+  [[nodiscard]] std::uint64_t missing() const noexcept { return feed_.missing(); }
+
+ private:
+  RecordingHeader header_;
+  mcap::Writer file_;
+  TickFeed<N> feed_;
+  typename TickFeed<N>::Entry entry_;
+  std::optional<RecordingSide> side_;
+  std::optional<TraceChannel<N>> trace_;
+  std::vector<Report<N>> received_;
+  Duration met_at_{0};
+};
+
+/// Null where nothing is recorded.
+template <int N, class Info>
+std::unique_ptr<LiveRecording<N>> open_recording(const LiveArguments& a, const std::string& side, double rate_hz,
+                                                 const Info& hardware) {
+  if (a.record.empty()) return nullptr;
+  DeviceInfo properties;
+  if constexpr (std::is_same_v<Info, DeviceInfo>) {
+    properties = hardware;
+  } else {
+    properties.limits = hardware.limits;
+  }
+  return std::make_unique<LiveRecording<N>>(a.record, RecordingHeader{.program = program_name(side),
+                                                                      .side = side,
+                                                                      .dof = N,
+                                                                      .rate_hz = rate_hz,
+                                                                      .scene_file = a.scene,
+                                                                      .scene_text = read_whole(a.scene),
+                                                                      .overrides = a.set,
+                                                                      .live = true,
+                                                                      .hardware = hardware.name,
+                                                                      .properties = properties,
+                                                                      .start_unix_ns = 0});
+}
+
+}  // namespace twoport

@@ -1,0 +1,176 @@
+#include "common/record/trace_channel.h"
+
+#include <fmt/format.h>
+#include <google/protobuf/descriptor.h>
+#include <google/protobuf/descriptor.pb.h>
+#include <google/protobuf/io/coded_stream.h>
+#include <google/protobuf/wire_format_lite.h>
+
+#include <array>
+#include <bit>
+#include <iterator>
+#include <string_view>
+#include <vector>
+
+#include "common/base/check.h"
+#include "common/base/file.h"
+#include "common/record/columns.h"
+
+namespace twoport {
+namespace {
+
+namespace pb = google::protobuf;
+using Wire = pb::internal::WireFormatLite;
+
+constexpr const char* kSchema = "twoport.schema.TraceRow";
+
+/// The schema of a row, from the list of columns.
+template <int N>
+std::string descriptors() {
+  pb::FileDescriptorSet set;
+  pb::FileDescriptorProto& file = *set.add_file();
+  file.set_name("proto/trace_row.proto");
+  file.set_package("twoport.schema");
+  file.set_syntax("proto3");
+  pb::DescriptorProto& message = *file.add_message_type();
+  message.set_name("TraceRow");
+  for_each_column(Row<N>{}, [&]<class V>(const Column& column, const V&) {
+    pb::FieldDescriptorProto& field = *message.add_field();
+    field.set_name(std::string{column.name});
+    field.set_number(message.field_size());
+    field.set_type(pb::FieldDescriptorProto::TYPE_DOUBLE);
+    field.set_label(std::is_same_v<V, double> ? pb::FieldDescriptorProto::LABEL_OPTIONAL
+                                              : pb::FieldDescriptorProto::LABEL_REPEATED);
+  });
+  return set.SerializeAsString();
+}
+
+template <int N>
+mcap::Metadata units() {
+  mcap::Metadata all;
+  for_each_column(Row<N>{}, [&](const Column& column, const auto&) {
+    std::string unit{column.unit};
+    if (N == 6 && !column.rotational_unit.empty()) unit += ", " + std::string{column.rotational_unit};
+    if (!unit.empty()) all[std::string{column.name}] = unit;
+  });
+  return all;
+}
+
+void append_varint(std::string& to, std::uint32_t value) {
+  for (; value >= 0x80U; value >>= 7U) to.push_back(static_cast<char>(value | 0x80U));
+  to.push_back(static_cast<char>(value));
+}
+void append_double(std::string& to, double value) {
+  const auto bits = std::bit_cast<std::uint64_t>(value);
+  for (int i = 0; i < 8; ++i) to.push_back(static_cast<char>(bits >> (8 * i) & 0xFFU));
+}
+
+/// A column of a recording as CSV.
+struct CsvColumn {
+  std::string name;
+  bool vector;
+  std::vector<double> values;
+};
+
+std::vector<CsvColumn> columns_of(const mcap::Channel& channel, const RecordingReader& recording) {
+  pb::FileDescriptorSet set;
+  if (!set.ParseFromString(channel.descriptors) || set.file_size() != 1 || set.file(0).message_type_size() != 1)
+    recording.fail("the schema of its trace is damaged");
+  std::vector<CsvColumn> all;
+  for (const pb::FieldDescriptorProto& field : set.file(0).message_type(0).field()) {
+    if (field.number() != static_cast<int>(all.size()) + 1 || field.type() != pb::FieldDescriptorProto::TYPE_DOUBLE)
+      recording.fail("the schema of its trace is of another program");
+    all.push_back({field.name(), field.label() == pb::FieldDescriptorProto::LABEL_REPEATED, {}});
+  }
+  return all;
+}
+
+/// Of one row; false when it is damaged.
+bool read_row(std::string_view data, std::vector<CsvColumn>& columns) {
+  for (CsvColumn& each : columns) each.values.clear();
+  pb::io::CodedInputStream in{reinterpret_cast<const std::uint8_t*>(data.data()), static_cast<int>(data.size())};
+  while (const std::uint32_t tag = in.ReadTag()) {
+    const auto number = static_cast<std::size_t>(Wire::GetTagFieldNumber(tag));
+    if (number < 1 || number > columns.size()) return false;
+    CsvColumn& column = columns[number - 1];
+    std::uint32_t size = sizeof(double);
+    if (Wire::GetTagWireType(tag) == Wire::WIRETYPE_LENGTH_DELIMITED) {
+      if (!column.vector || !in.ReadVarint32(&size) || size % sizeof(double) != 0 || size > data.size()) return false;
+    } else if (Wire::GetTagWireType(tag) != Wire::WIRETYPE_FIXED64) {
+      return false;
+    }
+    for (std::size_t left = size / sizeof(double); left > 0; --left) {
+      std::uint64_t bits = 0;
+      if (!in.ReadLittleEndian64(&bits)) return false;
+      column.values.push_back(std::bit_cast<double>(bits));
+    }
+  }
+  return in.ConsumedEntireMessage();
+}
+
+void append_names(std::string& line, const std::vector<CsvColumn>& columns) {
+  for (const CsvColumn& each : columns) {
+    if (!each.vector) fmt::format_to(std::back_inserter(line), "{},", each.name);
+    for (std::size_t i = 0; each.vector && i < each.values.size(); ++i)
+      fmt::format_to(std::back_inserter(line), "{}_{},", each.name, i);
+  }
+}
+
+}  // namespace
+
+template <int N>
+TraceChannel<N>::TraceChannel(mcap::Writer& file, const std::string& topic)
+    : file_{&file}, channel_{file.add_channel(topic, kSchema, descriptors<N>(), units<N>())} {}
+
+template <int N>
+void TraceChannel<N>::add(std::uint64_t log_time_ns, const Row<N>& row) {
+  bytes_.clear();
+  std::uint32_t number = 0;
+  for_each_column(row, [&]<class V>(const Column&, const V& value) {
+    ++number;
+    if constexpr (std::is_same_v<V, double>) {
+      append_varint(bytes_, number << 3U | Wire::WIRETYPE_FIXED64);
+      append_double(bytes_, value);
+    } else {
+      append_varint(bytes_, number << 3U | Wire::WIRETYPE_LENGTH_DELIMITED);
+      append_varint(bytes_, N * sizeof(double));
+      for (int i = 0; i < N; ++i) append_double(bytes_, value[i]);
+    }
+  });
+  file_->write(channel_, log_time_ns, bytes_);
+}
+
+template class TraceChannel<1>;
+template class TraceChannel<3>;
+template class TraceChannel<6>;
+
+std::uint64_t export_trace(RecordingReader& recording, const std::string& path) {
+  std::optional<WholeFile> file;
+  std::vector<CsvColumn> columns;
+  std::string topic, line;
+  std::uint64_t rows = 0;
+  for (RecordingReader::Kind kind; (kind = recording.next()) != RecordingReader::Kind::end;) {
+    if (kind != RecordingReader::Kind::other || recording.message().channel->schema != kSchema) continue;
+    if (rows == 0) {
+      topic = recording.topic();
+      columns = columns_of(*recording.message().channel, recording);
+    }
+    if (recording.topic() != topic) continue;
+    if (!read_row(recording.message().data, columns)) recording.fail("a row of its trace is damaged");
+    line.clear();
+    if (rows++ == 0) {
+      file.emplace(path);
+      append_names(line, columns);
+      line.back() = '\n';
+    }
+    for (const CsvColumn& each : columns)
+      for (const double value : each.values) fmt::format_to(std::back_inserter(line), "{:.9g},", value);
+    line.back() = '\n';
+    file->write(line);
+  }
+  if (!file) recording.fail("it holds no trace");
+  file->commit();
+  return rows;
+}
+
+}  // namespace twoport

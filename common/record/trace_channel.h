@@ -1,0 +1,34 @@
+#pragma once
+
+#include <cstdint>
+#include <optional>
+#include <string>
+
+#include "common/mcap/writer.h"
+#include "common/record/row.h"
+#include "common/recording/recording.h"
+
+namespace twoport {
+
+/// The rows of trace.csv as a channel of a recording: one field for each column of common/record/columns.h, all digits kept.
+template <int N>
+class TraceChannel {
+ public:
+  TraceChannel(mcap::Writer& file, const std::string& topic);
+  void add(std::uint64_t log_time_ns, const Row<N>& row);
+
+ private:
+  mcap::Writer* file_;
+  std::uint16_t channel_;
+  std::string bytes_;
+};
+
+extern template class TraceChannel<1>;
+extern template class TraceChannel<3>;
+extern template class TraceChannel<6>;
+
+/// Writes the trace of a recording as trace.csv has it into `path`, whole or not at all. Returns the number of rows. Throws
+/// ConfigError for a recording without one.
+std::uint64_t export_trace(RecordingReader& recording, const std::string& path);
+
+}  // namespace twoport

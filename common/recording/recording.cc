@@ -1,0 +1,318 @@
+#include "common/recording/recording.h"
+
+#include <google/protobuf/descriptor.pb.h>
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <filesystem>
+#include <initializer_list>
+#include <limits>
+#include <utility>
+
+#include "common/base/check.h"
+#include "common/recording/hand.h"
+#include "proto/recording.pb.h"
+
+namespace twoport {
+namespace {
+
+using Numbers = google::protobuf::RepeatedField<double>;
+
+// ---- descriptors, units
+
+std::string descriptors(const google::protobuf::Descriptor& message) {
+  google::protobuf::FileDescriptorSet set;
+  message.file()->CopyTo(set.add_file());  // which imports none
+  return set.SerializeAsString();
+}
+
+mcap::Metadata units(int dof) {
+  mcap::Metadata all;
+  const auto add = [&](std::initializer_list<const char*> names, std::string_view linear, std::string_view angular) {
+    std::string unit{linear};
+    if (dof == 6 && !angular.empty()) unit.append(", ").append(angular);
+    for (const char* name : names) all.emplace(name, unit);
+  };
+  add({"x", "x_d"}, "m", "unit quaternion w x y z");
+  add({"v", "v_d"}, "m/s", "rad/s");
+  add({"applied", "f_environment", "command", "wanted", "f", "f_coupling"}, "N", "N m");
+  add({"position_error"}, "m", "rad");
+  add({"dissipated_j", "undissipated_j", "energy_in_j"}, "J", "");
+  add({"now_ns", "sent_ns", "echo_ns"}, "ns", "");
+  add({"dt_s", "ended_s", "t_s"}, "s", "");
+  return all;
+}
+
+// ---- values to messages
+
+template <class Kind, int N>
+void put(const Coords<Kind, N>& from, Numbers& to) {
+  to.Clear();
+  to.Add(from.vec().data(), from.vec().data() + N);
+}
+template <int N>
+void put(const Position<N>& from, Numbers& to) {
+  to.Clear();
+  for (int i = 0; i < from.translation().size(); ++i) to.Add(from.translation()[i]);
+  if constexpr (N == 6)
+    for (const double q : {from.attitude().w(), from.attitude().x(), from.attitude().y(), from.attitude().z()})
+      to.Add(q);
+}
+
+template <int N>
+void put(const Report<N>& from, schema::RecordedReport& to) {
+  to.set_sequence(from.sequence);
+  to.set_sent_ns(from.sent_ns);
+  to.set_echo_ns(from.echo_ns);
+  put(from.x, *to.mutable_x());
+  put(from.v, *to.mutable_v());
+  put(from.f, *to.mutable_f());
+  put(from.f_coupling, *to.mutable_f_coupling());
+  put(from.f_environment, *to.mutable_f_environment());
+  put(from.position_error, *to.mutable_position_error());
+  to.set_energy_in_j(from.energy_in_j);
+  to.set_mode(static_cast<std::uint32_t>(from.mode));
+  to.set_epoch(from.epoch);
+  to.mutable_words()->Clear();
+  to.mutable_words()->Add(from.words.at.begin(), from.words.at.begin() + from.words.count);
+  to.set_running_totals(from.words.totals);
+}
+
+// ---- messages to values; false where the lengths do not fit
+
+template <class Kind, int N>
+bool take(const Numbers& from, Coords<Kind, N>& to) {
+  if (from.size() != N) return false;
+  to = Coords<Kind, N>{Eigen::Map<const typename Coords<Kind, N>::Vector>{from.data()}};
+  return true;
+}
+template <int N>
+bool take(const Numbers& from, Position<N>& to) {
+  if constexpr (N == 6) {
+    if (from.size() != 7) return false;
+    to = Position<6>{Eigen::Vector3d{from[0], from[1], from[2]}, {from[3], from[4], from[5], from[6]}};
+  } else {
+    if (from.size() != N) return false;
+    to = Position<N>{Eigen::Map<const typename Position<N>::Vector>{from.data()}};
+  }
+  return true;
+}
+bool take(std::uint32_t from, Mode& to) {
+  if (from > static_cast<std::uint32_t>(Mode::let_go)) return false;
+  to = static_cast<Mode>(from);
+  return true;
+}
+
+template <int N>
+bool take(const schema::RecordedReport& from, Report<N>& to) {
+  if (from.words_size() > static_cast<int>(Words::kMost)) return false;
+  to.sequence = from.sequence();
+  to.sent_ns = from.sent_ns();
+  to.echo_ns = from.echo_ns();
+  to.energy_in_j = from.energy_in_j();
+  to.epoch = from.epoch();
+  std::copy(from.words().begin(), from.words().end(), to.words.at.begin());
+  to.words.count = static_cast<std::uint8_t>(from.words_size());
+  to.words.totals = from.running_totals();
+  return take(from.x(), to.x) && take(from.v(), to.v) && take(from.f(), to.f) &&
+         take(from.f_coupling(), to.f_coupling) && take(from.f_environment(), to.f_environment) &&
+         take(from.position_error(), to.position_error) && take(from.mode(), to.mode);
+}
+
+std::array<double, 8> numbers(const PortLimits& l) {
+  return {l.force_n,          l.torque_n_m, l.force_rate_n_per_s, l.power_w, l.speed_m_per_s, l.angular_speed_rad_per_s,
+          l.set_point_step_m, l.workspace_m};
+}
+
+}  // namespace
+
+RecordingSide::RecordingSide(mcap::Writer& file, const RecordingHeader& header)
+    : file_{&file}, start_unix_ns_{header.start_unix_ns}, master_{header.side == "master"} {
+  const std::string prefix = "/" + header.side;
+  const std::string schemas = descriptors(*schema::RecordedTick::descriptor());
+  const std::uint16_t of_header = file.add_channel(
+      prefix + "/header", schema::RecordingHeader::descriptor()->full_name(), schemas, {{"side", header.side}});
+  mcap::Metadata metadata = units(header.dof);
+  metadata["side"] = header.side;
+  channel_ = file.add_channel(prefix + "/tick", schema::RecordedTick::descriptor()->full_name(), schemas, metadata);
+
+  schema::RecordingHeader message;
+  message.set_program(header.program);
+  message.set_side(header.side);
+  message.set_dof(static_cast<std::uint32_t>(header.dof));
+  message.set_rate_hz(header.rate_hz);
+  message.set_scene_file(header.scene_file);
+  message.set_scene_text(header.scene_text);
+  for (const std::string& each : header.overrides) message.add_override(each);
+  message.set_live(header.live);
+  message.set_hardware(header.hardware);
+  message.set_start_unix_ns(header.start_unix_ns);
+  if (header.properties) {
+    schema::HardwareProperties& p = *message.mutable_properties();
+    p.set_max_force_n(header.properties->max_force_n);
+    p.set_mass_kg(header.properties->mass_kg);
+    p.set_inertia_kg_m2(header.properties->inertia_kg_m2);
+    for (const double limit : numbers(header.properties->limits)) p.add_limits(limit);
+  }
+  file.write(of_header, log_time_ns(Duration{0}), message.SerializeAsString());
+}
+
+std::uint64_t RecordingSide::log_time_ns(Duration now) const {
+  return static_cast<std::uint64_t>(std::max<std::int64_t>(start_unix_ns_ + now.count(), 0));
+}
+
+template <int N>
+void RecordingSide::add(const TickRecord<N>& tick, std::span<const Report<N>> received) {
+  thread_local schema::RecordedTick message;  // keeps its memory
+  message.Clear();
+  message.set_number(tick.number);
+  message.set_now_ns(tick.now.count());
+  message.set_dt_s(tick.dt.si());
+  message.set_ended_s(tick.ended.si());
+  message.set_t_s(tick.t_s);
+  message.set_epoch_before(tick.epoch_before);
+  message.set_peer_restarted(tick.peer_restarted);
+  message.set_epoch(tick.epoch);
+  put(tick.x, *message.mutable_x());
+  put(tick.v, *message.mutable_v());
+  put(tick.f, master_ ? *message.mutable_applied() : *message.mutable_f_environment());
+  message.set_ideal(tick.ideal);
+  message.set_status(static_cast<std::uint32_t>(tick.status));
+  message.set_buttons(tick.buttons);
+  message.set_held(tick.held);
+  for (const Report<N>& each : received) put(each, *message.add_received());
+  put(tick.command, *message.mutable_command());
+  if (master_) {
+    put(tick.wanted, *message.mutable_wanted());
+    message.set_undissipated_j(tick.undissipated_j);
+  } else {
+    put(tick.x_d, *message.mutable_x_d());
+    put(tick.v_d, *message.mutable_v_d());
+  }
+  message.set_dissipated_j(tick.dissipated_j);
+  message.set_mode(static_cast<std::uint32_t>(tick.mode));
+  if (tick.sends) put(tick.sent, *message.mutable_sent());
+  message.SerializeToString(&bytes_);
+  file_->write(channel_, log_time_ns(tick.now), bytes_);
+}
+
+RecordingReader::RecordingReader(const std::string& path) : name_{path} {
+  std::error_code error;
+  if (!std::filesystem::is_regular_file(path, error)) fail("it is not there, or no regular file");
+  in_ = std::make_unique<std::ifstream>(path, std::ios::binary);
+  if (!*in_) fail("it cannot be read");
+  reader_ = std::make_unique<mcap::Reader>(*in_, name_);
+}
+
+RecordingReader::RecordingReader(std::unique_ptr<std::istream> in, std::string name)
+    : name_{std::move(name)}, in_{std::move(in)}, reader_{std::make_unique<mcap::Reader>(*in_, name_)} {}
+
+RecordingReader::Kind RecordingReader::next() {
+  if (!reader_->next(message_)) return Kind::end;
+  const mcap::Channel& channel = *message_.channel;
+  if (channel.schema == schema::RecordedTick::descriptor()->full_name()) return Kind::tick;
+  if (channel.schema != schema::RecordingHeader::descriptor()->full_name()) return Kind::other;
+
+  schema::RecordingHeader m;
+  if (!m.ParseFromArray(message_.data.data(), static_cast<int>(message_.data.size()))) fail("a header is damaged");
+  if (m.side() != "master" && m.side() != "slave") fail("a header is of neither master nor slave");
+  if (m.dof() != 1 && m.dof() != 3 && m.dof() != 6) fail("a header has no dof of 1, 3 or 6");
+  header_ = {.program = m.program(),
+             .side = m.side(),
+             .dof = static_cast<int>(m.dof()),
+             .rate_hz = m.rate_hz(),
+             .scene_file = m.scene_file(),
+             .scene_text = m.scene_text(),
+             .overrides = {m.override().begin(), m.override().end()},
+             .live = m.live(),
+             .hardware = m.hardware(),
+             .properties = std::nullopt,
+             .start_unix_ns = m.start_unix_ns()};
+  if (m.has_properties()) {
+    const schema::HardwareProperties& p = m.properties();
+    const PortLimits none{};
+    if (p.limits_size() != static_cast<int>(numbers(none).size())) fail("a header has other limits");
+    DeviceInfo& info = header_.properties.emplace();
+    info.name = m.hardware();
+    info.max_force_n = p.max_force_n();
+    info.mass_kg = p.mass_kg();
+    info.inertia_kg_m2 = p.inertia_kg_m2();
+    info.limits = {.force_n = p.limits(0),
+                   .torque_n_m = p.limits(1),
+                   .force_rate_n_per_s = p.limits(2),
+                   .power_w = p.limits(3),
+                   .speed_m_per_s = p.limits(4),
+                   .angular_speed_rad_per_s = p.limits(5),
+                   .set_point_step_m = p.limits(6),
+                   .workspace_m = p.limits(7)};
+  }
+  return Kind::header;
+}
+
+template <int N>
+bool RecordingReader::tick(RecordedTick<N>& into) {
+  thread_local schema::RecordedTick m;
+  if (!m.ParseFromArray(message_.data.data(), static_cast<int>(message_.data.size()))) fail("a tick is damaged");
+  TickRecord<N>& t = into.tick;
+  t.number = m.number();
+  t.now = Duration{m.now_ns()};
+  t.dt = Seconds{m.dt_s()};
+  t.ended = Seconds{m.ended_s()};
+  t.t_s = m.t_s();
+  t.epoch_before = m.epoch_before();
+  t.peer_restarted = m.peer_restarted();
+  t.epoch = m.epoch();
+  t.ideal = m.ideal();
+  if (m.status() > static_cast<std::uint32_t>(HardwareStatus::fault)) return false;
+  t.status = static_cast<HardwareStatus>(m.status());
+  t.buttons = m.buttons();
+  t.held = m.held();
+  t.dissipated_j = m.dissipated_j();
+  t.undissipated_j = m.undissipated_j();
+  const bool master = m.applied_size() > 0;
+  bool fits = take(m.x(), t.x) && take(m.v(), t.v) && take(master ? m.applied() : m.f_environment(), t.f) &&
+              take(m.command(), t.command) && take(m.mode(), t.mode);
+  fits = fits && (master ? take(m.wanted(), t.wanted) : take(m.x_d(), t.x_d) && take(m.v_d(), t.v_d));
+  into.received.clear();
+  for (const schema::RecordedReport& each : m.received()) fits = fits && take(each, into.received.emplace_back());
+  t.sends = m.has_sent();
+  return fits && (!t.sends || take(m.sent(), t.sent));
+}
+
+void RecordingReader::fail(const std::string& why) const {
+  throw ConfigError{name_ + ": " + why};
+}
+
+RecordedHand read_recorded_hand(const std::string& path) {
+  RecordingReader recording{path};
+  RecordedHand hand;
+  schema::RecordedTick m;
+  for (RecordingReader::Kind kind; (kind = recording.next()) != RecordingReader::Kind::end;) {
+    if (kind == RecordingReader::Kind::header && recording.header().side == "master") hand.dof = recording.header().dof;
+    if (kind != RecordingReader::Kind::tick || recording.topic() != "/master/tick" || hand.dof == 0) continue;
+    const std::string_view data = recording.message().data;
+    if (!m.ParseFromArray(data.data(), static_cast<int>(data.size()))) recording.fail("a tick is damaged");
+    if (m.x_size() != (hand.dof == 6 ? 7 : hand.dof) || m.v_size() != hand.dof)
+      recording.fail("a tick has another dof");
+    if (!(m.t_s() >= 0.0)) continue;
+    if (!hand.t_s.empty() && !(m.t_s() > hand.t_s.back())) recording.fail("its times do not increase");
+    hand.t_s.push_back(m.t_s());
+    hand.x.insert(hand.x.end(), m.x().begin(), m.x().end());
+    hand.v.insert(hand.v.end(), m.v().begin(), m.v().end());
+  }
+  if (hand.t_s.empty()) recording.fail("it has no tick of a master in contact with its slave");
+  const auto finite = [](double value) { return std::isfinite(value); };
+  if (!std::ranges::all_of(hand.x, finite) || !std::ranges::all_of(hand.v, finite))
+    recording.fail("a position of the hand is not finite");
+  return hand;
+}
+
+template void RecordingSide::add<1>(const TickRecord<1>&, std::span<const Report<1>>);
+template void RecordingSide::add<3>(const TickRecord<3>&, std::span<const Report<3>>);
+template void RecordingSide::add<6>(const TickRecord<6>&, std::span<const Report<6>>);
+template bool RecordingReader::tick<1>(RecordedTick<1>&);
+template bool RecordingReader::tick<3>(RecordedTick<3>&);
+template bool RecordingReader::tick<6>(RecordedTick<6>&);
+
+}  // namespace twoport

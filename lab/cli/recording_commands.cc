@@ -1,0 +1,66 @@
+#include <fmt/format.h>
+
+#include <filesystem>
+#include <memory>
+#include <string>
+
+#include "common/base/check.h"
+#include "common/record/trace_channel.h"
+#include "common/recording/recording.h"
+#include "lab/cli/commands.h"
+#include "lab/study/cells.h"
+#include "lab/study/replay.h"
+
+namespace twoport::lab {
+namespace {
+
+int replay_command(const std::string& file) {
+  RecordingReader recording{file};
+  const Replayed all = replay(recording);
+  if (all.torn) fmt::print("{}: the recording has no end: its program was killed\n", file);
+  for (const ReplayedSide& each : all.sides) {
+    if (each.difference.empty()) {
+      fmt::print("{}: {} ticks, identical to the bit\n", each.side, each.ticks);
+    } else {
+      fmt::print("{}: {} ticks identical to the bit, then {}\n", each.side, each.ticks, each.difference);
+    }
+  }
+  return all.identical() ? 0 : 3;
+}
+
+struct ExportArguments {
+  std::string file, csv, out;
+};
+
+int export_command(const ExportArguments& a) {
+  std::string csv = a.csv;
+  if (csv.empty()) {
+    const std::string folder = a.out.empty() ? "." : a.out;
+    make_folder(folder);
+    csv = folder + "/trace.csv";
+  } else if (std::filesystem::is_directory(csv)) {
+    csv += "/trace.csv";
+  }
+  RecordingReader recording{a.file};
+  const std::uint64_t rows = export_trace(recording, csv);
+  fmt::print("{}: {} rows\n", csv, rows);
+  return 0;
+}
+
+}  // namespace
+
+std::vector<Subcommand> add_recording_commands(CLI::App& app) {
+  const auto file = std::make_shared<std::string>();
+  CLI::App* replay = app.add_subcommand(
+      "replay", "Feed a recording to the same nodes: exit status 0 if every result is identical to the bit, else 3");
+  replay->add_option("recording", *file, "FILE.mcap")->required();
+
+  const auto a = std::make_shared<ExportArguments>();
+  CLI::App* export_ = app.add_subcommand("export", "The trace of a recording as CSV");
+  export_->add_option("recording", a->file, "FILE.mcap")->required();
+  export_->add_option("--csv", a->csv, "OUT: a file, or a folder for trace.csv")->expected(0, 1)->required();
+  export_->add_option("--out", a->out, "Folder for trace.csv");
+  return {{replay, [file] { return replay_command(*file); }}, {export_, [a] { return export_command(*a); }}};
+}
+
+}  // namespace twoport::lab
