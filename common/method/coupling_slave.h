@@ -74,6 +74,39 @@ class CouplingSlave {
   Position<N> x_;  ///< of the robot
 };
 
+/// A coupling slave with a store of energy, `side_`, that books what the robot's port puts in, exactly. Side: put_in, sent, deficit,
+/// restart.
+template <int N, class Side>
+class StoringSlave : public CouplingSlave<N> {
+ public:
+  StoringSlave(const ControlOptions& coupled, const ControlOptions& o) : CouplingSlave<N>{coupled}, side_{o} {}
+
+  void start(const RobotSample<N>& robot, const PeerState<N>& master) noexcept {
+    CouplingSlave<N>::start(robot, master);
+    f_ = Force<N>{};
+  }
+  SlaveOutput<N> fail_safe(const Ledger& account) noexcept {
+    f_ = Force<N>{};
+    SlaveOutput<N> out = CouplingSlave<N>::fail_safe(account);
+    out.energy_in = side_.sent();
+    return out;
+  }
+  [[nodiscard]] Energy deficit(const Ledger&, Energy master_in) const noexcept {
+    return side_.deficit(this->coupling_.registration().to_slave(master_in));
+  }
+  void restart(const Ledger& account, Energy deficit) noexcept {
+    CouplingSlave<N>::restart(account, deficit);
+    side_.restart(deficit);
+  }
+
+ protected:
+  /// Books the interval that has ended; before want().
+  void book(const RobotSample<N>& robot) noexcept { side_.put_in(-dot(f_, robot.x - this->x_)); }
+
+  Side side_;
+  Force<N> f_;  ///< on the robot in the last tick
+};
+
 /// One number for the translational axes and one for the rotational ones.
 template <int N>
 typename Force<N>::Vector per_axis(double translation, double rotation) noexcept {

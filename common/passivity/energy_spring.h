@@ -33,12 +33,17 @@ std::optional<PortVelocityPredictor<N>> predictor_of(double mass_kg, double iner
   return PortVelocityPredictor<N>{mass_kg, inertia_kg_m2};
 }
 
+/// How far a tick may move a port: `times` the largest motion of a tick in the last `memory_s` or so.
+struct Reach {
+  double times = 2.0, memory_s = 0.5;
+};
+
 /// Limits the force at an impedance to what a spring could return that holds the energy of the port. Positive power f·v
 /// enters the port.
 ///
 ///     A  = max(0, E + E(0))                      available energy; E: energy into the port, exact
 ///     K  = min(K_0, m/(4 T²)),  K_r likewise   no stiffer than the sampled handle, where its mass m (and inertia) is known
-///     d  = 2 T v_p,   v_p = max(|Δx|/T, (1 - T/τ) v_p),   τ = 0.5 s,  v_p(0) = 1 m/s      twice the largest recent motion of a tick
+///     d  = c T v_p,   v_p = max(|Δx|/T, (1 - T/τ) v_p),   c = 2,  τ = 0.5 s (Reach),  v_p(0) = 1 m/s
 ///     s1 = min(1, sqrt(2 K A) / |f_d|, A / (d |f_d|))   |f| <= sqrt(2 K A): the force of a spring K that stores A;  |f| d <= A
 ///     s2 = largest_feasible_scale                predicted outflow <= A, see predictive_impedance_controller; without a known
 ///                                                mass T s1 f_d·(-v) s2 <= A
@@ -56,8 +61,10 @@ template <int N>
 class EnergySpring {
  public:
   /// `stiffness` K_0 [N/m], `rotational_stiffness` K_r [N m/rad] of N = 6; `mass`, `inertia` of the handle, 0: not known.
-  EnergySpring(Energy initial, double stiffness, double rotational_stiffness, double mass_kg, double inertia_kg_m2)
-      : initial_{initial},
+  EnergySpring(Energy initial, double stiffness, double rotational_stiffness, double mass_kg, double inertia_kg_m2,
+               Reach reach = {})
+      : reach_{reach},
+        initial_{initial},
         stiffness_{stiffness},
         rotational_stiffness_{rotational_stiffness},
         quarter_mass_kg_{0.25 * mass_kg},
@@ -69,7 +76,7 @@ class EnergySpring {
     energy_ += net - net_;
     net_ = net;
     const double speed = ended.si() > 0.0 ? motion_norm(moved, dt) / ended.si() : 0.0;
-    peak_speed_ = std::max(speed, std::max(0.0, 1.0 - dt.si() / kPeak_s) * peak_speed_);
+    peak_speed_ = std::max(speed, std::max(0.0, 1.0 - dt.si() / reach_.memory_s) * peak_speed_);
     if (predictor_) predictor_->step(moved, applied, ended, dt);
   }
   /// Drops energy above `most`: energy put in long ago cannot be returned as a kick.
@@ -112,7 +119,7 @@ class EnergySpring {
     }
   }
   /// d [m]: no motion of one tick is expected to be larger.
-  [[nodiscard]] double reach(Seconds dt) const noexcept { return 2.0 * dt.si() * peak_speed_; }
+  [[nodiscard]] double reach(Seconds dt) const noexcept { return reach_.times * dt.si() * peak_speed_; }
   /// Scale s = s1 s2 in [0, 1] of f_d for the coming interval; `v`: velocity of the port; `beside`: what is displayed besides s f_d
   /// and has an account of its own.
   [[nodiscard]] double scale(const Force<N>& f_d, const Velocity<N>& v, Seconds dt,
@@ -144,8 +151,9 @@ class EnergySpring {
     return predictor_ ? std::min(stiffness, quarter / (dt.si() * dt.si())) : stiffness;
   }
 
-  static constexpr double kPeak_s = 0.5, kFirstSpeed_m_per_s = 1.0, kLeastReach_m = 1e-12;
+  static constexpr double kFirstSpeed_m_per_s = 1.0, kLeastReach_m = 1e-12;
 
+  Reach reach_;
   Energy initial_, energy_, net_, reserved_;
   double stiffness_, rotational_stiffness_, quarter_mass_kg_, quarter_inertia_kg_m2_;
   double peak_speed_ = kFirstSpeed_m_per_s;  ///< v_p

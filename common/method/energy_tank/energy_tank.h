@@ -102,50 +102,29 @@ class EnergyTankMaster {
 
 /// Slave half: the force of the virtual coupling, limited by the slave's tank. The robot's work is taken from the tank.
 template <int N>
-class EnergyTankSlave : public CouplingSlave<N> {
+class EnergyTankSlave : public StoringSlave<N, EnergyTankSide<N>> {
  public:
   explicit EnergyTankSlave(const ControlOptions& o)
-      : CouplingSlave<N>{o}, side_{o}, measured_{returns_measured_force(o)} {}
+      : StoringSlave<N, EnergyTankSide<N>>{o, o}, measured_{returns_measured_force(o)} {}
 
-  void start(const RobotSample<N>& robot, const PeerState<N>& master) noexcept {
-    CouplingSlave<N>::start(robot, master);
-    x_before_ = robot.x;
-    f_ = Force<N>{};
-  }
   SlaveOutput<N> step(const SlaveInput<N>& in) noexcept {
-    side_.put_in(-dot(f_, in.robot.x - x_before_));
-    x_before_ = in.robot.x;
+    auto& side = this->side_;
+    this->book(in.robot);
     const auto wanted = this->want(in);
     const Energy received = this->coupling_.registration().to_slave(in.master_energy_in);
-    if (in.active) side_.send(received, in.dt);
-    const Force<N> f = side_.limited(wanted.f, dot(wanted.f, in.robot.v), side_.level(received), in.dt);
+    if (in.active) side.send(received, in.dt);
+    const Force<N> f = side.limited(wanted.f, dot(wanted.f, in.robot.v), side.level(received), in.dt);
     SlaveOutput<N> out = this->act(in, f, wanted.v, wanted.v);
     out.grounded = dot(f, (out.command.v_d - in.robot.v) * in.dt);  // the port of this side is the robot's
     out.f_back = measured_ ? in.robot.f_environment : f;
     out.dissipated = positive_part(dot(wanted.f - f, in.robot.v) * in.dt);
-    out.energy_in = side_.sent();
-    f_ = out.command.f;
+    out.energy_in = side.sent();
+    this->f_ = out.command.f;
     return out;
-  }
-  SlaveOutput<N> fail_safe(const Ledger& account) noexcept {
-    f_ = Force<N>{};
-    SlaveOutput<N> out = CouplingSlave<N>::fail_safe(account);
-    out.energy_in = side_.sent();
-    return out;
-  }
-  [[nodiscard]] Energy deficit(const Ledger&, Energy master_in) const noexcept {
-    return side_.deficit(this->coupling_.registration().to_slave(master_in));
-  }
-  void restart(const Ledger& account, Energy deficit) noexcept {
-    CouplingSlave<N>::restart(account, deficit);
-    side_.restart(deficit);
   }
 
  private:
-  EnergyTankSide<N> side_;
   bool measured_;
-  Position<N> x_before_;
-  Force<N> f_;
 };
 
 struct EnergyTank {

@@ -40,7 +40,7 @@ namespace twoport {
 /// In flight: free, but commanded into the surface; the robot bounces and will touch it again.
 /// `strict_two_port`: the robot too gets no more energy than the hand puts in, Σ f·Δx less what leaves at the slave >= -E(0). Each
 /// half has E(0)/2; the master sends what E has above a quarter of the model's |F_x|²/2K*, in place of the end of (3), the slave what
-/// it has above E(0)/2 + 5 mJ (InternalModelSlave). A damper may lose only what A has, γ |g| d <= A, and the spring only the rest;
+/// it has above E(0)/2 + 5 mJ (InternalModelSlave). A damper may lose only what A has, γ |g| d <= A, and the spring only the rest; d is six times the largest motion of a second;
 /// b = 8 + 2 min(R, 1 s) pays for the robot.
 /// N = 6: y = x + R b with b from the slave; the torque of f_d is (R b) × F_x + r_τ, r_τ = LP_a of τ - (R_echo b) × F(x_echo).
 template <int N>
@@ -53,8 +53,12 @@ class InternalModelMaster {
         mass_kg_{o.handle_mass_kg},
         inertia_kg_m2_{o.handle_inertia_kg_m2},
         strict_{o.internal_model.strict_two_port},
-        energy_{(strict_ ? 0.5 : 1.0) * o.initial_energy, coupling_n_per_m_, rotation_n_m_per_rad_, o.handle_mass_kg,
-                o.handle_inertia_kg_m2},
+        energy_{(strict_ ? 0.5 : 1.0) * o.initial_energy,
+                coupling_n_per_m_,
+                rotation_n_m_per_rad_,
+                o.handle_mass_kg,
+                o.handle_inertia_kg_m2,
+                strict_ ? kStrictReach : Reach{}},
         ramp_{o.engage} {}
 
   void start(const DeviceSample<N>&) noexcept {
@@ -138,6 +142,7 @@ class InternalModelMaster {
   static constexpr double kDamping = 0.5, kDampingPerDelay = 2.0, kLongDelay_s = 1.0, kHarvest = 10.0,
                           kDamperVelocity_s = 3e-3;  // [N s/m]
   static constexpr double kStrictDamping = 8.0, kKept = 0.25;
+  static constexpr Reach kStrictReach{.times = 6.0, .memory_s = 1.0};
   static constexpr double kOffset_s = 50e-3, kOffsetOutside_s = 0.3, kOffsetNormal_s = 0.5;
   static constexpr double kCommanded_n = 0.1, kLever_s = 20e-3, kOffsetNegligible_m = 1e-6;
 

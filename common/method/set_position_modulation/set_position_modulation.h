@@ -120,61 +120,43 @@ class SetPositionMaster {
 
 /// Slave half: f_s = K (y_s - x_s) - B v_s; y_s follows the master's position.
 template <int N>
-class SetPositionSlave : public CouplingSlave<N> {
+class SetPositionSlave : public StoringSlave<N, SetPositionSpring<N>> {
+  using Base = StoringSlave<N, SetPositionSpring<N>>;
+
  public:
-  explicit SetPositionSlave(const ControlOptions& o) : CouplingSlave<N>{coupled_by_position(o, o.coupling)}, side_{o} {}
+  explicit SetPositionSlave(const ControlOptions& o) : Base{coupled_by_position(o, o.coupling), o} {}
 
   void start(const RobotSample<N>& robot, const PeerState<N>& master) noexcept {
-    CouplingSlave<N>::start(robot, master);
-    side_.start(robot.x);
-    x_before_ = robot.x;
-    f_ = Force<N>{};
+    Base::start(robot, master);
+    this->side_.start(robot.x);
   }
   SlaveOutput<N> step(const SlaveInput<N>& in) noexcept {
-    side_.put_in(-dot(f_, in.robot.x - x_before_));
-    x_before_ = in.robot.x;
+    auto& side = this->side_;
+    this->book(in.robot);
     const auto wanted = this->want(in);
     auto& coupling = this->coupling_;
     if (in.robot.ideal || !in.active) {
-      side_.start(in.robot.x);
-      f_ = Force<N>{};
+      side.start(in.robot.x);
+      this->f_ = Force<N>{};
       SlaveOutput<N> out = this->act(in, wanted.f, wanted.v, wanted.v);
-      out.energy_in = side_.sent();
+      out.energy_in = side.sent();
       return out;
     }
     const Energy received = coupling.registration().to_slave(in.master_energy_in);
-    const Energy gained = side_.follow(coupling.set_point() + wanted.v * in.dt, in.robot.x, received);
-    const Force<N> spring = -side_.spring(in.robot.x), damper = this->damper(in, side_.damping());
+    const Energy gained = side.follow(coupling.set_point() + wanted.v * in.dt, in.robot.x, received);
+    const Force<N> spring = -side.spring(in.robot.x), damper = this->damper(in, side.damping());
     SlaveOutput<N> out = this->act(in, spring + damper, wanted.v, wanted.v);
-    out.command.x_d = side_.set_position();
+    out.command.x_d = side.set_position();
     // What the link does at the set position is the spring's gain; the damper's work does not come from there.
     out.grounded = dot(out.command.f, out.command.v_d * in.dt) - gained;
-    out.energy_in = side_.sent();
-    f_ = out.command.f;
+    out.energy_in = side.sent();
+    this->f_ = out.command.f;
     return out;
   }
   void resume(const SlaveHandover<N>& from) noexcept {
-    CouplingSlave<N>::resume(from);
-    side_.start(from.set_point);
+    Base::resume(from);
+    this->side_.start(from.set_point);
   }
-  SlaveOutput<N> fail_safe(const Ledger& account) noexcept {
-    f_ = Force<N>{};
-    SlaveOutput<N> out = CouplingSlave<N>::fail_safe(account);
-    out.energy_in = side_.sent();
-    return out;
-  }
-  [[nodiscard]] Energy deficit(const Ledger&, Energy master_in) const noexcept {
-    return side_.deficit(this->coupling_.registration().to_slave(master_in));
-  }
-  void restart(const Ledger& account, Energy deficit) noexcept {
-    CouplingSlave<N>::restart(account, deficit);
-    side_.restart(deficit);
-  }
-
- private:
-  SetPositionSpring<N> side_;
-  Position<N> x_before_;
-  Force<N> f_;
 };
 
 struct SetPositionModulation {
