@@ -25,7 +25,8 @@ Gallery gallery(const GalleryOptions& o, const std::function<void(const Progress
   for (const auto& each : fs::directory_iterator{o.folder, error})
     if (each.path().extension() == ".textproto") files.push_back(each.path());
   if (error)
-    throw ConfigError{fmt::format("{}: {}; name a folder of scenes, such as scenes/edge of the source tree", o.folder, error.message())};
+    throw ConfigError{fmt::format("{}: {}; name a folder of scenes, such as scenes/edge of the source tree", o.folder,
+                                  error.message())};
   if (files.empty()) throw ConfigError{fmt::format("{}: no scene (.textproto) in this folder", o.folder)};
   std::sort(files.begin(), files.end());
 
