@@ -195,7 +195,7 @@ int run(const Scene& read, const LiveArguments& arguments, const Registry& hardw
   const std::unique_ptr<Device<N>> device = std::make_unique<MountedDevice<N>>(
       hardware.devices.open<N>(arguments.hardware, read, Seconds{1.0 / read.master_rate_hz},
                                page ? page->channel() : nullptr),
-      read.device_mount);
+      arguments.is_playback() ? DeviceMount{} : read.device_mount);
   print_hints(read, arguments, device->truth() != nullptr);
   const Scene scene = with_device(read, device->info());
   if (page) page->serve(scene, arguments, device->info().name, log);

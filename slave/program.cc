@@ -122,7 +122,8 @@ template <int N>
 int run(Scene scene, const LiveArguments& arguments, const Registry& hardware) {
   spdlog::logger log = make_log("slave");
   const std::unique_ptr<Robot<N>> robot = std::make_unique<MountedRobot<N>>(
-      hardware.robots.open<N>(arguments.hardware, scene, Seconds{1.0 / scene.slave_rate_hz}), scene.robot_mount);
+      hardware.robots.open<N>(arguments.hardware, scene, Seconds{1.0 / scene.slave_rate_hz}),
+      arguments.is_playback() ? RobotMount{} : scene.robot_mount);
   if (!robot->info().has_force_sensor) {
     check_without_force_sensor(scene.control, arguments);
     for (const ScheduledControl& entry : scene.schedule) check_without_force_sensor(entry.control, arguments);

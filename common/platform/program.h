@@ -28,6 +28,9 @@ struct LiveArguments {
   std::uint64_t trace_every = 1;  ///< the trace has one row in so many
   /// --duration: the program ends this long after its start [s].
   double limit_s = std::numeric_limits<double>::infinity();
+
+  /// Readings of a recording are those of mounted hardware: the scene's mount is not applied again.
+  [[nodiscard]] bool is_playback() const { return hardware.starts_with("playback:"); }
 };
 
 /// Parses the command line of twoport-master or twoport-slave, runs `body(scene, arguments)`, and converts errors to the exit
