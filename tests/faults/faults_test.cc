@@ -43,8 +43,7 @@ constexpr Duration kWatchdog = 100ms, kReleaseAfter = 1s;
 constexpr double kInitialEnergyJ = 1e-3;
 // After a gap the first command is computed from the mean velocity of the gap, and its deficit dissipated in the ticks that
 // follow: 0.10 mJ at most in 2,000 schedules of stops, by MODEL_MEDIATED. Held for a tick of motion δ, the spring returns up to K_c δ²/2
-// and the method's damper b δ²/T more than is there (common/passivity/energy_spring.h); both together are some 0.05 mJ here and do not
-// explain all of it.
+// and the method's damper b δ²/T more than is there (common/passivity/energy_spring.h); both together do not explain all of it.
 constexpr double kPredictionJ = 2e-4;
 
 std::string scene_text(int dof, const std::string& method) {
