@@ -78,7 +78,8 @@ class End {
   }
   void receive(const Report<3>& r) {
     now_ = clock_now_();
-    meter_->on(r.sequence, Duration{r.sent_ns}, now_);
+    // A side that has heard nothing yet answers invitations: not a packet each period.
+    if (r.echo_ns >= 0) meter_->on(r.sequence, Duration{r.sent_ns}, now_);
     from_words(r.words, other_);
     if (state_.has_report && r.sequence <= state_.newest.sequence) return;
     state_.newest = r;

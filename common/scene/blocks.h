@@ -29,7 +29,7 @@ SimulationSpec read_simulation(const Block<schema::Simulation>& of);
 ExpectSpec read_expect(const Block<schema::Expect>& of);
 
 /// Rules between blocks. `values` is what was read from `scene`.
-void check_rules(const Block<schema::Scene>& scene, const Scene& values);
+void check_rules(const Block<schema::Scene>& scene, const Scene& values, SceneFor use);
 
 /// The plain enums count as the schema's do, so that a value crosses by its number.
 template <class Plain, class Schema>

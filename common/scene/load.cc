@@ -80,7 +80,7 @@ Scene read_scene(const schema::Scene& message, const std::string& file, SceneFor
   scene.expect = read_expect(of.block(FIELD(expect)));
   scene.device_mount = read_device_mount(of.block(FIELD(device_mount)));
   scene.robot_mount = read_robot_mount(of.block(FIELD(robot_mount)));
-  check_rules(of, scene);
+  check_rules(of, scene, use);
   return scene;
 }
 

@@ -121,15 +121,16 @@ void check_accounts(const SceneBlock& scene, const Scene& values) {
 
 /// A pause between packets and a wait in the playout buffer must not look like a silent link, nor hide one for long.
 void check_transmission(const Block<schema::Impairment>& way, const TransmissionOptions& options,
-                        const ControlOptions& c, double sender_rate_hz) {
+                        const ControlOptions& c, double sender_rate_hz, SceneFor use) {
   constexpr double kSilent = 0.1;  // after which a live session takes its peer to be gone [s]
-  const double most_silence = 0.5 * std::min(c.hold_after.si(), kSilent);
+  const bool live = use == SceneFor::live && c.hold_after.si() > kSilent;
+  const double most_silence = 0.5 * (live ? kSilent : c.hold_after.si());
   if (options.deadband && options.deadband->silence_s > most_silence * (1.0 + 1e-9))
     way.block(FIELD(deadband))
         .refuse(FIELD(silence_ms),
-                fmt::format("be <= {:g}, half of control.hold_after_s and half of 100 ms: else one lost "
-                            "packet is a silent link",
-                            1e3 * most_silence));
+                fmt::format(
+                    "be <= {:g}, half of {}: else one lost packet is a silent link", 1e3 * most_silence,
+                    live ? "the 100 ms after which a live session takes its peer to be gone" : "control.hold_after_s"));
   const double room = static_cast<double>(kPlayoutRoom) / sender_rate_hz;
   const double most_wait = std::min(c.release_after.si(), room);
   if (options.playout_s > most_wait * (1.0 + 1e-9))
@@ -159,16 +160,17 @@ void check_method(const ControlOptions& c, const Block<schema::Passivity>& passi
 
 }  // namespace
 
-void check_rules(const SceneBlock& scene, const Scene& values) {
+void check_rules(const SceneBlock& scene, const Scene& values, SceneFor use) {
   check_integrator(scene, values);
   check_rendering(scene, values);
   check_uncontrolled(scene, values);
   check_handle(scene, values);
   check_fastest(scene, values);
   check_accounts(scene, values);
-  check_transmission(scene.block(FIELD(to_slave)), values.transmission_to_slave, values.control, values.master_rate_hz);
-  check_transmission(scene.block(FIELD(to_master)), values.transmission_to_master, values.control,
-                     values.slave_rate_hz);
+  check_transmission(scene.block(FIELD(to_slave)), values.transmission_to_slave, values.control, values.master_rate_hz,
+                     use);
+  check_transmission(scene.block(FIELD(to_master)), values.transmission_to_master, values.control, values.slave_rate_hz,
+                     use);
   const auto control = scene.block(FIELD(control));
   check_method(values.control, control.block(FIELD(passivity)));
   const auto entries = control.blocks(FIELD(schedule));

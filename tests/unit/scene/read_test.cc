@@ -67,6 +67,13 @@ TEST(Scene, NeedsADurationInTheLaboratoryOnly) {
   EXPECT_TRUE(says(error_of("dof: 1"), {"duration_s is missing; it must be > 0"}));
 }
 
+// Live a session takes its peer to be gone after 100 ms.
+TEST(Scene, HasALongerSilenceInTheLaboratoryOnly) {
+  const Overrides ten_hz{"duration_s=1", "control.hold_after_s=0.5", "to_slave.deadband={ratio: 1 silence_ms: 100}"};
+  EXPECT_EQ(parse_scene("dof: 1", "test", ten_hz).transmission_to_slave.deadband->silence_s, 0.1);
+  EXPECT_THROW(parse_scene("dof: 1", "test", ten_hz, SceneFor::live), ConfigError);
+}
+
 TEST(Scene, ThatSaysNothingOfTheControllersHasTheDefaultsOfTheirOptions) {
   for (const std::string dof : {"1", "3", "6"}) {
     const ControlOptions scene = scene_of("duration_s: 1 dof: " + dof).control, own;

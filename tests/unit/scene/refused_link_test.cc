@@ -53,12 +53,12 @@ INSTANTIATE_TEST_SUITE_P(
         Refusal{
             kStiffWall,
             {"to_master.deadband={ratio: 0.1 silence_ms: 51}"},
-            "to_master.deadband.silence_ms is 51; it must be <= 50, half of control.hold_after_s and half of 100 ms: "
+            "to_master.deadband.silence_ms is 51; it must be <= 50, half of control.hold_after_s: "
             "else one lost packet is a silent link"},
         Refusal{
             kStiffWall,
             {"to_slave.deadband={ratio: 0.1 silence_ms: 11}", "control.hold_after_s=0.02"},
-            "to_slave.deadband.silence_ms is 11; it must be <= 10, half of control.hold_after_s and half of 100 ms: "
+            "to_slave.deadband.silence_ms is 11; it must be <= 10, half of control.hold_after_s: "
             "else one lost packet is a silent link"},
         Refusal{
             kStiffWall,
