@@ -5,6 +5,7 @@
 #include <string>
 #include <vector>
 
+#include "common/base/check.h"
 #include "tests/unit/scene/scenes.h"
 
 namespace twoport::test {

@@ -50,16 +50,14 @@ INSTANTIATE_TEST_SUITE_P(
                 "to_master.deadband.ratio is missing; it must be between 0 and 1"},
         Refusal{
             kStiffWall, {"to_master.deadband={ratio: 2}"}, "to_master.deadband.ratio is 2; it must be between 0 and 1"},
-        Refusal{
-            kStiffWall,
-            {"to_master.deadband={ratio: 0.1 silence_ms: 51}"},
-            "to_master.deadband.silence_ms is 51; it must be <= 50, half of control.hold_after_s: "
-            "else one lost packet is a silent link"},
-        Refusal{
-            kStiffWall,
-            {"to_slave.deadband={ratio: 0.1 silence_ms: 11}", "control.hold_after_s=0.02"},
-            "to_slave.deadband.silence_ms is 11; it must be <= 10, half of control.hold_after_s: "
-            "else one lost packet is a silent link"},
+        Refusal{kStiffWall,
+                {"to_master.deadband={ratio: 0.1 silence_ms: 51}"},
+                "to_master.deadband.silence_ms is 51; it must be <= 50, half of control.hold_after_s: "
+                "else one lost packet is a silent link"},
+        Refusal{kStiffWall,
+                {"to_slave.deadband={ratio: 0.1 silence_ms: 11}", "control.hold_after_s=0.02"},
+                "to_slave.deadband.silence_ms is 11; it must be <= 10, half of control.hold_after_s: "
+                "else one lost packet is a silent link"},
         Refusal{
             kStiffWall,
             {"to_slave.playout_ms=1001"},
