@@ -10,6 +10,7 @@
 #include <string>
 
 #include "common/base/check.h"
+#include "common/base/print_error.h"
 #include "common/platform/realtime.h"
 #include "common/scene/load.h"
 #include "device/probe.h"
@@ -206,13 +207,13 @@ int run(int argc, char** argv) {
     return dispatch_dof(scene, [&]<int N>() { return probe<N>(a, scene); });
   } catch (const CLI::ParseError& e) {
     if (e.get_exit_code() == 0) return app.exit(e);
-    fmt::print(stderr, "twoport-device: {}\n", e.what());
+    print_error("twoport-device: {}\n", e.what());
     return 2;
   } catch (const ConfigError& e) {
-    fmt::print(stderr, "twoport-device: {}\n", e.what());
+    print_error("twoport-device: {}\n", e.what());
     return 2;
   } catch (const std::exception& e) {
-    fmt::print(stderr, "twoport-device: {}\n", e.what());
+    print_error("twoport-device: {}\n", e.what());
     return 1;
   }
 }

@@ -122,6 +122,10 @@ LinkFigures measure_link(const LinkRequest& request, const std::atomic<bool>& st
     throw IoError{fmt::format("nobody answered at {} within {:g} s; start twoport-lab doctor --answer {} there{}",
                               request.address, kPatience, request.address,
                               request.key.empty() ? "" : " with the same --key")};
+  constexpr double kSilent = 0.5;  // [s]
+  if (const double silent = to_seconds(end->meter_->silence(end->now_)).si(); silent > kSilent)
+    throw IoError{fmt::format("{} has been silent for the last {:.1f} s of {:.1f} s; was it ended?", request.address,
+                              silent, to_seconds(end->now_ - end->since_).si())};
   LinkFigures f;
   f.seconds = to_seconds(end->now_ - end->since_).si();
   f.sent = static_cast<double>(end->sent_ - end->sent_before_);
@@ -130,7 +134,7 @@ LinkFigures measure_link(const LinkRequest& request, const std::atomic<bool>& st
   f.clock_known = end->clock_.known();
   if (f.clock_known) f.clock = end->clock_.figures(to_seconds(end->now_).si());
   f.to_slave = end->other_;
-  f.to_master = end->meter_->figures();
+  f.to_master = end->meter_->figures(end->now_);
   return f;
 }
 
@@ -147,7 +151,7 @@ void answer(const LinkRequest& request, const std::atomic<bool>& stop) {
     }
     if (now >= figures_at) {
       figures_at = now + to_duration(kFiguresEvery);
-      end->words_ = to_words(end->meter_->figures());
+      end->words_ = to_words(end->meter_->figures(now));
     }
     return end->link_.refusal().empty() && to_seconds(now).si() < request.seconds;
   });

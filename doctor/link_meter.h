@@ -66,13 +66,16 @@ class DirectionMeter {
     ++unique_;
   }
 
-  [[nodiscard]] DirectionFigures figures() const {
+  /// Since the last packet.
+  [[nodiscard]] Duration silence(Duration now) const { return received_ > 0 ? now - last_arrival_ : now; }
+  /// `now`: a silence up to now is a gap too.
+  [[nodiscard]] DirectionFigures figures(Duration now) const {
     DirectionFigures f;
     f.received = static_cast<double>(received_);
     f.late = static_cast<double>(late_);
     f.duplicated = static_cast<double>(duplicated_);
     if (received_ > 0) f.lost = static_cast<double>(newest_ - first_ + 1 - unique_);
-    f.longest_gap_s = to_seconds(longest_gap_).si();
+    f.longest_gap_s = to_seconds(received_ > 0 ? std::max(longest_gap_, now - last_arrival_) : longest_gap_).si();
     f.burst_packets = gaps_ > 0 ? std::max(1.0, f.lost / static_cast<double>(gaps_)) : 1.0;
     if (transits_s_.empty()) return f;
     std::vector<double> sorted = transits_s_;

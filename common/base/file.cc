@@ -114,6 +114,26 @@ std::size_t WholeFile::keep_lines() const {
   return error ? 0 : lines;
 }
 
+std::FILE* take_file(const std::string& path, std::string_view magic) {
+  const int fd = ::open(path.c_str(), O_RDWR | O_CREAT | O_CLOEXEC, 0666);
+  std::unique_ptr<std::FILE, int (*)(std::FILE*)> file{fd < 0 ? nullptr : ::fdopen(fd, "r+b"), std::fclose};
+  if (!file) throw ConfigError{path + ": cannot be written: " + reason(errno)};
+  if (::flock(fd, LOCK_EX | LOCK_NB) != 0 && errno == EWOULDBLOCK)
+    throw ConfigError{path + ": is read or written now; give another name"};
+  std::string begin(magic.size(), '\0');
+  const std::size_t n = std::fread(begin.data(), 1, begin.size(), file.get());
+  if (n > 0 && begin.substr(0, n) != magic.substr(0, n))
+    throw ConfigError{path + ": is there already, and is no recording; give another name"};
+  std::rewind(file.get());
+  // A device has no length.
+  if (::ftruncate(fd, 0) != 0 && errno != EINVAL) throw ConfigError{path + ": cannot be written: " + reason(errno)};
+  return file.release();
+}
+
+void take_shared(std::FILE* file) noexcept {
+  ::flock(::fileno(file), LOCK_SH | LOCK_NB);
+}
+
 FolderLock::FolderLock(const std::string& folder, std::string_view name)
     : fd_{::open(folder.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC)} {
   // File systems without locks take none.

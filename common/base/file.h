@@ -50,6 +50,12 @@ class WholeFile {
   std::size_t lines_ = 0;  ///< that were to be written
 };
 
+/// Opens a file to be written anew, for this program alone. Throws ConfigError where it is in use (take_shared, or here), or begins
+/// otherwise than `magic`: nothing of another kind is replaced.
+std::FILE* take_file(const std::string& path, std::string_view magic);
+/// While `file` is open, take_file refuses it.
+void take_shared(std::FILE* file) noexcept;
+
 /// Takes a folder for this program until its end: throws ConfigError with `name` where another one has taken it.
 class FolderLock {
  public:

@@ -1,11 +1,14 @@
 #pragma once
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <cmath>
 #include <memory>
 #include <string>
 #include <utility>
 
+#include "common/base/check.h"
 #include "common/hardware/device.h"
 #include "common/hardware/mount.h"
 #include "common/hardware/robot.h"
@@ -24,6 +27,7 @@ namespace twoport {
 ///
 /// Watchdog: without a new reading for let_go_after_s, and at once for a reading that is not finite, the device is released, until
 /// readings come again. In place of one that is not finite stands the last one, stale and at rest.
+/// The sum with f_carried is within the device's peak force. A command that is not finite releases the device.
 /// After clutch and watchdog the force returns over engage_s. What is taken from the force is not booked: `applied` is the
 /// device's own.
 template <int N>
@@ -40,6 +44,10 @@ class MountedDevice final : public Device<N> {
     for (int i = 0; i < kAxes; ++i) carried[i] = mount.carried_force_n[i];
     carried_ = Force<N>{turned_back(carried)};
     carries_ = carried_.squared_norm() > 0.0;
+    const double most = std::min(peak_n_, continuous_n_), weight = translation(carried_).norm();
+    if (weight > most)
+      throw ConfigError{fmt::format(
+          "device_mount.carried_force_n has {:g} N; it must have <= {:g} N, what the device holds", weight, most)};
   }
 
   [[nodiscard]] DeviceInfo info() const override { return info_; }
@@ -57,6 +65,11 @@ class MountedDevice final : public Device<N> {
   void actuate(const Force<N>& f) noexcept override {
     if (let_go_) [[unlikely]]
       return;
+    if (!f.finite()) [[unlikely]] {
+      device_->release();
+      let_go_ = true;
+      return;
+    }
     if (clutches_) [[unlikely]]
       return device_->actuate(carried_);
     Force<N> command = maps_ ? Force<N>{to_device(f.vec())} : f;
@@ -64,7 +77,7 @@ class MountedDevice final : public Device<N> {
       command = gain_ * command;
     if (continuous_n_ < peak_n_) [[unlikely]]
       command = cooled(command);
-    device_->actuate(carries_ ? command + carried_ : command);
+    device_->actuate(carries_ ? within_peak(command + carried_) : command);
   }
   void start() noexcept override { device_->start(); }
   void release() noexcept override { device_->release(); }
@@ -197,6 +210,10 @@ class MountedDevice final : public Device<N> {
     const double most = continuous_n_ + (peak_n_ - continuous_n_) * std::clamp(5.0 * (1.0 - heat_), 0.0, 1.0);
     return norm > most ? (most / norm) * f : f;
   }
+  Force<N> within_peak(const Force<N>& f) const noexcept {
+    const double norm = translation(f).norm();
+    return norm > peak_n_ ? (peak_n_ / norm) * f : f;
+  }
   static auto translation(const Force<N>& f) noexcept { return f.vec().template head<kAxes>(); }
 
   std::unique_ptr<Device<N>> device_;
@@ -258,6 +275,8 @@ class MountedRobot final : public Robot<N> {
     return s;
   }
   void actuate(const RobotCommand<N>& command) noexcept override {
+    if (!all_finite(command.f, command.x_d, command.v_d)) [[unlikely]]
+      return robot_->release();
     if (!lets_go_) robot_->actuate(command);
   }
   void start() noexcept override { robot_->start(); }

@@ -1,6 +1,7 @@
 #include "common/hardware/plugin_host.h"
 
 #include <dlfcn.h>
+#include <fmt/format.h>
 
 #include <algorithm>
 #include <cmath>
@@ -57,13 +58,56 @@ const plugin::Entry<Interface>& load(const std::string& flag, const PluginChoice
                (dlsym(library, kOtherSymbol<Interface>) != nullptr
                     ? std::string{"; it has one for "} + (kIsDevice<Interface> ? "--robot" : "--device")
                     : std::string{}));
-  const auto entry = reinterpret_cast<const plugin::Entry<Interface>* (*)()>(symbol)();
+  const plugin::Entry<Interface>* entry = nullptr;
+  std::string why;
+  try {
+    entry = reinterpret_cast<const plugin::Entry<Interface>* (*)()>(symbol)();
+  } catch (...) {
+    why = "its entry point threw: " + current_words();
+  }
+  if (!why.empty()) refuse(flag, choice, why);
   if (entry == nullptr) refuse(flag, choice, "its entry point returns nothing");
   if (entry->version != plugin::kVersion)
     refuse(flag, choice,
            "is a plug-in of version " + std::to_string(entry->version) + ", and this program loads version " +
                std::to_string(plugin::kVersion) + "; build it again with the installed twoport");
   return *entry;
+}
+
+/// Why a plug-in's description cannot be true; empty: it can.
+template <class Info>
+std::string defect(const Info& info) {
+  std::string why;
+  const auto need = [&](bool met, const char* name, double value, const char* what) {
+    if (!met && why.empty())
+      why = std::string{"info() says "} + name + " " + fmt::format("{:g}", value) + "; it must be " + what;
+  };
+  const auto known = [&](const char* name, double v) {
+    need(v >= 0.0 && std::isfinite(v), name, v, ">= 0 and finite");
+  };
+  need(info.dof == 1 || info.dof == 3 || info.dof == 6, "dof", info.dof, "1, 3 or 6");
+  known("watchdog_s", info.watchdog_s);
+  if constexpr (std::is_same_v<Info, plugin::DeviceInfo>) {
+    need(info.peak_force_n >= 0.0, "peak_force_n", info.peak_force_n, ">= 0");
+    need(info.peak_torque_n_m >= 0.0, "peak_torque_n_m", info.peak_torque_n_m, ">= 0");
+    need(info.continuous_force_n >= 0.0, "continuous_force_n", info.continuous_force_n, ">= 0");
+    for (const double extent : info.workspace_m) known("workspace_m", extent);
+    known("resolution_m", info.resolution_m);
+    known("rate_hz", info.rate_hz);
+    known("mass_kg", info.mass_kg);
+    known("inertia_kg_m2", info.inertia_kg_m2);
+    need(info.buttons >= 0 && info.buttons <= 32, "buttons", info.buttons, "0 to 32");
+  } else {
+    need(info.max_force_n > 0.0, "max_force_n", info.max_force_n, "> 0");
+    need(info.max_torque_n_m > 0.0, "max_torque_n_m", info.max_torque_n_m, "> 0");
+    need(info.max_speed_m_per_s > 0.0, "max_speed_m_per_s", info.max_speed_m_per_s, "> 0");
+    need(info.workspace_m > 0.0, "workspace_m", info.workspace_m, "> 0");
+  }
+  return why;
+}
+
+const char* name_of(const char* name) {
+  return name == nullptr ? "" : name;
 }
 
 template <class Interface>
@@ -74,7 +118,11 @@ std::unique_ptr<Interface> open(const std::string& flag, const PluginChoice& cho
   int has = 0;
   try {
     hardware.reset(entry.open({choice.arguments.c_str(), dof, period.si()}));
-    if (hardware) has = hardware->info().dof;
+    if (hardware) {
+      const auto info = hardware->info();
+      has = info.dof;
+      why = defect(info);
+    }
   } catch (...) {
     why = current_words();
   }
@@ -180,7 +228,7 @@ class PluginDevice final : public Device<N> {
  public:
   PluginDevice(std::unique_ptr<plugin::Device> device, const std::string& path) : device_{std::move(device), path} {
     const plugin::DeviceInfo from = device_.hardware().info();
-    info_.name = from.name;
+    info_.name = name_of(from.name);
     info_.max_force_n = from.peak_force_n;
     info_.mass_kg = from.mass_kg;
     info_.inertia_kg_m2 = from.inertia_kg_m2;
@@ -235,7 +283,7 @@ class PluginRobot final : public Robot<N> {
  public:
   PluginRobot(std::unique_ptr<plugin::Robot> robot, const std::string& path) : robot_{std::move(robot), path} {
     const plugin::RobotInfo from = robot_.hardware().info();
-    info_.name = from.name;
+    info_.name = name_of(from.name);
     info_.has_force_sensor = from.has_force_sensor;
     info_.limits.force_n = from.max_force_n;
     info_.limits.torque_n_m = from.max_torque_n_m;

@@ -33,6 +33,7 @@ class ClockOffset {
     if (!peer.is_new || peer.newest.echo_ns < 0) return;
     const double received = to_seconds(peer.received_at).si(), sent = to_seconds(Duration{peer.newest.sent_ns}).si(),
                  echo = to_seconds(Duration{peer.newest.echo_ns}).si();
+    if (echo > received) return;  // nobody has sent this back
     const std::int64_t second = peer.received_at / std::chrono::seconds{1};
     if (second > second_) {
       if (in_second_ > 0) add();

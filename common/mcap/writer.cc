@@ -10,6 +10,7 @@
 #include <utility>
 
 #include "common/base/check.h"
+#include "common/base/file.h"
 #include "common/mcap/bytes.h"
 
 namespace twoport::mcap {
@@ -37,9 +38,7 @@ void Writer::CloseFile::operator()(std::FILE* file) const noexcept {
   std::fclose(file);
 }
 
-Writer::Writer(std::string path, std::string_view program)
-    : path_{std::move(path)}, file_{std::fopen(path_.c_str(), "wb")} {
-  if (!file_) throw ConfigError{path_ + ": cannot be written: " + std::generic_category().message(errno)};
+Writer::Writer(std::string path, std::string_view program) : path_{std::move(path)}, file_{take_file(path_, kMagic)} {
   // A flush is one write, and nothing stays in the program.
   std::setvbuf(file_.get(), nullptr, _IONBF, 0);
   unwritten_ = Output{}.raw(kMagic).record(Op::header, Output{}.string("").string(program)).bytes;

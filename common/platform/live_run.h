@@ -12,6 +12,7 @@
 
 #include "common/base/check.h"
 #include "common/base/file.h"
+#include "common/base/print_error.h"
 #include "common/hardware/status.h"
 #include "common/platform/live_recording.h"
 #include "common/platform/program.h"
@@ -137,10 +138,10 @@ int run_live(LiveSide& side, const Scene& scene, const LiveArguments& arguments,
   using Clock = typename LiveSide::Clock;
   const double rate_hz = side.rate_hz();
   const Seconds dt{1.0 / rate_hz};
-  const RunFolder folder = begin_folder(arguments);
-  WholeFile* const trace = folder.trace.get();
   const std::unique_ptr<LiveRecording<N>> recording =
       open_recording<N>(arguments, LiveSide::kName, rate_hz, side.hardware.info());
+  const RunFolder folder = begin_folder(arguments);
+  WholeFile* const trace = folder.trace.get();
   if (recording) side.link.tap(&recording->feed());
   Recorder<N> recorder{{.metrics = side.metrics(),
                         .trace = trace,
@@ -222,7 +223,7 @@ int run_live(LiveSide& side, const Scene& scene, const LiveArguments& arguments,
     try {
       recording->finish();
     } catch (const IoError& e) {
-      fmt::print(stderr, "twoport-{}: --record {}\n", LiveSide::kName, e.what());
+      print_error("twoport-{}: --record {}\n", LiveSide::kName, e.what());
       recorded = 1;
     }
   }
@@ -242,13 +243,13 @@ int run_live(LiveSide& side, const Scene& scene, const LiveArguments& arguments,
   if (s.verdict_kind() == to_string(VerdictKind::undecided)) s.clear_stable();
   const int written = std::max(recorded, leave_files(scene, arguments, LiveSide::kName, trace, s));
   if (failure.status != 0) {
-    fmt::print(stderr, "twoport-{}: {}\n", LiveSide::kName, failure.sentence);
+    print_error("twoport-{}: {}\n", LiveSide::kName, failure.sentence);
     return failure.status;
   }
   int status = side.judged() && !stop ? judge(scene, arguments, s) : 0;
   // A scene that expects nothing does not expect this.
   if (status == 0 && recorder.diverged() && scene.expect.stable.value_or(true)) {
-    fmt::print(stderr, "{}: the {} has {}\n", arguments.scene, LiveSide::kName, s.verdict());
+    print_error("{}: the {} has {}\n", arguments.scene, LiveSide::kName, s.verdict());
     status = 3;
   }
   return written != 0 ? written : status;

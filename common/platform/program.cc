@@ -8,6 +8,7 @@
 
 #include "common/base/check.h"
 #include "common/base/file.h"
+#include "common/base/print_error.h"
 #include "common/platform/realtime.h"
 #include "common/record/expectation.h"
 #include "common/scene/hints.h"
@@ -92,13 +93,13 @@ int live_program(int argc, char** argv, Side side, const std::string& drivers,
     return body(scene, a);
   } catch (const CLI::ParseError& e) {
     if (e.get_exit_code() == 0) return app.exit(e);  // --help, --version, --list-devices
-    fmt::print(stderr, "{}: {}\n", name, e.what());
+    print_error("{}: {}\n", name, e.what());
     return 2;
   } catch (const ConfigError& e) {
-    fmt::print(stderr, "{}: {}\n", name, e.what());
+    print_error("{}: {}\n", name, e.what());
     return 2;
   } catch (const std::exception& e) {
-    fmt::print(stderr, "{}: {}\n", name, e.what());
+    print_error("{}: {}\n", name, e.what());
     return 1;
   }
 }
@@ -109,7 +110,7 @@ std::string program_name(const std::string& side) {
 
 void print_hints(const Scene& scene, const LiveArguments& a, bool device_is_simulated) {
   for (const std::string& sentence : live_hints(scene, device_is_simulated))
-    fmt::print(stderr, "{}: warning: {}\n", a.scene, sentence);
+    print_error("{}: warning: {}\n", a.scene, sentence);
 }
 
 RunFolder begin_folder(const LiveArguments& a) {
@@ -134,7 +135,7 @@ int leave_files(const Scene& scene, const LiveArguments& a, const std::string& s
       write();
       return true;
     } catch (const std::exception& e) {
-      fmt::print(stderr, "twoport-{}: {}\n", side, e.what());
+      print_error("twoport-{}: {}\n", side, e.what());
       return false;
     }
   };
@@ -150,11 +151,11 @@ int judge(const Scene& scene, const LiveArguments& a, const Summary& s) {
   ExpectSpec expect = scene.expect;
   if (expect.stable && s.verdict_kind() == to_string(VerdictKind::undecided)) {
     // What a side cannot know breaks no promise.
-    fmt::print(stderr, "{}: warning: stable is not judged: {}\n", a.scene, s.verdict());
+    print_error("{}: warning: stable is not judged: {}\n", a.scene, s.verdict());
     expect.stable.reset();
   }
   const std::vector<std::string> violated = violations(expect, s);
-  for (const std::string& sentence : violated) fmt::print(stderr, "{}: {}\n", a.scene, sentence);
+  for (const std::string& sentence : violated) print_error("{}: {}\n", a.scene, sentence);
   return violated.empty() ? 0 : 3;
 }
 

@@ -10,6 +10,7 @@
 #include <cstdio>
 #include <utility>
 
+#include "common/base/print_error.h"
 #include "common/base/thread.h"
 
 namespace twoport {
@@ -26,7 +27,7 @@ std::size_t columns() {
 /// One line that replaces the one before.
 void rewrite(std::string line) {
   if (const std::size_t width = columns(); width > 0 && line.size() >= width) line.resize(width - 1);
-  fmt::print(stderr, "\r{}\033[K", line);
+  print_error("\r{}\033[K", line);
   std::fflush(stderr);
 }
 
@@ -162,8 +163,8 @@ void Recorder<N>::log_change(const Entry& entry) {
       tell(fmt::format("the {} is silent; holding", peer));
       break;
     case Mode::released:
-      tell(was == Mode::holding ? fmt::format("released: the {} is still silent", peer)
-                                : std::string{"released: a reading was not finite"});
+      tell(was == Mode::coupled ? std::string{"released: a reading was not finite"}
+                                : fmt::format("released: the {} is still silent", peer));
       break;
     case Mode::let_go:
       tell("released: nobody holds the handle");

@@ -147,6 +147,7 @@ template class TraceChannel<6>;
 std::uint64_t export_trace(RecordingReader& recording, const std::string& path) {
   std::optional<WholeFile> file;
   std::vector<CsvColumn> columns;
+  std::vector<std::size_t> widths;  // of the first row
   std::string topic, line;
   std::uint64_t rows = 0;
   for (RecordingReader::Kind kind; (kind = recording.next()) != RecordingReader::Kind::end;) {
@@ -156,7 +157,13 @@ std::uint64_t export_trace(RecordingReader& recording, const std::string& path) 
       columns = columns_of(*recording.message().channel, recording);
     }
     if (recording.topic() != topic) continue;
-    if (!read_row(recording.message().data, columns)) recording.fail("a row of its trace is damaged");
+    const auto damaged = [&] { recording.fail("a row of its trace is damaged"); };
+    if (!read_row(recording.message().data, columns)) damaged();
+    for (std::size_t i = 0; i < columns.size(); ++i) {
+      if (columns[i].values.empty() || (rows > 0 && columns[i].values.size() != widths[i])) damaged();
+      if (rows == 0) widths.push_back(columns[i].values.size());
+    }
+    if (columns.empty()) damaged();
     line.clear();
     if (rows++ == 0) {
       file.emplace(path);

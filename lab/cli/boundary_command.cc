@@ -5,6 +5,7 @@
 #include <string>
 
 #include "common/base/file.h"
+#include "common/base/print_error.h"
 #include "lab/cli/commands.h"
 #include "lab/plot/boundary_picture.h"
 #include "lab/study/boundary.h"
@@ -24,8 +25,7 @@ int curve_command(const Arguments& a) {
   if (!a.out.empty()) make_folder(a.out);
   const BoundaryCurve curve = boundary_curve(a.boundary, along, [&](std::size_t done) {
     if (progress_is_shown())
-      fmt::print(stderr, "\r{} of {} values\033[K{}", done, along.values.size(),
-                 done == along.values.size() ? "\n" : "");
+      print_error("\r{} of {} values\033[K{}", done, along.values.size(), done == along.values.size() ? "\n" : "");
   });
   const std::string csv = to_csv(curve);
   if (a.out.empty()) {

@@ -8,6 +8,7 @@
 
 #include "common/base/check.h"
 #include "common/base/file.h"
+#include "common/base/print_error.h"
 #include "common/scene/load.h"
 #include "lab/cli/commands.h"
 #include "lab/peers/peers.h"
@@ -28,9 +29,9 @@ int chart_command(const Arguments& a) {
   const Scene scene = load_scene(a.chart.scene, a.chart.set);
   const std::vector<Peer> peers = peers_for(scene);
   const Chart c = chart(a.chart, peers, [](const std::string& what) {
-    if (progress_is_shown()) fmt::print(stderr, "\r{}\033[K", what);
+    if (progress_is_shown()) print_error("\r{}\033[K", what);
   });
-  if (progress_is_shown()) fmt::print(stderr, "\r\033[K");
+  if (progress_is_shown()) print_error("\r\033[K");
   std::fputs(to_text(c).c_str(), stdout);
   if (peers.empty() && absent_peers().empty()) fmt::print("other engines: not for a scene of this kind\n");
   if (!absent_peers().empty()) fmt::print("other engines not installed: {}\n", fmt::join(absent_peers(), ", "));

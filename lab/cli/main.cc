@@ -6,6 +6,7 @@
 #include <cstring>
 
 #include "common/base/check.h"
+#include "common/base/print_error.h"
 #include "common/wire/header.h"
 #include "lab/cli/commands.h"
 #include "lab/paper_command.h"
@@ -52,13 +53,13 @@ int main(int argc, char** argv) {
     return run_given(commands);
   } catch (const CLI::ParseError& e) {
     if (e.get_exit_code() == 0) return app.exit(e);  // --help, --version
-    fmt::print(stderr, "twoport-lab: {}\n", e.what());
+    print_error("twoport-lab: {}\n", e.what());
     return 2;
   } catch (const ConfigError& e) {
-    fmt::print(stderr, "twoport-lab: {}\n", e.what());
+    print_error("twoport-lab: {}\n", e.what());
     return 2;
   } catch (const std::exception& e) {
-    fmt::print(stderr, "twoport-lab: {}\n", e.what());
+    print_error("twoport-lab: {}\n", e.what());
     return 1;
   }
 }

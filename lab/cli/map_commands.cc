@@ -7,6 +7,7 @@
 
 #include "common/base/check.h"
 #include "common/base/file.h"
+#include "common/base/print_error.h"
 #include "common/record/summary.h"
 #include "common/scene/load.h"
 #include "lab/cli/commands.h"
@@ -74,7 +75,7 @@ int map_command(MapArguments& a) {
     show_progress(progress);
   });
   const double runs = static_cast<double>(map.cells.size()) * a.map.seeds;
-  fmt::print(stderr, "{} runs in {:.1f} s, {:.0f} a second\n", runs, spent_s, runs / spent_s);
+  print_error("{} runs in {:.1f} s, {:.0f} a second\n", runs, spent_s, runs / spent_s);
   std::fputs(to_text(map).c_str(), stdout);
   if (a.out.empty()) return 0;
   write_whole(a.out + "/table.csv", to_csv(map));
@@ -209,7 +210,7 @@ int gallery_command(GalleryArguments& a) {
   bool met = true;
   for (const Gallery::Entry& each : all.entries)
     for (const std::string& sentence : each.missed) {
-      fmt::print(stderr, "{}: {}\n", each.scene, sentence);
+      print_error("{}: {}\n", each.scene, sentence);
       met = false;
     }
   return met ? 0 : 3;

@@ -41,6 +41,9 @@ int export_command(const ExportArguments& a) {
   } else if (std::filesystem::is_directory(csv)) {
     csv += "/trace.csv";
   }
+  std::error_code error;
+  if (std::filesystem::equivalent(a.file, csv, error))
+    throw ConfigError{fmt::format("--csv {}: is the recording itself; give another name", csv)};
   RecordingReader recording{a.file};
   const std::uint64_t rows = export_trace(recording, csv);
   fmt::print("{}: {} rows\n", csv, rows);

@@ -10,6 +10,8 @@
 
 #include "common/base/check.h"
 #include "common/base/file.h"
+#include "common/base/print_error.h"
+#include "common/mcap/bytes.h"
 #include "common/record/expectation.h"
 #include "common/scene/hints.h"
 #include "common/scene/load.h"
@@ -29,7 +31,9 @@ struct Arguments {
 
 int run_command(const Arguments& a) {
   const Scene scene = load_scene(a.scene, a.set);
-  for (const std::string& sentence : hints(scene)) fmt::print(stderr, "{}: warning: {}\n", a.scene, sentence);
+  for (const std::string& sentence : hints(scene)) print_error("{}: warning: {}\n", a.scene, sentence);
+  // Before anything of an earlier run is removed.
+  if (!a.record.empty()) std::fclose(take_file(a.record, mcap::kMagic));
   std::optional<FolderLock> lock;
   std::optional<WholeFile> trace;
   if (!a.out.empty()) {
@@ -56,7 +60,7 @@ int run_command(const Arguments& a) {
   if (!a.out.empty()) fmt::print("{}: {}\n", scene.name, summary.verdict());
   if (unwritten) std::rethrow_exception(unwritten);
   const std::vector<std::string> violated = violations(scene.expect, summary);
-  for (const std::string& sentence : violated) fmt::print(stderr, "{}: {}\n", a.scene, sentence);
+  for (const std::string& sentence : violated) print_error("{}: {}\n", a.scene, sentence);
   return violated.empty() ? 0 : 3;
 }
 

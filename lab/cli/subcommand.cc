@@ -5,6 +5,7 @@
 
 #include <cstdio>
 
+#include "common/base/print_error.h"
 #include "common/scene/load.h"
 
 namespace twoport::lab {
@@ -42,7 +43,7 @@ void show_progress(const Progress& p) {
   line += fmt::format(", {:.0f} s", p.spent_s);
   if (run > 0 && left > 0)
     line += fmt::format(", {:.0f} s left", p.spent_s / static_cast<double>(run) * static_cast<double>(left));
-  fmt::print(stderr, "{}\033[K{}", line, left == 0 ? "\n" : "");
+  print_error("{}\033[K{}", line, left == 0 ? "\n" : "");
 }
 
 }  // namespace twoport::lab

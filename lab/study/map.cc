@@ -138,6 +138,10 @@ void check_methods(const std::vector<std::string>& methods, const std::vector<st
   for (const std::string& method : methods)
     if (std::find(allowed.begin(), allowed.end(), method) == allowed.end())
       throw ConfigError{fmt::format("--methods has {}; it must be one of {}", method, fmt::join(allowed, ", "))};
+  for (std::size_t i = 1; i < methods.size(); ++i)
+    if (std::find(methods.begin(), methods.begin() + static_cast<std::ptrdiff_t>(i), methods[i]) !=
+        methods.begin() + static_cast<std::ptrdiff_t>(i))
+      throw ConfigError{fmt::format("--methods has {} twice; it must have each once", methods[i])};
 }
 
 std::vector<std::string> map_overrides(const Scene& scene, const std::string& method, const MapPlace& p,
@@ -306,9 +310,9 @@ Recommendation recommend(const Map& map) {
   return {c.method,
           fmt::format(
               "stable and quiet with {} seed{}, presses {:.0f} % of the force, error {:.2g} N of {:.2g} N; {} of {} "
-              "methods hold here, {} are unstable",
+              "methods hold here, {} are unstable{}",
               c.seeds(), c.seeds() == 1 ? "" : "s", 100.0 * c.pressed.mean, c.error_n.mean, map.reference_n[0], holding,
-              map.methods.size(), not_stable)};
+              map.methods.size(), not_stable, c.good() ? "" : "; not good: an error of half the force or more")};
 }
 
 }  // namespace twoport::lab

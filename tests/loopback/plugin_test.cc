@@ -108,6 +108,8 @@ TEST(Plugin, ThatCannotBeLoadedIsRefusedInOneSentence) {
   EXPECT_EQ(why_not(kOdd + ":refuses"), "--device " + kOdd + ":refuses: no power at the socket");
   EXPECT_EQ(why_not(kOdd + ":refuses_oddly"),
             "--device " + kOdd + ":refuses_oddly: an exception that is no std::exception");
+  EXPECT_EQ(why_not(kOdd + ":negative"),
+            "--device " + kOdd + ":negative: info() says peak_force_n -3; it must be >= 0");
 }
 
 TEST(Plugin, ThatThrowsReportsAFaultWithItsLastReadingAndIsReleased) {

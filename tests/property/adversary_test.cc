@@ -53,6 +53,19 @@ TEST(Adversary, GetsNothingFromBothPortsOfAStrictTwoPort) {
   EXPECT_GT(driven, 50) << "E(0) must be used";
 }
 
+// E(0)/2 of the slave is in the master's joules, as E(0) is.
+TEST(Adversary, GetsNothingFromBothPortsOfAScaledStrictTwoPort) {
+  int driven = 0;
+  for (std::uint64_t seed = 1; seed <= 150; ++seed) {
+    const AdversaryRun run = attack(
+        "INTERNAL_MODEL", seed, {"control.passivity.internal_model.strict_two_port=true", "control.force_scale=10"});
+    if (run.lies) continue;
+    driven += run.both_least_j < -0.3e-3;
+    EXPECT_GE(run.both_least_j, -1e-3 - 1e-9) << seed;
+  }
+  EXPECT_GT(driven, 10) << "E(0) must be used";
+}
+
 TEST(Adversary, ASeedIsARun) {
   const Adversary many = attack_all({.methods = {"ENERGY_TANK"}, .seed = 40, .runs = 150, .jobs = 2});
   const AdversaryRun alone = attack("ENERGY_TANK", 187);

@@ -242,7 +242,7 @@ TEST(DoctorLink, CountsEveryPacketOnce) {
   const double arrivals[][2] = {{1, 11}, {2, 12}, {5, 15.5}, {4, 16}, {4, 16.2}, {6, 30}};
   for (const auto& [sequence, arrival] : arrivals)
     meter.on(static_cast<std::uint64_t>(sequence), at(sequence), at(arrival));
-  const DirectionFigures f = meter.figures();
+  const DirectionFigures f = meter.figures(Duration{0});
   EXPECT_EQ(f.received, 6);
   EXPECT_EQ(f.lost, 1);
   EXPECT_EQ(f.late, 1);

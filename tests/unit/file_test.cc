@@ -6,6 +6,7 @@
 
 #include <csignal>
 #include <cstddef>
+#include <cstdio>
 #include <filesystem>
 #include <set>
 #include <string>
@@ -163,6 +164,34 @@ TEST(FolderLock, IsForOneProgramAtATime) {
   }
   const FolderLock again{folder / "", "--out"};
   EXPECT_TRUE(folder.names().empty());
+}
+
+TEST(TakeFile, ReplacesOnlyItsOwnKindAndNothingThatIsInUse) {
+  const Folder folder;
+  const auto why = [&](const std::string& path) -> std::string {
+    try {
+      std::fclose(take_file(path, "magic"));
+      return "";
+    } catch (const ConfigError& e) {
+      return e.what();
+    }
+  };
+  const std::string path = folder / "a";
+  EXPECT_EQ(why(path), "");
+  std::FILE* const first = take_file(path, "magic");
+  std::fputs("magic and more", first);
+  EXPECT_EQ(why(path), path + ": is read or written now; give another name");
+  std::fclose(first);
+  std::FILE* const reader = std::fopen(path.c_str(), "rb");
+  take_shared(reader);
+  EXPECT_EQ(why(path), path + ": is read or written now; give another name");
+  EXPECT_EQ(read_whole(path), "magic and more");
+  std::fclose(reader);
+  EXPECT_EQ(why(path), "");
+  EXPECT_EQ(read_whole(path), "");
+  const std::string scene = folder.write("scene", "dof: 1");
+  EXPECT_EQ(why(scene), scene + ": is there already, and is no recording; give another name");
+  EXPECT_EQ(read_whole(scene), "dof: 1");
 }
 
 TEST(WriteWhole, LeavesNothingBesideWhenItCannotTakeTheName) {

@@ -32,7 +32,7 @@ class InternalModelSlave {
   explicit InternalModelSlave(const ControlOptions& o)
       : coupling_{o},
         strict_{o.internal_model.strict_two_port},
-        initial_{0.5 * o.initial_energy},
+        initial_{coupling_.registration().to_slave(0.5 * o.initial_energy)},
         senses_{o.architecture != Architecture::position_position},
         bias_{o.force_scale},
         brake_n_s_per_m_{std::min(kBrake_n_s_per_m, o.coupling.damping_n_s_per_m)},

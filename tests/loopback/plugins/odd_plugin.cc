@@ -1,5 +1,5 @@
 // A device and a robot that misbehave as ARGS say: "refuses", "refuses_oddly", or NAME=K, at the Kth reading: throw_in_sense,
-// throw_in_actuate, throw_oddly, nan (from then on), blink (one reading that is not finite).
+// throw_in_actuate, throw_oddly, negative (a peak force), nan (from then on), blink (one reading that is not finite).
 
 #include <cmath>
 #include <cstdlib>
@@ -32,7 +32,7 @@ class OddDevice final : public Device {
     DeviceInfo info;
     info.name = "odd plug-in";
     info.dof = 3;
-    info.peak_force_n = 4.0;
+    info.peak_force_n = defect_.name == "negative" ? -3.0 : 4.0;
     info.mass_kg = 0.1;
     info.watchdog_s = 0.1;
     info.buttons = 1;
