@@ -138,9 +138,9 @@ int run_live(LiveSide& side, const Scene& scene, const LiveArguments& arguments,
   using Clock = typename LiveSide::Clock;
   const double rate_hz = side.rate_hz();
   const Seconds dt{1.0 / rate_hz};
-  const std::unique_ptr<LiveRecording<N>> recording =
-      open_recording<N>(arguments, LiveSide::kName, rate_hz, side.hardware.info());
-  const RunFolder folder = begin_folder(arguments);
+  std::unique_ptr<LiveRecording<N>> recording;
+  const RunFolder folder = begin_folder(
+      arguments, [&] { recording = open_recording<N>(arguments, LiveSide::kName, rate_hz, side.hardware.info()); });
   WholeFile* const trace = folder.trace.get();
   if (recording) side.link.tap(&recording->feed());
   Recorder<N> recorder{{.metrics = side.metrics(),

@@ -113,12 +113,16 @@ void print_hints(const Scene& scene, const LiveArguments& a, bool device_is_simu
     print_error("{}: warning: {}\n", a.scene, sentence);
 }
 
-RunFolder begin_folder(const LiveArguments& a) {
-  if (a.out.empty()) return {};
+RunFolder begin_folder(const LiveArguments& a, const std::function<void()>& before_clearing) {
+  if (a.out.empty()) {
+    before_clearing();
+    return {};
+  }
   std::error_code error;
   std::filesystem::create_directories(a.out, error);
   if (error) throw ConfigError(fmt::format("--out {}: cannot be created: {}", a.out, error.message()));
   RunFolder folder{std::make_unique<FolderLock>(a.out, "--out"), nullptr};
+  before_clearing();
   if (a.trace == "csv") folder.trace = std::make_unique<WholeFile>(a.out + "/trace.csv");
   for (const char* name : {"/summary.json", "/trace.csv"}) {
     std::filesystem::remove(a.out + name, error);

@@ -50,9 +50,9 @@ struct RunFolder {
   std::unique_ptr<FolderLock> lock;
   std::unique_ptr<WholeFile> trace;  ///< null: none is wanted
 };
-/// Makes the folder where it is missing, takes it, opens the trace, and then removes what an earlier run has left there. Call
-/// when nothing else can prevent the run. Throws ConfigError.
-RunFolder begin_folder(const LiveArguments& arguments);
+/// Makes the folder where it is missing and takes it, calls `before_clearing`, opens the trace, and then removes what an earlier
+/// run has left there. Call when nothing else can prevent the run. Throws ConfigError.
+RunFolder begin_folder(const LiveArguments& arguments, const std::function<void()>& before_clearing);
 
 /// Fills what every live summary has, and leaves `trace` and summary where --out says. First the trace: one that finds no room
 /// is cut, which leaves room for the summary. Returns the exit status, 1 where one of them could not be written.

@@ -32,12 +32,12 @@ struct Arguments {
 int run_command(const Arguments& a) {
   const Scene scene = load_scene(a.scene, a.set);
   for (const std::string& sentence : hints(scene)) print_error("{}: warning: {}\n", a.scene, sentence);
+  if (!a.out.empty()) make_folder(a.out);
   // Before anything of an earlier run is removed.
   if (!a.record.empty()) std::fclose(take_file(a.record, mcap::kMagic));
   std::optional<FolderLock> lock;
   std::optional<WholeFile> trace;
   if (!a.out.empty()) {
-    make_folder(a.out);
     lock.emplace(a.out, "--out");
     if (a.trace == "csv") trace.emplace(a.out + "/trace.csv");
     for (const char* name : {"/summary.json", "/trace.csv"})
