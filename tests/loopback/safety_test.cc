@@ -8,6 +8,7 @@
 #include <csignal>
 #include <filesystem>
 #include <functional>
+#include <memory>
 #include <sstream>
 #include <stdexcept>
 #include <string>
@@ -205,8 +206,10 @@ class UnreadTerminal {
  public:
   UnreadTerminal() {
     if (openpty(&reader_, &writer_, nullptr, nullptr, nullptr) != 0) throw std::runtime_error{"no terminal"};
-    fcntl(writer_, F_SETFL, O_NONBLOCK);
-    fcntl(reader_, F_SETFL, O_NONBLOCK);
+    for (const int end : {reader_, writer_}) {
+      fcntl(end, F_SETFL, O_NONBLOCK);
+      fcntl(end, F_SETFD, FD_CLOEXEC);
+    }
   }
   ~UnreadTerminal() {
     close(reader_);
@@ -250,6 +253,22 @@ TEST(Safety, AProgramWhoseMessagesNobodyReadsKeepsItsCycle) {
     std::this_thread::sleep_for(10ms);
   }
   EXPECT_EQ(slave.wait(1s), exited(0)) << terminal.read_all();
+  EXPECT_GT(pair.summary("slave").steps(), 1500u);
+}
+
+// As after a logout of one who has disowned the program: writing there fails, and nobody sends SIGHUP.
+TEST(Safety, ATerminalThatIsGoneEndsNoProgram) {
+  const Pair pair;
+  auto terminal = std::make_unique<UnreadTerminal>();
+  Process slave{{"/bin/sh", "-c", R"(exec "$0" "$@" 2>)" + terminal->path(), TWOPORT_SLAVE, "--scene", pair.scene,
+                 "--listen", pair.address(), "--out", pair.at("slave"), "--no-spin"}};
+  for (int k = 0; k < 300 && terminal->read_all().find("listening on") == std::string::npos; ++k)
+    std::this_thread::sleep_for(20ms);
+  Process master = pair.master();
+  ASSERT_TRUE(master.says("paired with the slave")) << master.err();
+  terminal.reset();
+  EXPECT_EQ(master.wait(), exited(0)) << master.err();
+  EXPECT_EQ(slave.wait(10s), exited(0));
   EXPECT_GT(pair.summary("slave").steps(), 1500u);
 }
 
