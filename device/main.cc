@@ -71,8 +71,10 @@ void print_measured(const ProbeFigures& f, double period_s, bool moved, double t
   fmt::print("latency            {}\n",
              std::isfinite(f.latency_s)
                  ? fmt::format("{:.3g} ms from a push to a reading that has moved", 1e3 * f.latency_s)
-                 : "nothing has moved");
-  if (std::isfinite(f.mass_kg)) {
+                 : "nothing has moved: no force arrives, or no reading changes; walls are not tried");
+  if (f.mass_kg <= 0.0) {
+    fmt::print("mass               does not follow from the pushes: `applied` is not the force that acts\n");
+  } else if (std::isfinite(f.mass_kg)) {
     fmt::print("mass               {:.4g} kg\ndamping            {:.4g} N s/m\nCoulomb friction   {:.3g} N\n",
                f.mass_kg, f.damping_n_s_per_m, std::abs(f.coulomb_friction_n) < 1e-6 ? 0.0 : f.coulomb_friction_n);
     fmt::print("explained          {:.2f} % of the impulses\n", 100.0 * f.fit);
@@ -157,7 +159,9 @@ int probe(const Arguments& a, const Scene& scene) {
                              : "it displays no force: friction and walls are not measured");
   p.listen();
   if (moves && !stop) p.push();
-  if (moves && !stop) p.wall();
+  // A device that has not moved would rest at every wall.
+  const bool answers = std::isfinite(p.figures().latency_s) && !(p.figures().mass_kg <= 0.0);
+  if (moves && answers && !stop) p.wall();
   device->release();
   const ProbeFigures& f = p.figures();
   if (!device->trouble().empty()) throw IoError{a.device + ": " + device->trouble()};
@@ -173,7 +177,7 @@ int probe(const Arguments& a, const Scene& scene) {
     print_measured(f, period_s, moves, o.wall_tolerance);
     print_scene(info, f);
   }
-  return f.broken_off.empty() ? 0 : 3;
+  return f.broken_off.empty() && (answers || !moves) ? 0 : 3;
 }
 
 int run(int argc, char** argv) {

@@ -12,8 +12,9 @@
 #include "common/hardware/registry.h"
 #include "drivers/smoothed_target.h"
 
-// Last: it includes macros of X11.
-#include <spnav.h>  // NOLINT
+// Without its part for X11, whose headers libspnav-dev does not bring.
+#define SPNAV_CONFIG_H_  // NOLINT
+#include <spnav.h>       // NOLINT
 
 namespace twoport {
 namespace {
