@@ -52,7 +52,7 @@ set(CPACK_DEBIAN_FILE_NAME DEB-DEFAULT)
 set(CPACK_DEBIAN_PACKAGE_SECTION science)
 set(CPACK_DEBIAN_PACKAGE_SHLIBDEPS ON)
 set(CPACK_DEBIAN_PACKAGE_SUGGESTS
-    "g++, cmake, libeigen3-dev, libprotobuf-dev, libfmt-dev, libspdlog-dev, libcli11-dev, libssl-dev, libevdev-dev, libspnav-dev, spacenavd")
+    "g++, cmake, libeigen3-dev, libprotobuf-dev, libfmt-dev, libspdlog-dev, libcli11-dev, libssl-dev, libevdev-dev, libspnav-dev, spacenavd, python3-numpy")
 set(CPACK_DEBIAN_PACKAGE_CONTROL_EXTRA ${PROJECT_SOURCE_DIR}/packaging/debian/postinst
                                        ${PROJECT_SOURCE_DIR}/packaging/debian/conffiles)
 set(CPACK_DEBIAN_PACKAGE_CONTROL_STRICT_PERMISSION ON)

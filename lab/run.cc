@@ -18,6 +18,7 @@
 #include "lab/engine/quiet_tail.h"
 #include "lab/engine/recording.h"
 #include "lab/engine/simulation.h"
+#include "lab/engine/stoppable.h"
 
 namespace twoport::lab {
 namespace {
@@ -167,6 +168,7 @@ CountedRun run_as(Simulation<N>& simulation, const Scene& scene, const RunOption
     ticks += simulation.run_until(to_duration(until_s), [&](const Row<N>& row) {
       if (rows++ % options.trace_every == 0) {
         if (trace) trace->add(row);
+        if (options.table != nullptr) options.table->add(row);
         if (recording != nullptr) recording->add(row);
       }
       if (probes) contact_states.add(row);
@@ -216,7 +218,11 @@ Summary run(const Scene& scene, const RunOptions& options) {
 
 CountedRun run_counted(const Scene& scene, const RunOptions& options) {
   return dispatch_dof(scene, [&]<int N>() {
-    if (options.record == nullptr) return run_as<N>(*make_simulation<N>(scene), scene, options, nullptr);
+    if (options.record == nullptr) {
+      std::unique_ptr<Simulation<N>> simulation = make_simulation<N>(scene);
+      if (options.stop != nullptr) simulation = std::make_unique<Stoppable<N>>(std::move(simulation), *options.stop);
+      return run_as<N>(*simulation, scene, options, nullptr);
+    }
     LabRecording<N> recording{scene, *options.record};
     CountedRun done = run_as<N>(*make_recorded_simulation<N>(scene, recording.taps()), scene, options, &recording);
     recording.finish();

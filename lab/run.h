@@ -1,9 +1,11 @@
 #pragma once
 
+#include <atomic>
 #include <cstdint>
 
 #include "common/base/file.h"
 #include "common/record/summary.h"
+#include "common/record/trace_table.h"
 #include "common/scene/scene.h"
 
 namespace twoport::lab {
@@ -22,6 +24,8 @@ struct RunOptions {
   std::uint64_t trace_every = 1;  ///< one row in so many
   VerdictFrom verdict = VerdictFrom::tail;
   const RecordingOptions* record = nullptr;  ///< null: nothing is recorded
+  TraceTable* table = nullptr;               ///< takes the rows of the trace too
+  const std::atomic<bool>* stop = nullptr;   ///< ends the run, by lab::Stopped, soon after it has become true
 };
 
 /// Runs a scene in virtual time. Everything but the verdict comes from the scene's own run. The same scene and seed give the

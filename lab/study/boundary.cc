@@ -65,7 +65,7 @@ BoundarySearch search_boundary(const BoundaryOptions& o, const std::function<voi
   if (!(o.tolerance > 0.0 && o.tolerance < 1.0))
     throw ConfigError{fmt::format("--tolerance is {}; it must be between 0 and 1", o.tolerance)};
   const auto run_at = [&](double value) {
-    const Summary s = run(scene_at(o, value));
+    const Summary s = run(scene_at(o, value), {.stop = o.stop});
     return Trial{value, s.stable(), s.verdict()};
   };
   const auto tell = [&](const Trial& trial) {

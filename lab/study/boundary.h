@@ -23,9 +23,10 @@ struct BoundaryOptions {
   std::string scene;
   std::vector<std::string> set;  ///< overrides, applied before the one that varies
   Interval vary;
-  double tolerance = 1e-3;  ///< of the value, relative
-  int scan = 8;             ///< values between the ends that are tried first: the first change counts
-  int jobs = 1;             ///< threads for the scan
+  double tolerance = 1e-3;                  ///< of the value, relative
+  int scan = 8;                             ///< values between the ends that are tried first: the first change counts
+  int jobs = 1;                             ///< threads for the scan
+  const std::atomic<bool>* stop = nullptr;  ///< as RunOptions::stop
 };
 
 /// One run of the search.

@@ -152,7 +152,7 @@ std::pair<Summary, std::uint64_t> run_cell(const SweepOptions& o, const Plan& pl
     Scene scene = load_scene(o.scene, overrides(o, plan.values(cell)));
     const std::uint64_t first_seed = scene.seed;
     scene.seed += k;
-    return {run(scene), first_seed};
+    return {run(scene, {.stop = o.stop}), first_seed};
   } catch (const ConfigError& e) {
     throw ConfigError{fmt::format("cell {} ({}): {}", cell, plan.name(cell), e.what())};
   }

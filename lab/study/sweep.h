@@ -1,5 +1,6 @@
 #pragma once
 
+#include <atomic>
 #include <cstddef>
 #include <functional>
 #include <string>
@@ -40,7 +41,8 @@ struct SweepOptions {
   std::size_t seeds = 0;  ///< runs a cell: the scene's seed, seed + 1, …; 0: one, without columns of the spread
   int jobs = 1;
   Shard shard;
-  std::string out;  ///< folder for table.csv and cells.jsonl; empty: nothing is kept
+  std::string out;                          ///< folder for table.csv and cells.jsonl; empty: nothing is kept
+  const std::atomic<bool>* stop = nullptr;  ///< as RunOptions::stop; finished cells are kept
 };
 
 /// One row for each cell, in the order of cells: the varied paths first, then every figure of the summary, then

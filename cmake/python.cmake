@@ -1,0 +1,20 @@
+# The Python module is built where Python, NumPy and pybind11 are installed. All libraries are then position independent.
+option(TWOPORT_PYTHON "Build the Python module where Python 3, NumPy and pybind11 are installed" ${PROJECT_IS_TOP_LEVEL})
+set(twoport_python OFF)
+if(TWOPORT_PYTHON AND NOT TWOPORT_SANITIZE AND NOT TWOPORT_FUZZ)
+  # The system's interpreter, for which its packages are; another one by -D Python3_EXECUTABLE=...
+  if(NOT Python3_EXECUTABLE AND EXISTS /usr/bin/python3)
+    set(Python3_EXECUTABLE /usr/bin/python3)
+  endif()
+  find_package(Python3 3.9 QUIET COMPONENTS Interpreter Development.Module NumPy)
+  find_path(PYBIND11_INCLUDE_DIR pybind11/pybind11.h)
+  if(Python3_FOUND AND PYBIND11_INCLUDE_DIR)
+    set(twoport_python ON)
+    message(STATUS "Python module: for ${Python3_EXECUTABLE} ${Python3_VERSION}")
+    set(CMAKE_POSITION_INDEPENDENT_CODE ON)
+    # No function of the project is replaced by one of another library: all may be inlined as in a program.
+    add_compile_options(-fno-semantic-interposition)
+  else()
+    message(STATUS "Python module: not built; it needs python3-dev, python3-numpy and pybind11-dev")
+  endif()
+endif()

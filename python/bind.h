@@ -1,0 +1,131 @@
+#pragma once
+
+#include <fmt/format.h>
+#include <pybind11/numpy.h>
+#include <pybind11/pybind11.h>
+#include <pybind11/stl.h>
+
+#include <Eigen/Geometry>
+#include <algorithm>
+#include <atomic>
+#include <chrono>
+#include <cmath>
+#include <future>
+#include <memory>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "common/base/check.h"
+#include "common/base/vector.h"
+#include "common/scene/load.h"
+
+namespace twoport::python {
+
+namespace py = pybind11;
+
+/// A scene, and the text and overrides that it was read from.
+struct SceneOfText {
+  std::string source;  ///< path of the file, or what stands for it in error sentences
+  bool file;
+  std::string text;
+  std::vector<std::string> overrides;
+  Scene scene;
+};
+
+/// Parts of the module, one for each file.
+void add_studies(py::module_& module);
+void add_controllers(py::module_& module);
+void add_nodes(py::module_& module);
+
+/// N numbers from a sequence, or with N = 1 from a number. Throws ConfigError, whose sentence begins with `what`.
+template <int N>
+Eigen::Matrix<double, N, 1> numbers_from(const py::handle& from, const char* what) {
+  Eigen::Matrix<double, N, 1> v;
+  if constexpr (N == 1) {
+    if (PyFloat_Check(from.ptr())) {
+      v[0] = PyFloat_AS_DOUBLE(from.ptr());
+      return v;
+    }
+  }
+  const auto array = py::array_t<double, py::array::c_style | py::array::forcecast>::ensure(from);
+  if (!array)
+    throw ConfigError{fmt::format("{}: {} cannot be read as numbers", what, std::string{py::str(py::repr(from))})};
+  if (array.size() != N || array.ndim() > 1)
+    throw ConfigError{
+        fmt::format("{}: {} numbers of {} dimensions; it must hold {}", what, array.size(), array.ndim(), N)};
+  for (int i = 0; i < N; ++i) v[i] = array.data()[i];
+  return v;
+}
+
+template <class Vector>
+py::array_t<double> to_array(const Vector& v) {
+  py::array_t<double> array(v.size());
+  std::copy_n(v.data(), v.size(), array.mutable_data());
+  return array;
+}
+
+/// Position as numbers: N of them; N = 6: 7, with the attitude as a unit quaternion w x y z.
+template <int N>
+Position<N> position_from(const py::handle& from, const char* what) {
+  if constexpr (N == 6) {
+    const auto v = numbers_from<7>(from, what);
+    if (const double length = v.template tail<4>().norm(); !(std::abs(length - 1.0) < 1e-6) && length - length == 0.0)
+      throw ConfigError{fmt::format("{}: the attitude w x y z has the length {}; it must be 1", what, length)};
+    return {v.template head<3>(), Eigen::Quaterniond{v[3], v[4], v[5], v[6]}};
+  } else {
+    return Position<N>{numbers_from<N>(from, what)};
+  }
+}
+template <int N>
+py::array_t<double> to_array(const Position<N>& x) {
+  if constexpr (N == 6) {
+    Eigen::Matrix<double, 7, 1> v;
+    const Eigen::Quaterniond& q = x.attitude();
+    v << x.translation(), q.w(), q.x(), q.y(), q.z();
+    return to_array(v);
+  } else {
+    return to_array(x.translation());
+  }
+}
+
+/// Calls work(stop) in another thread, without the interpreter's lock, and meanwhile every 20 ms watch() with the lock. When a
+/// signal's handler (Ctrl-C) or watch() raises, `stop` becomes true, and the exception goes on once work has ended.
+template <class Work, class Watch>
+auto interruptible(Work work, Watch watch) {
+  std::atomic<bool> stop{false};
+  auto result = std::async(std::launch::async, [&] { return work(stop); });
+  const auto ended = [&](std::chrono::milliseconds within) {
+    const py::gil_scoped_release released;
+    return result.wait_for(within) == std::future_status::ready;
+  };
+  try {
+    while (!ended(std::chrono::milliseconds{20})) {
+      if (PyErr_CheckSignals() != 0) throw py::error_already_set{};
+      watch();
+    }
+  } catch (...) {
+    stop = true;
+    const py::gil_scoped_release released;
+    result.wait();
+    throw;
+  }
+  return result.get();
+}
+
+/// Calls use.operator()<N>() with N = dof.
+template <class Use>
+auto with_size(int dof, Use use) {
+  switch (dof) {
+    case 1:
+      return use.template operator()<1>();
+    case 3:
+      return use.template operator()<3>();
+    case 6:
+      return use.template operator()<6>();
+    default:
+      throw ConfigError{fmt::format("dof is {}; it must be 1, 3 or 6", dof)};
+  }
+}
+
+}  // namespace twoport::python

@@ -1,0 +1,363 @@
+#include <cmath>
+#include <cstdint>
+#include <memory>
+#include <optional>
+#include <string>
+#include <utility>
+#include <variant>
+#include <vector>
+
+#include "common/hardware/device.h"
+#include "common/hardware/robot.h"
+#include "common/link/mailbox.h"
+#include "common/link/report.h"
+#include "common/runtime/cycle.h"
+#include "master/master_node.h"
+#include "python/bind.h"
+#include "slave/slave_node.h"
+
+namespace twoport::python {
+namespace {
+
+/// What one side tells the other one in a tick. Immutable.
+struct Message {
+  std::variant<Report<1>, Report<3>, Report<6>> report;
+
+  template <class Use>
+  auto use(Use use) const {
+    return std::visit(use, report);
+  }
+};
+template <int N>
+constexpr int dof_of(const Report<N>&) {
+  return N;
+}
+int dof_of(const Message& m) {
+  return m.use([](const auto& r) { return dof_of(r); });
+}
+
+/// The link of one node: what has been handed in since the last tick, and what the node sends.
+template <int N>
+class InHand {
+ public:
+  void put(const Report<N>& r) { arrived_.push_back(r); }
+  std::shared_ptr<Message> take_sent() {
+    if (!sent_) return nullptr;
+    return std::make_shared<Message>(Message{*std::exchange(sent_, std::nullopt)});
+  }
+
+  template <class Visit>
+  void poll(Duration, Visit visit) noexcept {
+    for (const Report<N>& r : arrived_) visit(r);
+    arrived_.clear();
+  }
+  void send(const auto& r, Duration) noexcept { sent_ = r; }
+
+ private:
+  std::vector<Report<N>> arrived_;
+  std::optional<Report<N>> sent_;
+};
+
+/// A plant whose reading is an argument.
+template <class Sample>
+struct Reading {
+  Sample sample;
+  template <class Clock>
+  Sample sense(const Tick<Clock>&) const noexcept {
+    return sample;
+  }
+  void actuate(const auto&) const noexcept {}
+};
+
+/// Ticks of a side, by its own clock.
+template <class Clock>
+class Ticks {
+ public:
+  explicit Ticks(double rate_hz) : dt_{1.0 / rate_hz} {}
+  Tick<Clock> at(double t_s) {
+    if (!(t_s >= 0.0 && t_s < 1e9)) throw ConfigError{fmt::format("t_s is {}; it must be 0 to 1e9", t_s)};
+    const Duration now = to_duration(t_s);
+    double periods = 1.0;
+    if (before_) {
+      if (now <= *before_)
+        throw ConfigError{fmt::format("t_s is {}; it must be after the last tick, {}", t_s, to_seconds(*before_).si())};
+      periods = std::max(1.0, std::round(to_seconds(now - *before_).si() / dt_.si()));
+    }
+    before_ = now;
+    return {Instant<Clock>{now}, dt_, periods * dt_};
+  }
+
+ private:
+  Seconds dt_;
+  std::optional<Duration> before_;
+};
+
+struct MasterResult {
+  py::array_t<double> force, wanted;
+  std::shared_ptr<Message> message;
+  double dissipated_j, undissipated_j;
+  std::string mode;
+};
+struct SlaveResult {
+  py::array_t<double> force, x_d, v_d;
+  std::shared_ptr<Message> message;
+  double dissipated_j;
+  std::string mode;
+};
+
+class AnyNode {
+ public:
+  virtual ~AnyNode() = default;
+  virtual void receive(const Message& message) = 0;
+  [[nodiscard]] virtual int dof() const = 0;
+  [[nodiscard]] virtual double rate_hz() const = 0;
+  [[nodiscard]] virtual std::string mode() const = 0;
+  [[nodiscard]] virtual py::dict packets() const = 0;
+  [[nodiscard]] virtual std::optional<double> round_trip_s() const = 0;
+};
+
+template <int N, class Base>
+class WithLink : public Base {
+ public:
+  WithLink(const TransmissionOptions& incoming, const TransmissionOptions& outgoing, double rate_hz)
+      : mail_{InHand<N>{}, incoming, outgoing}, rate_hz_{rate_hz} {}
+  void receive(const Message& message) override {
+    const auto* report = std::get_if<Report<N>>(&message.report);
+    if (report == nullptr)
+      throw ConfigError{fmt::format("message: of {} degrees of freedom; this node has {}", dof_of(message), N)};
+    if (report->finite()) mail_.transport().put(*report);
+  }
+  [[nodiscard]] int dof() const override { return N; }
+  [[nodiscard]] double rate_hz() const override { return rate_hz_; }
+  [[nodiscard]] py::dict packets() const override {
+    const PacketCounts& c = mail_.counts();
+    py::dict all;
+    all["sent"] = c.sent;
+    all["received"] = c.received;
+    all["lost"] = c.lost;
+    all["late"] = c.late;
+    all["duplicated"] = c.duplicated;
+    all["rejected"] = c.rejected;
+    return all;
+  }
+  [[nodiscard]] std::optional<double> round_trip_s() const override {
+    const Duration measured = mail_.known().round_trip();
+    if (!mail_.known().has_report || measured < Duration{0}) return {};
+    return to_seconds(measured).si();
+  }
+
+ protected:
+  Mailbox<N, InHand<N>> mail_;
+
+ private:
+  double rate_hz_;
+};
+
+class AnyMaster : public AnyNode {
+ public:
+  virtual MasterResult step(double t_s, const py::object& x, const py::object& v, const py::object& applied,
+                            bool held) = 0;
+  [[nodiscard]] virtual double observed_j() const = 0;
+};
+
+template <int N>
+class MasterOf final : public WithLink<N, AnyMaster> {
+ public:
+  explicit MasterOf(const Scene& s)
+      : WithLink<N, AnyMaster>{s.transmission_to_master, s.transmission_to_slave, s.master_rate_hz},
+        ticks_{s.master_rate_hz},
+        node_{s.control, s.schedule} {}
+  MasterResult step(double t_s, const py::object& x, const py::object& v, const py::object& applied,
+                    bool held) override {
+    Reading<DeviceSample<N>> device;
+    device.sample.x = position_from<N>(x, "x");
+    device.sample.v = Velocity<N>{numbers_from<N>(v, "v")};
+    device.sample.applied = applied.is_none() ? command_ : Force<N>{numbers_from<N>(applied, "applied")};
+    device.sample.held = held;
+    const auto out = run_cycle(node_, device, this->mail_, ticks_.at(t_s));
+    command_ = out.command;
+    return {to_array(out.command.vec()), to_array(out.wanted.vec()), this->mail_.transport().take_sent(),
+            out.dissipated.si(),         out.undissipated.si(),      to_string(out.mode)};
+  }
+  [[nodiscard]] std::string mode() const override { return to_string(node_.mode()); }
+  [[nodiscard]] double observed_j() const override { return node_.observed().si(); }
+
+ private:
+  Ticks<MasterClock> ticks_;
+  MasterNode<N> node_;
+  Force<N> command_;
+};
+
+class AnySlave : public AnyNode {
+ public:
+  virtual SlaveResult step(double t_s, const py::object& x, const py::object& v, const py::object& f_environment,
+                           bool ideal) = 0;
+  [[nodiscard]] virtual double delivered_j() const = 0;
+};
+
+template <int N>
+class SlaveOf final : public WithLink<N, AnySlave> {
+ public:
+  explicit SlaveOf(const Scene& s)
+      : WithLink<N, AnySlave>{s.transmission_to_slave, s.transmission_to_master, s.slave_rate_hz},
+        ticks_{s.slave_rate_hz},
+        node_{s.control, s.schedule} {}
+  SlaveResult step(double t_s, const py::object& x, const py::object& v, const py::object& f_environment,
+                   bool ideal) override {
+    Reading<RobotSample<N>> robot;
+    robot.sample.x = position_from<N>(x, "x");
+    robot.sample.v = Velocity<N>{numbers_from<N>(v, "v")};
+    if (!f_environment.is_none())
+      robot.sample.f_environment = Force<N>{numbers_from<N>(f_environment, "f_environment")};
+    robot.sample.ideal = ideal;
+    const auto out = run_cycle(node_, robot, this->mail_, ticks_.at(t_s));
+    return {to_array(out.command.f.vec()),       to_array(out.command.x_d), to_array(out.command.v_d.vec()),
+            this->mail_.transport().take_sent(), out.dissipated.si(),       to_string(out.mode)};
+  }
+  [[nodiscard]] std::string mode() const override { return to_string(node_.mode()); }
+  [[nodiscard]] double delivered_j() const override { return node_.delivered().si(); }
+
+ private:
+  Ticks<SlaveClock> ticks_;
+  SlaveNode<N> node_;
+};
+
+/// The control of the scene must be over a link.
+const Scene& over_a_link(const SceneOfText& s, const char* what) {
+  const Architecture a = s.scene.control.architecture;
+  if (a == Architecture::render || a == Architecture::uncontrolled)
+    throw ConfigError{
+        fmt::format("{}: control.architecture of {} has no link; it must be POSITION_FORCE, "
+                    "POSITION_MEASURED_FORCE or POSITION_POSITION",
+                    what, s.source)};
+  return s.scene;
+}
+
+template <class Node>
+void add_common(py::class_<Node>& node) {
+  using namespace py::literals;
+  node.def(
+          "receive", &Node::receive, "message"_a,
+          R"(Hands a message of the other side to the next step(). You decide when, how often and in what order: messages may be
+delayed, lost, repeated and reordered. One whose numbers are not finite is dropped, as a link does.
+Errors: ValueError for one of another number of degrees of freedom.)")
+      .def_property_readonly("dof", &Node::dof, "Degrees of freedom: 1, 3 or 6.")
+      .def_property_readonly("rate_hz", &Node::rate_hz, "Rate at which step() is to be called [Hz].")
+      .def_property_readonly("mode", &Node::mode, "idle, coupled, holding, released or let_go.")
+      .def_property_readonly("packets", &Node::packets,
+                             "Messages sent, and received, lost, late, duplicated, rejected so far.")
+      .def_property_readonly("round_trip_s", &Node::round_trip_s,
+                             "As the newest message shows it [s]; None: not known yet.");
+}
+
+}  // namespace
+
+void add_nodes(py::module_& module) {
+  using namespace py::literals;
+
+  py::class_<Message, std::shared_ptr<Message>>(
+      module, "Message",
+      R"(What one side tells the other in a tick. Keep it as long as your network delays it, then hand it to
+receive() of the other node. Immutable.)")
+      .def_property_readonly(
+          "dof", [](const Message& m) { return dof_of(m); }, "Degrees of freedom: 1, 3 or 6.")
+      .def_property_readonly(
+          "sequence", [](const Message& m) { return m.use([](const auto& r) { return r.sequence; }); },
+          "Number, from 1.")
+      .def_property_readonly(
+          "sent_s",
+          [](const Message& m) { return m.use([](const auto& r) { return to_seconds(Duration{r.sent_ns}).si(); }); },
+          "Time of the tick by the sender's clock [s].")
+      .def_property_readonly(
+          "x", [](const Message& m) { return m.use([](const auto& r) { return to_array(r.x); }); },
+          "Position of the port [m], dof 6: 7 numbers, position and attitude w x y z.")
+      .def_property_readonly(
+          "v", [](const Message& m) { return m.use([](const auto& r) { return to_array(r.v.vec()); }); },
+          "Velocity of the port [m/s], dof 6: [m/s], [rad/s].")
+      .def_property_readonly(
+          "f", [](const Message& m) { return m.use([](const auto& r) { return to_array(r.f.vec()); }); },
+          "Force: the slave's is the one it returns, the master's the one it displays [N], dof 6: [N], [N m].")
+      .def_property_readonly(
+          "energy_in_j", [](const Message& m) { return m.use([](const auto& r) { return r.energy_in_j; }); },
+          "Energy that has entered the link at the sender since the session began [J].")
+      .def_property_readonly(
+          "mode", [](const Message& m) { return m.use([](const auto& r) { return std::string{to_string(r.mode)}; }); },
+          "Mode of the sender.")
+      .def("__repr__", [](const Message& m) {
+        return m.use([](const auto& r) {
+          return fmt::format("<twoport.Message {} of {:.9g} s, {}>", r.sequence, to_seconds(Duration{r.sent_ns}).si(),
+                             to_string(r.mode));
+        });
+      });
+
+  py::class_<MasterResult>(module, "MasterOutput", "What the master computes in a tick.")
+      .def_readonly("force", &MasterResult::force,
+                    "Force at the master port until the next tick [N], dof 6: [N], [N m]. force.v is power into the "
+                    "network: push the "
+                    "hand with -force.")
+      .def_readonly("wanted", &MasterResult::wanted, "The same before passivity control.")
+      .def_readonly("message", &MasterResult::message, "Message for the slave; None where a deadband sends none.")
+      .def_readonly("dissipated_j", &MasterResult::dissipated_j, "Dissipated by the controller in this tick [J].")
+      .def_readonly("undissipated_j", &MasterResult::undissipated_j, "Deficit that remains in the account [J].")
+      .def_readonly("mode", &MasterResult::mode, "idle, coupled, holding, released or let_go.");
+  py::class_<SlaveResult>(module, "SlaveOutput", "What the slave computes in a tick.")
+      .def_readonly("force", &SlaveResult::force,
+                    "Coupling force on the robot until the next tick [N], dof 6: [N], [N m].")
+      .def_readonly("x_d", &SlaveResult::x_d, "Set point, which an ideal robot follows [m], dof 6: 7 numbers.")
+      .def_readonly("v_d", &SlaveResult::v_d, "Velocity of the set point [m/s], dof 6: [m/s], [rad/s].")
+      .def_readonly("message", &SlaveResult::message, "Message for the master; None where a deadband sends none.")
+      .def_readonly("dissipated_j", &SlaveResult::dissipated_j, "Dissipated by the controller in this tick [J].")
+      .def_readonly("mode", &SlaveResult::mode, "idle, coupled, holding, released or let_go.");
+
+  py::class_<AnyMaster> master(module, "MasterNode",
+                               R"(The master over a link, one tick at a time: motion of the device in, force out.
+
+It is the node of twoport-master and of the laboratory, with the controllers of the scene (control.*), its rates and its
+transmission; device, operator, delays and environment of the scene are not used: they are yours.
+Errors: ValueError for a scene without a link.)");
+  master
+      .def(py::init([](const SceneOfText& s) {
+             const Scene& scene = over_a_link(s, "MasterNode");
+             return dispatch_dof(
+                 scene, [&]<int N>() -> std::unique_ptr<AnyMaster> { return std::make_unique<MasterOf<N>>(scene); });
+           }),
+           "scene"_a)
+      .def("step", &AnyMaster::step, "t_s"_a, "x"_a, "v"_a, py::kw_only(), "applied"_a = py::none(), "held"_a = true,
+           R"(One period: takes what has been received, returns the force and the message to send.
+
+t_s: time by the master's clock [s], after that of the last step
+x: position of the handle [m], dof 6: 7 numbers, position and attitude w x y z
+v: its velocity [m/s], dof 6: twist [m/s], [rad/s]
+applied: force held at the port since the last step [N]; None: the one returned then
+held: does the operator hold the handle?
+For numbers that are not finite it applies no force in this tick. Errors: ValueError.)")
+      .def_property_readonly("observed_j", &AnyMaster::observed_j,
+                             "Energy that the hand has put in so far, E(0) not included [J].");
+  add_common(master);
+
+  py::class_<AnySlave> slave(
+      module, "SlaveNode",
+      R"(The slave over a link, one tick at a time: motion of the robot in, force out. As MasterNode.)");
+  slave
+      .def(py::init([](const SceneOfText& s) {
+             const Scene& scene = over_a_link(s, "SlaveNode");
+             return dispatch_dof(
+                 scene, [&]<int N>() -> std::unique_ptr<AnySlave> { return std::make_unique<SlaveOf<N>>(scene); });
+           }),
+           "scene"_a)
+      .def("step", &AnySlave::step, "t_s"_a, "x"_a, "v"_a, py::kw_only(), "f_environment"_a = py::none(),
+           "ideal"_a = false,
+           R"(One period: takes what has been received, returns the force on the robot and the message to send.
+
+t_s: time by the slave's clock [s], after that of the last step
+x: position of the robot [m], dof 6: 7 numbers, position and attitude w x y z
+v: its velocity [m/s], dof 6: twist [m/s], [rad/s]
+f_environment: the force sensor's, of the robot on the environment [N], dof 6: [N], [N m]; None: 0
+ideal: the robot follows x_d exactly
+For numbers that are not finite it applies no force in this tick. Errors: ValueError.)")
+      .def_property_readonly("delivered_j", &AnySlave::delivered_j,
+                             "Net energy that has left the link into the slave [J].");
+  add_common(slave);
+}
+
+}  // namespace twoport::python

@@ -1,0 +1,444 @@
+#include <algorithm>
+#include <charconv>
+#include <cstdint>
+#include <cstdlib>
+#include <filesystem>
+#include <limits>
+#include <memory>
+#include <mutex>
+#include <optional>
+#include <string>
+#include <string_view>
+#include <utility>
+#include <vector>
+
+#include "common/base/file.h"
+#include "common/method/catalogue.h"
+#include "common/record/expectation.h"
+#include "common/record/summary.h"
+#include "common/record/trace_table.h"
+#include "common/scene/hints.h"
+#include "common/scene/names.h"
+#include "lab/run.h"
+#include "lab/study/boundary.h"
+#include "lab/study/parallel.h"
+#include "lab/study/sweep.h"
+#include "python/bind.h"
+
+namespace twoport::python {
+namespace {
+
+using namespace py::literals;
+using Strings = std::vector<std::string>;
+
+/// The strings of `from`: one, or a sequence of them.
+Strings strings_from(const py::handle& from, const char* what) {
+  Strings all;
+  const auto add = [&](const py::handle& each) {
+    if (!py::isinstance<py::str>(each))
+      throw ConfigError{fmt::format("{}: {} is not a text", what, std::string{py::str(py::repr(each))})};
+    all.push_back(each.cast<std::string>());
+  };
+  if (py::isinstance<py::str>(from))
+    add(from);
+  else if (py::isinstance<py::iterable>(from))
+    for (const py::handle& each : from) add(each);
+  else
+    add(from);
+  return all;
+}
+
+Strings overrides_from(const py::args& from) {
+  Strings all;
+  for (const py::handle& each : from)
+    for (std::string& assignment : strings_from(each, "override")) {
+      if (const std::string error = assignment_error(assignment); !error.empty()) throw ConfigError{error};
+      all.push_back(std::move(assignment));
+    }
+  return all;
+}
+
+SceneOfText load(const py::object& path, const py::args& overrides) {
+  const auto source = py::module_::import("os").attr("fspath")(path).cast<std::string>();
+  SceneOfText s{source, true, read_whole(source), overrides_from(overrides), {}};
+  s.scene = parse_scene(s.text, s.source, s.overrides);
+  return s;
+}
+SceneOfText parse(const std::string& text, const py::args& overrides, const std::string& name) {
+  SceneOfText s{name, false, text, overrides_from(overrides), {}};
+  s.scene = parse_scene(s.text, s.source, s.overrides);
+  return s;
+}
+SceneOfText with_overrides(const SceneOfText& before, const py::args& overrides) {
+  SceneOfText s = before;
+  for (std::string& each : overrides_from(overrides)) s.overrides.push_back(std::move(each));
+  s.scene = parse_scene(s.text, s.source, s.overrides);
+  return s;
+}
+
+/// The scene as a file: its own, or a temporary one.
+class SceneFile {
+ public:
+  explicit SceneFile(const SceneOfText& s) : source_{s.source}, path_{s.source} {
+    if (s.file) return;
+    std::string folder = (std::filesystem::temp_directory_path() / "twoport.XXXXXX").string();
+    if (::mkdtemp(folder.data()) == nullptr) throw IoError{folder + ": cannot be created"};
+    folder_ = folder;
+    path_ = (folder_ / (std::filesystem::path{s.source}.stem().string() + ".textproto")).string();
+    write_whole(path_, s.text);
+  }
+  ~SceneFile() {
+    std::error_code ignored;
+    if (!folder_.empty()) std::filesystem::remove_all(folder_, ignored);
+  }
+  SceneFile(const SceneFile&) = delete;
+  SceneFile& operator=(const SceneFile&) = delete;
+  [[nodiscard]] const std::string& path() const { return path_; }
+  /// An error sentence with the scene's own name.
+  [[nodiscard]] std::string named(std::string sentence) const {
+    for (std::size_t at = 0; !folder_.empty() && (at = sentence.find(path_, at)) != sentence.npos; at += source_.size())
+      sentence.replace(at, path_.size(), source_);
+    return sentence;
+  }
+
+ private:
+  std::string source_, path_;
+  std::filesystem::path folder_;
+};
+
+/// A view on the rows, which live as long as it does; read-only.
+py::array view(const std::shared_ptr<const TraceTable>& table) {
+  py::list fields;
+  for (const TraceTable::Field& f : table->fields())
+    fields.append(f.vector ? py::make_tuple(f.name, "<f8", py::make_tuple(f.size)) : py::make_tuple(f.name, "<f8"));
+  const py::dtype type = py::dtype::from_args(fields);
+  const py::capsule owner{new std::shared_ptr<const TraceTable>{table},
+                          [](void* p) { delete static_cast<std::shared_ptr<const TraceTable>*>(p); }};
+  py::array array{type, {static_cast<py::ssize_t>(table->rows())}, {}, table->data(), owner};
+  array.attr("setflags")("write"_a = false);
+  return array;
+}
+
+struct Result {
+  std::string summary_json;
+  py::dict summary;
+  Strings violations;
+  std::shared_ptr<const TraceTable> table;
+};
+
+Result run_scene(const SceneOfText& s, bool trace, std::uint64_t trace_every, const std::string& verdict) {
+  if (trace_every < 1) throw ConfigError{"trace_every is 0; it must be 1 or more"};
+  if (verdict != "tail" && verdict != "plain")
+    throw ConfigError{fmt::format("verdict is {}; it must be tail or plain", verdict)};
+  std::shared_ptr<TraceTable> table;
+  const double rate_hz = std::max(s.scene.master_rate_hz, s.scene.slave_rate_hz);
+  if (trace)
+    table = std::make_shared<TraceTable>(s.scene.dof,
+                                         s.scene.duration_s * rate_hz / static_cast<double>(trace_every) + 1.0);
+  const Summary summary = interruptible(
+      [&](const std::atomic<bool>& stop) {
+        return lab::run(s.scene, {.trace_every = trace_every,
+                                  .verdict = verdict == "plain" ? lab::VerdictFrom::plain : lab::VerdictFrom::tail,
+                                  .table = table.get(),
+                                  .stop = &stop});
+      },
+      [] {});
+  Result result;
+  result.summary_json = to_json(summary);
+  result.summary = py::module_::import("json").attr("loads")(result.summary_json);
+  result.violations = violations(s.scene.expect, summary);
+  result.table = std::move(table);
+  return result;
+}
+
+py::dict units(const Result& r) {
+  py::dict all;
+  if (r.table == nullptr) return all;
+  for (const TraceTable::Field& f : r.table->fields())
+    all[py::str(f.name)] = f.vector && f.size == 6 ? fmt::format("{}, {}", f.unit, f.rotational_unit) : f.unit;
+  return all;
+}
+
+/// A column of texts as numbers where all of them are (empty: NaN), else as they are.
+py::object column(const Strings& texts) {
+  std::vector<double> numbers;
+  for (const std::string& text : texts) {
+    double value = std::numeric_limits<double>::quiet_NaN();
+    const auto [stop, error] = std::from_chars(text.data(), text.data() + text.size(), value);
+    if (!text.empty() && (error != std::errc{} || stop != text.data() + text.size())) return py::cast(texts);
+    numbers.push_back(value);
+  }
+  return py::array_t<double>(static_cast<py::ssize_t>(numbers.size()), numbers.data());
+}
+
+struct TableOfTexts {
+  Strings columns;
+  std::vector<Strings> rows;
+  std::string csv;
+
+  [[nodiscard]] py::object at(const std::string& name) const {
+    const auto found = std::find(columns.begin(), columns.end(), name);
+    if (found == columns.end()) throw py::key_error{name};
+    Strings texts;
+    for (const Strings& row : rows) texts.push_back(row[static_cast<std::size_t>(found - columns.begin())]);
+    return column(texts);
+  }
+};
+
+/// Splits what to_csv has made.
+TableOfTexts table_of(const std::string& csv) {
+  TableOfTexts table{.columns = {}, .rows = {{}}, .csv = csv};
+  std::string cell;
+  bool quoted = false;
+  for (std::size_t i = 0; i < csv.size(); ++i) {
+    const char c = csv[i];
+    if (c == '"') {
+      if (quoted && i + 1 < csv.size() && csv[i + 1] == '"') {
+        cell += csv[++i];
+      } else {
+        quoted = !quoted;
+      }
+    } else if (!quoted && (c == ',' || c == '\n')) {
+      table.rows.back().push_back(std::exchange(cell, {}));
+      if (c == '\n') table.rows.emplace_back();
+    } else {
+      cell += c;
+    }
+  }
+  table.rows.pop_back();
+  table.columns = table.rows.front();
+  table.rows.erase(table.rows.begin());
+  return table;
+}
+
+/// Threads: 0 or None is one for each core.
+int jobs_from(const std::optional<int>& jobs) {
+  if (!jobs) return lab::all_cores();
+  if (*jobs < 1) throw ConfigError{fmt::format("jobs is {}; it must be 1 or more", *jobs)};
+  return *jobs;
+}
+
+/// What a study reports while it runs, and who is told, with the interpreter's lock.
+class Listener {
+ public:
+  explicit Listener(py::object heard) : heard_{std::move(heard)} {}
+  void set(std::size_t done, std::size_t count) {
+    const std::lock_guard lock{guard_};
+    done_ = done, count_ = count;
+  }
+  void tell() {
+    if (heard_.is_none()) return;
+    std::size_t done, count;
+    {
+      const std::lock_guard lock{guard_};
+      done = done_, count = count_;
+    }
+    if (count == 0 || std::exchange(told_, done + 1) == done + 1) return;
+    heard_(done, count);
+  }
+
+ private:
+  py::object heard_;
+  std::mutex guard_;
+  std::size_t done_ = 0, count_ = 0, told_ = 0;
+};
+
+TableOfTexts sweep_scene(const SceneOfText& s, const py::object& vary, std::size_t seeds,
+                         const std::optional<int>& jobs, const py::object& out, const py::object& progress) {
+  const SceneFile file{s};
+  lab::SweepOptions o;
+  o.scene = file.path();
+  o.set = s.overrides;
+  for (const std::string& axis : strings_from(vary, "vary")) o.axes.push_back(lab::parse_axis(axis, "vary"));
+  o.seeds = seeds;
+  o.jobs = jobs_from(jobs);
+  if (!out.is_none()) o.out = py::module_::import("os").attr("fspath")(out).cast<std::string>();
+  Listener listener{progress};
+  try {
+    const lab::Table table = interruptible(
+        [&](const std::atomic<bool>& stop) {
+          o.stop = &stop;
+          return lab::sweep(o, [&](const lab::Progress& p) { listener.set(p.done, p.count); });
+        },
+        [&] { listener.tell(); });
+    listener.tell();
+    return table_of(lab::to_csv(table));
+  } catch (const ConfigError& e) {
+    throw ConfigError{file.named(e.what())};
+  }
+}
+
+struct BoundaryOfScene {
+  std::string path;
+  double stable, unstable;
+  std::vector<std::tuple<double, bool, std::string>> trials;
+};
+
+py::object boundary_of(const SceneOfText& s, const std::string& vary, const py::object& along, double tolerance,
+                       int scan, const std::optional<int>& jobs) {
+  const SceneFile file{s};
+  lab::BoundaryOptions o;
+  o.scene = file.path();
+  o.set = s.overrides;
+  o.vary = lab::parse_interval(vary);
+  o.tolerance = tolerance;
+  o.scan = scan;
+  o.jobs = jobs_from(jobs);
+  try {
+    if (!along.is_none()) {
+      const lab::Axis axis = lab::parse_axis(along.cast<std::string>(), "along");
+      return py::cast(table_of(to_csv(interruptible(
+          [&](const std::atomic<bool>& stop) {
+            o.stop = &stop;
+            return lab::boundary_curve(o, axis);
+          },
+          [] {}))));
+    }
+    BoundaryOfScene result{.path = o.vary.name(), .stable = 0.0, .unstable = 0.0, .trials = {}};
+    const lab::Boundary found = interruptible(
+        [&](const std::atomic<bool>& stop) {
+          o.stop = &stop;
+          return lab::find_boundary(
+              o, [&](const lab::Trial& t) { result.trials.emplace_back(t.value, t.stable, t.verdict); });
+        },
+        [] {});
+    result.stable = found.stable;
+    result.unstable = found.unstable;
+    return py::cast(result);
+  } catch (const ConfigError& e) {
+    throw ConfigError{file.named(e.what())};
+  }
+}
+
+}  // namespace
+
+void add_studies(py::module_& module) {
+  py::class_<SceneOfText>(module, "Scene",
+                          R"(A scene with its overrides, checked. Made by load_scene and parse_scene; immutable.)")
+      .def("override", &with_overrides,
+           R"(This scene with more overrides: override("to_slave.delay_ms=50", "control.passivity.method=NONE").
+
+PATH=VALUE as for --set of the programs. Errors: ValueError with the programs' sentence.)")
+      .def(
+          "hints", [](const SceneOfText& s) { return hints(s.scene); },
+          "What of the scene is probably not meant: sentences, which the programs print as warnings.")
+      .def_property_readonly(
+          "source", [](const SceneOfText& s) { return s.source; }, "Path of the file, or the name given to the text.")
+      .def_property_readonly(
+          "text", [](const SceneOfText& s) { return s.text; }, "Text before the overrides.")
+      .def_property_readonly(
+          "overrides", [](const SceneOfText& s) { return py::tuple(py::cast(s.overrides)); }, "PATH=VALUE, in order.")
+      .def_property_readonly(
+          "name", [](const SceneOfText& s) { return s.scene.name; }, "Name of the scene.")
+      .def_property_readonly(
+          "description", [](const SceneOfText& s) { return s.scene.description; }, "Its description.")
+      .def_property_readonly(
+          "dof", [](const SceneOfText& s) { return s.scene.dof; }, "Degrees of freedom: 1, 3 or 6.")
+      .def_property_readonly(
+          "duration_s", [](const SceneOfText& s) { return s.scene.duration_s; }, "Length of a run [s].")
+      .def_property_readonly(
+          "master_rate_hz", [](const SceneOfText& s) { return s.scene.master_rate_hz; }, "Rate of the master [Hz].")
+      .def_property_readonly(
+          "slave_rate_hz", [](const SceneOfText& s) { return s.scene.slave_rate_hz; }, "Rate of the slave [Hz].")
+      .def_property_readonly(
+          "seed", [](const SceneOfText& s) { return s.scene.seed; }, "Seed of all that is random.")
+      .def_property_readonly(
+          "architecture", [](const SceneOfText& s) { return to_string(s.scene.control.architecture); },
+          "As control.architecture has it.")
+      .def_property_readonly(
+          "method", [](const SceneOfText& s) { return s.scene.control.method_name; },
+          "As control.passivity.method has it.")
+      .def("__repr__", [](const SceneOfText& s) {
+        return fmt::format("<twoport.Scene \"{}\" of {}, dof {}, {}, {}>", s.scene.name, s.source, s.scene.dof,
+                           to_string(s.scene.control.architecture), s.scene.control.method_name);
+      });
+  module.def("load_scene", &load, "path"_a,
+             R"(Reads a scene file: load_scene("scenes/demo.textproto", "to_slave.delay_ms=50").
+
+path: of the file. overrides: PATH=VALUE as for --set of the programs, applied in order.
+Errors: ValueError with the programs' sentence: file, line and column, or path, value, and what is allowed.)");
+  module.def("parse_scene", &parse, "text"_a, py::kw_only(), "name"_a = "text",
+             R"(Reads a scene from text: parse_scene("dof: 1 ...", "seed=2", name="mine").
+
+text: a scene as a file holds it. overrides: PATH=VALUE, applied in order. name: stands for the file in errors; files that the
+scene names are looked for in its folder.
+Errors: ValueError, as load_scene.)");
+
+  py::class_<Result>(module, "Result", "What a run leaves.")
+      .def_readonly(
+          "summary", &Result::summary,
+          "What summary.json of twoport-lab holds: the same keys, the same values (docs/summary-and-trace.md).")
+      .def_readonly("summary_json", &Result::summary_json, "summary.json itself.")
+      .def_readonly("violations", &Result::violations,
+                    "What the scene expects and the run did not meet, a sentence each.")
+      .def_property_readonly(
+          "trace", [](const Result& r) -> py::object { return r.table ? py::object{view(r.table)} : py::none(); },
+          R"(The columns of trace.csv with all digits, one element for each tick of the master; None where none was asked for.
+
+A structured array: trace["t_s"] has a number for each tick, trace["master_x"] `dof` of them. It is a read-only view of the
+run's own memory, without a copy, and so is each column; it stays valid when the result is gone.)")
+      .def_property_readonly("units", &units,
+                             R"(Unit of each column of the trace; with dof 6 "m, rad": translation, rotation.)")
+      .def("__repr__", [](const Result& r) {
+        return fmt::format("<twoport.Result {}: {}>", std::string{py::str(r.summary["scene"])},
+                           std::string{py::str(r.summary["verdict"])});
+      });
+  module.def("run", &run_scene, "scene"_a, py::kw_only(), "trace"_a = true, "trace_every"_a = 1, "verdict"_a = "tail",
+             R"(Runs a scene in virtual time, as `twoport-lab run` does: the same summary and trace, bit for bit.
+
+trace: keep the trace. trace_every: one tick in so many has a row.
+verdict: "tail" (the loop left alone after the scene's end, beside a twin) or "plain" (from the scene's own run: faster, and
+UNDECIDED more often).
+Other threads of Python go on meanwhile; Ctrl-C ends it. Errors: ValueError.)");
+
+  py::class_<TableOfTexts>(
+      module, "Table",
+      R"(A table of a study: table["stable"] is a column, as numbers (an array; NaN: not known) or texts (a list).)")
+      .def_readonly("columns", &TableOfTexts::columns, "Names of the columns.")
+      .def_readonly("rows", &TableOfTexts::rows, "The cells as texts, row by row; numbers with all digits.")
+      .def_readonly("csv", &TableOfTexts::csv, "The file that the program writes, table.csv or boundary.csv.")
+      .def("__getitem__", &TableOfTexts::at, "name"_a, "A column. Errors: KeyError.")
+      .def(
+          "__len__", [](const TableOfTexts& t) { return t.rows.size(); }, "Number of rows.")
+      .def("__repr__", [](const TableOfTexts& t) {
+        return fmt::format("<twoport.Table, {} rows, {} columns>", t.rows.size(), t.columns.size());
+      });
+  module.def("sweep", &sweep_scene, "scene"_a, "vary"_a, py::kw_only(), "seeds"_a = 0, "jobs"_a = py::none(),
+             "out"_a = py::none(), "progress"_a = py::none(),
+             R"(Runs a scene over a grid, as `twoport-lab sweep` does: the same table, bit for bit.
+
+vary: PATH=SPEC, or several of them, the last varies fastest. SPEC: a,b,c or start:stop:count or start:stop:count:log;
+A,B=SPEC links the paths A and B.
+seeds: runs a cell, with the scene's seed, seed + 1, ...; 0: one, without columns of the spread.
+jobs: threads; None: one for each core. out: folder for table.csv and the finished cells, from which a sweep that was ended
+goes on; None: nothing is kept. progress: called as progress(done, count), in cells.
+Other threads of Python go on meanwhile; Ctrl-C ends it. The file of the scene is read again. Errors: ValueError.)");
+
+  py::class_<BoundaryOfScene>(module, "Boundary", "A stability boundary.")
+      .def_readonly("path", &BoundaryOfScene::path, "What was varied.")
+      .def_readonly("value", &BoundaryOfScene::stable, "The last stable value, as the program prints it.")
+      .def_readonly("unstable", &BoundaryOfScene::unstable, "The first unstable value found on the other side.")
+      .def_readonly("trials", &BoundaryOfScene::trials, "The runs of the search: value, stable, verdict.")
+      .def("__repr__",
+           [](const BoundaryOfScene& b) { return fmt::format("<twoport.Boundary {} = {}>", b.path, b.stable); });
+  const lab::BoundaryOptions defaults{};
+  module.def("boundary", &boundary_of, "scene"_a, "vary"_a, py::kw_only(), "along"_a = py::none(),
+             "tolerance"_a = defaults.tolerance, "scan"_a = defaults.scan, "jobs"_a = py::none(),
+             R"(Finds where a scene stops being stable, as `twoport-lab boundary` does.
+
+vary: PATH=LO:HI; A,B=LO:HI varies both. along: PATH=SPEC as for sweep; then a Table is returned, a boundary for each value.
+tolerance: relative width of the final bracket. scan: values between the ends that are tried first. jobs: threads for the scan.
+Returns a Boundary, with `along` a Table. Ctrl-C ends it. Errors: ValueError, also when both ends agree.)");
+
+  module.def(
+      "methods",
+      [] {
+        std::vector<std::pair<std::string, std::string>> all;
+        for_each_method([&]<class M>(std::string_view name) { all.emplace_back(name, M::kSummary); });
+        return all;
+      },
+      "Name and sentence of each method of control.passivity.method over a link; the first is that of a scene that "
+      "names none.");
+}
+
+}  // namespace twoport::python

@@ -1,0 +1,55 @@
+"""Passive bilateral teleoperation: scenes in virtual time, and the nodes of master and slave one tick at a time.
+
+    import twoport
+    result = twoport.run(twoport.load_scene("scenes/demo.textproto", "to_slave.delay_ms=20"))
+    result.summary["min_port_energy_j"], result.trace["master_f"]
+
+SI units, in names of keys and columns. Forces at the master port are such that force.velocity is power into the network.
+"""
+
+from ._twoport import (
+    Boundary,
+    MasterNode,
+    MasterOutput,
+    Message,
+    PassivityController,
+    PassivityObserver,
+    Result,
+    Scene,
+    SlaveNode,
+    SlaveOutput,
+    Table,
+    __version__,
+    boundary,
+    load_scene,
+    methods,
+    parse_scene,
+    run,
+    sweep,
+)
+
+__all__ = [
+    "Boundary",
+    "MasterNode",
+    "MasterOutput",
+    "Message",
+    "PassivityController",
+    "PassivityObserver",
+    "Result",
+    "Scene",
+    "SlaveNode",
+    "SlaveOutput",
+    "Table",
+    "__version__",
+    "boundary",
+    "load_scene",
+    "methods",
+    "parse_scene",
+    "run",
+    "sweep",
+]
+
+for _name in __all__:
+    if hasattr(globals()[_name], "__module__"):
+        globals()[_name].__module__ = __name__
+del _name
