@@ -1,5 +1,5 @@
 # The Debian package: `cmake --build build/release --target package` writes build/release/twoport_VERSION_ARCH.deb with programs,
-# library, headers, the page (in the program), man pages, completion, scenes, examples and documents. Its files outside /usr are in
+# library, headers, the Python module, the page (in the program), man pages, completion, scenes, examples and documents. Its files outside /usr are in
 # packaging/root: limits and udev rule of the group realtime, which its installation makes.
 
 set(pages "")

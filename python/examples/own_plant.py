@@ -33,7 +33,7 @@ scene = twoport.parse_scene(
     """
     dof: 1 duration_s: 4 rate_hz: 1000
     operator { hand { mass_kg: 0.1 stiffness_n_per_m: 400 damping_n_s_per_m: 8 } }
-    device { mass_kg: 0.075 damping_n_s_per_m: 0.05 }
+    device { mass_kg: 0.075 damping_n_s_per_m: 0.05 max_force_n: 8.5 }
     control { architecture: POSITION_FORCE virtual_coupling { stiffness_n_per_m: 1000 damping_n_s_per_m: 20 } }
     to_slave { delay_ms: 50 } to_master { delay_ms: 50 }
     robot { mass_kg: 0.5 damping_n_s_per_m: 2 }

@@ -60,7 +60,8 @@ for method, result in runs.items():
 
 # %% [markdown]
 # ## Pictures
-# Left and middle: the force on the hand, `-master_f`, where the hand is. Right: the energy that the hand has put in.
+# Left and middle: the force on the hand, `-master_f`, where the hand is; red where it is more than 5 degrees off the wall's
+# normal. Right: the energy that the hand has put in.
 
 # %%
 if plt is None:
@@ -70,10 +71,12 @@ else:
     y = np.array([-60.0, 60.0])
     for ax, method in zip(axes, ("CLASSIC", "FORCE_PROJECTED")):
         trace = runs[method].trace
-        rows = trace[(trace["t_s"] > 0.3) & (np.linalg.norm(trace["master_f_wanted"], axis=1) > 0)][::60]
+        rows = trace[(trace["t_s"] > 0.3) & (np.linalg.norm(trace["master_f_wanted"], axis=1) > 0)][::11]
         x_mm, f = 1e3 * rows["master_x"], -rows["master_f"]
+        off_deg = np.abs((np.degrees(np.arctan2(f[:, 1], f[:, 0])) - 30.0 + 180.0) % 360.0 - 180.0)
         ax.fill_betweenx(y, -200, -y * np.tan(np.pi / 6), color="#e8dcc4")
-        ax.quiver(x_mm[:, 0], x_mm[:, 1], f[:, 0], f[:, 1], angles="xy", scale_units="xy", scale=0.1, width=0.003, color="#2a788e")
+        for part, colour in ((off_deg <= 5.0, "#2a788e"), (off_deg > 5.0, "#ca5a32")):
+            ax.quiver(*x_mm[part, :2].T, *f[part, :2].T, angles="xy", scale_units="xy", scale=0.1, width=0.002, color=colour)
         ax.set(title=method, xlabel="x [mm]", ylabel="y [mm]", xlim=(-45, 75), ylim=(-60, 60), aspect="equal")
     for method, colour in (("NONE", "#808080"), ("CLASSIC", "#ca5a32"), ("FORCE_PROJECTED", "#2a788e")):
         trace = runs[method].trace

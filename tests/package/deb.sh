@@ -21,6 +21,13 @@ for path in ./usr/bin/twoport-{master,slave,lab,device,keygen} ./usr/share/man/m
   grep -qF " $path" "$work/contents" || fail "the package lacks $path"
 done
 grep -q 'libtwoport_passivity\|libtwoport_platform.a' "$work/contents" || fail "the package lacks the library"
+python=/usr/lib/python3/dist-packages
+if [ -d "$build/python/twoport" ]; then
+  for file in __init__.py __init__.pyi py.typed; do
+    grep -qF " .$python/twoport/$file" "$work/contents" || fail "the package lacks $file of the Python module"
+  done
+  grep -q " .$python/twoport/_twoport\..*\.so" "$work/contents" || fail "the package lacks the Python module"
+fi
 grep -q 'twoport-config.cmake' "$work/contents" || fail "the package lacks its CMake configuration"
 grep -v ' root/root ' "$work/contents" && fail "not everything belongs to root"
 grep -E '^.......(-w|.-.w)' "$work/contents" | grep -v '^l' && fail "others may write"
@@ -37,6 +44,14 @@ for program in master slave lab device keygen; do
   "$work/root/usr/bin/twoport-$program" --version | grep -qF "twoport-$program $version" || fail "twoport-$program: other version"
 done
 "$work/root/usr/bin/twoport-lab" run "$work/root/usr/share/twoport/scenes/held_spring.textproto" >/dev/null
+if [ -d "$build/python/twoport" ]; then
+  interpreter=$(sed -n 's/^_*Python3_EXECUTABLE:[A-Z]*=//p' "$build/CMakeCache.txt" | head -n 1)
+  PYTHONPATH=$work/root$python PYTHONDONTWRITEBYTECODE=1 "${interpreter:-/usr/bin/python3}" -c '
+import sys, twoport
+assert twoport.__file__.startswith(sys.argv[1]), twoport.__file__
+print("twoport", twoport.__version__, twoport.run(twoport.load_scene(sys.argv[1] + "/usr/share/twoport/scenes/held_spring.textproto")).summary["verdict_kind"])
+' "$work/root"
+fi
 grep -rqF "$build" "$work/root/usr/lib" "$work/root/usr/include" --include='*.cmake' --include='*.h' && fail "paths of the build are in the package"
 if command -v man >/dev/null; then
   man -l --warnings "$work/root/usr/share/man/man1/twoport-master.1.gz" 2>&1 >"$work/page" | grep . && fail "the man page has faults"

@@ -554,7 +554,7 @@ class Hints(unittest.TestCase):
         for part in re.split(r", (?=\*|[a-z_]+:)", inside):
             name, _, rest = part.partition(":")
             default = rest.rpartition(" = ")[2] if " = " in rest else None
-            if name not in ("self", "*") and not name.startswith("*"):
+            if name not in ("", "self") and not name.startswith("*"):
                 theirs[name] = default
         ours = {}
         arguments = node.args
