@@ -6,6 +6,11 @@ if(TWOPORT_PYTHON AND NOT TWOPORT_SANITIZE AND NOT TWOPORT_FUZZ)
   if(NOT Python3_EXECUTABLE AND EXISTS /usr/bin/python3)
     set(Python3_EXECUTABLE /usr/bin/python3)
   endif()
+  # Its own headers, also where a python3-config of another interpreter is on the PATH.
+  if(Python3_EXECUTABLE AND NOT Python3_INCLUDE_DIR)
+    execute_process(COMMAND ${Python3_EXECUTABLE} -c "import sysconfig; print(sysconfig.get_path('include'))"
+                    OUTPUT_VARIABLE Python3_INCLUDE_DIR OUTPUT_STRIP_TRAILING_WHITESPACE ERROR_QUIET)
+  endif()
   find_package(Python3 3.9 QUIET COMPONENTS Interpreter Development.Module NumPy)
   find_path(PYBIND11_INCLUDE_DIR pybind11/pybind11.h)
   if(Python3_FOUND AND PYBIND11_INCLUDE_DIR)

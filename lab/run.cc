@@ -152,6 +152,12 @@ CountedRun run_as(Simulation<N>& simulation, const Scene& scene, const RunOption
   std::optional<Trace<N>> trace;
   if (options.trace != nullptr) trace.emplace(*options.trace);
 
+  const bool is_kept = trace || options.table != nullptr || recording != nullptr;
+  const auto keep = [&](const Row<N>& row) __attribute__((noinline)) {
+    if (trace) trace->add(row);
+    if (options.table != nullptr) options.table->add(row);
+    if (recording != nullptr) recording->add(row);
+  };
   bool goes_on = true;
   ContactStates<N> contact_states{scene};
   std::uint64_t ticks = 0;
@@ -166,11 +172,8 @@ CountedRun run_as(Simulation<N>& simulation, const Scene& scene, const RunOption
     contact_states.begin_part(from_s, until_s);
     const auto start = std::chrono::steady_clock::now();
     ticks += simulation.run_until(to_duration(until_s), [&](const Row<N>& row) {
-      if (rows++ % options.trace_every == 0) {
-        if (trace) trace->add(row);
-        if (options.table != nullptr) options.table->add(row);
-        if (recording != nullptr) recording->add(row);
-      }
+      if (is_kept && rows++ % options.trace_every == 0) [[unlikely]]
+        keep(row);
       if (probes) contact_states.add(row);
       return goes_on = metrics.add(row);
     });
