@@ -52,7 +52,13 @@ set(CPACK_DEBIAN_FILE_NAME DEB-DEFAULT)
 set(CPACK_DEBIAN_PACKAGE_SECTION science)
 set(CPACK_DEBIAN_PACKAGE_SHLIBDEPS ON)
 set(CPACK_DEBIAN_PACKAGE_SUGGESTS
-    "g++, cmake, libeigen3-dev, libprotobuf-dev, libfmt-dev, libspdlog-dev, libcli11-dev, libssl-dev, libevdev-dev, libspnav-dev, spacenavd, python3-numpy")
+    "g++, cmake, libeigen3-dev, libprotobuf-dev, libfmt-dev, libspdlog-dev, libcli11-dev, libssl-dev, libevdev-dev, libspnav-dev, spacenavd")
+if(twoport_python)
+  math(EXPR next "${Python3_VERSION_MINOR} + 1")
+  set(CPACK_DEBIAN_PACKAGE_DEPENDS
+      "python3 (>= ${Python3_VERSION_MAJOR}.${Python3_VERSION_MINOR}~), python3 (<< ${Python3_VERSION_MAJOR}.${next}~)")
+  set(CPACK_DEBIAN_PACKAGE_RECOMMENDS python3-numpy)
+endif()
 set(CPACK_DEBIAN_PACKAGE_CONTROL_EXTRA ${PROJECT_SOURCE_DIR}/packaging/debian/postinst
                                        ${PROJECT_SOURCE_DIR}/packaging/debian/conffiles)
 set(CPACK_DEBIAN_PACKAGE_CONTROL_STRICT_PERMISSION ON)

@@ -133,9 +133,9 @@ class Runs(unittest.TestCase):
 
     def test_a_plain_verdict_is_the_programs(self):
         with tempfile.TemporaryDirectory() as out:
-            lab("run", SCENES / "demo.textproto", "--verdict", "plain", "--trace", "none", "--out", out)
+            lab("run", SCENES / "friction_hides_energy.textproto", "--verdict", "plain", "--trace", "none", "--out", out)
             said = json.loads(pathlib.Path(out, "summary.json").read_text())
-        own = twoport.run(twoport.load_scene(SCENES / "demo.textproto"), trace=False, verdict="plain").summary
+        own = twoport.run(twoport.load_scene(SCENES / "friction_hides_energy.textproto"), trace=False, verdict="plain").summary
         self.assertEqual(own["verdict"], said["verdict"])
 
     def test_methods_are_the_programs(self):
@@ -244,7 +244,7 @@ class Studies(unittest.TestCase):
         self.assertEqual(twoport.boundary(scene, spring, along=rate).csv, curve)
 
     def test_other_threads_go_on_during_a_run(self):
-        scene = twoport.load_scene(SCENES / "demo.textproto", "duration_s=20")
+        scene = twoport.load_scene(SCENES / "demo.textproto", "duration_s=400")
         longest, done = [0.0], threading.Event()
 
         def watch():
@@ -256,11 +256,11 @@ class Studies(unittest.TestCase):
         thread = threading.Thread(target=watch)
         thread.start()
         start = time.monotonic()
-        twoport.run(scene, trace=False)
+        twoport.run(scene, trace=False, verdict="plain")
         spent = time.monotonic() - start
         done.set()
         thread.join()
-        self.assertLess(longest[0], 0.5 * spent + 0.1)
+        self.assertLess(longest[0], 0.5 * spent)
 
 
 class Errors(unittest.TestCase):
@@ -364,7 +364,10 @@ print(twoport.run(scene.override("duration_s=0.1")).summary["steps"])
         time.sleep(0.5)
         sent = time.monotonic()
         process.send_signal(signal.SIGINT)
-        out, err = process.communicate(timeout=60)
+        try:
+            out, err = process.communicate(timeout=60)
+        finally:
+            process.kill()
         self.assertEqual((out, err, process.returncode), ("ended\n200\n", "", 0))
         # 256 ticks of a run take less than a millisecond; the rest is a busy machine.
         self.assertLess(time.monotonic() - sent, 10.0)
@@ -495,10 +498,13 @@ class Controllers(unittest.TestCase):
                 self.assertGreaterEqual(controller.dissipated_j, 0.0)
 
     def test_an_admittance_is_controlled_too(self):
-        controller = twoport.PassivityController(1, output="velocity", method="CLASSIC", max_gain=5.0)
-        # A source of 1 m/s against a force: power comes out, and the controller answers with mobility times force.
-        v = controller.step(-1.0, 2.0, 1e-3)
-        self.assertAlmostEqual(v[0], 0.0, delta=1e-12)
+        controller = twoport.PassivityController(3, output="velocity", method="CLASSIC", max_gain=0.1, predict=False)
+        wanted, force = [-1.0, 0.5, 0.0], [2.0, 0.0, 0.0]
+        self.assertEqual(controller.step(wanted, force, 1e-3).tolist(), wanted)  # nothing is known to be missing
+        # 2 mJ have come out: a mobility of at most 0.1 m/(N s) along the force, -1 + 0.1 * 2.
+        v = controller.step(wanted, force, 1e-3)
+        self.assertAlmostEqual(np.abs(v - [-0.8, 0.5, 0.0]).max(), 0.0, delta=1e-12)
+        self.assertAlmostEqual(controller.energy_j, -2e-3, delta=1e-15)
 
     def test_the_observer_counts_held_force_times_motion(self):
         exact = twoport.PassivityObserver(1, initial_energy_j=0.5)
