@@ -189,7 +189,7 @@ class Memory(unittest.TestCase):
         work(100)
         before = resident_mb()
         work(1000)
-        # One trace is 60 kB: a leak of each would be 60 MB. The allocator's own noise is below 4 MB.
+        # One trace is 51 kB: a leak of each would be 51 MB. The allocator's own noise is below 4 MB.
         self.assertLess(resident_mb() - before, 4.0)
 
 
