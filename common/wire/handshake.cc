@@ -171,7 +171,8 @@ Handshake::Action Handshake::answer(const Header& header, const Endpoint& from, 
 /// Another number from the address of a peer that has just been heard: it has restarted, or bits were flipped on the way. Flipped bits
 /// do not give the same number twice.
 bool Handshake::is_confirmed(const Header& header, const Endpoint& from, Duration now) noexcept {
-  if (options_.tells_reasons || pairings_ == 0 || from != *peer_ || !within(kSilent, heard_, now)) return true;
+  const bool may_be_damaged = pairings_ > 0 && header.session != peer_session_ && from == *peer_;
+  if (options_.tells_reasons || !may_be_damaged || !within(kSilent, heard_, now)) return true;
   return std::exchange(unconfirmed_, header.session) == header.session;
 }
 
