@@ -36,7 +36,7 @@ class MasterNode {
   explicit MasterNode(const ControlOptions& o, std::span<const ScheduledControl> schedule = {})
       : observer_{o.observer},
         initial_{o.initial_energy},
-        safety_{limits_at_device(o), -1.0},
+        safety_{limits_at_device(o), -1.0, o.handle_mass_kg, o.handle_inertia_kg_m2},
         half_{o},
         alternatives_{o, schedule},
         bridge_{o.engage},

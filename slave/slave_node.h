@@ -31,7 +31,11 @@ class SlaveNode {
   };
 
   explicit SlaveNode(const ControlOptions& o, std::span<const ScheduledControl> schedule = {})
-      : half_{o}, alternatives_{o, schedule}, bridge_{o.engage}, modes_{o}, safety_{limits_at_robot(o), 1.0} {}
+      : half_{o},
+        alternatives_{o, schedule},
+        bridge_{o.engage},
+        modes_{o},
+        safety_{limits_at_robot(o), 1.0, o.known.robot_mass_kg, o.known.robot_inertia_kg_m2} {}
 
   [[gnu::always_inline]] Output step(const Tick<SlaveClock>& tick, const RobotSample<N>& robot,
                                      const PeerState<N>& master) noexcept {
@@ -109,7 +113,7 @@ class SlaveNode {
   [[nodiscard]] Energy delivered() const noexcept { return -account_.net(); }
 
  private:
-  /// The command within the limits, with the energy that it then takes from the link.
+  /// The command within the limits; the half is told, so that its set point does not run ahead.
   [[gnu::noinline]] void keep_limits(SlaveOutput<N>& half, const RobotSample<N>& robot, Seconds dt) noexcept {
     RobotCommand<N>& c = half.command;
     const RobotCommand<N> asked = c;
@@ -118,18 +122,11 @@ class SlaveNode {
     // A robot that follows the set point exactly is held by it; another one by its force.
     if (follows) c.x_d = safety_.set_point(c.x_d, from, dt, robot.ideal ? &robot.f_environment : nullptr);
     if (!robot.ideal) c.f = safety_(c.f, robot.x, robot.v, dt);
+    if (half.f_back.vec() == asked.f.vec()) half.f_back = c.f;
+    if (follows && (c.f.vec() != asked.f.vec() || c.x_d.translation() != asked.x_d.translation()))
+      tell_limited(half_, half, asked, robot, dt);
     x_d_ = c.x_d;
     commanded_ = follows;
-    if (robot.ideal && follows && c.x_d.translation() != asked.x_d.translation()) {
-      typename Velocity<N>::Vector v = c.v_d.vec();
-      v.template head<kAxes<N>>() = (c.x_d.translation() - from.translation()) / dt.si();
-      c.v_d = Velocity<N>{v};
-    }
-    if (half.f_back.vec() == asked.f.vec()) half.f_back = c.f;
-    // What is reported never exceeds what the limited command takes; the account has the exact value in the next tick.
-    const Energy wished = half.grounded - dot(asked.f, asked.v_d * dt), taken = half.grounded - dot(c.f, c.v_d * dt);
-    const Energy more = positive_part(taken) - positive_part(wished);
-    if (more.si() < 0.0) half.energy_in += more;
   }
 
   /// As MasterNode::pause.

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <algorithm>
 #include <tuple>
 
 #include "common/base/vector.h"
@@ -85,6 +86,29 @@ class VirtualCoupling {
     if (!drift_compensation_) x_d_ = x_d_ + v_d * dt;
   }
 
+  /// The limits at the robot have changed the command of the last step from `asked` to `command`: the set point goes back, and the
+  /// stretch to the part of it whose force is applied. Writes the set point's motion into `command`.
+  ///
+  ///     e = x_sd + (x_d - x_d,asked) - x,   x_sd = x + s e,   s = f·e/(f_asked·e) in [0, 1]; translation and rotation each
+  ///
+  /// An ideal robot stands at the set point: s = 1.
+  [[gnu::noinline]] void limited(RobotCommand<N>& command, const RobotCommand<N>& asked, const RobotSample<N>& robot,
+                                 Seconds dt) noexcept {
+    const Position<N> from = x_sd_ + -(asked.v_d * dt);
+    x_sd_ = x_sd_ + (command.x_d - asked.x_d);
+    if (!robot.ideal) {
+      typename Displacement<N>::Vector e = (x_sd_ - robot.x).vec();
+      e.template head<kTranslations>() *=
+          applied_part(command.f.vec().template head<kTranslations>(), asked.f.vec().template head<kTranslations>(),
+                       e.template head<kTranslations>());
+      if constexpr (N == 6)
+        e.template tail<3>() *=
+            applied_part(command.f.vec().template tail<3>(), asked.f.vec().template tail<3>(), e.template tail<3>());
+      x_sd_ = robot.x + Displacement<N>{e};
+    }
+    command.v_d = (x_sd_ - from) / dt;
+  }
+
   [[nodiscard]] const Position<N>& set_point() const noexcept { return x_sd_; }
   /// Estimate of the master's position, in the slave's world.
   [[nodiscard]] const Position<N>& target() const noexcept { return tracker_.target(); }
@@ -92,6 +116,13 @@ class VirtualCoupling {
   [[nodiscard]] const Registration<N>& registration() const noexcept { return registration_; }
 
  private:
+  static constexpr int kTranslations = N == 1 ? 1 : 3;
+
+  static double applied_part(const auto& f, const auto& asked, const auto& e) noexcept {
+    const double wanted = asked.dot(e), has = f.dot(e);
+    return wanted > 0.0 && has < wanted ? std::max(0.0, has) / wanted : 1.0;
+  }
+
   bool drift_compensation_, by_position_;
   Registration<N> registration_;
   SpringDamper<N> spring_;

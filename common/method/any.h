@@ -77,6 +77,8 @@ class AnySlaveHalf {
     [[nodiscard]] virtual SlaveHandover<N> handover() const noexcept = 0;
     virtual void resume(const SlaveHandover<N>& from) noexcept = 0;
     [[nodiscard]] virtual Position<N> target() const noexcept = 0;
+    virtual void limited(SlaveOutput<N>& out, const RobotCommand<N>& asked, const RobotSample<N>& robot,
+                         Seconds dt) noexcept = 0;
   };
   template <SlaveHalf<N> H>
   struct Model final : Concept {
@@ -92,6 +94,10 @@ class AnySlaveHalf {
     [[nodiscard]] SlaveHandover<N> handover() const noexcept override { return half.handover(); }
     void resume(const SlaveHandover<N>& from) noexcept override { half.resume(from); }
     [[nodiscard]] Position<N> target() const noexcept override { return half.target(); }
+    void limited(SlaveOutput<N>& out, const RobotCommand<N>& asked, const RobotSample<N>& robot,
+                 Seconds dt) noexcept override {
+      tell_limited(half, out, asked, robot, dt);
+    }
     [[nodiscard]] bool has_payload() const noexcept override { return half.has_payload(); }
     void write_payload(Words& words) const noexcept override { half.write_payload(words); }
     H half;
@@ -110,6 +116,9 @@ class AnySlaveHalf {
   [[nodiscard]] SlaveHandover<N> handover() const noexcept { return half_->handover(); }
   void resume(const SlaveHandover<N>& from) noexcept { half_->resume(from); }
   [[nodiscard]] Position<N> target() const noexcept { return half_->target(); }
+  void limited(SlaveOutput<N>& out, const RobotCommand<N>& asked, const RobotSample<N>& robot, Seconds dt) noexcept {
+    half_->limited(out, asked, robot, dt);
+  }
   [[nodiscard]] bool has_payload() const noexcept { return half_->has_payload(); }
   void write_payload(Words& words) const noexcept { half_->write_payload(words); }
 

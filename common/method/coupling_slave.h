@@ -29,6 +29,12 @@ class CouplingSlave {
     out.energy_in = account.absorbed() - base_absorbed_;
     return out;
   }
+  /// As tell_limited.
+  void limited(SlaveOutput<N>& out, const RobotCommand<N>& asked, const RobotSample<N>& robot, Seconds dt) noexcept {
+    const Energy wished = out.grounded - dot(asked.f, asked.v_d * dt);
+    set_back(out, asked, robot, dt);
+    report_no_more(out, wished, out.grounded - dot(out.command.f, out.command.v_d * dt));
+  }
   [[nodiscard]] Energy deficit(const Ledger&, Energy) const noexcept { return Energy{}; }
   void restart(const Ledger& account, Energy) noexcept { base_absorbed_ = account.absorbed(); }
   [[nodiscard]] SlaveHandover<N> handover() const noexcept { return {coupling_.registration(), coupling_.set_point()}; }
@@ -40,6 +46,10 @@ class CouplingSlave {
  protected:
   using Vector = typename Force<N>::Vector;
 
+  void set_back(SlaveOutput<N>& out, const RobotCommand<N>& asked, const RobotSample<N>& robot, Seconds dt) noexcept {
+    coupling_.limited(out.command, asked, robot, dt);
+    out.command.x_d = coupling_.set_point();
+  }
   /// Force and velocity of the coupling, zero while nothing is coupled.
   typename VirtualCoupling<N>::Wanted want(const SlaveInput<N>& in) noexcept {
     x_ = in.robot.x;

@@ -76,6 +76,29 @@ template <int N>
   return out;
 }
 
+/// What the half's command takes from the link was `wished`, and is `taken` within the limits: a total that is reported grows by no
+/// more than what is taken.
+template <int N>
+void report_no_more(SlaveOutput<N>& out, Energy wished, Energy taken) noexcept {
+  const Energy more = positive_part(taken) - positive_part(wished);
+  if (more.si() < 0.0) out.energy_in += more;
+}
+
+/// The limits at the robot have changed the command of the half's last step from `asked` to out.command. The half sets its set point
+/// back by that, so that it does not run ahead of the robot, and writes set point, velocity and energies of `out` as they are now.
+/// Optional: void H::limited(SlaveOutput<N>& out, const RobotCommand<N>& asked, const RobotSample<N>& robot, Seconds dt).
+template <class H, int N>
+void tell_limited(H& half, SlaveOutput<N>& out, const RobotCommand<N>& asked, const RobotSample<N>& robot,
+                  Seconds dt) noexcept {
+  if constexpr (requires { half.limited(out, asked, robot, dt); }) {
+    half.limited(out, asked, robot, dt);
+  } else {
+    const Energy wished = out.grounded - dot(asked.f, asked.v_d * dt);
+    if (robot.ideal) out.command.v_d = asked.v_d + (out.command.x_d - asked.x_d) / dt;
+    report_no_more(out, wished, out.grounded - dot(out.command.f, out.command.v_d * dt));
+  }
+}
+
 // clang-format off
 // (version 14 knows no concepts)
 

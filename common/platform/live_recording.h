@@ -21,7 +21,7 @@
 namespace twoport {
 
 /// The recording of one side of a live run: a feed from the cycle, and what the recording thread makes of it. The file is
-/// whole after every half second.
+/// whole after the first ticks, and then after every half second.
 template <int N>
 class LiveRecording {
  public:
@@ -38,6 +38,7 @@ class LiveRecording {
 
   // From the recording thread.
   void drain() {
+    const bool begins = !side_;
     while (feed_.try_pop(entry_)) {
       if (!side_) {
         side_.emplace(file_, header_);
@@ -51,6 +52,8 @@ class LiveRecording {
         received_.push_back(entry_.tick.sent);
       }
     }
+    // A program that is killed within the first half second leaves a recording too.
+    if (begins && side_) file_.flush();
   }
   void add(const Row<N>& row) {
     if (trace_) trace_->add(side_->log_time_ns(met_at_ + to_duration(row.t_s)), row);

@@ -59,7 +59,7 @@ struct PageServer::Impl {
     bool upgraded = false, holds = false, writing = false, ends = false;
     std::vector<Text> replies;  ///< sent in order, before samples
     Text samples;               ///< newest that are not sent yet
-    Now::time_point since = Now::now(), heard = since, pinged = since, last_progress = since;
+    Now::time_point since = Now::now(), heard = since, pinged = since, last_progress = since, commanded = since;
   };
   using Shared = std::shared_ptr<Client>;
 
@@ -211,14 +211,28 @@ struct PageServer::Impl {
             {"Cache-Control", "no-cache"}};
   }
 
+  /// A place for a further WebSocket, if need be that of a spectator.
+  bool has_place() {
+    std::size_t open = 0;
+    Shared idlest;
+    for (const Shared& c : clients) {
+      if (!c->upgraded || c->ends) continue;
+      ++open;
+      if (!c->holds && (!idlest || c->commanded < idlest->commanded)) idlest = c;
+    }
+    if (open < kSockets) return true;
+    if (!idlest || Now::now() - idlest->commanded < options.spectator_time) return false;
+    end(idlest, websocket_frame(WebSocketOpcode::close, websocket_close(1013)));
+    return true;
+  }
+
   void upgrade(const Shared& client, const HttpRequest& r, std::string_view rest) {
     if (!is_websocket_upgrade(r))
       return end(client, http_response("426 Upgrade Required", "text/plain", "This address is a WebSocket.\n",
                                        {{"Upgrade", "websocket"}, {"Sec-WebSocket-Version", "13"}}));
     if (!is_own_origin(r))
       return end(client, http_response("403 Forbidden", "text/plain", "Another web site may not connect.\n"));
-    if (std::count_if(clients.begin(), clients.end(), [](const Shared& c) { return c->upgraded; }) >=
-        static_cast<std::ptrdiff_t>(kSockets))
+    if (!has_place())
       return end(client, http_response("503 Service Unavailable", "text/plain", "Eight pages are open; close one.\n"));
     client->upgraded = true;
     client->reader.add(rest);
@@ -255,6 +269,7 @@ struct PageServer::Impl {
   void obey(const Shared& client, std::string_view text) {
     const std::optional<PageCommand> command = parse_page_command(text);
     if (!command) return end(client, websocket_frame(WebSocketOpcode::close, websocket_close(1008)));
+    client->commanded = Now::now();
     switch (command->kind) {
       case PageCommand::Kind::target:
         // One hand at a time.

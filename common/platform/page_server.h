@@ -16,14 +16,16 @@ namespace twoport {
 ///
 /// Refused: a Host that is not localhost or an IP address with this port, a WebSocket of another Origin, requests and
 /// messages beyond kLargestRequest and kLargestMessage, more than eight WebSockets. Ended: a request that is not complete
-/// after `request_time`, a WebSocket that answers no ping for `silence`, and of more than sixteen other connections the oldest.
+/// after `request_time`, a WebSocket that answers no ping for `silence`, and of more than sixteen other connections the oldest. Where
+/// eight WebSockets are open, a ninth takes the place of the one that has given no command for longest, at least `spectator_time`:
+/// a page gives one when its user does something. Who holds the handle keeps the place.
 class PageServer {
  public:
   struct Options {
     std::string address{};       ///< value of --page, ADDR:PORT; port 0: any free one
     std::string introduction{};  ///< text message that each client gets first
     std::span<const PageAsset> assets{};
-    std::chrono::milliseconds request_time{5000}, ping_every{2000}, silence{5000};
+    std::chrono::milliseconds request_time{5000}, ping_every{2000}, silence{5000}, spectator_time{30000};
   };
   /// Binds and starts. `channel` must outlive this. Throws ConfigError with the address and what to do.
   PageServer(const Options& options, PageChannel& channel);

@@ -14,18 +14,23 @@ namespace twoport {
 ///
 ///     1  |f| <= force_n, |τ| <= torque_n_m         the whole wrench is scaled: its direction stays
 ///     2  |f - f(k-1)| <= force_rate T              the change is scaled
-///     3  P = s f·v <= power_w                      the wrench is scaled
-///     4  |v| > speed: s f·v <= 0                   the part of f along v is removed, likewise τ along ω
-///     5  |x| > workspace: s f·x <= 0               the part of f along x is removed
+///     3  |x| > workspace: s f·x <= 0               the part of f along x is removed
+///     4  P = s f·v <= power_w                      the wrench is scaled
+///     5  w = v + s T f/m,  |w| <= max(speed, |v|)   f = m (w - v)/(s T) with w shortened; likewise τ, ω and the inertia J
 ///
-/// with s = 1 for a force on the hardware (robot), s = -1 for a force at the master port (the hand is pushed with -f).
-/// A step is pure computation. Without limits it returns its argument unchanged.
+/// with s = 1 for a force on the hardware (robot), s = -1 for a force at the master port (the hand is pushed with -f), T the period,
+/// m the mass that moves. The force accelerates nothing beyond the speed: |v| <= speed unless something else pushes. 5 shortens f
+/// and raises no power that was positive. Where m is not known: |v| > speed: s f·v <= 0, the part of f along v is removed; a tick
+/// may then exceed the speed by T |f|/m. A step is pure computation. Without limits it returns its argument unchanged.
 template <int N>
 class SafetyStage {
  public:
-  SafetyStage(const PortLimits& limits, double sign)
+  /// `mass_kg`, `inertia_kg_m2` (N = 6: the smallest principal moment) of what moves; 0: not known.
+  SafetyStage(const PortLimits& limits, double sign, double mass_kg = 0.0, double inertia_kg_m2 = 0.0)
       : o_{limits},
         sign_{sign},
+        per_kg_{mass_kg > 0.0 ? 1.0 / mass_kg : 0.0},
+        per_kg_m2_{inertia_kg_m2 > 0.0 ? 1.0 / inertia_kg_m2 : 0.0},
         bounds_force_{limits.force_n < PortLimits::kNone || (N == 6 && limits.torque_n_m < PortLimits::kNone)},
         bounds_more_{std::min({limits.force_rate_n_per_s, limits.power_w, limits.speed_m_per_s, limits.workspace_m}) <
                          PortLimits::kNone ||
@@ -77,13 +82,13 @@ class SafetyStage {
 
   [[gnu::noinline]] Force<N> bounded_more(Force<N> f, const Position<N>& x, const Velocity<N>& v, double dt) noexcept {
     bound_rate(f, dt);
+    bound_workspace(f, x);
     const double power = sign_ * dot_of(f, v);
     if (power > o_.power_w) {
       f = (o_.power_w / power) * f;
       counts_.add(Limit::power);
     }
-    bound_speed(f, v);
-    bound_workspace(f, x);
+    bound_speed(f, v, dt);
     before_ = f;
     return f;
   }
@@ -107,12 +112,13 @@ class SafetyStage {
     counts_.add(Limit::force_rate);
   }
 
-  void bound_speed(Force<N>& f, const Velocity<N>& v) noexcept {
+  void bound_speed(Force<N>& f, const Velocity<N>& v, double dt) noexcept {
     typename Force<N>::Vector out = f.vec();
-    bool acted = remove_along(out.template head<kAxes>(), linear(v.vec()), o_.speed_m_per_s, sign_);
+    bool acted = keep_slow(out.template head<kAxes>(), linear(v.vec()), o_.speed_m_per_s, per_kg_ * dt);
     if constexpr (N == 6)
       acted =
-          remove_along(out.template tail<3>(), v.vec().template tail<3>(), o_.angular_speed_rad_per_s, sign_) || acted;
+          keep_slow(out.template tail<3>(), v.vec().template tail<3>(), o_.angular_speed_rad_per_s, per_kg_m2_ * dt) ||
+          acted;
     if (!acted) return;
     f = Force<N>{out};
     counts_.add(Limit::speed);
@@ -122,6 +128,16 @@ class SafetyStage {
     if (!remove_along(out.template head<kAxes>(), x.translation(), o_.workspace_m, sign_)) return;
     f = Force<N>{out};
     counts_.add(Limit::workspace);
+  }
+  /// Shortens v + s r f, r = T/m, to max(most, |v|) where it is longer, and f with it. r = 0: not known.
+  [[nodiscard]] bool keep_slow(auto&& f, const auto& v, double most, double r) const noexcept {
+    if (!(most < PortLimits::kNone)) return false;
+    if (r == 0.0) return remove_along(f, v, most, sign_);
+    const auto w = (v + (sign_ * r) * f).eval();
+    const double longest = std::max(most, v.norm()), length = w.norm();
+    if (length <= longest) return false;
+    f = ((longest / length) * w - v) / (sign_ * r);
+    return true;
   }
   /// Where |direction| > most: removes the part of f along it, where that has the sign of `sign`.
   static bool remove_along(auto&& f, const auto& direction, double most, double sign) noexcept {
@@ -164,7 +180,7 @@ class SafetyStage {
   }
 
   PortLimits o_;
-  double sign_;
+  double sign_, per_kg_, per_kg_m2_;
   bool bounds_force_, bounds_more_, bounds_set_point_;
   Force<N> before_;
   LimitCounts counts_;

@@ -185,7 +185,7 @@ ControlOptions read_control(const Block<schema::Control>& of, SceneFor use) {
   options.force_scale = of.number(FIELD(force_scale), kPositive);
   options.motion_scale = of.number(FIELD(motion_scale), kPositive);
   options.registration = read_registration(of.block(FIELD(registration)));
-  options.engage = Seconds{of.number(FIELD(engage_s), kDelay)};
+  options.engage = Seconds{of.number(FIELD(engage_s), kMoment)};
   options.hold_after = Seconds{of.number(FIELD(hold_after_s), kSpan)};
   options.release_after = Seconds{of.number(FIELD(release_after_s), kSpan)};
   if (!(options.hold_after < options.release_after))

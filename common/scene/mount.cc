@@ -6,7 +6,6 @@ namespace twoport {
 namespace {
 
 constexpr Rule kScale{[](double v) { return v >= 1e-3 && v <= 1e3; }, "be from 0.001 to 1000"};
-constexpr Rule kMoment{[](double v) { return v >= 0.0 && v <= 60.0; }, "be from 0 to 60"};
 
 /// Coordinates of a point, of a scene with fewer axes too.
 Eigen::Vector3d spatial(const Numbers& numbers) {

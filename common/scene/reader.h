@@ -32,6 +32,7 @@ inline constexpr Rule kNotNegative{[](double v) { return v >= 0.0 && v <= 1e18; 
 inline constexpr Rule kProbability{[](double v) { return v >= 0.0 && v <= 1.0; }, "be between 0 and 1"};
 inline constexpr Rule kRate{[](double v) { return v > 0.0 && v <= 1e5; }, "be > 0 and at most 100000"};
 inline constexpr Rule kSpan{[](double v) { return v > 0.0 && v <= 1e6; }, "be > 0 and at most 1000000"};
+inline constexpr Rule kMoment{[](double v) { return v >= 0.0 && v <= 60.0; }, "be from 0 to 60"};
 inline constexpr Rule kDelay{[](double v) { return v >= 0.0 && v <= 1e6; }, "be between 0 and 1000000"};
 
 /// Allowed lengths of a list: `few`, or `many`, described by `more`.

@@ -154,6 +154,7 @@ Handshake::Action Handshake::answer(const Header& header, const Endpoint& from, 
   if (objection_.found_here) objection_.times = 0;
   // A replayed packet also introduces itself, but does not contain the current numbers.
   if (offers_.has(header.peer_session)) {
+    if (!is_confirmed(header, from, now)) return Action::wait;
     objection_.times = 0;
     candidate_ = Candidate{from, header.session, header.peer_session, now};
     return Action::pair;
@@ -165,6 +166,14 @@ Handshake::Action Handshake::answer(const Header& header, const Endpoint& from, 
   }
   greeting_ = Invitation{from, header.session};
   return Action::reply;
+}
+
+/// Another number from the address of a peer that has just been heard: it has restarted, or bits were flipped on the way. Flipped bits
+/// do not give the same number twice.
+bool Handshake::is_confirmed(const Header& header, const Endpoint& from, Duration now) noexcept {
+  const bool may_be_damaged = pairings_ > 0 && header.session != peer_session_ && from == *peer_;
+  if (options_.tells_reasons || !may_be_damaged || !within(kSilent, heard_, now)) return true;
+  return std::exchange(unconfirmed_, header.session) == header.session;
 }
 
 /// A valid peer during a session with another.

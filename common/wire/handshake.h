@@ -152,6 +152,7 @@ class Handshake {
   Action on_current(const Header& header, Decoded decoded, const Endpoint& from, Duration now) noexcept;
   Action on_unknown(const Header& header, Decoded decoded, const Endpoint& from, Duration now) noexcept;
   Action answer(const Header& header, const Endpoint& from, Duration now) noexcept;
+  [[nodiscard]] bool is_confirmed(const Header& header, const Endpoint& from, Duration now) noexcept;
   Action on_unpaired_peer(const Header& header, Duration now) noexcept;
   Action refuse(const Header& header, const Sentence& why, Duration now) noexcept;
   bool persists(std::string_view text, bool found_here, Duration now) noexcept;
@@ -177,6 +178,7 @@ class Handshake {
   std::optional<Duration> first_paired_;
   Duration paired_since_{0};
   std::uint64_t pairings_ = 0;
+  std::uint64_t unconfirmed_ = 0;  ///< last number that has come once from the peer's address
 
   Objection objection_;  ///< of the peer that this side would take
   Sentence difference_;  ///< found here, in an introduction whose source may be forged

@@ -72,7 +72,8 @@ TEST(Key, LetsNothingOnTheWireInPlainText) {
 TEST(Key, ThatDiffersOrIsMissingIsSaidOnBothSides) {
   const Pair plain;
   const KeyedPair pair;
-  const std::string other = plain.folder.write("other", std::string(64, '8'));
+  const std::string other =
+      plain.folder.write("other", "a7c300005e19d20b48f611117b83e4a6c05f92d1386b4fe7a0c5d2983b61f04d");
   std::filesystem::permissions(other, std::filesystem::perms::owner_read);
   struct Case {
     Words slave, master;

@@ -114,6 +114,19 @@ TEST(RecordedLive, SwitchesOfTheMethodReplayToTheBit) {
   replayed(pair.at("slave.mcap"));
 }
 
+TEST(RecordedLive, AProgramThatIsKilledAtItsStartLeavesAReadableRecording) {
+  const Pair pair{lossy(1, "FORCE_PROJECTED")};
+  Process s = pair.listening_slave("slave", {"--set", "duration_s=20"});
+  Process m = pair.master("master", {"--record", pair.at("master.mcap"), "--set", "duration_s=20"});
+  ASSERT_TRUE(m.says("paired"));
+  m.send(SIGKILL);
+  EXPECT_EQ(m.wait(), killed_by(SIGKILL));
+  s.send(SIGINT);
+  s.wait();
+  EXPECT_FALSE(read_messages(pair.at("master.mcap")).torn);
+  EXPECT_NE(replayed(pair.at("master.mcap")).find("identical to the bit"), std::string::npos);
+}
+
 /// Kills the master at random moments: TWOPORT_KILLS of them, by default 3.
 TEST(RecordedLive, AKilledProgramLosesHalfASecondAtMost) {
   const char* asked = std::getenv("TWOPORT_KILLS");

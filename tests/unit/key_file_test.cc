@@ -33,7 +33,7 @@ class KeyFile : public ::testing::Test {
   static bool has(const std::string& text, const std::string& part) { return text.find(part) != text.npos; }
 
   test::Folder folder;
-  std::string path = folder / "key", digits = std::string(62, '0') + "fF";
+  std::string path = folder / "key", digits = "6b1f0c9ad2e7435891bb03f4a76e2dc538e0174f5ca92b86d47a10ef6539c2fF";
 };
 
 TEST_F(KeyFile, ThatIsMadeIsReadAndNoTwoAreTheSame) {
@@ -72,6 +72,21 @@ TEST_F(KeyFile, HoldsSixtyFourDigits) {
   for (const std::string& wrong : {std::string{}, digits.substr(1), digits + "0", digits + "\n\n", digits + " ",
                                    "g" + digits.substr(1), digits + "\n" + std::string(100, '0')})
     EXPECT_TRUE(has(refusal(write(wrong)), "64 hexadecimal digits")) << wrong;
+}
+
+TEST_F(KeyFile, IsNoPattern) {
+  std::string counting, halves, seven, eight;
+  for (int i = 0; i < 32; ++i) {
+    const auto add = [](std::string& to, int byte) {
+      to += "0123456789abcdef"[byte / 16 % 16];
+      to += "0123456789abcdef"[byte % 16];
+    };
+    add(counting, 0xf0 + 3 * i), add(halves, i % 2 ? 0xab : 0xcd), add(seven, 37 * (i * i % 7)), add(eight, i * i % 37);
+  }
+  for (const std::string& weak :
+       {std::string(64, '0'), std::string(64, 'f'), std::string(64, '7'), counting, halves, seven})
+    EXPECT_TRUE(has(refusal(write(weak)), "is no secret")) << weak;
+  EXPECT_EQ(refusal(write(eight)), "");
 }
 
 TEST_F(KeyFile, IsReadableByItsOwnerOnly) {

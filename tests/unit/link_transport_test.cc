@@ -57,6 +57,30 @@ TEST(LinkTransport, PairsAndDelivers) {
   EXPECT_EQ(link.master.transport().counts().rejected.total() + link.slave.transport().counts().rejected.total(), 0U);
 }
 
+/// Three packets in ten are damaged, over a round trip as long as a program waits for the return of its number: a damaged session number
+/// must not pass for a program that has started again.
+TEST(LinkTransport, FlippedBitsBreakNoSession) {
+  for (std::uint64_t seed = 1; seed <= 20; ++seed) {
+    Link<1> link;
+    MemoryNetwork::Conditions c;
+    c.impairment.delay_s = 0.05;
+    c.corruption = 0.3;
+    link.network.set_conditions(kSlaveAt, c, seed);
+    link.network.set_conditions(kMasterAt, c, seed + 100);
+    int coupled = 0;
+    for (int k = 0; k < 5000; ++k) {
+      link.tick();
+      coupled += link.coupled();
+    }
+    // The first number may be a damaged one, and the true one follows.
+    EXPECT_LE(link.master.transport().pairings(), 2U) << seed;
+    EXPECT_LE(link.slave.transport().pairings(), 2U) << seed;
+    // It pairs within three one-way delays, at worst twice.
+    EXPECT_GT(coupled, 4500) << seed;
+    EXPECT_EQ(link.master.transport().reject_reason(), "") << seed;
+  }
+}
+
 TEST(LinkTransport, ReadsABoundedNumberInOnePoll) {
   MemoryNetwork network{1, 8192};
   MemorySocket socket = network.open(kSlaveAt, 0ms);

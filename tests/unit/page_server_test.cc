@@ -249,6 +249,39 @@ TEST(PageServer, SilentWebSocketsMakeRoomAndOthersStay) {
   EXPECT_TRUE(soon_pops(s.channel.hand, command)) << "it was not ended";
 }
 
+TEST(PageServer, SpectatorsThatOnlyAnswerPingsMakeRoomAndWhoHoldsTheHandleStays) {
+  Served s{{.ping_every = 50ms, .spectator_time = 400ms}};
+  const auto opened = [&](Connection& c) {
+    c.write(s.upgrade("http://" + s.host));
+    return c.read_until("{\"scene\":\"s\"}").find("101 Switching") != std::string::npos;
+  };
+  std::vector<std::unique_ptr<Connection>> eight;
+  for (int k = 0; k < 8; ++k) {
+    eight.push_back(std::make_unique<Connection>(s.port));
+    ASSERT_TRUE(opened(*eight.back())) << k;
+  }
+  eight[0]->write(masked(0x81, "target 0.01 0 0 0 0 0"));
+  PageCommand command;
+  ASSERT_TRUE(soon_pops(s.channel.hand, command));
+  std::atomic<bool> done{false};
+  std::thread pongs{[&] {
+    while (!done) {
+      for (const auto& c : eight) c->write(masked(0x8a, ""));
+      std::this_thread::sleep_for(20ms);
+    }
+  }};
+  Connection early{s.port};
+  early.write(s.upgrade("http://" + s.host));
+  EXPECT_NE(early.read_all().find("503"), std::string::npos) << "nobody has been idle for long enough";
+  std::this_thread::sleep_for(500ms);
+  Connection ninth{s.port};
+  EXPECT_TRUE(opened(ninth)) << "a spectator makes room";
+  done = true;
+  pongs.join();
+  eight[0]->write(masked(0x81, "target 0.02 0 0 0 0 0"));
+  EXPECT_TRUE(soon_pops(s.channel.hand, command)) << "who holds the handle was not ended";
+}
+
 TEST(PageServer, SaysWhichAddressIsTaken) {
   Served s;
   PageChannel other;

@@ -89,6 +89,32 @@ TEST(SafetyStage, AcceleratesNothingBeyondTheSpeedAndLeadsNothingBeyondTheWorksp
   EXPECT_EQ(stage.counts()[Limit::workspace], 1u);
 }
 
+TEST(SafetyStage, OfAKnownMassLeadsNothingBeyondTheSpeedInTheComingTick) {
+  constexpr double kLimit = 0.02, kMass = 0.5;
+  std::mt19937_64 random{3};
+  std::normal_distribution<double> force{0.0, 20.0}, speed{0.0, 0.02};
+  int held = 0;
+  for (const double sign : {1.0, -1.0}) {
+    SafetyStage<3> stage{{.speed_m_per_s = kLimit}, sign, kMass};
+    for (int k = 0; k < 1000; ++k) {
+      const V<3> f{force(random), force(random), force(random)}, v{speed(random), speed(random), speed(random)};
+      const V<3> kept = stage(Force<3>{f}, {}, Velocity<3>{v}, kT).vec();
+      const double longest = std::max(kLimit, v.norm());
+      const auto next = [&](const V<3>& by) { return (v + sign * kT.si() / kMass * by).norm(); };
+      if (next(f) <= longest) {
+        ASSERT_EQ(kept, f);
+        continue;
+      }
+      ++held;
+      // Some roundings.
+      ASSERT_NEAR(next(kept), longest, 1e-15);
+      ASSERT_LE(kept.norm(), f.norm() * (1.0 + 1e-12));
+      ASSERT_LE(sign * kept.dot(v), std::max(0.0, sign * f.dot(v)) + 1e-12);
+    }
+  }
+  EXPECT_GT(held, 500);
+}
+
 TEST(SafetyStage, BoundsTheStepOfTheSetPointAndHoldsItAtAPressedWall) {
   SafetyStage<1> stage{{.force_n = 10.0, .set_point_step_m = 0.002, .workspace_m = 0.1}, 1.0};
   const auto step = [&](double to, double from, double pressed) {

@@ -122,6 +122,11 @@ class EnergyTankSlave : public StoringSlave<N, EnergyTankSide<N>> {
     this->f_ = out.command.f;
     return out;
   }
+  void limited(SlaveOutput<N>& out, const RobotCommand<N>& asked, const RobotSample<N>& robot, Seconds dt) noexcept {
+    this->set_back(out, asked, robot, dt);
+    out.grounded = dot(out.command.f, (out.command.v_d - robot.v) * dt);
+    this->f_ = out.command.f;
+  }
 
  private:
   bool measured_;

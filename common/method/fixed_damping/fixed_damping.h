@@ -60,6 +60,12 @@ class FixedDampingSlave : public CouplingSlave<N> {
     const Force<N> damper = this->damper(in, damping_);
     return this->act(in, wanted.f + damper, wanted.v, wanted.v, damper);
   }
+  void limited(SlaveOutput<N>& out, const RobotCommand<N>& asked, const RobotSample<N>& robot, Seconds dt) noexcept {
+    const Energy wished = out.grounded - dot(asked.f, asked.v_d * dt);
+    this->set_back(out, asked, robot, dt);
+    if (!robot.ideal) out.grounded = dot(Force<N>{-damping_.cwiseProduct(robot.v.vec())}, out.command.v_d * dt);
+    report_no_more(out, wished, out.grounded - dot(out.command.f, out.command.v_d * dt));
+  }
 
  private:
   typename Force<N>::Vector damping_;

@@ -142,6 +142,10 @@ class FourChannelSlave : public CouplingSlave<N> {
     f_ = out.command.f;
     return out;
   }
+  void limited(SlaveOutput<N>& out, const RobotCommand<N>& asked, const RobotSample<N>& robot, Seconds dt) noexcept {
+    CouplingSlave<N>::limited(out, asked, robot, dt);
+    f_ = out.command.f;
+  }
   SlaveOutput<N> fail_safe(const Ledger& account) noexcept {
     f_ = Force<N>{};
     return CouplingSlave<N>::fail_safe(account);

@@ -77,6 +77,14 @@ class InternalModelSlave {
             .dissipated = dissipated};
   }
 
+  /// As tell_limited.
+  void limited(SlaveOutput<N>& out, const RobotCommand<N>& asked, const RobotSample<N>& robot, Seconds dt) noexcept {
+    const Energy wished = -dot(asked.f, asked.v_d * dt);
+    coupling_.limited(out.command, asked, robot, dt);
+    out.command.x_d = coupling_.set_point();
+    if (!strict_) report_no_more(out, wished, -dot(out.command.f, out.command.v_d * dt));
+  }
+
   SlaveOutput<N> fail_safe(const Ledger& account) noexcept {
     SlaveOutput<N> out{};
     out.command.x_d = coupling_.set_point();

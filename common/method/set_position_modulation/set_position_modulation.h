@@ -153,6 +153,13 @@ class SetPositionSlave : public StoringSlave<N, SetPositionSpring<N>> {
     this->f_ = out.command.f;
     return out;
   }
+  void limited(SlaveOutput<N>& out, const RobotCommand<N>& asked, const RobotSample<N>& robot, Seconds dt) noexcept {
+    if (robot.ideal) return this->set_back(out, asked, robot, dt);
+    const Energy gained = dot(asked.f, asked.v_d * dt) - out.grounded;
+    this->coupling_.limited(out.command, asked, robot, dt);
+    out.grounded = dot(out.command.f, out.command.v_d * dt) - gained;
+    this->f_ = out.command.f;
+  }
   void resume(const SlaveHandover<N>& from) noexcept {
     Base::resume(from);
     this->side_.start(from.set_point);

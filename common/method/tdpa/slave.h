@@ -58,10 +58,23 @@ class TdpaSlave {
     account.book(-into_slave);
     coupling_energy_.book(0, into_slave);
     coupling_.move(moved, wanted.v, in.dt);
+    sent_before_j_ = energy_sent_j_;
     return {.command = {.f = f_, .x_d = coupling_.set_point(), .v_d = allowed.v},
             .f_back = measured_ ? robot.f_environment : wanted.f,
             .energy_in = energy_sent(account),
             .dissipated = allowed.dissipated};
+  }
+
+  /// As tell_limited.
+  void limited(SlaveOutput<N>& out, const RobotCommand<N>& asked, const RobotSample<N>& robot, Seconds dt) noexcept {
+    coupling_.limited(out.command, asked, robot, dt);
+    out.command.x_d = coupling_.set_point();
+    f_ = out.command.f;
+    const Energy wished = -dot(asked.f, asked.v_d * dt), taken = -dot(f_, out.command.v_d * dt);
+    coupling_energy_.book(0, wished - taken);
+    report_no_more(out, wished, taken);
+    energy_sent_j_ = std::max(sent_before_j_, out.energy_in.si());
+    out.energy_in = Energy{energy_sent_j_};
   }
 
   SlaveOutput<N> fail_safe(const Ledger& account) noexcept {
@@ -115,6 +128,7 @@ class TdpaSlave {
   bool measured_, reference_energy_;
   Observer<1> coupling_energy_;  ///< of the coupling as a two-port: link port plus robot port
   double worst_coupling_energy_j_ = 0.0, energy_sent_j_ = 0.0;
+  double sent_before_j_ = 0.0;  ///< the same before the last step
   Energy base_absorbed_, base_returned_;
   Position<N> x_before_;
   Force<N> f_;

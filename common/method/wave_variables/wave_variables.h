@@ -110,6 +110,7 @@ class WaveSlave : public CouplingSlave<N> {
     Wave<N> w;
     Force<N> f;
     Velocity<N> v;
+    u_ = Wave<N>{};
     if (in.active) {
       const Vector mobility =
           coupling.spring().mobility(in.dt).cwiseQuotient(to_master_units_);  // G⁻¹ in the master's units
@@ -117,6 +118,7 @@ class WaveSlave : public CouplingSlave<N> {
       const Vector entering = map.to_master(in.robot.ideal ? in.robot.f_environment : f_0).vec();
       const Vector stiff = in.robot.ideal ? impedance_ : Vector{impedance_ + mobility.cwiseInverse()};
       const Wave<N> u = receiver_.step(in.master, in.master_energy_in, in.dt, correction(in, map, stiff));
+      u_ = u;
       const Vector v_m = (root_.cwiseProduct(u.vec()) - entering).cwiseQuotient(stiff);
       const Vector f_m = root_.cwiseProduct(u.vec()) - impedance_.cwiseProduct(v_m);
       w = Wave<N>{u.vec() - f_m.cwiseProduct(2.0 * root_.cwiseInverse())};
@@ -127,9 +129,20 @@ class WaveSlave : public CouplingSlave<N> {
     SlaveOutput<N> out = this->act(in, f, v, wanted.v);
     if (!all_finite(f, v)) [[unlikely]]
       return out;
+    sent_before_ = sender_;
     sender_.send(w, in.dt);
     out.energy_in = sender_.energy();
     return out;
+  }
+  /// As tell_limited: the wave that goes back is that of the applied force, of an ideal robot that of the velocity.
+  void limited(SlaveOutput<N>& out, const RobotCommand<N>& asked, const RobotSample<N>& robot, Seconds dt) noexcept {
+    this->set_back(out, asked, robot, dt);
+    const Registration<N>& map = this->coupling_.registration();
+    Vector f_m = map.to_master(out.command.f).vec();
+    if (robot.ideal) f_m = root_.cwiseProduct(u_.vec()) - impedance_.cwiseProduct(map.to_master(out.command.v_d).vec());
+    sender_ = sent_before_;
+    sender_.send(Wave<N>{u_.vec() - f_m.cwiseProduct(2.0 * root_.cwiseInverse())}, dt);
+    out.energy_in = sender_.energy();
   }
   SlaveOutput<N> fail_safe(const Ledger& account) noexcept {
     SlaveOutput<N> out = CouplingSlave<N>::fail_safe(account);
@@ -155,7 +168,8 @@ class WaveSlave : public CouplingSlave<N> {
 
   double correction_per_s_;
   WaveReceiver<N> receiver_;
-  WaveSender<N> sender_;
+  WaveSender<N> sender_, sent_before_;  ///< sent_before_: before the last step
+  Wave<N> u_;                           ///< received in the last step
   Vector impedance_, root_, to_master_units_;
 };
 

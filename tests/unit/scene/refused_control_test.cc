@@ -70,7 +70,8 @@ INSTANTIATE_TEST_SUITE_P(
                 {"control.passivity.method=ENERGY_BOUNDING", "device.damping_n_s_per_m=0"},
                 "control.passivity.method is ENERGY_BOUNDING; it must be another one where device.damping_n_s_per_m is "
                 "0, or control.passivity.energy_bounding.damping_n_s_per_m must be given"},
-        Refusal{kStiffWall, {"control.engage_s=-1"}, "control.engage_s is -1; it must be between 0 and 1000000"},
+        Refusal{kStiffWall, {"control.engage_s=-1"}, "control.engage_s is -1; it must be from 0 to 60"},
+        Refusal{kStiffWall, {"control.engage_s=1e6"}, "control.engage_s is 1000000; it must be from 0 to 60"},
         Refusal{
             kStiffWall, {"control.hold_after_s=0"}, "control.hold_after_s is 0; it must be > 0 and at most 1000000"},
         Refusal{kStiffWall,
