@@ -43,7 +43,7 @@ constexpr Duration kFaultsUntil = 2500ms, kCoupledWithin = 2500ms;
 constexpr Duration kWatchdog = 100ms, kReleaseAfter = 1s;
 constexpr double kInitialEnergyJ = 1e-3;
 // After a gap the first command is computed from the mean velocity of the gap, and its deficit dissipated in the ticks that
-// follow: less than 1 µJ in 24,000 schedules of stops.
+// follow: less than 1 µJ in 36,000 schedules with stops.
 constexpr double kPredictionJ = 1e-6;
 
 constexpr double kWallStiffness = 3000.0, kWallDamping = 5.0, kRobotMass = 1.0;
