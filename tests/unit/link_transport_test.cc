@@ -65,8 +65,7 @@ TEST(LinkTransport, FlippedBitsBreakNoSession) {
     MemoryNetwork::Conditions c;
     c.impairment.delay_s = 0.05;
     c.corruption = 0.3;
-    link.network.set_conditions(kSlaveAt, c, seed);
-    link.network.set_conditions(kMasterAt, c, seed + 100);
+    for (std::uint64_t draws = 0; draws < seed; ++draws) link.network.set_conditions(c);  // other damage each time
     int coupled = 0;
     for (int k = 0; k < 5000; ++k) {
       link.tick();
