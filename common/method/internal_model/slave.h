@@ -1,6 +1,7 @@
 #pragma once
 
 #include <algorithm>
+#include <cmath>
 
 #include "common/coupling/virtual_coupling.h"
 #include "common/method/internal_model/payload.h"
@@ -14,7 +15,7 @@ namespace twoport {
 /// The slave half of internal-model control: the virtual coupling, and an estimate of the surface for the master's model.
 ///
 ///     x_rx  = x_m - o - q n                                set point: the master's position less its offset, and the yield
-///     q     = LP_50ms of [(f·n + K* q - f_m·n)/(K_h + K*)]+    in contact and coupled; else -> 0
+///     q     = LP_50ms of c [(f·n + K* q - f_m·n)/(K_h + K*)]+  in contact and coupled, else -> 0;   c = min(1, (R/0.2 s)²), R nominal
 ///     f_s   = K_c (x_sd - x_s) + B_c (v_rx - v_s)          the virtual coupling
 ///             - min(20 N s/m, B_c) min(0, v_s·n) n         in contact and coupled: brakes the robot where it leaves the surface
 ///     f     = f_e - bias                                   force sensor (POSITION_FORCE, POSITION_MEASURED_FORCE)
@@ -23,7 +24,8 @@ namespace twoport {
 ///
 /// q: f_m is the force that the hand felt when it was at x_m. A hand of stiffness K_h = 700 N/m that felt f instead would be q
 /// further out, where f + K* q is what the robot presses without the yield. At rest f = f_m and q = 0; until a surface is
-/// felt the robot presses on it as the hand will once it feels it.
+/// felt the robot presses on it as the hand will once it feels it. c: with a short delay little is pressed blindly, and lost
+/// packets would make it yield. N = 6: c = 1; the point of contact changes from corner to corner within a short delay too.
 ///
 /// `strict_two_port`: no brake; set point and force move as the level of energy at this side allows, T f·v_sd <= E(0)/2 + received -
 /// sent - E_out (admittance_controller).
@@ -40,6 +42,7 @@ class InternalModelSlave {
         strict_{o.internal_model.strict_two_port},
         initial_{coupling_.registration().to_slave(0.5 * o.initial_energy)},
         limits_{limits_at_robot(o)},
+        yields_{N == 6 ? 1.0 : std::min(1.0, std::pow(o.known.round_trip.si() / kBlind_s, 2))},
         senses_{o.architecture != Architecture::position_position},
         bias_{o.force_scale},
         brake_n_s_per_m_{std::min(kBrake_n_s_per_m, o.coupling.damping_n_s_per_m)},
@@ -123,7 +126,8 @@ class InternalModelSlave {
  private:
   static constexpr int D = kAxes<N>;
   static constexpr double kBrake_n_s_per_m = 20.0, kKept_j = 5e-3;
-  static constexpr double kHand_n_per_m = 700.0, kYield_s = 50e-3, kYieldNormal_s = 0.5, kYieldNegligible_m = 1e-6;
+  static constexpr double kHand_n_per_m = 700.0, kYield_s = 50e-3, kBlind_s = 0.2, kYieldNormal_s = 0.5,
+                          kYieldNegligible_m = 1e-6;
 
   /// Strict: E(0)/2, what has been received, less what has been sent back and has left through the coupling.
   [[nodiscard]] Energy level(const Ledger& account, Energy master_in) const noexcept {
@@ -134,8 +138,7 @@ class InternalModelSlave {
   [[gnu::noinline]] Energy limit(typename VirtualCoupling<N>::Wanted& wanted, const SlaveInput<N>& in) noexcept {
     const Energy has = level(in.account, in.master_energy_in);
     if (!in.robot.ideal) wanted.f = within_limit(wanted.f);
-    PortSolution<N> allowed =
-        admittance_controller(wanted.f, wanted.v, coupling_.spring().mobility(in.dt), has, in.dt);
+    PortSolution<N> allowed = admittance_controller(wanted.f, wanted.v, coupling_.spring().mobility(in.dt), has, in.dt);
     if (!in.robot.ideal) allowed.f = within_limit(allowed.f);
     sent_ += positive_part(has - dot(allowed.f, allowed.v) * in.dt - initial_ - Energy{kKept_j});
     wanted.f = allowed.f;
@@ -174,7 +177,7 @@ class InternalModelSlave {
       const double k = in_series(estimator_.patch(), in.robot.ideal);
       const double pressed = n.dot(coupling_.registration().to_master(felt).vec().template head<D>());
       const double unfelt = pressed + k * yield_m_ - n.dot(said_.felt.value.vec());
-      wanted = std::max(0.0, unfelt / (kHand_n_per_m + k));
+      wanted = std::max(0.0, yields_ * unfelt / (kHand_n_per_m + k));
     }
     low_pass(yield_m_, wanted, in.dt, kYield_s);
   }
@@ -234,6 +237,7 @@ class InternalModelSlave {
   bool strict_;
   Energy initial_;
   PortLimits limits_;
+  double yields_;  ///< c
   bool senses_, engaged_ = false;
   SensorBias<N> bias_;
   double brake_n_s_per_m_, coupling_n_per_m_, rotation_n_m_per_rad_;
