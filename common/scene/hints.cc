@@ -6,6 +6,7 @@
 #include <array>
 #include <cmath>
 #include <iterator>
+#include <optional>
 #include <variant>
 
 namespace twoport {
@@ -91,14 +92,34 @@ bool sampled_spring_is_stable(double mass, double own_damping, double stiffness,
   return std::abs(det) < 1.0 && std::abs(trace) < 1.0 + det;
 }
 
-/// Is the robot unstable on the virtual coupling alone? The sampled coupling then generates energy at the robot's port,
-/// where no controller acts.
-bool coupling_feeds_robot(const Scene& s) {
-  if (!has_link(s) || !s.robot || s.robot->mass_kg <= 0.0 || !s.expect.stable.value_or(true)) return false;
+/// An inertia of the robot on the virtual coupling.
+struct Coupled {
+  const char *inertia_name, *damping_name, *units[2];  ///< fields of the scene; units of K, B
+  double inertia, own_damping, stiffness, damping;
+};
+
+/// A motion of the robot that is unstable on the virtual coupling alone; the sampled coupling then generates energy at the
+/// robot's port, where no controller acts.
+std::optional<Coupled> fed_by_coupling(const Scene& s) {
+  if (!has_link(s) || !s.robot || !s.expect.stable.value_or(true)) return {};
   const CouplingOptions& c = s.control.coupling;
-  return c.stiffness_n_per_m > 0.0 &&
-         !sampled_spring_is_stable(s.robot->mass_kg, s.robot->damping_n_s_per_m, c.stiffness_n_per_m,
-                                   c.damping_n_s_per_m, 1.0 / s.slave_rate_hz);
+  const auto fed = [&](const Coupled& of) {
+    return of.inertia > 0.0 && of.stiffness > 0.0 &&
+           !sampled_spring_is_stable(of.inertia, of.own_damping, of.stiffness, of.damping, 1.0 / s.slave_rate_hz);
+  };
+  const Coupled translation{"robot.mass_kg",    "damping_n_s_per_m",        {"N/m", "N s/m"},
+                            s.robot->mass_kg,   s.robot->damping_n_s_per_m, c.stiffness_n_per_m,
+                            c.damping_n_s_per_m};
+  if (fed(translation)) return translation;
+  if (s.dof != 6 || s.robot->inertia_kg_m2.empty()) return {};
+  const Coupled rotation{"robot.inertia_kg_m2",
+                         "rotational_damping_n_m_s_per_rad",
+                         {"N m/rad", "N m s/rad"},
+                         *std::min_element(s.robot->inertia_kg_m2.begin(), s.robot->inertia_kg_m2.end()),
+                         s.robot->rotational_damping_n_m_s_per_rad,
+                         c.rotational_stiffness_n_m_per_rad,
+                         c.rotational_damping_n_m_s_per_rad};
+  return fed(rotation) ? std::optional{rotation} : std::nullopt;
 }
 
 struct Hint {
@@ -126,16 +147,16 @@ constexpr Hint kHints[] = {
        return "control.passivity.method is NONE and the link delays: the loop may be unstable; INTERNAL_MODEL, the "
               "default, holds it";
      }},
-    {coupling_feeds_robot,
+    {[](const Scene& s) { return fed_by_coupling(s).has_value(); },
      [](const Scene& s) {
-       const CouplingOptions& c = s.control.coupling;
+       const Coupled of = *fed_by_coupling(s);
        return fmt::format(
-           "control.virtual_coupling makes the robot unstable, whatever the link does: robot.mass_kg {:g} on {:g} N/m "
-           "at "
-           "{:g} Hz needs a damping between about {:.3g} and {:.3g} N s/m, and damping_n_s_per_m is {:g}",
-           s.robot->mass_kg, c.stiffness_n_per_m, s.slave_rate_hz,
-           std::max(0.0, 0.5 * c.stiffness_n_per_m / s.slave_rate_hz - s.robot->damping_n_s_per_m),
-           2.0 * s.robot->mass_kg * s.slave_rate_hz, c.damping_n_s_per_m);
+           "control.virtual_coupling makes the robot unstable, whatever the link does: {} {:g} on {:g} {} at {:g} Hz "
+           "needs "
+           "a damping between about {:.3g} and {:.3g} {}, and {} is {:g}",
+           of.inertia_name, of.inertia, of.stiffness, of.units[0], s.slave_rate_hz,
+           std::max(0.0, 0.5 * of.stiffness / s.slave_rate_hz - of.own_damping), 2.0 * of.inertia * s.slave_rate_hz,
+           of.units[1], of.damping_name, of.damping);
      }},
 };
 

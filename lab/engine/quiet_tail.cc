@@ -18,6 +18,14 @@ constexpr std::size_t kFewest = 128;              // ticks of the shortest tail
 constexpr std::size_t kChunk = 512;               // ticks that the run is ahead of its twin, at most
 constexpr double kDiverged = 1e3;                 // of the run's largest speed
 
+/// Largest speed of the run, as this signal's kind has it: motion of the other kind counts by the reach, v = ω reach. What was at
+/// rest in the run may begin to move in the tail without being unstable.
+double largest_speed(const MotionScale& run, std::size_t signal) {
+  const double same = run.largest_of_kind(signal), other = run.largest(!run.rotates(signal));
+  if (!run.rotates(signal)) return std::max(same, other * run.reach_m);
+  return run.reach_m > 0.0 ? std::max(same, other / run.reach_m) : same;
+}
+
 template <int N>
 class TailRun {
  public:
@@ -41,7 +49,7 @@ class TailRun {
                                         .coarse = is_coarse(scene),
                                         .initial_energy_j = at.granted_energy().si()});
     for (std::size_t i = 0; i < kSides; ++i)
-      most_[i] = kDiverged * std::max(run.largest_of_kind(i), 1e6 * run.rounding(i));
+      most_[i] = kDiverged * std::max(largest_speed(run, i), 1e6 * run.rounding(i));
     chunk_.reserve(kChunk);
   }
 

@@ -6,6 +6,7 @@
 #include <cmath>
 #include <random>
 #include <string>
+#include <utility>
 
 #include "common/method/any.h"
 #include "common/method/catalogue.h"
@@ -573,6 +574,21 @@ TEST(TimeDomainPassivity, NoSideGivesMoreThanHasEnteredAtTheOther) {
   }
 }
 
+// A light handle at a slow rate: the matched b of 22 N s/m is beyond 2m/T = 8 N s/m, where a held damper diverges; the rule
+// gives m/(2T) = 2 N s/m.
+TEST(WaveVariables, ImpedanceIsNoMoreThanTheHandleHolds) {
+  const Scene scene = parse_scene(
+      "dof: 1 duration_s: 4 rate_hz: 125 operator { hand { stiffness_n_per_m: 200 damping_n_s_per_m: 1 } path { "
+      "move_to { "
+      "position_m: [0.03] duration_s: 1 } } } device { mass_kg: 0.032 } control { virtual_coupling { "
+      "stiffness_n_per_m: "
+      "1000 damping_n_s_per_m: 14 } passivity { method: WAVE_VARIABLES } } robot { mass_kg: 0.5 damping_n_s_per_m: 2 "
+      "force_sensor { } } to_slave { delay_ms: 20 } to_master { delay_ms: 20 }",
+      "light handle");
+  EXPECT_NEAR(wave_impedance(scene.control).translation, 0.5 * 0.032 * 125.0, 1e-12);
+  EXPECT_EQ(lab::run(scene).verdict_kind(), "STABLE");
+}
+
 // ---- four channels
 
 // At rest in contact with almost no delay: f_h = f_e, and x_m - x_s = (1 - g) F/K. A spring alone leaves F/K. To 1 %: what
@@ -634,6 +650,50 @@ TEST(FourChannel, WithADisturbanceObserverHasTheMassesAloneWhateverTheirFriction
     EXPECT_NEAR(period_s, 2.0 * 3.14159265358979 * std::sqrt(2.0 * kMass / (gain * kSpring)), 0.02 * period_s) << gain;
     EXPECT_GT(most_m, 0.01) << gain;
     EXPECT_LT(largest_m - least_m, 1e-3) << gain;
+  }
+}
+
+// A free mass under a constant force d that is switched on: f̂(k) = d (1 - (1 + g T)^-k), to rounding: the sampled observer is a first-order
+// low pass of what acts, whatever force is commanded. Own damping that it is told of is no part of it.
+TEST(FourChannel, ReactionForceObserverIsALowPassOfTheForce) {
+  constexpr double kMass = 0.7, kDamping = 3.0, kBandwidth = 150.0, kStep = 1e-3, kForce = -2.5;
+  ReactionForceObserver<1> observer{Force<1>::Vector::Constant(kMass), Force<1>::Vector::Constant(kDamping),
+                                    kBandwidth};
+  double v = 0.2, by_filter = 0.0;
+  observer.start(Velocity<1>{Velocity<1>::Vector::Constant(v)});
+  for (int k = 1; k <= 200; ++k) {
+    const double f = 3.0 * std::sin(0.1 * k);
+    v += kStep / kMass * (f - kForce) / (1.0 + kStep * kDamping / kMass) -
+         v * (kStep * kDamping / kMass) / (1.0 + kStep * kDamping / kMass);  // m (v(k) - v(k-1))/T = f - b v(k) - d
+    by_filter = observer.step(Force<1>{Force<1>::Vector::Constant(f)}, Velocity<1>{Velocity<1>::Vector::Constant(v)},
+                              Seconds{kStep})[0];
+    EXPECT_NEAR(by_filter, kForce * (1.0 - std::pow(1.0 + kBandwidth * kStep, -k)), 1e-9) << k;
+  }
+}
+
+// The source of force where no sensor is: what a sensor says has no part in it, and with acceleration control as well, as it is used for
+// imitation learning, the hand feels at rest what the robot presses. 1 %: what still moves after 3 s.
+TEST(FourChannel, FeelsByTheObserverWithoutASensor) {
+  const auto at_rest = [](const std::string& sensor, bool acceleration) {
+    const Scene scene = parse_scene(
+        "dof: 3 duration_s: 4 rate_hz: 4000 operator { hand { mass_kg: 0.1 stiffness_n_per_m: 200 damping_n_s_per_m: "
+        "10 } path { move_to { position_m: [0.03, 0, 0] duration_s: 1 } } } device { mass_kg: 0.1 } control { "
+        "virtual_coupling { stiffness_n_per_m: 1000 damping_n_s_per_m: 20 } passivity { method: FOUR_CHANNEL "
+        "four_channel { force_gain: 0.5 reaction_force_observer: true disturbance_observer: " +
+            std::string{acceleration ? "true" : "false"} + " } } } robot { mass_kg: 0.5 " + sensor +
+            " } environment { wall { normal: [-1, 0, 0] offset_m: -0.02 stiffness_n_per_m: 500 damping_n_s_per_m: 20 } "
+            "}",
+        "observer");
+    Loop<3> loop{scene};
+    for (int k = 0; k < 16000; ++k) loop.tick();
+    return std::pair{loop.device.x().translation()[0], loop.robot.state().x.translation()[0]};
+  };
+  for (const bool acceleration : {false, true}) {
+    const auto [hand, robot] = at_rest("", acceleration);
+    EXPECT_EQ((std::pair{hand, robot}), at_rest("force_sensor { noise_n: 1 bias_n: [3, 0, 0] }", acceleration));
+    const double pressed = 500.0 * (robot - 0.02), by_hand = 200.0 * (0.03 - hand);
+    EXPECT_GT(pressed, 0.5);
+    EXPECT_NEAR(by_hand, pressed, 0.01 * pressed) << acceleration;
   }
 }
 

@@ -66,6 +66,20 @@ TEST(Adversary, GetsNothingFromBothPortsOfAScaledStrictTwoPort) {
   EXPECT_GT(driven, 10) << "E(0) must be used";
 }
 
+// A limit of the robot's force that acts: what is applied is booked.
+TEST(Adversary, GetsNothingFromBothPortsOfAStrictTwoPortWhoseRobotIsLimited) {
+  int driven = 0;
+  for (std::uint64_t seed = 1; seed <= 150; ++seed) {
+    const AdversaryRun run =
+        attack("INTERNAL_MODEL", seed,
+               {"control.passivity.internal_model.strict_two_port=true", "control.robot_limits.force_n=1"});
+    if (run.lies) continue;
+    driven += run.both_least_j < -0.3e-3;
+    EXPECT_GE(run.both_least_j, -1e-3 - 1e-9) << seed;
+  }
+  EXPECT_GT(driven, 10) << "E(0) must be used";
+}
+
 TEST(Adversary, ASeedIsARun) {
   const Adversary many = attack_all({.methods = {"ENERGY_TANK"}, .seed = 40, .runs = 150, .jobs = 2});
   const AdversaryRun alone = attack("ENERGY_TANK", 187);

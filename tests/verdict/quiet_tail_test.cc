@@ -97,6 +97,35 @@ TEST(Verdict, IsUndecidedWhereNothingCanBeSaid) {
   EXPECT_NE(still.verdict().find("nothing moved"), std::string::npos) << still.verdict();
 }
 
+// A wrench that turns nothing as long as the run lasts, and turns the handle a little in the tail, decaying: what was at rest has
+// the speed of the other kind of motion as its measure.
+TEST(Verdict, CallsAnAxisThatBeginsToMoveInTheTailNotDiverged) {
+  const Summary s = run(parse_scene(R"(
+dof: 6 duration_s: 3 rate_hz: 1000 seed: 50647
+operator {
+  hand { stiffness_n_per_m: 72.5 damping_n_s_per_m: 0.8001 inertia_kg_m2: 1e-4 rotational_stiffness_n_m_per_rad: 4.13
+    rotational_damping_n_m_s_per_rad: 0.00304 }
+  path { hold { duration_s: 0.3 } }
+  path { move_to { position_m: [0.1, 0, 0] duration_s: 0.05 } }
+  path { hold { duration_s: 0.5 } }
+  path { sine { axis: 1 amplitude_m: 0.00325 frequency_hz: 1.91 duration_s: 1.5 } }
+  path { move_to { position_m: [0, 0, 0] duration_s: 0.3 } }
+}
+device { mass_kg: 1.643 damping_n_s_per_m: 0.05 inertia_kg_m2: 0.000203 rotational_damping_n_m_s_per_rad: 1e-4
+  velocity_estimate: FILTERED }
+control { architecture: POSITION_POSITION virtual_coupling { stiffness_n_per_m: 60.59 damping_n_s_per_m: 1.594 }
+  passivity { method: MODEL_MEDIATED } }
+to_slave { delay_ms: 17.84 jitter_ms: 0.208 jitter_distribution: UNIFORM }
+to_master { delay_ms: 22.16 loss: 0.3 delay_step { at_s: 1.72 delay_ms: 5 }
+  deadband { ratio: 0.0673 position_m: 0.000139 silence_ms: 1.26 } }
+robot { mass_kg: 2.32 damping_n_s_per_m: 1 inertia_kg_m2: [0.0246] rotational_damping_n_m_s_per_rad: .01 force_sensor { } }
+tool { contact_point { position_m: [0,0,0] } contact_point { position_m: [0.03,0.02,-0.01] } }
+environment { cylinder { point_m: [.04,0.001,0] axis: [0,0,1] radius_m: 0.00979 stiffness_n_per_m: 198.5 } }
+)",
+                                    "turns in the tail"));
+  EXPECT_NE(s.verdict_kind(), "UNSTABLE") << s.verdict();
+}
+
 // Positions beyond a hundred metres are no divergence where nothing drives.
 TEST(Verdict, LetsAFreeBodyGo) {
   const Summary s = run(parse_scene(

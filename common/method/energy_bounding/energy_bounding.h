@@ -23,7 +23,7 @@ inline BoundingDamping bounding_damping(const ControlOptions& o) {
 ///
 ///     min over Δx of  b|Δx|²/T + s f·Δx  =  -T s²|f|²/(4b)   >= -E        s² = 4 E / (T Σ f_i²/b_i)
 ///
-/// Source: Kim, Ryu, Int. J. Robotics Research 29(6), 2010.
+/// Source: Kim, Ryu, Int. J. Robotics Research 29(6), 2010; this is the form for several axes with the least conservative bound.
 template <int N>
 double energy_bounding_scale(const Force<N>& f, Energy e, const typename Force<N>::Vector& inverse_damping,
                              Seconds dt) noexcept {

@@ -31,10 +31,10 @@ namespace twoport {
 ///         f_d = r, fading to 0 over 3 mm                                            outside;   f_d·n >= 0: a surface never pulls
 ///         f_d *= c ramp,   c = min(1, m_handle/(4 T² K*)) inside                     no stiffer than the sampled handle allows
 ///     (6) s f_d:  energy spring with min(K_c, m_handle/(4 T²))
-///     (7) g = b v + K* T/2 (n·v) n,  v = LP_3ms Δx/T,   b = 0.5 + 2 min(R, 1 s) + 10 (1 - LP_20ms s) inside;   each at most m_handle/(4T)
+///     (7) g = b v + K* T/2 (n·v) n,  v = LP_3ms Δx/T,   b = 0.5, inside + 2 min(R, 1 s) + 10 (1 - LP_20ms s);   each at most m_handle/(4T)
 ///         f = s f_d + γ g
 ///     (8) o = LP_50ms (outside LP_{0.3 s + R}) of min((1 - s q c) f_d·n/K*, d) along LP_{0.5 s + 2R} n;  x_cmd = x - o
-///         q = LP_20ms of |applied|/|commanded|
+///         q = LP_20ms of |applied|/|commanded|;      f_m = s q c ramp f_d goes to the slave with x
 ///
 /// (8) makes the slave press as hard as the hand feels where energy or device do not allow the right force.
 /// In flight: free, but commanded into the surface; the robot bounces and will touch it again.
@@ -84,6 +84,7 @@ class InternalModelMaster {
     out.undissipated = energy_.undissipated();
     if (ramp == 0.0) {
       f_ = Force<N>{};
+      tell(f_);
       damper_.rest();
       return out;
     }
@@ -109,6 +110,7 @@ class InternalModelMaster {
     low_pass(scale_slow_, s, in.dt, kScale_s);
     f_ = s * wanted + g;
     move_set_point(f_d, hand, 1.0 - s * shown_ * c, round_trip, in.dt);  // (8)
+    tell(s * shown_ * wanted);
 
     out.f = f_;
     out.wanted = wanted;
@@ -128,9 +130,7 @@ class InternalModelMaster {
     energy_.restart(account.net(), owed);
   }
   [[nodiscard]] bool has_payload() const noexcept { return heard_; }
-  void write_payload(Words& words) const noexcept {
-    write(SetPointOffset<N>{{Displacement<D>{offset_m_ * offset_normal_}}}, words);
-  }
+  void write_payload(Words& words) const noexcept { write(said_by_master_, words); }
 
  private:
   static constexpr int D = kAxes<N>;
@@ -268,10 +268,11 @@ class InternalModelMaster {
   [[nodiscard]] Force<N> damping(const Velocity<N>& v, const Hand& hand, Seconds round_trip,
                                  Seconds dt) const noexcept {
     const double most = mass_kg_ > 0.0 ? mass_kg_ / (4.0 * dt.si()) : kHarvest;
-    double b = (strict_ ? kStrictDamping : kDamping) + kDampingPerDelay * std::min(round_trip.si(), kLongDelay_s);
+    const double of_delay = kDampingPerDelay * std::min(round_trip.si(), kLongDelay_s);
+    double b = strict_ ? kStrictDamping + of_delay : kDamping;
     double b_normal = 0.0;
     if (hand.inside) {
-      b += kHarvest * (1.0 - scale_slow_);
+      b += (strict_ ? 0.0 : of_delay) + kHarvest * (1.0 - scale_slow_);
       b_normal = 0.5 * dt.si() * model_.patch().stiffness;
     }
     typename Force<N>::Vector g;
@@ -284,6 +285,11 @@ class InternalModelMaster {
       g.template tail<3>() = std::min(b_rotational, most_rotational) * v.vec().template tail<3>();
     }
     return Force<N>{g};
+  }
+
+  void tell(const Force<N>& felt) noexcept {
+    said_by_master_.offset.value = Displacement<D>{offset_m_ * offset_normal_};
+    said_by_master_.felt.value = Coords<struct SurfaceForceKind, D>{felt.vec().template head<D>()};
   }
 
   /// `missing`: part of the normal force that is not displayed.
@@ -318,6 +324,7 @@ class InternalModelMaster {
   Vector lever_ = Vector::Zero();    ///< b of N = 6, handle axes [m]
   double offset_m_ = 0.0;            ///< o
   Vector offset_normal_ = Vector::Unit(0);
+  MasterSays<N> said_by_master_;
   Velocity<N> v_slow_;                     ///< LP_3ms v
   double scale_slow_ = 1.0, shown_ = 1.0;  ///< LP_20ms s; q
   Force<N> f_;                             ///< commanded in the last tick

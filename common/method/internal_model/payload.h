@@ -34,11 +34,14 @@ struct SurfaceReport {
   }
 };
 
-/// What the master adds: its set point is x - offset, x the position in the same report.
+/// What the master adds: its set point is x - offset, x the position in the same report; and the force of the surface that the
+/// hand feels at x, without the dampers.
 template <int N>
-struct SetPointOffset {
-  Latest<Displacement<kAxes<N>>> offset;  ///< [m], in the master's world
-  auto fields() { return std::tie(offset); }
+struct MasterSays {
+  static constexpr int D = kAxes<N>;
+  Latest<Displacement<D>> offset;                   ///< o [m], in the master's world
+  Latest<Coords<struct SurfaceForceKind, D>> felt;  ///< f_m [N], in the master's units
+  auto fields() { return std::tie(offset, felt); }
 };
 
 }  // namespace twoport

@@ -1,10 +1,12 @@
 #pragma once
 
 #include <algorithm>
+#include <cmath>
 
 #include "common/coupling/virtual_coupling.h"
 #include "common/method/internal_model/payload.h"
 #include "common/method/method.h"
+#include "common/method/surface/contact_lever.h"
 #include "common/method/surface/surface_estimator.h"
 #include "common/passivity/controller.h"
 
@@ -12,12 +14,18 @@ namespace twoport {
 
 /// The slave half of internal-model control: the virtual coupling, and an estimate of the surface for the master's model.
 ///
-///     x_rx  = x_m - o                                      set point: the master's position less its offset
+///     x_rx  = x_m - o - q n                                set point: the master's position less its offset, and the yield
+///     q     = LP_50ms of c [(f·n + K* q - f_m·n)/(K_h + K*)]+  in contact and coupled, else -> 0;   c = min(1, (R/0.2 s)²), R nominal
 ///     f_s   = K_c (x_sd - x_s) + B_c (v_rx - v_s)          the virtual coupling
 ///             - min(20 N s/m, B_c) min(0, v_s·n) n         in contact and coupled: brakes the robot where it leaves the surface
 ///     f     = f_e - bias                                   force sensor (POSITION_FORCE, POSITION_MEASURED_FORCE)
 ///     f     = f_s                                          POSITION_POSITION: no sensor is used
 ///     K*    = 1/(1/K + 1/K_c + |R b × n|²/K_r)             what the hand should feel: the surface in series with the coupling
+///
+/// q: f_m is the force that the hand felt when it was at x_m. A hand of stiffness K_h = 700 N/m that felt f instead would be q
+/// further out, where f + K* q is what the robot presses without the yield. At rest f = f_m and q = 0; until a surface is
+/// felt the robot presses on it as the hand will once it feels it. c: with a short delay little is pressed blindly, and lost
+/// packets would make it yield. N = 6: c = 1; the point of contact changes from corner to corner within a short delay too.
 ///
 /// `strict_two_port`: no brake; set point and force move as the level of energy at this side allows, T f·v_sd <= E(0)/2 + received -
 /// sent - E_out (admittance_controller).
@@ -25,7 +33,7 @@ namespace twoport {
 /// To the master: n, p, K*, μ, κ (surface_estimator.h), contact, the set point x_sd, and f as the returned force.
 /// N = 6: the surface is that at the contact point x + R b, from the lever of the wrench:
 ///
-///     b = LP_10ms Rᵀ (f × τ)/|f|²
+///     b = LP_a[Rᵀ(f × τ)]/LP_a[|f|²]                       ContactLever
 template <int N>
 class InternalModelSlave {
  public:
@@ -33,6 +41,8 @@ class InternalModelSlave {
       : coupling_{o},
         strict_{o.internal_model.strict_two_port},
         initial_{coupling_.registration().to_slave(0.5 * o.initial_energy)},
+        limits_{limits_at_robot(o)},
+        yields_{N == 6 ? 1.0 : std::min(1.0, std::pow(o.known.round_trip.si() / kBlind_s, 2))},
         senses_{o.architecture != Architecture::position_position},
         bias_{o.force_scale},
         brake_n_s_per_m_{std::min(kBrake_n_s_per_m, o.coupling.damping_n_s_per_m)},
@@ -40,6 +50,8 @@ class InternalModelSlave {
         rotation_n_m_per_rad_{o.force_scale / o.motion_scale * o.coupling.rotational_stiffness_n_m_per_rad} {}
 
   void start(const RobotSample<N>& robot, const PeerState<N>& master) noexcept {
+    yield_m_ = 0.0;
+    informed_ = read(master.words, said_);
     coupling_.start(robot.x, master, commanded(master));
     estimator_.reset();
     engaged_ = master.has_report;
@@ -47,6 +59,7 @@ class InternalModelSlave {
 
   SlaveOutput<N> step(const SlaveInput<N>& in) noexcept {
     const RobotSample<N>& robot = in.robot;
+    informed_ = read(in.master.words, said_);
     const Position<N> x_rx = commanded(in.master);
     typename VirtualCoupling<N>::Wanted wanted;
     if (in.active) {
@@ -61,6 +74,7 @@ class InternalModelSlave {
 
     const Force<N> felt = senses_ ? robot.f_environment - bias_.value() : wanted.f;
     estimate(robot, felt, in.dt);
+    yield(in, felt);
     const Velocity<N> v_d = wanted.v;
     Energy dissipated;
     if (strict_) [[unlikely]]
@@ -111,7 +125,9 @@ class InternalModelSlave {
 
  private:
   static constexpr int D = kAxes<N>;
-  static constexpr double kBrake_n_s_per_m = 20.0, kLever_s = 10e-3, kLeverForce_n = 0.1, kKept_j = 5e-3;
+  static constexpr double kBrake_n_s_per_m = 20.0, kKept_j = 5e-3;
+  static constexpr double kHand_n_per_m = 700.0, kYield_s = 50e-3, kBlind_s = 0.2, kYieldNormal_s = 0.5,
+                          kYieldNegligible_m = 1e-6;
 
   /// Strict: E(0)/2, what has been received, less what has been sent back and has left through the coupling.
   [[nodiscard]] Energy level(const Ledger& account, Energy master_in) const noexcept {
@@ -121,21 +137,49 @@ class InternalModelSlave {
   /// goes back. Returns what is dissipated.
   [[gnu::noinline]] Energy limit(typename VirtualCoupling<N>::Wanted& wanted, const SlaveInput<N>& in) noexcept {
     const Energy has = level(in.account, in.master_energy_in);
-    const PortSolution<N> allowed =
-        admittance_controller(wanted.f, wanted.v, coupling_.spring().mobility(in.dt), has, in.dt);
+    if (!in.robot.ideal) wanted.f = within_limit(wanted.f);
+    PortSolution<N> allowed = admittance_controller(wanted.f, wanted.v, coupling_.spring().mobility(in.dt), has, in.dt);
+    if (!in.robot.ideal) allowed.f = within_limit(allowed.f);
     sent_ += positive_part(has - dot(allowed.f, allowed.v) * in.dt - initial_ - Energy{kKept_j});
     wanted.f = allowed.f;
     wanted.v = allowed.v;
     return allowed.dissipated;
   }
 
-  /// x_m - o.
-  [[nodiscard]] static Position<N> commanded(const PeerState<N>& master) noexcept {
-    SetPointOffset<N> said;
-    if (!read(master.words, said)) return master.newest.x;
+  /// The force that the robot's limits leave of f; beyond it the coupling is a spring whose force does not grow, and what is
+  /// applied is what is booked.
+  [[nodiscard]] Force<N> within_limit(const Force<N>& f) const noexcept {
+    double share = std::min(1.0, limits_.force_n / std::max(f.vec().template head<D>().norm(), 1e-300));
+    if constexpr (N == 6)
+      share = std::min(share, limits_.torque_n_m / std::max(f.vec().template tail<3>().norm(), 1e-300));
+    return share < 1.0 ? share * f : f;
+  }
+
+  /// x_m - o - q n.
+  [[nodiscard]] Position<N> commanded(const PeerState<N>& master) const noexcept {
+    if (!informed_) return master.newest.x;
     typename Displacement<N>::Vector by = Displacement<N>::Vector::Zero();
-    by.template head<D>() = said.offset.value.vec();
+    by.template head<D>() = said_.offset.value.vec() + yield_m_ * yield_normal_;
     return master.newest.x + Displacement<N>{-by};
+  }
+
+  /// The yield of a hand that does not feel yet what the robot presses.
+  void yield(const SlaveInput<N>& in, const Force<N>& felt) noexcept {
+    double wanted = 0.0;
+    if (informed_ && in.coupled && estimator_.contact()) {
+      const Point<D> n = estimator_.patch().normal;
+      if (yield_m_ < kYieldNegligible_m) {
+        yield_normal_ = n;
+      } else {
+        low_pass(yield_normal_, n, in.dt, kYieldNormal_s);
+        yield_normal_.normalize();
+      }
+      const double k = in_series(estimator_.patch(), in.robot.ideal);
+      const double pressed = n.dot(coupling_.registration().to_master(felt).vec().template head<D>());
+      const double unfelt = pressed + k * yield_m_ - n.dot(said_.felt.value.vec());
+      wanted = std::max(0.0, yields_ * unfelt / (kHand_n_per_m + k));
+    }
+    low_pass(yield_m_, wanted, in.dt, kYield_s);
   }
 
   /// Everything in the master's world and units.
@@ -147,16 +191,10 @@ class InternalModelSlave {
     contact_point_ = x.translation();
     Point<D> velocity = v.template head<D>();
     if constexpr (N == 6) {
-      const Eigen::Vector3d force = f.template head<3>(), torque = f.template tail<3>();
-      if (force.norm() > kLeverForce_n) {
-        const Eigen::Vector3d lever = x.attitude().conjugate() * force.cross(torque) / force.squaredNorm();
-        if (estimator_.contact()) {
-          low_pass(lever_, lever, dt, kLever_s);
-        } else {
-          lever_ = lever;
-        }
-      }
-      arm_ = x.attitude() * lever_;
+      const auto to_tool = x.attitude().conjugate();
+      lever_.step(to_tool * Eigen::Vector3d{f.template head<3>()}, to_tool * Eigen::Vector3d{f.template tail<3>()},
+                  estimator_.contact(), dt);
+      arm_ = x.attitude() * lever_.value();
       contact_point_ += arm_;
       velocity += Eigen::Vector3d{v.template tail<3>()}.cross(arm_);
     }
@@ -183,7 +221,7 @@ class InternalModelSlave {
     report_.curvature.value = patch.curvature;
     report_.echo.value = coupling_.registration().to_master(coupling_.set_point());
     report_.robot.value = Position<D>{contact_point_};
-    if constexpr (N == 6) report_.lever.value = Displacement<3>{lever_};
+    if constexpr (N == 6) report_.lever.value = Displacement<3>{lever_.value()};
   }
   [[nodiscard]] double in_series(const SurfacePatch<D>& patch, bool ideal) const noexcept {
     if (!(patch.stiffness > 0.0)) return 0.0;
@@ -198,14 +236,21 @@ class InternalModelSlave {
   VirtualCoupling<N> coupling_;
   bool strict_;
   Energy initial_;
+  PortLimits limits_;
+  double yields_;  ///< c
   bool senses_, engaged_ = false;
   SensorBias<N> bias_;
   double brake_n_s_per_m_, coupling_n_per_m_, rotation_n_m_per_rad_;
   SurfaceEstimator<D> estimator_;
   Point<D> contact_point_ = Point<D>::Zero();
-  Point<3> lever_ = Point<3>::Zero(), arm_ = Point<3>::Zero();  ///< N = 6: b and R b
-  Displacement<N> offset_;                                      ///< o in the slave's world
+  ContactLever lever_;               ///< N = 6: b
+  Point<3> arm_ = Point<3>::Zero();  ///< R b
+  Displacement<N> offset_;           ///< o in the slave's world
   SurfaceReport<N> report_;
+  MasterSays<N> said_;
+  bool informed_ = false;  ///< the master says it
+  double yield_m_ = 0.0;   ///< q
+  Point<D> yield_normal_ = Point<D>::Unit(0);
   Energy base_absorbed_;
   Energy base_net_, sent_;  ///< strict
 };

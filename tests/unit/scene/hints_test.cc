@@ -72,6 +72,19 @@ TEST(Hints, SayThatTheCouplingAloneMakesTheRobotUnstable) {
                       "2000"});
 }
 
+// 1e-3 kg m² at 100 Hz: B_r < 2 J/T = 0.2 N m s/rad.
+TEST(Hints, SayThatTheVirtualCouplingTurnsTheRobot) {
+  const std::string scene =
+      "dof: 6 duration_s: 1 rate_hz: 100 operator {} device { mass_kg: 0.1 inertia_kg_m2: 1e-4 } robot { mass_kg: 2 "
+      "inertia_kg_m2: [2e-3, 1e-3, 2e-3] } control { virtual_coupling { stiffness_n_per_m: 500 damping_n_s_per_m: 20 "
+      "rotational_stiffness_n_m_per_rad: 2 rotational_damping_n_m_s_per_rad: ";
+  EXPECT_EQ(hints(scene_of(scene + "0.19 } }")), Sentences{});
+  EXPECT_EQ(hints(scene_of(scene + "0.21 } }")),
+            Sentences{"control.virtual_coupling makes the robot unstable, whatever the link does: robot.inertia_kg_m2 "
+                      "0.001 on 2 N m/rad at 100 Hz needs a damping between about 0.01 and 0.2 N m s/rad, and "
+                      "rotational_damping_n_m_s_per_rad is 0.21"});
+}
+
 TEST(Hints, SayThatADelayedLinkWithoutPassivityControlMayBeUnstable) {
   const Sentences expected{
       "control.passivity.method is NONE and the link delays: the loop may be unstable; INTERNAL_MODEL, the "
