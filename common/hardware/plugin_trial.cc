@@ -1,8 +1,10 @@
 #include "common/hardware/plugin_trial.h"
 
 #include <dlfcn.h>
+#include <elf.h>
 #include <fcntl.h>
 #include <fmt/format.h>
+#include <link.h>
 #include <poll.h>
 #include <sys/resource.h>
 #include <sys/wait.h>
@@ -11,8 +13,10 @@
 #include <array>
 #include <cerrno>
 #include <csignal>
+#include <cstdint>
 #include <cstring>
 #include <exception>
+#include <fstream>
 
 namespace twoport {
 namespace {
@@ -25,6 +29,17 @@ int trial_pipe = -1;
   const std::string why = std::current_exception() ? "an exception: " + current_words() : "std::terminate()";
   const ssize_t written = ::write(trial_pipe, why.data(), why.size());
   ::_exit(written < 0 ? 2 : 1);
+}
+
+/// The table of sections comes last in a file: does it end within?
+bool is_cut_off(const std::string& path) {
+  std::ifstream file{path, std::ios::binary | std::ios::ate};
+  const auto size = static_cast<std::uint64_t>(file.tellg());
+  ElfW(Ehdr) header{};
+  file.seekg(0);
+  if (!file.read(reinterpret_cast<char*>(&header), sizeof header) || std::memcmp(header.e_ident, ELFMAG, SELFMAG) != 0)
+    return false;  // of no ELF file dlopen says what is wrong
+  return header.e_shoff + std::uint64_t{header.e_shnum} * header.e_shentsize > size;
 }
 
 }  // namespace
@@ -41,6 +56,7 @@ std::string current_words() {
 
 std::string try_to_load(const std::string& path) {
   constexpr int kPatience_ms = 10'000;
+  if (is_cut_off(path)) return "the file is cut off; copy or build it again";
   int ends[2];
   if (::pipe2(ends, O_CLOEXEC) != 0) return {};
   const pid_t child = ::fork();

@@ -226,7 +226,7 @@ TEST(RecordedLive, ARecordingIsNeitherLostToTheNextRunNorWrittenOverItsOwnHand) 
 TEST(RecordedLive, AFullDiskLeavesTheResultsOfALabRun) {
   const Pair pair{press(3)};
   Process lab{{"/bin/bash", "-c",
-               fmt::format("trap '' XFSZ; ulimit -f 100; exec {} run {} --trace none --out {} --record {}", TWOPORT_LAB,
+               fmt::format("trap '' XFSZ; ulimit -f 400; exec {} run {} --trace none --out {} --record {}", TWOPORT_LAB,
                            pair.scene, pair.at("out"), pair.at("full.mcap"))}};
   EXPECT_EQ(lab.wait(), exited(1));
   EXPECT_EQ(lab.err(), "twoport-lab: --record " + pair.at("full.mcap") + ": cannot be written: File too large\n");
