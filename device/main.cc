@@ -8,6 +8,7 @@
 #include <memory>
 #include <optional>
 #include <string>
+#include <utility>
 
 #include "common/base/check.h"
 #include "common/base/print_error.h"
@@ -64,7 +65,8 @@ void print_info(const DeviceInfo& i, int dof, bool simulated) {
 
 void print_measured(const ProbeFigures& f, double period_s, bool moved, double tolerance) {
   fmt::print("\nmeasured along the first axis\n");
-  fmt::print("new readings       {:.0f} a second\n", f.rate_hz);
+  fmt::print("new readings       {}\n",
+             f.rate_hz > 0.0 ? fmt::format("{:.0f} a second", f.rate_hz) : "fewer than two in a second");
   fmt::print("resolution         {}\n",
              f.resolution_m > 0.0 ? fmt::format("{:.3g} um", 1e6 * f.resolution_m) : "no step seen");
   if (!moved) return;
@@ -115,9 +117,10 @@ int probe(const Arguments& a, const Scene& scene) {
   const std::atomic<bool>& stop = stop_on_signals();
 
   // Time goes on from phase to phase.
-  Duration since{0};
+  Duration since{0}, before{0};
   const auto tick = [&](Duration now, const ProbePhase& step) {
-    const DeviceSample<N> s = device->sense({Instant<MasterClock>{now}, Seconds{period_s}});
+    const Seconds period{period_s}, ended = simulated ? period : to_seconds(now - std::exchange(before, now));
+    const DeviceSample<N> s = device->sense({Instant<MasterClock>{now}, period, ended});
     const auto push = step({to_seconds(now).si(), s.x.translation()[0], s.v[0], -s.applied[0], s.status});
     typename Force<N>::Vector f = Force<N>::Vector::Zero();
     if (push) f[0] = -std::clamp(*push, -info.max_force_n, info.max_force_n);

@@ -36,7 +36,7 @@ struct ProbeOptions {
 };
 
 struct ProbeFigures {
-  double rate_hz = 0.0;       ///< of new readings
+  double rate_hz = 0.0;       ///< of new readings, in the loop's time; 0: fewer than two came
   double resolution_m = 0.0;  ///< 0: no step is seen
   // Only where the device may move; NaN: not measured.
   double latency_s = NAN;  ///< from a push to the first reading that has moved
@@ -53,21 +53,25 @@ struct ProbeFigures {
 ///
 ///     m Δv + b Δx + c sgn(v) W T = u W T      u: push on the hand, W: ticks of a window, T: period
 ///
-/// by least squares. v: central difference over 10 ms; its error, (5 ms b/m)²/6 of v, is below 1e-3 for m/b above 65 ms. Wall: the spring K (x - x0), held over a tick, without damping;
-/// K is bisected between walls that come to rest after a kick and walls that do not. In theory K < 2 b/T (Colgate and Brown 1994).
+/// by least squares with b, c >= 0. v: central difference over 10 ms; its error, (5 ms b/m)²/6 of v, is below 1e-3 for m/b above
+/// 65 ms. Wall: the spring K (x - x0), held over a tick, without damping; K is bisected between walls that come to rest after a kick
+/// and walls that do not. In theory K < 2 b/T (Colgate and Brown 1994).
 class Probe {
  public:
   Probe(ProbeRunner run, const ProbeOptions& options) : run_{std::move(run)}, o_{options} {}
 
   /// Without force. Somebody may move the handle, which shows its resolution.
   void listen() {
-    int fresh = 0, ticks = 0;
+    // Between the first and the last new reading: where the loop leaves ticks out, time goes on.
+    int fresh = 0;
+    double first_s = 0.0, last_s = 0.0;
     phase(o_.quiet_s, [&](const ProbeTick& t) {
-      ++ticks;
-      fresh += t.status == HardwareStatus::ok ? 1 : 0;
+      if (t.status != HardwareStatus::ok) return 0.0;
+      if (fresh++ == 0) first_s = t.t_s;
+      last_s = t.t_s;
       return 0.0;
     });
-    if (ticks > 0) f_.rate_hz = fresh / (ticks * o_.period_s);
+    if (fresh > 1) f_.rate_hz = (fresh - 1) / (last_s - first_s);
     judge_resolution();
   }
 
@@ -154,7 +158,7 @@ class Probe {
     const auto half = static_cast<std::size_t>(std::max(3L, std::lround(5e-3 / o_.period_s)));
     const std::size_t window = 2 * half;
     const auto velocity = [&](std::size_t k) {
-      return (record[k + half].x_m - record[k - half].x_m) / (2.0 * static_cast<double>(half) * o_.period_s);
+      return (record[k + half].x_m - record[k - half].x_m) / (record[k + half].t_s - record[k - half].t_s);
     };
     std::vector<Eigen::Vector4d> rows;
     for (std::size_t i = half; i + window + half < record.size(); ++i) {
@@ -163,7 +167,7 @@ class Probe {
       for (std::size_t k = i - half + 1; k <= i + window + half; ++k)
         one_way = one_way && way * (record[k].x_m - record[k - 1].x_m) >= 0.0 &&
                   (k == i - half + 1 || record[k].pushed_n == record[k - 1].pushed_n);
-      const double time = static_cast<double>(window) * o_.period_s;
+      const double time = record[i + window].t_s - record[i].t_s;
       if (one_way)
         rows.push_back({velocity(i + window) - velocity(i), moved, way * time, record[i + 1].pushed_n * time});
     }
@@ -174,7 +178,13 @@ class Probe {
       system.row(static_cast<Eigen::Index>(i)) = rows[i].head<3>().transpose();
       impulse[static_cast<Eigen::Index>(i)] = rows[i][3];
     }
-    const Eigen::Vector3d found = system.colPivHouseholderQr().solve(impulse);
+    // Friction and damping take energy: what noise would make negative is none.
+    Eigen::Vector3d found = system.colPivHouseholderQr().solve(impulse);
+    for (const int i : {2, 1})
+      if (found[i] < 0.0) {
+        found.setZero();
+        found.head(i) = system.leftCols(i).colPivHouseholderQr().solve(impulse);
+      }
     f_.mass_kg = found[0];
     f_.damping_n_s_per_m = found[1];
     f_.coulomb_friction_n = found[2];

@@ -19,12 +19,22 @@ constexpr int kPolls = 4;  // of the socket, for each packet sent: transit times
 constexpr double kPatience = 5.0;      // for the other side [s]
 constexpr double kFiguresEvery = 0.2;  // the answering side sends its figures anew [s]
 
-/// What both ends must agree on. No scene of a robot has this coupling, so that neither takes the other for its peer.
 Scene scene_of(double rate_hz) {
-  return parse_scene(fmt::format("name: \"doctor\" dof: 3 rate_hz: {} control {{ virtual_coupling {{ "
-                                 "stiffness_n_per_m: 0.015625 damping_n_s_per_m: 0 }} passivity {{ method: NONE }} }}",
-                                 rate_hz),
-                     "doctor", {}, SceneFor::live);
+  return parse_scene(
+      fmt::format("name: \"doctor\" dof: 3 rate_hz: {} control {{ passivity {{ method: NONE }} }}", rate_hz), "doctor",
+      {}, SceneFor::live);
+}
+
+/// Why the other side does not answer, and what to do.
+std::string refused(const LinkRequest& request, const std::string& why) {
+  const auto says = [&](const char* part) { return why.find(part) != std::string::npos; };
+  if (says(" is busy")) return request.address + " is busy with another program; try again when that has ended";
+  if (says(" in the rate "))
+    return fmt::format("{} answers at another rate than {:g} Hz; give both doctors the same --rate-hz", request.address,
+                       request.rate_hz);
+  if (says(" answers no measurement"))
+    return request.address + " is a program with a scene; end it, and start twoport-lab doctor --answer there";
+  return request.address + " refuses: " + why;
 }
 
 LiveArguments arguments_of(const LinkRequest& request) {
@@ -32,6 +42,7 @@ LiveArguments arguments_of(const LinkRequest& request) {
   a.address = request.address;
   a.key = request.key;
   a.insecure = request.insecure;
+  a.measures = true;
   return a;
 }
 
@@ -115,9 +126,7 @@ LinkFigures measure_link(const LinkRequest& request, const std::atomic<bool>& st
     }
     return to_seconds(now - end->since_).si() < request.seconds;
   });
-  if (!end->link_.refusal().empty())
-    throw IoError{fmt::format("{} refuses: it is a program with a scene; start twoport-lab doctor --answer there",
-                              request.address)};
+  if (!end->link_.refusal().empty()) throw IoError{refused(request, std::string{end->link_.refusal()})};
   if (end->sessions_ == 0)
     throw IoError{fmt::format("nobody answered at {} within {:g} s; start twoport-lab doctor --answer {} there{}",
                               request.address, kPatience, request.address,

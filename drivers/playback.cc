@@ -1,3 +1,5 @@
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <cstddef>
 #include <utility>
@@ -20,7 +22,9 @@ std::vector<TickRecord<N>> readings(const char* flag, const DriverOptions& o, co
   RecordedTick<N> recorded;
   for (RecordingReader::Kind kind; (kind = recording.next()) != RecordingReader::Kind::end;) {
     if (kind != RecordingReader::Kind::tick || recording.topic() != "/" + side + "/tick") continue;
-    if (!recording.tick(recorded)) recording.fail("its dof is not that of the scene");
+    if (recording.header().dof != N)
+      recording.fail(fmt::format("it is of dof {}, but dof of the scene is {}", recording.header().dof, N));
+    if (!recording.tick(recorded)) recording.fail("a tick has numbers of another dof than its header");
     const TickRecord<N>& t = recorded.tick;
     if (t.t_s < 0.0) continue;
     if (!all.empty() && !(t.t_s > all.back().t_s)) recording.fail("its times do not increase");

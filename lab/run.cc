@@ -10,6 +10,7 @@
 #include <utility>
 #include <vector>
 
+#include "common/base/check.h"
 #include "common/contact/environment.h"
 #include "common/coupling/registration.h"
 #include "common/method/any.h"
@@ -228,7 +229,12 @@ CountedRun run_counted(const Scene& scene, const RunOptions& options) {
     }
     LabRecording<N> recording{scene, *options.record};
     CountedRun done = run_as<N>(*make_recorded_simulation<N>(scene, recording.taps()), scene, options, &recording);
-    recording.finish();
+    try {
+      recording.finish();
+    } catch (const IoError& e) {
+      if (options.record->unwritten == nullptr) throw;
+      *options.record->unwritten = e.what();
+    }
     return done;
   });
 }

@@ -14,6 +14,7 @@
 #include <utility>
 
 #include "common/base/check.h"
+#include "common/base/earlier_file.h"
 
 namespace twoport {
 namespace {
@@ -114,6 +115,15 @@ std::size_t WholeFile::keep_lines() const {
   return error ? 0 : lines;
 }
 
+bool has_content(const std::string& path) {
+  std::error_code error;
+  return std::filesystem::is_regular_file(path, error) && std::filesystem::file_size(path, error) > 0 && !error;
+}
+
+std::string earlier_file(const std::string& path) {
+  return path + "~";
+}
+
 std::FILE* take_file(const std::string& path, std::string_view magic) {
   const int fd = ::open(path.c_str(), O_RDWR | O_CREAT | O_CLOEXEC, 0666);
   std::unique_ptr<std::FILE, int (*)(std::FILE*)> file{fd < 0 ? nullptr : ::fdopen(fd, "r+b"), std::fclose};
@@ -124,6 +134,14 @@ std::FILE* take_file(const std::string& path, std::string_view magic) {
   const std::size_t n = std::fread(begin.data(), 1, begin.size(), file.get());
   if (n > 0 && begin.substr(0, n) != magic.substr(0, n))
     throw ConfigError{path + ": is there already, and is no recording; give another name"};
+  std::error_code error;
+  if (n == magic.size() && std::filesystem::is_regular_file(std::filesystem::symlink_status(path, error))) {
+    // Locked meanwhile, so that no other program takes it for its own.
+    if (std::rename(path.c_str(), earlier_file(path).c_str()) != 0)
+      throw ConfigError{path + ": of an earlier run cannot be renamed: " + reason(errno)};
+    file.reset();
+    return take_file(path, magic);
+  }
   std::rewind(file.get());
   // A device has no length.
   if (::ftruncate(fd, 0) != 0 && errno != EINVAL) throw ConfigError{path + ": cannot be written: " + reason(errno)};

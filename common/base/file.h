@@ -50,8 +50,8 @@ class WholeFile {
   std::size_t lines_ = 0;  ///< that were to be written
 };
 
-/// Opens a file to be written anew, for this program alone. Throws ConfigError where it is in use (take_shared, or here), or begins
-/// otherwise than `magic`: nothing of another kind is replaced.
+/// Opens a file to be written anew, for this program alone; one of an earlier run is renamed (earlier_file.h). ConfigError where it
+/// is in use (take_shared, or here), or begins otherwise than `magic`: nothing of another kind is touched.
 std::FILE* take_file(const std::string& path, std::string_view magic);
 /// While `file` is open, take_file refuses it.
 void take_shared(std::FILE* file) noexcept;

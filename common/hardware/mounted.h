@@ -48,6 +48,11 @@ class MountedDevice final : public Device<N> {
     if (weight > most)
       throw ConfigError{fmt::format(
           "device_mount.carried_force_n has {:g} N; it must have <= {:g} N, what the device holds", weight, most)};
+    if (mount.clutch_button >= info_.buttons && mount.clutch_button >= 0)
+      throw ConfigError{fmt::format(
+          "device_mount.clutch_button is {}, but the device ({}) has {} buttons; it must be {}", mount.clutch_button,
+          info_.name, info_.buttons,
+          info_.buttons == 0 ? "-1, for none" : fmt::format("from 0 to {}, or -1 for none", info_.buttons - 1))};
   }
 
   [[nodiscard]] DeviceInfo info() const override { return info_; }

@@ -1,7 +1,9 @@
 #include "common/hardware/plugin_host.h"
 
 #include <dlfcn.h>
+#include <elf.h>
 #include <fmt/format.h>
+#include <link.h>
 
 #include <algorithm>
 #include <cmath>
@@ -15,6 +17,7 @@
 #include "common/base/check.h"
 #include "common/hardware/device.h"
 #include "common/hardware/plugin.h"
+#include "common/hardware/plugin_trial.h"
 #include "common/hardware/robot.h"
 
 namespace twoport {
@@ -31,15 +34,13 @@ constexpr const char* kOtherSymbol = kIsDevice<Interface> ? "twoport_robot_plugi
   throw ConfigError{flag + " " + choice.path + (choice.arguments.empty() ? "" : ":" + choice.arguments) + ": " + why};
 }
 
-/// What is being caught, in words.
-std::string current_words() {
-  try {
-    throw;
-  } catch (const std::exception& e) {
-    return e.what();
-  } catch (...) {
-    return "an exception that is no std::exception";
-  }
+/// A symbol of a function, as the library's table says; where it says nothing, yes.
+bool is_function(void* symbol) {
+  Dl_info info;
+  void* entry = nullptr;
+  if (dladdr1(symbol, &info, &entry, RTLD_DL_SYMENT) == 0 || entry == nullptr) return true;
+  const int type = ELF64_ST_TYPE(static_cast<const ElfW(Sym)*>(entry)->st_info);
+  return type == STT_FUNC || type == STT_GNU_IFUNC;
 }
 
 template <class Interface>
@@ -49,6 +50,7 @@ const plugin::Entry<Interface>& load(const std::string& flag, const PluginChoice
     refuse(flag, choice, "there is no such file; give the path of a shared library");
   // A name without a slash would be searched in the system's folders.
   const std::string path = std::filesystem::absolute(choice.path).string();
+  if (const std::string why = try_to_load(path); !why.empty()) refuse(flag, choice, "cannot be loaded: " + why);
   void* const library = dlopen(path.c_str(), RTLD_NOW | RTLD_LOCAL);
   if (library == nullptr) refuse(flag, choice, std::string{"cannot be loaded: "} + dlerror());
   void* const symbol = dlsym(library, kSymbol<Interface>);
@@ -58,6 +60,9 @@ const plugin::Entry<Interface>& load(const std::string& flag, const PluginChoice
                (dlsym(library, kOtherSymbol<Interface>) != nullptr
                     ? std::string{"; it has one for "} + (kIsDevice<Interface> ? "--robot" : "--device")
                     : std::string{}));
+  if (!is_function(symbol))
+    refuse(flag, choice,
+           std::string{"its entry point "} + kSymbol<Interface> + " is no function; use the macro of plugin.h");
   const plugin::Entry<Interface>* entry = nullptr;
   std::string why;
   try {

@@ -25,7 +25,7 @@ using Methods =
     TypeList<InternalModelControl, NoControl, TimeDomainPassivity, FixedDamping, WaveVariables, SetPositionModulation,
              EnergyTank, EnergyBounding, FourChannel, FractalImpedance, ModelMediated>;
 
-/// Calls visit.operator()<M>(name) for every name of every method, in the order of the list.
+/// Calls `visit.operator()<M>(name)` for every name of every method, in the order of the list.
 template <class Visit>
 void for_each_method(Visit visit) {
   const auto names_of = [&]<class M>() {

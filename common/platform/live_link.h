@@ -51,7 +51,8 @@ class LiveLink {
         secure_{secured()},
         mail_{Transport{side == Side::master ? limits_of_slave_reports(scene.control)
                                              : limits_of_master_reports(scene.control),
-                        top(), session(side, scene, peer_, secure_ != nullptr), SessionNumbers{system_random}},
+                        top(), session(side, scene, peer_, secure_ != nullptr, arguments.measures),
+                        SessionNumbers{system_random}},
               incoming(side, scene), outgoing(side, scene)} {
     // Of a period: the rest is for the node.
     udp_.limit(to_duration(0.25 / (side == Side::master ? scene.master_rate_hz : scene.slave_rate_hz)));
@@ -197,7 +198,8 @@ class LiveLink {
   static const TransmissionOptions& outgoing(Side side, const Scene& scene) {
     return side == Side::master ? scene.transmission_to_slave : scene.transmission_to_master;
   }
-  static SessionOptions session(Side side, const Scene& scene, std::optional<Endpoint> peer, bool encrypted) {
+  static SessionOptions session(Side side, const Scene& scene, std::optional<Endpoint> peer, bool encrypted,
+                                bool measures) {
     const bool master = side == Side::master;
     SessionOptions options{.side = side,
                            .rate_hz = master ? scene.master_rate_hz : scene.slave_rate_hz,
@@ -205,6 +207,10 @@ class LiveLink {
                            .scene_digest = scene_digest(scene),
                            .peer = peer,
                            .tells_reasons = encrypted};
+    if (measures) {
+      options.scene_digest = kMeasurementDigest;
+      return options;
+    }
     for (const SharedField& field : shared_fields(scene)) {
       options.scene_field_names.push_back(field.path);
       const std::uint64_t folded = field.digest ^ field.digest >> 32;

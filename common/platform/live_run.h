@@ -7,14 +7,17 @@
 #include <chrono>
 #include <cstdint>
 #include <memory>
+#include <optional>
 #include <string>
 #include <string_view>
 
 #include "common/base/check.h"
+#include "common/base/earlier_file.h"
 #include "common/base/file.h"
 #include "common/base/print_error.h"
 #include "common/hardware/status.h"
 #include "common/platform/live_recording.h"
+#include "common/platform/plot_stream.h"
 #include "common/platform/program.h"
 #include "common/platform/realtime.h"
 #include "common/platform/recorder.h"
@@ -59,15 +62,17 @@ struct Sensed {
   }
 };
 
-/// Reads opened hardware once, before anything moves. Throws IoError when it reports a fault or no finite number.
+/// Reads opened hardware once, before anything moves. Releases it and throws IoError when it reports a fault or no finite number.
 template <class Clock, class Hardware>
 auto first_reading(Hardware& hardware, Seconds period, const std::string& choice) {
   const auto sample = hardware.sense(Tick<Clock>{Instant<Clock>{Duration{0}}, period});
-  if (sample.status == HardwareStatus::fault)
+  const bool fault = sample.status == HardwareStatus::fault;
+  if (fault || !all_finite(sample.x, sample.v)) {
+    hardware.release();
+    if (!fault) throw IoError{choice + ": the first reading is not finite; check the hardware and start again"};
     throw IoError{choice + ": hardware fault at the first reading; " +
                   (hardware.trouble().empty() ? "check the hardware and start again" : hardware.trouble())};
-  if (!all_finite(sample.x, sample.v))
-    throw IoError{choice + ": the first reading is not finite; check the hardware and start again"};
+  }
   return sample;
 }
 
@@ -139,13 +144,18 @@ int run_live(LiveSide& side, const Scene& scene, const LiveArguments& arguments,
   const double rate_hz = side.rate_hz();
   const Seconds dt{1.0 / rate_hz};
   std::unique_ptr<LiveRecording<N>> recording;
+  std::optional<PlotStream> stream;
+  if (!arguments.stream.empty()) stream.emplace(arguments.stream, LiveSide::kSide, arguments.stream_hz);
+  const bool has_earlier = has_content(arguments.record);
   const RunFolder folder = begin_folder(
       arguments, [&] { recording = open_recording<N>(arguments, LiveSide::kName, rate_hz, side.hardware.info()); });
   WholeFile* const trace = folder.trace.get();
   if (recording) side.link.tap(&recording->feed());
+  if (has_earlier) log.info("{} of an earlier run is now {}", arguments.record, earlier_file(arguments.record));
   Recorder<N> recorder{{.metrics = side.metrics(),
                         .trace = trace,
                         .recording = recording.get(),
+                        .stream = stream ? &*stream : nullptr,
                         .duration_s = scene.duration_s,
                         .side = LiveSide::kSide,
                         .trace_every = arguments.trace_every,

@@ -67,9 +67,16 @@ int live_program(int argc, char** argv, Side side, const std::string& drivers,
     page->expected(0, 1);
   }
   app.add_option("--out", a.out, "Folder for summary.json and trace.csv");
-  app.add_option("--record", a.record,
-                 "FILE.mcap: everything that this side takes in and puts out, for twoport-lab replay and export, "
-                 "Foxglove, PlotJuggler and Python; readable even after kill -9");
+  const CLI::Option* record =
+      app.add_option("--record", a.record,
+                     "FILE.mcap: everything that this side takes in and puts out, for twoport-lab replay and export, "
+                     "Foxglove, PlotJuggler and Python; readable even after kill -9");
+  const CLI::Option* stream = app.add_option(
+      "--stream", a.stream,
+      "HOST:PORT: the columns of the trace as UDP datagrams, one JSON object each, for PlotJuggler (port 9870)");
+  app.add_option("--stream-hz", a.stream_hz, "Datagrams of --stream in a second, at most")
+      ->check(CLI::Range(0.1, 1000.0))
+      ->capture_default_str();
   app.add_option("--trace", a.trace, "none or csv")->check(CLI::IsMember({"none", "csv"}))->capture_default_str();
   app.add_option("--trace-every", a.trace_every, "N: one tick in N has a row in the trace; the summary is of all ticks")
       ->check(CLI::Range(std::uint64_t{1}, std::uint64_t{1'000'000'000}))
@@ -82,6 +89,10 @@ int live_program(int argc, char** argv, Side side, const std::string& drivers,
     if (master && a.page.empty() && a.hardware == "page") a.page = kDefaultPage;
     if (key->count() > 0 && a.key.empty())
       throw ConfigError("--key: the path is empty; give a file made by twoport-keygen, or leave out --key");
+    if (record->count() > 0 && a.record.empty())
+      throw ConfigError("--record: the path is empty; give FILE.mcap, or leave out --record");
+    if (stream->count() > 0 && a.stream.empty())
+      throw ConfigError("--stream: the address is empty; give HOST:PORT, or leave out --stream");
     if (!duration.empty()) a.set.push_back("duration_s=" + duration);
     const Scene scene = load_scene(a.scene, a.set, SceneFor::live);
     if (!duration.empty()) a.limit_s = scene.duration_s;

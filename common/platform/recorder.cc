@@ -51,6 +51,7 @@ void Recorder<N>::drain() {
         if (trace_) trace_->add(entry.row);
         if (o_.recording) o_.recording->add(entry.row);
       }
+      if (o_.stream) o_.stream->add(entry.row, entry.view);
       if (!o_.metrics.add(entry.row)) diverged_.store(true, std::memory_order_relaxed);
       if (entry.view.sessions > 0) log_change(entry);
       if (!(entry.view.limits == limits_)) log_limits(entry);

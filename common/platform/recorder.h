@@ -11,6 +11,7 @@
 
 #include "common/base/ring.h"
 #include "common/platform/live_recording.h"
+#include "common/platform/plot_stream.h"
 #include "common/record/metrics.h"
 #include "common/record/trace.h"
 #include "common/safety/limits.h"
@@ -41,6 +42,7 @@ class Recorder {
     Metrics<N> metrics;
     WholeFile* trace;                         ///< null: none. The caller commits it after finish()
     LiveRecording<N>* recording;              ///< null: none. The caller finishes it after finish()
+    PlotStream* stream;                       ///< null: none
     double duration_s;                        ///< planned; infinity: until somebody ends it
     Side side;                                ///< whose port is shown
     std::uint64_t trace_every;                ///< one row in so many

@@ -1,7 +1,10 @@
+#include <cstdio>
 #include <filesystem>
 #include <memory>
+#include <utility>
 
 #include "common/base/check.h"
+#include "common/base/file.h"
 #include "common/recording/hand.h"
 #include "common/scene/blocks.h"
 
@@ -61,19 +64,23 @@ TremorSpec read_tremor(const Block<schema::Tremor>& of) {
   return spec;
 }
 
-/// A relative path starts at the scene's folder.
+/// A relative path starts at the scene's folder. As long as the hand is there nothing can be recorded over the file.
 RecordedHandSpec read_recording(const Block<schema::Operator>& of) {
   const std::filesystem::path folder = std::filesystem::path{of.context().file}.parent_path();
-  auto hand = std::make_shared<RecordedHand>();
+  const std::string path = (folder / of.text(FIELD(recording))).string();
+  RecordedHand read;
   try {
-    *hand = read_recorded_hand((folder / of.text(FIELD(recording))).string());
+    read = read_recorded_hand(path);
   } catch (const ConfigError& e) {
     of.fail(fmt::format("{}: {}", of.path_of("recording"), e.what()));
   }
-  if (hand->dof != of.dof())
-    of.refuse(FIELD(recording), fmt::format("be of dof {}, and is of {}", of.dof(), hand->dof));
-  const double end_s = hand->t_s.back();
-  return {std::move(hand), end_s};
+  if (read.dof != of.dof()) of.refuse(FIELD(recording), fmt::format("be of dof {}, and is of {}", of.dof(), read.dof));
+  const double end_s = read.t_s.back();
+  std::shared_ptr<std::FILE> file{std::fopen(path.c_str(), "rb"), [](std::FILE* f) {
+                                    if (f != nullptr) std::fclose(f);
+                                  }};
+  if (file) take_shared(file.get());
+  return {{new RecordedHand{std::move(read)}, [file](const RecordedHand* hand) { delete hand; }}, end_s};
 }
 
 }  // namespace

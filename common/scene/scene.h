@@ -141,7 +141,7 @@ struct Scene {
   [[nodiscard]] int axes() const { return dof == 1 ? 1 : 3; }
 };
 
-/// Calls use.operator()<N>() with N = scene.dof.
+/// Calls `use.operator()<N>()` with N = scene.dof.
 template <class Use>
 auto dispatch_dof(const Scene& scene, Use use) {
   switch (scene.dof) {

@@ -130,6 +130,11 @@ Handshake::Action Handshake::on_unknown(const Header& header, Decoded decoded, c
   const Duration followed_after = options_.tells_reasons ? kSilent : kFollowedAfter;
   const bool preempts = elsewhere ? within(followed_after, heard_, now) : coupled(now);
   const Sentence why = mismatch(options_, dof_, header, decoded);
+  const std::uint64_t mine = options_.scene_digest, theirs = header.identity ? header.identity->scene_digest : mine;
+  if (!why.empty() && (mine == kMeasurementDigest || theirs == kMeasurementDigest)) {
+    if (preempts) return refuse(header, busy(), now);
+    return refuse(header, mine == theirs ? why : no_measurement(options_.side, mine), now);
+  }
   if (!why.empty()) {
     // Only the first peer, and one that restarts in its place, can be the wrong one.
     const bool may_end_us = pairings_ == 0 || (!elsewhere && !within(followed_after, heard_, now) && !preempts);

@@ -64,6 +64,8 @@ class LastSessions {
 /// a receiver of its packets has, five times and for 200 ms, with no packet of the peer that fits between them, and to a paired
 /// side only after 750 ms of its peer's silence. The refused program then returns the number that came with the refusal,
 /// and by the same rule the refusing one ends, with the difference it has found.
+///
+/// Where one of the two only measures the link (kMeasurementDigest) a difference ends the one that has called, and nobody else.
 class Handshake {
  public:
   enum class Action : std::uint8_t {

@@ -28,6 +28,10 @@ struct Identity {
   std::string_view scene_fields{};  ///< digests of the single fields, two bytes each; valid as long as Header::refusal
 };
 
+/// Identity::scene_digest of a program without a scene, which only measures the link (twoport-lab doctor). It is paired with its
+/// like, and ends nobody else.
+inline constexpr std::uint64_t kMeasurementDigest = 0x6d65'6173'7572'6521;
+
 /// All of a datagram but the report.
 struct Header {
   std::uint32_t version = kProtocolVersion;

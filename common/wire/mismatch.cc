@@ -70,6 +70,12 @@ Sentence mismatch(const SessionOptions& options, int dof, const Header& header, 
   return {};
 }
 
+Sentence no_measurement(Side side, std::uint64_t mine) noexcept {
+  if (mine == kMeasurementDigest)
+    return Sentence{"twoport-lab doctor runs at the %s's address, and has no scene; end it first", to_string(side)};
+  return Sentence{"the %s has a scene, and answers no measurement", to_string(side)};
+}
+
 Sentence mismatch_without_reason(Side side) noexcept {
   return Sentence{
       "master and slave do not fit together: scene, --set, dof, rate, version or role; the %s names the difference",

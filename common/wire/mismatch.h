@@ -29,6 +29,10 @@ struct SessionOptions {
 /// the same on both sides. Empty when they agree. The header has an identity, or `decoded` is other_version.
 Sentence mismatch(const SessionOptions& options, int dof, const Header& header, Decoded decoded) noexcept;
 
+/// What a program is told where one of the two only measures the link (kMeasurementDigest) and the other does not. `mine`: of the
+/// side that says it.
+Sentence no_measurement(Side side, std::uint64_t mine) noexcept;
+
 /// What a stranger is told instead: nothing about this side. It is a sentence for is_mismatch() too.
 Sentence mismatch_without_reason(Side side) noexcept;
 

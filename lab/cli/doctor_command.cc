@@ -195,10 +195,11 @@ Subcommand add_doctor_command(CLI::App& app) {
       ->check(CLI::Range(0.05, 1e6));
   CLI::Option* link =
       doctor->add_option("--link", a->link, "HOST:PORT where a doctor answers: measures the link to there");
-  doctor
-      ->add_option("--answer", a->answer,
-                   "[ADDR:]PORT: is the other end of --link, until Ctrl-C. PORT alone: of 127.0.0.1")
-      ->excludes(link);
+  const CLI::Option* answer =
+      doctor
+          ->add_option("--answer", a->answer,
+                       "[ADDR:]PORT: is the other end of --link, until Ctrl-C. PORT alone: of 127.0.0.1")
+          ->excludes(link);
   doctor->add_option("--key", a->request.key, "File of twoport-keygen, as for the programs; both ends need the same");
   doctor->add_flag("--insecure", a->request.insecure, "Without a key, allow addresses of other machines too");
   doctor->add_option("--stiffness", a->stiffness, "--link: of the wall for which a method is advised [N/m]")
@@ -210,7 +211,11 @@ Subcommand add_doctor_command(CLI::App& app) {
       "Grades: good, notice, bad, and unseen: what cannot be read on this machine. Exit status 3 where the loop's is "
       "bad: more "
       "than one tick in a thousand skipped, or 99 % not within a quarter of the period.");
-  return {doctor, [a] {
+  return {doctor, [a, link, answer] {
+            if (link->count() > 0 && a->link.empty())
+              throw ConfigError{"--link: the address is empty; give HOST:PORT, where twoport-lab doctor --answer runs"};
+            if (answer->count() > 0 && a->answer.empty())
+              throw ConfigError{"--answer: the address is empty; give [ADDR:]PORT"};
             if (!a->answer.empty()) return answer_command(*a);
             return a->link.empty() ? loop_command(*a) : link_command(*a);
           }};

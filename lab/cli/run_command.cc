@@ -9,6 +9,7 @@
 #include <string>
 
 #include "common/base/check.h"
+#include "common/base/earlier_file.h"
 #include "common/base/file.h"
 #include "common/base/print_error.h"
 #include "common/mcap/bytes.h"
@@ -34,7 +35,11 @@ int run_command(const Arguments& a) {
   for (const std::string& sentence : hints(scene)) print_error("{}: warning: {}\n", a.scene, sentence);
   if (!a.out.empty()) make_folder(a.out);
   // Before anything of an earlier run is removed.
-  if (!a.record.empty()) std::fclose(take_file(a.record, mcap::kMagic));
+  if (!a.record.empty()) {
+    const bool has_earlier = has_content(a.record);
+    std::fclose(take_file(a.record, mcap::kMagic));
+    if (has_earlier) print_error("{} of an earlier run is now {}\n", a.record, earlier_file(a.record));
+  }
   std::optional<FolderLock> lock;
   std::optional<WholeFile> trace;
   if (!a.out.empty()) {
@@ -44,7 +49,8 @@ int run_command(const Arguments& a) {
       std::filesystem::remove(a.out + name);  // of an earlier run
   }
   std::optional<RecordingOptions> record;
-  if (!a.record.empty()) record = {a.record, a.scene, read_whole(a.scene), a.set};
+  std::string unrecorded;
+  if (!a.record.empty()) record = {a.record, a.scene, read_whole(a.scene), a.set, &unrecorded};
   const Summary summary = run(scene, {.trace = trace ? &*trace : nullptr,
                                       .trace_every = a.trace_every,
                                       .verdict = a.verdict == "plain" ? VerdictFrom::plain : VerdictFrom::tail,
@@ -58,7 +64,9 @@ int run_command(const Arguments& a) {
   }
   leave_summary(summary, a.out);
   if (!a.out.empty()) fmt::print("{}: {}\n", scene.name, summary.verdict());
+  if (!unrecorded.empty() && unwritten) print_error("--record {}\n", unrecorded);
   if (unwritten) std::rethrow_exception(unwritten);
+  if (!unrecorded.empty()) throw IoError{"--record " + unrecorded};
   const std::vector<std::string> violated = violations(scene.expect, summary);
   for (const std::string& sentence : violated) print_error("{}: {}\n", a.scene, sentence);
   return violated.empty() ? 0 : 3;
@@ -71,8 +79,9 @@ Subcommand add_run_command(CLI::App& app) {
   CLI::App* run = app.add_subcommand("run", "Run one scene; summary and trace into --out, or the summary on stdout");
   add_scene(run, a->scene, a->set);
   run->add_option("--out", a->out, "Folder for summary.json and trace.csv");
-  run->add_option("--record", a->record,
-                  "FILE.mcap: a recording of both sides, for replay, export, Foxglove, PlotJuggler and Python");
+  const CLI::Option* record =
+      run->add_option("--record", a->record,
+                      "FILE.mcap: a recording of both sides, for replay, export, Foxglove, PlotJuggler and Python");
   run->add_option("--trace", a->trace, "none or csv")->check(CLI::IsMember({"none", "csv"}))->capture_default_str();
   run->add_option("--trace-every", a->trace_every,
                   "N: one tick in N has a row in the trace; the summary is of all ticks")
@@ -84,7 +93,11 @@ Subcommand add_run_command(CLI::App& app) {
                   "more often")
       ->check(CLI::IsMember({"tail", "plain"}))
       ->capture_default_str();
-  return {run, [a] { return run_command(*a); }};
+  return {run, [a, record] {
+            if (record->count() > 0 && a->record.empty())
+              throw ConfigError{"--record: the path is empty; give FILE.mcap, or leave out --record"};
+            return run_command(*a);
+          }};
 }
 
 }  // namespace twoport::lab

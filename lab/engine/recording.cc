@@ -38,7 +38,9 @@ template <int N>
 LabRecording<N>::LabRecording(const Scene& scene, const RecordingOptions& o)
     : file_{checked(scene, o.path), kProgram},
       trace_{file_, "/master/trace"},
-      taps_{side<N>(file_, scene, o, true), side<N>(file_, scene, o, false)} {}
+      taps_{side<N>(file_, scene, o, true), side<N>(file_, scene, o, false)} {
+  file_.flush();  // a file without ticks is whole too
+}
 
 template <int N>
 void LabRecording<N>::add(const Row<N>& row) {

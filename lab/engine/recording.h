@@ -15,6 +15,7 @@ namespace twoport::lab {
 struct RecordingOptions {
   std::string path, scene_file, scene_text;
   std::vector<std::string> overrides;
+  std::string* unwritten = nullptr;  ///< takes why the file is not complete; null: the run throws IoError
 };
 
 /// A recording of both sides of a run in virtual time, with its trace.

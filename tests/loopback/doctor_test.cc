@@ -11,6 +11,7 @@
 #include <utility>
 
 #include "tests/loopback/relay.h"
+#include "tests/support/live.h"
 #include "tests/support/process.h"
 
 // `twoport-lab doctor` as its users run it.
@@ -111,6 +112,59 @@ TEST(Doctor, MeasuresALinkAndSaysWhatASceneNeeds) {
   EXPECT_EQ(answer.wait(), exited(0)) << answer.err();
 }
 
+TEST(Doctor, LeavesASlaveThatWaitsAsItWas) {
+  for (const bool key : {false, true}) {
+    Pair pair;
+    if (key) pair.share_key();
+    Process slave = pair.listening_slave();
+    Words call{TWOPORT_LAB, "doctor", "--link", pair.address()};
+    if (key) call.insert(call.end(), {"--key", pair.at("key")});
+    Process doctor{call};
+    EXPECT_EQ(doctor.wait(), exited(1));
+    EXPECT_EQ(doctor.err(), "twoport-lab: " + pair.address() +
+                                " is a program with a scene; end it, and start twoport-lab doctor --answer there\n");
+    EXPECT_TRUE(slave.running()) << slave.err();
+    // Its master comes, and both run the scene to its end.
+    Process master = pair.master();
+    EXPECT_EQ(master.wait(), exited(0)) << master.err();
+    EXPECT_EQ(slave.wait(), exited(0)) << slave.err();
+  }
+}
+
+TEST(Doctor, SaysThatTheOtherSideIsBusyOrAtAnotherRate) {
+  const Pair pair;
+  Process slave = pair.listening_slave("slave", {"--set", "duration_s=20"});
+  Process master = pair.master("master", {"--set", "duration_s=20"});
+  ASSERT_TRUE(master.says("paired"));
+  Process doctor{{TWOPORT_LAB, "doctor", "--link", pair.address()}};
+  EXPECT_EQ(doctor.wait(), exited(1));
+  EXPECT_EQ(doctor.err(),
+            "twoport-lab: " + pair.address() + " is busy with another program; try again when that has ended\n");
+  EXPECT_TRUE(slave.running() && master.running());
+  for (Process* each : {&master, &slave}) {
+    each->send(SIGINT);
+    each->wait();
+  }
+  EXPECT_EQ(pair.summary("slave").reconnects(), 0.0);
+
+  const std::string port = std::to_string(free_udp_port());
+  Process answer{{TWOPORT_LAB, "doctor", "--answer", port, "--rate-hz", "500"}};
+  ASSERT_TRUE(answer.says("listening on"));
+  Process other{{TWOPORT_LAB, "doctor", "--link", "127.0.0.1:" + port}};
+  EXPECT_EQ(other.wait(), exited(1));
+  EXPECT_EQ(other.err(), "twoport-lab: 127.0.0.1:" + port +
+                             " answers at another rate than 1000 Hz; give both doctors the same --rate-hz\n");
+  EXPECT_TRUE(answer.running());
+  // A program with a scene calls: it ends, the doctor goes on.
+  Process wrong = finished({TWOPORT_MASTER, "--scene", pair.scene, "--peer", "127.0.0.1:" + port});
+  EXPECT_EQ(wrong.wait(), exited(1));
+  EXPECT_NE(wrong.err().find("twoport-lab doctor runs at the slave's address, and has no scene"), std::string::npos)
+      << wrong.err();
+  EXPECT_TRUE(answer.running());
+  answer.send(SIGINT);
+  EXPECT_EQ(answer.wait(), exited(0));
+}
+
 TEST(Doctor, SaysWhatIsMissing) {
   Process nobody{{TWOPORT_LAB, "doctor", "--link", "127.0.0.1:" + std::to_string(free_udp_port()), "--seconds", "1"}};
   EXPECT_EQ(nobody.wait(), exited(1));
@@ -118,6 +172,10 @@ TEST(Doctor, SaysWhatIsMissing) {
   Process outside{{TWOPORT_LAB, "doctor", "--link", "192.0.2.1:45000"}};
   EXPECT_EQ(outside.wait(), exited(2));
   EXPECT_NE(outside.err().find("--key"), std::string::npos) << outside.err();
+  Process empty{{TWOPORT_LAB, "doctor", "--link", ""}};
+  EXPECT_EQ(empty.wait(), exited(2));
+  EXPECT_EQ(empty.err(),
+            "twoport-lab: --link: the address is empty; give HOST:PORT, where twoport-lab doctor --answer runs\n");
   Process both{{TWOPORT_LAB, "doctor", "--link", "127.0.0.1:1", "--answer", "2"}};
   EXPECT_EQ(both.wait(), exited(2));
 }

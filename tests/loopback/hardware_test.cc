@@ -182,6 +182,7 @@ TEST(Hardware, ThatReportsAFaultAtOnceIsNotRun) {
   const Said said;
   EXPECT_NE(said.err.find("odd:fault=0: hardware fault at the first reading"), std::string::npos) << said.err;
   EXPECT_EQ(calls.order.find('a'), std::string::npos) << calls.order;
+  EXPECT_EQ(std::count(calls.order.begin(), calls.order.end(), 'r'), 1) << calls.order;
 }
 
 // The scene presses the wall under FORCE_PROJECTED, and its hand pushes on: what the robot feels ends by its own rule.

@@ -112,6 +112,29 @@ TEST(Plugin, ThatCannotBeLoadedIsRefusedInOneSentence) {
             "--device " + kOdd + ":negative: info() says peak_force_n -3; it must be >= 0");
 }
 
+TEST(Plugin, ThatWouldEndTheProgramWhenItIsLoadedIsRefusedInOneSentence) {
+  const std::string throws = TWOPORT_THROWING_PLUGIN, crashes = TWOPORT_CRASHING_PLUGIN, data = TWOPORT_DATA_PLUGIN;
+  EXPECT_EQ(why_not(throws),
+            "--device " + throws + ": cannot be loaded: loading it throws an exception: no licence for this machine");
+  EXPECT_EQ(
+      why_not(crashes),
+      "--device " + crashes +
+          ": cannot be loaded: loading it ends the program by signal 11 (Segmentation fault): the file is damaged, or "
+          "code that it runs when it is loaded fails");
+  EXPECT_EQ(why_not(data),
+            "--device " + data + ": its entry point twoport_device_plugin is no function; use the macro of plugin.h");
+  // Cut off at every tenth of its length.
+  const Folder folder;
+  const std::string whole = read_text(kOdd);
+  for (std::size_t tenth = 0; tenth < 10; ++tenth) {
+    const std::string cut =
+        folder.write("cut" + std::to_string(tenth) + ".so", whole.substr(0, whole.size() * tenth / 10));
+    const std::string says = tenth == 0 ? "file too short" : "the file is cut off; copy or build it again";
+    const std::string why = why_not(cut);
+    EXPECT_TRUE(why.starts_with("--device " + cut + ": cannot be loaded: ") && why.ends_with(says)) << why;
+  }
+}
+
 TEST(Plugin, ThatThrowsReportsAFaultWithItsLastReadingAndIsReleased) {
   for (const std::string defect : {"throw_in_sense=3", "throw_oddly=3", "throw_in_actuate=2"}) {
     const std::unique_ptr<Device<3>> device = open_device(kOdd + ":" + defect);

@@ -185,6 +185,55 @@ TEST(RecordedLive, AFileThatCannotBeWrittenIsRefusedAtOnce) {
       << m.err();
 }
 
+TEST(RecordedLive, ARecordingIsNeitherLostToTheNextRunNorWrittenOverItsOwnHand) {
+  const Pair pair{press(1)};
+  const std::string file = pair.at("run.mcap");
+  const auto lab = [&](const Words& more) {
+    Words words{TWOPORT_LAB, "run", pair.scene, "--set", "duration_s=0.3", "--trace", "none", "--out", pair.at("out")};
+    words.insert(words.end(), more.begin(), more.end());
+    return finished(words);
+  };
+  Process first = lab({"--record", file});
+  ASSERT_EQ(first.wait(), exited(0)) << first.err();
+  EXPECT_EQ(count(first.err(), "earlier"), 0) << first.err();
+  const std::string before = bytes_of(file);
+  Process second = lab({"--record", file, "--set", "seed=2"});
+  ASSERT_EQ(second.wait(), exited(0));
+  EXPECT_EQ(count(second.err(), file + " of an earlier run is now " + file + "~\n"), 1) << second.err();
+  EXPECT_EQ(bytes_of(file + "~"), before);
+  replayed(file);
+
+  Process own = lab({"--record", file, "--set", "operator.recording=\"" + file + "\""});
+  EXPECT_EQ(own.wait(), exited(2));
+  EXPECT_EQ(own.err(), "twoport-lab: " + file + ": is read or written now; give another name\n");
+  replayed(file);
+  Process live = pair.master("master", {"--record", file, "--set", "operator.recording=\"" + file + "\""});
+  EXPECT_EQ(live.wait(), exited(2));
+  EXPECT_NE(live.err().find(file + ": is read or written now"), std::string::npos) << live.err();
+  Process nameless = lab({"--record", ""}), nameless_live = pair.master("master", {"--record", ""});
+  for (Process* each : {&nameless, &nameless_live}) {
+    EXPECT_EQ(each->wait(), exited(2));
+    EXPECT_NE(each->err().find(": --record: the path is empty; give FILE.mcap, or leave out --record\n"),
+              std::string::npos)
+        << each->err();
+  }
+  const Pair three{press(3)};
+  Process other = three.master("master", {"--device", "playback:" + file});
+  EXPECT_EQ(other.wait(), exited(2));
+  EXPECT_NE(other.err().find(file + ": it is of dof 1, but dof of the scene is 3\n"), std::string::npos) << other.err();
+}
+
+TEST(RecordedLive, AFullDiskLeavesTheResultsOfALabRun) {
+  const Pair pair{press(3)};
+  Process lab{{"/bin/bash", "-c",
+               fmt::format("trap '' XFSZ; ulimit -f 400; exec {} run {} --trace none --out {} --record {}", TWOPORT_LAB,
+                           pair.scene, pair.at("out"), pair.at("full.mcap"))}};
+  EXPECT_EQ(lab.wait(), exited(1));
+  EXPECT_EQ(lab.err(), "twoport-lab: --record " + pair.at("full.mcap") + ": cannot be written: File too large\n");
+  EXPECT_GE(pair.summary("out").duration_s(), 1.9);
+  EXPECT_NE(replayed(pair.at("full.mcap")).find("identical to the bit"), std::string::npos);
+}
+
 TEST(RecordedLive, AFullDiskIsSaidAndTheRunGoesOn) {
   const Pair pair{press(3)};
   // Scene, summary and trace are smaller; the trace is left out.

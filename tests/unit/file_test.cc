@@ -12,6 +12,7 @@
 #include <string>
 
 #include "common/base/check.h"
+#include "common/base/earlier_file.h"
 #include "tests/support/folder.h"
 
 namespace twoport::test {
@@ -166,7 +167,7 @@ TEST(FolderLock, IsForOneProgramAtATime) {
   EXPECT_TRUE(folder.names().empty());
 }
 
-TEST(TakeFile, ReplacesOnlyItsOwnKindAndNothingThatIsInUse) {
+TEST(TakeFile, RenamesAnEarlierOneOfItsKindAndTakesNothingThatIsInUse) {
   const Folder folder;
   const auto why = [&](const std::string& path) -> std::string {
     try {
@@ -189,6 +190,9 @@ TEST(TakeFile, ReplacesOnlyItsOwnKindAndNothingThatIsInUse) {
   std::fclose(reader);
   EXPECT_EQ(why(path), "");
   EXPECT_EQ(read_whole(path), "");
+  EXPECT_EQ(read_whole(earlier_file(path)), "magic and more");
+  EXPECT_EQ(why(path), "") << "an empty one is taken as it is";
+  EXPECT_EQ(read_whole(earlier_file(path)), "magic and more");
   const std::string scene = folder.write("scene", "dof: 1");
   EXPECT_EQ(why(scene), scene + ": is there already, and is no recording; give another name");
   EXPECT_EQ(read_whole(scene), "dof: 1");

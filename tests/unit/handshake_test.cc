@@ -109,6 +109,43 @@ TEST(Handshake, PairsWhenEachHasReturnedTheNumberOfTheOther) {
   EXPECT_TRUE(m.header(105ms).identity);
 }
 
+TEST(Handshake, AMeasurementIsTurnedAwayAndEndsNobodyElse) {
+  for (const bool key : {false, true}) {
+    Handshake s = slave(2000, key), doctor = master(3000, kMeasurementDigest);
+    Duration now{0};
+    std::string said;
+    for (; now < 3s && doctor.reject_reason().empty(); now += 1ms) {
+      s.advance(now), doctor.advance(now);
+      if (s.on(doctor.header(now), Decoded::ok, kMasterAt, now) != Action::refuse) continue;
+      const Header refusal = s.refusal();
+      said = refusal.refusal;
+      // Whatever it answers is handed back.
+      if (doctor.on(refusal, Decoded::ok, kSlaveAt, now) == Action::refuse)
+        s.on(doctor.refusal(), Decoded::ok, kMasterAt, now);
+    }
+    EXPECT_EQ(said, "the slave has a scene, and answers no measurement");
+    EXPECT_EQ(doctor.reject_reason(), said);
+    now += 2s;
+    s.advance(now);
+    EXPECT_EQ(s.reject_reason(), "");
+    // A master comes, and is taken.
+    Handshake m = master();
+    ASSERT_EQ(s.on(m.header(now), Decoded::ok, kMasterAt, now), Action::reply);
+    EXPECT_EQ(m.on(s.take_greeting()->header, Decoded::ok, kSlaveAt, now), Action::pair);
+  }
+}
+
+TEST(Handshake, AMasterIsToldThatADoctorAnswers) {
+  Handshake doctor{{.side = Side::slave, .scene_digest = kMeasurementDigest}, kDof, counting(2000)}, m = master();
+  Duration now{0};
+  for (; now < 3s && m.reject_reason().empty(); now += 1ms)
+    if (doctor.on(m.header(now), Decoded::ok, kMasterAt, now) == Action::refuse)
+      m.on(doctor.refusal(), Decoded::ok, kSlaveAt, now);
+  EXPECT_EQ(m.reject_reason(), "twoport-lab doctor runs at the slave's address, and has no scene; end it first");
+  doctor.advance(now + 2s);
+  EXPECT_EQ(doctor.reject_reason(), "");
+}
+
 TEST(Handshake, DrawsEveryNumberFromWhatItIsGiven) {
   int drawn = 0;
   const auto numbers = [&drawn] { return static_cast<std::uint64_t>(drawn++); };  // 0 first, which is no number

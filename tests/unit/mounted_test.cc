@@ -16,7 +16,7 @@ constexpr double kPeriod = 1e-3;
 /// Hardware that says what the test has set, and remembers what it was asked.
 template <int N>
 struct Script {
-  DeviceInfo info{.name = "script", .max_force_n = 10.0, .mass_kg = 0.4};
+  DeviceInfo info{.name = "script", .max_force_n = 10.0, .mass_kg = 0.4, .buttons = 4};
   DeviceSample<N> sample;
   Force<N> command;
   int commands = 0, releases = 0;
@@ -42,7 +42,7 @@ class Scripted final : public Device<N> {
 template <int N>
 struct Rig {
   explicit Rig(const DeviceMount& mount = {},
-               const DeviceInfo& info = {.name = "script", .max_force_n = 10.0, .mass_kg = 0.4})
+               const DeviceInfo& info = {.name = "script", .max_force_n = 10.0, .mass_kg = 0.4, .buttons = 4})
       : script{.info = info, .sample = {}, .command = {}}, device{std::make_unique<Scripted<N>>(script), mount} {}
   DeviceSample<N> tick(const Force<N>& f = {}) {
     const DeviceSample<N> s = device.sense({Instant<MasterClock>{tick_time(++k, 1.0 / kPeriod)}, Seconds{kPeriod}});
@@ -148,6 +148,26 @@ TEST(Mounted, ClutchFreesTheHandAndContinuesWithoutAJump) {
     before = rig.script.command[0];
   }
   EXPECT_DOUBLE_EQ(before, 3.0);
+}
+
+TEST(Mounted, AClutchNeedsAButtonOfTheDevice) {
+  const auto refused = [](int button, int buttons) -> std::string {
+    DeviceMount m;
+    m.clutch_button = button;
+    try {
+      const Rig<3> rig{m, {.name = "script", .max_force_n = 10.0, .mass_kg = 0.4, .buttons = buttons}};
+    } catch (const ConfigError& e) {
+      return e.what();
+    }
+    return "accepted";
+  };
+  EXPECT_EQ(refused(0, 0),
+            "device_mount.clutch_button is 0, but the device (script) has 0 buttons; it must be -1, for none");
+  EXPECT_EQ(
+      refused(2, 2),
+      "device_mount.clutch_button is 2, but the device (script) has 2 buttons; it must be from 0 to 1, or -1 for none");
+  EXPECT_EQ(refused(1, 2), "accepted");
+  EXPECT_EQ(refused(-1, 0), "accepted");
 }
 
 TEST(Mounted, ClutchKeepsTheAttitude) {

@@ -67,6 +67,40 @@ TEST(Probe, SeesTheStepsOfAnEncoder) {
   EXPECT_NEAR(probe.figures().damping_n_s_per_m, 0.5, 0.1 * 0.5);
 }
 
+TEST(Probe, FindsNoNegativeFrictionNorDamping) {
+  // Coarse encoders and little friction: noise decides the sign of what is not there.
+  for (const char* resolution : {"1e-5", "2e-5", "3e-5", "5e-5", "1e-4"})
+    for (const char* damping : {"0", "0.05", "0.5"}) {
+      Simulated sim{std::string{"mass_kg: 0.075 velocity_estimate: FILTERED position_resolution_m: "} + resolution +
+                    " damping_n_s_per_m: " + damping};
+      Probe probe{sim.runner(), {.period_s = sim.period, .most_speed_m_per_s = 10.0, .most_way_m = 1.0}};
+      probe.push();
+      EXPECT_GE(probe.figures().coulomb_friction_n, 0.0) << resolution << " " << damping;
+      EXPECT_GE(probe.figures().damping_n_s_per_m, 0.0) << resolution << " " << damping;
+      // 5 % at 20 um, and so on with the step.
+      EXPECT_NEAR(probe.figures().mass_kg, 0.075, 2500.0 * std::stod(resolution) * 0.075)
+          << resolution << " " << damping;
+    }
+}
+
+TEST(Probe, CountsReadingsInTimeAndNotInTicks) {
+  // A loop at 1 kHz that comes round every third millisecond, and a device with something new every second time.
+  const ProbeRunner slow = [](const ProbePhase& step) {
+    for (int k = 0;; ++k)
+      if (!step({3e-3 * k, 0.0, 0.0, 0.0, k % 2 == 0 ? HardwareStatus::ok : HardwareStatus::stale})) return;
+  };
+  Probe probe{slow, {.period_s = 1e-3}};
+  probe.listen();
+  EXPECT_NEAR(probe.figures().rate_hz, 1000.0 / 6.0, 1e-6);
+  const ProbeRunner silent = [](const ProbePhase& step) {
+    for (int k = 0; step({1e-3 * k, 0.0, 0.0, 0.0, HardwareStatus::stale}); ++k) {
+    }
+  };
+  Probe none{silent, {.period_s = 1e-3}};
+  none.listen();
+  EXPECT_EQ(none.figures().rate_hz, 0.0);
+}
+
 /// Stiffest sampled spring without damping on a mass m with damping b: poles of
 ///
 ///     z² - (1 + a - K p/…) …  of the exact map of m x'' = -b x' - K x(k), force held over T
