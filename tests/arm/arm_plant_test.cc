@@ -46,7 +46,7 @@ TEST(ArmPlant, StartsAtTheScenesPoseAndStaysThereWithoutACommand) {
 TEST(ArmPlant, EnergyIsThatOfTheJointTorques) {
   SimRobot<6> r = robot("joint_damping_n_m_s_per_rad: 0", "", "environment { wall { normal: [0, 0, 1] offset_m: -0.01 stiffness_n_per_m: 5000 } }");
   const double start = r.arm()->mechanical_energy();
-  double by_wrench = 0.0, largest = 0.0;
+  double by_wrench = 0.0, largest = 0.0, pressed = 0.0;
   for (int k = 0; k < 2000; ++k) {
     const double t = k * kPeriod;
     const Position<6> before = r.state().x;
@@ -54,8 +54,9 @@ TEST(ArmPlant, EnergyIsThatOfTheJointTorques) {
     push(r, f);
     by_wrench += f.dot((r.state().x - before).vec());
     largest = std::max(largest, std::abs(r.arm()->port_energy().si()));
+    pressed = std::max(pressed, r.environment_force()[2]);
   }
-  EXPECT_GT(r.environment_force().squared_norm(), 0.0);
+  EXPECT_GT(pressed, 1.0);
   EXPECT_GT(largest, 0.1);
   // What the joints took in is what is held; Runge-Kutta 4 at contacts that begin within a tick.
   EXPECT_NEAR(r.arm()->mechanical_energy() - start, r.arm()->joint_energy().si(), 1e-6);
@@ -66,23 +67,24 @@ TEST(ArmPlant, EnergyIsThatOfTheJointTorques) {
 }
 
 TEST(ArmPlant, NullSpaceMotionLeavesTheToolAlone) {
-  SimRobot<6> r = robot();
+  SimRobot<6> r = robot("joint_damping_n_m_s_per_rad: 0");
   const Position<6> start = r.state().x;
   const ArmPlant& arm = *r.arm();
   ArmPlant moved = arm;
   // Velocity with J v = 0.
   const auto J = arm.model().jacobian(arm.model().pose(arm.state().q));
   const Joints free = J.fullPivLu().kernel().col(0).normalized();
-  moved.set_state({arm.state().q, 0.3 * free});
+  moved.set_state({arm.state().q, 0.05 * free});
   double most = 0.0, swing = 0.0;
   for (int k = 0; k < 8000; ++k) {
     const BodyState<6> now = moved.advance(Force<6>{});
     most = std::max(most, (now.x - start).vec().norm());
     swing = std::max(swing, (moved.state().q - arm.state().q).norm());
   }
-  EXPECT_GT(swing, 0.02);
-  // The elbow swings and comes back; the tool drifts by what the velocities' squares do, and by joint damping.
-  EXPECT_LT(most, 0.1 * swing);
+  EXPECT_GT(swing, 4e-3);
+  RecordProperty("tool_moved", std::to_string(most));
+  // The elbow swings and comes back; nothing holds the tool, which is moved by forces that grow with the square of the velocity.
+  EXPECT_LT(most, 0.05 * swing);
   EXPECT_LT((moved.state().v).norm(), 1e-2);
 }
 
