@@ -1,5 +1,6 @@
 #include "lab/theory/sampled_contact.h"
 
+#include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
 #include <limits>
@@ -26,14 +27,56 @@ Eigen::Matrix<double, 3, 6> motion_of(const Vector3d& r) {
   return g;
 }
 
-/// K6 without K_geo.
-Matrix6 elastic(const SampledContact& c) {
-  const Matrix3d along = c.normal * c.normal.transpose();
-  const Matrix3d of_point =
-      c.stiffness_n_per_m * (along + c.tangential_ratio * (Matrix3d::Identity() - along));
+Matrix3d of_point(const SampledContact& c, const Vector3d& normal) {
+  const Matrix3d along = normal * normal.transpose();
+  return c.stiffness_n_per_m * (along + c.tangential_ratio * (Matrix3d::Identity() - along));
+}
+/// K6 without K_geo, of a plane with this normal.
+Matrix6 elastic(const SampledContact& c, const Vector3d& normal) {
   Matrix6 sum = Matrix6::Zero();
-  for (const Vector3d& r : c.points_m) sum += motion_of(r).transpose() * of_point * motion_of(r);
+  for (const Vector3d& r : c.points_m) sum += motion_of(r).transpose() * of_point(c, normal) * motion_of(r);
   return sum;
+}
+Matrix6 geometric(const SampledContact& c, const std::vector<Vector3d>& forces) {
+  Matrix6 sum = Matrix6::Zero();
+  for (std::size_t i = 0; i < c.points_m.size(); ++i) {
+    const Vector3d &f = forces[i], &r = c.points_m[i];
+    sum.bottomRightCorner<3, 3>() += f.dot(r) * Matrix3d::Identity() - r * f.transpose();
+  }
+  return sum;
+}
+
+/// The equilibrium in the axes of the body, which is turned by `attitude` (world from body).
+struct Balance {
+  Vector3d position;
+  Matrix3d attitude;
+  std::vector<Vector3d> forces;  ///< of the points, in axes of the body
+};
+Balance balanced(const SampledContact& c) {
+  Balance b{Vector3d::Zero(), Matrix3d::Identity(), {}};
+  for (int i = 0; i < 12; ++i) {
+    const Matrix3d to_body = b.attitude.transpose();
+    const Vector3d normal = to_body * c.normal;
+    Vector6 wrench;
+    wrench << -c.press_n * normal, Vector3d::Zero();
+    b.forces.clear();
+    for (const Vector3d& r : c.points_m) {
+      const Vector3d f = -of_point(c, normal) * (to_body * Vector3d{b.position + b.attitude * r - r});
+      b.forces.push_back(f);
+      wrench.head<3>() += f;
+      wrench.tail<3>() += r.cross(f);
+    }
+    // Newton's step; the smallest one, so that nothing moves along a neutral direction.
+    const Matrix6 K = elastic(c, normal) + (i == 0 ? Matrix6{Matrix6::Zero()} : geometric(c, b.forces));
+    Eigen::CompleteOrthogonalDecomposition<Matrix6> solver;
+    solver.setThreshold(1e-9);
+    solver.compute(K);
+    const Vector6 step = solver.solve(wrench);
+    b.position += b.attitude * step.head<3>();
+    const Vector3d turn = step.tail<3>();
+    if (turn.norm() > 0.0) b.attitude = b.attitude * Eigen::AngleAxisd{turn.norm(), turn.normalized()}.toRotationMatrix();
+  }
+  return b;
 }
 
 Matrix6 mass_of(const SampledContact& c) {
@@ -63,30 +106,24 @@ int neutral_directions(const SampledContact& c) {
 }  // namespace
 
 ContactEquilibrium equilibrium(const SampledContact& c) {
-  Vector6 press;
-  press << -c.press_n * c.normal, Vector3d::Zero();
+  const Balance b = balanced(c);
   ContactEquilibrium e;
-  // The smallest displacement: nothing moves along a neutral direction.
-  e.displacement = elastic(c).completeOrthogonalDecomposition().solve(press);
-  for (const Vector3d& r : c.points_m)
-    e.forces_n.push_back(-c.stiffness_n_per_m * c.normal.dot(motion_of(r) * e.displacement));
+  const Eigen::AngleAxisd turned{b.attitude};
+  e.displacement << b.position, turned.angle() * turned.axis();
+  for (const Vector3d& f : b.forces) e.forces_n.push_back((b.attitude * f).dot(c.normal));
   return e;
 }
 
 Matrix6 contact_stiffness(const SampledContact& c) {
-  Matrix6 k = elastic(c);
-  const ContactEquilibrium e = equilibrium(c);
-  for (std::size_t i = 0; i < c.points_m.size(); ++i) {
-    const Vector3d f = e.forces_n[i] * c.normal, &r = c.points_m[i];
-    k.bottomRightCorner<3, 3>() += f.dot(r) * Matrix3d::Identity() - r * f.transpose();
-  }
-  return k;
+  const Balance b = balanced(c);
+  return elastic(c, b.attitude.transpose() * c.normal) + geometric(c, b.forces);
 }
 
 Matrix6 contact_damping(const SampledContact& c) {
+  const Vector3d normal = balanced(c).attitude.transpose() * c.normal;
   Matrix6 sum = Matrix6::Zero();
   for (const Vector3d& r : c.points_m) {
-    const Vector6 along = motion_of(r).transpose() * c.normal;
+    const Vector6 along = motion_of(r).transpose() * normal;
     sum += c.contact_damping_n_s_per_m * along * along.transpose();
   }
   return sum;
@@ -162,12 +199,12 @@ double rule_contact_stiffness(const SampledContact& given) {
   for (int i = 0; i < 20; ++i) {
     SampledContact one = c;
     one.stiffness_n_per_m = 1.0;
-    const Matrix6 per_stiffness = elastic(one), geometric = contact_stiffness(c) - elastic(c);
+    const Matrix6 per_stiffness = elastic(one, c.normal), preload = contact_stiffness(c) - elastic(c, c.normal);
     smallest = std::numeric_limits<double>::infinity();
     for (const ContactMode& mode : contact_modes(c)) {
       const double a = mode.shape.dot(per_stiffness * mode.shape);
       if (mode.frequency_rad_per_s == 0.0 || !(a > 0.0)) continue;
-      const double k = (mode.shape.dot(damping * mode.shape) / late - mode.shape.dot(geometric * mode.shape)) / a;
+      const double k = (mode.shape.dot(damping * mode.shape) / late - mode.shape.dot(preload * mode.shape)) / a;
       smallest = std::min(smallest, k);
     }
     c.stiffness_n_per_m = smallest;

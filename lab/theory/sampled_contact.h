@@ -6,8 +6,8 @@
 namespace twoport::lab {
 
 // Stability of a rigid body in contact at several points, rendered at the ticks: eigenvalues of the exactly discretised loop,
-// linear about its equilibrium, computed without the laboratory's code. SI units; world axes, which are the body's principal
-// axes; wrenches and twists at its centre of mass, translation first.
+// linear about its equilibrium, which may be tilted; computed without the laboratory's code. SI units; the body's principal axes,
+// which are the world's where it is not displaced; wrenches and twists at its centre of mass, translation first.
 
 using Vector6 = Eigen::Matrix<double, 6, 1>;
 using Matrix6 = Eigen::Matrix<double, 6, 6>;

@@ -18,7 +18,8 @@ using Eigen::Vector3d;
 TEST(SampledContact, LosesStabilityAtTheKnownStiffnesses) {
   for (const test::ContactCase& c : test::contact_cases()) {
     const double found = critical_contact_stiffness(c.contact);
-    EXPECT_NEAR(found, c.known_n_per_m, 0.05) << c.name;
+    // The known figures of D and E are linear about the body that is not tilted: the press tilts it by up to 0.01 rad.
+    EXPECT_NEAR(found, c.known_n_per_m, c.symmetric ? 0.05 : 4e-3 * c.known_n_per_m) << c.name;
   }
 }
 
@@ -77,13 +78,13 @@ TEST(SampledContact, ItsStiffnessIsTheSlopeOfTheRenderedWrench) {
     constexpr double h = 1e-6;
     for (int i = 0; i < 6; ++i)
       slope.col(i) = -(rendered(c, h * Vector6::Unit(i)) - rendered(c, -h * Vector6::Unit(i))) / (2.0 * h);
-    // Linear about no displacement, while this is about the equilibrium, up to 4 mm and 0.03 rad away: that is a tenth of the arms.
-    EXPECT_LT((slope - K).cwiseAbs().maxCoeff(), 0.15 * K.cwiseAbs().maxCoeff()) << each.name;
-    // The tilting that decides: with K_geo, not without.
-    if (each.contact.tangential_ratio == 0.0 && each.symmetric) {
-      const double sum = 5.0 * 0.01;
-      EXPECT_NEAR(slope(4, 4), K(4, 4), 0.02 * sum) << each.name;
-    }
+    // The slope is in axes of the world, K in those of the body.
+    const Vector3d turn = equilibrium(c).displacement.tail<3>();
+    const Eigen::Matrix3d R = turn.norm() > 0.0 ? Eigen::AngleAxisd{turn.norm(), turn.normalized()}.toRotationMatrix() : Eigen::Matrix3d::Identity();
+    Matrix6 both = Matrix6::Zero();
+    both << R, Eigen::Matrix3d::Zero(), Eigen::Matrix3d::Zero(), R;
+    const Matrix6 in_body = both.transpose() * slope * both;
+    EXPECT_LT((in_body - K).cwiseAbs().maxCoeff(), 1e-6 * K.cwiseAbs().maxCoeff()) << each.name;
   }
 }
 
