@@ -31,10 +31,14 @@ constexpr double kMass = 0.05, kInertia = 2e-5;  // of the handle in the hand
 constexpr std::size_t kPoints = 48;              // three rings of 16, 30 to 60 mm below the handle
 
 enum class Account { none, total, normal_tangential, per_point, per_point_normal_tangential, metric_damping };
-constexpr std::array kAccounts{Account::none,      Account::total,
-                               Account::normal_tangential, Account::per_point,
-                               Account::per_point_normal_tangential, Account::metric_damping};
-constexpr std::array<const char*, 6> kNames{"none", "total", "normal, tangential", "per point", "per point, normal and tangential", "damping along M V"};
+constexpr std::array kAccounts{Account::none,
+                               Account::total,
+                               Account::normal_tangential,
+                               Account::per_point,
+                               Account::per_point_normal_tangential,
+                               Account::metric_damping};
+constexpr std::array<const char*, 6> kNames{
+    "none", "total", "normal, tangential", "per point", "per point, normal and tangential", "damping along M V"};
 
 /// Solid below z = 0 with a hole of infinite depth about z: depth of a point and the direction out, by the nearest of wall and top.
 struct Hole {
@@ -55,8 +59,8 @@ struct PointState {
   Vector3d anchor = Vector3d::Zero();  ///< of the bristle
   bool touching = false;
   Vector3d position = Vector3d::Zero();
-  std::array<Force<3>, 2> held;          ///< displayed normal and tangential force on the environment
-  std::array<double, 2> energy{};        ///< exact, into the environment
+  std::array<Force<3>, 2> held;    ///< displayed normal and tangential force on the environment
+  std::array<double, 2> energy{};  ///< exact, into the environment
 };
 
 struct Result {
@@ -65,9 +69,12 @@ struct Result {
 
 class Run {
  public:
-  Run(Account account, double friction, double stiffness, unsigned start) : account_{account}, friction_{friction}, k_{stiffness} {
+  Run(Account account, double friction, double stiffness, unsigned start)
+      : account_{account}, friction_{friction}, k_{stiffness} {
     std::mt19937_64 rng{start};
-    const auto between = [&](double a, double b) { return a + (b - a) * (static_cast<double>(rng() >> 11) * 0x1.0p-53); };
+    const auto between = [&](double a, double b) {
+      return a + (b - a) * (static_cast<double>(rng() >> 11) * 0x1.0p-53);
+    };
     for (double& p : phase_) p = between(0.0, 2.0 * std::numbers::pi);
     for (double& f : frequency_) f = between(0.3, 0.8);
     for (std::size_t i = 0; i < kPoints; ++i) {
@@ -81,9 +88,11 @@ class Run {
 
   Result operator()() {
     DeviceSpec device{};
-    device.mass_kg = kMass, device.damping_n_s_per_m = 0.3, device.inertia_kg_m2 = kInertia, device.rotational_damping_n_m_s_per_rad = 5e-4;
+    device.mass_kg = kMass, device.damping_n_s_per_m = 0.3, device.inertia_kg_m2 = kInertia,
+    device.rotational_damping_n_m_s_per_rad = 5e-4;
     HandSpec hand{};
-    hand.stiffness_n_per_m = 300, hand.damping_n_s_per_m = 1.0, hand.rotational_stiffness_n_m_per_rad = 1.0, hand.rotational_damping_n_m_s_per_rad = 2e-3;
+    hand.stiffness_n_per_m = 300, hand.damping_n_s_per_m = 1.0, hand.rotational_stiffness_n_m_per_rad = 1.0,
+    hand.rotational_damping_n_m_s_per_rad = 2e-3;
     const Position<6> start = intended(0.0);
     sim::HandlePlant<6> handle{device, hand, {}, kPeriod, {start, SpatialVector::Zero()}};
     sim::Hand<6> held_by{hand, kPeriod, start};
@@ -114,7 +123,10 @@ class Run {
   Position<6> intended(double t) const {
     const double in = std::clamp(t / 1.0, 0.0, 1.0), smooth = in * in * in * (10.0 - 15.0 * in + 6.0 * in * in);
     const double z = 0.062 - 0.037 * smooth, tilt = 3.0 * std::numbers::pi / 180.0 * std::clamp(t - 1.0, 0.0, 1.0);
-    const auto turn = [&](int i) { return tilt * std::sin(2.0 * std::numbers::pi * frequency_[static_cast<std::size_t>(i)] * t + phase_[static_cast<std::size_t>(i)]); };
+    const auto turn = [&](int i) {
+      return tilt * std::sin(2.0 * std::numbers::pi * frequency_[static_cast<std::size_t>(i)] * t +
+                             phase_[static_cast<std::size_t>(i)]);
+    };
     return Position<6>{{0, 0, z}, Eigen::Quaterniond::Identity()}.moved(Vector3d::Zero(), {turn(0), turn(1), 0.0});
   }
   double normal_potential(const Vector3d& p) const {
@@ -127,7 +139,8 @@ class Run {
     return 0.5 * kBristle * k_ * (p - s.anchor).squaredNorm();
   }
   Corrected<Force<3>> project(const Force<3>& f, const Vector3d& v, double available, double rise) const {
-    Corrected<Force<3>> c = passivity_controller(f, Velocity<3>{v}, {Energy{available}, Energy{rise}}, options_, Seconds{kPeriod});
+    Corrected<Force<3>> c =
+        passivity_controller(f, Velocity<3>{v}, {Energy{available}, Energy{rise}}, options_, Seconds{kPeriod});
     if (c.out.squared_norm() > 4.0 * f.squared_norm()) c.out = 2.0 * f;
     return c;
   }
@@ -165,7 +178,8 @@ class Run {
       }
       s.position = p;
       const std::array<Force<3>, 2> f{normal, tangential};
-      const std::array<double, 2> now{normal_potential(p), tangential_potential(s, p)}, coming{normal_potential(q), tangential_potential(s, q)};
+      const std::array<double, 2> now{normal_potential(p), tangential_potential(s, p)},
+          coming{normal_potential(q), tangential_potential(s, q)};
       for (std::size_t j = 0; j < 2; ++j) {
         Vector6 w;
         w << f[j].vec(), arm.cross(f[j].vec());
@@ -189,8 +203,10 @@ class Run {
     if (account_ == Account::none) return wanted;
     const Velocity<6> twist{v};
     const auto control = [&](const Vector6& f, double available, double rise) {
-      Corrected<Force<6>> c = passivity_controller(Force<6>{f}, twist, {Energy{available}, Energy{rise}}, options_, Seconds{kPeriod});
-      if (account_ != Account::metric_damping && c.out.squared_norm() > 4.0 * f.squaredNorm()) c.out = Force<6>{Vector6{2.0 * f}};
+      Corrected<Force<6>> c =
+          passivity_controller(Force<6>{f}, twist, {Energy{available}, Energy{rise}}, options_, Seconds{kPeriod});
+      if (account_ != Account::metric_damping && c.out.squared_norm() > 4.0 * f.squaredNorm())
+        c.out = Force<6>{Vector6{2.0 * f}};
       return c.out.vec();
     };
     if (account_ == Account::total || account_ == Account::metric_damping) {
@@ -206,7 +222,8 @@ class Run {
   }
 
   void book(const Interval<6>& interval, const Force<6>&, const Position<6>& x) {
-    for (std::size_t j = 0; j < 2; ++j) energy_[j] += held_energy(ObserverRule::exact, Force<6>{held_[j]}, interval, Seconds{kPeriod}).si();
+    for (std::size_t j = 0; j < 2; ++j)
+      energy_[j] += held_energy(ObserverRule::exact, Force<6>{held_[j]}, interval, Seconds{kPeriod}).si();
     if (account_ != Account::per_point && account_ != Account::per_point_normal_tangential) return;
     const PoseWithRotation<6> at{x};
     for (std::size_t i = 0; i < kPoints; ++i) {
@@ -235,7 +252,10 @@ double median(std::vector<double> v) {
 
 int main() {
   constexpr unsigned kStarts = 20;
-  fmt::print("Failed: least port energy below -0.1 J, of {} starts; else medians of chatter (above 20 Hz) and force error, N rms; least port energy, J.\n\n", kStarts);
+  fmt::print(
+      "Failed: least port energy below -0.1 J, of {} starts; else medians of chatter (above 20 Hz) and force error, N "
+      "rms; least port energy, J.\n\n",
+      kStarts);
   fmt::print("| friction | N/m per point |");
   for (const char* name : kNames) fmt::print(" {} |", name);
   fmt::print("\n|---|---|---|---|---|---|---|---|\n");
@@ -252,8 +272,10 @@ int main() {
         least = std::min(least, r.least_energy);
         chatter.push_back(r.chatter), error.push_back(r.error);
       }
-      if (failed == kStarts) fmt::print(" **{}** failed |", failed);
-      else fmt::print(" {} failed, {:.2g} / {:.2g}, {:.1g} J |", failed, median(chatter), median(error), least);
+      if (failed == kStarts)
+        fmt::print(" **{}** failed |", failed);
+      else
+        fmt::print(" {} failed, {:.2g} / {:.2g}, {:.1g} J |", failed, median(chatter), median(error), least);
       std::fflush(stdout);
     }
     fmt::print("\n");

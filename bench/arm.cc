@@ -1,12 +1,13 @@
 // Kinematics and dynamics of a seven-joint arm, own and KDL's, in one run: time per call.
 
+#include "common/scene/arm.h"
+
 #include <benchmark/benchmark.h>
 
 #include <array>
 #include <memory>
 
 #include "common/arm/arm_model.h"
-#include "common/scene/arm.h"
 #include "common/scene/load.h"
 #include "sim/plant/arm.h"
 
@@ -34,7 +35,8 @@ const ArmParameters& parameters() {
 
 /// Positions that follow each other, so that nothing is computed once.
 struct Walk {
-  Joints q = Eigen::Map<const Joints>{parameters().ready_position_rad.data()}, v = Joints::Constant(0.3), a = Joints::Constant(0.7);
+  Joints q = Eigen::Map<const Joints>{parameters().ready_position_rad.data()}, v = Joints::Constant(0.3),
+         a = Joints::Constant(0.7);
   void next() { q[0] += 1e-4, q[3] -= 1e-5, q[5] += 2e-5; }
 };
 
@@ -56,15 +58,19 @@ const int registered = [] {
   add("own/forward_kinematics", [](const Arm& m, const Walk& w) { return m.pose(w.q); });
   add("own/jacobian", [](const Arm& m, const Walk& w) { return m.jacobian(m.pose(w.q)); });
   add("own/gravity_torque", [](const Arm& m, const Walk& w) { return m.gravity_torque(m.pose(w.q), kGravity); });
-  add("own/inverse_dynamics", [](const Arm& m, const Walk& w) { return m.inverse_dynamics(m.pose(w.q), w.v, w.a, kGravity); });
+  add("own/inverse_dynamics",
+      [](const Arm& m, const Walk& w) { return m.inverse_dynamics(m.pose(w.q), w.v, w.a, kGravity); });
   add("own/inertia_matrix", [](const Arm& m, const Walk& w) { return m.inertia(m.pose(w.q)); });
-  add("own/forward_dynamics", [](const Arm& m, const Walk& w) { return m.forward_dynamics(m.pose(w.q), w.v, w.a, kGravity); });
+  add("own/forward_dynamics",
+      [](const Arm& m, const Walk& w) { return m.forward_dynamics(m.pose(w.q), w.v, w.a, kGravity); });
   return 0;
 }();
 
 /// A tick of the simulated arm at 2 kHz: controller, plant, wrist.
 void plant(benchmark::State& state, const char* world) {
-  const Scene scene = parse_scene(std::string{"dof: 6 duration_s: 1 robot { arm { file: \"" TWOPORT_ARMS "/fr3.textproto\" tool_mass_kg: 0.5 } } "} + world,
+  const Scene scene = parse_scene(std::string{"dof: 6 duration_s: 1 robot { arm { file: \"" TWOPORT_ARMS
+                                              "/fr3.textproto\" tool_mass_kg: 0.5 } } "} +
+                                      world,
                                   "bench");
   const auto environment = std::make_shared<const Environment<6>>(scene.environment, scene.tool);
   sim::ArmPlant arm{*scene.robot, environment, 5e-4, {}};
@@ -76,7 +82,8 @@ void plant(benchmark::State& state, const char* world) {
   }
 }
 BENCHMARK_CAPTURE(plant, free, "");
-BENCHMARK_CAPTURE(plant, on_a_wall, "environment { wall { normal: [0, 0, 1] offset_m: 0.001 stiffness_n_per_m: 3000 } }");
+BENCHMARK_CAPTURE(plant, on_a_wall,
+                  "environment { wall { normal: [0, 0, 1] offset_m: 0.001 stiffness_n_per_m: 3000 } }");
 
 #ifdef TWOPORT_KDL
 struct Kdl {

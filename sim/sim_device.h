@@ -35,7 +35,8 @@ class SimDevice final {
     if (imposed_) handle_.set_state({x(), port_vector<N>(path_.at(0.0).v.vec())});
     if (scene.operator_model && scene.operator_model->hand)
       hand_.emplace(*scene.operator_model->hand, dt_, path_.at(0.0).x);
-    if (scene.operator_model && scene.operator_model->hand) push_ = port_vector<N>(vector<N>(scene.operator_model->hand->force_n));
+    if (scene.operator_model && scene.operator_model->hand)
+      push_ = port_vector<N>(vector<N>(scene.operator_model->hand->force_n));
     if (scene.device) late_.resize(static_cast<std::size_t>(std::lround(scene.device->force_latency_s / dt_)));
     if (scene.device) encoder_ = {*scene.device, dt_};
     encoder_.start(x(), v());

@@ -37,10 +37,10 @@ class ArmModel {
 
   /// Where everything is at q.
   struct Pose {
-    std::array<Eigen::Matrix3d, n> rotation;          ///< base from link
+    std::array<Eigen::Matrix3d, n> rotation;              ///< base from link
     std::array<Eigen::Vector3d, n> origin, axis, moment;  ///< of joint i: a point, direction z, and origin × z
-    Eigen::Matrix3d tool_rotation;                    ///< base from tool
-    Eigen::Vector3d tool;                             ///< the tool's origin [m]
+    Eigen::Matrix3d tool_rotation;                        ///< base from tool
+    Eigen::Vector3d tool;                                 ///< the tool's origin [m]
   };
 
   /// `arm` must have n joints. The tool's frame is turned against the flange's by `tool_rotation` (flange from tool).

@@ -17,7 +17,8 @@ struct ToolLoad {
   Eigen::Matrix<double, 6, 1> bias = Eigen::Matrix<double, 6, 1>::Zero();
 
   /// The reading at attitude R (world from tool) under gravity g [m/s²].
-  [[nodiscard]] Eigen::Matrix<double, 6, 1> reading(const Eigen::Matrix3d& R, const Eigen::Vector3d& gravity) const noexcept {
+  [[nodiscard]] Eigen::Matrix<double, 6, 1> reading(const Eigen::Matrix3d& R,
+                                                    const Eigen::Vector3d& gravity) const noexcept {
     const Eigen::Vector3d g = R.transpose() * gravity;
     Eigen::Matrix<double, 6, 1> f;
     f << mass_kg * g, first_moment_kg_m.cross(g);

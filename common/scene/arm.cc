@@ -33,7 +33,8 @@ Eigen::Matrix3d read_inertia(const Block<schema::ArmJoint>& of) {
   if (!(moments[0] > 0.0)) of.refuse(FIELD(inertia_kg_m2), "be positive definite");
   // Identified parameters miss it by rounding; by more they belong to no body.
   if (moments[2] > 1.05 * (moments[0] + moments[1]))
-    of.refuse(FIELD(inertia_kg_m2), "keep the triangle inequality: no principal moment exceeds the sum of the other two by more than 5 %");
+    of.refuse(FIELD(inertia_kg_m2),
+              "keep the triangle inequality: no principal moment exceeds the sum of the other two by more than 5 %");
   return inertia;
 }
 
@@ -51,7 +52,8 @@ ArmJoint read_joint(const Block<schema::ArmJoint>& of) {
                  .max_speed_rad_per_s = of.required(FIELD(max_speed_rad_per_s), kPositive),
                  .lower_rad = of.required(FIELD(lower_rad), kFinite),
                  .upper_rad = of.required(FIELD(upper_rad), kFinite)};
-  if (!(joint.lower_rad < joint.upper_rad)) of.refuse(FIELD(upper_rad), fmt::format("be > lower_rad, which is {}", joint.lower_rad));
+  if (!(joint.lower_rad < joint.upper_rad))
+    of.refuse(FIELD(upper_rad), fmt::format("be > lower_rad, which is {}", joint.lower_rad));
   return joint;
 }
 
@@ -76,7 +78,8 @@ ArmParameters load_arm(const std::string& path) {
   arm.ready_position_rad = of.list(FIELD(ready_position_rad), all);
   for (std::size_t i = 0; i < arm.joints.size(); ++i)
     if (!(arm.ready_position_rad[i] >= arm.joints[i].lower_rad && arm.ready_position_rad[i] <= arm.joints[i].upper_rad))
-      of.refuse(FIELD(ready_position_rad), fmt::format("lie within the limits of the joints; number {} does not", i + 1));
+      of.refuse(FIELD(ready_position_rad),
+                fmt::format("lie within the limits of the joints; number {} does not", i + 1));
   return arm;
 }
 

@@ -19,7 +19,8 @@ Numbers read_principal(const Block<schema::Device>& of, const auto& field, const
     of.fail(fmt::format("{} and {} are both given; one of them must be absent", of.path_of(field.name),
                         of.path_of(for_all.name)));
   Numbers three = of.list(field, {3, 3, ""});
-  if (!std::all_of(three.begin(), three.end(), rule.holds)) of.refuse(field, fmt::format("hold numbers that are each {}", rule.words + 3));
+  if (!std::all_of(three.begin(), three.end(), rule.holds))
+    of.refuse(field, fmt::format("hold numbers that are each {}", rule.words + 3));
   return three;
 }
 
@@ -40,11 +41,9 @@ DeviceSpec read_device(const Block<schema::Device>& of) {
       .inertia_kg_m2 = of.number(FIELD(inertia_kg_m2), kNotNegative),
       .rotational_damping_n_m_s_per_rad = of.number(FIELD(rotational_damping_n_m_s_per_rad), kNotNegative),
   };
-  spec.principal_inertia_kg_m2 =
-      read_principal(of, FIELD(principal_inertia_kg_m2), FIELD(inertia_kg_m2), kPositive);
-  spec.principal_rotational_damping_n_m_s_per_rad =
-      read_principal(of, FIELD(principal_rotational_damping_n_m_s_per_rad), FIELD(rotational_damping_n_m_s_per_rad),
-                     kNotNegative);
+  spec.principal_inertia_kg_m2 = read_principal(of, FIELD(principal_inertia_kg_m2), FIELD(inertia_kg_m2), kPositive);
+  spec.principal_rotational_damping_n_m_s_per_rad = read_principal(
+      of, FIELD(principal_rotational_damping_n_m_s_per_rad), FIELD(rotational_damping_n_m_s_per_rad), kNotNegative);
   const auto smallest = [](const Numbers& three, double absent) {
     return three.empty() ? absent : *std::min_element(three.begin(), three.end());
   };

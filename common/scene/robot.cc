@@ -60,8 +60,9 @@ void read_arm(const Block<schema::Robot>& robot, RobotSpec& spec) {
   for (std::size_t i = 0; i < arm.joint_position_rad.size(); ++i) {
     const ArmJoint& joint = parameters->joints[i];
     if (!(arm.joint_position_rad[i] > joint.lower_rad && arm.joint_position_rad[i] < joint.upper_rad))
-      of.refuse(FIELD(joint_position_rad), fmt::format("lie within the joints' limits; number {} must be between {} and {}", i + 1,
-                                                       joint.lower_rad, joint.upper_rad));
+      of.refuse(FIELD(joint_position_rad),
+                fmt::format("lie within the joints' limits; number {} must be between {} and {}", i + 1,
+                            joint.lower_rad, joint.upper_rad));
   }
   const ArmModel<kArmJoints> model{*parameters, {arm.tool_mass_kg, vector<3>(arm.tool_center_m)}};
   const auto mobility = tool_mobility(model, vector<kArmJoints>(arm.joint_position_rad));

@@ -53,10 +53,11 @@ void check_latency(const SceneBlock& scene, const Scene& values) {
 /// A spring of one contact point needs that point.
 void check_contact_points(const SceneBlock& scene, const Scene& values) {
   for (const EnvironmentSpec& e : values.environment)
-    if (const auto* spring = std::get_if<Spring>(&e); spring && spring->contact_point >= static_cast<int>(values.tool.size()) &&
-                                                      spring->contact_point >= 0)
-      scene.fail(fmt::format("environment.spring.contact_point is {}; it must be < {}, the number of contact points of the tool",
-                             spring->contact_point, values.tool.size()));
+    if (const auto* spring = std::get_if<Spring>(&e);
+        spring && spring->contact_point >= static_cast<int>(values.tool.size()) && spring->contact_point >= 0)
+      scene.fail(fmt::format(
+          "environment.spring.contact_point is {}; it must be < {}, the number of contact points of the tool",
+          spring->contact_point, values.tool.size()));
 }
 
 /// UNCONTROLLED has a robot only.

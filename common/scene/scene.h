@@ -100,7 +100,8 @@ struct RobotSpec {
   std::optional<ForceSensorSpec> force_sensor;
   Numbers inertia_kg_m2;  ///< dof 6: three principal moments
   double rotational_damping_n_m_s_per_rad;
-  std::optional<ArmSpec> arm{};  ///< mass and inertia are then its smallest effective ones at the tool when the run begins
+  std::optional<ArmSpec>
+      arm{};  ///< mass and inertia are then its smallest effective ones at the tool when the run begins
 };
 
 /// How the simulated world is stepped between two ticks.

@@ -74,7 +74,8 @@ Balance balanced(const SampledContact& c) {
     const Vector6 step = solver.solve(wrench);
     b.position += b.attitude * step.head<3>();
     const Vector3d turn = step.tail<3>();
-    if (turn.norm() > 0.0) b.attitude = b.attitude * Eigen::AngleAxisd{turn.norm(), turn.normalized()}.toRotationMatrix();
+    if (turn.norm() > 0.0)
+      b.attitude = b.attitude * Eigen::AngleAxisd{turn.norm(), turn.normalized()}.toRotationMatrix();
   }
   return b;
 }
@@ -141,8 +142,9 @@ double spectral_radius(const SampledContact& c) {
     v_of_w[i] = x_of_v[i] / m[i];
     // (T - x_of_v)/d loses all digits for small damping: its series there.
     const double rt = rate * T;
-    x_of_w[i] = rt > 1e-3 ? (T - x_of_v[i]) / d[i]
-                          : T * T / m[i] * (0.5 - rt / 6.0 + rt * rt / 24.0 - rt * rt * rt / 120.0 + rt * rt * rt * rt / 720.0);
+    x_of_w[i] =
+        rt > 1e-3 ? (T - x_of_v[i]) / d[i]
+                  : T * T / m[i] * (0.5 - rt / 6.0 + rt * rt / 24.0 - rt * rt * rt / 120.0 + rt * rt * rt * rt / 720.0);
   }
   const Matrix6 K = contact_stiffness(c), B = contact_damping(c);
   const bool differences = c.contact_damping_n_s_per_m != 0.0;

@@ -29,10 +29,10 @@ struct SampledContact {
   Eigen::Vector3d rotational_damping_n_m_s_per_rad = Eigen::Vector3d::Constant(2e-3);
   std::vector<Eigen::Vector3d> points_m;  ///< r_i, from the centre of mass, all on the plane
   Eigen::Vector3d normal = Eigen::Vector3d::UnitZ();
-  double stiffness_n_per_m = 0.0;        ///< K of each point
+  double stiffness_n_per_m = 0.0;          ///< K of each point
   double contact_damping_n_s_per_m = 0.0;  ///< B of each point
-  double tangential_ratio = 0.0;         ///< k_t; 0: frictionless
-  double press_n = 5.0;                  ///< F0 at the centre of mass, against n
+  double tangential_ratio = 0.0;           ///< k_t; 0: frictionless
+  double press_n = 5.0;                    ///< F0 at the centre of mass, against n
   double period_s = 5e-4;
   int delay_ticks = 0;
 };
@@ -69,7 +69,7 @@ double critical_modal_stiffness(double inertia, double damping, double period_s)
 
 /// A mode of the body on the contact without sampling.
 struct ContactMode {
-  Vector6 shape;             ///< φ, with φᵀ M φ = 1
+  Vector6 shape;               ///< φ, with φᵀ M φ = 1
   double frequency_rad_per_s;  ///< √(φᵀ K6 φ); 0: neutral; negative: tips over
 };
 std::vector<ContactMode> contact_modes(const SampledContact& contact);

@@ -43,7 +43,8 @@ class ArmPlant {
     Joints q, v;
   };
 
-  ArmPlant(const RobotSpec& robot, std::shared_ptr<const Environment<6>> environment, double dt, const BodyState<6>& start)
+  ArmPlant(const RobotSpec& robot, std::shared_ptr<const Environment<6>> environment, double dt,
+           const BodyState<6>& start)
       : environment_{std::move(environment)},
         dt_{dt},
         arm_{*robot.arm},
@@ -68,14 +69,16 @@ class ArmPlant {
       damping += s.material.damping_n_s_per_m + s.material.viscous_friction_n_s_per_m;
       friction_ = std::max(friction_, s.material.friction);
     }
-    for (const Spring& s : environment_->world().springs) stiffness += s.stiffness_n_per_m, damping += s.damping_n_s_per_m;
+    for (const Spring& s : environment_->world().springs)
+      stiffness += s.stiffness_n_per_m, damping += s.damping_n_s_per_m;
     double all_points = 0.0;
     for (const Eigen::Vector3d& point : environment_->tool()) {
       point_mobility_ = largest_eigenvalue(mobility_.topLeftCorner<3, 3>()) +
                         point.squaredNorm() * largest_eigenvalue(mobility_.bottomRightCorner<3, 3>());
       all_points += point_mobility_;
     }
-    const double joints = 1.0 / Eigen::SelfAdjointEigenSolver<Model::Inertia>{M, Eigen::EigenvaluesOnly}.eigenvalues()[0];
+    const double joints =
+        1.0 / Eigen::SelfAdjointEigenSolver<Model::Inertia>{M, Eigen::EigenvaluesOnly}.eigenvalues()[0];
     rate_ = std::max({std::sqrt(stiffness * all_points), damping * all_points,
                       (arm_.joint_damping_n_m_s_per_rad + arm_.null_space_damping_n_m_s_per_rad) * joints,
                       std::sqrt(kStopStiffness * joints)});
@@ -147,7 +150,8 @@ class ArmPlant {
  private:
   using Matrix6 = Eigen::Matrix<double, 6, 6>;
   static constexpr double kStopStiffness = 2e3, kStopDamping = 20.0;  ///< [N m/rad], [N m s/rad]
-  static constexpr double kSingular = 1e-3;  ///< det J M⁻¹ Jᵀ below this part of that at the beginning is nearly singular
+  static constexpr double kSingular =
+      1e-3;  ///< det J M⁻¹ Jᵀ below this part of that at the beginning is nearly singular
 
   static Model with_tool(const ArmSpec& arm, const Joints& q, const Position<6>& start) {
     const ArmTool tool{arm.tool_mass_kg, vector<3>(arm.tool_center_m)};
@@ -157,7 +161,9 @@ class ArmPlant {
   [[nodiscard]] Position<6> tool_position(const Model::Pose& p) const noexcept {
     return {base_ + p.tool, Eigen::Quaterniond{p.tool_rotation}};
   }
-  [[nodiscard]] State moved(const State& rate, double h) const noexcept { return {s_.q + h * rate.q, s_.v + h * rate.v}; }
+  [[nodiscard]] State moved(const State& rate, double h) const noexcept {
+    return {s_.q + h * rate.q, s_.v + h * rate.v};
+  }
 
   /// How far each joint is beyond its limits; 0 within them.
   [[nodiscard]] Joints over_stops(const Joints& q) const noexcept {
@@ -179,7 +185,8 @@ class ArmPlant {
   [[nodiscard]] Joints control(const Vector6& wrench) noexcept {
     const auto J = model_.jacobian(pose_);
     const Joints gravity = model_.gravity_torque(pose_, kGravity);
-    Joints within = arm_.null_space_stiffness_n_m_per_rad * (home_ - s_.q) - arm_.null_space_damping_n_m_s_per_rad * s_.v;
+    Joints within =
+        arm_.null_space_stiffness_n_m_per_rad * (home_ - s_.q) - arm_.null_space_damping_n_m_s_per_rad * s_.v;
     const Eigen::LLT<Model::Inertia> inertia{model_.inertia(pose_)};
     Matrix6 A = J * inertia.solve(J.transpose());
     damp(A);
@@ -195,7 +202,8 @@ class ArmPlant {
   [[nodiscard]] State rates(const State& s, const Joints& torque) const noexcept {
     const Model::Pose p = model_.pose(s.q);
     const auto J = model_.jacobian(p);
-    const Joints total = torque + J.transpose() * environment_wrench(p, J * s.v) - arm_.joint_damping_n_m_s_per_rad * s.v + stops(s);
+    const Joints total =
+        torque + J.transpose() * environment_wrench(p, J * s.v) - arm_.joint_damping_n_m_s_per_rad * s.v + stops(s);
     return {s.v, model_.forward_dynamics(p, s.v, total, kGravity)};
   }
   [[nodiscard]] Vector6 environment_wrench(const Model::Pose& p, const Vector6& v) const noexcept {
@@ -248,7 +256,8 @@ class WristCompensation {
  public:
   WristCompensation(const ArmSpec& arm, const ForceSensorSpec& sensor, std::uint64_t seed) {
     const Eigen::Vector3d center = vector<3>(arm.tool_center_m);
-    true_ = {.mass_kg = arm.tool_mass_kg, .first_moment_kg_m = arm.tool_mass_kg * center, .bias = vector<6>(sensor.bias_n)};
+    true_ = {
+        .mass_kg = arm.tool_mass_kg, .first_moment_kg_m = arm.tool_mass_kg * center, .bias = vector<6>(sensor.bias_n)};
     const Random random{seed ^ kStream};
     std::array<WristReading, 6> readings;
     for (std::size_t i = 0; i < readings.size(); ++i) {

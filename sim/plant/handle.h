@@ -143,8 +143,8 @@ class HandlePlant {
       return {y.momentum + h * d.momentum, y.turned + h * d.turned, y.attitude + h * d.attitude};
     };
     const double least = p.inertia.minCoeff();
-    const double fastest = std::max({p.damping.cwiseQuotient(p.inertia).maxCoeff(), std::sqrt(p.stiffness / least),
-                                     v0.angular.norm()});
+    const double fastest =
+        std::max({p.damping.cwiseQuotient(p.inertia).maxCoeff(), std::sqrt(p.stiffness / least), v0.angular.norm()});
     constexpr double kMost = 4096.0;
     const int steps = static_cast<int>(std::clamp(std::ceil(dt_ * fastest / 0.05), 1.0, kMost));
     const double h = dt_ / steps;
@@ -152,8 +152,8 @@ class HandlePlant {
     Turning y{R0 * p.inertia.cwiseProduct(R0.transpose() * v0.angular), Eigen::Vector3d::Zero(), q0.coeffs()};
     for (int i = 0; i < steps; ++i) {
       const double t = i * h;
-      const Turning a = rate(y, t), b = rate(add(y, a, 0.5 * h), t + 0.5 * h), c = rate(add(y, b, 0.5 * h), t + 0.5 * h),
-                    d = rate(add(y, c, h), t + h);
+      const Turning a = rate(y, t), b = rate(add(y, a, 0.5 * h), t + 0.5 * h),
+                    c = rate(add(y, b, 0.5 * h), t + 0.5 * h), d = rate(add(y, c, h), t + h);
       y = add(add(add(add(y, a, h / 6.0), b, h / 3.0), c, h / 3.0), d, h / 6.0);
     }
     v.angular = velocity(y);

@@ -1,5 +1,3 @@
-#include "tests/support/no_alloc.h"
-
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -7,6 +5,7 @@
 
 #include "common/scene/load.h"
 #include "sim/sim_robot.h"
+#include "tests/support/no_alloc.h"
 
 namespace twoport::sim {
 namespace {
@@ -18,8 +17,11 @@ using Vector6 = Eigen::Matrix<double, 6, 1>;
 constexpr double kPeriod = 5e-4;
 
 SimRobot<6> robot(const std::string& arm = "", const std::string& more = "", const std::string& world = "") {
-  return SimRobot<6>{parse_scene("dof: 6 duration_s: 1 rate_hz: 2000 robot { arm { file: \"" TWOPORT_ARMS "/fr3.textproto\" " + arm + " } " + more + " } " + world, "arm"),
-                     Seconds{kPeriod}};
+  return SimRobot<6>{
+      parse_scene("dof: 6 duration_s: 1 rate_hz: 2000 robot { arm { file: \"" TWOPORT_ARMS "/fr3.textproto\" " + arm +
+                      " } " + more + " } " + world,
+                  "arm"),
+      Seconds{kPeriod}};
 }
 
 Vector6 wrench(double x, double y, double z, double a = 0, double b = 0, double c = 0) {
@@ -35,7 +37,8 @@ void push(SimRobot<6>& r, const Vector6& f) {
 }
 
 TEST(ArmPlant, StartsAtTheScenesPoseAndStaysThereWithoutACommand) {
-  SimRobot<6> r = robot("tool_mass_kg: 0.5 tool_center_m: [0, 0.01, 0.05]", "position_m: [0.1, 0.2, 0.3, 0.8, 0.6, 0, 0]");
+  SimRobot<6> r =
+      robot("tool_mass_kg: 0.5 tool_center_m: [0, 0.01, 0.05]", "position_m: [0.1, 0.2, 0.3, 0.8, 0.6, 0, 0]");
   const Position<6> start = r.state().x;
   EXPECT_LT((start.translation() - Vector3d{0.1, 0.2, 0.3}).norm(), 1e-12);
   EXPECT_LT(start.attitude().angularDistance(Eigen::Quaterniond{0.8, 0.6, 0, 0}), 1e-7);
@@ -44,7 +47,8 @@ TEST(ArmPlant, StartsAtTheScenesPoseAndStaysThereWithoutACommand) {
 }
 
 TEST(ArmPlant, EnergyIsThatOfTheJointTorques) {
-  SimRobot<6> r = robot("joint_damping_n_m_s_per_rad: 0", "", "environment { wall { normal: [0, 0, 1] offset_m: -0.01 stiffness_n_per_m: 5000 } }");
+  SimRobot<6> r = robot("joint_damping_n_m_s_per_rad: 0", "",
+                        "environment { wall { normal: [0, 0, 1] offset_m: -0.01 stiffness_n_per_m: 5000 } }");
   const double start = r.arm()->mechanical_energy();
   double by_wrench = 0.0, largest = 0.0, pressed = 0.0;
   for (int k = 0; k < 2000; ++k) {
@@ -101,7 +105,8 @@ TEST(ArmPlant, StopsHoldTheJoints) {
   for (int k = 0; k < 6000; ++k) push(r, wrench(0, 0, 0, 0, 0, 8));
   const Joints q = r.arm()->state().q;
   double beyond = 0.0;
-  const double upper[] = {2.7501, 1.7918, 2.9065, -.1458, 2.8101, 4.5205, 3.0196}, lower[] = {-2.7501, -1.7918, -2.9065, -3.0481, -2.8101, .54092, -3.0196};
+  const double upper[] = {2.7501, 1.7918, 2.9065, -.1458, 2.8101, 4.5205, 3.0196},
+               lower[] = {-2.7501, -1.7918, -2.9065, -3.0481, -2.8101, .54092, -3.0196};
   for (int i = 0; i < 7; ++i) beyond = std::max({beyond, q[i] - upper[i], lower[i] - q[i]});
   EXPECT_GT(beyond, 0.0) << "it has reached a stop";
   EXPECT_LT(beyond, 0.05);
@@ -128,7 +133,8 @@ TEST(ArmPlant, LeavesASingularPositionGracefully) {
 }
 
 TEST(WristSensor, WeightAndBiasAreRemoved) {
-  const std::string tool = "tool_mass_kg: 0.73 tool_center_m: [0, 0.01, 0.05]", bias = "bias_n: [1.5, -2, 0.7, 0.05, -0.08, 0.02]";
+  const std::string tool = "tool_mass_kg: 0.73 tool_center_m: [0, 0.01, 0.05]",
+                    bias = "bias_n: [1.5, -2, 0.7, 0.05, -0.08, 0.02]";
   SimRobot<6> r = robot(tool, "force_sensor { " + bias + " }");
   double most = 0.0;
   for (int k = 0; k < 500; ++k) {
@@ -149,8 +155,10 @@ TEST(WristSensor, WeightAndBiasAreRemoved) {
 }
 
 TEST(WristSensor, ShowsTheContactWrenchWithinItsNoise) {
-  SimRobot<6> r = robot("tool_mass_kg: 0.5 tool_center_m: [0, 0, 0.05]", "force_sensor { noise_n: 0.05 bias_n: [1.5, -2, 0.7, 0.05, -0.08, 0.02] }",
-                        "environment { wall { normal: [0, 0, 1] offset_m: -0.002 stiffness_n_per_m: 5000 damping_n_s_per_m: 100 } } tool { contact_point { position_m: [0.02, 0, 0] } }");
+  SimRobot<6> r = robot("tool_mass_kg: 0.5 tool_center_m: [0, 0, 0.05]",
+                        "force_sensor { noise_n: 0.05 bias_n: [1.5, -2, 0.7, 0.05, -0.08, 0.02] }",
+                        "environment { wall { normal: [0, 0, 1] offset_m: -0.002 stiffness_n_per_m: 5000 "
+                        "damping_n_s_per_m: 100 } } tool { contact_point { position_m: [0.02, 0, 0] } }");
   for (int k = 0; k < 12000; ++k) {
     Vector6 f = -60.0 * r.state().v.vec();
     f.tail<3>() *= 0.1;
@@ -169,7 +177,9 @@ TEST(WristSensor, ShowsTheContactWrenchWithinItsNoise) {
 }
 
 TEST(ArmPlant, AllocatesNothing) {
-  SimRobot<6> r = robot("tool_mass_kg: 0.5", "force_sensor { noise_n: 0.05 }", "environment { wall { normal: [0, 0, 1] offset_m: 0.001 stiffness_n_per_m: 5000 friction: 0.3 } }");
+  SimRobot<6> r =
+      robot("tool_mass_kg: 0.5", "force_sensor { noise_n: 0.05 }",
+            "environment { wall { normal: [0, 0, 1] offset_m: 0.001 stiffness_n_per_m: 5000 friction: 0.3 } }");
   NoAlloc guard;
   for (int k = 0; k < 100; ++k) push(r, wrench(1, 2, -3, 0.1, 0.2, 0.3));
   EXPECT_EQ(guard.seen(), 0);

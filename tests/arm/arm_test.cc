@@ -1,4 +1,4 @@
-#include "tests/support/no_alloc.h"
+#include "common/scene/arm.h"
 
 #include <gtest/gtest.h>
 
@@ -11,7 +11,7 @@
 #include "common/arm/arm_model.h"
 #include "common/base/check.h"
 #include "common/base/file.h"
-#include "common/scene/arm.h"
+#include "tests/support/no_alloc.h"
 
 #ifdef TWOPORT_KDL
 #include <kdl/chaindynparam.hpp>
@@ -40,7 +40,9 @@ ArmParameters parameters(const std::string& name) {
 class Draw {
  public:
   explicit Draw(std::uint64_t seed) : rng_{seed} {}
-  double between(double low, double high) { return low + (high - low) * (static_cast<double>(rng_() >> 11) * 0x1.0p-53); }
+  double between(double low, double high) {
+    return low + (high - low) * (static_cast<double>(rng_() >> 11) * 0x1.0p-53);
+  }
   Joints joints(double size) {
     Joints v;
     for (int i = 0; i < 7; ++i) v[i] = between(-size, size);
@@ -49,7 +51,8 @@ class Draw {
   /// Within the arm's limits.
   Joints position(const ArmParameters& arm) {
     Joints q;
-    for (std::size_t i = 0; i < 7; ++i) q[static_cast<int>(i)] = between(arm.joints[i].lower_rad, arm.joints[i].upper_rad);
+    for (std::size_t i = 0; i < 7; ++i)
+      q[static_cast<int>(i)] = between(arm.joints[i].lower_rad, arm.joints[i].upper_rad);
     return q;
   }
 
@@ -207,7 +210,9 @@ TEST(Arm, GravityTorqueIsTheSlopeOfThePotential) {
     EXPECT_LT((g - arm.bias_torque(arm.pose(q), Joints::Zero(), kGravity)).cwiseAbs().maxCoeff(), kRounding * 100.0);
     for (int i = 0; i < 7; ++i) {
       constexpr double h = 1e-5;
-      const auto potential = [&](double by) { return arm.energy(arm.pose(q + by * Joints::Unit(i)), Joints::Zero(), kGravity); };
+      const auto potential = [&](double by) {
+        return arm.energy(arm.pose(q + by * Joints::Unit(i)), Joints::Zero(), kGravity);
+      };
       EXPECT_NEAR(g[i], (potential(h) - potential(-h)) / (2.0 * h), 1e-7);
     }
   }
@@ -234,7 +239,8 @@ TEST(Fr3, HasItsKnownFiguresInTheReadyPosition) {
   };
   const auto heavy = effective(of);
   const std::array<double, 6> with_rotors{11.3, 5.2, 5.3, 0.21, 0.21, 0.17};
-  for (std::size_t i = 0; i < 6; ++i) EXPECT_NEAR(heavy[static_cast<int>(i)], with_rotors[i], 0.02 * with_rotors[i]) << i;
+  for (std::size_t i = 0; i < 6; ++i)
+    EXPECT_NEAR(heavy[static_cast<int>(i)], with_rotors[i], 0.02 * with_rotors[i]) << i;
   for (ArmJoint& j : of.joints) j.rotor_inertia_kg_m2 = 0.0;
   const auto light = effective(of);
   const std::array<double, 5> without{1.86, 1.81, 2.90, 0.025, 0.024};
@@ -259,7 +265,8 @@ TEST(Arms, WrongFilesAreRefusedInASentence) {
     }
     return std::string{};
   };
-  EXPECT_NE(error_of("mass_kg: 2.92747", "mass_kg: -1").find("joint[0].mass_kg is -1; it must be > 0"), std::string::npos);
+  EXPECT_NE(error_of("mass_kg: 2.92747", "mass_kg: -1").find("joint[0].mass_kg is -1; it must be > 0"),
+            std::string::npos);
   EXPECT_NE(error_of("max_torque_n_m: 87.0 ", "").find("joint[0].max_torque_n_m is missing"), std::string::npos);
   EXPECT_NE(error_of("[0.023927, 0.022482", "[0.923927, 0.022482").find("triangle inequality"), std::string::npos);
   EXPECT_NE(error_of("upper_rad: 2.7501", "upper_rad: -3").find("it must be > lower_rad"), std::string::npos);
@@ -272,8 +279,8 @@ TEST(Arm, AllocatesNothing) {
   double sum = 0.0;
   NoAlloc guard;
   const Arm::Pose p = arm.pose(q);
-  sum += arm.jacobian(p).sum() + arm.inertia(p).sum() + arm.forward_dynamics(p, v, v, kGravity).sum() + arm.energy(p, v, kGravity) +
-         arm.bias_acceleration(p, v).sum() + arm.gravity_torque(p, kGravity).sum();
+  sum += arm.jacobian(p).sum() + arm.inertia(p).sum() + arm.forward_dynamics(p, v, v, kGravity).sum() +
+         arm.energy(p, v, kGravity) + arm.bias_acceleration(p, v).sum() + arm.gravity_torque(p, kGravity).sum();
   EXPECT_EQ(guard.seen(), 0);
   EXPECT_TRUE(std::isfinite(sum));
 }

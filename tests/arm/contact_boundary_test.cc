@@ -32,17 +32,19 @@ Words overrides(const SampledContact& c, double critical) {
   there.stiffness_n_per_m = critical;
   const Vector6 at = equilibrium(there).displacement;
   const Vector3d turn = at.tail<3>();
-  const Eigen::Quaterniond q{turn.norm() > 0.0 ? Eigen::AngleAxisd{turn.norm(), turn.normalized()} : Eigen::AngleAxisd{0.0, Vector3d::UnitX()}};
-  Words all{fmt::format("rate_hz={}", 1.0 / c.period_s),
-            fmt::format("operator.hand.force_n=[0, 0, {}]", -c.press_n),
-            fmt::format("device.mass_kg={}", c.mass_kg),
-            fmt::format("device.damping_n_s_per_m={}", c.damping_n_s_per_m),
-            "device.principal_inertia_kg_m2=" + list(c.inertia_kg_m2),
-            "device.principal_rotational_damping_n_m_s_per_rad=" + list(c.rotational_damping_n_m_s_per_rad),
-            fmt::format("device.force_latency_ms={}", 1e3 * c.delay_ticks * c.period_s),
-            fmt::format("device.position_m=[{}, {}, {}, {}, {}, {}, {}]", at[0], at[1], at[2], q.w(), q.x(), q.y(), q.z()),
-            fmt::format("environment[0].wall.offset_m={}", c.points_m[0].z()),
-            fmt::format("environment[0].wall.damping_n_s_per_m={}", c.contact_damping_n_s_per_m)};
+  const Eigen::Quaterniond q{turn.norm() > 0.0 ? Eigen::AngleAxisd{turn.norm(), turn.normalized()}
+                                               : Eigen::AngleAxisd{0.0, Vector3d::UnitX()}};
+  Words all{
+      fmt::format("rate_hz={}", 1.0 / c.period_s),
+      fmt::format("operator.hand.force_n=[0, 0, {}]", -c.press_n),
+      fmt::format("device.mass_kg={}", c.mass_kg),
+      fmt::format("device.damping_n_s_per_m={}", c.damping_n_s_per_m),
+      "device.principal_inertia_kg_m2=" + list(c.inertia_kg_m2),
+      "device.principal_rotational_damping_n_m_s_per_rad=" + list(c.rotational_damping_n_m_s_per_rad),
+      fmt::format("device.force_latency_ms={}", 1e3 * c.delay_ticks * c.period_s),
+      fmt::format("device.position_m=[{}, {}, {}, {}, {}, {}, {}]", at[0], at[1], at[2], q.w(), q.x(), q.y(), q.z()),
+      fmt::format("environment[0].wall.offset_m={}", c.points_m[0].z()),
+      fmt::format("environment[0].wall.damping_n_s_per_m={}", c.contact_damping_n_s_per_m)};
   for (std::size_t i = 0; i < c.points_m.size(); ++i) {
     all.push_back(fmt::format("tool.contact_point[{}].position_m={}", i, list(c.points_m[i])));
     if (c.tangential_ratio == 0.0) continue;
@@ -67,11 +69,15 @@ void expect_boundary(const std::string& what, const SampledContact& c) {
   const double shown = c.tangential_ratio == 0.0 ? theory : 0.5 * theory;
   std::vector<std::string> paths{"environment[0].wall.stiffness_n_per_m"};
   if (c.tangential_ratio > 0.0)
-    for (std::size_t i = 0; i < c.points_m.size(); ++i) paths.push_back(fmt::format("environment[{}].spring.stiffness_n_per_m", i + 1));
-  const Boundary found = find_boundary(
-      {.scene = kScene, .set = overrides(c, theory), .vary = {paths, 0.9 * shown, 1.1 * shown}, .tolerance = 1e-3, .scan = 0});
-  fmt::print("    {:<86} theory {:<10.6g} laboratory {:<10.6g} to {:<10.6g} off by {:.1e}\n", what, shown, found.stable, found.unstable,
-             off(found, shown));
+    for (std::size_t i = 0; i < c.points_m.size(); ++i)
+      paths.push_back(fmt::format("environment[{}].spring.stiffness_n_per_m", i + 1));
+  const Boundary found = find_boundary({.scene = kScene,
+                                        .set = overrides(c, theory),
+                                        .vary = {paths, 0.9 * shown, 1.1 * shown},
+                                        .tolerance = 1e-3,
+                                        .scan = 0});
+  fmt::print("    {:<86} theory {:<10.6g} laboratory {:<10.6g} to {:<10.6g} off by {:.1e}\n", what, shown, found.stable,
+             found.unstable, off(found, shown));
   EXPECT_LT(found.stable, found.unstable);
   EXPECT_LE(std::abs(off(found, shown)), 5e-3);
 }
@@ -83,7 +89,9 @@ TEST(ContactBoundary, OfThePublishedCases) {
 
 TEST(ContactBoundary, OfTenSetsFromASeed) {
   std::mt19937_64 rng{20261123};
-  const auto between = [&](double low, double high) { return low + (high - low) * (static_cast<double>(rng() >> 11) * 0x1.0p-53); };
+  const auto between = [&](double low, double high) {
+    return low + (high - low) * (static_cast<double>(rng() >> 11) * 0x1.0p-53);
+  };
   const auto about = [&](double low, double high) { return low * std::pow(high / low, between(0.0, 1.0)); };
   for (int sets = 0; sets < 10;) {
     SampledContact c;
@@ -112,10 +120,13 @@ TEST(ContactBoundary, OfTenSetsFromASeed) {
     SampledContact there = c;
     there.stiffness_n_per_m = critical;
     const ContactEquilibrium e = equilibrium(there);
-    if (*std::min_element(e.forces_n.begin(), e.forces_n.end()) < 0.05 * c.press_n || e.displacement.tail<3>().norm() > 0.05) continue;
+    if (*std::min_element(e.forces_n.begin(), e.forces_n.end()) < 0.05 * c.press_n ||
+        e.displacement.tail<3>().norm() > 0.05)
+      continue;
     ++sets;
-    expect_boundary(fmt::format("m {:.3g} b {:.3g} h {:.3g} points {} B {:.2g} k_t {} F0 {:.2g} 1/T {:.0f} d {}", c.mass_kg, c.damping_n_s_per_m, h,
-                                c.points_m.size(), c.contact_damping_n_s_per_m, c.tangential_ratio, c.press_n, 1.0 / c.period_s, c.delay_ticks),
+    expect_boundary(fmt::format("m {:.3g} b {:.3g} h {:.3g} points {} B {:.2g} k_t {} F0 {:.2g} 1/T {:.0f} d {}",
+                                c.mass_kg, c.damping_n_s_per_m, h, c.points_m.size(), c.contact_damping_n_s_per_m,
+                                c.tangential_ratio, c.press_n, 1.0 / c.period_s, c.delay_ticks),
                     c);
   }
 }

@@ -35,8 +35,8 @@ inline std::vector<ContactCase> contact_cases() {
     return c;
   };
   SampledContact eight = a;
-  for (const Eigen::Vector3d& p : {Eigen::Vector3d{0.03, 0, -0.01}, Eigen::Vector3d{-0.03, 0, -0.01}, Eigen::Vector3d{0, 0.02, -0.01},
-                                   Eigen::Vector3d{0, -0.02, -0.01}})
+  for (const Eigen::Vector3d& p : {Eigen::Vector3d{0.03, 0, -0.01}, Eigen::Vector3d{-0.03, 0, -0.01},
+                                   Eigen::Vector3d{0, 0.02, -0.01}, Eigen::Vector3d{0, -0.02, -0.01}})
     eight.points_m.push_back(p);
   SampledContact damped = a;
   damped.contact_damping_n_s_per_m = 2.0;

@@ -56,7 +56,8 @@ TEST(SampledContact, APressTipsTheBodyOverBelowTheStaticLimit) {
 
 /// The wrench of the points as the renderer computes it, at the equilibrium moved by d.
 Vector6 rendered(const SampledContact& c, const Vector6& d) {
-  std::vector<EnvironmentSpec> world{Surface{Wall{Vector3d::UnitZ(), c.points_m[0].z()}, {c.stiffness_n_per_m, 0, 0, 0}}};
+  std::vector<EnvironmentSpec> world{
+      Surface{Wall{Vector3d::UnitZ(), c.points_m[0].z()}, {c.stiffness_n_per_m, 0, 0, 0}}};
   for (std::size_t i = 0; i < c.points_m.size() && c.tangential_ratio > 0.0; ++i) {
     Spring spring{c.tangential_ratio * c.stiffness_n_per_m, 0.0, c.points_m[i]};
     spring.contact_point = static_cast<int>(i);
@@ -80,7 +81,8 @@ TEST(SampledContact, ItsStiffnessIsTheSlopeOfTheRenderedWrench) {
       slope.col(i) = -(rendered(c, h * Vector6::Unit(i)) - rendered(c, -h * Vector6::Unit(i))) / (2.0 * h);
     // The slope is in axes of the world, K in those of the body.
     const Vector3d turn = equilibrium(c).displacement.tail<3>();
-    const Eigen::Matrix3d R = turn.norm() > 0.0 ? Eigen::AngleAxisd{turn.norm(), turn.normalized()}.toRotationMatrix() : Eigen::Matrix3d::Identity();
+    const Eigen::Matrix3d R = turn.norm() > 0.0 ? Eigen::AngleAxisd{turn.norm(), turn.normalized()}.toRotationMatrix()
+                                                : Eigen::Matrix3d::Identity();
     Matrix6 both = Matrix6::Zero();
     both << R, Eigen::Matrix3d::Zero(), Eigen::Matrix3d::Zero(), R;
     const Matrix6 in_body = both.transpose() * slope * both;
