@@ -6,6 +6,8 @@
 #include <numbers>
 #include <utility>
 
+#include "lab/theory/eigenvalues.h"
+
 namespace twoport::lab {
 namespace {
 
@@ -90,27 +92,9 @@ MatrixXd matrix_of(Eigen::Index n, Step step) {
   return a;
 }
 
-/// Scales states by powers of two until rows and columns are alike (Parlett and Reinsch, 1969): positions and forces
-/// differ by 1e5, and eigenvalues lose as many digits without it.
-void balance(MatrixXd& a) {
-  for (bool better = true; better;) {
-    better = false;
-    for (Eigen::Index i = 0; i < a.rows(); ++i) {
-      const double self = std::abs(a(i, i)), row = a.row(i).lpNorm<1>() - self, column = a.col(i).lpNorm<1>() - self;
-      if (row == 0.0 || column == 0.0) continue;
-      const double scale = std::exp2(std::round(0.5 * std::log2(row / column)));
-      if (column * scale + row / scale >= 0.95 * (column + row)) continue;
-      a.col(i) *= scale;
-      a.row(i) /= scale;
-      better = true;
-    }
-  }
-}
-
 /// Moduli of the eigenvalues, largest first.
-std::vector<double> moduli(MatrixXd a) {
-  balance(a);
-  const Eigen::VectorXcd values = a.eigenvalues();
+std::vector<double> moduli(const MatrixXd& a) {
+  const Eigen::VectorXcd values = eigenvalues(a);
   std::vector<double> all;
   for (Eigen::Index i = 0; i < values.size(); ++i) all.push_back(std::abs(values[i]));
   std::sort(all.begin(), all.end(), std::greater<>{});

@@ -1,7 +1,11 @@
 #pragma once
 
+#include <algorithm>
+#include <cmath>
+#include <cstddef>
 #include <cstdint>
 #include <optional>
+#include <utility>
 #include <vector>
 
 #include "common/hardware/device.h"
@@ -31,6 +35,9 @@ class SimDevice final {
     if (imposed_) handle_.set_state({x(), port_vector<N>(path_.at(0.0).v.vec())});
     if (scene.operator_model && scene.operator_model->hand)
       hand_.emplace(*scene.operator_model->hand, dt_, path_.at(0.0).x);
+    if (scene.operator_model && scene.operator_model->hand)
+      push_ = port_vector<N>(vector<N>(scene.operator_model->hand->force_n));
+    if (scene.device) late_.resize(static_cast<std::size_t>(std::lround(scene.device->force_latency_s / dt_)));
     if (scene.device) encoder_ = {*scene.device, dt_};
     encoder_.start(x(), v());
   }
@@ -44,7 +51,7 @@ class SimDevice final {
       book({s.x - x(), v(), s.v});
       handle_.set_state({s.x, port_vector<N>(s.v.vec())});
     } else if (handle_.moves()) {
-      Vector u = -port_vector<N>(held_.vec()), w = Vector::Zero();
+      Vector u = push_ - port_vector<N>(held_.vec()), w = Vector::Zero();
       if (hand_) hand_->add_load(path_.at(static_cast<double>(tick_) * dt_).x, x(), handle_.state().v, u, w);
       book(handle_.advance(u, w));
     }
@@ -73,8 +80,17 @@ class SimDevice final {
   }
 
   /// Holds any force: the limits are the node's to keep.
-  void actuate(const Force<N>& f) noexcept { held_ = f; }
-  void release() noexcept { held_ = Force<N>{}; }
+  void actuate(const Force<N>& f) noexcept {
+    held_ = f;
+    if (!late_.empty()) [[unlikely]] {
+      std::swap(held_, late_[next_]);
+      next_ = (next_ + 1) % late_.size();
+    }
+  }
+  void release() noexcept {
+    held_ = Force<N>{};
+    std::fill(late_.begin(), late_.end(), Force<N>{});
+  }
 
   /// True values: position, velocity, the force held now, and the energy into the master port since the start, E(0) not
   /// included.
@@ -119,6 +135,9 @@ class SimDevice final {
   Encoder<N> encoder_;
 
   Force<N> applied_, held_;
+  Vector push_ = Vector::Zero();  ///< constant force of the hand
+  std::vector<Force<N>> late_;    ///< a ring: commands under way to the handle
+  std::size_t next_ = 0;
   Energy energy_;
   std::int64_t tick_ = 0;
 };

@@ -5,12 +5,14 @@
 #include <cstdint>
 #include <memory>
 #include <numbers>
+#include <optional>
 #include <type_traits>
 #include <variant>
 
 #include "common/contact/environment.h"
 #include "common/hardware/robot.h"
 #include "common/scene/scene.h"
+#include "sim/plant/arm.h"
 #include "sim/plant/exact_wall.h"
 #include "sim/plant/fixed_step.h"
 #include "sim/plant/rigid_contact.h"
@@ -18,7 +20,7 @@
 
 namespace twoport::sim {
 
-/// The slave robot: a mass (N = 1, 3) or a rigid body (N = 6) in an environment, with a force sensor.
+/// The slave robot: a mass (N = 1, 3), a rigid body or a serial arm (N = 6) in an environment, with a force sensor.
 /// Without a robot block it follows the command exactly. Copies share the environment, which never changes.
 template <int N>
 class SimRobot final {
@@ -30,6 +32,9 @@ class SimRobot final {
       state_ = {position<N>(robot.position_m), Velocity<N>{vector<N>(robot.velocity_m_per_s)}};
       model(robot, scene.simulation, dt.si());
       if (robot.force_sensor) sensor_ = ForceSensor<N>{*robot.force_sensor, dt, scene.seed};
+      if constexpr (N == 6) {
+        if (robot.arm && robot.force_sensor) mount_wrist_sensor(robot, dt, scene.seed);
+      }
     }
     anchors_move_ = std::any_of(environment_->world().springs.begin(), environment_->world().springs.end(),
                                 [](const Spring& s) { return s.motion.amplitude_m != 0.0; });
@@ -52,6 +57,8 @@ class SimRobot final {
       state_ = general->advance(command_.f);
     } else if (auto* fixed = std::get_if<FixedStepPlant<N>>(&plant_)) {
       state_ = fixed->advance(command_.f);
+    } else if (auto* arm = std::get_if<Arm>(&plant_)) {
+      state_ = arm->advance(command_.f);
     } else {
       state_ = {command_.x_d, command_.v_d};
     }
@@ -68,6 +75,7 @@ class SimRobot final {
     if (auto* exact = std::get_if<Exact>(&plant_)) exact->kick(dv);
     if (auto* general = std::get_if<RungeKuttaPlant<N>>(&plant_)) general->kick(dv);
     if (auto* fixed = std::get_if<FixedStepPlant<N>>(&plant_)) fixed->kick(dv);
+    if (auto* arm = std::get_if<Arm>(&plant_)) arm->kick(dv);
     state_.v += dv;
     return true;
   }
@@ -96,6 +104,8 @@ class SimRobot final {
     return exact ? exact->environment_force() : from_environment_;
   }
   [[nodiscard]] const Environment<N>& environment() const { return *environment_; }
+  /// The arm, where there is one.
+  [[nodiscard]] const ArmPlant* arm() const noexcept requires(N == 6) { return std::get_if<ArmPlant>(&plant_); }
 
  private:
   /// One tick under the force of the moving anchors: that of a spring whose anchor is a(t) away from its place is
@@ -126,9 +136,21 @@ class SimRobot final {
     void kick(const Velocity<N>&) noexcept {}
     [[nodiscard]] Force<N> environment_force() const noexcept { return {}; }
   };
+  struct NoArm {
+    BodyState<N> advance(const Force<N>&) noexcept { return {}; }
+    void kick(const Velocity<N>&) noexcept {}
+    [[nodiscard]] Force<N> environment_force() const noexcept { return {}; }
+  };
+  using Arm = std::conditional_t<N == 6, ArmPlant, NoArm>;
   using Exact = std::conditional_t<N == 6, NoMap, ExactPlant<N == 6 ? 3 : N>>;
 
   void model(const RobotSpec& robot, const SimulationSpec& simulation, double dt) {
+    if constexpr (N == 6) {
+      if (robot.arm) {
+        plant_.template emplace<Arm>(robot, environment_, dt, state_);
+        return;
+      }
+    }
     const Integrator method = simulation.integrator;
     if constexpr (N != 6) {
       const bool map = method == Integrator::exact_per_tick || method == Integrator::trapezoidal;
@@ -143,6 +165,30 @@ class SimRobot final {
       plant_.template emplace<FixedStepPlant<N>>(robot, environment_, dt, state_, simulation);
   }
 
+  /// The arm's sensor is between flange and tool: weight and bias are removed as far as they have been identified.
+  void mount_wrist_sensor(const RobotSpec& robot, Seconds dt, std::uint64_t seed) requires(N == 6) {
+    ForceSensorSpec unbiased = *robot.force_sensor;
+    unbiased.bias_n.clear();
+    sensor_ = ForceSensor<N>{unbiased, dt, seed};
+    wrist_.emplace(*robot.arm, *robot.force_sensor, seed);
+  }
+  [[gnu::noinline]] void sense_at_wrist() noexcept {
+    if constexpr (N == 6) {
+      const ArmPlant& arm = std::get<ArmPlant>(plant_);
+      from_environment_ = arm.environment_force();
+      if (anchors_move_) from_environment_ += from_anchors_;
+      Force<N> at_wrist = from_environment_ + arm.tool_inertia();
+      if (wrist_) {
+        const Eigen::Matrix3d R = arm.attitude();
+        const Eigen::Matrix<double, 6, 1> rest = wrist_->residual(R);
+        Eigen::Matrix<double, 6, 1> world;
+        world << R * rest.head<3>(), R * rest.tail<3>();
+        at_wrist += Force<N>{world};
+      }
+      sensed_ = sensor_.sample(at_wrist);
+    }
+  }
+
   [[gnu::always_inline]] void touch() noexcept {
     const auto* exact = std::get_if<Exact>(&plant_);
     if (exact && sensor_.instant()) return;  // told when asked
@@ -150,7 +196,10 @@ class SimRobot final {
       from_environment_ = exact->environment_force();
     else if (const auto* general = std::get_if<RungeKuttaPlant<N>>(&plant_))
       from_environment_ = general->environment_force();
-    else
+    else if (std::holds_alternative<Arm>(plant_)) {
+      sense_at_wrist();
+      return;
+    } else
       from_environment_ = environment_->force(state_.x, state_.v);
     if (anchors_move_) [[unlikely]]
       from_environment_ += from_anchors_;
@@ -159,7 +208,8 @@ class SimRobot final {
 
   std::shared_ptr<const Environment<N>> environment_;
   BodyState<N> state_;
-  std::variant<Ideal, Exact, RungeKuttaPlant<N>, FixedStepPlant<N>> plant_;
+  std::variant<Ideal, Exact, RungeKuttaPlant<N>, FixedStepPlant<N>, Arm> plant_;
+  std::optional<WristCompensation> wrist_;  ///< of an arm with a force sensor
   RobotCommand<N> command_;
   Force<N> from_environment_, sensed_;
   Force<N> from_anchors_;  ///< what moving anchors add

@@ -71,7 +71,11 @@ struct Spring {
   static constexpr const char* kName = "spring";
   double stiffness_n_per_m, damping_n_s_per_m;
   Eigen::Vector3d anchor_m;
-  AnchorMotion motion{};  ///< a simulated robot adds its force (sim/sim_robot.h)
+  AnchorMotion motion{};   ///< a simulated robot adds its force (sim/sim_robot.h)
+  int contact_point = -1;  ///< the only point of a tool that it acts on; -1: all
+
+  /// Does it act on the tool's point with this index?
+  [[nodiscard]] bool acts_on(int point) const noexcept { return contact_point < 0 || contact_point == point; }
 
   /// K (anchor - p) - B v  [N]
   template <int D>

@@ -60,7 +60,7 @@ class Environment {
   /// `pick(index)` returns the feature of that contact to use, or kNone.
   template <class Pick, class Visit>
   void for_each_contact(const PoseWithRotation<N>& x, const Vector& v, Pick pick, Visit visit) const noexcept {
-    int index = 0;
+    int index = 0, point = 0;
     for_each_point(x, v, [&](const Point<kDim>& p, const Point<kDim>& pv, const Point<kDim>& arm) {
       ContactForce<kDim> c;
       for (const Surface& s : world_.surfaces) {
@@ -78,9 +78,13 @@ class Environment {
         }
         ++index;
       }
-      for (const Spring& s : world_.springs)
-        visit(ContactPort<N>{index++, 0, true, wrench(s.force<kDim>(p, pv), arm), Vector::Zero(),
-                             Energy{s.potential<kDim>(p)}});
+      for (const Spring& s : world_.springs) {
+        if (s.acts_on(point))
+          visit(ContactPort<N>{index, 0, true, wrench(s.force<kDim>(p, pv), arm), Vector::Zero(),
+                               Energy{s.potential<kDim>(p)}});
+        ++index;
+      }
+      ++point;
     });
   }
   template <class Visit>
@@ -107,10 +111,14 @@ class Environment {
   /// Calls visit(index, elastic energy) for every contact.
   template <class Visit>
   void for_each_potential(const Position<N>& x, Visit visit) const noexcept {
-    int index = 0;
+    int index = 0, point = 0;
     for_each_point(x, Vector::Zero(), [&](const Point<kDim>& p, const Point<kDim>&, const Point<kDim>&) {
       for (const Surface& s : world_.surfaces) visit(index++, Energy{s.potential<kDim>(p)});
-      for (const Spring& s : world_.springs) visit(index++, Energy{s.potential<kDim>(p)});
+      for (const Spring& s : world_.springs) {
+        if (s.acts_on(point)) visit(index, Energy{s.potential<kDim>(p)});
+        ++index;
+      }
+      ++point;
     });
   }
 

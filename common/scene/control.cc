@@ -142,6 +142,9 @@ void read_passivity(const Block<schema::Passivity>& of, ControlOptions& options)
   if (const auto ms = of.number_if_given(FIELD(round_trip_ms), kDelay)) options.stated_round_trip = Seconds{*ms * 1e-3};
   options.observer = of.choice<ObserverRule>(FIELD(observer));
   options.accounts = of.choice<Accounts>(FIELD(accounts));
+  // With several contact points f·v of the sum vanishes while single ones generate energy.
+  if (!of.has(FIELD(accounts)) && rendering && of.dof() == 6 && method == schema::Passivity::FORCE_PROJECTED)
+    options.accounts = Accounts::per_contact;
   options.reference_energy = of.flag(FIELD(reference_energy));
   // Absent: default_initial_energy, once the system is known.
   if (const auto j = of.number_if_given(FIELD(initial_energy_j), kNotNegative)) options.initial_energy = Energy{*j};

@@ -1,3 +1,5 @@
+#include <algorithm>
+
 #include "common/scene/blocks.h"
 
 namespace twoport {
@@ -6,6 +8,23 @@ static_assert(same_number(VelocityEstimate::true_velocity, schema::Device::TRUE_
               same_number(VelocityEstimate::backward_difference, schema::Device::BACKWARD_DIFFERENCE) &&
               same_number(VelocityEstimate::filtered, schema::Device::FILTERED) &&
               same_number(VelocityEstimate::filtered, schema::Device::VelocityEstimate_MAX));
+
+namespace {
+
+/// Three numbers > 0 or >= 0 about the handle's axes, or none.
+Numbers read_principal(const Block<schema::Device>& of, const auto& field, const auto& for_all, const Rule& rule) {
+  of.only_with_rotation(field);
+  if (!of.has(field)) return {};
+  if (of.has(for_all))
+    of.fail(fmt::format("{} and {} are both given; one of them must be absent", of.path_of(field.name),
+                        of.path_of(for_all.name)));
+  Numbers three = of.list(field, {3, 3, ""});
+  if (!std::all_of(three.begin(), three.end(), rule.holds))
+    of.refuse(field, fmt::format("hold numbers that are each {}", rule.words + 3));
+  return three;
+}
+
+}  // namespace
 
 DeviceSpec read_device(const Block<schema::Device>& of) {
   of.only_with_rotation(FIELD(inertia_kg_m2), FIELD(rotational_damping_n_m_s_per_rad));
@@ -22,6 +41,16 @@ DeviceSpec read_device(const Block<schema::Device>& of) {
       .inertia_kg_m2 = of.number(FIELD(inertia_kg_m2), kNotNegative),
       .rotational_damping_n_m_s_per_rad = of.number(FIELD(rotational_damping_n_m_s_per_rad), kNotNegative),
   };
+  spec.principal_inertia_kg_m2 = read_principal(of, FIELD(principal_inertia_kg_m2), FIELD(inertia_kg_m2), kPositive);
+  spec.principal_rotational_damping_n_m_s_per_rad = read_principal(
+      of, FIELD(principal_rotational_damping_n_m_s_per_rad), FIELD(rotational_damping_n_m_s_per_rad), kNotNegative);
+  const auto smallest = [](const Numbers& three, double absent) {
+    return three.empty() ? absent : *std::min_element(three.begin(), three.end());
+  };
+  spec.inertia_kg_m2 = smallest(spec.principal_inertia_kg_m2, spec.inertia_kg_m2);
+  spec.rotational_damping_n_m_s_per_rad =
+      smallest(spec.principal_rotational_damping_n_m_s_per_rad, spec.rotational_damping_n_m_s_per_rad);
+  spec.force_latency_s = of.number(FIELD(force_latency_ms), kDelay) * 1e-3;
   if (of.has(FIELD(max_force_n))) spec.max_force_n = of.number(FIELD(max_force_n), kPositive);
   return spec;
 }

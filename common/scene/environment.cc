@@ -54,6 +54,10 @@ Spring read_spring(const Block<schema::Spring>& of) {
                 .damping_n_s_per_m = of.number(FIELD(damping_n_s_per_m), kNotNegative),
                 .anchor_m = vector<3>(of.list(FIELD(anchor_m), of.context().point()))};
   if (of.has(FIELD(anchor_motion))) spring.motion = read_anchor_motion(of.block(FIELD(anchor_motion)));
+  of.only_with_rotation(FIELD(contact_point));
+  spring.contact_point = of.integer(FIELD(contact_point));
+  if (spring.contact_point < -1)
+    of.refuse(FIELD(contact_point), "be the index of a contact point of the tool, or -1 for all");
   return spring;
 }
 

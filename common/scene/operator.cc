@@ -21,6 +21,7 @@ HandSpec read_hand(const Block<schema::Hand>& of) {
       .inertia_kg_m2 = of.number(FIELD(inertia_kg_m2), kNotNegative),
       .rotational_stiffness_n_m_per_rad = of.number(FIELD(rotational_stiffness_n_m_per_rad), kNotNegative),
       .rotational_damping_n_m_s_per_rad = of.number(FIELD(rotational_damping_n_m_s_per_rad), kNotNegative),
+      .force_n = of.list(FIELD(force_n), of.context().twist()),
   };
 }
 

@@ -42,6 +42,24 @@ void check_rendering(const SceneBlock& scene, const Scene& values) {
       scene.fail("environment.spring.anchor_motion is given, but control.architecture is RENDER: it needs a link");
 }
 
+/// A force that reaches the handle later than it is commanded is none that a controller has booked.
+void check_latency(const SceneBlock& scene, const Scene& values) {
+  if (!values.device || !(values.device->force_latency_s > 0.0)) return;
+  if (values.control.architecture != Architecture::render || values.control.method_name != "NONE")
+    scene.block(FIELD(device))
+        .refuse(FIELD(force_latency_ms), "be 0 unless control.architecture is RENDER and the method NONE");
+}
+
+/// A spring of one contact point needs that point.
+void check_contact_points(const SceneBlock& scene, const Scene& values) {
+  for (const EnvironmentSpec& e : values.environment)
+    if (const auto* spring = std::get_if<Spring>(&e);
+        spring && spring->contact_point >= static_cast<int>(values.tool.size()) && spring->contact_point >= 0)
+      scene.fail(fmt::format(
+          "environment.spring.contact_point is {}; it must be < {}, the number of contact points of the tool",
+          spring->contact_point, values.tool.size()));
+}
+
 /// UNCONTROLLED has a robot only.
 void check_uncontrolled(const SceneBlock& scene, const Scene& values) {
   if (values.control.architecture != Architecture::uncontrolled) return;
@@ -110,7 +128,7 @@ void check_fastest(const SceneBlock& scene, const Scene& values) {
 
 /// Two accounts, normal and tangential, for each contact.
 void check_accounts(const SceneBlock& scene, const Scene& values) {
-  constexpr std::size_t kMost = 16;
+  constexpr std::size_t kMost = 4096;
   const std::size_t contacts = values.environment.size() * std::max<std::size_t>(values.tool.size(), 1);
   if (values.control.accounts == Accounts::per_contact && contacts > kMost)
     scene.fail(
@@ -164,6 +182,8 @@ void check_rules(const SceneBlock& scene, const Scene& values, SceneFor use) {
   check_integrator(scene, values);
   check_rendering(scene, values);
   check_uncontrolled(scene, values);
+  check_latency(scene, values);
+  check_contact_points(scene, values);
   check_handle(scene, values);
   check_fastest(scene, values);
   check_accounts(scene, values);

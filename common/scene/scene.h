@@ -19,6 +19,7 @@
 namespace twoport {
 
 struct RecordedHand;
+struct ArmParameters;
 
 // A scene as plain, validated values: the content of proto/scene.proto with all lengths, signs and ranges checked and
 // all defaults filled in. Vectors have `axes()` entries (1 or 3) unless said otherwise. SI units.
@@ -26,6 +27,7 @@ struct RecordedHand;
 struct HandSpec {
   double mass_kg, stiffness_n_per_m, damping_n_s_per_m;
   double inertia_kg_m2, rotational_stiffness_n_m_per_rad, rotational_damping_n_m_s_per_rad;
+  Numbers force_n{};  ///< constant, on the handle
 };
 struct HoldSpec {
   double duration_s;
@@ -74,7 +76,9 @@ struct DeviceSpec {
   std::optional<double> max_force_n;
   VelocityEstimate velocity_estimate;
   double velocity_filter_hz;
-  double inertia_kg_m2, rotational_damping_n_m_s_per_rad;
+  double inertia_kg_m2, rotational_damping_n_m_s_per_rad;  ///< the smallest where three are given
+  Numbers principal_inertia_kg_m2{}, principal_rotational_damping_n_m_s_per_rad{};  ///< three each, or none
+  double force_latency_s = 0.0;
 };
 
 struct ForceSensorSpec {
@@ -82,12 +86,22 @@ struct ForceSensorSpec {
   Numbers bias_n;
   double latency_s;
 };
+/// A serial arm in place of a rigid body.
+struct ArmSpec {
+  std::shared_ptr<const ArmParameters> parameters;  ///< common/arm/parameters.h
+  Numbers joint_position_rad;                       ///< when the run begins
+  double null_space_stiffness_n_m_per_rad, null_space_damping_n_m_s_per_rad, joint_damping_n_m_s_per_rad;
+  double tool_mass_kg;
+  Numbers tool_center_m;
+};
 struct RobotSpec {
   double mass_kg, damping_n_s_per_m;
   Numbers position_m, velocity_m_per_s;
   std::optional<ForceSensorSpec> force_sensor;
   Numbers inertia_kg_m2;  ///< dof 6: three principal moments
   double rotational_damping_n_m_s_per_rad;
+  std::optional<ArmSpec>
+      arm{};  ///< mass and inertia are then its smallest effective ones at the tool when the run begins
 };
 
 /// How the simulated world is stepped between two ticks.

@@ -49,7 +49,7 @@ const char* const kTurning = R"(
 dof: 6
 duration_s: 2
 operator {
-  hand { stiffness_n_per_m: 300 rotational_stiffness_n_m_per_rad: 2 rotational_damping_n_m_s_per_rad: 0.1 }
+  hand { force_n: [0, 0, 0] stiffness_n_per_m: 300 rotational_stiffness_n_m_per_rad: 2 rotational_damping_n_m_s_per_rad: 0.1 }
   path { hold { duration_s: 1 } }
   path { move_to { position_m: [0, 0, 0.1, 0, 1, 0, 0] duration_s: 1 } }
   path { sine { axis: 5 amplitude_m: 0.1 frequency_hz: 1 duration_s: 1 } }

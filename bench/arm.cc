@@ -1,0 +1,138 @@
+// Kinematics and dynamics of a seven-joint arm, own and KDL's, in one run: time per call.
+
+#include "common/scene/arm.h"
+
+#include <benchmark/benchmark.h>
+
+#include <array>
+#include <memory>
+
+#include "common/arm/arm_model.h"
+#include "common/scene/load.h"
+#include "sim/plant/arm.h"
+
+#ifdef TWOPORT_KDL
+#include <kdl/chaindynparam.hpp>
+#include <kdl/chainfksolverpos_recursive.hpp>
+#include <kdl/chainidsolver_recursive_newton_euler.hpp>
+#include <kdl/chainjnttojacsolver.hpp>
+
+#include "tests/arm/kdl_chain.h"
+#endif
+
+namespace {
+
+using namespace twoport;
+using Arm = ArmModel<kArmJoints>;
+using Joints = Arm::Joints;
+
+const Eigen::Vector3d kGravity{0.0, 0.0, -9.81};
+
+const ArmParameters& parameters() {
+  static const ArmParameters arm = load_arm(TWOPORT_ARMS "/fr3.textproto");
+  return arm;
+}
+
+/// Positions that follow each other, so that nothing is computed once.
+struct Walk {
+  Joints q = Eigen::Map<const Joints>{parameters().ready_position_rad.data()}, v = Joints::Constant(0.3),
+         a = Joints::Constant(0.7);
+  void next() { q[0] += 1e-4, q[3] -= 1e-5, q[5] += 2e-5; }
+};
+
+template <class Compute>
+void own(benchmark::State& state, Compute compute) {
+  const Arm arm{parameters()};
+  Walk w;
+  for (auto _ : state) {
+    w.next();
+    auto result = compute(arm, w);
+    benchmark::DoNotOptimize(result);
+  }
+}
+
+const int registered = [] {
+  const auto add = [](const char* name, auto compute) {
+    benchmark::RegisterBenchmark(name, [compute](benchmark::State& s) { own(s, compute); });
+  };
+  add("own/forward_kinematics", [](const Arm& m, const Walk& w) { return m.pose(w.q); });
+  add("own/jacobian", [](const Arm& m, const Walk& w) { return m.jacobian(m.pose(w.q)); });
+  add("own/gravity_torque", [](const Arm& m, const Walk& w) { return m.gravity_torque(m.pose(w.q), kGravity); });
+  add("own/inverse_dynamics",
+      [](const Arm& m, const Walk& w) { return m.inverse_dynamics(m.pose(w.q), w.v, w.a, kGravity); });
+  add("own/inertia_matrix", [](const Arm& m, const Walk& w) { return m.inertia(m.pose(w.q)); });
+  add("own/forward_dynamics",
+      [](const Arm& m, const Walk& w) { return m.forward_dynamics(m.pose(w.q), w.v, w.a, kGravity); });
+  return 0;
+}();
+
+/// A tick of the simulated arm at 2 kHz: controller, plant, wrist.
+void plant(benchmark::State& state, const char* world) {
+  const Scene scene = parse_scene(std::string{"dof: 6 duration_s: 1 robot { arm { file: \"" TWOPORT_ARMS
+                                              "/fr3.textproto\" tool_mass_kg: 0.5 } } "} +
+                                      world,
+                                  "bench");
+  const auto environment = std::make_shared<const Environment<6>>(scene.environment, scene.tool);
+  sim::ArmPlant arm{*scene.robot, environment, 5e-4, {}};
+  int k = 0;
+  for (auto _ : state) {
+    Force<6>::Vector f = Force<6>::Vector::Zero();
+    f[++k % 3] = 1.0;
+    benchmark::DoNotOptimize(arm.advance(Force<6>{f}));
+  }
+}
+BENCHMARK_CAPTURE(plant, free, "");
+BENCHMARK_CAPTURE(plant, on_a_wall,
+                  "environment { wall { normal: [0, 0, 1] offset_m: 0.001 stiffness_n_per_m: 3000 } }");
+
+#ifdef TWOPORT_KDL
+struct Kdl {
+  KDL::Chain chain = test::kdl_chain(parameters());
+  KDL::JntArray q{7}, v{7}, a{7}, tau{7};
+  KDL::Wrenches none = KDL::Wrenches(chain.getNrOfSegments(), KDL::Wrench::Zero());
+  Kdl() { q.data = Walk{}.q, v.data = Walk{}.v, a.data = Walk{}.a; }
+  void next() { q(0) += 1e-4, q(3) -= 1e-5, q(5) += 2e-5; }
+};
+
+template <class Compute>
+void kdl(benchmark::State& state, Compute compute) {
+  Kdl k;
+  for (auto _ : state) {
+    k.next();
+    compute(k);
+    benchmark::ClobberMemory();
+  }
+}
+
+void kdl_forward_kinematics(benchmark::State& state) {
+  KDL::Chain chain = test::kdl_chain(parameters());
+  KDL::ChainFkSolverPos_recursive solver{chain};
+  KDL::Frame out;
+  kdl(state, [&](Kdl& k) { solver.JntToCart(k.q, out); });
+}
+void kdl_jacobian(benchmark::State& state) {
+  KDL::Chain chain = test::kdl_chain(parameters());
+  KDL::ChainJntToJacSolver solver{chain};
+  KDL::Jacobian out{7};
+  kdl(state, [&](Kdl& k) { solver.JntToJac(k.q, out); });
+}
+void kdl_inverse_dynamics(benchmark::State& state) {
+  KDL::Chain chain = test::kdl_chain(parameters());
+  KDL::ChainIdSolver_RNE solver{chain, test::kdl(kGravity)};
+  kdl(state, [&](Kdl& k) { solver.CartToJnt(k.q, k.v, k.a, k.none, k.tau); });
+}
+void kdl_inertia_matrix(benchmark::State& state) {
+  KDL::Chain chain = test::kdl_chain(parameters());
+  KDL::ChainDynParam solver{chain, test::kdl(kGravity)};
+  KDL::JntSpaceInertiaMatrix out{7};
+  kdl(state, [&](Kdl& k) { solver.JntToMass(k.q, out); });
+}
+BENCHMARK(kdl_forward_kinematics)->Name("kdl/forward_kinematics");
+BENCHMARK(kdl_jacobian)->Name("kdl/jacobian");
+BENCHMARK(kdl_inverse_dynamics)->Name("kdl/inverse_dynamics");
+BENCHMARK(kdl_inertia_matrix)->Name("kdl/inertia_matrix");
+#endif
+
+}  // namespace
+
+BENCHMARK_MAIN();

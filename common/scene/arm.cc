@@ -1,0 +1,86 @@
+#include "common/scene/arm.h"
+
+#include <Eigen/Eigenvalues>
+#include <Eigen/Geometry>
+
+#include "common/base/check.h"
+#include "common/base/file.h"
+#include "common/scene/reader.h"
+#include "common/scene/text.h"
+#include "proto/arm.pb.h"
+
+namespace twoport {
+namespace {
+
+Eigen::Matrix3d rotation_rpy(const Numbers& rpy) {
+  const Eigen::Vector3d r = vector<3>(rpy);
+  return (Eigen::AngleAxisd{r.z(), Eigen::Vector3d::UnitZ()} * Eigen::AngleAxisd{r.y(), Eigen::Vector3d::UnitY()} *
+          Eigen::AngleAxisd{r.x(), Eigen::Vector3d::UnitX()})
+      .toRotationMatrix();
+}
+
+Eigen::Matrix3d read_inertia(const Block<schema::ArmJoint>& of) {
+  constexpr Count kCount{3, 6, "with xy xz yz"};
+  of.require(FIELD(inertia_kg_m2), kCount.words());
+  const Numbers n = of.list(FIELD(inertia_kg_m2), kCount);
+  Eigen::Matrix3d inertia = vector<3>(n).asDiagonal();
+  if (n.size() == 6) {
+    inertia(0, 1) = inertia(1, 0) = n[3];
+    inertia(0, 2) = inertia(2, 0) = n[4];
+    inertia(1, 2) = inertia(2, 1) = n[5];
+  }
+  const Eigen::Vector3d moments = Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d>{inertia}.eigenvalues();
+  if (!(moments[0] > 0.0)) of.refuse(FIELD(inertia_kg_m2), "be positive definite");
+  // Identified parameters miss it by rounding; by more they belong to no body.
+  if (moments[2] > 1.05 * (moments[0] + moments[1]))
+    of.refuse(FIELD(inertia_kg_m2),
+              "keep the triangle inequality: no principal moment exceeds the sum of the other two by more than 5 %");
+  return inertia;
+}
+
+ArmJoint read_joint(const Block<schema::ArmJoint>& of) {
+  const Count three{3, 3, ""};
+  of.require(FIELD(origin_m), three.words());
+  of.require(FIELD(center_m), three.words());
+  ArmJoint joint{.origin_m = vector<3>(of.list(FIELD(origin_m), three)),
+                 .rotation = rotation_rpy(of.list(FIELD(rotation_rpy_rad), three)),
+                 .mass_kg = of.required(FIELD(mass_kg), kPositive),
+                 .center_m = vector<3>(of.list(FIELD(center_m), three)),
+                 .inertia = read_inertia(of),
+                 .rotor_inertia_kg_m2 = of.number(FIELD(rotor_inertia_kg_m2), kNotNegative),
+                 .max_torque_n_m = of.required(FIELD(max_torque_n_m), kPositive),
+                 .max_speed_rad_per_s = of.required(FIELD(max_speed_rad_per_s), kPositive),
+                 .lower_rad = of.required(FIELD(lower_rad), kFinite),
+                 .upper_rad = of.required(FIELD(upper_rad), kFinite)};
+  if (!(joint.lower_rad < joint.upper_rad))
+    of.refuse(FIELD(upper_rad), fmt::format("be > lower_rad, which is {}", joint.lower_rad));
+  return joint;
+}
+
+}  // namespace
+
+ArmParameters load_arm(const std::string& path) {
+  schema::ArmParameters message;
+  if (const auto error = parse_text(read_whole(path), message))
+    throw ConfigError{fmt::format("{}:{}: {}", path, error->place, error->sentence)};
+  const Context context{.file = path, .dof = 6};
+  const Block of{context, message};
+  ArmParameters arm;
+  arm.name = of.text(FIELD(name));
+  arm.source.assign(message.source().begin(), message.source().end());
+  for (const auto& each : of.blocks(FIELD(joint))) arm.joints.push_back(read_joint(each));
+  if (arm.joints.size() != static_cast<std::size_t>(kArmJoints))
+    of.fail(fmt::format("joint is given {} times; an arm must have {} joints", arm.joints.size(), kArmJoints));
+  arm.flange_m = vector<3>(of.list(FIELD(flange_m), {3, 3, ""}));
+  arm.flange_rotation = rotation_rpy(of.list(FIELD(flange_rotation_rpy_rad), {3, 3, ""}));
+  const Count all{kArmJoints, kArmJoints, ""};
+  of.require(FIELD(ready_position_rad), all.words());
+  arm.ready_position_rad = of.list(FIELD(ready_position_rad), all);
+  for (std::size_t i = 0; i < arm.joints.size(); ++i)
+    if (!(arm.ready_position_rad[i] >= arm.joints[i].lower_rad && arm.ready_position_rad[i] <= arm.joints[i].upper_rad))
+      of.refuse(FIELD(ready_position_rad),
+                fmt::format("lie within the limits of the joints; number {} does not", i + 1));
+  return arm;
+}
+
+}  // namespace twoport

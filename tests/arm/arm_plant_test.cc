@@ -1,0 +1,189 @@
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <string>
+
+#include "common/scene/load.h"
+#include "sim/sim_robot.h"
+#include "tests/support/no_alloc.h"
+
+namespace twoport::sim {
+namespace {
+
+using Eigen::Vector3d;
+using Joints = ArmPlant::Joints;
+using Vector6 = Eigen::Matrix<double, 6, 1>;
+
+constexpr double kPeriod = 5e-4;
+
+SimRobot<6> robot(const std::string& arm = "", const std::string& more = "", const std::string& world = "") {
+  return SimRobot<6>{
+      parse_scene("dof: 6 duration_s: 1 rate_hz: 2000 robot { arm { file: \"" TWOPORT_ARMS "/fr3.textproto\" " + arm +
+                      " } " + more + " } " + world,
+                  "arm"),
+      Seconds{kPeriod}};
+}
+
+Vector6 wrench(double x, double y, double z, double a = 0, double b = 0, double c = 0) {
+  Vector6 f;
+  f << x, y, z, a, b, c;
+  return f;
+}
+void push(SimRobot<6>& r, const Vector6& f) {
+  RobotCommand<6> command;
+  command.f = Force<6>{f};
+  r.actuate(command);
+  r.advance();
+}
+
+TEST(ArmPlant, StartsAtTheScenesPoseAndStaysThereWithoutACommand) {
+  SimRobot<6> r =
+      robot("tool_mass_kg: 0.5 tool_center_m: [0, 0.01, 0.05]", "position_m: [0.1, 0.2, 0.3, 0.8, 0.6, 0, 0]");
+  const Position<6> start = r.state().x;
+  EXPECT_LT((start.translation() - Vector3d{0.1, 0.2, 0.3}).norm(), 1e-12);
+  EXPECT_LT(start.attitude().angularDistance(Eigen::Quaterniond{0.8, 0.6, 0, 0}), 1e-7);
+  for (int k = 0; k < 2000; ++k) push(r, Vector6::Zero());
+  EXPECT_LT((r.state().x - start).vec().norm(), 1e-9);
+}
+
+TEST(ArmPlant, EnergyIsThatOfTheJointTorques) {
+  SimRobot<6> r = robot("joint_damping_n_m_s_per_rad: 0", "",
+                        "environment { wall { normal: [0, 0, 1] offset_m: -0.01 stiffness_n_per_m: 5000 } }");
+  const double start = r.arm()->mechanical_energy();
+  double by_wrench = 0.0, largest = 0.0, pressed = 0.0;
+  for (int k = 0; k < 2000; ++k) {
+    const double t = k * kPeriod;
+    const Position<6> before = r.state().x;
+    const Vector6 f = wrench(10 * std::sin(7 * t), 5 * std::cos(5 * t), -8, 0.3 * std::sin(9 * t), 0.2, 0.1);
+    push(r, f);
+    by_wrench += f.dot((r.state().x - before).vec());
+    largest = std::max(largest, std::abs(r.arm()->port_energy().si()));
+    pressed = std::max(pressed, r.environment_force()[2]);
+  }
+  EXPECT_GT(pressed, 1.0);
+  EXPECT_GT(largest, 0.1);
+  // What the joints took in is what is held; Runge-Kutta 4 at contacts that begin within a tick.
+  EXPECT_NEAR(r.arm()->mechanical_energy() - start, r.arm()->joint_energy().si(), 1e-6);
+  // Torques are held, not the wrench: its work differs by the turning of J in a tick.
+  RecordProperty("wrench_against_joints_j", std::to_string(by_wrench - r.arm()->port_energy().si()));
+  EXPECT_NEAR(by_wrench, r.arm()->port_energy().si(), 2e-2 * largest);
+  EXPECT_NE(by_wrench, r.arm()->port_energy().si());
+}
+
+TEST(ArmPlant, NullSpaceMotionLeavesTheToolAlone) {
+  SimRobot<6> r = robot("joint_damping_n_m_s_per_rad: 0");
+  const Position<6> start = r.state().x;
+  const ArmPlant& arm = *r.arm();
+  ArmPlant moved = arm;
+  // Velocity with J v = 0.
+  const auto J = arm.model().jacobian(arm.model().pose(arm.state().q));
+  const Joints free = J.fullPivLu().kernel().col(0).normalized();
+  moved.set_state({arm.state().q, 0.05 * free});
+  double most = 0.0, swing = 0.0;
+  for (int k = 0; k < 8000; ++k) {
+    const BodyState<6> now = moved.advance(Force<6>{});
+    most = std::max(most, (now.x - start).vec().norm());
+    swing = std::max(swing, (moved.state().q - arm.state().q).norm());
+  }
+  EXPECT_GT(swing, 4e-3);
+  RecordProperty("tool_moved", std::to_string(most));
+  // The elbow swings and comes back; nothing holds the tool, which is moved by forces that grow with the square of the velocity.
+  EXPECT_LT(most, 0.05 * swing);
+  EXPECT_LT((moved.state().v).norm(), 1e-2);
+}
+
+TEST(ArmPlant, KeepsTheTorqueLimits) {
+  SimRobot<6> r = robot();
+  push(r, wrench(5000, 0, 0));
+  EXPECT_TRUE(r.arm()->saturated());
+  EXPECT_LE(r.arm()->torque().cwiseAbs().head<4>().maxCoeff(), 87.0);
+  EXPECT_LE(r.arm()->torque().cwiseAbs().tail<3>().maxCoeff(), 12.0);
+}
+
+TEST(ArmPlant, StopsHoldTheJoints) {
+  SimRobot<6> r = robot("null_space_stiffness_n_m_per_rad: 0");
+  for (int k = 0; k < 6000; ++k) push(r, wrench(0, 0, 0, 0, 0, 8));
+  const Joints q = r.arm()->state().q;
+  double beyond = 0.0;
+  const double upper[] = {2.7501, 1.7918, 2.9065, -.1458, 2.8101, 4.5205, 3.0196},
+               lower[] = {-2.7501, -1.7918, -2.9065, -3.0481, -2.8101, .54092, -3.0196};
+  for (int i = 0; i < 7; ++i) beyond = std::max({beyond, q[i] - upper[i], lower[i] - q[i]});
+  EXPECT_GT(beyond, 0.0) << "it has reached a stop";
+  EXPECT_LT(beyond, 0.05);
+}
+
+TEST(ArmPlant, LeavesASingularPositionGracefully) {
+  SimRobot<6> r = robot();
+  // Pulled out until the elbow is straight, and pushed back.
+  double fastest = 0.0, farthest = 0.0;
+  const Position<6> start = r.state().x;
+  for (int k = 0; k < 12000; ++k) {
+    const Velocity<6> v = r.state().v;
+    Vector6 f = -40.0 * v.vec();
+    f.tail<3>() *= 0.05;
+    f[0] += k < 6000 ? 30.0 : -30.0;
+    push(r, f);
+    ASSERT_TRUE(r.state().x.finite() && r.state().v.finite());
+    fastest = std::max(fastest, r.arm()->state().v.cwiseAbs().maxCoeff());
+    farthest = std::max(farthest, r.state().x.translation().x() - start.translation().x());
+  }
+  EXPECT_GT(farthest, 0.25) << "the elbow is nearly straight";
+  EXPECT_LT(fastest, 20.0);
+  EXPECT_LT(r.state().x.translation().x() - start.translation().x(), 0.8 * farthest) << "it comes back";
+}
+
+TEST(WristSensor, WeightAndBiasAreRemoved) {
+  const std::string tool = "tool_mass_kg: 0.73 tool_center_m: [0, 0.01, 0.05]",
+                    bias = "bias_n: [1.5, -2, 0.7, 0.05, -0.08, 0.02]";
+  SimRobot<6> r = robot(tool, "force_sensor { " + bias + " }");
+  double most = 0.0;
+  for (int k = 0; k < 500; ++k) {
+    push(r, Vector6::Zero());
+    most = std::max(most, r.sense().f_environment.vec().norm());
+  }
+  EXPECT_LT(most, 1e-9);
+  // Turned: the tool's inertia is felt, its weight is not.
+  for (int k = 0; k < 2000; ++k) push(r, wrench(0, 0, 0, k < 1000 ? 1.0 : -1.0, 0, 0));
+  for (int k = 0; k < 12000; ++k) {
+    Vector6 brake = -20.0 * r.state().v.vec();
+    brake.tail<3>() *= 0.1;
+    push(r, brake);
+  }
+  EXPECT_GT((r.state().x.attitude()).angularDistance(Eigen::Quaterniond::Identity()), 0.1);
+  EXPECT_LT(r.sense().f_environment.vec().head<3>().norm(), 0.05);
+  EXPECT_LT(r.sense().f_environment.vec().tail<3>().norm(), 5e-3);
+}
+
+TEST(WristSensor, ShowsTheContactWrenchWithinItsNoise) {
+  SimRobot<6> r = robot("tool_mass_kg: 0.5 tool_center_m: [0, 0, 0.05]",
+                        "force_sensor { noise_n: 0.05 bias_n: [1.5, -2, 0.7, 0.05, -0.08, 0.02] }",
+                        "environment { wall { normal: [0, 0, 1] offset_m: -0.002 stiffness_n_per_m: 5000 "
+                        "damping_n_s_per_m: 100 } } tool { contact_point { position_m: [0.02, 0, 0] } }");
+  for (int k = 0; k < 12000; ++k) {
+    Vector6 f = -60.0 * r.state().v.vec();
+    f.tail<3>() *= 0.1;
+    f[2] -= 10.0;
+    push(r, f);
+  }
+  int beyond = 0, readings = 0;
+  for (int k = 0; k < 400; ++k) {
+    push(r, wrench(0, 0, -10));
+    const Vector6 error = r.sense().f_environment.vec() + r.environment_force().vec();
+    // Six readings have told weight and bias: their error adds to that of a reading.
+    for (int i = 0; i < 6; ++i) beyond += std::abs(error[i]) > 3.0 * 0.05 * std::sqrt(1.0 + 1.0), ++readings;
+  }
+  EXPECT_GT(r.environment_force().vec().head<3>().norm(), 5.0);
+  EXPECT_LT(beyond, readings / 50);
+}
+
+TEST(ArmPlant, AllocatesNothing) {
+  SimRobot<6> r =
+      robot("tool_mass_kg: 0.5", "force_sensor { noise_n: 0.05 }",
+            "environment { wall { normal: [0, 0, 1] offset_m: 0.001 stiffness_n_per_m: 5000 friction: 0.3 } }");
+  NoAlloc guard;
+  for (int k = 0; k < 100; ++k) push(r, wrench(1, 2, -3, 0.1, 0.2, 0.3));
+  EXPECT_EQ(guard.seen(), 0);
+}
+
+}  // namespace
+}  // namespace twoport::sim

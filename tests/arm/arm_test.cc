@@ -1,0 +1,289 @@
+#include "common/scene/arm.h"
+
+#include <gtest/gtest.h>
+
+#include <array>
+#include <cmath>
+#include <cstdint>
+#include <random>
+#include <string>
+
+#include "common/arm/arm_model.h"
+#include "common/base/check.h"
+#include "common/base/file.h"
+#include "tests/support/no_alloc.h"
+
+#ifdef TWOPORT_KDL
+#include <kdl/chaindynparam.hpp>
+#include <kdl/chainfksolverpos_recursive.hpp>
+#include <kdl/chainidsolver_recursive_newton_euler.hpp>
+#include <kdl/chainjnttojacsolver.hpp>
+
+#include "tests/arm/kdl_chain.h"
+#endif
+
+namespace twoport {
+namespace {
+
+using Arm = ArmModel<7>;
+using Joints = Arm::Joints;
+using Eigen::Matrix3d;
+using Eigen::Vector3d;
+
+const Vector3d kGravity{0.0, 0.0, -9.81};
+const std::array<std::string, 3> kArms{"fr3", "panda", "iiwa14"};
+
+ArmParameters parameters(const std::string& name) {
+  return load_arm(TWOPORT_ARMS "/" + name + ".textproto");
+}
+
+class Draw {
+ public:
+  explicit Draw(std::uint64_t seed) : rng_{seed} {}
+  double between(double low, double high) {
+    return low + (high - low) * (static_cast<double>(rng_() >> 11) * 0x1.0p-53);
+  }
+  Joints joints(double size) {
+    Joints v;
+    for (int i = 0; i < 7; ++i) v[i] = between(-size, size);
+    return v;
+  }
+  /// Within the arm's limits.
+  Joints position(const ArmParameters& arm) {
+    Joints q;
+    for (std::size_t i = 0; i < 7; ++i)
+      q[static_cast<int>(i)] = between(arm.joints[i].lower_rad, arm.joints[i].upper_rad);
+    return q;
+  }
+
+ private:
+  std::mt19937_64 rng_;
+};
+
+Joints ready(const ArmParameters& arm) {
+  return Eigen::Map<const Joints>{arm.ready_position_rad.data()};
+}
+
+// ---- against KDL
+
+// Rounding of some hundred operations on numbers up to 100: measured 3e-14.
+constexpr double kRounding = 1e-12;
+
+TEST(ArmAgainstKdl, SameKinematicsAndDynamics) {
+#ifdef TWOPORT_KDL
+  for (const std::string& name : kArms) {
+    SCOPED_TRACE(name);
+    const ArmParameters of = parameters(name);
+    const Arm arm{of};
+    const KDL::Chain chain = test::kdl_chain(of);
+    KDL::ChainFkSolverPos_recursive forward{chain};
+    KDL::ChainJntToJacSolver to_jacobian{chain};
+    KDL::ChainIdSolver_RNE inverse{chain, test::kdl(kGravity)};
+    KDL::ChainDynParam dynamics{chain, test::kdl(kGravity)};
+    Draw draw{20261122};
+    for (int k = 0; k < 100; ++k) {
+      const Joints q = draw.position(of), v = draw.joints(2.0), a = draw.joints(5.0);
+      KDL::JntArray kq{7}, kv{7}, ka{7}, tau{7};
+      kq.data = q, kv.data = v, ka.data = a;
+      const Arm::Pose p = arm.pose(q);
+
+      KDL::Frame frame;
+      ASSERT_GE(forward.JntToCart(kq, frame), 0);
+      for (int i = 0; i < 3; ++i) {
+        EXPECT_NEAR(frame.p(i), p.tool[i], kRounding);
+        for (int c = 0; c < 3; ++c) EXPECT_NEAR(frame.M(i, c), p.tool_rotation(i, c), kRounding);
+      }
+      KDL::Jacobian jacobian{7};
+      ASSERT_GE(to_jacobian.JntToJac(kq, jacobian), 0);
+      EXPECT_LT((jacobian.data - arm.jacobian(p)).cwiseAbs().maxCoeff(), kRounding);
+      KDL::Wrenches none(chain.getNrOfSegments(), KDL::Wrench::Zero());
+      ASSERT_GE(inverse.CartToJnt(kq, kv, ka, none, tau), 0);
+      EXPECT_LT((tau.data - arm.inverse_dynamics(p, v, a, kGravity)).cwiseAbs().maxCoeff(), 100.0 * kRounding);
+      KDL::JntSpaceInertiaMatrix M{7};
+      ASSERT_GE(dynamics.JntToMass(kq, M), 0);
+      EXPECT_LT((M.data - arm.inertia(p)).cwiseAbs().maxCoeff(), kRounding);
+      KDL::JntArray gravity{7};
+      ASSERT_GE(dynamics.JntToGravity(kq, gravity), 0);
+      EXPECT_LT((gravity.data - arm.gravity_torque(p, kGravity)).cwiseAbs().maxCoeff(), 100.0 * kRounding);
+    }
+  }
+#else
+  GTEST_SKIP() << "liborocos-kdl-dev is not installed";
+#endif
+}
+
+// ---- laws that need no second program
+
+TEST(Arm, InertiaMatrixIsPositiveDefiniteAndThatOfInverseDynamics) {
+  for (const std::string& name : kArms) {
+    SCOPED_TRACE(name);
+    const ArmParameters of = parameters(name);
+    const Arm arm{of, {0.5, {0.02, -0.03, 0.08}}};
+    Draw draw{1};
+    for (int k = 0; k < 50; ++k) {
+      const Joints q = draw.position(of);
+      const Arm::Pose p = arm.pose(q);
+      const Arm::Inertia M = arm.inertia(p);
+      EXPECT_EQ((M - M.transpose()).cwiseAbs().maxCoeff(), 0.0);
+      EXPECT_GT(Eigen::SelfAdjointEigenSolver<Arm::Inertia>{M}.eigenvalues()[0], 0.0);
+      for (int i = 0; i < 7; ++i) {
+        const Joints column = arm.inverse_dynamics(p, Joints::Zero(), Joints::Unit(i), Vector3d::Zero());
+        EXPECT_LT((column - M.col(i)).cwiseAbs().maxCoeff(), kRounding);
+      }
+    }
+  }
+}
+
+TEST(Arm, ForwardDynamicsInvertsInverseDynamics) {
+  for (const std::string& name : kArms) {
+    SCOPED_TRACE(name);
+    const ArmParameters of = parameters(name);
+    const Arm arm{of};
+    Draw draw{2};
+    for (int k = 0; k < 50; ++k) {
+      const Joints v = draw.joints(2.0), a = draw.joints(5.0);
+      const Arm::Pose p = arm.pose(draw.position(of));
+      const Joints back = arm.forward_dynamics(p, v, arm.inverse_dynamics(p, v, a, kGravity), kGravity);
+      // Rounding times the condition of M, up to 2e4 without rotors.
+      EXPECT_LT((back - a).cwiseAbs().maxCoeff(), 1e-9);
+    }
+  }
+}
+
+TEST(Arm, JacobianIsTheDerivativeOfThePose) {
+  for (const std::string& name : kArms) {
+    SCOPED_TRACE(name);
+    const ArmParameters of = parameters(name);
+    const Arm arm{of, {}, Eigen::AngleAxisd{0.7, Vector3d{1, 2, 3}.normalized()}.toRotationMatrix()};
+    Draw draw{3};
+    for (int k = 0; k < 20; ++k) {
+      const Joints q = draw.position(of), v = draw.joints(1.0);
+      constexpr double h = 1e-5;  // central differences err by h² ~ 1e-10 and rounding/h ~ 1e-11
+      const Arm::Pose p = arm.pose(q), before = arm.pose(q - h * v), after = arm.pose(q + h * v);
+      const Arm::Vector6 velocity = arm.jacobian(p) * v;
+      EXPECT_LT((velocity.head<3>() - (after.tool - before.tool) / (2.0 * h)).cwiseAbs().maxCoeff(), 1e-8);
+      const Eigen::AngleAxisd turned{Matrix3d{after.tool_rotation * before.tool_rotation.transpose()}};
+      EXPECT_LT((velocity.tail<3>() - turned.angle() * turned.axis() / (2.0 * h)).cwiseAbs().maxCoeff(), 1e-7);
+      const Arm::Vector6 change = (arm.jacobian(after) * v - arm.jacobian(before) * v) / (2.0 * h);
+      EXPECT_LT((arm.bias_acceleration(p, v) - change).cwiseAbs().maxCoeff(), 1e-8);
+    }
+  }
+}
+
+TEST(Arm, KeepsItsEnergyWithoutTorques) {
+  for (const std::string& name : kArms) {
+    SCOPED_TRACE(name);
+    const ArmParameters of = parameters(name);
+    const Arm arm{of};
+    Joints q = ready(of), v = 0.5 * Joints::Ones();
+    const auto acceleration = [&](const Joints& at, const Joints& speed) {
+      return arm.forward_dynamics(arm.pose(at), speed, Joints::Zero(), kGravity);
+    };
+    const auto energy = [&] { return arm.energy(arm.pose(q), v, kGravity); };
+    const double start = energy();
+    double largest = 0.0, error = 0.0;
+    constexpr double h = 2e-4;
+    for (int k = 0; k < 2500; ++k) {
+      const Joints a1 = acceleration(q, v), v2 = v + 0.5 * h * a1;
+      const Joints a2 = acceleration(q + 0.5 * h * v, v2), v3 = v + 0.5 * h * a2;
+      const Joints a3 = acceleration(q + 0.5 * h * v2, v3), v4 = v + h * a3;
+      const Joints a4 = acceleration(q + h * v3, v4);
+      q += h / 6.0 * (v + 2.0 * (v2 + v3) + v4);
+      v += h / 6.0 * (a1 + 2.0 * (a2 + a3) + a4);
+      error = std::max(error, std::abs(energy() - start));
+      largest = std::max(largest, 0.5 * v.dot(arm.inertia(arm.pose(q)) * v));
+    }
+    EXPECT_GT(largest, 1.0) << "it falls";
+    // Runge-Kutta 4 over half a second, light wrists turning at up to 100 rad/s.
+    EXPECT_LT(error, 1e-6 * largest);
+  }
+}
+
+TEST(Arm, GravityTorqueIsTheSlopeOfThePotential) {
+  for (const std::string& name : kArms) {
+    SCOPED_TRACE(name);
+    const ArmParameters of = parameters(name);
+    const Arm arm{of, {0.7, {0.01, 0.02, 0.05}}};
+    Draw draw{4};
+    const Joints q = draw.position(of);
+    const Joints g = arm.gravity_torque(arm.pose(q), kGravity);
+    EXPECT_LT((g - arm.bias_torque(arm.pose(q), Joints::Zero(), kGravity)).cwiseAbs().maxCoeff(), kRounding * 100.0);
+    for (int i = 0; i < 7; ++i) {
+      constexpr double h = 1e-5;
+      const auto potential = [&](double by) {
+        return arm.energy(arm.pose(q + by * Joints::Unit(i)), Joints::Zero(), kGravity);
+      };
+      EXPECT_NEAR(g[i], (potential(h) - potential(-h)) / (2.0 * h), 1e-7);
+    }
+  }
+}
+
+// ---- numbers of the arms
+
+TEST(Fr3, HasItsKnownFiguresInTheReadyPosition) {
+  ArmParameters of = parameters("fr3");
+  const Joints q = ready(of);
+  const Arm arm{of};
+  const Arm::Pose p = arm.pose(q);
+  EXPECT_NEAR(p.tool.x(), 0.307, 1e-3);
+  EXPECT_NEAR(p.tool.y(), 0.0, 1e-12);
+  EXPECT_NEAR(p.tool.z(), 0.590, 1e-3);
+  // Written with three or two digits, of the published parameters and of a position rounded to three digits.
+  const Joints gravity = arm.gravity_torque(p, kGravity);
+  const std::array<double, 7> known{0, -1.71, -0.64, 18.96, 0.79, 1.59, 0};
+  for (std::size_t i = 0; i < 7; ++i) EXPECT_NEAR(gravity[static_cast<int>(i)], known[i], 0.02) << i;
+
+  const auto effective = [&](const ArmParameters& with) {
+    const auto mobility = tool_mobility(Arm{with}, q);
+    return Eigen::Matrix<double, 6, 1>{mobility.diagonal().cwiseInverse()};
+  };
+  const auto heavy = effective(of);
+  const std::array<double, 6> with_rotors{11.3, 5.2, 5.3, 0.21, 0.21, 0.17};
+  for (std::size_t i = 0; i < 6; ++i)
+    EXPECT_NEAR(heavy[static_cast<int>(i)], with_rotors[i], 0.02 * with_rotors[i]) << i;
+  for (ArmJoint& j : of.joints) j.rotor_inertia_kg_m2 = 0.0;
+  const auto light = effective(of);
+  const std::array<double, 5> without{1.86, 1.81, 2.90, 0.025, 0.024};
+  for (std::size_t i = 0; i < 5; ++i) EXPECT_NEAR(light[static_cast<int>(i)], without[i], 0.02 * without[i]) << i;
+}
+
+TEST(Arms, NameTheirSources) {
+  for (const std::string& name : kArms) EXPECT_FALSE(parameters(name).source.empty()) << name;
+}
+
+TEST(Arms, WrongFilesAreRefusedInASentence) {
+  const std::string right = read_whole(TWOPORT_ARMS "/fr3.textproto");
+  const auto error_of = [&](const std::string& from, const std::string& to) {
+    std::string text = right;
+    text.replace(text.find(from), from.size(), to);
+    const std::string path = testing::TempDir() + "/wrong_arm.textproto";
+    write_whole(path, text);
+    try {
+      load_arm(path);
+    } catch (const ConfigError& e) {
+      return std::string{e.what()};
+    }
+    return std::string{};
+  };
+  EXPECT_NE(error_of("mass_kg: 2.92747", "mass_kg: -1").find("joint[0].mass_kg is -1; it must be > 0"),
+            std::string::npos);
+  EXPECT_NE(error_of("max_torque_n_m: 87.0 ", "").find("joint[0].max_torque_n_m is missing"), std::string::npos);
+  EXPECT_NE(error_of("[0.023927, 0.022482", "[0.923927, 0.022482").find("triangle inequality"), std::string::npos);
+  EXPECT_NE(error_of("upper_rad: 2.7501", "upper_rad: -3").find("it must be > lower_rad"), std::string::npos);
+}
+
+TEST(Arm, AllocatesNothing) {
+  const ArmParameters of = parameters("fr3");
+  const Arm arm{of};
+  const Joints q = ready(of), v = Joints::Ones();
+  double sum = 0.0;
+  NoAlloc guard;
+  const Arm::Pose p = arm.pose(q);
+  sum += arm.jacobian(p).sum() + arm.inertia(p).sum() + arm.forward_dynamics(p, v, v, kGravity).sum() +
+         arm.energy(p, v, kGravity) + arm.bias_acceleration(p, v).sum() + arm.gravity_torque(p, kGravity).sum();
+  EXPECT_EQ(guard.seen(), 0);
+  EXPECT_TRUE(std::isfinite(sum));
+}
+
+}  // namespace
+}  // namespace twoport
