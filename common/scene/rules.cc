@@ -42,6 +42,34 @@ void check_rendering(const SceneBlock& scene, const Scene& values) {
       scene.fail("environment.spring.anchor_motion is given, but control.architecture is RENDER: it needs a link");
 }
 
+/// A proxy and rigid surfaces: what they do not have may not be given.
+void check_god_object(const SceneBlock& scene, const Scene& values) {
+  if (values.control.rendering != RenderingAlgorithm::god_object) return;
+  const Block control = scene.block(FIELD(control));
+  if (values.control.architecture != Architecture::render)
+    control.refuse(FIELD(rendering), "be PENALTY over a link; GOD_OBJECT needs control.architecture RENDER");
+  control.require(FIELD(virtual_coupling),
+                  "be given where control.rendering is GOD_OBJECT: it is the spring to the proxy");
+  const Block coupling = control.block(FIELD(virtual_coupling));
+  const auto need = [&](const auto& field, double value) {
+    if (!(value > 0.0)) coupling.refuse(field, "be > 0 where control.rendering is GOD_OBJECT");
+  };
+  need(FIELD(stiffness_n_per_m), values.control.coupling.stiffness_n_per_m);
+  if (values.dof == 6)
+    need(FIELD(rotational_stiffness_n_m_per_rad), values.control.coupling.rotational_stiffness_n_m_per_rad);
+  if (values.control.accounts != Accounts::total)
+    control.block(FIELD(passivity))
+        .refuse(FIELD(accounts), "be TOTAL where control.rendering is GOD_OBJECT: there is one spring");
+  for (std::size_t i = 0; i < values.environment.size(); ++i) {
+    const std::string path = fmt::format("environment[{}].{}", i, name(values.environment[i]));
+    const auto* surface = std::get_if<Surface>(&values.environment[i]);
+    if (surface == nullptr)
+      scene.fail(fmt::format("{} is given, but control.rendering is GOD_OBJECT: it renders surfaces", path));
+    if (surface->material.friction > 0.0 || surface->material.viscous_friction_n_s_per_m > 0.0)
+      scene.fail(fmt::format("{} has friction, but control.rendering is GOD_OBJECT: it renders none", path));
+  }
+}
+
 /// UNCONTROLLED has a robot only.
 void check_uncontrolled(const SceneBlock& scene, const Scene& values) {
   if (values.control.architecture != Architecture::uncontrolled) return;
@@ -110,7 +138,7 @@ void check_fastest(const SceneBlock& scene, const Scene& values) {
 
 /// Two accounts, normal and tangential, for each contact.
 void check_accounts(const SceneBlock& scene, const Scene& values) {
-  constexpr std::size_t kMost = 16;
+  constexpr std::size_t kMost = 4096;
   const std::size_t contacts = values.environment.size() * std::max<std::size_t>(values.tool.size(), 1);
   if (values.control.accounts == Accounts::per_contact && contacts > kMost)
     scene.fail(
@@ -163,6 +191,7 @@ void check_method(const ControlOptions& c, const Block<schema::Passivity>& passi
 void check_rules(const SceneBlock& scene, const Scene& values, SceneFor use) {
   check_integrator(scene, values);
   check_rendering(scene, values);
+  check_god_object(scene, values);
   check_uncontrolled(scene, values);
   check_handle(scene, values);
   check_fastest(scene, values);

@@ -6,7 +6,8 @@ INSTANTIATE_TEST_SUITE_P(
     Environment, RefusedScene,
     ::testing::Values(Refusal{kStiffWall,
                               {"environment[0]={}"},
-                              "environment[0] is empty; it must hold one of wall, sphere, cylinder, box, spring"},
+                              "environment[0] is empty; it must hold one of wall, sphere, cylinder, box, spring, torus, "
+                               "capsule, peg, hole, cone, plate, mesh"},
                       Refusal{kStiffWall,
                               {"environment[0].wall.stiffness_n_per_m=-5"},
                               "environment[0].wall.stiffness_n_per_m is -5; it must be > 0 and at most 1e18"},
