@@ -8,6 +8,7 @@
 #include <utility>
 #include <vector>
 
+#include "common/base/check.h"
 #include "common/contact/sample_shape.h"
 #include "common/mesh/sample_surface.h"
 #include "common/scene/blocks.h"
@@ -143,13 +144,17 @@ Plate read_shape(const Block<schema::Plate>& of) {
           .holes = std::make_shared<const std::vector<PlateHole>>(std::move(holes))};
 }
 
-/// The triangles of a file, in metres, and their name for a message.
+/// The triangles of a file, in metres.
 TriangleMesh read_triangles(const Block<schema::Mesh>& of) {
   need_space(of, "mesh");
   of.require(FIELD(file), "name a file: STL or Wavefront OBJ");
   const std::filesystem::path folder = std::filesystem::path{of.context().file}.parent_path();
-  return read_mesh_file((folder / of.text(FIELD(file))).string(), of.path_of("file"),
-                        of.number(FIELD(scale), kPositive));
+  const double scale = of.number(FIELD(scale), kPositive);
+  try {
+    return read_mesh_file((folder / of.text(FIELD(file))).string(), scale);
+  } catch (const ConfigError& e) {
+    of.fail(fmt::format("{}: {}", of.path_of("file"), e.what()));
+  }
 }
 
 Mesh read_shape(const Block<schema::Mesh>& of) {
@@ -223,6 +228,7 @@ auto field_of(std::type_identity<Mesh>) {
 template <class Shape>
 void refuse_material(const Block<Shape>& of) {
   const auto check = [&of](const auto& field) {
+    of.number(field, kFinite);
     if (of.has(field))
       of.fail(fmt::format("{} is given, but of a tool's part only the shape counts; it belongs to the environment",
                           of.path_of(field.name)));
@@ -278,7 +284,8 @@ std::vector<Eigen::Vector3d> read_tool_part(const Block<schema::ToolPart>& of) {
     return points_of(
         of, [&](double h) { return sample(part, h); }, pi * r * (std::hypot(r, block.message().height_m()) + r));
   }
-  if (!of.has(FIELD(mesh))) of.refuse_empty();
+  if (!of.has(FIELD(mesh)))
+    of.fail(fmt::format("{} is empty; it must hold one of torus, capsule, peg, cone, mesh", of.path()));
   const Block block = of.block(FIELD(mesh));
   refuse_material(block);
   const TriangleMesh mesh = read_triangles(block);

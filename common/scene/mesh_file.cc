@@ -14,21 +14,20 @@
 
 namespace twoport {
 
-TriangleMesh read_mesh_file(const std::string& path, const std::string& name, double scale) {
-  const std::string file = fmt::format("{}: {}", name, path);
-  TriangleMesh mesh = parse_mesh(read_whole(path, file), file);
+TriangleMesh read_mesh_file(const std::string& path, double scale) {
+  TriangleMesh mesh = parse_mesh(read_whole(path), path);
   for (Eigen::Vector3d& v : mesh.vertices) v *= scale;
   const MeshFaults faults = faults_of(mesh);
   if (faults.open_edges > 0)
     throw ConfigError{
-        fmt::format("{} has {} edges of one triangle only; the mesh must be closed", file, faults.open_edges)};
+        fmt::format("{} has {} edges of one triangle only; the mesh must be closed", path, faults.open_edges)};
   if (faults.odd_edges > 0)
     throw ConfigError{
-        fmt::format("{} has {} edges that do not join two triangles of the same orientation; every edge must", file,
+        fmt::format("{} has {} edges that do not join two triangles of the same orientation; every edge must", path,
                     faults.odd_edges)};
   if (!(faults.volume_m3 > 0.0))
     throw ConfigError{fmt::format(
-        "{} has its triangles facing inwards; their corners must be counterclockwise seen from outside", file)};
+        "{} has its triangles facing inwards; their corners must be counterclockwise seen from outside", path)};
   return mesh;
 }
 

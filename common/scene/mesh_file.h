@@ -10,9 +10,9 @@
 
 namespace twoport {
 
-/// The closed mesh of a file, with its coordinates times `scale`. Throws ConfigError that begins with `name` for a file that cannot
-/// be read or whose mesh does not bound a solid.
-TriangleMesh read_mesh_file(const std::string& path, const std::string& name, double scale);
+/// The closed mesh of a file, with its coordinates times `scale`. Throws ConfigError that begins with the path for a file that
+/// cannot be read or whose mesh does not bound a solid.
+TriangleMesh read_mesh_file(const std::string& path, double scale);
 
 /// The longest side of the box around it.
 double longest_side(const TriangleMesh& mesh);
