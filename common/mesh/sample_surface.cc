@@ -23,7 +23,7 @@ class Thinned {
   explicit Thinned(double apart) : apart_{apart} {}
 
   void offer(const Eigen::Vector3d& p) {
-    const Eigen::Vector3d cell = (p / apart_).array().floor();
+    const Eigen::Vector3d cell = (p / apart_).array().floor().matrix();
     for (int i = -1; i <= 1; ++i)
       for (int j = -1; j <= 1; ++j)
         for (int k = -1; k <= 1; ++k) {

@@ -1,10 +1,12 @@
 #pragma once
 
 #include <Eigen/Geometry>
+#include <array>
 #include <bit>
 #include <cmath>
 #include <cstdint>
 #include <cstdio>
+#include <map>
 #include <numbers>
 #include <string>
 
@@ -32,11 +34,13 @@ inline TriangleMesh torus_mesh(double radius, double tube, std::uint32_t around,
 inline TriangleMesh sphere_mesh(double radius, int levels) {
   using Eigen::Vector3d;
   TriangleMesh mesh;
+  std::map<std::array<std::int64_t, 3>, std::uint32_t> known;  // by the place, rounded
   const auto vertex = [&](const Vector3d& p) {
-    for (std::uint32_t i = 0; i < mesh.vertices.size(); ++i)
-      if ((mesh.vertices[i] - p).norm() < 1e-9 * radius) return i;
-    mesh.vertices.push_back(p);
-    return static_cast<std::uint32_t>(mesh.vertices.size() - 1);
+    const auto rounded = [&](double c) { return static_cast<std::int64_t>(std::llround(1e7 * c / radius)); };
+    const auto [at, is_new] = known.try_emplace({rounded(p.x()), rounded(p.y()), rounded(p.z())},
+                                                static_cast<std::uint32_t>(mesh.vertices.size()));
+    if (is_new) mesh.vertices.push_back(p);
+    return at->second;
   };
   const auto split = [&](const auto& self, const Vector3d& a, const Vector3d& b, const Vector3d& c, int left) -> void {
     if (left == 0) {

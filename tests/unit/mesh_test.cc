@@ -219,7 +219,6 @@ TEST(DistanceField, KnowsTheTorusTo16MicrometresAndAQuarterOfADegree) {
     angle = std::max(angle, turn), angle_squared += turn * turn;
   }
   const double degrees = 180 / std::numbers::pi;
-  RecordProperty("depth_max_um", std::to_string(1e6 * depth));
   std::printf("depth %.2f µm rms, %.2f µm max; normal %.3f° rms, %.3f° max\n", 1e6 * std::sqrt(depth_squared / kCount),
               1e6 * depth, degrees * std::sqrt(angle_squared / kCount), degrees * angle);
   EXPECT_LT(depth, 16e-6);
@@ -227,7 +226,7 @@ TEST(DistanceField, KnowsTheTorusTo16MicrometresAndAQuarterOfADegree) {
 }
 
 TEST(DistanceField, KnowsASphere) {
-  const TriangleMesh mesh = sphere_mesh(0.03, 6);  // 32,768 triangles
+  const TriangleMesh mesh = sphere_mesh(0.03, 7);  // 131,072 triangles
   const DistanceField field{mesh, 1e-3};
   Source source;
   double depth = 0.0, angle = 0.0;
@@ -269,8 +268,7 @@ TEST(DistanceField, IsALowerBoundBeyondItsGrid) {
   }
   const double nan = std::nan("");
   EXPECT_FALSE(fine_field()->at({nan, 0, 0}).distance < 0.0);
-  EXPECT_TRUE(std::isfinite(fine_field()->at({1e300, 0, 0}).gradient.x()) ||
-              true);  // no memory beyond the grid is read
+  EXPECT_GT(fine_field()->at({1e300, 0, 0}).distance, 1.0);
 }
 
 TEST(DistanceField, GivesBackAroundALoopWhatItTook) {
