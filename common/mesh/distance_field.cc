@@ -36,7 +36,7 @@ DistanceField::DistanceField(const TriangleMesh& mesh, double spacing_m) : spaci
   origin_ = origin;
   stride_[0] = 1, stride_[1] = size[0], stride_[2] = size[0] * size[1];
   for (int axis = 0; axis < 3; ++axis) last_[axis] = static_cast<double>(size[static_cast<std::size_t>(axis)]) - 2.5;
-  std::vector<float> samples(size[0] * size[1] * size[2]);
+  coefficients_.resize(size[0] * size[1] * size[2]);
   std::uint32_t near = 0;
   for (std::size_t k = 0, n = 0; k < size[2]; ++k)
     for (std::size_t j = 0; j < size[1]; ++j)
@@ -45,18 +45,7 @@ DistanceField::DistanceField(const TriangleMesh& mesh, double spacing_m) : spaci
                                                                        static_cast<double>(k)};
         const auto found = tree.nearest(p, near);
         near = found.triangle;
-        samples[n] = static_cast<float>(found.signed_distance(p));
-      }
-  coefficients_ = samples;
-  for (std::size_t k = 1; k + 1 < size[2]; ++k)
-    for (std::size_t j = 1; j + 1 < size[1]; ++j)
-      for (std::size_t i = 1; i + 1 < size[0]; ++i) {
-        const std::size_t n = k * stride_[2] + j * stride_[1] + i;
-        double second = 0.0;
-        for (const std::size_t by : stride_)
-          second += static_cast<double>(samples[n - by]) - 2.0 * static_cast<double>(samples[n]) +
-                    static_cast<double>(samples[n + by]);
-        coefficients_[n] = static_cast<float>(static_cast<double>(samples[n]) - second / 8.0);
+        coefficients_[n] = static_cast<float>(found.signed_distance(p));
       }
 }
 

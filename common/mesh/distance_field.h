@@ -16,8 +16,10 @@ namespace twoport {
 ///
 ///     w = {(1/2 - t)²/2, 3/4 - t², (1/2 + t)²/2},     d(p) = Σ c_ijk w_i w_j w_k
 ///
-/// c are the samples s less the smoothing of the spline to second order, c = s - (δx² + δy² + δz²) s/8: a field that is
-/// quadratic is reproduced. Beyond the grid, at least 3 h outside the mesh, a lower bound of the distance.
+/// c are the samples. That is exact for a plane; a surface with the principal curvatures κ1, κ2 recedes by h² (κ1 + κ2)/8, 9 µm for a
+/// radius of 14 mm and nodes 1 mm apart. Coefficients that correct this sharpen the facets of the mesh too: with the full
+/// correction the normal of a torus of 100,000 triangles errs by 0.33° in place of 0.20°. Beyond the grid, at least 3 h
+/// outside the mesh, the value is a lower bound of the distance.
 ///
 /// A query does not allocate and takes 27 coefficients.
 class DistanceField {
