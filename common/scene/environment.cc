@@ -228,7 +228,7 @@ auto field_of(std::type_identity<Mesh>) {
 template <class Shape>
 void refuse_material(const Block<Shape>& of) {
   const auto check = [&of](const auto& field) {
-    of.number(field, kFinite);
+    static_cast<void>(of.number(field, kFinite));
     if (of.has(field))
       of.fail(fmt::format("{} is given, but of a tool's part only the shape counts; it belongs to the environment",
                           of.path_of(field.name)));
@@ -254,43 +254,43 @@ std::vector<Eigen::Vector3d> points_of(const Block<schema::ToolPart>& of, const 
 std::vector<Eigen::Vector3d> read_tool_part(const Block<schema::ToolPart>& of) {
   using std::numbers::pi;
   if (of.has(FIELD(torus))) {
-    const Block block = of.block(FIELD(torus));
-    refuse_material(block);
-    const Torus part = read_shape(block);
+    const Block shape = of.block(FIELD(torus));
+    refuse_material(shape);
+    const Torus part = read_shape(shape);
     return points_of(
         of, [&](double h) { return sample(part, h); }, 4 * pi * pi * part.radius_m * part.tube_radius_m);
   }
   if (of.has(FIELD(capsule))) {
-    const Block block = of.block(FIELD(capsule));
-    refuse_material(block);
-    const Capsule part = read_shape(block);
+    const Block shape = of.block(FIELD(capsule));
+    refuse_material(shape);
+    const Capsule part = read_shape(shape);
     const double r = part.radius_m;
     return points_of(
         of, [&](double h) { return sample(part, h); }, 2 * pi * r * ((part.end_m - part.start_m).norm() + 2 * r));
   }
   if (of.has(FIELD(peg))) {
-    const Block block = of.block(FIELD(peg));
-    refuse_material(block);
-    const Peg part = read_shape(block);
-    const double r = block.message().radius_m();
+    const Block shape = of.block(FIELD(peg));
+    refuse_material(shape);
+    const Peg part = read_shape(shape);
+    const double r = shape.message().radius_m();
     return points_of(
-        of, [&](double h) { return sample(part, h); }, 2 * pi * r * (block.message().length_m() + r));
+        of, [&](double h) { return sample(part, h); }, 2 * pi * r * (shape.message().length_m() + r));
   }
   if (of.has(FIELD(cone))) {
-    const Block block = of.block(FIELD(cone));
-    refuse_material(block);
-    const Cone part = read_shape(block);
-    const double r = block.message().base_radius_m();
+    const Block shape = of.block(FIELD(cone));
+    refuse_material(shape);
+    const Cone part = read_shape(shape);
+    const double r = shape.message().base_radius_m();
     return points_of(
-        of, [&](double h) { return sample(part, h); }, pi * r * (std::hypot(r, block.message().height_m()) + r));
+        of, [&](double h) { return sample(part, h); }, pi * r * (std::hypot(r, shape.message().height_m()) + r));
   }
   if (!of.has(FIELD(mesh)))
     of.fail(fmt::format("{} is empty; it must hold one of torus, capsule, peg, cone, mesh", of.path()));
-  const Block block = of.block(FIELD(mesh));
-  refuse_material(block);
-  const TriangleMesh mesh = read_triangles(block);
-  const Eigen::Vector3d position = vector<3>(block.list(FIELD(position_m), kPointInSpace));
-  const Eigen::Matrix3d rotation = read_rotation(block);
+  const Block shape = of.block(FIELD(mesh));
+  refuse_material(shape);
+  const TriangleMesh mesh = read_triangles(shape);
+  const Eigen::Vector3d position = vector<3>(shape.list(FIELD(position_m), kPointInSpace));
+  const Eigen::Matrix3d rotation = read_rotation(shape);
   std::vector<Eigen::Vector3d> points = points_of(
       of, [&](double h) { return sample_surface(mesh, h); }, area_of(mesh));
   for (Eigen::Vector3d& p : points) p = Eigen::Vector3d{position + rotation * p};

@@ -96,18 +96,18 @@ inline std::string ascii_stl(const TriangleMesh& mesh) {
   std::string out = "solid part\n";
   for (const TriangleMesh::Triangle& t : mesh.triangles) {
     out += " facet normal 0 0 0\n  outer loop\n";
-    for (const std::uint32_t v : t) out += "   vertex " + number_text(mesh.vertices[v]) + "\n";
+    for (const std::uint32_t v : t) out.append("   vertex ").append(number_text(mesh.vertices[v])).append("\n");
     out += "  endloop\n endfacet\n";
   }
   return out + "endsolid part\n";
 }
 inline std::string obj(const TriangleMesh& mesh) {
   std::string out = "# part\no part\n";
-  for (const Eigen::Vector3d& v : mesh.vertices) out += "v " + number_text(v) + "\n";
+  for (const Eigen::Vector3d& v : mesh.vertices) out.append("v ").append(number_text(v)).append("\n");
   out += "vn 0 0 1\n";
   for (const TriangleMesh::Triangle& t : mesh.triangles) {
     out += "f";
-    for (const std::uint32_t v : t) out += " " + std::to_string(v + 1) + "//1";
+    for (const std::uint32_t v : t) (out += ' ').append(std::to_string(v + 1)).append("//1");
     out += "\n";
   }
   return out;

@@ -156,8 +156,8 @@ TEST(Part, ContinuesAFeatureWhenAsked) {
 }
 
 TEST(Part, GivesBackAroundALoopWhatItTook) {
-  // Through edges too: the potential K d²/2 is continuous there although the normal jumps. The midpoint rule errs by the jump
-  // of the force times a step: below 1e-5 J with 200,000 points; the work of one piece is up to 1 J.
+  // Through edges too: the potential K d²/2 is continuous there although the normal jumps. The midpoint rule errs by half the jump
+  // of the force, up to 60 N, times a step, 1 µm, in each crossing; the work of one piece of a loop is up to 1 J.
   for (const Part& part : parts()) {
     const Environment<3> environment{{Surface{part.shape, {3000, 0, 0, 0}}}};
     Source source;
@@ -175,7 +175,7 @@ TEST(Part, GivesBackAroundALoopWhatItTook) {
         const double piece = environment.force(Position<3>{Vector3d{0.5 * (p + q)}}, {}).vec().dot(q - p);
         work += piece, touched += std::abs(piece);
       }
-      ASSERT_NEAR(work, 0.0, 1e-5) << part.name << " loop " << loop;
+      ASSERT_NEAR(work, 0.0, 1e-4) << part.name << " loop " << loop;
     }
     EXPECT_GT(touched, 1e-3) << part.name;
   }

@@ -14,18 +14,18 @@
 namespace twoport {
 namespace {
 
-struct Run {
+struct Outcome {
   double least_energy_j = 0.0, most_force_n = 0.0, worst_turn = 0.0;
   bool finite = true;
 };
 
 template <int N>
-Run run(const std::string& name) {
+Outcome run(const std::string& name) {
   const Scene scene = load_scene(std::string{TWOPORT_SCENES} + "/" + name + ".textproto");
   const Seconds dt{1.0 / scene.master_rate_hz};
   sim::SimDevice<N> device{scene, dt};
   Rendering<N> rendering{scene.control, Environment<N>{scene.environment, scene.tool}};
-  Run r;
+  Outcome r;
   const int ticks = static_cast<int>(scene.duration_s * scene.master_rate_hz);
   for (int i = 0; i < ticks; ++i) {
     if (i > 0) device.advance();
@@ -44,20 +44,20 @@ Run run(const std::string& name) {
 }
 
 TEST(RenderedParts, AMeshIsPressedPassively) {
-  const Run r = run<3>("render_torus_mesh");
+  const Outcome r = run<3>("render_torus_mesh");
   EXPECT_TRUE(r.finite);
   EXPECT_GT(r.most_force_n, 0.5);
   EXPECT_GT(r.least_energy_j, -1e-6);
   EXPECT_LT(r.worst_turn, 1e-14);
 }
 TEST(RenderedParts, APegIsTiltedInItsHolePassively) {
-  const Run r = run<6>("render_peg_in_hole");
+  const Outcome r = run<6>("render_peg_in_hole");
   EXPECT_TRUE(r.finite);
   EXPECT_GT(r.most_force_n, 0.5);
   EXPECT_GT(r.least_energy_j, -1e-5);
 }
 TEST(RenderedParts, AGodObjectIsPassiveAndKeepsItsDirection) {
-  const Run r = run<6>("render_god_object_box");
+  const Outcome r = run<6>("render_god_object_box");
   EXPECT_TRUE(r.finite);
   EXPECT_GT(r.most_force_n, 0.5);
   EXPECT_GT(r.least_energy_j, -1e-5);
