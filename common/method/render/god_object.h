@@ -232,11 +232,12 @@ class GodObject {
           x = goal;
           return true;
         }
+        step = travel(y);
         x = moved(x, y);
         continue;
       }
       solver_.solve(rows_, y, kTolerance_m);
-      tell_contacts();
+      tell_contacts(whole ? 1.0 : far / kStep_m);
       step = travel(y);
       if (i == 0 && has_free && step <= kRest_m) return true;
       if (contacts_ == 0 && whole)
@@ -247,11 +248,12 @@ class GodObject {
     x = last_free;
     return has_free;
   }
-  void tell_contacts() noexcept {
+  /// `scale`: of the way to the goal over the part of it that the step was to go.
+  void tell_contacts(double scale) noexcept {
     contacts_ = solver_.active();
     for (std::size_t j = 0; j < contacts_; ++j) {
       const Plane& plane = planes_[solver_.index(j)];
-      contact_[j] = {plane.index, plane.normal, plane.arm, stiffness_ * solver_.lambda(j)};
+      contact_[j] = {plane.index, plane.normal, plane.arm, scale * stiffness_ * solver_.lambda(j)};
     }
   }
 
