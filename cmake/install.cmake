@@ -2,7 +2,7 @@
 # Warnings and twoport_options stay here; a user's build has its own.
 include(CMakePackageConfigHelpers)
 
-set(twoport_layers plugin base ports arm contact passivity safety hardware link coupling method runtime wire mcap recording scene record secure page platform)
+set(twoport_layers plugin base ports mesh arm contact passivity safety hardware link coupling method runtime wire mcap recording scene record secure page platform)
 set(twoport_exported proto ${twoport_layers} web sim drivers master slave master_program slave_program)
 foreach(name IN LISTS twoport_exported)
   set_target_properties(twoport_${name} PROPERTIES EXPORT_NAME ${name})

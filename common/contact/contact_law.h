@@ -1,6 +1,7 @@
 #pragma once
 
 #include <algorithm>
+#include <cmath>
 
 #include "common/contact/shape.h"
 
@@ -43,6 +44,8 @@ struct Surface {
     if constexpr (D > 1) {
       if (material.friction > 0.0 || material.viscous_friction_n_s_per_m > 0.0) {
         Point<D> vt = v - vn * at.normal;
+        if (const double squared = at.normal.squaredNorm(); std::abs(squared - 1.0) > 1e-9) [[unlikely]]
+          vt = v - vn / squared * at.normal;  // the gradient of an interpolated distance
         out.coulomb_damping = material.friction * fn / std::max(vt.norm(), kStictionSpeed);
         out.tangential = -(material.viscous_friction_n_s_per_m + out.coulomb_damping) * vt;
       }

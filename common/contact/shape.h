@@ -4,8 +4,13 @@
 #include <variant>
 
 #include "common/contact/box.h"
+#include "common/contact/capsule.h"
 #include "common/contact/cylinder.h"
+#include "common/contact/mesh.h"
+#include "common/contact/plate.h"
+#include "common/contact/revolved.h"
 #include "common/contact/sphere.h"
+#include "common/contact/torus.h"
 #include "common/contact/wall.h"
 
 namespace twoport {
@@ -16,7 +21,7 @@ namespace twoport {
 ///     signed_distance<D>(p, feature) noexcept   at p, on `feature` or kNearest
 ///
 /// and shares large data (a mesh, a sampled field) between its copies.
-using Shape = std::variant<Wall, Sphere, Cylinder, Box>;
+using Shape = std::variant<Wall, Sphere, Cylinder, Box, Torus, Capsule, Peg, Hole, Cone, Plate, Mesh>;
 
 /// Calls use(std::type_identity<S>{}) for every type S of the list.
 template <class Use>

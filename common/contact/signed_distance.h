@@ -12,7 +12,7 @@ inline constexpr int kAxes = N == 1 ? 1 : 3;
 template <int D>
 using Point = Eigen::Matrix<double, D, 1>;
 
-/// Index of a smooth part of a shape, from 0. Only a box has more than one.
+/// Index of a smooth part of a shape, from 0.
 using Feature = int;
 inline constexpr Feature kNearest = -1;  ///< the one nearest to the point
 inline constexpr Feature kNone = -2;     ///< none: the contact is ignored

@@ -34,6 +34,12 @@ enum class Architecture : std::uint8_t {
 
 enum class Accounts : std::uint8_t { total, normal_tangential, per_contact, translation_rotation };
 
+/// How the force of a rendered environment is computed.
+enum class RenderingAlgorithm : std::uint8_t {
+  penalty,     ///< the law of contact at the handle
+  god_object,  ///< a proxy that never enters the environment, and the virtual coupling between both
+};
+
 /// Spring-damper of the virtual coupling, per translational and rotational axis.
 struct CouplingOptions {
   double stiffness_n_per_m = 1000.0, damping_n_s_per_m = 20.0;
@@ -65,6 +71,7 @@ inline constexpr std::string_view kDefaultMethod = "INTERNAL_MODEL";
 struct ControlOptions {
   Architecture architecture = Architecture::position_force;
   CouplingOptions coupling;
+  RenderingAlgorithm rendering = RenderingAlgorithm::penalty;
   double force_scale = 1.0, motion_scale = 1.0;
   RegistrationOptions registration;
   std::string method_name{"NONE"};  ///< over a link: a name of common/method/catalogue.h

@@ -21,7 +21,9 @@ TransmissionOptions read_transmission(const Block<schema::Impairment>& of);
 ClockSpec read_clock(const Block<schema::Clock>& of);
 RobotSpec read_robot(const Block<schema::Robot>& of);
 EnvironmentSpec read_environment(const Block<schema::Environment>& of);
-/// Contact points of the tool; with dof 6 one at the origin where none is given.
+/// Points on the surface of a part of the tool.
+std::vector<Eigen::Vector3d> read_tool_part(const Block<schema::ToolPart>& of);
+/// Contact points of the tool and those of its parts; with dof 6 one at the origin where none is given.
 std::vector<Eigen::Vector3d> read_tool(const Block<schema::Tool>& of);
 DeviceMount read_device_mount(const Block<schema::DeviceMount>& of);
 RobotMount read_robot_mount(const Block<schema::RobotMount>& of);

@@ -21,6 +21,9 @@ static_assert(same_number(Accounts::total, schema::Passivity::TOTAL) &&
               same_number(Accounts::per_contact, schema::Passivity::PER_CONTACT) &&
               same_number(Accounts::translation_rotation, schema::Passivity::TRANSLATION_ROTATION) &&
               same_number(Accounts::translation_rotation, schema::Passivity::Accounts_MAX));
+static_assert(same_number(RenderingAlgorithm::penalty, schema::Control::PENALTY) &&
+              same_number(RenderingAlgorithm::god_object, schema::Control::GOD_OBJECT) &&
+              same_number(RenderingAlgorithm::god_object, schema::Control::Rendering_MAX));
 static_assert(same_number(WaveReceiverRule::energy_limited, schema::WaveVariables::ENERGY_LIMITED) &&
               same_number(WaveReceiverRule::hold, schema::WaveVariables::HOLD) &&
               same_number(WaveReceiverRule::zero, schema::WaveVariables::ZERO) &&
@@ -185,6 +188,7 @@ ControlOptions read_control(const Block<schema::Control>& of, SceneFor use) {
   ControlOptions options;
   options.architecture = of.choice<Architecture>(FIELD(architecture));
   options.coupling = read_coupling(of.block(FIELD(virtual_coupling)));
+  options.rendering = of.choice<RenderingAlgorithm>(FIELD(rendering));
   options.force_scale = of.number(FIELD(force_scale), kPositive);
   options.motion_scale = of.number(FIELD(motion_scale), kPositive);
   options.registration = read_registration(of.block(FIELD(registration)));

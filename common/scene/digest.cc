@@ -68,11 +68,11 @@ struct Digests {
 Digests digests(const Scene& scene) {
   // Taken apart by name: a new option does not compile until it is decided here whether both sides share it.
   // The handle's mass and the device's largest force are the master's own; the controller's method is that of the name.
-  const auto& [architecture, coupling, force_scale, motion_scale, registration, method_name, controller, observer,
-               accounts, reference_energy, initial_energy, handle_mass, handle_inertia, max_force, engage, hold_after,
-               release_after, device_limits, robot_limits, own_limits, known, stated_round_trip, fixed_damping,
-               wave_variables, set_position_modulation, energy_tank, energy_bounding, four_channel, fractal_impedance,
-               internal_model] = scene.control;
+  const auto& [architecture, coupling, rendering, force_scale, motion_scale, registration, method_name, controller,
+               observer, accounts, reference_energy, initial_energy, handle_mass, handle_inertia, max_force, engage,
+               hold_after, release_after, device_limits, robot_limits, own_limits, known, stated_round_trip,
+               fixed_damping, wave_variables, set_position_modulation, energy_tank, energy_bounding, four_channel,
+               fractal_impedance, internal_model] = scene.control;
   const auto& [stiffness, damping, rotational_stiffness, rotational_damping, catch_up, drift_compensation] = coupling;
   const auto& [method, max_gain, max_mobility, unilateral, predict, mass, radius_of_gyration, max_turn] = controller;
   static_cast<void>(method), static_cast<void>(mass), static_cast<void>(radius_of_gyration);
@@ -82,6 +82,7 @@ Digests digests(const Scene& scene) {
   d.add("master_rate_hz", scene.master_rate_hz);
   d.add("slave_rate_hz", scene.slave_rate_hz);
   d.add("control.architecture", architecture);
+  d.add_if_set("control.rendering", rendering != RenderingAlgorithm::penalty);
   d.add("control.force_scale", force_scale);
   d.add("control.motion_scale", motion_scale);
   d.add("control.passivity.observer", observer);

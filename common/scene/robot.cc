@@ -94,6 +94,10 @@ std::vector<Eigen::Vector3d> read_tool(const Block<schema::Tool>& of) {
   std::vector<Eigen::Vector3d> points;
   for (const auto& point : of.blocks(FIELD(contact_point)))
     points.push_back(vector<3>(point.list(FIELD(position_m), {3, 3, ""})));
+  for (const auto& part : of.blocks(FIELD(part))) {
+    const std::vector<Eigen::Vector3d> more = read_tool_part(part);
+    points.insert(points.end(), more.begin(), more.end());
+  }
   if (points.empty() && of.dof() == 6) points.push_back(Eigen::Vector3d::Zero());
   return points;
 }

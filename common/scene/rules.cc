@@ -60,6 +60,34 @@ void check_contact_points(const SceneBlock& scene, const Scene& values) {
           spring->contact_point, values.tool.size()));
 }
 
+/// A proxy and rigid surfaces: what they do not have may not be given.
+void check_god_object(const SceneBlock& scene, const Scene& values) {
+  if (values.control.rendering != RenderingAlgorithm::god_object) return;
+  const Block control = scene.block(FIELD(control));
+  if (values.control.architecture != Architecture::render)
+    control.refuse(FIELD(rendering), "be PENALTY over a link; GOD_OBJECT needs control.architecture RENDER");
+  control.require(FIELD(virtual_coupling),
+                  "be given where control.rendering is GOD_OBJECT: it is the spring to the proxy");
+  const Block coupling = control.block(FIELD(virtual_coupling));
+  const auto need = [&](const auto& field, double value) {
+    if (!(value > 0.0)) coupling.refuse(field, "be > 0 where control.rendering is GOD_OBJECT");
+  };
+  need(FIELD(stiffness_n_per_m), values.control.coupling.stiffness_n_per_m);
+  if (values.dof == 6)
+    need(FIELD(rotational_stiffness_n_m_per_rad), values.control.coupling.rotational_stiffness_n_m_per_rad);
+  if (values.control.accounts != Accounts::total)
+    control.block(FIELD(passivity))
+        .refuse(FIELD(accounts), "be TOTAL where control.rendering is GOD_OBJECT: there is one spring");
+  for (std::size_t i = 0; i < values.environment.size(); ++i) {
+    const std::string path = fmt::format("environment[{}].{}", i, name(values.environment[i]));
+    const auto* surface = std::get_if<Surface>(&values.environment[i]);
+    if (surface == nullptr)
+      scene.fail(fmt::format("{} is given, but control.rendering is GOD_OBJECT: it renders surfaces", path));
+    if (surface->material.friction > 0.0 || surface->material.viscous_friction_n_s_per_m > 0.0)
+      scene.fail(fmt::format("{} has friction, but control.rendering is GOD_OBJECT: it renders none", path));
+  }
+}
+
 /// UNCONTROLLED has a robot only.
 void check_uncontrolled(const SceneBlock& scene, const Scene& values) {
   if (values.control.architecture != Architecture::uncontrolled) return;
@@ -181,6 +209,7 @@ void check_method(const ControlOptions& c, const Block<schema::Passivity>& passi
 void check_rules(const SceneBlock& scene, const Scene& values, SceneFor use) {
   check_integrator(scene, values);
   check_rendering(scene, values);
+  check_god_object(scene, values);
   check_uncontrolled(scene, values);
   check_latency(scene, values);
   check_contact_points(scene, values);

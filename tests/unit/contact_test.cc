@@ -11,6 +11,7 @@
 #include <vector>
 
 #include "common/contact/environment.h"
+#include "tests/support/meshes.h"
 
 namespace twoport {
 namespace {
@@ -214,6 +215,31 @@ EnvironmentSpec example(std::type_identity<Cylinder>) {
 EnvironmentSpec example(std::type_identity<Box>) {
   return kBox;
 }
+EnvironmentSpec example(std::type_identity<Torus>) {
+  return elastic(Torus{{0.05, 0.02, 0}, Vector3d{1, 2, 2} / 3, 0.06, 0.03});
+}
+EnvironmentSpec example(std::type_identity<Capsule>) {
+  return elastic(Capsule{{0.02, 0, 0}, {0.08, 0.04, 0.02}, 0.05});
+}
+EnvironmentSpec example(std::type_identity<Peg>) {
+  return elastic(Peg::of({0.05, 0.02, 0}, Vector3d{1, 2, 2} / 3, 0.06, 0.09, 0.01));
+}
+EnvironmentSpec example(std::type_identity<Hole>) {
+  return elastic(Hole::of({0.05, 0.02, 0}, Vector3d{1, 2, 2} / 3, 0.04, 0.05, 0.01));
+}
+EnvironmentSpec example(std::type_identity<Cone>) {
+  return elastic(Cone::of({0.02, 0, 0}, Vector3d{1, 2, 2} / 3, 0.09, 0.1));
+}
+EnvironmentSpec example(std::type_identity<Plate>) {
+  return elastic(Plate{{0.05, 0.02, 0},
+                       Quaterniond{0.8, 0, 0.6, 0}.toRotationMatrix(),
+                       {0.1, 0.07, 0.03},
+                       std::make_shared<const std::vector<PlateHole>>(1, PlateHole{{0.02, 0.01}, 0.03})});
+}
+EnvironmentSpec example(std::type_identity<Mesh>) {
+  static const auto field = std::make_shared<const DistanceField>(test::sphere_mesh(0.07, 3), 4e-3);
+  return elastic(Mesh{{0.05, 0.02, 0}, Quaterniond{0.8, 0, 0.6, 0}.toRotationMatrix(), field});
+}
 Things examples() {
   Things all;
   for_each_shape([&](auto shape) { all.push_back(example(shape)); });
@@ -248,6 +274,8 @@ TEST_P(Surfaces, NeverPulls) {
 }
 
 TEST_P(Surfaces, DampTheNormalMotion) {
+  if (std::holds_alternative<Mesh>(std::get<Surface>(GetParam()).shape))
+    GTEST_SKIP() << "the length of an interpolated gradient differs from 1";
   const auto damped = Environment<3>{{smooth_and_damped(GetParam())}}, plain = Environment<3>{{GetParam()}};
   Source source{52};
   for (int i = 0; i < 5000 && !::testing::Test::HasFailure(); ++i) {
@@ -262,6 +290,8 @@ TEST_P(Surfaces, DampTheNormalMotion) {
 }
 
 TEST_P(Surfaces, DissipateBySliding) {
+  if (std::holds_alternative<Mesh>(std::get<Surface>(GetParam()).shape))
+    GTEST_SKIP() << "Mesh.HasFrictionThatDissipates has it: the length of an interpolated gradient differs from 1";
   const auto e = Environment<3>{{rough(GetParam())}};
   Source source{53};
   int slid = 0, crept = 0;
@@ -399,6 +429,11 @@ double work_along(const Environment<3>& e, const Vector3d& p, const Vector3d& q)
 
 TEST_P(Surfaces, GiveBackAlongAPolygonThroughThemWhatTheyTook) {
   const auto e = Environment<3>{{GetParam()}};
+  // Where round and flat parts join, and at the planes of a mesh's grid, the force's slope jumps, which Gauss' rule misses.
+  const Shape& shape = std::get<Surface>(GetParam()).shape;
+  const bool smooth = std::holds_alternative<Wall>(shape) || std::holds_alternative<Sphere>(shape) ||
+                      std::holds_alternative<Cylinder>(shape) || std::holds_alternative<Box>(shape);
+  const double tolerance = smooth ? 1e-12 : 5e-6;
   Source source{63};
   double most = 0.0;
   for (int loop = 0; loop < 10; ++loop) {
@@ -410,7 +445,7 @@ TEST_P(Surfaces, GiveBackAlongAPolygonThroughThemWhatTheyTook) {
       most = std::max(most, std::abs(edge));
       sum += edge;
     }
-    EXPECT_NEAR(sum, 0.0, 1e-12) << "loop " << loop;
+    EXPECT_NEAR(sum, 0.0, tolerance) << "loop " << loop;
   }
   EXPECT_GT(most, 0.05);
 }

@@ -3,11 +3,13 @@
 #include <algorithm>
 #include <cmath>
 #include <cstddef>
+#include <optional>
 #include <utility>
 #include <vector>
 
 #include "common/contact/environment.h"
 #include "common/coupling/options.h"
+#include "common/method/render/god_object.h"
 #include "common/passivity/controller.h"
 #include "common/passivity/observer.h"
 
@@ -37,7 +39,9 @@ class Rendering {
         controller_{controller_at_the_handle(o)},
         environment_{std::move(environment)},
         accounts_(static_cast<std::size_t>(accounts(o, environment_))),
-        observer_{o.initial_energy, accounts(o, environment_)} {}
+        observer_{o.initial_energy, accounts(o, environment_)} {
+    if (o.rendering == RenderingAlgorithm::god_object) god_object_.emplace(o.coupling, environment_);
+  }
 
   /// One control period of length `dt`: `ended` after the last one. `applied` is the force actually held since then.
   Output step(const PortMotion<N>& port, const Force<N>& applied, Seconds dt, Seconds ended) noexcept {
@@ -67,6 +71,7 @@ class Rendering {
   void release() noexcept {
     for (Account& a : accounts_) a.held = {};
     commanded_ = {};
+    if (god_object_) god_object_->release();
   }
 
   /// Sum of all accounts, E(0) and what the environment held at the start included.
@@ -96,6 +101,7 @@ class Rendering {
   /// Force and elastic energy of each account at the port. Tangential and rotational accounts store no energy.
   void evaluate(const PortMotion<N>& port) noexcept {
     for (Account& a : accounts_) a.on_environment = Vector::Zero(), a.potential = {};
+    if (god_object_) return evaluate_god_object(port);
     Vector sum = Vector::Zero();
     environment_.for_each_contact(port.x, port.v, [&](const ContactPort<N>& c) {
       switch (options_.accounts) {
@@ -121,6 +127,12 @@ class Rendering {
     });
     if (options_.accounts == Accounts::total) accounts_[0].on_environment = -sum;
   }
+  /// One account, of the spring between handle and proxy.
+  [[gnu::noinline]] void evaluate_god_object(PortMotion<N> port) noexcept {
+    god_object_->follow(port.x);
+    accounts_[0].potential = god_object_->potential(port.x);
+    accounts_[0].on_environment = -god_object_->force(port.x, port.v);
+  }
   void add(std::size_t normal, const ContactPort<N>& c) noexcept {
     accounts_[normal].potential += c.potential;
     if (!c.presses) return;
@@ -130,6 +142,10 @@ class Rendering {
   void potentials(const Position<N>& x, Energy Account::*out) noexcept {
     const bool per_contact = options_.accounts == Accounts::per_contact;
     for (Account& a : accounts_) a.*out = {};
+    if (god_object_) {
+      accounts_[0].*out = god_object_->potential_after(x);
+      return;
+    }
     environment_.for_each_potential(x, [&](int contact, Energy u) {
       accounts_[per_contact ? 2 * static_cast<std::size_t>(contact) : 0].*out += u;
     });
@@ -156,6 +172,7 @@ class Rendering {
   ControlOptions options_;
   ControllerOptions controller_;
   Environment<N> environment_;
+  std::optional<GodObject<N>> god_object_;  ///< in place of the environment's forces
   std::vector<Account> accounts_;
   Observer<kAnyCapacity> observer_;
   Force<N> commanded_;

@@ -1,11 +1,15 @@
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 #include <limits>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "common/base/check.h"
+#include "tests/support/folder.h"
+#include "tests/support/meshes.h"
 #include "tests/unit/scene/scenes.h"
 
 namespace twoport::test {
@@ -184,7 +188,7 @@ TEST(Scene, ReadsEveryBlockInSixDegreesOfFreedom) {
   EXPECT_EQ(s.robot->force_sensor->bias_n, (Numbers{0, 0, 0, 1, 2, 3}));
   EXPECT_EQ(s.robot->force_sensor->latency_s, 2e-3);
 
-  ASSERT_EQ(s.environment.size(), 5U);
+  ASSERT_EQ(s.environment.size(), 11U);
   const Sphere sphere = shape_of<Sphere>(s.environment[0]);
   EXPECT_EQ(sphere.center_m, Vector3d(0, 0, -1));
   EXPECT_EQ(sphere.radius_m, 0.9);
@@ -199,7 +203,59 @@ TEST(Scene, ReadsEveryBlockInSixDegreesOfFreedom) {
   EXPECT_EQ(box.center_m, Vector3d(0, 1, 0));
   EXPECT_EQ(box.half_size_m, Vector3d(0.1, 0.2, 0.3));
   EXPECT_EQ(std::get<Spring>(s.environment[3]).damping_n_s_per_m, 0.5);
-  EXPECT_EQ(s.tool, (std::vector<Vector3d>{{0, 0, 0.05}, {0.01, 0, 0.05}}));
+  const Torus torus = shape_of<Torus>(s.environment[5]);
+  EXPECT_EQ(torus.axis, Vector3d(0, 0, 1));
+  EXPECT_EQ(torus.tube_radius_m, 0.02);
+  EXPECT_EQ(shape_of<Capsule>(s.environment[6]).end_m, Vector3d(0.1, 0, 6));
+  EXPECT_EQ(shape_of<Peg>(s.environment[7]).profile->segments().size(), 4U);  // end, chamfer, side, back
+  EXPECT_EQ(shape_of<Hole>(s.environment[8]).profile->segments().size(), 4U);
+  EXPECT_EQ(shape_of<Cone>(s.environment[9]).point_m, Vector3d(0, 0, 9));
+  const Plate plate = shape_of<Plate>(s.environment[10]);
+  EXPECT_EQ(plate.holes->at(0).radius_m, 0.05);
+  EXPECT_LT((plate.rotation * Vector3d::UnitY() - Vector3d{0, -0.28, 0.96}).norm(), 1e-15);
+  ASSERT_GT(s.tool.size(), 10U);
+  EXPECT_EQ(s.tool[0], Vector3d(0, 0, 0.05));
+  EXPECT_EQ(s.tool[1], Vector3d(0.01, 0, 0.05));
+  for (std::size_t i = 2; i < s.tool.size(); ++i) {
+    const double along = std::clamp(s.tool[i].z(), 0.0, 0.02);
+    EXPECT_NEAR((s.tool[i] - Vector3d{0, 0, along}).norm(), 0.005, 1e-15);
+  }
+}
+
+TEST(Scene, ReadsAMeshBesideIt) {
+  const Folder folder;
+  folder.write("lab.textproto", kStiffWall);
+  folder.write("part.obj", obj(box_mesh({10, 20, 30})));
+  const std::string box =
+      "environment[0]={mesh { file: \"part.obj\" scale: 1e-3 position_m: [0, 0, 1] voxel_m: 2e-3 stiffness_n_per_m: 5 "
+      "}}";
+  const Scene s = load_scene(folder / "lab.textproto", Overrides{box}),
+              again = load_scene(folder / "lab.textproto", Overrides{box});
+  const Mesh mesh = shape_of<Mesh>(s.environment[0]);
+  EXPECT_NEAR(mesh.signed_distance<3>(Vector3d{0, 0, 1.031}, kNearest).distance, 1e-3, 1e-7);
+  EXPECT_EQ(mesh.field, shape_of<Mesh>(again.environment[0]).field) << "one field for one mesh";
+
+  const auto error = [&](const std::string& content, const std::string& more = "") -> std::string {
+    folder.write("other.obj", content);
+    try {
+      static_cast<void>(
+          load_scene(folder / "lab.textproto",
+                     Overrides{"environment[0]={mesh { file: \"other.obj\" stiffness_n_per_m: 5 " + more + "}}"}));
+      return "";
+    } catch (const ConfigError& e) {
+      return e.what();
+    }
+  };
+  EXPECT_TRUE(says(error("v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n"),
+                   {"lab.textproto: environment[0].mesh.file: ",
+                    "other.obj has 3 edges of one triangle only; the mesh must be closed"}));
+  EXPECT_TRUE(
+      says(error("v 1 2\n"), {"environment[0].mesh.file: ", "other.obj: line 1: \"\" stands where a coordinate"}));
+  TriangleMesh inward = box_mesh({1, 1, 1});
+  for (TriangleMesh::Triangle& t : inward.triangles) std::swap(t[0], t[1]);
+  EXPECT_TRUE(says(error(obj(inward)), {"has its triangles facing inwards"}));
+  EXPECT_TRUE(says(error(obj(box_mesh({1, 1, 1})), "voxel_m: 1e-4"),
+                   {"environment[0].mesh.voxel_m is 0.0001; it must make at most 3.2e+07 samples"}));
 }
 
 TEST(Scene, ReadsEveryImpairment) {

@@ -5,6 +5,32 @@ namespace twoport::test {
 INSTANTIATE_TEST_SUITE_P(
     Control, RefusedScene,
     ::testing::Values(
+        Refusal{
+            kStiffWall,
+            {"control.rendering=GOD_OBJECT"},
+            "control.rendering is GOD_OBJECT; it must be PENALTY over a link; GOD_OBJECT needs control.architecture "
+            "RENDER"},
+        Refusal{
+            kHeldSpring,
+            {"control.rendering=GOD_OBJECT"},
+            "control.virtual_coupling is missing; it must be given where control.rendering is GOD_OBJECT: it is the "
+            "spring to the proxy"},
+        Refusal{
+            kHeldSpring,
+            {"control.rendering=GOD_OBJECT", "control.virtual_coupling={stiffness_n_per_m: 0}"},
+            "control.virtual_coupling.stiffness_n_per_m is 0; it must be > 0 where control.rendering is GOD_OBJECT"},
+        Refusal{
+            kHeldSpring,
+            {"control.rendering=GOD_OBJECT", "control.virtual_coupling={}", "control.passivity.accounts=PER_CONTACT"},
+            "control.passivity.accounts is PER_CONTACT; it must be TOTAL where control.rendering is GOD_OBJECT: there "
+            "is one spring"},
+        Refusal{kHeldSpring,
+                {"control.rendering=GOD_OBJECT", "control.virtual_coupling={}"},
+                "environment[0].spring is given, but control.rendering is GOD_OBJECT: it renders surfaces"},
+        Refusal{kHeldSpring,
+                {"control.rendering=GOD_OBJECT", "control.virtual_coupling={}",
+                 "environment[0]={wall { normal: [1] stiffness_n_per_m: 1 friction: 0.1 }}"},
+                "environment[0].wall has friction, but control.rendering is GOD_OBJECT: it renders none"},
         Refusal{kStiffWall,
                 {"control.schedule[0].at_s=1"},
                 "control.schedule[0] changes nothing; it must name architecture or passivity"},

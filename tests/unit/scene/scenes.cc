@@ -80,7 +80,15 @@ environment { cylinder { point_m: [1, 0, 0] axis: [0, 0, 2] radius_m: 0.1 stiffn
 environment { box { center_m: [0, 1, 0] half_size_m: [0.1, 0.2, 0.3] stiffness_n_per_m: 100 } }
 environment { spring { stiffness_n_per_m: 10 damping_n_s_per_m: 0.5 anchor_m: [0, 0, 0.1] } }
 environment { wall { normal: [0, 3, 4] stiffness_n_per_m: 100 } }
-tool { contact_point { position_m: [0, 0, 0.05] } contact_point { position_m: [0.01, 0, 0.05] } }
+environment { torus { center_m: [0, 0, 5] axis: [0, 0, 2] radius_m: 0.05 tube_radius_m: 0.02 stiffness_n_per_m: 100 } }
+environment { capsule { start_m: [0, 0, 6] end_m: [0.1, 0, 6] radius_m: 0.05 stiffness_n_per_m: 100 } }
+environment { peg { end_m: [0, 0, 7] axis: [0, 2, 0] radius_m: 0.05 length_m: 0.2 chamfer_m: 0.01 stiffness_n_per_m: 100 } }
+environment { hole { mouth_m: [0, 0, -8] axis: [0, 0, 1] radius_m: 0.05 depth_m: 0.2 chamfer_m: 0.01 stiffness_n_per_m: 100 } }
+environment { cone { apex_m: [0, 0, 9] axis: [0, 0, 1] base_radius_m: 0.05 height_m: 0.2 stiffness_n_per_m: 100 } }
+environment { plate { center_m: [0, 0, 10] half_size_m: [0.2, 0.1, 0.01] rotation: [0.6, 0.8, 0, 0]
+                      hole { center_m: [0.1, 0] radius_m: 0.05 } stiffness_n_per_m: 100 } }
+tool { contact_point { position_m: [0, 0, 0.05] } contact_point { position_m: [0.01, 0, 0.05] }
+       part { capsule { start_m: [0, 0, 0] end_m: [0, 0, 0.02] radius_m: 0.005 } spacing_m: 0.01 } }
 simulation { integrator: RK4 substeps: 3 }
 expect {
   at_least { key: "drift_m" value: 0 } at_most { key: "drift_m" value: 1 }

@@ -1,4 +1,4 @@
-// The torus of docs/howto/add-an-environment.md, in the tree that new_environment.sh makes: read from a scene, and touched.
+// The pipe of docs/howto/add-an-environment.md, in the tree that new_environment.sh makes: read from a scene, and touched.
 
 #include <google/protobuf/text_format.h>
 
@@ -40,9 +40,9 @@ std::string refusal(int dof, const std::string& text) {
 }  // namespace
 
 int main() {
-  const std::string ring = "torus { center_m: [0.01, 0, 0] axis: [1, 2, 2] radius_m: 0.05 ";
-  const EnvironmentSpec spec = read(3, ring + "tube_radius_m: 0.02 stiffness_n_per_m: 3000 }");
-  expect(std::string{name(spec)} == "torus", "its name is torus");
+  const std::string tube = "pipe { point_m: [0.01, 0, 0] axis: [1, 2, 2] outer_radius_m: 0.05 ";
+  const EnvironmentSpec spec = read(3, tube + "inner_radius_m: 0.02 stiffness_n_per_m: 3000 }");
+  expect(std::string{name(spec)} == "pipe", "its name is pipe");
   const Environment<3> environment{{spec}};
 
   // The force is minus the gradient of the potential. Central differences of h = 1e-6 m err by U'''h²/6, below
@@ -60,21 +60,23 @@ int main() {
       const Eigen::Vector3d h = 1e-6 * Eigen::Vector3d::Unit(axis);
       slope[axis] = (potential(x + h) - potential(x - h)) / 2e-6;
     }
-    // At the circle in the middle of the tube the potential has an edge.
-    if (f.norm() < 0.99 * 3000 * 0.02) ++touched, expect((f + slope).norm() < 1e-4, "the force has a potential");
+    // In the middle of the wall the potential has an edge.
+    if (f.norm() < 0.99 * 3000 * 0.015) ++touched, expect((f + slope).norm() < 1e-4, "the force has a potential");
   }
-  expect(touched > 500, "the ring is touched");
+  expect(touched > 500, "the pipe is touched");
   const Eigen::Vector3d across = Eigen::Vector3d{2, -1, 0}.normalized();
   const auto at = [&](double r) { return Position<3>{Eigen::Vector3d{Eigen::Vector3d{0.01, 0, 0} + r * across}}; };
-  expect(environment.force(at(0.0), {}).squared_norm() == 0.0, "its hole is empty");
-  expect(std::abs(environment.force(at(0.065), {}).vec().dot(across) - 15.0) < 1e-9,
+  expect(environment.force(at(0.01), {}).squared_norm() == 0.0, "its bore is empty");
+  expect(std::abs(environment.force(at(0.045), {}).vec().dot(across) - 15.0) < 1e-9,
          "5 mm deep it pushes outwards with 15 N");
+  expect(std::abs(environment.force(at(0.025), {}).vec().dot(across) + 15.0) < 1e-9,
+         "5 mm deep from the bore it pushes inwards with 15 N");
 
-  expect(refusal(1, "torus { radius_m: 1 }") ==
-             "scene: environment[0].torus is given, but dof is 1; a torus needs dof 3 or 6",
-         "one axis: " + refusal(1, "torus { radius_m: 1 }"));
-  expect(refusal(3, ring + "tube_radius_m: 0.06 }")
-             .ends_with("environment[0].torus.tube_radius_m is 0.06; it must be < radius_m (0.05)"),
-         "too thick: " + refusal(3, ring + "tube_radius_m: 0.06 }"));
+  expect(refusal(1, "pipe { inner_radius_m: 1 }") ==
+             "scene: environment[0].pipe is given, but dof is 1; a pipe needs dof 3 or 6",
+         "one axis: " + refusal(1, "pipe { inner_radius_m: 1 }"));
+  expect(refusal(3, tube + "inner_radius_m: 0.06 }")
+             .ends_with("environment[0].pipe.inner_radius_m is 0.06; it must be < outer_radius_m (0.05)"),
+         "too thin: " + refusal(3, tube + "inner_radius_m: 0.06 }"));
   return failures == 0 ? 0 : 1;
 }

@@ -1,0 +1,250 @@
+#include "common/mesh/read_mesh.h"
+
+#include <fmt/format.h>
+
+#include <Eigen/Geometry>
+#include <bit>
+#include <charconv>
+#include <cmath>
+#include <cstdint>
+#include <cstring>
+#include <optional>
+#include <unordered_map>
+#include <vector>
+
+#include "common/base/check.h"
+
+namespace twoport {
+namespace {
+
+constexpr double kMostCoordinate = 1e6;
+
+/// Collects triangles; the messages of both formats.
+class Builder {
+ public:
+  explicit Builder(const std::string& name) : name_{name} {}
+
+  [[noreturn]] void fail(const std::string& words) const { throw ConfigError{fmt::format("{}: {}", name_, words)}; }
+  void check(const Eigen::Vector3d& v, const std::string& where) const {
+    for (int i = 0; i < 3; ++i)
+      if (!(std::abs(v[i]) <= kMostCoordinate))
+        fail(fmt::format("{} has a coordinate {:.9g}; it must be a number of at most {:g}", where, v[i],
+                         kMostCoordinate));
+  }
+  void vertex(const Eigen::Vector3d& v) { mesh_.vertices.push_back(v); }
+  /// The index of a vertex there: an earlier one if there is one.
+  std::uint32_t shared_vertex(const Eigen::Vector3d& v) {
+    const Key key{std::bit_cast<std::uint64_t>(v.x() + 0.0), std::bit_cast<std::uint64_t>(v.y() + 0.0),
+                  std::bit_cast<std::uint64_t>(v.z() + 0.0)};
+    const auto [at, is_new] = index_.try_emplace(key, static_cast<std::uint32_t>(mesh_.vertices.size()));
+    if (is_new) vertex(v);
+    return at->second;
+  }
+  void triangle(std::uint32_t a, std::uint32_t b, std::uint32_t c) {
+    const Eigen::Vector3d &p = mesh_.vertices[a], &q = mesh_.vertices[b], &r = mesh_.vertices[c];
+    if (!((q - p).cross(r - p).squaredNorm() > 0.0)) return;
+    if (mesh_.triangles.size() == kMostTriangles) fail(fmt::format("it has more than {} triangles", kMostTriangles));
+    mesh_.triangles.push_back({a, b, c});
+  }
+  [[nodiscard]] std::size_t vertices() const { return mesh_.vertices.size(); }
+  TriangleMesh finish() {
+    if (mesh_.triangles.empty()) fail("it has no triangle with an area");
+    return std::move(mesh_);
+  }
+
+ private:
+  struct Key {
+    std::uint64_t x, y, z;
+    bool operator==(const Key&) const = default;
+  };
+  struct Hash {
+    std::size_t operator()(const Key& k) const {
+      std::uint64_t h = k.x * 0x9e3779b97f4a7c15u;
+      h = (h ^ (h >> 29) ^ k.y) * 0xbf58476d1ce4e5b9u;
+      h = (h ^ (h >> 32) ^ k.z) * 0x94d049bb133111ebu;
+      return static_cast<std::size_t>(h ^ (h >> 31));
+    }
+  };
+  const std::string& name_;
+  TriangleMesh mesh_;
+  std::unordered_map<Key, std::uint32_t, Hash> index_;
+};
+
+// --- text ----------------------------------------------------------------------------------------
+
+/// Takes words and lines off a text.
+class Words {
+ public:
+  explicit Words(std::string_view text) : text_{text} {}
+
+  [[nodiscard]] std::size_t line() const { return line_; }
+  /// The next word of this line; empty at its end.
+  std::string_view next() {
+    while (!text_.empty() && is_blank(text_.front())) text_.remove_prefix(1);
+    std::size_t n = 0;
+    while (n < text_.size() && !is_blank(text_[n]) && text_[n] != '\n') ++n;
+    const std::string_view word = text_.substr(0, n);
+    text_.remove_prefix(n);
+    return word;
+  }
+  /// To the next line. False at the end of the text.
+  bool next_line() {
+    const std::size_t n = text_.find('\n');
+    if (n == std::string_view::npos) {
+      text_ = {};
+      return false;
+    }
+    text_.remove_prefix(n + 1);
+    ++line_;
+    return !text_.empty();
+  }
+  /// The next word, on this line or a later one; empty at the end of the text.
+  std::string_view next_anywhere() {
+    for (;;) {
+      if (const std::string_view word = next(); !word.empty()) return word;
+      if (!next_line()) return {};
+    }
+  }
+
+ private:
+  static bool is_blank(char c) { return c == ' ' || c == '\t' || c == '\r' || c == '\v' || c == '\f'; }
+  std::string_view text_;
+  std::size_t line_ = 1;
+};
+
+/// A word for a message: printable, and not long.
+std::string quoted(std::string_view word) {
+  std::string out;
+  for (const char c : word.substr(0, 20)) out += c >= ' ' && c <= '~' ? c : '?';
+  return "\"" + out + "\"";
+}
+
+template <class Number>
+std::optional<Number> number(std::string_view word) {
+  if (word.starts_with('+')) word.remove_prefix(1);
+  Number value{};
+  const auto [end, error] = std::from_chars(word.data(), word.data() + word.size(), value);
+  if (error != std::errc{} || end != word.data() + word.size()) return std::nullopt;
+  return value;
+}
+
+template <class Next>
+Eigen::Vector3d coordinates(const Builder& builder, const Words& words, Next next) {
+  Eigen::Vector3d v;
+  for (int i = 0; i < 3; ++i) {
+    const std::string_view word = next();
+    const std::optional<double> value = number<double>(word);
+    if (!value)
+      builder.fail(fmt::format("line {}: {} stands where a coordinate is expected", words.line(), quoted(word)));
+    v[i] = *value;
+  }
+  builder.check(v, fmt::format("line {}", words.line()));
+  return v;
+}
+
+TriangleMesh parse_ascii_stl(std::string_view content, Builder& builder) {
+  Words words{content};
+  words.next_line();  // solid NAME
+  const auto expect = [&](std::string_view wanted) {
+    if (const std::string_view word = words.next_anywhere(); word != wanted)
+      builder.fail(fmt::format("line {}: {} stands where \"{}\" is expected", words.line(), quoted(word), wanted));
+  };
+  for (;;) {
+    const std::string_view word = words.next_anywhere();
+    if (word == "endsolid") break;
+    if (word != "facet")
+      builder.fail(
+          fmt::format("line {}: {} stands where \"facet\" or \"endsolid\" is expected", words.line(), quoted(word)));
+    expect("normal");
+    for (int i = 0; i < 3; ++i) words.next_anywhere();  // what it says does not count: the order of the vertices does
+    expect("outer"), expect("loop");
+    std::uint32_t corner[3];
+    for (std::uint32_t& each : corner) {
+      expect("vertex");
+      each = builder.shared_vertex(coordinates(builder, words, [&] { return words.next_anywhere(); }));
+    }
+    expect("endloop"), expect("endfacet");
+    builder.triangle(corner[0], corner[1], corner[2]);
+  }
+  return builder.finish();
+}
+
+/// The vertex that I, I/J, I//K or I/J/K names, from 1; negative ones count backwards from the newest.
+std::uint32_t obj_index(const Builder& builder, const Words& words, std::string_view word) {
+  const std::optional<std::int64_t> index = number<std::int64_t>(word.substr(0, word.find('/')));
+  const auto count = static_cast<std::int64_t>(builder.vertices());
+  if (!index || *index == 0 || *index > count || *index < -count)
+    builder.fail(fmt::format("line {}: {} names no vertex; there are {} so far", words.line(), quoted(word), count));
+  return static_cast<std::uint32_t>(*index > 0 ? *index - 1 : count + *index);
+}
+
+TriangleMesh parse_obj(std::string_view content, Builder& builder) {
+  Words words{content};
+  do {
+    const std::string_view kind = words.next();
+    if (kind == "v") {
+      builder.vertex(coordinates(builder, words, [&] { return words.next(); }));
+    } else if (kind == "f") {
+      const std::string_view a = words.next(), b = words.next();
+      std::string_view c = words.next();
+      if (c.empty()) builder.fail(fmt::format("line {}: a face has fewer than three vertices", words.line()));
+      const std::uint32_t first = obj_index(builder, words, a);
+      std::uint32_t before = obj_index(builder, words, b);
+      for (; !c.empty(); c = words.next()) {
+        const std::uint32_t corner = obj_index(builder, words, c);
+        builder.triangle(first, before, corner);
+        before = corner;
+      }
+    }
+  } while (words.next_line());
+  return builder.finish();
+}
+
+// --- binary --------------------------------------------------------------------------------------
+
+constexpr std::size_t kHeader = 84, kFacet = 50;  // [bytes]
+
+std::uint32_t little_endian(std::string_view bytes) {
+  std::uint32_t value = 0;
+  for (std::size_t i = 4; i-- > 0;) value = value << 8 | static_cast<unsigned char>(bytes[i]);
+  return value;
+}
+
+TriangleMesh parse_binary_stl(std::string_view content, Builder& builder) {
+  const std::size_t count = (content.size() - kHeader) / kFacet;
+  for (std::size_t i = 0; i < count; ++i) {
+    const std::string_view facet = content.substr(kHeader + i * kFacet, kFacet);
+    std::uint32_t corner[3];
+    for (std::size_t k = 0; k < 3; ++k) {
+      Eigen::Vector3d v;
+      for (std::size_t axis = 0; axis < 3; ++axis)
+        v[static_cast<int>(axis)] =
+            static_cast<double>(std::bit_cast<float>(little_endian(facet.substr(12 * (k + 1) + 4 * axis, 4))));
+      builder.check(v, fmt::format("triangle {}", i));
+      corner[k] = builder.shared_vertex(v);
+    }
+    builder.triangle(corner[0], corner[1], corner[2]);
+  }
+  return builder.finish();
+}
+
+}  // namespace
+
+TriangleMesh parse_mesh(std::string_view content, const std::string& name) {
+  Builder builder{name};
+  if (content.size() >= kHeader) {
+    const std::uint64_t count = little_endian(content.substr(80, 4));
+    if (content.size() == kHeader + count * kFacet) return parse_binary_stl(content, builder);
+  }
+  Words words{content};
+  if (words.next_anywhere() == "solid") return parse_ascii_stl(content, builder);
+  // An OBJ file is text of which each line that counts begins with a keyword; one of them is v.
+  Words lines{content};
+  do {
+    if (lines.next() == "v") return parse_obj(content, builder);
+  } while (lines.next_line());
+  builder.fail(
+      "it is no triangle mesh that is read here: neither STL (a binary one is 84 + 50 n bytes long) nor Wavefront OBJ");
+}
+
+}  // namespace twoport

@@ -1,0 +1,281 @@
+#pragma once
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <cstddef>
+#include <span>
+#include <vector>
+
+#include "common/base/vector.h"
+#include "common/contact/environment.h"
+#include "common/contact/least_distance.h"
+#include "common/coupling/options.h"
+#include "common/ports/port.h"
+
+namespace twoport {
+
+/// Constraint-based rendering: a proxy of the handle that never enters the environment, and a spring between both. The surfaces
+/// are rigid and without friction; the spring is that of control.virtual_coupling, k and k_r.
+///
+///     x_p = argmin U(x_h, x)  where no point of x is inside a surface,  U = k |p_h - p|²/2 + k_r |log(R_h Rᵀ)|²/2,
+///     near the last x_p
+///     w   = (k (p_p - p_h), k_r log(R_p R_hᵀ)) on the handle: Σ λ_i (n_i, r_i×n_i) with λ_i >= 0, forces of the contacts only
+///     f   = max(0, 1 - β w·v) w,   β = (b |w_f|²/k² + b_r |w_τ|²/k_r²)/(2 U)²                   damping along w; never pulls
+///
+/// -w is the gradient of U(x_h, x_p(x_h)): the force has a potential wherever x_p moves continuously. With one surface, w is k times
+/// the depth along the normal.
+///
+/// The proxy moves in steps d = (δp, δθ) of at most 2 mm. Each is the least change of the goal in the metric of the spring
+/// (Gauss' principle of least constraint), subject to the surfaces' planes at their nearest points,
+///
+///     minimize |d - d_goal|_K   subject to   φ_i + n_i·(δp + δθ×r_i) >= 0,
+///
+/// then distances and planes are computed anew. A plane at which a step ended inside a surface stays until the end of the
+/// tick: at a concave edge a point needs both. If a pose without penetration is not found, that of the tick before stays.
+/// After Zilles and Salisbury, A constraint-based god-object method for haptic display, IROS 1995; Ortega, Redon, Coquillart,
+/// A six degree-of-freedom god-object method for haptic display of rigid bodies, IEEE TVCG 13(3), 2007.
+///
+/// Everything is allocated at construction.
+template <int N>
+class GodObject {
+ public:
+  static constexpr double kPenetration_m = 5e-10;  ///< largest depth of the proxy
+
+  /// A point of the proxy that touches, and the force on it.
+  struct Contact {
+    int index;  ///< point × surfaces + surface
+    Point<kAxes<N>> normal, arm;
+    double force_n;
+  };
+
+  GodObject(const CouplingOptions& o, const Environment<N>& environment)
+      : stiffness_{o.stiffness_n_per_m},
+        rotational_stiffness_{o.rotational_stiffness_n_m_per_rad},
+        damping_{o.damping_n_s_per_m},
+        rotational_damping_{o.rotational_damping_n_m_s_per_rad},
+        length_{N == 6 ? std::sqrt(rotational_stiffness_ / stiffness_) : 1.0},
+        surfaces_{environment.world().surfaces},
+        tool_{environment.tool()} {
+    for (const Eigen::Vector3d& p : tool_) radius_ = std::max(radius_, p.norm());
+    const std::size_t contacts = (N == 6 ? tool_.size() : 1) * surfaces_.size();
+    rows_.reserve(contacts + kCuts);
+    planes_.reserve(contacts + kCuts);
+    before_.resize(contacts);
+    cuts_.reserve(kCuts);
+  }
+
+  /// Moves the proxy towards the handle.
+  void follow(const Position<N>& handle) noexcept {
+    if (!placed_) proxy_ = handle;
+    placed_ = solve(proxy_, handle, placed_) || placed_;
+    if (!placed_) proxy_ = handle;
+    touching_ = contacts_ > 0;
+  }
+  /// The next proxy starts at the handle.
+  void release() noexcept { placed_ = false; }
+
+  [[nodiscard]] const Position<N>& proxy() const noexcept { return proxy_; }
+  [[nodiscard]] bool touching() const noexcept { return touching_; }
+  /// Of the last solution.
+  [[nodiscard]] std::span<const Contact> contacts() const noexcept { return {contact_.data(), contacts_}; }
+
+  /// On the handle, whose proxy follow() has moved.
+  [[nodiscard]] PortVector<N> force(const Position<N>& handle, const Velocity<N>& v) const noexcept {
+    PortVector<N> w = PortVector<N>::Zero();
+    if (!touching_) return w;
+    const auto apart = difference(proxy_, handle);
+    double stored = 0.0, damped = 0.0, power = 0.0;
+    if constexpr (N == 6) {
+      w = {stiffness_ * apart.linear, rotational_stiffness_ * apart.angular};
+      stored = stiffness_ * apart.linear.squaredNorm() + rotational_stiffness_ * apart.angular.squaredNorm();
+      damped = damping_ * apart.linear.squaredNorm() + rotational_damping_ * apart.angular.squaredNorm();
+      power = w.linear.dot(v.vec().template head<3>()) + w.angular.dot(v.vec().template tail<3>());
+    } else {
+      w = stiffness_ * apart;
+      stored = stiffness_ * apart.squaredNorm();
+      damped = damping_ * apart.squaredNorm();
+      power = w.dot(v.vec());
+    }
+    if (!(stored > 0.0)) return PortVector<N>::Zero();
+    const double scale = std::max(0.0, 1.0 - damped * power / (stored * stored));
+    return scale * w;
+  }
+  /// U between the handle and its proxy [J].
+  [[nodiscard]] Energy potential(const Position<N>& handle) const noexcept { return potential(proxy_, handle); }
+  /// U that there will be with the handle at x.
+  [[nodiscard]] Energy potential_after(const Position<N>& x) noexcept {
+    if (!placed_) return {};
+    Position<N> next = proxy_;
+    solve(next, x, true);
+    return potential(next, x);
+  }
+
+ private:
+  static constexpr int kSteps = 24;          // of a tick
+  static constexpr double kStep_m = 2e-3;    // a point's motion in one of them, at most
+  static constexpr double kStill_m = 1e-10;  // a step below ends the search
+  static constexpr double kRest_m = 1e-14;   // a first step below is not made
+  static constexpr std::size_t kCuts = 64;
+  static constexpr double kTolerance_m = 1e-14;  // of a condition
+
+  using Vector = Eigen::Matrix<double, N, 1>;
+  using Where = Point<kAxes<N>>;
+  /// normal·(point of the proxy) >= offset
+  struct Plane {
+    int index;
+    Where normal, arm;
+    double offset;
+  };
+
+  [[nodiscard]] Energy potential(const Position<N>& proxy, const Position<N>& handle) const noexcept {
+    const auto apart = difference(proxy, handle);
+    if constexpr (N == 6)
+      return Energy{0.5 *
+                    (stiffness_ * apart.linear.squaredNorm() + rotational_stiffness_ * apart.angular.squaredNorm())};
+    else
+      return Energy{0.5 * stiffness_ * apart.squaredNorm()};
+  }
+  /// (δp, length δθ): its square times k/2 is the spring's energy.
+  [[nodiscard]] Vector scaled(const Position<N>& to, const Position<N>& from) const noexcept {
+    if constexpr (N == 6) {
+      SpatialVector d = difference(to, from);
+      Vector y;
+      y << d.linear, length_ * d.angular;
+      return y;
+    } else {
+      return difference(to, from);
+    }
+  }
+  [[nodiscard]] Position<N> moved(const Position<N>& x, const Vector& y) const noexcept {
+    if constexpr (N == 6)
+      return x.moved(y.template head<3>(), y.template tail<3>() / length_);
+    else
+      return Position<N>{x.translation() + y};
+  }
+  /// A bound of the motion of every point.
+  [[nodiscard]] double travel(const Vector& y) const noexcept {
+    if constexpr (N == 6)
+      return y.template head<3>().norm() + radius_ / length_ * y.template tail<3>().norm();
+    else
+      return y.norm();
+  }
+  [[nodiscard]] HalfSpace<N> row(const Plane& plane, const Where& point) const noexcept {
+    HalfSpace<N> h;
+    if constexpr (N == 6)
+      h.a << plane.normal, plane.arm.cross(plane.normal) / length_;
+    else
+      h.a = plane.normal;
+    h.b = plane.offset - plane.normal.dot(point);
+    return h;
+  }
+
+  /// Planes of all surfaces within `reach` of the pose. Returns the least distance of a point.
+  double look(const Position<N>& x, double reach, bool first) noexcept {
+    const PoseWithRotation<N> at{x};
+    double least = reach;
+    int index = 0;
+    rows_.clear(), planes_.clear();
+    const auto visit = [&](const Where& p, const Where& arm) {
+      for (const Surface& s : surfaces_) {
+        const SignedDistance<kAxes<N>> d = signed_distance<kAxes<N>>(s.shape, p);
+        Before& before = before_[static_cast<std::size_t>(index)];
+        const Plane plane{index++, d.normal, arm, d.normal.dot(p) - d.distance};
+        if (d.distance <= reach) {
+          rows_.push_back(row(plane, p)), planes_.push_back(plane);
+          if (d.distance < -kPenetration_m) {
+            if (!first && before.within && cuts_.size() < kCuts) cuts_.push_back(before.plane);
+            if (cuts_.size() < kCuts) cuts_.push_back(plane);
+          }
+        }
+        before = {plane, d.distance <= reach};
+        least = std::min(least, d.distance);
+      }
+    };
+    if constexpr (N == 6) {
+      for (const Eigen::Vector3d& point : tool_) {
+        const Eigen::Vector3d arm = at.R * point;
+        visit(x.translation() + arm, arm);
+      }
+      for (Plane plane : cuts_) {
+        plane.arm = at.R * tool_[static_cast<std::size_t>(plane.index) / surfaces_.size()];
+        rows_.push_back(row(plane, x.translation() + plane.arm)), planes_.push_back(plane);
+      }
+    } else {
+      visit(x.translation(), Where::Zero());
+      for (const Plane& plane : cuts_) rows_.push_back(row(plane, x.translation())), planes_.push_back(plane);
+    }
+    return least;
+  }
+
+  /// Moves x towards the goal. `free`: x is known to penetrate nothing. True if it ends so.
+  bool solve(Position<N>& x, const Position<N>& goal, bool free) noexcept {
+    Position<N> last_free = x;
+    bool has_free = free;
+    cuts_.clear();
+    contacts_ = 0;
+    double step = 0.0;
+    for (int i = 0; i <= kSteps; ++i) {
+      Vector y = scaled(goal, x);
+      const double far = travel(y);
+      const bool whole = far <= kStep_m;
+      if (!whole) y *= kStep_m / far;
+      const double least = look(x, 2.5 * std::min(far, kStep_m) + 1e-4, i == 0);
+      if (least >= -kPenetration_m) {
+        last_free = x, has_free = true;
+        if (i > 0 && step <= kStill_m) return true;
+      }
+      if (i == kSteps) break;
+      if (rows_.empty()) {
+        contacts_ = 0;
+        if (whole) {
+          x = goal;
+          return true;
+        }
+        step = travel(y);
+        x = moved(x, y);
+        continue;
+      }
+      solver_.solve(rows_, y, kTolerance_m);
+      tell_contacts(whole ? 1.0 : far / kStep_m);
+      step = travel(y);
+      if (i == 0 && has_free && step <= kRest_m) return true;
+      if (contacts_ == 0 && whole)
+        x = goal, step = 0.0;  // checked by the next look
+      else if (step > 0.0)
+        x = moved(x, y);
+    }
+    x = last_free;
+    return has_free;
+  }
+  /// `scale`: of the way to the goal over the part of it that the step was to go.
+  void tell_contacts(double scale) noexcept {
+    contacts_ = solver_.active();
+    for (std::size_t j = 0; j < contacts_; ++j) {
+      const Plane& plane = planes_[solver_.index(j)];
+      contact_[j] = {plane.index, plane.normal, plane.arm, scale * stiffness_ * solver_.lambda(j)};
+    }
+  }
+
+  struct Before {
+    Plane plane;
+    bool within = false;
+  };
+
+  double stiffness_, rotational_stiffness_, damping_, rotational_damping_;
+  double length_;        ///< √(k_r/k): of a rotation in the spring's metric [m]
+  double radius_ = 0.0;  ///< of the farthest point of the tool
+  std::vector<Surface> surfaces_;
+  std::vector<Eigen::Vector3d> tool_;
+  Position<N> proxy_;
+  bool placed_ = false, touching_ = false;
+  // Work space of a solution.
+  std::vector<HalfSpace<N>> rows_;
+  std::vector<Plane> planes_, cuts_;
+  std::vector<Before> before_;
+  LeastDistance<N> solver_;
+  std::array<Contact, static_cast<std::size_t>(N)> contact_{};
+  std::size_t contacts_ = 0;
+};
+
+}  // namespace twoport

@@ -1,0 +1,363 @@
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <memory>
+#include <numbers>
+#include <random>
+#include <string>
+#include <vector>
+
+#include "common/base/check.h"
+#include "common/contact/environment.h"
+#include "common/mesh/bounding_volume_tree.h"
+#include "common/mesh/distance_field.h"
+#include "common/mesh/read_mesh.h"
+#include "common/mesh/sample_surface.h"
+#include "tests/support/meshes.h"
+#include "tests/support/no_alloc.h"
+
+namespace twoport {
+namespace {
+
+using Eigen::Vector3d;
+using test::ascii_stl;
+using test::binary_stl;
+using test::box_mesh;
+using test::obj;
+using test::sphere_mesh;
+using test::torus_mesh;
+
+constexpr double kRadius = 0.05, kTube = 0.02;
+const Torus kTorus{Vector3d::Zero(), Vector3d::UnitZ(), kRadius, kTube};
+
+/// 100,320 triangles and nodes 1 mm apart: the figures of docs/shapes.md.
+const TriangleMesh& fine_torus() {
+  static const TriangleMesh mesh = torus_mesh(kRadius, kTube, 330, 152);
+  return mesh;
+}
+const std::shared_ptr<const DistanceField>& fine_field() {
+  static const auto field = std::make_shared<const DistanceField>(fine_torus(), 1e-3);
+  return field;
+}
+Surface fine_surface(double stiffness, double friction = 0.0) {
+  return {Mesh{Vector3d::Zero(), Eigen::Matrix3d::Identity(), fine_field()}, {stiffness, 0, friction, 0}};
+}
+
+class Source {
+ public:
+  double uniform(double from, double to) { return std::uniform_real_distribution<double>{from, to}(random_); }
+  Vector3d vector(double size) {
+    const double x = uniform(-size, size), y = uniform(-size, size), z = uniform(-size, size);
+    return {x, y, z};
+  }
+  /// At a signed distance of at most `off` from the torus.
+  Vector3d near_torus(double off) {
+    const double a = uniform(0, 2 * std::numbers::pi), b = uniform(0, 2 * std::numbers::pi);
+    const double t = kTube + uniform(-off, off), r = kRadius + t * std::cos(b);
+    return {r * std::cos(a), r * std::sin(a), t * std::sin(b)};
+  }
+
+ private:
+  std::mt19937_64 random_{17};
+};
+
+// --- files ---------------------------------------------------------------------------------------
+
+void expect_same_solid(const TriangleMesh& a, const TriangleMesh& b, double tolerance) {
+  EXPECT_EQ(a.triangles.size(), b.triangles.size());
+  EXPECT_EQ(a.vertices.size(), b.vertices.size());
+  EXPECT_TRUE(faults_of(a).none());
+  EXPECT_NEAR(faults_of(a).volume_m3, faults_of(b).volume_m3, tolerance * faults_of(b).volume_m3);
+}
+
+TEST(ReadMesh, ReadsWhatTheThreeFormatsHold) {
+  const TriangleMesh torus = torus_mesh(kRadius, kTube, 24, 12);
+  expect_same_solid(parse_mesh(binary_stl(torus), "part"), torus, 1e-6);  // coordinates of STL are floats
+  expect_same_solid(parse_mesh(ascii_stl(torus), "part"), torus, 1e-14);
+  expect_same_solid(parse_mesh(obj(torus), "part"), torus, 1e-14);
+}
+
+TEST(ReadMesh, ReadsABinaryStlWhoseHeaderBeginsWithSolid) {
+  std::string stl = binary_stl(box_mesh({1, 2, 3}));
+  stl.replace(0, 5, "solid");
+  EXPECT_EQ(parse_mesh(stl, "part").triangles.size(), 12u);
+}
+
+TEST(ReadMesh, SplitsPolygonsAndCountsBackwards) {
+  const TriangleMesh mesh = parse_mesh(
+      "v 0 0 0\r\nv 1 0 0\r\nv 1 1 0\nv 0 1 0\nf 1/1/1 2/2/1 3/3/1 4/4/1\nv 0 0 1\nf -5 -4 -1\nusemtl x\ns off\n",
+      "part");
+  ASSERT_EQ(mesh.triangles.size(), 3u);
+  EXPECT_EQ(mesh.triangles[1], (TriangleMesh::Triangle{0, 2, 3}));
+  EXPECT_EQ(mesh.triangles[2], (TriangleMesh::Triangle{0, 1, 4}));
+}
+
+std::string refusal(const std::string& content) {
+  try {
+    parse_mesh(content, "part");
+    return "";
+  } catch (const ConfigError& e) {
+    return e.what();
+  }
+}
+
+TEST(ReadMesh, RefusesInOneSentenceWhatIsNoMesh) {
+  const std::string neither =
+      "part: it is no triangle mesh that is read here: neither STL (a binary one is 84 + 50 n bytes long) nor "
+      "Wavefront OBJ";
+  EXPECT_EQ(refusal(""), neither);
+  EXPECT_EQ(refusal(std::string(1000, '\0')), neither);
+  const std::string stl = binary_stl(box_mesh({1, 1, 1}));
+  EXPECT_EQ(refusal(stl.substr(0, stl.size() - 1)), neither);
+  EXPECT_EQ(refusal(stl + "x"), neither);
+  std::string many = stl;
+  many[80] = many[81] = many[82] = many[83] = '\xff';  // 4 billion triangles
+  EXPECT_EQ(refusal(many), neither);
+  std::string none(84, '\0');
+  EXPECT_EQ(refusal(none), "part: it has no triangle with an area");
+  std::string nan = stl;
+  for (std::size_t i = 0; i < 4; ++i) nan[84 + 50 + 12 + i] = '\xff';
+  EXPECT_EQ(refusal(nan), "part: triangle 1 has a coordinate -nan; it must be a number of at most 1e+06");
+  EXPECT_EQ(refusal("solid\nfacet normal 0 0 1 outer loop vertex 0 0 x"),
+            "part: line 2: \"x\" stands where a coordinate is expected");
+  EXPECT_EQ(refusal("solid\nfacet normal 0 0 1\nouter ring"),
+            "part: line 3: \"ring\" stands where \"loop\" is expected");
+  EXPECT_EQ(refusal("solid\n"), "part: line 2: \"\" stands where \"facet\" or \"endsolid\" is expected");
+  EXPECT_EQ(refusal("v 0 0 0\nv 1 0 0\nf 1 2 3"), "part: line 3: \"3\" names no vertex; there are 2 so far");
+  EXPECT_EQ(refusal("v 0 0 0\nf 1 1 0"), "part: line 2: \"0\" names no vertex; there are 1 so far");
+  EXPECT_EQ(refusal("v 0 0 0\nf 1 1 -9223372036854775808"),
+            "part: line 2: \"-9223372036854775808\" names no vertex; there are 1 so far");
+  EXPECT_EQ(refusal("v 0 0 0\nf 1 1"), "part: line 2: a face has fewer than three vertices");
+  EXPECT_EQ(refusal("v 0 0"), "part: line 1: \"\" stands where a coordinate is expected");
+  EXPECT_EQ(refusal("v 0 0 1e300"), "part: line 1 has a coordinate 1e+300; it must be a number of at most 1e+06");
+  EXPECT_EQ(refusal("v 0 0 0\n"), "part: it has no triangle with an area");
+}
+
+TEST(Mesh, TellsWhatKeepsItFromBeingASolid) {
+  TriangleMesh mesh = box_mesh({1, 2, 3});
+  EXPECT_TRUE(faults_of(mesh).none());
+  EXPECT_NEAR(faults_of(mesh).volume_m3, 48.0, 1e-12);
+  TriangleMesh open = mesh;
+  open.triangles.pop_back();
+  EXPECT_EQ(faults_of(open).open_edges, 3u);
+  TriangleMesh turned = mesh;
+  std::swap(turned.triangles[0][0], turned.triangles[0][1]);
+  EXPECT_EQ(faults_of(turned).odd_edges, 3u);
+  for (TriangleMesh::Triangle& t : mesh.triangles) std::swap(t[0], t[1]);
+  EXPECT_NEAR(faults_of(mesh).volume_m3, -48.0, 1e-12);
+}
+
+// --- nearest point -------------------------------------------------------------------------------
+
+TEST(BoundingVolumeTree, FindsTheNearestOfAllTriangles) {
+  // Against a search of all triangles, each of them a tree of its own.
+  const TriangleMesh mesh = torus_mesh(kRadius, kTube, 20, 10);
+  const BoundingVolumeTree tree{mesh};
+  std::vector<BoundingVolumeTree> single;
+  for (const TriangleMesh::Triangle& t : mesh.triangles) single.emplace_back(TriangleMesh{mesh.vertices, {t}});
+  Source source;
+  std::uint32_t near = 0;
+  for (int i = 0; i < 2000; ++i) {
+    const Vector3d p = source.vector(0.1);
+    double least = 1e9;
+    for (const BoundingVolumeTree& each : single) least = std::min(least, each.nearest(p).squared_distance);
+    const auto cold = tree.nearest(p), warm = tree.nearest(p, near);
+    near = cold.triangle;
+    ASSERT_EQ(cold.squared_distance, least);
+    ASSERT_EQ(warm.squared_distance, least);
+    ASSERT_EQ((p - cold.point).squaredNorm(), least);
+  }
+}
+
+TEST(BoundingVolumeTree, KnowsTheInsideOfABoxExactly) {
+  // Most nearest points lie on edges and corners, where a triangle's own normal tells nothing.
+  const Vector3d half{0.01, 0.02, 0.03};
+  const BoundingVolumeTree tree{box_mesh(half)};
+  Source source;
+  for (int i = 0; i < 20'000; ++i) {
+    const Vector3d p = source.vector(0.06), q = p.cwiseAbs() - half;
+    const double exact = q.maxCoeff() < 0.0 ? q.maxCoeff() : q.cwiseMax(0.0).norm();
+    ASSERT_NEAR(tree.nearest(p).signed_distance(p), exact, 1e-15) << p.transpose();
+  }
+}
+
+TEST(BoundingVolumeTree, IsAsNearTheTorusAsItsFacets) {
+  // A facet of an edge e on a circle of radius 20 mm is e²/(8 r) = 4 µm behind it, twice that for the diagonal.
+  const BoundingVolumeTree tree{fine_torus()};
+  Source source;
+  for (int i = 0; i < 2000; ++i) {
+    const Vector3d p = source.near_torus(3e-3);
+    ASSERT_NEAR(tree.nearest(p).signed_distance(p), kTorus.signed_distance<3>(p, kNearest).distance, 10e-6);
+  }
+}
+
+// --- sampled distance ----------------------------------------------------------------------------
+
+TEST(DistanceField, IsExactForAPlane) {
+  // A flat face away from its edges: the interpolant reproduces what is linear. Samples are floats: 6e-8 of 20 mm.
+  const DistanceField field{box_mesh({0.02, 0.02, 0.02}), 1e-3};
+  Source source;
+  for (int i = 0; i < 500; ++i) {
+    const Vector3d p{source.uniform(-3e-3, 3e-3), source.uniform(-3e-3, 3e-3), 0.02 + source.uniform(-3e-3, 3e-3)};
+    const auto at = field.at(p);
+    ASSERT_NEAR(at.distance, p.z() - 0.02, 2e-9);
+    ASSERT_LT((at.gradient - Vector3d::UnitZ()).norm(), 2e-6);
+  }
+}
+
+TEST(DistanceField, KnowsTheTorusTo16MicrometresAndAQuarterOfADegree) {
+  Source source;
+  double depth = 0.0, depth_squared = 0.0, angle = 0.0, angle_squared = 0.0;
+  constexpr int kCount = 20'000;
+  for (int i = 0; i < kCount; ++i) {
+    const Vector3d p = source.near_torus(3e-3);
+    const auto at = fine_field()->at(p);
+    const auto exact = kTorus.signed_distance<3>(p, kNearest);
+    const double off = std::abs(at.distance - exact.distance);
+    const double turn = std::atan2(at.gradient.cross(exact.normal).norm(), at.gradient.dot(exact.normal));
+    depth = std::max(depth, off), depth_squared += off * off;
+    angle = std::max(angle, turn), angle_squared += turn * turn;
+  }
+  const double degrees = 180 / std::numbers::pi;
+  std::printf("depth %.2f µm rms, %.2f µm max; normal %.3f° rms, %.3f° max\n", 1e6 * std::sqrt(depth_squared / kCount),
+              1e6 * depth, degrees * std::sqrt(angle_squared / kCount), degrees * angle);
+  EXPECT_LT(depth, 16e-6);
+  EXPECT_LT(degrees * angle, 0.25);
+}
+
+TEST(DistanceField, KnowsASphere) {
+  const TriangleMesh mesh = sphere_mesh(0.03, 7);  // 131,072 triangles
+  const DistanceField field{mesh, 1e-3};
+  Source source;
+  double depth = 0.0, angle = 0.0;
+  for (int i = 0; i < 5000; ++i) {
+    const Vector3d n = source.vector(1.0).normalized();
+    const double r = 0.03 + source.uniform(-3e-3, 3e-3);
+    const auto at = field.at(r * n);
+    depth = std::max(depth, std::abs(at.distance - (r - 0.03)));
+    angle = std::max(angle, std::atan2(at.gradient.cross(n).norm(), at.gradient.dot(n)));
+  }
+  std::printf("depth %.2f µm, normal %.3f° max\n", 1e6 * depth, angle * 180 / std::numbers::pi);
+  EXPECT_LT(depth, 16e-6);
+  EXPECT_LT(angle * 180 / std::numbers::pi, 0.25);
+}
+
+TEST(DistanceField, HasItsOwnGradient) {
+  Source source;
+  constexpr double h = 1e-7;  // the second derivative jumps by up to 1/h of the grid at its nodes: error below 1e-4
+  for (int i = 0; i < 2000; ++i) {
+    const Vector3d p = source.near_torus(8e-3);
+    const auto at = fine_field()->at(p);
+    for (int axis = 0; axis < 3; ++axis) {
+      const Vector3d by = h * Vector3d::Unit(axis);
+      ASSERT_NEAR((fine_field()->at(p + by).distance - fine_field()->at(p - by).distance) / (2 * h), at.gradient[axis],
+                  1e-5);
+    }
+  }
+}
+
+TEST(DistanceField, IsALowerBoundBeyondItsGrid) {
+  Source source;
+  for (int i = 0; i < 2000; ++i) {
+    const Vector3d p = source.vector(0.3);
+    const double exact = kTorus.signed_distance<3>(p, kNearest).distance;
+    if (exact < 5e-3) continue;
+    const double found = fine_field()->at(p).distance;
+    ASSERT_GT(found, 2e-3);
+    ASSERT_LT(found, exact + 20e-6);
+  }
+  const double nan = std::nan("");
+  EXPECT_FALSE(fine_field()->at({nan, 0, 0}).distance < 0.0);
+  EXPECT_GT(fine_field()->at({1e300, 0, 0}).distance, 1.0);
+}
+
+TEST(DistanceField, GivesBackAroundALoopWhatItTook) {
+  // 8 mm along and 2 mm into the torus with 5 kN/m, around a smooth loop. The trapezoid rule: the integrand's second derivative
+  // jumps at the grid's planes, so its error falls as 1/n²: 1e-9 J of 12 mJ with 20,000 points.
+  const Environment<3> environment{{fine_surface(5000.0)}};
+  Source source;
+  for (int loop = 0; loop < 20; ++loop) {
+    const double a0 = source.uniform(0, 6.28), b0 = source.uniform(0, 6.28), turn = source.uniform(0, 6.28);
+    const auto at = [&](double s) {
+      const double a = a0 + 0.06 * std::cos(s) * std::cos(turn), b = b0 + 0.2 * std::cos(s) * std::sin(turn);
+      const double t = kTube - 1.2e-3 + 1e-3 * std::sin(s), r = kRadius + t * std::cos(b);
+      return Vector3d{r * std::cos(a), r * std::sin(a), t * std::sin(b)};
+    };
+    constexpr int kPoints = 20'000;
+    double work = 0.0, stored = 0.0;
+    for (int k = 0; k < kPoints; ++k) {
+      const Vector3d p = at(2 * std::numbers::pi * k / kPoints), q = at(2 * std::numbers::pi * (k + 1) / kPoints);
+      const Vector3d middle = 0.5 * (p + q);
+      work += environment.force(Position<3>{middle}, {}).vec().dot(q - p);
+      stored = std::max(stored, environment.potential(Position<3>{middle}).si());
+    }
+    ASSERT_NEAR(work, 0.0, 1e-8) << "loop " << loop;
+    ASSERT_GT(stored, 8e-3);
+  }
+}
+
+TEST(Mesh, HasFrictionThatDissipates) {
+  // The gradient's length differs from 1, so that the part of the velocity across it is not v - (n·v) n.
+  const Environment<3> rough{{fine_surface(3000.0, 0.4)}};
+  Source source;
+  int slid = 0;
+  for (int i = 0; i < 20'000; ++i) {
+    const Velocity<3> v{source.vector(0.2)};
+    rough.for_each_contact(Position<3>{source.near_torus(5e-3)}, v, [&](const ContactPort<3>& c) {
+      ASSERT_LE(c.tangential.dot(v.vec()), 0.0);
+      ASSERT_NEAR(c.tangential.dot(c.normal), 0.0, 1e-12 * c.normal.norm() * (1 + c.tangential.norm()));
+      slid += c.presses;
+    });
+  }
+  EXPECT_GT(slid, 1000);
+}
+
+TEST(Mesh, IsQueriedWithoutAllocation) {
+  const BoundingVolumeTree tree{fine_torus()};
+  const DistanceField& field = *fine_field();
+  Source source;
+  double sum = 0.0;
+  int seen = 0;
+  {
+    NoAlloc guard;
+    for (int i = 0; i < 1000; ++i) {
+      const Vector3d p = source.near_torus(3e-3);
+      sum += tree.nearest(p).squared_distance + field.at(p).distance;
+    }
+    seen = guard.seen();
+  }
+  EXPECT_EQ(seen, 0);
+  EXPECT_TRUE(std::isfinite(sum));
+}
+
+// --- points of a tool ----------------------------------------------------------------------------
+
+void expect_spacing(const std::vector<Vector3d>& points, const TriangleMesh& mesh, double spacing, double apart) {
+  for (std::size_t i = 0; i < points.size(); ++i)
+    for (std::size_t j = 0; j < i; ++j) ASSERT_GE((points[i] - points[j]).norm(), apart * (1 - 1e-12));
+  Source source;
+  for (int i = 0; i < 3000; ++i) {
+    const TriangleMesh::Triangle& t =
+        mesh.triangles[static_cast<std::size_t>(source.uniform(0, static_cast<double>(mesh.triangles.size())))];
+    double u = source.uniform(0, 1), v = source.uniform(0, 1);
+    if (u + v > 1) u = 1 - u, v = 1 - v;
+    const Vector3d p = mesh.vertices[t[0]] + u * (mesh.vertices[t[1]] - mesh.vertices[t[0]]) +
+                       v * (mesh.vertices[t[2]] - mesh.vertices[t[0]]);
+    double least = 1e9;
+    for (const Vector3d& each : points) least = std::min(least, (each - p).norm());
+    ASSERT_LE(least, spacing);
+  }
+}
+
+TEST(SampleSurface, LeavesNoPlaceFartherThanTheSpacing) {
+  const TriangleMesh torus = torus_mesh(kRadius, kTube, 48, 24), box = box_mesh({0.02, 0.03, 0.01});
+  expect_spacing(sample_surface(torus, 8e-3), torus, 8e-3, 6e-3);
+  const std::vector<Vector3d> points = sample_surface(box, 7e-3);
+  expect_spacing(points, box, 7e-3, 5.25e-3);
+  int corners = 0;
+  for (const Vector3d& p : points) corners += (p.cwiseAbs() - Vector3d{0.02, 0.03, 0.01}).norm() < 1e-12;
+  EXPECT_EQ(corners, 8);
+}
+
+}  // namespace
+}  // namespace twoport
