@@ -146,7 +146,8 @@ void read_passivity(const Block<schema::Passivity>& of, ControlOptions& options)
   options.observer = of.choice<ObserverRule>(FIELD(observer));
   options.accounts = of.choice<Accounts>(FIELD(accounts));
   // With several contact points f·v of the sum vanishes while single ones generate energy.
-  if (!of.has(FIELD(accounts)) && rendering && of.dof() == 6 && method == schema::Passivity::FORCE_PROJECTED)
+  if (!of.has(FIELD(accounts)) && rendering && options.rendering == RenderingAlgorithm::penalty && of.dof() == 6 &&
+      method == schema::Passivity::FORCE_PROJECTED)
     options.accounts = Accounts::per_contact;
   options.reference_energy = of.flag(FIELD(reference_energy));
   // Absent: default_initial_energy, once the system is known.
