@@ -27,7 +27,7 @@ using Vector6 = Force<6>::Vector;
 
 constexpr double kPeriod = 5e-4, kDuration = 6.0;
 constexpr double kPeg = 0.0100, kHole = 0.0101;  // radii [m]
-constexpr double kMass = 0.05, kInertia = 2e-5;  // of the handle in the hand
+constexpr double kMass = 0.1, kInertia = 5e-5;   // of the handle in the hand
 constexpr std::size_t kPoints = 48;              // three rings of 16, 30 to 60 mm below the handle
 
 enum class Account { none, total, normal_tangential, per_point, per_point_normal_tangential, metric_damping };
