@@ -20,20 +20,10 @@
 #include "lab/engine/recording.h"
 #include "lab/engine/simulation.h"
 #include "lab/engine/stoppable.h"
+#include "lab/engine/summary_parts.h"
 
 namespace twoport::lab {
 namespace {
-
-/// Times of the ends of the parts of a run [s]: the ends of the path's segments, or sixteenths of the run where no segment
-/// ends before it. Without a path one part: the hand changes nothing between a part's end and the scene's.
-std::vector<double> parts(std::vector<double> segment_ends_s, double end_s) {
-  if (segment_ends_s.empty()) return {end_s};
-  std::erase_if(segment_ends_s, [&](double t) { return !(t > 0.0 && t < end_s); });
-  if (segment_ends_s.empty())
-    for (int i = 1; i < 16; ++i) segment_ends_s.push_back(end_s * i / 16);
-  segment_ends_s.push_back(end_s);
-  return segment_ends_s;
-}
 
 /// States of a run in contact, to be judged beside its last one. A state is the end of a part in whose second half something
 /// was touched. Of the parts that end on the same set of surfaces the one with the largest ∫|f| dt is kept, f the
@@ -99,20 +89,6 @@ class ContactStates {
   std::vector<State> states_;
 };
 
-int severity(VerdictKind kind) {
-  switch (kind) {
-    case VerdictKind::stable:
-      return 0;
-    case VerdictKind::restless:
-      return 1;
-    case VerdictKind::undecided:
-      return 2;
-    case VerdictKind::unstable:
-      break;
-  }
-  return 3;
-}
-
 /// The verdict of the loop as the scene leaves it, and in the other states: the worst.
 template <int N>
 TailVerdict judge_all(const Simulation<N>& at_end, const ContactStates<N>& states, const Scene& scene,
@@ -121,10 +97,9 @@ TailVerdict judge_all(const Simulation<N>& at_end, const ContactStates<N>& state
   for (const auto& state : states.all()) {
     if (worst.verdict.kind == VerdictKind::unstable) break;
     if (!state.at) continue;
-    TailVerdict held = judge_tail(*state.at, scene, scale, twin);
+    const TailVerdict held = judge_tail(*state.at, scene, scale, twin);
     worst.ticks += held.ticks;
-    if (severity(held.verdict.kind) <= severity(worst.verdict.kind)) continue;
-    worst.verdict = {held.verdict.kind, held.verdict.text + fmt::format(" (held in contact at {:.4g} s)", state.at_s)};
+    keep_worse(worst.verdict, held.verdict, state.at_s);
   }
   return worst;
 }
@@ -134,22 +109,8 @@ CountedRun run_as(Simulation<N>& simulation, const Scene& scene, const RunOption
                   LabRecording<N>* recording) {
   const bool alone = scene.control.architecture == Architecture::uncontrolled;
   const bool link = simulation.link().has_value();
-  const double rate_hz = alone ? scene.slave_rate_hz : scene.master_rate_hz;
-  Metrics<N> metrics{{.rate_hz = rate_hz,
-                      .duration_s = scene.duration_s,
-                      .quiet_from_s = simulation.quiet_from_s(),
-                      .initial_energy_j = simulation.initial_energy().si(),
-                      .controller = has_controller(scene),
-                      .coarse = is_coarse(scene),
-                      .link = link,
-                      .trends = options.verdict == VerdictFrom::plain},
-                     Registration<N>{scene.control}.to_master(Energy{1.0}).si(),
-                     {.hand = !alone,
-                      .link = link,
-                      .robot = link || alone,
-                      .account = keeps_account(scene.control, scene.schedule),
-                      .robot_energy = link,
-                      .rests = rests(scene)}};
+  Metrics<N> metrics = metrics_of<N>(scene, link, simulation.quiet_from_s(), simulation.initial_energy().si(),
+                                     options.verdict == VerdictFrom::plain);
   std::optional<Trace<N>> trace;
   if (options.trace != nullptr) trace.emplace(*options.trace);
 
@@ -198,17 +159,7 @@ CountedRun run_as(Simulation<N>& simulation, const Scene& scene, const RunOption
   }
   say_if_coupling_feeds(s, scene.control.initial_energy);
   if (const std::optional<LinkUse> use = simulation.link()) {
-    schema::Directions& packets = *s.mutable_packets();
-    *packets.mutable_to_slave() = received_packets(use->slave);
-    packets.mutable_to_slave()->set_sent(count(use->master.sent));
-    *packets.mutable_to_master() = received_packets(use->master);
-    packets.mutable_to_master()->set_sent(count(use->slave.sent));
-    if (!(scene.control.device_limits == PortLimits{} && scene.control.robot_limits == PortLimits{})) {
-      *s.mutable_limits()->mutable_device() = limits_of_device(use->device_limits);
-      *s.mutable_limits()->mutable_robot() = limits_of_robot(use->robot_limits);
-    }
-    if (!scene.schedule.empty()) s.set_switches(use->switches);
-    if (use->clock) *s.mutable_slave_clock() = clock_estimate(*use->clock);
+    fill_link(s, *use, scene);
     if (use->overflowed > 0) s.mutable_verdict()->append("; packets in flight exceeded the line's room");
   }
   return {s, ticks};

@@ -103,6 +103,7 @@ class ContactFigures {
   }
 
  private:
+  friend struct SumsOfLanes;
   void add_torque(const Row<N>& row) noexcept {
     const Eigen::Vector3d felt = row.master_f.vec().template tail<3>();
     const Eigen::Vector3d fast = torque_high_pass_.step(felt);

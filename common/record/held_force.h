@@ -75,6 +75,7 @@ class HeldForce {
   }
 
  private:
+  friend struct SumsOfLanes;
   struct Forces {
     Vector felt, reference;
   };

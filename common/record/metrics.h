@@ -17,6 +17,9 @@
 
 namespace twoport {
 
+/// Sets the sums that a batch of simulations has made (lab/lanes/).
+struct SumsOfLanes;
+
 /// Which parts of the system the recording side observes. Figures of the others are left out of the summary.
 struct KnownParts {
   bool stability = true;
@@ -126,6 +129,7 @@ class Metrics {
   }
 
  private:
+  friend struct SumsOfLanes;
   // An extreme changes in few ticks, and a branch costs less than a store.
   static void lower(double& least, double value) noexcept {
     if (value < least) least = value;

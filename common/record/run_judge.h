@@ -90,6 +90,7 @@ class RunJudge {
   [[nodiscard]] Verdict verdict() const;
 
  private:
+  friend struct SumsOfLanes;
   using Speeds = std::array<double, 2 * N>;
 
   [[gnu::noinline]] void end_early() noexcept {

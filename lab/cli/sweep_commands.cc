@@ -3,20 +3,24 @@
 #include <algorithm>
 #include <cstdio>
 #include <memory>
+#include <optional>
 #include <string>
 #include <utility>
 
 #include "common/base/check.h"
+#include "common/base/print_error.h"
 #include "lab/cli/commands.h"
+#include "lab/lanes/lanes.h"
 #include "lab/plot/sweep_picture.h"
 #include "lab/study/parallel.h"
-#include "lab/study/sweep.h"
+#include "lab/study/sweep_lanes.h"
 
 namespace twoport::lab {
 namespace {
 
 struct Arguments {
   SweepOptions sweep;
+  std::optional<int> lanes;
   std::string shard, plot = "stable";
   std::vector<std::string> axes, parts;
 };
@@ -65,11 +69,19 @@ void finish(const Table& table, const std::string& plot, const std::string& out)
   if (plot != "none") fmt::print("{}\n", draw(table, plot, out));
 }
 
+/// Which runs were stepped several at once, and why others were not.
+void say_lanes(const LaneUse& use) {
+  if (use.together > 0) print_error("{} runs, {} at once ({})\n", use.together, use.lanes, name_of_lanes(use.lanes));
+  for (const auto& [why, count] : use.alone) print_error("{} runs alone: {}\n", count, why);
+}
+
 int sweep_command(Arguments& a) {
   check_plot(a.plot, a.sweep.seeds > 0);
   for (const std::string& axis : a.axes) a.sweep.axes.push_back(parse_axis(axis));
   if (!a.shard.empty()) a.sweep.shard = parse_shard(a.shard);
-  const Table table = sweep(a.sweep, show_progress);
+  LaneUse use;
+  const Table table = sweep(a.sweep, checked_lanes(a.lanes.value_or(0)), use, show_progress);
+  if (a.lanes || progress_is_shown()) say_lanes(use);
   if (a.sweep.out.empty()) {
     std::fputs(to_csv(table).c_str(), stdout);
     return 0;
@@ -102,13 +114,17 @@ std::vector<Subcommand> add_sweep_commands(CLI::App& app) {
       ->add_option("--seeds", a->sweep.seeds, "Runs per cell, with the scene's seed, seed + 1, ...: mean, sd and worst")
       ->check(CLI::Range(1, 1'000'000));
   add_jobs(sweep, a->sweep.jobs);
+  sweep->add_option(
+      "--lanes", a->lanes,
+      "Simulations that a thread steps at once: 1, 2, 4 or 8; 0, the default: as many as the processor can. Says "
+      "which runs ran alone, and why");
   sweep->add_option("--shard", a->shard, "I/N, I from 1: run only this part of the cells, for merge");
   sweep->add_option("--out", a->sweep.out, "Folder for table.csv, pictures, and the cells finished so far");
   sweep->add_option("--plot", a->plot, plot)->capture_default_str();
   sweep->add_flag_callback("--list-figures", list_figures, "Print the figures of a table and exit");
   sweep->footer(
       R"(table.csv holds a column for each varied path, then the figures of the summary (all its numbers except step_ns, which is
-wall-clock time), then its texts: scene, architecture, method, verdict. It is bit-identical for any --jobs.
+wall-clock time), then its texts: scene, architecture, method, verdict. It is bit-identical for any --jobs and --lanes.
 Without --out it goes to stdout.
 
 With --seeds N each figure KEY has three columns: KEY is the mean over the seeds (for `stable`: the fraction of stable

@@ -13,16 +13,20 @@
 #include <mutex>
 #include <optional>
 #include <string_view>
+#include <tuple>
+#include <utility>
 
 #include "common/base/check.h"
 #include "common/base/file.h"
 #include "common/record/summary.h"
 #include "common/scene/load.h"
+#include "lab/lanes/lanes.h"
 #include "lab/run.h"
 #include "lab/study/cells.h"
 #include "lab/study/digest.h"
 #include "lab/study/parallel.h"
 #include "lab/study/seeds.h"
+#include "lab/study/sweep_lanes.h"
 
 namespace twoport::lab {
 namespace {
@@ -146,16 +150,94 @@ struct OpenCell {
   std::size_t finished = 0;
 };
 
-/// The k-th seed of a cell, and the seed that the cell's scene has.
-std::pair<Summary, std::uint64_t> run_cell(const SweepOptions& o, const Plan& plan, std::size_t cell, std::size_t k) {
+/// One run of a sweep: the k-th seed of a cell.
+struct Run {
+  std::size_t cell, k;
+};
+
+/// The scene of a run, and the seed that the cell's scene has.
+std::pair<Scene, std::uint64_t> scene_of_run(const SweepOptions& o, const Plan& plan, const Run& run) {
   try {
-    Scene scene = load_scene(o.scene, overrides(o, plan.values(cell)));
+    Scene scene = load_scene(o.scene, overrides(o, plan.values(run.cell)));
     const std::uint64_t first_seed = scene.seed;
-    scene.seed += k;
-    return {run(scene, {.stop = o.stop}), first_seed};
+    scene.seed += run.k;
+    return {std::move(scene), first_seed};
   } catch (const ConfigError& e) {
-    throw ConfigError{fmt::format("cell {} ({}): {}", cell, plan.name(cell), e.what())};
+    throw ConfigError{fmt::format("cell {} ({}): {}", run.cell, plan.name(run.cell), e.what())};
   }
+}
+
+/// Runs runs several at once where lanes take them, the rest alone. `finished` is called from any thread, with each run, its summary and
+/// the seed of its cell's scene.
+template <class Finished>
+LaneUse run_all(const SweepOptions& o, int lanes, const Plan& plan, const std::vector<Run>& runs, Finished finished) {
+  constexpr std::size_t kLoaded = 4096, kMostInGroup = 64;
+  LaneUse use{.lanes = checked_lanes(lanes)};
+  if (use.lanes == 1) {
+    for_each_parallel(runs.size(), o.jobs, [&](std::size_t i) {
+      const auto [scene, first_seed] = scene_of_run(o, plan, runs[i]);
+      finished(runs[i], run(scene, {.stop = o.stop}), first_seed);
+    });
+    return use;
+  }
+  for (std::size_t from = 0; from < runs.size(); from += kLoaded) {
+    const std::size_t count = std::min(kLoaded, runs.size() - from);
+    struct Loaded {
+      std::optional<Scene> scene;
+      std::uint64_t first_seed = 0;
+      std::string shape, why_alone;
+    };
+    std::vector<Loaded> loaded(count);
+    for_each_parallel(count, o.jobs, [&](std::size_t i) {
+      Loaded& l = loaded[i];
+      try {
+        std::tie(l.scene, l.first_seed) = scene_of_run(o, plan, runs[from + i]);
+      } catch (const ConfigError&) {
+        return;  // thrown where its turn comes
+      }
+      l.why_alone = why_not_in_lanes(*l.scene);
+      if (l.why_alone.empty()) l.shape = shape_of_lanes(*l.scene);
+    });
+    std::map<std::string, std::vector<std::size_t>> shapes;
+    std::vector<std::vector<std::size_t>> groups;
+    for (std::size_t i = 0; i < count; ++i) {
+      if (loaded[i].scene && loaded[i].why_alone.empty()) {
+        shapes[loaded[i].shape].push_back(i);
+      } else {
+        if (loaded[i].scene) ++use.alone[loaded[i].why_alone];
+        groups.push_back({i});
+      }
+    }
+    for (const auto& [shape, all] : shapes) {
+      const std::size_t jobs = static_cast<std::size_t>(std::max(o.jobs, 1));
+      const std::size_t size = std::clamp<std::size_t>((all.size() + jobs - 1) / jobs, 1, kMostInGroup);
+      for (std::size_t i = 0; i < all.size(); i += size) {
+        const std::size_t n = std::min(size, all.size() - i);
+        groups.emplace_back(all.begin() + static_cast<std::ptrdiff_t>(i),
+                            all.begin() + static_cast<std::ptrdiff_t>(i + n));
+        if (n > 1) {
+          use.together += n;
+        } else {
+          ++use.alone["no other run has its shape"];
+        }
+      }
+    }
+    for_each_parallel(groups.size(), o.jobs, [&](std::size_t g) {
+      const std::vector<std::size_t>& group = groups[g];
+      if (group.size() == 1) {
+        const Loaded& l = loaded[group[0]];
+        if (!l.scene) scene_of_run(o, plan, runs[from + group[0]]);
+        finished(runs[from + group[0]], run(*l.scene, {.stop = o.stop}), l.first_seed);
+        return;
+      }
+      std::vector<const Scene*> scenes;
+      for (const std::size_t i : group) scenes.push_back(&*loaded[i].scene);
+      const std::vector<Summary> summaries = run_in_lanes(scenes, use.lanes, o.stop);
+      for (std::size_t i = 0; i < group.size(); ++i)
+        finished(runs[from + group[i]], summaries[i], loaded[group[i]].first_seed);
+    });
+  }
+  return use;
 }
 
 Table table_of(const Plan& plan, Cells cells) {
@@ -263,6 +345,11 @@ std::string to_csv(const Table& table) {
 }
 
 Table sweep(const SweepOptions& o, const std::function<void(const Progress&)>& heard) {
+  LaneUse use;
+  return sweep(o, 0, use, heard);
+}
+
+Table sweep(const SweepOptions& o, int lanes, LaneUse& use, const std::function<void(const Progress&)>& heard) {
   const Plan plan = plan_of(o);
   std::optional<CellFile> file;
   if (!o.out.empty()) file.emplace(o.out, plan);
@@ -284,20 +371,21 @@ Table sweep(const SweepOptions& o, const std::function<void(const Progress&)>& h
   std::map<std::size_t, OpenCell> open;
   const std::size_t seeds = std::max<std::size_t>(o.seeds, 1);
   const auto start = std::chrono::steady_clock::now();
-  for_each_parallel(todo.size() * seeds, o.jobs, [&](std::size_t i) {
-    const std::size_t cell = todo[i / seeds], k = i % seeds;
-    const auto [summary, first_seed] = run_cell(o, plan, cell, k);
+  std::vector<Run> runs;
+  for (const std::size_t cell : todo)
+    for (std::size_t k = 0; k < seeds; ++k) runs.push_back({cell, k});
+  use = run_all(o, lanes, plan, runs, [&](const Run& run, const Summary& summary, std::uint64_t first_seed) {
     const std::lock_guard lock{guard};
-    OpenCell& of_cell = open[cell];
+    OpenCell& of_cell = open[run.cell];
     of_cell.of_seeds.resize(seeds);
-    of_cell.of_seeds[k] = summary;
+    of_cell.of_seeds[run.k] = summary;
     if (++of_cell.finished < seeds) return;
-    std::vector<std::string> row = plan.varied_columns(cell);
+    std::vector<std::string> row = plan.varied_columns(run.cell);
     for (auto& [name, text] : o.seeds > 0 ? columns_of(of_cell.of_seeds, first_seed) : columns_of(summary))
       row.push_back(std::move(text));
-    open.erase(cell);
-    if (file) file->append(cell, row);
-    cells.emplace(cell, std::move(row));
+    open.erase(run.cell);
+    if (file) file->append(run.cell, row);
+    cells.emplace(run.cell, std::move(row));
     ++progress.done;
     progress.spent_s = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
     if (heard) heard(progress);

@@ -1,0 +1,133 @@
+#pragma once
+
+#include <cstdint>
+
+// The border between the laboratory and the lane units (loop_sse42.cc and its like), which are compiled for other instruction
+// sets: plain structs only. A unit must not instantiate an inline function that another translation unit may share, so it
+// includes no header of the standard library or of Eigen.
+
+namespace twoport::lab::lanes {
+
+inline constexpr int kMostLanes = 8, kMostSprings = 2;
+
+/// Numbers of a cell that do not change during a run, but for the last three. S: a double, or as many as a unit has lanes.
+template <class S, int N>
+struct Parameters {
+  S dt, period_ns;
+  // Handle and hand: sim/plant/handle.h, sim/operator/hand.h.
+  S handle_xv, handle_xu, handle_xw, handle_vv, handle_vu, handle_vw;
+  S hand_stiffness, hand_damping;
+  S held_at[N];  ///< tail: intended position
+  // Robot: sim/plant/exact_wall.h; [0]: free, [1]: in contact.
+  S map_x[2][2], map_v[2][2], map_u[2][2], load[2], in_parts[2];
+  S along_stiffness[2], along_xv[2], along_xu[2], along_vv[2], along_vu[2];
+  S normal[N], offset, wall_stiffness, wall_damping, wall_viscous, pull[N];
+  S spring_stiffness[kMostSprings], spring_damping[kMostSprings], spring_anchor[kMostSprings][N];
+  S sensor_bias[N];
+  // Coupling and registration.
+  S stiffness, damping, mobility, catch_up;
+  S motion_scale, force_scale, energy_to_slave, energy_to_master;
+  // Nodes.
+  S hold_ns, release_ns, ramp_by, most_force;
+  // Method.
+  S initial_energy, most_gain, most_mobility, response;
+  // Network: [0]: to the slave, [1]: to the master.
+  S lag[2], loss[2], burst_p[2], burst_r[2], burst_good[2], burst_bad[2];
+  // Metrics.
+  S filter_b0, filter_a1, filter_a2, most_speed2, window;
+  // Change at stops.
+  S late, at_rest, blackout[2];
+};
+
+/// State of a simulation between two ticks: both plants, both nodes, both halves of the method, what is known of the network.
+template <class S, int N>
+struct State {
+  S k;  ///< number of the next tick
+  // Device.
+  S master_x[N], master_v[N], held[N], intended[N], master_energy;
+  // Robot.
+  S slave_x[N], slave_v[N], across[2], in_contact, command[N], into_robot;
+  // Master's node and half.
+  S master_absorbed, master_returned, ramp, master_mode;
+  S slave_known, slave_heard_at, slave_energy, f_rx[N], f_coupling_rx[N];
+  S base_absorbed, base_returned, absorbed_before;
+  S predicted_u[N], predicted_d[N], predicted_applied[N], predicted_w[N], predicted_error;
+  S command_absorbed, command_returned, command_force[N];
+  // Slave's node and half.
+  S slave_absorbed, slave_returned, slave_mode;
+  S master_known, master_heard_at, known_energy, x_rx[N], v_rx[N];
+  S shifted, origin[N], x_sd[N], x_d[N], target[N];
+  S coupling_f[N], x_before[N], coupling_absorbed, coupling_returned, coupling_worst, energy_sent;
+  // The laboratory's loop.
+  S delayed_force[N], force_lag, hand_origin[N];
+  // Packets, by direction: received, and the tick at which the first one came.
+  S received[2], first_at[2];
+  S random[2];  ///< bits of an unsigned integer
+  S bad_state[2];
+};
+
+/// Sums of Metrics, RunJudge, ContactFigures, HeldForce and ContactStates.
+template <class S, int N>
+struct Sums {
+  S min_energy, min_observed, min_two_port, min_robot, robot_force2, robot_speed2, owed, dissipated, corrected_ticks;
+  S drift2, position_error2, apart_rows, last_apart_row;
+  S force_error2, correction2, force2, chatter2, wanted_rows, turned_rows, turn2_max, turn2;
+  S filter_1[N], filter_2[N];
+  S uncoupled, touching, free, quiet, muted, compared;
+  S environment_force, error2, contact_turn2, free_force2, penetration2;
+  S held_next, held_ticks;
+  S reach2, speed[2 * N], was_coupled;
+  S pressed, late_ticks, touched;
+};
+
+inline constexpr int words_to_slave(int dof) {
+  return 2 * dof + 1;  // x, v, energy
+}
+inline constexpr int words_to_master(int dof) {
+  return 3 * dof + 1;  // f, f_environment, energy, f_coupling
+}
+inline constexpr int words_of_record(int dof) {
+  return 2 * dof + 3;  // velocities, two energies, events
+}
+enum Event : unsigned { kTouching = 1, kLimited = 2, kActed = 4, kDriven = 8 };
+
+enum class LaneMethod : int { none, one_port, predictive };
+
+/// As many simulations as the unit has lanes. Arrays are [field][lane], rings [slot][field][lane], aligned to 64 bytes.
+struct Batch {
+  double *parameters, *state, *sums;
+  double *to_slave, *to_master, *window, *record;
+  std::int64_t slots, window_slots;  ///< of the rings; powers of two
+  std::int64_t clock;                ///< number of the next tick, since the batch began
+  std::int64_t record_row;           ///< of the next tick
+  const double* path[kMostLanes];    ///< run: intended position at each tick, N numbers each
+  void* plant[kMostLanes];           ///< for plant_step
+  // The same in every lane.
+  LaneMethod method;
+  bool projected, unilateral, predict;  ///< one_port
+  bool keeps_deficit;                   ///< not as published
+  bool measured, drift_compensation, hand, wall;
+  int springs;
+  // Made from the parameters whenever a lane has been filled.
+  bool lossy[2], bursts[2], one_lag[2], together;
+  /// One tick of a lane's plant in which contact changes: x, v, across, in_contact, force.
+  void (*plant_step)(void* plant, double* numbers);
+  /// Square of the angle between two vectors [rad²], as common/record/angle.h: u, f, |u|², |f|².
+  double (*squared_angle)(const double* u, const double* f, double u2, double f2);
+  /// The lane's window of held force has ended.
+  void (*window_ended)(Batch& batch, int lane);
+  void* owner;
+  unsigned diverged;  ///< lanes, set when run() returns
+};
+
+/// Runs up to `ticks` ticks; ends after one in which a lane has diverged. Returns the number of ticks.
+using Run = std::int64_t (*)(Batch&, std::int64_t ticks);
+struct Unit {
+  const char* name;
+  int lanes;
+  Run run[2], tail[2];  ///< N = 1, 3
+};
+
+extern const Unit kBase, kAvx2, kAvx512;
+
+}  // namespace twoport::lab::lanes

@@ -1,0 +1,32 @@
+#pragma once
+
+#include <atomic>
+#include <cstddef>
+#include <functional>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "common/record/summary.h"
+#include "common/scene/scene.h"
+
+namespace twoport::lab {
+
+/// Most simulations that this processor steps at once: 8 with AVX-512, 4 with AVX2, else 2.
+int widest_lanes();
+/// The instruction set of so many lanes: 2, 4 or 8.
+std::string name_of_lanes(int lanes);
+/// Throws ConfigError unless `lanes` is 0 (the widest), 1, or 2, 4 or 8 as far as this processor has them. Returns the number.
+int checked_lanes(int lanes);
+
+/// Why this scene has to run alone; empty: lanes take it.
+std::string why_not_in_lanes(const Scene& scene);
+/// Scenes of equal shape share a batch.
+std::string shape_of_lanes(const Scene& scene);
+
+/// The summaries of scenes that lanes take, all of one shape, each as run(scene) makes it, to the bit, `step_ns` excepted: here the
+/// wall time of a tick of all of them over their number. `lanes`: 2, 4 or 8. Throws Stopped soon after `stop` has become true.
+std::vector<Summary> run_in_lanes(std::span<const Scene* const> scenes, int lanes,
+                                  const std::atomic<bool>* stop = nullptr);
+
+}  // namespace twoport::lab

@@ -1,0 +1,167 @@
+// Lanes against the laboratory, bit for bit (lab/lanes/README.md).
+
+#include "lab/lanes/lanes.h"
+
+#include <fmt/format.h>
+#include <gtest/gtest.h>
+
+#include <bit>
+#include <cmath>
+#include <filesystem>
+#include <map>
+#include <random>
+#include <string>
+#include <vector>
+
+#include "common/base/check.h"
+#include "common/scene/load.h"
+#include "lab/run.h"
+#include "lab/study/sweep_lanes.h"
+
+namespace twoport::lab {
+namespace {
+
+const std::string kScenes = TWOPORT_SCENES;
+
+/// Names of the figures and texts in which two summaries differ. No tolerance: the bits are compared.
+std::string differences(const Summary& a, const Summary& b) {
+  std::string all;
+  const auto of_a = numbers(a), of_b = numbers(b);
+  for (std::size_t i = 0; i < of_a.size(); ++i)
+    if (of_a[i].first != "step_ns" &&
+        std::bit_cast<std::uint64_t>(of_a[i].second) != std::bit_cast<std::uint64_t>(of_b[i].second) &&
+        !(std::isnan(of_a[i].second) && std::isnan(of_b[i].second)))
+      all += fmt::format(" {} {} {}", of_a[i].first, of_a[i].second, of_b[i].second);
+  if (a.verdict() != b.verdict()) all += fmt::format(" verdict '{}' '{}'", a.verdict(), b.verdict());
+  if (a.verdict_kind() != b.verdict_kind()) all += " verdict_kind";
+  return all;
+}
+
+std::vector<int> widths() {
+  std::vector<int> all;
+  for (int lanes = 2; lanes <= widest_lanes(); lanes *= 2) all.push_back(lanes);
+  return all;
+}
+
+/// Runs scenes alone, and by shapes in lanes of every width; expects no difference.
+void expect_same(const std::vector<std::pair<std::string, Scene>>& scenes, std::size_t in_a_batch) {
+  std::map<std::string, std::vector<std::size_t>> shapes;
+  std::vector<Summary> alone;
+  for (std::size_t i = 0; i < scenes.size(); ++i) {
+    shapes[shape_of_lanes(scenes[i].second)].push_back(i);
+    alone.push_back(run(scenes[i].second));
+  }
+  for (const int lanes : widths())
+    for (const auto& [shape, all] : shapes)
+      for (std::size_t from = 0; from < all.size(); from += in_a_batch) {
+        std::vector<const Scene*> batch;
+        for (std::size_t i = from; i < std::min(from + in_a_batch, all.size()); ++i)
+          batch.push_back(&scenes[all[i]].second);
+        const std::vector<Summary> together = run_in_lanes(batch, lanes);
+        for (std::size_t i = 0; i < batch.size(); ++i)
+          EXPECT_EQ(differences(alone[all[from + i]], together[i]), "")
+              << lanes << " lanes, " << scenes[all[from + i]].first;
+      }
+}
+
+TEST(Lanes, EveryScene) {
+  std::vector<std::pair<std::string, Scene>> taken;
+  for (const auto& entry : std::filesystem::recursive_directory_iterator{kScenes}) {
+    if (entry.path().extension() != ".textproto") continue;
+    Scene scene = load_scene(entry.path().string());
+    if (!why_not_in_lanes(scene).empty()) continue;
+    for (int i = 0; i < 3; ++i, ++scene.seed) taken.emplace_back(entry.path().string(), scene);
+  }
+  EXPECT_GE(taken.size(), 3U * 10U);
+  expect_same(taken, 64);
+}
+
+/// Overrides that make a scene of the laboratory another one at random.
+std::vector<std::string> random_overrides(std::mt19937_64& random, int dof) {
+  const auto between = [&](double low, double high) {
+    return low * std::pow(high / low, static_cast<double>(random() >> 11) * 0x1.0p-53);
+  };
+  const auto one_of = [&](const std::vector<std::string>& of) { return of[random() % of.size()]; };
+  const double rate_hz = dof == 1 ? 1000.0 : 500.0;
+  std::vector<std::string> all{
+      "duration_s=1.6",
+      fmt::format("rate_hz={}", rate_hz),
+      fmt::format("seed={}", random() % 1000),
+      "control.passivity.method=" + one_of({"NONE", "CLASSIC", "FORCE_PROJECTED"}),
+      "control.architecture=" + one_of({"POSITION_FORCE", "POSITION_MEASURED_FORCE"}),
+      fmt::format("control.virtual_coupling.stiffness_n_per_m={:.6g}", between(100, 5000)),
+      fmt::format("control.virtual_coupling.damping_n_s_per_m={:.6g}", between(1, 60)),
+      fmt::format("environment[0].wall.stiffness_n_per_m={:.6g}", between(100, 100'000)),
+      fmt::format("environment[0].wall.damping_n_s_per_m={:.6g}", random() % 2 == 0 ? 0.0 : between(0.1, 30)),
+      fmt::format("robot.mass_kg={:.6g}", between(0.05, 2)),
+      fmt::format("operator.hand.stiffness_n_per_m={:.6g}", between(30, 1000)),
+      fmt::format("operator.hand.damping_n_s_per_m={:.6g}", between(0.1, 20)),
+  };
+  for (const char* way : {"to_slave", "to_master"}) {
+    all.push_back(fmt::format("{}.delay_ms={:.6g}", way, random() % 8 == 0 ? 0.0 : between(0.3, 300)));
+    switch (random() % 4) {
+      case 0:
+        all.push_back(fmt::format("{}.loss={:.6g}", way, between(0.01, 0.95)));
+        break;
+      case 1:
+        all.push_back(fmt::format("{}.burst={{ p: {:.6g} r: {:.6g} }}", way, between(0.001, 0.3), between(0.001, 0.3)));
+        break;
+      case 2:
+        all.push_back(fmt::format("{}.blackout=[{{ start_s: {:.6g} duration_s: {:.6g} }}]", way, between(0.1, 1.5),
+                                  between(0.01, 2)));
+        break;
+      default:
+        break;
+    }
+  }
+  if (random() % 4 == 0) all.push_back("control.virtual_coupling.drift_compensation=false");
+  if (random() % 4 == 0) all.push_back("control.passivity.predict=false");
+  if (random() % 4 == 0) all.push_back(fmt::format("control.force_scale={:.6g}", between(0.3, 3)));
+  if (random() % 4 == 0) all.push_back(fmt::format("control.motion_scale={:.6g}", between(0.3, 3)));
+  if (random() % 4 == 0) all.push_back(fmt::format("control.passivity.initial_energy_j={:.6g}", between(1e-6, 1)));
+  return all;
+}
+
+TEST(Lanes, RandomCells) {
+  std::mt19937_64 random{1};
+  std::vector<std::pair<std::string, Scene>> cells;
+  for (int i = 0; i < 300; ++i) {
+    const int dof = i % 3 == 0 ? 3 : 1;
+    const std::vector<std::string> set = random_overrides(random, dof);
+    std::string name = fmt::format("dof {}: {}", dof, fmt::join(set, " "));
+    Scene scene = load_scene(kScenes + (dof == 1 ? "/one_axis_wall.textproto" : "/stiff_wall_50ms.textproto"), set);
+    EXPECT_EQ(why_not_in_lanes(scene), "") << name;
+    cells.emplace_back(std::move(name), std::move(scene));
+  }
+  expect_same(cells, 24);
+}
+
+TEST(Lanes, TheTableOfASweepIsTheSame) {
+  const SweepOptions o{
+      .scene = kScenes + "/one_axis_wall.textproto",
+      .set = {"duration_s=3"},
+      .axes = {parse_axis("to_slave.delay_ms,to_master.delay_ms=0:60:4"), parse_axis("to_slave.loss=0,0.1"),
+               parse_axis("control.passivity.method=NONE,FORCE_PROJECTED,INTERNAL_MODEL")},
+      .seeds = 2,
+      .jobs = 2,
+      .shard = {},
+      .out = {}};
+  LaneUse use;
+  const Table alone = sweep(o, 1, use);
+  EXPECT_EQ(use.together, 0U);
+  const Table together = sweep(o, 0, use);
+  EXPECT_EQ(to_csv(alone), to_csv(together));
+  EXPECT_EQ(use.lanes, widest_lanes());
+  EXPECT_EQ(use.together, 4U * 2U * 2U * 2U);
+  EXPECT_EQ(use.alone.at("control.passivity.method is INTERNAL_MODEL"), 4U * 2U * 2U);
+}
+
+TEST(Lanes, AnImpossibleNumberIsRefused) {
+  EXPECT_THROW(checked_lanes(3), ConfigError);
+  EXPECT_THROW(checked_lanes(16), ConfigError);
+  EXPECT_EQ(checked_lanes(1), 1);
+  EXPECT_EQ(checked_lanes(0), widest_lanes());
+}
+
+}  // namespace
+}  // namespace twoport::lab
