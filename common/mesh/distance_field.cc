@@ -35,7 +35,8 @@ DistanceField::DistanceField(const TriangleMesh& mesh, double spacing_m) : spaci
   const auto [origin, size] = grid_around(tree.low(), tree.high(), spacing_m);
   origin_ = origin;
   stride_[0] = 1, stride_[1] = size[0], stride_[2] = size[0] * size[1];
-  for (int axis = 0; axis < 3; ++axis) last_[axis] = static_cast<double>(size[static_cast<std::size_t>(axis)]) - 2.5;
+  // The nodes around u are floor(u + 1/2) and the ones beside it.
+  for (int axis = 0; axis < 3; ++axis) last_[axis] = static_cast<double>(size[static_cast<std::size_t>(axis)]) - 2.0;
   coefficients_.resize(size[0] * size[1] * size[2]);
   std::uint32_t near = 0;
   for (std::size_t k = 0, n = 0; k < size[2]; ++k)

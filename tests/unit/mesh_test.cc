@@ -246,7 +246,7 @@ TEST(DistanceField, HasItsOwnGradient) {
   Source source;
   constexpr double h = 1e-7;  // the second derivative jumps by up to 1/h of the grid at its nodes: error below 1e-4
   for (int i = 0; i < 2000; ++i) {
-    const Vector3d p = source.near_torus(8e-3);
+    const Vector3d p = source.near_torus(2.9e-3);
     const auto at = fine_field()->at(p);
     for (int axis = 0; axis < 3; ++axis) {
       const Vector3d by = h * Vector3d::Unit(axis);

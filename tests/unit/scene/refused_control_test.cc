@@ -7,7 +7,7 @@ INSTANTIATE_TEST_SUITE_P(
     ::testing::Values(
         Refusal{
             kStiffWall,
-            {"control.rendering=GOD_OBJECT"},
+            {"control.rendering=GOD_OBJECT", "control.virtual_coupling={}"},
             "control.rendering is GOD_OBJECT; it must be PENALTY over a link; GOD_OBJECT needs control.architecture "
             "RENDER"},
         Refusal{
@@ -25,12 +25,16 @@ INSTANTIATE_TEST_SUITE_P(
             "control.passivity.accounts is PER_CONTACT; it must be TOTAL where control.rendering is GOD_OBJECT: there "
             "is one spring"},
         Refusal{kHeldSpring,
-                {"control.rendering=GOD_OBJECT", "control.virtual_coupling={}"},
+                {"control.virtual_coupling={}", "control.rendering=GOD_OBJECT"},
                 "environment[0].spring is given, but control.rendering is GOD_OBJECT: it renders surfaces"},
         Refusal{kHeldSpring,
                 {"control.rendering=GOD_OBJECT", "control.virtual_coupling={}",
                  "environment[0]={wall { normal: [1] stiffness_n_per_m: 1 friction: 0.1 }}"},
                 "environment[0].wall has friction, but control.rendering is GOD_OBJECT: it renders none"},
+        Refusal{kHeldSpring,
+                {"control.rendering=GOD_OBJECT", "control.virtual_coupling={}",
+                 "environment[0]={wall { normal: [1] stiffness_n_per_m: 1 damping_n_s_per_m: 0.1 }}"},
+                "environment[0].wall has damping, but control.rendering is GOD_OBJECT: it renders none"},
         Refusal{kStiffWall,
                 {"control.schedule[0].at_s=1"},
                 "control.schedule[0] changes nothing; it must name architecture or passivity"},
