@@ -40,7 +40,7 @@ install(FILES ${PROJECT_BINARY_DIR}/packaging/copyright DESTINATION ${CMAKE_INST
 set(CPACK_GENERATOR DEB)
 set(CPACK_PACKAGE_NAME twoport)
 set(CPACK_PACKAGE_VENDOR "twoport developers")
-set(CPACK_PACKAGE_CONTACT "twoport developers <twoport@localhost>")
+set(CPACK_PACKAGE_CONTACT "twoport developers <twoport@example.org>")
 set(CPACK_PACKAGE_DESCRIPTION_SUMMARY "passive bilateral teleoperation over delayed, lossy links")
 set(CPACK_DEBIAN_PACKAGE_DESCRIPTION
     "Programs for a haptic device and a robot that feel each other over UDP,\nwith passivity control at both ends; a laboratory that runs the same\ncontrollers in virtual time; library and headers for own programs and\nfor drivers as plug-ins.")

@@ -58,7 +58,14 @@ void write_whole(const std::string& path, std::string_view text) {
   file.commit();
 }
 
-WholeFile::WholeFile(std::string path) : path_{std::move(path)}, file_{std::fopen(partial(path_).c_str(), "wb")} {
+WholeFile::WholeFile(std::string path) : path_{std::move(path)}, file_{nullptr} {
+  // It would take the place of a device or a pipe.
+  std::error_code error;
+  const std::filesystem::file_status status = std::filesystem::status(path_, error);
+  if (std::filesystem::exists(status) && !std::filesystem::is_regular_file(status))
+    throw ConfigError{path_ + ": cannot be written: " +
+                      (std::filesystem::is_directory(status) ? reason(EISDIR) : "it is not a regular file")};
+  file_ = std::fopen(partial(path_).c_str(), "wb");
   if (file_ == nullptr) throw ConfigError{path_ + ": cannot be written: " + reason(errno)};
 }
 
@@ -124,6 +131,22 @@ std::string earlier_file(const std::string& path) {
   return path + "~";
 }
 
+namespace {
+
+/// ConfigError where the file that a recording's predecessor would replace is not one, or is in use.
+void check_replaceable(const std::string& path, const std::string& earlier, std::string_view magic) {
+  const std::unique_ptr<std::FILE, int (*)(std::FILE*)> file{std::fopen(earlier.c_str(), "rbe"), std::fclose};
+  if (!file) return;
+  if (::flock(::fileno(file.get()), LOCK_EX | LOCK_NB) != 0 && errno == EWOULDBLOCK)
+    throw ConfigError{path + ": " + earlier + ", which it would replace, is read or written now; give another name"};
+  std::string begin(magic.size(), '\0');
+  begin.resize(std::fread(begin.data(), 1, begin.size(), file.get()));
+  if (!begin.empty() && begin != magic)
+    throw ConfigError{path + ": " + earlier + ", which it would replace, is no recording; give another name"};
+}
+
+}  // namespace
+
 std::FILE* take_file(const std::string& path, std::string_view magic) {
   const int fd = ::open(path.c_str(), O_RDWR | O_CREAT | O_CLOEXEC, 0666);
   std::unique_ptr<std::FILE, int (*)(std::FILE*)> file{fd < 0 ? nullptr : ::fdopen(fd, "r+b"), std::fclose};
@@ -135,7 +158,11 @@ std::FILE* take_file(const std::string& path, std::string_view magic) {
   if (n > 0 && begin.substr(0, n) != magic.substr(0, n))
     throw ConfigError{path + ": is there already, and is no recording; give another name"};
   std::error_code error;
-  if (n == magic.size() && std::filesystem::is_regular_file(std::filesystem::symlink_status(path, error))) {
+  const std::filesystem::file_status status = std::filesystem::symlink_status(path, error);
+  if (n == magic.size() && std::filesystem::is_symlink(status))
+    throw ConfigError{path + ": is a link to an earlier recording; give another name"};
+  if (n == magic.size() && std::filesystem::is_regular_file(status)) {
+    check_replaceable(path, earlier_file(path), magic);
     // Locked meanwhile, so that no other program takes it for its own.
     if (std::rename(path.c_str(), earlier_file(path).c_str()) != 0)
       throw ConfigError{path + ": of an earlier run cannot be renamed: " + reason(errno)};

@@ -46,8 +46,10 @@ bool is_function(void* symbol) {
 template <class Interface>
 const plugin::Entry<Interface>& load(const std::string& flag, const PluginChoice& choice) {
   std::error_code error;
-  if (!std::filesystem::is_regular_file(choice.path, error))
+  if (!std::filesystem::exists(choice.path, error))
     refuse(flag, choice, "there is no such file; give the path of a shared library");
+  if (!std::filesystem::is_regular_file(choice.path, error))
+    refuse(flag, choice, "it is not a regular file; give the path of a shared library");
   // A name without a slash would be searched in the system's folders.
   const std::string path = std::filesystem::absolute(choice.path).string();
   if (const std::string why = try_to_load(path); !why.empty()) refuse(flag, choice, "cannot be loaded: " + why);

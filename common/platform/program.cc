@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include <CLI/CLI.hpp>
+#include <cmath>
 #include <cstdio>
 #include <filesystem>
 
@@ -93,6 +94,7 @@ int live_program(int argc, char** argv, Side side, const std::string& drivers,
       throw ConfigError("--record: the path is empty; give FILE.mcap, or leave out --record");
     if (stream->count() > 0 && a.stream.empty())
       throw ConfigError("--stream: the address is empty; give HOST:PORT, or leave out --stream");
+    if (!std::isfinite(a.stream_hz)) throw ConfigError("--stream-hz: must be between 0.1 and 1000");
     if (!duration.empty()) a.set.push_back("duration_s=" + duration);
     const Scene scene = load_scene(a.scene, a.set, SceneFor::live);
     if (!duration.empty()) a.limit_s = scene.duration_s;

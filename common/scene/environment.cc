@@ -161,6 +161,9 @@ Mesh read_shape(const Block<schema::Mesh>& of) {
   const TriangleMesh mesh = read_triangles(of);
   const double absent = longest_side(mesh) / 100.0;
   const double voxel_m = of.number_or(FIELD(voxel_m), kPositive, absent);
+  const double coarsest = shortest_side(mesh) / 2.0;
+  if (!(voxel_m <= coarsest))
+    of.refuse(FIELD(voxel_m), fmt::format("be at most {:.3g}, half of the mesh's shortest side", coarsest));
   const double nodes = DistanceField::nodes(mesh, voxel_m);
   constexpr double kMost = static_cast<double>(DistanceField::kMostNodes);
   if (!(nodes <= kMost))

@@ -25,16 +25,28 @@ TriangleMesh read_mesh_file(const std::string& path, double scale) {
     throw ConfigError{
         fmt::format("{} has {} edges that do not join two triangles of the same orientation; every edge must", path,
                     faults.odd_edges)};
+  if (faults.volume_m3 == 0.0) throw ConfigError{fmt::format("{} encloses no volume at scale {}", path, scale)};
   if (!(faults.volume_m3 > 0.0))
     throw ConfigError{fmt::format(
         "{} has its triangles facing inwards; their corners must be counterclockwise seen from outside", path)};
   return mesh;
 }
 
-double longest_side(const TriangleMesh& mesh) {
+namespace {
+
+Eigen::Vector3d sides(const TriangleMesh& mesh) {
   Eigen::Vector3d low = mesh.vertices[0], high = low;
   for (const Eigen::Vector3d& v : mesh.vertices) low = low.cwiseMin(v), high = high.cwiseMax(v);
-  return (high - low).maxCoeff();
+  return high - low;
+}
+
+}  // namespace
+
+double longest_side(const TriangleMesh& mesh) {
+  return sides(mesh).maxCoeff();
+}
+double shortest_side(const TriangleMesh& mesh) {
+  return sides(mesh).minCoeff();
 }
 
 std::shared_ptr<const DistanceField> shared_field(const TriangleMesh& mesh, double spacing_m) {
@@ -52,10 +64,12 @@ std::shared_ptr<const DistanceField> shared_field(const TriangleMesh& mesh, doub
 
   static std::mutex mutex;
   static std::map<std::pair<std::uint64_t, std::uint64_t>, std::weak_ptr<const DistanceField>> fields;
+  static std::shared_ptr<const DistanceField> latest;  // runs of a sweep follow each other
   const std::lock_guard lock{mutex};
   std::weak_ptr<const DistanceField>& known = fields[{first, second}];
   std::shared_ptr<const DistanceField> field = known.lock();
   if (!field) known = field = std::make_shared<const DistanceField>(mesh, spacing_m);
+  latest = field;
   return field;
 }
 

@@ -16,6 +16,7 @@ TriangleMesh read_mesh_file(const std::string& path, double scale);
 
 /// The longest side of the box around it.
 double longest_side(const TriangleMesh& mesh);
+double shortest_side(const TriangleMesh& mesh);
 
 /// Its distance field. While one of the same mesh and spacing is in use anywhere in the program, that one.
 std::shared_ptr<const DistanceField> shared_field(const TriangleMesh& mesh, double spacing_m);

@@ -64,6 +64,12 @@ void read_arm(const Block<schema::Robot>& robot, RobotSpec& spec) {
                 fmt::format("lie within the joints' limits; number {} must be between {} and {}", i + 1,
                             joint.lower_rad, joint.upper_rad));
   }
+  // The simulated joints cannot be stepped with more in a few pieces of a tick; real ones have less than 10.
+  if (arm.joint_damping_n_m_s_per_rad > 300.0) of.refuse(FIELD(joint_damping_n_m_s_per_rad), "be at most 300");
+  if (arm.null_space_damping_n_m_s_per_rad > 300.0)
+    of.refuse(FIELD(null_space_damping_n_m_s_per_rad), "be at most 300");
+  if (arm.null_space_stiffness_n_m_per_rad > 1e4)
+    of.refuse(FIELD(null_space_stiffness_n_m_per_rad), "be at most 10000");
   const ArmModel<kArmJoints> model{*parameters, {arm.tool_mass_kg, vector<3>(arm.tool_center_m)}};
   const auto mobility = tool_mobility(model, vector<kArmJoints>(arm.joint_position_rad));
   spec.mass_kg = 1.0 / largest_eigenvalue(mobility.topLeftCorner<3, 3>());

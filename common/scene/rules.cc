@@ -1,8 +1,10 @@
 #include <algorithm>
 #include <cmath>
 
+#include "common/contact/environment.h"
 #include "common/link/playout.h"
 #include "common/scene/blocks.h"
+#include "common/scene/numbers.h"
 
 namespace twoport {
 namespace {
@@ -60,6 +62,12 @@ void check_contact_points(const SceneBlock& scene, const Scene& values) {
           spring->contact_point, values.tool.size()));
 }
 
+template <int N>
+bool starts_inside(const Scene& values) {
+  const Environment<N> environment{values.environment, values.tool};
+  return environment.potential(position<N>(values.device->position_m)) > Energy{};
+}
+
 /// A proxy and rigid surfaces: what they do not have may not be given.
 void check_god_object(const SceneBlock& scene, const Scene& values) {
   if (values.control.rendering != RenderingAlgorithm::god_object) return;
@@ -88,6 +96,13 @@ void check_god_object(const SceneBlock& scene, const Scene& values) {
     if (surface->material.damping_n_s_per_m > 0.0)
       scene.fail(fmt::format("{} has damping, but control.rendering is GOD_OBJECT: it renders none", path));
   }
+  // The proxy begins at the handle, so that it begins outside; the spring between them is at rest.
+  if (!values.device) return;
+  if (values.dof == 1   ? starts_inside<1>(values)
+      : values.dof == 3 ? starts_inside<3>(values)
+                        : starts_inside<6>(values))
+    scene.block(FIELD(device))
+        .refuse(FIELD(position_m), "be outside of the environment where control.rendering is GOD_OBJECT");
 }
 
 /// UNCONTROLLED has a robot only.

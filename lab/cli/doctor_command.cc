@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <atomic>
 #include <chrono>
+#include <cmath>
 #include <limits>
 #include <memory>
 #include <thread>
@@ -216,6 +217,9 @@ Subcommand add_doctor_command(CLI::App& app) {
               throw ConfigError{"--link: the address is empty; give HOST:PORT, where twoport-lab doctor --answer runs"};
             if (answer->count() > 0 && a->answer.empty())
               throw ConfigError{"--answer: the address is empty; give [ADDR:]PORT"};
+            if (!std::isfinite(a->seconds)) throw ConfigError{"--seconds: must be between 0.05 and 1e6"};
+            if (!(a->stiffness > 0.0 && a->stiffness <= 1e9))
+              throw ConfigError{fmt::format("--stiffness {}: must be > 0 and at most 1e9 N/m", a->stiffness)};
             if (!a->answer.empty()) return answer_command(*a);
             return a->link.empty() ? loop_command(*a) : link_command(*a);
           }};

@@ -1,5 +1,6 @@
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <filesystem>
 #include <memory>
 #include <string>
@@ -17,7 +18,10 @@ namespace {
 int replay_command(const std::string& file) {
   RecordingReader recording{file};
   const Replayed all = replay(recording);
-  if (all.torn) fmt::print("{}: the recording has no end: its program was killed\n", file);
+  if (std::all_of(all.sides.begin(), all.sides.end(),
+                  [](const ReplayedSide& each) { return each.ticks == 0 && each.difference.empty(); }))
+    throw ConfigError{fmt::format("{}: holds no whole tick to compare", file)};
+  if (all.torn) fmt::print("{}: the recording has no end: its program was killed, or it was cut off\n", file);
   for (const ReplayedSide& each : all.sides) {
     if (each.difference.empty()) {
       fmt::print("{}: {} ticks, identical to the bit\n", each.side, each.ticks);

@@ -33,7 +33,7 @@ grep -v ' root/root ' "$work/contents" && fail "not everything belongs to root"
 grep -E '^.......(-w|.-.w)' "$work/contents" | grep -v '^l' && fail "others may write"
 grep -E ' \./(usr/local|tmp|home|root)/' "$work/contents" && fail "files in a place of the user's"
 maintainer=$(dpkg-deb -f "$deb" Maintainer)
-[ "$maintainer" = 'twoport developers <twoport@localhost>' ] || fail "Maintainer: $maintainer"
+[ "$maintainer" = 'twoport developers <twoport@example.org>' ] || fail "Maintainer: $maintainer"
 depends=$(dpkg-deb -f "$deb" Depends)
 grep -q 'libc6' <<<"$depends" && grep -q 'libprotobuf' <<<"$depends" || fail "Depends: $depends"
 dpkg-deb -e "$deb" "$work/control"
