@@ -306,8 +306,8 @@ TEST(SweepProgram, GoesOnWhereItWasKilled) {
   const Folder folder;
   // One simulation at a time, so that cells do not end together.
   const auto command = [&](const std::string& out) {
-    return lab({"sweep", kWall, "--set", "duration_s=3", "--vary", "to_slave.delay_ms=5:50:12", "--jobs", "1", "--lanes",
-                "1", "--plot", "none", "--out", folder / out});
+    return lab({"sweep", kWall, "--set", "duration_s=3", "--vary", "to_slave.delay_ms=5:50:12", "--jobs", "1",
+                "--lanes", "1", "--plot", "none", "--out", folder / out});
   };
   expect_done(finished(command("whole")));
   const std::string cells = folder / "killed/cells.jsonl";

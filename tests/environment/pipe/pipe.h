@@ -19,7 +19,8 @@ struct Pipe {
   template <int D>
   [[nodiscard]] SignedDistance<D> signed_distance(const Point<D>& p, Feature) const noexcept {
     const Point<D> a = axis.head<D>(), from_point = p - point_m.head<D>();
-    SignedDistance<D> at = round_distance<D>(from_point - a.dot(from_point) * a, 0.5 * (outer_radius_m + inner_radius_m));
+    SignedDistance<D> at =
+        round_distance<D>(from_point - a.dot(from_point) * a, 0.5 * (outer_radius_m + inner_radius_m));
     if (at.distance < 0.0) at = {-at.distance, -at.normal};  // nearer to the bore
     at.distance -= 0.5 * (outer_radius_m - inner_radius_m);
     return at;
