@@ -62,9 +62,9 @@ WholeFile::WholeFile(std::string path) : path_{std::move(path)}, file_{nullptr} 
   // It would take the place of a device or a pipe.
   std::error_code error;
   const std::filesystem::file_status status = std::filesystem::status(path_, error);
-  if (std::filesystem::exists(status) && !std::filesystem::is_regular_file(status))
-    throw ConfigError{path_ + ": cannot be written: " +
-                      (std::filesystem::is_directory(status) ? reason(EISDIR) : "it is not a regular file")};
+  if (std::filesystem::exists(status) && !std::filesystem::is_regular_file(status) &&
+      !std::filesystem::is_directory(status))
+    throw ConfigError{path_ + ": cannot be written: it is not a regular file"};
   file_ = std::fopen(partial(path_).c_str(), "wb");
   if (file_ == nullptr) throw ConfigError{path_ + ": cannot be written: " + reason(errno)};
 }
