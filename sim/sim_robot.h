@@ -13,6 +13,7 @@
 #include "common/hardware/robot.h"
 #include "common/scene/scene.h"
 #include "sim/plant/arm.h"
+#include "sim/plant/dormand_prince.h"
 #include "sim/plant/exact_wall.h"
 #include "sim/plant/fixed_step.h"
 #include "sim/plant/rigid_contact.h"
@@ -55,6 +56,8 @@ class SimRobot final {
       state_ = exact->advance(command_.f);
     } else if (auto* general = std::get_if<RungeKuttaPlant<N>>(&plant_)) {
       state_ = general->advance(command_.f);
+    } else if (auto* controlled = std::get_if<DormandPrincePlant<N>>(&plant_)) {
+      state_ = controlled->advance(command_.f);
     } else if (auto* fixed = std::get_if<FixedStepPlant<N>>(&plant_)) {
       state_ = fixed->advance(command_.f);
     } else if (auto* arm = std::get_if<Arm>(&plant_)) {
@@ -74,6 +77,7 @@ class SimRobot final {
     if (std::holds_alternative<Ideal>(plant_)) return false;
     if (auto* exact = std::get_if<Exact>(&plant_)) exact->kick(dv);
     if (auto* general = std::get_if<RungeKuttaPlant<N>>(&plant_)) general->kick(dv);
+    if (auto* controlled = std::get_if<DormandPrincePlant<N>>(&plant_)) controlled->kick(dv);
     if (auto* fixed = std::get_if<FixedStepPlant<N>>(&plant_)) fixed->kick(dv);
     if (auto* arm = std::get_if<Arm>(&plant_)) arm->kick(dv);
     state_.v += dv;
@@ -161,6 +165,8 @@ class SimRobot final {
     }
     if (method == Integrator::exact)
       plant_.template emplace<RungeKuttaPlant<N>>(robot, environment_, dt, state_);
+    else if (method == Integrator::dormand_prince)
+      plant_.template emplace<DormandPrincePlant<N>>(robot, environment_, dt, state_, simulation.tolerance_m);
     else
       plant_.template emplace<FixedStepPlant<N>>(robot, environment_, dt, state_, simulation);
   }
@@ -196,6 +202,8 @@ class SimRobot final {
       from_environment_ = exact->environment_force();
     else if (const auto* general = std::get_if<RungeKuttaPlant<N>>(&plant_))
       from_environment_ = general->environment_force();
+    else if (const auto* controlled = std::get_if<DormandPrincePlant<N>>(&plant_))
+      from_environment_ = controlled->environment_force();
     else if (std::holds_alternative<Arm>(plant_)) {
       sense_at_wrist();
       return;
@@ -208,7 +216,7 @@ class SimRobot final {
 
   std::shared_ptr<const Environment<N>> environment_;
   BodyState<N> state_;
-  std::variant<Ideal, Exact, RungeKuttaPlant<N>, FixedStepPlant<N>, Arm> plant_;
+  std::variant<Ideal, Exact, RungeKuttaPlant<N>, DormandPrincePlant<N>, FixedStepPlant<N>, Arm> plant_;
   std::optional<WristCompensation> wrist_;  ///< of an arm with a force sensor
   RobotCommand<N> command_;
   Force<N> from_environment_, sensed_;

@@ -120,6 +120,10 @@ std::uint32_t BoundingVolumeTree::build(std::vector<std::uint32_t>& order, std::
   return index;
 }
 
+double BoundingVolumeTree::distance(std::uint32_t triangle, const Eigen::Vector3d& p) const noexcept {
+  return (p - nearest_of(faces_[triangle].corner, p).point).norm();
+}
+
 BoundingVolumeTree::Nearest BoundingVolumeTree::nearest(const Eigen::Vector3d& p, std::uint32_t near) const noexcept {
   if (near >= faces_.size()) near = 0;
   PointOfTriangle best = nearest_of(faces_[near].corner, p);

@@ -30,6 +30,8 @@ class BoundingVolumeTree {
 
   /// `near`: a triangle that is likely to be near, such as that of the query before; it only makes the query faster.
   [[nodiscard]] Nearest nearest(const Eigen::Vector3d& p, std::uint32_t near = 0) const noexcept;
+  /// From one triangle of the tree's own order.
+  [[nodiscard]] double distance(std::uint32_t triangle, const Eigen::Vector3d& p) const noexcept;
   [[nodiscard]] const Eigen::Vector3d& low() const noexcept { return nodes_[0].low; }
   [[nodiscard]] const Eigen::Vector3d& high() const noexcept { return nodes_[0].high; }
 

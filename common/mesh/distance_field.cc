@@ -1,6 +1,8 @@
 #include "common/mesh/distance_field.h"
 
+#include <algorithm>
 #include <array>
+#include <limits>
 
 #include "common/mesh/bounding_volume_tree.h"
 
@@ -8,18 +10,98 @@ namespace twoport {
 namespace {
 
 constexpr double kMargin = 4.0;  // nodes around the mesh
+constexpr double kBand = 3.0;    // nodes around a triangle that are sampled exactly
+constexpr std::uint32_t kNoTriangle = 0xffffffff, kInBand = 0xfffffffe;
 
 struct Grid {
   Eigen::Vector3d origin;
-  std::array<std::size_t, 3> size;
+  double spacing;
+  std::array<std::size_t, 3> size, stride;
+
+  [[nodiscard]] std::size_t count() const { return size[2] * stride[2]; }
+  [[nodiscard]] Eigen::Vector3d at(std::size_t i, std::size_t j, std::size_t k) const {
+    return origin +
+           spacing * Eigen::Vector3d{static_cast<double>(i), static_cast<double>(j), static_cast<double>(k)};
+  }
 };
 Grid grid_around(const Eigen::Vector3d& low, const Eigen::Vector3d& high, double spacing) {
-  Grid grid{low - Eigen::Vector3d::Constant(kMargin * spacing), {}};
+  Grid grid{low - Eigen::Vector3d::Constant(kMargin * spacing), spacing, {}, {}};
   for (std::size_t axis = 0; axis < 3; ++axis) {
     const auto i = static_cast<int>(axis);
     grid.size[axis] = static_cast<std::size_t>(std::ceil((high[i] - low[i]) / spacing + 2.0 * kMargin)) + 1;
   }
+  grid.stride = {1, grid.size[0], grid.size[0] * grid.size[1]};
   return grid;
+}
+
+/// kInBand for the nodes less than kBand nodes from a triangle's bounding box, else kNoTriangle.
+std::vector<std::uint32_t> band_around(const TriangleMesh& mesh, const Grid& grid) {
+  std::vector<std::uint32_t> marks(grid.count(), kNoTriangle);
+  for (const TriangleMesh::Triangle& t : mesh.triangles) {
+    std::array<std::size_t, 3> from, to;
+    for (std::size_t axis = 0; axis < 3; ++axis) {
+      const auto i = static_cast<int>(axis);
+      const auto [low, high] = std::minmax({mesh.vertices[t[0]][i], mesh.vertices[t[1]][i], mesh.vertices[t[2]][i]});
+      from[axis] =
+          static_cast<std::size_t>(std::max(0.0, std::ceil((low - grid.origin[i]) / grid.spacing - kBand)));
+      to[axis] = std::min(grid.size[axis] - 1,
+                          static_cast<std::size_t>(std::floor((high - grid.origin[i]) / grid.spacing + kBand)));
+    }
+    for (std::size_t k = from[2]; k <= to[2]; ++k)
+      for (std::size_t j = from[1]; j <= to[1]; ++j) {
+        const auto row = marks.begin() + static_cast<std::ptrdiff_t>(j * grid.stride[1] + k * grid.stride[2]);
+        std::fill(row + static_cast<std::ptrdiff_t>(from[0]), row + static_cast<std::ptrdiff_t>(to[0] + 1), kInBand);
+      }
+  }
+  return marks;
+}
+
+/// Signed distances at the nodes. In the band they are exact, by the tree. Elsewhere a node takes the nearest of the triangles that are
+/// nearest to its neighbours, in sweeps along the diagonals (Tsai, Rapid and accurate computation of the distance function using grids,
+/// J. Computational Physics 178, 2002), and the neighbour's sign: no surface is between them.
+std::vector<float> distances(const TriangleMesh& mesh, const BoundingVolumeTree& tree, const Grid& grid) {
+  std::vector<float> distance(grid.count(), std::numeric_limits<float>::infinity());
+  std::vector<std::uint32_t> nearest = band_around(mesh, grid);
+  std::vector<bool> exact(grid.count(), false);
+  const auto& size = grid.size;
+  std::uint32_t near = 0;
+  for (std::size_t k = 0, n = 0; k < size[2]; ++k)
+    for (std::size_t j = 0; j < size[1]; ++j)
+      for (std::size_t i = 0; i < size[0]; ++i, ++n) {
+        if (nearest[n] != kInBand) continue;
+        const Eigen::Vector3d p = grid.at(i, j, k);
+        const auto found = tree.nearest(p, near);
+        near = nearest[n] = found.triangle;
+        distance[n] = static_cast<float>(found.signed_distance(p));
+        exact[n] = true;
+      }
+  constexpr unsigned kDiagonals = 8;
+  for (unsigned sweep = 0; sweep < kDiagonals; ++sweep) {
+    const auto backwards = [&](std::size_t axis) { return (sweep >> axis & 1u) != 0; };
+    const auto along = [&](std::size_t step, std::size_t axis) {
+      return backwards(axis) ? size[axis] - 1 - step : step;
+    };
+    std::array<std::size_t, 3> step;
+    for (step[2] = 0; step[2] < size[2]; ++step[2])
+      for (step[1] = 0; step[1] < size[1]; ++step[1])
+        for (step[0] = 0; step[0] < size[0]; ++step[0]) {
+          const std::size_t i = along(step[0], 0), j = along(step[1], 1), k = along(step[2], 2);
+          const std::size_t n = i + j * grid.stride[1] + k * grid.stride[2];
+          if (exact[n]) continue;
+          const Eigen::Vector3d p = grid.at(i, j, k);
+          for (std::size_t axis = 0; axis < 3; ++axis) {
+            if (step[axis] == 0) continue;
+            const std::size_t from = backwards(axis) ? n + grid.stride[axis] : n - grid.stride[axis];
+            const std::uint32_t triangle = nearest[from];
+            if (triangle == kNoTriangle || triangle == nearest[n]) continue;
+            const double trial = tree.distance(triangle, p);
+            if (trial >= std::abs(static_cast<double>(distance[n]))) continue;
+            distance[n] = std::copysign(static_cast<float>(trial), distance[from]);
+            nearest[n] = triangle;
+          }
+        }
+  }
+  return distance;
 }
 
 }  // namespace
@@ -32,22 +114,14 @@ double DistanceField::nodes(const TriangleMesh& mesh, double spacing_m) {
 
 DistanceField::DistanceField(const TriangleMesh& mesh, double spacing_m) : spacing_{spacing_m} {
   const BoundingVolumeTree tree{mesh};
-  const auto [origin, size] = grid_around(tree.low(), tree.high(), spacing_m);
-  origin_ = origin;
-  stride_[0] = 1, stride_[1] = size[0], stride_[2] = size[0] * size[1];
+  const Grid grid = grid_around(tree.low(), tree.high(), spacing_m);
+  origin_ = grid.origin;
   // The nodes around u are floor(u + 1/2) and the ones beside it.
-  for (int axis = 0; axis < 3; ++axis) last_[axis] = static_cast<double>(size[static_cast<std::size_t>(axis)]) - 2.0;
-  coefficients_.resize(size[0] * size[1] * size[2]);
-  std::uint32_t near = 0;
-  for (std::size_t k = 0, n = 0; k < size[2]; ++k)
-    for (std::size_t j = 0; j < size[1]; ++j)
-      for (std::size_t i = 0; i < size[0]; ++i, ++n) {
-        const Eigen::Vector3d p = origin + spacing_m * Eigen::Vector3d{static_cast<double>(i), static_cast<double>(j),
-                                                                       static_cast<double>(k)};
-        const auto found = tree.nearest(p, near);
-        near = found.triangle;
-        coefficients_[n] = static_cast<float>(found.signed_distance(p));
-      }
+  for (std::size_t axis = 0; axis < 3; ++axis) {
+    stride_[axis] = grid.stride[axis];
+    last_[static_cast<int>(axis)] = static_cast<double>(grid.size[axis]) - 2.0;
+  }
+  coefficients_ = distances(mesh, tree, grid);
 }
 
 }  // namespace twoport

@@ -43,8 +43,11 @@ class DistanceField {
       inside[axis] = std::min(std::max(1.0, u[axis]), last_[axis]);  // 1 for no number
     Sample s = inner(inside);
     if (u == inside) return s;
-    // |p - q|² >= |inside - q|² + |p - inside|² for every q of the grid's box, which is convex.
+    // |p - q|² >= |inside - q|² + |p - inside|² for every q of the grid's box, which is convex. `inside` does not move along an axis on
+    // which p is beyond the grid.
     const Eigen::Vector3d beyond = spacing_ * (u - inside);
+    for (int axis = 0; axis < 3; ++axis)
+      if (beyond[axis] != 0.0) s.gradient[axis] = 0.0;
     const double distance = std::hypot(s.distance, beyond.norm());
     return {distance, (s.distance * s.gradient + beyond) / distance};
   }
@@ -57,30 +60,33 @@ class DistanceField {
     double w[3][3], slope[3][3];
     std::size_t from = 0;
     for (int axis = 0; axis < 3; ++axis) {
-      const double node = std::floor(u[axis] + 0.5), t = u[axis] - node;
+      const auto nearest = static_cast<std::ptrdiff_t>(u[axis] + 0.5);  // u >= 1
+      const double t = u[axis] - static_cast<double>(nearest);
       const double a = 0.5 - t, b = 0.5 + t;
       w[axis][0] = 0.5 * a * a, w[axis][1] = 0.75 - t * t, w[axis][2] = 0.5 * b * b;
       slope[axis][0] = -a, slope[axis][1] = -2.0 * t, slope[axis][2] = b;
-      from += (static_cast<std::size_t>(node) - 1) * stride_[axis];
+      from += static_cast<std::size_t>(nearest - 1) * stride_[axis];
     }
-    double value = 0.0, dx = 0.0, dy = 0.0, dz = 0.0;
-    for (int k = 0; k < 3; ++k) {
-      double plane = 0.0, plane_dx = 0.0, plane_dy = 0.0;
-      for (int j = 0; j < 3; ++j) {
-        const float* c =
-            &coefficients_[from + static_cast<std::size_t>(k) * stride_[2] + static_cast<std::size_t>(j) * stride_[1]];
-        const double c0 = c[0], c1 = c[1], c2 = c[2];
-        const double row = c0 * w[0][0] + c1 * w[0][1] + c2 * w[0][2];
+    // Pairs (value, derivative by x) are packets: the order of every sum is that of the formula.
+    using Pair = Eigen::Vector2d;
+    const Pair x0{w[0][0], slope[0][0]}, x1{w[0][1], slope[0][1]}, x2{w[0][2], slope[0][2]};
+    Pair value = Pair::Zero();
+    double dy = 0.0, dz = 0.0;
+    const float* layer = coefficients_.data() + from;
+    for (int k = 0; k < 3; ++k, layer += stride_[2]) {
+      Pair plane = Pair::Zero();
+      double plane_dy = 0.0;
+      const float* c = layer;
+      for (int j = 0; j < 3; ++j, c += stride_[1]) {
+        Pair row = static_cast<double>(c[0]) * x0 + static_cast<double>(c[1]) * x1 + static_cast<double>(c[2]) * x2;
         plane += w[1][j] * row;
-        plane_dx += w[1][j] * (c0 * slope[0][0] + c1 * slope[0][1] + c2 * slope[0][2]);
-        plane_dy += slope[1][j] * row;
+        plane_dy += slope[1][j] * row[0];
       }
       value += w[2][k] * plane;
-      dx += w[2][k] * plane_dx;
       dy += w[2][k] * plane_dy;
-      dz += slope[2][k] * plane;
+      dz += slope[2][k] * plane[0];
     }
-    return {value, Eigen::Vector3d{dx, dy, dz} / spacing_};
+    return {value[0], Eigen::Vector3d{value[1], dy, dz} / spacing_};
   }
 
   double spacing_;

@@ -105,10 +105,19 @@ struct RobotSpec {
 };
 
 /// How the simulated world is stepped between two ticks.
-enum class Integrator : std::uint8_t { exact, exact_per_tick, symplectic_euler, trapezoidal, velocity_verlet, rk4 };
+enum class Integrator : std::uint8_t {
+  exact,
+  exact_per_tick,
+  symplectic_euler,
+  trapezoidal,
+  velocity_verlet,
+  rk4,
+  dormand_prince
+};
 struct SimulationSpec {
   Integrator integrator = Integrator::exact;
   int substeps = 1;
+  double tolerance_m = 1e-10;
 };
 
 struct Bound {

@@ -8,12 +8,13 @@ static_assert(same_number(Integrator::exact, schema::Simulation::EXACT) &&
               same_number(Integrator::trapezoidal, schema::Simulation::TRAPEZOIDAL) &&
               same_number(Integrator::velocity_verlet, schema::Simulation::VELOCITY_VERLET) &&
               same_number(Integrator::rk4, schema::Simulation::RK4) &&
-              same_number(Integrator::rk4, schema::Simulation::Integrator_MAX));
+              same_number(Integrator::dormand_prince, schema::Simulation::DORMAND_PRINCE) &&
+              same_number(Integrator::dormand_prince, schema::Simulation::Integrator_MAX));
 
 SimulationSpec read_simulation(const Block<schema::Simulation>& of) {
   const int substeps = of.integer(FIELD(substeps));
   if (substeps < 1 || substeps > 10'000) of.refuse(FIELD(substeps), "be 1 to 10000");
-  return {of.choice<Integrator>(FIELD(integrator)), substeps};
+  return {of.choice<Integrator>(FIELD(integrator)), substeps, of.number(FIELD(tolerance_m), kPositive)};
 }
 
 }  // namespace twoport

@@ -38,6 +38,7 @@ std::string colour_of(std::string_view group, std::size_t& spare) {
                                                                       {"TRAPEZOIDAL", "#58a45c"},
                                                                       {"VELOCITY_VERLET", "#d9a441"},
                                                                       {"RK4", "#4c72b0"},
+                                                                      {"DORMAND_PRINCE", "#c2185b"},
                                                                       {"ODE", "#8c8c8c"},
                                                                       {"Bullet", "#b55d60"},
                                                                       {"MuJoCo", "#222222"}};

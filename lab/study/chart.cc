@@ -76,12 +76,13 @@ std::string field_names(const Axis& axis) {
   return names;
 }
 
-/// All combinations, the last axis fastest. The exact integrator has no substeps: one of its combinations is enough.
+/// All combinations, the last axis fastest. Integrators that size their steps have no substeps: one of their combinations is enough.
 std::vector<Candidate> combinations(const ChartOptions& o) {
   std::vector<Axis> axes;
   for (const std::string& text : o.vary) axes.push_back(parse_axis(text));
   if (axes.empty())
-    axes = {parse_axis("simulation.integrator=EXACT,EXACT_PER_TICK,SYMPLECTIC_EULER,TRAPEZOIDAL,VELOCITY_VERLET,RK4"),
+    axes = {parse_axis("simulation.integrator=EXACT,EXACT_PER_TICK,SYMPLECTIC_EULER,TRAPEZOIDAL,VELOCITY_VERLET,RK4,"
+                       "DORMAND_PRINCE"),
             parse_axis("simulation.substeps=1,2,5,10,30,100")};
   std::vector<Candidate> all{{}};
   for (const Axis& axis : axes) {
@@ -105,7 +106,8 @@ std::vector<Candidate> combinations(const ChartOptions& o) {
     };
     const auto substeps = std::find_if(c.set.begin(), c.set.end(),
                                        [](const std::string& s) { return s.rfind("simulation.substeps=", 0) == 0; });
-    return has("simulation.integrator=EXACT") && substeps != c.set.end() && *substeps != "simulation.substeps=1";
+    const bool sizes_its_steps = has("simulation.integrator=EXACT") || has("simulation.integrator=DORMAND_PRINCE");
+    return sizes_its_steps && substeps != c.set.end() && *substeps != "simulation.substeps=1";
   };
   std::erase_if(all, idle);
   return all;

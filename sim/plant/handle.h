@@ -36,7 +36,8 @@ class HandlePlant {
               const State& start)
       : dt_{dt},
         simulation_{simulation},
-        fixed_{simulation.integrator != Integrator::exact && simulation.integrator != Integrator::exact_per_tick},
+        fixed_{simulation.integrator != Integrator::exact && simulation.integrator != Integrator::exact_per_tick &&
+               simulation.integrator != Integrator::dormand_prince},
         coulomb_n_{device.coulomb_friction_n},
         s_{start} {
     const Oscillator axis{device.mass_kg + hand.mass_kg, device.damping_n_s_per_m + hand.damping_n_s_per_m,

@@ -96,6 +96,14 @@ class RungeKuttaPlant {
     }
     return body();
   }
+  /// From `from`, for `time` seconds under the force f, by RODAS.
+  [[gnu::noinline]] BodyState<N> advance_stiff(const BodyState<N>& from, const Force<N>& force, double time) noexcept {
+    s_.motion = body_.motion(from);
+    s_.held = port_vector<N>(force.vec());
+    s_.slope = body_.slope(s_.motion, s_.held, s_.touched);
+    advance_stiff(time);
+    return body();
+  }
   [[nodiscard]] BodyState<N> body() const noexcept { return {s_.motion.at.x, Velocity<N>{s_.slope.v}}; }
   [[nodiscard]] Force<N> environment_force() const noexcept { return Force<N>{s_.slope.environment}; }
 

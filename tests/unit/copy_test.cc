@@ -124,7 +124,7 @@ const std::string kBody =
     "position_m: [-0.03, 0.01, -0.02] } }";
 
 TEST(CopyOfARobot, StepByStepGoesOnIdentically) {
-  for (const char* integrator : {"EXACT", "SYMPLECTIC_EULER", "VELOCITY_VERLET", "RK4"}) {
+  for (const char* integrator : {"EXACT", "SYMPLECTIC_EULER", "VELOCITY_VERLET", "RK4", "DORMAND_PRINCE"}) {
     expect_copies_go_on(SimRobot<3>{scene(3, kCurved, integrator), kPeriod});
     expect_copies_go_on(SimRobot<6>{scene(6, kBody, integrator), kPeriod});
   }
@@ -156,6 +156,10 @@ TEST(StateOfAPlant, IsAllThatGoesOn) {
                                              {*curved.robot, environment<3>(curved), kPeriod.si(), {}});
   expect_state_is_all<RungeKuttaPlant<6>, 6>({*body.robot, environment<6>(body), kPeriod.si(), {}},
                                              {*body.robot, environment<6>(body), kPeriod.si(), {}});
+  expect_state_is_all<DormandPrincePlant<3>, 3>({*curved.robot, environment<3>(curved), kPeriod.si(), near, 1e-10},
+                                                {*curved.robot, environment<3>(curved), kPeriod.si(), {}, 1e-10});
+  expect_state_is_all<DormandPrincePlant<6>, 6>({*body.robot, environment<6>(body), kPeriod.si(), {}, 1e-10},
+                                                {*body.robot, environment<6>(body), kPeriod.si(), {}, 1e-10});
   const SimulationSpec verlet{Integrator::velocity_verlet, 2};
   expect_state_is_all<FixedStepPlant<3>, 3>({*curved.robot, environment<3>(curved), kPeriod.si(), near, verlet},
                                             {*curved.robot, environment<3>(curved), kPeriod.si(), {}, verlet});
