@@ -10,7 +10,7 @@ namespace twoport {
 namespace {
 
 constexpr double kMargin = 4.0;  // nodes around the mesh
-constexpr double kBand = 3.0;    // nodes around a triangle that are sampled exactly
+constexpr double kBand = 6.0;    // nodes around a triangle that are sampled exactly
 constexpr std::uint32_t kNoTriangle = 0xffffffff, kInBand = 0xfffffffe;
 
 struct Grid {
