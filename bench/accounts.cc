@@ -37,7 +37,7 @@ constexpr double kPeg = 0.0100, kHole = 0.0101;  // radii [m]
 struct Handle {
   double mass_kg = 0.1, inertia_kg_m2 = 5e-5;
 };
-constexpr std::size_t kPoints = 48;              // three rings of 16, 30 to 60 mm below the handle
+constexpr std::size_t kPoints = 48;  // three rings of 16, 30 to 60 mm below the handle
 
 enum class Account { none, total, normal_tangential, per_point, per_point_normal_tangential, metric_damping };
 constexpr std::array kAccounts{Account::none,
@@ -281,8 +281,8 @@ bool holds_short() {
   bool holds = true;
   for (std::size_t i = 0; i < kAccounts.size(); ++i) {
     const Cell c = cell(kAccounts[i], 0.0, 5000.0, kStarts, {});
-    const bool fails = kAccounts[i] == Account::none || kAccounts[i] == Account::total ||
-                       kAccounts[i] == Account::normal_tangential;
+    const bool fails =
+        kAccounts[i] == Account::none || kAccounts[i] == Account::total || kAccounts[i] == Account::normal_tangential;
     const bool as_known = fails ? c.failed > 0 : c.failed == 0 && c.least > -1e-5;
     fmt::print("{}: {} of {} failed, {:.2g} J at least{}\n", kNames[i], c.failed, kStarts, c.least,
                as_known ? "" : ": not as known");

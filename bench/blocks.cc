@@ -48,7 +48,8 @@ std::vector<Vector3d> underside(int n) {
 /// 1 kg on a rough plane, pressed with 10 N and pushed to and fro along it.
 double body_on_plane(int points, const char* integrator) {
   std::string text = fmt::format(
-      "dof: 6 duration_s: 1 control {{ architecture: UNCONTROLLED }} simulation {{ integrator: {} }} robot {{ mass_kg: 1 "
+      "dof: 6 duration_s: 1 control {{ architecture: UNCONTROLLED }} simulation {{ integrator: {} }} robot {{ mass_kg: "
+      "1 "
       "inertia_kg_m2: [2e-3, 2e-3, 2e-3] position_m: [0, 0, 0.02] }} environment {{ wall {{ normal: [0, 0, 1] "
       "stiffness_n_per_m: {} damping_n_s_per_m: {} friction: 0.3 }} }} tool {{ ",
       integrator, 8e4 / points, 200.0 / points);
@@ -63,12 +64,13 @@ double body_on_plane(int points, const char* integrator) {
   });
 }
 double tumbling(const char* integrator) {
-  sim::SimRobot<6> robot{parse_scene(fmt::format("dof: 6 duration_s: 1 control {{ architecture: UNCONTROLLED }} simulation "
-                                                 "{{ integrator: {} }} robot {{ mass_kg: 1 inertia_kg_m2: [1e-3, 2e-3, "
-                                                 "2.6e-3] velocity_m_per_s: [0, 0, 0, 1, 15, 1] }}",
-                                                 integrator),
-                                     "bench"),
-                         Seconds{5e-4}};
+  sim::SimRobot<6> robot{
+      parse_scene(fmt::format("dof: 6 duration_s: 1 control {{ architecture: UNCONTROLLED }} simulation "
+                              "{{ integrator: {} }} robot {{ mass_kg: 1 inertia_kg_m2: [1e-3, 2e-3, "
+                              "2.6e-3] velocity_m_per_s: [0, 0, 0, 1, 15, 1] }}",
+                              integrator),
+                  "bench"),
+      Seconds{5e-4}};
   return ns_of(20'000, [&](int) { robot.move(); });
 }
 double rendered(int points) {

@@ -20,8 +20,7 @@ struct Grid {
 
   [[nodiscard]] std::size_t count() const { return size[2] * stride[2]; }
   [[nodiscard]] Eigen::Vector3d at(std::size_t i, std::size_t j, std::size_t k) const {
-    return origin +
-           spacing * Eigen::Vector3d{static_cast<double>(i), static_cast<double>(j), static_cast<double>(k)};
+    return origin + spacing * Eigen::Vector3d{static_cast<double>(i), static_cast<double>(j), static_cast<double>(k)};
   }
 };
 Grid grid_around(const Eigen::Vector3d& low, const Eigen::Vector3d& high, double spacing) {
@@ -42,8 +41,7 @@ std::vector<std::uint32_t> band_around(const TriangleMesh& mesh, const Grid& gri
     for (std::size_t axis = 0; axis < 3; ++axis) {
       const auto i = static_cast<int>(axis);
       const auto [low, high] = std::minmax({mesh.vertices[t[0]][i], mesh.vertices[t[1]][i], mesh.vertices[t[2]][i]});
-      from[axis] =
-          static_cast<std::size_t>(std::max(0.0, std::ceil((low - grid.origin[i]) / grid.spacing - kBand)));
+      from[axis] = static_cast<std::size_t>(std::max(0.0, std::ceil((low - grid.origin[i]) / grid.spacing - kBand)));
       to[axis] = std::min(grid.size[axis] - 1,
                           static_cast<std::size_t>(std::floor((high - grid.origin[i]) / grid.spacing + kBand)));
     }

@@ -32,16 +32,10 @@ double error_m(const Point& p) {
 
 /// An integrator or an engine has the same colour in every chart; other groups use the remaining colours in turn.
 std::string colour_of(std::string_view group, std::size_t& spare) {
-  static constexpr std::pair<std::string_view, const char*> kOwn[] = {{"EXACT_PER_TICK", "#ca5a32"},
-                                                                      {"EXACT", "#2a788e"},
-                                                                      {"SYMPLECTIC_EULER", "#7a5195"},
-                                                                      {"TRAPEZOIDAL", "#58a45c"},
-                                                                      {"VELOCITY_VERLET", "#d9a441"},
-                                                                      {"RK4", "#4c72b0"},
-                                                                      {"DORMAND_PRINCE", "#c2185b"},
-                                                                      {"ODE", "#8c8c8c"},
-                                                                      {"Bullet", "#b55d60"},
-                                                                      {"MuJoCo", "#222222"}};
+  static constexpr std::pair<std::string_view, const char*> kOwn[] = {
+      {"EXACT_PER_TICK", "#ca5a32"},  {"EXACT", "#2a788e"}, {"SYMPLECTIC_EULER", "#7a5195"}, {"TRAPEZOIDAL", "#58a45c"},
+      {"VELOCITY_VERLET", "#d9a441"}, {"RK4", "#4c72b0"},   {"DORMAND_PRINCE", "#c2185b"},   {"ODE", "#8c8c8c"},
+      {"Bullet", "#b55d60"},          {"MuJoCo", "#222222"}};
   static constexpr std::array<const char*, 5> kSpare = {"#5f9e6e", "#857aab", "#64b5cd", "#c2a03f", "#a05195"};
   for (const auto& [name, colour] : kOwn)
     if (group.starts_with(name)) return colour;

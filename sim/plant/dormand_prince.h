@@ -72,8 +72,8 @@ class DormandPrincePlant {
     }
     if (N != 6) mobility_ = 1.0 / mass_;
     for (const Spring& s : environment_->world().springs) {
-      Springs sum{s.stiffness_n_per_m, s.damping_n_s_per_m, s.anchor_m, 0.0, Eigen::Vector3d::Zero(),
-                  Eigen::Matrix3d::Zero()};
+      Springs sum{s.stiffness_n_per_m,     s.damping_n_s_per_m,    s.anchor_m, 0.0,
+                  Eigen::Vector3d::Zero(), Eigen::Matrix3d::Zero()};
       for (std::size_t i = 0; i < points.size(); ++i) {
         if (!s.acts_on(static_cast<int>(i))) continue;
         sum.count += 1.0;
@@ -153,11 +153,11 @@ class DormandPrincePlant {
   }
 
  private:
-  static constexpr int kSteps = 4000;                // of a tick
-  static constexpr int kCuts = 200;                  // of a tick
-  static constexpr double kStiff = 100.0;            // time constants of friction in a tick: beyond, RODAS
-  static constexpr double kArm_m = 0.1;              // of a rotation, in the error
-  static constexpr double kVelocityTime_s = 0.01;    // of a velocity, in the error
+  static constexpr int kSteps = 4000;              // of a tick
+  static constexpr int kCuts = 200;                // of a tick
+  static constexpr double kStiff = 100.0;          // time constants of friction in a tick: beyond, RODAS
+  static constexpr double kArm_m = 0.1;            // of a rotation, in the error
+  static constexpr double kVelocityTime_s = 0.01;  // of a velocity, in the error
   static constexpr int D = kAxes<N>;
   using Where = Point<D>;
 
@@ -256,8 +256,7 @@ class DormandPrincePlant {
     out.slip = -1.0;
     out.mode = {};
     if (!(out.pressed > 0.0)) return;
-    if (D > 1 && m.friction > 0.0)
-      out.slip = along_surface(d, a.v, vn).squaredNorm() - kStictionSpeed * kStictionSpeed;
+    if (D > 1 && m.friction > 0.0) out.slip = along_surface(d, a.v, vn).squaredNorm() - kStictionSpeed * kStictionSpeed;
     out.mode = {d.feature, out.slip > 0.0};
   }
 
@@ -280,9 +279,8 @@ class DormandPrincePlant {
       const Pair& pair = pairs_[static_cast<std::size_t>(contact.pair)];
       const At a = at(at_y, pair);
       double coulomb = 0.0;
-      const Where fc = force(pair.surface->material,
-                             signed_distance<D>(pair.surface->shape, a.p, contact.mode.feature), a.v,
-                             contact.mode.slides, coulomb);
+      const Where fc = force(pair.surface->material, signed_distance<D>(pair.surface->shape, a.p, contact.mode.feature),
+                             a.v, contact.mode.slides, coulomb);
       force_sum += fc;
       if constexpr (N == 6) torque_sum += a.arm.cross(fc);
       friction += coulomb;
@@ -387,9 +385,10 @@ class DormandPrincePlant {
 
   /// The continuous extension of the step of h that make_step() has made.
   [[nodiscard]] Numbers within(double share, double h) const noexcept {
-    constexpr double kExtension[] = {-12715105075.0 / 11282082432.0, 0.0, 87487479700.0 / 32700410799.0,
-                                     -10690763975.0 / 1880347072.0,  701980252875.0 / 199316789632.0,
-                                     -1453857185.0 / 822651844.0,    69997945.0 / 29380423.0};
+    constexpr double kExtension[] = {-12715105075.0 / 11282082432.0,  0.0,
+                                     87487479700.0 / 32700410799.0,   -10690763975.0 / 1880347072.0,
+                                     701980252875.0 / 199316789632.0, -1453857185.0 / 822651844.0,
+                                     69997945.0 / 29380423.0};
     Numbers y;
     const double rest = 1.0 - share;
     for (std::size_t i = 0; i < y.size(); ++i) {

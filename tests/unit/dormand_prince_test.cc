@@ -20,9 +20,9 @@ using Eigen::Vector3d;
 
 template <int N>
 SimRobot<N> robot(const std::string& blocks, double period, const std::string& integrator = "DORMAND_PRINCE") {
-  return {parse_scene("dof: " + std::to_string(N) + " duration_s: 1 simulation { integrator: " + integrator + " } " +
-                          blocks,
-                      "test"),
+  return {parse_scene(
+              "dof: " + std::to_string(N) + " duration_s: 1 simulation { integrator: " + integrator + " } " + blocks,
+              "test"),
           Seconds{period}};
 }
 template <int N>
@@ -81,10 +81,13 @@ TEST(DormandPrince, HeldWrenchMakesMomentaLinearInTime) {
 /// 0.5 kg and the corners of 60 × 40 × 20 mm.
 const std::string kBox =
     "robot { mass_kg: 0.5 inertia_kg_m2: [1e-3, 2e-3, 2.6e-3] position_m: [0, 0, 0.06, 0.8, 0.4, 0.4, 0.2] "
-    "velocity_m_per_s: [0.1, 0, -0.5, 3, -2, 5] } tool { contact_point { position_m: [0.03, 0.02, 0.01] } contact_point "
+    "velocity_m_per_s: [0.1, 0, -0.5, 3, -2, 5] } tool { contact_point { position_m: [0.03, 0.02, 0.01] } "
+    "contact_point "
     "{ position_m: [0.03, 0.02, -0.01] } contact_point { position_m: [0.03, -0.02, 0.01] } contact_point { position_m: "
-    "[0.03, -0.02, -0.01] } contact_point { position_m: [-0.03, 0.02, 0.01] } contact_point { position_m: [-0.03, 0.02, "
-    "-0.01] } contact_point { position_m: [-0.03, -0.02, 0.01] } contact_point { position_m: [-0.03, -0.02, -0.01] } } ";
+    "[0.03, -0.02, -0.01] } contact_point { position_m: [-0.03, 0.02, 0.01] } contact_point { position_m: [-0.03, "
+    "0.02, "
+    "-0.01] } contact_point { position_m: [-0.03, -0.02, 0.01] } contact_point { position_m: [-0.03, -0.02, -0.01] } "
+    "} ";
 
 TEST(DormandPrince, ElasticBounceKeepsEnergy) {
   // 1e5 N/m at each corner, pulled down by 5 N, ten seconds at 2 kHz.
@@ -119,7 +122,8 @@ TEST(DormandPrince, RoughBoxIsTheFineSolution) {
       "environment { wall { normal: [0, 0, 1] stiffness_n_per_m: 20000 damping_n_s_per_m: 60 friction: 0.3 } } tool { "
       "contact_point { position_m: [0.05, 0.05, -0.05] } contact_point { position_m: [0.05, -0.05, -0.05] } "
       "contact_point { position_m: [-0.05, 0.05, -0.05] } contact_point { position_m: [-0.05, -0.05, -0.05] } } ";
-  auto r = robot<6>(world, 5e-4), fine = robot<6>(world, 5e-4, "RK4 substeps: 4000"), now = robot<6>(world, 5e-4, "EXACT");
+  auto r = robot<6>(world, 5e-4), fine = robot<6>(world, 5e-4, "RK4 substeps: 4000"),
+       now = robot<6>(world, 5e-4, "EXACT");
   Force<6>::Vector f = Force<6>::Vector::Zero();
   f[2] = -9.81;
   push<6>(r, f);
@@ -141,7 +145,8 @@ TEST(DormandPrince, StickingIsTheClosedForm) {
   // Below 1 mm/s friction is a damper c = μ f_n / 1 mm/s: m v̇ = f - c v. Pulled with half of what makes it slide.
   const double m = 0.1, c = 0.4 * 5 / kStictionSpeed, f = 1.0;
   auto r = robot<3>(
-      "robot { mass_kg: 0.1 position_m: [0, 0, -0.001] } environment { wall { normal: [0, 0, 1] stiffness_n_per_m: 5000 "
+      "robot { mass_kg: 0.1 position_m: [0, 0, -0.001] } environment { wall { normal: [0, 0, 1] stiffness_n_per_m: "
+      "5000 "
       "friction: 0.4 } }",
       1e-3);
   push<3>(r, Vector3d{f, 0, -5});
@@ -156,7 +161,8 @@ TEST(DormandPrince, SlidingStopsWhenTheClosedFormDoes) {
   // Decelerates by μ f_n / m down to 1 mm/s, then exponentially: the distance is the sum of both.
   const double m = 0.1, fn = 5.0, mu = 0.4, v0 = 0.1, a = mu * fn / m, v1 = kStictionSpeed;
   auto r = robot<3>(
-      "robot { mass_kg: 0.1 position_m: [0, 0, -0.001] velocity_m_per_s: [0.06, 0.08, 0] } environment { wall { normal: "
+      "robot { mass_kg: 0.1 position_m: [0, 0, -0.001] velocity_m_per_s: [0.06, 0.08, 0] } environment { wall { "
+      "normal: "
       "[0, 0, 1] stiffness_n_per_m: 5000 friction: 0.4 } }",
       1e-3);
   push<3>(r, Vector3d{0, 0, -fn});
@@ -172,7 +178,8 @@ TEST(DormandPrince, SlidingStopsWhenTheClosedFormDoes) {
 TEST(DormandPrince, SeesAContactThatBeginsAndEndsWithinATick) {
   // 10 µm above the wall, towards it at 0.1 m/s and pulled away by 60 N: inside from 0.1 to 3.2 ms of a tick of 10 ms.
   const std::string world =
-      "robot { mass_kg: 1 position_m: [0, 0, 1e-5] velocity_m_per_s: [0, 0, -0.1] } environment { wall { normal: [0, 0, 1] "
+      "robot { mass_kg: 1 position_m: [0, 0, 1e-5] velocity_m_per_s: [0, 0, -0.1] } environment { wall { normal: [0, "
+      "0, 1] "
       "stiffness_n_per_m: 1e5 friction: 0.1 } }";
   auto r = robot<3>(world, 0.01), fine = robot<3>(world, 0.01, "RK4 substeps: 10000");
   push<3>(r, Vector3d{0, 0, 60});
@@ -187,7 +194,8 @@ TEST(DormandPrince, SeesAContactThatBeginsAndEndsWithinATick) {
 TEST(DormandPrince, StiffFrictionIsHandedToTheImplicitMethod) {
   // 10 g under 20 N: friction decays at 1.6e6 per second.
   auto r = robot<3>(
-      "robot { mass_kg: 0.01 position_m: [0, 0, -0.004] } environment { wall { normal: [0, 0, 1] stiffness_n_per_m: 5000 "
+      "robot { mass_kg: 0.01 position_m: [0, 0, -0.004] } environment { wall { normal: [0, 0, 1] stiffness_n_per_m: "
+      "5000 "
       "friction: 0.8 } }",
       1e-3);
   push<3>(r, Vector3d{6, -8, -20});
@@ -205,8 +213,9 @@ TEST(DormandPrince, StiffFrictionIsHandedToTheImplicitMethod) {
 }
 
 TEST(DormandPrince, StepsWithoutAllocation) {
-  auto r = robot<6>(kBox + "environment { wall { normal: [0, 0, 1] stiffness_n_per_m: 1e4 friction: 0.3 } } environment { "
-                           "box { center_m: [0.05, 0, 0] half_size_m: [0.02, 0.1, 0.03] stiffness_n_per_m: 1e4 } }",
+  auto r = robot<6>(kBox +
+                        "environment { wall { normal: [0, 0, 1] stiffness_n_per_m: 1e4 friction: 0.3 } } environment { "
+                        "box { center_m: [0.05, 0, 0] half_size_m: [0.02, 0.1, 0.03] stiffness_n_per_m: 1e4 } }",
                     5e-4);
   Force<6>::Vector f = Force<6>::Vector::Zero();
   f[0] = 1, f[2] = -5;
@@ -223,8 +232,10 @@ TEST(DormandPrince, StepsWithoutAllocation) {
 
 TEST(DormandPrince, ErrorFollowsTheTolerance) {
   const std::string world =
-      "robot { mass_kg: 0.5 inertia_kg_m2: [1e-3, 2e-3, 2.6e-3] velocity_m_per_s: [0.1, 0, 0, 3, 15, 1] } environment { "
-      "spring { stiffness_n_per_m: 2000 anchor_m: [0, 0, 0.02] } } tool { contact_point { position_m: [0.02, 0, 0.01] } }";
+      "robot { mass_kg: 0.5 inertia_kg_m2: [1e-3, 2e-3, 2.6e-3] velocity_m_per_s: [0.1, 0, 0, 3, 15, 1] } environment "
+      "{ "
+      "spring { stiffness_n_per_m: 2000 anchor_m: [0, 0, 0.02] } } tool { contact_point { position_m: [0.02, 0, 0.01] "
+      "} }";
   const auto end = [&](const std::string& tolerance) {
     auto r = robot<6>(world, 1e-2, "DORMAND_PRINCE tolerance_m: " + tolerance);
     for (int k = 0; k < 100; ++k) r.advance();
