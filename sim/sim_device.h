@@ -45,8 +45,10 @@ class SimDevice final {
     if constexpr (N == 6) {
       if (scene.device && scene.device->arm) {
         const auto nothing = std::make_shared<const Environment<6>>(std::vector<EnvironmentSpec>{});
-        arm_.emplace(*scene.device->arm, nothing, dt_, x(),
-                     scene.operator_model ? scene.operator_model->hand : std::nullopt);
+        std::optional<HandOnTool> hand;
+        if (scene.operator_model && scene.operator_model->hand)
+          hand = HandOnTool{*scene.operator_model->hand, path_.at(0.0).x, path_.at(0.0).x};
+        arm_.emplace(*scene.device->arm, nothing, dt_, x(), hand);
       }
     }
     encoder_.start(x(), v());

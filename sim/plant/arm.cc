@@ -26,16 +26,16 @@ double determinant(const Matrix6& symmetric) noexcept {
 }
 
 /// The tool with the hand's mass and inertia on it.
-ArmTool with_hand(const ArmSpec& arm, const std::optional<HandSpec>& hand) {
+ArmTool with_hand(const ArmSpec& arm, const std::optional<HandOnTool>& hand) {
   ArmTool tool{.mass_kg = arm.tool_mass_kg, .center_m = vector<3>(arm.tool_center_m)};
   if (!hand) return tool;
-  const double mass = tool.mass_kg + hand->mass_kg;
-  tool.inertia = hand->inertia_kg_m2 * Eigen::Matrix3d::Identity();
+  const double mass = tool.mass_kg + hand->spec.mass_kg;
+  tool.inertia = hand->spec.inertia_kg_m2 * Eigen::Matrix3d::Identity();
   if (!(mass > 0.0)) return tool;
   // Two points: their reduced mass turns about the common centre.
   const Eigen::Vector3d c = tool.center_m;
   tool.inertia +=
-      tool.mass_kg * hand->mass_kg / mass * (c.squaredNorm() * Eigen::Matrix3d::Identity() - c * c.transpose());
+      tool.mass_kg * hand->spec.mass_kg / mass * (c.squaredNorm() * Eigen::Matrix3d::Identity() - c * c.transpose());
   tool.center_m = tool.mass_kg / mass * c;
   tool.mass_kg = mass;
   return tool;
@@ -52,7 +52,7 @@ ArmModel<n> with_tool(const ArmSpec& arm, const ArmTool& tool, const Eigen::Matr
 
 template <int n>
 SerialArm<n>::SerialArm(const ArmSpec& arm, std::shared_ptr<const Environment<6>> environment, double dt,
-                        const Position<6>& start, const std::optional<HandSpec>& hand)
+                        const Position<6>& start, const std::optional<HandOnTool>& hand)
     : environment_{std::move(environment)},
       dt_{dt},
       arm_{arm},
@@ -61,7 +61,7 @@ SerialArm<n>::SerialArm(const ArmSpec& arm, std::shared_ptr<const Environment<6>
       model_{with_tool<n>(arm_, tool_, home_, start)},
       s_{home_, Joints::Zero()} {
   senses_tool_ = tool_.mass_kg > 0.0 || !tool_.inertia.isZero(0.0);
-  if (hand) hand_ = HandOnTool{*hand, start, start};
+  hand_ = hand;
   for (std::size_t i = 0; i < arm_.parameters->joints.size(); ++i) {
     const ArmJoint& j = arm_.parameters->joints[i];
     const auto c = static_cast<int>(i);
@@ -102,6 +102,7 @@ SerialArm<n>::SerialArm(const ArmSpec& arm, std::shared_ptr<const Environment<6>
                       std::sqrt(h.rotational_stiffness_n_m_per_rad * angular),
                       h.rotational_damping_n_m_s_per_rad * angular});
   }
+  torque_ = model_.gravity_torque(pose, ArmPlant::kGravity);  // what holds it until the first command
   update();
 }
 
@@ -282,7 +283,7 @@ namespace {
 std::variant<SerialArm<7>, SerialArm<6>> with_joints(const ArmSpec& arm,
                                                      const std::shared_ptr<const Environment<6>>& environment,
                                                      double dt, const Position<6>& start,
-                                                     const std::optional<HandSpec>& hand) {
+                                                     const std::optional<HandOnTool>& hand) {
   if (arm.parameters->joints.size() == 7) return SerialArm<7>{arm, environment, dt, start, hand};
   return SerialArm<6>{arm, environment, dt, start, hand};
 }
@@ -290,7 +291,7 @@ std::variant<SerialArm<7>, SerialArm<6>> with_joints(const ArmSpec& arm,
 }  // namespace
 
 ArmPlant::ArmPlant(const ArmSpec& arm, const std::shared_ptr<const Environment<6>>& environment, double dt,
-                   const Position<6>& start, const std::optional<HandSpec>& hand)
+                   const Position<6>& start, const std::optional<HandOnTool>& hand)
     : arm_{with_joints(arm, environment, dt, start, hand)} {}
 
 WristCompensation::WristCompensation(const ArmSpec& arm, const ForceSensorSpec& sensor, std::uint64_t seed) {

@@ -56,7 +56,7 @@ class SerialArm {
   };
 
   SerialArm(const ArmSpec& arm, std::shared_ptr<const Environment<6>> environment, double dt, const Position<6>& start,
-            const std::optional<HandSpec>& hand);
+            const std::optional<HandOnTool>& hand);
 
   /// One tick under the commanded wrench f.
   BodyState<6> advance(const Force<6>& f) noexcept;
@@ -155,7 +155,7 @@ class ArmPlant {
 
  public:
   ArmPlant(const ArmSpec& arm, const std::shared_ptr<const Environment<6>>& environment, double dt,
-           const Position<6>& start, const std::optional<HandSpec>& hand = std::nullopt);
+           const Position<6>& start, const std::optional<HandOnTool>& hand = std::nullopt);
 
   BodyState<6> advance(const Force<6>& f) noexcept {
     return visit([&](auto& arm) { return arm.advance(f); });
