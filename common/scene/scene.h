@@ -89,7 +89,8 @@ struct DeviceSpec {
   double inertia_kg_m2, rotational_damping_n_m_s_per_rad;  ///< the smallest where three are given
   Numbers principal_inertia_kg_m2{}, principal_rotational_damping_n_m_s_per_rad{};  ///< three each, or none
   double force_latency_s = 0.0;
-  std::optional<ArmSpec> arm{};  ///< mass and inertia are then its smallest effective ones at the handle when the run begins
+  /// Mass and inertia are then its smallest effective ones at the handle when the run begins.
+  std::optional<ArmSpec> arm{};
 };
 
 struct ForceSensorSpec {
