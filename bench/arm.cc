@@ -23,7 +23,7 @@
 namespace {
 
 using namespace twoport;
-using Arm = ArmModel<kArmJoints>;
+using Arm = ArmModel<7>;
 using Joints = Arm::Joints;
 
 const Eigen::Vector3d kGravity{0.0, 0.0, -9.81};
@@ -73,7 +73,7 @@ void plant(benchmark::State& state, const char* world) {
                                       world,
                                   "bench");
   const auto environment = std::make_shared<const Environment<6>>(scene.environment, scene.tool);
-  sim::ArmPlant arm{*scene.robot, environment, 5e-4, {}};
+  sim::ArmPlant arm{*scene.robot->arm, environment, 5e-4, {}};
   int k = 0;
   for (auto _ : state) {
     Force<6>::Vector f = Force<6>::Vector::Zero();

@@ -4,7 +4,9 @@
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
+#include <memory>
 #include <optional>
+#include <type_traits>
 #include <utility>
 #include <vector>
 
@@ -13,6 +15,7 @@
 #include "common/scene/scene.h"
 #include "sim/operator/hand.h"
 #include "sim/operator/path.h"
+#include "sim/plant/arm.h"
 #include "sim/plant/handle.h"
 #include "sim/sensor.h"
 
@@ -39,6 +42,15 @@ class SimDevice final {
       push_ = port_vector<N>(vector<N>(scene.operator_model->hand->force_n));
     if (scene.device) late_.resize(static_cast<std::size_t>(std::lround(scene.device->force_latency_s / dt_)));
     if (scene.device) encoder_ = {*scene.device, dt_};
+    if constexpr (N == 6) {
+      if (scene.device && scene.device->arm) {
+        const auto nothing = std::make_shared<const Environment<6>>(std::vector<EnvironmentSpec>{});
+        std::optional<HandOnTool> hand;
+        if (scene.operator_model && scene.operator_model->hand)
+          hand = HandOnTool{*scene.operator_model->hand, path_.at(0.0).x, path_.at(0.0).x};
+        arm_.emplace(*scene.device->arm, nothing, dt_, x(), hand);
+      }
+    }
     encoder_.start(x(), v());
   }
 
@@ -46,7 +58,9 @@ class SimDevice final {
   [[gnu::always_inline]] void advance() noexcept {
     applied_ = held_;
     ++tick_;
-    if (imposed_) {
+    if (arm_) [[unlikely]] {
+      move_arm();
+    } else if (imposed_) {
       const auto s = path_.at(static_cast<double>(tick_) * dt_);
       book({s.x - x(), v(), s.v});
       handle_.set_state({s.x, port_vector<N>(s.v.vec())});
@@ -63,6 +77,7 @@ class SimDevice final {
   /// Adds dv to the velocity of a handle that forces move. False where the hand leads it or it has no mass.
   bool kick(const Velocity<N>& dv) noexcept {
     if (imposed_ || !handle_.moves()) return false;
+    if (arm_) arm_->kick(dv);
     auto state = handle_.state();
     state.v += port_vector<N>(dv.vec());
     handle_.set_state(state);
@@ -99,6 +114,8 @@ class SimDevice final {
   [[nodiscard]] const Force<N>& held() const { return held_; }
   [[nodiscard]] Energy port_energy() const { return energy_; }
   [[nodiscard]] const Path<N>& path() const { return path_; }
+  /// The arm that carries the handle, where there is one.
+  [[nodiscard]] const ArmPlant* arm() const noexcept requires(N == 6) { return arm_ ? &*arm_ : nullptr; }
 
  private:
   using Vector = PortVector<N>;
@@ -122,6 +139,18 @@ class SimDevice final {
     return waits ? Position<N>{} : start(scene).x;
   }
 
+  struct NoArm {
+    void kick(const Velocity<N>&) noexcept {}
+  };
+  [[gnu::noinline]] void move_arm() noexcept {
+    if constexpr (N == 6) {
+      if (hand_) arm_->lead(path_.at(static_cast<double>(tick_) * dt_).x);
+      const BodyState<6> now = arm_->advance(Force<6>{-held_.vec()});
+      handle_.set_state({now.x, port_vector<6>(now.v.vec())});
+      energy_ = -arm_->port_energy();
+    }
+  }
+
   /// Energy into the master port under the force that was held.
   void book(const Interval<N>& interval) noexcept {
     energy_ += held_energy(ObserverRule::exact, held_, interval, Seconds{dt_});
@@ -133,6 +162,7 @@ class SimDevice final {
   HandlePlant<N> handle_;
   std::optional<Hand<N>> hand_;
   Encoder<N> encoder_;
+  std::optional<std::conditional_t<N == 6, ArmPlant, NoArm>> arm_;
 
   Force<N> applied_, held_;
   Vector push_ = Vector::Zero();  ///< constant force of the hand

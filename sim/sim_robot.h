@@ -151,7 +151,7 @@ class SimRobot final {
   void model(const RobotSpec& robot, const SimulationSpec& simulation, double dt) {
     if constexpr (N == 6) {
       if (robot.arm) {
-        plant_.template emplace<Arm>(robot, environment_, dt, state_);
+        plant_.template emplace<Arm>(*robot.arm, environment_, dt, state_.x);
         return;
       }
     }
@@ -181,7 +181,7 @@ class SimRobot final {
   [[gnu::noinline]] void sense_at_wrist() noexcept {
     if constexpr (N == 6) {
       const ArmPlant& arm = std::get<ArmPlant>(plant_);
-      from_environment_ = arm.environment_force();
+      from_environment_ = arm.outside_force();
       if (anchors_move_) from_environment_ += from_anchors_;
       Force<N> at_wrist = from_environment_ + arm.tool_inertia();
       if (wrist_) {

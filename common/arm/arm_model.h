@@ -12,10 +12,11 @@
 
 namespace twoport {
 
-/// A rigid tool beyond the flange, a point mass: mass and centre of mass in tool axes.
+/// A rigid tool beyond the flange: mass, centre of mass and inertia about it, in tool axes.
 struct ArmTool {
   double mass_kg = 0.0;
   Eigen::Vector3d center_m = Eigen::Vector3d::Zero();
+  Eigen::Matrix3d inertia = Eigen::Matrix3d::Zero();  ///< [kg m²]
 };
 
 /// Kinematics and dynamics of a serial arm with n revolute joints. Every formula in axes of the base, moments about its
@@ -53,13 +54,17 @@ class ArmModel {
       link = {j.rotation, j.origin_m, j.mass_kg, j.center_m, j.inertia};
       rotor_[static_cast<int>(i)] = j.rotor_inertia_kg_m2;
     }
-    if (!(tool.mass_kg > 0.0)) return;
+    const Eigen::Matrix3d inertia = tool_rotation_ * tool.inertia * tool_rotation_.transpose();
+    if (!(tool.mass_kg > 0.0)) {
+      links_[kJoints - 1].inertia += inertia;
+      return;
+    }
     // The tool is part of the last link.
     Link& last = links_[kJoints - 1];
     const Eigen::Vector3d center = tool_ + tool_rotation_ * tool.center_m;
     const double mass = last.mass + tool.mass_kg;
     const Eigen::Vector3d common = (last.mass * last.center + tool.mass_kg * center) / mass;
-    last.inertia += of_point(last.mass, last.center - common) + of_point(tool.mass_kg, center - common);
+    last.inertia += of_point(last.mass, last.center - common) + of_point(tool.mass_kg, center - common) + inertia;
     last.mass = mass;
     last.center = common;
   }

@@ -28,7 +28,4 @@ struct ArmParameters {
   std::vector<double> ready_position_rad;
 };
 
-/// Joints of an arm that is simulated: the size is part of the types (docs/decisions).
-inline constexpr int kArmJoints = 7;
-
 }  // namespace twoport

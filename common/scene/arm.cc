@@ -69,11 +69,12 @@ ArmParameters load_arm(const std::string& path) {
   arm.name = of.text(FIELD(name));
   arm.source.assign(message.source().begin(), message.source().end());
   for (const auto& each : of.blocks(FIELD(joint))) arm.joints.push_back(read_joint(each));
-  if (arm.joints.size() != static_cast<std::size_t>(kArmJoints))
-    of.fail(fmt::format("joint is given {} times; an arm must have {} joints", arm.joints.size(), kArmJoints));
+  const int joints = static_cast<int>(arm.joints.size());
+  if (joints != 6 && joints != 7)
+    of.fail(fmt::format("joint is given {} times; an arm must have 6 or 7 joints", joints));
   arm.flange_m = vector<3>(of.list(FIELD(flange_m), {3, 3, ""}));
   arm.flange_rotation = rotation_rpy(of.list(FIELD(flange_rotation_rpy_rad), {3, 3, ""}));
-  const Count all{kArmJoints, kArmJoints, ""};
+  const Count all{joints, joints, ""};
   of.require(FIELD(ready_position_rad), all.words());
   arm.ready_position_rad = of.list(FIELD(ready_position_rad), all);
   for (std::size_t i = 0; i < arm.joints.size(); ++i)

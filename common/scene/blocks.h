@@ -12,6 +12,22 @@
 namespace twoport {
 
 OperatorSpec read_operator(const Block<schema::Operator>& of);
+ArmSpec read_arm(const Block<schema::Arm>& of);
+/// The smallest effective inertia and damping at the tool when the run begins, with force feedback.
+struct EffectiveInertia {
+  double mass_kg, inertia_kg_m2, damping_n_s_per_m, rotational_damping_n_m_s_per_rad;
+};
+EffectiveInertia effective_inertia(const ArmSpec& arm);
+/// Refuses the given ones of `fields` where the block has an arm.
+template <class Message>
+void refuse_beside_arm(const Block<Message>& of, const auto&... fields) {
+  const auto refuse = [&](const auto& field) {
+    if (of.has(field))
+      of.fail(fmt::format("{} is given, but so is {}: the arm has masses and damping of its own",
+                          of.path_of(field.name), of.path_of("arm")));
+  };
+  (refuse(fields), ...);
+}
 DeviceSpec read_device(const Block<schema::Device>& of);
 ControlOptions read_control(const Block<schema::Control>& of, SceneFor use);
 /// The entries of the schedule, each on top of the one before.

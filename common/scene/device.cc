@@ -52,6 +52,18 @@ DeviceSpec read_device(const Block<schema::Device>& of) {
       smallest(spec.principal_rotational_damping_n_m_s_per_rad, spec.rotational_damping_n_m_s_per_rad);
   spec.force_latency_s = of.number(FIELD(force_latency_ms), kDelay) * 1e-3;
   if (of.has(FIELD(max_force_n))) spec.max_force_n = of.number(FIELD(max_force_n), kPositive);
+  of.only_with_rotation(FIELD(arm));
+  if (of.has(FIELD(arm))) {
+    refuse_beside_arm(of, FIELD(mass_kg), FIELD(inertia_kg_m2), FIELD(damping_n_s_per_m),
+                      FIELD(rotational_damping_n_m_s_per_rad), FIELD(velocity_m_per_s), FIELD(coulomb_friction_n),
+                      FIELD(principal_inertia_kg_m2), FIELD(principal_rotational_damping_n_m_s_per_rad));
+    spec.arm = read_arm(of.block(FIELD(arm)));
+    const EffectiveInertia felt = effective_inertia(*spec.arm);
+    spec.mass_kg = felt.mass_kg;
+    spec.inertia_kg_m2 = felt.inertia_kg_m2;
+    spec.damping_n_s_per_m = felt.damping_n_s_per_m;
+    spec.rotational_damping_n_m_s_per_rad = felt.rotational_damping_n_m_s_per_rad;
+  }
   return spec;
 }
 

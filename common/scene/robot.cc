@@ -1,9 +1,5 @@
 #include <algorithm>
-#include <filesystem>
-#include <memory>
 
-#include "common/arm/arm_model.h"
-#include "common/scene/arm.h"
 #include "common/scene/blocks.h"
 
 namespace twoport {
@@ -33,48 +29,13 @@ ForceSensorSpec read_force_sensor(const Block<schema::ForceSensor>& of) {
 }
 
 /// The arm, and mass and inertia of the tool at its first pose.
-void read_arm(const Block<schema::Robot>& robot, RobotSpec& spec) {
-  const auto refuse = [&](const auto& field) {
-    if (robot.has(field))
-      robot.fail(fmt::format("{} is given, but so is {}: the arm has masses and damping of its own",
-                             robot.path_of(field.name), robot.path_of("arm")));
-  };
-  refuse(FIELD(mass_kg));
-  refuse(FIELD(inertia_kg_m2));
-  refuse(FIELD(damping_n_s_per_m));
-  refuse(FIELD(rotational_damping_n_m_s_per_rad));
-  refuse(FIELD(velocity_m_per_s));
-  const auto of = robot.block(FIELD(arm));
-  of.require(FIELD(file), "be the path of a file");
-  std::filesystem::path path = of.text(FIELD(file));
-  if (path.is_relative()) path = std::filesystem::path{of.context().file}.parent_path() / path;
-  const auto parameters = std::make_shared<const ArmParameters>(load_arm(path.string()));
-  ArmSpec arm{.parameters = parameters,
-              .joint_position_rad = of.list(FIELD(joint_position_rad), {kArmJoints, kArmJoints, ""}),
-              .null_space_stiffness_n_m_per_rad = of.number(FIELD(null_space_stiffness_n_m_per_rad), kNotNegative),
-              .null_space_damping_n_m_s_per_rad = of.number(FIELD(null_space_damping_n_m_s_per_rad), kNotNegative),
-              .joint_damping_n_m_s_per_rad = of.number(FIELD(joint_damping_n_m_s_per_rad), kNotNegative),
-              .tool_mass_kg = of.number(FIELD(tool_mass_kg), kNotNegative),
-              .tool_center_m = of.list(FIELD(tool_center_m), {3, 3, ""})};
-  if (arm.joint_position_rad.empty()) arm.joint_position_rad = parameters->ready_position_rad;
-  for (std::size_t i = 0; i < arm.joint_position_rad.size(); ++i) {
-    const ArmJoint& joint = parameters->joints[i];
-    if (!(arm.joint_position_rad[i] > joint.lower_rad && arm.joint_position_rad[i] < joint.upper_rad))
-      of.refuse(FIELD(joint_position_rad),
-                fmt::format("lie within the joints' limits; number {} must be between {} and {}", i + 1,
-                            joint.lower_rad, joint.upper_rad));
-  }
-  // The simulated joints cannot be stepped with more in a few pieces of a tick; real ones have less than 10.
-  if (arm.joint_damping_n_m_s_per_rad > 300.0) of.refuse(FIELD(joint_damping_n_m_s_per_rad), "be at most 300");
-  if (arm.null_space_damping_n_m_s_per_rad > 300.0)
-    of.refuse(FIELD(null_space_damping_n_m_s_per_rad), "be at most 300");
-  if (arm.null_space_stiffness_n_m_per_rad > 1e4)
-    of.refuse(FIELD(null_space_stiffness_n_m_per_rad), "be at most 10000");
-  const ArmModel<kArmJoints> model{*parameters, {arm.tool_mass_kg, vector<3>(arm.tool_center_m)}};
-  const auto mobility = tool_mobility(model, vector<kArmJoints>(arm.joint_position_rad));
-  spec.mass_kg = 1.0 / largest_eigenvalue(mobility.topLeftCorner<3, 3>());
-  spec.inertia_kg_m2.assign(3, 1.0 / largest_eigenvalue(mobility.bottomRightCorner<3, 3>()));
-  spec.arm = arm;
+void read_arm_of_robot(const Block<schema::Robot>& robot, RobotSpec& spec) {
+  refuse_beside_arm(robot, FIELD(mass_kg), FIELD(inertia_kg_m2), FIELD(damping_n_s_per_m),
+                    FIELD(rotational_damping_n_m_s_per_rad), FIELD(velocity_m_per_s));
+  spec.arm = read_arm(robot.block(FIELD(arm)));
+  const EffectiveInertia felt = effective_inertia(*spec.arm);
+  spec.mass_kg = felt.mass_kg;
+  spec.inertia_kg_m2.assign(3, felt.inertia_kg_m2);
 }
 
 }  // namespace
@@ -91,7 +52,7 @@ RobotSpec read_robot(const Block<schema::Robot>& of) {
       .rotational_damping_n_m_s_per_rad = of.number(FIELD(rotational_damping_n_m_s_per_rad), kNotNegative),
   };
   of.only_with_rotation(FIELD(arm));
-  if (of.has(FIELD(arm))) read_arm(of, spec);
+  if (of.has(FIELD(arm))) read_arm_of_robot(of, spec);
   if (of.has(FIELD(force_sensor))) spec.force_sensor = read_force_sensor(of.block(FIELD(force_sensor)));
   return spec;
 }

@@ -120,6 +120,12 @@ void check_uncontrolled(const SceneBlock& scene, const Scene& values) {
   refuse(FIELD(to_master));
 }
 
+/// An arm at the hand is moved by forces: a hand's or none.
+void check_arm_at_hand(const SceneBlock& scene, const Scene& values) {
+  if (!values.device || !values.device->arm || !values.operator_model || values.operator_model->hand) return;
+  scene.fail("device.arm is given, but operator.hand is missing; an arm does not follow an imposed path");
+}
+
 /// A handle that does not follow an imposed path moves by its own dynamics, and needs a mass.
 void check_handle(const SceneBlock& scene, const Scene& values) {
   const bool held = values.operator_model && values.operator_model->hand;
@@ -230,6 +236,7 @@ void check_rules(const SceneBlock& scene, const Scene& values, SceneFor use) {
   check_uncontrolled(scene, values);
   check_latency(scene, values);
   check_contact_points(scene, values);
+  check_arm_at_hand(scene, values);
   check_handle(scene, values);
   check_fastest(scene, values);
   check_accounts(scene, values);

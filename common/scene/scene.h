@@ -68,6 +68,16 @@ struct OperatorSpec {
   std::optional<TremorSpec> tremor;
 };
 
+/// A serial arm in place of a rigid body.
+struct ArmSpec {
+  std::shared_ptr<const ArmParameters> parameters;  ///< common/arm/parameters.h
+  Numbers joint_position_rad;                       ///< when the run begins
+  double null_space_stiffness_n_m_per_rad, null_space_damping_n_m_s_per_rad, joint_damping_n_m_s_per_rad;
+  double tool_mass_kg;
+  Numbers tool_center_m;
+  double force_feedback_gain = 0.0, force_feedback_cutoff_hz = 0.0;  ///< cutoff 0: none
+};
+
 enum class VelocityEstimate : std::uint8_t { true_velocity, backward_difference, filtered };
 struct DeviceSpec {
   double mass_kg, damping_n_s_per_m;
@@ -79,20 +89,14 @@ struct DeviceSpec {
   double inertia_kg_m2, rotational_damping_n_m_s_per_rad;  ///< the smallest where three are given
   Numbers principal_inertia_kg_m2{}, principal_rotational_damping_n_m_s_per_rad{};  ///< three each, or none
   double force_latency_s = 0.0;
+  /// Mass and inertia are then its smallest effective ones at the handle when the run begins.
+  std::optional<ArmSpec> arm{};
 };
 
 struct ForceSensorSpec {
   double noise_n;
   Numbers bias_n;
   double latency_s;
-};
-/// A serial arm in place of a rigid body.
-struct ArmSpec {
-  std::shared_ptr<const ArmParameters> parameters;  ///< common/arm/parameters.h
-  Numbers joint_position_rad;                       ///< when the run begins
-  double null_space_stiffness_n_m_per_rad, null_space_damping_n_m_s_per_rad, joint_damping_n_m_s_per_rad;
-  double tool_mass_kg;
-  Numbers tool_center_m;
 };
 struct RobotSpec {
   double mass_kg, damping_n_s_per_m;

@@ -11,7 +11,7 @@ namespace twoport::sim {
 namespace {
 
 using Eigen::Vector3d;
-using Joints = ArmPlant::Joints;
+using Joints = SerialArm<7>::Joints;
 using Vector6 = Eigen::Matrix<double, 6, 1>;
 
 constexpr double kPeriod = 5e-4;
@@ -49,7 +49,7 @@ TEST(ArmPlant, StartsAtTheScenesPoseAndStaysThereWithoutACommand) {
 TEST(ArmPlant, EnergyIsThatOfTheJointTorques) {
   SimRobot<6> r = robot("joint_damping_n_m_s_per_rad: 0", "",
                         "environment { wall { normal: [0, 0, 1] offset_m: -0.01 stiffness_n_per_m: 5000 } }");
-  const double start = r.arm()->mechanical_energy();
+  const double start = r.arm()->joints<7>()->mechanical_energy();
   double by_wrench = 0.0, largest = 0.0, pressed = 0.0;
   for (int k = 0; k < 2000; ++k) {
     const double t = k * kPeriod;
@@ -57,24 +57,24 @@ TEST(ArmPlant, EnergyIsThatOfTheJointTorques) {
     const Vector6 f = wrench(10 * std::sin(7 * t), 5 * std::cos(5 * t), -8, 0.3 * std::sin(9 * t), 0.2, 0.1);
     push(r, f);
     by_wrench += f.dot((r.state().x - before).vec());
-    largest = std::max(largest, std::abs(r.arm()->port_energy().si()));
+    largest = std::max(largest, std::abs(r.arm()->joints<7>()->port_energy().si()));
     pressed = std::max(pressed, r.environment_force()[2]);
   }
   EXPECT_GT(pressed, 1.0);
   EXPECT_GT(largest, 0.1);
   // What the joints took in is what is held; Runge-Kutta 4 at contacts that begin within a tick.
-  EXPECT_NEAR(r.arm()->mechanical_energy() - start, r.arm()->joint_energy().si(), 1e-6);
+  EXPECT_NEAR(r.arm()->joints<7>()->mechanical_energy() - start, r.arm()->joints<7>()->joint_energy().si(), 1e-6);
   // Torques are held, not the wrench: its work differs by the turning of J in a tick.
-  RecordProperty("wrench_against_joints_j", std::to_string(by_wrench - r.arm()->port_energy().si()));
-  EXPECT_NEAR(by_wrench, r.arm()->port_energy().si(), 2e-2 * largest);
-  EXPECT_NE(by_wrench, r.arm()->port_energy().si());
+  RecordProperty("wrench_against_joints_j", std::to_string(by_wrench - r.arm()->joints<7>()->port_energy().si()));
+  EXPECT_NEAR(by_wrench, r.arm()->joints<7>()->port_energy().si(), 2e-2 * largest);
+  EXPECT_NE(by_wrench, r.arm()->joints<7>()->port_energy().si());
 }
 
 TEST(ArmPlant, NullSpaceMotionLeavesTheToolAlone) {
   SimRobot<6> r = robot("joint_damping_n_m_s_per_rad: 0");
   const Position<6> start = r.state().x;
-  const ArmPlant& arm = *r.arm();
-  ArmPlant moved = arm;
+  const SerialArm<7>& arm = *r.arm()->joints<7>();
+  SerialArm<7> moved = arm;
   // Velocity with J v = 0.
   const auto J = arm.model().jacobian(arm.model().pose(arm.state().q));
   const Joints free = J.fullPivLu().kernel().col(0).normalized();
@@ -95,15 +95,15 @@ TEST(ArmPlant, NullSpaceMotionLeavesTheToolAlone) {
 TEST(ArmPlant, KeepsTheTorqueLimits) {
   SimRobot<6> r = robot();
   push(r, wrench(5000, 0, 0));
-  EXPECT_TRUE(r.arm()->saturated());
-  EXPECT_LE(r.arm()->torque().cwiseAbs().head<4>().maxCoeff(), 87.0);
-  EXPECT_LE(r.arm()->torque().cwiseAbs().tail<3>().maxCoeff(), 12.0);
+  EXPECT_TRUE(r.arm()->joints<7>()->saturated());
+  EXPECT_LE(r.arm()->joints<7>()->torque().cwiseAbs().head<4>().maxCoeff(), 87.0);
+  EXPECT_LE(r.arm()->joints<7>()->torque().cwiseAbs().tail<3>().maxCoeff(), 12.0);
 }
 
 TEST(ArmPlant, StopsHoldTheJoints) {
   SimRobot<6> r = robot("null_space_stiffness_n_m_per_rad: 0");
   for (int k = 0; k < 6000; ++k) push(r, wrench(0, 0, 0, 0, 0, 8));
-  const Joints q = r.arm()->state().q;
+  const Joints q = r.arm()->joints<7>()->state().q;
   double beyond = 0.0;
   const double upper[] = {2.7501, 1.7918, 2.9065, -.1458, 2.8101, 4.5205, 3.0196},
                lower[] = {-2.7501, -1.7918, -2.9065, -3.0481, -2.8101, .54092, -3.0196};
@@ -124,7 +124,7 @@ TEST(ArmPlant, LeavesASingularPositionGracefully) {
     f[0] += k < 6000 ? 30.0 : -30.0;
     push(r, f);
     ASSERT_TRUE(r.state().x.finite() && r.state().v.finite());
-    fastest = std::max(fastest, r.arm()->state().v.cwiseAbs().maxCoeff());
+    fastest = std::max(fastest, r.arm()->joints<7>()->state().v.cwiseAbs().maxCoeff());
     farthest = std::max(farthest, r.state().x.translation().x() - start.translation().x());
   }
   EXPECT_GT(farthest, 0.25) << "the elbow is nearly straight";

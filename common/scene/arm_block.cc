@@ -1,0 +1,81 @@
+#include <algorithm>
+#include <filesystem>
+#include <memory>
+
+#include "common/arm/arm_model.h"
+#include "common/scene/arm.h"
+#include "common/scene/blocks.h"
+
+namespace twoport {
+namespace {
+
+template <int n>
+EffectiveInertia effective_inertia(const ArmSpec& arm) {
+  using Matrix6 = Eigen::Matrix<double, 6, 6>;
+  const ArmTool tool{.mass_kg = arm.tool_mass_kg, .center_m = vector<3>(arm.tool_center_m)};
+  const Eigen::Matrix<double, n, 1> q = vector<n>(arm.joint_position_rad);
+  const ArmModel<n> with_tool{*arm.parameters, tool};
+  Matrix6 mobility = tool_mobility(with_tool, q);
+  if (arm.force_feedback_gain > 0.0) {
+    const Matrix6 alone = tool_mobility(ArmModel<n>{*arm.parameters}, q).inverse(), whole = mobility.inverse();
+    mobility = (alone / (1.0 + arm.force_feedback_gain) + (whole - alone)).inverse();
+  }
+  const auto J = with_tool.jacobian(with_tool.pose(q));
+  const Matrix6 by_damping = J * J.transpose();
+  const double damping = arm.joint_damping_n_m_s_per_rad / (1.0 + arm.force_feedback_gain);
+  return {.mass_kg = 1.0 / largest_eigenvalue(mobility.topLeftCorner<3, 3>()),
+          .inertia_kg_m2 = 1.0 / largest_eigenvalue(mobility.bottomRightCorner<3, 3>()),
+          .damping_n_s_per_m = damping / largest_eigenvalue(by_damping.topLeftCorner<3, 3>()),
+          .rotational_damping_n_m_s_per_rad = damping / largest_eigenvalue(by_damping.bottomRightCorner<3, 3>())};
+}
+
+}  // namespace
+
+ArmSpec read_arm(const Block<schema::Arm>& of) {
+  of.require(FIELD(file), "be the path of a file");
+  std::filesystem::path path = of.text(FIELD(file));
+  if (path.is_relative()) path = std::filesystem::path{of.context().file}.parent_path() / path;
+  const auto parameters = std::make_shared<const ArmParameters>(load_arm(path.string()));
+  const int joints = static_cast<int>(parameters->joints.size());
+  const auto feedback = of.block(FIELD(force_feedback));
+  ArmSpec arm{
+      .parameters = parameters,
+      .joint_position_rad = of.list(FIELD(joint_position_rad), {joints, joints, ""}),
+      .null_space_stiffness_n_m_per_rad = of.number(FIELD(null_space_stiffness_n_m_per_rad), kNotNegative),
+      .null_space_damping_n_m_s_per_rad = of.number(FIELD(null_space_damping_n_m_s_per_rad), kNotNegative),
+      .joint_damping_n_m_s_per_rad = of.number(FIELD(joint_damping_n_m_s_per_rad), kNotNegative),
+      .tool_mass_kg = of.number(FIELD(tool_mass_kg), kNotNegative),
+      .tool_center_m = of.list(FIELD(tool_center_m), {3, 3, ""}),
+      .force_feedback_gain = feedback.number(FIELD(gain), kNotNegative),
+      .force_feedback_cutoff_hz = feedback.has(FIELD(cutoff_hz)) ? feedback.number(FIELD(cutoff_hz), kPositive) : 0.0};
+  if (arm.joint_position_rad.empty()) arm.joint_position_rad = parameters->ready_position_rad;
+  for (std::size_t i = 0; i < arm.joint_position_rad.size(); ++i) {
+    const ArmJoint& joint = parameters->joints[i];
+    if (!(arm.joint_position_rad[i] > joint.lower_rad && arm.joint_position_rad[i] < joint.upper_rad))
+      of.refuse(FIELD(joint_position_rad),
+                fmt::format("lie within the joints' limits; number {} must be between {} and {}", i + 1,
+                            joint.lower_rad, joint.upper_rad));
+  }
+  // The simulated joints cannot be stepped with more in a few pieces of a tick; real ones have less than 10.
+  if (arm.joint_damping_n_m_s_per_rad > 300.0) of.refuse(FIELD(joint_damping_n_m_s_per_rad), "be at most 300");
+  if (arm.null_space_damping_n_m_s_per_rad > 300.0)
+    of.refuse(FIELD(null_space_damping_n_m_s_per_rad), "be at most 300");
+  if (arm.null_space_stiffness_n_m_per_rad > 1e4)
+    of.refuse(FIELD(null_space_stiffness_n_m_per_rad), "be at most 10000");
+  if (arm.force_feedback_gain > 1000.0) feedback.refuse(FIELD(gain), "be at most 1000");
+  if (joints < 7) {
+    const auto refuse = [&](const auto& field) {
+      if (of.has(field)) of.refuse(field, fmt::format("be absent: an arm of {} joints has no null space", joints));
+    };
+    refuse(FIELD(null_space_stiffness_n_m_per_rad));
+    refuse(FIELD(null_space_damping_n_m_s_per_rad));
+    arm.null_space_stiffness_n_m_per_rad = arm.null_space_damping_n_m_s_per_rad = 0.0;
+  }
+  return arm;
+}
+
+EffectiveInertia effective_inertia(const ArmSpec& arm) {
+  return arm.parameters->joints.size() == 6 ? effective_inertia<6>(arm) : effective_inertia<7>(arm);
+}
+
+}  // namespace twoport

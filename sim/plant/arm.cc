@@ -1,0 +1,312 @@
+#include "sim/plant/arm.h"
+
+#include <Eigen/Eigenvalues>
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <cstddef>
+#include <limits>
+#include <numbers>
+#include <utility>
+
+#include "common/base/random.h"
+
+namespace twoport::sim {
+namespace {
+
+using Matrix6 = Eigen::Matrix<double, 6, 6>;
+
+constexpr double kStopStiffness = 2e3, kStopDamping = 20.0;  // [N m/rad], [N m s/rad]
+// det J M⁻¹ Jᵀ below this part of that at the beginning is nearly singular.
+constexpr double kSingular = 1e-3;
+
+double determinant(const Matrix6& symmetric) noexcept {
+  const Eigen::LDLT<Matrix6> factors{symmetric};
+  return factors.vectorD().prod();
+}
+
+/// The tool with the hand's mass and inertia on it.
+ArmTool with_hand(const ArmSpec& arm, const std::optional<HandOnTool>& hand) {
+  ArmTool tool{.mass_kg = arm.tool_mass_kg, .center_m = vector<3>(arm.tool_center_m)};
+  if (!hand) return tool;
+  const double mass = tool.mass_kg + hand->spec.mass_kg;
+  tool.inertia = hand->spec.inertia_kg_m2 * Eigen::Matrix3d::Identity();
+  if (!(mass > 0.0)) return tool;
+  // Two points: their reduced mass turns about the common centre.
+  const Eigen::Vector3d c = tool.center_m;
+  tool.inertia +=
+      tool.mass_kg * hand->spec.mass_kg / mass * (c.squaredNorm() * Eigen::Matrix3d::Identity() - c * c.transpose());
+  tool.center_m = tool.mass_kg / mass * c;
+  tool.mass_kg = mass;
+  return tool;
+}
+
+template <int n>
+ArmModel<n> with_tool(const ArmSpec& arm, const ArmTool& tool, const Eigen::Matrix<double, n, 1>& q,
+                      const Position<6>& start) {
+  const Eigen::Matrix3d flange = ArmModel<n>{*arm.parameters}.pose(q).tool_rotation;
+  return ArmModel<n>{*arm.parameters, tool, flange.transpose() * start.attitude().toRotationMatrix()};
+}
+
+}  // namespace
+
+template <int n>
+SerialArm<n>::SerialArm(const ArmSpec& arm, std::shared_ptr<const Environment<6>> environment, double dt,
+                        const Position<6>& start, const std::optional<HandOnTool>& hand)
+    : environment_{std::move(environment)},
+      dt_{dt},
+      arm_{arm},
+      tool_{with_hand(arm, hand)},
+      home_{vector<n>(arm_.joint_position_rad)},
+      model_{with_tool<n>(arm_, tool_, home_, start)},
+      s_{home_, Joints::Zero()} {
+  senses_tool_ = tool_.mass_kg > 0.0 || !tool_.inertia.isZero(0.0);
+  hand_ = hand;
+  for (std::size_t i = 0; i < arm_.parameters->joints.size(); ++i) {
+    const ArmJoint& j = arm_.parameters->joints[i];
+    const auto c = static_cast<int>(i);
+    most_torque_[c] = j.max_torque_n_m, lower_[c] = j.lower_rad, upper_[c] = j.upper_rad;
+  }
+  if (arm_.force_feedback_cutoff_hz > 0.0)
+    sensor_weight_ = -std::expm1(-2.0 * std::numbers::pi * arm_.force_feedback_cutoff_hz * dt_);
+  const typename Model::Pose pose = model_.pose(s_.q);
+  base_ = start.translation() - pose.tool;
+  const Inertia M = model_.inertia(pose);
+  const auto J = model_.jacobian(pose);
+  mobility_ = J * M.llt().solve(J.transpose());
+  regular_ = kSingular * determinant(mobility_);
+  // Rates of the fastest motions, for the length of steps: the tool on all that it may touch, and the joints' damping and stops.
+  double stiffness = 0.0, damping = 0.0;
+  for (const Surface& s : environment_->world().surfaces) {
+    stiffness += s.material.stiffness_n_per_m;
+    damping += s.material.damping_n_s_per_m + s.material.viscous_friction_n_s_per_m;
+    friction_ = std::max(friction_, s.material.friction);
+  }
+  for (const Spring& s : environment_->world().springs)
+    stiffness += s.stiffness_n_per_m, damping += s.damping_n_s_per_m;
+  double all_points = 0.0;
+  for (const Eigen::Vector3d& point : environment_->tool()) {
+    point_mobility_ = largest_eigenvalue(mobility_.topLeftCorner<3, 3>()) +
+                      point.squaredNorm() * largest_eigenvalue(mobility_.bottomRightCorner<3, 3>());
+    all_points += point_mobility_;
+  }
+  const double joints = 1.0 / Eigen::SelfAdjointEigenSolver<Inertia>{M, Eigen::EigenvaluesOnly}.eigenvalues()[0];
+  rate_ = std::max({std::sqrt(stiffness * all_points), damping * all_points,
+                    (arm_.joint_damping_n_m_s_per_rad + arm_.null_space_damping_n_m_s_per_rad) * joints,
+                    std::sqrt(kStopStiffness * joints)});
+  if (hand_) {
+    const double linear = largest_eigenvalue(mobility_.topLeftCorner<3, 3>()),
+                 angular = largest_eigenvalue(mobility_.bottomRightCorner<3, 3>());
+    const HandSpec& h = hand_->spec;
+    rate_ = std::max({rate_, std::sqrt(h.stiffness_n_per_m * linear), h.damping_n_s_per_m * linear,
+                      std::sqrt(h.rotational_stiffness_n_m_per_rad * angular),
+                      h.rotational_damping_n_m_s_per_rad * angular});
+  }
+  torque_ = model_.gravity_torque(pose, ArmPlant::kGravity);  // what holds it until the first command
+  update();
+}
+
+template <int n>
+BodyState<6> SerialArm<n>::advance(const Force<6>& f) noexcept {
+  const Joints torque = control(f.vec());
+  const Joints before = s_.q;
+  double rate = rate_;
+  if (friction_ > 0.0)
+    rate = std::max(rate, friction_ * now_.outside.template head<3>().norm() * point_mobility_ / kStictionSpeed);
+  const int pieces = static_cast<int>(std::clamp(std::ceil(dt_ * rate / 0.1), 1.0, 256.0));
+  const double h = dt_ / pieces;
+  for (int i = 0; i < pieces; ++i) {
+    const double t = i * h;
+    const State a = i == 0 ? rates_now(torque) : rates(s_, torque, t),
+                b = rates(moved(a, 0.5 * h), torque, t + 0.5 * h), c = rates(moved(b, 0.5 * h), torque, t + 0.5 * h),
+                d = rates(moved(c, h), torque, t + h);
+    s_.q += h / 6.0 * (a.q + 2.0 * (b.q + c.q) + d.q);
+    s_.v += h / 6.0 * (a.v + 2.0 * (b.v + c.v) + d.v);
+  }
+  const Joints turned = s_.q - before;
+  energy_ += Energy{commanded_.dot(turned)};
+  all_energy_ += Energy{torque.dot(turned)};
+  if (hand_) {
+    hand_->intended = hand_->next;
+    hand_->rate = Velocity<6>{};
+  }
+  update();
+  return body();
+}
+
+template <int n>
+void SerialArm<n>::lead(const Position<6>& intended) noexcept {
+  hand_->next = intended;
+  hand_->rate = (intended - hand_->intended) / Seconds{dt_};
+}
+
+template <int n>
+double SerialArm<n>::mechanical_energy() const noexcept {
+  const Joints beyond = over_stops(s_.q);
+  return model_.energy(now_.pose, s_.v, ArmPlant::kGravity) + 0.5 * kStopStiffness * beyond.squaredNorm() +
+         environment_->potential(tool_position(now_.pose)).si();
+}
+
+template <int n>
+void SerialArm<n>::set_state(const State& state) noexcept {
+  s_ = state;
+  update();
+}
+
+template <int n>
+void SerialArm<n>::kick(const Velocity<6>& dv) noexcept {
+  const auto& J = now_.jacobian;
+  Matrix6 A = J * inertia_.solve(J.transpose());
+  damp(A);
+  s_.v += inertia_.solve(J.transpose() * A.llt().solve(dv.vec()));
+  update();
+}
+
+/// How far each joint is beyond its limits; 0 within them.
+template <int n>
+typename SerialArm<n>::Joints SerialArm<n>::over_stops(const Joints& q) const noexcept {
+  return (q - upper_).cwiseMax(0.0) + (q - lower_).cwiseMin(0.0);
+}
+template <int n>
+typename SerialArm<n>::Joints SerialArm<n>::stops(const State& s) const noexcept {
+  Joints torque = Joints::Zero();
+  for (int i = 0; i < n; ++i) {
+    if (s.q[i] > upper_[i]) torque[i] = -std::max(0.0, kStopStiffness * (s.q[i] - upper_[i]) + kStopDamping * s.v[i]);
+    if (s.q[i] < lower_[i]) torque[i] = std::max(0.0, kStopStiffness * (lower_[i] - s.q[i]) - kStopDamping * s.v[i]);
+  }
+  return torque;
+}
+
+/// Adds what keeps an inverse bounded where the arm is nearly singular.
+template <int n>
+void SerialArm<n>::damp(Matrix6& A) const noexcept {
+  const double d = determinant(A);
+  if (d >= regular_) return;
+  A.diagonal() += 0.1 * (1.0 - std::max(0.0, d / regular_)) * mobility_.diagonal();
+}
+
+/// Torques for the coming tick.
+template <int n>
+typename SerialArm<n>::Joints SerialArm<n>::control(const Vector6& wrench) noexcept {
+  const auto& J = now_.jacobian;
+  const Joints gravity = model_.gravity_torque(now_.pose, ArmPlant::kGravity);
+  Joints within = Joints::Zero();
+  if constexpr (n > 6) {
+    within = arm_.null_space_stiffness_n_m_per_rad * (home_ - s_.q) - arm_.null_space_damping_n_m_s_per_rad * s_.v;
+    Matrix6 A = J * inertia_.solve(J.transpose());
+    damp(A);
+    within -= J.transpose() * A.llt().solve(J * inertia_.solve(within));
+  }
+  if (arm_.force_feedback_gain > 0.0) {
+    sensed_ += sensor_weight_ * (now_.outside + inertial_ - sensed_);
+    within += J.transpose() * Vector6{arm_.force_feedback_gain * (wrench + sensed_)};
+  }
+  const Joints wanted = gravity + J.transpose() * wrench + within;
+  torque_ = wanted.cwiseMin(most_torque_).cwiseMax(-most_torque_);
+  saturated_ = torque_ != wanted;
+  commanded_ = torque_ - gravity - within;
+  return torque_;
+}
+
+template <int n>
+typename SerialArm<n>::Kinematics SerialArm<n>::kinematics(const State& s, double t) const noexcept {
+  Kinematics k;
+  k.pose = model_.pose(s.q);
+  k.jacobian = model_.jacobian(k.pose);
+  k.tool_velocity = k.jacobian * s.v;
+  k.outside = outside_wrench(k.pose, k.tool_velocity, t);
+  return k;
+}
+template <int n>
+typename SerialArm<n>::Vector6 SerialArm<n>::outside_wrench(const typename Model::Pose& p, const Vector6& v,
+                                                            double t) const noexcept {
+  Vector6 f = Vector6::Zero();
+  if (!environment_->empty()) f = environment_->force(tool_position(p), Velocity<6>{v}).vec();
+  if (hand_) {
+    const HandSpec& h = hand_->spec;
+    const Vector6 rate = hand_->rate.vec();
+    const Position<6> target =
+        rate.isZero(0.0) ? hand_->intended : hand_->intended + Displacement<6>{Vector6{t * rate}};
+    const Vector6 stretch = (target - tool_position(p)).vec(), by = rate - v;
+    f.template head<3>() += h.stiffness_n_per_m * stretch.template head<3>() +
+                            h.damping_n_s_per_m * by.template head<3>() + vector<3>(h.force_n);
+    f.template tail<3>() += h.rotational_stiffness_n_m_per_rad * stretch.template tail<3>() +
+                            h.rotational_damping_n_m_s_per_rad * by.template tail<3>();
+  }
+  return f;
+}
+/// Torques of all that acts but weight and inertial forces.
+template <int n>
+typename SerialArm<n>::Joints SerialArm<n>::load(const State& s, const Kinematics& k,
+                                                 const Joints& torque) const noexcept {
+  return torque + k.jacobian.transpose() * k.outside - arm_.joint_damping_n_m_s_per_rad * s.v + stops(s);
+}
+/// q̇ and q̈.
+template <int n>
+typename SerialArm<n>::State SerialArm<n>::rates(const State& s, const Joints& torque, double t) const noexcept {
+  const Kinematics k = kinematics(s, t);
+  return {s.v, model_.forward_dynamics(k.pose, s.v, load(s, k, torque), ArmPlant::kGravity)};
+}
+/// The same where the tick begins.
+template <int n>
+typename SerialArm<n>::State SerialArm<n>::rates_now(const Joints& torque) const noexcept {
+  return {s_.v, inertia_.solve(load(s_, now_, torque) - bias_)};
+}
+
+template <int n>
+void SerialArm<n>::update() noexcept {
+  now_ = kinematics(s_, 0.0);
+  inertia_.compute(model_.inertia(now_.pose));
+  bias_ = model_.bias_torque(now_.pose, s_.v, ArmPlant::kGravity);
+  if (senses_tool_) sense_tool();
+}
+/// The inertial wrench of tool and hand.
+template <int n>
+void SerialArm<n>::sense_tool() noexcept {
+  const Joints acceleration = rates_now(torque_).v;
+  const Vector6 a = now_.jacobian * acceleration + model_.bias_acceleration(now_.pose, s_.v);
+  const Eigen::Vector3d c = now_.pose.tool_rotation * tool_.center_m, w = now_.tool_velocity.template tail<3>(),
+                        alpha = a.template tail<3>();
+  const Eigen::Vector3d f = -tool_.mass_kg * (a.template head<3>() + alpha.cross(c) + w.cross(w.cross(c)));
+  inertial_ << f, c.cross(f);
+  if (!hand_) return;
+  const Eigen::Matrix3d& R = now_.pose.tool_rotation;
+  const Eigen::Vector3d spin = R * (tool_.inertia * (R.transpose() * w));
+  inertial_.template tail<3>() -= R * (tool_.inertia * (R.transpose() * alpha)) + w.cross(spin);
+}
+
+template class SerialArm<6>;
+template class SerialArm<7>;
+
+namespace {
+
+std::variant<SerialArm<7>, SerialArm<6>> with_joints(const ArmSpec& arm,
+                                                     const std::shared_ptr<const Environment<6>>& environment,
+                                                     double dt, const Position<6>& start,
+                                                     const std::optional<HandOnTool>& hand) {
+  if (arm.parameters->joints.size() == 7) return SerialArm<7>{arm, environment, dt, start, hand};
+  return SerialArm<6>{arm, environment, dt, start, hand};
+}
+
+}  // namespace
+
+ArmPlant::ArmPlant(const ArmSpec& arm, const std::shared_ptr<const Environment<6>>& environment, double dt,
+                   const Position<6>& start, const std::optional<HandOnTool>& hand)
+    : arm_{with_joints(arm, environment, dt, start, hand)} {}
+
+WristCompensation::WristCompensation(const ArmSpec& arm, const ForceSensorSpec& sensor, std::uint64_t seed) {
+  const Eigen::Vector3d center = vector<3>(arm.tool_center_m);
+  true_ = {
+      .mass_kg = arm.tool_mass_kg, .first_moment_kg_m = arm.tool_mass_kg * center, .bias = vector<6>(sensor.bias_n)};
+  const Random random{seed ^ kStream};
+  std::array<WristReading, 6> readings;
+  for (std::size_t i = 0; i < readings.size(); ++i) {
+    const Eigen::Vector3d axis = Eigen::Vector3d::Unit(static_cast<int>(i % 3));
+    readings[i].attitude = Eigen::AngleAxisd{i < 3 ? 1.0 : -1.5, axis}.toRotationMatrix();
+    readings[i].wrench = true_.reading(readings[i].attitude, ArmPlant::kGravity);
+    for (unsigned k = 0; k < 6; ++k) readings[i].wrench[k] += sensor.noise_n * random.normal(i, k);
+  }
+  found_ = identify_tool(readings, ArmPlant::kGravity);
+}
+
+}  // namespace twoport::sim
