@@ -2,16 +2,17 @@
 //
 //   bench_speed [--short] [--twice WORD]
 //
-// A ratio is of two minima over rounds that take turns; less is better. --twice does the work of the figures whose name begins with
+// A ratio is of two minima of CPU time over rounds that take turns; less is better. --twice does the work of the figures whose name begins with
 // WORD twice: a slowdown that scripts/bench has to see.
 
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <chrono>
 #include <cstdint>
 #include <cstring>
+#include <ctime>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "common/base/random.h"
@@ -29,13 +30,13 @@ struct Options {
   std::string twice;
 };
 
-/// Least of the times [s] of two works that take turns, which are done `rounds` times; of `second` with its slowdown.
+/// Least of the CPU times [s] of two works that take turns, which are done `rounds` times; of `second` with its slowdown.
 template <class First, class Second>
 std::pair<double, double> least_times(int rounds, First first, Second second, bool twice) {
   const auto time_of = [](auto& work) {
-    const auto start = std::chrono::steady_clock::now();
+    const std::clock_t start = std::clock();
     work();
-    return std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+    return static_cast<double>(std::clock() - start) / CLOCKS_PER_SEC;
   };
   std::pair<double, double> least{1e300, 1e300};
   for (int i = 0; i < rounds; ++i) {
