@@ -2,11 +2,13 @@
 
 #include <cstdio>
 #include <memory>
+#include <optional>
 #include <string>
 
 #include "common/base/file.h"
 #include "common/base/print_error.h"
 #include "lab/cli/commands.h"
+#include "lab/lanes/lanes.h"
 #include "lab/plot/boundary_picture.h"
 #include "lab/study/boundary.h"
 #include "lab/study/cells.h"
@@ -17,6 +19,7 @@ namespace {
 
 struct Arguments {
   BoundaryOptions boundary;
+  std::optional<int> lanes;
   std::string interval, along, out;
 };
 
@@ -27,6 +30,7 @@ int curve_command(const Arguments& a) {
     if (progress_is_shown())
       print_error("\r{} of {} values\033[K{}", done, along.values.size(), done == along.values.size() ? "\n" : "");
   });
+  if (a.lanes) say_lanes(curve.use);
   const std::string csv = to_csv(curve);
   if (a.out.empty()) {
     std::fputs(csv.c_str(), stdout);
@@ -39,6 +43,7 @@ int curve_command(const Arguments& a) {
 
 int boundary_command(Arguments& a) {
   a.boundary.vary = parse_interval(a.interval);
+  a.boundary.lanes = checked_lanes(a.lanes.value_or(0));
   if (!a.along.empty()) return curve_command(a);
   const Boundary found = find_boundary(a.boundary, [](const Trial& t) {
     fmt::print("{:<14} {:<9} {}\n", t.value, t.stable ? "stable" : "unstable", t.verdict);
@@ -64,6 +69,7 @@ Subcommand add_boundary_command(CLI::App& app) {
       boundary->add_option("--along", a->along, "PATH=SPEC as for sweep --vary: one boundary per value");
   boundary->add_option("--out", a->out, "With --along: folder for boundary.csv and the picture")->needs(along);
   add_jobs(boundary, a->boundary.jobs);
+  add_lanes(boundary, a->lanes);
   boundary->add_option("--tolerance", a->boundary.tolerance, "Relative width of the final bracket")
       ->capture_default_str();
   boundary

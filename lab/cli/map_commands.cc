@@ -3,6 +3,7 @@
 #include <cstdio>
 #include <filesystem>
 #include <memory>
+#include <optional>
 #include <string>
 
 #include "common/base/check.h"
@@ -11,6 +12,7 @@
 #include "common/record/summary.h"
 #include "common/scene/load.h"
 #include "lab/cli/commands.h"
+#include "lab/lanes/lanes.h"
 #include "lab/plot/compare_picture.h"
 #include "lab/plot/map_picture.h"
 #include "lab/study/adversary.h"
@@ -55,6 +57,7 @@ std::string not_empty(const std::string& value) {
 
 struct MapArguments {
   MapOptions map;
+  std::optional<int> lanes;
   std::string methods, round_trips, losses, bursts, stiffnesses, out, verdict = "lean";
 };
 
@@ -68,6 +71,7 @@ int map_command(MapArguments& a) {
   take("--burst-packets", a.bursts, a.map.bursts_packets);
   take("--stiffness", a.stiffnesses, a.map.stiffnesses_n_per_m);
   a.map.verdict = a.verdict == "tail" ? VerdictFrom::tail : VerdictFrom::lean;
+  a.map.lanes = checked_lanes(a.lanes.value_or(0));
   if (!a.out.empty()) make_folder(a.out);
   double spent_s = 0.0;
   const Map map = make_map(a.map, [&](const Progress& progress) {
@@ -76,6 +80,7 @@ int map_command(MapArguments& a) {
   });
   const double runs = static_cast<double>(map.cells.size()) * a.map.seeds;
   print_error("{} runs in {:.1f} s, {:.0f} a second\n", runs, spent_s, runs / spent_s);
+  if (a.lanes) say_lanes(map.use);
   std::fputs(to_text(map).c_str(), stdout);
   if (a.out.empty()) return 0;
   write_whole(a.out + "/table.csv", to_csv(map));
@@ -106,6 +111,7 @@ Subcommand add_map(CLI::App& app) {
       ->capture_default_str();
   map->add_option("--out", a->out, "Folder for table.csv and the pictures");
   add_jobs(map, a->map.jobs);
+  add_lanes(map, a->lanes);
   map->footer(
       R"(A method holds in a place where every seed is stable and quiet and at least half of the force is pressed that the
 same scene presses without delay and loss. The error is the root of the sum of squares of felt-force error, missing

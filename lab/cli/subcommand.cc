@@ -7,6 +7,7 @@
 
 #include "common/base/print_error.h"
 #include "common/scene/load.h"
+#include "lab/lanes/lanes.h"
 
 namespace twoport::lab {
 
@@ -14,6 +15,18 @@ void add_scene(CLI::App* command, std::string& scene, std::vector<std::string>& 
   command->add_option("scene", scene, "Scene file (.textproto)")->required();
   add_list(command, "--set", set, "Override, PATH=VALUE, e.g. control.passivity.method=NONE")
       ->check(CLI::Validator{[](const std::string& text) { return assignment_error(text); }, "PATH=VALUE"});
+}
+
+void add_lanes(CLI::App* command, std::optional<int>& lanes) {
+  command->add_option(
+      "--lanes", lanes,
+      "Simulations that a thread steps at once: 1, 2, 4 or 8; 0, the default: as many as the processor can. Says "
+      "which runs ran alone, and why");
+}
+
+void say_lanes(const LaneUse& use) {
+  if (use.together > 0) print_error("{} runs, {} at once ({})\n", use.together, use.lanes, name_of_lanes(use.lanes));
+  for (const auto& [why, count] : use.alone) print_error("{} runs alone: {}\n", count, why);
 }
 
 void add_jobs(CLI::App* command, int& jobs) {

@@ -2,9 +2,11 @@
 
 #include <CLI/CLI.hpp>
 #include <functional>
+#include <optional>
 #include <string>
 #include <vector>
 
+#include "lab/study/many_runs.h"
 #include "lab/study/sweep.h"
 
 namespace twoport::lab {
@@ -19,6 +21,10 @@ struct Subcommand {
 void add_scene(CLI::App* command, std::string& scene, std::vector<std::string>& set);
 /// --jobs N, at least 1.
 void add_jobs(CLI::App* command, int& jobs);
+/// --lanes N.
+void add_lanes(CLI::App* command, std::optional<int>& lanes);
+/// Says on stderr which runs were stepped several at once, and why others were not.
+void say_lanes(const LaneUse& use);
 /// An option that takes one value and may be given several times.
 CLI::Option* add_list(CLI::App* command, const std::string& name, std::vector<std::string>& into,
                       const std::string& help);

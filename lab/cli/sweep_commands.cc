@@ -8,7 +8,6 @@
 #include <utility>
 
 #include "common/base/check.h"
-#include "common/base/print_error.h"
 #include "lab/cli/commands.h"
 #include "lab/lanes/lanes.h"
 #include "lab/plot/sweep_picture.h"
@@ -69,12 +68,6 @@ void finish(const Table& table, const std::string& plot, const std::string& out)
   if (plot != "none") fmt::print("{}\n", draw(table, plot, out));
 }
 
-/// Which runs were stepped several at once, and why others were not.
-void say_lanes(const LaneUse& use) {
-  if (use.together > 0) print_error("{} runs, {} at once ({})\n", use.together, use.lanes, name_of_lanes(use.lanes));
-  for (const auto& [why, count] : use.alone) print_error("{} runs alone: {}\n", count, why);
-}
-
 int sweep_command(Arguments& a) {
   check_plot(a.plot, a.sweep.seeds > 0);
   for (const std::string& axis : a.axes) a.sweep.axes.push_back(parse_axis(axis));
@@ -114,10 +107,7 @@ std::vector<Subcommand> add_sweep_commands(CLI::App& app) {
       ->add_option("--seeds", a->sweep.seeds, "Runs per cell, with the scene's seed, seed + 1, ...: mean, sd and worst")
       ->check(CLI::Range(1, 1'000'000));
   add_jobs(sweep, a->sweep.jobs);
-  sweep->add_option(
-      "--lanes", a->lanes,
-      "Simulations that a thread steps at once: 1, 2, 4 or 8; 0, the default: as many as the processor can. Says "
-      "which runs ran alone, and why");
+  add_lanes(sweep, a->lanes);
   sweep->add_option("--shard", a->shard, "I/N, I from 1: run only this part of the cells, for merge");
   sweep->add_option("--out", a->sweep.out, "Folder for table.csv, pictures, and the cells finished so far");
   sweep->add_option("--plot", a->plot, plot)->capture_default_str();

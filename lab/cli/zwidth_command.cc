@@ -2,8 +2,10 @@
 
 #include <cstdio>
 #include <memory>
+#include <optional>
 
 #include "lab/cli/commands.h"
+#include "lab/lanes/lanes.h"
 #include "lab/plot/zwidth_picture.h"
 #include "lab/study/parallel.h"
 #include "lab/study/zwidth.h"
@@ -11,8 +13,10 @@
 namespace twoport::lab {
 namespace {
 
-int zwidth_command(const ZWidthOptions& options) {
+int zwidth_command(ZWidthOptions options, const std::optional<int>& lanes) {
+  options.lanes = checked_lanes(lanes.value_or(0));
   const ZWidth z = z_width(options, show_progress);
+  if (lanes) say_lanes(z.use);
   std::fputs(to_text(z).c_str(), stdout);
   if (options.out.empty()) return 0;
   fmt::print("{}\n", draw(z, options.out));
@@ -23,6 +27,7 @@ int zwidth_command(const ZWidthOptions& options) {
 
 Subcommand add_zwidth_command(CLI::App& app) {
   const auto options = std::make_shared<ZWidthOptions>();
+  const auto lanes = std::make_shared<std::optional<int>>();
   options->jobs = all_cores();
   CLI::App* zwidth =
       app.add_subcommand("zwidth", "Map the stiffness and damping that a scene displays stably, with theory");
@@ -33,8 +38,9 @@ Subcommand add_zwidth_command(CLI::App& app) {
       ->capture_default_str();
   zwidth->add_option("--methods", options->methods, "Controllers; one map per controller")->capture_default_str();
   add_jobs(zwidth, options->jobs);
+  add_lanes(zwidth, *lanes);
   zwidth->add_option("--out", options->out, "Folder for table.csv, the map, and the cells finished so far");
-  return {zwidth, [options] { return zwidth_command(*options); }};
+  return {zwidth, [options, lanes] { return zwidth_command(*options, *lanes); }};
 }
 
 }  // namespace twoport::lab

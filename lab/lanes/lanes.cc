@@ -9,6 +9,8 @@
 #include <cmath>
 #include <cstdint>
 #include <cstring>
+#include <deque>
+#include <limits>
 #include <map>
 #include <memory>
 #include <new>
@@ -25,6 +27,7 @@
 #include "lab/engine/tail_judge.h"
 #include "lab/lanes/batch.h"
 #include "lab/run.h"
+#include "lab/study/parallel.h"
 #include "sim/operator/path.h"
 #include "sim/plant/exact_wall.h"
 #include "sim/sim_device.h"
@@ -102,6 +105,20 @@ std::int64_t lag_of(const ImpairmentOptions& way, std::int64_t period_ns) {
 }
 std::int64_t period_of(const Scene& scene) {
   return static_cast<std::int64_t>(kNanosecondsPerSecond / scene.master_rate_hz);
+}
+
+/// The packet that comes before the first one of the slave's is as old as the network's delay, and a tick.
+std::int64_t first_force_lag_of(const Scene& scene) {
+  return 1 + std::lround(scene.to_master.delay_s * scene.slave_rate_hz);
+}
+/// Age of the oldest packet or force that a tick may read [ticks].
+std::int64_t oldest_of(const Scene& scene) {
+  const std::int64_t period = period_of(scene);
+  return 1 + std::max({lag_of(scene.to_slave, period), lag_of(scene.to_master, period), first_force_lag_of(scene)});
+}
+/// Length of HeldForce's window [ticks].
+std::size_t window_of(const Scene& scene) {
+  return static_cast<std::size_t>(std::max(1L, std::lround(HeldForce<1>::kWindow * scene.master_rate_hz)));
 }
 
 LaneMethod method_of(const ControlOptions& c) {
@@ -193,8 +210,12 @@ class Cell {
   using T = Sums<double, N>;
   using Plant = sim::ExactPlant<N>;
 
-  Cell(const Scene& scene, const sim::SimDevice<N>& device, std::shared_ptr<const Intended> path)
-      : scene_{scene},
+  Cell(std::size_t number_of_scene, const Scene& scene, VerdictFrom verdict, const sim::SimDevice<N>& device,
+       std::shared_ptr<const Intended> path)
+      : number{number_of_scene},
+        scene_{scene},
+        from_of_verdict_{verdict},
+        twin_{verdict != VerdictFrom::lean},
         period_ns_{period_of(scene)},
         path_{std::move(path)},
         plant_{*scene.robot,
@@ -213,8 +234,7 @@ class Cell {
   [[nodiscard]] const double* path() const { return path_->x.data(); }
   [[nodiscard]] Plant& plant() { return plant_; }
   [[nodiscard]] std::int64_t lag(int way) const { return lag_[way]; }
-  /// Oldest packet and force that a tick may read.
-  [[nodiscard]] std::int64_t oldest() const { return std::max({lag_[0], lag_[1], first_force_lag_}) + 1; }
+  [[nodiscard]] std::int64_t oldest() const { return oldest_of(scene_); }
   [[nodiscard]] std::int64_t ticks() const { return ticks_; }
   [[nodiscard]] std::int64_t next_stop() const { return stops_[next_stop_]; }
   [[nodiscard]] std::size_t window() const { return window_; }
@@ -260,15 +280,18 @@ class Cell {
   }
   [[nodiscard]] bool needs_tails() const { return judged_ && !failed_; }
 
-  /// Begins the tail of the end, then that of the state in contact.
+  /// Begins the tail of the end, then that of the state in contact; without a twin where wants_twin() is false.
   std::unique_ptr<TailJudge<N>> begin_tail() {
     from_ = verdict_ ? &*held_ : &now;
-    auto judge = std::make_unique<TailJudge<N>>(scene_, scale_, granted(), true);
+    auto judge = std::make_unique<TailJudge<N>>(scene_, scale_, granted(), twin_);
     const auto k = static_cast<std::int64_t>(from_->state.k);
     for (int i = 0; i < N; ++i) p.held_at[i] = path_->x[static_cast<std::size_t>((k - 1) * N + i)];
     return judge;
   }
   [[nodiscard]] const Snapshot<N>& tail_from() const { return *from_; }
+  [[nodiscard]] bool wants_twin() const { return twin_; }
+  /// A controller has acted in the tail: it begins anew with a twin.
+  void want_twin() { twin_ = true; }
   /// The twin of a state.
   [[nodiscard]] S kicked(S s, const std::pair<Velocity<N>, Velocity<N>>& by) {
     for (int i = 0; i < N; ++i) s.master_v[i] = s.master_v[i] + by.first[i];
@@ -281,6 +304,7 @@ class Cell {
   bool end_tail(const Verdict& verdict) {
     if (!verdict_) {
       verdict_ = verdict;
+      twin_ = from_of_verdict_ != VerdictFrom::lean;
       return verdict.kind != VerdictKind::unstable && held_.has_value();
     }
     keep_worse(*verdict_, verdict, held_at_s_);
@@ -290,7 +314,7 @@ class Cell {
   [[nodiscard]] bool failed() const { return failed_; }
 
   [[nodiscard]] Summary summary(double step_ns) const {
-    if (failed_) return run(scene_);
+    if (failed_) return run(scene_, {.verdict = from_of_verdict_});
     Summary s;
     metrics_->fill(s);
     describe_run(scene_, "lab", s);
@@ -337,6 +361,7 @@ class Cell {
     get(of, io, io + N, io + 2 * N, io[2 * N + 2]);
   }
 
+  const std::size_t number;  ///< of its scene, among those that are run
   P p;
   T t;
   Snapshot<N> now;
@@ -434,10 +459,10 @@ class Cell {
         blackouts_[way].emplace_back(tick_from(from, period_ns_), tick_from(to, period_ns_));
       }
     }
-    first_force_lag_ = 1 + std::lround(scene_.to_master.delay_s * scene_.slave_rate_hz);
+    first_force_lag_ = first_force_lag_of(scene_);
     const HighPassCoefficients filter{30.0, scene_.master_rate_hz};
     p.filter_b0 = filter.b0, p.filter_a1 = filter.a1, p.filter_a2 = filter.a2;
-    window_ = static_cast<std::size_t>(std::max(1L, std::lround(HeldForce<N>::kWindow * scene_.master_rate_hz)));
+    window_ = window_of(scene_);
     p.window = static_cast<double>(window_);
   }
 
@@ -548,6 +573,8 @@ class Cell {
   }
 
   const Scene& scene_;
+  VerdictFrom from_of_verdict_;
+  bool twin_;
   std::int64_t period_ns_;
   std::shared_ptr<const Intended> path_;
   Plant plant_;
@@ -578,8 +605,8 @@ class Lanes {
                                kState = sizeof(State<double, N>) / sizeof(double),
                                kSums = sizeof(Sums<double, N>) / sizeof(double);
 
-  Lanes(const Unit& unit, const std::vector<std::unique_ptr<Of>>& cells, bool tail) : unit_{unit} {
-    const Scene& scene = cells.front()->scene();
+  /// For scenes of the shape of `scene`, with rings for packets of so many ticks, and for the window.
+  Lanes(const Unit& unit, const Scene& scene, std::int64_t oldest, std::size_t window, bool tail) : unit_{unit} {
     const ControlOptions& c = scene.control;
     b.method = method_of(c);
     b.projected = c.controller.method == Method::force_projected;
@@ -599,13 +626,9 @@ class Lanes {
     };
     b.window_ended = [](Batch& of, int lane) { static_cast<Lanes*>(of.owner)->end_window(lane); };
     b.owner = this;
-    std::int64_t oldest = 0;
-    std::size_t window = 0;
-    for (const auto& cell : cells) oldest = std::max(oldest, cell->oldest()), window = std::max(window, cell->window());
-    oldest_ = oldest;
     b.slots = static_cast<std::int64_t>(std::bit_ceil(static_cast<std::uint64_t>(oldest + 2)));
     b.window_slots = static_cast<std::int64_t>(std::bit_ceil(window + 1));
-    b.clock = oldest_ + 1;
+    b.clock = oldest + 1;
     const auto w = static_cast<std::size_t>(unit.lanes), slots = static_cast<std::size_t>(b.slots);
     b.parameters = take(0, kParameters * w), b.state = take(1, kState * w), b.sums = take(2, kSums * w);
     b.to_slave = take(3, slots * words_to_slave(N) * w), b.to_master = take(4, slots * words_to_master(N) * w);
@@ -630,13 +653,15 @@ class Lanes {
     get_ring(b.to_slave, words_to_slave(N), lane, into.to_slave, ages);
     get_ring(b.to_master, words_to_master(N), lane, into.to_master, ages);
   }
-  /// A lane of which nobody wants anything: the same as another one.
-  void copy_lane(int to, int from) {
+  /// A lane of which nobody wants anything: the same as another one. Its own packets serve it once they are finite.
+  void copy_lane(int to, int from, bool with_packets) {
     copy(b.parameters, kParameters, to, from);
     copy(b.state, kState, to, from);
     copy(b.sums, kSums, to, from);
-    copy(b.to_slave, static_cast<std::size_t>(b.slots) * words_to_slave(N), to, from);
-    copy(b.to_master, static_cast<std::size_t>(b.slots) * words_to_master(N), to, from);
+    if (with_packets) {
+      copy(b.to_slave, static_cast<std::size_t>(b.slots) * words_to_slave(N), to, from);
+      copy(b.to_master, static_cast<std::size_t>(b.slots) * words_to_master(N), to, from);
+    }
     b.path[to] = b.path[from];
     b.plant[to] = b.plant[from];
   }
@@ -724,189 +749,302 @@ class Lanes {
   }
 
   const Unit& unit_;
-  std::int64_t oldest_ = 0;
   Numbers64 memory_[7];
 };
 
-/// Runs all cells, replacing those that have ended.
-template <int N>
-std::int64_t run_all(const Unit& unit, std::vector<std::unique_ptr<Cell<N>>>& cells, const std::atomic<bool>* stop) {
-  Lanes<N> lanes{unit, cells, false};
-  Batch& b = lanes.b;
-  std::size_t next = 0;
-  std::int64_t k[kMostLanes]{}, total = 0;
-  for (;;) {
-    if (stop != nullptr && *stop) throw Stopped{};
-    for (int lane = 0; lane < lanes.width(); ++lane) {
-      if (lanes.cell_of[lane] != nullptr || next == cells.size()) continue;
-      Cell<N>& cell = *cells[next++];
-      lanes.cell_of[lane] = &cell;
-      k[lane] = 0;
-      if (!cell.at_stop(0, [] {})) cell.fail();
-      lanes.set_parameters(lane, cell);
-      lanes.set_state(lane, cell.now.state);
-      lanes.set_sums(lane, cell);
-      b.path[lane] = cell.path();
-      b.plant[lane] = &cell.plant();
+/// Scenes of one shape, by delay: lanes with the same delays read their packets from the same slot. Threads take the next one.
+class Queue {
+ public:
+  explicit Queue(std::span<const Scene* const> scenes) : scenes_{scenes} {
+    std::vector<std::pair<std::int64_t, std::int64_t>> lags;
+    for (const Scene* scene : scenes) {
+      lags.emplace_back(lag_of(scene->to_slave, period_of(*scene)), lag_of(scene->to_master, period_of(*scene)));
+      oldest_ = std::max(oldest_, oldest_of(*scene));
+      window_ = std::max(window_, window_of(*scene));
+      order_.push_back(order_.size());
     }
+    std::stable_sort(order_.begin(), order_.end(), [&](std::size_t a, std::size_t b) { return lags[a] < lags[b]; });
+  }
+  /// The number of a scene that nobody has taken.
+  std::optional<std::size_t> take() {
+    const std::size_t i = next_.fetch_add(1);
+    return i < order_.size() ? std::optional{order_[i]} : std::nullopt;
+  }
+  [[nodiscard]] const Scene& scene(std::size_t number) const { return *scenes_[number]; }
+  [[nodiscard]] std::int64_t oldest() const { return oldest_; }
+  [[nodiscard]] std::size_t window() const { return window_; }
+
+ private:
+  std::span<const Scene* const> scenes_;
+  std::vector<std::size_t> order_;
+  std::int64_t oldest_ = 0;
+  std::size_t window_ = 0;
+  std::atomic<std::size_t> next_{0};
+};
+
+/// Runs cells, a lane each.
+template <int N>
+class Runs {
+ public:
+  using Of = std::unique_ptr<Cell<N>>;
+
+  Runs(const Unit& unit, const Queue& queue)
+      : unit_{unit}, lanes_{unit, queue.scene(0), queue.oldest(), queue.window(), false} {}
+
+  [[nodiscard]] bool empty() const { return cells_ == 0; }
+  [[nodiscard]] bool has_room() const { return cells_ < lanes_.width(); }
+  void add(Of cell) {
+    int lane = 0;
+    while (cell_[lane] != nullptr) ++lane;
+    ++cells_;
+    lanes_.cell_of[lane] = cell.get();
+    k_[lane] = 0;
+    if (!cell->at_stop(0, [] {})) cell->fail();
+    lanes_.set_parameters(lane, *cell);
+    lanes_.set_state(lane, cell->now.state);
+    lanes_.set_sums(lane, *cell);
+    lanes_.b.path[lane] = cell->path();
+    lanes_.b.plant[lane] = &cell->plant();
+    idle_[lane] = false;
+    cell_[lane] = std::move(cell);
+  }
+  /// Ticks until something happens in a lane. Calls ended(cell) for each cell that has ended.
+  template <class Ended>
+  void step(Ended ended) {
+    const auto start = std::chrono::steady_clock::now();
+    Batch& b = lanes_.b;
     int active = -1;
     std::int64_t n = std::numeric_limits<std::int64_t>::max();
-    for (int lane = 0; lane < lanes.width(); ++lane)
-      if (lanes.cell_of[lane] != nullptr) active = lane, n = std::min(n, lanes.cell_of[lane]->next_stop() - k[lane]);
-    if (active < 0) return total;
-    for (int lane = 0; lane < lanes.width(); ++lane)
-      if (lanes.cell_of[lane] == nullptr) lanes.copy_lane(lane, active);
-    lanes.lanes_changed();
-    const std::int64_t done = unit.run[N == 1 ? 0 : 1](b, n);
-    for (int lane = 0; lane < lanes.width(); ++lane) {
-      Cell<N>* const cell = lanes.cell_of[lane];
+    for (int lane = 0; lane < lanes_.width(); ++lane)
+      if (cell_[lane] != nullptr) active = lane, n = std::min(n, cell_[lane]->next_stop() - k_[lane]);
+    for (int lane = 0; lane < lanes_.width(); ++lane)
+      if (cell_[lane] == nullptr) lanes_.copy_lane(lane, active, !std::exchange(idle_[lane], true));
+    lanes_.lanes_changed();
+    const std::int64_t done = unit_.run[N == 1 ? 0 : 1](b, n);
+    spent_ += std::chrono::steady_clock::now() - start;
+    ticks_ += done * cells_;
+    for (int lane = 0; lane < lanes_.width(); ++lane) {
+      Cell<N>* const cell = cell_[lane].get();
       if (cell == nullptr) continue;
-      k[lane] += done, total += done;
+      k_[lane] += done;
       const bool diverged = (b.diverged >> lane & 1U) != 0;
-      if (!diverged && k[lane] < cell->next_stop()) continue;
-      lanes.get_state(lane, cell->now.state);
-      lanes.get_sums(lane, *cell);
-      const auto packets = [&] { lanes.get_packets(lane, cell->now, std::min(cell->oldest(), k[lane])); };
-      const bool goes_on = !diverged && cell->at_stop(k[lane], packets);
+      if (!diverged && k_[lane] < cell->next_stop()) continue;
+      lanes_.get_state(lane, cell->now.state);
+      lanes_.get_sums(lane, *cell);
+      const auto packets = [&] { lanes_.get_packets(lane, cell->now, std::min(cell->oldest(), k_[lane])); };
+      const bool goes_on = !diverged && cell->at_stop(k_[lane], packets);
       if (goes_on) {
-        lanes.set_parameters(lane, *cell);
-        lanes.set_sums(lane, *cell);
+        lanes_.set_parameters(lane, *cell);
+        lanes_.set_sums(lane, *cell);
         continue;
       }
       packets();
       std::optional<double> ratio;
       if (cell->t.held_ticks >= static_cast<double>(cell->window()))
-        ratio = lanes.ratio(lane, cell->window(), static_cast<std::size_t>(cell->t.held_next));
-      cell->end(k[lane], diverged, ratio);
-      lanes.cell_of[lane] = nullptr;
+        ratio = lanes_.ratio(lane, cell->window(), static_cast<std::size_t>(cell->t.held_next));
+      cell->end(k_[lane], diverged, ratio);
+      lanes_.cell_of[lane] = nullptr;
+      --cells_;
+      ended(std::move(cell_[lane]));
     }
   }
-}
+  /// Wall time of a tick, of one cell.
+  [[nodiscard]] double step_ns() const {
+    return spent_.count() / static_cast<double>(std::max<std::int64_t>(ticks_, 1));
+  }
 
-/// Judges all cells: a tail and its twin in two lanes each.
+ private:
+  const Unit& unit_;
+  Lanes<N> lanes_;
+  Of cell_[kMostLanes];
+  bool idle_[kMostLanes]{};
+  std::int64_t k_[kMostLanes]{}, ticks_ = 0;
+  int cells_ = 0;
+  std::chrono::duration<double, std::nano> spent_{0};
+};
+
+/// Judges cells that have ended: a tail in a lane, and its twin in another one.
 template <int N>
-void judge_all(const Unit& unit, std::vector<std::unique_ptr<Cell<N>>>& cells, const std::atomic<bool>* stop) {
-  std::vector<Cell<N>*> todo;
-  for (const auto& cell : cells)
-    if (cell->needs_tails()) todo.push_back(cell.get());
-  if (todo.empty()) return;
-  std::reverse(todo.begin(), todo.end());  // the first is taken from the back
-  Lanes<N> lanes{unit, cells, true};
-  Batch& b = lanes.b;
-  struct Pair {
-    Cell<N>* cell = nullptr;
-    std::unique_ptr<TailJudge<N>> judge;
-    std::int64_t from = 0, ticks = 0;
-  };
-  const int pairs = lanes.width() / 2;
-  std::vector<Pair> all(static_cast<std::size_t>(pairs));
-  for (;;) {
-    if (stop != nullptr && *stop) throw Stopped{};
-    int active = -1;
+class Tails {
+ public:
+  using Of = std::unique_ptr<Cell<N>>;
+
+  Tails(const Unit& unit, const Queue& queue)
+      : unit_{unit}, lanes_{unit, queue.scene(0), queue.oldest(), queue.window(), true} {
+    for (int lane = lanes_.width(); lane-- > 0;) free_.push_back(lane);
+  }
+
+  void add(Of cell) { waiting_.push_back(std::move(cell)); }
+  [[nodiscard]] bool empty() const { return tails_.empty() && waiting_.empty(); }
+  /// Is there so much to do that no lane is idle?
+  [[nodiscard]] bool is_full() {
+    fill();
+    return free_.empty() || !waiting_.empty();
+  }
+  /// Ticks until something happens in a lane. Calls judged(cell) for each cell that has a verdict, or has failed.
+  template <class Judged>
+  void step(Judged judged) {
+    fill();
     std::int64_t n = kRecordRows;
-    for (int i = 0; i < pairs; ++i) {
-      Pair& pair = all[static_cast<std::size_t>(i)];
-      if (pair.cell == nullptr && !todo.empty()) {
-        pair.cell = todo.back();
-        todo.pop_back();
-        pair.judge = pair.cell->begin_tail();
-        const Snapshot<N>& from = pair.cell->tail_from();
-        pair.from = static_cast<std::int64_t>(from.state.k);
-        pair.ticks = 0;
-        pair.cell->set_blackouts(pair.from, pair.from);
-        for (int twin = 0; twin < 2; ++twin) {
-          const int lane = 2 * i + twin;
-          lanes.set_parameters(lane, *pair.cell);
-          lanes.set_state(lane, twin == 0 ? from.state : pair.cell->kicked(from.state, pair.judge->kick()));
-          lanes.set_packets(lane, from);
-          b.path[lane] = pair.cell->path();
-          b.plant[lane] = &pair.cell->plant();
-        }
-      }
-      if (pair.cell == nullptr) continue;
-      active = i;
-      const std::int64_t now = pair.from + pair.ticks;
-      n = std::min({n, static_cast<std::int64_t>(pair.judge->stage_ends()) - pair.ticks,
-                    pair.cell->blackouts_change(now, pair.from) - now});
+    for (const Tail& tail : tails_) {
+      const std::int64_t now = tail.from + tail.ticks;
+      n = std::min({n, static_cast<std::int64_t>(tail.judge->stage_ends()) - tail.ticks,
+                    tail.cell->blackouts_change(now, tail.from) - now});
     }
-    if (active < 0) return;
-    for (int i = 0; i < pairs; ++i)
-      if (all[static_cast<std::size_t>(i)].cell == nullptr)
-        for (int twin = 0; twin < 2; ++twin) lanes.copy_lane(2 * i + twin, 2 * active + twin);
-    lanes.lanes_changed();
-    b.record_row = 0;
-    unit.tail[N == 1 ? 0 : 1](b, n);
-    for (int i = 0; i < pairs; ++i) {
-      Pair& pair = all[static_cast<std::size_t>(i)];
-      if (pair.cell == nullptr) continue;
-      TailJudge<N>& judge = *pair.judge;
-      const auto w = static_cast<std::size_t>(lanes.width());
-      bool finite = true;
-      for (std::int64_t row = 0; row < n && !judge.diverged(); ++row) {
-        const double* at =
-            b.record + static_cast<std::size_t>(row) * words_of_record(N) * w + 2 * static_cast<std::size_t>(i);
-        typename TailJudge<N>::Tick tick;
-        typename TailJudge<N>::Speeds of_twin;
-        double sum = 0.0;
-        for (std::size_t j = 0; j < 2 * N; ++j) {
-          tick.v[j] = at[j * w], of_twin[j] = at[j * w + 1];
-          sum += tick.v[j] + of_twin[j];
-        }
-        tick.energies = {at[2 * N * w], at[(2 * N + 1) * w]};
-        const auto events = static_cast<unsigned>(at[(2 * N + 2) * w]);
-        tick.events = {.touching = (events & kTouching) != 0, .limited = (events & kLimited) != 0};
-        tick.acted = (events & kActed) != 0, tick.driven = (events & kDriven) != 0;
-        finite = finite && sum - sum == 0.0;
-        if (!judge.see(tick)) break;
-        if (judge.twin_parted()) {
-          judge.add(tick);
-        } else {
-          judge.add(tick, of_twin);
-        }
-      }
-      pair.ticks += n;
-      bool done = !finite;
-      if (!finite) {
-        pair.cell->fail();
-      } else if (judge.diverged() || pair.ticks >= static_cast<std::int64_t>(judge.stage_ends())) {
-        done = judge.decide();
-        if (done && pair.cell->end_tail(judge.verdict())) todo.push_back(pair.cell);
-      }
-      if (done) {
-        pair.cell = nullptr;
-        pair.judge = nullptr;
+    for (const int lane : free_) lanes_.copy_lane(lane, tails_.front().lane, !std::exchange(idle_[lane], true));
+    lanes_.lanes_changed();
+    lanes_.b.record_row = 0;
+    unit_.tail[N == 1 ? 0 : 1](lanes_.b, n);
+    std::size_t kept = 0;
+    for (Tail& tail : tails_) {
+      if (goes_on(tail, n)) {
+        if (&tails_[kept] != &tail) tails_[kept] = std::move(tail);
+        ++kept;
         continue;
       }
-      pair.cell->set_blackouts(pair.from + pair.ticks, pair.from);
-      for (int twin = 0; twin < 2; ++twin) lanes.set_parameters(2 * i + twin, *pair.cell);
+      free_.push_back(tail.lane);
+      if (tail.twin >= 0) free_.push_back(tail.twin);
+      if (!tail.cell->failed() && tail.again) {
+        waiting_.push_front(std::move(tail.cell));
+      } else {
+        judged(*tail.cell);
+      }
+    }
+    tails_.erase(tails_.begin() + static_cast<std::ptrdiff_t>(kept), tails_.end());
+  }
+
+ private:
+  struct Tail {
+    Of cell;
+    std::unique_ptr<TailJudge<N>> judge;
+    int lane = -1, twin = -1;  ///< twin: -1 if there is none, or none is wanted any longer
+    std::int64_t from = 0, ticks = 0;
+    bool again = false;  ///< the cell has another tail
+  };
+
+  void fill() {
+    while (!waiting_.empty() && free_.size() >= (waiting_.front()->wants_twin() ? 2U : 1U)) {
+      Tail tail;
+      tail.cell = std::move(waiting_.front());
+      waiting_.pop_front();
+      tail.judge = tail.cell->begin_tail();
+      const Snapshot<N>& from = tail.cell->tail_from();
+      tail.from = static_cast<std::int64_t>(from.state.k);
+      tail.cell->set_blackouts(tail.from, tail.from);
+      tail.lane = take_lane(*tail.cell, from, from.state);
+      if (tail.judge->has_twin())
+        tail.twin = take_lane(*tail.cell, from, tail.cell->kicked(from.state, tail.judge->kick()));
+      tails_.push_back(std::move(tail));
     }
   }
-}
-
-template <int N>
-std::vector<Summary> run_cells(std::span<const Scene* const> scenes, const Unit& unit, const std::atomic<bool>* stop) {
-  const auto start = std::chrono::steady_clock::now();
-  std::map<std::string, std::shared_ptr<const Intended>> paths;
-  std::vector<std::unique_ptr<Cell<N>>> cells;
-  for (const Scene* scene : scenes) {
-    const sim::SimDevice<N> device{*scene, Seconds{1.0 / scene->master_rate_hz}};
-    std::shared_ptr<const Intended>& path = paths[path_key(*scene)];
-    if (!path) path = intended_of<N>(device, *scene, tick_from(to_duration(scene->duration_s), period_of(*scene)));
-    cells.push_back(std::make_unique<Cell<N>>(*scene, device, path));
+  int take_lane(Cell<N>& cell, const Snapshot<N>& from, const State<double, N>& state) {
+    const int lane = free_.back();
+    free_.pop_back();
+    idle_[lane] = false;
+    lanes_.set_parameters(lane, cell);
+    lanes_.set_state(lane, state);
+    lanes_.set_packets(lane, from);
+    lanes_.b.path[lane] = cell.path();
+    lanes_.b.plant[lane] = &cell.plant();
+    return lane;
   }
-  // Lanes with the same delays read their packets from the same slot.
-  std::vector<Cell<N>*> in_order;
-  for (const auto& cell : cells) in_order.push_back(cell.get());
-  std::stable_sort(cells.begin(), cells.end(), [](const auto& a, const auto& b) {
-    return std::pair{a->lag(0), a->lag(1)} < std::pair{b->lag(0), b->lag(1)};
-  });
-  const std::int64_t ticks = run_all<N>(unit, cells, stop);
-  const std::chrono::duration<double, std::nano> spent = std::chrono::steady_clock::now() - start;
-  judge_all<N>(unit, cells, stop);
-  std::vector<Summary> summaries;
-  for (Cell<N>* cell : in_order)
-    summaries.push_back(cell->summary(spent.count() / static_cast<double>(std::max<std::int64_t>(ticks, 1))));
-  return summaries;
+  /// After n ticks more. False: the tail has ended.
+  bool goes_on(Tail& tail, std::int64_t n) {
+    TailJudge<N>& judge = *tail.judge;
+    const auto w = static_cast<std::size_t>(lanes_.width());
+    bool finite = true;
+    for (std::int64_t row = 0; row < n && !judge.diverged(); ++row) {
+      const double* const rows = lanes_.b.record + static_cast<std::size_t>(row) * words_of_record(N) * w;
+      const double* const at = rows + tail.lane;
+      typename TailJudge<N>::Tick tick;
+      typename TailJudge<N>::Speeds of_twin{};
+      double sum = 0.0;
+      for (std::size_t j = 0; j < 2 * N; ++j) {
+        tick.v[j] = at[j * w];
+        if (tail.twin >= 0) of_twin[j] = rows[j * w + static_cast<std::size_t>(tail.twin)];
+        sum += tick.v[j] + of_twin[j];
+      }
+      tick.energies = {at[2 * N * w], at[(2 * N + 1) * w]};
+      const auto events = static_cast<unsigned>(at[(2 * N + 2) * w]);
+      tick.events = {.touching = (events & kTouching) != 0, .limited = (events & kLimited) != 0};
+      tick.acted = (events & kActed) != 0, tick.driven = (events & kDriven) != 0;
+      finite = finite && sum - sum == 0.0;
+      if (!judge.see(tick)) break;
+      if (tail.twin >= 0) {
+        judge.add(tick, of_twin);
+      } else {
+        judge.add(tick);
+      }
+    }
+    tail.ticks += n;
+    if (!finite) {
+      tail.cell->fail();
+      return false;
+    }
+    if (!judge.has_twin() && judge.controller_acted()) {
+      tail.cell->want_twin();
+      tail.again = true;
+      return false;
+    }
+    if (judge.diverged() || tail.ticks >= static_cast<std::int64_t>(judge.stage_ends())) {
+      if (judge.decide()) {
+        tail.again = tail.cell->end_tail(judge.verdict());
+        return false;
+      }
+      if (judge.twin_parted() && tail.twin >= 0) free_.push_back(std::exchange(tail.twin, -1));
+    }
+    tail.cell->set_blackouts(tail.from + tail.ticks, tail.from);
+    lanes_.set_parameters(tail.lane, *tail.cell);
+    if (tail.twin >= 0) lanes_.set_parameters(tail.twin, *tail.cell);
+    return true;
+  }
+
+  const Unit& unit_;
+  Lanes<N> lanes_;
+  std::vector<Tail> tails_;
+  std::deque<Of> waiting_;
+  std::vector<int> free_;
+  bool idle_[kMostLanes]{};
+};
+
+/// A thread's work: cells of the queue until there are none.
+template <int N>
+void run_queue(Queue& queue, const Unit& unit, const LaneOptions& o, const FinishedInLanes& finished) {
+  Runs<N> runs{unit, queue};
+  Tails<N> tails{unit, queue};
+  std::map<std::string, std::weak_ptr<const Intended>> paths;
+  std::shared_ptr<const Intended> path;  // of the newest cell: the next one's is often the same
+  const auto finish = [&](const Cell<N>& cell) { finished(cell.number, cell.summary(runs.step_ns())); };
+  const auto check = [&] {
+    if (o.stop != nullptr && *o.stop) throw Stopped{};
+  };
+  for (;;) {
+    check();
+    while (runs.has_room()) {
+      const std::optional<std::size_t> number = queue.take();
+      if (!number) break;
+      const Scene& scene = queue.scene(*number);
+      const sim::SimDevice<N> device{scene, Seconds{1.0 / scene.master_rate_hz}};
+      std::weak_ptr<const Intended>& known = paths[path_key(scene)];
+      path = known.lock();
+      if (!path)
+        known = path = intended_of<N>(device, scene, tick_from(to_duration(scene.duration_s), period_of(scene)));
+      runs.add(std::make_unique<Cell<N>>(*number, scene, o.verdict, device, path));
+    }
+    if (runs.empty() && tails.empty()) return;
+    if (!runs.empty())
+      runs.step([&](std::unique_ptr<Cell<N>> cell) {
+        if (cell->needs_tails()) {
+          tails.add(std::move(cell));
+        } else {
+          finish(*cell);
+        }
+      });
+    while (tails.is_full() || (runs.empty() && !tails.empty())) {
+      check();
+      tails.step(finish);
+    }
+  }
 }
 
 const Unit* unit_of(int lanes) {
@@ -1007,10 +1145,19 @@ std::string shape_of_lanes(const Scene& scene) {
                      c.coupling.drift_compensation ? 1 : 0, world.surfaces.empty() ? 0 : 1, world.springs.size());
 }
 
-std::vector<Summary> run_in_lanes(std::span<const Scene* const> scenes, int lanes, const std::atomic<bool>* stop) {
-  if (scenes.empty()) return {};
-  const Unit& unit = *unit_of(lanes);
-  return scenes.front()->dof == 1 ? run_cells<1>(scenes, unit, stop) : run_cells<3>(scenes, unit, stop);
+void run_in_lanes(std::span<const Scene* const> scenes, const LaneOptions& o, const FinishedInLanes& finished) {
+  if (scenes.empty()) return;
+  const Unit& unit = *unit_of(o.lanes);
+  Queue queue{scenes};
+  // A thread for fewer cells than it has lanes would step empty ones.
+  const auto lanes = static_cast<std::size_t>(o.lanes), threads = static_cast<std::size_t>(std::max(o.jobs, 1));
+  for_each_parallel(std::min(threads, (scenes.size() + lanes - 1) / lanes), o.jobs, [&](std::size_t) {
+    if (scenes.front()->dof == 1) {
+      run_queue<1>(queue, unit, o, finished);
+    } else {
+      run_queue<3>(queue, unit, o, finished);
+    }
+  });
 }
 
 }  // namespace lab

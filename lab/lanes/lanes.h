@@ -5,10 +5,10 @@
 #include <functional>
 #include <span>
 #include <string>
-#include <vector>
 
 #include "common/record/summary.h"
 #include "common/scene/scene.h"
+#include "lab/run.h"
 
 namespace twoport::lab {
 
@@ -24,9 +24,17 @@ std::string why_not_in_lanes(const Scene& scene);
 /// Scenes of equal shape share a batch.
 std::string shape_of_lanes(const Scene& scene);
 
-/// The summaries of scenes that lanes take, all of one shape, each as run(scene) makes it, to the bit, `step_ns` excepted: here the
-/// wall time of a tick of all of them over their number. `lanes`: 2, 4 or 8. Throws Stopped soon after `stop` has become true.
-std::vector<Summary> run_in_lanes(std::span<const Scene* const> scenes, int lanes,
-                                  const std::atomic<bool>* stop = nullptr);
+struct LaneOptions {
+  int lanes = 2;                            ///< 2, 4 or 8
+  int jobs = 1;                             ///< threads
+  VerdictFrom verdict = VerdictFrom::tail;  ///< `tail` or `lean`
+  const std::atomic<bool>* stop = nullptr;  ///< throws Stopped soon after it has become true
+};
+using FinishedInLanes = std::function<void(std::size_t number, const Summary&)>;
+
+/// Runs scenes that lanes take, all of one shape. Calls `finished` for each as soon as it has its verdict, from any thread, with its
+/// number and the summary that run(scene) makes, to the bit, `step_ns` excepted: here the wall time of a tick of all of a thread's
+/// cells over their number.
+void run_in_lanes(std::span<const Scene* const> scenes, const LaneOptions& options, const FinishedInLanes& finished);
 
 }  // namespace twoport::lab

@@ -5,12 +5,10 @@
 #include <algorithm>
 #include <charconv>
 #include <cmath>
-#include <mutex>
+#include <iterator>
 
 #include "common/base/check.h"
 #include "common/scene/load.h"
-#include "lab/run.h"
-#include "lab/study/parallel.h"
 
 namespace twoport::lab {
 namespace {
@@ -60,46 +58,96 @@ std::string Interval::name() const {
   return fmt::format("{}", fmt::join(paths, ","));
 }
 
-BoundarySearch search_boundary(const BoundaryOptions& o, const std::function<void(const Trial&)>& tried) {
-  const double low = o.vary.low, high = o.vary.high;
-  if (!(o.tolerance > 0.0 && o.tolerance < 1.0))
-    throw ConfigError{fmt::format("--tolerance is {}; it must be between 0 and 1", o.tolerance)};
-  const auto run_at = [&](double value) {
-    const Summary s = run(scene_at(o, value), {.stop = o.stop});
-    return Trial{value, s.stable(), s.verdict()};
-  };
-  const auto tell = [&](const Trial& trial) {
-    if (tried) tried(trial);
-  };
+namespace {
 
-  for (const double end : {low, high}) scene_at(o, end);  // complains of an end, not of what lies between
-
-  std::vector<Trial> scan(static_cast<std::size_t>(2 + std::max(o.scan, 0)));
-  for (std::size_t i = 0; i < scan.size(); ++i) {
-    const double part = static_cast<double>(i) / static_cast<double>(scan.size() - 1);
-    scan[i].value = i == 0 ? low : i + 1 == scan.size() ? high : rounded(between(low, high, part), o.tolerance);
-  }
-  for_each_parallel(scan.size(), o.jobs, [&](std::size_t i) { scan[i] = run_at(scan[i].value); });
-  for (const Trial& trial : scan) tell(trial);
-  const Trial &first = scan.front(), &last = scan.back();
-  const auto change = std::find_if(scan.begin(), scan.end(), [&](const Trial& t) { return t.stable != first.stable; });
-  BoundarySearch result{.boundary = {}, .stable_at_low = first.stable, .disagreement = {}};
-  if (first.stable == last.stable) {
-    if (change != scan.end()) result.disagreement = change->value;
-    return result;
+/// A search, whoever runs what it wants to know next.
+class Search {
+ public:
+  explicit Search(const BoundaryOptions& o) : tolerance_{o.tolerance} {
+    if (!(o.tolerance > 0.0 && o.tolerance < 1.0))
+      throw ConfigError{fmt::format("--tolerance is {}; it must be between 0 and 1", o.tolerance)};
+    const std::size_t n = static_cast<std::size_t>(2 + std::max(o.scan, 0));
+    for (std::size_t i = 0; i < n; ++i) {
+      const double part = static_cast<double>(i) / static_cast<double>(n - 1);
+      next_.push_back(i == 0       ? o.vary.low
+                      : i + 1 == n ? o.vary.high
+                                   : rounded(between(o.vary.low, o.vary.high, part), tolerance_));
+    }
   }
 
-  double same = std::prev(change)->value, other = change->value;
-  while (other - same > o.tolerance * std::max(std::abs(same), std::abs(other))) {
-    const double middle = between(same, other, 0.5), shorter = rounded(middle, o.tolerance);
-    const double value = same < shorter && shorter < other ? shorter : middle;
-    if (!(same < value && value < other)) break;
-    const Trial trial = run_at(value);
-    tell(trial);
-    (trial.stable == first.stable ? same : other) = value;
+  /// The values that are to be run next; none once the search has ended.
+  [[nodiscard]] const std::vector<double>& next() const { return next_; }
+  /// What next() has shown, in its order.
+  void take(const std::vector<Trial>& trials) {
+    next_.clear();
+    if (!scanned_) {
+      see_scan(trials);
+    } else {
+      (trials.front().stable == found_.stable_at_low ? same_ : other_) = trials.front().value;
+    }
+    if (changes_) bisect();
   }
-  result.boundary = first.stable ? Boundary{same, other} : Boundary{other, same};
-  return result;
+  [[nodiscard]] const BoundarySearch& found() const { return found_; }
+
+ private:
+  void see_scan(const std::vector<Trial>& scan) {
+    scanned_ = true;
+    const Trial &first = scan.front(), &last = scan.back();
+    const auto change =
+        std::find_if(scan.begin(), scan.end(), [&](const Trial& t) { return t.stable != first.stable; });
+    found_.stable_at_low = first.stable;
+    changes_ = first.stable != last.stable;
+    if (changes_) {
+      same_ = std::prev(change)->value, other_ = change->value;
+    } else if (change != scan.end()) {
+      found_.disagreement = change->value;
+    }
+  }
+  void bisect() {
+    if (other_ - same_ > tolerance_ * std::max(std::abs(same_), std::abs(other_))) {
+      const double middle = between(same_, other_, 0.5), shorter = rounded(middle, tolerance_);
+      const double value = same_ < shorter && shorter < other_ ? shorter : middle;
+      if (same_ < value && value < other_) {
+        next_.push_back(value);
+        return;
+      }
+    }
+    found_.boundary = found_.stable_at_low ? Boundary{same_, other_} : Boundary{other_, same_};
+  }
+
+  double tolerance_, same_ = 0.0, other_ = 0.0;
+  bool scanned_ = false, changes_ = false;
+  std::vector<double> next_;
+  BoundarySearch found_;
+};
+
+/// The trials of scenes with these values.
+std::vector<Trial> tried(const std::vector<Scene>& scenes, const std::vector<double>& values, const BoundaryOptions& o,
+                         LaneUse& use) {
+  std::vector<const Scene*> all;
+  for (const Scene& scene : scenes) all.push_back(&scene);
+  std::vector<Trial> trials(values.size());
+  use.add(run_many(all, {.lanes = o.lanes, .jobs = o.jobs, .stop = o.stop}, [&](std::size_t i, const Summary& s) {
+    trials[i] = {values[i], s.stable(), s.verdict()};
+  }));
+  return trials;
+}
+
+}  // namespace
+
+BoundarySearch search_boundary(const BoundaryOptions& o, const std::function<void(const Trial&)>& heard) {
+  Search search{o};
+  for (const double end : {o.vary.low, o.vary.high}) scene_at(o, end);  // complains of an end, not of what lies between
+  LaneUse use;
+  while (!search.next().empty()) {
+    std::vector<Scene> scenes;
+    for (const double value : search.next()) scenes.push_back(scene_at(o, value));
+    const std::vector<Trial> trials = tried(scenes, search.next(), o, use);
+    for (const Trial& trial : trials)
+      if (heard) heard(trial);
+    search.take(trials);
+  }
+  return search.found();
 }
 
 Boundary find_boundary(const BoundaryOptions& o, const std::function<void(const Trial&)>& tried) {
@@ -119,22 +167,38 @@ BoundaryCurve boundary_curve(const BoundaryOptions& o, const Axis& along,
   const auto options_at = [&](const std::string& value) {
     BoundaryOptions at = o;
     along.append_overrides(at.set, value);
-    at.jobs = 1;
     return at;
   };
-  BoundaryCurve curve{.scene = {}, .along = along, .vary = o.vary, .found = {}};
+  BoundaryCurve curve{.scene = {}, .along = along, .vary = o.vary, .found = {}, .use = {}};
   // A scene that is wrong is found before anything runs.
-  for (const std::string& value : along.values)
-    for (const double end : {o.vary.low, o.vary.high}) curve.scene = scene_at(options_at(value), end).name;
+  std::vector<BoundaryOptions> options;
+  std::vector<Search> searches;
+  for (const std::string& value : along.values) {
+    options.push_back(options_at(value));
+    searches.emplace_back(options.back());
+    for (const double end : {o.vary.low, o.vary.high}) curve.scene = scene_at(options.back(), end).name;
+  }
 
-  curve.found.resize(along.values.size());
-  std::mutex guard;
   std::size_t done = 0;
-  for_each_parallel(along.values.size(), o.jobs, [&](std::size_t i) {
-    curve.found[i] = search_boundary(options_at(along.values[i]));
-    const std::lock_guard lock{guard};
-    if (finished) finished(++done);
-  });
+  while (done < searches.size()) {
+    std::vector<Scene> scenes;
+    std::vector<double> values;
+    for (std::size_t i = 0; i < searches.size(); ++i)
+      for (const double value : searches[i].next())
+        scenes.push_back(scene_at(options[i], value)), values.push_back(value);
+    const std::vector<Trial> trials = tried(scenes, values, o, curve.use);
+    auto at = trials.begin();
+    for (Search& search : searches) {
+      if (search.next().empty()) continue;
+      const auto end = at + static_cast<std::ptrdiff_t>(search.next().size());
+      search.take({at, end});
+      at = end;
+      if (!search.next().empty()) continue;
+      ++done;
+      if (finished) finished(done);
+    }
+  }
+  for (const Search& search : searches) curve.found.push_back(search.found());
   return curve;
 }
 

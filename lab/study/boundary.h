@@ -5,6 +5,7 @@
 #include <string>
 #include <vector>
 
+#include "lab/study/many_runs.h"
 #include "lab/study/sweep.h"
 
 namespace twoport::lab {
@@ -25,7 +26,8 @@ struct BoundaryOptions {
   Interval vary;
   double tolerance = 1e-3;                  ///< of the value, relative
   int scan = 8;                             ///< values between the ends that are tried first: the first change counts
-  int jobs = 1;                             ///< threads for the scan
+  int jobs = 1;                             ///< threads
+  int lanes = 0;                            ///< as ManyRuns::lanes
   const std::atomic<bool>* stop = nullptr;  ///< as RunOptions::stop
 };
 
@@ -61,9 +63,10 @@ struct BoundaryCurve {
   Axis along;
   Interval vary;
   std::vector<BoundarySearch> found;  ///< one for each of along.values
+  LaneUse use;
 };
 
-/// Searches at every value of `along`, `options.jobs` of them at once; the result is the same for any number of jobs.
+/// Searches at every value of `along`, all of them step by step together; the result is the same for any number of jobs and lanes.
 /// Throws ConfigError when a scene is wrong; that a search finds no boundary is a result. `finished` is called with
 /// the number of finished values.
 BoundaryCurve boundary_curve(const BoundaryOptions& options, const Axis& along,

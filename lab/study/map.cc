@@ -27,6 +27,7 @@ namespace {
 constexpr const char* kMapScene =
 #include "lab/map_scene.inc"
     ;
+constexpr std::size_t kLoaded = 4096;  ///< scenes that are held at once
 constexpr double kNone = std::numeric_limits<double>::quiet_NaN();
 
 Scene scene_of(const MapOptions& o, std::vector<std::string> more = {}) {
@@ -189,7 +190,8 @@ Map make_map(const MapOptions& o, const std::function<void(const Progress&)>& he
           .methods = o.methods.empty() ? method_names() : o.methods,
           .places = places_of(o),
           .reference_n = {},
-          .cells = {}};
+          .cells = {},
+          .use = {}};
   // A combination without a meaning is refused before anything runs.
   for (const std::string& method : map.methods) scene_of(o, {"control.passivity.method=" + method});
 
@@ -212,18 +214,35 @@ Map make_map(const MapOptions& o, const std::function<void(const Progress&)>& he
   });
   for (const MapPlace& p : map.places) map.reference_n.push_back(references.at({p.round_trip_ms, p.stiffness_n_per_m}));
   map.cells.resize(count);
-  for_each_parallel(count, o.jobs, [&](std::size_t i) {
-    const std::string& method = map.methods[i / map.places.size()];
-    const std::size_t place = i % map.places.size();
-    std::vector<Summary> of_seeds;
-    Scene of_place = scene_of(o, map_overrides(scene, method, map.places[place], scene.seed));
-    for (int s = 0; s < o.seeds; ++s, ++of_place.seed) of_seeds.push_back(run(of_place, {.verdict = o.verdict}));
-    map.cells[i] = cell_of(method, map.places[place], of_seeds, map.reference_n[place]);
-    if (!heard) return;
-    const std::lock_guard lock{guard};
-    const std::chrono::duration<double> spent = std::chrono::steady_clock::now() - started;
-    heard({++done, 0, count, spent.count()});
-  });
+  const auto seeds = static_cast<std::size_t>(o.seeds);
+  const std::size_t at_once = std::max<std::size_t>(1, kLoaded / seeds);
+  for (std::size_t from = 0; from < count; from += at_once) {
+    const std::size_t cells = std::min(at_once, count - from);
+    std::vector<Scene> scenes(cells * seeds);
+    for_each_parallel(cells, o.jobs, [&](std::size_t c) {
+      const std::size_t i = from + c;
+      Scene of_place = scene_of(
+          o, map_overrides(scene, map.methods[i / map.places.size()], map.places[i % map.places.size()], scene.seed));
+      for (std::size_t s = 0; s < seeds; ++s, ++of_place.seed) scenes[c * seeds + s] = of_place;
+    });
+    std::vector<const Scene*> all;
+    for (const Scene& each : scenes) all.push_back(&each);
+    std::vector<Summary> summaries(scenes.size());
+    std::vector<std::size_t> finished(cells, 0);
+    const auto keep = [&](std::size_t number, const Summary& summary) {
+      const std::lock_guard lock{guard};
+      const std::size_t c = number / seeds, i = from + c, place = i % map.places.size();
+      summaries[number] = summary;
+      if (++finished[c] < seeds) return;
+      const auto first = summaries.begin() + static_cast<std::ptrdiff_t>(c * seeds);
+      map.cells[i] = cell_of(map.methods[i / map.places.size()], map.places[place],
+                             {first, first + static_cast<std::ptrdiff_t>(seeds)}, map.reference_n[place]);
+      if (!heard) return;
+      const std::chrono::duration<double> spent = std::chrono::steady_clock::now() - started;
+      heard({++done, 0, count, spent.count()});
+    };
+    map.use.add(run_many(all, {.lanes = o.lanes, .jobs = o.jobs, .verdict = o.verdict}, keep));
+  }
   return map;
 }
 

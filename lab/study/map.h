@@ -7,6 +7,7 @@
 
 #include "common/scene/scene.h"
 #include "lab/run.h"
+#include "lab/study/many_runs.h"
 #include "lab/study/seeds.h"
 #include "lab/study/sweep.h"
 
@@ -31,6 +32,7 @@ struct MapOptions {
   int seeds = 3;  ///< the scene's seed, seed + 1, …
   VerdictFrom verdict = VerdictFrom::lean;
   int jobs = 1;
+  int lanes = 0;  ///< as ManyRuns::lanes
 };
 
 /// One method in one place.
@@ -60,6 +62,7 @@ struct Map {
   std::vector<MapPlace> places;      ///< in the order of cells
   std::vector<double> reference_n;   ///< of each place: environment's mean force without delay, loss and control
   std::vector<MapCell> cells;        ///< [method * places.size() + place]
+  LaneUse use;
   [[nodiscard]] const MapCell& at(std::size_t method, std::size_t place) const {
     return cells[method * places.size() + place];
   }

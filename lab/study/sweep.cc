@@ -21,9 +21,9 @@
 #include "common/record/summary.h"
 #include "common/scene/load.h"
 #include "lab/lanes/lanes.h"
-#include "lab/run.h"
 #include "lab/study/cells.h"
 #include "lab/study/digest.h"
+#include "lab/study/many_runs.h"
 #include "lab/study/parallel.h"
 #include "lab/study/seeds.h"
 #include "lab/study/sweep_lanes.h"
@@ -171,71 +171,29 @@ std::pair<Scene, std::uint64_t> scene_of_run(const SweepOptions& o, const Plan& 
 /// the seed of its cell's scene.
 template <class Finished>
 LaneUse run_all(const SweepOptions& o, int lanes, const Plan& plan, const std::vector<Run>& runs, Finished finished) {
-  constexpr std::size_t kLoaded = 4096, kMostInGroup = 64;
+  constexpr std::size_t kLoaded = 4096;
   LaneUse use{.lanes = checked_lanes(lanes)};
-  if (use.lanes == 1) {
-    for_each_parallel(runs.size(), o.jobs, [&](std::size_t i) {
-      const auto [scene, first_seed] = scene_of_run(o, plan, runs[i]);
-      finished(runs[i], run(scene, {.stop = o.stop}), first_seed);
-    });
-    return use;
-  }
   for (std::size_t from = 0; from < runs.size(); from += kLoaded) {
     const std::size_t count = std::min(kLoaded, runs.size() - from);
-    struct Loaded {
-      std::optional<Scene> scene;
-      std::uint64_t first_seed = 0;
-      std::string shape, why_alone;
-    };
-    std::vector<Loaded> loaded(count);
+    std::vector<std::optional<Scene>> loaded(count);
+    std::vector<std::uint64_t> first_seeds(count);
     for_each_parallel(count, o.jobs, [&](std::size_t i) {
-      Loaded& l = loaded[i];
       try {
-        std::tie(l.scene, l.first_seed) = scene_of_run(o, plan, runs[from + i]);
-      } catch (const ConfigError&) {
-        return;  // thrown where its turn comes
+        std::tie(loaded[i], first_seeds[i]) = scene_of_run(o, plan, runs[from + i]);
+      } catch (const ConfigError&) {  // thrown once the others have run
       }
-      l.why_alone = why_not_in_lanes(*l.scene);
-      if (l.why_alone.empty()) l.shape = shape_of_lanes(*l.scene);
     });
-    std::map<std::string, std::vector<std::size_t>> shapes;
-    std::vector<std::vector<std::size_t>> groups;
-    for (std::size_t i = 0; i < count; ++i) {
-      if (loaded[i].scene && loaded[i].why_alone.empty()) {
-        shapes[loaded[i].shape].push_back(i);
-      } else {
-        if (loaded[i].scene) ++use.alone[loaded[i].why_alone];
-        groups.push_back({i});
-      }
-    }
-    for (const auto& [shape, all] : shapes) {
-      const std::size_t jobs = static_cast<std::size_t>(std::max(o.jobs, 1));
-      const std::size_t size = std::clamp<std::size_t>((all.size() + jobs - 1) / jobs, 1, kMostInGroup);
-      for (std::size_t i = 0; i < all.size(); i += size) {
-        const std::size_t n = std::min(size, all.size() - i);
-        groups.emplace_back(all.begin() + static_cast<std::ptrdiff_t>(i),
-                            all.begin() + static_cast<std::ptrdiff_t>(i + n));
-        if (n > 1) {
-          use.together += n;
-        } else {
-          ++use.alone["no other run has its shape"];
-        }
-      }
-    }
-    for_each_parallel(groups.size(), o.jobs, [&](std::size_t g) {
-      const std::vector<std::size_t>& group = groups[g];
-      if (group.size() == 1) {
-        const Loaded& l = loaded[group[0]];
-        if (!l.scene) scene_of_run(o, plan, runs[from + group[0]]);
-        finished(runs[from + group[0]], run(*l.scene, {.stop = o.stop}), l.first_seed);
-        return;
-      }
-      std::vector<const Scene*> scenes;
-      for (const std::size_t i : group) scenes.push_back(&*loaded[i].scene);
-      const std::vector<Summary> summaries = run_in_lanes(scenes, use.lanes, o.stop);
-      for (std::size_t i = 0; i < group.size(); ++i)
-        finished(runs[from + group[i]], summaries[i], loaded[group[i]].first_seed);
-    });
+    std::vector<const Scene*> scenes;
+    std::vector<std::size_t> numbers;
+    for (std::size_t i = 0; i < count; ++i)
+      if (loaded[i]) scenes.push_back(&*loaded[i]), numbers.push_back(i);
+    use.add(run_many(scenes, {.lanes = lanes, .jobs = o.jobs, .stop = o.stop},
+                     [&](std::size_t number, const Summary& summary) {
+                       const std::size_t i = numbers[number];
+                       finished(runs[from + i], summary, first_seeds[i]);
+                     }));
+    for (std::size_t i = 0; i < count; ++i)
+      if (!loaded[i]) scene_of_run(o, plan, runs[from + i]);
   }
   return use;
 }

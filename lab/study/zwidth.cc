@@ -8,6 +8,7 @@
 #include "common/base/check.h"
 #include "common/scene/load.h"
 #include "lab/oracle.h"
+#include "lab/study/sweep_lanes.h"
 
 namespace twoport::lab {
 namespace {
@@ -55,14 +56,16 @@ ZWidth z_width(const ZWidthOptions& o, const std::function<void(const Progress&)
                           .shard = {},
                           .out = o.out};
   ZWidth z{.scene = scene.name,
-           .table = sweep(grid, heard),
+           .table = {},
            .stable_column = 0,
            .damping = {},
            .critical = {},
            .passive = {},
            .methods = grid.axes[2].values,
            .displayed = {},
-           .border = {}};
+           .border = {},
+           .use = {}};
+  z.table = sweep(grid, o.lanes, z.use, heard);
   const auto& stiffness = grid.axes[1].values;
   const auto column = std::find(z.table.columns.rbegin(), z.table.columns.rend(), "stable");
   z.stable_column = static_cast<std::size_t>(z.table.columns.rend() - column) - 1;

@@ -5,6 +5,7 @@
 #include <utility>
 #include <vector>
 
+#include "lab/study/many_runs.h"
 #include "lab/study/sweep.h"
 
 namespace twoport::lab {
@@ -16,6 +17,7 @@ struct ZWidthOptions {
   std::string damping = "0:300:16", stiffness = "500:500000:31:log";  ///< values as --vary takes them
   std::string methods = "NONE,CLASSIC,FORCE_PROJECTED";
   int jobs = 1;
+  int lanes = 0;  ///< as ManyRuns::lanes
   std::string out;
 };
 
@@ -30,6 +32,7 @@ struct ZWidth {
   std::vector<std::string> methods;
   std::vector<std::vector<double>> displayed;     ///< [method][damping]: up to which every K of the grid is stable
   std::vector<std::pair<double, double>> border;  ///< `critical` between the dampings, for a picture
+  LaneUse use;
 };
 
 /// Runs the grid (resuming what OUT holds) and computes the theory: SampledWall with the mass, damping and stiffness of

@@ -435,6 +435,24 @@ void expect_refused(const Words& arguments, const Words& parts) {
 
 // ---- curves
 
+// Searches go on together, so that lanes have something to share.
+TEST(BoundaryCurve, IsTheSameInLanes) {
+  BoundaryOptions o{.scene = TWOPORT_SCENES "/one_axis_wall.textproto",
+                    .set = {"duration_s=3", "rate_hz=1000", "control.passivity.method=NONE"},
+                    .vary = {{"to_slave.delay_ms", "to_master.delay_ms"}, 1.0, 30.0},
+                    .tolerance = 0.03,
+                    .jobs = 2,
+                    .lanes = 1};
+  const Axis spring = parse_axis("control.virtual_coupling.stiffness_n_per_m=300,1000,3000");
+  const BoundaryCurve alone = boundary_curve(o, spring);
+  EXPECT_EQ(alone.use.together, 0U);
+  o.lanes = 0;
+  const BoundaryCurve together = boundary_curve(o, spring);
+  EXPECT_EQ(to_csv(alone), to_csv(together));
+  EXPECT_GE(together.use.together, 3U * 10U);
+  EXPECT_TRUE(together.found[1].boundary);
+}
+
 TEST(BoundaryCurve, IsTheBoundaryAtEachValueForAnyNumberOfJobs) {
   const Axis damping = parse_axis("device.damping_n_s_per_m=0.3,0.5,0.8");
   BoundaryOptions options{.scene = kHeld, .set = {"duration_s=10"}, .vary = {{kStiffness}, 500.0, 8000.0}};

@@ -5,17 +5,21 @@
 #include <fmt/format.h>
 #include <gtest/gtest.h>
 
+#include <atomic>
 #include <bit>
 #include <cmath>
 #include <filesystem>
 #include <map>
+#include <optional>
 #include <random>
 #include <string>
 #include <vector>
 
 #include "common/base/check.h"
 #include "common/scene/load.h"
+#include "lab/engine/stoppable.h"
 #include "lab/run.h"
+#include "lab/study/map.h"
 #include "lab/study/sweep_lanes.h"
 
 namespace twoport::lab {
@@ -44,12 +48,13 @@ std::vector<int> widths() {
 }
 
 /// Runs scenes alone, and by shapes in lanes of every width; expects no difference.
-void expect_same(const std::vector<std::pair<std::string, Scene>>& scenes, std::size_t in_a_batch) {
+void expect_same(const std::vector<std::pair<std::string, Scene>>& scenes, std::size_t in_a_batch,
+                 VerdictFrom verdict = VerdictFrom::tail) {
   std::map<std::string, std::vector<std::size_t>> shapes;
   std::vector<Summary> alone;
   for (std::size_t i = 0; i < scenes.size(); ++i) {
     shapes[shape_of_lanes(scenes[i].second)].push_back(i);
-    alone.push_back(run(scenes[i].second));
+    alone.push_back(run(scenes[i].second, {.verdict = verdict}));
   }
   for (const int lanes : widths())
     for (const auto& [shape, all] : shapes)
@@ -57,10 +62,14 @@ void expect_same(const std::vector<std::pair<std::string, Scene>>& scenes, std::
         std::vector<const Scene*> batch;
         for (std::size_t i = from; i < std::min(from + in_a_batch, all.size()); ++i)
           batch.push_back(&scenes[all[i]].second);
-        const std::vector<Summary> together = run_in_lanes(batch, lanes);
-        for (std::size_t i = 0; i < batch.size(); ++i)
-          EXPECT_EQ(differences(alone[all[from + i]], together[i]), "")
+        std::vector<std::optional<Summary>> together(batch.size());
+        run_in_lanes(batch, {.lanes = lanes, .verdict = verdict},
+                     [&](std::size_t i, const Summary& summary) { together.at(i) = summary; });
+        for (std::size_t i = 0; i < batch.size(); ++i) {
+          ASSERT_TRUE(together[i]);
+          EXPECT_EQ(differences(alone[all[from + i]], *together[i]), "")
               << lanes << " lanes, " << scenes[all[from + i]].first;
+        }
       }
 }
 
@@ -134,6 +143,47 @@ TEST(Lanes, RandomCells) {
     cells.emplace_back(std::move(name), std::move(scene));
   }
   expect_same(cells, 24);
+  // Without a twin where no controller acts, which is what `map` uses.
+  cells.resize(120);
+  expect_same(cells, 120, VerdictFrom::lean);
+}
+
+// A cell is there as soon as its own tails have ended: of a hundred no more than two batches are missing at any time.
+TEST(Lanes, CellsFinishOneAfterTheOther) {
+  const std::vector<std::string> set{"duration_s=2", "rate_hz=1000"};
+  const Scene scene = load_scene(kScenes + "/one_axis_wall.textproto", set);
+  std::vector<Scene> all(100, scene);
+  std::vector<const Scene*> scenes;
+  for (std::size_t i = 0; i < all.size(); ++i) {
+    all[i].to_slave.loss = 0.3, all[i].seed = i;
+    scenes.push_back(&all[i]);
+  }
+  std::size_t finished = 0;
+  std::atomic<bool> stop{false};
+  const auto count = [&](std::size_t, const Summary&) { stop = ++finished == 10; };
+  EXPECT_THROW(run_in_lanes(scenes, {.lanes = 2, .stop = &stop}, count), Stopped);
+  // The tenth is followed by those that end in the same tick.
+  EXPECT_LE(finished, 12U);
+}
+
+TEST(Lanes, AMapIsTheSame) {
+  MapOptions o{.scene = kScenes + "/stiff_wall_50ms.textproto",
+               .set = {"duration_s=3", "rate_hz=1000"},
+               .methods = {"NONE", "FORCE_PROJECTED", "FIXED_DAMPING"},
+               .round_trips_ms = {0, 40},
+               .losses = {0, 0.2},
+               .bursts_packets = {1},
+               .stiffnesses_n_per_m = {300, 3000},
+               .seeds = 2,
+               .jobs = 2,
+               .lanes = 1};
+  const Map alone = make_map(o);
+  EXPECT_EQ(alone.use.together, 0U);
+  o.lanes = 0;
+  const Map together = make_map(o);
+  EXPECT_EQ(to_csv(alone), to_csv(together));
+  EXPECT_EQ(together.use.together, 2U * 8U * 2U);
+  EXPECT_EQ(together.use.alone.size(), 1U);
 }
 
 TEST(Lanes, TheTableOfASweepIsTheSame) {
