@@ -9,6 +9,7 @@
 #include "common/link/round_trip.h"
 #include "common/method/internal_model/payload.h"
 #include "common/method/internal_model/surface_model.h"
+#include "common/method/internal_model/unheld_share.h"
 #include "common/method/method.h"
 #include "common/passivity/energy_spring.h"
 
@@ -53,6 +54,7 @@ class InternalModelMaster {
         mass_kg_{o.handle_mass_kg},
         inertia_kg_m2_{o.handle_inertia_kg_m2},
         strict_{o.internal_model.strict_two_port},
+        limits_{limits_at_device(o)},
         energy_{(strict_ ? 0.5 : 1.0) * o.initial_energy,
                 coupling_n_per_m_,
                 rotation_n_m_per_rad_,
@@ -106,9 +108,11 @@ class InternalModelMaster {
     const Force<N> wanted_damping = ramp * damping(v_slow_, hand, round_trip, in.dt);  // (7)
     const Force<N>& g =
         strict_ ? reserved_damper(wanted_damping, v, in.dt) : damper_.apply(wanted_damping, v, energy_, in.dt);
-    const double s = energy_.scale(wanted, v, in.dt, g);  // (6)
+    double s = energy_.scale(wanted, v, in.dt, g);  // (6)
     low_pass(scale_slow_, s, in.dt, kScale_s);
     f_ = s * wanted + g;
+    if (strict_) [[unlikely]]
+      s *= keep_unheld(in.dt);
     move_set_point(f_d, hand, 1.0 - s * shown_ * c, round_trip, in.dt);  // (8)
     tell(s * shown_ * wanted);
 
@@ -193,6 +197,13 @@ class InternalModelMaster {
     const Force<N> g = damper_.apply(wanted, v, energy_, dt, energy_.available());
     energy_.reserve(Energy{energy_.norm(g, dt) * energy_.reach(dt)});
     return g;
+  }
+
+  /// Strict: a force that the limit of its rate cannot hold. Returns the share that is displayed.
+  [[gnu::noinline]] double keep_unheld(Seconds dt) noexcept {
+    const double share = unheld_share(f_, limits_, dt);
+    f_ = share * f_;
+    return share;
   }
 
   void follow_surface(Seconds dt) noexcept {
@@ -310,6 +321,7 @@ class InternalModelMaster {
   double coupling_n_per_m_, rotation_n_m_per_rad_;  ///< K_c, K_r in the master's units
   double mass_kg_, inertia_kg_m2_;                  ///< of the handle; 0: not known
   bool strict_;
+  PortLimits limits_;
   EnergySpring<N> energy_;
   DamperAccount<N> damper_;
   Ramp ramp_;

@@ -5,6 +5,7 @@
 
 #include "common/coupling/virtual_coupling.h"
 #include "common/method/internal_model/payload.h"
+#include "common/method/internal_model/unheld_share.h"
 #include "common/method/method.h"
 #include "common/method/surface/contact_lever.h"
 #include "common/method/surface/surface_estimator.h"
@@ -28,7 +29,7 @@ namespace twoport {
 /// packets would make it yield. N = 6: c = 1; the point of contact changes from corner to corner within a short delay too.
 ///
 /// `strict_two_port`: no brake; set point and force move as the level of energy at this side allows, T f·v_sd <= E(0)/2 + received -
-/// sent - E_out (admittance_controller).
+/// sent - E_out (admittance_controller); where a limit at the robot changes the command, the set point's motion is scaled to that.
 ///
 /// To the master: n, p, K*, μ, κ (surface_estimator.h), contact, the set point x_sd, and f as the returned force.
 /// N = 6: the surface is that at the contact point x + R b, from the lever of the wrench:
@@ -91,12 +92,16 @@ class InternalModelSlave {
             .dissipated = dissipated};
   }
 
-  /// As tell_limited.
+  /// As tell_limited. Strict: the set point then moves no further than the level pays for.
   void limited(SlaveOutput<N>& out, const RobotCommand<N>& asked, const RobotSample<N>& robot, Seconds dt) noexcept {
     const Energy wished = -dot(asked.f, asked.v_d * dt);
     coupling_.limited(out.command, asked, robot, dt);
+    if (strict_) {
+      pay(out, dt);
+    } else {
+      report_no_more(out, wished, -dot(out.command.f, out.command.v_d * dt));
+    }
     out.command.x_d = coupling_.set_point();
-    if (!strict_) report_no_more(out, wished, -dot(out.command.f, out.command.v_d * dt));
   }
 
   SlaveOutput<N> fail_safe(const Ledger& account) noexcept {
@@ -136,23 +141,38 @@ class InternalModelSlave {
   /// Strict: force and motion of the coupling within the level, in the coming interval; what the level has above E(0)/2 + 5 mJ
   /// goes back. Returns what is dissipated.
   [[gnu::noinline]] Energy limit(typename VirtualCoupling<N>::Wanted& wanted, const SlaveInput<N>& in) noexcept {
-    const Energy has = level(in.account, in.master_energy_in);
-    if (!in.robot.ideal) wanted.f = within_limit(wanted.f);
-    PortSolution<N> allowed = admittance_controller(wanted.f, wanted.v, coupling_.spring().mobility(in.dt), has, in.dt);
-    if (!in.robot.ideal) allowed.f = within_limit(allowed.f);
-    sent_ += positive_part(has - dot(allowed.f, allowed.v) * in.dt - initial_ - Energy{kKept_j});
+    level_ = level(in.account, in.master_energy_in);
+    if (!in.robot.ideal) wanted.f = within_limit(wanted.f, in.dt);
+    PortSolution<N> allowed =
+        admittance_controller(wanted.f, wanted.v, coupling_.spring().mobility(in.dt), level_, in.dt);
+    if (!in.robot.ideal) allowed.f = within_limit(allowed.f, in.dt);
+    sent_before_ = sent_;
+    send_back(dot(allowed.f, allowed.v) * in.dt);
     wanted.f = allowed.f;
     wanted.v = allowed.v;
     return allowed.dissipated;
   }
+  /// What is left after `out` has left through the coupling, above E(0)/2 + 5 mJ.
+  void send_back(Energy out) noexcept {
+    sent_ = sent_before_ + positive_part(level_ - out - initial_ - Energy{kKept_j});
+  }
+  /// Strict, where a limit at the robot has changed the command: the motion of the set point is scaled, T f·v_sd <= level.
+  [[gnu::noinline]] void pay(SlaveOutput<N>& out, Seconds dt) noexcept {
+    RobotCommand<N>& c = out.command;
+    const Energy wished = dot(c.f, c.v_d * dt), most = positive_part(level_);
+    if (wished > most) {
+      const Velocity<N> v = (most / wished) * c.v_d;
+      coupling_.move((v - c.v_d) * dt, Velocity<N>{}, dt);
+      c.v_d = v;
+    }
+    send_back(dot(c.f, c.v_d * dt));
+    out.energy_in = sent_;
+  }
 
   /// The force that the robot's limits leave of f; beyond it the coupling is a spring whose force does not grow, and what is
-  /// applied is what is booked.
-  [[nodiscard]] Force<N> within_limit(const Force<N>& f) const noexcept {
-    double share = std::min(1.0, limits_.force_n / std::max(f.vec().template head<D>().norm(), 1e-300));
-    if constexpr (N == 6)
-      share = std::min(share, limits_.torque_n_m / std::max(f.vec().template tail<3>().norm(), 1e-300));
-    return share < 1.0 ? share * f : f;
+  /// applied is what is booked. A force within half of what a tick may change is never held back by the limit of its rate.
+  [[nodiscard]] Force<N> within_limit(const Force<N>& f, Seconds dt) const noexcept {
+    return unheld_share(f, limits_, dt) * f;
   }
 
   /// x_m - o - q n.
@@ -252,7 +272,8 @@ class InternalModelSlave {
   double yield_m_ = 0.0;   ///< q
   Point<D> yield_normal_ = Point<D>::Unit(0);
   Energy base_absorbed_;
-  Energy base_net_, sent_;  ///< strict
+  Energy base_net_, sent_;      ///< strict
+  Energy level_, sent_before_;  ///< strict: in this tick, before its motion and before what it sends back
 };
 
 }  // namespace twoport
