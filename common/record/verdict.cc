@@ -87,11 +87,11 @@ class Judge {
     if (y_flat && paid) {
       if (linear_ && !is_long) return marginal();
       if (acted && !below) return restless_at("on energy that the hand has put in before");
-      return {unstable, "sustained oscillation of " + amplitude() + ", fed by the network" + paid_so_far()};
+      return {unstable, "sustained oscillation of " + amplitude() + ", fed by " + feeder() + paid_so_far()};
     }
     if (const std::string how = grows_when_touched(calm); !how.empty()) return {unstable, how};
     if (is_long && (paid || (tail_.last && fed())) && (!acted || below) && sustained())
-      return {unstable, "unsteady oscillation of " + amplitude() + ", fed by the network" + paid_so_far()};
+      return {unstable, "unsteady oscillation of " + amplitude() + ", fed by " + feeder() + paid_so_far()};
     if (!tail_.driven) return {stable, "bounded; no force of a controller acts"};
     if (trembles()) return restless_at("");
     if (calm && (d_settled || (acted && tail_.last))) return {stable, "bounded and decaying"};
@@ -105,7 +105,7 @@ class Judge {
         return {undecided,
                 "undecided: little energy passes the controller" + paid_so_far() + "; a longer rest would decide it"};
       if (y_grows && two_port_.falls() && below)
-        return {unstable, "growing, fed by the network" + rate() + paid_so_far()};
+        return {unstable, "growing, fed by " + feeder() + rate() + paid_so_far()};
       const bool hand_pays = tail_.run_lengths >= kCredit && port_.line.slope > -5.0 * port_.line.error;
       if (tail_.last || !y_grows || hand_pays) return restless_at("unsteady, kept going by a passive controller");
     }
@@ -275,6 +275,11 @@ class Judge {
     for (const Coordinate& c : coordinates_)
       if (c.y.trend == Trend::flat) most = std::max(most, (std::abs(c.y.slope) + 3.0 * c.y.error) * windows_per_s());
     return fmt::format(" by more than {:.1g} 1/s", most);
+  }
+  /// What creates energy: without a robot that moves, the sampled rendering.
+  std::string feeder() const {
+    const auto robot = run_.speed.begin() + static_cast<std::ptrdiff_t>(std::min(run_.dof, run_.speed.size()));
+    return std::any_of(robot, run_.speed.end(), [](double v) { return v > 0.0; }) ? "the network" : "the rendering";
   }
   std::string amplitude() const {
     double translation = 0.0, rotation = 0.0;

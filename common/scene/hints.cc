@@ -7,6 +7,7 @@
 #include <cmath>
 #include <iterator>
 #include <optional>
+#include <utility>
 #include <variant>
 
 namespace twoport {
@@ -122,6 +123,31 @@ std::optional<Coupled> fed_by_coupling(const Scene& s) {
   return fed(rotation) ? std::optional{rotation} : std::nullopt;
 }
 
+/// K T²/m of the stiffest rendered surface: from 0.05 on the motion of a tick changes by what the force of that tick does, and a
+/// controller that only scales the force lets energy pass. Measured: all of 9 walls from 0.067 on but one, none up to 0.027.
+constexpr double kFastHandle = 0.05;
+double stiffest_rendered(const Scene& s) {
+  double most = 0.0;
+  for (const EnvironmentSpec& each : s.environment)
+    if (const auto* surface = std::get_if<Surface>(&each)) most = std::max(most, surface->material.stiffness_n_per_m);
+  return most;
+}
+double rendered_ratio(const Scene& s) {
+  if (s.control.architecture != Architecture::render || !s.device || !(s.device->mass_kg > 0.0)) return 0.0;
+  return stiffest_rendered(s) / (s.device->mass_kg * s.rate_hz * s.rate_hz);
+}
+
+/// Under a strict two-port a limit of the rate is kept as one of the force, T/2 of it (unheld_share); below this it is little.
+constexpr double kLittle_n = 2.0;
+/// The limit of rate that leaves the least force, and that force; empty: none leaves little.
+std::optional<std::pair<const char*, double>> slow_limit(const Scene& s) {
+  if (!has_link(s) || s.control.method_name != kDefaultMethod || !s.control.internal_model.strict_two_port) return {};
+  const double device_n = 0.5 * s.control.device_limits.force_rate_n_per_s / s.rate_hz;
+  const double robot_n = 0.5 * s.control.robot_limits.force_rate_n_per_s / s.slave_rate_hz;
+  if (std::min(device_n, robot_n) >= kLittle_n) return {};
+  return device_n < robot_n ? std::pair{"device_limits", device_n} : std::pair{"robot_limits", robot_n};
+}
+
 struct Hint {
   bool (*applies)(const Scene&);
   std::string (*sentence)(const Scene&);
@@ -157,6 +183,27 @@ constexpr Hint kHints[] = {
            of.inertia_name, of.inertia, of.stiffness, of.units[0], s.slave_rate_hz,
            std::max(0.0, 0.5 * of.stiffness / s.slave_rate_hz - of.own_damping), 2.0 * of.inertia * s.slave_rate_hz,
            of.units[1], of.damping_name, of.damping);
+     }},
+    {[](const Scene& s) { return slow_limit(s).has_value(); },
+     [](const Scene& s) {
+       const auto [limits, force_n] = *slow_limit(s);
+       return fmt::format(
+           "control.{}.force_rate_n_per_s and control.passivity.internal_model.strict_two_port together leave a force "
+           "of "
+           "at most {:.3g} N: what may not fall at once is not shown",
+           limits, force_n);
+     }},
+    {[](const Scene& s) {
+       return s.control.controller.method == Method::force_projected && rendered_ratio(s) > kFastHandle &&
+              s.expect.stable.value_or(true);
+     },
+     [](const Scene& s) {
+       return fmt::format(
+           "rate_hz is {:g}: FORCE_PROJECTED may let energy pass at a rendered {:g} N/m with a handle of {:g} kg, as "
+           "the "
+           "handle turns back within a tick; it holds from about {:.0f} Hz",
+           s.rate_hz, stiffest_rendered(s), s.device->mass_kg,
+           std::sqrt(stiffest_rendered(s) / (kFastHandle * s.device->mass_kg)));
      }},
 };
 

@@ -65,7 +65,8 @@ class Body {
     strength_n_ = draw.decades(1.0, 20.0);
   }
 
-  /// Advances by one tick under the port's force on it, held. Returns the displacement.
+  /// Advances by one tick under the port's force on it, held. Returns ∫v dt, with which the force does its work. N = 6: the
+  /// attitude turns by log ΔR = ∫ω dt - T²/12 ω(0)×ω(T), as the axis turns within the tick.
   Displacement<N> advance(const Force<N>& port) {
     const bool begins = left_-- <= 0;
     if (begins) choose();
@@ -99,6 +100,7 @@ class Body {
     last_ = own_;
     own_ = at_once + late_ + from_before_;
     Vector by = Vector::Zero();
+    const Vector v = v_;
     if (still_) {
       v_.setZero();
       own_ = -p;
@@ -117,7 +119,11 @@ class Body {
       }
     }
     moved_ += by;
-    x_ = x_ + Displacement<N>{by};
+    Vector turned = by;
+    if constexpr (N == 6)
+      turned.template tail<3>() -=
+          dt_ * dt_ / 12.0 * Eigen::Vector3d{v.template tail<3>()}.cross(Eigen::Vector3d{v_.template tail<3>()});
+    x_ = x_ + Displacement<N>{turned};
     return Displacement<N>{by};
   }
 
@@ -237,6 +243,16 @@ class Lie {
   double factor_ = 1.0, energy_j_ = 0.0;
 };
 
+/// Attitudes at the ticks do not tell such a motion from a shorter one.
+template <int N>
+bool is_half_a_turn(const Displacement<N>& by) {
+  if constexpr (N == 6) {
+    return by.vec().template tail<3>().norm() > 3.14159265358979;
+  } else {
+    return false;
+  }
+}
+
 template <int N>
 AdversaryRun run_of(const std::string& method, AdversaryRun out, Draw& draw, const std::vector<std::string>& set) {
   const Scene scene = scene_of(method, N, draw, set);
@@ -264,8 +280,9 @@ AdversaryRun run_of(const std::string& method, AdversaryRun out, Draw& draw, con
     const Duration now = tick_time(k, scene.rate_hz);
     if (k > 0) {
       const Displacement<N> driven = robot.advance(pushed);
-      robot_j += dot(pushed, driven).si();
       const Displacement<N> by = handle.advance(-held);
+      if (is_half_a_turn(driven) || is_half_a_turn(by)) break;
+      robot_j += dot(pushed, driven).si();
       hand_j += dot(held, by).si();
       damped_j += handle.damping().dot(by.vec().cwiseAbs2()) / dt.si();
       out.jolts_j += handle.unforeseen(held);

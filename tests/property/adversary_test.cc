@@ -61,25 +61,34 @@ TEST(Adversary, GetsNothingFromBothPortsOfAScaledStrictTwoPort) {
         "INTERNAL_MODEL", seed, {"control.passivity.internal_model.strict_two_port=true", "control.force_scale=10"});
     if (run.lies) continue;
     driven += run.both_least_j < -0.3e-3;
-    // Seed 73 ends 0.34 uJ below, where 9.6 J come out without strict_two_port.
-    EXPECT_GE(run.both_least_j, -1e-3 - 1e-6) << seed;
+    // Seed 73 lets 9.6 J come out without strict_two_port.
+    EXPECT_GE(run.both_least_j, -1e-3 - 1e-9) << seed;
   }
   EXPECT_GT(driven, 10) << "E(0) must be used";
 }
 
-// A limit of the robot's force that acts: what is applied is booked.
-TEST(Adversary, GetsNothingFromBothPortsOfAStrictTwoPortWhoseRobotIsLimited) {
+// Limits that act, at either side: what is applied is booked, the set point moves no further than the level pays for, and a force
+// that the limit of its rate could hold is not shown. Without that 17 of these runs end below -E(0) with the device's rate, 48, 7, 18
+// and 70 with the robot's rate, speed, step and workspace, by 3.2 J at most.
+class Limited : public testing::TestWithParam<const char*> {};
+TEST_P(Limited, LetsNothingOutOfBothPortsOfAStrictTwoPort) {
   int driven = 0;
   for (std::uint64_t seed = 1; seed <= 150; ++seed) {
     const AdversaryRun run =
         attack("INTERNAL_MODEL", seed,
-               {"control.passivity.internal_model.strict_two_port=true", "control.robot_limits.force_n=2"});
+               {"control.passivity.internal_model.strict_two_port=true", std::string{"control."} + GetParam()});
     if (run.lies) continue;
     driven += run.both_least_j < -0.3e-3;
     EXPECT_GE(run.both_least_j, -1e-3 - 1e-9) << seed;
   }
-  EXPECT_GT(driven, 0) << "E(0) must be used";
+  EXPECT_GT(driven, 40) << "E(0) must be used";
 }
+INSTANTIATE_TEST_SUITE_P(Of, Limited,
+                         testing::Values("robot_limits.force_n=2", "robot_limits.force_rate_n_per_s=200",
+                                         "robot_limits.power_w=0.2", "robot_limits.speed_m_per_s=0.1",
+                                         "robot_limits.set_point_step_m=1e-4", "robot_limits.workspace_m=0.01",
+                                         "device_limits.force_rate_n_per_s=300", "device_limits.power_w=0.2",
+                                         "device_limits.speed_m_per_s=0.1", "device_limits.workspace_m=0.01"));
 
 TEST(Adversary, ASeedIsARun) {
   const Adversary many = attack_all({.methods = {"ENERGY_TANK"}, .seed = 40, .runs = 150, .jobs = 2});

@@ -305,10 +305,10 @@ control { architecture: RENDER passivity { method: NONE } }
 environment { wall { normal: [1, 0, 0] stiffness_n_per_m: 5000 } }
 )";
 
-TEST(Stable, IsNotALimitCycleThatTheNetworkFeeds) {
+TEST(Stable, IsNotALimitCycleThatTheRenderingFeeds) {
   const Summary s = run(parse_scene(kPressed, "pressed"));
   EXPECT_FALSE(s.stable()) << s.verdict();
-  EXPECT_NE(s.verdict().find("fed by the network"), std::string::npos) << s.verdict();
+  EXPECT_NE(s.verdict().find("fed by the rendering"), std::string::npos) << s.verdict();
   EXPECT_LT(s.max_force_n(), 1000.0);  // bounded all the same
 }
 

@@ -9,6 +9,7 @@
 #include "common/link/round_trip.h"
 #include "common/method/internal_model/payload.h"
 #include "common/method/internal_model/surface_model.h"
+#include "common/method/internal_model/unheld_share.h"
 #include "common/method/method.h"
 #include "common/passivity/energy_spring.h"
 
@@ -24,7 +25,7 @@ namespace twoport {
 ///     (1) E  += f_applied·Δx                                                        exact; D, the dampers' own, likewise
 ///     (2) model: SurfaceModel follows the slave's n, p, K*, μ, κ
 ///     (3) F(y) = K* [d(y)]+ n(y),   F_x = ρ F(x),   ρ: 0 -> 1 in 0.1 s;             E = min(E, |F_x|²/2K* + 20 mJ)
-///     (4) r   = LP_a of f - F(x_echo),   a = 0.3 s + R/2, or 50 ms while the slave is free and not in flight
+///     (4) r   = LP_a of f - F(x_echo),   a = max(0.3 s, 6 √(m_robot/K_c)) + R/2, or 50 ms while the slave is free and not in flight
 ///         r_t = LP_{0.2 s + R} of the part of that along the surface, less the stick spring's force at x_echo; both stick
 ///         springs decay with 0.2 s + R
 ///     (5) f_d = F_x + (r·n) n + r_t + stick spring at x                             inside, d(x) > 0
@@ -53,6 +54,9 @@ class InternalModelMaster {
         mass_kg_{o.handle_mass_kg},
         inertia_kg_m2_{o.handle_inertia_kg_m2},
         strict_{o.internal_model.strict_two_port},
+        limits_{limits_at_device(o)},
+        residual_s_{std::clamp(kRobot * std::sqrt(o.known.robot_mass_kg / o.coupling.stiffness_n_per_m), kResidual_s,
+                               kLongResidual_s)},
         energy_{(strict_ ? 0.5 : 1.0) * o.initial_energy,
                 coupling_n_per_m_,
                 rotation_n_m_per_rad_,
@@ -106,9 +110,11 @@ class InternalModelMaster {
     const Force<N> wanted_damping = ramp * damping(v_slow_, hand, round_trip, in.dt);  // (7)
     const Force<N>& g =
         strict_ ? reserved_damper(wanted_damping, v, in.dt) : damper_.apply(wanted_damping, v, energy_, in.dt);
-    const double s = energy_.scale(wanted, v, in.dt, g);  // (6)
+    double s = energy_.scale(wanted, v, in.dt, g);  // (6)
     low_pass(scale_slow_, s, in.dt, kScale_s);
     f_ = s * wanted + g;
+    if (strict_) [[unlikely]]
+      s *= keep_unheld(in.dt);
     move_set_point(f_d, hand, 1.0 - s * shown_ * c, round_trip, in.dt);  // (8)
     tell(s * shown_ * wanted);
 
@@ -137,7 +143,8 @@ class InternalModelMaster {
   using Vector = Point<D>;
 
   static constexpr double kCredit_j = 20e-3, kScale_s = 20e-3;
-  static constexpr double kResidual_s = 0.3, kFreeResidual_s = 50e-3, kAlong_s = 0.2, kFlight_n = 0.3;
+  static constexpr double kResidual_s = 0.3, kRobot = 6.0, kLongResidual_s = 1.0, kFreeResidual_s = 50e-3,
+                          kAlong_s = 0.2, kFlight_n = 0.3;
   static constexpr double kFade_m = 3e-3;
   static constexpr double kDamping = 0.5, kDampingPerDelay = 2.0, kLongDelay_s = 1.0, kHarvest = 10.0,
                           kDamperVelocity_s = 3e-3;  // [N s/m]
@@ -195,6 +202,13 @@ class InternalModelMaster {
     return g;
   }
 
+  /// Strict: a force that the limit of its rate cannot hold. Returns the share that is displayed.
+  [[gnu::noinline]] double keep_unheld(Seconds dt) noexcept {
+    const double share = unheld_share(f_, limits_, dt);
+    f_ = share * f_;
+    return share;
+  }
+
   void follow_surface(Seconds dt) noexcept {
     const bool touches = said_.contact.value > 0.5;
     if constexpr (N == 6)
@@ -226,7 +240,7 @@ class InternalModelMaster {
     const bool free = said_.contact.value < 0.5;
     const double pressed = coupling_n_per_m_ * (echo.point - said_.robot.value.translation()).norm();
     const bool in_flight = echo.inside && pressed > kFlight_n;
-    const double tau = free && !in_flight ? kFreeResidual_s : kResidual_s + 0.5 * round_trip.si();
+    const double tau = free && !in_flight ? kFreeResidual_s : residual_s_ + 0.5 * round_trip.si();
     low_pass(r_, Force<N>{error}, in.dt, tau);
 
     const Vector& n = echo.surface.normal;
@@ -310,6 +324,8 @@ class InternalModelMaster {
   double coupling_n_per_m_, rotation_n_m_per_rad_;  ///< K_c, K_r in the master's units
   double mass_kg_, inertia_kg_m2_;                  ///< of the handle; 0: not known
   bool strict_;
+  PortLimits limits_;
+  double residual_s_;  ///< a without delay
   EnergySpring<N> energy_;
   DamperAccount<N> damper_;
   Ramp ramp_;

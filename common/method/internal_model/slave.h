@@ -4,22 +4,34 @@
 #include <cmath>
 
 #include "common/coupling/virtual_coupling.h"
+#include "common/method/coupling_slave.h"
 #include "common/method/internal_model/payload.h"
+#include "common/method/internal_model/unheld_share.h"
 #include "common/method/method.h"
+#include "common/method/reaction_force_observer.h"
 #include "common/method/surface/contact_lever.h"
 #include "common/method/surface/surface_estimator.h"
 #include "common/passivity/controller.h"
 
 namespace twoport {
 
+/// The virtual coupling with a damping ratio of at least 1/4 at the robot.
+inline ControlOptions with_damped_robot(ControlOptions o) {
+  CouplingOptions& c = o.coupling;
+  c.damping_n_s_per_m = std::max(c.damping_n_s_per_m, 0.5 * std::sqrt(c.stiffness_n_per_m * o.known.robot_mass_kg));
+  return o;
+}
+
 /// The slave half of internal-model control: the virtual coupling, and an estimate of the surface for the master's model.
 ///
 ///     x_rx  = x_m - o - q n                                set point: the master's position less its offset, and the yield
 ///     q     = LP_50ms of c [(f·n + K* q - f_m·n)/(K_h + K*)]+  in contact and coupled, else -> 0;   c = min(1, (R/0.2 s)²), R nominal
 ///     f_s   = K_c (x_sd - x_s) + B_c (v_rx - v_s)          the virtual coupling
-///             - min(20 N s/m, B_c) min(0, v_s·n) n         in contact and coupled: brakes the robot where it leaves the surface
+///             - b min(0, v_s·n) n                          in contact and coupled: brakes the robot where it leaves the surface
+///     B_c   = max(B, 0.5 √(K_c m))                         the coupling's damping ratio is at least 1/4; m: robot
+///     b     = max(min(20 N s/m, B), min(0.4 √(K m), m/4T))     K: the surface's, in the slave's units
 ///     f     = f_e - bias                                   force sensor (POSITION_FORCE, POSITION_MEASURED_FORCE)
-///     f     = f_s                                          POSITION_POSITION: no sensor is used
+///     f     = LP_5ms of f_s - m dv_s/dt                    POSITION_POSITION: no sensor is used (ReactionForceObserver)
 ///     K*    = 1/(1/K + 1/K_c + |R b × n|²/K_r)             what the hand should feel: the surface in series with the coupling
 ///
 /// q: f_m is the force that the hand felt when it was at x_m. A hand of stiffness K_h = 700 N/m that felt f instead would be q
@@ -28,7 +40,7 @@ namespace twoport {
 /// packets would make it yield. N = 6: c = 1; the point of contact changes from corner to corner within a short delay too.
 ///
 /// `strict_two_port`: no brake; set point and force move as the level of energy at this side allows, T f·v_sd <= E(0)/2 + received -
-/// sent - E_out (admittance_controller).
+/// sent - E_out (admittance_controller); where a limit at the robot changes the command, the set point's motion is scaled to that.
 ///
 /// To the master: n, p, K*, μ, κ (surface_estimator.h), contact, the set point x_sd, and f as the returned force.
 /// N = 6: the surface is that at the contact point x + R b, from the lever of the wrench:
@@ -38,13 +50,17 @@ template <int N>
 class InternalModelSlave {
  public:
   explicit InternalModelSlave(const ControlOptions& o)
-      : coupling_{o},
+      : coupling_{with_damped_robot(o)},
         strict_{o.internal_model.strict_two_port},
         initial_{coupling_.registration().to_slave(0.5 * o.initial_energy)},
         limits_{limits_at_robot(o)},
         yields_{N == 6 ? 1.0 : std::min(1.0, std::pow(o.known.round_trip.si() / kBlind_s, 2))},
         senses_{o.architecture != Architecture::position_position},
         bias_{o.force_scale},
+        mass_kg_{o.known.robot_mass_kg},
+        observer_{per_axis<N>(o.known.robot_mass_kg, o.known.robot_inertia_kg_m2), Force<N>::Vector::Zero(),
+                  kObserver_rad_per_s},
+        to_master_stiffness_{o.force_scale * o.motion_scale},
         brake_n_s_per_m_{std::min(kBrake_n_s_per_m, o.coupling.damping_n_s_per_m)},
         coupling_n_per_m_{o.force_scale * o.motion_scale * o.coupling.stiffness_n_per_m},
         rotation_n_m_per_rad_{o.force_scale / o.motion_scale * o.coupling.rotational_stiffness_n_m_per_rad} {}
@@ -54,6 +70,8 @@ class InternalModelSlave {
     informed_ = read(master.words, said_);
     coupling_.start(robot.x, master, commanded(master));
     estimator_.reset();
+    observer_.start(robot.v);
+    f_ = Force<N>{};
     engaged_ = master.has_report;
   }
 
@@ -72,7 +90,7 @@ class InternalModelSlave {
     if (!all_finite(wanted.f, wanted.v)) [[unlikely]]
       return no_force_exists(wanted.f);
 
-    const Force<N> felt = senses_ ? robot.f_environment - bias_.value() : wanted.f;
+    const Force<N> felt = senses_ ? robot.f_environment - bias_.value() : observed(robot, wanted.f, in.dt);
     estimate(robot, felt, in.dt);
     yield(in, felt);
     const Velocity<N> v_d = wanted.v;
@@ -81,26 +99,33 @@ class InternalModelSlave {
       dissipated = limit(wanted, in);
     const Displacement<N> moved = wanted.v * in.dt;
     coupling_.move(moved, v_d, in.dt);
-    const Force<N> f = in.coupled && !strict_ ? wanted.f + leaving_brake(robot) : wanted.f;
+    const Force<N> f = in.coupled && !strict_ ? wanted.f + leaving_brake(robot, in.dt) : wanted.f;
     Ledger account = in.account;
     account.book(-dot(f, moved));
     report(robot);
+    f_ = f;
     return {.command = {.f = f, .x_d = coupling_.set_point(), .v_d = wanted.v},
             .f_back = felt,
             .energy_in = strict_ ? sent_ : account.absorbed() - base_absorbed_,
             .dissipated = dissipated};
   }
 
-  /// As tell_limited.
+  /// As tell_limited. Strict: the set point then moves no further than the level pays for.
   void limited(SlaveOutput<N>& out, const RobotCommand<N>& asked, const RobotSample<N>& robot, Seconds dt) noexcept {
     const Energy wished = -dot(asked.f, asked.v_d * dt);
     coupling_.limited(out.command, asked, robot, dt);
+    if (strict_) {
+      pay(out, dt);
+    } else {
+      report_no_more(out, wished, -dot(out.command.f, out.command.v_d * dt));
+    }
     out.command.x_d = coupling_.set_point();
-    if (!strict_) report_no_more(out, wished, -dot(out.command.f, out.command.v_d * dt));
+    f_ = out.command.f;
   }
 
   SlaveOutput<N> fail_safe(const Ledger& account) noexcept {
     SlaveOutput<N> out{};
+    f_ = Force<N>{};
     out.command.x_d = coupling_.set_point();
     out.energy_in = strict_ ? sent_ : account.absorbed() - base_absorbed_;
     return out;
@@ -125,9 +150,14 @@ class InternalModelSlave {
 
  private:
   static constexpr int D = kAxes<N>;
-  static constexpr double kBrake_n_s_per_m = 20.0, kKept_j = 5e-3;
+  static constexpr double kBrake_n_s_per_m = 20.0, kBrakeOfMass = 0.4, kObserver_rad_per_s = 200.0, kKept_j = 5e-3;
   static constexpr double kHand_n_per_m = 700.0, kYield_s = 50e-3, kBlind_s = 0.2, kYieldNormal_s = 0.5,
                           kYieldNegligible_m = 1e-6;
+
+  /// Force on the environment without a sensor, friction of the robot included. An ideal robot tells it.
+  [[gnu::noinline]] Force<N> observed(const RobotSample<N>& robot, const Force<N>& wanted, Seconds dt) noexcept {
+    return robot.ideal || !(mass_kg_ > 0.0) ? wanted : observer_.step(f_, robot.v, dt);
+  }
 
   /// Strict: E(0)/2, what has been received, less what has been sent back and has left through the coupling.
   [[nodiscard]] Energy level(const Ledger& account, Energy master_in) const noexcept {
@@ -136,23 +166,38 @@ class InternalModelSlave {
   /// Strict: force and motion of the coupling within the level, in the coming interval; what the level has above E(0)/2 + 5 mJ
   /// goes back. Returns what is dissipated.
   [[gnu::noinline]] Energy limit(typename VirtualCoupling<N>::Wanted& wanted, const SlaveInput<N>& in) noexcept {
-    const Energy has = level(in.account, in.master_energy_in);
-    if (!in.robot.ideal) wanted.f = within_limit(wanted.f);
-    PortSolution<N> allowed = admittance_controller(wanted.f, wanted.v, coupling_.spring().mobility(in.dt), has, in.dt);
-    if (!in.robot.ideal) allowed.f = within_limit(allowed.f);
-    sent_ += positive_part(has - dot(allowed.f, allowed.v) * in.dt - initial_ - Energy{kKept_j});
+    level_ = level(in.account, in.master_energy_in);
+    if (!in.robot.ideal) wanted.f = within_limit(wanted.f, in.dt);
+    PortSolution<N> allowed =
+        admittance_controller(wanted.f, wanted.v, coupling_.spring().mobility(in.dt), level_, in.dt);
+    if (!in.robot.ideal) allowed.f = within_limit(allowed.f, in.dt);
+    sent_before_ = sent_;
+    send_back(dot(allowed.f, allowed.v) * in.dt);
     wanted.f = allowed.f;
     wanted.v = allowed.v;
     return allowed.dissipated;
   }
+  /// What is left after `out` has left through the coupling, above E(0)/2 + 5 mJ.
+  void send_back(Energy out) noexcept {
+    sent_ = sent_before_ + positive_part(level_ - out - initial_ - Energy{kKept_j});
+  }
+  /// Strict, where a limit at the robot has changed the command: the motion of the set point is scaled, T f·v_sd <= level.
+  [[gnu::noinline]] void pay(SlaveOutput<N>& out, Seconds dt) noexcept {
+    RobotCommand<N>& c = out.command;
+    const Energy wished = dot(c.f, c.v_d * dt), most = positive_part(level_);
+    if (wished > most) {
+      const Velocity<N> v = (most / wished) * c.v_d;
+      coupling_.move((v - c.v_d) * dt, Velocity<N>{}, dt);
+      c.v_d = v;
+    }
+    send_back(dot(c.f, c.v_d * dt));
+    out.energy_in = sent_;
+  }
 
   /// The force that the robot's limits leave of f; beyond it the coupling is a spring whose force does not grow, and what is
-  /// applied is what is booked.
-  [[nodiscard]] Force<N> within_limit(const Force<N>& f) const noexcept {
-    double share = std::min(1.0, limits_.force_n / std::max(f.vec().template head<D>().norm(), 1e-300));
-    if constexpr (N == 6)
-      share = std::min(share, limits_.torque_n_m / std::max(f.vec().template tail<3>().norm(), 1e-300));
-    return share < 1.0 ? share * f : f;
+  /// applied is what is booked. A force within half of what a tick may change is never held back by the limit of its rate.
+  [[nodiscard]] Force<N> within_limit(const Force<N>& f, Seconds dt) const noexcept {
+    return unheld_share(f, limits_, dt) * f;
   }
 
   /// x_m - o - q n.
@@ -202,13 +247,15 @@ class InternalModelSlave {
     if (senses_ && !estimator_.contact()) bias_.learn(robot.f_environment, dt);
   }
 
-  [[nodiscard]] Force<N> leaving_brake(const RobotSample<N>& robot) const noexcept {
+  [[nodiscard]] Force<N> leaving_brake(const RobotSample<N>& robot, Seconds dt) const noexcept {
     if (!estimator_.contact()) return {};
     const Registration<N>& to = coupling_.registration();
     const Point<D> n = estimator_.patch().normal;
     typename Velocity<N>::Vector leaving = Velocity<N>::Vector::Zero();
     leaving.template head<D>() = std::min(0.0, n.dot(to.to_master(robot.v).vec().template head<D>())) * n;
-    return Force<N>{-brake_n_s_per_m_ * to.to_slave(Velocity<N>{leaving}).vec()};
+    const double of_mass = kBrakeOfMass * std::sqrt(estimator_.patch().stiffness / to_master_stiffness_ * mass_kg_);
+    const double b = std::max(brake_n_s_per_m_, std::min(of_mass, 0.25 * mass_kg_ / dt.si()));
+    return Force<N>{-b * to.to_slave(Velocity<N>{leaving}).vec()};
   }
 
   void report(const RobotSample<N>& robot) noexcept {
@@ -240,7 +287,10 @@ class InternalModelSlave {
   double yields_;  ///< c
   bool senses_, engaged_ = false;
   SensorBias<N> bias_;
-  double brake_n_s_per_m_, coupling_n_per_m_, rotation_n_m_per_rad_;
+  double mass_kg_;  ///< of the robot; 0: not known
+  ReactionForceObserver<N> observer_;
+  Force<N> f_;  ///< on the robot in the last tick
+  double to_master_stiffness_, brake_n_s_per_m_, coupling_n_per_m_, rotation_n_m_per_rad_;
   SurfaceEstimator<D> estimator_;
   Point<D> contact_point_ = Point<D>::Zero();
   ContactLever lever_;               ///< N = 6: b
@@ -252,7 +302,8 @@ class InternalModelSlave {
   double yield_m_ = 0.0;   ///< q
   Point<D> yield_normal_ = Point<D>::Unit(0);
   Energy base_absorbed_;
-  Energy base_net_, sent_;  ///< strict
+  Energy base_net_, sent_;      ///< strict
+  Energy level_, sent_before_;  ///< strict: in this tick, before its motion and before what it sends back
 };
 
 }  // namespace twoport

@@ -21,7 +21,7 @@ struct Signal {
   std::function<double(double)> energy = [](double) { return 0.0; };
   double seconds = 10.0;
   double run_lengths = 1.0;
-  bool has_controller = false, acted = false, last = false, touching = true;
+  bool has_controller = false, acted = false, last = false, touching = true, robot = true;
 };
 
 Verdict verdict(const Signal& s) {
@@ -36,7 +36,8 @@ Verdict verdict(const Signal& s) {
   tail.driven = true;
   tail.run_lengths = s.run_lengths;
   tail.last = s.last;
-  return judge(tail, {.dof = 1, .rate_hz = kRate, .reach_m = 0.1, .speed = {0.1, 0.1}, .early = {0.1, 0.1}});
+  return judge(tail,
+               {.dof = 1, .rate_hz = kRate, .reach_m = 0.1, .speed = {0.1, s.robot ? 0.1 : 0.0}, .early = {0.1, 0.1}});
 }
 
 /// An oscillation of 5 Hz.
@@ -72,6 +73,14 @@ TEST(Verdict, CallsASustainedOscillationUnstableWhereTheNetworkPays) {
   EXPECT_EQ(verdict(s).kind, VerdictKind::restless) << verdict(s).text;
   s.energy = [](double t) { return -1.0 - 0.1 * t; };
   EXPECT_EQ(verdict(s).kind, VerdictKind::unstable) << verdict(s).text;
+}
+
+TEST(Verdict, NamesTheRenderingWhereThereIsNoRobot) {
+  Signal s{.y = wave(0.05, 0.0), .d = wave(1e-7, 0.0), .run_lengths = 4.0};
+  s.energy = [](double t) { return -1.0 - 0.1 * t; };
+  EXPECT_NE(verdict(s).text.find("fed by the network"), std::string::npos) << verdict(s).text;
+  s.robot = false;
+  EXPECT_NE(verdict(s).text.find("fed by the rendering"), std::string::npos) << verdict(s).text;
 }
 
 TEST(Verdict, IsTheSameForEveryUnit) {

@@ -49,6 +49,33 @@ TEST(Hints, SayThatNobodyHoldsAHandleOverALink) {
   EXPECT_EQ(hints(scene_of(free, {"device.position_m=30"}), false).size(), 1U);
 }
 
+// 200 N/s at 1 kHz: 0.1 N.
+TEST(Hints, SayWhatALimitOfRateLeavesOfAStrictTwoPort) {
+  const auto of = [](const std::string& more) {
+    return hints(
+        scene_of("dof: 1 duration_s: 1 rate_hz: 1000 operator {} device { mass_kg: 1 } control { passivity { method: "
+                 "INTERNAL_MODEL internal_model { strict_two_port: true } } " +
+                 more + " }"));
+  };
+  EXPECT_EQ(
+      of("robot_limits { force_rate_n_per_s: 200 }"),
+      Sentences{"control.robot_limits.force_rate_n_per_s and control.passivity.internal_model.strict_two_port together "
+                "leave a force of at most 0.1 N: what may not fall at once is not shown"});
+  EXPECT_EQ(of("device_limits { force_rate_n_per_s: 50000 }"), Sentences{});
+}
+
+// K T²/m above 0.05: 5000 N/m and 75 g are there below 1155 Hz.
+TEST(Hints, SayThatAProjectedForceIsTooSlowForAHandle) {
+  const std::string scene =
+      "dof: 1 duration_s: 1 operator {} device { mass_kg: 0.075 } control { architecture: RENDER passivity { method: "
+      "FORCE_PROJECTED } } environment { wall { normal: [-1] offset_m: 0 stiffness_n_per_m: 5000 } } rate_hz: ";
+  EXPECT_EQ(hints(scene_of(scene + "1000")),
+            Sentences{"rate_hz is 1000: FORCE_PROJECTED may let energy pass at a rendered 5000 N/m with a handle of "
+                      "0.075 kg, as the handle turns back within a tick; it holds from about 1155 Hz"});
+  EXPECT_EQ(hints(scene_of(scene + "1160")), Sentences{});
+  EXPECT_EQ(hints(scene_of(scene + "1000", {"control.passivity.method=CLASSIC"})), Sentences{});
+}
+
 // Known boundaries of a mass m on a sampled spring-damper: B = 2m/T and, with no damping of its own, B = KT/2.
 TEST(Hints, SayThatTheCouplingAloneMakesTheRobotUnstable) {
   const std::string scene =
