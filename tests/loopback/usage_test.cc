@@ -24,7 +24,7 @@ TEST(Usage, NamesAFlagThatIsNoneOrThatIsMissing) {
   expect_refused(pair.master("out", {"--bogus"}), {"twoport-master: ", "--bogus"});
   expect_refused(pair.slave("out", {"--peer", "127.0.0.1:1"}), {"twoport-slave: ", "--peer"});
   expect_refused(pair.slave("out", {"--trace", "xml"}), {"twoport-slave: ", "--trace", "xml", "none", "csv"});
-  expect_refused(Process{{TWOPORT_MASTER}}, {"twoport-master: ", "--scene", "required"});
+  expect_refused(Process{{TWOPORT_MASTER}}, {"twoport-master: ", "--scene is missing", "twoport-master --help"});
 }
 
 TEST(Usage, NamesASceneThatCannotBeRead) {
