@@ -12,6 +12,7 @@
 
 #include "common/base/check.h"
 #include "common/base/print_error.h"
+#include "common/platform/arguments.h"
 #include "common/platform/realtime.h"
 #include "common/scene/load.h"
 #include "device/probe.h"
@@ -205,17 +206,15 @@ int run(int argc, char** argv) {
   command->footer(
       "Exit status 3: a measurement was broken off. The simulated device is always moved, in virtual time.");
   try {
-    app.parse(argc, argv);
+    parse_arguments(app, "twoport-device", argc, argv);
     if (list->parsed()) {
       std::fputs(all_drivers().devices.lines().c_str(), stdout);
       return 0;
     }
     const Scene scene = scene_of(a);
     return dispatch_dof(scene, [&]<int N>() { return probe<N>(a, scene); });
-  } catch (const CLI::ParseError& e) {
-    if (e.get_exit_code() == 0) return app.exit(e);
-    print_error("twoport-device: {}\n", e.what());
-    return 2;
+  } catch (const CLI::Success& e) {  // --help, --version
+    return app.exit(e);
   } catch (const ConfigError& e) {
     print_error("twoport-device: {}\n", e.what());
     return 2;

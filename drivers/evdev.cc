@@ -17,6 +17,7 @@
 #include "common/base/check.h"
 #include "common/hardware/registry.h"
 #include "drivers/evdev_stick.h"
+#include "drivers/force_feedback.h"
 #include "drivers/smoothed_target.h"
 
 namespace twoport {
@@ -25,7 +26,6 @@ namespace {
 constexpr double kReach = 0.05, kTurn = 0.5;  // of the handle at full deflection [m], [rad]
 constexpr double kCutoffHz = 15.0;            // of the handle's motion: sticks report at 100 to 250 Hz
 constexpr double kFullForce = 1.0;            // at the largest level of an effect, unless ARGS say otherwise [N]
-constexpr std::uint16_t kEffectMs = 100;      // an effect that is not renewed ends by itself
 constexpr int kMostEvents = 256;              // read in one tick
 
 /// PATH, PATH,NEWTONS or nothing.
@@ -106,66 +106,56 @@ std::unique_ptr<EventDevice> first_stick() {
                                 : "; connect one, or name its file as in evdev:/dev/input/event5")};
 }
 
-/// Plays the force by an effect of the device, on a thread: an upload may take milliseconds.
-class ForceFeedback {
+/// The effects of an event device.
+class EventEffects final : public EffectPort {
  public:
-  ForceFeedback(int fd, double full_force_n) : fd_{fd}, full_force_n_{full_force_n} {
-    ff_effect effect = constant_force({0.0, 0.0}, full_force_n_, -1, kEffectMs);
-    if (ioctl(fd_, EVIOCSFF, &effect) < 0) return;
-    id_ = effect.id;
-    thread_ = std::thread{[this] { run(); }};
-  }
-  ~ForceFeedback() {
-    if (id_ < 0) return;
-    going_ = false;
-    thread_.join();
-    play(0);
-    ioctl(fd_, EVIOCRMFF, id_);
-  }
-  ForceFeedback(const ForceFeedback&) = delete;
-  ForceFeedback& operator=(const ForceFeedback&) = delete;
-
-  [[nodiscard]] bool works() const noexcept { return id_ >= 0; }
-  /// The hand is to be pushed with (right, forward).
-  void push(double right_n, double forward_n) noexcept {
-    right_n_.store(right_n, std::memory_order_relaxed);
-    forward_n_.store(forward_n, std::memory_order_relaxed);
-  }
-  /// The effect that plays now.
-  [[nodiscard]] std::array<double, 2> played() const noexcept {
-    return {played_right_n_.load(std::memory_order_relaxed), played_forward_n_.load(std::memory_order_relaxed)};
-  }
-  void stop() noexcept {
-    push(0.0, 0.0);
-    if (id_ >= 0) play(0);
+  explicit EventEffects(int fd) : fd_{fd} {}
+  bool upload(ff_effect& effect) noexcept override { return ioctl(fd_, EVIOCSFF, &effect) == 0; }
+  void erase(int id) noexcept override { ioctl(fd_, EVIOCRMFF, id); }
+  bool write(unsigned code, int value) noexcept override {
+    input_event event{};
+    event.type = EV_FF;
+    event.code = static_cast<std::uint16_t>(code);
+    event.value = value;
+    return ::write(fd_, &event, sizeof event) == static_cast<ssize_t>(sizeof event);
   }
 
  private:
+  int fd_;
+};
+
+/// Force feedback on a thread of ordinary priority: an upload may take milliseconds.
+class ForceThread {
+ public:
+  ForceThread(int fd, double full_force_n) : effects_{fd}, force_{effects_, full_force_n}, works_{force_.start()} {
+    if (works_) thread_ = std::thread{[this] { run(); }};
+  }
+  ~ForceThread() {
+    force_.let_go();
+    going_ = false;
+    if (thread_.joinable()) thread_.join();
+    force_.end();
+  }
+  ForceThread(const ForceThread&) = delete;
+  ForceThread& operator=(const ForceThread&) = delete;
+
+  [[nodiscard]] bool works() const noexcept { return works_; }
+  [[nodiscard]] ForceFeedback& force() noexcept { return force_; }
+
+ private:
   void run() noexcept {
-    while (going_.load(std::memory_order_relaxed)) {
-      const std::array<double, 2> wanted{right_n_.load(std::memory_order_relaxed),
-                                         forward_n_.load(std::memory_order_relaxed)};
-      ff_effect effect = constant_force(wanted, full_force_n_, id_, kEffectMs);
-      if (ioctl(fd_, EVIOCSFF, &effect) == 0 && play(1)) {
-        played_right_n_.store(wanted[0], std::memory_order_relaxed);
-        played_forward_n_.store(wanted[1], std::memory_order_relaxed);
-      }
-      std::this_thread::sleep_for(std::chrono::milliseconds{10});
+    using std::chrono::steady_clock;
+    while (going_ || force_.played() != ForceFeedback::Vector{}) {
+      const auto begun = steady_clock::now();
+      force_.round(begun.time_since_epoch());
+      std::this_thread::sleep_for(ForceFeedback::pause(steady_clock::now() - begun));
     }
   }
-  bool play(int times) noexcept {
-    input_event event{};
-    event.type = EV_FF;
-    event.code = static_cast<std::uint16_t>(id_);
-    event.value = times;
-    return write(fd_, &event, sizeof event) == static_cast<ssize_t>(sizeof event);
-  }
 
-  int fd_;
-  double full_force_n_;
-  int id_ = -1;  ///< of the effect; -1: the device took none
+  EventEffects effects_;
+  ForceFeedback force_;
+  bool works_;
   std::atomic<bool> going_{true};
-  std::atomic<double> right_n_{0.0}, forward_n_{0.0}, played_right_n_{0.0}, played_forward_n_{0.0};
   std::thread thread_;
 };
 
@@ -179,7 +169,7 @@ class EvdevDevice final : public Device<N> {
         device_{arguments_.path.empty() ? first_stick() : open_stick(arguments_.path)},
         motion_{kCutoffHz} {
     if (device_->writable() && libevdev_has_event_code(device_->get(), EV_FF, FF_CONSTANT) != 0) {
-      force_ = std::make_unique<ForceFeedback>(device_->fd(), arguments_.full_force_n);
+      force_ = std::make_unique<ForceThread>(device_->fd(), arguments_.full_force_n);
       if (!force_->works()) force_.reset();
     }
   }
@@ -187,7 +177,7 @@ class EvdevDevice final : public Device<N> {
   [[nodiscard]] DeviceInfo info() const override {
     return {.name = std::string{libevdev_get_name(device_->get())} + " at " + device_->path(),
             .max_force_n = force_ ? arguments_.full_force_n : 0.0,
-            .watchdog = to_seconds(std::chrono::milliseconds{kEffectMs}),
+            .watchdog = to_seconds(ForceFeedback::kEffectLength),
             .dof = 6,
             .workspace_m = {2.0 * kReach, 2.0 * kReach, 2.0 * kReach},
             .buttons = stick_buttons(device_->get())};
@@ -201,7 +191,7 @@ class EvdevDevice final : public Device<N> {
     DeviceSample<N> sample{.x = position_at<N>(motion_.x()), .v = Velocity<N>{motion_.v()}, .applied = {}};
     if (force_) {
       typename Force<N>::Vector applied = Force<N>::Vector::Zero();
-      const std::array<double, 2> push = force_->played();
+      const ForceFeedback::Vector push = force_->force().played();
       for (int i = 0; i < std::min(N, 2); ++i) applied[i] = -push[static_cast<std::size_t>(i)];
       sample.applied = Force<N>{applied};
     }
@@ -210,10 +200,10 @@ class EvdevDevice final : public Device<N> {
     return sample;
   }
   void actuate(const Force<N>& f) noexcept override {
-    if (force_) force_->push(-f[0], N > 1 ? -f[std::min(1, N - 1)] : 0.0);
+    if (force_) force_->force().push(-f[0], N > 1 ? -f[std::min(1, N - 1)] : 0.0);
   }
   void release() noexcept override {
-    if (force_) force_->stop();
+    if (force_) force_->force().let_go();
   }
   [[nodiscard]] std::string trouble() const override { return lost_ ? device_->path() + " is gone" : ""; }
 
@@ -239,7 +229,7 @@ class EvdevDevice final : public Device<N> {
 
   Arguments arguments_;
   std::unique_ptr<EventDevice> device_;
-  std::unique_ptr<ForceFeedback> force_;  ///< null: it displays no force
+  std::unique_ptr<ForceThread> force_;  ///< null: it displays no force
   SmoothedTarget<N> motion_;
   bool lost_ = false;
 };

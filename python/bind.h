@@ -13,6 +13,7 @@
 #include <future>
 #include <memory>
 #include <string>
+#include <typeinfo>
 #include <utility>
 #include <vector>
 
@@ -26,8 +27,8 @@ namespace py = pybind11;
 
 /// A scene, and the text and overrides that it was read from.
 struct SceneOfText {
+  using PythonClass = void;
   std::string source;  ///< path of the file, or what stands for it in error sentences
-  bool file;
   std::string text;
   std::vector<std::string> overrides;
   Scene scene;
@@ -38,6 +39,21 @@ void add_studies(py::module_& module);
 void add_controllers(py::module_& module);
 void add_nodes(py::module_& module);
 
+/// Throws TypeError unless `from` is an object of the class, on which __init__ has run.
+void check_made(const py::handle& from, const std::type_info& of);
+
+/// As __reduce_ex__: pickling and copying are refused with the sentence `why`.
+inline auto not_pickled(const char* why) {
+  return [why](const py::handle&, int) -> py::object { throw py::type_error(why); };
+}
+
+/// Largest magnitude of a finite number that is read: sums and products of such numbers stay finite.
+inline constexpr double kLargestNumber = 1e9;
+inline void check_size(double value, const char* what) {
+  if (std::isfinite(value) && std::abs(value) > kLargestNumber)
+    throw ConfigError{fmt::format("{}: {} is too large; it must be {} at most", what, value, kLargestNumber)};
+}
+
 /// N numbers from a sequence, or with N = 1 from a number. Throws ConfigError, whose sentence begins with `what`.
 template <int N>
 Eigen::Matrix<double, N, 1> numbers_from(const py::handle& from, const char* what) {
@@ -45,6 +61,7 @@ Eigen::Matrix<double, N, 1> numbers_from(const py::handle& from, const char* wha
   if constexpr (N == 1) {
     if (PyFloat_Check(from.ptr())) {
       v[0] = PyFloat_AS_DOUBLE(from.ptr());
+      check_size(v[0], what);
       return v;
     }
   }
@@ -54,7 +71,10 @@ Eigen::Matrix<double, N, 1> numbers_from(const py::handle& from, const char* wha
   if (array.size() != N || array.ndim() > 1)
     throw ConfigError{
         fmt::format("{}: {} numbers of {} dimensions; it must hold {}", what, array.size(), array.ndim(), N)};
-  for (int i = 0; i < N; ++i) v[i] = array.data()[i];
+  for (int i = 0; i < N; ++i) {
+    v[i] = array.data()[i];
+    check_size(v[i], what);
+  }
   return v;
 }
 
@@ -129,3 +149,14 @@ auto with_size(int dof, Use use) {
 }
 
 }  // namespace twoport::python
+
+/// Of a class with `using PythonClass = void`: only objects of it that are whole become C++ references. One made by __new__ alone
+/// has no C++ object, and pybind11 would hand out memory that nobody has filled.
+template <class T>
+class pybind11::detail::type_caster<T, typename T::PythonClass> : public type_caster_base<T> {
+ public:
+  bool load(handle from, bool convert) {
+    twoport::python::check_made(from, typeid(T));
+    return type_caster_base<T>::load(from, convert);
+  }
+};

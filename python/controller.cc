@@ -25,12 +25,14 @@ Method method_of(const std::string& name) {
 }
 
 double not_negative(const char* name, double value) {
-  if (!(value >= 0.0)) throw ConfigError{fmt::format("{} is {}; it must be 0 or more", name, value)};
+  if (!(value >= 0.0 && value <= kLargestNumber))
+    throw ConfigError{fmt::format("{} is {}; it must be 0 to {}", name, value, kLargestNumber)};
   return value;
 }
 
 Seconds interval(double dt_s) {
-  if (!(dt_s > 0.0) || dt_s - dt_s != 0.0) throw ConfigError{fmt::format("dt_s is {}; it must be above 0", dt_s)};
+  if (!(dt_s > 0.0 && dt_s <= kLargestNumber))
+    throw ConfigError{fmt::format("dt_s is {}; it must be above 0 and at most {}", dt_s, kLargestNumber)};
   return Seconds{dt_s};
 }
 
@@ -45,6 +47,7 @@ struct Given {
 
 class Controller {
  public:
+  using PythonClass = void;
   virtual ~Controller() = default;
   virtual py::array_t<double> step(const py::object& wanted, const py::object& input, double dt_s) = 0;
   [[nodiscard]] virtual double energy_j() const = 0;
@@ -88,8 +91,9 @@ std::unique_ptr<Controller> make_controller(int dof, const std::string& method, 
   o.mass_kg = not_negative("mass_kg", mass_kg);
   o.max_turn_rad = not_negative("max_turn_rad", max_turn_rad);
   o.radius_of_gyration_m = radius_of_gyration_m;
-  if (!(radius_of_gyration_m > 0.0))
-    throw ConfigError{fmt::format("radius_of_gyration_m is {}; it must be above 0", radius_of_gyration_m)};
+  if (!(radius_of_gyration_m > 0.0 && radius_of_gyration_m <= kLargestNumber))
+    throw ConfigError{fmt::format("radius_of_gyration_m is {}; it must be above 0 and at most {}", radius_of_gyration_m,
+                                  kLargestNumber)};
   const Energy initial{not_negative("initial_energy_j", initial_energy_j)};
   const bool force = output == "force";
   if (!force && output != "velocity")
@@ -106,6 +110,7 @@ std::unique_ptr<Controller> make_controller(int dof, const std::string& method, 
 
 class PortObserver {
  public:
+  using PythonClass = void;
   virtual ~PortObserver() = default;
   virtual double step(const py::object& held, const py::object& x, const py::object& v, double dt_s) = 0;
   [[nodiscard]] virtual double energy_j() const = 0;
@@ -165,6 +170,7 @@ Errors: ValueError.)")
 held: force held since the last call, after all limits [N], dof 6: force and torque [N], [N m]
 x: position [m], dof 6: 7 numbers, position and attitude w x y z;  v: velocity [m/s], dof 6: twist [m/s], [rad/s]
 dt_s: length of the interval [s]. The first call books nothing.)")
+      .def("__reduce_ex__", not_pickled("a PassivityObserver cannot be copied or pickled"))
       .def_property_readonly("energy_j", &PortObserver::energy_j, "E, E(0) included [J].");
 
   py::class_<Controller>(module, "PassivityController",
@@ -194,6 +200,7 @@ Errors: ValueError. Source: docs/notation.md, common/passivity/controller.h.)")
 
 wanted: what the element answers [N] or [m/s], dof 6: [N], [N m] or [m/s], [rad/s]
 input: velocity [m/s] or force [N], the mean since the last step;  dt_s: time since then [s])")
+      .def("__reduce_ex__", not_pickled("a PassivityController cannot be copied or pickled"))
       .def_property_readonly("energy_j", &Controller::energy_j, "E, E(0) included [J].")
       .def_property_readonly("dissipated_j", &Controller::dissipated_j,
                              "Dissipated by the last step, over the coming interval, as predicted by out.in [J].")

@@ -12,6 +12,7 @@
 #include "common/link/mailbox.h"
 #include "common/link/report.h"
 #include "common/runtime/cycle.h"
+#include "common/wire/header.h"
 #include "master/master_node.h"
 #include "python/bind.h"
 #include "slave/slave_node.h"
@@ -19,9 +20,17 @@
 namespace twoport::python {
 namespace {
 
+/// Who sends: the side, and what its scene must share with the receiver's.
+struct Sender {
+  Side side;
+  std::vector<SharedField> fields;
+};
+
 /// What one side tells the other one in a tick. Immutable.
 struct Message {
+  using PythonClass = void;
   std::variant<Report<1>, Report<3>, Report<6>> report;
+  std::shared_ptr<const Sender> sender;
 
   template <class Use>
   auto use(Use use) const {
@@ -41,10 +50,7 @@ template <int N>
 class InHand {
  public:
   void put(const Report<N>& r) { arrived_.push_back(r); }
-  std::shared_ptr<Message> take_sent() {
-    if (!sent_) return nullptr;
-    return std::make_shared<Message>(Message{*std::exchange(sent_, std::nullopt)});
-  }
+  std::optional<Report<N>> take_sent() { return std::exchange(sent_, std::nullopt); }
 
   template <class Visit>
   void poll(Duration, Visit visit) noexcept {
@@ -93,12 +99,14 @@ class Ticks {
 };
 
 struct MasterResult {
+  using PythonClass = void;
   py::array_t<double> force, wanted;
   std::shared_ptr<Message> message;
   double dissipated_j, undissipated_j;
   std::string mode;
 };
 struct SlaveResult {
+  using PythonClass = void;
   py::array_t<double> force, x_d, v_d;
   std::shared_ptr<Message> message;
   double dissipated_j;
@@ -107,6 +115,7 @@ struct SlaveResult {
 
 class AnyNode {
  public:
+  using PythonClass = void;
   virtual ~AnyNode() = default;
   virtual void receive(const Message& message) = 0;
   [[nodiscard]] virtual int dof() const = 0;
@@ -119,12 +128,22 @@ class AnyNode {
 template <int N, class Base>
 class WithLink : public Base {
  public:
-  WithLink(const TransmissionOptions& incoming, const TransmissionOptions& outgoing, double rate_hz)
-      : mail_{InHand<N>{}, incoming, outgoing}, rate_hz_{rate_hz} {}
+  WithLink(Side side, const Scene& s)
+      : mail_{InHand<N>{}, side == Side::master ? s.transmission_to_master : s.transmission_to_slave,
+              side == Side::master ? s.transmission_to_slave : s.transmission_to_master},
+        rate_hz_{side == Side::master ? s.master_rate_hz : s.slave_rate_hz},
+        self_{std::make_shared<Sender>(Sender{side, shared_fields(s)})} {}
   void receive(const Message& message) override {
+    if (message.sender->side == self_->side)
+      throw ConfigError{fmt::format("message: of a {}; this node takes those of a {}", to_string(self_->side),
+                                    to_string(self_->side == Side::master ? Side::slave : Side::master))};
     const auto* report = std::get_if<Report<N>>(&message.report);
     if (report == nullptr)
       throw ConfigError{fmt::format("message: of {} degrees of freedom; this node has {}", dof_of(message), N)};
+    for (std::size_t i = 0; i < self_->fields.size(); ++i)
+      if (message.sender->fields[i].digest != self_->fields[i].digest)
+        throw ConfigError{
+            fmt::format("message: {} of its sender's scene differs from this node's", self_->fields[i].path)};
     if (report->finite()) mail_.transport().put(*report);
   }
   [[nodiscard]] int dof() const override { return N; }
@@ -147,10 +166,16 @@ class WithLink : public Base {
   }
 
  protected:
+  std::shared_ptr<Message> take_sent() {
+    const auto sent = mail_.transport().take_sent();
+    return sent ? std::make_shared<Message>(Message{*sent, self_}) : nullptr;
+  }
+
   Mailbox<N, InHand<N>> mail_;
 
  private:
   double rate_hz_;
+  std::shared_ptr<const Sender> self_;
 };
 
 class AnyMaster : public AnyNode {
@@ -164,9 +189,7 @@ template <int N>
 class MasterOf final : public WithLink<N, AnyMaster> {
  public:
   explicit MasterOf(const Scene& s)
-      : WithLink<N, AnyMaster>{s.transmission_to_master, s.transmission_to_slave, s.master_rate_hz},
-        ticks_{s.master_rate_hz},
-        node_{s.control, s.schedule} {}
+      : WithLink<N, AnyMaster>{Side::master, s}, ticks_{s.master_rate_hz}, node_{s.control, s.schedule} {}
   MasterResult step(double t_s, const py::object& x, const py::object& v, const py::object& applied,
                     bool held) override {
     Reading<DeviceSample<N>> device;
@@ -176,7 +199,7 @@ class MasterOf final : public WithLink<N, AnyMaster> {
     device.sample.held = held;
     const auto out = run_cycle(node_, device, this->mail_, ticks_.at(t_s));
     command_ = out.command;
-    return {to_array(out.command.vec()), to_array(out.wanted.vec()), this->mail_.transport().take_sent(),
+    return {to_array(out.command.vec()), to_array(out.wanted.vec()), this->take_sent(),
             out.dissipated.si(),         out.undissipated.si(),      to_string(out.mode)};
   }
   [[nodiscard]] std::string mode() const override { return to_string(node_.mode()); }
@@ -199,9 +222,7 @@ template <int N>
 class SlaveOf final : public WithLink<N, AnySlave> {
  public:
   explicit SlaveOf(const Scene& s)
-      : WithLink<N, AnySlave>{s.transmission_to_slave, s.transmission_to_master, s.slave_rate_hz},
-        ticks_{s.slave_rate_hz},
-        node_{s.control, s.schedule} {}
+      : WithLink<N, AnySlave>{Side::slave, s}, ticks_{s.slave_rate_hz}, node_{s.control, s.schedule} {}
   SlaveResult step(double t_s, const py::object& x, const py::object& v, const py::object& f_environment,
                    bool ideal) override {
     Reading<RobotSample<N>> robot;
@@ -211,8 +232,9 @@ class SlaveOf final : public WithLink<N, AnySlave> {
       robot.sample.f_environment = Force<N>{numbers_from<N>(f_environment, "f_environment")};
     robot.sample.ideal = ideal;
     const auto out = run_cycle(node_, robot, this->mail_, ticks_.at(t_s));
-    return {to_array(out.command.f.vec()),       to_array(out.command.x_d), to_array(out.command.v_d.vec()),
-            this->mail_.transport().take_sent(), out.dissipated.si(),       to_string(out.mode)};
+    return {
+        to_array(out.command.f.vec()), to_array(out.command.x_d), to_array(out.command.v_d.vec()), this->take_sent(),
+        out.dissipated.si(),           to_string(out.mode)};
   }
   [[nodiscard]] std::string mode() const override { return to_string(node_.mode()); }
   [[nodiscard]] double delivered_j() const override { return node_.delivered().si(); }
@@ -231,23 +253,6 @@ const Scene& over_a_link(const SceneOfText& s, const char* what) {
                     "POSITION_MEASURED_FORCE or POSITION_POSITION",
                     what, s.source)};
   return s.scene;
-}
-
-template <class Node>
-void add_common(py::class_<Node>& node) {
-  using namespace py::literals;
-  node.def(
-          "receive", &Node::receive, "message"_a,
-          R"(Hands a message of the other side to the next step(). You decide when, how often and in what order: messages may be
-delayed, lost, repeated and reordered. One whose numbers are not finite is dropped, as a link does.
-Errors: ValueError for one of another number of degrees of freedom.)")
-      .def_property_readonly("dof", &Node::dof, "Degrees of freedom: 1, 3 or 6.")
-      .def_property_readonly("rate_hz", &Node::rate_hz, "Rate at which step() is to be called [Hz].")
-      .def_property_readonly("mode", &Node::mode, "idle, coupled, holding, released or let_go.")
-      .def_property_readonly("packets", &Node::packets,
-                             "Messages sent, and received, lost, late, duplicated, rejected so far.")
-      .def_property_readonly("round_trip_s", &Node::round_trip_s,
-                             "As the newest message shows it [s]; None: not known yet.");
 }
 
 }  // namespace
@@ -283,6 +288,8 @@ receive() of the other node. Immutable.)")
       .def_property_readonly(
           "mode", [](const Message& m) { return m.use([](const auto& r) { return std::string{to_string(r.mode)}; }); },
           "Mode of the sender.")
+      .def("__reduce_ex__",
+           not_pickled("a Message cannot be copied or pickled: it is immutable, and of a node of this process"))
       .def("__repr__", [](const Message& m) {
         return m.use([](const auto& r) {
           return fmt::format("<twoport.Message {} of {:.9g} s, {}>", r.sequence, to_seconds(Duration{r.sent_ns}).si(),
@@ -309,13 +316,28 @@ receive() of the other node. Immutable.)")
       .def_readonly("dissipated_j", &SlaveResult::dissipated_j, "Dissipated by the controller in this tick [J].")
       .def_readonly("mode", &SlaveResult::mode, "idle, coupled, holding, released or let_go.");
 
-  py::class_<AnyMaster> master(module, "MasterNode",
-                               R"(The master over a link, one tick at a time: motion of the device in, force out.
+  py::class_<AnyNode>(module, "Node", "What MasterNode and SlaveNode share: the end of a link.")
+      .def(
+          "receive", &AnyNode::receive, "message"_a,
+          R"(Hands a message of the other side to the next step(). You decide when, how often and in what order: messages may be
+delayed, lost, repeated and reordered. One whose numbers are not finite is dropped, as a link does.
+Errors: ValueError for one of this side, of another number of degrees of freedom, or from a scene that differs in what both
+sides must share (method, coupling, scales, ...).)")
+      .def_property_readonly("dof", &AnyNode::dof, "Degrees of freedom: 1, 3 or 6.")
+      .def_property_readonly("rate_hz", &AnyNode::rate_hz, "Rate at which step() is to be called [Hz].")
+      .def_property_readonly("mode", &AnyNode::mode, "idle, coupled, holding, released or let_go.")
+      .def_property_readonly("packets", &AnyNode::packets,
+                             "Messages sent, and received, lost, late, duplicated, rejected so far.")
+      .def_property_readonly("round_trip_s", &AnyNode::round_trip_s,
+                             "As the newest message shows it [s]; None: not known yet.")
+      .def("__reduce_ex__", not_pickled("a node cannot be copied or pickled: make one from its scene"));
+
+  py::class_<AnyMaster, AnyNode>(module, "MasterNode",
+                                 R"(The master over a link, one tick at a time: motion of the device in, force out.
 
 It is the node of twoport-master and of the laboratory, with the controllers of the scene (control.*), its rates and its
 transmission; device, operator, delays and environment of the scene are not used: they are yours.
-Errors: ValueError for a scene without a link.)");
-  master
+Errors: ValueError for a scene without a link.)")
       .def(py::init([](const SceneOfText& s) {
              const Scene& scene = over_a_link(s, "MasterNode");
              return dispatch_dof(
@@ -333,12 +355,10 @@ held: does the operator hold the handle?
 For numbers that are not finite it applies no force in this tick. Errors: ValueError.)")
       .def_property_readonly("observed_j", &AnyMaster::observed_j,
                              "Energy that the hand has put in so far, E(0) not included [J].");
-  add_common(master);
 
-  py::class_<AnySlave> slave(
+  py::class_<AnySlave, AnyNode>(
       module, "SlaveNode",
-      R"(The slave over a link, one tick at a time: motion of the robot in, force out. As MasterNode.)");
-  slave
+      R"(The slave over a link, one tick at a time: motion of the robot in, force out. As MasterNode.)")
       .def(py::init([](const SceneOfText& s) {
              const Scene& scene = over_a_link(s, "SlaveNode");
              return dispatch_dof(
@@ -357,7 +377,6 @@ ideal: the robot follows x_d exactly
 For numbers that are not finite it applies no force in this tick. Errors: ValueError.)")
       .def_property_readonly("delivered_j", &AnySlave::delivered_j,
                              "Net energy that has left the link into the slave [J].");
-  add_common(slave);
 }
 
 }  // namespace twoport::python

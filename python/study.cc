@@ -1,8 +1,6 @@
 #include <algorithm>
 #include <charconv>
 #include <cstdint>
-#include <cstdlib>
-#include <filesystem>
 #include <limits>
 #include <memory>
 #include <mutex>
@@ -31,20 +29,17 @@ namespace {
 using namespace py::literals;
 using Strings = std::vector<std::string>;
 
+std::string text_from(const py::handle& from, const char* what) {
+  if (!py::isinstance<py::str>(from))
+    throw ConfigError{fmt::format("{}: {} is not a text", what, std::string{py::str(py::repr(from))})};
+  return from.cast<std::string>();
+}
+
 /// The strings of `from`: one, or a sequence of them.
 Strings strings_from(const py::handle& from, const char* what) {
+  if (py::isinstance<py::str>(from) || !py::isinstance<py::iterable>(from)) return {text_from(from, what)};
   Strings all;
-  const auto add = [&](const py::handle& each) {
-    if (!py::isinstance<py::str>(each))
-      throw ConfigError{fmt::format("{}: {} is not a text", what, std::string{py::str(py::repr(each))})};
-    all.push_back(each.cast<std::string>());
-  };
-  if (py::isinstance<py::str>(from))
-    add(from);
-  else if (py::isinstance<py::iterable>(from))
-    for (const py::handle& each : from) add(each);
-  else
-    add(from);
+  for (const py::handle& each : from) all.push_back(text_from(each, what));
   return all;
 }
 
@@ -58,53 +53,26 @@ Strings overrides_from(const py::args& from) {
   return all;
 }
 
-SceneOfText load(const py::object& path, const py::args& overrides) {
-  const auto source = py::module_::import("os").attr("fspath")(path).cast<std::string>();
-  SceneOfText s{source, true, read_whole(source), overrides_from(overrides), {}};
+SceneOfText parsed(std::string source, std::string text, Strings overrides) {
+  SceneOfText s{std::move(source), std::move(text), std::move(overrides), {}};
   s.scene = parse_scene(s.text, s.source, s.overrides);
   return s;
+}
+std::string path_from(const py::object& path) {
+  return py::module_::import("os").attr("fspath")(path).cast<std::string>();
+}
+SceneOfText load(const py::object& path, const py::args& overrides) {
+  const std::string source = path_from(path);
+  return parsed(source, read_whole(source), overrides_from(overrides));
 }
 SceneOfText parse(const std::string& text, const py::args& overrides, const std::string& name) {
-  SceneOfText s{name, false, text, overrides_from(overrides), {}};
-  s.scene = parse_scene(s.text, s.source, s.overrides);
-  return s;
+  return parsed(name, text, overrides_from(overrides));
 }
 SceneOfText with_overrides(const SceneOfText& before, const py::args& overrides) {
-  SceneOfText s = before;
-  for (std::string& each : overrides_from(overrides)) s.overrides.push_back(std::move(each));
-  s.scene = parse_scene(s.text, s.source, s.overrides);
-  return s;
+  Strings all = before.overrides;
+  for (std::string& each : overrides_from(overrides)) all.push_back(std::move(each));
+  return parsed(before.source, before.text, std::move(all));
 }
-
-/// The scene as a file: its own, or a temporary one.
-class SceneFile {
- public:
-  explicit SceneFile(const SceneOfText& s) : source_{s.source}, path_{s.source} {
-    if (s.file) return;
-    std::string folder = (std::filesystem::temp_directory_path() / "twoport.XXXXXX").string();
-    if (::mkdtemp(folder.data()) == nullptr) throw IoError{folder + ": cannot be created"};
-    folder_ = folder;
-    path_ = (folder_ / (std::filesystem::path{s.source}.stem().string() + ".textproto")).string();
-    write_whole(path_, s.text);
-  }
-  ~SceneFile() {
-    std::error_code ignored;
-    if (!folder_.empty()) std::filesystem::remove_all(folder_, ignored);
-  }
-  SceneFile(const SceneFile&) = delete;
-  SceneFile& operator=(const SceneFile&) = delete;
-  [[nodiscard]] const std::string& path() const { return path_; }
-  /// An error sentence with the scene's own name.
-  [[nodiscard]] std::string named(std::string sentence) const {
-    for (std::size_t at = 0; !folder_.empty() && (at = sentence.find(path_, at)) != sentence.npos; at += source_.size())
-      sentence.replace(at, path_.size(), source_);
-    return sentence;
-  }
-
- private:
-  std::string source_, path_;
-  std::filesystem::path folder_;
-};
 
 /// A view on the rows, which live as long as it does; read-only.
 py::array view(const std::shared_ptr<const TraceTable>& table) {
@@ -119,15 +87,28 @@ py::array view(const std::shared_ptr<const TraceTable>& table) {
   return array;
 }
 
+py::dict units(const TraceTable& table) {
+  py::dict all;
+  for (const TraceTable::Field& f : table.fields())
+    all[py::str(f.name)] = f.vector && f.size == 6 ? fmt::format("{}, {}", f.unit, f.rotational_unit) : f.unit;
+  return all;
+}
+
 struct Result {
+  using PythonClass = void;
   std::string summary_json;
   py::dict summary;
   Strings violations;
-  std::shared_ptr<const TraceTable> table;
+  py::object trace;
+  py::dict units;
 };
 
-Result run_scene(const SceneOfText& s, bool trace, std::uint64_t trace_every, const std::string& verdict) {
-  if (trace_every < 1) throw ConfigError{"trace_every is 0; it must be 1 or more"};
+py::dict dict_of(const std::string& json) {
+  return py::module_::import("json").attr("loads")(json);
+}
+
+Result run_scene(const SceneOfText& s, bool trace, std::int64_t trace_every, const std::string& verdict) {
+  if (trace_every < 1) throw ConfigError{fmt::format("trace_every is {}; it must be 1 or more", trace_every)};
   if (verdict != "tail" && verdict != "plain")
     throw ConfigError{fmt::format("verdict is {}; it must be tail or plain", verdict)};
   std::shared_ptr<TraceTable> table;
@@ -137,26 +118,25 @@ Result run_scene(const SceneOfText& s, bool trace, std::uint64_t trace_every, co
                                          s.scene.duration_s * rate_hz / static_cast<double>(trace_every) + 1.0);
   const Summary summary = interruptible(
       [&](const std::atomic<bool>& stop) {
-        return lab::run(s.scene, {.trace_every = trace_every,
+        return lab::run(s.scene, {.trace_every = static_cast<std::uint64_t>(trace_every),
                                   .verdict = verdict == "plain" ? lab::VerdictFrom::plain : lab::VerdictFrom::tail,
                                   .table = table.get(),
                                   .stop = &stop});
       },
       [] {});
-  Result result;
-  result.summary_json = to_json(summary);
-  result.summary = py::module_::import("json").attr("loads")(result.summary_json);
-  result.violations = violations(s.scene.expect, summary);
-  result.table = std::move(table);
-  return result;
+  const std::string json = to_json(summary);
+  return {json, dict_of(json), violations(s.scene.expect, summary), table ? py::object{view(table)} : py::none(),
+          table ? units(*table) : py::dict{}};
 }
 
-py::dict units(const Result& r) {
-  py::dict all;
-  if (r.table == nullptr) return all;
-  for (const TraceTable::Field& f : r.table->fields())
-    all[py::str(f.name)] = f.vector && f.size == 6 ? fmt::format("{}, {}", f.unit, f.rotational_unit) : f.unit;
-  return all;
+py::tuple state(const Result& r) {
+  return py::make_tuple(r.summary_json, r.violations, r.trace, r.units);
+}
+Result result_from(const py::tuple& state) {
+  const auto json = state[0].cast<std::string>();
+  const py::object trace = state[2];
+  if (!trace.is_none()) trace.attr("setflags")("write"_a = false);
+  return {json, dict_of(json), state[1].cast<Strings>(), trace, state[3]};
 }
 
 /// A column of texts as numbers where all of them are (empty: NaN), else as they are.
@@ -172,6 +152,7 @@ py::object column(const Strings& texts) {
 }
 
 struct TableOfTexts {
+  using PythonClass = void;
   Strings columns;
   std::vector<Strings> rows;
   std::string csv;
@@ -243,78 +224,75 @@ class Listener {
   std::size_t done_ = 0, count_ = 0, told_ = 0;
 };
 
-TableOfTexts sweep_scene(const SceneOfText& s, const py::object& vary, std::size_t seeds,
+TableOfTexts sweep_scene(const SceneOfText& s, const py::object& vary, std::int64_t seeds,
                          const std::optional<int>& jobs, const py::object& out, const py::object& progress) {
-  const SceneFile file{s};
+  if (seeds < 0) throw ConfigError{fmt::format("seeds is {}; it must be 0 or more", seeds)};
   lab::SweepOptions o;
-  o.scene = file.path();
+  o.scene = s.source;
+  o.text = s.text;
   o.set = s.overrides;
   for (const std::string& axis : strings_from(vary, "vary")) o.axes.push_back(lab::parse_axis(axis, "vary"));
-  o.seeds = seeds;
+  o.seeds = static_cast<std::size_t>(seeds);
   o.jobs = jobs_from(jobs);
-  if (!out.is_none()) o.out = py::module_::import("os").attr("fspath")(out).cast<std::string>();
+  if (!out.is_none()) o.out = path_from(out);
+  if (!out.is_none() && o.out.empty()) throw ConfigError{"out is empty; it must be a folder, or None"};
   Listener listener{progress};
-  try {
-    const lab::Table table = interruptible(
-        [&](const std::atomic<bool>& stop) {
-          o.stop = &stop;
-          return lab::sweep(o, [&](const lab::Progress& p) { listener.set(p.done, p.count); });
-        },
-        [&] { listener.tell(); });
-    listener.tell();
-    return table_of(lab::to_csv(table));
-  } catch (const ConfigError& e) {
-    throw ConfigError{file.named(e.what())};
-  }
+  const lab::Table table = interruptible(
+      [&](const std::atomic<bool>& stop) {
+        o.stop = &stop;
+        return lab::sweep(o, [&](const lab::Progress& p) { listener.set(p.done, p.count); });
+      },
+      [&] { listener.tell(); });
+  listener.tell();
+  return table_of(lab::to_csv(table));
 }
 
 struct BoundaryOfScene {
+  using PythonClass = void;
   std::string path;
   double stable, unstable;
   std::vector<std::tuple<double, bool, std::string>> trials;
 };
 
-py::object boundary_of(const SceneOfText& s, const std::string& vary, const py::object& along, double tolerance,
+py::object boundary_of(const SceneOfText& s, const py::object& vary, const py::object& along, double tolerance,
                        int scan, const std::optional<int>& jobs) {
-  const SceneFile file{s};
   lab::BoundaryOptions o;
-  o.scene = file.path();
+  o.scene = s.source;
+  o.text = s.text;
   o.set = s.overrides;
-  o.vary = lab::parse_interval(vary);
+  o.vary = lab::parse_interval(text_from(vary, "vary"));
   o.tolerance = tolerance;
   o.scan = scan;
   o.jobs = jobs_from(jobs);
-  try {
-    if (!along.is_none()) {
-      const lab::Axis axis = lab::parse_axis(along.cast<std::string>(), "along");
-      return py::cast(table_of(to_csv(interruptible(
-          [&](const std::atomic<bool>& stop) {
-            o.stop = &stop;
-            return lab::boundary_curve(o, axis);
-          },
-          [] {}))));
-    }
-    BoundaryOfScene result{.path = o.vary.name(), .stable = 0.0, .unstable = 0.0, .trials = {}};
-    const lab::Boundary found = interruptible(
+  if (!along.is_none()) {
+    const lab::Axis axis = lab::parse_axis(text_from(along, "along"), "along");
+    return py::cast(table_of(to_csv(interruptible(
         [&](const std::atomic<bool>& stop) {
           o.stop = &stop;
-          return lab::find_boundary(
-              o, [&](const lab::Trial& t) { result.trials.emplace_back(t.value, t.stable, t.verdict); });
+          return lab::boundary_curve(o, axis);
         },
-        [] {});
-    result.stable = found.stable;
-    result.unstable = found.unstable;
-    return py::cast(result);
-  } catch (const ConfigError& e) {
-    throw ConfigError{file.named(e.what())};
+        [] {}))));
   }
+  BoundaryOfScene result{.path = o.vary.name(), .stable = 0.0, .unstable = 0.0, .trials = {}};
+  const lab::Boundary found = interruptible(
+      [&](const std::atomic<bool>& stop) {
+        o.stop = &stop;
+        return lab::find_boundary(
+            o, [&](const lab::Trial& t) { result.trials.emplace_back(t.value, t.stable, t.verdict); });
+      },
+      [] {});
+  result.stable = found.stable;
+  result.unstable = found.unstable;
+  return py::cast(result);
 }
 
 }  // namespace
 
 void add_studies(py::module_& module) {
-  py::class_<SceneOfText>(module, "Scene",
-                          R"(A scene with its overrides, checked. Made by load_scene and parse_scene; immutable.)")
+  py::class_<SceneOfText>(
+      module, "Scene",
+      R"(A scene with its overrides, checked. Made by load_scene and parse_scene; immutable. Pickled as text: files that it names are
+read again where it is unpickled.)")
       .def("override", &with_overrides,
            R"(This scene with more overrides: override("to_slave.delay_ms=50", "control.passivity.method=NONE").
 
@@ -348,6 +326,11 @@ PATH=VALUE as for --set of the programs. Errors: ValueError with the programs' s
       .def_property_readonly(
           "method", [](const SceneOfText& s) { return s.scene.control.method_name; },
           "As control.passivity.method has it.")
+      .def(py::pickle([](const SceneOfText& s) { return py::make_tuple(s.source, s.text, s.overrides); },
+                      [](const py::tuple& state) {
+                        return parsed(state[0].cast<std::string>(), state[1].cast<std::string>(),
+                                      state[2].cast<Strings>());
+                      }))
       .def("__repr__", [](const SceneOfText& s) {
         return fmt::format("<twoport.Scene \"{}\" of {}, dof {}, {}, {}>", s.scene.name, s.source, s.scene.dof,
                            to_string(s.scene.control.architecture), s.scene.control.method_name);
@@ -367,18 +350,20 @@ Errors: ValueError, as load_scene.)");
   py::class_<Result>(module, "Result", "What a run leaves.")
       .def_readonly(
           "summary", &Result::summary,
-          "What summary.json of twoport-lab holds: the same keys, the same values (docs/summary-and-trace.md).")
+          R"(What summary.json of twoport-lab holds (docs/summary-and-trace.md). Keys and values are the program's, except
+"step_ns": this machine's time for a tick [ns], which differs from run to run.)")
       .def_readonly("summary_json", &Result::summary_json, "summary.json itself.")
       .def_readonly("violations", &Result::violations,
                     "What the scene expects and the run did not meet, a sentence each.")
-      .def_property_readonly(
-          "trace", [](const Result& r) -> py::object { return r.table ? py::object{view(r.table)} : py::none(); },
+      .def_readonly(
+          "trace", &Result::trace,
           R"(The columns of trace.csv with all digits, one element for each tick of the master; None where none was asked for.
 
 A structured array: trace["t_s"] has a number for each tick, trace["master_x"] `dof` of them. It is a read-only view of the
 run's own memory, without a copy, and so is each column; it stays valid when the result is gone.)")
-      .def_property_readonly("units", &units,
-                             R"(Unit of each column of the trace; with dof 6 "m, rad": translation, rotation.)")
+      .def_readonly("units", &Result::units,
+                    R"(Unit of each column of the trace; with dof 6 "m, rad": translation, rotation.)")
+      .def(py::pickle(&state, &result_from))
       .def("__repr__", [](const Result& r) {
         return fmt::format("<twoport.Result {}: {}>", std::string{py::str(r.summary["scene"])},
                            std::string{py::str(r.summary["verdict"])});
@@ -400,6 +385,8 @@ Other threads of Python go on meanwhile; Ctrl-C ends it. Errors: ValueError.)");
       .def("__getitem__", &TableOfTexts::at, "name"_a, "A column. Errors: KeyError.")
       .def(
           "__len__", [](const TableOfTexts& t) { return t.rows.size(); }, "Number of rows.")
+      .def(py::pickle([](const TableOfTexts& t) { return py::make_tuple(t.csv); },
+                      [](const py::tuple& state) { return table_of(state[0].cast<std::string>()); }))
       .def("__repr__", [](const TableOfTexts& t) {
         return fmt::format("<twoport.Table, {} rows, {} columns>", t.rows.size(), t.columns.size());
       });
@@ -412,13 +399,19 @@ A,B=SPEC links the paths A and B.
 seeds: runs a cell, with the scene's seed, seed + 1, ...; 0: one, without columns of the spread.
 jobs: threads; None: one for each core. out: folder for table.csv and the finished cells, from which a sweep that was ended
 goes on; None: nothing is kept. progress: called as progress(done, count), in cells.
-Other threads of Python go on meanwhile; Ctrl-C ends it. The file of the scene is read again. Errors: ValueError.)");
+Other threads of Python go on meanwhile; Ctrl-C ends it. Errors: ValueError.)");
 
   py::class_<BoundaryOfScene>(module, "Boundary", "A stability boundary.")
       .def_readonly("path", &BoundaryOfScene::path, "What was varied.")
       .def_readonly("value", &BoundaryOfScene::stable, "The last stable value, as the program prints it.")
       .def_readonly("unstable", &BoundaryOfScene::unstable, "The first unstable value found on the other side.")
       .def_readonly("trials", &BoundaryOfScene::trials, "The runs of the search: value, stable, verdict.")
+      .def(py::pickle([](const BoundaryOfScene& b) { return py::make_tuple(b.path, b.stable, b.unstable, b.trials); },
+                      [](const py::tuple& state) {
+                        return BoundaryOfScene{state[0].cast<std::string>(), state[1].cast<double>(),
+                                               state[2].cast<double>(),
+                                               state[3].cast<decltype(BoundaryOfScene::trials)>()};
+                      }))
       .def("__repr__",
            [](const BoundaryOfScene& b) { return fmt::format("<twoport.Boundary {} = {}>", b.path, b.stable); });
   const lab::BoundaryOptions defaults{};

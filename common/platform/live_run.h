@@ -146,6 +146,8 @@ int run_live(LiveSide& side, const Scene& scene, const LiveArguments& arguments,
   std::unique_ptr<LiveRecording<N>> recording;
   std::optional<PlotStream> stream;
   if (!arguments.stream.empty()) stream.emplace(arguments.stream, LiveSide::kSide, arguments.stream_hz);
+  if (stream && !stream->stays_on_this_machine())
+    log.warn("--stream {}: positions and forces of this side leave this machine unencrypted", arguments.stream);
   const bool has_earlier = has_content(arguments.record);
   const RunFolder folder = begin_folder(
       arguments, [&] { recording = open_recording<N>(arguments, LiveSide::kName, rate_hz, side.hardware.info()); });

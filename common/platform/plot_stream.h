@@ -19,6 +19,9 @@ class PlotStream {
   /// `address`: HOST:PORT of --stream. Throws ConfigError.
   PlotStream(const std::string& address, Side side, double rate_hz);
 
+  /// False: whoever can read the network can read the stream.
+  [[nodiscard]] bool stays_on_this_machine() const { return to_.loopback(); }
+
   /// {"timestamp": t_s, "SIDE": {NAME: number or [numbers], ...}}: the columns of trace.csv, and round_trip_ms, received, lost and
   /// late_us of the link and the loop. What is not known or not finite is null.
   template <int N>

@@ -10,6 +10,7 @@
 #include "common/base/check.h"
 #include "common/base/file.h"
 #include "common/base/print_error.h"
+#include "common/platform/arguments.h"
 #include "common/platform/realtime.h"
 #include "common/record/expectation.h"
 #include "common/scene/hints.h"
@@ -45,10 +46,9 @@ int live_program(int argc, char** argv, Side side, const std::string& drivers,
       "Ctrl-C");
   app.add_option(master ? "--peer" : "--listen", a.address, "ADDR:PORT, an IP address or a host name")
       ->capture_default_str();
-  const CLI::Option* key =
-      app.add_option("--key", a.key,
-                     "File with the key that both programs share, made by twoport-keygen: encrypts and authenticates "
-                     "every packet. Without it only addresses of this machine are allowed");
+  app.add_option("--key", a.key,
+                 "File with the key that both programs share, made by twoport-keygen: encrypts and authenticates "
+                 "every packet. Without it only addresses of this machine are allowed");
   app.add_flag("--insecure", a.insecure,
                "Without a key, allow addresses of other machines too: anyone there can take over");
   app.add_option(hardware_flag, a.hardware, std::string{"NAME[:ARGS], "} + (master ? "the haptic device" : "the robot"))
@@ -68,11 +68,10 @@ int live_program(int argc, char** argv, Side side, const std::string& drivers,
     page->expected(0, 1);
   }
   app.add_option("--out", a.out, "Folder for summary.json and trace.csv");
-  const CLI::Option* record =
-      app.add_option("--record", a.record,
-                     "FILE.mcap: everything that this side takes in and puts out, for twoport-lab replay and export, "
-                     "Foxglove, PlotJuggler and Python; readable even after kill -9");
-  const CLI::Option* stream = app.add_option(
+  app.add_option("--record", a.record,
+                 "FILE.mcap: everything that this side takes in and puts out, for twoport-lab replay and export, "
+                 "Foxglove, PlotJuggler and Python; readable even after kill -9");
+  app.add_option(
       "--stream", a.stream,
       "HOST:PORT: the columns of the trace as UDP datagrams, one JSON object each, for PlotJuggler (port 9870)");
   app.add_option("--stream-hz", a.stream_hz, "Datagrams of --stream in a second, at most")
@@ -85,15 +84,9 @@ int live_program(int argc, char** argv, Side side, const std::string& drivers,
   app.add_flag("!--no-realtime", a.realtime, "Do not request real-time scheduling or locked memory");
   app.add_flag("!--no-spin", a.spin, "Sleep until the tick, without busy-waiting for the last 50 us");
   try {
-    app.parse(argc, argv);
+    parse_arguments(app, name, argc, argv);
     if (page != nullptr && page->count() > 0 && a.page.empty()) a.page = kDefaultPage;
     if (master && a.page.empty() && a.hardware == "page") a.page = kDefaultPage;
-    if (key->count() > 0 && a.key.empty())
-      throw ConfigError("--key: the path is empty; give a file made by twoport-keygen, or leave out --key");
-    if (record->count() > 0 && a.record.empty())
-      throw ConfigError("--record: the path is empty; give FILE.mcap, or leave out --record");
-    if (stream->count() > 0 && a.stream.empty())
-      throw ConfigError("--stream: the address is empty; give HOST:PORT, or leave out --stream");
     if (!std::isfinite(a.stream_hz)) throw ConfigError("--stream-hz: must be between 0.1 and 1000");
     if (!duration.empty()) a.set.push_back("duration_s=" + duration);
     const Scene scene = load_scene(a.scene, a.set, SceneFor::live);
@@ -104,10 +97,8 @@ int live_program(int argc, char** argv, Side side, const std::string& drivers,
     stop_on_signals();   // before hardware is opened, so that whatever has been opened is released
     switches_by_hand();  // SIGUSR1 to a slave counts, and does nothing
     return body(scene, a);
-  } catch (const CLI::ParseError& e) {
-    if (e.get_exit_code() == 0) return app.exit(e);  // --help, --version, --list-devices
-    print_error("{}: {}\n", name, e.what());
-    return 2;
+  } catch (const CLI::Success& e) {  // --help, --version, --list-devices
+    return app.exit(e);
   } catch (const ConfigError& e) {
     print_error("{}: {}\n", name, e.what());
     return 2;

@@ -196,11 +196,10 @@ Subcommand add_doctor_command(CLI::App& app) {
       ->check(CLI::Range(0.05, 1e6));
   CLI::Option* link =
       doctor->add_option("--link", a->link, "HOST:PORT where a doctor answers: measures the link to there");
-  const CLI::Option* answer =
-      doctor
-          ->add_option("--answer", a->answer,
-                       "[ADDR:]PORT: is the other end of --link, until Ctrl-C. PORT alone: of 127.0.0.1")
-          ->excludes(link);
+  doctor
+      ->add_option("--answer", a->answer,
+                   "[ADDR:]PORT: is the other end of --link, until Ctrl-C. PORT alone: of 127.0.0.1")
+      ->excludes(link);
   doctor->add_option("--key", a->request.key, "File of twoport-keygen, as for the programs; both ends need the same");
   doctor->add_flag("--insecure", a->request.insecure, "Without a key, allow addresses of other machines too");
   doctor->add_option("--stiffness", a->stiffness, "--link: of the wall for which a method is advised [N/m]")
@@ -212,11 +211,7 @@ Subcommand add_doctor_command(CLI::App& app) {
       "Grades: good, notice, bad, and unseen: what cannot be read on this machine. Exit status 3 where the loop's is "
       "bad: more "
       "than one tick in a thousand skipped, or 99 % not within a quarter of the period.");
-  return {doctor, [a, link, answer] {
-            if (link->count() > 0 && a->link.empty())
-              throw ConfigError{"--link: the address is empty; give HOST:PORT, where twoport-lab doctor --answer runs"};
-            if (answer->count() > 0 && a->answer.empty())
-              throw ConfigError{"--answer: the address is empty; give [ADDR:]PORT"};
+  return {doctor, [a] {
             if (!std::isfinite(a->seconds)) throw ConfigError{"--seconds: must be between 0.05 and 1e6"};
             if (!(a->stiffness > 0.0 && a->stiffness <= 1e9))
               throw ConfigError{fmt::format("--stiffness {}: must be > 0 and at most 1e9 N/m", a->stiffness)};

@@ -7,6 +7,7 @@
 
 #include "common/base/check.h"
 #include "common/base/print_error.h"
+#include "common/platform/arguments.h"
 #include "common/wire/header.h"
 #include "lab/cli/commands.h"
 #include "lab/paper_command.h"
@@ -49,12 +50,10 @@ int main(int argc, char** argv) {
   app.require_subcommand(1);
   const std::vector<lab::Subcommand> commands = add_commands(app);
   try {
-    app.parse(argc, argv);
+    parse_arguments(app, "twoport-lab", argc, argv);
     return run_given(commands);
-  } catch (const CLI::ParseError& e) {
-    if (e.get_exit_code() == 0) return app.exit(e);  // --help, --version
-    print_error("twoport-lab: {}\n", e.what());
-    return 2;
+  } catch (const CLI::Success& e) {  // --help, --version
+    return app.exit(e);
   } catch (const ConfigError& e) {
     print_error("twoport-lab: {}\n", e.what());
     return 2;

@@ -120,7 +120,7 @@ half of the force pressed without delay and loss: a method that displays nothing
   return {map, [a] { return map_command(*a); }};
 }
 
-constexpr double kLongestDelay_ms = 5e4;
+constexpr double kLongestDelay_ms = 5e4, kMostLoss = 0.99;
 
 struct RecommendArguments {
   double delay_ms = 0.0, loss = 0.0, stiffness = 0.0, burst = 1.0;
@@ -131,6 +131,11 @@ int recommend_command(const RecommendArguments& a) {
   // The map would name the round trip, which nobody gave.
   if (!(a.delay_ms >= 0.0 && a.delay_ms <= kLongestDelay_ms))
     throw ConfigError{fmt::format("--delay-ms is {}; it must be between 0 and {:g}", a.delay_ms, kLongestDelay_ms)};
+  if (!(a.loss >= 0.0 && a.loss <= kMostLoss))
+    throw ConfigError{fmt::format(
+        "--loss is {}; it must be between 0 and {}, the probability of a loss{}", a.loss, kMostLoss,
+        a.loss > 1.0 && a.loss <= 100.0 * kMostLoss ? fmt::format(": for {} % write {:g}", a.loss, a.loss / 100.0)
+                                                    : "")};
   const Map map = make_map({.scene = {},
                             .set = {},
                             .methods = {},

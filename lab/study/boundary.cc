@@ -36,7 +36,7 @@ double number(const std::string& whole, std::string_view text) {
 Scene scene_at(const BoundaryOptions& o, double value) {
   std::vector<std::string> overrides = o.set;
   for (const std::string& path : o.vary.paths) overrides.push_back(fmt::format("{}={}", path, value));
-  return load_scene(o.scene, overrides);
+  return o.text ? parse_scene(*o.text, o.scene, overrides) : load_scene(o.scene, overrides);
 }
 
 }  // namespace

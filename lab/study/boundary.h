@@ -21,8 +21,9 @@ struct Interval {
 Interval parse_interval(const std::string& text);
 
 struct BoundaryOptions {
-  std::string scene;
-  std::vector<std::string> set;  ///< overrides, applied before the one that varies
+  std::string scene;                  ///< its file
+  std::optional<std::string> text{};  ///< as SweepOptions::text
+  std::vector<std::string> set;       ///< overrides, applied before the one that varies
   Interval vary;
   double tolerance = 1e-3;                  ///< of the value, relative
   int scan = 8;                             ///< values between the ends that are tried first: the first change counts

@@ -7,8 +7,6 @@
 #include <chrono>
 #include <cmath>
 #include <cstdint>
-#include <fstream>
-#include <iterator>
 #include <map>
 #include <mutex>
 #include <optional>
@@ -97,6 +95,10 @@ Columns columns_of(const std::vector<Summary>& of_seeds, std::uint64_t first_see
 }
 
 /// Makes the plan of a sweep, and checks each single value before a cell is run.
+Scene scene_with(const SweepOptions& o, const std::vector<std::string>& set) {
+  return o.text ? parse_scene(*o.text, o.scene, set) : load_scene(o.scene, set);
+}
+
 Plan plan_of(const SweepOptions& o) {
   if (o.axes.empty()) throw ConfigError{"--vary is missing; it must read PATH=SPEC"};
   Plan plan{.digest = {}, .axes = o.axes, .seeds = o.seeds, .columns = {}};
@@ -118,20 +120,19 @@ Plan plan_of(const SweepOptions& o) {
     plan.columns.push_back(name);
 
   const std::vector<std::string> first = plan.values(0);
-  const Scene scene = load_scene(o.scene, overrides(o, first));
+  const Scene scene = scene_with(o, overrides(o, first));
   for (std::size_t i = 0; i < o.axes.size(); ++i) {
     std::vector<std::string> values = first;
     for (const std::string& value : o.axes[i].values) {
       values[i] = value;
-      load_scene(o.scene, overrides(o, values));
+      scene_with(o, overrides(o, values));
     }
   }
 
   // Cells are of one sweep when scene text, recorded delays, overrides, axes, seeds and version are the same.
   Digest digest;
   digest.add(TWOPORT_VERSION);
-  std::ifstream file{o.scene, std::ios::binary};
-  digest.add(std::string{std::istreambuf_iterator<char>{file}, {}});
+  digest.add(o.text ? *o.text : read_whole(o.scene));
   for (const std::string& assignment : o.set) digest.add(assignment);
   for (const Axis& axis : o.axes) {
     digest.add(axis.name());
@@ -158,7 +159,7 @@ struct Run {
 /// The scene of a run, and the seed that the cell's scene has.
 std::pair<Scene, std::uint64_t> scene_of_run(const SweepOptions& o, const Plan& plan, const Run& run) {
   try {
-    Scene scene = load_scene(o.scene, overrides(o, plan.values(run.cell)));
+    Scene scene = scene_with(o, overrides(o, plan.values(run.cell)));
     const std::uint64_t first_seed = scene.seed;
     scene.seed += run.k;
     return {std::move(scene), first_seed};

@@ -3,6 +3,7 @@
 #include <atomic>
 #include <cstddef>
 #include <functional>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -35,7 +36,9 @@ struct Shard {
 Shard parse_shard(const std::string& text);
 
 struct SweepOptions {
-  std::string scene;
+  std::string scene;  ///< its file
+  std::optional<std::string>
+      text{};  ///< in place of what the file holds; `scene` then names it in errors, and its folder counts
   std::vector<std::string> set;  ///< overrides, applied before those that vary
   std::vector<Axis> axes;        ///< the last varies fastest
   std::size_t seeds = 0;  ///< runs a cell: the scene's seed, seed + 1, …; 0: one, without columns of the spread

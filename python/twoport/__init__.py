@@ -12,6 +12,7 @@ from ._twoport import (
     MasterNode,
     MasterOutput,
     Message,
+    Node,
     PassivityController,
     PassivityObserver,
     Result,
@@ -33,6 +34,7 @@ __all__ = [
     "MasterNode",
     "MasterOutput",
     "Message",
+    "Node",
     "PassivityController",
     "PassivityObserver",
     "Result",
@@ -48,8 +50,3 @@ __all__ = [
     "run",
     "sweep",
 ]
-
-for _name in __all__:
-    if hasattr(globals()[_name], "__module__"):
-        globals()[_name].__module__ = __name__
-del _name

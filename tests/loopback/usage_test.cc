@@ -24,7 +24,7 @@ TEST(Usage, NamesAFlagThatIsNoneOrThatIsMissing) {
   expect_refused(pair.master("out", {"--bogus"}), {"twoport-master: ", "--bogus"});
   expect_refused(pair.slave("out", {"--peer", "127.0.0.1:1"}), {"twoport-slave: ", "--peer"});
   expect_refused(pair.slave("out", {"--trace", "xml"}), {"twoport-slave: ", "--trace", "xml", "none", "csv"});
-  expect_refused(Process{{TWOPORT_MASTER}}, {"twoport-master: ", "--scene", "required"});
+  expect_refused(Process{{TWOPORT_MASTER}}, {"twoport-master: ", "--scene is missing", "twoport-master --help"});
 }
 
 TEST(Usage, NamesASceneThatCannotBeRead) {
@@ -131,10 +131,39 @@ TEST(Usage, ARefusedCommandKeepsEarlierResults) {
   expect_kept(pair.slave("out"));
 }
 
-TEST(Usage, AnEmptyPathIsNoKey) {
+TEST(Usage, AnEmptyValueIsRefused) {
   const Pair pair;
-  expect_refused(pair.slave("out", {"--key", ""}), {"--key: the path is empty", "twoport-keygen"});
-  expect_refused(pair.master("out", {"--key", ""}), {"--key: the path is empty", "twoport-keygen"});
+  for (const char* option : {"--key", "--page", "--out", "--stream", "--device", "--peer", "--duration"})
+    expect_refused(pair.master("out", {option, ""}),
+                   {std::string{"twoport-master: "} + option + " is empty; give a value, or leave it out"});
+  expect_refused(pair.master("out", {"--page="}), {"--page is empty; give a value, or leave it out"});
+  expect_refused(pair.slave("out", {"--key", ""}), {"--key is empty; give a value, or leave it out"});
+}
+
+TEST(Usage, SaysWhatIsMissingOrUnknownAndWhereHelpIs) {
+  const auto said = [](std::vector<std::string> words) {
+    Process p{words};
+    EXPECT_EQ(p.wait(), exited(2)) << p.err();
+    return p.err();
+  };
+  EXPECT_EQ(said({TWOPORT_LAB}), "twoport-lab: a command is missing; see twoport-lab --help\n");
+  EXPECT_EQ(said({TWOPORT_LAB, "swep"}), "twoport-lab: swep: there is no such command; see twoport-lab --help\n");
+  EXPECT_EQ(said({TWOPORT_LAB, "run"}),
+            "twoport-lab: scene is missing: Scene file (.textproto); see twoport-lab run --help\n");
+  EXPECT_EQ(said({TWOPORT_LAB, "merge"}),
+            "twoport-lab: folders is missing: The --out of each part; see twoport-lab merge --help\n");
+  EXPECT_EQ(said({TWOPORT_LAB, "run", "x", "--ot", "y"}),
+            "twoport-lab: --ot: there is no such option; see twoport-lab run --help\n");
+  EXPECT_EQ(said({TWOPORT_LAB, "run", "x", "y"}),
+            "twoport-lab: y: one argument too many; see twoport-lab run --help\n");
+  EXPECT_EQ(said({TWOPORT_LAB, "run", "x", "--out"}),
+            "twoport-lab: --out: its value is missing; see twoport-lab run --help\n");
+  EXPECT_EQ(said({TWOPORT_LAB, "export", "x", "--csv", ""}),
+            "twoport-lab: --csv is empty; give a value, or leave it out\n");
+  EXPECT_EQ(said({TWOPORT_LAB, "recommend", "--delay-ms", "50ms", "--loss", "0", "--stiffness", "1"}),
+            "twoport-lab: --delay-ms is 50ms; it must be a number\n");
+  EXPECT_EQ(said({TWOPORT_LAB, "recommend", "--delay-ms", "50", "--loss", "5", "--stiffness", "1000"}),
+            "twoport-lab: --loss is 5; it must be between 0 and 0.99, the probability of a loss: for 5 % write 0.05\n");
 }
 
 TEST(Usage, OneFolderIsForOneProgram) {

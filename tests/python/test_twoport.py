@@ -4,14 +4,17 @@ PYTHONPATH names the folder of the module, TWOPORT_LAB the program twoport-lab.
 """
 
 import ast
+import copy
 import csv
 import gc
 import inspect
 import io
 import json
 import math
+import multiprocessing
 import os
 import pathlib
+import pickle
 import re
 import signal
 import struct
@@ -232,6 +235,26 @@ class Studies(unittest.TestCase):
         of_text = twoport.sweep(twoport.parse_scene(text, SHORT, name="own"), "seed=1,2")
         self.assertEqual(of_text.csv, twoport.sweep(twoport.load_scene(HELD, SHORT), "seed=1,2").csv)
 
+    def test_files_that_a_scene_from_text_names_are_looked_for_in_its_folder(self):
+        text = (SCENES / "one_axis_wall.textproto").read_text()
+        text, count = re.subn(r"delay_ms: *[0-9.]+", "trace_file: 'delays.csv'", text)
+        self.assertEqual(count, 2)
+        with tempfile.TemporaryDirectory() as folder:
+            pathlib.Path(folder, "delays.csv").write_text("0.001\n0.002\n")
+            file = pathlib.Path(folder, "scene.textproto")
+            file.write_text(text)
+            of_text = twoport.parse_scene(text, SHORT, name=str(pathlib.Path(folder, "not there")))
+            self.assertEqual(twoport.sweep(of_text, "seed=1,2").csv, twoport.sweep(twoport.load_scene(file, SHORT), "seed=1,2").csv)
+
+    def test_a_study_is_of_the_text_that_was_loaded(self):
+        with tempfile.TemporaryDirectory() as folder:
+            file = pathlib.Path(folder, "scene.textproto")
+            file.write_text(HELD.read_text())
+            scene = twoport.load_scene(file, SHORT)
+            before = twoport.sweep(scene, "seed=1,2").csv
+            file.write_text("damaged")
+            self.assertEqual(twoport.sweep(scene, "seed=1,2").csv, before)
+
     def test_boundaries_are_the_programs(self):
         spring, rate = "environment[0].spring.stiffness_n_per_m=500:8000", "rate_hz=1000,2000"
         scene = twoport.load_scene(HELD, "duration_s=5")
@@ -307,8 +330,18 @@ class Errors(unittest.TestCase):
             twoport.boundary(scene, "seed=1:3", scan=0)
         with self.assertRaisesRegex(ValueError, "verdict is loud"):
             twoport.run(scene, verdict="loud")
-        with self.assertRaisesRegex(ValueError, "trace_every"):
-            twoport.run(scene, trace_every=0)
+        for every in (0, -1):
+            with self.assertRaisesRegex(ValueError, f"trace_every is {every}"):
+                twoport.run(scene, trace_every=every)
+        with self.assertRaisesRegex(ValueError, "seeds is -1"):
+            twoport.sweep(scene, "seed=1,2", seeds=-1)
+        with self.assertRaisesRegex(ValueError, "out is empty"):
+            twoport.sweep(scene, "seed=1,2", out="")
+        for call in (lambda: twoport.sweep(scene, 3), lambda: twoport.boundary(scene, 3), lambda: twoport.boundary(scene, "seed=1:3", along=3)):
+            with self.assertRaisesRegex(ValueError, "3 is not a text"):
+                call()
+        with self.assertRaisesRegex(TypeError, "^'demo' is no twoport.Scene$"):
+            twoport.run("demo")
         with self.assertRaisesRegex(ValueError, "own:"):
             twoport.sweep(twoport.parse_scene(HELD.read_text(), name="own"), "rate_hz=-1,-2")
 
@@ -329,7 +362,7 @@ class Errors(unittest.TestCase):
             master.step(0.0, np.zeros(3), np.zeros(3))
         with self.assertRaisesRegex(ValueError, "t_s is nan"):
             master.step(math.nan, np.zeros(3), np.zeros(3))
-        one = twoport.MasterNode(twoport.load_scene(SCENES / "one_axis_wall.textproto"))
+        one = twoport.SlaveNode(twoport.load_scene(SCENES / "one_axis_wall.textproto"))
         with self.assertRaisesRegex(ValueError, "message: of 1 degrees of freedom"):
             master.receive(one.step(0.0, 0.0, 0.0).message)
         with self.assertRaisesRegex(ValueError, "has no link"):
@@ -343,6 +376,105 @@ class Errors(unittest.TestCase):
         six = twoport.MasterNode(twoport.load_scene(SCENES / "six_dof_plate.textproto"))
         with self.assertRaisesRegex(ValueError, "the attitude w x y z has the length 0.5"):
             six.step(0.0, [0, 0, 0, 0.5, 0, 0, 0], np.zeros(6))
+
+
+    def test_objects_that_new_alone_has_made_are_refused(self):
+        for name in twoport.__all__:
+            cls = getattr(twoport, name)
+            if not isinstance(cls, type):
+                continue
+            with self.subTest(name=name):
+                empty = cls.__new__(cls)
+                readable = [member for member, what in inspect.getmembers(cls) if isinstance(what, property)]
+                self.assertTrue(readable)
+                for member in readable:
+                    with self.assertRaisesRegex(TypeError, "is empty: it was made by __new__"):
+                        getattr(empty, member)
+        with self.assertRaisesRegex(TypeError, "is empty"):
+            twoport.run(twoport.Scene.__new__(twoport.Scene))
+
+    def test_numbers_beyond_reason_are_refused(self):
+        scene = twoport.load_scene(SCENES / "one_axis_wall.textproto")
+        master, slave = twoport.MasterNode(scene), twoport.SlaveNode(scene)
+        for call, words in (
+            (lambda: master.step(0.0, 1e308, 0.0), "x: 1e.308 is too large"),
+            (lambda: master.step(0.0, 0.0, [-1e10]), "v: -10000000000 is too large"),
+            (lambda: slave.step(0.0, 0.0, 0.0, f_environment=1e10), "f_environment: "),
+            (lambda: twoport.PassivityController(1).step(1e308, 0.0, 0.001), "wanted: "),
+            (lambda: twoport.PassivityController(1, initial_energy_j=1e308), "initial_energy_j is "),
+            (lambda: twoport.PassivityController(1).step(0.0, 0.0, 1e308), "dt_s is "),
+        ):
+            with self.assertRaisesRegex(ValueError, words):
+                call()
+
+    def test_a_node_takes_messages_of_its_own_link_only(self):
+        scene = twoport.load_scene(SCENES / "one_axis_wall.textproto")
+        master, slave = twoport.MasterNode(scene), twoport.SlaveNode(scene)
+        at_hand, at_robot = master.step(0.0, 0.0, 0.0), slave.step(0.0, 0.0, 0.0)
+        with self.assertRaisesRegex(ValueError, "^message: of a master; this node takes those of a slave$"):
+            master.receive(at_hand.message)
+        with self.assertRaisesRegex(ValueError, "^message: of a slave; this node takes those of a master$"):
+            slave.receive(at_robot.message)
+        other = twoport.MasterNode(scene.override("control.passivity.method=WAVE_VARIABLES"))
+        with self.assertRaisesRegex(ValueError, "^message: control.passivity.method of its sender's scene differs"):
+            other.receive(at_robot.message)
+        master.receive(at_robot.message)
+
+    def test_nodes_and_messages_say_that_they_cannot_be_pickled(self):
+        scene = twoport.load_scene(SCENES / "one_axis_wall.textproto")
+        master = twoport.MasterNode(scene)
+        for each in (master, master.step(0.0, 0.0, 0.0).message, twoport.PassivityController(1), twoport.PassivityObserver(1)):
+            for call in (pickle.dumps, copy.copy):
+                with self.assertRaisesRegex(TypeError, "cannot be copied or pickled"):
+                    call(each)
+
+
+def run_scene(scene):
+    return twoport.run(scene)
+
+
+class Pickles(unittest.TestCase):
+    """Scenes and results go to other processes and files, and come back the same."""
+
+    def test_a_scene_and_its_run(self):
+        scene = twoport.load_scene(HELD, SHORT, "seed=5")
+        again = pickle.loads(pickle.dumps(scene))
+        self.assertEqual((again.source, again.text, again.overrides), (scene.source, scene.text, scene.overrides))
+        result = twoport.run(scene)
+        here = pickle.loads(pickle.dumps(result))
+        there = twoport.run(again)
+        self.assertEqual(result.trace.tobytes(), there.trace.tobytes())
+        self.assertEqual(result.trace.tobytes(), here.trace.tobytes())
+        self.assertFalse(here.trace.flags.writeable)
+        self.assertEqual((here.summary, here.units, here.violations), (result.summary, result.units, result.violations))
+        self.assertIsNone(pickle.loads(pickle.dumps(twoport.run(scene, trace=False))).trace)
+
+    def test_studies(self):
+        table = twoport.sweep(twoport.load_scene(HELD, SHORT), "seed=1,2")
+        again = pickle.loads(pickle.dumps(table))
+        self.assertEqual((again.csv, again.columns, again.rows), (table.csv, table.columns, table.rows))
+        found = twoport.boundary(twoport.load_scene(HELD, "duration_s=5"), "environment[0].spring.stiffness_n_per_m=500:8000", tolerance=0.1)
+        again = pickle.loads(pickle.dumps(found))
+        self.assertEqual((again.path, again.value, again.unstable, again.trials), (found.path, found.value, found.unstable, found.trials))
+
+    def test_runs_of_a_pool_of_processes(self):
+        scenes = [twoport.load_scene(HELD, SHORT, f"seed={seed}") for seed in (1, 2)]
+        with multiprocessing.get_context("spawn").Pool(2) as pool:
+            results = pool.map(run_scene, scenes)
+        for scene, result in zip(scenes, results):
+            self.assertEqual(result.trace.tobytes(), twoport.run(scene).trace.tobytes())
+
+
+    def test_runs_of_a_pool_of_threads(self):
+        # In an interpreter of its own: here NumPy, which the first trace needs, has been loaded already.
+        code = f"""
+import concurrent.futures, twoport
+scenes = [twoport.load_scene({str(HELD)!r}, {SHORT!r}, f"seed={{seed}}") for seed in range(1, 9)]
+with concurrent.futures.ThreadPoolExecutor(4) as pool:
+    for scene, result in zip(scenes, pool.map(twoport.run, scenes)):
+        assert result.trace.tobytes() == twoport.run(scene).trace.tobytes()
+"""
+        subprocess.run([sys.executable, "-c", code], check=True, timeout=30)
 
 
 class Interrupt(unittest.TestCase):

@@ -95,6 +95,18 @@ TEST(Stream, SendsTheColumnsOfTheTraceOneObjectADatagram) {
   EXPECT_LT(of_slave, of_master / 3);
 }
 
+TEST(Stream, BeyondThisMachineIsAWarning) {
+  const std::string warning = ": positions and forces of this side leave this machine unencrypted";
+  const auto said = [](const std::string& address) {
+    const Pair pair{press(1)};
+    Process alone = pair.master("alone", {"--stream", address, "--duration", "0.2"});
+    alone.wait();
+    return alone.err();
+  };
+  EXPECT_NE(said("192.0.2.1:9870").find("--stream 192.0.2.1:9870" + warning), std::string::npos);
+  EXPECT_EQ(said("127.0.0.1:" + std::to_string(free_udp_port())).find(warning), std::string::npos);
+}
+
 TEST(Stream, ToNobodyChangesNothing) {
   const Pair pair{press(1)};
   Process s = pair.listening_slave();
@@ -102,7 +114,7 @@ TEST(Stream, ToNobodyChangesNothing) {
   EXPECT_EQ(m.wait(), exited(0)) << m.err();
   EXPECT_EQ(s.wait(), exited(0)) << s.err();
   for (const auto& [address, says] :
-       {std::pair{"", "--stream: the address is empty; give HOST:PORT, or leave out --stream"},
+       {std::pair{"", "--stream is empty; give a value, or leave it out"},
         {"127.0.0.1:0", "--stream 127.0.0.1:0: the port is 0; it must be from 1 to 65535"},
         {"127.0.0.1", "--stream: '127.0.0.1' is not ADDR:PORT"}}) {
     Process wrong = pair.master("wrong", {"--stream", address});

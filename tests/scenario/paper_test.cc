@@ -230,7 +230,7 @@ TEST(Paper, AsksForWhatItNeeds) {
     EXPECT_EQ(p.wait(), test::exited(2)) << p.err();
     EXPECT_NE(p.err().find(words), std::string::npos) << p.err();
   };
-  refused({}, "--out is required");
+  refused({}, "--out is missing: ");
   refused({"--out", "/proc/paper"}, "--out /proc/paper: cannot be created");
   refused({"--out", "x", "--jobs", "0"}, "--jobs is 0; it must be at least 1");
 }

@@ -118,7 +118,7 @@ TEST(EvdevDevice, ReadsAStickOfTheKernelAndPlaysItsForce) {
   EXPECT_EQ(stick.level, 0x4000);
   EXPECT_GT(stick.plays, 5);
   device->release();
-  std::this_thread::sleep_for(std::chrono::milliseconds{100});
+  std::this_thread::sleep_for(std::chrono::milliseconds{200});  // a ramp of 50 ms, on a busy machine
   EXPECT_EQ(stick.level, 0);
 }
 

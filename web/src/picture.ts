@@ -236,7 +236,7 @@ export class Picture {
     c.stroke();
   }
 
-  /** The half space behind a plane; where the plane is seen from the side, to the edge of the picture. */
+  /** The half space behind a plane, to the edge of the picture; a plane that is not seen from the side as a part of it. */
   private wall(normal: Vec, offset: number, fill: string, line: string): void {
     const c = this.context;
     const a = dot(normal, this.view.right), b = dot(normal, this.view.up), inPlane = Math.hypot(a, b);
@@ -244,9 +244,22 @@ export class Picture {
     if (inPlane < 0.99) {
       let u = cross(normal, Math.abs(normal[2]) < 0.9 ? [0, 0, 1] : [1, 0, 0]);
       u = u.map((x) => x / norm(u)) as Vec;
-      const v = cross(normal, u), size = 0.08;
-      const corner = (i: number, j: number): Vec => add(add(at, u, i * size), v, j * size);
-      this.polygon([corner(-1, -1), corner(1, -1), corner(1, 1), corner(-1, 1)], fill, line);
+      // A part of the plane as large as the picture, with lines every 20 mm: it has no edge in truth.
+      const v = cross(normal, u), lines = Math.max(4, Math.ceil((0.42 * this.height) / this.scale / 0.02)), size = 0.02 * lines;
+      const place = (i: number, j: number): Vec => add(add(at, u, i * size), v, j * size);
+      this.polygon([place(-1, -1), place(1, -1), place(1, 1), place(-1, 1)], fill, line);
+      c.globalAlpha = 0.2;
+      c.beginPath();
+      for (let k = 1 - lines; k < lines; ++k) {
+        for (const [from, to] of [[place(k / lines, -1), place(k / lines, 1)], [place(-1, k / lines), place(1, k / lines)]] as const) {
+          c.moveTo(...this.point(from));
+          c.lineTo(...this.point(to));
+        }
+      }
+      c.lineWidth = 1;
+      c.strokeStyle = line;
+      c.stroke();
+      c.globalAlpha = 1;
       return;
     }
     const [x, y] = this.point(at), nx = a / inPlane, ny = -b / inPlane, far = 4000;

@@ -1,0 +1,81 @@
+#include "common/platform/arguments.h"
+
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+
+#include <CLI/CLI.hpp>
+#include <string_view>
+#include <vector>
+
+#include "common/base/check.h"
+
+namespace twoport {
+namespace {
+
+/// CLI11 cannot tell `--page ""` from `--page`.
+void refuse_empty_values(int argc, char** argv) {
+  std::string_view option;
+  for (int i = 1; i < argc; ++i) {
+    const std::string_view argument{argv[i]};
+    const bool is_option = argument.starts_with("--");
+    if (is_option && argument.find('=') == argument.size() - 1)
+      throw ConfigError{
+          fmt::format("{} is empty; give a value, or leave it out", argument.substr(0, argument.size() - 1))};
+    if (argument.empty())
+      throw ConfigError{option.empty() ? std::string{"an argument is empty"}
+                                       : fmt::format("{} is empty; give a value, or leave it out", option)};
+    option = is_option && argument.find('=') == argument.npos ? argument : std::string_view{};
+  }
+}
+
+/// What follows `begin` in what CLI11 says, up to `end`; empty where it says something else.
+std::string_view between(std::string_view text, std::string_view begin, std::string_view end) {
+  const std::size_t from = text.find(begin), to = text.rfind(end);
+  if (from == text.npos || to == text.npos || from + begin.size() > to) return {};
+  return text.substr(from + begin.size(), to - from - begin.size());
+}
+
+std::string sentence(const CLI::App& app, const std::string& program, const CLI::ParseError& e) {
+  const CLI::App* command = &app;
+  std::string name = program;
+  while (!command->get_subcommands().empty()) {
+    command = command->get_subcommands().front();
+    name += ' ' + command->get_name();
+  }
+  const std::string help = fmt::format("see {} --help", name);
+  const std::string_view said{e.what()};
+  const std::vector<std::string> unknown = app.remaining(true);
+  if (e.get_exit_code() == static_cast<int>(CLI::ExitCodes::RequiredError)) {
+    if (said.find("subcommand") != said.npos)
+      return unknown.empty() ? fmt::format("a command is missing; {}", help)
+                             : fmt::format("{}: there is no such command; {}", unknown.front(), help);
+    const std::string missing{between(said, "", " is required")};
+    const CLI::Option* option = command->get_option_no_throw(missing);
+    return option == nullptr ? fmt::format("{}; {}", said, help)
+                             : fmt::format("{} is missing: {}; {}", missing, option->get_description(), help);
+  }
+  if (e.get_exit_code() == static_cast<int>(CLI::ExitCodes::ExtrasError) && !unknown.empty())
+    return unknown.front().starts_with("-") ? fmt::format("{}: there is no such option; {}", unknown.front(), help)
+                                            : fmt::format("{}: one argument too many; {}", unknown.front(), help);
+  if (e.get_exit_code() == static_cast<int>(CLI::ExitCodes::ArgumentMismatch) && said.find("required") != said.npos)
+    return fmt::format("{}: its value is missing; {}", said.substr(0, said.find(':')), help);
+  if (e.get_exit_code() == static_cast<int>(CLI::ExitCodes::ConversionError))
+    if (const std::string_view pair = between(said, "Could not convert: ", ""); pair.find(" = ") != pair.npos)
+      return fmt::format("{} is {}; it must be a number", pair.substr(0, pair.find(" = ")),
+                         pair.substr(pair.find(" = ") + 3));
+  return std::string{said};
+}
+
+}  // namespace
+
+void parse_arguments(CLI::App& app, const std::string& program, int argc, char** argv) {
+  refuse_empty_values(argc, argv);
+  try {
+    app.parse(argc, argv);
+  } catch (const CLI::ParseError& e) {
+    if (e.get_exit_code() == 0) throw;
+    throw ConfigError{sentence(app, program, e)};
+  }
+}
+
+}  // namespace twoport
