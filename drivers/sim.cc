@@ -1,5 +1,6 @@
 #include <algorithm>
 #include <cmath>
+#include <memory>
 
 #include "common/base/check.h"
 #include "common/hardware/registry.h"
@@ -53,6 +54,10 @@ class SimulatedDevice final : public Device<N> {
     if (o.scene.device && o.scene.device->max_force_n) info_.max_force_n = *o.scene.device->max_force_n;
     truth_.path_ends_s = model_.path().end_s();
     note();
+    if (o.scene.gripper) {
+      info_.gripper = true;
+      gripper_ = std::make_unique<SimulatedDevice<1>>(DriverOptions{*o.scene.gripper, o.period, {}, nullptr});
+    }
   }
 
   [[nodiscard]] DeviceInfo info() const override { return info_; }
@@ -69,6 +74,7 @@ class SimulatedDevice final : public Device<N> {
   void actuate(const Force<N>& f) noexcept override { model_.actuate(f); }
   void start() noexcept override { time_.start(); }
   void release() noexcept override { model_.release(); }
+  [[nodiscard]] Device<1>* gripper() noexcept override { return gripper_.get(); }
   [[nodiscard]] const DeviceTruth<N>* truth() const noexcept override { return &truth_; }
 
  private:
@@ -82,13 +88,18 @@ class SimulatedDevice final : public Device<N> {
   WorldTime time_;
   DeviceInfo info_;
   DeviceTruth<N> truth_;
+  std::unique_ptr<SimulatedDevice<1>> gripper_;  ///< of the scene; null: none
 };
 
 /// The scene's robot, force sensor and environment.
 template <int N>
 class SimulatedRobot final : public Robot<N> {
  public:
-  explicit SimulatedRobot(const DriverOptions& o) : model_{o.scene, o.period} { refuse_arguments("--robot", o); }
+  explicit SimulatedRobot(const DriverOptions& o) : model_{o.scene, o.period} {
+    refuse_arguments("--robot", o);
+    if (o.scene.gripper)
+      gripper_ = std::make_unique<SimulatedRobot<1>>(DriverOptions{*o.scene.gripper, o.period, {}, nullptr});
+  }
 
   [[nodiscard]] RobotInfo info() const override { return {.name = "simulated robot", .watchdog = kWatchdog}; }
   RobotSample<N> sense(const Tick<SlaveClock>& tick) noexcept override {
@@ -101,12 +112,14 @@ class SimulatedRobot final : public Robot<N> {
   void actuate(const RobotCommand<N>& command) noexcept override { model_.actuate(command); }
   void start() noexcept override { time_.start(); }
   void release() noexcept override { model_.release(); }
+  [[nodiscard]] Robot<1>* gripper() noexcept override { return gripper_.get(); }
   [[nodiscard]] const RobotTruth<N>* truth() const noexcept override { return &truth_; }
 
  private:
   sim::SimRobot<N> model_;
   WorldTime time_;
   RobotTruth<N> truth_;
+  std::unique_ptr<SimulatedRobot<1>> gripper_;  ///< of the scene; null: none
 };
 
 }  // namespace

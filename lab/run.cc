@@ -171,7 +171,10 @@ Summary run(const Scene& scene, const RunOptions& options) {
   return run_counted(scene, options).summary;
 }
 
-CountedRun run_counted(const Scene& scene, const RunOptions& options) {
+namespace {
+
+/// Without the gripper.
+CountedRun run_main(const Scene& scene, const RunOptions& options) {
   return dispatch_dof(scene, [&]<int N>() {
     if (options.record == nullptr) {
       std::unique_ptr<Simulation<N>> simulation = make_simulation<N>(scene);
@@ -188,6 +191,21 @@ CountedRun run_counted(const Scene& scene, const RunOptions& options) {
     }
     return done;
   });
+}
+
+}  // namespace
+
+CountedRun run_counted(const Scene& scene, const RunOptions& options) {
+  CountedRun done = run_main(scene, options);
+  if (!scene.gripper) return done;
+  const CountedRun gripper = run_main(*scene.gripper, {.trace = options.gripper_trace,
+                                                       .trace_every = options.trace_every,
+                                                       .verdict = options.verdict,
+                                                       .stop = options.stop});
+  fill_gripper(gripper.summary, done.summary);
+  done.summary.set_step_ns(done.summary.step_ns() + gripper.summary.step_ns());
+  done.ticks += gripper.ticks;
+  return done;
 }
 
 }  // namespace twoport::lab

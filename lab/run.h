@@ -23,12 +23,14 @@ struct RunOptions {
   WholeFile* trace = nullptr;     ///< takes the rows of the scene's run; the caller commits it
   std::uint64_t trace_every = 1;  ///< one row in so many
   VerdictFrom verdict = VerdictFrom::tail;
+  WholeFile* gripper_trace = nullptr;     ///< as trace, of the gripper; used where the scene has one
   const RecordingOptions* record = nullptr;  ///< null: nothing is recorded
   TraceTable* table = nullptr;               ///< takes the rows of the trace too
   const std::atomic<bool>* stop = nullptr;   ///< ends the run, by lab::Stopped, soon after it has become true
 };
 
-/// Runs a scene in virtual time. Everything but the verdict comes from the scene's own run. The same scene and seed give the
+/// Runs a scene in virtual time. A gripper runs by itself, over the same packets: both couplings draw the fate of packet k from the
+/// scene's seed, and share nothing else in virtual time. Everything but the verdict comes from the scene's own run. The same scene and seed give the
 /// same summary to the bit, `step_ns` (the mean wall time of a tick of the scene's run) excepted.
 Summary run(const Scene& scene, const RunOptions& options = {});
 

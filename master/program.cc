@@ -6,8 +6,9 @@
 #include <vector>
 
 #include "common/coupling/registration.h"
-#include "common/hardware/mounted.h"
+#include "common/hardware/mounted_gripper.h"
 #include "common/method/any.h"
+#include "common/platform/live_gripper.h"
 #include "common/platform/live_link.h"
 #include "common/platform/live_run.h"
 #include "common/platform/log.h"
@@ -86,6 +87,48 @@ struct Master {
   Sample first;
 };
 
+/// The values of a master over a link: `row` is of the device and the node, `slave` what is known of the other side.
+template <int N>
+void add_slave(Row<N>& row, const PeerState<N>& slave, Mode mode, const Registration<N>& registration) noexcept {
+  row.slave_x = slave.newest.x;
+  row.slave_v = slave.newest.v;
+  row.slave_f = slave.newest.f_coupling;
+  row.env_f = -slave.newest.f_environment;
+  row.position_error = slave.newest.position_error;
+  row.mode = mode;
+  // Of the robot all is as old as the newest report.
+  row.reference = registration.to_master(slave.newest.f_environment);
+  row.ahead = -slave.newest.position_error;
+  row.following = slave.has_report && slave.newest.mode == Mode::coupled;
+  row.coupled = row.following && mode == Mode::coupled;
+  row.touching = mode == Mode::coupled && senses_contact(slave.newest.f_environment);
+}
+
+/// The gripper of the handle, for LiveGripper.
+struct GripperMaster : Master<1> {
+  using Output = MasterNode<1>::Output;
+
+  GripperMaster(const Scene& s, std::unique_ptr<Device<1>> device, const std::string& choice)
+      : Master<1>{s, *device, choice + ", gripper", nullptr},
+        owned{std::move(device)},
+        node{s.control},
+        registration{s.control} {}
+
+  [[nodiscard]] Metrics<1> metrics() const {
+    return Master<1>::metrics(scene.control.initial_energy, {.robot_energy = false});
+  }
+  [[nodiscard]] Row<1> row(double t_s, const Sample& sample, const Output& out,
+                           const PeerState<1>& slave) const noexcept {
+    Row<1> row = row_of(t_s, sample, out, node.observed());
+    add_slave(row, slave, out.mode, registration);
+    return row;
+  }
+
+  std::unique_ptr<Device<1>> owned;
+  MasterNode<1> node;
+  Registration<1> registration;
+};
+
 /// A virtual environment on the device.
 template <int N>
 struct RenderMaster : Master<N> {
@@ -112,21 +155,34 @@ struct RenderMaster : Master<N> {
   }
 
   Environment<N> environment;
+  /// A scene with a gripper has a link.
+  [[nodiscard]] static bool lets_go() noexcept { return false; }
+
   RenderNode<N> node;
   Energy initial;
   NoLink link;
+  std::unique_ptr<LiveGripper<GripperMaster, N>> gripper;
 };
 
 /// A slave at the other end of a link.
 template <int N>
 struct LinkMaster : Master<N> {
-  LinkMaster(const Scene& s, Device<N>& device, const LiveArguments& a, LivePage* live_page)
+  /// `of_gripper`: the scene of the gripper, completed from `gripper_device`; both null: there is none.
+  LinkMaster(const Scene& s, MountedDevice<N>& device, const LiveArguments& a, LivePage* live_page,
+             const Scene* of_gripper, std::unique_ptr<Device<1>> gripper_device)
       : Master<N>{s, device, a.hardware, live_page},
+        mounted{device},
         link{Side::master, s, a, live_page != nullptr},
         node{s.control, s.schedule},
         registration{s.control},
         switch_times{s.schedule},
-        switched_by_hand{switches_by_hand()} {}
+        switched_by_hand{switches_by_hand()} {
+    if (of_gripper)
+      gripper = std::make_unique<LiveGripper<GripperMaster, N>>(
+          link.mail().transport(), limits_of_slave_reports(of_gripper->control), of_gripper->transmission_to_master,
+          *of_gripper, std::move(gripper_device), a.hardware);
+  }
+  [[nodiscard]] bool lets_go() const noexcept { return mounted.lets_go(); }
 
   [[nodiscard]] Metrics<N> metrics() const {
     return Master<N>::metrics(this->scene.control.initial_energy, {.robot_energy = false});
@@ -135,18 +191,7 @@ struct LinkMaster : Master<N> {
              const typename MasterNode<N>::Output& out) noexcept {
     const PeerState<N>& slave = link.mail().known();
     Row<N> row = this->row_of(t_s, sample, out, node.observed());
-    row.slave_x = slave.newest.x;
-    row.slave_v = slave.newest.v;
-    row.slave_f = slave.newest.f_coupling;
-    row.env_f = -slave.newest.f_environment;
-    row.position_error = slave.newest.position_error;
-    row.mode = out.mode;
-    // Of the robot all is as old as the newest report.
-    row.reference = registration.to_master(slave.newest.f_environment);
-    row.ahead = -slave.newest.position_error;
-    row.following = slave.has_report && slave.newest.mode == Mode::coupled;
-    row.coupled = row.following && out.mode == Mode::coupled;
-    row.touching = out.mode == Mode::coupled && senses_contact(slave.newest.f_environment);
+    add_slave(row, slave, out.mode, registration);
     return row;
   }
   void fill(Summary& s, bool) {
@@ -181,8 +226,10 @@ struct LinkMaster : Master<N> {
       this->page->show(now, late, sample, out, node.observed(), &link.mail().known(), link.view(), node.epoch());
   }
 
+  MountedDevice<N>& mounted;
   LiveLink<N> link;
   MasterNode<N> node;
+  std::unique_ptr<LiveGripper<GripperMaster, N>> gripper;
   Registration<N> registration;
   SwitchTimes switch_times;
   unsigned switched_by_hand;
@@ -192,18 +239,24 @@ template <int N>
 int run(const Scene& read, const LiveArguments& arguments, const Registry& hardware) {
   spdlog::logger log = make_log("master");
   const std::unique_ptr<LivePage> page = LivePage::wanted(arguments);
-  const std::unique_ptr<Device<N>> device = std::make_unique<MountedDevice<N>>(
+  const auto device = std::make_unique<MountedDevice<N>>(
       hardware.devices.open<N>(arguments.hardware, read, Seconds{1.0 / read.master_rate_hz},
                                page ? page->channel() : nullptr),
       arguments.is_playback() ? DeviceMount{} : read.device_mount);
   print_hints(read, arguments, device->truth() != nullptr);
-  const Scene scene = with_device(read, device->info());
+  Scene scene = with_device(read, device->info());
+  std::unique_ptr<Device<1>> gripper;
+  if (read.gripper) {
+    gripper = mounted_gripper(*device, arguments.hardware);
+    // Before the link is made, which compares the scenes of both sides: what a driver completes is none of the shared values.
+    scene.gripper = std::make_shared<const Scene>(with_device(*read.gripper, gripper->info()));
+  }
   if (page) page->serve(scene, arguments, device->info().name, log);
   if (scene.control.architecture == Architecture::render) {
     RenderMaster<N> side{scene, *device, arguments.hardware, page.get()};
     return run_live(side, scene, arguments, log);
   }
-  LinkMaster<N> side{scene, *device, arguments, page.get()};
+  LinkMaster<N> side{scene, *device, arguments, page.get(), scene.gripper.get(), std::move(gripper)};
   return run_live(side, scene, arguments, log);
 }
 

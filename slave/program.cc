@@ -5,10 +5,11 @@
 #include <string>
 
 #include "common/base/check.h"
-#include "common/hardware/mounted.h"
+#include "common/hardware/mounted_gripper.h"
 #include "common/method/four_channel/four_channel.h"
 #include "common/method/internal_model/internal_model.h"
 #include "common/method/model_mediated/model_mediated.h"
+#include "common/platform/live_gripper.h"
 #include "common/platform/live_link.h"
 #include "common/platform/live_run.h"
 #include "common/platform/log.h"
@@ -17,25 +18,21 @@
 namespace twoport {
 namespace {
 
-/// The slave for run_live.
+/// The rows of a slave, and its metrics.
 template <int N>
-struct Slave {
-  static constexpr int kSize = N;
+class SlaveRows {
+ public:
   static constexpr Side kSide = Side::slave;
-  static constexpr const char* kName = "slave";
   using Clock = SlaveClock;
   using Hardware = Robot<N>;
   using Sample = RobotSample<N>;
+  using Output = typename SlaveNode<N>::Output;
 
-  Slave(const Scene& s, Robot<N>& robot, const LiveArguments& a)
-      : scene{s}, hardware{robot}, link{Side::slave, s, a}, node{s.control, s.schedule} {
-    first_reading<SlaveClock>(robot, Seconds{1.0 / s.slave_rate_hz}, a.hardware);
+  SlaveRows(const Scene& s, Robot<N>& robot, const std::string& choice)
+      : scene{s}, hardware{robot}, node{s.control, s.schedule} {
+    first_reading<SlaveClock>(robot, Seconds{1.0 / s.slave_rate_hz}, choice);
   }
 
-  [[nodiscard]] double rate_hz() const { return scene.slave_rate_hz; }
-  /// Until the master ends.
-  [[nodiscard]] bool serves() const { return node.mode() == Mode::coupled; }
-  [[nodiscard]] static bool judged() { return false; }
   /// When the hand rests nobody says here.
   [[nodiscard]] Metrics<N> metrics() const {
     return Metrics<N>{{.rate_hz = scene.slave_rate_hz,
@@ -47,8 +44,8 @@ struct Slave {
                       {.stability = false, .hand = false}};
   }
 
-  Row<N> row(std::int64_t, double t_s, const Sample& sample, const typename SlaveNode<N>::Output& out) noexcept {
-    const PortReport<N>& master = link.mail().known().newest;
+  Row<N> row(double t_s, const Sample& sample, const Output& out, const PeerState<N>& peer) noexcept {
+    const PortReport<N>& master = peer.newest;
     const RobotTruth<N>* truth = hardware.truth();
     const bool follows = out.mode == Mode::coupled;
     if (has_moved_) into_robot_ += dot(f_, sample.x - x_);
@@ -77,15 +74,9 @@ struct Slave {
             .following = follows};
   }
   static void complete(Row<N>&, const Sample&) noexcept {}
-  void fill(Summary& s, bool diverged) {
-    link.fill(s, node.mode());
-    if (!diverged) s.set_verdict("undecided: bounded at the slave; the master judges stability");
-    say_if_coupling_feeds(s, scene.control.initial_energy);
-  }
 
   const Scene& scene;
   Robot<N>& hardware;
-  LiveLink<N> link;
   SlaveNode<N> node;
 
  private:
@@ -94,6 +85,51 @@ struct Slave {
   Force<N> f_;
   Position<N> x_;
   bool has_moved_ = false;
+};
+
+/// The gripper of the robot, for LiveGripper.
+struct GripperSlave : SlaveRows<1> {
+  GripperSlave(const Scene& s, std::unique_ptr<Robot<1>> robot, const std::string& choice)
+      : SlaveRows<1>{s, *robot, choice + ", gripper"}, owned{std::move(robot)} {}
+
+  std::unique_ptr<Robot<1>> owned;
+};
+
+/// The slave for run_live.
+template <int N>
+struct Slave : SlaveRows<N> {
+  static constexpr int kSize = N;
+  static constexpr const char* kName = "slave";
+  using typename SlaveRows<N>::Sample;
+  using typename SlaveRows<N>::Output;
+
+  /// `of_gripper`: the scene of the gripper; it and `gripper_robot` are null where there is none.
+  Slave(const Scene& s, MountedRobot<N>& robot, const LiveArguments& a, const Scene* of_gripper,
+        std::unique_ptr<Robot<1>> gripper_robot)
+      : SlaveRows<N>{s, robot, a.hardware}, mounted{robot}, link{Side::slave, s, a} {
+    if (of_gripper)
+      gripper = std::make_unique<LiveGripper<GripperSlave, N>>(
+          link.mail().transport(), limits_of_master_reports(of_gripper->control), of_gripper->transmission_to_slave,
+          *of_gripper, std::move(gripper_robot), a.hardware);
+  }
+
+  [[nodiscard]] double rate_hz() const { return this->scene.slave_rate_hz; }
+  /// Until the master ends.
+  [[nodiscard]] bool serves() const { return this->node.mode() == Mode::coupled; }
+  [[nodiscard]] static bool judged() { return false; }
+  [[nodiscard]] bool lets_go() const noexcept { return mounted.lets_go(); }
+  Row<N> row(std::int64_t, double t_s, const Sample& sample, const Output& out) noexcept {
+    return SlaveRows<N>::row(t_s, sample, out, link.mail().known());
+  }
+  void fill(Summary& s, bool diverged) {
+    link.fill(s, this->node.mode());
+    if (!diverged) s.set_verdict("undecided: bounded at the slave; the master judges stability");
+    say_if_coupling_feeds(s, this->scene.control.initial_energy);
+  }
+
+  MountedRobot<N>& mounted;
+  LiveLink<N> link;
+  std::unique_ptr<LiveGripper<GripperSlave, N>> gripper;
 };
 
 /// What would make the force sensor unnecessary for the method; empty: it needs none.
@@ -121,7 +157,7 @@ void check_without_force_sensor(const ControlOptions& o, const LiveArguments& ar
 template <int N>
 int run(Scene scene, const LiveArguments& arguments, const Registry& hardware) {
   spdlog::logger log = make_log("slave");
-  const std::unique_ptr<Robot<N>> robot = std::make_unique<MountedRobot<N>>(
+  const auto robot = std::make_unique<MountedRobot<N>>(
       hardware.robots.open<N>(arguments.hardware, scene, Seconds{1.0 / scene.slave_rate_hz}),
       arguments.is_playback() ? RobotMount{} : scene.robot_mount);
   if (!robot->info().has_force_sensor) {
@@ -129,8 +165,16 @@ int run(Scene scene, const LiveArguments& arguments, const Registry& hardware) {
     for (const ScheduledControl& entry : scene.schedule) check_without_force_sensor(entry.control, arguments);
   }
   scene.control.own_limits = robot->info().limits;
+  std::unique_ptr<Robot<1>> gripper;
+  if (scene.gripper) {
+    gripper = mounted_gripper(*robot, arguments.hardware);
+    Scene of_gripper = *scene.gripper;
+    if (!gripper->info().has_force_sensor) check_without_force_sensor(of_gripper.control, arguments);
+    of_gripper.control.own_limits = gripper->info().limits;
+    scene.gripper = std::make_shared<const Scene>(std::move(of_gripper));
+  }
   print_hints(scene, arguments, false);  // the master's device is not seen from here
-  Slave<N> side{scene, *robot, arguments};
+  Slave<N> side{scene, *robot, arguments, scene.gripper.get(), std::move(gripper)};
   return run_live(side, scene, arguments, log);
 }
 

@@ -78,6 +78,10 @@ class Device {
   virtual void release() noexcept = 0;
   /// One sentence on the last fault, if the driver knows more; else empty.
   [[nodiscard]] virtual std::string trouble() const { return {}; }
+  /// The gripper of the handle as a device of its own, which lives as long as this one; null: none. Its position is the opening
+  /// [m], and its force closes where it is negative. It is sensed and actuated after the handle, in every period from the first one
+  /// in which the program uses it. release() of the handle need not release it.
+  [[nodiscard]] virtual Device<1>* gripper() noexcept { return nullptr; }
   /// Null for real devices.
   [[nodiscard]] virtual const DeviceTruth<N>* truth() const noexcept { return nullptr; }
 };

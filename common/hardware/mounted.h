@@ -87,6 +87,9 @@ class MountedDevice final : public Device<N> {
   void start() noexcept override { device_->start(); }
   void release() noexcept override { device_->release(); }
   [[nodiscard]] std::string trouble() const override { return device_->trouble(); }
+  [[nodiscard]] Device<1>* gripper() noexcept override { return device_->gripper(); }
+  /// Has the watchdog released the device?
+  [[nodiscard]] bool lets_go() const noexcept { return let_go_; }
   [[nodiscard]] const DeviceTruth<N>* truth() const noexcept override {
     return device_->truth() == nullptr ? nullptr : maps_ ? &truth_ : device_->truth();
   }
@@ -287,6 +290,9 @@ class MountedRobot final : public Robot<N> {
   void start() noexcept override { robot_->start(); }
   void release() noexcept override { robot_->release(); }
   [[nodiscard]] std::string trouble() const override { return robot_->trouble(); }
+  [[nodiscard]] Robot<1>* gripper() noexcept override { return robot_->gripper(); }
+  /// Was the last reading not finite, so that the robot was released?
+  [[nodiscard]] bool lets_go() const noexcept { return lets_go_; }
   [[nodiscard]] const RobotTruth<N>* truth() const noexcept override { return robot_->truth(); }
 
  private:

@@ -57,6 +57,8 @@ class Robot {
   /// Sets the force to zero immediately; a position-controlled robot stops.
   virtual void release() noexcept = 0;
   [[nodiscard]] virtual std::string trouble() const { return {}; }
+  /// The gripper as a robot of its own, with one degree of freedom; as Device::gripper.
+  [[nodiscard]] virtual Robot<1>* gripper() noexcept { return nullptr; }
   [[nodiscard]] virtual const RobotTruth<N>* truth() const noexcept { return nullptr; }
 };
 

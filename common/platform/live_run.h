@@ -101,6 +101,16 @@ inline std::int64_t unix_time_ns() {
       .count();
 }
 
+/// Does the operator hold the handle? A robot has none.
+template <class Sample>
+bool is_held(const Sample& sample) noexcept {
+  if constexpr (requires { sample.held; }) {
+    return sample.held;
+  } else {
+    return true;
+  }
+}
+
 template <Side kSide>
 void fill_own_limits(const LimitCounts& counts, Summary& s) {
   if constexpr (kSide == Side::master) {
@@ -137,12 +147,16 @@ std::vector<std::string> configurations(const Scene& scene);
 ///     judged()                  is its summary compared with the scene's `expect`?
 ///     switch_when_due(t_s)      a master over a link: before each tick
 ///     begin_tick(), end_tick(now, late, sample, out)   optional: around the cycle of every tick
+///     gripper                   a unique_ptr to a LiveGripper, null where the scene has none
+///     lets_go()                 has the hardware let go by itself?
 template <class LiveSide>
 int run_live(LiveSide& side, const Scene& scene, const LiveArguments& arguments, spdlog::logger& log) {
   constexpr int N = LiveSide::kSize;
   using Clock = typename LiveSide::Clock;
   const double rate_hz = side.rate_hz();
   const Seconds dt{1.0 / rate_hz};
+  if (side.gripper && !arguments.record.empty())
+    throw ConfigError{"--record " + arguments.record + ": the scene has a gripper, which no recording holds"};
   std::unique_ptr<LiveRecording<N>> recording;
   std::optional<PlotStream> stream;
   if (!arguments.stream.empty()) stream.emplace(arguments.stream, LiveSide::kSide, arguments.stream_hz);
@@ -171,6 +185,8 @@ int run_live(LiveSide& side, const Scene& scene, const LiveArguments& arguments,
   if (!(info.watchdog > Seconds{}))
     log.warn("{} has no watchdog: if this program is stopped, its last command stands", info.name);
   side.link.say_where(log);
+  auto* const gripper = side.gripper.get();
+  if (gripper) gripper->begin(arguments, scene.duration_s, log);
 
   Sensed<typename LiveSide::Hardware, typename LiveSide::Sample> plant{side.hardware, {}};
   StepClock clock;
@@ -187,10 +203,12 @@ int run_live(LiveSide& side, const Scene& scene, const LiveArguments& arguments,
     if (new_session && met < 0) {
       met = k;
       side.hardware.start();
+      if (gripper) gripper->start();
     }
+    if (new_session && gripper) gripper->meet();
     const double t_s = met < 0 ? 0.0 : static_cast<double>(k - met) / rate_hz;
     const bool over = t_s >= scene.duration_s;
-    if (recorder.diverged() || (over && !side.serves())) return false;
+    if (recorder.diverged() || (gripper && gripper->diverged()) || (over && !side.serves())) return false;
 
     if constexpr (requires { side.switch_when_due(t_s); })
       if (met >= 0) side.switch_when_due(t_s);
@@ -198,7 +216,12 @@ int run_live(LiveSide& side, const Scene& scene, const LiveArguments& arguments,
     last = k;
     const Tick<Clock> tick{Instant<Clock>{now}, dt, passed * dt};
     if (recording) recording->feed().begin(met < 0 ? -1.0 : t_s, epoch_before, new_session, epoch_of(side.node));
-    const auto out = clock.time([&] { return run_cycle(side.node, plant, side.link.mail(), tick); });
+    const auto out = clock.time([&] {
+      auto of_main = run_cycle(side.node, plant, side.link.mail(), tick);
+      if (gripper) [[unlikely]]
+        gripper->cycle(tick, side.lets_go(), is_held(plant.sample));
+      return of_main;
+    });
     if (recording) recording->feed().end(tick, plant.sample, out);
     side.link.note();
     if constexpr (requires { side.end_tick(now, loop.late(), plant.sample, out); })
@@ -208,6 +231,7 @@ int run_live(LiveSide& side, const Scene& scene, const LiveArguments& arguments,
       recorder.push(row, view);
     }
     has_row = met >= 0 && !over;
+    if (gripper) gripper->record(t_s, has_row);
     if (has_row) {
       row = side.row(k, t_s, plant.sample, out);
       view = side.link.view();
@@ -221,9 +245,10 @@ int run_live(LiveSide& side, const Scene& scene, const LiveArguments& arguments,
       recorder.push_waiting(to_seconds(now).si(), view);
       waiting_until = k + static_cast<std::int64_t>(0.1 * rate_hz);
     }
-    return plant.sample.status != HardwareStatus::fault;
+    return plant.sample.status != HardwareStatus::fault && !(gripper && gripper->fault());
   });
   side.hardware.release();
+  if (gripper) gripper->release();
   if (has_row) recorder.push(row, view);
 
   Summary s = recorder.finish();
@@ -246,13 +271,18 @@ int run_live(LiveSide& side, const Scene& scene, const LiveArguments& arguments,
   fill_own_limits<LiveSide::kSide>(side.node.limit_counts(), s);
   fill(s, figures);
   if (stop) s.mutable_verdict()->append("; interrupted");
-  const Failure failure = why_failed(side.link.refusal(), plant.sample.status, side.hardware.trouble(), s.duration_s(),
+  bool has_gripper_trace = true;
+  if (gripper) has_gripper_trace = gripper->finish(s, LiveSide::kName);
+  const bool of_gripper = gripper && gripper->fault() && plant.sample.status != HardwareStatus::fault;
+  const Failure failure = why_failed(side.link.refusal(), of_gripper ? HardwareStatus::fault : plant.sample.status,
+                                     of_gripper ? gripper->trouble() : side.hardware.trouble(), s.duration_s(),
                                      met < 0 && !stop ? side.link.not_met() : std::string{});
   if (failure.status != 0) {
     set_verdict({VerdictKind::undecided, failure.sentence}, s);
   }
   // Neither stable nor unstable: nobody knows.
   if (s.verdict_kind() == to_string(VerdictKind::undecided)) s.clear_stable();
+  if (!has_gripper_trace) recorded = 1;
   const int written = std::max(recorded, leave_files(scene, arguments, LiveSide::kName, trace, s));
   if (failure.status != 0) {
     print_error("twoport-{}: {}\n", LiveSide::kName, failure.sentence);

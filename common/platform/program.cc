@@ -128,7 +128,7 @@ RunFolder begin_folder(const LiveArguments& a, const std::function<void()>& befo
   RunFolder folder{std::make_unique<FolderLock>(a.out, "--out"), nullptr};
   before_clearing();
   if (a.trace == "csv") folder.trace = std::make_unique<WholeFile>(a.out + "/trace.csv");
-  for (const char* name : {"/summary.json", "/trace.csv"}) {
+  for (const char* name : {"/summary.json", "/trace.csv", "/trace-gripper.csv"}) {
     std::filesystem::remove(a.out + name, error);
     if (error)
       throw ConfigError(fmt::format("{}{}: of an earlier run cannot be removed: {}", a.out, name, error.message()));

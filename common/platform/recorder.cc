@@ -37,7 +37,7 @@ template <int N>
 void Recorder<N>::drain() {
   Entry entry;
   take_ordinary_priority();
-  terminal_ = isatty(STDERR_FILENO) != 0;
+  terminal_ = o_.shows_progress && isatty(STDERR_FILENO) != 0;
   for (bool last = false; !last;) {
     last = done_.load(std::memory_order_acquire);
     bool any = false;

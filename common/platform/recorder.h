@@ -48,6 +48,7 @@ class Recorder {
     std::uint64_t trace_every;                ///< one row in so many
     std::vector<std::string> configurations;  ///< of the schedule, in words; epoch e has that of e modulo their number
     spdlog::logger& log;
+    bool shows_progress = true;  ///< false: of a second recorder of the program
   };
   /// Progress goes to stderr: one line rewritten on a terminal, else none.
   explicit Recorder(Options options) : o_{std::move(options)}, ring_{kRows} {

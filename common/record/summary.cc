@@ -127,6 +127,13 @@ void say_if_coupling_feeds(Summary& s, Energy granted) {
         fmt::format("; the sampled coupling has fed the robot {:.3g} J", -s.robot_min_energy_j()));
 }
 
+void fill_gripper(const Summary& gripper, Summary& summary) {
+  // Fields of the same number are the same figure; the test of the schema says so.
+  schema::GripperFigures& figures = *summary.mutable_gripper();
+  figures.ParsePartialFromString(gripper.SerializePartialAsString());
+  figures.DiscardUnknownFields();
+}
+
 std::string to_json(const Summary& summary) {
   pb::util::JsonPrintOptions options;
   options.add_whitespace = true;

@@ -43,6 +43,9 @@ schema::ClockEstimate clock_estimate(const ClockFigures& clock);
 /// with, and rounding.
 void say_if_coupling_feeds(Summary& summary, Energy granted);
 
+/// What `gripper`, the summary of its coupling, says of the figures that `summary.gripper` has.
+void fill_gripper(const Summary& gripper, Summary& summary);
+
 /// `stable`, `verdict` and `verdict_kind`.
 void set_verdict(const Verdict& verdict, Summary& summary);
 

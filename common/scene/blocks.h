@@ -46,6 +46,9 @@ RobotMount read_robot_mount(const Block<schema::RobotMount>& of);
 SimulationSpec read_simulation(const Block<schema::Simulation>& of);
 ExpectSpec read_expect(const Block<schema::Expect>& of);
 
+/// The gripper's coupling as a scene with dof 1. `scene` is the block that holds it, `values` what was read from there.
+Scene read_gripper(const Block<schema::Scene>& scene, const Scene& values, SceneFor use);
+
 /// Rules between blocks. `values` is what was read from `scene`.
 void check_rules(const Block<schema::Scene>& scene, const Scene& values, SceneFor use);
 

@@ -155,6 +155,10 @@ Digests digests(const Scene& scene) {
   }
   d.fields.push_back({"control.schedule", switches.value()});
   if (!scene.schedule.empty()) d.all.add(switches.value());
+  // As a scene of its own. A scene without a gripper has the digest that it had before there were any.
+  const std::uint64_t gripper = scene.gripper ? digests(*scene.gripper).all.value() : 0;
+  d.fields.push_back({"gripper", gripper});
+  if (scene.gripper) d.all.add(gripper);
   return d;
 }
 

@@ -81,6 +81,7 @@ Scene read_scene(const schema::Scene& message, const std::string& file, SceneFor
   scene.device_mount = read_device_mount(of.block(FIELD(device_mount)));
   scene.robot_mount = read_robot_mount(of.block(FIELD(robot_mount)));
   check_rules(of, scene, use);
+  if (of.has(FIELD(gripper))) scene.gripper = std::make_shared<const Scene>(read_gripper(of, scene, use));
   return scene;
 }
 

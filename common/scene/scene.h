@@ -164,6 +164,8 @@ struct Scene {
   ExpectSpec expect;
   DeviceMount device_mount{};
   RobotMount robot_mount{};
+  /// The gripper's coupling as a scene of its own, with dof 1 and this scene's rates, seed, network and clocks. Null: none.
+  std::shared_ptr<const Scene> gripper{};
 
   [[nodiscard]] int axes() const { return dof == 1 ? 1 : 3; }
 };

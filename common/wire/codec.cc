@@ -16,6 +16,7 @@ template <int N>
 constexpr int kPositionSize = N == 6 ? 7 : N;
 template <int N>
 constexpr int kSampleSize = kPositionSize<N> + 5 * N;
+constexpr int kGripperSize = kSampleSize<1> + 1;  // and the energy
 
 // Moments are durations since a loop began: 73 years, and no sum of two of them overflows.
 constexpr std::int64_t kLatest = std::int64_t{1} << 61;
@@ -95,6 +96,46 @@ bool read_report(const schema::Datagram& message, Report<N>& r) {
   return true;
 }
 
+void write_gripper(schema::Datagram& message, const Report<1>& r) {
+  message.set_gripper_mode(static_cast<std::uint32_t>(r.mode));
+  double* to = message.mutable_gripper()->AddNAlreadyReserved(kGripperSize);
+  to = write(to, r.x);
+  to = write(to, r.v);
+  to = write(to, r.f);
+  to = write(to, r.f_coupling);
+  to = write(to, r.f_environment);
+  to = write(to, r.position_error);
+  *to = r.energy_in_j;
+  if (r.words.count == 0) return;
+  std::copy_n(r.words.at.begin(), r.words.count, message.mutable_gripper_words()->AddNAlreadyReserved(r.words.count));
+  message.set_gripper_running_totals(r.words.totals);
+}
+
+/// Of the gripper, after the report: what both share is already there.
+template <int N>
+bool read_gripper(const schema::Datagram& message, const Report<N>& shared, Report<1>& r) {
+  if (message.gripper_size() != kGripperSize || message.gripper_words_size() > static_cast<int>(Words::kMost) ||
+      message.gripper_mode() > static_cast<std::uint32_t>(Mode::let_go))
+    return false;
+  r.sequence = shared.sequence;
+  r.sent_ns = shared.sent_ns;
+  r.echo_ns = shared.echo_ns;
+  r.epoch = shared.epoch;
+  r.mode = static_cast<Mode>(message.gripper_mode());
+  const double* from = message.gripper().data();
+  from = read(from, r.x);
+  from = read(from, r.v);
+  from = read(from, r.f);
+  from = read(from, r.f_coupling);
+  from = read(from, r.f_environment);
+  from = read(from, r.position_error);
+  r.energy_in_j = *from;
+  r.words.count = static_cast<std::uint8_t>(message.gripper_words_size());
+  r.words.totals = message.gripper_running_totals();
+  std::copy_n(message.gripper_words().data(), r.words.count, r.words.at.begin());
+  return r.finite();
+}
+
 /// False if the identity is invalid. Without one (dof 0) `identity` is unchanged.
 bool read_identity(const schema::Datagram& message, std::optional<Identity>& identity) {
   if (message.dof() == 0) return true;
@@ -129,6 +170,8 @@ struct Codec<N>::Impl {
     for (schema::Datagram* message : {&outgoing, &incoming}) {
       message->mutable_sample()->Reserve(static_cast<int>(kMaxDatagram / sizeof(double)));
       message->mutable_words()->Reserve(static_cast<int>(kMaxDatagram / sizeof(double)));
+      message->mutable_gripper()->Reserve(static_cast<int>(kMaxDatagram / sizeof(double)));
+      message->mutable_gripper_words()->Reserve(static_cast<int>(kMaxDatagram / sizeof(double)));
       message->mutable_refusal()->reserve(kMaxDatagram);
       message->mutable_scene_fields()->reserve(kMaxDatagram);
     }
@@ -173,6 +216,8 @@ std::span<const std::byte> Codec<N>::encode(const Envelope<N>& envelope) noexcep
       std::copy_n(r.words.at.begin(), r.words.count, message.mutable_words()->AddNAlreadyReserved(r.words.count));
       message.set_running_totals(r.words.totals);
     }
+    if (envelope.has_gripper) [[unlikely]]
+      write_gripper(message, envelope.gripper);
   }
   if (envelope.identity) {
     message.set_dof(static_cast<std::uint32_t>(envelope.identity->dof));
@@ -183,7 +228,7 @@ std::span<const std::byte> Codec<N>::encode(const Envelope<N>& envelope) noexcep
     message.mutable_scene_fields()->assign(fields.data(), fields.size());
   }
   const std::size_t size = message.ByteSizeLong();
-  static_assert(kMaxDatagram > 8 * (kSampleSize<N> + Words::kMost + 16) + kMaxSceneFields);
+  static_assert(kMaxDatagram > 8 * (kSampleSize<N> + kGripperSize + 2 * Words::kMost + 18) + kMaxSceneFields);
   message.SerializeWithCachedSizesToArray(reinterpret_cast<std::uint8_t*>(impl_->buffer.data()));
   return {impl_->buffer.data(), size};
 }
@@ -209,7 +254,11 @@ Decoded Codec<N>::decode(std::span<const std::byte> bytes, Envelope<N>& envelope
   if (!read_identity(message, envelope.identity)) return Decoded::malformed;
   if (envelope.identity && envelope.identity->dof != N) return Decoded::other_dof;
   if (!envelope.refusal.empty()) return Decoded::ok;
-  return read_report(message, envelope.report) ? Decoded::ok : Decoded::malformed;
+  if (!read_report(message, envelope.report)) return Decoded::malformed;
+  envelope.has_gripper = message.gripper_size() > 0;
+  if (envelope.has_gripper && !read_gripper(message, envelope.report, envelope.gripper)) [[unlikely]]
+    return Decoded::malformed;
+  return Decoded::ok;
 }
 
 template class Codec<1>;

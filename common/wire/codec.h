@@ -13,6 +13,8 @@ namespace twoport {
 template <int N>
 struct Envelope : Header {
   Report<N> report;
+  bool has_gripper = false;
+  Report<1> gripper{};  ///< with has_gripper; its number, stamps and epoch are the report's
 };
 
 /// Envelope <-> bytes. Two Protobuf messages and one buffer are kept and reused.

@@ -63,14 +63,30 @@ const Report<N>* LinkTransport<N>::next(Duration now, int& left) noexcept {
 
 template <int N>
 void LinkTransport<N>::send(const Report<N>& report, Duration now) noexcept {
-  if (!handshake_.reject_reason().empty()) return;
   outgoing_.report = report;
+  if (!carries_gripper_) [[likely]]
+    transmit(now);
+}
+
+template <int N>
+void LinkTransport<N>::send_gripper(const Report<1>& gripper, Duration now) noexcept {
+  outgoing_.has_gripper = gripper.finite();
+  outgoing_.gripper = gripper;
+  transmit(now);
+}
+
+template <int N>
+void LinkTransport<N>::transmit(Duration now) noexcept {
+  if (!handshake_.reject_reason().empty()) return;
   if (const std::optional<Handshake::Greeting> greeting = handshake_.take_greeting()) {
-    outgoing_.report.energy_in_j = 0.0;
-    outgoing_.report.echo_ns = -1;
+    Report<N>& report = outgoing_.report;
+    const double energy_in_j = std::exchange(report.energy_in_j, 0.0);
+    const double gripper_energy_in_j = std::exchange(outgoing_.gripper.energy_in_j, 0.0);
+    const std::int64_t echo_ns = std::exchange(report.echo_ns, -1);
     static_cast<Header&>(outgoing_) = greeting->header;
     socket_->send(codec_.encode(outgoing_), greeting->to, now);
-    outgoing_.report = report;
+    report.energy_in_j = energy_in_j, report.echo_ns = echo_ns;
+    outgoing_.gripper.energy_in_j = gripper_energy_in_j;
   }
   if (!handshake_.peer()) {
     ++counts_.unaddressed;

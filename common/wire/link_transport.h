@@ -3,6 +3,7 @@
 #include <cstdint>
 #include <optional>
 #include <string_view>
+#include <vector>
 
 #include "common/base/time.h"
 #include "common/link/report.h"
@@ -40,11 +41,29 @@ class LinkTransport {
   template <class F>
   void poll(Duration now, F&& f) noexcept {
     handshake_.advance(now);
-    for (int left = kMaxPerPoll; const Report<N>* report = next(now, left);) f(*report);
+    for (int left = kMaxPerPoll; const Report<N>* report = next(now, left);) {
+      f(*report);
+      if (incoming_.has_gripper && gripper_reports_.size() < gripper_reports_.capacity()) [[unlikely]]
+        gripper_reports_.push_back(incoming_.gripper);
+    }
   }
 
   /// A slave without a master sends nothing.
   void send(const Report<N>& report, Duration now) noexcept;
+
+  /// From now on a packet also carries a report of the gripper: what send() is given leaves with send_gripper(), in the same tick.
+  void carry_gripper() {
+    carries_gripper_ = true;
+    gripper_reports_.reserve(kMaxPerPoll);
+  }
+  /// Calls f(const Report<1>&) for each report of the gripper that has come with the reports of the last poll().
+  template <class F>
+  void poll_gripper(F&& f) noexcept {
+    for (const Report<1>& report : gripper_reports_) f(report);
+    gripper_reports_.clear();
+  }
+  /// Sends the report of the last send() together with this one; without it where a number is not finite.
+  void send_gripper(const Report<1>& gripper, Duration now) noexcept;
 
   /// Call before every cycle. True once for each new session, the first included: running totals start from zero, so
   /// reset the mailbox and call on_peer_restart of the node. No report is delivered before that.
@@ -65,11 +84,14 @@ class LinkTransport {
   static constexpr int kMaxPerPoll = 1024;  ///< datagrams read in one poll: the work of a tick is bounded
 
   const Report<N>* next(Duration now, int& left) noexcept;
+  void transmit(Duration now) noexcept;
 
   DatagramSocket* socket_;
   Handshake handshake_;
   Codec<N> codec_;
   Envelope<N> incoming_, outgoing_;
+  bool carries_gripper_ = false;
+  std::vector<Report<1>> gripper_reports_;  ///< not collected yet
   LinkCounts counts_;
 };
 

@@ -41,11 +41,12 @@ int run_command(const Arguments& a) {
     if (has_earlier) print_error("{} of an earlier run is now {}\n", a.record, earlier_file(a.record));
   }
   std::optional<FolderLock> lock;
-  std::optional<WholeFile> trace;
+  std::optional<WholeFile> trace, gripper_trace;
   if (!a.out.empty()) {
     lock.emplace(a.out, "--out");
     if (a.trace == "csv") trace.emplace(a.out + "/trace.csv");
-    for (const char* name : {"/summary.json", "/trace.csv"})
+    if (trace && scene.gripper) gripper_trace.emplace(a.out + "/trace-gripper.csv");
+    for (const char* name : {"/summary.json", "/trace.csv", "/trace-gripper.csv"})
       std::filesystem::remove(a.out + name);  // of an earlier run
   }
   std::optional<RecordingOptions> record;
@@ -54,11 +55,13 @@ int run_command(const Arguments& a) {
   const Summary summary = run(scene, {.trace = trace ? &*trace : nullptr,
                                       .trace_every = a.trace_every,
                                       .verdict = a.verdict == "plain" ? VerdictFrom::plain : VerdictFrom::tail,
+                                      .gripper_trace = gripper_trace ? &*gripper_trace : nullptr,
                                       .record = record ? &*record : nullptr});
   // First the trace: one that finds no room is cut, which leaves room for the summary.
   std::exception_ptr unwritten;
   try {
     if (trace) trace->commit_rows();
+    if (gripper_trace) gripper_trace->commit_rows();
   } catch (const IoError&) {
     unwritten = std::current_exception();
   }

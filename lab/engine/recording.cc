@@ -29,6 +29,7 @@ SideTap<N> side(mcap::Writer& file, const Scene& scene, const RecordingOptions& 
 std::string checked(const Scene& scene, const std::string& path) {
   if (scene.control.architecture == Architecture::uncontrolled)
     throw ConfigError{"--record " + path + ": control.architecture is UNCONTROLLED, so there is no node to record"};
+  if (scene.gripper) throw ConfigError{"--record " + path + ": the scene has a gripper, which no recording holds"};
   return path;
 }
 

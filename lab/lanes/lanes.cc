@@ -1083,6 +1083,7 @@ std::string why_not_in_lanes(const Scene& scene) {
   if (c.method_name != "NONE" && c.method_name != "CLASSIC" && c.method_name != "FORCE_PROJECTED")
     return "control.passivity.method is " + c.method_name;
   if (!scene.schedule.empty()) return "the scene has a schedule";
+  if (scene.gripper) return "the scene has a gripper";
   if (scene.slave_clock.offset_s != 0.0 || scene.slave_clock.drift != 0.0) return "the slave's clock differs";
   if (scene.master_rate_hz != scene.slave_rate_hz) return "the rates of the sides differ";
   if (kNanosecondsPerSecond / scene.master_rate_hz != static_cast<double>(period_of(scene)))

@@ -397,6 +397,48 @@ TYPED_TEST(CodecOf, SurvivesEveryDamage) {
   EXPECT_GT(accepted, 100);  // a flipped bit of a number is a number: the fuzz reaches the end of decode
 }
 
+TYPED_TEST(CodecOf, CarriesAReportOfTheGripper) {
+  constexpr int N = TypeParam::value;
+  std::mt19937_64 rng{12};
+  Envelope<N> sent = some<N>(rng);
+  const Bytes without = encoded(sent);
+  sent.gripper = some<1>(rng).report;
+  sent.gripper.words.count = 2, sent.gripper.words.totals = 1;
+  sent.gripper.words.at[0] = 3.0, sent.gripper.words.at[1] = -4.0;
+  EXPECT_EQ(encoded(sent), without) << "only with has_gripper";
+  sent.has_gripper = true;
+  const Bytes with = encoded(sent);
+  EXPECT_GT(with.size(), without.size() + 7 * sizeof(double));
+
+  Codec<N> codec;
+  Envelope<N> got;
+  ASSERT_EQ(codec.decode(with, got), Decoded::ok);
+  ASSERT_TRUE(got.has_gripper);
+  EXPECT_EQ(got.gripper.x.translation()[0], sent.gripper.x.translation()[0]);
+  EXPECT_EQ(got.gripper.v[0], sent.gripper.v[0]);
+  EXPECT_EQ(got.gripper.f[0], sent.gripper.f[0]);
+  EXPECT_EQ(got.gripper.f_coupling[0], sent.gripper.f_coupling[0]);
+  EXPECT_EQ(got.gripper.f_environment[0], sent.gripper.f_environment[0]);
+  EXPECT_EQ(got.gripper.position_error[0], sent.gripper.position_error[0]);
+  EXPECT_EQ(got.gripper.energy_in_j, sent.gripper.energy_in_j);
+  EXPECT_EQ(got.gripper.words.count, 2);
+  EXPECT_EQ(got.gripper.words.at[1], -4.0);
+  EXPECT_EQ(got.gripper.sequence, sent.report.sequence);
+  EXPECT_EQ(got.gripper.sent_ns, sent.report.sent_ns);
+  // Without one the packet says so, whatever came before.
+  ASSERT_EQ(codec.decode(without, got), Decoded::ok);
+  EXPECT_FALSE(got.has_gripper);
+
+  sent.gripper.energy_in_j = std::numeric_limits<double>::quiet_NaN();
+  EXPECT_EQ(decoded<N>(encoded(sent)), Decoded::malformed);
+  schema::Datagram cut;
+  ASSERT_TRUE(cut.ParseFromArray(with.data(), static_cast<int>(with.size())));
+  cut.mutable_gripper()->RemoveLast();
+  Bytes bytes(cut.ByteSizeLong());
+  cut.SerializeToArray(bytes.data(), static_cast<int>(bytes.size()));
+  EXPECT_EQ(decoded<N>(bytes), Decoded::malformed);
+}
+
 TEST(Codec, SaysWhenTheOtherHasOtherDof) {
   std::mt19937_64 rng{12};
   Envelope<6> sent = some<6>(rng);

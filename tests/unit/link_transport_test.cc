@@ -4,12 +4,14 @@
 
 #include <array>
 #include <chrono>
+#include <limits>
 #include <random>
 #include <vector>
 
 #include "common/link/impaired_socket.h"
 #include "common/link/mailbox.h"
 #include "common/link/memory_network.h"
+#include "common/wire/gripper_transport.h"
 #include "tests/support/no_alloc.h"
 
 namespace twoport {
@@ -47,6 +49,38 @@ struct Link {
   Duration now{0};
   int fresh = 0;
 };
+
+/// Reports of the gripper arrive with those of the main coupling, as many and with the same numbers; one that is not finite stays
+/// behind, and the main report arrives.
+TEST(LinkTransport, CarriesTheGripper) {
+  Link<3> link;
+  std::array grippers{Mailbox<1, GripperTransport<3>>{GripperTransport<3>{link.master.transport()}},
+                      Mailbox<1, GripperTransport<3>>{GripperTransport<3>{link.slave.transport()}}};
+  double opening = 0.0;
+  const auto tick = [&] {
+    link.now += 1ms;
+    opening += 0.001;
+    for (std::size_t i = 0; i < 2; ++i) {
+      auto& mail = i == 0 ? link.master : link.slave;
+      if (mail.transport().take_new_session()) mail.reset(), grippers[i].reset();
+      mail.collect(link.now);
+      mail.post(Report<3>{}, link.now);
+      grippers[i].collect(link.now);
+      grippers[i].post(PortReport<1>{.x = Position<1>{Position<1>::Vector{opening}}}, link.now);
+    }
+  };
+  for (int k = 0; k < 50; ++k) tick();
+  ASSERT_TRUE(link.coupled());
+  EXPECT_NEAR(grippers[1].known().newest.x.translation()[0], opening, 0.0021);
+  EXPECT_EQ(grippers[1].known().newest.sequence, link.slave.known().newest.sequence);
+  EXPECT_EQ(grippers[1].counts().received, link.slave.counts().received);
+  EXPECT_GT(grippers[0].known().newest.x.translation()[0], 0.0);
+  opening = std::numeric_limits<double>::quiet_NaN();
+  const std::uint64_t arm = link.slave.counts().received, gripper = grippers[1].counts().received;
+  for (int k = 0; k < 50; ++k) tick();
+  EXPECT_GE(link.slave.counts().received, arm + 48);
+  EXPECT_LE(grippers[1].counts().received, gripper + 2);
+}
 
 TEST(LinkTransport, PairsAndDelivers) {
   Link<3> link;

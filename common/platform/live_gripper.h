@@ -1,0 +1,148 @@
+#pragma once
+
+#include <spdlog/logger.h>
+
+#include <limits>
+#include <memory>
+#include <optional>
+#include <string>
+#include <utility>
+
+#include "common/base/file.h"
+#include "common/base/print_error.h"
+#include "common/link/mailbox.h"
+#include "common/platform/program.h"
+#include "common/platform/recorder.h"
+#include "common/runtime/cycle.h"
+#include "common/safety/guarded_transport.h"
+#include "common/wire/gripper_transport.h"
+
+namespace twoport {
+
+/// The gripper of a live side: a second node with its own hardware, account and rows, in the tick and in the packets of the main one.
+/// Whatever lets go of the main coupling lets go of the gripper. Side has, for one degree of freedom, what run_live needs of a side
+/// (kSide, Clock, Hardware, Sample, scene, hardware, node, metrics(), complete(row, sample)), and
+///
+///     row(t_s, sample, out, peer)   the row of a tick; `peer` is what is known of the other side
+template <class Side_, int N>
+class LiveGripper {
+ public:
+  using Clock = typename Side_::Clock;
+  using Sample = typename Side_::Sample;
+
+  template <class... Arguments>
+  explicit LiveGripper(LinkTransport<N>& link, const PortLimits& of_the_other_side, const TransmissionOptions& incoming,
+                       Arguments&&... arguments)
+      : side_{std::forward<Arguments>(arguments)...},
+        mail_{GuardedTransport<1, GripperTransport<N>>{of_the_other_side, link}, incoming} {}
+
+  /// Before the first tick.
+  void begin(const LiveArguments& a, double duration_s, spdlog::logger& log) {
+    if (!a.out.empty() && a.trace == "csv") trace_ = std::make_unique<WholeFile>(a.out + "/trace-gripper.csv");
+    recorder_.emplace(typename Recorder<1>::Options{.metrics = side_.metrics(),
+                                                    .trace = trace_.get(),
+                                                    .recording = nullptr,
+                                                    .stream = nullptr,
+                                                    .duration_s = duration_s,
+                                                    .side = Side_::kSide,
+                                                    .trace_every = a.trace_every,
+                                                    .configurations = {},
+                                                    .log = log,
+                                                    .shows_progress = false});
+    log.info("gripper: {}", side_.hardware.info().name);
+  }
+
+  // In every tick, in this order.
+
+  /// A session of the other side begins.
+  void meet() noexcept {
+    side_.node.on_peer_restart(Energy{mail_.known().energy_in_j});
+    static_cast<void>(mail_.transport().take_new_session());
+    mail_.reset();
+  }
+  void start() noexcept { side_.hardware.start(); }
+  /// `lets_go`: the main hardware has let go by itself. `held`: the operator holds the handle.
+  void cycle(const Tick<Clock>& tick, bool lets_go, bool held) noexcept {
+    Plant plant{side_.hardware, sample_, lets_go, held};
+    out_ = run_cycle(side_.node, plant, mail_, tick);
+  }
+  /// Completes the last row; begins one where `has_row`.
+  void record(double t_s, bool has_row) noexcept {
+    if (has_row_) {
+      side_.complete(row_, sample_);
+      recorder_->push(row_, {});
+    }
+    has_row_ = has_row;
+    if (has_row) row_ = side_.row(t_s, sample_, out_, mail_.known());
+  }
+  [[nodiscard]] bool fault() const noexcept { return sample_.status == HardwareStatus::fault; }
+  [[nodiscard]] bool diverged() const noexcept { return recorder_->diverged(); }
+
+  // After the last tick.
+
+  void release() noexcept { side_.hardware.release(); }
+  /// Why a fault came, for why_failed().
+  [[nodiscard]] std::string trouble() const {
+    const std::string why = side_.hardware.trouble();
+    return why.empty() ? "the gripper" : "the gripper: " + why;
+  }
+  /// Leaves the trace, and fills the gripper's figures. False where the trace could not be written, which is said.
+  bool finish(Summary& s, const char* side) {
+    if (has_row_) recorder_->push(row_, {});
+    Summary own = recorder_->finish();
+    own.set_mode(to_string(side_.node.mode()));
+    if constexpr (Side_::kSide == Side::master) {
+      *own.mutable_limits()->mutable_device() = limits_of_device(side_.node.limit_counts());
+    } else {
+      *own.mutable_limits()->mutable_robot() = limits_of_robot(side_.node.limit_counts());
+      if (!recorder_->diverged()) own.set_verdict("undecided: bounded at the slave; the master judges stability");
+    }
+    *own.mutable_limits()->mutable_peer() = limits_of_peer(mail_.transport().limit_counts());
+    if (own.verdict_kind() == twoport::to_string(VerdictKind::undecided)) own.clear_stable();
+    fill_gripper(own, s);
+    if (!trace_) return true;
+    try {
+      trace_->commit_rows();
+    } catch (const std::exception& e) {
+      print_error("twoport-{}: {}\n", side, e.what());
+      return false;
+    }
+    return true;
+  }
+
+ private:
+  using Output = typename Side_::Output;
+  using Hardware = typename Side_::Hardware;
+
+  /// Hardware for run_cycle. A reading that the node may not use is none.
+  struct Plant {
+    Hardware& hardware;
+    Sample& sample;
+    bool lets_go, held;
+    Sample sense(const Tick<Clock>& tick) noexcept {
+      sample = hardware.sense(tick);
+      Sample s = sample;
+      if constexpr (requires { s.held; }) s.held = s.held && held;
+      if (lets_go) [[unlikely]]
+        s.x = Position<1>{typename Position<1>::Vector{std::numeric_limits<double>::quiet_NaN()}};
+      return s;
+    }
+    template <class Command>
+    void actuate(const Command& command) noexcept {
+      if (lets_go) [[unlikely]]
+        return hardware.release();
+      hardware.actuate(command);
+    }
+  };
+
+  Side_ side_;
+  Mailbox<1, GuardedTransport<1, GripperTransport<N>>> mail_;
+  std::unique_ptr<WholeFile> trace_;
+  std::optional<Recorder<1>> recorder_;
+  Sample sample_;
+  Output out_{};
+  Row<1> row_;
+  bool has_row_ = false;
+};
+
+}  // namespace twoport
