@@ -51,10 +51,6 @@ std::vector<double> values_of(const std::string& option, const std::string& spec
   return all;
 }
 
-std::string not_empty(const std::string& value) {
-  return value.empty() ? "it must not be empty" : "";
-}
-
 struct MapArguments {
   MapOptions map;
   std::optional<int> lanes;
@@ -94,13 +90,11 @@ Subcommand add_map(CLI::App& app) {
   CLI::App* map = app.add_subcommand("map", "Where each method holds: round trip, loss and stiffness varied");
   map->add_option("--scene", a->map.scene, "Another scene than scenes/map.textproto, which is built in");
   add_list(map, "--set", a->map.set, "PATH=VALUE, before those that the map sets");
-  map->add_option("--methods", a->methods, "NAME,NAME; all of them if absent")->check(not_empty);
-  map->add_option("--round-trip-ms", a->round_trips, "Values as for sweep --vary; half of it each way")
-      ->check(not_empty);
-  map->add_option("--loss", a->losses, "Probability each way")->check(not_empty);
-  map->add_option("--burst-packets", a->bursts, "Mean number of packets lost in a row; 1: independent")
-      ->check(not_empty);
-  map->add_option("--stiffness", a->stiffnesses, "Of the environment [N/m]")->check(not_empty);
+  map->add_option("--methods", a->methods, "NAME,NAME; all of them if absent");
+  map->add_option("--round-trip-ms", a->round_trips, "Values as for sweep --vary; half of it each way");
+  map->add_option("--loss", a->losses, "Probability each way");
+  map->add_option("--burst-packets", a->bursts, "Mean number of packets lost in a row; 1: independent");
+  map->add_option("--stiffness", a->stiffnesses, "Of the environment [N/m]");
   map->add_option("--seeds", a->map.seeds, "Runs per cell, with seeds counted up from the scene's")
       ->capture_default_str();
   map->add_option(
@@ -187,7 +181,7 @@ Subcommand add_compare(CLI::App& app) {
   CLI::App* compare =
       app.add_subcommand("compare", "Every method on one scene: a table, and their traces in one picture");
   add_scene(compare, a->compare.scene, a->compare.set);
-  compare->add_option("--methods", a->methods, "NAME,NAME; all of them if absent")->check(not_empty);
+  compare->add_option("--methods", a->methods, "NAME,NAME; all of them if absent");
   compare->add_option("--out", a->compare.out, "Folder for table.csv and the picture");
   add_jobs(compare, a->compare.jobs);
   return {compare, [a] { return compare_command(*a); }};
@@ -235,7 +229,7 @@ Subcommand add_gallery(CLI::App& app) {
       app.add_subcommand("gallery", "Who survives what: the scenes of a folder, each with every method");
   gallery->add_option("folder", a->gallery.folder,
                       "Folder of scenes (.textproto); absent: scenes/edge, here or in the source tree of this program");
-  gallery->add_option("--methods", a->methods, "NAME,NAME; all of them if absent")->check(not_empty);
+  gallery->add_option("--methods", a->methods, "NAME,NAME; all of them if absent");
   gallery->add_option("--out", a->out, "Folder for table.csv");
   add_jobs(gallery, a->gallery.jobs);
   return {gallery, [a] { return gallery_command(*a); }};
@@ -264,7 +258,7 @@ Subcommand add_adversary(CLI::App& app) {
   a->adversary.jobs = all_cores();
   CLI::App* adversary = app.add_subcommand(
       "adversary", "Hand, robot, network and packets drawn to create energy: the least that each method lets pass");
-  adversary->add_option("--methods", a->methods, "NAME,NAME; all of them if absent")->check(not_empty);
+  adversary->add_option("--methods", a->methods, "NAME,NAME; all of them if absent");
   adversary->add_option("--seed", a->adversary.seed, "Of the first run")->capture_default_str();
   adversary->add_option("--runs", a->adversary.runs, "Per method, with seeds counted up")->capture_default_str();
   adversary->add_option("--out", a->out, "Folder for table.csv, a row for each run");
@@ -298,9 +292,8 @@ Subcommand add_tune(CLI::App& app) {
       app.add_subcommand("tune", "Search of each method's gains on a training set, against those of its rule");
   tune->add_option("scenes", a->tune.scenes, "Scenes of the training set")->required();
   add_list(tune, "--set", a->tune.set, "PATH=VALUE, in each scene");
-  tune->add_option("--methods", a->methods, "NAME,NAME; all that have gains if absent")->check(not_empty);
-  tune->add_option("--round-trip-ms", a->round_trips, "Each is searched by itself; 40,200,800 if absent")
-      ->check(not_empty);
+  tune->add_option("--methods", a->methods, "NAME,NAME; all that have gains if absent");
+  tune->add_option("--round-trip-ms", a->round_trips, "Each is searched by itself; 40,200,800 if absent");
   tune->add_option("--evaluations", a->tune.evaluations, "Of each method and round trip, that of the rule included")
       ->capture_default_str();
   tune->add_option("--seed", a->tune.seed, "Of the search")->capture_default_str();

@@ -100,7 +100,7 @@ void check(const MapOptions& o) {
 
 }  // namespace
 
-Interval wilson(int k, int n) {
+ConfidenceInterval wilson(int k, int n) {
   constexpr double z = 1.959963984540054;
   const double p = static_cast<double>(k) / n, z2n = z * z / n;
   const double middle = p + 0.5 * z2n, half = z * std::sqrt(p * (1.0 - p) / n + 0.25 * z2n / n);
@@ -269,7 +269,7 @@ std::string to_csv(const Map& map) {
   };
   for (std::size_t i = 0; i < map.cells.size(); ++i) {
     const MapCell& c = map.cells[i];
-    const Interval stable = wilson(c.stable, c.seeds());
+    const ConfidenceInterval stable = wilson(c.stable, c.seeds());
     csv +=
         fmt::format("{},{},{},{},{},{},{},{},{},{:.4f},{:.4f},{},{},{}", c.method, c.place.round_trip_ms, c.place.loss,
                     c.place.burst_packets, c.place.stiffness_n_per_m, c.stable, c.restless, c.undecided, c.unstable,
@@ -305,7 +305,7 @@ std::string to_text(const Map& map) {
       near += c.holds() && c.error_n.mean <= 1.05 * map.at(best_of[p], p).error_n.mean;
       least = std::min(least, c.figures[energy].worst);
     }
-    const Interval share = wilson(stable_runs, runs);
+    const ConfidenceInterval share = wilson(stable_runs, runs);
     out += fmt::format("{:<24} {:>7} {:>9} {:>9} {:>9} {:>17} {:>7} {:>7} {:>7} {:>9} {:>14.4g}\n", map.methods[m],
                        stable, restless, undecided, unstable,
                        fmt::format("{:.1f} - {:.1f} %", 100.0 * share.low, 100.0 * share.high), holds, good, first,

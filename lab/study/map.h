@@ -69,10 +69,10 @@ struct Map {
 };
 
 /// An interval for a probability after k of n trials, by Wilson's score at 95 % (z = 1.96).
-struct Interval {
+struct ConfidenceInterval {
   double low, high;
 };
-Interval wilson(int k, int n);
+ConfidenceInterval wilson(int k, int n);
 
 /// A figure of a summary by its name; NaN where it is absent.
 double figure(const std::vector<std::pair<std::string, double>>& of, const std::string& name);
