@@ -12,12 +12,15 @@
 // All calls come from one thread, in the order: constructor, info(), sense() once, then sense() and actuate() in every period;
 // start() between two of them; release() when the loop has ended; destructor. The constructor opens the hardware and throws a
 // std::exception whose what() is one sentence. The other calls return within a small part of the period and do not wait. If
-// one throws all the same, or if readings stay not finite, the program releases the hardware and ends.
+// one throws all the same, or if readings stay not finite, the program releases the hardware and ends. gripper() is called once,
+// after info().
 
 namespace twoport::plugin {
 
-/// Of this interface. A program loads plug-ins of its own version only.
-inline constexpr std::uint32_t kVersion = 1;
+/// Of this interface. Version 2 has gripper() as the last function of Device and Robot; nothing else differs from version 1.
+/// A program loads plug-ins from kOldestVersion to kVersion.
+inline constexpr std::uint32_t kVersion = 2;
+inline constexpr std::uint32_t kOldestVersion = 1;
 
 /// What the program asks for.
 struct Session {
@@ -44,7 +47,7 @@ struct DeviceInfo {
   double resolution_m = 0.0, rate_hz = 0.0, mass_kg = 0.0, inertia_kg_m2 = 0.0;  ///< 0: not known
   double watchdog_s = 0.0;  ///< it lets go by itself after this time without actuate(); 0: it does not
   int buttons = 0;
-  bool gripper = false;
+  bool gripper = false;  ///< has a gripper; gripper() then returns it
 };
 
 struct DeviceReading {
@@ -67,6 +70,10 @@ class Device {
   virtual void start() {}
   /// No force, now.
   virtual void release() = 0;
+  /// The gripper of the handle as a device of its own with `dof` 1; null: none. It lives as long as this device, which deletes it.
+  /// position_m[0] is the opening [m]; a negative force closes. In a scene with a gripper it is called as the handle is, after the
+  /// handle in every period. Its own gripper() is not called.
+  virtual Device* gripper() { return nullptr; }
 };
 
 struct RobotInfo {
@@ -100,6 +107,8 @@ class Robot {
   virtual void start() {}
   /// No force, now; a position-controlled robot stops.
   virtual void release() = 0;
+  /// As Device::gripper(), with one degree of freedom.
+  virtual Robot* gripper() { return nullptr; }
 };
 
 /// What the entry point returns. `version` stays first in every version.

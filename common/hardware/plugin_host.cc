@@ -74,10 +74,11 @@ const plugin::Entry<Interface>& load(const std::string& flag, const PluginChoice
   }
   if (!why.empty()) refuse(flag, choice, why);
   if (entry == nullptr) refuse(flag, choice, "its entry point returns nothing");
-  if (entry->version != plugin::kVersion)
+  if (entry->version < plugin::kOldestVersion || entry->version > plugin::kVersion)
     refuse(flag, choice,
-           "is a plug-in of version " + std::to_string(entry->version) + ", and this program loads version " +
-               std::to_string(plugin::kVersion) + "; build it again with the installed twoport");
+           "is a plug-in of version " + std::to_string(entry->version) + ", and this program loads versions " +
+               std::to_string(plugin::kOldestVersion) + " to " + std::to_string(plugin::kVersion) +
+               "; build it again with the installed twoport");
   return *entry;
 }
 
@@ -117,10 +118,38 @@ const char* name_of(const char* name) {
   return name == nullptr ? "" : name;
 }
 
+/// The gripper of hardware whose library has this version; null: none. Why it cannot be one goes into `why`.
 template <class Interface>
-std::unique_ptr<Interface> open(const std::string& flag, const PluginChoice& choice, int dof, Seconds period) {
-  const plugin::Entry<Interface>& entry = load<Interface>(flag, choice);
+Interface* gripper_of(Interface& hardware, std::uint32_t version, std::string& why) {
+  // The functions of an older plug-in end before gripper().
+  if (version < 2) return nullptr;
+  Interface* const gripper = hardware.gripper();
+  if constexpr (kIsDevice<Interface>)
+    if (gripper == nullptr && hardware.info().gripper) why = "info() says gripper true, but gripper() returns null";
+  if (gripper == nullptr) return nullptr;
+  if (gripper == &hardware) {
+    why = "gripper() returns the hardware itself; it must be another object";
+    return nullptr;
+  }
+  const auto info = gripper->info();
+  why = defect(info);
+  if (why.empty() && info.dof != 1) why = fmt::format("info() says dof {}; it must be 1", info.dof);
+  if (!why.empty()) why = "gripper: " + why;
+  return gripper;
+}
+
+/// What a plug-in has opened. The gripper is the hardware's; null: none.
+template <class Interface>
+struct Opened {
   std::unique_ptr<Interface> hardware;
+  Interface* gripper = nullptr;
+};
+
+template <class Interface>
+Opened<Interface> open(const std::string& flag, const PluginChoice& choice, int dof, Seconds period) {
+  const plugin::Entry<Interface>& entry = load<Interface>(flag, choice);
+  Opened<Interface> opened;
+  std::unique_ptr<Interface>& hardware = opened.hardware;
   std::string why;
   int has = 0;
   try {
@@ -129,6 +158,7 @@ std::unique_ptr<Interface> open(const std::string& flag, const PluginChoice& cho
       const auto info = hardware->info();
       has = info.dof;
       why = defect(info);
+      if (why.empty()) opened.gripper = gripper_of(*hardware, entry.version, why);
     }
   } catch (...) {
     why = current_words();
@@ -137,7 +167,7 @@ std::unique_ptr<Interface> open(const std::string& flag, const PluginChoice& cho
   if (!hardware) refuse(flag, choice, "has opened nothing and does not say why");
   if (has < dof)
     refuse(flag, choice, "drives dof " + std::to_string(has) + ", but dof of the scene is " + std::to_string(dof));
-  return hardware;
+  return opened;
 }
 
 template <class Quantity>
@@ -178,15 +208,15 @@ HardwareStatus status_of(plugin::Status s) noexcept {
 template <class Interface>
 class Guarded {
  public:
-  Guarded(std::unique_ptr<Interface> hardware, std::string path)
-      : hardware_{std::move(hardware)}, path_{std::move(path)} {}
+  /// `path` names the hardware in words.
+  Guarded(Interface& hardware, std::string path) : hardware_{hardware}, path_{std::move(path)} {}
 
   /// Calls use(hardware) unless a call has failed before. True: it has not thrown.
   template <class Use>
   bool call(const char* name, Use use) noexcept {
     if (failed_) return false;
     try {
-      use(*hardware_);
+      use(hardware_);
       return true;
     } catch (...) {
       failed_ = true;
@@ -220,11 +250,11 @@ class Guarded {
     call("release", [](Interface& h) { h.release(); });
     failed_ = failed_ || failed;
   }
-  [[nodiscard]] const Interface& hardware() const { return *hardware_; }
+  [[nodiscard]] const Interface& hardware() const { return hardware_; }
   [[nodiscard]] const std::string& trouble() const { return trouble_; }
 
  private:
-  std::unique_ptr<Interface> hardware_;
+  Interface& hardware_;
   std::string path_, trouble_;
   bool failed_ = false;
   Seconds not_finite_;
@@ -233,7 +263,13 @@ class Guarded {
 template <int N>
 class PluginDevice final : public Device<N> {
  public:
-  PluginDevice(std::unique_ptr<plugin::Device> device, const std::string& path) : device_{std::move(device), path} {
+  PluginDevice(Opened<plugin::Device> opened, const std::string& path) : PluginDevice{*opened.hardware, path} {
+    owned_ = std::move(opened.hardware);
+    if (opened.gripper != nullptr) gripper_ = std::make_unique<PluginDevice<1>>(*opened.gripper, path);
+    info_.gripper = info_.gripper || gripper_;
+  }
+  /// `device` must outlive this object.
+  PluginDevice(plugin::Device& device, const std::string& path) : device_{device, path} {
     const plugin::DeviceInfo from = device_.hardware().info();
     info_.name = name_of(from.name);
     info_.max_force_n = from.peak_force_n;
@@ -278,17 +314,25 @@ class PluginDevice final : public Device<N> {
   }
   void release() noexcept override { device_.release(); }
   [[nodiscard]] std::string trouble() const override { return device_.trouble(); }
+  [[nodiscard]] Device<1>* gripper() noexcept override { return gripper_.get(); }
 
  private:
+  std::unique_ptr<plugin::Device> owned_;  ///< null for a gripper
   Guarded<plugin::Device> device_;
   DeviceInfo info_;
   DeviceSample<N> last_;
+  std::unique_ptr<PluginDevice<1>> gripper_;
 };
 
 template <int N>
 class PluginRobot final : public Robot<N> {
  public:
-  PluginRobot(std::unique_ptr<plugin::Robot> robot, const std::string& path) : robot_{std::move(robot), path} {
+  PluginRobot(Opened<plugin::Robot> opened, const std::string& path) : PluginRobot{*opened.hardware, path} {
+    owned_ = std::move(opened.hardware);
+    if (opened.gripper != nullptr) gripper_ = std::make_unique<PluginRobot<1>>(*opened.gripper, path);
+  }
+  /// `robot` must outlive this object.
+  PluginRobot(plugin::Robot& robot, const std::string& path) : robot_{robot, path} {
     const plugin::RobotInfo from = robot_.hardware().info();
     info_.name = name_of(from.name);
     info_.has_force_sensor = from.has_force_sensor;
@@ -333,11 +377,14 @@ class PluginRobot final : public Robot<N> {
   }
   void release() noexcept override { robot_.release(); }
   [[nodiscard]] std::string trouble() const override { return robot_.trouble(); }
+  [[nodiscard]] Robot<1>* gripper() noexcept override { return gripper_.get(); }
 
  private:
+  std::unique_ptr<plugin::Robot> owned_;  ///< null for a gripper
   Guarded<plugin::Robot> robot_;
   RobotInfo info_;
   RobotSample<N> last_;
+  std::unique_ptr<PluginRobot<1>> gripper_;
 };
 
 }  // namespace

@@ -18,7 +18,8 @@ namespace twoport::test {
 namespace {
 
 constexpr Seconds kPeriod{1e-3};
-const std::string kOdd = TWOPORT_ODD_PLUGIN, kOld = TWOPORT_OLD_PLUGIN, kNone = TWOPORT_NO_PLUGIN;
+const std::string kOdd = TWOPORT_ODD_PLUGIN, kOld = TWOPORT_OLD_PLUGIN, kGripper = TWOPORT_GRIPPER_PLUGIN,
+                  kFirst = TWOPORT_FIRST_PLUGIN, kNone = TWOPORT_NO_PLUGIN;
 
 template <int N = 3>
 std::unique_ptr<Device<N>> open_device(const std::string& choice) {
@@ -44,7 +45,7 @@ Tick<Clock> tick(long k) {
 }
 
 // A plug-in that was compiled with other sizes crashes the program: where they change, plugin::kVersion must grow.
-static_assert(plugin::kVersion == 1 && sizeof(plugin::Session) == 24 && sizeof(plugin::DeviceInfo) == 112 &&
+static_assert(plugin::kVersion == 2 && sizeof(plugin::Session) == 24 && sizeof(plugin::DeviceInfo) == 112 &&
               sizeof(plugin::DeviceReading) == 168 && sizeof(plugin::RobotInfo) == 56 &&
               sizeof(plugin::RobotReading) == 160 && sizeof(plugin::RobotCommand) == 152);
 
@@ -92,6 +93,53 @@ TEST(Plugin, OfARobotGetsItsSetPoint) {
   EXPECT_EQ(sample.x.attitude().coeffs(), command.x_d.attitude().coeffs());
 }
 
+TEST(Plugin, OfVersion1LoadsAndHasNoGripper) {
+  const std::unique_ptr<Device<3>> device = open_device(kFirst);
+  EXPECT_EQ(device->info().name, "device of version 1");
+  EXPECT_EQ(device->gripper(), nullptr);
+  device->start();
+  device->actuate(Force<3>{Force<3>::Vector{1.0, 0.0, 0.0}});
+  EXPECT_EQ(device->sense(tick<MasterClock>(1)).applied[0], 1.0);
+  device->release();
+  EXPECT_EQ(device->sense(tick<MasterClock>(2)).applied[0], 0.0);
+  const std::unique_ptr<Robot<1>> robot = open_robot<1>(kFirst);
+  EXPECT_EQ(robot->info().name, "robot of version 1");
+  EXPECT_EQ(robot->gripper(), nullptr);
+  RobotCommand<1> command;
+  command.x_d = Position<1>{Position<1>::Vector{0.1}};
+  robot->actuate(command);
+  EXPECT_EQ(robot->sense(tick<SlaveClock>(1)).x.translation()[0], 0.1);
+}
+
+TEST(Plugin, HasAGripperThatIsHardwareOfOneAxis) {
+  const std::unique_ptr<Device<3>> device = open_device(kGripper);
+  EXPECT_TRUE(device->info().gripper);
+  ASSERT_NE(device->gripper(), nullptr);
+  EXPECT_EQ(device->gripper()->info().name, "gripper of a plug-in");
+  EXPECT_EQ(device->gripper()->sense(tick<MasterClock>(0)).x.translation()[0], 0.06);
+  device->gripper()->actuate(Force<1>{Force<1>::Vector{1.5}});
+  EXPECT_EQ(device->gripper()->sense(tick<MasterClock>(1)).applied[0], 1.5);
+  device->gripper()->release();
+  EXPECT_EQ(device->gripper()->sense(tick<MasterClock>(2)).applied[0], 0.0);
+  ASSERT_NE(open_robot<3>(kGripper)->gripper(), nullptr);
+  EXPECT_FALSE(open_device(kOdd)->info().gripper);
+  EXPECT_EQ(open_device(kOdd)->gripper(), nullptr);
+}
+
+TEST(Plugin, WhoseGripperCannotBeTrueIsRefusedInOneSentence) {
+  const std::string flag = "--device " + kGripper;
+  EXPECT_EQ(why_not(kGripper + ":no_gripper"),
+            flag + ":no_gripper: info() says gripper true, but gripper() returns null");
+  EXPECT_EQ(why_not(kGripper + ":wide"), flag + ":wide: gripper: info() says dof 3; it must be 1");
+  EXPECT_EQ(why_not(kGripper + ":negative"),
+            flag + ":negative: gripper: info() says watchdog_s -1; it must be >= 0 and finite");
+  EXPECT_EQ(why_not(kGripper + ":itself"),
+            flag + ":itself: gripper() returns the hardware itself; it must be another object");
+  EXPECT_EQ(why_not(kGripper + ":throws"), flag + ":throws: the gripper does not answer");
+  EXPECT_THROW(open_robot<1>(kGripper + ":wide"), ConfigError);
+  EXPECT_EQ(open_robot<1>(kGripper + ":no_gripper")->gripper(), nullptr);
+}
+
 TEST(Plugin, ThatCannotBeLoadedIsRefusedInOneSentence) {
   EXPECT_EQ(why_not("/nowhere/a.so:7"),
             "--device /nowhere/a.so:7: there is no such file; give the path of a shared library");
@@ -102,9 +150,10 @@ TEST(Plugin, ThatCannotBeLoadedIsRefusedInOneSentence) {
                                 ": is no plug-in for --device: it has no entry point twoport_device_plugin; it has one "
                                 "for --robot");
   EXPECT_THROW(open_robot<1>(kNone), ConfigError) << "its entry point returns nothing";
-  EXPECT_EQ(why_not(kOld), "--device " + kOld +
-                               ": is a plug-in of version 0, and this program loads version 1; build it again with the "
-                               "installed twoport");
+  EXPECT_EQ(why_not(kOld),
+            "--device " + kOld +
+                ": is a plug-in of version 0, and this program loads versions 1 to 2; build it again with the "
+                "installed twoport");
   EXPECT_EQ(why_not(kOdd + ":refuses"), "--device " + kOdd + ":refuses: no power at the socket");
   EXPECT_EQ(why_not(kOdd + ":refuses_oddly"),
             "--device " + kOdd + ":refuses_oddly: an exception that is no std::exception");
