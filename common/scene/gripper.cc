@@ -63,6 +63,8 @@ Scene read_gripper(const Block<schema::Scene>& scene, const Scene& values, Scene
   const Context context{.file = scene.context().file, .dof = 1};
   const Block of{context, scene.message().gripper(), "gripper"};
   check(scene, of, values);
+  // Named as it stands in the scene; in `control` it is in another block.
+  static_cast<void>(of.number(FIELD(initial_energy_j), kNotNegative));
   const schema::Control control = control_of(scene, of);
 
   Scene gripper{};

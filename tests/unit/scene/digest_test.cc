@@ -118,12 +118,60 @@ TEST(SceneDigest, IsTheSameOnEveryMachine) {
   EXPECT_EQ(scene_digest(scene_of(kSpelt)), 0x7e6e78236bdf52a7ULL);
 }
 
+const char* const kWithGripper = R"(
+dof: 1 duration_s: 1 rate_hz: 1000 operator { hand { mass_kg: 0.1 } } robot { mass_kg: 1 force_sensor { } }
+control { virtual_coupling { stiffness_n_per_m: 1000 } passivity { method: FORCE_PROJECTED } }
+gripper { operator { hand { mass_kg: 0.1 } } device { mass_kg: 0.05 } robot { mass_kg: 0.2 force_sensor { } } }
+)";
+
+TEST(SceneDigest, OfAGripperChangesWithWhatBothSidesShare) {
+  const Scene scene = scene_of(kWithGripper);
+  Scene without = scene;
+  without.gripper = nullptr;
+  std::set<std::uint64_t> seen{scene_digest(scene), scene_digest(without)};
+  EXPECT_EQ(seen.size(), 2U);
+  for (const char* shared :
+       {"gripper.force_scale=2", "gripper.motion_scale=2", "gripper.initial_energy_j=0.5",
+        "gripper.virtual_coupling.stiffness_n_per_m=700", "gripper.virtual_coupling.catch_up_m_per_s=0.1",
+        "gripper.device_limits.force_n=9", "gripper.robot_limits.speed_m_per_s=1"})
+    EXPECT_TRUE(seen.insert(scene_digest(scene_of(kWithGripper, {shared}))).second)
+        << shared << " made no difference of its own";
+}
+
+TEST(SceneDigest, OfAGripperDoesNotChangeWithWhatIsASidesOwn) {
+  const std::uint64_t before = scene_digest(scene_of(kWithGripper));
+  for (const char* own :
+       {"seed=8", "duration_s=9", "to_slave.delay_ms=200", "to_master.loss=0.5", "slave_clock.offset_ms=1",
+        "gripper.operator.hand.mass_kg=1", "gripper.device.mass_kg=0.1", "gripper.device.max_force_n=8",
+        "gripper.device.position_m=[0.06]", "gripper.robot.mass_kg=2", "gripper.robot.damping_n_s_per_m=3",
+        "gripper.object={width_m: 0.04 stiffness_n_per_m: 2000}"})
+    EXPECT_EQ(before, scene_digest(scene_of(kWithGripper, {own}))) << own;
+}
+
+/// A gripper without options of its own has those of the main coupling: no other field hides that the gripper differs.
+TEST(SceneDigest, NamesTheGripperWhereItAloneDiffers) {
+  const Scene scene = scene_of(kWithGripper);
+  Scene without = scene;
+  without.gripper = nullptr;
+  const std::vector<SharedField> mine = shared_fields(scene);
+  for (const Scene& other : {scene_of(kWithGripper, {"gripper.force_scale=2"}), without}) {
+    const std::vector<SharedField> theirs = shared_fields(other);
+    ASSERT_EQ(theirs.size(), mine.size());
+    for (std::size_t i = 0; i < mine.size(); ++i)
+      EXPECT_EQ(mine[i].digest != theirs[i].digest, mine[i].path == "gripper") << mine[i].path;
+  }
+}
+
 // The two programs may state different delays of one network; E(0) of internal-model control is that of the master.
 TEST(SceneDigest, IsTheSameForOtherDelaysUnderInternalModelControl) {
   const auto digest = [](const char* delay) {
     return scene_digest(scene_of("dof: 1 duration_s: 1 control { passivity { method: INTERNAL_MODEL } }", {delay}));
   };
   EXPECT_EQ(digest("to_slave.delay_ms=0"), digest("to_slave.delay_ms=200"));
+  const auto with_gripper = [](const char* delay) {
+    return scene_digest(scene_of(kWithGripper, {"control.passivity.method=INTERNAL_MODEL", delay}));
+  };
+  EXPECT_EQ(with_gripper("to_slave.delay_ms=0"), with_gripper("to_slave.delay_ms=200"));
 }
 
 }  // namespace
