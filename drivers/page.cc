@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <memory>
 
 #include "common/base/check.h"
 #include "common/hardware/registry.h"
@@ -24,52 +25,54 @@ constexpr double kFreeRotationalDamping = 0.02;  // [N m s/rad]
 ///
 /// x_h follows the pointer through a critically damped filter of 6 Hz, so that events at 60 Hz neither step nor jerk the
 /// handle. Implicit Euler, stable and dissipative at every stiffness; translation and rotation alike. A pointer that the
-/// page has not confirmed for 250 ms is released.
+/// page has not confirmed for 250 ms is released. A gripper is held with the handle; the page says which opening the hand intends.
 template <int N>
 class PageDevice final : public Device<N> {
  public:
+  using Vector = typename Force<N>::Vector;
+
   explicit PageDevice(const DriverOptions& o) : channel_{o.page}, dt_{o.period.si()} {
     if (!o.arguments.empty()) throw ConfigError{"--device page:" + o.arguments + ": page takes no arguments"};
     if (channel_ == nullptr) throw ConfigError{"--device page: this program serves no page; add --page"};
-    if (o.scene.device) {
-      const DeviceSpec& d = *o.scene.device;
-      if (d.mass_kg > 0.0) mass_ = d.mass_kg;
-      if (d.inertia_kg_m2 > 0.0) inertia_ = d.inertia_kg_m2;
-      damping_ = d.damping_n_s_per_m;
-      rotational_damping_ = d.rotational_damping_n_m_s_per_rad;
-      if (d.max_force_n) max_force_n_ = *d.max_force_n;
-      x_ = placed(d.position_m);
-    }
-    if (o.scene.operator_model && o.scene.operator_model->hand) {
-      const HandSpec& h = *o.scene.operator_model->hand;
-      if (h.mass_kg > 0.0) hand_mass_ = h.mass_kg;
-      if (h.inertia_kg_m2 > 0.0) hand_inertia_ = h.inertia_kg_m2;
-      if (h.stiffness_n_per_m > 0.0) grip_ = h.stiffness_n_per_m;
-      if (h.rotational_stiffness_n_m_per_rad > 0.0) rotational_grip_ = h.rotational_stiffness_n_m_per_rad;
-    }
+    take(o.scene);
     grip_ = std::clamp(grip_, kPageGripLeast, kPageGripMost);
     channel_->pointer.grip_n_per_m = grip_;
-    target_ = hand_ = x_;
+    if (o.scene.gripper) gripper_ = std::make_unique<PageDevice<1>>(*o.scene.gripper, dt_);
   }
+  /// The gripper of the handle, which the handle holds and moves.
+  PageDevice(const Scene& gripper, double period_s) : channel_{nullptr}, dt_{period_s} { take(gripper); }
+
+  void hold(bool held) noexcept {
+    if (held && !held_) {
+      hand_ = x_;
+      hand_v_ = v_;
+    }
+    held_ = held;
+  }
+  void aim(const Vector& at) noexcept { target_ = Position<N>{} + Displacement<N>{at}; }
 
   [[nodiscard]] DeviceInfo info() const override {
     return {.name = "pointer of the page",
             .max_force_n = max_force_n_,
             .mass_kg = mass_,
             .inertia_kg_m2 = inertia_,
-            .watchdog = Seconds{kWatchdog}};
+            .watchdog = Seconds{kWatchdog},
+            .gripper = gripper_ != nullptr};
   }
 
   DeviceSample<N> sense(const Tick<MasterClock>& tick) noexcept override {
     PageCommand command;
-    while (channel_->hand.try_pop(command)) obey(command);
+    while (channel_ && channel_->hand.try_pop(command)) obey(command);
     if (begun_) {
       for (long left = std::min(std::lround(tick.ended.si() / dt_), 100L); left > 0; --left) advance();
       since_ += tick.ended.si();
     }
     begun_ = true;
-    if (held_ && since_ > kWatchdog) held_ = false;
-    channel_->pointer.held = held_;
+    if (channel_) {
+      if (held_ && since_ > kWatchdog) held_ = false;
+      channel_->pointer.held = held_;
+      if (gripper_) gripper_->hold(held_);
+    }
     return {.x = x_, .v = Velocity<N>{v_}, .applied = applied_, .held = held_};
   }
   void actuate(const Force<N>& f) noexcept override { applied_ = f; }
@@ -77,10 +80,28 @@ class PageDevice final : public Device<N> {
     applied_ = Force<N>{};
     held_ = false;
   }
+  [[nodiscard]] Device<1>* gripper() noexcept override { return gripper_.get(); }
 
  private:
-  using Vector = typename Force<N>::Vector;
-
+  void take(const Scene& scene) {
+    if (scene.device) {
+      const DeviceSpec& d = *scene.device;
+      if (d.mass_kg > 0.0) mass_ = d.mass_kg;
+      if (d.inertia_kg_m2 > 0.0) inertia_ = d.inertia_kg_m2;
+      damping_ = d.damping_n_s_per_m;
+      rotational_damping_ = d.rotational_damping_n_m_s_per_rad;
+      if (d.max_force_n) max_force_n_ = *d.max_force_n;
+      x_ = placed(d.position_m);
+    }
+    if (scene.operator_model && scene.operator_model->hand) {
+      const HandSpec& h = *scene.operator_model->hand;
+      if (h.mass_kg > 0.0) hand_mass_ = h.mass_kg;
+      if (h.inertia_kg_m2 > 0.0) hand_inertia_ = h.inertia_kg_m2;
+      if (h.stiffness_n_per_m > 0.0) grip_ = h.stiffness_n_per_m;
+      if (h.rotational_stiffness_n_m_per_rad > 0.0) rotational_grip_ = h.rotational_stiffness_n_m_per_rad;
+    }
+    target_ = hand_ = x_;
+  }
   static Position<N> placed(const Numbers& p) {
     if constexpr (N == 6) {
       Eigen::Quaterniond q = Eigen::Quaterniond::Identity();
@@ -99,12 +120,8 @@ class PageDevice final : public Device<N> {
       case PageCommand::Kind::target: {
         Vector to;
         for (int i = 0; i < N; ++i) to[i] = c.number[static_cast<std::size_t>(i)];
-        target_ = Position<N>{} + Displacement<N>{to};
-        if (!held_) {
-          hand_ = x_;
-          hand_v_ = v_;
-        }
-        held_ = true;
+        aim(to);
+        hold(true);
         break;
       }
       case PageCommand::Kind::release:
@@ -112,6 +129,9 @@ class PageDevice final : public Device<N> {
         break;
       case PageCommand::Kind::grip:
         grip_ = c.number[0];
+        break;
+      case PageCommand::Kind::opening:
+        if (gripper_) gripper_->aim(Force<1>::Vector{c.number[0]});
         break;
       case PageCommand::Kind::network:
       case PageCommand::Kind::method:
@@ -160,7 +180,7 @@ class PageDevice final : public Device<N> {
     if (speed > kFastest) v *= kFastest / speed;
   }
 
-  PageChannel* channel_;
+  PageChannel* channel_;  ///< null for a gripper
   double dt_;
   double mass_ = 0.1, damping_ = 0.2, inertia_ = 1e-3, rotational_damping_ = 1e-3;
   double hand_mass_ = 0.1, hand_inertia_ = 1e-4, grip_ = 400.0, rotational_grip_ = 5.0;
@@ -171,6 +191,7 @@ class PageDevice final : public Device<N> {
   Force<N> applied_;
   double since_ = 0.0;  ///< the last command [s]
   bool held_ = false, begun_ = false;
+  std::unique_ptr<PageDevice<1>> gripper_;  ///< of the scene; null: none
 };
 
 }  // namespace

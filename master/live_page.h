@@ -54,6 +54,13 @@ class LivePage {
     while (channel_.commands.try_pop(command)) apply(command);
   }
 
+  /// Before show(): openings of the handle's gripper and of the fingers, and the force at the gripper's port.
+  void note_gripper(double hand_m, double robot_m, double port_n) noexcept {
+    gripper_hand_m_ = hand_m;
+    gripper_robot_m_ = robot_m;
+    gripper_felt_n_ = -port_n;
+  }
+
   /// Of every tick. `peer`: null without a link. `epoch`: of the method.
   template <int N, class Output>
   void show(Duration now, Duration late, const DeviceSample<N>& device, const Output& out, Energy observed,
@@ -95,6 +102,9 @@ class LivePage {
     s.late_us = 1e6 * to_seconds(late_).si();
     s.epoch = static_cast<double>(epoch);
     s.held = channel_.pointer.held ? 1.0 : 0.0;
+    s.gripper_hand_m = gripper_hand_m_;
+    s.gripper_robot_m = gripper_robot_m_;
+    s.gripper_felt_n = gripper_felt_n_;
     late_ = Duration{0};
     channel_.samples.try_push(s);
   }
@@ -119,6 +129,7 @@ class LivePage {
   std::int64_t tick_ = 0, every_ = 1;
   Duration late_{0};
   double dissipated_j_ = 0.0;
+  double gripper_hand_m_ = 0.0, gripper_robot_m_ = 0.0, gripper_felt_n_ = 0.0;
   std::optional<PageServer> server_;
 };
 

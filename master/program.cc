@@ -222,8 +222,12 @@ struct LinkMaster : Master<N> {
   }
   void end_tick(Duration now, Duration late, const DeviceSample<N>& sample,
                 const typename MasterNode<N>::Output& out) noexcept {
-    if (this->page) [[unlikely]]
-      this->page->show(now, late, sample, out, node.observed(), &link.mail().known(), link.view(), node.epoch());
+    if (!this->page) [[likely]]
+      return;
+    if (gripper)
+      this->page->note_gripper(gripper->sample().x.translation()[0], gripper->known().newest.x.translation()[0],
+                               gripper->out().command[0]);
+    this->page->show(now, late, sample, out, node.observed(), &link.mail().known(), link.view(), node.epoch());
   }
 
   MountedDevice<N>& mounted;

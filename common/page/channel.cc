@@ -54,6 +54,9 @@ std::optional<PageCommand> parse_page_command(std::string_view text) {
   } else if (verb == "grip") {
     c.kind = PageCommand::Kind::grip;
     c.number[0] = words.number(kPageGripLeast, kPageGripMost);
+  } else if (verb == "opening") {
+    c.kind = PageCommand::Kind::opening;
+    c.number[0] = words.number(0.0, kPageReach);
   } else if (verb == "network") {
     c.kind = PageCommand::Kind::network;
     const std::string_view direction = words.word();

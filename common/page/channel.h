@@ -36,9 +36,11 @@ struct PageSample {
   double received = 0.0, lost = 0.0;  ///< packets from the slave
   double late_us = 0.0;               ///< largest wake-up latency since the sample before
   double mode = 0.0, slave_mode = 0.0;
-  double epoch = 0.0;    ///< switches of the method so far
-  double held = 0.0;     ///< 1 while the pointer holds the handle of --device page
-  double dropped = 0.0;  ///< samples that the page was too slow for
+  double epoch = 0.0;                                  ///< switches of the method so far
+  double held = 0.0;                                   ///< 1 while the pointer holds the handle of --device page
+  double gripper_hand_m = 0.0, gripper_robot_m = 0.0;  ///< openings of the handle's gripper and of the fingers
+  double gripper_felt_n = 0.0;                         ///< force on the hand at the gripper; opens where it is positive
+  double dropped = 0.0;                                ///< samples that the page was too slow for
 };
 
 /// Calls see(name, size, field) for each field in order: the layout of a sample on the wire, doubles of this machine's
@@ -71,6 +73,9 @@ void for_each_page_field(Sample& s, See&& see) {
   number("slave_mode", s.slave_mode);
   number("epoch", s.epoch);
   number("held", s.held);
+  number("gripper_hand_m", s.gripper_hand_m);
+  number("gripper_robot_m", s.gripper_robot_m);
+  number("gripper_felt_n", s.gripper_felt_n);
   number("dropped", s.dropped);
 }
 
@@ -80,6 +85,7 @@ struct PageCommand {
     target,   ///< the pointer holds the handle; numbers 0 to 2: where [m], 3 to 5: rotation vector [rad]
     release,  ///< it does not
     grip,     ///< number 0: stiffness of the hand [N/m]
+    opening,  ///< number 0: opening that the hand intends at the gripper [m]
     network,  ///< which: 0 to the slave, 1 to the master; numbers: delay [ms], jitter [ms], loss [1]
     method,   ///< which: index into the methods that the page was told
   };
@@ -98,6 +104,7 @@ inline constexpr double kPageDelayMs = 500.0, kPageJitterMs = 50.0, kPageLoss = 
 ///     target X Y Z RX RY RZ      [m], [rad]
 ///     release
 ///     grip N_PER_M
+///     opening M
 ///     network to_slave|to_master DELAY_MS JITTER_MS LOSS
 ///     method INDEX
 ///
@@ -114,7 +121,7 @@ struct PagePointer {
 struct PageChannel {
   Ring<PageSample> samples{4096};   ///< cycle to server
   Ring<PageCommand> commands{256};  ///< server to cycle: network, method
-  Ring<PageCommand> hand{256};      ///< server to the device, in the cycle's thread: target, release, grip
+  Ring<PageCommand> hand{256};      ///< server to the device, in the cycle's thread: target, release, grip, opening
   PagePointer pointer;
 };
 

@@ -101,18 +101,24 @@ std::string describe_for_page(const Scene& s, const PageIntroduction& i) {
   for_each_page_field(sample, [&](const char* name, std::size_t size, const double*) {
     fields += fmt::format("{}[{},{}]", fields.empty() ? "" : ",", json_string(name), size);
   });
+  // Where the handle's gripper starts: as far as the page opens it.
+  std::string gripper = "null";
+  if (s.gripper) {
+    const bool placed = s.gripper->device && !s.gripper->device->position_m.empty();
+    gripper = number(placed ? s.gripper->device->position_m[0] : 0.0);
+  }
   const auto axis = [](const Eigen::Vector3d& v) { return vector(v); };
   return fmt::format(
       R"({{"scene":{},"dof":{},"rate_hz":{},"architecture":{},"method":{},"methods":{},"device":{},"pointer":{},)"
       R"("grip_n_per_m":{},"grip_limits_n_per_m":[{},{}],"max_force_n":{},"motion_scale":{},"force_scale":{},)"
       R"("linked":{},"to_slave":{},"to_master":{},"network_limits":{{"delay_ms":{},"jitter_ms":{},"loss":{}}},)"
-      R"("environment":{},"tool":{},"fields":[{}]}})",
+      R"("environment":{},"tool":{},"gripper_m":{},"fields":[{}]}})",
       json_string(s.name), s.dof, number(s.master_rate_hz), json_string(name_of(s.control.architecture)),
       json_string(s.control.method_name), list(i.methods, json_string), json_string(i.device), i.has_pointer,
       number(i.grip_n_per_m), number(kPageGripLeast), number(kPageGripMost), number(s.control.max_force_n),
       number(s.control.motion_scale), number(s.control.force_scale), s.control.architecture != Architecture::render,
       network(s.to_slave), network(s.to_master), number(kPageDelayMs), number(kPageJitterMs), number(kPageLoss),
-      list(s.environment, element), list(s.tool, axis), fields);
+      list(s.environment, element), list(s.tool, axis), gripper, fields);
 }
 
 }  // namespace twoport

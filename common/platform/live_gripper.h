@@ -75,6 +75,9 @@ class LiveGripper {
     has_row_ = has_row;
     if (has_row) row_ = side_.row(t_s, sample_, out_, mail_.known());
   }
+  [[nodiscard]] const Sample& sample() const noexcept { return sample_; }
+  [[nodiscard]] const auto& out() const noexcept { return out_; }
+  [[nodiscard]] const auto& known() const noexcept { return mail_.known(); }
   [[nodiscard]] bool fault() const noexcept { return sample_.status == HardwareStatus::fault; }
   [[nodiscard]] bool diverged() const noexcept { return recorder_->diverged(); }
 

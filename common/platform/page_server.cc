@@ -273,13 +273,16 @@ struct PageServer::Impl {
     switch (command->kind) {
       case PageCommand::Kind::target:
         // One hand at a time.
-        if (std::any_of(clients.begin(), clients.end(), [&](const Shared& c) { return c != client && c->holds; }))
-          return;
+        if (held_by_another(client)) return;
         client->holds = true;
         channel.hand.try_push(*command);
         break;
       case PageCommand::Kind::release:
         release(client);
+        break;
+      case PageCommand::Kind::opening:
+        if (held_by_another(client)) return;
+        channel.hand.try_push(*command);
         break;
       case PageCommand::Kind::grip:
         channel.hand.try_push(*command);
@@ -289,6 +292,10 @@ struct PageServer::Impl {
         channel.commands.try_push(*command);
         break;
     }
+  }
+
+  bool held_by_another(const Shared& client) const {
+    return std::any_of(clients.begin(), clients.end(), [&](const Shared& c) { return c != client && c->holds; });
   }
 
   void release(const Shared& client) {

@@ -1,10 +1,11 @@
 #!/usr/bin/env bash
-# Runs end_to_end.mjs against both programs: end_to_end.sh MASTER SLAVE NODE_MODULES [PICTURE.png]
+# Runs end_to_end.mjs, or gripper.mjs, against both programs: end_to_end.sh MASTER SLAVE NODE_MODULES [PICTURE.png] [gripper]
 # Exit status 77: skipped, with the reason.
 set -euo pipefail
-master=$1 slave=$2 modules=$3 picture=${4:-}
+master=$1 slave=$2 modules=$3 picture=${4:-} script=${5:-end_to_end}
 here=$(dirname "$(readlink -f "$0")")
 scene=$here/../../examples/play/one_axis.textproto
+[ "$script" = end_to_end ] || scene=$here/../../examples/play/$script.textproto
 
 skip() { echo "SKIPPED: $1"; exit 77; }
 command -v node >/dev/null || skip "node is not installed; the page is driven by playwright-core, which needs it"
@@ -40,7 +41,7 @@ pids+=($!)
 if ! wait_for 'page: http|without the page' "$work/master.log"; then exit 1; fi
 grep -q 'without the page' "$work/master.log" && skip "the programs were built without the page"
 url=$(grep -om1 'http://[^ ]*' "$work/master.log")
-node "$here/end_to_end.mjs" "$url" "$chromium" "$modules" "$picture"
+node "$here/$script.mjs" "$url" "$chromium" "$modules" "$picture"
 
 # Both end by SIGINT, with whole summaries.
 for pid in "${pids[@]}"; do

@@ -121,6 +121,42 @@ TEST(PageDevice, TurnsWithThePointer) {
   EXPECT_NEAR((rotation_vector(s.x.attitude()) - Eigen::Vector3d{0.3, 0, 0.4}).norm(), 0.0, 1e-3);
 }
 
+/// The gripper is held as long as the handle is, and rests under a force at the opening that the hand intends plus f / k.
+TEST(PageDevice, HasTheGripperOfTheScene) {
+  PageChannel channel;
+  const Scene scene = parse_scene(
+      "dof: 1 duration_s: 1 rate_hz: 1000 operator { hand { stiffness_n_per_m: 300 } } device { mass_kg: 0.1 } "
+      "control { passivity { method: INTERNAL_MODEL } } robot { mass_kg: 1 force_sensor { } } "
+      "gripper { operator { hand { stiffness_n_per_m: 400 } } device { mass_kg: 0.05 position_m: [0.06] } "
+      "robot { mass_kg: 0.2 force_sensor { } } }",
+      "s", {}, SceneFor::live);
+  const std::unique_ptr<Device<1>> device = all_drivers().devices.open<1>("page", scene, Seconds{kPeriod}, &channel);
+  EXPECT_TRUE(device->info().gripper);
+  Device<1>* const gripper = device->gripper();
+  ASSERT_NE(gripper, nullptr);
+  long k = 0;
+  DeviceSample<1> s;
+  const auto run = [&](long ticks, bool holds, double force_n) {
+    for (const long end = k + ticks; k < end; ++k) {
+      if (holds && k % 16 == 0) channel.hand.try_push({PageCommand::Kind::target, 0, {}});
+      const Tick<MasterClock> tick{Instant<MasterClock>{tick_time(k, 1 / kPeriod)}, Seconds{kPeriod}, Seconds{kPeriod}};
+      device->sense(tick);
+      device->actuate(Force<1>{});
+      s = gripper->sense(tick);
+      gripper->actuate(Force<1>{Force<1>::Vector{force_n}});
+    }
+  };
+  channel.hand.try_push({PageCommand::Kind::opening, 0, {0.04}});
+  run(500, false, 0.0);
+  EXPECT_FALSE(s.held);
+  EXPECT_EQ(s.x.translation()[0], 0.06);
+  run(2000, true, -2.0);
+  EXPECT_TRUE(s.held);
+  EXPECT_NEAR(s.x.translation()[0], 0.04 + 2.0 / 400.0, 1e-6);  // settled for 20 time constants
+  run(300, false, 0.0);
+  EXPECT_FALSE(s.held) << "250 ms without the page";
+}
+
 /// What the hand's port takes in from a force that only dissipates cannot grow: the handle alone does not create energy
 /// at any stiffness and after skipped ticks.
 TEST(PageDevice, AReleasedHandleDissipates) {

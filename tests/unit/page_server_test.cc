@@ -144,6 +144,23 @@ TEST(PageServer, SendsSamplesAndTakesCommands) {
   EXPECT_EQ(command.kind, PageCommand::Kind::network);
 }
 
+/// Who holds the handle holds the gripper. The stiffness, which comes after the other page's opening, is the next that arrives.
+TEST(PageServer, TakesTheGrippersOpeningFromWhoHoldsTheHandle) {
+  Served s;
+  Connection holds{s.port}, other{s.port};
+  holds.write(s.upgrade("http://" + s.host) + masked(0x81, "opening 0.05") + masked(0x81, "target 0.01 0 0 0 0 0"));
+  PageCommand command;
+  ASSERT_TRUE(soon_pops(s.channel.hand, command));
+  EXPECT_EQ(command.kind, PageCommand::Kind::opening) << "nobody held it";
+  ASSERT_TRUE(soon_pops(s.channel.hand, command));
+  other.write(s.upgrade("http://" + s.host) + masked(0x81, "opening 0.01") + masked(0x81, "grip 300"));
+  ASSERT_TRUE(soon_pops(s.channel.hand, command));
+  EXPECT_EQ(command.kind, PageCommand::Kind::grip);
+  holds.write(masked(0x81, "opening 0.03"));
+  ASSERT_TRUE(soon_pops(s.channel.hand, command));
+  EXPECT_EQ(command.number[0], 0.03);
+}
+
 TEST(PageServer, AClosedConnectionReleasesTheHandle) {
   Served s;
   {

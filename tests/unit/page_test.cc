@@ -178,6 +178,10 @@ TEST(PageCommand, IsClampedToItsLimits) {
   EXPECT_EQ(target->number, (std::array<double, 6>{kPageReach, -kPageReach, 0.01, 0, 0, -kPageTurn}));
   EXPECT_EQ(parse_page_command("grip 1e9")->number[0], kPageGripMost);
   EXPECT_EQ(parse_page_command("grip -1")->number[0], kPageGripLeast);
+  EXPECT_EQ(parse_page_command("opening 0.04")->kind, PageCommand::Kind::opening);
+  EXPECT_EQ(parse_page_command("opening 0.04")->number[0], 0.04);
+  EXPECT_EQ(parse_page_command("opening -1")->number[0], 0.0);
+  EXPECT_EQ(parse_page_command("opening 9")->number[0], kPageReach);
   const auto network = parse_page_command("network to_master 1e6 50.5 1");
   ASSERT_TRUE(network);
   EXPECT_EQ(network->which, 1);
@@ -188,9 +192,10 @@ TEST(PageCommand, IsClampedToItsLimits) {
 }
 
 TEST(PageCommand, RefusesAnythingElse) {
-  for (const char* bad : {"", "x", "target", "target 0 0 0 0 0", "target 0 0 0 0 0 0 0", "target nan 0 0 0 0 0",
-                          "target inf 0 0 0 0 0", "target 0,1 0 0 0 0 0", "target  0 0 0 0 0 0", "grip", "grip 1 1",
-                          "network up 1 1 0", "network to_slave 1 1", "release now", "method 1.5", "method x"})
+  for (const char* bad :
+       {"", "x", "target", "target 0 0 0 0 0", "target 0 0 0 0 0 0 0", "target nan 0 0 0 0 0", "target inf 0 0 0 0 0",
+        "target 0,1 0 0 0 0 0", "target  0 0 0 0 0 0", "grip", "grip 1 1", "opening", "opening nan", "opening 0 0",
+        "network up 1 1 0", "network to_slave 1 1", "release now", "method 1.5", "method x"})
     EXPECT_FALSE(parse_page_command(bad)) << bad;
 }
 

@@ -42,6 +42,7 @@ export interface Introduction {
   network_limits: Network;
   environment: Element[];
   tool: Vec[];
+  gripper_m: number | null; // where the gripper of the handle starts; null: none
   fields: [string, number][];
 }
 

@@ -105,6 +105,8 @@ class Page {
         : scene.dof === 3
           ? 'Drag to move the hand in the view; the wheel moves it along the view. Keyboard: Space, arrows, Page Up and Down.'
           : 'Drag to move the hand in the view, with Shift to turn it; the wheel moves it along the view. Keyboard: Space, arrows, Page Up and Down, with Shift to turn.';
+    if (scene.pointer && scene.gripper_m !== null)
+      element('hint').textContent += ` The gripper: O and C, or the wheel${scene.dof === 1 ? '' : ' with Ctrl'}.`;
   }
 
   private makePlots(): void {
@@ -163,6 +165,13 @@ class Page {
       this.channel.send(`grip ${grip.value}`);
     };
     tellGrip();
+
+    for (const row of document.querySelectorAll<HTMLElement>('.gripper')) row.hidden = scene.gripper_m === null;
+    const opening = element<HTMLInputElement>('opening'), start = scene.gripper_m ?? 0;
+    opening.max = String(1e3 * (start > 0 ? start : 0.1));
+    opening.value = String(1e3 * start);
+    opening.oninput = () => this.sendOpening();
+    this.sendOpening();
 
     element('network-controls').hidden = !scene.linked;
     const of = (n: Network): string =>
@@ -236,6 +245,18 @@ class Page {
 
   // The hand.
 
+  /** The opening that the hand intends at the gripper. */
+  private sendOpening(): void {
+    const mm = element<HTMLInputElement>('opening').value;
+    element('opening-value').textContent = `${mm} mm`;
+    if (this.scene?.pointer && this.scene.gripper_m !== null) this.channel.send(`opening ${(1e-3 * Number(mm)).toFixed(6)}`);
+  }
+  private openBy(mm: number): void {
+    const opening = element<HTMLInputElement>('opening');
+    opening.value = String(Number(opening.value) + mm);
+    this.sendOpening();
+  }
+
   private vector(name: string): Vec {
     const at = this.layout.place(name);
     return [this.last![at]!, this.last![at + 1]!, this.last![at + 2]!];
@@ -250,6 +271,7 @@ class Page {
     this.turn = n > 1e-9 ? (v.map((x) => (x / n) * (angle > Math.PI ? angle - 2 * Math.PI : angle)) as Vec) : [0, 0, 0];
     element('picture').classList.add('held');
     this.sendTarget();
+    this.sendOpening(); // another page may have set it meanwhile
   }
   letGo(): void {
     if (!this.held) return;
@@ -306,7 +328,8 @@ class Page {
       (e) => {
         if (!this.held) return;
         e.preventDefault();
-        this.move(0, 0, -0.1 * e.deltaY, e.shiftKey);
+        if (this.scene?.gripper_m != null && (e.ctrlKey || this.scene.dof === 1)) this.openBy(-0.02 * e.deltaY);
+        else this.move(0, 0, -0.1 * e.deltaY, e.shiftKey);
       },
       { passive: false },
     );
@@ -326,6 +349,8 @@ class Page {
         if (e.repeat) return;
         if (this.held) this.letGo();
         else this.grab();
+      } else if (e.key === 'o' || e.key === 'c') {
+        this.openBy(e.key === 'o' ? 1 : -1);
       } else if (by && this.held) {
         e.preventDefault();
         this.move(by[0], by[1], by[2], e.shiftKey);
@@ -400,6 +425,9 @@ class Page {
     show('felt', Math.hypot(...this.vector('felt_n')), 2, 'N');
     show('environment', Math.hypot(...this.vector('environment_n')), 2, 'N');
     show('behind', 1e3 * Math.hypot(...this.vector('behind_m')), 2, 'mm');
+    show('gripper-hand', 1e3 * number('gripper_hand_m'), 1, 'mm');
+    show('gripper-robot', 1e3 * number('gripper_robot_m'), 1, 'mm');
+    show('gripper-felt', number('gripper_felt_n'), 2, 'N');
     show('hand-energy', 1e3 * number('hand_energy_j'), 3, 'mJ');
     show('robot-energy', 1e3 * number('robot_energy_j'), 3, 'mJ');
     show('dissipated', 1e3 * number('dissipated_j'), 3, 'mJ');
