@@ -6,7 +6,7 @@
 // as the unit has lanes. Every operation is the laboratory's, in its order; tests/scenario/lanes_test.cc compares the results bit
 // by bit. Included by a unit inside its namespace.
 
-/// How a run is compiled: with sums for the summary, or with a record of the motion for the verdict.
+/// How a run is compiled: with sums for the summary (and a record where Batch::records says so), or with a record of the motion alone.
 enum class Part { run, tail };
 
 /// The coefficients of the free robot, or of the robot in contact.
@@ -714,6 +714,7 @@ struct Loop {
     unsigned diverged = 0;
     if constexpr (kPart == Part::run) {
       diverged = add_sums();
+      if (b.records) add_record();
     } else {
       add_record();
     }
