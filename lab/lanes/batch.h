@@ -108,6 +108,7 @@ struct Batch {
   bool projected, unilateral, predict;  ///< one_port
   bool keeps_deficit;                   ///< not as published
   bool measured, drift_compensation, hand, wall;
+  bool keeps_states;  ///< run: ContactStates are wanted
   int springs;
   // Made from the parameters whenever a lane has been filled.
   bool lossy[2], bursts[2], one_lag[2], together;

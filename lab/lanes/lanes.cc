@@ -650,6 +650,7 @@ class Lanes {
     b.hand = true;
     const World world{scene.environment};
     b.wall = !world.surfaces.empty();
+    b.keeps_states = !tail && !records;
     b.springs = static_cast<int>(world.springs.size());
     b.plant_step = Of::step_plant;
     b.squared_angle = [](const double* u, const double* f, double u2, double f2) {

@@ -675,7 +675,7 @@ struct Loop {
 
     // ContactStates::add.
     const M pressed = env2 != 0.0;
-    if (any(pressed)) {
+    if (b.keeps_states && any(pressed)) {
       t.pressed += select(pressed, root(env2), V{});
       const M seen = pressed & (p.late != 0.0);
       if (b.wall && any(seen)) {
