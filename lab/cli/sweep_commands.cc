@@ -20,7 +20,7 @@ namespace {
 struct Arguments {
   SweepOptions sweep;
   std::optional<int> lanes;
-  std::string shard, plot = "stable";
+  std::string shard, plot = "stable", verdict = "tail";
   std::vector<std::string> axes, parts;
 };
 
@@ -71,6 +71,9 @@ void finish(const Table& table, const std::string& plot, const std::string& out)
 int sweep_command(Arguments& a) {
   check_plot(a.plot, a.sweep.seeds > 0);
   for (const std::string& axis : a.axes) a.sweep.axes.push_back(parse_axis(axis));
+  a.sweep.verdict = a.verdict == "plain"  ? VerdictFrom::plain
+                    : a.verdict == "lean" ? VerdictFrom::lean
+                                          : VerdictFrom::tail;
   if (!a.shard.empty()) a.sweep.shard = parse_shard(a.shard);
   LaneUse use;
   const Table table = sweep(a.sweep, checked_lanes(a.lanes.value_or(0)), use, show_progress);
@@ -108,6 +111,13 @@ std::vector<Subcommand> add_sweep_commands(CLI::App& app) {
       ->check(CLI::Range(1, 1'000'000));
   add_jobs(sweep, a->sweep.jobs);
   add_lanes(sweep, a->lanes);
+  sweep
+      ->add_option(
+          "--verdict", a->verdict,
+          "tail: left alone after the scene's end, beside a twin, as run does; lean: with the twin only where a "
+          "passivity controller acts; plain: from the scene's own run, fastest, and UNDECIDED more often")
+      ->check(CLI::IsMember({"tail", "lean", "plain"}))
+      ->capture_default_str();
   sweep->add_option("--shard", a->shard, "I/N, I from 1: run only this part of the cells, for merge");
   sweep->add_option("--out", a->sweep.out, "Folder for table.csv, pictures, and the cells finished so far");
   sweep->add_option("--plot", a->plot, plot)->capture_default_str();
@@ -124,8 +134,8 @@ environment_force_mean_n, steps, duration_s, packets.*.sent and packets.*.receiv
 The verdict is that of the worst seed, given in worst_seed: an unstable one before a stable one, then the one with the
 smallest min_port_energy_j.
 
-Finished cells are kept in OUT/cells.jsonl: a stopped sweep resumes from there if scene, overrides, axes and seeds
-are unchanged. Expectations of the scene (expect) are not checked.
+Finished cells are kept in OUT/cells.jsonl: a stopped sweep resumes from there if scene, overrides, axes, seeds
+and verdict are unchanged. Expectations of the scene (expect) are not checked.
 gnuplot draws up to three axes: a curve, a map, a map for each value of the third.)");
 
   CLI::App* merge = app.add_subcommand("merge", "Combine the parts of sweep --shard I/N");

@@ -100,6 +100,7 @@ struct Batch {
   std::int64_t slots, window_slots;  ///< of the rings; powers of two
   std::int64_t clock;                ///< number of the next tick, since the batch began
   std::int64_t record_row;           ///< of the next tick
+  bool records;                      ///< run: ticks are recorded too
   const double* path[kMostLanes];    ///< run: intended position at each tick, N numbers each
   void* plant[kMostLanes];           ///< for plant_step
   // The same in every lane.
@@ -107,6 +108,7 @@ struct Batch {
   bool projected, unilateral, predict;  ///< one_port
   bool keeps_deficit;                   ///< not as published
   bool measured, drift_compensation, hand, wall;
+  bool keeps_states;  ///< run: ContactStates are wanted
   int springs;
   // Made from the parameters whenever a lane has been filled.
   bool lossy[2], bursts[2], one_lag[2], together;

@@ -69,6 +69,14 @@ struct SumsOfLanes {
     j.diverged_at_s_ = m.last_s_;
     j.coupled_ = t.was_coupled != 0.0;
   }
+  /// What RunJudge has seen since the path's end, for a verdict from the run itself.
+  template <int N>
+  static void set_after(Metrics<N>& m, TrendRecord&& record, bool acted, double energy_j) {
+    RunJudge<N>& j = m.judge_;
+    j.after_ = std::move(record);
+    j.acted_after_ = acted;
+    j.energy_j_ = energy_j;
+  }
 };
 
 namespace lab {
@@ -238,6 +246,18 @@ class Cell {
   [[nodiscard]] std::int64_t ticks() const { return ticks_; }
   [[nodiscard]] std::int64_t next_stop() const { return stops_[next_stop_]; }
   [[nodiscard]] std::size_t window() const { return window_; }
+  [[nodiscard]] bool is_plain() const { return from_of_verdict_ == VerdictFrom::plain; }
+  /// Are ticks from `k` on recorded? RunJudge::see.
+  [[nodiscard]] bool is_recorded(std::int64_t k) const { return k >= quiet_from_; }
+  /// A recorded tick: its row, of which every `width`-th number is this lane's.
+  void add_recorded(const double* row, std::size_t width) {
+    std::array<double, 2 * N> v;
+    for (std::size_t j = 0; j < 2 * N; ++j) v[j] = row[j * width];
+    const std::array energies{row[2 * N * width], row[2 * N * width]};
+    const auto events = static_cast<unsigned>(row[(2 * N + 2) * width]);
+    after_->add(v, energies, {.touching = (events & kTouching) != 0, .limited = (events & kLimited) != 0});
+    acted_after_ = acted_after_ || (events & kActed) != 0;
+  }
   void keep_ratio(double ratio) { held_ratio_ = ratio; }
 
   /// Tick `k`, a stop, begins; the lane's state is in `now` and `t`. Sets the parameters that change.
@@ -275,6 +295,10 @@ class Cell {
     if (failed_) return;
     metrics_.emplace(metrics_of<N>(scene_, true, path_->end_s, scene_.control.initial_energy.si(), false));
     SumsOfLanes::set<N>(*metrics_, t, k, static_cast<double>(period_ns_), held_ratio_, early_, has_early_, diverged);
+    if (is_plain()) {
+      SumsOfLanes::set_after<N>(*metrics_, std::move(*after_), acted_after_, now.state.master_energy);
+      return;
+    }
     judged_ = !diverged && metrics_->judge().not_judged().empty();
     if (judged_) scale_ = metrics_->judge().scale();
   }
@@ -507,7 +531,11 @@ class Cell {
     end_s_ = to_seconds(end).si();
     early_at_ = tick_of_time(0.05 * scene_.duration_s, period);
     stops_ = {early_at_, ticks_};
-    if (!World{scene_.environment}.surfaces.empty()) {
+    if (is_plain()) {
+      after_.emplace(2 * N, 2);
+      quiet_from_ = tick_of_time(path_->end_s, period);
+      stops_.push_back(quiet_from_);
+    } else if (!World{scene_.environment}.surfaces.empty()) {
       double from_s = 0.0;
       std::int64_t from = 0;
       for (const double until_s : twoport::lab::parts(path_->segment_ends_s, end_s_)) {
@@ -592,6 +620,9 @@ class Cell {
   std::optional<Snapshot<N>> held_;  ///< in contact
   const Snapshot<N>* from_ = nullptr;
   std::optional<Metrics<N>> metrics_;
+  std::optional<TrendRecord> after_;  ///< plain verdict: the run since the path's end
+  bool acted_after_ = false;
+  std::int64_t quiet_from_ = std::numeric_limits<std::int64_t>::max();  ///< first tick of after_
   MotionScale scale_;
   std::optional<Verdict> verdict_;
 };
@@ -606,7 +637,8 @@ class Lanes {
                                kSums = sizeof(Sums<double, N>) / sizeof(double);
 
   /// For scenes of the shape of `scene`, with rings for packets of so many ticks, and for the window.
-  Lanes(const Unit& unit, const Scene& scene, std::int64_t oldest, std::size_t window, bool tail) : unit_{unit} {
+  Lanes(const Unit& unit, const Scene& scene, std::int64_t oldest, std::size_t window, bool tail, bool records)
+      : unit_{unit} {
     const ControlOptions& c = scene.control;
     b.method = method_of(c);
     b.projected = c.controller.method == Method::force_projected;
@@ -618,6 +650,7 @@ class Lanes {
     b.hand = true;
     const World world{scene.environment};
     b.wall = !world.surfaces.empty();
+    b.keeps_states = !tail && !records;
     b.springs = static_cast<int>(world.springs.size());
     b.plant_step = Of::step_plant;
     b.squared_angle = [](const double* u, const double* f, double u2, double f2) {
@@ -633,7 +666,7 @@ class Lanes {
     b.parameters = take(0, kParameters * w), b.state = take(1, kState * w), b.sums = take(2, kSums * w);
     b.to_slave = take(3, slots * words_to_slave(N) * w), b.to_master = take(4, slots * words_to_master(N) * w);
     if (!tail) b.window = take(5, static_cast<std::size_t>(b.window_slots) * 2 * N * w);
-    if (tail) b.record = take(6, kRecordRows * words_of_record(N) * w);
+    if (records) b.record = take(6, kRecordRows * words_of_record(N) * w);
   }
   Lanes(const Lanes&) = delete;
   Lanes& operator=(const Lanes&) = delete;
@@ -788,8 +821,9 @@ class Runs {
  public:
   using Of = std::unique_ptr<Cell<N>>;
 
-  Runs(const Unit& unit, const Queue& queue)
-      : unit_{unit}, lanes_{unit, queue.scene(0), queue.oldest(), queue.window(), false} {}
+  Runs(const Unit& unit, const Queue& queue, VerdictFrom verdict)
+      : unit_{unit}, lanes_{unit,           queue.scene(0), queue.oldest(),
+                            queue.window(), false,          verdict == VerdictFrom::plain} {}
 
   [[nodiscard]] bool empty() const { return cells_ == 0; }
   [[nodiscard]] bool has_room() const { return cells_ < lanes_.width(); }
@@ -815,8 +849,16 @@ class Runs {
     Batch& b = lanes_.b;
     int active = -1;
     std::int64_t n = std::numeric_limits<std::int64_t>::max();
-    for (int lane = 0; lane < lanes_.width(); ++lane)
-      if (cell_[lane] != nullptr) active = lane, n = std::min(n, cell_[lane]->next_stop() - k_[lane]);
+    bool recorded[kMostLanes]{};
+    b.records = false;
+    for (int lane = 0; lane < lanes_.width(); ++lane) {
+      if (cell_[lane] == nullptr) continue;
+      active = lane, n = std::min(n, cell_[lane]->next_stop() - k_[lane]);
+      recorded[lane] = cell_[lane]->is_recorded(k_[lane]);
+      b.records |= recorded[lane];
+    }
+    if (b.records) n = std::min(n, kRecordRows);
+    b.record_row = 0;
     for (int lane = 0; lane < lanes_.width(); ++lane)
       if (cell_[lane] == nullptr) lanes_.copy_lane(lane, active, !std::exchange(idle_[lane], true));
     lanes_.lanes_changed();
@@ -827,6 +869,7 @@ class Runs {
       Cell<N>* const cell = cell_[lane].get();
       if (cell == nullptr) continue;
       k_[lane] += done;
+      if (recorded[lane]) add_recorded(*cell, lane, done);
       const bool diverged = (b.diverged >> lane & 1U) != 0;
       if (!diverged && k_[lane] < cell->next_stop()) continue;
       lanes_.get_state(lane, cell->now.state);
@@ -838,7 +881,7 @@ class Runs {
         lanes_.set_sums(lane, *cell);
         continue;
       }
-      packets();
+      if (!cell->is_plain()) packets();
       std::optional<double> ratio;
       if (cell->t.held_ticks >= static_cast<double>(cell->window()))
         ratio = lanes_.ratio(lane, cell->window(), static_cast<std::size_t>(cell->t.held_next));
@@ -854,6 +897,12 @@ class Runs {
   }
 
  private:
+  void add_recorded(Cell<N>& cell, int lane, std::int64_t rows) {
+    const auto width = static_cast<std::size_t>(lanes_.width());
+    for (std::int64_t row = 0; row < rows; ++row)
+      cell.add_recorded(lanes_.b.record + static_cast<std::size_t>(row) * words_of_record(N) * width + lane, width);
+  }
+
   const Unit& unit_;
   Lanes<N> lanes_;
   Of cell_[kMostLanes];
@@ -870,7 +919,7 @@ class Tails {
   using Of = std::unique_ptr<Cell<N>>;
 
   Tails(const Unit& unit, const Queue& queue)
-      : unit_{unit}, lanes_{unit, queue.scene(0), queue.oldest(), queue.window(), true} {
+      : unit_{unit}, lanes_{unit, queue.scene(0), queue.oldest(), queue.window(), true, true} {
     for (int lane = lanes_.width(); lane-- > 0;) free_.push_back(lane);
   }
 
@@ -1010,7 +1059,7 @@ class Tails {
 /// A thread's work: cells of the queue until there are none.
 template <int N>
 void run_queue(Queue& queue, const Unit& unit, const LaneOptions& o, const FinishedInLanes& finished) {
-  Runs<N> runs{unit, queue};
+  Runs<N> runs{unit, queue, o.verdict};
   Tails<N> tails{unit, queue};
   std::map<std::string, std::weak_ptr<const Intended>> paths;
   std::shared_ptr<const Intended> path;  // of the newest cell: the next one's is often the same

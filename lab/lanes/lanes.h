@@ -25,9 +25,9 @@ std::string why_not_in_lanes(const Scene& scene);
 std::string shape_of_lanes(const Scene& scene);
 
 struct LaneOptions {
-  int lanes = 2;                            ///< 2, 4 or 8
-  int jobs = 1;                             ///< threads
-  VerdictFrom verdict = VerdictFrom::tail;  ///< `tail` or `lean`
+  int lanes = 2;  ///< 2, 4 or 8
+  int jobs = 1;   ///< threads
+  VerdictFrom verdict = VerdictFrom::tail;
   const std::atomic<bool>* stop = nullptr;  ///< throws Stopped soon after it has become true
 };
 using FinishedInLanes = std::function<void(std::size_t number, const Summary&)>;

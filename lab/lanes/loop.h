@@ -6,7 +6,7 @@
 // as the unit has lanes. Every operation is the laboratory's, in its order; tests/scenario/lanes_test.cc compares the results bit
 // by bit. Included by a unit inside its namespace.
 
-/// How a run is compiled: with sums for the summary, or with a record of the motion for the verdict.
+/// How a run is compiled: with sums for the summary (and a record where Batch::records says so), or with a record of the motion alone.
 enum class Part { run, tail };
 
 /// The coefficients of the free robot, or of the robot in contact.
@@ -675,7 +675,7 @@ struct Loop {
 
     // ContactStates::add.
     const M pressed = env2 != 0.0;
-    if (any(pressed)) {
+    if (b.keeps_states && any(pressed)) {
       t.pressed += select(pressed, root(env2), V{});
       const M seen = pressed & (p.late != 0.0);
       if (b.wall && any(seen)) {
@@ -714,6 +714,7 @@ struct Loop {
     unsigned diverged = 0;
     if constexpr (kPart == Part::run) {
       diverged = add_sums();
+      if (b.records) add_record();
     } else {
       add_record();
     }

@@ -185,10 +185,10 @@ CellFile::CellFile(const std::string& folder, const Plan& plan) : path_{path_in(
   if (read(path_, text) && text.find('\n') != text.npos) {
     Contents found = parse(path_, text);
     if (found.plan.digest != plan.digest)
-      throw ConfigError{
-          fmt::format("{}: holds cells of another scene, overrides, axes, seeds or version; name another --out, "
-                      "or remove it",
-                      path_)};
+      throw ConfigError{fmt::format(
+          "{}: holds cells of another scene, overrides, axes, seeds, verdict or version; name another --out, "
+          "or remove it",
+          path_)};
     kept_ = std::move(found.cells);
     if (found.whole < text.size()) write_whole(path_, text.substr(0, found.whole));
   } else {

@@ -23,8 +23,7 @@ LaneUse run_many(std::span<const Scene* const> scenes, const ManyRuns& o,
       alone.push_back(i);
       continue;
     }
-    const std::string why =
-        o.verdict == VerdictFrom::plain ? "the verdict is that of the run itself" : why_not_in_lanes(*scenes[i]);
+    const std::string why = why_not_in_lanes(*scenes[i]);
     if (why.empty()) {
       shapes[shape_of_lanes(*scenes[i])].push_back(i);
     } else {

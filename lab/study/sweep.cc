@@ -129,7 +129,7 @@ Plan plan_of(const SweepOptions& o) {
     }
   }
 
-  // Cells are of one sweep when scene text, recorded delays, overrides, axes, seeds and version are the same.
+  // Cells are of one sweep when scene text, recorded delays, overrides, axes, seeds, verdict and version are the same.
   Digest digest;
   digest.add(TWOPORT_VERSION);
   digest.add(o.text ? *o.text : read_whole(o.scene));
@@ -139,6 +139,8 @@ Plan plan_of(const SweepOptions& o) {
     for (const std::string& value : axis.values) digest.add(value);
   }
   if (o.seeds > 0) digest.add(fmt::format("seeds {}", o.seeds));
+  if (o.verdict == VerdictFrom::lean) digest.add("verdict lean");
+  if (o.verdict == VerdictFrom::plain) digest.add("verdict plain");
   for (const auto* direction : {&scene.to_slave, &scene.to_master})
     for (const double delay : direction->recorded_delay_s) digest.add(delay);
   plan.digest = digest.text();
@@ -188,7 +190,7 @@ LaneUse run_all(const SweepOptions& o, int lanes, const Plan& plan, const std::v
     std::vector<std::size_t> numbers;
     for (std::size_t i = 0; i < count; ++i)
       if (loaded[i]) scenes.push_back(&*loaded[i]), numbers.push_back(i);
-    use.add(run_many(scenes, {.lanes = lanes, .jobs = o.jobs, .stop = o.stop},
+    use.add(run_many(scenes, {.lanes = lanes, .jobs = o.jobs, .verdict = o.verdict, .stop = o.stop},
                      [&](std::size_t number, const Summary& summary) {
                        const std::size_t i = numbers[number];
                        finished(runs[from + i], summary, first_seeds[i]);

@@ -7,6 +7,8 @@
 #include <string>
 #include <vector>
 
+#include "lab/run.h"
+
 namespace twoport::lab {
 
 /// A path into the scene that a sweep varies, or several that take the same value in each cell (linked), and the values,
@@ -43,6 +45,7 @@ struct SweepOptions {
   std::vector<Axis> axes;        ///< the last varies fastest
   std::size_t seeds = 0;  ///< runs a cell: the scene's seed, seed + 1, …; 0: one, without columns of the spread
   int jobs = 1;
+  VerdictFrom verdict = VerdictFrom::tail;
   Shard shard;
   std::string out;                          ///< folder for table.csv and cells.jsonl; empty: nothing is kept
   const std::atomic<bool>* stop = nullptr;  ///< as RunOptions::stop; finished cells are kept
@@ -75,7 +78,7 @@ struct Progress {
 ///
 /// Each finished cell is appended at once to OUT/cells.jsonl, below a line that defines the sweep;
 /// a sweep that was killed resumes from there, an incomplete last line is dropped. Cells of another scene, other
-/// overrides, axes, seeds or version of this program are refused. Expectations of the scene are ignored.
+/// overrides, axes, seeds, verdict or version of this program are refused. Expectations of the scene are ignored.
 /// Throws ConfigError with the cell when a scene is invalid; finished cells are kept.
 Table sweep(const SweepOptions& options, const std::function<void(const Progress&)>& heard = {});
 

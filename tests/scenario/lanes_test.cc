@@ -5,6 +5,7 @@
 #include <fmt/format.h>
 #include <gtest/gtest.h>
 
+#include <array>
 #include <atomic>
 #include <bit>
 #include <cmath>
@@ -83,6 +84,7 @@ TEST(Lanes, EveryScene) {
   }
   EXPECT_GE(taken.size(), 3U * 10U);
   expect_same(taken, 64);
+  expect_same(taken, 64, VerdictFrom::plain);
 }
 
 /// Overrides that make a scene of the laboratory another one at random.
@@ -148,6 +150,25 @@ TEST(Lanes, RandomCells) {
   expect_same(cells, 120, VerdictFrom::lean);
 }
 
+// A plain verdict: from the run's own ticks after the path's end, which here comes early, late, between two ticks or never.
+TEST(Lanes, RandomCellsWithPlainVerdicts) {
+  std::mt19937_64 random{2};
+  std::vector<std::pair<std::string, Scene>> cells;
+  for (int i = 0; i < 150; ++i) {
+    const int dof = i % 3 == 0 ? 3 : 1;
+    std::vector<std::string> set = random_overrides(random, dof);
+    const double path_s = std::array{0.05, 0.3, 0.7123456, 1.1, 5.0}[random() % 5];
+    set.push_back(fmt::format(
+        "operator.path=[{{ sine {{ axis: 0 amplitude_m: 0.04 frequency_hz: 1.3 duration_s: {} }} }}]", path_s));
+    if (random() % 8 == 0) set.emplace_back("operator.tremor={ rms_m: 1e-4 low_hz: 6 high_hz: 12 }");
+    std::string name = fmt::format("dof {}: {}", dof, fmt::join(set, " "));
+    Scene scene = load_scene(kScenes + (dof == 1 ? "/one_axis_wall.textproto" : "/stiff_wall_50ms.textproto"), set);
+    EXPECT_EQ(why_not_in_lanes(scene), "") << name;
+    cells.emplace_back(std::move(name), std::move(scene));
+  }
+  expect_same(cells, 24, VerdictFrom::plain);
+}
+
 // A cell is there as soon as its own tails have ended: of a hundred no more than two batches are missing at any time.
 TEST(Lanes, CellsFinishOneAfterTheOther) {
   const std::vector<std::string> set{"duration_s=2", "rate_hz=1000"};
@@ -187,15 +208,14 @@ TEST(Lanes, AMapIsTheSame) {
 }
 
 TEST(Lanes, TheTableOfASweepIsTheSame) {
-  const SweepOptions o{
-      .scene = kScenes + "/one_axis_wall.textproto",
-      .set = {"duration_s=3"},
-      .axes = {parse_axis("to_slave.delay_ms,to_master.delay_ms=0:60:4"), parse_axis("to_slave.loss=0,0.1"),
-               parse_axis("control.passivity.method=NONE,FORCE_PROJECTED,INTERNAL_MODEL")},
-      .seeds = 2,
-      .jobs = 2,
-      .shard = {},
-      .out = {}};
+  SweepOptions o{.scene = kScenes + "/one_axis_wall.textproto",
+                 .set = {"duration_s=3"},
+                 .axes = {parse_axis("to_slave.delay_ms,to_master.delay_ms=0:60:4"), parse_axis("to_slave.loss=0,0.1"),
+                          parse_axis("control.passivity.method=NONE,FORCE_PROJECTED,INTERNAL_MODEL")},
+                 .seeds = 2,
+                 .jobs = 2,
+                 .shard = {},
+                 .out = {}};
   LaneUse use;
   const Table alone = sweep(o, 1, use);
   EXPECT_EQ(use.together, 0U);
@@ -204,6 +224,11 @@ TEST(Lanes, TheTableOfASweepIsTheSame) {
   EXPECT_EQ(use.lanes, widest_lanes());
   EXPECT_EQ(use.together, 4U * 2U * 2U * 2U);
   EXPECT_EQ(use.alone.at("control.passivity.method is INTERNAL_MODEL"), 4U * 2U * 2U);
+
+  o.verdict = VerdictFrom::plain;
+  const std::string plain = to_csv(sweep(o, 0, use));
+  EXPECT_EQ(plain, to_csv(sweep(o, 1, use)));
+  EXPECT_NE(plain, to_csv(alone));
 }
 
 TEST(Lanes, AnImpossibleNumberIsRefused) {

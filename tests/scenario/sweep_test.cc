@@ -346,6 +346,8 @@ TEST(SweepProgram, RefusesToGoOnWithAnotherSweep) {
   other_scene[1] = folder.write("scene.textproto", read_text(kWall) + "# changed\n");
   expect_refused(finished(lab(plus(other_scene, {"--out", out}))), {out, "another"});
   expect_refused(finished(lab(plus(kGrid, {"--out", out, "--seeds", "1"}))), {out, "another"});
+  expect_refused(finished(lab(plus(kGrid, {"--out", out, "--verdict", "lean"}))), {out, "another"});
+  expect_refused(finished(lab(plus(kGrid, {"--out", out, "--verdict", "plain"}))), {out, "another"});
   std::ofstream{out + "/cells.jsonl", std::ios::app} << "nonsense\n";
   expect_refused(finished(lab(plus(kGrid, {"--out", out}))), {out + "/cells.jsonl:14", "not a cell"});
 }
@@ -485,6 +487,7 @@ TEST(SweepProgram, SaysWhatIsWrong) {
   expect_refused(sweep({"--vary", "seed=1,2", "--shard", "3/2"}), {"--shard 3/2", "I/N"});
   expect_refused(sweep({"--vary", "seed=1,2", "--jobs", "0"}), {"--jobs", "0", "at least 1"});
   expect_refused(sweep({"--vary", "seed=1,2", "--seeds", "0"}), {"--seeds", "0", "1"});
+  expect_refused(sweep({"--vary", "seed=1,2", "--verdict", "full"}), {"--verdict", "full", "tail,lean,plain"});
   expect_refused(sweep({"--vary", "seed=1,2", "--seeds", "2.5"}), {"--seeds", "2.5"});
   expect_refused(sweep({"--vary", "seed=1:1000000:1000000", "--seeds", "1001"}), {"1001000000 runs", "at most"});
   for (const auto& [typed, meant] : {std::pair{"stabel", "stable"}, std::pair{"drfit_m", "drift_m"},
