@@ -23,7 +23,7 @@ namespace {
 using namespace twoport;
 using Eigen::Vector3d;
 
-struct Line {
+struct Block {
   std::string what;
   std::function<double()> round;  ///< ns of a tick
   double least = std::numeric_limits<double>::infinity();
@@ -98,7 +98,7 @@ double god_object() {
 
 int main(int argc, char** argv) {
   const std::string scenes = argc > 1 ? argv[1] : "scenes";
-  std::vector<Line> lines;
+  std::vector<Block> lines;
   for (const char* integrator : {"EXACT", "DORMAND_PRINCE"}) {
     lines.push_back({fmt::format("body tumbling at 15 rad/s, {}", integrator), [=] { return tumbling(integrator); }});
     for (const int n : {1, 8, 48, 300})
@@ -123,7 +123,7 @@ int main(int argc, char** argv) {
                      return ns_of(2000, [&](int) { robot.move(); });
                    }});
   for (int round = 0; round < 5; ++round)
-    for (Line& line : lines) line.least = std::min(line.least, line.round());
-  for (const Line& line : lines) fmt::print("{:58} {:10.0f}\n", line.what, line.least);
+    for (Block& line : lines) line.least = std::min(line.least, line.round());
+  for (const Block& line : lines) fmt::print("{:58} {:10.0f}\n", line.what, line.least);
   for (const std::string& absent : lab::absent_peers()) fmt::print("absent: {}\n", absent);
 }
