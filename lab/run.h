@@ -23,7 +23,7 @@ struct RunOptions {
   WholeFile* trace = nullptr;     ///< takes the rows of the scene's run; the caller commits it
   std::uint64_t trace_every = 1;  ///< one row in so many
   VerdictFrom verdict = VerdictFrom::tail;
-  WholeFile* gripper_trace = nullptr;     ///< as trace, of the gripper; used where the scene has one
+  WholeFile* gripper_trace = nullptr;        ///< as trace, of the gripper; used where the scene has one
   const RecordingOptions* record = nullptr;  ///< null: nothing is recorded
   TraceTable* table = nullptr;               ///< takes the rows of the trace too
   const std::atomic<bool>* stop = nullptr;   ///< ends the run, by lab::Stopped, soon after it has become true
