@@ -18,6 +18,8 @@ std::vector<std::string> violations(const ExpectSpec& expect, const Summary& sum
   else if (expect.stable && *expect.stable != summary.stable())
     found.push_back(fmt::format("stable is {}, expected {}{}", summary.stable(), *expect.stable,
                                 summary.verdict().empty() ? "" : ": " + summary.verdict()));
+  if (expect.stable == true && summary.gripper().has_stable() && !summary.gripper().stable())
+    found.push_back(fmt::format("gripper.stable is false, expected stable true: {}", summary.gripper().verdict()));
 
   for (const MethodVerdict& each : expect.of_method)
     if (each.method == summary.method() && each.verdict_kind != summary.verdict_kind())

@@ -67,6 +67,7 @@ int run_command(const Arguments& a) {
   }
   leave_summary(summary, a.out);
   if (!a.out.empty()) fmt::print("{}: {}\n", scene.name, summary.verdict());
+  if (!a.out.empty() && summary.has_gripper()) fmt::print("{}, gripper: {}\n", scene.name, summary.gripper().verdict());
   if (!unrecorded.empty() && unwritten) print_error("--record {}\n", unrecorded);
   if (unwritten) std::rethrow_exception(unwritten);
   if (!unrecorded.empty()) throw IoError{"--record " + unrecorded};

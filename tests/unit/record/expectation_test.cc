@@ -40,6 +40,19 @@ TEST(Expectations, OfAMethodConcernItsRunsOnly) {
   EXPECT_EQ(violations(expect, s), Sentences{});
 }
 
+TEST(Expectations, OfAStableRunWantAStableGripper) {
+  ExpectSpec expect;
+  expect.stable = true;
+  Summary s;
+  s.set_stable(true);
+  s.mutable_gripper()->set_stable(true);
+  EXPECT_EQ(violations(expect, s), Sentences{});
+  s.mutable_gripper()->set_stable(false);
+  s.mutable_gripper()->set_verdict("diverged at 1 s");
+  EXPECT_EQ(violations(expect, s), Sentences{"gripper.stable is false, expected stable true: diverged at 1 s"});
+  EXPECT_EQ(violations({}, s), Sentences{});
+}
+
 TEST(Expectations, ThatAreMissedSayByHowMuch) {
   Summary s;
   s.set_min_port_energy_j(-0.0123);
