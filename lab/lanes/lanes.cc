@@ -1120,7 +1120,8 @@ int checked_lanes(int lanes) {
   if (lanes == 0) return widest_lanes();
   if (lanes == 1 || unit_of(lanes) != nullptr) return lanes;
   throw ConfigError{
-      fmt::format("--lanes {}: it must be 0 (as many as there are), 1, 2, 4 or 8, and at most {} on this processor", lanes, widest_lanes())};
+      fmt::format("--lanes {}: it must be 0 (as many as there are), 1, 2, 4 or 8, and at most {} on this processor",
+                  lanes, widest_lanes())};
 }
 
 std::string why_not_in_lanes(const Scene& scene) {
