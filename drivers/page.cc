@@ -134,6 +134,7 @@ class PageDevice final : public Device<N> {
         if (gripper_) gripper_->aim(Force<1>::Vector{c.number[0]});
         break;
       case PageCommand::Kind::network:
+      case PageCommand::Kind::surface:
       case PageCommand::Kind::method:
         break;
     }

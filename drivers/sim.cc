@@ -1,8 +1,10 @@
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <memory>
 
 #include "common/base/check.h"
+#include "common/hardware/adjustable_environment.h"
 #include "common/hardware/registry.h"
 #include "sim/sim_device.h"
 #include "sim/sim_robot.h"
@@ -93,9 +95,12 @@ class SimulatedDevice final : public Device<N> {
 
 /// The scene's robot, force sensor and environment.
 template <int N>
-class SimulatedRobot final : public Robot<N> {
+class SimulatedRobot final : public Robot<N>, public AdjustableEnvironment {
  public:
-  explicit SimulatedRobot(const DriverOptions& o) : model_{o.scene, o.period} {
+  explicit SimulatedRobot(const DriverOptions& o)
+      : model_{o.scene, o.period},
+        surfaces_{std::min(model_.environment().world().surfaces.size(), kAdjustableSurfaces)},
+        ramp_ticks_{std::max(1L, std::lround(kEnvironmentRamp / o.period.si()))} {
     refuse_arguments("--robot", o);
     if (o.scene.gripper)
       gripper_ = std::make_unique<SimulatedRobot<1>>(DriverOptions{*o.scene.gripper, o.period, {}, nullptr});
@@ -104,7 +109,7 @@ class SimulatedRobot final : public Robot<N> {
   [[nodiscard]] RobotInfo info() const override { return {.name = "simulated robot", .watchdog = kWatchdog}; }
   RobotSample<N> sense(const Tick<SlaveClock>& tick) noexcept override {
     time_.pass(
-        tick, [this] { model_.advance(); }, [this] { model_.release(); });
+        tick, [this] { advance(); }, [this] { model_.release(); });
     truth_.f_environment = model_.environment_force();
     truth_.touches = model_.environment().holds() || truth_.f_environment.squared_norm() > 0.0;
     return model_.sense();
@@ -113,10 +118,59 @@ class SimulatedRobot final : public Robot<N> {
   void start() noexcept override { time_.start(); }
   void release() noexcept override { model_.release(); }
   [[nodiscard]] Robot<1>* gripper() noexcept override { return gripper_.get(); }
+  [[nodiscard]] AdjustableEnvironment* environment() noexcept override { return this; }
   [[nodiscard]] const RobotTruth<N>* truth() const noexcept override { return &truth_; }
 
+  bool adjust(const EnvironmentMessage& request) noexcept override {
+    if (!model_.takes_other_surfaces() || request.count > surfaces_) return false;
+    for (std::size_t i = 0; i < request.count; ++i) {
+      const EnvironmentMessage::Surface& s = request.surface[i];
+      const bool allowed = s.stiffness_n_per_m > 0.0 && s.stiffness_n_per_m <= kSurfaceStiffnessMost &&
+                           (s.friction <= kSurfaceFrictionMost || !model_.takes_other_friction());
+      if (!allowed || (model_.takes_other_friction() && !(s.friction >= 0.0))) return false;
+    }
+    for (std::size_t i = 0; i < surfaces_; ++i) from_[i] = to_[i] = surface(i);
+    std::copy_n(request.surface.begin(), request.count, to_.begin());
+    ramp_left_ = ramp_ticks_;
+    return true;
+  }
+  void describe(EnvironmentMessage& state) const noexcept override {
+    state.answer = !model_.takes_other_surfaces() ? EnvironmentAnswer::arm
+                   : surfaces_ == 0               ? EnvironmentAnswer::no_surface
+                                                  : EnvironmentAnswer::adjustable;
+    state.energy_j = changes_.si();
+    state.count = static_cast<std::uint8_t>(surfaces_);
+    for (std::size_t i = 0; i < surfaces_; ++i) {
+      state.surface[i] = surface(i);
+      if (!model_.takes_other_friction()) state.surface[i].friction = -1.0;
+    }
+  }
+
  private:
+  void advance() noexcept {
+    if (ramp_left_ > 0) [[unlikely]]
+      change_surfaces();
+    model_.advance();
+  }
+  /// One tick of the ramp.
+  [[gnu::noinline]] void change_surfaces() noexcept {
+    --ramp_left_;
+    const double rest = static_cast<double>(ramp_left_) / static_cast<double>(ramp_ticks_);
+    const auto between = [&](double from, double to) { return to + rest * (from - to); };
+    for (std::size_t i = 0; i < surfaces_; ++i)
+      changes_ += model_.set_surface(i, between(from_[i].stiffness_n_per_m, to_[i].stiffness_n_per_m),
+                                     between(from_[i].friction, to_[i].friction));
+  }
+  [[nodiscard]] EnvironmentMessage::Surface surface(std::size_t i) const noexcept {
+    const Material& m = model_.environment().world().surfaces[i].material;
+    return {m.stiffness_n_per_m, m.friction};
+  }
+
   sim::SimRobot<N> model_;
+  std::size_t surfaces_;  ///< that can be changed
+  std::array<EnvironmentMessage::Surface, kAdjustableSurfaces> from_{}, to_{};
+  long ramp_ticks_, ramp_left_ = 0;
+  Energy changes_;  ///< work of all changes
   WorldTime time_;
   RobotTruth<N> truth_;
   std::unique_ptr<SimulatedRobot<1>> gripper_;  ///< of the scene; null: none

@@ -47,19 +47,25 @@ class LivePage {
       log.warn("the page has no password: whoever reaches {} can watch and move the robot", a.page);
   }
 
-  /// Calls apply(command) for each command that has arrived: network, method.
+  /// Calls apply(command) for each command that has arrived: network, surface, method.
   template <class Apply>
   void take_commands(Apply apply) noexcept {
     PageCommand command;
     while (channel_.commands.try_pop(command)) apply(command);
   }
 
-  /// Before show(): openings of the handle's gripper and of the fingers, and the force at the gripper's port.
-  void note_gripper(double hand_m, double robot_m, double port_n) noexcept {
-    gripper_hand_m_ = hand_m;
-    gripper_robot_m_ = robot_m;
-    gripper_felt_n_ = -port_n;
-  }
+  /// Of the gripper's coupling.
+  struct Gripper {
+    double hand_m = 0.0, robot_m = 0.0;  ///< openings of the handle's gripper and of the fingers
+    double felt_n = 0.0;                 ///< force on the hand
+    double object_n = 0.0;               ///< force of the fingers on the object, as measured
+    double energy_j = 0.0;               ///< that the hand has put in, as observed
+  };
+  /// Before show().
+  void note_gripper(const Gripper& gripper) noexcept { gripper_ = gripper; }
+
+  /// Before show(): what the slave has said of its environment.
+  void note_environment(const EnvironmentMessage& e) noexcept { environment_ = e; }
 
   /// Of every tick. `peer`: null without a link. `epoch`: of the method.
   template <int N, class Output>
@@ -102,9 +108,17 @@ class LivePage {
     s.late_us = 1e6 * to_seconds(late_).si();
     s.epoch = static_cast<double>(epoch);
     s.held = channel_.pointer.held ? 1.0 : 0.0;
-    s.gripper_hand_m = gripper_hand_m_;
-    s.gripper_robot_m = gripper_robot_m_;
-    s.gripper_felt_n = gripper_felt_n_;
+    s.gripper_hand_m = gripper_.hand_m;
+    s.gripper_robot_m = gripper_.robot_m;
+    s.gripper_felt_n = gripper_.felt_n;
+    s.gripper_object_n = gripper_.object_n;
+    s.gripper_energy_j = gripper_.energy_j;
+    s.environment_answer = static_cast<double>(environment_.answer);
+    s.environment_energy_j = environment_.energy_j;
+    for (std::size_t i = 0; i < environment_.count; ++i) {
+      s.surface_stiffness_n_per_m[i] = environment_.surface[i].stiffness_n_per_m;
+      s.surface_friction[i] = environment_.surface[i].friction;
+    }
     late_ = Duration{0};
     channel_.samples.try_push(s);
   }
@@ -129,7 +143,8 @@ class LivePage {
   std::int64_t tick_ = 0, every_ = 1;
   Duration late_{0};
   double dissipated_j_ = 0.0;
-  double gripper_hand_m_ = 0.0, gripper_robot_m_ = 0.0, gripper_felt_n_ = 0.0;
+  Gripper gripper_;
+  EnvironmentMessage environment_;
   std::optional<PageServer> server_;
 };
 

@@ -212,21 +212,37 @@ struct LinkMaster : Master<N> {
     if (to >= all) return;
     while (node.epoch() % all != to) node.switch_to_next();
   }
+  /// Asks the slave for another stiffness and friction of one surface; the others stay as they were asked for last.
+  void change_surface(const PageCommand& c) noexcept {
+    EnvironmentMessage& r = environment_request;
+    const EnvironmentMessage& there = link.mail().transport().heard_environment();
+    const auto which = static_cast<std::size_t>(c.which);
+    if (which >= there.count) return;
+    if (r.count != there.count) r.count = there.count, r.surface = there.surface;
+    r.surface[which] = {c.number[0], there.surface[which].friction < 0.0 ? -1.0 : c.number[1]};
+    ++r.number;
+  }
   void begin_tick() noexcept {
     if (!this->page) return;
     this->page->take_commands([&](const PageCommand& c) {
       if (c.kind == PageCommand::Kind::network)
         link.adjust(c.which == 0, {1e-3 * c.number[0], 1e-3 * c.number[1], c.number[2]});
       if (c.kind == PageCommand::Kind::method) switch_to(c.which);
+      if (c.kind == PageCommand::Kind::surface) change_surface(c);
     });
+    link.mail().transport().say_environment(environment_request);
   }
   void end_tick(Duration now, Duration late, const DeviceSample<N>& sample,
                 const typename MasterNode<N>::Output& out) noexcept {
     if (!this->page) [[likely]]
       return;
     if (gripper)
-      this->page->note_gripper(gripper->sample().x.translation()[0], gripper->known().newest.x.translation()[0],
-                               gripper->out().command[0]);
+      this->page->note_gripper({.hand_m = gripper->sample().x.translation()[0],
+                                .robot_m = gripper->known().newest.x.translation()[0],
+                                .felt_n = -gripper->out().command[0],
+                                .object_n = gripper->known().newest.f_environment[0],
+                                .energy_j = gripper->node().observed().si()});
+    this->page->note_environment(link.mail().transport().heard_environment());
     this->page->show(now, late, sample, out, node.observed(), &link.mail().known(), link.view(), node.epoch());
   }
 
@@ -237,6 +253,7 @@ struct LinkMaster : Master<N> {
   Registration<N> registration;
   SwitchTimes switch_times;
   unsigned switched_by_hand;
+  EnvironmentMessage environment_request{.number = 1};  ///< with a page
 };
 
 template <int N>

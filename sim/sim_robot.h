@@ -22,12 +22,12 @@
 namespace twoport::sim {
 
 /// The slave robot: a mass (N = 1, 3), a rigid body or a serial arm (N = 6) in an environment, with a force sensor.
-/// Without a robot block it follows the command exactly. Copies share the environment, which never changes.
+/// Without a robot block it follows the command exactly. Copies share the environment.
 template <int N>
 class SimRobot final {
  public:
   SimRobot(const Scene& scene, Seconds dt)
-      : environment_{std::make_shared<const Environment<N>>(scene.environment, scene.tool)} {
+      : environment_{std::make_shared<Environment<N>>(scene.environment, scene.tool)} {
     if (scene.robot) {
       const RobotSpec& robot = *scene.robot;
       state_ = {position<N>(robot.position_m), Velocity<N>{vector<N>(robot.velocity_m_per_s)}};
@@ -84,6 +84,24 @@ class SimRobot final {
     return true;
   }
 
+  /// Can surfaces be changed while running? An arm's model cannot take it.
+  [[nodiscard]] bool takes_other_surfaces() const noexcept { return !std::holds_alternative<Arm>(plant_); }
+  /// And their friction? A line has none, and the exact maps know none.
+  [[nodiscard]] bool takes_other_friction() const noexcept {
+    return N > 1 && takes_other_surfaces() && !std::holds_alternative<Exact>(plant_);
+  }
+  /// From now on a surface has this stiffness, and, where it can, this friction. Where it presses, that changes the elastic energy
+  /// by ΔK d²/2, which is returned: whoever changes it does this work. Of a robot that no copy shares the environment with.
+  Energy set_surface(std::size_t surface, double stiffness_n_per_m, double friction) noexcept {
+    const Energy before = environment_->potential(state_.x);
+    if (!takes_other_friction()) friction = environment_->world().surfaces[surface].material.friction;
+    environment_->set_surface(surface, stiffness_n_per_m, friction);
+    if (auto* exact = std::get_if<Exact>(&plant_)) exact->set_stiffness(stiffness_n_per_m);
+    if (auto* general = std::get_if<RungeKuttaPlant<N>>(&plant_)) general->surfaces_have_changed();
+    if (auto* controlled = std::get_if<DormandPrincePlant<N>>(&plant_)) controlled->surfaces_have_changed();
+    return environment_->potential(state_.x) - before;
+  }
+
   [[nodiscard]] RobotSample<N> sense() const noexcept {
     const auto* exact = std::get_if<Exact>(&plant_);
     if (exact && sensor_.instant()) return {state_.x, state_.v, sensor_.biased(environment_force()), false};
@@ -138,6 +156,7 @@ class SimRobot final {
   struct NoMap {
     BodyState<N> advance(const Force<N>&) noexcept { return {}; }
     void kick(const Velocity<N>&) noexcept {}
+    void set_stiffness(double) noexcept {}
     [[nodiscard]] Force<N> environment_force() const noexcept { return {}; }
   };
   struct NoArm {
@@ -214,7 +233,7 @@ class SimRobot final {
     sensed_ = sensor_.sample(from_environment_);
   }
 
-  std::shared_ptr<const Environment<N>> environment_;
+  std::shared_ptr<Environment<N>> environment_;
   BodyState<N> state_;
   std::variant<Ideal, Exact, RungeKuttaPlant<N>, DormandPrincePlant<N>, FixedStepPlant<N>, Arm> plant_;
   std::optional<WristCompensation> wrist_;  ///< of an arm with a force sensor

@@ -5,6 +5,7 @@
 #include <string>
 
 #include "common/base/check.h"
+#include "common/hardware/adjustable_environment.h"
 #include "common/hardware/mounted_gripper.h"
 #include "common/method/four_channel/four_channel.h"
 #include "common/method/internal_model/internal_model.h"
@@ -106,7 +107,11 @@ struct Slave : SlaveRows<N> {
   /// `of_gripper`: the scene of the gripper; it and `gripper_robot` are null where there is none.
   Slave(const Scene& s, MountedRobot<N>& robot, const LiveArguments& a, const Scene* of_gripper,
         std::unique_ptr<Robot<1>> gripper_robot)
-      : SlaveRows<N>{s, robot, a.hardware}, mounted{robot}, link{Side::slave, s, a} {
+      : SlaveRows<N>{s, robot, a.hardware},
+        mounted{robot},
+        environment{robot.environment()},
+        fixed_environment{a.fixed_environment},
+        link{Side::slave, s, a} {
     if (of_gripper)
       gripper = std::make_unique<LiveGripper<GripperSlave, N>>(
           link.mail().transport(), limits_of_master_reports(of_gripper->control), of_gripper->transmission_to_slave,
@@ -118,6 +123,10 @@ struct Slave : SlaveRows<N> {
   [[nodiscard]] bool serves() const { return this->node.mode() == Mode::coupled; }
   [[nodiscard]] static bool judged() { return false; }
   [[nodiscard]] bool lets_go() const noexcept { return mounted.lets_go(); }
+  void begin_tick() noexcept {
+    if (link.mail().transport().heard_environment().number > 0) [[unlikely]]
+      answer_about_environment();
+  }
   Row<N> row(std::int64_t, double t_s, const Sample& sample, const Output& out) noexcept {
     return SlaveRows<N>::row(t_s, sample, out, link.mail().known());
   }
@@ -125,9 +134,39 @@ struct Slave : SlaveRows<N> {
     link.fill(s, this->node.mode());
     if (!diverged) s.set_verdict("undecided: bounded at the slave; the master judges stability");
     say_if_coupling_feeds(s, this->scene.control.initial_energy);
+    if (environment_changes == 0) return;
+    EnvironmentMessage state;
+    environment->describe(state);
+    s.set_environment_changes(environment_changes);
+    s.set_environment_changes_j(state.energy_j);
+  }
+
+  /// The master asks for the state of the environment, or for a change.
+  [[gnu::noinline]] void answer_about_environment() noexcept {
+    auto& transport = link.mail().transport();
+    const EnvironmentMessage& request = transport.heard_environment();
+    if (session != transport.pairings()) session = transport.pairings(), taken = 0, refused = false;
+    EnvironmentMessage state;
+    state.answer = environment == nullptr ? EnvironmentAnswer::real : EnvironmentAnswer::fixed;
+    if (environment != nullptr && !fixed_environment) {
+      if (request.number > taken && request.count > 0) {
+        refused = !environment->adjust(request);
+        environment_changes += refused ? 0 : 1;
+      }
+      environment->describe(state);
+      if (refused && state.answer == EnvironmentAnswer::adjustable) state.answer = EnvironmentAnswer::out_of_range;
+    }
+    state.number = taken = request.number;
+    transport.say_environment(state);
   }
 
   MountedRobot<N>& mounted;
+  AdjustableEnvironment* environment;
+  bool fixed_environment;
+  std::uint64_t session = 0;
+  std::uint32_t taken = 0;  ///< number of the newest request
+  bool refused = false;
+  std::uint32_t environment_changes = 0;
   LiveLink<N> link;
   std::unique_ptr<LiveGripper<GripperSlave, N>> gripper;
 };

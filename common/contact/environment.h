@@ -1,5 +1,6 @@
 #pragma once
 
+#include <cstddef>
 #include <vector>
 
 #include "common/base/spatial_vector.h"
@@ -36,7 +37,7 @@ struct ContactPort {
 /// that a wrench with torque results. All forces act on the port, in world axes, at the tool's origin [N], [N m].
 ///
 /// A contact is a pair of a point and a surface or spring, numbered from 0: for each point first the surfaces, then the
-/// springs. The caller stores the state of a contact: the environment itself never changes.
+/// springs. The caller stores the state of a contact: the environment has none.
 template <int N>
 class Environment {
  public:
@@ -48,6 +49,12 @@ class Environment {
       : world_{specs}, tool_{tool} {}
 
   [[nodiscard]] const World& world() const { return world_; }
+  /// From now on a surface has this stiffness and friction.
+  void set_surface(std::size_t surface, double stiffness_n_per_m, double friction) noexcept {
+    Material& material = world_.surfaces[surface].material;
+    material.stiffness_n_per_m = stiffness_n_per_m;
+    material.friction = friction;
+  }
   [[nodiscard]] const std::vector<Eigen::Vector3d>& tool() const { return tool_; }
   [[nodiscard]] bool empty() const { return world_.surfaces.empty() && world_.springs.empty(); }
   /// Does it hold on to the port wherever that is? Else the two touch where it answers with a force.

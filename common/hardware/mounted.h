@@ -291,6 +291,7 @@ class MountedRobot final : public Robot<N> {
   void release() noexcept override { robot_->release(); }
   [[nodiscard]] std::string trouble() const override { return robot_->trouble(); }
   [[nodiscard]] Robot<1>* gripper() noexcept override { return robot_->gripper(); }
+  [[nodiscard]] AdjustableEnvironment* environment() noexcept override { return robot_->environment(); }
   /// Was the last reading not finite, so that the robot was released?
   [[nodiscard]] bool lets_go() const noexcept { return lets_go_; }
   [[nodiscard]] const RobotTruth<N>* truth() const noexcept override { return robot_->truth(); }

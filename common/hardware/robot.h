@@ -9,6 +9,8 @@
 
 namespace twoport {
 
+class AdjustableEnvironment;
+
 /// Properties of a robot, read once after opening.
 struct RobotInfo {
   std::string name;              ///< for the log: maker, model, serial number
@@ -59,6 +61,8 @@ class Robot {
   [[nodiscard]] virtual std::string trouble() const { return {}; }
   /// The gripper as a robot of its own, with one degree of freedom; as Device::gripper.
   [[nodiscard]] virtual Robot<1>* gripper() noexcept { return nullptr; }
+  /// Null: a real robot's environment is what it is.
+  [[nodiscard]] virtual AdjustableEnvironment* environment() noexcept { return nullptr; }
   [[nodiscard]] virtual const RobotTruth<N>* truth() const noexcept { return nullptr; }
 };
 

@@ -28,6 +28,12 @@ class CommandReader {
     }
     return std::clamp(value, least, most);
   }
+  /// A whole number from 0 to `most`.
+  int index(std::size_t most) {
+    const double wide = static_cast<double>(most), value = number(0.0, wide);
+    expect(value == std::floor(value));
+    return static_cast<int>(value);
+  }
   void expect(bool condition) { good_ = good_ && condition; }
   /// Was everything well-formed, and nothing is left?
   [[nodiscard]] bool good() const { return good_ && rest_.empty(); }
@@ -65,11 +71,14 @@ std::optional<PageCommand> parse_page_command(std::string_view text) {
     c.number[0] = words.number(0.0, kPageDelayMs);
     c.number[1] = words.number(0.0, kPageJitterMs);
     c.number[2] = words.number(0.0, kPageLoss);
+  } else if (verb == "surface") {
+    c.kind = PageCommand::Kind::surface;
+    c.which = words.index(kAdjustableSurfaces - 1);
+    c.number[0] = words.number(kPageSurfaceLeast, kSurfaceStiffnessMost);
+    c.number[1] = words.number(0.0, kSurfaceFrictionMost);
   } else if (verb == "method") {
     c.kind = PageCommand::Kind::method;
-    const double index = words.number(0.0, 1000.0);
-    words.expect(index == std::floor(index));
-    c.which = static_cast<int>(index);
+    c.which = words.index(1000);
   } else {
     return std::nullopt;
   }

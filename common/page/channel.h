@@ -8,6 +8,7 @@
 #include <utility>
 
 #include "common/base/ring.h"
+#include "common/link/environment_message.h"
 
 namespace twoport {
 
@@ -40,7 +41,13 @@ struct PageSample {
   double held = 0.0;                                   ///< 1 while the pointer holds the handle of --device page
   double gripper_hand_m = 0.0, gripper_robot_m = 0.0;  ///< openings of the handle's gripper and of the fingers
   double gripper_felt_n = 0.0;                         ///< force on the hand at the gripper; opens where it is positive
-  double dropped = 0.0;                                ///< samples that the page was too slow for
+  double gripper_object_n = 0.0;      ///< force of the fingers on the object; squeezes where it is negative
+  double gripper_energy_j = 0.0;      ///< that the hand has put in at the gripper, as observed
+  double environment_answer = 0.0;    ///< EnvironmentAnswer
+  double environment_energy_j = 0.0;  ///< that changes of the environment's stiffness have put in
+  std::array<double, kAdjustableSurfaces> surface_stiffness_n_per_m{};
+  std::array<double, kAdjustableSurfaces> surface_friction{};  ///< negative: cannot be changed
+  double dropped = 0.0;                                        ///< samples that the page was too slow for
 };
 
 /// Calls see(name, size, field) for each field in order: the layout of a sample on the wire, doubles of this machine's
@@ -76,6 +83,12 @@ void for_each_page_field(Sample& s, See&& see) {
   number("gripper_hand_m", s.gripper_hand_m);
   number("gripper_robot_m", s.gripper_robot_m);
   number("gripper_felt_n", s.gripper_felt_n);
+  number("gripper_object_n", s.gripper_object_n);
+  number("gripper_energy_j", s.gripper_energy_j);
+  number("environment_answer", s.environment_answer);
+  number("environment_energy_j", s.environment_energy_j);
+  vector("surface_stiffness_n_per_m", s.surface_stiffness_n_per_m);
+  vector("surface_friction", s.surface_friction);
   number("dropped", s.dropped);
 }
 
@@ -87,6 +100,7 @@ struct PageCommand {
     grip,     ///< number 0: stiffness of the hand [N/m]
     opening,  ///< number 0: opening that the hand intends at the gripper [m]
     network,  ///< which: 0 to the slave, 1 to the master; numbers: delay [ms], jitter [ms], loss [1]
+    surface,  ///< which: of the environment; numbers: stiffness [N/m], friction [1]
     method,   ///< which: index into the methods that the page was told
   };
   Kind kind = Kind::release;
@@ -98,6 +112,7 @@ struct PageCommand {
 inline constexpr double kPageReach = 0.5, kPageTurn = 3.0;              // [m], [rad]
 inline constexpr double kPageGripLeast = 20.0, kPageGripMost = 2000.0;  // [N/m]
 inline constexpr double kPageDelayMs = 500.0, kPageJitterMs = 50.0, kPageLoss = 0.9;
+inline constexpr double kPageSurfaceLeast = 10.0;  // [N/m]; most: kSurfaceStiffnessMost
 
 /// Reads a command as text, words separated by single spaces:
 ///
@@ -106,6 +121,7 @@ inline constexpr double kPageDelayMs = 500.0, kPageJitterMs = 50.0, kPageLoss = 
 ///     grip N_PER_M
 ///     opening M
 ///     network to_slave|to_master DELAY_MS JITTER_MS LOSS
+///     surface INDEX N_PER_M FRICTION
 ///     method INDEX
 ///
 /// Nothing where it is malformed or a number is not finite.
@@ -120,7 +136,7 @@ struct PagePointer {
 /// Between the cycle and the page's server. Each ring has one producer and one consumer; neither side waits.
 struct PageChannel {
   Ring<PageSample> samples{4096};   ///< cycle to server
-  Ring<PageCommand> commands{256};  ///< server to cycle: network, method
+  Ring<PageCommand> commands{256};  ///< server to cycle: network, surface, method
   Ring<PageCommand> hand{256};      ///< server to the device, in the cycle's thread: target, release, grip, opening
   PagePointer pointer;
 };

@@ -77,6 +77,7 @@ class LiveGripper {
   }
   [[nodiscard]] const Sample& sample() const noexcept { return sample_; }
   [[nodiscard]] const auto& out() const noexcept { return out_; }
+  [[nodiscard]] const auto& node() const noexcept { return side_.node; }
   [[nodiscard]] const auto& known() const noexcept { return mail_.known(); }
   [[nodiscard]] bool fault() const noexcept { return sample_.status == HardwareStatus::fault; }
   [[nodiscard]] bool diverged() const noexcept { return recorder_->diverged(); }

@@ -288,6 +288,7 @@ struct PageServer::Impl {
         channel.hand.try_push(*command);
         break;
       case PageCommand::Kind::network:
+      case PageCommand::Kind::surface:
       case PageCommand::Kind::method:
         channel.commands.try_push(*command);
         break;

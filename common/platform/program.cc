@@ -67,6 +67,9 @@ int live_program(int argc, char** argv, Side side, const std::string& drivers,
                               ": serves a page that shows the run and takes the pointer of --device page as the hand");
     page->expected(0, 1);
   }
+  if (!master)
+    app.add_flag("--fixed-environment", a.fixed_environment,
+                 "Refuse the page's sliders for stiffness and friction of the simulated environment");
   app.add_option("--out", a.out, "Folder for summary.json and trace.csv");
   app.add_option("--record", a.record,
                  "FILE.mcap: everything that this side takes in and puts out, for twoport-lab replay and export, "

@@ -25,8 +25,9 @@ struct LiveArguments {
   std::string record;  ///< --record: the file; empty: nothing is recorded
   std::string stream;  ///< of --stream: HOST:PORT; empty: none
   double stream_hz = 100.0;
-  std::string page;       ///< of --page: ADDR:PORT; empty: no page
-  bool measures = false;  ///< no scene: the link is measured (kMeasurementDigest)
+  std::string page;                ///< of --page: ADDR:PORT; empty: no page
+  bool fixed_environment = false;  ///< --fixed-environment: of a slave; no page may change it
+  bool measures = false;           ///< no scene: the link is measured (kMeasurementDigest)
   bool realtime = true, spin = true;
   std::uint64_t trace_every = 1;  ///< the trace has one row in so many
   /// --duration: the program ends this long after its start [s].

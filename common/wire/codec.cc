@@ -136,6 +136,33 @@ bool read_gripper(const schema::Datagram& message, const Report<N>& shared, Repo
   return r.finite();
 }
 
+void write_environment(schema::Datagram& message, const EnvironmentMessage& e) {
+  message.set_environment_number(e.number);
+  message.set_environment_answer(static_cast<std::uint32_t>(e.answer));
+  message.set_environment_energy_j(e.energy_j);
+  if (e.count == 0) return;
+  double* to = message.mutable_environment()->AddNAlreadyReserved(2 * e.count);
+  for (std::size_t i = 0; i < e.count; ++i) *to++ = e.surface[i].stiffness_n_per_m, *to++ = e.surface[i].friction;
+}
+
+/// False if it is invalid: something is said of the environment without a number, or numbers that are none.
+bool read_environment(const schema::Datagram& message, EnvironmentMessage& e) {
+  e = {};
+  const int size = message.environment_size();
+  if (message.environment_number() == 0)
+    return size == 0 && message.environment_answer() == 0 && message.environment_energy_j() == 0.0;
+  if (size % 2 != 0 || size > static_cast<int>(2 * kAdjustableSurfaces) ||
+      message.environment_answer() >= kEnvironmentAnswers)
+    return false;
+  e.number = message.environment_number();
+  e.answer = static_cast<EnvironmentAnswer>(message.environment_answer());
+  e.energy_j = message.environment_energy_j();
+  e.count = static_cast<std::uint8_t>(size / 2);
+  for (int i = 0; i < e.count; ++i)
+    e.surface[static_cast<std::size_t>(i)] = {message.environment(2 * i), message.environment(2 * i + 1)};
+  return e.finite();
+}
+
 /// False if the identity is invalid. Without one (dof 0) `identity` is unchanged.
 bool read_identity(const schema::Datagram& message, std::optional<Identity>& identity) {
   if (message.dof() == 0) return true;
@@ -172,6 +199,7 @@ struct Codec<N>::Impl {
       message->mutable_words()->Reserve(static_cast<int>(kMaxDatagram / sizeof(double)));
       message->mutable_gripper()->Reserve(static_cast<int>(kMaxDatagram / sizeof(double)));
       message->mutable_gripper_words()->Reserve(static_cast<int>(kMaxDatagram / sizeof(double)));
+      message->mutable_environment()->Reserve(static_cast<int>(kMaxDatagram / sizeof(double)));
       message->mutable_refusal()->reserve(kMaxDatagram);
       message->mutable_scene_fields()->reserve(kMaxDatagram);
     }
@@ -218,6 +246,8 @@ std::span<const std::byte> Codec<N>::encode(const Envelope<N>& envelope) noexcep
     }
     if (envelope.has_gripper) [[unlikely]]
       write_gripper(message, envelope.gripper);
+    if (envelope.environment.number > 0) [[unlikely]]
+      write_environment(message, envelope.environment);
   }
   if (envelope.identity) {
     message.set_dof(static_cast<std::uint32_t>(envelope.identity->dof));
@@ -228,7 +258,8 @@ std::span<const std::byte> Codec<N>::encode(const Envelope<N>& envelope) noexcep
     message.mutable_scene_fields()->assign(fields.data(), fields.size());
   }
   const std::size_t size = message.ByteSizeLong();
-  static_assert(kMaxDatagram > 8 * (kSampleSize<N> + kGripperSize + 2 * Words::kMost + 18) + kMaxSceneFields);
+  static_assert(kMaxDatagram > 8 * (kSampleSize<N> + kGripperSize + 2 * Words::kMost + 2 * kAdjustableSurfaces + 24) +
+                                   kMaxSceneFields);
   message.SerializeWithCachedSizesToArray(reinterpret_cast<std::uint8_t*>(impl_->buffer.data()));
   return {impl_->buffer.data(), size};
 }
@@ -258,6 +289,7 @@ Decoded Codec<N>::decode(std::span<const std::byte> bytes, Envelope<N>& envelope
   envelope.has_gripper = message.gripper_size() > 0;
   if (envelope.has_gripper && !read_gripper(message, envelope.report, envelope.gripper)) [[unlikely]]
     return Decoded::malformed;
+  if (!read_environment(message, envelope.environment)) return Decoded::malformed;
   return Decoded::ok;
 }
 

@@ -4,6 +4,7 @@
 #include <memory>
 #include <span>
 
+#include "common/link/environment_message.h"
 #include "common/link/report.h"
 #include "common/wire/header.h"
 
@@ -15,6 +16,7 @@ struct Envelope : Header {
   Report<N> report;
   bool has_gripper = false;
   Report<1> gripper{};  ///< with has_gripper; its number, stamps and epoch are the report's
+  EnvironmentMessage environment{};
 };
 
 /// Envelope <-> bytes. Two Protobuf messages and one buffer are kept and reused.

@@ -100,6 +100,7 @@ template <int N>
 bool LinkTransport<N>::take_new_session() noexcept {
   if (!handshake_.take_new_session()) return false;
   socket_->paired(*handshake_.peer(), handshake_.paired_since());
+  heard_ = outgoing_.environment = {};
   return true;
 }
 

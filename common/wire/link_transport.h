@@ -45,6 +45,8 @@ class LinkTransport {
       f(*report);
       if (incoming_.has_gripper && gripper_reports_.size() < gripper_reports_.capacity()) [[unlikely]]
         gripper_reports_.push_back(incoming_.gripper);
+      if (incoming_.environment.number >= heard_.number && incoming_.environment.number > 0) [[unlikely]]
+        heard_ = incoming_.environment;
     }
   }
 
@@ -64,6 +66,11 @@ class LinkTransport {
   }
   /// Sends the report of the last send() together with this one; without it where a number is not finite.
   void send_gripper(const Report<1>& gripper, Duration now) noexcept;
+
+  /// What packets say of the environment from now on, until a new session begins; number 0: nothing.
+  void say_environment(const EnvironmentMessage& message) noexcept { outgoing_.environment = message; }
+  /// What the other side has said last in this session; older numbers are ignored.
+  [[nodiscard]] const EnvironmentMessage& heard_environment() const noexcept { return heard_; }
 
   /// Call before every cycle. True once for each new session, the first included: running totals start from zero, so
   /// reset the mailbox and call on_peer_restart of the node. No report is delivered before that.
@@ -92,6 +99,7 @@ class LinkTransport {
   Envelope<N> incoming_, outgoing_;
   bool carries_gripper_ = false;
   std::vector<Report<1>> gripper_reports_;  ///< not collected yet
+  EnvironmentMessage heard_;
   LinkCounts counts_;
 };
 

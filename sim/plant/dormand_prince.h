@@ -65,7 +65,7 @@ class DormandPrincePlant {
     if constexpr (N == 6) inertia_ = vector<3>(robot.inertia_kg_m2), inverse_inertia_ = inertia_.cwiseInverse();
     static const std::vector<Eigen::Vector3d> kOrigin{Eigen::Vector3d::Zero()};
     const std::vector<Eigen::Vector3d>& points = N == 6 ? environment_->tool() : kOrigin;
-    for (const Surface& s : environment_->world().surfaces) rough_ = rough_ || s.material.friction > 0.0;
+    look_for_friction();
     for (const Eigen::Vector3d& point : points) {
       for (const Surface& s : environment_->world().surfaces) pairs_.push_back({point, &s});
       if constexpr (N == 6) mobility_ = std::max(mobility_, 1.0 / mass_ + point.squaredNorm() / inertia_.minCoeff());
@@ -90,6 +90,13 @@ class DormandPrincePlant {
     flips_.reserve(pairs_.size());
     s_.step = dt;
     place(start);
+  }
+
+  /// The environment's surfaces have other materials now.
+  void surfaces_have_changed() noexcept {
+    look_for_friction();
+    stiff_.surfaces_have_changed();
+    place(body());
   }
 
   /// One tick under the force f.
@@ -479,6 +486,10 @@ class DormandPrincePlant {
     evaluate<true>(s_.y, s_.held, s_.rate, s_.environment);
     s_.friction = end_friction_;
     std::swap(before_, found_);
+  }
+  void look_for_friction() noexcept {
+    rough_ = false;
+    for (const Surface& s : environment_->world().surfaces) rough_ = rough_ || s.material.friction > 0.0;
   }
   void place(const BodyState<N>& at) noexcept {
     s_.y = numbers(at);

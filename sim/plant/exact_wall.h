@@ -52,12 +52,15 @@ class ExactPlant {
     offset_ = plane.offset_m;
     k_ = w.material.stiffness_n_per_m;
     b_ = w.material.damping_n_s_per_m;
-    Oscillator across = free, along = free;
-    across.stiffness_n_per_m += k_;
-    across.damping_n_s_per_m += b_;
-    along.damping_n_s_per_m += w.material.viscous_friction_n_s_per_m;
-    region_[1] = region(across, along, k_ * offset_);
+    make_contact_region();
     s_.across = normal(s_.body);
+    s_.in_contact = contact(s_.across);
+  }
+
+  /// From now on the wall has this stiffness.
+  void set_stiffness(double stiffness_n_per_m) noexcept {
+    world_.surfaces[0].material.stiffness_n_per_m = k_ = stiffness_n_per_m;
+    make_contact_region();
     s_.in_contact = contact(s_.across);
   }
 
@@ -118,6 +121,14 @@ class ExactPlant {
     const bool exact = method_ != Integrator::trapezoidal;
     const auto response = [&](const Oscillator& o) { return exact ? Response{o, h} : trapezoidal(o, h); };
     return {across, along, load, h, Map{response(across), across}, response(along)};
+  }
+  /// The maps of the motion in contact, from those of the free one and the wall's material.
+  void make_contact_region() noexcept {
+    Oscillator across = region_[0].across, along = region_[0].across;
+    across.stiffness_n_per_m += k_;
+    across.damping_n_s_per_m += b_;
+    along.damping_n_s_per_m += world_.surfaces[0].material.viscous_friction_n_s_per_m;
+    region_[1] = region(across, along, k_ * offset_);
   }
   [[nodiscard]] Normal normal(const BodyState<D>& s) const noexcept {
     return {normal_.dot(s.x.translation()), normal_.dot(s.v.vec())};

@@ -47,7 +47,15 @@ class RungeKuttaPlant {
         mobility_ = std::max(mobility_, mobility);
       }
     }
+    all_points_ = all_points;
+    own_rate_ = robot.damping_n_s_per_m / robot.mass_kg;
+    surfaces_have_changed();
+  }
+
+  /// The environment's surfaces have other materials now.
+  void surfaces_have_changed() noexcept {
     double stiffness = 0.0, damping = 0.0;
+    friction_ = 0.0;
     for (const Surface& s : body_.environment().world().surfaces) {
       stiffness += s.material.stiffness_n_per_m;
       damping += s.material.damping_n_s_per_m + s.material.viscous_friction_n_s_per_m;
@@ -57,8 +65,8 @@ class RungeKuttaPlant {
       stiffness += s.stiffness_n_per_m;
       damping += s.damping_n_s_per_m;
     }
-    rate_of_springs_ = std::sqrt(stiffness * all_points);
-    rate_ = std::max(rate_of_springs_, damping * all_points + robot.damping_n_s_per_m / robot.mass_kg);
+    rate_of_springs_ = std::sqrt(stiffness * all_points_);
+    rate_ = std::max(rate_of_springs_, damping * all_points_ + own_rate_);
     rate_ = std::max(rate_, body_.damping_rate());
     s_.slope = body_.slope(s_.motion, s_.held, s_.touched);
   }
@@ -215,8 +223,10 @@ class RungeKuttaPlant {
 
   Body<N> body_;
   double dt_, mobility_, rate_of_springs_, rate_ = 0.0, friction_ = 0.0;
-  Contacts any_;            ///< every contact, by its nearest feature
-  Contacts after_, trial_;  ///< of a step; no state
+  double all_points_ = 0.0;  ///< mobility of all contacts together
+  double own_rate_ = 0.0;    ///< of the body's damping [1/s]
+  Contacts any_;             ///< every contact, by its nearest feature
+  Contacts after_, trial_;   ///< of a step; no state
   State s_;
 };
 

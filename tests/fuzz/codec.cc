@@ -32,6 +32,11 @@ void check(std::span<const std::byte> bytes) {
     require(again.report.sequence == read.report.sequence && again.report.words.count == read.report.words.count &&
                 again.report.sum() == read.report.sum(),
             "the report is the same");
+  if (!read.refusal.empty()) return;
+  const EnvironmentMessage &a = read.environment, &b = again.environment;
+  require(a.finite() && a.count <= kAdjustableSurfaces, "the environment is finite");
+  require(a.number == b.number && a.answer == b.answer && a.count == b.count && a.energy_j == b.energy_j,
+          "and the same");
 }
 
 }  // namespace

@@ -33,6 +33,11 @@ void check_command(std::string_view text) {
                 command->number[1] <= kPageJitterMs && command->number[2] >= 0.0 && command->number[2] <= kPageLoss &&
                 (command->which == 0 || command->which == 1),
             "so is the network");
+  if (command->kind == Kind::surface)
+    require(command->which >= 0 && command->which < static_cast<int>(kAdjustableSurfaces) &&
+                command->number[0] >= kPageSurfaceLeast && command->number[0] <= kSurfaceStiffnessMost &&
+                command->number[1] >= 0.0 && command->number[1] <= kSurfaceFrictionMost,
+            "so is a surface");
   if (command->kind == Kind::method) require(command->which >= 0, "a method is an index");
 }
 

@@ -44,6 +44,8 @@ async function set(id, to) {
 
 try {
   await page.goto(url);
+  const empty = await page.locator('header .state').evaluateAll((all) => all.filter((s) => s.offsetParent && !s.textContent.trim()).length);
+  if (empty > 0) throw new Error('a state in the header is empty');
   await until('both sides wait for a hand', async () => (await text('mode')) === 'master: let go' && (await text('slave-mode')) === 'slave: let go');
   say('the page shows that nobody holds the handle');
   if ((await value('felt')) > 0.2) throw new Error(`a force is felt before the drag: ${await text('felt')}`);
@@ -68,6 +70,21 @@ try {
   await new Promise((r) => setTimeout(r, 1000));
   say(`stiffness of the hand 1200 N/m: ${(await value('felt')).toFixed(2)} N felt`);
   if (picture) await page.screenshot({ path: picture });
+
+  // The wall becomes softer while it is pressed, and stiff again.
+  const stiff = await value('felt');
+  const there = async () => Number(await page.locator('#stiffness').getAttribute('data-there'));
+  await until('the slave tells the stiffness of its wall', async () => (await there()) === 3000 && (await page.locator('#stiffness').isEnabled()));
+  if (await page.locator('#friction').isEnabled()) throw new Error('friction can be changed on a line');
+  await set('stiffness', Math.log10(300));
+  await until('the slave has a wall of 300 N/m', async () => Math.abs((await there()) / 300 - 1) < 1e-3);
+  await until('a softer wall is felt as a smaller force', async () => (await value('felt')) < 0.75 * stiff);
+  await new Promise((r) => setTimeout(r, 1000));
+  if (!((await value('environment-energy')) < -1)) throw new Error(`work of a wall that becomes softer: ${await text('environment-energy')}`);
+  say(`wall of 300 N/m: ${(await value('felt')).toFixed(2)} N felt, work of the change ${await text('environment-energy')}`);
+  await set('stiffness', Math.log10(3000));
+  await until('the stiff wall is felt again', async () => Math.abs((await value('felt')) / stiff - 1) < 0.1 && Math.abs((await there()) / 3000 - 1) < 1e-3);
+  say(`wall of 3000 N/m: ${(await value('felt')).toFixed(2)} N felt, work of both changes ${await text('environment-energy')}`);
 
   const before = await value('round-trip');
   await set('to_slave-delay_ms', 40);

@@ -197,6 +197,7 @@ TYPED_TEST(CodecOf, DoesNotAllocate) {
   std::vector<Envelope<N>> sent;
   for (int k = 0; k < 64; ++k) sent.push_back(some<N>(rng));
   for (int k = 0; k < 8; ++k) sent.push_back(sent[0]), sent.back().identity = Identity{N, 1e3, 7, Side::master};
+  for (int k = 0; k < 8; ++k) sent.push_back(sent[0]), sent.back().environment = {.number = 3, .count = 4};
   const std::string words(kMaxRefusal, 'x');
   sent.push_back(sent[0]), sent.back().refusal = words;
   Codec<N> sender, receiver;
@@ -279,8 +280,8 @@ TYPED_TEST(CodecOf, RejectsFieldsThatNobodyKnowsWithoutAllocating) {
   Codec<N> codec;
   Envelope<N> got;
   int of_known_type = 0;
-  for (unsigned number :
-       {1U, 2U, 3U, 4U, 5U, 6U, 7U, 8U, 9U, 10U, 11U, 12U, 13U, 14U, 15U, 16U, 17U, 18U, 19U, 20U, 21U, 22U, 100U}) {
+  for (unsigned number : {1U,  2U,  3U,  4U,  5U,  6U,  7U,  8U,  9U,  10U, 11U, 12U, 13U, 14U,
+                          15U, 16U, 17U, 18U, 19U, 20U, 21U, 22U, 23U, 24U, 25U, 26U, 27U, 100U}) {
     for (unsigned wire_type : {0U, 1U, 2U, 3U, 5U}) {
       Bytes bytes = good;
       append_field(bytes, number, wire_type);
@@ -438,6 +439,59 @@ TYPED_TEST(CodecOf, CarriesAReportOfTheGripper) {
   Bytes bytes(cut.ByteSizeLong());
   cut.SerializeToArray(bytes.data(), static_cast<int>(bytes.size()));
   EXPECT_EQ(decoded<N>(bytes), Decoded::malformed);
+}
+
+TYPED_TEST(CodecOf, CarriesWhatIsSaidOfTheEnvironment) {
+  constexpr int N = TypeParam::value;
+  std::mt19937_64 rng{15};
+  Envelope<N> sent = some<N>(rng);
+  const Bytes without = encoded(sent);
+  sent.environment = {.number = 7,
+                      .answer = EnvironmentAnswer::adjustable,
+                      .energy_j = -0.25,
+                      .count = 2,
+                      .surface = {{{3000.0, 0.2}, {500.0, -1.0}}}};
+  const Bytes with = encoded(sent);
+  Codec<N> codec;
+  Envelope<N> got;
+  ASSERT_EQ(codec.decode(with, got), Decoded::ok);
+  EXPECT_EQ(got.environment.number, 7U);
+  EXPECT_EQ(got.environment.answer, EnvironmentAnswer::adjustable);
+  EXPECT_EQ(got.environment.energy_j, -0.25);
+  ASSERT_EQ(got.environment.count, 2);
+  EXPECT_EQ(got.environment.surface[0].stiffness_n_per_m, 3000.0);
+  EXPECT_EQ(got.environment.surface[1].friction, -1.0);
+  expect_same(got.report, sent.report);
+  // Without one the packet says so, whatever came before.
+  ASSERT_EQ(codec.decode(without, got), Decoded::ok);
+  EXPECT_EQ(got.environment.number, 0U);
+  EXPECT_EQ(got.environment.count, 0);
+  sent.environment.number = 0;
+  EXPECT_EQ(encoded(sent), without);
+}
+
+TYPED_TEST(CodecOf, RejectsWhatCannotBeSaidOfTheEnvironment) {
+  constexpr int N = TypeParam::value;
+  std::mt19937_64 rng{16};
+  Envelope<N> sent = some<N>(rng);
+  sent.environment = {.number = 2, .count = 4, .surface = {{{1.0, 0.0}, {2.0, 0.0}, {3.0, 0.0}, {4.0, 0.0}}}};
+  const Bytes good = encoded(sent);
+  ASSERT_EQ(decoded<N>(good), Decoded::ok);
+  const auto with = [&](auto change) {
+    schema::Datagram message;
+    EXPECT_TRUE(message.ParseFromArray(good.data(), static_cast<int>(good.size())));
+    change(message);
+    Bytes bytes(message.ByteSizeLong());
+    message.SerializeToArray(bytes.data(), static_cast<int>(bytes.size()));
+    return decoded<N>(bytes);
+  };
+  EXPECT_EQ(with([](auto& m) { m.mutable_environment()->RemoveLast(); }), Decoded::malformed);
+  EXPECT_EQ(with([](auto& m) { m.add_environment(1.0), m.add_environment(1.0); }), Decoded::malformed);
+  EXPECT_EQ(with([](auto& m) { m.set_environment_number(0); }), Decoded::malformed);
+  EXPECT_EQ(with([](auto& m) { m.set_environment_answer(kEnvironmentAnswers); }), Decoded::malformed);
+  EXPECT_EQ(with([](auto& m) { m.set_environment_energy_j(std::nan("")); }), Decoded::malformed);
+  EXPECT_EQ(with([](auto& m) { m.set_environment(3, HUGE_VAL); }), Decoded::malformed);
+  EXPECT_EQ(with([](auto& m) { m.clear_environment(); }), Decoded::ok);
 }
 
 TEST(Codec, SaysWhenTheOtherHasOtherDof) {

@@ -124,6 +124,44 @@ TEST(LinkTransport, ReadsABoundedNumberInOnePoll) {
   EXPECT_EQ(transport.counts().rejected.total(), 1024U);
 }
 
+/// A request travels with the packets, the state back; an older request does not undo a newer one, and a session ends both.
+TEST(LinkTransport, CarriesARequestToTheEnvironmentAndTheState) {
+  Link<3> link;
+  link.tick(20);
+  ASSERT_TRUE(link.coupled());
+  EXPECT_EQ(link.slave.transport().heard_environment().number, 0U);
+  EnvironmentMessage request{.number = 5, .count = 1, .surface = {{{700.0, 0.1}}}};
+  link.master.transport().say_environment(request);
+  link.tick(2);
+  EXPECT_EQ(link.slave.transport().heard_environment().number, 5U);
+  EXPECT_EQ(link.slave.transport().heard_environment().surface[0].stiffness_n_per_m, 700.0);
+  EXPECT_EQ(link.master.transport().heard_environment().number, 0U) << "the slave has said nothing";
+  link.slave.transport().say_environment({.number = 5, .answer = EnvironmentAnswer::adjustable, .energy_j = 0.5});
+  request.number = 4, request.surface[0].stiffness_n_per_m = 100.0;
+  link.master.transport().say_environment(request);
+  link.tick(3);
+  EXPECT_EQ(link.slave.transport().heard_environment().surface[0].stiffness_n_per_m, 700.0) << "an older one";
+  EXPECT_EQ(link.master.transport().heard_environment().answer, EnvironmentAnswer::adjustable);
+  EXPECT_EQ(link.master.transport().heard_environment().energy_j, 0.5);
+}
+
+/// Another program at the master's address knows no number of the session: what it says is not heard.
+TEST(LinkTransport, HearsOfTheEnvironmentFromItsPeerOnly) {
+  Link<3> link;
+  link.tick(20);
+  ASSERT_TRUE(link.coupled());
+  Codec<3> codec;
+  Envelope<3> forged;
+  forged.session = 12345;
+  forged.report.sequence = 1000;
+  forged.environment = {.number = 9, .count = 1, .surface = {{{10.0, 0.0}}}};
+  for (const Endpoint& from : {kMasterAt, kStranger}) {
+    link.network.send(codec.encode(forged), from, kSlaveAt, link.now);
+    link.tick(3);
+    EXPECT_EQ(link.slave.transport().heard_environment().number, 0U);
+  }
+}
+
 TEST(LinkTransport, DropsWhatIsNotFromItsPeerWithoutReadingIt) {
   MemoryNetwork network;
   MemorySocket socket = network.open(kMasterAt, 0ms);

@@ -189,13 +189,41 @@ TEST(PageCommand, IsClampedToItsLimits) {
   EXPECT_EQ(network->number[2], kPageLoss);
   EXPECT_EQ(parse_page_command("release")->kind, PageCommand::Kind::release);
   EXPECT_EQ(parse_page_command("method 3")->which, 3);
+  const auto surface = parse_page_command("surface 2 1e9 -1");
+  ASSERT_TRUE(surface);
+  EXPECT_EQ(surface->kind, PageCommand::Kind::surface);
+  EXPECT_EQ(surface->which, 2);
+  EXPECT_EQ(surface->number[0], kSurfaceStiffnessMost);
+  EXPECT_EQ(surface->number[1], 0.0);
+  EXPECT_EQ(parse_page_command("surface 0 0 9")->number[0], kPageSurfaceLeast);
+  EXPECT_EQ(parse_page_command("surface 0 0 9")->number[1], kSurfaceFrictionMost);
+  EXPECT_EQ(parse_page_command("surface 99 1 0")->which, static_cast<int>(kAdjustableSurfaces) - 1);
 }
 
 TEST(PageCommand, RefusesAnythingElse) {
-  for (const char* bad :
-       {"", "x", "target", "target 0 0 0 0 0", "target 0 0 0 0 0 0 0", "target nan 0 0 0 0 0", "target inf 0 0 0 0 0",
-        "target 0,1 0 0 0 0 0", "target  0 0 0 0 0 0", "grip", "grip 1 1", "opening", "opening nan", "opening 0 0",
-        "network up 1 1 0", "network to_slave 1 1", "release now", "method 1.5", "method x"})
+  for (const char* bad : {"",
+                          "x",
+                          "target",
+                          "target 0 0 0 0 0",
+                          "target 0 0 0 0 0 0 0",
+                          "target nan 0 0 0 0 0",
+                          "target inf 0 0 0 0 0",
+                          "target 0,1 0 0 0 0 0",
+                          "target  0 0 0 0 0 0",
+                          "grip",
+                          "grip 1 1",
+                          "opening",
+                          "opening nan",
+                          "opening 0 0",
+                          "network up 1 1 0",
+                          "network to_slave 1 1",
+                          "release now",
+                          "method 1.5",
+                          "method x",
+                          "surface 0 1",
+                          "surface 0.5 1 0",
+                          "surface 0 nan 0",
+                          "surface 0 1 0 0"})
     EXPECT_FALSE(parse_page_command(bad)) << bad;
 }
 

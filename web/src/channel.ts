@@ -5,6 +5,7 @@ export type Vec = [number, number, number];
 export interface Element {
   kind: string;
   stiffness_n_per_m?: number;
+  friction?: number;
   hidden?: boolean;
   normal?: Vec;
   offset_m?: number;
@@ -41,6 +42,8 @@ export interface Introduction {
   to_master: Network;
   network_limits: Network;
   environment: Element[];
+  environment_answers: string[]; // sentences, by number
+  surface_limits: { stiffness_n_per_m: number; friction: number };
   tool: Vec[];
   gripper_m: number | null; // where the gripper of the handle starts; null: none
   fields: [string, number][];
@@ -62,6 +65,10 @@ export class Layout {
     const at = this.at.get(name);
     if (at === undefined) throw new Error(`the program sends no ${name}`);
     return at;
+  }
+  /** Numbers of a field. */
+  count(name: string): number {
+    return this.fields.find(([field]) => field === name)?.[1] ?? 0;
   }
   /** Names of all numbers, vectors with their index. */
   columns(): string[] {

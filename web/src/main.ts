@@ -9,6 +9,8 @@ const MODES = ['idle', 'coupled', 'holding', 'released', 'let go'];
 const COUPLED = 1;
 const PLOT_EVERY = 4; // samples
 const REACH_M = 0.5;
+const ADJUSTABLE = 1; // environment_answer
+const OUT_OF_RANGE = 6;
 
 function element<T extends HTMLElement>(id: string): T {
   return document.getElementById(id) as T;
@@ -41,6 +43,8 @@ class Page {
 
   private samples = 0;
   private coupledFor = 0; // samples
+  private surface = 0; // whose stiffness and friction the sliders show
+  private surfaceTouchedAt = -Infinity; // [ms]
   private axis = 0;
   private latest: { at: number; late: number }[] = [];
   private lossWindow: { at: number; received: number; lost: number }[] = [];
@@ -79,7 +83,7 @@ class Page {
     element('scene').textContent =
       `${scene.scene} · ${scene.dof} DoF · ${scene.rate_hz} Hz` +
       (scene.methods.length > 1 ? '' : ` · ${scene.method}, ${scene.architecture}`);
-    element('method-state').hidden = scene.methods.length < 2;
+    element('method-state').hidden = true; // until the first sample tells which
     this.picture = new Picture(element<HTMLCanvasElement>('picture'), scene);
     const zoom = element<HTMLInputElement>('zoom');
     if (scene.dof === 6) zoom.value = '2000';
@@ -145,10 +149,29 @@ class Page {
           curve('not dissipated yet', '--third', at('deficit_j'), 1e3),
         ],
       },
+      {
+        title: 'Gripper',
+        unit: 'mm',
+        curves: [
+          curve('handle', '--hand', at('gripper_hand_m'), 1e3),
+          curve('fingers', '--robot', at('gripper_robot_m'), 1e3),
+        ],
+      },
+      {
+        title: 'Force at the gripper',
+        unit: 'N',
+        curves: [
+          curve('on the object', '--robot', at('gripper_object_n'), -1),
+          curve('felt', '--felt', at('gripper_felt_n'), 1),
+        ],
+      },
+      { title: 'Energy at the gripper', unit: 'mJ', curves: [curve('in at the hand', '--hand', at('gripper_energy_j'), 1e3)] },
       { title: 'Round trip', unit: 'ms', curves: [curve('round trip', '--hand', at('round_trip_ms'), 1, -1e-9)] },
       { title: 'Wake-up latency', unit: 'µs', curves: [curve('latency', '--hand', at('late_us'), 1)] },
     ];
-    this.plots = new Plots(element('plots'), specs.filter((s) => this.scene?.linked || s.title !== 'Round trip'));
+    this.plots = new Plots(element('plots'), specs.filter(
+      (s) => (this.scene?.linked || s.title !== 'Round trip') && (this.scene?.gripper_m != null || !/gripper/i.test(s.title)),
+    ));
   }
 
   private makeSliders(scene: Introduction): void {
@@ -172,6 +195,8 @@ class Page {
     opening.value = String(1e3 * start);
     opening.oninput = () => this.sendOpening();
     this.sendOpening();
+
+    this.makeSurfaceSliders(scene);
 
     element('network-controls').hidden = !scene.linked;
     const of = (n: Network): string =>
@@ -241,6 +266,74 @@ class Page {
     const method = element<HTMLSelectElement>('method');
     method.replaceChildren(...scene.methods.map((m, i) => new Option(m, String(i))));
     method.onchange = () => this.channel.send(`method ${method.value}`);
+  }
+
+  // The environment.
+
+  private makeSurfaceSliders(scene: Introduction): void {
+    const surfaces = scene.environment.filter((e) => e.kind !== 'spring').slice(0, this.layout.count('surface_friction'));
+    const same = (e: { kind: string }): number => surfaces.filter((o) => o.kind === e.kind).length;
+    const choice = element<HTMLSelectElement>('surface');
+    choice.replaceChildren(
+      ...surfaces.map((e, i) => new Option(same(e) > 1 ? `${e.kind} ${surfaces.slice(0, i + 1).filter((o) => o.kind === e.kind).length}` : e.kind, String(i))),
+    );
+    this.surface = 0;
+    choice.onchange = () => {
+      this.surface = Number(choice.value);
+      this.surfaceTouchedAt = -Infinity;
+    };
+    element('surface-row').hidden = surfaces.length < 2;
+    element('surface-controls').hidden = surfaces.length === 0;
+    const stiffness = element<HTMLInputElement>('stiffness'), friction = element<HTMLInputElement>('friction');
+    // Logarithmic, in steps of 2 %.
+    const most = Math.max(20000, ...surfaces.map((e) => e.stiffness_n_per_m ?? 0));
+    stiffness.min = String(Math.log10(50));
+    stiffness.max = String(Math.log10(Math.min(most, scene.surface_limits.stiffness_n_per_m)));
+    friction.max = String(Math.min(1.5, scene.surface_limits.friction));
+    const send = (): void => {
+      this.surfaceTouchedAt = performance.now();
+      this.showSurface();
+      this.channel.send(`surface ${this.surface} ${this.stiffness().toPrecision(4)} ${Number(friction.value).toFixed(2)}`);
+    };
+    stiffness.oninput = send;
+    friction.oninput = send;
+  }
+  private stiffness(): number {
+    return 10 ** Number(element<HTMLInputElement>('stiffness').value);
+  }
+  /** The sliders' values in words. */
+  private showSurface(): void {
+    const text = `${Number(this.stiffness().toPrecision(3))} N/m`;
+    element('stiffness-value').textContent = text;
+    element('stiffness').setAttribute('aria-valuetext', text);
+    const friction = element<HTMLInputElement>('friction');
+    element('friction-value').textContent = friction.disabled ? '–' : Number(friction.value).toFixed(2);
+  }
+  /** What the slave says of its environment: the sliders follow, but for a second after they were moved here. */
+  private followEnvironment(): void {
+    const scene = this.scene!, at = (name: string): number => this.last![this.layout.place(name)]!;
+    const answer = at('environment_answer'), adjustable = answer === ADJUSTABLE || answer === OUT_OF_RANGE;
+    const note = scene.linked
+      ? (scene.environment_answers[answer] ?? '')
+      : 'Without a link the environment is a part of the controller, and cannot be changed while it runs.';
+    const said = element('environment-note');
+    if (said.textContent !== note) said.textContent = note;
+    said.hidden = note === '';
+    const stiffness = element<HTMLInputElement>('stiffness'), friction = element<HTMLInputElement>('friction');
+    const place = (name: string): number => this.last![this.layout.place(name) + this.surface]!;
+    const has = place('surface_friction') >= 0;
+    stiffness.disabled = !adjustable;
+    friction.disabled = !adjustable || !has;
+    element('friction-note').hidden = !adjustable || has;
+    const value = adjustable ? place('surface_stiffness_n_per_m') : (scene.environment.filter((e) => e.kind !== 'spring')[this.surface]?.stiffness_n_per_m ?? NaN);
+    if (performance.now() - this.surfaceTouchedAt > 1000 && Number.isFinite(value) && value > 0) {
+      stiffness.value = String(Math.log10(value));
+      friction.value = String(Math.max(0, place('surface_friction')));
+      this.showSurface();
+    }
+    stiffness.dataset.there = String(value);
+    friction.dataset.there = String(place('surface_friction'));
+    show('environment-energy', 1e3 * at('environment_energy_j'), 3, 'mJ');
   }
 
   // The hand.
@@ -432,6 +525,7 @@ class Page {
     show('robot-energy', 1e3 * number('robot_energy_j'), 3, 'mJ');
     show('dissipated', 1e3 * number('dissipated_j'), 3, 'mJ');
     show('deficit', 1e3 * number('deficit_j'), 3, 'mJ');
+    this.followEnvironment();
     const trip = number('round_trip_ms');
     show('round-trip', trip < 0 ? NaN : trip, 1, 'ms');
     show('late', Math.max(...this.latest.map((x) => x.late)), 0, 'µs');
@@ -449,6 +543,7 @@ class Page {
     if (methods.length > 1) {
       const method = element<HTMLSelectElement>('method'), now = String(number('epoch') % methods.length);
       if (document.activeElement !== method) method.value = now;
+      element('method-state').hidden = false;
       state('method-state', methods[Number(now)]!);
     }
     const held = number('held') === 1;
