@@ -45,6 +45,7 @@ class Page {
   private coupledFor = 0; // samples
   private surface = 0; // whose stiffness and friction the sliders show
   private surfaceTouchedAt = -Infinity; // [ms]
+  private material = { stiffness: NaN, friction: 0 }; // of that surface, as asked for or as the slave says
   private axis = 0;
   private latest: { at: number; late: number }[] = [];
   private lossWindow: { at: number; received: number; lost: number }[] = [];
@@ -285,7 +286,7 @@ class Page {
     element('surface-row').hidden = surfaces.length < 2;
     element('surface-controls').hidden = surfaces.length === 0;
     const stiffness = element<HTMLInputElement>('stiffness'), friction = element<HTMLInputElement>('friction');
-    // Logarithmic, in steps of 2 %.
+    // Logarithmic.
     const most = Math.max(20000, ...surfaces.map((e) => e.stiffness_n_per_m ?? 0));
     stiffness.min = String(Math.log10(50));
     stiffness.max = String(Math.log10(Math.min(most, scene.surface_limits.stiffness_n_per_m)));
@@ -293,17 +294,20 @@ class Page {
     const send = (): void => {
       this.surfaceTouchedAt = performance.now();
       this.showSurface();
-      this.channel.send(`surface ${this.surface} ${this.stiffness().toPrecision(4)} ${Number(friction.value).toFixed(2)}`);
+      if (this.material.stiffness > 0) this.channel.send(`surface ${this.surface} ${this.material.stiffness} ${this.material.friction}`);
     };
-    stiffness.oninput = send;
-    friction.oninput = send;
-  }
-  private stiffness(): number {
-    return 10 ** Number(element<HTMLInputElement>('stiffness').value);
+    stiffness.oninput = () => {
+      this.material.stiffness = Number((10 ** Number(stiffness.value)).toPrecision(3));
+      send();
+    };
+    friction.oninput = () => {
+      this.material.friction = Number(friction.value);
+      send();
+    };
   }
   /** The sliders' values in words. */
   private showSurface(): void {
-    const text = `${Number(this.stiffness().toPrecision(3))} N/m`;
+    const text = `${Number(this.material.stiffness.toPrecision(3))} N/m`;
     element('stiffness-value').textContent = text;
     element('stiffness').setAttribute('aria-valuetext', text);
     const friction = element<HTMLInputElement>('friction');
@@ -325,10 +329,12 @@ class Page {
     stiffness.disabled = !adjustable;
     friction.disabled = !adjustable || !has;
     element('friction-note').hidden = !adjustable || has;
+    element('friction-note').textContent = scene.dof === 1 ? 'One axis has no friction.' : 'A wall that starts without friction keeps none.';
     const value = adjustable ? place('surface_stiffness_n_per_m') : (scene.environment.filter((e) => e.kind !== 'spring')[this.surface]?.stiffness_n_per_m ?? NaN);
     if (performance.now() - this.surfaceTouchedAt > 1000 && Number.isFinite(value) && value > 0) {
+      this.material = { stiffness: value, friction: Math.max(0, place('surface_friction')) };
       stiffness.value = String(Math.log10(value));
-      friction.value = String(Math.max(0, place('surface_friction')));
+      friction.value = String(this.material.friction);
       this.showSurface();
     }
     stiffness.dataset.there = String(value);
