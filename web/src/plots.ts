@@ -16,6 +16,13 @@ export interface PlotSpec {
 const SPAN_S = 10;
 const POINTS = 1300; // of SPAN_S at the plots' rate
 
+/** A curve that is constant lies in the middle. */
+function yRange(_u: uPlot, min: number | null, max: number | null): [number, number] {
+  if (min === null || max === null) return [-1, 1];
+  if (max - min > 1e-9 * Math.max(1, Math.abs(max))) return uPlot.rangeNum(min, max, 0.1, true) as [number, number];
+  return [min - 1, max + 1];
+}
+
 export class Plots {
   private readonly t: number[] = [];
   private readonly columns: number[][][];
@@ -38,24 +45,24 @@ export class Plots {
         {
           title: `${spec.title} [${spec.unit}]`,
           width: 225,
-          height: 190,
+          height: 160,
           pxAlign: false,
           cursor: { show: false },
           legend: { live: false },
-          scales: { x: { time: false, range: (_u, _min, max) => [max - SPAN_S, max] } },
+          scales: { x: { time: false, range: (_u, _min, max) => [max - SPAN_S, max] }, y: { range: yRange } },
           series: [
             { label: 't [s]' },
             ...spec.curves.map((c) => ({ label: c.label, stroke: colour(c.colour), width: 1.5, points: { show: false } })),
           ],
           axes: [
-            { ...axis, size: 28, values: (_u: uPlot, ticks: number[]) => ticks.map((x) => `${x.toFixed(0)} s`) },
-            { ...axis, size: 56, values: (_u: uPlot, ticks: number[]) => ticks.map((x) => String(+x.toPrecision(6))) },
+            { ...axis, size: 28, values: (_u: uPlot, ticks: number[]) => ticks.map((x) => `${+x.toFixed(1)} s`) },
+            { ...axis, size: 56, space: 24, values: (_u: uPlot, ticks: number[]) => ticks.map((x) => String(+x.toPrecision(6))) },
           ],
         },
         [[], ...spec.curves.map(() => [])],
         box,
       );
-      new ResizeObserver(() => plot.setSize({ width: Math.max(200, box.clientWidth), height: 190 })).observe(box);
+      new ResizeObserver(() => plot.setSize({ width: Math.max(200, box.clientWidth), height: 160 })).observe(box);
       return plot;
     });
   }
