@@ -110,6 +110,8 @@ template <int n>
 BodyState<6> SerialArm<n>::advance(const Force<6>& f) noexcept {
   const Joints torque = control(f.vec());
   const Joints before = s_.q;
+  // The sensor has read the force at the end of the last tick; from now on the hand moves at its new rate.
+  if (hand_) now_.outside = outside_wrench(now_.pose, now_.tool_velocity, 0.0);
   double rate = rate_;
   if (friction_ > 0.0)
     rate = std::max(rate, friction_ * now_.outside.template head<3>().norm() * point_mobility_ / kStictionSpeed);

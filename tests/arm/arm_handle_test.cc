@@ -254,7 +254,7 @@ TEST(ArmAtTheHand, RenderedSpringIsStableUpToTheEigenvalues) {
     const double seen =
         boundary([&](double k) { return measured_growth(s, mode(k), stiffness(k)); }, 0.9 * known, 1.1 * known, 16);
     std::printf("gain %g: rendered spring up to %.1f N/m by eigenvalues, %.1f N/m simulated\n", gain, known, seen);
-    EXPECT_NEAR(seen, known, 1e-2 * known);
+    EXPECT_NEAR(seen, known, 1e-3 * known);  // measured 4e-6; 16 halvings of 20 % resolve 3e-6
     for (const double part : {0.9, 1.1}) {
       const Mode of = mode(part * known);
       EXPECT_NEAR(measured_growth(s, of, stiffness(part * known)), growth(of), 1e-2 * std::abs(growth(of))) << part;
