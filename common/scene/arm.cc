@@ -80,7 +80,8 @@ ArmParameters load_arm(const std::string& path) {
   for (std::size_t i = 0; i < arm.joints.size(); ++i)
     if (!(arm.ready_position_rad[i] >= arm.joints[i].lower_rad && arm.ready_position_rad[i] <= arm.joints[i].upper_rad))
       of.refuse(FIELD(ready_position_rad),
-                fmt::format("lie within the limits of the joints; number {} does not", i + 1));
+                fmt::format("lie within the joints' limits; number {} must be between {} and {}", i + 1,
+                            arm.joints[i].lower_rad, arm.joints[i].upper_rad));
   return arm;
 }
 

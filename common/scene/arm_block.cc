@@ -9,6 +9,11 @@
 namespace twoport {
 namespace {
 
+// The simulated joints cannot be stepped with more in a few pieces of a tick; real ones have less than 10 N m s/rad.
+constexpr Rule kJointDamping{[](double v) { return v >= 0.0 && v <= 300.0; }, "be >= 0 and at most 300"};
+constexpr Rule kJointStiffness{[](double v) { return v >= 0.0 && v <= 1e4; }, "be >= 0 and at most 10000"};
+constexpr Rule kGain{[](double v) { return v >= 0.0 && v <= 1000.0; }, "be >= 0 and at most 1000"};
+
 template <int n>
 EffectiveInertia effective_inertia(const ArmSpec& arm) {
   using Matrix6 = Eigen::Matrix<double, 6, 6>;
@@ -41,12 +46,12 @@ ArmSpec read_arm(const Block<schema::Arm>& of) {
   ArmSpec arm{
       .parameters = parameters,
       .joint_position_rad = of.list(FIELD(joint_position_rad), {joints, joints, ""}),
-      .null_space_stiffness_n_m_per_rad = of.number(FIELD(null_space_stiffness_n_m_per_rad), kNotNegative),
-      .null_space_damping_n_m_s_per_rad = of.number(FIELD(null_space_damping_n_m_s_per_rad), kNotNegative),
-      .joint_damping_n_m_s_per_rad = of.number(FIELD(joint_damping_n_m_s_per_rad), kNotNegative),
+      .null_space_stiffness_n_m_per_rad = of.number(FIELD(null_space_stiffness_n_m_per_rad), kJointStiffness),
+      .null_space_damping_n_m_s_per_rad = of.number(FIELD(null_space_damping_n_m_s_per_rad), kJointDamping),
+      .joint_damping_n_m_s_per_rad = of.number(FIELD(joint_damping_n_m_s_per_rad), kJointDamping),
       .tool_mass_kg = of.number(FIELD(tool_mass_kg), kNotNegative),
       .tool_center_m = of.list(FIELD(tool_center_m), {3, 3, ""}),
-      .force_feedback_gain = feedback.number(FIELD(gain), kNotNegative),
+      .force_feedback_gain = feedback.number(FIELD(gain), kGain),
       .force_feedback_cutoff_hz = feedback.has(FIELD(cutoff_hz)) ? feedback.number(FIELD(cutoff_hz), kPositive) : 0.0};
   if (arm.joint_position_rad.empty()) arm.joint_position_rad = parameters->ready_position_rad;
   for (std::size_t i = 0; i < arm.joint_position_rad.size(); ++i) {
@@ -56,13 +61,6 @@ ArmSpec read_arm(const Block<schema::Arm>& of) {
                 fmt::format("lie within the joints' limits; number {} must be between {} and {}", i + 1,
                             joint.lower_rad, joint.upper_rad));
   }
-  // The simulated joints cannot be stepped with more in a few pieces of a tick; real ones have less than 10.
-  if (arm.joint_damping_n_m_s_per_rad > 300.0) of.refuse(FIELD(joint_damping_n_m_s_per_rad), "be at most 300");
-  if (arm.null_space_damping_n_m_s_per_rad > 300.0)
-    of.refuse(FIELD(null_space_damping_n_m_s_per_rad), "be at most 300");
-  if (arm.null_space_stiffness_n_m_per_rad > 1e4)
-    of.refuse(FIELD(null_space_stiffness_n_m_per_rad), "be at most 10000");
-  if (arm.force_feedback_gain > 1000.0) feedback.refuse(FIELD(gain), "be at most 1000");
   if (joints < 7) {
     const auto refuse = [&](const auto& field) {
       if (of.has(field)) of.refuse(field, fmt::format("be absent: an arm of {} joints has no null space", joints));

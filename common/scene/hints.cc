@@ -6,9 +6,13 @@
 #include <array>
 #include <cmath>
 #include <iterator>
+#include <limits>
 #include <optional>
 #include <utility>
 #include <variant>
+
+#include "common/arm/arm_model.h"
+#include "common/scene/numbers.h"
 
 namespace twoport {
 namespace {
@@ -108,12 +112,17 @@ std::optional<Coupled> fed_by_coupling(const Scene& s) {
     return of.inertia > 0.0 && of.stiffness > 0.0 &&
            !sampled_spring_is_stable(of.inertia, of.own_damping, of.stiffness, of.damping, 1.0 / s.slave_rate_hz);
   };
-  const Coupled translation{"robot.mass_kg",    "damping_n_s_per_m",        {"N/m", "N s/m"},
-                            s.robot->mass_kg,   s.robot->damping_n_s_per_m, c.stiffness_n_per_m,
+  const bool arm = s.robot->arm.has_value();
+  const Coupled translation{arm ? "the effective mass of robot.arm," : "robot.mass_kg",
+                            "damping_n_s_per_m",
+                            {"N/m", "N s/m"},
+                            s.robot->mass_kg,
+                            s.robot->damping_n_s_per_m,
+                            c.stiffness_n_per_m,
                             c.damping_n_s_per_m};
   if (fed(translation)) return translation;
   if (s.dof != 6 || s.robot->inertia_kg_m2.empty()) return {};
-  const Coupled rotation{"robot.inertia_kg_m2",
+  const Coupled rotation{arm ? "the effective inertia of robot.arm," : "robot.inertia_kg_m2",
                          "rotational_damping_n_m_s_per_rad",
                          {"N m/rad", "N m s/rad"},
                          *std::min_element(s.robot->inertia_kg_m2.begin(), s.robot->inertia_kg_m2.end()),
@@ -146,6 +155,63 @@ std::optional<std::pair<const char*, double>> slow_limit(const Scene& s) {
   const double robot_n = 0.5 * s.control.robot_limits.force_rate_n_per_s / s.slave_rate_hz;
   if (std::min(device_n, robot_n) >= kLittle_n) return {};
   return device_n < robot_n ? std::pair{"device_limits", device_n} : std::pair{"robot_limits", robot_n};
+}
+
+/// An arm of the scene and its block's path.
+struct NamedArm {
+  const char* path;
+  const ArmSpec* arm;
+  const Numbers* position_m;
+};
+std::vector<NamedArm> arms(const Scene& s) {
+  std::vector<NamedArm> all;
+  if (s.robot && s.robot->arm) all.push_back({"robot.arm", &*s.robot->arm, &s.robot->position_m});
+  if (s.device && s.device->arm) all.push_back({"device.arm", &*s.device->arm, &s.device->position_m});
+  return all;
+}
+
+/// The first joint that cannot hold arm and tool at rest at the first position, counted from 1, and the largest mass of a tool that it
+/// can hold there. Weight torques are linear in that mass.
+struct TooHeavy {
+  std::size_t joint = 0;
+  double most_kg = 0.0;
+};
+template <int n>
+TooHeavy too_heavy(const ArmSpec& arm, const Numbers& position_m) {
+  const Eigen::Vector3d gravity{0.0, 0.0, -9.81};
+  const Eigen::Matrix<double, n, 1> q = vector<n>(arm.joint_position_rad);
+  const Eigen::Matrix3d flange = ArmModel<n>{*arm.parameters}.pose(q).tool_rotation;
+  const Eigen::Matrix3d tool = flange.transpose() * position<6>(position_m).attitude().toRotationMatrix();
+  const auto torque = [&](double mass) -> Eigen::Matrix<double, n, 1> {
+    const ArmModel<n> model{*arm.parameters, {.mass_kg = mass, .center_m = vector<3>(arm.tool_center_m)}, tool};
+    return model.gravity_torque(model.pose(q), gravity);
+  };
+  const Eigen::Matrix<double, n, 1> alone = torque(0.0), each = torque(1.0) - alone;
+  TooHeavy found;
+  double least = arm.tool_mass_kg;
+  for (int i = 0; i < n; ++i) {
+    const double has = arm.parameters->joints[static_cast<std::size_t>(i)].max_torque_n_m;
+    const double most = each[i] > 0.0   ? (has - alone[i]) / each[i]
+                        : each[i] < 0.0 ? (-has - alone[i]) / each[i]
+                                        : std::numeric_limits<double>::infinity();
+    if (most < least) least = most, found = {static_cast<std::size_t>(i) + 1, std::max(0.0, most)};
+  }
+  return found;
+}
+TooHeavy too_heavy(const NamedArm& of) {
+  return of.arm->parameters->joints.size() == 6 ? too_heavy<6>(*of.arm, *of.position_m)
+                                                : too_heavy<7>(*of.arm, *of.position_m);
+}
+std::optional<std::pair<NamedArm, TooHeavy>> first_too_heavy(const Scene& s) {
+  for (const NamedArm& each : arms(s))
+    if (const TooHeavy of = too_heavy(each); of.joint != 0) return std::pair{each, of};
+  return {};
+}
+
+/// Torques are held for a tick, in which weight and inertial forces change: joints of arms are controlled at 1 kHz.
+constexpr double kSlowArm_hz = 200.0;
+double arm_rate_hz(const Scene& s) {
+  return s.robot && s.robot->arm ? s.slave_rate_hz : s.rate_hz;
 }
 
 struct Hint {
@@ -183,6 +249,27 @@ constexpr Hint kHints[] = {
            of.inertia_name, of.inertia, of.stiffness, of.units[0], s.slave_rate_hz,
            std::max(0.0, 0.5 * of.stiffness / s.slave_rate_hz - of.own_damping), 2.0 * of.inertia * s.slave_rate_hz,
            of.units[1], of.damping_name, of.damping);
+     }},
+    {[](const Scene& s) { return first_too_heavy(s).has_value(); },
+     [](const Scene& s) {
+       const auto [arm, of] = *first_too_heavy(s);
+       return fmt::format(
+           "{}.tool_mass_kg is {:g}: joint {} cannot hold more than {:.3g} kg at the first position, so the arm sinks",
+           arm.path, arm.arm->tool_mass_kg, of.joint, of.most_kg);
+     }},
+    {[](const Scene& s) { return !arms(s).empty() && arm_rate_hz(s) < kSlowArm_hz; },
+     [](const Scene& s) {
+       return fmt::format(
+           "{} is given at {:g} Hz: torques of an arm are held for {:.3g} ms, in which its weight changes; use {:g} Hz "
+           "or more",
+           arms(s)[0].path, arm_rate_hz(s), 1e3 / arm_rate_hz(s), kSlowArm_hz);
+     }},
+    {[](const Scene& s) {
+       return !arms(s).empty() && s.simulation.integrator != Integrator::exact &&
+              s.simulation.integrator != Integrator::rk4;
+     },
+     [](const Scene& s) {
+       return fmt::format("simulation.integrator does not apply to {}, which is stepped by RK4", arms(s)[0].path);
      }},
     {[](const Scene& s) { return slow_limit(s).has_value(); },
      [](const Scene& s) {

@@ -110,6 +110,8 @@ template <int n>
 BodyState<6> SerialArm<n>::advance(const Force<6>& f) noexcept {
   const Joints torque = control(f.vec());
   const Joints before = s_.q;
+  // The sensor has read the force at the end of the last tick; from now on the hand moves at its new rate.
+  if (hand_) now_.outside = outside_wrench(now_.pose, now_.tool_velocity, 0.0);
   double rate = rate_;
   if (friction_ > 0.0)
     rate = std::max(rate, friction_ * now_.outside.template head<3>().norm() * point_mobility_ / kStictionSpeed);
@@ -117,11 +119,13 @@ BodyState<6> SerialArm<n>::advance(const Force<6>& f) noexcept {
   const double h = dt_ / pieces;
   for (int i = 0; i < pieces; ++i) {
     const double t = i * h;
-    const State a = i == 0 ? rates_now(torque) : rates(s_, torque, t),
-                b = rates(moved(a, 0.5 * h), torque, t + 0.5 * h), c = rates(moved(b, 0.5 * h), torque, t + 0.5 * h),
-                d = rates(moved(c, h), torque, t + h);
+    const Rate a = i == 0 ? rates_now(torque) : rates(s_, torque, t), b = rates(moved(a, 0.5 * h), torque, t + 0.5 * h),
+               c = rates(moved(b, 0.5 * h), torque, t + 0.5 * h), d = rates(moved(c, h), torque, t + h);
     s_.q += h / 6.0 * (a.q + 2.0 * (b.q + c.q) + d.q);
     s_.v += h / 6.0 * (a.v + 2.0 * (b.v + c.v) + d.v);
+    outside_j_ += h / 6.0 * (a.outside + 2.0 * (b.outside + c.outside) + d.outside);
+    dissipated_j_ += h / 6.0 * arm_.joint_damping_n_m_s_per_rad *
+                     (a.q.squaredNorm() + 2.0 * (b.q.squaredNorm() + c.q.squaredNorm()) + d.q.squaredNorm());
   }
   const Joints turned = s_.q - before;
   energy_ += Energy{commanded_.dot(turned)};
@@ -224,14 +228,14 @@ typename SerialArm<n>::Vector6 SerialArm<n>::outside_wrench(const typename Model
   if (!environment_->empty()) f = environment_->force(tool_position(p), Velocity<6>{v}).vec();
   if (hand_) {
     const HandSpec& h = hand_->spec;
-    const Vector6 rate = hand_->rate.vec();
+    const Vector6 rate = hand_->rate.vec(), push = vector<6>(h.force_n);
     const Position<6> target =
         rate.isZero(0.0) ? hand_->intended : hand_->intended + Displacement<6>{Vector6{t * rate}};
     const Vector6 stretch = (target - tool_position(p)).vec(), by = rate - v;
     f.template head<3>() += h.stiffness_n_per_m * stretch.template head<3>() +
-                            h.damping_n_s_per_m * by.template head<3>() + vector<3>(h.force_n);
+                            h.damping_n_s_per_m * by.template head<3>() + push.template head<3>();
     f.template tail<3>() += h.rotational_stiffness_n_m_per_rad * stretch.template tail<3>() +
-                            h.rotational_damping_n_m_s_per_rad * by.template tail<3>();
+                            h.rotational_damping_n_m_s_per_rad * by.template tail<3>() + push.template tail<3>();
   }
   return f;
 }
@@ -243,14 +247,15 @@ typename SerialArm<n>::Joints SerialArm<n>::load(const State& s, const Kinematic
 }
 /// q̇ and q̈.
 template <int n>
-typename SerialArm<n>::State SerialArm<n>::rates(const State& s, const Joints& torque, double t) const noexcept {
+typename SerialArm<n>::Rate SerialArm<n>::rates(const State& s, const Joints& torque, double t) const noexcept {
   const Kinematics k = kinematics(s, t);
-  return {s.v, model_.forward_dynamics(k.pose, s.v, load(s, k, torque), ArmPlant::kGravity)};
+  return {s.v, model_.forward_dynamics(k.pose, s.v, load(s, k, torque), ArmPlant::kGravity),
+          k.outside.dot(k.tool_velocity)};
 }
 /// The same where the tick begins.
 template <int n>
-typename SerialArm<n>::State SerialArm<n>::rates_now(const Joints& torque) const noexcept {
-  return {s_.v, inertia_.solve(load(s_, now_, torque) - bias_)};
+typename SerialArm<n>::Rate SerialArm<n>::rates_now(const Joints& torque) const noexcept {
+  return {s_.v, inertia_.solve(load(s_, now_, torque) - bias_), now_.outside.dot(now_.tool_velocity)};
 }
 
 template <int n>

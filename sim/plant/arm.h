@@ -54,6 +54,11 @@ class SerialArm {
   struct State {
     Joints q, v;
   };
+  /// Derivative of a state, and powers [W].
+  struct Rate {
+    Joints q, v;
+    double outside;  ///< f_out·V
+  };
 
   SerialArm(const ArmSpec& arm, std::shared_ptr<const Environment<6>> environment, double dt, const Position<6>& start,
             const std::optional<HandOnTool>& hand);
@@ -77,6 +82,9 @@ class SerialArm {
   /// Energy into the arm through the joints [J]: of the commanded wrench, and of all torques.
   [[nodiscard]] Energy port_energy() const noexcept { return energy_; }
   [[nodiscard]] Energy joint_energy() const noexcept { return all_energy_; }
+  /// Σ ∫ d q̇² dt of the joints' damping, and ∫ f_out·V dt of environment and hand, by Runge-Kutta 4 as the motion [J].
+  [[nodiscard]] Energy dissipated() const noexcept { return Energy{dissipated_j_}; }
+  [[nodiscard]] Energy outside_energy() const noexcept { return Energy{outside_j_}; }
   /// Kinetic energy, weight, and what stops and environment hold [J].
   [[nodiscard]] double mechanical_energy() const noexcept;
   /// Torques of the joints in the last tick [N m], and whether limits took a part of them.
@@ -100,7 +108,7 @@ class SerialArm {
   [[nodiscard]] Position<6> tool_position(const typename Model::Pose& p) const noexcept {
     return {base_ + p.tool, Eigen::Quaterniond{p.tool_rotation}};
   }
-  [[nodiscard]] State moved(const State& rate, double h) const noexcept {
+  [[nodiscard]] State moved(const Rate& rate, double h) const noexcept {
     return {s_.q + h * rate.q, s_.v + h * rate.v};
   }
   [[nodiscard]] Joints over_stops(const Joints& q) const noexcept;
@@ -109,8 +117,8 @@ class SerialArm {
   [[nodiscard]] Kinematics kinematics(const State& s, double t) const noexcept;
   [[nodiscard]] Vector6 outside_wrench(const typename Model::Pose& p, const Vector6& v, double t) const noexcept;
   [[nodiscard]] Joints load(const State& s, const Kinematics& k, const Joints& torque) const noexcept;
-  [[nodiscard]] State rates(const State& s, const Joints& torque, double t) const noexcept;
-  [[nodiscard]] State rates_now(const Joints& torque) const noexcept;
+  [[nodiscard]] Rate rates(const State& s, const Joints& torque, double t) const noexcept;
+  [[nodiscard]] Rate rates_now(const Joints& torque) const noexcept;
   [[nodiscard]] Joints control(const Vector6& wrench) noexcept;
   void update() noexcept;
   void sense_tool() noexcept;
@@ -133,6 +141,7 @@ class SerialArm {
   Vector6 inertial_ = Vector6::Zero(), sensed_ = Vector6::Zero();
   Joints torque_ = Joints::Zero(), commanded_ = Joints::Zero();
   bool saturated_ = false, senses_tool_ = false;
+  double dissipated_j_ = 0.0, outside_j_ = 0.0;
   Energy energy_, all_energy_;
 };
 extern template class SerialArm<6>;

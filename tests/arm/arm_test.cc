@@ -265,11 +265,49 @@ TEST(Arms, WrongFilesAreRefusedInASentence) {
     }
     return std::string{};
   };
-  EXPECT_NE(error_of("mass_kg: 2.92747", "mass_kg: -1").find("joint[0].mass_kg is -1; it must be > 0"),
-            std::string::npos);
-  EXPECT_NE(error_of("max_torque_n_m: 87.0 ", "").find("joint[0].max_torque_n_m is missing"), std::string::npos);
-  EXPECT_NE(error_of("[0.023927, 0.022482", "[0.923927, 0.022482").find("triangle inequality"), std::string::npos);
-  EXPECT_NE(error_of("upper_rad: 2.7501", "upper_rad: -3").find("it must be > lower_rad"), std::string::npos);
+  // What the file's first joint says, what it is replaced by, and what the sentence must hold: thing, value, what is allowed.
+  struct Wrong {
+    const char *from, *to, *words;
+  };
+  for (const Wrong& wrong : {
+           Wrong{"mass_kg: 2.92747", "mass_kg: -1", "joint[0].mass_kg is -1; it must be > 0 and at most 1e18"},
+           Wrong{"mass_kg: 2.92747", "mass_kg: nan", "joint[0].mass_kg is nan; it must be a finite number"},
+           Wrong{"mass_kg: 2.92747", "mass_kg: 2.9 color: 1", "color"},
+           Wrong{"mass_kg: 2.92747", "mass_kg: heavy", "heavy"},
+           Wrong{"mass_kg: 2.92747", "", "joint[0].mass_kg is missing; it must be > 0"},
+           Wrong{"origin_m: [0, 0, 0.333]", "", "joint[0].origin_m is missing; it must hold 3 numbers"},
+           Wrong{"origin_m: [0, 0, 0.333]", "origin_m: [0, 0]", "joint[0].origin_m is [0, 0]; it must hold 3 numbers"},
+           Wrong{"origin_m: [0, 0, 0.333]", "origin_m: [0, 0, inf]", "joint[0].origin_m is [0, 0, inf]"},
+           Wrong{"[0.023927, 0.022482", "[0.923927, 0.022482", "triangle inequality"},
+           Wrong{"[0.023927, 0.022482", "[-0.023927, 0.022482", "joint[0].inertia_kg_m2"},
+           Wrong{"rotor_inertia_kg_m2: 0.6057", "rotor_inertia_kg_m2: -1",
+                 "joint[0].rotor_inertia_kg_m2 is -1; it must be >= 0"},
+           Wrong{"max_torque_n_m: 87.0", "max_torque_n_m: 0", "joint[0].max_torque_n_m is 0; it must be > 0"},
+           Wrong{"max_torque_n_m: 87.0 ", "", "joint[0].max_torque_n_m is missing; it must be > 0"},
+           Wrong{"max_speed_rad_per_s: 2.62", "max_speed_rad_per_s: 0",
+                 "joint[0].max_speed_rad_per_s is 0; it must be > 0"},
+           Wrong{"lower_rad: -2.7501", "", "joint[0].lower_rad is missing; it must be a finite number"},
+           Wrong{"upper_rad: 2.7501", "upper_rad: -3",
+                 "joint[0].upper_rad is -3; it must be > lower_rad, which is -2.7501"},
+           Wrong{"ready_position_rad: [0,", "ready_position_rad: [3,",
+                 "it must lie within the joints' limits; number 1 must be between -2.7501 and 2.7501"},
+           Wrong{"ready_position_rad: [0,", "ready_position_rad: [0, 0,", "it must hold 7 numbers"},
+           Wrong{"ready_position_rad: [0,", "flange_m: [0, 0, 1] ready_position_rad: [0,", "flange_m"},
+       }) {
+    ASSERT_NE(right.find(wrong.from), std::string::npos) << wrong.from;
+    const std::string error = error_of(wrong.from, wrong.to);
+    EXPECT_NE(error.find(wrong.words), std::string::npos) << wrong.to << " says \"" << error << "\"";
+    EXPECT_NE(error.find("wrong_arm.textproto"), std::string::npos) << error;
+  }
+  const std::string path = testing::TempDir() + "/wrong_arm.textproto";
+  write_whole(path, "name: \"none\"\n");
+  try {
+    load_arm(path);
+    FAIL();
+  } catch (const ConfigError& e) {
+    EXPECT_NE(std::string{e.what()}.find("joint is given 0 times; an arm must have 6 or 7 joints"), std::string::npos)
+        << e.what();
+  }
 }
 
 TEST(Arm, AllocatesNothing) {

@@ -4,6 +4,7 @@
 #include <vector>
 
 #include "common/base/check.h"
+#include "common/scene/hints.h"
 #include "common/scene/load.h"
 
 namespace twoport {
@@ -67,6 +68,66 @@ TEST(SceneOfAnArm, StandsInPlaceOfABody) {
   EXPECT_GT(scene.robot->mass_kg, 3.0);
   EXPECT_LT(scene.robot->mass_kg, 5.3);
   EXPECT_GT(scene.robot->inertia_kg_m2[0], 0.05);
+}
+
+TEST(SceneOfAnArm, SaysTheWholeRangeOfANumber) {
+  for (const char* gain : {"-1", "1001"})
+    expect_error(kRobot + kArm + "force_feedback { gain: " + gain + " } } }",
+                 "robot.arm.force_feedback.gain is " + std::string{gain} + "; it must be >= 0 and at most 1000");
+  for (const char* damping : {"-1", "301"}) {
+    expect_error(kRobot + kArm + "joint_damping_n_m_s_per_rad: " + damping + " } }", "it must be >= 0 and at most 300");
+    expect_error(kRobot + kArm + "null_space_damping_n_m_s_per_rad: " + damping + " } }",
+                 "it must be >= 0 and at most 300");
+  }
+  for (const char* stiffness : {"-1", "10001"})
+    expect_error(kRobot + kArm + "null_space_stiffness_n_m_per_rad: " + stiffness + " } }",
+                 "it must be >= 0 and at most 10000");
+}
+
+TEST(Scene, RefusesAToleranceBeyondRounding) {
+  for (const char* tolerance : {"0", "1e-16", "1e-3"})
+    expect_error(
+        "dof: 1 duration_s: 1 simulation { integrator: DORMAND_PRINCE tolerance_m: " + std::string{tolerance} + " }",
+        "it must be from 1e-15 to 0.0001");
+}
+
+/// Hints of a scene with an arm as robot.
+std::vector<std::string> hints_of(const std::string& arm, const std::string& more = "") {
+  return hints(parse_scene("dof: 6 duration_s: 1 operator { } device { mass_kg: 0.2 inertia_kg_m2: 1e-3 } robot { " +
+                               kArm + arm + " } } " + more,
+                           "scene"));
+}
+
+TEST(HintsOfAnArm, NameAToolThatItCannotCarry) {
+  EXPECT_EQ(hints_of("").size(), 0U);
+  EXPECT_EQ(hints_of("tool_mass_kg: 3 tool_center_m: [0, 0, 0.05]").size(), 0U);
+  const auto heavy = hints_of("tool_mass_kg: 30");
+  ASSERT_EQ(heavy.size(), 1U);
+  EXPECT_TRUE(heavy[0].starts_with("robot.arm.tool_mass_kg is 30: joint ")) << heavy[0];
+  // Ready position: the flange is 0.307 m before the shoulder, and the arm itself needs 1.7 of the shoulder's 87 N m the other way;
+  // the wrist has 12 N m for the 88 mm of the last link: 12.1 kg at most.
+  const std::size_t at = heavy[0].find("more than ");
+  ASSERT_NE(at, std::string::npos) << heavy[0];
+  EXPECT_NEAR(std::stod(heavy[0].substr(at + 10)), (12.0 - 1.59) / (0.088 * 9.81), 0.2) << heavy[0];
+}
+
+TEST(HintsOfAnArm, NameALowRateAndAnIntegratorThatDoesNotApply) {
+  const auto slow = hints_of("", "rate_hz: 50");
+  ASSERT_EQ(slow.size(), 1U);
+  EXPECT_EQ(slow[0],
+            "robot.arm is given at 50 Hz: torques of an arm are held for 20 ms, in which its weight changes; use 200 "
+            "Hz or more");
+  EXPECT_EQ(hints_of("", "rate_hz: 200").size(), 0U);
+  const auto other = hints_of("", "simulation { integrator: DORMAND_PRINCE }");
+  ASSERT_EQ(other.size(), 1U);
+  EXPECT_EQ(other[0], "simulation.integrator does not apply to robot.arm, which is stepped by RK4");
+}
+
+TEST(HintsOfAnArm, NameItsEffectiveMassWhereTheCouplingIsUnstable) {
+  const auto unstable = hints_of("", "control { virtual_coupling { stiffness_n_per_m: 1000 damping_n_s_per_m: 1e5 } }");
+  ASSERT_EQ(unstable.size(), 1U);
+  EXPECT_NE(unstable[0].find("the effective mass of robot.arm, "), std::string::npos) << unstable[0];
+  EXPECT_EQ(unstable[0].find("robot.inertia"), std::string::npos) << unstable[0];
 }
 
 TEST(Scene, KeepsAccountsPerContactWhereAToolIsRendered) {

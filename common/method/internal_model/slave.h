@@ -46,6 +46,8 @@ inline ControlOptions with_damped_robot(ControlOptions o) {
 /// N = 6: the surface is that at the contact point x + R b, from the lever of the wrench:
 ///
 ///     b = LP_a[Rᵀ(f × τ)]/LP_a[|f|²]                       ContactLever
+///     s = Σ Δp + ΔR b                                      way of the robot's point that touches now; K is fitted to it. The contact
+///                                                          point itself also moves where b changes, without any force
 template <int N>
 class InternalModelSlave {
  public:
@@ -242,8 +244,12 @@ class InternalModelSlave {
       arm_ = x.attitude() * lever_.value();
       contact_point_ += arm_;
       velocity += Eigen::Vector3d{v.template tail<3>()}.cross(arm_);
+      material_point_ += x.translation() - before_.translation() + arm_ - before_.attitude() * lever_.value();
+      before_ = x;
+      estimator_.step(contact_point_, material_point_, velocity, f.template head<D>(), dt);
+    } else {
+      estimator_.step(contact_point_, velocity, f.template head<D>(), dt);
     }
-    estimator_.step(contact_point_, velocity, f.template head<D>(), dt);
     if (senses_ && !estimator_.contact()) bias_.learn(robot.f_environment, dt);
   }
 
@@ -293,9 +299,11 @@ class InternalModelSlave {
   double to_master_stiffness_, brake_n_s_per_m_, coupling_n_per_m_, rotation_n_m_per_rad_;
   SurfaceEstimator<D> estimator_;
   Point<D> contact_point_ = Point<D>::Zero();
-  ContactLever lever_;               ///< N = 6: b
-  Point<3> arm_ = Point<3>::Zero();  ///< R b
-  Displacement<N> offset_;           ///< o in the slave's world
+  ContactLever lever_;                          ///< N = 6: b
+  Point<3> arm_ = Point<3>::Zero();             ///< R b
+  Point<3> material_point_ = Point<3>::Zero();  ///< N = 6: s, but for a constant
+  Position<N> before_;                          ///< N = 6: the robot's, in the last tick
+  Displacement<N> offset_;                      ///< o in the slave's world
   SurfaceReport<N> report_;
   MasterSays<N> said_;
   bool informed_ = false;  ///< the master says it

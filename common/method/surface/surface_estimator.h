@@ -15,9 +15,10 @@ namespace twoport {
 /// order low pass with time constant a; at the start of a contact all filters start from the present value.
 ///
 ///     contact    |LP_3ms f| > 0.3 N begins it; |LP_3ms f| < 0.1 N for 3 ms ends it
-///     x', v', f' = (z - LP_20ms z)·n                                  motion and force across the surface, without offset
+///     x', v', f' = (z - LP_20ms z)·n                                  motion and force across the surface, without offset;
+///                                                                     x' of s, the point of the robot that touches now
 ///     K, B       least squares of f' = K x' + B v', mean over 0.5 s, with K = 2000 N/m as prior at (30 µm)², (3 mm/s)²;
-///                only where |x'| >= 0.8 |x - LP_20ms x| and |f'| > 0.05 N: pressed, not slid
+///                only where |x'| >= 0.8 |s - LP_20ms s| and |f'| > 0.05 N: pressed, not slid
 ///     v_q        = LP_10ms[LP_20ms v - (f - LP_20ms f)/(20 ms K)]     velocity of x - f/K, which moves along the surface
 ///     f_q        = LP_10ms LP_20ms f                                  same filters: friction does not tilt the normal
 ///     sliding    |v_q| > 8 mm/s and |f_q·u| < 0.75 |f_q|, u = v_q/|v_q|:
@@ -33,11 +34,14 @@ class SurfaceEstimator {
  public:
   void reset() noexcept { contact_ = false, f_contact_.setZero(), quiet_s_ = 0.0; }
 
-  void step(const Point<D>& x, const Point<D>& v, const Point<D>& f, Seconds dt) noexcept {
+  /// x: point of contact; it is the robot's own point, s = x.
+  void step(const Point<D>& x, const Point<D>& v, const Point<D>& f, Seconds dt) noexcept { step(x, x, v, f, dt); }
+  /// Where the contact moves over the robot, x moves and s does not. Only differences of s matter.
+  void step(const Point<D>& x, const Point<D>& s, const Point<D>& v, const Point<D>& f, Seconds dt) noexcept {
     low_pass(f_contact_, f, dt, kContactFilter_s);
     const double size = f_contact_.norm();
     if (!contact_) {
-      if (size > kOn_n) begin(x, v, f);
+      if (size > kOn_n) begin(x, s, v, f);
       return;
     }
     quiet_s_ = size < kOff_n ? quiet_s_ + dt.si() : 0.0;
@@ -46,8 +50,8 @@ class SurfaceEstimator {
       return;
     }
     age_s_ += dt.si();
-    filter(x, v, f, dt);
-    fit_stiffness(x, v, f, dt);
+    filter(s, v, f, dt);
+    fit_stiffness(s, v, f, dt);
     if constexpr (D != 1) {
       fit_normal(dt);
       fit_curvature(x, dt);
@@ -70,10 +74,10 @@ class SurfaceEstimator {
   static constexpr double kRestNormal_s = 0.1, kRestAge_s = 0.3, kFrictionless = 0.05, kRestCosine = 0.970;  // 14°
   static constexpr double kCurvatureMemory_m = 15e-3, kCurvaturePrior_m = 4.5e-3, kMostCurvature_per_m = 200.0;
 
-  void begin(const Point<D>& x, const Point<D>& v, const Point<D>& f) noexcept {
+  void begin(const Point<D>& x, const Point<D>& s, const Point<D>& v, const Point<D>& f) noexcept {
     contact_ = true;
     quiet_s_ = age_s_ = 0.0;
-    x_slow_ = x_mean_ = x, v_slow_ = v_surface_ = v, f_slow_ = f_surface_ = f;
+    x_slow_ = s, x_mean_ = x, v_slow_ = v_surface_ = v, f_slow_ = f_surface_ = f;
     xx_ = xv_ = vv_ = xf_ = vf_ = 0.0;
     damping_ = variance_ = covariance_ = 0.0;
     patch_.normal = n_mean_ = f_contact_ / f_contact_.norm();
@@ -82,8 +86,8 @@ class SurfaceEstimator {
     patch_.point = x - std::max(0.0, f.dot(patch_.normal)) / patch_.stiffness * patch_.normal;
   }
 
-  void filter(const Point<D>& x, const Point<D>& v, const Point<D>& f, Seconds dt) noexcept {
-    low_pass(x_slow_, x, dt, kSlow_s);
+  void filter(const Point<D>& s, const Point<D>& v, const Point<D>& f, Seconds dt) noexcept {
+    low_pass(x_slow_, s, dt, kSlow_s);
     low_pass(v_slow_, v, dt, kSlow_s);
     low_pass(f_slow_, f, dt, kSlow_s);
     const Point<D> sliding = v_slow_ - (f - f_slow_) / (kSlow_s * patch_.stiffness);
@@ -91,8 +95,8 @@ class SurfaceEstimator {
     low_pass(f_surface_, f_slow_, dt, kSlower_s);
   }
 
-  void fit_stiffness(const Point<D>& x, const Point<D>& v, const Point<D>& f, Seconds dt) noexcept {
-    const Point<D> moved = x - x_slow_;
+  void fit_stiffness(const Point<D>& s, const Point<D>& v, const Point<D>& f, Seconds dt) noexcept {
+    const Point<D> moved = s - x_slow_;
     const double travel = moved.dot(patch_.normal), force = (f - f_slow_).dot(patch_.normal);
     const double speed = (v - v_slow_).dot(patch_.normal);
     if (std::abs(travel) < kPressed * moved.norm() || std::abs(force) < kLeastForce_n) return;
