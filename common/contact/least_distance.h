@@ -78,6 +78,8 @@ class LeastDistance {
   [[nodiscard]] std::size_t active() const noexcept { return count_; }
   [[nodiscard]] std::size_t index(std::size_t j) const noexcept { return index_[j]; }
   [[nodiscard]] double lambda(std::size_t j) const noexcept { return lambda_[j]; }
+  /// Orthonormal, with the span of the active conditions' vectors.
+  [[nodiscard]] const Vector& direction(std::size_t j) const noexcept { return q_[j]; }
 
  private:
   static constexpr std::size_t kMost = static_cast<std::size_t>(N);
