@@ -300,14 +300,15 @@ class GodObject {
   /// The step y from x to the goal, both scaled, under normal forces and friction.
   void solve_with_friction(const Position<N>& x, Vector& y) noexcept {
     const Vector goal = y;
-    Vector friction = Vector::Zero();
+    Vector friction = Vector::Zero(), with_friction = Vector::Zero();
     std::array<Sliding, kMost> last;
     for (int i = 0;; ++i) {
       y = goal + friction;
-      solver_.solve(rows_, y, kTolerance_m);
+      if (i == 0 || !solver_.solve_again(rows_, y, kTolerance_m)) solver_.solve(rows_, y, kTolerance_m);
       last = slidings_;
       const std::size_t were = std::exchange(sliding_, 0);
       bool same = true;
+      const double tolerance = slips_ ? 1e-12 : 1e-3;  // where all stick, the limits do not matter
       for (std::size_t j = 0; j < solver_.active(); ++j) {
         const Plane& plane = planes_[solver_.index(j)];
         const auto contact = static_cast<std::size_t>(plane.index);
@@ -318,24 +319,25 @@ class GodObject {
         const Sliding& s = slidings_[sliding_] = {
             solver_.index(j), mu * length * solver_.lambda(j), plane.normal / length, plane.arm, from, Where::Zero()};
         same = same && sliding_ < were && last[sliding_].row == s.row &&
-               std::abs(last[sliding_].most - s.most) <= 1e-14 + 1e-12 * s.most;
+               std::abs(last[sliding_].most - s.most) <= 1e-14 + tolerance * s.most;
         ++sliding_;
       }
       if (i > 0 && same && sliding_ == were) {
         slidings_ = last;
+        y = with_friction;  // without the rounding of the forces
         return;
       }
       if (i == kAlternations || (sliding_ == 0 && i == 0)) return;
       friction.setZero();
       if (sliding_ > 0) {
-        least_with_friction(goal, y);
+        with_friction = least_with_friction(goal);
         for (std::size_t k = 0; k < sliding_; ++k) friction += on_proxy(slidings_[k].arm, slidings_[k].force);
       }
     }
   }
-  /// With the limits of friction held and on the active planes, of which y meets all; sets the forces.
-  void least_with_friction(const Vector& goal, const Vector& y) noexcept {
-    Vector u = y - without_active(y);
+  /// With the limits of friction held and on the active planes; sets the forces.
+  Vector least_with_friction(const Vector& goal) noexcept {
+    Vector u = solver_.active_point(rows_);
     double value = 0.0;
     for (int i = 0; i < kNewtonSteps; ++i) {
       Vector slope = u - goal;
@@ -371,10 +373,13 @@ class GodObject {
       u += part * d;
       if (!(d.cwiseAbs().maxCoeff() > 1e-16)) break;
     }
+    slips_ = false;
     for (std::size_t k = 0; k < sliding_; ++k) {
       const Where slip = slip_after(slidings_[k], u);
+      slips_ = slips_ || slip.norm() > kYield_m;
       slidings_[k].force = -slidings_[k].most / std::max(slip.norm(), kYield_m) * slip;
     }
+    return u;
   }
   [[nodiscard]] static double huber(double length) noexcept {
     return length <= kYield_m ? 0.5 * length * length / kYield_m : length - 0.5 * kYield_m;
@@ -466,6 +471,7 @@ class GodObject {
   std::vector<Anchor> anchors_, moved_anchors_;  ///< of all contacts: now, and with the last solution
   std::array<Sliding, kMost> slidings_;
   std::size_t sliding_ = 0;
+  bool slips_ = false;  ///< one of them, in the last solution
   Energy solved_friction_energy_;
   LeastDistance<N> solver_;
   std::array<Contact, static_cast<std::size_t>(N)> contact_{};
