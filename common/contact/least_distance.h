@@ -74,14 +74,52 @@ class LeastDistance {
     return false;
   }
 
+  /// For another y0 and the same rows: true, and y and the λ are the solution, if the conditions that were active last give it; else
+  /// nothing changes. Where conditions are redundant, they stay the same ones so.
+  bool solve_again(std::span<const HalfSpace<N>> rows, Vector& y, double tolerance) noexcept {
+    std::array<double, N> c{}, lambda{};
+    const Vector at = onto_active(rows, y, c);
+    for (std::size_t k = count_; k-- > 0;) {
+      double sum = c[k];
+      for (std::size_t j = k + 1; j < count_; ++j) sum -= triangle_[k][j] * lambda[j];
+      lambda[k] = sum / triangle_[k][k];
+      if (!(lambda[k] >= 0.0)) return false;
+    }
+    for (const HalfSpace<N>& row : rows)
+      if (!(row.a.dot(at) - row.b >= -tolerance)) return false;
+    lambda_ = lambda;
+    y = at;
+    return true;
+  }
+
+  /// The point nearest to the origin that meets the active conditions as equations.
+  [[nodiscard]] Vector active_point(std::span<const HalfSpace<N>> rows) const noexcept {
+    std::array<double, N> c{};
+    return onto_active(rows, Vector::Zero(), c);
+  }
+
   /// Active conditions, by their index, with their λ.
   [[nodiscard]] std::size_t active() const noexcept { return count_; }
   [[nodiscard]] std::size_t index(std::size_t j) const noexcept { return index_[j]; }
   [[nodiscard]] double lambda(std::size_t j) const noexcept { return lambda_[j]; }
+  /// Orthonormal, with the span of the active conditions' vectors.
+  [[nodiscard]] const Vector& direction(std::size_t j) const noexcept { return q_[j]; }
 
  private:
   static constexpr std::size_t kMost = static_cast<std::size_t>(N);
 
+  /// y + Σ c_k q_k, which meets the active conditions as equations.
+  [[nodiscard]] Vector onto_active(std::span<const HalfSpace<N>> rows, const Vector& y,
+                                   std::array<double, N>& c) const noexcept {
+    Vector at = y;
+    for (std::size_t k = 0; k < count_; ++k) {
+      double sum = rows[index_[k]].b - rows[index_[k]].a.dot(y);
+      for (std::size_t j = 0; j < k; ++j) sum -= triangle_[j][k] * c[j];
+      c[k] = sum / triangle_[k][k];
+      at += c[k] * q_[k];
+    }
+    return at;
+  }
   /// Takes from z its part in the span of the active conditions' vectors, Σ r_j a_j. A second pass removes what rounding left.
   void project(Vector& z, std::array<double, N>& r) noexcept {
     std::array<double, N> d{};

@@ -91,8 +91,9 @@ void check_god_object(const SceneBlock& scene, const Scene& values) {
     const auto* surface = std::get_if<Surface>(&values.environment[i]);
     if (surface == nullptr)
       scene.fail(fmt::format("{} is given, but control.rendering is GOD_OBJECT: it renders surfaces", path));
-    if (surface->material.friction > 0.0 || surface->material.viscous_friction_n_s_per_m > 0.0)
-      scene.fail(fmt::format("{} has friction, but control.rendering is GOD_OBJECT: it renders none", path));
+    if (surface->material.viscous_friction_n_s_per_m > 0.0)
+      scene.fail(fmt::format(
+          "{} has viscous friction, but control.rendering is GOD_OBJECT: it renders Coulomb friction only", path));
     if (surface->material.damping_n_s_per_m > 0.0)
       scene.fail(fmt::format("{} has damping, but control.rendering is GOD_OBJECT: it renders none", path));
   }

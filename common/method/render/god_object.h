@@ -5,6 +5,7 @@
 #include <cmath>
 #include <cstddef>
 #include <span>
+#include <utility>
 #include <vector>
 
 #include "common/base/vector.h"
@@ -16,7 +17,7 @@
 namespace twoport {
 
 /// Constraint-based rendering: a proxy of the handle that never enters the environment, and a spring between both. The surfaces
-/// are rigid and without friction; the spring is that of control.virtual_coupling, k and k_r.
+/// are rigid, with Coulomb friction of coefficient μ; the spring is that of control.virtual_coupling, k and k_r. Without friction,
 ///
 ///     x_p = argmin U(x_h, x)  where no point of x is inside a surface,  U = k |p_h - p|²/2 + k_r |log(R_h Rᵀ)|²/2,
 ///     near the last x_p
@@ -25,6 +26,19 @@ namespace twoport {
 ///
 /// -w is the gradient of U(x_h, x_p(x_h)): the force has a potential wherever x_p moves continuously. With one surface, w is k times
 /// the depth along the normal.
+///
+/// With friction each contact i adds a tangential force γ_i on the proxy. Its point slides only where that force is on the friction cone,
+/// against it:
+///
+///     |γ_i| <= μ λ_i,   γ_i = -μ λ_i s_i/|s_i| where the point slips by s_i,   w = Σ λ_i (n_i, r_i×n_i) + (γ_i, r_i×γ_i)
+///
+/// Friction takes Σ μ λ_i |s_i| >= 0. A point that sticks yields by 1e-11 m |γ_i|/(μ λ_i), which makes γ unique; it has no friction in
+/// the tick in which it begins to touch. Where contacts are redundant (four corners on a plane), those that carry the normal
+/// forces, N at most, carry the friction. Each step alternates between the normal forces and the least of
+///
+///     |d - d_goal|²_K/2 + Σ μ λ_i h(s_i)   on the planes that carry,   λ held,
+///
+/// by Newton's method with a line search, until λ stays (Panagiotopoulos' fixed point).
 ///
 /// The proxy moves in steps d = (δp, δθ) of at most 2 mm. Each is the least change of the goal in the metric of the spring
 /// (Gauss' principle of least constraint), subject to the surfaces' planes at their nearest points,
@@ -35,6 +49,8 @@ namespace twoport {
 /// tick: at a concave edge a point needs both. If a pose without penetration is not found, that of the tick before stays.
 /// After Zilles and Salisbury, A constraint-based god-object method for haptic display, IROS 1995; Ortega, Redon, Coquillart,
 /// A six degree-of-freedom god-object method for haptic display of rigid bodies, IEEE TVCG 13(3), 2007.
+/// Friction cone: Harwin, Melder, Improved haptic rendering for multi-finger manipulation using friction cone based god-objects,
+/// Eurohaptics 2002.
 ///
 /// Everything is allocated at construction.
 template <int N>
@@ -62,6 +78,8 @@ class GodObject {
     rows_.reserve(contacts + kCuts);
     planes_.reserve(contacts + kCuts);
     before_.resize(contacts);
+    for (const Surface& s : surfaces_) rough_ = rough_ || (N > 1 && s.material.friction > 0.0);
+    if (rough_) anchors_.resize(contacts), moved_anchors_.resize(contacts);
     cuts_.reserve(kCuts);
   }
 
@@ -70,6 +88,10 @@ class GodObject {
     if (!placed_) proxy_ = handle;
     placed_ = solve(proxy_, handle, placed_) || placed_;
     if (!placed_) proxy_ = handle;
+    if (rough_) {
+      friction_energy_ += solved_friction_energy_;
+      anchors_.swap(moved_anchors_);
+    }
     touching_ = contacts_ > 0;
   }
   /// The next proxy starts at the handle.
@@ -103,12 +125,14 @@ class GodObject {
   }
   /// U between the handle and its proxy [J].
   [[nodiscard]] Energy potential(const Position<N>& handle) const noexcept { return potential(proxy_, handle); }
-  /// U that there will be with the handle at x.
-  [[nodiscard]] Energy potential_after(const Position<N>& x) noexcept {
-    if (!placed_) return {};
+  /// Energy that friction has taken since construction [J].
+  [[nodiscard]] Energy friction_energy() const noexcept { return friction_energy_; }
+  /// U and the energy that friction will have taken with the handle at x.
+  [[nodiscard]] Energy energy_after(const Position<N>& x) noexcept {
+    if (!placed_) return friction_energy_;
     Position<N> next = proxy_;
     solve(next, x, true);
-    return potential(next, x);
+    return potential(next, x) + friction_energy_ + solved_friction_energy_;
   }
 
  private:
@@ -118,9 +142,13 @@ class GodObject {
   static constexpr double kRest_m = 1e-14;   // a first step below is not made
   static constexpr std::size_t kCuts = 64;
   static constexpr double kTolerance_m = 1e-14;  // of a condition
+  static constexpr double kTouch_m = 1e-8;       // a point that is nearer touches
+  static constexpr double kYield_m = 1e-11;      // of a point that sticks
+  static constexpr int kAlternations = 30, kNewtonSteps = 40;
 
   using Vector = Eigen::Matrix<double, N, 1>;
   using Where = Point<kAxes<N>>;
+  static constexpr auto kMost = static_cast<std::size_t>(N);
   /// normal·(point of the proxy) >= offset
   struct Plane {
     int index;
@@ -188,7 +216,7 @@ class GodObject {
             if (cuts_.size() < kCuts) cuts_.push_back(plane);
           }
         }
-        before = {plane, d.distance <= reach};
+        before = {plane, d.distance <= reach, d.distance <= kTouch_m};
         least = std::min(least, d.distance);
       }
     };
@@ -208,58 +236,223 @@ class GodObject {
     return least;
   }
 
-  /// Moves x towards the goal. `free`: x is known to penetrate nothing. True if it ends so.
+  /// Moves x towards the goal. `free`: x is known to penetrate nothing. True if it ends so. With friction moved_anchors_ and
+  /// solved_friction_energy_ go with x.
   bool solve(Position<N>& x, const Position<N>& goal, bool free) noexcept {
     Position<N> last_free = x;
     bool has_free = free;
     cuts_.clear();
     contacts_ = 0;
     double step = 0.0;
+    if (rough_) {
+      solved_friction_energy_ = {};
+      moved_anchors_ = anchors_;
+      if (!free)
+        for (Anchor& a : moved_anchors_) a.holds = false;
+    }
     for (int i = 0; i <= kSteps; ++i) {
       Vector y = scaled(goal, x);
       const double far = travel(y);
-      const bool whole = far <= kStep_m;
-      if (!whole) y *= kStep_m / far;
       const double least = look(x, 2.5 * std::min(far, kStep_m) + 1e-4, i == 0);
       if (least >= -kPenetration_m) {
         last_free = x, has_free = true;
-        if (i > 0 && step <= kStill_m) return true;
+        if (i > 0 && step <= kStill_m) {
+          if (rough_) drag_anchors(x);
+          return true;
+        }
       }
       if (i == kSteps) break;
       if (rows_.empty()) {
         contacts_ = 0;
-        if (whole) {
+        if (far <= kStep_m) {
           x = goal;
+          for (Anchor& a : moved_anchors_) a.holds = false;
           return true;
         }
+        y *= kStep_m / far;
         step = travel(y);
         x = moved(x, y);
         continue;
       }
-      solver_.solve(rows_, y, kTolerance_m);
-      tell_contacts(whole ? 1.0 : far / kStep_m);
+      if (rough_)
+        solve_with_friction(x, y);
+      else
+        solver_.solve(rows_, y, kTolerance_m);
+      tell_contacts();
+      const double way = travel(y);
+      const bool whole = way <= kStep_m;
+      if (!whole) y *= kStep_m / way;
       step = travel(y);
-      if (i == 0 && has_free && step <= kRest_m) return true;
+      if (i == 0 && has_free && step <= kRest_m) {
+        if (rough_) drag_anchors(x);
+        return true;
+      }
       if (contacts_ == 0 && whole)
         x = goal, step = 0.0;  // checked by the next look
       else if (step > 0.0)
         x = moved(x, y);
     }
     x = last_free;
+    if (rough_) drag_anchors(x);
     return has_free;
   }
-  /// `scale`: of the way to the goal over the part of it that the step was to go.
-  void tell_contacts(double scale) noexcept {
+
+  /// The step y from x to the goal, both scaled, under normal forces and friction.
+  void solve_with_friction(const Position<N>& x, Vector& y) noexcept {
+    const Vector goal = y;
+    Vector friction = Vector::Zero(), with_friction = Vector::Zero();
+    std::array<Sliding, kMost> last;
+    for (int i = 0;; ++i) {
+      y = goal + friction;
+      if (i == 0 || !solver_.solve_again(rows_, y, kTolerance_m)) solver_.solve(rows_, y, kTolerance_m);
+      last = slidings_;
+      const std::size_t were = std::exchange(sliding_, 0);
+      bool same = true;
+      const double tolerance = slips_ ? 1e-12 : 1e-3;  // where all stick, the limits do not matter
+      for (std::size_t j = 0; j < solver_.active(); ++j) {
+        const Plane& plane = planes_[solver_.index(j)];
+        const auto contact = static_cast<std::size_t>(plane.index);
+        const double mu = surfaces_[contact % surfaces_.size()].material.friction;
+        if (mu == 0.0 || !moved_anchors_[contact].holds) continue;
+        const double length = plane.normal.norm();
+        const Where from = x.translation() + plane.arm - moved_anchors_[contact].at;
+        const Sliding& s = slidings_[sliding_] = {
+            solver_.index(j), mu * length * solver_.lambda(j), plane.normal / length, plane.arm, from, Where::Zero()};
+        same = same && sliding_ < were && last[sliding_].row == s.row &&
+               std::abs(last[sliding_].most - s.most) <= 1e-14 + tolerance * s.most;
+        ++sliding_;
+      }
+      if (i > 0 && same && sliding_ == were) {
+        slidings_ = last;
+        y = with_friction;  // without the rounding of the forces
+        return;
+      }
+      if (i == kAlternations || (sliding_ == 0 && i == 0)) return;
+      friction.setZero();
+      if (sliding_ > 0) {
+        with_friction = least_with_friction(goal);
+        for (std::size_t k = 0; k < sliding_; ++k) friction += on_proxy(slidings_[k].arm, slidings_[k].force);
+      }
+    }
+  }
+  /// With the limits of friction held and on the active planes; sets the forces.
+  Vector least_with_friction(const Vector& goal) noexcept {
+    Vector u = solver_.active_point(rows_);
+    double value = 0.0;
+    for (int i = 0; i < kNewtonSteps; ++i) {
+      Vector slope = u - goal;
+      Eigen::Matrix<double, N, N> curvature = Eigen::Matrix<double, N, N>::Identity();
+      value = 0.5 * slope.squaredNorm();
+      for (std::size_t k = 0; k < sliding_; ++k) {
+        Sliding& s = slidings_[k];
+        const Where slip = slip_after(s, u);
+        const double length = slip.norm();
+        value += s.most * huber(length);
+        s.force = -s.most / std::max(length, kYield_m) * slip;
+        slope -= on_proxy(s.arm, s.force);
+        if constexpr (N > 1) {
+          const Where along = length > kYield_m ? Where{slip / length} : s.normal.unitOrthogonal();
+          const Vector across = without_active(on_proxy(s.arm, s.normal.cross(along)));
+          curvature += s.most / std::max(length, kYield_m) * across * across.transpose();
+          if (length <= kYield_m) {
+            const Vector v = without_active(on_proxy(s.arm, along));
+            curvature += s.most / kYield_m * v * v.transpose();
+          }
+        }
+      }
+      slope = without_active(slope);
+      const Vector d = -without_active(curvature.llt().solve(slope));
+      double part = 1.0;
+      for (int half = 0; half < 30; ++half, part *= 0.5) {
+        const Vector to = u + part * d;
+        double there = 0.5 * (to - goal).squaredNorm();
+        for (std::size_t k = 0; k < sliding_; ++k)
+          there += slidings_[k].most * huber(slip_after(slidings_[k], to).norm());
+        if (there <= value + 1e-4 * part * slope.dot(d) + 1e-15 * value) break;
+      }
+      u += part * d;
+      if (!(d.cwiseAbs().maxCoeff() > 1e-16)) break;
+    }
+    slips_ = false;
+    for (std::size_t k = 0; k < sliding_; ++k) {
+      const Where slip = slip_after(slidings_[k], u);
+      slips_ = slips_ || slip.norm() > kYield_m;
+      slidings_[k].force = -slidings_[k].most / std::max(slip.norm(), kYield_m) * slip;
+    }
+    return u;
+  }
+  [[nodiscard]] static double huber(double length) noexcept {
+    return length <= kYield_m ? 0.5 * length * length / kYield_m : length - 0.5 * kYield_m;
+  }
+  /// v without its part across the active planes.
+  [[nodiscard]] Vector without_active(Vector v) const noexcept {
+    for (std::size_t j = 0; j < solver_.active(); ++j) v -= solver_.direction(j).dot(v) * solver_.direction(j);
+    return v;
+  }
+
+  struct Anchor {
+    Where at;
+    bool holds = false;  ///< the point touched at the end of the last tick
+  };
+  /// A contact with a limit of friction; forces over k.
+  struct Sliding {
+    std::size_t row;
+    double most;
+    Where normal, arm, from;  ///< from: of the point from its anchor at the pose of the row
+    Where force;
+  };
+  [[nodiscard]] Where slip_after(const Sliding& c, const Vector& y) const noexcept {
+    Where s = c.from;
+    if constexpr (N == 6)
+      s += y.template head<3>() + Where{y.template tail<3>()}.cross(c.arm) / length_;
+    else
+      s += y;
+    return s - c.normal.dot(s) * c.normal;
+  }
+  /// The scaled motion of the proxy under a force over k at a point.
+  [[nodiscard]] Vector on_proxy(const Where& arm, const Where& force) const noexcept {
+    if constexpr (N == 6) {
+      Vector y;
+      y << force, arm.cross(force) / length_;
+      return y;
+    } else {
+      return force;
+    }
+  }
+  /// Of all points that touch at x, where the last look was; books what friction takes.
+  void drag_anchors(const Position<N>& x) noexcept {
+    const PoseWithRotation<N> pose{x};
+    double taken = 0.0;
+    for (std::size_t i = 0; i < moved_anchors_.size(); ++i) {
+      Anchor& a = moved_anchors_[i];
+      const Before& b = before_[i];
+      Where p = x.translation();
+      if constexpr (N == 6) p += pose.R * tool_[i / surfaces_.size()];
+      if (!b.touches) {
+        a.holds = false;
+      } else if (!a.holds) {
+        a = {p, true};
+      } else {
+        const Where n = b.plane.normal.normalized(), from = p - a.at, slip = from - n.dot(from) * n;
+        const double slides = slip.norm() - kYield_m;
+        a.at = p - (slides > 0.0 ? kYield_m / slip.norm() : 1.0) * slip;
+        for (std::size_t k = 0; slides > 0.0 && k < sliding_; ++k)
+          if (planes_[slidings_[k].row].index == static_cast<int>(i)) taken += slidings_[k].most * slides;
+      }
+    }
+    solved_friction_energy_ = Energy{stiffness_ * taken};
+  }
+  void tell_contacts() noexcept {
     contacts_ = solver_.active();
     for (std::size_t j = 0; j < contacts_; ++j) {
       const Plane& plane = planes_[solver_.index(j)];
-      contact_[j] = {plane.index, plane.normal, plane.arm, scale * stiffness_ * solver_.lambda(j)};
+      contact_[j] = {plane.index, plane.normal, plane.arm, stiffness_ * solver_.lambda(j)};
     }
   }
 
   struct Before {
     Plane plane;
-    bool within = false;
+    bool within = false, touches = false;
   };
 
   double stiffness_, rotational_stiffness_, damping_, rotational_damping_;
@@ -269,10 +462,17 @@ class GodObject {
   std::vector<Eigen::Vector3d> tool_;
   Position<N> proxy_;
   bool placed_ = false, touching_ = false;
+  bool rough_ = false;  ///< has a surface friction?
+  Energy friction_energy_;
   // Work space of a solution.
   std::vector<HalfSpace<N>> rows_;
   std::vector<Plane> planes_, cuts_;
   std::vector<Before> before_;
+  std::vector<Anchor> anchors_, moved_anchors_;  ///< of all contacts: now, and with the last solution
+  std::array<Sliding, kMost> slidings_;
+  std::size_t sliding_ = 0;
+  bool slips_ = false;  ///< one of them, in the last solution
+  Energy solved_friction_energy_;
   LeastDistance<N> solver_;
   std::array<Contact, static_cast<std::size_t>(N)> contact_{};
   std::size_t contacts_ = 0;

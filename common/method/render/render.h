@@ -127,10 +127,11 @@ class Rendering {
     });
     if (options_.accounts == Accounts::total) accounts_[0].on_environment = -sum;
   }
-  /// One account, of the spring between handle and proxy.
+  /// One account, of the spring between handle and proxy. What friction takes counts like stored energy: else it would cover what
+  /// the spring generates.
   [[gnu::noinline]] void evaluate_god_object(PortMotion<N> port) noexcept {
     god_object_->follow(port.x);
-    accounts_[0].potential = god_object_->potential(port.x);
+    accounts_[0].potential = god_object_->potential(port.x) + god_object_->friction_energy();
     accounts_[0].on_environment = -god_object_->force(port.x, port.v);
   }
   void add(std::size_t normal, const ContactPort<N>& c) noexcept {
@@ -143,7 +144,7 @@ class Rendering {
     const bool per_contact = options_.accounts == Accounts::per_contact;
     for (Account& a : accounts_) a.*out = {};
     if (god_object_) {
-      accounts_[0].*out = god_object_->potential_after(x);
+      accounts_[0].*out = god_object_->energy_after(x);
       return;
     }
     environment_.for_each_potential(x, [&](int contact, Energy u) {

@@ -29,8 +29,9 @@ INSTANTIATE_TEST_SUITE_P(
                 "environment[0].spring is given, but control.rendering is GOD_OBJECT: it renders surfaces"},
         Refusal{kHeldSpring,
                 {"control.rendering=GOD_OBJECT", "control.virtual_coupling={}",
-                 "environment[0]={wall { normal: [1] stiffness_n_per_m: 1 friction: 0.1 }}"},
-                "environment[0].wall has friction, but control.rendering is GOD_OBJECT: it renders none"},
+                 "environment[0]={wall { normal: [1] stiffness_n_per_m: 1 viscous_friction_n_s_per_m: 0.1 }}"},
+                "environment[0].wall has viscous friction, but control.rendering is GOD_OBJECT: it renders Coulomb "
+                "friction only"},
         Refusal{kHeldSpring,
                 {"control.rendering=GOD_OBJECT", "control.virtual_coupling={}",
                  "environment[0]={wall { normal: [1] stiffness_n_per_m: 1 damping_n_s_per_m: 0.1 }}"},
