@@ -42,7 +42,7 @@ class Nodes {
   }
 
   /// A tick: every `width`-th of `numbers` is of this simulation, as numbers_of_slave() and numbers_of_master() name them.
-  void slave_tick(double* numbers, std::size_t width) noexcept {
+  TWOPORT_FLATTEN void slave_tick(double* numbers, std::size_t width) noexcept {
     const auto at = [&](std::size_t field) -> double& { return numbers[field * width]; };
     const auto three = [&](std::size_t from) {
       typename Force<N>::Vector v;
@@ -71,7 +71,7 @@ class Nodes {
     at(6 * N + 1) = static_cast<double>(out.mode);
     at(6 * N + 2) = out.dissipated.si();
   }
-  void master_tick(double* numbers, std::size_t width) noexcept {
+  TWOPORT_FLATTEN void master_tick(double* numbers, std::size_t width) noexcept {
     const auto at = [&](std::size_t field) -> double& { return numbers[field * width]; };
     const auto three = [&](std::size_t from) {
       typename Force<N>::Vector v;
