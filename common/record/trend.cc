@@ -104,30 +104,35 @@ TrendRecord::TrendRecord(std::size_t signals, std::size_t energies, std::size_t 
       sign_(signals, 0) {}
 
 void TrendRecord::add(std::span<const double> signals, std::span<const double> energies, Events events) noexcept {
-  const std::size_t b = filled_;
+  // By local pointers: a store to a sign may change any member, as far as a compiler knows.
+  const std::size_t b = filled_, n = signals_, m = energies_;
+  Signal* const of_signals = signal_.data() + b * n;
+  Energies* const of_energies = energy_.data() + b * m;
+  signed char* const last_sign = sign_.data();
   if (in_block_ == 0) {
-    for (std::size_t i = 0; i < signals_; ++i) of_signal(b, i) = {0.0, signals[i], 0};
-    for (std::size_t i = 0; i < energies_; ++i) of_energy(b, i) = {0.0, energies[i], energies[i]};
+    for (std::size_t i = 0; i < n; ++i) of_signals[i] = {0.0, signals[i], 0};
+    for (std::size_t i = 0; i < m; ++i) of_energies[i] = {0.0, energies[i], energies[i]};
     happened_[b] = {0, false};
   }
-  for (std::size_t i = 0; i < signals_; ++i) {
+  for (std::size_t i = 0; i < n; ++i) {
     const double x = signals[i];
-    Signal& s = of_signal(b, i);
+    Signal& s = of_signals[i];
     s.sum2 += x * x;
     const auto sign = static_cast<signed char>((x > 0.0) - (x < 0.0));
     if (sign != 0) {
-      s.turns += sign == -sign_[i];
-      sign_[i] = sign;
+      s.turns += sign == -last_sign[i];
+      last_sign[i] = sign;
     }
   }
-  for (std::size_t i = 0; i < energies_; ++i) {
-    Energies& e = of_energy(b, i);
+  for (std::size_t i = 0; i < m; ++i) {
+    Energies& e = of_energies[i];
     e.sum += energies[i];
     e.least = std::min(e.least, energies[i]);
     e.most = std::max(e.most, energies[i]);
   }
-  happened_[b].contact_changes += started_ && events.touching != touching_;
-  happened_[b].limited = happened_[b].limited || events.limited;
+  Happened& happened = happened_[b];
+  happened.contact_changes += started_ && events.touching != touching_;
+  happened.limited = happened.limited || events.limited;
   touching_ = events.touching;
   started_ = true;
   if (++in_block_ == block_ticks_) close_block();

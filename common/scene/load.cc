@@ -4,11 +4,13 @@
 #include <filesystem>
 #include <limits>
 #include <numeric>
+#include <utility>
 
 #include "common/base/check.h"
 #include "common/base/file.h"
 #include "common/scene/blocks.h"
 #include "common/scene/overrides.h"
+#include "common/scene/scene_text.h"
 #include "common/scene/text.h"
 
 namespace twoport {
@@ -125,11 +127,23 @@ void tell_system(Scene& scene) {
 
 Scene parse_scene(const std::string& text, const std::string& name, std::span<const std::string> overrides,
                   SceneFor use) {
-  schema::Scene message;
-  if (const auto error = parse_text(text, message))
-    throw ConfigError{fmt::format("{}:{}: {}", name, error->place, error->sentence)};
+  return SceneText{text, name, overrides, use}.with();
+}
+
+SceneText::SceneText(const std::string& text, std::string name, std::span<const std::string> overrides, SceneFor whom)
+    : name_{std::move(name)}, whom_{whom}, message_{std::make_unique<schema::Scene>()} {
+  if (const auto error = parse_text(text, *message_))
+    throw ConfigError{fmt::format("{}:{}: {}", name_, error->place, error->sentence)};
+  for (const std::string& assignment : overrides) apply_override(*message_, assignment);
+}
+SceneText::SceneText(SceneText&&) noexcept = default;
+SceneText& SceneText::operator=(SceneText&&) noexcept = default;
+SceneText::~SceneText() = default;
+Scene SceneText::with(std::span<const std::string> overrides) const {
+  if (overrides.empty()) return read_scene(*message_, name_, whom_);
+  schema::Scene message = *message_;
   for (const std::string& assignment : overrides) apply_override(message, assignment);
-  return read_scene(message, name, use);
+  return read_scene(message, name_, whom_);
 }
 
 Scene load_scene(const std::string& path, std::span<const std::string> overrides, SceneFor use) {

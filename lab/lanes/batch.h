@@ -24,6 +24,8 @@ struct Parameters {
   S normal[N], offset, wall_stiffness, wall_damping, wall_viscous, pull[N];
   S spring_stiffness[kMostSprings], spring_damping[kMostSprings], spring_anchor[kMostSprings][N];
   S sensor_bias[N];
+  // A plant in Runge-Kutta steps: sim/plant/fixed_step.h, sim/plant/handle.h.
+  S step_s, robot_mass, robot_damping, wall_friction, handle_inverse_mass, handle_damping;
   // Coupling and registration.
   S stiffness, damping, mobility, catch_up;
   S motion_scale, force_scale, energy_to_slave, energy_to_master;
@@ -91,7 +93,17 @@ inline constexpr int words_of_record(int dof) {
 }
 enum Event : unsigned { kTouching = 1, kLimited = 2, kActed = 4, kDriven = 8 };
 
-enum class LaneMethod : int { none, one_port, predictive };
+/// `nodes`: both nodes, their halves and the link are the laboratory's own, stepped lane by lane.
+enum class LaneMethod : int { none, one_port, predictive, nodes };
+
+/// Of what nodes are given and give, lane by lane: numbers of a tick, [field][lane].
+inline constexpr int numbers_of_slave(int dof) {
+  return 6 * dof +
+         3;  // x, v, force of the environment; command, position error, origin of the hand, energy, mode, dissipated
+}
+inline constexpr int numbers_of_master(int dof) {
+  return 5 * dof + 4;  // x, v; force in and out, wanted, reference, energy, mode, dissipated, undissipated
+}
 
 /// As many simulations as the unit has lanes. Arrays are [field][lane], rings [slot][field][lane], aligned to 64 bytes.
 struct Batch {
@@ -108,6 +120,7 @@ struct Batch {
   bool projected, unilateral, predict;  ///< one_port
   bool keeps_deficit;                   ///< not as published
   bool measured, drift_compensation, hand, wall;
+  int substeps;       ///< Runge-Kutta steps of a tick; 0: exact maps
   bool keeps_states;  ///< run: ContactStates are wanted
   int springs;
   // Made from the parameters whenever a lane has been filled.
@@ -116,6 +129,9 @@ struct Batch {
   void (*plant_step)(void* plant, double* numbers);
   /// Square of the angle between two vectors [rad²], as common/record/angle.h: u, f, |u|², |f|².
   double (*squared_angle)(const double* u, const double* f, double u2, double f2);
+  /// LaneMethod::nodes: a tick of all lanes.
+  void (*slave_nodes)(Batch& batch, double* numbers);
+  void (*master_nodes)(Batch& batch, double* numbers);
   /// The lane's window of held force has ended.
   void (*window_ended)(Batch& batch, int lane);
   void* owner;

@@ -26,6 +26,7 @@
 #include "lab/engine/summary_parts.h"
 #include "lab/engine/tail_judge.h"
 #include "lab/lanes/batch.h"
+#include "lab/lanes/nodes.h"
 #include "lab/run.h"
 #include "lab/study/parallel.h"
 #include "sim/operator/path.h"
@@ -129,7 +130,25 @@ std::size_t window_of(const Scene& scene) {
   return static_cast<std::size_t>(std::max(1L, std::lround(HeldForce<1>::kWindow * scene.master_rate_hz)));
 }
 
-LaneMethod method_of(const ControlOptions& c) {
+/// Are the method's halves, the modes and the network stepped in lanes too, or by the laboratory's nodes lane by lane?
+bool has_nodes_in_lanes(const Scene& scene) {
+  const ControlOptions& c = scene.control;
+  if (c.method_name != "NONE" && c.method_name != "CLASSIC" && c.method_name != "FORCE_PROJECTED") return false;
+  if (c.architecture != Architecture::position_force && c.architecture != Architecture::position_measured_force)
+    return false;
+  for (const ImpairmentOptions* o : {&scene.to_slave, &scene.to_master})
+    if (o->jitter_s != 0.0 || o->duplicate != 0.0 || o->reorder != 0.0 || !o->recorded_delay_s.empty() ||
+        !o->delay_step.empty() || lag_of(*o, period_of(scene)) > kMostLag)
+      return false;
+  for (const TransmissionOptions* o : {&scene.transmission_to_slave, &scene.transmission_to_master})
+    if (o->playout_s > 0.0 || o->deadband) return false;
+  return scene.schedule.empty() && c.device_limits == PortLimits{} && c.robot_limits == PortLimits{} &&
+         c.own_limits == PortLimits{} && c.observer == ObserverRule::exact && !c.reference_energy &&
+         to_duration(c.hold_after.si()).count() > 0 && to_duration(c.release_after.si()).count() > 0;
+}
+LaneMethod method_of(const Scene& scene) {
+  if (!has_nodes_in_lanes(scene)) return LaneMethod::nodes;
+  const ControlOptions& c = scene.control;
   if (c.controller.method == Method::none) return LaneMethod::none;
   const bool predictive =
       c.controller.method == Method::force_projected && c.controller.predict && c.handle_mass_kg > 0.0;
@@ -192,6 +211,7 @@ template <int N>
 struct Snapshot {
   State<double, N> state;
   std::vector<double> to_slave, to_master;  ///< [age - 1][word]: put in `age` ticks ago
+  std::shared_ptr<const Nodes<N>> nodes;    ///< LaneMethod::nodes; packets are theirs
 };
 
 /// The next tick at which one of the times [s] has come, and whether a time has.
@@ -233,6 +253,7 @@ class Cell {
     std::memset(&p, 0, sizeof p);
     std::memset(&t, 0, sizeof t);
     std::memset(&now.state, 0, sizeof now.state);
+    if (method_of(scene) == LaneMethod::nodes) nodes_ = std::make_unique<Nodes<N>>(scene);
     set_parameters();
     start(device);
     plan();
@@ -241,6 +262,8 @@ class Cell {
   [[nodiscard]] const Scene& scene() const { return scene_; }
   [[nodiscard]] const double* path() const { return path_->x.data(); }
   [[nodiscard]] Plant& plant() { return plant_; }
+  [[nodiscard]] Nodes<N>* nodes() { return nodes_.get(); }
+  void keep_nodes() { now.nodes = std::make_shared<const Nodes<N>>(*nodes_); }
   [[nodiscard]] std::int64_t lag(int way) const { return lag_[way]; }
   [[nodiscard]] std::int64_t oldest() const { return oldest_of(scene_); }
   [[nodiscard]] std::int64_t ticks() const { return ticks_; }
@@ -319,6 +342,10 @@ class Cell {
   /// The twin of a state.
   [[nodiscard]] S kicked(S s, const std::pair<Velocity<N>, Velocity<N>>& by) {
     for (int i = 0; i < N; ++i) s.master_v[i] = s.master_v[i] + by.first[i];
+    if (scene_.simulation.integrator == Integrator::rk4) {
+      for (int i = 0; i < N; ++i) s.slave_v[i] = s.slave_v[i] + by.second[i];
+      return s;
+    }
     to_plant(s.slave_x, s.slave_v, s.across, s.in_contact);
     plant_.kick(by.second);
     from_plant(s.slave_x, s.slave_v, s.across, s.in_contact);
@@ -346,8 +373,12 @@ class Cell {
     if (judged_) set_verdict(*verdict_, s);
     say_if_coupling_feeds(s, scene_.control.initial_energy);
     LinkUse use{};
-    use.slave = packets(0);
-    use.master = packets(1);
+    if (nodes_) {
+      use = nodes_->use();
+    } else {
+      use.slave = packets(0);
+      use.master = packets(1);
+    }
     fill_link(s, use, scene_);
     return s;
   }
@@ -424,6 +455,9 @@ class Cell {
     p.handle_xv = r.xv, p.handle_xu = r.xu, p.handle_xw = r.xw;
     p.handle_vv = r.vv, p.handle_vu = r.vu, p.handle_vw = r.vw;
     p.hand_stiffness = hand.stiffness_n_per_m, p.hand_damping = hand.damping_n_s_per_m;
+    p.step_s = dt / scene_.simulation.substeps;
+    p.handle_inverse_mass = 1.0 / handle.mass_kg, p.handle_damping = handle.damping_n_s_per_m;
+    p.robot_mass = scene_.robot->mass_kg, p.robot_damping = scene_.robot->damping_n_s_per_m;
     // As ExactPlant's regions: the robot with the springs, free and in contact.
     const World world{scene_.environment};
     sim::Oscillator free{scene_.robot->mass_kg, scene_.robot->damping_n_s_per_m, 0.0};
@@ -445,7 +479,7 @@ class Cell {
       for (int i = 0; i < N; ++i) p.normal[i] = plane.normal[i];
       p.offset = plane.offset_m;
       p.wall_stiffness = w.material.stiffness_n_per_m, p.wall_damping = w.material.damping_n_s_per_m;
-      p.wall_viscous = w.material.viscous_friction_n_s_per_m;
+      p.wall_viscous = w.material.viscous_friction_n_s_per_m, p.wall_friction = w.material.friction;
       sim::Oscillator across = free, along = free;
       across.stiffness_n_per_m += p.wall_stiffness;
       across.damping_n_s_per_m += p.wall_damping;
@@ -455,6 +489,7 @@ class Cell {
     if (scene_.robot->force_sensor) {
       const auto bias = vector<N>(scene_.robot->force_sensor->bias_n);
       for (int i = 0; i < N; ++i) p.sensor_bias[i] = bias[i];
+      if (nodes_) nodes_->set_bias(bias);
     }
     p.stiffness = c.coupling.stiffness_n_per_m, p.damping = c.coupling.damping_n_s_per_m;
     p.mobility = 1.0 / (p.damping + p.stiffness * dt);
@@ -606,6 +641,7 @@ class Cell {
   std::int64_t period_ns_;
   std::shared_ptr<const Intended> path_;
   Plant plant_;
+  std::unique_ptr<Nodes<N>> nodes_;
   std::int64_t lag_[2] = {1, 1}, first_force_lag_ = 1, ticks_ = 0, early_at_ = 0, ended_at_ = 0;
   double end_s_ = 0.0;
   std::size_t window_ = 1;
@@ -640,7 +676,8 @@ class Lanes {
   Lanes(const Unit& unit, const Scene& scene, std::int64_t oldest, std::size_t window, bool tail, bool records)
       : unit_{unit} {
     const ControlOptions& c = scene.control;
-    b.method = method_of(c);
+    b.method = method_of(scene);
+    if (b.method == LaneMethod::nodes) oldest = 1;  // they have their own packets
     b.projected = c.controller.method == Method::force_projected;
     b.unilateral = c.controller.unilateral;
     b.predict = c.controller.predict;
@@ -648,6 +685,19 @@ class Lanes {
     b.measured = returns_measured_force(c);
     b.drift_compensation = c.coupling.drift_compensation;
     b.hand = true;
+    b.substeps = scene.simulation.integrator == Integrator::rk4 ? scene.simulation.substeps : 0;
+    b.slave_nodes = [](Batch& of, double* numbers) {
+      auto& lanes = *static_cast<Lanes*>(of.owner);
+      for (int lane = 0; lane < lanes.width(); ++lane)
+        if (lanes.nodes[lane] != nullptr)
+          lanes.nodes[lane]->slave_tick(numbers + lane, static_cast<std::size_t>(lanes.width()));
+    };
+    b.master_nodes = [](Batch& of, double* numbers) {
+      auto& lanes = *static_cast<Lanes*>(of.owner);
+      for (int lane = 0; lane < lanes.width(); ++lane)
+        if (lanes.nodes[lane] != nullptr)
+          lanes.nodes[lane]->master_tick(numbers + lane, static_cast<std::size_t>(lanes.width()));
+    };
     const World world{scene.environment};
     b.wall = !world.surfaces.empty();
     b.keeps_states = !tail && !records;
@@ -697,6 +747,7 @@ class Lanes {
     }
     b.path[to] = b.path[from];
     b.plant[to] = b.plant[from];
+    nodes[to] = nullptr;
   }
   void lanes_changed() {
     Parameters<double, N> one;
@@ -745,6 +796,7 @@ class Lanes {
 
   Batch b{};
   Of* cell_of[kMostLanes]{};
+  Nodes<N>* nodes[kMostLanes]{};  ///< LaneMethod::nodes; null in a lane of which nobody wants anything
 
  private:
   double* take(std::size_t which, std::size_t n) {
@@ -839,6 +891,7 @@ class Runs {
     lanes_.set_sums(lane, *cell);
     lanes_.b.path[lane] = cell->path();
     lanes_.b.plant[lane] = &cell->plant();
+    lanes_.nodes[lane] = cell->nodes();
     idle_[lane] = false;
     cell_[lane] = std::move(cell);
   }
@@ -874,7 +927,10 @@ class Runs {
       if (!diverged && k_[lane] < cell->next_stop()) continue;
       lanes_.get_state(lane, cell->now.state);
       lanes_.get_sums(lane, *cell);
-      const auto packets = [&] { lanes_.get_packets(lane, cell->now, std::min(cell->oldest(), k_[lane])); };
+      const auto packets = [&] {
+        if (cell->nodes() != nullptr) return cell->keep_nodes();
+        lanes_.get_packets(lane, cell->now, std::min(cell->oldest(), k_[lane]));
+      };
       const bool goes_on = !diverged && cell->at_stop(k_[lane], packets);
       if (goes_on) {
         lanes_.set_parameters(lane, *cell);
@@ -995,6 +1051,11 @@ class Tails {
     lanes_.set_packets(lane, from);
     lanes_.b.path[lane] = cell.path();
     lanes_.b.plant[lane] = &cell.plant();
+    if (from.nodes != nullptr) {
+      nodes_[lane] = std::make_unique<Nodes<N>>(*from.nodes);
+      nodes_[lane]->be_quiet();
+      lanes_.nodes[lane] = nodes_[lane].get();
+    }
     return lane;
   }
   /// After n ticks more. False: the tail has ended.
@@ -1053,6 +1114,7 @@ class Tails {
   std::vector<Tail> tails_;
   std::deque<Of> waiting_;
   std::vector<int> free_;
+  std::unique_ptr<Nodes<N>> nodes_[kMostLanes];  ///< of the lane's tail or twin
   bool idle_[kMostLanes]{};
 };
 
@@ -1127,24 +1189,22 @@ int checked_lanes(int lanes) {
 std::string why_not_in_lanes(const Scene& scene) {
   const ControlOptions& c = scene.control;
   const World world{scene.environment};
-  if (c.architecture != Architecture::position_force && c.architecture != Architecture::position_measured_force)
-    return "control.architecture is not POSITION_FORCE or POSITION_MEASURED_FORCE";
+  if (c.architecture == Architecture::render || c.architecture == Architecture::uncontrolled)
+    return "the scene has no link";
   if (scene.dof != 1 && scene.dof != 3) return "dof is 6";
-  if (c.method_name != "NONE" && c.method_name != "CLASSIC" && c.method_name != "FORCE_PROJECTED")
-    return "control.passivity.method is " + c.method_name;
-  if (!scene.schedule.empty()) return "the scene has a schedule";
   if (scene.gripper) return "the scene has a gripper";
   if (scene.slave_clock.offset_s != 0.0 || scene.slave_clock.drift != 0.0) return "the slave's clock differs";
   if (scene.master_rate_hz != scene.slave_rate_hz) return "the rates of the sides differ";
   if (kNanosecondsPerSecond / scene.master_rate_hz != static_cast<double>(period_of(scene)))
     return "a tick is not a whole number of nanoseconds";
-  if (scene.simulation.integrator != Integrator::exact) return "simulation.integrator is not EXACT";
+  const bool in_steps = scene.simulation.integrator == Integrator::rk4;
+  if (scene.simulation.integrator != Integrator::exact && !in_steps) return "simulation.integrator is not EXACT or RK4";
   if (!scene.robot) return "the robot is ideal";
   if (world.surfaces.size() > 1 ||
       (world.surfaces.size() == 1 && !std::holds_alternative<Wall>(world.surfaces[0].shape)))
     return "the environment is more than one wall and springs";
-  if (scene.dof == 3 && !world.surfaces.empty() && world.surfaces[0].material.friction != 0.0)
-    return "the wall has friction";
+  if (scene.dof == 3 && !in_steps && !world.surfaces.empty() && world.surfaces[0].material.friction != 0.0)
+    return "the wall has friction, which simulation.integrator EXACT steps by itself";
   if (world.springs.size() > static_cast<std::size_t>(kMostSprings)) return "there are more than two springs";
   for (const Spring& s : world.springs)
     if (s.motion.amplitude_m != 0.0) return "an anchor moves";
@@ -1167,33 +1227,24 @@ std::string why_not_in_lanes(const Scene& scene) {
         scene.device->velocity_estimate != VelocityEstimate::true_velocity)
       return "the device has encoders";
   }
-  for (const ImpairmentOptions* o : {&scene.to_slave, &scene.to_master})
-    if (o->jitter_s != 0.0 || o->duplicate != 0.0 || o->reorder != 0.0 || !o->recorded_delay_s.empty() ||
-        !o->delay_step.empty())
-      return "the delay is not constant";
-  for (const TransmissionOptions* o : {&scene.transmission_to_slave, &scene.transmission_to_master})
-    if (o->playout_s > 0.0 || o->deadband) return "the link has a playout buffer or a deadband";
-  if (!(c.device_limits == PortLimits{} && c.robot_limits == PortLimits{} && c.own_limits == PortLimits{}))
-    return "control.limits are given";
-  if (c.observer != ObserverRule::exact) return "control.passivity.observer is not EXACT";
-  if (c.reference_energy) return "control.passivity.reference_energy is set";
   if (c.registration.absolute || !c.registration.rotation.normalized().toRotationMatrix().isIdentity(0.0))
     return "the registration is absolute or turned";
-  if (!(to_duration(c.hold_after.si()).count() > 0 && to_duration(c.release_after.si()).count() > 0))
-    return "hold_after or release_after is zero";
   if (!(scene.duration_s * scene.master_rate_hz <= kMostTicks)) return "the run is very long";
-  for (const ImpairmentOptions* o : {&scene.to_slave, &scene.to_master})
-    if (lag_of(*o, period_of(scene)) > kMostLag) return "the delay is very long";
   return {};
 }
 
 std::string shape_of_lanes(const Scene& scene) {
   const ControlOptions& c = scene.control;
   const World world{scene.environment};
-  return fmt::format("{} {} {}{}{}{}{}{} {}", scene.dof, static_cast<int>(method_of(c)),
-                     static_cast<int>(c.controller.method), c.controller.unilateral ? 1 : 0,
-                     c.controller.predict ? 1 : 0, returns_measured_force(c) ? 1 : 0,
-                     c.coupling.drift_compensation ? 1 : 0, world.surfaces.empty() ? 0 : 1, world.springs.size());
+  const LaneMethod method = method_of(scene);
+  std::string shape =
+      fmt::format("{} {} {} {} {}", scene.dof, static_cast<int>(method), world.surfaces.size(), world.springs.size(),
+                  scene.simulation.integrator == Integrator::rk4 ? scene.simulation.substeps : 0);
+  if (method != LaneMethod::nodes)
+    shape += fmt::format(" {}{}{}{}{}", static_cast<int>(c.controller.method), c.controller.unilateral ? 1 : 0,
+                         c.controller.predict ? 1 : 0, returns_measured_force(c) ? 1 : 0,
+                         c.coupling.drift_compensation ? 1 : 0);
+  return shape;
 }
 
 void run_in_lanes(std::span<const Scene* const> scenes, const LaneOptions& o, const FinishedInLanes& finished) {

@@ -36,8 +36,78 @@ struct Loop {
     return (depth > 0.0) & (p.wall_stiffness * depth - p.wall_damping * n[1] > 0.0);
   }
 
+  /// Environment::force of a wall and springs.
+  [[gnu::always_inline]] inline void force_at(const V (&x)[N], const V (&v)[N], V (&out)[N]) const {
+    for (int i = 0; i < N; ++i) out[i] = V{};
+    if (b.wall) {
+      const V distance = dot(p.normal, x) - p.offset;
+      const M inside = distance < 0.0;
+      if (any(inside)) {
+        const V vn = dot(p.normal, v);
+        const V fn = p.wall_stiffness * -distance - p.wall_damping * vn;
+        const M presses = inside & ~(fn <= 0.0);
+        V along[N]{};
+        if constexpr (N > 1) {
+          V vt[N];
+          for (int i = 0; i < N; ++i) vt[i] = v[i] - vn * p.normal[i];
+          const V coulomb = p.wall_friction * fn / most(root(norm2(vt)), all(1e-3));
+          for (int i = 0; i < N; ++i) along[i] = -(p.wall_viscous + coulomb) * vt[i];
+        }
+        for (int i = 0; i < N; ++i) out[i] = select(presses, 0.0 + (fn * p.normal[i] + along[i]), out[i]);
+      }
+    }
+    for (int k = 0; k < b.springs; ++k)
+      for (int i = 0; i < N; ++i)
+        out[i] += p.spring_stiffness[k] * (p.spring_anchor[k][i] - x[i]) - p.spring_damping[k] * v[i] + 0.0;
+  }
+  /// step_by with Integrator::rk4: a(time, x, v, out).
+  template <class A>
+  [[gnu::always_inline]] inline void runge_kutta(V from, V (&x)[N], V (&v)[N], A a) const {
+    const V h = p.step_s, half = 0.5 * h, sixth = h / 6.0;
+    V xs[N], a0[N], vb[N], ab[N], vc[N], ac[N], vd[N], ad[N];
+    a(from, x, v, a0);
+    for (int i = 0; i < N; ++i) vb[i] = v[i] + half * a0[i], xs[i] = x[i] + half * v[i];
+    a(from + half, xs, vb, ab);
+    for (int i = 0; i < N; ++i) vc[i] = v[i] + half * ab[i], xs[i] = x[i] + half * vb[i];
+    a(from + half, xs, vc, ac);
+    for (int i = 0; i < N; ++i) vd[i] = v[i] + h * ac[i], xs[i] = x[i] + h * vc[i];
+    a(from + h, xs, vd, ad);
+    for (int i = 0; i < N; ++i) {
+      x[i] += sixth * (v[i] + 2.0 * (vb[i] + vc[i]) + vd[i]);
+      v[i] += sixth * (a0[i] + 2.0 * (ab[i] + ac[i]) + ad[i]);
+    }
+  }
+  /// FixedStepPlant::advance.
+  [[gnu::noinline]] void step_robot(M moves) {
+    V x[N], v[N];
+    for (int i = 0; i < N; ++i) x[i] = s.slave_x[i], v[i] = s.slave_v[i];
+    for (int step = 0; step < b.substeps; ++step)
+      runge_kutta(
+          V{}, x, v, [&](V, const V(&at)[N], const V(&speed)[N], V(&out)[N]) __attribute__((always_inline)) {
+            V f[N];
+            force_at(at, speed, f);
+            for (int i = 0; i < N; ++i) out[i] = (s.command[i] + f[i] - p.robot_damping * speed[i]) / p.robot_mass;
+          });
+    for (int i = 0; i < N; ++i) {
+      s.slave_x[i] = select(moves, x[i], s.slave_x[i]);
+      s.slave_v[i] = select(moves, v[i], s.slave_v[i]);
+    }
+  }
+  /// HandlePlant::step_fixed: by how much the handle moves under the load u + w t, and its velocity then.
+  [[gnu::noinline]] void step_handle(const V (&u)[N], const V (&w)[N], V (&by)[N], V (&v)[N]) const {
+    for (int i = 0; i < N; ++i) by[i] = V{}, v[i] = s.master_v[i];
+    for (int step = 0; step < b.substeps; ++step)
+      runge_kutta((double)step * p.step_s, by,
+                  v, [&](V time, const V(&at)[N], const V(&speed)[N], V(&out)[N]) __attribute__((always_inline)) {
+                    for (int i = 0; i < N; ++i)
+                      out[i] = p.handle_inverse_mass *
+                               (u[i] + time * w[i] - p.handle_damping * speed[i] - p.hand_stiffness * at[i]);
+                  });
+  }
+
   /// ExactPlant::advance.
   [[gnu::always_inline]] inline void advance_robot(M moves, bool first) {
+    if (b.substeps > 0) return step_robot(moves);
     V u[N];
     for (int i = 0; i < N; ++i) u[i] = s.command[i] + p.pull[i];
     if (!b.wall) {
@@ -106,6 +176,7 @@ struct Loop {
   }
   /// ExactPlant::environment_force.
   [[gnu::always_inline]] inline void find_environment_force() {
+    if (b.substeps > 0) return force_at(s.slave_x, s.slave_v, env);
     for (int i = 0; i < N; ++i) env[i] = V{};
     if (b.wall) {
       const M in = s.in_contact != 0.0;
@@ -198,6 +269,7 @@ struct Loop {
     s.into_robot += dot(s.command, moved);
     coupling_energy = -(s.slave_absorbed - s.slave_returned) - s.into_robot;
     find_environment_force();
+    if constexpr (kMethod == LaneMethod::nodes) return slave_nodes();
     V sensed[N];
     if (b.measured)
       for (int i = 0; i < N; ++i) sensed[i] = p.sensor_bias[i] - env[i];
@@ -339,10 +411,49 @@ struct Loop {
     word_to_send(b.to_master, kBack, 2 * N) = slave_energy_in;
   }
 
+  /// The slave's node, lane by lane.
+  [[gnu::noinline]] void slave_nodes() {
+    V io[numbers_of_slave(N)];
+    for (int i = 0; i < N; ++i) {
+      io[i] = s.slave_x[i];
+      io[N + i] = s.slave_v[i];
+      io[2 * N + i] = env[i];
+    }
+    for (int i = 3 * N; i < numbers_of_slave(N); ++i) io[i] = V{};
+    b.slave_nodes(b, (double*)io);
+    for (int i = 0; i < N; ++i) {
+      s.command[i] = io[3 * N + i];
+      position_error[i] = io[4 * N + i];
+      s.hand_origin[i] = io[5 * N + i];
+    }
+    s.slave_absorbed = -io[6 * N];
+    s.slave_mode = io[6 * N + 1];
+    slave_dissipated = io[6 * N + 2];
+  }
+  [[gnu::noinline]] void master_nodes() {
+    V io[numbers_of_master(N)];
+    for (int i = 0; i < N; ++i) {
+      io[i] = s.master_x[i];
+      io[N + i] = s.master_v[i];
+      io[2 * N + i] = s.held[i];
+    }
+    for (int i = 3 * N; i < numbers_of_master(N); ++i) io[i] = V{};
+    b.master_nodes(b, (double*)io);
+    for (int i = 0; i < N; ++i) {
+      s.held[i] = io[2 * N + i];
+      wanted[i] = io[3 * N + i];
+      s.delayed_force[i] = io[4 * N + i];
+    }
+    s.master_absorbed = io[5 * N];
+    s.master_mode = io[5 * N + 1];
+    master_dissipated = io[5 * N + 2];
+    undissipated = io[5 * N + 3];
+  }
+
   [[gnu::always_inline]] inline void master_tick(bool first) {
     const M moves = s.k > 0.0;
     // SimDevice::advance.
-    V moved[N], v[N];
+    V moved[N], v[N], load[N], slope[N], by[N];
     for (int i = 0; i < N; ++i) {
       V u = -s.held[i], w{};
       if (b.hand) {
@@ -359,9 +470,18 @@ struct Loop {
         w = p.hand_stiffness * rate;
         s.intended[i] = first ? select(moves, next, s.intended[i]) : next;
       }
-      const V by = p.handle_xv * s.master_v[i] + p.handle_xu * u + p.handle_xw * w;
-      const V x = s.master_x[i] + by;
-      v[i] = p.handle_vv * s.master_v[i] + p.handle_vu * u + p.handle_vw * w;
+      load[i] = u, slope[i] = w;
+    }
+    if (b.substeps > 0) {
+      step_handle(load, slope, by, v);
+    } else {
+      for (int i = 0; i < N; ++i) {
+        by[i] = p.handle_xv * s.master_v[i] + p.handle_xu * load[i] + p.handle_xw * slope[i];
+        v[i] = p.handle_vv * s.master_v[i] + p.handle_vu * load[i] + p.handle_vw * slope[i];
+      }
+    }
+    for (int i = 0; i < N; ++i) {
+      const V x = s.master_x[i] + by[i];
       moved[i] = x - s.master_x[i];
       if (first) {
         moved[i] = select(moves, moved[i], V{});
@@ -372,6 +492,7 @@ struct Loop {
     }
     const V energy = dot(s.held, moved);
     s.master_energy += energy;
+    if constexpr (kMethod == LaneMethod::nodes) return master_nodes();
 
     // Mailbox::collect.
     constexpr int kWords = words_to_master(N);
@@ -747,7 +868,9 @@ static std::int64_t run_method(Batch& b, std::int64_t ticks) {
       return run_ticks<N, kPart, LaneMethod::none>(b, ticks);
     case LaneMethod::one_port:
       return run_ticks<N, kPart, LaneMethod::one_port>(b, ticks);
-    default:
+    case LaneMethod::predictive:
       return run_ticks<N, kPart, LaneMethod::predictive>(b, ticks);
+    default:
+      return run_ticks<N, kPart, LaneMethod::nodes>(b, ticks);
   }
 }

@@ -15,9 +15,10 @@
 #include <variant>
 
 #include "common/base/check.h"
+#include "common/base/file.h"
 #include "common/method/any.h"
 #include "common/record/summary.h"
-#include "common/scene/load.h"
+#include "common/scene/scene_text.h"
 #include "lab/run.h"
 #include "lab/study/parallel.h"
 
@@ -30,9 +31,9 @@ constexpr const char* kMapScene =
 constexpr std::size_t kLoaded = 4096;  ///< scenes that are held at once
 constexpr double kNone = std::numeric_limits<double>::quiet_NaN();
 
-Scene scene_of(const MapOptions& o, std::vector<std::string> more = {}) {
-  more.insert(more.begin(), o.set.begin(), o.set.end());
-  return o.scene.empty() ? parse_scene(kMapScene, "the map's scene", more) : load_scene(o.scene, more);
+SceneText base_of(const MapOptions& o) {
+  return o.scene.empty() ? SceneText{kMapScene, "the map's scene", o.set}
+                         : SceneText{read_whole(o.scene), o.scene, o.set};
 }
 
 double positive_or_zero(double value) {
@@ -182,7 +183,8 @@ std::vector<std::string> map_overrides(const Scene& scene, const std::string& me
 Map make_map(const MapOptions& o, const std::function<void(const Progress&)>& heard) {
   check(o);
   check_methods(o.methods, method_names());
-  const Scene scene = scene_of(o);
+  const SceneText base = base_of(o);
+  const Scene scene = base.with();
   if (scene.environment.empty() || scene.control.architecture == Architecture::render ||
       scene.control.architecture == Architecture::uncontrolled)
     throw ConfigError{fmt::format("{}: a map needs a link and an environment with a stiffness", o.scene)};
@@ -193,7 +195,8 @@ Map make_map(const MapOptions& o, const std::function<void(const Progress&)>& he
           .cells = {},
           .use = {}};
   // A combination without a meaning is refused before anything runs.
-  for (const std::string& method : map.methods) scene_of(o, {"control.passivity.method=" + method});
+  for (const std::string& method : map.methods)
+    static_cast<void>(base.with(std::vector{"control.passivity.method=" + method}));
 
   const auto started = std::chrono::steady_clock::now();
   std::mutex guard;
@@ -206,7 +209,7 @@ Map make_map(const MapOptions& o, const std::function<void(const Progress&)>& he
   for (auto& each : references) to_run.push_back(&each);
   for_each_parallel(to_run.size(), o.jobs, [&](std::size_t i) {
     const MapPlace place{.round_trip_ms = to_run[i]->first.first, .stiffness_n_per_m = to_run[i]->first.second};
-    Scene ideal = scene_of(o, map_overrides(scene, "NONE", place, scene.seed));
+    Scene ideal = base.with(map_overrides(scene, "NONE", place, scene.seed));
     ideal.to_slave = ideal.to_master = {};
     const auto numbers_of = numbers(run(ideal, {.verdict = VerdictFrom::plain}));
     to_run[i]->second = positive_or_zero(figure(numbers_of, "environment_force_mean_n")) *
@@ -221,8 +224,8 @@ Map make_map(const MapOptions& o, const std::function<void(const Progress&)>& he
     std::vector<Scene> scenes(cells * seeds);
     for_each_parallel(cells, o.jobs, [&](std::size_t c) {
       const std::size_t i = from + c;
-      Scene of_place = scene_of(
-          o, map_overrides(scene, map.methods[i / map.places.size()], map.places[i % map.places.size()], scene.seed));
+      Scene of_place = base.with(
+          map_overrides(scene, map.methods[i / map.places.size()], map.places[i % map.places.size()], scene.seed));
       for (std::size_t s = 0; s < seeds; ++s, ++of_place.seed) scenes[c * seeds + s] = of_place;
     });
     std::vector<const Scene*> all;

@@ -17,7 +17,7 @@
 #include "common/base/check.h"
 #include "common/base/file.h"
 #include "common/record/summary.h"
-#include "common/scene/load.h"
+#include "common/scene/scene_text.h"
 #include "lab/lanes/lanes.h"
 #include "lab/study/cells.h"
 #include "lab/study/digest.h"
@@ -52,7 +52,7 @@ std::vector<std::string_view> parts(std::string_view text, char separator) {
 }
 
 std::vector<std::string> overrides(const SweepOptions& o, const std::vector<std::string>& values) {
-  std::vector<std::string> all = o.set;
+  std::vector<std::string> all;
   for (std::size_t i = 0; i < values.size(); ++i) o.axes[i].append_overrides(all, values[i]);
   return all;
 }
@@ -94,12 +94,8 @@ Columns columns_of(const std::vector<Summary>& of_seeds, std::uint64_t first_see
   return all;
 }
 
-/// Makes the plan of a sweep, and checks each single value before a cell is run.
-Scene scene_with(const SweepOptions& o, const std::vector<std::string>& set) {
-  return o.text ? parse_scene(*o.text, o.scene, set) : load_scene(o.scene, set);
-}
-
-Plan plan_of(const SweepOptions& o) {
+/// Makes the plan of a sweep, and checks each single value before a cell is run. `base`: the scene, with what is set in every cell.
+Plan plan_of(const SweepOptions& o, const SceneText& base) {
   if (o.axes.empty()) throw ConfigError{"--vary is missing; it must read PATH=SPEC"};
   Plan plan{.digest = {}, .axes = o.axes, .seeds = o.seeds, .columns = {}};
   double cells = 1.0;
@@ -120,12 +116,12 @@ Plan plan_of(const SweepOptions& o) {
     plan.columns.push_back(name);
 
   const std::vector<std::string> first = plan.values(0);
-  const Scene scene = scene_with(o, overrides(o, first));
+  const Scene scene = base.with(overrides(o, first));
   for (std::size_t i = 0; i < o.axes.size(); ++i) {
     std::vector<std::string> values = first;
     for (const std::string& value : o.axes[i].values) {
       values[i] = value;
-      scene_with(o, overrides(o, values));
+      static_cast<void>(base.with(overrides(o, values)));
     }
   }
 
@@ -159,9 +155,10 @@ struct Run {
 };
 
 /// The scene of a run, and the seed that the cell's scene has.
-std::pair<Scene, std::uint64_t> scene_of_run(const SweepOptions& o, const Plan& plan, const Run& run) {
+std::pair<Scene, std::uint64_t> scene_of_run(const SweepOptions& o, const SceneText& base, const Plan& plan,
+                                             const Run& run) {
   try {
-    Scene scene = scene_with(o, overrides(o, plan.values(run.cell)));
+    Scene scene = base.with(overrides(o, plan.values(run.cell)));
     const std::uint64_t first_seed = scene.seed;
     scene.seed += run.k;
     return {std::move(scene), first_seed};
@@ -173,7 +170,8 @@ std::pair<Scene, std::uint64_t> scene_of_run(const SweepOptions& o, const Plan& 
 /// Runs runs several at once where lanes take them, the rest alone. `finished` is called from any thread, with each run, its summary and
 /// the seed of its cell's scene.
 template <class Finished>
-LaneUse run_all(const SweepOptions& o, int lanes, const Plan& plan, const std::vector<Run>& runs, Finished finished) {
+LaneUse run_all(const SweepOptions& o, int lanes, const SceneText& base, const Plan& plan, const std::vector<Run>& runs,
+                Finished finished) {
   constexpr std::size_t kLoaded = 4096;
   LaneUse use{.lanes = checked_lanes(lanes)};
   for (std::size_t from = 0; from < runs.size(); from += kLoaded) {
@@ -182,7 +180,7 @@ LaneUse run_all(const SweepOptions& o, int lanes, const Plan& plan, const std::v
     std::vector<std::uint64_t> first_seeds(count);
     for_each_parallel(count, o.jobs, [&](std::size_t i) {
       try {
-        std::tie(loaded[i], first_seeds[i]) = scene_of_run(o, plan, runs[from + i]);
+        std::tie(loaded[i], first_seeds[i]) = scene_of_run(o, base, plan, runs[from + i]);
       } catch (const ConfigError&) {  // thrown once the others have run
       }
     });
@@ -196,7 +194,7 @@ LaneUse run_all(const SweepOptions& o, int lanes, const Plan& plan, const std::v
                        finished(runs[from + i], summary, first_seeds[i]);
                      }));
     for (std::size_t i = 0; i < count; ++i)
-      if (!loaded[i]) scene_of_run(o, plan, runs[from + i]);
+      if (!loaded[i]) scene_of_run(o, base, plan, runs[from + i]);
   }
   return use;
 }
@@ -311,7 +309,8 @@ Table sweep(const SweepOptions& o, const std::function<void(const Progress&)>& h
 }
 
 Table sweep(const SweepOptions& o, int lanes, LaneUse& use, const std::function<void(const Progress&)>& heard) {
-  const Plan plan = plan_of(o);
+  const SceneText base{o.text ? *o.text : read_whole(o.scene), o.scene, o.set};
+  const Plan plan = plan_of(o, base);
   std::optional<CellFile> file;
   if (!o.out.empty()) file.emplace(o.out, plan);
 
@@ -335,7 +334,7 @@ Table sweep(const SweepOptions& o, int lanes, LaneUse& use, const std::function<
   std::vector<Run> runs;
   for (const std::size_t cell : todo)
     for (std::size_t k = 0; k < seeds; ++k) runs.push_back({cell, k});
-  use = run_all(o, lanes, plan, runs, [&](const Run& run, const Summary& summary, std::uint64_t first_seed) {
+  use = run_all(o, lanes, base, plan, runs, [&](const Run& run, const Summary& summary, std::uint64_t first_seed) {
     const std::lock_guard lock{guard};
     OpenCell& of_cell = open[run.cell];
     of_cell.of_seeds.resize(seeds);

@@ -1,0 +1,34 @@
+#pragma once
+
+#include <memory>
+#include <span>
+#include <string>
+
+#include "common/scene/load.h"
+
+namespace twoport {
+
+namespace schema {
+class Scene;
+}
+
+/// A scene's text, read once, of which many scenes are made.
+class SceneText {
+ public:
+  /// `name` stands for the file in error sentences; `overrides` are those of every scene. Throws as parse_scene().
+  SceneText(const std::string& text, std::string name, std::span<const std::string> overrides = {},
+            SceneFor whom = SceneFor::laboratory);
+  SceneText(SceneText&&) noexcept;
+  SceneText& operator=(SceneText&&) noexcept;
+  ~SceneText();
+
+  /// What parse_scene() makes of the text, the overrides of every scene and these, in this order. May be called from several threads at once.
+  [[nodiscard]] Scene with(std::span<const std::string> overrides = {}) const;
+
+ private:
+  std::string name_;
+  SceneFor whom_;
+  std::unique_ptr<schema::Scene> message_;
+};
+
+}  // namespace twoport
