@@ -1127,13 +1127,13 @@ int checked_lanes(int lanes) {
 std::string why_not_in_lanes(const Scene& scene) {
   const ControlOptions& c = scene.control;
   const World world{scene.environment};
+  if (scene.gripper) return "the scene has a gripper";
   if (c.architecture != Architecture::position_force && c.architecture != Architecture::position_measured_force)
     return "control.architecture is not POSITION_FORCE or POSITION_MEASURED_FORCE";
   if (scene.dof != 1 && scene.dof != 3) return "dof is 6";
   if (c.method_name != "NONE" && c.method_name != "CLASSIC" && c.method_name != "FORCE_PROJECTED")
     return "control.passivity.method is " + c.method_name;
   if (!scene.schedule.empty()) return "the scene has a schedule";
-  if (scene.gripper) return "the scene has a gripper";
   if (scene.slave_clock.offset_s != 0.0 || scene.slave_clock.drift != 0.0) return "the slave's clock differs";
   if (scene.master_rate_hz != scene.slave_rate_hz) return "the rates of the sides differ";
   if (kNanosecondsPerSecond / scene.master_rate_hz != static_cast<double>(period_of(scene)))
