@@ -40,7 +40,7 @@ const std::string& recordable(const Scene& scene, const RecordingOptions& o) {
 
 template <int N>
 LabRecording<N>::LabRecording(mcap::Writer& file, const Scene& scene, const RecordingOptions& o, bool of_gripper)
-    : trace_{file, "/" + name_of(true, of_gripper) + "/trace"},
+    : trace_{file, of_gripper ? "/master/gripper/trace" : "/master/trace"},
       taps_{side<N>(file, scene, o, true, of_gripper), side<N>(file, scene, o, false, of_gripper)} {
   file.flush();  // a file without ticks is whole too
 }

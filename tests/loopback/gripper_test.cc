@@ -4,6 +4,7 @@
 #include <string>
 #include <utility>
 
+#include "common/base/file.h"
 #include "tests/support/live.h"
 
 // A gripper beside the arm, two programs over UDP.
@@ -185,8 +186,8 @@ TEST(RunGripper, IsRecordedAndReplaysToTheBit) {
     EXPECT_NE(said.find(side + "/gripper: "), std::string::npos) << said;
     Process exported = finished({TWOPORT_LAB, "export", pair.at(side + ".mcap"), "--csv", pair.at(side + ".csv")});
     EXPECT_EQ(exported.wait(), Exit{.status = 0}) << exported.err();
-    EXPECT_EQ(bytes_of(pair.at(side + ".csv")), bytes_of(pair.at(side) + "/trace.csv"));
-    EXPECT_EQ(bytes_of(pair.at(side + "-gripper.csv")), bytes_of(pair.at(side) + "/trace-gripper.csv"));
+    EXPECT_EQ(read_whole(pair.at(side + ".csv")), read_whole(pair.at(side) + "/trace.csv"));
+    EXPECT_EQ(read_whole(pair.at(side + "-gripper.csv")), read_whole(pair.at(side) + "/trace-gripper.csv"));
   }
 }
 

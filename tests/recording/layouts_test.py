@@ -28,7 +28,7 @@ except ImportError as e:
 def missing_in_recording(lab, folder):
     """Paths of the Foxglove layout, /TOPIC.FIELD or /TOPIC.FIELD[INDEX], without their field."""
     file = pathlib.Path(folder, "run.mcap")
-    subprocess.run([lab, "run", SCENE, "--set", "duration_s=0.5", "--record", file, "--trace", "none"], check=True, stdout=subprocess.DEVNULL)
+    subprocess.run([lab, "run", SCENE, "--set", "duration_s=0.5", "--set", "expect={}", "--record", file, "--trace", "none"], check=True, stdout=subprocess.DEVNULL)
     recording = Recording(file)
     topics = {topic: recording.classes[number].DESCRIPTOR for number, (topic, _, _) in recording.channels.items()}
     layout = (EXAMPLES / "foxglove_layout.json").read_text()
