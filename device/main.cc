@@ -64,6 +64,13 @@ void print_info(const DeviceInfo& i, int dof, bool simulated) {
   fmt::print("buttons            {}{}\n", i.buttons, i.gripper ? ", and a gripper" : "");
 }
 
+void print_gripper(const DeviceInfo& i, double opening_m) {
+  fmt::print("gripper            {}; it begins at {:.3g} m; {}\n", i.name, opening_m,
+             i.max_force_n == 0.0           ? std::string{"it displays no force"}
+             : std::isfinite(i.max_force_n) ? fmt::format("{:.3g} N at most", i.max_force_n)
+                                            : "its force is not known");
+}
+
 void print_measured(const ProbeFigures& f, double period_s, bool moved, double tolerance) {
   fmt::print("\nmeasured along the first axis\n");
   fmt::print("new readings       {}\n",
@@ -157,6 +164,9 @@ int probe(const Arguments& a, const Scene& scene) {
   device->start();
   Probe p{runner, o};
   if (!a.json) print_info(info, scene.dof, simulated);
+  if (Device<1>* const gripper = device->gripper(); gripper != nullptr && !a.json)
+    print_gripper(gripper->info(),
+                  gripper->sense({Instant<MasterClock>{Duration{0}}, Seconds{period_s}}).x.translation()[0]);
   if (!moves && !a.json)
     fmt::print("\n{}\n", info.max_force_n > 0.0
                              ? "it is not moved: with --move it pushes itself, and nobody may hold it"

@@ -16,6 +16,7 @@
 
 #include "common/base/check.h"
 #include "common/hardware/registry.h"
+#include "common/scene/scene.h"
 #include "drivers/evdev_stick.h"
 #include "drivers/force_feedback.h"
 #include "drivers/smoothed_target.h"
@@ -27,6 +28,8 @@ constexpr double kReach = 0.05, kTurn = 0.5;  // of the handle at full deflectio
 constexpr double kCutoffHz = 15.0;            // of the handle's motion: sticks report at 100 to 250 Hz
 constexpr double kFullForce = 1.0;            // at the largest level of an effect, unless ARGS say otherwise [N]
 constexpr int kMostEvents = 256;              // read in one tick
+constexpr double kOpening = 0.06;             // of a gripper whose scene does not say where its handle begins [m]
+constexpr double kGripperTravel = 1.0;        // of buttons, from open to closed [s]
 
 /// PATH, PATH,NEWTONS or nothing.
 struct Arguments {
@@ -159,6 +162,48 @@ class ForceThread {
   std::thread thread_;
 };
 
+/// The trigger or two buttons of a stick as a gripper: the position of its handle, from closed (0) to where the scene's gripper begins.
+/// It displays no force. The stick's driver reads the events.
+class StickGripperDevice final : public Device<1> {
+ public:
+  /// `stick` must outlive it.
+  StickGripperDevice(const EventDevice& stick, const bool& lost, const StickGripper& of, double opening_m)
+      : stick_{stick}, lost_{lost}, of_{of}, opening_m_{opening_m}, motion_{kCutoffHz, Force<1>::Vector{opening_m}} {}
+
+  [[nodiscard]] DeviceInfo info() const override {
+    return {
+        .name = std::string{of_.trigger != 0 ? "trigger" : "two buttons"} + " of " + libevdev_get_name(stick_.get()),
+        .max_force_n = 0.0,
+        .watchdog = Seconds{1.0},
+        .dof = 1,
+        .workspace_m = {opening_m_, 0.0, 0.0}};
+  }
+  DeviceSample<1> sense(const Tick<MasterClock>& tick) noexcept override {
+    const double dt_s = std::min(tick.ended.si(), 0.1);
+    open_ = stick_opening(stick_.get(), of_, open_, dt_s, kGripperTravel);
+    motion_.advance(Force<1>::Vector{open_ * opening_m_}, dt_s);
+    DeviceSample<1> sample{.x = position_at<1>(motion_.x()), .v = Velocity<1>{motion_.v()}, .applied = {}};
+    if (lost_) sample.status = HardwareStatus::fault;
+    return sample;
+  }
+  void actuate(const Force<1>&) noexcept override {}
+  void release() noexcept override {}
+
+ private:
+  const EventDevice& stick_;
+  const bool& lost_;
+  StickGripper of_;
+  double opening_m_, open_ = 1.0;
+  SmoothedTarget<1> motion_;
+};
+
+/// Where the handle of the scene's gripper begins: that is open.
+double opening_of(const Scene& scene) {
+  if (!scene.gripper || !scene.gripper->device || scene.gripper->device->position_m.empty()) return kOpening;
+  const double opening = scene.gripper->device->position_m[0];
+  return opening > 0.0 ? opening : kOpening;
+}
+
 /// A joystick or gamepad: the deflection is the position of a handle within 50 mm (and 0.5 rad). Its constant-force effect, where
 /// it has one, displays the force to the right and forward; its strength in newtons is what ARGS say.
 template <int N>
@@ -172,6 +217,8 @@ class EvdevDevice final : public Device<N> {
       force_ = std::make_unique<ForceThread>(device_->fd(), arguments_.full_force_n);
       if (!force_->works()) force_.reset();
     }
+    if (const StickGripper of = stick_gripper(device_->get()))
+      gripper_ = std::make_unique<StickGripperDevice>(*device_, lost_, of, opening_of(o.scene));
   }
 
   [[nodiscard]] DeviceInfo info() const override {
@@ -180,7 +227,8 @@ class EvdevDevice final : public Device<N> {
             .watchdog = to_seconds(ForceFeedback::kEffectLength),
             .dof = 6,
             .workspace_m = {2.0 * kReach, 2.0 * kReach, 2.0 * kReach},
-            .buttons = stick_buttons(device_->get())};
+            .buttons = stick_buttons(device_->get()),
+            .gripper = gripper_ != nullptr};
   }
   DeviceSample<N> sense(const Tick<MasterClock>& tick) noexcept override {
     if (!lost_) read();
@@ -206,6 +254,7 @@ class EvdevDevice final : public Device<N> {
     if (force_) force_->force().let_go();
   }
   [[nodiscard]] std::string trouble() const override { return lost_ ? device_->path() + " is gone" : ""; }
+  [[nodiscard]] Device<1>* gripper() noexcept override { return gripper_.get(); }
 
  private:
   void read() noexcept {
@@ -232,6 +281,7 @@ class EvdevDevice final : public Device<N> {
   std::unique_ptr<ForceThread> force_;  ///< null: it displays no force
   SmoothedTarget<N> motion_;
   bool lost_ = false;
+  std::unique_ptr<StickGripperDevice> gripper_;  ///< null: it has neither trigger nor two buttons
 };
 
 }  // namespace

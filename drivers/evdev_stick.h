@@ -65,6 +65,37 @@ inline int stick_buttons(const libevdev* d) {
   return std::min(count, 32);
 }
 
+/// What opens and closes a gripper.
+struct StickGripper {
+  unsigned trigger = 0;          ///< axis: open at its minimum, closed at its maximum; 0: none
+  unsigned close = 0, open = 0;  ///< buttons, where there is no such axis; 0: none
+  explicit operator bool() const { return trigger != 0 || (close != 0 && open != 0); }
+};
+
+/// The gas pedal (ABS_GAS), else the left trigger of a gamepad (ABS_Z where the second stick has axes of its own); else the shoulder
+/// buttons, the left one closes; else the first two buttons of a joystick, the first one closes. A throttle in ABS_Z is none.
+inline StickGripper stick_gripper(const libevdev* d) {
+  const auto has = [&](unsigned type, unsigned code) { return libevdev_has_event_code(d, type, code) != 0; };
+  if (has(EV_ABS, ABS_GAS)) return {.trigger = ABS_GAS};
+  if (has(EV_ABS, ABS_Z) && has(EV_ABS, ABS_RX) && has(EV_ABS, ABS_RY)) return {.trigger = ABS_Z};
+  if (has(EV_KEY, BTN_TL) && has(EV_KEY, BTN_TR)) return {.close = BTN_TL, .open = BTN_TR};
+  if (has(EV_KEY, BTN_TRIGGER) && has(EV_KEY, BTN_THUMB)) return {.close = BTN_TRIGGER, .open = BTN_THUMB};
+  return {};
+}
+
+/// Where the fingers shall be after `dt_s`, from 0 (closed) to 1 (open), from `open` before. Buttons take `travel_s` from one end to the
+/// other; both together, or none, leave it.
+inline double stick_opening(const libevdev* d, const StickGripper& g, double open, double dt_s, double travel_s) {
+  if (g.trigger != 0) {
+    const input_absinfo* a = libevdev_get_abs_info(d, g.trigger);
+    if (a == nullptr || a->maximum <= a->minimum) return open;
+    const double least = a->minimum + std::max(a->flat, 0);
+    return 1.0 - std::clamp((a->value - least) / std::max(a->maximum - least, 1.0), 0.0, 1.0);
+  }
+  const auto pressed = [&](unsigned code) { return libevdev_get_event_value(d, EV_KEY, code) != 0 ? 1.0 : 0.0; };
+  return std::clamp(open + (pressed(g.open) - pressed(g.close)) * dt_s / travel_s, 0.0, 1.0);
+}
+
 /// The constant effect that pushes the hand with (right, forward) times `full_n`. The kernel counts the direction from towards the
 /// user (0), left 0x4000, away 0x8000, right 0xC000 (linux/input.h), and plays it for `length_ms` at most.
 inline ff_effect constant_force(std::array<double, 2> push_n, double full_n, int id, std::uint16_t length_ms) {

@@ -2,17 +2,20 @@
 
 #include <algorithm>
 #include <cstddef>
+#include <memory>
+#include <string>
 #include <utility>
 #include <vector>
 
 #include "common/base/check.h"
 #include "common/hardware/registry.h"
 #include "common/recording/recording.h"
+#include "common/scene/scene.h"
 
 namespace twoport {
 namespace {
 
-/// The readings of one side of a recording, from its first contact with the other side on.
+/// The readings of one side of a recording, from its first contact with the other side on. Empty for a gripper that it has not.
 template <int N>
 std::vector<TickRecord<N>> readings(const char* flag, const DriverOptions& o, const std::string& side) {
   if (o.arguments.empty())
@@ -20,16 +23,18 @@ std::vector<TickRecord<N>> readings(const char* flag, const DriverOptions& o, co
   RecordingReader recording{o.arguments};
   std::vector<TickRecord<N>> all;
   RecordedTick<N> recorded;
+  int dof = 0;
   for (RecordingReader::Kind kind; (kind = recording.next()) != RecordingReader::Kind::end;) {
+    if (kind == RecordingReader::Kind::header && recording.header().side == side) dof = recording.header().dof;
     if (kind != RecordingReader::Kind::tick || recording.topic() != "/" + side + "/tick") continue;
-    if (recording.header().dof != N)
-      recording.fail(fmt::format("it is of dof {}, but dof of the scene is {}", recording.header().dof, N));
+    if (dof != N) recording.fail(fmt::format("it is of dof {}, but dof of the scene is {}", dof, N));
     if (!recording.tick(recorded)) recording.fail("a tick has numbers of another dof than its header");
     const TickRecord<N>& t = recorded.tick;
     if (t.t_s < 0.0) continue;
     if (!all.empty() && !(t.t_s > all.back().t_s)) recording.fail("its times do not increase");
     all.push_back(t);
   }
+  if (all.empty() && dof == 0 && side.ends_with(kOfGripper)) return all;
   if (all.empty()) recording.fail("it has no tick of a " + side + " in contact with the other side");
   return all;
 }
@@ -60,8 +65,15 @@ class Playback {
 template <int N>
 class PlaybackDevice final : public Device<N> {
  public:
-  explicit PlaybackDevice(const DriverOptions& o) : playback_{readings<N>("--device", o, "master")} {}
-  [[nodiscard]] DeviceInfo info() const override { return {.name = "playback of a hand", .watchdog = Seconds{1.0}}; }
+  explicit PlaybackDevice(const DriverOptions& o) : PlaybackDevice{readings<N>("--device", o, "master")} {
+    if (!o.scene.gripper) return;
+    auto of_gripper = readings<1>("--device", o, std::string{"master"}.append(kOfGripper));
+    if (!of_gripper.empty()) gripper_ = std::make_unique<PlaybackDevice<1>>(std::move(of_gripper));
+  }
+  explicit PlaybackDevice(std::vector<TickRecord<N>> readings) : playback_{std::move(readings)} {}
+  [[nodiscard]] DeviceInfo info() const override {
+    return {.name = "playback of a hand", .watchdog = Seconds{1.0}, .gripper = gripper_ != nullptr};
+  }
   DeviceSample<N> sense(const Tick<MasterClock>& tick) noexcept override {
     const TickRecord<N>& t = playback_.at(tick.ended);
     // It rests where the recording ends.
@@ -70,8 +82,10 @@ class PlaybackDevice final : public Device<N> {
   void actuate(const Force<N>& f) noexcept override { applied_ = f; }
   void start() noexcept override { playback_.start(); }
   void release() noexcept override { applied_ = Force<N>{}; }
+  [[nodiscard]] Device<1>* gripper() noexcept override { return gripper_.get(); }
 
  private:
+  std::unique_ptr<PlaybackDevice<1>> gripper_;  ///< null: the scene or the recording has none
   Playback<N> playback_;
   Force<N> applied_;
 };
@@ -80,7 +94,12 @@ class PlaybackDevice final : public Device<N> {
 template <int N>
 class PlaybackRobot final : public Robot<N> {
  public:
-  explicit PlaybackRobot(const DriverOptions& o) : playback_{readings<N>("--robot", o, "slave")} {}
+  explicit PlaybackRobot(const DriverOptions& o) : PlaybackRobot{readings<N>("--robot", o, "slave")} {
+    if (!o.scene.gripper) return;
+    auto of_gripper = readings<1>("--robot", o, std::string{"slave"}.append(kOfGripper));
+    if (!of_gripper.empty()) gripper_ = std::make_unique<PlaybackRobot<1>>(std::move(of_gripper));
+  }
+  explicit PlaybackRobot(std::vector<TickRecord<N>> readings) : playback_{std::move(readings)} {}
   [[nodiscard]] RobotInfo info() const override { return {.name = "playback of a robot", .watchdog = Seconds{1.0}}; }
   RobotSample<N> sense(const Tick<SlaveClock>& tick) noexcept override {
     const TickRecord<N>& t = playback_.at(tick.ended);
@@ -89,8 +108,10 @@ class PlaybackRobot final : public Robot<N> {
   void actuate(const RobotCommand<N>&) noexcept override {}
   void start() noexcept override { playback_.start(); }
   void release() noexcept override {}
+  [[nodiscard]] Robot<1>* gripper() noexcept override { return gripper_.get(); }
 
  private:
+  std::unique_ptr<PlaybackRobot<1>> gripper_;  ///< null: the scene or the recording has none
   Playback<N> playback_;
 };
 

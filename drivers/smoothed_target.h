@@ -13,7 +13,7 @@ template <int N>
 class SmoothedTarget {
  public:
   using Vector = typename Velocity<N>::Vector;
-  explicit SmoothedTarget(double cutoff_hz) : w_{2.0 * M_PI * cutoff_hz} {}
+  explicit SmoothedTarget(double cutoff_hz, const Vector& x = Vector::Zero()) : w_{2.0 * M_PI * cutoff_hz}, x_{x} {}
 
   void advance(const Vector& target, double dt_s) noexcept {
     v_ = (v_ + dt_s * w_ * w_ * (target - x_)) / (1.0 + 2.0 * w_ * dt_s + w_ * w_ * dt_s * dt_s);
@@ -24,7 +24,7 @@ class SmoothedTarget {
 
  private:
   double w_;
-  Vector x_ = Vector::Zero(), v_ = Vector::Zero();
+  Vector x_, v_ = Vector::Zero();
 };
 
 /// A position from its coordinates: translation, then rotation vector.

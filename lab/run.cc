@@ -16,6 +16,7 @@
 #include "common/method/any.h"
 #include "common/record/metrics.h"
 #include "common/record/trace.h"
+#include "lab/both_couplings.h"
 #include "lab/engine/quiet_tail.h"
 #include "lab/engine/recording.h"
 #include "lab/engine/simulation.h"
@@ -173,39 +174,55 @@ Summary run(const Scene& scene, const RunOptions& options) {
 
 namespace {
 
-/// Without the gripper.
-CountedRun run_main(const Scene& scene, const RunOptions& options) {
+/// One coupling, that of the gripper where `of_gripper`; recorded into `file`, where that is not null.
+CountedRun run_coupling(const Scene& scene, const RunOptions& options, mcap::Writer* file, bool of_gripper) {
   return dispatch_dof(scene, [&]<int N>() {
-    if (options.record == nullptr) {
+    if (file == nullptr) {
       std::unique_ptr<Simulation<N>> simulation = make_simulation<N>(scene);
       if (options.stop != nullptr) simulation = std::make_unique<Stoppable<N>>(std::move(simulation), *options.stop);
       return run_as<N>(*simulation, scene, options, nullptr);
     }
-    LabRecording<N> recording{scene, *options.record};
-    CountedRun done = run_as<N>(*make_recorded_simulation<N>(scene, recording.taps()), scene, options, &recording);
-    try {
-      recording.finish();
-    } catch (const IoError& e) {
-      if (options.record->unwritten == nullptr) throw;
-      *options.record->unwritten = e.what();
-    }
-    return done;
+    LabRecording<N> recording{*file, scene, *options.record, of_gripper};
+    return run_as<N>(*make_recorded_simulation<N>(scene, recording.taps()), scene, options, &recording);
   });
+}
+
+/// The rows of the gripper's trace go into `gripper_table`, where that is not null.
+CountedRun run_both(const Scene& scene, const RunOptions& options, TraceTable* gripper_table) {
+  std::optional<mcap::Writer> recording;
+  if (options.record != nullptr) recording.emplace(recordable(scene, *options.record), kRecordedBy);
+  mcap::Writer* const file = recording ? &*recording : nullptr;
+  CountedRun done = run_coupling(scene, options, file, false);
+  if (scene.gripper) {
+    const CountedRun gripper = run_coupling(*scene.gripper,
+                                            {.trace = options.gripper_trace,
+                                             .trace_every = options.trace_every,
+                                             .verdict = options.verdict,
+                                             .record = options.record,
+                                             .table = gripper_table,
+                                             .stop = options.stop},
+                                            file, true);
+    fill_gripper(gripper.summary, done.summary);
+    done.summary.set_step_ns(done.summary.step_ns() + gripper.summary.step_ns());
+    done.ticks += gripper.ticks;
+  }
+  if (!recording) return done;
+  try {
+    recording->close();
+  } catch (const IoError& e) {
+    if (options.record->unwritten == nullptr) throw;
+    *options.record->unwritten = e.what();
+  }
+  return done;
 }
 
 }  // namespace
 
 CountedRun run_counted(const Scene& scene, const RunOptions& options) {
-  CountedRun done = run_main(scene, options);
-  if (!scene.gripper) return done;
-  const CountedRun gripper = run_main(*scene.gripper, {.trace = options.gripper_trace,
-                                                       .trace_every = options.trace_every,
-                                                       .verdict = options.verdict,
-                                                       .stop = options.stop});
-  fill_gripper(gripper.summary, done.summary);
-  done.summary.set_step_ns(done.summary.step_ns() + gripper.summary.step_ns());
-  done.ticks += gripper.ticks;
-  return done;
+  return run_both(scene, options, nullptr);
+}
+Summary run_with_gripper_table(const Scene& scene, const RunOptions& options, TraceTable* gripper) {
+  return run_both(scene, options, gripper).summary;
 }
 
 }  // namespace twoport::lab

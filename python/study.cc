@@ -17,7 +17,7 @@
 #include "common/record/trace_table.h"
 #include "common/scene/hints.h"
 #include "common/scene/names.h"
-#include "lab/run.h"
+#include "lab/both_couplings.h"
 #include "lab/study/boundary.h"
 #include "lab/study/parallel.h"
 #include "lab/study/sweep.h"
@@ -99,7 +99,7 @@ struct Result {
   std::string summary_json;
   py::dict summary;
   Strings violations;
-  py::object trace;
+  py::object trace, gripper_trace;
   py::dict units;
 };
 
@@ -111,32 +111,41 @@ Result run_scene(const SceneOfText& s, bool trace, std::int64_t trace_every, con
   if (trace_every < 1) throw ConfigError{fmt::format("trace_every is {}; it must be 1 or more", trace_every)};
   if (verdict != "tail" && verdict != "plain")
     throw ConfigError{fmt::format("verdict is {}; it must be tail or plain", verdict)};
-  std::shared_ptr<TraceTable> table;
+  std::shared_ptr<TraceTable> table, gripper_table;
   const double rate_hz = std::max(s.scene.master_rate_hz, s.scene.slave_rate_hz);
-  if (trace)
-    table = std::make_shared<TraceTable>(s.scene.dof,
-                                         s.scene.duration_s * rate_hz / static_cast<double>(trace_every) + 1.0);
+  const double rows = s.scene.duration_s * rate_hz / static_cast<double>(trace_every) + 1.0;
+  if (trace) table = std::make_shared<TraceTable>(s.scene.dof, rows);
+  if (trace && s.scene.gripper) gripper_table = std::make_shared<TraceTable>(1, rows);
   const Summary summary = interruptible(
       [&](const std::atomic<bool>& stop) {
-        return lab::run(s.scene, {.trace_every = static_cast<std::uint64_t>(trace_every),
-                                  .verdict = verdict == "plain" ? lab::VerdictFrom::plain : lab::VerdictFrom::tail,
-                                  .table = table.get(),
-                                  .stop = &stop});
+        return lab::run_with_gripper_table(
+            s.scene,
+            {.trace_every = static_cast<std::uint64_t>(trace_every),
+             .verdict = verdict == "plain" ? lab::VerdictFrom::plain : lab::VerdictFrom::tail,
+             .table = table.get(),
+             .stop = &stop},
+            gripper_table.get());
       },
       [] {});
   const std::string json = to_json(summary);
-  return {json, dict_of(json), violations(s.scene.expect, summary), table ? py::object{view(table)} : py::none(),
+  const auto view_or_none = [](const auto& of) { return of ? py::object{view(of)} : py::none(); };
+  return {json,
+          dict_of(json),
+          violations(s.scene.expect, summary),
+          view_or_none(table),
+          view_or_none(gripper_table),
           table ? units(*table) : py::dict{}};
 }
 
 py::tuple state(const Result& r) {
-  return py::make_tuple(r.summary_json, r.violations, r.trace, r.units);
+  return py::make_tuple(r.summary_json, r.violations, r.trace, r.units, r.gripper_trace);
 }
 Result result_from(const py::tuple& state) {
   const auto json = state[0].cast<std::string>();
-  const py::object trace = state[2];
-  if (!trace.is_none()) trace.attr("setflags")("write"_a = false);
-  return {json, dict_of(json), state[1].cast<Strings>(), trace, state[3]};
+  const py::object trace = state[2], gripper_trace = state[4];
+  for (const py::object& each : {trace, gripper_trace})
+    if (!each.is_none()) each.attr("setflags")("write"_a = false);
+  return {json, dict_of(json), state[1].cast<Strings>(), trace, gripper_trace, state[3]};
 }
 
 /// A column of texts as numbers where all of them are (empty: NaN), else as they are.
@@ -225,7 +234,10 @@ class Listener {
 };
 
 TableOfTexts sweep_scene(const SceneOfText& s, const py::object& vary, std::int64_t seeds,
-                         const std::optional<int>& jobs, const py::object& out, const py::object& progress) {
+                         const std::optional<int>& jobs, const py::object& out, const py::object& progress,
+                         const std::string& verdict) {
+  if (verdict != "tail" && verdict != "lean" && verdict != "plain")
+    throw ConfigError{fmt::format("verdict is {}; it must be tail, lean or plain", verdict)};
   if (seeds < 0) throw ConfigError{fmt::format("seeds is {}; it must be 0 or more", seeds)};
   lab::SweepOptions o;
   o.scene = s.source;
@@ -234,6 +246,9 @@ TableOfTexts sweep_scene(const SceneOfText& s, const py::object& vary, std::int6
   for (const std::string& axis : strings_from(vary, "vary")) o.axes.push_back(lab::parse_axis(axis, "vary"));
   o.seeds = static_cast<std::size_t>(seeds);
   o.jobs = jobs_from(jobs);
+  o.verdict = verdict == "plain"  ? lab::VerdictFrom::plain
+              : verdict == "lean" ? lab::VerdictFrom::lean
+                                  : lab::VerdictFrom::tail;
   if (!out.is_none()) o.out = path_from(out);
   if (!out.is_none() && o.out.empty()) throw ConfigError{"out is empty; it must be a folder, or None"};
   Listener listener{progress};
@@ -361,6 +376,9 @@ Errors: ValueError, as load_scene.)");
 
 A structured array: trace["t_s"] has a number for each tick, trace["master_x"] `dof` of them. It is a read-only view of the
 run's own memory, without a copy, and so is each column; it stays valid when the result is gone.)")
+      .def_readonly(
+          "gripper_trace", &Result::gripper_trace,
+          R"(The same of the gripper, the columns of trace-gripper.csv as dof 1; None where the scene has none.)")
       .def_readonly("units", &Result::units,
                     R"(Unit of each column of the trace; with dof 6 "m, rad": translation, rotation.)")
       .def(py::pickle(&state, &result_from))
@@ -391,7 +409,7 @@ Other threads of Python go on meanwhile; Ctrl-C ends it. Errors: ValueError.)");
         return fmt::format("<twoport.Table, {} rows, {} columns>", t.rows.size(), t.columns.size());
       });
   module.def("sweep", &sweep_scene, "scene"_a, "vary"_a, py::kw_only(), "seeds"_a = 0, "jobs"_a = py::none(),
-             "out"_a = py::none(), "progress"_a = py::none(),
+             "out"_a = py::none(), "progress"_a = py::none(), "verdict"_a = "tail",
              R"(Runs a scene over a grid, as `twoport-lab sweep` does: the same table, bit for bit.
 
 vary: PATH=SPEC, or several of them, the last varies fastest. SPEC: a,b,c or start:stop:count or start:stop:count:log;
@@ -399,6 +417,7 @@ A,B=SPEC links the paths A and B.
 seeds: runs a cell, with the scene's seed, seed + 1, ...; 0: one, without columns of the spread.
 jobs: threads; None: one for each core. out: folder for table.csv and the finished cells, from which a sweep that was ended
 goes on; None: nothing is kept. progress: called as progress(done, count), in cells.
+verdict: "tail", "lean" (with the twin only where a passivity controller acts) or "plain", as --verdict of the program.
 Other threads of Python go on meanwhile; Ctrl-C ends it. Errors: ValueError.)");
 
   py::class_<BoundaryOfScene>(module, "Boundary", "A stability boundary.")

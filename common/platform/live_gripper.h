@@ -11,8 +11,11 @@
 #include "common/base/file.h"
 #include "common/base/print_error.h"
 #include "common/link/mailbox.h"
+#include "common/platform/live_recording.h"
+#include "common/platform/plot_stream.h"
 #include "common/platform/program.h"
 #include "common/platform/recorder.h"
+#include "common/recording/tick.h"
 #include "common/runtime/cycle.h"
 #include "common/safety/guarded_transport.h"
 #include "common/wire/gripper_transport.h"
@@ -33,16 +36,23 @@ class LiveGripper {
   template <class... Arguments>
   explicit LiveGripper(LinkTransport<N>& link, const PortLimits& of_the_other_side, const TransmissionOptions& incoming,
                        Arguments&&... arguments)
-      : side_{std::forward<Arguments>(arguments)...},
-        mail_{GuardedTransport<1, GripperTransport<N>>{of_the_other_side, link}, incoming} {}
+      : side_{std::forward<Arguments>(arguments)...}, mail_{Transport{of_the_other_side, link}, incoming} {}
 
-  /// Before the first tick.
-  void begin(const LiveArguments& a, double duration_s, spdlog::logger& log) {
+  /// Before the first tick. `file`: of the recording; null: none.
+  void begin(const LiveArguments& a, double duration_s, spdlog::logger& log, std::shared_ptr<RecordingFile> file) {
+    constexpr bool kMaster = Side_::kSide == Side::master;
+    if (file) {
+      const double rate_hz = kMaster ? side_.scene.master_rate_hz : side_.scene.slave_rate_hz;
+      recording_ = std::make_unique<LiveRecording<1>>(
+          std::move(file), recording_header(a, kMaster ? "master" : "slave", true, 1, rate_hz, side_.hardware.info()));
+      mail_.transport().tap(&recording_->feed());
+    }
+    if (!a.stream.empty()) stream_.emplace(a.stream, Side_::kSide, a.stream_hz, true);
     if (!a.out.empty() && a.trace == "csv") trace_ = std::make_unique<WholeFile>(a.out + "/trace-gripper.csv");
     recorder_.emplace(typename Recorder<1>::Options{.metrics = side_.metrics(),
                                                     .trace = trace_.get(),
-                                                    .recording = nullptr,
-                                                    .stream = nullptr,
+                                                    .recording = recording_.get(),
+                                                    .stream = stream_ ? &*stream_ : nullptr,
                                                     .duration_s = duration_s,
                                                     .side = Side_::kSide,
                                                     .trace_every = a.trace_every,
@@ -50,6 +60,10 @@ class LiveGripper {
                                                     .log = log,
                                                     .shows_progress = false});
     log.info("gripper: {}", side_.hardware.info().name);
+  }
+  /// Just before the first tick: its time.
+  void start_at(std::int64_t unix_ns) {
+    if (recording_) recording_->start_at(unix_ns);
   }
 
   // In every tick, in this order.
@@ -59,12 +73,17 @@ class LiveGripper {
     side_.node.on_peer_restart(Energy{mail_.known().energy_in_j});
     static_cast<void>(mail_.transport().take_new_session());
     mail_.reset();
+    meets_ = true;
   }
   void start() noexcept { side_.hardware.start(); }
-  /// `lets_go`: the main hardware has let go by itself. `held`: the operator holds the handle.
-  void cycle(const Tick<Clock>& tick, bool lets_go, bool held) noexcept {
-    Plant plant{side_.hardware, sample_, lets_go, held};
+  /// `t_s`: since the link came up; -1 before. `lets_go`: the main hardware has let go by itself. `held`: the operator holds the
+  /// handle.
+  void cycle(const Tick<Clock>& tick, double t_s, bool lets_go, bool held) noexcept {
+    Plant plant{side_.hardware, sample_, seen_, lets_go, held};
+    if (recording_) recording_->feed().begin(t_s, side_.node.epoch(), meets_, side_.node.epoch());
+    meets_ = false;
     out_ = run_cycle(side_.node, plant, mail_, tick);
+    if (recording_) recording_->feed().end(tick, seen_, out_);
   }
   /// Completes the last row; begins one where `has_row`.
   void record(double t_s, bool has_row) noexcept {
@@ -85,15 +104,23 @@ class LiveGripper {
   // After the last tick.
 
   void release() noexcept { side_.hardware.release(); }
+  /// The last row and tick are recorded. Before the file of the recording is completed.
+  void end() {
+    if (has_row_) recorder_->push(row_, {});
+    summary_ = recorder_->finish();
+    mail_.transport().tap(nullptr);
+    if (recording_) recording_->drain();
+  }
+  /// Ticks that are not in the recording.
+  [[nodiscard]] std::uint64_t missing() const noexcept { return recording_ ? recording_->missing() : 0; }
   /// Why a fault came, for why_failed().
   [[nodiscard]] std::string trouble() const {
     const std::string why = side_.hardware.trouble();
     return why.empty() ? "the gripper" : "the gripper: " + why;
   }
-  /// Leaves the trace, and fills the gripper's figures. False where the trace could not be written, which is said.
+  /// After end(). Leaves the trace, and fills the gripper's figures. False where the trace could not be written, which is said.
   bool finish(Summary& s, const char* side) {
-    if (has_row_) recorder_->push(row_, {});
-    Summary own = recorder_->finish();
+    Summary own = std::move(summary_);
     own.set_mode(to_string(side_.node.mode()));
     if constexpr (Side_::kSide == Side::master) {
       *own.mutable_limits()->mutable_device() = limits_of_device(side_.node.limit_counts());
@@ -121,7 +148,7 @@ class LiveGripper {
   /// Hardware for run_cycle. A reading that the node may not use is none.
   struct Plant {
     Hardware& hardware;
-    Sample& sample;
+    Sample &sample, &seen;
     bool lets_go, held;
     Sample sense(const Tick<Clock>& tick) noexcept {
       sample = hardware.sense(tick);
@@ -129,6 +156,7 @@ class LiveGripper {
       if constexpr (requires { s.held; }) s.held = s.held && held;
       if (lets_go) [[unlikely]]
         s.x = Position<1>{typename Position<1>::Vector{std::numeric_limits<double>::quiet_NaN()}};
+      seen = s;
       return s;
     }
     template <class Command>
@@ -139,11 +167,17 @@ class LiveGripper {
     }
   };
 
+  using Transport = TappedTransport<1, GuardedTransport<1, GripperTransport<N>>>;
+
   Side_ side_;
-  Mailbox<1, GuardedTransport<1, GripperTransport<N>>> mail_;
+  Mailbox<1, Transport> mail_;
   std::unique_ptr<WholeFile> trace_;
+  std::unique_ptr<LiveRecording<1>> recording_;  ///< null: none
+  std::optional<PlotStream> stream_;
   std::optional<Recorder<1>> recorder_;
-  Sample sample_;
+  Summary summary_;
+  Sample sample_, seen_;  ///< the hardware's newest reading, and what the node was given of it
+  bool meets_ = false;    ///< a session of the other side has begun since the last tick
   Output out_{};
   Row<1> row_;
   bool has_row_ = false;

@@ -2,6 +2,7 @@
 
 #include <cstdint>
 #include <memory>
+#include <mutex>
 #include <optional>
 #include <span>
 #include <string>
@@ -20,17 +21,24 @@
 
 namespace twoport {
 
-/// The recording of one side of a live run: a feed from the cycle, and what the recording thread makes of it. The file is
-/// whole after the first ticks, and then after every half second.
+/// The file of a live recording. Both the main coupling and the gripper write into it, each from its recording thread.
+struct RecordingFile {
+  /// Throws ConfigError when the file cannot be written.
+  RecordingFile(const std::string& path, const std::string& program) : writer{path, program} {
+    writer.flush();
+    if (!writer.error().empty()) throw ConfigError{"--record " + writer.error()};
+  }
+  mcap::Writer writer;
+  std::mutex mutex;  ///< of the writer
+};
+
+/// The recording of one side of a live run, or of its gripper: a feed from the cycle, and what the recording thread makes of it. The
+/// file is whole after the first ticks, and then after every half second.
 template <int N>
 class LiveRecording {
  public:
-  /// Throws ConfigError when the file cannot be written.
-  LiveRecording(const std::string& path, RecordingHeader header)
-      : header_{std::move(header)}, file_{path, header_.program} {
-    file_.flush();
-    if (!file_.error().empty()) throw ConfigError{"--record " + file_.error()};
-  }
+  LiveRecording(std::shared_ptr<RecordingFile> file, RecordingHeader header)
+      : header_{std::move(header)}, file_{std::move(file)} {}
 
   /// Before the first tick: its time.
   void start_at(std::int64_t unix_ns) { header_.start_unix_ns = unix_ns; }
@@ -38,11 +46,12 @@ class LiveRecording {
 
   // From the recording thread.
   void drain() {
+    const std::lock_guard lock{file_->mutex};
     const bool begins = !side_;
     while (feed_.try_pop(entry_)) {
       if (!side_) {
-        side_.emplace(file_, header_);
-        trace_.emplace(file_, "/" + header_.side + "/trace");
+        side_.emplace(file_->writer, header_);
+        trace_.emplace(file_->writer, "/" + header_.side + "/trace");
       }
       if (entry_.is_tick) {
         side_->add(entry_.tick, std::span<const Report<N>>{received_});
@@ -53,23 +62,29 @@ class LiveRecording {
       }
     }
     // A program that is killed within the first half second leaves a recording too.
-    if (begins && side_) file_.flush();
+    if (begins && side_) file_->writer.flush();
   }
   void add(const Row<N>& row) {
+    const std::lock_guard lock{file_->mutex};
     if (trace_) trace_->add(side_->log_time_ns(met_at_ + to_duration(row.t_s)), row);
   }
-  [[nodiscard]] const std::string& error() const { return file_.error(); }
+  [[nodiscard]] std::string error() const {
+    const std::lock_guard lock{file_->mutex};
+    return file_->writer.error();
+  }
 
-  /// After the last tick, when the thread has ended: completes the file. Throws IoError where not everything was written.
+  /// After the last tick, when the threads have ended, and drain() of the gripper: completes the file. Throws IoError where not
+  /// everything was written.
   void finish() {
     drain();
-    file_.close();
+    file_->writer.close();
   }
+  [[nodiscard]] const std::shared_ptr<RecordingFile>& file() const noexcept { return file_; }
   [[nodiscard]] std::uint64_t missing() const noexcept { return feed_.missing(); }
 
  private:
   RecordingHeader header_;
-  mcap::Writer file_;
+  std::shared_ptr<RecordingFile> file_;
   TickFeed<N> feed_;
   typename TickFeed<N>::Entry entry_;
   std::optional<RecordingSide> side_;
@@ -78,28 +93,36 @@ class LiveRecording {
   Duration met_at_{0};
 };
 
-/// Null where nothing is recorded.
-template <int N, class Info>
-std::unique_ptr<LiveRecording<N>> open_recording(const LiveArguments& a, const std::string& side, double rate_hz,
-                                                 const Info& hardware) {
-  if (a.record.empty()) return nullptr;
+/// `hardware`: what the driver says, a DeviceInfo or RobotInfo.
+template <class Info>
+RecordingHeader recording_header(const LiveArguments& a, const std::string& side, bool of_gripper, int dof,
+                                 double rate_hz, const Info& hardware) {
   DeviceInfo properties;
   if constexpr (std::is_same_v<Info, DeviceInfo>) {
     properties = hardware;
   } else {
     properties.limits = hardware.limits;
   }
-  return std::make_unique<LiveRecording<N>>(a.record, RecordingHeader{.program = program_name(side),
-                                                                      .side = side,
-                                                                      .dof = N,
-                                                                      .rate_hz = rate_hz,
-                                                                      .scene_file = a.scene,
-                                                                      .scene_text = read_whole(a.scene),
-                                                                      .overrides = a.set,
-                                                                      .live = true,
-                                                                      .hardware = hardware.name,
-                                                                      .properties = properties,
-                                                                      .start_unix_ns = 0});
+  return {.program = program_name(side),
+          .side = of_gripper ? std::string{side}.append(kOfGripper) : side,
+          .dof = dof,
+          .rate_hz = rate_hz,
+          .scene_file = a.scene,
+          .scene_text = read_whole(a.scene),
+          .overrides = a.set,
+          .live = true,
+          .hardware = hardware.name,
+          .properties = properties,
+          .start_unix_ns = 0};
+}
+
+/// Null where nothing is recorded.
+template <int N, class Info>
+std::unique_ptr<LiveRecording<N>> open_recording(const LiveArguments& a, const std::string& side, double rate_hz,
+                                                 const Info& hardware) {
+  if (a.record.empty()) return nullptr;
+  return std::make_unique<LiveRecording<N>>(std::make_shared<RecordingFile>(a.record, program_name(side)),
+                                            recording_header(a, side, false, N, rate_hz, hardware));
 }
 
 }  // namespace twoport

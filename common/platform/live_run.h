@@ -155,8 +155,6 @@ int run_live(LiveSide& side, const Scene& scene, const LiveArguments& arguments,
   using Clock = typename LiveSide::Clock;
   const double rate_hz = side.rate_hz();
   const Seconds dt{1.0 / rate_hz};
-  if (side.gripper && !arguments.record.empty())
-    throw ConfigError{"--record " + arguments.record + ": the scene has a gripper, which no recording holds"};
   std::unique_ptr<LiveRecording<N>> recording;
   std::optional<PlotStream> stream;
   if (!arguments.stream.empty()) stream.emplace(arguments.stream, LiveSide::kSide, arguments.stream_hz);
@@ -186,7 +184,7 @@ int run_live(LiveSide& side, const Scene& scene, const LiveArguments& arguments,
     log.warn("{} has no watchdog: if this program is stopped, its last command stands", info.name);
   side.link.say_where(log);
   auto* const gripper = side.gripper.get();
-  if (gripper) gripper->begin(arguments, scene.duration_s, log);
+  if (gripper) gripper->begin(arguments, scene.duration_s, log, recording ? recording->file() : nullptr);
 
   Sensed<typename LiveSide::Hardware, typename LiveSide::Sample> plant{side.hardware, {}};
   StepClock clock;
@@ -194,7 +192,9 @@ int run_live(LiveSide& side, const Scene& scene, const LiveArguments& arguments,
   Row<N> row;
   TickView view;
   bool has_row = false;
-  if (recording) recording->start_at(unix_time_ns());
+  const std::int64_t start_unix_ns = unix_time_ns();
+  if (recording) recording->start_at(start_unix_ns);
+  if (gripper) gripper->start_at(start_unix_ns);
   loop.run(stop, [&](std::int64_t k, Duration now) {
     if (!side.link.refusal().empty() || to_seconds(now).si() >= arguments.limit_s) return false;
     if constexpr (requires { side.begin_tick(); }) side.begin_tick();
@@ -219,7 +219,7 @@ int run_live(LiveSide& side, const Scene& scene, const LiveArguments& arguments,
     const auto out = clock.time([&] {
       auto of_main = run_cycle(side.node, plant, side.link.mail(), tick);
       if (gripper) [[unlikely]]
-        gripper->cycle(tick, side.lets_go(), is_held(plant.sample));
+        gripper->cycle(tick, met < 0 ? -1.0 : t_s, side.lets_go(), is_held(plant.sample));
       return of_main;
     });
     if (recording) recording->feed().end(tick, plant.sample, out);
@@ -252,11 +252,12 @@ int run_live(LiveSide& side, const Scene& scene, const LiveArguments& arguments,
   if (has_row) recorder.push(row, view);
 
   Summary s = recorder.finish();
+  if (gripper) gripper->end();
   int recorded = 0;
   if (recording) {
     side.link.tap(nullptr);
-    if (recording->missing() > 0)
-      log.warn("{} ticks are missing from {}: the disk was too slow", recording->missing(), arguments.record);
+    if (const std::uint64_t missing = recording->missing() + (gripper ? gripper->missing() : 0); missing > 0)
+      log.warn("{} ticks are missing from {}: the disk was too slow", missing, arguments.record);
     try {
       recording->finish();
     } catch (const IoError& e) {

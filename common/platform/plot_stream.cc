@@ -35,8 +35,12 @@ void append_named(std::string& line, std::string_view name, const auto& value) {
 
 }  // namespace
 
-PlotStream::PlotStream(const std::string& address, Side side, double rate_hz)
-    : to_{parse_endpoint(address, "--stream")}, socket_{any_port_toward(to_)}, side_{side}, period_s_{1.0 / rate_hz} {
+PlotStream::PlotStream(const std::string& address, Side side, double rate_hz, bool of_gripper)
+    : to_{parse_endpoint(address, "--stream")},
+      socket_{any_port_toward(to_)},
+      side_{side},
+      period_s_{1.0 / rate_hz},
+      of_gripper_{of_gripper} {
   if (to_.port == 0)
     throw ConfigError{"--stream " + address +
                       ": the port is 0; it must be from 1 to 65535, for example 9870, PlotJuggler's"};
@@ -48,7 +52,16 @@ void PlotStream::add(const Row<N>& row, const TickView& view) {
   next_s_ = next_s_ && row.t_s < *next_s_ + period_s_ ? *next_s_ + period_s_ : row.t_s + period_s_;
   line_ = "{\"timestamp\":";
   append(line_, row.t_s);
-  fmt::format_to(std::back_inserter(line_), ",\"{}\":{{\"round_trip_ms\":", to_string(side_));
+  fmt::format_to(std::back_inserter(line_), ",\"{}\":{{", to_string(side_));
+  if (of_gripper_) {
+    line_ += "\"gripper\":{";
+    for_each_column(row, [&](const Column& column, const auto& value) { append_named(line_, column.name, value); });
+    line_.erase(line_.find("{,") + 1, 1);
+    line_ += "}}}\n";
+    socket_.send(std::as_bytes(std::span{line_}), to_, Duration{0});
+    return;
+  }
+  line_ += "\"round_trip_ms\":";
   append(line_, view.round_trip >= Duration{0} ? 1e3 * to_seconds(view.round_trip).si() : NAN);
   append_named(line_, "received", static_cast<double>(view.received));
   append_named(line_, "lost", static_cast<double>(view.lost));

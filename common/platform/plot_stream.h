@@ -17,13 +17,14 @@ struct TickView;
 class PlotStream {
  public:
   /// `address`: HOST:PORT of --stream. Throws ConfigError.
-  PlotStream(const std::string& address, Side side, double rate_hz);
+  PlotStream(const std::string& address, Side side, double rate_hz, bool of_gripper = false);
 
   /// False: whoever can read the network can read the stream.
   [[nodiscard]] bool stays_on_this_machine() const { return to_.loopback(); }
 
   /// {"timestamp": t_s, "SIDE": {NAME: number or [numbers], ...}}: the columns of trace.csv, and round_trip_ms, received, lost and
-  /// late_us of the link and the loop. What is not known or not finite is null.
+  /// late_us of the link and the loop. Of a gripper {"timestamp": t_s, "SIDE": {"gripper": {NAME: ...}}}, the columns alone. What is
+  /// not known or not finite is null.
   template <int N>
   void add(const Row<N>& row, const TickView& view);
 
@@ -32,6 +33,7 @@ class PlotStream {
   UdpSocket socket_;
   Side side_;
   double period_s_;
+  bool of_gripper_;
   std::optional<double> next_s_;
   std::string line_;
 };

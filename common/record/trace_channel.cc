@@ -8,8 +8,11 @@
 
 #include <array>
 #include <bit>
+#include <filesystem>
 #include <iterator>
+#include <optional>
 #include <string_view>
+#include <utility>
 #include <vector>
 
 #include "common/base/check.h"
@@ -144,40 +147,78 @@ template class TraceChannel<1>;
 template class TraceChannel<3>;
 template class TraceChannel<6>;
 
-std::uint64_t export_trace(RecordingReader& recording, const std::string& path) {
-  std::optional<WholeFile> file;
-  std::vector<CsvColumn> columns;
-  std::vector<std::size_t> widths;  // of the first row
-  std::string topic, line;
-  std::uint64_t rows = 0;
+namespace {
+
+/// A trace on its way into a file.
+class CsvTrace {
+ public:
+  explicit CsvTrace(std::string path) : path_{std::move(path)} {}
+
+  void add(const mcap::Message& message, const RecordingReader& recording) {
+    if (!file_) {
+      columns_ = columns_of(*message.channel, recording);
+      if (columns_.empty()) damaged(recording);
+    }
+    if (!read_row(message.data, columns_)) damaged(recording);
+    for (std::size_t i = 0; i < columns_.size(); ++i) {
+      if (columns_[i].values.empty() || (file_ && columns_[i].values.size() != widths_[i])) damaged(recording);
+      if (!file_) widths_.push_back(columns_[i].values.size());
+    }
+    line_.clear();
+    if (!file_) {
+      file_.emplace(path_);
+      append_names(line_, columns_);
+      line_.back() = '\n';
+    }
+    for (const CsvColumn& each : columns_)
+      for (const double value : each.values) fmt::format_to(std::back_inserter(line_), "{:.9g},", value);
+    line_.back() = '\n';
+    file_->write(line_);
+    ++rows_;
+  }
+  /// Nothing where there was no row.
+  void commit(std::vector<ExportedTrace>& all) {
+    if (!file_) return;
+    file_->commit();
+    all.push_back({path_, rows_});
+  }
+  [[nodiscard]] bool empty() const { return rows_ == 0; }
+
+ private:
+  [[noreturn]] static void damaged(const RecordingReader& recording) {
+    recording.fail("a row of its trace is damaged");
+  }
+
+  std::string path_;
+  std::optional<WholeFile> file_;
+  std::vector<CsvColumn> columns_;
+  std::vector<std::size_t> widths_;  // of the first row
+  std::string line_;
+  std::uint64_t rows_ = 0;
+};
+
+}  // namespace
+
+std::string gripper_csv(const std::string& path) {
+  const std::filesystem::path csv{path};
+  return (csv.parent_path() / (csv.stem().string() + "-gripper" + csv.extension().string())).string();
+}
+
+std::vector<ExportedTrace> export_trace(RecordingReader& recording, const std::string& path) {
+  CsvTrace main{path}, gripper{gripper_csv(path)};
+  std::string topic, topic_of_gripper;
   for (RecordingReader::Kind kind; (kind = recording.next()) != RecordingReader::Kind::end;) {
     if (kind != RecordingReader::Kind::other || recording.message().channel->schema != kSchema) continue;
-    if (rows == 0) {
-      topic = recording.topic();
-      columns = columns_of(*recording.message().channel, recording);
-    }
-    if (recording.topic() != topic) continue;
-    const auto damaged = [&] { recording.fail("a row of its trace is damaged"); };
-    if (!read_row(recording.message().data, columns)) damaged();
-    for (std::size_t i = 0; i < columns.size(); ++i) {
-      if (columns[i].values.empty() || (rows > 0 && columns[i].values.size() != widths[i])) damaged();
-      if (rows == 0) widths.push_back(columns[i].values.size());
-    }
-    if (columns.empty()) damaged();
-    line.clear();
-    if (rows++ == 0) {
-      file.emplace(path);
-      append_names(line, columns);
-      line.back() = '\n';
-    }
-    for (const CsvColumn& each : columns)
-      for (const double value : each.values) fmt::format_to(std::back_inserter(line), "{:.9g},", value);
-    line.back() = '\n';
-    file->write(line);
+    const bool of_gripper = recording.topic().ends_with(std::string{kOfGripper} + "/trace");
+    std::string& wanted = of_gripper ? topic_of_gripper : topic;
+    if (wanted.empty()) wanted = recording.topic();
+    if (recording.topic() == wanted) (of_gripper ? gripper : main).add(recording.message(), recording);
   }
-  if (!file) recording.fail("it holds no trace");
-  file->commit();
-  return rows;
+  if (main.empty()) recording.fail("it holds no trace");
+  std::vector<ExportedTrace> all;
+  main.commit(all);
+  gripper.commit(all);
+  return all;
 }
 
 }  // namespace twoport

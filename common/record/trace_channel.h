@@ -1,8 +1,8 @@
 #pragma once
 
 #include <cstdint>
-#include <optional>
 #include <string>
+#include <vector>
 
 #include "common/mcap/writer.h"
 #include "common/record/row.h"
@@ -27,8 +27,14 @@ extern template class TraceChannel<1>;
 extern template class TraceChannel<3>;
 extern template class TraceChannel<6>;
 
-/// Writes the trace of a recording as trace.csv has it into `path`, whole or not at all. Returns the number of rows. Throws
-/// ConfigError for a recording without one.
-std::uint64_t export_trace(RecordingReader& recording, const std::string& path);
+struct ExportedTrace {
+  std::string path;
+  std::uint64_t rows;
+};
+/// Where export_trace writes the trace of a gripper: DIR/NAME.csv becomes DIR/NAME-gripper.csv.
+std::string gripper_csv(const std::string& path);
+/// Writes the trace of a recording as trace.csv has it into `path`, and that of its gripper, where it has one, into
+/// gripper_csv(path); each whole or not at all. Returns what was written. Throws ConfigError for a recording without a trace.
+std::vector<ExportedTrace> export_trace(RecordingReader& recording, const std::string& path);
 
 }  // namespace twoport

@@ -13,7 +13,8 @@ struct RecordedHand {
   std::vector<double> x, v;  ///< for each time 1, 3 or 7 numbers (x y z, unit quaternion w x y z), and 1, 3 or 6
 };
 
-/// Throws ConfigError with the path and the reason for what is no recording of a master, or is damaged.
-RecordedHand read_recorded_hand(const std::string& path);
+/// Of a master's handle, or of its gripper, whose position is the opening. Throws ConfigError with the path and the reason for what is
+/// no recording of a master, has no gripper, or is damaged.
+RecordedHand read_recorded_hand(const std::string& path, bool of_gripper = false);
 
 }  // namespace twoport

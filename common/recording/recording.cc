@@ -128,7 +128,7 @@ std::array<double, 8> numbers(const PortLimits& l) {
 }  // namespace
 
 RecordingSide::RecordingSide(mcap::Writer& file, const RecordingHeader& header)
-    : file_{&file}, start_unix_ns_{header.start_unix_ns}, master_{header.side == "master"} {
+    : file_{&file}, start_unix_ns_{header.start_unix_ns}, master_{header.of_master()} {
   const std::string prefix = "/" + header.side;
   const std::string schemas = descriptors(*schema::RecordedTick::descriptor());
   const std::uint16_t of_header = file.add_channel(
@@ -216,7 +216,10 @@ RecordingReader::Kind RecordingReader::next() {
 
   schema::RecordingHeader m;
   if (!m.ParseFromArray(message_.data.data(), static_cast<int>(message_.data.size()))) fail("a header is damaged");
-  if (m.side() != "master" && m.side() != "slave") fail("a header is of neither master nor slave");
+  const std::string_view hardware = std::string_view{m.side()}.substr(0, m.side().find('/'));
+  if ((hardware != "master" && hardware != "slave") ||
+      (hardware != m.side() && m.side() != std::string{hardware}.append(kOfGripper)))
+    fail("a header is of neither master nor slave");
   if (m.dof() != 1 && m.dof() != 3 && m.dof() != 6) fail("a header has no dof of 1, 3 or 6");
   header_ = {.program = m.program(),
              .side = m.side(),
@@ -284,13 +287,14 @@ void RecordingReader::fail(const std::string& why) const {
   throw ConfigError{name_ + ": " + why};
 }
 
-RecordedHand read_recorded_hand(const std::string& path) {
+RecordedHand read_recorded_hand(const std::string& path, bool of_gripper) {
+  const std::string side = of_gripper ? std::string{"master"}.append(kOfGripper) : "master";
   RecordingReader recording{path};
   RecordedHand hand;
   schema::RecordedTick m;
   for (RecordingReader::Kind kind; (kind = recording.next()) != RecordingReader::Kind::end;) {
-    if (kind == RecordingReader::Kind::header && recording.header().side == "master") hand.dof = recording.header().dof;
-    if (kind != RecordingReader::Kind::tick || recording.topic() != "/master/tick" || hand.dof == 0) continue;
+    if (kind == RecordingReader::Kind::header && recording.header().side == side) hand.dof = recording.header().dof;
+    if (kind != RecordingReader::Kind::tick || recording.topic() != "/" + side + "/tick" || hand.dof == 0) continue;
     const std::string_view data = recording.message().data;
     if (!m.ParseFromArray(data.data(), static_cast<int>(data.size()))) recording.fail("a tick is damaged");
     if (m.x_size() != (hand.dof == 6 ? 7 : hand.dof) || m.v_size() != hand.dof)
@@ -301,6 +305,7 @@ RecordedHand read_recorded_hand(const std::string& path) {
     hand.x.insert(hand.x.end(), m.x().begin(), m.x().end());
     hand.v.insert(hand.v.end(), m.v().begin(), m.v().end());
   }
+  if (hand.t_s.empty() && of_gripper && hand.dof == 0) recording.fail("it has no gripper");
   if (hand.t_s.empty()) recording.fail("it has no tick of a master in contact with its slave");
   const auto finite = [](double value) { return std::isfinite(value); };
   if (!std::ranges::all_of(hand.x, finite) || !std::ranges::all_of(hand.v, finite))

@@ -17,10 +17,13 @@
 
 namespace twoport {
 
+/// Follows "master" and "slave" in the name of the side and of the channels of their gripper.
+inline constexpr std::string_view kOfGripper = "/gripper";
+
 /// What the node of a side was made from.
 struct RecordingHeader {
   std::string program;  ///< name and version
-  std::string side;     ///< "master", "slave"
+  std::string side;     ///< "master", "slave"; of their gripper "master/gripper", "slave/gripper"
   int dof = 0;
   double rate_hz = 0.0;
   std::string scene_file, scene_text;
@@ -29,6 +32,9 @@ struct RecordingHeader {
   std::string hardware;
   std::optional<DeviceInfo> properties;  ///< what the driver says; of a robot `limits` only
   std::int64_t start_unix_ns = 0;        ///< tick time 0; 0 in the laboratory
+
+  [[nodiscard]] bool of_master() const { return side.starts_with("master"); }
+  [[nodiscard]] bool of_gripper() const { return side.ends_with(kOfGripper); }
 };
 
 /// Writes one side of a recording: channel /SIDE/header with one message, and /SIDE/tick.
@@ -68,7 +74,7 @@ class RecordingReader {
 
   [[nodiscard]] const std::string& topic() const { return message_.channel->topic; }
   [[nodiscard]] const mcap::Message& message() const { return message_; }
-  [[nodiscard]] const RecordingHeader& header() const { return header_; }  ///< after Kind::header
+  [[nodiscard]] const RecordingHeader& header() const { return header_; }  ///< the newest; after Kind::header
   /// After Kind::tick. False where the numbers do not fit `N`.
   template <int N>
   [[nodiscard]] bool tick(RecordedTick<N>& into);

@@ -1,10 +1,10 @@
-#include "common/scene/blocks.h"
+#include "common/scene/gripper_operator.h"
 
 namespace twoport {
 namespace {
 
 /// What has no meaning at a gripper, or no model here.
-void check(const Block<schema::Scene>& scene, const Block<schema::Gripper>& of, const Scene& values) {
+void check(const Block<schema::Gripper>& of, const Scene& values) {
   const Architecture architecture = values.control.architecture;
   if (architecture == Architecture::render || architecture == Architecture::uncontrolled)
     of.fail("gripper is given, but control.architecture is RENDER or UNCONTROLLED: it needs a link");
@@ -13,11 +13,8 @@ void check(const Block<schema::Scene>& scene, const Block<schema::Gripper>& of, 
        {std::pair{"to_slave", &values.transmission_to_slave}, std::pair{"to_master", &values.transmission_to_master}})
     if (way->deadband)
       of.fail(fmt::format("gripper is given with {}.deadband: both reports of a packet are sent together", path));
-  if (scene.has(FIELD(operator_)) && scene.block(FIELD(operator_)).has(FIELD(recording)))
-    of.fail("gripper is given with operator.recording: a recording has no gripper");
   const Block hand = of.block(FIELD(operator_));
-  for (const bool given : {hand.has(FIELD(tremor)), hand.has(FIELD(recording))})
-    if (given) of.fail("gripper.operator has a tremor or a recording; it may have hand and path");
+  if (hand.has(FIELD(tremor))) of.fail("gripper.operator has a tremor; it may have hand, and path or recording");
   const Block robot = of.block(FIELD(robot));
   if (robot.has(FIELD(arm))) of.fail("gripper.robot.arm is given; a gripper has mass_kg and damping_n_s_per_m");
   // Noise is drawn from the seed, and would be that of the main robot.
@@ -62,7 +59,7 @@ Surface object_of(const Block<schema::GrippedObject>& of) {
 Scene read_gripper(const Block<schema::Scene>& scene, const Scene& values, SceneFor use) {
   const Context context{.file = scene.context().file, .dof = 1};
   const Block of{context, scene.message().gripper(), "gripper"};
-  check(scene, of, values);
+  check(of, values);
   // Named as it stands in the scene; in `control` it is in another block.
   static_cast<void>(of.number(FIELD(initial_energy_j), kNotNegative));
   const schema::Control control = control_of(scene, of);
@@ -75,7 +72,7 @@ Scene read_gripper(const Block<schema::Scene>& scene, const Scene& values, Scene
   gripper.master_rate_hz = values.master_rate_hz;
   gripper.slave_rate_hz = values.slave_rate_hz;
   gripper.seed = values.seed;
-  if (of.has(FIELD(operator_))) gripper.operator_model = read_operator(of.block(FIELD(operator_)));
+  if (of.has(FIELD(operator_))) gripper.operator_model = read_gripper_operator(of.block(FIELD(operator_)));
   if (of.has(FIELD(device))) gripper.device = read_device(of.block(FIELD(device)));
   gripper.control = read_control(Block{context, control, "gripper"}, use);
   gripper.to_slave = values.to_slave;

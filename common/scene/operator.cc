@@ -6,7 +6,7 @@
 #include "common/base/check.h"
 #include "common/base/file.h"
 #include "common/recording/hand.h"
-#include "common/scene/blocks.h"
+#include "common/scene/gripper_operator.h"
 
 namespace twoport {
 namespace {
@@ -66,12 +66,12 @@ TremorSpec read_tremor(const Block<schema::Tremor>& of) {
 }
 
 /// A relative path starts at the scene's folder. As long as the hand is there nothing can be recorded over the file.
-RecordedHandSpec read_recording(const Block<schema::Operator>& of) {
+RecordedHandSpec read_recording(const Block<schema::Operator>& of, bool of_gripper) {
   const std::filesystem::path folder = std::filesystem::path{of.context().file}.parent_path();
   const std::string path = (folder / of.text(FIELD(recording))).string();
   RecordedHand read;
   try {
-    read = read_recorded_hand(path);
+    read = read_recorded_hand(path, of_gripper);
   } catch (const ConfigError& e) {
     of.fail(fmt::format("{}: {}", of.path_of("recording"), e.what()));
   }
@@ -84,15 +84,22 @@ RecordedHandSpec read_recording(const Block<schema::Operator>& of) {
   return {{new RecordedHand{std::move(read)}, [file](const RecordedHand* hand) { delete hand; }}, end_s};
 }
 
-}  // namespace
-
-OperatorSpec read_operator(const Block<schema::Operator>& of) {
+OperatorSpec read_whole_operator(const Block<schema::Operator>& of, bool of_gripper) {
   OperatorSpec spec;
   if (of.has(FIELD(hand))) spec.hand = read_hand(of.block(FIELD(hand)));
   for (const auto& each : of.blocks(FIELD(path))) spec.path.push_back(read_segment(each));
-  if (of.has(FIELD(recording))) spec.path = {read_recording(of)};
+  if (of.has(FIELD(recording))) spec.path = {read_recording(of, of_gripper)};
   if (of.has(FIELD(tremor))) spec.tremor = read_tremor(of.block(FIELD(tremor)));
   return spec;
+}
+
+}  // namespace
+
+OperatorSpec read_operator(const Block<schema::Operator>& of) {
+  return read_whole_operator(of, false);
+}
+OperatorSpec read_gripper_operator(const Block<schema::Operator>& of) {
+  return read_whole_operator(of, true);
 }
 
 }  // namespace twoport

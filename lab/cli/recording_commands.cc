@@ -46,11 +46,11 @@ int export_command(const ExportArguments& a) {
     csv += "/trace.csv";
   }
   std::error_code error;
-  if (std::filesystem::equivalent(a.file, csv, error))
-    throw ConfigError{fmt::format("--csv {}: is the recording itself; give another name", csv)};
+  for (const std::string& each : {csv, gripper_csv(csv)})
+    if (std::filesystem::equivalent(a.file, each, error))
+      throw ConfigError{fmt::format("--csv {}: is the recording itself; give another name", each)};
   RecordingReader recording{a.file};
-  const std::uint64_t rows = export_trace(recording, csv);
-  fmt::print("{}: {} rows\n", csv, rows);
+  for (const ExportedTrace& each : export_trace(recording, csv)) fmt::print("{}: {} rows\n", each.path, each.rows);
   return 0;
 }
 
@@ -63,7 +63,8 @@ std::vector<Subcommand> add_recording_commands(CLI::App& app) {
   replay->add_option("recording", *file, "FILE.mcap")->required();
 
   const auto a = std::make_shared<ExportArguments>();
-  CLI::App* export_ = app.add_subcommand("export", "The trace of a recording as CSV");
+  CLI::App* export_ = app.add_subcommand(
+      "export", "The trace of a recording as CSV; that of a gripper beside it, into NAME-gripper.csv");
   export_->add_option("recording", a->file, "FILE.mcap")->required();
   export_->add_option("--csv", a->csv, "OUT: a file, or a folder for trace.csv")->expected(0, 1)->required();
   export_->add_option("--out", a->out, "Folder for trace.csv");

@@ -131,6 +131,7 @@ With --seeds N each figure KEY has three columns: KEY is the mean over the seeds
 seeds), KEY_sd the sample standard deviation (0 for N = 1), KEY_worst the worst value. The smallest value is the
 worst of stable (0 if any seed is unstable), min_*, *_min_energy_j, *_share except muted_share, held_force_ratio, contact_s,
 environment_force_mean_n, steps, duration_s, packets.*.sent and packets.*.received; of all other figures the largest is.
+With a gripper `stable` and the verdict are of both couplings, gripper.stable is the gripper's alone.
 The verdict is that of the worst seed, given in worst_seed: an unstable one before a stable one, then the one with the
 smallest min_port_energy_j.
 

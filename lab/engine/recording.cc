@@ -6,15 +6,17 @@
 namespace twoport::lab {
 namespace {
 
-constexpr const char* kProgram = "twoport-lab " TWOPORT_VERSION;
+std::string name_of(bool master, bool of_gripper) {
+  return std::string{master ? "master" : "slave"}.append(of_gripper ? kOfGripper : "");
+}
 
 template <int N>
-SideTap<N> side(mcap::Writer& file, const Scene& scene, const RecordingOptions& o, bool master) {
+SideTap<N> side(mcap::Writer& file, const Scene& scene, const RecordingOptions& o, bool master, bool of_gripper) {
   const bool rendered = scene.control.architecture == Architecture::render;
   if (rendered && !master) return {};
   return {file,
-          {.program = kProgram,
-           .side = master ? "master" : "slave",
+          {.program = kRecordedBy,
+           .side = name_of(master, of_gripper),
            .dof = N,
            .rate_hz = master ? scene.master_rate_hz : scene.slave_rate_hz,
            .scene_file = o.scene_file,
@@ -26,31 +28,26 @@ SideTap<N> side(mcap::Writer& file, const Scene& scene, const RecordingOptions& 
            .start_unix_ns = 0}};
 }
 
-std::string checked(const Scene& scene, const std::string& path) {
-  if (scene.control.architecture == Architecture::uncontrolled)
-    throw ConfigError{"--record " + path + ": control.architecture is UNCONTROLLED, so there is no node to record"};
-  if (scene.gripper) throw ConfigError{"--record " + path + ": the scene has a gripper, which no recording holds"};
-  return path;
-}
-
 }  // namespace
 
+const char* const kRecordedBy = "twoport-lab " TWOPORT_VERSION;
+
+const std::string& recordable(const Scene& scene, const RecordingOptions& o) {
+  if (scene.control.architecture == Architecture::uncontrolled)
+    throw ConfigError{"--record " + o.path + ": control.architecture is UNCONTROLLED, so there is no node to record"};
+  return o.path;
+}
+
 template <int N>
-LabRecording<N>::LabRecording(const Scene& scene, const RecordingOptions& o)
-    : file_{checked(scene, o.path), kProgram},
-      trace_{file_, "/master/trace"},
-      taps_{side<N>(file_, scene, o, true), side<N>(file_, scene, o, false)} {
-  file_.flush();  // a file without ticks is whole too
+LabRecording<N>::LabRecording(mcap::Writer& file, const Scene& scene, const RecordingOptions& o, bool of_gripper)
+    : trace_{file, of_gripper ? "/master/gripper/trace" : "/master/trace"},
+      taps_{side<N>(file, scene, o, true, of_gripper), side<N>(file, scene, o, false, of_gripper)} {
+  file.flush();  // a file without ticks is whole too
 }
 
 template <int N>
 void LabRecording<N>::add(const Row<N>& row) {
   trace_.add(static_cast<std::uint64_t>(to_duration(row.t_s).count()), row);
-}
-
-template <int N>
-void LabRecording<N>::finish() {
-  file_.close();
 }
 
 template class LabRecording<1>;

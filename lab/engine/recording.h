@@ -18,20 +18,20 @@ struct RecordingOptions {
   std::string* unwritten = nullptr;  ///< takes why the file is not complete; null: the run throws IoError
 };
 
-/// A recording of both sides of a run in virtual time, with its trace.
+/// The path of `options`. Throws ConfigError for a scene without a node.
+const std::string& recordable(const Scene& scene, const RecordingOptions& options);
+extern const char* const kRecordedBy;  ///< name and version of this program
+
+/// Both sides of a run in virtual time, or of its gripper, with the trace, into a file that must outlive this.
 template <int N>
 class LabRecording {
  public:
-  /// Throws ConfigError for a scene without a node, or a file that cannot be written.
-  LabRecording(const Scene& scene, const RecordingOptions& options);
+  LabRecording(mcap::Writer& file, const Scene& scene, const RecordingOptions& options, bool of_gripper);
 
   [[nodiscard]] Taps<N>& taps() { return taps_; }
   void add(const Row<N>& row);
-  /// Completes the file. Throws IoError where not everything could be written.
-  void finish();
 
  private:
-  mcap::Writer file_;
   TraceChannel<N> trace_;
   Taps<N> taps_;
 };

@@ -1189,10 +1189,10 @@ int checked_lanes(int lanes) {
 std::string why_not_in_lanes(const Scene& scene) {
   const ControlOptions& c = scene.control;
   const World world{scene.environment};
+  if (scene.gripper) return "the scene has a gripper";
   if (c.architecture == Architecture::render || c.architecture == Architecture::uncontrolled)
     return "the scene has no link";
   if (scene.dof != 1 && scene.dof != 3) return "dof is 6";
-  if (scene.gripper) return "the scene has a gripper";
   if (scene.slave_clock.offset_s != 0.0 || scene.slave_clock.drift != 0.0) return "the slave's clock differs";
   if (scene.master_rate_hz != scene.slave_rate_hz) return "the rates of the sides differ";
   if (kNanosecondsPerSecond / scene.master_rate_hz != static_cast<double>(period_of(scene)))

@@ -9,6 +9,7 @@
 
 #include "common/base/check.h"
 #include "common/scene/load.h"
+#include "lab/both_couplings.h"
 
 namespace twoport::lab {
 namespace {
@@ -128,9 +129,8 @@ std::vector<Trial> tried(const std::vector<Scene>& scenes, const std::vector<dou
   for (const Scene& scene : scenes) all.push_back(&scene);
   std::vector<Trial> trials(values.size());
   use.add(run_many(all, {.lanes = o.lanes, .jobs = o.jobs, .stop = o.stop}, [&](std::size_t i, const Summary& s) {
-    const bool of_gripper = s.gripper().has_stable() && !s.gripper().stable();
-    trials[i] = {values[i], s.stable() && !of_gripper,
-                 s.stable() && of_gripper ? "gripper: " + s.gripper().verdict() : s.verdict()};
+    const Summary both = with_verdict_of_both(s);
+    trials[i] = {values[i], both.stable(), both.verdict()};
   }));
   return trials;
 }

@@ -230,17 +230,21 @@ class ReplayOf final : public Replay {
 
 template <int N>
 std::unique_ptr<Replay> make_replay(const RecordingHeader& h, const Scene& scene) {
-  if (h.side == "slave") return std::make_unique<ReplayOf<N, SlaveSide<N>>>(h.side, scene);
+  if (!h.of_master()) return std::make_unique<ReplayOf<N, SlaveSide<N>>>(h.side, scene);
   if (scene.control.architecture == Architecture::render)
     return std::make_unique<ReplayOf<N, RenderSide<N>>>(h.side, scene);
   return std::make_unique<ReplayOf<N, MasterSide<N>>>(h.side, scene);
 }
 
-/// The scene as the recorded program had it.
+/// The scene as the recorded program had it; of a gripper the scene within it.
 Scene scene_of(const RecordingHeader& h) {
   Scene scene = parse_scene(h.scene_text, h.scene_file, h.overrides, h.live ? SceneFor::live : SceneFor::laboratory);
+  if (h.of_gripper()) {
+    if (!scene.gripper) throw ConfigError{h.scene_file + ": the recording has a gripper, but not its scene"};
+    scene = Scene{*scene.gripper};
+  }
   if (!h.properties) return scene;
-  if (h.side == "master") return with_device(std::move(scene), *h.properties);
+  if (h.of_master()) return with_device(std::move(scene), *h.properties);
   scene.control.own_limits = h.properties->limits;
   return scene;
 }

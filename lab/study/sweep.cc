@@ -18,6 +18,7 @@
 #include "common/base/file.h"
 #include "common/record/summary.h"
 #include "common/scene/scene_text.h"
+#include "lab/both_couplings.h"
 #include "lab/lanes/lanes.h"
 #include "lab/study/cells.h"
 #include "lab/study/digest.h"
@@ -191,7 +192,7 @@ LaneUse run_all(const SweepOptions& o, int lanes, const SceneText& base, const P
     use.add(run_many(scenes, {.lanes = lanes, .jobs = o.jobs, .verdict = o.verdict, .stop = o.stop},
                      [&](std::size_t number, const Summary& summary) {
                        const std::size_t i = numbers[number];
-                       finished(runs[from + i], summary, first_seeds[i]);
+                       finished(runs[from + i], with_verdict_of_both(summary), first_seeds[i]);
                      }));
     for (std::size_t i = 0; i < count; ++i)
       if (!loaded[i]) scene_of_run(o, base, plan, runs[from + i]);

@@ -47,6 +47,8 @@ class Result:
     @property
     def trace(self) -> Optional[NDArray[np.void]]: ...
     @property
+    def gripper_trace(self) -> Optional[NDArray[np.void]]: ...
+    @property
     def units(self) -> Dict[str, str]: ...
 
 def run(scene: Scene, *, trace: bool = True, trace_every: int = 1, verdict: str = "tail") -> Result: ...
@@ -69,6 +71,7 @@ def sweep(
     jobs: Optional[int] = None,
     out: Union[str, PathLike[str], None] = None,
     progress: Optional[Callable[[int, int], object]] = None,
+    verdict: str = "tail",
 ) -> Table: ...
 
 class Boundary:

@@ -4,6 +4,7 @@
 #include <string>
 #include <utility>
 
+#include "common/base/file.h"
 #include "tests/support/live.h"
 
 // A gripper beside the arm, two programs over UDP.
@@ -166,26 +167,76 @@ TEST(RunGripper, IsRefusedWhereTheHardwareHasNone) {
       << slave.err();
 }
 
-TEST(RunGripper, IsNotRecorded) {
+/// Number of ticks of each side that replay `file` finds identical, as the program prints it; it must end with status 0.
+std::string replayed(const std::string& file) {
+  Process replay = finished({TWOPORT_LAB, "replay", file});
+  EXPECT_EQ(replay.wait(), Exit{.status = 0}) << replay.out() << replay.err();
+  return replay.out();
+}
+
+TEST(RunGripper, IsRecordedAndReplaysToTheBit) {
   const Pair pair{press_and_squeeze()};
-  Process master = pair.master("master", {"--record", pair.at("a.mcap")});
-  Process lab = finished({TWOPORT_LAB, "run", pair.scene, "--record", pair.at("b.mcap")});
-  for (Process* program : {&master, &lab}) {
-    EXPECT_EQ(program->wait().status, 2);
-    EXPECT_NE(program->err().find("the scene has a gripper, which no recording holds"), std::string::npos)
-        << program->err();
+  Process slave = pair.listening_slave("slave", {"--record", pair.at("slave.mcap")});
+  Process master = pair.master("master", {"--record", pair.at("master.mcap")});
+  EXPECT_EQ(master.wait(), Exit{.status = 0}) << master.err();
+  EXPECT_EQ(slave.wait(), Exit{.status = 0}) << slave.err();
+  for (const std::string side : {"master", "slave"}) {
+    const std::string said = replayed(pair.at(side + ".mcap"));
+    EXPECT_NE(said.find(side + ": "), std::string::npos) << said;
+    EXPECT_NE(said.find(side + "/gripper: "), std::string::npos) << said;
+    Process exported = finished({TWOPORT_LAB, "export", pair.at(side + ".mcap"), "--csv", pair.at(side + ".csv")});
+    EXPECT_EQ(exported.wait(), Exit{.status = 0}) << exported.err();
+    EXPECT_EQ(read_whole(pair.at(side + ".csv")), read_whole(pair.at(side) + "/trace.csv"));
+    EXPECT_EQ(read_whole(pair.at(side + "-gripper.csv")), read_whole(pair.at(side) + "/trace-gripper.csv"));
   }
 }
 
-TEST(RunGripper, IsNotReadFromARecording) {
+/// Also where the node is told nothing for a while: what is recorded is what the node was given.
+TEST(RunGripper, ReplaysWhereItsArmHadNoReadings) {
+  const Pair pair{press_and_squeeze()};
+  Process slave = pair.listening_slave();
+  Process master = pair.master("master", {"--record", pair.at("master.mcap"), "--device",
+                                          std::string{TWOPORT_GRIPPER_PLUGIN} + ":arm_stale=0.6"});
+  EXPECT_EQ(master.wait(), Exit{.status = 0}) << master.err();
+  slave.wait();
+  EXPECT_NE(replayed(pair.at("master.mcap")).find("master/gripper: "), std::string::npos);
+}
+
+/// The hand and the fingers of a recording are those of the run that plays it, to a tick; the hand rests at both ends.
+TEST(RunGripper, IsPlayedBack) {
+  const Pair pair{press_and_squeeze()};
+  Process lab = finished({TWOPORT_LAB, "run", pair.scene, "--out", pair.at("lab"), "--record", pair.at("lab.mcap")});
+  EXPECT_EQ(lab.wait(), Exit{.status = 0}) << lab.err();
+  Process slave = pair.listening_slave("slave", {"--robot", "playback:" + pair.at("lab.mcap")});
+  Process master = pair.master("master", {"--device", "playback:" + pair.at("lab.mcap")});
+  EXPECT_EQ(master.wait(), Exit{.status = 0}) << master.err();
+  slave.wait();
+  EXPECT_NE(master.err().find("gripper: playback of a hand"), std::string::npos) << master.err();
+  const Trace recorded{pair.at("lab") + "/trace-gripper.csv"}, at_hand{pair.at("master") + "/trace-gripper.csv"},
+      at_fingers{pair.at("slave") + "/trace-gripper.csv"};
+  if (!kept_time({pair.summary("master"), pair.summary("slave")})) return;
+  const auto first_and_last = [](const Trace& trace, const char* column) {
+    return std::pair{trace[column][10], trace[column].back()};
+  };
+  for (const auto& [played, column] : {std::pair{&at_hand, "master_x_0"}, std::pair{&at_fingers, "slave_x_0"}}) {
+    const auto [from, to] = first_and_last(recorded, column);
+    const auto [played_from, played_to] = first_and_last(*played, column);
+    EXPECT_GT(from - to, 0.015) << column;
+    EXPECT_NEAR(played_from, from, 1e-4) << column;
+    EXPECT_NEAR(played_to, to, 1e-4) << column;
+  }
+}
+
+TEST(RunGripper, IsNotPlayedBackFromARecordingWithoutOne) {
   const Pair plain{arm()}, pair{press_and_squeeze()};
   const std::string file = plain.at("hand.mcap");
   Process recorded = finished({TWOPORT_LAB, "run", plain.scene, "--set", "duration_s=0.5", "--record", file});
   ASSERT_EQ(recorded.wait().status, 0) << recorded.err();
-  Process lab = finished({TWOPORT_LAB, "run", pair.scene, "--set", "operator={recording: \"" + file + "\"}"});
-  EXPECT_EQ(lab.wait().status, 2);
-  EXPECT_NE(lab.err().find("gripper is given with operator.recording: a recording has no gripper"), std::string::npos)
-      << lab.err();
+  Process master = pair.master("master", {"--device", "playback:" + file});
+  EXPECT_EQ(master.wait().status, 2);
+  EXPECT_NE(master.err().find("the scene has a gripper, but the device \"playback:" + file + "\" has none"),
+            std::string::npos)
+      << master.err();
 }
 
 }  // namespace

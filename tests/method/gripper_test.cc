@@ -1,6 +1,8 @@
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
+#include <cstddef>
 #include <string>
 #include <vector>
 
@@ -8,7 +10,9 @@
 #include "common/record/summary.h"
 #include "common/scene/load.h"
 #include "lab/engine/simulation.h"
+#include "lab/lanes/lanes.h"
 #include "lab/run.h"
+#include "lab/study/sweep.h"
 
 // A gripper beside the arm, in virtual time.
 namespace twoport {
@@ -88,6 +92,29 @@ TEST(Gripper, SqueezesAnObjectAsThreeSpringsInSeries) {
   EXPECT_NEAR(-at_rest.master_f[0], at_rest.env_f[0], 0.01 * expected_n);
   const double squeezed_m = width - at_rest.slave_x.translation()[0];
   EXPECT_NEAR(stored_j, 0.5 * k * squeezed_m * squeezed_m, 0.01 * stored_j);
+}
+
+/// Without control, over 5 ms each way: 4 kN/m between handle and fingers is too much, while the arm's 100 N/m are not.
+TEST(Gripper, IsPartOfWhatASweepCallsStable) {
+  lab::SweepOptions o;
+  o.scene = kScene;
+  o.set = {"duration_s=3", "control.passivity.method=NONE", "control.virtual_coupling.stiffness_n_per_m=100",
+           "to_slave.delay_ms=5", "to_master.delay_ms=5"};
+  o.axes = {lab::parse_axis("gripper.virtual_coupling.stiffness_n_per_m=1000,4000")};
+  const lab::Table table = lab::sweep(o);
+  const auto at = [&](std::size_t row, const char* name) {
+    const auto found = std::find(table.columns.begin(), table.columns.end(), name);
+    return table.rows[row][static_cast<std::size_t>(found - table.columns.begin())];
+  };
+  EXPECT_EQ(at(0, "stable"), "1");
+  EXPECT_EQ(at(0, "gripper.stable"), "1");
+  EXPECT_EQ(at(1, "stable"), "0");
+  EXPECT_EQ(at(1, "gripper.stable"), "0");
+  EXPECT_EQ(at(1, "verdict").find("gripper: "), 0U) << at(1, "verdict");
+}
+
+TEST(Gripper, IsNamedAsWhyThereAreNoLanes) {
+  EXPECT_EQ(lab::why_not_in_lanes(scene_with()), "the scene has a gripper");
 }
 
 TEST(Gripper, IsLimitedByItself) {

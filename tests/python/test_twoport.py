@@ -60,6 +60,7 @@ class Runs(unittest.TestCase):
         (3, "render_cylinder", ["duration_s=2"]),
         (6, "six_dof_plate", ["duration_s=1"]),
         (6, "six_dof_render", ["duration_s=1"]),
+        (3, "gripper_50ms", ["duration_s=2"]),
     ]
 
     def test_summary_and_trace_are_the_programs(self):
@@ -79,20 +80,47 @@ class Runs(unittest.TestCase):
                 missed = [line.split(": ", 1)[1] for line in done.stderr.splitlines() if ", expected " in line]
                 self.assertEqual(result.violations, missed)
 
-                with open(pathlib.Path(out, "trace.csv")) as file:
-                    header, *lines = file.read().splitlines()
-                names, columns = [], []
-                for field in result.trace.dtype.names:
-                    values = result.trace[field]
-                    if values.ndim == 1:
-                        names.append(field), columns.append(values)
-                    else:
-                        names += [f"{field}_{i}" for i in range(dof)]
-                        columns += list(values.T)
-                self.assertEqual(",".join(names), header)
-                self.assertEqual(len(result.trace), len(lines))
-                for row, line in zip(np.stack(columns, axis=1), lines):
-                    self.assertEqual(",".join("%.9g" % value for value in row), line)
+                self.assert_is_the_csv(result.trace, pathlib.Path(out, "trace.csv"), dof)
+                self.assertEqual(result.gripper_trace is not None, "gripper" in own)
+                if result.gripper_trace is not None:
+                    self.assert_is_the_csv(result.gripper_trace, pathlib.Path(out, "trace-gripper.csv"), 1)
+
+    def assert_is_the_csv(self, trace, path, dof):
+        header, *lines = path.read_text().splitlines()
+        names, columns = [], []
+        for field in trace.dtype.names:
+            values = trace[field]
+            if values.ndim == 1:
+                names.append(field), columns.append(values)
+            else:
+                names += [f"{field}_{i}" for i in range(dof)]
+                columns += list(values.T)
+        self.assertEqual(",".join(names), header)
+        self.assertEqual(len(trace), len(lines))
+        for row, line in zip(np.stack(columns, axis=1), lines):
+            self.assertEqual(",".join("%.9g" % value for value in row), line)
+
+    def test_every_bit_of_the_grippers_trace_is_on_the_programs_record(self):
+        scene = SCENES / "gripper_50ms.textproto"
+        with tempfile.TemporaryDirectory() as out:
+            file = pathlib.Path(out, "run.mcap")
+            done = lab("run", scene, *sets(SHORT), "--trace", "none", "--record", file)
+            self.assertIn(done.returncode, (0, 3), done.stderr)
+            try:
+                sys.path.insert(0, str(ROOT / "examples/recordings"))
+                from read_recording import Recording
+            except ImportError as e:
+                self.skipTest(str(e))
+            rows = [row for _, _, row in Recording(file).read("/master/gripper/trace")]
+        result = twoport.run(twoport.load_scene(scene, SHORT))
+        self.assertEqual(len(rows), len(result.gripper_trace))
+        for field in result.gripper_trace.dtype.names:
+            values = [getattr(row, field) for row in rows]
+            recorded = np.array([list(v) for v in values] if result.gripper_trace[field].ndim > 1 else values)
+            self.assertEqual(recorded.tobytes(), result.gripper_trace[field].tobytes(), field)
+        again = pickle.loads(pickle.dumps(result))
+        self.assertEqual(again.gripper_trace.tobytes(), result.gripper_trace.tobytes())
+        self.assertIsNone(twoport.run(twoport.load_scene(HELD, SHORT)).gripper_trace)
 
     def test_every_bit_of_the_trace_is_the_one_on_record(self):
         records = {}
@@ -221,6 +249,19 @@ class Studies(unittest.TestCase):
                 self.assertEqual(table["verdict"], [row[header.index("verdict")] for row in rows])
                 with self.assertRaises(KeyError):
                     table["no such figure"]
+
+    def test_verdicts_of_sweeps_are_the_programs(self):
+        # The three differ here: the twin is left out where nothing controls, and the run alone does not decide.
+        scene, axis = SCENES / "friction_hides_energy.textproto", "control.passivity.method=NONE,FORCE_PROJECTED"
+        tables = {}
+        for verdict in ("tail", "lean", "plain"):
+            done = lab("sweep", scene, "--vary", axis, "--verdict", verdict, "--plot", "none")
+            self.assertEqual(done.returncode, 0, done.stderr)
+            tables[verdict] = done.stdout
+            self.assertEqual(twoport.sweep(twoport.load_scene(scene), axis, verdict=verdict).csv, done.stdout)
+        self.assertEqual(len(set(tables.values())), 3)
+        with self.assertRaisesRegex(ValueError, "verdict is loud; it must be tail, lean or plain"):
+            twoport.sweep(twoport.load_scene(scene), axis, verdict="loud")
 
     def test_a_sweep_goes_on_where_it_was_ended(self):
         scene = twoport.load_scene(HELD, SHORT)

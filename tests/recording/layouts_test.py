@@ -16,7 +16,7 @@ import xml.etree.ElementTree
 
 ROOT = pathlib.Path(__file__).resolve().parents[2]
 EXAMPLES = ROOT / "examples/recordings"
-SCENE = ROOT / "scenes/one_axis_wall.textproto"
+SCENE = ROOT / "scenes/gripper_50ms.textproto"
 try:
     sys.path.insert(0, str(EXAMPLES))
     from read_recording import Recording
@@ -28,7 +28,7 @@ except ImportError as e:
 def missing_in_recording(lab, folder):
     """Paths of the Foxglove layout, /TOPIC.FIELD or /TOPIC.FIELD[INDEX], without their field."""
     file = pathlib.Path(folder, "run.mcap")
-    subprocess.run([lab, "run", SCENE, "--set", "duration_s=0.5", "--record", file, "--trace", "none"], check=True, stdout=subprocess.DEVNULL)
+    subprocess.run([lab, "run", SCENE, "--set", "duration_s=0.5", "--set", "expect={}", "--record", file, "--trace", "none"], check=True, stdout=subprocess.DEVNULL)
     recording = Recording(file)
     topics = {topic: recording.classes[number].DESCRIPTOR for number, (topic, _, _) in recording.channels.items()}
     layout = (EXAMPLES / "foxglove_layout.json").read_text()
@@ -46,7 +46,7 @@ def missing_in_recording(lab, folder):
 
 
 def missing_in_stream(master, slave):
-    """Curves of the PlotJuggler layout, /SIDE/COLUMN or /SIDE/COLUMN[INDEX], that neither side streams."""
+    """Curves of the PlotJuggler layout, /SIDE/COLUMN or /SIDE/COLUMN[INDEX], or /SIDE/gripper/..., that neither side streams."""
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as heard, socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as free:
         heard.bind(("127.0.0.1", 0))
         heard.settimeout(20)
@@ -60,9 +60,10 @@ def missing_in_stream(master, slave):
         ]
         sides = {}
         try:
-            while len(sides) < 2:
-                sides.update(json.loads(heard.recv(65536)))
-                sides.pop("timestamp")
+            while len(sides) < 4:
+                for side, columns in json.loads(heard.recv(65536)).items():
+                    if side != "timestamp":
+                        sides.update({side + "/gripper": columns["gripper"]} if "gripper" in columns else {side: columns})
         finally:
             for each in programs:
                 each.terminate()
@@ -71,7 +72,7 @@ def missing_in_stream(master, slave):
     named = [curve.get("name") for curve in layout.iter("curve")]
     missing = []
     for path in named:
-        side, name, index = re.fullmatch(r"/([a-z]+)/([a-z_0-9]+)(\[\d+\])?", path).groups()
+        side, name, index = re.fullmatch(r"/([a-z]+(?:/gripper)?)/([a-z_0-9]+)(\[\d+\])?", path).groups()
         value = sides.get(side, {}).get(name, "absent")
         if value == "absent" or isinstance(value, list) != (index is not None):
             missing.append(path)

@@ -82,8 +82,8 @@ INSTANTIATE_TEST_SUITE_P(Runs, Replay,
                                          Case{"two_rates", {}}, Case{"switching", {}},
                                          Case{"reorder_and_duplicate", {}}, Case{"blackout_in_contact", {}},
                                          Case{"edge/deadband", {}}, Case{"edge/playout", {}},
-                                         Case{"edge/clock_skew", {}}, Case{"render_sphere", {}, 1},
-                                         Case{"six_dof_render", {}, 1}),
+                                         Case{"edge/clock_skew", {}}, Case{"gripper_50ms", {}, 4},
+                                         Case{"render_sphere", {}, 1}, Case{"six_dof_render", {}, 1}),
                          [](const auto& each) {
                            std::string name = each.param.scene;
                            for (const std::string& o : each.param.overrides) name += "_" + o.substr(o.find('=') + 1);
@@ -109,9 +109,31 @@ TEST(Recording, ExportsTheTraceByteForByte) {
   for (const char* name : {"one_axis_wall", "demo", "six_dof_plate", "render_sphere"}) {
     const Recorded run{scene(name), {"duration_s=1"}};
     RecordingReader reader{run.path};
-    EXPECT_GT(export_trace(reader, run.folder / "exported.csv"), 500u);
+    const std::vector<ExportedTrace> written = export_trace(reader, run.folder / "exported.csv");
+    ASSERT_EQ(written.size(), 1u);
+    EXPECT_GT(written[0].rows, 500u);
     EXPECT_EQ(bytes_of(run.folder / "exported.csv"), bytes_of(run.csv)) << name;
   }
+}
+
+TEST(Recording, ExportsTheTraceOfAGripperBesideItByteForByte) {
+  const std::vector<std::string> overrides{"duration_s=1"};
+  const Folder folder;
+  const Scene read = load_scene(scene("gripper_50ms"), overrides);
+  WholeFile trace{folder / "trace.csv"}, of_gripper{folder / "trace-gripper.csv"};
+  const lab::RecordingOptions record{folder / "run.mcap", scene("gripper_50ms"), read_whole(scene("gripper_50ms")),
+                                     overrides};
+  lab::run(read,
+           {.trace = &trace, .verdict = lab::VerdictFrom::plain, .gripper_trace = &of_gripper, .record = &record});
+  trace.commit();
+  of_gripper.commit();
+  RecordingReader reader{folder / "run.mcap"};
+  const std::vector<ExportedTrace> written = export_trace(reader, folder / "again.csv");
+  ASSERT_EQ(written.size(), 2u);
+  EXPECT_EQ(written[1].path, folder / "again-gripper.csv");
+  EXPECT_EQ(written[0].rows, written[1].rows);
+  EXPECT_EQ(bytes_of(folder / "again.csv"), bytes_of(folder / "trace.csv"));
+  EXPECT_EQ(bytes_of(folder / "again-gripper.csv"), bytes_of(folder / "trace-gripper.csv"));
 }
 
 // ---- a bit that is not as recorded is found
@@ -182,6 +204,15 @@ TEST(Recording, OneBitOfAnInputOrAResultIsFound) {
             0u);
 }
 
+TEST(Recording, OneBitOfAGripperIsFound) {
+  const Recorded run{scene("gripper_50ms"), {"duration_s=1.5"}};
+  for (const char* topic : {"/master/gripper/tick", "/slave/gripper/tick"}) {
+    const std::string difference = difference_after(
+        run, topic, 1000, [](schema::RecordedTick& t) { t.mutable_x()->Set(0, with_last_bit_flipped(t.x(0))); });
+    EXPECT_EQ(difference.find("tick 1"), 0u) << topic << ": " << difference;
+  }
+}
+
 TEST(Recording, AnotherSceneIsFound) {
   const Recorded run{scene("demo"), {"duration_s=2.5"}};
   Messages m = read_messages(run.path);
@@ -244,6 +275,28 @@ environment { wall { normal: [-1, 0, 0] offset_m: -0.02 stiffness_n_per_m: 2000 
   EXPECT_GT(largest, 0.01);
 }
 
+// As for the arm: imposed, so that the opening is the recorded one, tick by tick.
+TEST(Recording, TheGripperOfARecordingIsThePathOfOne) {
+  const Recorded run{scene("gripper_50ms"), {"duration_s=2"}};
+  const Recorded again{scene("gripper_50ms"),
+                       {"duration_s=1.5", "operator.recording=\"" + run.path + "\"",
+                        "gripper.operator={recording: \"" + run.path + "\"}"}};
+  expect_identical(again.replayed(), 4);
+  for (const bool of_gripper : {false, true}) {
+    const RecordedHand first = read_recorded_hand(run.path, of_gripper),
+                       second = read_recorded_hand(again.path, of_gripper);
+    EXPECT_EQ(second.dof, of_gripper ? 1 : 3);
+    if (!of_gripper) continue;  // a hand holds the arm, and leads it to about the recorded path
+    ASSERT_GT(second.x.size(), 1000u);
+    double least = 1.0, largest = 0.0;
+    for (std::size_t i = 0; i < second.x.size(); ++i) {
+      EXPECT_NEAR(second.x[i], first.x[i], 1e-12);
+      least = std::min(least, second.x[i]), largest = std::max(largest, second.x[i]);
+    }
+    EXPECT_GT(largest - least, 0.005);
+  }
+}
+
 TEST(Recording, OfAnotherSizeOrNoneIsRefusedAsAHand) {
   const Recorded run{scene("one_axis_wall"), {"duration_s=0.5"}};
   const auto refused = [&](const std::string& file) {
@@ -257,6 +310,16 @@ TEST(Recording, OfAnotherSizeOrNoneIsRefusedAsAHand) {
   EXPECT_NE(refused("run.mcap").find("operator.recording is \"run.mcap\"; it must be of dof 3, and is of 1"),
             std::string::npos)
       << refused("run.mcap");
+  const std::string no_gripper = [&] {
+    try {
+      load_scene(scene("gripper_50ms"), std::vector<std::string>{"gripper.operator={recording: \"" + run.path + "\"}"});
+    } catch (const ConfigError& e) {
+      return std::string{e.what()};
+    }
+    return std::string{"accepted"};
+  }();
+  EXPECT_NE(no_gripper.find("gripper.operator.recording: " + run.path + ": it has no gripper"), std::string::npos)
+      << no_gripper;
   EXPECT_NE(refused("none.mcap").find("none.mcap: it is not there"), std::string::npos) << refused("none.mcap");
   EXPECT_NE(refused("trace.csv").find("trace.csv: it is no MCAP file"), std::string::npos) << refused("trace.csv");
 }

@@ -76,5 +76,42 @@ TEST(Evdev, PushesInTheDirectionsThatTheKernelNames) {
   EXPECT_EQ(constant_force({0.0, 0.0}, 2.0, 3, 100).replay.length, 100);
 }
 
+TEST(Evdev, ClosesAGripperByATriggerFromEndToEnd) {
+  Stick pad;
+  for (const unsigned code : {ABS_RX, ABS_RY}) pad.axis(code, -100, 100, 0);
+  pad.axis(ABS_Z, 0, 255, 5);
+  const StickGripper g = stick_gripper(pad.d.get());
+  ASSERT_EQ(g.trigger, static_cast<unsigned>(ABS_Z));
+  const auto opening = [&](int value) {
+    pad.set(EV_ABS, ABS_Z, value);
+    return stick_opening(pad.d.get(), g, 0.3, 0.01, 1.0);
+  };
+  EXPECT_EQ(opening(0), 1.0);
+  EXPECT_EQ(opening(5), 1.0);
+  EXPECT_EQ(opening(255), 0.0);
+  EXPECT_DOUBLE_EQ(opening(130), 0.5);
+}
+
+TEST(Evdev, ClosesAGripperByTwoButtonsAtASpeed) {
+  Stick stick;
+  EXPECT_FALSE(stick_gripper(stick.d.get()));  // a trigger alone
+  stick.key(BTN_THUMB);
+  stick.axis(ABS_Z, 0, 255, 0);  // a throttle
+  const StickGripper g = stick_gripper(stick.d.get());
+  ASSERT_TRUE(g && g.trigger == 0);
+  double open = 1.0;
+  const auto hold = [&](unsigned code, double seconds) {
+    if (code != 0) stick.set(EV_KEY, code, 1);
+    for (int k = 0; k < std::lround(seconds * 1000); ++k) open = stick_opening(stick.d.get(), g, open, 1e-3, 2.0);
+    if (code != 0) stick.set(EV_KEY, code, 0);
+    return open;
+  };
+  EXPECT_NEAR(hold(BTN_TRIGGER, 0.5), 0.75, 1e-12);
+  EXPECT_NEAR(hold(0, 0.5), 0.75, 1e-12);
+  EXPECT_NEAR(hold(BTN_THUMB, 0.2), 0.85, 1e-12);
+  EXPECT_EQ(hold(BTN_THUMB, 1.0), 1.0);
+  EXPECT_EQ(hold(BTN_TRIGGER, 3.0), 0.0);
+}
+
 }  // namespace
 }  // namespace twoport
