@@ -122,6 +122,26 @@ TEST(ArmAtTheHand, CarriesItsWeightAndStaysWhereItIs) {
   EXPECT_LT(std::abs(d.port_energy().si()), 1e-12);
 }
 
+TEST(ArmAtTheHand, RestsWhereTheHandsSpringHoldsTheForce) {
+  SimDevice<6> d{
+      scene("joint_damping_n_m_s_per_rad: 1",
+            "operator { hand { mass_kg: 0.1 stiffness_n_per_m: 400 damping_n_s_per_m: 60 inertia_kg_m2: 1e-4 "
+            "rotational_stiffness_n_m_per_rad: 5 rotational_damping_n_m_s_per_rad: 1 } path { hold { duration_s: 9 } } "
+            "}"),
+      Seconds{kPeriod}};
+  const Position<6> start = d.x();
+  Vector6 f;
+  f << 2.0, -1.0, 1.0, 0.02, 0.05, -0.03;
+  for (int k = 0; k < 16000; ++k) {
+    d.actuate(Force<6>{f});
+    d.advance();
+  }
+  Vector6 expected = -f / 400.0;
+  expected.tail<3>() = -f.tail<3>() / 5.0;
+  // Displayed f pushes the handle by -f; what is left of the motion after 8 s is less.
+  EXPECT_LT(((d.x() - start).vec() - expected).norm(), 1e-3 * expected.norm());
+}
+
 /// Acceleration of the tool under a constant force in x, from its way in 20 ticks.
 double acceleration(double gain, double mass_kg) {
   SimDevice<6> d{scene("joint_damping_n_m_s_per_rad: 0 null_space_damping_n_m_s_per_rad: 0 force_feedback { gain: " +
