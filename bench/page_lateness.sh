@@ -1,10 +1,12 @@
 #!/usr/bin/env bash
 # Wake-up latency of the master's loop without the page (none), with one page open in Chromium (page), with a client that never
-# reads (deaf), each with and without a recording (-rec), in turn: bench/page_lateness.sh [ROUNDS] [SECONDS]. Prints p50, p99
+# reads (deaf), each with and without a recording (-rec), in turn: bench/page_lateness.sh [ROUNDS] [SECONDS] [OPTION OF THE MASTER...], e.g. --no-spin. Prints p50, p99
 # and p99.9 of each run, and their medians against those without page and recording.
 set -euo pipefail
 cd "$(dirname "$(readlink -f "$0")")/.."
 rounds=${1:-5} seconds=${2:-8}
+[ $# -le 2 ] && set -- || shift 2
+options=("$@")
 bin=build/release/bin scene=examples/play/three_axes.textproto
 work=$(mktemp -d)
 trap 'kill $(jobs -p) 2>/dev/null || true; rm -rf "$work"' EXIT
@@ -19,7 +21,7 @@ run() {
   local slave=$!
   until grep -qs "listening on" "$work/slave.log"; do sleep 0.05; done
   env --default-signal=INT $bin/twoport-master --scene $scene --peer "$(grep -o '127.0.0.1:[0-9]*' "$work/slave.log" | head -1)" \
-    "${page[@]}" "${record[@]}" --out "$work/master" >"$work/master.log" 2>&1 &
+    "${options[@]}" "${page[@]}" "${record[@]}" --out "$work/master" >"$work/master.log" 2>&1 &
   local master=$!
   until grep -qs "waiting for a slave" "$work/master.log"; do sleep 0.05; done
   url=$(grep -om1 'http://[^ ]*' "$work/master.log" || true)
@@ -54,6 +56,6 @@ awk '{ n[$1]++; for (i = 2; i <= 4; i++) x[$1, i, n[$1]] = $i }
   function median(kind, i,   a, j, k, t, m) { m = n[kind]; for (j = 1; j <= m; j++) a[j] = x[kind, i, j]
     for (j = 2; j <= m; j++) for (k = j; k > 1 && a[k] < a[k-1]; k--) { t = a[k]; a[k] = a[k-1]; a[k-1] = t }
     return m % 2 ? a[(m + 1) / 2] : (a[m / 2] + a[m / 2 + 1]) / 2 }
-  END { for (kind in n) printf "%-8s median p50 %.1f us, p99 %.1f us, p99.9 %.1f us; against none %.2f, %.2f, %.2f\n", kind,
+  END { for (kind in n) printf "%-8s median p50 %.3g us, p99 %.3g us, p99.9 %.3g us; against none %.2f, %.2f, %.2f\n", kind,
           median(kind, 2), median(kind, 3), median(kind, 4), median(kind, 2) / median("none", 2),
           median(kind, 3) / median("none", 3), median(kind, 4) / median("none", 4) }' "$work/all"
