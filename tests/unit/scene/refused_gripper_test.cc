@@ -84,7 +84,7 @@ INSTANTIATE_TEST_SUITE_P(
                 "gripper.operator has a tremor; it may have hand, and path or recording"},
         Refusal{kGripper,
                 {"gripper.operator={recording: \"hand.mcap\"}"},
-                "gripper.operator.recording: hand.mcap: it is not there, or no regular file"},
+                "gripper.operator.recording: scenes/hand.mcap: it is not there, or no regular file"},
         Refusal{kGripper,
                 {"gripper.robot.arm.file=\"ur5e.textproto\""},
                 "gripper.robot.arm is given; a gripper has mass_kg and damping_n_s_per_m"},
