@@ -300,7 +300,7 @@ class GodObject {
   /// The step y from x to the goal, both scaled, under normal forces and friction.
   void solve_with_friction(const Position<N>& x, Vector& y) noexcept {
     const Vector goal = y;
-    Vector friction = Vector::Zero(), with_friction = Vector::Zero();
+    Vector friction = Vector::Zero();
     std::array<Sliding, kMost> last;
     for (int i = 0;; ++i) {
       y = goal + friction;
@@ -308,7 +308,6 @@ class GodObject {
       last = slidings_;
       const std::size_t were = std::exchange(sliding_, 0);
       bool same = true;
-      const double tolerance = slips_ ? 1e-12 : 1e-3;  // where all stick, the limits do not matter
       for (std::size_t j = 0; j < solver_.active(); ++j) {
         const Plane& plane = planes_[solver_.index(j)];
         const auto contact = static_cast<std::size_t>(plane.index);
@@ -318,25 +317,28 @@ class GodObject {
         const Where from = x.translation() + plane.arm - moved_anchors_[contact].at;
         const Sliding& s = slidings_[sliding_] = {
             solver_.index(j), mu * length * solver_.lambda(j), plane.normal / length, plane.arm, from, Where::Zero()};
-        same = same && sliding_ < were && last[sliding_].row == s.row &&
-               std::abs(last[sliding_].most - s.most) <= 1e-14 + tolerance * s.most;
+        if (same && sliding_ < were && last[sliding_].row == s.row) {
+          const bool holds = !slips_ && last[sliding_].force.norm() <= 0.99 * s.most;  // whatever the limit is
+          same = std::abs(last[sliding_].most - s.most) <= (holds ? 1e-3 * s.most : 1e-14 + 1e-12 * s.most);
+        } else {
+          same = false;
+        }
         ++sliding_;
       }
       if (i > 0 && same && sliding_ == were) {
         slidings_ = last;
-        y = with_friction;  // without the rounding of the forces
         return;
       }
       if (i == kAlternations || (sliding_ == 0 && i == 0)) return;
       friction.setZero();
       if (sliding_ > 0) {
-        with_friction = least_with_friction(goal);
+        least_with_friction(goal);
         for (std::size_t k = 0; k < sliding_; ++k) friction += on_proxy(slidings_[k].arm, slidings_[k].force);
       }
     }
   }
   /// With the limits of friction held and on the active planes; sets the forces.
-  Vector least_with_friction(const Vector& goal) noexcept {
+  void least_with_friction(const Vector& goal) noexcept {
     Vector u = solver_.active_point(rows_);
     double value = 0.0;
     for (int i = 0; i < kNewtonSteps; ++i) {
@@ -379,7 +381,6 @@ class GodObject {
       slips_ = slips_ || slip.norm() > kYield_m;
       slidings_[k].force = -slidings_[k].most / std::max(slip.norm(), kYield_m) * slip;
     }
-    return u;
   }
   [[nodiscard]] static double huber(double length) noexcept {
     return length <= kYield_m ? 0.5 * length * length / kYield_m : length - 0.5 * kYield_m;
