@@ -20,8 +20,7 @@ double stiffness(bool follows) {
   for (int k = 0; k < 6000; ++k) {
     const double t = 2.0 * std::numbers::pi * k * dt.si();
     const double press = 1e-3 + 5e-4 * std::sin(10.0 * t), moves = 3e-3 * std::sin(17.0 * t);
-    const Vector3d s = press * n, x = s + moves * n,
-                   v = 2.0 * std::numbers::pi * 10.0 * 5e-4 * std::cos(10.0 * t) * n;
+    const Vector3d s = press * n, x = s + moves * n, v = 2.0 * std::numbers::pi * 10.0 * 5e-4 * std::cos(10.0 * t) * n;
     estimator.step(x, follows ? x : s, v, kStiffness * press * n, dt);
   }
   EXPECT_TRUE(estimator.contact());

@@ -1,49 +1,11 @@
-// Drives the live page in Chromium: drags the hand into the wall, changes sliders, closes the tab. Prints one line for
-// each step; throws at the first that fails.
-//
-//   node end_to_end.mjs URL CHROMIUM MODULES [PICTURE.png]      MODULES: a node_modules folder with playwright-core
-//
+// Drags the hand into the wall, changes sliders, closes the tab. Prints one line for each step; throws at the first that fails.
 // Afterwards the caller checks that the robot was let go.
-import { createRequire } from 'node:module';
-
-const [url, chromiumPath, modules, picture] = process.argv.slice(2);
-const { chromium } = createRequire(`${modules}/`)('playwright-core');
-
-const browser = await chromium.launch({
-  executablePath: chromiumPath,
-  headless: true,
-  args: ['--no-sandbox', '--disable-gpu', '--disable-quic', '--no-first-run', '--disable-background-networking',
-         '--disable-component-update', '--disable-sync'],
-});
-const context = await browser.newContext({ bypassCSP: true, acceptDownloads: true, viewport: { width: 1280, height: 1000 } });
-const page = await context.newPage();
-const errors = [];
-page.on('pageerror', (e) => errors.push(String(e)));
-page.on('console', (m) => m.type() === 'error' && errors.push(m.text()));
+import { context, coupled, page, pause, run, set, takePicture, text, there, until, url, value } from './chromium.mjs';
 
 const started = Date.now();
-const value = async (id) => Number(await page.locator(`#${id}`).getAttribute('data-value'));
-const text = (id) => page.locator(`#${id}`).textContent();
-async function until(what, condition, patience_ms = 15000) {
-  const end = Date.now() + patience_ms;
-  while (!(await condition())) {
-    if (Date.now() > end) {
-      if (picture) await page.screenshot({ path: picture });
-      throw new Error(`${what}: not within ${patience_ms} ms`);
-    }
-    await new Promise((r) => setTimeout(r, 50));
-  }
-}
 const say = (line) => console.log(`${((Date.now() - started) / 1000).toFixed(1)} s: ${line}`);
-async function set(id, to) {
-  await page.locator(`#${id}`).evaluate((input, v) => {
-    input.value = v;
-    input.dispatchEvent(new Event('input'));
-  }, String(to));
-}
 
-try {
-  await page.goto(url);
+await run(async () => {
   const empty = await page.locator('header .state').evaluateAll((all) => all.filter((s) => s.offsetParent && !s.textContent.trim()).length);
   if (empty > 0) throw new Error('a state in the header is empty');
   await until('both sides wait for a hand', async () => (await text('mode')) === 'master: let go' && (await text('slave-mode')) === 'slave: let go');
@@ -56,10 +18,10 @@ try {
   await page.mouse.move(x, y);
   await page.mouse.down();
   await until('the handle is held', async () => (await text('held')) === 'handle held');
-  await until('both sides are coupled', async () => (await text('mode')) === 'master: coupled' && (await text('slave-mode')) === 'slave: coupled');
+  await coupled();
   await page.mouse.move(x + 0.045 * scale, y, { steps: 30 });
   await until('a force above 1 N is felt', async () => (await value('felt')) > 1);
-  await new Promise((r) => setTimeout(r, 1500));
+  await pause(1500);
   const soft = await value('felt');
   const robot = await value('environment');
   say(`dragged 45 mm, 25 mm of it into the wall: ${soft.toFixed(2)} N felt, ${robot.toFixed(2)} N on the environment`);
@@ -67,23 +29,22 @@ try {
 
   await set('grip', 1200);
   await until('a stiffer hand feels a larger force', async () => (await value('felt')) > 1.2 * soft);
-  await new Promise((r) => setTimeout(r, 1000));
+  await pause(1000);
   say(`stiffness of the hand 1200 N/m: ${(await value('felt')).toFixed(2)} N felt`);
-  if (picture) await page.screenshot({ path: picture });
+  await takePicture();
 
   // The wall becomes softer while it is pressed, and stiff again.
   const stiff = await value('felt');
-  const there = async () => Number(await page.locator('#stiffness').getAttribute('data-there'));
-  await until('the slave tells the stiffness of its wall', async () => (await there()) === 3000 && (await page.locator('#stiffness').isEnabled()));
+  await until('the slave tells the stiffness of its wall', async () => (await there('stiffness')) === 3000 && (await page.locator('#stiffness').isEnabled()));
   if (await page.locator('#friction').isEnabled()) throw new Error('friction can be changed on a line');
   await set('stiffness', Math.log10(300));
-  await until('the slave has a wall of 300 N/m', async () => Math.abs((await there()) / 300 - 1) < 1e-3);
+  await until('the slave has a wall of 300 N/m', async () => Math.abs((await there('stiffness')) / 300 - 1) < 1e-3);
   await until('a softer wall is felt as a smaller force', async () => (await value('felt')) < 0.75 * stiff);
-  await new Promise((r) => setTimeout(r, 1000));
+  await pause(1000);
   if (!((await value('environment-energy')) < -1)) throw new Error(`work of a wall that becomes softer: ${await text('environment-energy')}`);
   say(`wall of 300 N/m: ${(await value('felt')).toFixed(2)} N felt, work of the change ${await text('environment-energy')}`);
   await set('stiffness', Math.log10(3000));
-  await until('the stiff wall is felt again', async () => Math.abs((await value('felt')) / stiff - 1) < 0.1 && Math.abs((await there()) / 3000 - 1) < 1e-3);
+  await until('the stiff wall is felt again', async () => Math.abs((await value('felt')) / stiff - 1) < 0.1 && Math.abs((await there('stiffness')) / 3000 - 1) < 1e-3);
   say(`wall of 3000 N/m: ${(await value('felt')).toFixed(2)} N felt, work of both changes ${await text('environment-energy')}`);
 
   const before = await value('round-trip');
@@ -107,7 +68,7 @@ try {
   await until('the keyboard holds the handle', async () => (await text('held')) === 'handle held');
   for (let i = 0; i < 60 && (await value('felt')) < 2; ++i) {
     await page.keyboard.press('ArrowRight');
-    await new Promise((r) => setTimeout(r, 40));
+    await pause(40);
   }
   await until('the keyboard presses the wall', async () => (await value('felt')) > 1);
   say(`moved by keyboard: ${(await value('felt')).toFixed(2)} N felt`);
@@ -121,10 +82,7 @@ try {
   const end = Date.now() + 10000;
   while (!((await watched('environment')) < 0.2 && (await watcher.locator('#held').textContent()) === 'handle free')) {
     if (Date.now() > end) throw new Error('the robot presses the wall although the tab is closed');
-    await new Promise((r) => setTimeout(r, 50));
+    await pause(50);
   }
   say('the tab is closed: the handle is free and the robot does not press the wall');
-  if (errors.length > 0) throw new Error(`errors on the page: ${errors.join('; ')}`);
-} finally {
-  await browser.close();
-}
+});

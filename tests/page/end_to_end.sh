@@ -4,7 +4,7 @@
 #   end_to_end.sh MASTER SLAVE LAB NODE_MODULES [PICTURE.png] [SCRIPT] [SCENE] [OPTION OF THE SLAVE...]
 #
 # SCRIPT: end_to_end (the default), gripper, friction, refused; SCENE: of examples/play, one_axis. Both sides record, and LAB replays the
-# recordings to the bit, where the scene has no gripper. Exit status 77: skipped, with the reason.
+# recordings to the bit. Exit status 77: skipped, with the reason.
 set -euo pipefail
 master=$1 slave=$2 lab=$3 modules=$4 picture=${5:-} script=${6:-end_to_end} scene=${7:-one_axis}
 [ $# -le 7 ] && set -- || shift 7
@@ -35,14 +35,12 @@ wait_for() { # PATTERN FILE
   exit 1
 }
 
-record=() record_master=()
-grep -q '^gripper' "$scene" || record=(--record "$work/slave.mcap") record_master=(--record "$work/master.mcap")
-env --default-signal=INT "$slave" --scene "$scene" --listen 127.0.0.1:0 --no-spin --out "$work/slave" "${record[@]}" "$@" >"$work/slave.log" 2>&1 &
+env --default-signal=INT "$slave" --scene "$scene" --listen 127.0.0.1:0 --no-spin --out "$work/slave" --record "$work/slave.mcap" "$@" >"$work/slave.log" 2>&1 &
 pids+=($!)
 wait_for 'listening on' "$work/slave.log"
 port=$(sed -n 's/.*listening on 127\.0\.0\.1:\([0-9]*\).*/\1/p' "$work/slave.log")
 env --default-signal=INT "$master" --scene "$scene" --peer "127.0.0.1:$port" --device page --page 127.0.0.1:0 --no-spin \
-  --out "$work/master" "${record_master[@]}" >"$work/master.log" 2>&1 &
+  --out "$work/master" --record "$work/master.mcap" >"$work/master.log" 2>&1 &
 pids+=($!)
 if ! wait_for 'page: http|without the page' "$work/master.log"; then exit 1; fi
 grep -q 'without the page' "$work/master.log" && skip "the programs were built without the page"
@@ -63,8 +61,6 @@ if [ "$script" = end_to_end ]; then
   }
   grep -o '"environment_changes.*' "$work/slave/summary.json"
 fi
-if [ ${#record[@]} -gt 0 ]; then
-  for side in master slave; do "$lab" replay "$work/$side.mcap"; done
-fi
+for side in master slave; do "$lab" replay "$work/$side.mcap"; done
 grep -o '"loop_lateness_us":.*' -A4 "$work/master/summary.json" | tr -d '\n '
 echo

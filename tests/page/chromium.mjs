@@ -1,0 +1,58 @@
+// What the scripts here share: the live page in Chromium, its values, waiting. Each of them is called
+//
+//   node SCRIPT.mjs URL CHROMIUM MODULES [PICTURE.png]      MODULES: a node_modules folder with playwright-core
+import { createRequire } from 'node:module';
+
+const [url, executablePath, modules, picture] = process.argv.slice(2);
+const { chromium } = createRequire(`${modules}/`)('playwright-core');
+
+export { url };
+export const browser = await chromium.launch({
+  executablePath,
+  headless: true,
+  args: ['--no-sandbox', '--disable-gpu', '--disable-quic', '--no-first-run', '--disable-background-networking',
+         '--disable-component-update', '--disable-sync'],
+});
+export const context = await browser.newContext({ bypassCSP: true, acceptDownloads: true, viewport: { width: 1280, height: 1000 } });
+export const page = await context.newPage();
+const errors = [];
+page.on('pageerror', (e) => errors.push(String(e)));
+page.on('console', (m) => m.type() === 'error' && errors.push(m.text()));
+
+export const value = async (id) => Number(await page.locator(`#${id}`).getAttribute('data-value'));
+export const text = (id) => page.locator(`#${id}`).textContent();
+/// What the slave says it has, beside a slider.
+export const there = async (id) => Number(await page.locator(`#${id}`).getAttribute('data-there'));
+export const pause = (ms) => new Promise((r) => setTimeout(r, ms));
+export const takePicture = async () => picture && page.screenshot({ path: picture });
+
+export async function until(what, condition, patience_ms = 15000) {
+  const end = Date.now() + patience_ms;
+  while (!(await condition())) {
+    if (Date.now() > end) {
+      if (!page.isClosed()) await takePicture();
+      throw new Error(`${what}: not within ${patience_ms} ms`);
+    }
+    await pause(50);
+  }
+}
+export const coupled = () =>
+  until('both sides are coupled', async () => (await text('mode')) === 'master: coupled' && (await text('slave-mode')) === 'slave: coupled');
+
+export async function set(id, to) {
+  await page.locator(`#${id}`).evaluate((input, v) => {
+    input.value = v;
+    input.dispatchEvent(new Event('input'));
+  }, String(to));
+}
+
+/// Runs the steps; the page may report no error. Closes the browser in any case.
+export async function run(steps) {
+  try {
+    await page.goto(url);
+    await steps();
+    if (errors.length > 0) throw new Error(`errors on the page: ${errors.join('; ')}`);
+  } finally {
+    await browser.close();
+  }
+}
