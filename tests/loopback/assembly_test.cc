@@ -36,7 +36,9 @@ TEST(RunAssembly, BringsThePegIntoTheHole) {
   const schema::Summary m = pair.summary("master"), s = pair.summary("slave");
   EXPECT_EQ(m.method(), "ENERGY_TANK");
   if (!kept_time({m, s})) return;
-  expect_sound({m, s});
+  // The intended motion goes on: no verdict of the end.
+  EXPECT_EQ(m.verdict_kind(), "UNDECIDED") << m.verdict();
+  EXPECT_GE(m.min_port_energy_j(), -1e-3);
   const Trace robot = pair.trace("slave");
   const auto& z = robot["slave_x_2"];
   // The hole is 20 mm deep; the hand leads 10 mm beyond its bottom. Above its mouth the peg was 1.8 mm aside, within it 0.2 mm are free and
