@@ -73,7 +73,8 @@ std::optional<PageCommand> parse_page_command(std::string_view text) {
     c.number[2] = words.number(0.0, kPageLoss);
   } else if (verb == "surface") {
     c.kind = PageCommand::Kind::surface;
-    c.which = words.index(kAdjustableSurfaces - 1);
+    c.which = words.index(1000);
+    words.expect(c.which < static_cast<int>(kAdjustableSurfaces));
     c.number[0] = words.number(kPageSurfaceLeast, kSurfaceStiffnessMost);
     c.number[1] = words.number(0.0, kSurfaceFrictionMost);
   } else if (verb == "method") {

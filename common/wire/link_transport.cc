@@ -83,10 +83,13 @@ void LinkTransport<N>::transmit(Duration now) noexcept {
     const double energy_in_j = std::exchange(report.energy_in_j, 0.0);
     const double gripper_energy_in_j = std::exchange(outgoing_.gripper.energy_in_j, 0.0);
     const std::int64_t echo_ns = std::exchange(report.echo_ns, -1);
+    // A greeting is of no session yet; the environment's numbers count within one.
+    const EnvironmentMessage environment = std::exchange(outgoing_.environment, {});
     static_cast<Header&>(outgoing_) = greeting->header;
     socket_->send(codec_.encode(outgoing_), greeting->to, now);
     report.energy_in_j = energy_in_j, report.echo_ns = echo_ns;
     outgoing_.gripper.energy_in_j = gripper_energy_in_j;
+    outgoing_.environment = environment;
   }
   if (!handshake_.peer()) {
     ++counts_.unaddressed;

@@ -197,7 +197,7 @@ TEST(PageCommand, IsClampedToItsLimits) {
   EXPECT_EQ(surface->number[1], 0.0);
   EXPECT_EQ(parse_page_command("surface 0 0 9")->number[0], kPageSurfaceLeast);
   EXPECT_EQ(parse_page_command("surface 0 0 9")->number[1], kSurfaceFrictionMost);
-  EXPECT_EQ(parse_page_command("surface 99 1 0")->which, static_cast<int>(kAdjustableSurfaces) - 1);
+  EXPECT_FALSE(parse_page_command("surface 4 1 0"));
 }
 
 TEST(PageCommand, RefusesAnythingElse) {
