@@ -102,6 +102,7 @@ class SimulatedRobot final : public Robot<N>, public AdjustableEnvironment {
         surfaces_{std::min(model_.environment().world().surfaces.size(), kAdjustableSurfaces)},
         ramp_ticks_{std::max(1L, std::lround(kEnvironmentRamp / o.period.si()))} {
     refuse_arguments("--robot", o);
+    for (std::size_t i = 0; i < surfaces_; ++i) to_[i] = surface(i);
     if (o.scene.gripper)
       gripper_ = std::make_unique<SimulatedRobot<1>>(DriverOptions{*o.scene.gripper, o.period, {}, nullptr});
   }
@@ -124,12 +125,15 @@ class SimulatedRobot final : public Robot<N>, public AdjustableEnvironment {
   bool adjust(const EnvironmentMessage& request) noexcept override {
     if (!model_.takes_other_surfaces() || request.count > surfaces_) return false;
     for (std::size_t i = 0; i < request.count; ++i) {
-      const EnvironmentMessage::Surface& s = request.surface[i];
-      const bool allowed = s.stiffness_n_per_m > 0.0 && s.stiffness_n_per_m <= kSurfaceStiffnessMost &&
-                           (s.friction <= kSurfaceFrictionMost || !model_.takes_other_friction());
-      if (!allowed || (model_.takes_other_friction() && !(s.friction >= 0.0))) return false;
+      const EnvironmentMessage::Surface &s = request.surface[i], &before = to_[i];
+      // A scene may have more than may be asked for; that is left as it is.
+      const bool stiffness_allowed = s.stiffness_n_per_m == before.stiffness_n_per_m ||
+                                     (s.stiffness_n_per_m > 0.0 && s.stiffness_n_per_m <= kSurfaceStiffnessMost);
+      const bool friction_allowed = !model_.takes_other_friction() || s.friction == before.friction ||
+                                    (s.friction >= 0.0 && s.friction <= kSurfaceFrictionMost);
+      if (!stiffness_allowed || !friction_allowed) return false;
     }
-    for (std::size_t i = 0; i < surfaces_; ++i) from_[i] = to_[i] = surface(i);
+    for (std::size_t i = 0; i < surfaces_; ++i) from_[i] = surface(i);
     std::copy_n(request.surface.begin(), request.count, to_.begin());
     ramp_left_ = ramp_ticks_;
     return true;
@@ -167,8 +171,8 @@ class SimulatedRobot final : public Robot<N>, public AdjustableEnvironment {
   }
 
   sim::SimRobot<N> model_;
-  std::size_t surfaces_;  ///< that can be changed
-  std::array<EnvironmentMessage::Surface, kAdjustableSurfaces> from_{}, to_{};
+  std::size_t surfaces_;                                                        ///< that can be changed
+  std::array<EnvironmentMessage::Surface, kAdjustableSurfaces> from_{}, to_{};  ///< of the ramp
   long ramp_ticks_, ramp_left_ = 0;
   Energy changes_;  ///< work of all changes
   WorldTime time_;

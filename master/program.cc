@@ -218,7 +218,8 @@ struct LinkMaster : Master<N> {
     const EnvironmentMessage& there = link.mail().transport().heard_environment();
     const auto which = static_cast<std::size_t>(c.which);
     if (which >= there.count) return;
-    if (r.count != there.count) r.count = there.count, r.surface = there.surface;
+    const bool refused = there.answer == EnvironmentAnswer::out_of_range && there.number == r.number;
+    if (r.count != there.count || refused) r.count = there.count, r.surface = there.surface;
     r.surface[which] = {c.number[0], there.surface[which].friction < 0.0 ? -1.0 : c.number[1]};
     ++r.number;
   }

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <charconv>
 #include <cmath>
+#include <limits>
 
 namespace twoport {
 namespace {
@@ -30,8 +31,8 @@ class CommandReader {
   }
   /// A whole number from 0 to `most`.
   int index(std::size_t most) {
-    const double wide = static_cast<double>(most), value = number(0.0, wide);
-    expect(value == std::floor(value));
+    const double value = number(-1.0, static_cast<double>(most));
+    expect(value >= 0.0 && value == std::floor(value));
     return static_cast<int>(value);
   }
   void expect(bool condition) { good_ = good_ && condition; }
@@ -75,8 +76,9 @@ std::optional<PageCommand> parse_page_command(std::string_view text) {
     c.kind = PageCommand::Kind::surface;
     c.which = words.index(1000);
     words.expect(c.which < static_cast<int>(kAdjustableSurfaces));
-    c.number[0] = words.number(kPageSurfaceLeast, kSurfaceStiffnessMost);
-    c.number[1] = words.number(0.0, kSurfaceFrictionMost);
+    // The slave judges: a surface may be outside the limits of a request already.
+    c.number[0] = words.number(0.0, std::numeric_limits<double>::max());
+    c.number[1] = words.number(0.0, std::numeric_limits<double>::max());
   } else if (verb == "method") {
     c.kind = PageCommand::Kind::method;
     c.which = words.index(1000);

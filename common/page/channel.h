@@ -100,7 +100,8 @@ struct PageCommand {
     grip,     ///< number 0: stiffness of the hand [N/m]
     opening,  ///< number 0: opening that the hand intends at the gripper [m]
     network,  ///< which: 0 to the slave, 1 to the master; numbers: delay [ms], jitter [ms], loss [1]
-    surface,  ///< which: of the environment; numbers: stiffness [N/m], friction [1]
+    surface,  ///< which: of the environment; numbers: stiffness [N/m], friction [1], at least 0
+              ///< and not limited further: the slave refuses
     method,   ///< which: index into the methods that the page was told
   };
   Kind kind = Kind::release;
@@ -112,7 +113,6 @@ struct PageCommand {
 inline constexpr double kPageReach = 0.5, kPageTurn = 3.0;              // [m], [rad]
 inline constexpr double kPageGripLeast = 20.0, kPageGripMost = 2000.0;  // [N/m]
 inline constexpr double kPageDelayMs = 500.0, kPageJitterMs = 50.0, kPageLoss = 0.9;
-inline constexpr double kPageSurfaceLeast = 10.0;  // [N/m]; most: kSurfaceStiffnessMost
 
 /// Reads a command as text, words separated by single spaces:
 ///

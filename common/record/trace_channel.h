@@ -34,7 +34,8 @@ struct ExportedTrace {
 /// Where export_trace writes the trace of a gripper: DIR/NAME.csv becomes DIR/NAME-gripper.csv.
 std::string gripper_csv(const std::string& path);
 /// Writes the trace of a recording as trace.csv has it into `path`, and that of its gripper, where it has one, into
-/// gripper_csv(path); each whole or not at all. Returns what was written. Throws ConfigError for a recording without a trace.
+/// gripper_csv(path); each whole or not at all. Where it has none, a file of that name becomes earlier_file(). Returns what was
+/// written. Throws ConfigError for a recording without a trace.
 std::vector<ExportedTrace> export_trace(RecordingReader& recording, const std::string& path);
 
 }  // namespace twoport

@@ -4,8 +4,11 @@
 #include <filesystem>
 #include <memory>
 #include <string>
+#include <vector>
 
 #include "common/base/check.h"
+#include "common/base/earlier_file.h"
+#include "common/base/print_error.h"
 #include "common/record/trace_channel.h"
 #include "common/recording/recording.h"
 #include "lab/cli/commands.h"
@@ -23,7 +26,9 @@ int replay_command(const std::string& file) {
     throw ConfigError{fmt::format("{}: holds no whole tick to compare", file)};
   if (all.torn) fmt::print("{}: the recording has no end: its program was killed, or it was cut off\n", file);
   for (const ReplayedSide& each : all.sides) {
-    if (each.difference.empty()) {
+    if (each.difference.empty() && each.ticks == 0) {
+      fmt::print("{}: no whole tick to compare\n", each.side);
+    } else if (each.difference.empty()) {
       fmt::print("{}: {} ticks, identical to the bit\n", each.side, each.ticks);
     } else {
       fmt::print("{}: {} ticks identical to the bit, then {}\n", each.side, each.ticks, each.difference);
@@ -49,8 +54,13 @@ int export_command(const ExportArguments& a) {
   for (const std::string& each : {csv, gripper_csv(csv)})
     if (std::filesystem::equivalent(a.file, each, error))
       throw ConfigError{fmt::format("--csv {}: is the recording itself; give another name", each)};
+  const std::string gripper = gripper_csv(csv);
+  const bool has_earlier = has_content(gripper);
   RecordingReader recording{a.file};
-  for (const ExportedTrace& each : export_trace(recording, csv)) fmt::print("{}: {} rows\n", each.path, each.rows);
+  const std::vector<ExportedTrace> written = export_trace(recording, csv);
+  for (const ExportedTrace& each : written) fmt::print("{}: {} rows\n", each.path, each.rows);
+  if (has_earlier && written.size() == 1)
+    print_error("{} of an earlier recording is now {}\n", gripper, earlier_file(gripper));
   return 0;
 }
 

@@ -5,6 +5,8 @@
 #include <bit>
 #include <cctype>
 #include <cstdint>
+#include <filesystem>
+#include <fstream>
 #include <functional>
 #include <string>
 #include <vector>
@@ -109,8 +111,11 @@ TEST(Recording, ExportsTheTraceByteForByte) {
   for (const char* name : {"one_axis_wall", "demo", "six_dof_plate", "render_sphere"}) {
     const Recorded run{scene(name), {"duration_s=1"}};
     RecordingReader reader{run.path};
+    std::ofstream{run.folder / "exported-gripper.csv"} << "of another recording";
     const std::vector<ExportedTrace> written = export_trace(reader, run.folder / "exported.csv");
     ASSERT_EQ(written.size(), 1u);
+    EXPECT_FALSE(std::filesystem::exists(run.folder / "exported-gripper.csv"));
+    EXPECT_EQ(read_whole(run.folder / "exported-gripper.csv~"), "of another recording");
     EXPECT_GT(written[0].rows, 500u);
     EXPECT_EQ(bytes_of(run.folder / "exported.csv"), bytes_of(run.csv)) << name;
   }

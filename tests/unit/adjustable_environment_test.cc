@@ -187,6 +187,23 @@ TEST(AdjustableEnvironment, RefusesWhatNoSceneMayHave) {
   EXPECT_EQ(rig.state().surface[0].friction, 0.3);
 }
 
+TEST(AdjustableEnvironment, LeavesASurfaceBeyondTheLimitsOfARequestAsItIs) {
+  Rig<3> rig{
+      "robot { mass_kg: 0.5 } environment { wall { normal: [-1, 0, 0] stiffness_n_per_m: 2e6 friction: 3 } } "
+      "environment { wall { normal: [0, -1, 0] stiffness_n_per_m: 1000 friction: 0.3 } }"};
+  EnvironmentMessage m = rig.state();
+  m.surface[1].stiffness_n_per_m = 3000.0;
+  EXPECT_TRUE(rig.robot->environment()->adjust(m)) << "the other surface is changed";
+  m.surface[0].stiffness_n_per_m = 1e6;
+  EXPECT_TRUE(rig.robot->environment()->adjust(m)) << "its friction is as before";
+  rig.tick(101);
+  EXPECT_EQ(rig.state().surface[0].stiffness_n_per_m, 1e6);
+  EXPECT_EQ(rig.state().surface[0].friction, 3.0);
+  EXPECT_EQ(rig.state().surface[1].stiffness_n_per_m, 3000.0);
+  m.surface[0].stiffness_n_per_m = 2e6;
+  EXPECT_FALSE(rig.robot->environment()->adjust(m)) << "no longer as it is";
+}
+
 TEST(AdjustableEnvironment, SaysWhereFrictionCannotBeChanged) {
   EXPECT_LT(Rig<1>{kWall1}.state().surface[0].friction, 0.0) << "a line has none";
   Rig<3> smooth{"robot { mass_kg: 0.5 } environment { wall { normal: [-1, 0, 0] stiffness_n_per_m: 1000 } }"};
