@@ -101,16 +101,20 @@ std::vector<Candidate> combinations(const ChartOptions& o) {
       }
     all = longer;
   }
-  const auto idle = [](const Candidate& c) {
-    const auto has = [&](const std::string& text) {
-      return std::find(c.set.begin(), c.set.end(), text) != c.set.end();
-    };
+  const auto has = [](const Candidate& c, const std::string& text) {
+    return std::find(c.set.begin(), c.set.end(), text) != c.set.end();
+  };
+  const auto sizes_its_steps = [&](const Candidate& c) {
+    return has(c, "simulation.integrator=EXACT") || has(c, "simulation.integrator=DORMAND_PRINCE");
+  };
+  std::erase_if(all, [&](const Candidate& c) {
     const auto substeps = std::find_if(c.set.begin(), c.set.end(),
                                        [](const std::string& s) { return s.rfind("simulation.substeps=", 0) == 0; });
-    const bool sizes_its_steps = has("simulation.integrator=EXACT") || has("simulation.integrator=DORMAND_PRINCE");
-    return sizes_its_steps && substeps != c.set.end() && *substeps != "simulation.substeps=1";
-  };
-  std::erase_if(all, idle);
+    return sizes_its_steps(c) && substeps != c.set.end() && *substeps != "simulation.substeps=1";
+  });
+  for (Candidate& c : all)
+    if (const std::string one = ", 1 substep"; sizes_its_steps(c) && c.point.name.ends_with(one))
+      c.point.name.erase(c.point.name.size() - one.size());
   return all;
 }
 
