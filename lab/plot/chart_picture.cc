@@ -151,7 +151,7 @@ std::string draw(const Chart& c, const std::string& title, const std::string& fo
   std::string body =
       fmt::format("set title {}\n", gnuplot_quoted(title + ": what each way to step it costs, and its error"));
   body +=
-      "set logscale xy\nset format xy '10^{%L}'\nset xlabel 'cost [µs per simulated second]'\n"
+      "set logscale xy\nset format y '%g'\nset xlabel 'cost [µs per simulated second]'\n"
       "set ylabel 'position error, rms [m]'\n" +
       fmt::format("set key at screen {}, screen {} left top vertical Left reverse samplen 1.5\n",
                   1.0 - (kRight - 8.0) / kWidth, 1.0 - kTop / kHeight);
