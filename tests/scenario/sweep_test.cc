@@ -494,7 +494,7 @@ TEST(SweepProgram, SaysWhatIsWrong) {
   expect_refused(sweep({"--vary", "seed=1,2", "--seeds", "0"}), {"--seeds", "0", "1"});
   expect_refused(sweep({"--vary", "seed=1,2", "--verdict", "full"}), {"--verdict", "full", "tail,lean,plain"});
   expect_refused(sweep({"--vary", "seed=1,2", "--seeds", "2.5"}), {"--seeds", "2.5"});
-  expect_refused(sweep({"--vary", "seed=1:1000000:1000000", "--seeds", "1001"}), {"1001000000 runs", "at most"});
+  expect_refused(sweep({"--vary", "device.mass_kg=1:2:1000000", "--seeds", "1001"}), {"1001000000 runs", "at most"});
   for (const auto& [typed, meant] : {std::pair{"stabel", "stable"}, std::pair{"drfit_m", "drift_m"},
                                      std::pair{"chatter", "chatter_rms_n"}, std::pair{"drift_m_sd", "drift_m"}})
     expect_refused(sweep({"--vary", "seed=1,2", "--plot", typed}),
