@@ -1,4 +1,4 @@
-// Kinematics and dynamics of a seven-joint arm, own and KDL's, in one run: time per call.
+// Kinematics and dynamics of a seven-joint arm, own and those of KDL, MuJoCo and DART where they are installed, in one run: time per call.
 
 #include "common/scene/arm.h"
 
@@ -18,6 +18,18 @@
 #include <kdl/chainjnttojacsolver.hpp>
 
 #include "tests/arm/kdl_chain.h"
+#endif
+#ifdef TWOPORT_MUJOCO
+#include <mujoco/mujoco.h>
+
+#include <cstring>
+
+#include "tests/arm/mjcf.h"
+#endif
+#ifdef TWOPORT_DART
+#include <dart/dynamics/BodyNode.hpp>
+#include <dart/dynamics/RevoluteJoint.hpp>
+#include <dart/dynamics/Skeleton.hpp>
 #endif
 
 namespace {
@@ -131,6 +143,96 @@ BENCHMARK(kdl_forward_kinematics)->Name("kdl/forward_kinematics");
 BENCHMARK(kdl_jacobian)->Name("kdl/jacobian");
 BENCHMARK(kdl_inverse_dynamics)->Name("kdl/inverse_dynamics");
 BENCHMARK(kdl_inertia_matrix)->Name("kdl/inertia_matrix");
+#endif
+
+#ifdef TWOPORT_MUJOCO
+struct MuJoCo {
+  mjModel* model = nullptr;
+  mjData* data = nullptr;
+  Walk w;
+  MuJoCo() {
+    const std::string xml = test::mjcf(parameters(), kGravity);
+    const auto files = std::make_unique<mjVFS>();
+    mj_defaultVFS(files.get());
+    mj_makeEmptyFileVFS(files.get(), "arm.xml", static_cast<int>(xml.size()));
+    std::memcpy(files->filedata[0], xml.data(), xml.size());
+    std::array<char, 500> error{};
+    model = mj_loadXML("arm.xml", files.get(), error.data(), static_cast<int>(error.size()));
+    mj_deleteVFS(files.get());
+    data = mj_makeData(model);
+    Eigen::Map<Joints>{data->qvel} = w.v;
+    Eigen::Map<Joints>{data->qacc} = w.a;
+  }
+  MuJoCo(const MuJoCo&) = delete;
+  ~MuJoCo() {
+    mj_deleteData(data);
+    mj_deleteModel(model);
+  }
+};
+
+template <class Compute>
+void mujoco(benchmark::State& state, Compute compute) {
+  MuJoCo m;
+  for (auto _ : state) {
+    m.w.next();
+    Eigen::Map<Joints>{m.data->qpos} = m.w.q;
+    compute(m.model, m.data);
+    benchmark::ClobberMemory();
+  }
+}
+BENCHMARK_CAPTURE(mujoco, forward_kinematics, [](const mjModel* m, mjData* d) { mj_kinematics(m, d); });
+BENCHMARK_CAPTURE(mujoco, jacobian, [](const mjModel* m, mjData* d) {
+  std::array<mjtNum, 21> linear, angular;
+  mj_kinematics(m, d);
+  mj_comPos(m, d);
+  mj_jacSite(m, d, linear.data(), angular.data(), 0);
+  benchmark::DoNotOptimize(linear);
+});
+BENCHMARK_CAPTURE(mujoco, inverse_dynamics, [](const mjModel* m, mjData* d) { mj_inverse(m, d); });
+BENCHMARK_CAPTURE(mujoco, inertia_matrix, [](const mjModel* m, mjData* d) {
+  mj_kinematics(m, d);
+  mj_comPos(m, d);
+  mj_crb(m, d);
+});
+BENCHMARK_CAPTURE(mujoco, forward_dynamics, [](const mjModel* m, mjData* d) { mj_forward(m, d); });
+#endif
+
+#ifdef TWOPORT_DART
+/// Without the rotors.
+struct Dart {
+  dart::dynamics::SkeletonPtr arm = dart::dynamics::Skeleton::create();
+  dart::dynamics::BodyNode* last = nullptr;
+  Walk w;
+  Dart() {
+    arm->setGravity(kGravity);
+    for (const ArmJoint& j : parameters().joints) {
+      dart::dynamics::RevoluteJoint::Properties joint;
+      joint.mAxis = Eigen::Vector3d::UnitZ();
+      joint.mT_ParentBodyToJoint.linear() = j.rotation;
+      joint.mT_ParentBodyToJoint.translation() = j.origin_m;
+      dart::dynamics::BodyNode::Properties body;
+      body.mInertia = dart::dynamics::Inertia{j.mass_kg, j.center_m, j.inertia};
+      last = arm->createJointAndBodyNodePair<dart::dynamics::RevoluteJoint>(last, joint, body).second;
+    }
+  }
+};
+template <class Compute>
+void dart_arm(benchmark::State& state, Compute compute) {
+  Dart d;
+  for (auto _ : state) {
+    d.w.next();
+    d.arm->setPositions(d.w.q);
+    d.arm->setVelocities(d.w.v);
+    d.arm->setAccelerations(d.w.a);
+    compute(d);
+    benchmark::ClobberMemory();
+  }
+}
+BENCHMARK_CAPTURE(dart_arm, forward_kinematics, [](Dart& d) { benchmark::DoNotOptimize(d.last->getTransform()); });
+BENCHMARK_CAPTURE(dart_arm, jacobian, [](Dart& d) { benchmark::DoNotOptimize(d.arm->getWorldJacobian(d.last)); });
+BENCHMARK_CAPTURE(dart_arm, inverse_dynamics, [](Dart& d) { d.arm->computeInverseDynamics(); });
+BENCHMARK_CAPTURE(dart_arm, inertia_matrix, [](Dart& d) { benchmark::DoNotOptimize(d.arm->getMassMatrix()); });
+BENCHMARK_CAPTURE(dart_arm, forward_dynamics, [](Dart& d) { d.arm->computeForwardDynamics(); });
 #endif
 
 }  // namespace

@@ -38,6 +38,7 @@ int chart_command(const Arguments& a) {
   if (!a.out.empty()) {
     make_folder(a.out);
     write_whole(a.out + "/chart.csv", to_csv(c));
+    write_whole(a.out + "/engines.csv", to_csv(c, beside_engines(c)));
     fmt::print("{}\n", draw(c, scene.name, a.out));
   }
   if (a.for_error > 0.0) {
@@ -49,6 +50,17 @@ int chart_command(const Arguments& a) {
                       a.for_error, c.floor.position_rms_m)};
     fmt::print("for {} m: {}, {:.4g} ns a tick, {:.2g} m\n", a.for_error, best->name, best->ns_per_tick,
                std::max(best->error.position_rms_m, c.floor.position_rms_m));
+    std::vector<Point> engines, own;
+    for (const Point& p : c.points) (p.peer ? engines : own).push_back(p);
+    if (engines.empty()) return 0;
+    const Point* engine = cheapest(engines, a.for_error, c.floor.position_rms_m);
+    best = cheapest(own, a.for_error, c.floor.position_rms_m);
+    if (engine == nullptr) {
+      fmt::print("no other engine is as accurate\n");
+    } else if (best != nullptr) {
+      fmt::print("{} takes {:.3g} times as long as {}: {:.4g} ns a tick, {:.2g} m\n", engine->name,
+                 engine->cost / best->cost, best->name, engine->ns_per_tick, engine->error.position_rms_m);
+    }
   }
   return 0;
 }

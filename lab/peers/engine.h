@@ -10,7 +10,7 @@ namespace twoport::lab {
 
 /// One rigid body in another engine's world, and a half space for contact.
 struct EngineBody {
-  int dof;  ///< 1: along x, a ball that touches at its front; 6: a box
+  int dof;  ///< 1: along x, a ball that touches at its front; 3, 6: a box, which a point mass does not turn
   double mass_kg, inertia_kg_m2, period_s;
   Position<6> x;
   Velocity<6> v;

@@ -54,14 +54,16 @@ struct Setting {
 };
 
 std::optional<Setting> setting(const Scene& scene, bool own_contact) {
-  if (scene.control.architecture != Architecture::uncontrolled || scene.dof == 3) return {};
+  if (scene.control.architecture != Architecture::uncontrolled) return {};
   const World world{scene.environment};
-  if (world.surfaces.size() != 1 || !std::holds_alternative<Wall>(world.surfaces[0].shape)) return {};
-  const Wall& wall = std::get<Wall>(world.surfaces[0].shape);
+  if (world.surfaces.size() != 1) return {};
+  const bool walled = std::holds_alternative<Wall>(world.surfaces[0].shape);
+  if (!walled && own_contact) return {};
+  const Wall wall = walled ? std::get<Wall>(world.surfaces[0].shape) : Wall{Eigen::Vector3d::UnitX(), 0.0};
   const Material& material = world.surfaces[0].material;
   const RobotSpec& robot = *scene.robot;
-  if (robot.damping_n_s_per_m > 0.0) return {};
-  if (scene.dof == 1 && wall.normal[0] > 0.0) return {};  // the ball's front is on the other side
+  if (robot.damping_n_s_per_m > 0.0 || (scene.dof == 3 && own_contact)) return {};
+  if (scene.dof == 1 && (!walled || wall.normal[0] > 0.0)) return {};  // the ball's front is on the other side
   Setting s{.body = {.dof = scene.dof,
                      .mass_kg = robot.mass_kg,
                      .inertia_kg_m2 = scene.dof == 6 ? robot.inertia_kg_m2[0] : 1.0,
@@ -81,7 +83,11 @@ std::optional<Setting> setting(const Scene& scene, bool own_contact) {
   Velocity<6>::Vector v = Velocity<6>::Vector::Zero();
   for (std::size_t i = 0; i < robot.velocity_m_per_s.size(); ++i) v[static_cast<int>(i)] = robot.velocity_m_per_s[i];
   s.body.v = Velocity<6>{v};
-  if (scene.dof == 6) {
+  if (scene.dof == 3) {
+    if (!robot.position_m.empty())
+      s.body.x = {position<3>(robot.position_m).translation(), Eigen::Quaterniond::Identity()};
+    s.body.half_size_m.setConstant(kBallRadius);
+  } else if (scene.dof == 6) {
     s.body.x = position<6>(robot.position_m);
     s.body.normal = wall.normal;
     for (const Eigen::Vector3d& p : scene.tool) s.body.half_size_m = s.body.half_size_m.cwiseMax(p.cwiseAbs());
@@ -106,6 +112,18 @@ void play(Engine& engine, const Setting& s, const At& at) {
     for (int k = 0; k < s.ticks; ++k) {
       at(k);
       engine.push(s.push(engine.position(), engine.velocity()));
+      engine.step();
+    }
+  } else if (s.body.dof == 3) {
+    const Environment<3> pushing{s.pushing.environment};
+    for (int k = 0; k < s.ticks; ++k) {
+      at(k);
+      Force<6>::Vector f = Force<6>::Vector::Zero();
+      f.head<3>() = pushing
+                        .force(Position<3>{engine.pose().translation()},
+                               Velocity<3>{Velocity<3>::Vector{engine.twist().vec().head<3>()}})
+                        .vec();
+      engine.push(Force<6>{f});
       engine.step();
     }
   } else {
@@ -140,6 +158,12 @@ Course course(Engine& engine, const Setting& s, const Scene& scene) {
     play(engine, s, [&](int k) {
       each(k, e, Position<1>{Position<1>::Vector{engine.position()}},
            Velocity<1>{Velocity<1>::Vector{engine.velocity()}});
+    });
+  } else if (s.body.dof == 3) {
+    const Environment<3> e{scene.environment};
+    play(engine, s, [&](int k) {
+      each(k, e, Position<3>{engine.pose().translation()},
+           Velocity<3>{Velocity<3>::Vector{engine.twist().vec().head<3>()}});
     });
   } else {
     const Environment<6> e{scene.environment, scene.tool};

@@ -101,7 +101,7 @@ std::string labels(const std::vector<const Point*>& front, const std::vector<Box
       return true;
     };
     bool placed = false;
-    for (const double up : {0.0, 4.0, -4.0, 8.0, -8.0, 13.0, -13.0, 20.0, -20.0})
+    for (const double up : {0.0, 4.0, -4.0, 8.0, -8.0, 13.0, -13.0, 20.0, -20.0, 28.0, -28.0})
       for (const bool at_right : {true, false}) placed = placed || try_at(up, at_right);
   }
   return gp;

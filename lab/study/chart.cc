@@ -86,6 +86,7 @@ std::vector<Candidate> combinations(const ChartOptions& o) {
             parse_axis("simulation.substeps=1,2,5,10,30,100")};
   std::vector<Candidate> all{{}};
   for (const Axis& axis : axes) {
+    check_not_set(o.set, axis.paths);
     std::vector<Candidate> longer;
     for (const Candidate& c : all)
       for (const std::string& value : axis.values) {
@@ -100,16 +101,20 @@ std::vector<Candidate> combinations(const ChartOptions& o) {
       }
     all = longer;
   }
-  const auto idle = [](const Candidate& c) {
-    const auto has = [&](const std::string& text) {
-      return std::find(c.set.begin(), c.set.end(), text) != c.set.end();
-    };
+  const auto has = [](const Candidate& c, const std::string& text) {
+    return std::find(c.set.begin(), c.set.end(), text) != c.set.end();
+  };
+  const auto sizes_its_steps = [&](const Candidate& c) {
+    return has(c, "simulation.integrator=EXACT") || has(c, "simulation.integrator=DORMAND_PRINCE");
+  };
+  std::erase_if(all, [&](const Candidate& c) {
     const auto substeps = std::find_if(c.set.begin(), c.set.end(),
                                        [](const std::string& s) { return s.rfind("simulation.substeps=", 0) == 0; });
-    const bool sizes_its_steps = has("simulation.integrator=EXACT") || has("simulation.integrator=DORMAND_PRINCE");
-    return sizes_its_steps && substeps != c.set.end() && *substeps != "simulation.substeps=1";
-  };
-  std::erase_if(all, idle);
+    return sizes_its_steps(c) && substeps != c.set.end() && *substeps != "simulation.substeps=1";
+  });
+  for (Candidate& c : all)
+    if (const std::string one = ", 1 substep"; sizes_its_steps(c) && c.point.name.ends_with(one))
+      c.point.name.erase(c.point.name.size() - one.size());
   return all;
 }
 
@@ -256,6 +261,22 @@ const Point* cheapest(const std::vector<Point>& points, double error_m, double f
   return best;
 }
 
+std::vector<EqualError> beside_engines(const Chart& c) {
+  std::vector<EqualError> all;
+  for (const Point& p : c.points)
+    if (p.peer && p.impossible.empty()) {
+      const Point* best = nullptr;
+      for (const Point& q : c.points)
+        if (!q.peer && q.impossible.empty() && (best == nullptr || q.cost < best->cost) &&
+            q.error.position_rms_m <= std::max(p.error.position_rms_m, c.floor.position_rms_m))
+          best = &q;
+      all.push_back({&p, best});
+    }
+  std::sort(all.begin(), all.end(),
+            [](const EqualError& a, const EqualError& b) { return a.engine->cost < b.engine->cost; });
+  return all;
+}
+
 std::string to_text(const Chart& c) {
   std::vector<const Point*> sorted;
   for (const Point& p : c.points)
@@ -279,6 +300,14 @@ std::string to_text(const Chart& c) {
                      c.floor.force_max_n, c.floor.energy_max_j);
   if (c.boundary) out += fmt::format("; the scene as written changes its verdict at {:.6g}", *c.boundary);
   out += '\n';
+  for (const EqualError& e : beside_engines(c)) {
+    out +=
+        fmt::format("{}, {:.4g} ns, {:.2g} m: ", e.engine->name, e.engine->ns_per_tick, e.engine->error.position_rms_m);
+    out += e.own == nullptr
+               ? "none of ours is as accurate\n"
+               : fmt::format("{} takes {:.4g} ns, {:.2g} m, {:.3g} times as fast\n", e.own->name, e.own->ns_per_tick,
+                             std::max(e.own->error.position_rms_m, c.floor.position_rms_m), e.ahead());
+  }
   std::set<std::string> reasons;
   for (const Point& p : c.points)
     if (!p.impossible.empty() && reasons.insert(p.impossible).second)
@@ -294,6 +323,16 @@ std::string to_csv(const Chart& c) {
       out += fmt::format("\"{}\",{},{},{},{},{},{},{},\"{}\"\n", p.name, p.ns_per_tick, p.cost, p.error.position_rms_m,
                          p.error.force_rms_n, p.error.force_max_n, p.error.energy_max_j,
                          p.boundary ? fmt::format("{}", *p.boundary) : "", p.dominated_by);
+  return out;
+}
+
+std::string to_csv(const Chart& c, const std::vector<EqualError>& engines) {
+  std::string out = "engine,ns_per_tick,position_rms_m,own,own_ns_per_tick,own_position_rms_m,ahead\n";
+  for (const EqualError& e : engines)
+    out += fmt::format("\"{}\",{},{},", e.engine->name, e.engine->ns_per_tick, e.engine->error.position_rms_m) +
+           (e.own == nullptr ? ",,,\n"
+                             : fmt::format("\"{}\",{},{},{}\n", e.own->name, e.own->ns_per_tick,
+                                           std::max(e.own->error.position_rms_m, c.floor.position_rms_m), e.ahead()));
   return out;
 }
 

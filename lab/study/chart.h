@@ -68,7 +68,16 @@ void find_front(std::vector<Point>& points);
 /// of the reference, `floor_m`, counts as that uncertainty.
 const Point* cheapest(const std::vector<Point>& points, double error_m, double floor_m = 0.0);
 
+/// Of each other engine that ran: the cheapest of our points whose position error is no larger, null when there is none.
+struct EqualError {
+  const Point *engine, *own;
+  /// Cost of the engine over that of our point, > 1 where we are ahead; 0 without a point.
+  [[nodiscard]] double ahead() const { return own == nullptr ? 0.0 : engine->cost / own->cost; }
+};
+std::vector<EqualError> beside_engines(const Chart& chart);
+
 std::string to_text(const Chart& chart);
 std::string to_csv(const Chart& chart);
+std::string to_csv(const Chart& chart, const std::vector<EqualError>& engines);
 
 }  // namespace twoport::lab

@@ -18,6 +18,7 @@
 #include "common/base/file.h"
 #include "common/record/summary.h"
 #include "common/scene/scene_text.h"
+#include "common/scene/text.h"
 #include "lab/both_couplings.h"
 #include "lab/lanes/lanes.h"
 #include "lab/study/cells.h"
@@ -105,6 +106,8 @@ Plan plan_of(const SweepOptions& o, const SceneText& base) {
     for (const std::string& path : axis.paths) {
       if (std::find(plan.columns.begin(), plan.columns.end(), path) != plan.columns.end())
         throw ConfigError{fmt::format("--vary {}: {} is varied twice", axis.name(), path)};
+      if (path == "seed" && o.seeds > 0)
+        throw ConfigError{fmt::format("--seeds {}: --vary {} gives the seed of each cell", o.seeds, axis.name())};
       plan.columns.push_back(path);
     }
   }
@@ -261,6 +264,16 @@ Axis parse_axis(const std::string& text, const std::string& option) {
     axis.values.push_back(fmt::format("{:.15g}", i == 0 ? start : i + 1 == count ? stop : value));
   }
   return axis;
+}
+
+void check_not_set(const std::vector<std::string>& set, const std::vector<std::string>& varied) {
+  for (const std::string& assignment : set)
+    for (const std::string& path : varied) {
+      const std::string_view name = trimmed(std::string_view{assignment}.substr(0, assignment.find('=')));
+      const bool within =
+          name.starts_with(path) && name.size() > path.size() && (name[path.size()] == '.' || name[path.size()] == '[');
+      if (name == path || within) throw ConfigError{fmt::format("--set {}: lost, as {} is varied", assignment, path)};
+    }
 }
 
 Shard parse_shard(const std::string& text) {

@@ -15,6 +15,7 @@
 #include "common/arm/arm_model.h"
 #include "common/base/file.h"
 #include "common/scene/arm.h"
+#include "tests/arm/mjcf.h"
 
 namespace twoport {
 namespace {
@@ -24,40 +25,13 @@ using Joints = Arm::Joints;
 
 const Eigen::Vector3d kGravity{0.0, 0.0, -9.81};
 
-std::string three(const Eigen::Vector3d& v) {
-  return fmt::format("{:.17g} {:.17g} {:.17g}", v.x(), v.y(), v.z());
-}
-std::string four(const Eigen::Matrix3d& R) {
-  const Eigen::Quaterniond q{R};
-  return fmt::format("{:.17g} {:.17g} {:.17g} {:.17g}", q.w(), q.x(), q.y(), q.z());
-}
-
-/// The arm in MuJoCo's format: a body a link, rotors as armature, a site at the flange.
-std::string to_mjcf(const ArmParameters& arm) {
-  std::string open, close;
-  for (const ArmJoint& j : arm.joints) {
-    const Eigen::Matrix3d& I = j.inertia;
-    open += fmt::format(
-        "<body pos='{}' quat='{}'><inertial pos='{}' mass='{:.17g}' fullinertia='{:.17g} {:.17g} {:.17g} {:.17g} "
-        "{:.17g} "
-        "{:.17g}'/><joint type='hinge' axis='0 0 1' armature='{:.17g}'/>",
-        three(j.origin_m), four(j.rotation), three(j.center_m), j.mass_kg, I(0, 0), I(1, 1), I(2, 2), I(0, 1), I(0, 2),
-        I(1, 2), j.rotor_inertia_kg_m2);
-    close += "</body>";
-  }
-  return fmt::format(
-      "<mujoco><compiler angle='radian'/><option gravity='{}'><flag contact='disable' constraint='disable'/></option>"
-      "<worldbody>{}<site name='flange' pos='{}' quat='{}'/>{}</worldbody></mujoco>",
-      three(kGravity), open, three(arm.flange_m), four(arm.flange_rotation), close);
-}
-
 struct Simulated {
   std::unique_ptr<mjModel, decltype(&mj_deleteModel)> model{nullptr, mj_deleteModel};
   std::unique_ptr<mjData, decltype(&mj_deleteData)> data{nullptr, mj_deleteData};
 };
 Simulated load(const ArmParameters& arm) {
   const std::string path = testing::TempDir() + "/arm.mjcf.xml";
-  write_whole(path, to_mjcf(arm));
+  write_whole(path, test::mjcf(arm, kGravity));
   std::array<char, 500> error{};
   Simulated of;
   of.model.reset(mj_loadXML(path.c_str(), nullptr, error.data(), static_cast<int>(error.size())));

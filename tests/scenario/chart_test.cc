@@ -39,6 +39,24 @@ TEST(Front, HoldsWhatNothingBeats) {
   EXPECT_EQ(cheapest(points, 1e-8, 2e-8), nullptr);
 }
 
+TEST(BesideEngines, TheCheapestOfOursThatIsNoLessAccurateCounts) {
+  Chart c;
+  c.points = {point("coarse", 1, 1e-3), point("good", 3, 1e-6), point("best", 9, 1e-9),
+              point("slow", 8, 9e-4),   point("fast", 2, 1e-5), point("exact", 1, 1e-10)};
+  for (std::size_t i = 3; i < c.points.size(); ++i) c.points[i].peer = true;
+  const std::vector<EqualError> all = beside_engines(c);
+  ASSERT_EQ(all.size(), 3u);
+  EXPECT_EQ(all[0].engine->name, "exact");
+  EXPECT_EQ(all[0].own, nullptr);
+  EXPECT_EQ(all[0].ahead(), 0.0);
+  EXPECT_EQ(all[1].own->name, "good");
+  EXPECT_NEAR(all[1].ahead(), 2.0 / 3.0, 1e-15);
+  EXPECT_EQ(all[2].own->name, "good");
+  EXPECT_NEAR(all[2].ahead(), 8.0 / 3.0, 1e-15);
+  c.floor.position_rms_m = 1e-9;  // no chart tells errors below it apart
+  EXPECT_EQ(beside_engines(c)[0].own->name, "best");
+}
+
 TEST(Difference, IsTakenAtTheMomentsThatBothHave) {
   Course slow, fast;
   for (int k = 0; k < 10; ++k) {

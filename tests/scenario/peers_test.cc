@@ -11,7 +11,7 @@ namespace {
 
 // An engine pushed by our forces is a semi-implicit Euler step, whoever wrote it.
 TEST(Peers, PushedByForcesAreOurEulerStep) {
-  for (const char* name : {"wall", "impact"}) {
+  for (const char* name : {"wall", "impact", "curved_slide"}) {
     const std::string file = fmt::format("{}/chart/{}.textproto", TWOPORT_SCENES, name);
     const std::vector<Peer> peers = peers_for(load_scene(file));
     if (peers.empty()) GTEST_SKIP() << "no engine is installed: " << fmt::format("{}", fmt::join(absent_peers(), ", "));
@@ -28,7 +28,7 @@ TEST(Peers, PushedByForcesAreOurEulerStep) {
       EXPECT_NEAR(p.error.position_rms_m, euler, 1e-4 * euler) << p.name << " on " << name;
       ++pushed;
     }
-    EXPECT_EQ(pushed, static_cast<int>(peers.size() / 2));
+    EXPECT_GE(pushed, static_cast<int>(peers.size() / 2));
     for (const Point& p : c.points) EXPECT_LT(p.error.position_rms_m, 0.1 * 0.02) << p.name;
   }
 }
@@ -57,7 +57,7 @@ TEST(Peers, OwnContactIsAsStiffAsTheScene) {
 }
 
 TEST(Peers, PlayOnlyScenesThatTheyCan) {
-  for (const char* name : {"demo", "held_spring", "chart/curved_slide", "chart/bilateral"})
+  for (const char* name : {"demo", "held_spring", "chart/bilateral"})
     EXPECT_TRUE(peers_for(load_scene(fmt::format("{}/{}.textproto", TWOPORT_SCENES, name))).empty()) << name;
 }
 

@@ -479,6 +479,11 @@ TEST(SweepProgram, SaysWhatIsWrong) {
   expect_refused(sweep({"--vary", "device.mass_kg=0.1,-1"}), {"device.mass_kg", "-1", ">= 0"});
   expect_refused(sweep({"--vary", "device.mass_kg=1,2", "--vary", "device.mass_kg=3,4"}), {"device.mass_kg", "twice"});
   expect_refused(sweep({"--vary", "device.mass_kg,seed=1,2", "--vary", "seed=3,4"}), {"seed is varied twice"});
+  expect_refused(sweep({"--vary", "duration_s=0.1,0.2"}), {"--set duration_s=0.1", "lost, as duration_s is varied"});
+  expect_refused(sweep({"--set", " device.mass_kg =0.1", "--vary", "seed=1,2", "--vary", "device={}"}),
+                 {"--set  device.mass_kg =0.1", "lost, as device is varied"});
+  expect_refused(sweep({"--vary", "device.mass_kg=1,2", "--vary", "seed=1,2", "--seeds", "2"}),
+                 {"--seeds 2", "--vary seed"});
   expect_refused(sweep({"--vary", "device.mass_kg,device.mass_kg=1,2"}), {"device.mass_kg is named twice"});
   expect_refused(sweep({"--vary", "device.mass_kg,=1,2"}), {"device.mass_kg,=1,2", "a path is empty"});
   expect_refused(sweep({"--vary", "device.mass_kg,device.colour=1,2"}), {"device.colour=1", "colour", "mass_kg"});
@@ -489,7 +494,7 @@ TEST(SweepProgram, SaysWhatIsWrong) {
   expect_refused(sweep({"--vary", "seed=1,2", "--seeds", "0"}), {"--seeds", "0", "1"});
   expect_refused(sweep({"--vary", "seed=1,2", "--verdict", "full"}), {"--verdict", "full", "tail,lean,plain"});
   expect_refused(sweep({"--vary", "seed=1,2", "--seeds", "2.5"}), {"--seeds", "2.5"});
-  expect_refused(sweep({"--vary", "seed=1:1000000:1000000", "--seeds", "1001"}), {"1001000000 runs", "at most"});
+  expect_refused(sweep({"--vary", "device.mass_kg=1:2:1000000", "--seeds", "1001"}), {"1001000000 runs", "at most"});
   for (const auto& [typed, meant] : {std::pair{"stabel", "stable"}, std::pair{"drfit_m", "drift_m"},
                                      std::pair{"chatter", "chatter_rms_n"}, std::pair{"drift_m_sd", "drift_m"}})
     expect_refused(sweep({"--vary", "seed=1,2", "--plot", typed}),
