@@ -18,7 +18,9 @@
 #include <utility>
 
 #include "common/base/check.h"
+#include "common/base/low_pass.h"
 #include "common/contact/environment.h"
+#include "common/method/internal_model/slave.h"
 #include "common/record/angle.h"
 #include "common/record/metrics.h"
 #include "common/record/run_judge.h"
@@ -133,7 +135,9 @@ std::size_t window_of(const Scene& scene) {
 /// Are the method's halves, the modes and the network stepped in lanes too, or by the laboratory's nodes lane by lane?
 bool has_nodes_in_lanes(const Scene& scene) {
   const ControlOptions& c = scene.control;
-  if (c.method_name != "NONE" && c.method_name != "CLASSIC" && c.method_name != "FORCE_PROJECTED") return false;
+  const bool model = c.method_name == "INTERNAL_MODEL" && !c.internal_model.strict_two_port;
+  if (!model && c.method_name != "NONE" && c.method_name != "CLASSIC" && c.method_name != "FORCE_PROJECTED")
+    return false;
   if (c.architecture != Architecture::position_force && c.architecture != Architecture::position_measured_force)
     return false;
   for (const ImpairmentOptions* o : {&scene.to_slave, &scene.to_master})
@@ -149,6 +153,7 @@ bool has_nodes_in_lanes(const Scene& scene) {
 LaneMethod method_of(const Scene& scene) {
   if (!has_nodes_in_lanes(scene)) return LaneMethod::nodes;
   const ControlOptions& c = scene.control;
+  if (c.method_name == "INTERNAL_MODEL") return LaneMethod::internal_model;
   if (c.controller.method == Method::none) return LaneMethod::none;
   const bool predictive =
       c.controller.method == Method::force_projected && c.controller.predict && c.handle_mass_kg > 0.0;
@@ -272,14 +277,17 @@ class Cell {
   [[nodiscard]] bool is_plain() const { return from_of_verdict_ == VerdictFrom::plain; }
   /// Are ticks from `k` on recorded? RunJudge::see.
   [[nodiscard]] bool is_recorded(std::int64_t k) const { return k >= quiet_from_; }
-  /// A recorded tick: its row, of which every `width`-th number is this lane's.
-  void add_recorded(const double* row, std::size_t width) {
-    std::array<double, 2 * N> v;
-    for (std::size_t j = 0; j < 2 * N; ++j) v[j] = row[j * width];
-    const std::array energies{row[2 * N * width], row[2 * N * width]};
-    const auto events = static_cast<unsigned>(row[(2 * N + 2) * width]);
-    after_->add(v, energies, {.touching = (events & kTouching) != 0, .limited = (events & kLimited) != 0});
-    acted_after_ = acted_after_ || (events & kActed) != 0;
+  /// Recorded ticks: their rows, of which every `width`-th number is this lane's.
+  void add_recorded(const double* rows, std::size_t width, std::size_t count) {
+    std::array<const double*, 2 * N> v;
+    for (std::size_t j = 0; j < 2 * N; ++j) v[j] = rows + j * width;
+    const std::array energies{rows + 2 * N * width, rows + 2 * N * width};
+    const std::size_t row = words_of_record(N) * width;
+    after_->add_ticks(v, energies, count, row, [&](std::size_t k) -> TrendRecord::Events {
+      const auto events = static_cast<unsigned>(rows[k * row + (2 * N + 2) * width]);
+      acted_after_ = acted_after_ || (events & kActed) != 0;
+      return {.touching = (events & kTouching) != 0, .limited = (events & kLimited) != 0};
+    });
   }
   void keep_ratio(double ratio) { held_ratio_ = ratio; }
 
@@ -519,10 +527,41 @@ class Cell {
       }
     }
     first_force_lag_ = first_force_lag_of(scene_);
+    if (method_of(scene_) == LaneMethod::internal_model) set_internal_model();
     const HighPassCoefficients filter{30.0, scene_.master_rate_hz};
     p.filter_b0 = filter.b0, p.filter_a1 = filter.a1, p.filter_a2 = filter.a2;
     window_ = window_of(scene_);
     p.window = static_cast<double>(window_);
+  }
+
+  /// As the constructors of InternalModelMaster and InternalModelSlave.
+  void set_internal_model() {
+    const ControlOptions& c = scene_.control;
+    const double dt = p.dt, robot_kg = c.known.robot_mass_kg;
+    const auto weight = [&](double tau_s) { return low_pass_weight(Seconds{dt}, tau_s); };
+    const double r = to_seconds(Duration{(lag_[0] + lag_[1]) * period_ns_}).si();
+    p.round_trip_s = r;
+    p.damping = with_damped_robot(c).coupling.damping_n_s_per_m;
+    p.coupling = c.force_scale * c.motion_scale * c.coupling.stiffness_n_per_m;
+    p.quarter_handle = 0.25 * c.handle_mass_kg;
+    p.robot_kg = robot_kg, p.robot_quarter_per_dt = 0.25 * robot_kg / dt;
+    p.brake = std::min(20.0, c.coupling.damping_n_s_per_m);
+    p.to_master_stiffness = c.force_scale * c.motion_scale, p.inverse_motion = 1.0 / c.motion_scale;
+    p.yields = std::min(1.0, std::pow(c.known.round_trip.si() / 0.2, 2));
+    p.dt2 = dt * dt;
+    p.spring = std::min(p.coupling, p.quarter_handle / p.dt2);
+    p.most_damping = c.handle_mass_kg / (4.0 * dt);
+    p.weight_3ms = weight(3e-3), p.weight_10ms = weight(10e-3), p.weight_20ms = weight(20e-3);
+    p.weight_30ms = weight(30e-3), p.weight_50ms = weight(50e-3), p.weight_100ms = weight(0.1);
+    p.weight_500ms = weight(0.5), p.weight_along = weight(0.2 + r);
+    const double residual_s = std::clamp(6.0 * std::sqrt(robot_kg / c.coupling.stiffness_n_per_m), 0.3, 1.0);
+    p.weight_residual = weight(residual_s + 0.5 * r), p.weight_outside = weight(0.3 + r);
+    p.weight_offset_normal = weight(0.5 + 2.0 * r);
+    p.ramp_in_100ms = dt / 0.1;
+    InternalModel<double, N>& m = now.state.model;
+    m.found.normal[0] = m.model.normal[0] = m.yield_normal[0] = m.offset_normal[0] = 1.0;
+    m.scale_slow = m.shown = m.peak_speed = 1.0;
+    m.level = 1e-5;
   }
 
   /// A tick that is cut into parts is left to the plant; the map of a whole one then does not matter.
@@ -620,6 +659,11 @@ class Cell {
     for (int i = 0; i < N; ++i)
       sum += s.master_x[i] + s.master_v[i] + s.slave_x[i] + s.slave_v[i] + s.held[i] + s.command[i];
     sum += s.master_energy + s.slave_absorbed + s.slave_returned;
+    if (method_of(scene_) == LaneMethod::internal_model) {
+      std::array<double, sizeof s.model / sizeof(double)> all;
+      std::memcpy(all.data(), &s.model, sizeof s.model);
+      for (const double each : all) sum += each;
+    }
     return std::isfinite(sum);
   }
 
@@ -714,7 +758,7 @@ class Lanes {
     b.clock = oldest + 1;
     const auto w = static_cast<std::size_t>(unit.lanes), slots = static_cast<std::size_t>(b.slots);
     b.parameters = take(0, kParameters * w), b.state = take(1, kState * w), b.sums = take(2, kSums * w);
-    b.to_slave = take(3, slots * words_to_slave(N) * w), b.to_master = take(4, slots * words_to_master(N) * w);
+    b.to_slave = take(3, slots * words_to_slave(N, b.method) * w), b.to_master = take(4, slots * words_to_master(N, b.method) * w);
     if (!tail) b.window = take(5, static_cast<std::size_t>(b.window_slots) * 2 * N * w);
     if (records) b.record = take(6, kRecordRows * words_of_record(N) * w);
   }
@@ -729,12 +773,12 @@ class Lanes {
   void get_state(int lane, State<double, N>& state) const { get(b.state, lane, &state, kState); }
   void get_sums(int lane, Of& cell) const { get(b.sums, lane, &cell.t, kSums); }
   void set_packets(int lane, const Snapshot<N>& from) {
-    set_ring(b.to_slave, words_to_slave(N), lane, from.to_slave);
-    set_ring(b.to_master, words_to_master(N), lane, from.to_master);
+    set_ring(b.to_slave, words_to_slave(N, b.method), lane, from.to_slave);
+    set_ring(b.to_master, words_to_master(N, b.method), lane, from.to_master);
   }
   void get_packets(int lane, Snapshot<N>& into, std::int64_t ages) const {
-    get_ring(b.to_slave, words_to_slave(N), lane, into.to_slave, ages);
-    get_ring(b.to_master, words_to_master(N), lane, into.to_master, ages);
+    get_ring(b.to_slave, words_to_slave(N, b.method), lane, into.to_slave, ages);
+    get_ring(b.to_master, words_to_master(N, b.method), lane, into.to_master, ages);
   }
   /// A lane of which nobody wants anything: the same as another one. Its own packets serve it once they are finite.
   void copy_lane(int to, int from, bool with_packets) {
@@ -742,8 +786,8 @@ class Lanes {
     copy(b.state, kState, to, from);
     copy(b.sums, kSums, to, from);
     if (with_packets) {
-      copy(b.to_slave, static_cast<std::size_t>(b.slots) * words_to_slave(N), to, from);
-      copy(b.to_master, static_cast<std::size_t>(b.slots) * words_to_master(N), to, from);
+      copy(b.to_slave, static_cast<std::size_t>(b.slots) * words_to_slave(N, b.method), to, from);
+      copy(b.to_master, static_cast<std::size_t>(b.slots) * words_to_master(N, b.method), to, from);
     }
     b.path[to] = b.path[from];
     b.plant[to] = b.plant[from];
@@ -922,7 +966,8 @@ class Runs {
       Cell<N>* const cell = cell_[lane].get();
       if (cell == nullptr) continue;
       k_[lane] += done;
-      if (recorded[lane]) add_recorded(*cell, lane, done);
+      if (recorded[lane])
+        cell->add_recorded(b.record + lane, static_cast<std::size_t>(lanes_.width()), static_cast<std::size_t>(done));
       const bool diverged = (b.diverged >> lane & 1U) != 0;
       if (!diverged && k_[lane] < cell->next_stop()) continue;
       lanes_.get_state(lane, cell->now.state);
@@ -953,12 +998,6 @@ class Runs {
   }
 
  private:
-  void add_recorded(Cell<N>& cell, int lane, std::int64_t rows) {
-    const auto width = static_cast<std::size_t>(lanes_.width());
-    for (std::int64_t row = 0; row < rows; ++row)
-      cell.add_recorded(lanes_.b.record + static_cast<std::size_t>(row) * words_of_record(N) * width + lane, width);
-  }
-
   const Unit& unit_;
   Lanes<N> lanes_;
   Of cell_[kMostLanes];
@@ -1240,7 +1279,10 @@ std::string shape_of_lanes(const Scene& scene) {
   std::string shape =
       fmt::format("{} {} {} {} {}", scene.dof, static_cast<int>(method), world.surfaces.size(), world.springs.size(),
                   scene.simulation.integrator == Integrator::rk4 ? scene.simulation.substeps : 0);
-  if (method != LaneMethod::nodes)
+  if (method == LaneMethod::internal_model) {
+    shape += returns_measured_force(c) ? " measured" : "";
+    shape += c.coupling.drift_compensation ? " 1" : " 0";
+  } else if (method != LaneMethod::nodes)
     shape += fmt::format(" {}{}{}{}{}", static_cast<int>(c.controller.method), c.controller.unilateral ? 1 : 0,
                          c.controller.predict ? 1 : 0, returns_measured_force(c) ? 1 : 0,
                          c.coupling.drift_compensation ? 1 : 0);
