@@ -1,6 +1,5 @@
 #pragma once
 
-#include <algorithm>
 #include <array>
 #include <cstddef>
 #include <span>
@@ -70,10 +69,6 @@ class TrendRecord {
     bool limited = false;   ///< a force was cut by a limit that is no passivity controller
   };
   void add(std::span<const double> signals, std::span<const double> energies, Events events) noexcept;
-  /// The same for `count` ticks: a value of tick k is at [k * step] from that of tick 0. `events_of(k)`: Events.
-  template <class EventsOf>
-  void add_ticks(std::span<const double* const> signals, std::span<const double* const> energies, std::size_t count,
-                 std::size_t step, EventsOf events_of) noexcept;
 
   [[nodiscard]] std::size_t signals() const { return signals_; }
   /// Ticks in whole blocks.
@@ -137,49 +132,6 @@ class TrendRecord {
   std::vector<signed char> sign_;
   bool touching_ = false, started_ = false;
 };
-
-template <class EventsOf>
-void TrendRecord::add_ticks(std::span<const double* const> signals, std::span<const double* const> energies,
-                            std::size_t count, std::size_t step, EventsOf events_of) noexcept {
-  for (std::size_t from = 0; from < count;) {
-    const std::size_t b = filled_, n = std::min(count - from, block_ticks_ - in_block_);
-    const bool opens = in_block_ == 0;
-    for (std::size_t i = 0; i < signals_; ++i) {
-      const double* x = signals[i] + from * step;
-      Signal s = opens ? Signal{0.0, *x, 0} : of_signal(b, i);
-      signed char last = sign_[i];
-      for (std::size_t k = 0; k < n; ++k, x += step) {
-        s.sum2 += *x * *x;
-        const auto sign = static_cast<signed char>((*x > 0.0) - (*x < 0.0));
-        s.turns += sign != 0 && sign == -last;
-        last = sign != 0 ? sign : last;
-      }
-      of_signal(b, i) = s;
-      sign_[i] = last;
-    }
-    for (std::size_t i = 0; i < energies_; ++i) {
-      const double* x = energies[i] + from * step;
-      Energies e = opens ? Energies{0.0, *x, *x} : of_energy(b, i);
-      for (std::size_t k = 0; k < n; ++k, x += step) {
-        e.sum += *x;
-        e.least = std::min(e.least, *x);
-        e.most = std::max(e.most, *x);
-      }
-      of_energy(b, i) = e;
-    }
-    Happened happened = opens ? Happened{0, false} : happened_[b];
-    for (std::size_t k = 0; k < n; ++k) {
-      const Events events = events_of(from + k);
-      happened.contact_changes += started_ && events.touching != touching_;
-      happened.limited = happened.limited || events.limited;
-      touching_ = events.touching;
-      started_ = true;
-    }
-    happened_[b] = happened;
-    from += n;
-    if ((in_block_ += n) == block_ticks_) close_block();
-  }
-}
 
 /// Growth rate per sample of the least damped mode in a signal that a few modes make up.
 ///

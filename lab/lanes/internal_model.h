@@ -12,8 +12,8 @@ struct Vec {
   TWOPORT_MEMBER V& operator[](int i) { return e[i]; }
   TWOPORT_MEMBER V operator[](int i) const { return e[i]; }
 };
-#define TWOPORT_EACH(expression) \
-  Vec<N> out;                    \
+#define TWOPORT_EACH(expression)                     \
+  Vec<N> out;                                        \
   for (int i = 0; i < N; ++i) out.e[i] = expression; \
   return out
 template <int N>
@@ -176,8 +176,8 @@ TWOPORT_INLINE void estimate(const Parameters<V, N>& p, InternalModel<V, N>& m, 
       turn(slides, found, across / across_size, p.weight_30ms);
       low_pass(slides, found.friction, clamp(along / across_size, V{}, all(1.0)), p.weight_50ms);
     }
-    const M rests = in & ~slides & (m.age_s < 0.3) & (found.friction < 0.05) &
-                    (dot(f_surface, of(found.normal)) > 0.970 * f_size);
+    const M rests =
+        in & ~slides & (m.age_s < 0.3) & (found.friction < 0.05) & (dot(f_surface, of(found.normal)) > 0.970 * f_size);
     if (any(rests)) turn(rests, found, f_surface / f_size, p.weight_100ms);
     // fit_curvature
     const Vec<N> normal = of(found.normal);
@@ -348,7 +348,8 @@ TWOPORT_INLINE void step_internal_model(const Parameters<V, N>& p, State<V, N>& 
     low_pass(heard, m.r, error, select(free & ~in_flight, p.weight_50ms, p.weight_residual));
     const Vec<N> n_echo = at_echo.normal;
     Vec<N> along = error - dot(error, n_echo) * n_echo;
-    along = along - stick(p, heard, m.sticks_at_echo, m.anchor_at_echo, echo, n_echo, m.model.friction * norm(modelled));
+    along =
+        along - stick(p, heard, m.sticks_at_echo, m.anchor_at_echo, echo, n_echo, m.model.friction * norm(modelled));
     set(heard, m.r_along, of(m.r_along) + p.weight_along * (along - of(m.r_along)));
     // displayed
     const M presses = heard & inside, apart = heard & exists & ~inside;

@@ -334,8 +334,8 @@ struct Loop {
     if constexpr (kModel) {
       const M informed = s.model.informed != 0.0;
       for (int i = 0; i < N; ++i)
-        x_rx[i] = select(
-            informed, x_rx[i] + -(s.model.offset_rx[i] + s.model.yield_m * s.model.yield_normal[i]), x_rx[i]);
+        x_rx[i] =
+            select(informed, x_rx[i] + -(s.model.offset_rx[i] + s.model.yield_m * s.model.yield_normal[i]), x_rx[i]);
     }
     if (!all_fresh || any(was != 1.0)) {
       if (any(begins)) [[unlikely]] {
@@ -392,7 +392,8 @@ struct Loop {
     if constexpr (kModel) {
       InternalModel<V, N>& m = s.model;
       for (int i = 0; i < N; ++i)
-        set(coupled & fresh, m.shift[i], placed(s.x_rx[i], s.origin[i], shifted) - placed(x_rx[i], s.origin[i], shifted));
+        set(coupled & fresh, m.shift[i],
+            placed(s.x_rx[i], s.origin[i], shifted) - placed(x_rx[i], s.origin[i], shifted));
       const Vec<N> felt = of(sensed) - of(m.bias), felt_there = p.force_scale * felt;
       const Vec<N> v_seen = p.inverse_motion * of(s.slave_v);
       set(f_back, felt);
@@ -609,8 +610,8 @@ struct Loop {
     }
     const M coupled = s.master_mode == 1.0, active = coupled | (s.master_mode == 2.0);
     const M rises = kModel ? active : coupled;
-    s.ramp = select(rises & (s.ramp == 1.0), s.ramp,
-                    clamp(s.ramp + select(rises, p.ramp_by, -p.ramp_by), V{}, all(1.0)));
+    s.ramp =
+        select(rises & (s.ramp == 1.0), s.ramp, clamp(s.ramp + select(rises, p.ramp_by, -p.ramp_by), V{}, all(1.0)));
     if constexpr (kPart == Part::run) {
       const M old = ~fresh & ~coupled;
       if (any(old)) [[unlikely]]

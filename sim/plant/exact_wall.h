@@ -179,7 +179,6 @@ class ExactPlant {
     double lo = 0.0, hi = h;
     for (int i = 0; i < 60; ++i) {
       const double t = 0.5 * (lo + hi);
-      if (t == lo || t == hi) break;  // the same again
       (free_across(from, u, t).v < 0.0 ? lo : hi) = t;
     }
     return hi;

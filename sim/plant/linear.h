@@ -27,11 +27,9 @@ struct AxisState {
     double force = u0, slope = u1;
     double x = a0 + a1, v = a1;
     for (int j = 2; j < 40; ++j) {
-      // A division that would yield zero costs as much as another.
       const double c = o.damping_n_s_per_m * a1 * d / (o.mass_kg * j);
-      const double k =
-          o.stiffness_n_per_m == 0.0 ? 0.0 : o.stiffness_n_per_m * a0 * d * d / (o.mass_kg * j * (j - 1));
-      const double u = force == 0.0 ? 0.0 : force * d * d / (o.mass_kg * j * (j - 1));
+      const double k = o.stiffness_n_per_m * a0 * d * d / (o.mass_kg * j * (j - 1));
+      const double u = force * d * d / (o.mass_kg * j * (j - 1));
       const double a2 = u - c - k;
       force = j == 2 ? slope * d : 0.0;
       slope = 0.0;
