@@ -141,6 +141,7 @@ class Lanes {
         if (lane > 0) same[way] &= one.lag[way] == lag[way];
         lag[way] = one.lag[way];
       }
+      // The first field of a state is the number of its next tick.
       if (lane > 0) b.together = b.together && b.path[lane] == b.path[0] && b.state[lane] == b.state[0];
     }
     for (int way = 0; way < 2; ++way)
@@ -172,7 +173,6 @@ class Lanes {
   Batch b{};
   Of* cell_of[kMostLanes]{};
   Nodes<N>* nodes[kMostLanes]{};  ///< LaneMethod::nodes; null in a lane of which nobody wants anything
-
 
  private:
   /// What a lane copies of its state.
