@@ -11,6 +11,7 @@
 #include <exception>
 #include <limits>
 #include <system_error>
+#include <utility>
 
 #include "common/base/check.h"
 #include "common/base/file.h"
@@ -168,8 +169,8 @@ std::vector<std::pair<std::string, std::optional<double>>> known_numbers(const S
 
 std::vector<std::pair<std::string, double>> numbers(const Summary& summary) {
   std::vector<std::pair<std::string, double>> all;
-  for (const auto& [name, value] : known_numbers(summary))
-    all.emplace_back(name, value.value_or(std::numeric_limits<double>::quiet_NaN()));
+  for (auto& [name, value] : known_numbers(summary))
+    all.emplace_back(std::move(name), value.value_or(std::numeric_limits<double>::quiet_NaN()));
   return all;
 }
 

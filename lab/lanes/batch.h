@@ -35,10 +35,37 @@ struct Parameters {
   S initial_energy, most_gain, most_mobility, response;
   // Network: [0]: to the slave, [1]: to the master.
   S lag[2], loss[2], burst_p[2], burst_r[2], burst_good[2], burst_bad[2];
+  // InternalModelMaster, InternalModelSlave: R, K_c, masses, and T/τ of every low pass (weight_ms: of so many).
+  S round_trip_s, coupling, quarter_handle, robot_kg, robot_quarter_per_dt, brake, to_master_stiffness, inverse_motion;
+  S yields, spring, dt2, most_damping, weight_3ms, weight_10ms, weight_20ms, weight_30ms, weight_50ms, weight_100ms,
+      weight_500ms, weight_along, weight_residual, weight_outside, weight_offset_normal, ramp_in_100ms;
   // Metrics.
   S filter_b0, filter_a1, filter_a2, most_speed2, window;
   // Change at stops.
   S late, at_rest, blackout[2];
+};
+
+/// SurfacePatch.
+template <class S, int N>
+struct Patch {
+  S point[N], normal[N], stiffness, friction, curvature;
+};
+
+/// State of InternalModelMaster and InternalModelSlave, by their members' names.
+template <class S, int N>
+struct InternalModel {
+  // Slave: SurfaceEstimator, SensorBias, yield; what the master has said.
+  Patch<S, N> found;
+  S contact, quiet_s, age_s, damping, xx, xv, vv, xf, vf, variance, covariance;
+  S f_contact[N], x_slow[N], v_slow[N], f_slow[N], v_surface[N], f_surface[N], x_mean[N], n_mean[N];
+  S bias[N], learned_s, yield_m, yield_normal[N], shift[N];
+  S informed, offset_rx[N], felt_rx[N];
+  // Master: SurfaceModel, StickSpring, EnergySpring, DamperAccount; what the slave has said.
+  S heard, contact_rx, echo_rx[N], robot_rx[N];
+  Patch<S, N> found_rx, model;
+  S exists, model_ramp, sticks, anchor[N], sticks_at_echo, anchor_at_echo[N];
+  S r[N], r_along[N], offset_m, offset_normal[N], felt[N], slow_v[N], scale_slow, shown, commanded[N];
+  S energy, net, peak_speed, level, g[N];
 };
 
 /// State of a simulation between two ticks: both plants, both nodes, both halves of the method, what is known of the network.
@@ -66,6 +93,7 @@ struct State {
   S received[2], first_at[2];
   S random[2];  ///< bits of an unsigned integer
   S bad_state[2];
+  InternalModel<S, N> model;  ///< the last member: copied for that method only
 };
 
 /// Sums of Metrics, RunJudge, ContactFigures, HeldForce and ContactStates.
@@ -82,19 +110,21 @@ struct Sums {
   S pressed, late_ticks, touched;
 };
 
-inline constexpr int words_to_slave(int dof) {
-  return 2 * dof + 1;  // x, v, energy
+/// `nodes`: both nodes, their halves and the link are the laboratory's own, stepped lane by lane.
+enum class LaneMethod : int { none, one_port, predictive, internal_model, nodes };
+
+inline constexpr int words_to_slave(int dof, LaneMethod method) {
+  // x, v, energy; o, f_m, whether they are there
+  return 2 * dof + 1 + (method == LaneMethod::internal_model ? 2 * dof + 1 : 0);
 }
-inline constexpr int words_to_master(int dof) {
-  return 3 * dof + 1;  // f, f_environment, energy, f_coupling
+inline constexpr int words_to_master(int dof, LaneMethod method) {
+  // f, f_environment, energy, f_coupling; contact, K*, μ, κ, n, p, x_sd, x_s, whether they are there
+  return 3 * dof + 1 + (method == LaneMethod::internal_model ? 4 * dof + 5 : 0);
 }
 inline constexpr int words_of_record(int dof) {
   return 2 * dof + 3;  // velocities, two energies, events
 }
 enum Event : unsigned { kTouching = 1, kLimited = 2, kActed = 4, kDriven = 8 };
-
-/// `nodes`: both nodes, their halves and the link are the laboratory's own, stepped lane by lane.
-enum class LaneMethod : int { none, one_port, predictive, nodes };
 
 /// Of what nodes are given and give, lane by lane: numbers of a tick, [field][lane].
 inline constexpr int numbers_of_slave(int dof) {

@@ -1,5 +1,6 @@
 #pragma once
 
+#include "lab/lanes/internal_model.h"
 #include "lab/lanes/vector.h"
 
 // The tick of a lane unit: a copy of LinkLoop (lab/engine/loops.h) with NoControl or TimeDomainPassivity, for as many simulations
@@ -19,6 +20,8 @@ struct Loop {
   using P = Parameters<V, N>;
   using S = State<V, N>;
   using T = Sums<V, N>;
+  static constexpr bool kModel = kMethod == LaneMethod::internal_model,
+                        kTdpa = kMethod == LaneMethod::one_port || kMethod == LaneMethod::predictive;
 
   Batch& b;
   const P& p;
@@ -249,14 +252,19 @@ struct Loop {
     absorbed += select(into > 0.0, into, V{});
     returned -= select(into < 0.0, into, V{});
   }
-  [[gnu::always_inline]] static inline V feasible_scale(V q, V b2, V a) {
-    const V inner = b2 * b2 + 4.0 * q * a, square = root(select(inner > 0.0, inner, V{}));
-    const V scale = select(b2 <= 0.0, (square - b2) / (2.0 * q), 2.0 * a / (square + b2));
-    return select(q + b2 <= a, all(1.0), clamp(scale, V{}, all(1.0)));
-  }
   [[gnu::always_inline]] inline V placed(V x, V origin, M shifted) {
     const V scaled = p.motion_scale * x;
     return select(shifted, p.motion_scale * (N == 1 ? x : x + 0.0) + origin, scaled);
+  }
+  /// Registration::to_master of a position.
+  [[gnu::always_inline]] inline Vec<N> back(const V (&x)[N]) const {
+    Vec<N> out;
+    const M shifted = s.shifted != 0.0;
+    for (int i = 0; i < N; ++i) {
+      const V from = x[i] - s.origin[i];
+      out.e[i] = select(shifted, N == 1 ? from : from + 0.0, x[i]) / p.motion_scale;
+    }
+    return out;
   }
 
   [[gnu::always_inline]] inline void slave_tick(bool first) {
@@ -271,11 +279,11 @@ struct Loop {
     find_environment_force();
     if constexpr (kMethod == LaneMethod::nodes) return slave_nodes();
     V sensed[N];
-    if (b.measured)
+    if (b.measured || kModel)
       for (int i = 0; i < N; ++i) sensed[i] = p.sensor_bias[i] - env[i];
 
     // Mailbox::collect.
-    constexpr int kWords = words_to_slave(N);
+    constexpr int kWords = words_to_slave(N, kMethod);
     const V* const mail = packet(b.to_slave, 0, kWords);
     const M fresh = arrives(0);
     const bool all_fresh = bits(fresh) == (1U << kLanes) - 1;
@@ -300,13 +308,40 @@ struct Loop {
       s.master_heard_at = select(fresh, s.k, s.master_heard_at);
     }
 
+    V x_rx[N];  // after what the method takes off
+    for (int i = 0; i < N; ++i) x_rx[i] = s.x_rx[i];
+    if constexpr (kModel) {
+      constexpr int kFrom = 2 * N + 1;
+      InternalModel<V, N>& m = s.model;
+      for (int i = 0; i < N; ++i) {
+        set(fresh, m.offset_rx[i], word(mail, b.to_slave, 0, kWords, kFrom + i));
+        set(fresh, m.felt_rx[i], word(mail, b.to_slave, 0, kWords, kFrom + N + i));
+      }
+      set(fresh, m.informed, word(mail, b.to_slave, 0, kWords, kFrom + 2 * N));
+    }
+
     const V was = s.slave_mode;
+    M begins{};
     if (!all_fresh || any(was != 1.0)) {
-      const M begins = new_mode(s.slave_mode, s.master_known != 0.0, s.master_heard_at);
+      begins = new_mode(s.slave_mode, s.master_known != 0.0, s.master_heard_at);
+      if constexpr (kModel)
+        if (any(begins)) [[unlikely]] {
+          InternalModel<V, N>& m = s.model;
+          set(begins, m.yield_m, V{}), set(begins, m.contact, V{}), set(begins, m.quiet_s, V{});
+          set(begins, m.f_contact, Vec<N>{});
+        }
+    }
+    if constexpr (kModel) {
+      const M informed = s.model.informed != 0.0;
+      for (int i = 0; i < N; ++i)
+        x_rx[i] =
+            select(informed, x_rx[i] + -(s.model.offset_rx[i] + s.model.yield_m * s.model.yield_normal[i]), x_rx[i]);
+    }
+    if (!all_fresh || any(was != 1.0)) {
       if (any(begins)) [[unlikely]] {
         M shifted{};
         for (int i = 0; i < N; ++i) {
-          const V x = N == 1 ? s.x_rx[i] : s.x_rx[i] + 0.0;
+          const V x = N == 1 ? x_rx[i] : x_rx[i] + 0.0;
           s.origin[i] = select(begins, s.slave_x[i] - p.motion_scale * x, s.origin[i]);
           shifted |= s.origin[i] != 0.0;
           s.x_sd[i] = select(begins, s.slave_x[i], s.x_sd[i]);
@@ -319,7 +354,7 @@ struct Loop {
     }
     const M coupled = s.slave_mode == 1.0, active = coupled | (s.slave_mode == 2.0);
 
-    if constexpr (kMethod != LaneMethod::none) {
+    if constexpr (kTdpa) {
       for (int i = 0; i < N; ++i) moved[i] = s.slave_x[i] - s.x_before[i];
       book(s.coupling_absorbed, s.coupling_returned, -dot(s.coupling_f, moved));
       for (int i = 0; i < N; ++i) s.x_before[i] = s.slave_x[i];
@@ -329,7 +364,7 @@ struct Loop {
     V v_rx[N], v_d[N], f[N], repair[N];
     for (int i = 0; i < N; ++i) {
       v_rx[i] = select(coupled, p.motion_scale * s.v_rx[i], V{});
-      const V target = select(fresh, placed(s.x_rx[i], s.origin[i], shifted), s.target[i] + v_rx[i] * p.dt);
+      const V target = select(fresh, placed(x_rx[i], s.origin[i], shifted), s.target[i] + v_rx[i] * p.dt);
       s.target[i] = select(coupled, target, s.target[i]);
       repair[i] = (s.target[i] - (b.drift_compensation ? s.x_sd[i] : s.x_d[i])) / p.dt - v_rx[i];
     }
@@ -352,9 +387,28 @@ struct Loop {
     }
     for (int i = 0; i < N; ++i) f_back[i] = b.measured ? sensed[i] : f[i];
     slave_dissipated = V{};
+    Vec<N> x_seen{};
+    V series{};
+    if constexpr (kModel) {
+      InternalModel<V, N>& m = s.model;
+      for (int i = 0; i < N; ++i)
+        set(coupled & fresh, m.shift[i],
+            placed(s.x_rx[i], s.origin[i], shifted) - placed(x_rx[i], s.origin[i], shifted));
+      const Vec<N> felt = of(sensed) - of(m.bias), felt_there = p.force_scale * felt;
+      const Vec<N> v_seen = p.inverse_motion * of(s.slave_v);
+      set(f_back, felt);
+      x_seen = back(s.slave_x);
+      estimate(p, m, x_seen, v_seen, felt_there);
+      const M touches = m.contact != 0.0;
+      if (any(~touches)) learn_bias(p, m, ~touches, of(sensed));
+      series = in_series(p, m);
+      yield(p, m, coupled, felt_there, series);
+      const M brakes = coupled & touches;
+      if (any(brakes)) set(brakes, f, of(f) + leaving_brake(p, m, v_seen));
+    }
     V v[N];
     for (int i = 0; i < N; ++i) v[i] = v_d[i];
-    if constexpr (kMethod != LaneMethod::none) {
+    if constexpr (kTdpa) {
       // admittance_controller.
       const V available = p.initial_energy + p.energy_to_slave * s.known_energy - s.slave_returned;
       const V a = select(available < 0.0, V{}, available) / p.dt, power = dot(f, v_d);
@@ -382,7 +436,7 @@ struct Loop {
     for (int i = 0; i < N; ++i) s.x_sd[i] += moved[i];
     if (!b.drift_compensation)
       for (int i = 0; i < N; ++i) s.x_d[i] += v_d[i] * p.dt;
-    if constexpr (kMethod != LaneMethod::none) {
+    if constexpr (kTdpa) {
       book(s.coupling_absorbed, s.coupling_returned, into);
       s.coupling_worst = least(s.coupling_worst, 0.0 + (s.coupling_absorbed - s.coupling_returned));
       const V earned = s.slave_absorbed + s.coupling_worst;
@@ -394,21 +448,35 @@ struct Loop {
     }
     for (int i = 0; i < N; ++i) {
       s.command[i] = f[i];
-      position_error[i] = select(coupled, s.slave_x[i] - s.target[i], V{});
+      const V target = kModel ? s.target[i] + s.model.shift[i] : s.target[i];
+      position_error[i] = select(coupled, s.slave_x[i] - target, V{});
     }
     if (any(s.slave_mode != was)) [[unlikely]] {
       const M met = (s.slave_mode != was) & coupled;
-      for (int i = 0; i < N; ++i)
-        s.hand_origin[i] = select(met, s.target[i] - p.motion_scale * s.x_rx[i], s.hand_origin[i]);
+      for (int i = 0; i < N; ++i) {
+        const V target = kModel ? s.target[i] + s.model.shift[i] : s.target[i];
+        s.hand_origin[i] = select(met, target - p.motion_scale * s.x_rx[i], s.hand_origin[i]);
+      }
     }
 
-    constexpr int kBack = words_to_master(N);
+    constexpr int kBack = words_to_master(N, kMethod);
     for (int i = 0; i < N; ++i) {
       word_to_send(b.to_master, kBack, i) = f_back[i];
       word_to_send(b.to_master, kBack, N + i) = env[i];
       if (b.measured) word_to_send(b.to_master, kBack, 2 * N + 1 + i) = f[i];
     }
     word_to_send(b.to_master, kBack, 2 * N) = slave_energy_in;
+    if constexpr (kModel) {
+      const InternalModel<V, N>& m = s.model;
+      const Vec<N> echo = back(s.x_sd);
+      V* const to = &word_to_send(b.to_master, kBack, 3 * N + 1);
+      to[0] = m.contact, to[1] = series, to[2] = m.found.friction, to[3] = m.found.curvature;
+      for (int i = 0; i < N; ++i) {
+        to[4 + i] = m.found.normal[i], to[4 + N + i] = m.found.point[i];
+        to[4 + 2 * N + i] = echo.e[i], to[4 + 3 * N + i] = x_seen.e[i];
+      }
+      to[4 + 4 * N] = s.master_known;
+    }
   }
 
   /// The slave's node, lane by lane.
@@ -495,7 +563,7 @@ struct Loop {
     if constexpr (kMethod == LaneMethod::nodes) return master_nodes();
 
     // Mailbox::collect.
-    constexpr int kWords = words_to_master(N);
+    constexpr int kWords = words_to_master(N, kMethod);
     const V* const mail = packet(b.to_master, 1, kWords);
     const M fresh = arrives(1);
     const bool all_fresh = bits(fresh) == (1U << kLanes) - 1;
@@ -512,27 +580,57 @@ struct Loop {
     s.slave_known = select(fresh, all(1.0), s.slave_known);
     s.slave_heard_at = select(fresh, s.k, s.slave_heard_at);
     s.force_lag = select(fresh, p.lag[1] + 1.0, s.force_lag);
+    if constexpr (kModel) {
+      constexpr int kFrom = 3 * N + 1;
+      InternalModel<V, N>& m = s.model;
+      const auto said = [&](int number, V& to) __attribute__((always_inline)) {
+        set(fresh, to, word(mail, b.to_master, 1, kWords, kFrom + number));
+      };
+      said(0, m.contact_rx), said(1, m.found_rx.stiffness), said(2, m.found_rx.friction), said(3, m.found_rx.curvature);
+      for (int i = 0; i < N; ++i) {
+        said(4 + i, m.found_rx.normal[i]), said(4 + N + i, m.found_rx.point[i]);
+        said(4 + 2 * N + i, m.echo_rx[i]), said(4 + 3 * N + i, m.robot_rx[i]);
+      }
+      said(4 + 4 * N, m.heard);
+    }
 
     // MasterNode::step.
     book(s.master_absorbed, s.master_returned, energy);
     if (!all_fresh || any(s.master_mode != 1.0)) {
       const M begins = new_mode(s.master_mode, s.slave_known != 0.0, s.slave_heard_at);
       s.ramp = select(begins, V{}, s.ramp);
+      if constexpr (kModel)
+        if (any(begins)) [[unlikely]] {
+          InternalModel<V, N>& m = s.model;
+          set(begins, m.exists, V{}), set(begins, m.model_ramp, V{}), set(begins, m.offset_m, V{});
+          set(begins, m.sticks, V{}), set(begins, m.sticks_at_echo, V{});
+          set(begins, m.r, Vec<N>{}), set(begins, m.r_along, Vec<N>{});
+          set(begins, m.scale_slow, all(1.0)), set(begins, m.shown, all(1.0));
+        }
     }
     const M coupled = s.master_mode == 1.0, active = coupled | (s.master_mode == 2.0);
-    s.ramp = select(coupled & (s.ramp == 1.0), s.ramp,
-                    clamp(s.ramp + select(coupled, p.ramp_by, -p.ramp_by), V{}, all(1.0)));
+    const M rises = kModel ? active : coupled;
+    s.ramp =
+        select(rises & (s.ramp == 1.0), s.ramp, clamp(s.ramp + select(rises, p.ramp_by, -p.ramp_by), V{}, all(1.0)));
     if constexpr (kPart == Part::run) {
       const M old = ~fresh & ~coupled;
       if (any(old)) [[unlikely]]
         remember_force(bits(old));
     }
 
-    for (int i = 0; i < N; ++i) wanted[i] = select(active, s.ramp * (p.force_scale * s.f_rx[i]), V{});
+    if constexpr (!kModel)
+      for (int i = 0; i < N; ++i) wanted[i] = select(active, s.ramp * (p.force_scale * s.f_rx[i]), V{});
     V f[N];
-    for (int i = 0; i < N; ++i) f[i] = wanted[i];
     master_dissipated = undissipated = V{};
-    if constexpr (kMethod == LaneMethod::none) {
+    if constexpr (kModel) {
+      predict(moved, moves, first);
+      Vec<N> shown;
+      step_internal_model(p, s, of(moved), shown, wanted, master_dissipated, undissipated);
+      set(f, shown);
+    } else {
+      for (int i = 0; i < N; ++i) f[i] = wanted[i];
+    }
+    if constexpr (!kTdpa) {
       master_energy_in = s.master_absorbed;
     } else {
       // TdpaMaster::step.
@@ -565,13 +663,19 @@ struct Loop {
       const V share = select(beyond, p.most_force / size, all(1.0));
       for (int i = 0; i < N; ++i) f[i] = select(beyond, share * f[i], f[i]);
     }
-    constexpr int kOut = words_to_slave(N);
+    constexpr int kOut = words_to_slave(N, kMethod);
     for (int i = 0; i < N; ++i) {
       s.held[i] = f[i];
       word_to_send(b.to_slave, kOut, i) = s.master_x[i];
       word_to_send(b.to_slave, kOut, N + i) = s.master_v[i];
     }
     word_to_send(b.to_slave, kOut, 2 * N) = master_energy_in;
+    if constexpr (kModel) {
+      const InternalModel<V, N>& m = s.model;
+      V* const to = &word_to_send(b.to_slave, kOut, 2 * N + 1);
+      for (int i = 0; i < N; ++i) to[i] = m.offset_m * m.offset_normal[i], to[N + i] = m.felt[i];
+      to[2 * N] = m.heard;
+    }
   }
   /// PortVelocityPredictor::step.
   [[gnu::always_inline]] inline void predict(const V (&moved)[N], M moves, bool first) {
@@ -646,7 +750,7 @@ struct Loop {
   }
   /// DelayedForce: while nothing is heard the environment's force goes on, as old as it was.
   [[gnu::noinline]] void remember_force(unsigned lanes) {
-    constexpr int kWords = words_to_master(N);
+    constexpr int kWords = words_to_master(N, kMethod);
     for (int lane = 0; lane < kLanes; ++lane) {
       if ((lanes >> lane & 1U) == 0) continue;
       const double lag = s.force_lag[lane];
@@ -870,6 +974,8 @@ static std::int64_t run_method(Batch& b, std::int64_t ticks) {
       return run_ticks<N, kPart, LaneMethod::one_port>(b, ticks);
     case LaneMethod::predictive:
       return run_ticks<N, kPart, LaneMethod::predictive>(b, ticks);
+    case LaneMethod::internal_model:
+      return run_ticks<N, kPart, LaneMethod::internal_model>(b, ticks);
     default:
       return run_ticks<N, kPart, LaneMethod::nodes>(b, ticks);
   }

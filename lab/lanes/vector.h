@@ -8,6 +8,7 @@ using M = decltype(V{} < V{});  // all bits of a lane set, or none
 static constexpr int kLanes = TWOPORT_LANES;
 
 #define TWOPORT_INLINE [[gnu::always_inline]] static inline
+#define TWOPORT_MEMBER [[gnu::always_inline]] inline
 
 TWOPORT_INLINE V all(double a) {
   return a - V{};
@@ -91,4 +92,10 @@ TWOPORT_INLINE V dot(const V (&a)[N], const V (&b)[N]) {
 template <int N>
 TWOPORT_INLINE V norm2(const V (&a)[N]) {
   return dot(a, a);
+}
+/// largest_feasible_scale: q, b, a.
+TWOPORT_INLINE V feasible_scale(V q, V b, V a) {
+  const V inner = b * b + 4.0 * q * a, square = root(select(inner > 0.0, inner, V{}));
+  const V scale = select(b <= 0.0, (square - b) / (2.0 * q), 2.0 * a / (square + b));
+  return select(q + b <= a, all(1.0), clamp(scale, V{}, all(1.0)));
 }

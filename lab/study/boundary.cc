@@ -8,7 +8,8 @@
 #include <iterator>
 
 #include "common/base/check.h"
-#include "common/scene/load.h"
+#include "common/base/file.h"
+#include "common/scene/scene_text.h"
 #include "lab/both_couplings.h"
 
 namespace twoport::lab {
@@ -34,10 +35,14 @@ double number(const std::string& whole, std::string_view text) {
   return value;
 }
 
-Scene scene_at(const BoundaryOptions& o, double value) {
-  std::vector<std::string> overrides = o.set;
-  for (const std::string& path : o.vary.paths) overrides.push_back(fmt::format("{}={}", path, value));
-  return o.text ? parse_scene(*o.text, o.scene, overrides) : load_scene(o.scene, overrides);
+/// The scene, read once for all values that are tried.
+SceneText text_of(const BoundaryOptions& o) {
+  return {o.text ? *o.text : read_whole(o.scene), o.scene, o.set};
+}
+Scene scene_at(const SceneText& text, const Interval& vary, double value) {
+  std::vector<std::string> overrides;
+  for (const std::string& path : vary.paths) overrides.push_back(fmt::format("{}={}", path, value));
+  return text.with(overrides);
 }
 
 }  // namespace
@@ -139,11 +144,13 @@ std::vector<Trial> tried(const std::vector<Scene>& scenes, const std::vector<dou
 
 BoundarySearch search_boundary(const BoundaryOptions& o, const std::function<void(const Trial&)>& heard) {
   Search search{o};
-  for (const double end : {o.vary.low, o.vary.high}) scene_at(o, end);  // complains of an end, not of what lies between
+  const SceneText text = text_of(o);
+  for (const double end : {o.vary.low, o.vary.high})
+    scene_at(text, o.vary, end);  // complains of an end, not of what lies between
   LaneUse use;
   while (!search.next().empty()) {
     std::vector<Scene> scenes;
-    for (const double value : search.next()) scenes.push_back(scene_at(o, value));
+    for (const double value : search.next()) scenes.push_back(scene_at(text, o.vary, value));
     const std::vector<Trial> trials = tried(scenes, search.next(), o, use);
     for (const Trial& trial : trials)
       if (heard) heard(trial);
@@ -173,12 +180,13 @@ BoundaryCurve boundary_curve(const BoundaryOptions& o, const Axis& along,
   };
   BoundaryCurve curve{.scene = {}, .along = along, .vary = o.vary, .found = {}, .use = {}};
   // A scene that is wrong is found before anything runs.
-  std::vector<BoundaryOptions> options;
+  std::vector<SceneText> texts;
   std::vector<Search> searches;
   for (const std::string& value : along.values) {
-    options.push_back(options_at(value));
-    searches.emplace_back(options.back());
-    for (const double end : {o.vary.low, o.vary.high}) curve.scene = scene_at(options.back(), end).name;
+    const BoundaryOptions at = options_at(value);
+    texts.push_back(text_of(at));
+    searches.emplace_back(at);
+    for (const double end : {o.vary.low, o.vary.high}) curve.scene = scene_at(texts.back(), o.vary, end).name;
   }
 
   std::size_t done = 0;
@@ -187,7 +195,7 @@ BoundaryCurve boundary_curve(const BoundaryOptions& o, const Axis& along,
     std::vector<double> values;
     for (std::size_t i = 0; i < searches.size(); ++i)
       for (const double value : searches[i].next())
-        scenes.push_back(scene_at(options[i], value)), values.push_back(value);
+        scenes.push_back(scene_at(texts[i], o.vary, value)), values.push_back(value);
     const std::vector<Trial> trials = tried(scenes, values, o, curve.use);
     auto at = trials.begin();
     for (Search& search : searches) {

@@ -6,6 +6,7 @@
 #include <variant>
 
 #include "common/base/check.h"
+#include "common/base/file.h"
 #include "common/scene/load.h"
 #include "lab/oracle.h"
 #include "lab/study/sweep_lanes.h"
@@ -41,13 +42,15 @@ SampledWall theory(const Scene& scene, const std::string& file) {
 }  // namespace
 
 ZWidth z_width(const ZWidthOptions& o, const std::function<void(const Progress&)>& heard) {
-  const Scene scene = load_scene(o.scene, o.set);
+  const std::string text = read_whole(o.scene);
+  const Scene scene = parse_scene(text, o.scene, o.set);
   SampledWall wall = theory(scene, o.scene);
   const std::string kind = name(scene.environment[0]);
   if (kind != Wall::kName && kind != Spring::kName)
     throw ConfigError{fmt::format("{}: z-width needs a wall or a spring to vary", o.scene)};
   const std::string element = "environment[0]." + kind + ".";
   const SweepOptions grid{.scene = o.scene,
+                          .text = text,
                           .set = o.set,
                           .axes = {parse_axis(element + "damping_n_s_per_m=" + o.damping),
                                    parse_axis(element + "stiffness_n_per_m=" + o.stiffness),

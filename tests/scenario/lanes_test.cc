@@ -204,6 +204,33 @@ TEST(Lanes, RandomCellsOfEveryMethodWithPlainAndLeanVerdicts) {
   expect_same(cells, 80, VerdictFrom::lean);
 }
 
+// INTERNAL_MODEL with its halves and link in lanes; every fourth scene has something that leaves its nodes to the laboratory.
+TEST(Lanes, RandomCellsOfTheInternalModel) {
+  std::mt19937_64 random{4};
+  std::vector<std::pair<std::string, Scene>> cells;
+  for (int i = 0; i < 120; ++i) {
+    const int dof = i % 3 == 0 ? 1 : 3;
+    std::vector<std::string> set = random_overrides(random, dof);
+    set.emplace_back("control.passivity.method=INTERNAL_MODEL");
+    if (random() % 2 == 0) {
+      set.emplace_back("simulation={ integrator: RK4 substeps: 1 }");
+      set.push_back(fmt::format("environment[0].wall.stiffness_n_per_m={}", 500 + random() % 5000));
+      if (dof == 3)
+        set.push_back(fmt::format("environment[0].wall.friction={}", 0.1 * static_cast<double>(random() % 8)));
+    }
+    if (random() % 4 == 0)
+      set.push_back(fmt::format("robot.force_sensor.bias_n=[{}]", dof == 1 ? "0.1" : "0.1, -0.05, 0.2"));
+    if (random() % 4 == 0) set.emplace_back("to_master.jitter_ms=3");
+    std::string name = fmt::format("dof {}: {}", dof, fmt::join(set, " "));
+    Scene scene = load_scene(kScenes + (dof == 1 ? "/one_axis_wall.textproto" : "/stiff_wall_50ms.textproto"), set);
+    EXPECT_EQ(why_not_in_lanes(scene), "") << name;
+    cells.emplace_back(std::move(name), std::move(scene));
+  }
+  expect_same(cells, 24);
+  expect_same(cells, 120, VerdictFrom::plain);
+  expect_same(cells, 120, VerdictFrom::lean);
+}
+
 // The map's own scene: Runge-Kutta steps, a rough wall, every method in one batch.
 TEST(Lanes, TheMapOfItsOwnSceneIsTheSame) {
   MapOptions o{.scene = {},

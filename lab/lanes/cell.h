@@ -1,0 +1,574 @@
+#pragma once
+
+#include <algorithm>
+#include <array>
+#include <bit>
+#include <cmath>
+#include <cstdint>
+#include <cstring>
+#include <limits>
+#include <memory>
+#include <optional>
+#include <utility>
+#include <vector>
+
+#include "common/base/low_pass.h"
+#include "common/contact/environment.h"
+#include "common/method/internal_model/slave.h"
+#include "common/record/metrics.h"
+#include "common/record/run_judge.h"
+#include "lab/engine/summary_parts.h"
+#include "lab/engine/tail_judge.h"
+#include "lab/lanes/batch.h"
+#include "lab/lanes/intended.h"
+#include "lab/lanes/nodes.h"
+#include "lab/lanes/taken.h"
+#include "lab/run.h"
+#include "sim/plant/exact_wall.h"
+#include "sim/sim_device.h"
+
+namespace twoport {
+
+/// Sets the sums of a run, and says what they are.
+struct SumsOfLanes {
+  template <int N, class Sums>
+  static void set(Metrics<N>& m, const Sums& t, std::int64_t ticks, double period_ns, std::optional<double> held_ratio,
+                  const std::array<double, 2 * N>& early, bool has_early, bool diverged) {
+    const auto whole = [](double n) { return static_cast<std::uint64_t>(n); };
+    m.rows_ = static_cast<std::uint64_t>(ticks);
+    m.last_s_ = static_cast<double>(ticks - 1) * period_ns / kNanosecondsPerSecond;
+    m.min_energy_j_ = t.min_energy, m.min_observed_j_ = t.min_observed;
+    m.min_two_port_j_ = t.min_two_port, m.min_robot_j_ = t.min_robot;
+    m.robot_force2_max_ = t.robot_force2, m.robot_speed2_max_ = t.robot_speed2;
+    m.owed_j_ = t.owed, m.dissipated_j_ = t.dissipated, m.corrected_ticks_ = whole(t.corrected_ticks);
+    m.drift2_ = t.drift2, m.position_error2_ = t.position_error2;
+    m.apart_rows_ = whole(t.apart_rows), m.last_apart_row_ = whole(t.last_apart_row);
+    m.force_error2_ = t.force_error2, m.correction2_max_ = t.correction2, m.force2_max_ = t.force2;
+    m.chatter2_ = t.chatter2, m.wanted_rows_ = whole(t.wanted_rows), m.turned_rows_ = whole(t.turned_rows);
+    m.turn2_max_ = t.turn2_max, m.turn2_ = t.turn2;
+
+    ContactFigures<N>& c = m.contact_;
+    c.uncoupled_ = whole(t.uncoupled), c.touching_ = whole(t.touching), c.free_ = whole(t.free);
+    c.quiet_ = whole(t.quiet), c.muted_ = whole(t.muted), c.compared_ = whole(t.compared);
+    c.environment_force_ = t.environment_force, c.error2_ = t.error2, c.turn2_ = t.contact_turn2;
+    c.free_force2_ = t.free_force2, c.penetration2_ = t.penetration2;
+    c.held_force_.ratio_ = held_ratio;
+
+    RunJudge<N>& j = m.judge_;
+    j.rows_ = m.rows_;
+    j.reach2_ = t.reach2;
+    std::copy_n(t.speed, 2 * N, j.speed_.begin());
+    j.early_speed_ = early;
+    j.early_ = !has_early;
+    j.diverged_ = diverged;
+    j.diverged_at_s_ = m.last_s_;
+    j.coupled_ = t.was_coupled != 0.0;
+  }
+  /// What RunJudge has seen since the path's end, for a verdict from the run itself.
+  template <int N>
+  static void set_after(Metrics<N>& m, TrendRecord&& record, bool acted, double energy_j) {
+    RunJudge<N>& j = m.judge_;
+    j.after_ = std::move(record);
+    j.acted_after_ = acted;
+    j.energy_j_ = energy_j;
+  }
+};
+
+}  // namespace twoport
+
+namespace twoport::lab::lanes {
+
+/// A simulation at rest between two ticks, with the packets on their way.
+template <int N>
+struct Snapshot {
+  State<double, N> state;
+  std::vector<double> to_slave, to_master;  ///< [age - 1][word]: put in `age` ticks ago
+  std::shared_ptr<const Nodes<N>> nodes;    ///< LaneMethod::nodes; packets are theirs
+};
+
+/// The next tick at which one of the times [s] has come, and whether a time has.
+inline std::int64_t tick_of_time(double t_s, double period_ns) {
+  if (!(t_s > 0.0)) return 0;
+  if (!(t_s < 1e9)) return std::numeric_limits<std::int64_t>::max() / 2;
+  const auto at = [&](std::int64_t k) { return static_cast<double>(k) * period_ns / kNanosecondsPerSecond; };
+  auto k = static_cast<std::int64_t>(t_s * kNanosecondsPerSecond / period_ns);
+  while (k > 0 && at(k - 1) >= t_s) --k;
+  while (at(k) < t_s) ++k;
+  return k;
+}
+/// The first tick that begins at `t` or later.
+inline std::int64_t tick_from(Duration t, std::int64_t period_ns) {
+  return std::max<std::int64_t>(0, (t.count() + period_ns - 1) / period_ns);
+}
+
+/// A run of a scene, and the tails that judge it.
+template <int N>
+class Cell {
+ public:
+  using P = Parameters<double, N>;
+  using S = State<double, N>;
+  using T = Sums<double, N>;
+  using Plant = sim::ExactPlant<N>;
+
+  Cell(std::size_t number_of_scene, const Scene& scene, VerdictFrom verdict, const sim::SimDevice<N>& device,
+       std::shared_ptr<const Intended> path)
+      : number{number_of_scene},
+        scene_{scene},
+        from_of_verdict_{verdict},
+        twin_{verdict != VerdictFrom::lean},
+        period_ns_{period_of(scene)},
+        path_{std::move(path)},
+        plant_{*scene.robot,
+               World{scene.environment},
+               1.0 / scene.slave_rate_hz,
+               {position<N>(scene.robot->position_m), Velocity<N>{vector<N>(scene.robot->velocity_m_per_s)}}} {
+    std::memset(&p, 0, sizeof p);
+    std::memset(&t, 0, sizeof t);
+    std::memset(&now.state, 0, sizeof now.state);
+    if (method_of(scene) == LaneMethod::nodes) nodes_ = std::make_unique<Nodes<N>>(scene);
+    set_parameters();
+    start(device);
+    plan();
+  }
+
+  [[nodiscard]] const Scene& scene() const { return scene_; }
+  [[nodiscard]] const double* path() const { return path_->x.data(); }
+  [[nodiscard]] Plant& plant() { return plant_; }
+  [[nodiscard]] Nodes<N>* nodes() { return nodes_.get(); }
+  void keep_nodes() { now.nodes = std::make_shared<const Nodes<N>>(*nodes_); }
+  [[nodiscard]] std::int64_t lag(int way) const { return lag_[way]; }
+  [[nodiscard]] std::int64_t oldest() const { return oldest_of(scene_); }
+  [[nodiscard]] std::int64_t ticks() const { return ticks_; }
+  [[nodiscard]] std::int64_t next_stop() const { return stops_[next_stop_]; }
+  [[nodiscard]] std::size_t window() const { return window_; }
+  [[nodiscard]] bool is_plain() const { return from_of_verdict_ == VerdictFrom::plain; }
+  /// Are ticks from `k` on recorded? RunJudge::see.
+  [[nodiscard]] bool is_recorded(std::int64_t k) const { return k >= quiet_from_; }
+  /// A recorded tick: its row, of which every `width`-th number is this lane's.
+  void add_recorded(const double* row, std::size_t width) {
+    std::array<double, 2 * N> v;
+    for (std::size_t j = 0; j < 2 * N; ++j) v[j] = row[j * width];
+    const std::array energies{row[2 * N * width], row[2 * N * width]};
+    const auto events = static_cast<unsigned>(row[(2 * N + 2) * width]);
+    after_->add(v, energies, {.touching = (events & kTouching) != 0, .limited = (events & kLimited) != 0});
+    acted_after_ = acted_after_ || (events & kActed) != 0;
+  }
+  void keep_ratio(double ratio) { held_ratio_ = ratio; }
+
+  /// Tick `k`, a stop, begins; the lane's state is in `now` and `t`. Sets the parameters that change.
+  /// `snapshot` fills now.to_slave and now.to_master. False: the run has ended.
+  template <class Fill>
+  bool at_stop(std::int64_t k, Fill snapshot) {
+    if (k == early_at_ && k < ticks_) {
+      std::copy_n(t.speed, 2 * N, early_.begin());
+      has_early_ = true;
+    }
+    while (part_ < parts_.size() && k >= parts_[part_].until) {
+      const bool last = parts_[part_].until_s >= end_s_;
+      const double pressed = std::exchange(t.pressed, 0.0);
+      if (t.touched != 0.0 && pressed > pressed_) {
+        pressed_ = pressed;
+        held_.reset();
+        if (!last) {
+          snapshot();
+          held_.emplace(now);
+          held_at_s_ = parts_[part_].until_s;
+        }
+      }
+      t.touched = t.late_ticks = 0.0;
+      ++part_;
+    }
+    set_flags(k);
+    while (next_stop_ < stops_.size() && stops_[next_stop_] <= k) ++next_stop_;
+    return k < ticks_;
+  }
+  /// The run has ended before tick k, or a state has diverged in the last one; `now` and `t` are its last.
+  void end(std::int64_t k, bool diverged, std::optional<double> last_ratio) {
+    ended_at_ = k;
+    if (last_ratio) held_ratio_ = last_ratio;
+    failed_ = !finite();
+    if (failed_) return;
+    metrics_.emplace(metrics_of<N>(scene_, true, path_->end_s, scene_.control.initial_energy.si(), false));
+    SumsOfLanes::set<N>(*metrics_, t, k, static_cast<double>(period_ns_), held_ratio_, early_, has_early_, diverged);
+    if (is_plain()) {
+      SumsOfLanes::set_after<N>(*metrics_, std::move(*after_), acted_after_, now.state.master_energy);
+      return;
+    }
+    judged_ = !diverged && metrics_->judge().not_judged().empty();
+    if (judged_) scale_ = metrics_->judge().scale();
+  }
+  [[nodiscard]] bool needs_tails() const { return judged_ && !failed_; }
+
+  /// Begins the tail of the end, then that of the state in contact; without a twin where wants_twin() is false.
+  std::unique_ptr<TailJudge<N>> begin_tail() {
+    from_ = verdict_ ? &*held_ : &now;
+    auto judge = std::make_unique<TailJudge<N>>(scene_, scale_, granted(), twin_);
+    const auto k = static_cast<std::int64_t>(from_->state.k);
+    for (int i = 0; i < N; ++i) p.held_at[i] = path_->x[static_cast<std::size_t>((k - 1) * N + i)];
+    return judge;
+  }
+  [[nodiscard]] const Snapshot<N>& tail_from() const { return *from_; }
+  [[nodiscard]] bool wants_twin() const { return twin_; }
+  /// A controller has acted in the tail: it begins anew with a twin.
+  void want_twin() { twin_ = true; }
+  /// The twin of a state.
+  [[nodiscard]] S kicked(S s, const std::pair<Velocity<N>, Velocity<N>>& by) {
+    for (int i = 0; i < N; ++i) s.master_v[i] = s.master_v[i] + by.first[i];
+    if (scene_.simulation.integrator == Integrator::rk4) {
+      for (int i = 0; i < N; ++i) s.slave_v[i] = s.slave_v[i] + by.second[i];
+      return s;
+    }
+    to_plant(s.slave_x, s.slave_v, s.across, s.in_contact);
+    plant_.kick(by.second);
+    from_plant(s.slave_x, s.slave_v, s.across, s.in_contact);
+    return s;
+  }
+  /// Takes the verdict of a tail. True: another one is needed.
+  bool end_tail(const Verdict& verdict) {
+    if (!verdict_) {
+      verdict_ = verdict;
+      twin_ = from_of_verdict_ != VerdictFrom::lean;
+      return verdict.kind != VerdictKind::unstable && held_.has_value();
+    }
+    keep_worse(*verdict_, verdict, held_at_s_);
+    return false;
+  }
+  void fail() { failed_ = true; }
+  [[nodiscard]] bool failed() const { return failed_; }
+
+  [[nodiscard]] Summary summary(double step_ns) const {
+    if (failed_) return run(scene_, {.verdict = from_of_verdict_});
+    Summary s;
+    metrics_->fill(s);
+    describe_run(scene_, "lab", s);
+    s.set_step_ns(step_ns);
+    if (judged_) set_verdict(*verdict_, s);
+    say_if_coupling_feeds(s, scene_.control.initial_energy);
+    LinkUse use{};
+    if (nodes_) {
+      use = nodes_->use();
+    } else {
+      use.slave = packets(0);
+      use.master = packets(1);
+    }
+    fill_link(s, use, scene_);
+    return s;
+  }
+
+  /// Blackouts of the packets that are taken in tick k, where they end for packets put in from `quiet` on.
+  void set_blackouts(std::int64_t k, std::int64_t quiet) {
+    for (int way = 0; way < 2; ++way) {
+      const std::int64_t sent = k - lag_[way];
+      p.blackout[way] = 0.0;
+      if (sent < quiet)
+        for (const auto& [from, to] : blackouts_[way])
+          if (sent >= from && sent < to) p.blackout[way] = 1.0;
+    }
+  }
+  /// The next tick after k at which set_blackouts() may have another result.
+  [[nodiscard]] std::int64_t blackouts_change(std::int64_t k, std::int64_t quiet) const {
+    std::int64_t next = std::numeric_limits<std::int64_t>::max();
+    for (int way = 0; way < 2; ++way) {
+      if (blackouts_[way].empty()) continue;
+      const auto at = [&](std::int64_t sent) {
+        if (sent + lag_[way] > k) next = std::min(next, sent + lag_[way]);
+      };
+      at(quiet);
+      for (const auto& [from, to] : blackouts_[way]) at(from), at(to);
+    }
+    return next;
+  }
+
+  static void step_plant(void* plant, double* io) {
+    Plant& of = *static_cast<Plant*>(plant);
+    Force<N> f;
+    set(of, io, io + N, io + 2 * N, io[2 * N + 2]);
+    f = Force<N>{Eigen::Map<const typename Force<N>::Vector>{io + 2 * N + 3}};
+    of.advance(f);
+    get(of, io, io + N, io + 2 * N, io[2 * N + 2]);
+  }
+
+  const std::size_t number;  ///< of its scene, among those that are run
+  P p;
+  T t;
+  Snapshot<N> now;
+
+ private:
+  struct RunPart {
+    std::int64_t from, late, until;
+    double until_s;
+  };
+
+  static void set(Plant& plant, const double* x, const double* v, const double* across, double in_contact) {
+    using Vector = typename Force<N>::Vector;
+    plant.set_state({{Position<N>{Eigen::Map<const Vector>{x}}, Velocity<N>{Eigen::Map<const Vector>{v}}},
+                     {across[0], across[1]},
+                     in_contact != 0.0});
+  }
+  static void get(const Plant& plant, double* x, double* v, double* across, double& in_contact) {
+    const auto& s = plant.state();
+    for (int i = 0; i < N; ++i) x[i] = s.body.x.translation()[i], v[i] = s.body.v[i];
+    across[0] = s.across[0], across[1] = s.across[1];
+    in_contact = s.in_contact ? 1.0 : 0.0;
+  }
+  void to_plant(const double* x, const double* v, const double* across, double in) { set(plant_, x, v, across, in); }
+  void from_plant(double* x, double* v, double* across, double& in) const { get(plant_, x, v, across, in); }
+
+  void set_parameters() {
+    const ControlOptions& c = scene_.control;
+    const double dt = 1.0 / scene_.master_rate_hz;
+    p.dt = dt;
+    p.period_ns = static_cast<double>(period_ns_);
+    const DeviceSpec device = scene_.device.value_or(DeviceSpec{});
+    const HandSpec hand = *scene_.operator_model->hand;
+    const sim::Oscillator handle{device.mass_kg + hand.mass_kg, device.damping_n_s_per_m + hand.damping_n_s_per_m,
+                                 hand.stiffness_n_per_m};
+    const sim::Response r{handle, dt};
+    p.handle_xv = r.xv, p.handle_xu = r.xu, p.handle_xw = r.xw;
+    p.handle_vv = r.vv, p.handle_vu = r.vu, p.handle_vw = r.vw;
+    p.hand_stiffness = hand.stiffness_n_per_m, p.hand_damping = hand.damping_n_s_per_m;
+    p.step_s = dt / scene_.simulation.substeps;
+    p.handle_inverse_mass = 1.0 / handle.mass_kg, p.handle_damping = handle.damping_n_s_per_m;
+    p.robot_mass = scene_.robot->mass_kg, p.robot_damping = scene_.robot->damping_n_s_per_m;
+    // As ExactPlant's regions: the robot with the springs, free and in contact.
+    const World world{scene_.environment};
+    sim::Oscillator free{scene_.robot->mass_kg, scene_.robot->damping_n_s_per_m, 0.0};
+    typename Force<N>::Vector pull = Force<N>::Vector::Zero();
+    int k = 0;
+    for (const Spring& s : world.springs) {
+      free.damping_n_s_per_m += s.damping_n_s_per_m;
+      free.stiffness_n_per_m += s.stiffness_n_per_m;
+      pull += s.stiffness_n_per_m * s.anchor_m.head<N>();
+      p.spring_stiffness[k] = s.stiffness_n_per_m, p.spring_damping[k] = s.damping_n_s_per_m;
+      for (int i = 0; i < N; ++i) p.spring_anchor[k][i] = s.anchor_m[i];
+      ++k;
+    }
+    for (int i = 0; i < N; ++i) p.pull[i] = pull[i];
+    set_region(0, free, free, 0.0);
+    if (!world.surfaces.empty()) {
+      const Surface& w = world.surfaces[0];
+      const Wall& plane = std::get<Wall>(w.shape);
+      for (int i = 0; i < N; ++i) p.normal[i] = plane.normal[i];
+      p.offset = plane.offset_m;
+      p.wall_stiffness = w.material.stiffness_n_per_m, p.wall_damping = w.material.damping_n_s_per_m;
+      p.wall_viscous = w.material.viscous_friction_n_s_per_m, p.wall_friction = w.material.friction;
+      sim::Oscillator across = free, along = free;
+      across.stiffness_n_per_m += p.wall_stiffness;
+      across.damping_n_s_per_m += p.wall_damping;
+      along.damping_n_s_per_m += p.wall_viscous;
+      set_region(1, across, along, p.wall_stiffness * p.offset);
+    }
+    if (scene_.robot->force_sensor) {
+      const auto bias = vector<N>(scene_.robot->force_sensor->bias_n);
+      for (int i = 0; i < N; ++i) p.sensor_bias[i] = bias[i];
+      if (nodes_) nodes_->set_bias(bias);
+    }
+    p.stiffness = c.coupling.stiffness_n_per_m, p.damping = c.coupling.damping_n_s_per_m;
+    p.mobility = 1.0 / (p.damping + p.stiffness * dt);
+    p.catch_up = c.coupling.catch_up_m_per_s;
+    p.motion_scale = c.motion_scale, p.force_scale = c.force_scale;
+    p.energy_to_master = p.force_scale / p.motion_scale, p.energy_to_slave = p.motion_scale / p.force_scale;
+    p.hold_ns = static_cast<double>(to_duration(c.hold_after.si()).count());
+    p.release_ns = static_cast<double>(to_duration(c.release_after.si()).count());
+    p.ramp_by = c.engage > Seconds{} ? dt / c.engage.si() : 1.0;
+    p.most_force = limits_at_device(c).force_n;
+    p.initial_energy = c.initial_energy.si();
+    p.most_gain = c.controller.max_gain;
+    p.response = c.handle_mass_kg > 0.0 ? 0.5 * dt * (1.0 / c.handle_mass_kg) : 0.0;
+    const ImpairmentOptions* const ways[] = {&scene_.to_slave, &scene_.to_master};
+    for (int way = 0; way < 2; ++way) {
+      const ImpairmentOptions& o = *ways[way];
+      lag_[way] = lag_of(o, period_ns_);
+      p.lag[way] = static_cast<double>(lag_[way]);
+      p.loss[way] = o.loss;
+      p.burst_r[way] = 1.0;
+      if (o.burst)
+        p.burst_p[way] = o.burst->p, p.burst_r[way] = o.burst->r, p.burst_good[way] = o.burst->loss_good,
+        p.burst_bad[way] = o.burst->loss_bad;
+      for (const BlackoutWindow& w : o.blackout) {
+        const Duration from = to_duration(w.start_s), to = from + to_duration(w.duration_s);
+        blackouts_[way].emplace_back(tick_from(from, period_ns_), tick_from(to, period_ns_));
+      }
+    }
+    first_force_lag_ = first_force_lag_of(scene_);
+    if (method_of(scene_) == LaneMethod::internal_model) set_internal_model();
+    const HighPassCoefficients filter{30.0, scene_.master_rate_hz};
+    p.filter_b0 = filter.b0, p.filter_a1 = filter.a1, p.filter_a2 = filter.a2;
+    window_ = window_of(scene_);
+    p.window = static_cast<double>(window_);
+  }
+
+  /// As the constructors of InternalModelMaster and InternalModelSlave.
+  void set_internal_model() {
+    const ControlOptions& c = scene_.control;
+    const double dt = p.dt, robot_kg = c.known.robot_mass_kg;
+    const auto weight = [&](double tau_s) { return low_pass_weight(Seconds{dt}, tau_s); };
+    const double r = to_seconds(Duration{(lag_[0] + lag_[1]) * period_ns_}).si();
+    p.round_trip_s = r;
+    p.damping = with_damped_robot(c).coupling.damping_n_s_per_m;
+    p.coupling = c.force_scale * c.motion_scale * c.coupling.stiffness_n_per_m;
+    p.quarter_handle = 0.25 * c.handle_mass_kg;
+    p.robot_kg = robot_kg, p.robot_quarter_per_dt = 0.25 * robot_kg / dt;
+    p.brake = std::min(20.0, c.coupling.damping_n_s_per_m);
+    p.to_master_stiffness = c.force_scale * c.motion_scale, p.inverse_motion = 1.0 / c.motion_scale;
+    p.yields = std::min(1.0, std::pow(c.known.round_trip.si() / 0.2, 2));
+    p.dt2 = dt * dt;
+    p.spring = std::min(p.coupling, p.quarter_handle / p.dt2);
+    p.most_damping = c.handle_mass_kg / (4.0 * dt);
+    p.weight_3ms = weight(3e-3), p.weight_10ms = weight(10e-3), p.weight_20ms = weight(20e-3);
+    p.weight_30ms = weight(30e-3), p.weight_50ms = weight(50e-3), p.weight_100ms = weight(0.1);
+    p.weight_500ms = weight(0.5), p.weight_along = weight(0.2 + r);
+    const double residual_s = std::clamp(6.0 * std::sqrt(robot_kg / c.coupling.stiffness_n_per_m), 0.3, 1.0);
+    p.weight_residual = weight(residual_s + 0.5 * r), p.weight_outside = weight(0.3 + r);
+    p.weight_offset_normal = weight(0.5 + 2.0 * r);
+    p.ramp_in_100ms = dt / 0.1;
+    InternalModel<double, N>& m = now.state.model;
+    m.found.normal[0] = m.model.normal[0] = m.yield_normal[0] = m.offset_normal[0] = 1.0;
+    m.scale_slow = m.shown = m.peak_speed = 1.0;
+    m.level = 1e-5;
+  }
+
+  /// A tick that is cut into parts is left to the plant; the map of a whole one then does not matter.
+  void set_region(int in, const sim::Oscillator& across, const sim::Oscillator& along, double load) {
+    const sim::Response map{across, p.dt}, side{along, p.dt};
+    p.map_x[in][0] = 1.0 - across.stiffness_n_per_m * map.xu, p.map_x[in][1] = -across.stiffness_n_per_m * map.vu;
+    p.map_v[in][0] = map.xv, p.map_v[in][1] = map.vv;
+    p.map_u[in][0] = map.xu, p.map_u[in][1] = map.vu;
+    p.load[in] = load;
+    p.in_parts[in] =
+        std::ceil(std::max(1.0, 2.0 * p.dt * std::sqrt(across.stiffness_n_per_m / across.mass_kg))) > 1.0 ? 1.0 : 0.0;
+    p.along_stiffness[in] = along.stiffness_n_per_m;
+    p.along_xv[in] = side.xv, p.along_xu[in] = side.xu, p.along_vv[in] = side.vv, p.along_vu[in] = side.vu;
+  }
+
+  void start(const sim::SimDevice<N>& device) {
+    S& s = now.state;
+    for (int i = 0; i < N; ++i) {
+      s.master_x[i] = device.x().translation()[i], s.master_v[i] = device.v()[i];
+      s.intended[i] = path_->x[static_cast<std::size_t>(i)];
+    }
+    from_plant(s.slave_x, s.slave_v, s.across, s.in_contact);
+    for (int i = 0; i < N; ++i) s.x_sd[i] = s.x_d[i] = s.x_before[i] = s.slave_x[i];
+    s.force_lag = static_cast<double>(first_force_lag_);
+    const std::uint64_t streams[] = {kToSlaveStream, kToMasterStream};
+    for (int way = 0; way < 2; ++way) {
+      // Its only number is the key; the bits of packet 0 are drawn `lag` ticks later, and each packet's key is 16 γ further.
+      const auto key = std::bit_cast<std::uint64_t>(Random{scene_.seed ^ streams[way]});
+      constexpr std::uint64_t kStep = 16 * std::uint64_t{0x9e3779b97f4a7c15};
+      s.random[way] = std::bit_cast<double>(key - kStep * static_cast<std::uint64_t>(lag_[way]));
+    }
+    const double speed2 = device.v().squared_norm() + plant_.body().v.squared_norm();
+    p.most_speed2 = std::max(RunJudge<N>::kDiverged * RunJudge<N>::kDiverged, 100.0 * speed2);
+  }
+
+  /// Stops: where a part of the run ends or becomes late, a rest or a blackout begins or ends, the early part ends.
+  void plan() {
+    const double period = static_cast<double>(period_ns_);
+    const Duration end = to_duration(scene_.duration_s);
+    ticks_ = tick_from(end, period_ns_);
+    end_s_ = to_seconds(end).si();
+    early_at_ = tick_of_time(0.05 * scene_.duration_s, period);
+    stops_ = {early_at_, ticks_};
+    if (is_plain()) {
+      after_.emplace(2 * N, 2);
+      quiet_from_ = tick_of_time(path_->end_s, period);
+      stops_.push_back(quiet_from_);
+    } else if (!World{scene_.environment}.surfaces.empty()) {
+      double from_s = 0.0;
+      std::int64_t from = 0;
+      for (const double until_s : twoport::lab::parts(path_->segment_ends_s, end_s_)) {
+        const std::int64_t until = std::min(tick_from(to_duration(until_s), period_ns_), ticks_);
+        const std::int64_t late = tick_of_time(0.5 * (from_s + until_s), period);
+        parts_.push_back({from, late, until, until_s});
+        stops_.push_back(until), stops_.push_back(late);
+        from_s = until_s, from = until;
+      }
+    }
+    const auto all_rests = rests(scene_);
+    for (const Rest& r : *all_rests) {
+      rests_.emplace_back(tick_of_time(r.from_s, period), tick_of_time(r.to_s, period));
+      stops_.push_back(rests_.back().first), stops_.push_back(rests_.back().second);
+    }
+    for (int way = 0; way < 2; ++way)
+      for (const auto& [a, b] : blackouts_[way]) stops_.push_back(a + lag_[way]), stops_.push_back(b + lag_[way]);
+    std::erase_if(stops_, [&](std::int64_t k) { return k > ticks_; });
+    std::sort(stops_.begin(), stops_.end());
+    stops_.erase(std::unique(stops_.begin(), stops_.end()), stops_.end());
+  }
+  void set_flags(std::int64_t k) {
+    p.late = part_ < parts_.size() && k >= parts_[part_].late ? 1.0 : 0.0;
+    p.at_rest = 0.0;
+    for (const auto& [from, to] : rests_)
+      if (k >= from && k < to) p.at_rest = 1.0;
+    set_blackouts(k, std::numeric_limits<std::int64_t>::max());
+  }
+
+  /// E(0) of both sides and what robot and environment hold, as LinkLoop's.
+  [[nodiscard]] Energy granted() const {
+    const Registration<N> registration{scene_.control};
+    const RobotSpec& robot = *scene_.robot;
+    const Velocity<N> v{vector<N>(robot.velocity_m_per_s)};
+    const double kinetic = 0.5 * robot.mass_kg * v.vec().squaredNorm();
+    const Energy held =
+        Energy{kinetic} + Environment<N>{scene_.environment, scene_.tool}.potential(position<N>(robot.position_m));
+    const Energy own = scene_.control.initial_energy;
+    return own + registration.to_master(own + held);
+  }
+
+  /// Is everything finite that a figure is made of? A run in which something is not is run again alone.
+  [[nodiscard]] bool finite() const {
+    double sum =
+        t.force_error2 + t.chatter2 + t.dissipated + t.position_error2 + t.contact_turn2 + t.error2 + t.pressed;
+    const S& s = now.state;
+    for (int i = 0; i < N; ++i)
+      sum += s.master_x[i] + s.master_v[i] + s.slave_x[i] + s.slave_v[i] + s.held[i] + s.command[i];
+    sum += s.master_energy + s.slave_absorbed + s.slave_returned;
+    if (method_of(scene_) == LaneMethod::internal_model) {
+      std::array<double, sizeof s.model / sizeof(double)> all;
+      std::memcpy(all.data(), &s.model, sizeof s.model);
+      for (const double each : all) sum += each;
+    }
+    return std::isfinite(sum);
+  }
+
+  [[nodiscard]] PacketCounts packets(int way) const {
+    const S& s = now.state;
+    PacketCounts n;
+    n.sent = static_cast<std::uint64_t>(ended_at_);
+    n.received = static_cast<std::uint64_t>(s.received[way]);
+    if (n.received > 0) {
+      const double newest = way == 0 ? s.master_heard_at : s.slave_heard_at;
+      n.lost = static_cast<std::uint64_t>(newest - s.first_at[way] + 1.0) - n.received;
+    }
+    return n;
+  }
+
+  const Scene& scene_;
+  VerdictFrom from_of_verdict_;
+  bool twin_;
+  std::int64_t period_ns_;
+  std::shared_ptr<const Intended> path_;
+  Plant plant_;
+  std::unique_ptr<Nodes<N>> nodes_;
+  std::int64_t lag_[2] = {1, 1}, first_force_lag_ = 1, ticks_ = 0, early_at_ = 0, ended_at_ = 0;
+  double end_s_ = 0.0;
+  std::size_t window_ = 1;
+  std::vector<std::pair<std::int64_t, std::int64_t>> blackouts_[2], rests_;
+  std::vector<RunPart> parts_;
+  std::vector<std::int64_t> stops_;
+  std::size_t part_ = 0, next_stop_ = 0;
+  std::array<double, 2 * N> early_{};
+  bool has_early_ = false, failed_ = false, judged_ = false;
+  std::optional<double> held_ratio_;
+  double pressed_ = 0.0, held_at_s_ = 0.0;
+  std::optional<Snapshot<N>> held_;  ///< in contact
+  const Snapshot<N>* from_ = nullptr;
+  std::optional<Metrics<N>> metrics_;
+  std::optional<TrendRecord> after_;  ///< plain verdict: the run since the path's end
+  bool acted_after_ = false;
+  std::int64_t quiet_from_ = std::numeric_limits<std::int64_t>::max();  ///< first tick of after_
+  MotionScale scale_;
+  std::optional<Verdict> verdict_;
+};
+
+}  // namespace twoport::lab::lanes
