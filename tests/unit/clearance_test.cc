@@ -91,7 +91,7 @@ TEST_P(ClearanceOf, ForceIsThatOfAllContactsToTheBit) {
 }
 
 INSTANTIATE_TEST_SUITE_P(Shapes, ClearanceOf, ::testing::Range<std::size_t>(0, shapes().size()),
-                         [](const auto& info) { return std::string{name(shapes()[info.param])}; });
+                         [](const auto& of) { return std::string{name(shapes()[of.param])}; });
 
 TEST(Clearance, HoldsForTheWholeDistanceAndNoFurther) {
   const std::vector<Vector3d> tool{{0.3, 0, 0}, {0, 0.1, 0}};
