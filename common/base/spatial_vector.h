@@ -1,6 +1,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <cstring>
 #include <type_traits>
 
 namespace twoport {
@@ -64,10 +65,26 @@ struct PortScale {
   }
 };
 
+/// A 6-vector of two halves, and its halves, by pairs of numbers as Eigen stores and loads a 6-vector: a load that spans two earlier stores
+/// waits for them.
+[[nodiscard]] inline Eigen::Matrix<double, 6, 1> whole(const SpatialVector& v) noexcept {
+  using Pair [[gnu::vector_size(16)]] = double;
+  const Pair pairs[] = {{v.linear[0], v.linear[1]}, {v.linear[2], v.angular[0]}, {v.angular[1], v.angular[2]}};
+  Eigen::Matrix<double, 6, 1> out;
+  std::memcpy(out.data(), pairs, sizeof pairs);
+  return out;
+}
+[[nodiscard]] inline SpatialVector halves(const Eigen::Matrix<double, 6, 1>& v) noexcept {
+  using Pair [[gnu::vector_size(16)]] = double;
+  Pair pairs[3];
+  std::memcpy(pairs, v.data(), sizeof pairs);
+  return {{pairs[0][0], pairs[0][1], pairs[1][0]}, {pairs[1][1], pairs[2][0], pairs[2][1]}};
+}
+
 template <int N>
 PortVector<N> port_vector(const Eigen::Matrix<double, N, 1>& v) {
   if constexpr (N == 6) {
-    return {v.template head<3>(), v.template tail<3>()};
+    return halves(v);
   } else {
     return v;
   }

@@ -27,7 +27,7 @@ class Coords {
 
   Coords() : v_{Vector::Zero()} {}
   explicit Coords(const Vector& v) : v_{v} {}
-  explicit Coords(const SpatialVector& v) requires(N == 6) { v_ << v.linear, v.angular; }
+  explicit Coords(const SpatialVector& v) requires(N == 6) : v_{whole(v)} {}
   template <class Expression>
   explicit Coords(const Eigen::MatrixBase<Expression>& v) : v_{v} {}
   [[nodiscard]] const Vector& vec() const { return v_; }
@@ -148,7 +148,8 @@ class Position<6> {
     return {a.p_ - b.p_, rotation_vector(a.q_ * b.q_.conjugate())};
   }
   friend Position operator+(const Position& a, const Displacement<6>& d) {
-    return a.moved(d.vec().template head<3>(), d.vec().template tail<3>());
+    const SpatialVector by = halves(d.vec());
+    return a.moved(by.linear, by.angular);
   }
   /// Moved by a translation [m] and turned by a rotation vector [rad], both in world axes.
   [[nodiscard]] Position moved(const Eigen::Vector3d& by, const Eigen::Vector3d& turn) const {

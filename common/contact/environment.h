@@ -5,6 +5,7 @@
 
 #include "common/base/spatial_vector.h"
 #include "common/base/vector.h"
+#include "common/contact/clearance.h"
 #include "common/contact/world.h"
 
 namespace twoport {
@@ -33,6 +34,12 @@ struct ContactPort {
   double coulomb_damping = 0.0;      ///< friction force per sliding velocity, its Coulomb part [N s/m]
 };
 
+/// How far a point with this signed distance is from touching, at least [m]: the distance changes by no more than the point moves. Only
+/// that of a mesh may change faster: each of its interpolant's partial derivatives is at most 1 beside rounding, its gradient √3.
+inline double least_way(const Shape& shape, double distance) noexcept {
+  return std::holds_alternative<Mesh>(shape) ? 0.5 * distance : distance;
+}
+
 /// The environment at a port of size N: for N = 1, 3 the port itself makes contact, for N = 6 points of a tool, so
 /// that a wrench with torque results. All forces act on the port, in world axes, at the tool's origin [N], [N m].
 ///
@@ -59,39 +66,16 @@ class Environment {
   [[nodiscard]] bool empty() const { return world_.surfaces.empty() && world_.springs.empty(); }
   /// Does it hold on to the port wherever that is? Else the two touch where it answers with a force.
   [[nodiscard]] bool holds() const { return !world_.springs.empty(); }
-  [[nodiscard]] int contacts() const {
-    return static_cast<int>((N == 6 ? tool_.size() : 1) * (world_.surfaces.size() + world_.springs.size()));
-  }
+  [[nodiscard]] int contacts() const { return static_cast<int>(N == 6 ? tool_.size() : 1) * contacts_of_a_point(); }
 
   /// Calls visit(const ContactPort<N>&) for every contact that the port is inside of, and for every spring.
   /// `pick(index)` returns the feature of that contact to use, or kNone.
   template <class Pick, class Visit>
   void for_each_contact(const PoseWithRotation<N>& x, const Vector& v, Pick pick, Visit visit) const noexcept {
-    int index = 0, point = 0;
+    int point = 0;
     for_each_point(x, v, [&](const Point<kDim>& p, const Point<kDim>& pv, const Point<kDim>& arm) {
-      ContactForce<kDim> c;
-      for (const Surface& s : world_.surfaces) {
-        const Feature feature = pick(index);
-        if (feature != kNone) {
-          const SignedDistance<kDim> at = signed_distance<kDim>(s.shape, p, feature);
-          if (at.distance < 0.0) {
-            const Energy potential{s.potential(at.distance)};
-            if (s.force(at, at.normal.dot(pv), pv, c))
-              visit(ContactPort<N>{index, at.feature, true, wrench(c.normal, arm), wrench(c.tangential, arm), potential,
-                                   c.coulomb_damping});
-            else
-              visit(ContactPort<N>{index, at.feature, false, Vector::Zero(), Vector::Zero(), potential});
-          }
-        }
-        ++index;
-      }
-      for (const Spring& s : world_.springs) {
-        if (s.acts_on(point))
-          visit(ContactPort<N>{index, 0, true, wrench(s.force<kDim>(p, pv), arm), Vector::Zero(),
-                               Energy{s.potential<kDim>(p)}});
-        ++index;
-      }
-      ++point;
+      contacts_of(
+          point++, p, pv, arm, pick, [](int, const Surface&, double) {}, visit);
     });
   }
   template <class Visit>
@@ -107,6 +91,35 @@ class Environment {
     });
     return Force<N>{sum};
   }
+
+  /// for_each_contact and force without a look at the contacts that `clearance`, of this tool, knows to be open. The results are the same.
+  template <class Visit>
+  void for_each_contact(const PoseWithRotation<N>& x, const Vector& v, Clearance& clearance, Visit visit) const noexcept
+      requires(N == 6) {
+    const int surfaces = static_cast<int>(world_.surfaces.size()), kinds = contacts_of_a_point();
+    clearance.move_to(x.x.translation(), x.R);
+    for (int point = 0; point < static_cast<int>(tool_.size()); ++point) {
+      if (kinds == surfaces && clearance.open(point * kinds, surfaces)) continue;
+      const Eigen::Vector3d arm = x.R * tool_[static_cast<std::size_t>(point)];
+      contacts_of(
+          point, x.x.translation() + arm, v.linear + v.angular.cross(arm), arm,
+          [&](int index) { return clearance.open(index, 1) ? kNone : kNearest; },
+          [&](int index, const Surface& s, double distance) {
+            clearance.measured(index, least_way(s.shape, distance));
+          },
+          visit);
+    }
+  }
+  [[nodiscard]] Force<N> force(const PoseWithRotation<N>& x, const Velocity<N>& v, Clearance& clearance) const noexcept
+      requires(N == 6) {
+    Vector sum = Vector::Zero();
+    for_each_contact(x, port_vector<N>(v.vec()), clearance, [&](const ContactPort<N>& c) {
+      if (c.presses) sum += c.normal + c.tangential;
+    });
+    return Force<N>{sum};
+  }
+  /// Knows no contact yet.
+  [[nodiscard]] Clearance clearance() const { return {tool_, contacts()}; }
 
   /// Elastic energy held at x [J].
   [[nodiscard]] Energy potential(const Position<N>& x) const noexcept {
@@ -130,6 +143,40 @@ class Environment {
   }
 
  private:
+  [[nodiscard]] int contacts_of_a_point() const {
+    return static_cast<int>(world_.surfaces.size() + world_.springs.size());
+  }
+  /// for_each_contact for one point; open(index, surface, distance) is told of a contact that is open.
+  template <class Pick, class Open, class Visit>
+  [[gnu::always_inline]] void contacts_of(int point, const Point<kDim>& p, const Point<kDim>& pv,
+                                          const Point<kDim>& arm, const Pick& pick, const Open& open,
+                                          const Visit& visit) const noexcept {
+    int index = point * contacts_of_a_point();
+    ContactForce<kDim> c;
+    for (const Surface& s : world_.surfaces) {
+      const Feature feature = pick(index);
+      if (feature != kNone) {
+        const SignedDistance<kDim> at = signed_distance<kDim>(s.shape, p, feature);
+        if (at.distance < 0.0) {
+          const Energy potential{s.potential(at.distance)};
+          if (s.force(at, at.normal.dot(pv), pv, c))
+            visit(ContactPort<N>{index, at.feature, true, wrench(c.normal, arm), wrench(c.tangential, arm), potential,
+                                 c.coulomb_damping});
+          else
+            visit(ContactPort<N>{index, at.feature, false, Vector::Zero(), Vector::Zero(), potential});
+        } else {
+          open(index, s, at.distance);
+        }
+      }
+      ++index;
+    }
+    for (const Spring& s : world_.springs) {
+      if (s.acts_on(point))
+        visit(ContactPort<N>{index, 0, true, wrench(s.force<kDim>(p, pv), arm), Vector::Zero(),
+                             Energy{s.potential<kDim>(p)}});
+      ++index;
+    }
+  }
   /// Calls visit(position, velocity, arm from the tool's origin) for every contact point.
   template <class Visit>
   void for_each_point(const PoseWithRotation<N>& at, const Vector& v, Visit visit) const noexcept {

@@ -20,7 +20,8 @@ namespace twoport {
 ///     kName                                     its block in a scene
 ///     signed_distance<D>(p, feature) noexcept   at p, on `feature` or kNearest
 ///
-/// and shares large data (a mesh, a sampled field) between its copies.
+/// and shares large data (a mesh, a sampled field) between its copies. The distance changes by no more than p moves, or least_way() says by
+/// how much more (common/contact/environment.h).
 using Shape = std::variant<Wall, Sphere, Cylinder, Box, Torus, Capsule, Peg, Hole, Cone, Plate, Mesh>;
 
 /// Calls use(std::type_identity<S>{}) for every type S of the list.

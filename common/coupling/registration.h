@@ -95,9 +95,8 @@ class Registration {
 
   static Vector scaled(const Vector& v, double translation, double rotation) noexcept {
     if constexpr (N == 6) {
-      Vector out;
-      out << translation * v.template head<3>(), rotation * v.template tail<3>();
-      return out;
+      const SpatialVector h = halves(v);
+      return whole({translation * h.linear, rotation * h.angular});
     } else {
       (void)rotation;
       return translation * v;

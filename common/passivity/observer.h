@@ -66,7 +66,7 @@ template <int N>
   if (rule == ObserverRule::rectangle) return dot(held, interval.v0) * dt;
   Energy e = dot(held, interval.moved);
   if constexpr (N == 6) {
-    const Eigen::Vector3d w0 = interval.v0.vec().template tail<3>(), w1 = interval.v1.vec().template tail<3>();
+    const Eigen::Vector3d w0 = halves(interval.v0.vec()).angular, w1 = halves(interval.v1.vec()).angular;
     e += Energy{dt.si() * dt.si() / 12.0 * held.vec().template tail<3>().dot(w0.cross(w1))};
   }
   return e;

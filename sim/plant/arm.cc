@@ -59,7 +59,8 @@ SerialArm<n>::SerialArm(const ArmSpec& arm, std::shared_ptr<const Environment<6>
       tool_{with_hand(arm, hand)},
       home_{vector<n>(arm_.joint_position_rad)},
       model_{with_tool<n>(arm_, tool_, home_, start)},
-      s_{home_, Joints::Zero()} {
+      s_{home_, Joints::Zero()},
+      clearance_{environment_->clearance()} {
   senses_tool_ = tool_.mass_kg > 0.0 || !tool_.inertia.isZero(0.0);
   hand_ = hand;
   for (std::size_t i = 0; i < arm_.parameters->joints.size(); ++i) {
@@ -225,7 +226,7 @@ template <int n>
 typename SerialArm<n>::Vector6 SerialArm<n>::outside_wrench(const typename Model::Pose& p, const Vector6& v,
                                                             double t) const noexcept {
   Vector6 f = Vector6::Zero();
-  if (!environment_->empty()) f = environment_->force(tool_position(p), Velocity<6>{v}).vec();
+  if (!environment_->empty()) f = environment_->force(tool_position(p), Velocity<6>{v}, clearance_).vec();
   if (hand_) {
     const HandSpec& h = hand_->spec;
     const Vector6 rate = hand_->rate.vec(), push = vector<6>(h.force_n);

@@ -141,6 +141,7 @@ class SerialArm {
   Vector6 inertial_ = Vector6::Zero(), sensed_ = Vector6::Zero();
   Joints torque_ = Joints::Zero(), commanded_ = Joints::Zero();
   bool saturated_ = false, senses_tool_ = false;
+  mutable Clearance clearance_;  ///< no state: without it the results are the same
   double dissipated_j_ = 0.0, outside_j_ = 0.0;
   Energy energy_, all_energy_;
 };

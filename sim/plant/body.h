@@ -204,57 +204,73 @@ class Body {
   /// One Taylor series of flight(). False, and m unchanged, where it has not converged and need not be accepted.
   [[nodiscard]] bool series(Motion& m, const Vector& f, double h, bool accept) const noexcept requires(N == 6) {
     constexpr std::size_t kTerms = 24;
-    constexpr double kRounding = 1e-17;
+    constexpr double kRounding = 1e-17, kConverging = 1e-11;
+    using Numbers = std::array<double, kTerms>;
     const Eigen::Matrix3d& R = m.at.R;
-    // Coefficients of (s/h)^k for s of 0 to h; l = J ω.
-    std::array<Eigen::Vector3d, kTerms> l, w, t, q;
-    std::array<double, kTerms> q0;
-    l[0] = R.transpose() * m.p.angular;
-    w[0] = l[0].cwiseQuotient(inertia_);
+    const bool pushed = !f.angular.isZero(0.0), damped = rotational_damping_ != 0.0;
+    // J ω̇ + ω×Jω has the components of `gyration` times ω_y ω_z, ω_z ω_x, ω_x ω_y.
+    const Eigen::Vector3d gyration{inertia_[1] - inertia_[2], inertia_[2] - inertia_[0], inertia_[0] - inertia_[1]};
+    const Eigen::Vector3d inverse = inertia_.cwiseInverse();
+    // Coefficients of (s/h)^k for s of 0 to h.
+    Numbers wx, wy, wz, qx, qy, qz, qw;
+    std::array<Eigen::Vector3d, kTerms> t;
+    const auto omega = [&](std::size_t k) { return Eigen::Vector3d{wx[k], wy[k], wz[k]}; };
+    Eigen::Vector3d spin = (R.transpose() * m.p.angular).cwiseProduct(inverse);
+    wx[0] = spin.x(), wy[0] = spin.y(), wz[0] = spin.z();
     t[0] = R.transpose() * f.angular;
-    q[0].setZero(), q0[0] = 1.0;
-    Eigen::Vector3d term = m.p.linear / mass_, v = term, x = Eigen::Vector3d::Zero(), spin = w[0], axis = q[0];
-    double real = 1.0, spin_size = spin.lpNorm<1>(), speed_size = v.lpNorm<1>();
-    bool small = false;
+    qx[0] = qy[0] = qz[0] = 0.0, qw[0] = 1.0;
+    Eigen::Vector3d term = m.p.linear / mass_, v = term, x = Eigen::Vector3d::Zero();
+    double real = 1.0, i_axis = 0.0, j_axis = 0.0, k_axis = 0.0;
+    double spin_size = spin.template lpNorm<1>(), speed_size = v.template lpNorm<1>(), before = 1.0;
     for (std::size_t k = 0; k + 1 < kTerms; ++k) {
-      Eigen::Vector3d l_rate = t[k] - rotational_damping_ * w[k];
-      Eigen::Vector3d t_rate = Eigen::Vector3d::Zero(), q_rate = Eigen::Vector3d::Zero();
-      double q0_rate = 0.0;
-      for (std::size_t i = 0; i <= k; ++i) {
-        l_rate += l[i].cross(w[k - i]);
-        t_rate += t[i].cross(w[k - i]);
-        q_rate += q0[i] * w[k - i] + q[i].cross(w[k - i]);
-        q0_rate -= q[i].dot(w[k - i]);
-      }
+      double xy = 0.0, yz = 0.0, zx = 0.0, ax = 0.0, ay = 0.0, az = 0.0, aw = 0.0;
+      const auto add = [&](std::size_t i, std::size_t j) {
+        xy += wx[i] * wy[j], yz += wy[i] * wz[j], zx += wz[i] * wx[j];
+        ax += qw[i] * wx[j] + (qy[i] * wz[j] - qz[i] * wy[j]);
+        ay += qw[i] * wy[j] + (qz[i] * wx[j] - qx[i] * wz[j]);
+        az += qw[i] * wz[j] + (qx[i] * wy[j] - qy[i] * wx[j]);
+        aw += qx[i] * wx[j] + qy[i] * wy[j] + qz[i] * wz[j];
+      };
+      // The newest coefficients last: the rest of the sum does not wait for them.
+      for (std::size_t i = 1; i < k; ++i) add(i, k - i);
+      if (k > 0) add(0, k);
+      add(k, 0);
       const std::size_t n = k + 1;
-      const double step = h / static_cast<double>(n);
-      l[n] = step * l_rate;
-      w[n] = l[n].cwiseQuotient(inertia_);
-      t[n] = step * t_rate;
-      q[n] = 0.5 * step * q_rate;
-      q0[n] = 0.5 * step * q0_rate;
+      const double step = h / static_cast<double>(n), half = 0.5 * step;
+      Eigen::Vector3d torque = gyration.cwiseProduct(Eigen::Vector3d{yz, zx, xy});
+      if (pushed) {
+        torque += t[k];
+        t[n].setZero();
+        for (std::size_t i = 0; i <= k; ++i) t[n] += t[i].cross(omega(k - i));
+        t[n] *= step;
+      }
+      if (damped) torque -= rotational_damping_ * omega(k);
+      const Eigen::Vector3d w = step * torque.cwiseProduct(inverse);
+      wx[n] = w.x(), wy[n] = w.y(), wz[n] = w.z();
+      qx[n] = half * ax, qy[n] = half * ay, qz[n] = half * az, qw[n] = -half * aw;
+      i_axis += qx[n], j_axis += qy[n], k_axis += qz[n], real += qw[n];
       x += step * term;
       term *= -step * damping_ / mass_;
       if (k == 0) term += step / mass_ * f.linear;
       v += term;
-      spin += w[n];
-      axis += q[n];
-      real += q0[n];
-      spin_size += w[n].template lpNorm<1>();
       speed_size += term.template lpNorm<1>();
-      // Two small terms in succession.
-      const bool was_small = small;
-      small = w[n].template lpNorm<1>() <= kRounding * spin_size &&
-              term.template lpNorm<1>() <= kRounding * speed_size &&
-              q[n].template lpNorm<1>() + std::abs(q0[n]) <= kRounding;
-      if ((small && was_small) || (accept && n + 1 == kTerms)) {
-        Eigen::Quaterniond to = m.at.x.attitude() * Eigen::Quaterniond{real, axis.x(), axis.y(), axis.z()};
+      // Largest new term against what it may be: below rounding, after one that was small already.
+      double size = std::max(std::abs(qx[n]) + std::abs(qy[n]) + std::abs(qz[n]) + std::abs(qw[n]),
+                             term.template lpNorm<1>() / speed_size);
+      if (damped) {
+        spin += w;
+        spin_size += w.template lpNorm<1>();
+        size = std::max(size, w.template lpNorm<1>() / spin_size);
+      }
+      if ((size <= kRounding && before <= kConverging) || (accept && n + 1 == kTerms)) {
+        Eigen::Quaterniond to = m.at.x.attitude() * Eigen::Quaterniond{real, i_axis, j_axis, k_axis};
         to.coeffs() *= 1.5 - 0.5 * to.squaredNorm();
         const Vector p{mass_ * v, m.p.angular + h * f.angular};
         m = {Position<6>{m.at.x.translation() + x, to}, p};
-        if (rotational_damping_ != 0.0) m.p.angular = m.at.R * inertia_.cwiseProduct(spin);
+        if (damped) m.p.angular = m.at.R * inertia_.cwiseProduct(spin);
         return true;
       }
+      before = size;
     }
     return false;
   }

@@ -38,6 +38,7 @@ class Rendering {
       : options_{o},
         controller_{controller_at_the_handle(o)},
         environment_{std::move(environment)},
+        clearance_{environment_.clearance()},
         accounts_(static_cast<std::size_t>(accounts(o, environment_))),
         observer_{o.initial_energy, accounts(o, environment_)} {
     if (o.rendering == RenderingAlgorithm::god_object) god_object_.emplace(o.coupling, environment_);
@@ -98,12 +99,19 @@ class Rendering {
     return 1;
   }
 
+  template <class Visit>
+  void for_each_contact(const Position<N>& x, const Velocity<N>& v, Visit visit) noexcept {
+    if constexpr (N == 6)
+      environment_.for_each_contact(x, port_vector<N>(v.vec()), clearance_, visit);
+    else
+      environment_.for_each_contact(x, v, visit);
+  }
   /// Force and elastic energy of each account at the port. Tangential and rotational accounts store no energy.
   void evaluate(const PortMotion<N>& port) noexcept {
     for (Account& a : accounts_) a.on_environment = Vector::Zero(), a.potential = {};
     if (god_object_) return evaluate_god_object(port);
     Vector sum = Vector::Zero();
-    environment_.for_each_contact(port.x, port.v, [&](const ContactPort<N>& c) {
+    for_each_contact(port.x, port.v, [&](const ContactPort<N>& c) {
       switch (options_.accounts) {
         case Accounts::total:
           accounts_[0].potential += c.potential;
@@ -147,9 +155,13 @@ class Rendering {
       accounts_[0].*out = god_object_->energy_after(x);
       return;
     }
-    environment_.for_each_potential(x, [&](int contact, Energy u) {
+    const auto add = [&](int contact, Energy u) {
       accounts_[per_contact ? 2 * static_cast<std::size_t>(contact) : 0].*out += u;
-    });
+    };
+    if constexpr (N == 6)
+      for_each_contact(x, Velocity<N>{}, [&](const ContactPort<N>& c) { add(c.index, c.potential); });
+    else
+      environment_.for_each_potential(x, add);
   }
 
   /// Energy of the interval that has just ended, with the force actually applied: every part by the same factor.
@@ -173,6 +185,7 @@ class Rendering {
   ControlOptions options_;
   ControllerOptions controller_;
   Environment<N> environment_;
+  Clearance clearance_;                     ///< no state: without it the results are the same
   std::optional<GodObject<N>> god_object_;  ///< in place of the environment's forces
   std::vector<Account> accounts_;
   Observer<kAnyCapacity> observer_;
