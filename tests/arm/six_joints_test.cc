@@ -183,7 +183,7 @@ TEST(Ur5e, GoesThroughAStretchedElbowAndAWristInLineWithinTheSpeedsOfItsJoints) 
   EXPECT_LT(wrist.singular, 1e-2);
   EXPECT_GT(wrist.farthest, 0.1);
   EXPECT_LT(wrist.fastest, 1.0);
-  EXPECT_LT(wrist.left, 1e-2);
+  EXPECT_LT(wrist.left, 2e-2) << "2 s after, joints damped by 1 N m s/rad";
 }
 
 TEST(Ur5e, TakesNoFieldsOfANullSpace) {
