@@ -1,4 +1,5 @@
 #include <algorithm>
+#include <cmath>
 #include <filesystem>
 #include <memory>
 
@@ -21,17 +22,24 @@ EffectiveInertia effective_inertia(const ArmSpec& arm) {
   const Eigen::Matrix<double, n, 1> q = vector<n>(arm.joint_position_rad);
   const ArmModel<n> with_tool{*arm.parameters, tool};
   Matrix6 mobility = tool_mobility(with_tool, q);
-  if (arm.force_feedback_gain > 0.0) {
+  const double lighter = 1.0 + arm.force_feedback_gain, turns_lighter = 1.0 + arm.force_feedback_torque_gain;
+  if (lighter > 1.0 || turns_lighter > 1.0) {
     const Matrix6 alone = tool_mobility(ArmModel<n>{*arm.parameters}, q).inverse(), whole = mobility.inverse();
-    mobility = (alone / (1.0 + arm.force_feedback_gain) + (whole - alone)).inverse();
+    Matrix6 felt = alone;
+    felt.topLeftCorner<3, 3>() /= lighter;
+    felt.bottomRightCorner<3, 3>() /= turns_lighter;
+    felt.topRightCorner<3, 3>() /= std::sqrt(lighter * turns_lighter);
+    felt.bottomLeftCorner<3, 3>() /= std::sqrt(lighter * turns_lighter);
+    mobility = (felt + (whole - alone)).inverse();
   }
   const auto J = with_tool.jacobian(with_tool.pose(q));
   const Matrix6 by_damping = J * J.transpose();
-  const double damping = arm.joint_damping_n_m_s_per_rad / (1.0 + arm.force_feedback_gain);
   return {.mass_kg = 1.0 / largest_eigenvalue(mobility.topLeftCorner<3, 3>()),
           .inertia_kg_m2 = 1.0 / largest_eigenvalue(mobility.bottomRightCorner<3, 3>()),
-          .damping_n_s_per_m = damping / largest_eigenvalue(by_damping.topLeftCorner<3, 3>()),
-          .rotational_damping_n_m_s_per_rad = damping / largest_eigenvalue(by_damping.bottomRightCorner<3, 3>())};
+          .damping_n_s_per_m =
+              arm.joint_damping_n_m_s_per_rad / lighter / largest_eigenvalue(by_damping.topLeftCorner<3, 3>()),
+          .rotational_damping_n_m_s_per_rad = arm.joint_damping_n_m_s_per_rad / turns_lighter /
+                                              largest_eigenvalue(by_damping.bottomRightCorner<3, 3>())};
 }
 
 }  // namespace
@@ -39,6 +47,7 @@ EffectiveInertia effective_inertia(const ArmSpec& arm) {
 ArmSpec read_arm(const Block<schema::Arm>& of) {
   of.require(FIELD(file), "be the path of a file");
   std::filesystem::path path = of.text(FIELD(file));
+  if (path.empty()) of.refuse(FIELD(file), "be the path of a file");
   if (path.is_relative()) path = std::filesystem::path{of.context().file}.parent_path() / path;
   const auto parameters = std::make_shared<const ArmParameters>(load_arm(path.string()));
   const int joints = static_cast<int>(parameters->joints.size());
@@ -52,6 +61,7 @@ ArmSpec read_arm(const Block<schema::Arm>& of) {
       .tool_mass_kg = of.number(FIELD(tool_mass_kg), kNotNegative),
       .tool_center_m = of.list(FIELD(tool_center_m), {3, 3, ""}),
       .force_feedback_gain = feedback.number(FIELD(gain), kGain),
+      .force_feedback_torque_gain = feedback.number_or(FIELD(torque_gain), kGain, feedback.number(FIELD(gain), kGain)),
       .force_feedback_cutoff_hz = feedback.has(FIELD(cutoff_hz)) ? feedback.number(FIELD(cutoff_hz), kPositive) : 0.0};
   if (arm.joint_position_rad.empty()) arm.joint_position_rad = parameters->ready_position_rad;
   for (std::size_t i = 0; i < arm.joint_position_rad.size(); ++i) {

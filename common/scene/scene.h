@@ -75,7 +75,8 @@ struct ArmSpec {
   double null_space_stiffness_n_m_per_rad, null_space_damping_n_m_s_per_rad, joint_damping_n_m_s_per_rad;
   double tool_mass_kg;
   Numbers tool_center_m;
-  double force_feedback_gain = 0.0, force_feedback_cutoff_hz = 0.0;  ///< cutoff 0: none
+  double force_feedback_gain = 0.0, force_feedback_torque_gain = 0.0;  ///< of translation and rotation
+  double force_feedback_cutoff_hz = 0.0;                               ///< 0: none
 };
 
 enum class VelocityEstimate : std::uint8_t { true_velocity, backward_difference, filtered };

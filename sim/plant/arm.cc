@@ -20,9 +20,11 @@ constexpr double kStopStiffness = 2e3, kStopDamping = 20.0;  // [N m/rad], [N m 
 // det J M⁻¹ Jᵀ below this part of that at the beginning is nearly singular.
 constexpr double kSingular = 1e-3;
 
-double determinant(const Matrix6& symmetric) noexcept {
-  const Eigen::LDLT<Matrix6> factors{symmetric};
-  return factors.vectorD().prod();
+/// 0 where the matrix is not positive definite.
+double determinant(const Eigen::LLT<Matrix6>& factors) noexcept {
+  if (factors.info() != Eigen::Success) return 0.0;
+  const double root = factors.matrixLLT().diagonal().prod();
+  return root * root;
 }
 
 /// The tool with the hand's mass and inertia on it.
@@ -59,6 +61,7 @@ SerialArm<n>::SerialArm(const ArmSpec& arm, std::shared_ptr<const Environment<6>
       tool_{with_hand(arm, hand)},
       home_{vector<n>(arm_.joint_position_rad)},
       model_{with_tool<n>(arm_, tool_, home_, start)},
+      bare_{*arm_.parameters},
       s_{home_, Joints::Zero()},
       clearance_{environment_->clearance()} {
   senses_tool_ = tool_.mass_kg > 0.0 || !tool_.inertia.isZero(0.0);
@@ -75,7 +78,7 @@ SerialArm<n>::SerialArm(const ArmSpec& arm, std::shared_ptr<const Environment<6>
   const Inertia M = model_.inertia(pose);
   const auto J = model_.jacobian(pose);
   mobility_ = J * M.llt().solve(J.transpose());
-  regular_ = kSingular * determinant(mobility_);
+  regular_ = kSingular * determinant(mobility_.llt());
   // Rates of the fastest motions, for the length of steps: the tool on all that it may touch, and the joints' damping and stops.
   double stiffness = 0.0, damping = 0.0;
   for (const Surface& s : environment_->world().surfaces) {
@@ -162,8 +165,7 @@ template <int n>
 void SerialArm<n>::kick(const Velocity<6>& dv) noexcept {
   const auto& J = now_.jacobian;
   Matrix6 A = J * inertia_.solve(J.transpose());
-  damp(A);
-  s_.v += inertia_.solve(J.transpose() * A.llt().solve(dv.vec()));
+  s_.v += inertia_.solve(J.transpose() * factors(A).solve(dv.vec()));
   update();
 }
 
@@ -182,12 +184,27 @@ typename SerialArm<n>::Joints SerialArm<n>::stops(const State& s) const noexcept
   return torque;
 }
 
-/// Adds what keeps an inverse bounded where the arm is nearly singular.
+/// Factors of A, to which is added what keeps its inverse bounded where the arm is nearly singular.
 template <int n>
-void SerialArm<n>::damp(Matrix6& A) const noexcept {
-  const double d = determinant(A);
-  if (d >= regular_) return;
-  A.diagonal() += 0.1 * (1.0 - std::max(0.0, d / regular_)) * mobility_.diagonal();
+Eigen::LLT<typename SerialArm<n>::Matrix6> SerialArm<n>::factors(Matrix6& A) const noexcept {
+  Eigen::LLT<Matrix6> of{A};
+  const double d = determinant(of);
+  if (d >= regular_) return of;
+  A.diagonal() += 0.1 * (1.0 - d / regular_) * mobility_.diagonal();
+  return of.compute(A);
+}
+
+/// Wrench of the force feedback under the wrench f on the arm without its tool: G f, or (Λ D⁻¹ Λ⁻¹ D⁻¹ - 1) f.
+template <int n>
+typename SerialArm<n>::Vector6 SerialArm<n>::feedback(const Vector6& f) const noexcept {
+  const double gain = arm_.force_feedback_gain, torque_gain = arm_.force_feedback_torque_gain;
+  if (torque_gain == gain) return gain * f;
+  Vector6 lighter;
+  lighter << Eigen::Vector3d::Constant(std::sqrt(1.0 + gain)), Eigen::Vector3d::Constant(std::sqrt(1.0 + torque_gain));
+  const auto& J = now_.jacobian;
+  Matrix6 A = J * bare_.inertia(now_.pose).llt().solve(J.transpose());
+  const Eigen::LLT<Matrix6> inverse = factors(A);
+  return inverse.solve(lighter.cwiseProduct(A * lighter.cwiseProduct(f))) - f;
 }
 
 /// Torques for the coming tick.
@@ -199,12 +216,11 @@ typename SerialArm<n>::Joints SerialArm<n>::control(const Vector6& wrench) noexc
   if constexpr (n > 6) {
     within = arm_.null_space_stiffness_n_m_per_rad * (home_ - s_.q) - arm_.null_space_damping_n_m_s_per_rad * s_.v;
     Matrix6 A = J * inertia_.solve(J.transpose());
-    damp(A);
-    within -= J.transpose() * A.llt().solve(J * inertia_.solve(within));
+    within -= J.transpose() * factors(A).solve(J * inertia_.solve(within));
   }
-  if (arm_.force_feedback_gain > 0.0) {
+  if (arm_.force_feedback_gain > 0.0 || arm_.force_feedback_torque_gain > 0.0) {
     sensed_ += sensor_weight_ * (now_.outside + inertial_ - sensed_);
-    within += J.transpose() * Vector6{arm_.force_feedback_gain * (wrench + sensed_)};
+    within += J.transpose() * feedback(wrench + sensed_);
   }
   const Joints wanted = gravity + J.transpose() * wrench + within;
   torque_ = wanted.cwiseMin(most_torque_).cwiseMax(-most_torque_);

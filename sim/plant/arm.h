@@ -35,7 +35,8 @@ struct HandOnTool {
 ///
 /// f_s: reading of a wrist sensor without errors, the force on the flange through the tool without its weight, low-passed where
 /// the scene says so; G: gain of the force feedback, which makes the arm without its tool 1 + G times lighter (N. Hogan, J. Dyn. Syst. Meas.
-/// Control 107(1), 1985). q_0: the position at the beginning. N lets no torque of the null space accelerate the tool (O. Khatib, IEEE
+/// Control 107(1), 1985). With a gain of its own for the rotation G = Λ D⁻¹ Λ⁻¹ D⁻¹ - 1, of the arm without its tool, which is then felt as
+/// D Λ D, D = diag(1/√(1 + gain), 1/√(1 + torque_gain)). q_0: the position at the beginning. N lets no torque of the null space accelerate the tool (O. Khatib, IEEE
 /// J. Robotics and Automation 3(1), 1987); six joints have none. Near a singular position J M⁻¹ Jᵀ is damped (Y. Nakamura,
 /// H. Hanafusa, J. Dyn. Syst. Meas. Control 108(3), 1986); Jᵀ f has no inverse and needs nothing. The plant, by Runge-Kutta 4:
 ///
@@ -113,7 +114,8 @@ class SerialArm {
   }
   [[nodiscard]] Joints over_stops(const Joints& q) const noexcept;
   [[nodiscard]] Joints stops(const State& s) const noexcept;
-  void damp(Matrix6& A) const noexcept;
+  [[nodiscard]] Eigen::LLT<Matrix6> factors(Matrix6& A) const noexcept;
+  [[nodiscard]] Vector6 feedback(const Vector6& f) const noexcept;
   [[nodiscard]] Kinematics kinematics(const State& s, double t) const noexcept;
   [[nodiscard]] Vector6 outside_wrench(const typename Model::Pose& p, const Vector6& v, double t) const noexcept;
   [[nodiscard]] Joints load(const State& s, const Kinematics& k, const Joints& torque) const noexcept;
@@ -129,7 +131,7 @@ class SerialArm {
   std::optional<HandOnTool> hand_;
   ArmTool tool_;  ///< with the hand's mass
   Joints home_;
-  Model model_;
+  Model model_, bare_;  ///< with the tool, and without
   Joints most_torque_, lower_, upper_;
   Eigen::Vector3d base_;  ///< in the world
   Matrix6 mobility_;      ///< J M⁻¹ Jᵀ at the beginning

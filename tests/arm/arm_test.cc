@@ -170,6 +170,51 @@ TEST(Arm, JacobianIsTheDerivativeOfThePose) {
   }
 }
 
+// c = Ṁ q̇ - ½ ∂(q̇ᵀ M q̇)/∂q. Gyroscopic torques do no work: the energy below does not see them.
+TEST(Arm, TorqueOfVelocitiesIsThatOfLagrange) {
+  for (const std::string& name : kArms) {
+    SCOPED_TRACE(name);
+    const ArmParameters of = parameters(name);
+    const Arm arm{of, {0.5, {0.02, -0.03, 0.08}, Vector3d{2e-3, 3e-3, 4e-3}.asDiagonal()}};
+    Draw draw{5};
+    for (int k = 0; k < 10; ++k) {
+      const Joints q = draw.position(of), v = draw.joints(2.0);
+      constexpr double h = 1e-5;
+      const auto change = [&](const Joints& along) {
+        return Arm::Inertia{(arm.inertia(arm.pose(q + h * along)) - arm.inertia(arm.pose(q - h * along))) / (2.0 * h)};
+      };
+      Joints expected = change(v) * v;
+      for (int i = 0; i < 7; ++i) expected[i] -= 0.5 * v.dot(change(Joints::Unit(i)) * v);
+      EXPECT_LT((arm.bias_torque(arm.pose(q), v, Vector3d::Zero()) - expected).cwiseAbs().maxCoeff(), 1e-7);
+    }
+  }
+}
+
+// What a tool adds to M is that of a rigid body with the velocity of its centre of mass.
+TEST(Arm, CarriesATurnedToolAsABody) {
+  const ArmParameters of = parameters("fr3");
+  const Matrix3d turned = Eigen::AngleAxisd{0.7, Vector3d{1, 2, 3}.normalized()}.toRotationMatrix();
+  const Matrix3d moments = Vector3d{2e-3, 3e-3, 4e-3}.asDiagonal();
+  const Arm bare{of};
+  Draw draw{6};
+  for (const double mass : {0.5, 0.0}) {
+    const Vector3d center = mass > 0.0 ? Vector3d{0.02, -0.03, 0.08} : Vector3d::Zero();
+    const Arm arm{of, {mass, center, moments}, turned};
+    for (int k = 0; k < 10; ++k) {
+      const Joints q = draw.position(of);
+      const Arm::Pose p = arm.pose(q);
+      EXPECT_LT((p.tool_rotation - bare.pose(q).tool_rotation * turned).norm(), kRounding);
+      const Vector3d c = p.tool_rotation * center;
+      Arm::Jacobian J = arm.jacobian(p);
+      for (int i = 0; i < 7; ++i) J.block<3, 1>(0, i) += Vector3d{J.block<3, 1>(3, i)}.cross(c);
+      const auto linear = J.topRows<3>(), angular = J.bottomRows<3>();
+      const Arm::Inertia body = mass * linear.transpose() * linear +
+                                angular.transpose() * p.tool_rotation * moments * p.tool_rotation.transpose() * angular;
+      EXPECT_LT((arm.inertia(p) - bare.inertia(p) - body).cwiseAbs().maxCoeff(), kRounding) << mass;
+    }
+  }
+}
+
 TEST(Arm, KeepsItsEnergyWithoutTorques) {
   for (const std::string& name : kArms) {
     SCOPED_TRACE(name);

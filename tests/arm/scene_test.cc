@@ -59,6 +59,7 @@ TEST(SceneOfAnArm, StandsInPlaceOfABody) {
   EXPECT_EQ(error_of(kRobot + kArm + "} }"), "");
   expect_error(kRobot + kArm + "} mass_kg: 1 }", "robot.mass_kg is given, but so is robot.arm");
   expect_error(kRobot + "arm { } }", "robot.arm.file is missing");
+  expect_error(kRobot + "arm { file: \"\" } }", "robot.arm.file is \"\"; it must be the path of a file");
   expect_error(kRobot + "arm { file: \"nowhere.textproto\" } }", "nowhere.textproto");
   expect_error(kRobot + kArm + "joint_position_rad: [0, 0, 0, 0, 0, 1, 0] } }",
                "lie within the joints' limits; number 4 must be between -3.0481 and -0.1458");
@@ -70,10 +71,26 @@ TEST(SceneOfAnArm, StandsInPlaceOfABody) {
   EXPECT_GT(scene.robot->inertia_kg_m2[0], 0.05);
 }
 
+TEST(SceneOfAnArm, TurnsAsLightAsItMovesUnlessAGainOfTorquesIsGiven) {
+  const auto of = [](const std::string& feedback) {
+    return parse_scene(kRobot + kArm + "force_feedback { " + feedback + " } } }", "scene").robot.value();
+  };
+  EXPECT_EQ(of("gain: 3").arm->force_feedback_torque_gain, 3.0);
+  EXPECT_EQ(of("gain: 3 torque_gain: 0").arm->force_feedback_torque_gain, 0.0);
+  const RobotSpec same = of("gain: 3"), lighter = of("gain: 3 torque_gain: 15");
+  EXPECT_NEAR(lighter.mass_kg, same.mass_kg, 1e-12);
+  EXPECT_NEAR(lighter.inertia_kg_m2[0], same.inertia_kg_m2[0] / 4.0, 1e-12);
+}
+
 TEST(SceneOfAnArm, SaysTheWholeRangeOfANumber) {
   for (const char* gain : {"-1", "1001"})
     expect_error(kRobot + kArm + "force_feedback { gain: " + gain + " } } }",
                  "robot.arm.force_feedback.gain is " + std::string{gain} + "; it must be >= 0 and at most 1000");
+  for (const char* gain : {"-1", "1001"})
+    expect_error(kRobot + kArm + "force_feedback { torque_gain: " + gain + " } } }",
+                 "robot.arm.force_feedback.torque_gain is " + std::string{gain} + "; it must be >= 0 and at most 1000");
+  expect_error(kRobot + kArm + "force_feedback { torque_gain: nan } } }",
+               "robot.arm.force_feedback.torque_gain is nan; it must be a finite number");
   for (const char* damping : {"-1", "301"}) {
     expect_error(kRobot + kArm + "joint_damping_n_m_s_per_rad: " + damping + " } }", "it must be >= 0 and at most 300");
     expect_error(kRobot + kArm + "null_space_damping_n_m_s_per_rad: " + damping + " } }",

@@ -2,8 +2,10 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <array>
 #include <cmath>
+#include <cstdio>
 #include <numbers>
 #include <random>
 #include <string>
@@ -124,6 +126,64 @@ TEST(Ur5e, IsAPlantWithoutANullSpace) {
   EXPECT_GT((r.state().x - start).vec().norm(), 0.01);
   // Runge-Kutta 4 at 0.5 ms.
   EXPECT_NEAR(arm.mechanical_energy() - before, arm.joint_energy().si(), 1e-8);
+}
+
+/// Drawn by a spring and damper at the tool along `by` in 2 s, and back.
+struct Drawn {
+  double fastest = 0.0;    ///< of the joints, as part of the file's largest speed
+  double singular = 10.0;  ///< least distance of the watched joint from zero [rad]
+  double farthest = 0.0;   ///< of that joint, beyond zero [rad]
+  double left = 0.0;       ///< between the tool and where it began, at the end
+};
+Drawn drawn(const std::string& at, int joint, const Vector6& by) {
+  SimRobot<6> r{scene("joint_position_rad: " + at), Seconds{5e-4}};
+  const SerialArm<6>& arm = *r.arm()->joints<6>();
+  const Position<6> start = r.state().x;
+  const double side = arm.state().q[joint] > 0.0 ? 1.0 : -1.0;
+  Drawn all;
+  for (int k = 0; k < 12000; ++k) {
+    const double part = k < 8000 ? 0.5 * (1.0 - std::cos(std::numbers::pi * k / 4000.0)) : 0.0;
+    const Vector6 stretch = (start + Displacement<6>{Vector6{part * by}} - r.state().x).vec(), v = r.state().v.vec();
+    Vector6 f;
+    f << 1000.0 * stretch.head<3>() - 60.0 * v.head<3>(), 10.0 * stretch.tail<3>() - 0.6 * v.tail<3>();
+    RobotCommand<6> command;
+    command.f = Force<6>{f};
+    r.actuate(command);
+    r.advance();
+    const double now = side * arm.state().q[joint];
+    all.fastest = std::max(all.fastest, arm.state().v.cwiseAbs().maxCoeff() / std::numbers::pi);
+    all.singular = std::min(all.singular, std::abs(now));
+    all.farthest = std::max(all.farthest, -now);
+  }
+  all.left = (r.state().x - start).vec().norm();
+  return all;
+}
+
+TEST(Ur5e, GoesThroughAStretchedElbowAndAWristInLineWithinTheSpeedsOfItsJoints) {
+  // Outwards by more than the arm reaches: the elbow stretches and bends again.
+  Vector6 out;
+  out << -0.3, 0.0, 0.0, 0.0, 0.0, 0.0;
+  const Drawn elbow = drawn("[0, -0.5, 0.5, 0, -1.5707963267948966, 0]", 2, out);
+  std::printf("elbow: within %.4f rad of singular, %.3f of the largest speed, left %.2g\n", elbow.singular,
+              elbow.fastest, elbow.left);
+  EXPECT_LT(elbow.singular, 0.05);
+  EXPECT_LT(elbow.fastest, 1.0);
+  EXPECT_LT(elbow.left, 1e-2);
+  // Turned about the fifth joint until the axes of the fourth and sixth are one, and beyond; a little askew, which a wrist in line cannot
+  // follow.
+  const Joints q{0.0, -1.2, 1.4, -1.5, 0.4, 0.0};
+  const Arm arm{load_arm(kFile)};
+  const Arm::Pose p = arm.pose(q);
+  Vector6 turn;
+  turn << Eigen::Vector3d::Zero(), -0.8 * p.axis[4] + 0.05 * p.axis[4].cross(p.axis[5]);
+  // The scene's tool is at the identity, the base is turned by nothing.
+  const Drawn wrist = drawn("[0, -1.2, 1.4, -1.5, 0.4, 0]", 4, turn);
+  std::printf("wrist: within %.4f rad of singular, %.3f beyond, %.3f of the largest speed, left %.2g\n", wrist.singular,
+              wrist.farthest, wrist.fastest, wrist.left);
+  EXPECT_LT(wrist.singular, 1e-2);
+  EXPECT_GT(wrist.farthest, 0.1);
+  EXPECT_LT(wrist.fastest, 1.0);
+  EXPECT_LT(wrist.left, 2e-2) << "2 s after, joints damped by 1 N m s/rad";
 }
 
 TEST(Ur5e, TakesNoFieldsOfANullSpace) {
