@@ -153,7 +153,7 @@ class GodObject {
   static constexpr double kTouch_m = 1e-8;       // a point that is nearer touches
   static constexpr double kYield_m = 1e-11;      // of a point that sticks
   static constexpr int kAlternations = 30, kNewtonSteps = 40;
-  static constexpr int kNewtonStepsOfSolution = 200, kNewtonStepsBeyond = 4;
+  static constexpr int kNewtonStepsOfSolution = 400, kNewtonStepsBeyond = 4;
 
   using Vector = Eigen::Matrix<double, N, 1>;
   using Where = Point<kAxes<N>>;
@@ -256,6 +256,7 @@ class GodObject {
     double step = 0.0;
     if (rough_) {
       solved_friction_energy_ = {};
+      start_energy_ = potential(x, goal);
       moved_anchors_ = anchors_;
       if (!free)
         for (Anchor& a : moved_anchors_) a.holds = false;
@@ -267,7 +268,7 @@ class GodObject {
       if (least >= -kPenetration_m) {
         last_free = x, has_free = true;
         if (i > 0 && step <= kStill_m) {
-          if (rough_) drag_anchors(x);
+          if (rough_) drag_anchors(x, goal);
           return true;
         }
       }
@@ -294,7 +295,7 @@ class GodObject {
       if (!whole) y *= kStep_m / way;
       step = travel(y);
       if (i == 0 && has_free && step <= kRest_m) {
-        if (rough_) drag_anchors(x);
+        if (rough_) drag_anchors(x, goal);
         return true;
       }
       if (contacts_ == 0 && whole)
@@ -303,7 +304,7 @@ class GodObject {
         x = moved(x, y);
     }
     x = last_free;
-    if (rough_) drag_anchors(x);
+    if (rough_) drag_anchors(x, goal);
     return has_free;
   }
 
@@ -342,14 +343,13 @@ class GodObject {
       if (i >= (newton_steps_ < kNewtonStepsOfSolution ? kAlternations : 1) || (sliding_ == 0 && i == 0)) return;
       friction.setZero();
       if (sliding_ > 0) {
-        least_with_friction(goal);
+        least_with_friction(goal, i == 0 ? solver_.active_point(rows_) : y);
         for (std::size_t k = 0; k < sliding_; ++k) friction += on_proxy(slidings_[k].arm, slidings_[k].force);
       }
     }
   }
-  /// With the limits of friction held and on the active planes; sets the forces.
-  void least_with_friction(const Vector& goal) noexcept {
-    Vector u = solver_.active_point(rows_);
+  /// With the limits of friction held and on the active planes, from u on them; sets the forces.
+  void least_with_friction(const Vector& goal, Vector u) noexcept {
     double value = 0.0;
     const int most = newton_steps_ < kNewtonStepsOfSolution ? kNewtonSteps : kNewtonStepsBeyond;
     for (int i = 0; i < most; ++i, ++newton_steps_) {
@@ -432,7 +432,7 @@ class GodObject {
     }
   }
   /// Of all points that touch at x, where the last look was; books what friction takes.
-  void drag_anchors(const Position<N>& x) noexcept {
+  void drag_anchors(const Position<N>& x, const Position<N>& goal) noexcept {
     const PoseWithRotation<N> pose{x};
     double taken = 0.0;
     for (std::size_t i = 0; i < moved_anchors_.size(); ++i) {
@@ -453,6 +453,9 @@ class GodObject {
       }
     }
     solved_friction_energy_ = Energy{stiffness_ * taken};
+    // No more than the spring has lost while the proxy moved; where the friction is solved for, that holds by itself.
+    if (newton_steps_ >= kNewtonStepsOfSolution)
+      solved_friction_energy_ = std::min(solved_friction_energy_, positive_part(start_energy_ - potential(x, goal)));
   }
   void tell_contacts() noexcept {
     contacts_ = solver_.active();
@@ -486,7 +489,7 @@ class GodObject {
   bool slips_ = false;  ///< one of them, in the last solution
   int newton_steps_ = 0;
   std::uint64_t unfinished_ = 0;
-  Energy solved_friction_energy_;
+  Energy solved_friction_energy_, start_energy_;
   LeastDistance<N> solver_;
   std::array<Contact, static_cast<std::size_t>(N)> contact_{};
   std::size_t contacts_ = 0;
