@@ -25,7 +25,7 @@ enum class Method : std::uint8_t {
 struct ControllerOptions {
   Method method = Method::none;
   /// Largest damping of an impedance against the accumulated deficit [N s/m]; about an axis times radius_of_gyration_m².
-  /// The new deficit is not limited; it is bounded by |P| and rise.
+  /// The new deficit is not limited by it alone; it is bounded by |P| and rise.
   double max_gain = 10.0;
   /// The same at an admittance [m/(N s)]. On a spring K the sampled correction is stable below 2/(K T).
   double max_mobility_m_per_n_s = 0.01;
@@ -132,13 +132,14 @@ template <int N>
 ///     A  = max(0, -available)                               accumulated deficit: dissipated at no more than max_gain
 ///
 ///     classic          out' = out + g·dual(in),    g = D/(T|in|²) + min(A/(T|in|²), max_gain)
-///     force projected  out' = out·s,               s = 1 + (D + min(A, max_gain T P²/|out|²)) / (T P),   s >= 0
+///     force projected  out' = out·s,               s = 1 + (min(D, max(T |P|, G)) + min(A, G)) / (T P),   G = max_gain T P²/|out|²,   s >= 0
 ///     metric damping   f'   = f + C,               C takes D + min(A, max_gain T|v|²): metric_damping()
 ///     force cone       f'   = f + C, turned by no more than max_turn_rad: within_cone()
 ///
 /// The second is the paper's eq. (8): with v_p = (fᵀv/|f|²) f, f + α v_p = f·(1 - E/(T fᵀv)). It is one scalar, so a
 /// wrench needs no metric and no characteristic length, and the direction of out is kept exactly. Where P -> 0 a force
-/// along out does no work: the deficit stays in the account and is reported as undissipated. The last two hold there,
+/// along out does no work: D/(T P) has no bound there, so that what is added for D is at most |out| again, or what max_gain
+/// adds. The rest of the deficit stays in the account, as arrears, and is reported as undissipated. The last two hold there,
 /// and turn the force.
 /// Real time: no allocation, no throw.
 template <class Out, class In>
@@ -182,8 +183,10 @@ Corrected<Out> passivity_controller(Out wanted, In in, Budget budget, const Cont
   const double out2 = squared_norm_in_metric(wanted, radius);
   if (out2 < kVanishing) return {wanted, Energy{}, Energy{due}};
   if (p.si() * p.si() < 1e-20 * in2 * out2) return {wanted, Energy{}, Energy{due}};
-  const double repaid = std::min(accumulated_deficit, max_gain * dt.si() * p.si() * p.si() / out2);
-  double s = 1.0 + (new_deficit + repaid) / (dt.si() * p.si());
+  const double most = max_gain * dt.si() * p.si() * p.si() / out2;
+  const double taken = std::min(new_deficit, std::max(dt.si() * std::abs(p.si()), most));
+  const double repaid = std::min(accumulated_deficit, most);
+  double s = 1.0 + (taken + repaid) / (dt.si() * p.si());
   if (options.unilateral) s = std::max(s, 0.0);
   const Energy dissipated{(s - 1.0) * p.si() * dt.si()};
   return {s * wanted, dissipated, positive_part(Energy{due} - dissipated)};

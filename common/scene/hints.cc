@@ -292,19 +292,6 @@ constexpr Hint kHints[] = {
            s.rate_hz, stiffest_rendered(s), s.device->mass_kg,
            std::sqrt(stiffest_rendered(s) / (kFastHandle * s.device->mass_kg)));
      }},
-    {[](const Scene& s) {
-       const auto rough = [](const EnvironmentSpec& e) {
-         const auto* surface = std::get_if<Surface>(&e);
-         return surface != nullptr && surface->material.friction > 0.0;
-       };
-       return s.control.rendering == RenderingAlgorithm::god_object && s.control.reference_energy &&
-              s.control.controller.method == Method::force_projected &&
-              std::any_of(s.environment.begin(), s.environment.end(), rough);
-     },
-     [](const Scene&) -> std::string {
-       return "control.passivity.reference_energy with FORCE_PROJECTED and GOD_OBJECT on a surface with friction: a "
-              "tick may display many times the wanted force; FORCE_CONE, or no reference_energy, does not";
-     }},
 };
 
 }  // namespace

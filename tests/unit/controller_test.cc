@@ -254,6 +254,35 @@ TYPED_TEST(Controller, TheNewDeficitBoundsItself) {
   }
 }
 
+// Where the power passes 0 the scale 1 + D/(T P) has no bound.
+TYPED_TEST(Controller, ProjectedAddsNoMoreThanTheOutputAgainOrWhatTheGainAdds) {
+  ControllerOptions o = options(Method::force_projected, 2.0);
+  int limited = 0;
+  for (int i = 0; i < 10'000; ++i) {
+    const typename TestFixture::Vector f = this->random(), v = this->random();
+    // Almost across each other, to either side; along one axis slow.
+    const double cosine = std::pow(10.0, -this->uniform(0.0, 8.0)) * (i % 2 == 0 ? 1 : -1);
+    const typename TestFixture::Out wanted{f};
+    const typename TestFixture::In in{TestFixture::kHasAcross
+                                          ? typename TestFixture::Vector{v - (1.0 - cosine) * f.dot(v) / f.dot(f) * f}
+                                          : typename TestFixture::Vector{cosine * v}};
+    const Budget budget{Energy{this->uniform(-1e-3, 1e-3)}, Energy{this->uniform(0.0, 1e-2)}};
+    const auto c = passivity_controller(wanted, in, budget, o, kPeriod);
+    const double force = std::sqrt(squared_norm_in_metric(wanted, o.radius_of_gyration_m));
+    const double along = std::abs(dot(wanted, in).si()) / force;  // |v_p|
+    const double added = std::sqrt(
+        squared_norm_in_metric(typename TestFixture::Out{c.out.vec() - wanted.vec()}, o.radius_of_gyration_m));
+    ASSERT_LE(added, (std::max(force, o.max_gain * along) + o.max_gain * along) * (1.0 + 1e-9)) << i;
+    limited += c.undissipated.si() > 0.0 && added > 0.9 * force;
+    // Nothing of the deficit is lost.
+    const double due =
+        std::max(0.0, -budget.available.si()) +
+        std::max(0.0, budget.rise.si() - std::max(budget.available.si(), 0.0) - (dot(wanted, in) * kPeriod).si());
+    ASSERT_NEAR(c.dissipated.si() + c.undissipated.si(), due, 1e-12 * (due + std::abs(force * along)));
+  }
+  EXPECT_GT(limited, 100);
+}
+
 TYPED_TEST(Controller, WithoutPredictionRepaysArrearsOnly) {
   for (Method method : kActing) {
     ControllerOptions o = options(method);

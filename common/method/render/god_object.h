@@ -4,6 +4,7 @@
 #include <array>
 #include <cmath>
 #include <cstddef>
+#include <cstdint>
 #include <span>
 #include <utility>
 #include <vector>
@@ -38,7 +39,9 @@ namespace twoport {
 ///
 ///     |d - d_goal|²_K/2 + Σ μ λ_i h(s_i)   on the planes that carry,   λ held,
 ///
-/// by Newton's method with a line search, until λ stays (Panagiotopoulos' fixed point).
+/// by Newton's method with a line search, until λ stays (Panagiotopoulos' fixed point). The fixed point need not exist where λ is large
+/// and the handle far inside: after kNewtonStepsOfSolution steps of Newton's method each step of the proxy has one alternation of
+/// kNewtonStepsBeyond, and takes the friction found by then. The proxy penetrates nothing all the same; unfinished() counts these ticks.
 ///
 /// The proxy moves in steps d = (δp, δθ) of at most 2 mm. Each is the least change of the goal in the metric of the spring
 /// (Gauss' principle of least constraint), subject to the surfaces' planes at their nearest points,
@@ -87,6 +90,7 @@ class GodObject {
   void follow(const Position<N>& handle) noexcept {
     if (!placed_) proxy_ = handle;
     placed_ = solve(proxy_, handle, placed_) || placed_;
+    unfinished_ += newton_steps_ >= kNewtonStepsOfSolution;
     if (!placed_) proxy_ = handle;
     if (rough_) {
       friction_energy_ += solved_friction_energy_;
@@ -99,6 +103,10 @@ class GodObject {
 
   [[nodiscard]] const Position<N>& proxy() const noexcept { return proxy_; }
   [[nodiscard]] bool touching() const noexcept { return touching_; }
+  /// Number of follow() whose friction was not solved for to the end.
+  [[nodiscard]] std::uint64_t unfinished() const noexcept { return unfinished_; }
+  /// Newton's steps of the last solution: less than kNewtonStepsOfSolution + kNewtonSteps + (kSteps + 1) kNewtonStepsBeyond.
+  [[nodiscard]] int newton_steps() const noexcept { return newton_steps_; }
   /// Of the last solution.
   [[nodiscard]] std::span<const Contact> contacts() const noexcept { return {contact_.data(), contacts_}; }
 
@@ -145,6 +153,7 @@ class GodObject {
   static constexpr double kTouch_m = 1e-8;       // a point that is nearer touches
   static constexpr double kYield_m = 1e-11;      // of a point that sticks
   static constexpr int kAlternations = 30, kNewtonSteps = 40;
+  static constexpr int kNewtonStepsOfSolution = 400, kNewtonStepsBeyond = 4;
 
   using Vector = Eigen::Matrix<double, N, 1>;
   using Where = Point<kAxes<N>>;
@@ -243,9 +252,11 @@ class GodObject {
     bool has_free = free;
     cuts_.clear();
     contacts_ = 0;
+    newton_steps_ = 0;
     double step = 0.0;
     if (rough_) {
       solved_friction_energy_ = {};
+      start_energy_ = potential(x, goal);
       moved_anchors_ = anchors_;
       if (!free)
         for (Anchor& a : moved_anchors_) a.holds = false;
@@ -257,7 +268,7 @@ class GodObject {
       if (least >= -kPenetration_m) {
         last_free = x, has_free = true;
         if (i > 0 && step <= kStill_m) {
-          if (rough_) drag_anchors(x);
+          if (rough_) drag_anchors(x, goal);
           return true;
         }
       }
@@ -284,7 +295,7 @@ class GodObject {
       if (!whole) y *= kStep_m / way;
       step = travel(y);
       if (i == 0 && has_free && step <= kRest_m) {
-        if (rough_) drag_anchors(x);
+        if (rough_) drag_anchors(x, goal);
         return true;
       }
       if (contacts_ == 0 && whole)
@@ -293,7 +304,7 @@ class GodObject {
         x = moved(x, y);
     }
     x = last_free;
-    if (rough_) drag_anchors(x);
+    if (rough_) drag_anchors(x, goal);
     return has_free;
   }
 
@@ -329,19 +340,19 @@ class GodObject {
         slidings_ = last;
         return;
       }
-      if (i == kAlternations || (sliding_ == 0 && i == 0)) return;
+      if (i >= (newton_steps_ < kNewtonStepsOfSolution ? kAlternations : 1) || (sliding_ == 0 && i == 0)) return;
       friction.setZero();
       if (sliding_ > 0) {
-        least_with_friction(goal);
+        least_with_friction(goal, i == 0 ? solver_.active_point(rows_) : y);
         for (std::size_t k = 0; k < sliding_; ++k) friction += on_proxy(slidings_[k].arm, slidings_[k].force);
       }
     }
   }
-  /// With the limits of friction held and on the active planes; sets the forces.
-  void least_with_friction(const Vector& goal) noexcept {
-    Vector u = solver_.active_point(rows_);
+  /// With the limits of friction held and on the active planes, from u on them; sets the forces.
+  void least_with_friction(const Vector& goal, Vector u) noexcept {
     double value = 0.0;
-    for (int i = 0; i < kNewtonSteps; ++i) {
+    const int most = newton_steps_ < kNewtonStepsOfSolution ? kNewtonSteps : kNewtonStepsBeyond;
+    for (int i = 0; i < most; ++i, ++newton_steps_) {
       Vector slope = u - goal;
       Eigen::Matrix<double, N, N> curvature = Eigen::Matrix<double, N, N>::Identity();
       value = 0.5 * slope.squaredNorm();
@@ -421,7 +432,7 @@ class GodObject {
     }
   }
   /// Of all points that touch at x, where the last look was; books what friction takes.
-  void drag_anchors(const Position<N>& x) noexcept {
+  void drag_anchors(const Position<N>& x, const Position<N>& goal) noexcept {
     const PoseWithRotation<N> pose{x};
     double taken = 0.0;
     for (std::size_t i = 0; i < moved_anchors_.size(); ++i) {
@@ -442,6 +453,9 @@ class GodObject {
       }
     }
     solved_friction_energy_ = Energy{stiffness_ * taken};
+    // No more than the spring has lost while the proxy moved; where the friction is solved for, that holds by itself.
+    if (newton_steps_ >= kNewtonStepsOfSolution)
+      solved_friction_energy_ = std::min(solved_friction_energy_, positive_part(start_energy_ - potential(x, goal)));
   }
   void tell_contacts() noexcept {
     contacts_ = solver_.active();
@@ -473,7 +487,9 @@ class GodObject {
   std::array<Sliding, kMost> slidings_;
   std::size_t sliding_ = 0;
   bool slips_ = false;  ///< one of them, in the last solution
-  Energy solved_friction_energy_;
+  int newton_steps_ = 0;
+  std::uint64_t unfinished_ = 0;
+  Energy solved_friction_energy_, start_energy_;
   LeastDistance<N> solver_;
   std::array<Contact, static_cast<std::size_t>(N)> contact_{};
   std::size_t contacts_ = 0;

@@ -112,22 +112,6 @@ TEST(Hints, SayThatTheVirtualCouplingTurnsTheRobot) {
                       "rotational_damping_n_m_s_per_rad is 0.21"});
 }
 
-TEST(Hints, SayThatFrictionOfAGodObjectLeavesTheProjectedScaleWithoutABound) {
-  const std::string scene =
-      "dof: 3 duration_s: 1 rate_hz: 1000 device { mass_kg: 0.1 } control { architecture: RENDER rendering: GOD_OBJECT "
-      "virtual_coupling { stiffness_n_per_m: 500 damping_n_s_per_m: 0 } passivity { method: FORCE_PROJECTED "
-      "reference_energy: true } } environment { wall { normal: [1, 0, 0] offset_m: -0.01 stiffness_n_per_m: 500 "
-      "friction: 0.4 } }";
-  EXPECT_EQ(hints(scene_of(scene)),
-            Sentences{"control.passivity.reference_energy with FORCE_PROJECTED and GOD_OBJECT on a surface with "
-                      "friction: a tick may display many times the wanted force; FORCE_CONE, or no reference_energy, "
-                      "does not"});
-  for (const char* harmless :
-       {"control.passivity.reference_energy=false", "control.passivity.method=FORCE_CONE",
-        "control.passivity.method=CLASSIC", "environment[0].wall.friction=0", "control.rendering=PENALTY"})
-    EXPECT_EQ(hints(scene_of(scene, {harmless})), Sentences{}) << harmless;
-}
-
 TEST(Hints, SayThatADelayedLinkWithoutPassivityControlMayBeUnstable) {
   const Sentences expected{
       "control.passivity.method is NONE and the link delays: the loop may be unstable; INTERNAL_MODEL, the "
