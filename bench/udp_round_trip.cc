@@ -5,7 +5,8 @@
 //   key    the same with --key: every datagram encrypted and authenticated
 //
 // with --stages also what lies between, each above the one before: the socket, the network of a scene without impairments, the
-// codec, the link (handshake and Mailbox; then the path adds nodes and plants),
+// codec, the link (handshake and Mailbox; then the path adds nodes and plants), and the path with both ends asleep until a datagram is
+// there, as back to back trips: an end that waits costs no core
 //
 // and what one datagram costs to seal and to open.
 //
@@ -25,6 +26,7 @@
 #include <cstdio>
 #include <cstdlib>
 #include <cstring>
+#include <ctime>
 #include <memory>
 #include <optional>
 #include <span>
@@ -253,7 +255,8 @@ template <int N>
 class Path {
  public:
   /// `nodes`: else the reports are sent as they are.
-  explicit Path(bool key, bool nodes = true) : nodes_{nodes} {
+  /// `sleeps`: until a datagram is there, else it looks again and again.
+  explicit Path(bool key, bool nodes = true, bool sleeps = false) : nodes_{nodes}, sleeps_{sleeps} {
     if (key) {
       const Ordinary ordinary;
       far_secure_ = std::make_unique<SecureSocket>(
@@ -282,7 +285,10 @@ class Path {
     near_.post(report, near_now_);
     while (true) {
       const PeerState<N>& known = near_.collect(tick(near_now_));
-      if (!known.is_new) continue;
+      if (!known.is_new) {
+        if (sleeps_) near_udp_.wait(kLongestSleep);
+        continue;
+      }
       known_ = known;
       return;
     }
@@ -291,7 +297,10 @@ class Path {
     Box& far_ = *far_box_;
     if (far_.transport().take_new_session()) far_.reset();
     const PeerState<N>& known = far_.collect(tick(far_now_));
-    if (!known.is_new && known.has_report) return;
+    if (!known.is_new && known.has_report) {
+      if (sleeps_) far_udp_.wait(kLongestSleep);
+      return;
+    }
     Report<N> report = nodes_ ? far_node_.step(known, far_now_) : sent_;
     far_.post(report, far_now_);
   }
@@ -302,7 +311,9 @@ class Path {
   /// The time that a loop would hand in: it reads no clock, and must only move on.
   static Duration tick(Duration& now) { return now += Duration{100}; }
 
-  bool nodes_;
+  static constexpr Duration kLongestSleep = std::chrono::milliseconds{10};
+
+  bool nodes_, sleeps_;
   Report<N> sent_ = full_envelope<N>().report;
   Duration near_now_{0}, far_now_{0};
   UdpSocket far_udp_{here()}, near_udp_{here(), far_udp_.local()};
@@ -317,9 +328,9 @@ class Path {
 
 // ---- measuring
 
-/// `trips` round trips, the far end in a thread of its own on its own core.
+/// `trips` round trips, the far end in a thread of its own on its own core. Returns the time of processors used over the time passed.
 template <class Way>
-void block(Way& way, const Arguments& arguments, Histogram& histogram) {
+double block(Way& way, const Arguments& arguments, Histogram& histogram) {
   constexpr int kWarmUp = 200;
   std::atomic<bool> ready{false}, done{false};
   std::thread far{[&] {
@@ -329,13 +340,22 @@ void block(Way& way, const Arguments& arguments, Histogram& histogram) {
   }};
   while (!ready.load()) std::this_thread::yield();
   for (int k = 0; k < kWarmUp; ++k) way.near_trip();
+  const auto used = [] {
+    timespec t;
+    clock_gettime(CLOCK_PROCESS_CPUTIME_ID, &t);
+    return static_cast<double>(t.tv_sec) + 1e-9 * static_cast<double>(t.tv_nsec);
+  };
+  const double used_before = used();
+  const auto began = Clock::now();
   for (int k = 0; k < arguments.trips; ++k) {
     const Duration begin = clock_now();
     way.near_trip();
     histogram.add(clock_now() - begin);
   }
+  const double cores = (used() - used_before) / std::chrono::duration<double>(Clock::now() - began).count();
   done.store(true);
   far.join();
+  return cores;
 }
 
 double us(Duration d) {
@@ -383,9 +403,10 @@ void measure(const Arguments& arguments) {
   Stage<StageEnd<N, false, false>> socket;
   Stage<StageEnd<N, true, false>> network;
   Stage<StageEnd<N, true, true>> codec;
-  Path<N> link{false, false}, path{false}, key{true};
-  std::array<const char*, 7> names{"raw", "socket", "network", "codec", "link", "path", "key"};
-  const auto trips = std::make_unique<std::array<Histogram, 7>>();
+  Path<N> link{false, false}, path{false}, key{true}, sleep{false, true, true};
+  std::array<const char*, 8> names{"raw", "socket", "network", "codec", "link", "path", "key", "sleep"};
+  const auto trips = std::make_unique<std::array<Histogram, 8>>();
+  double busy = 0.0, asleep = 0.0;
   auto& t = *trips;
   for (int b = 0; b < arguments.blocks; ++b) {
     block(raw, arguments, t[0]);
@@ -395,8 +416,9 @@ void measure(const Arguments& arguments) {
       block(codec, arguments, t[3]);
       block(link, arguments, t[4]);
     }
-    block(path, arguments, t[5]);
+    busy += block(path, arguments, t[5]);
     block(key, arguments, t[6]);
+    if (arguments.stages) asleep += block(sleep, arguments, t[7]);
   }
   std::printf("dof %d, payload %zu B, %d blocks of %d round trips each, cores %d and %d\n", N, payload,
               arguments.blocks, arguments.trips, arguments.cores[0], arguments.cores[1]);
@@ -405,6 +427,9 @@ void measure(const Arguments& arguments) {
     if (t[i].count() > 0) print(names[i], t[i], t[0]);
   std::printf("reports lost: %llu, with a key %llu\n", static_cast<unsigned long long>(path.lost()),
               static_cast<unsigned long long>(key.lost()));
+  std::printf("cores in use by both ends: %.2f", busy / arguments.blocks);
+  if (arguments.stages) std::printf(", asleep %.2f", asleep / arguments.blocks);
+  std::printf("\n");
   const auto [seal, open] = seal_and_open_ns(payload);
   std::printf("one datagram: seal %.0f ns, open %.0f ns, one reading of the clock in each\n", seal, open);
 }
