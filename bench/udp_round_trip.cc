@@ -4,11 +4,15 @@
 //   path   what the programs do: device and robot simulated, both nodes, codec, handshake, impaired socket, Mailbox
 //   key    the same with --key: every datagram encrypted and authenticated
 //
+// with --stages also what lies between, each above the one before: the socket, the network of a scene without impairments, the
+// codec, the link (handshake and Mailbox; then the path adds nodes and plants), and the path with both ends asleep until a datagram is
+// there, as back to back trips: an end that waits costs no core
+//
 // and what one datagram costs to seal and to open.
 //
 // On a shared machine run it as `chrt -f 50 udp_round_trip`, or other programs' time slices end up in p99.
 //
-// usage: udp_round_trip [--dof 1|3|6] [--blocks N] [--trips N] [--cores A,B]
+// usage: udp_round_trip [--dof 1|3|6] [--blocks N] [--trips N] [--cores A,B] [--stages yes|no]
 #include <arpa/inet.h>
 #include <fmt/format.h>
 #include <pthread.h>
@@ -22,7 +26,10 @@
 #include <cstdio>
 #include <cstdlib>
 #include <cstring>
+#include <ctime>
 #include <memory>
+#include <optional>
+#include <span>
 #include <string_view>
 #include <thread>
 #include <vector>
@@ -48,6 +55,7 @@ using Clock = std::chrono::steady_clock;
 struct Arguments {
   int dof = 3, blocks = 20, trips = 5000;
   std::array<int, 2> cores{0, 1};
+  bool stages = false;
 };
 
 Duration clock_now() {
@@ -86,6 +94,21 @@ class Ordinary {
   sched_param parameter_{};
   cpu_set_t cores_{};
 };
+
+Endpoint here() {
+  return parse_endpoint("127.0.0.1:0", "bench");
+}
+
+/// A report as long as one of a running session.
+template <int N>
+Envelope<N> full_envelope() {
+  Envelope<N> e;
+  e.session = e.peer_session = ~std::uint64_t{0};
+  e.report.sequence = e.report.sent_ns = e.report.echo_ns = 1;
+  e.report.energy_in_j = 1.0;
+  e.report.mode = Mode::coupled;
+  return e;
+}
 
 // ---- raw sockets
 
@@ -129,6 +152,62 @@ class Raw {
   std::size_t payload_;
   int near_, far_;
   std::array<char, kMaxDatagram> buffer_{}, far_buffer_{};
+};
+
+// ---- stages between the two
+
+/// Bytes of one report back and forth. `Near` and `Far` are one end each: send(), and receive(f), which calls f for what it finds.
+template <class End>
+class Stage {
+ public:
+  void near_trip() {
+    near_.send();
+    while (!near_.receive()) {
+    }
+  }
+  void far_turn() {
+    if (far_.receive()) far_.send();
+  }
+
+ private:
+  End far_{{}}, near_{far_.local()};
+};
+
+/// UdpSocket; with `kImpaired` a scene's network without any impairment above it; with `kCoded` the report is encoded and decoded.
+template <int N, bool kImpaired, bool kCoded>
+class StageEnd {
+ public:
+  explicit StageEnd(const std::optional<Endpoint>& peer)
+      : udp_{peer ? UdpSocket{here(), *peer} : UdpSocket{here()}},
+        network_{udp_, {.peer = peer}},
+        peer_{peer.value_or(Endpoint{})} {
+    envelope_ = full_envelope<N>();
+    encoded_ = codec_.encode(envelope_);
+  }
+  [[nodiscard]] const Endpoint& local() const { return udp_.local(); }
+  void send() { socket().send(kCoded ? codec_.encode(envelope_) : encoded_, peer_, now_); }
+  bool receive() {
+    now_ += Duration{100};
+    bool found = false;
+    while (const auto datagram = socket().receive(now_)) {
+      peer_ = datagram->from;
+      found = !kCoded || codec_.decode(datagram->bytes, incoming_) == Decoded::ok;
+    }
+    return found;
+  }
+
+ private:
+  DatagramSocket& socket() {
+    if constexpr (kImpaired) return network_;
+    return udp_;
+  }
+  UdpSocket udp_;
+  ImpairedSocket network_;
+  Endpoint peer_;
+  Codec<N> codec_;
+  Envelope<N> envelope_, incoming_;
+  std::span<const std::byte> encoded_;
+  Duration now_{0};
 };
 
 // ---- the real path
@@ -175,7 +254,9 @@ struct SlaveSide {
 template <int N>
 class Path {
  public:
-  explicit Path(bool key) {
+  /// `nodes`: else the reports are sent as they are.
+  /// `sleeps`: until a datagram is there, else it looks again and again.
+  explicit Path(bool key, bool nodes = true, bool sleeps = false) : nodes_{nodes}, sleeps_{sleeps} {
     if (key) {
       const Ordinary ordinary;
       far_secure_ = std::make_unique<SecureSocket>(
@@ -199,11 +280,15 @@ class Path {
 
   void near_trip() {
     Box& near_ = *near_box_;
-    Report<N> report = near_node_.step(known_, tick(near_now_));
+    const Duration now = tick(near_now_);
+    Report<N> report = nodes_ ? near_node_.step(known_, now) : sent_;
     near_.post(report, near_now_);
     while (true) {
       const PeerState<N>& known = near_.collect(tick(near_now_));
-      if (!known.is_new) continue;
+      if (!known.is_new) {
+        if (sleeps_) near_udp_.wait(kLongestSleep);
+        continue;
+      }
       known_ = known;
       return;
     }
@@ -212,29 +297,25 @@ class Path {
     Box& far_ = *far_box_;
     if (far_.transport().take_new_session()) far_.reset();
     const PeerState<N>& known = far_.collect(tick(far_now_));
-    if (!known.is_new && known.has_report) return;
-    Report<N> report = far_node_.step(known, far_now_);
+    if (!known.is_new && known.has_report) {
+      if (sleeps_) far_udp_.wait(kLongestSleep);
+      return;
+    }
+    Report<N> report = nodes_ ? far_node_.step(known, far_now_) : sent_;
     far_.post(report, far_now_);
   }
 
   [[nodiscard]] std::uint64_t lost() { return near_box_->counts().lost + far_box_->counts().lost; }
 
-  static std::size_t payload() {
-    Codec<N> codec;
-    Envelope<N> e;
-    e.session = e.peer_session = ~std::uint64_t{0};
-    e.report.sequence = e.report.sent_ns = e.report.echo_ns = 1;
-    e.report.energy_in_j = 1.0;
-    e.report.mode = Mode::coupled;
-    return codec.encode(e).size();
-  }
-
  private:
   /// The time that a loop would hand in: it reads no clock, and must only move on.
   static Duration tick(Duration& now) { return now += Duration{100}; }
 
+  static constexpr Duration kLongestSleep = std::chrono::milliseconds{10};
+
+  bool nodes_, sleeps_;
+  Report<N> sent_ = full_envelope<N>().report;
   Duration near_now_{0}, far_now_{0};
-  static Endpoint here() { return parse_endpoint("127.0.0.1:0", "bench"); }
   UdpSocket far_udp_{here()}, near_udp_{here(), far_udp_.local()};
   ImpairedSocket far_network_{far_udp_, {}}, near_network_{near_udp_, {.peer = far_udp_.local()}};
   std::unique_ptr<SecureSocket> far_secure_, near_secure_;
@@ -247,9 +328,9 @@ class Path {
 
 // ---- measuring
 
-/// `trips` round trips, the far end in a thread of its own on its own core.
+/// `trips` round trips, the far end in a thread of its own on its own core. Returns the time of processors used over the time passed.
 template <class Way>
-void block(Way& way, const Arguments& arguments, Histogram& histogram) {
+double block(Way& way, const Arguments& arguments, Histogram& histogram) {
   constexpr int kWarmUp = 200;
   std::atomic<bool> ready{false}, done{false};
   std::thread far{[&] {
@@ -259,22 +340,32 @@ void block(Way& way, const Arguments& arguments, Histogram& histogram) {
   }};
   while (!ready.load()) std::this_thread::yield();
   for (int k = 0; k < kWarmUp; ++k) way.near_trip();
+  const auto used = [] {
+    timespec t;
+    clock_gettime(CLOCK_PROCESS_CPUTIME_ID, &t);
+    return static_cast<double>(t.tv_sec) + 1e-9 * static_cast<double>(t.tv_nsec);
+  };
+  const double used_before = used();
+  const auto began = Clock::now();
   for (int k = 0; k < arguments.trips; ++k) {
     const Duration begin = clock_now();
     way.near_trip();
     histogram.add(clock_now() - begin);
   }
+  const double cores = (used() - used_before) / std::chrono::duration<double>(Clock::now() - began).count();
   done.store(true);
   far.join();
+  return cores;
 }
 
 double us(Duration d) {
   return static_cast<double>(d.count()) / 1e3;
 }
 
-void print(const char* name, const Histogram& h) {
-  std::printf("%-6s %8.2f %8.2f %8.2f %10.2f us\n", name, us(h.percentile(0.5)), us(h.percentile(0.99)),
-              us(h.percentile(0.999)), us(h.max()));
+void print(const char* name, const Histogram& h, const Histogram& raw) {
+  std::printf("%-8s %7.2f %8.2f %8.2f %10.2f us %8.2f %6.2f\n", name, us(h.percentile(0.5)), us(h.percentile(0.99)),
+              us(h.percentile(0.999)), us(h.max()), us(h.percentile(0.5)) / us(raw.percentile(0.5)),
+              us(h.percentile(0.99)) / us(raw.percentile(0.99)));
 }
 
 /// Mean time of sealing and of opening a datagram of `size` bytes [ns].
@@ -307,35 +398,45 @@ std::array<double, 2> seal_and_open_ns(std::size_t size) {
 
 template <int N>
 void measure(const Arguments& arguments) {
-  Path<N> path{false}, key{true};
-  Raw raw{path.payload()};
-  const auto raw_trips = std::make_unique<Histogram>(), path_trips = std::make_unique<Histogram>(),
-             key_trips = std::make_unique<Histogram>();
+  const std::size_t payload = Codec<N>{}.encode(full_envelope<N>()).size();
+  Raw raw{payload};
+  Stage<StageEnd<N, false, false>> socket;
+  Stage<StageEnd<N, true, false>> network;
+  Stage<StageEnd<N, true, true>> codec;
+  Path<N> link{false, false}, path{false}, key{true}, sleep{false, true, true};
+  std::array<const char*, 8> names{"raw", "socket", "network", "codec", "link", "path", "key", "sleep"};
+  const auto trips = std::make_unique<std::array<Histogram, 8>>();
+  double busy = 0.0, asleep = 0.0;
+  auto& t = *trips;
   for (int b = 0; b < arguments.blocks; ++b) {
-    block(raw, arguments, *raw_trips);
-    block(path, arguments, *path_trips);
-    block(key, arguments, *key_trips);
+    block(raw, arguments, t[0]);
+    if (arguments.stages) {
+      block(socket, arguments, t[1]);
+      block(network, arguments, t[2]);
+      block(codec, arguments, t[3]);
+      block(link, arguments, t[4]);
+    }
+    busy += block(path, arguments, t[5]);
+    block(key, arguments, t[6]);
+    if (arguments.stages) asleep += block(sleep, arguments, t[7]);
   }
-  std::printf("dof %d, payload %zu B, %d blocks of %d round trips each, cores %d and %d\n", N, path.payload(),
+  std::printf("dof %d, payload %zu B, %d blocks of %d round trips each, cores %d and %d\n", N, payload,
               arguments.blocks, arguments.trips, arguments.cores[0], arguments.cores[1]);
-  std::printf("            p50      p99    p99.9        max\n");
-  print("raw", *raw_trips);
-  print("path", *path_trips);
-  print("key", *key_trips);
-  std::printf("ratio  %8.2f %8.2f   path / raw; reports lost: %llu\n",
-              us(path_trips->percentile(0.5)) / us(raw_trips->percentile(0.5)),
-              us(path_trips->percentile(0.99)) / us(raw_trips->percentile(0.99)),
-              static_cast<unsigned long long>(path.lost()));
-  std::printf("ratio  %8.2f %8.2f   key / path; reports lost: %llu\n",
-              us(key_trips->percentile(0.5)) / us(path_trips->percentile(0.5)),
-              us(key_trips->percentile(0.99)) / us(path_trips->percentile(0.99)),
+  std::printf("            p50      p99    p99.9        max        p50 and p99 against raw\n");
+  for (std::size_t i = 0; i < t.size(); ++i)
+    if (t[i].count() > 0) print(names[i], t[i], t[0]);
+  std::printf("reports lost: %llu, with a key %llu\n", static_cast<unsigned long long>(path.lost()),
               static_cast<unsigned long long>(key.lost()));
-  const auto [seal, open] = seal_and_open_ns(path.payload());
+  std::printf("cores in use by both ends: %.2f", busy / arguments.blocks);
+  if (arguments.stages) std::printf(", asleep %.2f", asleep / arguments.blocks);
+  std::printf("\n");
+  const auto [seal, open] = seal_and_open_ns(payload);
   std::printf("one datagram: seal %.0f ns, open %.0f ns, one reading of the clock in each\n", seal, open);
 }
 
 int usage() {
-  std::fprintf(stderr, "usage: udp_round_trip [--dof 1|3|6] [--blocks N] [--trips N] [--cores A,B]\n");
+  std::fprintf(stderr,
+               "usage: udp_round_trip [--dof 1|3|6] [--blocks N] [--trips N] [--cores A,B] [--stages yes|no]\n");
   return 2;
 }
 
@@ -353,6 +454,8 @@ int main(int argc, char** argv) {
       a.blocks = std::atoi(argv[i + 1]);
     } else if (option == "--trips") {
       a.trips = std::atoi(argv[i + 1]);
+    } else if (option == "--stages") {
+      a.stages = std::string_view{argv[i + 1]} == "yes";
     } else if (option != "--cores" || std::sscanf(argv[i + 1], "%d,%d", &a.cores[0], &a.cores[1]) != 2) {
       return twoport::usage();
     }

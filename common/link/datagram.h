@@ -6,6 +6,7 @@
 #include <span>
 
 #include "common/link/endpoint.h"
+#include "common/link/socket.h"
 
 namespace twoport {
 
@@ -17,8 +18,13 @@ class Datagram {
  public:
   Datagram() noexcept {}  // NOLINT(modernize-use-equals-default): leaves the bytes alone
   Datagram(const Datagram& other) noexcept { *this = other; }
+  Datagram(const ReceivedDatagram& received) noexcept { *this = received; }  // NOLINT(google-explicit-constructor)
   Datagram& operator=(const Datagram& other) noexcept {
     assign(other.bytes(), other.from);
+    return *this;
+  }
+  Datagram& operator=(const ReceivedDatagram& received) noexcept {
+    assign(received.bytes, received.from);
     return *this;
   }
   /// `bytes` is at most kMaxDatagramBytes long.

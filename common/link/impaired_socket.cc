@@ -19,16 +19,23 @@ ImpairedSocket::ImpairedSocket(DatagramSocket& socket, const ImpairedSocketOptio
       peer_is_given_{o.peer.has_value()},
       peer_{o.peer},
       of_peer_{o.incoming, o.seed, kBurst + packets_in_flight(o.incoming, o.peer_rate_hz)},
-      of_others_{o.incoming, o.seed ^ kOthersStream, kOthersRoom} {}
+      of_others_{o.incoming, o.seed ^ kOthersStream, kOthersRoom},
+      passes_{of_peer_.unimpaired()} {}
 
 bool ImpairedSocket::send(std::span<const std::byte> bytes, const Endpoint& to, Duration now) noexcept {
   return socket_->send(bytes, to, now);
 }
 
 std::optional<ReceivedDatagram> ImpairedSocket::receive(Duration now) noexcept {
-  if (filled_at_ != now) {
-    filled_at_ = now;
-    fill(now);
+  if (tick_ != now) {
+    tick_ = now;
+    left_ = kMaxPerTick;
+    others_left_ = kMaxOthersPerTick;
+  }
+  if (passes_) return accepted(now);
+  while (const std::optional<ReceivedDatagram> datagram = accepted(now)) {
+    const Duration since_start = start_ ? datagram->arrived - *start_ : kBeforeTheRun;
+    (datagram->from == peer_ ? of_peer_ : of_others_).put(*datagram, datagram->arrived, since_start);
   }
   // The others first: one of them may be the peer of now, and these its older datagrams.
   const Datagram* datagram = of_others_.take(now);
@@ -37,24 +44,22 @@ std::optional<ReceivedDatagram> ImpairedSocket::receive(Duration now) noexcept {
   return ReceivedDatagram{datagram->bytes(), datagram->from, now - kInstant};
 }
 
-void ImpairedSocket::fill(Duration now) noexcept {
-  int others = 0;
-  for (int i = 0; i < kMaxPerTick; ++i) {
+std::optional<ReceivedDatagram> ImpairedSocket::accepted(Duration now) noexcept {
+  while (left_ > 0) {
+    --left_;
     const std::optional<ReceivedDatagram> datagram = socket_->receive(now);
-    if (!datagram) return;
-    const bool of_peer = datagram->from == peer_;
-    if (!of_peer && (peer_is_given_ || ++others > kMaxOthersPerTick)) {
+    if (!datagram) {
+      left_ = 0;
+      break;
+    }
+    if (datagram->from != peer_ && (peer_is_given_ || others_left_-- <= 0)) {
       ++(peer_is_given_ ? rejected_.foreign_address : rejected_.flood);
       continue;
     }
-    if (datagram->bytes.size() > kMaxDatagramBytes) {
-      ++rejected_.too_long;
-      continue;
-    }
-    arriving_.assign(datagram->bytes, datagram->from);
-    const Duration since_start = start_ ? datagram->arrived - *start_ : kBeforeTheRun;
-    (of_peer ? of_peer_ : of_others_).put(arriving_, datagram->arrived, since_start);
+    if (datagram->bytes.size() <= kMaxDatagramBytes) return datagram;
+    ++rejected_.too_long;
   }
+  return std::nullopt;
 }
 
 void ImpairedSocket::paired(const Endpoint& peer, Duration since) noexcept {

@@ -30,21 +30,23 @@ class ImpairedSocket final : public DatagramSocket {
   ImpairedSocket(DatagramSocket& socket, const ImpairedSocketOptions& options);
 
   bool send(std::span<const std::byte> bytes, const Endpoint& to, Duration now) noexcept override;
-  /// Asks the socket below once for each new `now`.
+  /// Asks the socket below until it has nothing more, once for each new `now`.
   std::optional<ReceivedDatagram> receive(Duration now) noexcept override;
   void paired(const Endpoint& peer, Duration since) noexcept override;
   [[nodiscard]] const Endpoint& local() const noexcept override;
   [[nodiscard]] SocketCounts counts() const noexcept override;
 
  private:
-  void fill(Duration now) noexcept;
+  /// The next datagram from below that is let in in this tick.
+  std::optional<ReceivedDatagram> accepted(Duration now) noexcept;
 
   DatagramSocket* socket_;
   bool peer_is_given_;
   std::optional<Endpoint> peer_;
   DelayLine<Datagram> of_peer_, of_others_;
-  Datagram arriving_;
-  std::optional<Duration> filled_at_, start_;
+  bool passes_;  ///< nothing is impaired: datagrams pass as they are, without a copy
+  std::optional<Duration> tick_, start_;
+  int left_ = 0, others_left_ = 0;  ///< datagrams still let in in this tick
   Rejected rejected_;
 };
 

@@ -4,9 +4,11 @@
 #define ASIO_NO_DEPRECATED
 #define ASIO_DISABLE_FENCED_BLOCK  // no handler runs here, and the thread sanitizer does not support fences
 #include <netinet/in.h>
+#include <poll.h>
 #include <sys/socket.h>
 #include <sys/types.h>
 #include <sys/uio.h>
+#include <unistd.h>
 
 #include <algorithm>
 #include <asio/io_context.hpp>
@@ -16,6 +18,8 @@
 #include <charconv>
 #include <chrono>
 #include <cstring>
+#include <ctime>
+#include <utility>
 
 #include "common/base/check.h"
 #include "common/link/datagram.h"
@@ -28,6 +32,10 @@ using asio::ip::udp;
 constexpr std::size_t kBuffer = 1500;  // [B]
 static_assert(kBuffer > kMaxDatagramBytes);
 constexpr unsigned kBatch = 16;  // datagrams in one system call
+// Most ticks find one datagram: two calls, of which the second finds none, cost less than one for a batch.
+constexpr unsigned kSingles = 2;
+constexpr Duration kListenEvery = std::chrono::milliseconds{1};  // where the peer has a socket of its own
+constexpr int kMostDrained = 4096;
 
 udp::endpoint to_asio(const Endpoint& e) {
   if (e.v6) return {asio::ip::address_v6{e.address, e.scope}, e.port};
@@ -147,9 +155,9 @@ Endpoint any_port_toward(const Endpoint& peer) {
 struct UdpSocket::Impl {
   asio::io_context context{1};
   udp::socket socket{context};
-  int fd = -1;
+  int fd = -1, peer_fd = -1;
   Endpoint local;
-  std::optional<Endpoint> connected;
+  std::optional<Endpoint> peer;  ///< that peer_fd is connected with, or fd where there is no peer_fd
   std::uint64_t unsent = 0;
 
   std::array<std::array<std::byte, kBuffer>, kBatch> buffers{};
@@ -157,15 +165,29 @@ struct UdpSocket::Impl {
   std::array<iovec, kBatch> vectors{};
   std::array<mmsghdr, kBatch> headers{};
   unsigned filled = 0, taken = 0;
+  unsigned in_a_row = 0;   ///< fetched since a fetch found nothing
+  bool emptied = false;    ///< by the last batch
+  bool of_peer = false;    ///< the datagrams fetched last
+  bool listening = false;  ///< the peer's socket has been emptied, and this one is read
+  std::optional<Duration> listened_at;
 
   Duration span = Duration::max();
   std::optional<Duration> tick;
   std::chrono::steady_clock::time_point tick_began;
 
+  Impl() = default;
+  Impl(const Impl&) = delete;
+  ~Impl() { close_peer(); }
+
   bool over(Duration now) noexcept;
-  void connect(const Endpoint& peer) noexcept;
+  void connect(const Endpoint& with) noexcept;
+  bool open_peer(const udp::endpoint& with) noexcept;
+  void close_peer() noexcept;
   [[nodiscard]] ssize_t send(std::span<const std::byte> bytes, const Endpoint& to) const noexcept;
-  bool refill() noexcept;
+  bool fetch(Duration now) noexcept;
+  bool fetch_from(int from) noexcept;
+  int fetch_one(int from) noexcept;
+  int fetch_batch(int from) noexcept;
 };
 
 UdpSocket::UdpSocket(const Endpoint& local) : impl_{std::make_unique<Impl>()} {
@@ -199,16 +221,52 @@ SocketCounts UdpSocket::counts() const noexcept {
   return {.unsent = impl_->unsent};
 }
 
-void UdpSocket::Impl::connect(const Endpoint& peer) noexcept {
+void UdpSocket::Impl::connect(const Endpoint& with) noexcept {
   asio::error_code error;
-  socket.connect(to_asio(peer), error);
+  socket.connect(to_asio(with), error);
   if (error) return;
-  connected = peer;
-  for (mmsghdr& header : headers) header.msg_hdr.msg_name = nullptr;
+  peer = with;
+  of_peer = true;
+}
+
+void UdpSocket::paired(const Endpoint& peer, Duration) noexcept {
+  Impl& s = *impl_;
+  const bool connected = s.peer && s.peer_fd < 0;
+  if (connected || s.peer == peer) return;
+  s.close_peer();
+  if (s.open_peer(to_asio(peer))) {
+    s.peer = peer;
+  } else {
+    s.close_peer();
+  }
+}
+
+bool UdpSocket::Impl::open_peer(const udp::endpoint& with) noexcept {
+  const udp::endpoint here = to_asio(local);
+  peer_fd = ::socket(here.data()->sa_family, SOCK_DGRAM | SOCK_CLOEXEC, 0);
+  if (peer_fd < 0) return false;
+  // Two sockets may share a port while both allow it: for the moment of binding, so that no other program can.
+  const auto may_share = [&](int yes) {
+    return ::setsockopt(fd, SOL_SOCKET, SO_REUSEADDR, &yes, sizeof yes) == 0 &&
+           ::setsockopt(peer_fd, SOL_SOCKET, SO_REUSEADDR, &yes, sizeof yes) == 0;
+  };
+  const bool open = may_share(1) && ::bind(peer_fd, here.data(), static_cast<socklen_t>(here.size())) == 0 &&
+                    ::connect(peer_fd, with.data(), static_cast<socklen_t>(with.size())) == 0;
+  may_share(0);
+  // Until it was connected anybody's datagrams could reach it.
+  for (int left = kMostDrained; open && left > 0 && ::recv(peer_fd, nullptr, 0, MSG_DONTWAIT) >= 0;) --left;
+  return open;
+}
+
+void UdpSocket::Impl::close_peer() noexcept {
+  if (peer_fd < 0) return;
+  ::close(peer_fd);
+  peer_fd = -1;
+  peer.reset();
 }
 
 ssize_t UdpSocket::Impl::send(std::span<const std::byte> bytes, const Endpoint& to) const noexcept {
-  if (connected == to) return ::send(fd, bytes.data(), bytes.size(), MSG_DONTWAIT);
+  if (peer == to) return ::send(peer_fd < 0 ? fd : peer_fd, bytes.data(), bytes.size(), MSG_DONTWAIT);
   const udp::endpoint there = to_asio(to);
   return ::sendto(fd, bytes.data(), bytes.size(), MSG_DONTWAIT, there.data(), static_cast<socklen_t>(there.size()));
 }
@@ -221,13 +279,60 @@ bool UdpSocket::send(std::span<const std::byte> bytes, const Endpoint& to, Durat
   return sent;
 }
 
-bool UdpSocket::Impl::refill() noexcept {
+int UdpSocket::Impl::fetch_one(int from) noexcept {
+  const bool has_source = !of_peer;
+  socklen_t size = sizeof(sockaddr_storage);
+  const ssize_t length =
+      ::recvfrom(from, buffers[0].data(), kBuffer, MSG_DONTWAIT,
+                 has_source ? reinterpret_cast<sockaddr*>(sources.data()) : nullptr, has_source ? &size : nullptr);
+  if (length < 0) return -1;
+  headers[0].msg_len = static_cast<unsigned>(length);
+  return 1;
+}
+
+int UdpSocket::Impl::fetch_batch(int from) noexcept {
   for (mmsghdr& header : headers) header.msg_hdr.msg_namelen = sizeof(sockaddr_storage);
-  int n = ::recvmmsg(fd, headers.data(), kBatch, MSG_DONTWAIT, nullptr);
-  if (n < 0 && errno == ECONNREFUSED) n = ::recvmmsg(fd, headers.data(), kBatch, MSG_DONTWAIT, nullptr);
-  filled = n > 0 ? static_cast<unsigned>(n) : 0;
-  taken = 0;
-  return filled > 0;
+  return ::recvmmsg(from, headers.data(), kBatch, MSG_DONTWAIT, nullptr);
+}
+
+/// False when nothing was there. A batch that was not full has emptied the queue: no further call.
+bool UdpSocket::Impl::fetch_from(int from) noexcept {
+  filled = taken = 0;
+  if (!std::exchange(emptied, false)) {
+    const auto fetch_some = [&] { return in_a_row < kSingles ? fetch_one(from) : fetch_batch(from); };
+    int n = fetch_some();
+    if (n < 0 && errno == ECONNREFUSED) n = fetch_some();  // an ICMP error of a datagram that was sent
+    if (n > 0) {
+      filled = static_cast<unsigned>(n);
+      emptied = in_a_row >= kSingles && filled < kBatch;
+      in_a_row += filled;
+      return true;
+    }
+  }
+  in_a_row = 0;
+  return false;
+}
+
+bool UdpSocket::Impl::fetch(Duration now) noexcept {
+  if (peer_fd >= 0 && !listening) {
+    of_peer = true;
+    if (fetch_from(peer_fd)) return true;
+    if (listened_at && now - *listened_at < kListenEvery) return false;
+    listened_at = now;
+    listening = true;
+  }
+  of_peer = peer && peer_fd < 0;
+  if (fetch_from(fd)) return true;
+  listening = false;
+  return false;
+}
+
+void UdpSocket::wait(Duration span) const noexcept {
+  std::array<pollfd, 2> sockets{pollfd{impl_->fd, POLLIN, 0}, pollfd{impl_->peer_fd, POLLIN, 0}};
+  const auto whole = std::chrono::duration_cast<std::chrono::seconds>(span);
+  const timespec at_most{static_cast<std::time_t>(whole.count()), static_cast<long>((span - whole).count())};
+  // One datagram may lie here already. A negative descriptor is skipped; a signal may end it early.
+  if (impl_->taken == impl_->filled) ::ppoll(sockets.data(), sockets.size(), &at_most, nullptr);
 }
 
 void UdpSocket::limit(Duration span) noexcept {
@@ -248,16 +353,10 @@ bool UdpSocket::Impl::over(Duration now) noexcept {
 
 std::optional<ReceivedDatagram> UdpSocket::receive(Duration now) noexcept {
   Impl& s = *impl_;
-  if (s.taken == s.filled) {
-    // A batch that was not full has emptied the queue: no further call.
-    const bool emptied = s.filled > 0 && s.filled < kBatch;
-    s.filled = s.taken = 0;
-    if (emptied || s.over(now) || !s.refill()) return std::nullopt;
-  }
+  if (s.taken == s.filled && (s.over(now) || !s.fetch(now))) return std::nullopt;
   const unsigned i = s.taken++;
-  return ReceivedDatagram{{s.buffers[i].data(), s.headers[i].msg_len},
-                          s.connected ? *s.connected : from_system(s.sources[i]),
-                          now - Duration{1}};
+  return ReceivedDatagram{
+      {s.buffers[i].data(), s.headers[i].msg_len}, s.of_peer ? *s.peer : from_system(s.sources[i]), now - Duration{1}};
 }
 
 }  // namespace twoport

@@ -21,7 +21,7 @@ Endpoint any_port_toward(const Endpoint& peer);
 /// The address of --peer or --listen, which must be of this machine unless `has_key` or `insecure`. Throws ConfigError.
 Endpoint parse_allowed_endpoint(std::string_view text, std::string_view option, bool has_key, bool insecure);
 
-/// A UDP socket that never waits. Sending and receiving allocate nothing and throw nothing.
+/// A UDP socket; only wait() waits. Sending and receiving allocate nothing and throw nothing.
 class UdpSocket final : public DatagramSocket {
  public:
   /// Binds to `local`; port 0 takes a free one. Throws ConfigError naming address, port and what to do.
@@ -36,9 +36,18 @@ class UdpSocket final : public DatagramSocket {
   /// False, and counted, when the datagram could not be sent: no receiver, a full queue or no route.
   bool send(std::span<const std::byte> bytes, const Endpoint& to, Duration now) noexcept override;
 
-  /// The oldest received datagram; empty if there is none, or was none when the last batch was fetched. An oversized
+  /// The next received datagram; empty if there is none, or was none when the last batch was fetched. An oversized
   /// one is cut to more than kMaxDatagramBytes.
   std::optional<ReceivedDatagram> receive(Duration now) noexcept override;
+
+  /// A socket that receives from all gets a second one for `peer`, on the same port and connected: the system finds its route once
+  /// instead of for each datagram, and others cannot fill its queue. The others are then looked at once a millisecond.
+  /// Five system calls, at a new peer only; without success nothing changes.
+  void paired(const Endpoint& peer, Duration since) noexcept override;
+
+  /// Sleeps until a datagram is there, at most for `span`. The only call that waits: for a loop that runs on arrival and costs no
+  /// core meanwhile.
+  void wait(Duration span) const noexcept;
 
   /// From `span` after the first receive of a `now` on, that `now` fetches no further batch: work of a tick is bounded in
   /// time, whatever arrives. What is left stays with the system, which drops what finds its queue full.

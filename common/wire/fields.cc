@@ -1,6 +1,8 @@
 #include "common/wire/fields.h"
 
 #include <array>
+#include <bit>
+#include <cstring>
 
 namespace twoport {
 namespace {
@@ -30,8 +32,9 @@ bool Fields::varint(std::uint64_t& out) noexcept {
 /// Little-endian.
 bool Fields::fixed(std::size_t size) noexcept {
   if (rest_.size() < size) return false;
+  static_assert(std::endian::native == std::endian::little);
   value = 0;
-  for (std::size_t i = 0; i < size; ++i) value |= std::to_integer<std::uint64_t>(rest_[i]) << (8 * i);
+  std::memcpy(&value, rest_.data(), size);
   rest_ = rest_.subspan(size);
   return true;
 }

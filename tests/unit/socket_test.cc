@@ -1,6 +1,7 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <array>
 #include <chrono>
 #include <cmath>
 #include <optional>
@@ -241,6 +242,47 @@ TEST(ImpairedSocket, BlackoutsCountFromTheFirstPairing) {
     if (k < 110 || k >= 115) expected.push_back(std::to_string(k));
   EXPECT_EQ(heard, expected);
   EXPECT_EQ(i.filter.counts().lost, 5U);
+}
+
+/// Without impairments datagrams come in the order of their arrival, whoever sends them, as they lie in the socket below.
+TEST(ImpairedSocket, PassesWhatIsNotImpairedInOrderAndWithoutACopy) {
+  class Below final : public DatagramSocket {
+   public:
+    bool send(std::span<const std::byte>, const Endpoint&, Duration) noexcept override { return true; }
+    std::optional<ReceivedDatagram> receive(Duration now) noexcept override {
+      ++asked;
+      if (given == 4) return std::nullopt;
+      const std::size_t k = given++;
+      return ReceivedDatagram{{&all[k], 1}, k % 2 == 0 ? kB : kC, now - 1ns};
+    }
+    [[nodiscard]] const Endpoint& local() const noexcept override { return kA; }
+    [[nodiscard]] SocketCounts counts() const noexcept override { return {}; }
+    std::array<std::byte, 4> all{};
+    std::size_t given = 0;
+    int asked = 0;
+  } below;
+  ImpairedSocket filter{below, {}};
+  filter.paired(kB, 0ms);
+  for (std::size_t k = 0; k < 4; ++k) {
+    const auto got = filter.receive(1ms);
+    ASSERT_TRUE(got);
+    EXPECT_EQ(got->bytes.data(), &below.all[k]);
+    EXPECT_EQ(got->from, k % 2 == 0 ? kB : kC);
+  }
+  for (int k = 0; k < 3; ++k) EXPECT_FALSE(filter.receive(1ms));
+  EXPECT_EQ(below.asked, 5) << "until it has nothing more";
+  EXPECT_FALSE(filter.receive(2ms));
+  EXPECT_EQ(below.asked, 6);
+}
+
+/// Datagrams without bytes, with and without impairments.
+TEST(ImpairedSocket, PassesOnWhatIsEmpty) {
+  for (const double delay_s : {0.0, 0.001}) {
+    Impaired i{{.incoming = with([&](auto& o) { o.delay_s = delay_s; })}};
+    i.send(kB, "", 0ms);
+    i.send(kB, "x", 0ms);
+    EXPECT_EQ(all(i.filter, 1ms), (Texts{"", "x"}));
+  }
 }
 
 /// A socket that hands out one datagram of any length.
