@@ -314,6 +314,10 @@ bool UdpSocket::Impl::fetch_from(int from) noexcept {
 }
 
 bool UdpSocket::Impl::fetch(Duration now) noexcept {
+  if (listening && listened_at != now) {  // the others' queue never ended: the peer comes first in every tick
+    listening = emptied = false;
+    in_a_row = 0;
+  }
   if (peer_fd >= 0 && !listening) {
     of_peer = true;
     if (fetch_from(peer_fd)) return true;

@@ -275,6 +275,24 @@ TEST(UdpSocket, OthersDoNotFillTheQueueOfThePeer) {
   EXPECT_EQ(text(*got), "mine");
 }
 
+// Nor does it keep the receiver from the peer: each tick begins with the peer, however much the others have left.
+TEST(UdpSocket, HearsItsPeerFirstWhileAQueueOfOthersNeverEnds) {
+  UdpSocket slave = socket_on("127.0.0.1:0"), stranger = socket_on("127.0.0.1:0");
+  UdpSocket master{parse_endpoint("127.0.0.1:0", "--listen"), slave.local()};
+  slave.paired(master.local(), Duration{0});
+  for (int k = 1; k <= 50; ++k) {
+    const Duration now = k * std::chrono::milliseconds{1};
+    for (int i = 0; i < 100; ++i) stranger.send(bytes("flood"), slave.local(), now);
+    ASSERT_TRUE(master.send(bytes("mine"), slave.local(), now));
+    bool heard = false;
+    for (int i = 0; i < 40; ++i) {  // no tick takes all
+      const auto got = slave.receive(now);
+      heard = heard || (got && text(*got) == "mine");
+    }
+    EXPECT_TRUE(heard) << "in tick " << k;
+  }
+}
+
 TEST(UdpSocket, SharesItsPortWithNobodyAfterPairing) {
   UdpSocket slave = socket_on("127.0.0.1:0");
   UdpSocket master{parse_endpoint("127.0.0.1:0", "--listen"), slave.local()};
