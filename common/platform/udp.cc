@@ -35,7 +35,7 @@ constexpr unsigned kBatch = 16;  // datagrams in one system call
 // Most ticks find one datagram: two calls, of which the second finds none, cost less than one for a batch.
 constexpr unsigned kSingles = 2;
 constexpr Duration kListenEvery = std::chrono::milliseconds{1};  // where the peer has a socket of its own
-constexpr int kMostDrained = 4096;
+constexpr int kMostDrained = 4096, kMostErrors = 4;
 
 udp::endpoint to_asio(const Endpoint& e) {
   if (e.v6) return {asio::ip::address_v6{e.address, e.scope}, e.port};
@@ -165,10 +165,12 @@ struct UdpSocket::Impl {
   std::array<iovec, kBatch> vectors{};
   std::array<mmsghdr, kBatch> headers{};
   unsigned filled = 0, taken = 0;
-  unsigned in_a_row = 0;   ///< fetched since a fetch found nothing
-  bool emptied = false;    ///< by the last batch
-  bool of_peer = false;    ///< the datagrams fetched last
-  bool listening = false;  ///< the peer's socket has been emptied, and this one is read
+  unsigned in_a_row = 0;     ///< fetched since a fetch found nothing
+  bool emptied = false;      ///< by the last batch
+  bool of_peer = false;      ///< the datagrams fetched last
+  Endpoint from_peer;        ///< whose they are then
+  bool catching_up = false;  ///< in the first tick after pairing this one is read before the peer's
+  bool listening = false;    ///< the peer's socket has been emptied, and this one is read
   std::optional<Duration> listened_at;
 
   Duration span = Duration::max();
@@ -236,6 +238,9 @@ void UdpSocket::paired(const Endpoint& peer, Duration) noexcept {
   s.close_peer();
   if (s.open_peer(to_asio(peer))) {
     s.peer = peer;
+    // What it has sent so far lies in the listener's queue.
+    s.catching_up = true;
+    s.listened_at.reset();
   } else {
     s.close_peer();
   }
@@ -245,10 +250,10 @@ bool UdpSocket::Impl::open_peer(const udp::endpoint& with) noexcept {
   const udp::endpoint here = to_asio(local);
   peer_fd = ::socket(here.data()->sa_family, SOCK_DGRAM | SOCK_CLOEXEC, 0);
   if (peer_fd < 0) return false;
-  // Two sockets may share a port while both allow it: for the moment of binding, so that no other program can.
+  // Two sockets of one user may share a port while both allow it: for the moment of binding. SO_REUSEADDR would let in those of other users.
   const auto may_share = [&](int yes) {
-    return ::setsockopt(fd, SOL_SOCKET, SO_REUSEADDR, &yes, sizeof yes) == 0 &&
-           ::setsockopt(peer_fd, SOL_SOCKET, SO_REUSEADDR, &yes, sizeof yes) == 0;
+    return ::setsockopt(fd, SOL_SOCKET, SO_REUSEPORT, &yes, sizeof yes) == 0 &&
+           ::setsockopt(peer_fd, SOL_SOCKET, SO_REUSEPORT, &yes, sizeof yes) == 0;
   };
   const bool open = may_share(1) && ::bind(peer_fd, here.data(), static_cast<socklen_t>(here.size())) == 0 &&
                     ::connect(peer_fd, with.data(), static_cast<socklen_t>(with.size())) == 0;
@@ -273,8 +278,8 @@ ssize_t UdpSocket::Impl::send(std::span<const std::byte> bytes, const Endpoint& 
 
 bool UdpSocket::send(std::span<const std::byte> bytes, const Endpoint& to, Duration) noexcept {
   bool sent = impl_->send(bytes, to) >= 0;
-  // An ICMP error of an earlier datagram is reported here instead of this send: retry once.
-  if (!sent && errno == ECONNREFUSED) sent = impl_->send(bytes, to) >= 0;
+  // An ICMP error of an earlier datagram is reported here instead of this send.
+  for (int left = kMostErrors; !sent && errno != EAGAIN && left > 0; --left) sent = impl_->send(bytes, to) >= 0;
   if (!sent) ++impl_->unsent;
   return sent;
 }
@@ -301,7 +306,8 @@ bool UdpSocket::Impl::fetch_from(int from) noexcept {
   if (!std::exchange(emptied, false)) {
     const auto fetch_some = [&] { return in_a_row < kSingles ? fetch_one(from) : fetch_batch(from); };
     int n = fetch_some();
-    if (n < 0 && errno == ECONNREFUSED) n = fetch_some();  // an ICMP error of a datagram that was sent
+    // An ICMP error of a datagram that was sent comes before what was received.
+    for (int left = kMostErrors; n < 0 && errno != EAGAIN && left > 0; --left) n = fetch_some();
     if (n > 0) {
       filled = static_cast<unsigned>(n);
       emptied = in_a_row >= kSingles && filled < kBatch;
@@ -314,18 +320,24 @@ bool UdpSocket::Impl::fetch_from(int from) noexcept {
 }
 
 bool UdpSocket::Impl::fetch(Duration now) noexcept {
-  if (listening && listened_at != now) {  // the others' queue never ended: the peer comes first in every tick
-    listening = emptied = false;
-    in_a_row = 0;
+  if (catching_up) {
+    if (!listened_at) listened_at = now;
+    of_peer = false;
+    if (listened_at == now && fetch_from(fd)) return true;
+    catching_up = emptied = false;
   }
+  if (listening && listened_at != now)
+    listening = emptied = false;  // the others' queue never ended: the peer comes first in every tick
   if (peer_fd >= 0 && !listening) {
     of_peer = true;
+    from_peer = *peer;
     if (fetch_from(peer_fd)) return true;
     if (listened_at && now - *listened_at < kListenEvery) return false;
     listened_at = now;
     listening = true;
   }
   of_peer = peer && peer_fd < 0;
+  if (of_peer) from_peer = *peer;
   if (fetch_from(fd)) return true;
   listening = false;
   return false;
@@ -359,8 +371,9 @@ std::optional<ReceivedDatagram> UdpSocket::receive(Duration now) noexcept {
   Impl& s = *impl_;
   if (s.taken == s.filled && (s.over(now) || !s.fetch(now))) return std::nullopt;
   const unsigned i = s.taken++;
-  return ReceivedDatagram{
-      {s.buffers[i].data(), s.headers[i].msg_len}, s.of_peer ? *s.peer : from_system(s.sources[i]), now - Duration{1}};
+  return ReceivedDatagram{{s.buffers[i].data(), s.headers[i].msg_len},
+                          s.of_peer ? s.from_peer : from_system(s.sources[i]),
+                          now - Duration{1}};
 }
 
 }  // namespace twoport

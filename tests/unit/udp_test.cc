@@ -3,11 +3,13 @@
 #include <arpa/inet.h>
 #include <gtest/gtest.h>
 #include <sys/socket.h>
+#include <sys/wait.h>
 #include <unistd.h>
 
 #include <algorithm>
 #include <array>
 #include <chrono>
+#include <csignal>
 #include <string>
 #include <vector>
 
@@ -263,11 +265,37 @@ TEST(UdpSocket, HearsTheOthersBesideItsPeer) {
   }
 }
 
+// What the peer sent before it was paired comes before what it sends after.
+TEST(UdpSocket, PairingKeepsTheOrderOfThePeersDatagrams) {
+  UdpSocket slave = socket_on("127.0.0.1:0");
+  UdpSocket first{parse_endpoint("127.0.0.1:0", "--listen"), slave.local()};
+  UdpSocket second{parse_endpoint("127.0.0.1:0", "--listen"), slave.local()};
+  Duration now{0};
+  for (UdpSocket* const master : {&first, &second, &first}) {
+    for (const char* each : {"0", "1", "2"}) ASSERT_TRUE(master->send(bytes(each), slave.local(), now));
+    const auto before = slave.receive(now += std::chrono::milliseconds{1});
+    ASSERT_TRUE(before);
+    EXPECT_EQ(text(*before), "0");
+    slave.paired(master->local(), now);
+    for (const char* each : {"3", "4"}) ASSERT_TRUE(master->send(bytes(each), slave.local(), now));
+    now += std::chrono::microseconds{100};
+    for (const char* each : {"1", "2", "3", "4"}) {
+      auto got = slave.receive(now);
+      if (!got) got = slave.receive(now += std::chrono::microseconds{100});
+      ASSERT_TRUE(got) << each;
+      EXPECT_EQ(text(*got), each);
+      EXPECT_EQ(got->from, master->local());
+    }
+    EXPECT_FALSE(slave.receive(now));
+  }
+}
+
 // What strangers send does not push out what the peer sends.
 TEST(UdpSocket, OthersDoNotFillTheQueueOfThePeer) {
   UdpSocket slave = socket_on("127.0.0.1:0"), stranger = socket_on("127.0.0.1:0");
   UdpSocket master{parse_endpoint("127.0.0.1:0", "--listen"), slave.local()};
   slave.paired(master.local(), Duration{0});
+  ASSERT_FALSE(slave.receive(Duration{0}));
   for (int k = 0; k < 5000; ++k) stranger.send(bytes("flood"), slave.local(), Duration{0});
   ASSERT_TRUE(master.send(bytes("mine"), slave.local(), Duration{0}));
   const auto got = slave.receive(Duration{0});
@@ -280,6 +308,7 @@ TEST(UdpSocket, HearsItsPeerFirstWhileAQueueOfOthersNeverEnds) {
   UdpSocket slave = socket_on("127.0.0.1:0"), stranger = socket_on("127.0.0.1:0");
   UdpSocket master{parse_endpoint("127.0.0.1:0", "--listen"), slave.local()};
   slave.paired(master.local(), Duration{0});
+  ASSERT_FALSE(slave.receive(Duration{0}));
   for (int k = 1; k <= 50; ++k) {
     const Duration now = k * std::chrono::milliseconds{1};
     for (int i = 0; i < 100; ++i) stranger.send(bytes("flood"), slave.local(), now);
@@ -293,12 +322,43 @@ TEST(UdpSocket, HearsItsPeerFirstWhileAQueueOfOthersNeverEnds) {
   }
 }
 
+// Another user's program that tries to bind all the time finds no moment in which it may.
+TEST(UdpSocket, SharesItsPortWithNoOtherUserWhilePairing) {
+  if (::geteuid() != 0) GTEST_SKIP() << "only root can become another user";
+  UdpSocket slave = socket_on("127.0.0.1:0");
+  UdpSocket a{parse_endpoint("127.0.0.1:0", "--listen"), slave.local()};
+  UdpSocket b{parse_endpoint("127.0.0.1:0", "--listen"), slave.local()};
+  const pid_t thief = ::fork();
+  if (thief == 0) {
+    constexpr uid_t kNobody = 65534;
+    if (::setresuid(kNobody, kNobody, kNobody) != 0) ::_exit(2);
+    sockaddr_in there{};
+    there.sin_family = AF_INET;
+    there.sin_addr.s_addr = htonl(INADDR_LOOPBACK);
+    there.sin_port = htons(slave.local().port);
+    const int other = ::socket(AF_INET, SOCK_DGRAM, 0), yes = 1;
+    for (const int option : {SO_REUSEADDR, SO_REUSEPORT}) ::setsockopt(other, SOL_SOCKET, option, &yes, sizeof yes);
+    while (::bind(other, reinterpret_cast<const sockaddr*>(&there), sizeof there) != 0) {
+    }
+    ::_exit(1);
+  }
+  ASSERT_GT(thief, 0);
+  const auto end = Clock::now() + std::chrono::seconds{1};
+  while (Clock::now() < end)
+    for (const UdpSocket* const master : {&a, &b}) slave.paired(master->local(), Duration{0});
+  int status = 0;
+  EXPECT_EQ(::waitpid(thief, &status, WNOHANG), 0) << "it has bound the port";
+  ::kill(thief, SIGKILL);
+  ::waitpid(thief, &status, 0);
+}
+
 TEST(UdpSocket, SharesItsPortWithNobodyAfterPairing) {
   UdpSocket slave = socket_on("127.0.0.1:0");
   UdpSocket master{parse_endpoint("127.0.0.1:0", "--listen"), slave.local()};
   slave.paired(master.local(), Duration{0});
   const int other = ::socket(AF_INET, SOCK_DGRAM, 0), yes = 1;
-  ASSERT_EQ(::setsockopt(other, SOL_SOCKET, SO_REUSEADDR, &yes, sizeof yes), 0);
+  for (const int option : {SO_REUSEADDR, SO_REUSEPORT})
+    ASSERT_EQ(::setsockopt(other, SOL_SOCKET, option, &yes, sizeof yes), 0);
   sockaddr_in there{};
   there.sin_family = AF_INET;
   there.sin_addr.s_addr = htonl(INADDR_LOOPBACK);
