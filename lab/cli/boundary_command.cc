@@ -25,7 +25,7 @@ struct Arguments {
 
 int curve_command(const Arguments& a) {
   const Axis along = parse_axis(a.along, "--along");
-  check_not_set(a.boundary.set, along.paths);
+  warn_if_lost(a.boundary.set, along.paths);
   if (!a.out.empty()) make_folder(a.out);
   const BoundaryCurve curve = boundary_curve(a.boundary, along, [&](std::size_t done) {
     if (progress_is_shown())
@@ -44,7 +44,7 @@ int curve_command(const Arguments& a) {
 
 int boundary_command(Arguments& a) {
   a.boundary.vary = parse_interval(a.interval);
-  check_not_set(a.boundary.set, a.boundary.vary.paths);
+  warn_if_lost(a.boundary.set, a.boundary.vary.paths);
   a.boundary.lanes = checked_lanes(a.lanes.value_or(0));
   if (!a.along.empty()) return curve_command(a);
   const Boundary found = find_boundary(a.boundary, [](const Trial& t) {

@@ -71,7 +71,7 @@ void finish(const Table& table, const std::string& plot, const std::string& out)
 int sweep_command(Arguments& a) {
   check_plot(a.plot, a.sweep.seeds > 0);
   for (const std::string& axis : a.axes) a.sweep.axes.push_back(parse_axis(axis));
-  for (const Axis& axis : a.sweep.axes) check_not_set(a.sweep.set, axis.paths);
+  for (const Axis& axis : a.sweep.axes) warn_if_lost(a.sweep.set, axis.paths);
   a.sweep.verdict = a.verdict == "plain"  ? VerdictFrom::plain
                     : a.verdict == "lean" ? VerdictFrom::lean
                                           : VerdictFrom::tail;

@@ -86,7 +86,7 @@ std::vector<Candidate> combinations(const ChartOptions& o) {
             parse_axis("simulation.substeps=1,2,5,10,30,100")};
   std::vector<Candidate> all{{}};
   for (const Axis& axis : axes) {
-    check_not_set(o.set, axis.paths);
+    warn_if_lost(o.set, axis.paths);
     std::vector<Candidate> longer;
     for (const Candidate& c : all)
       for (const std::string& value : axis.values) {

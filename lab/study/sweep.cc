@@ -16,6 +16,7 @@
 
 #include "common/base/check.h"
 #include "common/base/file.h"
+#include "common/base/print_error.h"
 #include "common/record/summary.h"
 #include "common/scene/scene_text.h"
 #include "common/scene/text.h"
@@ -266,13 +267,13 @@ Axis parse_axis(const std::string& text, const std::string& option) {
   return axis;
 }
 
-void check_not_set(const std::vector<std::string>& set, const std::vector<std::string>& varied) {
+void warn_if_lost(const std::vector<std::string>& set, const std::vector<std::string>& varied) {
   for (const std::string& assignment : set)
     for (const std::string& path : varied) {
       const std::string_view name = trimmed(std::string_view{assignment}.substr(0, assignment.find('=')));
       const bool within =
           name.starts_with(path) && name.size() > path.size() && (name[path.size()] == '.' || name[path.size()] == '[');
-      if (name == path || within) throw ConfigError{fmt::format("--set {}: lost, as {} is varied", assignment, path)};
+      if (name == path || within) print_error("warning: --set {} has no effect: {} is varied\n", assignment, path);
     }
 }
 

@@ -28,8 +28,8 @@ struct Axis {
 /// the text and what is allowed.
 Axis parse_axis(const std::string& text, const std::string& option = "--vary");
 
-/// Throws ConfigError where an assignment of --set would be lost: its path is one of `varied`, or within one.
-void check_not_set(const std::vector<std::string>& set, const std::vector<std::string>& varied);
+/// Warns on stderr of an assignment of --set that has no effect: its path is one of `varied`, or within one.
+void warn_if_lost(const std::vector<std::string>& set, const std::vector<std::string>& varied);
 
 /// The paths of "A,B". Throws ConfigError, whose sentence begins with `what`, when one is empty or named twice.
 std::vector<std::string> parse_paths(const std::string& text, const std::string& what);

@@ -549,8 +549,6 @@ TEST(BoundaryProgram, SaysWhatIsWrongWithAnIntervalOrAPath) {
   expect_refused(plus(curve, {"device.mass_kg"}), {"--along device.mass_kg", "PATH=a,b,c"});
   expect_refused(plus(curve, {"device.mass_kg=0.1,-1"}), {"device.mass_kg", "-1", ">= 0"});
   expect_refused(plus(curve, {"device.mass_kg," + kStiffness + "=1,2"}), {"--along", kStiffness + " is varied"});
-  expect_refused(plus(curve, {"seed=1,2", "--set", kStiffness + "=600"}), {"--set", "lost, as " + kStiffness});
-  expect_refused(plus(curve, {"seed=1,2", "--set", "seed=3"}), {"--set seed=3", "lost, as seed is varied"});
   expect_refused(plus(curve, {"seed=1,2", "--jobs", "0"}), {"--jobs", "0", "at least 1"});
   expect_refused(plus(curve, {"seed=1,2", "--out", "/dev/null/x"}), {"--out /dev/null/x"});
   expect_refused({kHeld, "--vary", kStiffness + "=500:8000", "--out", "x"}, {"--out", "--along"});
