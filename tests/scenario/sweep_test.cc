@@ -472,7 +472,8 @@ TEST(SweepProgram, OverSeedsIsTheSameForAnyJobsShardsAndStops) {
 TEST(SweepProgram, WarnsOfASetThatHasNoEffect) {
   const Folder folder;
   const auto warned = [&](const Words& more) {
-    Process p = lab(plus({"sweep", kHeld, "--set", "duration_s=0.1", "--out", folder / "out", "--plot", "none"}, more));
+    Process p = finished(
+        lab(plus({"sweep", kHeld, "--set", "duration_s=0.1", "--out", folder / "out", "--plot", "none"}, more)));
     EXPECT_EQ(p.wait(), exited(0)) << p.err();
     std::filesystem::remove_all(folder / "out");
     return p.err();
