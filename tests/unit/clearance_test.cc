@@ -2,29 +2,18 @@
 
 #include <cmath>
 #include <memory>
-#include <random>
 #include <string>
 #include <vector>
 
 #include "common/contact/environment.h"
 #include "tests/support/meshes.h"
+#include "tests/support/source.h"
 
 namespace twoport {
 namespace {
 
 using Eigen::Vector3d;
-
-class Source {
- public:
-  double uniform(double from, double to) { return std::uniform_real_distribution<double>{from, to}(random_); }
-  Vector3d vector(double size) {
-    const double x = uniform(-size, size), y = uniform(-size, size), z = uniform(-size, size);
-    return {x, y, z};
-  }
-
- private:
-  std::mt19937_64 random_{41};
-};
+using test::Source;
 
 std::vector<Shape> shapes() {
   const Vector3d place{0.01, -0.02, 0.005}, axis = Vector3d{1, 2, 2} / 3;
@@ -50,8 +39,8 @@ class Wandering {
   explicit Wandering(Source& random) : random_{random} {}
   Position<6> next() {
     if (random_.uniform(0, 1) < 0.02)
-      x_ = random_.vector(0.06), way_ = random_.vector(2e-3), turn_ = random_.vector(0.05);
-    if (random_.uniform(0, 1) < 0.1) way_ = random_.vector(2e-3), turn_ = random_.vector(0.05);
+      x_ = random_.vector<3>(0.06), way_ = random_.vector<3>(2e-3), turn_ = random_.vector<3>(0.05);
+    if (random_.uniform(0, 1) < 0.1) way_ = random_.vector<3>(2e-3), turn_ = random_.vector<3>(0.05);
     if (random_.uniform(0, 1) < 0.1) way_ = -way_, turn_ = -turn_;
     const Position<6> to = Position<6>{x_, q_}.moved(way_, turn_);
     x_ = to.translation(), q_ = to.attitude();
@@ -67,12 +56,12 @@ class Wandering {
 class ClearanceOf : public ::testing::TestWithParam<std::size_t> {};
 
 TEST_P(ClearanceOf, ForceIsThatOfAllContactsToTheBit) {
-  Source random;
+  Source random{41};
   const Shape shape = shapes()[GetParam()];
   int touched = 0;
   for (int tool = 0; tool < 20; ++tool) {
     std::vector<Vector3d> points;
-    for (int i = 0; i < 1 + tool; ++i) points.push_back(random.vector(0.03));
+    for (int i = 0; i < 1 + tool; ++i) points.push_back(random.vector<3>(0.03));
     std::vector<EnvironmentSpec> things{Surface{shape, {3000, 10, 0.3, 0}}};
     if (tool % 4 == 1) things.push_back(Surface{Wall{Vector3d::UnitZ(), -0.03}, {2000, 0, 0, 0}});
     if (tool % 4 == 2) things.push_back(Spring{100, 1, {0, 0, 0.1}, {}, tool % 3 - 1});
@@ -81,7 +70,7 @@ TEST_P(ClearanceOf, ForceIsThatOfAllContactsToTheBit) {
     Wandering wandering{random};
     for (int k = 0; k < 2000; ++k) {
       const Position<6> x = wandering.next();
-      const Velocity<6> v{SpatialVector{random.vector(0.1), random.vector(0.5)}};
+      const Velocity<6> v{SpatialVector{random.vector<3>(0.1), random.vector<3>(0.5)}};
       const Force<6> all = environment.force(x, v), found = environment.force(x, v, clearance);
       touched += all.squared_norm() > 0.0;
       ASSERT_EQ(found.vec(), all.vec()) << name(shape) << ", tool " << tool << ", step " << k;

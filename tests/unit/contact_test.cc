@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <cmath>
 #include <numbers>
-#include <random>
 #include <set>
 #include <string>
 #include <type_traits>
@@ -12,6 +11,7 @@
 
 #include "common/contact/environment.h"
 #include "tests/support/meshes.h"
+#include "tests/support/source.h"
 
 namespace twoport {
 namespace {
@@ -37,14 +37,9 @@ const EnvironmentSpec kSpring = Spring{kStiffness, 0, {0.01, 0.02, 0.03}};
 const Things kAll = {kSphere, kCylinder, kBox, kWall, kSpring};
 const Points kTool = {{0.02, 0.01, -0.03}, {-0.01, 0.02, 0.01}, {0, 0, 0}};
 
-class Source {
+class Source : public test::Source {
  public:
-  explicit Source(std::uint64_t seed) : random_{seed} {}
-  double uniform(double from, double to) { return std::uniform_real_distribution<double>{from, to}(random_); }
-  template <int N>
-  Eigen::Matrix<double, N, 1> vector(double size) {
-    return Eigen::Matrix<double, N, 1>::NullaryExpr([&](Eigen::Index) { return uniform(-size, size); });
-  }
+  using test::Source::Source;
   Quaterniond attitude() { return Quaterniond{Eigen::Vector4d{vector<4>(1.0)}.normalized()}; }
   template <int N>
   Position<N> position(double size) {
@@ -54,9 +49,6 @@ class Source {
       return Position<N>{vector<N>(size)};
     }
   }
-
- private:
-  std::mt19937_64 random_;
 };
 
 // --- force and potential -------------------------------------------------------------------------

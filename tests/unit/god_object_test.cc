@@ -4,19 +4,20 @@
 
 #include <cmath>
 #include <numbers>
-#include <random>
 #include <vector>
 
 #include "common/contact/sample_shape.h"
 #include "common/method/render/render.h"
 #include "tests/support/meshes.h"
 #include "tests/support/no_alloc.h"
+#include "tests/support/source.h"
 
 namespace twoport {
 namespace {
 
 using Eigen::Quaterniond;
 using Eigen::Vector3d;
+using test::Source;
 using Vector6 = Eigen::Matrix<double, 6, 1>;
 
 const Material kAny{1, 0, 0, 0};
@@ -25,21 +26,6 @@ const CouplingOptions kSpring{.stiffness_n_per_m = kStiffness,
                               .damping_n_s_per_m = 0,
                               .rotational_stiffness_n_m_per_rad = kTurning,
                               .rotational_damping_n_m_s_per_rad = 0};
-
-class Source {
- public:
-  explicit Source(std::uint64_t seed) : random_{seed} {}
-  double uniform(double from, double to) { return std::uniform_real_distribution<double>{from, to}(random_); }
-  template <int N>
-  Eigen::Matrix<double, N, 1> vector(double size) {
-    Eigen::Matrix<double, N, 1> v;
-    for (int i = 0; i < N; ++i) v[i] = uniform(-size, size);
-    return v;
-  }
-
- private:
-  std::mt19937_64 random_;
-};
 
 // --- nearest point of a polyhedron ---------------------------------------------------------------
 

@@ -8,18 +8,19 @@
 #include <functional>
 #include <memory>
 #include <numbers>
-#include <random>
 #include <set>
 #include <string>
 #include <vector>
 
 #include "common/contact/environment.h"
 #include "tests/support/meshes.h"
+#include "tests/support/source.h"
 
 namespace twoport {
 namespace {
 
 using Eigen::Vector3d;
+using test::Source;
 
 const Vector3d kAxis = Vector3d{1, 2, 2} / 3;
 
@@ -63,18 +64,6 @@ double integral(const std::function<double(double)>& f, double tolerance) {
   return sum;
 }
 
-class Source {
- public:
-  double uniform(double from, double to) { return std::uniform_real_distribution<double>{from, to}(random_); }
-  Vector3d vector(double size) {
-    const double x = uniform(-size, size), y = uniform(-size, size), z = uniform(-size, size);
-    return {x, y, z};
-  }
-
- private:
-  std::mt19937_64 random_{31};
-};
-
 constexpr double kStiffness = 5000.0, kAllowed_j = 1e-8;
 
 TEST(WorkAroundALoop, IsNothingForAPointAndEveryShape) {
@@ -83,10 +72,10 @@ TEST(WorkAroundALoop, IsNothingForAPointAndEveryShape) {
   for (const Shape& shape : shapes()) {
     covered.insert(shape.index());
     const Environment<3> environment{{Surface{shape, {kStiffness, 0, 0, 0}}}};
-    Source source;
+    Source source{31};
     double most = 0.0, stored = 0.0;
     for (int loop = 0; loop < 12; ++loop) {
-      const Vector3d center = source.vector(0.02), a = source.vector(0.015), b = source.vector(0.015);
+      const Vector3d center = source.vector<3>(0.02), a = source.vector<3>(0.015), b = source.vector<3>(0.015);
       const double work = integral(
           [&](double s) {
             const double angle = 2 * std::numbers::pi * s;
@@ -110,11 +99,11 @@ TEST(WorkAroundALoop, IsNothingForAToolThatTurnsToo) {
   const std::vector<Vector3d> tool{{0.01, 0, 0}, {-0.01, 0, 0}, {0, 0.012, 0}, {0, 0, 0.009}, {0, -0.006, -0.01}};
   for (const Shape& shape : shapes()) {
     const Environment<6> environment{{Surface{shape, {kStiffness, 0, 0, 0}}}, tool};
-    Source source;
+    Source source{31};
     double most = 0.0, stored = 0.0;
     for (int loop = 0; loop < 6; ++loop) {
-      const Vector3d center = source.vector(0.02), a = source.vector(0.01), b = source.vector(0.01),
-                     axis = source.vector(1.0).normalized(), other = source.vector(1.0).normalized();
+      const Vector3d center = source.vector<3>(0.02), a = source.vector<3>(0.01), b = source.vector<3>(0.01),
+                     axis = source.vector<3>(1.0).normalized(), other = source.vector<3>(1.0).normalized();
       const auto pose = [&](double s) {
         const double angle = 2 * std::numbers::pi * s;
         return Position<6>{center + std::cos(angle) * a + std::sin(angle) * b,
@@ -145,11 +134,11 @@ TEST(WorkAroundALoop, IsNothingForAToolThatTurnsToo) {
 TEST(DistanceField, HasItsOwnGradientBeyondItsGridToo) {
   // Beyond a face, an edge and a corner of the grid. Its second derivative is at most 1/distance there.
   const DistanceField field{test::torus_mesh(0.03, 0.012, 60, 24), 1e-3};
-  Source source;
+  Source source{31};
   constexpr double h = 1e-6;
   int beyond = 0;
   for (int i = 0; i < 2000; ++i) {
-    const Vector3d p = source.vector(0.08);
+    const Vector3d p = source.vector<3>(0.08);
     const auto at = field.at(p);
     if (at.distance < 2e-3) continue;
     ++beyond;

@@ -3,7 +3,6 @@
 #include <cmath>
 #include <memory>
 #include <numbers>
-#include <random>
 #include <string>
 #include <vector>
 
@@ -15,6 +14,7 @@
 #include "common/mesh/sample_surface.h"
 #include "tests/support/meshes.h"
 #include "tests/support/no_alloc.h"
+#include "tests/support/source.h"
 
 namespace twoport {
 namespace {
@@ -43,22 +43,15 @@ Surface fine_surface(double stiffness, double friction = 0.0) {
   return {Mesh{Vector3d::Zero(), Eigen::Matrix3d::Identity(), fine_field()}, {stiffness, 0, friction, 0}};
 }
 
-class Source {
+class Source : public test::Source {
  public:
-  double uniform(double from, double to) { return std::uniform_real_distribution<double>{from, to}(random_); }
-  Vector3d vector(double size) {
-    const double x = uniform(-size, size), y = uniform(-size, size), z = uniform(-size, size);
-    return {x, y, z};
-  }
+  Source() : test::Source{17} {}
   /// At a signed distance of at most `off` from the torus.
   Vector3d near_torus(double off) {
     const double a = uniform(0, 2 * std::numbers::pi), b = uniform(0, 2 * std::numbers::pi);
     const double t = kTube + uniform(-off, off), r = kRadius + t * std::cos(b);
     return {r * std::cos(a), r * std::sin(a), t * std::sin(b)};
   }
-
- private:
-  std::mt19937_64 random_{17};
 };
 
 // --- files ---------------------------------------------------------------------------------------
@@ -158,7 +151,7 @@ TEST(BoundingVolumeTree, FindsTheNearestOfAllTriangles) {
   Source source;
   std::uint32_t near = 0;
   for (int i = 0; i < 2000; ++i) {
-    const Vector3d p = source.vector(0.1);
+    const Vector3d p = source.vector<3>(0.1);
     double least = 1e9;
     for (const BoundingVolumeTree& each : single) least = std::min(least, each.nearest(p).squared_distance);
     const auto cold = tree.nearest(p), warm = tree.nearest(p, near);
@@ -175,7 +168,7 @@ TEST(BoundingVolumeTree, KnowsTheInsideOfABoxExactly) {
   const BoundingVolumeTree tree{box_mesh(half)};
   Source source;
   for (int i = 0; i < 20'000; ++i) {
-    const Vector3d p = source.vector(0.06), q = p.cwiseAbs() - half;
+    const Vector3d p = source.vector<3>(0.06), q = p.cwiseAbs() - half;
     const double exact = q.maxCoeff() < 0.0 ? q.maxCoeff() : q.cwiseMax(0.0).norm();
     ASSERT_NEAR(tree.nearest(p).signed_distance(p), exact, 1e-15) << p.transpose();
   }
@@ -231,7 +224,7 @@ TEST(DistanceField, KnowsASphere) {
   Source source;
   double depth = 0.0, angle = 0.0;
   for (int i = 0; i < 5000; ++i) {
-    const Vector3d n = source.vector(1.0).normalized();
+    const Vector3d n = source.vector<3>(1.0).normalized();
     const double r = 0.03 + source.uniform(-3e-3, 3e-3);
     const auto at = field.at(r * n);
     depth = std::max(depth, std::abs(at.distance - (r - 0.03)));
@@ -259,7 +252,7 @@ TEST(DistanceField, HasItsOwnGradient) {
 TEST(DistanceField, IsALowerBoundBeyondItsGrid) {
   Source source;
   for (int i = 0; i < 2000; ++i) {
-    const Vector3d p = source.vector(0.3);
+    const Vector3d p = source.vector<3>(0.3);
     const double exact = kTorus.signed_distance<3>(p, kNearest).distance;
     if (exact < 5e-3) continue;
     const double found = fine_field()->at(p).distance;
@@ -302,7 +295,7 @@ TEST(Mesh, HasFrictionThatDissipates) {
   Source source;
   int slid = 0;
   for (int i = 0; i < 20'000; ++i) {
-    const Velocity<3> v{source.vector(0.2)};
+    const Velocity<3> v{source.vector<3>(0.2)};
     rough.for_each_contact(Position<3>{source.near_torus(5e-3)}, v, [&](const ContactPort<3>& c) {
       ASSERT_LE(c.tangential.dot(v.vec()), 0.0);
       ASSERT_NEAR(c.tangential.dot(c.normal), 0.0, 1e-12 * c.normal.norm() * (1 + c.tangential.norm()));

@@ -4,29 +4,18 @@
 #include <functional>
 #include <memory>
 #include <numbers>
-#include <random>
 #include <string>
 #include <vector>
 
 #include "common/contact/environment.h"
 #include "common/contact/sample_shape.h"
+#include "tests/support/source.h"
 
 namespace twoport {
 namespace {
 
 using Eigen::Vector3d;
-
-class Source {
- public:
-  double uniform(double from, double to) { return std::uniform_real_distribution<double>{from, to}(random_); }
-  Vector3d vector(double size) {
-    const double x = uniform(-size, size), y = uniform(-size, size), z = uniform(-size, size);
-    return {x, y, z};
-  }
-
- private:
-  std::mt19937_64 random_{23};
-};
+using test::Source;
 
 const Vector3d kPlace{0.01, -0.02, 0.005}, kAxis = Vector3d{1, 2, 2} / 3;
 
@@ -84,10 +73,10 @@ std::vector<Part> parts() {
 
 TEST(Part, IsInsideWhereItsDefinitionSaysSo) {
   for (const Part& part : parts()) {
-    Source source;
+    Source source{23};
     int inside = 0;
     for (int i = 0; i < 20'000; ++i) {
-      const Vector3d p = kPlace + source.vector(0.08);
+      const Vector3d p = kPlace + source.vector<3>(0.08);
       const double d = signed_distance<3>(part.shape, p).distance;
       if (std::abs(d) < 1e-12) continue;
       ASSERT_EQ(d < 0.0, part.inside(p)) << part.name << " at " << (p - kPlace).transpose() << ", distance " << d;
@@ -101,10 +90,10 @@ TEST(Part, HasADistanceOfUnitSlopeWithItsGradient) {
   // Where the nearest part of the surface is the same on both sides of the difference, h²/r² of a radius r of 1 mm: 1e-8.
   constexpr double h = 1e-7;
   for (const Part& part : parts()) {
-    Source source;
+    Source source{23};
     int compared = 0;
     for (int i = 0; i < 5000; ++i) {
-      const Vector3d p = kPlace + source.vector(0.08);
+      const Vector3d p = kPlace + source.vector<3>(0.08);
       const auto at = signed_distance<3>(part.shape, p);
       ASSERT_NEAR(at.normal.norm(), 1.0, 1e-12) << part.name;
       Vector3d slope;
@@ -126,14 +115,14 @@ TEST(Part, HasADistanceOfUnitSlopeWithItsGradient) {
 TEST(Part, HasItsDistanceToTheNearestPointOfItsSurface) {
   // From p by the distance against the normal lies a point of the surface: exact distances only have that everywhere.
   for (const Part& part : parts()) {
-    Source source;
+    Source source{23};
     for (int i = 0; i < 20'000; ++i) {
-      const Vector3d p = kPlace + source.vector(0.08);
+      const Vector3d p = kPlace + source.vector<3>(0.08);
       const auto at = signed_distance<3>(part.shape, p);
       ASSERT_NEAR(signed_distance<3>(part.shape, p - at.distance * at.normal).distance, 0.0, 1e-12)
           << part.name << " at " << (p - kPlace).transpose();
       // and none nearer: a distance changes by at most the way.
-      const Vector3d q = kPlace + source.vector(0.08);
+      const Vector3d q = kPlace + source.vector<3>(0.08);
       ASSERT_LE(std::abs(at.distance - signed_distance<3>(part.shape, q).distance), (p - q).norm() * (1 + 1e-12))
           << part.name;
     }
@@ -142,9 +131,9 @@ TEST(Part, HasItsDistanceToTheNearestPointOfItsSurface) {
 
 TEST(Part, ContinuesAFeatureWhenAsked) {
   for (const Part& part : parts()) {
-    Source source;
+    Source source{23};
     for (int i = 0; i < 2000; ++i) {
-      const Vector3d p = kPlace + source.vector(0.06);
+      const Vector3d p = kPlace + source.vector<3>(0.06);
       const auto at = signed_distance<3>(part.shape, p);
       if (at.distance > 0.0) continue;
       const auto same = signed_distance<3>(part.shape, p, at.feature);
@@ -160,11 +149,11 @@ TEST(Part, GivesBackAroundALoopWhatItTook) {
   // of the force, up to 60 N, times a step, 1 µm, in each crossing; the work of one piece of a loop is up to 1 J.
   for (const Part& part : parts()) {
     const Environment<3> environment{{Surface{part.shape, {3000, 0, 0, 0}}}};
-    Source source;
+    Source source{23};
     double touched = 0.0;
     for (int loop = 0; loop < 5; ++loop) {
-      const Vector3d a = source.vector(0.02), b = source.vector(0.02), c = source.vector(0.01),
-                     center = kPlace + source.vector(0.02);
+      const Vector3d a = source.vector<3>(0.02), b = source.vector<3>(0.02), c = source.vector<3>(0.01),
+                     center = kPlace + source.vector<3>(0.02);
       constexpr int kPoints = 200'000;
       double work = 0.0;
       for (int k = 0; k < kPoints; ++k) {
@@ -238,9 +227,9 @@ TEST(SampleShape, LeavesNoPlaceFartherThanTheSpacing) {
                               {"cone", cone, sample(cone, kSpacing)}}) {
     for (const Vector3d& p : each.points)
       ASSERT_NEAR(signed_distance<3>(each.shape, p).distance, 0.0, 1e-12) << each.name;
-    Source source;
+    Source source{23};
     for (int i = 0; i < 3000; ++i) {
-      const Vector3d p = kPlace + source.vector(0.08);
+      const Vector3d p = kPlace + source.vector<3>(0.08);
       const auto at = signed_distance<3>(each.shape, p);
       const Vector3d on_surface = p - at.distance * at.normal;
       double least = 1e9;
