@@ -89,10 +89,10 @@ class Lanes {
     b.slots = static_cast<std::int64_t>(std::bit_ceil(static_cast<std::uint64_t>(oldest + 2)));
     b.window_slots = static_cast<std::int64_t>(std::bit_ceil(window + 1));
     b.clock = oldest + 1;
-    const auto w = static_cast<std::size_t>(unit.lanes), slots = static_cast<std::size_t>(b.slots);
+    const auto w = static_cast<std::size_t>(unit.lanes);
     b.parameters = take(0, kParameters * w), b.state = take(1, kState * w), b.sums = take(2, kSums * w);
-    b.to_slave = take(3, slots * words_to_slave(N, b.method) * w),
-    b.to_master = take(4, slots * words_to_master(N, b.method) * w);
+    b.to_slave = take(3, ring_words(words_to_slave(N, b.method)) * w);
+    b.to_master = take(4, ring_words(words_to_master(N, b.method)) * w);
     if (!tail) b.window = take(5, static_cast<std::size_t>(b.window_slots) * 2 * N * w);
     if (records) b.record = take(6, kRecordRows * words_of_record(N) * w);
   }
@@ -120,8 +120,8 @@ class Lanes {
     copy(b.state, state_fields(), to, from);
     copy(b.sums, kSums, to, from);
     if (with_packets) {
-      copy(b.to_slave, static_cast<std::size_t>(b.slots) * words_to_slave(N, b.method), to, from);
-      copy(b.to_master, static_cast<std::size_t>(b.slots) * words_to_master(N, b.method), to, from);
+      copy(b.to_slave, ring_words(words_to_slave(N, b.method)), to, from);
+      copy(b.to_master, ring_words(words_to_master(N, b.method)), to, from);
     }
     b.path[to] = b.path[from];
     b.plant[to] = b.plant[from];
@@ -180,6 +180,7 @@ class Lanes {
     constexpr std::size_t kOfModel = sizeof(InternalModel<double, N>) / sizeof(double);
     return b.method == LaneMethod::internal_model ? kState : kState - kOfModel;
   }
+  [[nodiscard]] std::size_t ring_words(int words) const { return static_cast<std::size_t>(b.slots * words); }
   double* take(std::size_t which, std::size_t n) {
     memory_[which].resize(n);
     return memory_[which].get();
