@@ -52,7 +52,7 @@ set(CPACK_DEBIAN_FILE_NAME DEB-DEFAULT)
 set(CPACK_DEBIAN_PACKAGE_SECTION science)
 set(CPACK_DEBIAN_PACKAGE_SHLIBDEPS ON)
 set(CPACK_DEBIAN_PACKAGE_SUGGESTS
-    "g++, cmake, libeigen3-dev, libprotobuf-dev, libfmt-dev, libspdlog-dev, libcli11-dev, libssl-dev, libevdev-dev, libspnav-dev, spacenavd")
+    "g++, cmake, libeigen3-dev, libboost-dev, libprotobuf-dev, libfmt-dev, libspdlog-dev, libcli11-dev, libssl-dev, libevdev-dev, libspnav-dev, spacenavd")
 if(twoport_python)
   math(EXPR next "${Python3_VERSION_MINOR} + 1")
   set(CPACK_DEBIAN_PACKAGE_DEPENDS

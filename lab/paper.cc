@@ -7,7 +7,7 @@
 #include <utility>
 
 #include "common/base/check.h"
-#include "common/base/random.h"
+#include "common/base/normal.h"
 #include "common/passivity/passivated.h"
 #include "common/record/metrics.h"
 #include "common/scene/load.h"
@@ -316,7 +316,7 @@ namespace {
 
 /// The i-th of uniformly distributed attitudes.
 Eigen::Quaterniond random_turn(const Random& random, std::uint64_t i) {
-  return Eigen::Quaterniond{random.normal(i, 0), random.normal(i, 1), random.normal(i, 2), random.normal(i, 3)}
+  return Eigen::Quaterniond{normal(random, i, 0), normal(random, i, 1), normal(random, i, 2), normal(random, i, 3)}
       .normalized();
 }
 

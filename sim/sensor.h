@@ -7,7 +7,7 @@
 #include <utility>
 #include <vector>
 
-#include "common/base/random.h"
+#include "common/base/normal.h"
 #include "common/base/vector.h"
 #include "common/scene/scene.h"
 
@@ -45,7 +45,7 @@ class ForceSensor {
   [[gnu::noinline]] Force<N> add_sensor_errors(Force<N> f) noexcept {
     if (noise_ > 0.0) {
       typename Force<N>::Vector n;
-      for (int i = 0; i < N; ++i) n[i] = noise_ * random_.normal(sample_, static_cast<unsigned>(i));
+      for (int i = 0; i < N; ++i) n[i] = noise_ * normal(random_, sample_, static_cast<unsigned>(i));
       f += Force<N>{n};
       ++sample_;
     }

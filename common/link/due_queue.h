@@ -22,8 +22,7 @@ class DueQueue {
       : entries_{other.entries_},
         in_{entries_.data() + (other.in_ - other.entries_.data())},
         out_{entries_.data() + (other.out_ - other.entries_.data())},
-        size_{other.size_},
-        latest_{other.latest_} {}
+        size_{other.size_} {}
   DueQueue& operator=(const DueQueue&) = delete;
 
   /// `packet` is assigned to a Packet. False when the queue is full.
@@ -32,10 +31,10 @@ class DueQueue {
     if (size_ == entries_.size()) [[unlikely]]
       return false;
     Entry* entry = in_;
-    if (due < latest_) [[unlikely]] {
-      entry = overtake(due);
-    } else {
-      latest_ = due;
+    // Those that are due later move back.
+    for (std::size_t left = size_; left > 0 && before(entry)->due > due; --left) {
+      *entry = *before(entry);
+      entry = before(entry);
     }
     in_ = after(in_);
     ++size_;
@@ -60,22 +59,12 @@ class DueQueue {
   static constexpr Duration kRounding{1};
   static constexpr Duration kTick{1};  ///< the next moment that a clock can show
 
-  /// Moves back those that are due later, and returns the place before them.
-  [[gnu::noinline]] Entry* overtake(Duration due) noexcept {
-    Entry* at = in_;
-    for (std::size_t left = size_; left > 0 && before(at)->due > due; --left) {
-      *at = *before(at);
-      at = before(at);
-    }
-    return at;
-  }
   Entry* after(Entry* entry) noexcept { return entry == &entries_.back() ? entries_.data() : entry + 1; }
   Entry* before(Entry* entry) noexcept { return entry == entries_.data() ? &entries_.back() : entry - 1; }
 
   std::vector<Entry> entries_;
   Entry *in_ = entries_.data(), *out_ = entries_.data();
   std::size_t size_ = 0;
-  Duration latest_{0};  ///< due time of the last one put in without overtaking
 };
 
 }  // namespace twoport

@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "common/base/normal.h"
+
 namespace twoport {
 namespace {
 
@@ -75,7 +77,7 @@ Duration Impairment::delay(unsigned purpose) noexcept {
   double unit = 0.0;  // mean 0, standard deviation 1
   switch (options_.jitter_distribution) {
     case JitterDistribution::normal:
-      unit = random_.normal(packet_, purpose);
+      unit = normal(random_, packet_, purpose);
       break;
     case JitterDistribution::uniform:
       unit = std::sqrt(12.0) * (random_.uniform(packet_, purpose) - 0.5);

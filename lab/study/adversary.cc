@@ -9,7 +9,7 @@
 #include <mutex>
 
 #include "common/base/check.h"
-#include "common/base/random.h"
+#include "common/base/normal.h"
 #include "common/coupling/registration.h"
 #include "common/link/delay_line.h"
 #include "common/link/mailbox.h"
@@ -36,7 +36,7 @@ class Draw {
   template <int K>
   Eigen::Matrix<double, K, 1> direction() {
     Eigen::Matrix<double, K, 1> v;
-    for (int i = 0; i < K; ++i) v[i] = random_.normal(i_++);
+    for (int i = 0; i < K; ++i) v[i] = normal(random_, i_++);
     return v.normalized();
   }
 

@@ -9,7 +9,7 @@
 #include <numbers>
 #include <utility>
 
-#include "common/base/random.h"
+#include "common/base/normal.h"
 
 namespace twoport::sim {
 namespace {
@@ -326,7 +326,7 @@ WristCompensation::WristCompensation(const ArmSpec& arm, const ForceSensorSpec& 
     const Eigen::Vector3d axis = Eigen::Vector3d::Unit(static_cast<int>(i % 3));
     readings[i].attitude = Eigen::AngleAxisd{i < 3 ? 1.0 : -1.5, axis}.toRotationMatrix();
     readings[i].wrench = true_.reading(readings[i].attitude, ArmPlant::kGravity);
-    for (unsigned k = 0; k < 6; ++k) readings[i].wrench[k] += sensor.noise_n * random.normal(i, k);
+    for (unsigned k = 0; k < 6; ++k) readings[i].wrench[k] += sensor.noise_n * normal(random, i, k);
   }
   found_ = identify_tool(readings, ArmPlant::kGravity);
 }
