@@ -10,6 +10,13 @@ bool is_encrypted(std::span<const std::byte> bytes) noexcept {
   return bytes.size() > 1 && bytes[0] >= std::byte{20} && bytes[0] <= std::byte{23} && bytes[1] == std::byte{0xfe};
 }
 
+/// Is it of a slave that has heard nothing in this session? It answers introductions, not every tick: gaps between its greetings are no
+/// losses.
+template <int N>
+bool may_be_greeting(const Envelope<N>& from) noexcept {
+  return from.identity && from.identity->side == Side::slave && from.report.echo_ns < 0;
+}
+
 }  // namespace
 
 template <int N>
@@ -40,7 +47,9 @@ const Report<N>* LinkTransport<N>::next(Duration now, int& left) noexcept {
     }
     switch (handshake_.on(incoming_, decoded, datagram->from, now)) {
       case Action::deliver:
-        return &incoming_.report;
+        if (!may_be_greeting(incoming_)) return &incoming_.report;
+        ++counts_.handshake;
+        break;
       case Action::wait:
       case Action::reply:
       case Action::pair:
