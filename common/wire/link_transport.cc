@@ -57,7 +57,7 @@ const Report<N>* LinkTransport<N>::next(Duration now, int& left) noexcept {
         break;
       case Action::refuse:
         static_cast<Header&>(outgoing_) = handshake_.refusal();
-        socket_->send(codec_.encode(outgoing_), datagram->from, now);
+        if (!socket_->send(codec_.encode(outgoing_), datagram->from, now)) ++answers_unsent_;
         ++counts_.rejected.refused;
         break;
       case Action::reject:
@@ -95,7 +95,7 @@ void LinkTransport<N>::transmit(Duration now) noexcept {
     // A greeting is of no session yet; the environment's numbers count within one.
     const EnvironmentMessage environment = std::exchange(outgoing_.environment, {});
     static_cast<Header&>(outgoing_) = greeting->header;
-    socket_->send(codec_.encode(outgoing_), greeting->to, now);
+    if (!socket_->send(codec_.encode(outgoing_), greeting->to, now)) ++answers_unsent_;
     report.energy_in_j = energy_in_j, report.echo_ns = echo_ns;
     outgoing_.gripper.energy_in_j = gripper_energy_in_j;
     outgoing_.environment = environment;
@@ -123,7 +123,7 @@ LinkCounts LinkTransport<N>::counts() const noexcept {
   counts.rejected += below.rejected;
   counts.lost += below.lost;
   counts.overflowed += below.overflowed;
-  counts.unsent += below.unsent;
+  counts.unsent += below.unsent - answers_unsent_;
   return counts;
 }
 

@@ -241,7 +241,12 @@ TEST_F(NetworkTest, AMasterWithoutARouteWaitsUntilThereIsOne) {
   ASSERT_EQ(master_->ip("link set cable-m up"), "");
   EXPECT_EQ(master.wait(), exited(0)) << master.err();
   EXPECT_EQ(slave.wait(), exited(0)) << slave.err();
-  EXPECT_EQ(pair.summary("master").mode(), "coupled");
+  const schema::Summary m = pair.summary("master");
+  EXPECT_EQ(m.mode(), "coupled");
+  // What had no route was not sent.
+  EXPECT_GT(m.packets().to_slave().unsent(), 200u);
+  EXPECT_LT(m.packets().to_slave().sent(), m.steps() + 1000u);
+  EXPECT_FALSE(m.packets().to_master().has_unsent());
 }
 
 TEST_F(NetworkTest, AnAddressOfTheOtherMachineCannotBeListenedOn) {
