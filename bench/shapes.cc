@@ -196,8 +196,8 @@ void worst_tick(const std::string& what, const std::vector<Shape>& shapes, const
   std::uint64_t unfinished = 0;
   int steps = 0;
   for (const double friction : {0.3, 1.0}) {
-    std::vector<Surface> surfaces;
-    for (const Shape& shape : shapes) surfaces.push_back({shape, {1, 0, friction, 0}});
+    std::vector<EnvironmentSpec> surfaces;
+    for (const Shape& shape : shapes) surfaces.emplace_back(Surface{shape, {1, 0, friction, 0}});
     const Environment<6> environment{surfaces, tool};
     std::vector<double> least(kTicks, 1e18);
     for (int round = 0; round < kRounds; ++round) {

@@ -52,7 +52,9 @@ TEST(ZWidth, IsWidenedByAControllerWhereDampingIsMissingAndNotWhereItIsTooMuch) 
 
 TEST(ZWidth, WarnsOfASetThatHasNoEffect) {
   ZWidthOptions o = scene();
-  o.damping = "0", o.stiffness = "500", o.methods = "NONE";
+  o.damping = std::string{"0"};
+  o.stiffness = std::string{"500"};
+  o.methods = std::string{"NONE"};
   o.set = {"duration_s=0.1", "environment[0].spring.stiffness_n_per_m=7"};
   testing::internal::CaptureStderr();
   z_width(o);
