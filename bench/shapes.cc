@@ -9,6 +9,7 @@
 #include <cmath>
 #include <memory>
 #include <numbers>
+#include <random>
 #include <vector>
 
 #include "common/contact/environment.h"
@@ -183,6 +184,67 @@ void god_objects() {
       pose(0.02), pose(-0.005), 0.002);
 }
 
+/// The slowest of ticks in which a handle is put anywhere 5 to 15 cm inside a rough shape, of each tick the least of several rounds: what
+/// the limit of Newton's steps leaves. Its number of steps, and how often the friction was not solved for.
+void worst_tick(const std::string& what, const std::vector<Shape>& shapes, const std::vector<Vector3d>& tool) {
+  constexpr int kTicks = 3000, kRounds = 5;
+  const CouplingOptions spring{.stiffness_n_per_m = 2000,
+                               .damping_n_s_per_m = 0,
+                               .rotational_stiffness_n_m_per_rad = 4,
+                               .rotational_damping_n_m_s_per_rad = 0};
+  double most = 0.0;
+  std::uint64_t unfinished = 0;
+  int steps = 0;
+  for (const double friction : {0.3, 1.0}) {
+    std::vector<EnvironmentSpec> surfaces;
+    for (const Shape& shape : shapes) surfaces.emplace_back(Surface{shape, {1, 0, friction, 0}});
+    const Environment<6> environment{surfaces, tool};
+    std::vector<double> least(kTicks, 1e18);
+    for (int round = 0; round < kRounds; ++round) {
+      std::mt19937_64 random{5};
+      std::uniform_real_distribution<double> any{-1.0, 1.0};
+      GodObject<6> proxy{spring, environment};
+      proxy.follow({Vector3d{0, 0, 0.2}, Eigen::Quaterniond::Identity()});
+      for (double& each : least) {
+        const Vector3d where{0.1 * any(random), 0.1 * any(random), -0.1 + 0.05 * any(random)};
+        const Vector3d turn{any(random), any(random), any(random)};
+        const Position<6> handle{where, rotation(turn)};
+        const auto start = std::chrono::steady_clock::now();
+        proxy.follow(handle);
+        const std::chrono::duration<double, std::nano> took = std::chrono::steady_clock::now() - start;
+        each = std::min(each, took.count());
+        steps = std::max(steps, proxy.newton_steps());
+      }
+      if (round == 0) unfinished += proxy.unfinished();
+    }
+    most = std::max(most, *std::max_element(least.begin(), least.end()));
+  }
+  fmt::print("{:58} {:10.0f}, {} steps, {} of {} ticks unfinished\n", "god-object, slowest tick, " + what, most, steps,
+             unfinished, 2 * kTicks);
+}
+
+void worst_ticks() {
+  std::vector<Vector3d> corners;
+  for (int i = 0; i < 8; ++i) corners.push_back({i & 1 ? 0.03 : -0.03, i & 2 ? 0.02 : -0.02, i & 4 ? 0.01 : -0.01});
+  const std::vector<Vector3d> peg = sample(Peg::of(Vector3d::Zero(), Vector3d::UnitZ(), 0.01, 0.03, 0.001), 8e-3);
+  const auto torus = std::make_shared<const DistanceField>(test::torus_mesh(0.05, 0.02, 105, 48), 2e-3);
+  const auto hole = std::make_shared<const std::vector<PlateHole>>(1, PlateHole{{0, 0}, 0.0101});
+  const std::vector<std::pair<const char*, std::vector<Shape>>> all{
+      {"plane", {Wall{Vector3d::UnitZ(), 0}}},
+      {"wedge", {Wall{Vector3d{1, 0, 1}.normalized(), 0}, Wall{Vector3d{-1, 0, 1}.normalized(), 0}}},
+      {"box", {Box{{0, 0, -0.1}, {0.1, 0.1, 0.1}}}},
+      {"sphere", {Sphere{{0, 0, -0.15}, 0.15}}},
+      {"torus", {Torus{{0, 0, -0.1}, Vector3d::UnitZ(), 0.08, 0.06}}},
+      {"hole", {Hole::of({0, 0, -0.1}, Vector3d::UnitZ(), 0.05, 0.02, 0.002)}},
+      {"cone", {Cone::of({0, 0, 0}, Vector3d::UnitZ(), 0.15, 0.1)}},
+      {"plate", {Plate{{0, 0, -0.1}, Eigen::Matrix3d::Identity(), {0.1, 0.1, 0.05}, hole}}},
+      {"mesh", {Mesh{{0, 0, -0.1}, Eigen::Matrix3d::Identity(), torus}}}};
+  for (const auto& [name, shapes] : all) {
+    worst_tick(fmt::format("box of 8 corners in a {}", name), shapes, corners);
+    worst_tick(fmt::format("peg of {} points in a {}", peg.size(), name), shapes, peg);
+  }
+}
+
 }  // namespace
 
 int main() {
@@ -190,4 +252,5 @@ int main() {
   meshes();
   tools();
   god_objects();
+  worst_ticks();
 }

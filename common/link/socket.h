@@ -19,7 +19,7 @@ struct ReceivedDatagram {
 
 /// Datagrams that a socket, or a filter above it, did not pass on.
 struct SocketCounts {
-  std::uint64_t unsent = 0;  ///< could not be handed over
+  std::uint64_t unsent = 0;  ///< of those that the layer above has sent: could not be handed over
   Rejected rejected{};
   std::uint64_t lost = 0;        ///< dropped by the impairment
   std::uint64_t overflowed = 0;  ///< of the peer, dropped because the delay line was full

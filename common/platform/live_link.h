@@ -134,8 +134,10 @@ class LiveLink {
     const LinkCounts link = mail_.transport().counts();
     auto *to_slave = s.mutable_packets()->mutable_to_slave(), *to_master = s.mutable_packets()->mutable_to_master();
     const bool master = side_ == Side::master;
-    (master ? to_slave : to_master)->set_sent(count(mail_.counts().sent - link.unaddressed));
     *(master ? to_master : to_slave) = received_packets(mail_.counts(), link.rejected);
+    Packets& outgoing = *(master ? to_slave : to_master);
+    outgoing.set_sent(count(mail_.counts().sent - link.unaddressed - link.unsent));
+    outgoing.set_unsent(count(link.unsent));
     s.set_encrypted(secure_ != nullptr);
     s.set_mode(to_string(mode));
     s.set_reconnects(count(std::max<std::uint64_t>(mail_.transport().pairings(), 1) - 1));

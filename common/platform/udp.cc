@@ -19,6 +19,7 @@
 #include <chrono>
 #include <cstring>
 #include <ctime>
+#include <functional>
 #include <utility>
 
 #include "common/base/check.h"
@@ -35,6 +36,8 @@ constexpr unsigned kBatch = 16;  // datagrams in one system call
 // Most ticks find one datagram: two calls, of which the second finds none, cost less than one for a batch.
 constexpr unsigned kSingles = 2;
 constexpr Duration kListenEvery = std::chrono::milliseconds{1};  // where the peer has a socket of its own
+constexpr Duration kSilent = std::chrono::seconds{1};  // of the peer; the route to it is looked at as often then
+constexpr std::size_t kCallers = 64;
 constexpr int kMostDrained = 4096, kMostErrors = 4;
 
 udp::endpoint to_asio(const Endpoint& e) {
@@ -76,6 +79,72 @@ Endpoint from_system(const sockaddr_storage& source) noexcept {
     out.port = ntohs(four.sin_port);
   }
   return out;
+}
+
+/// Control data of one datagram: the address of this machine that it came to, or is sent from.
+struct Control {
+  alignas(cmsghdr) std::array<std::byte, CMSG_SPACE(sizeof(in6_pktinfo))> bytes;
+};
+
+/// The address of this machine that a datagram came to; no address where that is none to answer from, or is not told.
+Endpoint called_at(msghdr& message, std::uint16_t port) noexcept {
+  Endpoint here;
+  for (cmsghdr* part = CMSG_FIRSTHDR(&message); part != nullptr; part = CMSG_NXTHDR(&message, part)) {
+    if (part->cmsg_level == IPPROTO_IP && part->cmsg_type == IP_PKTINFO) {
+      in_pktinfo info;
+      std::memcpy(&info, CMSG_DATA(part), sizeof info);
+      std::memcpy(here.address.data(), &info.ipi_spec_dst, sizeof info.ipi_spec_dst);
+    } else if (part->cmsg_level == IPPROTO_IPV6 && part->cmsg_type == IPV6_PKTINFO) {
+      in6_pktinfo info;
+      std::memcpy(&info, CMSG_DATA(part), sizeof info);
+      if (IN6_IS_ADDR_MULTICAST(&info.ipi6_addr)) continue;
+      std::memcpy(here.address.data(), &info.ipi6_addr, sizeof info.ipi6_addr);
+      if (IN6_IS_ADDR_LINKLOCAL(&info.ipi6_addr)) here.scope = info.ipi6_ifindex;
+      here.v6 = true;
+    }
+  }
+  here.port = port;
+  return here;
+}
+
+/// sendto() from the address `here` of this machine.
+ssize_t send_from(int fd, const Endpoint& here, std::span<const std::byte> bytes, const udp::endpoint& to) noexcept {
+  udp::endpoint there = to;
+  iovec data{const_cast<std::byte*>(bytes.data()), bytes.size()};
+  Control control{};
+  msghdr message{};
+  message.msg_name = there.data();
+  message.msg_namelen = static_cast<socklen_t>(there.size());
+  message.msg_iov = &data;
+  message.msg_iovlen = 1;
+  message.msg_control = control.bytes.data();
+  const auto put = [&](int level, int type, const auto& info) {
+    message.msg_controllen = CMSG_SPACE(sizeof info);
+    cmsghdr* const part = CMSG_FIRSTHDR(&message);
+    part->cmsg_level = level;
+    part->cmsg_type = type;
+    part->cmsg_len = CMSG_LEN(sizeof info);
+    std::memcpy(CMSG_DATA(part), &info, sizeof info);
+  };
+  if (here.v6) {
+    in6_pktinfo info{};
+    std::memcpy(&info.ipi6_addr, here.address.data(), sizeof info.ipi6_addr);
+    info.ipi6_ifindex = here.scope;
+    put(IPPROTO_IPV6, IPV6_PKTINFO, info);
+  } else {
+    in_pktinfo info{};
+    std::memcpy(&info.ipi_spec_dst, here.address.data(), sizeof info.ipi_spec_dst);
+    put(IPPROTO_IP, IP_PKTINFO, info);
+  }
+  return ::sendmsg(fd, &message, MSG_DONTWAIT);
+}
+
+/// Where a socket is bound.
+std::optional<Endpoint> name_of(int fd) noexcept {
+  sockaddr_storage name{};
+  socklen_t size = sizeof name;
+  if (::getsockname(fd, reinterpret_cast<sockaddr*>(&name), &size) != 0) return {};
+  return from_system(name);
 }
 
 /// Why the socket cannot be bound, and the remedy.
@@ -164,6 +233,7 @@ struct UdpSocket::Impl {
   std::array<sockaddr_storage, kBatch> sources{};
   std::array<iovec, kBatch> vectors{};
   std::array<mmsghdr, kBatch> headers{};
+  std::array<Control, kBatch> controls{};
   unsigned filled = 0, taken = 0;
   unsigned in_a_row = 0;     ///< fetched since a fetch found nothing
   bool emptied = false;      ///< by the last batch
@@ -172,6 +242,14 @@ struct UdpSocket::Impl {
   bool catching_up = false;  ///< in the first tick after pairing this one is read before the peer's
   bool listening = false;    ///< the peer's socket has been emptied, and this one is read
   std::optional<Duration> listened_at;
+
+  /// Who has called this machine at which of its addresses, by a hash of the caller: it is answered from there.
+  struct Caller {
+    Endpoint from, at;
+  };
+  std::array<Caller, kCallers> callers{};
+  bool on_all_addresses = false;  ///< bound to none, and not connected
+  Duration heard_at{0}, routed_at{0};
 
   Duration span = Duration::max();
   std::optional<Duration> tick;
@@ -182,30 +260,23 @@ struct UdpSocket::Impl {
   ~Impl() { close_peer(); }
 
   bool over(Duration now) noexcept;
+  void open(const Endpoint& wanted);
   void connect(const Endpoint& with) noexcept;
-  bool open_peer(const udp::endpoint& with) noexcept;
+  void drain(int of) const noexcept;
+  void listen_to_all_addresses(bool yes) noexcept;
+  void follow_route(Duration now) noexcept;
+  Caller& place_of(const Endpoint& caller) noexcept;
+  bool open_peer(const Endpoint& with) noexcept;
   void close_peer() noexcept;
-  [[nodiscard]] ssize_t send(std::span<const std::byte> bytes, const Endpoint& to) const noexcept;
+  [[nodiscard]] ssize_t send(std::span<const std::byte> bytes, const Endpoint& to) noexcept;
   bool fetch(Duration now) noexcept;
   bool fetch_from(int from) noexcept;
   int fetch_one(int from) noexcept;
-  int fetch_batch(int from) noexcept;
+  int fetch_batch(int from, unsigned most) noexcept;
 };
 
 UdpSocket::UdpSocket(const Endpoint& local) : impl_{std::make_unique<Impl>()} {
-  const udp::endpoint wanted = to_asio(local);
-  asio::error_code error;
-  impl_->socket.open(wanted.protocol(), error);
-  if (!error) impl_->socket.bind(wanted, error);
-  if (error) throw ConfigError("cannot listen on " + to_string(local) + ": " + bind_advice(error));
-  impl_->local = from_asio(impl_->socket.local_endpoint());
-  impl_->fd = impl_->socket.native_handle();
-  for (std::size_t i = 0; i < kBatch; ++i) {
-    impl_->vectors[i] = {impl_->buffers[i].data(), kBuffer};
-    impl_->headers[i].msg_hdr.msg_iov = &impl_->vectors[i];
-    impl_->headers[i].msg_hdr.msg_iovlen = 1;
-    impl_->headers[i].msg_hdr.msg_name = &impl_->sources[i];
-  }
+  impl_->open(local);
 }
 UdpSocket::UdpSocket(const Endpoint& local, const Endpoint& peer) : UdpSocket{local} {
   if (peer.port == 0 || peer.address == Endpoint{}.address)
@@ -223,12 +294,60 @@ SocketCounts UdpSocket::counts() const noexcept {
   return {.unsent = impl_->unsent};
 }
 
+void UdpSocket::Impl::open(const Endpoint& wanted) {
+  const udp::endpoint where = to_asio(wanted);
+  asio::error_code error;
+  socket.open(where.protocol(), error);
+  if (!error) socket.bind(where, error);
+  if (error) throw ConfigError("cannot listen on " + to_string(wanted) + ": " + bind_advice(error));
+  local = from_asio(socket.local_endpoint());
+  fd = socket.native_handle();
+  for (std::size_t i = 0; i < kBatch; ++i) {
+    vectors[i] = {buffers[i].data(), kBuffer};
+    headers[i].msg_hdr.msg_iov = &vectors[i];
+    headers[i].msg_hdr.msg_iovlen = 1;
+    headers[i].msg_hdr.msg_name = &sources[i];
+  }
+  listen_to_all_addresses(local.address == Endpoint{}.address);
+}
+
+void UdpSocket::Impl::listen_to_all_addresses(bool yes) noexcept {
+  const int tell = yes ? 1 : 0;
+  const bool told = local.v6 ? ::setsockopt(fd, IPPROTO_IPV6, IPV6_RECVPKTINFO, &tell, sizeof tell) == 0
+                             : ::setsockopt(fd, IPPROTO_IP, IP_PKTINFO, &tell, sizeof tell) == 0;
+  on_all_addresses = yes && told;
+}
+
+UdpSocket::Impl::Caller& UdpSocket::Impl::place_of(const Endpoint& caller) noexcept {
+  const std::string_view address{reinterpret_cast<const char*>(caller.address.data()), caller.address.size()};
+  return callers[(std::hash<std::string_view>{}(address) ^ caller.port) % kCallers];
+}
+
 void UdpSocket::Impl::connect(const Endpoint& with) noexcept {
   asio::error_code error;
   socket.connect(to_asio(with), error);
   if (error) return;
   peer = with;
   of_peer = true;
+  listen_to_all_addresses(false);
+}
+
+/// A connected socket keeps the address that it was connected from. When that is no longer the one from which the system reaches the
+/// peer, since an interface has another address or another interface leads there, it is connected again, from a new port.
+void UdpSocket::Impl::follow_route(Duration now) noexcept {
+  routed_at = now;
+  const udp::endpoint there = to_asio(*peer);
+  const int trial = ::socket(there.data()->sa_family, SOCK_DGRAM | SOCK_CLOEXEC, 0);
+  if (trial < 0) return;
+  const bool has_route = ::connect(trial, there.data(), static_cast<socklen_t>(there.size())) == 0;
+  const std::optional<Endpoint> next = has_route ? name_of(trial) : std::nullopt, last = name_of(fd);
+  ::close(trial);
+  if (!next || !last || next->address == last->address) return;
+  const sockaddr none{.sa_family = AF_UNSPEC, .sa_data = {}};
+  if (::connect(fd, &none, sizeof none) != 0 || ::connect(fd, there.data(), static_cast<socklen_t>(there.size())) != 0)
+    return;  // again in a second
+  drain(fd);
+  if (const std::optional<Endpoint> here = name_of(fd)) local.port = here->port;
 }
 
 void UdpSocket::paired(const Endpoint& peer, Duration) noexcept {
@@ -236,7 +355,7 @@ void UdpSocket::paired(const Endpoint& peer, Duration) noexcept {
   const bool connected = s.peer && s.peer_fd < 0;
   if (connected || s.peer == peer) return;
   s.close_peer();
-  if (s.open_peer(to_asio(peer))) {
+  if (s.open_peer(peer)) {
     s.peer = peer;
     // What it has sent so far lies in the listener's queue.
     s.catching_up = true;
@@ -246,8 +365,15 @@ void UdpSocket::paired(const Endpoint& peer, Duration) noexcept {
   }
 }
 
-bool UdpSocket::Impl::open_peer(const udp::endpoint& with) noexcept {
-  const udp::endpoint here = to_asio(local);
+/// Drops what came while anybody's datagrams could reach the socket: until it was connected.
+void UdpSocket::Impl::drain(int of) const noexcept {
+  for (int left = kMostDrained; left > 0 && ::recv(of, nullptr, 0, MSG_DONTWAIT) >= 0;) --left;
+}
+
+bool UdpSocket::Impl::open_peer(const Endpoint& of) noexcept {
+  const Caller& caller = place_of(of);
+  const udp::endpoint here = to_asio(on_all_addresses && caller.from == of ? caller.at : local);
+  const udp::endpoint with = to_asio(of);
   peer_fd = ::socket(here.data()->sa_family, SOCK_DGRAM | SOCK_CLOEXEC, 0);
   if (peer_fd < 0) return false;
   // Two sockets of one user may share a port while both allow it: for the moment of binding. SO_REUSEADDR would let in those of other users.
@@ -258,8 +384,7 @@ bool UdpSocket::Impl::open_peer(const udp::endpoint& with) noexcept {
   const bool open = may_share(1) && ::bind(peer_fd, here.data(), static_cast<socklen_t>(here.size())) == 0 &&
                     ::connect(peer_fd, with.data(), static_cast<socklen_t>(with.size())) == 0;
   may_share(0);
-  // Until it was connected anybody's datagrams could reach it.
-  for (int left = kMostDrained; open && left > 0 && ::recv(peer_fd, nullptr, 0, MSG_DONTWAIT) >= 0;) --left;
+  if (open) drain(peer_fd);
   return open;
 }
 
@@ -270,9 +395,11 @@ void UdpSocket::Impl::close_peer() noexcept {
   peer.reset();
 }
 
-ssize_t UdpSocket::Impl::send(std::span<const std::byte> bytes, const Endpoint& to) const noexcept {
+ssize_t UdpSocket::Impl::send(std::span<const std::byte> bytes, const Endpoint& to) noexcept {
   if (peer == to) return ::send(peer_fd < 0 ? fd : peer_fd, bytes.data(), bytes.size(), MSG_DONTWAIT);
   const udp::endpoint there = to_asio(to);
+  if (const Caller& caller = place_of(to); on_all_addresses && caller.from == to)
+    return send_from(fd, caller.at, bytes, there);
   return ::sendto(fd, bytes.data(), bytes.size(), MSG_DONTWAIT, there.data(), static_cast<socklen_t>(there.size()));
 }
 
@@ -285,6 +412,7 @@ bool UdpSocket::send(std::span<const std::byte> bytes, const Endpoint& to, Durat
 }
 
 int UdpSocket::Impl::fetch_one(int from) noexcept {
+  if (on_all_addresses && from == fd) return fetch_batch(from, 1);
   const bool has_source = !of_peer;
   socklen_t size = sizeof(sockaddr_storage);
   const ssize_t length =
@@ -295,16 +423,21 @@ int UdpSocket::Impl::fetch_one(int from) noexcept {
   return 1;
 }
 
-int UdpSocket::Impl::fetch_batch(int from) noexcept {
-  for (mmsghdr& header : headers) header.msg_hdr.msg_namelen = sizeof(sockaddr_storage);
-  return ::recvmmsg(from, headers.data(), kBatch, MSG_DONTWAIT, nullptr);
+int UdpSocket::Impl::fetch_batch(int from, unsigned most) noexcept {
+  for (unsigned i = 0; i < most; ++i) {
+    msghdr& header = headers[i].msg_hdr;
+    header.msg_namelen = sizeof(sockaddr_storage);
+    header.msg_control = on_all_addresses ? controls[i].bytes.data() : nullptr;
+    header.msg_controllen = on_all_addresses ? controls[i].bytes.size() : 0;
+  }
+  return ::recvmmsg(from, headers.data(), most, MSG_DONTWAIT, nullptr);
 }
 
 /// False when nothing was there. A batch that was not full has emptied the queue: no further call.
 bool UdpSocket::Impl::fetch_from(int from) noexcept {
   filled = taken = 0;
   if (!std::exchange(emptied, false)) {
-    const auto fetch_some = [&] { return in_a_row < kSingles ? fetch_one(from) : fetch_batch(from); };
+    const auto fetch_some = [&] { return in_a_row < kSingles ? fetch_one(from) : fetch_batch(from, kBatch); };
     int n = fetch_some();
     // An ICMP error of a datagram that was sent comes before what was received.
     for (int left = kMostErrors; n < 0 && errno != EAGAIN && left > 0; --left) n = fetch_some();
@@ -338,7 +471,12 @@ bool UdpSocket::Impl::fetch(Duration now) noexcept {
   }
   of_peer = peer && peer_fd < 0;
   if (of_peer) from_peer = *peer;
-  if (fetch_from(fd)) return true;
+  if (fetch_from(fd)) {
+    if (of_peer) heard_at = now;
+    return true;
+  }
+  if (of_peer && std::min(now - heard_at, now - routed_at) >= kSilent) [[unlikely]]
+    follow_route(now);
   listening = false;
   return false;
 }
@@ -371,9 +509,11 @@ std::optional<ReceivedDatagram> UdpSocket::receive(Duration now) noexcept {
   Impl& s = *impl_;
   if (s.taken == s.filled && (s.over(now) || !s.fetch(now))) return std::nullopt;
   const unsigned i = s.taken++;
-  return ReceivedDatagram{{s.buffers[i].data(), s.headers[i].msg_len},
-                          s.of_peer ? s.from_peer : from_system(s.sources[i]),
-                          now - Duration{1}};
+  const std::span<const std::byte> bytes{s.buffers[i].data(), s.headers[i].msg_len};
+  if (s.of_peer) return ReceivedDatagram{bytes, s.from_peer, now - Duration{1}};
+  const Endpoint from = from_system(s.sources[i]);
+  if (s.on_all_addresses) s.place_of(from) = {from, called_at(s.headers[i].msg_hdr, s.local.port)};
+  return ReceivedDatagram{bytes, from, now - Duration{1}};
 }
 
 }  // namespace twoport

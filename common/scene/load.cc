@@ -134,16 +134,37 @@ SceneText::SceneText(const std::string& text, std::string name, std::span<const 
     : name_{std::move(name)}, whom_{whom}, message_{std::make_unique<schema::Scene>()} {
   if (const auto error = parse_text(text, *message_))
     throw ConfigError{fmt::format("{}:{}: {}", name_, error->place, error->sentence)};
-  for (const std::string& assignment : overrides) apply_override(*message_, assignment);
+  apply(overrides, *message_, created_);
 }
 SceneText::SceneText(SceneText&&) noexcept = default;
 SceneText& SceneText::operator=(SceneText&&) noexcept = default;
 SceneText::~SceneText() = default;
 Scene SceneText::with(std::span<const std::string> overrides) const {
-  if (overrides.empty()) return read_scene(*message_, name_, whom_);
+  if (overrides.empty()) return read(*message_, created_);
   schema::Scene message = *message_;
-  for (const std::string& assignment : overrides) apply_override(message, assignment);
-  return read_scene(message, name_, whom_);
+  std::vector<Created> created = created_;
+  apply(overrides, message, created);
+  return read(message, created);
+}
+
+void SceneText::apply(std::span<const std::string> overrides, schema::Scene& message, std::vector<Created>& created) {
+  for (const std::string& assignment : overrides)
+    if (std::string block = apply_override(message, assignment); !block.empty())
+      created.push_back({std::move(block), assignment});
+}
+
+/// Where a field is missing in a block that the text does not have, says so.
+Scene SceneText::read(const schema::Scene& message, const std::vector<Created>& created) const {
+  try {
+    return read_scene(message, name_, whom_);
+  } catch (const ConfigError& e) {
+    const std::string sentence = e.what();
+    for (const Created& each : created)
+      if (sentence.starts_with(name_ + ": " + each.block + ".") && sentence.find(" is missing; ") != sentence.npos)
+        throw ConfigError{
+            fmt::format("{}; {} is not in the file, override {} adds it", sentence, each.block, each.assignment)};
+    throw;
+  }
 }
 
 Scene load_scene(const std::string& path, std::span<const std::string> overrides, SceneFor use) {

@@ -4,6 +4,7 @@
 #include <google/protobuf/descriptor.h>
 #include <google/protobuf/message.h>
 
+#include <algorithm>
 #include <charconv>
 #include <memory>
 #include <string_view>
@@ -48,7 +49,8 @@ class Override {
  public:
   Override(schema::Scene& scene, const std::string& assignment) : assignment_{assignment}, block_{&scene} {}
 
-  void apply() {
+  /// Returns the outermost block that it has created.
+  std::string apply() {
     if (const std::string error = assignment_error(assignment_); !error.empty()) throw ConfigError{error};
     const std::size_t equals = assignment_.find('=');
     std::string_view path = trimmed(std::string_view{assignment_}.substr(0, equals));
@@ -58,6 +60,7 @@ class Override {
     }
     find(path);
     set(std::string{trimmed(std::string_view{assignment_}.substr(equals + 1))});
+    return created_;
   }
 
  private:
@@ -103,6 +106,8 @@ class Override {
     if (!field_->message_type()) fail(fmt::format("{} is {} and has no fields", path_, allowed(*field_, indexed())));
     if (field_->is_repeated() && !indexed())
       fail(fmt::format("{} is a list and needs an index, as in {}[0]", path_, path_));
+    const bool is_there = indexed() ? index_ < size() : reflection().HasField(*block_, field_);
+    if (!is_there && created_.empty()) created_ = path_;
     if (!indexed())
       block_ = reflection().MutableMessage(block_, field_);
     else if (index_ < size())
@@ -140,19 +145,25 @@ class Override {
   const std::string& assignment_;
   pb::Message* block_;
   const pb::FieldDescriptor* field_ = nullptr;
-  int index_ = -1;    ///< -1: none
-  std::string path_;  ///< so far
+  int index_ = -1;       ///< -1: none
+  std::string path_;     ///< so far
+  std::string created_;  ///< outermost block that was absent
 };
 
 }  // namespace
 
 std::string assignment_error(const std::string& assignment) {
   if (assignment.find('=') != assignment.npos) return "";
-  return fmt::format("override {}: it has no \"=\"; it must read PATH=VALUE, as in {}=1", assignment, assignment);
+  const std::string_view whole = trimmed(assignment);
+  const std::size_t end = std::min(whole.find_first_of(" :{<\t\n"), whole.size());
+  const std::size_t value = std::min(whole.find_first_not_of(" :\t\n", end), whole.size());
+  const std::string_view path = end > 0 ? whole.substr(0, end) : "to_slave.delay_ms";
+  return fmt::format("override {}: it has no \"=\"; it must read PATH=VALUE, as in {}={}", assignment, path,
+                     value < whole.size() ? whole.substr(value) : "VALUE");
 }
 
-void apply_override(schema::Scene& scene, const std::string& assignment) {
-  Override{scene, assignment}.apply();
+std::string apply_override(schema::Scene& scene, const std::string& assignment) {
+  return Override{scene, assignment}.apply();
 }
 
 }  // namespace twoport

@@ -8,7 +8,8 @@
 
 namespace twoport {
 
-/// Sets what "PATH=VALUE" names; creates the blocks on the way. Throws ConfigError "override PATH=VALUE: sentence".
-void apply_override(schema::Scene& scene, const std::string& assignment);
+/// Sets what "PATH=VALUE" names; creates the blocks on the way, and returns the path of the outermost that it has created, or nothing.
+/// Throws ConfigError "override PATH=VALUE: sentence".
+std::string apply_override(schema::Scene& scene, const std::string& assignment);
 
 }  // namespace twoport

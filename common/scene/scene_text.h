@@ -3,6 +3,7 @@
 #include <memory>
 #include <span>
 #include <string>
+#include <vector>
 
 #include "common/scene/load.h"
 
@@ -26,9 +27,17 @@ class SceneText {
   [[nodiscard]] Scene with(std::span<const std::string> overrides = {}) const;
 
  private:
+  /// A block that is not in the text, and the override that has created it.
+  struct Created {
+    std::string block, assignment;
+  };
+  static void apply(std::span<const std::string> overrides, schema::Scene& message, std::vector<Created>& created);
+  [[nodiscard]] Scene read(const schema::Scene& message, const std::vector<Created>& created) const;
+
   std::string name_;
   SceneFor whom_;
   std::unique_ptr<schema::Scene> message_;
+  std::vector<Created> created_;
 };
 
 }  // namespace twoport

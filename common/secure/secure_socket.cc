@@ -72,7 +72,7 @@ void SecureSocket::begin_tick(Duration now) noexcept {
   if (!options_.server) wanted_.store(!association_ || now - opened_ >= deaf_after_, std::memory_order_relaxed);
   if (!options_.own_thread) work();
   for (int i = 0; i < kOutgoingPerTick && outgoing_.try_pop(passing_); ++i)
-    socket_->send(passing_.bytes(), passing_.from, now);
+    if (!socket_->send(passing_.bytes(), passing_.from, now)) ++flights_unsent_;
   take_association(now);
 }
 
@@ -144,7 +144,7 @@ const Endpoint& SecureSocket::local() const noexcept {
 }
 SocketCounts SecureSocket::counts() const noexcept {
   SocketCounts counts = socket_->counts();
-  counts.unsent += unsent_;
+  counts.unsent += unsent_ - flights_unsent_;
   counts.rejected += rejected_;
   counts.rejected.failed_handshake += failed_.load(std::memory_order_relaxed);
   return counts;

@@ -76,6 +76,7 @@ class SecureSocket final : public DatagramSocket {
   Duration opened_{0};      ///< last
   Duration deaf_after_{0};  ///< without any
   std::uint64_t associations_ = 0, unsent_ = 0;
+  std::uint64_t flights_unsent_ = 0;  ///< of handshakes
   Rejected rejected_;
   Datagram passing_;
 

@@ -10,6 +10,13 @@ bool is_encrypted(std::span<const std::byte> bytes) noexcept {
   return bytes.size() > 1 && bytes[0] >= std::byte{20} && bytes[0] <= std::byte{23} && bytes[1] == std::byte{0xfe};
 }
 
+/// Is it of a slave that has heard nothing in this session? It answers introductions, not every tick: gaps between its greetings are no
+/// losses.
+template <int N>
+bool may_be_greeting(const Envelope<N>& from) noexcept {
+  return from.identity && from.identity->side == Side::slave && from.report.echo_ns < 0;
+}
+
 }  // namespace
 
 template <int N>
@@ -40,7 +47,9 @@ const Report<N>* LinkTransport<N>::next(Duration now, int& left) noexcept {
     }
     switch (handshake_.on(incoming_, decoded, datagram->from, now)) {
       case Action::deliver:
-        return &incoming_.report;
+        if (!may_be_greeting(incoming_)) return &incoming_.report;
+        ++counts_.handshake;
+        break;
       case Action::wait:
       case Action::reply:
       case Action::pair:
@@ -48,7 +57,7 @@ const Report<N>* LinkTransport<N>::next(Duration now, int& left) noexcept {
         break;
       case Action::refuse:
         static_cast<Header&>(outgoing_) = handshake_.refusal();
-        socket_->send(codec_.encode(outgoing_), datagram->from, now);
+        if (!socket_->send(codec_.encode(outgoing_), datagram->from, now)) ++answers_unsent_;
         ++counts_.rejected.refused;
         break;
       case Action::reject:
@@ -86,7 +95,7 @@ void LinkTransport<N>::transmit(Duration now) noexcept {
     // A greeting is of no session yet; the environment's numbers count within one.
     const EnvironmentMessage environment = std::exchange(outgoing_.environment, {});
     static_cast<Header&>(outgoing_) = greeting->header;
-    socket_->send(codec_.encode(outgoing_), greeting->to, now);
+    if (!socket_->send(codec_.encode(outgoing_), greeting->to, now)) ++answers_unsent_;
     report.energy_in_j = energy_in_j, report.echo_ns = echo_ns;
     outgoing_.gripper.energy_in_j = gripper_energy_in_j;
     outgoing_.environment = environment;
@@ -114,7 +123,7 @@ LinkCounts LinkTransport<N>::counts() const noexcept {
   counts.rejected += below.rejected;
   counts.lost += below.lost;
   counts.overflowed += below.overflowed;
-  counts.unsent += below.unsent;
+  counts.unsent += below.unsent - answers_unsent_;
   return counts;
 }
 

@@ -20,7 +20,7 @@ struct LinkCounts {
   std::uint64_t lost = 0;         ///< dropped by the impairment
   std::uint64_t overflowed = 0;   ///< dropped because the delay line was full
   std::uint64_t unaddressed = 0;  ///< reports of a slave without a master
-  std::uint64_t unsent = 0;       ///< could not be handed to the socket
+  std::uint64_t unsent = 0;       ///< reports that could not be handed to the network
 };
 
 /// The transport for Mailbox: a Handshake over a Codec over a socket, which may be a stack of filters
@@ -101,6 +101,7 @@ class LinkTransport {
   std::vector<Report<1>> gripper_reports_;  ///< not collected yet
   EnvironmentMessage heard_;
   LinkCounts counts_;
+  std::uint64_t answers_unsent_ = 0;  ///< greetings and refusals
 };
 
 extern template class LinkTransport<1>;

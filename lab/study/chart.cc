@@ -85,8 +85,11 @@ std::vector<Candidate> combinations(const ChartOptions& o) {
                        "DORMAND_PRINCE"),
             parse_axis("simulation.substeps=1,2,5,10,30,100")};
   std::vector<Candidate> all{{}};
+  std::vector<std::string> varied;
   for (const Axis& axis : axes) {
     warn_if_lost(o.set, axis.paths);
+    refuse_overlap(axis, varied);
+    varied.insert(varied.end(), axis.paths.begin(), axis.paths.end());
     std::vector<Candidate> longer;
     for (const Candidate& c : all)
       for (const std::string& value : axis.values) {

@@ -21,6 +21,7 @@ namespace twoport::lab {
 
 Comparison compare(const CompareOptions& o) {
   Comparison all{.scene = {}, .dof = 0, .methods = o.methods, .summaries = {}};
+  warn_if_lost(o.set, {"control.passivity.method"});
   const Scene as_it_is = load_scene(o.scene, o.set);
   const bool rendered = as_it_is.control.architecture == Architecture::render;
   const std::vector<std::string> allowed = rendered ? rendering_methods() : method_names();

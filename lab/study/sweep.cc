@@ -104,9 +104,8 @@ Plan plan_of(const SweepOptions& o, const SceneText& base) {
   double cells = 1.0;
   for (const Axis& axis : o.axes) {
     cells *= static_cast<double>(axis.values.size());
+    refuse_overlap(axis, plan.columns);
     for (const std::string& path : axis.paths) {
-      if (std::find(plan.columns.begin(), plan.columns.end(), path) != plan.columns.end())
-        throw ConfigError{fmt::format("--vary {}: {} is varied twice", axis.name(), path)};
       if (path == "seed" && o.seeds > 0)
         throw ConfigError{fmt::format("--seeds {}: --vary {} gives the seed of each cell", o.seeds, axis.name())};
       plan.columns.push_back(path);
@@ -204,6 +203,12 @@ LaneUse run_all(const SweepOptions& o, int lanes, const SceneText& base, const P
   return use;
 }
 
+/// Is `path` within the block or list `whole`?
+bool is_part(std::string_view path, std::string_view whole) {
+  return path.starts_with(whole) && path.size() > whole.size() &&
+         (path[whole.size()] == '.' || path[whole.size()] == '[');
+}
+
 Table table_of(const Plan& plan, Cells cells) {
   Table table{.axes = plan.axes, .seeds = plan.seeds, .columns = plan.columns, .rows = {}};
   for (auto& [cell, row] : cells) table.rows.push_back(std::move(row));
@@ -267,13 +272,22 @@ Axis parse_axis(const std::string& text, const std::string& option) {
   return axis;
 }
 
+void refuse_overlap(const Axis& axis, const std::vector<std::string>& varied) {
+  for (const std::string& path : axis.paths)
+    for (const std::string& other : varied) {
+      if (path == other) throw ConfigError{fmt::format("--vary {}: {} is varied twice", axis.name(), path)};
+      if (is_part(path, other) || is_part(other, path))
+        throw ConfigError{fmt::format("--vary {}: {} is a part of {}, which is varied too; vary one of them",
+                                      axis.name(), std::max(path, other), std::min(path, other))};
+    }
+}
+
 void warn_if_lost(const std::vector<std::string>& set, const std::vector<std::string>& varied) {
   for (const std::string& assignment : set)
     for (const std::string& path : varied) {
       const std::string_view name = trimmed(std::string_view{assignment}.substr(0, assignment.find('=')));
-      const bool within =
-          name.starts_with(path) && name.size() > path.size() && (name[path.size()] == '.' || name[path.size()] == '[');
-      if (name == path || within) print_error("warning: --set {} has no effect: {} is varied\n", assignment, path);
+      if (name == path || is_part(name, path))
+        print_error("warning: --set {} has no effect: {} is varied\n", assignment, path);
     }
 }
 

@@ -28,6 +28,9 @@ struct Axis {
 /// the text and what is allowed.
 Axis parse_axis(const std::string& text, const std::string& option = "--vary");
 
+/// Throws ConfigError when a path of `axis` is one of `varied`, or one is a part of the other: both would set it, and their order decide.
+void refuse_overlap(const Axis& axis, const std::vector<std::string>& varied);
+
 /// Warns on stderr of an assignment of --set that has no effect: its path is one of `varied`, or within one.
 void warn_if_lost(const std::vector<std::string>& set, const std::vector<std::string>& varied);
 

@@ -58,6 +58,7 @@ ZWidth z_width(const ZWidthOptions& o, const std::function<void(const Progress&)
                           .jobs = o.jobs,
                           .shard = {},
                           .out = o.out};
+  for (const Axis& axis : grid.axes) warn_if_lost(o.set, axis.paths);
   ZWidth z{.scene = scene.name,
            .table = {},
            .stable_column = 0,

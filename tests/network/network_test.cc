@@ -189,6 +189,28 @@ TEST_F(NetworkTest, APulledCableInContactIsHeldAndCoupledAgain) {
   EXPECT_GT(pair.summary("slave").packets().to_slave().lost(), 200u);
 }
 
+// As a computer that roams. Nobody can follow a session to another address but who pairs anew: without a key after 750 ms of silence, with one
+// by its handshake.
+TEST_F(NetworkTest, AMasterWhoseAddressChangesIsCoupledAgain) {
+  for (const char* link : {"--key", "--insecure"}) {
+    Pair pair;
+    pair.host = "10.45.0.2";
+    Words longer{"--set", "duration_s=5", "--set", "control.release_after_s=0.5"};
+    if (link == std::string{"--insecure"}) longer.insert(longer.begin(), link);
+    Process slave = start_slave(pair, longer), master = start_master(pair, longer);
+    ASSERT_TRUE(master.says("coupled")) << master.err();
+    std::this_thread::sleep_for(500ms);
+    ASSERT_EQ(master_->ip("addr del 10.45.0.1/24 dev cable-m"), "");
+    ASSERT_EQ(master_->ip("addr add 10.45.0.3/24 dev cable-m"), "");
+    EXPECT_EQ(master.wait(), exited(0)) << master.err();
+    EXPECT_EQ(slave.wait(), exited(0)) << slave.err();
+    EXPECT_EQ(pair.summary("master").mode(), "coupled") << link << "\n" << master.err() << slave.err();
+    for (const char* side : {"master", "slave"}) EXPECT_EQ(pair.summary(side).reconnects(), 1u) << link << ": " << side;
+    ASSERT_EQ(master_->ip("addr del 10.45.0.3/24 dev cable-m"), "");
+    ASSERT_EQ(master_->ip("addr add 10.45.0.1/24 dev cable-m"), "");
+  }
+}
+
 TEST_F(NetworkTest, TheLargestDatagramPassesTheSmallestMtuWhole) {
   // 576 B is what every IPv4 network must take; six degrees of freedom make the longest datagrams.
   Pair pair{press(6)};
@@ -219,7 +241,12 @@ TEST_F(NetworkTest, AMasterWithoutARouteWaitsUntilThereIsOne) {
   ASSERT_EQ(master_->ip("link set cable-m up"), "");
   EXPECT_EQ(master.wait(), exited(0)) << master.err();
   EXPECT_EQ(slave.wait(), exited(0)) << slave.err();
-  EXPECT_EQ(pair.summary("master").mode(), "coupled");
+  const schema::Summary m = pair.summary("master");
+  EXPECT_EQ(m.mode(), "coupled");
+  // What had no route was not sent.
+  EXPECT_GT(m.packets().to_slave().unsent(), 200u);
+  EXPECT_LT(m.packets().to_slave().sent(), m.steps() + 1000u);
+  EXPECT_FALSE(m.packets().to_master().has_unsent());
 }
 
 TEST_F(NetworkTest, AnAddressOfTheOtherMachineCannotBeListenedOn) {

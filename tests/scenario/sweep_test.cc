@@ -495,6 +495,11 @@ TEST(SweepProgram, SaysWhatIsWrong) {
   expect_refused(sweep({"--vary", "device.mass_kg=0.1,-1"}), {"device.mass_kg", "-1", ">= 0"});
   expect_refused(sweep({"--vary", "device.mass_kg=1,2", "--vary", "device.mass_kg=3,4"}), {"device.mass_kg", "twice"});
   expect_refused(sweep({"--vary", "device.mass_kg,seed=1,2", "--vary", "seed=3,4"}), {"seed is varied twice"});
+  for (const bool block_first : {true, false}) {
+    const Words block{"--vary", "device={mass_kg: 3},{mass_kg: 4}"}, part{"--vary", "device.mass_kg=1,2"};
+    expect_refused(sweep(block_first ? plus(block, part) : plus(part, block)),
+                   {"device.mass_kg is a part of device, which is varied too"});
+  }
   expect_refused(sweep({"--vary", "device.mass_kg=1,2", "--vary", "seed=1,2", "--seeds", "2"}),
                  {"--seeds 2", "--vary seed"});
   expect_refused(sweep({"--vary", "device.mass_kg,device.mass_kg=1,2"}), {"device.mass_kg is named twice"});

@@ -50,6 +50,19 @@ TEST(ZWidth, IsWidenedByAControllerWhereDampingIsMissingAndNotWhereItIsTooMuch) 
   EXPECT_EQ(z.passive[1], 0.0);
 }
 
+TEST(ZWidth, WarnsOfASetThatHasNoEffect) {
+  ZWidthOptions o = scene();
+  o.damping = std::string{"0"};
+  o.stiffness = std::string{"500"};
+  o.methods = std::string{"NONE"};
+  o.set = {"duration_s=0.1", "environment[0].spring.stiffness_n_per_m=7"};
+  testing::internal::CaptureStderr();
+  z_width(o);
+  EXPECT_EQ(testing::internal::GetCapturedStderr(),
+            "warning: --set environment[0].spring.stiffness_n_per_m=7 has no effect: "
+            "environment[0].spring.stiffness_n_per_m is varied\n");
+}
+
 TEST(ZWidth, RefusesWhatTheoryDoesNotKnow) {
   for (const char* name : {"render_wall_none", "one_axis_wall", "encoder_30um"})
     EXPECT_THROW(z_width(scene(name)), ConfigError) << name;

@@ -322,6 +322,67 @@ TEST_F(Session, PairsWithinAFewRoundTrips) {
   }
 }
 
+// A slave that nobody has accepted yet answers introductions, not every tick.
+TEST_F(Session, OfAMasterThatIsSlowerLosesNothingBetweenGreetings) {
+  PartyOptions far_m = kMaster, far_s = kSlave;
+  far_m.incoming.delay_s = far_s.incoming.delay_s = 0.020;
+  auto s = slave<3>(far_s);
+  auto m = master<3>(*s, far_m);
+  for (int k = 0; k < 400; ++k) {
+    run(1, *s);
+    if (k % 2 == 0) m->tick(now_);
+  }
+  EXPECT_TRUE(m->link().coupled(now_) && s->link().coupled(now_));
+  EXPECT_GT(m->mail.counts().received, 300U);
+  EXPECT_EQ(m->mail.counts().lost, 0U);
+  EXPECT_EQ(s->mail.counts().lost, 0U);
+}
+
+/// A network that is not there yet.
+class Cut final : public DatagramSocket {
+ public:
+  explicit Cut(DatagramSocket& below) : below_{&below} {}
+  bool send(std::span<const std::byte> bytes, const Endpoint& to, Duration now) noexcept override {
+    if (whole) return below_->send(bytes, to, now);
+    ++unsent_;
+    return false;
+  }
+  std::optional<ReceivedDatagram> receive(Duration now) noexcept override { return below_->receive(now); }
+  [[nodiscard]] const Endpoint& local() const noexcept override { return below_->local(); }
+  [[nodiscard]] SocketCounts counts() const noexcept override { return {.unsent = unsent_}; }
+  bool whole = false;
+
+ private:
+  DatagramSocket* below_;
+  std::uint64_t unsent_ = 0;
+};
+
+TEST_F(Session, CountsReportsThatCouldNotBeSentAndNoAnswers) {
+  UdpSocket udp{loopback()};
+  Cut cut{udp};
+  Mailbox<3, LinkTransport<3>> mail{LinkTransport<3>{cut, Party<3>::with(kSlave, {}), system_random}};
+  LinkTransport<3>& link = mail.transport();
+  Party<3> m{kMaster, loopback(), udp.local()};
+  const auto tick = [&](int ticks) {
+    for (int k = 0; k < ticks; ++k) {
+      run(1, m);
+      if (link.take_new_session()) mail.reset();
+      mail.collect(now_);
+      mail.post(PortReport<3>{}, now_);
+    }
+  };
+  tick(50);
+  EXPECT_EQ(link.counts().unaddressed, 50U);
+  EXPECT_EQ(link.counts().unsent, 0U) << "greetings are no reports";
+  cut.whole = true;
+  tick(50);
+  ASSERT_TRUE(link.coupled(now_));
+  EXPECT_EQ(link.counts().unsent, 0U);
+  cut.whole = false;
+  tick(7);
+  EXPECT_EQ(link.counts().unsent, 7U);
+}
+
 /// Of programs that hold the key both say the same; without a key one says it, and the other at least that they differ.
 template <int N, int M>
 void expect_both_refuse(Party<N>& m, Party<M>& s, const std::string& words, Duration& now, bool told = true) {

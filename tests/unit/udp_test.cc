@@ -265,6 +265,31 @@ TEST(UdpSocket, HearsTheOthersBesideItsPeer) {
   }
 }
 
+// A machine has several addresses: the answer comes from the one that was called, before and after pairing, since a caller drops what
+// comes from another.
+TEST(UdpSocket, AnswersFromTheAddressThatWasCalled) {
+  for (const char* all : {"0.0.0.0:0", "[::]:0"}) {
+    UdpSocket slave = socket_on(all);
+    Endpoint first = parse_endpoint("127.0.0.1:0", "--peer"), second = parse_endpoint("127.0.0.2:0", "--peer");
+    first.port = second.port = slave.local().port;
+    UdpSocket near{parse_endpoint("127.0.0.1:0", "--listen"), first};
+    UdpSocket master{parse_endpoint("127.0.0.1:0", "--listen"), second};
+    Duration now{0};
+    for (int k = 0; k < 3; ++k) {
+      for (UdpSocket* const caller : {&near, &master}) {
+        now += std::chrono::milliseconds{1};
+        ASSERT_TRUE(caller->send(bytes("call"), caller == &near ? first : second, now));
+        const auto call = slave.receive(now);
+        ASSERT_TRUE(call) << all << ", call " << k;
+        ASSERT_TRUE(slave.send(bytes("answer"), call->from, now));
+        ASSERT_TRUE(caller->receive(now)) << all << ", call " << k;
+        if (caller == &master) slave.paired(call->from, now);
+      }
+    }
+    EXPECT_EQ(slave.counts().unsent, 0U);
+  }
+}
+
 // What the peer sent before it was paired comes before what it sends after.
 TEST(UdpSocket, PairingKeepsTheOrderOfThePeersDatagrams) {
   UdpSocket slave = socket_on("127.0.0.1:0");
@@ -440,7 +465,17 @@ TEST(UdpSocket, DoesNotAllocate) {
   UdpSocket a = socket_on("127.0.0.1:0"), b = socket_on("127.0.0.1:0");
   const std::array<std::byte, 300> payload{};
   int got = 0;
+  UdpSocket everywhere = socket_on("0.0.0.0:0");
+  const Endpoint called = [&] {
+    Endpoint e = parse_endpoint("127.0.0.2:0", "--peer");
+    e.port = everywhere.local().port;
+    return e;
+  }();
   const NoAlloc guard;
+  for (int k = 0; k < 20; ++k) {
+    a.send(payload, called, Duration{k});
+    while (const auto call = everywhere.receive(Duration{k})) everywhere.send(payload, call->from, Duration{k});
+  }
   b.paired(a.local(), Duration{0});
   for (int k = 0; k < 200; ++k) {
     a.send(payload, b.local(), Duration{0});

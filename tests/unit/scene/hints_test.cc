@@ -49,6 +49,23 @@ TEST(Hints, SayThatNobodyHoldsAHandleOverALink) {
   EXPECT_EQ(hints(scene_of(free, {"device.position_m=30"}), false).size(), 1U);
 }
 
+TEST(Hints, SayThatALightRobotOnAStiffSurfaceIsSlowToSimulate) {
+  const std::string rough =
+      "robot.mass_kg is 3e-06: on a surface of 5000 N/m it swings at 6.5 kHz, too fast for ticks of 2000 Hz";
+  const auto said = [](const Overrides& more) {
+    Overrides all{"robot.mass_kg=3e-6", "control.virtual_coupling={stiffness_n_per_m: 1 damping_n_s_per_m: 0.005}"};
+    all.insert(all.end(), more.begin(), more.end());
+    return hints(scene_of(kStiffWall, all));
+  };
+  ASSERT_EQ(said({"environment[0].wall.friction=0.3"}).size(), 1U);
+  EXPECT_TRUE(said({"environment[0].wall.friction=0.3"})[0].starts_with(rough))
+      << said({"environment[0].wall.friction=0.3"})[0];
+  EXPECT_NE(said({"environment[0].wall.friction=0.3"})[0].find("use 0.00031 kg or more"), std::string::npos);
+  EXPECT_EQ(said({"environment[0].wall.friction=0.3", "robot.mass_kg=0.00032"}), Sentences{});
+  EXPECT_EQ(said({}), Sentences{}) << "a wall without friction is solved in closed form";
+  EXPECT_EQ(said({"environment[0].wall.friction=0.3", "simulation.integrator=RK4"}), Sentences{}) << "it has its steps";
+}
+
 // 200 N/s at 1 kHz: 0.1 N.
 TEST(Hints, SayWhatALimitOfRateLeavesOfAStrictTwoPort) {
   const auto of = [](const std::string& more) {

@@ -67,6 +67,20 @@ TEST(Override, AnotherKindTakesTheOldOnesPlace) {
   EXPECT_EQ(std::get<Spring>(s.environment[0]).stiffness_n_per_m, 3.0);
 }
 
+TEST(Override, OfABlockThatIsNotThereSaysSoWhereAFieldIsMissing) {
+  const std::string few = "dof: 3 duration_s: 1";
+  for (const std::string added : {"environment[0].wall.stiffness_n_per_m=5", "robot.damping_n_s_per_m=1"}) {
+    const std::string e = error_of(few, {"seed=2", added});
+    EXPECT_NE(e.find(" is missing; "), std::string::npos) << e;
+    EXPECT_NE(e.find(" is not in the file, override " + added + " adds it"), std::string::npos) << e;
+  }
+  const std::string replaced = error_of(kStiffWall, {"environment[0].sphere.radius_m=1"});
+  EXPECT_NE(replaced.find("environment[0].sphere is not in the file, override"), std::string::npos) << replaced;
+  EXPECT_EQ(error_of(few, {"environment[0].wall={normal: [1, 0, 0] stiffness_n_per_m: -1}"}).find("adds it"),
+            std::string::npos)
+      << "nothing is missing";
+}
+
 TEST(Override, TheLastOneWins) {
   EXPECT_EQ(scene_of(kStiffWall, {"to_slave.delay_ms=1", "to_slave.delay_ms=2"}).to_slave.delay_s, 0.002);
 }
@@ -87,7 +101,11 @@ TEST_P(UnusableOverride, NamesPathValueAndWhatIsAllowed) {
 INSTANTIATE_TEST_SUITE_P(
     All, UnusableOverride,
     ::testing::Values(
-        Unusable{"dof", {"has no \"=\"", "PATH=VALUE", "dof=1"}},
+        Unusable{"dof", {"has no \"=\"", "PATH=VALUE", "as in dof=VALUE"}},
+        Unusable{"to_slave { delay_ms: 3 }", {"as in to_slave={ delay_ms: 3 }"}},
+        Unusable{"device.mass_kg: 0.1", {"as in device.mass_kg=0.1"}},
+        Unusable{"device.mass_kg 0.1", {"as in device.mass_kg=0.1"}},
+        Unusable{"{ delay_ms: 3 }", {"as in to_slave.delay_ms={"}},
         Unusable{"to_slave.delay_ms=12,5", {"must be a number; a decimal separator is a point"}},
         Unusable{"device.position_m=1,5", {"must be a list [...], each a number; a decimal separator is a point"}},
         Unusable{"=3", {"no field \"\" in a scene"}},
