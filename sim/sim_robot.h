@@ -86,9 +86,10 @@ class SimRobot final {
 
   /// Can surfaces be changed while running? An arm's model cannot take it.
   [[nodiscard]] bool takes_other_surfaces() const noexcept { return !std::holds_alternative<Arm>(plant_); }
-  /// And their friction? A line has none, and the exact maps know none.
+  /// And their friction? A line has none, and the exact maps of a viscous wall know none.
   [[nodiscard]] bool takes_other_friction() const noexcept {
-    return N > 1 && takes_other_surfaces() && !std::holds_alternative<Exact>(plant_);
+    const auto* exact = std::get_if<Exact>(&plant_);
+    return N > 1 && takes_other_surfaces() && (!exact || exact->takes_friction());
   }
   /// From now on a surface has this stiffness, and, where it can, this friction. Where it presses, that changes the elastic energy
   /// by ΔK d²/2, which is returned: whoever changes it does this work. Of a robot that no copy shares the environment with.
@@ -96,7 +97,7 @@ class SimRobot final {
     const Energy before = environment_->potential(state_.x);
     if (!takes_other_friction()) friction = environment_->world().surfaces[surface].material.friction;
     environment_->set_surface(surface, stiffness_n_per_m, friction);
-    if (auto* exact = std::get_if<Exact>(&plant_)) exact->set_stiffness(stiffness_n_per_m);
+    if (auto* exact = std::get_if<Exact>(&plant_)) exact->set_surface(stiffness_n_per_m, friction);
     if (auto* general = std::get_if<RungeKuttaPlant<N>>(&plant_)) general->surfaces_have_changed();
     if (auto* controlled = std::get_if<DormandPrincePlant<N>>(&plant_)) controlled->surfaces_have_changed();
     return environment_->potential(state_.x) - before;
@@ -156,7 +157,8 @@ class SimRobot final {
   struct NoMap {
     BodyState<N> advance(const Force<N>&) noexcept { return {}; }
     void kick(const Velocity<N>&) noexcept {}
-    void set_stiffness(double) noexcept {}
+    void set_surface(double, double) noexcept {}
+    [[nodiscard]] bool takes_friction() const noexcept { return false; }
     [[nodiscard]] Force<N> environment_force() const noexcept { return {}; }
   };
   struct NoArm {

@@ -62,7 +62,10 @@ ArmSpec read_arm(const Block<schema::Arm>& of) {
       .tool_center_m = of.list(FIELD(tool_center_m), {3, 3, ""}),
       .force_feedback_gain = feedback.number(FIELD(gain), kGain),
       .force_feedback_torque_gain = feedback.number_or(FIELD(torque_gain), kGain, feedback.number(FIELD(gain), kGain)),
-      .force_feedback_cutoff_hz = feedback.has(FIELD(cutoff_hz)) ? feedback.number(FIELD(cutoff_hz), kPositive) : 0.0};
+      .force_feedback_cutoff_hz = feedback.has(FIELD(cutoff_hz)) ? feedback.number(FIELD(cutoff_hz), kPositive) : 0.0,
+      .joint_coulomb_friction_n_m = of.list(FIELD(joint_coulomb_friction_n_m), {joints, joints, ""})};
+  for (const double friction : arm.joint_coulomb_friction_n_m)
+    if (!(friction >= 0.0)) of.refuse(FIELD(joint_coulomb_friction_n_m), "be >= 0 each");
   if (arm.joint_position_rad.empty()) arm.joint_position_rad = parameters->ready_position_rad;
   for (std::size_t i = 0; i < arm.joint_position_rad.size(); ++i) {
     const ArmJoint& joint = parameters->joints[i];

@@ -77,6 +77,7 @@ struct ArmSpec {
   Numbers tool_center_m;
   double force_feedback_gain = 0.0, force_feedback_torque_gain = 0.0;  ///< of translation and rotation
   double force_feedback_cutoff_hz = 0.0;                               ///< 0: none
+  Numbers joint_coulomb_friction_n_m{};                                ///< of each joint; empty: none
 };
 
 enum class VelocityEstimate : std::uint8_t { true_velocity, backward_difference, filtered };

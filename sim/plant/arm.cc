@@ -106,6 +106,8 @@ SerialArm<n>::SerialArm(const ArmSpec& arm, std::shared_ptr<const Environment<6>
                       std::sqrt(h.rotational_stiffness_n_m_per_rad * angular),
                       h.rotational_damping_n_m_s_per_rad * angular});
   }
+  if (!arm_.joint_coulomb_friction_n_m.empty()) coulomb_ = vector<n>(arm_.joint_coulomb_friction_n_m);
+  dry_ = !coulomb_.isZero(0.0);
   torque_ = model_.gravity_torque(pose, ArmPlant::kGravity);  // what holds it until the first command
   update();
 }
@@ -121,15 +123,16 @@ BodyState<6> SerialArm<n>::advance(const Force<6>& f) noexcept {
     rate = std::max(rate, friction_ * now_.outside.template head<3>().norm() * point_mobility_ / kStictionSpeed);
   const int pieces = static_cast<int>(std::clamp(std::ceil(dt_ * rate / 0.1), 1.0, 256.0));
   const double h = dt_ / pieces;
-  for (int i = 0; i < pieces; ++i) {
-    const double t = i * h;
-    const Rate a = i == 0 ? rates_now(torque) : rates(s_, torque, t), b = rates(moved(a, 0.5 * h), torque, t + 0.5 * h),
-               c = rates(moved(b, 0.5 * h), torque, t + 0.5 * h), d = rates(moved(c, h), torque, t + h);
-    s_.q += h / 6.0 * (a.q + 2.0 * (b.q + c.q) + d.q);
-    s_.v += h / 6.0 * (a.v + 2.0 * (b.v + c.v) + d.v);
-    outside_j_ += h / 6.0 * (a.outside + 2.0 * (b.outside + c.outside) + d.outside);
-    dissipated_j_ += h / 6.0 * arm_.joint_damping_n_m_s_per_rad *
-                     (a.q.squaredNorm() + 2.0 * (b.q.squaredNorm() + c.q.squaredNorm()) + d.q.squaredNorm());
+  if (dry_) {
+    move_with_friction(torque, h);
+  } else {
+    for (int i = 0; i < pieces; ++i) {
+      const double t = i * h;
+      const Step step = runge_kutta(i == 0 ? rates_now(torque) : rates(s_, torque, t), torque, t, h);
+      s_ = step.to;
+      outside_j_ += step.outside;
+      dissipated_j_ += step.damping;
+    }
   }
   const Joints turned = s_.q - before;
   energy_ += Energy{commanded_.dot(turned)};
@@ -140,6 +143,111 @@ BodyState<6> SerialArm<n>::advance(const Force<6>& f) noexcept {
   }
   update();
   return body();
+}
+
+/// A step of h from s_, at t, where the rate is a.
+template <int n>
+typename SerialArm<n>::Step SerialArm<n>::runge_kutta(const Rate& a, const Joints& torque, double t,
+                                                      double h) const noexcept {
+  const Rate b = rates(moved(a, 0.5 * h), torque, t + 0.5 * h), c = rates(moved(b, 0.5 * h), torque, t + 0.5 * h),
+             d = rates(moved(c, h), torque, t + h);
+  return {{s_.q + h / 6.0 * (a.q + 2.0 * (b.q + c.q) + d.q), s_.v + h / 6.0 * (a.v + 2.0 * (b.v + c.v) + d.v)},
+          h / 6.0 * (a.outside + 2.0 * (b.outside + c.outside) + d.outside),
+          h / 6.0 * arm_.joint_damping_n_m_s_per_rad *
+              (a.q.squaredNorm() + 2.0 * (b.q.squaredNorm() + c.q.squaredNorm()) + d.q.squaredNorm())};
+}
+
+/// A tick in steps of at most `longest`, each ended where a joint stops or its friction releases it.
+template <int n>
+void SerialArm<n>::move_with_friction(const Joints& torque, double longest) noexcept {
+  constexpr int kCuts = 64;      // of a tick; beyond, at steps only
+  constexpr int kHalvings = 40;  // of a step, to find where it ends
+  choose_directions(inertia_.reconstructedMatrix(), load(s_, now_, torque) - bias_);
+  Rate a = rates_now(torque);
+  int cuts = 0;
+  for (double t = 0.0; t < dt_;) {
+    double h = longest < (1.0 - 1e-12) * (dt_ - t) ? longest : dt_ - t;
+    Step step = runge_kutta(a, torque, t, h);
+    const bool whole = h == dt_ - t;
+    if (cuts < kCuts && !keeps(step, torque, t + h)) {
+      ++cuts;
+      double lo = 0.0, hi = h;
+      for (int i = 0; i < kHalvings; ++i) {
+        const double middle = 0.5 * (lo + hi);
+        const Step trial = runge_kutta(a, torque, t, middle);
+        if (keeps(trial, torque, t + middle))
+          lo = middle;
+        else
+          hi = middle, step = trial;
+      }
+      h = hi;
+    }
+    dissipated_j_ += step.damping + coulomb_.dot((step.to.q - s_.q).cwiseAbs());
+    outside_j_ += step.outside;
+    s_ = step.to;
+    for (int i = 0; i < n; ++i)
+      if (coulomb_[i] > 0.0 && direction_[i] * s_.v[i] < 0.0) s_.v[i] = 0.0;
+    t = whole && h == dt_ - t ? dt_ : t + h;
+    const Kinematics k = kinematics(s_, t);
+    const Inertia M = model_.inertia(k.pose);
+    const Joints of_all = load(s_, k, torque) - model_.bias_torque(k.pose, s_.v, ArmPlant::kGravity);
+    choose_directions(M, of_all);
+    a = {s_.v, acceleration(M, of_all), k.outside.dot(k.tool_velocity)};
+  }
+}
+/// q̈ under the torques of all but friction, each joint in its direction.
+template <int n>
+typename SerialArm<n>::Joints SerialArm<n>::acceleration(const Inertia& M, const Joints& load) const noexcept {
+  Inertia A = M;
+  Joints b = load - coulomb_.cwiseProduct(direction_);
+  for (int i = 0; i < n; ++i) {
+    if (!(coulomb_[i] > 0.0) || direction_[i] != 0.0) continue;
+    A.row(i).setZero();
+    A.col(i).setZero();
+    A(i, i) = 1.0;
+    b[i] = 0.0;
+  }
+  return A.llt().solve(b);
+}
+/// Has no joint turned back, and does friction still hold those that it held?
+template <int n>
+bool SerialArm<n>::keeps(const Step& step, const Joints& torque, double t) const noexcept {
+  bool holds = false;
+  for (int i = 0; i < n; ++i) {
+    if (direction_[i] * step.to.v[i] < 0.0 && coulomb_[i] > 0.0) return false;
+    holds = holds || (direction_[i] == 0.0 && coulomb_[i] > 0.0);
+  }
+  if (!holds) return true;
+  const Kinematics k = kinematics(step.to, t);
+  const Inertia M = model_.inertia(k.pose);
+  const Joints of_all = load(step.to, k, torque) - model_.bias_torque(k.pose, step.to.v, ArmPlant::kGravity),
+               carried = of_all - M * acceleration(M, of_all);
+  for (int i = 0; i < n; ++i)
+    if (direction_[i] == 0.0 && std::abs(carried[i]) > coulomb_[i]) return false;
+  return true;
+}
+/// Which joints friction holds in s_, and where the others move: those at rest are released one after the other, the one that is farthest
+/// beyond its limit first, and held again where that makes them turn against their direction.
+template <int n>
+void SerialArm<n>::choose_directions(const Inertia& M, const Joints& load) noexcept {
+  for (int i = 0; i < n; ++i) direction_[i] = s_.v[i] > 0.0 ? 1.0 : s_.v[i] < 0.0 ? -1.0 : 0.0;
+  for (int tries = 0; tries < 4 * n; ++tries) {
+    const Joints a = acceleration(M, load), carried = load - M * a;
+    int released = -1;
+    double most = 1.0;
+    bool held_again = false;
+    for (int i = 0; i < n; ++i) {
+      if (s_.v[i] != 0.0 || !(coulomb_[i] > 0.0)) continue;
+      if (direction_[i] != 0.0) {
+        if (direction_[i] * a[i] < 0.0) direction_[i] = 0.0, held_again = true;
+      } else if (const double share = std::abs(carried[i]) / coulomb_[i]; share > most) {
+        most = share, released = i;
+      }
+    }
+    if (held_again) continue;
+    if (released < 0) return;
+    direction_[released] = carried[released] > 0.0 ? 1.0 : -1.0;
+  }
 }
 
 template <int n>
@@ -266,13 +374,20 @@ typename SerialArm<n>::Joints SerialArm<n>::load(const State& s, const Kinematic
 template <int n>
 typename SerialArm<n>::Rate SerialArm<n>::rates(const State& s, const Joints& torque, double t) const noexcept {
   const Kinematics k = kinematics(s, t);
-  return {s.v, model_.forward_dynamics(k.pose, s.v, load(s, k, torque), ArmPlant::kGravity),
-          k.outside.dot(k.tool_velocity)};
+  const double outside = k.outside.dot(k.tool_velocity);
+  const Joints of_all = load(s, k, torque);
+  if (dry_) {
+    const Joints all = of_all - model_.bias_torque(k.pose, s.v, ArmPlant::kGravity);
+    return {s.v, acceleration(model_.inertia(k.pose), all), outside};
+  }
+  return {s.v, model_.forward_dynamics(k.pose, s.v, of_all, ArmPlant::kGravity), outside};
 }
 /// The same where the tick begins.
 template <int n>
 typename SerialArm<n>::Rate SerialArm<n>::rates_now(const Joints& torque) const noexcept {
-  return {s_.v, inertia_.solve(load(s_, now_, torque) - bias_), now_.outside.dot(now_.tool_velocity)};
+  const Joints of_all = load(s_, now_, torque) - bias_;
+  const double outside = now_.outside.dot(now_.tool_velocity);
+  return {s_.v, dry_ ? acceleration(inertia_.reconstructedMatrix(), of_all) : inertia_.solve(of_all), outside};
 }
 
 template <int n>
@@ -280,6 +395,7 @@ void SerialArm<n>::update() noexcept {
   now_ = kinematics(s_, 0.0);
   inertia_.compute(model_.inertia(now_.pose));
   bias_ = model_.bias_torque(now_.pose, s_.v, ArmPlant::kGravity);
+  if (dry_) choose_directions(inertia_.reconstructedMatrix(), load(s_, now_, torque_) - bias_);
   if (senses_tool_) sense_tool();
 }
 /// The inertial wrench of tool and hand.

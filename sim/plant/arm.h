@@ -40,10 +40,12 @@ struct HandOnTool {
 /// J. Robotics and Automation 3(1), 1987); six joints have none. Near a singular position J M⁻¹ Jᵀ is damped (Y. Nakamura,
 /// H. Hanafusa, J. Dyn. Syst. Meas. Control 108(3), 1986); Jᵀ f has no inverse and needs nothing. The plant, by Runge-Kutta 4:
 ///
-///     M q̈ = τ + Jᵀ f_out - d q̇ - c(q, q̇) - g(q) + stops          f_out: of environment and hand
+///     M q̈ = τ + Jᵀ f_out - d q̇ - τ_c - c(q, q̇) - g(q) + stops          f_out: of environment and hand
 ///
-/// A stop is a spring and damper beyond a joint's limit, which never pulls. Energy into the arm through the joints is exact:
-/// a torque that is held over a tick does τ·(q(k+1) - q(k)).
+/// A stop is a spring and damper beyond a joint's limit, which never pulls. τ_c is Coulomb friction: its limit against the velocity of a
+/// joint that moves; a joint at rest is held, and does not move at all, while that takes no more than the limit. A step ends where a joint
+/// stops or is released. Energy into the arm through the joints is exact: a torque that is held over a tick does τ·(q(k+1) - q(k)),
+/// and friction takes its limit times the way.
 template <int n>
 class SerialArm {
  public:
@@ -83,7 +85,8 @@ class SerialArm {
   /// Energy into the arm through the joints [J]: of the commanded wrench, and of all torques.
   [[nodiscard]] Energy port_energy() const noexcept { return energy_; }
   [[nodiscard]] Energy joint_energy() const noexcept { return all_energy_; }
-  /// Σ ∫ d q̇² dt of the joints' damping, and ∫ f_out·V dt of environment and hand, by Runge-Kutta 4 as the motion [J].
+  /// Σ ∫ d q̇² dt of the joints' damping with the work of their Coulomb friction, and ∫ f_out·V dt of environment and hand, by
+  /// Runge-Kutta 4 as the motion [J].
   [[nodiscard]] Energy dissipated() const noexcept { return Energy{dissipated_j_}; }
   [[nodiscard]] Energy outside_energy() const noexcept { return Energy{outside_j_}; }
   /// Kinetic energy, weight, and what stops and environment hold [J].
@@ -99,6 +102,11 @@ class SerialArm {
   using Matrix6 = Eigen::Matrix<double, 6, 6>;
   using Inertia = typename Model::Inertia;
 
+  /// A step of Runge-Kutta 4: where it leads, and works on the way [J].
+  struct Step {
+    State to;
+    double outside, damping;
+  };
   /// What a state says of pose, velocity and outside forces.
   struct Kinematics {
     typename Model::Pose pose;
@@ -121,6 +129,11 @@ class SerialArm {
   [[nodiscard]] Joints load(const State& s, const Kinematics& k, const Joints& torque) const noexcept;
   [[nodiscard]] Rate rates(const State& s, const Joints& torque, double t) const noexcept;
   [[nodiscard]] Rate rates_now(const Joints& torque) const noexcept;
+  [[nodiscard]] Step runge_kutta(const Rate& a, const Joints& torque, double t, double h) const noexcept;
+  [[nodiscard]] Joints acceleration(const Inertia& M, const Joints& load) const noexcept;
+  [[nodiscard]] bool keeps(const Step& step, const Joints& torque, double t) const noexcept;
+  void choose_directions(const Inertia& M, const Joints& load) noexcept;
+  void move_with_friction(const Joints& torque, double longest) noexcept;
   [[nodiscard]] Joints control(const Vector6& wrench) noexcept;
   void update() noexcept;
   void sense_tool() noexcept;
@@ -133,13 +146,16 @@ class SerialArm {
   Joints home_;
   Model model_, bare_;  ///< with the tool, and without
   Joints most_torque_, lower_, upper_;
-  Eigen::Vector3d base_;  ///< in the world
-  Matrix6 mobility_;      ///< J M⁻¹ Jᵀ at the beginning
+  Joints coulomb_ = Joints::Zero();  ///< friction of the joints [N m]
+  bool dry_ = false;                 ///< there is some
+  Eigen::Vector3d base_;             ///< in the world
+  Matrix6 mobility_;                 ///< J M⁻¹ Jᵀ at the beginning
   double regular_ = 0.0, rate_ = 0.0, friction_ = 0.0, point_mobility_ = 0.0, sensor_weight_ = 1.0;
   State s_;
-  Kinematics now_;                ///< of s_
-  Eigen::LLT<Inertia> inertia_;   ///< of s_
-  Joints bias_ = Joints::Zero();  ///< c(q, q̇) + g(q) of s_
+  Kinematics now_;                     ///< of s_
+  Eigen::LLT<Inertia> inertia_;        ///< of s_
+  Joints bias_ = Joints::Zero();       ///< c(q, q̇) + g(q) of s_
+  Joints direction_ = Joints::Zero();  ///< of a joint with Coulomb friction: 1 or -1; 0 while it is held
   Vector6 inertial_ = Vector6::Zero(), sensed_ = Vector6::Zero();
   Joints torque_ = Joints::Zero(), commanded_ = Joints::Zero();
   bool saturated_ = false, senses_tool_ = false;

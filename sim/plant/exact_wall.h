@@ -9,28 +9,33 @@
 #include "sim/plant/body.h"
 #include "sim/plant/integrators.h"
 #include "sim/plant/linear.h"
+#include "sim/plant/wall_friction.h"
 
 namespace twoport::sim {
 
-/// Mass on springs and at most one frictionless or viscous wall: linear on either side of the wall, so each tick is one
-/// exact affine map, cut where contact begins or ends, however often within the tick. A contact that is lost and made
-/// again within half a radian of the wall's oscillation is not detected.
+/// Mass on springs and at most one wall: linear on either side of the wall, so each tick is one exact affine map, cut where contact
+/// begins or ends, however often within the tick. A contact that is lost and made again within half a radian of the wall's
+/// oscillation is not detected. Coulomb friction of the wall, which then has no viscous one, sticks: sim/plant/wall_friction.h.
 template <int D>
 class ExactPlant {
  public:
+  using Vector = Eigen::Matrix<double, D, 1>;
+
   /// State between two ticks.
   struct State {
     BodyState<D> body;
     /// Position and velocity along the wall's normal. One packed vector: stored and loaded whole, from tick to tick.
     Eigen::Vector2d across = Eigen::Vector2d::Zero();
     bool in_contact = false;
+    Vector friction = Vector::Zero();  ///< Coulomb friction on the mass when the tick ended [N]
   };
 
   /// Can this environment be stepped exactly?
   static bool fits(const World& world) {
     if (world.surfaces.empty()) return true;
+    const Material& m = world.surfaces[0].material;
     return world.surfaces.size() == 1 && std::holds_alternative<Wall>(world.surfaces[0].shape) &&
-           (D == 1 || world.surfaces[0].material.friction == 0.0);
+           (D == 1 || m.friction == 0.0 || m.viscous_friction_n_s_per_m == 0.0);
   }
 
   /// Integrator::exact; or exact_per_tick or trapezoidal, which detect contacts at the end of each of the tick's `steps`.
@@ -53,15 +58,19 @@ class ExactPlant {
     k_ = w.material.stiffness_n_per_m;
     b_ = w.material.damping_n_s_per_m;
     make_contact_region();
-    s_.across = normal(s_.body);
-    s_.in_contact = contact(s_.across);
+    place();
   }
 
-  /// From now on the wall has this stiffness.
-  void set_stiffness(double stiffness_n_per_m) noexcept {
+  /// Can its wall have Coulomb friction?
+  [[nodiscard]] bool takes_friction() const noexcept {
+    return D > 1 && cuts_ && wall_ && world_.surfaces[0].material.viscous_friction_n_s_per_m == 0.0;
+  }
+  /// From now on the wall has this stiffness and friction.
+  void set_surface(double stiffness_n_per_m, double friction) noexcept {
     world_.surfaces[0].material.stiffness_n_per_m = k_ = stiffness_n_per_m;
+    world_.surfaces[0].material.friction = friction;
     make_contact_region();
-    s_.in_contact = contact(s_.across);
+    place();
   }
 
   /// One tick under the force f.
@@ -79,8 +88,7 @@ class ExactPlant {
   /// Adds dv to the velocity.
   void kick(const Velocity<D>& dv) noexcept {
     s_.body.v += dv;
-    s_.across = normal(s_.body);
-    s_.in_contact = wall_ && contact(s_.across);
+    place();
   }
 
   /// Of the environment on the mass: Environment::force, to the bit.
@@ -89,15 +97,15 @@ class ExactPlant {
     Vector sum = Vector::Zero();
     ContactForce<D> c;
     if (s_.in_contact && world_.surfaces[0].force<D>({s_.across[0] - offset_, normal_}, s_.across[1], v, c))
-      for (int i = 0; i < D; ++i) sum[i] += c.normal[i] + c.tangential[i];  // a call where the compiler deems it rare
+      for (int i = 0; i < D; ++i)
+        sum[i] += c.normal[i] + (rough_ ? s_.friction[i] : c.tangential[i]);  // a call where the compiler deems it rare
     for (const auto& s : world_.springs) sum += s.force<D>(x, v);
     return Force<D>{sum};
   }
 
  private:
   static constexpr int kCuts = 4096;  ///< beginnings and ends of contact within a tick
-  using Vector = Eigen::Matrix<double, D, 1>;
-  using Normal = Eigen::Vector2d;  ///< as State::across
+  using Normal = Eigen::Vector2d;     ///< as State::across
 
   /// Position and velocity after a step, from those before and the load at the origin.
   struct Map {
@@ -110,7 +118,7 @@ class ExactPlant {
     }
   };
   struct Region {
-    Oscillator across, along;  ///< the wall's normal; any direction across it
+    Oscillator across, along;  ///< the wall's normal; any direction along it
     double load;               ///< of the wall along the normal, at the origin
     double span;               ///< longest move
     Map map;                   ///< of a span, across
@@ -129,7 +137,23 @@ class ExactPlant {
     across.damping_n_s_per_m += b_;
     along.damping_n_s_per_m += world_.surfaces[0].material.viscous_friction_n_s_per_m;
     region_[1] = region(across, along, k_ * offset_);
+    const double friction = takes_friction() ? world_.surfaces[0].material.friction : 0.0;
+    rough_ = friction > 0.0;
+    friction_ = {region_[0].across, across, friction, k_, b_, offset_};
   }
+  /// What belongs to s_.body.
+  void place() noexcept {
+    s_.across = normal(s_.body);
+    s_.in_contact = wall_ && contact(s_.across);
+    if (rough_) note_friction(pull_);
+  }
+  void note_friction(const Vector& u) noexcept {
+    s_.friction.setZero();
+    if (!s_.in_contact) return;
+    const Vector ut = along(u) - region_[0].along.stiffness_n_per_m * along(s_.body.x.translation());
+    s_.friction = friction_.force(ut, along(s_.body.v.vec()), {s_.across[0], s_.across[1]});
+  }
+  [[nodiscard]] Vector along(const Vector& a) const noexcept { return a - normal_.dot(a) * normal_; }
   [[nodiscard]] Normal normal(const BodyState<D>& s) const noexcept {
     return {normal_.dot(s.x.translation()), normal_.dot(s.v.vec())};
   }
@@ -149,7 +173,7 @@ class ExactPlant {
     const double load = normal_.dot(u) + r.load;
     const Normal n = r.map(s_.across, load);
     const bool in = contact(n);
-    if (r.span < dt_ || in != s_.in_contact) {
+    if (r.span < dt_ || in != s_.in_contact || (rough_ && in)) {
       if (cuts_) return step_in_parts(u);
       s_.in_contact = in;
     } else if (!in && s_.across[1] < 0.0 && n[1] > 0.0 && cuts_) {
@@ -213,6 +237,7 @@ class ExactPlant {
     }
     s_.across = normal(s_.body);
     s_.in_contact = contact(s_.across);
+    if (rough_) note_friction(u);
   }
   [[nodiscard, gnu::noinline]] BodyState<D> moved(const BodyState<D>& s, const Vector& u, bool in,
                                                   double h) const noexcept {
@@ -220,6 +245,12 @@ class ExactPlant {
     const bool whole = h == r.span;
     const Normal from = normal(s);
     const Map map = whole ? r.map : Map{Response{r.across, h}, r.across};
+    if (rough_ && in) {
+      const Normal to = map(from, normal_.dot(u) + r.load);
+      Vector x = along(s.x.translation()), v = along(s.v.vec());
+      friction_.advance(x, v, along(u), normal_.dot(u), {from[0], from[1]}, h);
+      return {Position<D>{x + to[0] * normal_}, Velocity<D>{v + to[1] * normal_}};
+    }
     const Response along = D == 1 || whole ? r.full_along : Response{r.along, h};
     return moved(s, from, map(from, normal_.dot(u) + r.load), u, r, along);
   }
@@ -274,8 +305,9 @@ class ExactPlant {
   World world_;
   Vector pull_ = Vector::Zero(), normal_ = Vector::Unit(0);
   double offset_ = 0.0, k_ = 0.0, b_ = 0.0;
-  bool wall_ = false;
+  bool wall_ = false, rough_ = false;
   Region region_[2];
+  WallFriction<D> friction_;
 
   State s_;
 };

@@ -61,6 +61,10 @@ TEST(SceneOfAnArm, StandsInPlaceOfABody) {
   expect_error(kRobot + "arm { } }", "robot.arm.file is missing");
   expect_error(kRobot + "arm { file: \"\" } }", "robot.arm.file is \"\"; it must be the path of a file");
   expect_error(kRobot + "arm { file: \"nowhere.textproto\" } }", "nowhere.textproto");
+  expect_error(kRobot + kArm + "joint_coulomb_friction_n_m: [1, 2] } }",
+               "robot.arm.joint_coulomb_friction_n_m is [1, 2]; it must hold 7 numbers");
+  expect_error(kRobot + kArm + "joint_coulomb_friction_n_m: [0, 0, 0, 0, 0, 0, -0.1] } }",
+               "robot.arm.joint_coulomb_friction_n_m is [0, 0, 0, 0, 0, 0, -0.1]; it must be >= 0 each");
   expect_error(kRobot + kArm + "joint_position_rad: [0, 0, 0, 0, 0, 1, 0] } }",
                "lie within the joints' limits; number 4 must be between -3.0481 and -0.1458");
   expect_error("dof: 3 duration_s: 1 robot { " + kArm + "} }", "dof 6 only");

@@ -93,6 +93,7 @@ TEST(SetSurface, MakesTheRobotThatWouldHaveBeenBuilt) {
   expect_as_built<1>("", 0.0, 1e-15);
   expect_as_built<3>("", 0.0, 1e-15);
   expect_as_built<3>("", 0.4, 1e-15);
+  expect_as_built<3>("environment { wall { normal: [0, 1, 0] offset_m: -1 stiffness_n_per_m: 1 } }", 0.4, 1e-15);
   expect_as_built<3>("simulation { integrator: DORMAND_PRINCE }", 0.4, 1e-9);
   expect_as_built<3>("simulation { integrator: RK4 substeps: 4 }", 0.4, 1e-15);
 }
@@ -206,9 +207,12 @@ TEST(AdjustableEnvironment, LeavesASurfaceBeyondTheLimitsOfARequestAsItIs) {
 
 TEST(AdjustableEnvironment, SaysWhereFrictionCannotBeChanged) {
   EXPECT_LT(Rig<1>{kWall1}.state().surface[0].friction, 0.0) << "a line has none";
-  Rig<3> smooth{"robot { mass_kg: 0.5 } environment { wall { normal: [-1, 0, 0] stiffness_n_per_m: 1000 } }"};
-  EXPECT_LT(smooth.state().surface[0].friction, 0.0) << "the exact maps know none";
-  EXPECT_TRUE(smooth.robot->environment()->adjust({.number = 2, .count = 1, .surface = {{{1500.0, -1.0}}}}));
+  const std::string wall = "robot { mass_kg: 0.5 } environment { wall { normal: [-1, 0, 0] stiffness_n_per_m: 1000 ";
+  Rig<3> viscous{wall + "viscous_friction_n_s_per_m: 1 } }"}, smooth{wall + "} }"};
+  EXPECT_LT(viscous.state().surface[0].friction, 0.0) << "the exact maps know one kind of friction";
+  EXPECT_TRUE(viscous.robot->environment()->adjust({.number = 2, .count = 1, .surface = {{{1500.0, -1.0}}}}));
+  EXPECT_EQ(smooth.state().surface[0].friction, 0.0);
+  EXPECT_TRUE(smooth.robot->environment()->adjust({.number = 2, .count = 1, .surface = {{{1500.0, 0.3}}}}));
   Rig<1> empty{"robot { mass_kg: 0.5 }"};
   EXPECT_EQ(empty.state().answer, EnvironmentAnswer::no_surface);
   EXPECT_EQ(empty.state().count, 0);

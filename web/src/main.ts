@@ -329,7 +329,7 @@ class Page {
     stiffness.disabled = !adjustable;
     friction.disabled = !adjustable || !has;
     element('friction-note').hidden = !adjustable || has;
-    element('friction-note').textContent = scene.dof === 1 ? 'One axis has no friction.' : 'A wall that starts without friction keeps none.';
+    element('friction-note').textContent = scene.dof === 1 ? 'One axis has no friction.' : 'A wall with viscous friction has no other.';
     const value = adjustable ? place('surface_stiffness_n_per_m') : (scene.environment.filter((e) => e.kind !== 'spring')[this.surface]?.stiffness_n_per_m ?? NaN);
     if (performance.now() - this.surfaceTouchedAt > 1000 && Number.isFinite(value) && value > 0) {
       this.material = { stiffness: value, friction: Math.max(0, place('surface_friction')) };

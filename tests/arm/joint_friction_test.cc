@@ -1,0 +1,125 @@
+// Coulomb friction in the joints of an arm: a joint at rest is held exactly, and the energy that friction takes is its limit times the way.
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <cstdio>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "common/scene/load.h"
+#include "sim/sim_robot.h"
+#include "tests/support/no_alloc.h"
+
+namespace twoport::sim {
+namespace {
+
+using Joints = SerialArm<7>::Joints;
+using Vector6 = Eigen::Matrix<double, 6, 1>;
+
+constexpr double kPeriod = 5e-4;
+
+SimRobot<6> robot(const std::string& arm, const std::string& world = "") {
+  return SimRobot<6>{
+      parse_scene("dof: 6 duration_s: 1 rate_hz: 2000 robot { arm { file: \"" TWOPORT_ARMS "/fr3.textproto\" " + arm +
+                      " } } " + world,
+                  "arm"),
+      Seconds{kPeriod}};
+}
+void push(SimRobot<6>& r, const Vector6& f) {
+  r.actuate({.f = Force<6>{f}, .x_d = {}, .v_d = {}});
+  r.advance();
+}
+Vector6 torque_z(double t) {
+  Vector6 f = Vector6::Zero();
+  f[5] = t;
+  return f;
+}
+
+/// The first joint alone: its axis is vertical, so that its inertia does not change and no weight turns it; friction locks the others.
+const std::string kFirst =
+    "joint_damping_n_m_s_per_rad: 0 null_space_stiffness_n_m_per_rad: 0 null_space_damping_n_m_s_per_rad: 0 "
+    "joint_coulomb_friction_n_m: [0.4, 500, 500, 500, 500, 500, 500]";
+
+TEST(JointFriction, HoldsUpToItsLimit) {
+  SimRobot<6> r = robot(kFirst);
+  const SerialArm<7>& arm = *r.arm()->joints<7>();
+  const Joints start = arm.state().q;
+  for (int k = 0; k < 4000; ++k) push(r, torque_z(0.3999 * std::sin(0.01 * k)));
+  EXPECT_EQ(arm.state().q, start);
+  EXPECT_EQ(arm.state().v, Joints::Zero());
+  EXPECT_EQ(arm.joint_energy().si(), 0.0);
+}
+
+TEST(JointFriction, OfOneJointIsTheClosedForm) {
+  // τ for 200 ticks, then nothing: q = (τ - τ_c) t²/2M, and it stops after the time that M v/τ_c takes, within a tick.
+  SimRobot<6> r = robot(kFirst);
+  const SerialArm<7>& arm = *r.arm()->joints<7>();
+  const Joints start = arm.state().q;
+  const double M = arm.model().inertia(arm.model().pose(start))(0, 0), torque = 0.713, limit = 0.4;
+  const double turned_on = 200 * kPeriod, speed = (torque - limit) / M * turned_on, stop = M * speed / limit;
+  double off = 0.0;
+  for (int k = 1; k <= 600; ++k) {
+    push(r, torque_z(k <= 200 ? torque : 0.0));
+    const double t = k * kPeriod, slowing = std::min(t - turned_on, stop);
+    const double q = k <= 200 ? 0.5 * (torque - limit) / M * t * t
+                              : 0.5 * speed * turned_on + speed * slowing - 0.5 * limit / M * slowing * slowing;
+    off = std::max(off, std::abs(arm.state().q[0] - start[0] - q));
+    ASSERT_EQ(arm.state().q.tail<6>(), start.tail<6>());
+  }
+  EXPECT_EQ(arm.state().v[0], 0.0);
+  const double way = arm.state().q[0] - start[0];
+  std::printf("%.2g rad off, stops %.6g ticks after the torque, at %.6g rad; account %.2g J\n", off, stop / kPeriod,
+              way, arm.dissipated().si() - arm.joint_energy().si());
+  EXPECT_LT(off, 1e-12);
+  EXPECT_NEAR(arm.dissipated().si(), limit * way, 1e-15);
+  EXPECT_NEAR(arm.joint_energy().si(), limit * way, 1e-12);
+}
+
+/// Half of what separates both directions in the identified friction of a Panda's joints.
+const std::string kPanda = "joint_coulomb_friction_n_m: [0.273, 0.436, 0.32, 0.64, 0.42, 0.152, 0.282]";
+
+TEST(JointFriction, EnergyOfAllJointsBalances) {
+  SimRobot<6> r = robot(kPanda);
+  const SerialArm<7>& arm = *r.arm()->joints<7>();
+  const double before = arm.mechanical_energy();
+  double off = 0.0, last = 0.0;
+  int held = 0, moved = 0, all_held = 0;
+  for (int k = 0; k < 8000; ++k) {
+    const double t = k * kPeriod;
+    Vector6 f;
+    f << 4 * std::sin(7 * t), 3 * std::cos(5 * t), -2 * std::sin(3 * t), 0.9 * std::sin(9 * t), 0.4,
+        0.6 * std::sin(4 * t);
+    if (k > 7000) f.setZero();
+    const SerialArm<7>::State was = arm.state();
+    push(r, f);
+    off = std::max(off, std::abs(arm.joint_energy().si() - (arm.mechanical_energy() - before) - arm.dissipated().si()));
+    ASSERT_GE(arm.dissipated().si(), last);
+    last = arm.dissipated().si();
+    for (int i = 0; i < 7; ++i) {
+      const bool rests = was.v[i] == 0.0 && arm.state().v[i] == 0.0 && was.q[i] == arm.state().q[i];
+      ++(rests ? held : moved);
+    }
+    all_held += arm.state().v.isZero(0.0);
+  }
+  std::printf(
+      "friction and damping took %.4g J; %d ticks of a joint held, %d moving, %d with all held; account %.2g J\n", last,
+      held, moved, all_held, off);
+  EXPECT_GT(held, 1000);
+  EXPECT_GT(moved, 1000);
+  EXPECT_GT(all_held, 100);
+  EXPECT_GT(last, 0.1);
+  EXPECT_LT(off, 1e-8);
+}
+
+TEST(JointFriction, AllocatesNothing) {
+  SimRobot<6> r =
+      robot(kPanda, "environment { wall { normal: [0, 0, 1] offset_m: 0.001 stiffness_n_per_m: 5000 friction: 0.3 } }");
+  NoAlloc guard;
+  for (int k = 0; k < 100; ++k) push(r, torque_z(std::sin(0.2 * k)));
+  EXPECT_EQ(guard.seen(), 0);
+}
+
+}  // namespace
+}  // namespace twoport::sim
