@@ -27,7 +27,8 @@ class UdpSocket final : public DatagramSocket {
   /// Binds to `local`; port 0 takes a free one. Throws ConfigError naming address, port and what to do.
   explicit UdpSocket(const Endpoint& local);
   /// The same, and from here on receives from `peer` only, with faster routing; without a route it
-  /// receives from all. Throws ConfigError for an invalid address.
+  /// receives from all. After a second of the peer's silence, and every second of it, it looks whether the system would now reach the
+  /// peer from another address, and if so goes on from there. Throws ConfigError for an invalid address.
   UdpSocket(const Endpoint& local, const Endpoint& peer);
   ~UdpSocket() override;
   UdpSocket(UdpSocket&&) noexcept;
@@ -42,6 +43,7 @@ class UdpSocket final : public DatagramSocket {
 
   /// A socket that receives from all gets a second one for `peer`, on the same port and connected: the system finds its route once
   /// instead of for each datagram, and others cannot fill its queue. The others are then looked at once a millisecond.
+  /// On all addresses of the machine it answers, and is paired, from the one that was called.
   /// Five system calls, at a new peer only; without success nothing changes.
   void paired(const Endpoint& peer, Duration since) noexcept override;
 

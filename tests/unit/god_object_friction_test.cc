@@ -263,7 +263,7 @@ TEST(GodObjectFriction, FarInsideEndsAfterABoundedNumberOfStepsAndPenetratesNoth
   }
   EXPECT_GT(proxy.unfinished(), 0u);
   EXPECT_LT(proxy.unfinished(), 500u);
-  EXPECT_LT(most, 540);
+  EXPECT_LT(most, 290);
   // Drawn out again it is as good as new.
   const Position<6> above{Vector3d{0, 0, 0.1}, Quaterniond::Identity()};
   for (int i = 0; i < 50; ++i) proxy.follow(above);

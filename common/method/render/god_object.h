@@ -153,7 +153,7 @@ class GodObject {
   static constexpr double kTouch_m = 1e-8;       // a point that is nearer touches
   static constexpr double kYield_m = 1e-11;      // of a point that sticks
   static constexpr int kAlternations = 30, kNewtonSteps = 40;
-  static constexpr int kNewtonStepsOfSolution = 400, kNewtonStepsBeyond = 4;
+  static constexpr int kNewtonStepsOfSolution = 150, kNewtonStepsBeyond = 4;
 
   using Vector = Eigen::Matrix<double, N, 1>;
   using Where = Point<kAxes<N>>;
