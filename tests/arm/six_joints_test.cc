@@ -6,9 +6,12 @@
 #include <array>
 #include <cmath>
 #include <cstdio>
+#include <memory>
 #include <numbers>
+#include <optional>
 #include <random>
 #include <string>
+#include <vector>
 
 #include "common/arm/arm_model.h"
 #include "common/base/check.h"
@@ -184,6 +187,40 @@ TEST(Ur5e, GoesThroughAStretchedElbowAndAWristInLineWithinTheSpeedsOfItsJoints) 
   EXPECT_GT(wrist.farthest, 0.1);
   EXPECT_LT(wrist.fastest, 1.0);
   EXPECT_LT(wrist.left, 2e-2) << "2 s after, joints damped by 1 N m s/rad";
+}
+
+/// With the fifth joint at `wrist`, which is singular at 0: speed of the joints after a kick of 1 mm/s and 1 mrad/s along every axis, and torque of
+/// a force feedback with two gains under 1 N and 0.1 N m.
+struct NearSingular {
+  double kicked_rad_per_s = 0.0, torque_n_m = 0.0;
+};
+NearSingular near_singular(double wrist) {
+  const Scene s = scene("force_feedback { gain: 3 torque_gain: 9 }");
+  const auto nothing = std::make_shared<const Environment<6>>(std::vector<EnvironmentSpec>{});
+  SerialArm<6> arm{*s.robot->arm, nothing, 5e-4, position<6>(s.robot->position_m), std::nullopt};
+  Joints q;
+  q << 0.0, -1.2, 1.4, -1.5, wrist, 0.0;
+  NearSingular of;
+  arm.set_state({q, Joints::Zero()});
+  const Arm::Pose p = arm.model().pose(q);
+  arm.kick(Velocity<6>{Vector6{Vector6::Constant(1e-3)}});
+  of.kicked_rad_per_s = arm.state().v.norm();
+  arm.set_state({q, Joints::Zero()});
+  const Joints gravity = arm.model().gravity_torque(p, kGravity);
+  Vector6 f;
+  f << 1.0, 1.0, 1.0, 0.1, 0.1, 0.1;
+  arm.advance(Force<6>{f});
+  of.torque_n_m = (arm.torque() - gravity).norm();
+  return of;
+}
+
+TEST(Ur5e, DampingBoundsKickAndForceFeedbackNearASingularPosition) {
+  for (const double wrist : {0.4, 1e-2, 1e-4, 0.0}) {
+    const NearSingular of = near_singular(wrist);
+    std::printf("wrist %g rad: kicked %.3g rad/s, torque %.3g N m\n", wrist, of.kicked_rad_per_s, of.torque_n_m);
+    EXPECT_LT(of.kicked_rad_per_s, 0.1) << wrist;
+    EXPECT_LT(of.torque_n_m, 20.0) << wrist;
+  }
 }
 
 TEST(Ur5e, TakesNoFieldsOfANullSpace) {
