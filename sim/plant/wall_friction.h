@@ -90,9 +90,9 @@ class WallFriction {
     if (load > limit(n)) return 0.0;
     double until = h;
     if (holds(h)) {
-      // The limit may have been least within the step.
+      // The limit may have been least within the step, where it is convex: above its tangent.
       const auto falls = [&](double t) { return rate(moved_across(n, un, t), un) < 0.0; };
-      if (!falls(0.0) || falls(h)) return h;
+      if (!falls(0.0) || load <= limit(n) + coefficient * rate(n, un) * h || falls(h)) return h;
       until = last(falls, h);
       if (holds(until)) return h;
     }
