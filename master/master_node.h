@@ -58,7 +58,7 @@ class MasterNode {
       if (modes_.has_paused(tick)) [[unlikely]]
         into = pause(into);
       if (unread_) [[unlikely]]
-        into += given_unread(interval);
+        into += given_unread(interval.moved);
       account_.book(into);
     }
     const Duration now = tick.now.time_since_epoch();
@@ -89,7 +89,7 @@ class MasterNode {
     if (!all_finite(half.f)) [[unlikely]]
       return fail_safe(device);
     if (bridge_.active()) [[unlikely]]
-      cross(half, device.v, tick.dt);
+      half = crossed(half, device.v, tick.dt);
     Force<N> f = safety_(half.f, device.x, device.v, tick.dt);
     command_ = f;
     return {.command = f,
@@ -146,6 +146,8 @@ class MasterNode {
   [[nodiscard]] Energy observed() const noexcept { return account_.net(); }
 
  private:
+  // What a tick seldom needs takes copies, so that the tick's own values stay in registers.
+
   /// The slave has not switched yet: the words that it sends are the other method's.
   [[gnu::noinline]] void await_slave(const PeerState<N>& slave) noexcept {
     without_words_ = slave;
@@ -157,13 +159,17 @@ class MasterNode {
     awaits_slave_ = false;
     bridge_.begin(command_);
   }
-  [[gnu::noinline]] void cross(MasterOutput<N>& half, const Velocity<N>& v, Seconds dt) noexcept {
-    if (!modes_.active()) return bridge_.stop();
+  [[gnu::noinline]] MasterOutput<N> crossed(MasterOutput<N> half, Velocity<N> v, Seconds dt) noexcept {
+    if (!modes_.active()) {
+      bridge_.stop();
+      return half;
+    }
     Force<N> added = bridge_.step(half.f, dt);
     const Energy left = initial_ + account_.net() - positive_part(dot(-half.f, v) * dt), out = dot(-added, v) * dt;
     if (out > positive_part(left)) added = (positive_part(left) / out) * added;
     half.f += added;
     half.wanted += added;
+    return half;
   }
 
   /// This side has stood still for a while: what it knows is old. The coupling begins anew, with its ramp. Of the energy of an
@@ -178,9 +184,9 @@ class MasterNode {
 
   /// Energy of the force that was held when readings were not finite, over the motion since the last finite one. How much of that
   /// motion was under it is not known, so only what the hand was given is believed.
-  [[gnu::noinline]] Energy given_unread(const Interval<N>& interval) noexcept {
+  [[gnu::noinline]] Energy given_unread(Displacement<N> moved) noexcept {
     unread_ = false;
-    return std::min(dot(held_unread_, interval.moved), Energy{});
+    return std::min(dot(held_unread_, moved), Energy{});
   }
 
   /// For a reading or force that is not finite the node applies no force until the next tick. The other side rejects

@@ -104,8 +104,6 @@ class SimRobot final {
   }
 
   [[nodiscard]] RobotSample<N> sense() const noexcept {
-    const auto* exact = std::get_if<Exact>(&plant_);
-    if (exact && sensor_.instant()) return {state_.x, state_.v, sensor_.biased(environment_force()), false};
     return {state_.x, state_.v, sensed_, std::holds_alternative<Ideal>(plant_)};
   }
   /// The same for run_cycle: the caller advances.
@@ -120,12 +118,7 @@ class SimRobot final {
   /// Coupling force on the robot, held now.
   [[nodiscard]] const Force<N>& held() const { return command_.f; }
   /// True force of the environment on the robot.
-  [[nodiscard, gnu::always_inline]] Force<N> environment_force() const {
-    const auto* exact = std::get_if<Exact>(&plant_);
-    if (anchors_move_) [[unlikely]]
-      return exact ? exact->environment_force() + from_anchors_ : from_environment_;
-    return exact ? exact->environment_force() : from_environment_;
-  }
+  [[nodiscard]] const Force<N>& environment_force() const { return from_environment_; }
   [[nodiscard]] const Environment<N>& environment() const { return *environment_; }
   /// The arm, where there is one.
   [[nodiscard]] const ArmPlant* arm() const noexcept requires(N == 6) { return std::get_if<ArmPlant>(&plant_); }
@@ -217,9 +210,7 @@ class SimRobot final {
   }
 
   [[gnu::always_inline]] void touch() noexcept {
-    const auto* exact = std::get_if<Exact>(&plant_);
-    if (exact && sensor_.instant()) return;  // told when asked
-    if (exact)
+    if (const auto* exact = std::get_if<Exact>(&plant_))
       from_environment_ = exact->environment_force();
     else if (const auto* general = std::get_if<RungeKuttaPlant<N>>(&plant_))
       from_environment_ = general->environment_force();

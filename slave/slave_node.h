@@ -62,9 +62,9 @@ class SlaveNode {
     if (!all_finite(half.command.f, half.command.v_d, half.command.x_d)) [[unlikely]]
       return fail_safe(robot);
     if (bridge_.active()) [[unlikely]]
-      cross(half, robot, tick.dt);
+      half = crossed(half, robot.ideal, tick.dt);
     if (safety_.any()) [[unlikely]]
-      keep_limits(half, robot, tick.dt);
+      half = limited(half, robot, tick.dt);
     command_ = half.command.f;
     account_.book(half.grounded - dot(half.command.f, half.command.v_d * tick.dt));
     position_error_ = modes_.coupled() ? robot.x - half_.target() : Displacement<N>{};
@@ -113,8 +113,10 @@ class SlaveNode {
   [[nodiscard]] Energy delivered() const noexcept { return -account_.net(); }
 
  private:
+  // What a tick seldom needs takes copies, so that the tick's own values stay in registers.
+
   /// The command within the limits; the half is told, so that its set point does not run ahead.
-  [[gnu::noinline]] void keep_limits(SlaveOutput<N>& half, const RobotSample<N>& robot, Seconds dt) noexcept {
+  [[gnu::noinline]] SlaveOutput<N> limited(SlaveOutput<N> half, RobotSample<N> robot, Seconds dt) noexcept {
     RobotCommand<N>& c = half.command;
     const RobotCommand<N> asked = c;
     const bool follows = modes_.active();
@@ -127,6 +129,7 @@ class SlaveNode {
       tell_limited(half_, half, asked, robot, dt);
     x_d_ = c.x_d;
     commanded_ = follows;
+    return half;
   }
 
   /// As MasterNode::pause.
@@ -136,12 +139,15 @@ class SlaveNode {
     safety_.note(Limit::pause);
     bridge_.stop();
   }
-  [[gnu::noinline]] void cross(SlaveOutput<N>& half, const RobotSample<N>& robot, Seconds dt) noexcept {
-    if (!modes_.active() || robot.ideal) return bridge_.stop();
-    half.command.f += bridge_.step(half.command.f, dt);
+  [[gnu::noinline]] SlaveOutput<N> crossed(SlaveOutput<N> half, bool ideal, Seconds dt) noexcept {
+    if (!modes_.active() || ideal)
+      bridge_.stop();
+    else
+      half.command.f += bridge_.step(half.command.f, dt);
+    return half;
   }
   /// The master is in another epoch: it has switched, or restarted. Every epoch that it may name has a configuration.
-  [[gnu::noinline]] void follow(const RobotSample<N>& robot, const PeerState<N>& master) noexcept {
+  [[gnu::noinline]] void follow(RobotSample<N> robot, const PeerState<N>& master) noexcept {
     if (alternatives_.empty() || !master.has_report) {
       without_words_ = master;
       without_words_.words.clear();

@@ -80,7 +80,7 @@ class SafetyStage {
     }
   }
 
-  [[gnu::noinline]] Force<N> bounded_more(Force<N> f, const Position<N>& x, const Velocity<N>& v, double dt) noexcept {
+  [[gnu::noinline]] Force<N> bounded_more(Force<N> f, Position<N> x, Velocity<N> v, double dt) noexcept {
     bound_rate(f, dt);
     bound_workspace(f, x);
     const double power = sign_ * dot_of(f, v);

@@ -57,7 +57,9 @@ class DelayedForce {
   /// `gaps`: the slave does not send in every tick; between two reports the force goes on, as old as the last one was when it
   /// came.
   DelayedForce(const ImpairmentOptions& way_back, double rate_hz, bool gaps)
-      : past_(std::bit_ceil(packets_in_flight(way_back, rate_hz))), lag_{1 + std::lround(way_back.delay_s * rate_hz)} {
+      : past_(std::bit_ceil(packets_in_flight(way_back, rate_hz))),
+        mask_{past_.size() - 1},
+        lag_{1 + std::lround(way_back.delay_s * rate_hz)} {
     if (gaps) tick_of_.resize(past_.size());
   }
 
@@ -66,7 +68,7 @@ class DelayedForce {
   /// In a tick of the master.
   [[gnu::always_inline]] void step(const PeerState<N>& slave, bool coupled) noexcept {
     if (slave.is_new) {
-      lag_ = std::min(ticks_ + 1 - tick_of(slave.newest.sequence), static_cast<std::int64_t>(past_.size()));
+      lag_ = std::min(ticks_ + 1 - tick_of(slave.newest.sequence), static_cast<std::int64_t>(mask_ + 1));
     } else if (coupled && tick_of_.empty()) {
       return;
     }
@@ -84,10 +86,10 @@ class DelayedForce {
     const auto number = static_cast<std::int64_t>(sequence);
     return tick_of_.empty() ? number : tick_of_[index(number)];
   }
-  [[nodiscard]] std::size_t index(std::int64_t k) const noexcept {
-    return static_cast<std::size_t>(k) & (past_.size() - 1);
-  }
+  [[nodiscard]] std::size_t index(std::int64_t k) const noexcept { return static_cast<std::size_t>(k) & mask_; }
+
   std::vector<Force<N>> past_;
+  std::size_t mask_;                   ///< size less one; the size is a power of two
   std::vector<std::int64_t> tick_of_;  ///< of each packet; empty: one in every tick
   std::int64_t ticks_ = 0, lag_;
   Force<N> now_;
