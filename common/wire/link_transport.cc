@@ -26,7 +26,7 @@ LinkTransport<N>::LinkTransport(DatagramSocket& socket, const SessionOptions& op
 template <int N>
 LinkTransport<N>::LinkTransport(DatagramSocket& socket, const SessionOptions& options, SessionNumbers numbers,
                                 const PairedSession& session)
-    : socket_{&socket}, handshake_{options, N, std::move(numbers), session} {
+    : socket_{&socket}, handshake_{options, N, std::move(numbers), session}, is_greeted_{false} {
   socket.paired(session.peer, handshake_.paired_since());
 }
 
@@ -47,7 +47,7 @@ const Report<N>* LinkTransport<N>::next(Duration now, int& left) noexcept {
     }
     switch (handshake_.on(incoming_, decoded, datagram->from, now)) {
       case Action::deliver:
-        if (!may_be_greeting(incoming_)) return &incoming_.report;
+        if (!is_greeted_ || !may_be_greeting(incoming_)) return &incoming_.report;
         ++counts_.handshake;
         break;
       case Action::wait:

@@ -97,6 +97,7 @@ class LinkTransport {
   Handshake handshake_;
   Codec<N> codec_;
   Envelope<N> incoming_, outgoing_;
+  bool is_greeted_ = true;  ///< not where the session exists already
   bool carries_gripper_ = false;
   std::vector<Report<1>> gripper_reports_;  ///< not collected yet
   EnvironmentMessage heard_;
