@@ -141,8 +141,7 @@ class WallFriction {
   double slide_turning(const Vector& u, double un, const AxisState& n, double h, Vector& x, Vector& v) const noexcept {
     constexpr int kSteps = 20'000;
     const double mass = free.mass_kg;
-    const double own_rate =
-        std::max({std::sqrt(across.stiffness_n_per_m / mass), across.damping_n_s_per_m / mass, 1.0 / h});
+    const double own_rate = std::max(std::sqrt(across.stiffness_n_per_m / mass), across.damping_n_s_per_m / mass);
     const auto acceleration = [&](const Vector& at, const Vector& speed, double most) -> Vector {
       return (u - free.damping_n_s_per_m * speed - free.stiffness_n_per_m * at -
               most / std::max(speed.norm(), kRest) * speed) /
