@@ -36,8 +36,8 @@ double number(const std::string& whole, std::string_view text) {
 }
 
 /// The scene, read once for all values that are tried.
-SceneText text_of(const BoundaryOptions& o) {
-  return {o.text ? *o.text : read_whole(o.scene), o.scene, o.set};
+std::string text_of(const BoundaryOptions& o) {
+  return o.text ? *o.text : read_whole(o.scene);
 }
 Scene scene_at(const SceneText& text, const Interval& vary, double value) {
   std::vector<std::string> overrides;
@@ -144,7 +144,7 @@ std::vector<Trial> tried(const std::vector<Scene>& scenes, const std::vector<dou
 
 BoundarySearch search_boundary(const BoundaryOptions& o, const std::function<void(const Trial&)>& heard) {
   Search search{o};
-  const SceneText text = text_of(o);
+  const SceneText text{text_of(o), o.scene, o.set};
   for (const double end : {o.vary.low, o.vary.high})
     scene_at(text, o.vary, end);  // complains of an end, not of what lies between
   LaneUse use;
@@ -180,11 +180,12 @@ BoundaryCurve boundary_curve(const BoundaryOptions& o, const Axis& along,
   };
   BoundaryCurve curve{.scene = {}, .along = along, .vary = o.vary, .found = {}, .use = {}};
   // A scene that is wrong is found before anything runs.
+  const std::string text = text_of(o);
   std::vector<SceneText> texts;
   std::vector<Search> searches;
   for (const std::string& value : along.values) {
     const BoundaryOptions at = options_at(value);
-    texts.push_back(text_of(at));
+    texts.emplace_back(text, o.scene, at.set);
     searches.emplace_back(at);
     for (const double end : {o.vary.low, o.vary.high}) curve.scene = scene_at(texts.back(), o.vary, end).name;
   }
