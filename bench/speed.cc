@@ -106,7 +106,7 @@ void compare_draws(const Options& o) {
   };
   const auto normal = [&] {
     double sum = 0.0;
-    for (int i = 0; i < kDraws; ++i) sum += normal(random, static_cast<std::uint64_t>(i));
+    for (int i = 0; i < kDraws; ++i) sum += twoport::normal(random, static_cast<std::uint64_t>(i));
     sink = sum;
   };
   const auto [one, other] = least_times(o.is_short ? 5 : 20, uniform, normal, begins("normal", o.twice));
