@@ -164,7 +164,9 @@ TEST(SecureSocket, ConnectsThroughHeavyLossDelayReorderingAndDamage) {
   }
   std::cout << "30 % loss each way: connected after " << to_seconds(sum / kRuns).si() << " s on average, "
             << to_seconds(worst).si() << " s at most\n";
-  EXPECT_LT(worst, 10s);
+  EXPECT_LT(sum / kRuns, 2s);
+  // DTLS repeats a flight after 1, 2, 4, 8 s. Of 600 seeds one in 50 takes more than 6 s.
+  EXPECT_LT(worst, 16s);
 }
 
 TEST(SecureSocket, ConnectsOverALongWay) {
