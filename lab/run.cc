@@ -11,6 +11,7 @@
 #include <vector>
 
 #include "common/base/check.h"
+#include "common/base/thread.h"
 #include "common/contact/environment.h"
 #include "common/coupling/registration.h"
 #include "common/method/any.h"
@@ -133,14 +134,14 @@ CountedRun run_as(Simulation<N>& simulation, const Scene& scene, const RunOption
   double from_s = 0.0;
   for (const double until_s : probes ? parts(simulation.segment_ends_s(), end_s) : std::vector{end_s}) {
     contact_states.begin_part(from_s, until_s);
-    const auto start = std::chrono::steady_clock::now();
+    const auto start = ThreadClock::now();
     ticks += simulation.run_until(to_duration(until_s), [&](const Row<N>& row) {
       if (is_kept && rows++ % options.trace_every == 0) [[unlikely]]
         keep(row);
       if (probes) contact_states.add(row);
       return goes_on = metrics.add(row);
     });
-    spent += std::chrono::steady_clock::now() - start;
+    spent += ThreadClock::now() - start;
     if (!goes_on) break;
     if (probes) contact_states.end_part(simulation, until_s, until_s >= end_s);
     from_s = until_s;

@@ -31,7 +31,7 @@ struct RunOptions {
 
 /// Runs a scene in virtual time. A gripper runs by itself, over the same packets: both couplings draw the fate of packet k from the
 /// scene's seed, and share nothing else in virtual time. Everything but the verdict comes from the scene's own run. The same scene and seed give the
-/// same summary to the bit, `step_ns` (the mean wall time of a tick of the scene's run) excepted.
+/// same summary to the bit, `step_ns` (the mean processor time of a tick of the scene's run) excepted.
 Summary run(const Scene& scene, const RunOptions& options = {});
 
 /// The same, and how many ticks were simulated for it, those for the verdict included.

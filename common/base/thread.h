@@ -2,6 +2,9 @@
 
 #include <pthread.h>
 #include <sched.h>
+#include <time.h>
+
+#include <chrono>
 
 namespace twoport {
 
@@ -11,5 +14,14 @@ inline void take_ordinary_priority() noexcept {
   const sched_param none{};
   pthread_setschedparam(pthread_self(), SCHED_OTHER, &none);
 }
+
+/// The processor time that the calling thread has used: what else the machine does is not in it.
+struct ThreadClock {
+  static std::chrono::nanoseconds now() noexcept {
+    timespec t{};
+    clock_gettime(CLOCK_THREAD_CPUTIME_ID, &t);
+    return std::chrono::seconds{t.tv_sec} + std::chrono::nanoseconds{t.tv_nsec};
+  }
+};
 
 }  // namespace twoport

@@ -124,8 +124,8 @@ std::vector<Subcommand> add_sweep_commands(CLI::App& app) {
   sweep->add_option("--plot", a->plot, plot)->capture_default_str();
   sweep->add_flag_callback("--list-figures", list_figures, "Print the figures of a table and exit");
   sweep->footer(
-      R"(table.csv holds a column for each varied path, then the figures of the summary (all its numbers except step_ns, which is
-wall-clock time), then its texts: scene, architecture, method, verdict. It is bit-identical for any --jobs and --lanes.
+      R"(table.csv holds a column for each varied path, then the figures of the summary (all its numbers except step_ns, the
+processor time of a tick), then its texts: scene, architecture, method, verdict. It is bit-identical for any --jobs and --lanes.
 Without --out it goes to stdout.
 
 With --seeds N each figure KEY has three columns: KEY is the mean over the seeds (for `stable`: the fraction of stable

@@ -33,7 +33,7 @@ struct LaneOptions {
 using FinishedInLanes = std::function<void(std::size_t number, const Summary&)>;
 
 /// Runs scenes that lanes take, all of one shape. Calls `finished` for each as soon as it has its verdict, from any thread, with its
-/// number and the summary that run(scene) makes, to the bit, `step_ns` excepted: here the wall time of a tick of all of a thread's
+/// number and the summary that run(scene) makes, to the bit, `step_ns` excepted: here the processor time of a tick of all of a thread's
 /// cells over their number.
 void run_in_lanes(std::span<const Scene* const> scenes, const LaneOptions& options, const FinishedInLanes& finished);
 

@@ -8,6 +8,7 @@
 #include <optional>
 #include <utility>
 
+#include "common/base/thread.h"
 #include "lab/lanes/arrays.h"
 #include "lab/lanes/queue.h"
 #include "lab/run.h"
@@ -45,7 +46,7 @@ class Runs {
   /// Ticks until something happens in a lane. Calls ended(cell) for each cell that has ended.
   template <class Ended>
   void step(Ended ended) {
-    const auto start = std::chrono::steady_clock::now();
+    const auto start = ThreadClock::now();
     Batch& b = lanes_.b;
     int active = -1;
     std::int64_t n = std::numeric_limits<std::int64_t>::max();
@@ -63,7 +64,7 @@ class Runs {
       if (cell_[lane] == nullptr) lanes_.copy_lane(lane, active, !std::exchange(idle_[lane], true));
     lanes_.lanes_changed();
     const std::int64_t done = unit_.run[N == 1 ? 0 : 1](b, n);
-    spent_ += std::chrono::steady_clock::now() - start;
+    spent_ += ThreadClock::now() - start;
     ticks_ += done * cells_;
     for (int lane = 0; lane < lanes_.width(); ++lane) {
       Cell<N>* const cell = cell_[lane].get();
@@ -94,7 +95,7 @@ class Runs {
       ended(std::move(cell_[lane]));
     }
   }
-  /// Wall time of a tick, of one cell.
+  /// Processor time of a tick, of one cell.
   [[nodiscard]] double step_ns() const {
     return spent_.count() / static_cast<double>(std::max<std::int64_t>(ticks_, 1));
   }

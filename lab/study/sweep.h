@@ -72,7 +72,7 @@ struct Table {
 };
 std::string to_csv(const Table& table);
 
-/// The figures of a summary that a table holds: its numbers but step_ns, which is wall-clock time.
+/// The figures of a summary that a table holds: its numbers but step_ns, which is the processor time of a tick.
 std::vector<std::string> figures();
 
 struct Progress {
