@@ -207,7 +207,7 @@ class Body {
     constexpr double kRounding = 1e-17, kConverging = 1e-11;
     using Numbers = std::array<double, kTerms>;
     const Eigen::Matrix3d& R = m.at.R;
-    const bool pushed = !f.angular.isZero(0.0), damped = rotational_damping_ != 0.0;
+    const bool pushed = !f.angular.isZero(0.0), damped = rotational_damping_ != 0.0, slowed = damping_ != 0.0;
     // J ω̇ + ω×Jω has the components of `gyration` times ω_y ω_z, ω_z ω_x, ω_x ω_y.
     const Eigen::Vector3d gyration{inertia_[1] - inertia_[2], inertia_[2] - inertia_[0], inertia_[0] - inertia_[1]};
     const Eigen::Vector3d inverse = inertia_.cwiseInverse();
@@ -249,14 +249,18 @@ class Body {
       wx[n] = w.x(), wy[n] = w.y(), wz[n] = w.z();
       qx[n] = half * ax, qy[n] = half * ay, qz[n] = half * az, qw[n] = -half * aw;
       i_axis += qx[n], j_axis += qy[n], k_axis += qz[n], real += qw[n];
-      x += step * term;
-      term *= -step * damping_ / mass_;
-      if (k == 0) term += step / mass_ * f.linear;
-      v += term;
-      speed_size += term.template lpNorm<1>();
+      // Without damping the velocity's series ends after f.
+      double speed_change = 0.0;
+      if (k < 2 || slowed) {
+        x += step * term;
+        term *= -step * damping_ / mass_;
+        if (k == 0) term += step / mass_ * f.linear;
+        v += term;
+        speed_size += term.template lpNorm<1>();
+        speed_change = term.template lpNorm<1>() / speed_size;
+      }
       // Largest new term against what it may be: below rounding, after one that was small already.
-      double size = std::max(std::abs(qx[n]) + std::abs(qy[n]) + std::abs(qz[n]) + std::abs(qw[n]),
-                             term.template lpNorm<1>() / speed_size);
+      double size = std::max(std::abs(qx[n]) + std::abs(qy[n]) + std::abs(qz[n]) + std::abs(qw[n]), speed_change);
       if (damped) {
         spin += w;
         spin_size += w.template lpNorm<1>();

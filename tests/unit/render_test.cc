@@ -88,5 +88,23 @@ TEST(Rendering, HoldsNothingAfterARelease) {
   EXPECT_EQ(rendering.observed(), before);
 }
 
+// The classic controller dissipates along the motion, wherever the contact is by then.
+TEST(Rendering, AnOpenContactPaysWhatItOwes) {
+  ControlOptions o = options(Accounts::per_contact);
+  o.controller.method = Method::classic;
+  o.reference_energy = false;
+  Rendering<3> rendering{o, Environment<3>{{kLeft}}};
+  const auto step = [&](double x_m, double v_m_per_s, const Force<3>& applied) {
+    const PortMotion<3> port{Position<3>{Vector3d{x_m, 0, 0}}, Velocity<3>{Vector3d{v_m_per_s, 0, 0}}};
+    return rendering.step(port, applied, kPeriod, kPeriod);
+  };
+  step(0.0, 0.0, {});
+  const Force<3> pressed = step(0.005, 0.0, {}).command;  // not paid for: nothing was held on the way in
+  const auto left = step(0.0, -1.0, pressed);
+  EXPECT_EQ(left.wanted.vec(), Vector3d::Zero());
+  EXPECT_LT(left.command.vec().x(), 0.0);
+  EXPECT_GT(left.dissipated.si(), 0.0);
+}
+
 }  // namespace
 }  // namespace twoport

@@ -56,6 +56,12 @@ class Rendering {
       const Energy energy = observer_.energy(i++);
       const Budget budget = options_.reference_energy ? Budget{energy - a.potential, a.next_potential - a.potential}
                                                       : Budget{energy, Energy{}};
+      const bool owes = !(budget.available >= Energy{}) || !(budget.rise <= budget.available);
+      if (!a.presses && !owes) {
+        a.acts = false;
+        continue;
+      }
+      a.acts = true;
       const Force<N> wanted{a.on_environment};
       const Corrected<Force<N>> part = passivity_controller(wanted, port.v, budget, controller_, dt);
       a.held = part.out;
@@ -70,7 +76,7 @@ class Rendering {
 
   /// Instead of a step without a valid reading: no force until the next one.
   void release() noexcept {
-    for (Account& a : accounts_) a.held = {};
+    for (Account& a : accounts_) a.acts = false;
     commanded_ = {};
     if (god_object_) god_object_->release();
   }
@@ -81,9 +87,11 @@ class Rendering {
  private:
   using Vector = PortVector<N>;
   struct Account {
-    Vector on_environment;  ///< sum of the contacts' forces, on the environment
+    Vector on_environment = Vector::Zero();  ///< sum of the contacts' forces, on the environment
     Force<N> held;
     Energy potential, next_potential;  ///< at x and at x + T v
+    bool presses = false;              ///< on_environment may differ from zero
+    bool acts = false;                 ///< `held` counts; else nothing is held
   };
 
   static int accounts(const ControlOptions& o, const Environment<N>& e) {
@@ -108,7 +116,10 @@ class Rendering {
   }
   /// Force and elastic energy of each account at the port. Tangential and rotational accounts store no energy.
   void evaluate(const PortMotion<N>& port) noexcept {
-    for (Account& a : accounts_) a.on_environment = Vector::Zero(), a.potential = {};
+    for (Account& a : accounts_) {
+      if (a.presses) a.on_environment = Vector::Zero(), a.presses = false;
+      a.potential = {};
+    }
     if (god_object_) return evaluate_god_object(port);
     Vector sum = Vector::Zero();
     for_each_contact(port.x, port.v, [&](const ContactPort<N>& c) {
@@ -127,13 +138,14 @@ class Rendering {
           accounts_[0].potential += c.potential;
           if constexpr (N == 6) {
             if (!c.presses) break;
+            accounts_[0].presses = accounts_[1].presses = true;
             accounts_[0].on_environment.linear -= c.normal.linear + c.tangential.linear;
             accounts_[1].on_environment.angular -= c.normal.angular + c.tangential.angular;
           }
           break;
       }
     });
-    if (options_.accounts == Accounts::total) accounts_[0].on_environment = -sum;
+    if (options_.accounts == Accounts::total) accounts_[0].on_environment = -sum, accounts_[0].presses = true;
   }
   /// One account, of the spring between handle and proxy. What friction takes counts like stored energy: else it would cover what
   /// the spring generates.
@@ -141,10 +153,12 @@ class Rendering {
     god_object_->follow(port.x);
     accounts_[0].potential = god_object_->potential(port.x) + god_object_->friction_energy();
     accounts_[0].on_environment = -god_object_->force(port.x, port.v);
+    accounts_[0].presses = true;
   }
   void add(std::size_t normal, const ContactPort<N>& c) noexcept {
     accounts_[normal].potential += c.potential;
     if (!c.presses) return;
+    accounts_[normal].presses = accounts_[normal + 1].presses = true;
     accounts_[normal].on_environment -= c.normal;
     accounts_[normal + 1].on_environment -= c.tangential;
   }
@@ -175,8 +189,10 @@ class Rendering {
       const double scale =
           asked > 0.0 && !(applied.vec() == commanded_.vec()) ? std::sqrt(applied.squared_norm() / asked) : 1.0;
       const Interval<N> interval = port - before_;
-      for (const Account& a : accounts_)
-        observer_.book(i++, scale * held_energy(options_.observer, a.held, interval, dt));
+      for (const Account& a : accounts_) {
+        if (a.acts) observer_.book(i, scale * held_energy(options_.observer, a.held, interval, dt));
+        ++i;
+      }
     }
     before_ = port;
     started_ = true;
