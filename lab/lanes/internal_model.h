@@ -348,8 +348,10 @@ TWOPORT_INLINE void step_internal_model(const Parameters<V, N>& p, State<V, N>& 
     low_pass(heard, m.r, error, select(free & ~in_flight, p.weight_50ms, p.weight_residual));
     const Vec<N> n_echo = at_echo.normal;
     Vec<N> along = error - dot(error, n_echo) * n_echo;
-    along =
-        along - stick(p, heard, m.sticks_at_echo, m.anchor_at_echo, echo, n_echo, m.model.friction * norm(modelled));
+    along = along - stick(p, heard & exists, m.sticks_at_echo, m.anchor_at_echo, echo, n_echo,
+                          m.model.friction * norm(modelled));
+    along = select(exists, along, Vec<N>{});
+    set(heard & ~exists, m.sticks_at_echo, V{});
     set(heard, m.r_along, of(m.r_along) + p.weight_along * (along - of(m.r_along)));
     // displayed
     const M presses = heard & inside, apart = heard & exists & ~inside;

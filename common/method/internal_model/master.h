@@ -26,7 +26,7 @@ namespace twoport {
 ///     (2) model: SurfaceModel follows the slave's n, p, K*, μ, κ
 ///     (3) F(y) = K* [d(y)]+ n(y),   F_x = ρ F(x),   ρ: 0 -> 1 in 0.1 s;             E = min(E, |F_x|²/2K* + 20 mJ)
 ///     (4) r   = LP_a of f - F(x_echo),   a = max(0.3 s, 6 √(m_robot/K_c)) + R/2, or 50 ms while the slave is free and not in flight
-///         r_t = LP_{0.2 s + R} of the part of that along the surface, less the stick spring's force at x_echo; both stick
+///         r_t = LP_{0.2 s + R} of the part of that along the surface (none: 0), less the stick spring's force at x_echo; both stick
 ///         springs decay with 0.2 s + R
 ///     (5) f_d = F_x + (r·n) n + r_t + stick spring at x                             inside, d(x) > 0
 ///         f_d = r, fading to 0 over 3 mm                                            outside;   f_d·n >= 0: a surface never pulls
@@ -243,11 +243,16 @@ class InternalModelMaster {
     const double tau = free && !in_flight ? kFreeResidual_s : residual_s_ + 0.5 * round_trip.si();
     low_pass(r_, Force<N>{error}, in.dt, tau);
 
-    const Vector& n = echo.surface.normal;
-    Vector along = error.template head<D>();
-    along -= along.dot(n) * n;
-    along -=
-        stick_at_echo_.step(echo.point, n, model_.patch().friction * modelled.norm(), coupling_n_per_m_, along_weight_);
+    Vector along = Vector::Zero();
+    if (model_.exists()) {
+      const Vector& n = echo.surface.normal;
+      along = error.template head<D>();
+      along -= along.dot(n) * n;
+      along -= stick_at_echo_.step(echo.point, n, model_.patch().friction * modelled.norm(), coupling_n_per_m_,
+                                   along_weight_);
+    } else {
+      stick_at_echo_.release();
+    }
     r_along_ += along_weight_ * (along - r_along_);
   }
 
