@@ -12,7 +12,7 @@
 namespace twoport {
 namespace {
 
-constexpr double kWatchdog = 0.25;               // without a command of the page the handle is released [s]
+constexpr double kWatchdog = 0.25;               // without a target of the page the handle is released [s]
 constexpr double kSmoothing = 2.0 * M_PI * 6.0;  // of the pointer's motion [rad/s]
 constexpr double kFastest = 1.5;                 // the hand's intended motion [m/s]
 constexpr double kFreeDamping = 4.0;             // a released handle, besides its own [N s/m]
@@ -115,9 +115,9 @@ class PageDevice final : public Device<N> {
   }
 
   void obey(const PageCommand& c) noexcept {
-    since_ = 0.0;
     switch (c.kind) {
       case PageCommand::Kind::target: {
+        since_ = 0.0;
         Vector to;
         for (int i = 0; i < N; ++i) to[i] = c.number[static_cast<std::size_t>(i)];
         aim(to);
@@ -190,7 +190,7 @@ class PageDevice final : public Device<N> {
   Position<N> x_, hand_, target_;
   Vector v_ = Vector::Zero(), hand_v_ = Vector::Zero();
   Force<N> applied_;
-  double since_ = 0.0;  ///< the last command [s]
+  double since_ = 0.0;  ///< the last target [s]
   bool held_ = false, begun_ = false;
   std::unique_ptr<PageDevice<1>> gripper_;  ///< of the scene; null: none
 };

@@ -2,6 +2,7 @@
 
 #include <fcntl.h>
 #include <sys/file.h>
+#include <sys/stat.h>
 #include <unistd.h>
 
 #include <algorithm>
@@ -148,9 +149,13 @@ void check_replaceable(const std::string& path, const std::string& earlier, std:
 }  // namespace
 
 std::FILE* take_file(const std::string& path, std::string_view magic) {
-  const int fd = ::open(path.c_str(), O_RDWR | O_CREAT | O_CLOEXEC, 0666);
+  const int fd = ::open(path.c_str(), O_RDWR | O_CREAT | O_CLOEXEC | O_NOCTTY, 0666);
   std::unique_ptr<std::FILE, int (*)(std::FILE*)> file{fd < 0 ? nullptr : ::fdopen(fd, "r+b"), std::fclose};
   if (!file) throw ConfigError{path + ": cannot be written: " + reason(errno)};
+  struct stat about {};
+  // Reading what is there would wait for its writer.
+  if ((::fstat(fd, &about) == 0 && S_ISFIFO(about.st_mode)) || ::isatty(fd) != 0)
+    throw ConfigError{path + ": cannot be written: it is a pipe or a terminal; give the name of a file"};
   if (::flock(fd, LOCK_EX | LOCK_NB) != 0 && errno == EWOULDBLOCK)
     throw ConfigError{path + ": is read or written now; give another name"};
   std::string begin(magic.size(), '\0');

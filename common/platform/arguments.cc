@@ -57,8 +57,12 @@ std::string sentence(const CLI::App& app, const std::string& program, const CLI:
   if (e.get_exit_code() == static_cast<int>(CLI::ExitCodes::ExtrasError) && !unknown.empty())
     return unknown.front().starts_with("-") ? fmt::format("{}: there is no such option; {}", unknown.front(), help)
                                             : fmt::format("{}: one argument too many; {}", unknown.front(), help);
-  if (e.get_exit_code() == static_cast<int>(CLI::ExitCodes::ArgumentMismatch) && said.find("required") != said.npos)
-    return fmt::format("{}: its value is missing; {}", said.substr(0, said.find(':')), help);
+  if (e.get_exit_code() == static_cast<int>(CLI::ExitCodes::ArgumentMismatch) && said.find("required") != said.npos) {
+    const std::string which{said.substr(0, said.find(':'))};
+    const CLI::Option* option = command->get_option_no_throw(which);
+    const bool repeated = option != nullptr && option->count() > 1;
+    return fmt::format("{}: {}; {}", which, repeated ? "it is given more than once" : "its value is missing", help);
+  }
   if (e.get_exit_code() == static_cast<int>(CLI::ExitCodes::ConversionError))
     if (const std::string_view pair = between(said, "Could not convert: ", ""); pair.find(" = ") != pair.npos)
       return fmt::format("{} is {}; it must be a number", pair.substr(0, pair.find(" = ")),

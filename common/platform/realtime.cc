@@ -64,9 +64,11 @@ const std::atomic<bool>& stop_on_signals() {
   sigemptyset(&action.sa_mask);
   sigaction(SIGINT, &action, nullptr);
   sigaction(SIGTERM, &action, nullptr);
-  sigaction(SIGHUP, &action, nullptr);  // the terminal has gone
+  sigaction(SIGHUP, &action, nullptr);   // the terminal has gone
+  sigaction(SIGXCPU, &action, nullptr);  // `ulimit -t`, RLIMIT_RTTIME: what has been opened is released
   action.sa_handler = SIG_IGN;
   sigaction(SIGPIPE, &action, nullptr);  // the reader of our output has gone
+  sigaction(SIGXFSZ, &action, nullptr);  // `ulimit -f`: the write fails, as on a full disk
   return stop_requested;
 }
 

@@ -62,6 +62,7 @@ void Recorder<N>::drain() {
     if (!last) std::this_thread::sleep_for(std::chrono::milliseconds{20});
   }
   if (terminal_ && shown_s_ >= 0.0) std::fputs("\n", stderr);
+  say_untold(entry);
 }
 
 /// The ticks first: they tell when the rows begin.
@@ -101,6 +102,28 @@ template <int N>
 void Recorder<N>::say(const Entry& at, const std::string& text) {
   if (terminal_) std::fputs("\r\033[K", stderr);
   o_.log.info("{:.3f} s: {}", at.row.t_s, text);
+}
+
+/// A reading or a report that is bad in every other tick must not fill the disk.
+template <int N>
+void Recorder<N>::say_change(const Entry& at, const std::string& text) {
+  if (at.row.t_s >= changes_since_s_ + kSayEvery) {
+    say_untold(at);
+    changes_since_s_ = at.row.t_s;
+    told_ = 0;
+  }
+  if (told_ < kMostChanges) {
+    ++told_;
+    say(at, text);
+  } else {
+    ++untold_;
+  }
+}
+template <int N>
+void Recorder<N>::say_untold(const Entry& at) {
+  if (const int more = std::exchange(untold_, 0); more > 0)
+    say(at,
+        fmt::format("{} more changes in the last {:.0f} s, which are not listed", more, at.row.t_s - changes_since_s_));
 }
 
 /// Each limit when it acts for the first time, then at most every kSayEvery.
@@ -146,7 +169,7 @@ void Recorder<N>::log_change(const Entry& entry) {
   const Mode was = std::exchange(mode_, entry.row.mode);
   const std::uint64_t sessions = std::exchange(sessions_, entry.view.sessions);
   const char* peer = o_.side == Side::master ? "slave" : "master";
-  const auto tell = [&](const std::string& text) { say(entry, text); };
+  const auto tell = [&](const std::string& text) { say_change(entry, text); };
   if (sessions != entry.view.sessions) {
     tell(fmt::format("{} with the {}", sessions == 0 ? "paired" : "re-paired", peer));
     paired_ = true;

@@ -78,6 +78,7 @@ class Recorder {
  private:
   static constexpr std::size_t kRows = 8192;
   static constexpr double kNever = -1e9, kSayEvery = 10.0;  // [s]
+  static constexpr int kMostChanges = 50;                   // of the link, said in kSayEvery
   struct Entry {
     Row<N> row;
     TickView view;
@@ -95,6 +96,8 @@ class Recorder {
   void log_refused(const Entry& entry);
   void log_ignored_switch(const Entry& entry);
   void say(const Entry& at, const std::string& text);
+  void say_change(const Entry& at, const std::string& text);
+  void say_untold(const Entry& at);
   void record(const Entry& newest);
 
   Options o_;
@@ -106,7 +109,9 @@ class Recorder {
   double shown_s_ = -1.0;
   Mode mode_ = Mode::idle;  ///< of the newest row, as is the next
   std::uint64_t sessions_ = 0;
-  bool paired_ = false;  ///< said so, and not coupled yet
+  bool paired_ = false;              ///< said so, and not coupled yet
+  double changes_since_s_ = kNever;  ///< the changes below
+  int told_ = 0, untold_ = 0;
   std::uint64_t rows_ = 0, refused_ = 0;
   LimitCounts limits_;                      ///< as last seen
   std::array<double, kLimits> limit_at_s_;  ///< when each was said last

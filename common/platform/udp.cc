@@ -164,6 +164,16 @@ bool may_be_host_name(std::string_view text) {
   return std::any_of(text.begin(), text.end(), is_letter) && std::all_of(text.begin(), text.end(), is_allowed);
 }
 
+/// Why no program can be called there; empty: one can.
+std::string_view why_nobody(const Endpoint& endpoint) {
+  const asio::ip::address address = to_asio(endpoint).address();
+  if (address.is_multicast() || address == asio::ip::address_v4::broadcast())
+    return "is the address of a group; give that of one machine";
+  if (endpoint.v6 && address.to_v6().is_link_local() && endpoint.scope == 0)
+    return "is valid on one interface only, which is missing; give it too, as in [fe80::1%eth0]:45001";
+  return {};
+}
+
 }  // namespace
 
 std::string to_string(const Endpoint& endpoint) {
@@ -205,6 +215,8 @@ Endpoint parse_endpoint(std::string_view text, std::string_view option) {
 
 Endpoint parse_allowed_endpoint(std::string_view text, std::string_view option, bool has_key, bool insecure) {
   const Endpoint endpoint = parse_endpoint(text, option);
+  if (const std::string_view why = why_nobody(endpoint); !why.empty())
+    throw ConfigError(std::string{option} + ": '" + std::string{text} + "' " + std::string{why});
   if (has_key || insecure || endpoint.loopback()) return endpoint;
   throw ConfigError(
       std::string{option} + " " + std::string{text} +

@@ -11,6 +11,7 @@
 
 #include "common/base/check.h"
 #include "common/platform/realtime.h"
+#include "common/platform/udp.h"
 #include "doctor/examine.h"
 #include "doctor/link.h"
 #include "doctor/loop.h"
@@ -115,6 +116,7 @@ int link_command(const DoctorArguments& a) {
   const std::atomic<bool>& stop = stop_on_signals();
   LinkRequest request = a.request;
   request.address = a.link;
+  parse_allowed_endpoint(request.address, "--link", !request.key.empty(), request.insecure);
   request.rate_hz = a.rate_hz;
   request.seconds = a.seconds > 0.0 ? a.seconds : 10.0;
   const LinkFigures f = measure_link(request, stop);
@@ -176,6 +178,7 @@ int link_command(const DoctorArguments& a) {
 int answer_command(const DoctorArguments& a) {
   LinkRequest request = a.request;
   request.address = a.answer.find(':') == std::string::npos ? "127.0.0.1:" + a.answer : a.answer;
+  parse_allowed_endpoint(request.address, "--answer", !request.key.empty(), request.insecure);
   request.rate_hz = a.rate_hz;
   request.seconds = a.seconds > 0.0 ? a.seconds : std::numeric_limits<double>::infinity();
   answer(request, stop_on_signals());

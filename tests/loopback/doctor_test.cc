@@ -172,6 +172,9 @@ TEST(Doctor, SaysWhatIsMissing) {
   Process outside{{TWOPORT_LAB, "doctor", "--link", "192.0.2.1:45000"}};
   EXPECT_EQ(outside.wait(), exited(2));
   EXPECT_NE(outside.err().find("--key"), std::string::npos) << outside.err();
+  Process wrong{{TWOPORT_LAB, "doctor", "--answer", "x"}};
+  EXPECT_EQ(wrong.wait(), exited(2));
+  EXPECT_EQ(wrong.err().rfind("twoport-lab: --answer: '127.0.0.1:x' is not ADDR:PORT", 0), 0U) << wrong.err();
   Process empty{{TWOPORT_LAB, "doctor", "--link", ""}};
   EXPECT_EQ(empty.wait(), exited(2));
   EXPECT_EQ(empty.err(), "twoport-lab: --link is empty; give a value, or leave it out\n");

@@ -133,6 +133,10 @@ TEST(Run, EndsWholeWhenTheTerminalGoes) {
   expect_stop_by(SIGHUP, SIGHUP);
 }
 
+TEST(Run, EndsWholeWhenItsTimeOfTheProcessorIsUp) {
+  expect_stop_by(SIGXCPU, SIGXCPU);
+}
+
 TEST(Run, WithoutADurationGoesOnUntilItIsEnded) {
   std::string scene = press();
   scene.erase(scene.find("duration_s: 2\n"), 14);

@@ -158,6 +158,8 @@ TEST(Usage, SaysWhatIsMissingOrUnknownAndWhereHelpIs) {
             "twoport-lab: y: one argument too many; see twoport-lab run --help\n");
   EXPECT_EQ(said({TWOPORT_LAB, "run", "x", "--out"}),
             "twoport-lab: --out: its value is missing; see twoport-lab run --help\n");
+  EXPECT_EQ(said({TWOPORT_LAB, "run", "x", "--out", "y", "--out", "z"}),
+            "twoport-lab: --out: it is given more than once; see twoport-lab run --help\n");
   EXPECT_EQ(said({TWOPORT_LAB, "export", "x", "--csv", ""}),
             "twoport-lab: --csv is empty; give a value, or leave it out\n");
   EXPECT_EQ(said({TWOPORT_LAB, "recommend", "--delay-ms", "50ms", "--loss", "0", "--stiffness", "1"}),

@@ -198,6 +198,18 @@ TEST(TakeFile, RenamesAnEarlierOneOfItsKindAndTakesNothingThatIsInUse) {
   EXPECT_EQ(read_whole(scene), "dof: 1");
 }
 
+TEST(TakeFile, DoesNotWaitForTheWriterOfAPipe) {
+  const Folder folder;
+  const std::string pipe = folder / "pipe";
+  ASSERT_EQ(::mkfifo(pipe.c_str(), 0600), 0);
+  try {
+    std::fclose(take_file(pipe, "magic"));
+    FAIL() << "taken";
+  } catch (const ConfigError& e) {
+    EXPECT_EQ(std::string{e.what()}, pipe + ": cannot be written: it is a pipe or a terminal; give the name of a file");
+  }
+}
+
 TEST(WriteWhole, LeavesNothingBesideWhenItCannotTakeTheName) {
   const Folder folder;
   std::filesystem::create_directories(folder / "summary.json");

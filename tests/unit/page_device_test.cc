@@ -96,6 +96,19 @@ TEST(PageDevice, WithoutAPageTheHandleIsReleased) {
   EXPECT_LT(rig.tick().x.translation()[0], x - 0.03);
 }
 
+/// Any page may set the stiffness: that is no sign of the page whose pointer holds.
+TEST(PageDevice, OnlyThePointerConfirmsThatItHolds) {
+  for (const auto kind : {PageCommand::Kind::grip, PageCommand::Kind::opening}) {
+    Rig<1> rig;
+    rig.target({0.02});
+    for (int i = 0; i < 300; ++i) {
+      if (i % 16 == 0) rig.channel.hand.try_push({kind, 0, {400.0}});
+      rig.tick();
+    }
+    EXPECT_FALSE(rig.channel.pointer.held) << "250 ms without the pointer";
+  }
+}
+
 TEST(PageDevice, ReleaseLetsGoAtOnceAndComesToRest) {
   Rig<6> rig;
   for (int i = 0; i < 200; ++i) {

@@ -77,6 +77,18 @@ TEST(Endpoint, RefusesTheRestInASentence) {
   }
 }
 
+/// They were taken, and nobody ever came.
+TEST(Endpoint, RefusesGroupsAndALinkLocalAddressWithoutItsInterface) {
+  for (const std::string s : {"224.0.0.1:45001", "255.255.255.255:45001", "[ff02::1]:45001"})
+    EXPECT_EQ(sentence([&] { parse_allowed_endpoint(s, "--peer", false, true); }),
+              "--peer: '" + s + "' is the address of a group; give that of one machine");
+  for (const std::string s : {"[fe80::1]:45001", "[fe80::1%no-such]:45001"})
+    EXPECT_EQ(sentence([&] { parse_allowed_endpoint(s, "--listen", true, false); }),
+              "--listen: '" + s +
+                  "' is valid on one interface only, which is missing; give it too, as in [fe80::1%eth0]:45001");
+  EXPECT_EQ(parse_allowed_endpoint("[fe80::1%lo]:45001", "--peer", true, false).port, 45001);
+}
+
 TEST(UdpSocket, CarriesADatagramAndItsSource) {
   for (const char* where : {"127.0.0.1:0", "[::1]:0"}) {
     UdpSocket a = socket_on(where), b = socket_on(where);
