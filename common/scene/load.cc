@@ -147,6 +147,16 @@ Scene SceneText::with(std::span<const std::string> overrides) const {
   return read(message, created);
 }
 
+bool SceneText::keeps(std::span<const std::string> earlier, std::span<const std::string> later) const {
+  schema::Scene message = *message_;
+  std::vector<Created> created;
+  apply(earlier, message, created);
+  apply(later, message, created);
+  const std::string before = message.SerializeAsString();
+  apply(earlier, message, created);
+  return message.SerializeAsString() == before;
+}
+
 void SceneText::apply(std::span<const std::string> overrides, schema::Scene& message, std::vector<Created>& created) {
   for (const std::string& assignment : overrides)
     if (std::string block = apply_override(message, assignment); !block.empty())

@@ -26,6 +26,9 @@ class SceneText {
   /// What parse_scene() makes of the text, the overrides of every scene and these, in this order. May be called from several threads at once.
   [[nodiscard]] Scene with(std::span<const std::string> overrides = {}) const;
 
+  /// Do `later` overrides leave what `earlier` ones set? Both are applied after those of every scene.
+  [[nodiscard]] bool keeps(std::span<const std::string> earlier, std::span<const std::string> later) const;
+
  private:
   /// A block that is not in the text, and the override that has created it.
   struct Created {

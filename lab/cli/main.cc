@@ -36,6 +36,7 @@ int run_given(const std::vector<lab::Subcommand>& commands) {
     if (each.app->parsed()) {
       const int status = each.run();
       if (std::fflush(stdout) != 0) throw IoError(fmt::format("standard output: {}", std::strerror(errno)));
+      if (std::ferror(stdout) != 0) throw IoError("standard output: not all could be written");
       return status;
     }
   throw ConfigError{"a command is missing"};

@@ -5,9 +5,11 @@
 #include <google/protobuf/util/json_util.h>
 
 #include <algorithm>
+#include <cerrno>
 #include <filesystem>
 #include <iterator>
 #include <string_view>
+#include <system_error>
 
 #include "common/base/check.h"
 #include "common/base/file.h"
@@ -118,7 +120,7 @@ bool add_cell(const Plan& plan, const std::string& line, Cells& cells) {
   if (static_cast<double>(cell) != number || row.size() != plan.columns.size() ||
       !std::equal(varied.begin(), varied.end(), row.begin()))
     return false;
-  // Two processes at the same cell leave the same row twice.
+  // Files put together by hand may hold the same row twice.
   return cells.emplace(cell, row).first->second == row;
 }
 
@@ -181,6 +183,7 @@ std::string Plan::name(std::size_t cell) const {
 
 CellFile::CellFile(const std::string& folder, const Plan& plan) : path_{path_in(folder)}, plan_{plan} {
   make_folder(folder);
+  lock_.emplace(folder, "--out");
   std::string text;
   if (read(path_, text) && text.find('\n') != text.npos) {
     Contents found = parse(path_, text);
@@ -198,8 +201,11 @@ CellFile::CellFile(const std::string& folder, const Plan& plan) : path_{path_in(
 }
 
 void CellFile::append(std::size_t cell, const std::vector<std::string>& row) {
+  errno = 0;
   file_ << line(plan_, cell, row) << std::flush;
-  if (!file_) throw ConfigError{fmt::format("{}: cannot be written", path_)};
+  if (!file_)
+    throw IoError{
+        fmt::format("{}: cannot be written{}", path_, errno != 0 ? ": " + std::generic_category().message(errno) : "")};
 }
 
 Part read_part(const std::string& folder) {

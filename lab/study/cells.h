@@ -4,9 +4,11 @@
 #include <cstdint>
 #include <fstream>
 #include <map>
+#include <optional>
 #include <string>
 #include <vector>
 
+#include "common/base/file.h"
 #include "lab/study/sweep.h"
 
 namespace twoport::lab {
@@ -39,7 +41,8 @@ using Cells = std::map<std::size_t, std::vector<std::string>>;
 /// sweep: a line that was edited, or is of another sweep, is refused.
 class CellFile {
  public:
-  /// Creates the folder and the file, or continues one of the same plan. Throws ConfigError for another plan's.
+  /// Creates the folder and the file, or continues one of the same plan. Throws ConfigError for another plan's, and while
+  /// another program writes into the folder.
   CellFile(const std::string& folder, const Plan& plan);
 
   void append(std::size_t cell, const std::vector<std::string>& row);
@@ -48,6 +51,7 @@ class CellFile {
  private:
   std::string path_;
   Plan plan_;
+  std::optional<FolderLock> lock_;
   std::ofstream file_;
   Cells kept_;
 };

@@ -97,6 +97,22 @@ Columns columns_of(const std::vector<Summary>& of_seeds, std::uint64_t first_see
   return all;
 }
 
+/// Throws ConfigError where an axis sets anew what an earlier one has set, however it is spelled: environment[0].wall and
+/// environment[0].spring exclude each other.
+void refuse_lost(const SweepOptions& o, const SceneText& base) {
+  const auto end = [](const Axis& axis, bool last) { return last ? axis.values.back() : axis.values.front(); };
+  for (std::size_t later = 1; later < o.axes.size(); ++later)
+    for (std::size_t i = 0; i < later; ++i)
+      for (const auto& [last_of_i, last] : {std::pair{false, false}, {true, false}, {true, true}}) {
+        std::vector<std::string> of_i, of_later;
+        for (std::size_t k = 0; k <= later; ++k)
+          o.axes[k].append_overrides(k <= i ? of_i : of_later, end(o.axes[k], k == i ? last_of_i : last));
+        if (!base.keeps(of_i, of_later))
+          throw ConfigError{fmt::format("--vary {}: what it sets, --vary {} sets anew; vary one of them",
+                                        o.axes[i].name(), o.axes[later].name())};
+      }
+}
+
 /// Makes the plan of a sweep, and checks each single value before a cell is run. `base`: the scene, with what is set in every cell.
 Plan plan_of(const SweepOptions& o, const SceneText& base) {
   if (o.axes.empty()) throw ConfigError{"--vary is missing; it must read PATH=SPEC"};
@@ -119,6 +135,7 @@ Plan plan_of(const SweepOptions& o, const SceneText& base) {
   for (const auto& [name, text] : o.seeds > 0 ? columns_of({Summary{}}, 0) : columns_of(Summary{}))
     plan.columns.push_back(name);
 
+  refuse_lost(o, base);
   const std::vector<std::string> first = plan.values(0);
   const Scene scene = base.with(overrides(o, first));
   for (std::size_t i = 0; i < o.axes.size(); ++i) {

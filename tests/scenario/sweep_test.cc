@@ -19,6 +19,7 @@
 #include <vector>
 
 #include "common/base/check.h"
+#include "common/base/file.h"
 #include "common/record/summary.h"
 #include "common/scene/load.h"
 #include "lab/plot/sweep_picture.h"
@@ -485,6 +486,34 @@ TEST(SweepProgram, WarnsOfASetThatHasNoEffect) {
   EXPECT_EQ(warned({"--vary", "device.mass_kg=0.1,0.2"}), "");
 }
 
+TEST(SweepProgram, TakesItsFolderForItself) {
+  const Folder folder;
+  const FolderLock taken{folder / "", "--out"};
+  const Words part{"sweep", kHeld, "--set", "duration_s=0.1", "--vary", "device.mass_kg=1,2", "--shard", "1/2"};
+  expect_refused(finished(lab(plus(part, {"--out", folder / ""}))), {"--out ", "another program writes there now"});
+}
+
+TEST(SweepProgram, SaysWhyACellCannotBeKept) {
+  const Folder folder;
+  const std::string out = folder / "out";
+  Process sweep =
+      finished({"/bin/sh", "-c",
+                std::string{"trap '' XFSZ; ulimit -f 40; "} + TWOPORT_LAB +
+                    " sweep \"$0\" --set duration_s=0.1 --vary device.mass_kg=1:2:40 --plot none --out \"$1\"",
+                kHeld, out});
+  EXPECT_EQ(sweep.wait(), exited(1)) << sweep.err();
+  EXPECT_NE(sweep.err().find("/cells.jsonl: cannot be written: File too large"), std::string::npos) << sweep.err();
+}
+
+TEST(SweepProgram, ATableThatStdoutDoesNotTakeIsAFailure) {
+  Process sweep = finished({"/bin/sh", "-c",
+                            TWOPORT_LAB + std::string{" sweep \"$0\" --set duration_s=0.1 --vary device.mass_kg=1:2:20 "
+                                                      "--plot none >/dev/full"},
+                            kHeld});
+  EXPECT_EQ(sweep.wait(), exited(1)) << sweep.err();
+  EXPECT_NE(sweep.err().find("standard output: "), std::string::npos) << sweep.err();
+}
+
 TEST(SweepProgram, SaysWhatIsWrong) {
   const auto sweep = [](const Words& more) {
     return finished(lab(plus({"sweep", kHeld, "--set", "duration_s=0.1"}, more)));
@@ -495,6 +524,11 @@ TEST(SweepProgram, SaysWhatIsWrong) {
   expect_refused(sweep({"--vary", "device.mass_kg=0.1,-1"}), {"device.mass_kg", "-1", ">= 0"});
   expect_refused(sweep({"--vary", "device.mass_kg=1,2", "--vary", "device.mass_kg=3,4"}), {"device.mass_kg", "twice"});
   expect_refused(sweep({"--vary", "device.mass_kg,seed=1,2", "--vary", "seed=3,4"}), {"seed is varied twice"});
+  expect_refused(sweep({"--vary", " device.mass_kg=1,2", "--vary", "device.mass_kg=1,3"}),
+                 {"--vary  device.mass_kg: what it sets, --vary device.mass_kg sets anew"});
+  expect_refused(sweep({"--vary", "environment[0].wall.stiffness_n_per_m=1,2", "--vary", "device.mass_kg=1,2", "--vary",
+                        "environment[0].spring.stiffness_n_per_m=1,2"}),
+                 {"--vary environment[0].wall.stiffness_n_per_m: what it sets, --vary environment[0].spring."});
   for (const bool block_first : {true, false}) {
     const Words block{"--vary", "device={mass_kg: 3},{mass_kg: 4}"}, part{"--vary", "device.mass_kg=1,2"};
     expect_refused(sweep(block_first ? plus(block, part) : plus(part, block)),
