@@ -21,13 +21,15 @@ std::string text(const Vector3d& v) {
   return fmt::format("[{:.17g}, {:.17g}, {:.17g}]", v.x(), v.y(), v.z());
 }
 
-constexpr const char* kBodies = R"(
-  to_slave { delay_ms: 20 loss: 0.02 } to_master { delay_ms: 20 loss: 0.02 }
-  control {
+std::string over_a_link(const std::string& rotation) {
+  return fmt::format(R"(
+  to_slave {{ delay_ms: 20 loss: 0.02 }} to_master {{ delay_ms: 20 loss: 0.02 }}
+  control {{
     architecture: POSITION_FORCE
-    virtual_coupling { stiffness_n_per_m: 1000 damping_n_s_per_m: 30
-                       rotational_stiffness_n_m_per_rad: 10 rotational_damping_n_m_s_per_rad: 0.3 }
-  })";
+    virtual_coupling {{ stiffness_n_per_m: 1000 damping_n_s_per_m: 30 {} }}
+  }})",
+                     rotation);
+}
 
 /// A plate with four corners and a capsule in its way.
 std::string plate(const Isometry3d& world) {
@@ -46,11 +48,12 @@ std::string plate(const Isometry3d& world) {
                               text(world * Vector3d{0.03, 0, 0}), text(world * Vector3d{0.035, 0.02, 0.01}),
                               text(world * Vector3d::Zero()), text(world * Vector3d::Zero()),
                               text(world * Vector3d{0.09, -0.05, 0.03}), text(world * Vector3d{0.09, 0.05, 0.02}));
+  s += "\n  tool {";
   for (const double y : {0.03, -0.03})
     for (const double z : {0.03, -0.03})
-      s +=
-          fmt::format("\n  tool {{ contact_point {{ position_m: {} }} }}", text(world.linear() * Vector3d{0.05, y, z}));
-  return s + kBodies;
+      s += fmt::format(" contact_point {{ position_m: {} }}", text(world.linear() * Vector3d{0.05, y, z}));
+  s += " }\n";
+  return s + over_a_link("rotational_stiffness_n_m_per_rad: 10 rotational_damping_n_m_s_per_rad: 0.3");
 }
 /// A point on a rough wall.
 std::string point(const Isometry3d& world) {
@@ -67,7 +70,7 @@ std::string point(const Isometry3d& world) {
                      text(world * Vector3d{0.03, 0.01, 0}), text(world * Vector3d{0.02, 0.03, 0.01}),
                      text(world * Vector3d::Zero()), text(world * Vector3d::Zero()), text(-into),
                      -0.01 - into.dot(world.translation())) +
-         kBodies;
+         over_a_link("");
 }
 
 class TurnedWorld : public testing::TestWithParam<const char*> {};
@@ -85,7 +88,7 @@ TEST_P(TurnedWorld, GivesTheSameFigures) {
       return run(parse_scene(scene(world), "turned world", method));
     };
     const Summary straight = figures(Isometry3d::Identity());
-    ASSERT_GT(straight.touching_share(), 0.3);
+    ASSERT_GT(straight.touching_share(), 0.2);
     for (const Isometry3d& world : {cycled, turned}) {
       const Summary other = figures(world);
       // Where friction sticks and slips, rounding grows: 1e-9 is seen.
