@@ -238,5 +238,8 @@ int run(int argc, char** argv) {
 }  // namespace twoport
 
 int main(int argc, char** argv) {
-  return twoport::run(argc, argv);
+  const int status = twoport::run(argc, argv);
+  if (std::fflush(stdout) == 0 && std::ferror(stdout) == 0) return status;
+  twoport::print_error("twoport-device: standard output: not all could be written\n");
+  return status == 0 ? 1 : status;
 }

@@ -9,6 +9,7 @@
 
 #include <array>
 #include <cerrno>
+#include <csignal>
 #include <cstring>
 #include <utility>
 
@@ -120,6 +121,7 @@ void make_key_file(const std::string& path) {
     if (errno == EEXIST) throw ConfigError{path + ": exists already; a key is never overwritten, choose another name"};
     throw ConfigError{fmt::format("{}: cannot be made: {}", path, std::strerror(errno))};
   }
+  std::signal(SIGXFSZ, SIG_IGN);  // `ulimit -f`: the write fails, and no half key is left
   // The mode that was asked for, whatever the umask.
   const bool written =
       ::fchmod(file.fd, 0600) == 0 &&

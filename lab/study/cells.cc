@@ -201,11 +201,14 @@ CellFile::CellFile(const std::string& folder, const Plan& plan) : path_{path_in(
 }
 
 void CellFile::append(std::size_t cell, const std::vector<std::string>& row) {
-  errno = 0;
-  file_ << line(plan_, cell, row) << std::flush;
-  if (!file_)
-    throw IoError{
-        fmt::format("{}: cannot be written{}", path_, errno != 0 ? ": " + std::generic_category().message(errno) : "")};
+  if (failure_.empty()) {
+    errno = 0;
+    file_ << line(plan_, cell, row) << std::flush;
+    if (file_) return;
+    failure_ =
+        fmt::format("{}: cannot be written{}", path_, errno != 0 ? ": " + std::generic_category().message(errno) : "");
+  }
+  throw IoError{failure_};
 }
 
 Part read_part(const std::string& folder) {

@@ -45,6 +45,7 @@ class CellFile {
   /// another program writes into the folder.
   CellFile(const std::string& folder, const Plan& plan);
 
+  /// Throws IoError when the cell cannot be kept, and for all that follow.
   void append(std::size_t cell, const std::vector<std::string>& row);
   [[nodiscard]] const Cells& kept() const { return kept_; }
 
@@ -53,6 +54,7 @@ class CellFile {
   Plan plan_;
   std::optional<FolderLock> lock_;
   std::ofstream file_;
+  std::string failure_;  ///< why nothing more is kept; empty: it is
   Cells kept_;
 };
 

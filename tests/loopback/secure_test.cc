@@ -37,6 +37,10 @@ TEST(Key, MadeByKeygenCouplesTwoPrograms) {
   EXPECT_NE(again.err().find("exists already"), std::string::npos) << again.err();
   for (const std::string flag : {"--help", "--version"}) EXPECT_EQ(finished({TWOPORT_KEYGEN, flag}).wait(), exited(0));
   EXPECT_EQ(finished({TWOPORT_KEYGEN}).wait(), exited(2));
+  const std::string lost = pair.at("lost");
+  Process limited = finished({"/bin/sh", "-c", "ulimit -f 0; exec " + std::string{TWOPORT_KEYGEN} + " \"$0\"", lost});
+  EXPECT_EQ(limited.wait(), exited(1));
+  EXPECT_FALSE(std::filesystem::exists(lost));
 
   pair.scheduling.insert(pair.scheduling.end(), {"--key", key});
   Process slave = pair.listening_slave(), master = pair.master();

@@ -194,6 +194,14 @@ TEST(Usage, ASummaryThatStdoutDoesNotTakeIsAFailure) {
   }
 }
 
+TEST(Usage, AProbeThatStdoutDoesNotTakeIsAFailure) {
+  for (const std::string what : {"list", "probe sim", "--help"}) {
+    Process process = finished({"/bin/sh", "-c", std::string{TWOPORT_DEVICE} + " " + what + " >/dev/full"});
+    EXPECT_EQ(process.wait(), exited(1)) << what;
+    EXPECT_NE(process.err().find("standard output: not all could be written"), std::string::npos) << process.err();
+  }
+}
+
 TEST(Usage, HelpAndVersionAnswerOnStdout) {
   for (const std::string program : {TWOPORT_MASTER, TWOPORT_SLAVE, TWOPORT_LAB}) {
     Process help = finished({program, "--help"}), version = finished({program, "--version"});
