@@ -76,6 +76,7 @@ int sweep_command(Arguments& a) {
                     : a.verdict == "lean" ? VerdictFrom::lean
                                           : VerdictFrom::tail;
   if (!a.shard.empty()) a.sweep.shard = parse_shard(a.shard);
+  if (!a.sweep.out.empty()) a.sweep.returned = columns_of_picture(a.plot);
   LaneUse use;
   const Table table = sweep(a.sweep, checked_lanes(a.lanes.value_or(0)), use, show_progress);
   if (a.lanes || progress_is_shown()) say_lanes(use);
@@ -90,7 +91,7 @@ int sweep_command(Arguments& a) {
 
 int merge_command(const Arguments& a) {
   check_plot(a.plot, true);
-  finish(merge(a.parts, a.sweep.out), a.plot, a.sweep.out);
+  finish(merge(a.parts, a.sweep.out, columns_of_picture(a.plot)), a.plot, a.sweep.out);
   return 0;
 }
 
@@ -137,7 +138,7 @@ The verdict is that of the worst seed, given in worst_seed: an unstable one befo
 smallest min_port_energy_j.
 
 Finished cells are kept in OUT/cells.jsonl: a stopped sweep resumes from there if scene, overrides, axes, seeds
-and verdict are unchanged. Expectations of the scene (expect) are not checked.
+and verdict are unchanged. Memory holds only the figure to plot, without --out all (about 10 kB a cell). Expectations of the scene (expect) are not checked.
 gnuplot draws up to three axes: a curve, a map, a map for each value of the third.)");
 
   CLI::App* merge = app.add_subcommand("merge", "Combine the parts of sweep --shard I/N");

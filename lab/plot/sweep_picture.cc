@@ -256,6 +256,10 @@ std::string pages(const Picture& p, const std::string& name) {
 
 }  // namespace
 
+std::vector<std::string> columns_of_picture(const std::string& key) {
+  return {key, key + "_sd", key + "_worst", "stable", "stable_worst", "scene"};
+}
+
 std::string draw(const Table& table, const std::string& key, const std::string& folder) {
   if (table.axes.size() > 3) return fmt::format("no picture: {} axes, and one shows at most three", table.axes.size());
   if (table.axes.size() == 3 && table.axes[2].values.size() > kMostPanels)

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <string>
+#include <vector>
 
 #include "lab/study/sweep.h"
 
@@ -13,5 +14,8 @@ namespace twoport::lab {
 /// looks small. What gnuplot was given stays beside the pictures, as KEY.gp and KEY.dat. Returns one sentence: what was
 /// drawn, or why nothing was. Throws ConfigError when the table has no such column.
 std::string draw(const Table& table, const std::string& key, const std::string& folder);
+
+/// The columns of a sweep, besides the varied paths, that the picture of `key` shows.
+std::vector<std::string> columns_of_picture(const std::string& key);
 
 }  // namespace twoport::lab

@@ -170,9 +170,7 @@ Boundary find_boundary(const BoundaryOptions& o, const std::function<void(const 
 
 BoundaryCurve boundary_curve(const BoundaryOptions& o, const Axis& along,
                              const std::function<void(std::size_t)>& finished) {
-  for (const std::string& path : along.paths)
-    if (std::find(o.vary.paths.begin(), o.vary.paths.end(), path) != o.vary.paths.end())
-      throw ConfigError{fmt::format("--along {}: {} is varied by --vary", along.name(), path)};
+  refuse_overlap(along, o.vary.paths, "--along");
   const auto options_at = [&](const std::string& value) {
     BoundaryOptions at = o;
     along.append_overrides(at.set, value);

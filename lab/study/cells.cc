@@ -6,10 +6,12 @@
 
 #include <algorithm>
 #include <cerrno>
+#include <charconv>
 #include <filesystem>
-#include <iterator>
+#include <optional>
 #include <string_view>
 #include <system_error>
+#include <utility>
 
 #include "common/base/check.h"
 #include "common/base/file.h"
@@ -57,17 +59,7 @@ bool is_as_written(const std::string& line, std::string_view of_sweep) {
   return end != line.npos && with_check(line.substr(0, end), of_sweep) == line;
 }
 
-std::string line(const Plan& plan) {
-  std::vector<std::string> axes;
-  for (const Axis& a : plan.axes)
-    axes.push_back(
-        fmt::format(R"({{"path": {}, "log": {}, "values": {}}})", json_text(a.name()), a.logarithmic, list(a.values)));
-  return with_check(fmt::format("{{\"digest\": {}, \"axes\": [{}], \"seeds\": {}, \"columns\": {}",
-                                json_text(plan.digest), fmt::join(axes, ", "), plan.seeds, list(plan.columns)),
-                    "");
-}
-
-std::string line(const Plan& plan, std::size_t cell, const std::vector<std::string>& row) {
+std::string line_of(const Plan& plan, std::size_t cell, const std::vector<std::string>& row) {
   return with_check(fmt::format("{{\"cell\": {}, \"row\": {}", cell, list(row)), plan.digest);
 }
 
@@ -84,12 +76,57 @@ const pb::Value& member(const pb::Struct& object, const char* name) {
   return found == object.fields().end() ? kNone : found->second;
 }
 
-/// What the whole lines of a file say, and how many bytes they are.
-struct Contents {
-  Plan plan;
-  Cells cells;
-  std::size_t whole = 0;
-};
+/// Takes `expected` off the beginning of `text`. False if it begins otherwise.
+bool take(std::string_view& text, std::string_view expected) {
+  if (!text.starts_with(expected)) return false;
+  text.remove_prefix(expected.size());
+  return true;
+}
+
+/// Takes what json_text has written off the beginning of `text`.
+bool take_text(std::string_view& text, std::string& out) {
+  if (!take(text, "\"")) return false;
+  for (std::size_t i = 0; i < text.size(); ++i) {
+    if (text[i] == '"') {
+      text.remove_prefix(i + 1);
+      return true;
+    }
+    if (text[i] != '\\') {
+      out += text[i];
+      continue;
+    }
+    unsigned code = 0;
+    if (text.substr(i + 1, 1) != "u") {
+      out += text.substr(++i, 1);
+    } else if (const std::string_view hex = text.substr(i + 2, 4);
+               std::from_chars(hex.data(), hex.data() + hex.size(), code, 16).ptr == hex.data() + 4) {
+      out += static_cast<char>(code);
+      i += 5;
+    } else {
+      return false;
+    }
+  }
+  return false;
+}
+
+/// Cell and row of a line as line() writes it; none where it reads otherwise.
+std::optional<std::pair<std::size_t, std::vector<std::string>>> parse_cell(const Plan& plan, const std::string& whole) {
+  if (!is_as_written(whole, plan.digest)) return std::nullopt;
+  std::string_view text = whole;
+  std::size_t cell = 0;
+  if (!take(text, "{\"cell\": ")) return std::nullopt;
+  const auto [after, error] = std::from_chars(text.data(), text.data() + text.size(), cell);
+  text.remove_prefix(static_cast<std::size_t>(after - text.data()));
+  if (error != std::errc{} || cell >= plan.cells() || !take(text, ", \"row\": [")) return std::nullopt;
+  std::vector<std::string> row(plan.columns.size());
+  for (std::size_t i = 0; i < row.size(); ++i)
+    if ((i > 0 && !take(text, ", ")) || !take_text(text, row[i])) return std::nullopt;
+  const std::vector<std::string> varied = plan.varied_columns(cell);
+  if (!take(text, "]") || !text.starts_with(kCheck) || varied.size() > row.size() ||
+      !std::equal(varied.begin(), varied.end(), row.begin()))
+    return std::nullopt;
+  return std::pair{cell, std::move(row)};
+}
 
 /// Line 1 of `path`. Throws ConfigError when it is not what a sweep has written.
 Plan parse_plan(const std::string& path, const std::string& line) {
@@ -105,49 +142,11 @@ Plan parse_plan(const std::string& path, const std::string& line) {
     plan.axes.push_back({.paths = parse_paths(member(axis.struct_value(), "path").string_value(), path + ":1"),
                          .values = texts(member(axis.struct_value(), "values")),
                          .logarithmic = member(axis.struct_value(), "log").bool_value()});
+  double cells = 1.0;
+  for (const Axis& axis : plan.axes) cells *= static_cast<double>(axis.values.size());
+  if (!(cells >= 1.0 && cells <= static_cast<double>(kMostCells)))
+    throw ConfigError{fmt::format("{}:1: {:.0f} cells; there must be 1 to {}", path, cells, kMostCells)};
   return plan;
-}
-
-/// One line of a cell into `cells`. False if it is not of the sweep, or was changed.
-bool add_cell(const Plan& plan, const std::string& line, Cells& cells) {
-  pb::Struct object;
-  if (!is_as_written(line, plan.digest) || !pb::util::JsonStringToMessage(line, &object).ok()) return false;
-  const double number = member(object, "cell").number_value();
-  if (!(number >= 0.0 && number < static_cast<double>(plan.cells()))) return false;
-  const auto cell = static_cast<std::size_t>(number);
-  std::vector<std::string> row = texts(member(object, "row"));
-  const std::vector<std::string> varied = plan.varied_columns(cell);
-  if (static_cast<double>(cell) != number || row.size() != plan.columns.size() ||
-      !std::equal(varied.begin(), varied.end(), row.begin()))
-    return false;
-  // Files put together by hand may hold the same row twice.
-  return cells.emplace(cell, row).first->second == row;
-}
-
-Contents parse(const std::string& path, const std::string& text) {
-  Contents found;
-  int number = 0;
-  for (std::size_t end; (end = text.find('\n', found.whole)) != text.npos; found.whole = end + 1) {
-    const std::string line = text.substr(found.whole, end + 1 - found.whole);
-    if (++number == 1) {
-      found.plan = parse_plan(path, line);
-    } else if (!add_cell(found.plan, line, found.cells)) {
-      throw ConfigError{fmt::format(
-          "{}:{}: is not a cell of this sweep as it was written; remove the line to run its cell again", path, number)};
-    }
-  }
-  return found;
-}
-
-std::string path_in(const std::string& folder) {
-  return (std::filesystem::path{folder} / "cells.jsonl").string();
-}
-
-bool read(const std::string& path, std::string& text) {
-  std::ifstream file{path, std::ios::binary};
-  if (!file) return false;
-  text.assign(std::istreambuf_iterator<char>{file}, {});
-  return true;
 }
 
 }  // namespace
@@ -181,50 +180,109 @@ std::string Plan::name(std::size_t cell) const {
   return fmt::format("{}", fmt::join(parts, ", "));
 }
 
-CellFile::CellFile(const std::string& folder, const Plan& plan) : path_{path_in(folder)}, plan_{plan} {
+std::string Plan::line() const {
+  std::vector<std::string> of_axes;
+  for (const Axis& a : axes)
+    of_axes.push_back(
+        fmt::format(R"({{"path": {}, "log": {}, "values": {}}})", json_text(a.name()), a.logarithmic, list(a.values)));
+  return with_check(fmt::format("{{\"digest\": {}, \"axes\": [{}], \"seeds\": {}, \"columns\": {}", json_text(digest),
+                                fmt::join(of_axes, ", "), seeds, list(columns)),
+                    "");
+}
+
+CellFile::CellFile(const std::string& folder) : path_{cells_in(folder)} {
+  if (!std::ifstream{path_}) throw ConfigError{fmt::format("{}: cannot be read; a sweep with --out leaves it", path_)};
+  if (!read()) throw ConfigError{fmt::format("{}: is empty", path_)};
+}
+
+CellFile::CellFile(const std::string& folder, const Plan& plan) : path_{cells_in(folder)} {
   make_folder(folder);
   lock_.emplace(folder, "--out");
-  std::string text;
-  if (read(path_, text) && text.find('\n') != text.npos) {
-    Contents found = parse(path_, text);
-    if (found.plan.digest != plan.digest)
-      throw ConfigError{fmt::format(
-          "{}: holds cells of another scene, overrides, axes, seeds, verdict or version; name another --out, "
-          "or remove it",
-          path_)};
-    kept_ = std::move(found.cells);
-    if (found.whole < text.size()) write_whole(path_, text.substr(0, found.whole));
-  } else {
-    write_whole(path_, line(plan));
+  if (!read()) {
+    const std::string first = plan.line();
+    write_whole(path_, first);
+    plan_ = plan;
+    begins_.assign(plan.cells(), kMissing);
+    end_ = first.size();
+    in_.close();
+    in_.open(path_, std::ios::binary);
+  } else if (plan_.line() != plan.line()) {
+    throw ConfigError{
+        fmt::format("{}: holds cells of another scene, overrides, axes, seeds, verdict or version; name another --out, "
+                    "or remove it",
+                    path_)};
+  } else if (std::error_code error; std::filesystem::file_size(path_, error) > end_ && !error) {
+    std::filesystem::resize_file(path_, end_, error);
+    if (error) throw IoError{fmt::format("{}: cannot be written: {}", path_, error.message())};
   }
-  file_.open(path_, std::ios::app | std::ios::binary);
+  out_.open(path_, std::ios::app | std::ios::binary);
+}
+
+/// Every line of the file. False when there is not one.
+bool CellFile::read() {
+  in_.open(path_, std::ios::binary);
+  std::string line;
+  for (int number = 1; std::getline(in_, line) && !in_.eof(); ++number) {
+    line += '\n';
+    if (number == 1) {
+      plan_ = parse_plan(path_, line);
+      begins_.assign(plan_.cells(), kMissing);
+    } else if (!add(line)) {
+      throw ConfigError{
+          fmt::format("{}:{}: is not a cell of this sweep as it was written; remove the line to run its cell again",
+                      path_, number)};
+    }
+    end_ += line.size();
+  }
+  in_.clear();
+  return end_ > 0;
+}
+
+/// One more line, at end_. False if it is not of the sweep, or was changed.
+bool CellFile::add(const std::string& line) {
+  const auto found = parse_cell(plan_, line);
+  if (!found) return false;
+  // Files put together by hand may hold the same row twice.
+  if (holds(found->first)) {
+    const auto here = in_.tellg();
+    const bool same = this->line(found->first) == line;
+    in_.seekg(here);
+    return same;
+  }
+  begins_[found->first] = end_;
+  return true;
 }
 
 void CellFile::append(std::size_t cell, const std::vector<std::string>& row) {
   if (failure_.empty()) {
     errno = 0;
-    file_ << line(plan_, cell, row) << std::flush;
-    if (file_) return;
+    const std::string text = line_of(plan_, cell, row);
+    out_ << text << std::flush;
+    if (out_) {
+      begins_[cell] = std::exchange(end_, end_ + text.size());
+      return;
+    }
     failure_ =
         fmt::format("{}: cannot be written{}", path_, errno != 0 ? ": " + std::generic_category().message(errno) : "");
   }
   throw IoError{failure_};
 }
 
-Part read_part(const std::string& folder) {
-  const std::string path = path_in(folder);
+std::string CellFile::line(std::size_t cell) {
   std::string text;
-  if (!read(path, text)) throw ConfigError{fmt::format("{}: cannot be read; a sweep with --out leaves it", path)};
-  if (text.find('\n') == text.npos) throw ConfigError{fmt::format("{}: is empty", path)};
-  Contents found = parse(path, text);
-  return {path, std::move(found.plan), std::move(found.cells)};
+  in_.seekg(static_cast<std::streamoff>(begins_[cell]));
+  if (!std::getline(in_, text)) throw IoError{fmt::format("{}: cannot be read any more", path_)};
+  return text + '\n';
 }
 
-void write_part(const std::string& folder, const Plan& plan, const Cells& cells) {
-  make_folder(folder);
-  std::string text = line(plan);
-  for (const auto& [cell, row] : cells) text += line(plan, cell, row);
-  write_whole(path_in(folder), text);
+std::vector<std::string> CellFile::row(std::size_t cell) {
+  auto found = parse_cell(plan_, line(cell));
+  if (!found || found->first != cell) throw IoError{fmt::format("{}: was changed meanwhile", path_)};
+  return std::move(found->second);
+}
+
+std::string cells_in(const std::string& folder) {
+  return (std::filesystem::path{folder} / "cells.jsonl").string();
 }
 
 void make_folder(const std::string& folder) {

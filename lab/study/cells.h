@@ -3,7 +3,6 @@
 #include <cstddef>
 #include <cstdint>
 #include <fstream>
-#include <map>
 #include <optional>
 #include <string>
 #include <vector>
@@ -12,6 +11,9 @@
 #include "lab/study/sweep.h"
 
 namespace twoport::lab {
+
+/// Most cells of a sweep.
+inline constexpr std::size_t kMostCells = 1'000'000;
 
 /// Definition of a sweep: the first line of cells.jsonl.
 struct Plan {
@@ -27,10 +29,9 @@ struct Plan {
   [[nodiscard]] std::vector<std::string> varied_columns(std::size_t cell) const;
   /// "a=1, b=2" for an error sentence.
   [[nodiscard]] std::string name(std::size_t cell) const;
+  /// The first line of cells.jsonl.
+  [[nodiscard]] std::string line() const;
 };
-
-/// Rows by number of cell.
-using Cells = std::map<std::size_t, std::vector<std::string>>;
 
 /// The finished cells of a sweep in FOLDER/cells.jsonl, JSON by line:
 ///
@@ -38,36 +39,42 @@ using Cells = std::map<std::size_t, std::vector<std::string>>;
 ///     {"cell": 3, "row": ["0.5", "6000", …], "check": …}
 ///
 /// Lines are only appended; an incomplete last line is ignored. `check` is a digest of the rest of the line and of the
-/// sweep: a line that was edited, or is of another sweep, is refused.
+/// sweep: a line that was edited, or is of another sweep, is refused. Only where each line begins is in memory.
 class CellFile {
  public:
-  /// Creates the folder and the file, or continues one of the same plan. Throws ConfigError for another plan's, and while
-  /// another program writes into the folder.
+  /// Reads what a folder holds. Throws ConfigError when there is nothing.
+  explicit CellFile(const std::string& folder);
+  /// To append: creates the folder and the file, or continues one of the same plan. Throws ConfigError for another plan's,
+  /// and while another program writes into the folder.
   CellFile(const std::string& folder, const Plan& plan);
 
   /// Throws IoError when the cell cannot be kept, and for all that follow.
   void append(std::size_t cell, const std::vector<std::string>& row);
-  [[nodiscard]] const Cells& kept() const { return kept_; }
+
+  [[nodiscard]] const std::string& path() const { return path_; }
+  [[nodiscard]] const Plan& plan() const { return plan_; }
+  [[nodiscard]] bool holds(std::size_t cell) const { return begins_[cell] != kMissing; }
+  /// The line of a cell that is held, its newline included, or its row. Throws IoError when it is not there any more.
+  std::string line(std::size_t cell);
+  std::vector<std::string> row(std::size_t cell);
 
  private:
+  bool read();
+  bool add(const std::string& line);
+
+  static constexpr std::uint64_t kMissing = ~std::uint64_t{0};
   std::string path_;
   Plan plan_;
+  std::vector<std::uint64_t> begins_;  ///< of each cell's line, or kMissing
+  std::uint64_t end_ = 0;              ///< of the last whole line
+  std::ifstream in_;
   std::optional<FolderLock> lock_;
-  std::ofstream file_;
+  std::ofstream out_;
   std::string failure_;  ///< why nothing more is kept; empty: it is
-  Cells kept_;
 };
 
-/// Plan and cells that a folder holds. Throws ConfigError when there are none.
-struct Part {
-  std::string path;
-  Plan plan;
-  Cells cells;
-};
-Part read_part(const std::string& folder);
-
-/// All at once: complete or not at all.
-void write_part(const std::string& folder, const Plan& plan, const Cells& cells);
+/// FOLDER/cells.jsonl.
+std::string cells_in(const std::string& folder);
 
 void make_folder(const std::string& folder);
 

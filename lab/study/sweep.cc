@@ -8,6 +8,7 @@
 #include <cmath>
 #include <cstdint>
 #include <map>
+#include <memory>
 #include <mutex>
 #include <optional>
 #include <string_view>
@@ -32,7 +33,7 @@
 namespace twoport::lab {
 namespace {
 
-constexpr std::size_t kMostCells = 1'000'000, kMostRuns = 1'000'000'000;
+constexpr std::size_t kMostRuns = 1'000'000'000;
 
 template <class Number>
 bool reads(std::string_view text, Number& number) {
@@ -188,20 +189,21 @@ std::pair<Scene, std::uint64_t> scene_of_run(const SweepOptions& o, const SceneT
   }
 }
 
-/// Runs runs several at once where lanes take them, the rest alone. `finished` is called from any thread, with each run, its summary and
-/// the seed of its cell's scene.
+/// Runs each cell with each seed, several at once where lanes take them, the rest alone. `finished` is called from any thread, with each
+/// run, its summary and the seed of its cell's scene.
 template <class Finished>
-LaneUse run_all(const SweepOptions& o, int lanes, const SceneText& base, const Plan& plan, const std::vector<Run>& runs,
-                Finished finished) {
+LaneUse run_all(const SweepOptions& o, int lanes, const SceneText& base, const Plan& plan,
+                const std::vector<std::size_t>& cells, std::size_t seeds, Finished finished) {
   constexpr std::size_t kLoaded = 4096;
   LaneUse use{.lanes = checked_lanes(lanes)};
-  for (std::size_t from = 0; from < runs.size(); from += kLoaded) {
-    const std::size_t count = std::min(kLoaded, runs.size() - from);
+  for (std::size_t from = 0; from < cells.size() * seeds; from += kLoaded) {
+    const std::size_t count = std::min(kLoaded, cells.size() * seeds - from);
+    const auto nth = [&](std::size_t i) { return Run{cells[(from + i) / seeds], (from + i) % seeds}; };
     std::vector<std::optional<Scene>> loaded(count);
     std::vector<std::uint64_t> first_seeds(count);
     for_each_parallel(count, o.jobs, [&](std::size_t i) {
       try {
-        std::tie(loaded[i], first_seeds[i]) = scene_of_run(o, base, plan, runs[from + i]);
+        std::tie(loaded[i], first_seeds[i]) = scene_of_run(o, base, plan, nth(i));
       } catch (const ConfigError&) {  // thrown once the others have run
       }
     });
@@ -212,10 +214,10 @@ LaneUse run_all(const SweepOptions& o, int lanes, const SceneText& base, const P
     use.add(run_many(scenes, {.lanes = lanes, .jobs = o.jobs, .verdict = o.verdict, .stop = o.stop},
                      [&](std::size_t number, const Summary& summary) {
                        const std::size_t i = numbers[number];
-                       finished(runs[from + i], with_verdict_of_both(summary), first_seeds[i]);
+                       finished(nth(i), with_verdict_of_both(summary), first_seeds[i]);
                      }));
     for (std::size_t i = 0; i < count; ++i)
-      if (!loaded[i]) scene_of_run(o, base, plan, runs[from + i]);
+      if (!loaded[i]) scene_of_run(o, base, plan, nth(i));
   }
   return use;
 }
@@ -226,11 +228,60 @@ bool is_part(std::string_view path, std::string_view whole) {
          (path[whole.size()] == '.' || path[whole.size()] == '[');
 }
 
-Table table_of(const Plan& plan, Cells cells) {
-  Table table{.axes = plan.axes, .seeds = plan.seeds, .columns = plan.columns, .rows = {}};
-  for (auto& [cell, row] : cells) table.rows.push_back(std::move(row));
-  return table;
+/// One line of a table, the newline included.
+std::string csv_line(const std::vector<std::string>& row) {
+  std::string csv;
+  for (std::size_t i = 0; i < row.size(); ++i) {
+    if (i > 0) csv += ',';
+    if (row[i].find_first_of(",\"\n") == std::string::npos) {
+      csv += row[i];
+      continue;
+    }
+    csv += '"';
+    for (const char c : row[i]) csv += c == '"' ? "\"\"" : std::string(1, c);
+    csv += '"';
+  }
+  return csv + '\n';
 }
+
+using Names = std::optional<std::vector<std::string>>;
+
+/// A table that takes rows of a plan in order: its file has all columns, what is returned those of `names`.
+class TableWriter {
+ public:
+  /// `path`: of the file; empty: none.
+  TableWriter(const Plan& plan, const Names& names, const std::string& path)
+      : table_{.axes = plan.axes, .seeds = plan.seeds, .columns = {}, .rows = {}} {
+    const std::size_t varied = plan.varied_columns(0).size();
+    for (std::size_t i = 0; i < plan.columns.size(); ++i)
+      if (i < varied || !names || std::find(names->begin(), names->end(), plan.columns[i]) != names->end())
+        returned_.push_back(i);
+    table_.columns = chosen(plan.columns);
+    if (path.empty()) return;
+    file_.emplace(path);
+    file_->write(csv_line(plan.columns));
+  }
+
+  void add(const std::vector<std::string>& row) {
+    if (file_) file_->write(csv_line(row));
+    table_.rows.push_back(chosen(row));
+  }
+  Table finish() {
+    if (file_) file_->commit();
+    return std::move(table_);
+  }
+
+ private:
+  [[nodiscard]] std::vector<std::string> chosen(const std::vector<std::string>& row) const {
+    std::vector<std::string> some;
+    for (const std::size_t i : returned_) some.push_back(row[i]);
+    return some;
+  }
+
+  Table table_;
+  std::vector<std::size_t> returned_;
+  std::optional<WholeFile> file_;
+};
 
 }  // namespace
 
@@ -289,12 +340,12 @@ Axis parse_axis(const std::string& text, const std::string& option) {
   return axis;
 }
 
-void refuse_overlap(const Axis& axis, const std::vector<std::string>& varied) {
+void refuse_overlap(const Axis& axis, const std::vector<std::string>& varied, const char* option) {
   for (const std::string& path : axis.paths)
     for (const std::string& other : varied) {
-      if (path == other) throw ConfigError{fmt::format("--vary {}: {} is varied twice", axis.name(), path)};
+      if (path == other) throw ConfigError{fmt::format("{} {}: {} is varied twice", option, axis.name(), path)};
       if (is_part(path, other) || is_part(other, path))
-        throw ConfigError{fmt::format("--vary {}: {} is a part of {}, which is varied too; vary one of them",
+        throw ConfigError{fmt::format("{} {}: {} is a part of {}, which is varied too; vary one of them", option,
                                       axis.name(), std::max(path, other), std::min(path, other))};
     }
 }
@@ -330,22 +381,8 @@ std::size_t Table::column_of(std::size_t axis) const {
 }
 
 std::string to_csv(const Table& table) {
-  std::string csv;
-  const auto add = [&](const std::vector<std::string>& row) {
-    for (std::size_t i = 0; i < row.size(); ++i) {
-      if (i > 0) csv += ',';
-      if (row[i].find_first_of(",\"\n") == std::string::npos) {
-        csv += row[i];
-        continue;
-      }
-      csv += '"';
-      for (const char c : row[i]) csv += c == '"' ? "\"\"" : std::string(1, c);
-      csv += '"';
-    }
-    csv += '\n';
-  };
-  add(table.columns);
-  for (const auto& row : table.rows) add(row);
+  std::string csv = csv_line(table.columns);
+  for (const auto& row : table.rows) csv += csv_line(row);
   return csv;
 }
 
@@ -360,78 +397,85 @@ Table sweep(const SweepOptions& o, int lanes, LaneUse& use, const std::function<
   std::optional<CellFile> file;
   if (!o.out.empty()) file.emplace(o.out, plan);
 
-  Cells cells;
-  std::vector<std::size_t> todo;
+  std::vector<std::size_t> of_shard, todo;
   for (std::size_t cell = o.shard.index - 1; cell < plan.cells(); cell += o.shard.count) {
-    const auto kept = file ? file->kept().find(cell) : Cells::const_iterator{};
-    if (file && kept != file->kept().end()) {
-      cells.insert(*kept);
-    } else {
-      todo.push_back(cell);
-    }
+    of_shard.push_back(cell);
+    if (!file || !file->holds(cell)) todo.push_back(cell);
   }
+  std::map<std::size_t, std::vector<std::string>> rows;  // where there is no file
 
-  Progress progress{.done = cells.size(), .kept = cells.size(), .count = cells.size() + todo.size(), .spent_s = 0.0};
+  const std::size_t kept = of_shard.size() - todo.size();
+  Progress progress{.done = kept, .kept = kept, .count = of_shard.size(), .spent_s = 0.0};
   if (heard) heard(progress);
   std::mutex guard;
   std::map<std::size_t, OpenCell> open;
   const std::size_t seeds = std::max<std::size_t>(o.seeds, 1);
   const auto start = std::chrono::steady_clock::now();
-  std::vector<Run> runs;
-  for (const std::size_t cell : todo)
-    for (std::size_t k = 0; k < seeds; ++k) runs.push_back({cell, k});
-  use = run_all(o, lanes, base, plan, runs, [&](const Run& run, const Summary& summary, std::uint64_t first_seed) {
-    const std::lock_guard lock{guard};
-    OpenCell& of_cell = open[run.cell];
-    of_cell.of_seeds.resize(seeds);
-    of_cell.of_seeds[run.k] = summary;
-    if (++of_cell.finished < seeds) return;
-    std::vector<std::string> row = plan.varied_columns(run.cell);
-    for (auto& [name, text] : o.seeds > 0 ? columns_of(of_cell.of_seeds, first_seed) : columns_of(summary))
-      row.push_back(std::move(text));
-    open.erase(run.cell);
-    if (file) file->append(run.cell, row);
-    cells.emplace(run.cell, std::move(row));
-    ++progress.done;
-    progress.spent_s = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
-    if (heard) heard(progress);
-  });
+  use =
+      run_all(o, lanes, base, plan, todo, seeds, [&](const Run& run, const Summary& summary, std::uint64_t first_seed) {
+        const std::lock_guard lock{guard};
+        OpenCell& of_cell = open[run.cell];
+        of_cell.of_seeds.resize(seeds);
+        of_cell.of_seeds[run.k] = summary;
+        if (++of_cell.finished < seeds) return;
+        std::vector<std::string> row = plan.varied_columns(run.cell);
+        for (auto& [name, text] : o.seeds > 0 ? columns_of(of_cell.of_seeds, first_seed) : columns_of(summary))
+          row.push_back(std::move(text));
+        open.erase(run.cell);
+        if (file) {
+          file->append(run.cell, row);
+        } else {
+          rows.emplace(run.cell, std::move(row));
+        }
+        ++progress.done;
+        progress.spent_s = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+        if (heard) heard(progress);
+      });
 
-  Table table = table_of(plan, std::move(cells));
-  if (file) write_whole(o.out + "/table.csv", to_csv(table));
-  return table;
+  TableWriter table{plan, o.returned, file ? o.out + "/table.csv" : ""};
+  for (const auto& [cell, row] : rows) table.add(row);
+  if (file)
+    for (const std::size_t cell : of_shard) table.add(file->row(cell));
+  return table.finish();
 }
 
-Table merge(const std::vector<std::string>& folders, const std::string& out) {
+Table merge(const std::vector<std::string>& folders, const std::string& out, const Names& returned) {
   if (folders.empty()) throw ConfigError{"merge: there must be at least one folder"};
-  std::vector<Part> found;
-  for (const std::string& folder : folders) found.push_back(read_part(folder));
-  const Plan plan = found.front().plan;
+  std::vector<std::unique_ptr<CellFile>> parts;
+  for (const std::string& folder : folders) parts.push_back(std::make_unique<CellFile>(folder));
+  const Plan& plan = parts.front()->plan();
+  for (const auto& part : parts)
+    if (part->plan().line() != plan.line())
+      throw ConfigError{fmt::format("{}: is of another sweep than {}", part->path(), parts.front()->path())};
 
-  Cells cells;
-  for (const Part& part : found) {
-    if (part.plan.digest != plan.digest)
-      throw ConfigError{fmt::format("{}: is of another sweep than {}", part.path, found.front().path)};
-    for (const auto& [cell, row] : part.cells)
-      if (!cells.emplace(cell, row).second) {
-        const auto other =
-            std::find_if(found.begin(), found.end(), [&, c = cell](const Part& p) { return p.cells.count(c) > 0; });
-        throw ConfigError{
-            fmt::format("cell {} ({}) is in two parts: {} and {}", cell, plan.name(cell), other->path, part.path)};
-      }
+  std::vector<CellFile*> holders(plan.cells(), nullptr);
+  std::size_t missing = 0, first_missing = 0;
+  for (std::size_t cell = 0; cell < plan.cells(); ++cell) {
+    for (const auto& part : parts) {
+      if (!part->holds(cell)) continue;
+      if (holders[cell] != nullptr)
+        throw ConfigError{fmt::format("cell {} ({}) is in two parts: {} and {}", cell, plan.name(cell),
+                                      holders[cell]->path(), part->path())};
+      holders[cell] = part.get();
+    }
+    if (holders[cell] == nullptr && missing++ == 0) first_missing = cell;
   }
-  if (cells.size() < plan.cells()) {
-    std::size_t first = 0;
-    while (cells.count(first) > 0) ++first;
+  if (missing > 0)
     throw ConfigError{
         fmt::format("{} of {} cells are missing, the first is cell {} ({}); every part of --shard I/N must "
                     "be there and have run to its end",
-                    plan.cells() - cells.size(), plan.cells(), first, plan.name(first))};
+                    missing, plan.cells(), first_missing, plan.name(first_missing))};
+
+  make_folder(out);
+  WholeFile cells{cells_in(out)};
+  TableWriter table{plan, returned, out + "/table.csv"};
+  cells.write(plan.line());
+  for (std::size_t cell = 0; cell < plan.cells(); ++cell) {
+    cells.write(holders[cell]->line(cell));
+    table.add(holders[cell]->row(cell));
   }
-  write_part(out, plan, cells);
-  Table table = table_of(plan, std::move(cells));
-  write_whole(out + "/table.csv", to_csv(table));
-  return table;
+  cells.commit();
+  return table.finish();
 }
 
 }  // namespace twoport::lab

@@ -28,8 +28,9 @@ struct Axis {
 /// the text and what is allowed.
 Axis parse_axis(const std::string& text, const std::string& option = "--vary");
 
-/// Throws ConfigError when a path of `axis` is one of `varied`, or one is a part of the other: both would set it, and their order decide.
-void refuse_overlap(const Axis& axis, const std::vector<std::string>& varied);
+/// Throws ConfigError, which begins with `option`, when a path of `axis` is one of `varied`, or one is a part of the other: both would
+/// set it, and their order decide.
+void refuse_overlap(const Axis& axis, const std::vector<std::string>& varied, const char* option = "--vary");
 
 /// Warns on stderr of an assignment of --set that has no effect: its path is one of `varied`, or within one.
 void warn_if_lost(const std::vector<std::string>& set, const std::vector<std::string>& varied);
@@ -55,6 +56,9 @@ struct SweepOptions {
   Shard shard;
   std::string out;                          ///< folder for table.csv and cells.jsonl; empty: nothing is kept
   const std::atomic<bool>* stop = nullptr;  ///< as RunOptions::stop; finished cells are kept
+  /// Figures and texts of the returned table, after the varied paths; none: all. OUT/table.csv has all of them: memory then
+  /// holds of a cell only what is named here.
+  std::optional<std::vector<std::string>> returned{};
 };
 
 /// One row for each cell, in the order of cells: the varied paths first, then every figure of the summary, then
@@ -90,6 +94,8 @@ Table sweep(const SweepOptions& options, const std::function<void(const Progress
 
 /// Combines the parts of one sweep and writes them to `out`, as a single sweep would. Throws
 /// ConfigError naming the cells that are missing, or in two parts, and the folder that belongs to another sweep.
-Table merge(const std::vector<std::string>& folders, const std::string& out);
+/// `returned` as in SweepOptions.
+Table merge(const std::vector<std::string>& folders, const std::string& out,
+            const std::optional<std::vector<std::string>>& returned = {});
 
 }  // namespace twoport::lab

@@ -551,6 +551,8 @@ TEST(BoundaryProgram, SaysWhatIsWrongWithAnIntervalOrAPath) {
   expect_refused(plus(curve, {"device.mass_kg," + kStiffness + "=1,2"}), {"--along", kStiffness + " is varied"});
   expect_refused(plus(curve, {"seed=1,2", "--jobs", "0"}), {"--jobs", "0", "at least 1"});
   expect_refused(plus(curve, {"seed=1,2", "--out", "/dev/null/x"}), {"--out /dev/null/x"});
+  expect_refused(plus(curve, {"environment[0].spring={stiffness_n_per_m:1},{stiffness_n_per_m:2}"}),
+                 {"--along environment[0].spring: ", "is a part of", "vary one of them"});
   expect_refused({kHeld, "--vary", kStiffness + "=500:8000", "--out", "x"}, {"--out", "--along"});
   expect_refused({kHeld + "x", "--vary", kStiffness + "=500:8000"}, {kHeld + "x", "No such file"});
 }

@@ -505,6 +505,51 @@ TEST(SweepProgram, SaysWhyACellCannotBeKept) {
   EXPECT_NE(sweep.err().find("/cells.jsonl: cannot be written: File too large"), std::string::npos) << sweep.err();
 }
 
+// In memory, 20,000 more rows take 200 MB.
+TEST(SweepProgram, KeepsItsRowsOnDisk) {
+#ifdef __SANITIZE_ADDRESS__
+  GTEST_SKIP() << "freed memory is kept by the sanitizer";
+#endif
+  const Folder folder;
+  const auto largest_kb = [&](const std::string& values, const std::string& out) {
+    expect_done(finished(lab({"sweep", kHeld, "--set", "duration_s=0.01", "--verdict", "plain", "--plot", "none",
+                              "--jobs", "2", "--vary", "device.mass_kg=1:2:" + values, "--out", folder / out})));
+    rusage of_children{};
+    getrusage(RUSAGE_CHILDREN, &of_children);
+    return of_children.ru_maxrss;
+  };
+  const long few = largest_kb("5000", "few");
+  EXPECT_LT(largest_kb("25000", "many"), few + 40'000);
+  EXPECT_EQ(test::count(read_text(folder / "many/table.csv"), "\n"), 25'001);
+}
+
+TEST(CellFile, GivesBackWhatItWasGiven) {
+  const Folder folder;
+  const Plan plan{
+      .digest = "d", .axes = {{.paths = {"a", "b"}, .values = {"1", "x\"y"}}}, .seeds = 0, .columns = {"a", "b", "c"}};
+  const std::vector<Words> rows{{"1", "1", "plain"}, {"x\"y", "x\"y", "\\ \" \n \t \x01 µ , [] {} \\u0041"}};
+  folder.write("cells.jsonl", "{");  // a first line that did not get to its end
+  {
+    CellFile file{folder / "", plan};
+    EXPECT_FALSE(file.holds(0));
+    file.append(1, rows[1]);
+    EXPECT_FALSE(file.holds(0));
+    EXPECT_EQ(file.row(1), rows[1]);
+    file.append(0, rows[0]);
+    EXPECT_EQ(file.row(0), rows[0]);
+    EXPECT_EQ(file.row(1), rows[1]);
+  }
+  CellFile again{folder / "", plan};
+  ASSERT_TRUE(again.holds(0) && again.holds(1));
+  EXPECT_EQ(again.row(0), rows[0]);
+  EXPECT_EQ(again.row(1), rows[1]);
+  EXPECT_EQ(again.line(0) + again.line(1), CellFile{folder / ""}.line(0) + CellFile{folder / ""}.line(1));
+
+  // Cut while the program runs.
+  std::filesystem::resize_file(again.path(), std::filesystem::file_size(again.path()) - 3);
+  EXPECT_THROW(again.row(0), IoError);
+}
+
 TEST(SweepProgram, ATableThatStdoutDoesNotTakeIsAFailure) {
   Process sweep = finished({"/bin/sh", "-c",
                             TWOPORT_LAB + std::string{" sweep \"$0\" --set duration_s=0.1 --vary device.mass_kg=1:2:20 "
