@@ -58,13 +58,18 @@ RobotSpec read_robot(const Block<schema::Robot>& of) {
 }
 
 std::vector<Eigen::Vector3d> read_tool(const Block<schema::Tool>& of) {
+  constexpr double kFarthest_m = 100.0;  // the steps of a contact shrink with its lever arm
   std::vector<Eigen::Vector3d> points;
+  const auto add = [&](const auto& block, const Eigen::Vector3d& point) {
+    if (!(point.norm() <= kFarthest_m))
+      block.fail(fmt::format("{}: a contact point is {:.4g} m from the wrist; it must be at most {:g} m", block.path(),
+                             point.norm(), kFarthest_m));
+    points.push_back(point);
+  };
   for (const auto& point : of.blocks(FIELD(contact_point)))
-    points.push_back(vector<3>(point.list(FIELD(position_m), {3, 3, ""})));
-  for (const auto& part : of.blocks(FIELD(part))) {
-    const std::vector<Eigen::Vector3d> more = read_tool_part(part);
-    points.insert(points.end(), more.begin(), more.end());
-  }
+    add(point, vector<3>(point.list(FIELD(position_m), {3, 3, ""})));
+  for (const auto& part : of.blocks(FIELD(part)))
+    for (const Eigen::Vector3d& point : read_tool_part(part)) add(part, point);
   if (points.empty() && of.dof() == 6) points.push_back(Eigen::Vector3d::Zero());
   return points;
 }

@@ -176,6 +176,22 @@ void check_fastest(const SceneBlock& scene, const Scene& values) {
     damping += each.damping_n_s_per_m;
   }
   check("robot and environment: mass", values.slave_rate_hz, values.robot->mass_kg, damping, stiffness);
+  if (values.dof != 6 || values.robot->arm) return;
+  double reach_m = 0.0;
+  for (const Eigen::Vector3d& point : values.tool) reach_m = std::max(reach_m, point.norm());
+  const std::vector<double>& inertia = values.robot->inertia_kg_m2;
+  check("robot and environment: inertia", values.slave_rate_hz, *std::min_element(inertia.begin(), inertia.end()),
+        values.robot->rotational_damping_n_m_s_per_rad + damping * reach_m * reach_m, stiffness * reach_m * reach_m);
+}
+
+/// A free body is stepped as finely as it turns.
+void check_spin(const SceneBlock& scene, const Scene& values) {
+  constexpr double kMost = 10.0;  // [rad] in a tick
+  if (values.dof != 6 || !values.robot || values.robot->velocity_m_per_s.size() != 6) return;
+  const std::vector<double>& twist = values.robot->velocity_m_per_s;
+  const double angle = std::hypot(twist[3], twist[4], twist[5]) / values.slave_rate_hz;
+  if (!(angle <= kMost))
+    scene.fail(fmt::format("robot.velocity_m_per_s turns by {:.3g} rad in a tick; it must be <= {:g}", angle, kMost));
 }
 
 /// Two accounts, normal and tangential, for each contact.
@@ -240,6 +256,7 @@ void check_rules(const SceneBlock& scene, const Scene& values, SceneFor use) {
   check_arm_at_hand(scene, values);
   check_handle(scene, values);
   check_fastest(scene, values);
+  check_spin(scene, values);
   check_accounts(scene, values);
   check_transmission(scene.block(FIELD(to_slave)), values.transmission_to_slave, values.control, values.master_rate_hz,
                      use);

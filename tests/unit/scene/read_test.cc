@@ -452,6 +452,7 @@ TEST(Scene, RefusesWhatIsTooStiffToBeWorthAModel) {
   names("operator.hand.rotational_stiffness_n_m_per_rad=1e15", "device and operator.hand: inertia", kTurning);
   names("environment[0].wall.stiffness_n_per_m=1e15", "robot and environment: mass");
   names("robot.mass_kg=1e-30", "robot and environment: mass");
+  names("robot.inertia_kg_m2=1e-12", "robot and environment: inertia", kTurning);
   EXPECT_EQ(error_of(kStiffWall, {"operator.hand.stiffness_n_per_m=1e12"}), "");
 }
 

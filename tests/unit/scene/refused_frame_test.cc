@@ -22,7 +22,16 @@ INSTANTIATE_TEST_SUITE_P(
         Refusal{kStiffWall, {"tool={}"}, "tool is given, but applies to dof 6 only; dof is 3"},
         Refusal{kTurning,
                 {"tool.contact_point[0].position_m=[1]"},
-                "tool.contact_point[0].position_m is [1]; it must hold 3 numbers"}),
+                "tool.contact_point[0].position_m is [1]; it must hold 3 numbers"},
+        Refusal{kTurning,
+                {"tool.contact_point[1].position_m=[0,-300,400]"},
+                "tool.contact_point[1]: a contact point is 500 m from the wrist; it must be at most 100 m"},
+        Refusal{kTurning,
+                {"tool={part{peg{radius_m:0.01 end_m:[0,0,1e5] axis:[0,0,1] length_m:0.1} spacing_m:0.01}}"},
+                "tool.part[0]: a contact point is 1e+05 m from the wrist; it must be at most 100 m"},
+        Refusal{kTurning,
+                {"robot.velocity_m_per_s=[0,0,0,3e4,0,-4e4]"},
+                "robot.velocity_m_per_s turns by 50 rad in a tick; it must be <= 10"}),
     name_of);
 
 }  // namespace twoport::test
