@@ -1,5 +1,6 @@
 #include "master/program.h"
 
+#include <algorithm>
 #include <limits>
 #include <memory>
 #include <optional>
@@ -87,6 +88,14 @@ struct Master {
   Sample first;
 };
 
+/// A reading that indicates no contact shows no force.
+template <int N>
+Force<N> without_noise_of_free_space(const Force<N>& reading) noexcept {
+  typename Force<N>::Vector f = reading.vec();
+  if (!senses_contact(reading)) f.template head<std::min(N, 3)>().setZero();
+  return Force<N>{f};
+}
+
 /// The values of a master over a link: `row` is of the device and the node, `slave` what is known of the other side.
 template <int N>
 void add_slave(Row<N>& row, const PeerState<N>& slave, Mode mode, const Registration<N>& registration) noexcept {
@@ -97,7 +106,7 @@ void add_slave(Row<N>& row, const PeerState<N>& slave, Mode mode, const Registra
   row.position_error = slave.newest.position_error;
   row.mode = mode;
   // Of the robot all is as old as the newest report.
-  row.reference = registration.to_master(slave.newest.f_environment);
+  row.reference = registration.to_master(without_noise_of_free_space(slave.newest.f_environment));
   row.ahead = -slave.newest.position_error;
   row.following = slave.has_report && slave.newest.mode == Mode::coupled;
   row.coupled = row.following && mode == Mode::coupled;
