@@ -190,7 +190,7 @@ dof: 1, 3 or 6. initial_energy_j: E(0) [J]. output: "force" (an impedance) or "v
 max_gain: largest damping against energy that is already missing; None: 10 N s/m, with the output "velocity" 0.01 m/(N s).
 unilateral: a projected output keeps its sign. predict: the coming interval's deficit counts too.
 mass_kg, radius_of_gyration_m: of the body at the port; 0 kg: not known. max_turn_rad: FORCE_CONE only [rad].
-Errors: ValueError. Source: docs/notation.md, common/passivity/controller.h.)")
+Errors: ValueError. Source: docs/reference/notation.md, common/passivity/controller.h.)")
       .def(py::init(&make_controller), "dof"_a, py::kw_only(), "method"_a = "FORCE_PROJECTED", "output"_a = "force",
            "initial_energy_j"_a = 0.0, "max_gain"_a = py::none(), "unilateral"_a = defaults.unilateral,
            "predict"_a = defaults.predict, "mass_kg"_a = defaults.mass_kg,

@@ -365,7 +365,7 @@ Errors: ValueError, as load_scene.)");
   py::class_<Result>(module, "Result", "What a run leaves.")
       .def_readonly(
           "summary", &Result::summary,
-          R"(What summary.json of twoport-lab holds (docs/summary-and-trace.md). Keys and values are the program's, except
+          R"(What summary.json of twoport-lab holds (docs/reference/summary-and-trace.md). Keys and values are the program's, except
 "step_ns": this machine's time for a tick [ns], which differs from run to run.)")
       .def_readonly("summary_json", &Result::summary_json, "summary.json itself.")
       .def_readonly("violations", &Result::violations,

@@ -52,7 +52,7 @@ struct DeviceTruth {
   double path_ends_s = 0.0;  ///< when the simulated operator's path ends, counted from start() [s]
 };
 
-/// A haptic device: the hardware interface of the master. A driver derives from it (docs/howto/add-a-device.md).
+/// A haptic device: the hardware interface of the master. A driver derives from it (docs/guides/add-a-device.md).
 ///
 /// The constructor opens the device and throws ConfigError with one sentence on failure. Then the program calls, from
 /// one thread: info(), once; sense() then actuate(), once per period, with a single sense() before the first period;

@@ -44,7 +44,7 @@ struct RobotCommand {
   Velocity<N> v_d;
 };
 
-/// A robot with a force sensor: the hardware interface of the slave. A driver derives from it (docs/howto/add-a-robot.md).
+/// A robot with a force sensor: the hardware interface of the slave. A driver derives from it (docs/guides/add-a-robot.md).
 /// Calls and real time as for Device.
 template <int N>
 class Robot {

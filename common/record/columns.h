@@ -14,7 +14,7 @@ struct Column {
 };
 
 /// Calls see(column, value) for each column of trace.csv, in order; `value` is a number or an Eigen vector of N numbers.
-/// This is the only list of columns; docs/summary-and-trace.md explains them.
+/// This is the only list of columns; docs/reference/summary-and-trace.md explains them.
 template <int N, class See>
 void for_each_column(const Row<N>& row, See&& see) {
   see(Column{"t_s", "s", ""}, row.t_s);

@@ -8,7 +8,7 @@
 
 namespace twoport {
 
-/// Is a run stable? docs/stability.md explains the criterion.
+/// Is a run stable? docs/reference/stability.md explains the criterion.
 enum class VerdictKind : unsigned char {
   stable,     ///< the motion decays, or stays bounded and takes no energy from the network
   restless,   ///< bounded and passive, but a controller keeps it moving
@@ -67,7 +67,7 @@ Verdict judge_body(const Tail& tail);
 /// no more than the motion does.
 bool twin_has_parted(const Tail& tail, const MotionScale& run);
 
-/// Judges a tail by the trends of each coordinate, y and d, and by the energies through the ports. Rules: docs/stability.md.
+/// Judges a tail by the trends of each coordinate, y and d, and by the energies through the ports. Rules: docs/reference/stability.md.
 /// UNDECIDED: a longer tail is needed.
 Verdict judge(const Tail& tail, const MotionScale& run);
 

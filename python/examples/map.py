@@ -1,7 +1,7 @@
 # %% [markdown]
 # # A small part of the map
 # Where does a method stay stable, and how much of a held press does the hand feel? Round trip to the right, stiffness of the wall upwards; the whole
-# map is that of `twoport-lab map` (docs/methods.md).
+# map is that of `twoport-lab map` (docs/reference/methods.md).
 #
 #     PYTHONPATH=build/release/python /usr/bin/python3 python/examples/map.py [FOLDER]
 

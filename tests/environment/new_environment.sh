@@ -1,11 +1,11 @@
 #!/usr/bin/env bash
-# A new shape is one file and the lines that docs/howto/add-an-environment.md names: makes them in a copy of what they touch,
+# A new shape is one file and the lines that docs/guides/add-an-environment.md names: makes them in a copy of what they touch,
 # compiles what reads and computes it, and touches it. new_environment.sh COMPILER PROTOC EIGEN_INCLUDE LIBRARY...
 set -euo pipefail
 cd "$(dirname "$(readlink -f "$0")")/../.."
 compiler=$1 protoc=$2 eigen=$3
 shift 3
-here=tests/environment page=docs/howto/add-an-environment.md
+here=tests/environment page=docs/guides/add-an-environment.md
 work=$(mktemp -d)
 trap 'rm -rf "$work"' EXIT
 

@@ -1,4 +1,4 @@
-// The pipe of docs/howto/add-an-environment.md, in the tree that new_environment.sh makes: read from a scene, and touched.
+// The pipe of docs/guides/add-an-environment.md, in the tree that new_environment.sh makes: read from a scene, and touched.
 
 #include <google/protobuf/text_format.h>
 

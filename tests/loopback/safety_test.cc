@@ -19,7 +19,7 @@
 #include "tests/loopback/relay.h"
 #include "tests/support/live.h"
 
-// Limits that hold against the other side, whatever it says, and against what happens to the own program (docs/safety.md).
+// Limits that hold against the other side, whatever it says, and against what happens to the own program (docs/reference/safety.md).
 namespace twoport::test {
 namespace {
 

@@ -116,7 +116,7 @@ double least_energy_j(const Hostile& c) {
 class HostilePackets : public testing::TestWithParam<Hostile> {};
 
 // The bound is -E(0) = -1 mJ where every tick is predicted or moves no more than twice as far as one of the last half second
-// (docs/energy-bound.md, steps 5 and 6): 10 µJ for the account of the dampers.
+// (docs/reference/energy-bound.md, steps 5 and 6): 10 µJ for the account of the dampers.
 TEST_P(HostilePackets, NeverTakeMoreThanE0FromThePort) {
   const Hostile& c = GetParam();
   const double least = c.dof == 1 ? least_energy_j<1>(c) : c.dof == 3 ? least_energy_j<3>(c) : least_energy_j<6>(c);

@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# A new method is one folder and two lines: takes the example of docs/howto/add-a-method.md into the catalogue and into the
+# A new method is one folder and two lines: takes the example of docs/guides/add-a-method.md into the catalogue and into the
 # schema, compiles what reads its name and builds its halves. new_method.sh COMPILER PROTOC EIGEN_INCLUDE LIBRARY...
 set -euo pipefail
 cd "$(dirname "$(readlink -f "$0")")/../.."

@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# Drivers of one's own, as docs/howto/add-a-device.md and add-a-robot.md say: hardware.sh PREFIX COMPILER LAUNCHER
+# Drivers of one's own, as docs/guides/add-a-device.md and add-a-robot.md say: hardware.sh PREFIX COMPILER LAUNCHER
 # Builds examples/own_hardware against the tree installed in PREFIX and runs both programs together; then adds the example
 # to a copy of drivers/ by one file and one line.
 set -euo pipefail

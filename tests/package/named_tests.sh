@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# Every test that a document names is in the sources, and every cell of the attack tables of docs/security.md that says what happens
+# Every test that a document names is in the sources, and every cell of the attack tables of docs/reference/security.md that says what happens
 # now names one, says "not tested", or refers to another cell: tests/package/named_tests.sh
 set -euo pipefail
 cd "$(dirname "$(readlink -f "$0")")/../.."
@@ -12,7 +12,7 @@ grep -rhoE --include='*.cc' '^(TYPED_)?TEST(_F|_P)?\(\w+, *\w+\)' tests | sed -E
 grep -rhoE --include=CMakeLists.txt 'NAME [A-Za-z]+\.[A-Za-z.]+' tests | cut -d' ' -f2 >>"$tests"
 while IFS=: read -r document line name; do
   grep -qxF "${name//\`/}" "$tests" || complain "$document:$line: there is no test $name"
-done < <(grep -noE --with-filename '`[A-Z][A-Za-z0-9]+\.[A-Z][A-Za-z0-9]+`' SECURITY.md docs/*.md)
+done < <(grep -noE --with-filename '`[A-Z][A-Za-z0-9]+\.[A-Z][A-Za-z0-9]+`' SECURITY.md docs/*.md docs/reference/*.md)
 
 # Cells after the second one say what happens now.
 rows=$(awk -F'|' '/^## Attacks/ { here = 1; next } /^## / { here = 0 }
@@ -23,7 +23,7 @@ rows=$(awk -F'|' '/^## Attacks/ { here = 1; next } /^## / { here = 0 }
     }
     ++n
   }
-  END { if (n < 30) print "only " n + 0 " rows found" }' docs/security.md)
-[ -z "$rows" ] || complain "docs/security.md: neither a test nor \"not tested\":
+  END { if (n < 30) print "only " n + 0 " rows found" }' docs/reference/security.md)
+[ -z "$rows" ] || complain "docs/reference/security.md: neither a test nor \"not tested\":
 $rows"
 exit $bad

@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# Plug-ins as docs/howto/add-a-device.md says: plugin.sh PREFIX COMPILER LAUNCHER
+# Plug-ins as docs/guides/add-a-device.md says: plugin.sh PREFIX COMPILER LAUNCHER
 # Builds examples/plugin against the tree installed in PREFIX, without its libraries, and runs the installed programs with them.
 set -euo pipefail
 prefix=$1 compiler=$2 launcher=$3

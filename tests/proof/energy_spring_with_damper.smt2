@@ -1,4 +1,4 @@
-; The energy spring and the damper's account together, one step (docs/energy-bound.md, step 3).
+; The energy spring and the damper's account together, one step (docs/reference/energy-bound.md, step 3).
 ;
 ;   S = K d²/2 >= 0, time t, refill r T = refill;  B(k) = E(k) + E(0) - L(k)
 ;   spring     E + E(0) > 0: A + λ h·Δx >= -S  (energy_spring.smt2);   E + E(0) <= 0: h = 0

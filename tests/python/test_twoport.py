@@ -772,7 +772,7 @@ class Examples(unittest.TestCase):
     def test_seed_paper(self):
         said = self.run_example("seed_paper.py")
         turned = {line.split()[0]: float(line.split()[3]) for line in said.splitlines() if "turned" in line}
-        # docs/paper.md: damping along the velocity turns the force by 30 deg rms when sliding, along the force not at all.
+        # docs/reference/paper.md: damping along the velocity turns the force by 30 deg rms when sliding, along the force not at all.
         self.assertGreater(turned["CLASSIC"], 10.0)
         self.assertLess(turned["FORCE_PROJECTED"], 0.05)
 

@@ -30,7 +30,7 @@ using test::torus_mesh;
 constexpr double kRadius = 0.05, kTube = 0.02;
 const Torus kTorus{Vector3d::Zero(), Vector3d::UnitZ(), kRadius, kTube};
 
-/// 100,320 triangles and nodes 1 mm apart: the figures of docs/shapes.md.
+/// 100,320 triangles and nodes 1 mm apart: the figures of docs/reference/shapes.md.
 const TriangleMesh& fine_torus() {
   static const TriangleMesh mesh = torus_mesh(kRadius, kTube, 330, 152);
   return mesh;

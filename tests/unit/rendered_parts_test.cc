@@ -1,4 +1,4 @@
-// The scenes of docs/shapes.md, without a program around them.
+// The scenes of docs/reference/shapes.md, without a program around them.
 
 #include <gtest/gtest.h>
 

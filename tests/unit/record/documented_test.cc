@@ -14,9 +14,9 @@
 namespace twoport {
 namespace {
 
-/// The tables below a heading of docs/summary-and-trace.md: unit by name. A row may name several.
+/// The tables below a heading of docs/reference/summary-and-trace.md: unit by name. A row may name several.
 std::map<std::string, std::string> documented(const std::string& heading) {
-  const std::string page = read_whole(TWOPORT_DOCS "/summary-and-trace.md");
+  const std::string page = read_whole(TWOPORT_DOCS "/reference/summary-and-trace.md");
   const std::size_t begin = page.find("\n## " + heading + "\n");
   EXPECT_NE(begin, page.npos) << heading;
   const std::string section = page.substr(begin, page.find("\n## ", begin + 1) - begin);
