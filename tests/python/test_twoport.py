@@ -660,9 +660,9 @@ class Controllers(unittest.TestCase):
         return f"left at {v:+.3f} m/s after +0.300, energy {into:+.5f} J, smallest {least:+.5f} J"
 
     def test_an_own_wall_is_as_passive_as_in_cpp(self):
-        readme = re.sub(" +", " ", (ROOT / "README.md").read_text())
-        self.assertIn("plain " + self.bounce(None), readme)
-        self.assertIn("passivated " + self.bounce(twoport.PassivityController(1)), readme)
+        guide = re.sub(" +", " ", (ROOT / "docs/guides/wrap-your-own-element.md").read_text())
+        self.assertIn("plain " + self.bounce(None), guide)
+        self.assertIn("passivated " + self.bounce(twoport.PassivityController(1)), guide)
 
     def test_the_controller_keeps_the_direction_and_the_energy(self):
         rng = np.random.default_rng(1)
