@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
 # Every test that a document names is in the sources, and every cell of the attack tables of docs/reference/security.md that says what happens
-# now names one, says "not tested", or refers to another cell: tests/package/named_tests.sh
+# names one, says "not tested", or refers to another cell: tests/package/named_tests.sh
 set -euo pipefail
 cd "$(dirname "$(readlink -f "$0")")/../.."
 bad=0
@@ -14,10 +14,10 @@ while IFS=: read -r document line name; do
   grep -qxF "${name//\`/}" "$tests" || complain "$document:$line: there is no test $name"
 done < <(grep -noE --with-filename '`[A-Z][A-Za-z0-9]+\.[A-Z][A-Za-z0-9]+`' SECURITY.md docs/*.md docs/reference/*.md)
 
-# Cells after the second one say what happens now.
+# Cells after the first one say what happens.
 rows=$(awk -F'|' '/^## Attacks/ { here = 1; next } /^## / { here = 0 }
-  here && /^\|/ && !/^\| *(tries to|try to|found) / && !/^\|---/ {
-    for (i = 4; i < NF; ++i) {
+  here && /^\|/ && !/^\| *(tries to|try to|case) / && !/^\|---/ {
+    for (i = 3; i < NF; ++i) {
       cell = $i; gsub(/^ +| +$/, "", cell)
       if (cell != "" && cell !~ /`[A-Z][A-Za-z0-9]+\.[A-Z]/ && cell !~ /not tested/ && cell !~ /^(as|the same)/) print NR ": " cell
     }
