@@ -5,6 +5,6 @@
 namespace twoport::lab {
 
 /// `paper`.
-Subcommand add_paper_command(CLI::App& app);
+Subcommand add_paper_command(Command app);
 
 }  // namespace twoport::lab

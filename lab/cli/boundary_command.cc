@@ -58,27 +58,24 @@ int boundary_command(Arguments& a) {
 
 }  // namespace
 
-Subcommand add_boundary_command(CLI::App& app) {
+Subcommand add_boundary_command(Command app) {
   const auto a = std::make_shared<Arguments>();
   a->boundary.jobs = all_cores();
-  CLI::App* boundary = app.add_subcommand("boundary", "Find the stability boundary of a scene along one number");
+  Command boundary = app.add("boundary", "Find the stability boundary of a scene along one number");
   add_scene(boundary, a->boundary.scene, a->boundary.set);
   boundary
-      ->add_option("--vary", a->interval,
-                   "PATH=LO:HI, LO < HI; stable at one end and unstable at the other; A,B=LO:HI varies both")
-      ->required();
-  CLI::Option* along =
-      boundary->add_option("--along", a->along, "PATH=SPEC as for sweep --vary: one boundary per value");
-  boundary->add_option("--out", a->out, "With --along: folder for boundary.csv and the picture")->needs(along);
+      .option("--vary", a->interval,
+              "PATH=LO:HI, LO < HI; stable at one end and unstable at the other; A,B=LO:HI varies both")
+      .required();
+  Option along = boundary.option("--along", a->along, "PATH=SPEC as for sweep --vary: one boundary per value");
+  boundary.option("--out", a->out, "With --along: folder for boundary.csv and the picture").needs(along);
   add_jobs(boundary, a->boundary.jobs);
   add_lanes(boundary, a->lanes);
-  boundary->add_option("--tolerance", a->boundary.tolerance, "Relative width of the final bracket")
-      ->capture_default_str();
+  boundary.option("--tolerance", a->boundary.tolerance, "Relative width of the final bracket").show_default();
   boundary
-      ->add_option("--scan", a->boundary.scan,
-                   "Values between the ends that are tried first; the first change is refined")
-      ->capture_default_str();
-  boundary->footer(
+      .option("--scan", a->boundary.scan, "Values between the ends that are tried first; the first change is refined")
+      .show_default();
+  boundary.footer(
       R"(Prints a line for each run: value, verdict. The last line is PATH = VALUE, the largest value up to which the run is
 stable (or the smallest, if it is stable at HI). Exit status 2 when both ends agree.
 The verdict is the summary's `stable`. The loop needs an excitation, and near a boundary growth is slow: give the run

@@ -67,22 +67,21 @@ int chart_command(const Arguments& a) {
 
 }  // namespace
 
-Subcommand add_chart_command(CLI::App& app) {
+Subcommand add_chart_command(Command app) {
   const auto a = std::make_shared<Arguments>();
-  CLI::App* chart =
-      app.add_subcommand("chart", "Plot error against computing cost of integrators, rates and model details");
+  Command chart = app.add("chart", "Plot error against computing cost of integrators, rates and model details");
   add_scene(chart, a->chart.scene, a->chart.set);
-  add_list(chart, "--vary", a->chart.vary, "PATH=a,b,c or PATH,PATH=a,b,c; integrators and substeps unless given");
-  chart->add_option("--boundary", a->chart.boundary, "PATH=LO:HI: also find the stability boundary of each point");
-  chart->add_option("--for-error", a->for_error, "Recommend the cheapest point with at most this position error [m]")
-      ->check(CLI::PositiveNumber);
-  chart->add_option("--repetitions", a->chart.repetitions, "Timed rounds; the median is used")
-      ->check(CLI::Range(1, 1000))
-      ->capture_default_str();
-  chart->add_option("--reference-substeps", a->chart.reference_substeps, "Of the reference, Runge-Kutta 4")
-      ->check(CLI::Range(2, 10000))
-      ->capture_default_str();
-  chart->add_option("--out", a->out, "Folder for chart.csv and the picture");
+  chart.list("--vary", a->chart.vary, "PATH=a,b,c or PATH,PATH=a,b,c; integrators and substeps unless given");
+  chart.option("--boundary", a->chart.boundary, "PATH=LO:HI: also find the stability boundary of each point");
+  chart.option("--for-error", a->for_error, "Recommend the cheapest point with at most this position error [m]")
+      .positive();
+  chart.option("--repetitions", a->chart.repetitions, "Timed rounds; the median is used")
+      .between(1, 1000)
+      .show_default();
+  chart.option("--reference-substeps", a->chart.reference_substeps, "Of the reference, Runge-Kutta 4")
+      .between(2, 10000)
+      .show_default();
+  chart.option("--out", a->out, "Folder for chart.csv and the picture");
   return {chart, [a] { return chart_command(*a); }};
 }
 

@@ -34,16 +34,14 @@ int impedance_command(const Arguments& a) {
 
 }  // namespace
 
-Subcommand add_impedance_command(CLI::App& app) {
+Subcommand add_impedance_command(Command app) {
   const auto a = std::make_shared<Arguments>();
-  CLI::App* impedance = app.add_subcommand(
-      "impedance", "Displayed mass, damping and stiffness in free space and in contact, beside the true");
+  Command impedance =
+      app.add("impedance", "Displayed mass, damping and stiffness in free space and in contact, beside the true");
   add_scene(impedance, a->scene, a->set);
-  impedance->add_option("--amplitude", a->options.amplitude_m, "Largest excursion [m]")
-      ->check(CLI::Range(1e-7, 1.0))
-      ->capture_default_str();
-  impedance->add_option("--out", a->out, "Folder for table.csv and the picture");
-  impedance->footer(
+  impedance.option("--amplitude", a->options.amplitude_m, "Largest excursion [m]").between(1e-7, 1.0).show_default();
+  impedance.option("--out", a->out, "Folder for table.csv and the picture");
+  impedance.footer(
       R"(The scene is run once to find where the robot (the device under RENDER) touches. Then the handle is moved to that place,
 and to free space, and excited by a random-phase multi-sine of 0.5 to 50 Hz along the environment's force. Force against
 motion at the master port gives a mass, a damping and a stiffness, fitted up to 10 Hz. True are those of robot and

@@ -16,7 +16,7 @@ namespace {
 
 using namespace twoport;
 
-std::vector<lab::Subcommand> add_commands(CLI::App& app) {
+std::vector<lab::Subcommand> add_commands(lab::Command app) {
   std::vector<lab::Subcommand> all{lab::add_run_command(app), lab::add_boundary_command(app)};
   for (lab::Subcommand& each : lab::add_sweep_commands(app)) all.push_back(std::move(each));
   for (lab::Subcommand& each : lab::add_map_commands(app)) all.push_back(std::move(each));
@@ -33,7 +33,7 @@ std::vector<lab::Subcommand> add_commands(CLI::App& app) {
 
 int run_given(const std::vector<lab::Subcommand>& commands) {
   for (const lab::Subcommand& each : commands)
-    if (each.app->parsed()) {
+    if (each.command.given()) {
       const int status = each.run();
       if (std::fflush(stdout) != 0) throw IoError(fmt::format("standard output: {}", std::strerror(errno)));
       if (std::ferror(stdout) != 0) throw IoError("standard output: not all could be written");
@@ -49,7 +49,7 @@ int main(int argc, char** argv) {
   app.set_version_flag("--version",
                        fmt::format("twoport-lab {} (wire protocol {})", TWOPORT_VERSION, kProtocolVersion & 0xffff));
   app.require_subcommand(1);
-  const std::vector<lab::Subcommand> commands = add_commands(app);
+  const std::vector<lab::Subcommand> commands = add_commands(lab::Command{app});
   try {
     parse_arguments(app, "twoport-lab", argc, argv);
     return run_given(commands);

@@ -84,29 +84,27 @@ int map_command(MapArguments& a) {
   return 0;
 }
 
-Subcommand add_map(CLI::App& app) {
+Subcommand add_map(Command app) {
   const auto a = std::make_shared<MapArguments>();
   a->map.jobs = all_cores();
-  CLI::App* map = app.add_subcommand("map", "Where each method holds: round trip, loss and stiffness varied");
-  map->add_option("--scene", a->map.scene, "Another scene than scenes/map.textproto, which is built in");
-  add_list(map, "--set", a->map.set, "PATH=VALUE, before those that the map sets");
-  map->add_option("--methods", a->methods, "NAME,NAME; all of them if absent");
-  map->add_option("--round-trip-ms", a->round_trips, "Values as for sweep --vary; half of it each way");
-  map->add_option("--loss", a->losses, "Probability each way");
-  map->add_option("--burst-packets", a->bursts, "Mean number of packets lost in a row; 1: independent");
-  map->add_option("--stiffness", a->stiffnesses, "Of the environment [N/m]");
-  map->add_option("--seeds", a->map.seeds, "Runs per cell, with seeds counted up from the scene's")
-      ->capture_default_str();
-  map->add_option(
-         "--verdict", a->verdict,
-         "lean: left alone after the scene's end, beside a twin where a passivity controller acts; tail: with a "
-         "twin always, as run does")
-      ->check(CLI::IsMember({"lean", "tail"}))
-      ->capture_default_str();
-  map->add_option("--out", a->out, "Folder for table.csv and the pictures");
+  Command map = app.add("map", "Where each method holds: round trip, loss and stiffness varied");
+  map.option("--scene", a->map.scene, "Another scene than scenes/map.textproto, which is built in");
+  map.list("--set", a->map.set, "PATH=VALUE, before those that the map sets");
+  map.option("--methods", a->methods, "NAME,NAME; all of them if absent");
+  map.option("--round-trip-ms", a->round_trips, "Values as for sweep --vary; half of it each way");
+  map.option("--loss", a->losses, "Probability each way");
+  map.option("--burst-packets", a->bursts, "Mean number of packets lost in a row; 1: independent");
+  map.option("--stiffness", a->stiffnesses, "Of the environment [N/m]");
+  map.option("--seeds", a->map.seeds, "Runs per cell, with seeds counted up from the scene's").show_default();
+  map.option("--verdict", a->verdict,
+             "lean: left alone after the scene's end, beside a twin where a passivity controller acts; tail: with a "
+             "twin always, as run does")
+      .one_of({"lean", "tail"})
+      .show_default();
+  map.option("--out", a->out, "Folder for table.csv and the pictures");
   add_jobs(map, a->map.jobs);
   add_lanes(map, a->lanes);
-  map->footer(
+  map.footer(
       R"(A method holds in a place where every seed is stable and quiet and at least half of the force is pressed that the
 same scene presses without delay and loss. The error is the root of the sum of squares of felt-force error, missing
 force, drag in free space and chatter [N]; best is the method with the least. It is good where it holds and that error is below
@@ -144,17 +142,17 @@ int recommend_command(const RecommendArguments& a) {
   return 0;
 }
 
-Subcommand add_recommend(CLI::App& app) {
+Subcommand add_recommend(Command app) {
   const auto a = std::make_shared<RecommendArguments>();
   a->jobs = all_cores();
-  CLI::App* recommend = app.add_subcommand("recommend", "The method for a network and a wall, by running them all");
-  recommend->add_option("--delay-ms", a->delay_ms, "One way")->required();
-  recommend->add_option("--loss", a->loss, "Probability each way")->required();
-  recommend->add_option("--stiffness", a->stiffness, "Of the environment [N/m]")->required();
-  recommend->add_option("--burst-packets", a->burst, "Mean number of packets lost in a row")->capture_default_str();
-  recommend->add_option("--seeds", a->seeds, "Runs per method")->capture_default_str();
+  Command recommend = app.add("recommend", "The method for a network and a wall, by running them all");
+  recommend.option("--delay-ms", a->delay_ms, "One way").required();
+  recommend.option("--loss", a->loss, "Probability each way").required();
+  recommend.option("--stiffness", a->stiffness, "Of the environment [N/m]").required();
+  recommend.option("--burst-packets", a->burst, "Mean number of packets lost in a row").show_default();
+  recommend.option("--seeds", a->seeds, "Runs per method").show_default();
   add_jobs(recommend, a->jobs);
-  recommend->footer(
+  recommend.footer(
       "Prints one line: NAME: why. The scene is that of `map`: one axis of an ordinary hand, device and robot.");
   return {recommend, [a] { return recommend_command(*a); }};
 }
@@ -175,14 +173,13 @@ int compare_command(CompareArguments& a) {
   return 0;
 }
 
-Subcommand add_compare(CLI::App& app) {
+Subcommand add_compare(Command app) {
   const auto a = std::make_shared<CompareArguments>();
   a->compare.jobs = all_cores();
-  CLI::App* compare =
-      app.add_subcommand("compare", "Every method on one scene: a table, and their traces in one picture");
+  Command compare = app.add("compare", "Every method on one scene: a table, and their traces in one picture");
   add_scene(compare, a->compare.scene, a->compare.set);
-  compare->add_option("--methods", a->methods, "NAME,NAME; all of them if absent");
-  compare->add_option("--out", a->compare.out, "Folder for table.csv and the picture");
+  compare.option("--methods", a->methods, "NAME,NAME; all of them if absent");
+  compare.option("--out", a->compare.out, "Folder for table.csv and the picture");
   add_jobs(compare, a->compare.jobs);
   return {compare, [a] { return compare_command(*a); }};
 }
@@ -221,16 +218,15 @@ int gallery_command(GalleryArguments& a) {
   return met ? 0 : 3;
 }
 
-Subcommand add_gallery(CLI::App& app) {
+Subcommand add_gallery(Command app) {
   const auto a = std::make_shared<GalleryArguments>();
   a->gallery.jobs = all_cores();
   a->gallery.folder = gallery_folder();
-  CLI::App* gallery =
-      app.add_subcommand("gallery", "Who survives what: the scenes of a folder, each with every method");
-  gallery->add_option("folder", a->gallery.folder,
-                      "Folder of scenes (.textproto); absent: scenes/edge, here or in the source tree of this program");
-  gallery->add_option("--methods", a->methods, "NAME,NAME; all of them if absent");
-  gallery->add_option("--out", a->out, "Folder for table.csv");
+  Command gallery = app.add("gallery", "Who survives what: the scenes of a folder, each with every method");
+  gallery.option("folder", a->gallery.folder,
+                 "Folder of scenes (.textproto); absent: scenes/edge, here or in the source tree of this program");
+  gallery.option("--methods", a->methods, "NAME,NAME; all of them if absent");
+  gallery.option("--out", a->out, "Folder for table.csv");
   add_jobs(gallery, a->gallery.jobs);
   return {gallery, [a] { return gallery_command(*a); }};
 }
@@ -253,17 +249,17 @@ int adversary_command(AdversaryArguments& a) {
   return all.broken() == 0 ? 0 : 3;
 }
 
-Subcommand add_adversary(CLI::App& app) {
+Subcommand add_adversary(Command app) {
   const auto a = std::make_shared<AdversaryArguments>();
   a->adversary.jobs = all_cores();
-  CLI::App* adversary = app.add_subcommand(
+  Command adversary = app.add(
       "adversary", "Hand, robot, network and packets drawn to create energy: the least that each method lets pass");
-  adversary->add_option("--methods", a->methods, "NAME,NAME; all of them if absent");
-  adversary->add_option("--seed", a->adversary.seed, "Of the first run")->capture_default_str();
-  adversary->add_option("--runs", a->adversary.runs, "Per method, with seeds counted up")->capture_default_str();
-  adversary->add_option("--out", a->out, "Folder for table.csv, a row for each run");
+  adversary.option("--methods", a->methods, "NAME,NAME; all of them if absent");
+  adversary.option("--seed", a->adversary.seed, "Of the first run").show_default();
+  adversary.option("--runs", a->adversary.runs, "Per method, with seeds counted up").show_default();
+  adversary.option("--out", a->out, "Folder for table.csv, a row for each run");
   add_jobs(adversary, a->adversary.jobs);
-  adversary->footer(
+  adversary.footer(
       R"(hand: least energy through the hand's port; told lies: the same where the slave's reports are replaced; both: through the
 hand's and the slave's port together; below -E(0): runs in which the hand gets more than its allowance. A run that breaks what its method claims is named with the command that runs it
 again, and the exit status is 3.)");
@@ -285,21 +281,20 @@ int tune_command(TuneArguments& a) {
   return 0;
 }
 
-Subcommand add_tune(CLI::App& app) {
+Subcommand add_tune(Command app) {
   const auto a = std::make_shared<TuneArguments>();
   a->tune.jobs = all_cores();
-  CLI::App* tune =
-      app.add_subcommand("tune", "Search of each method's gains on a training set, against those of its rule");
-  tune->add_option("scenes", a->tune.scenes, "Scenes of the training set")->required();
-  add_list(tune, "--set", a->tune.set, "PATH=VALUE, in each scene");
-  tune->add_option("--methods", a->methods, "NAME,NAME; all that have gains if absent");
-  tune->add_option("--round-trip-ms", a->round_trips, "Each is searched by itself; 40,200,800 if absent");
-  tune->add_option("--evaluations", a->tune.evaluations, "Of each method and round trip, that of the rule included")
-      ->capture_default_str();
-  tune->add_option("--seed", a->tune.seed, "Of the search")->capture_default_str();
-  tune->add_option("--out", a->out, "Folder for table.txt");
+  Command tune = app.add("tune", "Search of each method's gains on a training set, against those of its rule");
+  tune.option("scenes", a->tune.scenes, "Scenes of the training set").required();
+  tune.list("--set", a->tune.set, "PATH=VALUE, in each scene");
+  tune.option("--methods", a->methods, "NAME,NAME; all that have gains if absent");
+  tune.option("--round-trip-ms", a->round_trips, "Each is searched by itself; 40,200,800 if absent");
+  tune.option("--evaluations", a->tune.evaluations, "Of each method and round trip, that of the rule included")
+      .show_default();
+  tune.option("--seed", a->tune.seed, "Of the search").show_default();
+  tune.option("--out", a->out, "Folder for table.txt");
   add_jobs(tune, a->tune.jobs);
-  tune->footer(
+  tune.footer(
       R"(Loss 10 %, walls of 800 and 6000 N/m. The score is the mean of the map's error over the force of the same scene without
 delay, loss and control; 2 where a run is not stable and quiet. 1: as bad as no force; 0: transparent.)");
   return {tune, [a] { return tune_command(*a); }};
@@ -307,7 +302,7 @@ delay, loss and control; 2 where a run is not stable and quiet. 1: as bad as no 
 
 }  // namespace
 
-std::vector<Subcommand> add_map_commands(CLI::App& app) {
+std::vector<Subcommand> add_map_commands(Command app) {
   return {add_adversary(app), add_compare(app), add_gallery(app), add_map(app), add_recommend(app), add_tune(app)};
 }
 

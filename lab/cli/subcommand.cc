@@ -3,22 +3,114 @@
 #include <fmt/format.h>
 #include <unistd.h>
 
+#include <CLI/CLI.hpp>
+#include <cstdint>
 #include <cstdio>
+#include <utility>
 
 #include "common/base/print_error.h"
 #include "common/scene/load.h"
 #include "lab/lanes/lanes.h"
+#include "lab/study/many_runs.h"
+#include "lab/study/sweep.h"
 
 namespace twoport::lab {
 
-void add_scene(CLI::App* command, std::string& scene, std::vector<std::string>& set) {
-  command->add_option("scene", scene, "Scene file (.textproto)")->required();
-  add_list(command, "--set", set, "Override, PATH=VALUE, e.g. control.passivity.method=NONE")
-      ->check(CLI::Validator{[](const std::string& text) { return assignment_error(text); }, "PATH=VALUE"});
+Option Option::required() {
+  option_->required();
+  return *this;
+}
+Option Option::show_default() {
+  option_->capture_default_str();
+  return *this;
+}
+Option Option::one_of(std::initializer_list<std::string> values) {
+  option_->check(CLI::IsMember(std::vector<std::string>{values}));
+  return *this;
+}
+template <class Number>
+Option Option::between(Number least, Number most) {
+  option_->check(CLI::Range(least, most));
+  return *this;
+}
+template Option Option::between(int, int);
+template Option Option::between(std::uint64_t, std::uint64_t);
+template Option Option::between(double, double);
+Option Option::positive() {
+  option_->check(CLI::PositiveNumber);
+  return *this;
+}
+Option Option::at_least_one() {
+  const auto error = [](const std::string& text) {
+    int value = 0;
+    if (CLI::detail::lexical_cast(text, value) && value >= 1) return std::string{};
+    return fmt::format("\"{}\"; it must be a whole number, at least 1", text);
+  };
+  option_->check(CLI::Validator{error, "N"});
+  return *this;
+}
+Option Option::assignment() {
+  option_->check(CLI::Validator{[](const std::string& text) { return assignment_error(text); }, "PATH=VALUE"});
+  return *this;
+}
+Option Option::may_be_bare() {
+  option_->expected(0, 1);
+  return *this;
+}
+Option Option::needs(Option other) {
+  option_->needs(other.option_);
+  return *this;
+}
+Option Option::excludes(Option other) {
+  option_->excludes(other.option_);
+  return *this;
 }
 
-void add_lanes(CLI::App* command, std::optional<int>& lanes) {
-  command->add_option(
+Command Command::add(const std::string& name, const std::string& description) {
+  return Command{*app_->add_subcommand(name, description)};
+}
+template <class Value>
+Option Command::option(const std::string& name, Value& into, const std::string& help) {
+  return Option{app_->add_option(name, into, help)};
+}
+template Option Command::option(const std::string&, std::string&, const std::string&);
+template Option Command::option(const std::string&, std::vector<std::string>&, const std::string&);
+template Option Command::option(const std::string&, int&, const std::string&);
+template Option Command::option(const std::string&, std::optional<int>&, const std::string&);
+template Option Command::option(const std::string&, std::uint64_t&, const std::string&);
+template Option Command::option(const std::string&, double&, const std::string&);
+Option Command::list(const std::string& name, std::vector<std::string>& into, const std::string& help) {
+  return Option{app_->add_option(name, into, help)->allow_extra_args(false)->take_all()};
+}
+void Command::flag(const std::string& name, bool& into, const std::string& help) {
+  app_->add_flag(name, into, help);
+}
+void Command::print(const std::string& name, std::function<void()> what, const std::string& help) {
+  app_->add_flag_callback(
+      name,
+      [what = std::move(what)] {
+        what();
+        throw CLI::Success{};
+      },
+      help);
+}
+void Command::describe(const std::string& option, const std::string& help) {
+  app_->get_option(option)->description(help);
+}
+void Command::footer(const std::string& text) {
+  app_->footer(text);
+}
+bool Command::given() const {
+  return app_->parsed();
+}
+
+void add_scene(Command command, std::string& scene, std::vector<std::string>& set) {
+  command.option("scene", scene, "Scene file (.textproto)").required();
+  command.list("--set", set, "Override, PATH=VALUE, e.g. control.passivity.method=NONE").assignment();
+}
+
+void add_lanes(Command command, std::optional<int>& lanes) {
+  command.option(
       "--lanes", lanes,
       "Simulations that a thread steps at once: 1, 2, 4 or 8; 0, the default: as many as the processor can. Says "
       "which runs ran alone, and why");
@@ -29,18 +121,8 @@ void say_lanes(const LaneUse& use) {
   for (const auto& [why, count] : use.alone) print_error("{} runs alone: {}\n", count, why);
 }
 
-void add_jobs(CLI::App* command, int& jobs) {
-  const auto at_least_one = [](const std::string& text) {
-    int value = 0;
-    if (CLI::detail::lexical_cast(text, value) && value >= 1) return std::string{};
-    return fmt::format("\"{}\"; it must be a whole number, at least 1", text);
-  };
-  command->add_option("--jobs", jobs, "Threads")->check(CLI::Validator{at_least_one, "N"})->capture_default_str();
-}
-
-CLI::Option* add_list(CLI::App* command, const std::string& name, std::vector<std::string>& into,
-                      const std::string& help) {
-  return command->add_option(name, into, help)->allow_extra_args(false)->take_all();
+void add_jobs(Command command, int& jobs) {
+  command.option("--jobs", jobs, "Threads").at_least_one().show_default();
 }
 
 bool progress_is_shown() {
