@@ -1,35 +1,40 @@
 #include "common/platform/page_server.h"
 
-#define ASIO_STANDALONE
-#define ASIO_NO_DEPRECATED
-#define ASIO_DISABLE_FENCED_BLOCK  // the thread sanitizer does not support fences
+#define BOOST_ASIO_NO_DEPRECATED
+#define BOOST_BEAST_USE_STD_STRING_VIEW
+#define BOOST_ASIO_DISABLE_FENCED_BLOCK  // the thread sanitizer does not support fences
 #include <fmt/format.h>
 
 #include <algorithm>
 #include <array>
-#include <asio/io_context.hpp>
-#include <asio/ip/address.hpp>
-#include <asio/ip/tcp.hpp>
-#include <asio/steady_timer.hpp>
-#include <asio/write.hpp>
 #include <bit>
+#include <boost/asio/io_context.hpp>
+#include <boost/asio/ip/tcp.hpp>
+#include <boost/asio/steady_timer.hpp>
+#include <boost/beast/core/flat_buffer.hpp>
+#include <boost/beast/http.hpp>
+#include <boost/beast/websocket.hpp>
+#include <charconv>
 #include <chrono>
-#include <cstring>
+#include <optional>
 #include <thread>
 #include <utility>
 #include <vector>
 
 #include "common/base/check.h"
 #include "common/base/thread.h"
-#include "common/page/http.h"
-#include "common/page/websocket.h"
 #include "common/platform/udp.h"
 
 namespace twoport {
 namespace {
 
+namespace asio = boost::asio;
+namespace http = boost::beast::http;
+namespace websocket = boost::beast::websocket;
 using asio::ip::tcp;
-using Error = std::error_code;
+using Error = boost::system::error_code;
+using Request = http::request<http::empty_body>;
+using Response = http::response<http::string_body>;
 using namespace std::chrono_literals;
 
 static_assert(std::endian::native == std::endian::little, "the page reads little-endian numbers");
@@ -39,26 +44,53 @@ constexpr auto kPatience = 10s;    // for a client that reads nothing
 constexpr std::size_t kRequests =
     16;  // connections at once that are no WebSockets; a new one takes the place of the oldest
 constexpr std::size_t kSockets = 8;        // WebSockets at once
-constexpr std::size_t kReplies = 16;       // to a client that wait
 constexpr std::size_t kMostSamples = 128;  // in one message
 
-constexpr std::string_view kAbsent = "Nothing is at this address.\n";
+/// Without a body, with at most one Host and Origin, and of a file here?
+bool is_well_formed(const http::request_parser<http::empty_body>& parser) {
+  const Request& r = parser.get();
+  return parser.is_done() && r.target().starts_with('/') && r.count(http::field::host) < 2 &&
+         r.count(http::field::origin) < 2;
+}
 
 }  // namespace
+
+bool is_literal_host(std::string_view host, std::uint16_t port) {
+  const std::size_t colon = host.rfind(':');
+  const bool has_port = colon != host.npos && host.back() != ']';
+  std::string_view name = host.substr(0, has_port ? colon : host.npos);
+  unsigned given = 80;
+  if (has_port) {
+    const std::string_view text = host.substr(colon + 1);
+    const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), given);
+    if (error != std::errc{} || end != text.data() + text.size()) return false;
+  }
+  if (given != port) return false;
+  if (boost::beast::iequals(name, "localhost")) return true;
+  const bool bracketed = name.size() > 2 && name.front() == '[' && name.back() == ']';
+  if (bracketed) name = name.substr(1, name.size() - 2);
+  // After '%' anything is a zone.
+  if (name.find('%') != name.npos) return false;
+  Error error;
+  const asio::ip::address address = asio::ip::make_address(std::string{name}, error);
+  return !error && address.is_v6() == bracketed;
+}
+
+bool is_own_origin(std::string_view host, std::string_view origin) {
+  return !host.empty() && boost::beast::iequals(origin, "http://" + std::string{host});
+}
 
 struct PageServer::Impl {
   using Text = std::shared_ptr<const std::string>;
   using Now = std::chrono::steady_clock;
 
   struct Client {
-    explicit Client(tcp::socket s) : socket{std::move(s)} {}
-    tcp::socket socket;
-    std::array<char, 2048> arriving{};
-    std::string request;
-    WebSocketReader reader;
-    bool upgraded = false, holds = false, writing = false, ends = false;
-    std::vector<Text> replies;  ///< sent in order, before samples
-    Text samples;               ///< newest that are not sent yet
+    explicit Client(tcp::socket s) : socket{std::move(s)} { parser.header_limit(kLargestRequest); }
+    websocket::stream<tcp::socket, false> socket;
+    http::request_parser<http::empty_body> parser;
+    boost::beast::flat_buffer arriving;
+    bool upgraded = false, holds = false, greeted = false, writing = false, pinging = false, ends = false;
+    Text samples;  ///< newest that are not sent yet
     Now::time_point since = Now::now(), heard = since, pinged = since, last_progress = since, commanded = since;
   };
   using Shared = std::shared_ptr<Client>;
@@ -77,7 +109,7 @@ struct PageServer::Impl {
     const tcp::endpoint endpoint{address, at.port};
     Error error;
     acceptor.open(endpoint.protocol(), error);
-    if (!error) acceptor.set_option(tcp::acceptor::reuse_address{true}, error);
+    if (!error) acceptor.set_option(asio::socket_base::reuse_address{true}, error);
     if (!error) acceptor.bind(endpoint, error);
     if (!error) acceptor.listen(asio::socket_base::max_listen_connections, error);
     if (error)
@@ -87,7 +119,7 @@ struct PageServer::Impl {
     const bool any = address.is_unspecified();
     const std::string host = any ? "127.0.0.1" : at.v6 ? "[" + address.to_string() + "]" : address.to_string();
     url = fmt::format("http://{}:{}/", host, port);
-    introduction = std::make_shared<const std::string>(websocket_frame(WebSocketOpcode::text, o.introduction));
+    introduction = std::make_shared<const std::string>(o.introduction);
     accept();
     tick();
     thread = std::thread{[this] {
@@ -109,9 +141,9 @@ struct PageServer::Impl {
           drop(Shared{*std::find_if(clients.begin(), clients.end(), is_request)});
         auto client = std::make_shared<Client>(std::move(socket));
         Error ignored;
-        client->socket.set_option(tcp::no_delay{true}, ignored);
+        client->socket.next_layer().set_option(tcp::no_delay{true}, ignored);
         clients.push_back(client);
-        read(client);
+        read_request(client);
         accept();
         return;
       }
@@ -133,9 +165,10 @@ struct PageServer::Impl {
                                              : !client->ends && now - client->since > options.request_time;
         if (slow || silent) {
           drop(client);
-        } else if (client->upgraded && !client->ends && now - client->pinged > options.ping_every) {
+        } else if (client->greeted && !client->ends && !client->pinging && now - client->pinged > options.ping_every) {
           client->pinged = now;
-          reply(client, websocket_frame(WebSocketOpcode::ping, ""));
+          client->pinging = true;
+          client->socket.async_ping({}, [client](Error) { client->pinging = false; });
         }
       }
       tick();
@@ -156,59 +189,75 @@ struct PageServer::Impl {
       for_each_page_field(batch[i % kMostSamples], [&](const char*, std::size_t size, const double* values) {
         numbers.append(reinterpret_cast<const char*>(values), size * sizeof(double));
       });
-    const auto message = std::make_shared<const std::string>(websocket_frame(WebSocketOpcode::binary, numbers));
+    const auto message = std::make_shared<const std::string>(std::move(numbers));
     for (const Shared& client : clients) {
-      if (!client->upgraded || client->ends) continue;
-      client->samples = message;
-      write(client);
+      if (!client->greeted || client->ends) continue;
+      if (client->writing) {
+        client->samples = message;
+      } else {
+        write(client, message);
+      }
     }
   }
 
-  void read(const Shared& client) {
-    client->socket.async_read_some(asio::buffer(client->arriving), [this, client](Error error, std::size_t size) {
-      if (error) return drop(client);
-      client->heard = Now::now();
-      const std::string_view bytes{client->arriving.data(), size};
-      if (client->upgraded) {
-        client->reader.add(bytes);
-        hear(client);
-      } else {
-        client->request += bytes;
-        answer(client);
-      }
-      if (!client->ends) read(client);
-    });
+  void read_request(const Shared& client) {
+    http::async_read_header(
+        client->socket.next_layer(), client->arriving, client->parser, [this, client](Error error, std::size_t) {
+          const bool malformed = error.category() == make_error_code(http::error::bad_method).category() &&
+                                 error != http::error::end_of_stream && error != http::error::partial_message;
+          if (error && !malformed) return drop(client);
+          if (error || !is_well_formed(client->parser))
+            return refuse(client, http::status::bad_request, "The request is malformed.\n");
+          answer(client, client->parser.get());
+        });
   }
 
-  void answer(const Shared& client) {
-    HttpParse parse = parse_request(client->request);
-    if (parse.status == Parsed::incomplete) return;
-    if (parse.status == Parsed::invalid)
-      return end(client, http_response("400 Bad Request", "text/plain", "The request is malformed.\n"));
-    const HttpRequest& r = parse.request;
-    if (!is_literal_host(r.host, port))
-      return end(client, http_response("421 Misdirected Request", "text/plain",
-                                       "Use localhost or the IP address of this machine in the address.\n"));
-    if (r.target == "/live") return upgrade(client, r, std::string_view{client->request}.substr(parse.used));
-    if (r.method != "GET" && r.method != "HEAD")
-      return end(client, http_response("405 Method Not Allowed", "text/plain", "Only GET is allowed.\n"));
-    const std::string_view target = r.target == "/" ? std::string_view{"/index.html"} : std::string_view{r.target};
-    for (const PageAsset& asset : options.assets)
-      if (asset.path == target) {
-        std::string response = http_response("200 OK", asset.content_type, asset.content, headers(r.host));
-        if (r.method == "HEAD") response.resize(response.size() - asset.content.size());
-        return end(client, std::move(response));
-      }
-    end(client, http_response("404 Not Found", "text/plain", kAbsent, headers(r.host)));
+  void answer(const Shared& client, const Request& r) {
+    const std::string_view host = r[http::field::host];
+    if (!is_literal_host(host, port))
+      return refuse(client, http::status::misdirected_request,
+                    "Use localhost or the IP address of this machine in the address.\n");
+    if (r.target() == "/live") return upgrade(client, r);
+    if (r.method() != http::verb::get && r.method() != http::verb::head)
+      return refuse(client, http::status::method_not_allowed, "Only GET is allowed.\n");
+    const std::string_view target = r.target() == "/" ? "/index.html" : r.target();
+    const auto asset = std::find_if(options.assets.begin(), options.assets.end(),
+                                    [&](const PageAsset& a) { return a.path == target; });
+    if (asset == options.assets.end()) return refuse(client, http::status::not_found, "Nothing is at this address.\n");
+    Response response{http::status::ok, 11};
+    response.set(http::field::content_type, asset->content_type);
+    response.set(
+        "Content-Security-Policy",
+        fmt::format("default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' data:; connect-src "
+                    "'self' ws://{}; base-uri 'none'; form-action 'none'; frame-ancestors 'none'",
+                    host));
+    response.set("X-Content-Type-Options", "nosniff");
+    response.set("Referrer-Policy", "no-referrer");
+    response.set(http::field::cache_control, "no-cache");
+    response.content_length(asset->content.size());
+    if (r.method() == http::verb::get) response.body() = asset->content;
+    respond(client, std::move(response));
   }
 
-  static std::vector<std::pair<std::string, std::string>> headers(const std::string& host) {
-    return {{"Content-Security-Policy",
-             "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' data:; connect-src 'self' ws://" +
-                 host + "; base-uri 'none'; form-action 'none'; frame-ancestors 'none'"},
-            {"X-Content-Type-Options", "nosniff"},
-            {"Referrer-Policy", "no-referrer"},
-            {"Cache-Control", "no-cache"}};
+  void refuse(const Shared& client, http::status status, const char* why) {
+    Response response{status, 11};
+    response.set(http::field::content_type, "text/plain");
+    if (status == http::status::upgrade_required) {
+      response.set(http::field::upgrade, "websocket");
+      response.set(http::field::sec_websocket_version, "13");
+    }
+    response.body() = why;
+    response.content_length(response.body().size());
+    respond(client, std::move(response));
+  }
+
+  /// The only response of its connection.
+  void respond(const Shared& client, Response response) {
+    response.keep_alive(false);
+    const auto sent = std::make_shared<const Response>(std::move(response));
+    client->ends = client->writing = true;
+    client->last_progress = Now::now();
+    http::async_write(client->socket.next_layer(), *sent, [this, client, sent](Error, std::size_t) { drop(client); });
   }
 
   /// A place for a further WebSocket, if need be that of a spectator.
@@ -222,53 +271,50 @@ struct PageServer::Impl {
     }
     if (open < kSockets) return true;
     if (!idlest || Now::now() - idlest->commanded < options.spectator_time) return false;
-    end(idlest, websocket_frame(WebSocketOpcode::close, websocket_close(1013)));
+    end(idlest, websocket::close_code::try_again_later);
     return true;
   }
 
-  void upgrade(const Shared& client, const HttpRequest& r, std::string_view rest) {
-    if (!is_websocket_upgrade(r))
-      return end(client, http_response("426 Upgrade Required", "text/plain", "This address is a WebSocket.\n",
-                                       {{"Upgrade", "websocket"}, {"Sec-WebSocket-Version", "13"}}));
-    if (!is_own_origin(r))
-      return end(client, http_response("403 Forbidden", "text/plain", "Another web site may not connect.\n"));
-    if (!has_place())
-      return end(client, http_response("503 Service Unavailable", "text/plain", "Eight pages are open; close one.\n"));
+  void upgrade(const Shared& client, const Request& r) {
+    if (!websocket::is_upgrade(r) || r[http::field::sec_websocket_version] != "13")
+      return refuse(client, http::status::upgrade_required, "This address is a WebSocket.\n");
+    if (!is_own_origin(r[http::field::host], r[http::field::origin]))
+      return refuse(client, http::status::forbidden, "Another web site may not connect.\n");
+    // RFC 6455, 4.1: a client waits for the response.
+    if (client->arriving.size() > 0) return refuse(client, http::status::bad_request, "The request is malformed.\n");
+    if (!has_place()) return refuse(client, http::status::service_unavailable, "Eight pages are open; close one.\n");
     client->upgraded = true;
-    client->reader.add(rest);
-    client->replies.push_back(std::make_shared<const std::string>(
-        "HTTP/1.1 101 Switching Protocols\r\nUpgrade: websocket\r\nConnection: Upgrade\r\nSec-WebSocket-Accept: " +
-        websocket_accept(r.websocket_key) + "\r\n\r\n"));
-    client->replies.push_back(introduction);
-    client->request = {};
-    write(client);
-    hear(client);
+    client->heard = Now::now();
+    client->socket.read_message_max(kLargestMessage);
+    client->socket.auto_fragment(false);
+    client->socket.control_callback([c = client.get()](websocket::frame_type, auto) { c->heard = Now::now(); });
+    client->socket.async_accept(r, [this, client](Error error) {
+      if (error) return drop(client);
+      client->greeted = true;
+      write(client, introduction, true);
+      read(client);
+    });
   }
 
-  void hear(const Shared& client) {
-    using Kind = WebSocketReader::Event::Kind;
-    for (WebSocketReader::Event e = client->reader.next(); e.kind != Kind::nothing; e = client->reader.next()) {
-      switch (e.kind) {
-        case Kind::nothing:
-          break;
-        case Kind::text:
-          obey(client, e.payload);
-          if (client->ends) return;
-          break;
-        case Kind::ping:
-          reply(client, websocket_frame(WebSocketOpcode::pong, e.payload));
-          break;
-        case Kind::close:
-        case Kind::error:
-          return end(client, websocket_frame(WebSocketOpcode::close,
-                                             e.close_code == 1005 ? std::string{} : websocket_close(e.close_code)));
+  /// Beast answers pings and close frames, and closes with the code of what the standard forbids.
+  void read(const Shared& client) {
+    client->socket.async_read(client->arriving, [this, client](Error error, std::size_t size) {
+      if (error) return drop(client);
+      if (client->ends) return;
+      client->heard = Now::now();
+      if (client->socket.got_text()) {
+        obey(client, {static_cast<const char*>(client->arriving.data().data()), size});
+      } else {
+        end(client, websocket::close_code::unknown_data);
       }
-    }
+      client->arriving.consume(size);
+      if (!client->ends) read(client);
+    });
   }
 
   void obey(const Shared& client, std::string_view text) {
     const std::optional<PageCommand> command = parse_page_command(text);
-    if (!command) return end(client, websocket_frame(WebSocketOpcode::close, websocket_close(1008)));
+    if (!command) return end(client, websocket::close_code::policy_error);
     client->commanded = Now::now();
     switch (command->kind) {
       case PageCommand::Kind::target:
@@ -304,50 +350,32 @@ struct PageServer::Impl {
     if (std::exchange(client->holds, false)) channel.hand.try_push({});
   }
 
-  void reply(const Shared& client, std::string frame) {
-    if (client->replies.size() < kReplies)
-      client->replies.push_back(std::make_shared<const std::string>(std::move(frame)));
-    write(client);
-  }
-
-  void write(const Shared& client) {
-    if (client->writing) return;
-    Text text;
-    if (!client->replies.empty()) {
-      text = std::move(client->replies.front());
-      client->replies.erase(client->replies.begin());
-    } else {
-      text = std::exchange(client->samples, nullptr);
-    }
-    if (!text) {
-      if (client->ends) drop(client);
-      return;
-    }
+  void write(const Shared& client, Text text, bool is_text = false) {
+    if (client->writing || client->ends || !text) return;
     client->writing = true;
     client->last_progress = Now::now();
-    asio::async_write(client->socket, asio::buffer(*text), [this, client, text](Error error, std::size_t) {
+    client->socket.text(is_text);
+    client->socket.async_write(asio::buffer(*text), [this, client, text](Error error, std::size_t) {
       client->writing = false;
       if (error) return drop(client);
-      client->last_progress = Now::now();
-      write(client);
+      write(client, std::exchange(client->samples, nullptr));
     });
   }
 
-  /// Sends `last`, then closes.
-  void end(const Shared& client, std::string last) {
+  /// Sends the code, then closes.
+  void end(const Shared& client, websocket::close_code code) {
     if (client->ends) return;
     client->ends = true;
     client->samples = nullptr;
     release(client);
-    client->replies.push_back(std::make_shared<const std::string>(std::move(last)));
-    write(client);
+    client->socket.async_close(code, [this, client](Error) { drop(client); });
   }
   void drop(const Shared& client) {
     release(client);
     client->ends = true;
     Error ignored;
-    client->socket.shutdown(tcp::socket::shutdown_both, ignored);
-    client->socket.close(ignored);
+    client->socket.next_layer().shutdown(asio::socket_base::shutdown_both, ignored);
+    client->socket.next_layer().close(ignored);
     std::erase(clients, client);
   }
 

@@ -1,8 +1,7 @@
 #include "common/platform/udp.h"
 
-#define ASIO_STANDALONE
-#define ASIO_NO_DEPRECATED
-#define ASIO_DISABLE_FENCED_BLOCK  // no handler runs here, and the thread sanitizer does not support fences
+#define BOOST_ASIO_NO_DEPRECATED
+#define BOOST_ASIO_DISABLE_FENCED_BLOCK  // no handler runs here, and the thread sanitizer does not support fences
 #include <netinet/in.h>
 #include <poll.h>
 #include <sys/socket.h>
@@ -11,9 +10,9 @@
 #include <unistd.h>
 
 #include <algorithm>
-#include <asio/io_context.hpp>
-#include <asio/ip/address.hpp>
-#include <asio/ip/udp.hpp>
+#include <boost/asio/io_context.hpp>
+#include <boost/asio/ip/address.hpp>
+#include <boost/asio/ip/udp.hpp>
 #include <cerrno>
 #include <charconv>
 #include <chrono>
@@ -28,7 +27,9 @@
 namespace twoport {
 namespace {
 
+namespace asio = boost::asio;
 using asio::ip::udp;
+using Error = boost::system::error_code;
 
 constexpr std::size_t kBuffer = 1500;  // [B]
 static_assert(kBuffer > kMaxDatagramBytes);
@@ -148,7 +149,7 @@ std::optional<Endpoint> name_of(int fd) noexcept {
 }
 
 /// Why the socket cannot be bound, and the remedy.
-std::string bind_advice(const asio::error_code& error) {
+std::string bind_advice(const Error& error) {
   if (error == asio::error::address_in_use)
     return "the port is in use; stop the program that uses it or choose another port";
   if (error.value() == EADDRNOTAVAIL)
@@ -197,7 +198,7 @@ Endpoint parse_endpoint(std::string_view text, std::string_view option) {
   std::uint16_t number = 0;
   const auto [end, problem] = std::from_chars(port.data(), port.data() + port.size(), number);
   if (problem != std::errc{} || end != port.data() + port.size()) throw refuse();
-  asio::error_code error;
+  Error error;
   const asio::ip::address parsed = asio::ip::make_address(std::string{address}, error);
   if (!error && parsed.is_v6() == bracketed) return from_asio({parsed, number});
   if (!error || bracketed || !may_be_host_name(address)) throw refuse();
@@ -308,7 +309,7 @@ SocketCounts UdpSocket::counts() const noexcept {
 
 void UdpSocket::Impl::open(const Endpoint& wanted) {
   const udp::endpoint where = to_asio(wanted);
-  asio::error_code error;
+  Error error;
   socket.open(where.protocol(), error);
   if (!error) socket.bind(where, error);
   if (error) throw ConfigError("cannot listen on " + to_string(wanted) + ": " + bind_advice(error));
@@ -336,7 +337,7 @@ UdpSocket::Impl::Caller& UdpSocket::Impl::place_of(const Endpoint& caller) noexc
 }
 
 void UdpSocket::Impl::connect(const Endpoint& with) noexcept {
-  asio::error_code error;
+  Error error;
   socket.connect(to_asio(with), error);
   if (error) return;
   peer = with;

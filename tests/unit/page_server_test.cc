@@ -80,6 +80,11 @@ struct Served {
     c.write("GET " + target + " HTTP/1.1\r\nHost: " + as_host + "\r\n\r\n");
     return c.read_all();
   }
+  /// A WebSocket that has been greeted.
+  void join(Connection& c) {
+    c.write(upgrade("http://" + host));
+    ASSERT_NE(c.read_until("{\"scene\":\"s\"}").find("101 Switching"), std::string::npos);
+  }
   std::string upgrade(const std::string& origin) {
     return "GET /live HTTP/1.1\r\nHost: " + host + "\r\nOrigin: " + origin +
            "\r\nUpgrade: websocket\r\nConnection: Upgrade\r\nSec-WebSocket-Key: dGhlIHNhbXBsZSBub25jZQ==\r\n"
@@ -87,11 +92,21 @@ struct Served {
   }
 };
 
+/// A client's frame, masked with 1, 2, 3, 4.
 std::string masked(unsigned first, const std::string& payload) {
   std::string out{static_cast<char>(first)};
-  out += static_cast<char>(0x80 | payload.size());
-  out += std::string(4, '\0');
-  return out + payload;
+  if (payload.size() < 126) {
+    out += static_cast<char>(0x80 | payload.size());
+  } else {
+    out += {static_cast<char>(0xfe), static_cast<char>(payload.size() >> 8), static_cast<char>(payload.size() & 0xff)};
+  }
+  out += "\1\2\3\4";
+  for (std::size_t i = 0; i < payload.size(); ++i) out += static_cast<char>(payload[i] ^ static_cast<char>(1 + i % 4));
+  return out;
+}
+/// A frame that closes, as the server sends it.
+std::string closes(unsigned code) {
+  return {'\x88', '\x02', static_cast<char>(code >> 8), static_cast<char>(code & 0xff)};
 }
 
 template <class Row>
@@ -118,9 +133,74 @@ TEST(PageServer, RefusesOtherNamesAndOtherSites) {
   Connection c{s.port};
   c.write(s.upgrade("http://evil.example"));
   EXPECT_NE(c.read_all().find("403"), std::string::npos);
-  Connection garbage{s.port};
-  garbage.write("\x16\x03\x01 not http\r\n\r\n");
-  EXPECT_NE(garbage.read_all().find("400"), std::string::npos);
+}
+
+TEST(PageServer, RefusesMalformedRequests) {
+  Served s;
+  const std::string host = "Host: " + s.host + "\r\n", get = "GET / HTTP/1.1\r\n" + host;
+  for (const std::string& bad :
+       {std::string{"\x16\x03\x01 not http\r\n\r\n"}, "GET /\r\n" + host + "\r\n", "GET x HTTP/1.1\r\n" + host + "\r\n",
+        "GET / HTTP/2\r\n" + host + "\r\n", get + "no colon\r\n\r\n", get + "Origin : a\r\n\r\n", get + host + "\r\n",
+        get + "Origin: a\r\nOrigin: b\r\n\r\n", get + "Content-Length: 5\r\n\r\n",
+        get + "Transfer-Encoding: chunked\r\n\r\n", get + "Origin: \1\r\n\r\n", std::string(kLargestRequest + 1, 'x'),
+        get + "Origin: " + std::string(kLargestRequest, 'x') + "\r\n\r\n",
+        s.upgrade("http://" + s.host) + masked(0x81, "grip 300")}) {
+    Connection c{s.port};
+    c.write(bad);
+    EXPECT_NE(c.read_all().find("400 Bad Request"), std::string::npos) << bad.substr(0, 80);
+  }
+  EXPECT_NE(s.get("/live", s.host).find("426 Upgrade Required"), std::string::npos);
+  std::string head = "HEAD / HTTP/1.1\r\n" + host + "\r\n", post = "POST / HTTP/1.1\r\n" + host + "\r\n";
+  Connection asks{s.port}, gives{s.port};
+  asks.write(head);
+  const std::string headers = asks.read_all();
+  EXPECT_NE(headers.find("Content-Length: 7\r\n"), std::string::npos) << headers;
+  EXPECT_TRUE(headers.ends_with("\r\n\r\n")) << headers;
+  gives.write(post);
+  EXPECT_NE(gives.read_all().find("405"), std::string::npos);
+}
+
+/// RFC 6455, section 5, and the limit of a message.
+TEST(PageServer, EndsWebSocketsThatBreakTheStandard) {
+  Served s{{.silence = 300ms}};
+  const std::string large(kLargestMessage + 1, 'x'), part(400, 'x');
+  for (const auto& [frames, code] : std::vector<std::pair<std::string, unsigned>>{
+           {std::string{"\x81\x05Hello"}, 1002},  // a client must mask
+           {masked(0xc1, ""), 1002},              // reserved bit
+           {masked(0x83, ""), 1002},              // reserved opcode
+           {masked(0x09, ""), 1002},              // fragmented ping
+           {masked(0x89, std::string(126, 'x')), 1002},
+           {std::string{"\x81\xfe\0\x05\1\2\3\4", 8}, 1002},  // length not in its shortest form
+           {masked(0x80, "continues nothing"), 1002},
+           {masked(0x82, "binary"), 1003},
+           {masked(0x81, "\xff"), 1007},
+           {masked(0x81, large), 1009},
+           {masked(0x01, part) + masked(0x00, part) + masked(0x00, part), 1009}}) {
+    Connection c{s.port};
+    s.join(c);
+    c.write(frames);
+    const std::string answer = c.read_all();
+    EXPECT_NE(answer.find(closes(code)), answer.npos) << code << " after " << static_cast<int>(frames[0]);
+  }
+}
+
+TEST(PageServer, AssemblesFragmentsWithPingsBetween) {
+  Served s;
+  const std::string all = masked(0x01, "gri") + masked(0x89, "p") + masked(0x00, "p ") + masked(0x80, "300") +
+                          masked(0x81, "grip 200." + std::string(kLargestMessage - 9, '0')) + masked(0x88, "\x03\xe8");
+  for (const std::size_t piece : {std::size_t{1}, std::size_t{3}, all.size()}) {
+    Connection c{s.port};
+    s.join(c);
+    for (std::size_t at = 0; at < all.size(); at += piece) c.write(all.substr(at, piece));
+    const std::string answer = c.read_all();
+    EXPECT_NE(answer.find("\x8a\x01p"), answer.npos) << "a pong";
+    EXPECT_NE(answer.find(closes(1000)), answer.npos);
+    PageCommand command;
+    ASSERT_TRUE(soon_pops(s.channel.hand, command)) << piece;
+    EXPECT_EQ(command.number[0], 300.0);
+    ASSERT_TRUE(soon_pops(s.channel.hand, command)) << "a message of the largest size";
+    EXPECT_EQ(command.number[0], 200.0);
+  }
 }
 
 TEST(PageServer, SendsSamplesAndTakesCommands) {
@@ -148,12 +228,14 @@ TEST(PageServer, SendsSamplesAndTakesCommands) {
 TEST(PageServer, TakesTheGrippersOpeningFromWhoHoldsTheHandle) {
   Served s;
   Connection holds{s.port}, other{s.port};
-  holds.write(s.upgrade("http://" + s.host) + masked(0x81, "opening 0.05") + masked(0x81, "target 0.01 0 0 0 0 0"));
+  s.join(holds);
+  s.join(other);
+  holds.write(masked(0x81, "opening 0.05") + masked(0x81, "target 0.01 0 0 0 0 0"));
   PageCommand command;
   ASSERT_TRUE(soon_pops(s.channel.hand, command));
   EXPECT_EQ(command.kind, PageCommand::Kind::opening) << "nobody held it";
   ASSERT_TRUE(soon_pops(s.channel.hand, command));
-  other.write(s.upgrade("http://" + s.host) + masked(0x81, "opening 0.01") + masked(0x81, "grip 300"));
+  other.write(masked(0x81, "opening 0.01") + masked(0x81, "grip 300"));
   ASSERT_TRUE(soon_pops(s.channel.hand, command));
   EXPECT_EQ(command.kind, PageCommand::Kind::grip);
   holds.write(masked(0x81, "opening 0.03"));
@@ -165,7 +247,8 @@ TEST(PageServer, AClosedConnectionReleasesTheHandle) {
   Served s;
   {
     Connection c{s.port};
-    c.write(s.upgrade("http://" + s.host) + masked(0x81, "target 0.01 0 0 0 0 0"));
+    s.join(c);
+    c.write(masked(0x81, "target 0.01 0 0 0 0 0"));
     PageCommand command;
     ASSERT_TRUE(soon_pops(s.channel.hand, command));
     EXPECT_EQ(command.kind, PageCommand::Kind::target);
@@ -176,9 +259,10 @@ TEST(PageServer, AClosedConnectionReleasesTheHandle) {
 }
 
 TEST(PageServer, AMalformedCommandEndsTheConnectionAndReleases) {
-  Served s;
+  Served s{{.silence = 300ms}};
   Connection c{s.port};
-  c.write(s.upgrade("http://" + s.host) + masked(0x81, "target 0 0 0 0 0 0") + masked(0x81, "target nan 0 0 0 0 0"));
+  s.join(c);
+  c.write(masked(0x81, "target 0 0 0 0 0 0") + masked(0x81, "target nan 0 0 0 0 0"));
   PageCommand command;
   ASSERT_TRUE(soon_pops(s.channel.hand, command));
   ASSERT_TRUE(soon_pops(s.channel.hand, command));
