@@ -27,7 +27,7 @@ struct PaperCase {
 };
 
 /// Root mean square and largest of a series, over any number of runs.
-struct Spread {
+struct RmsAndLargest {
   double sum2 = 0.0, max = 0.0;
   std::uint64_t count = 0;
   void add(double x) noexcept {
@@ -35,7 +35,7 @@ struct Spread {
     max = std::max(max, std::abs(x));
     ++count;
   }
-  void add(const Spread& s) noexcept {
+  void add(const RmsAndLargest& s) noexcept {
     sum2 += s.sum2;
     max = std::max(max, s.max);
     count += s.count;
@@ -55,13 +55,13 @@ struct PaperNumbers {
   std::array<double, 3> axis_energy_j{};  ///< at the end, mean of the seeds
   double energy_j = 0.0;                  ///< their sum
   std::array<double, 3> axis_energy_at_1s_j{};
-  Spread direction_deg;            ///< between felt and rendered force, both > kFelt
-  Spread normal_direction_deg;     ///< between felt force and true normal, force > kFelt
-  Spread tip_n;                    ///< of the felt force across the rendered force
-  double mean_correction_n = 0.0;  ///< of |f_PC| in contact
+  RmsAndLargest direction_deg;         ///< between felt and rendered force, both > kFelt
+  RmsAndLargest normal_direction_deg;  ///< between felt force and true normal, force > kFelt
+  RmsAndLargest tip_n;                 ///< of the felt force across the rendered force
+  double mean_correction_n = 0.0;      ///< of |f_PC| in contact
   double max_correction_n = 0.0;
   double max_gain_n_s_per_m = 0.0;  ///< α = |f_PC|²/(f_PC·v) of the true velocity, above 1 µN, without saturation
-  Spread speed_m_per_s;
+  RmsAndLargest speed_m_per_s;
   double max_depth_m = 0.0;
   std::uint64_t ticks = 0, contact_ticks = 0;
   std::uint64_t pulling_ticks = 0;    ///< in contact, felt force opposite to the rendered one
@@ -109,9 +109,9 @@ struct AdmittanceRun {
   std::string method;
   double min_energy_j = 0.0;  ///< of the held velocity and the true force
   double most_speed_m_per_s = 0.0;
-  double stopped_at_s = 0.0;  ///< when the speed passed 5 m/s; 0: never
-  Spread direction_deg;       ///< of the velocity against that of the virtual mass
-  Spread correction_m_per_s;
+  double stopped_at_s = 0.0;    ///< when the speed passed 5 m/s; 0: never
+  RmsAndLargest direction_deg;  ///< of the velocity against that of the virtual mass
+  RmsAndLargest correction_m_per_s;
 };
 std::vector<AdmittanceRun> admittance_runs();
 

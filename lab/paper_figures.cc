@@ -188,7 +188,7 @@ void figure_11(const std::string& folder, const std::string& name, const char* s
   double rms[2];
   int i = 0;
   for (const char* method : {"classic", "projected"}) {
-    Spread tips;
+    RmsAndLargest tips;
     const World world{paper_scene(paper_case("curved", "light", sensor, method), kSeed).environment};
     for (const Row<3>& r : recorded("curved", method, sensor)) {
       if (r.t_s < PaperNumbers::kFrom_s || r.master_f_wanted.squared_norm() == 0.0) continue;

@@ -78,8 +78,8 @@ class ContactFigures {
   /// `hand`, `link`: as in KnownParts. `rows`: number of rows in all.
   void fill(Summary& s, bool hand, bool link, double rows, double rate_hz) const {
     const auto touching = static_cast<double>(touching_);
-    if (link) s.set_coupled_share(1.0 - static_cast<double>(uncoupled_) / rows);
-    s.set_touching_share(touching / rows);
+    if (link) s.set_coupled_share(rows > 0.0 ? 1.0 - static_cast<double>(uncoupled_) / rows : 0.0);
+    s.set_touching_share(touching / std::max(rows, 1.0));
     s.set_contact_s(touching / rate_hz);
     if (hand && free_ > 0) s.set_free_force_rms_n(std::sqrt(free_force2_ / static_cast<double>(free_)));
     if (touching_ == 0) return;

@@ -2,10 +2,11 @@
 
 #include <fmt/format.h>
 
-#include <algorithm>
 #include <cmath>
+#include <optional>
 
 #include "common/base/check.h"
+#include "common/record/figure.h"
 
 namespace twoport {
 
@@ -26,15 +27,15 @@ std::vector<std::string> violations(const ExpectSpec& expect, const Summary& sum
       found.push_back(fmt::format("verdict_kind with {} is {}, expected {}: {}", each.method, summary.verdict_kind(),
                                   each.verdict_kind, summary.verdict()));
 
-  const auto all = known_numbers(summary);
   const auto check = [&](const Bound& bound, const char* side, double sign, const char* missed) {
-    const auto figure = std::find_if(all.begin(), all.end(), [&](const auto& each) { return each.first == bound.key; });
-    if (figure == all.end()) throw ConfigError{fmt::format("expect: no number \"{}\" in a summary", bound.key)};
-    if (!figure->second) {
+    const Figure* const figure = Figure::find(bound.key);
+    if (figure == nullptr) throw ConfigError{fmt::format("expect: no number \"{}\" in a summary", bound.key)};
+    const std::optional<double> known = figure->known_of(summary);
+    if (!known) {
       found.push_back(fmt::format("{} is not known of this run, expected {} {:.9g}", bound.key, side, bound.value));
       return;
     }
-    const double value = *figure->second;
+    const double value = *known;
     if (sign * value >= sign * bound.value) return;
     std::string sentence = fmt::format("{} is {:.9g}, expected {} {:.9g}", bound.key, value, side, bound.value);
     if (!std::isnan(value)) sentence += fmt::format(": {} by {:.9g}", missed, sign * (bound.value - value));

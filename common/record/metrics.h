@@ -125,7 +125,7 @@ class Metrics {
       s.set_robot_max_force_n(std::sqrt(robot_force2_max_));
       s.set_robot_max_speed_m_per_s(std::sqrt(robot_speed2_max_));
     }
-    contact_.fill(s, known_.hand, known_.link, rows, rate_hz_);
+    contact_.fill(s, known_.hand, known_.link, static_cast<double>(rows_), rate_hz_);
   }
 
  private:

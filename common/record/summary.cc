@@ -1,8 +1,6 @@
 #include "common/record/summary.h"
 
 #include <fmt/format.h>
-#include <google/protobuf/descriptor.h>
-#include <google/protobuf/message.h>
 #include <google/protobuf/util/json_util.h>
 
 #include <algorithm>
@@ -15,47 +13,12 @@
 
 #include "common/base/check.h"
 #include "common/base/file.h"
+#include "common/record/figure.h"
 #include "common/scene/names.h"
 
 namespace twoport {
-namespace {
 
 namespace pb = google::protobuf;
-
-double number(const pb::Message& of, const pb::FieldDescriptor& field) {
-  using Field = pb::FieldDescriptor;
-  const pb::Reflection& reflection = *of.GetReflection();
-  switch (field.cpp_type()) {
-    case Field::CPPTYPE_DOUBLE:
-      return reflection.GetDouble(of, &field);
-    case Field::CPPTYPE_INT32:
-      return reflection.GetInt32(of, &field);
-    case Field::CPPTYPE_UINT32:
-      return reflection.GetUInt32(of, &field);
-    case Field::CPPTYPE_BOOL:
-      return reflection.GetBool(of, &field) ? 1.0 : 0.0;
-    default:
-      throw ConfigError{"summary: " + field.full_name() +
-                        " is of a type without a rule here: " + field.cpp_type_name()};
-  }
-}
-
-void add_numbers(const pb::Message& of, bool known, const std::string& prefix,
-                 std::vector<std::pair<std::string, std::optional<double>>>& all) {
-  const pb::Descriptor& descriptor = *of.GetDescriptor();
-  const pb::Reflection& reflection = *of.GetReflection();
-  for (int i = 0; i < descriptor.field_count(); ++i) {
-    const pb::FieldDescriptor& field = *descriptor.field(i);
-    if (field.is_repeated()) continue;
-    const bool is_known = known && (!field.has_presence() || reflection.HasField(of, &field));
-    if (field.message_type())
-      add_numbers(reflection.GetMessage(of, &field), is_known, prefix + field.name() + ".", all);
-    else if (field.cpp_type() != pb::FieldDescriptor::CPPTYPE_STRING)
-      all.emplace_back(prefix + field.name(), is_known ? std::optional{number(of, field)} : std::nullopt);
-  }
-}
-
-}  // namespace
 
 void describe_run(const Scene& scene, std::string_view side, Summary& s) {
   s.set_scene(scene.name);
@@ -163,14 +126,13 @@ void leave_summary(const Summary& summary, const std::string& folder) {
 
 std::vector<std::pair<std::string, std::optional<double>>> known_numbers(const Summary& summary) {
   std::vector<std::pair<std::string, std::optional<double>>> all;
-  add_numbers(summary, true, "", all);
+  for (const Figure& figure : Figure::all()) all.emplace_back(figure.name(), figure.known_of(summary));
   return all;
 }
 
 std::vector<std::pair<std::string, double>> numbers(const Summary& summary) {
   std::vector<std::pair<std::string, double>> all;
-  for (auto& [name, value] : known_numbers(summary))
-    all.emplace_back(std::move(name), value.value_or(std::numeric_limits<double>::quiet_NaN()));
+  for (const Figure& figure : Figure::all()) all.emplace_back(figure.name(), figure.of(summary));
   return all;
 }
 

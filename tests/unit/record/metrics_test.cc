@@ -195,6 +195,14 @@ TEST(ContactFigures, OfSilenceAreNotPerfect) {
     }
 }
 
+TEST(ContactFigures, OfARunOfNothingAreNotOfACoupledOne) {
+  const Summary s = summary_of<1>({});
+  EXPECT_EQ(s.steps(), 0U);
+  ASSERT_TRUE(s.has_coupled_share());
+  EXPECT_EQ(s.coupled_share(), 0.0);
+  EXPECT_EQ(s.touching_share(), 0.0);
+}
+
 TEST(ContactFigures, AreAbsentWhereNothingTouches) {
   const Summary s = summary_of<1>({{1.0, free_space(0.1)}});
   EXPECT_EQ(s.touching_share(), 0.0);
