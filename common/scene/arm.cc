@@ -12,7 +12,7 @@
 namespace twoport {
 namespace {
 
-Eigen::Matrix3d rotation_rpy(const Numbers& rpy) {
+Eigen::Matrix3d rotation_rpy(const List& rpy) {
   const Eigen::Vector3d r = vector<3>(rpy);
   return (Eigen::AngleAxisd{r.z(), Eigen::Vector3d::UnitZ()} * Eigen::AngleAxisd{r.y(), Eigen::Vector3d::UnitY()} *
           Eigen::AngleAxisd{r.x(), Eigen::Vector3d::UnitX()})
@@ -20,9 +20,7 @@ Eigen::Matrix3d rotation_rpy(const Numbers& rpy) {
 }
 
 Eigen::Matrix3d read_inertia(const Block<schema::ArmJoint>& of) {
-  constexpr Count kCount{3, 6, "with xy xz yz"};
-  of.require(FIELD(inertia_kg_m2), kCount.words());
-  const Numbers n = of.list(FIELD(inertia_kg_m2), kCount);
+  const List& n = of->inertia_kg_m2();
   Eigen::Matrix3d inertia = vector<3>(n).asDiagonal();
   if (n.size() == 6) {
     inertia(0, 1) = inertia(1, 0) = n[3];
@@ -39,19 +37,16 @@ Eigen::Matrix3d read_inertia(const Block<schema::ArmJoint>& of) {
 }
 
 ArmJoint read_joint(const Block<schema::ArmJoint>& of) {
-  const Count three{3, 3, ""};
-  of.require(FIELD(origin_m), three.words());
-  of.require(FIELD(center_m), three.words());
-  ArmJoint joint{.origin_m = vector<3>(of.list(FIELD(origin_m), three)),
-                 .rotation = rotation_rpy(of.list(FIELD(rotation_rpy_rad), three)),
-                 .mass_kg = of.required(FIELD(mass_kg), kPositive),
-                 .center_m = vector<3>(of.list(FIELD(center_m), three)),
+  ArmJoint joint{.origin_m = vector<3>(of->origin_m()),
+                 .rotation = rotation_rpy(of->rotation_rpy_rad()),
+                 .mass_kg = of->mass_kg(),
+                 .center_m = vector<3>(of->center_m()),
                  .inertia = read_inertia(of),
-                 .rotor_inertia_kg_m2 = of.number(FIELD(rotor_inertia_kg_m2), kNotNegative),
-                 .max_torque_n_m = of.required(FIELD(max_torque_n_m), kPositive),
-                 .max_speed_rad_per_s = of.required(FIELD(max_speed_rad_per_s), kPositive),
-                 .lower_rad = of.required(FIELD(lower_rad), kFinite),
-                 .upper_rad = of.required(FIELD(upper_rad), kFinite)};
+                 .rotor_inertia_kg_m2 = of->rotor_inertia_kg_m2(),
+                 .max_torque_n_m = of->max_torque_n_m(),
+                 .max_speed_rad_per_s = of->max_speed_rad_per_s(),
+                 .lower_rad = of->lower_rad(),
+                 .upper_rad = of->upper_rad()};
   if (!(joint.lower_rad < joint.upper_rad))
     of.refuse(FIELD(upper_rad), fmt::format("be > lower_rad, which is {}", joint.lower_rad));
   return joint;
@@ -65,18 +60,19 @@ ArmParameters load_arm(const std::string& path) {
     throw ConfigError{fmt::format("{}:{}: {}", path, error->place, error->sentence)};
   const Context context{.file = path, .dof = 6};
   const Block of{context, message};
+  of.check_fields();
   ArmParameters arm;
-  arm.name = of.text(FIELD(name));
+  arm.name = of->name();
   arm.source.assign(message.source().begin(), message.source().end());
   for (const auto& each : of.blocks(FIELD(joint))) arm.joints.push_back(read_joint(each));
   const int joints = static_cast<int>(arm.joints.size());
   if (joints != 6 && joints != 7)
     of.fail(fmt::format("joint is given {} times; an arm must have 6 or 7 joints", joints));
-  arm.flange_m = vector<3>(of.list(FIELD(flange_m), {3, 3, ""}));
-  arm.flange_rotation = rotation_rpy(of.list(FIELD(flange_rotation_rpy_rad), {3, 3, ""}));
-  const Count all{joints, joints, ""};
-  of.require(FIELD(ready_position_rad), all.words());
-  arm.ready_position_rad = of.list(FIELD(ready_position_rad), all);
+  arm.flange_m = vector<3>(of->flange_m());
+  arm.flange_rotation = rotation_rpy(of->flange_rotation_rpy_rad());
+  of.require(FIELD(ready_position_rad), fmt::format("hold {} numbers", joints));
+  of.need_length(FIELD(ready_position_rad), joints);
+  arm.ready_position_rad = numbers(of->ready_position_rad());
   for (std::size_t i = 0; i < arm.joints.size(); ++i)
     if (!(arm.ready_position_rad[i] >= arm.joints[i].lower_rad && arm.ready_position_rad[i] <= arm.joints[i].upper_rad))
       of.refuse(FIELD(ready_position_rad),

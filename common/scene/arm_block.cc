@@ -10,11 +10,6 @@
 namespace twoport {
 namespace {
 
-// The simulated joints cannot be stepped with more in a few pieces of a tick; real ones have less than 10 N m s/rad.
-constexpr Rule kJointDamping{[](double v) { return v >= 0.0 && v <= 300.0; }, "be >= 0 and at most 300"};
-constexpr Rule kJointStiffness{[](double v) { return v >= 0.0 && v <= 1e4; }, "be >= 0 and at most 10000"};
-constexpr Rule kGain{[](double v) { return v >= 0.0 && v <= 1000.0; }, "be >= 0 and at most 1000"};
-
 template <int n>
 EffectiveInertia effective_inertia(const ArmSpec& arm) {
   using Matrix6 = Eigen::Matrix<double, 6, 6>;
@@ -46,24 +41,25 @@ EffectiveInertia effective_inertia(const ArmSpec& arm) {
 
 ArmSpec read_arm(const Block<schema::Arm>& of) {
   of.require(FIELD(file), "be the path of a file");
-  std::filesystem::path path = of.text(FIELD(file));
+  std::filesystem::path path = of->file();
   if (path.empty()) of.refuse(FIELD(file), "be the path of a file");
   if (path.is_relative()) path = std::filesystem::path{of.context().file}.parent_path() / path;
   const auto parameters = std::make_shared<const ArmParameters>(load_arm(path.string()));
   const int joints = static_cast<int>(parameters->joints.size());
   const auto feedback = of.block(FIELD(force_feedback));
-  ArmSpec arm{
-      .parameters = parameters,
-      .joint_position_rad = of.list(FIELD(joint_position_rad), {joints, joints, ""}),
-      .null_space_stiffness_n_m_per_rad = of.number(FIELD(null_space_stiffness_n_m_per_rad), kJointStiffness),
-      .null_space_damping_n_m_s_per_rad = of.number(FIELD(null_space_damping_n_m_s_per_rad), kJointDamping),
-      .joint_damping_n_m_s_per_rad = of.number(FIELD(joint_damping_n_m_s_per_rad), kJointDamping),
-      .tool_mass_kg = of.number(FIELD(tool_mass_kg), kNotNegative),
-      .tool_center_m = of.list(FIELD(tool_center_m), {3, 3, ""}),
-      .force_feedback_gain = feedback.number(FIELD(gain), kGain),
-      .force_feedback_torque_gain = feedback.number_or(FIELD(torque_gain), kGain, feedback.number(FIELD(gain), kGain)),
-      .force_feedback_cutoff_hz = feedback.has(FIELD(cutoff_hz)) ? feedback.number(FIELD(cutoff_hz), kPositive) : 0.0,
-      .joint_coulomb_friction_n_m = of.list(FIELD(joint_coulomb_friction_n_m), {joints, joints, ""})};
+  of.need_length(FIELD(joint_position_rad), joints);
+  of.need_length(FIELD(joint_coulomb_friction_n_m), joints);
+  ArmSpec arm{.parameters = parameters,
+              .joint_position_rad = numbers(of->joint_position_rad()),
+              .null_space_stiffness_n_m_per_rad = of->null_space_stiffness_n_m_per_rad(),
+              .null_space_damping_n_m_s_per_rad = of->null_space_damping_n_m_s_per_rad(),
+              .joint_damping_n_m_s_per_rad = of->joint_damping_n_m_s_per_rad(),
+              .tool_mass_kg = of->tool_mass_kg(),
+              .tool_center_m = numbers(of->tool_center_m()),
+              .force_feedback_gain = feedback->gain(),
+              .force_feedback_torque_gain = GIVEN(feedback, torque_gain).value_or(feedback->gain()),
+              .force_feedback_cutoff_hz = feedback->has_cutoff_hz() ? feedback->cutoff_hz() : 0.0,
+              .joint_coulomb_friction_n_m = numbers(of->joint_coulomb_friction_n_m())};
   for (const double friction : arm.joint_coulomb_friction_n_m)
     if (!(friction >= 0.0)) of.refuse(FIELD(joint_coulomb_friction_n_m), "be >= 0 each");
   if (arm.joint_position_rad.empty()) arm.joint_position_rad = parameters->ready_position_rad;

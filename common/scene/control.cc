@@ -3,6 +3,7 @@
 
 #include "common/scene/blocks.h"
 #include "common/scene/names.h"
+#include "common/scene/source.h"
 
 namespace twoport {
 namespace {
@@ -30,33 +31,25 @@ static_assert(same_number(WaveReceiverRule::energy_limited, schema::WaveVariable
               same_number(WaveReceiverRule::zero, schema::WaveVariables::Receiver_MAX));
 
 CouplingOptions read_coupling(const Block<schema::VirtualCoupling>& of) {
-  of.only_with_rotation(FIELD(rotational_stiffness_n_m_per_rad), FIELD(rotational_damping_n_m_s_per_rad));
   return {
-      .stiffness_n_per_m = of.number(FIELD(stiffness_n_per_m), kNotNegative),
-      .damping_n_s_per_m = of.number(FIELD(damping_n_s_per_m), kNotNegative),
-      .rotational_stiffness_n_m_per_rad = of.number(FIELD(rotational_stiffness_n_m_per_rad), kNotNegative),
-      .rotational_damping_n_m_s_per_rad = of.number(FIELD(rotational_damping_n_m_s_per_rad), kNotNegative),
-      .catch_up_m_per_s = of.number(FIELD(catch_up_m_per_s), kNotNegative),
-      .drift_compensation = of.flag(FIELD(drift_compensation)),
+      .stiffness_n_per_m = of->stiffness_n_per_m(),
+      .damping_n_s_per_m = of->damping_n_s_per_m(),
+      .rotational_stiffness_n_m_per_rad = of->rotational_stiffness_n_m_per_rad(),
+      .rotational_damping_n_m_s_per_rad = of->rotational_damping_n_m_s_per_rad(),
+      .catch_up_m_per_s = of->catch_up_m_per_s(),
+      .drift_compensation = of->drift_compensation(),
   };
 }
 
 RegistrationOptions read_registration(const Block<schema::Registration>& of) {
   RegistrationOptions options;
-  options.absolute = of.choice<schema::Registration::Mode>(FIELD(mode)) == schema::Registration::ABSOLUTE;
-  if (of.has(FIELD(rotation))) {
-    if (of.dof() == 1)
-      of.fail(fmt::format("{} is given, but dof is 1; a rotation needs dof 3 or 6", of.path_of("rotation")));
-    const Numbers q = of.list(FIELD(rotation), Count{4, 4, ""});
-    options.rotation = Eigen::Quaterniond{q[0], q[1], q[2], q[3]};
-    if (std::abs(options.rotation.norm() - 1.0) > 1e-3) of.refuse(FIELD(rotation), "be of length 1");
-    options.rotation.normalize();
-  }
-  if (of.has(FIELD(position_m))) {
+  options.absolute = of->mode() == schema::Registration::ABSOLUTE;
+  options.rotation = attitude(of->rotation());
+  if (!of->position_m().empty()) {
     if (!options.absolute)
       of.fail(fmt::format("{} is given, but {} is OFFSET; it needs ABSOLUTE", of.path_of("position_m"),
                           of.path_of("mode")));
-    options.position_m = vector<3>(of.list(FIELD(position_m), of.context().point()));
+    options.position_m = vector<3>(of->position_m());
   }
   return options;
 }
@@ -73,85 +66,77 @@ Method controller_of(schema::Passivity::Method method) {
 /// The options of single methods. Those of a method that is not in use are checked all the same.
 void read_method_options(const Block<schema::Passivity>& of, ControlOptions& options) {
   const Block fixed = of.block(FIELD(fixed_damping));
-  fixed.only_with_rotation(FIELD(rotational_damping_n_m_s_per_rad), FIELD(rotational_stiffness_n_m_per_rad));
   options.fixed_damping = {
-      .damping_n_s_per_m = fixed.number_if_given(FIELD(damping_n_s_per_m), kNotNegative),
-      .stiffness_n_per_m = fixed.number_if_given(FIELD(stiffness_n_per_m), kNotNegative),
-      .rotational_damping_n_m_s_per_rad = fixed.number_if_given(FIELD(rotational_damping_n_m_s_per_rad), kNotNegative),
-      .rotational_stiffness_n_m_per_rad = fixed.number_if_given(FIELD(rotational_stiffness_n_m_per_rad), kNotNegative),
+      .damping_n_s_per_m = GIVEN(fixed, damping_n_s_per_m),
+      .stiffness_n_per_m = GIVEN(fixed, stiffness_n_per_m),
+      .rotational_damping_n_m_s_per_rad = GIVEN(fixed, rotational_damping_n_m_s_per_rad),
+      .rotational_stiffness_n_m_per_rad = GIVEN(fixed, rotational_stiffness_n_m_per_rad),
   };
   const Block wave = of.block(FIELD(wave_variables));
-  wave.only_with_rotation(FIELD(rotational_impedance_n_m_s_per_rad));
   options.wave_variables = {
-      .impedance_n_s_per_m = wave.number_if_given(FIELD(impedance_n_s_per_m), kPositive),
-      .rotational_impedance_n_m_s_per_rad = wave.number_if_given(FIELD(rotational_impedance_n_m_s_per_rad), kPositive),
-      .receiver = wave.choice<WaveReceiverRule>(FIELD(receiver)),
-      .position_correction_per_s = wave.number(FIELD(position_correction_per_s), kNotNegative),
+      .impedance_n_s_per_m = GIVEN(wave, impedance_n_s_per_m),
+      .rotational_impedance_n_m_s_per_rad = GIVEN(wave, rotational_impedance_n_m_s_per_rad),
+      .receiver = static_cast<WaveReceiverRule>(wave->receiver()),
+      .position_correction_per_s = wave->position_correction_per_s(),
   };
   const Block set_position = of.block(FIELD(set_position_modulation));
-  set_position.only_with_rotation(FIELD(rotational_stiffness_n_m_per_rad), FIELD(rotational_damping_n_m_s_per_rad));
   options.set_position_modulation = {
-      .stiffness_n_per_m = set_position.number_if_given(FIELD(stiffness_n_per_m), kNotNegative),
-      .damping_n_s_per_m = set_position.number_if_given(FIELD(damping_n_s_per_m), kNotNegative),
-      .rotational_stiffness_n_m_per_rad =
-          set_position.number_if_given(FIELD(rotational_stiffness_n_m_per_rad), kNotNegative),
-      .rotational_damping_n_m_s_per_rad =
-          set_position.number_if_given(FIELD(rotational_damping_n_m_s_per_rad), kNotNegative),
-      .energy_ceiling_j = set_position.number_if_given(FIELD(energy_ceiling_j), kNotNegative),
+      .stiffness_n_per_m = GIVEN(set_position, stiffness_n_per_m),
+      .damping_n_s_per_m = GIVEN(set_position, damping_n_s_per_m),
+      .rotational_stiffness_n_m_per_rad = GIVEN(set_position, rotational_stiffness_n_m_per_rad),
+      .rotational_damping_n_m_s_per_rad = GIVEN(set_position, rotational_damping_n_m_s_per_rad),
+      .energy_ceiling_j = GIVEN(set_position, energy_ceiling_j),
   };
   const Block tank = of.block(FIELD(energy_tank));
   options.energy_tank = {
-      .desired_level_j = tank.number_if_given(FIELD(desired_level_j), kNotNegative),
-      .level_gain_n_s_per_m_per_j = tank.number_if_given(FIELD(level_gain_n_s_per_m_per_j), kNotNegative),
-      .transfer_per_s = tank.number_if_given(FIELD(transfer_per_s), kNotNegative),
+      .desired_level_j = GIVEN(tank, desired_level_j),
+      .level_gain_n_s_per_m_per_j = GIVEN(tank, level_gain_n_s_per_m_per_j),
+      .transfer_per_s = GIVEN(tank, transfer_per_s),
   };
   const Block bounding = of.block(FIELD(energy_bounding));
-  bounding.only_with_rotation(FIELD(rotational_damping_n_m_s_per_rad));
   options.energy_bounding = {
-      .damping_n_s_per_m = bounding.number_if_given(FIELD(damping_n_s_per_m), kPositive),
-      .rotational_damping_n_m_s_per_rad = bounding.number_if_given(FIELD(rotational_damping_n_m_s_per_rad), kPositive),
+      .damping_n_s_per_m = GIVEN(bounding, damping_n_s_per_m),
+      .rotational_damping_n_m_s_per_rad = GIVEN(bounding, rotational_damping_n_m_s_per_rad),
   };
   const Block channels = of.block(FIELD(four_channel));
   options.four_channel = {
-      .reaction_force_observer = channels.flag(FIELD(reaction_force_observer)),
-      .observer_bandwidth_rad_per_s = channels.number_if_given(FIELD(observer_bandwidth_rad_per_s), kPositive),
-      .force_gain = channels.number_if_given(FIELD(force_gain), kNotNegative),
-      .disturbance_observer = channels.flag(FIELD(disturbance_observer)),
+      .reaction_force_observer = channels->reaction_force_observer(),
+      .observer_bandwidth_rad_per_s = GIVEN(channels, observer_bandwidth_rad_per_s),
+      .force_gain = GIVEN(channels, force_gain),
+      .disturbance_observer = channels->disturbance_observer(),
   };
-  options.internal_model = {.strict_two_port = of.block(FIELD(internal_model)).flag(FIELD(strict_two_port))};
+  options.internal_model = {.strict_two_port = of->internal_model().strict_two_port()};
   const Block fractal = of.block(FIELD(fractal_impedance));
-  fractal.only_with_rotation(FIELD(rotational_stiffness_n_m_per_rad));
   options.fractal_impedance = {
-      .stiffness_n_per_m = fractal.number_if_given(FIELD(stiffness_n_per_m), kNotNegative),
-      .rotational_stiffness_n_m_per_rad =
-          fractal.number_if_given(FIELD(rotational_stiffness_n_m_per_rad), kNotNegative),
+      .stiffness_n_per_m = GIVEN(fractal, stiffness_n_per_m),
+      .rotational_stiffness_n_m_per_rad = GIVEN(fractal, rotational_stiffness_n_m_per_rad),
   };
 }
 
 void read_passivity(const Block<schema::Passivity>& of, ControlOptions& options) {
   const bool rendering = options.architecture == Architecture::render;
   schema::Passivity::Method method = schema::Passivity::NONE;
-  if (of.has(FIELD(method))) {
-    method = of.choice<schema::Passivity::Method>(FIELD(method));
+  if (of->has_method()) {
+    method = of->method();
   } else if (!rendering && options.architecture != Architecture::uncontrolled) {
     schema::Passivity::Method_Parse(std::string{kDefaultMethod}, &method);
   }
   options.method_name = schema::Passivity::Method_Name(method);
   options.controller = {.method = controller_of(method),
-                        .max_gain = of.number(FIELD(max_gain), kNotNegative),
-                        .unilateral = of.flag(FIELD(unilateral)),
-                        .predict = of.flag(FIELD(predict)),
-                        .max_turn_rad = of.number(FIELD(max_turn_deg), kAcute) * std::numbers::pi / 180.0};
-  if (const auto ms = of.number_if_given(FIELD(round_trip_ms), kDelay)) options.stated_round_trip = Seconds{*ms * 1e-3};
-  options.observer = of.choice<ObserverRule>(FIELD(observer));
-  options.accounts = of.choice<Accounts>(FIELD(accounts));
+                        .max_gain = of->max_gain(),
+                        .unilateral = of->unilateral(),
+                        .predict = of->predict(),
+                        .max_turn_rad = of->max_turn_deg() * std::numbers::pi / 180.0};
+  if (const auto ms = GIVEN(of, round_trip_ms)) options.stated_round_trip = Seconds{*ms * 1e-3};
+  options.observer = static_cast<ObserverRule>(of->observer());
+  options.accounts = static_cast<Accounts>(of->accounts());
   // With several contact points f·v of the sum vanishes while single ones generate energy.
-  if (!of.has(FIELD(accounts)) && rendering && options.rendering == RenderingAlgorithm::penalty && of.dof() == 6 &&
+  if (!of->has_accounts() && rendering && options.rendering == RenderingAlgorithm::penalty && of.dof() == 6 &&
       method == schema::Passivity::FORCE_PROJECTED)
     options.accounts = Accounts::per_contact;
-  options.reference_energy = of.flag(FIELD(reference_energy));
+  options.reference_energy = of->reference_energy();
   // Absent: default_initial_energy, once the system is known.
-  if (const auto j = of.number_if_given(FIELD(initial_energy_j), kNotNegative)) options.initial_energy = Energy{*j};
+  if (const auto j = GIVEN(of, initial_energy_j)) options.initial_energy = Energy{*j};
 
   read_method_options(of, options);
 
@@ -171,31 +156,29 @@ void read_passivity(const Block<schema::Passivity>& of, ControlOptions& options)
 }
 
 PortLimits read_limits(const Block<schema::Limits>& of, const PortLimits& absent) {
-  of.only_with_rotation(FIELD(torque_n_m), FIELD(angular_speed_rad_per_s));
-  return {.force_n = of.number_or(FIELD(force_n), kPositive, absent.force_n),
-          .torque_n_m = of.number_or(FIELD(torque_n_m), kPositive, absent.torque_n_m),
-          .force_rate_n_per_s = of.number_or(FIELD(force_rate_n_per_s), kPositive, absent.force_rate_n_per_s),
-          .power_w = of.number_or(FIELD(power_w), kPositive, absent.power_w),
-          .speed_m_per_s = of.number_or(FIELD(speed_m_per_s), kPositive, absent.speed_m_per_s),
-          .angular_speed_rad_per_s =
-              of.number_or(FIELD(angular_speed_rad_per_s), kPositive, absent.angular_speed_rad_per_s),
-          .set_point_step_m = of.number_or(FIELD(set_point_step_m), kPositive, absent.set_point_step_m),
-          .workspace_m = of.number_or(FIELD(workspace_m), kPositive, absent.workspace_m)};
+  return {.force_n = GIVEN(of, force_n).value_or(absent.force_n),
+          .torque_n_m = GIVEN(of, torque_n_m).value_or(absent.torque_n_m),
+          .force_rate_n_per_s = GIVEN(of, force_rate_n_per_s).value_or(absent.force_rate_n_per_s),
+          .power_w = GIVEN(of, power_w).value_or(absent.power_w),
+          .speed_m_per_s = GIVEN(of, speed_m_per_s).value_or(absent.speed_m_per_s),
+          .angular_speed_rad_per_s = GIVEN(of, angular_speed_rad_per_s).value_or(absent.angular_speed_rad_per_s),
+          .set_point_step_m = GIVEN(of, set_point_step_m).value_or(absent.set_point_step_m),
+          .workspace_m = GIVEN(of, workspace_m).value_or(absent.workspace_m)};
 }
 
 }  // namespace
 
 ControlOptions read_control(const Block<schema::Control>& of, SceneFor use) {
   ControlOptions options;
-  options.architecture = of.choice<Architecture>(FIELD(architecture));
+  options.architecture = static_cast<Architecture>(of->architecture());
   options.coupling = read_coupling(of.block(FIELD(virtual_coupling)));
-  options.rendering = of.choice<RenderingAlgorithm>(FIELD(rendering));
-  options.force_scale = of.number(FIELD(force_scale), kPositive);
-  options.motion_scale = of.number(FIELD(motion_scale), kPositive);
+  options.rendering = static_cast<RenderingAlgorithm>(of->rendering());
+  options.force_scale = of->force_scale();
+  options.motion_scale = of->motion_scale();
   options.registration = read_registration(of.block(FIELD(registration)));
-  options.engage = Seconds{of.number(FIELD(engage_s), kMoment)};
-  options.hold_after = Seconds{of.number(FIELD(hold_after_s), kSpan)};
-  options.release_after = Seconds{of.number(FIELD(release_after_s), kSpan)};
+  options.engage = Seconds{of->engage_s()};
+  options.hold_after = Seconds{of->hold_after_s()};
+  options.release_after = Seconds{of->release_after_s()};
   if (!(options.hold_after < options.release_after))
     of.refuse(FIELD(hold_after_s),
               fmt::format("be < {} ({})", of.path_of("release_after_s"), options.release_after.si()));
@@ -203,30 +186,39 @@ ControlOptions read_control(const Block<schema::Control>& of, SceneFor use) {
   const Block device = of.block(FIELD(device_limits)), robot = of.block(FIELD(robot_limits));
   options.device_limits = read_limits(device, live ? kDeviceDefaults : PortLimits{});
   options.robot_limits = read_limits(robot, live ? kRobotDefaults : PortLimits{});
-  if (device.has(FIELD(set_point_step_m)))
+  if (device->has_set_point_step_m())
     device.fail(fmt::format("{} is given, but a device has no set point; it is of control.robot_limits",
                             device.path_of("set_point_step_m")));
-  if (options.architecture == Architecture::render && of.has(FIELD(robot_limits)))
+  if (options.architecture == Architecture::render && of->has_robot_limits())
     of.fail("control.robot_limits is given, but control.architecture is RENDER: there is no robot");
   read_passivity(of.block(FIELD(passivity)), options);
   return options;
 }
 
+std::vector<schema::Control> scheduled(const schema::Control& control) {
+  std::vector<schema::Control> all;
+  schema::Control now = control;
+  now.clear_schedule();
+  for (const schema::Switch& each : control.schedule()) {
+    if (each.has_architecture()) now.set_architecture(each.architecture());
+    now.mutable_passivity()->MergeFrom(each.passivity());
+    all.push_back(now);
+  }
+  return all;
+}
+
 std::vector<ScheduledControl> read_schedule(const Block<schema::Control>& of, SceneFor use) {
   std::vector<ScheduledControl> entries;
-  schema::Control control = of.message();
-  control.clear_schedule();
+  const std::vector<schema::Control> controls = scheduled(of.message());
   double last_s = 0.0;
   for (const auto& entry : of.blocks(FIELD(schedule))) {
-    const double at_s = entry.number_or(FIELD(at_s), kNotNegative, std::numeric_limits<double>::infinity());
-    if (!entry.has(FIELD(architecture)) && !entry.has(FIELD(passivity)))
+    const double at_s = GIVEN(entry, at_s).value_or(std::numeric_limits<double>::infinity());
+    if (!entry->has_architecture() && !entry->has_passivity())
       of.fail(fmt::format("{} changes nothing; it must name architecture or passivity", entry.path()));
-    if (entry.has(FIELD(at_s)) && !(at_s > last_s)) entry.refuse(FIELD(at_s), "be > 0 and later than the entry before");
-    if (entry.has(FIELD(at_s))) last_s = at_s;
-    if (entry.has(FIELD(architecture))) control.set_architecture(entry.message().architecture());
-    control.mutable_passivity()->MergeFrom(entry.message().passivity());
-    entries.push_back({at_s, read_control(Block{of.context(), control, entry.path()}, use)});
-    for (const Architecture a : {entries.back().control.architecture, of.choice<Architecture>(FIELD(architecture))})
+    if (entry->has_at_s() && !(at_s > last_s)) entry.refuse(FIELD(at_s), "be > 0 and later than the entry before");
+    if (entry->has_at_s()) last_s = at_s;
+    entries.push_back({at_s, read_control(Block{of.context(), controls[entries.size()], entry.path()}, use)});
+    for (const Architecture a : {entries.back().control.architecture, static_cast<Architecture>(of->architecture())})
       if (a == Architecture::render || a == Architecture::uncontrolled)
         entry.fail(fmt::format("{} is given with {}; a schedule needs a link before and after a switch", entry.path(),
                                to_string(a)));

@@ -27,11 +27,11 @@ std::vector<Bound> read_bounds(const std::vector<Block<schema::Bound>>& blocks) 
   known.erase(std::remove(known.begin(), known.end(), "stable"), known.end());
   std::vector<Bound> bounds;
   for (const auto& of : blocks) {
-    const std::string key = of.text(FIELD(key));
+    const std::string key = of->key();
     if (key == "stable") of.refuse(FIELD(key), "be a number of the summary; `expect { stable: ... }` is for that one");
     if (std::find(known.begin(), known.end(), key) == known.end())
       of.refuse(FIELD(key), fmt::format("be one of {}", fmt::join(known, ", ")));
-    bounds.push_back({key, of.required(FIELD(value), kFinite)});
+    bounds.push_back({key, of->value()});
   }
   return bounds;
 }
@@ -40,15 +40,13 @@ std::vector<Bound> read_bounds(const std::vector<Block<schema::Bound>>& blocks) 
 
 ExpectSpec read_expect(const Block<schema::Expect>& of) {
   ExpectSpec spec;
-  if (of.has(FIELD(stable))) spec.stable = of.flag(FIELD(stable));
+  if (of->has_stable()) spec.stable = of->stable();
   spec.at_least = read_bounds(of.blocks(FIELD(at_least)));
   spec.at_most = read_bounds(of.blocks(FIELD(at_most)));
   for (const auto& each : of.blocks(FIELD(of_method))) {
-    if (!each.has(FIELD(method)) || !each.has(FIELD(verdict)))
-      each.fail("expect.of_method needs a method and a verdict");
+    if (!each->has_method() || !each->has_verdict()) each.fail("expect.of_method needs a method and a verdict");
     spec.of_method.push_back(
-        {schema::Passivity::Method_Name(each.choice<schema::Passivity::Method>(FIELD(method))),
-         schema::MethodVerdict::Verdict_Name(each.choice<schema::MethodVerdict::Verdict>(FIELD(verdict)))});
+        {schema::Passivity::Method_Name(each->method()), schema::MethodVerdict::Verdict_Name(each->verdict())});
   }
   return spec;
 }

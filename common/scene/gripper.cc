@@ -14,12 +14,13 @@ void check(const Block<schema::Gripper>& of, const Scene& values) {
     if (way->deadband)
       of.fail(fmt::format("gripper is given with {}.deadband: both reports of a packet are sent together", path));
   const Block hand = of.block(FIELD(operator_));
-  if (hand.has(FIELD(tremor))) of.fail("gripper.operator has a tremor; it may have hand, and path or recording");
+  if (hand->has_tremor()) of.fail("gripper.operator has a tremor; it may have hand, and path or recording");
   const Block robot = of.block(FIELD(robot));
-  if (robot.has(FIELD(arm))) of.fail("gripper.robot.arm is given; a gripper has mass_kg and damping_n_s_per_m");
+  if (robot->has_arm()) of.fail("gripper.robot.arm is given; a gripper has mass_kg and damping_n_s_per_m");
+  of.check_fields();
   // Noise is drawn from the seed, and would be that of the main robot.
   const Block sensor = robot.block(FIELD(force_sensor));
-  if (sensor.number(FIELD(noise_n), kNotNegative) > 0.0)
+  if (sensor->noise_n() > 0.0)
     sensor.refuse(FIELD(noise_n), "be 0: the force sensor of a gripper has no model of noise");
 }
 
@@ -47,9 +48,9 @@ schema::Control control_of(const Block<schema::Scene>& scene, const Block<schema
 }
 
 Surface object_of(const Block<schema::GrippedObject>& of) {
-  return {Wall{.normal = Eigen::Vector3d::UnitX(), .offset_m = of.required(FIELD(width_m), kPositive)},
-          Material{.stiffness_n_per_m = of.required(FIELD(stiffness_n_per_m), kPositive),
-                   .damping_n_s_per_m = of.number(FIELD(damping_n_s_per_m), kNotNegative),
+  return {Wall{.normal = Eigen::Vector3d::UnitX(), .offset_m = of->width_m()},
+          Material{.stiffness_n_per_m = of->stiffness_n_per_m(),
+                   .damping_n_s_per_m = of->damping_n_s_per_m(),
                    .friction = 0.0,
                    .viscous_friction_n_s_per_m = 0.0}};
 }
@@ -60,8 +61,6 @@ Scene read_gripper(const Block<schema::Scene>& scene, const Scene& values, Scene
   const Context context{.file = scene.context().file, .dof = 1};
   const Block of{context, scene.message().gripper(), "gripper"};
   check(of, values);
-  // Named as it stands in the scene; in `control` it is in another block.
-  static_cast<void>(of.number(FIELD(initial_energy_j), kNotNegative));
   const schema::Control control = control_of(scene, of);
 
   Scene gripper{};
@@ -72,25 +71,25 @@ Scene read_gripper(const Block<schema::Scene>& scene, const Scene& values, Scene
   gripper.master_rate_hz = values.master_rate_hz;
   gripper.slave_rate_hz = values.slave_rate_hz;
   gripper.seed = values.seed;
-  if (of.has(FIELD(operator_))) gripper.operator_model = read_gripper_operator(of.block(FIELD(operator_)));
-  if (of.has(FIELD(device))) gripper.device = read_device(of.block(FIELD(device)));
+  if (of->has_operator_()) gripper.operator_model = read_gripper_operator(of.block(FIELD(operator_)));
+  if (of->has_device()) gripper.device = read_device(of.block(FIELD(device)));
   gripper.control = read_control(Block{context, control, "gripper"}, use);
   gripper.to_slave = values.to_slave;
   gripper.to_master = values.to_master;
   gripper.transmission_to_slave = values.transmission_to_slave;
   gripper.transmission_to_master = values.transmission_to_master;
   gripper.slave_clock = values.slave_clock;
-  if (of.has(FIELD(robot))) gripper.robot = read_robot(of.block(FIELD(robot)));
+  if (of->has_robot()) gripper.robot = read_robot(of.block(FIELD(robot)));
   tell_system(gripper);
-  if (!of.has(FIELD(initial_energy_j))) gripper.control.initial_energy = default_initial_energy(gripper.control);
-  if (of.has(FIELD(object))) gripper.environment.push_back(object_of(of.block(FIELD(object))));
+  if (!of->has_initial_energy_j()) gripper.control.initial_energy = default_initial_energy(gripper.control);
+  if (of->has_object()) gripper.environment.push_back(object_of(of.block(FIELD(object))));
   gripper.simulation = values.simulation;
 
   // The rules of a scene, for a message that has these blocks at the places where a scene has them.
   schema::Scene message;
-  if (of.has(FIELD(operator_))) *message.mutable_operator_() = of.message().operator_();
-  if (of.has(FIELD(device))) *message.mutable_device() = of.message().device();
-  if (of.has(FIELD(robot))) *message.mutable_robot() = of.message().robot();
+  if (of->has_operator_()) *message.mutable_operator_() = of.message().operator_();
+  if (of->has_device()) *message.mutable_device() = of.message().device();
+  if (of->has_robot()) *message.mutable_robot() = of.message().robot();
   *message.mutable_control() = control;
   *message.mutable_to_slave() = scene.message().to_slave();
   *message.mutable_to_master() = scene.message().to_master();

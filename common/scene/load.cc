@@ -11,6 +11,7 @@
 #include "common/scene/blocks.h"
 #include "common/scene/overrides.h"
 #include "common/scene/scene_text.h"
+#include "common/scene/source.h"
 #include "common/scene/text.h"
 
 namespace twoport {
@@ -26,18 +27,19 @@ int read_dof(const schema::Scene& message, const std::string& file) {
   const Context context{.file = file};
   const Block of{context, message};
   of.require(FIELD(dof), "be 1, 3 or 6");
-  const int dof = of.integer(FIELD(dof));
+  const int dof = of->dof();
   if (dof != 1 && dof != 3 && dof != 6) of.refuse(FIELD(dof), "be 1, 3 or 6");
   return dof;
 }
 
 /// Durations and rates.
 void read_time(const Block<schema::Scene>& of, SceneFor use, Scene& scene) {
-  const bool endless = use == SceneFor::live && !of.has(FIELD(duration_s));
-  scene.duration_s = endless ? std::numeric_limits<double>::infinity() : of.required(FIELD(duration_s), kSpan);
-  scene.rate_hz = of.number(FIELD(rate_hz), kRate);
-  scene.master_rate_hz = of.number_or(FIELD(master_rate_hz), kRate, scene.rate_hz);
-  scene.slave_rate_hz = of.number_or(FIELD(slave_rate_hz), kRate, scene.rate_hz);
+  const bool endless = use == SceneFor::live && !of->has_duration_s();
+  if (!endless) of.require(FIELD(duration_s));
+  scene.duration_s = endless ? std::numeric_limits<double>::infinity() : of->duration_s();
+  scene.rate_hz = of->rate_hz();
+  scene.master_rate_hz = GIVEN(of, master_rate_hz).value_or(scene.rate_hz);
+  scene.slave_rate_hz = GIVEN(of, slave_rate_hz).value_or(scene.rate_hz);
   constexpr double kMostTicks = std::numeric_limits<std::uint32_t>::max();  // as a summary counts them
   const double ticks = scene.duration_s * std::max(scene.master_rate_hz, scene.slave_rate_hz);
   if (ticks > kMostTicks && !endless)
@@ -54,17 +56,21 @@ void complete_initial_energy(const schema::Control& message, Scene& scene) {
   }
 }
 
-Scene read_scene(const schema::Scene& message, const std::string& file, SceneFor use) {
+}  // namespace
+
+Scene read_scene(std::shared_ptr<const SceneSource> source) {
+  const auto& [message, file, use] = *source;
   const Context context{.file = file, .dof = read_dof(message, file)};
   const Block of{context, message};
+  of.check_fields();
   Scene scene{};
-  scene.name = of.has(FIELD(name)) ? of.text(FIELD(name)) : std::filesystem::path{file}.stem().string();
-  scene.description = of.text(FIELD(description));
+  scene.name = of->has_name() ? of->name() : std::filesystem::path{file}.stem().string();
+  scene.description = of->description();
   scene.dof = context.dof;
   read_time(of, use, scene);
-  scene.seed = of.count(FIELD(seed));
-  if (of.has(FIELD(operator_))) scene.operator_model = read_operator(of.block(FIELD(operator_)));
-  if (of.has(FIELD(device))) scene.device = read_device(of.block(FIELD(device)));
+  scene.seed = of->seed();
+  if (of->has_operator_()) scene.operator_model = read_operator(of.block(FIELD(operator_)));
+  if (of->has_device()) scene.device = read_device(of.block(FIELD(device)));
   scene.control = read_control(of.block(FIELD(control)), use);
   scene.schedule = read_schedule(of.block(FIELD(control)), use);
   scene.to_slave = read_impairment(of.block(FIELD(to_slave)));
@@ -72,20 +78,22 @@ Scene read_scene(const schema::Scene& message, const std::string& file, SceneFor
   scene.transmission_to_slave = read_transmission(of.block(FIELD(to_slave)));
   scene.transmission_to_master = read_transmission(of.block(FIELD(to_master)));
   scene.slave_clock = read_clock(of.block(FIELD(slave_clock)));
-  if (of.has(FIELD(robot))) scene.robot = read_robot(of.block(FIELD(robot)));
+  if (of->has_robot()) scene.robot = read_robot(of.block(FIELD(robot)));
   tell_system(scene);
   complete_initial_energy(message.control(), scene);
   for (const auto& each : of.blocks(FIELD(environment))) scene.environment.push_back(read_environment(each));
-  of.only_with_rotation(FIELD(tool));
   scene.tool = read_tool(of.block(FIELD(tool)));
   scene.simulation = read_simulation(of.block(FIELD(simulation)));
   scene.expect = read_expect(of.block(FIELD(expect)));
   scene.device_mount = read_device_mount(of.block(FIELD(device_mount)));
   scene.robot_mount = read_robot_mount(of.block(FIELD(robot_mount)));
   check_rules(of, scene, use);
-  if (of.has(FIELD(gripper))) scene.gripper = std::make_shared<const Scene>(read_gripper(of, scene, use));
+  if (of->has_gripper()) scene.gripper = std::make_shared<const Scene>(read_gripper(of, scene, use));
+  scene.source = std::move(source);
   return scene;
 }
+
+namespace {
 
 /// What the nodes must know of the system, for one set of controllers.
 void tell_system(const Scene& scene, ControlOptions& control) {
@@ -131,24 +139,23 @@ Scene parse_scene(const std::string& text, const std::string& name, std::span<co
 }
 
 SceneText::SceneText(const std::string& text, std::string name, std::span<const std::string> overrides, SceneFor whom)
-    : name_{std::move(name)}, whom_{whom}, message_{std::make_unique<schema::Scene>()} {
-  if (const auto error = parse_text(text, *message_))
+    : name_{std::move(name)} {
+  const auto source = std::make_shared<SceneSource>(SceneSource{{}, name_, whom});
+  if (const auto error = parse_text(text, source->message))
     throw ConfigError{fmt::format("{}:{}: {}", name_, error->place, error->sentence)};
-  apply(overrides, *message_, created_);
+  apply(overrides, source->message, created_);
+  source_ = source;
 }
-SceneText::SceneText(SceneText&&) noexcept = default;
-SceneText& SceneText::operator=(SceneText&&) noexcept = default;
-SceneText::~SceneText() = default;
 Scene SceneText::with(std::span<const std::string> overrides) const {
-  if (overrides.empty()) return read(*message_, created_);
-  schema::Scene message = *message_;
+  if (overrides.empty()) return read(source_, created_);
+  const auto source = std::make_shared<SceneSource>(*source_);
   std::vector<Created> created = created_;
-  apply(overrides, message, created);
-  return read(message, created);
+  apply(overrides, source->message, created);
+  return read(source, created);
 }
 
 bool SceneText::keeps(std::span<const std::string> earlier, std::span<const std::string> later) const {
-  schema::Scene message = *message_;
+  schema::Scene message = source_->message;
   std::vector<Created> created;
   apply(earlier, message, created);
   apply(later, message, created);
@@ -164,9 +171,9 @@ void SceneText::apply(std::span<const std::string> overrides, schema::Scene& mes
 }
 
 /// Where a field is missing in a block that the text does not have, says so.
-Scene SceneText::read(const schema::Scene& message, const std::vector<Created>& created) const {
+Scene SceneText::read(const std::shared_ptr<const SceneSource>& source, const std::vector<Created>& created) const {
   try {
-    return read_scene(message, name_, whom_);
+    return read_scene(source);
   } catch (const ConfigError& e) {
     const std::string sentence = e.what();
     for (const Created& each : created)

@@ -7,25 +7,20 @@ namespace {
 
 /// Three principal moments; one number stands for all three.
 Numbers read_inertia(const Block<schema::Robot>& of) {
-  of.only_with_rotation(FIELD(inertia_kg_m2));
-  if (of.dof() != 6 || of.has(FIELD(arm))) return {};
-  const Count count{1, 3, "for the principal moments"};
-  of.require(FIELD(inertia_kg_m2), count.words());
-  Numbers moments = of.list(FIELD(inertia_kg_m2), count);
+  if (of.dof() != 6 || of->has_arm()) return {};
+  of.require(FIELD(inertia_kg_m2));
+  Numbers moments = numbers(of->inertia_kg_m2());
   moments.resize(3, moments[0]);
-  const auto [least, most] = std::minmax_element(moments.begin(), moments.end());
-  if (!(*least > 0.0)) of.refuse(FIELD(inertia_kg_m2), "hold numbers > 0");
-  const double others = moments[0] + moments[1] + moments[2] - *most;
-  if (*most > others * (1.0 + 1e-12))
+  const double most = *std::max_element(moments.begin(), moments.end());
+  const double others = moments[0] + moments[1] + moments[2] - most;
+  if (most > others * (1.0 + 1e-12))
     of.refuse(FIELD(inertia_kg_m2),
               "keep the triangle inequality: no principal moment exceeds the sum of the other two");
   return moments;
 }
 
 ForceSensorSpec read_force_sensor(const Block<schema::ForceSensor>& of) {
-  return {.noise_n = of.number(FIELD(noise_n), kNotNegative),
-          .bias_n = of.list(FIELD(bias_n), of.context().twist()),
-          .latency_s = of.number(FIELD(latency_ms), kDelay) * 1e-3};
+  return {.noise_n = of->noise_n(), .bias_n = numbers(of->bias_n()), .latency_s = of->latency_ms() * 1e-3};
 }
 
 /// The arm, and mass and inertia of the tool at its first pose.
@@ -41,19 +36,18 @@ void read_arm_of_robot(const Block<schema::Robot>& robot, RobotSpec& spec) {
 }  // namespace
 
 RobotSpec read_robot(const Block<schema::Robot>& of) {
-  of.only_with_rotation(FIELD(rotational_damping_n_m_s_per_rad));
+  if (!of->has_arm()) of.require(FIELD(mass_kg));
   RobotSpec spec{
-      .mass_kg = of.has(FIELD(arm)) ? 0.0 : of.required(FIELD(mass_kg), kPositive),
-      .damping_n_s_per_m = of.number(FIELD(damping_n_s_per_m), kNotNegative),
-      .position_m = pose(of, FIELD(position_m)),
-      .velocity_m_per_s = of.list(FIELD(velocity_m_per_s), of.context().twist()),
+      .mass_kg = of->has_arm() ? 0.0 : of->mass_kg(),
+      .damping_n_s_per_m = of->damping_n_s_per_m(),
+      .position_m = pose(of->position_m()),
+      .velocity_m_per_s = numbers(of->velocity_m_per_s()),
       .force_sensor = std::nullopt,
       .inertia_kg_m2 = read_inertia(of),
-      .rotational_damping_n_m_s_per_rad = of.number(FIELD(rotational_damping_n_m_s_per_rad), kNotNegative),
+      .rotational_damping_n_m_s_per_rad = of->rotational_damping_n_m_s_per_rad(),
   };
-  of.only_with_rotation(FIELD(arm));
-  if (of.has(FIELD(arm))) read_arm_of_robot(of, spec);
-  if (of.has(FIELD(force_sensor))) spec.force_sensor = read_force_sensor(of.block(FIELD(force_sensor)));
+  if (of->has_arm()) read_arm_of_robot(of, spec);
+  if (of->has_force_sensor()) spec.force_sensor = read_force_sensor(of.block(FIELD(force_sensor)));
   return spec;
 }
 
@@ -66,8 +60,7 @@ std::vector<Eigen::Vector3d> read_tool(const Block<schema::Tool>& of) {
                              point.norm(), kFarthest_m));
     points.push_back(point);
   };
-  for (const auto& point : of.blocks(FIELD(contact_point)))
-    add(point, vector<3>(point.list(FIELD(position_m), {3, 3, ""})));
+  for (const auto& point : of.blocks(FIELD(contact_point))) add(point, vector<3>(point->position_m()));
   for (const auto& part : of.blocks(FIELD(part)))
     for (const Eigen::Vector3d& point : read_tool_part(part)) add(part, point);
   if (points.empty() && of.dof() == 6) points.push_back(Eigen::Vector3d::Zero());

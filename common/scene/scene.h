@@ -20,6 +20,7 @@ namespace twoport {
 
 struct RecordedHand;
 struct ArmParameters;
+struct SceneSource;
 
 // A scene as plain, validated values: the content of proto/scene.proto with all lengths, signs and ranges checked and
 // all defaults filled in. Vectors have `axes()` entries (1 or 3) unless said otherwise. SI units.
@@ -168,6 +169,8 @@ struct Scene {
   RobotMount robot_mount{};
   /// The gripper's coupling as a scene of its own, with dof 1 and this scene's rates, seed, network and clocks. Null: none.
   std::shared_ptr<const Scene> gripper{};
+  /// The message that it was read from; null: a program has made it.
+  std::shared_ptr<const SceneSource> source{};
 
   [[nodiscard]] int axes() const { return dof == 1 ? 1 : 3; }
 };

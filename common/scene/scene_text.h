@@ -19,9 +19,6 @@ class SceneText {
   /// `name` stands for the file in error sentences; `overrides` are those of every scene. Throws as parse_scene().
   SceneText(const std::string& text, std::string name, std::span<const std::string> overrides = {},
             SceneFor whom = SceneFor::laboratory);
-  SceneText(SceneText&&) noexcept;
-  SceneText& operator=(SceneText&&) noexcept;
-  ~SceneText();
 
   /// What parse_scene() makes of the text, the overrides of every scene and these, in this order. May be called from several threads at once.
   [[nodiscard]] Scene with(std::span<const std::string> overrides = {}) const;
@@ -35,11 +32,10 @@ class SceneText {
     std::string block, assignment;
   };
   static void apply(std::span<const std::string> overrides, schema::Scene& message, std::vector<Created>& created);
-  [[nodiscard]] Scene read(const schema::Scene& message, const std::vector<Created>& created) const;
+  [[nodiscard]] Scene read(const std::shared_ptr<const SceneSource>& source, const std::vector<Created>& created) const;
 
   std::string name_;
-  SceneFor whom_;
-  std::unique_ptr<schema::Scene> message_;
+  std::shared_ptr<const SceneSource> source_;
   std::vector<Created> created_;
 };
 

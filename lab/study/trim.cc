@@ -6,9 +6,8 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <initializer_list>
+#include <optional>
 #include <string_view>
-#include <type_traits>
 #include <utility>
 
 #include "common/base/check.h"
@@ -23,64 +22,18 @@ namespace {
 /// Two sets of eight values of one distribution are separated by chance once in 6435 cases.
 constexpr std::size_t kRuns = 8;
 
-template <class T>
-T* pointer(std::optional<T>& from) {
-  return from ? &*from : nullptr;
-}
-
 Material* material(EnvironmentSpec& spec) {
   auto* surface = std::get_if<Surface>(&spec);
   return surface != nullptr ? &surface->material : nullptr;
 }
 
-/// Every number of `find(scene)` that is not zero.
-template <class Owner, class Find>
-void add_numbers(std::vector<Block>& all, Scene scene, const std::string& prefix, Find find,
-                 std::initializer_list<std::pair<const char*, double Owner::*>> numbers) {
-  Owner* const owner = find(scene);
-  if (owner == nullptr) return;
-  for (const auto& [name, number] : numbers)
-    if (owner->*number != 0.0)
-      all.push_back({prefix + name, [find, number = number](Scene& s) { find(s)->*number = 0.0; }});
-}
-
-void add_link(std::vector<Block>& all, const Scene& scene, const std::string& name, ImpairmentOptions Scene::*way) {
-  using Options = ImpairmentOptions;
-  const auto find = [way](Scene& s) { return &(s.*way); };
-  const Options& link = scene.*way;
-  add_numbers<Options>(all, scene, name, find, {{"delay_ms", &Options::delay_s}, {"jitter_ms", &Options::jitter_s}});
-  if (!link.recorded_delay_s.empty())
-    all.push_back({name + "trace_file", [way](Scene& s) { (s.*way).recorded_delay_s.clear(); }});
-  add_numbers<Options>(all, scene, name, find, {{"loss", &Options::loss}});
-  if (link.burst) all.push_back({name + "burst", [way](Scene& s) { (s.*way).burst.reset(); }});
-  if (!link.blackout.empty()) all.push_back({name + "blackout", [way](Scene& s) { (s.*way).blackout.clear(); }});
-  add_numbers<Options>(all, scene, name, find, {{"duplicate", &Options::duplicate}, {"reorder", &Options::reorder}});
-}
-
-void add_environment(std::vector<Block>& all, const Scene& scene) {
-  for (std::size_t i = 0; i < scene.environment.size(); ++i) {
-    const std::string path = fmt::format("environment[{}].{}", i, name(scene.environment[i]));
-    all.push_back(
-        {path, [i](Scene& s) { s.environment.erase(s.environment.begin() + static_cast<std::ptrdiff_t>(i)); }});
-    add_numbers<Material>(all, scene, path + ".", [i](Scene& s) { return material(s.environment[i]); },
-                          {{"damping_n_s_per_m", &Material::damping_n_s_per_m},
-                           {"friction", &Material::friction},
-                           {"viscous_friction_n_s_per_m", &Material::viscous_friction_n_s_per_m}});
-    add_numbers<Spring>(all, scene, path + ".", [i](Scene& s) { return std::get_if<Spring>(&s.environment[i]); },
-                        {{"damping_n_s_per_m", &Spring::damping_n_s_per_m}});
+/// The scene without these, where that is a scene.
+std::optional<Scene> rest(const Scene& scene, const std::vector<Block>& left_out) {
+  try {
+    return without(scene, left_out);
+  } catch (const ConfigError&) {
+    return {};
   }
-}
-
-/// A handle without an imposed path needs a mass, and UNCONTROLLED needs a robot.
-bool can_run(const Scene& scene) {
-  if (scene.control.architecture == Architecture::uncontrolled && !scene.robot) return false;
-  const HandSpec* hand = scene.operator_model && scene.operator_model->hand ? &*scene.operator_model->hand : nullptr;
-  if (hand == nullptr && (scene.operator_model || !scene.device)) return true;
-  const auto moves = [&](double DeviceSpec::*of_device, double HandSpec::*of_hand) {
-    return (scene.device ? *scene.device.*of_device : 0.0) + (hand ? hand->*of_hand : 0.0) > 0.0;
-  };
-  return moves(&DeviceSpec::mass_kg, &HandSpec::mass_kg) &&
-         (scene.dof != 6 || moves(&DeviceSpec::inertia_kg_m2, &HandSpec::inertia_kg_m2));
 }
 
 std::vector<Block> marked(const std::vector<Block>& all, const std::vector<bool>& which) {
@@ -239,71 +192,9 @@ double relative_change(const std::string& key, double a, double b) {
 }
 
 std::vector<Block> blocks(const Scene& scene) {
-  using D = DeviceSpec;
-  using H = HandSpec;
-  using R = RobotSpec;
-  const auto device = [](Scene& s) { return pointer(s.device); };
-  const auto hand = [](Scene& s) { return s.operator_model ? pointer(s.operator_model->hand) : nullptr; };
-  const auto robot = [](Scene& s) { return pointer(s.robot); };
-  const auto sensor = [](Scene& s) { return s.robot ? pointer(s.robot->force_sensor) : nullptr; };
-  std::vector<Block> all;
-
-  if (scene.operator_model && scene.operator_model->hand)
-    all.push_back({"operator.hand", [](Scene& s) { s.operator_model->hand.reset(); }});
-  add_numbers<H>(all, scene, "operator.hand.", hand,
-                 {{"mass_kg", &H::mass_kg},
-                  {"inertia_kg_m2", &H::inertia_kg_m2},
-                  {"stiffness_n_per_m", &H::stiffness_n_per_m},
-                  {"damping_n_s_per_m", &H::damping_n_s_per_m},
-                  {"rotational_stiffness_n_m_per_rad", &H::rotational_stiffness_n_m_per_rad},
-                  {"rotational_damping_n_m_s_per_rad", &H::rotational_damping_n_m_s_per_rad}});
-  if (scene.operator_model && scene.operator_model->tremor)
-    all.push_back({"operator.tremor", [](Scene& s) { s.operator_model->tremor.reset(); }});
-  add_numbers<D>(all, scene, "device.", device,
-                 {{"mass_kg", &D::mass_kg},
-                  {"inertia_kg_m2", &D::inertia_kg_m2},
-                  {"damping_n_s_per_m", &D::damping_n_s_per_m},
-                  {"rotational_damping_n_m_s_per_rad", &D::rotational_damping_n_m_s_per_rad},
-                  {"coulomb_friction_n", &D::coulomb_friction_n},
-                  {"position_resolution_m", &D::position_resolution_m}});
-  if (scene.device && scene.device->velocity_estimate != VelocityEstimate::true_velocity)
-    all.push_back(
-        {"device.velocity_estimate", [](Scene& s) { s.device->velocity_estimate = VelocityEstimate::true_velocity; }});
-  if (scene.device && scene.device->max_force_n)
-    all.push_back({"device.max_force_n", [](Scene& s) { s.device->max_force_n.reset(); }});
-
-  add_link(all, scene, "to_slave.", &Scene::to_slave);
-  add_link(all, scene, "to_master.", &Scene::to_master);
-
-  if (scene.robot) all.push_back({"robot", [](Scene& s) { s.robot.reset(); }});
-  add_numbers<R>(all, scene, "robot.", robot,
-                 {{"damping_n_s_per_m", &R::damping_n_s_per_m},
-                  {"rotational_damping_n_m_s_per_rad", &R::rotational_damping_n_m_s_per_rad}});
-  add_numbers<ForceSensorSpec>(all, scene, "robot.force_sensor.", sensor,
-                               {{"noise_n", &ForceSensorSpec::noise_n}, {"latency_ms", &ForceSensorSpec::latency_s}});
-  if (scene.robot && scene.robot->force_sensor) {
-    const Numbers& bias = scene.robot->force_sensor->bias_n;
-    if (std::any_of(bias.begin(), bias.end(), [](double b) { return b != 0.0; }))
-      all.push_back({"robot.force_sensor.bias_n", [](Scene& s) {
-                       Numbers& of = s.robot->force_sensor->bias_n;
-                       std::fill(of.begin(), of.end(), 0.0);
-                     }});
-  }
-
-  add_environment(all, scene);
-  for (std::size_t i = 0; scene.tool.size() > 1 && i < scene.tool.size(); ++i)
-    all.push_back({fmt::format("tool.contact_point[{}]", i),
-                   [i](Scene& s) { s.tool.erase(s.tool.begin() + static_cast<std::ptrdiff_t>(i)); }});
-
-  std::erase_if(all, [&](const Block& block) { return !can_run(without(scene, {block})); });
+  std::vector<Block> all = removable_parts(scene);
+  std::erase_if(all, [&](const Block& block) { return !rest(scene, {block}); });
   return all;
-}
-
-Scene without(Scene scene, const std::vector<Block>& left_out) {
-  // From the last: what a block holds before the block, and no index moves before its turn.
-  for (auto block = left_out.rbegin(); block != left_out.rend(); ++block) block->remove(scene);
-  tell_system(scene);
-  return scene;
 }
 
 Trim trim(const Scene& scene, double tolerance, int repetitions) {
@@ -332,9 +223,8 @@ Trim trim(const Scene& scene, double tolerance, int repetitions) {
   std::vector<bool> gone(all.size(), false);
   for (const std::size_t i : order) {
     gone[i] = true;
-    const Scene rest = without(scene, marked(all, gone));
-    if (can_run(rest) && judge("", seen[0], run_in_turn({rest}, 1)[0], scene.expect, tolerance).need == Need::spare)
-      continue;
+    const std::optional<Scene> left = rest(scene, marked(all, gone));
+    if (left && judge("", seen[0], run_in_turn({*left}, 1)[0], scene.expect, tolerance).need == Need::spare) continue;
     gone[i] = false;
     result.blocks[i].need = Need::together;
   }
@@ -342,7 +232,7 @@ Trim trim(const Scene& scene, double tolerance, int repetitions) {
   for (std::size_t i = 0; i < all.size(); ++i) {
     if (result.blocks[i].need != Need::in_scatter) continue;
     both[i] = true;
-    loose[i] = both[i] = can_run(without(scene, marked(all, both)));
+    loose[i] = both[i] = rest(scene, marked(all, both)).has_value();
   }
 
   const std::vector<Seen> last =
@@ -388,10 +278,10 @@ std::vector<BlockCost> block_costs(const Scene& scene, int repetitions) {
   std::string label = "bare scene";
   for (std::size_t i = 0; i <= all.size(); ++i) {
     if (i > 0) label += (label.empty() ? "+ " : ", ") + all[i - 1].path;
-    const Scene variant = without(scene, {all.begin() + static_cast<std::ptrdiff_t>(i), all.end()});
-    if (!can_run(variant)) continue;  // a hand waits for its mass
+    const std::optional<Scene> variant = rest(scene, {all.begin() + static_cast<std::ptrdiff_t>(i), all.end()});
+    if (!variant) continue;  // a hand waits for its mass
     labels.push_back(std::exchange(label, ""));
-    variants.push_back(variant);
+    variants.push_back(*variant);
   }
   const std::vector<Seen> seen = run_in_turn(variants, repetitions);
   std::vector<BlockCost> costs;

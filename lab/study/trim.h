@@ -1,26 +1,18 @@
 #pragma once
 
-#include <functional>
 #include <string>
 #include <vector>
 
-#include "common/scene/scene.h"
+#include "common/scene/parts.h"
 
 namespace twoport::lab {
 
-/// An optional part of a scene's model: its path in the scene file, and how it is left out. The operator's path,
-/// initial states, rates, architecture and controllers are not optional.
-struct Block {
-  std::string path;
-  std::function<void(Scene&)> remove;
-};
+/// The operator's path, initial states, rates, architecture and controllers are not optional.
+using Block = ScenePart;
 
 /// The optional blocks, in the order of the data flow; a block precedes its parts. Blocks without which the scene
 /// cannot run, such as the only mass of the handle, are not listed.
 std::vector<Block> blocks(const Scene& scene);
-
-/// The scene without these blocks, given in the order of blocks().
-Scene without(Scene scene, const std::vector<Block>& left_out);
 
 /// Relative difference of two numbers of a summary; 0 if equal, 1 if one is not finite:
 ///

@@ -20,18 +20,19 @@ put() {
 mkdir -p "$work/common/contact" "$work/common/scene" "$work/proto"
 cp common/contact/shape.h "$work/common/contact/"
 cp common/scene/environment.cc "$work/common/scene/"
-cp proto/scene.proto "$work/proto/"
+cp proto/scene.proto proto/field.proto "$work/proto/"
 
 cp $here/pipe/pipe.h "$work/common/contact/"
 put common/contact/shape.h '#include "common/contact/sphere.h"' '#include "common/contact/pipe.h"'
 sed -i 's/^using Shape = std::variant<\(.*\)>;/using Shape = std::variant<\1, Pipe>;/' "$work/common/contact/shape.h"
-put proto/scene.proto '^    Spring spring = 5;' '    Pipe pipe = 6;'
+put proto/scene.proto '^    Spring spring = 5;' '    Pipe pipe = 6 [(least_dof) = 3];'
 cat $here/pipe/pipe.proto >>"$work/proto/scene.proto"
 sed -i -e "/^}  .. namespace\$/e cat $here/pipe/read_pipe.inc" "$work/common/scene/environment.cc"
 
-"$protoc" --proto_path="$work" --cpp_out="$work" proto/scene.proto
+"$protoc" --proto_path="$work" --cpp_out="$work" proto/scene.proto proto/field.proto
 compile() { "$compiler" -std=c++20 -I"$work" -I. -isystem "$eigen" -c "$1" -o "$work/$2.o"; }
 compile "$work/proto/scene.pb.cc" schema
+compile "$work/proto/field.pb.cc" options
 compile "$work/common/scene/environment.cc" environment
 compile common/scene/reader.cc reader
 compile common/scene/mesh_file.cc mesh_file

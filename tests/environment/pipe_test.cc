@@ -26,7 +26,9 @@ EnvironmentSpec read(int dof, const std::string& text) {
   schema::Environment message;
   expect(google::protobuf::TextFormat::ParseFromString(text, &message), "the schema has it: " + text);
   const Context context{.file = "scene", .dof = dof};
-  return read_environment(Block{context, message, "environment[0]"});
+  const Block of{context, message, "environment[0]"};
+  of.check_fields();
+  return read_environment(of);
 }
 std::string refusal(int dof, const std::string& text) {
   try {

@@ -63,8 +63,9 @@ int main() {
   return 1;
 }
 CC
-"$protoc" --proto_path="$work" --cpp_out="$work" proto/scene.proto
-for file in "$work/proto/scene.pb.cc" common/scene/control.cc common/scene/reader.cc common/scene/text.cc common/method/any.cc \
+cp proto/field.proto "$work/proto/"
+"$protoc" --proto_path="$work" --cpp_out="$work" proto/scene.proto proto/field.proto
+for file in "$work/proto/scene.pb.cc" "$work/proto/field.pb.cc" common/scene/control.cc common/scene/reader.cc common/scene/text.cc common/method/any.cc \
   "$work/main.cc"; do
   "$compiler" -std=c++20 -I"$work" -I. -isystem "$eigen" -c "$file" -o "$work/$(basename "$file").o"
 done
