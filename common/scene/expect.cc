@@ -21,10 +21,16 @@ void add_number_names(const google::protobuf::Descriptor& block, const std::stri
   }
 }
 
+/// Those that a bound may name.
+std::vector<std::string> number_names() {
+  std::vector<std::string> names;
+  add_number_names(*schema::Summary::descriptor(), "", names);
+  std::erase(names, "stable");
+  return names;
+}
+
 std::vector<Bound> read_bounds(const std::vector<Block<schema::Bound>>& blocks) {
-  std::vector<std::string> known;
-  add_number_names(*schema::Summary::descriptor(), "", known);
-  known.erase(std::remove(known.begin(), known.end(), "stable"), known.end());
+  static const std::vector<std::string> known = number_names();
   std::vector<Bound> bounds;
   for (const auto& of : blocks) {
     const std::string key = of->key();
