@@ -1,4 +1,8 @@
-# The Python module is built where Python, NumPy and pybind11 are installed. All libraries are then position independent.
+# The Python module is built where Python, NumPy and pybind11 are installed. It links the libraries into a shared object, so they are
+# position independent; with or without it, their objects are the same.
+set(CMAKE_POSITION_INDEPENDENT_CODE ON)
+# No function of the project is replaced by one of another library: all may be inlined as in a program.
+add_compile_options(-fno-semantic-interposition)
 option(TWOPORT_PYTHON "Build the Python module where Python 3, NumPy and pybind11 are installed" ${PROJECT_IS_TOP_LEVEL})
 set(twoport_python OFF)
 if(TWOPORT_PYTHON AND NOT TWOPORT_SANITIZE AND NOT TWOPORT_FUZZ)
@@ -16,9 +20,6 @@ if(TWOPORT_PYTHON AND NOT TWOPORT_SANITIZE AND NOT TWOPORT_FUZZ)
   if(Python3_FOUND AND PYBIND11_INCLUDE_DIR)
     set(twoport_python ON)
     message(STATUS "Python module: for ${Python3_EXECUTABLE} ${Python3_VERSION}")
-    set(CMAKE_POSITION_INDEPENDENT_CODE ON)
-    # No function of the project is replaced by one of another library: all may be inlined as in a program.
-    add_compile_options(-fno-semantic-interposition)
   else()
     message(STATUS "Python module: not built; it needs python3-dev, python3-numpy and pybind11-dev")
   endif()
