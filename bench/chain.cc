@@ -8,7 +8,7 @@
 #include <string>
 
 #include "bench/hand_written.h"
-#include "common/method/tdpa/tdpa.h"
+#include "common/method/passivity/time_domain/time_domain.h"
 #include "common/scene/load.h"
 #include "lab/engine/loops.h"
 #include "sim/operator/path.h"
@@ -64,7 +64,7 @@ void chain6_metrics(benchmark::State& s) {
 
 template <int N>
 void master_step(benchmark::State& state) {
-  MasterNode<N, TdpaMaster<N>> node{parse_scene(wall_scene(N), "bench").control};
+  MasterNode<N, TimeDomainPassivity::Master<N>> node{parse_scene(wall_scene(N), "bench").control};
   DeviceSample<N> device{};
   PeerState<N> known{};
   known.has_report = true;
@@ -82,7 +82,7 @@ void master_step(benchmark::State& state) {
 }
 template <int N>
 void slave_step(benchmark::State& state) {
-  SlaveNode<N, TdpaSlave<N>> node{parse_scene(wall_scene(N), "bench").control};
+  SlaveNode<N, TimeDomainPassivity::Slave<N>> node{parse_scene(wall_scene(N), "bench").control};
   RobotSample<N> robot{};
   PeerState<N> known{};
   known.has_report = known.is_new = true;

@@ -2,7 +2,7 @@
 
 #include "bench/chain.h"
 #include "bench/hand_written.h"
-#include "common/method/tdpa/tdpa.h"
+#include "common/method/passivity/time_domain/time_domain.h"
 #include "lab/engine/loops.h"
 
 namespace {

@@ -12,7 +12,7 @@
 #include <vector>
 
 #include "bench/hand_written.h"
-#include "common/method/any.h"
+#include "common/method/catalogue.h"
 #include "common/scene/load.h"
 #include "lab/engine/simulation.h"
 #include "lab/study/map.h"

@@ -14,7 +14,7 @@
 #include "common/base/thread.h"
 #include "common/contact/environment.h"
 #include "common/coupling/registration.h"
-#include "common/method/any.h"
+#include "common/method/catalogue.h"
 #include "common/record/metrics.h"
 #include "common/record/trace.h"
 #include "lab/both_couplings.h"

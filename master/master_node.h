@@ -12,7 +12,6 @@
 #include "common/hardware/device.h"
 #include "common/link/mailbox.h"
 #include "common/method/alternatives.h"
-#include "common/method/any.h"
 #include "common/method/method.h"
 #include "common/passivity/observer.h"
 #include "common/runtime/modes.h"
@@ -22,7 +21,7 @@ namespace twoport {
 
 /// The master over a link: velocity in, force out. Implements what all methods share: modes, the force ramp, finite
 /// checks, the limits at the device, the exact account of the hand's port. The method's half computes the force.
-template <int N, class Half = AnyMasterHalf<N>>
+template <int N, class Half = MasterHalf<N>>
 class MasterNode {
  public:
   struct Output {
@@ -64,7 +63,7 @@ class MasterNode {
     const Duration now = tick.now.time_since_epoch();
     if (modes_.step(now, slave, modes_.has_let_go(now, device.held))) {
       ramp_.drop();
-      half_.start(device);
+      half_->start(device);
     }
     const double ramp = ramp_.step(modes_.coupled(), tick.dt);
     const bool same_epoch = slave.epoch == epoch_;
@@ -73,7 +72,7 @@ class MasterNode {
       await_slave(slave);
     else if (awaits_slave_) [[unlikely]]
       slave_follows();
-    MasterOutput<N> half = half_.step({.dt = tick.dt,
+    MasterOutput<N> half = half_->step({.dt = tick.dt,
                                        .ended = tick.ended,
                                        .device = device,
                                        .interval = interval,
@@ -107,7 +106,7 @@ class MasterNode {
 
   /// The slave has restarted and its totals with it: those of this side restart too.
   void on_peer_restart(Energy slave_energy_in) noexcept {
-    half_.restart(account_, half_.deficit(account_, slave_energy_in));
+    half_->restart(account_, half_->deficit(account_, slave_energy_in));
     energy_sent_ = Energy{};
     modes_.reset();
     ramp_.drop();
@@ -120,9 +119,9 @@ class MasterNode {
   ///
   /// What the bridge adds returns energy to the hand only as far as the hand's port has it, E(0) + E >= 0. A deficit is carried
   /// over. Totals start from zero in a new epoch.
-  void switch_method(Half& next) noexcept {
-    next.restart(account_, half_.deficit(account_, slave_energy_in_));
-    next.start({.x = before_.x, .v = before_.v, .applied = command_});
+  void switch_method(Held<Half>& next) noexcept {
+    next->restart(account_, half_->deficit(account_, slave_energy_in_));
+    next->start({.x = before_.x, .v = before_.v, .applied = command_});
     std::swap(half_, next);
     bridge_.begin(command_);
     ramp_.drop();
@@ -139,8 +138,8 @@ class MasterNode {
 
   [[nodiscard]] Mode mode() const noexcept { return modes_.mode(); }
   /// Words of the method for the report of the last step, if any.
-  [[nodiscard]] bool has_payload() const noexcept { return half_.has_payload(); }
-  void write_payload(Words& words) const noexcept { half_.write_payload(words); }
+  [[nodiscard]] bool has_payload() const noexcept { return half_->has_payload(); }
+  void write_payload(Words& words) const noexcept { half_->write_payload(words); }
   [[nodiscard]] const LimitCounts& limit_counts() const noexcept { return safety_.counts(); }
   /// Observed energy that the hand has put in, E(0) not included [J].
   [[nodiscard]] Energy observed() const noexcept { return account_.net(); }
@@ -208,8 +207,8 @@ class MasterNode {
   ObserverRule observer_;
   Energy initial_;
   SafetyStage<N> safety_;
-  Half half_;
-  Alternatives<Half> alternatives_;
+  Held<Half> half_;
+  Alternatives<Held<Half>> alternatives_;
   Bridge<N> bridge_;
   Ramp ramp_;
   ModeMachine modes_;

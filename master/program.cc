@@ -8,7 +8,7 @@
 
 #include "common/coupling/registration.h"
 #include "common/hardware/mounted_gripper.h"
-#include "common/method/any.h"
+#include "common/method/catalogue.h"
 #include "common/platform/live_gripper.h"
 #include "common/platform/live_link.h"
 #include "common/platform/live_run.h"

@@ -446,7 +446,7 @@ Returns a Boundary, with `along` a Table. Ctrl-C ends it. Errors: ValueError, al
       "methods",
       [] {
         std::vector<std::pair<std::string, std::string>> all;
-        for_each_method([&]<class M>(std::string_view name) { all.emplace_back(name, M::kSummary); });
+        for (const MethodName& each : kMethods) all.emplace_back(each.name, each.summary);
         return all;
       },
       "Name and sentence of each method of control.passivity.method over a link; the first is that of a scene that "

@@ -7,9 +7,6 @@
 #include "common/base/check.h"
 #include "common/hardware/adjustable_environment.h"
 #include "common/hardware/mounted_gripper.h"
-#include "common/method/four_channel/four_channel.h"
-#include "common/method/internal_model/internal_model.h"
-#include "common/method/model_mediated/model_mediated.h"
 #include "common/platform/live_gripper.h"
 #include "common/platform/live_link.h"
 #include "common/platform/live_run.h"
@@ -174,10 +171,10 @@ struct Slave : SlaveRows<N> {
 /// What would make the force sensor unnecessary for the method; empty: it needs none.
 std::string replaces_force_sensor(const ControlOptions& o) {
   const bool estimates_surface =
-      o.method_name == InternalModelControl::kNames[0] || o.method_name == ModelMediated::kNames[0];
+      o.transparency == "INTERNAL_MODEL" || o.transparency == "SURFACE_MODEL";
   if (estimates_surface && o.architecture != Architecture::position_position)
     return "control.architecture POSITION_POSITION";
-  if (o.method_name == FourChannel::kNames[0] && !o.four_channel.reaction_force_observer)
+  if (o.transparency == "FOUR_CHANNEL" && !o.four_channel.reaction_force_observer)
     return "control.passivity.four_channel.reaction_force_observer";
   return {};
 }

@@ -10,7 +10,6 @@
 #include "common/hardware/robot.h"
 #include "common/link/mailbox.h"
 #include "common/method/alternatives.h"
-#include "common/method/any.h"
 #include "common/method/method.h"
 #include "common/passivity/observer.h"
 #include "common/runtime/modes.h"
@@ -20,7 +19,7 @@ namespace twoport {
 
 /// The slave over a link: force in, motion out. Implements what all methods share: modes, finite checks, the limits
 /// at the robot, the account of the link's port. The method's half computes the command.
-template <int N, class Half = AnySlaveHalf<N>>
+template <int N, class Half = SlaveHalf<N>>
 class SlaveNode {
  public:
   struct Output {
@@ -44,7 +43,7 @@ class SlaveNode {
     if (modes_.has_paused(tick)) [[unlikely]]
       pause();
     if (modes_.step(tick.now.time_since_epoch(), master, master.newest.mode == Mode::let_go) || !started_) {
-      half_.start(robot, master);
+      half_->start(robot, master);
       commanded_ = false;
     }
     started_ = true;
@@ -52,7 +51,7 @@ class SlaveNode {
       follow(robot, master);
     const bool same_epoch = master.epoch == epoch_;
     master_energy_in_ = Energy{same_epoch ? master.energy_in_j : 0.0};
-    SlaveOutput<N> half = half_.step({.dt = tick.dt,
+    SlaveOutput<N> half = half_->step({.dt = tick.dt,
                                       .robot = robot,
                                       .master = same_epoch ? master : without_words_,
                                       .master_energy_in = master_energy_in_,
@@ -67,7 +66,7 @@ class SlaveNode {
       half = limited(half, robot, tick.dt);
     command_ = half.command.f;
     account_.book(half.grounded - dot(half.command.f, half.command.v_d * tick.dt));
-    position_error_ = modes_.coupled() ? robot.x - half_.target() : Displacement<N>{};
+    position_error_ = modes_.coupled() ? robot.x - half_->target() : Displacement<N>{};
     return {.command = half.command,
             .report = {.x = robot.x,
                        .v = robot.v,
@@ -84,15 +83,15 @@ class SlaveNode {
 
   /// As MasterNode::on_peer_restart.
   void on_peer_restart(Energy master_energy_in) noexcept {
-    half_.restart(account_, half_.deficit(account_, master_energy_in));
+    half_->restart(account_, half_->deficit(account_, master_energy_in));
     modes_.reset();
   }
 
   /// As MasterNode::switch_method; set point and registration are kept. The force on the robot is continuous (Bridge): what
   /// that adds does at most the work |f_before - f_new(0)| times the robot's path within engage_s.
-  void switch_method(Half& next) noexcept {
-    next.restart(account_, half_.deficit(account_, master_energy_in_));
-    if (modes_.active()) next.resume(half_.handover());
+  void switch_method(Held<Half>& next) noexcept {
+    next->restart(account_, half_->deficit(account_, master_energy_in_));
+    if (modes_.active()) next->resume(half_->handover());
     std::swap(half_, next);
     bridge_.begin(command_);
     ++epoch_;
@@ -103,12 +102,12 @@ class SlaveNode {
   [[nodiscard]] Mode mode() const noexcept { return modes_.mode(); }
   [[nodiscard]] const LimitCounts& limit_counts() const noexcept { return safety_.counts(); }
   /// Words of the method for the report of the last step, if any.
-  [[nodiscard]] bool has_payload() const noexcept { return half_.has_payload(); }
-  void write_payload(Words& words) const noexcept { half_.write_payload(words); }
+  [[nodiscard]] bool has_payload() const noexcept { return half_->has_payload(); }
+  void write_payload(Words& words) const noexcept { half_->write_payload(words); }
   /// Robot against the delayed, scaled master, at the last step. Null while not coupled.
   [[nodiscard]] const Displacement<N>& position_error() const noexcept { return position_error_; }
   /// The master's position as far as it is known here, in the slave's world.
-  [[nodiscard]] Position<N> target() const noexcept { return half_.target(); }
+  [[nodiscard]] Position<N> target() const noexcept { return half_->target(); }
   /// Net energy that has left the link into the slave [J].
   [[nodiscard]] Energy delivered() const noexcept { return -account_.net(); }
 
@@ -126,7 +125,7 @@ class SlaveNode {
     if (!robot.ideal) c.f = safety_(c.f, robot.x, robot.v, dt);
     if (half.f_back.vec() == asked.f.vec()) half.f_back = c.f;
     if (follows && (c.f.vec() != asked.f.vec() || c.x_d.translation() != asked.x_d.translation()))
-      tell_limited(half_, half, asked, robot, dt);
+      half_->limited(half, asked, robot, dt);
     x_d_ = c.x_d;
     commanded_ = follows;
     return half;
@@ -153,12 +152,12 @@ class SlaveNode {
       without_words_.words.clear();
       return;
     }
-    if (Half* next = alternatives_.of(master.epoch)) {
-      next->start(robot, master);
+    if (Held<Half>* next = alternatives_.of(master.epoch)) {
+      (*next)->start(robot, master);
       switch_method(*next);
       alternatives_.used(master.epoch);
     } else {
-      half_.restart(account_, half_.deficit(account_, master_energy_in_));
+      half_->restart(account_, half_->deficit(account_, master_energy_in_));
     }
     epoch_ = master.epoch;
   }
@@ -172,7 +171,7 @@ class SlaveNode {
     position_error_ = {};
     command_ = Force<N>{};
     bridge_.stop();
-    const SlaveOutput<N> half = half_.fail_safe(account_);
+    const SlaveOutput<N> half = half_->fail_safe(account_);
     Output out{};
     out.command = half.command;
     out.report.x = robot.x;
@@ -184,8 +183,8 @@ class SlaveNode {
     return out;
   }
 
-  Half half_;
-  Alternatives<Half> alternatives_;
+  Held<Half> half_;
+  Alternatives<Held<Half>> alternatives_;
   Bridge<N> bridge_;
   ModeMachine modes_;
   SafetyStage<N> safety_;

@@ -10,14 +10,16 @@
 #include <string_view>
 
 #include "common/base/scalar.h"
-#include "common/method/energy_bounding/options.h"
-#include "common/method/energy_tank/options.h"
-#include "common/method/fixed_damping/options.h"
-#include "common/method/four_channel/options.h"
-#include "common/method/fractal_impedance/options.h"
-#include "common/method/internal_model/options.h"
-#include "common/method/set_position_modulation/options.h"
-#include "common/method/wave_variables/options.h"
+#include "common/coupling/layers.h"
+#include "common/method/passivity/energy_bounding/options.h"
+#include "common/method/passivity/energy_tank/options.h"
+#include "common/method/transparency/fixed_damping/options.h"
+#include "common/method/transparency/four_channel/options.h"
+#include "common/method/transparency/fractal_impedance/options.h"
+#include "common/method/transparency/plugin/options.h"
+#include "common/method/transparency/random/options.h"
+#include "common/method/one_piece/set_position_modulation/options.h"
+#include "common/method/one_piece/wave_variables/options.h"
 #include "common/passivity/controller.h"
 #include "common/passivity/observer.h"
 #include "common/safety/limits.h"
@@ -64,8 +66,8 @@ struct KnownSystem {
   double robot_mass_kg = 0.0, robot_inertia_kg_m2 = 0.0;  ///< the smallest principal moment
 };
 
-/// The method of a scene over a link that names none: the first of the list in common/method/catalogue.h.
-inline constexpr std::string_view kDefaultMethod = "INTERNAL_MODEL";
+/// The method of a scene over a link that names none.
+inline constexpr std::string_view kDefaultMethod = kMethods[0].name;
 
 /// Defaults as in proto/scene.proto.
 struct ControlOptions {
@@ -74,7 +76,8 @@ struct ControlOptions {
   RenderingAlgorithm rendering = RenderingAlgorithm::penalty;
   double force_scale = 1.0, motion_scale = 1.0;
   RegistrationOptions registration;
-  std::string method_name{"NONE"};  ///< over a link: a name of common/method/catalogue.h
+  std::string method_name{"NONE"};  ///< over a link: a name of kMethods, or TRANSPARENCY+PASSIVITY
+  std::string transparency{"DELAYED_FORCE"}, passivity{"NONE"};  ///< its layers; empty for a method of one piece
   ControllerOptions controller;
   ObserverRule observer = ObserverRule::exact;
   Accounts accounts = Accounts::total;
@@ -89,7 +92,7 @@ struct ControlOptions {
   PortLimits own_limits;                                         ///< of this side's driver
   KnownSystem known;
   std::optional<Seconds> stated_round_trip;  ///< of the network; absent: known.round_trip is that of the scene's delays
-  // One block of options for each method that has some; only that of the method in use is read.
+  // One block of options for each layer and method that has some; only those in use are read.
   FixedDampingOptions fixed_damping;
   WaveVariablesOptions wave_variables;
   SetPositionModulationOptions set_position_modulation;
@@ -97,7 +100,8 @@ struct ControlOptions {
   EnergyBoundingOptions energy_bounding;
   FourChannelOptions four_channel;
   FractalImpedanceOptions fractal_impedance;
-  InternalModelOptions internal_model;
+  RandomOptions random;
+  PluginOptions plugin;
 };
 
 /// What the master keeps at its device, and the slave at its robot.
@@ -133,6 +137,34 @@ inline ControllerOptions controller_at_the_handle(const ControlOptions& o) {
   if (o.handle_mass_kg > 0.0 && o.handle_inertia_kg_m2 > 0.0)
     c.radius_of_gyration_m = std::sqrt(o.handle_inertia_kg_m2 / o.handle_mass_kg);
   return c;
+}
+
+/// Sets a method by its name, of kMethods or TRANSPARENCY+PASSIVITY. False: there is no such method, and nothing is set.
+inline bool choose_method(ControlOptions& o, std::string_view name) {
+  if (const MethodName* method = find_name(kMethods, name)) {
+    o.transparency = method->transparency;
+    o.passivity = method->passivity;
+    o.method_name = name;
+  } else {
+    const std::size_t plus = std::min(name.find('+'), name.size());
+    const std::string_view transparency = name.substr(0, plus), passivity = name.substr(std::min(plus + 1, name.size()));
+    if (find_name(kTransparencyLayers, transparency) == nullptr || find_name(kPassivityLayers, passivity) == nullptr)
+      return false;
+    o.transparency = transparency;
+    o.passivity = passivity;
+    o.method_name = name;
+    for (const MethodName& each : kMethods)
+      if (each.transparency == transparency && each.passivity == passivity) o.method_name = each.name;
+  }
+  o.controller.method = o.passivity == "CLASSIC"           ? Method::classic
+                        : o.passivity == "FORCE_PROJECTED" ? Method::force_projected
+                                                           : Method::none;
+  return true;
+}
+
+/// Do the ports of hand and robot keep one account between them, by ENERGY_SPRING_TWO_PORT?
+inline bool is_two_port(const ControlOptions& o) {
+  return o.passivity == "ENERGY_SPRING_TWO_PORT";
 }
 
 /// Is the force sensor's force displayed at the master, not the coupling's?

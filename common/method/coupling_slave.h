@@ -1,47 +1,40 @@
 #pragma once
 
 #include "common/coupling/virtual_coupling.h"
+#include "common/method/coupled_by_position.h"
 #include "common/method/method.h"
 
 namespace twoport {
 
-/// The options of a method that displays the position error whatever the architecture: both sides then have a spring-damper
-/// of this stiffness and damping, and the slave reports the robot's position.
-inline ControlOptions coupled_by_position(ControlOptions o, const CouplingOptions& coupling) {
-  o.architecture = Architecture::position_position;
-  o.coupling = coupling;
-  return o;
-}
-
-/// What slave halves around a virtual coupling share: everything but the step.
+/// What slave halves of one piece around a virtual coupling share: everything but the step.
 template <int N>
-class CouplingSlave {
+class CouplingSlave : public SlaveHalf<N> {
  public:
   explicit CouplingSlave(const ControlOptions& o) : coupling_{o} {}
 
-  void start(const RobotSample<N>& robot, const PeerState<N>& master) noexcept {
+  void start(const RobotSample<N>& robot, const PeerState<N>& master) noexcept override {
     coupling_.start(robot.x, master);
     x_ = robot.x;
   }
-  SlaveOutput<N> fail_safe(const Ledger& account) noexcept {
+  SlaveOutput<N> fail_safe(const Ledger& account) noexcept override {
     SlaveOutput<N> out{};
     out.command.x_d = coupling_.set_point();
     out.energy_in = account.absorbed() - base_absorbed_;
     return out;
   }
-  /// As tell_limited.
-  void limited(SlaveOutput<N>& out, const RobotCommand<N>& asked, const RobotSample<N>& robot, Seconds dt) noexcept {
+  void limited(SlaveOutput<N>& out, const RobotCommand<N>& asked, const RobotSample<N>& robot,
+               Seconds dt) noexcept override {
     const Energy wished = out.grounded - dot(asked.f, asked.v_d * dt);
     set_back(out, asked, robot, dt);
     report_no_more(out, wished, out.grounded - dot(out.command.f, out.command.v_d * dt));
   }
-  [[nodiscard]] Energy deficit(const Ledger&, Energy) const noexcept { return Energy{}; }
-  void restart(const Ledger& account, Energy) noexcept { base_absorbed_ = account.absorbed(); }
-  [[nodiscard]] SlaveHandover<N> handover() const noexcept { return {coupling_.registration(), coupling_.set_point()}; }
-  void resume(const SlaveHandover<N>& from) noexcept { coupling_.resume(from.registration, from.set_point); }
-  [[nodiscard]] const Position<N>& target() const noexcept { return coupling_.target(); }
-  [[nodiscard]] bool has_payload() const noexcept { return coupling_.tells_position(); }
-  void write_payload(Words& words) const noexcept { coupling_.tell_position(x_, words); }
+  [[nodiscard]] Energy deficit(const Ledger&, Energy) const noexcept override { return Energy{}; }
+  void restart(const Ledger& account, Energy) noexcept override { base_absorbed_ = account.absorbed(); }
+  [[nodiscard]] SlaveHandover<N> handover() const noexcept override { return {coupling_.registration(), coupling_.set_point()}; }
+  void resume(const SlaveHandover<N>& from) noexcept override { coupling_.resume(from.registration, from.set_point); }
+  [[nodiscard]] Position<N> target() const noexcept override { return coupling_.target(); }
+  [[nodiscard]] bool has_payload() const noexcept override { return coupling_.tells_position(); }
+  void write_payload(Words& words) const noexcept override { coupling_.tell_position(x_, words); }
 
  protected:
   using Vector = typename Force<N>::Vector;
@@ -91,20 +84,20 @@ class StoringSlave : public CouplingSlave<N> {
  public:
   StoringSlave(const ControlOptions& coupled, const ControlOptions& o) : CouplingSlave<N>{coupled}, side_{o} {}
 
-  void start(const RobotSample<N>& robot, const PeerState<N>& master) noexcept {
+  void start(const RobotSample<N>& robot, const PeerState<N>& master) noexcept override {
     CouplingSlave<N>::start(robot, master);
     f_ = Force<N>{};
   }
-  SlaveOutput<N> fail_safe(const Ledger& account) noexcept {
+  SlaveOutput<N> fail_safe(const Ledger& account) noexcept override {
     f_ = Force<N>{};
     SlaveOutput<N> out = CouplingSlave<N>::fail_safe(account);
     out.energy_in = side_.sent();
     return out;
   }
-  [[nodiscard]] Energy deficit(const Ledger&, Energy master_in) const noexcept {
+  [[nodiscard]] Energy deficit(const Ledger&, Energy master_in) const noexcept override {
     return side_.deficit(this->coupling_.registration().to_slave(master_in));
   }
-  void restart(const Ledger& account, Energy deficit) noexcept {
+  void restart(const Ledger& account, Energy deficit) noexcept override {
     CouplingSlave<N>::restart(account, deficit);
     side_.restart(deficit);
   }
@@ -116,15 +109,5 @@ class StoringSlave : public CouplingSlave<N> {
   Side side_;
   Force<N> f_;  ///< on the robot in the last tick
 };
-
-/// One number for the translational axes and one for the rotational ones.
-template <int N>
-typename Force<N>::Vector per_axis(double translation, double rotation) noexcept {
-  typename Force<N>::Vector out;
-  out.setConstant(translation);
-  if constexpr (N == 6) out.template tail<3>().setConstant(rotation);
-  (void)rotation;
-  return out;
-}
 
 }  // namespace twoport

@@ -1,6 +1,8 @@
 #pragma once
 
-#include <concepts>
+#include <memory>
+#include <type_traits>
+#include <utility>
 
 #include "common/base/time.h"
 #include "common/coupling/options.h"
@@ -13,7 +15,7 @@
 namespace twoport {
 
 // A method defines how hand and robot are coupled over a link: a half at the master, a half at the slave, and the data
-// between them. The nodes (master/master_node.h, slave/slave_node.h) implement what all methods share: modes, the force
+// between them. Most methods are pairs of layers (layers.h); some are of one piece. The nodes (master/master_node.h, slave/slave_node.h) implement what all methods share: modes, the force
 // ramp, finite checks, force limits, the exact account of each port, and restarts of the other side.
 //
 // The step of a half is pure computation: no clock, no input or output, no allocation, no exception.
@@ -84,54 +86,97 @@ void report_no_more(SlaveOutput<N>& out, Energy wished, Energy taken) noexcept {
   if (more.si() < 0.0) out.energy_in += more;
 }
 
-/// The limits at the robot have changed the command of the half's last step from `asked` to out.command. The half sets its set point
-/// back by that, so that it does not run ahead of the robot, and writes set point, velocity and energies of `out` as they are now.
-/// Optional: void H::limited(SlaveOutput<N>& out, const RobotCommand<N>& asked, const RobotSample<N>& robot, Seconds dt).
-template <class H, int N>
-void tell_limited(H& half, SlaveOutput<N>& out, const RobotCommand<N>& asked, const RobotSample<N>& robot,
-                  Seconds dt) noexcept {
-  if constexpr (requires { half.limited(out, asked, robot, dt); }) {
-    half.limited(out, asked, robot, dt);
-  } else {
-    const Energy wished = out.grounded - dot(asked.f, asked.v_d * dt);
-    if (robot.ideal) out.command.v_d = asked.v_d + (out.command.x_d - asked.x_d) / dt;
-    report_no_more(out, wished, out.grounded - dot(out.command.f, out.command.v_d * dt));
+/// A half at the master, as MasterNode runs it. The class is chosen when the half is made (make) or when the program is compiled.
+template <int N>
+class MasterHalf {
+ public:
+  virtual ~MasterHalf() = default;
+  /// The half of the method that `o` names. Throws ConfigError where there is none.
+  static std::unique_ptr<MasterHalf> make(const ControlOptions& o);
+  [[nodiscard]] virtual std::unique_ptr<MasterHalf> copy() const = 0;
+  /// A coupling begins here.
+  virtual void start(const DeviceSample<N>& device) noexcept = 0;
+  /// Every tick, active or not.
+  virtual MasterOutput<N> step(const MasterInput<N>& in) noexcept = 0;
+  /// Energy returned beyond the available; `slave_energy_in`: the slave's total.
+  [[nodiscard]] virtual Energy deficit(const Ledger& account, Energy slave_energy_in) const noexcept = 0;
+  /// All totals start here from zero, with the deficit.
+  virtual void restart(const Ledger& account, Energy deficit) noexcept = 0;
+  /// Does it add words to the report of the last step? Which?
+  [[nodiscard]] virtual bool has_payload() const noexcept { return false; }
+  virtual void write_payload(Words&) const noexcept {}
+};
+
+/// A half at the slave, as SlaveNode runs it.
+template <int N>
+class SlaveHalf {
+ public:
+  virtual ~SlaveHalf() = default;
+  static std::unique_ptr<SlaveHalf> make(const ControlOptions& o);
+  [[nodiscard]] virtual std::unique_ptr<SlaveHalf> copy() const = 0;
+  virtual void start(const RobotSample<N>& robot, const PeerState<N>& master) noexcept = 0;
+  virtual SlaveOutput<N> step(const SlaveInput<N>& in) noexcept = 0;
+  /// No force from now on; the last energy_in again.
+  virtual SlaveOutput<N> fail_safe(const Ledger& account) noexcept = 0;
+  /// The limits at the robot have changed the command of the last step from `asked` to out.command. The half sets its set point back
+  /// by that, so that it does not run ahead of the robot, and writes set point, velocity and energies of `out` as they are now.
+  virtual void limited(SlaveOutput<N>& out, const RobotCommand<N>& asked, const RobotSample<N>& robot,
+                       Seconds dt) noexcept = 0;
+  [[nodiscard]] virtual Energy deficit(const Ledger& account, Energy master_energy_in) const noexcept = 0;
+  virtual void restart(const Ledger& account, Energy deficit) noexcept = 0;
+  [[nodiscard]] virtual SlaveHandover<N> handover() const noexcept = 0;
+  /// Takes over during a coupling.
+  virtual void resume(const SlaveHandover<N>& from) noexcept = 0;
+  /// Commanded position of the robot.
+  [[nodiscard]] virtual Position<N> target() const noexcept = 0;
+  [[nodiscard]] virtual bool has_payload() const noexcept { return false; }
+  virtual void write_payload(Words&) const noexcept {}
+};
+
+/// Implements copy() of Base for the class Self.
+template <class Self, class Base>
+class Copied : public Base {
+ public:
+  using Base::Base;
+  [[nodiscard]] auto copy() const -> decltype(std::declval<const Base&>().copy()) override {
+    return std::make_unique<Self>(static_cast<const Self&>(*this));
   }
-}
+};
 
+/// A member whose class is chosen when it is made (T abstract: T::make and copy()) or when the program is compiled. Allocates when made
+/// and copied only.
+template <class T>
+class Held {
+ public:
+  explicit Held(const ControlOptions& o) : it_{T::make(o)} {}
+  Held(const Held& other) : it_{other.it_->copy()} {}
+  Held(Held&&) noexcept = default;
+  Held& operator=(Held&&) noexcept = default;
+  T* operator->() noexcept { return it_.get(); }
+  const T* operator->() const noexcept { return it_.get(); }
+
+ private:
+  std::unique_ptr<T> it_;
+};
 // clang-format off
-// (version 14 knows no concepts)
+template <class T> requires (!std::is_abstract_v<T>)
+class Held<T> {
+  // clang-format on
+ public:
+  explicit Held(const ControlOptions& o) : it_{o} {}
+  T* operator->() noexcept { return &it_; }
+  const T* operator->() const noexcept { return &it_; }
 
-template <class H, int N>
-concept MasterHalf = std::constructible_from<H, const ControlOptions&> &&
-    requires(H h, const H& c, const MasterInput<N>& in, Words& words, const DeviceSample<N>& device, const Ledger& account, Energy e) {
-  { h.start(device) } noexcept;                                    // a coupling begins here
-  { h.step(in) } noexcept -> std::same_as<MasterOutput<N>>;        // every tick, active or not
-  { c.deficit(account, e) } noexcept -> std::same_as<Energy>;       // energy returned beyond the available; e: the slave's total
-  { h.restart(account, e) } noexcept;                              // all totals start here from zero, with the deficit e
-  { c.has_payload() } noexcept -> std::same_as<bool>;              // does it add words to the report of the last step?
-  { c.write_payload(words) } noexcept;                             // these words
+ private:
+  T it_;
 };
 
-template <class H, int N>
-concept SlaveHalf = std::constructible_from<H, const ControlOptions&> &&
-    requires(H h, const H& c, const SlaveInput<N>& in, Words& words, const RobotSample<N>& robot, const SlaveHandover<N>& handover, const Ledger& account, Energy e) {
-  { h.start(robot, in.master) } noexcept;
-  { h.step(in) } noexcept -> std::same_as<SlaveOutput<N>>;
-  { h.fail_safe(account) } noexcept -> std::same_as<SlaveOutput<N>>;  // no force from now on; the last energy_in again
-  { c.deficit(account, e) } noexcept -> std::same_as<Energy>;       // as at the master; e: the master's total
-  { h.restart(account, e) } noexcept;
-  { c.has_payload() } noexcept -> std::same_as<bool>;
-  { c.write_payload(words) } noexcept;
-  { c.handover() } noexcept -> std::same_as<SlaveHandover<N>>;
-  { h.resume(handover) } noexcept;                                 // takes over during a coupling
-  { c.target() } noexcept -> std::convertible_to<Position<N>>;     // commanded position of the robot
+/// A method chosen by name when the halves are made.
+struct AnyMethod {
+  template <int N>
+  using Master = MasterHalf<N>;
+  template <int N>
+  using Slave = SlaveHalf<N>;
 };
-
-/// A method for every size. kSummary is a sentence for lists.
-template <class M, int N>
-concept MethodOf = MasterHalf<typename M::template Master<N>, N> && SlaveHalf<typename M::template Slave<N>, N>;
-
-// clang-format on
 
 }  // namespace twoport

@@ -103,6 +103,11 @@ class EnergySpring {
   [[nodiscard]] double rotational_stiffness(Seconds dt) const noexcept {
     return sampled(rotational_stiffness_, quarter_inertia_kg_m2_, dt);
   }
+  /// Energy of a spring K with the force f.
+  [[nodiscard]] Energy stored(const Force<N>& f, Seconds dt) const noexcept {
+    const double size = norm(f, dt), k = stiffness(dt);
+    return Energy{k > 0.0 ? 0.5 * size * size / k : 0.0};
+  }
   /// |f| [N]: a torque counts by K/K_r.
   [[nodiscard]] double norm(const Force<N>& f, Seconds dt) const noexcept {
     const double k_r = N == 6 ? rotational_stiffness(dt) : 0.0;

@@ -54,10 +54,8 @@ RegistrationOptions read_registration(const Block<schema::Registration>& of) {
   return options;
 }
 
-/// The one-port controller of a method's name; none for a method that brings its own.
-Method controller_of(schema::Passivity::Method method) {
-  if (method == schema::Passivity::CLASSIC) return Method::classic;
-  if (method == schema::Passivity::FORCE_PROJECTED) return Method::force_projected;
+/// The one-port controllers that exist under RENDER only.
+Method rendering_controller(schema::Passivity::Method method) {
   if (method == schema::Passivity::METRIC_DAMPING) return Method::metric_damping;
   if (method == schema::Passivity::FORCE_CONE) return Method::force_cone;
   return Method::none;
@@ -105,7 +103,8 @@ void read_method_options(const Block<schema::Passivity>& of, ControlOptions& opt
       .force_gain = GIVEN(channels, force_gain),
       .disturbance_observer = channels->disturbance_observer(),
   };
-  options.internal_model = {.strict_two_port = of->internal_model().strict_two_port()};
+  if (of->internal_model().strict_two_port() && options.method_name == "INTERNAL_MODEL")
+    options.passivity = "ENERGY_SPRING_TWO_PORT";
   const Block fractal = of.block(FIELD(fractal_impedance));
   options.fractal_impedance = {
       .stiffness_n_per_m = GIVEN(fractal, stiffness_n_per_m),
@@ -113,16 +112,49 @@ void read_method_options(const Block<schema::Passivity>& of, ControlOptions& opt
   };
 }
 
-void read_passivity(const Block<schema::Passivity>& of, ControlOptions& options) {
+/// The layers that the scene names, each absent one as the default method has it. False: it names none.
+bool read_layers(const Block<schema::Control>& of, ControlOptions& options) {
+  const Block transparency = of.block(FIELD(transparency));
+  const Block passivity = of.block(FIELD(passivity));
+  options.random.force_n = transparency->random().force_n();
+  options.random.hold_ms = transparency->random().hold_ms();
+  options.plugin.file = transparency->plugin().file();
+  options.plugin.arguments = transparency->plugin().arguments();
+  if (!transparency->has_layer() && !passivity->has_layer()) return false;
+  const std::string named = transparency->has_layer() ? transparency.path_of("layer") : passivity.path_of("layer");
+  if (passivity->has_method())
+    of.fail(fmt::format("{} and {} are both given; a method names both layers, so give the one or the other",
+                        passivity.path_of("method"), named));
+  if (options.architecture == Architecture::render || options.architecture == Architecture::uncontrolled)
+    of.fail(fmt::format("{} is given, but control.architecture is {}; layers need a link", named,
+                        to_string(options.architecture)));
+  std::string name{kMethods[0].transparency};
+  if (transparency->has_layer()) name = schema::Transparency::Layer_Name(transparency->layer());
+  name += '+';
+  name += passivity->has_layer() ? schema::PassivityLayer::Name_Name(passivity->layer())
+                                 : std::string{kMethods[0].passivity};
+  choose_method(options, name);
+  if (options.transparency == "PLUGIN" && options.plugin.file.empty())
+    of.fail("control.transparency.plugin.file is absent; PLUGIN needs it");
+  return true;
+}
+
+void read_passivity(const Block<schema::Control>& control, ControlOptions& options) {
+  const Block of = control.block(FIELD(passivity));
   const bool rendering = options.architecture == Architecture::render;
   schema::Passivity::Method method = schema::Passivity::NONE;
-  if (of->has_method()) {
-    method = of->method();
-  } else if (!rendering && options.architecture != Architecture::uncontrolled) {
-    schema::Passivity::Method_Parse(std::string{kDefaultMethod}, &method);
+  if (!read_layers(control, options)) {
+    if (of->has_method()) {
+      method = of->method();
+    } else if (!rendering && options.architecture != Architecture::uncontrolled) {
+      schema::Passivity::Method_Parse(std::string{kDefaultMethod}, &method);
+    }
+    if (!choose_method(options, schema::Passivity::Method_Name(method))) {
+      options.method_name = schema::Passivity::Method_Name(method);
+      options.controller.method = rendering_controller(method);
+    }
   }
-  options.method_name = schema::Passivity::Method_Name(method);
-  options.controller = {.method = controller_of(method),
+  options.controller = {.method = options.controller.method,
                         .max_gain = of->max_gain(),
                         .unilateral = of->unilateral(),
                         .predict = of->predict(),
@@ -191,7 +223,8 @@ ControlOptions read_control(const Block<schema::Control>& of, SceneFor use) {
                             device.path_of("set_point_step_m")));
   if (options.architecture == Architecture::render && of->has_robot_limits())
     of.fail("control.robot_limits is given, but control.architecture is RENDER: there is no robot");
-  read_passivity(of.block(FIELD(passivity)), options);
+  options.plugin.waits = use == SceneFor::laboratory;
+  read_passivity(of, options);
   return options;
 }
 
@@ -201,7 +234,14 @@ std::vector<schema::Control> scheduled(const schema::Control& control) {
   now.clear_schedule();
   for (const schema::Switch& each : control.schedule()) {
     if (each.has_architecture()) now.set_architecture(each.architecture());
+    // A method takes the place of layers that were named, and the other way round.
+    if (each.passivity().has_method()) {
+      now.mutable_transparency()->clear_layer();
+      now.mutable_passivity()->clear_layer();
+    }
+    if (each.passivity().has_layer() || each.transparency().has_layer()) now.mutable_passivity()->clear_method();
     now.mutable_passivity()->MergeFrom(each.passivity());
+    now.mutable_transparency()->MergeFrom(each.transparency());
     all.push_back(now);
   }
   return all;
@@ -213,8 +253,8 @@ std::vector<ScheduledControl> read_schedule(const Block<schema::Control>& of, Sc
   double last_s = 0.0;
   for (const auto& entry : of.blocks(FIELD(schedule))) {
     const double at_s = GIVEN(entry, at_s).value_or(std::numeric_limits<double>::infinity());
-    if (!entry->has_architecture() && !entry->has_passivity())
-      of.fail(fmt::format("{} changes nothing; it must name architecture or passivity", entry.path()));
+    if (!entry->has_architecture() && !entry->has_passivity() && !entry->has_transparency())
+      of.fail(fmt::format("{} changes nothing; it must name architecture, passivity or transparency", entry.path()));
     if (entry->has_at_s() && !(at_s > last_s)) entry.refuse(FIELD(at_s), "be > 0 and later than the entry before");
     if (entry->has_at_s()) last_s = at_s;
     entries.push_back({at_s, read_control(Block{of.context(), controls[entries.size()], entry.path()}, use)});

@@ -84,10 +84,22 @@ std::vector<Shared> find_shared(const pb::Descriptor& block) {
 }
 
 /// The values that hold where the text states none.
-void complete(schema::Passivity& passivity, const ControlOptions& control) {
+void complete(schema::Control& stated, const ControlOptions& control) {
+  schema::Passivity& passivity = *stated.mutable_passivity();
   schema::Passivity::Method method = schema::Passivity::NONE;
-  schema::Passivity::Method_Parse(control.method_name, &method);
-  passivity.set_method(method);
+  // A pair that has a name is that method, whichever was stated.
+  if (schema::Passivity::Method_Parse(control.method_name, &method)) {
+    passivity.set_method(method);
+    passivity.clear_layer();
+    stated.mutable_transparency()->clear_layer();
+  } else {
+    schema::Transparency::Layer transparency{};
+    schema::PassivityLayer::Name layer{};
+    schema::Transparency::Layer_Parse(control.transparency, &transparency);
+    schema::PassivityLayer::Name_Parse(control.passivity, &layer);
+    stated.mutable_transparency()->set_layer(transparency);
+    passivity.set_layer(layer);
+  }
   passivity.set_accounts(static_cast<schema::Passivity::Accounts>(control.accounts));
   // Under internal-model control the account is the master's own, and its default that of the scene's delays.
   passivity.clear_initial_energy_j();
@@ -130,13 +142,13 @@ std::vector<SharedField> shared_fields(const Scene& scene) {
   message.set_master_rate_hz(scene.master_rate_hz);
   message.set_slave_rate_hz(scene.slave_rate_hz);
   const std::vector<schema::Control> then = scheduled(message.control());
-  complete(*message.mutable_control()->mutable_passivity(), scene.control);
+  complete(*message.mutable_control(), scene.control);
   std::vector<SharedField> fields = fields_of(message);
   // What is switched to, each as a scene of its own; when is the master's own.
   Digest switches;
   for (std::size_t i = 0; i < then.size(); ++i) {
     *message.mutable_control() = then[i];
-    complete(*message.mutable_control()->mutable_passivity(), scene.schedule[i].control);
+    complete(*message.mutable_control(), scene.schedule[i].control);
     switches.add(digest_of(fields_of(message)));
   }
   fields.push_back({"control.schedule", switches.value()});

@@ -169,7 +169,7 @@ double fastest_contact(const Scene& s) {
 constexpr double kLittle_n = 2.0;
 /// The limit of rate that leaves the least force, and that force; empty: none leaves little.
 std::optional<std::pair<const char*, double>> slow_limit(const Scene& s) {
-  if (!has_link(s) || s.control.method_name != kDefaultMethod || !s.control.internal_model.strict_two_port) return {};
+  if (!has_link(s) || !is_two_port(s.control)) return {};
   const double device_n = 0.5 * s.control.device_limits.force_rate_n_per_s / s.rate_hz;
   const double robot_n = 0.5 * s.control.robot_limits.force_rate_n_per_s / s.slave_rate_hz;
   if (std::min(device_n, robot_n) >= kLittle_n) return {};

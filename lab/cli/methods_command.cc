@@ -1,6 +1,8 @@
 #include <fmt/format.h>
 
-#include "common/method/catalogue.h"
+#include <memory>
+
+#include "common/coupling/layers.h"
 #include "lab/cli/commands.h"
 
 namespace twoport::lab {
@@ -8,8 +10,19 @@ Subcommand add_methods_command(Command app) {
   Command methods = app.add("methods",
                             "List the methods of control.passivity.method over a link, one a line: name, tab, "
                             "summary. The first is the one of a scene that names none");
-  return {methods, [] {
-            for_each_method([]<class M>(std::string_view name) { fmt::print("{}\t{}\n", name, M::kSummary); });
+  const auto layers = std::make_shared<bool>(false);
+  methods.flag("--layers", *layers,
+               "List the layers that control.transparency.layer and control.passivity.layer name: kind, tab, name, tab, of "
+               "passivity layers the port that they bound (none, hand, both) and a tab, summary");
+  return {methods, [layers] {
+            if (!*layers) {
+              for (const MethodName& each : kMethods) fmt::print("{}\t{}\n", each.name, each.summary);
+              return 0;
+            }
+            for (const TransparencyLayerName& each : kTransparencyLayers)
+              fmt::print("transparency\t{}\t{}\n", each.name, each.summary);
+            for (const PassivityLayerName& each : kPassivityLayers)
+              fmt::print("passivity\t{}\t{}\t{}\n", each.name, to_string(each.claim), each.summary);
             return 0;
           }};
 }

@@ -3,7 +3,7 @@
 #include <vector>
 
 #include "common/coupling/registration.h"
-#include "common/method/any.h"
+#include "common/method/catalogue.h"
 #include "common/record/metrics.h"
 #include "common/record/summary.h"
 #include "common/record/verdict.h"

@@ -14,7 +14,7 @@
 
 #include "common/base/low_pass.h"
 #include "common/contact/environment.h"
-#include "common/method/internal_model/slave.h"
+#include "common/method/transparency/internal_model/slave.h"
 #include "common/record/metrics.h"
 #include "common/record/run_judge.h"
 #include "lab/engine/summary_parts.h"

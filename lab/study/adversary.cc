@@ -13,7 +13,7 @@
 #include "common/coupling/registration.h"
 #include "common/link/delay_line.h"
 #include "common/link/mailbox.h"
-#include "common/method/any.h"
+#include "common/method/catalogue.h"
 #include "common/scene/load.h"
 #include "lab/engine/loops.h"
 #include "lab/study/map.h"

@@ -9,7 +9,7 @@
 
 #include "common/base/check.h"
 #include "common/base/file.h"
-#include "common/method/any.h"
+#include "common/method/catalogue.h"
 #include "common/scene/load.h"
 #include "lab/run.h"
 #include "lab/study/cells.h"

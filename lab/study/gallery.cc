@@ -9,7 +9,7 @@
 #include <mutex>
 
 #include "common/base/check.h"
-#include "common/method/any.h"
+#include "common/method/catalogue.h"
 #include "common/record/expectation.h"
 #include "common/scene/load.h"
 #include "lab/run.h"

@@ -16,7 +16,7 @@
 
 #include "common/base/check.h"
 #include "common/base/file.h"
-#include "common/method/any.h"
+#include "common/method/catalogue.h"
 #include "common/record/summary.h"
 #include "common/scene/scene_text.h"
 #include "lab/run.h"

@@ -9,7 +9,7 @@
 
 #include "common/base/check.h"
 #include "common/base/random.h"
-#include "common/method/any.h"
+#include "common/method/catalogue.h"
 #include "lab/study/map.h"
 #include "lab/study/parallel.h"
 

@@ -16,7 +16,7 @@
 #include <vector>
 
 #include "common/link/memory_network.h"
-#include "common/method/any.h"
+#include "common/method/catalogue.h"
 #include "common/runtime/cycle.h"
 #include "common/safety/guarded_transport.h"
 #include "common/scene/load.h"

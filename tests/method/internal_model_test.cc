@@ -1,7 +1,9 @@
 // What internal-model control claims beyond what every method is asked: least energy through the master port for any
 // packets, and contact with walls that are damped, left, curved, felt with a bias, stiffer than the device can show.
 
-#include "common/method/internal_model/internal_model.h"
+#include "common/method/passivity/energy_spring/energy_spring_layer.h"
+#include "common/method/transparency/internal_model/master.h"
+#include "common/method/transparency/internal_model/slave.h"
 
 #include <gtest/gtest.h>
 
@@ -95,7 +97,7 @@ double least_energy_j(const Hostile& c) {
   const Scene scene = hostile_scene(c);
   const Seconds dt{1.0 / c.rate_hz};
   sim::SimDevice<N> device{scene, dt};
-  MasterNode<N, InternalModelMaster<N>> master{scene.control};
+  MasterNode<N, MasterPair<N, InternalModelMaster<N>, EnergySpringMaster<N>>> master{scene.control};
   HostileSlave<N> slave{c.seed};
   double least = 0.0, largest = 0.0;
   for (int k = 0; k < static_cast<int>(scene.duration_s * c.rate_hz); ++k) {
@@ -182,7 +184,7 @@ struct Figures {
 
 Figures run(const Contact& c) {
   const Scene scene = contact_scene(c);
-  lab::LinkLoop<3, InternalModelControl> loop{scene};
+  lab::LinkLoop<3> loop{scene};
   Figures out;
   double rests = 0.0, slides = 0.0, direction2 = 0.0, felt2 = 0.0;
   Eigen::Vector3d mean = Eigen::Vector3d::Zero();
@@ -348,7 +350,7 @@ TEST(InternalModel, ShowsTheTorqueOfAPlateOnItsEdge) {
       "-0.03, "
       "-0.03] } }",
       "plate");
-  lab::LinkLoop<6, InternalModelControl> loop{scene};
+  lab::LinkLoop<6> loop{scene};
   double force_n = 0.0, torque_n_m = 0.0, moving2 = 0.0, pressed_n = 0.0, rests = 0.0, moves = 0.0;
   loop.run(loop.end(), [&](const Row<6>& row) {
     const Force<6> error = row.master_f + row.env_f;
@@ -375,7 +377,7 @@ TEST(InternalModel, IsTheSameInATurnedWorld) {
     const Scene scene = contact_scene(
         {.surface = "wall { normal: " + normal + " offset_m: -0.02 stiffness_n_per_m: 5000 friction: 0.2 }",
          .control = rotation});
-    lab::LinkLoop<3, InternalModelControl> loop{scene};
+    lab::LinkLoop<3> loop{scene};
     std::vector<Eigen::Vector3d> all;
     loop.run(loop.end(), [&](const Row<3>& row) {
       all.push_back(row.master_f.vec());

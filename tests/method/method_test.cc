@@ -9,7 +9,6 @@
 
 #include "common/base/check.h"
 #include "common/link/mailbox.h"
-#include "common/method/any.h"
 #include "common/method/catalogue.h"
 #include "common/scene/load.h"
 #include "proto/scene.pb.h"
@@ -252,18 +251,15 @@ TEST_P(EverySwitch, MakesNoJumpInForceAndKeepsTheHandsGrant) {
     Force<N> before = loop.tick().command;
 
     ControlOptions next = scene.control;
-    next.method_name = p.to;
-    next.controller.method = p.to == "CLASSIC"           ? Method::classic
-                             : p.to == "FORCE_PROJECTED" ? Method::force_projected
-                                                         : Method::none;
+    choose_method(next, p.to);
     // The others add a damper to the wanted force.
     const bool only_shortens = p.to == "NONE" || p.to == "FORCE_PROJECTED" || p.to == "WAVE_VARIABLES" ||
                                p.to == "ENERGY_BOUNDING" || p.to == "FOUR_CHANNEL" || p.to == "FRACTAL_IMPEDANCE";
     // The force pressed or displayed is not that of the virtual coupling, and changes after the switch.
     const bool slave_jumps = p.from == "SET_POSITION_MODULATION" || p.from == "FOUR_CHANNEL" ||
                              p.from == "FRACTAL_IMPEDANCE" || p.from == "MODEL_MEDIATED";
-    AnyMasterHalf<N> master{next};
-    AnySlaveHalf<N> slave{next};
+    Held<MasterHalf<N>> master{next};
+    Held<SlaveHalf<N>> slave{next};
     const Energy at_switch = loop.device.port_energy();
     {
       NoAlloc guard;
@@ -326,9 +322,12 @@ TEST(Catalogue, NamesOfMethodsAreTheSchemasAndUnknownOnesAreRefused) {
             .control.method_name,
         name);
   ControlOptions o;
-  o.method_name = "NO_SUCH";
-  EXPECT_THROW(AnyMasterHalf<1>{o}, ConfigError);
-  EXPECT_THROW(AnySlaveHalf<6>{o}, ConfigError);
+  EXPECT_FALSE(choose_method(o, "NO_SUCH"));
+  EXPECT_FALSE(choose_method(o, "DELAYED_FORCE"));
+  EXPECT_FALSE(choose_method(o, "DELAYED_FORCE+WAVE_VARIABLES"));
+  o.transparency = "NO_SUCH";
+  EXPECT_THROW(MasterHalf<1>::make(o), ConfigError);
+  EXPECT_THROW(SlaveHalf<6>::make(o), ConfigError);
 }
 
 // ---- payloads

@@ -7,7 +7,7 @@
 #include <string>
 #include <vector>
 
-#include "common/method/any.h"
+#include "common/method/catalogue.h"
 #include "common/record/summary.h"
 #include "common/scene/load.h"
 #include "lab/run.h"

@@ -8,8 +8,8 @@
 #include <string>
 #include <utility>
 
-#include "common/method/any.h"
 #include "common/method/catalogue.h"
+#include "common/method/transparency/fractal_impedance/fractal_impedance.h"
 #include "common/scene/load.h"
 #include "lab/engine/loops.h"
 #include "lab/run.h"

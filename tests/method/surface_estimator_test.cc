@@ -1,4 +1,4 @@
-#include "common/method/surface/surface_estimator.h"
+#include "common/method/transparency/surface/surface_estimator.h"
 
 #include <gtest/gtest.h>
 

@@ -7,7 +7,7 @@
 #include <string>
 
 #include "common/base/check.h"
-#include "common/method/any.h"
+#include "common/method/catalogue.h"
 #include "lab/study/map.h"
 #include "lab/study/parallel.h"
 

@@ -17,7 +17,7 @@
 #include <vector>
 
 #include "common/base/check.h"
-#include "common/method/any.h"
+#include "common/method/catalogue.h"
 #include "common/scene/load.h"
 #include "lab/engine/stoppable.h"
 #include "lab/run.h"

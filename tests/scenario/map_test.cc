@@ -8,7 +8,7 @@
 #include <vector>
 
 #include "common/base/check.h"
-#include "common/method/any.h"
+#include "common/method/catalogue.h"
 #include "common/record/summary.h"
 #include "common/scene/load.h"
 #include "lab/run.h"

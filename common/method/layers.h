@@ -1,0 +1,307 @@
+#pragma once
+
+#include <algorithm>
+#include <memory>
+#include <optional>
+
+#include "common/coupling/virtual_coupling.h"
+#include "common/method/method.h"
+
+namespace twoport {
+
+// The two layers of a half (common/coupling/layers.h lists them). In each tick
+//
+//     wish      = transparency.wish(in)            knows nothing of energy
+//     shown     = passivity.limit(wish, in)        knows nothing of what the force means
+//     transparency.shown(...)                      what was displayed of it
+//
+// A layer is a folder; no layer includes another.
+
+// ---- master
+
+/// What the hand should feel in the coming interval. Forces at the master port, power f·v into the network.
+template <int N>
+struct Wish {
+  bool idle = true;      ///< nothing is displayed
+  Force<N> f{};          ///< before any passivity control
+  Force<N> damper{};     ///< to be displayed besides f: a force b v
+  bool damped = false;   ///< there is a damper
+  std::optional<Energy> stored{};  ///< energy of the model behind f, which f may return; absent: that of a spring, f²/2K
+
+  [[nodiscard]] Force<N> total() const noexcept { return damped ? f + damper : f; }
+};
+
+/// What the passivity layer displays of a wish.
+template <int N>
+struct Shown {
+  Force<N> f{};
+  double share = 1.0;   ///< of Wish::f that is in f
+  Energy energy_in{};     ///< running total reported to the slave
+  Energy dissipated{};    ///< in the coming interval
+  Energy undissipated{};  ///< deficit that is left in this tick
+};
+
+/// Share of `wanted` in `f`, in [0, 1], along `wanted`.
+template <int N>
+[[nodiscard]] double share_of(const Force<N>& f, const Force<N>& wanted) noexcept {
+  const double all = wanted.squared_norm();
+  return all > 0.0 ? std::clamp(f.vec().dot(wanted.vec()) / all, 0.0, 1.0) : 1.0;
+}
+
+/// Part in [0, 1] of a commanded force that the device has applied, by its translation; 1 below 0.1 N.
+template <int N>
+[[nodiscard]] double applied_part(const Force<N>& applied, const Force<N>& commanded) noexcept {
+  constexpr int kTranslations = N == 1 ? 1 : 3;
+  constexpr double kCommanded_n = 0.1;
+  const double all = commanded.vec().template head<kTranslations>().norm();
+  return all > kCommanded_n ? std::min(1.0, applied.vec().template head<kTranslations>().norm() / all) : 1.0;
+}
+
+template <int N>
+class MasterTransparency {
+ public:
+  virtual ~MasterTransparency() = default;
+  static std::unique_ptr<MasterTransparency> make(const ControlOptions& o);
+  [[nodiscard]] virtual std::unique_ptr<MasterTransparency> copy() const = 0;
+  virtual void start(const DeviceSample<N>& device) noexcept = 0;
+  virtual Wish<N> wish(const MasterInput<N>& in) noexcept = 0;
+  /// Of the last wish: the force commanded and the share of Wish::f in it.
+  virtual void shown(const Force<N>& f, double share, const MasterInput<N>& in) noexcept {
+    static_cast<void>(f), static_cast<void>(share), static_cast<void>(in);
+  }
+  [[nodiscard]] virtual bool has_payload() const noexcept { return false; }
+  virtual void write_payload(Words&) const noexcept {}
+};
+
+template <int N>
+class MasterPassivity {
+ public:
+  virtual ~MasterPassivity() = default;
+  static std::unique_ptr<MasterPassivity> make(const ControlOptions& o);
+  [[nodiscard]] virtual std::unique_ptr<MasterPassivity> copy() const = 0;
+  /// Books the interval that has ended, and limits the wish for the coming one.
+  virtual Shown<N> limit(const Wish<N>& wish, const MasterInput<N>& in) noexcept = 0;
+  [[nodiscard]] virtual Energy deficit(const Ledger& account, Energy slave_energy_in) const noexcept = 0;
+  virtual void restart(const Ledger& account, Energy deficit) noexcept = 0;
+};
+
+/// The master half of a pair. A wish that is not finite is not displayed, and the node releases the port.
+template <int N, class Transparency = MasterTransparency<N>, class Passivity = MasterPassivity<N>>
+class MasterPair final : public Copied<MasterPair<N, Transparency, Passivity>, MasterHalf<N>> {
+ public:
+  explicit MasterPair(const ControlOptions& o) : transparency_{o}, passivity_{o} {}
+
+  void start(const DeviceSample<N>& device) noexcept override { transparency_->start(device); }
+  [[gnu::always_inline]] MasterOutput<N> step(const MasterInput<N>& in) noexcept override {
+    const Wish<N> wish = transparency_->wish(in);
+    if (!all_finite(wish.f, wish.damper)) [[unlikely]]
+      return not_finite(wish, in);
+    const Shown<N> shown = passivity_->limit(wish, in);
+    transparency_->shown(shown.f, shown.share, in);
+    return {.f = shown.f,
+            .wanted = wish.f,
+            .energy_in = shown.energy_in,
+            .dissipated = shown.dissipated,
+            .undissipated = shown.undissipated};
+  }
+  [[nodiscard]] Energy deficit(const Ledger& account, Energy e) const noexcept override {
+    return passivity_->deficit(account, e);
+  }
+  void restart(const Ledger& account, Energy e) noexcept override { passivity_->restart(account, e); }
+  [[nodiscard]] bool has_payload() const noexcept override { return transparency_->has_payload(); }
+  void write_payload(Words& words) const noexcept override { transparency_->write_payload(words); }
+
+ private:
+  [[gnu::noinline]] MasterOutput<N> not_finite(const Wish<N>& wish, const MasterInput<N>& in) noexcept {
+    const Shown<N> shown = passivity_->limit(Wish<N>{}, in);
+    transparency_->shown(Force<N>{}, 0.0, in);
+    MasterOutput<N> out{};
+    out.f = wish.f + wish.damper;
+    out.energy_in = shown.energy_in;
+    out.undissipated = shown.undissipated;
+    return out;
+  }
+
+  Held<Transparency> transparency_;
+  Held<Passivity> passivity_;
+};
+
+// ---- slave
+
+/// What the robot should do in the coming interval: a coupling between a set point and the robot.
+template <int N>
+struct RobotWish {
+  Force<N> f{};                    ///< of the coupling, on the robot
+  Velocity<N> v{};                 ///< of the set point
+  Force<N> damper{};               ///< on the robot, besides f
+  bool damped = false;             ///< there is a damper
+  bool grounded = false;           ///< its energy is not of the link
+  std::optional<Force<N>> f_back{};  ///< returned to the master; absent: as the passivity layer has it
+};
+
+/// What the passivity layer allows of it.
+template <int N>
+struct RobotPort {
+  Force<N> f{};
+  Velocity<N> v{};
+  Energy dissipated{};
+  bool returns_wanted = false;  ///< the master is told the wanted force, not the allowed one
+};
+
+/// The transparency layer at the slave. It owns the virtual coupling; the pair moves its set point.
+template <int N>
+class SlaveTransparency {
+ public:
+  explicit SlaveTransparency(const ControlOptions& o) : coupling_{o} {}
+  virtual ~SlaveTransparency() = default;
+  static std::unique_ptr<SlaveTransparency> make(const ControlOptions& o);
+  [[nodiscard]] virtual std::unique_ptr<SlaveTransparency> copy() const = 0;
+  virtual void start(const RobotSample<N>& robot, const PeerState<N>& master) noexcept {
+    coupling_.start(robot.x, master);
+    x_ = robot.x;
+  }
+  virtual RobotWish<N> wish(const SlaveInput<N>& in) noexcept = 0;
+  /// The set point has moved; `f` acts on the robot.
+  virtual void acted(const Force<N>& f) noexcept { static_cast<void>(f); }
+  virtual void resume(const SlaveHandover<N>& from) noexcept { coupling_.resume(from.registration, from.set_point); }
+  [[nodiscard]] virtual Position<N> target() const noexcept { return coupling_.target(); }
+  [[nodiscard]] virtual bool has_payload() const noexcept { return coupling_.tells_position(); }
+  virtual void write_payload(Words& words) const noexcept { coupling_.tell_position(x_, words); }
+  [[nodiscard]] VirtualCoupling<N>& coupling() noexcept { return coupling_; }
+  [[nodiscard]] const VirtualCoupling<N>& coupling() const noexcept { return coupling_; }
+
+ protected:
+  /// Force and velocity of the coupling, zero while nothing is coupled.
+  typename VirtualCoupling<N>::Wanted want(const SlaveInput<N>& in) noexcept {
+    x_ = in.robot.x;
+    if (in.active) return coupling_.step(in.robot, in.master, in.coupled, in.dt);
+    coupling_.rest(in.robot.x);
+    return {};
+  }
+
+  VirtualCoupling<N> coupling_;
+  Position<N> x_;  ///< of the robot
+};
+
+/// The passivity layer at the slave. As it stands here it allows everything and reports what the link has taken in.
+template <int N>
+class SlavePassivity {
+ public:
+  virtual ~SlavePassivity() = default;
+  static std::unique_ptr<SlavePassivity> make(const ControlOptions& o);
+  [[nodiscard]] virtual std::unique_ptr<SlavePassivity> copy() const = 0;
+  virtual void start(const RobotSample<N>& robot) noexcept { static_cast<void>(robot); }
+  /// Books the interval that has ended, and limits the wish for the coming one.
+  virtual RobotPort<N> limit(const RobotWish<N>& wish, VirtualCoupling<N>& coupling, const SlaveInput<N>& in) noexcept {
+    static_cast<void>(coupling), static_cast<void>(in);
+    return {wish.f, wish.v, Energy{}};
+  }
+  /// `out` is commanded, f of it without the damper; `account`: of the link's port, the coming interval included. Writes energy_in.
+  virtual void acted(SlaveOutput<N>& out, const Force<N>& f, const Ledger& account, const SlaveInput<N>& in) noexcept {
+    static_cast<void>(f), static_cast<void>(in);
+    out.energy_in = reported(account);
+  }
+  /// The limits at the robot have changed the command. Without them the link would have taken `wished`.
+  virtual void limited(SlaveOutput<N>& out, const Force<N>& damper, Energy wished, VirtualCoupling<N>& coupling,
+                       const RobotSample<N>& robot, Seconds dt) noexcept {
+    static_cast<void>(damper), static_cast<void>(coupling), static_cast<void>(robot);
+    report_no_more(out, wished, out.grounded - dot(out.command.f, out.command.v_d * dt));
+  }
+  virtual void release() noexcept {}
+  /// The total that is told to the master.
+  [[nodiscard]] virtual Energy reported(const Ledger& account) noexcept { return account.absorbed() - base_absorbed_; }
+  [[nodiscard]] virtual Energy deficit(const Ledger& account, const Registration<N>& registration,
+                                       Energy master_energy_in) const noexcept {
+    static_cast<void>(account), static_cast<void>(registration), static_cast<void>(master_energy_in);
+    return Energy{};
+  }
+  virtual void restart(const Ledger& account, Energy deficit) noexcept {
+    static_cast<void>(deficit);
+    base_absorbed_ = account.absorbed();
+  }
+
+ protected:
+  Energy base_absorbed_;
+};
+
+/// The slave half of a pair.
+template <int N, class Transparency = SlaveTransparency<N>, class Passivity = SlavePassivity<N>>
+class SlavePair final : public Copied<SlavePair<N, Transparency, Passivity>, SlaveHalf<N>> {
+ public:
+  explicit SlavePair(const ControlOptions& o) : transparency_{o}, passivity_{o} {}
+
+  void start(const RobotSample<N>& robot, const PeerState<N>& master) noexcept override {
+    transparency_->start(robot, master);
+    passivity_->start(robot);
+  }
+  [[gnu::always_inline]] SlaveOutput<N> step(const SlaveInput<N>& in) noexcept override {
+    VirtualCoupling<N>& coupling = transparency_->coupling();
+    const RobotWish<N> wish = transparency_->wish(in);
+    const RobotPort<N> port = passivity_->limit(wish, coupling, in);
+    damper_ = wish.damper;
+    grounded_ = wish.grounded;
+    const Force<N> f = wish.damped ? port.f + wish.damper : port.f;
+    if (!all_finite(f, port.v)) [[unlikely]]
+      return no_force_exists(f);
+    const Displacement<N> moved = port.v * in.dt;
+    const Energy not_of_link = grounded_ ? dot(damper_, moved) : Energy{};
+    Ledger account = in.account;
+    account.book(not_of_link - dot(f, moved));
+    coupling.move(moved, wish.v, in.dt);
+    SlaveOutput<N> out{.command = {.f = f, .x_d = coupling.set_point(), .v_d = port.v},
+                       .f_back = wish.f_back ? *wish.f_back : port.returns_wanted ? wish.f : f,
+                       .energy_in = {},
+                       .dissipated = port.dissipated,
+                       .grounded = not_of_link};
+    passivity_->acted(out, port.f, account, in);
+    transparency_->acted(f);
+    return out;
+  }
+  SlaveOutput<N> fail_safe(const Ledger& account) noexcept override {
+    transparency_->acted(Force<N>{});
+    passivity_->release();
+    SlaveOutput<N> out{};
+    out.command.x_d = transparency_->coupling().set_point();
+    out.energy_in = passivity_->reported(account);
+    return out;
+  }
+  void limited(SlaveOutput<N>& out, const RobotCommand<N>& asked, const RobotSample<N>& robot,
+               Seconds dt) noexcept override {
+    VirtualCoupling<N>& coupling = transparency_->coupling();
+    const Energy wished = out.grounded - dot(asked.f, asked.v_d * dt);
+    coupling.limited(out.command, asked, robot, dt);
+    if (grounded_) out.grounded = dot(damper_, out.command.v_d * dt);
+    passivity_->limited(out, damper_, wished, coupling, robot, dt);
+    out.command.x_d = coupling.set_point();
+    transparency_->acted(out.command.f);
+  }
+  [[nodiscard]] Energy deficit(const Ledger& account, Energy e) const noexcept override {
+    return passivity_->deficit(account, transparency_->coupling().registration(), e);
+  }
+  void restart(const Ledger& account, Energy e) noexcept override { passivity_->restart(account, e); }
+  [[nodiscard]] SlaveHandover<N> handover() const noexcept override {
+    return {transparency_->coupling().registration(), transparency_->coupling().set_point()};
+  }
+  void resume(const SlaveHandover<N>& from) noexcept override { transparency_->resume(from); }
+  [[nodiscard]] Position<N> target() const noexcept override { return transparency_->target(); }
+  [[nodiscard]] bool has_payload() const noexcept override { return transparency_->has_payload(); }
+  void write_payload(Words& words) const noexcept override { transparency_->write_payload(words); }
+
+ private:
+  Held<Transparency> transparency_;
+  Held<Passivity> passivity_;
+  Force<N> damper_;  ///< of the last wish
+  bool grounded_ = false;
+};
+
+/// A pair that is chosen when the program is compiled.
+template <template <int> class MasterT, template <int> class SlaveT, template <int> class MasterP,
+          template <int> class SlaveP>
+struct StaticPair {
+  template <int N>
+  using Master = MasterPair<N, MasterT<N>, MasterP<N>>;
+  template <int N>
+  using Slave = SlavePair<N, SlaveT<N>, SlaveP<N>>;
+};
+
+}  // namespace twoport

@@ -1,0 +1,230 @@
+#pragma once
+
+#include <algorithm>
+#include <cmath>
+
+#include "common/method/coupled_by_position.h"
+#include "common/method/layers.h"
+#include "common/method/transparency/surface/payload.h"
+#include "common/method/transparency/reaction_force_observer.h"
+#include "common/method/transparency/surface/contact_lever.h"
+#include "common/method/transparency/surface/surface_estimator.h"
+
+namespace twoport {
+
+/// The virtual coupling with a damping ratio of at least 1/4 at the robot.
+inline ControlOptions with_damped_robot(ControlOptions o) {
+  CouplingOptions& c = o.coupling;
+  c.damping_n_s_per_m = std::max(c.damping_n_s_per_m, 0.5 * std::sqrt(c.stiffness_n_per_m * o.known.robot_mass_kg));
+  return o;
+}
+
+/// The slave half of internal-model control: the virtual coupling, and an estimate of the surface for the master's model.
+///
+///     x_rx  = x_m - o - q n                                set point: the master's position less its offset, and the yield
+///     q     = LP_50ms of c [(f·n + K* q - f_m·n)/(K_h + K*)]+  in contact and coupled, else -> 0;   c = min(1, (R/0.2 s)²), R nominal
+///     f_s   = K_c (x_sd - x_s) + B_c (v_rx - v_s)          the virtual coupling
+///             - b min(0, v_s·n) n                          in contact and coupled: brakes the robot where it leaves the surface
+///     B_c   = max(B, 0.5 √(K_c m))                         the coupling's damping ratio is at least 1/4; m: robot
+///     b     = max(min(20 N s/m, B), min(0.4 √(K m), m/4T))     K: the surface's, in the slave's units
+///     f     = f_e - bias                                   force sensor (POSITION_FORCE, POSITION_MEASURED_FORCE)
+///     f     = LP_5ms of f_s - m dv_s/dt                    POSITION_POSITION: no sensor is used (ReactionForceObserver)
+///     K*    = 1/(1/K + 1/K_c + |R b × n|²/K_r)             what the hand should feel: the surface in series with the coupling
+///
+/// q: f_m is the force that the hand felt when it was at x_m. A hand of stiffness K_h = 700 N/m that felt f instead would be q
+/// further out, where f + K* q is what the robot presses without the yield. At rest f = f_m and q = 0; until a surface is
+/// felt the robot presses on it as the hand will once it feels it. c: with a short delay little is pressed blindly, and lost
+/// packets would make it yield. N = 6: c = 1; the point of contact changes from corner to corner within a short delay too.
+///
+/// Under ENERGY_SPRING_TWO_PORT there is no brake: its energy would be the link's.
+///
+/// To the master: n, p, K*, μ, κ (surface_estimator.h), contact, the set point x_sd, and f as the returned force.
+/// N = 6: the surface is that at the contact point x + R b, from the lever of the wrench:
+///
+///     b = LP_a[Rᵀ(f × τ)]/LP_a[|f|²]                       ContactLever
+///     s = Σ Δp + ΔR b                                      way of the robot's point that touches now; K is fitted to it. The contact
+///                                                          point itself also moves where b changes, without any force
+template <int N>
+class InternalModelSlave final : public Copied<InternalModelSlave<N>, SlaveTransparency<N>> {
+  using Base = Copied<InternalModelSlave<N>, SlaveTransparency<N>>;
+
+ public:
+  explicit InternalModelSlave(const ControlOptions& o)
+      : Base{with_damped_robot(o)},
+        brakes_{!is_two_port(o)},
+        yields_{N == 6 ? 1.0 : std::min(1.0, std::pow(o.known.round_trip.si() / kBlind_s, 2))},
+        senses_{o.architecture != Architecture::position_position},
+        bias_{o.force_scale},
+        mass_kg_{o.known.robot_mass_kg},
+        observer_{per_axis<N>(o.known.robot_mass_kg, o.known.robot_inertia_kg_m2), Force<N>::Vector::Zero(),
+                  kObserver_rad_per_s},
+        to_master_stiffness_{o.force_scale * o.motion_scale},
+        brake_n_s_per_m_{std::min(kBrake_n_s_per_m, o.coupling.damping_n_s_per_m)},
+        coupling_n_per_m_{o.force_scale * o.motion_scale * o.coupling.stiffness_n_per_m},
+        rotation_n_m_per_rad_{o.force_scale / o.motion_scale * o.coupling.rotational_stiffness_n_m_per_rad} {}
+
+  void start(const RobotSample<N>& robot, const PeerState<N>& master) noexcept override {
+    yield_m_ = 0.0;
+    informed_ = read(master.words, said_);
+    coupling_.start(robot.x, master, commanded(master));
+    estimator_.reset();
+    observer_.start(robot.v);
+    f_ = Force<N>{};
+    engaged_ = master.has_report;
+  }
+
+  RobotWish<N> wish(const SlaveInput<N>& in) noexcept override {
+    const RobotSample<N>& robot = in.robot;
+    informed_ = read(in.master.words, said_);
+    const Position<N> x_rx = commanded(in.master);
+    typename VirtualCoupling<N>::Wanted wanted;
+    if (in.active) {
+      wanted = coupling_.step(robot, in.master, x_rx, in.coupled, in.dt);
+      if (in.coupled && in.master.is_new)
+        offset_ = coupling_.registration().to_slave(in.master.newest.x) - coupling_.registration().to_slave(x_rx);
+    } else {
+      coupling_.rest(robot.x);
+    }
+    if (!all_finite(wanted.f, wanted.v)) [[unlikely]]
+      return {.f = wanted.f, .v = wanted.v};
+
+    const Force<N> felt = senses_ ? robot.f_environment - bias_.value() : observed(robot, wanted.f, in.dt);
+    estimate(robot, felt, in.dt);
+    yield(in, felt);
+    report(robot);
+    RobotWish<N> out{.f = wanted.f, .v = wanted.v, .f_back = felt};
+    out.damped = in.coupled && brakes_;
+    if (out.damped) out.damper = leaving_brake(robot, in.dt);
+    return out;
+  }
+  /// The report tells the set point as it is after this tick's motion.
+  void acted(const Force<N>& f) noexcept override {
+    f_ = f;
+    report_.echo.value = coupling_.registration().to_master(coupling_.set_point());
+  }
+  void resume(const SlaveHandover<N>& from) noexcept override {
+    SlaveTransparency<N>::resume(from);
+    engaged_ = true;
+  }
+  [[nodiscard]] Position<N> target() const noexcept override { return coupling_.target() + offset_; }
+  [[nodiscard]] bool has_payload() const noexcept override { return engaged_; }
+  void write_payload(Words& words) const noexcept override { write(report_, words); }
+
+ private:
+  static constexpr int D = kAxes<N>;
+  static constexpr double kBrake_n_s_per_m = 20.0, kBrakeOfMass = 0.4, kObserver_rad_per_s = 200.0;
+  static constexpr double kHand_n_per_m = 700.0, kYield_s = 50e-3, kBlind_s = 0.2, kYieldNormal_s = 0.5,
+                          kYieldNegligible_m = 1e-6;
+
+  /// Force on the environment without a sensor, friction of the robot included. An ideal robot tells it.
+  [[gnu::noinline]] Force<N> observed(const RobotSample<N>& robot, const Force<N>& wanted, Seconds dt) noexcept {
+    return robot.ideal || !(mass_kg_ > 0.0) ? wanted : observer_.step(f_, robot.v, dt);
+  }
+
+  /// x_m - o - q n.
+  [[nodiscard]] Position<N> commanded(const PeerState<N>& master) const noexcept {
+    if (!informed_) return master.newest.x;
+    typename Displacement<N>::Vector by = Displacement<N>::Vector::Zero();
+    by.template head<D>() = said_.offset.value.vec() + yield_m_ * yield_normal_;
+    return master.newest.x + Displacement<N>{-by};
+  }
+
+  /// The yield of a hand that does not feel yet what the robot presses.
+  void yield(const SlaveInput<N>& in, const Force<N>& felt) noexcept {
+    double wanted = 0.0;
+    if (informed_ && in.coupled && estimator_.contact()) {
+      const Point<D> n = estimator_.patch().normal;
+      if (yield_m_ < kYieldNegligible_m) {
+        yield_normal_ = n;
+      } else {
+        low_pass(yield_normal_, n, in.dt, kYieldNormal_s);
+        yield_normal_.normalize();
+      }
+      const double k = in_series(estimator_.patch(), in.robot.ideal);
+      const double pressed = n.dot(coupling_.registration().to_master(felt).vec().template head<D>());
+      const double unfelt = pressed + k * yield_m_ - n.dot(said_.felt.value.vec());
+      wanted = std::max(0.0, yields_ * unfelt / (kHand_n_per_m + k));
+    }
+    low_pass(yield_m_, wanted, in.dt, kYield_s);
+  }
+
+  /// Everything in the master's world and units.
+  void estimate(const RobotSample<N>& robot, const Force<N>& felt, Seconds dt) noexcept {
+    const Registration<N>& to = coupling_.registration();
+    const auto f = to.to_master(felt).vec().eval();
+    const auto v = to.to_master(robot.v).vec().eval();
+    const Position<N> x = to.to_master(robot.x);
+    contact_point_ = x.translation();
+    Point<D> velocity = v.template head<D>();
+    if constexpr (N == 6) {
+      const auto to_tool = x.attitude().conjugate();
+      lever_.step(to_tool * Eigen::Vector3d{f.template head<3>()}, to_tool * Eigen::Vector3d{f.template tail<3>()},
+                  estimator_.contact(), dt);
+      arm_ = x.attitude() * lever_.value();
+      contact_point_ += arm_;
+      velocity += Eigen::Vector3d{v.template tail<3>()}.cross(arm_);
+      material_point_ += x.translation() - before_.translation() + arm_ - before_.attitude() * lever_.value();
+      before_ = x;
+      estimator_.step(contact_point_, material_point_, velocity, f.template head<D>(), dt);
+    } else {
+      estimator_.step(contact_point_, velocity, f.template head<D>(), dt);
+    }
+    if (senses_ && !estimator_.contact()) bias_.learn(robot.f_environment, dt);
+  }
+
+  [[nodiscard]] Force<N> leaving_brake(const RobotSample<N>& robot, Seconds dt) const noexcept {
+    if (!estimator_.contact()) return {};
+    const Registration<N>& to = coupling_.registration();
+    const Point<D> n = estimator_.patch().normal;
+    typename Velocity<N>::Vector leaving = Velocity<N>::Vector::Zero();
+    leaving.template head<D>() = std::min(0.0, n.dot(to.to_master(robot.v).vec().template head<D>())) * n;
+    const double of_mass = kBrakeOfMass * std::sqrt(estimator_.patch().stiffness / to_master_stiffness_ * mass_kg_);
+    const double b = std::max(brake_n_s_per_m_, std::min(of_mass, 0.25 * mass_kg_ / dt.si()));
+    return Force<N>{-b * to.to_slave(Velocity<N>{leaving}).vec()};
+  }
+
+  void report(const RobotSample<N>& robot) noexcept {
+    const SurfacePatch<D>& patch = estimator_.patch();
+    report_.contact.value = estimator_.contact() ? 1.0 : 0.0;
+    report_.normal.value = Direction<D>{patch.normal};
+    report_.point.value = Position<D>{patch.point};
+    report_.stiffness.value = in_series(patch, robot.ideal);
+    report_.friction.value = patch.friction;
+    report_.curvature.value = patch.curvature;
+    report_.robot.value = Position<D>{contact_point_};
+    if constexpr (N == 6) report_.lever.value = Displacement<3>{lever_.value()};
+  }
+  [[nodiscard]] double in_series(const SurfacePatch<D>& patch, bool ideal) const noexcept {
+    if (!(patch.stiffness > 0.0)) return 0.0;
+    double compliance = 1.0 / patch.stiffness;
+    if (!ideal && coupling_n_per_m_ > 0.0) compliance += 1.0 / coupling_n_per_m_;
+    if constexpr (N == 6)
+      if (!ideal && rotation_n_m_per_rad_ > 0.0)
+        compliance += arm_.cross(patch.normal).squaredNorm() / rotation_n_m_per_rad_;
+    return 1.0 / compliance;
+  }
+
+  using Base::coupling_;
+  bool brakes_;
+  double yields_;  ///< c
+  bool senses_, engaged_ = false;
+  SensorBias<N> bias_;
+  double mass_kg_;  ///< of the robot; 0: not known
+  ReactionForceObserver<N> observer_;
+  Force<N> f_;  ///< on the robot in the last tick
+  double to_master_stiffness_, brake_n_s_per_m_, coupling_n_per_m_, rotation_n_m_per_rad_;
+  SurfaceEstimator<D> estimator_;
+  Point<D> contact_point_ = Point<D>::Zero();
+  ContactLever lever_;                          ///< N = 6: b
+  Point<3> arm_ = Point<3>::Zero();             ///< R b
+  Point<3> material_point_ = Point<3>::Zero();  ///< N = 6: s, but for a constant
+  Position<N> before_;                          ///< N = 6: the robot's, in the last tick
+  Displacement<N> offset_;                      ///< o in the slave's world
+  SurfaceReport<N> report_;
+  MasterSays<N> said_;
+  bool informed_ = false;  ///< the master says it
+  double yield_m_ = 0.0;   ///< q
+  Point<D> yield_normal_ = Point<D>::Unit(0);
+};
+
+}  // namespace twoport

@@ -1,0 +1,17 @@
+#pragma once
+
+#include <memory>
+#include <string>
+
+namespace twoport {
+
+class TransparencyHost;
+
+/// `control.transparency.plugin`.
+struct PluginOptions {
+  std::string file, arguments;
+  bool waits = false;                      ///< virtual time
+  std::shared_ptr<TransparencyHost> host;  ///< given by a caller in place of a file
+};
+
+}  // namespace twoport
