@@ -165,7 +165,28 @@ bool SceneText::keeps(std::span<const std::string> earlier, std::span<const std:
   return message.SerializeAsString() == before;
 }
 
+namespace {
+/// An override that names a method takes the place of the layers that the scene names, and the other way round.
+void make_room(std::span<const std::string> overrides, schema::Scene& message) {
+  const auto names = [&](std::string_view path) {
+    return std::any_of(overrides.begin(), overrides.end(), [&](const std::string& o) {
+      return o.starts_with(path) && o.size() > path.size() && (o[path.size()] == '=' || o[path.size()] == ' ');
+    });
+  };
+  const bool method = names("control.passivity.method");
+  const bool layers = names("control.passivity.layer") || names("control.transparency.layer");
+  if (method == layers || !message.control().has_passivity()) return;
+  if (layers) {
+    message.mutable_control()->mutable_passivity()->clear_method();
+  } else {
+    if (message.control().has_transparency()) message.mutable_control()->mutable_transparency()->clear_layer();
+    message.mutable_control()->mutable_passivity()->clear_layer();
+  }
+}
+}  // namespace
+
 void SceneText::apply(std::span<const std::string> overrides, schema::Scene& message, std::vector<Created>& created) {
+  make_room(overrides, message);
   for (const std::string& assignment : overrides)
     if (std::string block = apply_override(message, assignment); !block.empty())
       created.push_back({std::move(block), assignment});

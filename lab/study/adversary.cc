@@ -204,7 +204,17 @@ Scene scene_of(const std::string& method, int dof, Draw& draw, const std::vector
   if (dof == 6)
     text += fmt::format("rotational_stiffness_n_m_per_rad: {} rotational_damping_n_m_s_per_rad: {} ", 1e-3 * stiffness,
                         1e-3 * damping);
-  text += fmt::format("}} passivity {{ method: {} initial_energy_j: 1e-3 }} }}", method);
+  const std::size_t plus = method.find('+');
+  if (plus == std::string::npos) {
+    text += fmt::format("}} passivity {{ method: {} initial_energy_j: 1e-3 }} }}", method);
+  } else {
+    text += fmt::format("}} passivity {{ layer: {} initial_energy_j: 1e-3 }} ", method.substr(plus + 1));
+    const std::string random = method.starts_with("RANDOM")
+                                   ? fmt::format(" random {{ force_n: {} hold_ms: {} }}", draw.decades(0.5, 50.0),
+                                                 draw.decades(0.5, 100.0))
+                                   : std::string{};
+    text += fmt::format("transparency {{ layer: {}{} }} }}", method.substr(0, plus), random);
+  }
   text += " to_slave { " + way(draw) + " } to_master { " + way(draw) + " }";
   return parse_scene(text, "adversary", set);
 }
@@ -316,11 +326,13 @@ AdversaryRun run_of(const std::string& method, AdversaryRun out, Draw& draw, con
 }  // namespace
 
 EnergyClaim energy_claim(const std::string& method) {
-  if (method == "INTERNAL_MODEL") return {.hand = true, .any_packets = true, .jolts = 4.0};
-  if (method == "MODEL_MEDIATED") return {.hand = true, .any_packets = true, .tick_of_spring = true};
-  if (method == "FORCE_PROJECTED") return {.hand = true, .both = true, .any_packets = true, .jolts = 4.0};
-  if (method == "ENERGY_BOUNDING") return {.hand = true, .any_packets = true, .device_damping = true};
-  if (method == "ENERGY_TANK" || method == "SET_POSITION_MODULATION")
+  ControlOptions o;
+  if (!choose_method(o, method)) return {};
+  if (o.passivity == "ENERGY_SPRING") return {.hand = true, .any_packets = true, .jolts = 4.0};
+  if (o.passivity == "ENERGY_SPRING_TWO_PORT") return {.both = true};
+  if (o.passivity == "FORCE_PROJECTED") return {.hand = true, .both = true, .any_packets = true, .jolts = 4.0};
+  if (o.passivity == "ENERGY_BOUNDING") return {.hand = true, .any_packets = true, .device_damping = true};
+  if (o.passivity == "ENERGY_TANK" || method == "SET_POSITION_MODULATION")
     return {.both = true, .robot_port = true, .tick_of_spring = true};
   return {};
 }

@@ -138,7 +138,8 @@ std::vector<std::string> rendering_methods() {
 
 void check_methods(const std::vector<std::string>& methods, const std::vector<std::string>& allowed) {
   for (const std::string& method : methods)
-    if (std::find(allowed.begin(), allowed.end(), method) == allowed.end())
+    if (ControlOptions o; std::find(allowed.begin(), allowed.end(), method) == allowed.end() &&
+                          !(method.find('+') != std::string::npos && choose_method(o, method)))
       throw ConfigError{fmt::format("--methods has {}; it must be one of {}", method, fmt::join(allowed, ", "))};
   for (std::size_t i = 1; i < methods.size(); ++i)
     if (std::find(methods.begin(), methods.begin() + static_cast<std::ptrdiff_t>(i), methods[i]) !=

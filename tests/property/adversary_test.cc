@@ -5,6 +5,7 @@
 #include <gtest/gtest.h>
 
 #include <string>
+#include <vector>
 
 #include "common/base/check.h"
 #include "common/method/catalogue.h"
@@ -22,6 +23,24 @@ TEST_P(EveryMethod, KeepsWhatItClaimsIn500Runs) {
   EXPECT_EQ(broken_runs(all), "");
 }
 INSTANTIATE_TEST_SUITE_P(Of, EveryMethod, testing::ValuesIn(method_names()),
+                         [](const auto& each) { return each.param; });
+
+// The claim of a passivity layer is proven for any transparency layer by one that draws its force.
+class EveryPassivityLayer : public testing::TestWithParam<std::string> {};
+TEST_P(EveryPassivityLayer, KeepsWhatItClaimsIn500RunsUnderRandomForces) {
+  const Adversary all = attack_all({.methods = {"RANDOM+" + GetParam()}, .seed = 1, .runs = 500, .jobs = all_cores()});
+  EXPECT_EQ(broken_runs(all), "");
+  int felt = 0, below = 0;
+  for (const AdversaryRun& run : all.runs[0]) felt += run.felt_max_n > 0.1, below += run.below();
+  EXPECT_GT(felt, 250) << "what is kept is not kept by silence";
+  if (GetParam() == "NONE") EXPECT_GT(below, 250);
+}
+std::vector<std::string> passivity_layers() {
+  std::vector<std::string> all;
+  for (const PassivityLayerName& each : kPassivityLayers) all.emplace_back(each.name);
+  return all;
+}
+INSTANTIATE_TEST_SUITE_P(Of, EveryPassivityLayer, testing::ValuesIn(passivity_layers()),
                          [](const auto& each) { return each.param; });
 
 // The adversary is one: without a controller every third hand gets more than E(0). And methods display forces: what they keep

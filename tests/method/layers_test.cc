@@ -1,0 +1,190 @@
+// Transparency and passivity layers: every pair runs, names of methods are names of pairs, what makes no sense is refused, and a
+// transparency layer in a shared library that fails releases the port.
+
+#include "common/method/layers.h"
+
+#include <fmt/format.h>
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <string>
+#include <vector>
+
+#include "common/base/check.h"
+#include "common/method/catalogue.h"
+#include "common/scene/load.h"
+#include "lab/engine/loops.h"
+
+namespace twoport {
+namespace {
+
+void at_size(int dof, const auto& visit) {
+  if (dof == 1) visit.template operator()<1>();
+  if (dof == 3) visit.template operator()<3>();
+  if (dof == 6) visit.template operator()<6>();
+}
+
+constexpr const char* kLayer = TWOPORT_TEST_LAYER;
+
+/// A hand that presses a wall over 20 ms and 5 % each way for 0.6 s.
+std::string pressed(int dof, const std::string& control) {
+  const char* zeros = dof == 1 ? "0.01" : dof == 3 ? "0.01, 0, 0" : "0.01, 0, 0, 0, 0, 0";
+  const char* normal = dof == 1 ? "-1" : "-1, 0, 0";
+  const std::string inertia = dof == 6 ? " inertia_kg_m2: 1e-4" : "";
+  return fmt::format(
+      "dof: {} duration_s: 0.6 rate_hz: 1000 seed: 3 operator {{ hand {{ mass_kg: 0.02 stiffness_n_per_m: 300 "
+      "damping_n_s_per_m: 1 }} path {{ move_to {{ position_m: [{}] duration_s: 0.3 }} }} }} device {{ mass_kg: 0.1 "
+      "damping_n_s_per_m: 0.1 max_force_n: 20{} }} control {{ {} }} to_slave {{ delay_ms: 20 loss: 0.05 }} to_master {{ "
+      "delay_ms: 20 loss: 0.05 }} robot {{ mass_kg: 0.5 damping_n_s_per_m: 2 force_sensor {{ }}{} }} environment {{ wall {{ "
+      "normal: [{}] offset_m: -0.002 stiffness_n_per_m: 2000 }} }}",
+      dof, zeros, inertia, control, dof == 6 ? " inertia_kg_m2: [1e-3, 1e-3, 1e-3]" : "", normal);
+}
+std::string layers(std::string_view transparency, std::string_view passivity, const std::string& more = {}) {
+  return fmt::format("transparency {{ layer: {} {} }} passivity {{ layer: {} }}", transparency, more, passivity);
+}
+const std::string kPlugin = fmt::format("plugin {{ file: \"{}\" arguments: \"spring 200\" }}", kLayer);
+
+struct Felt {
+  double hand_least_j = 0.0, largest_n = 0.0, last_n = 0.0;
+  bool finite = true;
+  std::vector<double> numbers;  ///< every force and every velocity of the robot
+};
+template <int N>
+Felt run(const Scene& scene) {
+  lab::LinkLoop<N> loop{scene};
+  Felt out;
+  loop.run(loop.end(), [&](const Row<N>& row) {
+    out.finite = out.finite && all_finite(row.master_f, row.slave_f);
+    out.last_n = std::sqrt(row.master_f.squared_norm());
+    out.largest_n = std::max(out.largest_n, out.last_n);
+    out.hand_least_j = std::min(out.hand_least_j, row.master_energy_j);
+    for (int i = 0; i < N; ++i) out.numbers.insert(out.numbers.end(), {row.master_f[i], row.slave_v[i]});
+    return out.finite;
+  });
+  return out;
+}
+Felt run_scene(const std::string& text) {
+  const Scene scene = parse_scene(text, "layers");
+  Felt out;
+  at_size(scene.dof, [&]<int N>() { out = run<N>(scene); });
+  return out;
+}
+
+struct EachPair {
+  int dof;
+  std::string transparency, passivity;
+};
+class EveryPair : public testing::TestWithParam<EachPair> {};
+std::vector<EachPair> pairs() {
+  std::vector<EachPair> all;
+  for (const int dof : {1, 3, 6})
+    for (const TransparencyLayerName& t : kTransparencyLayers)
+      for (const PassivityLayerName& p : kPassivityLayers) all.push_back({dof, std::string{t.name}, std::string{p.name}});
+  return all;
+}
+// 2e-4 J: E(0) is 1 mJ or by the rule, and a jerk within a tick may cost some of it beyond the bound (docs: the energy bound).
+TEST_P(EveryPair, RunsAndKeepsTheClaimOfItsPassivityLayer) {
+  const EachPair& c = GetParam();
+  const Scene scene =
+      parse_scene(pressed(c.dof, layers(c.transparency, c.passivity, c.transparency == "PLUGIN" ? kPlugin : "")), "pair");
+  EXPECT_EQ(scene.control.transparency, c.transparency);
+  EXPECT_EQ(scene.control.passivity, c.passivity);
+  Felt felt;
+  at_size(c.dof, [&]<int N>() { felt = run<N>(scene); });
+  EXPECT_TRUE(felt.finite);
+  if (find_name(kPassivityLayers, c.passivity)->claim == Claim::none) return;
+  EXPECT_GE(felt.hand_least_j, -2.0 * scene.control.initial_energy.si() - 2e-4);
+  if (c.passivity != "ENERGY_BOUNDING") EXPECT_GT(felt.largest_n, 0.05) << "passive by silence";
+}
+INSTANTIATE_TEST_SUITE_P(Of, EveryPair, testing::ValuesIn(pairs()), [](const auto& each) {
+  return each.param.transparency + "_" + each.param.passivity + "_dof" + std::to_string(each.param.dof);
+});
+
+TEST(Layers, ANameOfAMethodIsThatOfItsPair) {
+  for (const MethodName& method : kMethods) {
+    if (method.one_piece()) continue;
+    for (const int dof : {1, 6}) {
+      const Felt named = run_scene(pressed(dof, fmt::format("passivity {{ method: {} }}", method.name)));
+      const Felt paired = run_scene(pressed(dof, layers(method.transparency, method.passivity)));
+      EXPECT_EQ(named.numbers, paired.numbers) << method.name;
+      ControlOptions o;
+      EXPECT_TRUE(choose_method(o, fmt::format("{}+{}", method.transparency, method.passivity)));
+      EXPECT_EQ(o.method_name, method.name);
+    }
+  }
+}
+TEST(Layers, AnAbsentLayerIsThatOfTheDefault) {
+  const Scene one = parse_scene(pressed(3, "passivity { layer: ENERGY_TANK }"), "one");
+  EXPECT_EQ(one.control.transparency, "INTERNAL_MODEL");
+  EXPECT_EQ(one.control.method_name, "INTERNAL_MODEL+ENERGY_TANK");
+  const Scene other = parse_scene(pressed(3, "transparency { layer: DELAYED_FORCE }"), "other");
+  EXPECT_EQ(other.control.passivity, "ENERGY_SPRING");
+}
+
+/// The words with which a scene is refused.
+std::string refusal(const std::string& text, const std::vector<std::string>& set = {}) {
+  try {
+    parse_scene(text, "s", set);
+    return "accepted";
+  } catch (const ConfigError& e) {
+    return e.what();
+  }
+}
+TEST(Layers, WhatMakesNoSenseIsRefused) {
+  EXPECT_EQ(refusal(pressed(3, "transparency { layer: RANDOM } passivity { method: NONE }")),
+            "s: control.passivity.method and control.transparency.layer are both given; a method names both layers, so give "
+            "the one or the other");
+  EXPECT_EQ(refusal(pressed(3, "passivity { method: NONE layer: NONE }")),
+            "s: control.passivity.method and control.passivity.layer are both given; a method names both layers, so give the "
+            "one or the other");
+  EXPECT_EQ(refusal(pressed(3, "architecture: RENDER passivity { layer: CLASSIC }")).substr(0, 96),
+            "s: control.passivity.layer is given, but control.architecture is RENDER; layers need a link");
+  EXPECT_EQ(refusal(pressed(3, "transparency { layer: PLUGIN }")),
+            "s: control.transparency.plugin.file is absent; PLUGIN needs it");
+  EXPECT_NE(refusal(pressed(3, "architecture: POSITION_MEASURED_FORCE " + layers("FIXED_DAMPING", "CLASSIC"))), "accepted");
+  EXPECT_NE(refusal(pressed(3, "passivity { layer: WAVE_VARIABLES }")), "accepted");
+}
+TEST(Layers, AnOverrideTakesThePlaceOfWhatTheSceneNames) {
+  const std::string by_method = pressed(3, "passivity { method: CLASSIC }"),
+                    by_layers = pressed(3, layers("RANDOM", "ENERGY_TANK"));
+  EXPECT_EQ(parse_scene(by_method, "s", std::vector<std::string>{"control.passivity.layer=ENERGY_TANK"}).control.method_name,
+            "INTERNAL_MODEL+ENERGY_TANK");
+  EXPECT_EQ(parse_scene(by_layers, "s", std::vector<std::string>{"control.passivity.method=NONE"}).control.method_name, "NONE");
+  EXPECT_NE(refusal(by_method, {"control.passivity.method=NONE", "control.passivity.layer=NONE"}), "accepted");
+}
+
+// ---- shared libraries
+
+std::string plugin_scene(const std::string& arguments) {
+  return pressed(3, layers("PLUGIN", "ENERGY_SPRING",
+                           fmt::format("plugin {{ file: \"{}\" arguments: \"{}\" }}", kLayer, arguments)));
+}
+TEST(PluginLayer, DisplaysItsForce) {
+  EXPECT_GT(run_scene(plugin_scene("spring 200")).last_n, 0.5);
+}
+TEST(PluginLayer, ThatCrashesHangsOrIsNotFiniteReleasesThePort) {
+  for (const char* kind : {"crash 0.4", "nan 0.4", "hang 0.4"}) {
+    const Felt felt = run_scene(plugin_scene(kind));
+    EXPECT_TRUE(felt.finite) << kind;
+    EXPECT_GT(felt.largest_n, 0.2) << kind;
+    EXPECT_EQ(felt.last_n, 0.0) << kind;
+  }
+}
+TEST(PluginLayer, IsRefusedInWordsWhereItCannotRun) {
+  const auto open = [](const std::string& file, const std::string& arguments) -> std::string {
+    try {
+      start_transparency_process(file, arguments, 3, Seconds{1e-3}, true);
+      return "accepted";
+    } catch (const ConfigError& e) {
+      return e.what();
+    }
+  };
+  EXPECT_NE(open("/no/such.so", "").find("there is no such file"), std::string::npos);
+  EXPECT_NE(open(__FILE__, "").find("cannot be loaded"), std::string::npos);
+  EXPECT_NE(open(kLayer, "no").find("open() returns nothing"), std::string::npos);
+  EXPECT_EQ(open(kLayer, "spring 1"), "accepted");
+}
+
+}  // namespace
+}  // namespace twoport
