@@ -73,15 +73,15 @@ class MasterNode {
     else if (awaits_slave_) [[unlikely]]
       slave_follows();
     MasterOutput<N> half = half_->step({.dt = tick.dt,
-                                       .ended = tick.ended,
-                                       .device = device,
-                                       .interval = interval,
-                                       .first = !started_,
-                                       .slave = same_epoch ? slave : without_words_,
-                                       .slave_energy_in = slave_energy_in_,
-                                       .account = account_,
-                                       .active = modes_.active(),
-                                       .ramp = ramp});
+                                        .ended = tick.ended,
+                                        .device = device,
+                                        .interval = interval,
+                                        .first = !started_,
+                                        .slave = same_epoch ? slave : without_words_,
+                                        .slave_energy_in = slave_energy_in_,
+                                        .account = account_,
+                                        .active = modes_.active(),
+                                        .ramp = ramp});
     before_ = motion;
     started_ = true;
     energy_sent_ = half.energy_in;

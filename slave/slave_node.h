@@ -52,12 +52,12 @@ class SlaveNode {
     const bool same_epoch = master.epoch == epoch_;
     master_energy_in_ = Energy{same_epoch ? master.energy_in_j : 0.0};
     SlaveOutput<N> half = half_->step({.dt = tick.dt,
-                                      .robot = robot,
-                                      .master = same_epoch ? master : without_words_,
-                                      .master_energy_in = master_energy_in_,
-                                      .account = account_,
-                                      .coupled = modes_.coupled(),
-                                      .active = modes_.active()});
+                                       .robot = robot,
+                                       .master = same_epoch ? master : without_words_,
+                                       .master_energy_in = master_energy_in_,
+                                       .account = account_,
+                                       .coupled = modes_.coupled(),
+                                       .active = modes_.active()});
     if (!all_finite(half.command.f, half.command.v_d, half.command.x_d)) [[unlikely]]
       return fail_safe(robot);
     if (bridge_.active()) [[unlikely]]

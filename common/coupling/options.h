@@ -11,6 +11,8 @@
 
 #include "common/base/scalar.h"
 #include "common/coupling/layers.h"
+#include "common/method/one_piece/set_position_modulation/options.h"
+#include "common/method/one_piece/wave_variables/options.h"
 #include "common/method/passivity/energy_bounding/options.h"
 #include "common/method/passivity/energy_tank/options.h"
 #include "common/method/transparency/fixed_damping/options.h"
@@ -18,8 +20,6 @@
 #include "common/method/transparency/fractal_impedance/options.h"
 #include "common/method/transparency/plugin/options.h"
 #include "common/method/transparency/random/options.h"
-#include "common/method/one_piece/set_position_modulation/options.h"
-#include "common/method/one_piece/wave_variables/options.h"
 #include "common/passivity/controller.h"
 #include "common/passivity/observer.h"
 #include "common/safety/limits.h"
@@ -147,7 +147,8 @@ inline bool choose_method(ControlOptions& o, std::string_view name) {
     o.method_name = name;
   } else {
     const std::size_t plus = std::min(name.find('+'), name.size());
-    const std::string_view transparency = name.substr(0, plus), passivity = name.substr(std::min(plus + 1, name.size()));
+    const std::string_view transparency = name.substr(0, plus),
+                           passivity = name.substr(std::min(plus + 1, name.size()));
     if (find_name(kTransparencyLayers, transparency) == nullptr || find_name(kPassivityLayers, passivity) == nullptr)
       return false;
     o.transparency = transparency;

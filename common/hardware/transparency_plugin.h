@@ -32,7 +32,8 @@ typedef struct {
   int32_t coupled;                                /* 0: nothing is displayed in this tick */
   int32_t has_report;                             /* a report of the slave has arrived since the start */
   int32_t report_is_new;
-  double slave_position_m[3], slave_attitude[4], slave_velocity[6], slave_force[6]; /* of the newest report, in the slave's units */
+  double slave_position_m[3], slave_attitude[4], slave_velocity[6],
+      slave_force[6]; /* of the newest report, in the slave's units */
 } twoport_transparency_reading;
 
 typedef struct {
@@ -42,7 +43,7 @@ typedef struct {
 } twoport_transparency_wish;
 
 typedef struct {
-  uint32_t version; /* TWOPORT_TRANSPARENCY_VERSION */
+  uint32_t version;                                   /* TWOPORT_TRANSPARENCY_VERSION */
   void* (*open)(const twoport_transparency_session*); /* NULL: it cannot */
   void (*step)(void*, const twoport_transparency_reading*, twoport_transparency_wish*);
 } twoport_transparency_entry;

@@ -54,8 +54,7 @@ struct Exchange {
   if (library == nullptr) give_up(with, std::string{"cannot be loaded: "} + ::dlerror());
   void* const symbol = ::dlsym(library, "twoport_transparency_plugin");
   if (symbol == nullptr) give_up(with, "is no transparency layer: it has no function twoport_transparency_plugin");
-  const twoport_transparency_entry* const entry =
-      reinterpret_cast<const twoport_transparency_entry* (*)()>(symbol)();
+  const twoport_transparency_entry* const entry = reinterpret_cast<const twoport_transparency_entry* (*)()>(symbol)();
   if (entry == nullptr) give_up(with, "its entry point returns nothing");
   if (entry->version != TWOPORT_TRANSPARENCY_VERSION)
     give_up(with, "is of version " + std::to_string(entry->version) + ", and this program loads version " +
@@ -80,8 +79,7 @@ struct Exchange {
 class Process final : public TransparencyHost {
  public:
   Process(const std::string& file, const twoport_transparency_session& session, bool waits) : waits_{waits} {
-    void* const memory =
-        ::mmap(nullptr, sizeof(Exchange), PROT_READ | PROT_WRITE, MAP_SHARED | MAP_ANONYMOUS, -1, 0);
+    void* const memory = ::mmap(nullptr, sizeof(Exchange), PROT_READ | PROT_WRITE, MAP_SHARED | MAP_ANONYMOUS, -1, 0);
     if (memory == MAP_FAILED) throw ConfigError{"control.transparency.plugin: no memory to share with its process"};
     with_ = new (memory) Exchange;
     const pid_t parent = ::getpid();
@@ -93,7 +91,9 @@ class Process final : public TransparencyHost {
     }
     for (int i = 0; i < kPatience && child_ > 0 && with_->opened == 0 && !ended(); ++i) nap();
     if (with_->opened != 1) {
-      const std::string why = with_->why[0] != '\0' ? with_->why : child_ < 0 ? "no process can be started" : "it does not open";
+      const std::string why = with_->why[0] != '\0' ? with_->why
+                              : child_ < 0          ? "no process can be started"
+                                                    : "it does not open";
       close();
       throw ConfigError{"control.transparency.plugin.file " + file + ": " + why};
     }
@@ -151,13 +151,14 @@ class Process final : public TransparencyHost {
 
 }  // namespace
 
-std::shared_ptr<TransparencyHost> start_transparency_process(const std::string& file, const std::string& arguments, int dof,
-                                                             Seconds period, bool waits) {
+std::shared_ptr<TransparencyHost> start_transparency_process(const std::string& file, const std::string& arguments,
+                                                             int dof, Seconds period, bool waits) {
   const auto refuse = [&](const std::string& why) {
     throw ConfigError{"control.transparency.plugin.file " + file + ": " + why};
   };
   std::error_code error;
-  if (!std::filesystem::is_regular_file(file, error)) refuse("there is no such file; give the path of a shared library");
+  if (!std::filesystem::is_regular_file(file, error))
+    refuse("there is no such file; give the path of a shared library");
   // A name without a slash would be searched in the system's folders.
   const std::string path = std::filesystem::absolute(file).string();
   if (const std::string why = try_to_load(path); !why.empty()) refuse("cannot be loaded: " + why);

@@ -30,7 +30,9 @@ class CouplingSlave : public SlaveHalf<N> {
   }
   [[nodiscard]] Energy deficit(const Ledger&, Energy) const noexcept override { return Energy{}; }
   void restart(const Ledger& account, Energy) noexcept override { base_absorbed_ = account.absorbed(); }
-  [[nodiscard]] SlaveHandover<N> handover() const noexcept override { return {coupling_.registration(), coupling_.set_point()}; }
+  [[nodiscard]] SlaveHandover<N> handover() const noexcept override {
+    return {coupling_.registration(), coupling_.set_point()};
+  }
   void resume(const SlaveHandover<N>& from) noexcept override { coupling_.resume(from.registration, from.set_point); }
   [[nodiscard]] Position<N> target() const noexcept override { return coupling_.target(); }
   [[nodiscard]] bool has_payload() const noexcept override { return coupling_.tells_position(); }

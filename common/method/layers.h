@@ -22,11 +22,12 @@ namespace twoport {
 /// What the hand should feel in the coming interval. Forces at the master port, power f·v into the network.
 template <int N>
 struct Wish {
-  bool idle = true;      ///< nothing is displayed
-  Force<N> f{};          ///< before any passivity control
-  Force<N> damper{};     ///< to be displayed besides f: a force b v
-  bool damped = false;   ///< there is a damper
-  std::optional<Energy> stored{};  ///< energy of the model behind f, which f may return; absent: that of a spring, f²/2K
+  bool idle = true;     ///< nothing is displayed
+  Force<N> f{};         ///< before any passivity control
+  Force<N> damper{};    ///< to be displayed besides f: a force b v
+  bool damped = false;  ///< there is a damper
+  std::optional<Energy>
+      stored{};  ///< energy of the model behind f, which f may return; absent: that of a spring, f²/2K
 
   [[nodiscard]] Force<N> total() const noexcept { return damped ? f + damper : f; }
 };
@@ -35,7 +36,7 @@ struct Wish {
 template <int N>
 struct Shown {
   Force<N> f{};
-  double share = 1.0;   ///< of Wish::f that is in f
+  double share = 1.0;     ///< of Wish::f that is in f
   Energy energy_in{};     ///< running total reported to the slave
   Energy dissipated{};    ///< in the coming interval
   Energy undissipated{};  ///< deficit that is left in this tick
@@ -131,11 +132,11 @@ class MasterPair final : public Copied<MasterPair<N, Transparency, Passivity>, M
 /// What the robot should do in the coming interval: a coupling between a set point and the robot.
 template <int N>
 struct RobotWish {
-  Force<N> f{};                    ///< of the coupling, on the robot
-  Velocity<N> v{};                 ///< of the set point
-  Force<N> damper{};               ///< on the robot, besides f
-  bool damped = false;             ///< there is a damper
-  bool grounded = false;           ///< its energy is not of the link
+  Force<N> f{};                      ///< of the coupling, on the robot
+  Velocity<N> v{};                   ///< of the set point
+  Force<N> damper{};                 ///< on the robot, besides f
+  bool damped = false;               ///< there is a damper
+  bool grounded = false;             ///< its energy is not of the link
   std::optional<Force<N>> f_back{};  ///< returned to the master; absent: as the passivity layer has it
 };
 
@@ -249,7 +250,9 @@ class SlavePair final : public Copied<SlavePair<N, Transparency, Passivity>, Sla
     account.book(not_of_link - dot(f, moved));
     coupling.move(moved, wish.v, in.dt);
     SlaveOutput<N> out{.command = {.f = f, .x_d = coupling.set_point(), .v_d = port.v},
-                       .f_back = wish.f_back ? *wish.f_back : port.returns_wanted ? wish.f : f,
+                       .f_back = wish.f_back           ? *wish.f_back
+                                 : port.returns_wanted ? wish.f
+                                                       : f,
                        .energy_in = {},
                        .dissipated = port.dissipated,
                        .grounded = not_of_link};

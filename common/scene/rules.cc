@@ -233,16 +233,18 @@ void check_method(const ControlOptions& c, const Block<schema::Passivity>& passi
   if (c.architecture == Architecture::position_measured_force) {
     const bool by_layer = c.transparency == "FIXED_DAMPING" || c.transparency == "FRACTAL_IMPEDANCE";
     if (by_layer && passivity.has(FIELD(layer)))
-      passivity.fail(fmt::format(
-          "control.transparency.layer is {}; it must be another one under POSITION_MEASURED_FORCE: it displays the position error",
-          c.transparency));
+      passivity.fail(
+          fmt::format("control.transparency.layer is {}; it must be another one under POSITION_MEASURED_FORCE: it "
+                      "displays the position error",
+                      c.transparency));
     if (by_layer || is("SET_POSITION_MODULATION"))
       passivity.refuse(FIELD(method), "be another one under POSITION_MEASURED_FORCE: it displays the position error");
     if (is("WAVE_VARIABLES"))
       passivity.refuse(FIELD(method),
                        "be another one under POSITION_MEASURED_FORCE: its waves carry the coupling force");
   }
-  if (c.passivity == "ENERGY_BOUNDING" && !(c.energy_bounding.damping_n_s_per_m || c.known.device_damping_n_s_per_m > 0.0)) {
+  if (c.passivity == "ENERGY_BOUNDING" &&
+      !(c.energy_bounding.damping_n_s_per_m || c.known.device_damping_n_s_per_m > 0.0)) {
     constexpr const char* kNeeds =
         "be another one where device.damping_n_s_per_m is 0, or "
         "control.passivity.energy_bounding.damping_n_s_per_m must be given: it needs damping of the device";

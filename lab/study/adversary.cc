@@ -209,10 +209,10 @@ Scene scene_of(const std::string& method, int dof, Draw& draw, const std::vector
     text += fmt::format("}} passivity {{ method: {} initial_energy_j: 1e-3 }} }}", method);
   } else {
     text += fmt::format("}} passivity {{ layer: {} initial_energy_j: 1e-3 }} ", method.substr(plus + 1));
-    const std::string random = method.starts_with("RANDOM")
-                                   ? fmt::format(" random {{ force_n: {} hold_ms: {} }}", draw.decades(0.5, 50.0),
-                                                 draw.decades(0.5, 100.0))
-                                   : std::string{};
+    const std::string random =
+        method.starts_with("RANDOM")
+            ? fmt::format(" random {{ force_n: {} hold_ms: {} }}", draw.decades(0.5, 50.0), draw.decades(0.5, 100.0))
+            : std::string{};
     text += fmt::format("transparency {{ layer: {}{} }} }}", method.substr(0, plus), random);
   }
   text += " to_slave { " + way(draw) + " } to_master { " + way(draw) + " }";

@@ -1,10 +1,6 @@
 // What internal-model control claims beyond what every method is asked: least energy through the master port for any
 // packets, and contact with walls that are damped, left, curved, felt with a bias, stiffer than the device can show.
 
-#include "common/method/passivity/energy_spring/energy_spring_layer.h"
-#include "common/method/transparency/internal_model/master.h"
-#include "common/method/transparency/internal_model/slave.h"
-
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -13,6 +9,9 @@
 #include <string>
 #include <vector>
 
+#include "common/method/passivity/energy_spring/energy_spring_layer.h"
+#include "common/method/transparency/internal_model/master.h"
+#include "common/method/transparency/internal_model/slave.h"
 #include "common/record/high_pass.h"
 #include "common/scene/load.h"
 #include "lab/engine/loops.h"

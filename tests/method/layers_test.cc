@@ -35,8 +35,10 @@ std::string pressed(int dof, const std::string& control) {
   return fmt::format(
       "dof: {} duration_s: 0.6 rate_hz: 1000 seed: 3 operator {{ hand {{ mass_kg: 0.02 stiffness_n_per_m: 300 "
       "damping_n_s_per_m: 1 }} path {{ move_to {{ position_m: [{}] duration_s: 0.3 }} }} }} device {{ mass_kg: 0.1 "
-      "damping_n_s_per_m: 0.1 max_force_n: 20{} }} control {{ {} }} to_slave {{ delay_ms: 20 loss: 0.05 }} to_master {{ "
-      "delay_ms: 20 loss: 0.05 }} robot {{ mass_kg: 0.5 damping_n_s_per_m: 2 force_sensor {{ }}{} }} environment {{ wall {{ "
+      "damping_n_s_per_m: 0.1 max_force_n: 20{} }} control {{ {} }} to_slave {{ delay_ms: 20 loss: 0.05 }} to_master "
+      "{{ "
+      "delay_ms: 20 loss: 0.05 }} robot {{ mass_kg: 0.5 damping_n_s_per_m: 2 force_sensor {{ }}{} }} environment {{ "
+      "wall {{ "
       "normal: [{}] offset_m: -0.002 stiffness_n_per_m: 2000 }} }}",
       dof, zeros, inertia, control, dof == 6 ? " inertia_kg_m2: [1e-3, 1e-3, 1e-3]" : "", normal);
 }
@@ -80,14 +82,15 @@ std::vector<EachPair> pairs() {
   std::vector<EachPair> all;
   for (const int dof : {1, 3, 6})
     for (const TransparencyLayerName& t : kTransparencyLayers)
-      for (const PassivityLayerName& p : kPassivityLayers) all.push_back({dof, std::string{t.name}, std::string{p.name}});
+      for (const PassivityLayerName& p : kPassivityLayers)
+        all.push_back({dof, std::string{t.name}, std::string{p.name}});
   return all;
 }
 // 2e-4 J: E(0) is 1 mJ or by the rule, and a jerk within a tick may cost some of it beyond the bound (docs: the energy bound).
 TEST_P(EveryPair, RunsAndKeepsTheClaimOfItsPassivityLayer) {
   const EachPair& c = GetParam();
-  const Scene scene =
-      parse_scene(pressed(c.dof, layers(c.transparency, c.passivity, c.transparency == "PLUGIN" ? kPlugin : "")), "pair");
+  const Scene scene = parse_scene(
+      pressed(c.dof, layers(c.transparency, c.passivity, c.transparency == "PLUGIN" ? kPlugin : "")), "pair");
   EXPECT_EQ(scene.control.transparency, c.transparency);
   EXPECT_EQ(scene.control.passivity, c.passivity);
   Felt felt;
@@ -132,25 +135,30 @@ std::string refusal(const std::string& text, const std::vector<std::string>& set
   }
 }
 TEST(Layers, WhatMakesNoSenseIsRefused) {
-  EXPECT_EQ(refusal(pressed(3, "transparency { layer: RANDOM } passivity { method: NONE }")),
-            "s: control.passivity.method and control.transparency.layer are both given; a method names both layers, so give "
-            "the one or the other");
-  EXPECT_EQ(refusal(pressed(3, "passivity { method: NONE layer: NONE }")),
-            "s: control.passivity.method and control.passivity.layer are both given; a method names both layers, so give the "
-            "one or the other");
+  EXPECT_EQ(
+      refusal(pressed(3, "transparency { layer: RANDOM } passivity { method: NONE }")),
+      "s: control.passivity.method and control.transparency.layer are both given; a method names both layers, so give "
+      "the one or the other");
+  EXPECT_EQ(
+      refusal(pressed(3, "passivity { method: NONE layer: NONE }")),
+      "s: control.passivity.method and control.passivity.layer are both given; a method names both layers, so give the "
+      "one or the other");
   EXPECT_EQ(refusal(pressed(3, "architecture: RENDER passivity { layer: CLASSIC }")).substr(0, 96),
             "s: control.passivity.layer is given, but control.architecture is RENDER; layers need a link");
   EXPECT_EQ(refusal(pressed(3, "transparency { layer: PLUGIN }")),
             "s: control.transparency.plugin.file is absent; PLUGIN needs it");
-  EXPECT_NE(refusal(pressed(3, "architecture: POSITION_MEASURED_FORCE " + layers("FIXED_DAMPING", "CLASSIC"))), "accepted");
+  EXPECT_NE(refusal(pressed(3, "architecture: POSITION_MEASURED_FORCE " + layers("FIXED_DAMPING", "CLASSIC"))),
+            "accepted");
   EXPECT_NE(refusal(pressed(3, "passivity { layer: WAVE_VARIABLES }")), "accepted");
 }
 TEST(Layers, AnOverrideTakesThePlaceOfWhatTheSceneNames) {
   const std::string by_method = pressed(3, "passivity { method: CLASSIC }"),
                     by_layers = pressed(3, layers("RANDOM", "ENERGY_TANK"));
-  EXPECT_EQ(parse_scene(by_method, "s", std::vector<std::string>{"control.passivity.layer=ENERGY_TANK"}).control.method_name,
-            "INTERNAL_MODEL+ENERGY_TANK");
-  EXPECT_EQ(parse_scene(by_layers, "s", std::vector<std::string>{"control.passivity.method=NONE"}).control.method_name, "NONE");
+  EXPECT_EQ(
+      parse_scene(by_method, "s", std::vector<std::string>{"control.passivity.layer=ENERGY_TANK"}).control.method_name,
+      "INTERNAL_MODEL+ENERGY_TANK");
+  EXPECT_EQ(parse_scene(by_layers, "s", std::vector<std::string>{"control.passivity.method=NONE"}).control.method_name,
+            "NONE");
   EXPECT_NE(refusal(by_method, {"control.passivity.method=NONE", "control.passivity.layer=NONE"}), "accepted");
 }
 

@@ -22,7 +22,8 @@ void* open_layer(const twoport_transparency_session* session) {
 void step(void* of, const twoport_transparency_reading* in, twoport_transparency_wish* out) {
   auto* self = static_cast<Layer*>(of);
   self->time_s += in->dt_s;
-  for (int i = 0; i < 3; ++i) out->force[i] = (std::strcmp(self->kind, "spring") == 0 ? self->number : 100.0) * in->position_m[i];
+  for (int i = 0; i < 3; ++i)
+    out->force[i] = (std::strcmp(self->kind, "spring") == 0 ? self->number : 100.0) * in->position_m[i];
   if (self->time_s < self->number || std::strcmp(self->kind, "spring") == 0) return;
   if (std::strcmp(self->kind, "crash") == 0) std::abort();
   if (std::strcmp(self->kind, "nan") == 0) out->force[0] = NAN;

@@ -38,8 +38,7 @@ double energy_bounding_scale(const Force<N>& f, Energy e, const typename Force<N
 template <int N>
 class EnergyBoundingMaster final : public Copied<EnergyBoundingMaster<N>, MasterPassivity<N>> {
  public:
-  explicit EnergyBoundingMaster(const ControlOptions& o)
-      : initial_{o.initial_energy}, energy_{o.initial_energy} {
+  explicit EnergyBoundingMaster(const ControlOptions& o) : initial_{o.initial_energy}, energy_{o.initial_energy} {
     const BoundingDamping b = bounding_damping(o);
     damping_ = per_axis_damping(b);
     for (int i = 0; i < N; ++i) inverse_[i] = damping_[i] > 0.0 ? 1.0 / damping_[i] : 0.0;
@@ -72,7 +71,9 @@ class EnergyBoundingMaster final : public Copied<EnergyBoundingMaster<N>, Master
     return out;
   }
   /// The used part of E(0) and what is below it.
-  [[nodiscard]] Energy deficit(const Ledger&, Energy) const noexcept override { return positive_part(initial_ - energy_); }
+  [[nodiscard]] Energy deficit(const Ledger&, Energy) const noexcept override {
+    return positive_part(initial_ - energy_);
+  }
   void restart(const Ledger& account, Energy deficit) noexcept override {
     base_absorbed_ = account.absorbed();
     net_before_ = account.net();

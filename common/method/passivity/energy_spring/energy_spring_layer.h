@@ -52,7 +52,8 @@ class EnergySpringMasterOf final : public Copied<EnergySpringMasterOf<N, kTwoPor
     }
     const Velocity<N> v = in.first ? Velocity<N>{} : in.interval.moved / in.ended;
     Force<N> g;
-    if (wish.damped) g = kTwoPort ? reserved_damper(wish.damper, v, in.dt) : damper_.apply(wish.damper, v, energy_, in.dt);
+    if (wish.damped)
+      g = kTwoPort ? reserved_damper(wish.damper, v, in.dt) : damper_.apply(wish.damper, v, energy_, in.dt);
     double s = energy_.scale(wish.f, v, in.dt, g);
     f_ = wish.damped ? s * wish.f + g : s * wish.f;
     if constexpr (kTwoPort) {
@@ -126,13 +127,13 @@ class EnergySpringTwoPortSlave final : public Copied<EnergySpringTwoPortSlave<N>
   explicit EnergySpringTwoPortSlave(const ControlOptions& o)
       : initial_{Registration<N>{o}.to_slave(0.5 * o.initial_energy)}, limits_{limits_at_robot(o)} {}
 
-  RobotPort<N> limit(const RobotWish<N>& wish, VirtualCoupling<N>& coupling, const SlaveInput<N>& in) noexcept override {
+  RobotPort<N> limit(const RobotWish<N>& wish, VirtualCoupling<N>& coupling,
+                     const SlaveInput<N>& in) noexcept override {
     if (!all_finite(wish.f, wish.v)) [[unlikely]]
       return {wish.f, wish.v, Energy{}};
     level_ = level(in.account, coupling.registration(), in.master_energy_in);
     const Force<N> wanted = in.robot.ideal ? wish.f : within_limit(wish.f, in.dt);
-    PortSolution<N> allowed =
-        admittance_controller(wanted, wish.v, coupling.spring().mobility(in.dt), level_, in.dt);
+    PortSolution<N> allowed = admittance_controller(wanted, wish.v, coupling.spring().mobility(in.dt), level_, in.dt);
     if (!in.robot.ideal) allowed.f = within_limit(allowed.f, in.dt);
     sent_before_ = sent_;
     return {allowed.f, allowed.v, allowed.dissipated};

@@ -107,7 +107,8 @@ class EnergyTankSlave final : public Copied<EnergyTankSlave<N>, SlavePassivity<N
     x_ = robot.x;
     f_ = Force<N>{};
   }
-  RobotPort<N> limit(const RobotWish<N>& wish, VirtualCoupling<N>& coupling, const SlaveInput<N>& in) noexcept override {
+  RobotPort<N> limit(const RobotWish<N>& wish, VirtualCoupling<N>& coupling,
+                     const SlaveInput<N>& in) noexcept override {
     side_.put_in(-dot(f_, in.robot.x - x_));
     x_ = in.robot.x;
     const Energy received = coupling.registration().to_slave(in.master_energy_in);

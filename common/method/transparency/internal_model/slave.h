@@ -5,9 +5,9 @@
 
 #include "common/method/coupled_by_position.h"
 #include "common/method/layers.h"
-#include "common/method/transparency/surface/payload.h"
 #include "common/method/transparency/reaction_force_observer.h"
 #include "common/method/transparency/surface/contact_lever.h"
+#include "common/method/transparency/surface/payload.h"
 #include "common/method/transparency/surface/surface_estimator.h"
 
 namespace twoport {

@@ -23,8 +23,7 @@ template <int N>
 class SurfaceModelMaster final : public Copied<SurfaceModelMaster<N>, MasterTransparency<N>> {
  public:
   explicit SurfaceModelMaster(const ControlOptions& o)
-      : stiffness_{o.force_scale * o.motion_scale * o.coupling.stiffness_n_per_m},
-        mass_kg_{o.handle_mass_kg} {}
+      : stiffness_{o.force_scale * o.motion_scale * o.coupling.stiffness_n_per_m}, mass_kg_{o.handle_mass_kg} {}
 
   void start(const DeviceSample<N>&) noexcept override {
     model_.forget();
