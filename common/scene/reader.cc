@@ -31,9 +31,8 @@ std::string text_of(const pb::Message& message, const Descriptor& field) {
   return list ? fmt::format("[{}]", fmt::join(values, ", ")) : values[0];
 }
 
-/// How many values it has; of no list one where it is given.
-int size_of(const pb::Message& message, const Descriptor& field) {
-  const pb::Reflection& reflection = *message.GetReflection();
+/// How many values it has; of no list one where it is given. `reflection` is the message's, which is slow to ask for.
+int size_of(const pb::Reflection& reflection, const pb::Message& message, const Descriptor& field) {
   return field.is_repeated() ? reflection.FieldSize(message, &field) : reflection.HasField(message, &field) ? 1 : 0;
 }
 
@@ -161,7 +160,7 @@ class Check {
     for (const Rule& rule : rules) {
       const Descriptor* const field = rule.field;
       const bool list = field->is_repeated();
-      const int size = size_of(message, *field);
+      const int size = size_of(reflection, message, *field);
       if (size == 0) {
         if (rule.required) fail(place, rule, "{} is missing; it must {}", rule.words(context_.dof));
         continue;
@@ -245,7 +244,8 @@ void AnyBlock::refuse_field(std::string_view name, std::string_view words) const
 }
 
 bool AnyBlock::has_field(std::string_view name) const {
-  return size_of(message_, *message_.GetDescriptor()->FindFieldByName(std::string{name})) > 0;
+  return size_of(*message_.GetReflection(), message_, *message_.GetDescriptor()->FindFieldByName(std::string{name})) >
+         0;
 }
 
 void AnyBlock::require_field(std::string_view name, std::string_view words) const {
