@@ -106,13 +106,21 @@ TailVerdict judge_all(const Simulation<N>& at_end, const ContactStates<N>& state
   return worst;
 }
 
+/// A transparency layer in a process of its own goes on in one run only: the judge's twin cannot have it.
+bool has_plugin(const Scene& scene) {
+  const auto is_plugin = [](const ControlOptions& c) { return c.transparency == "PLUGIN"; };
+  return is_plugin(scene.control) || std::any_of(scene.schedule.begin(), scene.schedule.end(),
+                                                 [&](const ScheduledControl& s) { return is_plugin(s.control); });
+}
+
 template <int N>
 CountedRun run_as(Simulation<N>& simulation, const Scene& scene, const RunOptions& options,
                   LabRecording<N>* recording) {
   const bool alone = scene.control.architecture == Architecture::uncontrolled;
   const bool link = simulation.link().has_value();
+  const VerdictFrom from = has_plugin(scene) ? VerdictFrom::plain : options.verdict;
   Metrics<N> metrics = metrics_of<N>(scene, link, simulation.quiet_from_s(), simulation.initial_energy().si(),
-                                     options.verdict == VerdictFrom::plain);
+                                     from == VerdictFrom::plain);
   std::optional<Trace<N>> trace;
   if (options.trace != nullptr) trace.emplace(*options.trace);
 
@@ -127,7 +135,7 @@ CountedRun run_as(Simulation<N>& simulation, const Scene& scene, const RunOption
   std::uint64_t ticks = 0;
   std::chrono::duration<double, std::nano> spent{0};
   // Springs alone answer the same wherever the robot is.
-  const bool tails = options.verdict != VerdictFrom::plain;
+  const bool tails = from != VerdictFrom::plain;
   const bool probes = tails && !alone && !World{scene.environment}.surfaces.empty();
   const double end_s = to_seconds(simulation.end()).si();
   std::uint64_t rows = 0;
@@ -155,7 +163,7 @@ CountedRun run_as(Simulation<N>& simulation, const Scene& scene, const RunOption
   if (tails && !judge.diverged() && judge.not_judged().empty()) {
     const TailVerdict judged =
         judge_all(simulation, contact_states, scene, judge.scale(),
-                  options.verdict == VerdictFrom::lean ? TwinUse::under_control : TwinUse::always);
+                  from == VerdictFrom::lean ? TwinUse::under_control : TwinUse::always);
     set_verdict(judged.verdict, s);
     ticks += judged.ticks;
   }

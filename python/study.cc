@@ -1,6 +1,7 @@
 #include <algorithm>
 #include <charconv>
 #include <cstdint>
+#include <exception>
 #include <limits>
 #include <memory>
 #include <mutex>
@@ -11,6 +12,7 @@
 #include <vector>
 
 #include "common/base/file.h"
+#include "common/hardware/transparency_host.h"
 #include "common/method/catalogue.h"
 #include "common/record/expectation.h"
 #include "common/record/summary.h"
@@ -107,7 +109,49 @@ py::dict dict_of(const std::string& json) {
   return py::module_::import("json").attr("loads")(json);
 }
 
-Result run_scene(const SceneOfText& s, bool trace, std::int64_t trace_every, const std::string& verdict) {
+/// A function of Python as a transparency layer. Its first exception ends the coupling, and is kept.
+class FunctionLayer final : public TransparencyHost {
+ public:
+  FunctionLayer(py::function function, int dof) : function_{std::move(function)}, dof_{dof} {}
+  bool step(const twoport_transparency_reading& in, twoport_transparency_wish& out) noexcept override {
+    const py::gil_scoped_acquire gil;
+    try {
+      const auto list = [](const double* from, int count) { return std::vector<double>(from, from + count); };
+      py::dict reading;
+      reading["dt_s"] = in.dt_s;
+      reading["coupled"] = in.coupled != 0;
+      reading["position_m"] = list(in.position_m, std::min(dof_, 3));
+      reading["attitude_wxyz"] = list(in.attitude, 4);
+      reading["velocity"] = list(in.velocity, dof_);
+      reading["applied"] = list(in.applied, dof_);
+      reading["has_report"] = in.has_report != 0;
+      reading["report_is_new"] = in.report_is_new != 0;
+      reading["slave_position_m"] = list(in.slave_position_m, std::min(dof_, 3));
+      reading["slave_attitude_wxyz"] = list(in.slave_attitude, 4);
+      reading["slave_velocity"] = list(in.slave_velocity, dof_);
+      reading["slave_force"] = list(in.slave_force, dof_);
+      const auto force = function_(reading).cast<std::vector<double>>();
+      if (static_cast<int>(force.size()) != dof_)
+        throw py::value_error(fmt::format("transparency returned {} numbers; it must return {}", force.size(), dof_));
+      std::copy(force.begin(), force.end(), out.force);
+      return true;
+    } catch (...) {
+      error_ = std::current_exception();
+      return false;
+    }
+  }
+  void rethrow() const {
+    if (error_) std::rethrow_exception(error_);
+  }
+
+ private:
+  py::function function_;
+  int dof_;
+  std::exception_ptr error_;
+};
+
+Result run_scene(const SceneOfText& s, bool trace, std::int64_t trace_every, const std::string& verdict,
+                 const std::optional<py::function>& transparency) {
   if (trace_every < 1) throw ConfigError{fmt::format("trace_every is {}; it must be 1 or more", trace_every)};
   if (verdict != "tail" && verdict != "plain")
     throw ConfigError{fmt::format("verdict is {}; it must be tail or plain", verdict)};
@@ -116,10 +160,18 @@ Result run_scene(const SceneOfText& s, bool trace, std::int64_t trace_every, con
   const double rows = s.scene.duration_s * rate_hz / static_cast<double>(trace_every) + 1.0;
   if (trace) table = std::make_shared<TraceTable>(s.scene.dof, rows);
   if (trace && s.scene.gripper) gripper_table = std::make_shared<TraceTable>(1, rows);
+  Scene scene = s.scene;
+  std::shared_ptr<FunctionLayer> layer;
+  if (transparency) {
+    if (!choose_method(scene.control, "PLUGIN+" + scene.control.passivity))
+      throw ConfigError{"transparency is given, but control.passivity.method is " + scene.control.method_name +
+                        ", which has no layers"};
+    scene.control.plugin.host = layer = std::make_shared<FunctionLayer>(*transparency, scene.dof);
+  }
   const Summary summary = interruptible(
       [&](const std::atomic<bool>& stop) {
         return lab::run_with_gripper_table(
-            s.scene,
+            scene,
             {.trace_every = static_cast<std::uint64_t>(trace_every),
              .verdict = verdict == "plain" ? lab::VerdictFrom::plain : lab::VerdictFrom::tail,
              .table = table.get(),
@@ -127,6 +179,7 @@ Result run_scene(const SceneOfText& s, bool trace, std::int64_t trace_every, con
             gripper_table.get());
       },
       [] {});
+  if (layer) layer->rethrow();
   const std::string json = to_json(summary);
   const auto view_or_none = [](const auto& of) { return of ? py::object{view(of)} : py::none(); };
   return {json,
@@ -387,11 +440,15 @@ run's own memory, without a copy, and so is each column; it stays valid when the
                            std::string{py::str(r.summary["verdict"])});
       });
   module.def("run", &run_scene, "scene"_a, py::kw_only(), "trace"_a = true, "trace_every"_a = 1, "verdict"_a = "tail",
+             "transparency"_a = py::none(),
              R"(Runs a scene in virtual time, as `twoport-lab run` does: the same summary and trace, bit for bit.
 
 trace: keep the trace. trace_every: one tick in so many has a row.
 verdict: "tail" (the loop left alone after the scene's end, beside a twin) or "plain" (from the scene's own run: faster, and
 UNDECIDED more often).
+transparency: a function in place of the scene's transparency layer. It is called in each tick of the master with a dict (position_m, velocity,
+applied, slave_force, ..., lists in SI units; common/hardware/transparency_plugin.h has all) and returns the force wanted at the hand, one
+number an axis, power force·velocity into the network. The passivity layer limits it. The verdict is then "plain".
 Other threads of Python go on meanwhile; Ctrl-C ends it. Errors: ValueError.)");
 
   py::class_<TableOfTexts>(

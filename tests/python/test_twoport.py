@@ -752,6 +752,32 @@ class Hints(unittest.TestCase):
         self.assertEqual(ours, theirs, signature)
 
 
+class TransparencyLayer(unittest.TestCase):
+    def test_a_function_is_displayed_as_its_passivity_layer_allows(self):
+        scene = twoport.scene(str(ROOT / "scenes/one_axis_wall.textproto"), "duration_s=0.5")
+        seen = []
+
+        def spring(reading):
+            seen.append(reading["position_m"][0])
+            return [100.0 * reading["position_m"][0]]
+
+        result = twoport.run(scene, transparency=spring)
+        wanted = result.trace["master_f_wanted_0"]
+        self.assertEqual(len(seen), result.summary["steps"])
+        coupled = wanted != 0.0
+        self.assertGreater(coupled.sum(), 100)
+        error = abs(wanted - 100.0 * result.trace["master_x_0"])[-100:].max()
+        self.assertLess(error, 1e-9)
+        self.assertEqual(result.summary["method"], "PLUGIN+ENERGY_SPRING")
+
+    def test_what_a_function_does_wrong_is_its_own_error(self):
+        scene = twoport.scene(str(ROOT / "scenes/one_axis_wall.textproto"), "duration_s=0.2")
+        with self.assertRaises(ZeroDivisionError):
+            twoport.run(scene, transparency=lambda reading: [1.0 / 0.0])
+        with self.assertRaisesRegex(ValueError, "returned 2 numbers; it must return 1"):
+            twoport.run(scene, transparency=lambda reading: [0.0, 0.0])
+
+
 class Examples(unittest.TestCase):
     def run_example(self, name):
         with tempfile.TemporaryDirectory() as folder:
