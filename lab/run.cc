@@ -161,9 +161,8 @@ CountedRun run_as(Simulation<N>& simulation, const Scene& scene, const RunOption
   s.set_step_ns(spent.count() / static_cast<double>(std::max<std::uint64_t>(ticks, 1)));
   const RunJudge<N>& judge = metrics.judge();
   if (tails && !judge.diverged() && judge.not_judged().empty()) {
-    const TailVerdict judged =
-        judge_all(simulation, contact_states, scene, judge.scale(),
-                  from == VerdictFrom::lean ? TwinUse::under_control : TwinUse::always);
+    const TailVerdict judged = judge_all(simulation, contact_states, scene, judge.scale(),
+                                         from == VerdictFrom::lean ? TwinUse::under_control : TwinUse::always);
     set_verdict(judged.verdict, s);
     ticks += judged.ticks;
   }

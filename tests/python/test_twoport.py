@@ -754,7 +754,7 @@ class Hints(unittest.TestCase):
 
 class TransparencyLayer(unittest.TestCase):
     def test_a_function_is_displayed_as_its_passivity_layer_allows(self):
-        scene = twoport.scene(str(ROOT / "scenes/one_axis_wall.textproto"), "duration_s=0.5")
+        scene = twoport.load_scene(SCENES / "one_axis_wall.textproto", "duration_s=0.5")
         seen = []
 
         def spring(reading):
@@ -771,7 +771,7 @@ class TransparencyLayer(unittest.TestCase):
         self.assertEqual(result.summary["method"], "PLUGIN+ENERGY_SPRING")
 
     def test_what_a_function_does_wrong_is_its_own_error(self):
-        scene = twoport.scene(str(ROOT / "scenes/one_axis_wall.textproto"), "duration_s=0.2")
+        scene = twoport.load_scene(SCENES / "one_axis_wall.textproto", "duration_s=0.2")
         with self.assertRaises(ZeroDivisionError):
             twoport.run(scene, transparency=lambda reading: [1.0 / 0.0])
         with self.assertRaisesRegex(ValueError, "returned 2 numbers; it must return 1"):
