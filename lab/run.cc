@@ -191,7 +191,7 @@ CountedRun run_coupling(const Scene& scene, const RunOptions& options, mcap::Wri
       return run_as<N>(*simulation, scene, options, nullptr);
     }
     LabRecording<N> recording{*file, scene, *options.record, of_gripper};
-    return run_as<N>(*make_recorded_simulation<N>(scene, recording.taps()), scene, options, &recording);
+    return run_as<N>(*make_simulation<N>(scene, &recording.taps()), scene, options, &recording);
   });
 }
 

@@ -6,10 +6,10 @@
 #include <cstdint>
 #include <memory>
 #include <optional>
-#include <type_traits>
 #include <utility>
 #include <vector>
 
+#include "common/base/copied.h"
 #include "common/hardware/device.h"
 #include "common/passivity/observer.h"
 #include "common/scene/scene.h"
@@ -48,7 +48,7 @@ class SimDevice final {
         std::optional<HandOnTool> hand;
         if (scene.operator_model && scene.operator_model->hand)
           hand = HandOnTool{*scene.operator_model->hand, path_.at(0.0).x, path_.at(0.0).x};
-        arm_.emplace(*scene.device->arm, nothing, dt_, x(), hand);
+        arm_ = make_arm(*scene.device->arm, nothing, dt_, x(), hand);
       }
     }
     encoder_.start(x(), v());
@@ -77,7 +77,8 @@ class SimDevice final {
   /// Adds dv to the velocity of a handle that forces move. False where the hand leads it or it has no mass.
   bool kick(const Velocity<N>& dv) noexcept {
     if (imposed_ || !handle_.moves()) return false;
-    if (arm_) arm_->kick(dv);
+    if constexpr (N == 6)
+      if (arm_) arm_->kick(dv);
     auto state = handle_.state();
     state.v += port_vector<N>(dv.vec());
     handle_.set_state(state);
@@ -115,7 +116,7 @@ class SimDevice final {
   [[nodiscard]] Energy port_energy() const { return energy_; }
   [[nodiscard]] const Path<N>& path() const { return path_; }
   /// The arm that carries the handle, where there is one.
-  [[nodiscard]] const ArmPlant* arm() const noexcept requires(N == 6) { return arm_ ? &*arm_ : nullptr; }
+  [[nodiscard]] const ArmPlant* arm() const noexcept requires(N == 6) { return arm_.get(); }
 
  private:
   using Vector = PortVector<N>;
@@ -139,9 +140,6 @@ class SimDevice final {
     return waits ? Position<N>{} : start(scene).x;
   }
 
-  struct NoArm {
-    void kick(const Velocity<N>&) noexcept {}
-  };
   [[gnu::noinline]] void move_arm() noexcept {
     if constexpr (N == 6) {
       if (hand_) arm_->lead(path_.at(static_cast<double>(tick_) * dt_).x);
@@ -162,7 +160,7 @@ class SimDevice final {
   HandlePlant<N> handle_;
   std::optional<Hand<N>> hand_;
   Encoder<N> encoder_;
-  std::optional<std::conditional_t<N == 6, ArmPlant, NoArm>> arm_;
+  Copied<ArmPlant> arm_;  ///< N = 6
 
   Force<N> applied_, held_;
   Vector push_ = Vector::Zero();  ///< constant force of the hand

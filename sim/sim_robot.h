@@ -9,14 +9,13 @@
 #include <type_traits>
 #include <variant>
 
+#include "common/base/copied.h"
 #include "common/contact/environment.h"
 #include "common/hardware/robot.h"
 #include "common/scene/scene.h"
 #include "sim/plant/arm.h"
-#include "sim/plant/dormand_prince.h"
+#include "sim/plant/body_plant.h"
 #include "sim/plant/exact_wall.h"
-#include "sim/plant/fixed_step.h"
-#include "sim/plant/rigid_contact.h"
 #include "sim/sensor.h"
 
 namespace twoport::sim {
@@ -54,14 +53,10 @@ class SimRobot final {
   [[gnu::always_inline]] void move() noexcept {
     if (auto* exact = std::get_if<Exact>(&plant_)) {
       state_ = exact->advance(command_.f);
-    } else if (auto* general = std::get_if<RungeKuttaPlant<N>>(&plant_)) {
-      state_ = general->advance(command_.f);
-    } else if (auto* controlled = std::get_if<DormandPrincePlant<N>>(&plant_)) {
-      state_ = controlled->advance(command_.f);
-    } else if (auto* fixed = std::get_if<FixedStepPlant<N>>(&plant_)) {
-      state_ = fixed->advance(command_.f);
-    } else if (auto* arm = std::get_if<Arm>(&plant_)) {
-      state_ = arm->advance(command_.f);
+    } else if (auto* general = std::get_if<General>(&plant_)) {
+      state_ = (*general)->advance(command_.f);
+    } else if (std::holds_alternative<Arm>(plant_)) {
+      if constexpr (N == 6) state_ = std::get<Arm>(plant_)->advance(command_.f);
     } else {
       state_ = {command_.x_d, command_.v_d};
     }
@@ -76,10 +71,9 @@ class SimRobot final {
   bool kick(const Velocity<N>& dv) noexcept {
     if (std::holds_alternative<Ideal>(plant_)) return false;
     if (auto* exact = std::get_if<Exact>(&plant_)) exact->kick(dv);
-    if (auto* general = std::get_if<RungeKuttaPlant<N>>(&plant_)) general->kick(dv);
-    if (auto* controlled = std::get_if<DormandPrincePlant<N>>(&plant_)) controlled->kick(dv);
-    if (auto* fixed = std::get_if<FixedStepPlant<N>>(&plant_)) fixed->kick(dv);
-    if (auto* arm = std::get_if<Arm>(&plant_)) arm->kick(dv);
+    if (auto* general = std::get_if<General>(&plant_)) (*general)->kick(dv);
+    if constexpr (N == 6)
+      if (auto* arm = std::get_if<Arm>(&plant_)) (*arm)->kick(dv);
     state_.v += dv;
     return true;
   }
@@ -98,8 +92,7 @@ class SimRobot final {
     if (!takes_other_friction()) friction = environment_->world().surfaces[surface].material.friction;
     environment_->set_surface(surface, stiffness_n_per_m, friction);
     if (auto* exact = std::get_if<Exact>(&plant_)) exact->set_surface(stiffness_n_per_m, friction);
-    if (auto* general = std::get_if<RungeKuttaPlant<N>>(&plant_)) general->surfaces_have_changed();
-    if (auto* controlled = std::get_if<DormandPrincePlant<N>>(&plant_)) controlled->surfaces_have_changed();
+    if (auto* general = std::get_if<General>(&plant_)) (*general)->surfaces_have_changed();
     return environment_->potential(state_.x) - before;
   }
 
@@ -121,7 +114,10 @@ class SimRobot final {
   [[nodiscard]] const Force<N>& environment_force() const { return from_environment_; }
   [[nodiscard]] const Environment<N>& environment() const { return *environment_; }
   /// The arm, where there is one.
-  [[nodiscard]] const ArmPlant* arm() const noexcept requires(N == 6) { return std::get_if<ArmPlant>(&plant_); }
+  [[nodiscard]] const ArmPlant* arm() const noexcept requires(N == 6) {
+    const Arm* arm = std::get_if<Arm>(&plant_);
+    return arm ? arm->get() : nullptr;
+  }
 
  private:
   /// One tick under the force of the moving anchors: that of a spring whose anchor is a(t) away from its place is
@@ -154,18 +150,15 @@ class SimRobot final {
     [[nodiscard]] bool takes_friction() const noexcept { return false; }
     [[nodiscard]] Force<N> environment_force() const noexcept { return {}; }
   };
-  struct NoArm {
-    BodyState<N> advance(const Force<N>&) noexcept { return {}; }
-    void kick(const Velocity<N>&) noexcept {}
-    [[nodiscard]] Force<N> environment_force() const noexcept { return {}; }
-  };
-  using Arm = std::conditional_t<N == 6, ArmPlant, NoArm>;
+  struct NoArm {};
+  using Arm = std::conditional_t<N == 6, Copied<ArmPlant>, NoArm>;
+  using General = Copied<BodyPlant<N>>;
   using Exact = std::conditional_t<N == 6, NoMap, ExactPlant<N == 6 ? 3 : N>>;
 
   void model(const RobotSpec& robot, const SimulationSpec& simulation, double dt) {
     if constexpr (N == 6) {
       if (robot.arm) {
-        plant_.template emplace<Arm>(*robot.arm, environment_, dt, state_.x);
+        plant_ = Arm{make_arm(*robot.arm, environment_, dt, state_.x)};
         return;
       }
     }
@@ -177,12 +170,7 @@ class SimRobot final {
         return;
       }
     }
-    if (method == Integrator::exact)
-      plant_.template emplace<RungeKuttaPlant<N>>(robot, environment_, dt, state_);
-    else if (method == Integrator::dormand_prince)
-      plant_.template emplace<DormandPrincePlant<N>>(robot, environment_, dt, state_, simulation.tolerance_m);
-    else
-      plant_.template emplace<FixedStepPlant<N>>(robot, environment_, dt, state_, simulation);
+    plant_ = General{make_body_plant<N>(robot, environment_, dt, state_, simulation)};
   }
 
   /// The arm's sensor is between flange and tool: weight and bias are removed as far as they have been identified.
@@ -194,7 +182,7 @@ class SimRobot final {
   }
   [[gnu::noinline]] void sense_at_wrist() noexcept {
     if constexpr (N == 6) {
-      const ArmPlant& arm = std::get<ArmPlant>(plant_);
+      const ArmPlant& arm = *std::get<Arm>(plant_);
       from_environment_ = arm.outside_force();
       if (anchors_move_) from_environment_ += from_anchors_;
       Force<N> at_wrist = from_environment_ + arm.tool_inertia();
@@ -212,10 +200,8 @@ class SimRobot final {
   [[gnu::always_inline]] void touch() noexcept {
     if (const auto* exact = std::get_if<Exact>(&plant_))
       from_environment_ = exact->environment_force();
-    else if (const auto* general = std::get_if<RungeKuttaPlant<N>>(&plant_))
-      from_environment_ = general->environment_force();
-    else if (const auto* controlled = std::get_if<DormandPrincePlant<N>>(&plant_))
-      from_environment_ = controlled->environment_force();
+    else if (const auto* general = std::get_if<General>(&plant_))
+      from_environment_ = (*general)->environment_force();
     else if (std::holds_alternative<Arm>(plant_)) {
       sense_at_wrist();
       return;
@@ -228,7 +214,7 @@ class SimRobot final {
 
   std::shared_ptr<Environment<N>> environment_;
   BodyState<N> state_;
-  std::variant<Ideal, Exact, RungeKuttaPlant<N>, DormandPrincePlant<N>, FixedStepPlant<N>, Arm> plant_;
+  std::variant<Ideal, Exact, General, Arm> plant_;
   std::optional<WristCompensation> wrist_;  ///< of an arm with a force sensor
   RobotCommand<N> command_;
   Force<N> from_environment_, sensed_;

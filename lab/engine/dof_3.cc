@@ -2,6 +2,6 @@
 
 namespace twoport::lab {
 
-template std::unique_ptr<Simulation<3>> make_simulation<3>(const Scene&);
+template std::unique_ptr<Simulation<3>> make_simulation<3>(const Scene&, Taps<3>*);
 
 }  // namespace twoport::lab

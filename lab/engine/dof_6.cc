@@ -2,6 +2,6 @@
 
 namespace twoport::lab {
 
-template std::unique_ptr<Simulation<6>> make_simulation<6>(const Scene&);
+template std::unique_ptr<Simulation<6>> make_simulation<6>(const Scene&, Taps<6>*);
 
 }  // namespace twoport::lab

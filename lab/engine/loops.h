@@ -4,7 +4,6 @@
 #include <bit>
 #include <cmath>
 #include <cstdint>
-#include <type_traits>
 #include <vector>
 
 #include "common/link/clock_offset.h"
@@ -96,9 +95,11 @@ class DelayedForce {
 };
 
 /// Both directions of a link and the mail of both sides, in memory. Copies are independent, and nobody taps them.
-template <int N, class Transport = SimTransport<N>>
+template <int N>
 class SimLink {
  public:
+  using Transport = TappedTransport<N, SimTransport<N>>;
+
   explicit SimLink(const Scene& scene)
       : to_slave_{scene.to_slave, scene.seed ^ kToSlaveStream, packets_in_flight(scene.to_slave, scene.master_rate_hz)},
         to_master_{scene.to_master, scene.seed ^ kToMasterStream,
@@ -175,16 +176,11 @@ template <int N>
 ///
 /// Each side ticks at its own rate, from 0. A report is readable strictly after it was posted, so the order of two
 /// sides that tick together does not matter.
-template <int N, class Method = AnyMethod, bool kTapped = false>
+template <int N, class Method = AnyMethod>
 class LinkLoop {
  public:
-  /// `taps` see every tick of both nodes; a copy has none.
-  LinkLoop(const Scene& scene, Taps<N>& taps) requires kTapped : LinkLoop{scene} {
-    taps_ = &taps;
-    link_.master().transport().tap(&taps.master);
-    link_.slave().transport().tap(&taps.slave);
-  }
-  explicit LinkLoop(const Scene& scene)
+  /// `taps`, unless null, see every tick of both nodes; a copy has none.
+  explicit LinkLoop(const Scene& scene, Taps<N>* taps = nullptr)
       : registration_{scene.control},
         master_rate_hz_{scene.master_rate_hz},
         slave_rate_hz_{scene.slave_rate_hz},
@@ -205,6 +201,10 @@ class LinkLoop {
         held_by_environment_{robot_.environment().holds()},
         initial_energy_{scene.control.initial_energy},
         granted_energy_{initial_energy_ + registration_.to_master(initial_energy_ + mechanical_energy(scene, robot_))} {
+    if (taps == nullptr) return;
+    taps_ = taps;
+    link_.master().transport().tap(&taps->master);
+    link_.slave().transport().tap(&taps->slave);
   }
 
   /// Goes on until `end`, or until `visit(row)` returns false. Returns the number of master ticks.
@@ -227,9 +227,6 @@ class LinkLoop {
     ticks_ = m;
     slave_ticks_ = s;
     return static_cast<std::uint64_t>(m - from);
-  }
-  std::uint64_t run_silently() {
-    return run(end_, [](const Row<N>&) { return true; });
   }
 
   void be_quiet() noexcept {
@@ -266,12 +263,8 @@ class LinkLoop {
     if (k > 0) device_.advance();
     if (switch_times_.any()) [[unlikely]]
       switch_when_due(now);
-    if constexpr (kTapped) {
-      if (taps_)
-        return taps_->master.cycle(master_, device_, link_.master(),
-                                   Tick<MasterClock>{Instant<MasterClock>{now}, master_dt_});
-    }
-    return run_cycle(master_, device_, link_.master(), Tick<MasterClock>{Instant<MasterClock>{now}, master_dt_});
+    const Tick<MasterClock> tick{Instant<MasterClock>{now}, master_dt_};
+    return tapped_cycle(taps_ ? &taps_->master : nullptr, master_, device_, link_.master(), tick);
   }
   [[gnu::always_inline]] void slave_tick(Duration now, std::int64_t k) noexcept {
     if (k > 0) {
@@ -291,11 +284,8 @@ class LinkLoop {
       change_mode(out.mode);
   }
   [[gnu::always_inline]] auto slave_cycle(Duration now) noexcept {
-    if constexpr (kTapped) {
-      if (taps_)
-        return taps_->slave.cycle(slave_, robot_, link_.slave(), Tick<SlaveClock>{Instant<SlaveClock>{now}, slave_dt_});
-    }
-    return run_cycle(slave_, robot_, link_.slave(), Tick<SlaveClock>{Instant<SlaveClock>{now}, slave_dt_});
+    const Tick<SlaveClock> tick{Instant<SlaveClock>{now}, slave_dt_};
+    return tapped_cycle(taps_ ? &taps_->slave : nullptr, slave_, robot_, link_.slave(), tick);
   }
   [[gnu::noinline]] void switch_when_due(Duration now) noexcept {
     while (switch_times_.due(to_seconds(now).si(), master_.epoch())) master_.switch_to_next();
@@ -352,8 +342,8 @@ class LinkLoop {
   sim::SimRobot<N> robot_;
   MasterNode<N, typename Method::template Master<N>> master_;
   SlaveNode<N, typename Method::template Slave<N>> slave_;
-  SimLink<N, std::conditional_t<kTapped, TappedTransport<N, SimTransport<N>>, SimTransport<N>>> link_;
-  [[no_unique_address]] std::conditional_t<kTapped, NotCopied<Taps<N>>, Nothing> taps_;
+  SimLink<N> link_;
+  NotCopied<Taps<N>> taps_;
   SwitchTimes switch_times_;
   ClockOffset clock_offset_;
   Energy dissipated_;
@@ -370,17 +360,19 @@ class LinkLoop {
 };
 
 /// A virtual environment rendered on the device, in virtual time.
-template <int N, bool kTapped = false>
+template <int N>
 class RenderLoop {
  public:
-  RenderLoop(const Scene& scene, Taps<N>& taps) requires kTapped : RenderLoop{scene} { taps_ = &taps; }
-  explicit RenderLoop(const Scene& scene)
+  /// `taps`, unless null, see every tick of the node; a copy has none.
+  explicit RenderLoop(const Scene& scene, Taps<N>* taps = nullptr)
       : rate_hz_{scene.master_rate_hz},
         end_{to_duration(scene.duration_s)},
         device_{scene, Seconds{1.0 / scene.master_rate_hz}},
         environment_{scene.environment, scene.tool},
         node_{scene.control, environment_},
-        initial_energy_{scene.control.initial_energy + environment_.potential(device_.x())} {}
+        initial_energy_{scene.control.initial_energy + environment_.potential(device_.x())} {
+    taps_ = taps;
+  }
 
   template <class Visit>
   std::uint64_t run(Duration end, Visit visit) {
@@ -410,9 +402,6 @@ class RenderLoop {
     ticks_ = k;
     return static_cast<std::uint64_t>(k - from);
   }
-  std::uint64_t run_silently() {
-    return run(end_, [](const Row<N>&) { return true; });
-  }
 
   void be_quiet() noexcept { device_.hold(); }
   Kicked kick(const Velocity<N>& master, const Velocity<N>&) noexcept { return {device_.kick(master), false}; }
@@ -425,13 +414,11 @@ class RenderLoop {
 
  private:
   [[gnu::always_inline]] auto cycle(NoMail& mail, Duration now, Seconds dt) noexcept {
-    if constexpr (kTapped) {
-      if (taps_) return taps_->master.cycle(node_, device_, mail, Tick<MasterClock>{Instant<MasterClock>{now}, dt});
-    }
-    return run_cycle(node_, device_, mail, Tick<MasterClock>{Instant<MasterClock>{now}, dt});
+    const Tick<MasterClock> tick{Instant<MasterClock>{now}, dt};
+    return tapped_cycle(taps_ ? &taps_->master : nullptr, node_, device_, mail, tick);
   }
 
-  [[no_unique_address]] std::conditional_t<kTapped, NotCopied<Taps<N>>, Nothing> taps_;
+  NotCopied<Taps<N>> taps_;
   double rate_hz_;
   Duration end_;
   sim::SimDevice<N> device_;

@@ -10,12 +10,18 @@ namespace twoport::lab {
 template <int N, class Loop>
 class Compiled final : public Simulation<N> {
  public:
-  template <class... Taps>
-  explicit Compiled(const Scene& scene, Taps&... taps) : loop_{scene, taps...} {}
+  template <class... Arguments>
+  explicit Compiled(const Scene& scene, Arguments... arguments) : loop_{scene, arguments...} {}
   std::uint64_t run_until(Duration end, const typename Simulation<N>::Visit& visit) override {
     return loop_.run(end, visit);
   }
-  std::uint64_t run_silently() override { return loop_.run_silently(); }
+  std::uint64_t run_silently() override {
+    if constexpr (requires { loop_.run_silently(); }) {
+      return loop_.run_silently();
+    } else {
+      return Simulation<N>::run_silently();
+    }
+  }
   [[nodiscard]] std::unique_ptr<Simulation<N>> copy() const override { return std::make_unique<Compiled>(*this); }
   void be_quiet() override { loop_.be_quiet(); }
   Kicked kick(const Velocity<N>& master, const Velocity<N>& slave) override { return loop_.kick(master, slave); }
@@ -45,17 +51,10 @@ class Compiled final : public Simulation<N> {
 };
 
 template <int N>
-std::unique_ptr<Simulation<N>> make_recorded_simulation(const Scene& scene, Taps<N>& taps) {
-  if (scene.control.architecture == Architecture::render)
-    return std::make_unique<Compiled<N, RenderLoop<N, true>>>(scene, taps);
-  return std::make_unique<Compiled<N, LinkLoop<N, AnyMethod, true>>>(scene, taps);
-}
-
-template <int N>
-std::unique_ptr<Simulation<N>> make_simulation(const Scene& scene) {
+std::unique_ptr<Simulation<N>> make_simulation(const Scene& scene, Taps<N>* taps) {
   switch (scene.control.architecture) {
     case Architecture::render:
-      return std::make_unique<Compiled<N, RenderLoop<N>>>(scene);
+      return std::make_unique<Compiled<N, RenderLoop<N>>>(scene, taps);
     case Architecture::uncontrolled:
       return std::make_unique<Compiled<N, BodyLoop<N>>>(scene);
     default:
@@ -63,8 +62,8 @@ std::unique_ptr<Simulation<N>> make_simulation(const Scene& scene) {
       // faster.
       if ((scene.control.method_name == "CLASSIC" || scene.control.method_name == "FORCE_PROJECTED") &&
           scene.schedule.empty())
-        return std::make_unique<Compiled<N, LinkLoop<N, TimeDomainPassivity>>>(scene);
-      return std::make_unique<Compiled<N, LinkLoop<N>>>(scene);
+        return std::make_unique<Compiled<N, LinkLoop<N, TimeDomainPassivity>>>(scene, taps);
+      return std::make_unique<Compiled<N, LinkLoop<N>>>(scene, taps);
   }
 }
 

@@ -44,7 +44,9 @@ class Simulation {
   /// The same to the end of the scene.
   std::uint64_t run(const Visit& visit) { return run_until(end(), visit); }
   /// From the start to the end of the scene with nobody looking on.
-  virtual std::uint64_t run_silently() = 0;
+  virtual std::uint64_t run_silently() {
+    return run([](const Row<N>&) { return true; });
+  }
 
   /// Another one in the same state: both go on identically, and neither touches the other.
   [[nodiscard]] virtual std::unique_ptr<Simulation> copy() const = 0;
@@ -72,19 +74,13 @@ class Simulation {
   [[nodiscard]] virtual std::optional<LinkUse> link() const = 0;
 };
 
-/// The simulation that the scene needs: over a link, of a rendering, or of a robot alone.
+/// The simulation that the scene needs: over a link, of a rendering, or of a robot alone. `taps`, which must outlive it, see every
+/// tick of its nodes unless null.
 template <int N>
-std::unique_ptr<Simulation<N>> make_simulation(const Scene& scene);
+std::unique_ptr<Simulation<N>> make_simulation(const Scene& scene, Taps<N>* taps = nullptr);
 
-/// The same, over a link or of a rendering, with every tick of its nodes seen by `taps`, which must outlive it.
-template <int N>
-std::unique_ptr<Simulation<N>> make_recorded_simulation(const Scene& scene, Taps<N>& taps);
-
-extern template std::unique_ptr<Simulation<1>> make_simulation<1>(const Scene&);
-extern template std::unique_ptr<Simulation<3>> make_simulation<3>(const Scene&);
-extern template std::unique_ptr<Simulation<6>> make_simulation<6>(const Scene&);
-extern template std::unique_ptr<Simulation<1>> make_recorded_simulation<1>(const Scene&, Taps<1>&);
-extern template std::unique_ptr<Simulation<3>> make_recorded_simulation<3>(const Scene&, Taps<3>&);
-extern template std::unique_ptr<Simulation<6>> make_recorded_simulation<6>(const Scene&, Taps<6>&);
+extern template std::unique_ptr<Simulation<1>> make_simulation<1>(const Scene&, Taps<1>*);
+extern template std::unique_ptr<Simulation<3>> make_simulation<3>(const Scene&, Taps<3>*);
+extern template std::unique_ptr<Simulation<6>> make_simulation<6>(const Scene&, Taps<6>*);
 
 }  // namespace twoport::lab

@@ -27,9 +27,6 @@ class Stoppable final : public Simulation<N> {
       return visit(row);
     });
   }
-  std::uint64_t run_silently() override {
-    return this->run([](const Row<N>&) { return true; });
-  }
   [[nodiscard]] std::unique_ptr<Simulation<N>> copy() const override {
     return std::make_unique<Stoppable>(simulation_->copy(), *stop_);
   }

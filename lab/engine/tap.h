@@ -26,45 +26,41 @@ class SideTap final : public ReportTap<N> {
     tick_.sent = report;
   }
 
-  /// run_cycle, recorded.
-  template <class Node, class Plant, class Mail, class Clock>
-  auto cycle(Node& node, Plant& plant, Mail& mail, const Tick<Clock>& tick) noexcept {
+  /// Before a cycle of the node, and after it.
+  template <class Node, class Clock>
+  [[gnu::noinline]] void begin(const Node& node, const Tick<Clock>& tick) noexcept {
     tick_.now = tick.now.time_since_epoch();
     tick_.dt = tick.dt, tick_.ended = tick.ended;
     tick_.t_s = to_seconds(tick_.now).si();
     tick_.sends = false;
     if constexpr (requires { node.epoch(); }) tick_.epoch_before = tick_.epoch = node.epoch();
     received_.clear();
-    Reading<Plant> reading{plant, tick_};
-    const auto out = run_cycle(node, reading, mail, tick);
-    tick_.take_output(out);
-    write();
-    return out;
   }
-
- private:
-  template <class Plant>
-  struct Reading {
-    Plant& plant;
-    TickRecord<N>& into;
-    template <class Clock>
-    auto sense(const Tick<Clock>& tick) noexcept {
-      const auto sample = plant.sense(tick);
-      into.take(sample);
-      return sample;
-    }
-    void actuate(const auto& command) noexcept { plant.actuate(command); }
-  };
-
-  void write() noexcept {
+  template <class Plant, class Output>
+  [[gnu::noinline]] void end(const Plant& plant, const Output& out) noexcept {
+    tick_.take(plant.sense());
+    tick_.take_output(out);
     if (side_) side_->add(tick_, std::span<const Report<N>>{received_});
     ++tick_.number;
   }
 
+ private:
   std::optional<RecordingSide> side_;
   TickRecord<N> tick_;
   std::vector<Report<N>> received_;
 };
+
+/// run_cycle, seen by `tap` unless that is null. The plant must still give the reading of the cycle after it.
+template <int N, class Node, class Plant, class Mail, class Clock>
+[[gnu::always_inline]] inline auto tapped_cycle(SideTap<N>* tap, Node& node, Plant& plant, Mail& mail,
+                                                const Tick<Clock>& tick) noexcept {
+  if (tap != nullptr) [[unlikely]]
+    tap->begin(node, tick);
+  const auto out = run_cycle(node, plant, mail, tick);
+  if (tap != nullptr) [[unlikely]]
+    tap->end(plant, out);
+  return out;
+}
 
 /// Of both sides.
 template <int N>
@@ -89,6 +85,5 @@ class NotCopied {
  private:
   T* p_ = nullptr;
 };
-struct Nothing {};
 
 }  // namespace twoport::lab

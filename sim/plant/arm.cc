@@ -10,6 +10,7 @@
 #include <utility>
 
 #include "common/base/normal.h"
+#include "sim/plant/serial_arm.h"
 
 namespace twoport::sim {
 namespace {
@@ -416,21 +417,11 @@ void SerialArm<n>::sense_tool() noexcept {
 template class SerialArm<6>;
 template class SerialArm<7>;
 
-namespace {
-
-std::variant<SerialArm<7>, SerialArm<6>> with_joints(const ArmSpec& arm,
-                                                     const std::shared_ptr<const Environment<6>>& environment,
-                                                     double dt, const Position<6>& start,
-                                                     const std::optional<HandOnTool>& hand) {
-  if (arm.parameters->joints.size() == 7) return SerialArm<7>{arm, environment, dt, start, hand};
-  return SerialArm<6>{arm, environment, dt, start, hand};
+std::unique_ptr<ArmPlant> make_arm(const ArmSpec& arm, const std::shared_ptr<const Environment<6>>& environment,
+                                   double dt, const Position<6>& start, const std::optional<HandOnTool>& hand) {
+  if (arm.parameters->joints.size() == 7) return std::make_unique<SerialArm<7>>(arm, environment, dt, start, hand);
+  return std::make_unique<SerialArm<6>>(arm, environment, dt, start, hand);
 }
-
-}  // namespace
-
-ArmPlant::ArmPlant(const ArmSpec& arm, const std::shared_ptr<const Environment<6>>& environment, double dt,
-                   const Position<6>& start, const std::optional<HandOnTool>& hand)
-    : arm_{with_joints(arm, environment, dt, start, hand)} {}
 
 WristCompensation::WristCompensation(const ArmSpec& arm, const ForceSensorSpec& sensor, std::uint64_t seed) {
   const Eigen::Vector3d center = vector<3>(arm.tool_center_m);

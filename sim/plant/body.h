@@ -10,16 +10,10 @@
 
 #include "common/contact/environment.h"
 #include "common/scene/scene.h"
+#include "sim/plant/body_plant.h"
 #include "sim/plant/rosenbrock.h"
 
 namespace twoport::sim {
-
-/// Position and velocity of a robot's body, world axes.
-template <int N>
-struct BodyState {
-  Position<N> x;
-  Velocity<N> v;
-};
 
 /// The equation of motion of a mass (N = 1, 3) or a rigid body (N = 6) under a force f in an environment.
 ///

@@ -30,7 +30,7 @@ namespace twoport::sim {
 /// A tick with friction too stiff for explicit steps, or with more than kSteps steps or kCuts changes of mode, is
 /// RungeKuttaPlant's (RODAS).
 template <int N>
-class DormandPrincePlant {
+class DormandPrincePlant final : public BodyPlant<N> {
  public:
   using Vector = typename Body<N>::Vector;
 
@@ -92,15 +92,16 @@ class DormandPrincePlant {
     place(start);
   }
 
-  /// The environment's surfaces have other materials now.
-  void surfaces_have_changed() noexcept {
+  void surfaces_have_changed() noexcept override {
     look_for_friction();
     stiff_.surfaces_have_changed();
     place(body());
   }
 
-  /// One tick under the force f.
-  [[gnu::noinline]] BodyState<N> advance(Force<N> force) noexcept {
+  [[nodiscard]] std::unique_ptr<BodyPlant<N>> copy() const override {
+    return std::make_unique<DormandPrincePlant>(*this);
+  }
+  BodyState<N> advance(const Force<N>& force) noexcept override {
     const Vector f = port_vector<N>(force.vec());
     add_force(s_.rate, f - s_.held);
     s_.held = f;
@@ -140,7 +141,7 @@ class DormandPrincePlant {
     return body();
   }
   [[nodiscard]] BodyState<N> body() const noexcept { return body_at(s_.y); }
-  [[nodiscard]] Force<N> environment_force() const noexcept { return Force<N>{s_.environment}; }
+  [[nodiscard]] Force<N> environment_force() const noexcept override { return Force<N>{s_.environment}; }
 
   [[nodiscard]] const State& state() const noexcept { return s_; }
   /// Continues from `state`, of a plant of the same scene.
@@ -152,8 +153,7 @@ class DormandPrincePlant {
     evaluate<true>(s_.y, s_.held, rate, unused);
     std::swap(before_, found_);
   }
-  /// Adds dv to the velocity.
-  void kick(const Velocity<N>& dv) noexcept {
+  void kick(const Velocity<N>& dv) noexcept override {
     BodyState<N> now = body();
     now.v += dv;
     place(now);

@@ -6,7 +6,7 @@
 #include <variant>
 #include <vector>
 
-#include "sim/plant/body.h"
+#include "sim/plant/body_plant.h"
 #include "sim/plant/integrators.h"
 #include "sim/plant/linear.h"
 #include "sim/plant/wall_friction.h"

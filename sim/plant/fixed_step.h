@@ -12,7 +12,7 @@ namespace twoport::sim {
 /// A body under a held force in an environment by a textbook integrator in equal steps; contacts are
 /// detected at steps only. N = 6 steps momenta and attitude: symplectic Euler and Verlet as kick and drift.
 template <int N>
-class FixedStepPlant {
+class FixedStepPlant final : public BodyPlant<N> {
  public:
   using State = BodyState<N>;
 
@@ -25,8 +25,8 @@ class FixedStepPlant {
         any_(static_cast<std::size_t>(body_.environment().contacts()), kNearest),
         s_{start} {}
 
-  /// One tick under the force f.
-  [[gnu::noinline]] const BodyState<N>& advance(Force<N> force) noexcept {
+  [[nodiscard]] std::unique_ptr<BodyPlant<N>> copy() const override { return std::make_unique<FixedStepPlant>(*this); }
+  BodyState<N> advance(const Force<N>& force) noexcept override {
     const Vector f = port_vector<N>(force.vec());
     if constexpr (N == 6) {
       Motion m = body_.motion(s_);
@@ -42,13 +42,12 @@ class FixedStepPlant {
     }
     return s_;
   }
-  [[nodiscard]] Force<N> environment_force() const noexcept { return body_.environment().force(s_.x, s_.v); }
+  [[nodiscard]] Force<N> environment_force() const noexcept override { return body_.environment().force(s_.x, s_.v); }
 
   [[nodiscard]] const State& state() const noexcept { return s_; }
   /// Continues from `state`, of a plant of the same scene.
   void set_state(const State& state) noexcept { s_ = state; }
-  /// Adds dv to the velocity.
-  void kick(const Velocity<N>& dv) noexcept { s_.v += dv; }
+  void kick(const Velocity<N>& dv) noexcept override { s_.v += dv; }
 
  private:
   using Motion = typename Body<N>::Motion;

@@ -15,7 +15,7 @@ namespace twoport::sim {
 /// more than kPieces such steps (friction on a light body) is integrated by RODAS with error control; a body that turns
 /// without contact by its Taylor series.
 template <int N>
-class RungeKuttaPlant {
+class RungeKuttaPlant final : public BodyPlant<N> {
  public:
   using Vector = typename Body<N>::Vector;
   using Contacts = typename Body<N>::Contacts;
@@ -52,8 +52,7 @@ class RungeKuttaPlant {
     surfaces_have_changed();
   }
 
-  /// The environment's surfaces have other materials now.
-  void surfaces_have_changed() noexcept {
+  void surfaces_have_changed() noexcept override {
     double stiffness = 0.0, damping = 0.0;
     friction_ = 0.0;
     for (const Surface& s : body_.environment().world().surfaces) {
@@ -71,8 +70,8 @@ class RungeKuttaPlant {
     s_.slope = body_.slope(s_.motion, s_.held, s_.touched);
   }
 
-  /// One tick under the force f.
-  [[gnu::noinline]] BodyState<N> advance(Force<N> force) noexcept {
+  [[nodiscard]] std::unique_ptr<BodyPlant<N>> copy() const override { return std::make_unique<RungeKuttaPlant>(*this); }
+  BodyState<N> advance(const Force<N>& force) noexcept override {
     const Vector f = port_vector<N>(force.vec());
     if constexpr (N == 6)
       s_.slope.p += f - s_.held;
@@ -113,13 +112,12 @@ class RungeKuttaPlant {
     return body();
   }
   [[nodiscard]] BodyState<N> body() const noexcept { return {s_.motion.at.x, Velocity<N>{s_.slope.v}}; }
-  [[nodiscard]] Force<N> environment_force() const noexcept { return Force<N>{s_.slope.environment}; }
+  [[nodiscard]] Force<N> environment_force() const noexcept override { return Force<N>{s_.slope.environment}; }
 
   [[nodiscard]] const State& state() const noexcept { return s_; }
   /// Continues from `state`, of a plant of the same scene.
   void set_state(const State& state) noexcept { s_ = state; }
-  /// Adds dv to the velocity.
-  void kick(const Velocity<N>& dv) noexcept {
+  void kick(const Velocity<N>& dv) noexcept override {
     const BodyState<N> now = body();
     s_.motion = body_.motion({now.x, now.v + dv});
     s_.slope = body_.slope(s_.motion, s_.held, s_.touched);

@@ -14,6 +14,7 @@
 
 #include "common/arm/arm_model.h"
 #include "common/scene/load.h"
+#include "sim/plant/serial_arm.h"
 #include "sim/sim_device.h"
 #include "tests/support/no_alloc.h"
 

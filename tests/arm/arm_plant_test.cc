@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "common/scene/load.h"
+#include "sim/plant/serial_arm.h"
 #include "sim/sim_robot.h"
 #include "tests/support/no_alloc.h"
 

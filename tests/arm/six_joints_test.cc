@@ -17,6 +17,7 @@
 #include "common/base/check.h"
 #include "common/scene/arm.h"
 #include "common/scene/load.h"
+#include "sim/plant/serial_arm.h"
 #include "sim/sim_robot.h"
 
 #ifdef TWOPORT_KDL

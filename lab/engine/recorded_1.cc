@@ -1,7 +1,0 @@
-#include "lab/engine/make_simulation.h"
-
-namespace twoport::lab {
-
-template std::unique_ptr<Simulation<1>> make_recorded_simulation<1>(const Scene&, Taps<1>&);
-
-}  // namespace twoport::lab

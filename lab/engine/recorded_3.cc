@@ -1,7 +1,0 @@
-#include "lab/engine/make_simulation.h"
-
-namespace twoport::lab {
-
-template std::unique_ptr<Simulation<3>> make_recorded_simulation<3>(const Scene&, Taps<3>&);
-
-}  // namespace twoport::lab

@@ -1,7 +1,0 @@
-#include "lab/engine/make_simulation.h"
-
-namespace twoport::lab {
-
-template std::unique_ptr<Simulation<6>> make_recorded_simulation<6>(const Scene&, Taps<6>&);
-
-}  // namespace twoport::lab
