@@ -33,7 +33,7 @@ namespace twoport {
 template <int N>
 class MountedDevice final : public Device<N> {
  public:
-  MountedDevice(std::unique_ptr<Device<N>> device, const DeviceMount& mount)
+  MountedDevice(std::shared_ptr<Device<N>> device, const DeviceMount& mount)
       : device_{std::move(device)},
         m_{mount},
         maps_{!(mount == DeviceMount{})},
@@ -224,7 +224,7 @@ class MountedDevice final : public Device<N> {
   }
   static auto translation(const Force<N>& f) noexcept { return f.vec().template head<kAxes>(); }
 
-  std::unique_ptr<Device<N>> device_;
+  std::shared_ptr<Device<N>> device_;
   DeviceMount m_;
   bool maps_;
   DeviceInfo info_;
@@ -251,7 +251,7 @@ class MountedDevice final : public Device<N> {
 template <int N>
 class MountedRobot final : public Robot<N> {
  public:
-  MountedRobot(std::unique_ptr<Robot<N>> robot, const RobotMount& mount) : robot_{std::move(robot)}, m_{mount} {
+  MountedRobot(std::shared_ptr<Robot<N>> robot, const RobotMount& mount) : robot_{std::move(robot)}, m_{mount} {
     const Eigen::Vector3d weight = m_.tool_mass_kg * m_.gravity_m_per_s2;
     for (int i = 0; i < std::min(N, 3); ++i) fixed_[i] = (N == 1 ? 0.0 : weight[i]) - (N == 6 ? 0.0 : m_.bias[i]);
     corrects_ = m_.tool_mass_kg > 0.0 || m_.bias.squaredNorm() > 0.0;
@@ -297,7 +297,7 @@ class MountedRobot final : public Robot<N> {
   [[nodiscard]] const RobotTruth<N>* truth() const noexcept override { return robot_->truth(); }
 
  private:
-  std::unique_ptr<Robot<N>> robot_;
+  std::shared_ptr<Robot<N>> robot_;
   RobotMount m_;
   typename Force<N>::Vector fixed_ = Force<N>::Vector::Zero();
   RobotSample<N> last_;  ///< the last one that was finite

@@ -250,7 +250,6 @@ class Guarded {
     call("release", [](Interface& h) { h.release(); });
     failed_ = failed_ || failed;
   }
-  [[nodiscard]] const Interface& hardware() const { return hardware_; }
   [[nodiscard]] const std::string& trouble() const { return trouble_; }
 
  private:
@@ -260,131 +259,143 @@ class Guarded {
   Seconds not_finite_;
 };
 
+DeviceInfo described(const plugin::DeviceInfo& from) {
+  DeviceInfo info;
+  info.name = name_of(from.name);
+  info.max_force_n = from.peak_force_n;
+  info.mass_kg = from.mass_kg;
+  info.inertia_kg_m2 = from.inertia_kg_m2;
+  info.limits.torque_n_m = from.peak_torque_n_m;
+  info.watchdog = Seconds{from.watchdog_s};
+  info.dof = from.dof;
+  std::copy_n(from.workspace_m, 3, info.workspace_m.begin());
+  info.continuous_force_n = from.continuous_force_n;
+  info.resolution_m = from.resolution_m;
+  info.rate_hz = from.rate_hz;
+  info.buttons = from.buttons;
+  info.gripper = from.gripper;
+  return info;
+}
+RobotInfo described(const plugin::RobotInfo& from) {
+  RobotInfo info;
+  info.name = name_of(from.name);
+  info.has_force_sensor = from.has_force_sensor;
+  info.limits.force_n = from.max_force_n;
+  info.limits.torque_n_m = from.max_torque_n_m;
+  info.limits.speed_m_per_s = from.max_speed_m_per_s;
+  info.limits.workspace_m = from.workspace_m;
+  info.watchdog = Seconds{from.watchdog_s};
+  return info;
+}
 template <int N>
-class PluginDevice final : public Device<N> {
- public:
-  PluginDevice(Opened<plugin::Device> opened, const std::string& path) : PluginDevice{*opened.hardware, path} {
-    owned_ = std::move(opened.hardware);
-    if (opened.gripper != nullptr) gripper_ = std::make_unique<PluginDevice<1>>(*opened.gripper, path);
-    info_.gripper = info_.gripper || gripper_;
+void read(const plugin::DeviceReading& r, DeviceSample<N>& s) {
+  s = {.x = position<N>(r.position_m, r.attitude),
+       .v = coords<Velocity<N>>(r.velocity),
+       .applied = coords<Force<N>>(r.applied),
+       .status = status_of(r.status),
+       .buttons = r.buttons,
+       .held = r.held};
+}
+template <int N>
+void read(const plugin::RobotReading& r, RobotSample<N>& s) {
+  s = {.x = position<N>(r.position_m, r.attitude),
+       .v = coords<Velocity<N>>(r.velocity),
+       .f_environment = coords<Force<N>>(r.force),
+       .ideal = r.ideal,
+       .status = status_of(r.status)};
+}
+template <int N>
+bool finite(const DeviceSample<N>& s) {
+  return all_finite(s.x, s.v, s.applied);
+}
+template <int N>
+bool finite(const RobotSample<N>& s) {
+  return all_finite(s.x, s.v, s.f_environment);
+}
+template <int N>
+void command(plugin::Device& device, const Force<N>& f) {
+  double six[6]{};
+  store(f, six);
+  device.actuate(six);
+}
+template <int N>
+void command(plugin::Robot& robot, const RobotCommand<N>& c) {
+  plugin::RobotCommand plain;
+  store(c.f, plain.force);
+  store(c.v_d, plain.velocity);
+  for (int i = 0; i < std::min(N, 3); ++i) plain.position_m[i] = c.x_d.translation()[i];
+  if constexpr (N == 6) {
+    const Eigen::Quaterniond& q = c.x_d.attitude();
+    const double attitude[]{q.w(), q.x(), q.y(), q.z()};
+    std::copy_n(attitude, 4, plain.attitude);
   }
-  /// `device` must outlive this object.
-  PluginDevice(plugin::Device& device, const std::string& path) : device_{device, path} {
-    const plugin::DeviceInfo from = device_.hardware().info();
-    info_.name = name_of(from.name);
-    info_.max_force_n = from.peak_force_n;
-    info_.mass_kg = from.mass_kg;
-    info_.inertia_kg_m2 = from.inertia_kg_m2;
-    info_.limits.torque_n_m = from.peak_torque_n_m;
-    info_.watchdog = Seconds{from.watchdog_s};
-    info_.dof = from.dof;
-    std::copy_n(from.workspace_m, 3, info_.workspace_m.begin());
-    info_.continuous_force_n = from.continuous_force_n;
-    info_.resolution_m = from.resolution_m;
-    info_.rate_hz = from.rate_hz;
-    info_.buttons = from.buttons;
-    info_.gripper = from.gripper;
-  }
-  [[nodiscard]] DeviceInfo info() const override { return info_; }
-  DeviceSample<N> sense(const Tick<MasterClock>& tick) noexcept override {
-    plugin::DeviceReading r;
-    if (!device_.call("sense", [&](plugin::Device& d) {
-          r = d.sense(to_seconds(tick.now.time_since_epoch()).si(), tick.ended.si());
-        })) [[unlikely]] {
-      last_.status = HardwareStatus::fault;
-      return last_;
-    }
-    last_ = {.x = position<N>(r.position_m, r.attitude),
-             .v = coords<Velocity<N>>(r.velocity),
-             .applied = coords<Force<N>>(r.applied),
-             .status = status_of(r.status),
-             .buttons = r.buttons,
-             .held = r.held};
-    if (!device_.plausible(all_finite(last_.x, last_.v, last_.applied), tick.ended))
-      last_.status = HardwareStatus::fault;
-    return last_;
-  }
-  void actuate(const Force<N>& f) noexcept override {
-    double six[6]{};
-    store(f, six);
-    device_.call("actuate", [&](plugin::Device& d) { d.actuate(six); });
-  }
-  void start() noexcept override {
-    device_.call("start", [](plugin::Device& d) { d.start(); });
-  }
-  void release() noexcept override { device_.release(); }
-  [[nodiscard]] std::string trouble() const override { return device_.trouble(); }
-  [[nodiscard]] Device<1>* gripper() noexcept override { return gripper_.get(); }
+  robot.actuate(plain);
+}
 
- private:
-  std::unique_ptr<plugin::Device> owned_;  ///< null for a gripper
-  Guarded<plugin::Device> device_;
-  DeviceInfo info_;
-  DeviceSample<N> last_;
-  std::unique_ptr<PluginDevice<1>> gripper_;
+/// The types of a Device or Robot, and of its plug-ins.
+template <template <int> class Hardware, int N>
+struct Types {
+  using Interface = plugin::Device;
+  using Info = DeviceInfo;
+  using Reading = plugin::DeviceReading;
+  using Sample = DeviceSample<N>;
+  using Command = Force<N>;
+  using Clock = MasterClock;
+};
+template <int N>
+struct Types<Robot, N> {
+  using Interface = plugin::Robot;
+  using Info = RobotInfo;
+  using Reading = plugin::RobotReading;
+  using Sample = RobotSample<N>;
+  using Command = RobotCommand<N>;
+  using Clock = SlaveClock;
 };
 
-template <int N>
-class PluginRobot final : public Robot<N> {
+template <template <int> class Hardware, int N>
+class Plugin final : public Hardware<N> {
+  using T = Types<Hardware, N>;
+  using Interface = typename T::Interface;
+
  public:
-  PluginRobot(Opened<plugin::Robot> opened, const std::string& path) : PluginRobot{*opened.hardware, path} {
+  Plugin(Opened<Interface> opened, const std::string& path) : Plugin{*opened.hardware, path} {
     owned_ = std::move(opened.hardware);
-    if (opened.gripper != nullptr) gripper_ = std::make_unique<PluginRobot<1>>(*opened.gripper, path);
+    if (opened.gripper == nullptr) return;
+    gripper_ = std::make_unique<Plugin<Hardware, 1>>(*opened.gripper, path);
+    if constexpr (kIsDevice<Interface>) info_.gripper = true;
   }
-  /// `robot` must outlive this object.
-  PluginRobot(plugin::Robot& robot, const std::string& path) : robot_{robot, path} {
-    const plugin::RobotInfo from = robot_.hardware().info();
-    info_.name = name_of(from.name);
-    info_.has_force_sensor = from.has_force_sensor;
-    info_.limits.force_n = from.max_force_n;
-    info_.limits.torque_n_m = from.max_torque_n_m;
-    info_.limits.speed_m_per_s = from.max_speed_m_per_s;
-    info_.limits.workspace_m = from.workspace_m;
-    info_.watchdog = Seconds{from.watchdog_s};
-  }
-  [[nodiscard]] RobotInfo info() const override { return info_; }
-  RobotSample<N> sense(const Tick<SlaveClock>& tick) noexcept override {
-    plugin::RobotReading r;
-    if (!robot_.call("sense", [&](plugin::Robot& d) {
-          r = d.sense(to_seconds(tick.now.time_since_epoch()).si(), tick.ended.si());
+  /// `hardware` must outlive this object.
+  Plugin(Interface& hardware, const std::string& path) : hardware_{hardware, path}, info_{described(hardware.info())} {}
+
+  [[nodiscard]] typename T::Info info() const override { return info_; }
+  typename T::Sample sense(const Tick<typename T::Clock>& tick) noexcept override {
+    typename T::Reading r;
+    if (!hardware_.call("sense", [&](Interface& h) {
+          r = h.sense(to_seconds(tick.now.time_since_epoch()).si(), tick.ended.si());
         })) [[unlikely]] {
       last_.status = HardwareStatus::fault;
       return last_;
     }
-    last_ = {.x = position<N>(r.position_m, r.attitude),
-             .v = coords<Velocity<N>>(r.velocity),
-             .f_environment = coords<Force<N>>(r.force),
-             .ideal = r.ideal,
-             .status = status_of(r.status)};
-    if (!robot_.plausible(all_finite(last_.x, last_.v, last_.f_environment), tick.ended))
-      last_.status = HardwareStatus::fault;
+    read(r, last_);
+    if (!hardware_.plausible(finite(last_), tick.ended)) last_.status = HardwareStatus::fault;
     return last_;
   }
-  void actuate(const RobotCommand<N>& c) noexcept override {
-    plugin::RobotCommand plain;
-    store(c.f, plain.force);
-    store(c.v_d, plain.velocity);
-    for (int i = 0; i < std::min(N, 3); ++i) plain.position_m[i] = c.x_d.translation()[i];
-    if constexpr (N == 6) {
-      const Eigen::Quaterniond& q = c.x_d.attitude();
-      const double attitude[]{q.w(), q.x(), q.y(), q.z()};
-      std::copy_n(attitude, 4, plain.attitude);
-    }
-    robot_.call("actuate", [&](plugin::Robot& d) { d.actuate(plain); });
+  void actuate(const typename T::Command& c) noexcept override {
+    hardware_.call("actuate", [&](Interface& h) { command(h, c); });
   }
   void start() noexcept override {
-    robot_.call("start", [](plugin::Robot& d) { d.start(); });
+    hardware_.call("start", [](Interface& h) { h.start(); });
   }
-  void release() noexcept override { robot_.release(); }
-  [[nodiscard]] std::string trouble() const override { return robot_.trouble(); }
-  [[nodiscard]] Robot<1>* gripper() noexcept override { return gripper_.get(); }
+  void release() noexcept override { hardware_.release(); }
+  [[nodiscard]] std::string trouble() const override { return hardware_.trouble(); }
+  [[nodiscard]] Hardware<1>* gripper() noexcept override { return gripper_.get(); }
 
  private:
-  std::unique_ptr<plugin::Robot> owned_;  ///< null for a gripper
-  Guarded<plugin::Robot> robot_;
-  RobotInfo info_;
-  RobotSample<N> last_;
-  std::unique_ptr<PluginRobot<1>> gripper_;
+  std::unique_ptr<Interface> owned_;  ///< null for a gripper
+  Guarded<Interface> hardware_;
+  typename T::Info info_;
+  typename T::Sample last_;
+  std::unique_ptr<Plugin<Hardware, 1>> gripper_;
 };
 
 }  // namespace
@@ -400,11 +411,8 @@ std::optional<PluginChoice> plugin_choice(const std::string& choice) {
 
 template <template <int> class Hardware, int N>
 std::unique_ptr<Hardware<N>> open_plugin(const std::string& flag, const PluginChoice& choice, Seconds period) {
-  if constexpr (std::is_same_v<Hardware<N>, Device<N>>) {
-    return std::make_unique<PluginDevice<N>>(open<plugin::Device>(flag, choice, N, period), choice.path);
-  } else {
-    return std::make_unique<PluginRobot<N>>(open<plugin::Robot>(flag, choice, N, period), choice.path);
-  }
+  using Interface = typename Types<Hardware, N>::Interface;
+  return std::make_unique<Plugin<Hardware, N>>(open<Interface>(flag, choice, N, period), choice.path);
 }
 
 #define TWOPORT_OPEN(Hardware, N) \

@@ -44,9 +44,9 @@ class DelayLine {
   void end_blackouts() noexcept { impairment_.end_blackouts(); }
   /// Changes delay, jitter and loss of the packets put in from now on.
   void adjust(double delay_s, double jitter_s, double loss) noexcept { impairment_.adjust(delay_s, jitter_s, loss); }
-  /// Does every packet pass at once?
-  [[nodiscard]] bool unimpaired() const noexcept {
-    return impairment_.certain() && impairment_.fixed_delay() == Duration{0};
+  /// Would every packet pass at once, and is none under way?
+  [[nodiscard]] bool passes() const noexcept {
+    return impairment_.certain() && impairment_.fixed_delay() == Duration{0} && queue_.empty();
   }
 
   [[nodiscard]] std::uint64_t lost() const noexcept { return lost_; }

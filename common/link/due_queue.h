@@ -53,6 +53,7 @@ class DueQueue {
     --size_;
     return entry;
   }
+  [[nodiscard]] bool empty() const noexcept { return size_ == 0; }
 
  private:
   /// Moments and delays are each rounded to a nanosecond; without this slack 2 ticks of delay at 3 kHz are sometimes 3.

@@ -10,7 +10,12 @@ constexpr int kMaxPerTick = 256;        // datagrams asked for; a flood must not
 constexpr int kMaxOthersPerTick = 128;  // of those from unpaired addresses
 constexpr std::size_t kBurst = 512;     // datagrams at once that the peer's line has room for
 constexpr std::size_t kOthersRoom = 512;
-constexpr std::uint64_t kOthersStream = 0x6f7468657273;  // makes their fates differ from the peer's
+// These make their fates differ from the peer's.
+constexpr std::uint64_t kOthersStream = 0x6f7468657273, kOutgoingStream = 0x6f7574;
+
+std::size_t room(double delay_s, double rate_hz) {
+  return static_cast<std::size_t>(delay_s * rate_hz);
+}
 
 }  // namespace
 
@@ -18,12 +23,22 @@ ImpairedSocket::ImpairedSocket(DatagramSocket& socket, const ImpairedSocketOptio
     : socket_{&socket},
       peer_is_given_{o.peer.has_value()},
       peer_{o.peer},
-      of_peer_{o.incoming, o.seed, kBurst + packets_in_flight(o.incoming, o.peer_rate_hz)},
+      of_peer_{o.incoming, o.seed,
+               kBurst + packets_in_flight(o.incoming, o.peer_rate_hz) + room(o.longest_set_s, o.peer_rate_hz)},
       of_others_{o.incoming, o.seed ^ kOthersStream, kOthersRoom},
-      passes_{of_peer_.unimpaired()} {}
+      outgoing_{{}, o.seed ^ kOutgoingStream, o.rate_hz > 0.0 ? kBurst + room(o.longest_set_s, o.rate_hz) : 1} {}
+
+void ImpairedSocket::set_incoming(const Direction& d) noexcept {
+  of_peer_.adjust(d.delay_s, d.jitter_s, d.loss);
+  of_others_.adjust(d.delay_s, d.jitter_s, d.loss);
+}
 
 bool ImpairedSocket::send(std::span<const std::byte> bytes, const Endpoint& to, Duration now) noexcept {
-  return socket_->send(bytes, to, now);
+  if (outgoing_.passes()) [[likely]]
+    return socket_->send(bytes, to, now);
+  if (bytes.size() > kMaxDatagramBytes) return false;
+  outgoing_.put(ReceivedDatagram{bytes, to, now}, now);
+  return true;
 }
 
 std::optional<ReceivedDatagram> ImpairedSocket::receive(Duration now) noexcept {
@@ -31,8 +46,10 @@ std::optional<ReceivedDatagram> ImpairedSocket::receive(Duration now) noexcept {
     tick_ = now;
     left_ = kMaxPerTick;
     others_left_ = kMaxOthersPerTick;
+    while (const Datagram* due = outgoing_.take(now)) socket_->send(due->bytes(), due->from, now);
   }
-  if (passes_) return accepted(now);
+  // Nothing is impaired: datagrams pass as they are, without a copy.
+  if (of_peer_.passes() && of_others_.passes()) return accepted(now);
   while (const std::optional<ReceivedDatagram> datagram = accepted(now)) {
     const Duration since_start = start_ ? datagram->arrived - *start_ : kBeforeTheRun;
     (datagram->from == peer_ ? of_peer_ : of_others_).put(*datagram, datagram->arrived, since_start);
@@ -77,8 +94,8 @@ SocketCounts ImpairedSocket::counts() const noexcept {
   SocketCounts counts = socket_->counts();
   counts.rejected += rejected_;
   counts.rejected.flood += of_others_.overflowed();
-  counts.lost += of_peer_.lost() + of_others_.lost();
-  counts.overflowed += of_peer_.overflowed();
+  counts.lost += of_peer_.lost() + of_others_.lost() + outgoing_.lost();
+  counts.overflowed += of_peer_.overflowed() + outgoing_.overflowed();
   return counts;
 }
 

@@ -9,7 +9,6 @@
 #include <string>
 
 #include "common/base/histogram.h"
-#include "common/link/adjustable_socket.h"
 #include "common/link/clock_offset.h"
 #include "common/link/impaired_socket.h"
 #include "common/link/mailbox.h"
@@ -44,9 +43,7 @@ class LiveLink {
                                       arguments.insecure)},
         peer_{side == Side::master ? std::optional{where_} : std::nullopt},
         udp_{peer_ ? UdpSocket{any_port_toward(*peer_), *peer_} : UdpSocket{where_}},
-        adjustable_{adjustable
-                        ? std::make_unique<AdjustableSocket>(udp_, where_, room(side, scene), scene.seed ^ kPageStream)
-                        : nullptr},
+        adjustable_{adjustable ? std::make_unique<ImpairedSocket>(udp_, of_page(side, scene, where_)) : nullptr},
         network_{adjustable_ ? static_cast<DatagramSocket&>(*adjustable_) : udp_, network(side, scene, peer_)},
         secure_{secured()},
         mail_{Transport{side == Side::master ? limits_of_slave_reports(scene.control)
@@ -110,7 +107,7 @@ class LiveLink {
   }
 
   /// Changes what is added to the scene's network, where the link is adjustable.
-  void adjust(bool outgoing, const AdjustableSocket::Direction& d) noexcept {
+  void adjust(bool outgoing, const ImpairedSocket::Direction& d) noexcept {
     if (!adjustable_) return;
     if (outgoing) {
       adjustable_->set_outgoing(d);
@@ -151,11 +148,14 @@ class LiveLink {
 
  private:
   static constexpr std::uint64_t kPageStream = 0x70616765;
-  static AdjustableSocket::Room room(Side side, const Scene& scene) {
-    const bool master = side == Side::master;
-    return {.longest_delay_s = 1e-3 * (kPageDelayMs + 10.0 * kPageJitterMs),
-            .outgoing_hz = master ? scene.master_rate_hz : scene.slave_rate_hz,
-            .incoming_hz = master ? scene.slave_rate_hz : scene.master_rate_hz};
+  /// In addition to the scene's network, and none at first.
+  static ImpairedSocketOptions of_page(Side side, const Scene& scene, const Endpoint& peer) {
+    ImpairedSocketOptions o = network(side, scene, peer);
+    o.incoming = {};
+    o.seed = scene.seed ^ kPageStream;
+    o.rate_hz = side == Side::master ? scene.master_rate_hz : scene.slave_rate_hz;
+    o.longest_set_s = 1e-3 * (kPageDelayMs + 10.0 * kPageJitterMs);
+    return o;
   }
   std::unique_ptr<SecureSocket> secured() {
     if (key_file_.empty()) return nullptr;
@@ -229,7 +229,7 @@ class LiveLink {
   // The stack, from the wire up.
   std::atomic<spdlog::logger*> log_{nullptr};
   UdpSocket udp_;
-  std::unique_ptr<AdjustableSocket> adjustable_;
+  std::unique_ptr<ImpairedSocket> adjustable_;  ///< null: without a page
   ImpairedSocket network_;
   std::unique_ptr<SecureSocket> secure_;  ///< null: without a key
   Mailbox<N, Transport> mail_;

@@ -332,5 +332,108 @@ TEST(ImpairedSocket, DoesNotAllocate) {
   EXPECT_GT(heard, 1000U);
 }
 
+// ---- the same, changed while it runs
+
+ImpairedSocketOptions adjustable(const Endpoint& peer, double longest_s = 1.0, double rate_hz = 1000.0) {
+  return {.seed = 7, .peer_rate_hz = rate_hz, .peer = peer, .rate_hz = rate_hz, .longest_set_s = longest_s};
+}
+
+TEST(AdjustedSocket, AddsNothingAtFirst) {
+  MemoryNetwork network;
+  MemorySocket below = network.open(kA, 0ms), there = network.open(kB, 0ms);
+  ImpairedSocket here{below, adjustable(kB)};
+  here.send(bytes("a"), kB, 1ms);
+  EXPECT_EQ(text(there.receive(2ms)), "a");
+  there.send(bytes("b"), kA, 2ms);
+  EXPECT_EQ(text(here.receive(3ms)), "b");
+  EXPECT_EQ(text(here.receive(3ms)), "nothing");
+}
+
+TEST(AdjustedSocket, DelaysEachDirectionByItsOwn) {
+  MemoryNetwork network;
+  MemorySocket below = network.open(kA, 0ms), there = network.open(kB, 0ms);
+  ImpairedSocket here{below, adjustable(kB)};
+  here.set_outgoing({.delay_s = 0.020});
+  here.set_incoming({.delay_s = 0.005});
+  here.send(bytes("a"), kB, 1ms);
+  there.send(bytes("b"), kA, 1ms);
+  for (int t = 2; t <= 20; ++t) {
+    const std::string got = text(here.receive(t * 1ms));
+    EXPECT_EQ(got, t == 6 ? "b" : "nothing") << t;
+    EXPECT_EQ(text(there.receive(t * 1ms + 1us)), "nothing") << t;
+  }
+  (void)text(here.receive(21ms));
+  EXPECT_EQ(text(there.receive(21ms + 1us)), "a");
+}
+
+TEST(AdjustedSocket, WhatIsOnItsWayIsNotOvertaken) {
+  MemoryNetwork network;
+  MemorySocket below = network.open(kA, 0ms), there = network.open(kB, 0ms);
+  ImpairedSocket here{below, adjustable(kB)};
+  here.set_outgoing({.delay_s = 0.010});
+  here.send(bytes("old"), kB, 0ms);
+  here.set_outgoing({});
+  here.send(bytes("new"), kB, 1ms);  // due at once, with the next receive
+  std::string order;
+  for (int t = 2; t < 15; ++t) {
+    (void)text(here.receive(t * 1ms));
+    const std::string got = text(there.receive(t * 1ms + 1us));
+    if (got != "nothing") order += got + " ";
+  }
+  EXPECT_EQ(order, "new old ");  // a shorter delay reorders, as on a network whose route changes
+  here.send(bytes("direct"), kB, 20ms);
+  EXPECT_EQ(text(there.receive(20ms + 1us)), "direct") << "once the line is empty datagrams pass at once again";
+}
+
+TEST(AdjustedSocket, LosesTheStatedShareAndCountsIt) {
+  MemoryNetwork network{1, 4096};
+  MemorySocket below = network.open(kA, 0ms), there = network.open(kB, 0ms);
+  ImpairedSocket here{below, adjustable(kB)};
+  here.set_outgoing({.loss = 0.3});
+  int arrived = 0;
+  constexpr int kSent = 4000;
+  for (int t = 1; t <= kSent; ++t) {
+    here.send(bytes("x"), kB, t * 1ms);
+    (void)here.receive(t * 1ms + 1us);
+    while (there.receive(t * 1ms + 2us)) ++arrived;
+  }
+  EXPECT_NEAR(arrived, 0.7 * kSent, 4 * std::sqrt(0.21 * kSent));  // four standard deviations
+  EXPECT_EQ(here.counts().lost + static_cast<std::uint64_t>(arrived), kSent);
+}
+
+// A flood of others: the peer's datagrams arrive as they would without it.
+TEST(AdjustedSocket, DropsAndCountsWhatIsNotOfThePeer) {
+  MemoryNetwork network{1, 4096};
+  MemorySocket below = network.open(kA, 0ms), there = network.open(kB, 0ms);
+  MemorySocket stranger = network.open(kC, 0ms);
+  ImpairedSocket here{below, adjustable(kB, 0.1, 10.0)};  // room for 512 datagrams and few more
+  here.set_incoming({.delay_s = 0.1});
+  for (int k = 0; k < 1000; ++k) {
+    stranger.send(bytes("flood"), kA, k * 50us);
+    EXPECT_EQ(text(here.receive(k * 50us + 1us)), "nothing");
+  }
+  there.send(bytes("of the peer"), kA, 51ms);
+  EXPECT_EQ(text(here.receive(52ms)), "nothing");
+  EXPECT_EQ(text(here.receive(150ms)), "nothing");
+  EXPECT_EQ(text(here.receive(152ms)), "of the peer");
+  EXPECT_EQ(here.counts().rejected.foreign_address, 1000u);
+  EXPECT_EQ(here.counts().overflowed, 0u);
+}
+
+TEST(AdjustedSocket, AllocatesNothing) {
+  MemoryNetwork network;
+  MemorySocket below = network.open(kA, 0ms), there = network.open(kB, 0ms);
+  ImpairedSocket here{below, adjustable(kB)};
+  const NoAlloc guard;
+  for (int t = 1; t < 200; ++t) {
+    here.set_outgoing({.delay_s = 1e-3 * (t % 9), .jitter_s = 1e-3 * (t % 3), .loss = 0.1 * (t % 2)});
+    here.set_incoming({.delay_s = 1e-3 * (t % 5), .jitter_s = 0.0, .loss = 0.1});
+    here.send(bytes("x"), kB, t * 1ms);
+    there.send(bytes("y"), kA, t * 1ms);
+    (void)here.receive(t * 1ms + 1us);
+  }
+  EXPECT_EQ(guard.seen(), 0);
+}
+
 }  // namespace
 }  // namespace twoport
