@@ -54,15 +54,8 @@ class LivePage {
     while (channel_.commands.try_pop(command)) apply(command);
   }
 
-  /// Of the gripper's coupling.
-  struct Gripper {
-    double hand_m = 0.0, robot_m = 0.0;  ///< openings of the handle's gripper and of the fingers
-    double felt_n = 0.0;                 ///< force on the hand
-    double object_n = 0.0;               ///< force of the fingers on the object, as measured
-    double energy_j = 0.0;               ///< that the hand has put in, as observed
-  };
-  /// Before show().
-  void note_gripper(const Gripper& gripper) noexcept { gripper_ = gripper; }
+  /// The next sample: before show(), for the gripper's fields.
+  [[nodiscard]] PageSample& next() noexcept { return next_; }
 
   /// Before show(): what the slave has said of its environment.
   void note_environment(const EnvironmentMessage& e) noexcept { environment_ = e; }
@@ -74,7 +67,7 @@ class LivePage {
     late_ = std::max(late_, late);
     dissipated_j_ += out.dissipated.si();
     if (++tick_ % every_ != 0) return;
-    PageSample s;
+    PageSample& s = next_;
     s.t_s = to_seconds(now).si();
     put(device.x, s.hand_x_m, s.hand_attitude);
     put(-out.command, s.felt_n, &s.felt_n_m);
@@ -108,14 +101,9 @@ class LivePage {
     s.late_us = 1e6 * to_seconds(late_).si();
     s.epoch = static_cast<double>(epoch);
     s.held = channel_.pointer.held ? 1.0 : 0.0;
-    s.gripper_hand_m = gripper_.hand_m;
-    s.gripper_robot_m = gripper_.robot_m;
-    s.gripper_felt_n = gripper_.felt_n;
-    s.gripper_object_n = gripper_.object_n;
-    s.gripper_energy_j = gripper_.energy_j;
     s.environment_answer = static_cast<double>(environment_.answer);
     s.environment_energy_j = environment_.energy_j;
-    for (std::size_t i = 0; i < environment_.count; ++i) {
+    for (std::size_t i = 0; i < environment_.surface.size(); ++i) {
       s.surface_stiffness_n_per_m[i] = environment_.surface[i].stiffness_n_per_m;
       s.surface_friction[i] = environment_.surface[i].friction;
     }
@@ -143,7 +131,7 @@ class LivePage {
   std::int64_t tick_ = 0, every_ = 1;
   Duration late_{0};
   double dissipated_j_ = 0.0;
-  Gripper gripper_;
+  PageSample next_;
   EnvironmentMessage environment_;
   std::optional<PageServer> server_;
 };

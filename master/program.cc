@@ -246,12 +246,14 @@ struct LinkMaster : Master<N> {
                 const typename MasterNode<N>::Output& out) noexcept {
     if (!this->page) [[likely]]
       return;
-    if (gripper)
-      this->page->note_gripper({.hand_m = gripper->sample().x.translation()[0],
-                                .robot_m = gripper->known().newest.x.translation()[0],
-                                .felt_n = -gripper->out().command[0],
-                                .object_n = gripper->known().newest.f_environment[0],
-                                .energy_j = gripper->node().observed().si()});
+    if (gripper) {
+      PageSample& next = this->page->next();
+      next.gripper_hand_m = gripper->sample().x.translation()[0];
+      next.gripper_robot_m = gripper->known().newest.x.translation()[0];
+      next.gripper_felt_n = -gripper->out().command[0];
+      next.gripper_object_n = gripper->known().newest.f_environment[0];
+      next.gripper_energy_j = gripper->node().observed().si();
+    }
     this->page->note_environment(link.mail().transport().heard_environment());
     this->page->show(now, late, sample, out, node.observed(), &link.mail().known(), link.view(), node.epoch());
   }

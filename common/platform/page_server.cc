@@ -287,7 +287,9 @@ struct PageServer::Impl {
     client->heard = Now::now();
     client->socket.read_message_max(kLargestMessage);
     client->socket.auto_fragment(false);
-    client->socket.control_callback([c = client.get()](websocket::frame_type, auto) { c->heard = Now::now(); });
+    client->socket.control_callback([c = client.get()](websocket::frame_type, auto) {
+      if (!c->ends) c->heard = Now::now();
+    });
     client->socket.async_accept(r, [this, client](Error error) {
       if (error) return drop(client);
       client->greeted = true;

@@ -53,6 +53,35 @@ const double* read(const double* from, Coords<Kind, N>& c) {
   return from + N;
 }
 
+/// The port, in the order of the schema.
+template <int N>
+double* write(double* to, const PortReport<N>& r) {
+  to = write(to, r.x);
+  to = write(to, r.v);
+  to = write(to, r.f);
+  to = write(to, r.f_coupling);
+  to = write(to, r.f_environment);
+  return write(to, r.position_error);
+}
+template <int N>
+const double* read(const double* from, PortReport<N>& r) {
+  from = read(from, r.x);
+  from = read(from, r.v);
+  from = read(from, r.f);
+  from = read(from, r.f_coupling);
+  from = read(from, r.f_environment);
+  return read(from, r.position_error);
+}
+
+/// False if there are too many.
+bool read(const google::protobuf::RepeatedField<double>& from, std::uint32_t totals, Words& words) {
+  if (from.size() > static_cast<int>(Words::kMost)) return false;
+  words.count = static_cast<std::uint8_t>(from.size());
+  words.totals = totals;
+  std::copy_n(from.data(), words.count, words.at.begin());
+  return true;
+}
+
 /// Do the bytes begin like a datagram of any protocol version: field 1, fixed32, "TP" in its high half? Keeps other
 /// data away from the parser.
 bool ours(std::span<const std::byte> bytes) {
@@ -79,33 +108,16 @@ bool read_report(const schema::Datagram& message, Report<N>& r) {
   r.echo_ns = message.echo_ns();
   r.mode = static_cast<Mode>(message.mode());
   r.energy_in_j = message.energy_in_j();
-  const double* from = message.sample().data();
-  from = read(from, r.x);
-  from = read(from, r.v);
-  from = read(from, r.f);
-  from = read(from, r.f_coupling);
-  from = read(from, r.f_environment);
-  read(from, r.position_error);
-  if (message.words_size() > static_cast<int>(Words::kMost)) return false;
-  r.words.count = static_cast<std::uint8_t>(message.words_size());
-  r.words.totals = message.running_totals();
   r.epoch = message.epoch();
-  std::copy_n(message.words().data(), r.words.count, r.words.at.begin());
-  if (!r.finite()) return false;
+  read(message.sample().data(), r);
+  if (!read(message.words(), message.running_totals(), r.words) || !r.finite()) return false;
   if constexpr (N == 6) return std::abs(r.x.attitude().squaredNorm() - 1.0) < kUnitTolerance;
   return true;
 }
 
 void write_gripper(schema::Datagram& message, const Report<1>& r) {
   message.set_gripper_mode(static_cast<std::uint32_t>(r.mode));
-  double* to = message.mutable_gripper()->AddNAlreadyReserved(kGripperSize);
-  to = write(to, r.x);
-  to = write(to, r.v);
-  to = write(to, r.f);
-  to = write(to, r.f_coupling);
-  to = write(to, r.f_environment);
-  to = write(to, r.position_error);
-  *to = r.energy_in_j;
+  *write(message.mutable_gripper()->AddNAlreadyReserved(kGripperSize), r) = r.energy_in_j;
   if (r.words.count == 0) return;
   std::copy_n(r.words.at.begin(), r.words.count, message.mutable_gripper_words()->AddNAlreadyReserved(r.words.count));
   message.set_gripper_running_totals(r.words.totals);
@@ -114,26 +126,15 @@ void write_gripper(schema::Datagram& message, const Report<1>& r) {
 /// Of the gripper, after the report: what both share is already there.
 template <int N>
 bool read_gripper(const schema::Datagram& message, const Report<N>& shared, Report<1>& r) {
-  if (message.gripper_size() != kGripperSize || message.gripper_words_size() > static_cast<int>(Words::kMost) ||
-      message.gripper_mode() > static_cast<std::uint32_t>(Mode::let_go))
+  if (message.gripper_size() != kGripperSize || message.gripper_mode() > static_cast<std::uint32_t>(Mode::let_go))
     return false;
   r.sequence = shared.sequence;
   r.sent_ns = shared.sent_ns;
   r.echo_ns = shared.echo_ns;
   r.epoch = shared.epoch;
   r.mode = static_cast<Mode>(message.gripper_mode());
-  const double* from = message.gripper().data();
-  from = read(from, r.x);
-  from = read(from, r.v);
-  from = read(from, r.f);
-  from = read(from, r.f_coupling);
-  from = read(from, r.f_environment);
-  from = read(from, r.position_error);
-  r.energy_in_j = *from;
-  r.words.count = static_cast<std::uint8_t>(message.gripper_words_size());
-  r.words.totals = message.gripper_running_totals();
-  std::copy_n(message.gripper_words().data(), r.words.count, r.words.at.begin());
-  return r.finite();
+  r.energy_in_j = *read(message.gripper().data(), r);
+  return read(message.gripper_words(), message.gripper_running_totals(), r.words) && r.finite();
 }
 
 void write_environment(schema::Datagram& message, const EnvironmentMessage& e) {
@@ -233,13 +234,7 @@ std::span<const std::byte> Codec<N>::encode(const Envelope<N>& envelope) noexcep
     message.set_mode(static_cast<std::uint32_t>(r.mode));
     message.set_energy_in_j(r.energy_in_j);
     message.set_epoch(r.epoch);
-    double* to = message.mutable_sample()->AddNAlreadyReserved(kSampleSize<N>);
-    to = write(to, r.x);
-    to = write(to, r.v);
-    to = write(to, r.f);
-    to = write(to, r.f_coupling);
-    to = write(to, r.f_environment);
-    write(to, r.position_error);
+    write(message.mutable_sample()->AddNAlreadyReserved(kSampleSize<N>), r);
     if (r.words.count > 0) {
       std::copy_n(r.words.at.begin(), r.words.count, message.mutable_words()->AddNAlreadyReserved(r.words.count));
       message.set_running_totals(r.words.totals);

@@ -40,9 +40,10 @@ class Connection {
   }
   ~Connection() { close(fd_); }
   Connection(const Connection&) = delete;
-  void write(const std::string& text) const {
-    ASSERT_EQ(send(fd_, text.data(), text.size(), MSG_NOSIGNAL), static_cast<ssize_t>(text.size()));
+  [[nodiscard]] bool takes(const std::string& text) const {
+    return send(fd_, text.data(), text.size(), MSG_NOSIGNAL) == static_cast<ssize_t>(text.size());
   }
+  void write(const std::string& text) const { ASSERT_TRUE(takes(text)); }
   /// Until `text` has been received, the connection ends or five seconds pass.
   std::string read_until(const std::string& text) {
     std::array<char, 4096> some{};
@@ -182,6 +183,17 @@ TEST(PageServer, EndsWebSocketsThatBreakTheStandard) {
     const std::string answer = c.read_all();
     EXPECT_NE(answer.find(closes(code)), answer.npos) << code << " after " << static_cast<int>(frames[0]);
   }
+}
+
+/// One that has made room, and answers pings but not the close frame.
+TEST(PageServer, WhoDoesNotAnswerACloseFrameIsClosed) {
+  Served s{{.silence = 300ms, .spectator_time = 0ms}};
+  std::vector<std::unique_ptr<Connection>> nine;
+  for (int k = 0; k < 9; ++k) s.join(*nine.emplace_back(std::make_unique<Connection>(s.port)));
+  const auto begin = std::chrono::steady_clock::now();
+  while (nine.front()->takes(masked(0x8a, "")) && std::chrono::steady_clock::now() - begin < 4s)
+    std::this_thread::sleep_for(20ms);
+  EXPECT_LT(std::chrono::steady_clock::now() - begin, 3s);
 }
 
 TEST(PageServer, AssemblesFragmentsWithPingsBetween) {
