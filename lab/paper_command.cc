@@ -11,7 +11,6 @@
 #include "common/base/file.h"
 #include "lab/paper_figures.h"
 #include "lab/paper_table.h"
-#include "lab/plot/gnuplot.h"
 #include "lab/study/parallel.h"
 
 namespace twoport::lab {
@@ -48,8 +47,7 @@ int paper_command(const Arguments& a) {
   std::mutex guard;
   for_each_parallel(figures.size(), a.jobs, [&](std::size_t i) {
     const PaperFigure& f = figures[i];
-    f.write(a.out);
-    const std::string made = run_gnuplot(a.out, f.name);
+    const std::string made = draw(f.make(), a.out);
     const std::lock_guard lock{guard};
     say(fmt::format("{}: {}", f.title, made));
   });

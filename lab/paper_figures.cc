@@ -2,13 +2,12 @@
 
 #include <fmt/format.h>
 
-#include <iterator>
+#include <algorithm>
+#include <cmath>
 #include <numbers>
 
-#include "common/base/file.h"
 #include "common/record/metrics.h"
 #include "lab/paper.h"
-#include "lab/plot/gnuplot.h"
 
 namespace twoport::lab {
 namespace {
@@ -22,256 +21,242 @@ const Vector3d kNormal{0.5 * std::numbers::sqrt3, 0.5, 0.0};
 Rows recorded(const char* experiment, const char* method, const char* sensor = "ideal") {
   return record(paper_case(experiment, "light", sensor, method), kSeed);
 }
+/// Is the tool in contact, after what the start leaves?
+bool counts(const Row<3>& r) {
+  return r.t_s >= PaperNumbers::kFrom_s && r.master_f_wanted.squared_norm() > 0.0;
+}
 
-/// Blocks of numbers, as gnuplot's `index` counts them.
-class Data {
- public:
-  template <class... Numbers>
-  void line(const Numbers&... x) {
-    ((fmt::format_to(std::back_inserter(text_), "{:.7g} ", static_cast<double>(x))), ...);
-    text_ += '\n';
+Scale between(Label label, double low, double high) {
+  return {.label = std::move(label), .low = low, .high = high};
+}
+
+/// The flat wall seen along z, x < -y tan 30°, to `reach` up and down: the first of what is plotted.
+std::vector<Series> wall(double reach) {
+  const double x = reach * std::tan(std::numbers::pi / 6);
+  Series inside{Look::area, kWall, "wall"}, surface{Look::line, "#6b5b3a", "", 2.0};
+  for (const auto& [a, b] : {std::pair{-x, reach}, {x, -reach}, {-2.0 * reach, -reach}, {-2.0 * reach, reach}})
+    inside.add({a, b});
+  surface.add({-x, reach}), surface.add({x, -reach});
+  return {inside, surface};
+}
+
+/// (a) without and (b) with multi-dof adaptation, side by side: forces on the hand, -f, drawn from where the tool centre point is, every
+/// `step` ticks in contact.
+Picture force_vectors(const char* name, const char* title, const char* experiment, double reach_mm, double mm_per_n,
+                      std::size_t step) {
+  Picture picture{.name = name, .title = title, .panel = {500, 500}};
+  for (const bool adapted : {false, true}) {
+    Panel panel{.title = adapted ? "(b) with multi-dof adaptation" : "(a) without multi-dof adaptation",
+                .x = between({"x", "mm"}, -reach_mm, reach_mm),
+                .y = between({"y", "mm"}, -reach_mm, reach_mm),
+                .series = wall(2.0 * reach_mm),
+                .equal = true};
+    Series forces{Look::arrows, adapted ? kBlue : kRed, "", 0.8}, bar{Look::strokes, "black", "", 2.0},
+        words{Look::words, "black", "", 10.0};
+    const Rows rows = recorded(experiment, adapted ? "projected" : "classic");
+    for (std::size_t k = 0; k < rows.size(); k += step) {
+      if (!counts(rows[k])) continue;
+      const Vector3d x = 1e3 * rows[k].master_x.translation(), f = -mm_per_n * rows[k].master_f.vec();
+      forces.add({x.x(), x.y(), f.x(), f.y()});
+    }
+    const double at = -0.8 * reach_mm;
+    bar.add({at, at, mm_per_n, 0.0});
+    words.add_text(at + 0.5 * mm_per_n, at + 0.07 * reach_mm, "1 N");
+    panel.series.insert(panel.series.end(), {forces, bar, words});
+    picture.panels.push_back(std::move(panel));
   }
-  void gap() { text_ += '\n'; }
-  void block() { text_ += "\n\n"; }
-  [[nodiscard]] const std::string& text() const { return text_; }
-
- private:
-  std::string text_;
-};
-
-void save(const std::string& folder, const std::string& name, const Data& data, std::size_t width, std::size_t height,
-          const std::string& body) {
-  write_whole(folder + "/" + name + ".dat", data.text());
-  write_whole(folder + "/" + name + ".gp", gnuplot_pages(name, width, height, 11, body));
+  return picture;
 }
 
-/// The flat wall seen along z, x < -y tan 30°, as the first of what is plotted.
-std::string wall() {
-  return fmt::format(
-      "'+' using (-$1*tan(pi/6)):1 with filledcurves y1 fc rgb '{0}' notitle, "
-      "'+' using (-$1*tan(pi/6)):1 with lines lw 2 lc rgb '#6b5b3a' notitle, ",
-      kWall);
-}
-
-/// Forces on the hand, -f, drawn from where the tool centre point is: a vector each, every `step` ticks in contact.
-void vectors(Data& data, const Rows& rows, std::size_t step, double mm_per_n) {
-  for (std::size_t k = 0; k < rows.size(); k += step) {
-    const Row<3>& r = rows[k];
-    if (r.t_s < PaperNumbers::kFrom_s || r.master_f_wanted.squared_norm() == 0.0) continue;
-    const Vector3d x = 1e3 * r.master_x.translation(), f = -mm_per_n * r.master_f.vec();
-    data.line(x.x(), x.y(), f.x(), f.y());
-  }
-  data.block();
-}
-
-/// (a) without and (b) with multi-dof adaptation, side by side.
-void force_vectors(const std::string& folder, const std::string& name, const char* experiment, double reach_mm,
-                   double mm_per_n, std::size_t step) {
-  Data data;
-  for (const char* method : {"classic", "projected"}) vectors(data, recorded(experiment, method), step, mm_per_n);
-  const double bar = 0.8 * reach_mm;
-  std::string body = fmt::format(
-      "set multiplot layout 1,2\nset size ratio -1\nunset key\nset xrange [{0}:{1}]\nset yrange [{0}:{1}]\n"
-      "set xlabel 'x [mm]'\nset ylabel 'y [mm]'\nset trange [{0}:{1}]\n"
-      "set arrow 98 from {2},{3} to {4},{3} heads size screen 0.004,90 lw 1.5 front\nset label 98 '1 N' at {5},{6} "
-      "center front\n",
-      -reach_mm, reach_mm, -bar, -bar, -bar + mm_per_n, -bar + 0.5 * mm_per_n, -bar + 0.07 * reach_mm);
-  const char* titles[] = {"(a) without multi-dof adaptation", "(b) with multi-dof adaptation"};
-  for (int i = 0; i < 2; ++i)
-    body += fmt::format(
-        "set title '{}'\nplot {}'{}.dat' index {} using 1:2:3:4 with vectors head size screen 0.006,20 lw 0.8 lc rgb "
-        "'{}'\n",
-        titles[i], wall(), name, i, i == 0 ? kRed : kBlue);
-  save(folder, name, data, 1200, 620, body + "unset multiplot\n");
-}
-
-void figure_4_6(const std::string& folder) {
+Picture figure_4_6() {
   // The tick of the surface following where the classic controller turns the force furthest, of those with a force
   // above 1 N that the other one would not turn about.
-  const Rows rows = recorded("slide", "classic");
   double furthest = 0.0;
   Row<3> r;
-  for (const Row<3>& each : rows) {
+  for (const Row<3>& each : recorded("slide", "classic")) {
     const Vector3d &f = each.master_f.vec(), &wanted = each.master_f_wanted.vec();
     const double power = each.master_v.vec().dot(wanted), dissipated = each.master_v.vec().dot(f - wanted);
     if (each.t_s < PaperNumbers::kFrom_s || wanted.norm() < 1.0 || dissipated <= 0.0 || -dissipated / power > 0.8)
       continue;
     if (const double turned = angle(f, wanted); turned > furthest) furthest = turned, r = each;
   }
-
   const Vector3d v = r.master_v.vec(), f_vr = -r.master_f_wanted.vec();
   const Vector3d classic = -(r.master_f.vec() - r.master_f_wanted.vec());
   // The same energy along the force instead: α v_p, with (α v_p)·v = (α v)·v.
   const Vector3d projected = f_vr * (classic.dot(v) / f_vr.dot(v));
-  Data data;
-  const double speed = 1.0 / v.norm();
-  for (const Vector3d& f_pc : {classic, projected}) {
-    data.line(0, 0, speed * v.x(), speed * v.y());
-    data.line(0, 0, f_vr.x(), f_vr.y());
-    data.line(f_vr.x(), f_vr.y(), f_pc.x(), f_pc.y());
-    data.line(0, 0, (f_vr + f_pc).x(), (f_vr + f_pc).y());
-    data.block();
-  }
   const double reach = 1.1 * std::max({f_vr.norm(), (f_vr + classic).norm(), 1.0});
-  std::string body = fmt::format(
-      "set multiplot layout 1,2 title 'One tick, t = {:.4f} s: v = {:.3f} m/s (drawn as 1 N), energy due {:.3g} mJ, "
-      "the same in both'\n"
-      "set size ratio -1\nset key inside bottom left vertical samplen 2\nset xrange [{}:{}]\nset yrange [{}:{}]\nset "
-      "xlabel 'force on the hand, x [N]'\nset ylabel 'y [N]'\nset trange [{}:{}]\n",
-      r.t_s, v.norm(), -1e3 * classic.dot(v) / 2000.0, -reach, reach, -reach, reach, -reach, reach);
-  const char* titles[] = {"Fig. 4: standard PO/PC", "Fig. 6: multi-dof PO/PC"};
-  for (int i = 0; i < 2; ++i) {
-    const auto arrow = [&](int line, const char* colour, int width, const char* title) {
-      return fmt::format(
-          "'fig4_6.dat' index {} every ::{}::{} using 1:2:3:4 with vectors head filled size screen 0.012,18 lw {} lc "
-          "rgb '{}' title '{}'",
-          i, line, line, width, colour, title);
+  Picture picture{
+      .name = "fig4_6",
+      .title = fmt::format("One tick, t = {:.4f} s: v = {:.3f} m/s (drawn as 1 N), energy due {:.3g} mJ, the "
+                           "same in both",
+                           r.t_s, v.norm(), -1e3 * classic.dot(v) / 2000.0),
+      .panel = {500, 500}};
+  for (const bool multi : {false, true}) {
+    const Vector3d f_pc = multi ? projected : classic, f_res = f_vr + f_pc;
+    const auto arrow = [](const char* colour, double size, const char* name, const Vector3d& from, const Vector3d& f) {
+      Series s{Look::arrows, colour, name, size};
+      s.add({from.x(), from.y(), f.x(), f.y()});
+      return s;
     };
-    body += fmt::format("set title '{}: f_res turned by {:.1f} deg'\nplot {}{}, {}, {}, {}\n", titles[i],
-                        180.0 / std::numbers::pi * angle(Vector3d{f_vr + (i == 0 ? classic : projected)}, f_vr), wall(),
-                        arrow(0, kGrey, 2, "v"), arrow(3, kGreen, 5, "f_res"), arrow(1, kBlue, 2, "f_VR"),
-                        arrow(2, kRed, 2, "f_PC"));
+    const Vector3d origin = Vector3d::Zero();
+    Panel panel{.title = fmt::format("{}: f_res turned by {:.1f} deg",
+                                     multi ? "Fig. 6: multi-dof PO/PC" : "Fig. 4: standard PO/PC",
+                                     180.0 / std::numbers::pi * angle(f_res, f_vr)),
+                .x = between({"force on the hand, x", "N"}, -reach, reach),
+                .y = between({"y", "N"}, -reach, reach),
+                .series = wall(2.0 * reach),
+                .equal = true};
+    panel.series.insert(panel.series.end(),
+                        {arrow(kGrey, 2.0, "v", origin, v / v.norm()), arrow(kGreen, 5.0, "f_res", origin, f_res),
+                         arrow(kBlue, 2.0, "f_VR", origin, f_vr), arrow(kRed, 2.0, "f_PC", f_vr, f_pc)});
+    picture.panels.push_back(std::move(panel));
   }
-  save(folder, "fig4_6", data, 1200, 660, body + "unset multiplot\n");
+  return picture;
 }
 
-void figure_7(const std::string& folder) {
+Picture figure_7() {
   const PaperCase which = paper_case("slide", "light", "ideal", "none");
   PaperMeter meter{paper_scene(which, kSeed)};
-  Data data;
+  Series path{Look::line, kBlue, "tool centre point", 0.7}, x_axis{Look::line, kBlue, "energy, x axis", 1.0},
+      y_axis{Look::line, kRed, "y axis", 1.0}, total{Look::line, "black", "total", 2.0}, zero{Look::dashes, kGrey};
+  double end_s = 0.0;
   for (const Row<3>& r : record(which, kSeed)) {
     meter.add(r);
     const Vector3d x = 1e3 * r.master_x.translation(), e = 1e3 * meter.axis_energy_j();
-    data.line(r.t_s, x.x(), x.y(), e.x(), e.y(), 1e3 * r.master_energy_j);
+    path.add({x.x(), x.y()});
+    x_axis.add({r.t_s, e.x()}), y_axis.add({r.t_s, e.y()}), total.add({r.t_s, 1e3 * r.master_energy_j});
+    end_s = r.t_s;
   }
-  save(
-      folder, "fig7", data, 1200, 560,
-      "set multiplot layout 1,2\nset size ratio -1\nset xrange [-40:40]\nset yrange [-60:60]\nset xlabel 'x [mm]'\n"
-      "set ylabel 'y [mm]'\nset title 'Tool centre point, no control'\nunset key\nset trange [-60:60]\n" +
-          fmt::format("plot {}'fig7.dat' using 2:3 with lines lw 0.7 lc rgb '{}'\n", wall(), kBlue) +
-          "set size noratio\nset autoscale\nset xlabel 't [s]'\nset ylabel 'energy "
-          "into the wall [mJ]'\nset title 'Observed energy'\nset key inside bottom left vertical\n" +
-          fmt::format("plot 'fig7.dat' using 1:4 with lines lc rgb '{}' title 'x axis', '' using 1:5 with lines lc rgb "
-                      "'{}' title 'y axis', '' using 1:6 with lines lw 2 lc rgb 'black' title 'total', 0 with lines dt "
-                      "2 lc rgb '{}' notitle\nunset multiplot\n",
-                      kBlue, kRed, kGrey));
+  zero.add({0.0, 0.0}), zero.add({end_s, 0.0});
+  Panel plane{.title = "Tool centre point, no control",
+              .x = between({"x", "mm"}, -60.0, 60.0),
+              .y = between({"y", "mm"}, -60.0, 60.0),
+              .series = wall(120.0),
+              .equal = true};
+  plane.series.push_back(path);
+  return {.name = "fig7",
+          .title = "Contact without control",
+          .panels = {plane,
+                     {.title = "Observed energy",
+                      .x = between({"t", "s"}, 0.0, end_s),
+                      .y = {.label = {"energy into the wall", "mJ"}},
+                      .series = {x_axis, y_axis, total, zero}}},
+          .panel = {480, 480}};
 }
 
-void figure_10(const std::string& folder) {
-  Data data;
+Picture figure_10() {
+  Series path{Look::line, kBlue, "tool centre point"}, mesh{Look::mesh, "#c9b98f", "wall, R = 60 mm", 0.5};
   for (const Row<3>& r : recorded("curved", "projected")) {
     const Vector3d x = 1e3 * r.master_x.translation();
-    data.line(x.x(), x.y(), x.z());
+    path.add({x.x(), x.y(), x.z()});
   }
-  data.block();
   for (int i = -8; i <= 8; ++i) {
     for (int j = -8; j <= 8; ++j) {
       const double a = std::numbers::pi / 6 * (1.0 + i * 1.25 / 8.0);
-      data.line(-60.0 * kNormal.x() + 60.0 * std::cos(a), -60.0 * kNormal.y() + 60.0 * std::sin(a), 5.0 * j);
+      mesh.add({-60.0 * kNormal.x() + 60.0 * std::cos(a), -60.0 * kNormal.y() + 60.0 * std::sin(a), 5.0 * j});
     }
-    data.gap();
+    mesh.interrupt();
   }
-  save(folder, "fig10", data, 820, 680,
-       "set xlabel 'x [mm]'\nset ylabel 'y [mm]'\nset zlabel 'z [mm]' rotate\nset view 64,138,1.2\nset ticslevel "
-       "0\nset view "
-       "equal xyz\nset title 'Surface following at a curved wall, multi-dof PO/PC'\nset key top right\n"
-       "set xtics 20\nset ytics 20\nset ztics 20\n" +
-           fmt::format(
-               "splot 'fig10.dat' index 1 with lines lw 0.5 lc rgb '#c9b98f' title 'wall, R = 60 mm', '' index 0 "
-               "with lines lw 1.5 lc rgb '{}' title 'tool centre point'\n",
-               kBlue));
+  return {.name = "fig10",
+          .title = "Surface following at a curved wall, multi-dof PO/PC",
+          .panels = {{.title = "",
+                      .x = {.label = {"x", "mm"}},
+                      .y = {.label = {"y", "mm"}},
+                      .series = {mesh, path},
+                      .z = Scale{.label = {"z", "mm"}},
+                      .view_deg = {64.0, 138.0}}},
+          .panel = {720, 520}};
 }
 
 /// Tips of the force on the hand in the tangent plane of the true wall: across (e1) and along the cylinder's axis (e2).
-void figure_11(const std::string& folder, const std::string& name, const char* sensor) {
-  Data data;
-  double rms[2];
-  int i = 0;
-  for (const char* method : {"classic", "projected"}) {
+Picture figure_11(const char* name, const char* title, const char* sensor) {
+  Picture picture{.name = name, .title = title, .panel = {480, 480}};
+  for (const bool multi : {false, true}) {
+    const char* const method = multi ? "projected" : "classic";
     RmsAndLargest tips;
+    Series dots{Look::dots, multi ? kBlue : kRed, "", 0.35};
     const World world{paper_scene(paper_case("curved", "light", sensor, method), kSeed).environment};
     for (const Row<3>& r : recorded("curved", method, sensor)) {
-      if (r.t_s < PaperNumbers::kFrom_s || r.master_f_wanted.squared_norm() == 0.0) continue;
+      if (!counts(r)) continue;
       const Vector3d n = signed_distance<3>(world.surfaces[0].shape, r.master_x.translation()).normal,
                      f = -r.master_f.vec();
       const Vector3d e2 = Vector3d::UnitZ(), e1 = e2.cross(n);
-      data.line(f.dot(e1), f.dot(e2));
+      dots.add({f.dot(e1), f.dot(e2)});
       tips.add((f - f.dot(n) * n).norm());
     }
-    rms[i++] = tips.rms();
-    data.block();
+    const double rms = tips.rms();
+    picture.panels.push_back(
+        {.title = fmt::format("PO/PC {} multi-dof adaptation: {} N rms", multi ? "with" : "without",
+                              rms < 1e-3 ? fmt::format("{:.0e}", rms) : fmt::format("{:.3f}", rms)),
+         .x = between({"across", "N"}, -0.8, 0.8),
+         .y = between({"along the axis", "N"}, -0.8, 0.8),
+         .series = {dots},
+         .equal = true});
   }
-  std::string body =
-      "set multiplot layout 1,2\nset size ratio -1\nunset key\nset xrange [-0.8:0.8]\nset yrange [-0.8:0.8]\nset "
-      "xlabel "
-      "'across [N]'\nset ylabel 'along the axis [N]'\n";
-  const char* titles[] = {"PO/PC without multi-dof adaptation", "PO/PC with multi-dof adaptation"};
-  for (int k = 0; k < 2; ++k)
-    body += fmt::format(
-        "set title '{}: {} N rms'\nplot '{}.dat' index {} using 1:2 with points pt 7 ps 0.35 lc rgb '{}'\n", titles[k],
-        rms[k] < 1e-3 ? fmt::format("{:.0e}", rms[k]) : fmt::format("{:.3f}", rms[k]), name, k, k == 0 ? kRed : kBlue);
-  save(folder, name, data, 1200, 640, body + "unset multiplot\n");
+  return picture;
 }
 
 /// The paper's future work: corrections without and with the reference energy.
-void figure_reference(const std::string& folder) {
-  Data data;
+Picture figure_reference() {
+  Picture picture{.name = "fig_reference", .title = "Reference energy", .across = 2, .panel = {500, 250}};
+  std::vector<Panel> corrections;
   for (const char* method : {"projected", "projected reference"}) {
     const World world{paper_scene(paper_case("slide", "light", "ideal", method), kSeed).environment};
-    for (const Row<3>& r : recorded("slide", method))
-      data.line(r.t_s, 1e3 * r.master_energy_j, 1e3 * world.surfaces[0].potential<3>(r.master_x.translation()),
-                (r.master_f.vec() - r.master_f_wanted.vec()).norm());
-    data.block();
+    Series spring{Look::line, "#e0b060", "held by the ideal spring", 2.0},
+        port{Look::line, kBlue, "through the port", 1.0}, correction{Look::line, kRed, "correction", 1.0};
+    for (const Row<3>& r : recorded("slide", method)) {
+      if (r.t_s > 0.5) break;
+      spring.add({r.t_s, 1e3 * world.surfaces[0].potential<3>(r.master_x.translation())});
+      port.add({r.t_s, 1e3 * r.master_energy_j});
+      correction.add({r.t_s, (r.master_f.vec() - r.master_f_wanted.vec()).norm()});
+    }
+    const bool with = picture.panels.size() == 1;
+    picture.panels.push_back({.title = with ? "projected with reference energy and prediction" : "projected",
+                              .x = between({"t", "s"}, 0.0, 0.5),
+                              .y = between({"energy", "mJ"}, -0.2, 2.2),
+                              .series = {spring, port}});
+    corrections.push_back({.title = "",
+                           .x = between({"t", "s"}, 0.0, 0.5),
+                           .y = between({"correction", "N"}, 0.0, 1.0),
+                           .series = {correction}});
   }
-  std::string body = "set multiplot layout 2,2\nset xrange [0:0.5]\n";
-  const char* titles[] = {"projected", "projected with reference energy and prediction"};
-  for (int i = 0; i < 2; ++i)
-    body += fmt::format(
-        "set title '{0}'\nset ylabel 'energy [mJ]'\nunset xlabel\nset yrange [-0.2:2.2]\nset key inside top right "
-        "vertical\n"
-        "plot 'fig_reference.dat' index {1} using 1:3 with lines lw 2 lc rgb '{2}' title 'held by the ideal spring', "
-        "'' "
-        "index {1} using 1:2 with lines lc rgb '{3}' title 'through the port'\n",
-        titles[i], i, "#e0b060", kBlue);
-  for (int i = 0; i < 2; ++i)
-    body += fmt::format(
-        "unset title\nset ylabel 'correction [N]'\nset xlabel 't [s]'\nset yrange [0:1]\nunset key\n"
-        "plot 'fig_reference.dat' index {} using 1:4 with lines lc rgb '{}'\n",
-        i, kRed);
-  save(folder, "fig_reference", data, 1200, 700, body + "unset multiplot\n");
+  picture.panels.insert(picture.panels.end(), corrections.begin(), corrections.end());
+  return picture;
 }
 
 /// Rendered friction: one account, or normal and tangential accounts.
-void figure_hiding(const std::string& folder) {
-  Data data;
+Picture figure_hiding() {
+  Picture picture{.name = "fig_hiding", .title = "Friction hides energy", .across = 2, .panel = {500, 250}};
+  std::vector<Panel> energies;
   for (const char* method : {"projected reference total", "projected reference"}) {
     const PaperCase which = paper_case("friction", "light", "ideal", method);
     const Scene scene = paper_scene(which, kSeed);
     const World world{scene.environment};
     PaperMeter meter{scene};
+    Series surface{Look::line, "#6b5b3a", "surface", 2.0}, depth{Look::line, kBlue, "tool centre point", 1.0},
+        tangential{Look::line, kGreen, "tangential", 1.0}, total{Look::line, "black", "total", 2.0},
+        normal{Look::line, kRed, "normal", 1.0};
+    surface.add({0.0, 0.0}), surface.add({1.0, 0.0});
     for (const Row<3>& r : record(which, kSeed)) {
+      if (r.t_s > 1.0) break;
       meter.add(r);
-      data.line(r.t_s, -1e3 * signed_distance<3>(world.surfaces[0].shape, r.master_x.translation()).distance,
-                1e3 * r.master_energy_j, 1e3 * meter.normal_energy_j(),
-                1e3 * (r.master_energy_j - meter.normal_energy_j()));
+      depth.add({r.t_s, -1e3 * signed_distance<3>(world.surfaces[0].shape, r.master_x.translation()).distance});
+      total.add({r.t_s, 1e3 * r.master_energy_j});
+      normal.add({r.t_s, 1e3 * meter.normal_energy_j()});
+      tangential.add({r.t_s, 1e3 * (r.master_energy_j - meter.normal_energy_j())});
     }
-    data.block();
+    const bool apart = picture.panels.size() == 1;
+    picture.panels.push_back({.title = apart ? "normal and tangential accounts" : "one total account",
+                              .x = between({"t", "s"}, 0.0, 1.0),
+                              .y = between({"depth in the wall", "mm"}, -4.0, 2.5),
+                              .series = {surface, depth}});
+    energies.push_back({.title = "",
+                        .x = between({"t", "s"}, 0.0, 1.0),
+                        .y = between({"energy", "mJ"}, -30.0, 60.0),
+                        .series = {tangential, total, normal}});
   }
-  std::string body = "set multiplot layout 2,2\nset xrange [0:1]\n";
-  const char* titles[] = {"one total account", "normal and tangential accounts"};
-  for (int i = 0; i < 2; ++i)
-    body += fmt::format(
-        "set title '{}'\nset ylabel 'depth in the wall [mm]'\nunset xlabel\nset yrange [-4:2.5]\nunset key\n"
-        "plot 0 with lines lc rgb '#6b5b3a' lw 2, 'fig_hiding.dat' index {} using 1:2 with lines lc rgb '{}'\n",
-        titles[i], i, kBlue);
-  for (int i = 0; i < 2; ++i)
-    body += fmt::format(
-        "unset title\nset ylabel 'energy [mJ]'\nset xlabel 't [s]'\nset yrange [-30:60]\nset key inside top left\n"
-        "plot 'fig_hiding.dat' index {0} using 1:5 with lines lc rgb '{1}' title 'tangential', '' index {0} using 1:3 "
-        "with "
-        "lines lw 2 lc rgb 'black' title 'total', '' index {0} using 1:4 with lines lc rgb '{2}' title 'normal'\n",
-        i, kGreen, kRed);
-  save(folder, "fig_hiding", data, 1200, 700, body + "unset multiplot\n");
+  picture.panels.insert(picture.panels.end(), energies.begin(), energies.end());
+  return picture;
 }
 
 }  // namespace
@@ -281,14 +266,14 @@ std::vector<PaperFigure> paper_figures() {
       {"fig4_6", "Figs. 4 and 6, the forces of one tick", figure_4_6},
       {"fig7", "Fig. 7, contact without control", figure_7},
       {"fig8", "Fig. 8, force vectors of a point contact",
-       [](const std::string& f) { force_vectors(f, "fig8", "point", 1.6, 0.4, 40); }},
+       [] { return force_vectors("fig8", "Force on the hand, point contact", "point", 1.6, 0.4, 40); }},
       {"fig9", "Fig. 9, force vectors of surface following",
-       [](const std::string& f) { force_vectors(f, "fig9", "slide", 70.0, 10.0, 30); }},
+       [] { return force_vectors("fig9", "Force on the hand, surface following", "slide", 70.0, 10.0, 30); }},
       {"fig10", "Fig. 10, path on a curved wall", figure_10},
       {"fig11", "Fig. 11, force tips in the tangent plane",
-       [](const std::string& f) { figure_11(f, "fig11", "ideal"); }},
+       [] { return figure_11("fig11", "Tips of the force in the tangent plane", "ideal"); }},
       {"fig11_encoder", "Fig. 11 with an encoder",
-       [](const std::string& f) { figure_11(f, "fig11_encoder", "encoder"); }},
+       [] { return figure_11("fig11_encoder", "Tips of the force in the tangent plane, with an encoder", "encoder"); }},
       {"fig_reference", "the reference energy", figure_reference},
       {"fig_hiding", "friction hides energy", figure_hiding},
   };

@@ -4,13 +4,14 @@
 #include <string>
 #include <vector>
 
+#include "lab/plot/picture.h"
+
 namespace twoport::lab {
 
-/// A picture of the paper from simulated data: NAME.dat, NAME.gp and, where gnuplot is installed, NAME.png and
-/// NAME.svg.
+/// A picture of the paper from simulated data.
 struct PaperFigure {
   std::string name, title;
-  std::function<void(const std::string& folder)> write;  ///< NAME.dat and NAME.gp
+  std::function<Picture()> make;
 };
 std::vector<PaperFigure> paper_figures();
 

@@ -1,5 +1,4 @@
 #include <algorithm>
-#include <charconv>
 #include <cstdint>
 #include <exception>
 #include <limits>
@@ -201,57 +200,35 @@ Result result_from(const py::tuple& state) {
   return {json, dict_of(json), state[1].cast<Strings>(), trace, gripper_trace, state[3]};
 }
 
-/// A column of texts as numbers where all of them are (empty: NaN), else as they are.
-py::object column(const Strings& texts) {
-  std::vector<double> numbers;
-  for (const std::string& text : texts) {
-    double value = std::numeric_limits<double>::quiet_NaN();
-    const auto [stop, error] = std::from_chars(text.data(), text.data() + text.size(), value);
-    if (!text.empty() && (error != std::errc{} || stop != text.data() + text.size())) return py::cast(texts);
-    numbers.push_back(value);
-  }
-  return py::array_t<double>(static_cast<py::ssize_t>(numbers.size()), numbers.data());
-}
-
 struct TableOfTexts {
   using PythonClass = void;
   Strings columns;
   std::vector<Strings> rows;
   std::string csv;
 
+  /// Numbers where all cells are (empty: NaN), else texts.
   [[nodiscard]] py::object at(const std::string& name) const {
     const auto found = std::find(columns.begin(), columns.end(), name);
     if (found == columns.end()) throw py::key_error{name};
     Strings texts;
     for (const Strings& row : rows) texts.push_back(row[static_cast<std::size_t>(found - columns.begin())]);
-    return column(texts);
+    std::vector<double> numbers;
+    for (const std::string& text : texts) {
+      const std::optional<double> value = lab::number_of(text);
+      if (!value && !text.empty()) return py::cast(texts);
+      numbers.push_back(value.value_or(std::numeric_limits<double>::quiet_NaN()));
+    }
+    return py::array_t<double>(static_cast<py::ssize_t>(numbers.size()), numbers.data());
   }
 };
 
-/// Splits what to_csv has made.
-TableOfTexts table_of(const std::string& csv) {
-  TableOfTexts table{.columns = {}, .rows = {{}}, .csv = csv};
-  std::string cell;
-  bool quoted = false;
-  for (std::size_t i = 0; i < csv.size(); ++i) {
-    const char c = csv[i];
-    if (c == '"') {
-      if (quoted && i + 1 < csv.size() && csv[i + 1] == '"') {
-        cell += csv[++i];
-      } else {
-        quoted = !quoted;
-      }
-    } else if (!quoted && (c == ',' || c == '\n')) {
-      table.rows.back().push_back(std::exchange(cell, {}));
-      if (c == '\n') table.rows.emplace_back();
-    } else {
-      cell += c;
-    }
+TableOfTexts table_of(const lab::Table& table) {
+  TableOfTexts all{.columns = table.columns, .rows = {}, .csv = lab::to_csv(table)};
+  for (const lab::Values& row : table.rows) {
+    Strings& texts = all.rows.emplace_back();
+    for (const lab::Value& value : row) texts.push_back(value.text());
   }
-  table.rows.pop_back();
-  table.columns = table.rows.front();
-  table.rows.erase(table.rows.begin());
-  return table;
+  return all;
 }
 
 /// Threads: 0 or None is one for each core.
@@ -312,7 +289,7 @@ TableOfTexts sweep_scene(const SceneOfText& s, const py::object& vary, std::int6
       },
       [&] { listener.tell(); });
   listener.tell();
-  return table_of(lab::to_csv(table));
+  return table_of(table);
 }
 
 struct BoundaryOfScene {
@@ -334,7 +311,7 @@ py::object boundary_of(const SceneOfText& s, const py::object& vary, const py::o
   o.jobs = jobs_from(jobs);
   if (!along.is_none()) {
     const lab::Axis axis = lab::parse_axis(text_from(along, "along"), "along");
-    return py::cast(table_of(to_csv(interruptible(
+    return py::cast(table_of(lab::to_table(interruptible(
         [&](const std::atomic<bool>& stop) {
           o.stop = &stop;
           return lab::boundary_curve(o, axis);
@@ -460,8 +437,11 @@ Other threads of Python go on meanwhile; Ctrl-C ends it. Errors: ValueError.)");
       .def("__getitem__", &TableOfTexts::at, "name"_a, "A column. Errors: KeyError.")
       .def(
           "__len__", [](const TableOfTexts& t) { return t.rows.size(); }, "Number of rows.")
-      .def(py::pickle([](const TableOfTexts& t) { return py::make_tuple(t.csv); },
-                      [](const py::tuple& state) { return table_of(state[0].cast<std::string>()); }))
+      .def(py::pickle([](const TableOfTexts& t) { return py::make_tuple(t.columns, t.rows, t.csv); },
+                      [](const py::tuple& state) {
+                        return TableOfTexts{state[0].cast<Strings>(), state[1].cast<std::vector<Strings>>(),
+                                            state[2].cast<std::string>()};
+                      }))
       .def("__repr__", [](const TableOfTexts& t) {
         return fmt::format("<twoport.Table, {} rows, {} columns>", t.rows.size(), t.columns.size());
       });

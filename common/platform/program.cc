@@ -13,6 +13,7 @@
 #include "common/platform/arguments.h"
 #include "common/platform/realtime.h"
 #include "common/record/expectation.h"
+#include "common/scene/find.h"
 #include "common/scene/hints.h"
 #include "common/scene/load.h"
 
@@ -36,7 +37,9 @@ int live_program(int argc, char** argv, Side side, const std::string& drivers,
   app.set_version_flag("--version", version_line(name));
   LiveArguments a;
   a.address = "127.0.0.1:45000";
-  app.add_option("--scene", a.scene, "Scene file (.textproto)")->required();
+  app.add_option("--scene", a.scene, "Scene file (.textproto), or the name of a scene of the project")
+      ->transform(scene_file)
+      ->required();
   app.add_option("--set", a.set, "Override, PATH=VALUE, e.g. control.passivity.method=NONE")->take_all();
   std::string duration;
   app.add_option(

@@ -9,7 +9,7 @@
 #include "common/base/print_error.h"
 #include "lab/cli/commands.h"
 #include "lab/lanes/lanes.h"
-#include "lab/plot/boundary_picture.h"
+#include "lab/plot/pictures.h"
 #include "lab/study/boundary.h"
 #include "lab/study/cells.h"
 #include "lab/study/parallel.h"
@@ -32,7 +32,7 @@ int curve_command(const Arguments& a) {
       print_error("\r{} of {} values\033[K{}", done, along.values.size(), done == along.values.size() ? "\n" : "");
   });
   if (a.lanes) say_lanes(curve.use);
-  const std::string csv = to_csv(curve);
+  const std::string csv = to_csv(to_table(curve));
   if (a.out.empty()) {
     std::fputs(csv.c_str(), stdout);
     return 0;

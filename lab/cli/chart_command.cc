@@ -12,7 +12,7 @@
 #include "common/scene/load.h"
 #include "lab/cli/commands.h"
 #include "lab/peers/peers.h"
-#include "lab/plot/chart_picture.h"
+#include "lab/plot/pictures.h"
 #include "lab/study/cells.h"
 #include "lab/study/chart.h"
 
@@ -37,8 +37,8 @@ int chart_command(const Arguments& a) {
   if (!absent_peers().empty()) fmt::print("other engines not installed: {}\n", fmt::join(absent_peers(), ", "));
   if (!a.out.empty()) {
     make_folder(a.out);
-    write_whole(a.out + "/chart.csv", to_csv(c));
-    write_whole(a.out + "/engines.csv", to_csv(c, beside_engines(c)));
+    write_whole(a.out + "/chart.csv", to_csv(to_table(c)));
+    write_whole(a.out + "/engines.csv", to_csv(to_table(c, beside_engines(c))));
     fmt::print("{}\n", draw(c, scene.name, a.out));
   }
   if (a.for_error > 0.0) {

@@ -15,6 +15,7 @@ Subcommand add_zwidth_command(Command app);
 Subcommand add_chart_command(Command app);
 Subcommand add_doctor_command(Command app);
 Subcommand add_impedance_command(Command app);
+Subcommand add_picture_command(Command app);
 /// `compare`, `gallery`, `map` and `recommend`.
 std::vector<Subcommand> add_map_commands(Command app);
 /// `replay` and `export`.

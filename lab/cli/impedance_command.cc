@@ -8,7 +8,7 @@
 #include "common/base/file.h"
 #include "common/scene/load.h"
 #include "lab/cli/commands.h"
-#include "lab/plot/impedance_picture.h"
+#include "lab/plot/pictures.h"
 #include "lab/study/cells.h"
 #include "lab/study/impedance.h"
 

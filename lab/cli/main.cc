@@ -23,6 +23,7 @@ std::vector<lab::Subcommand> add_commands(lab::Command app) {
   all.push_back(lab::add_zwidth_command(app));
   all.push_back(lab::add_chart_command(app));
   all.push_back(lab::add_impedance_command(app));
+  all.push_back(lab::add_picture_command(app));
   all.push_back(lab::add_paper_command(app));
   all.push_back(lab::add_methods_command(app));
   for (lab::Subcommand& each : lab::add_recording_commands(app)) all.push_back(std::move(each));

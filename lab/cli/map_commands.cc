@@ -1,7 +1,6 @@
 #include <fmt/format.h>
 
 #include <cstdio>
-#include <filesystem>
 #include <memory>
 #include <optional>
 #include <string>
@@ -10,11 +9,10 @@
 #include "common/base/file.h"
 #include "common/base/print_error.h"
 #include "common/record/summary.h"
-#include "common/scene/load.h"
+#include "common/scene/find.h"
 #include "lab/cli/commands.h"
 #include "lab/lanes/lanes.h"
-#include "lab/plot/compare_picture.h"
-#include "lab/plot/map_picture.h"
+#include "lab/plot/pictures.h"
 #include "lab/study/adversary.h"
 #include "lab/study/cells.h"
 #include "lab/study/compare.h"
@@ -40,13 +38,9 @@ std::vector<std::string> words_of(const std::string& option, const std::string& 
 std::vector<double> values_of(const std::string& option, const std::string& spec) {
   std::vector<double> all;
   for (const std::string& value : words_of(option, spec)) {
-    try {
-      std::size_t used = 0;
-      all.push_back(std::stod(value, &used));
-      if (used == value.size()) continue;
-    } catch (const std::exception&) {
-    }
-    throw ConfigError{fmt::format("{} has {}; it must be a number", option, value)};
+    const std::optional<double> number = number_of(value);
+    if (!number) throw ConfigError{fmt::format("{} has {}; it must be a number", option, value)};
+    all.push_back(*number);
   }
   return all;
 }
@@ -79,7 +73,7 @@ int map_command(MapArguments& a) {
   if (a.lanes) say_lanes(map.use);
   std::fputs(to_text(map).c_str(), stdout);
   if (a.out.empty()) return 0;
-  write_whole(a.out + "/table.csv", to_csv(map));
+  write_whole(a.out + "/table.csv", to_csv(to_table(map)));
   fmt::print("{}/table.csv: {} rows\n{}\n", a.out, map.cells.size(), draw(map, a.out));
   return 0;
 }
@@ -88,7 +82,7 @@ Subcommand add_map(Command app) {
   const auto a = std::make_shared<MapArguments>();
   a->map.jobs = all_cores();
   Command map = app.add("map", "Where each method holds: round trip, loss and stiffness varied");
-  map.option("--scene", a->map.scene, "Another scene than scenes/map.textproto, which is built in");
+  map.option("--scene", a->map.scene, "Another scene than scenes/map.textproto, which is built in").scene();
   map.list("--set", a->map.set, "PATH=VALUE, before those that the map sets");
   map.option("--methods", a->methods, "NAME,NAME; all of them if absent");
   map.option("--round-trip-ms", a->round_trips, "Values as for sweep --vary; half of it each way");
@@ -168,7 +162,7 @@ int compare_command(CompareArguments& a) {
   const Comparison all = compare(a.compare);
   std::fputs(to_text(all).c_str(), stdout);
   if (a.compare.out.empty()) return 0;
-  write_whole(a.compare.out + "/table.csv", to_csv(all));
+  write_whole(a.compare.out + "/table.csv", to_csv(to_table(all)));
   fmt::print("{}/table.csv: {} methods\n{}\n", a.compare.out, all.methods.size(), draw(all, a.compare.out));
   return 0;
 }
@@ -184,17 +178,6 @@ Subcommand add_compare(Command app) {
   return {compare, [a] { return compare_command(*a); }};
 }
 
-/// scenes/edge of the current directory, else of the first folder above this program that has one: its source tree.
-std::string gallery_folder() {
-  namespace fs = std::filesystem;
-  const fs::path name{"scenes/edge"};
-  std::error_code error;
-  if (fs::is_directory(name, error)) return name.string();
-  for (fs::path at = fs::read_symlink("/proc/self/exe", error); at.has_relative_path(); at = at.parent_path())
-    if (fs::is_directory(at / name, error)) return (at / name).string();
-  return name.string();
-}
-
 struct GalleryArguments {
   GalleryOptions gallery;
   std::string methods, out;
@@ -206,7 +189,7 @@ int gallery_command(GalleryArguments& a) {
   const Gallery all = gallery(a.gallery, show_progress);
   std::fputs(to_text(all).c_str(), stdout);
   if (!a.out.empty()) {
-    write_whole(a.out + "/table.csv", to_csv(all));
+    write_whole(a.out + "/table.csv", to_csv(to_table(all)));
     fmt::print("{}/table.csv: {} rows\n", a.out, all.entries.size() * all.methods.size());
   }
   bool met = true;
@@ -221,7 +204,7 @@ int gallery_command(GalleryArguments& a) {
 Subcommand add_gallery(Command app) {
   const auto a = std::make_shared<GalleryArguments>();
   a->gallery.jobs = all_cores();
-  a->gallery.folder = gallery_folder();
+  a->gallery.folder = project_folder("scenes/edge");
   Command gallery = app.add("gallery", "Who survives what: the scenes of a folder, each with every method");
   gallery.option("folder", a->gallery.folder,
                  "Folder of scenes (.textproto); absent: scenes/edge, here or in the source tree of this program");
@@ -242,7 +225,7 @@ int adversary_command(AdversaryArguments& a) {
   const Adversary all = attack_all(a.adversary, show_progress);
   std::fputs(to_text(all).c_str(), stdout);
   if (!a.out.empty()) {
-    write_whole(a.out + "/table.csv", to_csv(all));
+    write_whole(a.out + "/table.csv", to_csv(to_table(all)));
     fmt::print("{}/table.csv: {} rows\n", a.out, all.methods.size() * static_cast<std::size_t>(a.adversary.runs));
   }
   std::fputs(broken_runs(all).c_str(), stderr);
@@ -285,7 +268,7 @@ Subcommand add_tune(Command app) {
   const auto a = std::make_shared<TuneArguments>();
   a->tune.jobs = all_cores();
   Command tune = app.add("tune", "Search of each method's gains on a training set, against those of its rule");
-  tune.option("scenes", a->tune.scenes, "Scenes of the training set").required();
+  tune.option("scenes", a->tune.scenes, "Scenes of the training set").scene().required();
   tune.list("--set", a->tune.set, "PATH=VALUE, in each scene");
   tune.option("--methods", a->methods, "NAME,NAME; all that have gains if absent");
   tune.option("--round-trip-ms", a->round_trips, "Each is searched by itself; 40,200,800 if absent");

@@ -9,10 +9,10 @@
 #include <utility>
 
 #include "common/base/print_error.h"
+#include "common/scene/find.h"
 #include "common/scene/load.h"
 #include "lab/lanes/lanes.h"
 #include "lab/study/many_runs.h"
-#include "lab/study/sweep.h"
 
 namespace twoport::lab {
 
@@ -51,6 +51,10 @@ Option Option::at_least_one() {
 }
 Option Option::assignment() {
   option_->check(CLI::Validator{[](const std::string& text) { return assignment_error(text); }, "PATH=VALUE"});
+  return *this;
+}
+Option Option::scene() {
+  option_->transform(scene_file);
   return *this;
 }
 Option Option::may_be_bare() {
@@ -105,7 +109,7 @@ bool Command::given() const {
 }
 
 void add_scene(Command command, std::string& scene, std::vector<std::string>& set) {
-  command.option("scene", scene, "Scene file (.textproto)").required();
+  command.option("scene", scene, "Scene file (.textproto), or the name of a scene of the project").scene().required();
   command.list("--set", set, "Override, PATH=VALUE, e.g. control.passivity.method=NONE").assignment();
 }
 

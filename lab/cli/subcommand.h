@@ -29,6 +29,7 @@ class Option {
   Option positive();
   Option at_least_one();  ///< a whole number
   Option assignment();    ///< PATH=VALUE
+  Option scene();         ///< a scene's file, or a name that stands for it (scene_file)
   Option may_be_bare();   ///< given without a value
   Option needs(Option other);
   Option excludes(Option other);

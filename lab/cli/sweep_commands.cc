@@ -5,14 +5,14 @@
 #include <memory>
 #include <optional>
 #include <string>
-#include <utility>
 
 #include "common/base/check.h"
+#include "common/base/nearest_names.h"
 #include "lab/cli/commands.h"
 #include "lab/lanes/lanes.h"
-#include "lab/plot/sweep_picture.h"
+#include "lab/plot/pictures.h"
 #include "lab/study/parallel.h"
-#include "lab/study/sweep_lanes.h"
+#include "lab/study/sweep.h"
 
 namespace twoport::lab {
 namespace {
@@ -24,25 +24,6 @@ struct Arguments {
   std::vector<std::string> axes, parts;
 };
 
-/// Single-character edits that make `typed` the closest part of `name`, and those that make it all of `name`.
-std::pair<std::size_t, std::size_t> edit_distance(const std::string& typed, const std::string& name) {
-  const auto last_row = [&](std::size_t skipped) {
-    std::vector<std::size_t> row(name.size() + 1);
-    for (std::size_t j = 0; j < row.size(); ++j) row[j] = skipped * j;
-    for (std::size_t i = 0; i < typed.size(); ++i) {
-      std::size_t diagonal = std::exchange(row[0], i + 1);
-      for (std::size_t j = 0; j < name.size(); ++j) {
-        const std::size_t replaced = diagonal + (typed[i] == name[j] ? 0 : 1);
-        diagonal = row[j + 1];
-        row[j + 1] = std::min({row[j] + 1, row[j + 1] + 1, replaced});
-      }
-    }
-    return row;
-  };
-  const std::vector<std::size_t> part = last_row(0);
-  return {*std::min_element(part.begin(), part.end()), last_row(1).back()};
-}
-
 /// Throws ConfigError, with the nearest names, unless --plot is "none" or a figure of the table.
 void check_plot(const std::string& plot, bool with_spread) {
   if (plot == "none") return;
@@ -50,12 +31,11 @@ void check_plot(const std::string& plot, bool with_spread) {
   for (std::size_t i = 0, plain = known.size(); with_spread && i < plain; ++i)
     for (const char* ending : {"_sd", "_worst"}) known.push_back(known[i] + ending);
   if (std::find(known.begin(), known.end(), plot) != known.end()) return;
-  std::vector<std::pair<std::pair<std::size_t, std::size_t>, std::string>> nearest;
-  for (const std::string& name : known) nearest.emplace_back(edit_distance(plot, name), name);
-  std::sort(nearest.begin(), nearest.end());
+  const std::vector<std::string> nearest = nearest_names(plot, known, 3);
   throw ConfigError{fmt::format(
-      "--plot {}: no such figure; the nearest are {}, {} and {}, and twoport-lab sweep --list-figures prints all", plot,
-      nearest[0].second, nearest[1].second, nearest[2].second)};
+      "--plot {}: no such figure; the nearest are {}, {} and {}, and twoport-lab sweep --list-figures prints "
+      "all",
+      plot, nearest[0], nearest[1], nearest[2])};
 }
 
 void list_figures() {
@@ -76,9 +56,9 @@ int sweep_command(Arguments& a) {
                                           : VerdictFrom::tail;
   if (!a.shard.empty()) a.sweep.shard = parse_shard(a.shard);
   if (!a.sweep.out.empty()) a.sweep.returned = columns_of_picture(a.plot);
-  LaneUse use;
-  const Table table = sweep(a.sweep, checked_lanes(a.lanes.value_or(0)), use, show_progress);
-  if (a.lanes || progress_is_shown()) say_lanes(use);
+  a.sweep.lanes = checked_lanes(a.lanes.value_or(0));
+  const Table table = sweep(a.sweep, show_progress);
+  if (a.lanes || progress_is_shown()) say_lanes(table.use);
   if (a.sweep.out.empty()) {
     std::fputs(to_csv(table).c_str(), stdout);
     return 0;

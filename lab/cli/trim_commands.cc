@@ -8,7 +8,7 @@
 #include "common/base/file.h"
 #include "common/scene/load.h"
 #include "lab/cli/commands.h"
-#include "lab/plot/blocks_picture.h"
+#include "lab/plot/pictures.h"
 #include "lab/study/cells.h"
 #include "lab/study/trim.h"
 

@@ -6,7 +6,7 @@
 
 #include "lab/cli/commands.h"
 #include "lab/lanes/lanes.h"
-#include "lab/plot/zwidth_picture.h"
+#include "lab/plot/pictures.h"
 #include "lab/study/parallel.h"
 #include "lab/study/zwidth.h"
 
@@ -16,7 +16,7 @@ namespace {
 int zwidth_command(ZWidthOptions options, const std::optional<int>& lanes) {
   options.lanes = checked_lanes(lanes.value_or(0));
   const ZWidth z = z_width(options, show_progress);
-  if (lanes) say_lanes(z.use);
+  if (lanes) say_lanes(z.table.use);
   std::fputs(to_text(z).c_str(), stdout);
   if (options.out.empty()) return 0;
   fmt::print("{}\n", draw(z, options.out));

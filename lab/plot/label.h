@@ -12,6 +12,7 @@ struct Label {
 
   /// "wall stiffness [N/m]"
   [[nodiscard]] std::string text() const;
+  friend bool operator==(const Label&, const Label&) = default;
 };
 
 /// Of a path into a scene, or of several linked ones:

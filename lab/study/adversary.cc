@@ -3,10 +3,8 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <chrono>
 #include <cmath>
 #include <limits>
-#include <mutex>
 
 #include "common/base/check.h"
 #include "common/base/normal.h"
@@ -356,33 +354,28 @@ int Adversary::broken() const {
   return count;
 }
 
-Adversary attack_all(const AdversaryOptions& o, const std::function<void(const Progress&)>& heard) {
+Adversary attack_all(const AdversaryOptions& o, const Heard& heard) {
   if (o.runs < 1) throw ConfigError{fmt::format("--runs is {}; it must be at least 1", o.runs)};
   Adversary all{.methods = o.methods.empty() ? method_names() : o.methods, .runs = {}};
   check_methods(all.methods, method_names());
   const auto runs = static_cast<std::size_t>(o.runs);
   all.runs.resize(all.methods.size(), std::vector<AdversaryRun>(runs));
-  const auto started = std::chrono::steady_clock::now();
-  std::mutex guard;
-  std::size_t done = 0;
   constexpr std::size_t kAtOnce = 100;
   const std::size_t parts = (runs + kAtOnce - 1) / kAtOnce, count = parts * all.methods.size();
+  Tally tally{count, heard};
   for_each_parallel(count, o.jobs, [&](std::size_t i) {
     const std::size_t m = i / parts, from = i % parts * kAtOnce;
     for (std::size_t r = from; r < std::min(runs, from + kAtOnce); ++r)
       all.runs[m][r] = attack(all.methods[m], o.seed + r);
-    if (!heard) return;
-    const std::lock_guard lock{guard};
-    const std::chrono::duration<double> spent = std::chrono::steady_clock::now() - started;
-    heard({++done, 0, count, spent.count()});
+    tally.done();
   });
   return all;
 }
 
 namespace {
 
-template <class Value>
-const AdversaryRun& least(const std::vector<AdversaryRun>& runs, Value value) {
+template <class Energy>
+const AdversaryRun& least(const std::vector<AdversaryRun>& runs, Energy value) {
   return *std::min_element(runs.begin(), runs.end(),
                            [&](const AdversaryRun& a, const AdversaryRun& b) { return value(a) < value(b); });
 }
@@ -427,17 +420,16 @@ std::string broken_runs(const Adversary& all) {
   return out;
 }
 
-std::string to_csv(const Adversary& all) {
-  std::string csv =
-      "method,seed,dof,rate_hz,lies,hand_least_j,hand_bound_j,both_least_j,both_bound_j,jolts_j,felt_max_n,"
-      "below,broken\n";
-  const auto number = [](double v) { return std::isfinite(v) ? fmt::format("{}", v) : std::string{}; };
+Table to_table(const Adversary& all) {
+  Table table;
+  table.columns = {"method",       "seed",         "dof",     "rate_hz",    "lies",  "hand_least_j", "hand_bound_j",
+                   "both_least_j", "both_bound_j", "jolts_j", "felt_max_n", "below", "broken"};
   for (std::size_t m = 0; m < all.methods.size(); ++m)
     for (const AdversaryRun& r : all.runs[m])
-      csv += fmt::format("{},{},{},{},{},{},{},{},{},{},{},{},{}\n", all.methods[m], r.seed, r.dof, r.rate_hz,
-                         r.lies ? 1 : 0, r.hand_least_j, number(r.hand_bound_j), r.both_least_j, number(r.both_bound_j),
-                         r.jolts_j, r.felt_max_n, r.below() ? 1 : 0, r.broken() ? 1 : 0);
-  return csv;
+      table.rows.push_back({all.methods[m], fmt::format("{}", r.seed), r.dof, r.rate_hz, r.lies, r.hand_least_j,
+                            Value::finite(r.hand_bound_j), r.both_least_j, Value::finite(r.both_bound_j), r.jolts_j,
+                            r.felt_max_n, r.below(), r.broken()});
+  return table;
 }
 
 }  // namespace twoport::lab

@@ -1,11 +1,10 @@
 #pragma once
 
 #include <cstdint>
-#include <functional>
 #include <string>
 #include <vector>
 
-#include "lab/study/sweep.h"
+#include "lab/study/table.h"
 
 namespace twoport::lab {
 
@@ -68,12 +67,12 @@ struct Adversary {
   std::vector<std::vector<AdversaryRun>> runs;  ///< of each method, by seed
   [[nodiscard]] int broken() const;
 };
-Adversary attack_all(const AdversaryOptions& options, const std::function<void(const Progress&)>& heard = {});
+Adversary attack_all(const AdversaryOptions& options, const Heard& heard = {});
 
 /// A line for each method: claim, least energies and their seeds, runs that break the claim.
 std::string to_text(const Adversary& all);
 /// Of each run that breaks a claim: what it reached, and the command that runs it again.
 std::string broken_runs(const Adversary& all);
-std::string to_csv(const Adversary& all);
+Table to_table(const Adversary& all);
 
 }  // namespace twoport::lab

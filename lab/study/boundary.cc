@@ -3,9 +3,9 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <charconv>
 #include <cmath>
 #include <iterator>
+#include <utility>
 
 #include "common/base/check.h"
 #include "common/base/file.h"
@@ -28,11 +28,10 @@ double rounded(double value, double tolerance) {
 }
 
 double number(const std::string& whole, std::string_view text) {
-  double value = 0.0;
-  const auto [stop, error] = std::from_chars(text.data(), text.data() + text.size(), value);
-  if (error != std::errc{} || stop != text.data() + text.size() || !std::isfinite(value))
+  const std::optional<double> value = number_of(text);
+  if (!value || !std::isfinite(*value))
     throw ConfigError{fmt::format("--vary {}: \"{}\" is not a number; it must read PATH=LO:HI", whole, text)};
-  return value;
+  return *value;
 }
 
 /// The scene, read once for all values that are tried.
@@ -211,23 +210,21 @@ BoundaryCurve boundary_curve(const BoundaryOptions& o, const Axis& along,
   return curve;
 }
 
-std::string to_csv(const BoundaryCurve& curve) {
-  Table table{.axes = {}, .columns = curve.along.paths, .rows = {}};
+Table to_table(const BoundaryCurve& curve) {
+  Table table;
+  table.columns = curve.along.paths;
   table.columns.insert(table.columns.end(), curve.vary.paths.begin(), curve.vary.paths.end());
   table.columns.emplace_back("note");
   for (std::size_t i = 0; i < curve.found.size(); ++i) {
     const BoundarySearch& at = curve.found[i];
-    std::vector<std::string>& row = table.rows.emplace_back(curve.along.paths.size(), curve.along.values[i]);
-    row.insert(row.end(), curve.vary.paths.size(), at.boundary ? fmt::format("{}", at.boundary->stable) : "");
-    if (at.boundary) {
-      row.emplace_back(at.stable_at_low ? "" : "stable from here up");
-      continue;
-    }
-    const char* const verdict = at.stable_at_low ? "stable" : "unstable";
-    row.push_back(fmt::format("{} at both ends", verdict));
-    if (at.disagreement) row.back() += fmt::format(" but not at {}", *at.disagreement);
+    Values& row = table.rows.emplace_back(curve.along.paths.size(), Value{curve.along.values[i]});
+    row.insert(row.end(), curve.vary.paths.size(), at.boundary ? Value{at.boundary->stable} : Value{});
+    std::string note = at.stable_at_low ? "" : "stable from here up";
+    if (!at.boundary) note = fmt::format("{} at both ends", at.stable_at_low ? "stable" : "unstable");
+    if (at.disagreement) note += fmt::format(" but not at {}", *at.disagreement);
+    row.emplace_back(std::move(note));
   }
-  return to_csv(table);
+  return table;
 }
 
 }  // namespace twoport::lab

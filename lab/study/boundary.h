@@ -6,7 +6,7 @@
 #include <vector>
 
 #include "lab/study/many_runs.h"
-#include "lab/study/sweep.h"
+#include "lab/study/table.h"
 
 namespace twoport::lab {
 
@@ -73,9 +73,9 @@ struct BoundaryCurve {
 BoundaryCurve boundary_curve(const BoundaryOptions& options, const Axis& along,
                              const std::function<void(std::size_t)>& finished = {});
 
-/// A header and a row for each value: the paths of `along`, the varied paths, and a note. The note is empty where the
+/// A row for each value: the paths of `along`, the varied paths, and a note. The note is empty where the
 /// run is stable from LO up to the value, "stable from here up" where it is from the value up to HI. Without a boundary
 /// the varied columns are empty and the note says "stable at both ends" or "unstable at both ends".
-std::string to_csv(const BoundaryCurve& curve);
+Table to_table(const BoundaryCurve& curve);
 
 }  // namespace twoport::lab

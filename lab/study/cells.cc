@@ -59,8 +59,10 @@ bool is_as_written(const std::string& line, std::string_view of_sweep) {
   return end != line.npos && with_check(line.substr(0, end), of_sweep) == line;
 }
 
-std::string line_of(const Plan& plan, std::size_t cell, const std::vector<std::string>& row) {
-  return with_check(fmt::format("{{\"cell\": {}, \"row\": {}", cell, list(row)), plan.digest);
+std::string line_of(const Plan& plan, std::size_t cell, const Values& row) {
+  std::vector<std::string> texts;
+  for (const Value& value : row) texts.push_back(value.text());
+  return with_check(fmt::format("{{\"cell\": {}, \"row\": {}", cell, list(texts)), plan.digest);
 }
 
 std::vector<std::string> texts(const pb::Value& value) {
@@ -117,7 +119,7 @@ std::optional<std::pair<std::size_t, std::vector<std::string>>> parse_cell(const
   if (!take(text, "{\"cell\": ")) return std::nullopt;
   const auto [after, error] = std::from_chars(text.data(), text.data() + text.size(), cell);
   text.remove_prefix(static_cast<std::size_t>(after - text.data()));
-  if (error != std::errc{} || cell >= plan.cells() || !take(text, ", \"row\": [")) return std::nullopt;
+  if (error != std::errc{} || cell >= plan.grid.cells() || !take(text, ", \"row\": [")) return std::nullopt;
   std::vector<std::string> row(plan.columns.size());
   for (std::size_t i = 0; i < row.size(); ++i)
     if ((i > 0 && !take(text, ", ")) || !take_text(text, row[i])) return std::nullopt;
@@ -139,11 +141,11 @@ Plan parse_plan(const std::string& path, const std::string& line) {
   plan.seeds = static_cast<std::size_t>(member(object, "seeds").number_value());
   plan.columns = texts(member(object, "columns"));
   for (const pb::Value& axis : member(object, "axes").list_value().values())
-    plan.axes.push_back({.paths = parse_paths(member(axis.struct_value(), "path").string_value(), path + ":1"),
-                         .values = texts(member(axis.struct_value(), "values")),
-                         .logarithmic = member(axis.struct_value(), "log").bool_value()});
+    plan.grid.axes.push_back({.paths = parse_paths(member(axis.struct_value(), "path").string_value(), path + ":1"),
+                              .values = texts(member(axis.struct_value(), "values")),
+                              .logarithmic = member(axis.struct_value(), "log").bool_value()});
   double cells = 1.0;
-  for (const Axis& axis : plan.axes) cells *= static_cast<double>(axis.values.size());
+  for (const Axis& axis : plan.grid.axes) cells *= static_cast<double>(axis.values.size());
   if (!(cells >= 1.0 && cells <= static_cast<double>(kMostCells)))
     throw ConfigError{fmt::format("{}:1: {:.0f} cells; there must be 1 to {}", path, cells, kMostCells)};
   return plan;
@@ -151,38 +153,16 @@ Plan parse_plan(const std::string& path, const std::string& line) {
 
 }  // namespace
 
-std::size_t Plan::cells() const {
-  std::size_t count = 1;
-  for (const Axis& axis : axes) count *= axis.values.size();
-  return count;
-}
-
-std::vector<std::string> Plan::values(std::size_t cell) const {
-  std::vector<std::string> all(axes.size());
-  for (std::size_t i = axes.size(); i-- > 0;) {
-    all[i] = axes[i].values[cell % axes[i].values.size()];
-    cell /= axes[i].values.size();
-  }
-  return all;
-}
-
 std::vector<std::string> Plan::varied_columns(std::size_t cell) const {
-  const std::vector<std::string> of_axis = values(cell);
+  const std::vector<std::string> of_axis = grid.values(cell);
   std::vector<std::string> all;
-  for (std::size_t i = 0; i < axes.size(); ++i) all.insert(all.end(), axes[i].paths.size(), of_axis[i]);
+  for (std::size_t i = 0; i < of_axis.size(); ++i) all.insert(all.end(), grid.axes[i].paths.size(), of_axis[i]);
   return all;
-}
-
-std::string Plan::name(std::size_t cell) const {
-  const std::vector<std::string> v = values(cell);
-  std::vector<std::string> parts;
-  for (std::size_t i = 0; i < v.size(); ++i) parts.push_back(axes[i].name() + "=" + v[i]);
-  return fmt::format("{}", fmt::join(parts, ", "));
 }
 
 std::string Plan::line() const {
   std::vector<std::string> of_axes;
-  for (const Axis& a : axes)
+  for (const Axis& a : grid.axes)
     of_axes.push_back(
         fmt::format(R"({{"path": {}, "log": {}, "values": {}}})", json_text(a.name()), a.logarithmic, list(a.values)));
   return with_check(fmt::format("{{\"digest\": {}, \"axes\": [{}], \"seeds\": {}, \"columns\": {}", json_text(digest),
@@ -202,7 +182,7 @@ CellFile::CellFile(const std::string& folder, const Plan& plan) : path_{cells_in
     const std::string first = plan.line();
     write_whole(path_, first);
     plan_ = plan;
-    begins_.assign(plan.cells(), kMissing);
+    begins_.assign(plan.grid.cells(), kMissing);
     end_ = first.size();
     in_.close();
     in_.open(path_, std::ios::binary);
@@ -226,7 +206,7 @@ bool CellFile::read() {
     line += '\n';
     if (number == 1) {
       plan_ = parse_plan(path_, line);
-      begins_.assign(plan_.cells(), kMissing);
+      begins_.assign(plan_.grid.cells(), kMissing);
     } else if (!add(line)) {
       throw ConfigError{
           fmt::format("{}:{}: is not a cell of this sweep as it was written; remove the line to run its cell again",
@@ -253,7 +233,7 @@ bool CellFile::add(const std::string& line) {
   return true;
 }
 
-void CellFile::append(std::size_t cell, const std::vector<std::string>& row) {
+void CellFile::append(std::size_t cell, const Values& row) {
   if (failure_.empty()) {
     errno = 0;
     const std::string text = line_of(plan_, cell, row);
@@ -275,10 +255,18 @@ std::string CellFile::line(std::size_t cell) {
   return text + '\n';
 }
 
-std::vector<std::string> CellFile::row(std::size_t cell) {
+Values CellFile::row(std::size_t cell) {
   auto found = parse_cell(plan_, line(cell));
   if (!found || found->first != cell) throw IoError{fmt::format("{}: was changed meanwhile", path_)};
-  return std::move(found->second);
+  // Figures stand between the varied paths and the texts.
+  const std::size_t varied = plan_.varied_columns(cell).size(), texts = 4 + (plan_.seeds > 0 ? 1 : 0);
+  Values row;
+  for (std::size_t i = 0; i < found->second.size(); ++i) {
+    const bool figure = i >= varied && i + texts < found->second.size();
+    const std::optional<double> number = figure ? number_of(found->second[i]) : std::nullopt;
+    row.push_back(number ? Value{*number} : Value{std::move(found->second[i])});
+  }
+  return row;
 }
 
 std::string cells_in(const std::string& folder) {

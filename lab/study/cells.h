@@ -8,27 +8,19 @@
 #include <vector>
 
 #include "common/base/file.h"
-#include "lab/study/sweep.h"
+#include "lab/study/table.h"
 
 namespace twoport::lab {
-
-/// Most cells of a sweep.
-inline constexpr std::size_t kMostCells = 1'000'000;
 
 /// Definition of a sweep: the first line of cells.jsonl.
 struct Plan {
   std::string digest;  ///< of scene, overrides, axes, seeds and version
-  std::vector<Axis> axes;
+  Grid grid;
   std::size_t seeds = 0;  ///< as in SweepOptions
   std::vector<std::string> columns;
 
-  [[nodiscard]] std::size_t cells() const;
-  /// The value of each axis in a cell, the last fastest.
-  [[nodiscard]] std::vector<std::string> values(std::size_t cell) const;
   /// Start of a cell's row: a value for each path.
   [[nodiscard]] std::vector<std::string> varied_columns(std::size_t cell) const;
-  /// "a=1, b=2" for an error sentence.
-  [[nodiscard]] std::string name(std::size_t cell) const;
   /// The first line of cells.jsonl.
   [[nodiscard]] std::string line() const;
 };
@@ -49,14 +41,14 @@ class CellFile {
   CellFile(const std::string& folder, const Plan& plan);
 
   /// Throws IoError when the cell cannot be kept, and for all that follow.
-  void append(std::size_t cell, const std::vector<std::string>& row);
+  void append(std::size_t cell, const Values& row);
 
   [[nodiscard]] const std::string& path() const { return path_; }
   [[nodiscard]] const Plan& plan() const { return plan_; }
   [[nodiscard]] bool holds(std::size_t cell) const { return begins_[cell] != kMissing; }
   /// The line of a cell that is held, its newline included, or its row. Throws IoError when it is not there any more.
   std::string line(std::size_t cell);
-  std::vector<std::string> row(std::size_t cell);
+  Values row(std::size_t cell);
 
  private:
   bool read();

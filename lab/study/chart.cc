@@ -78,46 +78,39 @@ std::string field_names(const Axis& axis) {
 
 /// All combinations, the last axis fastest. Integrators that size their steps have no substeps: one of their combinations is enough.
 std::vector<Candidate> combinations(const ChartOptions& o) {
-  std::vector<Axis> axes;
-  for (const std::string& text : o.vary) axes.push_back(parse_axis(text));
-  if (axes.empty())
-    axes = {parse_axis("simulation.integrator=EXACT,EXACT_PER_TICK,SYMPLECTIC_EULER,TRAPEZOIDAL,VELOCITY_VERLET,RK4,"
-                       "DORMAND_PRINCE"),
-            parse_axis("simulation.substeps=1,2,5,10,30,100")};
-  std::vector<Candidate> all{{}};
+  Grid grid;
   std::vector<std::string> varied;
-  for (const Axis& axis : axes) {
+  for (const std::string& text : o.vary) {
+    const Axis& axis = grid.axes.emplace_back(parse_axis(text));
     warn_if_lost(o.set, axis.paths);
     refuse_overlap(axis, varied);
     varied.insert(varied.end(), axis.paths.begin(), axis.paths.end());
-    std::vector<Candidate> longer;
-    for (const Candidate& c : all)
-      for (const std::string& value : axis.values) {
-        Candidate next = c;
-        axis.append_overrides(next.set, value);
-        const std::string name = field_names(axis);
-        if (next.point.group.empty()) next.point.group = value;
-        if (!next.point.name.empty()) next.point.name += ", ";
-        next.point.name +=
-            name == "integrator" ? value : value + " " + (value == "1" && name == "substeps" ? "substep" : name);
-        longer.push_back(next);
-      }
-    all = longer;
   }
-  const auto has = [](const Candidate& c, const std::string& text) {
-    return std::find(c.set.begin(), c.set.end(), text) != c.set.end();
-  };
-  const auto sizes_its_steps = [&](const Candidate& c) {
-    return has(c, "simulation.integrator=EXACT") || has(c, "simulation.integrator=DORMAND_PRINCE");
-  };
-  std::erase_if(all, [&](const Candidate& c) {
-    const auto substeps = std::find_if(c.set.begin(), c.set.end(),
-                                       [](const std::string& s) { return s.rfind("simulation.substeps=", 0) == 0; });
-    return sizes_its_steps(c) && substeps != c.set.end() && *substeps != "simulation.substeps=1";
-  });
-  for (Candidate& c : all)
-    if (const std::string one = ", 1 substep"; sizes_its_steps(c) && c.point.name.ends_with(one))
-      c.point.name.erase(c.point.name.size() - one.size());
+  if (grid.axes.empty())
+    grid.axes = {parse_axis("simulation.integrator=EXACT,EXACT_PER_TICK,SYMPLECTIC_EULER,TRAPEZOIDAL,VELOCITY_VERLET,"
+                            "RK4,DORMAND_PRINCE"),
+                 parse_axis("simulation.substeps=1,2,5,10,30,100")};
+  std::vector<Candidate> all;
+  for (std::size_t cell = 0; cell < grid.cells(); ++cell) {
+    const std::vector<std::string> values = grid.values(cell);
+    Candidate c;
+    c.point.group = values.front();
+    c.set = grid.overrides(cell);
+    const auto has = [&](const char* text) { return std::find(c.set.begin(), c.set.end(), text) != c.set.end(); };
+    const bool sizes_its_steps = has("simulation.integrator=EXACT") || has("simulation.integrator=DORMAND_PRINCE");
+    bool is_needed = true;
+    for (std::size_t i = 0; i < values.size(); ++i) {
+      const std::string field = field_names(grid.axes[i]);
+      if (sizes_its_steps && field == "substeps") {
+        is_needed = values[i] == "1";
+        if (i > 0) continue;
+      }
+      if (!c.point.name.empty()) c.point.name += ", ";
+      c.point.name += values[i];
+      if (field != "integrator") c.point.name += " " + (values[i] == "1" && field == "substeps" ? "substep" : field);
+    }
+    if (is_needed) all.push_back(std::move(c));
+  }
   return all;
 }
 
@@ -318,25 +311,38 @@ std::string to_text(const Chart& c) {
   return out;
 }
 
-std::string to_csv(const Chart& c) {
-  std::string out =
-      "name,ns_per_tick,cost_s_per_s,position_rms_m,force_rms_n,force_max_n,energy_max_j,boundary,dominated_by\n";
+Table to_table(const Chart& c) {
+  Table table;
+  table.columns = {"name",        "ns_per_tick",  "cost_s_per_s", "position_rms_m", "force_rms_n",
+                   "force_max_n", "energy_max_j", "boundary",     "dominated_by"};
   for (const Point& p : c.points)
     if (p.impossible.empty())
-      out += fmt::format("\"{}\",{},{},{},{},{},{},{},\"{}\"\n", p.name, p.ns_per_tick, p.cost, p.error.position_rms_m,
-                         p.error.force_rms_n, p.error.force_max_n, p.error.energy_max_j,
-                         p.boundary ? fmt::format("{}", *p.boundary) : "", p.dominated_by);
-  return out;
+      table.rows.push_back({{p.name, true},
+                            p.ns_per_tick,
+                            p.cost,
+                            p.error.position_rms_m,
+                            p.error.force_rms_n,
+                            p.error.force_max_n,
+                            p.error.energy_max_j,
+                            p.boundary ? Value{*p.boundary} : Value{},
+                            {p.dominated_by, true}});
+  return table;
 }
 
-std::string to_csv(const Chart& c, const std::vector<EqualError>& engines) {
-  std::string out = "engine,ns_per_tick,position_rms_m,own,own_ns_per_tick,own_position_rms_m,ahead\n";
-  for (const EqualError& e : engines)
-    out += fmt::format("\"{}\",{},{},", e.engine->name, e.engine->ns_per_tick, e.engine->error.position_rms_m) +
-           (e.own == nullptr ? ",,,\n"
-                             : fmt::format("\"{}\",{},{},{}\n", e.own->name, e.own->ns_per_tick,
-                                           std::max(e.own->error.position_rms_m, c.floor.position_rms_m), e.ahead()));
-  return out;
+Table to_table(const Chart& c, const std::vector<EqualError>& engines) {
+  Table table;
+  table.columns = {"engine", "ns_per_tick", "position_rms_m", "own", "own_ns_per_tick", "own_position_rms_m", "ahead"};
+  for (const EqualError& e : engines) {
+    Values& row =
+        table.rows.emplace_back(Values{{e.engine->name, true}, e.engine->ns_per_tick, e.engine->error.position_rms_m});
+    if (e.own != nullptr)
+      row.insert(row.end(), {{e.own->name, true},
+                             e.own->ns_per_tick,
+                             std::max(e.own->error.position_rms_m, c.floor.position_rms_m),
+                             e.ahead()});
+    row.resize(table.columns.size());
+  }
+  return table;
 }
 
 }  // namespace twoport::lab

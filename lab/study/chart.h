@@ -5,7 +5,7 @@
 #include <string>
 #include <vector>
 
-#include "lab/study/sweep.h"
+#include "lab/study/table.h"
 
 namespace twoport::lab {
 
@@ -77,7 +77,7 @@ struct EqualError {
 std::vector<EqualError> beside_engines(const Chart& chart);
 
 std::string to_text(const Chart& chart);
-std::string to_csv(const Chart& chart);
-std::string to_csv(const Chart& chart, const std::vector<EqualError>& engines);
+Table to_table(const Chart& chart);
+Table to_table(const Chart& chart, const std::vector<EqualError>& engines);
 
 }  // namespace twoport::lab

@@ -30,7 +30,7 @@ Comparison compare(const CompareOptions& o) {
   std::vector<Scene> scenes;
   for (const std::string& method : all.methods) {
     std::vector<std::string> set = o.set;
-    set.push_back("control.passivity.method=" + method);
+    for (std::string& each : method_overrides(method)) set.push_back(std::move(each));
     // The same E(0) for every method.
     if (!rendered)
       set.push_back(fmt::format("control.passivity.initial_energy_j={}", as_it_is.control.initial_energy.si()));
@@ -40,64 +40,65 @@ Comparison compare(const CompareOptions& o) {
   all.dof = scenes.front().dof;
   all.summaries.resize(scenes.size());
   for_each_parallel(scenes.size(), o.jobs, [&](std::size_t i) {
-    if (o.out.empty()) {
-      all.summaries[i] = run(scenes[i]);
-      return;
-    }
     const std::string folder = o.out + "/" + all.methods[i];
-    make_folder(folder);
-    WholeFile trace{folder + "/trace.csv"};
-    all.summaries[i] = run(scenes[i], {.trace = &trace, .verdict = VerdictFrom::tail});
-    trace.commit();
+    std::optional<WholeFile> trace;
+    if (!o.out.empty()) {
+      make_folder(folder);
+      trace.emplace(folder + "/trace.csv");
+    }
+    all.summaries[i] = run(scenes[i], {.trace = trace ? &*trace : nullptr});
+    if (!trace) return;
+    trace->commit();
     leave_summary(all.summaries[i], folder);
   });
   return all;
 }
 
-std::string to_csv(const Comparison& all) {
-  std::string csv = "method";
-  std::vector<std::string> names = figures();
-  for (const std::string& name : names) csv += "," + name;
-  csv += ",verdict_kind,verdict\n";
+Table to_table(const Comparison& all) {
+  Table table;
+  table.columns = {"method"};
+  for (const std::string& name : figures()) table.columns.push_back(name);
+  table.columns.insert(table.columns.end(), {"verdict_kind", "verdict"});
   for (std::size_t m = 0; m < all.methods.size(); ++m) {
-    csv += all.methods[m];
-    const auto of = numbers(all.summaries[m]);
-    for (const std::string& name : names) {
-      const double value = figure(of, name);
-      csv += std::isfinite(value) ? fmt::format(",{}", value) : ",";
-    }
-    csv += fmt::format(",{},\"{}\"\n", all.summaries[m].verdict_kind(), all.summaries[m].verdict());
+    const Summary& s = all.summaries[m];
+    Values& row = table.rows.emplace_back(Values{all.methods[m]});
+    for (const std::string& name : figures()) row.push_back(Value::finite(Figure::named(name).of(s)));
+    row.emplace_back(s.verdict_kind());
+    row.emplace_back(s.verdict(), true);
   }
-  return csv;
+  return table;
+}
+
+const std::vector<ShownFigure>& compared_figures() {
+  static const std::vector<ShownFigure> all{{"pressed N", Figure::named("environment_force_mean_n")},
+                                            {"felt err N", Figure::named("felt_force_error_rms_n")},
+                                            {"held", Figure::named("held_force_ratio")},
+                                            {"muted", Figure::named("muted_share")},
+                                            {"drag N", Figure::named("free_force_rms_n")},
+                                            {"chatter N", Figure::named("chatter_rms_n")},
+                                            {"turned deg", Figure::named("felt_force_direction_error_rms_deg")},
+                                            {"drift mm", Figure::named("drift_m"), 1e3},
+                                            {"hand mJ", Figure::named("hand_min_energy_j"), 1e3},
+                                            {"both mJ", Figure::named("two_port_min_energy_j"), 1e3}};
+  return all;
+}
+
+std::string compared_columns(const Summary* of) {
+  std::string out;
+  for (const ShownFigure& each : compared_figures()) {
+    const double value = of == nullptr ? 0.0 : each.scale * each.figure.of(*of);
+    out += of == nullptr          ? fmt::format(" {:>10}", each.title)
+           : std::isfinite(value) ? fmt::format(" {:>10.3g}", value)
+                                  : fmt::format(" {:>10}", "-");
+  }
+  return out + '\n';
 }
 
 std::string to_text(const Comparison& all) {
-  struct Column {
-    const char *title, *figure;
-    double scale;
-  };
-  constexpr Column kColumns[] = {{"pressed N", "environment_force_mean_n", 1.0},
-                                 {"felt err N", "felt_force_error_rms_n", 1.0},
-                                 {"held", "held_force_ratio", 1.0},
-                                 {"muted", "muted_share", 1.0},
-                                 {"drag N", "free_force_rms_n", 1.0},
-                                 {"chatter N", "chatter_rms_n", 1.0},
-                                 {"turned deg", "felt_force_direction_error_rms_deg", 1.0},
-                                 {"drift mm", "drift_m", 1e3},
-                                 {"hand mJ", "hand_min_energy_j", 1e3},
-                                 {"both mJ", "two_port_min_energy_j", 1e3}};
-  std::string out = fmt::format("{}\n{:<26} {:<10}", all.scene, "method", "verdict");
-  for (const Column& c : kColumns) out += fmt::format(" {:>10}", c.title);
-  out += '\n';
-  for (std::size_t m = 0; m < all.methods.size(); ++m) {
-    out += fmt::format("{:<26} {:<10}", all.methods[m], all.summaries[m].verdict_kind());
-    const auto of = numbers(all.summaries[m]);
-    for (const Column& c : kColumns) {
-      const double value = figure(of, c.figure);
-      out += std::isfinite(value) ? fmt::format(" {:>10.3g}", c.scale * value) : fmt::format(" {:>10}", "-");
-    }
-    out += '\n';
-  }
+  std::string out = fmt::format("{}\n{:<26} {:<10}", all.scene, "method", "verdict") + compared_columns(nullptr);
+  for (std::size_t m = 0; m < all.methods.size(); ++m)
+    out += fmt::format("{:<26} {:<10}", all.methods[m], all.summaries[m].verdict_kind()) +
+           compared_columns(&all.summaries[m]);
   return out;
 }
 

@@ -1,9 +1,12 @@
 #pragma once
 
+#include <span>
 #include <string>
 #include <vector>
 
+#include "common/record/figure.h"
 #include "common/record/summary.h"
+#include "lab/study/table.h"
 
 namespace twoport::lab {
 
@@ -27,8 +30,18 @@ struct Comparison {
 Comparison compare(const CompareOptions& options);
 
 /// A row for each method: its name, then every figure of the summary, then its texts.
-std::string to_csv(const Comparison& all);
+Table to_table(const Comparison& all);
 /// For people.
 std::string to_text(const Comparison& all);
+
+/// A figure that tells runs of one scene apart, for people.
+struct ShownFigure {
+  const char* title;
+  Figure figure;
+  double scale = 1.0;  ///< of the unit that the title names
+};
+const std::vector<ShownFigure>& compared_figures();
+/// Their values, each in ten characters, "-" where it is not known; titles where there is no summary.
+std::string compared_columns(const Summary* of);
 
 }  // namespace twoport::lab

@@ -3,18 +3,15 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <chrono>
-#include <cmath>
 #include <filesystem>
-#include <mutex>
+#include <utility>
 
 #include "common/base/check.h"
 #include "common/method/catalogue.h"
 #include "common/record/expectation.h"
 #include "common/scene/load.h"
-#include "lab/run.h"
+#include "lab/study/many_runs.h"
 #include "lab/study/map.h"
-#include "lab/study/parallel.h"
 
 namespace twoport::lab {
 
@@ -35,22 +32,20 @@ Gallery gallery(const GalleryOptions& o, const std::function<void(const Progress
   std::vector<Scene> scenes;
   for (const fs::path& file : files) {
     all.entries.push_back({file.stem().string(), std::vector<Summary>(all.methods.size()), {}});
-    for (const std::string& method : all.methods)
-      scenes.push_back(load_scene(file.string(), std::vector{"control.passivity.method=" + method}));
+    for (const std::string& method : all.methods) scenes.push_back(load_scene(file.string(), method_overrides(method)));
   }
-  const auto started = std::chrono::steady_clock::now();
-  std::mutex guard;
-  std::size_t done = 0;
-  for_each_parallel(scenes.size(), o.jobs, [&](std::size_t i) {
+  Tally tally{scenes.size(), heard};
+  run_cells({scenes.size(), 1, [&](std::size_t i) { return scenes[i]; }}, {.jobs = o.jobs}, tally,
+            [&](std::size_t i, std::uint64_t, const std::vector<Summary>& of_seeds) {
+              all.entries[i / all.methods.size()].summaries[i % all.methods.size()] = of_seeds.front();
+            });
+  for (std::size_t i = 0; i < scenes.size(); ++i) {
     Gallery::Entry& entry = all.entries[i / all.methods.size()];
-    Summary& summary = entry.summaries[i % all.methods.size()] = run(scenes[i]);
-    const std::vector<std::string> missed =
-        violations({.stable = {}, .at_least = {}, .at_most = {}, .of_method = scenes[i].expect.of_method}, summary);
-    const std::lock_guard lock{guard};
-    entry.missed.insert(entry.missed.end(), missed.begin(), missed.end());
-    const std::chrono::duration<double> spent = std::chrono::steady_clock::now() - started;
-    if (heard) heard({++done, 0, scenes.size(), spent.count()});
-  });
+    for (std::string& sentence :
+         violations({.stable = {}, .at_least = {}, .at_most = {}, .of_method = scenes[i].expect.of_method},
+                    entry.summaries[i % all.methods.size()]))
+      entry.missed.push_back(std::move(sentence));
+  }
   return all;
 }
 
@@ -85,22 +80,17 @@ std::string to_text(const Gallery& all) {
   return out;
 }
 
-std::string to_csv(const Gallery& all) {
-  std::string csv = "scene,method,verdict_kind,word";
-  for (const std::string& name : map_figures()) csv += "," + name;
-  csv += '\n';
+Table to_table(const Gallery& all) {
+  Table table;
+  table.columns = {"scene", "method", "verdict_kind", "word"};
+  for (const Figure& figure : map_figures()) table.columns.push_back(figure.name());
   for (const Gallery::Entry& each : all.entries)
     for (std::size_t m = 0; m < all.methods.size(); ++m) {
       const Summary& s = each.summaries[m];
-      csv += fmt::format("{},{},{},{}", each.scene, all.methods[m], s.verdict_kind(), in_a_word(s));
-      const auto of = numbers(s);
-      for (const std::string& name : map_figures()) {
-        const double value = figure(of, name);
-        csv += std::isfinite(value) ? fmt::format(",{}", value) : ",";
-      }
-      csv += '\n';
+      Values& row = table.rows.emplace_back(Values{each.scene, all.methods[m], s.verdict_kind(), in_a_word(s)});
+      for (const Figure& figure : map_figures()) row.push_back(Value::finite(figure.of(s)));
     }
-  return csv;
+  return table;
 }
 
 }  // namespace twoport::lab

@@ -1,11 +1,10 @@
 #pragma once
 
-#include <functional>
 #include <string>
 #include <vector>
 
 #include "common/record/summary.h"
-#include "lab/study/sweep.h"
+#include "lab/study/table.h"
 
 namespace twoport::lab {
 
@@ -28,7 +27,7 @@ struct Gallery {
 
 /// Throws ConfigError for a folder without scenes, an invalid scene or an unknown method. Only expectations of a method's
 /// verdict (`of_method`) are checked.
-Gallery gallery(const GalleryOptions& options, const std::function<void(const Progress&)>& heard = {});
+Gallery gallery(const GalleryOptions& options, const Heard& heard = {});
 
 /// What a run was, in a word: stable, mute (stable, and nothing is felt in more than half of the contact), restless,
 /// UNSTABLE, undecided.
@@ -36,6 +35,7 @@ std::string in_a_word(const Summary& summary);
 
 /// Who survives what: a row for each scene, a column for each method.
 std::string to_text(const Gallery& all);
-std::string to_csv(const Gallery& all);
+/// A row for each scene and method.
+Table to_table(const Gallery& all);
 
 }  // namespace twoport::lab

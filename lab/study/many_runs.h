@@ -1,11 +1,15 @@
 #pragma once
 
 #include <atomic>
+#include <chrono>
 #include <cstddef>
+#include <cstdint>
 #include <functional>
 #include <map>
+#include <mutex>
 #include <span>
 #include <string>
+#include <vector>
 
 #include "common/record/summary.h"
 #include "common/scene/scene.h"
@@ -34,5 +38,38 @@ struct ManyRuns {
 /// impossible number of lanes.
 LaneUse run_many(std::span<const Scene* const> scenes, const ManyRuns& options,
                  const std::function<void(std::size_t number, const Summary&)>& finished);
+
+struct Progress {
+  std::size_t done, kept, count;  ///< cells; `kept` of `done` were there before
+  double spent_s;
+};
+using Heard = std::function<void(const Progress&)>;
+
+/// Counts the cells of a study as they are done, and tells.
+class Tally {
+ public:
+  Tally(std::size_t count, Heard heard, std::size_t kept = 0);
+  /// One more. From any thread, one at a time.
+  void done();
+
+ private:
+  Progress progress_;
+  Heard heard_;
+  std::chrono::steady_clock::time_point start_ = std::chrono::steady_clock::now();
+  std::mutex guard_;
+};
+
+/// The cells of a study: each is a scene, run with its seed, seed + 1, …
+struct Cells {
+  std::size_t count = 0, seeds = 1;
+  std::function<Scene(std::size_t cell)> scene;  ///< called from any thread
+};
+
+/// Runs every cell with every seed. Calls `finished` for each as soon as its last seed has its verdict, in any order, never two at once,
+/// with its number, its first seed and a summary for each seed. A cell whose scene is refused throws its ConfigError, after those read
+/// with it have run.
+LaneUse run_cells(
+    const Cells& cells, const ManyRuns& options, Tally& tally,
+    const std::function<void(std::size_t cell, std::uint64_t first_seed, const std::vector<Summary>&)>& finished);
 
 }  // namespace twoport::lab

@@ -4,13 +4,9 @@
 #include <fmt/ranges.h>
 
 #include <algorithm>
-#include <atomic>
-#include <chrono>
 #include <cmath>
-#include <iterator>
 #include <limits>
 #include <map>
-#include <mutex>
 #include <utility>
 #include <variant>
 
@@ -28,7 +24,6 @@ namespace {
 constexpr const char* kMapScene =
 #include "lab/map_scene.inc"
     ;
-constexpr std::size_t kLoaded = 4096;  ///< scenes that are held at once
 constexpr double kNone = std::numeric_limits<double>::quiet_NaN();
 
 SceneText base_of(const MapOptions& o) {
@@ -39,6 +34,10 @@ SceneText base_of(const MapOptions& o) {
 double positive_or_zero(double value) {
   return value > 0.0 ? value : 0.0;
 }
+/// What the environment takes, as a mean over the run: one without contact has pressed nothing.
+double pressed_force(const Summary& s) {
+  return positive_or_zero(s.environment_force_mean_n()) * positive_or_zero(s.touching_share());
+}
 
 MapCell cell_of(const std::string& method, const MapPlace& place, const std::vector<Summary>& of_seeds,
                 double reference_n) {
@@ -46,32 +45,24 @@ MapCell cell_of(const std::string& method, const MapPlace& place, const std::vec
   cell.method = method;
   cell.place = place;
   cell.reference_n = reference_n;
-  std::vector<std::vector<std::pair<std::string, double>>> figures;
   std::vector<double> pressed, error;
   for (const Summary& s : of_seeds) {
-    figures.push_back(numbers(s));
     const std::string& kind = s.verdict_kind();
     ++(kind == "STABLE"     ? cell.stable
        : kind == "RESTLESS" ? cell.restless
        : kind == "UNSTABLE" ? cell.unstable
                             : cell.undecided);
     if (kind != "STABLE") continue;
-    const auto of = [&](const char* name) { return positive_or_zero(figure(figures.back(), name)); };
-    // A run without contact has pressed nothing.
-    const double force = of("environment_force_mean_n") * of("touching_share");
+    const double force = pressed_force(s);
     pressed.push_back(reference_n > 0.0 ? force / reference_n : kNone);
-    error.push_back(std::sqrt(std::pow(of("felt_force_error_rms_n"), 2) +
-                              std::pow(positive_or_zero(reference_n - force), 2) + std::pow(of("free_force_rms_n"), 2) +
-                              std::pow(of("chatter_rms_n"), 2)));
+    error.push_back(std::sqrt(
+        std::pow(positive_or_zero(s.felt_force_error_rms_n()), 2) + std::pow(positive_or_zero(reference_n - force), 2) +
+        std::pow(positive_or_zero(s.free_force_rms_n()), 2) + std::pow(positive_or_zero(s.chatter_rms_n()), 2)));
   }
   // Less pressed is worse; any other name has the largest value as the worst.
   cell.pressed = pressed.empty() ? Spread{kNone, kNone, kNone} : spread("environment_force_mean_n", pressed);
   cell.error_n = error.empty() ? Spread{kNone, kNone, kNone} : spread("error", error);
-  for (const std::string& name : map_figures()) {
-    std::vector<double> values;
-    for (const auto& each : figures) values.push_back(figure(each, name));
-    cell.figures.push_back(spread(name, values));
-  }
+  for (const Figure& figure : map_figures()) cell.figures.push_back(spread(figure, of_seeds));
   return cell;
 }
 
@@ -108,27 +99,17 @@ ConfidenceInterval wilson(int k, int n) {
   return {std::max(0.0, (middle - half) / (1.0 + z2n)), std::min(1.0, (middle + half) / (1.0 + z2n))};
 }
 
-double figure(const std::vector<std::pair<std::string, double>>& of, const std::string& name) {
-  const auto found = std::find_if(of.begin(), of.end(), [&](const auto& each) { return each.first == name; });
-  return found == of.end() ? kNone : found->second;
-}
-
-const std::vector<std::string>& map_figures() {
-  static const std::vector<std::string> all{"environment_force_mean_n",
-                                            "felt_force_error_rms_n",
-                                            "held_force_ratio",
-                                            "muted_share",
-                                            "drift_m",
-                                            "position_error_rms_m",
-                                            "force_direction_error_rms_deg",
-                                            "felt_force_direction_error_rms_deg",
-                                            "chatter_rms_n",
-                                            "free_force_rms_n",
-                                            "penetration_max_m",
-                                            "hand_min_energy_j",
-                                            "two_port_min_energy_j",
-                                            "robot_min_energy_j",
-                                            "dissipated_j"};
+const std::vector<Figure>& map_figures() {
+  static const std::vector<Figure> all = [] {
+    std::vector<Figure> figures;
+    for (const char* name :
+         {"environment_force_mean_n", "felt_force_error_rms_n", "held_force_ratio", "muted_share", "drift_m",
+          "position_error_rms_m", "force_direction_error_rms_deg", "felt_force_direction_error_rms_deg",
+          "chatter_rms_n", "free_force_rms_n", "penetration_max_m", "hand_min_energy_j", "two_port_min_energy_j",
+          "robot_min_energy_j", "dissipated_j"})
+      figures.push_back(Figure::named(name));
+    return figures;
+  }();
   return all;
 }
 
@@ -136,23 +117,30 @@ std::vector<std::string> rendering_methods() {
   return {"NONE", "CLASSIC", "FORCE_PROJECTED", "METRIC_DAMPING", "FORCE_CONE"};
 }
 
+void check_names(const char* option, const std::vector<std::string>& names, const std::vector<std::string>& allowed) {
+  for (auto name = names.begin(); name != names.end(); ++name) {
+    if (std::find(allowed.begin(), allowed.end(), *name) == allowed.end())
+      throw ConfigError{fmt::format("{} has {}; it must be one of {}", option, *name, fmt::join(allowed, ", "))};
+    if (std::find(names.begin(), name, *name) != name)
+      throw ConfigError{fmt::format("{} has {} twice; it must have each once", option, *name)};
+  }
+}
+
 void check_methods(const std::vector<std::string>& methods, const std::vector<std::string>& allowed) {
-  for (const std::string& method : methods)
-    if (ControlOptions o; std::find(allowed.begin(), allowed.end(), method) == allowed.end() &&
-                          !(method.find('+') != std::string::npos && choose_method(o, method)))
-      throw ConfigError{fmt::format("--methods has {}; it must be one of {}", method, fmt::join(allowed, ", "))};
-  for (std::size_t i = 1; i < methods.size(); ++i)
-    if (std::find(methods.begin(), methods.begin() + static_cast<std::ptrdiff_t>(i), methods[i]) !=
-        methods.begin() + static_cast<std::ptrdiff_t>(i))
-      throw ConfigError{fmt::format("--methods has {} twice; it must have each once", methods[i])};
+  check_names("--methods", methods, allowed);
+}
+
+std::vector<std::string> method_overrides(const std::string& method) {
+  return {"control.passivity.method=" + method};
 }
 
 std::vector<std::string> map_overrides(const Scene& scene, const std::string& method, const MapPlace& p,
                                        std::uint64_t seed) {
   const double round_trip_s = 1e-3 * p.round_trip_ms;
-  std::vector<std::string> all{
-      "control.passivity.method=" + method, fmt::format("seed={}", seed),
-      fmt::format("environment[0].{}.stiffness_n_per_m={}", name(scene.environment.at(0)), p.stiffness_n_per_m)};
+  std::vector<std::string> all = method_overrides(method);
+  all.push_back(fmt::format("seed={}", seed));
+  all.push_back(
+      fmt::format("environment[0].{}.stiffness_n_per_m={}", name(scene.environment.at(0)), p.stiffness_n_per_m));
   for (const char* way : {"to_slave", "to_master"}) {
     all.push_back(fmt::format("{}.delay_ms={}", way, 0.5 * p.round_trip_ms));
     if (p.burst_packets > 1.0 && p.loss > 0.0) {
@@ -196,13 +184,8 @@ Map make_map(const MapOptions& o, const std::function<void(const Progress&)>& he
           .cells = {},
           .use = {}};
   // A combination without a meaning is refused before anything runs.
-  for (const std::string& method : map.methods)
-    static_cast<void>(base.with(std::vector{"control.passivity.method=" + method}));
+  for (const std::string& method : map.methods) static_cast<void>(base.with(method_overrides(method)));
 
-  const auto started = std::chrono::steady_clock::now();
-  std::mutex guard;
-  std::size_t done = 0;
-  const std::size_t count = map.methods.size() * map.places.size();
   // Without a link a place is its path, whose rests grow with the round trip, and its wall.
   std::map<std::pair<double, double>, double> references;
   for (const MapPlace& p : map.places) references[{p.round_trip_ms, p.stiffness_n_per_m}] = 0.0;
@@ -212,41 +195,21 @@ Map make_map(const MapOptions& o, const std::function<void(const Progress&)>& he
     const MapPlace place{.round_trip_ms = to_run[i]->first.first, .stiffness_n_per_m = to_run[i]->first.second};
     Scene ideal = base.with(map_overrides(scene, "NONE", place, scene.seed));
     ideal.to_slave = ideal.to_master = {};
-    const auto numbers_of = numbers(run(ideal, {.verdict = VerdictFrom::plain}));
-    to_run[i]->second = positive_or_zero(figure(numbers_of, "environment_force_mean_n")) *
-                        positive_or_zero(figure(numbers_of, "touching_share"));
+    to_run[i]->second = pressed_force(run(ideal, {.verdict = VerdictFrom::plain}));
   });
   for (const MapPlace& p : map.places) map.reference_n.push_back(references.at({p.round_trip_ms, p.stiffness_n_per_m}));
+  const std::size_t places = map.places.size(), count = map.methods.size() * places;
   map.cells.resize(count);
-  const auto seeds = static_cast<std::size_t>(o.seeds);
-  const std::size_t at_once = std::max<std::size_t>(1, kLoaded / seeds);
-  for (std::size_t from = 0; from < count; from += at_once) {
-    const std::size_t cells = std::min(at_once, count - from);
-    std::vector<Scene> scenes(cells * seeds);
-    for_each_parallel(cells, o.jobs, [&](std::size_t c) {
-      const std::size_t i = from + c;
-      Scene of_place = base.with(
-          map_overrides(scene, map.methods[i / map.places.size()], map.places[i % map.places.size()], scene.seed));
-      for (std::size_t s = 0; s < seeds; ++s, ++of_place.seed) scenes[c * seeds + s] = of_place;
-    });
-    std::vector<const Scene*> all;
-    for (const Scene& each : scenes) all.push_back(&each);
-    std::vector<Summary> summaries(scenes.size());
-    std::vector<std::size_t> finished(cells, 0);
-    const auto keep = [&](std::size_t number, const Summary& summary) {
-      const std::lock_guard lock{guard};
-      const std::size_t c = number / seeds, i = from + c, place = i % map.places.size();
-      summaries[number] = summary;
-      if (++finished[c] < seeds) return;
-      const auto first = summaries.begin() + static_cast<std::ptrdiff_t>(c * seeds);
-      map.cells[i] = cell_of(map.methods[i / map.places.size()], map.places[place],
-                             {first, first + static_cast<std::ptrdiff_t>(seeds)}, map.reference_n[place]);
-      if (!heard) return;
-      const std::chrono::duration<double> spent = std::chrono::steady_clock::now() - started;
-      heard({++done, 0, count, spent.count()});
-    };
-    map.use.add(run_many(all, {.lanes = o.lanes, .jobs = o.jobs, .verdict = o.verdict}, keep));
-  }
+  Tally tally{count, heard};
+  map.use = run_cells(
+      {count, static_cast<std::size_t>(o.seeds),
+       [&](std::size_t i) {
+         return base.with(map_overrides(scene, map.methods[i / places], map.places[i % places], scene.seed));
+       }},
+      {.lanes = o.lanes, .jobs = o.jobs, .verdict = o.verdict}, tally,
+      [&](std::size_t i, std::uint64_t, const std::vector<Summary>& of_seeds) {
+        map.cells[i] = cell_of(map.methods[i / places], map.places[i % places], of_seeds, map.reference_n[i % places]);
+      });
   return map;
 }
 
@@ -259,30 +222,32 @@ std::size_t best_method(const Map& map, std::size_t place) {
   return found;
 }
 
-std::string to_csv(const Map& map) {
-  std::string csv =
-      "method,round_trip_ms,loss,burst_packets,stiffness_n_per_m,stable_seeds,restless_seeds,undecided_seeds,"
-      "unstable_seeds,stable_low,stable_high,holds,good,reference_force_n,pressed_share,pressed_share_sd,pressed_share_"
-      "worst,error_n,error_n_sd,"
-      "error_n_worst";
-  for (const std::string& name : map_figures()) csv += fmt::format(",{0},{0}_sd,{0}_worst", name);
-  csv += '\n';
-  const auto number = [](double v) { return std::isfinite(v) ? fmt::format("{}", v) : std::string{}; };
-  const auto three = [&](const Spread& s) {
-    return fmt::format(",{},{},{}", number(s.mean), number(s.sd), number(s.worst));
+Table to_table(const Map& map) {
+  Table table;
+  table.columns = {
+      "method",         "round_trip_ms",    "loss",           "burst_packets", "stiffness_n_per_m", "stable_seeds",
+      "restless_seeds", "undecided_seeds",  "unstable_seeds", "stable_low",    "stable_high",       "holds",
+      "good",           "reference_force_n"};
+  const auto add_columns = [&](const std::string& name) {
+    table.columns.insert(table.columns.end(), {name, name + "_sd", name + "_worst"});
   };
-  for (std::size_t i = 0; i < map.cells.size(); ++i) {
-    const MapCell& c = map.cells[i];
+  add_columns("pressed_share");
+  add_columns("error_n");
+  for (const Figure& figure : map_figures()) add_columns(figure.name());
+  for (const MapCell& c : map.cells) {
     const ConfidenceInterval stable = wilson(c.stable, c.seeds());
-    csv +=
-        fmt::format("{},{},{},{},{},{},{},{},{},{:.4f},{:.4f},{},{},{}", c.method, c.place.round_trip_ms, c.place.loss,
-                    c.place.burst_packets, c.place.stiffness_n_per_m, c.stable, c.restless, c.undecided, c.unstable,
-                    stable.low, stable.high, c.holds() ? 1 : 0, c.good() ? 1 : 0, c.reference_n);
-    csv += three(c.pressed) + three(c.error_n);
-    for (const Spread& each : c.figures) csv += three(each);
-    csv += '\n';
+    Values& row = table.rows.emplace_back(
+        Values{c.method, c.place.round_trip_ms, c.place.loss, c.place.burst_packets, c.place.stiffness_n_per_m,
+               c.stable, c.restless, c.undecided, c.unstable, fmt::format("{:.4f}", stable.low),
+               fmt::format("{:.4f}", stable.high), c.holds(), c.good(), c.reference_n});
+    const auto add = [&](const Spread& s) {
+      row.insert(row.end(), {Value::finite(s.mean), Value::finite(s.sd), Value::finite(s.worst)});
+    };
+    add(c.pressed);
+    add(c.error_n);
+    for (const Spread& each : c.figures) add(each);
   }
-  return csv;
+  return table;
 }
 
 std::string to_text(const Map& map) {
@@ -293,8 +258,10 @@ std::string to_text(const Map& map) {
                      "least hand mJ");
   std::vector<std::size_t> best_of;
   for (std::size_t p = 0; p < map.places.size(); ++p) best_of.push_back(best_method(map, p));
-  const auto energy = static_cast<std::size_t>(
-      std::find(map_figures().begin(), map_figures().end(), "hand_min_energy_j") - map_figures().begin());
+  const auto energy =
+      static_cast<std::size_t>(std::find_if(map_figures().begin(), map_figures().end(),
+                                            [](const Figure& figure) { return figure.name() == "hand_min_energy_j"; }) -
+                               map_figures().begin());
   for (std::size_t m = 0; m < map.methods.size(); ++m) {
     int stable = 0, restless = 0, undecided = 0, unstable = 0, holds = 0, good = 0, first = 0, near = 0, runs = 0,
         stable_runs = 0;

@@ -1,7 +1,6 @@
 #pragma once
 
 #include <cstdint>
-#include <functional>
 #include <string>
 #include <vector>
 
@@ -9,7 +8,7 @@
 #include "lab/run.h"
 #include "lab/study/many_runs.h"
 #include "lab/study/seeds.h"
-#include "lab/study/sweep.h"
+#include "lab/study/table.h"
 
 namespace twoport::lab {
 
@@ -74,17 +73,18 @@ struct ConfidenceInterval {
 };
 ConfidenceInterval wilson(int k, int n);
 
-/// A figure of a summary by its name; NaN where it is absent.
-double figure(const std::vector<std::pair<std::string, double>>& of, const std::string& name);
-
 /// Figures of the summary that the table holds.
-const std::vector<std::string>& map_figures();
+const std::vector<Figure>& map_figures();
 
 /// Every controller that a rendered scene can name.
 std::vector<std::string> rendering_methods();
 
-/// Throws ConfigError for a name of `methods` that is not in `allowed`.
+/// Throws ConfigError, which begins with `option`, for a name that is not in `allowed`, or is there twice.
+void check_names(const char* option, const std::vector<std::string>& names, const std::vector<std::string>& allowed);
+/// The same for `--methods`.
 void check_methods(const std::vector<std::string>& methods, const std::vector<std::string>& allowed);
+/// The overrides that give a scene this method.
+std::vector<std::string> method_overrides(const std::string& method);
 
 /// The overrides that make the map's scene the run of one method in one place.
 std::vector<std::string> map_overrides(const Scene& scene, const std::string& method, const MapPlace& place,
@@ -92,12 +92,13 @@ std::vector<std::string> map_overrides(const Scene& scene, const std::string& me
 
 /// Runs every method in every place with every seed. A loss of 0 is run once, not for every burst length.
 /// Throws ConfigError when an option or the scene is invalid.
-Map make_map(const MapOptions& options, const std::function<void(const Progress&)>& heard = {});
+Map make_map(const MapOptions& options, const Heard& heard = {});
 
 /// Of the methods that hold in a place, the number of the one with the least error_n; the number of methods where none does.
 std::size_t best_method(const Map& map, std::size_t place);
 
-std::string to_csv(const Map& map);
+/// A row for each cell.
+Table to_table(const Map& map);
 /// For people: one line a method, in how many places it holds, is best or within 5 % of the best, and its worst figures.
 std::string to_text(const Map& map);
 

@@ -33,6 +33,12 @@ Spread spread(std::string_view figure, std::span<const double> values) {
   return s;
 }
 
+Spread spread(const Figure& figure, std::span<const Summary> of_seeds) {
+  std::vector<double> values;
+  for (const Summary& summary : of_seeds) values.push_back(figure.of(summary));
+  return spread(figure.name(), values);
+}
+
 std::size_t worst_seed(const std::vector<Summary>& of_seeds) {
   const auto energy = [](const Summary& s) {
     return std::isnan(s.min_port_energy_j()) ? -std::numeric_limits<double>::infinity() : s.min_port_energy_j();

@@ -4,6 +4,7 @@
 #include <string_view>
 #include <vector>
 
+#include "common/record/figure.h"
 #include "common/record/summary.h"
 
 namespace twoport::lab {
@@ -23,6 +24,7 @@ struct Spread {
 };
 /// All equal values give a mean equal to them and an sd of 0, to the bit.
 Spread spread(std::string_view figure, std::span<const double> values);
+Spread spread(const Figure& figure, std::span<const Summary> of_seeds);
 
 /// Index of the worst seed, whose verdict is reported: an unstable seed before a stable one, then the smallest port
 /// energy, then the first.

@@ -3,9 +3,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <chrono>
 #include <cmath>
-#include <mutex>
 
 #include "common/base/check.h"
 #include "common/base/random.h"
@@ -96,7 +94,7 @@ std::vector<Gain> gains_of(const std::string& method) {
   return {};
 }
 
-std::vector<Tuned> tune(const TuneOptions& o, const std::function<void(const Progress&)>& heard) {
+std::vector<Tuned> tune(const TuneOptions& o, const Heard& heard) {
   if (o.evaluations < 1) throw ConfigError{fmt::format("--evaluations is {}; it must be at least 1", o.evaluations)};
   std::vector<std::string> methods = o.methods;
   if (methods.empty())
@@ -106,15 +104,10 @@ std::vector<Tuned> tune(const TuneOptions& o, const std::function<void(const Pro
     if (gains_of(method).empty())
       throw ConfigError{fmt::format("--methods has {}; it has no gains of its own", method)};
   std::vector<Tuned> all(methods.size() * o.round_trips_ms.size());
-  const auto started = std::chrono::steady_clock::now();
-  std::mutex guard;
-  std::size_t done = 0;
+  Tally tally{all.size(), heard};
   for_each_parallel(all.size(), o.jobs, [&](std::size_t i) {
     all[i] = search(o, methods[i / o.round_trips_ms.size()], o.round_trips_ms[i % o.round_trips_ms.size()]);
-    if (!heard) return;
-    const std::lock_guard lock{guard};
-    const std::chrono::duration<double> spent = std::chrono::steady_clock::now() - started;
-    heard({++done, 0, all.size(), spent.count()});
+    tally.done();
   });
   return all;
 }

@@ -1,11 +1,10 @@
 #pragma once
 
 #include <cstdint>
-#include <functional>
 #include <string>
 #include <vector>
 
-#include "lab/study/sweep.h"
+#include "lab/study/many_runs.h"
 
 namespace twoport::lab {
 
@@ -41,7 +40,7 @@ struct Tuned {
 
 /// Searches the gains of each method at each round trip: half of the evaluations anywhere in the ranges, half within a
 /// factor of two of the best so far. Throws ConfigError when an option or a scene is invalid.
-std::vector<Tuned> tune(const TuneOptions& options, const std::function<void(const Progress&)>& heard = {});
+std::vector<Tuned> tune(const TuneOptions& options, const Heard& heard = {});
 
 std::string to_text(const std::vector<Tuned>& all);
 

@@ -9,7 +9,6 @@
 #include "common/base/file.h"
 #include "common/scene/load.h"
 #include "lab/oracle.h"
-#include "lab/study/sweep_lanes.h"
 
 namespace twoport::lab {
 namespace {
@@ -41,7 +40,7 @@ SampledWall theory(const Scene& scene, const std::string& file) {
 
 }  // namespace
 
-ZWidth z_width(const ZWidthOptions& o, const std::function<void(const Progress&)>& heard) {
+ZWidth z_width(const ZWidthOptions& o, const Heard& heard) {
   const std::string text = read_whole(o.scene);
   const Scene scene = parse_scene(text, o.scene, o.set);
   SampledWall wall = theory(scene, o.scene);
@@ -56,24 +55,19 @@ ZWidth z_width(const ZWidthOptions& o, const std::function<void(const Progress&)
                                    parse_axis(element + "stiffness_n_per_m=" + o.stiffness),
                                    parse_axis("control.passivity.method=" + o.methods)},
                           .jobs = o.jobs,
+                          .lanes = o.lanes,
                           .shard = {},
-                          .out = o.out};
+                          .out = o.out,
+                          .returned = std::vector<std::string>{"stable"}};
   for (const Axis& axis : grid.axes) warn_if_lost(o.set, axis.paths);
   ZWidth z{.scene = scene.name,
-           .table = {},
-           .stable_column = 0,
+           .table = sweep(grid, heard),
            .damping = {},
            .critical = {},
            .passive = {},
            .methods = grid.axes[2].values,
            .displayed = {},
-           .border = {},
-           .use = {}};
-  z.table = sweep(grid, o.lanes, z.use, heard);
-  const auto& stiffness = grid.axes[1].values;
-  const auto column = std::find(z.table.columns.rbegin(), z.table.columns.rend(), "stable");
-  z.stable_column = static_cast<std::size_t>(z.table.columns.rend() - column) - 1;
-
+           .border = {}};
   for (const std::string& b : grid.axes[0].values) {
     wall.wall_damping_n_s_per_m = std::stod(b);
     z.damping.push_back(wall.wall_damping_n_s_per_m);
@@ -86,20 +80,19 @@ ZWidth z_width(const ZWidthOptions& o, const std::function<void(const Progress&)
     wall.wall_damping_n_s_per_m = *least + (*most - *least) * i / kPoints;
     z.border.emplace_back(wall.wall_damping_n_s_per_m, critical_stiffness(wall));
   }
+  const std::vector<std::string>& stiffness = grid.axes[1].values;
   for (std::size_t m = 0; m < z.methods.size(); ++m) {
-    std::vector<double> up_to;
-    for (std::size_t b = 0; b < z.damping.size(); ++b) {
-      double last = 0.0;
-      for (std::size_t k = 0; k < stiffness.size(); ++k) {
-        const auto& row = z.table.rows[(b * stiffness.size() + k) * z.methods.size() + m];
-        if (row[z.stable_column] != "1") break;
-        last = std::stod(stiffness[k]);
-      }
-      up_to.push_back(last);
-    }
-    z.displayed.push_back(up_to);
+    std::vector<double>& up_to = z.displayed.emplace_back(z.damping.size(), 0.0);
+    for (std::size_t b = 0; b < z.damping.size(); ++b)
+      for (std::size_t k = 0; k < stiffness.size() && z.stable(b, k, m); ++k) up_to[b] = std::stod(stiffness[k]);
   }
   return z;
+}
+
+bool ZWidth::stable(std::size_t b, std::size_t k, std::size_t m) const {
+  const std::vector<Axis>& axes = table.grid.axes;
+  const std::size_t row = (b * axes[1].values.size() + k) * axes[2].values.size() + m;
+  return table.rows[row][*table.find("stable")].number() == 1.0;
 }
 
 std::string to_text(const ZWidth& z) {

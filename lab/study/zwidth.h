@@ -1,11 +1,9 @@
 #pragma once
 
-#include <functional>
 #include <string>
 #include <utility>
 #include <vector>
 
-#include "lab/study/many_runs.h"
 #include "lab/study/sweep.h"
 
 namespace twoport::lab {
@@ -25,19 +23,19 @@ struct ZWidthOptions {
 struct ZWidth {
   std::string scene;             ///< its name
   Table table;                   ///< axes: damping, stiffness, method
-  std::size_t stable_column;     ///< of the table
   std::vector<double> damping;   ///< [N s/m]
   std::vector<double> critical;  ///< stiffness at which eigenvalues leave the unit circle [N/m]
   std::vector<double> passive;   ///< Colgate: K <= 2 (b - B)/T; 0 where there is none [N/m]
   std::vector<std::string> methods;
   std::vector<std::vector<double>> displayed;     ///< [method][damping]: up to which every K of the grid is stable
   std::vector<std::pair<double, double>> border;  ///< `critical` between the dampings, for a picture
-  LaneUse use;
+  /// Was the run stable? Numbers of the values of the axes.
+  [[nodiscard]] bool stable(std::size_t damping, std::size_t stiffness, std::size_t method) const;
 };
 
 /// Runs the grid (resuming what OUT holds) and computes the theory: SampledWall with the mass, damping and stiffness of
 /// device and hand together. Throws ConfigError when the theory does not cover the scene.
-ZWidth z_width(const ZWidthOptions& options, const std::function<void(const Progress&)>& heard = {});
+ZWidth z_width(const ZWidthOptions& options, const Heard& heard = {});
 
 /// One line for each damping: theory, then each method.
 std::string to_text(const ZWidth& z);

@@ -104,7 +104,7 @@ TEST(Gripper, IsPartOfWhatASweepCallsStable) {
   const lab::Table table = lab::sweep(o);
   const auto at = [&](std::size_t row, const char* name) {
     const auto found = std::find(table.columns.begin(), table.columns.end(), name);
-    return table.rows[row][static_cast<std::size_t>(found - table.columns.begin())];
+    return table.rows[row][static_cast<std::size_t>(found - table.columns.begin())].text();
   };
   EXPECT_EQ(at(0, "stable"), "1");
   EXPECT_EQ(at(0, "gripper.stable"), "1");

@@ -448,7 +448,7 @@ TEST(BoundaryCurve, IsTheSameInLanes) {
   EXPECT_EQ(alone.use.together, 0U);
   o.lanes = 0;
   const BoundaryCurve together = boundary_curve(o, spring);
-  EXPECT_EQ(to_csv(alone), to_csv(together));
+  EXPECT_EQ(to_csv(to_table(alone)), to_csv(to_table(together)));
   EXPECT_GE(together.use.together, 3U * 10U);
   EXPECT_TRUE(together.found[1].boundary);
 }
@@ -456,9 +456,9 @@ TEST(BoundaryCurve, IsTheSameInLanes) {
 TEST(BoundaryCurve, IsTheBoundaryAtEachValueForAnyNumberOfJobs) {
   const Axis damping = parse_axis("device.damping_n_s_per_m=0.3,0.5,0.8");
   BoundaryOptions options{.scene = kHeld, .set = {"duration_s=10"}, .vary = {{kStiffness}, 500.0, 8000.0}};
-  const std::string alone = to_csv(boundary_curve(options, damping));
+  const std::string alone = to_csv(to_table(boundary_curve(options, damping)));
   options.jobs = 3;
-  EXPECT_EQ(to_csv(boundary_curve(options, damping)), alone);
+  EXPECT_EQ(to_csv(to_table(boundary_curve(options, damping))), alone);
   std::string expected = "device.damping_n_s_per_m," + kStiffness + ",note\n";
   for (const std::string& value : damping.values) {
     BoundaryOptions one = options;

@@ -22,7 +22,7 @@
 #include "lab/engine/stoppable.h"
 #include "lab/run.h"
 #include "lab/study/map.h"
-#include "lab/study/sweep_lanes.h"
+#include "lab/study/sweep.h"
 
 namespace twoport::lab {
 namespace {
@@ -246,7 +246,7 @@ TEST(Lanes, TheMapOfItsOwnSceneIsTheSame) {
   const Map alone = make_map(o);
   o.lanes = 0;
   const Map together = make_map(o);
-  EXPECT_EQ(to_csv(alone), to_csv(together));
+  EXPECT_EQ(to_csv(to_table(alone)), to_csv(to_table(together)));
   EXPECT_TRUE(together.use.alone.empty());
 }
 
@@ -302,7 +302,7 @@ TEST(Lanes, AMapIsTheSame) {
   EXPECT_EQ(alone.use.together, 0U);
   o.lanes = 0;
   const Map together = make_map(o);
-  EXPECT_EQ(to_csv(alone), to_csv(together));
+  EXPECT_EQ(to_csv(to_table(alone)), to_csv(to_table(together)));
   EXPECT_EQ(together.use.together, 3U * 8U * 2U);
 }
 
@@ -313,19 +313,21 @@ TEST(Lanes, TheTableOfASweepIsTheSame) {
                           parse_axis("control.passivity.method=NONE,FORCE_PROJECTED,INTERNAL_MODEL")},
                  .seeds = 2,
                  .jobs = 2,
+                 .lanes = 1,
                  .shard = {},
                  .out = {}};
-  LaneUse use;
-  const Table alone = sweep(o, 1, use);
-  EXPECT_EQ(use.together, 0U);
-  const Table together = sweep(o, 0, use);
+  const Table alone = sweep(o);
+  EXPECT_EQ(alone.use.together, 0U);
+  o.lanes = 0;
+  const Table together = sweep(o);
   EXPECT_EQ(to_csv(alone), to_csv(together));
-  EXPECT_EQ(use.lanes, widest_lanes());
-  EXPECT_EQ(use.together, 4U * 2U * 3U * 2U);
+  EXPECT_EQ(together.use.lanes, widest_lanes());
+  EXPECT_EQ(together.use.together, 4U * 2U * 3U * 2U);
 
   o.verdict = VerdictFrom::plain;
-  const std::string plain = to_csv(sweep(o, 0, use));
-  EXPECT_EQ(plain, to_csv(sweep(o, 1, use)));
+  const std::string plain = to_csv(sweep(o));
+  o.lanes = 1;
+  EXPECT_EQ(plain, to_csv(sweep(o)));
   EXPECT_NE(plain, to_csv(alone));
 }
 

@@ -35,7 +35,7 @@ TEST(Map, RunsALossOfZeroOnceAndEveryOtherForEachBurst) {
   const Map map = make_map(small({"NONE", "INTERNAL_MODEL"}));
   ASSERT_EQ(map.places.size(), 2u * (1u + 2u));
   ASSERT_EQ(map.cells.size(), 2u * map.places.size());
-  const std::string csv = to_csv(map);
+  const std::string csv = to_csv(to_table(map));
   EXPECT_EQ(std::count(csv.begin(), csv.end(), '\n'), 1 + static_cast<int>(map.cells.size()));
   // Without a delay the loop without control is the reference itself; over 200 ms it is unstable.
   EXPECT_TRUE(map.at(0, 0).holds());
@@ -51,7 +51,9 @@ TEST(Map, ACellIsTheRunOfItsOverrides) {
   const Summary run_of_cell = run(load_scene(TWOPORT_SCENES "/map.textproto",
                                              map_overrides(scene, "INTERNAL_MODEL", map.places[5], scene.seed + 1)));
   const auto at = static_cast<std::size_t>(
-      std::find(map_figures().begin(), map_figures().end(), "felt_force_error_rms_n") - map_figures().begin());
+      std::find_if(map_figures().begin(), map_figures().end(),
+                   [](const Figure& figure) { return figure.name() == "felt_force_error_rms_n"; }) -
+      map_figures().begin());
   const double of_run = run_of_cell.felt_force_error_rms_n();
   const Spread& of_cell = map.at(0, 5).figures[at];
   // Mean and sd of two values are (a + b)/2 and |a - b|/√2.

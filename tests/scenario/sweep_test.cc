@@ -22,7 +22,7 @@
 #include "common/base/file.h"
 #include "common/record/summary.h"
 #include "common/scene/load.h"
-#include "lab/plot/sweep_picture.h"
+#include "lab/plot/pictures.h"
 #include "lab/run.h"
 #include "lab/study/cells.h"
 #include "lab/study/parallel.h"
@@ -146,8 +146,8 @@ TEST(Sweep, WritesTheVariedPathsThenEveryNumberAndTheWordsOfTheSummary) {
   EXPECT_EQ(read_text(folder / "out/table.csv"), to_csv(table));
   const auto stable = std::find(columns.begin(), columns.end(), "stable") - columns.begin();
   EXPECT_EQ(table.rows[0][static_cast<std::size_t>(stable)], "1");
-  const Words last(table.rows[0].end() - 4, table.rows[0].end());
-  EXPECT_EQ(last, (Words{"held spring", "RENDER", "NONE", "bounded and decaying"}));
+  const Values last(table.rows[0].end() - 4, table.rows[0].end());
+  EXPECT_EQ(last, (Values{"held spring", "RENDER", "NONE", "bounded and decaying"}));
 }
 
 TEST(Sweep, VariesAnyPathOfTheScene) {
@@ -176,7 +176,7 @@ TEST(Sweep, MovesLinkedPathsTogether) {
   for (const std::string delay : {"10", "30"}) {
     const Table apart = table({there + "=" + delay, back + "=" + delay}, {seeds});
     for (std::size_t seed = 0; seed < 2; ++seed) {
-      Words expected{delay, delay};
+      Values expected{delay, delay};
       expected.insert(expected.end(), apart.rows[seed].begin(), apart.rows[seed].end());
       EXPECT_EQ(linked.rows[(delay == "10" ? 0 : 2) + seed], expected);
     }
@@ -229,7 +229,7 @@ TEST(WorstSeed, IsAnUnstableOneThenTheOneWithTheLeastEnergy) {
 std::string at(const Table& table, std::size_t row, const std::string& column) {
   const auto found = std::find(table.columns.begin(), table.columns.end(), column);
   if (found == table.columns.end()) throw ConfigError{"no column " + column};
-  return table.rows[row][static_cast<std::size_t>(found - table.columns.begin())];
+  return table.rows[row][static_cast<std::size_t>(found - table.columns.begin())].text();
 }
 
 // Each cell against runs of its own: near the limit of a link that loses packets, within 0.2 % of the force scale,
@@ -254,7 +254,7 @@ TEST(Sweep, OverSeedsHasMeanDeviationAndWorstOfEachFigure) {
 
   int mixed = 0;
   for (std::size_t row = 0; row < table.rows.size(); ++row) {
-    const std::string delay = table.rows[row][0];
+    const std::string delay = table.rows[row][0].text();
     std::vector<double> stable, energy;
     Words verdicts;
     const std::uint64_t first = 7;  // the scene's
@@ -281,7 +281,7 @@ TEST(Sweep, OverSeedsHasMeanDeviationAndWorstOfEachFigure) {
 }
 
 TEST(Sweep, QuotesWhatHoldsAComma) {
-  const Table table{.axes = {}, .columns = {"a", "b"}, .rows = {{"[1, 2]", "say \"no\""}}};
+  const Table table{.columns = {"a", "b"}, .rows = {{"[1, 2]", "say \"no\""}}};
   EXPECT_EQ(to_csv(table), "a,b\n\"[1, 2]\",\"say \"\"no\"\"\"\n");
 }
 
@@ -525,9 +525,11 @@ TEST(SweepProgram, KeepsItsRowsOnDisk) {
 
 TEST(CellFile, GivesBackWhatItWasGiven) {
   const Folder folder;
-  const Plan plan{
-      .digest = "d", .axes = {{.paths = {"a", "b"}, .values = {"1", "x\"y"}}}, .seeds = 0, .columns = {"a", "b", "c"}};
-  const std::vector<Words> rows{{"1", "1", "plain"}, {"x\"y", "x\"y", "\\ \" \n \t \x01 µ , [] {} \\u0041"}};
+  const Plan plan{.digest = "d",
+                  .grid = {{{.paths = {"a", "b"}, .values = {"1", "x\"y"}}}},
+                  .seeds = 0,
+                  .columns = {"a", "b", "c"}};
+  const std::vector<Values> rows{{"1", "1", "plain"}, {"x\"y", "x\"y", "\\ \" \n \t \x01 µ , [] {} \\u0041"}};
   folder.write("cells.jsonl", "{");  // a first line that did not get to its end
   {
     CellFile file{folder / "", plan};
@@ -651,18 +653,16 @@ TEST(SweepProgram, ShowsItsProgressToWhomWatches) {
 // ---- pictures
 
 Table some_table(std::size_t axes) {
-  Table table{.axes = {parse_axis("device.mass_kg=0.01:1:3:log"), parse_axis("control.passivity.method=NONE,CLASSIC"),
-                       parse_axis("to_slave.delay_ms=5,1,3")},
-              .columns = {},
-              .rows = {}};
-  table.axes.resize(axes);
-  const Plan plan{.digest = "", .axes = table.axes, .columns = {}};
-  for (const Axis& axis : table.axes) table.columns.push_back(axis.name());
+  Table table{.grid = {{parse_axis("device.mass_kg=0.01:1:3:log"), parse_axis("control.passivity.method=NONE,CLASSIC"),
+                        parse_axis("to_slave.delay_ms=5,1,3")}}};
+  table.grid.axes.resize(axes);
+  for (const Axis& axis : table.grid.axes) table.columns.push_back(axis.name());
   table.columns.insert(table.columns.end(), {"stable", "drift_m"});
-  for (std::size_t cell = 0; cell < plan.cells(); ++cell) {
-    table.rows.push_back(plan.values(cell));
-    table.rows.back().push_back(cell % 3 == 0 ? "0" : "1");
-    table.rows.back().push_back(fmt::format("{}", 1e-3 * static_cast<double>(cell + 1)));
+  for (std::size_t cell = 0; cell < table.grid.cells(); ++cell) {
+    const Words varied = table.grid.values(cell);
+    table.rows.emplace_back(varied.begin(), varied.end());
+    table.rows.back().emplace_back(cell % 3 == 0 ? 0 : 1);
+    table.rows.back().emplace_back(1e-3 * static_cast<double>(cell + 1));
   }
   return table;
 }
@@ -685,7 +685,7 @@ TEST(Picture, IsDrawnOfOneTwoOrThreeAxes) {
 TEST(Picture, IsNotDrawnOfMoreOrWithoutGnuplot) {
   const Folder folder;
   Table table = some_table(3);
-  table.axes.push_back(parse_axis("seed=1,2"));
+  table.grid.axes.push_back(parse_axis("seed=1,2"));
   EXPECT_NE(draw(table, "stable", folder / ".").find("no picture: 4 axes"), std::string::npos);
 
   Words command = lab(plus(kGrid, {"--out", folder / "out"}));

@@ -29,7 +29,7 @@ TEST(ZWidth, WithoutAControllerIsBoundedByTheEigenvalues) {
   int inside = 0, outside = 0;
   for (const auto& row : z.table.rows) {
     if (row[2] != "NONE") continue;
-    const double b = std::stod(row[0]), k = std::stod(row[1]);
+    const double b = std::stod(row[0].text()), k = std::stod(row[1].text());
     const auto at = static_cast<std::size_t>(std::find(z.damping.begin(), z.damping.end(), b) - z.damping.begin());
     if (std::abs(k / z.critical[at] - 1.0) < 0.01) continue;
     EXPECT_EQ(row[column] == "1", k < z.critical[at]) << "B " << b << ", K " << k << ", theory " << z.critical[at];

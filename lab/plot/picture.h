@@ -1,0 +1,86 @@
+#pragma once
+
+#include <cstddef>
+#include <initializer_list>
+#include <limits>
+#include <optional>
+#include <string>
+#include <string_view>
+#include <utility>
+#include <vector>
+
+#include "lab/plot/label.h"
+
+namespace twoport::lab {
+
+// Blue-green and orange: they differ for most eyes, and in grey.
+inline constexpr const char *kStableColour = "#2a788e", *kUnstableColour = "#f4a582", *kNothingColour = "#d0d0d0";
+inline constexpr double kAsDataNeed = std::numeric_limits<double>::quiet_NaN();
+
+/// One direction of a panel.
+struct Scale {
+  Label label;
+  double low = kAsDataNeed, high = kAsDataNeed;
+  bool logarithmic = false;
+  std::vector<std::pair<double, std::string>> ticks{};  ///< where, and what stands there; none: gnuplot's choice
+  bool words = false;                                   ///< ticks are words, which have no grid and no order
+  friend bool operator==(const Scale&, const Scale&) = default;
+};
+
+enum class Look { line, dashes, joined_dots, dots, crosses, triangles, boxes, area, arrows, strokes, words, mesh };
+
+/// What is drawn in one way. A row of numbers, whose first is NaN where a line is interrupted or a polygon ends:
+///
+///     line, dashes, joined_dots, dots, crosses, triangles   x y, in three dimensions x y z
+///     boxes                                                 left right bottom top, and the value that makes the colour
+///     area                                                  x y of a polygon's corners
+///     arrows, strokes (without a head)                      x y dx dy, in three dimensions x y z dx dy dz
+///     words                                                 x y
+///     mesh                                                  x y z, line by line
+struct Series {
+  Look look;
+  std::string colour;  ///< empty, of boxes: by their value
+  std::string name{};  ///< in the legend; empty: not there
+  double size = 1.5;   ///< of a line, a mark; of words in points
+  double align = 0.5;  ///< of words: 0 they begin at their place, 1 they end there
+  std::vector<std::vector<double>> rows{};
+  std::vector<std::string> texts{};  ///< of words
+
+  void add(std::initializer_list<double> row) { rows.emplace_back(row); }
+  void add_text(double x, double y, std::string text) { add({x, y}), texts.push_back(std::move(text)); }
+  void interrupt() { add({kAsDataNeed, kAsDataNeed}); }
+};
+
+struct Panel {
+  std::string title;
+  Scale x, y;
+  std::vector<Series> series{};
+  bool equal = false;                              ///< units are as long along x as along y; needs the ends of both
+  std::optional<Scale> z{};                        ///< in three dimensions
+  std::pair<double, double> view_deg{60.0, 30.0};  ///< from above, around z
+};
+
+/// What the colours of boxes stand for.
+struct ColourBar {
+  enum class Palette { value, share, from_unstable };
+  Label label;
+  double low = 0.0, high = 1.0;
+  bool logarithmic = false;
+  Palette palette = Palette::value;
+};
+
+/// A picture: panels side by side under one title and one legend. A panel leaves the words at its axes to its neighbour to the left or
+/// below where that has the same scale, with both ends.
+struct Picture {
+  std::string name, title;
+  std::vector<Panel> panels{};
+  std::optional<ColourBar> bar{};
+  std::size_t across = 0;                           ///< panels in a row; 0: nearly a square
+  std::pair<std::size_t, std::size_t> panel{0, 0};  ///< its size [pixels]; 0: by the number of panels
+};
+
+/// Draws FOLDER/NAME.png and .svg with gnuplot; what it was given stays beside them, as NAME.gp and NAME.dat. Returns one sentence: what
+/// was drawn, or why nothing was.
+std::string draw(const Picture& picture, const std::string& folder);
+
+}  // namespace twoport::lab

@@ -1,0 +1,300 @@
+#include "lab/plot/pictures.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <map>
+#include <numbers>
+#include <utility>
+
+#include "lab/plot/places.h"
+#include "lab/plot/trace.h"
+#include "lab/study/boundary.h"
+#include "lab/study/compare.h"
+#include "lab/study/impedance.h"
+#include "lab/study/map.h"
+#include "lab/study/matrix.h"
+#include "lab/study/trim.h"
+#include "lab/study/zwidth.h"
+
+namespace twoport::lab {
+
+// ---- boundary
+
+std::string draw(const BoundaryCurve& c, const std::string& folder) {
+  constexpr double kBar = 0.6;  // of the distance between two values
+  const Places x{c.along};
+  Series stable{Look::boxes, kStableColour, "stable"}, unstable{Look::boxes, kUnstableColour, "unstable"};
+  Series boundary{x.words() ? Look::dots : Look::joined_dots, "black", "boundary"};
+  Series odd{Look::crosses, "black", "not as at both ends"};
+  std::vector<std::size_t> order;
+  for (std::size_t i = 0; i < c.found.size(); ++i) order.push_back(i);
+  std::sort(order.begin(), order.end(), [&](std::size_t a, std::size_t b) { return x.at(a) < x.at(b); });
+  for (const std::size_t i : order) {
+    const BoundarySearch& found = c.found[i];
+    const auto [left, right] = x.reach(i, kBar);
+    const double change = found.boundary ? found.boundary->stable : c.vary.high;
+    (found.stable_at_low ? stable : unstable).add({left, right, c.vary.low, change});
+    if (found.boundary) {
+      (found.stable_at_low ? unstable : stable).add({left, right, change, c.vary.high});
+      boundary.add({x.at(i), change});
+    } else {
+      boundary.interrupt();
+    }
+    if (found.disagreement) odd.add({x.at(i), *found.disagreement});
+  }
+  return draw(Picture{.name = "boundary",
+                      .title = c.scene + ": where the run stops being stable",
+                      .panels = {{.title = "",
+                                  .x = x.scale(),
+                                  .y = {.label = label_of_paths(c.vary.paths),
+                                        .low = c.vary.low,
+                                        .high = c.vary.high,
+                                        .logarithmic = c.vary.low > 0.0 && c.vary.high > 30.0 * c.vary.low},
+                                  .series = {stable, unstable, boundary, odd}}}},
+              folder);
+}
+
+// ---- z-width
+
+std::string draw(const ZWidth& z, const std::string& folder) {
+  const Places damping{z.table.grid.axes[0]}, stiffness{z.table.grid.axes[1]};
+  Series border{Look::line, "black", "limit by eigenvalues, without a controller", 2.0};
+  for (const auto& [b, k] : z.border) border.add({b, k});
+  Picture picture{.name = "zwidth", .title = z.scene + ": stiffness and damping that are displayed stably"};
+  for (std::size_t m = 0; m < z.methods.size(); ++m) {
+    Series stable{Look::dots, kStableColour, "stable", 0.8}, unstable{Look::dots, kUnstableColour, "unstable", 0.8};
+    for (std::size_t b = 0; b < damping.size(); ++b)
+      for (std::size_t k = 0; k < stiffness.size(); ++k)
+        (z.stable(b, k, m) ? stable : unstable).add({damping.at(b), stiffness.at(k)});
+    picture.panels.push_back(
+        {.title = z.methods[m], .x = damping.scale(), .y = stiffness.scale(), .series = {stable, unstable, border}});
+  }
+  return draw(picture, folder);
+}
+
+// ---- map
+
+namespace {
+
+/// The values that places take, each once, in their order, a step apart.
+Axis axis_of(const Map& map, double MapPlace::*of, double scale) {
+  std::vector<double> values;
+  for (const MapPlace& p : map.places) values.push_back(p.*of);
+  std::sort(values.begin(), values.end());
+  values.erase(std::unique(values.begin(), values.end()), values.end());
+  Axis axis{.paths = {}, .values = {}};
+  for (const double v : values) axis.values.push_back(fmt::format("{:g}", scale * v));
+  return axis;
+}
+
+/// A scale of steps, each with its words.
+Scale steps(Label label, const std::vector<std::string>& texts, bool words = false) {
+  Scale s{.label = std::move(label), .low = -0.5, .high = static_cast<double>(texts.size()) - 0.5, .words = words};
+  for (std::size_t i = 0; i < texts.size(); ++i) s.ticks.emplace_back(static_cast<double>(i), texts[i]);
+  return s;
+}
+std::size_t step_of(const Axis& axis, double value) {
+  return static_cast<std::size_t>(std::find(axis.values.begin(), axis.values.end(), fmt::format("{:g}", value)) -
+                                  axis.values.begin());
+}
+void add_box(Series& to, std::size_t x, std::size_t y) {
+  const auto at = static_cast<double>(x), up = static_cast<double>(y);
+  to.add({at - 0.5, at + 0.5, up - 0.5, up + 0.5});
+}
+void add_box(Series& to, std::size_t x, std::size_t y, double value) {
+  add_box(to, x, y);
+  to.rows.back().push_back(value);
+}
+
+}  // namespace
+
+std::string draw(const Map& map, const std::string& folder) {
+  const Axis across = axis_of(map, &MapPlace::round_trip_ms, 1.0),
+             up = axis_of(map, &MapPlace::stiffness_n_per_m, 1e-3);
+  const Scale x = steps({"round trip", "ms"}, across.values), y = steps({"wall stiffness", "kN/m"}, up.values);
+  const auto x_of = [&](std::size_t place) { return step_of(across, map.places[place].round_trip_ms); };
+  const auto y_of = [&](std::size_t place) { return step_of(up, 1e-3 * map.places[place].stiffness_n_per_m); };
+
+  Picture holds{.name = "map", .title = map.scene + ": share of losses at which a method is stable, quiet and presses"};
+  holds.bar = {{"share of the losses", ""}, 0.0, 1.0, false, ColourBar::Palette::from_unstable};
+  for (std::size_t m = 0; m < map.methods.size(); ++m) {
+    std::map<std::pair<std::size_t, std::size_t>, std::pair<int, int>> share;  // holds, of
+    for (std::size_t p = 0; p < map.places.size(); ++p) {
+      auto& [held, of] = share[{x_of(p), y_of(p)}];
+      held += map.at(m, p).holds();
+      ++of;
+    }
+    Series boxes{Look::boxes, ""};
+    for (const auto& [at, of] : share) add_box(boxes, at.first, at.second, static_cast<double>(of.first) / of.second);
+    holds.panels.push_back({.title = map.methods[m], .x = x, .y = y, .series = {boxes}});
+  }
+
+  // Distinct for most eyes; the first is the first method of the list.
+  constexpr const char* kColours[] = {"#2a788e", "#f4a582", "#7a5195", "#bcbd22", "#ef5675", "#1f77b4", "#8c564b",
+                                      "#2ca02c", "#e377c2", "#ffa600", "#17becf", "#444444", "#a05d00", "#9edae5"};
+  std::map<std::pair<double, double>, std::vector<Series>> by_loss;  // probability, burst; a series for each method
+  for (std::size_t p = 0; p < map.places.size(); ++p) {
+    std::vector<Series>& series = by_loss[{map.places[p].loss, map.places[p].burst_packets}];
+    if (series.empty()) {
+      for (std::size_t m = 0; m < map.methods.size(); ++m)
+        series.push_back({Look::boxes, kColours[m % std::size(kColours)], map.methods[m]});
+      series.push_back({Look::boxes, kNothingColour, "none holds"});
+    }
+    add_box(series[best_method(map, p)], x_of(p), y_of(p));
+  }
+  Picture best{.name = "map_best", .title = map.scene + ": the method with the least error"};
+  for (auto& [loss, series] : by_loss)
+    best.panels.push_back({.title = fmt::format("loss {:g} %{}", 100.0 * loss.first,
+                                                loss.second > 1.0 ? fmt::format(", bursts of {:g}", loss.second) : ""),
+                           .x = x,
+                           .y = y,
+                           .series = std::move(series)});
+  return draw(holds, folder) + "\n" + draw(best, folder);
+}
+
+// ---- matrix
+
+std::string draw(const Matrix& m, const std::string& folder) {
+  Series valued{Look::boxes, ""}, nothing{Look::boxes, kNothingColour, "nothing to show"},
+      paper{Look::boxes, "#ffffff"};
+  Series broken{Look::strokes, "#d62728", "claim of energy broken", 1.6},
+      unstable{Look::strokes, "#202020", "not stable", 1.6};
+  Series dark{Look::words, "white", "", 9.0}, light{Look::words, "black", "", 9.0};
+  double most = 0.0;
+  for (const Matrix::Cell& c : m.cells)
+    if (c.refused.empty() && c.summary.verdict_kind() == "STABLE")
+      most = std::max(most, c.summary.felt_force_error_rms_n());
+  if (most == 0.0) most = 1.0;
+  // Strokes from the left edge to the right one, down or up.
+  const auto hatch = [](Series& s, double x, double y, double rise) {
+    for (const double shift : {-0.75, -0.5, -0.25, 0.0, 0.25, 0.5, 0.75}) {
+      const double from = std::max(-0.5, -0.5 + shift), to = std::min(0.5, 0.5 + shift);
+      s.add({x + from, y + rise * (from - shift), to - from, rise * (to - from)});
+    }
+  };
+  for (std::size_t t = 0; t < m.transparencies.size(); ++t)
+    for (std::size_t p = 0; p < m.passivities.size(); ++p) {
+      const Matrix::Cell& c = m.at(t, p);
+      const std::size_t row = m.transparencies.size() - 1 - t;
+      const auto x = static_cast<double>(p), y = static_cast<double>(row);
+      const bool is_unstable = c.refused.empty() && c.summary.verdict_kind() != "STABLE";
+      const bool has_value = c.refused.empty() && c.summary.has_felt_force_error_rms_n() &&
+                             std::isfinite(c.summary.felt_force_error_rms_n());
+      const double value = has_value ? c.summary.felt_force_error_rms_n() : 0.0;
+      if (has_value) {
+        add_box(valued, p, row, std::min(value, most));
+      } else {
+        add_box(nothing, p, row);
+      }
+      if (is_unstable) hatch(unstable, x, y, -1.0);
+      if (c.broken) hatch(broken, x, y, 1.0);
+      const bool on_paper = is_unstable || c.broken;
+      if (on_paper) paper.add({x - 0.34, x + 0.34, y - 0.17, y + 0.17});
+      const std::string words = !c.refused.empty() ? "refused"
+                                : has_value        ? fmt::format("{:.2g} N", value)
+                                                   : "no contact";
+      (has_value && !on_paper && value < 0.6 * most ? dark : light).add_text(x, y, words);
+    }
+  std::vector<std::string> rows{m.transparencies.rbegin(), m.transparencies.rend()};
+  Picture picture{
+      .name = "matrix",
+      .title = m.scene + ": every transparency layer under every passivity layer",
+      .panels = {{.title = "",
+                  .x = steps({"passivity layer: how much of it is displayed", ""}, m.passivities, true),
+                  .y = steps({"transparency layer: what the hand should feel", ""}, rows, true),
+                  .series = {valued, nothing, unstable, broken, paper, dark, light}}},
+      .panel = {100 * std::max<std::size_t>(m.passivities.size(), 4), 52 * std::max<std::size_t>(rows.size(), 3)}};
+  picture.bar = {{"felt-force error, rms", "N"}, 0.0, most};
+  return draw(picture, folder);
+}
+
+// ---- compare
+
+std::string draw(const Comparison& all, const std::string& folder) {
+  // One scale for all that is stable; what is not is cut.
+  double most = 0.0;
+  for (const Summary& s : all.summaries)
+    if (s.verdict_kind() != "UNSTABLE") most = std::max(most, s.robot_max_force_n());
+  Picture picture{.name = "compare", .title = all.scene + ": force at the environment and at the hand"};
+  for (std::size_t m = 0; m < all.methods.size(); ++m) {
+    const TraceFile trace{folder + "/" + all.methods[m] + "/trace.csv", 3000};
+    Series environment{Look::line, kUnstableColour, "environment"}, felt{Look::line, kStableColour, "felt by the hand"};
+    for (std::size_t i = 0; i < trace.rows(); ++i) {
+      environment.add({trace.t_s()[i], trace.norm("env_f", i)});
+      felt.add({trace.t_s()[i], trace.norm("master_f", i)});
+    }
+    Scale y{.label = {"force", "N"}};
+    if (most > 0.0) y.low = 0.0, y.high = 1.1 * most;
+    picture.panels.push_back({.title = all.methods[m] + ": " + all.summaries[m].verdict_kind(),
+                              .x = {.label = {"time", "s"}, .low = 0.0, .high = trace.end_s()},
+                              .y = y,
+                              .series = {environment, felt}});
+  }
+  return draw(picture, folder);
+}
+
+// ---- impedance
+
+std::string draw(const std::vector<DisplayedImpedance>& all, const std::string& scene, const std::string& folder) {
+  constexpr double kDegree = 180.0 / std::numbers::pi;
+  Picture picture{
+      .name = "impedance", .title = scene + ": what the hand meets", .across = all.size(), .panel = {380, 190}};
+  Label labels[] = {{"force / motion", "N/m"}, {"phase", "deg"}, {"coherence", ""}};
+  for (int row = 0; row < 3; ++row)
+    for (const DisplayedImpedance& z : all) {
+      Panel panel{.title = row == 0 ? z.place : "",
+                  .x = {.label = {"frequency", "Hz"}, .low = 0.4, .high = 60.0, .logarithmic = true},
+                  .y = {.label = labels[row]}};
+      if (row == 1)
+        panel.y.low = -180.0, panel.y.high = 180.0,
+        panel.y.ticks = {{-180, "-180"}, {-90, "-90"}, {0, "0"}, {90, "90"}, {180, "180"}};
+      if (row == 2) panel.y.low = 0.0, panel.y.high = 1.05;
+      Series displayed{Look::joined_dots, kStableColour, "displayed", 1.2}, truth{Look::dashes, "#404040", "true", 2.0};
+      const auto add = [&](Series& to, double frequency, double re, double im) {
+        if (std::hypot(re, im) > 0.0) to.add({frequency, row == 0 ? std::hypot(re, im) : kDegree * std::atan2(im, re)});
+      };
+      for (const ImpedanceLine& l : z.lines)
+        if (row < 2) {
+          add(displayed, l.frequency_hz, l.displayed_re, l.displayed_im);
+          add(truth, l.frequency_hz, l.true_re, l.true_im);
+        } else if (std::isfinite(l.coherence)) {
+          displayed.add({l.frequency_hz, l.coherence});
+        }
+      const bool none = displayed.rows.empty() && truth.rows.empty();
+      if (row == 0 && none) panel.title += ": no force, as it should be";
+      panel.y.logarithmic = row == 0 && !none;
+      panel.series = {displayed, truth};
+      picture.panels.push_back(std::move(panel));
+    }
+  return draw(picture, folder);
+}
+
+// ---- blocks
+
+std::string draw(const std::vector<BlockCost>& costs, const std::string& title, const std::string& folder) {
+  std::vector<std::string> names;
+  Series stable{Look::boxes, "#1b7f5c", "stable"}, unstable{Look::boxes, "#d9a441", "unstable"},
+      words{Look::words, "black", "", 9.0, 0.0};
+  double most = 0.0;
+  for (std::size_t i = 0; i < costs.size(); ++i) {
+    const double up = static_cast<double>(costs.size() - 1 - i);
+    names.insert(names.begin(), costs[i].path);
+    (costs[i].stable ? stable : unstable).add({0.0, costs[i].tick_ns, up - 0.35, up + 0.35});
+    words.add_text(1.01 * costs[i].tick_ns, up, fmt::format(" {:.0f} ns, x{:.2f}", costs[i].tick_ns, costs[i].ratio));
+    most = std::max(most, costs[i].tick_ns);
+  }
+  return draw(Picture{.name = "blocks",
+                      .title = title + ": blocks of the world added one at a time",
+                      .panels = {{.title = "",
+                                  .x = {.label = {"cost of a master tick, both sides and the world", "ns"},
+                                        .low = 0.0,
+                                        .high = 1.3 * most},
+                                  .y = steps({}, names, true),
+                                  .series = {stable, unstable, words}}},
+                      .panel = {620, 26 * costs.size() + 20}},
+              folder);
+}
+
+}  // namespace twoport::lab
