@@ -16,7 +16,7 @@ Subcommand add_chart_command(Command app);
 Subcommand add_doctor_command(Command app);
 Subcommand add_impedance_command(Command app);
 Subcommand add_picture_command(Command app);
-/// `compare`, `gallery`, `map` and `recommend`.
+/// `adversary`, `compare`, `gallery`, `map`, `matrix`, `recommend` and `tune`.
 std::vector<Subcommand> add_map_commands(Command app);
 /// `replay` and `export`.
 std::vector<Subcommand> add_recording_commands(Command app);

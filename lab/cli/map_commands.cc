@@ -18,6 +18,7 @@
 #include "lab/study/compare.h"
 #include "lab/study/gallery.h"
 #include "lab/study/map.h"
+#include "lab/study/matrix.h"
 #include "lab/study/parallel.h"
 #include "lab/study/tune.h"
 
@@ -84,7 +85,7 @@ Subcommand add_map(Command app) {
   Command map = app.add("map", "Where each method holds: round trip, loss and stiffness varied");
   map.option("--scene", a->map.scene, "Another scene than scenes/map.textproto, which is built in").scene();
   map.list("--set", a->map.set, "PATH=VALUE, before those that the map sets");
-  map.option("--methods", a->methods, "NAME,NAME; all of them if absent");
+  map.option("--methods", a->methods, "NAME,NAME or TRANSPARENCY+PASSIVITY; every named method if absent");
   map.option("--round-trip-ms", a->round_trips, "Values as for sweep --vary; half of it each way");
   map.option("--loss", a->losses, "Probability each way");
   map.option("--burst-packets", a->bursts, "Mean number of packets lost in a row; 1: independent");
@@ -111,6 +112,7 @@ constexpr double kLongestDelay_ms = 5e4, kMostLoss = 0.99;
 struct RecommendArguments {
   double delay_ms = 0.0, loss = 0.0, stiffness = 0.0, burst = 1.0;
   int seeds = 3, jobs = 1;
+  std::string methods;
 };
 
 int recommend_command(const RecommendArguments& a) {
@@ -124,7 +126,7 @@ int recommend_command(const RecommendArguments& a) {
                                                     : "")};
   const Map map = make_map({.scene = {},
                             .set = {},
-                            .methods = {},
+                            .methods = words_of("--methods", a.methods),
                             .round_trips_ms = {2.0 * a.delay_ms},
                             .losses = {a.loss},
                             .bursts_packets = {a.burst},
@@ -145,10 +147,47 @@ Subcommand add_recommend(Command app) {
   recommend.option("--stiffness", a->stiffness, "Of the environment [N/m]").required();
   recommend.option("--burst-packets", a->burst, "Mean number of packets lost in a row").show_default();
   recommend.option("--seeds", a->seeds, "Runs per method").show_default();
+  recommend.option("--methods", a->methods, "NAME,NAME or TRANSPARENCY+PASSIVITY; every named method if absent");
   add_jobs(recommend, a->jobs);
   recommend.footer(
       "Prints one line: NAME: why. The scene is that of `map`: one axis of an ordinary hand, device and robot.");
   return {recommend, [a] { return recommend_command(*a); }};
+}
+
+struct MatrixArguments {
+  MatrixOptions matrix;
+  std::optional<int> lanes;
+  std::string transparencies, passivities, out;
+};
+
+int matrix_command(MatrixArguments& a) {
+  a.matrix.transparencies = words_of("--transparency", a.transparencies);
+  a.matrix.passivities = words_of("--passivity", a.passivities);
+  a.matrix.lanes = checked_lanes(a.lanes.value_or(0));
+  if (!a.out.empty()) make_folder(a.out);
+  const Matrix all = matrix(a.matrix, show_progress);
+  std::fputs(to_text(all).c_str(), stdout);
+  if (a.out.empty()) return 0;
+  write_whole(a.out + "/table.csv", to_csv(to_table(all)));
+  fmt::print("{}/table.csv: {} pairs\n{}\n", a.out, all.cells.size(), draw(all, a.out));
+  return 0;
+}
+
+Subcommand add_matrix(Command app) {
+  const auto a = std::make_shared<MatrixArguments>();
+  a->matrix.jobs = all_cores();
+  Command matrix = app.add("matrix", "Every transparency layer under every passivity layer, on one scene");
+  add_scene(matrix, a->matrix.scene, a->matrix.set);
+  matrix.option("--transparency", a->transparencies, "LAYER,LAYER; if absent all that some pair can run with");
+  matrix.option("--passivity", a->passivities, "LAYER,LAYER; if absent all that some pair can run with");
+  matrix.option("--out", a->out, "Folder for table.csv and the picture");
+  add_jobs(matrix, a->matrix.jobs);
+  add_lanes(matrix, a->lanes);
+  matrix.footer(
+      R"(twoport-lab methods --layers lists the layers. Every pair has the E(0) that the scene has as it is. A claim of energy is broken
+where the port that the passivity layer bounds has given more than E(0) and 0.1 mJ: hand_min_energy_j of a claim `hand`,
+two_port_min_energy_j of a claim `both`.)");
+  return {matrix, [a] { return matrix_command(*a); }};
 }
 
 struct CompareArguments {
@@ -286,7 +325,8 @@ delay, loss and control; 2 where a run is not stable and quiet. 1: as bad as no 
 }  // namespace
 
 std::vector<Subcommand> add_map_commands(Command app) {
-  return {add_adversary(app), add_compare(app), add_gallery(app), add_map(app), add_recommend(app), add_tune(app)};
+  return {add_adversary(app), add_compare(app),   add_gallery(app), add_map(app),
+          add_matrix(app),    add_recommend(app), add_tune(app)};
 }
 
 }  // namespace twoport::lab

@@ -7,11 +7,13 @@
 #include <cmath>
 #include <limits>
 #include <map>
+#include <string_view>
 #include <utility>
 #include <variant>
 
 #include "common/base/check.h"
 #include "common/base/file.h"
+#include "common/coupling/layers.h"
 #include "common/method/catalogue.h"
 #include "common/record/summary.h"
 #include "common/scene/scene_text.h"
@@ -76,6 +78,13 @@ std::vector<MapPlace> places_of(const MapOptions& o) {
   return all;
 }
 
+/// Is it TRANSPARENCY+PASSIVITY?
+bool is_pair(std::string_view method) {
+  const std::size_t plus = method.find('+');
+  return plus != method.npos && find_name(kTransparencyLayers, method.substr(0, plus)) != nullptr &&
+         find_name(kPassivityLayers, method.substr(plus + 1)) != nullptr;
+}
+
 void check(const MapOptions& o) {
   const auto need = [](const char* option, const std::vector<double>& values, double low, double high) {
     for (const double v : values)
@@ -127,11 +136,16 @@ void check_names(const char* option, const std::vector<std::string>& names, cons
 }
 
 void check_methods(const std::vector<std::string>& methods, const std::vector<std::string>& allowed) {
-  check_names("--methods", methods, allowed);
+  std::vector<std::string> known = allowed;
+  for (const std::string& method : methods)
+    if (is_pair(method)) known.push_back(method);
+  check_names("--methods", methods, known);
 }
 
 std::vector<std::string> method_overrides(const std::string& method) {
-  return {"control.passivity.method=" + method};
+  if (!is_pair(method)) return {"control.passivity.method=" + method};
+  const std::size_t plus = method.find('+');
+  return {"control.transparency.layer=" + method.substr(0, plus), "control.passivity.layer=" + method.substr(plus + 1)};
 }
 
 std::vector<std::string> map_overrides(const Scene& scene, const std::string& method, const MapPlace& p,

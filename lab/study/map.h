@@ -81,9 +81,9 @@ std::vector<std::string> rendering_methods();
 
 /// Throws ConfigError, which begins with `option`, for a name that is not in `allowed`, or is there twice.
 void check_names(const char* option, const std::vector<std::string>& names, const std::vector<std::string>& allowed);
-/// The same for `--methods`.
+/// The same for `--methods`, which may also name pairs TRANSPARENCY+PASSIVITY.
 void check_methods(const std::vector<std::string>& methods, const std::vector<std::string>& allowed);
-/// The overrides that give a scene this method.
+/// The overrides that give a scene this method: a name, or TRANSPARENCY+PASSIVITY.
 std::vector<std::string> method_overrides(const std::string& method);
 
 /// The overrides that make the map's scene the run of one method in one place.

@@ -1,5 +1,6 @@
 #include "lab/study/map.h"
 
+#include <fmt/format.h>
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -14,6 +15,7 @@
 #include "lab/run.h"
 #include "lab/study/compare.h"
 #include "lab/study/gallery.h"
+#include "lab/study/matrix.h"
 #include "tests/support/process.h"
 
 namespace twoport::lab {
@@ -150,6 +152,64 @@ TEST(Compare, RunsEveryMethodThatTheSceneCanName) {
                         .jobs = 1,
                         .out = {}}),
                ConfigError);
+}
+
+MatrixOptions pairs(std::vector<std::string> transparencies, std::vector<std::string> passivities) {
+  return {.scene = TWOPORT_SCENES "/one_axis_wall.textproto",
+          .set = {"duration_s=2"},
+          .transparencies = std::move(transparencies),
+          .passivities = std::move(passivities),
+          .jobs = 2};
+}
+
+TEST(Matrix, ACellIsTheRunOfItsLayers) {
+  const MatrixOptions options = pairs({"DELAYED_FORCE", "INTERNAL_MODEL"}, {"NONE", "FORCE_PROJECTED"});
+  const Matrix m = matrix(options);
+  const Scene as_it_is = load_scene(options.scene, options.set);
+  ASSERT_EQ(m.cells.size(), 4u);
+  const Summary alone = run(load_scene(
+      options.scene,
+      std::vector<std::string>{
+          "duration_s=2", "control.transparency.layer=INTERNAL_MODEL", "control.passivity.layer=FORCE_PROJECTED",
+          fmt::format("control.passivity.initial_energy_j={}", as_it_is.control.initial_energy.si())}));
+  EXPECT_EQ(m.at(1, 1).summary.felt_force_error_rms_n(), alone.felt_force_error_rms_n());
+  EXPECT_EQ(m.at(1, 1).summary.verdict_kind(), alone.verdict_kind());
+  const Table table = to_table(m);
+  ASSERT_EQ(table.rows.size(), 4u);
+  EXPECT_EQ(table.columns.front(), "transparency");
+  EXPECT_TRUE(table.find("hand_min_energy_j") && table.find("two_port_min_energy_j") && table.find("verdict_kind"));
+  EXPECT_EQ(table.rows[2][0], "INTERNAL_MODEL");
+  EXPECT_EQ(table.rows[2][1], "NONE");
+}
+
+// A random force takes energy out of the hand's port; a spring that holds the port's energy does not let it.
+TEST(Matrix, ARandomForceBreaksNoClaimOfTheLayersThatBoundTheHand) {
+  const Matrix m = matrix(pairs({"RANDOM"}, {"NONE", "ENERGY_SPRING", "ENERGY_BOUNDING"}));
+  EXPECT_LT(m.at(0, 0).summary.hand_min_energy_j(), -0.01);
+  EXPECT_FALSE(m.at(0, 0).broken);  // NONE claims nothing
+  EXPECT_FALSE(m.at(0, 1).broken);
+  EXPECT_FALSE(m.at(0, 2).broken);
+}
+
+TEST(Matrix, PairsThatMakeNoSenseAreRefusedInWords) {
+  const Matrix asked = matrix(pairs({"PLUGIN"}, {"NONE"}));
+  EXPECT_NE(asked.at(0, 0).refused, "");
+  EXPECT_EQ(to_table(asked).rows[0][2], "REFUSED");
+  EXPECT_NE(to_text(asked).find("PLUGIN + NONE: "), std::string::npos);
+  const std::vector<std::string> all = matrix(pairs({}, {"NONE"})).transparencies;
+  EXPECT_EQ(std::find(all.begin(), all.end(), "PLUGIN"), all.end());  // nobody asked for it
+  EXPECT_THROW(matrix(pairs({"NO_SUCH"}, {})), ConfigError);
+}
+
+TEST(Map, TakesPairsOfLayers) {
+  MapOptions options = small({"DELAYED_FORCE+NONE", "NONE"});
+  options.round_trips_ms = {20};
+  options.losses = {0.0};
+  options.seeds = 1;
+  const Map map = make_map(options);
+  EXPECT_EQ(map.at(0, 0).error_n.mean, map.at(1, 0).error_n.mean);
+  options.methods = {"DELAYED_FORCE+NOTHING"};
+  EXPECT_THROW(make_map(options), ConfigError);
 }
 
 TEST(Gallery, SaysInAWordWhatARunWas) {
