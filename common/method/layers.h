@@ -88,7 +88,7 @@ class MasterPassivity {
 
 /// The master half of a pair. A wish that is not finite is not displayed, and the node releases the port.
 template <int N, class Transparency = MasterTransparency<N>, class Passivity = MasterPassivity<N>>
-class MasterPair final : public Copied<MasterPair<N, Transparency, Passivity>, MasterHalf<N>> {
+class MasterPair final : public Copyable<MasterPair<N, Transparency, Passivity>, MasterHalf<N>> {
  public:
   explicit MasterPair(const ControlOptions& o) : transparency_{o}, passivity_{o} {}
 
@@ -227,7 +227,7 @@ class SlavePassivity {
 
 /// The slave half of a pair.
 template <int N, class Transparency = SlaveTransparency<N>, class Passivity = SlavePassivity<N>>
-class SlavePair final : public Copied<SlavePair<N, Transparency, Passivity>, SlaveHalf<N>> {
+class SlavePair final : public Copyable<SlavePair<N, Transparency, Passivity>, SlaveHalf<N>> {
  public:
   explicit SlavePair(const ControlOptions& o) : transparency_{o}, passivity_{o} {}
 

@@ -6,7 +6,7 @@ namespace twoport {
 
 /// The delayed force and a damper at the master:  f_d = ρ s_f f_rx,  damper b v_m,  b = 2 N s/m.
 template <int N>
-class LocalDampingMaster final : public Copied<LocalDampingMaster<N>, MasterTransparency<N>> {
+class LocalDampingMaster final : public Copyable<LocalDampingMaster<N>, MasterTransparency<N>> {
  public:
   explicit LocalDampingMaster(const ControlOptions& o) : delayed_{o} {}
   void start(const DeviceSample<N>& device) noexcept override { delayed_.start(device); }

@@ -68,7 +68,7 @@ class SetPositionSpring {
 
 /// Master half: f_m = ρ (K (x_m - y_m) + B v_m); y_m follows the robot's position.
 template <int N>
-class SetPositionMaster final : public Copied<SetPositionMaster<N>, MasterHalf<N>> {
+class SetPositionMaster final : public Copyable<SetPositionMaster<N>, MasterHalf<N>> {
  public:
   explicit SetPositionMaster(const ControlOptions& o) : registration_{o}, tracker_{o.coupling}, side_{o} {}
 
@@ -117,9 +117,9 @@ class SetPositionMaster final : public Copied<SetPositionMaster<N>, MasterHalf<N
 
 /// Slave half: f_s = K (y_s - x_s) - B v_s; y_s follows the master's position.
 template <int N>
-class SetPositionSlave final : public Copied<SetPositionSlave<N>, StoringSlave<N, SetPositionSpring<N>>> {
+class SetPositionSlave final : public Copyable<SetPositionSlave<N>, StoringSlave<N, SetPositionSpring<N>>> {
   using Storing = StoringSlave<N, SetPositionSpring<N>>;
-  using Base = Copied<SetPositionSlave<N>, Storing>;
+  using Base = Copyable<SetPositionSlave<N>, Storing>;
 
  public:
   explicit SetPositionSlave(const ControlOptions& o) : Base{coupled_by_position(o, o.coupling), o} {}

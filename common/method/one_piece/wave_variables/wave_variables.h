@@ -21,7 +21,7 @@ namespace twoport {
 ///
 /// Source: Anderson, Spong, IEEE TAC 34(5), 1989; Niemeyer, Slotine, IEEE J. Oceanic Engineering 16(1), 1991.
 template <int N>
-class WaveMaster final : public Copied<WaveMaster<N>, MasterHalf<N>> {
+class WaveMaster final : public Copyable<WaveMaster<N>, MasterHalf<N>> {
  public:
   explicit WaveMaster(const ControlOptions& o)
       : initial_{0.2 * o.initial_energy}, receiver_{o.wave_variables.receiver, 0.4 * o.initial_energy} {
@@ -84,8 +84,8 @@ class WaveMaster final : public Copied<WaveMaster<N>, MasterHalf<N>> {
 ///
 /// All waves are in the master's units; there G is s_f s_x (B + K T). b = G reflects nothing.
 template <int N>
-class WaveSlave final : public Copied<WaveSlave<N>, CouplingSlave<N>> {
-  using Base = Copied<WaveSlave<N>, CouplingSlave<N>>;
+class WaveSlave final : public Copyable<WaveSlave<N>, CouplingSlave<N>> {
+  using Base = Copyable<WaveSlave<N>, CouplingSlave<N>>;
 
  public:
   using Vector = typename Force<N>::Vector;

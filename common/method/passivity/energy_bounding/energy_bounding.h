@@ -36,7 +36,7 @@ double energy_bounding_scale(const Force<N>& f, Energy e, const typename Force<N
 ///
 /// An axis without damping takes no force.
 template <int N>
-class EnergyBoundingMaster final : public Copied<EnergyBoundingMaster<N>, MasterPassivity<N>> {
+class EnergyBoundingMaster final : public Copyable<EnergyBoundingMaster<N>, MasterPassivity<N>> {
  public:
   explicit EnergyBoundingMaster(const ControlOptions& o) : initial_{o.initial_energy}, energy_{o.initial_energy} {
     const BoundingDamping b = bounding_damping(o);

@@ -22,7 +22,7 @@ namespace twoport {
 /// E(0)/2 + 5 mJ. A damper may lose only what A has, γ |g| d <= A, and the spring only the rest; d is six times the largest motion
 /// of a second; a force that the limit of its rate cannot hold is not displayed (unheld_share).
 template <int N, bool kTwoPort>
-class EnergySpringMasterOf final : public Copied<EnergySpringMasterOf<N, kTwoPort>, MasterPassivity<N>> {
+class EnergySpringMasterOf final : public Copyable<EnergySpringMasterOf<N, kTwoPort>, MasterPassivity<N>> {
  public:
   explicit EnergySpringMasterOf(const ControlOptions& o)
       : registration_{o},
@@ -122,7 +122,7 @@ using EnergySpringTwoPortMaster = EnergySpringMasterOf<N, true>;
 /// Where a limit at the robot changes the command, the set point's motion is scaled to that. What the level has above E(0)/2 + 5 mJ
 /// goes back to the master.
 template <int N>
-class EnergySpringTwoPortSlave final : public Copied<EnergySpringTwoPortSlave<N>, SlavePassivity<N>> {
+class EnergySpringTwoPortSlave final : public Copyable<EnergySpringTwoPortSlave<N>, SlavePassivity<N>> {
  public:
   explicit EnergySpringTwoPortSlave(const ControlOptions& o)
       : initial_{Registration<N>{o}.to_slave(0.5 * o.initial_energy)}, limits_{limits_at_robot(o)} {}

@@ -50,7 +50,7 @@ class EnergyTankSide {
 
 /// The tank at the hand, and a damper that fills it:  f_m = s f_d + α max(0, H_d - H) v,  at most m/(4T).
 template <int N>
-class EnergyTankMaster final : public Copied<EnergyTankMaster<N>, MasterPassivity<N>> {
+class EnergyTankMaster final : public Copyable<EnergyTankMaster<N>, MasterPassivity<N>> {
  public:
   explicit EnergyTankMaster(const ControlOptions& o)
       : registration_{o}, side_{o}, gains_{energy_tank_gains(o)}, handle_mass_kg_{o.handle_mass_kg} {
@@ -99,7 +99,7 @@ class EnergyTankMaster final : public Copied<EnergyTankMaster<N>, MasterPassivit
 
 /// The tank at the robot: the robot's work is taken from it.
 template <int N>
-class EnergyTankSlave final : public Copied<EnergyTankSlave<N>, SlavePassivity<N>> {
+class EnergyTankSlave final : public Copyable<EnergyTankSlave<N>, SlavePassivity<N>> {
  public:
   explicit EnergyTankSlave(const ControlOptions& o) : side_{o} {}
 

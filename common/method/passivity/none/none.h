@@ -6,7 +6,7 @@ namespace twoport {
 
 /// No passivity control: everything is displayed.
 template <int N>
-class NoPassivityMaster final : public Copied<NoPassivityMaster<N>, MasterPassivity<N>> {
+class NoPassivityMaster final : public Copyable<NoPassivityMaster<N>, MasterPassivity<N>> {
  public:
   explicit NoPassivityMaster(const ControlOptions&) {}
   Shown<N> limit(const Wish<N>& wish, const MasterInput<N>& in) noexcept override {
@@ -22,7 +22,7 @@ class NoPassivityMaster final : public Copied<NoPassivityMaster<N>, MasterPassiv
 
 /// Also of the layers that bound the hand's port alone.
 template <int N>
-class NoPassivitySlave final : public Copied<NoPassivitySlave<N>, SlavePassivity<N>> {
+class NoPassivitySlave final : public Copyable<NoPassivitySlave<N>, SlavePassivity<N>> {
  public:
   explicit NoPassivitySlave(const ControlOptions&) {}
 };

@@ -26,7 +26,7 @@ namespace twoport {
 /// the hand would put in if the coupling force were displayed, E_in of f_coupling,rx(k-1)·Δx(k).
 /// Source: Ryu, Artigas, Preusche, Mechatronics 20(7), 2010; the correction is the projected one where chosen.
 template <int N>
-class TimeDomainMaster final : public Copied<TimeDomainMaster<N>, MasterPassivity<N>> {
+class TimeDomainMaster final : public Copyable<TimeDomainMaster<N>, MasterPassivity<N>> {
  public:
   explicit TimeDomainMaster(const ControlOptions& o)
       : controller_{controller_at_the_handle(o)},

@@ -20,7 +20,7 @@ namespace twoport {
 /// generates is not credited.
 /// Source: Ryu, Artigas, Preusche, Mechatronics 20(7), 2010.
 template <int N>
-class TimeDomainSlave final : public Copied<TimeDomainSlave<N>, SlavePassivity<N>> {
+class TimeDomainSlave final : public Copyable<TimeDomainSlave<N>, SlavePassivity<N>> {
  public:
   explicit TimeDomainSlave(const ControlOptions& o)
       : initial_{o.initial_energy}, reference_energy_{o.reference_energy} {}

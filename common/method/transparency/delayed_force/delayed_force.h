@@ -7,7 +7,7 @@ namespace twoport {
 
 /// The force of the architecture as it arrives, f_d = ρ DisplayedForce.
 template <int N>
-class DelayedForceMaster final : public Copied<DelayedForceMaster<N>, MasterTransparency<N>> {
+class DelayedForceMaster final : public Copyable<DelayedForceMaster<N>, MasterTransparency<N>> {
  public:
   explicit DelayedForceMaster(const ControlOptions& o) : displayed_{o} {}
   void start(const DeviceSample<N>& device) noexcept override { displayed_.start(device.x); }
@@ -22,10 +22,10 @@ class DelayedForceMaster final : public Copied<DelayedForceMaster<N>, MasterTran
 
 /// The virtual coupling. Under POSITION_MEASURED_FORCE the sensor's force is returned.
 template <int N>
-class DelayedForceSlave final : public Copied<DelayedForceSlave<N>, SlaveTransparency<N>> {
+class DelayedForceSlave final : public Copyable<DelayedForceSlave<N>, SlaveTransparency<N>> {
  public:
   explicit DelayedForceSlave(const ControlOptions& o)
-      : Copied<DelayedForceSlave<N>, SlaveTransparency<N>>{o}, measured_{returns_measured_force(o)} {}
+      : Copyable<DelayedForceSlave<N>, SlaveTransparency<N>>{o}, measured_{returns_measured_force(o)} {}
   [[gnu::always_inline]] RobotWish<N> wish(const SlaveInput<N>& in) noexcept override {
     const auto wanted = this->want(in);
     RobotWish<N> out{.f = wanted.f, .v = wanted.v};

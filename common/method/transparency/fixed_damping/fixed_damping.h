@@ -18,7 +18,7 @@ inline ControlOptions fixed_damping_coupling(const ControlOptions& o) {
 
 /// Master half of fixed damping (P+d): f_m = ρ K (x_m - x_s,rx) + ρ B v_m.
 template <int N>
-class FixedDampingMaster final : public Copied<FixedDampingMaster<N>, MasterTransparency<N>> {
+class FixedDampingMaster final : public Copyable<FixedDampingMaster<N>, MasterTransparency<N>> {
  public:
   explicit FixedDampingMaster(const ControlOptions& o) : displayed_{fixed_damping_coupling(o)} {
     const FixedDampingGains gains = fixed_damping_gains(o);
@@ -40,10 +40,10 @@ class FixedDampingMaster final : public Copied<FixedDampingMaster<N>, MasterTran
 
 /// Slave half: f_s = K (x_m,rx - x_s) - B v_s.
 template <int N>
-class FixedDampingSlave final : public Copied<FixedDampingSlave<N>, SlaveTransparency<N>> {
+class FixedDampingSlave final : public Copyable<FixedDampingSlave<N>, SlaveTransparency<N>> {
  public:
   explicit FixedDampingSlave(const ControlOptions& o)
-      : Copied<FixedDampingSlave<N>, SlaveTransparency<N>>{fixed_damping_coupling(o)} {
+      : Copyable<FixedDampingSlave<N>, SlaveTransparency<N>>{fixed_damping_coupling(o)} {
     const FixedDampingGains gains = fixed_damping_gains(o);
     damping_ = per_axis<N>(gains.damping_n_s_per_m, gains.rotational_damping_n_m_s_per_rad);
   }

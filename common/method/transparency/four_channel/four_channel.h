@@ -36,7 +36,7 @@ struct HandForce {
 ///
 /// Source: Katsura, Matsumoto, Ohnishi, IEEE T-IE 54(1), 2007; as used for imitation learning, Adachi, Fujimoto, Sakaino, Tsuji, IROS 2018.
 template <int N>
-class FourChannelMaster final : public Copied<FourChannelMaster<N>, MasterTransparency<N>> {
+class FourChannelMaster final : public Copyable<FourChannelMaster<N>, MasterTransparency<N>> {
  public:
   explicit FourChannelMaster(const ControlOptions& o)
       : displayed_{coupled_by_position(o, o.coupling)},
@@ -80,8 +80,8 @@ class FourChannelMaster final : public Copied<FourChannelMaster<N>, MasterTransp
 ///
 /// With `disturbance_observer`: m a = K (x_m,rx - x_s) + B (v_m,rx - v_s) + g/2 (f̂_h,rx/s_f - f_e), f_s = m a + d̂.
 template <int N>
-class FourChannelSlave final : public Copied<FourChannelSlave<N>, SlaveTransparency<N>> {
-  using Base = Copied<FourChannelSlave<N>, SlaveTransparency<N>>;
+class FourChannelSlave final : public Copyable<FourChannelSlave<N>, SlaveTransparency<N>> {
+  using Base = Copyable<FourChannelSlave<N>, SlaveTransparency<N>>;
 
  public:
   explicit FourChannelSlave(const ControlOptions& o)

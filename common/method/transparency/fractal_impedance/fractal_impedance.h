@@ -68,7 +68,7 @@ class FractalSpring {
 
 /// Master half: the fractal spring to the robot's position as last heard.
 template <int N>
-class FractalImpedanceMaster final : public Copied<FractalImpedanceMaster<N>, MasterTransparency<N>> {
+class FractalImpedanceMaster final : public Copyable<FractalImpedanceMaster<N>, MasterTransparency<N>> {
  public:
   explicit FractalImpedanceMaster(const ControlOptions& o) : registration_{o}, tracker_{o.coupling}, spring_{o} {}
 
@@ -97,10 +97,10 @@ class FractalImpedanceMaster final : public Copied<FractalImpedanceMaster<N>, Ma
 
 /// Slave half: the fractal spring to the master's position as last heard.
 template <int N>
-class FractalImpedanceSlave final : public Copied<FractalImpedanceSlave<N>, SlaveTransparency<N>> {
+class FractalImpedanceSlave final : public Copyable<FractalImpedanceSlave<N>, SlaveTransparency<N>> {
  public:
   explicit FractalImpedanceSlave(const ControlOptions& o)
-      : Copied<FractalImpedanceSlave<N>, SlaveTransparency<N>>{coupled_by_position(o, o.coupling)}, spring_{o} {}
+      : Copyable<FractalImpedanceSlave<N>, SlaveTransparency<N>>{coupled_by_position(o, o.coupling)}, spring_{o} {}
 
   void start(const RobotSample<N>& robot, const PeerState<N>& master) noexcept override {
     SlaveTransparency<N>::start(robot, master);

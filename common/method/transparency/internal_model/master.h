@@ -37,7 +37,7 @@ namespace twoport {
 /// Under ENERGY_SPRING_TWO_PORT b = 8 + 2 min(R, 1 s) N s/m everywhere, which pays for the robot.
 /// N = 6: y = x + R b with b from the slave; the torque of f_d is (R b) × F_x + r_τ, r_τ = LP_a of τ - (R_echo b) × F(x_echo).
 template <int N>
-class InternalModelMaster final : public Copied<InternalModelMaster<N>, MasterTransparency<N>> {
+class InternalModelMaster final : public Copyable<InternalModelMaster<N>, MasterTransparency<N>> {
  public:
   explicit InternalModelMaster(const ControlOptions& o)
       : registration_{o},

@@ -45,8 +45,8 @@ inline ControlOptions with_damped_robot(ControlOptions o) {
 ///     s = Σ Δp + ΔR b                                      way of the robot's point that touches now; K is fitted to it. The contact
 ///                                                          point itself also moves where b changes, without any force
 template <int N>
-class InternalModelSlave final : public Copied<InternalModelSlave<N>, SlaveTransparency<N>> {
-  using Base = Copied<InternalModelSlave<N>, SlaveTransparency<N>>;
+class InternalModelSlave final : public Copyable<InternalModelSlave<N>, SlaveTransparency<N>> {
+  using Base = Copyable<InternalModelSlave<N>, SlaveTransparency<N>>;
 
  public:
   explicit InternalModelSlave(const ControlOptions& o)

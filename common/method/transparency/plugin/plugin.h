@@ -11,7 +11,7 @@ namespace twoport {
 /// A force that a shared library, or a function of the caller, computes. Where it fails the wish is not finite until the run ends, so
 /// the node releases the port. A copy shares what computes.
 template <int N>
-class PluginMaster final : public Copied<PluginMaster<N>, MasterTransparency<N>> {
+class PluginMaster final : public Copyable<PluginMaster<N>, MasterTransparency<N>> {
  public:
   explicit PluginMaster(const ControlOptions& o)
       : host_{o.plugin.host ? o.plugin.host

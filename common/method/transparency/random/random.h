@@ -11,7 +11,7 @@ namespace twoport {
 /// An adversary of passivity layers: a force of a given size in a direction that is drawn anew every `hold_ms`. N = 6: the size is
 /// |f|² + K/K_r |τ|², of the coupling's stiffnesses.
 template <int N>
-class RandomMaster final : public Copied<RandomMaster<N>, MasterTransparency<N>> {
+class RandomMaster final : public Copyable<RandomMaster<N>, MasterTransparency<N>> {
  public:
   explicit RandomMaster(const ControlOptions& o)
       : random_{o.random.seed ^ kStream}, force_n_{o.random.force_n}, hold_s_{1e-3 * o.random.hold_ms} {

@@ -20,7 +20,7 @@ namespace twoport {
 /// x: handle; N = 6: its contact point x + R b, b the slave's lever, and the torque (R b) × F.
 /// Source: Mitra, Niemeyer, Int. J. Robotics Research 27(2), 2008; the energy limit in place of a gate on updates.
 template <int N>
-class SurfaceModelMaster final : public Copied<SurfaceModelMaster<N>, MasterTransparency<N>> {
+class SurfaceModelMaster final : public Copyable<SurfaceModelMaster<N>, MasterTransparency<N>> {
  public:
   explicit SurfaceModelMaster(const ControlOptions& o)
       : stiffness_{o.force_scale * o.motion_scale * o.coupling.stiffness_n_per_m}, mass_kg_{o.handle_mass_kg} {}
