@@ -135,7 +135,7 @@ class SlaveHalf {
 
 /// Implements copy() of Base for the class Self.
 template <class Self, class Base>
-class Copied : public Base {
+class Copyable : public Base {
  public:
   using Base::Base;
   [[nodiscard]] auto copy() const -> decltype(std::declval<const Base&>().copy()) override {
