@@ -40,6 +40,7 @@ inline constexpr TransparencyLayerName kTransparencyLayers[] = {
     {"INTERNAL_MODEL", "a local model of the surface, corrected by the delayed force"},
     {"DELAYED_FORCE", "the force of the architecture as it arrives"},
     {"SURFACE_MODEL", "a local model of the surface and nothing else"},
+    {"CONTACT_SPRING", "the delayed force and a local spring in all axes, for tools with many contacts"},
     {"FOUR_CHANNEL", "positions and forces in both directions"},
     {"FIXED_DAMPING", "a spring between the two positions and a damper at each side"},
     {"FRACTAL_IMPEDANCE", "springs that give back less than they take"},

@@ -12,6 +12,7 @@
 #include "common/method/passivity/energy_tank/energy_tank.h"
 #include "common/method/passivity/none/none.h"
 #include "common/method/passivity/time_domain/time_domain.h"
+#include "common/method/transparency/contact_spring/master.h"
 #include "common/method/transparency/delayed_force/delayed_force.h"
 #include "common/method/transparency/fixed_damping/fixed_damping.h"
 #include "common/method/transparency/four_channel/four_channel.h"
@@ -40,6 +41,7 @@ void for_each_transparency(Visit visit) {
   visit(Classes<InternalModelMaster, InternalModelSlave>{"INTERNAL_MODEL"});
   visit(Classes<DelayedForceMaster, DelayedForceSlave>{"DELAYED_FORCE"});
   visit(Classes<SurfaceModelMaster, InternalModelSlave>{"SURFACE_MODEL"});
+  visit(Classes<ContactSpringMaster, InternalModelSlave>{"CONTACT_SPRING"});
   visit(Classes<FourChannelMaster, FourChannelSlave>{"FOUR_CHANNEL"});
   visit(Classes<FixedDampingMaster, FixedDampingSlave>{"FIXED_DAMPING"});
   visit(Classes<FractalImpedanceMaster, FractalImpedanceSlave>{"FRACTAL_IMPEDANCE"});

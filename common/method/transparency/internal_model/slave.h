@@ -38,6 +38,10 @@ inline ControlOptions with_damped_robot(ControlOptions o) {
 ///
 /// Under ENERGY_SPRING_TWO_PORT there is no brake: its energy would be the link's.
 ///
+/// CONTACT_SPRING: the coupling's damper is grounded in contact, (1 - g) B_c (v_rx - v_s) - g B_c v_s, g = LP_100ms of 1 in contact and
+/// coupled, else of 0. The hand's motion and tremor, a delay old, would come through it with |K_c + j ω B_c|; the model knows K_c only.
+/// What acts on the robot with v_s alone, g B_c and the brake, is paid by the robot, not by the link.
+///
 /// To the master: n, p, K*, μ, κ (surface_estimator.h), contact, the set point x_sd, and f as the returned force.
 /// N = 6: the surface is that at the contact point x + R b, from the lever of the wrench:
 ///
@@ -52,7 +56,10 @@ class InternalModelSlave final : public Copyable<InternalModelSlave<N>, SlaveTra
   explicit InternalModelSlave(const ControlOptions& o)
       : Base{with_damped_robot(o)},
         brakes_{!is_two_port(o)},
-        yields_{N == 6 ? 1.0 : std::min(1.0, std::pow(o.known.round_trip.si() / kBlind_s, 2))},
+        along_force_{o.transparency == "CONTACT_SPRING"},
+        damping_{
+            per_axis<N>(with_damped_robot(o).coupling.damping_n_s_per_m, o.coupling.rotational_damping_n_m_s_per_rad)},
+        yields_{N == 6 && !along_force_ ? 1.0 : std::min(1.0, std::pow(o.known.round_trip.si() / kBlind_s, 2))},
         senses_{o.architecture != Architecture::position_position},
         bias_{o.force_scale},
         mass_kg_{o.known.robot_mass_kg},
@@ -64,7 +71,7 @@ class InternalModelSlave final : public Copyable<InternalModelSlave<N>, SlaveTra
         rotation_n_m_per_rad_{o.force_scale / o.motion_scale * o.coupling.rotational_stiffness_n_m_per_rad} {}
 
   void start(const RobotSample<N>& robot, const PeerState<N>& master) noexcept override {
-    yield_m_ = 0.0;
+    yield_m_ = grounded_share_ = 0.0;
     informed_ = read(master.words, said_);
     coupling_.start(robot.x, master, commanded(master));
     estimator_.reset();
@@ -77,9 +84,15 @@ class InternalModelSlave final : public Copyable<InternalModelSlave<N>, SlaveTra
     const RobotSample<N>& robot = in.robot;
     informed_ = read(in.master.words, said_);
     const Position<N> x_rx = commanded(in.master);
+    if (along_force_ && brakes_)
+      low_pass(grounded_share_, in.coupled && estimator_.contact() ? 1.0 : 0.0, in.dt, kGround_s);
     typename VirtualCoupling<N>::Wanted wanted;
     if (in.active) {
       wanted = coupling_.step(robot, in.master, x_rx, in.coupled, in.dt);
+      if (grounded_share_ > 0.0 && !robot.ideal) {
+        const Velocity<N> v_rx = in.coupled ? coupling_.registration().to_slave(in.master.newest.v) : Velocity<N>{};
+        wanted.f += Force<N>{-grounded_share_ * damping_.cwiseProduct((v_rx - robot.v).vec())};
+      }
       if (in.coupled && in.master.is_new)
         offset_ = coupling_.registration().to_slave(in.master.newest.x) - coupling_.registration().to_slave(x_rx);
     } else {
@@ -94,7 +107,9 @@ class InternalModelSlave final : public Copyable<InternalModelSlave<N>, SlaveTra
     report(robot);
     RobotWish<N> out{.f = wanted.f, .v = wanted.v, .f_back = felt};
     out.damped = in.coupled && brakes_;
+    out.grounded = along_force_ && out.damped && !robot.ideal;
     if (out.damped) out.damper = leaving_brake(robot, in.dt);
+    if (out.grounded) out.damper += Force<N>{-grounded_share_ * damping_.cwiseProduct(robot.v.vec())};
     return out;
   }
   /// The report tells the set point as it is after this tick's motion.
@@ -114,7 +129,7 @@ class InternalModelSlave final : public Copyable<InternalModelSlave<N>, SlaveTra
   static constexpr int D = kAxes<N>;
   static constexpr double kBrake_n_s_per_m = 20.0, kBrakeOfMass = 0.4, kObserver_rad_per_s = 200.0;
   static constexpr double kHand_n_per_m = 700.0, kYield_s = 50e-3, kBlind_s = 0.2, kYieldNormal_s = 0.5,
-                          kYieldNegligible_m = 1e-6;
+                          kYieldNegligible_m = 1e-6, kGround_s = 0.1;
 
   /// Force on the environment without a sensor, friction of the robot included. An ideal robot tells it.
   [[gnu::noinline]] Force<N> observed(const RobotSample<N>& robot, const Force<N>& wanted, Seconds dt) noexcept {
@@ -131,6 +146,7 @@ class InternalModelSlave final : public Copyable<InternalModelSlave<N>, SlaveTra
 
   /// The yield of a hand that does not feel yet what the robot presses.
   void yield(const SlaveInput<N>& in, const Force<N>& felt) noexcept {
+    if (along_force_) return yield_along_force(in, felt);
     double wanted = 0.0;
     if (informed_ && in.coupled && estimator_.contact()) {
       const Point<D> n = estimator_.patch().normal;
@@ -146,6 +162,26 @@ class InternalModelSlave final : public Copyable<InternalModelSlave<N>, SlaveTra
       wanted = std::max(0.0, yields_ * unfelt / (kHand_n_per_m + k));
     }
     low_pass(yield_m_, wanted, in.dt, kYield_s);
+  }
+
+  /// CONTACT_SPRING: q is a vector, as no single normal is known.
+  ///
+  ///     q = LP_50ms of c (f + K_c q - f_m)/(K_h + K_c),   |q| <= |LP_50ms f|/K_c
+  [[gnu::noinline]] void yield_along_force(const SlaveInput<N>& in, const Force<N>& felt) noexcept {
+    Point<D> q = yield_m_ * yield_normal_, wanted = Point<D>::Zero();
+    if (informed_ && in.coupled && estimator_.contact()) {
+      const Point<D> f = coupling_.registration().to_master(felt).vec().template head<D>();
+      const double k = coupling_n_per_m_;
+      low_pass(f_slow_, f, in.dt, kYield_s);
+      wanted = yields_ / (kHand_n_per_m + k) * (f + k * q - said_.felt.value.vec());
+      const double most = f_slow_.norm() / k, size = wanted.norm();
+      if (size > most) wanted *= most / size;
+    } else {
+      f_slow_.setZero();
+    }
+    low_pass(q, wanted, in.dt, kYield_s);
+    yield_m_ = q.norm();
+    if (yield_m_ > 0.0) yield_normal_ = q / yield_m_;
   }
 
   /// Everything in the master's world and units.
@@ -206,7 +242,10 @@ class InternalModelSlave final : public Copyable<InternalModelSlave<N>, SlaveTra
 
   using Base::coupling_;
   bool brakes_;
-  double yields_;  ///< c
+  bool
+      along_force_;  ///< CONTACT_SPRING: the yield is along the force, and the coupling's damper is grounded in contact
+  typename Force<N>::Vector damping_;  ///< B_c
+  double yields_;                      ///< c
   bool senses_, engaged_ = false;
   SensorBias<N> bias_;
   double mass_kg_;  ///< of the robot; 0: not known
@@ -222,9 +261,11 @@ class InternalModelSlave final : public Copyable<InternalModelSlave<N>, SlaveTra
   Displacement<N> offset_;                      ///< o in the slave's world
   SurfaceReport<N> report_;
   MasterSays<N> said_;
-  bool informed_ = false;  ///< the master says it
-  double yield_m_ = 0.0;   ///< q
+  bool informed_ = false;        ///< the master says it
+  double yield_m_ = 0.0;         ///< q
+  double grounded_share_ = 0.0;  ///< g
   Point<D> yield_normal_ = Point<D>::Unit(0);
+  Point<D> f_slow_ = Point<D>::Zero();  ///< LP_50ms f, of yield_along_force
 };
 
 }  // namespace twoport
