@@ -98,7 +98,9 @@ TEST_P(EveryPair, RunsAndKeepsTheClaimOfItsPassivityLayer) {
   EXPECT_TRUE(felt.finite);
   if (find_name(kPassivityLayers, c.passivity)->claim == Claim::none) return;
   EXPECT_GE(felt.hand_least_j, -2.0 * scene.control.initial_energy.si() - 2e-4);
-  if (c.passivity != "ENERGY_BOUNDING") EXPECT_GT(felt.largest_n, 0.05) << "passive by silence";
+  if (c.passivity != "ENERGY_BOUNDING") {
+    EXPECT_GT(felt.largest_n, 0.05) << "passive by silence";
+  }
 }
 INSTANTIATE_TEST_SUITE_P(Of, EveryPair, testing::ValuesIn(pairs()), [](const auto& each) {
   return each.param.transparency + "_" + each.param.passivity + "_dof" + std::to_string(each.param.dof);

@@ -33,7 +33,9 @@ TEST_P(EveryPassivityLayer, KeepsWhatItClaimsIn500RunsUnderRandomForces) {
   int felt = 0, below = 0;
   for (const AdversaryRun& run : all.runs[0]) felt += run.felt_max_n > 0.1, below += run.below();
   EXPECT_GT(felt, 250) << "what is kept is not kept by silence";
-  if (GetParam() == "NONE") EXPECT_GT(below, 250);
+  if (GetParam() == "NONE") {
+    EXPECT_GT(below, 250);
+  }
 }
 std::vector<std::string> passivity_layers() {
   std::vector<std::string> all;
