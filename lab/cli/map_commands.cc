@@ -186,7 +186,8 @@ Subcommand add_matrix(Command app) {
   matrix.footer(
       R"(twoport-lab methods --layers lists the layers. Every pair has the E(0) that the scene has as it is. A claim of energy is broken
 where the port that the passivity layer bounds has given more than E(0) and 0.1 mJ: hand_min_energy_j of a claim `hand`,
-two_port_min_energy_j of a claim `both`.)");
+two_port_min_energy_j of a claim `both`, with E(0) of both sides where each side has one (FORCE_PROJECTED, ENERGY_TANK). That of
+ENERGY_BOUNDING counts the device's own damping and is not judged.)");
   return {matrix, [a] { return matrix_command(*a); }};
 }
 

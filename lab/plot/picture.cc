@@ -87,7 +87,7 @@ class Page {
       for (const auto& [at, text] : panel.y.ticks) y_words = std::max(y_words, kCharacter * characters(text));
       if (panel.x.words)
         for (const auto& [at, text] : panel.x.ticks) x_words = std::max(x_words, kCharacter * characters(text));
-      left_ = std::max(left_, 75.0 + y_words);
+      left_ = std::max(left_, 95.0 + y_words);
       if (x_words > 0.87 * width_ / static_cast<double>(std::max<std::size_t>(panel.x.ticks.size(), 1)))
         slanted_ = true, bottom_ = std::max(bottom_, 70.0 + 0.6 * x_words);
       if (i % across_ > 0 && at_left(i)) gap_x_ = 90.0;

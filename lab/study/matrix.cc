@@ -27,9 +27,13 @@ std::vector<std::string> names_of(const Layer (&layers)[Count], const std::vecto
   return asked.empty() ? all : asked;
 }
 
+/// At most E(0) comes out of the ports of a claim; of both ports E(0) of each side, where each side has one. The claim of ENERGY_BOUNDING
+/// counts what the device's own damping takes, which a summary does not have: it is not judged.
 bool is_broken(const Summary& s, const std::string& passivity) {
   const Claim claim = find_name(kPassivityLayers, passivity)->claim;
-  const double least = -s.initial_energy_j() - Matrix::kTolerance_j;
+  const double grants = passivity == "FORCE_PROJECTED" || passivity == "ENERGY_TANK" ? 2.0 : 1.0;
+  const double least = -grants * s.initial_energy_j() - Matrix::kTolerance_j;
+  if (passivity == "ENERGY_BOUNDING") return false;
   return (claim == Claim::hand && s.hand_min_energy_j() < least) ||
          (claim == Claim::both && s.two_port_min_energy_j() < least);
 }
