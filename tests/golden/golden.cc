@@ -142,7 +142,7 @@ std::uint64_t of_sweep(const std::string& scene, const std::vector<std::string>&
   for (const auto& row : table.rows)
     for (std::size_t i = 0; i < row.size(); ++i) {
       const std::string_view column = table.columns[i];
-      if (std::find(std::begin(kNumbers), std::end(kNumbers), column) != std::end(kNumbers)) d.add(row[i]);
+      if (std::find(std::begin(kNumbers), std::end(kNumbers), column) != std::end(kNumbers)) d.add((row[i]).text());
     }
   return d.value();
 }

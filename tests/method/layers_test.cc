@@ -12,6 +12,7 @@
 #include <vector>
 
 #include "common/base/check.h"
+#include "common/hardware/transparency_host.h"
 #include "common/method/catalogue.h"
 #include "common/scene/load.h"
 #include "lab/engine/loops.h"
