@@ -9,6 +9,7 @@
 
 #include "common/base/check.h"
 #include "common/link/mailbox.h"
+#include "common/coupling/virtual_coupling.h"
 #include "common/method/catalogue.h"
 #include "common/scene/load.h"
 #include "proto/scene.pb.h"

@@ -9,6 +9,12 @@
 #include <utility>
 
 #include "common/method/catalogue.h"
+#include "common/method/one_piece/set_position_modulation/set_position_modulation.h"
+#include "common/method/one_piece/wave_variables/wave_variables.h"
+#include "common/method/passivity/energy_bounding/energy_bounding.h"
+#include "common/method/passivity/energy_tank/energy_tank.h"
+#include "common/method/transparency/fixed_damping/fixed_damping.h"
+#include "common/method/transparency/four_channel/four_channel.h"
 #include "common/method/transparency/fractal_impedance/fractal_impedance.h"
 #include "common/scene/load.h"
 #include "lab/engine/loops.h"
