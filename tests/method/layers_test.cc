@@ -30,7 +30,7 @@ constexpr const char* kLayer = TWOPORT_TEST_LAYER;
 
 /// A hand that presses a wall over 20 ms and 5 % each way for 0.6 s.
 std::string pressed(int dof, const std::string& control) {
-  const char* zeros = dof == 1 ? "0.01" : dof == 3 ? "0.01, 0, 0" : "0.01, 0, 0, 0, 0, 0";
+  const char* zeros = dof == 1 ? "0.01" : "0.01, 0, 0";
   const char* normal = dof == 1 ? "-1" : "-1, 0, 0";
   const std::string inertia = dof == 6 ? " inertia_kg_m2: 1e-4" : "";
   return fmt::format(

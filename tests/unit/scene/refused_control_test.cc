@@ -38,7 +38,7 @@ INSTANTIATE_TEST_SUITE_P(
                 "environment[0].wall has damping, but control.rendering is GOD_OBJECT: it renders none"},
         Refusal{kStiffWall,
                 {"control.schedule[0].at_s=1"},
-                "control.schedule[0] changes nothing; it must name architecture or passivity"},
+                "control.schedule[0] changes nothing; it must name architecture, passivity or transparency"},
         Refusal{kStiffWall,
                 {"control.schedule={at_s: 0 architecture: POSITION_POSITION}"},
                 "control.schedule[0].at_s is 0; it must be > 0 and later than the entry before"},

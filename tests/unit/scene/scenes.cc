@@ -63,7 +63,8 @@ control { virtual_coupling { rotational_stiffness_n_m_per_rad: 5 rotational_damp
                       four_channel { } fractal_impedance { } internal_model { } }
           registration { mode: ABSOLUTE rotation: [0.6, 0.8, 0, 0] position_m: [0.1, 0.2, 0.3] }
           device_limits { force_n: 50 } robot_limits { force_n: 150 }
-          schedule { at_s: 1 passivity { method: NONE fixed_damping { } wave_variables { } set_position_modulation { } energy_tank { }
+          transparency { random { } plugin { } }
+          schedule { at_s: 1 transparency { random { } plugin { } } passivity { method: NONE fixed_damping { } wave_variables { } set_position_modulation { } energy_tank { }
                                          energy_bounding { } four_channel { } fractal_impedance { } internal_model { } } } }
 to_slave { burst { p: 0.1 r: 0.5 } blackout { start_s: 1 duration_s: 1 } delay_step { at_s: 1 delay_ms: 20 } deadband { ratio: 0.1 } }
 to_master { burst { p: 0.1 r: 0.5 } blackout { start_s: 1 duration_s: 1 } delay_step { at_s: 1 delay_ms: 20 } deadband { ratio: 0.1 } }
