@@ -8,8 +8,8 @@
 #include <vector>
 
 #include "common/base/check.h"
-#include "common/link/mailbox.h"
 #include "common/coupling/virtual_coupling.h"
+#include "common/link/mailbox.h"
 #include "common/method/catalogue.h"
 #include "common/scene/load.h"
 #include "proto/scene.pb.h"

@@ -202,11 +202,12 @@ TEST(Matrix, PairsThatMakeNoSenseAreRefusedInWords) {
 }
 
 TEST(Map, TakesPairsOfLayers) {
-  MapOptions options = small({"DELAYED_FORCE+NONE", "NONE"});
+  MapOptions options = small({"DELAYED_FORCE+FORCE_PROJECTED", "FORCE_PROJECTED"});
   options.round_trips_ms = {20};
   options.losses = {0.0};
   options.seeds = 1;
   const Map map = make_map(options);
+  EXPECT_GT(map.at(0, 0).error_n.mean, 0.0);
   EXPECT_EQ(map.at(0, 0).error_n.mean, map.at(1, 0).error_n.mean);
   options.methods = {"DELAYED_FORCE+NOTHING"};
   EXPECT_THROW(make_map(options), ConfigError);

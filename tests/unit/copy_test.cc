@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "common/scene/load.h"
+#include "sim/plant/make_body_plant.h"
 #include "sim/sim_device.h"
 #include "sim/sim_robot.h"
 

@@ -12,6 +12,7 @@
 #include <vector>
 
 #include "common/scene/load.h"
+#include "sim/plant/rigid_contact.h"
 
 namespace twoport::sim {
 namespace {
