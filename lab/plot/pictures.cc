@@ -202,8 +202,8 @@ std::string draw(const Matrix& m, const std::string& folder) {
       .name = "matrix",
       .title = m.scene + ": every transparency layer under every passivity layer",
       .panels = {{.title = "",
-                  .x = steps({"passivity layer: how much of it is displayed", ""}, m.passivities, true),
-                  .y = steps({"transparency layer: what the hand should feel", ""}, rows, true),
+                  .x = steps({"passivity layer", ""}, m.passivities, true),
+                  .y = steps({"transparency layer", ""}, rows, true),
                   .series = {valued, nothing, unstable, broken, paper, dark, light}}},
       .panel = {100 * std::max<std::size_t>(m.passivities.size(), 4), 52 * std::max<std::size_t>(rows.size(), 3)}};
   picture.bar = {{"felt-force error, rms", "N"}, 0.0, most};
