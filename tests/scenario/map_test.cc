@@ -202,7 +202,7 @@ TEST(Matrix, PairsThatMakeNoSenseAreRefusedInWords) {
 }
 
 TEST(Map, TakesPairsOfLayers) {
-  MapOptions options = small({"DELAYED_FORCE+FORCE_PROJECTED", "FORCE_PROJECTED"});
+  MapOptions options = small({"INTERNAL_MODEL+ENERGY_SPRING", "INTERNAL_MODEL"});
   options.round_trips_ms = {20};
   options.losses = {0.0};
   options.seeds = 1;
