@@ -149,16 +149,17 @@ TEST(Usage, SaysWhatIsMissingOrUnknownAndWhereHelpIs) {
   EXPECT_EQ(said({TWOPORT_LAB}), "twoport-lab: a command is missing; see twoport-lab --help\n");
   EXPECT_EQ(said({TWOPORT_LAB, "swep"}), "twoport-lab: swep: there is no such command; see twoport-lab --help\n");
   EXPECT_EQ(said({TWOPORT_LAB, "run"}),
-            "twoport-lab: scene is missing: Scene file (.textproto); see twoport-lab run --help\n");
+            "twoport-lab: scene is missing: Scene file (.textproto), or the name of a scene of the project; see "
+            "twoport-lab run --help\n");
   EXPECT_EQ(said({TWOPORT_LAB, "merge"}),
             "twoport-lab: folders is missing: The --out of each part; see twoport-lab merge --help\n");
-  EXPECT_EQ(said({TWOPORT_LAB, "run", "x", "--ot", "y"}),
+  EXPECT_EQ(said({TWOPORT_LAB, "run", "demo", "--ot", "y"}),
             "twoport-lab: --ot: there is no such option; see twoport-lab run --help\n");
-  EXPECT_EQ(said({TWOPORT_LAB, "run", "x", "y"}),
+  EXPECT_EQ(said({TWOPORT_LAB, "run", "demo", "y"}),
             "twoport-lab: y: one argument too many; see twoport-lab run --help\n");
-  EXPECT_EQ(said({TWOPORT_LAB, "run", "x", "--out"}),
+  EXPECT_EQ(said({TWOPORT_LAB, "run", "demo", "--out"}),
             "twoport-lab: --out: its value is missing; see twoport-lab run --help\n");
-  EXPECT_EQ(said({TWOPORT_LAB, "run", "x", "--out", "y", "--out", "z"}),
+  EXPECT_EQ(said({TWOPORT_LAB, "run", "demo", "--out", "y", "--out", "z"}),
             "twoport-lab: --out: it is given more than once; see twoport-lab run --help\n");
   EXPECT_EQ(said({TWOPORT_LAB, "export", "x", "--csv", ""}),
             "twoport-lab: --csv is empty; give a value, or leave it out\n");
