@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <memory>
+#include <string_view>
 
 #include "common/base/check.h"
 #include "common/method/layers.h"
@@ -87,11 +88,6 @@ std::vector<std::string> method_names() {
   std::vector<std::string> all;
   for (const MethodName& each : kMethods) all.emplace_back(each.name);
   return all;
-}
-std::string_view method_summary(std::string_view name) {
-  if (const MethodName* method = find_name(kMethods, name)) return method->summary;
-  const PassivityLayerName* of = find_name(kPassivityLayers, name.substr(name.find('+') + 1));
-  return of != nullptr ? of->summary : std::string_view{};
 }
 bool keeps_account(const ControlOptions& first, std::span<const ScheduledControl> schedule) {
   const auto keeps = [](const ControlOptions& o) {

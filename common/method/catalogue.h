@@ -2,7 +2,6 @@
 
 #include <span>
 #include <string>
-#include <string_view>
 #include <vector>
 
 #include "common/coupling/layers.h"
@@ -12,8 +11,6 @@ namespace twoport {
 
 /// Names of all methods, in the order of kMethods.
 std::vector<std::string> method_names();
-/// The sentence of a method, of a name or of a pair TRANSPARENCY+PASSIVITY.
-std::string_view method_summary(std::string_view name);
 /// Does a controller at the master keep an account of energy, so that a deficit is known? Under any of these controls.
 bool keeps_account(const ControlOptions& first, std::span<const ScheduledControl> schedule);
 

@@ -135,7 +135,7 @@ class WaveSlave final : public Copyable<WaveSlave<N>, CouplingSlave<N>> {
     out.energy_in = sender_.energy();
     return out;
   }
-  /// As tell_limited: the wave that goes back is that of the applied force, of an ideal robot that of the velocity.
+  /// The wave that goes back is that of the applied force, of an ideal robot that of the velocity.
   void limited(SlaveOutput<N>& out, const RobotCommand<N>& asked, const RobotSample<N>& robot,
                Seconds dt) noexcept override {
     this->set_back(out, asked, robot, dt);
