@@ -29,9 +29,9 @@ double last(const Holds& holds, double h) noexcept {
 //     L̇ = u + w s - R C Rᵀ ω - k r,   q̇ = ½ (0, ω) q,   ω = R J⁻¹ Rᵀ L
 //
 // in steps h with h · (fastest rate) <= 0.05: local error below 1e-8 of a step's change.
-template <int N>
-Interval<N> HandlePlant<N>::turn_about_principal_axes(Vector moved, Vector v, Eigen::Vector3d u,
-                                                      Eigen::Vector3d w) noexcept requires(N == 6) {
+template <>
+Interval<6> HandlePlant<6>::turn_about_principal_axes(SpatialVector moved, SpatialVector v, Eigen::Vector3d u,
+                                                      Eigen::Vector3d w) noexcept {
   const Principal& p = *principal_;
   const Vector v0 = s_.v;
   const Eigen::Quaterniond q0 = s_.x.attitude();
@@ -74,7 +74,7 @@ Interval<N> HandlePlant<N>::turn_about_principal_axes(Vector moved, Vector v, Ei
   s_ = {Position<6>{s_.x.translation() + moved.linear, q}, v};
   // The rotation vector of the interval; an observer adds what it lacks to ∫ω dt.
   moved.angular = rotation_vector(q * q0.conjugate());
-  return {Displacement<N>{moved}, Velocity<N>{v0}, Velocity<N>{v}};
+  return {Displacement<6>{moved}, Velocity<6>{v0}, Velocity<6>{v}};
 }
 
 // The step by a textbook integrator; Coulomb friction explicit, smooth below kStictionSpeed.

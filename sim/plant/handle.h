@@ -110,9 +110,8 @@ class HandlePlant {
     double stiffness;
   };
   /// The end of a tick in which the translation has been solved, and the rotation of a body with three principal moments is
-  /// integrated.
-  Interval<N> turn_about_principal_axes(Vector moved, Vector v, Eigen::Vector3d u, Eigen::Vector3d w) noexcept
-      requires(N == 6);
+  /// integrated; N = 6 only.
+  Interval<N> turn_about_principal_axes(Vector moved, Vector v, Eigen::Vector3d u, Eigen::Vector3d w) noexcept;
 
   /// Over one tick: the displacement, and the velocity at its end.
   struct Motion {
@@ -137,6 +136,9 @@ class HandlePlant {
   std::optional<Principal> principal_;  ///< N = 6: where the three differ
   State s_;
 };
+template <>
+Interval<6> HandlePlant<6>::turn_about_principal_axes(SpatialVector moved, SpatialVector v, Eigen::Vector3d u,
+                                                      Eigen::Vector3d w) noexcept;
 extern template class HandlePlant<1>;
 extern template class HandlePlant<3>;
 extern template class HandlePlant<6>;
