@@ -1,4 +1,5 @@
-// The WebSocket of twoport-master: one introduction as JSON, then samples as little-endian doubles.
+// The page's connection: one introduction as JSON, then samples as little-endian doubles; commands as text. At the other end is
+// twoport-master, through a WebSocket, or the core that the playground's file holds.
 
 export type Vec = [number, number, number];
 
@@ -78,16 +79,29 @@ export class Layout {
   }
 }
 
-export class Channel {
+export interface Listener {
+  introduction(i: Introduction): void;
+  samples(numbers: Float64Array): void;
+  state(connected: boolean): void;
+}
+export interface Connection {
+  send(text: string): void;
+}
+
+declare global {
+  interface Window {
+    /** Of the playground: the core in the page in place of the master. */
+    twoportConnect?: (on: Listener) => Connection;
+  }
+}
+export function connect(on: Listener): Connection {
+  return window.twoportConnect ? window.twoportConnect(on) : new MasterSocket(on);
+}
+
+class MasterSocket implements Connection {
   private socket: WebSocket | null = null;
 
-  constructor(
-    private readonly on: {
-      introduction(i: Introduction): void;
-      samples(numbers: Float64Array): void;
-      state(connected: boolean): void;
-    },
-  ) {
+  constructor(private readonly on: Listener) {
     this.connect();
   }
 

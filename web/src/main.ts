@@ -1,7 +1,7 @@
 import 'uplot/dist/uPlot.min.css';
 import './style.css';
 
-import { Channel, Layout, type Introduction, type Network, type Vec } from './channel';
+import { connect, Layout, type Connection, type Introduction, type Network, type Vec } from './channel';
 import { Picture, viewsFor } from './picture';
 import { Plots, type Curve, type PlotSpec } from './plots';
 
@@ -33,7 +33,7 @@ class Page {
   private last: Float64Array | null = null;
   private picture: Picture | null = null;
   private plots: Plots | null = null;
-  private readonly channel: Channel;
+  private readonly channel: Connection;
 
   private held = false;
   private target: Vec = [0, 0, 0];
@@ -52,7 +52,7 @@ class Page {
   private recording: string[] | null = null;
 
   constructor() {
-    this.channel = new Channel({
+    this.channel = connect({
       introduction: (i) => this.begin(i),
       samples: (numbers) => this.take(numbers),
       state: (connected) => {
