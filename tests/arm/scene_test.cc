@@ -33,10 +33,10 @@ TEST(SceneOfAHandle, MayHaveThreePrincipalMoments) {
   expect_error(kDevice + "inertia_kg_m2: 1e-4 principal_inertia_kg_m2: [1e-4, 2e-4, 3e-4] }", "are both given");
   expect_error(kDevice + "principal_inertia_kg_m2: [1e-4, 2e-4] }",
                "device.principal_inertia_kg_m2 is [0.0001, 0.0002]; it must hold 3 numbers");
-  expect_error(kDevice + "principal_inertia_kg_m2: [1e-4, 0, 3e-4] }", "hold numbers that are each > 0");
+  expect_error(kDevice + "principal_inertia_kg_m2: [1e-4, 0, 3e-4] }", "hold numbers > 0");
   expect_error(kDevice + "principal_inertia_kg_m2: [1e-4, nan, 3e-4] }", "finite number");
   expect_error(kDevice + "inertia_kg_m2: 1e-4 principal_rotational_damping_n_m_s_per_rad: [1, 1, -1] }",
-               "hold numbers that are each >= 0");
+               "hold numbers >= 0");
   expect_error("dof: 3 duration_s: 1 device { principal_inertia_kg_m2: [1, 1, 1] }", "dof 6 only");
 }
 
