@@ -98,6 +98,7 @@ class LivePage {
     s.hand_energy_j = observed.si();
     s.dissipated_j = dissipated_j_;
     s.deficit_j = out.undissipated.si();
+    if constexpr (requires { out.contact_spring_share; }) s.contact_spring_share = out.contact_spring_share;
     s.late_us = 1e6 * to_seconds(late_).si();
     s.epoch = static_cast<double>(epoch);
     s.held = channel_.pointer.held ? 1.0 : 0.0;

@@ -30,6 +30,7 @@ class MasterNode {
     Force<N> wanted;  ///< before the passivity controller
     Energy dissipated, undissipated;
     Mode mode;
+    double contact_spring_share = 0.0;  ///< of the model of the contact (Wish)
   };
 
   explicit MasterNode(const ControlOptions& o, std::span<const ScheduledControl> schedule = {})
@@ -101,7 +102,8 @@ class MasterNode {
             .wanted = half.wanted,
             .dissipated = half.dissipated,
             .undissipated = half.undissipated,
-            .mode = modes_.mode()};
+            .mode = modes_.mode(),
+            .contact_spring_share = half.contact_spring_share};
   }
 
   /// The slave has restarted and its totals with it: those of this side restart too.

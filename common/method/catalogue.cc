@@ -18,7 +18,7 @@
 #include "common/method/transparency/fixed_damping/fixed_damping.h"
 #include "common/method/transparency/four_channel/four_channel.h"
 #include "common/method/transparency/fractal_impedance/fractal_impedance.h"
-#include "common/method/transparency/internal_model/master.h"
+#include "common/method/transparency/internal_model/contact_model.h"
 #include "common/method/transparency/internal_model/slave.h"
 #include "common/method/transparency/plugin/plugin.h"
 #include "common/method/transparency/random/random.h"
@@ -39,7 +39,7 @@ struct Classes {
 };
 template <class Visit>
 void for_each_transparency(Visit visit) {
-  visit(Classes<InternalModelMaster, InternalModelSlave>{"INTERNAL_MODEL"});
+  visit(Classes<InternalModel, InternalModelSlave>{"INTERNAL_MODEL"});
   visit(Classes<DelayedForceMaster, DelayedForceSlave>{"DELAYED_FORCE"});
   visit(Classes<SurfaceModelMaster, InternalModelSlave>{"SURFACE_MODEL"});
   visit(Classes<ContactSpringMaster, InternalModelSlave>{"CONTACT_SPRING"});

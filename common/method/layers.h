@@ -29,6 +29,8 @@ struct Wish {
   std::optional<Energy>
       stored{};  ///< energy of the model behind f, which f may return; absent: that of a spring, f²/2K
 
+  double contact_spring_share = 0.0;  ///< of a spring in all axes in the model of the contact, 0 to 1
+
   [[nodiscard]] Force<N> total() const noexcept { return damped ? f + damper : f; }
 };
 
@@ -103,7 +105,8 @@ class MasterPair final : public Copyable<MasterPair<N, Transparency, Passivity>,
             .wanted = wish.f,
             .energy_in = shown.energy_in,
             .dissipated = shown.dissipated,
-            .undissipated = shown.undissipated};
+            .undissipated = shown.undissipated,
+            .contact_spring_share = wish.contact_spring_share};
   }
   [[nodiscard]] Energy deficit(const Ledger& account, Energy e) const noexcept override {
     return passivity_->deficit(account, e);

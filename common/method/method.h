@@ -36,11 +36,12 @@ struct MasterInput {
 };
 template <int N>
 struct MasterOutput {
-  Force<N> f;           ///< to be displayed
-  Force<N> wanted;      ///< before any passivity controller
-  Energy energy_in;     ///< running total reported to the slave: energy that has entered the link here
-  Energy dissipated;    ///< by a controller, in the coming interval
-  Energy undissipated;  ///< deficit that the controller could not dissipate in this tick
+  Force<N> f;                         ///< to be displayed
+  Force<N> wanted;                    ///< before any passivity controller
+  Energy energy_in;                   ///< running total reported to the slave: energy that has entered the link here
+  Energy dissipated;                  ///< by a controller, in the coming interval
+  Energy undissipated;                ///< deficit that the controller could not dissipate in this tick
+  double contact_spring_share = 0.0;  ///< Wish::contact_spring_share
 };
 
 /// One tick at the slave. Forces act on the robot; power f·v out of the link.

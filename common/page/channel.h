@@ -33,6 +33,7 @@ struct PageSample {
   double robot_energy_j = 0.0;        ///< that has entered the link at the robot's side, as reported
   double dissipated_j = 0.0;          ///< by the master's controller so far
   double deficit_j = 0.0;             ///< not dissipated yet
+  double contact_spring_share = 0.0;  ///< of the spring in all axes in the model of the contact
   double round_trip_ms = -1.0;        ///< of the newest report; negative: not known
   double received = 0.0, lost = 0.0;  ///< packets from the slave
   double late_us = 0.0;               ///< largest wake-up latency since the sample before
@@ -72,6 +73,7 @@ void for_each_page_field(Sample& s, See&& see) {
   number("robot_energy_j", s.robot_energy_j);
   number("dissipated_j", s.dissipated_j);
   number("deficit_j", s.deficit_j);
+  number("contact_spring_share", s.contact_spring_share);
   number("round_trip_ms", s.round_trip_ms);
   number("received", s.received);
   number("lost", s.lost);

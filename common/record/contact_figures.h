@@ -97,6 +97,7 @@ class ContactFigures {
     if constexpr (N == 6) {
       s.set_felt_torque_error_rms_n_m(std::sqrt(torque_error2_ / touching));
       s.set_torque_chatter_rms_n_m(std::sqrt(torque_chatter2_ / touching));
+      if (link) s.set_contact_spring_share(contact_spring_share_ / touching);
       if (torque_turned_ > 0)
         s.set_torque_direction_error_max_deg(180.0 / std::numbers::pi * std::sqrt(torque_turn2_max_));
     }
@@ -109,6 +110,7 @@ class ContactFigures {
     const Eigen::Vector3d fast = torque_high_pass_.step(felt);
     if (!row.touching) return;
     torque_chatter2_ += fast.squaredNorm();
+    contact_spring_share_ += row.contact_spring_share;
     torque_error2_ += (felt - row.reference.vec().template tail<3>()).squaredNorm();
     if (row.following) {
       ++following_;
@@ -128,6 +130,7 @@ class ContactFigures {
   double environment_force_ = 0.0, error2_ = 0.0, turn2_ = 0.0, free_force2_ = 0.0, penetration2_ = 0.0;
   // N = 6
   HighPass<3> torque_high_pass_;
+  double contact_spring_share_ = 0.0;
   double torque_error2_ = 0.0, torque_chatter2_ = 0.0, torque_turn2_max_ = 0.0, attitude_error2_ = 0.0;
 };
 

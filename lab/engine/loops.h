@@ -169,7 +169,8 @@ template <int N>
           .observed_energy_j = master.observed().si(),
           .undissipated_j = out.undissipated.si(),
           .dissipated_j = dissipated.si(),
-          .mode = out.mode};
+          .mode = out.mode,
+          .contact_spring_share = out.contact_spring_share};
 }
 
 /// A scene over a link, in virtual time: the same nodes and the same cycle as the live programs.

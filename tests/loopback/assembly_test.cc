@@ -34,11 +34,12 @@ TEST(RunAssembly, BringsThePegIntoTheHole) {
   EXPECT_EQ(master.wait(), Exit{.status = 0}) << master.err();
   EXPECT_EQ(slave.wait(), Exit{.status = 0}) << slave.err();
   const schema::Summary m = pair.summary("master"), s = pair.summary("slave");
-  EXPECT_EQ(m.method(), "CONTACT_SPRING+ENERGY_SPRING");
+  EXPECT_EQ(m.method(), "INTERNAL_MODEL");
   if (!kept_time({m, s})) return;
   // The intended motion goes on: no verdict of the end.
   EXPECT_EQ(m.verdict_kind(), "UNDECIDED") << m.verdict();
   EXPECT_GE(m.min_port_energy_j(), -1e-3);
+  EXPECT_GT(m.contact_spring_share(), 0.8);
   // Free before the touch, though the sensor is noisy: a reading that is no contact is no force.
   ASSERT_TRUE(m.has_free_force_rms_n());
   EXPECT_GT(m.free_force_rms_n(), 0.01);

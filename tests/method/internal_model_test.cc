@@ -10,7 +10,7 @@
 #include <vector>
 
 #include "common/method/passivity/energy_spring/energy_spring_layer.h"
-#include "common/method/transparency/internal_model/master.h"
+#include "common/method/transparency/internal_model/contact_model.h"
 #include "common/method/transparency/internal_model/slave.h"
 #include "common/record/high_pass.h"
 #include "common/scene/load.h"
@@ -96,7 +96,7 @@ double least_energy_j(const Hostile& c) {
   const Scene scene = hostile_scene(c);
   const Seconds dt{1.0 / c.rate_hz};
   sim::SimDevice<N> device{scene, dt};
-  MasterNode<N, MasterPair<N, InternalModelMaster<N>, EnergySpringMaster<N>>> master{scene.control};
+  MasterNode<N, MasterPair<N, InternalModel<N>, EnergySpringMaster<N>>> master{scene.control};
   HostileSlave<N> slave{c.seed};
   double least = 0.0, largest = 0.0;
   for (int k = 0; k < static_cast<int>(scene.duration_s * c.rate_hz); ++k) {
@@ -367,7 +367,7 @@ TEST(InternalModel, ShowsTheTorqueOfAPlateOnItsEdge) {
   EXPECT_GT(pressed_n / rests, 2.0);
   EXPECT_LT(force_n / rests, 0.02);
   EXPECT_LT(torque_n_m / rests, 1e-3);
-  EXPECT_LT(std::sqrt(moving2 / moves), 0.03);
+  EXPECT_LT(std::sqrt(moving2 / moves), 0.06);  // the spring about the axes is a tenth of the coupling's
 }
 
 // The two worlds turned against each other: the hand feels the same, turned. 1e-6: rounding, carried through a contact.
@@ -393,6 +393,59 @@ TEST(InternalModel, IsTheSameInATurnedWorld) {
   double most = 0.0;
   for (std::size_t k = 0; k < plain.size(); ++k) most = std::max(most, (plain[k] - turned[k]).norm());
   EXPECT_LT(most, 1e-6);
+}
+
+// ---- plane or spring in all axes
+
+struct Choice {
+  double mean = 0.0, last = 0.0, largest_change = 0.0;
+  int turns = 0;  ///< how often the share begins to rise or to fall
+};
+Choice choice_of(const Scene& scene) {
+  lab::LinkLoop<6> loop{scene};
+  Choice c;
+  double sum = 0.0, touching = 0.0, way = 0.0;
+  loop.run(loop.end(), [&](const Row<6>& row) {
+    const double change = row.contact_spring_share - c.last;
+    c.largest_change = std::max(c.largest_change, std::abs(change));
+    if (change != 0.0 && change * way <= 0.0) ++c.turns;
+    if (change != 0.0) way = change;
+    c.last = row.contact_spring_share;
+    if (row.touching) sum += c.last, touching += 1.0;
+    return true;
+  });
+  c.mean = sum / touching;
+  return c;
+}
+
+// 10 % more than T/0.1 s for a tick of rounding.
+TEST(ContactModel, GoesToTheSpringForAPegInAHoleAndStays) {
+  for (const char* seed : {"seed=101", "seed=102"}) {
+    const std::string overrides[] = {seed};
+    const Choice c = choice_of(load_scene(TWOPORT_SCENES "/assembly.textproto", overrides));
+    EXPECT_GT(c.mean, 0.9);
+    EXPECT_EQ(c.last, 1.0);
+    EXPECT_LE(c.turns, 3);
+    EXPECT_LE(c.largest_change, 1.1 / (0.1 * 2000.0));
+  }
+}
+TEST(ContactModel, KeepsThePlaneOnASmoothWallAtOnePoint) {
+  const Scene scene = parse_scene(
+      "dof: 6 duration_s: 6 operator { hand { mass_kg: 0.1 stiffness_n_per_m: 400 damping_n_s_per_m: 8 inertia_kg_m2: "
+      "1e-4 "
+      "rotational_stiffness_n_m_per_rad: 5 rotational_damping_n_m_s_per_rad: 0.05 } path { move_to { position_m: "
+      "[0.03, 0, 0] "
+      "duration_s: 1 } } path { sine { axis: 1 amplitude_m: 0.02 frequency_hz: 0.5 duration_s: 4 } } } device { "
+      "mass_kg: 0.3 "
+      "damping_n_s_per_m: 0.1 inertia_kg_m2: 1e-3 rotational_damping_n_m_s_per_rad: 1e-3 } control { architecture: "
+      "POSITION_FORCE } robot { mass_kg: 1 damping_n_s_per_m: 4 inertia_kg_m2: [2e-3, 3e-3, 4e-3] "
+      "rotational_damping_n_m_s_per_rad: 0.02 force_sensor { } } environment { wall { normal: [-1, 0, 0] offset_m: "
+      "-0.02 "
+      "stiffness_n_per_m: 3000 } } to_slave { delay_ms: 50 loss: 0.05 } to_master { delay_ms: 50 loss: 0.05 }",
+      "wall at one point");
+  const Choice c = choice_of(scene);
+  EXPECT_LT(c.mean, 0.15);  // at the first touch the plane is not known yet
+  EXPECT_EQ(c.last, 0.0);
 }
 
 }  // namespace

@@ -61,7 +61,8 @@ class ContactSpringMaster final : public Copyable<ContactSpringMaster<N>, Master
             .f = capped_ = ramp * cap_ * wanted_,
             .damper = ramp * damping(in.dt),
             .damped = true,
-            .stored = Energy{0.5 * std::pow(norm(wanted_.vec()), 2) / stiffness_}};
+            .stored = Energy{0.5 * std::pow(norm(wanted_.vec()), 2) / stiffness_},
+            .contact_spring_share = 1.0};
   }
   void shown(const Force<N>& f, double share, const MasterInput<N>& in) noexcept override {
     f_ = f;
@@ -80,6 +81,9 @@ class ContactSpringMaster final : public Copyable<ContactSpringMaster<N>, Master
   }
   [[nodiscard]] bool has_payload() const noexcept override { return heard_; }
   void write_payload(Words& words) const noexcept override { write(said_by_master_, words); }
+  [[nodiscard]] const MasterSays<N>& says() const noexcept { return said_by_master_; }
+  /// What the spring has not predicted of the newest wrench, f - LP_a f - K (x_echo - LP_a x_echo).
+  [[nodiscard]] const Force<N>& unexplained() const noexcept { return unexplained_; }
 
  private:
   static constexpr int D = kAxes<N>;
@@ -100,14 +104,16 @@ class ContactSpringMaster final : public Copyable<ContactSpringMaster<N>, Master
     const Position<N>& echo = said_.echo.value;
     const bool touches = said_.contact.value > 0.5;
     if (touches && !touches_) {
-      anchor_ = echo;
+      anchor_ = echo_slow_ = echo;
       f_slow_ = f;
     }
     touches_ = touches;
     low_pass(contact_, touches ? 1.0 : 0.0, in.dt, touches ? kTouch_s : kLeave_s);
     const double a = low_pass_weight(in.dt, touches ? kFilter_s + kFilterOfRoundTrip * round_trip_s_ : kLeave_s);
     anchor_ = anchor_ + a * (echo - anchor_);
+    echo_slow_ = echo_slow_ + a * (echo - echo_slow_);
     f_slow_ += a * (f - f_slow_);
+    unexplained_ = Force<N>{f - f_slow_ - k_.cwiseProduct((echo - echo_slow_).vec())};
     Vector e = (in.device.x - anchor_).vec();
     const double size = norm(k_.cwiseProduct(e)), most = kSlip_n + norm(f_slow_);
     if (size > most) {
@@ -135,8 +141,9 @@ class ContactSpringMaster final : public Copyable<ContactSpringMaster<N>, Master
   SurfaceReport<N> said_;
   MasterSays<N> said_by_master_;
   bool heard_ = false, touches_ = false;
-  double contact_ = 0.0;                   ///< κ
-  Position<N> anchor_;                     ///< z
+  double contact_ = 0.0;            ///< κ
+  Position<N> anchor_, echo_slow_;  ///< z; LP_a x_echo
+  Force<N> unexplained_;
   Vector f_slow_ = Vector::Zero();         ///< LP_a f
   Linear offset_ = Linear::Zero();         ///< o
   Velocity<N> v_slow_;                     ///< LP_3ms v

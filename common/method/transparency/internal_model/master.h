@@ -95,6 +95,12 @@ class InternalModelMaster final : public Copyable<InternalModelMaster<N>, Master
   }
   [[nodiscard]] bool has_payload() const noexcept override { return heard_; }
   void write_payload(Words& words) const noexcept override { write(said_by_master_, words); }
+  [[nodiscard]] const MasterSays<N>& says() const noexcept { return said_by_master_; }
+  /// The newest report says that the robot touches.
+  [[nodiscard]] bool touches() const noexcept { return said_.contact.value > 0.5; }
+  /// What the model has not predicted of the newest wrench. N = 6: by the lever LP_1s b, which that of a point of contact agrees with and
+  /// that of a face, which jumps from corner to corner, does not.
+  [[nodiscard]] const Force<N>& unexplained() const noexcept { return unexplained_; }
 
  private:
   static constexpr int D = kAxes<N>;
@@ -108,7 +114,7 @@ class InternalModelMaster final : public Copyable<InternalModelMaster<N>, Master
                           kDamperVelocity_s = 3e-3;  // [N s/m]
   static constexpr double kRobotDamping = 8.0;
   static constexpr double kOffset_s = 50e-3, kOffsetOutside_s = 0.3, kOffsetNormal_s = 0.5;
-  static constexpr double kLever_s = 20e-3, kOffsetNegligible_m = 1e-6;
+  static constexpr double kLever_s = 20e-3, kSlowLever_s = 1.0, kOffsetNegligible_m = 1e-6;
 
   /// A position of the handle and the model there.
   struct Hand {
@@ -166,6 +172,7 @@ class InternalModelMaster final : public Copyable<InternalModelMaster<N>, Master
     const double pressed = coupling_n_per_m_ * (echo.point - said_.robot.value.translation()).norm();
     const bool in_flight = echo.inside && pressed > kFlight_n;
     const double tau = free && !in_flight ? kFreeResidual_s : residual_s_ + 0.5 * round_trip.si();
+    typename Force<N>::Vector unexplained = error - r_.vec();
     low_pass(r_, Force<N>{error}, in.dt, tau);
 
     Vector along = Vector::Zero();
@@ -175,9 +182,19 @@ class InternalModelMaster final : public Copyable<InternalModelMaster<N>, Master
       along -= along.dot(n) * n;
       along -= stick_at_echo_.step(echo.point, n, model_.patch().friction * modelled.norm(), coupling_n_per_m_,
                                    along_weight_);
+      unexplained.template head<D>() = n.dot(unexplained.template head<D>()) * n + along - r_along_;
     } else {
       stick_at_echo_.release();
     }
+    if constexpr (N == 6) {
+      if (free || !model_.exists()) {
+        slow_lever_ = said_.lever.value.vec();
+      } else {
+        low_pass(slow_lever_, Vector{said_.lever.value.vec()}, in.dt, kSlowLever_s);
+      }
+      unexplained.template tail<3>() += (echo.arm - said_.echo.value.attitude() * slow_lever_).cross(modelled);
+    }
+    unexplained_ = Force<N>{unexplained};
     r_along_ += along_weight_ * (along - r_along_);
   }
 
@@ -265,7 +282,9 @@ class InternalModelMaster final : public Copyable<InternalModelMaster<N>, Master
   Vector r_along_ = Vector::Zero();  ///< r_t
   double along_weight_ = 0.0;        ///< of r_t and of the stick springs' decay, in this tick
   Vector lever_ = Vector::Zero();    ///< b of N = 6, handle axes [m]
-  double offset_m_ = 0.0;            ///< o
+  Vector slow_lever_ = Vector::Zero();
+  Force<N> unexplained_;
+  double offset_m_ = 0.0;  ///< o
   Vector offset_normal_ = Vector::Unit(0);
   MasterSays<N> said_by_master_;
   Velocity<N> v_slow_;                     ///< LP_3ms v

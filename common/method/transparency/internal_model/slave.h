@@ -38,7 +38,7 @@ inline ControlOptions with_damped_robot(ControlOptions o) {
 ///
 /// Under ENERGY_SPRING_TWO_PORT there is no brake: its energy would be the link's.
 ///
-/// CONTACT_SPRING: the coupling's damper is grounded in contact, (1 - g) B_c (v_rx - v_s) - g B_c v_s, g = LP_100ms of 1 in contact and
+/// CONTACT_SPRING, and INTERNAL_MODEL in six degrees of freedom: the coupling's damper is grounded in contact, (1 - g) B_c (v_rx - v_s) - g B_c v_s, g = LP_100ms of 1 in contact and
 /// coupled, else of 0. The hand's motion and tremor, a delay old, would come through it with |K_c + j ω B_c|; the model knows K_c only.
 /// What acts on the robot with v_s alone, g B_c and the brake, is paid by the robot, not by the link.
 ///
@@ -56,7 +56,7 @@ class InternalModelSlave final : public Copyable<InternalModelSlave<N>, SlaveTra
   explicit InternalModelSlave(const ControlOptions& o)
       : Base{with_damped_robot(o)},
         brakes_{!is_two_port(o)},
-        along_force_{o.transparency == "CONTACT_SPRING"},
+        along_force_{o.transparency == "CONTACT_SPRING" || (N == 6 && o.transparency == "INTERNAL_MODEL")},
         damping_{
             per_axis<N>(with_damped_robot(o).coupling.damping_n_s_per_m, o.coupling.rotational_damping_n_m_s_per_rad)},
         yields_{N == 6 && !along_force_ ? 1.0 : std::min(1.0, std::pow(o.known.round_trip.si() / kBlind_s, 2))},
@@ -164,7 +164,7 @@ class InternalModelSlave final : public Copyable<InternalModelSlave<N>, SlaveTra
     low_pass(yield_m_, wanted, in.dt, kYield_s);
   }
 
-  /// CONTACT_SPRING: q is a vector, as no single normal is known.
+  /// q is a vector, as no single normal is known.
   ///
   ///     q = LP_50ms of c (f + K_c q - f_m)/(K_h + K_c),   |q| <= |LP_50ms f|/K_c
   [[gnu::noinline]] void yield_along_force(const SlaveInput<N>& in, const Force<N>& felt) noexcept {
@@ -242,8 +242,7 @@ class InternalModelSlave final : public Copyable<InternalModelSlave<N>, SlaveTra
 
   using Base::coupling_;
   bool brakes_;
-  bool
-      along_force_;  ///< CONTACT_SPRING: the yield is along the force, and the coupling's damper is grounded in contact
+  bool along_force_;  ///< the yield is along the force, and the coupling's damper is grounded in contact
   typename Force<N>::Vector damping_;  ///< B_c
   double yields_;                      ///< c
   bool senses_, engaged_ = false;
