@@ -192,7 +192,7 @@ TEST(PluginLayer, IsRefusedInWordsWhereItCannotRun) {
     }
   };
   EXPECT_NE(open("/no/such.so", "").find("there is no such file"), std::string::npos);
-  EXPECT_NE(open(__FILE__, "").find("cannot be loaded"), std::string::npos);
+  EXPECT_NE(open("/etc/passwd", "").find("cannot be loaded"), std::string::npos);
   EXPECT_NE(open(kLayer, "no").find("open() returns nothing"), std::string::npos);
   EXPECT_EQ(open(kLayer, "spring 1"), "accepted");
 }
