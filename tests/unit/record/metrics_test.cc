@@ -242,6 +242,7 @@ TEST(ContactFigures, OfTorquesAreThoseOfRotation) {
                .master_f_wanted = wrench(1.0, {0.0, 0.03, 0.03}),
                .env_f = wrench(-1.0, {0.0, -0.04, 0.0}),
                .position_error = Displacement<6>{Wrench{Wrench::Unit(4) * 0.02}},
+               .contact_spring_share = k < 30000 ? 1.0 : 0.5,
                .reference = wrench(1.0, {0.0, 0.04, 0.0}),
                .touching = true,
                .coupled = true,
@@ -255,6 +256,7 @@ TEST(ContactFigures, OfTorquesAreThoseOfRotation) {
   // The filter passes 100 Hz but for 0.4 %, and rings at the start.
   EXPECT_NEAR(s.torque_chatter_rms_n_m(), 2e-3 / std::numbers::sqrt2, 0.02 * 2e-3);
   EXPECT_NEAR(s.attitude_error_rms_rad(), 0.02, 0.02 * kRounding);
+  EXPECT_EQ(s.contact_spring_share(), 0.875);
   EXPECT_EQ(s.felt_force_error_rms_n(), 0.0);
   EXPECT_EQ(s.force_direction_error_max_deg(), 0.0);
   const Summary three = summary_of<3>({{1.0, {.touching = true, .following = true}}});
