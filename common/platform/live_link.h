@@ -160,16 +160,27 @@ class LiveLink {
   std::unique_ptr<SecureSocket> secured() {
     if (key_file_.empty()) return nullptr;
     SecureSocketOptions options{.server = side_ == Side::slave, .peer = peer_, .own_thread = true};
-    options.tell = [this](SecureEvent event, const Endpoint& peer) {
+    options.tell = [this](HandshakeFailure failure, const Endpoint& peer) {
       spdlog::logger* const log = log_.load();
       if (log == nullptr) return;
-      if (event == SecureEvent::agreed) {
+      if (failure == HandshakeFailure::none) {
         log->info("{} has the key", to_string(peer));
       } else {
-        log->warn("a handshake with {} has failed: another key, or packets are lost", to_string(peer));
+        log->warn("a handshake with {} has failed: {}", to_string(peer), cause_of(failure));
       }
     };
     return std::make_unique<SecureSocket>(network_, options, read_key_file(key_file_));
+  }
+  static const char* cause_of(HandshakeFailure failure) {
+    switch (failure) {
+      case HandshakeFailure::other_key:
+        return "it has another key; start both with the same --key";
+      case HandshakeFailure::earlier_version:
+        return "it is of an earlier version of twoport, which proves its key too late; install the same version on "
+               "both sides";
+      default:
+        return "packets are lost; check the network";
+    }
   }
   DatagramSocket& top() noexcept {
     if (secure_) return *secure_;
@@ -178,9 +189,10 @@ class LiveLink {
   /// Why no session has come about, where it is a matter of keys; else empty.
   [[nodiscard]] std::string key_advice() {
     const Rejected rejected = mail_.transport().counts().rejected;
-    if (secure_ && secure_->answered() && secure_->associations() == 0)
+    const HandshakeFailure failure = secure_ ? secure_->last_failure() : HandshakeFailure::none;
+    if (failure != HandshakeFailure::none && secure_->associations() == 0)
       return (side_ == Side::master ? "the program at " + address_ + " answered" : std::string{"a program called"}) +
-             ", but the handshake did not succeed; start both with the same --key";
+             ", but the handshake did not succeed: " + cause_of(failure);
     if (secure_ && secure_->associations() == 0 && rejected.not_encrypted > 0)
       return "packets without encryption arrived; start both programs with the same --key, or both without";
     if (!secure_ && rejected.encrypted > 0)

@@ -1,12 +1,7 @@
 #include "common/secure/dtls_handshake.h"
 
-#include <openssl/core_names.h>
 #include <openssl/crypto.h>
 #include <openssl/err.h>
-#include <openssl/evp.h>
-#include <openssl/hmac.h>
-#include <openssl/kdf.h>
-#include <openssl/params.h>
 #include <openssl/rand.h>
 #include <openssl/ssl.h>
 
@@ -24,19 +19,21 @@ using namespace std::chrono_literals;
 constexpr char kCipherSuite[] = "ECDHE-PSK-CHACHA20-POLY1305";
 constexpr char kGroups[] = "X25519:P-256";
 constexpr char kIdentity[] = "twoport";
-constexpr char kKeyExpansion[] = "key expansion";
-constexpr long kMtu = kMaxDatagramBytes;
+// RFC 5705, 4: a label that nobody has registered.
+constexpr char kExportLabel[] = "EXPERIMENTAL twoport records";
+constexpr long kMtu = kMaxDatagramBytes - kProofHeader;
 
 constexpr Duration kRepeatAfter = 50ms, kRepeatAtMost = 800ms;
 // Without progress. A client knows the round trip from the first answer; before that its ClientHello costs nobody anything.
 constexpr Duration kServerGivesUpAfter = 8s, kClientGivesUpAfter = 1500ms;
 constexpr int kRoundTrips = 4;       // that a client waits besides
 constexpr Duration kRemember = 60s;  // a finished attempt, which may have to repeat its last flight
-constexpr std::size_t kMostAttempts = 16, kMostPerHost = 4;
-constexpr std::size_t kMostOutgoing = 256, kMostPerFlight = 8;  // [datagrams]
-
-constexpr std::size_t kRandomAt = kRecordHeader + 12 + 2, kRandom = 32;  // of a ClientHello [B]
-constexpr std::size_t kCookie = 32;
+constexpr std::size_t kMostAttempts = 16, kMostPerNetwork = 4;
+// [datagrams]; of the answers to those without proof or cookie, which must leave room
+constexpr std::size_t kMostOutgoing = 256, kMostAnswers = 32, kMostPerFlight = 8;
+constexpr Duration kCookiesLast = 2min;  // and as long again
+constexpr Duration kTellAgainAfter = 20ms;
+constexpr int kUnprovedInARow = 3;  // one may be damaged
 
 [[noreturn]] void fail(const char* what) {
   char reason[160];
@@ -44,99 +41,80 @@ constexpr std::size_t kCookie = 32;
   throw std::runtime_error(std::string{"this OpenSSL cannot be used: "} + what + ": " + reason);
 }
 
-constexpr std::byte as_byte(RecordType type) {
-  return static_cast<std::byte>(type);
-}
-
 /// Address and port, for a cookie.
-std::array<std::uint8_t, 23> bytes_of(const Endpoint& e) noexcept {
-  std::array<std::uint8_t, 23> out{};
-  std::copy(e.address.begin(), e.address.end(), out.begin());
-  for (std::size_t i = 0; i < 4; ++i) out[16 + i] = static_cast<std::uint8_t>(e.scope >> (8 * i));
-  out[20] = static_cast<std::uint8_t>(e.port >> 8), out[21] = static_cast<std::uint8_t>(e.port), out[22] = e.v6;
+std::array<std::byte, 23> bytes_of(const Endpoint& e) noexcept {
+  std::array<std::byte, 23> out{};
+  std::transform(e.address.begin(), e.address.end(), out.begin(), [](std::uint8_t b) { return std::byte{b}; });
+  for (std::size_t i = 0; i < 4; ++i) out[16 + i] = static_cast<std::byte>(e.scope >> (8 * i));
+  out[20] = static_cast<std::byte>(e.port >> 8), out[21] = static_cast<std::byte>(e.port), out[22] = std::byte{e.v6};
   return out;
 }
-bool same_host(const Endpoint& a, const Endpoint& b) noexcept {
-  return a.address == b.address && a.v6 == b.v6;
+/// One IPv4 /24, also as IPv6 addresses, or one IPv6 /64: whoever has one address there may have all.
+bool same_network(const Endpoint& a, const Endpoint& b) noexcept {
+  static constexpr std::array<std::uint8_t, 12> kMapped{0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0xff, 0xff};
+  const auto size = !a.v6 ? 3 : std::equal(kMapped.begin(), kMapped.end(), a.address.begin()) ? 15 : 8;
+  return a.v6 == b.v6 && std::equal(a.address.begin(), a.address.begin() + size, b.address.begin());
 }
 
-/// The keys that the handshake has agreed on (RFC 5246, 6.3), for records of application data. OpenSSL's own record layer
-/// keeps the numbers below Sealer::kFirst, so that no number is used twice.
-bool derive_keys(const SSL* ssl, RecordKeys& of_client, RecordKeys& of_server) {
-  std::array<std::uint8_t, 48> master;
-  constexpr std::size_t kLabel = sizeof kKeyExpansion - 1;
-  std::array<std::uint8_t, kLabel + 2 * kRandom> seed;
-  std::memcpy(seed.data(), kKeyExpansion, kLabel);
-  std::uint8_t* const randoms = seed.data() + kLabel;
+/// For the records of application data.
+bool export_keys(SSL* ssl, RecordKeys& of_client, RecordKeys& of_server) {
   std::array<std::uint8_t, 2 * (32 + 12)> block;
-  const bool known = SSL_SESSION_get_master_key(SSL_get_session(ssl), master.data(), master.size()) == master.size() &&
-                     SSL_get_server_random(ssl, randoms, kRandom) == kRandom &&
-                     SSL_get_client_random(ssl, randoms + kRandom, kRandom) == kRandom;
-  bool derived = false;
-  EVP_KDF* const kdf = EVP_KDF_fetch(nullptr, OSSL_KDF_NAME_TLS1_PRF, nullptr);
-  EVP_KDF_CTX* const context = kdf != nullptr ? EVP_KDF_CTX_new(kdf) : nullptr;
-  if (known && context != nullptr) {
-    char digest[] = "SHA256";
-    const OSSL_PARAM parameters[] = {
-        OSSL_PARAM_construct_utf8_string(OSSL_KDF_PARAM_DIGEST, digest, 0),
-        OSSL_PARAM_construct_octet_string(OSSL_KDF_PARAM_SECRET, master.data(), master.size()),
-        OSSL_PARAM_construct_octet_string(OSSL_KDF_PARAM_SEED, seed.data(), seed.size()), OSSL_PARAM_construct_end()};
-    derived = EVP_KDF_derive(context, block.data(), block.size(), parameters) == 1;
-  }
-  EVP_KDF_CTX_free(context);
-  EVP_KDF_free(kdf);
+  const bool exported = SSL_export_keying_material(ssl, block.data(), block.size(), kExportLabel,
+                                                   sizeof kExportLabel - 1, nullptr, 0, 0) == 1;
   std::copy_n(block.data(), 32, of_client.key.data());
   std::copy_n(block.data() + 32, 32, of_server.key.data());
   std::copy_n(block.data() + 64, 12, of_client.iv.data());
   std::copy_n(block.data() + 76, 12, of_server.iv.data());
-  OPENSSL_cleanse(master.data(), master.size());
   OPENSSL_cleanse(block.data(), block.size());
-  return derived;
+  return exported;
 }
 
-/// Is a datagram, as far as it can be told, of a handshake with this cipher suite? Of one that is not, OpenSSL would end the
-/// attempt: messages in plain text can be forged.
-bool plausible(std::span<const std::byte> bytes, bool at_server) noexcept {
-  const auto number = [](std::span<const std::byte> from) {
-    std::size_t n = 0;
-    for (const std::byte b : from) n = n << 8 | std::to_integer<std::size_t>(b);
-    return n;
-  };
-  constexpr std::size_t kMessageHeader = 12, kFinished = kMessageHeader + 12 + kRecordTag;
-  while (!bytes.empty()) {
-    if (bytes.size() < kRecordHeader || bytes[1] != std::byte{0xfe}) return false;
-    const std::size_t epoch = number(bytes.subspan(3, 2)), size = number(bytes.subspan(11, 2));
-    if (size > bytes.size() - kRecordHeader) return false;
-    const std::span<const std::byte> content = bytes.subspan(kRecordHeader, size);
-    const bool cipher_spec = bytes[0] == as_byte(RecordType::change_cipher_spec);
-    if (!cipher_spec && bytes[0] != as_byte(RecordType::handshake)) return false;
-    bytes = bytes.subspan(kRecordHeader + size);
-    if (epoch == 1 && !cipher_spec && size == kFinished) continue;
-    if (epoch != 0) return false;
-    if (cipher_spec) {
-      if (size != 1 || content[0] != std::byte{1}) return false;
-      continue;
-    }
-    if (size < kMessageHeader || number(content.subspan(6, 3)) != 0 ||
-        number(content.subspan(1, 3)) != size - kMessageHeader ||
-        number(content.subspan(9, 3)) != size - kMessageHeader)
-      return false;
-    // ClientHello, ClientKeyExchange; ServerHello, HelloVerifyRequest, ServerKeyExchange, ServerHelloDone: each with its
-    // number in the order of messages, with or without a cookie before.
-    const std::size_t type = number(content.first(1)), place = number(content.subspan(4, 2));
-    const bool expected = at_server ? (type == 1 && place <= 1) || (type == 16 && (place == 1 || place == 2))
-                                    : (type == 3 && place == 0) || (type == 2 && place <= 1) ||
-                                          (type == 12 && (place == 1 || place == 2)) ||
-                                          (type == 14 && (place == 2 || place == 3));
-    if (!expected) return false;
-  }
-  return true;
+template <class Bytes>
+Bytes draw() {
+  Bytes bytes;
+  if (RAND_bytes(reinterpret_cast<unsigned char*>(bytes.data()), static_cast<int>(bytes.size())) != 1)
+    fail("random numbers");
+  return bytes;
 }
+
+/// Cookies under a secret that is drawn anew every two minutes; those of the last secret are good too.
+class Cookies {
+ public:
+  Bits128 make(const Endpoint& peer, const HandshakeParts& hello, Duration now) {
+    renew(now);
+    return cookie(current_, peer, hello);
+  }
+  bool fits(const Endpoint& peer, const HandshakeParts& hello, Duration now) {
+    renew(now);
+    return same_bits(cookie(current_, peer, hello), hello.cookie) ||
+           same_bits(cookie(last_, peer, hello), hello.cookie);
+  }
+
+ private:
+  static Mac draw_secret() {
+    auto secret = draw<std::array<std::uint8_t, 32>>();
+    Mac mac{secret};
+    OPENSSL_cleanse(secret.data(), secret.size());
+    return mac;
+  }
+  static Bits128 cookie(Mac& mac, const Endpoint& peer, const HandshakeParts& hello) {
+    return mac.of({bytes_of(peer), hello.attempt, hello.records});
+  }
+  void renew(Duration now) {
+    if (now - since_ < kCookiesLast) return;
+    last_ = now - since_ < 2 * kCookiesLast ? std::move(current_) : draw_secret();
+    current_ = draw_secret();
+    since_ = now;
+  }
+
+  Mac current_ = draw_secret(), last_ = draw_secret();
+  Duration since_{0};
+};
 
 }  // namespace
 
 bool is_client_hello(std::span<const std::byte> b) noexcept {
-  return b.size() > kRandomAt + kRandom + 1 && b[0] == std::byte{22} && b[3] == std::byte{0} && b[4] == std::byte{0} &&
+  return b.size() > kRecordHeader && b[0] == std::byte{22} && b[3] == std::byte{0} && b[4] == std::byte{0} &&
          b[kRecordHeader] == std::byte{1};
 }
 bool is_dtls(std::span<const std::byte> b) noexcept {
@@ -147,16 +125,18 @@ bool is_dtls(std::span<const std::byte> b) noexcept {
 struct DtlsHandshake::Attempt {
   DtlsHandshake& owner;
   Endpoint peer;
+  Bits128 number;
+  Bits128 cookie{};  ///< a client's
   ssl_st* ssl = nullptr;
   std::span<const std::byte> in;  ///< one datagram at a time keeps the boundaries of records
-  std::vector<Datagram> flight;   ///< the last one sent, to be sent again
+  std::vector<Datagram> flight;   ///< records of the last one sent, to be sent again
   bool fresh = true;              ///< what is sent next begins a flight
-  bool listens = false, finished = false, failed = false;
-  std::array<std::byte, kRandom> random{};  ///< of the ClientHello
-  std::optional<Duration> round_trip;       ///< of a client, and what it has waited for the first answer
-  Duration began{0}, progressed{0}, repeated{0}, repeat_after{kRepeatAfter};
+  bool finished = false, failed = false;
+  bool answered = false;               ///< by records
+  std::optional<Duration> round_trip;  ///< of the last exchange
+  Duration progressed{0}, repeated{0}, repeat_after{kRepeatAfter};
 
-  Attempt(DtlsHandshake& o, const Endpoint& p) : owner{o}, peer{p} {}
+  Attempt(DtlsHandshake& o, const Endpoint& p, const Bits128& n) : owner{o}, peer{p}, number{n} {}
   ~Attempt() { SSL_free(ssl); }
   Attempt(const Attempt&) = delete;
 
@@ -168,15 +148,11 @@ struct DtlsHandshake::Attempt {
     return static_cast<int>(n);
   }
   int write(const char* from, int size) {
-    const auto n = static_cast<std::size_t>(size);
-    if (n > kMaxDatagramBytes) return size;
-    Datagram datagram;
-    datagram.assign({reinterpret_cast<const std::byte*>(from), n}, peer);
-    if (!listens) {
-      if (std::exchange(fresh, false)) flight.clear();
-      if (flight.size() < kMostPerFlight) flight.push_back(datagram);
-    }
-    if (owner.outgoing_.size() < kMostOutgoing) owner.outgoing_.push_back(datagram);
+    const std::span records{reinterpret_cast<const std::byte*>(from), static_cast<std::size_t>(size)};
+    if (records.size() > kMtu) return size;
+    if (std::exchange(fresh, false)) flight.clear();
+    if (flight.size() < kMostPerFlight) flight.emplace_back().assign(records, peer);
+    owner.send(*this, records);
     return size;
   }
 };
@@ -184,16 +160,13 @@ struct DtlsHandshake::Attempt {
 struct DtlsHandshake::Shared {
   ssl_ctx_st* context = nullptr;
   bio_method_st* datagrams = nullptr;
-  bio_addr_st* address = BIO_ADDR_new();  ///< DTLSv1_listen wants one
   Key key;
-  std::array<std::uint8_t, 32> secret{};  ///< of cookies
+  Cookies cookies;
 
   explicit Shared(const Key::Bytes& bytes) : key{bytes} {}
   ~Shared() {
     SSL_CTX_free(context);
     BIO_meth_free(datagrams);
-    BIO_ADDR_free(address);
-    OPENSSL_cleanse(secret.data(), secret.size());
   }
   Shared(const Shared&) = delete;
 
@@ -206,14 +179,6 @@ struct DtlsHandshake::Shared {
     std::copy(key.bytes().begin(), key.bytes().end(), to);
     return Key::kSize;
   }
-  bool cookie(const Endpoint& peer, unsigned char* to) const {
-    const auto from = bytes_of(peer);
-    unsigned n = 0;
-    return HMAC(EVP_sha256(), secret.data(), static_cast<int>(secret.size()), from.data(), from.size(), to, &n) !=
-               nullptr &&
-           n == kCookie;
-  }
-
   void make_method() {
     datagrams = BIO_meth_new(BIO_TYPE_SOURCE_SINK | BIO_get_new_index(), "twoport datagrams");
     if (datagrams == nullptr) fail("BIO");
@@ -249,8 +214,8 @@ struct DtlsHandshake::Shared {
     if (SSL_CTX_set_cipher_list(context, kCipherSuite) != 1) fail(kCipherSuite);
     if (SSL_CTX_set1_groups_list(context, kGroups) != 1) fail(kGroups);
     SSL_CTX_set_session_cache_mode(context, SSL_SESS_CACHE_OFF);
-    SSL_CTX_set_options(context, SSL_OP_NO_QUERY_MTU | SSL_OP_NO_RENEGOTIATION | SSL_OP_NO_TICKET |
-                                     SSL_OP_NO_COMPRESSION | (server ? SSL_OP_COOKIE_EXCHANGE : 0));
+    SSL_CTX_set_options(context,
+                        SSL_OP_NO_QUERY_MTU | SSL_OP_NO_RENEGOTIATION | SSL_OP_NO_TICKET | SSL_OP_NO_COMPRESSION);
     SSL_CTX_set_read_ahead(context, 1);
     SSL_CTX_set_app_data(context, this);
     SSL_CTX_set_psk_client_callback(
@@ -264,30 +229,18 @@ struct DtlsHandshake::Shared {
                                     [](SSL* ssl, const char* name, unsigned char* to, unsigned room) -> unsigned {
                                       return std::strcmp(name, kIdentity) == 0 ? of(ssl).psk(to, room) : 0;
                                     });
-    SSL_CTX_set_cookie_generate_cb(context, [](SSL* ssl, unsigned char* to, unsigned* size) {
-      *size = kCookie;
-      return of(ssl).cookie(attempt(ssl).peer, to) ? 1 : 0;
-    });
-    SSL_CTX_set_cookie_verify_cb(context, [](SSL* ssl, const unsigned char* received, unsigned size) {
-      std::array<unsigned char, EVP_MAX_MD_SIZE> expected{};
-      const bool made = of(ssl).cookie(attempt(ssl).peer, expected.data());
-      return made && size == kCookie && CRYPTO_memcmp(expected.data(), received, kCookie) == 0 ? 1 : 0;
-    });
-    if (RAND_bytes(secret.data(), static_cast<int>(secret.size())) != 1) fail("random numbers");
   }
 };
 
 DtlsHandshake::DtlsHandshake(const DtlsOptions& options, const Key& key)
-    : options_{options}, shared_{std::make_unique<Shared>(key.bytes())} {
+    : options_{options}, proof_{key}, shared_{std::make_unique<Shared>(key.bytes())} {
   shared_->make_method();
   shared_->make_context(options.server);
-  if (options.server) listener_ = make_attempt({});
 }
 DtlsHandshake::~DtlsHandshake() = default;
 
-std::unique_ptr<DtlsHandshake::Attempt> DtlsHandshake::make_attempt(const Endpoint& peer) {
-  auto attempt = std::make_unique<Attempt>(*this, peer);
-  attempt->listens = options_.server;
+std::unique_ptr<DtlsHandshake::Attempt> DtlsHandshake::make_attempt(const Endpoint& peer, const Bits128& number) {
+  auto attempt = std::make_unique<Attempt>(*this, peer, number);
   attempt->ssl = SSL_new(shared_->context);
   BIO* const bio = BIO_new(shared_->datagrams);
   if (attempt->ssl == nullptr || bio == nullptr) fail("session");
@@ -304,87 +257,121 @@ std::unique_ptr<DtlsHandshake::Attempt> DtlsHandshake::make_attempt(const Endpoi
   return attempt;
 }
 
-DtlsHandshake::Attempt* DtlsHandshake::find(const Endpoint& peer) noexcept {
-  const auto at = std::find_if(attempts_.begin(), attempts_.end(), [&](const auto& a) { return a->peer == peer; });
+DtlsHandshake::Attempt* DtlsHandshake::find(const Endpoint& peer, const Bits128& number) noexcept {
+  const auto at = std::find_if(attempts_.begin(), attempts_.end(),
+                               [&](const auto& a) { return a->peer == peer && a->number == number; });
   return at == attempts_.end() ? nullptr : at->get();
 }
 
+void DtlsHandshake::note_failure(HandshakeFailure why, const Endpoint& peer) noexcept {
+  failure_ = why, failed_peer_ = peer;
+  ++counts_.failed;
+}
+
 void DtlsHandshake::on(std::span<const std::byte> bytes, const Endpoint& from, Duration now) {
-  if (bytes.empty() || !plausible(bytes, options_.server)) {
+  const std::optional<HandshakeParts> parts = read_handshake(bytes);
+  if (!parts) {
     ++counts_.refused;
+    if (is_dtls(bytes) && ++unproved_ >= kUnprovedInARow) note_failure(HandshakeFailure::earlier_version, from);
     return;
   }
-  if (options_.server && is_client_hello(bytes)) {
-    on_hello(bytes, from, now);
-    return;
-  }
-  Attempt* const attempt = find(from);
-  if (attempt == nullptr) {
+  if (parts->kind == HandshakeKind::other_key || !proof_.holds(bytes)) {
     ++counts_.refused;
+    on_other_key(*parts, from, now);
     return;
   }
-  proceed(*attempt, bytes, now);
+  unproved_ = 0;
+  if (options_.server) {
+    on_client(*parts, from, now);
+  } else {
+    on_server(*parts, now);
+  }
 }
 
-/// With the cookie and the random number of an attempt it is that attempt's, which has it already: it is answered by the
-/// flight that follows. All others go to the listener, which answers with a cookie or, given the right one, becomes an
-/// attempt in place of the last one of this address. Nobody else than that address can therefore end an attempt.
-void DtlsHandshake::on_hello(std::span<const std::byte> bytes, const Endpoint& from, Duration now) {
-  std::array<std::byte, kRandom> random;
-  std::copy_n(bytes.data() + kRandomAt, kRandom, random.data());
-  const std::size_t session = std::to_integer<std::size_t>(bytes[kRandomAt + kRandom]);
-  const std::size_t cookie_at = kRandomAt + kRandom + 1 + session;
-  const bool has_cookie = cookie_at < bytes.size() && bytes[cookie_at] != std::byte{0};
-  Attempt* const known = find(from);
-  if (has_cookie && known != nullptr && known->random == random) return;
+/// Of a server, or of a client that does not prove our key. The answer names the attempt, which only a receiver of the client's
+/// datagrams knows, is shorter than what it answers, and goes to a network every 20 ms at most.
+void DtlsHandshake::on_other_key(const HandshakeParts& parts, const Endpoint& from, Duration now) {
+  const bool told = parts.kind == HandshakeKind::other_key;
+  if (told != !options_.server || (told && find(from, parts.attempt) == nullptr)) return;
+  if (++unproved_ >= kUnprovedInARow) note_failure(HandshakeFailure::other_key, from);
+  if (options_.server && parts.kind == HandshakeKind::of_client && !parts.records.empty() && !is_told(from, now))
+    send({.kind = HandshakeKind::other_key, .attempt = parts.attempt}, from, kMostAnswers);
+}
 
-  listener_->peer = from;
-  listener_->in = bytes;
-  ERR_clear_error();
-  const std::size_t before = outgoing_.size();
-  const int verified = DTLSv1_listen(listener_->ssl, shared_->address);
-  listener_->in = {};
-  if (verified <= 0) {
-    if (outgoing_.size() > before) {
-      ++counts_.cookies_sent;
-    } else {
-      ++counts_.refused;
-    }
-    if (verified < 0) listener_ = make_attempt({});
+bool DtlsHandshake::is_told(const Endpoint& peer, Duration now) noexcept {
+  auto at = std::find_if(told_.begin(), told_.end(), [&](const Told& t) { return t.at && same_network(t.peer, peer); });
+  if (at != told_.end() && now - *at->at < kTellAgainAfter) return true;
+  if (at == told_.end()) at = told_.begin() + static_cast<std::ptrdiff_t>(next_told_++ % told_.size());
+  *at = {peer, now};
+  return false;
+}
+
+/// A proven datagram at the server.
+void DtlsHandshake::on_client(const HandshakeParts& parts, const Endpoint& from, Duration now) {
+  const bool hello = is_client_hello(parts.records);
+  if (Attempt* const known = find(from, parts.attempt)) {
+    // A ClientHello that it has already is answered by the flight that follows.
+    if (!hello) proceed(*known, parts.records, now);
     return;
   }
-  make_room(from, now);
-  listener_->listens = false;
-  listener_->random = random;
-  attempts_.push_back(std::move(listener_));
-  listener_ = make_attempt({});
-  answered_ = true;
+  if (parts.kind != HandshakeKind::of_client || !hello) {
+    ++counts_.refused;
+    return;
+  }
+  if (!shared_->cookies.fits(from, parts, now)) {
+    ++counts_.cookies_sent;
+    send({.kind = HandshakeKind::cookie, .attempt = parts.attempt, .cookie = shared_->cookies.make(from, parts, now)},
+         from, kMostAnswers);
+    return;
+  }
+  const bool again = std::find(begun_.begin(), begun_.end(), parts.attempt) != begun_.end();
+  if (again || !make_room(from)) {
+    ++counts_.refused;
+    return;
+  }
+  attempts_.push_back(make_attempt(from, parts.attempt));
+  begun_[next_begun_++ % begun_.size()] = parts.attempt;
   Attempt& attempt = *attempts_.back();
-  attempt.began = attempt.repeated = attempt.progressed = now;
-  proceed(attempt, {}, now);
+  attempt.repeated = attempt.progressed = now;
+  proceed(attempt, parts.records, now);
 }
 
-/// For an attempt of `peer`: in place of its last one, of the oldest of its host, or of the oldest of all.
-void DtlsHandshake::make_room(const Endpoint& peer, Duration now) {
-  const auto erase_oldest = [&](auto belongs) {
+/// A proven datagram at the client. A cookie counts until the server has begun; then it may have started again, with others.
+void DtlsHandshake::on_server(const HandshakeParts& parts, Duration now) {
+  Attempt* const attempt = find(*options_.peer, parts.attempt);
+  if (attempt == nullptr || parts.kind == HandshakeKind::of_client) {
+    ++counts_.refused;
+    return;
+  }
+  if (parts.kind == HandshakeKind::of_server) {
+    attempt->answered = true;
+    proceed(*attempt, parts.records, now);
+  } else if (!attempt->answered && attempt->cookie != parts.cookie) {
+    attempt->cookie = parts.cookie;
+    attempt->round_trip = now - attempt->repeated;
+    attempt->progressed = now;
+    send_again(*attempt, now);
+    attempt->repeat_after = kRepeatAfter;
+  }
+}
+
+/// For one more attempt of `peer`. False: there is none.
+bool DtlsHandshake::make_room(const Endpoint& peer) {
+  const auto of_network = [&](const auto& a) { return same_network(a->peer, peer); };
+  if (std::count_if(attempts_.begin(), attempts_.end(), of_network) >= static_cast<std::ptrdiff_t>(kMostPerNetwork)) {
     auto oldest = attempts_.end();
     for (auto at = attempts_.begin(); at != attempts_.end(); ++at)
-      if (belongs(**at) && (oldest == attempts_.end() || (*at)->progressed < (*oldest)->progressed)) oldest = at;
-    if (oldest != attempts_.end()) attempts_.erase(oldest);
-  };
-  std::erase_if(attempts_, [&](const auto& a) { return a->peer == peer || now - a->progressed > kRemember; });
-  const auto of_host = [&](const Attempt& a) { return same_host(a.peer, peer); };
-  if (std::count_if(attempts_.begin(), attempts_.end(), [&](const auto& a) { return of_host(*a); }) >=
-      static_cast<std::ptrdiff_t>(kMostPerHost))
-    erase_oldest(of_host);
-  if (attempts_.size() >= kMostAttempts) erase_oldest([](const Attempt&) { return true; });
+      if (of_network(*at) && (oldest == attempts_.end() || (*at)->progressed < (*oldest)->progressed)) oldest = at;
+    attempts_.erase(oldest);
+  }
+  return attempts_.size() < kMostAttempts;
 }
 
-void DtlsHandshake::proceed(Attempt& attempt, std::span<const std::byte> bytes, Duration now) {
+void DtlsHandshake::proceed(Attempt& attempt, std::span<const std::byte> records, Duration now) {
   // The last flight is the server's: it repeats it for a client that has not received it.
   if (attempt.finished && !options_.server) return;
   ERR_clear_error();
-  attempt.in = bytes;
+  attempt.in = records;
   attempt.fresh = true;
   if (attempt.finished) {
     std::array<char, 64> nothing;
@@ -396,12 +383,9 @@ void DtlsHandshake::proceed(Attempt& attempt, std::span<const std::byte> bytes, 
   const int result = SSL_do_handshake(attempt.ssl);
   attempt.in = {};
   if (!attempt.fresh) {
+    if (!records.empty()) attempt.round_trip = now - attempt.progressed;
     attempt.progressed = attempt.repeated = now;
     attempt.repeat_after = kRepeatAfter;
-    if (!bytes.empty()) {
-      answered_ = true;
-      if (!attempt.round_trip) attempt.round_trip = now - attempt.began;
-    }
   }
   if (result == 1) {
     attempt.progressed = now;
@@ -409,28 +393,40 @@ void DtlsHandshake::proceed(Attempt& attempt, std::span<const std::byte> bytes, 
   } else if (SSL_get_error(attempt.ssl, result) != SSL_ERROR_WANT_READ) {
     attempt.failed = true;
     ++counts_.refused;
+    note_failure(HandshakeFailure::packets_lost, attempt.peer);
   }
 }
 
 void DtlsHandshake::finish(Attempt& attempt) {
   RecordKeys of_client, of_server;
-  if (!derive_keys(attempt.ssl, of_client, of_server)) {
+  if (!export_keys(attempt.ssl, of_client, of_server)) {
     attempt.failed = true;
     return;
   }
   attempt.finished = true;
-  answered_ = false;
+  failure_ = HandshakeFailure::none;
   ++counts_.associations;
-  associations_.push_back(std::make_unique<Association>(Association{attempt.peer, attempt.progressed - attempt.began,
+  associations_.push_back(std::make_unique<Association>(Association{attempt.peer, attempt.round_trip.value_or(0s),
                                                                     Sealer{options_.server ? of_server : of_client},
                                                                     Opener{options_.server ? of_client : of_server}}));
 }
 
+void DtlsHandshake::send(const HandshakeParts& parts, const Endpoint& to, std::size_t most_waiting) {
+  if (outgoing_.size() - sent_ >= most_waiting) return;
+  std::array<std::byte, kMaxDatagramBytes> bytes;
+  outgoing_.emplace_back().assign({bytes.data(), proof_.write(parts, bytes)}, to);
+}
+void DtlsHandshake::send(const Attempt& attempt, std::span<const std::byte> records) {
+  send({.kind = options_.server ? HandshakeKind::of_server : HandshakeKind::of_client,
+        .attempt = attempt.number,
+        .cookie = attempt.cookie,
+        .records = records},
+       attempt.peer, kMostOutgoing);
+}
 void DtlsHandshake::send_again(Attempt& attempt, Duration now) {
   attempt.repeated = now;
   attempt.repeat_after = std::min(2 * attempt.repeat_after, kRepeatAtMost);
-  for (const Datagram& datagram : attempt.flight)
-    if (outgoing_.size() < kMostOutgoing) outgoing_.push_back(datagram);
+  for (const Datagram& records : attempt.flight) send(attempt, records.bytes());
 }
 
 void DtlsHandshake::advance(Duration now, bool wanted) {
@@ -441,6 +437,7 @@ void DtlsHandshake::advance(Duration now, bool wanted) {
                                                     : Duration::max();
     if (now - attempt->progressed >= patience) {
       attempt->failed = true;
+      note_failure(HandshakeFailure::packets_lost, attempt->peer);
     } else if (now - attempt->repeated >= attempt->repeat_after) {
       send_again(*attempt, now);
     }
@@ -452,8 +449,8 @@ void DtlsHandshake::advance(Duration now, bool wanted) {
   if (under_way || (began_ && now - *began_ < kRepeatAfter)) return;
   began_ = now;
   attempts_.clear();
-  attempts_.push_back(make_attempt(*options_.peer));
-  attempts_.back()->began = attempts_.back()->progressed = now;
+  attempts_.push_back(make_attempt(*options_.peer, draw<Bits128>()));
+  attempts_.back()->progressed = attempts_.back()->repeated = now;
   proceed(*attempts_.back(), {}, now);
 }
 

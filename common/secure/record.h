@@ -38,14 +38,11 @@ struct CipherDeleter {
 };
 using Cipher = std::unique_ptr<evp_cipher_ctx_st, CipherDeleter>;
 
-/// Seals datagrams. No two with one number: numbers begin at 2^32, above all that the handshake has used, and end before
-/// they repeat. seal() allocates, locks and throws nothing.
+/// Seals datagrams. No two with one number: numbers end before they repeat. seal() allocates, locks and throws nothing.
 class Sealer {
  public:
-  static constexpr std::uint64_t kFirst = std::uint64_t{1} << 32;
-
   /// Throws std::runtime_error when OpenSSL lacks the cipher.
-  explicit Sealer(const RecordKeys& keys, std::uint64_t first = kFirst);
+  explicit Sealer(const RecordKeys& keys, std::uint64_t first = 0);
 
   /// The record is good until the next call. Empty when `plain` is too long, or all numbers are used.
   std::span<const std::byte> seal(std::span<const std::byte> plain) noexcept;

@@ -11,15 +11,14 @@ namespace {
 
 using namespace std::chrono_literals;
 
-// A client makes a new handshake when it has opened nothing for this long, and as long as the last handshake has taken:
-// three round trips.
+// A client makes a new handshake when it has opened nothing for this long and a round trip.
 constexpr Duration kDeaf = 250ms, kLongestTrip = 3s;
 constexpr Duration kTellEvery = 5s;
 constexpr Duration kPatience = 2ms;  // of the thread, between two looks at its rings
 
-// A flood of handshakes costs the thread, not the tick: what finds a ring full is dropped. ClientHellos, which anybody can
-// send from any address, do not stand in the way of the flights that follow.
-constexpr std::size_t kHellos = 32, kFlights = 128, kOutgoing = 64, kAssociations = 16;
+// A flood costs the thread a bounded part, and the tick a MAC a datagram: what finds a ring full is dropped. Neither what proves no key
+// nor ClientHellos, which anybody can repeat from any address, stand in the way of the flights that follow.
+constexpr std::size_t kUnproved = 4, kHellos = 32, kFlights = 128, kOutgoing = 64, kAssociations = 16;
 constexpr int kOutgoingPerTick = 16;
 
 }  // namespace
@@ -27,6 +26,8 @@ constexpr int kOutgoingPerTick = 16;
 SecureSocket::SecureSocket(DatagramSocket& socket, const SecureSocketOptions& options, const Key& key)
     : socket_{&socket},
       options_{options},
+      proof_{key},
+      unproved_{kUnproved},
       hellos_{kHellos},
       flights_{kFlights},
       outgoing_{kOutgoing},
@@ -85,7 +86,7 @@ void SecureSocket::take_association(Duration now) noexcept {
     }
     association_.reset(arrived);
     opened_ = now;
-    deaf_after_ = kDeaf + std::min(arrived->took, kLongestTrip);
+    deaf_after_ = kDeaf + std::min(arrived->round_trip, kLongestTrip);
     wanted_.store(false, std::memory_order_relaxed);
     taken_.store(++associations_, std::memory_order_release);
   }
@@ -107,7 +108,11 @@ bool SecureSocket::hand_over(const ReceivedDatagram& datagram) noexcept {
   }
   if (datagram.bytes[0] == static_cast<std::byte>(RecordType::application_data)) return false;
   passing_.assign(datagram.bytes, datagram.from);
-  if (!(is_client_hello(datagram.bytes) ? hellos_ : flights_).try_push(passing_)) ++rejected_.flood;
+  const std::optional<HandshakeParts> parts = read_handshake(datagram.bytes);
+  Ring<Datagram>& ring = !parts || !proof_.holds(datagram.bytes) ? unproved_
+                         : is_client_hello(parts->records)       ? hellos_
+                                                                 : flights_;
+  if (!ring.try_push(passing_)) ++rejected_.flood;
   return true;
 }
 
@@ -157,6 +162,7 @@ void SecureSocket::work() {
   const Duration now{now_ns_.load(std::memory_order_relaxed)};
   while (flights_.try_pop(working_)) handshake_.on(working_.bytes(), working_.from, now);
   while (hellos_.try_pop(working_)) handshake_.on(working_.bytes(), working_.from, now);
+  while (unproved_.try_pop(working_)) handshake_.on(working_.bytes(), working_.from, now);
   // Not while one is there that the cycle has not taken.
   const bool none_waits = !waiting_ && made_ == taken_.load(std::memory_order_acquire);
   handshake_.advance(now, none_waits && wanted_.load(std::memory_order_relaxed));
@@ -171,7 +177,7 @@ void SecureSocket::work() {
     static_cast<void>(waiting_.release());
     ++made_;
   }
-  answered_.store(handshake_.answered(), std::memory_order_relaxed);
+  failure_.store(handshake_.last_failure(), std::memory_order_relaxed);
   failed_.store(handshake_.counts().refused, std::memory_order_relaxed);
   if (options_.tell) tell(now);
 }
@@ -179,12 +185,14 @@ void SecureSocket::work() {
 void SecureSocket::tell(Duration now) {
   if (made_ != told_agreed_) {
     told_agreed_ = made_;
-    options_.tell(SecureEvent::agreed, agreed_with_);
+    options_.tell(HandshakeFailure::none, agreed_with_);
   }
   const std::uint64_t failed = handshake_.counts().failed;
-  if (failed == told_failed_ || (failed_at_ && now - *failed_at_ < kTellEvery)) return;
+  if (failed == told_failed_ || handshake_.last_failure() == HandshakeFailure::none ||
+      (failed_at_ && now - *failed_at_ < kTellEvery))
+    return;
   told_failed_ = failed, failed_at_ = now;
-  options_.tell(SecureEvent::failed, handshake_.failed_peer());
+  options_.tell(handshake_.last_failure(), handshake_.failed_peer());
 }
 
 void SecureSocket::run() {

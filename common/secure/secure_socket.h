@@ -15,27 +15,22 @@
 
 namespace twoport {
 
-/// What the handshakes have to say.
-enum class SecureEvent : std::uint8_t {
-  agreed,  ///< the peer has proved that it has the key
-  failed,  ///< a handshake has come to nothing: another key, or packets lost; at most once in five seconds
-};
-
 struct SecureSocketOptions {
   bool server = false;
   std::optional<Endpoint> peer{};  ///< a client's
   /// Handshakes run in a thread of their own, beside the cycle; else within receive(), in virtual time.
   bool own_thread = false;
-  /// Called by that thread.
-  std::function<void(SecureEvent, const Endpoint& peer)> tell{};
+  /// Called by that thread: the peer has proved that it has the key (none), or a handshake has come to nothing, which is said
+  /// once in five seconds at most.
+  std::function<void(HandshakeFailure, const Endpoint& peer)> tell{};
 };
 
 /// A filter above another socket that encrypts and authenticates every datagram: DTLS 1.2 with a pre-shared key. What it
 /// hands up comes from a holder of the key, unchanged, once, and within this association. It hands down nothing in
 /// plain text.
 ///
-/// Handshakes run beside: datagrams go to and from them through rings. The tick only seals, opens and looks at
-/// source and type of a datagram, the source first. A client makes a new handshake when nothing has been opened for 250 ms,
+/// Handshakes run beside: datagrams go to and from them through rings. The tick only seals, opens, looks at
+/// source and type of a datagram, the source first, and checks that a datagram of a handshake proves the key. A client makes a new handshake when nothing has been opened for 250 ms,
 /// so that a server that has started again is found; a server takes a new association when the peer has proved that it has
 /// the key. Until then the present association stays, whatever arrives.
 ///
@@ -53,8 +48,8 @@ class SecureSocket final : public DatagramSocket {
   [[nodiscard]] const Endpoint& local() const noexcept override;
   [[nodiscard]] SocketCounts counts() const noexcept override;
 
-  /// Has somebody begun or answered a handshake, and none has been finished since? Then the keys differ, or packets are lost.
-  [[nodiscard]] bool answered() const noexcept { return answered_.load(std::memory_order_relaxed); }
+  /// Why no handshake has succeeded since the last that has.
+  [[nodiscard]] HandshakeFailure last_failure() const noexcept { return failure_.load(std::memory_order_relaxed); }
   /// Handshakes that have succeeded.
   [[nodiscard]] std::uint64_t associations() const noexcept { return associations_; }
 
@@ -71,6 +66,7 @@ class SecureSocket final : public DatagramSocket {
   SecureSocketOptions options_;
 
   // Of the cycle.
+  KeyProof proof_;
   std::unique_ptr<Association> association_;
   std::optional<Duration> tick_;
   Duration opened_{0};      ///< last
@@ -82,9 +78,10 @@ class SecureSocket final : public DatagramSocket {
 
   // Between the two.
   std::atomic<std::int64_t> now_ns_{0};
-  std::atomic<bool> wanted_{false}, answered_{false};
+  std::atomic<bool> wanted_{false};
+  std::atomic<HandshakeFailure> failure_{HandshakeFailure::none};
   std::atomic<std::uint64_t> failed_{0}, taken_{0};
-  Ring<Datagram> hellos_, flights_, outgoing_;
+  Ring<Datagram> unproved_, hellos_, flights_, outgoing_;
   Ring<Association*> arrived_, retired_;
 
   // Of the handshakes.

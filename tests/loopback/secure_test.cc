@@ -1,6 +1,11 @@
 #include <gtest/gtest.h>
 
+#include <array>
+#include <atomic>
+#include <chrono>
 #include <csignal>
+#include <cstdio>
+#include <cstring>
 #include <filesystem>
 #include <memory>
 #include <random>
@@ -66,7 +71,7 @@ TEST(Key, LetsNothingOnTheWireInPlainText) {
   for (const auto* all : {&relay.from_master, &relay.from_slave})
     for (const Datagram& d : *all) {
       ASSERT_GT(d.size(), 13u);
-      EXPECT_TRUE(d[0] >= 20 && d[0] <= 23 && d[1] == 0xfe) << "a record of DTLS";
+      EXPECT_TRUE((d[0] == 22 || d[0] == 23) && d[1] == 0xfe) << "of a handshake, or a record of DTLS";
       // The version of the wire, with which every datagram begins.
       static constexpr std::uint8_t kMark[] = {0x50, 0x54};
       EXPECT_TRUE(d[0] != 23 || std::search(d.begin() + 13, d.begin() + 20, kMark, kMark + 2) == d.begin() + 20);
@@ -100,7 +105,97 @@ TEST(Key, ThatDiffersOrIsMissingIsSaidOnBothSides) {
     EXPECT_EQ(slave.wait(), exited(1));
     EXPECT_NE(slave.err().find(c.slave_says), std::string::npos) << slave.err();
     EXPECT_NE(master.err().find(c.master_says), std::string::npos) << master.err();
+    if (c.slave == c.master || c.slave.empty() || c.master.empty()) continue;
+    for (Process* side : {&slave, &master})
+      EXPECT_EQ(count(side->err(), "has failed: it has another key"), 1) << side->err();
   }
+}
+
+/// Two datagrams a millisecond from 10,000 addresses of this machine: a genuine ClientHello, and one that proves no key.
+class Strangers {
+ public:
+  Strangers(Datagram hello, std::uint16_t port) : hello_{std::move(hello)}, port_{port}, thread_{[this] { run(); }} {}
+  ~Strangers() {
+    stop_ = true;
+    thread_.join();
+    close(fd_);
+  }
+  Strangers(const Strangers&) = delete;
+
+ private:
+  void run() {
+    sockaddr_in to{};
+    to.sin_family = AF_INET;
+    to.sin_addr.s_addr = htonl(INADDR_LOOPBACK);
+    to.sin_port = htons(port_);
+    Datagram forged = hello_;
+    forged.back() ^= 1;
+    for (unsigned k = 0; !stop_; ++k) {
+      for (Datagram* bytes : {&hello_, &forged}) {
+        iovec piece{bytes->data(), bytes->size()};
+        alignas(cmsghdr) std::array<char, CMSG_SPACE(sizeof(in_pktinfo))> control{};
+        msghdr message{};
+        message.msg_name = &to, message.msg_namelen = sizeof to;
+        message.msg_iov = &piece, message.msg_iovlen = 1;
+        message.msg_control = control.data(), message.msg_controllen = control.size();
+        cmsghdr* const header = CMSG_FIRSTHDR(&message);
+        header->cmsg_level = IPPROTO_IP, header->cmsg_type = IP_PKTINFO;
+        header->cmsg_len = CMSG_LEN(sizeof(in_pktinfo));
+        in_pktinfo from{};
+        from.ipi_spec_dst.s_addr = htonl(0x7f010101u + (k % 10'000) * 257u);
+        std::memcpy(CMSG_DATA(header), &from, sizeof from);
+        sendmsg(fd_, &message, MSG_DONTWAIT);
+      }
+      std::this_thread::sleep_for(1ms);
+    }
+  }
+  Datagram hello_;
+  std::uint16_t port_;
+  int fd_ = socket(AF_INET, SOCK_DGRAM | SOCK_CLOEXEC, 0);
+  std::atomic<bool> stop_{false};
+  std::thread thread_;
+};
+
+TEST(Key, AFloodOfStrangersKeepsNobodyOutNorARestartInContact) {
+  const KeyedPair pair;
+  Datagram hello;
+  {
+    KeyedPair elsewhere;
+    std::filesystem::remove(elsewhere.at("key"));
+    std::filesystem::copy_file(pair.at("key"), elsewhere.at("key"));
+    const Socket heard{elsewhere.port};
+    Process master = elsewhere.master("master", {"--duration", "5"});
+    for (int k = 0; k < 2000 && hello.empty(); ++k) {
+      if (const auto d = heard.receive()) hello = d->first;
+      std::this_thread::sleep_for(5ms);
+    }
+    master.send(SIGKILL);
+    master.wait();
+  }
+  ASSERT_GT(hello.size(), 100u);
+  const Words far{"--set", "to_slave.delay_ms=50", "--set", "to_master.delay_ms=50", "--set", "duration_s=6"};
+  Process slave = pair.listening_slave("slave", far);
+  const Strangers strangers{hello, pair.port};
+  std::this_thread::sleep_for(500ms);
+  const auto paired_after = [](Process& program, const char* words) {
+    const auto from = std::chrono::steady_clock::now();
+    EXPECT_TRUE(program.says(words)) << program.err();
+    const std::chrono::duration<double> took = std::chrono::steady_clock::now() - from;
+    std::printf("%s after %.2f s, the start of the program included\n", words, took.count());
+    EXPECT_LT(took.count(), 3.0);
+  };
+  Process first = pair.master("first", far);
+  paired_after(first, "paired with the slave");
+  std::this_thread::sleep_for(1500ms);  // in contact
+  first.send(SIGKILL);
+  first.wait();
+  Process second = pair.master("second", far);
+  paired_after(second, "paired with the slave");
+  second.send(SIGTERM);
+  second.wait();
+  slave.send(SIGTERM);
+  slave.wait();
+  EXPECT_EQ(pair.summary("slave").reconnects(), 1u);
 }
 
 TEST(Key, SurvivesARestartOfEachSide) {

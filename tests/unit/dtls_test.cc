@@ -4,7 +4,9 @@
 #include <array>
 #include <cstring>
 #include <deque>
+#include <optional>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "common/link/memory_network.h"
@@ -88,19 +90,56 @@ class Reference {
 
 class WithOpenSsl : public ::testing::TestWithParam<bool> {};
 
+/// What stands before the records of a reference.
+class Header {
+ public:
+  Datagram before(std::span<const std::byte> records, HandshakeKind kind) {
+    Datagram d;
+    std::array<std::byte, kMaxDatagramBytes> bytes;
+    d.assign({bytes.data(), proof_.write({kind, attempt, cookie, records}, bytes)}, kThere);
+    return d;
+  }
+  Bits128 attempt{std::byte{1}}, cookie{};
+
+ private:
+  KeyProof proof_{Key{key()}};
+};
+
+RecordKeys half_of(std::span<const std::uint8_t> block, bool of_server) {
+  RecordKeys keys;
+  std::copy_n(block.data() + (of_server ? 32 : 0), 32, keys.key.data());
+  std::copy_n(block.data() + (of_server ? 76 : 64), 12, keys.iv.data());
+  return keys;
+}
+
 TEST_P(WithOpenSsl, AgreesAndEachOpensWhatTheOtherSeals) {
   const bool server = GetParam();
   DtlsHandshake ours{{.server = server, .peer = server ? std::nullopt : std::optional{kThere}}, Key{key()}};
   Reference theirs{!server};
+  Header header;
+  std::vector<std::byte> hello;
   std::unique_ptr<Association> association;
   Duration now{0};
   Datagram datagram;
   for (int k = 0; k < 20 && !(association && SSL_is_init_finished(theirs.ssl)); ++k, now += 1ms) {
     ours.advance(now, association == nullptr);
-    while (ours.take_outgoing(datagram)) theirs.in.emplace_back(datagram.bytes().begin(), datagram.bytes().end());
+    while (ours.take_outgoing(datagram)) {
+      const HandshakeParts parts = read_handshake(datagram.bytes()).value();
+      header.attempt = parts.attempt;
+      if (parts.kind == HandshakeKind::cookie) {
+        header.cookie = parts.cookie;
+        theirs.out.push_front(hello);
+      } else {
+        theirs.in.emplace_back(parts.records.begin(), parts.records.end());
+      }
+    }
     do SSL_do_handshake(theirs.ssl);
     while (!theirs.in.empty() && !SSL_is_init_finished(theirs.ssl));
-    for (; !theirs.out.empty(); theirs.out.pop_front()) ours.on(theirs.out.front(), kThere, now);
+    for (; !theirs.out.empty(); theirs.out.pop_front()) {
+      if (hello.empty()) hello = theirs.out.front();
+      ours.on(header.before(theirs.out.front(), server ? HandshakeKind::of_client : HandshakeKind::of_server).bytes(),
+              kThere, now);
+    }
     if (auto made = ours.take_association()) association = std::move(made);
   }
   ASSERT_TRUE(association);
@@ -108,66 +147,128 @@ TEST_P(WithOpenSsl, AgreesAndEachOpensWhatTheOtherSeals) {
   EXPECT_STREQ(SSL_get_cipher(theirs.ssl), "ECDHE-PSK-CHACHA20-POLY1305");
   EXPECT_EQ(association->peer, kThere);
 
+  std::array<std::uint8_t, 88> block{};
+  const std::string label = "EXPERIMENTAL twoport records";
+  ASSERT_EQ(
+      SSL_export_keying_material(theirs.ssl, block.data(), block.size(), label.data(), label.size(), nullptr, 0, 0), 1);
+  Sealer seals{half_of(block, !server)};
+  Opener opens{half_of(block, server)};
   for (int k = 0; k < 5; ++k) {
     const std::string said = "message " + std::to_string(k);
-    const auto record = association->sealer.seal(std::as_bytes(std::span{said}));
-    theirs.in.emplace_back(record.begin(), record.end());
-    std::array<char, 100> heard{};
-    ASSERT_EQ(SSL_read(theirs.ssl, heard.data(), heard.size()), static_cast<int>(said.size()));
-    EXPECT_EQ(std::string(heard.data(), said.size()), said);
-
-    ASSERT_GT(SSL_write(theirs.ssl, said.data(), static_cast<int>(said.size())), 0);
     std::span<const std::byte> plain;
-    ASSERT_EQ(association->opener.open(theirs.out.front(), plain), Opened::ok);
+    ASSERT_EQ(opens.open(association->sealer.seal(std::as_bytes(std::span{said})), plain), Opened::ok);
     EXPECT_TRUE(std::ranges::equal(plain, std::as_bytes(std::span{said})));
-    theirs.out.pop_front();
+    ASSERT_EQ(association->opener.open(seals.seal(std::as_bytes(std::span{said})), plain), Opened::ok);
+    EXPECT_TRUE(std::ranges::equal(plain, std::as_bytes(std::span{said})));
   }
+  // OpenSSL's own records of this handshake have other keys.
+  ASSERT_GT(SSL_write(theirs.ssl, "other", 5), 0);
+  std::span<const std::byte> plain;
+  EXPECT_EQ(Opener{half_of(block, !server)}.open(theirs.out.front(), plain), Opened::not_authentic);
 }
 INSTANTIATE_TEST_SUITE_P(AsServer, WithOpenSsl, ::testing::Bool());
 
-TEST(DtlsServer, KeepsNothingForASenderThatHasReturnedNoCookie) {
+struct ServerAndClient {
   DtlsHandshake server{{.server = true}, Key{key()}};
   DtlsHandshake client{{.server = false, .peer = kThere}, Key{key()}};
-  client.advance(0ms, true);
-  Datagram hello, answer;
-  ASSERT_TRUE(client.take_outgoing(hello));
-  std::size_t sent = 0, answered = 0;
+  /// The client's next datagram.
+  Datagram hello(Duration now = 0ms) {
+    client.advance(now, true);
+    Datagram d;
+    EXPECT_TRUE(client.take_outgoing(d));
+    return d;
+  }
+  /// The server's only answer to it: a cookie, or the first records (nothing: none).
+  std::optional<HandshakeKind> answer(const Datagram& d, const Endpoint& from, Duration now) {
+    server.on(d.bytes(), from, now);
+    if (!server.take_outgoing(answered)) return std::nullopt;
+    Datagram more;
+    while (server.take_outgoing(more)) {
+    }
+    return read_handshake(answered.bytes()).value().kind;
+  }
+  /// The client's ClientHello with a cookie.
+  Datagram second_hello() {
+    EXPECT_EQ(answer(hello(), kHere, 0ms), HandshakeKind::cookie);
+    client.on(answered.bytes(), kThere, 0ms);
+    return hello();
+  }
+  Datagram answered;
+};
+
+TEST(DtlsServer, KeepsNothingForASenderThatHasReturnedNoCookie) {
+  ServerAndClient w;
+  const Datagram hello = w.hello();
   for (std::uint16_t port = 1; port < 1000; ++port) {
     Endpoint from = kHere;
     from.port = port;
-    server.on(hello.bytes(), from, 0ms);
-    sent += hello.bytes().size();
-    while (server.take_outgoing(answer)) {
-      answered += answer.bytes().size();
-      EXPECT_EQ(answer.from, from);
-    }
+    ASSERT_EQ(w.answer(hello, from, 0ms), HandshakeKind::cookie);
+    EXPECT_EQ(w.answered.from, from);
+    EXPECT_LT(w.answered.bytes().size(), hello.bytes().size()) << "a forged source is sent less than was received";
   }
-  EXPECT_EQ(server.counts().cookies_sent, 999U);
-  EXPECT_LT(answered, sent) << "a forged source is sent less than was received";
+  EXPECT_EQ(w.server.counts().cookies_sent, 999U);
   // No flight is repeated: there are no attempts.
-  server.advance(1s, false);
-  EXPECT_FALSE(server.take_outgoing(answer));
+  w.server.advance(1s, false);
+  EXPECT_FALSE(w.server.take_outgoing(w.answered));
 }
 
-TEST(DtlsServer, ACookieIsGoodForItsAddressOnly) {
-  DtlsHandshake server{{.server = true}, Key{key()}};
-  DtlsHandshake client{{.server = false, .peer = kThere}, Key{key()}};
-  Datagram d;
-  client.advance(0ms, true);
-  ASSERT_TRUE(client.take_outgoing(d));
-  server.on(d.bytes(), kHere, 0ms);
-  ASSERT_TRUE(server.take_outgoing(d));
-  client.on(d.bytes(), kThere, 0ms);
-  ASSERT_TRUE(client.take_outgoing(d));
-  Datagram answer;
-  Endpoint elsewhere = kHere;
-  elsewhere.port = 99;
-  server.on(d.bytes(), elsewhere, 0ms);
-  ASSERT_TRUE(server.take_outgoing(answer));
-  EXPECT_EQ(server.counts().cookies_sent, 2U) << "one more cookie, no attempt";
-  server.on(d.bytes(), kHere, 0ms);
-  EXPECT_EQ(server.counts().cookies_sent, 2U);
-  EXPECT_TRUE(server.take_outgoing(answer));
+TEST(DtlsServer, AnswersNobodyWhoDoesNotProveTheKeyButToSayThat) {
+  DtlsHandshake stranger{{.server = false, .peer = kThere}, Key{Key::Bytes{1, 2, 3}}};
+  stranger.advance(0ms, true);
+  ServerAndClient w;
+  Datagram hello;
+  ASSERT_TRUE(stranger.take_outgoing(hello));
+  std::size_t answers = 0;
+  for (std::uint16_t port = 1; port < 1000; ++port) {
+    Endpoint from = kHere;
+    from.port = port;
+    answers += w.answer(hello, from, 0ms) == HandshakeKind::other_key;
+  }
+  EXPECT_EQ(answers, 1U) << "one to a network";
+  EXPECT_EQ(w.server.counts().cookies_sent, 0U);
+  EXPECT_EQ(w.server.last_failure(), HandshakeFailure::other_key);
+  for (int k = 0; k < 3; ++k) stranger.on(w.answered.bytes(), kThere, 0ms);
+  EXPECT_EQ(stranger.last_failure(), HandshakeFailure::other_key);
+  // Any bit of a genuine one changed: no better.
+  Datagram genuine = w.hello();
+  for (std::byte& b : genuine.bytes()) {
+    b ^= std::byte{4};
+    EXPECT_NE(w.answer(genuine, kHere, 1s), HandshakeKind::cookie);
+    b ^= std::byte{4};
+  }
+  EXPECT_EQ(w.answer(genuine, kHere, 1s), HandshakeKind::cookie);
+}
+
+TEST(DtlsServer, ACookieIsGoodForItsAddressAndAttemptAndForTwoMinutesAndLessThanFour) {
+  for (const auto& [at, begins] : {std::pair{0s, true}, {119s, true}, {230s, true}, {241s, false}, {3600s, false}}) {
+    ServerAndClient w;
+    const Datagram hello = w.second_hello();
+    Endpoint elsewhere = kHere;
+    elsewhere.port = 99;
+    EXPECT_EQ(w.answer(hello, elsewhere, at), HandshakeKind::cookie) << "one more cookie, no attempt";
+    EXPECT_EQ(w.answer(hello, kHere, at), begins ? HandshakeKind::of_server : HandshakeKind::cookie) << at.count();
+  }
+}
+
+TEST(DtlsServer, AnAttemptBeginsOnceHoweverOftenItsHelloIsRepeated) {
+  ServerAndClient w;
+  const Datagram hello = w.second_hello();
+  EXPECT_EQ(w.answer(hello, kHere, 0s), HandshakeKind::of_server);
+  EXPECT_EQ(w.answer(hello, kHere, 1s), std::nullopt) << "the flight is repeated by time";
+  w.server.advance(20s, false);  // it is given up
+  while (w.server.take_outgoing(w.answered)) {
+  }
+  EXPECT_EQ(w.server.last_failure(), HandshakeFailure::packets_lost);
+  EXPECT_EQ(w.answer(hello, kHere, 20s), std::nullopt);
+}
+
+TEST(DtlsServer, SaysThatAProgramIsOfAnEarlierVersion) {
+  ServerAndClient w;
+  Reference earlier{false};
+  SSL_do_handshake(earlier.ssl);
+  for (int k = 0; k < 3; ++k) w.server.on(earlier.out.front(), kHere, 0ms);
+  EXPECT_EQ(w.server.last_failure(), HandshakeFailure::earlier_version);
+  EXPECT_FALSE(w.server.take_outgoing(w.answered));
 }
 
 }  // namespace

@@ -137,17 +137,19 @@ TEST(SecureSocket, HandsNothingDownInPlainText) {
   EXPECT_EQ(alone.counts().unsent, 1U);
 }
 
-TEST(SecureSocket, AnotherKeyDoesNotConnectAndSaysThatSomebodyAnswered) {
+TEST(SecureSocket, AnotherKeyDoesNotConnectAndBothSidesSaySo) {
   World w;
+  w.set({.delay_s = 0.05});
   w.start_server();
   w.start_client(kClientAt, key(43));
-  w.run(20s);
+  w.run(1s);
   EXPECT_EQ(w.server->heard + w.client->heard, 0U);
   EXPECT_EQ(w.server->socket().associations() + w.client->socket().associations(), 0U);
-  EXPECT_TRUE(w.client->socket().answered());
+  EXPECT_EQ(w.client->socket().last_failure(), HandshakeFailure::other_key);
+  EXPECT_EQ(w.server->socket().last_failure(), HandshakeFailure::other_key);
   w.start_client();
   EXPECT_GE(w.until_both_hear(), 0ns);
-  EXPECT_FALSE(w.client->socket().answered());
+  EXPECT_EQ(w.client->socket().last_failure(), HandshakeFailure::none);
 }
 
 TEST(SecureSocket, ConnectsThroughHeavyLossDelayReorderingAndDamage) {
@@ -338,14 +340,14 @@ void attack(World& w, std::mt19937_64& random, const Endpoint& from, const Endpo
   w.network.send({noise.data(), size}, from, to, w.now);
 }
 
-/// The first datagrams of a client.
+/// The first datagrams of a client with the key, of another session.
 std::vector<Datagram> recorded_hellos() {
   World w;
   std::vector<Datagram> kept;
   w.start_server();
   MemorySocket socket = w.network.open(kElsewhere, w.now);
   Tap tap{socket, kept};
-  SecureSocket client{tap, {.server = false, .peer = kServerAt}, Key{key(99)}};
+  SecureSocket client{tap, {.server = false, .peer = kServerAt}, Key{key()}};
   for (int k = 0; k < 100; ++k) {
     w.tick();
     while (client.receive(w.now)) {
@@ -431,6 +433,77 @@ TEST(SecureSocket, ManyHalfOpenHandshakesKeepNobodyOut) {
     ASSERT_LT(w.now - from, 5s);
   }
 }
+
+/// What strangers send: made without the key; the first or the second datagram of a session that they have recorded.
+enum class Flood { forged, first, second };
+class UnderAFlood : public ::testing::TestWithParam<Flood> {
+ protected:
+  /// Two datagrams a millisecond, each from another of 10,000 addresses.
+  void strangers_send(World& w) {
+    for (int i = 0; i < 2; ++i) {
+      const unsigned who = next_++ % 10'000;
+      const Datagram& d = kept_[GetParam() == Flood::second ? 1 : 0];
+      Datagram sent = d;
+      if (GetParam() == Flood::forged)
+        sent.bytes()[4] = static_cast<std::byte>(next_), sent.bytes()[60] ^= std::byte{1};
+      Endpoint from = kElsewhere;
+      from.address[1] = static_cast<std::uint8_t>(1 + who / 250),
+      from.address[2] = static_cast<std::uint8_t>(who % 250);
+      w.network.send(sent.bytes(), from, kServerAt, w.now);
+    }
+  }
+  void record(World& w) {
+    w.start_server();
+    MemorySocket socket = w.network.open(kClientAt, w.now);
+    Tap tap{socket, kept_};
+    SecureSocket client{tap, {.server = false, .peer = kServerAt}, Key{key()}};
+    for (int k = 0; k < 100; ++k) {
+      w.tick();
+      while (client.receive(w.now)) {
+      }
+    }
+    ASSERT_EQ(client.associations(), 1U);
+  }
+  std::vector<Datagram> kept_;
+  unsigned next_ = 0;
+};
+
+TEST_P(UnderAFlood, TwoThatHaveTheKeyMeetAndMeetAgainWithinASecond) {
+  World w;
+  record(w);
+  w.set({.delay_s = 0.05});
+  const auto meet = [&](Duration patience) {
+    const std::uint64_t s = w.server->heard, c = w.client->heard;
+    for (const Duration from = w.now; w.now - from < patience;) {
+      strangers_send(w);
+      w.tick();
+      if (w.server->heard > s + 3 && w.client->heard > c + 3) return w.now - from;
+    }
+    return Duration{-1};
+  };
+  const auto flood = [&](int ms) {
+    while (ms-- > 0) {
+      strangers_send(w);
+      w.tick();
+    }
+  };
+  flood(6000);
+  w.start_client();
+  Duration took = meet(5s);
+  EXPECT_TRUE(took > 0ns && took < 800ms) << took.count();
+  flood(2000);
+  for (const Endpoint& at : {kClientAt, kElsewhere}) {
+    w.start_client(at);
+    took = meet(5s);
+    EXPECT_TRUE(took > 0ns && took < 800ms) << took.count();
+    flood(500);
+  }
+  w.start_server();
+  took = meet(5s);
+  EXPECT_TRUE(took > 0ns && took < 800ms) << took.count();
+  EXPECT_LE(w.server->socket().associations(), 1U);
+}
+INSTANTIATE_TEST_SUITE_P(Of, UnderAFlood, ::testing::Values(Flood::forged, Flood::first, Flood::second));
 
 TEST(SecureSocket, DoesNotAllocateWhileNothingIsAgreedOn) {
   World w;
