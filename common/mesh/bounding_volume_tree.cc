@@ -49,6 +49,20 @@ double squared_distance_to_box(const Eigen::Vector3d& low, const Eigen::Vector3d
   return sum;
 }
 
+/// Where the segment from p to q passes through the inside of a triangle, well away from its edges and from p and q (Möller, Trumbore,
+/// Fast, minimum storage ray-triangle intersection, J. Graphics Tools 2(1), 1997).
+std::optional<Eigen::Vector3d> passage(const std::array<Eigen::Vector3d, 3>& corner, const Eigen::Vector3d& p,
+                                       const Eigen::Vector3d& q) {
+  constexpr double kLeast = 1e-9;  // of the segment, of the triangle
+  const Eigen::Vector3d along = q - p, ab = corner[1] - corner[0], ac = corner[2] - corner[0], ap = p - corner[0];
+  const Eigen::Vector3d h = along.cross(ac), g = ap.cross(ab);
+  const double det = ab.dot(h);
+  if (!(std::abs(det) > kLeast * ab.norm() * ac.norm() * along.norm())) return std::nullopt;  // parallel
+  const double u = ap.dot(h) / det, v = along.dot(g) / det, t = ac.dot(g) / det;
+  if (std::min({u, v, 1.0 - u - v, t, 1.0 - t}) < kLeast) return std::nullopt;
+  return p + t * along;
+}
+
 }  // namespace
 
 double BoundingVolumeTree::Nearest::signed_distance(const Eigen::Vector3d& p) const noexcept {
@@ -122,6 +136,35 @@ std::uint32_t BoundingVolumeTree::build(std::vector<std::uint32_t>& order, std::
 
 double BoundingVolumeTree::distance(std::uint32_t triangle, const Eigen::Vector3d& p) const noexcept {
   return (p - nearest_of(faces_[triangle].corner, p).point).norm();
+}
+
+std::optional<Eigen::Vector3d> BoundingVolumeTree::crossing() const {
+  std::vector<std::uint32_t> stack;
+  for (const Face& face : faces_)
+    for (std::size_t k = 0; k < 3; ++k) {
+      const std::uint32_t from = face.vertex[k], to = face.vertex[(k + 1) % 3];
+      if (from > to) continue;  // of the other triangle of this edge
+      const Eigen::Vector3d &p = face.corner[k], &q = face.corner[(k + 1) % 3];
+      const Eigen::Vector3d low = p.cwiseMin(q), high = p.cwiseMax(q);
+      stack.assign(1, 0);
+      while (!stack.empty()) {
+        const std::uint32_t at = stack.back();
+        stack.pop_back();
+        const Node& node = nodes_[at];
+        if ((node.low.array() > high.array()).any() || (node.high.array() < low.array()).any()) continue;
+        if (node.count == 0) {
+          stack.push_back(at + 1), stack.push_back(node.first);
+          continue;
+        }
+        for (std::uint32_t i = node.first; i < node.first + node.count; ++i) {
+          const std::array<std::uint32_t, 3>& v = faces_[i].vertex;
+          const bool shares = std::any_of(v.begin(), v.end(), [&](std::uint32_t c) { return c == from || c == to; });
+          if (shares) continue;
+          if (const auto where = passage(faces_[i].corner, p, q)) return where;
+        }
+      }
+    }
+  return std::nullopt;
 }
 
 BoundingVolumeTree::Nearest BoundingVolumeTree::nearest(const Eigen::Vector3d& p, std::uint32_t near) const noexcept {

@@ -3,6 +3,7 @@
 #include <Eigen/Core>
 #include <array>
 #include <cstdint>
+#include <optional>
 #include <vector>
 
 #include "common/mesh/triangle_mesh.h"
@@ -13,7 +14,8 @@ namespace twoport {
 ///
 /// The sign of the distance is that of (p - nearest)·n with n the pseudonormal of the feature that holds the nearest point:
 /// the normal of a triangle, the sum of both triangles' at an edge, the sum weighted by angles at a vertex (Bærentzen, Aanæs,
-/// Signed distance computation using the angle weighted pseudonormal, IEEE TVCG 11(3), 2005). For a closed mesh it is exact.
+/// Signed distance computation using the angle weighted pseudonormal, IEEE TVCG 11(3), 2005). For a closed mesh of one shell that does
+/// not cross itself it is exact; see solids.h for others.
 class BoundingVolumeTree {
  public:
   struct Nearest {
@@ -32,8 +34,13 @@ class BoundingVolumeTree {
   [[nodiscard]] Nearest nearest(const Eigen::Vector3d& p, std::uint32_t near = 0) const noexcept;
   /// From one triangle of the tree's own order.
   [[nodiscard]] double distance(std::uint32_t triangle, const Eigen::Vector3d& p) const noexcept;
-  [[nodiscard]] const Eigen::Vector3d& low() const noexcept { return nodes_[0].low; }
-  [[nodiscard]] const Eigen::Vector3d& high() const noexcept { return nodes_[0].high; }
+  /// Where an edge of the mesh goes through the inside of a triangle; nothing: the mesh does not cross itself.
+  [[nodiscard]] std::optional<Eigen::Vector3d> crossing() const;
+  [[nodiscard]] std::uint32_t size() const noexcept { return static_cast<std::uint32_t>(faces_.size()); }
+  /// Of a triangle of the tree's own order.
+  [[nodiscard]] const std::array<Eigen::Vector3d, 3>& corners(std::uint32_t triangle) const noexcept {
+    return faces_[triangle].corner;
+  }
 
  private:
   static constexpr std::uint32_t kLeaf = 4;  // triangles

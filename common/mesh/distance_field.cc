@@ -3,8 +3,9 @@
 #include <algorithm>
 #include <array>
 #include <limits>
+#include <utility>
 
-#include "common/mesh/bounding_volume_tree.h"
+#include "common/mesh/solids.h"
 
 namespace twoport {
 namespace {
@@ -34,13 +35,14 @@ Grid grid_around(const Eigen::Vector3d& low, const Eigen::Vector3d& high, double
 }
 
 /// kInBand for the nodes less than kBand nodes from a triangle's bounding box, else kNoTriangle.
-std::vector<std::uint32_t> band_around(const TriangleMesh& mesh, const Grid& grid) {
+std::vector<std::uint32_t> band_around(const BoundingVolumeTree& tree, const Grid& grid) {
   std::vector<std::uint32_t> marks(grid.count(), kNoTriangle);
-  for (const TriangleMesh::Triangle& t : mesh.triangles) {
+  for (std::uint32_t n = 0; n < tree.size(); ++n) {
+    const std::array<Eigen::Vector3d, 3>& t = tree.corners(n);
     std::array<std::size_t, 3> from, to;
     for (std::size_t axis = 0; axis < 3; ++axis) {
       const auto i = static_cast<int>(axis);
-      const auto [low, high] = std::minmax({mesh.vertices[t[0]][i], mesh.vertices[t[1]][i], mesh.vertices[t[2]][i]});
+      const auto [low, high] = std::minmax({t[0][i], t[1][i], t[2][i]});
       from[axis] = static_cast<std::size_t>(std::max(0.0, std::ceil((low - grid.origin[i]) / grid.spacing - kBand)));
       to[axis] = std::min(grid.size[axis] - 1,
                           static_cast<std::size_t>(std::floor((high - grid.origin[i]) / grid.spacing + kBand)));
@@ -57,9 +59,9 @@ std::vector<std::uint32_t> band_around(const TriangleMesh& mesh, const Grid& gri
 /// Signed distances at the nodes. In the band they are exact, by the tree. Elsewhere a node takes the nearest of the triangles that are
 /// nearest to its neighbours, in sweeps along the diagonals (Tsai, Rapid and accurate computation of the distance function using grids,
 /// J. Computational Physics 178, 2002), and the neighbour's sign: no surface is between them.
-std::vector<float> distances(const TriangleMesh& mesh, const BoundingVolumeTree& tree, const Grid& grid) {
+std::vector<float> distances(const BoundingVolumeTree& tree, const Grid& grid) {
   std::vector<float> distance(grid.count(), std::numeric_limits<float>::infinity());
-  std::vector<std::uint32_t> nearest = band_around(mesh, grid);
+  std::vector<std::uint32_t> nearest = band_around(tree, grid);
   std::vector<bool> exact(grid.count(), false);
   const auto& size = grid.size;
   std::uint32_t near = 0;
@@ -111,15 +113,29 @@ double DistanceField::nodes(const TriangleMesh& mesh, double spacing_m) {
 }
 
 DistanceField::DistanceField(const TriangleMesh& mesh, double spacing_m) : spacing_{spacing_m} {
-  const BoundingVolumeTree tree{mesh};
-  const Grid grid = grid_around(tree.low(), tree.high(), spacing_m);
+  Eigen::Vector3d low = mesh.vertices[mesh.triangles[0][0]], high = low;
+  for (const TriangleMesh::Triangle& t : mesh.triangles)
+    for (const std::uint32_t v : t) low = low.cwiseMin(mesh.vertices[v]), high = high.cwiseMax(mesh.vertices[v]);
+  const Grid grid = grid_around(low, high, spacing_m);
   origin_ = grid.origin;
   // The nodes around u are floor(u + 1/2) and the ones beside it.
   for (std::size_t axis = 0; axis < 3; ++axis) {
     stride_[axis] = grid.stride[axis];
     last_[static_cast<int>(axis)] = static_cast<double>(grid.size[axis]) - 2.0;
   }
-  coefficients_ = distances(mesh, tree, grid);
+  const auto combine = [](std::vector<float>& with, const std::vector<float>& other, auto choose) {
+    std::transform(with.begin(), with.end(), other.begin(), with.begin(), choose);
+  };
+  for (const Solid& solid : solids_of(mesh).all) {
+    std::vector<float> of_solid = distances(solid.outer, grid);
+    for (const BoundingVolumeTree& cavity : solid.cavities)
+      combine(of_solid, distances(cavity, grid), [](float a, float b) { return std::max(a, b); });
+    if (coefficients_.empty()) {
+      coefficients_ = std::move(of_solid);
+    } else {
+      combine(coefficients_, of_solid, [](float a, float b) { return std::min(a, b); });
+    }
+  }
 }
 
 }  // namespace twoport

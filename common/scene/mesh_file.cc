@@ -7,12 +7,19 @@
 #include <map>
 #include <mutex>
 #include <utility>
+#include <vector>
 
 #include "common/base/check.h"
 #include "common/base/file.h"
 #include "common/mesh/read_mesh.h"
+#include "common/mesh/solids.h"
 
 namespace twoport {
+namespace {
+
+constexpr std::size_t kMostShells = 256;  // each costs a distance field while the scene is read
+
+}  // namespace
 
 TriangleMesh read_mesh_file(const std::string& path, double scale) {
   TriangleMesh mesh = parse_mesh(read_whole(path), path);
@@ -29,6 +36,19 @@ TriangleMesh read_mesh_file(const std::string& path, double scale) {
   if (!(faults.volume_m3 > 0.0))
     throw ConfigError{fmt::format(
         "{} has its triangles facing inwards; their corners must be counterclockwise seen from outside", path)};
+  const std::vector<TriangleMesh> shells = shells_of(mesh);
+  if (shells.size() > kMostShells)
+    throw ConfigError{
+        fmt::format("{} has {} separate surfaces; at most {} are read", path, shells.size(), kMostShells)};
+  const auto text = [](const Eigen::Vector3d& p) { return fmt::format("({:.6g}, {:.6g}, {:.6g})", p[0], p[1], p[2]); };
+  for (const TriangleMesh& shell : shells)
+    if (const auto where = BoundingVolumeTree{shell}.crossing())
+      throw ConfigError{fmt::format("{} has a surface that crosses itself at {} m; surfaces may only cross others",
+                                    path, text(*where))};
+  if (const auto where = solids_of(mesh).inward)
+    throw ConfigError{
+        fmt::format("{} has a surface at {} m that faces inwards and lies in no other; a cavity must lie in a solid",
+                    path, text(*where))};
   return mesh;
 }
 

@@ -4,6 +4,7 @@
 #include <memory>
 #include <numbers>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "common/base/check.h"
@@ -12,6 +13,7 @@
 #include "common/mesh/distance_field.h"
 #include "common/mesh/read_mesh.h"
 #include "common/mesh/sample_surface.h"
+#include "common/mesh/solids.h"
 #include "tests/support/meshes.h"
 #include "tests/support/no_alloc.h"
 #include "tests/support/source.h"
@@ -138,6 +140,112 @@ TEST(Mesh, TellsWhatKeepsItFromBeingASolid) {
   EXPECT_EQ(faults_of(turned).odd_edges, 3u);
   for (TriangleMesh::Triangle& t : mesh.triangles) std::swap(t[0], t[1]);
   EXPECT_NEAR(faults_of(mesh).volume_m3, -48.0, 1e-12);
+}
+
+// --- solids --------------------------------------------------------------------------------------
+
+void append(TriangleMesh& mesh, const TriangleMesh& part, const Vector3d& at, bool cavity = false) {
+  const auto first = static_cast<std::uint32_t>(mesh.vertices.size());
+  for (const Vector3d& v : part.vertices) mesh.vertices.push_back(v + at);
+  for (TriangleMesh::Triangle t : part.triangles) {
+    for (std::uint32_t& v : t) v += first;
+    if (cavity) std::swap(t[0], t[1]);
+    mesh.triangles.push_back(t);
+  }
+}
+double box_distance(const Vector3d& p, const Vector3d& half) {
+  const Vector3d q = p.cwiseAbs() - half;
+  return q.maxCoeff() < 0.0 ? q.maxCoeff() : q.cwiseMax(0.0).norm();
+}
+const Vector3d kCube = Vector3d::Constant(0.01);
+
+TEST(Mesh, OfTwoOverlappingCubesPushesOutOfBoth) {
+  TriangleMesh mesh = box_mesh(kCube);
+  append(mesh, box_mesh(kCube), {0.01, 0.004, 0.002});
+  const DistanceField field{mesh, 1e-3};
+  // Into the first cube through the face at -x, on through the hidden face of the second and through the middle.
+  for (double x = -0.0095; x < 0.0095; x += 2.5e-4) {
+    const Vector3d p{x, 0.002, 0.001}, off{0.01, 0.004, 0.002};
+    EXPECT_NEAR(field.at(p).distance, std::min(box_distance(p, kCube), box_distance(p - off, kCube)), 3e-4) << x;
+    EXPECT_LT(field.at(p).distance, -1e-4) << x;
+  }
+  EXPECT_NEAR(field.at({-0.007, 0.0, 0.001}).gradient.x(), -1.0, 1e-3) << "at 3 mm";
+}
+
+TEST(Mesh, OfACubeWithANestedOneIsTheCube) {
+  TriangleMesh mesh = box_mesh(2.0 * kCube);
+  append(mesh, box_mesh(kCube), {0.001, 0.0, 0.002});
+  const DistanceField field{mesh, 1e-3}, alone{box_mesh(2.0 * kCube), 1e-3};
+  Source source;
+  for (int i = 0; i < 5000; ++i) {
+    const Vector3d p = source.vector<3>(0.025);
+    ASSERT_EQ(field.at(p).distance, alone.at(p).distance);
+    ASSERT_EQ(field.at(p).gradient, alone.at(p).gradient);
+  }
+}
+
+TEST(Mesh, OfRandomBoxesSpheresAndCavitiesNeverTakesTheWrongSide) {
+  Source source;
+  double worst = 0.0;
+  for (int trial = 0; trial < 12; ++trial) {
+    struct Part {
+      Vector3d at, half;  // a box; a sphere: its radius
+      bool sphere, cavity;
+      [[nodiscard]] double distance(const Vector3d& p) const {
+        return sphere ? (p - at).norm() - half[0] : box_distance(p - at, half);
+      }
+    };
+    std::vector<Part> parts;
+    TriangleMesh mesh;
+    for (int i = 0; i < 2 + trial % 4; ++i) {
+      const bool sphere = source.uniform(0, 1) < 0.5;
+      Vector3d half{source.uniform(0.008, 0.02), source.uniform(0.008, 0.02), source.uniform(0.008, 0.02)};
+      if (sphere) half.setConstant(half[0]);
+      parts.push_back({source.vector<3>(0.015), half, sphere, false});
+      append(mesh, sphere ? sphere_mesh(half[0], 3) : box_mesh(half), parts.back().at);
+      if (trial % 3 != 0) continue;
+      parts.push_back({parts.back().at, Vector3d::Constant(0.005), true, true});
+      append(mesh, sphere_mesh(0.005, 3), parts.back().at, true);
+    }
+    const auto exact = [&](const Vector3d& p) {
+      double least = 1e9;
+      for (std::size_t i = 0; i < parts.size(); ++i) {
+        if (parts[i].cavity) continue;
+        double d = parts[i].distance(p);
+        if (i + 1 < parts.size() && parts[i + 1].cavity) d = std::max(d, -parts[i + 1].distance(p));
+        least = std::min(least, d);
+      }
+      return least;
+    };
+    EXPECT_FALSE(solids_of(mesh).inward);
+    const DistanceField field{mesh, 1.5e-3};
+    for (int i = 0; i < 2000; ++i) {
+      const Vector3d p = source.vector<3>(0.035);
+      const double d = field.at(p).distance;
+      // Rounded by the grid where surfaces meet.
+      if (std::abs(exact(p)) > 8e-4) {
+        ASSERT_EQ(d < 0.0, exact(p) < 0.0) << p.transpose() << " in trial " << trial;
+      }
+      if (std::abs(exact(p)) < 0.004) worst = std::max(worst, std::abs(d - exact(p)));
+    }
+  }
+  std::printf("at most %.0f µm off\n", 1e6 * worst);
+  EXPECT_LT(worst, 1e-3);
+}
+
+TEST(Mesh, KnowsASurfaceThatCrossesItselfAndOneThatFacesInwardsInNoOther) {
+  EXPECT_FALSE(BoundingVolumeTree{fine_torus()}.crossing());
+  EXPECT_FALSE(BoundingVolumeTree{box_mesh(kCube)}.crossing());
+  EXPECT_FALSE(BoundingVolumeTree{sphere_mesh(0.03, 4)}.crossing());
+  TriangleMesh pulled = box_mesh(kCube);
+  pulled.vertices[0] = {0.03, 0.002, 0.003};  // a corner, through the opposite face
+  const auto where = BoundingVolumeTree{pulled}.crossing();
+  ASSERT_TRUE(where);
+  EXPECT_NEAR(where->x(), 0.01, 1e-6);
+  TriangleMesh mesh = box_mesh(2.0 * kCube);
+  append(mesh, box_mesh(kCube), {0.05, 0.0, 0.0}, true);
+  EXPECT_TRUE(faults_of(mesh).none());
+  EXPECT_TRUE(solids_of(mesh).inward);
 }
 
 // --- nearest point -------------------------------------------------------------------------------
