@@ -11,14 +11,14 @@ trap 'rm -f "$log"' EXIT
 for ((round = 0; round < rounds; round++)); do
   : >"$log"
   start=$(date +%s%3N)
-  env --default-signal=INT scripts/play --dof 1 >"$log" 2>&1 &
+  env --default-signal=INT scripts/play --no-browser --dof 1 >"$log" 2>&1 &
   play=$!
   until url=$(grep -om1 'http://[^ ]*' "$log"); do
     kill -0 "$play" || { cat "$log" >&2; exit 1; }
     sleep 0.01
   done
   served=$(date +%s%3N)
-  node bench/first_force.mjs "$url" "$chromium" "$PWD/build/release/web/page/node_modules" "$start" "$served"
+  node bench/first_force.mjs "$url" "$chromium" "$PWD/build/page/node_modules" "$start" "$served"
   kill -INT "$play"
   wait "$play" || true
 done

@@ -136,6 +136,8 @@ class PageDevice final : public Device<N> {
       case PageCommand::Kind::network:
       case PageCommand::Kind::surface:
       case PageCommand::Kind::method:
+      case PageCommand::Kind::take:
+      case PageCommand::Kind::restart:
         break;
     }
   }

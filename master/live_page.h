@@ -6,7 +6,6 @@
 #include <memory>
 #include <optional>
 
-#include "common/base/check.h"
 #include "common/page/assets.h"
 #include "common/page/channel.h"
 #include "common/page/describe.h"
@@ -22,9 +21,6 @@ class LivePage {
   /// Nothing is served yet. Null where neither --page nor --device page is given.
   static std::unique_ptr<LivePage> wanted(const LiveArguments& a) {
     if (a.page.empty()) return nullptr;
-    if (!page_is_absent().empty())
-      throw ConfigError{"--page " + a.page +
-                        ": this program was built without the page: " + std::string{page_is_absent()}};
     return std::make_unique<LivePage>();
   }
 
@@ -34,18 +30,27 @@ class LivePage {
   void serve(const Scene& scene, const LiveArguments& a, const std::string& device, spdlog::logger& log) {
     every_ = std::max<std::int64_t>(1, std::llround(scene.master_rate_hz / kSampleHz));
     const bool pointer = a.hardware == "page";
-    server_.emplace(
-        PageServer::Options{.address = a.page,
-                            .introduction = describe_for_page(scene, {.device = device,
-                                                                      .has_pointer = pointer,
-                                                                      .grip_n_per_m = channel_.pointer.grip_n_per_m,
-                                                                      .methods = configurations(scene)}),
-                            .assets = page_assets()},
-        channel_);
+    const PageServer::Options options{
+        .address = a.page,
+        .introduction = describe_for_page(scene, {.device = device,
+                                                  .has_pointer = pointer,
+                                                  .restarts = a.restartable,
+                                                  .grip_n_per_m = channel_.pointer.grip_n_per_m,
+                                                  .methods = configurations(scene)}),
+        .page = page_html(),
+        .restartable = a.restartable};
+    server_.emplace(options, channel_, PageJudge{scene, std::min(kSampleHz, scene.master_rate_hz), pointer});
     log.info("page: {}", server_->url());
     if (!server_->is_local())
-      log.warn("the page has no password: whoever reaches {} can watch and move the robot", a.page);
+      log.warn(
+          "the page is not encrypted: whoever has this link, or hears it on the network, can watch and move the robot");
   }
+  /// Tells the pages how the run has ended.
+  void end(const Summary& s) {
+    if (server_) server_->end(s.verdict_kind() + ": " + s.verdict());
+  }
+  /// Has the page ended the program to have it started again?
+  [[nodiscard]] bool restarts() const noexcept { return server_ && server_->restarts(); }
 
   /// Calls apply(command) for each command that has arrived: network, surface, method.
   template <class Apply>
@@ -63,13 +68,14 @@ class LivePage {
   /// Of every tick. `peer`: null without a link. `epoch`: of the method.
   template <int N, class Output>
   void show(Duration now, Duration late, const DeviceSample<N>& device, const Output& out, Energy observed,
-            const PeerState<N>* peer, const TickView& view, std::uint32_t epoch) noexcept {
+            const PeerState<N>* peer, const TickView& view, const LimitCounts& limits, std::uint32_t epoch) noexcept {
     late_ = std::max(late_, late);
     dissipated_j_ += out.dissipated.si();
     if (++tick_ % every_ != 0) return;
     PageSample& s = next_;
     s.t_s = to_seconds(now).si();
     put(device.x, s.hand_x_m, s.hand_attitude);
+    put(device.v, s.hand_v_m_per_s);
     put(-out.command, s.felt_n, &s.felt_n_m);
     put(-out.wanted, s.unlimited_n, nullptr);
     if constexpr (requires { out.mode; }) {
@@ -81,12 +87,14 @@ class LivePage {
     if (peer != nullptr) {
       const PortReport<N>& r = peer->newest;
       put(r.x, s.robot_x_m, s.robot_attitude);
+      put(r.v, s.robot_v_m_per_s);
       put(r.f_environment, s.environment_n, &s.environment_n_m);
       put(r.f_coupling, s.coupling_n, nullptr);
       for (int i = 0; i < std::min(N, 3); ++i) s.behind_m[static_cast<std::size_t>(i)] = r.position_error[i];
       s.slave_mode = static_cast<double>(peer->has_report ? r.mode : Mode::idle);
       s.robot_energy_j = peer->energy_in_j;
       s.round_trip_ms = view.round_trip >= Duration{0} ? 1e3 * to_seconds(view.round_trip).si() : -1.0;
+      s.report_age_ms = peer->has_report ? 1e3 * to_seconds(now - peer->received_at).si() : -1.0;
       s.received = static_cast<double>(view.received);
       s.lost = static_cast<double>(view.lost);
     } else {
@@ -100,6 +108,10 @@ class LivePage {
     s.deficit_j = out.undissipated.si();
     if constexpr (requires { out.contact_spring_share; }) s.contact_spring_share = out.contact_spring_share;
     s.late_us = 1e6 * to_seconds(late_).si();
+    s.limits = 0.0;
+    for (std::size_t i = 0; i < kLimits; ++i)
+      if (limits.of[i] != limits_.of[i]) s.limits += static_cast<double>(1u << i);
+    limits_ = limits;
     s.epoch = static_cast<double>(epoch);
     s.held = channel_.pointer.held ? 1.0 : 0.0;
     s.environment_answer = static_cast<double>(environment_.answer);
@@ -121,6 +133,10 @@ class LivePage {
     if constexpr (N == 6) q = {x.attitude().w(), x.attitude().x(), x.attitude().y(), x.attitude().z()};
   }
   template <int N>
+  static void put(const Velocity<N>& v, PageSample::Vector& to) noexcept {
+    for (int i = 0; i < std::min(N, 3); ++i) to[static_cast<std::size_t>(i)] = v.vec()[i];
+  }
+  template <int N>
   static void put(const Force<N>& f, PageSample::Vector& force, PageSample::Vector* torque) noexcept {
     for (int i = 0; i < std::min(N, 3); ++i) force[static_cast<std::size_t>(i)] = f[i];
     if constexpr (N == 6) {
@@ -134,6 +150,7 @@ class LivePage {
   double dissipated_j_ = 0.0;
   PageSample next_;
   EnvironmentMessage environment_;
+  LimitCounts limits_;
   std::optional<PageServer> server_;
 };
 

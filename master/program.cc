@@ -21,6 +21,8 @@
 namespace twoport {
 namespace {
 
+constexpr int kStartAgain = 4;  ///< exit status: the page asks for a run from the beginning
+
 /// The common part of both masters for run_live.
 template <int N>
 struct Master {
@@ -59,6 +61,10 @@ struct Master {
                        .of_slave = !link},
                       1.0,
                       std::move(known)};
+  }
+
+  void tell_end(const Summary& s) const {
+    if (page) page->end(s);
   }
 
   /// Values of the device and the node. `observed` is the node's account of the port, without E(0).
@@ -161,7 +167,8 @@ struct RenderMaster : Master<N> {
   void end_tick(Duration now, Duration late, const DeviceSample<N>& sample,
                 const typename RenderNode<N>::Output& out) noexcept {
     if (this->page) [[unlikely]]
-      this->page->show(now, late, sample, out, node.observed() - initial, static_cast<PeerState<N>*>(nullptr), {}, 0);
+      this->page->show(now, late, sample, out, node.observed() - initial, static_cast<PeerState<N>*>(nullptr), {},
+                       node.limit_counts(), 0);
   }
 
   Environment<N> environment;
@@ -256,7 +263,8 @@ struct LinkMaster : Master<N> {
       next.gripper_energy_j = gripper->node().observed().si();
     }
     this->page->note_environment(link.mail().transport().heard_environment());
-    this->page->show(now, late, sample, out, node.observed(), &link.mail().known(), link.view(), node.epoch());
+    this->page->show(now, late, sample, out, node.observed(), &link.mail().known(), link.view(),
+                     node.limit_counts() + link.limit_counts(), node.epoch());
   }
 
   MountedDevice<N>& mounted;
@@ -286,12 +294,13 @@ int run(const Scene& read, const LiveArguments& arguments, const Registry& hardw
     scene.gripper = std::make_shared<const Scene>(with_device(*read.gripper, gripper->info()));
   }
   if (page) page->serve(scene, arguments, device->info().name, log);
-  if (scene.control.architecture == Architecture::render) {
-    RenderMaster<N> side{scene, *device, arguments.hardware, page.get()};
-    return run_live(side, scene, arguments, log);
-  }
-  LinkMaster<N> side{scene, *device, arguments, page.get(), scene.gripper.get(), std::move(gripper)};
-  return run_live(side, scene, arguments, log);
+  const auto end_of = [&](auto&& side) {
+    const int status = run_live(side, scene, arguments, log);
+    return page && page->restarts() ? kStartAgain : status;
+  };
+  if (scene.control.architecture == Architecture::render)
+    return end_of(RenderMaster<N>{scene, *device, arguments.hardware, page.get()});
+  return end_of(LinkMaster<N>{scene, *device, arguments, page.get(), scene.gripper.get(), std::move(gripper)});
 }
 
 }  // namespace

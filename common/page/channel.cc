@@ -58,6 +58,10 @@ std::optional<PageCommand> parse_page_command(std::string_view text) {
     }
   } else if (verb == "release") {
     c.kind = PageCommand::Kind::release;
+  } else if (verb == "take") {
+    c.kind = PageCommand::Kind::take;
+  } else if (verb == "restart") {
+    c.kind = PageCommand::Kind::restart;
   } else if (verb == "grip") {
     c.kind = PageCommand::Kind::grip;
     c.number[0] = words.number(kPageGripLeast, kPageGripMost);

@@ -22,6 +22,7 @@ struct PageSample {
   Quaternion hand_attitude{1.0, 0.0, 0.0, 0.0};
   Vector robot_x_m{};
   Quaternion robot_attitude{1.0, 0.0, 0.0, 0.0};
+  Vector hand_v_m_per_s{}, robot_v_m_per_s{};
   Vector behind_m{};                  ///< robot minus the delayed, registered hand
   Vector felt_n{};                    ///< force on the hand
   Vector felt_n_m{};                  ///< torque on the hand
@@ -35,7 +36,9 @@ struct PageSample {
   double deficit_j = 0.0;             ///< not dissipated yet
   double contact_spring_share = 0.0;  ///< of the spring in all axes in the model of the contact
   double round_trip_ms = -1.0;        ///< of the newest report; negative: not known
+  double report_age_ms = -1.0;        ///< since the newest report of the slave arrived; negative: none has
   double received = 0.0, lost = 0.0;  ///< packets from the slave
+  double limits = 0.0;                ///< those that acted since the sample before: the sum of 2^Limit
   double late_us = 0.0;               ///< largest wake-up latency since the sample before
   double mode = 0.0, slave_mode = 0.0;
   double epoch = 0.0;                                  ///< switches of the method so far
@@ -62,6 +65,8 @@ void for_each_page_field(Sample& s, See&& see) {
   vector("hand_attitude", s.hand_attitude);
   vector("robot_x_m", s.robot_x_m);
   vector("robot_attitude", s.robot_attitude);
+  vector("hand_v_m_per_s", s.hand_v_m_per_s);
+  vector("robot_v_m_per_s", s.robot_v_m_per_s);
   vector("behind_m", s.behind_m);
   vector("felt_n", s.felt_n);
   vector("felt_n_m", s.felt_n_m);
@@ -75,8 +80,10 @@ void for_each_page_field(Sample& s, See&& see) {
   number("deficit_j", s.deficit_j);
   number("contact_spring_share", s.contact_spring_share);
   number("round_trip_ms", s.round_trip_ms);
+  number("report_age_ms", s.report_age_ms);
   number("received", s.received);
   number("lost", s.lost);
+  number("limits", s.limits);
   number("late_us", s.late_us);
   number("mode", s.mode);
   number("slave_mode", s.slave_mode);
@@ -105,6 +112,8 @@ struct PageCommand {
     surface,  ///< which: of the environment; numbers: stiffness [N/m], friction [1], at least 0
               ///< and not limited further: the slave refuses
     method,   ///< which: index into the methods that the page was told
+    take,     ///< this page controls the run from now on
+    restart,  ///< both programs, where somebody starts them again
   };
   Kind kind = Kind::release;
   int which = 0;
@@ -125,6 +134,8 @@ inline constexpr double kPageDelayMs = 500.0, kPageJitterMs = 50.0, kPageLoss = 
 ///     network to_slave|to_master DELAY_MS JITTER_MS LOSS
 ///     surface INDEX N_PER_M FRICTION
 ///     method INDEX
+///     take
+///     restart
 ///
 /// Nothing where it is malformed or a number is not finite.
 std::optional<PageCommand> parse_page_command(std::string_view text);

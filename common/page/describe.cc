@@ -8,6 +8,8 @@
 
 #include "common/contact/world.h"
 #include "common/page/channel.h"
+#include "common/page/judge.h"
+#include "common/safety/limits.h"
 
 namespace twoport {
 namespace {
@@ -113,15 +115,16 @@ std::string describe_for_page(const Scene& s, const PageIntroduction& i) {
   for (std::size_t a = 0; a < answers.size(); ++a) answers[a] = sentence(static_cast<EnvironmentAnswer>(a));
   const auto axis = [](const Eigen::Vector3d& v) { return vector(v); };
   return fmt::format(
-      R"({{"scene":{},"dof":{},"rate_hz":{},"architecture":{},"method":{},"methods":{},"device":{},"pointer":{},)"
+      R"({{"scene":{},"dof":{},"rate_hz":{},"architecture":{},"method":{},"methods":{},"initial_energies_j":{},"device":{},"pointer":{},"restarts":{},)"
       R"("grip_n_per_m":{},"grip_limits_n_per_m":[{},{}],"max_force_n":{},"motion_scale":{},"force_scale":{},)"
-      R"("linked":{},"to_slave":{},"to_master":{},"network_limits":{{"delay_ms":{},"jitter_ms":{},"loss":{}}},)"
+      R"("limits":{},"linked":{},"to_slave":{},"to_master":{},"network_limits":{{"delay_ms":{},"jitter_ms":{},"loss":{}}},)"
       R"("environment":{},"environment_answers":{},"surface_limits":{{"stiffness_n_per_m":{},"friction":{}}},)"
       R"("tool":{},"gripper_m":{},"fields":[{}]}})",
       json_string(s.name), s.dof, number(s.master_rate_hz), json_string(name_of(s.control.architecture)),
-      json_string(s.control.method_name), list(i.methods, json_string), json_string(i.device), i.has_pointer,
-      number(i.grip_n_per_m), number(kPageGripLeast), number(kPageGripMost), number(s.control.max_force_n),
-      number(s.control.motion_scale), number(s.control.force_scale), s.control.architecture != Architecture::render,
+      json_string(s.control.method_name), list(i.methods, json_string), list(initial_energies_j(s), number),
+      json_string(i.device), i.has_pointer, i.restarts, number(i.grip_n_per_m), number(kPageGripLeast),
+      number(kPageGripMost), number(s.control.max_force_n), number(s.control.motion_scale),
+      number(s.control.force_scale), list(kLimitNames, json_string), s.control.architecture != Architecture::render,
       network(s.to_slave), network(s.to_master), number(kPageDelayMs), number(kPageJitterMs), number(kPageLoss),
       list(s.environment, element), list(answers, json_string), number(kSurfaceStiffnessMost),
       number(kSurfaceFrictionMost), list(s.tool, axis), gripper, fields);

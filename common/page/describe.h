@@ -11,6 +11,7 @@ namespace twoport {
 struct PageIntroduction {
   std::string device;         ///< name of the haptic device
   bool has_pointer = false;   ///< is it the page's own (--device page)?
+  bool restarts = false;      ///< may the page have both programs started again?
   double grip_n_per_m = 0.0;  ///< initial stiffness of the hand, of the page's device
   std::vector<std::string>
       methods;  ///< that may be chosen while running: that of epoch e is number e modulo their number; empty: none may

@@ -147,6 +147,7 @@ std::vector<std::string> configurations(const Scene& scene);
 ///     judged()                  is its summary compared with the scene's `expect`?
 ///     switch_when_due(t_s)      a master over a link: before each tick
 ///     begin_tick(), end_tick(now, late, sample, out)   optional: around the cycle of every tick
+///     tell_end(summary)         optional: when the run is over
 ///     gripper                   a unique_ptr to a LiveGripper, null where the scene has none
 ///     lets_go()                 has the hardware let go by itself?
 template <class LiveSide>
@@ -283,6 +284,7 @@ int run_live(LiveSide& side, const Scene& scene, const LiveArguments& arguments,
   }
   // Neither stable nor unstable: nobody knows.
   if (s.verdict_kind() == to_string(VerdictKind::undecided)) s.clear_stable();
+  if constexpr (requires { side.tell_end(s); }) side.tell_end(s);
   if (!has_gripper_trace) recorded = 1;
   const int written = std::max(recorded, leave_files(scene, arguments, LiveSide::kName, trace, s));
   if (failure.status != 0) {

@@ -7,15 +7,19 @@
 
 #include <algorithm>
 #include <array>
+#include <atomic>
 #include <bit>
 #include <boost/asio/io_context.hpp>
 #include <boost/asio/ip/tcp.hpp>
+#include <boost/asio/ip/udp.hpp>
+#include <boost/asio/post.hpp>
 #include <boost/asio/steady_timer.hpp>
 #include <boost/beast/core/flat_buffer.hpp>
 #include <boost/beast/http.hpp>
 #include <boost/beast/websocket.hpp>
 #include <charconv>
 #include <chrono>
+#include <csignal>
 #include <optional>
 #include <thread>
 #include <utility>
@@ -23,6 +27,8 @@
 
 #include "common/base/check.h"
 #include "common/base/thread.h"
+#include "common/page/describe.h"
+#include "common/platform/random.h"
 #include "common/platform/udp.h"
 
 namespace twoport {
@@ -39,8 +45,10 @@ using namespace std::chrono_literals;
 
 static_assert(std::endian::native == std::endian::little, "the page reads little-endian numbers");
 
-constexpr auto kFrameTime = 16ms;  // between two messages to a client
-constexpr auto kPatience = 10s;    // for a client that reads nothing
+constexpr auto kFrameTime = 16ms;   // between two messages to a client
+constexpr auto kPatience = 10s;     // for a client that reads nothing
+constexpr auto kJudging = 250ms;    // between two verdicts
+constexpr auto kLastWords = 150ms;  // for the end of the run to reach the pages
 constexpr std::size_t kRequests =
     16;  // connections at once that are no WebSockets; a new one takes the place of the oldest
 constexpr std::size_t kSockets = 8;        // WebSockets at once
@@ -51,6 +59,25 @@ bool is_well_formed(const http::request_parser<http::empty_body>& parser) {
   const Request& r = parser.get();
   return parser.is_done() && r.target().starts_with('/') && r.count(http::field::host) < 2 &&
          r.count(http::field::origin) < 2;
+}
+
+/// Are they the same, in a time that does not depend on where they differ?
+bool same(std::string_view a, std::string_view b) {
+  unsigned different = a.size() == b.size() ? 0 : 1;
+  for (std::size_t i = 0; i < a.size(); ++i) different |= static_cast<unsigned>(a[i] ^ b[i % b.size()]);
+  return different == 0;
+}
+
+/// The address under which other machines reach this one, by its route to the rest of the network. No packet is sent.
+asio::ip::address own_address(const asio::ip::address& bound) {
+  if (!bound.is_unspecified()) return bound;
+  asio::io_context context;
+  asio::ip::udp::socket socket{context};
+  Error error;
+  socket.connect({asio::ip::make_address(bound.is_v6() ? "2001:db8::1" : "192.0.2.1"), 9}, error);
+  if (!error) return socket.local_endpoint().address();
+  return bound.is_v6() ? asio::ip::address{asio::ip::address_v6::loopback()}
+                       : asio::ip::address{asio::ip::address_v4::loopback()};
 }
 
 }  // namespace
@@ -90,12 +117,14 @@ struct PageServer::Impl {
     http::request_parser<http::empty_body> parser;
     boost::beast::flat_buffer arriving;
     bool upgraded = false, holds = false, greeted = false, writing = false, pinging = false, ends = false;
-    Text samples;  ///< newest that are not sent yet
+    bool untold = false;  ///< status() has changed since it was sent
+    Text samples;         ///< newest that are not sent yet
     Now::time_point since = Now::now(), heard = since, pinged = since, last_progress = since, commanded = since;
   };
   using Shared = std::shared_ptr<Client>;
 
-  Impl(const Options& o, PageChannel& c) : options{o}, channel{c}, acceptor{context}, timer{context} {
+  Impl(const Options& o, PageChannel& c, PageJudge j)
+      : options{o}, channel{c}, judge{std::move(j)}, acceptor{context}, timer{context} {
     const Endpoint at = parse_endpoint(o.address, "--page");
     asio::ip::address address;
     if (at.v6) {
@@ -116,9 +145,10 @@ struct PageServer::Impl {
       throw ConfigError{
           fmt::format("--page {}: {}; choose another port, or port 0 for any free one", o.address, error.message())};
     port = acceptor.local_endpoint().port();
-    const bool any = address.is_unspecified();
-    const std::string host = any ? "127.0.0.1" : at.v6 ? "[" + address.to_string() + "]" : address.to_string();
-    url = fmt::format("http://{}:{}/", host, port);
+    const asio::ip::address reached = own_address(address);
+    const std::string host = reached.is_v6() ? "[" + reached.to_string() + "]" : reached.to_string();
+    if (!local) query = fmt::format("?token={:016x}{:016x}", system_random(), system_random());
+    url = fmt::format("http://{}:{}/{}", host, port, query);
     introduction = std::make_shared<const std::string>(o.introduction);
     accept();
     tick();
@@ -159,6 +189,14 @@ struct PageServer::Impl {
     timer.async_wait([this](Error) {
       send_samples();
       const auto now = Now::now();
+      if (now - judged > kJudging) {
+        judged = now;
+        const PageVerdict v = judge.verdict();
+        if (v.kind != verdict.kind || v.reason != verdict.reason) {
+          verdict = v;
+          tell_all();
+        }
+      }
       for (const Shared& client : std::vector<Shared>{clients}) {
         const bool slow = client->writing && now - client->last_progress > kPatience;
         const bool silent = client->upgraded ? now - client->heard > options.silence
@@ -180,6 +218,7 @@ struct PageServer::Impl {
     PageSample sample;
     while (channel.samples.try_pop(sample)) {
       sample.dropped = static_cast<double>(channel.samples.dropped());
+      judge.add(sample);
       batch[count++ % kMostSamples] = sample;
     }
     const bool wanted = std::any_of(clients.begin(), clients.end(), [](const Shared& c) { return c->upgraded; });
@@ -217,25 +256,28 @@ struct PageServer::Impl {
     if (!is_literal_host(host, port))
       return refuse(client, http::status::misdirected_request,
                     "Use localhost or the IP address of this machine in the address.\n");
-    if (r.target() == "/live") return upgrade(client, r);
+    const std::string_view whole = r.target();
+    const std::string_view path = whole.substr(0, whole.find('?'));
+    if (!query.empty() && !same(whole.substr(path.size()), query))
+      return refuse(client, http::status::forbidden,
+                    "This address needs a token. Open the link that twoport-master printed when it started: it holds "
+                    "the token.\n");
+    if (path == "/live") return upgrade(client, r);
     if (r.method() != http::verb::get && r.method() != http::verb::head)
       return refuse(client, http::status::method_not_allowed, "Only GET is allowed.\n");
-    const std::string_view target = r.target() == "/" ? "/index.html" : r.target();
-    const auto asset = std::find_if(options.assets.begin(), options.assets.end(),
-                                    [&](const PageAsset& a) { return a.path == target; });
-    if (asset == options.assets.end()) return refuse(client, http::status::not_found, "Nothing is at this address.\n");
+    if (path != "/" && path != "/index.html")
+      return refuse(client, http::status::not_found, "Nothing is at this address.\n");
     Response response{http::status::ok, 11};
-    response.set(http::field::content_type, asset->content_type);
+    response.set(http::field::content_type, "text/html; charset=utf-8");
+    // What may run is said in the page itself, by the digests of its script and style.
     response.set(
         "Content-Security-Policy",
-        fmt::format("default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' data:; connect-src "
-                    "'self' ws://{}; base-uri 'none'; form-action 'none'; frame-ancestors 'none'",
-                    host));
+        fmt::format("connect-src 'self' ws://{}; base-uri 'none'; form-action 'none'; frame-ancestors 'none'", host));
     response.set("X-Content-Type-Options", "nosniff");
     response.set("Referrer-Policy", "no-referrer");
     response.set(http::field::cache_control, "no-cache");
-    response.content_length(asset->content.size());
-    if (r.method() == http::verb::get) response.body() = asset->content;
+    response.content_length(options.page.size());
+    if (r.method() == http::verb::get) response.body() = options.page;
     respond(client, std::move(response));
   }
 
@@ -293,7 +335,9 @@ struct PageServer::Impl {
     client->socket.async_accept(r, [this, client](Error error) {
       if (error) return drop(client);
       client->greeted = true;
+      client->untold = true;
       write(client, introduction, true);
+      if (controlling == nullptr) give_control(client.get());
       read(client);
     });
   }
@@ -318,28 +362,63 @@ struct PageServer::Impl {
     const std::optional<PageCommand> command = parse_page_command(text);
     if (!command) return end(client, websocket::close_code::policy_error);
     client->commanded = Now::now();
+    using enum PageCommand::Kind;
+    if ((command->kind == target || command->kind == take) && !held_by_another(client)) give_control(client.get());
+    if (controlling != client.get()) return;
+    // A target that stays where it is moves nothing.
+    if (command->kind != target || !client->holds || command->number != aim) judge.disturb();
     switch (command->kind) {
-      case PageCommand::Kind::target:
-        // One hand at a time.
-        if (held_by_another(client)) return;
+      case target:
         client->holds = true;
+        aim = command->number;
         channel.hand.try_push(*command);
         break;
-      case PageCommand::Kind::release:
-        release(client);
+      case release:
+        let_go(client);
         break;
-      case PageCommand::Kind::opening:
-        if (held_by_another(client)) return;
+      case opening:
+      case grip:
         channel.hand.try_push(*command);
         break;
-      case PageCommand::Kind::grip:
-        channel.hand.try_push(*command);
-        break;
-      case PageCommand::Kind::network:
-      case PageCommand::Kind::surface:
-      case PageCommand::Kind::method:
+      case network:
+      case surface:
+      case method:
         channel.commands.try_push(*command);
         break;
+      case take:
+        break;
+      case restart:
+        if (!options.restartable) break;
+        restarting = true;
+        std::raise(SIGTERM);
+        break;
+    }
+  }
+
+  void give_control(const Client* to) {
+    if (controlling == to) return;
+    controlling = to;
+    tell_all();
+  }
+  /// What a client is told besides the introduction and samples.
+  [[nodiscard]] Text status(const Client& c) const {
+    return std::make_shared<const std::string>(
+        fmt::format(R"({{"controls":{},"verdict":{},"reason":{},"initial_energy_j":{},"earlier_debt_j":{},"end":{}}})",
+                    controlling == &c, json_string(to_string(verdict.kind)), json_string(verdict.reason),
+                    judge.initial_energy_j(), judge.earlier_debt_j(), over.empty() ? "null" : json_string(over)));
+  }
+  void tell_all() {
+    for (const Shared& client : std::vector<Shared>{clients}) {
+      if (!client->greeted || client->ends) continue;
+      client->untold = true;
+      if (!client->writing) write_next(client);
+    }
+  }
+  void write_next(const Shared& client) {
+    if (std::exchange(client->untold, false)) {
+      write(client, status(*client), true);
+    } else {
+      write(client, std::exchange(client->samples, nullptr));
     }
   }
 
@@ -347,7 +426,7 @@ struct PageServer::Impl {
     return std::any_of(clients.begin(), clients.end(), [&](const Shared& c) { return c != client && c->holds; });
   }
 
-  void release(const Shared& client) {
+  void let_go(const Shared& client) {
     // Where the ring is full the device's own time limit releases the handle.
     if (std::exchange(client->holds, false)) channel.hand.try_push({});
   }
@@ -360,7 +439,7 @@ struct PageServer::Impl {
     client->socket.async_write(asio::buffer(*text), [this, client, text](Error error, std::size_t) {
       client->writing = false;
       if (error) return drop(client);
-      write(client, std::exchange(client->samples, nullptr));
+      write_next(client);
     });
   }
 
@@ -369,12 +448,18 @@ struct PageServer::Impl {
     if (client->ends) return;
     client->ends = true;
     client->samples = nullptr;
-    release(client);
+    let_go(client);
     client->socket.async_close(code, [this, client](Error) { drop(client); });
   }
   void drop(const Shared& client) {
-    release(client);
+    let_go(client);
     client->ends = true;
+    if (controlling == client.get()) {
+      const auto next =
+          std::find_if(clients.begin(), clients.end(), [](const Shared& c) { return c->greeted && !c->ends; });
+      controlling = nullptr;
+      if (next != clients.end()) give_control(next->get());
+    }
     Error ignored;
     client->socket.next_layer().shutdown(asio::socket_base::shutdown_both, ignored);
     client->socket.next_layer().close(ignored);
@@ -383,23 +468,40 @@ struct PageServer::Impl {
 
   Options options;
   PageChannel& channel;
+  PageJudge judge;
+  PageVerdict verdict;
+  Now::time_point judged{};
+  const Client* controlling = nullptr;
+  std::array<double, 6> aim{};  ///< newest target of the hand
+  std::atomic<bool> restarting{false};
+  std::string over;  ///< how the run ended
   asio::io_context context{1};
   tcp::acceptor acceptor;
   asio::steady_timer timer;
   std::uint16_t port = 0;
   bool local = true;
-  std::string url;
+  std::string url, query;  ///< query: "?token=…", what a request must end with
   Text introduction;
   std::vector<Shared> clients;
   std::array<PageSample, kMostSamples> batch{};
   std::thread thread;
 };
 
-PageServer::PageServer(const Options& options, PageChannel& channel)
-    : impl_{std::make_unique<Impl>(options, channel)} {}
+PageServer::PageServer(const Options& options, PageChannel& channel, PageJudge judge)
+    : impl_{std::make_unique<Impl>(options, channel, std::move(judge))} {}
 PageServer::~PageServer() = default;
+void PageServer::end(const std::string& how) {
+  asio::post(impl_->context, [impl = impl_.get(), how] {
+    impl->over = how;
+    impl->tell_all();
+  });
+  std::this_thread::sleep_for(kLastWords);
+}
 const std::string& PageServer::url() const {
   return impl_->url;
+}
+bool PageServer::restarts() const {
+  return impl_->restarting;
 }
 bool PageServer::is_local() const {
   return impl_->local;

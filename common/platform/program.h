@@ -26,6 +26,7 @@ struct LiveArguments {
   std::string stream;  ///< of --stream: HOST:PORT; empty: none
   double stream_hz = 100.0;
   std::string page;                ///< of --page: ADDR:PORT; empty: no page
+  bool restartable = false;        ///< --restartable: the page may end the program with status 4
   bool fixed_environment = false;  ///< --fixed-environment: of a slave; no page may change it
   bool measures = false;           ///< no scene: the link is measured (kMeasurementDigest)
   bool realtime = true, spin = true;
@@ -39,7 +40,7 @@ struct LiveArguments {
 
 /// Parses the command line of twoport-master or twoport-slave, runs `body(scene, arguments)`, and converts errors to the exit
 /// status and one sentence on stderr: 0 success, 1 failure, 2 invalid usage, scene or override, 3 an expectation was not
-/// met. `drivers` is what --list-devices prints.
+/// met, 4 the page asks for a run from the beginning (--restartable). `drivers` is what --list-devices prints.
 int live_program(int argc, char** argv, Side side, const std::string& drivers,
                  const std::function<int(const Scene&, const LiveArguments&)>& body);
 

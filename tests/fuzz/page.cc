@@ -18,8 +18,6 @@
 namespace twoport {
 namespace {
 
-constexpr PageAsset kAssets[] = {{"/index.html", "text/html", "<p>page"}};
-
 void check_command(const PageCommand& command) {
   using Kind = PageCommand::Kind;
   for (std::size_t i = 0; i < command.number.size(); ++i) {
@@ -44,7 +42,9 @@ void check_command(const PageCommand& command) {
 
 struct Server {
   PageChannel channel;
-  PageServer server{{.address = "127.0.0.1:0", .introduction = "introduction", .assets = kAssets}, channel};
+  PageServer server{{.address = "127.0.0.1:0", .introduction = "introduction", .page = "<p>page"},
+                    channel,
+                    PageJudge{Scene{}, 500.0, true}};
   std::uint16_t port = static_cast<std::uint16_t>(std::stoi(server.url().substr(server.url().rfind(':') + 1)));
   std::string host = "127.0.0.1:" + std::to_string(port);
 };

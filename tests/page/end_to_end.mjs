@@ -8,7 +8,7 @@ const say = (line) => console.log(`${((Date.now() - started) / 1000).toFixed(1)}
 await run(async () => {
   const empty = await page.locator('header .state').evaluateAll((all) => all.filter((s) => s.offsetParent && !s.textContent.trim()).length);
   if (empty > 0) throw new Error('a state in the header is empty');
-  await until('both sides wait for a hand', async () => (await text('mode')) === 'master: let go' && (await text('slave-mode')) === 'slave: let go');
+  await until('both sides wait for a hand', async () => (await text('mode')) === 'master: waiting for a hand' && (await text('slave-mode')) === 'slave: waiting for a hand');
   say('the page shows that nobody holds the handle');
   if ((await value('felt')) > 0.2) throw new Error(`a force is felt before the drag: ${await text('felt')}`);
 

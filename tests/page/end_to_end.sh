@@ -13,7 +13,7 @@ scene=$here/../../examples/play/$scene.textproto
 
 skip() { echo "SKIPPED: $1"; exit 77; }
 command -v node >/dev/null || skip "node is not installed; the page is driven by playwright-core, which needs it"
-[ -d "$modules/playwright-core" ] || skip "playwright-core is not installed: npm was not there, or could not fetch it, when the programs were built"
+[ -d "$modules/playwright-core" ] || skip "playwright-core is not there; scripts/page fetches it by npm"
 chromium=$(command -v chromium || command -v chromium-browser || command -v google-chrome) ||
   skip "Chromium is not installed; install Debian's package chromium"
 
@@ -42,8 +42,7 @@ port=$(sed -n 's/.*listening on 127\.0\.0\.1:\([0-9]*\).*/\1/p' "$work/slave.log
 env --default-signal=INT "$master" --scene "$scene" --peer "127.0.0.1:$port" --device page --page 127.0.0.1:0 --no-spin \
   --out "$work/master" --record "$work/master.mcap" >"$work/master.log" 2>&1 &
 pids+=($!)
-if ! wait_for 'page: http|without the page' "$work/master.log"; then exit 1; fi
-grep -q 'without the page' "$work/master.log" && skip "the programs were built without the page"
+wait_for 'page: http' "$work/master.log"
 url=$(grep -om1 'http://[^ ]*' "$work/master.log")
 node "$here/$script.mjs" "$url" "$chromium" "$modules" "$picture"
 

@@ -2,7 +2,7 @@
 import { coupled, page, pause, run, set, takePicture, text, there, until, value } from './chromium.mjs';
 
 await run(async () => {
-  await until('both sides wait for a hand', async () => (await text('slave-mode')) === 'slave: let go');
+  await until('both sides wait for a hand', async () => (await text('slave-mode')) === 'slave: waiting for a hand');
   await until('the slave tells its friction', async () => (await there('friction')) === 0.2 && (await page.locator('#friction').isEnabled()));
   const box = await page.locator('#picture').boundingBox();
   const [x, y] = [box.x + 0.45 * box.width, box.y + 0.4 * box.height];

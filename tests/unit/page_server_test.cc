@@ -23,8 +23,6 @@ namespace {
 
 using namespace std::chrono_literals;
 
-constexpr PageAsset kAssets[] = {{"/index.html", "text/html", "<p>page"}};
-
 /// A blocking connection to a port of 127.0.0.1.
 class Connection {
  public:
@@ -65,14 +63,14 @@ class Connection {
 struct Served {
   explicit Served(PageServer::Options o = {}) : options{std::move(o)} {}
   static PageServer::Options complete(PageServer::Options o) {
-    o.address = "127.0.0.1:0";
+    if (o.address.empty()) o.address = "127.0.0.1:0";
     o.introduction = "{\"scene\":\"s\"}";
-    o.assets = kAssets;
+    o.page = "<p>page";
     return o;
   }
   PageServer::Options options;
   PageChannel channel;
-  PageServer server{complete(options), channel};
+  PageServer server{complete(options), channel, PageJudge{Scene{}, 500.0, true}};
   std::uint16_t port = static_cast<std::uint16_t>(std::stoi(server.url().substr(server.url().rfind(':') + 1)));
   std::string host = "127.0.0.1:" + std::to_string(port);
 
@@ -86,8 +84,8 @@ struct Served {
     c.write(upgrade("http://" + host));
     ASSERT_NE(c.read_until("{\"scene\":\"s\"}").find("101 Switching"), std::string::npos);
   }
-  std::string upgrade(const std::string& origin) {
-    return "GET /live HTTP/1.1\r\nHost: " + host + "\r\nOrigin: " + origin +
+  std::string upgrade(const std::string& origin, const std::string& query = "") {
+    return "GET /live" + query + " HTTP/1.1\r\nHost: " + host + "\r\nOrigin: " + origin +
            "\r\nUpgrade: websocket\r\nConnection: Upgrade\r\nSec-WebSocket-Key: dGhlIHNhbXBsZSBub25jZQ==\r\n"
            "Sec-WebSocket-Version: 13\r\n\r\n";
   }
@@ -119,12 +117,12 @@ bool soon_pops(Ring<Row>& ring, Row& row) {
   return false;
 }
 
-TEST(PageServer, ServesItsFilesWithAPolicy) {
+TEST(PageServer, ServesItsPageWithAPolicy) {
   Served s;
   const std::string page = s.get("/", s.host);
   EXPECT_NE(page.find("200 OK"), page.npos) << page;
   EXPECT_NE(page.find("<p>page"), page.npos);
-  EXPECT_NE(page.find("Content-Security-Policy: default-src 'none'"), page.npos);
+  EXPECT_NE(page.find("Content-Security-Policy: connect-src 'self'"), page.npos);
   EXPECT_NE(s.get("/../etc/passwd", s.host).find("404"), std::string::npos);
 }
 
@@ -236,23 +234,93 @@ TEST(PageServer, SendsSamplesAndTakesCommands) {
   EXPECT_EQ(command.kind, PageCommand::Kind::network);
 }
 
-/// Who holds the handle holds the gripper. The stiffness, which comes after the other page's opening, is the next that arrives.
-TEST(PageServer, TakesTheGrippersOpeningFromWhoHoldsTheHandle) {
+/// One page controls: the others move nothing, whatever they send, until it goes or they take over while the handle is free.
+TEST(PageServer, OnlyThePageThatControlsChangesAnything) {
   Served s;
-  Connection holds{s.port}, other{s.port};
-  s.join(holds);
+  auto first = std::make_unique<Connection>(s.port);
+  Connection other{s.port};
+  s.join(*first);
+  EXPECT_NE(first->read_until("\"controls\":true").find("\"controls\":true"), std::string::npos);
   s.join(other);
-  holds.write(masked(0x81, "opening 0.05") + masked(0x81, "target 0.01 0 0 0 0 0"));
+  EXPECT_NE(other.read_until("\"controls\":false").find("\"controls\":false"), std::string::npos);
+  const std::string everything = masked(0x81, "grip 301") + masked(0x81, "opening 0.01") + masked(0x81, "method 1") +
+                                 masked(0x81, "surface 0 300 0") + masked(0x81, "network to_slave 9 0 0") +
+                                 masked(0x81, "release");
+  const std::string last = masked(0x81, "grip 302") + masked(0x81, "network to_master 8 0 0");
+  PageCommand hand, command;
+  // Nobody holds the handle: the other page watches all the same.
+  other.write(everything + masked(0x89, "1"));
+  other.read_until(std::string{"\x8a\x01"} + "1");
+  first->write(last);
+  ASSERT_TRUE(soon_pops(s.channel.hand, hand) && soon_pops(s.channel.commands, command));
+  EXPECT_TRUE(hand.number[0] == 302.0 && command.number[0] == 8.0) << hand.number[0] << ", " << command.number[0];
+  // The first holds it: it cannot be taken either.
+  first->write(masked(0x81, "target 0.01 0 0 0 0 0"));
+  ASSERT_TRUE(soon_pops(s.channel.hand, hand));
+  other.write(masked(0x81, "take") + masked(0x81, "target 0.02 0 0 0 0 0") + everything + masked(0x89, "2"));
+  other.read_until(std::string{"\x8a\x01"} + "2");
+  first->write(last);
+  ASSERT_TRUE(soon_pops(s.channel.hand, hand) && soon_pops(s.channel.commands, command));
+  EXPECT_TRUE(hand.number[0] == 302.0 && command.number[0] == 8.0) << hand.number[0] << ", " << command.number[0];
+  // It is free: the other takes over, and the first watches.
+  first->write(masked(0x81, "release") + masked(0x89, "3"));
+  first->read_until(std::string{"\x8a\x01"} + "3");
+  ASSERT_TRUE(soon_pops(s.channel.hand, hand));
+  other.write(masked(0x81, "take") + masked(0x81, "grip 303"));
+  ASSERT_TRUE(soon_pops(s.channel.hand, hand));
+  EXPECT_EQ(hand.number[0], 303.0);
+  EXPECT_NE(first->read_until("\"controls\":false").find("\"controls\":false"), std::string::npos);
+}
+
+TEST(PageServer, WhoeverIsLeftControls) {
+  Served s;
+  auto first = std::make_unique<Connection>(s.port);
+  Connection other{s.port};
+  s.join(*first);
+  s.join(other);
+  first.reset();
+  EXPECT_NE(other.read_until("\"controls\":true").find("\"controls\":true"), std::string::npos);
+  other.write(masked(0x81, "grip 300"));
   PageCommand command;
-  ASSERT_TRUE(soon_pops(s.channel.hand, command));
-  EXPECT_EQ(command.kind, PageCommand::Kind::opening) << "nobody held it";
-  ASSERT_TRUE(soon_pops(s.channel.hand, command));
-  other.write(masked(0x81, "opening 0.01") + masked(0x81, "grip 300"));
-  ASSERT_TRUE(soon_pops(s.channel.hand, command));
-  EXPECT_EQ(command.kind, PageCommand::Kind::grip);
-  holds.write(masked(0x81, "opening 0.03"));
-  ASSERT_TRUE(soon_pops(s.channel.hand, command));
-  EXPECT_EQ(command.number[0], 0.03);
+  EXPECT_TRUE(soon_pops(s.channel.hand, command));
+}
+
+TEST(PageServer, TellsTheVerdictAndTheEnd) {
+  Served s;
+  Connection c{s.port};
+  s.join(c);
+  PageSample sample;
+  sample.hand_energy_j = -0.002;
+  s.channel.samples.try_push(sample);
+  EXPECT_NE(c.read_until("mJ more than").find("\"verdict\":\"not passive\""), std::string::npos);
+  s.server.end("STABLE: bounded and decaying");
+  EXPECT_NE(c.read_until("decaying").find("\"end\":\"STABLE: bounded and decaying\""), std::string::npos);
+}
+
+TEST(PageServer, BeyondThisMachineATokenIsNeeded) {
+  Served s{{.address = "0.0.0.0:0"}};
+  const std::string& url = s.server.url();
+  const std::string query = url.substr(url.rfind('/') + 1);
+  ASSERT_TRUE(query.starts_with("?token=") && query.size() == 7 + 32) << url;
+  EXPECT_EQ(url.find("0.0.0.0"), url.npos) << "nobody can open that address";
+  EXPECT_NE(s.get("/" + query, s.host).find("<p>page"), std::string::npos);
+  std::string wrong = query;
+  wrong.back() = wrong.back() == '0' ? '1' : '0';
+  for (const std::string& without :
+       {std::string{"/"}, "/?", "/?token=", "/" + wrong, "/" + query + "0", "/index.html"}) {
+    const std::string answer = s.get(without, s.host);
+    EXPECT_NE(answer.find("403"), answer.npos) << without;
+    EXPECT_NE(answer.find("token"), answer.npos) << without;
+    EXPECT_EQ(answer.find("<p>page"), answer.npos) << without;
+  }
+  for (const std::string& given : {std::string{}, wrong}) {
+    Connection c{s.port};
+    c.write(s.upgrade("http://" + s.host, given));
+    EXPECT_NE(c.read_all().find("403"), std::string::npos) << given;
+  }
+  Connection c{s.port};
+  c.write(s.upgrade("http://" + s.host, query));
+  EXPECT_NE(c.read_until("{\"scene\":\"s\"}").find("101 Switching"), std::string::npos);
 }
 
 TEST(PageServer, AClosedConnectionReleasesTheHandle) {
@@ -399,7 +467,7 @@ TEST(PageServer, SaysWhichAddressIsTaken) {
   Served s;
   PageChannel other;
   try {
-    PageServer second{{.address = s.host, .introduction = "", .assets = {}}, other};
+    PageServer second{{.address = s.host}, other, PageJudge{Scene{}, 500.0, true}};
     FAIL();
   } catch (const ConfigError& e) {
     EXPECT_NE(std::string{e.what()}.find("--page " + s.host), std::string::npos) << e.what();

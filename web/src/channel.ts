@@ -1,5 +1,5 @@
-// The page's connection: one introduction as JSON, then samples as little-endian doubles; commands as text. At the other end is
-// twoport-master, through a WebSocket, or the core that the playground's file holds.
+// The page's connection: one introduction as JSON, then states as JSON and samples as little-endian doubles; commands as text. At the
+// other end is twoport-master, through a WebSocket, or the core that the playground's file holds.
 
 export type Vec = [number, number, number];
 
@@ -31,6 +31,8 @@ export interface Introduction {
   architecture: string;
   method: string;
   methods: string[];
+  initial_energies_j: number[];
+  restarts: boolean; // may the page have both programs started again?
   device: string;
   pointer: boolean;
   grip_n_per_m: number;
@@ -38,6 +40,7 @@ export interface Introduction {
   max_force_n: number | null;
   motion_scale: number;
   force_scale: number;
+  limits: string[]; // names, by bit of a sample's `limits`
   linked: boolean;
   to_slave: Network;
   to_master: Network;
@@ -48,6 +51,16 @@ export interface Introduction {
   tool: Vec[];
   gripper_m: number | null; // where the gripper of the handle starts; null: none
   fields: [string, number][];
+}
+
+/** What a page is told besides the introduction and samples, whenever it changes. */
+export interface Told {
+  controls: boolean; // do commands of this page have an effect?
+  verdict: 'passive' | 'not passive' | 'restless' | 'unstable';
+  reason: string;
+  initial_energy_j: number;
+  earlier_debt_j: number; // got beyond its own by the hand under earlier methods
+  end: string | null; // how the run has ended
 }
 
 /** One sample: numbers by field, at their place. */
@@ -81,6 +94,7 @@ export class Layout {
 
 export interface Listener {
   introduction(i: Introduction): void;
+  told(t: Told): void;
   samples(numbers: Float64Array): void;
   state(connected: boolean): void;
 }
@@ -110,19 +124,23 @@ class MasterSocket implements Connection {
   }
 
   private connect(): void {
-    const socket = new WebSocket(`ws://${location.host}/live`);
+    const socket = new WebSocket(`ws://${location.host}/live${location.search}`);
+    let introduced = false;
     socket.binaryType = 'arraybuffer';
     socket.onmessage = (event: MessageEvent<string | ArrayBuffer>) => {
-      if (typeof event.data === 'string') {
+      if (typeof event.data !== 'string') {
+        this.on.samples(new Float64Array(event.data));
+      } else if (introduced) {
+        this.on.told(JSON.parse(event.data) as Told);
+      } else {
+        introduced = true;
         this.on.introduction(JSON.parse(event.data) as Introduction);
         this.on.state(true);
-      } else {
-        this.on.samples(new Float64Array(event.data));
       }
     };
     socket.onclose = () => {
       this.on.state(false);
-      window.setTimeout(() => this.connect(), 1000);
+      window.setTimeout(() => this.connect(), 500);
     };
     this.socket = socket;
   }

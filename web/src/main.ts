@@ -1,12 +1,16 @@
 import 'uplot/dist/uPlot.min.css';
 import './style.css';
 
-import { connect, Layout, type Connection, type Introduction, type Network, type Vec } from './channel';
+import { connect, Layout, type Connection, type Introduction, type Network, type Told, type Vec } from './channel';
 import { Picture, viewsFor } from './picture';
 import { Plots, type Curve, type PlotSpec } from './plots';
+import { Tour } from './tour';
 
-const MODES = ['idle', 'coupled', 'holding', 'released', 'let go'];
+const MODES = ['no partner', 'coupled', 'holding', 'released', 'waiting for a hand'];
 const COUPLED = 1;
+const OLD_MS = 300; // a value of this age looks old
+const LIMIT_SHOWN_MS = 1000;
+const HOME_M_PER_S = 0.12;
 const PLOT_EVERY = 4; // samples
 const REACH_M = 0.5;
 const ADJUSTABLE = 1; // environment_answer
@@ -21,11 +25,14 @@ function show(id: string, value: number, digits: number, unit: string): void {
   out.textContent = Number.isFinite(value) ? `${value.toFixed(digits)} ${unit}` : '–';
   out.dataset.value = String(value);
 }
-function state(id: string, text: string, kind: '' | 'good' | 'bad' = ''): void {
+type Kind = '' | 'good' | 'bad' | 'warn' | 'old';
+function state(id: string, text: string, kind: Kind = ''): void {
   const out = element(id);
   if (out.textContent !== text) out.textContent = text;
   out.className = `state ${kind}`;
+  out.hidden = text === '';
 }
+const seconds = (ms: number): string => `${(ms / 1000).toFixed(1)} s`;
 
 class Page {
   private scene: Introduction | null = null;
@@ -34,6 +41,14 @@ class Page {
   private picture: Picture | null = null;
   private plots: Plots | null = null;
   private readonly channel: Connection;
+  private told: Told = { controls: true, verdict: 'passive', reason: '', initial_energy_j: 0, earlier_debt_j: 0, end: null };
+  private connected = false;
+  private fresh = true; // nothing of this page has been sent since the introduction
+  private receivedAt = -Infinity; // newest samples [ms]
+  private limitsSeen: { at: number; bit: number }[] = [];
+  private tour: Tour | null = null;
+  private start: Vec | null = null; // of the hand
+  private homing = false;
 
   private held = false;
   private target: Vec = [0, 0, 0];
@@ -54,12 +69,20 @@ class Page {
   constructor() {
     this.channel = connect({
       introduction: (i) => this.begin(i),
+      told: (t) => this.hear(t),
       samples: (numbers) => this.take(numbers),
       state: (connected) => {
-        state('connection', connected ? 'connected' : 'no connection', connected ? 'good' : 'bad');
+        this.connected = connected;
         if (!connected) this.letGo();
+        this.ages();
       },
     });
+    window.setInterval(() => this.ages(), 100);
+    element('take').onclick = () => this.channel.send('take');
+    element('home').onclick = () => this.goHome();
+    element('fit').onclick = () => this.fit();
+    element('reset').onclick = () => this.channel.send('restart');
+    element('tour-begin').onclick = () => this.tour?.go(0);
     element('let-go').onclick = () => this.letGo();
     element('pause').onclick = () => this.pause();
     element('record').onclick = () => this.record();
@@ -81,21 +104,27 @@ class Page {
     this.layout = new Layout(scene.fields);
     this.last = null;
     this.past = [];
+    this.start = null;
+    this.fresh = true;
+    this.told = { ...this.told, end: null, earlier_debt_j: 0, initial_energy_j: scene.initial_energies_j?.[0] ?? 0 };
+    element('ended').hidden = true;
+    element('reset').hidden = !scene.restarts;
     element('scene').textContent =
       `${scene.scene} · ${scene.dof} DoF · ${scene.rate_hz} Hz` +
       (scene.methods.length > 1 ? '' : ` · ${scene.method}, ${scene.architecture}`);
-    element('method-state').hidden = true; // until the first sample tells which
     this.picture = new Picture(element<HTMLCanvasElement>('picture'), scene);
     const zoom = element<HTMLInputElement>('zoom');
     if (scene.dof === 6) zoom.value = '2000';
-    this.picture.scale = Number(zoom.value);
-    zoom.oninput = () => (this.picture!.scale = Number(zoom.value));
+    this.picture.chosen.scale = Number(zoom.value);
+    zoom.oninput = () => (this.picture!.chosen = { ...this.picture!.chosen, scale: Number(zoom.value) });
     const views = viewsFor(scene.dof), view = element<HTMLSelectElement>('view');
     view.replaceChildren(...views.map((v, i) => new Option(v.name, String(i))));
     view.onchange = () => (this.picture!.view = views[Number(view.value)]!);
+    element('view-row').hidden = views.length < 2;
 
     const axes = scene.dof === 1 ? ['x'] : ['x', 'y', 'z'], axis = element<HTMLSelectElement>('axis');
     axis.replaceChildren(...axes.map((a, i) => new Option(a, String(i))));
+    element('axis-row').hidden = axes.length < 2;
     axis.onchange = () => {
       this.axis = Number(axis.value);
       this.makePlots();
@@ -103,15 +132,151 @@ class Page {
     this.axis = 0;
     this.makePlots();
     this.makeSliders(scene);
-    element('hint').textContent = !scene.pointer
-      ? `The hand is at: ${scene.device}. Start twoport-master with --device page to move it from here.`
-      : scene.dof === 1
-        ? 'Drag to move the hand. Keyboard: Space takes and lets go, ← → move.'
-        : scene.dof === 3
-          ? 'Drag to move the hand in the view; the wheel moves it along the view. Keyboard: Space, arrows, Page Up and Down.'
-          : 'Drag to move the hand in the view, with Shift to turn it; the wheel moves it along the view. Keyboard: Space, arrows, Page Up and Down, with Shift to turn.';
-    if (scene.pointer && scene.gripper_m !== null)
-      element('hint').textContent += ` The gripper: O and C, or the wheel${scene.dof === 1 ? '' : ' with Ctrl'}.`;
+    element('hint').textContent = this.hint(scene);
+    for (const row of document.querySelectorAll<HTMLElement>('.linked')) row.hidden = !scene.linked;
+    for (const id of ['let-go', 'home']) element(id).hidden = !scene.pointer;
+    this.makeTour(scene);
+    this.obey();
+  }
+
+  private hint(scene: Introduction): string {
+    if (!scene.pointer) return `The hand is at: ${scene.device}. Start twoport-master with --device page to move it from here.`;
+    if (window.matchMedia('(pointer: coarse)').matches)
+      return 'Drag with a finger to move the hand.' + (scene.gripper_m !== null ? ' The slider opens the gripper.' : '');
+    const gripper = scene.gripper_m !== null ? ` The gripper: O and C, or the wheel${scene.dof === 1 ? '' : ' with Ctrl'}.` : '';
+    if (scene.dof === 1) return 'Drag to move the hand. Keyboard: Space takes and lets go, ← → move.' + gripper;
+    if (scene.dof === 3)
+      return 'Drag to move the hand in the view; the wheel moves it along the view. Keyboard: Space, arrows, Page Up and Down.' + gripper;
+    return 'Drag to move the hand in the view, with Shift to turn it; the wheel moves it along the view. Keyboard: Space, arrows, Page Up and Down, with Shift to turn.' + gripper;
+  }
+
+  private makeTour(scene: Introduction): void {
+    const without = scene.methods.findIndex((m) => m.startsWith('NONE'));
+    const wall = scene.environment.some((e) => e.kind === 'wall');
+    const possible = scene.pointer && scene.linked && wall && without > 0;
+    element('tour-begin').hidden = !possible;
+    this.tour = null;
+    if (!possible) return;
+    const number = (name: string): number => (this.last ? this.last[this.layout.place(name)]! : 0);
+    this.tour = new Tour({
+      felt: () => (this.last ? Math.hypot(...this.vector('felt_n')) : 0),
+      pressed: () => (this.last ? Math.hypot(...this.vector('environment_n')) : 0),
+      roundTrip: () => number('round_trip_ms'),
+      handEnergy: () => number('hand_energy_j'),
+      told: () => this.told,
+      method: () => number('epoch') % scene.methods.length,
+      without,
+      names: scene.methods,
+      setDelay: (ms) => {
+        const input = element<HTMLInputElement>('to_slave-delay_ms'), both = element<HTMLInputElement>('both');
+        if (!both.checked) both.click();
+        input.value = String(ms);
+        input.dispatchEvent(new Event('input'));
+      },
+      setMethod: (index) => this.channel.send(`method ${index}`),
+    });
+  }
+
+  // Who controls, and what is said of the run.
+
+  private hear(told: Told): void {
+    this.told = told;
+    if (told.end !== null) {
+      element('ended').textContent = `The run is over. ${told.end}.`;
+      element('ended').hidden = false;
+    }
+    this.obey();
+  }
+  /** Of a page that watches, the controls rest; one that has just been loaded begins with the scene's own values. */
+  private obey(): void {
+    const controls = this.told.controls;
+    element('watching').hidden = controls || !this.connected;
+    for (const set of document.querySelectorAll<HTMLFieldSetElement>('fieldset.command')) set.disabled = !controls;
+    for (const id of ['let-go', 'home', 'reset', 'tour-do']) element<HTMLButtonElement>(id).disabled = !controls;
+    if (!controls || !this.fresh || !this.scene) return;
+    this.fresh = false;
+    this.sendAll();
+  }
+  private sendAll: () => void = () => {};
+
+  /** Colours what is old: by the page's own clock, so that a program that stands still looks so. */
+  private ages(): void {
+    const silent = this.connected ? performance.now() - this.receivedAt : Infinity;
+    const old = silent > OLD_MS, over = this.told.end !== null;
+    if (!this.connected)
+      state('connection', over ? 'the run is over' : 'no connection', over ? 'old' : 'bad');
+    else if (old && Number.isFinite(silent)) state('connection', over ? 'the run is over' : `master silent for ${seconds(silent)}`, over ? 'old' : 'bad');
+    else state('connection', 'connected', 'good');
+    const number = (name: string): number => (this.last ? this.last[this.layout.place(name)]! : -1);
+    const report = this.scene?.linked ? number('report_age_ms') : 0;
+    const ofRobot = report < 0 ? Infinity : report + (old ? silent : 0);
+    const robotOld = old || ofRobot > OLD_MS;
+    this.robotAge = robotOld && Number.isFinite(ofRobot) ? seconds(ofRobot) : '';
+    for (const row of document.querySelectorAll<HTMLElement>('#values > div')) {
+      const slaves = row.classList.contains('of-slave'), age = slaves ? ofRobot : silent, is = slaves ? robotOld : old;
+      row.classList.toggle('old', is);
+      const dd = row.querySelector('dd')!;
+      if (is && Number.isFinite(age)) dd.dataset.age = seconds(age);
+      else delete dd.dataset.age;
+    }
+    if (!this.last || !this.scene) return;
+    const kind = (m: string): Kind => (m === 'coupled' ? 'good' : m === MODES[0] || m === MODES[4] ? '' : 'bad');
+    const mode = MODES[number('mode')] ?? '?', slave = MODES[number('slave_mode')] ?? '?';
+    state('mode', old ? '' : `master: ${mode}`, kind(mode));
+    const silentSlave = Number.isFinite(ofRobot) ? `slave: no report for ${seconds(ofRobot)}` : 'slave: no report yet';
+    state('slave-mode', old || !this.scene.linked ? '' : robotOld ? silentSlave : `slave: ${slave}`, robotOld ? 'bad' : kind(slave));
+    const held = number('held') === 1;
+    state('held', old || !this.scene.pointer ? '' : held ? 'handle held' : 'handle free', held ? 'good' : '');
+    const verdict = this.told.verdict, kinds = { passive: 'good', 'not passive': 'bad', restless: 'warn', unstable: 'bad' } as const;
+    state('verdict', this.told.reason === '' ? '' : verdict, old ? 'old' : kinds[verdict]);
+    element('verdict').title = `${this.told.reason}. The laboratory's judge, on the run so far; see docs/reference/stability.md.`;
+    element('verdict').setAttribute('aria-label', `${verdict}: ${this.told.reason}`);
+    const now = performance.now();
+    this.limitsSeen = this.limitsSeen.filter((l) => l.at > now - LIMIT_SHOWN_MS);
+    const names = [...new Set(this.limitsSeen.map((l) => this.scene!.limits[l.bit] ?? '?'))];
+    state('limit', names.length > 0 && !old ? `limit acts: ${names.join(', ').replaceAll('_', ' ')}` : '', 'warn');
+    this.gauge(old);
+  }
+  private robotAge = '';
+
+  /** E(0), and what is left of it. */
+  private gauge(old: boolean): void {
+    const granted = this.told.initial_energy_j, energy = this.last![this.layout.place('hand_energy_j')]! + this.told.earlier_debt_j;
+    const left = granted + energy, share = granted > 0 ? Math.max(0, Math.min(1, left / granted)) : left >= 0 ? 1 : 0;
+    const bar = element('gauge');
+    (bar.firstElementChild as HTMLElement).style.width = `${(100 * share).toFixed(1)}%`;
+    bar.className = `gauge ${left < 0 ? 'spent' : share < 0.3 ? 'low' : ''} ${old ? 'old' : ''}`;
+    bar.setAttribute('aria-valuenow', share.toFixed(2));
+    const amount = (j: number): string => (Math.abs(j) >= 1 ? `${j.toFixed(2)} J` : `${(1e3 * j).toFixed(2)} mJ`);
+    const out = element('budget-left');
+    out.dataset.value = String(left);
+    out.textContent =
+      left < 0
+        ? `spent: the hand has got ${amount(-left)} beyond it`
+        : `${amount(Math.min(left, granted))} of ${amount(granted)} left` + (energy > 0 ? `; the hand has put in ${amount(energy)}` : '');
+  }
+
+  private fit(): void {
+    if (!this.last || !this.picture || !this.scene) return;
+    const places = this.scene.environment.flatMap((e): Vec[] =>
+      e.kind === 'wall' && e.normal && e.offset_m !== undefined
+        ? [e.normal.map((n) => n * e.offset_m!) as Vec]
+        : [e.center_m, e.point_m, e.anchor_m].filter((p): p is Vec => p !== undefined),
+    );
+    this.picture.fit([this.inRobotWorld(this.vector('hand_x_m')), this.vector('robot_x_m'), ...places]);
+    element<HTMLInputElement>('zoom').value = String(this.picture.chosen.scale);
+  }
+  /** Moves the hand to where it was at the beginning, and lets go there. */
+  private goHome(): void {
+    this.grab();
+    this.homing = this.held;
+    this.turn = [0, 0, 0];
+  }
+  private stepHome(passed_s: number): void {
+    const to = this.start!, hand = this.vector('hand_x_m');
+    const left = to.map((x, i) => x - this.target[i]!) as Vec, far = Math.hypot(...left), step = HOME_M_PER_S * passed_s;
+    this.target = far <= step ? [...to] : (this.target.map((x, i) => x + (left[i]! * step) / far) as Vec);
+    if (far <= step && Math.hypot(...hand.map((x, i) => x - to[i]!)) < 0.002) this.letGo();
   }
 
   private makePlots(): void {
@@ -135,7 +300,7 @@ class Page {
         title: `Force ${name}`,
         unit: 'N',
         curves: [
-          curve('before the controller', '--third', at('unlimited_n') + i, 1),
+          curve('wanted', '--third', at('unlimited_n') + i, 1),
           curve('on the environment', '--robot', at('environment_n') + i, 1),
           curve('felt', '--felt', at('felt_n') + i, 1),
         ],
@@ -188,6 +353,7 @@ class Page {
       tellGrip();
       this.channel.send(`grip ${grip.value}`);
     };
+    const sendGrip = grip.oninput as () => void;
     tellGrip();
 
     for (const row of document.querySelectorAll<HTMLElement>('.gripper')) row.hidden = scene.gripper_m === null;
@@ -195,7 +361,6 @@ class Page {
     opening.max = String(1e3 * (start > 0 ? start : 0.1));
     opening.value = String(1e3 * start);
     opening.oninput = () => this.sendOpening();
-    this.sendOpening();
 
     this.makeSurfaceSliders(scene);
 
@@ -224,7 +389,7 @@ class Page {
     const send = (d: number): void => {
       const words = rows.map((row, i) => Number(inputs[d]![i]!.value) * row.factor);
       this.channel.send(`network ${directions[d]} ${words.join(' ')}`);
-      rows.forEach((row, i) => (outputs[d]![i]!.textContent = `${inputs[d]![i]!.value} ${row.unit}`));
+      tell(d);
     };
     const boxes = directions.map((direction, d) => {
       const box = document.createElement('div');
@@ -259,9 +424,15 @@ class Page {
     };
     element('network').replaceChildren(...boxes);
     arrange();
-    // A page that is loaded again begins with the network of the scene.
-    send(0);
-    send(1);
+    const tell = (d: number): void => rows.forEach((row, i) => (outputs[d]![i]!.textContent = `${inputs[d]![i]!.value} ${row.unit}`));
+    tell(0);
+    tell(1);
+    this.sendAll = () => {
+      send(0);
+      send(1);
+      sendGrip();
+      this.sendOpening();
+    };
 
     element('method-controls').hidden = scene.methods.length < 2;
     const method = element<HTMLSelectElement>('method');
@@ -361,7 +532,9 @@ class Page {
     return [this.last![at]!, this.last![at + 1]!, this.last![at + 2]!];
   }
   private grab(): void {
+    this.homing = false;
     if (!this.scene?.pointer || !this.last || this.held) return;
+    // Who watches and takes the handle asks for control; the server grants it while nobody holds the handle.
     this.held = true;
     this.target = this.vector('hand_x_m');
     const q = this.layout.place('hand_attitude');
@@ -373,6 +546,7 @@ class Page {
     this.sendOpening(); // another page may have set it meanwhile
   }
   letGo(): void {
+    this.homing = false;
     if (!this.held) return;
     this.held = false;
     element('picture').classList.remove('held');
@@ -461,6 +635,7 @@ class Page {
   // Samples.
 
   private take(numbers: Float64Array): void {
+    this.receivedAt = performance.now();
     const size = this.layout.size;
     if (!this.scene || size === 0 || numbers.length % size !== 0) return;
     for (let at = 0; at < numbers.length; at += size) {
@@ -468,7 +643,10 @@ class Page {
       const t = sample[this.layout.place('t_s')]!;
       if (this.last && t < this.last[this.layout.place('t_s')]!) this.plots?.clear();
       this.last = sample;
+      this.start ??= this.vector('hand_x_m');
       this.register(t);
+      const limits = sample[this.layout.place('limits')]!;
+      for (let bit = 0; limits > 0 && bit < 16; ++bit) if ((limits >> bit) & 1) this.limitsSeen.push({ at: this.receivedAt, bit });
       const late = sample[this.layout.place('late_us')]!;
       this.latest.push({ at: t, late });
       if (this.samples++ % PLOT_EVERY === 0) this.plots?.add(t, sample);
@@ -498,7 +676,11 @@ class Page {
     return p.map((x, i) => this.scene!.motion_scale * x + this.origin[i]!) as Vec;
   }
 
+  private framed = 0; // [ms]
   private frame(count: number): void {
+    const now = performance.now();
+    if (this.homing && this.last) this.stepHome(Math.min(0.05, (now - this.framed) / 1000));
+    this.framed = now;
     if (this.held) this.sendTarget();
     if (!this.last || !this.picture) return;
     const quaternion = (name: string): [number, number, number, number] => {
@@ -512,16 +694,19 @@ class Page {
       robotAttitude: quaternion('robot_attitude'),
       target: this.held ? this.inRobotWorld(this.target) : null,
       felt: this.vector('felt_n'),
-      feltTorque: this.vector('felt_n_m'),
+      wanted: this.vector('unlimited_n'),
       environment: this.vector('environment_n'),
+      robotAge: this.robotAge,
     });
     if (count % 3 === 0) this.plots?.draw();
     if (count % 6 === 0) this.values();
+    this.tour?.watch();
   }
 
   private values(): void {
     const number = (name: string): number => this.last![this.layout.place(name)]!;
     show('felt', Math.hypot(...this.vector('felt_n')), 2, 'N');
+    show('wanted', Math.hypot(...this.vector('unlimited_n')), 2, 'N');
     show('environment', Math.hypot(...this.vector('environment_n')), 2, 'N');
     show('behind', 1e3 * Math.hypot(...this.vector('behind_m')), 2, 'mm');
     show('gripper-hand', 1e3 * number('gripper_hand_m'), 1, 'mm');
@@ -540,21 +725,11 @@ class Page {
     while (this.lossWindow.length > 2 && this.lossWindow[0]!.at < now.at - 2000) this.lossWindow.shift();
     const then = this.lossWindow[0]!, lost = now.lost - then.lost, all = now.received - then.received + lost;
     show('loss', all > 0 ? (100 * lost) / all : NaN, 1, '%');
-    const mode = MODES[number('mode')] ?? '?', slave = MODES[number('slave_mode')] ?? '?';
-    const kind = (m: string): '' | 'good' | 'bad' => (m === 'coupled' ? 'good' : m === 'idle' || m === 'let go' ? '' : 'bad');
-    state('mode', `master: ${mode}`, kind(mode));
-    element('slave-mode').hidden = !this.scene!.linked;
-    state('slave-mode', `slave: ${slave}`, kind(slave));
     const methods = this.scene!.methods;
     if (methods.length > 1) {
       const method = element<HTMLSelectElement>('method'), now = String(number('epoch') % methods.length);
       if (document.activeElement !== method) method.value = now;
-      element('method-state').hidden = false;
-      state('method-state', methods[Number(now)]!);
     }
-    const held = number('held') === 1;
-    state('held', held ? 'handle held' : 'handle free', held ? 'good' : '');
-    element('held').hidden = !this.scene!.pointer;
   }
 
   private pause(): void {

@@ -28,8 +28,9 @@ export interface Shown {
   robotAttitude: [number, number, number, number];
   target: Vec | null; // of the pointer, in the robot's world
   felt: Vec;
-  feltTorque: Vec;
+  wanted: Vec; // before the passivity controller
   environment: Vec;
+  robotAge: string; // of the robot's values, in words; empty: they are of now
 }
 
 const dot = (a: Vec, b: Vec): number => a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
@@ -47,10 +48,14 @@ export function rotate(q: [number, number, number, number], v: Vec): Vec {
 }
 
 const PIXELS_PER_NEWTON = 12;
+const MARGIN = 24; // pixels in which hand and robot are not left
 
 export class Picture {
   view: View;
-  scale = 2500; // pixels per metre
+  /** What the user has chosen: pixels per metre, and the point of space in the middle. */
+  chosen = { scale: 2500, centre: [0, 0, 0] as Vec };
+  /** What is shown: the same, but for a hand or robot that has left it. */
+  private shown = { scale: 2500, centre: [0, 0, 0] as Vec };
   private readonly context: CanvasRenderingContext2D;
 
   constructor(
@@ -61,16 +66,53 @@ export class Picture {
     this.context = canvas.getContext('2d')!;
   }
 
+  get scale(): number {
+    return this.shown.scale;
+  }
+  /** Chooses the view that shows these points and the origin. */
+  fit(points: Vec[]): void {
+    this.chosen = this.around([[0, 0, 0], ...points], 8000);
+  }
+  private around(points: Vec[], most: number): { scale: number; centre: Vec } {
+    const span = (axis: Vec): [number, number] => {
+      const along = points.map((p) => dot(p, axis));
+      return [Math.min(...along), Math.max(...along)];
+    };
+    const [left, right] = span(this.view.right), [low, high] = span(this.view.up);
+    const room = (pixels: number, from: number, to: number): number => (pixels - 6 * MARGIN) / Math.max(to - from, 1e-3);
+    const scale = Math.max(5, Math.min(most, room(this.width, left, right), room(this.height, low, high)));
+    const x = (left + right) / 2, y = (low + high) / 2;
+    return { scale, centre: [0, 1, 2].map((i) => x * this.view.right[i]! + y * this.view.up[i]!) as Vec };
+  }
+  /** Follows a hand or a robot that leaves the chosen view, and returns to that view with it. */
+  private follow(points: Vec[]): void {
+    const inside = (view: { scale: number; centre: Vec }): boolean =>
+      points.every((p) => {
+        const [x, y] = this.point(p, view);
+        return x > MARGIN && x < this.width - MARGIN && y > MARGIN && y < this.height - MARGIN;
+      });
+    const to = inside(this.chosen) ? this.chosen : this.around([this.chosen.centre, ...points], this.chosen.scale);
+    const share = inside(this.shown) ? 0.08 : 0.4;
+    const near = Math.abs(Math.log(to.scale / this.shown.scale)) < 1e-3 && norm(add(to.centre, this.shown.centre, -1)) * to.scale < 0.5;
+    if (near) {
+      this.shown = { scale: to.scale, centre: [...to.centre] };
+      return;
+    }
+    this.shown.scale *= (to.scale / this.shown.scale) ** share;
+    this.shown.centre = add(this.shown.centre, add(to.centre, this.shown.centre, -1), share);
+  }
+
   private get width(): number {
     return this.canvas.clientWidth;
   }
   private get height(): number {
     return this.canvas.clientHeight;
   }
-  private point(p: Vec): [number, number] {
+  private point(p: Vec, view = this.shown): [number, number] {
+    const from = add(p, view.centre, -1);
     return [
-      0.45 * this.width + this.scale * dot(p, this.view.right),
-      0.5 * this.height - this.scale * dot(p, this.view.up),
+      0.45 * this.width + view.scale * dot(from, this.view.right),
+      0.5 * this.height - view.scale * dot(from, this.view.up),
     ];
   }
   /** The displacement in space of a displacement in pixels. */
@@ -87,36 +129,51 @@ export class Picture {
       this.canvas.height = Math.round(this.height * ratio);
     }
     const colour = (name: string): string => getComputedStyle(document.documentElement).getPropertyValue(name).trim();
+    this.follow([s.hand, s.robot]);
     c.setTransform(ratio, 0, 0, ratio, 0, 0);
     c.clearRect(0, 0, this.width, this.height);
     this.grid(colour('--grid'), colour('--muted'));
     for (const e of this.scene.environment) this.element(e, s, colour('--surface'), colour('--surface-line'));
-    this.tool(s.robot, s.robotAttitude, colour('--robot'));
-    this.robot(s.robot, colour('--robot'));
+    const ofRobot = s.robotAge ? colour('--muted') : colour('--robot');
+    this.tool(s.robot, s.robotAttitude, ofRobot);
+    this.robot(s.robot, ofRobot);
+    if (s.robotAge) this.label(s.robot, `robot as it was ${s.robotAge} ago`, ofRobot);
     this.hand(s, colour('--hand'), colour('--muted'));
-    this.arrow(s.robot, s.environment, colour('--robot'), 'on the environment', 18);
+    if (!s.robotAge) this.arrow(s.robot, s.environment, ofRobot, 'on the environment', 18);
+    const differ = norm(add(s.wanted, s.felt, -1)) > 0.05;
+    if (differ) this.arrow(s.hand, s.wanted, colour('--third'), 'wanted', -44, true);
     this.arrow(s.hand, s.felt, colour('--felt'), 'felt', -14);
     this.legend(colour('--text'), [
-      [colour('--hand'), 'hand (handle of the device)'],
-      [colour('--robot'), 'robot and tool'],
-      [colour('--felt'), 'force felt by the hand'],
+      [colour('--hand'), 'hand'],
+      [ofRobot, 'robot'],
+      [colour('--felt'), 'force felt'],
+      ...(differ ? [[colour('--third'), 'force wanted'] as [string, string]] : []),
     ]);
+  }
+
+  private label(at: Vec, text: string, colour: string): void {
+    const c = this.context, [x, y] = this.point(at);
+    c.font = '12px system-ui, sans-serif';
+    c.fillStyle = colour;
+    const left = Math.max(4, Math.min(x + 12, this.width - c.measureText(text).width - 4));
+    c.fillText(text, left, y + 34);
   }
 
   private grid(line: string, text: string): void {
     const c = this.context;
-    const steps = [0.005, 0.01, 0.02, 0.05, 0.1];
-    const step = steps.find((x) => x * this.scale > 45) ?? 0.2;
+    const steps = [0.005, 0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1, 2, 5];
+    const step = steps.find((x) => x * this.scale > 45) ?? 10;
     c.lineWidth = 1;
     c.font = '11px system-ui, sans-serif';
     const [ox, oy] = this.point([0, 0, 0]);
     c.strokeStyle = line;
     c.beginPath();
-    for (let x = ox % (step * this.scale); x < this.width; x += step * this.scale) {
+    const first = (o: number): number => ((o % (step * this.scale)) + step * this.scale) % (step * this.scale);
+    for (let x = first(ox); x < this.width; x += step * this.scale) {
       c.moveTo(x, 0);
       c.lineTo(x, this.height);
     }
-    for (let y = oy % (step * this.scale); y < this.height; y += step * this.scale) {
+    for (let y = first(oy); y < this.height; y += step * this.scale) {
       c.moveTo(0, y);
       c.lineTo(this.width, y);
     }
@@ -262,7 +319,7 @@ export class Picture {
       c.globalAlpha = 1;
       return;
     }
-    const [x, y] = this.point(at), nx = a / inPlane, ny = -b / inPlane, far = 4000;
+    const [x, y] = this.point(at), nx = a / inPlane, ny = -b / inPlane, far = 20000;
     const corner = (t: number, d: number): [number, number] => [x - ny * t - nx * d, y + nx * t - ny * d];
     c.beginPath();
     c.moveTo(...corner(-far, 0));
@@ -361,7 +418,7 @@ export class Picture {
     c.stroke();
   }
 
-  private arrow(from: Vec, force: Vec, colour: string, name: string, offset: number): void {
+  private arrow(from: Vec, force: Vec, colour: string, name: string, offset: number, hollow = false): void {
     const size = norm(force);
     if (size < 0.02) return;
     const c = this.context, [x, y] = this.point(from);
@@ -375,11 +432,13 @@ export class Picture {
     const shown = Math.hypot(dx, dy) || 1, ux = dx / shown, uy = dy / shown;
     c.strokeStyle = colour;
     c.fillStyle = colour;
-    c.lineWidth = 3;
+    c.lineWidth = hollow ? 2 : 3;
+    if (hollow) c.setLineDash([5, 4]);
     c.beginPath();
     c.moveTo(x, y0);
     c.lineTo(x + dx, y0 + dy);
     c.stroke();
+    c.setLineDash([]);
     if (shown > 6) {
       c.beginPath();
       c.moveTo(x + dx + 8 * ux, y0 + dy + 8 * uy);
@@ -391,17 +450,19 @@ export class Picture {
     const text = `${size.toFixed(2)} N ${name}`;
     const wide = c.measureText(text).width;
     const left = Math.min(Math.max(4, x + dx + (ux < 0 ? -wide - 12 : 12)), this.width - wide - 4);
-    c.fillText(text, left, y0 + dy + (offset > 0 ? 18 : -10));
+    c.fillText(text, left, y0 + dy + (offset > 0 ? 18 : hollow ? -24 : -10));
   }
 
   private legend(text: string, entries: [string, string][]): void {
     const c = this.context;
     c.font = '12px system-ui, sans-serif';
-    entries.forEach(([colour, name], i) => {
+    let x = 12;
+    for (const [colour, name] of entries) {
       c.fillStyle = colour;
-      c.fillRect(12, 14 + 18 * i, 12, 4);
+      c.fillRect(x, 14, 12, 4);
       c.fillStyle = text;
-      c.fillText(name, 30, 20 + 18 * i);
-    });
+      c.fillText(name, x + 17, 20);
+      x += c.measureText(name).width + 32;
+    }
   }
 }

@@ -14,6 +14,7 @@ export interface PlotSpec {
 }
 
 const SPAN_S = 10;
+const HEIGHT = 112; // pixels
 const POINTS = 1300; // of SPAN_S at the plots' rate
 
 /** A curve that is constant lies in the middle. */
@@ -39,30 +40,40 @@ export class Plots {
     parent.replaceChildren();
     this.plots = specs.map((spec) => {
       const box = document.createElement('figure');
+      const caption = document.createElement('figcaption'), title = document.createElement('b');
+      title.textContent = `${spec.title} [${spec.unit}]`;
+      caption.append(title);
+      if (spec.curves.length > 1)
+        for (const c of spec.curves) {
+          const name = document.createElement('i');
+          name.textContent = c.label;
+          name.style.color = colour(c.colour);
+          caption.append(name);
+        }
+      box.append(caption);
       parent.append(box);
       const axis = { stroke: colour('--text'), grid: { stroke: colour('--grid'), width: 1 }, ticks: { show: false }, font: '11px system-ui' };
       const plot = new uPlot(
         {
-          title: `${spec.title} [${spec.unit}]`,
-          width: 225,
-          height: 160,
+          width: 200,
+          height: HEIGHT,
           pxAlign: false,
           cursor: { show: false },
-          legend: { live: false },
+          legend: { show: false },
           scales: { x: { time: false, range: (_u, _min, max) => [max - SPAN_S, max] }, y: { range: yRange } },
           series: [
             { label: 't [s]' },
             ...spec.curves.map((c) => ({ label: c.label, stroke: colour(c.colour), width: 1.5, points: { show: false } })),
           ],
           axes: [
-            { ...axis, size: 28, values: (_u: uPlot, ticks: number[]) => ticks.map((x) => `${+x.toFixed(1)} s`) },
-            { ...axis, size: 56, space: 24, values: (_u: uPlot, ticks: number[]) => ticks.map((x) => String(+x.toPrecision(6))) },
+            { ...axis, size: 24, values: (_u: uPlot, ticks: number[]) => ticks.map((x) => `${+x.toFixed(1)} s`) },
+            { ...axis, size: 46, space: 22, values: (_u: uPlot, ticks: number[]) => ticks.map((x) => String(+x.toPrecision(6))) },
           ],
         },
         [[], ...spec.curves.map(() => [])],
         box,
       );
-      new ResizeObserver(() => plot.setSize({ width: Math.max(200, box.clientWidth), height: 160 })).observe(box);
+      new ResizeObserver(() => plot.setSize({ width: Math.max(160, box.clientWidth), height: HEIGHT })).observe(box);
       return plot;
     });
   }
