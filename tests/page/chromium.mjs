@@ -6,7 +6,7 @@ import { createRequire } from 'node:module';
 const [url, executablePath, modules, picture] = process.argv.slice(2);
 const { chromium } = createRequire(`${modules}/`)('playwright-core');
 
-export { url };
+export { url, picture };
 export const browser = await chromium.launch({
   executablePath,
   headless: true,
@@ -39,6 +39,16 @@ export async function until(what, condition, patience_ms = 15000) {
 export const coupled = () =>
   until('both sides are coupled', async () => (await text('mode')) === 'master: coupled' && (await text('slave-mode')) === 'slave: coupled');
 
+/// Takes the handle in the middle of the picture; to(x_m) then moves it along x.
+export async function take() {
+  const box = await page.locator('#picture').boundingBox();
+  const [x, y] = [box.x + 0.45 * box.width, box.y + 0.5 * box.height], scale = Number(await page.locator('#zoom').inputValue());
+  await page.mouse.move(x, y);
+  await page.mouse.down();
+  await coupled();
+  return (x_m) => page.mouse.move(x + x_m * scale, y, { steps: 20 });
+}
+
 export async function set(id, to) {
   await page.locator(`#${id}`).evaluate((input, v) => {
     input.value = v;
@@ -46,12 +56,12 @@ export async function set(id, to) {
   }, String(to));
 }
 
-/// Runs the steps; the page may report no error. Closes the browser in any case.
-export async function run(steps) {
+/// Runs the steps; the page may report no error, unless its programs end. Closes the browser in any case.
+export async function run(steps, { errors: judged = true } = {}) {
   try {
     await page.goto(url);
     await steps();
-    if (errors.length > 0) throw new Error(`errors on the page: ${errors.join('; ')}`);
+    if (judged && errors.length > 0) throw new Error(`errors on the page: ${errors.join('; ')}`);
   } finally {
     await browser.close();
   }

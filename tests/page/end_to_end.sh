@@ -3,7 +3,7 @@
 #
 #   end_to_end.sh MASTER SLAVE LAB NODE_MODULES [PICTURE.png] [SCRIPT] [SCENE] [OPTION OF THE SLAVE...]
 #
-# SCRIPT: end_to_end (the default), gripper, friction, refused; SCENE: of examples/play, one_axis. Both sides record, and LAB replays the
+# SCRIPT: end_to_end (the default), states, screens, tour, gripper, friction, refused; SCENE: of examples/play, one_axis. Both sides record, and LAB replays the
 # recordings to the bit. Exit status 77: skipped, with the reason.
 set -euo pipefail
 master=$1 slave=$2 lab=$3 modules=$4 picture=${5:-} script=${6:-end_to_end} scene=${7:-one_axis}
@@ -44,7 +44,11 @@ env --default-signal=INT "$master" --scene "$scene" --peer "127.0.0.1:$port" --d
 pids+=($!)
 wait_for 'page: http' "$work/master.log"
 url=$(grep -om1 'http://[^ ]*' "$work/master.log")
+export SLAVE_PID=${pids[0]} MASTER_PID=${pids[1]}
 node "$here/$script.mjs" "$url" "$chromium" "$modules" "$picture"
+
+# It has killed the slave and ended the master.
+[ "$script" != states ] || { for pid in "${pids[@]}"; do wait "$pid" || true; done; pids=(); exit 0; }
 
 # Both end by SIGINT, with whole summaries.
 for pid in "${pids[@]}"; do

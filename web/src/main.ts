@@ -716,6 +716,8 @@ class Page {
     show('robot-energy', 1e3 * number('robot_energy_j'), 3, 'mJ');
     show('dissipated', 1e3 * number('dissipated_j'), 3, 'mJ');
     show('deficit', 1e3 * number('deficit_j'), 3, 'mJ');
+    const inView = this.picture!.sees([this.inRobotWorld(this.vector('hand_x_m')), this.vector('robot_x_m')]);
+    element('picture').dataset.inView = String(inView);
     this.followEnvironment();
     const trip = number('round_trip_ms');
     show('round-trip', trip < 0 ? NaN : trip, 1, 'ms');

@@ -84,13 +84,15 @@ export class Picture {
     const x = (left + right) / 2, y = (low + high) / 2;
     return { scale, centre: [0, 1, 2].map((i) => x * this.view.right[i]! + y * this.view.up[i]!) as Vec };
   }
+  sees(points: Vec[], view = this.shown): boolean {
+    return points.every((p) => {
+      const [x, y] = this.point(p, view);
+      return x > MARGIN && x < this.width - MARGIN && y > MARGIN && y < this.height - MARGIN;
+    });
+  }
   /** Follows a hand or a robot that leaves the chosen view, and returns to that view with it. */
   private follow(points: Vec[]): void {
-    const inside = (view: { scale: number; centre: Vec }): boolean =>
-      points.every((p) => {
-        const [x, y] = this.point(p, view);
-        return x > MARGIN && x < this.width - MARGIN && y > MARGIN && y < this.height - MARGIN;
-      });
+    const inside = (view: { scale: number; centre: Vec }): boolean => this.sees(points, view);
     const to = inside(this.chosen) ? this.chosen : this.around([this.chosen.centre, ...points], this.chosen.scale);
     const share = inside(this.shown) ? 0.08 : 0.4;
     const near = Math.abs(Math.log(to.scale / this.shown.scale)) < 1e-3 && norm(add(to.centre, this.shown.centre, -1)) * to.scale < 0.5;
