@@ -12,7 +12,7 @@ await run(async () => {
   // A second page, with the controls at rest, and a connection that sends all the same.
   const watcher = await context.newPage();
   await watcher.goto(url);
-  await until('the second page watches', async () => watcher.locator('#watching').isVisible());
+  await until('the second page watches', async () => watcher.locator('#watching').isVisible(), 60000);
   for (const id of ['method', 'to_slave-delay_ms', 'grip', 'stiffness'])
     if (await watcher.locator(`#${id}`).isEnabled()) throw new Error(`${id} can be moved on the page that watches`);
   const attack = () =>

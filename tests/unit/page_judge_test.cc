@@ -2,6 +2,7 @@
 
 #include <cmath>
 
+#include "common/link/report.h"
 #include "common/page/judge.h"
 
 namespace twoport {

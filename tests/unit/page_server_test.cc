@@ -307,7 +307,7 @@ TEST(PageServer, BeyondThisMachineATokenIsNeeded) {
   std::string wrong = query;
   wrong.back() = wrong.back() == '0' ? '1' : '0';
   for (const std::string& without :
-       {std::string{"/"}, "/?", "/?token=", "/" + wrong, "/" + query + "0", "/index.html"}) {
+       std::vector<std::string>{"/", "/?", "/?token=", "/" + wrong, "/" + query + "0", "/index.html"}) {
     const std::string answer = s.get(without, s.host);
     EXPECT_NE(answer.find("403"), answer.npos) << without;
     EXPECT_NE(answer.find("token"), answer.npos) << without;
