@@ -28,6 +28,7 @@ await run(async () => {
   const to = await take();
   await to(0.045);
   await until('a force is felt', async () => (await value('felt')) > 1);
+  await pause(2000); // until it rests
   const before = { method: await page.locator('#method').inputValue(), felt: await value('felt') };
   await attack();
   const trip = await value('round-trip');
