@@ -2,11 +2,13 @@
 
 #include <Eigen/Eigenvalues>
 #include <Eigen/Geometry>
+#include <filesystem>
 
 #include "common/base/check.h"
 #include "common/base/file.h"
 #include "common/scene/reader.h"
 #include "common/scene/text.h"
+#include "common/scene/urdf.h"
 #include "proto/arm.pb.h"
 
 namespace twoport {
@@ -27,12 +29,7 @@ Eigen::Matrix3d read_inertia(const Block<schema::ArmJoint>& of) {
     inertia(0, 2) = inertia(2, 0) = n[4];
     inertia(1, 2) = inertia(2, 1) = n[5];
   }
-  const Eigen::Vector3d moments = Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d>{inertia}.eigenvalues();
-  if (!(moments[0] > 0.0)) of.refuse(FIELD(inertia_kg_m2), "be positive definite");
-  // Identified parameters miss it by rounding; by more they belong to no body.
-  if (moments[2] > 1.05 * (moments[0] + moments[1]))
-    of.refuse(FIELD(inertia_kg_m2),
-              "keep the triangle inequality: no principal moment exceeds the sum of the other two by more than 5 %");
+  if (const std::string words = inertia_fault(inertia); !words.empty()) of.refuse(FIELD(inertia_kg_m2), words);
   return inertia;
 }
 
@@ -52,24 +49,71 @@ ArmJoint read_joint(const Block<schema::ArmJoint>& of) {
   return joint;
 }
 
+ArmParameters load_urdf(const std::string& path, const std::string& tip) {
+#ifdef TWOPORT_URDF
+  return read_urdf(read_whole(path), path, tip);
+#else
+  static_cast<void>(tip);
+  throw ConfigError{path + ": this build reads no URDF: liburdfdom was missing (Debian package liburdfdom-dev)"};
+#endif
+}
+
+/// The joints of a URDF and what it cannot say.
+ArmParameters read_described(const Block<schema::ArmParameters>& of, const std::string& tip) {
+  const auto refuse_beside = [&](const auto&... fields) {
+    const auto refuse = [&](const auto& field) {
+      if (of.has(field)) of.fail(fmt::format("{} is given, but so is urdf, which has it", field.name));
+    };
+    (refuse(fields), ...);
+  };
+  refuse_beside(FIELD(joint), FIELD(flange_m), FIELD(flange_rotation_rpy_rad));
+  const std::filesystem::path folder = std::filesystem::path{of.context().file}.parent_path();
+  ArmParameters arm = load_urdf((folder / of->urdf()).string(), tip.empty() ? of->tip() : tip);
+  of.need_length(FIELD(joint_rotor_inertia_kg_m2), static_cast<int>(arm.joints.size()));
+  const Numbers rotors = numbers(of->joint_rotor_inertia_kg_m2());
+  for (std::size_t i = 0; i < rotors.size(); ++i) arm.joints[i].rotor_inertia_kg_m2 = rotors[i];
+  if (of->has_name()) arm.name = of->name();
+  return arm;
+}
+ArmParameters read_joints(const Block<schema::ArmParameters>& of, const std::string& tip) {
+  if (of->has_tip() || !tip.empty())
+    of.fail(fmt::format("the tip \"{}\" is named, but only links of a URDF have names", tip.empty() ? of->tip() : tip));
+  if (of.has(FIELD(joint_rotor_inertia_kg_m2)))
+    of.fail("joint_rotor_inertia_kg_m2 is given without urdf; each joint has its rotor_inertia_kg_m2");
+  ArmParameters arm;
+  arm.name = of->name();
+  for (const auto& each : of.blocks(FIELD(joint))) {
+    arm.joints.push_back(read_joint(each));
+    arm.joints.back().name = fmt::format("joint {}", arm.joints.size());
+  }
+  if (arm.joints.empty()) of.fail("joint is given 0 times; an arm must have 6 or 7 joints");
+  arm.flange_m = vector<3>(of->flange_m());
+  arm.flange_rotation = rotation_rpy(of->flange_rotation_rpy_rad());
+  return arm;
+}
+
 }  // namespace
 
-ArmParameters load_arm(const std::string& path) {
+std::string inertia_fault(const Eigen::Matrix3d& inertia, double rounding) {
+  const Eigen::Vector3d moments = Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d>{inertia}.eigenvalues();
+  if (!(moments[0] > -rounding)) return "be positive definite";
+  // Identified parameters miss it by rounding; by more they belong to no body.
+  if (moments[2] > 1.05 * (moments[0] + moments[1]) + rounding)
+    return "keep the triangle inequality: no principal moment exceeds the sum of the other two by more than 5 %";
+  return {};
+}
+
+ArmParameters load_arm(const std::string& path, const std::string& tip) {
+  if (path.ends_with(".urdf")) return load_urdf(path, tip);
   schema::ArmParameters message;
   if (const auto error = parse_text(read_whole(path), message))
     throw ConfigError{fmt::format("{}:{}: {}", path, error->place, error->sentence)};
   const Context context{.file = path, .dof = 6};
   const Block of{context, message};
   of.check_fields();
-  ArmParameters arm;
-  arm.name = of->name();
+  ArmParameters arm = message.has_urdf() ? read_described(of, tip) : read_joints(of, tip);
   arm.source.assign(message.source().begin(), message.source().end());
-  for (const auto& each : of.blocks(FIELD(joint))) arm.joints.push_back(read_joint(each));
-  const int joints = static_cast<int>(arm.joints.size());
-  if (joints != 6 && joints != 7)
-    of.fail(fmt::format("joint is given {} times; an arm must have 6 or 7 joints", joints));
-  arm.flange_m = vector<3>(of->flange_m());
-  arm.flange_rotation = rotation_rpy(of->flange_rotation_rpy_rad());
+  const auto joints = static_cast<int>(arm.joints.size());
   of.require(FIELD(ready_position_rad), fmt::format("hold {} numbers", joints));
   of.need_length(FIELD(ready_position_rad), joints);
   arm.ready_position_rad = numbers(of->ready_position_rad());

@@ -6,8 +6,15 @@
 
 namespace twoport {
 
-/// Reads an arm from a file in Protobuf text format (proto/arm.proto). Throws ConfigError with file, field, value and what is
-/// allowed.
-ArmParameters load_arm(const std::string& path);
+/// Reads an arm of any number of joints from a file in Protobuf text format (proto/arm.proto), or from a `.urdf` up to its link `tip`;
+/// "": the only link without children. Throws ConfigError with file, field or name, value and what is allowed.
+ArmParameters load_arm(const std::string& path, const std::string& tip = {});
+
+/// The file of an arm that something in `folder` names: that file where there is one, else the arm of the project with this name
+/// ("ur5e"), in `arms`. As scene_file() otherwise.
+std::string arm_file(const std::string& named, const std::string& folder = {});
+
+/// What an inertia about a centre of mass must do and does not [kg m²]; "": it is that of a body. `rounding`: that its moments may miss it by.
+std::string inertia_fault(const Eigen::Matrix3d& inertia, double rounding = 0.0);
 
 }  // namespace twoport

@@ -2,6 +2,7 @@
 #include <cmath>
 #include <filesystem>
 #include <memory>
+#include <string>
 
 #include "common/arm/arm_model.h"
 #include "common/scene/arm.h"
@@ -37,31 +38,59 @@ EffectiveInertia effective_inertia(const ArmSpec& arm) {
                                               largest_eigenvalue(by_damping.bottomRightCorner<3, 3>())};
 }
 
+/// Damping, friction and rotors of the joints: the scene's where it gives them, else the file's.
+void complete(const Block<schema::Arm>& of, const std::string& path, ArmParameters& parameters) {
+  const auto joints = static_cast<int>(parameters.joints.size());
+  if (joints != 6 && joints != 7)
+    of.fail(fmt::format("{}: an arm must have 6 or 7 joints; this one has {}", path, joints));
+  const Numbers friction = numbers(of->joint_coulomb_friction_n_m());
+  of.need_length(FIELD(joint_coulomb_friction_n_m), joints);
+  if (!std::ranges::all_of(friction, [](double f) { return f >= 0.0; }))
+    of.refuse(FIELD(joint_coulomb_friction_n_m), "be >= 0 each");
+  for (std::size_t i = 0; i < parameters.joints.size(); ++i) {
+    ArmJoint& joint = parameters.joints[i];
+    if (of->has_joint_damping_n_m_s_per_rad() || !joint.damping_n_m_s_per_rad)
+      joint.damping_n_m_s_per_rad = of->joint_damping_n_m_s_per_rad();
+    if (!friction.empty()) joint.coulomb_friction_n_m = friction[i];
+    const auto refuse = [&](const char* what, double value, const char* words) {
+      of.fail(fmt::format("{}: joint \"{}\" has the {} {}; in a scene it must be {}", path, joint.name, what, value,
+                          words));
+    };
+    if (*joint.damping_n_m_s_per_rad > 300.0) refuse("damping", *joint.damping_n_m_s_per_rad, "at most 300");
+    if (!(joint.max_torque_n_m > 0.0)) refuse("effort", joint.max_torque_n_m, "> 0");
+    if (const std::string words = inertia_fault(joint.inertia); !words.empty())
+      of.fail(fmt::format("{}: the link behind joint \"{}\" has an inertia that must {}", path, joint.name, words));
+  }
+}
+
 }  // namespace
 
 ArmSpec read_arm(const Block<schema::Arm>& of) {
   of.require(FIELD(file), "be the path of a file");
-  std::filesystem::path path = of->file();
-  if (path.empty()) of.refuse(FIELD(file), "be the path of a file");
-  if (path.is_relative()) path = std::filesystem::path{of.context().file}.parent_path() / path;
-  const auto parameters = std::make_shared<const ArmParameters>(load_arm(path.string()));
+  if (of->file().empty()) of.refuse(FIELD(file), "be the path of a file");
+  const std::string path = arm_file(of->file(), std::filesystem::path{of.context().file}.parent_path().string());
+  const auto parameters = std::make_shared<ArmParameters>(load_arm(path));
+  complete(of, path, *parameters);
   const int joints = static_cast<int>(parameters->joints.size());
   const auto feedback = of.block(FIELD(force_feedback));
+  if (parameters->ready_position_rad.empty())
+    of.require(FIELD(joint_position_rad), fmt::format("hold {} numbers: a URDF names no position to begin at", joints));
   of.need_length(FIELD(joint_position_rad), joints);
-  of.need_length(FIELD(joint_coulomb_friction_n_m), joints);
   ArmSpec arm{.parameters = parameters,
               .joint_position_rad = numbers(of->joint_position_rad()),
               .null_space_stiffness_n_m_per_rad = of->null_space_stiffness_n_m_per_rad(),
               .null_space_damping_n_m_s_per_rad = of->null_space_damping_n_m_s_per_rad(),
-              .joint_damping_n_m_s_per_rad = of->joint_damping_n_m_s_per_rad(),
+              .joint_damping_n_m_s_per_rad = *parameters->joints[0].damping_n_m_s_per_rad,
               .tool_mass_kg = of->tool_mass_kg(),
               .tool_center_m = numbers(of->tool_center_m()),
               .force_feedback_gain = feedback->gain(),
               .force_feedback_torque_gain = GIVEN(feedback, torque_gain).value_or(feedback->gain()),
-              .force_feedback_cutoff_hz = feedback->has_cutoff_hz() ? feedback->cutoff_hz() : 0.0,
-              .joint_coulomb_friction_n_m = numbers(of->joint_coulomb_friction_n_m())};
-  for (const double friction : arm.joint_coulomb_friction_n_m)
-    if (!(friction >= 0.0)) of.refuse(FIELD(joint_coulomb_friction_n_m), "be >= 0 each");
+              .force_feedback_cutoff_hz = feedback->has_cutoff_hz() ? feedback->cutoff_hz() : 0.0};
+  // The least, from which the scene takes a lower bound of the damping at the tool.
+  for (const ArmJoint& joint : parameters->joints) {
+    arm.joint_damping_n_m_s_per_rad = std::min(arm.joint_damping_n_m_s_per_rad, *joint.damping_n_m_s_per_rad);
+    arm.joint_coulomb_friction_n_m.push_back(joint.coulomb_friction_n_m.value_or(0.0));
+  }
   if (arm.joint_position_rad.empty()) arm.joint_position_rad = parameters->ready_position_rad;
   for (std::size_t i = 0; i < arm.joint_position_rad.size(); ++i) {
     const ArmJoint& joint = parameters->joints[i];

@@ -9,6 +9,7 @@
 #include "common/base/print_error.h"
 #include "common/platform/arguments.h"
 #include "common/wire/header.h"
+#include "lab/arm_command.h"
 #include "lab/cli/commands.h"
 #include "lab/paper_command.h"
 
@@ -26,6 +27,7 @@ std::vector<lab::Subcommand> add_commands(lab::Command app) {
   all.push_back(lab::add_picture_command(app));
   all.push_back(lab::add_paper_command(app));
   all.push_back(lab::add_methods_command(app));
+  all.push_back(lab::add_arm_command(app));
   for (lab::Subcommand& each : lab::add_recording_commands(app)) all.push_back(std::move(each));
   all.push_back(lab::add_doctor_command(app));
   for (lab::Subcommand& each : lab::add_trim_commands(app)) all.push_back(std::move(each));

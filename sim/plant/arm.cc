@@ -71,6 +71,7 @@ SerialArm<n>::SerialArm(const ArmSpec& arm, std::shared_ptr<const Environment<6>
     const ArmJoint& j = arm_.parameters->joints[i];
     const auto c = static_cast<int>(i);
     most_torque_[c] = j.max_torque_n_m, lower_[c] = j.lower_rad, upper_[c] = j.upper_rad;
+    damping_[c] = j.damping_n_m_s_per_rad.value_or(arm_.joint_damping_n_m_s_per_rad);
   }
   if (arm_.force_feedback_cutoff_hz > 0.0)
     sensor_weight_ = -std::expm1(-2.0 * std::numbers::pi * arm_.force_feedback_cutoff_hz * dt_);
@@ -97,7 +98,7 @@ SerialArm<n>::SerialArm(const ArmSpec& arm, std::shared_ptr<const Environment<6>
   }
   const double joints = 1.0 / Eigen::SelfAdjointEigenSolver<Inertia>{M, Eigen::EigenvaluesOnly}.eigenvalues()[0];
   rate_ = std::max({std::sqrt(stiffness * all_points), damping * all_points,
-                    (arm_.joint_damping_n_m_s_per_rad + arm_.null_space_damping_n_m_s_per_rad) * joints,
+                    (damping_.maxCoeff() + arm_.null_space_damping_n_m_s_per_rad) * joints,
                     std::sqrt(kStopStiffness * joints)});
   if (hand_) {
     const double linear = largest_eigenvalue(mobility_.topLeftCorner<3, 3>()),
@@ -154,8 +155,7 @@ typename SerialArm<n>::Step SerialArm<n>::runge_kutta(const Rate& a, const Joint
              d = rates(moved(c, h), torque, t + h);
   return {{s_.q + h / 6.0 * (a.q + 2.0 * (b.q + c.q) + d.q), s_.v + h / 6.0 * (a.v + 2.0 * (b.v + c.v) + d.v)},
           h / 6.0 * (a.outside + 2.0 * (b.outside + c.outside) + d.outside),
-          h / 6.0 * arm_.joint_damping_n_m_s_per_rad *
-              (a.q.squaredNorm() + 2.0 * (b.q.squaredNorm() + c.q.squaredNorm()) + d.q.squaredNorm())};
+          h / 6.0 * (damped(a.q) + 2.0 * (damped(b.q) + damped(c.q)) + damped(d.q))};
 }
 
 /// A tick in steps of at most `longest`, each ended where a joint stops or its friction releases it.
@@ -369,7 +369,7 @@ typename SerialArm<n>::Vector6 SerialArm<n>::outside_wrench(const typename Model
 template <int n>
 typename SerialArm<n>::Joints SerialArm<n>::load(const State& s, const Kinematics& k,
                                                  const Joints& torque) const noexcept {
-  return torque + k.jacobian.transpose() * k.outside - arm_.joint_damping_n_m_s_per_rad * s.v + stops(s);
+  return torque + k.jacobian.transpose() * k.outside - damping_.cwiseProduct(s.v) + stops(s);
 }
 /// q̇ and q̈.
 template <int n>

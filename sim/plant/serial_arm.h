@@ -100,6 +100,8 @@ class SerialArm final : public ArmPlant {
   [[nodiscard]] State moved(const Rate& rate, double h) const noexcept {
     return {s_.q + h * rate.q, s_.v + h * rate.v};
   }
+  /// Power that the joints' damping takes at these velocities [W].
+  [[nodiscard]] double damped(const Joints& v) const noexcept { return v.dot(damping_.cwiseProduct(v)); }
   [[nodiscard]] Joints over_stops(const Joints& q) const noexcept;
   [[nodiscard]] Joints stops(const State& s) const noexcept;
   [[nodiscard]] Eigen::LLT<Matrix6> factors(Matrix6& A) const noexcept;
@@ -125,7 +127,7 @@ class SerialArm final : public ArmPlant {
   ArmTool tool_;  ///< with the hand's mass
   Joints home_;
   Model model_, bare_;  ///< with the tool, and without
-  Joints most_torque_, lower_, upper_;
+  Joints most_torque_, lower_, upper_, damping_;
   Joints coulomb_ = Joints::Zero();  ///< friction of the joints [N m]
   bool dry_ = false;                 ///< there is some
   Eigen::Vector3d base_;             ///< in the world

@@ -8,6 +8,7 @@
 #include <string>
 #include <vector>
 
+#include "common/base/file.h"
 #include "common/scene/load.h"
 #include "sim/plant/serial_arm.h"
 #include "sim/sim_robot.h"
@@ -113,6 +114,32 @@ TEST(JointFriction, EnergyOfAllJointsBalances) {
   EXPECT_GT(last, 0.1);
   EXPECT_LT(off, 1e-8);
 }
+
+#ifdef TWOPORT_URDF
+/// Where an arm of a URDF has the tool after 0.2 s under a constant wrench.
+Eigen::Vector3d pushed(const std::string& urdf, const std::string& damping) {
+  const std::string path = testing::TempDir() + "/pushed.urdf";
+  write_whole(path, urdf);
+  SimRobot<6> r{
+      parse_scene(
+          "dof: 6 duration_s: 1 robot { arm { file: \"" + path +
+              "\" joint_position_rad: [0, -0.6, 1.6, 0.6, -1.5, 0] joint_coulomb_friction_n_m: [0, 0, 0, 0, 0, 0] " +
+              damping + " } }",
+          "arm"),
+      Seconds{1e-3}};
+  for (int k = 0; k < 200; ++k) push(r, (Vector6() << 20.0, 5.0, -3.0, 0.1, 0.2, 0.3).finished());
+  return r.sense().x.translation();
+}
+TEST(JointDamping, OfAUrdfIsThatOfEachJoint) {
+  const std::string from = "damping=\"0.5\"", urdf = read_whole(TWOPORT_ARMS "/six_joints.urdf");
+  std::string even = urdf;
+  for (std::size_t at = even.find(from); at != even.npos; at = even.find(from))
+    even.replace(at, from.size(), "damping=\"2\"");
+  const Eigen::Vector3d all_alike = pushed(urdf, "joint_damping_n_m_s_per_rad: 2");
+  EXPECT_EQ(pushed(even, ""), all_alike);
+  EXPECT_GT((pushed(urdf, "") - all_alike).norm(), 1e-5);
+}
+#endif
 
 TEST(JointFriction, AllocatesNothing) {
   SimRobot<6> r =

@@ -1,0 +1,347 @@
+#include "common/scene/urdf.h"
+
+#include <console_bridge/console.h>
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+#include <urdf_parser/urdf_parser.h>
+
+#include <Eigen/Geometry>
+#include <algorithm>
+#include <boost/property_tree/xml_parser.hpp>
+#include <cmath>
+#include <limits>
+#include <map>
+#include <mutex>
+#include <set>
+#include <sstream>
+#include <string_view>
+#include <utility>
+#include <vector>
+
+#include "common/base/check.h"
+#include "common/base/nearest_names.h"
+#include "common/scene/arm.h"
+
+namespace twoport {
+namespace {
+
+using Eigen::Isometry3d;
+using Eigen::Matrix3d;
+using Eigen::Vector3d;
+constexpr double kUnlimited = std::numeric_limits<double>::infinity();
+
+/// Takes what the parser would print, for one thread at a time.
+class Complaints final : public console_bridge::OutputHandler {
+ public:
+  Complaints() : lock_{one_at_a_time()}, before_{console_bridge::getOutputHandler()} {
+    console_bridge::useOutputHandler(this);
+  }
+  ~Complaints() override { console_bridge::useOutputHandler(before_); }
+  Complaints(const Complaints&) = delete;
+  Complaints& operator=(const Complaints&) = delete;
+
+  void log(const std::string& text, console_bridge::LogLevel level, const char*, int) override {
+    if (level == console_bridge::CONSOLE_BRIDGE_LOG_ERROR && first_.empty()) first_ = text;
+  }
+  [[nodiscard]] const std::string& first() const { return first_; }
+
+ private:
+  static std::mutex& one_at_a_time() {
+    static std::mutex mutex;
+    return mutex;
+  }
+  std::lock_guard<std::mutex> lock_;
+  console_bridge::OutputHandler* before_;
+  std::string first_;
+};
+
+/// A URDF's text, for the places of errors.
+struct Text {
+  const std::string &text, &file;
+
+  /// 0: not found.
+  [[nodiscard]] long line_of(std::string_view element, std::string_view name) const {
+    const std::string open = fmt::format("<{}", element);
+    for (std::size_t at = text.find(open); at != text.npos; at = text.find(open, at + 1)) {
+      const std::string_view tag = std::string_view{text}.substr(at, text.find('>', at) - at);
+      if (tag.find(fmt::format("name=\"{}\"", name)) != tag.npos ||
+          tag.find(fmt::format("name='{}'", name)) != tag.npos)
+        return 1 + std::count(text.begin(), text.begin() + static_cast<std::ptrdiff_t>(at), '\n');
+    }
+    return 0;
+  }
+  [[noreturn]] void fail(long line, const std::string& words) const {
+    throw ConfigError{line > 0 ? fmt::format("{}:{}: {}", file, line, words) : fmt::format("{}: {}", file, words)};
+  }
+  template <class... Values>
+  [[noreturn]] void fail_joint(const std::string& name, fmt::format_string<Values...> words, Values&&... values) const {
+    fail(line_of("joint", name),
+         fmt::format("joint \"{}\" {}", name, fmt::format(words, std::forward<Values>(values)...)));
+  }
+  template <class... Values>
+  [[noreturn]] void fail_link(const std::string& name, fmt::format_string<Values...> words, Values&&... values) const {
+    fail(line_of("link", name),
+         fmt::format("link \"{}\" {}", name, fmt::format(words, std::forward<Values>(values)...)));
+  }
+};
+
+/// What a file that the parser refuses has wrong.
+[[noreturn]] void explain(const Text& of, const std::string& complaint) {
+  try {
+    std::istringstream in{of.text};
+    boost::property_tree::ptree tree;
+    boost::property_tree::read_xml(in, tree);
+  } catch (const boost::property_tree::xml_parser_error& e) {
+    of.fail(static_cast<long>(e.line()), fmt::format("no well-formed XML: {}", e.message()));
+  }
+  if (of.text.find("<xacro:") != of.text.npos)
+    of.fail(0, "these are macros; expand them first: xacro FILE.xacro > FILE.urdf");
+  // The parser puts names in brackets or quotes.
+  long line = 0;
+  for (std::size_t at = complaint.find_first_of("['\""); line == 0 && at != complaint.npos;
+       at = complaint.find_first_of("['\"", at + 1)) {
+    const std::string name = complaint.substr(at + 1, complaint.find_first_of("]'\"", at + 1) - at - 1);
+    line = std::max(of.line_of("joint", name), of.line_of("link", name));
+  }
+  of.fail(line, complaint.empty() ? std::string{"no URDF: it has no element <robot>"} : complaint);
+}
+
+urdf::ModelInterfaceSharedPtr parse(const Text& of) {
+  std::string complaint;
+  urdf::ModelInterfaceSharedPtr model;
+  {
+    const Complaints complaints;
+    try {
+      model = urdf::parseURDF(of.text);
+    } catch (const std::exception& e) {
+      complaint = e.what();
+    }
+    if (!complaints.first().empty()) complaint = complaints.first();
+  }
+  // Some errors are only said: the parser then leaves a part out.
+  if (!model || !complaint.empty()) explain(of, complaint);
+  return model;
+}
+
+/// Each link hangs on one joint at most, and on the root.
+void check_tree(const Text& of, const urdf::ModelInterface& model) {
+  std::map<std::string, std::string> hangs_on;
+  for (const auto& [name, joint] : model.joints_)
+    if (const auto [other, first] = hangs_on.emplace(joint->child_link_name, name); !first)
+      of.fail_joint(name, "and joint \"{}\" both move link \"{}\"; an arm has no loops", other->second,
+                    joint->child_link_name);
+  for (const auto& [name, link] : model.links_) {
+    const urdf::Link* at = link.get();
+    for (std::size_t steps = 0; at->parent_joint; ++steps) {
+      if (steps > model.links_.size()) of.fail_link(name, "hangs on a loop of joints; an arm has no loops");
+      at = model.links_.at(at->parent_joint->parent_link_name).get();
+    }
+  }
+}
+
+std::string tip_of(const Text& of, const urdf::ModelInterface& model, const std::string& wanted) {
+  std::vector<std::string> all, leaves;
+  for (const auto& [name, link] : model.links_) {
+    all.push_back(name);
+    if (link->child_links.empty()) leaves.push_back(name);
+  }
+  if (wanted.empty()) {
+    if (leaves.size() == 1) return leaves[0];
+    of.fail(0, fmt::format("{} links have no children: {}; name the tip by --tip, or by tip in an arm's file",
+                           leaves.size(), fmt::join(leaves, ", ")));
+  }
+  if (!model.links_.contains(wanted))
+    of.fail(0, fmt::format("the tip is \"{}\", but there is no link of this name; did you mean {}?", wanted,
+                           fmt::join(nearest_names(wanted, all, 3), ", ")));
+  return wanted;
+}
+
+Isometry3d transform(const urdf::Pose& pose) {
+  const urdf::Rotation& r = pose.rotation;
+  Isometry3d T = Isometry3d::Identity();
+  T.linear() = Eigen::Quaterniond{r.w, r.x, r.y, r.z}.normalized().toRotationMatrix();
+  T.translation() << pose.position.x, pose.position.y, pose.position.z;
+  return T;
+}
+Vector3d axis(const urdf::Joint& joint) {
+  return Vector3d{joint.axis.x, joint.axis.y, joint.axis.z};
+}
+
+/// Links that move as one.
+struct Body {
+  double mass = 0.0;
+  Vector3d first = Vector3d::Zero();   ///< Σ m c
+  Matrix3d second = Matrix3d::Zero();  ///< about the origin
+
+  static Matrix3d of_point(double m, const Vector3d& c) {
+    return m * (c.squaredNorm() * Matrix3d::Identity() - c * c.transpose());
+  }
+  void add(const Isometry3d& at, const urdf::Inertial& part) {
+    const Isometry3d frame = at * transform(part.origin);
+    Matrix3d inertia;
+    inertia << part.ixx, part.ixy, part.ixz, part.ixy, part.iyy, part.iyz, part.ixz, part.iyz, part.izz;
+    mass += part.mass;
+    first += part.mass * frame.translation();
+    second += frame.linear() * inertia * frame.linear().transpose() + of_point(part.mass, frame.translation());
+  }
+  [[nodiscard]] Vector3d center() const { return mass > 0.0 ? Vector3d{first / mass} : Vector3d::Zero(); }
+  [[nodiscard]] Matrix3d inertia() const { return second - of_point(mass, center()); }
+};
+
+class ArmOfTree {
+ public:
+  ArmOfTree(const Text& of, const urdf::ModelInterface& model, const std::string& tip) : of_{of}, model_{model} {
+    for (const urdf::Link* at = model.links_.at(tip).get(); at->parent_joint;
+         at = model.links_.at(at->parent_joint->parent_link_name).get())
+      path_.push_back(at->parent_joint.get());
+    std::reverse(path_.begin(), path_.end());
+    for (const urdf::Joint* joint : path_)
+      if (joint->type != urdf::Joint::FIXED) moving_.insert(joint->name);
+    if (moving_.empty()) of.fail_link(tip, "is the tip, but no joint moves it");
+  }
+
+  ArmParameters read() {
+    ArmParameters arm;
+    arm.name = model_.getName();
+    Isometry3d since = Isometry3d::Identity();  // the last joint's frame from the present link
+    for (const urdf::Joint* joint : path_) {
+      since = since * transform(joint->parent_to_joint_origin_transform);
+      if (joint->type == urdf::Joint::FIXED) continue;
+      // The frame of an arm's link has the joint's axis as z.
+      const Matrix3d z_to_axis = Eigen::Quaterniond::FromTwoVectors(Vector3d::UnitZ(), checked_axis(*joint)).matrix();
+      arm.joints.push_back(read_joint(*joint));
+      ArmJoint& j = arm.joints.back();
+      j.origin_m = since.translation();
+      j.rotation = since.linear() * z_to_axis;
+      since = Isometry3d::Identity();
+      since.linear() = z_to_axis.transpose();
+      Body body;
+      add(*model_.links_.at(joint->child_link_name), since, body);
+      j.mass_kg = body.mass, j.center_m = body.center(), j.inertia = body.inertia();
+      check(*joint, j);
+    }
+    arm.flange_m = since.translation();
+    arm.flange_rotation = since.linear();
+    return arm;
+  }
+
+ private:
+  Vector3d checked_axis(const urdf::Joint& joint) const {
+    switch (joint.type) {
+      case urdf::Joint::REVOLUTE:
+      case urdf::Joint::CONTINUOUS:
+        break;
+      case urdf::Joint::PRISMATIC:
+        refuse_type(joint, "prismatic");
+      case urdf::Joint::FLOATING:
+        refuse_type(joint, "floating");
+      case urdf::Joint::PLANAR:
+        refuse_type(joint, "planar");
+      default:
+        refuse_type(joint, "of an unknown type");
+    }
+    if (joint.mimic)
+      of_.fail_joint(joint.name, "mimics joint \"{}\"; each joint of an arm moves by itself", joint.mimic->joint_name);
+    const Vector3d along = axis(joint);
+    if (!along.allFinite() || !(along.norm() > 1e-6))
+      of_.fail_joint(joint.name, "has the axis {} {} {}; it must have a direction", along.x(), along.y(), along.z());
+    return along.normalized();
+  }
+  [[noreturn]] void refuse_type(const urdf::Joint& joint, const char* type) const {
+    of_.fail_joint(joint.name, "is {}; an arm has revolute, continuous and fixed joints", type);
+  }
+
+  ArmJoint read_joint(const urdf::Joint& joint) const {
+    ArmJoint j{};
+    j.name = joint.name;
+    j.max_torque_n_m = j.max_speed_rad_per_s = j.upper_rad = kUnlimited;
+    j.lower_rad = -kUnlimited;
+    if (joint.limits) {
+      j.max_torque_n_m = joint.limits->effort, j.max_speed_rad_per_s = joint.limits->velocity;
+      if (!(j.max_torque_n_m >= 0.0))
+        of_.fail_joint(joint.name, "has the effort {}; it must be >= 0", j.max_torque_n_m);
+      if (!(j.max_speed_rad_per_s >= 0.0))
+        of_.fail_joint(joint.name, "has the velocity {}; it must be >= 0", j.max_speed_rad_per_s);
+    }
+    if (joint.type == urdf::Joint::REVOLUTE) {
+      if (!joint.limits)
+        of_.fail_joint(joint.name, "is revolute and has no <limit>; one that turns for ever is continuous");
+      j.lower_rad = joint.limits->lower, j.upper_rad = joint.limits->upper;
+      if (!(j.lower_rad < j.upper_rad))
+        of_.fail_joint(joint.name, "has the limits {} and {}; lower must be < upper", j.lower_rad, j.upper_rad);
+    }
+    if (joint.dynamics) {
+      j.damping_n_m_s_per_rad = joint.dynamics->damping;
+      j.coulomb_friction_n_m = joint.dynamics->friction;
+      for (const auto& [name, value] :
+           {std::pair{"damping", joint.dynamics->damping}, {"friction", joint.dynamics->friction}})
+        if (!(value >= 0.0 && value < kUnlimited))
+          of_.fail_joint(joint.name, "has the {} {}; it must be >= 0", name, value);
+    }
+    return j;
+  }
+
+  /// The link and all that is fixed to it or held.
+  void add(const urdf::Link& link, const Isometry3d& at, Body& body) const {
+    if (link.inertial) {
+      if (!(link.inertial->mass >= 0.0))
+        of_.fail_link(link.name, "has the mass {}; it must be >= 0", link.inertial->mass);
+      body.add(at, *link.inertial);
+    }
+    for (const auto& joint : link.child_joints)
+      if (!moving_.contains(joint->name))
+        add(*model_.links_.at(joint->child_link_name),
+            at * transform(joint->parent_to_joint_origin_transform) * held(*joint), body);
+  }
+  Isometry3d held(const urdf::Joint& joint) const {
+    Isometry3d T = Isometry3d::Identity();
+    const double q = held_position(joint, 0);
+    if (joint.type == urdf::Joint::REVOLUTE || joint.type == urdf::Joint::CONTINUOUS)
+      T.linear() = Eigen::AngleAxisd{q, axis(joint).normalized()}.toRotationMatrix();
+    else if (joint.type == urdf::Joint::PRISMATIC)
+      T.translation() = q * axis(joint).normalized();
+    return T;
+  }
+  double held_position(const urdf::Joint& joint, std::size_t depth) const {
+    if (!joint.mimic) {
+      const bool limited = joint.limits && joint.type != urdf::Joint::CONTINUOUS;
+      return limited ? std::max(joint.limits->lower, std::min(0.0, joint.limits->upper)) : 0.0;
+    }
+    const std::string& name = joint.mimic->joint_name;
+    const urdf::JointConstSharedPtr other = model_.getJoint(name);
+    if (!other) of_.fail_joint(joint.name, "mimics joint \"{}\", which there is not", name);
+    if (moving_.contains(name) || depth > model_.joints_.size())
+      of_.fail_joint(joint.name, "mimics joint \"{}\"; each joint of an arm moves by itself", name);
+    return joint.mimic->offset + joint.mimic->multiplier * held_position(*other, depth + 1);
+  }
+
+  void check(const urdf::Joint& joint, const ArmJoint& j) const {
+    const std::string& link = joint.child_link_name;
+    if (!j.origin_m.allFinite() || !j.rotation.allFinite())
+      of_.fail_joint(joint.name, "has an origin that is not finite");
+    if (!std::isfinite(j.mass_kg) || !j.center_m.allFinite() || !j.inertia.allFinite())
+      of_.fail_link(link, "has an <inertial> that is not finite");
+    if (!(j.mass_kg > 0.0))
+      of_.fail_link(link,
+                    "moves with joint \"{}\" and has no mass: neither it nor a link fixed to it has an <inertial>",
+                    joint.name);
+    if (const std::string words = inertia_fault(j.inertia, 1e-12); !words.empty())
+      of_.fail_link(link, "has, with what is fixed to it, an inertia that must {}", words);
+  }
+
+  const Text& of_;
+  const urdf::ModelInterface& model_;
+  std::vector<const urdf::Joint*> path_;  ///< from the root
+  std::set<std::string> moving_;
+};
+
+}  // namespace
+
+ArmParameters read_urdf(const std::string& text, const std::string& file, const std::string& tip) {
+  const Text of{text, file};
+  const urdf::ModelInterfaceSharedPtr model = parse(of);
+  check_tree(of, *model);
+  return ArmOfTree{of, *model, tip_of(of, *model, tip)}.read();
+}
+
+}  // namespace twoport

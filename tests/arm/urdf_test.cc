@@ -1,0 +1,427 @@
+// Arms from URDF: against KDL on random trees, against closed forms, and what is said of files that are none.
+
+#include <fmt/format.h>
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <cstdint>
+#include <functional>
+#include <memory>
+#include <random>
+#include <string>
+#include <vector>
+
+#include "common/arm/arm_model.h"
+#include "common/base/check.h"
+#include "common/base/file.h"
+#include "common/scene/arm.h"
+#include "common/scene/load.h"
+
+#ifdef TWOPORT_KDL
+#include <kdl/tree.hpp>
+#include <kdl/treefksolverpos_recursive.hpp>
+#include <kdl/treeidsolver_recursive_newton_euler.hpp>
+#include <kdl/treejnttojacsolver.hpp>
+#endif
+
+namespace twoport {
+namespace {
+
+using Eigen::Vector3d;
+const Vector3d kGravity{0.0, 0.0, -9.81};
+
+ArmParameters load(const std::string& urdf, const std::string& tip = "") {
+  const std::string path = testing::TempDir() + "/arm_of_a_test.urdf";
+  write_whole(path, urdf);
+  return load_arm(path, tip);
+}
+
+// ---- against KDL
+
+#ifdef TWOPORT_KDL
+/// A random tree as the text of a URDF and as a tree of KDL: a chain of n moving joints with fixed ones between, and branches that hang on it.
+class RandomTree {
+ public:
+  RandomTree(std::uint64_t seed, int n) : rng_{seed}, tree_{"root"} {
+    text_ = "<?xml version='1.0'?>\n<robot name='random'>\n<link name='root'/>\n";
+    std::string at = "root";
+    for (int moving = 0; moving < n;) {
+      if (draw() < 0.3) at = add(at, "fixed", false);
+      if (draw() < 0.3) branch(at);
+      at = add(at, draw() < 0.5 ? "revolute" : "continuous", true);
+      ++moving;
+      if (draw() < 0.3) branch(at);
+    }
+    if (draw() < 0.5) at = add(at, "fixed", false);
+    tip_ = at;
+    text_ += "</robot>\n";
+  }
+  [[nodiscard]] const std::string& text() const { return text_; }
+  [[nodiscard]] const std::string& tip() const { return tip_; }
+  [[nodiscard]] const KDL::Tree& tree() const { return tree_; }
+  double draw() { return static_cast<double>(rng_() >> 11) * 0x1.0p-53; }
+  double draw(double size) { return size * (2.0 * draw() - 1.0); }
+
+ private:
+  void branch(const std::string& from) {
+    static constexpr std::array<const char*, 4> kTypes{"fixed", "revolute", "prismatic", "continuous"};
+    std::string at = from;
+    for (int i = 0; i < 2; ++i) at = add(at, kTypes[static_cast<std::size_t>(4.0 * draw())], false);
+  }
+  /// A link with its joint, which moves or is held.
+  std::string add(const std::string& parent, const std::string& type, bool moves) {
+    const std::string link = fmt::format("l{}", ++count_), joint = fmt::format("j{}", count_);
+    const KDL::Vector xyz{draw(0.5), draw(0.5), draw(0.5)}, rpy{draw(3.0), draw(1.5), draw(3.0)},
+        axis{draw(1.0), draw(1.0), 0.1 + draw()};
+    const double lower = draw(2.0), upper = lower + 0.1 + 2.0 * draw();
+    // A body of three pairs of points keeps the triangle inequality whatever the draw.
+    const double m = 0.1 + 3.0 * draw(), a = 0.01 + draw(), b = 0.01 + draw(), c = 0.01 + draw();
+    const KDL::Vector com{draw(0.2), draw(0.2), draw(0.2)}, turn{draw(3.0), draw(1.5), draw(3.0)};
+    const double xy = 0.1 * draw() * a, ixx = b + c, iyy = a + c, izz = a + b;
+    text_ += fmt::format(
+        "<joint name='{}' type='{}'><parent link='{}'/><child link='{}'/><origin xyz='{}' rpy='{}'/><axis xyz='{}'/>"
+        "<limit lower='{:.17g}' upper='{:.17g}' effort='10' velocity='2'/></joint>\n"
+        "<link name='{}'><inertial><origin xyz='{}' rpy='{}'/><mass value='{:.17g}'/><inertia ixx='{:.17g}' "
+        "ixy='{:.17g}' ixz='0' "
+        "iyy='{:.17g}' iyz='0' izz='{:.17g}'/></inertial></link>\n",
+        joint, type, parent, link, three(xyz), three(rpy), three(axis), lower, upper, link, three(com), three(turn), m,
+        ixx, xy, iyy, izz);
+    KDL::Frame frame{KDL::Rotation::RPY(rpy.x(), rpy.y(), rpy.z()), xyz};
+    const KDL::RigidBodyInertia body =
+        KDL::Frame{KDL::Rotation::RPY(turn.x(), turn.y(), turn.z()), com} *
+        KDL::RigidBodyInertia{m, KDL::Vector::Zero(), KDL::RotationalInertia{ixx, iyy, izz, xy, 0.0, 0.0}};
+    KDL::Joint of{joint, KDL::Joint::Fixed};
+    if (moves)
+      of = KDL::Joint{joint, frame.p, frame.M * axis, KDL::Joint::RotAxis};
+    else {
+      const double q = std::max(lower, std::min(0.0, upper));
+      if (type == "revolute") frame = frame * KDL::Frame{KDL::Rotation::Rot(axis, q)};
+      if (type == "prismatic") frame = frame * KDL::Frame{axis * (q / axis.Norm())};
+    }
+    tree_.addSegment(KDL::Segment{link, of, frame, body}, parent);
+    return link;
+  }
+  static std::string three(const KDL::Vector& v) { return fmt::format("{:.17g} {:.17g} {:.17g}", v.x(), v.y(), v.z()); }
+
+  std::mt19937_64 rng_;
+  KDL::Tree tree_;
+  std::string text_, tip_;
+  int count_ = 0;
+};
+
+template <int n>
+void compare_with_kdl(std::uint64_t seed) {
+  RandomTree of{seed, n};
+  const ArmParameters arm = load(of.text(), of.tip());
+  ASSERT_EQ(arm.joints.size(), static_cast<std::size_t>(n)) << of.text();
+  const KDL::Tree& tree = of.tree();
+  ASSERT_EQ(tree.getNrOfJoints(), static_cast<unsigned>(n));
+  // KDL numbers joints as they were added: from the root to the tip.
+  KDL::JntArray q{n};
+  for (int i = 0; i < n; ++i) q(static_cast<unsigned>(i)) = of.draw(3.0);
+  const ArmModel<n> model{arm};
+  const auto pose = model.pose(q.data);
+
+  KDL::TreeFkSolverPos_recursive forward{tree};
+  KDL::Frame frame;
+  ASSERT_GE(forward.JntToCart(q, frame, of.tip()), 0);
+  for (int i = 0; i < 3; ++i) {
+    EXPECT_NEAR(frame.p(i), pose.tool[i], 1e-11);
+    for (int k = 0; k < 3; ++k) EXPECT_NEAR(frame.M(i, k), pose.tool_rotation(i, k), 1e-11);
+  }
+  KDL::Jacobian jacobian{n};
+  KDL::TreeJntToJacSolver to_jacobian{tree};
+  ASSERT_GE(to_jacobian.JntToJac(q, jacobian, of.tip()), 0);
+  EXPECT_LT((jacobian.data - model.jacobian(pose)).cwiseAbs().maxCoeff(), 1e-11);
+
+  const KDL::JntArray rest{n};
+  const KDL::WrenchMap none;
+  KDL::JntArray torque{n};
+  KDL::TreeIdSolver_RNE weighs{tree, KDL::Vector{0.0, 0.0, -9.81}}, floats{tree, KDL::Vector::Zero()};
+  ASSERT_GE(weighs.CartToJnt(q, rest, rest, none, torque), 0);
+  EXPECT_LT((torque.data - model.gravity_torque(pose, kGravity)).cwiseAbs().maxCoeff(), 1e-10);
+  const auto M = model.inertia(pose);
+  for (int i = 0; i < n; ++i) {
+    KDL::JntArray along{n};
+    along(static_cast<unsigned>(i)) = 1.0;
+    ASSERT_GE(floats.CartToJnt(q, rest, along, none, torque), 0);
+    EXPECT_LT((torque.data - M.col(i)).cwiseAbs().maxCoeff(), 1e-10);
+  }
+}
+#endif
+
+TEST(UrdfAgainstKdl, RandomTreesHaveTheSameKinematicsAndDynamics) {
+#ifdef TWOPORT_KDL
+  for (std::uint64_t seed = 0; seed < 100; ++seed) {
+    SCOPED_TRACE(seed);
+    compare_with_kdl<1>(seed), compare_with_kdl<3>(seed), compare_with_kdl<6>(seed), compare_with_kdl<7>(seed);
+    if (HasFailure()) break;
+  }
+#else
+  GTEST_SKIP() << "liborocos-kdl-dev is not installed";
+#endif
+}
+
+// ---- closed forms
+
+std::string two_links(
+    const std::string& more = "",
+    const std::string& inertia = "<inertia ixx='0.02' iyy='0.03' izz='0.02' ixy='0' ixz='0' iyz='0'/>") {
+  return "<robot name='two links'><link name='base'/>"
+         "<link name='upper'><inertial><origin xyz='0.2 0 0'/><mass value='2'/>" +
+         inertia +
+         "</inertial></link>"
+         "<link name='lower'><inertial><origin xyz='0.1 0 0'/><mass value='1.5'/>" +
+         inertia +
+         "</inertial></link>"
+         "<link name='tool'/>"
+         "<joint name='a' type='revolute'><parent link='base'/><child link='upper'/><origin xyz='0 0 0.7'/><axis "
+         "xyz='0 -1 0'/>"
+         "<limit lower='-3' upper='3' effort='50' velocity='2'/><dynamics damping='0.7' friction='0.2'/></joint>"
+         "<joint name='b' type='continuous'><parent link='upper'/><child link='lower'/><origin xyz='0.5 0 0'/><axis "
+         "xyz='0 -1 0'/></joint>"
+         "<joint name='c' type='fixed'><parent link='lower'/><child link='tool'/><origin xyz='0.3 0 0'/></joint>" +
+         more + "</robot>";
+}
+
+// x to the front, z up, angles from the horizontal.
+TEST(Urdf, OfTwoLinksFollowsTheClosedForm) {
+  const ArmParameters of = load(two_links());
+  const ArmModel<2> arm{of};
+  for (const auto& [a, b] : {std::pair{0.3, 0.8}, {-1.2, 2.1}, {2.5, -0.4}}) {
+    const auto pose = arm.pose(Eigen::Vector2d{a, b});
+    const double l1 = 0.5, l2 = 0.3, c1 = 0.2, c2 = 0.1, m1 = 2.0, m2 = 1.5, I = 0.03, g = 9.81;
+    EXPECT_LT((pose.tool -
+               Vector3d{l1 * std::cos(a) + l2 * std::cos(a + b), 0.0, 0.7 + l1 * std::sin(a) + l2 * std::sin(a + b)})
+                  .norm(),
+              1e-15);
+    const double h = m2 * l1 * c2 * std::cos(b);
+    Eigen::Matrix2d M;
+    M << 2.0 * I + m1 * c1 * c1 + m2 * (l1 * l1 + c2 * c2) + 2.0 * h, I + m2 * c2 * c2 + h, I + m2 * c2 * c2 + h,
+        I + m2 * c2 * c2;
+    EXPECT_LT((arm.inertia(pose) - M).cwiseAbs().maxCoeff(), 1e-14);
+    const double lower = m2 * c2 * g * std::cos(a + b);
+    const Eigen::Vector2d weight{(m1 * c1 + m2 * l1) * g * std::cos(a) + lower, lower};
+    EXPECT_LT((arm.gravity_torque(pose, kGravity) - weight).cwiseAbs().maxCoeff(), 1e-13);
+  }
+}
+
+TEST(Urdf, KeepsNamesLimitsAndFriction) {
+  const ArmParameters of = load(two_links());
+  EXPECT_EQ(of.name, "two links");
+  EXPECT_EQ(of.joints[0].name, "a");
+  EXPECT_EQ(of.joints[0].lower_rad, -3.0);
+  EXPECT_EQ(of.joints[0].upper_rad, 3.0);
+  EXPECT_EQ(of.joints[0].max_torque_n_m, 50.0);
+  EXPECT_EQ(of.joints[0].max_speed_rad_per_s, 2.0);
+  EXPECT_EQ(of.joints[0].damping_n_m_s_per_rad, 0.7);
+  EXPECT_EQ(of.joints[0].coulomb_friction_n_m, 0.2);
+  EXPECT_TRUE(std::isinf(of.joints[1].lower_rad) && std::isinf(of.joints[1].upper_rad));
+  EXPECT_FALSE(of.joints[1].damping_n_m_s_per_rad || of.joints[1].coulomb_friction_n_m);
+}
+
+TEST(Urdf, HoldsPointsAsMassesAndEndsAtTheTip) {
+  const ArmParameters of = load(two_links("", "<inertia ixx='0' iyy='0' izz='0' ixy='0' ixz='0' iyz='0'/>"), "upper");
+  ASSERT_EQ(of.joints.size(), 1U);
+  const ArmModel<1> arm{of};
+  const auto pose = arm.pose(Eigen::Matrix<double, 1, 1>{0.0});
+  EXPECT_LT((pose.tool - Vector3d{0.0, 0.0, 0.7}).norm(), 1e-15);
+  EXPECT_NEAR(arm.inertia(pose)(0, 0), 2.0 * 0.04 + 1.5 * 0.36, 1e-14);  // the second link is held
+}
+
+// ---- in a scene
+
+std::string scene_of(const std::string& file, const std::string& more) {
+  return "dof: 6 duration_s: 1 robot { arm { file: \"" + file + "\" " + more + " } }";
+}
+const std::string kSix = TWOPORT_ARMS "/six_joints.urdf", kStart = "joint_position_rad: [0, -0.6, 1.6, 0.6, -1.5, 0] ";
+
+TEST(SceneOfAUrdf, TakesFrictionOfTheFileUnlessItGivesItsOwn) {
+  const auto joints = [](const std::string& more) {
+    return parse_scene(scene_of(kSix, kStart + more), "scene").robot.value().arm.value().parameters->joints;
+  };
+  EXPECT_EQ(joints("")[0].damping_n_m_s_per_rad, 2.0);
+  EXPECT_EQ(joints("")[5].coulomb_friction_n_m, 0.2);
+  EXPECT_EQ(joints("joint_damping_n_m_s_per_rad: 3")[5].damping_n_m_s_per_rad, 3.0);
+  EXPECT_EQ(joints("joint_coulomb_friction_n_m: [0, 0, 0, 0, 0, 4]")[5].coulomb_friction_n_m, 4.0);
+}
+
+// ---- in an arm's file
+
+ArmParameters described(const std::string& text) {
+  const std::string path = testing::TempDir() + "/described.textproto";
+  write_whole(path, text);
+  return load_arm(path);
+}
+const std::string kSeven =
+    "urdf: \"" TWOPORT_ARMS "/seven_joints.urdf\" ready_position_rad: [0, 0.6, 0, -1.4, 0, 1.1, 0] ";
+
+TEST(ArmFileOfAUrdf, AddsWhatAUrdfCannotSay) {
+  const ArmParameters arm = described(kSeven + "tip: \"grasp\" joint_rotor_inertia_kg_m2: [1, 2, 3, 4, 5, 6, 7]"),
+                      bare = load_arm(TWOPORT_ARMS "/seven_joints.urdf", "grasp");
+  ASSERT_EQ(arm.joints.size(), 7U);
+  for (std::size_t i = 0; i < 7; ++i) {
+    EXPECT_EQ(arm.joints[i].rotor_inertia_kg_m2, static_cast<double>(i + 1));
+    EXPECT_EQ(bare.joints[i].rotor_inertia_kg_m2, 0.0);
+    EXPECT_EQ(arm.joints[i].inertia, bare.joints[i].inertia);
+  }
+  EXPECT_EQ(arm.flange_m, bare.flange_m);
+  EXPECT_EQ(arm.ready_position_rad[3], -1.4);
+  EXPECT_EQ(
+      parse_scene(scene_of(TWOPORT_ARMS "/seven_joints.textproto", ""), "scene").robot->arm->joint_position_rad[3],
+      -1.4);
+}
+
+// ---- what is said of files
+
+std::string error_of(const std::function<void()>& what) {
+  try {
+    what();
+  } catch (const ConfigError& e) {
+    return e.what();
+  }
+  return "";
+}
+std::string changed(const std::string& from, const std::string& to, const std::string& more = "") {
+  std::string text = two_links(more);
+  const std::size_t at = text.find(from);
+  EXPECT_NE(at, text.npos) << from;
+  return text.replace(at, from.size(), to);
+}
+constexpr const char* kLimit = "<limit lower='-3' upper='3' effort='50' velocity='2'/>";
+
+TEST(Urdf, SaysWhatIsWrongWithAFile) {
+  struct Wrong {
+    std::string text, tip, words;
+  };
+  const std::string branch =
+      "<link name='camera'/><joint name='mount' type='fixed'><parent link='upper'/><child link='camera'/></joint>";
+  for (const auto& [text, tip, words] : std::vector<Wrong>{
+           {"<robot name='x'>\n<link name='a'>\n</robot>", "", ":3: no well-formed XML"},
+           {"name: \"fr3\"", "", "no well-formed XML"},
+           {"<mujoco/>", "", "obot"},
+           {"<robot name='x' xmlns:xacro='y'><xacro:arm/></robot>", "", "these are macros; expand them first"},
+           {two_links(branch), "", "2 links have no children: camera, tool; name the tip by --tip"},
+           {two_links(), "toll", "the tip is \"toll\", but there is no link of this name; did you mean tool"},
+           {two_links(), "base", "link \"base\" is the tip, but no joint moves it"},
+           {changed("type='revolute'", "type='prismatic'"), "", "joint \"a\" is prismatic; an arm has revolute"},
+           {changed("type='revolute'", "type='floating'"), "", "joint \"a\" is floating"},
+           {changed("type='revolute'", "type='planar'"), "", "joint \"a\" is planar"},
+           {changed("type='revolute'", "type='ball'"), "", "ball"},
+           {changed(kLimit, ""), "", "[a]"},
+           {changed(kLimit, "<limit lower='3' upper='-3' effort='50' velocity='2'/>"), "",
+            "joint \"a\" has the limits 3 and -3; lower must be < upper"},
+           {changed("effort='50'", "effort='-1'"), "", "joint \"a\" has the effort -1; it must be >= 0"},
+           {changed("velocity='2'", "velocity='-2'"), "", "joint \"a\" has the velocity -2; it must be >= 0"},
+           {changed("damping='0.7'", "damping='-0.7'"), "", "joint \"a\" has the damping -0.7; it must be >= 0"},
+           {changed("friction='0.2'", "friction='-2'"), "", "joint \"a\" has the friction -2; it must be >= 0"},
+           {changed("<axis xyz='0 -1 0'/>", "<axis xyz='0 0 0'/>"), "",
+            "joint \"a\" has the axis 0 0 0; it must have a direction"},
+           {changed(kLimit, std::string{kLimit} + "<mimic joint='b'/>"), "", "joint \"a\" mimics joint \"b\""},
+           {changed("<mass value='1.5'/>", "<mass value='-1.5'/>"), "",
+            "link \"lower\" has the mass -1.5; it must be >= 0"},
+           {changed("<mass value='1.5'/>", "<mass value='0'/>"), "",
+            "link \"lower\" moves with joint \"b\" and has no mass"},
+           {changed("<link name='tool'/>", "<link name='tool'/>")
+                .replace(two_links().find("<link name='lower'>"),
+                         two_links().find("<link name='tool'/>") - two_links().find("<link name='lower'>"),
+                         "<link name='lower'/>"),
+            "",
+            "link \"lower\" moves with joint \"b\" and has no mass: neither it nor a link fixed to it has an "
+            "<inertial>"},
+           {changed("izz='0.02'", "izz='2'"), "",
+            "link \"upper\" has, with what is fixed to it, an inertia that must keep the triangle"},
+           {changed("ixx='0.02'", "ixx='-0.02'"), "",
+            "link \"upper\" has, with what is fixed to it, an inertia that must be positive"},
+           {changed("<child link='upper'/>", "<child link='uper'/>"), "", "uper"},
+           {changed("<parent link='base'/>", "<parent link='bass'/>"), "", "bass"},
+           {changed("<parent link='base'/>", ""), "", "a"},
+           {changed("<link name='base'/>", "<link name='base'/><link name='base'/>"), "", "base"},
+           {changed("joint name='b'", "joint name='a'"), "", "'a'"},
+           {two_links("<link name='lone'/>"), "", "lone"},
+           {two_links("<joint name='d' type='fixed'><parent link='base'/><child link='lower'/></joint>"), "",
+            "joint \"d\" and joint \"b\" both move link \"lower\"; an arm has no loops"},
+           {two_links("<link name='x'/><link name='y'/><joint name='d' type='fixed'><parent link='x'/><child "
+                      "link='y'/></joint>"
+                      "<joint name='e' type='fixed'><parent link='y'/><child link='x'/></joint>"),
+            "tool", "hangs on a loop of joints; an arm has no loops"},
+           {changed("xyz='0 0 0.7'", "xyz='0 0 zero'"), "", "zero"},
+           {changed("xyz='0 0 0.7'", "xyz='0 0 nan'"), "", "a"},
+           {two_links("<link name='f'/><joint name='d' type='prismatic'><parent link='lower'/><child link='f'/><mimic "
+                      "joint='b'/>" +
+                      std::string{kLimit} + "</joint>"),
+            "tool", "joint \"d\" mimics joint \"b\""},
+           {two_links("<link name='f'/><joint name='d' type='prismatic'><parent link='lower'/><child link='f'/><mimic "
+                      "joint='nobody'/>" +
+                      std::string{kLimit} + "</joint>"),
+            "tool", "joint \"d\" mimics joint \"nobody\", which there is not"},
+       }) {
+    const std::string error = error_of([&, text = text, tip = tip] { load(text, tip); });
+    EXPECT_NE(error.find(words), std::string::npos) << words << "\nsays\n" << error << "\nof\n" << text;
+    EXPECT_NE(error.find("arm_of_a_test.urdf"), std::string::npos) << error;
+  }
+  // The line of the element that is named.
+  std::string lines = changed("type='revolute'", "type='planar'");
+  for (std::size_t at = lines.find("><"); at != lines.npos; at = lines.find("><")) lines.replace(at, 2, ">\n<");
+  const std::size_t joint = lines.find("<joint name='a'");
+  const auto line = 1 + std::count(lines.begin(), lines.begin() + static_cast<std::ptrdiff_t>(joint), '\n');
+  EXPECT_NE(error_of([&] { load(lines); }).find(fmt::format("arm_of_a_test.urdf:{}: joint \"a\" is planar", line)),
+            std::string::npos)
+      << error_of([&] { load(lines); });
+}
+
+TEST(ArmFileOfAUrdf, SaysWhatIsWrong) {
+  const auto expect = [](const std::string& text, const std::string& words) {
+    const std::string error = error_of([&] { described(text); });
+    EXPECT_NE(error.find(words), std::string::npos) << error;
+  };
+  const std::string with = kSeven + "tip: \"grasp\" ";
+  expect(kSeven, "3 links have no children: finger_left, finger_right, grasp");
+  expect(kSeven + "tip: \"hnd\"", "the tip is \"hnd\", but there is no link of this name; did you mean hand");
+  expect(with + "flange_m: [0, 0, 1]", "flange_m is given, but so is urdf, which has it");
+  expect(with +
+             "joint { origin_m: [0, 0, 1] mass_kg: 1 center_m: [0, 0, 0] inertia_kg_m2: [1, 1, 1] max_torque_n_m: 1 "
+             "max_speed_rad_per_s: 1 lower_rad: 0 upper_rad: 1 }",
+         "joint is given, but so is urdf");
+  expect(with + "joint_rotor_inertia_kg_m2: [1]", "joint_rotor_inertia_kg_m2 is [1]; it must hold 7 numbers");
+  expect(with + "joint_rotor_inertia_kg_m2: [1, 1, 1, 1, 1, 1, -1]", "joint_rotor_inertia_kg_m2");
+  expect("urdf: \"nowhere.urdf\"", "nowhere.urdf");
+  expect("urdf: \"" + kSix + "\"", "ready_position_rad is missing; it must hold 6 numbers");
+  expect("tip: \"x\"", "the tip \"x\" is named, but only links of a URDF have names");
+  expect("joint_rotor_inertia_kg_m2: [1]", "joint_rotor_inertia_kg_m2 is given without urdf");
+}
+
+TEST(SceneOfAUrdf, SaysWhatItLacks) {
+  const auto error = [](const std::string& file, const std::string& more) {
+    return error_of([&] { parse_scene(scene_of(file, more), "scene"); });
+  };
+  EXPECT_EQ(error(kSix, kStart), "");
+  EXPECT_NE(
+      error(kSix, "").find(
+          "robot.arm.joint_position_rad is missing; it must hold 6 numbers: a URDF names no position to begin at"),
+      std::string::npos)
+      << error(kSix, "");
+  EXPECT_NE(error("pandda", "").find("pandda: no such file, and no arm of this name; did you mean panda"),
+            std::string::npos)
+      << error("pandda", "");
+  const auto arm = [&](const std::string& text) {
+    const std::string path = testing::TempDir() + "/other.urdf";
+    write_whole(path, text);
+    return error(path, kStart);
+  };
+  EXPECT_NE(arm(two_links()).find("an arm must have 6 or 7 joints; this one has 2"), std::string::npos)
+      << arm(two_links());
+  std::string weak = read_whole(kSix), damped = weak;
+  weak.replace(weak.find("effort=\"150\""), 12, "effort=\"0\"");
+  damped.replace(damped.find("damping=\"2\""), 11, "damping=\"301\"");
+  EXPECT_NE(arm(weak).find("joint \"shoulder_pan\" has the effort 0; in a scene it must be > 0"), std::string::npos)
+      << arm(weak);
+  EXPECT_NE(arm(damped).find("joint \"shoulder_pan\" has the damping 301; in a scene it must be at most 300"),
+            std::string::npos)
+      << arm(damped);
+}
+
+}  // namespace
+}  // namespace twoport
