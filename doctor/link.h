@@ -23,8 +23,11 @@ struct LinkFigures {
   Histogram round_trip;
   bool clock_known = false;
   ClockFigures clock{};  ///< of the other side; one_way_s is the delay to this side
-  DirectionFigures to_slave, to_master;
+  HeardWay to_slave, to_master;
+  [[nodiscard]] LinkTrace trace() const { return {to_slave.packets, to_master.packets}; }
 };
+/// Packets of one direction that a measurement may have: what a file of them may have at most.
+inline constexpr double kMostPackets = 800'000;
 
 /// Exchanges the programs' own packets with `answer` at the other end: same codec, handshake, encryption, rate. Throws ConfigError
 /// and IoError with one sentence.

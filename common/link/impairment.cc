@@ -52,7 +52,7 @@ void Impairment::change_delay(Duration since_start) noexcept {
 }
 
 bool Impairment::lost(Duration since_start) noexcept {
-  bool gone = false;
+  bool gone = !options_.recorded_delay_s.empty() && std::isnan(options_.recorded_delay_s[recorded_next_]);
   if (options_.burst) {
     const GilbertElliottOptions& b = *options_.burst;
     const double u = random_.uniform(packet_, kBurstState);
@@ -70,8 +70,7 @@ bool Impairment::lost(Duration since_start) noexcept {
 Duration Impairment::delay(unsigned purpose) noexcept {
   if (!options_.recorded_delay_s.empty()) {
     const double recorded = options_.recorded_delay_s[recorded_next_];
-    recorded_next_ = (recorded_next_ + 1) % options_.recorded_delay_s.size();
-    return std::max(Duration{0}, to_duration(recorded));
+    return std::isnan(recorded) ? Duration{0} : std::max(Duration{0}, to_duration(recorded));
   }
   if (options_.jitter_s == 0.0) return fixed_delay_;
   double unit = 0.0;  // mean 0, standard deviation 1
@@ -102,6 +101,7 @@ Impairment::Fate Impairment::drawn(Duration since_start) noexcept {
     fate.delay[1] = delay(kJitterOfDuplicate);
   }
   ++packet_;
+  if (!options_.recorded_delay_s.empty()) recorded_next_ = (recorded_next_ + 1) % options_.recorded_delay_s.size();
   return fate;
 }
 

@@ -1,9 +1,9 @@
 #include "common/scene/load.h"
 
 #include <algorithm>
+#include <cmath>
 #include <filesystem>
 #include <limits>
-#include <numeric>
 #include <utility>
 
 #include "common/base/check.h"
@@ -13,6 +13,7 @@
 #include "common/scene/scene_text.h"
 #include "common/scene/source.h"
 #include "common/scene/text.h"
+#include "common/scene/trace_file.h"
 
 namespace twoport {
 namespace {
@@ -20,7 +21,10 @@ namespace {
 double mean_delay_s(const ImpairmentOptions& o) {
   const std::vector<double>& recorded = o.recorded_delay_s;
   if (recorded.empty()) return o.delay_s;
-  return std::accumulate(recorded.begin(), recorded.end(), 0.0) / static_cast<double>(recorded.size());
+  double sum = 0.0, count = 0.0;
+  for (const double delay : recorded)
+    if (!std::isnan(delay)) sum += delay, ++count;
+  return sum / count;
 }
 
 int read_dof(const schema::Scene& message, const std::string& file) {
@@ -75,6 +79,8 @@ Scene read_scene(std::shared_ptr<const SceneSource> source) {
   scene.schedule = read_schedule(of.block(FIELD(control)), use);
   scene.to_slave = read_impairment(of.block(FIELD(to_slave)));
   scene.to_master = read_impairment(of.block(FIELD(to_master)));
+  scene.to_slave.recorded_delay_s = read_trace_file(of.block(FIELD(to_slave)), scene.master_rate_hz);
+  scene.to_master.recorded_delay_s = read_trace_file(of.block(FIELD(to_master)), scene.slave_rate_hz);
   scene.transmission_to_slave = read_transmission(of.block(FIELD(to_slave)));
   scene.transmission_to_master = read_transmission(of.block(FIELD(to_master)));
   scene.slave_clock = read_clock(of.block(FIELD(slave_clock)));

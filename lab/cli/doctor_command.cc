@@ -4,19 +4,21 @@
 #include <atomic>
 #include <chrono>
 #include <cmath>
+#include <cstdio>
 #include <limits>
 #include <memory>
 #include <thread>
 #include <utility>
 
 #include "common/base/check.h"
+#include "common/base/file.h"
 #include "common/platform/realtime.h"
 #include "common/platform/udp.h"
 #include "doctor/examine.h"
 #include "doctor/link.h"
 #include "doctor/loop.h"
 #include "lab/cli/commands.h"
-#include "lab/study/map.h"
+#include "lab/study/link_advice.h"
 
 namespace twoport::lab {
 namespace {
@@ -27,26 +29,12 @@ struct DoctorArguments {
   double rate_hz = 1000.0;
   double seconds = 0.0;  ///< 0: of the kind of measurement
   bool realtime = true, spin = true, json = false;
-  std::string link, answer;
+  std::string link, answer, save;
   LinkRequest request;
   double stiffness = 1000.0;
   int seeds = 1, jobs = 1;
 };
 
-std::string quoted(const std::string& text) {
-  std::string all = "\"";
-  for (const char c : text) {
-    if (c == '"' || c == '\\') {
-      all += '\\';
-      all += c;
-    } else if (static_cast<unsigned char>(c) < 0x20) {
-      all += fmt::format("\\u{:04x}", static_cast<int>(c));
-    } else {
-      all += c;
-    }
-  }
-  return all + '"';
-}
 double us(Duration d) {
   return 1e-3 * static_cast<double>(d.count());
 }
@@ -103,15 +91,6 @@ int loop_command(const DoctorArguments& a) {
   return grade(loop) == Grade::bad ? 3 : 0;
 }
 
-std::string direction_json(const DirectionFigures& f) {
-  return fmt::format(
-      "{{\"received\": {}, \"lost\": {}, \"late\": {}, \"duplicated\": {}, \"loss\": {:.6f}, \"burst_packets\": "
-      "{:.2f}, "
-      "\"jitter_ms\": {{\"p50\": {:.3f}, \"p99\": {:.3f}, \"max\": {:.3f}}}, \"longest_gap_ms\": {:.3f}}}",
-      f.received, f.lost, f.late, f.duplicated, f.loss(), f.burst_packets, 1e3 * f.jitter_p50_s, 1e3 * f.jitter_p99_s,
-      1e3 * f.jitter_max_s, 1e3 * f.longest_gap_s);
-}
-
 int link_command(const DoctorArguments& a) {
   const std::atomic<bool>& stop = stop_on_signals();
   LinkRequest request = a.request;
@@ -119,18 +98,17 @@ int link_command(const DoctorArguments& a) {
   parse_allowed_endpoint(request.address, "--link", !request.key.empty(), request.insecure);
   request.rate_hz = a.rate_hz;
   request.seconds = a.seconds > 0.0 ? a.seconds : 10.0;
+  if (const double packets = request.seconds * request.rate_hz; packets > kMostPackets)
+    throw ConfigError{fmt::format("--seconds {:g} at {:g} Hz are {:.0f} packets; a measurement has at most {:.0f}",
+                                  request.seconds, request.rate_hz, packets, kMostPackets)};
   const LinkFigures f = measure_link(request, stop);
   const double round_trip_s = 1e-3 * ms(f.round_trip.percentile(0.5));
-  const LinkAdvice advice = advise(round_trip_s, f.to_slave, f.to_master);
-  const Recommendation method = recommend(make_map({.scene = {},
-                                                    .set = {},
-                                                    .methods = {},
-                                                    .round_trips_ms = {2.0 * advice.delay_ms},
-                                                    .losses = {advice.loss},
-                                                    .bursts_packets = {advice.burst_packets},
-                                                    .stiffnesses_n_per_m = {a.stiffness},
-                                                    .seeds = a.seeds,
-                                                    .jobs = a.jobs}));
+  const LinkTrace trace = f.trace();
+  if (!a.save.empty()) write_whole(a.save, to_csv(trace));
+  const DirectionFigures to_slave = f.to_slave.figures(), to_master = f.to_master.figures();
+  const LinkAdvice advice = recommend(
+      trace,
+      {.scene = {}, .set = {}, .methods = {}, .stiffnesses_n_per_m = {a.stiffness}, .seeds = a.seeds, .jobs = a.jobs});
   const double back_ms = f.clock_known ? 1e3 * f.clock.one_way_s : 0.0,
                bound_ms = f.clock_known ? 1e3 * f.clock.bound_s : 0.0;
   const double there_ms = 1e3 * round_trip_s - back_ms;
@@ -143,11 +121,11 @@ int link_command(const DoctorArguments& a) {
         "{:.3f}, \"bound\": {:.3f}}},\n \"to_slave\": {},\n \"to_master\": {},\n \"advice\": {{\"method\": {}, "
         "\"why\": {}, "
         "\"to_slave.playout_ms\": {}, \"to_master.playout_ms\": {}, \"control.hold_after_s\": {:.2f}, "
-        "\"control.passivity.round_trip_ms\": {:.1f}}}\n}}\n",
+        "\"control.passivity.round_trip_ms\": {:.1f}, \"control.passivity.initial_energy_j\": {:.4g}}}\n}}\n",
         quoted(a.link), f.seconds, a.rate_hz, f.sent, f.encrypted, ms(f.round_trip.percentile(0.5)),
-        ms(f.round_trip.percentile(0.99)), ms(f.round_trip.max()), there_ms, back_ms, bound_ms,
-        direction_json(f.to_slave), direction_json(f.to_master), quoted(method.method), quoted(method.why),
-        advice.playout_to_slave_ms, advice.playout_to_master_ms, advice.hold_after_s, 2.0 * advice.delay_ms);
+        ms(f.round_trip.percentile(0.99)), ms(f.round_trip.max()), there_ms, back_ms, bound_ms, to_json(to_slave),
+        to_json(to_master), quoted(advice.method), quoted(advice.why[0]), advice.to_slave.playout_ms,
+        advice.to_master.playout_ms, advice.hold_after_s, advice.round_trip_ms(), advice.initial_energy_j);
     return 0;
   }
   fmt::print("{}: {:.1f} s at {:g} Hz, {} packets sent, {}\n", a.link, f.seconds, a.rate_hz, f.sent,
@@ -161,17 +139,13 @@ int link_command(const DoctorArguments& a) {
         there_ms, back_ms, bound_ms);
   fmt::print("{:<10} {:>9} {:>7} {:>8} {:>10} {:>11} {:>24} {:>12}\n", "", "received", "lost", "late", "duplicated",
              "in a row", "jitter: 50, 99 %, most ms", "longest gap");
-  for (const auto& [name, d] : {std::pair{"to_slave", f.to_slave}, {"to_master", f.to_master}})
+  for (const auto& [name, d] : {std::pair{"to_slave", to_slave}, {"to_master", to_master}})
     fmt::print("{:<10} {:>9} {:>6.2f}% {:>8} {:>10} {:>11.1f} {:>8.2f} {:>7.2f} {:>7.2f} {:>9.1f} ms\n", name,
                d.received, 100.0 * d.loss(), d.late, d.duplicated, d.burst_packets, 1e3 * d.jitter_p50_s,
                1e3 * d.jitter_p99_s, 1e3 * d.jitter_max_s, 1e3 * d.longest_gap_s);
   fmt::print("\nFor a scene over this link, with a wall of {:g} N/m:\n", a.stiffness);
-  fmt::print("control {{ hold_after_s: {:.2f} passivity {{ method: {} round_trip_ms: {:.1f} }} }}\n",
-             advice.hold_after_s, method.method, 2.0 * advice.delay_ms);
-  for (const auto& [name, playout] :
-       {std::pair{"to_slave", advice.playout_to_slave_ms}, {"to_master", advice.playout_to_master_ms}})
-    if (playout > 0.0) fmt::print("{} {{ playout_ms: {:g} }}\n", name, playout);
-  fmt::print("# {}: {}\n", method.method, method.why);
+  std::fputs(to_text(advice).c_str(), stdout);
+  if (!a.save.empty()) fmt::print("{}: {} packets\n", a.save, trace.to_slave.size() + trace.to_master.size());
   return 0;
 }
 
@@ -196,6 +170,10 @@ Subcommand add_doctor_command(Command app) {
   doctor.option("--seconds", a->seconds, "To measure; absent: 2 for the loop, 10 for a link, no end for --answer")
       .between(0.05, 1e6);
   Option link = doctor.option("--link", a->link, "HOST:PORT where a doctor answers: measures the link to there");
+  doctor
+      .option("--save", a->save,
+              "FILE.csv: a row for each packet of --link, for trace_file of a scene and --link of recommend")
+      .needs(link);
   doctor
       .option("--answer", a->answer, "[ADDR:]PORT: is the other end of --link, until Ctrl-C. PORT alone: of 127.0.0.1")
       .excludes(link);

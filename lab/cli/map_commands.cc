@@ -4,6 +4,7 @@
 #include <memory>
 #include <optional>
 #include <string>
+#include <utility>
 
 #include "common/base/check.h"
 #include "common/base/file.h"
@@ -17,6 +18,7 @@
 #include "lab/study/cells.h"
 #include "lab/study/compare.h"
 #include "lab/study/gallery.h"
+#include "lab/study/link_advice.h"
 #include "lab/study/map.h"
 #include "lab/study/matrix.h"
 #include "lab/study/parallel.h"
@@ -110,31 +112,59 @@ half of the force pressed without delay and loss: a method that displays nothing
 constexpr double kLongestDelay_ms = 5e4, kMostLoss = 0.99;
 
 struct RecommendArguments {
-  double delay_ms = 0.0, loss = 0.0, stiffness = 0.0, burst = 1.0;
+  std::optional<double> delay_ms, loss, stiffness;
+  double burst = 1.0;
   int seeds = 3, jobs = 1;
-  std::string methods;
+  bool json = false;
+  std::string methods, link, scene;
 };
 
+int recommend_for_link(const RecommendArguments& a) {
+  const LinkTrace link = parse_link_trace(read_whole(a.link), a.link);
+  for (const auto& [name, way] : {std::pair{"to_slave", &link.to_slave}, {"to_master", &link.to_master}})
+    if (way->empty()) throw ConfigError{fmt::format("{} has no row of {}; both directions are needed", a.link, name)};
+  const LinkAdvice advice =
+      recommend(link, {.scene = a.scene,
+                       .set = {},
+                       .methods = words_of("--methods", a.methods),
+                       .stiffnesses_n_per_m = {a.stiffness.value_or(a.scene.empty() ? 1000.0 : 0.0)},
+                       .seeds = 1,
+                       .jobs = a.jobs});
+  std::fputs((a.json ? to_json(advice) : to_text(advice)).c_str(), stdout);
+  return 0;
+}
+
 int recommend_command(const RecommendArguments& a) {
+  if (!a.link.empty()) return recommend_for_link(a);
+  for (const auto& [name, value] :
+       {std::pair{"--delay-ms", a.delay_ms}, {"--loss", a.loss}, {"--stiffness", a.stiffness}})
+    if (!value)
+      throw ConfigError{
+          fmt::format("recommend: {} is missing; give --link, or --delay-ms, --loss and --stiffness", name)};
   // The map would name the round trip, which nobody gave.
-  if (!(a.delay_ms >= 0.0 && a.delay_ms <= kLongestDelay_ms))
-    throw ConfigError{fmt::format("--delay-ms is {}; it must be between 0 and {:g}", a.delay_ms, kLongestDelay_ms)};
-  if (!(a.loss >= 0.0 && a.loss <= kMostLoss))
+  if (!(*a.delay_ms >= 0.0 && *a.delay_ms <= kLongestDelay_ms))
+    throw ConfigError{fmt::format("--delay-ms is {}; it must be between 0 and {:g}", *a.delay_ms, kLongestDelay_ms)};
+  if (!(*a.loss >= 0.0 && *a.loss <= kMostLoss))
     throw ConfigError{fmt::format(
-        "--loss is {}; it must be between 0 and {}, the probability of a loss{}", a.loss, kMostLoss,
-        a.loss > 1.0 && a.loss <= 100.0 * kMostLoss ? fmt::format(": for {} % write {:g}", a.loss, a.loss / 100.0)
-                                                    : "")};
+        "--loss is {}; it must be between 0 and {}, the probability of a loss{}", *a.loss, kMostLoss,
+        *a.loss > 1.0 && *a.loss <= 100.0 * kMostLoss ? fmt::format(": for {} % write {:g}", *a.loss, *a.loss / 100.0)
+                                                      : "")};
   const Map map = make_map({.scene = {},
                             .set = {},
                             .methods = words_of("--methods", a.methods),
-                            .round_trips_ms = {2.0 * a.delay_ms},
-                            .losses = {a.loss},
+                            .round_trips_ms = {2.0 * *a.delay_ms},
+                            .losses = {*a.loss},
                             .bursts_packets = {a.burst},
-                            .stiffnesses_n_per_m = {a.stiffness},
+                            .stiffnesses_n_per_m = {*a.stiffness},
                             .seeds = a.seeds,
                             .jobs = a.jobs});
   const Recommendation found = recommend(map);
-  fmt::print("{}: {}\n", found.method, found.why);
+  if (a.json) {
+    fmt::print("{{\"method\": {}, \"initial_energy_j\": {:.4g}, \"why\": {}}}\n", quoted(found.method),
+               map.initial_energy_j[0], quoted(found.why));
+  } else {
+    fmt::print("{}: {}\n", found.method, found.why);
+  }
   return 0;
 }
 
@@ -142,15 +172,21 @@ Subcommand add_recommend(Command app) {
   const auto a = std::make_shared<RecommendArguments>();
   a->jobs = all_cores();
   Command recommend = app.add("recommend", "The method for a network and a wall, by running them all");
-  recommend.option("--delay-ms", a->delay_ms, "One way").required();
-  recommend.option("--loss", a->loss, "Probability each way").required();
-  recommend.option("--stiffness", a->stiffness, "Of the environment [N/m]").required();
-  recommend.option("--burst-packets", a->burst, "Mean number of packets lost in a row").show_default();
+  const Option link = recommend.option("--link", a->link, "FILE of doctor --save, in place of delay and loss");
+  recommend.option("--delay-ms", a->delay_ms, "One way").excludes(link);
+  recommend.option("--loss", a->loss, "Probability each way").excludes(link);
+  recommend.option("--stiffness", a->stiffness,
+                   "Of the environment [N/m]; with --link 1000 if absent, or that of --scene");
+  recommend.option("--burst-packets", a->burst, "Mean number of packets lost in a row").show_default().excludes(link);
+  recommend.option("--scene", a->scene, "With --link: another scene than that of map").scene().needs(link);
   recommend.option("--seeds", a->seeds, "Runs per method").show_default();
   recommend.option("--methods", a->methods, "NAME,NAME or TRANSPARENCY+PASSIVITY; every named method if absent");
+  recommend.flag("--json", a->json, "Print the same as JSON");
   add_jobs(recommend, a->jobs);
   recommend.footer(
-      "Prints one line: NAME: why. The scene is that of `map`: one axis of an ordinary hand, device and robot.");
+      "Without --link prints one line: NAME: why. With it, blocks to paste into a scene, the reasons as comments. The "
+      "scene is that "
+      "of `map`: an ordinary hand, device and robot.");
   return {recommend, [a] { return recommend_command(*a); }};
 }
 

@@ -95,7 +95,8 @@ void check(const MapOptions& o) {
   need("--round-trip-ms", o.round_trips_ms, 0.0, 1e5);
   need("--loss", o.losses, 0.0, 0.99);
   need("--burst-packets", o.bursts_packets, 1.0, 1e6);
-  need("--stiffness", o.stiffnesses_n_per_m, 1e-3, 1e9);
+  if (o.link == nullptr || o.stiffnesses_n_per_m != std::vector{0.0})
+    need("--stiffness", o.stiffnesses_n_per_m, 1e-3, 1e9);
   if (o.seeds < 1) throw ConfigError{fmt::format("--seeds is {}; it must be at least 1", o.seeds)};
 }
 
@@ -153,8 +154,9 @@ std::vector<std::string> map_overrides(const Scene& scene, const std::string& me
   const double round_trip_s = 1e-3 * p.round_trip_ms;
   std::vector<std::string> all = method_overrides(method);
   all.push_back(fmt::format("seed={}", seed));
-  all.push_back(
-      fmt::format("environment[0].{}.stiffness_n_per_m={}", name(scene.environment.at(0)), p.stiffness_n_per_m));
+  if (p.stiffness_n_per_m > 0.0)
+    all.push_back(
+        fmt::format("environment[0].{}.stiffness_n_per_m={}", name(scene.environment.at(0)), p.stiffness_n_per_m));
   for (const char* way : {"to_slave", "to_master"}) {
     all.push_back(fmt::format("{}.delay_ms={}", way, 0.5 * p.round_trip_ms));
     if (p.burst_packets > 1.0 && p.loss > 0.0) {
@@ -195,6 +197,7 @@ Map make_map(const MapOptions& o, const std::function<void(const Progress&)>& he
           .methods = o.methods.empty() ? method_names() : o.methods,
           .places = places_of(o),
           .reference_n = {},
+          .initial_energy_j = {},
           .cells = {},
           .use = {}};
   // A combination without a meaning is refused before anything runs.
@@ -209,21 +212,32 @@ Map make_map(const MapOptions& o, const std::function<void(const Progress&)>& he
     const MapPlace place{.round_trip_ms = to_run[i]->first.first, .stiffness_n_per_m = to_run[i]->first.second};
     Scene ideal = base.with(map_overrides(scene, "NONE", place, scene.seed));
     ideal.to_slave = ideal.to_master = {};
+    ideal.transmission_to_slave = ideal.transmission_to_master = {};
     to_run[i]->second = pressed_force(run(ideal, {.verdict = VerdictFrom::plain}));
   });
-  for (const MapPlace& p : map.places) map.reference_n.push_back(references.at({p.round_trip_ms, p.stiffness_n_per_m}));
+  const auto scene_of = [&](const std::string& method, const MapPlace& place) {
+    Scene of_place = base.with(map_overrides(scene, method, place, scene.seed));
+    if (o.link != nullptr) {
+      of_place.to_slave = of_place.to_master = {};
+      of_place.to_slave.recorded_delay_s = delays_at(o.link->to_slave, of_place.master_rate_hz);
+      of_place.to_master.recorded_delay_s = delays_at(o.link->to_master, of_place.slave_rate_hz);
+    }
+    return of_place;
+  };
+  for (const MapPlace& p : map.places) {
+    map.reference_n.push_back(references.at({p.round_trip_ms, p.stiffness_n_per_m}));
+    map.initial_energy_j.push_back(scene_of(map.methods[0], p).control.initial_energy.si());
+  }
   const std::size_t places = map.places.size(), count = map.methods.size() * places;
   map.cells.resize(count);
   Tally tally{count, heard};
-  map.use = run_cells(
-      {count, static_cast<std::size_t>(o.seeds),
-       [&](std::size_t i) {
-         return base.with(map_overrides(scene, map.methods[i / places], map.places[i % places], scene.seed));
-       }},
-      {.lanes = o.lanes, .jobs = o.jobs, .verdict = o.verdict}, tally,
-      [&](std::size_t i, std::uint64_t, const std::vector<Summary>& of_seeds) {
-        map.cells[i] = cell_of(map.methods[i / places], map.places[i % places], of_seeds, map.reference_n[i % places]);
-      });
+  map.use = run_cells({count, static_cast<std::size_t>(o.seeds),
+                       [&](std::size_t i) { return scene_of(map.methods[i / places], map.places[i % places]); }},
+                      {.lanes = o.lanes, .jobs = o.jobs, .verdict = o.verdict}, tally,
+                      [&](std::size_t i, std::uint64_t, const std::vector<Summary>& of_seeds) {
+                        map.cells[i] = cell_of(map.methods[i / places], map.places[i % places], of_seeds,
+                                               map.reference_n[i % places]);
+                      });
   return map;
 }
 
@@ -314,9 +328,10 @@ Recommendation recommend(const Map& map) {
   return {c.method,
           fmt::format(
               "stable and quiet with {} seed{}, presses {:.0f} % of the force, error {:.2g} N of {:.2g} N; {} of {} "
-              "methods hold here, {} are unstable{}",
+              "methods hold here, {} are unstable{}; with control.passivity.initial_energy_j: {:.4g}",
               c.seeds(), c.seeds() == 1 ? "" : "s", 100.0 * c.pressed.mean, c.error_n.mean, map.reference_n[0], holding,
-              map.methods.size(), not_stable, c.good() ? "" : "; not good: an error of half the force or more")};
+              map.methods.size(), not_stable, c.good() ? "" : "; not good: an error of half the force or more",
+              map.initial_energy_j[0])};
 }
 
 }  // namespace twoport::lab

@@ -4,6 +4,7 @@
 #include <string>
 #include <vector>
 
+#include "common/link/link_trace.h"
 #include "common/scene/scene.h"
 #include "lab/run.h"
 #include "lab/study/many_runs.h"
@@ -15,9 +16,9 @@ namespace twoport::lab {
 /// The network and the wall of one cell. Both directions are alike.
 struct MapPlace {
   double round_trip_ms = 0.0;
-  double loss = 0.0;           ///< probability, each way
-  double burst_packets = 1.0;  ///< mean number of packets lost in a row; 1: each is lost independently
-  double stiffness_n_per_m = 0.0;
+  double loss = 0.0;               ///< probability, each way
+  double burst_packets = 1.0;      ///< mean number of packets lost in a row; 1: each is lost independently
+  double stiffness_n_per_m = 0.0;  ///< 0: the scene's own
 };
 
 struct MapOptions {
@@ -28,6 +29,8 @@ struct MapOptions {
   std::vector<double> losses{0, 0.05, 0.1, 0.2, 0.5};
   std::vector<double> bursts_packets{1, 20};
   std::vector<double> stiffnesses_n_per_m{200, 300, 500, 700, 1000, 1500, 2300, 3500, 5500, 8500, 13000, 20000};
+  const LinkTrace* link =
+      nullptr;    ///< given: its packets in place of the network of each place, and a stiffness may be 0
   int seeds = 3;  ///< the scene's seed, seed + 1, …
   VerdictFrom verdict = VerdictFrom::lean;
   int jobs = 1;
@@ -56,11 +59,12 @@ struct MapCell {
 };
 
 struct Map {
-  std::string scene;                 ///< its name
-  std::vector<std::string> methods;  ///< in the order of cells
-  std::vector<MapPlace> places;      ///< in the order of cells
-  std::vector<double> reference_n;   ///< of each place: environment's mean force without delay, loss and control
-  std::vector<MapCell> cells;        ///< [method * places.size() + place]
+  std::string scene;                     ///< its name
+  std::vector<std::string> methods;      ///< in the order of cells
+  std::vector<MapPlace> places;          ///< in the order of cells
+  std::vector<double> reference_n;       ///< of each place: environment's mean force without delay, loss and control
+  std::vector<double> initial_energy_j;  ///< of each place: E(0), the same for every method
+  std::vector<MapCell> cells;            ///< [method * places.size() + place]
   LaneUse use;
   [[nodiscard]] const MapCell& at(std::size_t method, std::size_t place) const {
     return cells[method * places.size() + place];

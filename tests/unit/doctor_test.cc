@@ -236,47 +236,32 @@ TEST(DoctorLoop, IsMeasuredForAsLongAsAsked) {
 // ---- the link
 
 TEST(DoctorLink, CountsEveryPacketOnce) {
-  DirectionMeter meter;
-  const auto at = [](double ms) { return to_duration(1e-3 * ms); };
-  // 1 2 - - 5 4 4 6: 3 is lost, 4 is late and comes twice. Sent every millisecond, under way for 10 ms and more.
-  const double arrivals[][2] = {{1, 11}, {2, 12}, {5, 15.5}, {4, 16}, {4, 16.2}, {6, 30}};
-  for (const auto& [sequence, arrival] : arrivals)
-    meter.on(static_cast<std::uint64_t>(sequence), at(sequence), at(arrival));
-  const DirectionFigures f = meter.figures(Duration{0});
+  // 1 2 - - 5 4 4 6: 3 is lost, 4 is late and comes twice. Sent every millisecond, under way for 10 ms and more, by a clock that is 3 s
+  // behind.
+  const double arrivals_ms[][2] = {{1, 11}, {2, 12}, {5, 15.5}, {4, 16}, {4, 16.2}, {6, 30}, {7, 31}};
+  std::vector<Arrival> arrivals;
+  for (const auto& [sequence, at_ms] : arrivals_ms)
+    arrivals.push_back({static_cast<std::uint64_t>(sequence), 1e-3 * sequence - 3.0, 1e-3 * (at_ms - sequence) + 3.0});
+  const HeardWay heard = way_of(arrivals, 6, 3.0, -3.0);
+  ASSERT_EQ(heard.packets.size(), 6U);  // the seventh was sent after the measurement
+  EXPECT_TRUE(heard.packets[2].lost());
+  EXPECT_NEAR(heard.packets[2].sent_s, 3e-3, 1e-9);
+  EXPECT_NEAR(heard.packets[3].delay_s, 12e-3, 1e-9);
+  const DirectionFigures f = heard.figures();
   EXPECT_EQ(f.received, 6);
   EXPECT_EQ(f.lost, 1);
   EXPECT_EQ(f.late, 1);
   EXPECT_EQ(f.duplicated, 1);
   EXPECT_NEAR(f.loss(), 1.0 / 6.0, 1e-12);
+  EXPECT_NEAR(f.least_s, 10e-3, 1e-9);
   EXPECT_NEAR(f.jitter_max_s, 14e-3, 1e-9);
   EXPECT_NEAR(f.jitter_p50_s, 0.5e-3, 1e-9);
-  EXPECT_NEAR(f.longest_gap_s, 13.8e-3, 1e-9);
-  DirectionFigures returned;
-  EXPECT_TRUE(from_words(to_words(f), returned));
-  EXPECT_EQ(returned.lost, f.lost);
-  EXPECT_EQ(returned.burst_packets, f.burst_packets);
-  EXPECT_FALSE(from_words(Words{}, returned));
+  EXPECT_NEAR(f.longest_gap_s, 14e-3, 1e-9);
 }
 
-TEST(DoctorLink, AdvisesPlayoutForJitterAndAHoldLongerThanGaps) {
-  DirectionFigures there, back;
-  LinkAdvice a = advise(0.02, there, back);
-  EXPECT_EQ(a.delay_ms, 10.0);
-  EXPECT_EQ(a.playout_to_master_ms, 0.0);
-  EXPECT_EQ(a.hold_after_s, 0.1);
-  there.jitter_p99_s = 0.0009;
-  back.jitter_p99_s = 0.0042;
-  back.longest_gap_s = 0.06;
-  back.received = 900;
-  back.lost = 100;
-  back.burst_packets = 4.0;
-  a = advise(0.02, there, back);
-  EXPECT_EQ(a.playout_to_slave_ms, 0.0);
-  EXPECT_EQ(a.playout_to_master_ms, 5.0);
-  EXPECT_EQ(a.delay_ms, 15.0);
-  EXPECT_NEAR(a.loss, 0.1, 1e-12);
-  EXPECT_EQ(a.burst_packets, 4.0);
-  EXPECT_NEAR(a.hold_after_s, 0.25, 1e-12);
+TEST(DoctorLink, TellsTheClocksApartByTheFastestPackets) {
+  const std::vector<Arrival> there{{1, 0.0, 7.02}, {2, 0.0, 7.05}}, back{{1, 0.0, -6.90}, {2, 0.0, -6.98}};
+  EXPECT_NEAR(clocks_apart_s(there, back), 7.0, 1e-12);
 }
 
 }  // namespace

@@ -20,6 +20,32 @@ TEST(SceneFile, IsReadWithItsRecordedDelaysBesideIt) {
   EXPECT_TRUE(s.to_master.recorded_delay_s.empty());
 }
 
+TEST(SceneFile, ALinkIsReadWithTheRowsOfEachDirection) {
+  const Folder folder;
+  folder.write("lab.textproto", kStiffWall);
+  folder.write("link.csv",
+               "direction,sequence,sent_s,delay_ms\nto_slave,1,0,12.5\nto_slave,2,0.0005,\nto_master,1,0,8\n");
+  const Overrides both{"to_slave.trace_file=\"link.csv\"", "to_master.trace_file=\"link.csv\""};
+  const Scene s = load_scene(folder / "lab.textproto", both);
+  ASSERT_EQ(s.to_slave.recorded_delay_s.size(), 2U);
+  EXPECT_EQ(s.to_slave.recorded_delay_s[0], 0.0125);
+  EXPECT_TRUE(std::isnan(s.to_slave.recorded_delay_s[1]));
+  EXPECT_EQ(s.to_master.recorded_delay_s, std::vector<double>{0.008});
+  EXPECT_NEAR(s.control.known.round_trip.si(), 0.0205, 1e-12);  // of the packets that arrive
+  folder.write("link.csv", "direction,sequence,sent_s,delay_ms\nto_slave,1,0,12.5\n");
+  const auto error = [&] {
+    try {
+      static_cast<void>(load_scene(folder / "lab.textproto", both));
+      return std::string{};
+    } catch (const ConfigError& e) {
+      return std::string{e.what()};
+    }
+  };
+  EXPECT_TRUE(says(error(), {"to_master.trace_file: ", "link.csv has no row of to_master"}));
+  folder.write("link.csv", "direction,sequence,sent_s,delay_ms\nto_slave,1,0,x\n");
+  EXPECT_TRUE(says(error(), {"to_slave.trace_file: ", "link.csv:2: delay_ms is \"x\"", "between 0 and 1000000"}));
+}
+
 TEST(SceneFile, AWrongRecordedDelayIsNamedWithItsLine) {
   const Folder folder;
   folder.write("lab.textproto", kStiffWall);

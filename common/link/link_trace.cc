@@ -1,0 +1,217 @@
+#include "common/link/link_trace.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <array>
+#include <charconv>
+#include <iterator>
+#include <limits>
+#include <utility>
+
+#include "common/base/check.h"
+
+namespace twoport {
+namespace {
+
+constexpr double kLost = std::numeric_limits<double>::quiet_NaN();
+constexpr std::uint64_t kMostSequence = std::uint64_t{1} << 53;
+constexpr double kMostSent_s = 1e6, kMostDelay_ms = 1e6;
+
+std::string_view trimmed(std::string_view text) {
+  constexpr std::string_view kBlanks = " \t\r";
+  const std::size_t from = text.find_first_not_of(kBlanks);
+  return from == text.npos ? std::string_view{} : text.substr(from, text.find_last_not_of(kBlanks) - from + 1);
+}
+
+/// Takes the next line off `rest`, without comment and blanks.
+std::string_view take_line(std::string_view& rest) {
+  const std::size_t end = std::min(rest.find('\n'), rest.size());
+  const std::string_view line = rest.substr(0, end);
+  rest.remove_prefix(std::min(end + 1, rest.size()));
+  return trimmed(line.substr(0, line.find('#')));
+}
+
+/// All of `text` as a number from 0 to `most`.
+template <class Number>
+bool read_number(std::string_view text, Number most, Number& number) {
+  const auto [stop, error] = std::from_chars(text.data(), text.data() + text.size(), number);
+  return error == std::errc{} && stop == text.data() + text.size() && number >= Number{0} && number <= most;
+}
+
+struct Row {
+  TracedPacket packet;
+  int line;
+};
+
+class Reader {
+ public:
+  explicit Reader(const std::string& name) : name_{name} {}
+
+  LinkTrace read(std::string_view rest) {
+    bool header = false;
+    for (line_ = 1; !rest.empty(); ++line_) {
+      const std::string_view line = take_line(rest);
+      if (line.empty()) continue;
+      if (std::exchange(header, true)) {
+        add(line);
+      } else if (line != kLinkTraceHeader) {
+        fail(line_, fmt::format("\"{}\" is not the header; it must be {}", line, kLinkTraceHeader));
+      }
+    }
+    return {.to_slave = in_order("to_slave", to_slave_), .to_master = in_order("to_master", to_master_)};
+  }
+
+ private:
+  [[noreturn]] void fail(int line, const std::string& words) const {
+    throw ConfigError{fmt::format("{}:{}: {}", name_, line, words)};
+  }
+
+  void add(std::string_view line) {
+    const auto fields = std::count(line.begin(), line.end(), ',') + 1;
+    if (fields != 4) fail(line_, fmt::format("\"{}\" has {} fields; a row must be {}", line, fields, kLinkTraceHeader));
+    std::array<std::string_view, 4> field;
+    for (std::string_view rest = line; std::string_view & each : field) {
+      const std::size_t comma = std::min(rest.find(','), rest.size());
+      each = trimmed(rest.substr(0, comma));
+      rest.remove_prefix(std::min(comma + 1, rest.size()));
+    }
+    if (field[0] != "to_slave" && field[0] != "to_master")
+      fail(line_, fmt::format("direction is \"{}\"; it must be to_slave or to_master", field[0]));
+    Row row{{0, 0.0, kLost}, line_};
+    if (!read_number(field[1], kMostSequence, row.packet.sequence))
+      fail(line_, fmt::format("sequence is \"{}\"; it must be a whole number from 0 on", field[1]));
+    if (!read_number(field[2], kMostSent_s, row.packet.sent_s))
+      fail(line_, fmt::format("sent_s is \"{}\"; it must be between 0 and {:.0f}", field[2], kMostSent_s));
+    double ms = 0.0;
+    if (!field[3].empty()) {
+      if (!read_number(field[3], kMostDelay_ms, ms))
+        fail(line_,
+             fmt::format("delay_ms is \"{}\"; it must be between 0 and {:.0f}, or empty where the packet was lost",
+                         field[3], kMostDelay_ms));
+      row.packet.delay_s = 1e-3 * ms;
+    }
+    (field[0] == "to_slave" ? to_slave_ : to_master_).push_back(row);
+  }
+
+  TracedWay in_order(const char* direction, std::vector<Row>& rows) const {
+    std::stable_sort(rows.begin(), rows.end(),
+                     [](const Row& a, const Row& b) { return a.packet.sequence < b.packet.sequence; });
+    TracedWay way;
+    way.reserve(rows.size());
+    for (std::size_t i = 0; i < rows.size(); ++i) {
+      const auto& [packet, line] = rows[i];
+      if (i > 0) {
+        const auto& [before, line_before] = rows[i - 1];
+        if (packet.sequence == before.sequence)
+          fail(line, fmt::format("sequence {} of {} is in line {} too; each packet must have one row", packet.sequence,
+                                 direction, line_before));
+        if (packet.sequence != before.sequence + 1)
+          fail(line, fmt::format("sequence {} of {} follows {}; none may be left out: a lost packet has a row with an "
+                                 "empty delay_ms",
+                                 packet.sequence, direction, before.sequence));
+        if (packet.sent_s < before.sent_s)
+          fail(line, fmt::format("sent_s of sequence {} of {} is {}; it must not be before {}, that of sequence {}",
+                                 packet.sequence, direction, packet.sent_s, before.sent_s, before.sequence));
+      }
+      way.push_back(packet);
+    }
+    if (!way.empty() && std::all_of(way.begin(), way.end(), [](const TracedPacket& p) { return p.lost(); }))
+      throw ConfigError{fmt::format("{}: every packet of {} is lost; at least one must arrive", name_, direction)};
+    return way;
+  }
+
+  const std::string& name_;
+  int line_ = 0;
+  std::vector<Row> to_slave_, to_master_;
+};
+
+/// The delivered packets in the order of their arrival.
+std::vector<std::size_t> by_arrival(const TracedWay& way) {
+  std::vector<std::size_t> order;
+  for (std::size_t i = 0; i < way.size(); ++i)
+    if (!way[i].lost()) order.push_back(i);
+  const auto arrival = [&](std::size_t i) { return way[i].sent_s + way[i].delay_s; };
+  std::stable_sort(order.begin(), order.end(), [&](std::size_t a, std::size_t b) { return arrival(a) < arrival(b); });
+  return order;
+}
+
+}  // namespace
+
+bool is_link_trace(std::string_view text) {
+  while (!text.empty())
+    if (const std::string_view line = take_line(text); !line.empty()) return line.starts_with("direction");
+  return false;
+}
+
+LinkTrace parse_link_trace(std::string_view text, const std::string& name) {
+  return Reader{name}.read(text);
+}
+
+std::string to_csv(const LinkTrace& trace) {
+  std::string text = fmt::format("{}\n", kLinkTraceHeader);
+  for (const auto& [name, way] : {std::pair{"to_slave", &trace.to_slave}, {"to_master", &trace.to_master}})
+    for (const TracedPacket& p : *way) {
+      fmt::format_to(std::back_inserter(text), "{},{},{:.6f},", name, p.sequence, p.sent_s);
+      if (!p.lost()) fmt::format_to(std::back_inserter(text), "{:.3f}", 1e3 * p.delay_s);
+      text += '\n';
+    }
+  return text;
+}
+
+std::vector<double> delays_at(const TracedWay& way, double rate_hz) {
+  const double packets = static_cast<double>(way.size());
+  // Mean time between two packets of the trace. With none, packet k is row k.
+  const double period_s = way.size() > 1 ? (way.back().sent_s - way.front().sent_s) / (packets - 1.0) : 0.0;
+  std::vector<double> delay(way.size(), kLost);
+  double arrival_s = -1.0;
+  for (const std::size_t i : by_arrival(way)) {
+    const double sent_s = static_cast<double>(i) * period_s;
+    arrival_s = std::max(arrival_s, sent_s + way[i].delay_s);
+    delay[i] = arrival_s - sent_s;
+  }
+  const double rows_a_packet = period_s > 0.0 ? 1.0 / (rate_hz * period_s) : 1.0;
+  if (std::abs(rows_a_packet - 1.0) < 0.01) return delay;
+  std::vector<double> at_rate(static_cast<std::size_t>(std::max(1.0, std::round(packets / rows_a_packet))));
+  for (std::size_t k = 0; k < at_rate.size(); ++k)
+    at_rate[k] =
+        delay[std::min(static_cast<std::size_t>(static_cast<double>(k) * rows_a_packet + 1e-6), way.size() - 1)];
+  return at_rate;
+}
+
+DirectionFigures figures_of(const TracedWay& way) {
+  DirectionFigures f;
+  double losses_in_a_row = 0.0;
+  for (std::size_t i = 0; i < way.size(); ++i) {
+    if (!way[i].lost()) continue;
+    ++f.lost;
+    if (i == 0 || !way[i - 1].lost()) ++losses_in_a_row;
+  }
+  if (losses_in_a_row > 0.0) f.burst_packets = f.lost / losses_in_a_row;
+  const std::vector<std::size_t> order = by_arrival(way);
+  if (order.empty()) return f;
+  f.received = static_cast<double>(order.size());
+  std::vector<double> delays;
+  for (std::size_t n = 0, newest = 0; n < order.size(); ++n) {
+    const TracedPacket& p = way[order[n]];
+    delays.push_back(p.delay_s);
+    if (n > 0) {
+      const TracedPacket& before = way[order[n - 1]];
+      f.longest_gap_s = std::max(f.longest_gap_s, p.sent_s + p.delay_s - before.sent_s - before.delay_s);
+      if (order[n] < newest) ++f.late;
+    }
+    newest = std::max(newest, order[n]);
+  }
+  std::sort(delays.begin(), delays.end());
+  f.least_s = delays.front();
+  const auto above_least = [&](double p) {
+    const auto rank = static_cast<std::size_t>(std::ceil(p * f.received));
+    return delays[std::max<std::size_t>(rank, 1) - 1] - f.least_s;
+  };
+  f.jitter_p50_s = above_least(0.5);
+  f.jitter_p99_s = above_least(0.99);
+  f.jitter_max_s = above_least(1.0);
+  return f;
+}
+
+}  // namespace twoport

@@ -1,0 +1,55 @@
+#pragma once
+
+#include <cmath>
+#include <cstdint>
+#include <string>
+#include <string_view>
+#include <vector>
+
+namespace twoport {
+
+/// A packet of one direction of a link that was measured or modelled.
+struct TracedPacket {
+  std::uint64_t sequence;
+  double sent_s;   ///< of the sender's packets, from any moment on
+  double delay_s;  ///< one way; NaN: the packet was lost
+  [[nodiscard]] bool lost() const { return std::isnan(delay_s); }
+};
+/// All packets of one direction by sequence, without gaps.
+using TracedWay = std::vector<TracedPacket>;
+struct LinkTrace {
+  TracedWay to_slave, to_master;
+};
+
+/// First line of a link's file. A row for each packet: `to_slave,17,0.016,23.4`; the delay of a lost packet is empty.
+inline constexpr std::string_view kLinkTraceHeader = "direction,sequence,sent_s,delay_ms";
+
+/// Is it a link's file, by its first line?
+bool is_link_trace(std::string_view text);
+/// Rows in any order; blank lines and what follows a # are skipped. Throws ConfigError that names `name` and line, the value and
+/// what is allowed: a row twice, a sequence number left out, a packet sent before the one with the number before.
+LinkTrace parse_link_trace(std::string_view text, const std::string& name);
+/// Sent to the microsecond, delays to the microsecond.
+std::string to_csv(const LinkTrace& trace);
+
+/// Delays of the packets that a side sends at `rate_hz` over this direction [s], NaN where lost: that of the row that was on its way at
+/// the time of the packet. Where the trace has the same rate to 1 %, packet k is row k. Packets of a trace arrive in the trace's
+/// order, also where its sender was irregular.
+std::vector<double> delays_at(const TracedWay& way, double rate_hz);
+
+/// Figures of one direction.
+struct DirectionFigures {
+  double received = 0.0, lost = 0.0, late = 0.0, duplicated = 0.0;  ///< packets; late: after a newer one
+  double least_s = 0.0;                                             ///< smallest delay
+  /// Delay above the least one: median, 99 %, largest [s]. Free of the clocks' offset.
+  double jitter_p50_s = 0.0, jitter_p99_s = 0.0, jitter_max_s = 0.0;
+  double longest_gap_s = 0.0;  ///< between two arrivals
+  double burst_packets = 1.0;  ///< mean number of packets lost in a row, by sequence
+  [[nodiscard]] double loss() const {
+    return received + lost > duplicated ? lost / (received - duplicated + lost) : 0.0;
+  }
+};
+/// Of a trace no packet is duplicated.
+DirectionFigures figures_of(const TracedWay& way);
+
+}  // namespace twoport

@@ -1,0 +1,166 @@
+#include "lab/study/link_advice.h"
+
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <utility>
+
+namespace twoport::lab {
+namespace {
+
+constexpr double kLongestPlayout_ms = 2000.0;
+
+/// Where the round trip comes from: "12.1 ms there (least) + 9 ms of playout".
+std::string part(const LinkAdvice::Way& way, const char* name) {
+  const double least_ms = 1e3 * way.figures.least_s;
+  if (way.playout_ms > 0.0)
+    return fmt::format("{:.1f} ms {} at least + {:g} ms of playout", least_ms, name, way.playout_ms);
+  return fmt::format("{:.1f} ms {} in the median", least_ms + 1e3 * way.figures.jitter_p50_s, name);
+}
+
+/// One place with what the advice says of the link.
+Map map_of(const LinkTrace& link, const LinkAdvice& advice, MapOptions options) {
+  options.set.insert(options.set.end(), {fmt::format("control.release_after_s={}", advice.release_after_s),
+                                         fmt::format("control.hold_after_s={}", advice.hold_after_s),
+                                         fmt::format("control.passivity.round_trip_ms={}", advice.round_trip_ms()),
+                                         fmt::format("to_slave.playout_ms={}", advice.to_slave.playout_ms),
+                                         fmt::format("to_master.playout_ms={}", advice.to_master.playout_ms)});
+  options.round_trips_ms = {advice.round_trip_ms()};
+  options.losses = {0.0};
+  options.bursts_packets = {1.0};
+  options.link = &link;
+  return make_map(options);
+}
+
+double best_error_n(const Map& map) {
+  const std::size_t best = best_method(map, 0);
+  return best < map.methods.size() ? map.at(best, 0).error_n.mean : std::numeric_limits<double>::infinity();
+}
+std::string in_words(double error_n) {
+  return std::isfinite(error_n) ? fmt::format("an error of {:.2g} N", error_n) : "no method that holds";
+}
+
+std::string of_passivity(const LinkAdvice& a) {
+  const std::size_t plus = a.method.find('+');
+  if (a.method == "none") return "";
+  return plus == a.method.npos ? fmt::format("method: {} ", a.method)
+                               : fmt::format("layer: {} ", a.method.substr(plus + 1));
+}
+std::string transparency_of(const LinkAdvice& a) {
+  const std::size_t plus = a.method.find('+');
+  return plus == a.method.npos ? "" : a.method.substr(0, plus);
+}
+
+}  // namespace
+
+double LinkAdvice::longest_gap_s() const {
+  return std::max(to_slave.figures.longest_gap_s, to_master.figures.longest_gap_s);
+}
+
+LinkAdvice advise(const DirectionFigures& to_slave, const DirectionFigures& to_master) {
+  const auto way = [](const DirectionFigures& f) {
+    const double playout_ms = std::min(std::ceil(1e3 * f.jitter_p99_s - 1e-9), kLongestPlayout_ms);
+    return LinkAdvice::Way{f, f.jitter_p99_s < 1e-3 ? 0.0 : playout_ms};
+  };
+  LinkAdvice a{.to_slave = way(to_slave), .to_master = way(to_master), .method = {}, .why = {}};
+  a.hold_after_s = std::max(0.1, 0.05 * std::ceil(4.0 * a.longest_gap_s() / 0.05 - 1e-9));
+  const double wait_s = std::max(a.hold_after_s, 1e-3 * std::max(a.to_slave.playout_ms, a.to_master.playout_ms));
+  a.release_after_s = std::max(1.0, 2.0 * wait_s);
+  return a;
+}
+
+LinkAdvice recommend(const LinkTrace& link, MapOptions options) {
+  LinkAdvice advice = advise(figures_of(link.to_slave), figures_of(link.to_master));
+  Map map = map_of(link, advice, options);
+  std::string playout = "no playout_ms: 99 % of the packets are within a millisecond of the fastest";
+  if (advice.to_slave.playout_ms > 0.0 || advice.to_master.playout_ms > 0.0) {
+    LinkAdvice without = advice;
+    without.to_slave.playout_ms = without.to_master.playout_ms = 0.0;
+    Map other = map_of(link, without, options);
+    const double error_n = best_error_n(map), error_without_n = best_error_n(other);
+    const bool drop = error_without_n <= error_n;
+    playout = fmt::format(
+        "{}: with {:g} ms to_slave and {:g} ms to_master, in which 99 % of the packets arrive, {}; without, {}",
+        drop ? "no playout_ms" : "playout_ms", advice.to_slave.playout_ms, advice.to_master.playout_ms,
+        in_words(error_n), in_words(error_without_n));
+    if (drop) advice = std::move(without), map = std::move(other);
+  }
+  const Recommendation found = recommend(map);
+  advice.method = found.method;
+  advice.initial_energy_j = map.initial_energy_j[0];
+  advice.why = {
+      fmt::format("{}: {}", found.method, found.why),
+      fmt::format("round_trip_ms {:.1f} = {} + {}", advice.round_trip_ms(), part(advice.to_slave, "there"),
+                  part(advice.to_master, "back")),
+      playout,
+      fmt::format("hold_after_s {:g}: four times the longest gap between packets, {:.1f} ms, and at least 0.1",
+                  advice.hold_after_s, 1e3 * advice.longest_gap_s()),
+      "initial_energy_j: what the hand may get back at most; more feels freer on contact and is less safe"};
+  return advice;
+}
+
+std::string to_text(const LinkAdvice& a) {
+  std::string text;
+  for (const std::string& sentence : a.why) text += fmt::format("# {}\n", sentence);
+  text += "control {\n";
+  text += fmt::format("  hold_after_s: {:g}\n", a.hold_after_s);
+  if (a.release_after_s != 1.0) text += fmt::format("  release_after_s: {:g}\n", a.release_after_s);
+  if (const std::string layer = transparency_of(a); !layer.empty())
+    text += fmt::format("  transparency {{ layer: {} }}\n", layer);
+  text += fmt::format("  passivity {{ {}initial_energy_j: {:.4g} round_trip_ms: {:.1f} }}\n}}\n", of_passivity(a),
+                      a.initial_energy_j, a.round_trip_ms());
+  for (const auto& [name, way] : {std::pair{"to_slave", &a.to_slave}, {"to_master", &a.to_master}})
+    if (way->playout_ms > 0.0) text += fmt::format("{} {{ playout_ms: {:g} }}\n", name, way->playout_ms);
+  return text;
+}
+
+std::string to_json(const LinkAdvice& a) {
+  const std::string layer = transparency_of(a);
+  std::string passivity;
+  if (!layer.empty()) {
+    passivity = fmt::format("\"layer\": {}, ", quoted(a.method.substr(layer.size() + 1)));
+  } else if (a.method != "none") {
+    passivity = fmt::format("\"method\": {}, ", quoted(a.method));
+  }
+  std::string ways;
+  for (const auto& [name, way] : {std::pair{"to_slave", &a.to_slave}, {"to_master", &a.to_master}})
+    if (way->playout_ms > 0.0) ways += fmt::format(", \"{}\": {{\"playout_ms\": {:g}}}", name, way->playout_ms);
+  std::vector<std::string> why;
+  for (const std::string& sentence : a.why) why.push_back(quoted(sentence));
+  return fmt::format(
+      "{{\n \"scene\": {{\"control\": {{\"hold_after_s\": {:g}, \"release_after_s\": {:g}{}, \"passivity\": "
+      "{{{}\"initial_energy_j\": {:.4g}, \"round_trip_ms\": {:.1f}}}}}{}}},\n \"why\": [\n  {}],\n \"link\": "
+      "{{\"to_slave\": {},\n  \"to_master\": {}}}\n}}\n",
+      a.hold_after_s, a.release_after_s,
+      layer.empty() ? "" : fmt::format(", \"transparency\": {{\"layer\": {}}}", quoted(layer)), passivity,
+      a.initial_energy_j, a.round_trip_ms(), ways, fmt::join(why, ",\n  "), to_json(a.to_slave.figures),
+      to_json(a.to_master.figures));
+}
+
+std::string to_json(const DirectionFigures& f) {
+  return fmt::format(
+      "{{\"received\": {}, \"lost\": {}, \"late\": {}, \"duplicated\": {}, \"loss\": {:.6f}, \"burst_packets\": "
+      "{:.2f}, \"jitter_ms\": {{\"p50\": {:.3f}, \"p99\": {:.3f}, \"max\": {:.3f}}}, \"longest_gap_ms\": {:.3f}}}",
+      f.received, f.lost, f.late, f.duplicated, f.loss(), f.burst_packets, 1e3 * f.jitter_p50_s, 1e3 * f.jitter_p99_s,
+      1e3 * f.jitter_max_s, 1e3 * f.longest_gap_s);
+}
+
+std::string quoted(const std::string& text) {
+  std::string all = "\"";
+  for (const char c : text) {
+    if (c == '"' || c == '\\') {
+      all += '\\';
+      all += c;
+    } else if (static_cast<unsigned char>(c) < 0x20) {
+      all += fmt::format("\\u{:04x}", static_cast<int>(c));
+    } else {
+      all += c;
+    }
+  }
+  return all + '"';
+}
+
+}  // namespace twoport::lab
