@@ -20,7 +20,7 @@ namespace {
 
 constexpr int kPolls = 4;  // of the socket, for each packet sent: transit times are known to a quarter of a period
 constexpr double kPatience = 5.0;  // for the other side [s]
-constexpr double kSilent = 0.5;    // longer than any gap of a link in use [s]
+constexpr double kSilent = 0.5;    // longer than any gap of a link in use, and three periods [s]
 constexpr double kLate = 0.5;      // after the measurement: for packets that are still on their way [s]
 constexpr double kReturn = 5.0;    // and at most, for what the other side has to tell [s]
 constexpr int kTold = 5;           // arrivals in a packet of the answering side
@@ -173,6 +173,7 @@ LinkFigures measure_link(const LinkRequest& request, const std::atomic<bool>& st
   const auto end = std::make_unique<End>(Side::master, request);
   std::uint64_t last_sent = 0, last_heard = 0;  // numbers of the last packets within the measurement
   const auto note_last = [&] { last_sent = end->sent_, last_heard = end->state_.newest.sequence; };
+  const double most_silent_s = std::max(kSilent, 3.0 / request.rate_hz);
   const auto silent_s = [&] { return to_seconds(end->now_ - std::max(end->last_arrival_, end->since_)).si(); };
   end->run(request, stop, [&](Duration now) {
     if (!end->link_.refusal().empty()) return false;
@@ -185,7 +186,7 @@ LinkFigures measure_link(const LinkRequest& request, const std::atomic<bool>& st
     if (last_sent == 0) note_last();
     const auto later = static_cast<std::uint64_t>(0.8 * kLate * request.rate_hz);
     const bool told = end->returned_newest_ > last_sent + later;
-    return silent_s() < kSilent && over_s < kReturn && (over_s < kLate || !told);
+    return silent_s() < most_silent_s && over_s < kReturn && (over_s < kLate || !told);
   });
   if (last_sent == 0) note_last();
   if (!end->link_.refusal().empty()) throw IoError{refused(request, std::string{end->link_.refusal()})};
@@ -193,7 +194,7 @@ LinkFigures measure_link(const LinkRequest& request, const std::atomic<bool>& st
     throw IoError{fmt::format("nobody answered at {} within {:g} s; start twoport-lab doctor --answer {} there{}",
                               request.address, kPatience, request.address,
                               request.key.empty() ? "" : " with the same --key")};
-  if (const double silent = silent_s(); silent >= kSilent)
+  if (const double silent = silent_s(); silent >= most_silent_s)
     throw IoError{fmt::format("{} has been silent for the last {:.1f} s of {:.1f} s; was it ended?", request.address,
                               silent, to_seconds(end->now_ - end->since_).si())};
   const std::vector<Arrival> here{end->arrivals_.begin(), end->arrivals_.end()};

@@ -34,7 +34,7 @@ struct ImpairmentOptions {
   std::vector<BlackoutWindow> blackout;
   double duplicate = 0.0;
   double reorder = 0.0, reorder_s = 0.005;
-  std::vector<double> recorded_delay_s;  ///< replayed in a loop in place of delay and jitter; empty: none
+  std::vector<double> recorded_delay_s;  ///< replayed in a loop in place of delay and jitter; NaN: lost; empty: none
   std::vector<DelayStep> delay_step{};   ///< in the order of their times
 };
 

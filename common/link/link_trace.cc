@@ -152,8 +152,8 @@ std::string to_csv(const LinkTrace& trace) {
   std::string text = fmt::format("{}\n", kLinkTraceHeader);
   for (const auto& [name, way] : {std::pair{"to_slave", &trace.to_slave}, {"to_master", &trace.to_master}})
     for (const TracedPacket& p : *way) {
-      fmt::format_to(std::back_inserter(text), "{},{},{:.6f},", name, p.sequence, p.sent_s);
-      if (!p.lost()) fmt::format_to(std::back_inserter(text), "{:.3f}", 1e3 * p.delay_s);
+      fmt::format_to(std::back_inserter(text), "{},{},{:.7f},", name, p.sequence, p.sent_s);
+      if (!p.lost()) fmt::format_to(std::back_inserter(text), "{:.4f}", 1e3 * p.delay_s);
       text += '\n';
     }
   return text;
@@ -163,15 +163,17 @@ std::vector<double> delays_at(const TracedWay& way, double rate_hz) {
   const double packets = static_cast<double>(way.size());
   // Mean time between two packets of the trace. With none, packet k is row k.
   const double period_s = way.size() > 1 ? (way.back().sent_s - way.front().sent_s) / (packets - 1.0) : 0.0;
+  const double rows_a_packet = period_s > 0.0 ? 1.0 / (rate_hz * period_s) : 1.0;
+  const bool same_rate = std::abs(rows_a_packet - 1.0) < 0.01;
+  constexpr double kApart_s = 2e-9;  // of two arrivals, so that rounding to a nanosecond keeps their order
   std::vector<double> delay(way.size(), kLost);
   double arrival_s = -1.0;
   for (const std::size_t i : by_arrival(way)) {
-    const double sent_s = static_cast<double>(i) * period_s;
-    arrival_s = std::max(arrival_s, sent_s + way[i].delay_s);
+    const double sent_s = static_cast<double>(i) * (same_rate ? 1.0 / rate_hz : period_s);
+    arrival_s = std::max(arrival_s + kApart_s, sent_s + way[i].delay_s);
     delay[i] = arrival_s - sent_s;
   }
-  const double rows_a_packet = period_s > 0.0 ? 1.0 / (rate_hz * period_s) : 1.0;
-  if (std::abs(rows_a_packet - 1.0) < 0.01) return delay;
+  if (same_rate) return delay;
   std::vector<double> at_rate(static_cast<std::size_t>(std::max(1.0, std::round(packets / rows_a_packet))));
   for (std::size_t k = 0; k < at_rate.size(); ++k)
     at_rate[k] =

@@ -29,7 +29,7 @@ bool is_link_trace(std::string_view text);
 /// Rows in any order; blank lines and what follows a # are skipped. Throws ConfigError that names `name` and line, the value and
 /// what is allowed: a row twice, a sequence number left out, a packet sent before the one with the number before.
 LinkTrace parse_link_trace(std::string_view text, const std::string& name);
-/// Sent to the microsecond, delays to the microsecond.
+/// Times to a tenth of a microsecond: packets that are read one after the other keep their order.
 std::string to_csv(const LinkTrace& trace);
 
 /// Delays of the packets that a side sends at `rate_hz` over this direction [s], NaN where lost: that of the row that was on its way at

@@ -98,7 +98,7 @@ LinkAdvice recommend(const LinkTrace& link, MapOptions options) {
       playout,
       fmt::format("hold_after_s {:g}: four times the longest gap between packets, {:.1f} ms, and at least 0.1",
                   advice.hold_after_s, 1e3 * advice.longest_gap_s()),
-      "initial_energy_j: what the hand may get back at most; more feels freer on contact and is less safe"};
+      "initial_energy_j: what the hand may get at most beyond what it has put in, by the rule for this round trip"};
   return advice;
 }
 

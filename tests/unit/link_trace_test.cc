@@ -38,8 +38,8 @@ TEST(LinkTrace, ReadsRowsInAnyOrderAndWritesThemBack) {
   EXPECT_TRUE(t.to_master[0].lost());
   EXPECT_EQ(t.to_master[1].delay_s, 0.0);
   EXPECT_EQ(to_csv(t), kHeader +
-                           "to_slave,1,0.000000,20.000\nto_slave,2,0.001000,3.250\n"
-                           "to_master,9,0.500000,\nto_master,10,0.501000,0.000\n");
+                           "to_slave,1,0.0000000,20.0000\nto_slave,2,0.0010000,3.2500\n"
+                           "to_master,9,0.5000000,\nto_master,10,0.5010000,0.0000\n");
 }
 
 TEST(LinkTrace, IsToldFromOneNumberALine) {
@@ -51,24 +51,30 @@ TEST(LinkTrace, IsToldFromOneNumberALine) {
 TEST(LinkTrace, RefusesWithLineValueAndWhatIsAllowed) {
   const std::string first = kHeader + "to_slave,1,0.5,20\n";
   const std::vector<std::pair<std::string, std::string>> cases{
-      {"direction,sent_s\n", "link.csv:1: \"direction,sent_s\" is not the header; it must be "
-                             "direction,sequence,sent_s,delay_ms"},
-      {first + "to_slave,2,0.6\n", "link.csv:3: \"to_slave,2,0.6\" has 3 fields; a row must be "
-                                   "direction,sequence,sent_s,delay_ms"},
-      {first + "to_slave,2,0.6,20,\n", "link.csv:3: \"to_slave,2,0.6,20,\" has 5 fields; a row must be "
-                                       "direction,sequence,sent_s,delay_ms"},
+      {"direction,sent_s\n",
+       "link.csv:1: \"direction,sent_s\" is not the header; it must be "
+       "direction,sequence,sent_s,delay_ms"},
+      {first + "to_slave,2,0.6\n",
+       "link.csv:3: \"to_slave,2,0.6\" has 3 fields; a row must be "
+       "direction,sequence,sent_s,delay_ms"},
+      {first + "to_slave,2,0.6,20,\n",
+       "link.csv:3: \"to_slave,2,0.6,20,\" has 5 fields; a row must be "
+       "direction,sequence,sent_s,delay_ms"},
       {first + "there,2,0.6,20\n", "link.csv:3: direction is \"there\"; it must be to_slave or to_master"},
       {first + "to_slave,1.5,0.6,20\n", "link.csv:3: sequence is \"1.5\"; it must be a whole number from 0 on"},
       {first + "to_slave,-1,0.6,20\n", "link.csv:3: sequence is \"-1\"; it must be a whole number from 0 on"},
       {first + "to_slave,2,soon,20\n", "link.csv:3: sent_s is \"soon\"; it must be between 0 and 1000000"},
-      {first + "to_slave,2,0.6,-3\n", "link.csv:3: delay_ms is \"-3\"; it must be between 0 and 1000000, or empty where "
-                                      "the packet was lost"},
-      {first + "to_slave,2,0.6,nan\n", "link.csv:3: delay_ms is \"nan\"; it must be between 0 and 1000000, or empty where "
-                                       "the packet was lost"},
+      {first + "to_slave,2,0.6,-3\n",
+       "link.csv:3: delay_ms is \"-3\"; it must be between 0 and 1000000, or empty where "
+       "the packet was lost"},
+      {first + "to_slave,2,0.6,nan\n",
+       "link.csv:3: delay_ms is \"nan\"; it must be between 0 and 1000000, or empty where "
+       "the packet was lost"},
       {first + "to_master,1,0.5,20\nto_slave,1,0.5,\n",
        "link.csv:4: sequence 1 of to_slave is in line 2 too; each packet must have one row"},
-      {first + "to_slave,4,0.6,20\n", "link.csv:3: sequence 4 of to_slave follows 1; none may be left out: a lost packet "
-                                      "has a row with an empty delay_ms"},
+      {first + "to_slave,4,0.6,20\n",
+       "link.csv:3: sequence 4 of to_slave follows 1; none may be left out: a lost packet "
+       "has a row with an empty delay_ms"},
       {first + "to_slave,2,0.4,20\n",
        "link.csv:3: sent_s of sequence 2 of to_slave is 0.4; it must not be before 0.5, that of sequence 1"},
       {first + "to_master,1,0.5,\n", "link.csv: every packet of to_master is lost; at least one must arrive"}};
@@ -133,7 +139,8 @@ TEST(LinkFigures, ReadBurstsRightOnALinkThatReorders) {
   constexpr double kBurst = 5.17, kLoss = 0.1, r = 1.0 / kBurst;
   for (const double jitter_s : {0.0, 0.02}) {
     const DirectionFigures f = figures_of(gilbert_link(r * kLoss / (1.0 - kLoss), r, jitter_s, 200'000));
-    EXPECT_NEAR(f.burst_packets, kBurst, 0.2) << jitter_s;  // four standard errors: 5.17 sqrt(1 - r) / sqrt(3900 bursts)
+    EXPECT_NEAR(f.burst_packets, kBurst, 0.2)
+        << jitter_s;  // four standard errors: 5.17 sqrt(1 - r) / sqrt(3900 bursts)
     EXPECT_NEAR(f.loss(), kLoss, 0.01) << jitter_s;
     if (jitter_s > 0.0) {
       EXPECT_GT(f.late, 50'000) << "nearly every packet is overtaken";
@@ -179,10 +186,11 @@ TEST(LinkReplay, GivesEachPacketItsDelayItsLossAndItsPlace) {
 }
 
 TEST(LinkReplay, KeepsTheOrderOfASenderThatWasIrregular) {
-  // The third packet was sent 6 ms late, and none overtook another.
-  const TracedWay way{{1, 0.0, 0.010}, {2, 0.001, 0.010}, {3, 0.008, 0.010}, {4, 0.0081, 0.010}, {5, 0.0082, 0.0101},
-                      {6, 0.0083, 0.0101}, {7, 0.0084, 0.0101}, {8, 0.0085, 0.0101}, {9, 0.0086, 0.0101}};
-  EXPECT_EQ(order_of(delays_at(way, 1000.0), 9), (std::vector<std::size_t>{0, 1, 2, 3, 4, 5, 6, 7, 8}));
+  // The third packet was sent 4 ms late, and did not overtake the second; the sixth overtook the fifth.
+  const TracedWay way{{1, 0.0, 0.010},     {2, 0.001, 0.015},  {3, 0.006, 0.0105},
+                      {4, 0.0061, 0.0105}, {5, 0.0062, 0.012}, {6, 0.0063, 0.0105},
+                      {7, 0.0064, 0.0125}, {8, 0.007, 0.0125}, {9, 0.008, 0.0125}};
+  EXPECT_EQ(order_of(delays_at(way, 1000.0), 9), (std::vector<std::size_t>{0, 1, 2, 3, 5, 4, 6, 7, 8}));
 }
 
 TEST(LinkReplay, FollowsTheTimeOfTheTraceAtAnotherRate) {
