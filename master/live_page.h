@@ -1,22 +1,19 @@
 #pragma once
 
 #include <algorithm>
-#include <cmath>
-#include <cstdint>
 #include <memory>
 #include <optional>
 
 #include "common/page/assets.h"
-#include "common/page/channel.h"
 #include "common/page/describe.h"
 #include "common/platform/live_run.h"
 #include "common/platform/page_server.h"
+#include "master/page_samples.h"
 
 namespace twoport {
 
-/// The master's side of the live page: samples of its ticks to the page, commands of the page to its ticks. Nothing here
-/// waits, allocates, locks or logs between the first tick and the last.
-class LivePage {
+/// The master's side of the live page.
+class LivePage : public PageSamples {
  public:
   /// Nothing is served yet. Null where neither --page nor --device page is given.
   static std::unique_ptr<LivePage> wanted(const LiveArguments& a) {
@@ -24,22 +21,20 @@ class LivePage {
     return std::make_unique<LivePage>();
   }
 
-  [[nodiscard]] PageChannel* channel() noexcept { return &channel_; }
-
   /// From now on the page is there.
   void serve(const Scene& scene, const LiveArguments& a, const std::string& device, spdlog::logger& log) {
-    every_ = std::max<std::int64_t>(1, std::llround(scene.master_rate_hz / kSampleHz));
+    begin(scene.master_rate_hz);
     const bool pointer = a.hardware == "page";
     const PageServer::Options options{
         .address = a.page,
         .introduction = describe_for_page(scene, {.device = device,
                                                   .has_pointer = pointer,
                                                   .restarts = a.restartable,
-                                                  .grip_n_per_m = channel_.pointer.grip_n_per_m,
+                                                  .grip_n_per_m = channel()->pointer.grip_n_per_m,
                                                   .methods = configurations(scene)}),
         .page = page_html(),
         .restartable = a.restartable};
-    server_.emplace(options, channel_, PageJudge{scene, std::min(kSampleHz, scene.master_rate_hz), pointer});
+    server_.emplace(options, *channel(), PageJudge{scene, std::min(kSampleHz, scene.master_rate_hz), pointer});
     log.info("page: {}", server_->url());
     if (!server_->is_local())
       log.warn(
@@ -52,105 +47,7 @@ class LivePage {
   /// Has the page ended the program to have it started again?
   [[nodiscard]] bool restarts() const noexcept { return server_ && server_->restarts(); }
 
-  /// Calls apply(command) for each command that has arrived: network, surface, method.
-  template <class Apply>
-  void take_commands(Apply apply) noexcept {
-    PageCommand command;
-    while (channel_.commands.try_pop(command)) apply(command);
-  }
-
-  /// The next sample: before show(), for the gripper's fields.
-  [[nodiscard]] PageSample& next() noexcept { return next_; }
-
-  /// Before show(): what the slave has said of its environment.
-  void note_environment(const EnvironmentMessage& e) noexcept { environment_ = e; }
-
-  /// Of every tick. `peer`: null without a link. `epoch`: of the method.
-  template <int N, class Output>
-  void show(Duration now, Duration late, const DeviceSample<N>& device, const Output& out, Energy observed,
-            const PeerState<N>* peer, const TickView& view, const LimitCounts& limits, std::uint32_t epoch) noexcept {
-    late_ = std::max(late_, late);
-    dissipated_j_ += out.dissipated.si();
-    if (++tick_ % every_ != 0) return;
-    PageSample& s = next_;
-    s.t_s = to_seconds(now).si();
-    put(device.x, s.hand_x_m, s.hand_attitude);
-    put(device.v, s.hand_v_m_per_s);
-    put(-out.command, s.felt_n, &s.felt_n_m);
-    put(-out.wanted, s.unlimited_n, nullptr);
-    if constexpr (requires { out.mode; }) {
-      s.mode = static_cast<double>(out.mode);
-    } else {
-      s.mode = static_cast<double>(Mode::coupled);
-    }
-    s.slave_mode = s.mode;
-    if (peer != nullptr) {
-      const PortReport<N>& r = peer->newest;
-      put(r.x, s.robot_x_m, s.robot_attitude);
-      put(r.v, s.robot_v_m_per_s);
-      put(r.f_environment, s.environment_n, &s.environment_n_m);
-      put(r.f_coupling, s.coupling_n, nullptr);
-      for (int i = 0; i < std::min(N, 3); ++i) s.behind_m[static_cast<std::size_t>(i)] = r.position_error[i];
-      s.slave_mode = static_cast<double>(peer->has_report ? r.mode : Mode::idle);
-      s.robot_energy_j = peer->energy_in_j;
-      s.round_trip_ms = view.round_trip >= Duration{0} ? 1e3 * to_seconds(view.round_trip).si() : -1.0;
-      s.report_age_ms = peer->has_report ? 1e3 * to_seconds(now - peer->received_at).si() : -1.0;
-      s.received = static_cast<double>(view.received);
-      s.lost = static_cast<double>(view.lost);
-    } else {
-      // Under RENDER the handle itself touches the environment.
-      s.robot_x_m = s.hand_x_m;
-      s.robot_attitude = s.hand_attitude;
-      put(out.wanted, s.environment_n, &s.environment_n_m);
-    }
-    s.hand_energy_j = observed.si();
-    s.dissipated_j = dissipated_j_;
-    s.deficit_j = out.undissipated.si();
-    if constexpr (requires { out.contact_spring_share; }) s.contact_spring_share = out.contact_spring_share;
-    s.late_us = 1e6 * to_seconds(late_).si();
-    s.limits = 0.0;
-    for (std::size_t i = 0; i < kLimits; ++i)
-      if (limits.of[i] != limits_.of[i]) s.limits += static_cast<double>(1u << i);
-    limits_ = limits;
-    s.epoch = static_cast<double>(epoch);
-    s.held = channel_.pointer.held ? 1.0 : 0.0;
-    s.environment_answer = static_cast<double>(environment_.answer);
-    s.environment_energy_j = environment_.energy_j;
-    for (std::size_t i = 0; i < environment_.surface.size(); ++i) {
-      s.surface_stiffness_n_per_m[i] = environment_.surface[i].stiffness_n_per_m;
-      s.surface_friction[i] = environment_.surface[i].friction;
-    }
-    late_ = Duration{0};
-    channel_.samples.try_push(s);
-  }
-
  private:
-  static constexpr double kSampleHz = 500.0;
-
-  template <int N>
-  static void put(const Position<N>& x, PageSample::Vector& p, PageSample::Quaternion& q) noexcept {
-    for (int i = 0; i < std::min(N, 3); ++i) p[static_cast<std::size_t>(i)] = x.translation()[i];
-    if constexpr (N == 6) q = {x.attitude().w(), x.attitude().x(), x.attitude().y(), x.attitude().z()};
-  }
-  template <int N>
-  static void put(const Velocity<N>& v, PageSample::Vector& to) noexcept {
-    for (int i = 0; i < std::min(N, 3); ++i) to[static_cast<std::size_t>(i)] = v.vec()[i];
-  }
-  template <int N>
-  static void put(const Force<N>& f, PageSample::Vector& force, PageSample::Vector* torque) noexcept {
-    for (int i = 0; i < std::min(N, 3); ++i) force[static_cast<std::size_t>(i)] = f[i];
-    if constexpr (N == 6) {
-      if (torque != nullptr) *torque = {f[3], f[4], f[5]};
-    }
-  }
-
-  PageChannel channel_;
-  std::int64_t tick_ = 0, every_ = 1;
-  Duration late_{0};
-  double dissipated_j_ = 0.0;
-  PageSample next_;
-  EnvironmentMessage environment_;
-  LimitCounts limits_;
   std::optional<PageServer> server_;
 };
 
