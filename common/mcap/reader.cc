@@ -116,9 +116,13 @@ void Reader::define(std::uint8_t op, std::string_view content) {
     in.string();
     const std::string_view data = in.string();
     if (!in.ok) fail("a schema is damaged");
+    const auto found = schemas_.find(id);
+    if (found != schemas_.end() && found->second.first == name && found->second.second == data) return;  // repeated
+    keep(content.size());
     schemas_.insert_or_assign(id, std::pair{std::string{name}, std::string{data}});
   } else if (op == static_cast<std::uint8_t>(Op::channel)) {
     const auto id = in.number<std::uint16_t>(), schema = in.number<std::uint16_t>();
+    if (content.size() > kMostDefinitions) fail("a channel is damaged");
     Channel channel;
     channel.topic = in.string();
     in.string();
@@ -130,8 +134,18 @@ void Reader::define(std::uint8_t op, std::string_view content) {
     if (!in.ok || !entries.ok) fail("a channel is damaged");
     if (const auto found = schemas_.find(schema); found != schemas_.end())
       std::tie(channel.schema, channel.descriptors) = found->second;
+    const auto found = channels_.find(id);
+    if (found != channels_.end() && found->second == channel) return;
+    keep(content.size() + channel.schema.size() + channel.descriptors.size());
     channels_.insert_or_assign(id, std::move(channel));
   }
+}
+
+/// Before memory is taken for a definition.
+void Reader::keep(std::size_t bytes) {
+  kept_ += bytes;
+  if (kept_ > kMostDefinitions)
+    fail("its schemas and channels are longer than " + std::to_string(kMostDefinitions) + " bytes");
 }
 
 void Reader::fail(const std::string& why) const {

@@ -14,6 +14,7 @@ struct Channel {
   std::string topic, schema;
   std::string descriptors;  ///< a serialised FileDescriptorSet
   Metadata metadata;
+  bool operator==(const Channel&) const = default;
 };
 
 struct Message {
@@ -23,9 +24,12 @@ struct Message {
 };
 
 /// Reads the messages of an MCAP file in their order, from beginning to end: chunks with zstd or without compression. The
-/// index is not used, so a file without its end is read as far as it goes.
+/// index is not used, so a file without its end is read as far as it goes. What is kept besides the present record and chunk, schemas
+/// and channels, is at most kMostDefinitions.
 class Reader {
  public:
+  static constexpr std::size_t kMostDefinitions = std::size_t{64} << 20;  // [bytes]
+
   /// Throws ConfigError, here and in next(), with `name` and the reason for what is no MCAP file or is damaged.
   Reader(std::istream& in, std::string name);
 
@@ -38,6 +42,7 @@ class Reader {
  private:
   bool next_chunk();
   void define(std::uint8_t op, std::string_view content);
+  void keep(std::size_t bytes);
   [[noreturn]] void fail(const std::string& why) const;
 
   std::istream* in_;
@@ -46,6 +51,7 @@ class Reader {
   std::string_view rest_;       ///< of the chunk
   std::map<std::uint16_t, std::pair<std::string, std::string>> schemas_;
   std::map<std::uint16_t, Channel> channels_;
+  std::size_t kept_ = 0;  ///< of definitions, replaced ones included [bytes]
   bool torn_ = false, ended_ = false;
 };
 

@@ -19,6 +19,9 @@ namespace {
 
 using Numbers = google::protobuf::RepeatedField<double>;
 
+// A message that says nothing takes 2 bytes in another and up to 300 in memory.
+constexpr std::size_t kLongestHeader = std::size_t{4} << 20, kLongestTick = std::size_t{1} << 20;  // [bytes]
+
 // ---- descriptors, units
 
 std::string descriptors(const google::protobuf::Descriptor& message) {
@@ -211,8 +214,13 @@ RecordingReader::RecordingReader(std::unique_ptr<std::istream> in, std::string n
 RecordingReader::Kind RecordingReader::next() {
   if (!reader_->next(message_)) return Kind::end;
   const mcap::Channel& channel = *message_.channel;
-  if (channel.schema == schema::RecordedTick::descriptor()->full_name()) return Kind::tick;
+  if (channel.schema == schema::RecordedTick::descriptor()->full_name()) {
+    if (message_.data.size() > kLongestTick) fail("a tick is longer than " + std::to_string(kLongestTick) + " bytes");
+    return Kind::tick;
+  }
   if (channel.schema != schema::RecordingHeader::descriptor()->full_name()) return Kind::other;
+  if (message_.data.size() > kLongestHeader)
+    fail("a header is longer than " + std::to_string(kLongestHeader) + " bytes");
 
   schema::RecordingHeader m;
   if (!m.ParseFromArray(message_.data.data(), static_cast<int>(message_.data.size()))) fail("a header is damaged");

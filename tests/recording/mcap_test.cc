@@ -1,5 +1,6 @@
 #include <gtest/gtest.h>
 #include <sys/resource.h>
+#include <zstd.h>
 
 #include <csignal>
 #include <filesystem>
@@ -9,6 +10,7 @@
 #include <vector>
 
 #include "common/base/check.h"
+#include "common/mcap/bytes.h"
 #include "tests/recording/rewrite.h"
 #include "tests/support/folder.h"
 
@@ -133,6 +135,38 @@ TEST(Mcap, ADamagedChunkIsRefusedInASentence) {
   } catch (const ConfigError& e) {
     EXPECT_EQ(std::string{e.what()}, damaged + ": it is no MCAP file");
   }
+}
+
+// 60 schemas of 32 MiB each in a file of 60 kB: what is kept has a bound, and the reader stops there.
+TEST(Mcap, DefinitionsThatWouldTakeGigabytesAreRefused) {
+  const Folder folder;
+  const std::string path = folder / "a.mcap", of_one = std::string(std::size_t{32} << 20, 'x');
+  {
+    std::ofstream out{path, std::ios::binary};
+    out << kMagic;
+    for (std::uint16_t id = 1; id <= 60; ++id) {
+      mcap::Output schema, record, chunk, file;
+      schema.number(id).string("S").string("protobuf").string(of_one);
+      record.record(mcap::Op::schema, schema);
+      std::string body(ZSTD_compressBound(record.bytes.size()), 0);
+      body.resize(ZSTD_compress(body.data(), body.size(), record.bytes.data(), record.bytes.size(), 1));
+      chunk.number(std::uint64_t{0}).number(std::uint64_t{0}).number(std::uint64_t{record.bytes.size()});
+      chunk.number(std::uint32_t{0}).string("zstd").number(std::uint64_t{body.size()}).raw(body);
+      file.record(mcap::Op::chunk, chunk);
+      out << file.bytes;
+    }
+  }
+  EXPECT_LT(std::filesystem::file_size(path), 1'000'000u);
+  rusage before{}, after{};
+  getrusage(RUSAGE_SELF, &before);
+  try {
+    read_messages(path);
+    FAIL() << "read";
+  } catch (const ConfigError& e) {
+    EXPECT_EQ(std::string{e.what()}, path + ": its schemas and channels are longer than 67108864 bytes");
+  }
+  getrusage(RUSAGE_SELF, &after);
+  EXPECT_LT(after.ru_maxrss - before.ru_maxrss, 200 * 1024) << "KiB";
 }
 
 // A limit of the file's size acts as a full disk does: write() fails in the middle of a chunk.
