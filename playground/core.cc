@@ -50,7 +50,8 @@ TWOPORT_EXPORT(command) int command() {
   const std::optional<PageCommand> c = parse_page_command(input);
   if (!c) return 0;
   // A pointer that stays where it is says so again and again.
-  if (c->kind != PageCommand::Kind::target || c->kind != before.kind || c->number != before.number) page_judge->disturb();
+  if (c->kind != PageCommand::Kind::target || c->kind != before.kind || c->number != before.number)
+    page_judge->disturb();
   before = *c;
   PageChannel& to = *run->page().channel();
   const bool of_hand = c->kind == PageCommand::Kind::target || c->kind == PageCommand::Kind::release ||
@@ -80,6 +81,12 @@ TWOPORT_EXPORT(verdict) const char* verdict() {
   judged = page_judge->verdict();
   return to_string(judged.kind).data();
 }
-TWOPORT_EXPORT(reason) const char* reason() { return judged.reason.c_str(); }
-TWOPORT_EXPORT(initial_energy_j) double initial_energy_j() { return page_judge->initial_energy_j(); }
-TWOPORT_EXPORT(earlier_debt_j) double earlier_debt_j() { return page_judge->earlier_debt_j(); }
+TWOPORT_EXPORT(reason) const char* reason() {
+  return judged.reason.c_str();
+}
+TWOPORT_EXPORT(initial_energy_j) double initial_energy_j() {
+  return page_judge->initial_energy_j();
+}
+TWOPORT_EXPORT(earlier_debt_j) double earlier_debt_j() {
+  return page_judge->earlier_debt_j();
+}
