@@ -133,7 +133,8 @@ class Page {
     this.makePlots();
     this.makeSliders(scene);
     element('hint').textContent = this.hint(scene);
-    for (const row of document.querySelectorAll<HTMLElement>('.linked')) row.hidden = !scene.linked;
+    for (const row of document.querySelectorAll<HTMLElement>('.linked'))
+      row.hidden = !scene.linked || (row.classList.contains('six') && scene.dof !== 6);
     for (const id of ['let-go', 'home']) element(id).hidden = !scene.pointer;
     this.makeTour(scene);
     this.obey();
@@ -716,6 +717,7 @@ class Page {
     show('robot-energy', 1e3 * number('robot_energy_j'), 3, 'mJ');
     show('dissipated', 1e3 * number('dissipated_j'), 3, 'mJ');
     show('deficit', 1e3 * number('deficit_j'), 3, 'mJ');
+    show('contact-spring', 100 * number('contact_spring_share'), 0, '%');
     const inView = this.picture!.sees([this.inRobotWorld(this.vector('hand_x_m')), this.vector('robot_x_m')]);
     element('picture').dataset.inView = String(inView);
     this.followEnvironment();
