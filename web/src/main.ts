@@ -163,7 +163,6 @@ class Page {
       felt: () => (this.last ? Math.hypot(...this.vector('felt_n')) : 0),
       pressed: () => (this.last ? Math.hypot(...this.vector('environment_n')) : 0),
       roundTrip: () => number('round_trip_ms'),
-      handEnergy: () => number('hand_energy_j'),
       told: () => this.told,
       method: () => number('epoch') % scene.methods.length,
       without,

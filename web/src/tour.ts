@@ -6,7 +6,6 @@ export interface Guided {
   felt(): number; // [N]
   pressed(): number; // force on the environment [N]
   roundTrip(): number; // [ms]
-  handEnergy(): number; // [J]
   told(): Told;
   method(): number;
   without: number; // the method without passivity control
@@ -29,7 +28,8 @@ function element<T extends HTMLElement>(id: string): T {
 export class Tour {
   private readonly steps: Step[];
   private at = -1;
-  private lowest = Infinity; // of what is left of the budget since the step began [J]
+  private taps = 0; // touches since the step began
+  private touches = false;
   private reached = false;
 
   constructor(private readonly page: Guided) {
@@ -62,8 +62,8 @@ export class Tour {
       },
       {
         name: 'The budget.',
-        text: 'Tap the wall a few times and watch the gauge E(0): the controller lends the hand this little energy and no more, however long the delay.',
-        done: () => this.lowest < 0.9 * page.told().initial_energy_j,
+        text: 'Tap the wall three times and watch the gauge: what the hand gets back is what it has put in and, at most, this little energy E(0), however long the delay.',
+        done: () => this.taps >= 3 && page.told().verdict !== 'not passive' && page.told().verdict !== 'unstable',
       },
     ];
     element('tour-next').onclick = () => this.go(this.at + 1);
@@ -74,7 +74,8 @@ export class Tour {
 
   go(to: number): void {
     this.at = to < this.steps.length ? to : -1;
-    this.lowest = Infinity;
+    this.taps = 0;
+    this.touches = true;
     this.reached = false;
     const step = this.steps[this.at], panel = element('tour');
     panel.hidden = !step;
@@ -92,8 +93,9 @@ export class Tour {
   watch(): void {
     const step = this.steps[this.at];
     if (!step || this.reached) return;
-    const told = this.page.told();
-    this.lowest = Math.min(this.lowest, told.initial_energy_j + told.earlier_debt_j + this.page.handEnergy());
+    const pressed = this.page.pressed();
+    if (!this.touches && pressed > 0.5) this.taps += 1;
+    this.touches = this.touches ? pressed > 0.1 : pressed > 0.5;
     if (!step.done()) return;
     this.reached = true;
     element('tour').classList.add('done');
