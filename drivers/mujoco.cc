@@ -1,0 +1,252 @@
+#include <mujoco/mujoco.h>
+
+#include <Eigen/Geometry>
+#include <Eigen/QR>
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "common/base/check.h"
+#include "common/hardware/registry.h"
+
+namespace twoport {
+namespace {
+
+using Eigen::Matrix3d;
+using Eigen::Vector3d;
+using Vector6 = Eigen::Matrix<double, 6, 1>;
+
+constexpr Seconds kWatchdog{0.1};
+constexpr double kMostBehind = 0.1;  // that is made good in one tick [s]; a world slower than the clock runs slow
+
+[[noreturn]] void refuse(const std::string& arguments, const std::string& words) {
+  throw ConfigError{"--robot mujoco:" + arguments + ": " + words};
+}
+
+/// FILE.xml[,site=NAME]
+struct Arguments {
+  std::string file, site;
+};
+Arguments parse(const std::string& text) {
+  const std::size_t comma = text.rfind(",site=");
+  Arguments a{text.substr(0, comma), comma == text.npos ? "" : text.substr(comma + 6)};
+  if (a.file.empty() || (comma != text.npos && a.site.empty()))
+    refuse(text, "name a model and, where it has several sites, the tool's: mujoco:FILE.xml,site=NAME");
+  return a;
+}
+
+/// A model of MuJoCo and a tool in it: a site, or the origin of the only body that moves.
+class World {
+ public:
+  explicit World(const std::string& arguments) {
+    const Arguments a = parse(arguments);
+    mju_user_warning = [](const char*) {};  // it would write a file; warnings are counted too
+    std::array<char, 1000> error{};
+    model_.reset(mj_loadXML(a.file.c_str(), nullptr, error.data(), static_cast<int>(error.size())));
+    if (!model_) {
+      std::string words{error.data()};
+      std::replace(words.begin(), words.end(), '\n', ' ');
+      refuse(arguments, words);
+    }
+    data_.reset(mj_makeData(model_.get()));
+    choose_tool(arguments, a.site);
+    mj_forward(model_.get(), data_.get());
+    for (int body = 0; body < model_->nbody; ++body) {
+      int at = body;
+      while (at != 0 && at != body_) at = model_->body_parentid[at];
+      of_tool_.push_back(at == body_);
+    }
+  }
+
+  [[nodiscard]] std::string name() const { return std::string{"MuJoCo: "} + model_->names; }
+  /// Of the tool's point by the joints: translation first, world axes.
+  [[nodiscard]] Eigen::MatrixXd jacobian() const {
+    Eigen::Matrix<double, 3, Eigen::Dynamic, Eigen::RowMajor> linear{3, model_->nv}, angular{3, model_->nv};
+    const Vector3d at = point();
+    mj_jac(model_.get(), data_.get(), linear.data(), angular.data(), at.data(), body_);
+    Eigen::MatrixXd J{6, model_->nv};
+    J << linear, angular;
+    return J;
+  }
+
+  void push(const Vector6& wrench) noexcept { wrench_ = wrench; }
+  void advance(Seconds time) noexcept {
+    const double h = model_->opt.timestep;
+    behind_ = std::min(behind_ + time.si(), kMostBehind);
+    Vector6 sum = Vector6::Zero();
+    int steps = 0;
+    for (; behind_ >= 0.5 * h; behind_ -= h, ++steps) {
+      // The force acts on the point; MuJoCo wants it at the body's centre of mass.
+      const Vector3d lever = point() - Eigen::Map<const Vector3d>{data_->xipos + 3 * body_}, f = wrench_.head<3>();
+      Eigen::Map<Vector3d>{data_->xfrc_applied + 6 * body_} = f;
+      Eigen::Map<Vector3d>{data_->xfrc_applied + 6 * body_ + 3} = wrench_.tail<3>() + lever.cross(f);
+      mj_step(model_.get(), data_.get());
+      sum += contact();
+      mj_kinematics(model_.get(), data_.get());
+    }
+    if (steps == 0) return;
+    contact_ = sum / steps;
+    mj_comPos(model_.get(), data_.get());
+    mj_comVel(model_.get(), data_.get());
+  }
+
+  [[nodiscard]] Vector3d point() const noexcept {
+    return Eigen::Map<const Vector3d>{site_ >= 0 ? data_->site_xpos + 3 * site_ : data_->xpos + 3 * body_};
+  }
+  [[nodiscard]] Eigen::Quaterniond attitude() const noexcept {
+    using Rows = Eigen::Matrix<double, 3, 3, Eigen::RowMajor>;
+    return Eigen::Quaterniond{
+        Matrix3d{Eigen::Map<const Rows>{site_ >= 0 ? data_->site_xmat + 9 * site_ : data_->xmat + 9 * body_}}};
+  }
+  [[nodiscard]] Vector6 velocity() const noexcept {
+    Vector6 angular_first;
+    mj_objectVelocity(model_.get(), data_.get(), site_ >= 0 ? mjOBJ_SITE : mjOBJ_XBODY, site_ >= 0 ? site_ : body_,
+                      angular_first.data(), 0);
+    Vector6 v;
+    v << angular_first.tail<3>(), angular_first.head<3>();
+    return v;
+  }
+  /// Of all contacts on the tool about its point, a mean over the last interval.
+  [[nodiscard]] const Vector6& contact_wrench() const noexcept { return contact_; }
+  [[nodiscard]] bool touches() const noexcept { return touches_; }
+  /// MuJoCo then begins anew without a word.
+  [[nodiscard]] bool lost() const noexcept {
+    return data_->warning[mjWARN_BADQPOS].number > 0 || data_->warning[mjWARN_BADQVEL].number > 0 ||
+           data_->warning[mjWARN_BADQACC].number > 0;
+  }
+
+ private:
+  void choose_tool(const std::string& arguments, const std::string& site) {
+    const auto list = [this](int count, const int* names) {
+      std::string all;
+      for (int i = 0; i < count; ++i) all += (i > 0 ? ", " : "") + std::string{model_->names + names[i]};
+      return all;
+    };
+    if (!site.empty() || model_->nsite > 0) {
+      site_ = site.empty() ? 0 : mj_name2id(model_.get(), mjOBJ_SITE, site.c_str());
+      if (site_ < 0)
+        refuse(arguments, model_->nsite == 0
+                              ? "the model has no sites"
+                              : "no site \"" + site + "\"; there are " + list(model_->nsite, model_->name_siteadr));
+      if (site.empty() && model_->nsite > 1)
+        refuse(arguments, "the model has the sites " + list(model_->nsite, model_->name_siteadr) + "; add ,site=NAME");
+      body_ = model_->site_bodyid[site_];
+      return;
+    }
+    for (int body = 1; body < model_->nbody; ++body) {
+      if (model_->body_jntnum[body] == 0) continue;
+      if (body_ > 0) refuse(arguments, "the model has several bodies that move; put a site on the tool");
+      body_ = body;
+    }
+    if (body_ == 0) refuse(arguments, "no body of the model moves");
+  }
+
+  /// Wrench on the tool.
+  [[nodiscard]] Vector6 contact() noexcept {
+    Vector6 sum = Vector6::Zero();
+    touches_ = false;
+    for (int i = 0; i < data_->ncon; ++i) {
+      const mjContact& c = data_->contact[i];
+      const bool first = of_tool_[static_cast<std::size_t>(model_->geom_bodyid[c.geom1])],
+                 second = of_tool_[static_cast<std::size_t>(model_->geom_bodyid[c.geom2])];
+      if (first == second || c.efc_address < 0) continue;
+      touches_ = true;
+      Vector6 in_frame;  // on the second body, in axes of the contact
+      mj_contactForce(model_.get(), data_.get(), i, in_frame.data());
+      const Eigen::Map<const Matrix3d> axes{c.frame};  // by rows: its columns are the axes
+      const Vector3d f = axes * in_frame.head<3>() * (second ? 1.0 : -1.0),
+                     t = axes * in_frame.tail<3>() * (second ? 1.0 : -1.0);
+      sum.head<3>() += f;
+      sum.tail<3>() += t + (Eigen::Map<const Vector3d>{c.pos} - point()).cross(f);
+    }
+    return sum;
+  }
+
+  std::unique_ptr<mjModel, decltype(&mj_deleteModel)> model_{nullptr, mj_deleteModel};
+  std::unique_ptr<mjData, decltype(&mj_deleteData)> data_{nullptr, mj_deleteData};
+  int site_ = -1, body_ = 0;   ///< of the tool; no site: the body's origin
+  std::vector<bool> of_tool_;  ///< by body: the tool's and those that hang on it
+  double behind_ = 0.0;        ///< the clock [s]
+  bool touches_ = false;
+  Vector6 wrench_ = Vector6::Zero(), contact_ = Vector6::Zero();
+};
+
+/// A tool in a world of MuJoCo, driven by forces. With one axis: along the joint that moves it.
+template <int N>
+class MujocoRobot final : public Robot<N> {
+ public:
+  explicit MujocoRobot(const DriverOptions& o) : world_{o.arguments} {
+    const Eigen::MatrixXd J = world_.jacobian();
+    const Eigen::Index axes = std::min(N, 3);
+    if constexpr (N == 1) {
+      Eigen::Index most = 0;
+      if (J.topRows<3>().colwise().norm().maxCoeff(&most) > 0.0) axis_ = J.col(most).head<3>().normalized();
+    }
+    const Eigen::Index free = Eigen::ColPivHouseholderQR<Eigen::MatrixXd>{J.topRows(N == 6 ? 6 : 3)}.rank();
+    if (free < (N == 6 ? 6 : axes))
+      refuse(o.arguments, "its joints move the tool in " + std::to_string(free) + " directions; a scene with dof " +
+                              std::to_string(N) + " needs " + std::to_string(N));
+  }
+
+  [[nodiscard]] RobotInfo info() const override { return {.name = world_.name(), .watchdog = kWatchdog}; }
+  RobotSample<N> sense(const Tick<SlaveClock>& tick) noexcept override {
+    if (started_) {
+      unheard_ = unheard_ + tick.ended;
+      if (unheard_ > kWatchdog) release();
+      world_.advance(tick.ended);
+    }
+    const Force<N> on_robot{of_axes(world_.contact_wrench())};
+    truth_ = {.f_environment = on_robot, .touches = world_.touches()};
+    RobotSample<N> sample;
+    if constexpr (N == 6)
+      sample.x = Position<6>{world_.point(), world_.attitude()};
+    else if constexpr (N == 3)
+      sample.x = Position<3>{world_.point()};
+    else
+      sample.x = Position<1>{Position<1>::Vector{axis_.dot(world_.point())}};
+    sample.v = Velocity<N>{of_axes(world_.velocity())};
+    sample.f_environment = -on_robot;
+    if (world_.lost()) sample.status = HardwareStatus::fault;
+    return sample;
+  }
+  void actuate(const RobotCommand<N>& command) noexcept override {
+    unheard_ = Seconds{0.0};
+    Vector6 wrench = Vector6::Zero();
+    if constexpr (N == 1)
+      wrench.head<3>() = command.f[0] * axis_;
+    else
+      wrench.head<N>() = command.f.vec();
+    world_.push(wrench);
+  }
+  void start() noexcept override { started_ = true; }
+  void release() noexcept override { world_.push(Vector6::Zero()); }
+  [[nodiscard]] std::string trouble() const override {
+    return world_.lost() ? "MuJoCo has lost the world to a number that is not finite; take a smaller timestep" : "";
+  }
+  [[nodiscard]] const RobotTruth<N>* truth() const noexcept override { return &truth_; }
+
+ private:
+  [[nodiscard]] Eigen::Matrix<double, N, 1> of_axes(const Vector6& all) const noexcept {
+    if constexpr (N == 1)
+      return Eigen::Matrix<double, 1, 1>{axis_.dot(all.head<3>())};
+    else
+      return all.head<N>();
+  }
+
+  World world_;
+  Vector3d axis_ = Vector3d::UnitX();
+  RobotTruth<N> truth_;
+  Seconds unheard_{};  ///< since the last command
+  bool started_ = false;
+};
+
+}  // namespace
+
+void add_mujoco(Registry& all) {
+  all.robots.add<MujocoRobot>("mujoco", "mujoco:FILE.xml[,site=NAME], a tool in a world of MuJoCo, driven by forces");
+}
+
+}  // namespace twoport

@@ -1,0 +1,159 @@
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <memory>
+#include <string>
+
+#include "common/base/check.h"
+#include "common/base/file.h"
+#include "common/scene/load.h"
+#include "drivers/drivers.h"
+#include "tests/support/live.h"
+
+// A world of MuJoCo as the robot.
+namespace twoport::test {
+namespace {
+
+constexpr Seconds kPeriod{1e-3};
+
+std::string model(const std::string& body, const std::string& more = "") {
+  const std::string path = testing::TempDir() + "/model.xml";
+  write_whole(path, "<mujoco model='test'><option timestep='0.0005' gravity='0 0 0'/><worldbody>" + more +
+                        "<body name='tool'>" + body + "</body></worldbody></mujoco>");
+  return path;
+}
+const std::string
+    kSphere = "<geom type='sphere' size='0.01' mass='0.5'/>",
+    kWall = "<geom type='box' pos='0.05 0 0' size='0.03 0.2 0.2' solref='-3000 -20'/>",
+    kSlides = "<joint type='slide' axis='1 0 0'/><joint type='slide' axis='0 1 0'/><joint type='slide' axis='0 0 1'/>";
+
+template <int N>
+std::unique_ptr<Robot<N>> open(const std::string& choice) {
+  static const Scene scene{};
+  return all_drivers().robots.open<N>("mujoco:" + choice, scene, kPeriod);
+}
+Tick<SlaveClock> tick(long k) {
+  return {Instant<SlaveClock>{tick_time(k, 1.0 / kPeriod.si())}, kPeriod};
+}
+/// The reading after `ticks` under a constant force.
+template <int N>
+RobotSample<N> after(Robot<N>& robot, int ticks, const typename Force<N>::Vector& f) {
+  robot.start();
+  RobotCommand<N> command;
+  command.f = Force<N>{f};
+  for (int k = 0; k < ticks; ++k) {
+    robot.actuate(command);
+    robot.sense(tick(k));
+  }
+  return robot.sense(tick(ticks));
+}
+
+class Mujoco : public testing::Test {
+ protected:
+  void SetUp() override {
+    if (all_drivers().robots.lines().find("mujoco\tnot in this build") != std::string::npos)
+      GTEST_SKIP() << "libmujoco-dev is not installed";
+  }
+};
+
+TEST_F(Mujoco, SlidesAsNewtonSays) {
+  // Semi-implicit Euler: v = f t / m, x = f t (t + h) / 2 m. The last tick is the 101st.
+  const double t = 0.101, h = 0.0005;
+  const auto three = open<3>(model(kSlides + kSphere));
+  const RobotSample<3> s = after<3>(*three, 100, {1.0, -2.0, 0.5});
+  EXPECT_LT((s.v.vec() - Eigen::Vector3d{1.0, -2.0, 0.5} * t / 0.5).norm(), 1e-12);
+  EXPECT_LT((s.x.translation() - Eigen::Vector3d{1.0, -2.0, 0.5} * t * (t + h)).norm(), 1e-12);
+  EXPECT_EQ(s.f_environment.vec().norm(), 0.0);
+  // One axis is that of the joint, whatever it is.
+  const auto one = open<1>(model("<joint type='slide' axis='0 0.6 -0.8'/>" + kSphere));
+  const RobotSample<1> along = after<1>(*one, 100, Force<1>::Vector{1.0});
+  EXPECT_NEAR(along.v[0], t / 0.5, 1e-12);
+  EXPECT_NEAR(along.x.translation()[0], t * (t + h), 1e-12);
+}
+
+TEST_F(Mujoco, TakesAWrenchAtItsSite) {
+  // The site is 0.1 m before the centre: a force across it turns the body, 2/5 m r² = 0.02 kg m².
+  const std::string body =
+      "<freejoint/><geom type='sphere' size='0.31622776601683794' mass='0.5'/><site name='other' pos='0 0 1'/><site "
+      "name='tip' pos='0.1 0 0' euler='0 0 90'/>";
+  const auto six = open<6>(model(body) + ",site=tip");
+  const RobotSample<6> begin = six->sense(tick(0));
+  EXPECT_LT((begin.x.translation() - Eigen::Vector3d{0.1, 0.0, 0.0}).norm(), 1e-15);
+  EXPECT_NEAR(
+      begin.x.attitude().angularDistance(Eigen::Quaterniond{Eigen::AngleAxisd{M_PI / 2.0, Eigen::Vector3d::UnitZ()}}),
+      0.0, 1e-7);
+  Force<6>::Vector wrench;
+  wrench << 0.0, 1.0, 0.0, 0.0, 0.0, 0.05;
+  const RobotSample<6> s = after<6>(*six, 9, wrench);
+  const double t = 0.01, spin = (0.1 + 0.05) * t / 0.02;
+  EXPECT_NEAR(s.v.vec()[5], spin, 1e-5);
+  EXPECT_NEAR(s.v.vec()[1], t / 0.5 + 0.1 * spin, 1e-5);
+}
+
+TEST_F(Mujoco, FeelsTheContactOnTheTool) {
+  const auto robot =
+      open<3>(model(kSlides + kSphere + "<geom type='box' pos='0 0 0.1' size='0.01 0.01 0.01' mass='0.1'/>", kWall));
+  const RobotSample<3> s = after<3>(*robot, 3000, {5.0, 0.0, 0.0});
+  EXPECT_NEAR(s.f_environment.vec().x(), 5.0, 0.01);
+  EXPECT_NEAR(s.f_environment.vec().tail<2>().norm(), 0.0, 0.01);
+  EXPECT_TRUE(robot->truth()->touches);
+  EXPECT_NEAR(s.x.translation().x(), 0.01, 0.003);
+}
+
+TEST_F(Mujoco, LetsGoWithoutCommands) {
+  const auto robot = open<3>(model(kSlides + kSphere));
+  after<3>(*robot, 10, {1.0, 0.0, 0.0});
+  for (int k = 0; k < 200; ++k) robot->sense(tick(k));
+  const double v = robot->sense(tick(0)).v.vec().x();
+  EXPECT_EQ(robot->sense(tick(0)).v.vec().x(), v);
+  EXPECT_NEAR(v, (0.009 + 0.1) / 0.5, 0.003);  // nine periods, then the watchdog's
+}
+
+TEST_F(Mujoco, RefusesModelsInWords) {
+  const auto why_not = [](const std::string& choice) -> std::string {
+    try {
+      open<3>(choice);
+    } catch (const ConfigError& e) {
+      return e.what();
+    }
+    return "opened";
+  };
+  const auto expect = [&](const std::string& choice, const std::string& words) {
+    const std::string error = why_not(choice);
+    EXPECT_NE(error.find(words), std::string::npos) << error;
+    EXPECT_EQ(error.find("--robot mujoco:"), 0U) << error;
+  };
+  expect("", "name a model");
+  expect("nowhere.xml", "nowhere.xml");
+  expect(model("<joint type='slide'/>" + kSphere + ""), "move the tool in 1 directions; a scene with dof 3 needs 3");
+  expect(model(kSlides + kSphere) + ",site=tip", "the model has no sites");
+  expect(model(kSlides + kSphere + "<site name='a'/><site name='b'/>"), "the model has the sites a, b; add ,site=NAME");
+  expect(model(kSlides + kSphere + "<site name='a'/><site name='b'/>") + ",site=c", "no site \"c\"; there are a, b");
+  expect(model(kSphere), "no body of the model moves");
+  expect(model(kSlides + kSphere, "<body><freejoint/><geom size='0.1'/></body>"),
+         "several bodies that move; put a site on the tool");
+  write_whole(testing::TempDir() + "/bad.xml", "<mujoco><worldbody><geom type='ball'/></worldbody></mujoco>");
+  expect(testing::TempDir() + "/bad.xml", "ball");
+}
+
+// Two programs over UDP: the hand leads 10 mm into a wall of MuJoCo and feels what the robot presses.
+TEST_F(Mujoco, RunsOverALink) {
+  const std::string file = model(kSlides + "<geom type='sphere' size='0.01' mass='0.5'/>", kWall);
+  std::string scene = press(3);
+  const Pair pair{scene};
+  Process slave = pair.listening_slave("slave", {"--robot", "mujoco:" + file}), master = pair.master();
+  EXPECT_EQ(master.wait(), Exit{.status = 0}) << master.err();
+  EXPECT_EQ(slave.wait(), Exit{.status = 0}) << slave.err();
+  const schema::Summary m = pair.summary("master"), s = pair.summary("slave");
+  EXPECT_GT(m.coupled_share(), 0.8);
+  if (!kept_time({m, s})) return;
+  const Trace felt = pair.trace("master"), pressed = pair.trace("slave");
+  const double at_end = pressed["env_f_0"].back();
+  EXPECT_GT(std::abs(at_end), 1.0);
+  EXPECT_NEAR(std::abs(felt["master_f_0"].back()), std::abs(at_end), 0.15 * std::abs(at_end));
+  EXPECT_GE(m.min_port_energy_j(), -1e-3);
+}
+
+}  // namespace
+}  // namespace twoport::test
