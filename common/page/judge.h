@@ -46,7 +46,7 @@ class PageJudge {
   std::optional<TrendRecord> tail_;  ///< since the last disturbance and kSettling
   std::size_t epoch_ = 0;
   double disturbed_s_ = 0.0, t_s_ = 0.0, left_j_ = 0.0, debt_j_ = 0.0, dissipated_j_ = 0.0;
-  bool begun_ = false, moved_ = true, acted_ = false, diverged_ = false;
+  bool begun_ = false, moved_ = true, acted_ = false;
 };
 
 /// E(0) of each configuration of a scene: its first control, then its schedule [J].
