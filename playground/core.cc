@@ -30,7 +30,11 @@ PageCommand before;
 
 using namespace twoport;
 
+#ifdef __wasm__
 #define TWOPORT_EXPORT(name) extern "C" __attribute__((export_name(#name), visibility("default")))
+#else
+#define TWOPORT_EXPORT(name) extern "C"
+#endif
 
 /// Where the caller writes `size` bytes, for start() and command().
 TWOPORT_EXPORT(input) char* input_of(int size) {
