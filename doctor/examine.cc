@@ -7,6 +7,7 @@
 #include <cstring>
 #include <set>
 
+#include "common/base/text.h"
 #include "doctor/text.h"
 
 namespace twoport::doctor {

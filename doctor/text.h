@@ -11,8 +11,6 @@
 
 namespace twoport::doctor {
 
-/// Without the white space at both ends.
-std::string_view trimmed(std::string_view text);
 /// Parts between white space.
 std::vector<std::string_view> words(std::string_view text);
 std::vector<std::string_view> lines(std::string_view text);

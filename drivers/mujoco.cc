@@ -180,13 +180,12 @@ class MujocoRobot final : public Robot<N> {
  public:
   explicit MujocoRobot(const DriverOptions& o) : world_{o.arguments} {
     const Eigen::MatrixXd J = world_.jacobian();
-    const Eigen::Index axes = std::min(N, 3);
     if constexpr (N == 1) {
       Eigen::Index most = 0;
       if (J.topRows<3>().colwise().norm().maxCoeff(&most) > 0.0) axis_ = J.col(most).head<3>().normalized();
     }
     const Eigen::Index free = Eigen::ColPivHouseholderQR<Eigen::MatrixXd>{J.topRows(N == 6 ? 6 : 3)}.rank();
-    if (free < (N == 6 ? 6 : axes))
+    if (free < N)
       refuse(o.arguments, "its joints move the tool in " + std::to_string(free) + " directions; a scene with dof " +
                               std::to_string(N) + " needs " + std::to_string(N));
   }

@@ -4,10 +4,10 @@
 #include <fmt/ranges.h>
 
 #include <Eigen/Geometry>
-#include <charconv>
 #include <cmath>
 #include <cstdio>
 #include <memory>
+#include <optional>
 #include <string>
 #include <string_view>
 #include <utility>
@@ -15,7 +15,9 @@
 
 #include "common/arm/arm_model.h"
 #include "common/base/check.h"
+#include "common/base/text.h"
 #include "common/scene/arm.h"
+#include "lab/study/grid.h"
 #include "sim/plant/arm.h"
 
 namespace twoport::lab {
@@ -40,24 +42,12 @@ std::string json(const Eigen::MatrixXd& m) {
   }
   return fmt::format("[{}]", fmt::join(rows, ", "));
 }
-std::string json(std::string_view text) {
-  std::string quoted = "\"";
-  for (const char c : text) {
-    if (c == '"' || c == '\\') quoted += '\\';
-    if (static_cast<unsigned char>(c) < 0x20)
-      quoted += fmt::format("\\u{:04x}", c);
-    else
-      quoted += c;
-  }
-  return quoted + '"';
-}
-
 std::string json(const ArmJoint& j) {
   const bool turns_for_ever = std::isinf(j.lower_rad) && std::isinf(j.upper_rad);
   return fmt::format(
       R"({{"name": {}, "type": "{}", "limits": {{"lower_rad": {}, "upper_rad": {}, "max_torque_n_m": {}, )"
       R"("max_speed_rad_per_s": {}}}, "rotor_inertia_kg_m2": {}, "damping_n_m_s_per_rad": {}, "coulomb_friction_n_m": {}}})",
-      json(j.name), turns_for_ever ? "continuous" : "revolute", json(j.lower_rad), json(j.upper_rad),
+      json_string(j.name), turns_for_ever ? "continuous" : "revolute", json(j.lower_rad), json(j.upper_rad),
       json(j.max_torque_n_m), json(j.max_speed_rad_per_s), json(j.rotor_inertia_kg_m2),
       j.damping_n_m_s_per_rad ? json(*j.damping_n_m_s_per_rad) : "null",
       j.coulomb_friction_n_m ? json(*j.coulomb_friction_n_m) : "null");
@@ -68,16 +58,12 @@ Eigen::VectorXd positions(const ArmParameters& arm, const std::string& given) {
   const auto joints = static_cast<Eigen::Index>(arm.joints.size());
   if (!given.empty()) {
     std::vector<double> q;
-    for (std::size_t from = 0; from <= given.size();) {
-      const std::size_t comma = std::min(given.find(',', from), given.size());
-      const std::string word = given.substr(from, comma - from);
-      double value = 0.0;
-      const auto [end, error] = std::from_chars(word.data(), word.data() + word.size(), value);
-      if (error != std::errc{} || end != word.data() + word.size() || !std::isfinite(value))
+    for (const std::string_view word : parts_of(given, ',')) {
+      const std::optional<double> value = number_of(word);
+      if (!value || !std::isfinite(*value))
         throw ConfigError{
             fmt::format("--q {}: \"{}\" is no finite number; numbers in rad stand with commas between", given, word)};
-      q.push_back(value);
-      from = comma + 1;
+      q.push_back(*value);
     }
     if (q.size() != arm.joints.size()) {
       std::vector<std::string_view> names;
@@ -107,7 +93,7 @@ void print(const ArmParameters& arm, const Eigen::VectorXd& at) {
   fmt::print(
       "{{\n  \"name\": {},\n  \"q_rad\": {},\n  \"position_m\": {},\n  \"quaternion_wxyz\": {},\n  \"jacobian\": {},\n"
       "  \"mass_matrix\": {},\n  \"gravity_torque\": {},\n  \"joints\": [\n    {}\n  ]\n}}\n",
-      json(arm.name), json(at), json(pose.tool),
+      json_string(arm.name), json(at), json(pose.tool),
       json(Eigen::Vector4d{attitude.w(), attitude.x(), attitude.y(), attitude.z()}), json(model.jacobian(pose)),
       json(model.inertia(pose)), json(model.gravity_torque(pose, sim::ArmPlant::kGravity)),
       fmt::join(joints, ",\n    "));

@@ -10,6 +10,7 @@
 #include <utility>
 
 #include "common/base/check.h"
+#include "common/base/text.h"
 
 namespace twoport {
 namespace {
@@ -17,20 +18,6 @@ namespace {
 constexpr double kLost = std::numeric_limits<double>::quiet_NaN();
 constexpr std::uint64_t kMostSequence = std::uint64_t{1} << 53;
 constexpr double kMostSent_s = 1e6, kMostDelay_ms = 1e6;
-
-std::string_view trimmed(std::string_view text) {
-  constexpr std::string_view kBlanks = " \t\r";
-  const std::size_t from = text.find_first_not_of(kBlanks);
-  return from == text.npos ? std::string_view{} : text.substr(from, text.find_last_not_of(kBlanks) - from + 1);
-}
-
-/// Takes the next line off `rest`, without comment and blanks.
-std::string_view take_line(std::string_view& rest) {
-  const std::size_t end = std::min(rest.find('\n'), rest.size());
-  const std::string_view line = rest.substr(0, end);
-  rest.remove_prefix(std::min(end + 1, rest.size()));
-  return trimmed(line.substr(0, line.find('#')));
-}
 
 /// All of `text` as a number from 0 to `most`.
 template <class Number>

@@ -6,6 +6,7 @@
 #include <cmath>
 #include <string_view>
 
+#include "common/base/text.h"
 #include "common/contact/world.h"
 #include "common/page/channel.h"
 #include "common/page/judge.h"
@@ -82,22 +83,6 @@ const char* name_of(Architecture a) {
 }
 
 }  // namespace
-
-std::string json_string(std::string_view text) {
-  std::string out = "\"";
-  for (const char c : text) {
-    const auto code = static_cast<unsigned char>(c);
-    if (c == '"' || c == '\\') {
-      out += '\\';
-      out += c;
-    } else if (code < 0x20) {
-      out += fmt::format("\\u{:04x}", code);
-    } else {
-      out += c;
-    }
-  }
-  return out + '"';
-}
 
 std::string describe_for_page(const Scene& s, const PageIntroduction& i) {
   std::string fields;

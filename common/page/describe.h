@@ -20,7 +20,4 @@ struct PageIntroduction {
 /// Scene, samples' layout and limits of the commands as JSON.
 std::string describe_for_page(const Scene& scene, const PageIntroduction& introduction);
 
-/// `text` as a JSON string, with its quotes.
-std::string json_string(std::string_view text);
-
 }  // namespace twoport

@@ -26,8 +26,8 @@
 #include <vector>
 
 #include "common/base/check.h"
+#include "common/base/text.h"
 #include "common/base/thread.h"
-#include "common/page/describe.h"
 #include "common/platform/random.h"
 #include "common/platform/udp.h"
 

@@ -11,6 +11,7 @@
 #include <vector>
 
 #include "common/base/check.h"
+#include "common/base/text.h"
 #include "common/scene/load.h"
 #include "common/scene/text.h"
 

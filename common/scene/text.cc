@@ -9,6 +9,8 @@
 #include <utility>
 #include <vector>
 
+#include "common/base/text.h"
+
 namespace twoport {
 namespace {
 
@@ -227,12 +229,6 @@ std::string value_names(const pb::EnumDescriptor& choice) {
   std::vector<std::string> names;
   for (int i = 0; i < choice.value_count(); ++i) names.push_back(choice.value(i)->name());
   return fmt::format("{}", fmt::join(names, ", "));
-}
-
-std::string_view trimmed(std::string_view text) {
-  constexpr std::string_view kBlank = " \t\r\n";
-  const std::size_t first = text.find_first_not_of(kBlank);
-  return first == text.npos ? std::string_view{} : text.substr(first, text.find_last_not_of(kBlank) - first + 1);
 }
 
 }  // namespace twoport

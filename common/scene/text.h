@@ -24,7 +24,4 @@ std::optional<ParseError> parse_text(const std::string& text, google::protobuf::
 std::string field_names(const google::protobuf::Descriptor& block);
 std::string value_names(const google::protobuf::EnumDescriptor& choice);
 
-/// Without the blanks at both ends.
-std::string_view trimmed(std::string_view text);
-
 }  // namespace twoport

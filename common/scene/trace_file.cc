@@ -1,13 +1,12 @@
 #include "common/scene/trace_file.h"
 
-#include <algorithm>
 #include <charconv>
 #include <filesystem>
 #include <string_view>
 
 #include "common/base/file.h"
+#include "common/base/text.h"
 #include "common/link/link_trace.h"
-#include "common/scene/text.h"
 
 namespace twoport {
 
@@ -27,10 +26,7 @@ std::vector<double> read_trace_file(const Block<schema::Impairment>& of, double 
   int line = 0;
   for (std::string_view rest = text; !rest.empty();) {
     ++line;
-    const std::size_t end = std::min(rest.find('\n'), rest.size());
-    const std::string_view whole = rest.substr(0, end);
-    const std::string_view entry = trimmed(whole.substr(0, whole.find('#')));
-    rest.remove_prefix(std::min(end + 1, rest.size()));
+    const std::string_view entry = take_line(rest);
     if (entry.empty()) continue;
     double ms = 0.0;
     const auto [stop, error] = std::from_chars(entry.data(), entry.data() + entry.size(), ms);

@@ -12,6 +12,7 @@
 
 #include "common/base/check.h"
 #include "common/base/file.h"
+#include "common/base/text.h"
 #include "common/platform/realtime.h"
 #include "common/platform/udp.h"
 #include "doctor/examine.h"
@@ -49,16 +50,16 @@ void print_json(const LoopFigures& loop, const std::vector<Finding>& findings) {
       "\"p99\": {:.3f}, \"p999\": {:.3f}, \"max\": {:.3f}}},\n  \"late\": {{\"ticks\": {}, \"preempted\": {}, "
       "\"waited\": "
       "{}, \"moved\": {}, \"faulted\": {}, \"unexplained\": {}}},\n  \"not_permitted\": [",
-      quoted(to_string(grade(loop))), loop.rate_hz, loop.ticks, loop.skipped, us(loop.lateness.percentile(0.5)),
+      json_string(to_string(grade(loop))), loop.rate_hz, loop.ticks, loop.skipped, us(loop.lateness.percentile(0.5)),
       us(loop.lateness.percentile(0.99)), us(loop.lateness.percentile(0.999)), us(loop.lateness.max()), loop.late,
       loop.preempted, loop.waited, loop.moved, loop.faulted, loop.unexplained);
   for (std::size_t i = 0; i < loop.not_permitted.size(); ++i)
-    fmt::print("{}{}", i > 0 ? ", " : "", quoted(loop.not_permitted[i]));
+    fmt::print("{}{}", i > 0 ? ", " : "", json_string(loop.not_permitted[i]));
   fmt::print("]}},\n \"checks\": [");
   for (std::size_t i = 0; i < findings.size(); ++i) {
     const Finding& f = findings[i];
-    fmt::print("{}\n  {{\"name\": {}, \"grade\": {}, \"says\": {}, \"cure\": {}}}", i > 0 ? "," : "", quoted(f.name),
-               quoted(to_string(f.grade)), quoted(f.says), quoted(f.cure));
+    fmt::print("{}\n  {{\"name\": {}, \"grade\": {}, \"says\": {}, \"cure\": {}}}", i > 0 ? "," : "",
+               json_string(f.name), json_string(to_string(f.grade)), json_string(f.says), json_string(f.cure));
   }
   fmt::print("\n ]\n}}\n");
 }
@@ -122,9 +123,9 @@ int link_command(const DoctorArguments& a) {
         "\"why\": {}, "
         "\"to_slave.playout_ms\": {}, \"to_master.playout_ms\": {}, \"control.hold_after_s\": {:.2f}, "
         "\"control.passivity.round_trip_ms\": {:.1f}, \"control.passivity.initial_energy_j\": {:.4g}}}\n}}\n",
-        quoted(a.link), f.seconds, a.rate_hz, f.sent, f.encrypted, ms(f.round_trip.percentile(0.5)),
+        json_string(a.link), f.seconds, a.rate_hz, f.sent, f.encrypted, ms(f.round_trip.percentile(0.5)),
         ms(f.round_trip.percentile(0.99)), ms(f.round_trip.max()), there_ms, back_ms, bound_ms, to_json(to_slave),
-        to_json(to_master), quoted(advice.method), quoted(advice.why[0]), advice.to_slave.playout_ms,
+        to_json(to_master), json_string(advice.method), json_string(advice.why[0]), advice.to_slave.playout_ms,
         advice.to_master.playout_ms, advice.hold_after_s, advice.round_trip_ms(), advice.initial_energy_j);
     return 0;
   }

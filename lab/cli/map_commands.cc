@@ -9,6 +9,7 @@
 #include "common/base/check.h"
 #include "common/base/file.h"
 #include "common/base/print_error.h"
+#include "common/base/text.h"
 #include "common/record/summary.h"
 #include "common/scene/find.h"
 #include "lab/cli/commands.h"
@@ -160,8 +161,8 @@ int recommend_command(const RecommendArguments& a) {
                             .jobs = a.jobs});
   const Recommendation found = recommend(map);
   if (a.json) {
-    fmt::print("{{\"method\": {}, \"initial_energy_j\": {:.4g}, \"why\": {}}}\n", quoted(found.method),
-               map.initial_energy_j[0], quoted(found.why));
+    fmt::print("{{\"method\": {}, \"initial_energy_j\": {:.4g}, \"why\": {}}}\n", json_string(found.method),
+               map.initial_energy_j[0], json_string(found.why));
   } else {
     fmt::print("{}: {}\n", found.method, found.why);
   }

@@ -9,7 +9,7 @@
 
 #include "common/base/check.h"
 #include "common/base/print_error.h"
-#include "common/scene/text.h"
+#include "common/base/text.h"
 
 namespace twoport::lab {
 namespace {

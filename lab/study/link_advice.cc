@@ -8,6 +8,8 @@
 #include <limits>
 #include <utility>
 
+#include "common/base/text.h"
+
 namespace twoport::lab {
 namespace {
 
@@ -121,21 +123,21 @@ std::string to_json(const LinkAdvice& a) {
   const std::string layer = transparency_of(a);
   std::string passivity;
   if (!layer.empty()) {
-    passivity = fmt::format("\"layer\": {}, ", quoted(a.method.substr(layer.size() + 1)));
+    passivity = fmt::format("\"layer\": {}, ", json_string(a.method.substr(layer.size() + 1)));
   } else if (a.method != "none") {
-    passivity = fmt::format("\"method\": {}, ", quoted(a.method));
+    passivity = fmt::format("\"method\": {}, ", json_string(a.method));
   }
   std::string ways;
   for (const auto& [name, way] : {std::pair{"to_slave", &a.to_slave}, {"to_master", &a.to_master}})
     if (way->playout_ms > 0.0) ways += fmt::format(", \"{}\": {{\"playout_ms\": {:g}}}", name, way->playout_ms);
   std::vector<std::string> why;
-  for (const std::string& sentence : a.why) why.push_back(quoted(sentence));
+  for (const std::string& sentence : a.why) why.push_back(json_string(sentence));
   return fmt::format(
       "{{\n \"scene\": {{\"control\": {{\"hold_after_s\": {:g}, \"release_after_s\": {:g}{}, \"passivity\": "
       "{{{}\"initial_energy_j\": {:.4g}, \"round_trip_ms\": {:.1f}}}}}{}}},\n \"why\": [\n  {}],\n \"link\": "
       "{{\"to_slave\": {},\n  \"to_master\": {}}}\n}}\n",
       a.hold_after_s, a.release_after_s,
-      layer.empty() ? "" : fmt::format(", \"transparency\": {{\"layer\": {}}}", quoted(layer)), passivity,
+      layer.empty() ? "" : fmt::format(", \"transparency\": {{\"layer\": {}}}", json_string(layer)), passivity,
       a.initial_energy_j, a.round_trip_ms(), ways, fmt::join(why, ",\n  "), to_json(a.to_slave.figures),
       to_json(a.to_master.figures));
 }
@@ -146,21 +148,6 @@ std::string to_json(const DirectionFigures& f) {
       "{:.2f}, \"jitter_ms\": {{\"p50\": {:.3f}, \"p99\": {:.3f}, \"max\": {:.3f}}}, \"longest_gap_ms\": {:.3f}}}",
       f.received, f.lost, f.late, f.duplicated, f.loss(), f.burst_packets, 1e3 * f.jitter_p50_s, 1e3 * f.jitter_p99_s,
       1e3 * f.jitter_max_s, 1e3 * f.longest_gap_s);
-}
-
-std::string quoted(const std::string& text) {
-  std::string all = "\"";
-  for (const char c : text) {
-    if (c == '"' || c == '\\') {
-      all += '\\';
-      all += c;
-    } else if (static_cast<unsigned char>(c) < 0x20) {
-      all += fmt::format("\\u{:04x}", static_cast<int>(c));
-    } else {
-      all += c;
-    }
-  }
-  return all + '"';
 }
 
 }  // namespace twoport::lab

@@ -41,7 +41,5 @@ std::string to_text(const LinkAdvice& advice);
 /// {"scene": {...}, "why": [...], "link": {...}}, the scene as its blocks.
 std::string to_json(const LinkAdvice& advice);
 std::string to_json(const DirectionFigures& figures);
-/// As a JSON string.
-std::string quoted(const std::string& text);
 
 }  // namespace twoport::lab

@@ -98,7 +98,7 @@ class InternalModelMaster final : public Copyable<InternalModelMaster<N>, Master
   [[nodiscard]] const MasterSays<N>& says() const noexcept { return said_by_master_; }
   /// The newest report says that the robot touches.
   [[nodiscard]] bool touches() const noexcept { return said_.contact.value > 0.5; }
-  /// What the model has not predicted of the newest wrench. N = 6: by the lever LP_1s b, which that of a point of contact agrees with and
+  /// N = 6: what the model has not predicted of the newest wrench, by the lever LP_1s b. The lever of a point of contact agrees with it;
   /// that of a face, which jumps from corner to corner, does not.
   [[nodiscard]] const Force<N>& unexplained() const noexcept { return unexplained_; }
 
@@ -150,13 +150,7 @@ class InternalModelMaster final : public Copyable<InternalModelMaster<N>, Master
           lever_ = said_.lever.value.vec();
         }
       }
-    SurfacePatch<D> patch;
-    patch.point = said_.point.value.translation();
-    patch.normal = said_.normal.value.vec();
-    patch.stiffness = said_.stiffness.value;
-    patch.friction = said_.friction.value;
-    patch.curvature = said_.curvature.value;
-    model_.step(touches, patch, said_.robot.value.translation(), dt);
+    model_.step(touches, patch_of(said_), said_.robot.value.translation(), dt);
   }
 
   void correct(const MasterInput<N>& in, Seconds round_trip) noexcept {
@@ -193,8 +187,8 @@ class InternalModelMaster final : public Copyable<InternalModelMaster<N>, Master
         low_pass(slow_lever_, Vector{said_.lever.value.vec()}, in.dt, kSlowLever_s);
       }
       unexplained.template tail<3>() += (echo.arm - said_.echo.value.attitude() * slow_lever_).cross(modelled);
+      unexplained_ = Force<N>{unexplained};
     }
-    unexplained_ = Force<N>{unexplained};
     r_along_ += along_weight_ * (along - r_along_);
   }
 

@@ -34,13 +34,14 @@ inline ControlOptions with_damped_robot(ControlOptions o) {
 /// q: f_m is the force that the hand felt when it was at x_m. A hand of stiffness K_h = 700 N/m that felt f instead would be q
 /// further out, where f + K* q is what the robot presses without the yield. At rest f = f_m and q = 0; until a surface is
 /// felt the robot presses on it as the hand will once it feels it. c: with a short delay little is pressed blindly, and lost
-/// packets would make it yield. N = 6: c = 1; the point of contact changes from corner to corner within a short delay too.
+/// packets would make it yield. SURFACE_MODEL with N = 6: c = 1; the point of contact changes from corner to corner within a short delay too.
 ///
 /// Under ENERGY_SPRING_TWO_PORT there is no brake: its energy would be the link's.
 ///
-/// CONTACT_SPRING, and INTERNAL_MODEL in six degrees of freedom: the coupling's damper is grounded in contact, (1 - g) B_c (v_rx - v_s) - g B_c v_s, g = LP_100ms of 1 in contact and
-/// coupled, else of 0. The hand's motion and tremor, a delay old, would come through it with |K_c + j ω B_c|; the model knows K_c only.
-/// What acts on the robot with v_s alone, g B_c and the brake, is paid by the robot, not by the link.
+/// CONTACT_SPRING, and INTERNAL_MODEL in six degrees of freedom: q is a vector (yield_along_force), and the coupling's damper is grounded
+/// in contact, (1 - g) B_c (v_rx - v_s) - g B_c v_s, g = LP_100ms of 1 in contact and coupled, else of 0. The hand's motion and tremor, a delay
+/// old, would come through it with |K_c + j ω B_c|; the model knows K_c only. What acts on the robot with v_s alone, g B_c and the brake, is
+/// paid by the robot, not by the link.
 ///
 /// To the master: n, p, K*, μ, κ (surface_estimator.h), contact, the set point x_sd, and f as the returned force.
 /// N = 6: the surface is that at the contact point x + R b, from the lever of the wrench:

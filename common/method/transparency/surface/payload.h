@@ -5,6 +5,7 @@
 #include "common/base/vector.h"
 #include "common/contact/signed_distance.h"
 #include "common/link/payload.h"
+#include "common/method/transparency/surface/surface_patch.h"
 
 namespace twoport {
 
@@ -33,6 +34,18 @@ struct SurfaceReport {
     }
   }
 };
+
+/// The surface of a report, not checked.
+template <int N>
+SurfacePatch<kAxes<N>> patch_of(const SurfaceReport<N>& said) noexcept {
+  SurfacePatch<kAxes<N>> patch;
+  patch.point = said.point.value.translation();
+  patch.normal = said.normal.value.vec();
+  patch.stiffness = said.stiffness.value;
+  patch.friction = said.friction.value;
+  patch.curvature = said.curvature.value;
+  return patch;
+}
 
 /// What the master adds: its set point is x - offset, x the position in the same report; and the force of the surface that the
 /// hand feels at x, without the dampers.

@@ -77,13 +77,7 @@ class SurfaceModelMaster final : public Copyable<SurfaceModelMaster<N>, MasterTr
     const bool touches = said_.contact.value > 0.5;
     if constexpr (N == 6)
       if (touches) low_pass(lever_, Vector{said_.lever.value.vec()}, dt, model_.exists() ? kLever_s : 0.0);
-    SurfacePatch<D> patch;
-    patch.point = said_.point.value.translation();
-    patch.normal = said_.normal.value.vec();
-    patch.stiffness = said_.stiffness.value;
-    patch.friction = said_.friction.value;
-    patch.curvature = said_.curvature.value;
-    model_.step(touches, patch, said_.robot.value.translation(), dt);
+    model_.step(touches, patch_of(said_), said_.robot.value.translation(), dt);
   }
 
   double stiffness_, mass_kg_;  ///< K_c in the master's units; mass of the handle, 0: not known

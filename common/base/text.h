@@ -1,0 +1,15 @@
+#pragma once
+
+#include <string>
+#include <string_view>
+
+namespace twoport {
+
+/// Without the blanks at both ends.
+std::string_view trimmed(std::string_view text);
+/// Takes the next line off `rest`: without what follows a #, and without the blanks at both ends.
+std::string_view take_line(std::string_view& rest);
+/// As a JSON string, quotes included.
+std::string json_string(std::string_view text);
+
+}  // namespace twoport
