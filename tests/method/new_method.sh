@@ -64,9 +64,12 @@ int main() {
 CC
 cp proto/field.proto "$work/proto/"
 "$protoc" --proto_path="$work" --cpp_out="$work" proto/scene.proto proto/field.proto
-for file in "$work/proto/scene.pb.cc" "$work/proto/field.pb.cc" common/scene/control.cc common/scene/reader.cc common/scene/text.cc "$work/common/method/catalogue.cc" common/hardware/transparency_process.cc common/hardware/plugin_trial.cc \
+objects=0
+for file in "$work/proto/scene.pb.cc" "$work/proto/field.pb.cc" common/base/text.cc common/scene/control.cc common/scene/reader.cc \
+  common/scene/text.cc "$work/common/method/catalogue.cc" common/hardware/transparency_process.cc common/hardware/plugin_trial.cc \
   "$work/main.cc"; do
-  "$compiler" -std=c++20 -I"$work" -I. -isystem "$eigen" -c "$file" -o "$work/$(basename "$file").o"
+  objects=$((objects + 1))
+  "$compiler" -std=c++20 -I"$work" -I. -isystem "$eigen" -c "$file" -o "$work/$objects.o"
 done
 "$compiler" "$work"/*.o "$@" -pthread -o "$work/program"
 "$work/program"
