@@ -61,6 +61,11 @@ class MasterNode {
         into += given_unread(interval.moved);
       account_.book(into);
     }
+    if (modes_.is_stopped(device.status, slave)) [[unlikely]] {
+      before_ = motion;
+      started_ = true;
+      return fail_safe(device);
+    }
     const Duration now = tick.now.time_since_epoch();
     if (modes_.step(now, slave, modes_.has_let_go(now, device.held))) {
       ramp_.drop();
@@ -190,8 +195,8 @@ class MasterNode {
     return std::min(dot(held_unread_, moved), Energy{});
   }
 
-  /// For a reading or force that is not finite the node applies no force until the next tick. The other side rejects
-  /// reports that are not finite.
+  /// For a reading or force that is not finite the node applies no force until the next tick, after a stop none. The other side
+  /// rejects reports that are not finite.
   [[gnu::always_inline]] Output fail_safe(const DeviceSample<N>& device) noexcept {
     modes_.release();
     safety_.release();

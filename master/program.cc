@@ -148,8 +148,9 @@ struct GripperMaster : Master<1> {
 /// A virtual environment on the device.
 template <int N>
 struct RenderMaster : Master<N> {
-  RenderMaster(const Scene& s, Device<N>& device, const std::string& choice, LivePage* live_page)
+  RenderMaster(const Scene& s, MountedDevice<N>& device, const std::string& choice, LivePage* live_page)
       : Master<N>{s, device, choice, live_page},
+        mounted{device},
         environment{s.environment, s.tool},
         node{s.control, environment},
         initial{s.control.initial_energy + environment.potential(device.truth() ? device.truth()->x : this->first.x)} {}
@@ -171,14 +172,14 @@ struct RenderMaster : Master<N> {
                        node.limit_counts(), 0);
   }
 
-  Environment<N> environment;
-  /// A scene with a gripper has a link.
-  [[nodiscard]] static bool lets_go() noexcept { return false; }
+  [[nodiscard]] bool lets_go() const noexcept { return mounted.lets_go(); }
 
+  MountedDevice<N>& mounted;
+  Environment<N> environment;
   RenderNode<N> node;
   Energy initial;
   NoLink link;
-  std::unique_ptr<LiveGripper<GripperMaster, N>> gripper;
+  std::unique_ptr<LiveGripper<GripperMaster, N>> gripper;  ///< null: a scene with a gripper has a link
 };
 
 /// A slave at the other end of a link.

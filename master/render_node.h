@@ -12,7 +12,8 @@
 namespace twoport {
 
 /// The master where there is no link: a virtual environment rendered directly on the device, the reference paper's case. It keeps
-/// the limits at the device as MasterNode does. For a tick without a reading, or with a force that no double holds, it lets go.
+/// the limits at the device as MasterNode does. For a tick without a reading or with a force that no double holds, and after
+/// a stop, it lets go.
 template <int N>
 class RenderNode {
  public:
@@ -24,7 +25,7 @@ class RenderNode {
       : rendering_{o, std::move(environment)}, safety_{limits_at_device(o), -1.0} {}
 
   [[gnu::flatten]] Output step(const Tick<MasterClock>& tick, const DeviceSample<N>& device, const NoReport&) noexcept {
-    if (!all_finite(device.x, device.v, device.applied)) [[unlikely]]
+    if (device.status == HardwareStatus::stopped || !all_finite(device.x, device.v, device.applied)) [[unlikely]]
       return fail_safe();
     Output out{rendering_.step({device.x, device.v}, device.applied, tick.dt, tick.ended), {}};
     if (!all_finite(out.command)) [[unlikely]]

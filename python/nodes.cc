@@ -306,7 +306,7 @@ receive() of the other node. Immutable.)")
       .def_readonly("message", &MasterResult::message, "Message for the slave; None where a deadband sends none.")
       .def_readonly("dissipated_j", &MasterResult::dissipated_j, "Dissipated by the controller in this tick [J].")
       .def_readonly("undissipated_j", &MasterResult::undissipated_j, "Deficit that remains in the account [J].")
-      .def_readonly("mode", &MasterResult::mode, "idle, coupled, holding, released or let_go.");
+      .def_readonly("mode", &MasterResult::mode, "idle, coupled, holding, released, let_go or stopped.");
   py::class_<SlaveResult>(module, "SlaveOutput", "What the slave computes in a tick.")
       .def_readonly("force", &SlaveResult::force,
                     "Coupling force on the robot until the next tick [N], dof 6: [N], [N m].")
@@ -314,7 +314,7 @@ receive() of the other node. Immutable.)")
       .def_readonly("v_d", &SlaveResult::v_d, "Velocity of the set point [m/s], dof 6: [m/s], [rad/s].")
       .def_readonly("message", &SlaveResult::message, "Message for the master; None where a deadband sends none.")
       .def_readonly("dissipated_j", &SlaveResult::dissipated_j, "Dissipated by the controller in this tick [J].")
-      .def_readonly("mode", &SlaveResult::mode, "idle, coupled, holding, released or let_go.");
+      .def_readonly("mode", &SlaveResult::mode, "idle, coupled, holding, released, let_go or stopped.");
 
   py::class_<AnyNode>(module, "Node", "What MasterNode and SlaveNode share: the end of a link.")
       .def(
@@ -325,7 +325,7 @@ Errors: ValueError for one of this side, of another number of degrees of freedom
 sides must share (method, coupling, scales, ...).)")
       .def_property_readonly("dof", &AnyNode::dof, "Degrees of freedom: 1, 3 or 6.")
       .def_property_readonly("rate_hz", &AnyNode::rate_hz, "Rate at which step() is to be called [Hz].")
-      .def_property_readonly("mode", &AnyNode::mode, "idle, coupled, holding, released or let_go.")
+      .def_property_readonly("mode", &AnyNode::mode, "idle, coupled, holding, released, let_go or stopped.")
       .def_property_readonly("packets", &AnyNode::packets,
                              "Messages sent, and received, lost, late, duplicated, rejected so far.")
       .def_property_readonly("round_trip_s", &AnyNode::round_trip_s,

@@ -38,7 +38,7 @@ class SlaveNode {
 
   [[gnu::always_inline]] Output step(const Tick<SlaveClock>& tick, const RobotSample<N>& robot,
                                      const PeerState<N>& master) noexcept {
-    if (!all_finite(robot.x, robot.v, robot.f_environment)) [[unlikely]]
+    if (modes_.is_stopped(robot.status, master) || !all_finite(robot.x, robot.v, robot.f_environment)) [[unlikely]]
       return fail_safe(robot);
     if (modes_.has_paused(tick)) [[unlikely]]
       pause();
@@ -162,8 +162,7 @@ class SlaveNode {
     epoch_ = master.epoch;
   }
 
-  /// For a reading or force that is not finite the node applies no force until the next tick. The other side rejects
-  /// reports that are not finite.
+  /// As MasterNode::fail_safe.
   [[gnu::always_inline]] Output fail_safe(const RobotSample<N>& robot) noexcept {
     modes_.release();
     safety_.release();

@@ -18,6 +18,24 @@ std::string_view take_line(std::string_view& rest) {
   return trimmed(line.substr(0, line.find('#')));
 }
 
+std::string printable(std::string_view text) {
+  std::string out;
+  for (std::size_t i = 0; i < text.size(); ++i) {
+    const auto code = [&](std::size_t k) { return k < text.size() ? static_cast<unsigned char>(text[k]) : 0; };
+    const bool of_two = code(i) == 0xc2 && code(i + 1) >= 0x80 && code(i + 1) < 0xa0;  // UTF-8
+    if (of_two) ++i;
+    const bool shown = code(i) >= 0x20 ? code(i) != 0x7f : text[i] == '\n' || text[i] == '\t';
+    if (shown && !of_two) {
+      out += text[i];
+    } else {
+      char escape[8];
+      std::snprintf(escape, sizeof escape, "\\x%02x", code(i));
+      out += escape;
+    }
+  }
+  return out;
+}
+
 std::string json_string(std::string_view text) {
   std::string out = "\"";
   for (const char c : text) {

@@ -169,7 +169,7 @@ class MountedDevice final : public Device<N> {
       last_ = s;
       any_ = true;
     } else if (any_) {
-      const HardwareStatus status = s.status == HardwareStatus::fault ? s.status : HardwareStatus::stale;
+      const HardwareStatus status = std::max(s.status, HardwareStatus::stale);
       s = last_;
       s.v = Velocity<N>{};
       s.status = status;
@@ -263,7 +263,7 @@ class MountedRobot final : public Robot<N> {
     lets_go_ = !all_finite(s.x, s.v, s.f_environment);
     if (lets_go_ && any_) [[unlikely]] {
       robot_->release();
-      const HardwareStatus status = s.status == HardwareStatus::fault ? s.status : HardwareStatus::stale;
+      const HardwareStatus status = std::max(s.status, HardwareStatus::stale);
       s = last_;
       s.v = Velocity<N>{};
       s.status = status;

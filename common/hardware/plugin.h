@@ -32,7 +32,8 @@ struct Session {
 enum class Status : std::int32_t {
   ok,
   stale,  ///< no new reading since the last one
-  fault,  ///< failure or emergency stop: the program releases the hardware and ends
+  fault,  ///< failure: the program releases the hardware and ends
+  stopped,  ///< emergency stop: both sides release their hardware until both programs have ended. Earlier programs: a fault
 };
 
 inline constexpr double kUnlimited = std::numeric_limits<double>::infinity();

@@ -197,6 +197,8 @@ HardwareStatus status_of(plugin::Status s) noexcept {
       return HardwareStatus::ok;
     case plugin::Status::stale:
       return HardwareStatus::stale;
+    case plugin::Status::stopped:
+      return HardwareStatus::stopped;
     case plugin::Status::fault:
       break;
   }

@@ -6,6 +6,7 @@
 #include <fmt/format.h>
 #include <link.h>
 #include <poll.h>
+#include <sys/prctl.h>
 #include <sys/resource.h>
 #include <sys/wait.h>
 #include <unistd.h>
@@ -61,6 +62,7 @@ std::string try_to_load(const std::string& path) {
   if (::pipe2(ends, O_CLOEXEC) != 0) return {};
   const pid_t child = ::fork();
   if (child == 0) {
+    ::prctl(PR_SET_PDEATHSIG, SIGKILL);
     const rlimit none{0, 0};
     ::setrlimit(RLIMIT_CORE, &none);
     for (const int number : {SIGABRT, SIGBUS, SIGSEGV, SIGILL, SIGFPE, SIGINT, SIGTERM}) std::signal(number, SIG_DFL);

@@ -9,11 +9,14 @@
 
 namespace twoport {
 
-/// Mode of one side of a link. let_go: nobody holds the handle; the other side is there.
-enum class Mode : std::uint8_t { idle, coupled, holding, released, let_go };
+/// Mode of one side of a link. let_go: nobody holds the handle; the other side is there. stopped: for as long as the programs run.
+enum class Mode : std::uint8_t { idle, coupled, holding, released, let_go, stopped };
+constexpr bool is_mode(std::uint32_t number) {
+  return number <= static_cast<std::uint32_t>(Mode::stopped);
+}
 
 constexpr const char* to_string(Mode mode) {
-  constexpr const char* kNames[] = {"idle", "coupled", "holding", "released", "let_go"};
+  constexpr const char* kNames[] = {"idle", "coupled", "holding", "released", "let_go", "stopped"};
   return kNames[static_cast<std::size_t>(mode)];
 }
 

@@ -28,14 +28,15 @@ std::vector<std::string> configurations(const Scene& scene) {
   return all;
 }
 
-Failure why_failed(std::string_view refusal, HardwareStatus last, std::string_view trouble, double ran_s,
-                   std::string_view missed) {
+Failure why_failed(std::string_view refusal, HardwareStatus last, std::string_view trouble, const char* stopped_by,
+                   double ran_s, std::string_view missed) {
   // Different scenes are a usage error; a busy slave is not.
   if (!refusal.empty()) return {"refused: " + std::string{refusal}, is_mismatch(refusal) ? 2 : 1};
   if (last == HardwareStatus::fault)
     return {fmt::format("hardware fault {:.3f} s after the start{}{}; the hardware was released", ran_s,
                         trouble.empty() ? "" : ": ", trouble),
             1};
+  if (stopped_by != nullptr) return {fmt::format("stopped by {}; the hardware was released", stopped_by), 1};
   if (!missed.empty()) return {std::string{missed}, 1};
   return {};
 }

@@ -10,6 +10,8 @@
 #include <optional>
 #include <string>
 #include <string_view>
+#include <thread>
+#include <utility>
 
 #include "common/base/check.h"
 #include "common/base/earlier_file.h"
@@ -21,6 +23,8 @@
 #include "common/platform/program.h"
 #include "common/platform/realtime.h"
 #include "common/platform/recorder.h"
+#include "common/platform/udp.h"
+#include "common/platform/watchdog.h"
 #include "common/runtime/cycle.h"
 
 namespace twoport {
@@ -43,22 +47,32 @@ class StepClock {
   std::uint64_t steps_ = 0;
 };
 
-/// Hardware for run_cycle, with its last reading kept.
+/// Hardware for run_cycle, with its last reading kept. Once it is stopped, for good, it is released and its readings say so.
 template <class Hardware, class Sample>
 struct Sensed {
   Hardware& hardware;
   Sample sample;
-  std::uint64_t stale = 0;  ///< readings that were the one before
+  std::uint64_t stale = 0;           ///< readings that were the one before
+  const char* stopped_by = nullptr;  ///< null: nobody
+  bool released = false;
 
+  void stop(const char* by) noexcept {
+    if (stopped_by == nullptr) stopped_by = by;
+  }
   template <class Clock>
   Sample sense(const Tick<Clock>& tick) noexcept {
     sample = hardware.sense(tick);
     if (sample.status == HardwareStatus::stale) ++stale;
+    if (sample.status == HardwareStatus::stopped) stop("the hardware");
+    if (stopped_by != nullptr && sample.status != HardwareStatus::fault) [[unlikely]]
+      sample.status = HardwareStatus::stopped;
     return sample;
   }
   template <class Command>
   void actuate(const Command& command) noexcept {
-    hardware.actuate(command);
+    if (stopped_by == nullptr) [[likely]]
+      return hardware.actuate(command);
+    if (!std::exchange(released, true)) hardware.release();
   }
 };
 
@@ -95,6 +109,16 @@ std::uint32_t epoch_of(const Node& node) noexcept {
   }
 }
 
+/// A node without a link is stopped by its own side only.
+template <class Node>
+bool is_stopped(const Node& node) noexcept {
+  if constexpr (requires { node.mode(); }) {
+    return node.mode() == Mode::stopped;
+  } else {
+    return false;
+  }
+}
+
 /// Since 1970, of the computer's clock.
 inline std::int64_t unix_time_ns() {
   return std::chrono::duration_cast<std::chrono::nanoseconds>(std::chrono::system_clock::now().time_since_epoch())
@@ -125,10 +149,10 @@ struct Failure {
   std::string sentence;
   int status = 0;
 };
-/// `trouble`: the driver's sentence on the fault, may be empty. `missed`: the sentence of a side that has ended without meeting
-/// the other; empty otherwise.
-Failure why_failed(std::string_view refusal, HardwareStatus last, std::string_view trouble, double ran_s,
-                   std::string_view missed);
+/// `trouble`: the driver's sentence on the fault, may be empty. `stopped_by`: null where nobody has. `missed`: the sentence of a side
+/// that has ended without meeting the other; empty otherwise.
+Failure why_failed(std::string_view refusal, HardwareStatus last, std::string_view trouble, const char* stopped_by,
+                   double ran_s, std::string_view missed);
 
 /// What a run is switched between, in words: the scene's first control, then the schedule. Empty without a schedule.
 std::vector<std::string> configurations(const Scene& scene);
@@ -156,6 +180,8 @@ int run_live(LiveSide& side, const Scene& scene, const LiveArguments& arguments,
   using Clock = typename LiveSide::Clock;
   const double rate_hz = side.rate_hz();
   const Seconds dt{1.0 / rate_hz};
+  std::optional<StopInput> stop_input;
+  if (arguments.stop_port > 0) stop_input.emplace(static_cast<std::uint16_t>(arguments.stop_port));
   std::unique_ptr<LiveRecording<N>> recording;
   std::optional<PlotStream> stream;
   if (!arguments.stream.empty()) stream.emplace(arguments.stream, LiveSide::kSide, arguments.stream_hz);
@@ -193,12 +219,88 @@ int run_live(LiveSide& side, const Scene& scene, const LiveArguments& arguments,
   Row<N> row;
   TickView view;
   bool has_row = false;
+  std::uint64_t let_go = 0;
   const std::int64_t start_unix_ns = unix_time_ns();
   if (recording) recording->start_at(start_unix_ns);
   if (gripper) gripper->start_at(start_unix_ns);
+  const auto see = [&] {
+    TickView seen = side.link.view();
+    seen.let_go = let_go;
+    seen.stopped_by = plant.stopped_by;
+    seen.switches = switches_by_hand();
+    return seen;
+  };
+  // Leaves what has been recorded. `hangs`: why the watchdog ends the program; empty where the loop has ended by itself.
+  const auto conclude = [&](const std::string& hangs) -> int {
+    Summary s = recorder.finish();
+    if (gripper) gripper->end();
+    int recorded = 0;
+    if (recording) {
+      side.link.tap(nullptr);
+      if (const std::uint64_t missing = recording->missing() + (gripper ? gripper->missing() : 0); missing > 0)
+        log.warn("{} ticks are missing from {}: the disk was too slow", missing, arguments.record);
+      try {
+        recording->finish();
+      } catch (const IoError& e) {
+        print_error("twoport-{}: --record {}\n", LiveSide::kName, e.what());
+        recorded = 1;
+      }
+    }
+    const LiveFigures figures{loop, clock, recorder.dropped(), side.link.overflowed(), plant.stale};
+    say(log, figures);
+    if (met < 0 && stop) log.warn("ended by a signal; the other side had not come, and nothing is recorded");
+    side.fill(s, recorder.diverged());
+    fill_own_limits<LiveSide::kSide>(side.node.limit_counts(), s);
+    fill(s, figures);
+    if (stop) s.mutable_verdict()->append("; interrupted");
+    bool has_gripper_trace = true;
+    if (gripper) has_gripper_trace = gripper->finish(s, LiveSide::kName);
+    const bool of_gripper = gripper && gripper->fault() && plant.sample.status != HardwareStatus::fault;
+    const Failure failure =
+        hangs.empty() ? why_failed(side.link.refusal(), of_gripper ? HardwareStatus::fault : plant.sample.status,
+                                   of_gripper ? gripper->trouble() : side.hardware.trouble(), plant.stopped_by,
+                                   s.duration_s(), met < 0 && !stop ? side.link.not_met() : std::string{})
+                      : Failure{hangs, 1};
+    if (failure.status != 0) {
+      set_verdict({VerdictKind::undecided, failure.sentence}, s);
+    }
+    // Neither stable nor unstable: nobody knows.
+    if (s.verdict_kind() == to_string(VerdictKind::undecided)) s.clear_stable();
+    if constexpr (requires { side.tell_end(s); }) side.tell_end(s);
+    if (!has_gripper_trace) recorded = 1;
+    const int written = std::max(recorded, leave_files(scene, arguments, LiveSide::kName, trace, s));
+    if (failure.status != 0) {
+      print_error("twoport-{}: {}\n", LiveSide::kName, failure.sentence);
+      return failure.status;
+    }
+    int status = side.judged() && !stop ? judge(scene, arguments, s) : 0;
+    // A scene that expects nothing does not expect this.
+    if (status == 0 && recorder.diverged() && scene.expect.stable.value_or(true)) {
+      print_error("{}: the {} has {}\n", arguments.scene, LiveSide::kName, s.verdict());
+      status = 3;
+    }
+    return written != 0 ? written : status;
+  };
+  const auto release = [&] {
+    side.hardware.release();
+    if (gripper) gripper->release();
+  };
+  Watchdog& watchdog = Watchdog::of_program();
+  watchdog.begin([&](const std::string& why, bool in_exit) {
+    // Beside the call that hangs: it may hang too.
+    if (!in_exit) {
+      std::thread{release}.detach();
+      std::this_thread::sleep_for(std::chrono::milliseconds{200});
+    }
+    conclude(why);
+    if (in_exit) release();
+  });
   loop.run(stop, [&](std::int64_t k, Duration now) {
     if (!side.link.refusal().empty() || to_seconds(now).si() >= arguments.limit_s) return false;
+    watchdog.tick();
     if constexpr (requires { side.begin_tick(); }) side.begin_tick();
+    if (stop_input && stop_input->is_asked()) [[unlikely]]
+      plant.stop("--stop-port");
     const std::uint32_t epoch_before = epoch_of(side.node);
     const bool new_session = side.link.met(side.node);
     if (new_session && met < 0) {
@@ -219,12 +321,16 @@ int run_live(LiveSide& side, const Scene& scene, const LiveArguments& arguments,
     if (recording) recording->feed().begin(met < 0 ? -1.0 : t_s, epoch_before, new_session, epoch_of(side.node));
     const auto out = clock.time([&] {
       auto of_main = run_cycle(side.node, plant, side.link.mail(), tick);
+      if (is_stopped(side.node)) [[unlikely]]
+        plant.stop("the other side");
       if (gripper) [[unlikely]]
-        gripper->cycle(tick, met < 0 ? -1.0 : t_s, side.lets_go(), is_held(plant.sample));
+        gripper->cycle(tick, met < 0 ? -1.0 : t_s, side.lets_go() || plant.stopped_by != nullptr,
+                       is_held(plant.sample));
       return of_main;
     });
     if (recording) recording->feed().end(tick, plant.sample, out);
     side.link.note();
+    let_go += side.lets_go() ? 1 : 0;
     if constexpr (requires { side.end_tick(now, loop.late(), plant.sample, out); })
       side.end_tick(now, loop.late(), plant.sample, out);
     if (has_row) {
@@ -235,69 +341,21 @@ int run_live(LiveSide& side, const Scene& scene, const LiveArguments& arguments,
     if (gripper) gripper->record(t_s, has_row);
     if (has_row) {
       row = side.row(k, t_s, plant.sample, out);
-      view = side.link.view();
+      view = see();
       view.late = loop.late();
-      view.switches = switches_by_hand();
       view.epoch = epoch_of(side.node);
       view.limits = side.node.limit_counts() + side.link.limit_counts();
     } else if (met < 0 && k >= waiting_until) {
-      view = side.link.view();
-      view.switches = switches_by_hand();
+      view = see();
       recorder.push_waiting(to_seconds(now).si(), view);
       waiting_until = k + static_cast<std::int64_t>(0.1 * rate_hz);
     }
     return plant.sample.status != HardwareStatus::fault && !(gripper && gripper->fault());
   });
-  side.hardware.release();
-  if (gripper) gripper->release();
+  release();
+  watchdog.end();
   if (has_row) recorder.push(row, view);
-
-  Summary s = recorder.finish();
-  if (gripper) gripper->end();
-  int recorded = 0;
-  if (recording) {
-    side.link.tap(nullptr);
-    if (const std::uint64_t missing = recording->missing() + (gripper ? gripper->missing() : 0); missing > 0)
-      log.warn("{} ticks are missing from {}: the disk was too slow", missing, arguments.record);
-    try {
-      recording->finish();
-    } catch (const IoError& e) {
-      print_error("twoport-{}: --record {}\n", LiveSide::kName, e.what());
-      recorded = 1;
-    }
-  }
-  const LiveFigures figures{loop, clock, recorder.dropped(), side.link.overflowed(), plant.stale};
-  say(log, figures);
-  if (met < 0 && stop) log.warn("ended by a signal; the other side had not come, and nothing is recorded");
-  side.fill(s, recorder.diverged());
-  fill_own_limits<LiveSide::kSide>(side.node.limit_counts(), s);
-  fill(s, figures);
-  if (stop) s.mutable_verdict()->append("; interrupted");
-  bool has_gripper_trace = true;
-  if (gripper) has_gripper_trace = gripper->finish(s, LiveSide::kName);
-  const bool of_gripper = gripper && gripper->fault() && plant.sample.status != HardwareStatus::fault;
-  const Failure failure = why_failed(side.link.refusal(), of_gripper ? HardwareStatus::fault : plant.sample.status,
-                                     of_gripper ? gripper->trouble() : side.hardware.trouble(), s.duration_s(),
-                                     met < 0 && !stop ? side.link.not_met() : std::string{});
-  if (failure.status != 0) {
-    set_verdict({VerdictKind::undecided, failure.sentence}, s);
-  }
-  // Neither stable nor unstable: nobody knows.
-  if (s.verdict_kind() == to_string(VerdictKind::undecided)) s.clear_stable();
-  if constexpr (requires { side.tell_end(s); }) side.tell_end(s);
-  if (!has_gripper_trace) recorded = 1;
-  const int written = std::max(recorded, leave_files(scene, arguments, LiveSide::kName, trace, s));
-  if (failure.status != 0) {
-    print_error("twoport-{}: {}\n", LiveSide::kName, failure.sentence);
-    return failure.status;
-  }
-  int status = side.judged() && !stop ? judge(scene, arguments, s) : 0;
-  // A scene that expects nothing does not expect this.
-  if (status == 0 && recorder.diverged() && scene.expect.stable.value_or(true)) {
-    print_error("{}: the {} has {}\n", arguments.scene, LiveSide::kName, s.verdict());
-    status = 3;
-  }
-  return written != 0 ? written : status;
+  return conclude({});
 }
 
 }  // namespace twoport

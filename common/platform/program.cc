@@ -12,6 +12,7 @@
 #include "common/base/print_error.h"
 #include "common/platform/arguments.h"
 #include "common/platform/realtime.h"
+#include "common/platform/watchdog.h"
 #include "common/record/expectation.h"
 #include "common/scene/find.h"
 #include "common/scene/hints.h"
@@ -76,6 +77,11 @@ int live_program(int argc, char** argv, Side side, const std::string& drivers,
   if (!master)
     app.add_flag("--fixed-environment", a.fixed_environment,
                  "Refuse the page's sliders for stiffness and friction of the simulated environment");
+  app.add_option(
+         "--stop-port", a.stop_port,
+         "PORT: a datagram to 127.255.255.255:PORT stops every program of this machine that listens there, and the "
+         "other side: no force until both have ended")
+      ->check(CLI::Range(1, 65535));
   app.add_option("--out", a.out, "Folder for summary.json and trace.csv");
   app.add_option("--record", a.record,
                  "FILE.mcap: everything that this side takes in and puts out, for twoport-lab replay and export, "
@@ -105,6 +111,7 @@ int live_program(int argc, char** argv, Side side, const std::string& drivers,
                         ": control.architecture is UNCONTROLLED, which does not run live; use twoport-lab run");
     stop_on_signals();   // before hardware is opened, so that whatever has been opened is released
     switches_by_hand();  // SIGUSR1 to a slave counts, and does nothing
+    const Watchdog watchdog{name};
     return body(scene, a);
   } catch (const CLI::Success& e) {  // --help, --version, --list-devices
     return app.exit(e);

@@ -44,6 +44,9 @@ void Recorder<N>::drain() {
     if (o_.recording) record(entry);
     while (ring_.try_pop(entry)) {
       if (entry.view.refused != refused_) log_refused(entry);
+      if (entry.view.let_go != let_go_) log_let_go(entry);
+      if (entry.view.stopped_by != nullptr && !std::exchange(stopped_, true))
+        say(entry, fmt::format("stopped by {}: no force until both programs have ended", entry.view.stopped_by));
       if (entry.view.switches != switches_) log_ignored_switch(entry);
       if (!entry.recorded) continue;
       any = true;
@@ -145,12 +148,17 @@ void Recorder<N>::log_limits(const Entry& entry) {
 
 template <int N>
 void Recorder<N>::log_refused(const Entry& entry) {
-  const double now = entry.row.t_s;
-  if (now >= refused_at_s_ && now < refused_at_s_ + kSayEvery) return;
-  refused_at_s_ = now;
+  if (!is_due(entry.row.t_s, refused_at_s_)) return;
   refused_ = entry.view.refused;
   say(entry, fmt::format("refused: {} datagrams so far, damaged or not of the {}", refused_,
                          o_.side == Side::master ? "slave" : "master"));
+}
+
+template <int N>
+void Recorder<N>::log_let_go(const Entry& entry) {
+  if (!is_due(entry.row.t_s, let_go_at_s_)) return;
+  let_go_ = entry.view.let_go;
+  say(entry, fmt::format("no force in {} ticks so far: readings of the hardware are not finite, or too old", let_go_));
 }
 
 /// Where SIGUSR1 switches nothing.
@@ -179,6 +187,7 @@ void Recorder<N>::log_change(const Entry& entry) {
   if (mode_ == was) return;
   switch (mode_) {
     case Mode::idle:
+    case Mode::stopped:  // already said
       break;
     case Mode::coupled:
       if (!std::exchange(paired_, false)) tell(fmt::format("packets of the {} arrive again", peer));

@@ -25,8 +25,10 @@ struct TickView {
   Duration round_trip{-1};     ///< of the newest report; negative: not known
   std::uint64_t received = 0;  ///< packets from the other side so far
   std::uint64_t lost = 0;
-  std::uint64_t sessions = 0;  ///< of the other side so far; 0 where there is none
-  std::uint64_t refused = 0;   ///< datagrams so far that were none of the other side
+  std::uint64_t sessions = 0;        ///< of the other side so far; 0 where there is none
+  std::uint64_t refused = 0;         ///< datagrams so far that were none of the other side
+  std::uint64_t let_go = 0;          ///< ticks so far in which the hardware had let go by itself
+  const char* stopped_by = nullptr;  ///< null: not stopped
   LimitCounts limits{};
   std::uint32_t epoch = 0;  ///< of the method
   unsigned switches = 0;    ///< asked for by hand so far
@@ -91,9 +93,16 @@ class Recorder {
   }
   void drain();
   void show(const Entry& newest);
+  /// At once, then at most every kSayEvery. While the other side has not come, `now` is the program's time.
+  static bool is_due(double now, double& said_at) {
+    if (now >= said_at && now < said_at + kSayEvery) return false;
+    said_at = now;
+    return true;
+  }
   void log_change(const Entry& entry);
   void log_limits(const Entry& entry);
   void log_refused(const Entry& entry);
+  void log_let_go(const Entry& entry);
   void log_ignored_switch(const Entry& entry);
   void say(const Entry& at, const std::string& text);
   void say_change(const Entry& at, const std::string& text);
@@ -112,10 +121,11 @@ class Recorder {
   bool paired_ = false;              ///< said so, and not coupled yet
   double changes_since_s_ = kNever;  ///< the changes below
   int told_ = 0, untold_ = 0;
-  std::uint64_t rows_ = 0, refused_ = 0;
+  std::uint64_t rows_ = 0, refused_ = 0, let_go_ = 0;
   LimitCounts limits_;                      ///< as last seen
   std::array<double, kLimits> limit_at_s_;  ///< when each was said last
-  double refused_at_s_ = kNever;
+  double refused_at_s_ = kNever, let_go_at_s_ = kNever;
+  bool stopped_ = false;  ///< said so
   std::uint32_t epoch_ = 0;
   unsigned switches_ = 0;
   Duration latest_{0};         ///< latest tick since the line was shown

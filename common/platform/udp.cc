@@ -226,6 +226,23 @@ Endpoint parse_allowed_endpoint(std::string_view text, std::string_view option, 
       "who reaches the address can take over");
 }
 
+StopInput::StopInput(std::uint16_t port) : fd_{::socket(AF_INET, SOCK_DGRAM | SOCK_CLOEXEC, 0)} {
+  const udp::endpoint all{asio::ip::address_v4{{127, 255, 255, 255}}, port};
+  const int yes = 1;
+  if (::setsockopt(fd_, SOL_SOCKET, SO_REUSEADDR, &yes, sizeof yes) == 0 &&
+      ::bind(fd_, all.data(), static_cast<socklen_t>(all.size())) == 0)
+    return;
+  const Error error{errno, boost::system::system_category()};
+  ::close(fd_);
+  throw ConfigError("--stop-port " + std::to_string(port) + ": cannot listen on it: " + bind_advice(error));
+}
+StopInput::~StopInput() {
+  ::close(fd_);
+}
+bool StopInput::is_asked() const noexcept {
+  return ::recv(fd_, nullptr, 0, MSG_DONTWAIT) >= 0;
+}
+
 Endpoint any_port_toward(const Endpoint& peer) {
   Endpoint any;
   any.v6 = peer.v6;

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <cstdint>
 #include <memory>
 #include <string>
 #include <string_view>
@@ -20,6 +21,21 @@ Endpoint any_port_toward(const Endpoint& peer);
 
 /// The address of --peer or --listen, which must be of this machine unless `has_key` or `insecure`. Throws ConfigError.
 Endpoint parse_allowed_endpoint(std::string_view text, std::string_view option, bool has_key, bool insecure);
+
+/// A port of this machine at which any datagram stops every program that listens there. It is sent to 127.255.255.255, so that each
+/// gets it.
+class StopInput {
+ public:
+  /// Throws ConfigError.
+  explicit StopInput(std::uint16_t port);
+  ~StopInput();
+  StopInput(const StopInput&) = delete;
+  /// Has one come since the last call? Neither waits, allocates nor throws.
+  [[nodiscard]] bool is_asked() const noexcept;
+
+ private:
+  int fd_;
+};
 
 /// A UDP socket; only wait() waits. Sending and receiving allocate nothing and throw nothing.
 class UdpSocket final : public DatagramSocket {

@@ -102,7 +102,7 @@ bool take(const Numbers& from, Position<N>& to) {
   return true;
 }
 bool take(std::uint32_t from, Mode& to) {
-  if (from > static_cast<std::uint32_t>(Mode::let_go)) return false;
+  if (!is_mode(from)) return false;
   to = static_cast<Mode>(from);
   return true;
 }
@@ -275,7 +275,7 @@ bool RecordingReader::tick(RecordedTick<N>& into) {
   t.peer_restarted = m.peer_restarted();
   t.epoch = m.epoch();
   t.ideal = m.ideal();
-  if (m.status() > static_cast<std::uint32_t>(HardwareStatus::fault)) return false;
+  if (m.status() > static_cast<std::uint32_t>(HardwareStatus::stopped)) return false;
   t.status = static_cast<HardwareStatus>(m.status());
   t.buttons = m.buttons();
   t.held = m.held();

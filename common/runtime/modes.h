@@ -2,6 +2,7 @@
 
 #include "common/base/time.h"
 #include "common/coupling/options.h"
+#include "common/hardware/status.h"
 #include "common/link/mailbox.h"
 
 namespace twoport {
@@ -40,6 +41,15 @@ class ModeMachine {
   [[nodiscard]] bool has_paused(const Tick<Clock>& tick) const noexcept {
     return tick.ended >= pause_after_ && tick.ended > 1.5 * tick.dt;
   }
+  /// Has this side's hardware been stopped, or do kTold reports in a row say so of the other side? One may be damaged. For good. Call in
+  /// every tick.
+  template <int N>
+  [[nodiscard]] bool is_stopped(HardwareStatus own, const PeerState<N>& peer) noexcept {
+    if (peer.is_new) told_ = peer.newest.mode == Mode::stopped ? told_ + 1 : 0;
+    if (own == HardwareStatus::stopped || told_ >= kTold) [[unlikely]]
+      mode_ = Mode::stopped;
+    return mode_ == Mode::stopped;
+  }
   /// At the master: has nobody held the handle for release_after? Call in every tick, before step().
   [[nodiscard]] bool has_let_go(Duration now, bool held) noexcept {
     if (held) held_at_ = now;
@@ -55,17 +65,25 @@ class ModeMachine {
         {.heard = peer.has_report && silence < hold_after_, .silent = silence >= release_after_, .let_go = let_go});
     return begins(was, mode_);
   }
-  void release() noexcept { mode_ = Mode::released; }
-  void reset() noexcept { mode_ = Mode::idle; }
+  void release() noexcept { change_to(Mode::released); }
+  void reset() noexcept { change_to(Mode::idle); }
 
   [[nodiscard]] Mode mode() const noexcept { return mode_; }
   [[nodiscard]] bool coupled() const noexcept { return mode_ == Mode::coupled; }
   [[nodiscard]] bool active() const noexcept { return mode_ == Mode::coupled || mode_ == Mode::holding; }
 
  private:
+  static constexpr int kTold = 3;
+
+  /// A stop lasts.
+  void change_to(Mode mode) noexcept {
+    if (mode_ != Mode::stopped) mode_ = mode;
+  }
+
   Seconds pause_after_;
   Duration hold_after_, release_after_, held_at_{0};
   Mode mode_ = Mode::idle;
+  int told_ = 0;  ///< reports in a row that say that the other side is stopped
 };
 
 static_assert(next_mode(Mode::idle, {.heard = false, .silent = true, .let_go = false}) == Mode::idle);

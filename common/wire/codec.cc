@@ -98,8 +98,7 @@ std::uint32_t version(std::span<const std::byte> bytes) {
 
 template <int N>
 bool read_report(const schema::Datagram& message, Report<N>& r) {
-  if (message.sample_size() != kSampleSize<N> || message.mode() > static_cast<std::uint32_t>(Mode::let_go))
-    return false;
+  if (message.sample_size() != kSampleSize<N> || !is_mode(message.mode())) return false;
   if (message.sequence() == 0 || message.sent_ns() < 0 || message.sent_ns() > kLatest || message.echo_ns() < -1 ||
       message.echo_ns() > kLatest)
     return false;
@@ -126,8 +125,7 @@ void write_gripper(schema::Datagram& message, const Report<1>& r) {
 /// Of the gripper, after the report: what both share is already there.
 template <int N>
 bool read_gripper(const schema::Datagram& message, const Report<N>& shared, Report<1>& r) {
-  if (message.gripper_size() != kGripperSize || message.gripper_mode() > static_cast<std::uint32_t>(Mode::let_go))
-    return false;
+  if (message.gripper_size() != kGripperSize || !is_mode(message.gripper_mode())) return false;
   r.sequence = shared.sequence;
   r.sent_ns = shared.sent_ns;
   r.echo_ns = shared.echo_ns;

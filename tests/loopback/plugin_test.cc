@@ -2,9 +2,13 @@
 
 #include <gtest/gtest.h>
 
+#include <chrono>
 #include <cmath>
+#include <csignal>
+#include <filesystem>
 #include <memory>
 #include <string>
+#include <thread>
 #include <vector>
 
 #include "common/base/check.h"
@@ -240,6 +244,59 @@ TEST(Plugin, RunsInTheMasterAndItsDefectsEndTheRunInWords) {
   run(":nan=1", 1, "the first reading is not finite");
   run(":throw_in_sense=1", 1, "hardware fault at the first reading; " + kOdd + ": sense() threw: the cable is out");
   run(":refuses", 2, "no power at the socket");
+  run(":stop=50", 1, "s: stopped by the hardware: no force until");
+}
+
+/// A master with the odd plug-in, two seconds of a rendered scene.
+struct OddRun {
+  explicit OddRun(const std::string& arguments)
+      : scene{folder.write("scene.textproto", press(3, "RENDER"))},
+        master{{TWOPORT_MASTER, "--scene", scene, "--set", "duration_s=2", "--no-realtime", "--no-spin", "--out",
+                folder / "out", "--record", folder / "a.mcap", "--device", kOdd + ":" + arguments}} {}
+  void expect_ended(const std::string& says, bool has_files) {
+    EXPECT_EQ(master.wait(), exited(1)) << master.err();
+    EXPECT_NE(master.err().find(says), std::string::npos) << master.err();
+    ASSERT_EQ(std::filesystem::exists(folder / "out/summary.json"), has_files);
+    if (!has_files) return;
+    const schema::Summary s = summary_in(folder / "out");
+    EXPECT_EQ(s.verdict_kind(), "UNDECIDED");
+    EXPECT_NE(s.verdict().find(says), std::string::npos) << s.verdict();
+    EXPECT_GT(s.steps(), 50u);
+    EXPECT_EQ(Trace{folder / "out/trace.csv"}.rows(), s.steps());
+    EXPECT_GT(std::filesystem::file_size(folder / "a.mcap"), 1000u);
+  }
+  Folder folder;
+  std::string scene;
+  Process master;
+};
+
+TEST(Plugin, WhoseCallDoesNotReturnIsEndedWithItsFiles) {
+  for (const std::string defect : {"hang_in_sense=300", "hang_in_release"}) {
+    SCOPED_TRACE(defect);
+    OddRun{defect}.expect_ended("the hardware has not returned from a call for 1.5 s", true);
+  }
+}
+
+TEST(Plugin, WhoseConstructorDoesNotReturnIsEndedBySignals) {
+  for (const int signal : {SIGINT, SIGTERM}) {
+    OddRun run{"hang_in_open"};
+    std::this_thread::sleep_for(2s);
+    EXPECT_TRUE(run.master.running()) << "to open may take long";
+    run.master.send(signal);
+    const auto sent = std::chrono::steady_clock::now();
+    run.expect_ended("ended by a signal while the hardware was being opened", false);
+    EXPECT_LT(std::chrono::steady_clock::now() - sent, 5s);
+  }
+}
+
+TEST(Plugin, ThatCallsExitEndsWithStatusOneAndFiles) {
+  OddRun{"exit_in_sense=300"}.expect_ended("the hardware has ended the program by exit()", true);
+}
+
+TEST(Plugin, WhoseEveryOtherReadingIsNotFiniteIsSaidAtOnce) {
+  OddRun run{"every_other=100"};
+  EXPECT_TRUE(run.master.says("readings of the hardware are not finite, or too old", 1500ms)) << run.master.err();
+  EXPECT_EQ(run.master.wait(), exited(0)) << run.master.err();
 }
 
 }  // namespace

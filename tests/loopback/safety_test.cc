@@ -293,9 +293,9 @@ TEST(Safety, OnlyTheCycleHasRealTimePriorityWhereTheProgramWasStartedWithIt) {
   if (!slave.says("listening on", 5s)) GTEST_SKIP() << "no right to real time, or no chrt: " << slave.err();
   std::this_thread::sleep_for(200ms);
   std::vector<int> all = policies(slave.pid());
-  EXPECT_EQ(all.size(), 3u) << "the cycle, the recording and the handshakes";
+  EXPECT_EQ(all.size(), 4u) << "the cycle, the recording, the handshakes and the watchdog";
   EXPECT_EQ(std::count(all.begin(), all.end(), SCHED_FIFO), 1);
-  EXPECT_EQ(std::count(all.begin(), all.end(), SCHED_OTHER), 2);
+  EXPECT_EQ(std::count(all.begin(), all.end(), SCHED_OTHER), 3);
   slave.send(SIGINT);
   slave.wait();
 }

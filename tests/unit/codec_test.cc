@@ -393,7 +393,7 @@ TYPED_TEST(CodecOf, SurvivesEveryDamage) {
     if (codec.decode(bytes, got) != Decoded::ok || !got.refusal.empty()) continue;
     ++accepted;
     ASSERT_TRUE(got.report.finite());
-    ASSERT_LE(got.report.mode, Mode::let_go);
+    ASSERT_LE(got.report.mode, Mode::stopped);
     ASSERT_NE(got.session, 0U);
   }
   EXPECT_EQ(::testing::internal::GetCapturedStderr(), "");

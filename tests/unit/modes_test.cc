@@ -81,6 +81,32 @@ TEST(Modes, OnlyAHandleThatNobodyHoldsForReleaseAfterIsLetGo) {
   EXPECT_EQ(mode_at(9001, true), Mode::coupled);
 }
 
+TEST(Modes, AStopOfTheOwnHardwareLasts) {
+  ModeMachine modes{ControlOptions{}};
+  EXPECT_FALSE(modes.is_stopped(HardwareStatus::fault, PeerState<1>{}));
+  EXPECT_TRUE(modes.is_stopped(HardwareStatus::stopped, PeerState<1>{}));
+  modes.release();
+  modes.reset();
+  EXPECT_TRUE(modes.is_stopped(HardwareStatus::ok, PeerState<1>{}));
+  EXPECT_EQ(modes.mode(), Mode::stopped);
+}
+
+// A bit of a report may be flipped on its way.
+TEST(Modes, AStopOfTheOtherSideIsBelievedAfterThreeReportsInARowAndLasts) {
+  ModeMachine modes{ControlOptions{}};
+  const auto hears = [&](Mode mode, bool is_new = true) {
+    PeerState<1> peer;
+    peer.newest.mode = mode;
+    peer.is_new = is_new;
+    return modes.is_stopped(HardwareStatus::ok, peer);
+  };
+  const Mode stopped = Mode::stopped, coupled = Mode::coupled;
+  for (const Mode mode : {stopped, stopped, coupled, stopped, coupled, stopped, stopped}) EXPECT_FALSE(hears(mode));
+  for (int i = 0; i < 10; ++i) EXPECT_FALSE(hears(stopped, false)) << "no new report";
+  EXPECT_TRUE(hears(stopped));
+  EXPECT_TRUE(hears(coupled)) << "it has been started again, this side has not";
+}
+
 TEST(Modes, DoNotFlickerWhileNothingChanges) {
   for (Mode mode : kModes)
     for_every_health([&](const Health& h) {

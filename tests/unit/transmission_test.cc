@@ -120,6 +120,15 @@ TEST(Deadband, SendsEnergyASilenceAndAChangeOfModeOrEpoch) {
   EXPECT_TRUE(band.tells(r, milliseconds{24}));
 }
 
+TEST(Deadband, SendsEveryReportOfAStop) {
+  Deadband<1> band{{}};
+  PortReport<1> r = with_force(0.0);
+  EXPECT_TRUE(band.tells(r, Duration{0}));
+  EXPECT_FALSE(band.tells(r, milliseconds{1}));
+  r.mode = Mode::stopped;
+  for (int ms = 2; ms < 9; ++ms) EXPECT_TRUE(band.tells(r, milliseconds{ms})) << ms;
+}
+
 /// The estimate after `run_s` of packets both ways. The other clock is `offset_s` ahead and gains `drift`.
 ClockOffset estimate(double offset_s, double drift, double there_s, double back_s, double jitter_s, double run_s) {
   const Random random{3};
