@@ -6,6 +6,7 @@
 #include <csignal>
 #include <cstdlib>
 #include <deque>
+#include <sstream>
 #include <string>
 #include <thread>
 #include <utility>
@@ -108,6 +109,56 @@ TEST(Doctor, MeasuresALinkAndSaysWhatASceneNeeds) {
   EXPECT_EQ(number(json, "\"to_master\": {", "duplicated"), 0.0);
   EXPECT_NE(json.find("\"method\": \""), std::string::npos);
   EXPECT_GE(number(json, "\"advice\"", "control.hold_after_s"), 0.1);
+  answer.send(SIGINT);
+  EXPECT_EQ(answer.wait(), exited(0)) << answer.err();
+}
+
+TEST(Doctor, SavesALinkThatASceneReplays) {
+  const Folder folder;
+  const std::uint16_t port = free_udp_port(), slave_port = free_udp_port();
+  const Network network{port, slave_port, std::chrono::milliseconds{20}, std::chrono::milliseconds{30}};
+  Process answer{{TWOPORT_LAB, "doctor", "--answer", std::to_string(slave_port)}};
+  ASSERT_TRUE(answer.says("listening on"));
+  const std::string file = folder / "link.csv";
+  Process doctor{
+      {TWOPORT_LAB, "doctor", "--link", "127.0.0.1:" + std::to_string(port), "--seconds", "2", "--save", file}};
+  EXPECT_EQ(doctor.wait(120s), exited(0)) << doctor.err();
+  EXPECT_NE(doctor.out().find("For a scene over this link"), std::string::npos) << doctor.out();
+
+  // Every packet of both ways has a row, lost ones too.
+  std::istringstream rows{read_text(file)};
+  std::string row;
+  std::getline(rows, row);
+  EXPECT_EQ(row, "direction,sequence,sent_s,delay_ms");
+  int there = 0, back = 0, lost_there = 0, lost_back = 0;
+  while (std::getline(rows, row)) {
+    const bool to_slave = row.starts_with("to_slave,"), lost = row.ends_with(',');
+    ASSERT_TRUE(to_slave || row.starts_with("to_master,")) << row;
+    ++(to_slave ? there : back);
+    if (lost) ++(to_slave ? lost_there : lost_back);
+  }
+  EXPECT_NEAR(there, 2000, 100);
+  EXPECT_NEAR(back, 2000, 300) << "those of the slave that arrived by then";
+  EXPECT_NEAR(lost_there, 0.1 * there, 0.01 * there);
+  EXPECT_EQ(lost_back, 0);
+
+  // A scene that has the file in place of delay and loss loses the same share.
+  std::string text = press();
+  for (const std::string way : {"to_slave", "to_master"}) {
+    const std::string delay = way + " { delay_ms: 10 }";
+    text.replace(text.find(delay), delay.size(), way + " { trace_file: \"link.csv\" }");
+  }
+  Process run = finished({TWOPORT_LAB, "run", folder.write("scene.textproto", text), "--out", folder / "run"});
+  EXPECT_EQ(run.wait(), exited(0)) << run.err();
+  const schema::Summary s = summary_in(folder / "run");
+  const auto& packets = s.packets().to_slave();
+  EXPECT_NEAR(static_cast<double>(packets.lost()), 0.1 * static_cast<double>(packets.sent()),
+              0.02 * static_cast<double>(packets.sent()));
+  EXPECT_EQ(s.packets().to_master().lost(), 0u);
+
+  Process advice = finished({TWOPORT_LAB, "recommend", "--link", file, "--methods", "INTERNAL_MODEL"});
+  EXPECT_EQ(advice.wait(), exited(0)) << advice.err();
+  EXPECT_NE(advice.out().find("passivity { method: INTERNAL_MODEL"), std::string::npos) << advice.out();
   answer.send(SIGINT);
   EXPECT_EQ(answer.wait(), exited(0)) << answer.err();
 }

@@ -9,12 +9,14 @@
 #include <vector>
 
 #include "common/base/check.h"
+#include "common/base/file.h"
 #include "common/method/catalogue.h"
 #include "common/record/summary.h"
 #include "common/scene/load.h"
 #include "lab/run.h"
 #include "lab/study/compare.h"
 #include "lab/study/gallery.h"
+#include "lab/study/link_advice.h"
 #include "lab/study/matrix.h"
 #include "tests/support/process.h"
 
@@ -95,6 +97,52 @@ TEST(Map, IntervalIsWilsons) {
   EXPECT_NEAR(wilson(8, 10).low, 0.4902, 5e-5);
   EXPECT_NEAR(wilson(8, 10).high, 0.9433, 5e-5);
   EXPECT_NEAR(wilson(10, 10).low, 1.0 - 0.2775, 5e-5);
+}
+
+/// The map's scene with the printed blocks in place of its own, over the link's file.
+std::string with_blocks(std::string blocks, const std::string& link) {
+  std::string text = read_whole(TWOPORT_SCENES "/map.textproto", "the scene");
+  const std::size_t from = text.find("control {"), to = text.find("robot {");
+  text.erase(from, to - from);
+  const std::string shared =
+      "architecture: POSITION_FORCE virtual_coupling { stiffness_n_per_m: 1000 damping_n_s_per_m: 20 } ";
+  blocks.insert(blocks.find("control {") + 9, " " + shared);
+  for (const std::string way : {"to_slave", "to_master"}) {
+    const std::string file = "trace_file: \"" + link + "\" ";
+    const std::size_t at = blocks.find(way + " {");
+    if (at == blocks.npos) {
+      blocks += way + " { " + file + "}\n";
+    } else {
+      blocks.insert(at + way.size() + 2, " " + file);
+    }
+  }
+  return text + blocks;
+}
+
+TEST(Recommend, PrintsBlocksThatAreReadAndRunOverTheLink) {
+  int playouts = 0, layers = 0;
+  for (const auto& [name, method] : std::vector<std::pair<std::string, std::string>>{
+           {"wifi_roaming", "INTERNAL_MODEL"}, {"satellite", "ENERGY_TANK"}, {"lte", "DELAYED_FORCE+ENERGY_SPRING"}}) {
+    SCOPED_TRACE(name + ", " + method);
+    const std::string file = TWOPORT_SCENES "/links/" + name + ".csv";
+    const LinkAdvice advice =
+        recommend(parse_link_trace(read_whole(file, file), file),
+                  {.scene = {}, .set = {}, .methods = {method}, .stiffnesses_n_per_m = {1000}, .seeds = 1});
+    ASSERT_EQ(advice.method, method);
+    const std::string text = to_text(advice);
+    const Scene scene = parse_scene(with_blocks(text, file), "blocks", {}, SceneFor::laboratory);
+    EXPECT_NEAR(scene.control.hold_after.si(), advice.hold_after_s, 1e-9);
+    EXPECT_NEAR(scene.control.release_after.si(), advice.release_after_s, 1e-9);
+    EXPECT_NEAR(scene.control.initial_energy.si(), advice.initial_energy_j, 1e-3 * advice.initial_energy_j);
+    EXPECT_NEAR(scene.transmission_to_slave.playout_s, 1e-3 * advice.to_slave.playout_ms, 1e-9);
+    playouts += advice.to_slave.playout_ms > 0.0 ? 1 : 0;
+    layers += text.find("transparency { layer: DELAYED_FORCE }") != text.npos ? 1 : 0;
+    const Summary s = run(scene);
+    EXPECT_TRUE(s.stable()) << s.verdict() << "\n" << text;
+    EXPECT_GT(s.touching_share(), 0.1);
+  }
+  EXPECT_GT(playouts, 0) << "no case has a playout buffer";
+  EXPECT_EQ(layers, 1);
 }
 
 TEST(Map, BurstsLoseTheShareThatIsAsked) {
