@@ -4,6 +4,7 @@
 #include <cmath>
 #include <cstdint>
 
+#include "common/coupling/registration.h"
 #include "common/hardware/device.h"
 #include "common/link/mailbox.h"
 #include "common/page/channel.h"
@@ -32,8 +33,13 @@ class PageSamples {
   /// The next sample: before show(), for the gripper's fields.
   [[nodiscard]] PageSample& next() noexcept { return next_; }
 
-  /// Before show(): what the slave has said of its environment.
-  void note_environment(const EnvironmentMessage& e) noexcept { environment_ = e; }
+  /// Before show(): what the slave has said of its environment and robot.
+  template <int N>
+  void note_environment(const EnvironmentMessage& e, const Registration<N>& registration) noexcept {
+    environment_ = e;
+    next_.robot_port_j = registration.to_master(Energy{e.link_energy_j}).si();
+    next_.joint_rad = e.joint_rad;
+  }
 
   /// Of every tick. `peer`: null without a link. `from_slave`: packets. `epoch`: of the method.
   template <int N, class Output>

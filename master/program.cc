@@ -263,7 +263,7 @@ struct LinkMaster : Master<N> {
       next.gripper_object_n = gripper->known().newest.f_environment[0];
       next.gripper_energy_j = gripper->node().observed().si();
     }
-    this->page->note_environment(link.mail().transport().heard_environment());
+    this->page->note_environment(link.mail().transport().heard_environment(), registration);
     this->page->show(now, late, sample, out, node.observed(), &link.mail().known(), link.mail().counts(),
                      node.limit_counts() + link.limit_counts(), node.epoch());
   }

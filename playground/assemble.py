@@ -27,12 +27,16 @@ all_scenes = [
 ]
 script = "\n" + connection.read_text()
 hash_of_script = base64.b64encode(hashlib.sha256(script.encode()).digest()).decode()
+text = page.read_text()
+before, rest = text.split('<script type="module">', 1)
+page_script, after = rest.split("</script>", 1)
 added = (
+    f'<script id="page" type="application/octet-stream">{packed(page_script.encode())}</script>\n'
     f'<script id="core" type="application/octet-stream">{packed(core.read_bytes())}</script>\n'
     f'<script id="scenes" type="application/octet-stream">{packed(json.dumps(all_scenes).encode())}</script>\n'
     f"<script>{script}</script>\n"
 )
-text = page.read_text()
+text = before + after
 text = text.replace("script-src ", f"script-src 'wasm-unsafe-eval' 'sha256-{hash_of_script}' ", 1)
 text = re.sub(r"connect-src [^;]*;", "connect-src 'none';", text, count=1)
 text = text.replace("<body>", "<body>\n" + added, 1)

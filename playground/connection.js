@@ -10,59 +10,18 @@
   const kJudging = 250; // [ms]
   const kLongestFrame = 0.1; // of the run; a page that was hidden does not catch up [s]
 
-  class Core {
-    constructor(on) {
+  /** One run, in an instance of the core of its own. */
+  class Run {
+    constructor(exports, on) {
+      this.core = exports;
       this.on = on;
-      this.begin().catch((error) => {
-        on.state(false);
-        throw error;
-      });
-    }
-
-    async begin() {
-      const module = await WebAssembly.compile(await unpacked('core'));
-      const imports = {};
-      for (const { module: from, name } of WebAssembly.Module.imports(module)) (imports[from] ??= {})[name] = () => 0;
-      const instance = await WebAssembly.instantiate(module, imports);
-      this.core = instance.exports;
       this.core._initialize?.();
-      this.scenes = JSON.parse(new TextDecoder().decode(await unpacked('scenes')));
-      this.offer();
-      this.start(location.hash.slice(1));
-      const frame = (now) => {
-        this.frame(now);
-        requestAnimationFrame(frame);
-      };
-      requestAnimationFrame(frame);
     }
-
-    /** The choice of scenes, in front of the scene's name. */
-    offer() {
-      const select = document.createElement('select');
-      select.id = 'playground-scene';
-      select.setAttribute('aria-label', 'Scene');
-      select.append(...this.scenes.map((s) => new Option(s.name, s.name)));
-      select.onchange = () => {
-        this.start(select.value);
-        select.blur();
-      };
-      document.getElementById('scene').before(select);
-      this.select = select;
-    }
-
-    start(name) {
-      const scene = this.scenes.find((s) => s.name === name) ?? this.scenes[0];
-      this.select.value = scene.name;
-      location.replace(`#${scene.name}`);
-      this.write(fromHex(scene.values));
+    start(scene) {
+      this.write(scene);
       this.core.start(0);
-      this.ran = 0;
-      this.last = undefined;
       this.judged = -Infinity;
-      this.on.introduction(scene.introduction);
-      this.on.state(true);
     }
-
     text(at) {
       const memory = new Uint8Array(this.core.memory.buffer);
       return new TextDecoder().decode(memory.slice(at, memory.indexOf(0, at)));
@@ -75,6 +34,8 @@
         reason: this.text(this.core.reason()),
         initial_energy_j: this.core.initial_energy_j(),
         earlier_debt_j: this.core.earlier_debt_j(),
+        both_initial_energy_j: this.core.both_initial_energy_j(),
+        both_earlier_debt_j: this.core.both_earlier_debt_j(),
         end: null,
       });
     }
@@ -82,18 +43,12 @@
       const at = this.core.input(bytes.length);
       new Uint8Array(this.core.memory.buffer, at, bytes.length).set(bytes);
     }
-    send(text) {
-      if (!this.core) return;
-      if (text === 'restart') return this.start(this.select.value);
+    command(text) {
       this.write(new TextEncoder().encode(text));
       this.core.command();
     }
-
-    frame(now) {
-      const passed = this.last === undefined ? 0 : Math.min(1e-3 * (now - this.last), kLongestFrame);
-      this.last = now;
-      this.ran += passed;
-      const count = this.core.until(this.ran);
+    until(end_s, now) {
+      const count = this.core.until(end_s);
       if (count > 0) this.on.samples(new Float64Array(this.core.memory.buffer, this.core.samples(), count).slice());
       if (now - this.judged < kJudging) return;
       this.judged = now;
@@ -101,5 +56,90 @@
     }
   }
 
+  class Core {
+    constructor(on) {
+      this.on = on;
+      this.runs = [];
+      this.begin().catch((error) => {
+        on.state(false);
+        throw error;
+      });
+    }
+
+    async begin() {
+      this.module = await WebAssembly.compile(await unpacked('core'));
+      this.runs = [await this.make(this.on)];
+      this.scenes = JSON.parse(new TextDecoder().decode(await unpacked('scenes')));
+      this.offer();
+      this.open(location.hash.slice(1));
+      const frame = (now) => {
+        this.frame(now);
+        requestAnimationFrame(frame);
+      };
+      requestAnimationFrame(frame);
+    }
+    async make(on) {
+      const imports = {};
+      for (const { module: from, name } of WebAssembly.Module.imports(this.module)) (imports[from] ??= {})[name] = () => 0;
+      return new Run((await WebAssembly.instantiate(this.module, imports)).exports, on);
+    }
+
+    /** The choice of scenes, in front of the scene's name. */
+    offer() {
+      const select = document.createElement('select');
+      select.id = 'playground-scene';
+      select.setAttribute('aria-label', 'Scene');
+      select.append(...this.scenes.map((s) => new Option(s.name, s.name)));
+      select.onchange = () => {
+        this.open(select.value);
+        select.blur();
+      };
+      document.getElementById('scene').before(select);
+      this.select = select;
+    }
+
+    open(name) {
+      this.scene = this.scenes.find((s) => s.name === name) ?? this.scenes[0];
+      this.select.value = this.scene.name;
+      location.replace(`#${this.scene.name}`);
+      this.runs.length = 1;
+      this.start();
+      this.on.introduction(this.scene.introduction);
+      this.on.state(true);
+    }
+    /** All runs from their beginning. */
+    start() {
+      for (const run of this.runs) run.start(fromHex(this.scene.values));
+      this.ran = 0;
+      this.last = undefined;
+    }
+    async compare(on) {
+      const second = on && (await this.make(on));
+      this.runs = second ? [this.runs[0], second] : [this.runs[0]];
+      this.start();
+    }
+
+    send(text, run) {
+      if (this.runs.length === 0) return;
+      if (text === 'restart') return this.open(this.scene.name);
+      for (const each of run === undefined ? this.runs : [this.runs[run]]) each?.command(text);
+    }
+
+    frame(now) {
+      const passed = this.last === undefined ? 0 : Math.min(1e-3 * (now - this.last), kLongestFrame);
+      this.last = now;
+      this.ran += passed;
+      for (const run of this.runs) run.until(this.ran, now);
+    }
+  }
+
   window.twoportConnect = (on) => new Core(on);
+
+  // The page's script, which the policy knows by its hash.
+  addEventListener('DOMContentLoaded', async () => {
+    const script = document.createElement('script');
+    script.type = 'module';
+    script.textContent = new TextDecoder().decode(await unpacked('page'));
+    document.body.append(script);
+  });
 })();

@@ -94,3 +94,9 @@ TWOPORT_EXPORT(initial_energy_j) double initial_energy_j() {
 TWOPORT_EXPORT(earlier_debt_j) double earlier_debt_j() {
   return page_judge->earlier_debt_j();
 }
+TWOPORT_EXPORT(both_initial_energy_j) double both_initial_energy_j() {
+  return page_judge->both_initial_energy_j();
+}
+TWOPORT_EXPORT(both_earlier_debt_j) double both_earlier_debt_j() {
+  return page_judge->both_earlier_debt_j();
+}

@@ -33,7 +33,8 @@ class LinkRun final : public Run {
         scene_{scripted ? read : with_device(read, device_->info())},
         clocks_{scene_},
         robot_{scene_, clocks_.slave_period()},
-        session_{scene_, *device_, robot_, most_added()} {
+        session_{scene_, *device_, robot_, most_added()},
+        registration_{scene_.control} {
     page_.begin(scene_.master_rate_hz);
     if (!scene_.gripper || !device_->gripper() || !robot_.gripper()) return;
     gripper_.emplace(scripted ? *scene_.gripper : with_device(*scene_.gripper, device_->gripper()->info()),
@@ -53,7 +54,8 @@ class LinkRun final : public Run {
           if (gripper_) show_gripper(gripper_->master_tick(now, dt));
           robot_.describe(environment_);
           if (refused_) environment_.answer = EnvironmentAnswer::out_of_range;
-          page_.note_environment(environment_);
+          environment_.link_energy_j = -session_.slave().delivered().si();
+          page_.note_environment(environment_, registration_);
           page_.show(now, Duration{0}, session_.device(), out, session_.master().observed(), &session_.known(),
                      session_.counts(), session_.master().limit_counts(), session_.master().epoch());
         });
@@ -101,6 +103,7 @@ class LinkRun final : public Run {
   Clocks clocks_;
   SimulatedRobot<N> robot_;
   Session<N> session_;
+  Registration<N> registration_;
   std::optional<Session<1>> gripper_;  ///< of the scene
   EnvironmentMessage environment_;
   bool refused_ = false;

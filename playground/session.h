@@ -109,6 +109,7 @@ class Session {
     (to_slave ? to_slave_ : to_master_).adjust(delay_s, jitter_s, loss);
   }
   [[nodiscard]] MasterNode<N>& master() noexcept { return master_; }
+  [[nodiscard]] const SlaveNode<N>& slave() const noexcept { return slave_; }
   [[nodiscard]] const DeviceSample<N>& device() const noexcept { return device_.sample; }
   [[nodiscard]] const PeerState<N>& known() noexcept { return master_mail_.known(); }
   [[nodiscard]] const PacketCounts& counts() noexcept { return master_mail_.counts(); }

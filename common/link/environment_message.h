@@ -11,6 +11,8 @@ namespace twoport {
 
 /// Surfaces of an environment that a packet tells of: the first ones in the scene's order.
 inline constexpr std::size_t kAdjustableSurfaces = 4;
+/// Joints of an arm that it tells of.
+inline constexpr std::size_t kMostJoints = 7;
 /// Limits of what may be asked for; a scene may have more.
 inline constexpr double kSurfaceStiffnessMost = 1e6, kSurfaceFrictionMost = 2.0;  // [N/m], [1]
 
@@ -31,8 +33,8 @@ constexpr std::string_view sentence(EnvironmentAnswer answer) {
   return kSentences[static_cast<std::size_t>(answer)];
 }
 
-/// What a packet says of the environment's surfaces. From the master: a request; from the slave: the state. A request is repeated
-/// in every packet, so that a lost one delays it only.
+/// What a packet says of the environment's surfaces. From the master: a request; from the slave: the state, and what a page shows of
+/// the robot besides. A request is repeated in every packet, so that a lost one delays it only.
 struct EnvironmentMessage {
   struct Surface {
     double stiffness_n_per_m = 0.0;
@@ -45,9 +47,15 @@ struct EnvironmentMessage {
   double energy_j = 0.0;                               ///< from the slave: that changes of stiffness have put in so far
   std::uint8_t count = 0;                              ///< of surfaces; a request without surfaces changes none
   std::array<Surface, kAdjustableSurfaces> surface{};
+  double link_energy_j = 0.0;  ///< from the slave: net energy that has entered the link at the robot
+  std::uint8_t joints = 0;     ///< from the slave: of the robot's arm
+  std::array<double, kMostJoints> joint_rad{};
 
   [[nodiscard]] bool finite() const noexcept {
-    return std::isfinite(energy_j) && std::all_of(surface.begin(), surface.begin() + count, [](const Surface& s) {
+    const auto is_finite = [](double x) { return std::isfinite(x); };
+    return std::isfinite(energy_j) && std::isfinite(link_energy_j) &&
+           std::all_of(joint_rad.begin(), joint_rad.begin() + joints, is_finite) &&
+           std::all_of(surface.begin(), surface.begin() + count, [](const Surface& s) {
              return std::isfinite(s.stiffness_n_per_m) && std::isfinite(s.friction);
            });
   }

@@ -99,6 +99,12 @@ bool keeps_account(const ControlOptions& first, std::span<const ScheduledControl
                                      [&](const ScheduledControl& entry) { return keeps(entry.control); });
 }
 
+double two_port_grants(std::string_view passivity_layer) {
+  const PassivityLayerName* layer = find_name(kPassivityLayers, passivity_layer);
+  if (layer == nullptr || layer->claim != Claim::both) return 0.0;
+  return layer->name == "ENERGY_SPRING_TWO_PORT" ? 1.0 : 2.0;
+}
+
 template <int N>
 std::unique_ptr<MasterHalf<N>> MasterHalf<N>::make(const ControlOptions& o) {
   if (!o.transparency.empty()) return std::make_unique<MasterPair<N>>(o);

@@ -32,6 +32,7 @@ struct PageSample {
   Vector coupling_n{};                ///< force of the coupling on the robot
   double hand_energy_j = 0.0;         ///< that the hand has put in, as observed
   double robot_energy_j = 0.0;        ///< that has entered the link at the robot's side, as reported
+  double robot_port_j = 0.0;          ///< the same without what has left there, in units of the hand
   double dissipated_j = 0.0;          ///< by the master's controller so far
   double deficit_j = 0.0;             ///< not dissipated yet
   double contact_spring_share = 0.0;  ///< of the spring in all axes in the model of the contact
@@ -51,6 +52,7 @@ struct PageSample {
   double environment_energy_j = 0.0;  ///< that changes of the environment's stiffness have put in
   std::array<double, kAdjustableSurfaces> surface_stiffness_n_per_m{};
   std::array<double, kAdjustableSurfaces> surface_friction{};  ///< negative: cannot be changed
+  std::array<double, kMostJoints> joint_rad{};                 ///< of the robot's arm, where it is one
   double dropped = 0.0;                                        ///< samples that the page was too slow for
 };
 
@@ -76,6 +78,7 @@ void for_each_page_field(Sample& s, See&& see) {
   vector("coupling_n", s.coupling_n);
   number("hand_energy_j", s.hand_energy_j);
   number("robot_energy_j", s.robot_energy_j);
+  number("robot_port_j", s.robot_port_j);
   number("dissipated_j", s.dissipated_j);
   number("deficit_j", s.deficit_j);
   number("contact_spring_share", s.contact_spring_share);
@@ -98,6 +101,7 @@ void for_each_page_field(Sample& s, See&& see) {
   number("environment_energy_j", s.environment_energy_j);
   vector("surface_stiffness_n_per_m", s.surface_stiffness_n_per_m);
   vector("surface_friction", s.surface_friction);
+  vector("joint_rad", s.joint_rad);
   number("dropped", s.dropped);
 }
 

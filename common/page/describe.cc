@@ -5,7 +5,9 @@
 #include <array>
 #include <cmath>
 #include <string_view>
+#include <vector>
 
+#include "common/arm/parameters.h"
 #include "common/base/text.h"
 #include "common/contact/world.h"
 #include "common/page/channel.h"
@@ -33,10 +35,61 @@ std::string shape(const Cylinder& s) {
 std::string shape(const Box& s) {
   return fmt::format(R"("center_m":{},"half_size_m":{})", vector(s.center_m), vector(s.half_size_m));
 }
-/// A shape that the page does not draw.
-template <class Other>
-std::string shape(const Other&) {
+std::string attitude(const Eigen::Matrix3d& rotation) {
+  const Eigen::Quaterniond q{rotation};
+  return fmt::format("[{},{},{},{}]", number(q.w()), number(q.x()), number(q.y()), number(q.z()));
+}
+template <class Values, class Text>
+std::string list(const Values& values, Text text) {
+  std::string out = "[";
+  for (const auto& value : values) {
+    if (out.size() > 1) out += ',';
+    out += text(value);
+  }
+  out += ']';
+  return out;
+}
+
+std::string shape(const Torus& s) {
+  return fmt::format(R"("center_m":{},"axis":{},"radius_m":{},"tube_radius_m":{})", vector(s.center_m), vector(s.axis),
+                     number(s.radius_m), number(s.tube_radius_m));
+}
+std::string shape(const Capsule& s) {
+  return fmt::format(R"("start_m":{},"end_m":{},"radius_m":{})", vector(s.start_m), vector(s.end_m),
+                     number(s.radius_m));
+}
+/// The corners of the profile; where it comes from infinity, from its first one on.
+std::string shape(const Revolved& s) {
+  std::vector<Eigen::Vector2d> corners;
+  for (const Profile::Segment& segment : s.profile->segments())
+    if (std::isfinite(segment.from)) corners.push_back(segment.origin);
+  corners.emplace_back(0.0, corners.back().y());
+  return fmt::format(
+      R"("point_m":{},"axis":{},"profile_m":{})", vector(s.point_m), vector(s.axis),
+      list(corners, [](const Eigen::Vector2d& c) { return fmt::format("[{},{}]", number(c.x()), number(c.y())); }));
+}
+std::string shape(const Plate& s) {
+  return fmt::format(R"("center_m":{},"attitude":{},"half_size_m":{},"holes_m":{})", vector(s.center_m),
+                     attitude(s.rotation), vector(s.half_size_m), list(*s.holes, [](const PlateHole& h) {
+                       return fmt::format("[{},{},{}]", number(h.center_m.x()), number(h.center_m.y()),
+                                          number(h.radius_m));
+                     }));
+}
+/// The page does not draw it.
+std::string shape(const Mesh&) {
   return R"("hidden":true)";
+}
+
+std::string arm(const Scene& s) {
+  if (!s.robot || !s.robot->arm) return "null";
+  const ArmParameters& p = *s.robot->arm->parameters;
+  return fmt::format(R"({{"joints":{},"flange_m":{}}})",
+                     list(p.joints,
+                          [](const ArmJoint& j) {
+                            return fmt::format(R"({{"origin_m":{},"attitude":{}}})", vector(j.origin_m),
+                                               attitude(j.rotation));
+                          }),
+                     vector(p.flange_m));
 }
 
 std::string element(const EnvironmentSpec& spec) {
@@ -48,17 +101,6 @@ std::string element(const EnvironmentSpec& spec) {
   const auto& spring = std::get<Spring>(spec);
   return fmt::format(R"({{"kind":{},"stiffness_n_per_m":{},"anchor_m":{}}})", kind, number(spring.stiffness_n_per_m),
                      vector(spring.anchor_m));
-}
-
-template <class Values, class Text>
-std::string list(const Values& values, Text text) {
-  std::string out = "[";
-  for (const auto& value : values) {
-    if (out.size() > 1) out += ',';
-    out += text(value);
-  }
-  out += ']';
-  return out;
 }
 
 std::string network(const ImpairmentOptions& o) {
@@ -104,7 +146,7 @@ std::string describe_for_page(const Scene& s, const PageIntroduction& i) {
       R"("grip_n_per_m":{},"grip_limits_n_per_m":[{},{}],"max_force_n":{},"motion_scale":{},"force_scale":{},)"
       R"("limits":{},"linked":{},"to_slave":{},"to_master":{},"network_limits":{{"delay_ms":{},"jitter_ms":{},"loss":{}}},)"
       R"("environment":{},"environment_answers":{},"surface_limits":{{"stiffness_n_per_m":{},"friction":{}}},)"
-      R"("tool":{},"gripper_m":{},"fields":[{}]}})",
+      R"("tool":{},"arm":{},"gripper_m":{},"fields":[{}]}})",
       json_string(s.name), s.dof, number(s.master_rate_hz), json_string(name_of(s.control.architecture)),
       json_string(s.control.method_name), list(i.methods, json_string), list(initial_energies_j(s), number),
       json_string(i.device), i.has_pointer, i.restarts, number(i.grip_n_per_m), number(kPageGripLeast),
@@ -112,7 +154,7 @@ std::string describe_for_page(const Scene& s, const PageIntroduction& i) {
       number(s.control.force_scale), list(kLimitNames, json_string), s.control.architecture != Architecture::render,
       network(s.to_slave), network(s.to_master), number(kPageDelayMs), number(kPageJitterMs), number(kPageLoss),
       list(s.environment, element), list(answers, json_string), number(kSurfaceStiffnessMost),
-      number(kSurfaceFrictionMost), list(s.tool, axis), gripper, fields);
+      number(kSurfaceFrictionMost), list(s.tool, axis), arm(s), gripper, fields);
 }
 
 }  // namespace twoport

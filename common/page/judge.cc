@@ -46,8 +46,13 @@ std::vector<double> initial_energies_j(const Scene& scene) {
 
 PageJudge::PageJudge(const Scene& scene, double rate_hz, bool rests)
     : initial_j_{initial_energies_j(scene)}, coarse_{is_coarse(scene)}, rests_{rests} {
-  controlled_.push_back(keeps_account(scene.control, {}));
-  for (const ScheduledControl& entry : scene.schedule) controlled_.push_back(keeps_account(entry.control, {}));
+  const auto add = [this](const ControlOptions& o) {
+    controlled_.push_back(keeps_account(o, {}));
+    const double grants = o.architecture == Architecture::render ? 0.0 : two_port_grants(o.passivity);
+    both_initial_j_.push_back(grants > 0.0 ? grants * o.initial_energy.si() : -1.0);
+  };
+  add(scene.control);
+  for (const ScheduledControl& entry : scene.schedule) add(entry.control);
   scale_.dof = 3;
   scale_.rate_hz = rate_hz;
   scale_.speed.assign(6, 0.0);
@@ -62,7 +67,10 @@ void PageJudge::disturb() noexcept {
 void PageJudge::add(const PageSample& s) {
   t_s_ = s.t_s;
   const auto epoch = static_cast<std::size_t>(s.epoch) % initial_j_.size();
-  if (epoch != epoch_) debt_j_ = std::max(0.0, -s.hand_energy_j);
+  if (epoch != epoch_) debt_j_ = std::max(0.0, -s.hand_energy_j), switched_s_ = t_s_;
+  // The robot's side follows a round trip later.
+  if (t_s_ <= switched_s_ + kSettling + 1e-3 * s.round_trip_ms)
+    both_debt_j_ = std::max(0.0, -s.hand_energy_j - s.robot_port_j);
   if (epoch != epoch_ || !begun_) disturb();
   epoch_ = epoch;
   begun_ = true;

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <cmath>
 #include <optional>
 #include <string>
 #include <vector>
@@ -37,15 +38,19 @@ class PageJudge {
   /// E(0) of the method in use, and what the hand had got beyond its own under earlier ones, which is not held against it [J].
   [[nodiscard]] double initial_energy_j() const { return initial_j_[epoch_]; }
   [[nodiscard]] double earlier_debt_j() const { return debt_j_; }
+  /// The same of hand and robot together. E(0) is negative where the method in use does not bound the robot's port.
+  [[nodiscard]] double both_initial_energy_j() const { return both_initial_j_[epoch_]; }
+  [[nodiscard]] double both_earlier_debt_j() const { return both_debt_j_; }
 
  private:
-  std::vector<double> initial_j_;
+  std::vector<double> initial_j_, both_initial_j_;
   std::vector<bool> controlled_;  ///< does the method have a passivity controller?
   bool coarse_, rests_;
   MotionScale scale_;
   std::optional<TrendRecord> tail_;  ///< since the last disturbance and kSettling
   std::size_t epoch_ = 0;
-  double disturbed_s_ = 0.0, t_s_ = 0.0, left_j_ = 0.0, debt_j_ = 0.0, dissipated_j_ = 0.0;
+  double disturbed_s_ = 0.0, t_s_ = 0.0, left_j_ = 0.0, debt_j_ = 0.0, dissipated_j_ = 0.0, both_debt_j_ = 0.0,
+         switched_s_ = -HUGE_VAL;
   bool begun_ = false, moved_ = true, acted_ = false;
 };
 

@@ -191,9 +191,9 @@ struct PageServer::Impl {
       const auto now = Now::now();
       if (now - judged > kJudging) {
         judged = now;
-        const PageVerdict v = judge.verdict();
-        if (v.kind != verdict.kind || v.reason != verdict.reason) {
-          verdict = v;
+        verdict = judge.verdict();
+        if (std::string news = *status(false); news != told) {
+          told = std::move(news);
           tell_all();
         }
       }
@@ -401,11 +401,13 @@ struct PageServer::Impl {
     tell_all();
   }
   /// What a client is told besides the introduction and samples.
-  [[nodiscard]] Text status(const Client& c) const {
+  [[nodiscard]] Text status(bool controls) const {
     return std::make_shared<const std::string>(
-        fmt::format(R"({{"controls":{},"verdict":{},"reason":{},"initial_energy_j":{},"earlier_debt_j":{},"end":{}}})",
-                    controlling == &c, json_string(to_string(verdict.kind)), json_string(verdict.reason),
-                    judge.initial_energy_j(), judge.earlier_debt_j(), over.empty() ? "null" : json_string(over)));
+        fmt::format(R"({{"controls":{},"verdict":{},"reason":{},"initial_energy_j":{},"earlier_debt_j":{},)"
+                    R"("both_initial_energy_j":{},"both_earlier_debt_j":{},"end":{}}})",
+                    controls, json_string(to_string(verdict.kind)), json_string(verdict.reason),
+                    judge.initial_energy_j(), judge.earlier_debt_j(), judge.both_initial_energy_j(),
+                    judge.both_earlier_debt_j(), over.empty() ? "null" : json_string(over)));
   }
   void tell_all() {
     for (const Shared& client : std::vector<Shared>{clients}) {
@@ -416,7 +418,7 @@ struct PageServer::Impl {
   }
   void write_next(const Shared& client) {
     if (std::exchange(client->untold, false)) {
-      write(client, status(*client), true);
+      write(client, status(controlling == client.get()), true);
     } else {
       write(client, std::exchange(client->samples, nullptr));
     }
@@ -470,6 +472,7 @@ struct PageServer::Impl {
   PageChannel& channel;
   PageJudge judge;
   PageVerdict verdict;
+  std::string told;  ///< status() without who controls, as it was told last
   Now::time_point judged{};
   const Client* controlling = nullptr;
   std::array<double, 6> aim{};  ///< newest target of the hand

@@ -31,7 +31,8 @@ bool is_own_origin(std::string_view host, std::string_view origin);
 /// Commands of the others have no effect. Each client is told in a text message whether it controls, what the judge says of the run,
 /// and its end:
 ///
-///     {"controls": true, "verdict": "passive", "reason": "…", "initial_energy_j": 0.001, "earlier_debt_j": 0, "end": null}
+///     {"controls": true, "verdict": "passive", "reason": "…", "initial_energy_j": 0.001, "earlier_debt_j": 0,
+///      "both_initial_energy_j": -1, "both_earlier_debt_j": 0, "end": null}
 ///
 /// Beyond this machine the page and its WebSocket need the token that url() holds: a random number of 128 bits.
 ///

@@ -139,6 +139,9 @@ void write_environment(schema::Datagram& message, const EnvironmentMessage& e) {
   message.set_environment_number(e.number);
   message.set_environment_answer(static_cast<std::uint32_t>(e.answer));
   message.set_environment_energy_j(e.energy_j);
+  message.set_link_energy_j(e.link_energy_j);
+  if (e.joints > 0)
+    std::copy_n(e.joint_rad.begin(), e.joints, message.mutable_joint_rad()->AddNAlreadyReserved(e.joints));
   if (e.count == 0) return;
   double* to = message.mutable_environment()->AddNAlreadyReserved(2 * e.count);
   for (std::size_t i = 0; i < e.count; ++i) *to++ = e.surface[i].stiffness_n_per_m, *to++ = e.surface[i].friction;
@@ -149,9 +152,10 @@ bool read_environment(const schema::Datagram& message, EnvironmentMessage& e) {
   e = {};
   const int size = message.environment_size();
   if (message.environment_number() == 0)
-    return size == 0 && message.environment_answer() == 0 && message.environment_energy_j() == 0.0;
-  if (size % 2 != 0 || size > static_cast<int>(2 * kAdjustableSurfaces) ||
-      message.environment_answer() >= kEnvironmentAnswers)
+    return size == 0 && message.environment_answer() == 0 && message.environment_energy_j() == 0.0 &&
+           message.link_energy_j() == 0.0 && message.joint_rad_size() == 0;
+  if (size % 2 != 0 || message.joint_rad_size() > static_cast<int>(kMostJoints) ||
+      size > static_cast<int>(2 * kAdjustableSurfaces) || message.environment_answer() >= kEnvironmentAnswers)
     return false;
   e.number = message.environment_number();
   e.answer = static_cast<EnvironmentAnswer>(message.environment_answer());
@@ -159,6 +163,9 @@ bool read_environment(const schema::Datagram& message, EnvironmentMessage& e) {
   e.count = static_cast<std::uint8_t>(size / 2);
   for (int i = 0; i < e.count; ++i)
     e.surface[static_cast<std::size_t>(i)] = {message.environment(2 * i), message.environment(2 * i + 1)};
+  e.link_energy_j = message.link_energy_j();
+  e.joints = static_cast<std::uint8_t>(message.joint_rad_size());
+  std::copy_n(message.joint_rad().data(), e.joints, e.joint_rad.begin());
   return e.finite();
 }
 
@@ -199,6 +206,7 @@ struct Codec<N>::Impl {
       message->mutable_gripper()->Reserve(static_cast<int>(kMaxDatagram / sizeof(double)));
       message->mutable_gripper_words()->Reserve(static_cast<int>(kMaxDatagram / sizeof(double)));
       message->mutable_environment()->Reserve(static_cast<int>(kMaxDatagram / sizeof(double)));
+      message->mutable_joint_rad()->Reserve(static_cast<int>(kMaxDatagram / sizeof(double)));
       message->mutable_refusal()->reserve(kMaxDatagram);
       message->mutable_scene_fields()->reserve(kMaxDatagram);
     }
@@ -251,8 +259,10 @@ std::span<const std::byte> Codec<N>::encode(const Envelope<N>& envelope) noexcep
     message.mutable_scene_fields()->assign(fields.data(), fields.size());
   }
   const std::size_t size = message.ByteSizeLong();
-  static_assert(kMaxDatagram > 8 * (kSampleSize<N> + kGripperSize + 2 * Words::kMost + 2 * kAdjustableSurfaces + 24) +
-                                   kMaxSceneFields);
+  // Tags, lengths and single numbers of all fields take less than 20 doubles.
+  static_assert(kMaxDatagram >
+                8 * (kSampleSize<N> + kGripperSize + 2 * Words::kMost + 2 * kAdjustableSurfaces + kMostJoints + 20) +
+                    kMaxSceneFields);
   message.SerializeWithCachedSizesToArray(reinterpret_cast<std::uint8_t*>(impl_->buffer.data()));
   return {impl_->buffer.data(), size};
 }

@@ -10,6 +10,7 @@
 #include "common/base/check.h"
 #include "common/base/file.h"
 #include "common/coupling/layers.h"
+#include "common/method/catalogue.h"
 #include "common/scene/scene_text.h"
 #include "lab/study/compare.h"
 #include "lab/study/map.h"
@@ -31,11 +32,10 @@ std::vector<std::string> names_of(const Layer (&layers)[Count], const std::vecto
 /// counts what the device's own damping takes, which a summary does not have: it is not judged.
 bool is_broken(const Summary& s, const std::string& passivity) {
   const Claim claim = find_name(kPassivityLayers, passivity)->claim;
-  const double grants = passivity == "FORCE_PROJECTED" || passivity == "ENERGY_TANK" ? 2.0 : 1.0;
-  const double least = -grants * s.initial_energy_j() - Matrix::kTolerance_j;
+  const double grant = s.initial_energy_j(), slack = Matrix::kTolerance_j;
   if (passivity == "ENERGY_BOUNDING") return false;
-  return (claim == Claim::hand && s.hand_min_energy_j() < least) ||
-         (claim == Claim::both && s.two_port_min_energy_j() < least);
+  return (claim == Claim::hand && s.hand_min_energy_j() < -grant - slack) ||
+         (claim == Claim::both && s.two_port_min_energy_j() < -two_port_grants(passivity) * grant - slack);
 }
 
 /// Removes the layers with which no pair runs, where they were not asked for.

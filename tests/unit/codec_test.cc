@@ -281,8 +281,8 @@ TYPED_TEST(CodecOf, RejectsFieldsThatNobodyKnowsWithoutAllocating) {
   Codec<N> codec;
   Envelope<N> got;
   int of_known_type = 0;
-  for (unsigned number : {1U,  2U,  3U,  4U,  5U,  6U,  7U,  8U,  9U,  10U, 11U, 12U, 13U, 14U,
-                          15U, 16U, 17U, 18U, 19U, 20U, 21U, 22U, 23U, 24U, 25U, 26U, 27U, 100U}) {
+  for (unsigned number : {1U,  2U,  3U,  4U,  5U,  6U,  7U,  8U,  9U,  10U, 11U, 12U, 13U, 14U, 15U,
+                          16U, 17U, 18U, 19U, 20U, 21U, 22U, 23U, 24U, 25U, 26U, 27U, 28U, 29U, 100U}) {
     for (unsigned wire_type : {0U, 1U, 2U, 3U, 5U}) {
       Bytes bytes = good;
       append_field(bytes, number, wire_type);
@@ -451,7 +451,10 @@ TYPED_TEST(CodecOf, CarriesWhatIsSaidOfTheEnvironment) {
                       .answer = EnvironmentAnswer::adjustable,
                       .energy_j = -0.25,
                       .count = 2,
-                      .surface = {{{3000.0, 0.2}, {500.0, -1.0}}}};
+                      .surface = {{{3000.0, 0.2}, {500.0, -1.0}}},
+                      .link_energy_j = -0.125,
+                      .joints = 6,
+                      .joint_rad = {0.1, 0.2, 0.3, 0.4, 0.5, 0.6}};
   const Bytes with = encoded(sent);
   Codec<N> codec;
   Envelope<N> got;
@@ -462,6 +465,9 @@ TYPED_TEST(CodecOf, CarriesWhatIsSaidOfTheEnvironment) {
   ASSERT_EQ(got.environment.count, 2);
   EXPECT_EQ(got.environment.surface[0].stiffness_n_per_m, 3000.0);
   EXPECT_EQ(got.environment.surface[1].friction, -1.0);
+  EXPECT_EQ(got.environment.link_energy_j, -0.125);
+  ASSERT_EQ(got.environment.joints, 6);
+  EXPECT_EQ(got.environment.joint_rad, sent.environment.joint_rad);
   expect_same(got.report, sent.report);
   // Without one the packet says so, whatever came before.
   ASSERT_EQ(codec.decode(without, got), Decoded::ok);
@@ -492,6 +498,10 @@ TYPED_TEST(CodecOf, RejectsWhatCannotBeSaidOfTheEnvironment) {
   EXPECT_EQ(with([](auto& m) { m.set_environment_answer(kEnvironmentAnswers); }), Decoded::malformed);
   EXPECT_EQ(with([](auto& m) { m.set_environment_energy_j(std::nan("")); }), Decoded::malformed);
   EXPECT_EQ(with([](auto& m) { m.set_environment(3, HUGE_VAL); }), Decoded::malformed);
+  EXPECT_EQ(with([](auto& m) { m.set_link_energy_j(HUGE_VAL); }), Decoded::malformed);
+  EXPECT_EQ(with([](auto& m) { m.add_joint_rad(std::nan("")); }), Decoded::malformed);
+  EXPECT_EQ(with([](auto& m) { m.mutable_joint_rad()->Resize(8, 0.0); }), Decoded::malformed);
+  EXPECT_EQ(with([](auto& m) { m.mutable_joint_rad()->Resize(7, 0.0); }), Decoded::ok);
   EXPECT_EQ(with([](auto& m) { m.clear_environment(); }), Decoded::ok);
 }
 

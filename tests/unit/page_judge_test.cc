@@ -87,6 +87,34 @@ TEST(PageJudge, ADebtOfAnEarlierMethodIsNotHeldAgainstTheNext) {
   EXPECT_EQ(judge.verdict().kind, PageVerdict::Kind::not_passive);
 }
 
+/// E(0) of both sides under FORCE_PROJECTED; ENERGY_SPRING bounds the hand alone. The robot's side follows a switch a while later.
+TEST(PageJudge, TellsTheBudgetOfBothPortsWhereTheLayerBoundsThem) {
+  Scene scene = scene_of("ENERGY_SPRING");
+  scene.schedule.push_back({.at_s = 1.0, .control = scene_of("FORCE_PROJECTED").control});
+  scene.schedule.push_back({.at_s = 2.0, .control = scene_of("ENERGY_SPRING_TWO_PORT").control});
+  PageJudge judge{scene, kRate, false};
+  PageSample s;
+  s.hand_energy_j = 0.002;
+  s.robot_port_j = -0.003;
+  judge.add(s);
+  EXPECT_LT(judge.both_initial_energy_j(), 0.0);
+  s.epoch = 1.0;
+  judge.add(s);
+  EXPECT_EQ(judge.both_initial_energy_j(), 2e-3);
+  EXPECT_NEAR(judge.both_earlier_debt_j(), 0.001, 1e-12);
+  s.t_s = 0.1;
+  s.robot_port_j = -0.006;
+  judge.add(s);
+  EXPECT_NEAR(judge.both_earlier_debt_j(), 0.004, 1e-12) << "the slave has just followed";
+  s.t_s = 10.0;
+  s.robot_port_j = -0.009;
+  judge.add(s);
+  EXPECT_NEAR(judge.both_earlier_debt_j(), 0.004, 1e-12) << "this is the method's own";
+  s.epoch = 2.0;
+  judge.add(s);
+  EXPECT_EQ(judge.both_initial_energy_j(), 1e-3) << "E(0) is shared by both sides";
+}
+
 /// While the hand is moved, a growing motion is its own.
 TEST(PageJudge, WhatTheHandMovesIsNotJudged) {
   PageJudge judge{scene_of("NONE"), kRate, true};

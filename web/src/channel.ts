@@ -16,6 +16,17 @@ export interface Element {
   radius_m?: number;
   half_size_m?: Vec;
   anchor_m?: Vec;
+  tube_radius_m?: number;
+  start_m?: Vec;
+  end_m?: Vec;
+  attitude?: [number, number, number, number];
+  holes_m?: Vec[]; // of a plate: centre and radius
+  profile_m?: [number, number][]; // of a solid of revolution: radius, and height along the axis
+}
+/** A serial arm: each joint turns about the z axis of its frame. */
+export interface Arm {
+  joints: { origin_m: Vec; attitude: [number, number, number, number] }[];
+  flange_m: Vec;
 }
 
 export interface Network {
@@ -49,6 +60,7 @@ export interface Introduction {
   environment_answers: string[]; // sentences, by number
   surface_limits: { stiffness_n_per_m: number; friction: number };
   tool: Vec[];
+  arm: Arm | null; // of the robot
   gripper_m: number | null; // where the gripper of the handle starts; null: none
   fields: [string, number][];
 }
@@ -60,6 +72,8 @@ export interface Told {
   reason: string;
   initial_energy_j: number;
   earlier_debt_j: number; // got beyond its own by the hand under earlier methods
+  both_initial_energy_j: number; // of hand and robot together; negative: the method does not bound the robot's port
+  both_earlier_debt_j: number;
   end: string | null; // how the run has ended
 }
 
@@ -99,7 +113,13 @@ export interface Listener {
   state(connected: boolean): void;
 }
 export interface Connection {
-  send(text: string): void;
+  /** To one run, or to all. */
+  send(text: string, run?: number): void;
+  /**
+   * Of the playground: starts the run anew, and a second one with the same seed, link and hand, which `on` hears; null: without one.
+   * Resolves when both are at their beginning.
+   */
+  compare?(on: Pick<Listener, 'told' | 'samples'> | null): Promise<void>;
 }
 
 declare global {

@@ -2,12 +2,13 @@ import 'uplot/dist/uPlot.min.css';
 import './style.css';
 
 import { connect, Layout, type Connection, type Introduction, type Network, type Told, type Vec } from './channel';
-import { Picture, viewsFor } from './picture';
+import { viewsFor } from './picture';
 import { Plots, type Curve, type PlotSpec } from './plots';
+import { Session, state, type Kind } from './session';
+import { Sound } from './sound';
 import { Tour } from './tour';
 
 const MODES = ['no partner', 'coupled', 'holding', 'released', 'waiting for a hand'];
-const COUPLED = 1;
 const OLD_MS = 300; // a value of this age looks old
 const LIMIT_SHOWN_MS = 1000;
 const HOME_M_PER_S = 0.12;
@@ -25,39 +26,28 @@ function show(id: string, value: number, digits: number, unit: string): void {
   out.textContent = Number.isFinite(value) ? `${value.toFixed(digits)} ${unit}` : '–';
   out.dataset.value = String(value);
 }
-type Kind = '' | 'good' | 'bad' | 'warn' | 'old';
-function state(id: string, text: string, kind: Kind = ''): void {
-  const out = element(id);
-  if (out.textContent !== text) out.textContent = text;
-  out.className = `state ${kind}`;
-  out.hidden = text === '';
-}
 const seconds = (ms: number): string => `${(ms / 1000).toFixed(1)} s`;
 
 class Page {
   private scene: Introduction | null = null;
   private layout = new Layout([]);
-  private last: Float64Array | null = null;
-  private picture: Picture | null = null;
+  private sessions: Session[] = []; // the first one, and the one that it is compared with
+  private comparing: number | null = null; // method of the second
   private plots: Plots | null = null;
+  private readonly sound = new Sound();
   private readonly channel: Connection;
-  private told: Told = { controls: true, verdict: 'passive', reason: '', initial_energy_j: 0, earlier_debt_j: 0, end: null };
   private connected = false;
   private fresh = true; // nothing of this page has been sent since the introduction
   private receivedAt = -Infinity; // newest samples [ms]
   private limitsSeen: { at: number; bit: number }[] = [];
   private tour: Tour | null = null;
-  private start: Vec | null = null; // of the hand
   private homing = false;
 
   private held = false;
   private target: Vec = [0, 0, 0];
   private turn: Vec = [0, 0, 0];
-  private origin: Vec = [0, 0, 0]; // of the hand's world in the robot's
-  private past: { t: number; hand: Vec }[] = [];
 
   private samples = 0;
-  private coupledFor = 0; // samples
   private surface = 0; // whose stiffness and friction the sliders show
   private surfaceTouchedAt = -Infinity; // [ms]
   private material = { stiffness: NaN, friction: 0 }; // of that surface, as asked for or as the slave says
@@ -80,8 +70,12 @@ class Page {
     window.setInterval(() => this.ages(), 100);
     element('take').onclick = () => this.channel.send('take');
     element('home').onclick = () => this.goHome();
-    element('fit').onclick = () => this.fit();
-    element('reset').onclick = () => this.channel.send('restart');
+    element('fit').onclick = () => {
+      for (const session of this.sessions) session.fit();
+      if (this.first) element<HTMLInputElement>('zoom').value = String(this.first.picture.chosen.scale);
+    };
+    element('reset').onclick = () => (this.comparing === null ? this.channel.send('restart') : void this.compareWith(this.comparing));
+    element('sound').onclick = () => element('sound').setAttribute('aria-pressed', String(this.sound.toggle()));
     element('tour-begin').onclick = () => this.tour?.go(0);
     element('let-go').onclick = () => this.letGo();
     element('pause').onclick = () => this.pause();
@@ -90,7 +84,8 @@ class Page {
     window.addEventListener('pagehide', () => this.letGo());
     window.addEventListener('blur', () => this.letGo());
     window.addEventListener('keydown', (e) => e.key === 'Escape' && this.letGo());
-    this.takePointer(element<HTMLCanvasElement>('picture'));
+    this.takePointer(element('picture'), 0);
+    this.takePointer(element('second-picture'), 1);
     let frame = 0;
     const loop = (): void => {
       this.frame(frame++);
@@ -99,27 +94,32 @@ class Page {
     requestAnimationFrame(loop);
   }
 
+  private get first(): Session | undefined {
+    return this.sessions[0];
+  }
+  private get last(): Float64Array | null {
+    return this.first?.last ?? null;
+  }
+
   private begin(scene: Introduction): void {
     this.scene = scene;
     this.layout = new Layout(scene.fields);
-    this.last = null;
-    this.past = [];
-    this.start = null;
     this.fresh = true;
-    this.told = { ...this.told, end: null, earlier_debt_j: 0, initial_energy_j: scene.initial_energies_j?.[0] ?? 0 };
+    this.comparing = null;
+    this.showSessions();
     element('ended').hidden = true;
     element('reset').hidden = !scene.restarts;
     element('scene').textContent =
       `${scene.scene} · ${scene.dof} DoF · ${scene.rate_hz} Hz` +
       (scene.methods.length > 1 ? '' : ` · ${scene.method}, ${scene.architecture}`);
-    this.picture = new Picture(element<HTMLCanvasElement>('picture'), scene);
     const zoom = element<HTMLInputElement>('zoom');
-    if (scene.dof === 6) zoom.value = '2000';
-    this.picture.chosen.scale = Number(zoom.value);
-    zoom.oninput = () => (this.picture!.chosen = { ...this.picture!.chosen, scale: Number(zoom.value) });
+    if (scene.dof === 6) zoom.value = scene.arm ? '1000' : '2000';
+    const zooms = (): void => this.sessions.forEach((s) => (s.picture.chosen = { ...s.picture.chosen, scale: Number(zoom.value) }));
+    zooms();
+    zoom.oninput = zooms;
     const views = viewsFor(scene.dof), view = element<HTMLSelectElement>('view');
     view.replaceChildren(...views.map((v, i) => new Option(v.name, String(i))));
-    view.onchange = () => (this.picture!.view = views[Number(view.value)]!);
+    view.onchange = () => this.sessions.forEach((s) => (s.picture.view = views[Number(view.value)]!));
     element('view-row').hidden = views.length < 2;
 
     const axes = scene.dof === 1 ? ['x'] : ['x', 'y', 'z'], axis = element<HTMLSelectElement>('axis');
@@ -137,18 +137,51 @@ class Page {
       row.hidden = !scene.linked || (row.classList.contains('six') && scene.dof !== 6);
     for (const id of ['let-go', 'home']) element(id).hidden = !scene.pointer;
     this.makeTour(scene);
+    this.makeComparison(scene);
     this.obey();
+  }
+
+  /** New sessions, the second one where methods are compared. */
+  private showSessions(): void {
+    const before = this.first, pair = this.comparing !== null;
+    for (const session of this.sessions) session.picture.dispose();
+    element('pictures').classList.toggle('pair', pair);
+    element('second').hidden = !pair;
+    element('first-caption').hidden = !pair;
+    this.sessions = (pair ? ['picture', 'second-picture'] : ['picture']).map((id) => new Session(this.scene!, this.layout, element(id)));
+    for (const { picture } of this.sessions) if (before?.scene === this.scene) picture.look(before!.picture);
+    this.plots?.clear();
+  }
+
+  /** The choice of a second method, with a robot of its own beside the first. */
+  private makeComparison(scene: Introduction): void {
+    const choice = element<HTMLSelectElement>('compare');
+    element('compare-row').hidden = !this.channel.compare || !scene.linked || scene.methods.length < 2;
+    choice.replaceChildren(new Option('nothing', ''), ...scene.methods.map((m, i) => new Option(m, String(i))));
+    choice.onchange = () => void this.compareWith(choice.value === '' ? null : Number(choice.value));
+  }
+  private async compareWith(method: number | null): Promise<void> {
+    const again = this.comparing !== null && method !== null && method !== this.comparing;
+    this.comparing = method;
+    if (again) return this.channel.send(`method ${method}`, 1);
+    this.letGo();
+    const first = element<HTMLSelectElement>('method').value;
+    await this.channel.compare!(method === null ? null : { told: (t) => this.hear(t, 1), samples: (numbers) => this.take(numbers, 1) });
+    this.showSessions();
+    this.sendAll();
+    this.channel.send(`method ${first}`, 0);
+    if (method !== null) this.channel.send(`method ${method}`, 1);
   }
 
   private hint(scene: Introduction): string {
     if (!scene.pointer) return `The hand is at: ${scene.device}. Start twoport-master with --device page to move it from here.`;
     if (window.matchMedia('(pointer: coarse)').matches)
-      return 'Drag with a finger to move the hand.' + (scene.gripper_m !== null ? ' The slider opens the gripper.' : '');
+      return 'Drag with a finger to move the hand.' + (scene.dof === 6 ? ' A second finger turns the view.' : '') + (scene.gripper_m !== null ? ' The slider opens the gripper.' : '');
     const gripper = scene.gripper_m !== null ? ` The gripper: O and C, or the wheel${scene.dof === 1 ? '' : ' with Ctrl'}.` : '';
     if (scene.dof === 1) return 'Drag to move the hand. Keyboard: Space takes and lets go, ← → move.' + gripper;
     if (scene.dof === 3)
       return 'Drag to move the hand in the view; the wheel moves it along the view. Keyboard: Space, arrows, Page Up and Down.' + gripper;
-    return 'Drag to move the hand in the view, with Shift to turn it; the wheel moves it along the view. Keyboard: Space, arrows, Page Up and Down, with Shift to turn.' + gripper;
+    return 'Drag to move the hand in the view, with Shift to turn it; the wheel moves it along the view. The right button turns the view. Keyboard: Space, arrows, Page Up and Down, with Shift to turn.' + gripper;
   }
 
   private makeTour(scene: Introduction): void {
@@ -160,10 +193,10 @@ class Page {
     if (!possible) return;
     const number = (name: string): number => (this.last ? this.last[this.layout.place(name)]! : 0);
     this.tour = new Tour({
-      felt: () => (this.last ? Math.hypot(...this.vector('felt_n')) : 0),
-      pressed: () => (this.last ? Math.hypot(...this.vector('environment_n')) : 0),
+      felt: () => (this.last ? Math.hypot(...this.first!.vector('felt_n')) : 0),
+      pressed: () => (this.last ? Math.hypot(...this.first!.vector('environment_n')) : 0),
       roundTrip: () => number('round_trip_ms'),
-      told: () => this.told,
+      told: () => this.first!.told,
       method: () => number('epoch') % scene.methods.length,
       without,
       names: scene.methods,
@@ -173,14 +206,17 @@ class Page {
         input.value = String(ms);
         input.dispatchEvent(new Event('input'));
       },
-      setMethod: (index) => this.channel.send(`method ${index}`),
+      setMethod: (index) => this.channel.send(`method ${index}`, 0),
     });
   }
 
   // Who controls, and what is said of the run.
 
-  private hear(told: Told): void {
-    this.told = told;
+  private hear(told: Told, which = 0): void {
+    const session = this.sessions[which];
+    if (!session) return;
+    session.told = told;
+    if (which > 0) return;
     if (told.end !== null) {
       element('ended').textContent = `The run is over. ${told.end}.`;
       element('ended').hidden = false;
@@ -189,7 +225,7 @@ class Page {
   }
   /** Of a page that watches, the controls rest; one that has just been loaded begins with the scene's own values. */
   private obey(): void {
-    const controls = this.told.controls;
+    const controls = this.first?.told.controls ?? true;
     element('watching').hidden = controls || !this.connected;
     for (const set of document.querySelectorAll<HTMLFieldSetElement>('fieldset.command')) set.disabled = !controls;
     for (const id of ['let-go', 'home', 'reset', 'tour-do']) element<HTMLButtonElement>(id).disabled = !controls;
@@ -202,11 +238,11 @@ class Page {
   /** Colours what is old: by the page's own clock, so that a program that stands still looks so. */
   private ages(): void {
     const silent = this.connected ? performance.now() - this.receivedAt : Infinity;
-    const old = silent > OLD_MS, over = this.told.end !== null;
+    const old = silent > OLD_MS, over = (this.first?.told.end ?? null) !== null;
     if (!this.connected)
-      state('connection', over ? 'the run is over' : 'no connection', over ? 'old' : 'bad');
-    else if (old && Number.isFinite(silent)) state('connection', over ? 'the run is over' : `master silent for ${seconds(silent)}`, over ? 'old' : 'bad');
-    else state('connection', 'connected', 'good');
+      state(element('connection'), over ? 'the run is over' : 'no connection', over ? 'old' : 'bad');
+    else if (old && Number.isFinite(silent)) state(element('connection'), over ? 'the run is over' : `master silent for ${seconds(silent)}`, over ? 'old' : 'bad');
+    else state(element('connection'), 'connected', 'good');
     const number = (name: string): number => (this.last ? this.last[this.layout.place(name)]! : -1);
     const report = this.scene?.linked ? number('report_age_ms') : 0;
     const ofRobot = report < 0 ? Infinity : report + (old ? silent : 0);
@@ -222,50 +258,32 @@ class Page {
     if (!this.last || !this.scene) return;
     const kind = (m: string): Kind => (m === 'coupled' ? 'good' : m === MODES[0] || m === MODES[4] ? '' : 'bad');
     const mode = MODES[number('mode')] ?? '?', slave = MODES[number('slave_mode')] ?? '?';
-    state('mode', old ? '' : `master: ${mode}`, kind(mode));
+    state(element('mode'), old ? '' : `master: ${mode}`, kind(mode));
     const silentSlave = Number.isFinite(ofRobot) ? `slave: no report for ${seconds(ofRobot)}` : 'slave: no report yet';
-    state('slave-mode', old || !this.scene.linked ? '' : robotOld ? silentSlave : `slave: ${slave}`, robotOld ? 'bad' : kind(slave));
+    state(element('slave-mode'), old || !this.scene.linked ? '' : robotOld ? silentSlave : `slave: ${slave}`, robotOld ? 'bad' : kind(slave));
     const held = number('held') === 1;
-    state('held', old || !this.scene.pointer ? '' : held ? 'handle held' : 'handle free', held ? 'good' : '');
-    const verdict = this.told.verdict, kinds = { passive: 'good', 'not passive': 'bad', restless: 'warn', unstable: 'bad' } as const;
-    state('verdict', this.told.reason === '' ? '' : verdict, old ? 'old' : kinds[verdict]);
-    element('verdict').title = `${this.told.reason}. The laboratory's judge, on the run so far; see docs/reference/stability.md.`;
-    element('verdict').setAttribute('aria-label', `${verdict}: ${this.told.reason}`);
+    state(element('held'), old || !this.scene.pointer ? '' : held ? 'handle held' : 'handle free', held ? 'good' : '');
+    this.first!.badge(element('verdict'), old);
     const now = performance.now();
     this.limitsSeen = this.limitsSeen.filter((l) => l.at > now - LIMIT_SHOWN_MS);
     const names = [...new Set(this.limitsSeen.map((l) => this.scene!.limits[l.bit] ?? '?'))];
-    state('limit', names.length > 0 && !old ? `limit acts: ${names.join(', ').replaceAll('_', ' ')}` : '', 'warn');
-    this.gauge(old);
+    state(element('limit'), names.length > 0 && !old ? `limit acts: ${names.join(', ').replaceAll('_', ' ')}` : '', 'warn');
+    this.first!.budget(element('gauge'), element('budget-left'), old);
+    element('both-budget').hidden = !this.scene.linked;
+    this.first!.bothBudget(element('both-gauge'), element('both-left'), old);
+    if (this.comparing !== null) this.sessions.forEach((s, i) => s.last && this.caption(element(i === 0 ? 'first-caption' : 'second-caption'), s, old));
   }
   private robotAge = '';
 
-  /** E(0), and what is left of it. */
-  private gauge(old: boolean): void {
-    const granted = this.told.initial_energy_j, energy = this.last![this.layout.place('hand_energy_j')]! + this.told.earlier_debt_j;
-    const left = granted + energy, share = granted > 0 ? Math.max(0, Math.min(1, left / granted)) : left >= 0 ? 1 : 0;
-    const bar = element('gauge');
-    (bar.firstElementChild as HTMLElement).style.width = `${(100 * share).toFixed(1)}%`;
-    bar.className = `gauge ${left < 0 ? 'spent' : share < 0.3 ? 'low' : ''} ${old ? 'old' : ''}`;
-    bar.setAttribute('aria-valuenow', share.toFixed(2));
-    const amount = (j: number): string => (Math.abs(j) >= 1 ? `${j.toFixed(2)} J` : `${(1e3 * j).toFixed(2)} mJ`);
-    const out = element('budget-left');
-    out.dataset.value = String(left);
-    out.textContent =
-      left < 0
-        ? `spent: the hand has got ${amount(-left)} beyond it`
-        : `${amount(Math.min(left, granted))} of ${amount(granted)} left` + (energy > 0 ? `; the hand has put in ${amount(energy)}` : '');
+  /** Method, verdict and budgets above a picture. */
+  private caption(out: HTMLElement, session: Session, old: boolean): void {
+    const part = (name: string): HTMLElement => out.querySelector<HTMLElement>(`.${name}`)!;
+    part('name').textContent = session.method();
+    session.badge(part('state'), old);
+    session.budget(part('hand').querySelector('.gauge')!, part('hand').querySelector('output')!, old);
+    session.bothBudget(part('both').querySelector('.gauge')!, part('both').querySelector('output')!, old);
   }
 
-  private fit(): void {
-    if (!this.last || !this.picture || !this.scene) return;
-    const places = this.scene.environment.flatMap((e): Vec[] =>
-      e.kind === 'wall' && e.normal && e.offset_m !== undefined
-        ? [e.normal.map((n) => n * e.offset_m!) as Vec]
-        : [e.center_m, e.point_m, e.anchor_m].filter((p): p is Vec => p !== undefined),
-    );
-    this.picture.fit([this.inRobotWorld(this.vector('hand_x_m')), this.vector('robot_x_m'), ...places]);
-    element<HTMLInputElement>('zoom').value = String(this.picture.chosen.scale);
-  }
   /** Moves the hand to where it was at the beginning, and lets go there. */
   private goHome(): void {
     this.grab();
@@ -273,7 +291,7 @@ class Page {
     this.turn = [0, 0, 0];
   }
   private stepHome(passed_s: number): void {
-    const to = this.start!, hand = this.vector('hand_x_m');
+    const to = this.first!.start!, hand = this.first!.vector('hand_x_m');
     const left = to.map((x, i) => x - this.target[i]!) as Vec, far = Math.hypot(...left), step = HOME_M_PER_S * passed_s;
     this.target = far <= step ? [...to] : (this.target.map((x, i) => x + (left[i]! * step) / far) as Vec);
     if (far <= step && Math.hypot(...hand.map((x, i) => x - to[i]!)) < 0.002) this.letGo();
@@ -292,7 +310,7 @@ class Page {
         title: `Position ${name}`,
         unit: 'mm',
         curves: [
-          { label: 'hand', colour: '--hand', value: (s) => scale * s[at('hand_x_m') + i]! + 1e3 * this.origin[i]! },
+          { label: 'hand', colour: '--hand', value: (s) => scale * s[at('hand_x_m') + i]! + 1e3 * this.first!.origin[i]! },
           curve('robot', '--robot', at('robot_x_m') + i, 1e3),
         ],
       },
@@ -437,7 +455,7 @@ class Page {
     element('method-controls').hidden = scene.methods.length < 2;
     const method = element<HTMLSelectElement>('method');
     method.replaceChildren(...scene.methods.map((m, i) => new Option(m, String(i))));
-    method.onchange = () => this.channel.send(`method ${method.value}`);
+    method.onchange = () => this.channel.send(`method ${method.value}`, 0);
   }
 
   // The environment.
@@ -527,21 +545,16 @@ class Page {
     this.sendOpening();
   }
 
-  private vector(name: string): Vec {
-    const at = this.layout.place(name);
-    return [this.last![at]!, this.last![at + 1]!, this.last![at + 2]!];
-  }
   private grab(): void {
     this.homing = false;
     if (!this.scene?.pointer || !this.last || this.held) return;
     // Who watches and takes the handle asks for control; the server grants it while nobody holds the handle.
     this.held = true;
-    this.target = this.vector('hand_x_m');
-    const q = this.layout.place('hand_attitude');
-    const [w, v] = [this.last[q]!, [this.last[q + 1]!, this.last[q + 2]!, this.last[q + 3]!] as Vec];
+    this.target = this.first!.vector('hand_x_m');
+    const [w, ...v] = this.first!.attitude('hand_attitude');
     const n = Math.hypot(...v), angle = 2 * Math.atan2(n, w);
     this.turn = n > 1e-9 ? (v.map((x) => (x / n) * (angle > Math.PI ? angle - 2 * Math.PI : angle)) as Vec) : [0, 0, 0];
-    element('picture').classList.add('held');
+    element('pictures').classList.add('held');
     this.sendTarget();
     this.sendOpening(); // another page may have set it meanwhile
   }
@@ -549,20 +562,15 @@ class Page {
     this.homing = false;
     if (!this.held) return;
     this.held = false;
-    element('picture').classList.remove('held');
+    element('pictures').classList.remove('held');
     this.channel.send('release');
   }
   private sendTarget(): void {
     this.channel.send(`target ${[...this.target, ...this.turn].map((x) => x.toFixed(6)).join(' ')}`);
   }
   private move(dx: number, dy: number, depth: number, turning: boolean): void {
-    if (!this.held || !this.picture || !this.scene) return;
-    const { right, up } = this.picture.view;
-    const out: Vec = [
-      right[1] * up[2] - right[2] * up[1],
-      right[2] * up[0] - right[0] * up[2],
-      right[0] * up[1] - right[1] * up[0],
-    ];
+    if (!this.held || !this.first || !this.scene) return;
+    const picture = this.first.picture, { right, up, out } = picture.view;
     if (turning && this.scene.dof === 6) {
       // To the right turns about the upward axis, upward about the axis to the left; 300 pixels are one radian.
       const most = 1.5;
@@ -570,33 +578,45 @@ class Page {
         Math.max(-most, Math.min(most, x + (dx * up[i]! + dy * right[i]! + depth * out[i]!) / 300)),
       ) as Vec;
     } else {
-      const by = this.picture.displacement(dx, dy);
+      const by = picture.displacement(dx, dy);
       this.target = this.target.map((x, i) => {
-        const moved = x + (by[i]! + (depth * out[i]!) / this.picture!.scale) / this.scene!.motion_scale;
+        const moved = x + (by[i]! + (depth * out[i]!) / picture.scale) / this.scene!.motion_scale;
         return Math.max(-REACH_M, Math.min(REACH_M, moved));
       }) as Vec;
     }
   }
 
-  private takePointer(canvas: HTMLCanvasElement): void {
-    let at: [number, number] | null = null;
-    canvas.addEventListener('pointerdown', (e) => {
-      if (e.button !== 0 || at) return;
-      at = [e.clientX, e.clientY];
-      canvas.setPointerCapture(e.pointerId);
-      this.grab();
+  /** The hand follows the first pointer. In six axes the secondary button, or a second finger, turns the view. */
+  private takePointer(box: HTMLElement, which: number): void {
+    let at: [number, number] | null = null, looking: { id: number; x: number; y: number } | null = null;
+    box.addEventListener('contextmenu', (e) => e.preventDefault());
+    box.addEventListener('pointerdown', (e) => {
+      box.setPointerCapture(e.pointerId);
+      if (e.button === 2 || at) {
+        looking = { id: e.pointerId, x: e.clientX, y: e.clientY };
+      } else if (e.button === 0) {
+        at = [e.clientX, e.clientY];
+        this.grab();
+      }
     });
-    canvas.addEventListener('pointermove', (e) => {
-      if (!at) return;
-      this.move(e.clientX - at[0], e.clientY - at[1], 0, e.shiftKey);
-      at = [e.clientX, e.clientY];
+    box.addEventListener('pointermove', (e) => {
+      if (e.pointerId === looking?.id) {
+        if (this.scene?.dof === 6) for (const { picture } of this.sessions) picture.orbit(e.clientX - looking.x, e.clientY - looking.y);
+        looking = { id: e.pointerId, x: e.clientX, y: e.clientY };
+      } else if (at) {
+        this.move(e.clientX - at[0], e.clientY - at[1], 0, e.shiftKey);
+        at = [e.clientX, e.clientY];
+      }
     });
-    const end = (): void => {
-      at = null;
-      this.letGo();
+    const end = (e: PointerEvent): void => {
+      if (e.pointerId === looking?.id) looking = null;
+      else if (at) {
+        at = null;
+        this.letGo();
+      }
     };
-    for (const name of ['pointerup', 'pointercancel', 'lostpointercapture'] as const) canvas.addEventListener(name, end);
-    canvas.addEventListener(
+    for (const name of ['pointerup', 'pointercancel', 'lostpointercapture'] as const) box.addEventListener(name, end);
+    box.addEventListener(
       'wheel',
       (e) => {
         if (!this.held) return;
@@ -606,8 +626,8 @@ class Page {
       },
       { passive: false },
     );
-    canvas.addEventListener('keydown', (e) => {
-      const step = 0.001 * (this.picture?.scale ?? 1000); // 1 mm
+    box.addEventListener('keydown', (e) => {
+      const step = 0.001 * (this.sessions[which]?.picture.scale ?? 1000); // 1 mm
       const moves: Record<string, Vec> = {
         ArrowLeft: [-step, 0, 0],
         ArrowRight: [step, 0, 0],
@@ -629,22 +649,24 @@ class Page {
         this.move(by[0], by[1], by[2], e.shiftKey);
       }
     });
-    canvas.addEventListener('blur', () => at === null && this.letGo());
+    box.addEventListener('blur', () => at === null && this.letGo());
   }
 
   // Samples.
 
-  private take(numbers: Float64Array): void {
+  private take(numbers: Float64Array, which = 0): void {
+    const size = this.layout.size, session = this.sessions[which];
+    if (!session || size === 0 || numbers.length % size !== 0) return;
+    if (which > 0) {
+      for (let at = 0; at < numbers.length; at += size) session.take(numbers.subarray(at, at + size));
+      return;
+    }
     this.receivedAt = performance.now();
-    const size = this.layout.size;
-    if (!this.scene || size === 0 || numbers.length % size !== 0) return;
     for (let at = 0; at < numbers.length; at += size) {
       const sample = numbers.subarray(at, at + size);
       const t = sample[this.layout.place('t_s')]!;
       if (this.last && t < this.last[this.layout.place('t_s')]!) this.plots?.clear();
-      this.last = sample;
-      this.start ??= this.vector('hand_x_m');
-      this.register(t);
+      session.take(sample);
       const limits = sample[this.layout.place('limits')]!;
       for (let bit = 0; limits > 0 && bit < 16; ++bit) if ((limits >> bit) & 1) this.limitsSeen.push({ at: this.receivedAt, bit });
       const late = sample[this.layout.place('late_us')]!;
@@ -656,59 +678,26 @@ class Page {
     this.latest = this.latest.filter((x) => x.at > now - 1);
   }
 
-  /** The hand's place in the robot's world: where the robot was told to be, against the hand a round trip ago. */
-  private register(t: number): void {
-    const hand = this.vector('hand_x_m');
-    if (this.samples % 10 === 0) this.past.push({ t, hand });
-    if (this.past.length > 200) this.past.shift();
-    const coupled = this.last![this.layout.place('slave_mode')] === COUPLED, trip = this.last![this.layout.place('round_trip_ms')]!;
-    if (!coupled) this.coupledFor = 0;
-    if (!this.scene!.linked || !coupled || trip < 0) return;
-    const then = this.past.find((p) => p.t >= t - 1e-3 * trip) ?? this.past.at(-1);
-    if (!then) return;
-    const robot = this.vector('robot_x_m'), behind = this.vector('behind_m'), s = this.scene!.motion_scale;
-    // A coupling that begins has an origin of its own.
-    if (this.coupledFor++ === 0) this.past = this.past.slice(-1);
-    const share = this.coupledFor < 200 ? 1 : 0.005;
-    this.origin = this.origin.map((o, i) => o + share * (robot[i]! - behind[i]! - s * then.hand[i]! - o)) as Vec;
-  }
-  private inRobotWorld(p: Vec): Vec {
-    return p.map((x, i) => this.scene!.motion_scale * x + this.origin[i]!) as Vec;
-  }
-
   private framed = 0; // [ms]
   private frame(count: number): void {
     const now = performance.now();
     if (this.homing && this.last) this.stepHome(Math.min(0.05, (now - this.framed) / 1000));
     this.framed = now;
     if (this.held) this.sendTarget();
-    if (!this.last || !this.picture) return;
-    const quaternion = (name: string): [number, number, number, number] => {
-      const at = this.layout.place(name);
-      return [this.last![at]!, this.last![at + 1]!, this.last![at + 2]!, this.last![at + 3]!];
-    };
-    this.picture.draw({
-      hand: this.inRobotWorld(this.vector('hand_x_m')),
-      handAttitude: quaternion('hand_attitude'),
-      robot: this.vector('robot_x_m'),
-      robotAttitude: quaternion('robot_attitude'),
-      target: this.held ? this.inRobotWorld(this.target) : null,
-      felt: this.vector('felt_n'),
-      wanted: this.vector('unlimited_n'),
-      environment: this.vector('environment_n'),
-      robotAge: this.robotAge,
-    });
+    if (!this.last) return;
+    for (const session of this.sessions) session.draw(this.held ? this.target : null, this.robotAge);
+    this.sound.follow(this.first!.vector('felt_n'), now);
     if (count % 3 === 0) this.plots?.draw();
     if (count % 6 === 0) this.values();
     this.tour?.watch();
   }
 
   private values(): void {
-    const number = (name: string): number => this.last![this.layout.place(name)]!;
-    show('felt', Math.hypot(...this.vector('felt_n')), 2, 'N');
-    show('wanted', Math.hypot(...this.vector('unlimited_n')), 2, 'N');
-    show('environment', Math.hypot(...this.vector('environment_n')), 2, 'N');
-    show('behind', 1e3 * Math.hypot(...this.vector('behind_m')), 2, 'mm');
+    const first = this.first!, number = (name: string): number => first.number(name);
+    show('felt', Math.hypot(...first.vector('felt_n')), 2, 'N');
+    show('wanted', Math.hypot(...first.vector('unlimited_n')), 2, 'N');
+    show('environment', Math.hypot(...first.vector('environment_n')), 2, 'N');
+    show('behind', 1e3 * Math.hypot(...first.vector('behind_m')), 2, 'mm');
     show('gripper-hand', 1e3 * number('gripper_hand_m'), 1, 'mm');
     show('gripper-robot', 1e3 * number('gripper_robot_m'), 1, 'mm');
     show('gripper-felt', number('gripper_felt_n'), 2, 'N');
@@ -717,8 +706,7 @@ class Page {
     show('dissipated', 1e3 * number('dissipated_j'), 3, 'mJ');
     show('deficit', 1e3 * number('deficit_j'), 3, 'mJ');
     show('contact-spring', 100 * number('contact_spring_share'), 0, '%');
-    const inView = this.picture!.sees([this.inRobotWorld(this.vector('hand_x_m')), this.vector('robot_x_m')]);
-    element('picture').dataset.inView = String(inView);
+    element('picture').dataset.inView = String(first.inView());
     this.followEnvironment();
     const trip = number('round_trip_ms');
     show('round-trip', trip < 0 ? NaN : trip, 1, 'ms');

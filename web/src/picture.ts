@@ -1,35 +1,47 @@
-// Hand, robot, environment and forces, projected on the picture's plane.
+// Hand, robot, environment and forces, projected on the picture's plane. In six axes the solids are by three.js (space.ts), and forces
+// and words are drawn over them; a browser without WebGL shows six axes as it shows three.
 
 import type { Element, Introduction, Vec } from './channel';
+import { Space } from './space';
 
-/** A direction of view: which directions of space point right and up. */
+export type Attitude = [number, number, number, number]; // w, x, y, z
+
+/** A direction of view: which directions of space point right, up and out of the picture. */
 export interface View {
   name: string;
+  azimuth: number;
+  elevation: number;
   right: Vec;
   up: Vec;
+  out: Vec;
 }
 
-const VIEWS_3: View[] = [
-  { name: 'x – y', right: [1, 0, 0], up: [0, 1, 0] },
-  { name: 'x – z', right: [1, 0, 0], up: [0, 0, 1] },
-  { name: 'y – z', right: [0, 1, 0], up: [0, 0, 1] },
-];
-const OBLIQUE: View = { name: 'oblique', right: [0.9, -0.436, 0], up: [0.168, 0.346, 0.923] };
+/** From this azimuth and elevation [rad]; z points up. */
+function viewFrom(name: string, azimuth: number, elevation: number): View {
+  const whole = (v: Vec): Vec => v.map((x) => Math.round(1e12 * x) / 1e12) as Vec;
+  const [c, s, ce, se] = [Math.cos(azimuth), Math.sin(azimuth), Math.cos(elevation), Math.sin(elevation)];
+  return { name, azimuth, elevation, right: whole([c, s, 0]), up: whole([-s * se, c * se, ce]), out: whole([s * ce, -c * ce, se]) };
+}
 
 export function viewsFor(dof: number): View[] {
-  if (dof === 1) return [{ name: 'x', right: [1, 0, 0], up: [0, 0, 0] }];
-  return dof === 3 ? VIEWS_3 : [OBLIQUE, ...VIEWS_3];
+  if (dof === 1) return [{ ...viewFrom('x', 0, 0), up: [0, 0, 0], out: [0, 0, 0] }];
+  const along = [viewFrom('x – y', 0, Math.PI / 2), viewFrom('x – z', 0, 0), viewFrom('y – z', Math.PI / 2, 0)];
+  return dof === 3 ? along : [viewFrom('oblique', -0.45, 0.39), ...along];
 }
 
 export interface Shown {
   hand: Vec; // in the robot's world
-  handAttitude: [number, number, number, number];
+  handAttitude: Attitude;
   robot: Vec;
-  robotAttitude: [number, number, number, number];
+  robotAttitude: Attitude;
+  joints: number[]; // of the robot's arm [rad]
+  fingers: number | null; // opening of the robot's gripper [m]; null: none
   target: Vec | null; // of the pointer, in the robot's world
   felt: Vec;
+  feltTorque: Vec;
   wanted: Vec; // before the passivity controller
   environment: Vec;
+  environmentTorque: Vec;
   robotAge: string; // of the robot's values, in words; empty: they are of now
 }
 
@@ -41,13 +53,8 @@ const cross = (a: Vec, b: Vec): Vec => [
   a[2] * b[0] - a[0] * b[2],
   a[0] * b[1] - a[1] * b[0],
 ];
-export function rotate(q: [number, number, number, number], v: Vec): Vec {
-  const u: Vec = [q[1], q[2], q[3]];
-  const t = cross(u, v).map((x) => 2 * x) as Vec;
-  return add(add(v, t, q[0]), cross(u, t));
-}
-
 const PIXELS_PER_NEWTON = 12;
+const RADIANS_PER_NEWTON_METRE = 6; // of a torque's arc
 const MARGIN = 24; // pixels in which hand and robot are not left
 
 export class Picture {
@@ -56,14 +63,37 @@ export class Picture {
   chosen = { scale: 2500, centre: [0, 0, 0] as Vec };
   /** What is shown: the same, but for a hand or robot that has left it. */
   private shown = { scale: 2500, centre: [0, 0, 0] as Vec };
+  private readonly canvas = document.createElement('canvas');
   private readonly context: CanvasRenderingContext2D;
+  private readonly space: Space | null = null;
 
   constructor(
-    readonly canvas: HTMLCanvasElement,
+    box: HTMLElement,
     private readonly scene: Introduction,
   ) {
     this.view = viewsFor(scene.dof)[0]!;
-    this.context = canvas.getContext('2d')!;
+    this.context = this.canvas.getContext('2d')!;
+    const behind = document.createElement('canvas');
+    if (scene.dof === 6) this.space = Space.on(behind, scene);
+    box.replaceChildren(...(this.space ? [behind] : []), this.canvas);
+    box.dataset.solid = String(this.space !== null);
+  }
+  dispose(): void {
+    this.space?.dispose();
+  }
+  /** From where another one looks. */
+  look(as: Picture): void {
+    this.view = as.view;
+    this.chosen = { ...as.chosen };
+    this.shown = { ...as.chosen };
+  }
+  /** Turns the view by a drag in pixels. */
+  orbit(dx: number, dy: number): void {
+    const { name, azimuth, elevation } = this.view;
+    this.view = viewFrom(name, azimuth - dx / 150, Math.max(-Math.PI / 2, Math.min(Math.PI / 2, elevation + dy / 150)));
+  }
+  armPlaces(): Vec[] {
+    return this.space?.armPlaces() ?? [];
   }
 
   get scale(): number {
@@ -134,14 +164,18 @@ export class Picture {
     this.follow([s.hand, s.robot]);
     c.setTransform(ratio, 0, 0, ratio, 0, 0);
     c.clearRect(0, 0, this.width, this.height);
+    if (this.space) this.space.draw(s, this.view, this.shown.centre, this.shown.scale, this.width, this.height);
     this.grid(colour('--grid'), colour('--muted'));
-    for (const e of this.scene.environment) this.element(e, s, colour('--surface'), colour('--surface-line'));
+    for (const e of this.scene.environment) if (!this.space || e.kind === 'spring') this.element(e, s, colour('--surface'), colour('--surface-line'));
     const ofRobot = s.robotAge ? colour('--muted') : colour('--robot');
-    this.tool(s.robot, s.robotAttitude, ofRobot);
-    this.robot(s.robot, ofRobot);
+    if (!this.space) this.robot(s.robot, ofRobot);
     if (s.robotAge) this.label(s.robot, `robot as it was ${s.robotAge} ago`, ofRobot);
     this.hand(s, colour('--hand'), colour('--muted'));
-    if (!s.robotAge) this.arrow(s.robot, s.environment, ofRobot, 'on the environment', 18);
+    if (!s.robotAge) {
+      this.arrow(s.robot, s.environment, ofRobot, 'on the environment', 18);
+      this.arc(s.robot, s.environmentTorque, ofRobot, 34);
+    }
+    this.arc(s.hand, s.feltTorque, colour('--felt'), 26);
     const differ = norm(add(s.wanted, s.felt, -1)) > 0.05;
     if (differ) this.arrow(s.hand, s.wanted, colour('--third'), 'wanted', -44, true);
     this.arrow(s.hand, s.felt, colour('--felt'), 'felt', -14);
@@ -170,12 +204,13 @@ export class Picture {
     const [ox, oy] = this.point([0, 0, 0]);
     c.strokeStyle = line;
     c.beginPath();
+    const lines = !this.space; // solids have no paper behind them
     const first = (o: number): number => ((o % (step * this.scale)) + step * this.scale) % (step * this.scale);
-    for (let x = first(ox); x < this.width; x += step * this.scale) {
+    for (let x = first(ox); lines && x < this.width; x += step * this.scale) {
       c.moveTo(x, 0);
       c.lineTo(x, this.height);
     }
-    for (let y = first(oy); y < this.height; y += step * this.scale) {
+    for (let y = first(oy); lines && y < this.height; y += step * this.scale) {
       c.moveTo(0, y);
       c.lineTo(this.width, y);
     }
@@ -347,52 +382,6 @@ export class Picture {
     c.fill();
   }
 
-  /** Axes of a body, and its contact points joined. */
-  private tool(at: Vec, q: [number, number, number, number], colour: string): void {
-    if (this.scene.dof !== 6) return;
-    const c = this.context;
-    const points = this.scene.tool.map((p) => this.point(add(at, rotate(q, p))));
-    const centre = this.point(at);
-    c.strokeStyle = colour;
-    c.lineWidth = 1.5;
-    c.globalAlpha = 0.7;
-    c.beginPath();
-    for (let i = 0; i < points.length; ++i) {
-      c.moveTo(...centre);
-      c.lineTo(...points[i]!);
-      for (let j = i + 1; j < points.length; ++j) {
-        c.moveTo(...points[i]!);
-        c.lineTo(...points[j]!);
-      }
-    }
-    c.stroke();
-    c.globalAlpha = 1;
-    c.fillStyle = colour;
-    for (const [x, y] of points) {
-      c.beginPath();
-      c.arc(x, y, 3.5, 0, 2 * Math.PI);
-      c.fill();
-    }
-    this.axes(at, q, colour, 24);
-  }
-  private axes(at: Vec, q: [number, number, number, number], colour: string, pixels: number): void {
-    const c = this.context, from = this.point(at);
-    c.strokeStyle = colour;
-    c.fillStyle = colour;
-    c.font = '10px system-ui, sans-serif';
-    c.lineWidth = 2;
-    (['x', 'y', 'z'] as const).forEach((name, i) => {
-      const axis: Vec = [0, 0, 0];
-      axis[i] = pixels / this.scale;
-      const to = this.point(add(at, rotate(q, axis)));
-      c.beginPath();
-      c.moveTo(...from);
-      c.lineTo(...to);
-      c.stroke();
-      c.fillText(name, to[0] + 2, to[1] - 2);
-    });
-  }
-
   private hand(s: Shown, colour: string, muted: string): void {
     const c = this.context, [x, y] = this.point(s.hand);
     if (s.target) {
@@ -412,7 +401,7 @@ export class Picture {
       c.lineTo(tx, ty + 6);
       c.stroke();
     }
-    if (this.scene.dof === 6) this.axes(s.hand, s.handAttitude, colour, 44);
+    if (this.space) return;
     c.strokeStyle = colour;
     c.lineWidth = 3;
     c.beginPath();
@@ -453,6 +442,32 @@ export class Picture {
     const wide = c.measureText(text).width;
     const left = Math.min(Math.max(4, x + dx + (ux < 0 ? -wide - 12 : 12)), this.width - wide - 4);
     c.fillText(text, left, y0 + dy + (offset > 0 ? 18 : hollow ? -24 : -10));
+  }
+
+  /** A torque: an arc about its axis, as long as it is large. */
+  private arc(at: Vec, torque: Vec, colour: string, pixels: number): void {
+    const size = norm(torque);
+    if (this.scene.dof !== 6 || size < 0.03) return;
+    const axis = torque.map((x) => x / size) as Vec, r = pixels / this.scale;
+    let u = cross(axis, Math.abs(axis[2]) < 0.9 ? [0, 0, 1] : [1, 0, 0]);
+    u = u.map((x) => x / norm(u)) as Vec;
+    const v = cross(axis, u), angle = Math.min(5.5, RADIANS_PER_NEWTON_METRE * size);
+    const place = (a: number): [number, number] => this.point(add(add(at, u, r * Math.cos(a)), v, r * Math.sin(a)));
+    const c = this.context;
+    c.strokeStyle = c.fillStyle = colour;
+    c.lineWidth = 2.5;
+    c.beginPath();
+    for (let k = 0; k <= 24; ++k) c.lineTo(...place((angle * k) / 24));
+    c.stroke();
+    const [x, y] = place(angle), [bx, by] = place(angle - 0.3), length = Math.hypot(x - bx, y - by) || 1;
+    const ux = (x - bx) / length, uy = (y - by) / length;
+    c.beginPath();
+    c.moveTo(x + 6 * ux, y + 6 * uy);
+    c.lineTo(x - 4 * uy, y + 4 * ux);
+    c.lineTo(x + 4 * uy, y - 4 * ux);
+    c.fill();
+    c.font = '12px system-ui, sans-serif';
+    c.fillText(`${size.toFixed(2)} N m`, x + 10, y + 4);
   }
 
   private legend(text: string, entries: [string, string][]): void {

@@ -1,0 +1,150 @@
+// One run as it is shown: its newest sample, its picture, its verdict and its budgets of energy. The page has one, and a second one
+// beside it where two methods are compared.
+
+import type { Introduction, Layout, Told, Vec } from './channel';
+import { Picture, type Attitude } from './picture';
+
+const COUPLED = 1;
+export type Kind = '' | 'good' | 'bad' | 'warn' | 'old';
+const KINDS = { passive: 'good', 'not passive': 'bad', restless: 'warn', unstable: 'bad' } as const;
+
+export function state(out: HTMLElement, text: string, kind: Kind = ''): void {
+  if (out.textContent !== text) out.textContent = text;
+  out.className = `state ${kind}`;
+  out.hidden = text === '';
+}
+const joules = (j: number): string => (Math.abs(j) >= 1 ? `${j.toFixed(2)} J` : `${(1e3 * j).toFixed(2)} mJ`);
+
+/** What is left of a budget, as a bar and in words. */
+function gauge(bar: HTMLElement, out: HTMLElement, granted: number, energy: number, who: string, old: boolean): void {
+  const left = granted + energy, share = granted > 0 ? Math.max(0, Math.min(1, left / granted)) : left >= 0 ? 1 : 0;
+  (bar.firstElementChild as HTMLElement).style.width = `${(100 * share).toFixed(1)}%`;
+  bar.className = `gauge ${left < 0 ? 'spent' : share < 0.3 ? 'low' : ''} ${old ? 'old' : ''}`;
+  bar.setAttribute('aria-valuenow', share.toFixed(2));
+  out.dataset.value = String(left);
+  out.textContent =
+    left < 0
+      ? `spent: ${who} got ${joules(-left)} beyond it`
+      : `${joules(Math.min(left, granted))} of ${joules(granted)} left` + (energy > 0 ? `; ${who} put in ${joules(energy)}` : '');
+}
+
+export class Session {
+  last: Float64Array | null = null;
+  told: Told;
+  readonly picture: Picture;
+  start: Vec | null = null; // of the hand
+  origin: Vec = [0, 0, 0]; // of the hand's world in the robot's
+  private past: { t: number; hand: Vec }[] = [];
+  private samples = 0;
+  private coupledFor = 0; // samples
+
+  constructor(
+    readonly scene: Introduction,
+    private readonly layout: Layout,
+    box: HTMLElement,
+  ) {
+    this.picture = new Picture(box, scene);
+    this.told = {
+      controls: true, verdict: 'passive', reason: '', initial_energy_j: scene.initial_energies_j?.[0] ?? 0, earlier_debt_j: 0,
+      both_initial_energy_j: -1, both_earlier_debt_j: 0, end: null,
+    };
+  }
+
+  number(name: string): number {
+    return this.last![this.layout.place(name)]!;
+  }
+  vector(name: string): Vec {
+    const at = this.layout.place(name);
+    return [this.last![at]!, this.last![at + 1]!, this.last![at + 2]!];
+  }
+  attitude(name: string): Attitude {
+    const at = this.layout.place(name);
+    return [this.last![at]!, this.last![at + 1]!, this.last![at + 2]!, this.last![at + 3]!];
+  }
+  private list(name: string): number[] {
+    const at = this.layout.place(name);
+    return Array.from(this.last!.subarray(at, at + this.layout.count(name)));
+  }
+  inRobotWorld(p: Vec): Vec {
+    return p.map((x, i) => this.scene.motion_scale * x + this.origin[i]!) as Vec;
+  }
+  method(): string {
+    const { methods, method } = this.scene;
+    return methods.length > 1 && this.last ? methods[this.number('epoch') % methods.length]! : method;
+  }
+
+  take(sample: Float64Array): void {
+    this.last = sample;
+    this.start ??= this.vector('hand_x_m');
+    this.samples += 1;
+    this.register(this.number('t_s'));
+  }
+  /** The hand's place in the robot's world: where the robot was told to be, against the hand a round trip ago. */
+  private register(t: number): void {
+    const hand = this.vector('hand_x_m');
+    if (this.samples % 10 === 0) this.past.push({ t, hand });
+    if (this.past.length > 200) this.past.shift();
+    const coupled = this.number('slave_mode') === COUPLED, trip = this.number('round_trip_ms');
+    if (!coupled) this.coupledFor = 0;
+    if (!this.scene.linked || !coupled || trip < 0) return;
+    const then = this.past.find((p) => p.t >= t - 1e-3 * trip) ?? this.past.at(-1);
+    if (!then) return;
+    const robot = this.vector('robot_x_m'), behind = this.vector('behind_m'), s = this.scene.motion_scale;
+    // A coupling that begins has an origin of its own.
+    if (this.coupledFor++ === 0) this.past = this.past.slice(-1);
+    const share = this.coupledFor < 200 ? 1 : 0.005;
+    this.origin = this.origin.map((o, i) => o + share * (robot[i]! - behind[i]! - s * then.hand[i]! - o)) as Vec;
+  }
+
+  /** `target`: of the pointer, in the hand's world, while it holds the handle. `robotAge`: in words; empty: of now. */
+  draw(target: Vec | null, robotAge: string): void {
+    if (!this.last) return;
+    this.picture.draw({
+      hand: this.inRobotWorld(this.vector('hand_x_m')),
+      handAttitude: this.attitude('hand_attitude'),
+      robot: this.vector('robot_x_m'),
+      robotAttitude: this.attitude('robot_attitude'),
+      joints: this.list('joint_rad'),
+      fingers: this.scene.gripper_m === null ? null : this.number('gripper_robot_m'),
+      target: target && this.inRobotWorld(target),
+      felt: this.vector('felt_n'),
+      feltTorque: this.vector('felt_n_m'),
+      wanted: this.vector('unlimited_n'),
+      environment: this.vector('environment_n'),
+      environmentTorque: this.vector('environment_n_m'),
+      robotAge,
+    });
+  }
+  inView(): boolean {
+    return this.picture.sees([this.inRobotWorld(this.vector('hand_x_m')), this.vector('robot_x_m')]);
+  }
+  fit(): void {
+    if (!this.last) return;
+    const places = this.scene.environment.flatMap((e): Vec[] =>
+      e.kind === 'wall' && e.normal && e.offset_m !== undefined
+        ? [e.normal.map((n) => n * e.offset_m!) as Vec]
+        : [e.center_m, e.point_m, e.anchor_m, e.start_m, e.end_m].filter((p): p is Vec => p !== undefined),
+    );
+    this.picture.fit([this.inRobotWorld(this.vector('hand_x_m')), this.vector('robot_x_m'), ...places, ...this.picture.armPlaces()]);
+  }
+
+  badge(out: HTMLElement, old: boolean): void {
+    const { verdict, reason } = this.told;
+    state(out, reason === '' ? '' : verdict, old ? 'old' : KINDS[verdict]);
+    out.title = `${reason}. The laboratory's judge, on the run so far; see docs/reference/stability.md.`;
+    out.setAttribute('aria-label', `${verdict}: ${reason}`);
+  }
+  /** E(0) of the hand's port, and what is left of it. */
+  budget(bar: HTMLElement, out: HTMLElement, old: boolean): void {
+    gauge(bar, out, this.told.initial_energy_j, this.number('hand_energy_j') + this.told.earlier_debt_j, 'the hand has', old);
+  }
+  /** The same of both ports together, where the method bounds the robot's port. */
+  bothBudget(bar: HTMLElement, out: HTMLElement, old: boolean): void {
+    const granted = this.told.both_initial_energy_j;
+    bar.hidden = granted < 0;
+    if (granted >= 0)
+      return gauge(bar, out, granted, this.number('hand_energy_j') + this.number('robot_port_j') + this.told.both_earlier_debt_j, 'both have', old);
+    out.textContent = 'This method does not bound the robot’s port: the drive feeds it.';
+    delete out.dataset.value;
+  }
+}

@@ -1,0 +1,48 @@
+// Contact as a sound: noise that is as loud as the displayed force changes. A gamepad rumbles with it. Off until somebody switches it on.
+
+import type { Vec } from './channel';
+
+const LOUDEST_N_PER_S = 200;
+const RUMBLE_MS = 60;
+
+export class Sound {
+  private context: AudioContext | null = null;
+  private volume: GainNode | null = null;
+  private on = false;
+  private before: { force: Vec; at: number } | null = null;
+  private rumbled = 0;
+
+  /** Returns whether it is on. */
+  toggle(): boolean {
+    this.on = !this.on;
+    if (this.on && !this.context) this.make();
+    if (this.on) void this.context!.resume();
+    else void this.context?.suspend();
+    return this.on;
+  }
+  private make(): void {
+    const context = new AudioContext(), noise = context.createBuffer(1, context.sampleRate, context.sampleRate);
+    const samples = noise.getChannelData(0);
+    for (let i = 0; i < samples.length; ++i) samples[i] = 2 * Math.random() - 1;
+    const source = new AudioBufferSourceNode(context, { buffer: noise, loop: true });
+    const dull = new BiquadFilterNode(context, { type: 'lowpass', frequency: 400 });
+    this.volume = new GainNode(context, { gain: 0 });
+    source.connect(dull).connect(this.volume).connect(context.destination);
+    source.start();
+    this.context = context;
+  }
+
+  /** Call with each frame: the force on the hand and the page's clock [ms]. */
+  follow(force: Vec, at: number): void {
+    const before = this.before;
+    this.before = { force, at };
+    if (!this.on || !before || at <= before.at) return;
+    const change = Math.hypot(...force.map((f, i) => f - before.force[i]!)) / (1e-3 * (at - before.at));
+    const loud = Math.min(1, change / LOUDEST_N_PER_S);
+    this.volume!.gain.setTargetAtTime(loud, this.context!.currentTime, 0.01);
+    if (loud < 0.05 || at < this.rumbled + RUMBLE_MS) return;
+    this.rumbled = at;
+    for (const pad of navigator.getGamepads())
+      void pad?.vibrationActuator?.playEffect('dual-rumble', { duration: 2 * RUMBLE_MS, strongMagnitude: loud, weakMagnitude: loud });
+  }
+}

@@ -1,0 +1,266 @@
+// Solids of a scene in six axes, by three.js: environment, arm, tool, hand. Forces and words are drawn over it (picture.ts).
+
+import {
+  BoxGeometry, BufferGeometry, CapsuleGeometry, CylinderGeometry, DirectionalLight, DoubleSide, EdgesGeometry, ExtrudeGeometry,
+  Float32BufferAttribute, Group, HemisphereLight, LatheGeometry, LineBasicMaterial, LineSegments, Mesh, MeshLambertMaterial,
+  OrthographicCamera, Path, PCFSoftShadowMap, PlaneGeometry, Points, PointsMaterial, Quaternion, Scene, ShadowMaterial, Shape,
+  ShapeGeometry, SphereGeometry, TorusGeometry, Vector2, Vector3, WebGLRenderer,
+} from 'three';
+import { ConvexGeometry } from 'three/examples/jsm/geometries/ConvexGeometry.js';
+
+import type { Element, Introduction, Vec } from './channel';
+import type { Attitude, Shown, View } from './picture';
+
+const WALL_M = 0.16; // half of the part of a plane that is shown
+const SKIN_M = 0.0012; // of a tool around its contact points
+const LINK_M = 0.045; // radius of the arm's joints
+const SLOW_MS = 60; // between two frames
+const SLOW_FRAMES = 30;
+const AHEAD_M = 5; // of the camera
+
+const v3 = (p: readonly number[]): Vector3 => new Vector3(p[0], p[1], p[2]);
+const quaternion = (q: Attitude): Quaternion => new Quaternion(q[1], q[2], q[3], q[0]);
+const between = (from: Vector3, to: Vector3): Quaternion => new Quaternion().setFromUnitVectors(from, to.clone().normalize());
+const Y = new Vector3(0, 1, 0), Z = new Vector3(0, 0, 1);
+const colour = (name: string): string => getComputedStyle(document.documentElement).getPropertyValue(name).trim();
+
+/** A cylinder from one point to another. */
+function rod(from: Vector3, to: Vector3, radius: number, material: MeshLambertMaterial): Mesh {
+  const along = to.clone().sub(from), mesh = solid(new CylinderGeometry(radius, radius, along.length(), 32), material);
+  mesh.position.copy(from).addScaledVector(along, 0.5);
+  mesh.quaternion.copy(between(Y, along));
+  return mesh;
+}
+function solid(geometry: BufferGeometry, material: MeshLambertMaterial): Mesh {
+  const mesh = new Mesh(geometry, material);
+  mesh.castShadow = mesh.receiveShadow = true;
+  return mesh;
+}
+function edges(of: BufferGeometry, line: string): LineSegments {
+  return new LineSegments(new EdgesGeometry(of, 25), new LineBasicMaterial({ color: line, transparent: true, opacity: 0.6 }));
+}
+
+interface ArmParts {
+  base: Group;
+  joints: Group[];
+  flange: Group;
+}
+
+export class Space {
+  private readonly world = new Scene();
+  private readonly camera = new OrthographicCamera();
+  private readonly light = new DirectionalLight(0xffffff, 2.2);
+  private readonly robot: MeshLambertMaterial;
+  private readonly walls: { material: MeshLambertMaterial; normal: Vector3 }[] = [];
+  private readonly tool = new Group();
+  private readonly hand = new Group();
+  private readonly fingers: Mesh[] = [];
+  private readonly arm: ArmParts | null;
+  private readonly floor: Mesh;
+  private drawn = { at: 0, mean_ms: 0, frames: 0 };
+
+  /** Null where the browser has no WebGL. */
+  static on(canvas: HTMLCanvasElement, scene: Introduction): Space | null {
+    try {
+      return new Space(new WebGLRenderer({ canvas, antialias: true, alpha: true }), scene);
+    } catch {
+      return null;
+    }
+  }
+
+  private constructor(
+    private readonly renderer: WebGLRenderer,
+    scene: Introduction,
+  ) {
+    renderer.shadowMap.enabled = true;
+    renderer.shadowMap.type = PCFSoftShadowMap;
+    this.world.add(new HemisphereLight(0xffffff, 0x8899aa, 1.6), this.light, this.light.target);
+    this.light.castShadow = true;
+    this.light.shadow.mapSize.set(1024, 1024);
+    this.light.shadow.radius = 3;
+    this.light.shadow.normalBias = 0.002;
+    this.robot = new MeshLambertMaterial({ color: colour('--robot') });
+    for (const element of scene.environment) this.addElement(element);
+    this.floor = new Mesh(new PlaneGeometry(6, 6), new ShadowMaterial({ opacity: 0.25 }));
+    this.floor.receiveShadow = true;
+    this.arm = scene.arm ? this.makeArm(scene) : null;
+    this.floor.visible = this.arm !== null;
+    this.world.add(this.floor, this.tool, this.hand);
+    this.addTool(scene);
+  }
+  dispose(): void {
+    this.renderer.dispose();
+    this.renderer.forceContextLoss();
+  }
+
+  // What there is.
+
+  private addElement(e: Element): void {
+    const fill = colour('--solid'), line = colour('--surface-line');
+    const material = new MeshLambertMaterial({ color: fill, side: DoubleSide });
+    const put = (geometry: BufferGeometry, at: readonly number[], turn = new Quaternion(), lines = true): Mesh => {
+      const mesh = solid(geometry, material);
+      mesh.position.copy(v3(at));
+      mesh.quaternion.copy(turn);
+      if (lines) mesh.add(edges(geometry, line));
+      this.world.add(mesh);
+      return mesh;
+    };
+    if (e.kind === 'wall' && e.normal && e.offset_m !== undefined) {
+      const normal = v3(e.normal), at = normal.clone().multiplyScalar(e.offset_m - 0.002);
+      const mesh = put(new BoxGeometry(2 * WALL_M, 2 * WALL_M, 0.004), at.toArray(), between(Z, normal));
+      mesh.castShadow = false;
+      const grid: number[] = [];
+      for (let u = -WALL_M + 0.02; u < WALL_M; u += 0.02) grid.push(u, -WALL_M, 0.0021, u, WALL_M, 0.0021, -WALL_M, u, 0.0021, WALL_M, u, 0.0021);
+      const lines = new BufferGeometry().setAttribute('position', new Float32BufferAttribute(grid, 3));
+      mesh.add(new LineSegments(lines, new LineBasicMaterial({ color: line, transparent: true, opacity: 0.25 })));
+      material.transparent = true;
+      this.walls.push({ material, normal });
+    } else if (e.kind === 'sphere') {
+      put(new SphereGeometry(e.radius_m, 48, 32), e.center_m!, new Quaternion(), false);
+    } else if (e.kind === 'box') {
+      put(new BoxGeometry(...(e.half_size_m!.map((h) => 2 * h) as Vec)), e.center_m!);
+    } else if (e.kind === 'cylinder') {
+      put(new CylinderGeometry(e.radius_m, e.radius_m, 2, 64, 1, true), e.point_m!, between(Y, v3(e.axis!)), false);
+    } else if (e.kind === 'torus') {
+      put(new TorusGeometry(e.radius_m, e.tube_radius_m, 24, 64), e.center_m!, between(Z, v3(e.axis!)), false);
+    } else if (e.kind === 'capsule') {
+      const from = v3(e.start_m!), along = v3(e.end_m!).sub(from);
+      put(new CapsuleGeometry(e.radius_m, along.length(), 16, 32), from.addScaledVector(along, 0.5).toArray(), between(Y, along), false);
+    } else if (e.kind === 'plate') {
+      const [x, y, z] = e.half_size_m!, outline = new Shape([[-x, -y], [x, -y], [x, y], [-x, y]].map(([a, b]) => new Vector2(a, b)));
+      for (const [a, b, r] of e.holes_m!) outline.holes.push(new Path().absarc(a, b, r, 0, 2 * Math.PI, true));
+      put(new ExtrudeGeometry(outline, { depth: 2 * z, bevelEnabled: false, curveSegments: 32 }).translate(0, 0, -z), e.center_m!, quaternion(e.attitude!));
+    } else if (e.profile_m) {
+      this.addRevolved(e, material, line);
+    }
+  }
+  /** A solid of revolution; a hole is in a round block that is cut open towards the oblique view. */
+  private addRevolved(e: Element, material: MeshLambertMaterial, line: string): void {
+    const hole = e.kind === 'hole', corners = e.profile_m!.map(([r, z]) => new Vector2(r, z));
+    if (hole) {
+      const deep = corners.at(-1)!.y - 0.006, wide = Math.max(0.05, 3 * corners[0]!.x);
+      corners.unshift(new Vector2(0, deep), new Vector2(wide, deep), new Vector2(wide, 0));
+    }
+    const from = hole ? -0.45 + Math.PI / 4 : 0, over = hole ? 1.5 * Math.PI : 2 * Math.PI;
+    const all = new Group(), lathe = new LatheGeometry(corners, 96, from, over);
+    all.add(solid(lathe, material));
+    all.add(edges(lathe, line));
+    if (hole)
+      for (const end of [from, from + over]) {
+        const cut = solid(new ShapeGeometry(new Shape(corners)), material);
+        cut.rotation.y = end - Math.PI / 2;
+        all.add(cut);
+      }
+    all.position.copy(v3(e.point_m!));
+    all.quaternion.copy(between(Y, v3(e.axis!)));
+    this.world.add(all);
+  }
+  /** The tool as the convex hull of its contact points, and a ghost of it at the hand. */
+  private addTool(scene: Introduction): void {
+    const points = scene.tool.map(v3), around: Vector3[] = [];
+    for (const p of points.length > 1 ? points : [new Vector3()])
+      for (const axis of [0, 1, 2]) for (const side of [-1, 1]) around.push(p.clone().setComponent(axis, p.getComponent(axis) + side * (points.length > 1 ? SKIN_M : 0.006)));
+    const hull = new ConvexGeometry(around);
+    this.tool.add(solid(hull, this.robot), edges(hull, colour('--text')));
+    const at = new BufferGeometry().setFromPoints(points);
+    this.tool.add(new Points(at, new PointsMaterial({ color: colour('--text'), size: 4, sizeAttenuation: false })));
+    const ghost = new Mesh(hull, new MeshLambertMaterial({ color: colour('--hand'), transparent: true, opacity: 0.3, depthWrite: false }));
+    const shadow = edges(hull, colour('--hand'));
+    (shadow.material as LineBasicMaterial).depthTest = false; // a hand is seen within a wall too
+    this.hand.add(ghost, shadow);
+    const middle = points.reduce((sum, p) => sum.addScaledVector(p, 1 / points.length), new Vector3());
+    if (!this.arm && middle.length() > 0.01) this.tool.add(solid(new SphereGeometry(0.006, 24, 16), this.robot), rod(new Vector3(), middle, 0.003, this.robot));
+    if (scene.gripper_m === null) return;
+    for (let i = 0; i < 2; ++i) {
+      const finger = solid(new BoxGeometry(0.012, 0.006, 0.04), this.robot);
+      this.fingers.push(finger);
+      this.tool.add(finger);
+    }
+  }
+  private makeArm(scene: Introduction): ArmParts {
+    const link = new MeshLambertMaterial({ color: colour('--solid') }), none = new Vector3();
+    const base = new Group(), joints: Group[] = [], all = scene.arm!.joints;
+    const length = (p: Vec): number => Math.hypot(...p);
+    // A tool that reaches back towards the arm covers that much of the last link.
+    const flange = v3(scene.arm!.flange_m), back = Math.max(0, ...scene.tool.map((p) => Math.abs(p[2])));
+    let parent = base;
+    base.add(rod(new Vector3(0, 0, 0), new Vector3(0, 0, 0.02), 2 * LINK_M, link));
+    all.forEach((joint, i) => {
+      const fixed = new Group(), turning = new Group(), origin = v3(joint.origin_m);
+      if (length(joint.origin_m) > 1e-6) parent.add(rod(none, origin, 0.75 * LINK_M, link));
+      fixed.position.copy(origin);
+      fixed.quaternion.copy(quaternion(joint.attitude));
+      const thick = LINK_M * (1 - 0.05 * i);
+      turning.add(rod(new Vector3(0, 0, -thick), new Vector3(0, 0, thick), 1.1 * thick, link));
+      turning.add(rod(new Vector3(0, 0, -0.006), new Vector3(0, 0, 0.006), 1.13 * thick, this.robot));
+      fixed.add(turning);
+      parent.add(fixed);
+      parent = turning;
+      joints.push(turning);
+    });
+    const shown = flange.clone().setLength(Math.max(0.01, flange.length() - back));
+    if (flange.length() > 1e-6) parent.add(rod(none, shown, 0.5 * LINK_M, link));
+    const end = new Group();
+    end.position.copy(flange);
+    parent.add(end);
+    this.world.add(base);
+    return { base, joints, flange: end };
+  }
+
+  // Where it is.
+
+  /** Origins of the joints, as they were drawn last. */
+  armPlaces(): Vec[] {
+    return this.arm ? [this.arm.base, ...this.arm.joints].map((g) => g.getWorldPosition(new Vector3()).toArray() as Vec) : [];
+  }
+  private pose(s: Shown): void {
+    this.tool.position.copy(v3(s.robot));
+    this.tool.quaternion.copy(quaternion(s.robotAttitude));
+    this.hand.position.copy(v3(s.hand));
+    this.hand.quaternion.copy(quaternion(s.handAttitude));
+    this.robot.color.set(colour(s.robotAge ? '--muted' : '--robot'));
+    this.fingers.forEach((finger, i) => finger.position.set(0, (i === 0 ? 1 : -1) * (0.5 * (s.fingers ?? 0) + 0.003), 0.02));
+    if (!this.arm) return;
+    // The base stands where the tool is at its place.
+    const { base, joints, flange } = this.arm;
+    joints.forEach((joint, i) => (joint.rotation.z = s.joints[i] ?? 0));
+    base.position.set(0, 0, 0);
+    const from = flange.getWorldPosition(new Vector3());
+    base.position.copy(v3(s.robot)).sub(from);
+    this.floor.position.copy(base.position);
+  }
+
+  /** A browser that is slow, as without a graphics processor, draws no shadow. */
+  private spare(): void {
+    const { at, mean_ms, frames } = this.drawn, now = performance.now();
+    this.drawn = { at: now, mean_ms: frames > 0 ? mean_ms + 0.1 * (Math.min(now - at, 200) - mean_ms) : 0, frames: frames + 1 };
+    if (frames > SLOW_FRAMES && mean_ms > SLOW_MS) this.light.castShadow = false;
+  }
+
+  /** The point `centre` is at 45 % of the width and half of the height, `scale` pixels are a metre. */
+  draw(s: Shown, view: View, centre: Vec, scale: number, width: number, height: number): void {
+    this.pose(s);
+    const c = this.camera, middle = v3(centre), out = v3(view.out);
+    [c.left, c.right, c.top, c.bottom] = [(-0.45 * width) / scale, (0.55 * width) / scale, (0.5 * height) / scale, (-0.5 * height) / scale];
+    [c.near, c.far] = [0.01, 2 * AHEAD_M];
+    c.position.copy(middle).addScaledVector(out, AHEAD_M);
+    c.up.copy(v3(view.up));
+    c.lookAt(middle);
+    c.updateProjectionMatrix();
+    const reach = Math.min(1.5, Math.max(0.1, (0.6 * Math.max(width, height)) / scale)), shadow = this.light.shadow.camera;
+    [shadow.left, shadow.right, shadow.top, shadow.bottom, shadow.near, shadow.far] = [-reach, reach, reach, -reach, 0.1, 6];
+    shadow.updateProjectionMatrix();
+    this.light.target.position.copy(middle);
+    this.light.position.copy(middle).add(new Vector3(-1.1, -1.0, 2.2));
+    // From behind one sees through a wall.
+    for (const wall of this.walls) wall.material.opacity = wall.normal.dot(out) < -0.02 ? 0.25 : 1;
+    const ratio = window.devicePixelRatio || 1, size = this.renderer.getSize(new Vector2());
+    if (size.x !== width || size.y !== height || this.renderer.getPixelRatio() !== ratio) {
+      this.renderer.setPixelRatio(ratio);
+      this.renderer.setSize(width, height, false);
+    }
+    this.renderer.render(this.world, this.camera);
+    this.spare();
+  }
+}
