@@ -3,7 +3,7 @@
 #
 #   end_to_end.sh MASTER SLAVE LAB NODE_MODULES [PICTURE.png] [SCRIPT] [SCENE] [OPTION OF THE SLAVE...]
 #
-# SCRIPT: end_to_end (the default), states, screens, tour, gripper, friction, refused; SCENE: of examples/play, one_axis. Both sides record, and LAB replays the
+# SCRIPT: end_to_end (the default), states, screens, tour, gripper, friction, solid, refused; SCENE: of examples/play, one_axis. Both sides record, and LAB replays the
 # recordings to the bit. Exit status 77: skipped, with the reason.
 set -euo pipefail
 master=$1 slave=$2 lab=$3 modules=$4 picture=${5:-} script=${6:-end_to_end} scene=${7:-one_axis}
@@ -35,11 +35,11 @@ wait_for() { # PATTERN FILE
   exit 1
 }
 
-env --default-signal=INT "$slave" --scene "$scene" --listen 127.0.0.1:0 --no-spin --out "$work/slave" --record "$work/slave.mcap" "$@" >"$work/slave.log" 2>&1 &
+env --default-signal=INT "$slave" --scene "$scene" --set duration_s=600 --listen 127.0.0.1:0 --no-spin --out "$work/slave" --record "$work/slave.mcap" "$@" >"$work/slave.log" 2>&1 &
 pids+=($!)
 wait_for 'listening on' "$work/slave.log"
 port=$(sed -n 's/.*listening on 127\.0\.0\.1:\([0-9]*\).*/\1/p' "$work/slave.log")
-env --default-signal=INT "$master" --scene "$scene" --peer "127.0.0.1:$port" --device page --page 127.0.0.1:0 --no-spin \
+env --default-signal=INT "$master" --scene "$scene" --set duration_s=600 --peer "127.0.0.1:$port" --device page --page 127.0.0.1:0 --no-spin \
   --out "$work/master" --record "$work/master.mcap" >"$work/master.log" 2>&1 &
 pids+=($!)
 wait_for 'page: http' "$work/master.log"

@@ -31,6 +31,14 @@ await run(async () => {
   console.log(`moved 15 mm along the wall: the robot is ${rough.toFixed(1)} mm behind with friction 1, ${smooth.toFixed(1)} mm with 0`);
   if (!(rough > smooth + 0.5)) throw new Error('friction holds nothing back');
   if ((await value('environment-energy')) !== 0) throw new Error('friction stores no energy');
+  // Both ports have a budget where the method bounds the robot's. The wall that is pressed has got energy from the robot.
+  if (!/does not bound the robot/.test(await text('both-left'))) throw new Error(`the method of the scene: ${await text('both-left')}`);
+  const methods = await page.locator('#method option').allTextContents();
+  await page.locator('#method').selectOption(String(methods.findIndex((m) => m.startsWith('FORCE_PROJECTED'))));
+  await until('FORCE_PROJECTED bounds both ports', async () => /of 2\.00 mJ left/.test(await text('both-left')));
+  console.log(`FORCE_PROJECTED: ${await text('budget-left')}; with the robot's port ${await text('both-left')}`);
+  const hand = await value('hand-energy'), both = 1e3 * (await value('both-left')) - 2;
+  if (!(hand > 2 && both < hand - 1)) throw new Error(`${hand} mJ in at the hand, ${both} mJ at both ports`);
   // The sphere is another surface.
   await page.locator('#surface').selectOption({ label: 'sphere' });
   await until('the sliders show the sphere', async () => (await there('stiffness')) === 2000);

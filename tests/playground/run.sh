@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
-# A test of the playground: run.sh build PLAYGROUND_SCENES | same PLAYGROUND_ROWS | felt NODE_MODULES. Exit status 77: skipped, with the
-# reason.
+# A test of the playground: run.sh build PLAYGROUND_SCENES | same PLAYGROUND_ROWS | felt NODE_MODULES | compare NODE_MODULES. Exit status
+# 77: skipped, with the reason.
 set -euo pipefail
 here=$(dirname "$(readlink -f "$0")")
 root=$here/../..
@@ -19,12 +19,12 @@ case $1 in
     [ -e "$root/out/playground/core.wasm" ] || skip "there is no out/playground/core.wasm; scripts/playground makes it"
     node "$here/same.mjs" "$root/out/playground/core.wasm" "$2" "$root/scenes"
     ;;
-  felt)
+  felt | compare)
     needs node node nodejs
     [ -d "$2/playwright-core" ] || skip "playwright-core is not in $2"
     chromium=$(command -v chromium || command -v chromium-browser || command -v google-chrome) ||
       skip "Chromium is not installed; install Debian's package chromium"
     [ -e "$file" ] || skip "there is no out/playground/index.html; scripts/playground makes it"
-    node "$here/felt.mjs" "file://$(readlink -f "$file")" "$chromium" "$2" "${3-}"
+    node "$here/$1.mjs" "file://$(readlink -f "$file")" "$chromium" "$2" "${3-}"
     ;;
 esac

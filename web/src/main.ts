@@ -116,6 +116,7 @@ class Page {
     if (scene.dof === 6) zoom.value = scene.arm ? '1000' : '2000';
     const zooms = (): void => this.sessions.forEach((s) => (s.picture.chosen = { ...s.picture.chosen, scale: Number(zoom.value) }));
     zooms();
+    this.first!.picture.look(this.first!.picture);
     zoom.oninput = zooms;
     const views = viewsFor(scene.dof), view = element<HTMLSelectElement>('view');
     view.replaceChildren(...views.map((v, i) => new Option(v.name, String(i))));

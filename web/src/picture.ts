@@ -81,7 +81,7 @@ export class Picture {
   dispose(): void {
     this.space?.dispose();
   }
-  /** From where another one looks. */
+  /** At once from where another one, or itself, is to look. */
   look(as: Picture): void {
     this.view = as.view;
     this.chosen = { ...as.chosen };
