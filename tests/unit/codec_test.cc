@@ -340,7 +340,7 @@ TYPED_TEST(CodecOf, RejectsTimesModesAndSequencesThatAreNone) {
   EXPECT_EQ(with([](auto& e) { e.report.sent_ns = kMax; }), Decoded::malformed);
   EXPECT_EQ(with([](auto& e) { e.report.echo_ns = -2; }), Decoded::malformed);
   EXPECT_EQ(with([](auto& e) { e.report.echo_ns = kMax; }), Decoded::malformed);
-  EXPECT_EQ(with([](auto& e) { e.report.mode = static_cast<Mode>(5); }), Decoded::malformed);
+  EXPECT_EQ(with([](auto& e) { e.report.mode = static_cast<Mode>(6); }), Decoded::malformed);
   EXPECT_EQ(with([](auto& e) { e.report.sequence = 0; }), Decoded::malformed);
   EXPECT_EQ(with([](auto& e) { e.session = 0; }), Decoded::malformed);
 }

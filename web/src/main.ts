@@ -8,7 +8,7 @@ import { Session, state, type Kind } from './session';
 import { Sound } from './sound';
 import { Tour } from './tour';
 
-const MODES = ['no partner', 'coupled', 'holding', 'released', 'waiting for a hand'];
+const MODES = ['no partner', 'coupled', 'holding', 'released', 'waiting for a hand', 'stopped'];
 const OLD_MS = 300; // a value of this age looks old
 const LIMIT_SHOWN_MS = 1000;
 const HOME_M_PER_S = 0.12;
