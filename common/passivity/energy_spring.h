@@ -33,38 +33,32 @@ std::optional<PortVelocityPredictor<N>> predictor_of(double mass_kg, double iner
   return PortVelocityPredictor<N>{mass_kg, inertia_kg_m2};
 }
 
-/// How far a tick may move a port: `times` the largest motion of a tick in the last `memory_s` or so.
-struct Reach {
-  double times = 2.0, memory_s = 0.5;
-};
-
 /// Limits the force at an impedance to what a spring could return that holds the energy of the port. Positive power f·v
 /// enters the port.
 ///
-///     A  = max(0, E + E(0))                      available energy; E: energy into the port, exact
+///     A  = max(0, E + E(0)) - R                available energy; E: energy into the port, exact; R: reserved for a damper g beside it
 ///     K  = min(K_0, m/(4 T²)),  K_r likewise   no stiffer than the sampled handle, where its mass m (and inertia) is known
-///     d  = c T v_p,   v_p = max(|Δx|/T, (1 - T/τ) v_p),   c = 2,  τ = 0.5 s (Reach),  v_p(0) = 1 m/s
-///     s1 = min(1, sqrt(2 K A) / |f_d|, A / (d |f_d|))   |f| <= sqrt(2 K A): the force of a spring K that stores A;  |f| d <= A
-///     s2 = largest_feasible_scale                predicted outflow <= A, see predictive_impedance_controller; without a known
-///                                                mass T s1 f_d·(-v) s2 <= A
+///     s1 = min(1, sqrt(2 K A) / |f_d|)         |f| <= sqrt(2 K A): the force of a spring K that stores A
+///     s2: the largest s with T (s² fᵀCf - s (f·w - |f| ε - 2 fᵀCg)) <= A,   f = s1 f_d;   ε: VelocityPrediction::worst_power_error
 ///     f  = s1 s2 f_d
 ///
 /// Without a controller law of time: outward motion under |f| = sqrt(2 K A) is exactly that of a spring K. So the force has no
 /// switching, no division by the velocity and no gain. One scalar for the whole wrench: the direction is that of f_d.
 ///
-///     E(k) >= -E(0)              where every tick moves the port by no more than d, or as s2 predicts
+///     E(k) >= -E(0)              for any f_d(k), whatever has arrived, been lost or is wrong, and any hand that changes its own
+///                                force by no more than F_h = 20 N within two ticks (kHandForceChange_n)
 ///     E(k) >= -E(0) - K δ²/2     else; δ: largest motion in one tick
-///     K δ²/2 <= m |δ/T|²/8       where the mass is known: a quarter of the kinetic energy of the handle at that speed, at any T
+///     K δ²/2 <= m |δ/T|²/8       a quarter of the kinetic energy of the handle at that speed, at any T
 ///
-/// for any f_d(k), whatever has arrived, been lost or is wrong. N = 6: |f|² = |f_t|² + K/K_r |τ|² and |δ|² = |Δp|² + K_r/K |log ΔR|².
+/// Where the mass is not known there is no prediction. Then |f| d <= A with d = 2 T v_p, v_p = max(|Δx|/T, (1 - T/0.5 s) v_p),
+/// v_p(0) = 1 m/s, and E(k) >= -E(0) where no tick moves the port by more than d.
+/// N = 6: |f|² = |f_t|² + K/K_r |τ|² and |δ|² = |Δp|² + K_r/K |log ΔR|².
 template <int N>
 class EnergySpring {
  public:
   /// `stiffness` K_0 [N/m], `rotational_stiffness` K_r [N m/rad] of N = 6; `mass`, `inertia` of the handle, 0: not known.
-  EnergySpring(Energy initial, double stiffness, double rotational_stiffness, double mass_kg, double inertia_kg_m2,
-               Reach reach = {})
-      : reach_{reach},
-        initial_{initial},
+  EnergySpring(Energy initial, double stiffness, double rotational_stiffness, double mass_kg, double inertia_kg_m2)
+      : initial_{initial},
         stiffness_{stiffness},
         rotational_stiffness_{rotational_stiffness},
         quarter_mass_kg_{0.25 * mass_kg},
@@ -75,16 +69,16 @@ class EnergySpring {
   void observe(Energy net, const Displacement<N>& moved, const Force<N>& applied, Seconds ended, Seconds dt) noexcept {
     energy_ += net - net_;
     net_ = net;
+    if (predictor_) return predictor_->step(moved, applied, ended, dt);
     const double speed = ended.si() > 0.0 ? motion_norm(moved, dt) / ended.si() : 0.0;
-    peak_speed_ = std::max(speed, std::max(0.0, 1.0 - dt.si() / reach_.memory_s) * peak_speed_);
-    if (predictor_) predictor_->step(moved, applied, ended, dt);
+    peak_speed_ = std::max(speed, std::max(0.0, 1.0 - dt.si() / kMemory_s) * peak_speed_);
   }
+  /// Says whether a limit at the device may turn the coming force, not only shorten it: its worst direction is expected then.
+  void expect_turned(bool turned) noexcept { turned_ = turned; }
   /// Drops energy above `most`: energy put in long ago cannot be returned as a kick.
   void drop_above(Energy most) noexcept { energy_ = std::min(energy_, most); }
   /// Passes energy on to another account.
   void take(Energy e) noexcept { energy_ -= e; }
-  /// What another force of the port may lose in the coming interval: the spring leaves it alone.
-  void reserve(Energy e) noexcept { reserved_ = e; }
   /// Starts anew with a deficit; `net` as in observe.
   void restart(Energy net, Energy deficit) noexcept {
     net_ = net;
@@ -123,45 +117,62 @@ class EnergySpring {
       return moved.vec().norm();
     }
   }
-  /// d [m]: no motion of one tick is expected to be larger.
-  [[nodiscard]] double reach(Seconds dt) const noexcept { return reach_.times * dt.si() * peak_speed_; }
-  /// Scale s = s1 s2 in [0, 1] of f_d for the coming interval; `v`: velocity of the port; `beside`: what is displayed besides s f_d
-  /// and has an account of its own.
-  [[nodiscard]] double scale(const Force<N>& f_d, const Velocity<N>& v, Seconds dt,
-                             const Force<N>& beside = {}) const noexcept {
-    const double a = positive_part(available() - reserved_).si(), size = norm(f_d, dt);
+  /// d [m] of a port without a known mass: no motion of one tick is expected to be larger.
+  [[nodiscard]] double reach(Seconds dt) const noexcept { return kReach * dt.si() * peak_speed_; }
+  /// Scale s = s1 s2 in [0, 1] of f_d for the coming interval; `beside`: the damper's force, displayed besides s f_d.
+  [[nodiscard]] double scale(const Force<N>& f_d, Seconds dt, const Force<N>& beside = {}) const noexcept {
+    const double a = positive_part(available() - worst_outflow(beside, dt)).si(), size = norm(f_d, dt);
     if (size == 0.0) return 1.0;
-    const double most = std::min(std::sqrt(2.0 * stiffness(dt) * a), a / std::max(reach(dt), kLeastReach_m));
-    const double s1 = size <= most ? 1.0 : most / size;
+    const double most = std::sqrt(2.0 * stiffness(dt) * a), s1 = size <= most ? 1.0 : most / size;
     if (s1 == 0.0) return 0.0;
-    return s1 * feasible_part(s1 * f_d, v, Energy{a}, dt, beside);
+    return s1 * feasible_part(s1 * f_d, Energy{a}, dt, beside);
   }
-  /// Largest part in [0, 1] of `f` that returns no more than `budget` in the coming interval, as predicted; `v` serves where there
-  /// is no predictor.
-  [[nodiscard]] double feasible_part(const Force<N>& f, const Velocity<N>& v, Energy budget, Seconds dt,
+  /// Largest part in [0, 1] of `f` that returns no more than `budget` in the coming interval, whatever the hand does within
+  /// kHandForceChange_n.
+  [[nodiscard]] double feasible_part(const Force<N>& f, Energy budget, Seconds dt,
                                      const Force<N>& beside = {}) const noexcept {
-    const double a = budget.si();
-    if (predictor_) {
-      const VelocityPrediction<N>& port = predictor_->prediction();
-      const auto response = port.mobility.cwiseProduct(f.vec());
-      const double power = f.vec().dot(port.w.vec()) - port.power_error_bound(f) - 2.0 * beside.vec().dot(response);
-      return largest_feasible_scale(f.vec().dot(response), -power, a / dt.si());
-    }
+    if (predictor_) return part_within(f, budget, dt, predictor_->prediction().worst_power_error(f), beside);
+    const double out = norm(f, dt) * std::max(reach(dt), kLeastReach_m);
+    return out > budget.si() ? budget.si() / out : 1.0;
+  }
+  /// The same as it is expected: with the error that the prediction has had lately; `v` serves where there is no predictor.
+  [[nodiscard]] double expected_part(const Force<N>& f, const Velocity<N>& v, Energy budget,
+                                     Seconds dt) const noexcept {
+    if (predictor_) return part_within(f, budget, dt, predictor_->prediction().power_error_bound(f), {});
     const double out = -dot(f, v).si() * dt.si();
-    return out > a ? a / out : 1.0;
+    return out > budget.si() ? budget.si() / out : 1.0;
   }
 
  private:
+  [[nodiscard]] double part_within(const Force<N>& f, Energy budget, Seconds dt, double error_w,
+                                   const Force<N>& beside) const noexcept {
+    const VelocityPrediction<N>& port = predictor_->prediction();
+    const auto response = port.mobility.cwiseProduct(f.vec());
+    const double power = power_without_response(f) - error_w - 2.0 * beside.vec().dot(response);
+    return largest_feasible_scale(f.vec().dot(response), -power, budget.si() / dt.si());
+  }
+  [[nodiscard]] double power_without_response(const Force<N>& f) const noexcept {
+    const VelocityPrediction<N>& port = predictor_->prediction();
+    return turned_ ? port.least_power(f) : f.vec().dot(port.w.vec());
+  }
+  /// R: what `f` returns at most in the coming interval.
+  [[nodiscard]] Energy worst_outflow(const Force<N>& f, Seconds dt) const noexcept {
+    if (!predictor_) return Energy{norm(f, dt) * reach(dt)};
+    const VelocityPrediction<N>& port = predictor_->prediction();
+    const double out_w =
+        f.vec().dot(port.mobility.cwiseProduct(f.vec())) - power_without_response(f) + port.worst_power_error(f);
+    return positive_part(Energy{out_w * dt.si()});
+  }
   [[nodiscard]] double sampled(double stiffness, double quarter, Seconds dt) const noexcept {
     return predictor_ ? std::min(stiffness, quarter / (dt.si() * dt.si())) : stiffness;
   }
 
-  static constexpr double kFirstSpeed_m_per_s = 1.0, kLeastReach_m = 1e-12;
+  static constexpr double kReach = 2.0, kMemory_s = 0.5, kFirstSpeed_m_per_s = 1.0, kLeastReach_m = 1e-12;
 
-  Reach reach_;
-  Energy initial_, energy_, net_, reserved_;
+  Energy initial_, energy_, net_;
   double stiffness_, rotational_stiffness_, quarter_mass_kg_, quarter_inertia_kg_m2_;
   double peak_speed_ = kFirstSpeed_m_per_s;  ///< v_p
+  bool turned_ = false;
   std::optional<PortVelocityPredictor<N>> predictor_;
 };
 
@@ -169,26 +180,25 @@ class EnergySpring {
 /// period, or where the hand turns back within a tick.
 ///
 ///     L += λ γ g·Δx + r T,   L <= D_0 = 10 µJ,   r = 1 µW
-///     γ  = min(1, 2 L/D_0), at least 0, γ |g| d <= D_1 = 1 mJ, and predicted outflow of γ g <= L;   force γ g
+///     γ  = min(1, 2 L/D_0), at least 0;  expected outflow of γ g <= L,  worst outflow <= min(A, D_1 = 1 mJ);   force γ g
 ///
-/// λ: part of the force that the device has applied; d: EnergySpring's. L >= -D_1 while no tick moves the port by more than d, else
-/// L >= -b δ²/T: with L <= 0 the force is zero. What the damper gives back beyond what it has taken is at most D_0 - L + r t, t the
-/// time since L was last D_0.
+/// λ: part of the force that the device has applied; A: EnergySpring's, from which a tick's loss is paid. With L <= 0 the force is
+/// zero. What the damper gives back beyond what it has taken is at most D_0 - L + r t, t the time since L was last D_0, and a tick
+/// that was not expected.
 template <int N>
 class DamperAccount {
  public:
   void observe(const Displacement<N>& moved, double applied_part, Seconds dt) noexcept {
     level_j_ = std::min(kMost_j, level_j_ + applied_part * dot(g_, moved).si() + kRefill_w * dt.si());
   }
-  /// Force for the coming interval at `port`; `most`: what it may lose in a tick, at most D_1.
+  /// Force for the coming interval at `port`.
   [[nodiscard]] const Force<N>& apply(const Force<N>& wanted, const Velocity<N>& v, const EnergySpring<N>& port,
-                                      Seconds dt, Energy most = Energy{kMostOfATick_j}) noexcept {
+                                      Seconds dt) noexcept {
     const double part = std::clamp(2.0 * level_j_ / kMost_j, 0.0, 1.0);
     if (part == 0.0) return g_ = Force<N>{};
-    const double reach_j = part * port.norm(wanted, dt) * port.reach(dt);
-    const double most_j = std::min(kMostOfATick_j, most.si());
-    const Force<N> g = (reach_j > most_j ? part * most_j / reach_j : part) * wanted;
-    return g_ = port.feasible_part(g, v, Energy{level_j_}, dt) * g;
+    const Force<N> g = part * wanted, expected = port.expected_part(g, v, Energy{level_j_}, dt) * g;
+    const Energy most = std::min(port.available(), Energy{kMostOfATick_j});
+    return g_ = port.feasible_part(expected, most, dt) * expected;
   }
   void rest() noexcept { g_ = Force<N>{}; }
 

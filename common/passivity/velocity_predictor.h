@@ -1,11 +1,16 @@
 #pragma once
 
 #include <algorithm>
+#include <cmath>
 
 #include "common/base/scalar.h"
 #include "common/base/vector.h"
 
 namespace twoport {
+
+/// F_h: the most by which the hand's own force on the handle, all that acts there but the port's force, is taken to change within
+/// two ticks [N]. 10 N in a millisecond is ten times what muscles do.
+inline constexpr double kHandForceChange_n = 20.0;
 
 /// Predicted motion of a port in the coming interval.
 template <int N>
@@ -15,13 +20,30 @@ struct VelocityPrediction {
   Velocity<N> w{};                    ///< mean velocity without a force
   double error_bound = 0.0;           ///< norm of the error of w [m/s]
   double rotation_error_bound = 0.0;  ///< of w's rotation, N = 6 [rad/s]
+  double worst_error = 0.0;           ///< no hand within kHandForceChange_n causes a larger error of w [m/s]
+  double worst_rotation_error = 0.0;  ///< of w's rotation, N = 6 [rad/s]
 
   /// Largest power of f due to the error of w [W].
   [[nodiscard]] double power_error_bound(const Force<N>& f) const noexcept {
+    return power_of_error(f, error_bound, rotation_error_bound);
+  }
+  /// The same for any hand within kHandForceChange_n.
+  [[nodiscard]] double worst_power_error(const Force<N>& f) const noexcept {
+    return power_of_error(f, std::max(error_bound, worst_error), std::max(rotation_error_bound, worst_rotation_error));
+  }
+  /// Least power of a force no larger than f, whatever its direction, but for the error of w [W].
+  [[nodiscard]] double least_power(const Force<N>& f) const noexcept {
+    constexpr int kLinear = N == 6 ? 3 : N;
+    return -power_of_error(f, w.vec().template head<kLinear>().norm(), w.vec().template tail<N - kLinear>().norm());
+  }
+
+ private:
+  [[nodiscard]] static double power_of_error(const Force<N>& f, double error,
+                                             [[maybe_unused]] double rotation_error) noexcept {
     if constexpr (N == 6) {
-      return f.vec().template head<3>().norm() * error_bound + f.vec().template tail<3>().norm() * rotation_error_bound;
+      return f.vec().template head<3>().norm() * error + f.vec().template tail<3>().norm() * rotation_error;
     } else {
-      return f.vec().norm() * error_bound;
+      return f.vec().norm() * error;
     }
   }
 };
@@ -33,6 +55,10 @@ struct VelocityPrediction {
 ///     u, d  += g e, h e                             e: measured less predicted mean velocity
 ///     w      = u(k) + d - C f(k-1)                  mean velocity of the coming interval without a force
 ///     error_bound = max(|e|, 0.95 error_bound)      translation and rotation each
+///     worst_error = |e(k) - e(k-1)/4| + C F_h       rotation: F_h sqrt(J/m)
+///
+/// e(k+1) = e(k) - e(k-1)/4 + C (F(k+1) - F(k-1)) with F the hand's own force: exact for a mass under held forces, and the reason
+/// why worst_error is a bound for any hand that changes its force by no more than F_h within two ticks.
 ///
 /// C = T/(2m) per axis, exact for a mass under held forces; g = 1 - θ², h = (1 - θ)² is the fading-memory (alpha-beta)
 /// filter, which averages an encoder's counts over a few ticks; the response to the force is fed forward and not
@@ -57,19 +83,25 @@ class PortVelocityPredictor {
     const Vector e = moved.vec() / dt.si() - expected;
     u_ = expected + kGain * e;
     d_ += kRateGain * e;
-    predict(c, e, applied.vec());
+    predict(c, e, kRateGain * before_, applied.vec());
   }
   [[nodiscard]] const VelocityPrediction<N>& prediction() const noexcept { return prediction_; }
 
  private:
-  [[gnu::always_inline]] void predict(const Vector& c, const Vector& e, const Vector& applied) noexcept {
+  [[gnu::always_inline]] void predict(const Vector& c, const Vector& e, const Vector& known,
+                                      const Vector& applied) noexcept {
     applied_ = applied;
+    before_ = e;
+    const Vector left = e - known;
     prediction_.mobility = c;
     prediction_.w = Velocity<N>{u_ + d_ - c.cwiseProduct(applied_)};
     prediction_.error_bound = std::max(e.template head<kAxes>().norm(), kMemory * prediction_.error_bound);
-    if constexpr (N == 6)
+    prediction_.worst_error = left.template head<kAxes>().norm() + c[0] * kHandForceChange_n;
+    if constexpr (N == 6) {
       prediction_.rotation_error_bound =
           std::max(e.template tail<3>().norm(), kMemory * prediction_.rotation_error_bound);
+      prediction_.worst_rotation_error = left.template tail<3>().norm() + std::sqrt(c[0] * c[3]) * kHandForceChange_n;
+    }
   }
 
   /// The same over n intervals at once: what is measured is their mean, and each has changed the velocity by
@@ -80,14 +112,14 @@ class PortVelocityPredictor {
     const Vector expected = u_ + d_ - c.cwiseProduct(applied_ + applied.vec()) + half;
     const Vector mean = moved.vec() / (n * dt.si());
     u_ = mean + half;
-    predict(c, mean - expected, applied.vec());
+    predict(c, mean - expected, Vector::Zero(), applied.vec());
   }
 
   static constexpr int kAxes = N == 6 ? 3 : N;
   static constexpr double kTheta = 0.5, kGain = 1.0 - kTheta * kTheta, kRateGain = (1.0 - kTheta) * (1.0 - kTheta);
   static constexpr double kMemory = 0.95;
 
-  Vector inverse_mass_, u_ = Vector::Zero(), d_ = Vector::Zero(), applied_ = Vector::Zero();
+  Vector inverse_mass_, u_ = Vector::Zero(), d_ = Vector::Zero(), applied_ = Vector::Zero(), before_ = Vector::Zero();
   VelocityPrediction<N> prediction_{};
 };
 

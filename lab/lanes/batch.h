@@ -65,7 +65,7 @@ struct InternalModel {
   Patch<S, N> found_rx, model;
   S exists, model_ramp, sticks, anchor[N], sticks_at_echo, anchor_at_echo[N];
   S r[N], r_along[N], offset_m, offset_normal[N], felt[N], slow_v[N], scale_slow, shown, commanded[N];
-  S energy, net, peak_speed, level, g[N];
+  S energy, net, level, g[N];
 };
 
 /// State of a simulation between two ticks: both plants, both nodes, both halves of the method, what is known of the network.
@@ -80,7 +80,8 @@ struct State {
   S master_absorbed, master_returned, ramp, master_mode;
   S slave_known, slave_heard_at, slave_energy, f_rx[N], f_coupling_rx[N];
   S base_absorbed, base_returned, absorbed_before;
-  S predicted_u[N], predicted_d[N], predicted_applied[N], predicted_w[N], predicted_error;
+  S predicted_u[N], predicted_d[N], predicted_applied[N], predicted_w[N], predicted_before[N], predicted_error,
+      predicted_worst;
   S command_absorbed, command_returned, command_force[N];
   // Slave's node and half.
   S slave_absorbed, slave_returned, slave_mode;

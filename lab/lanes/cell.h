@@ -424,7 +424,7 @@ class Cell {
     p.ramp_in_100ms = dt / 0.1;
     InternalModel<double, N>& m = now.state.model;
     m.found.normal[0] = m.model.normal[0] = m.yield_normal[0] = m.offset_normal[0] = 1.0;
-    m.scale_slow = m.shown = m.peak_speed = 1.0;
+    m.scale_slow = m.shown = 1.0;
     m.level = 1e-5;
   }
 

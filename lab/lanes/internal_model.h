@@ -302,11 +302,12 @@ TWOPORT_INLINE Vec<N> stick(const Parameters<V, N>& p, M where, V& sticks, V (&a
     return p.coupling * e;
   }
 }
-/// EnergySpring::feasible_part.
+/// EnergySpring::part_within, `error`: of the predicted velocity.
 template <int N>
-TWOPORT_INLINE V feasible_part(const Parameters<V, N>& p, const State<V, N>& s, Vec<N> f, V budget, Vec<N> beside) {
+TWOPORT_INLINE V part_within(const Parameters<V, N>& p, const State<V, N>& s, Vec<N> f, V budget, V error,
+                             Vec<N> beside) {
   const Vec<N> response = p.response * f;
-  const V power = dot(f, of(s.predicted_w)) - norm(f) * s.predicted_error - 2.0 * dot(beside, response);
+  const V power = dot(f, of(s.predicted_w)) - norm(f) * error - 2.0 * dot(beside, response);
   return feasible_scale(dot(f, response), -power, budget / p.dt);
 }
 
@@ -323,7 +324,6 @@ TWOPORT_INLINE void step_internal_model(const Parameters<V, N>& p, State<V, N>& 
   const V net = s.master_absorbed - s.master_returned;
   m.energy += net - m.net;
   m.net = net;
-  m.peak_speed = most(norm(moved) / p.dt, most(V{}, 1.0 - p.dt / 0.5) * m.peak_speed);
   m.level = least(all(1e-5), m.level + part * dot(of(m.g), moved) + 1e-6 * p.dt);
   undissipated = positive(-(m.energy + p.initial_energy));
 
@@ -379,17 +379,19 @@ TWOPORT_INLINE void step_internal_model(const Parameters<V, N>& p, State<V, N>& 
   const Vec<N> damping =
       s.ramp * (least(b, p.most_damping) * slow + (least(b_normal, p.most_damping) * dot(n, slow)) * n);
   // DamperAccount::apply
-  const V reach = 2.0 * p.dt * m.peak_speed;
-  const V share = clamp(2.0 * m.level / 1e-5, V{}, all(1.0)), reach_j = share * norm(damping) * reach;
-  Vec<N> g = select(reach_j > 1e-3, share * 1e-3 / reach_j, share) * damping;
-  g = feasible_part(p, s, g, m.level, Vec<N>{}) * g;
+  const V available = positive(m.energy + p.initial_energy);
+  const V share = clamp(2.0 * m.level / 1e-5, V{}, all(1.0));
+  Vec<N> g = share * damping;
+  g = part_within(p, s, g, m.level, s.predicted_error, Vec<N>{}) * g;
+  g = part_within(p, s, g, least(available, all(1e-3)), s.predicted_worst, Vec<N>{}) * g;
   g = select(shows & (share != 0.0), g, Vec<N>{});
   set(m.g, g);
   // EnergySpring::scale
-  const V a = positive(m.energy + p.initial_energy), size = norm(wanted);
-  const V most_n = least(root(2.0 * p.spring * a), a / most(reach, all(1e-12)));
+  const V reserved =
+      positive((dot(g, p.response * g) - dot(g, of(s.predicted_w)) + norm(g) * s.predicted_worst) * p.dt);
+  const V a = positive(available - reserved), size = norm(wanted), most_n = root(2.0 * p.spring * a);
   const V s1 = select(size <= most_n, all(1.0), most_n / size);
-  V scale = select(s1 == 0.0, V{}, s1 * feasible_part(p, s, s1 * wanted, a, g));
+  V scale = select(s1 == 0.0, V{}, s1 * part_within(p, s, s1 * wanted, a, s.predicted_worst, g));
   scale = select(size == 0.0, all(1.0), scale);
   low_pass(shows, m.scale_slow, scale, p.weight_20ms);
   const Vec<N> f = select(shows, scale * wanted + g, Vec<N>{});

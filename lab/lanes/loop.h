@@ -679,18 +679,21 @@ struct Loop {
   }
   /// PortVelocityPredictor::step.
   [[gnu::always_inline]] inline void predict(const V (&moved)[N], M moves, bool first) {
-    V error[N];
+    V error[N], left[N];
     for (int i = 0; i < N; ++i) {
       const V applied = s.held[i], c = p.response;
       const V expected = s.predicted_u[i] + s.predicted_d[i] - c * (s.predicted_applied[i] + applied);
       error[i] = moved[i] / p.dt - expected;
       if (first) error[i] = select(moves, error[i], V{});
+      left[i] = error[i] - 0.25 * s.predicted_before[i];
+      s.predicted_before[i] = error[i];
       s.predicted_u[i] = expected + 0.75 * error[i];
       s.predicted_d[i] += 0.25 * error[i];
       s.predicted_applied[i] = applied;
       s.predicted_w[i] = s.predicted_u[i] + s.predicted_d[i] - c * applied;
     }
     s.predicted_error = most(root(norm2(error)), 0.95 * s.predicted_error);
+    s.predicted_worst = most(s.predicted_error, root(norm2(left)) + p.response * 20.0);  // kHandForceChange_n
   }
   /// predictive_impedance_controller.
   [[gnu::always_inline]] inline void control_predicted(V (&f)[N], V available, M active) {

@@ -12,6 +12,7 @@
 #include "common/link/delay_line.h"
 #include "common/link/mailbox.h"
 #include "common/method/catalogue.h"
+#include "common/passivity/velocity_predictor.h"
 #include "common/scene/load.h"
 #include "lab/engine/loops.h"
 #include "lab/study/map.h"
@@ -21,6 +22,11 @@
 
 namespace twoport::lab {
 namespace {
+
+/// Of the hand's force in a tick; the handle's damper, which is not of the hand, has the rest of what is assumed within two.
+constexpr double kHandChange_n = 0.45 * kHandForceChange_n;
+
+constexpr double kHand_n = 50.0;
 
 /// A sequence of random numbers.
 class Draw {
@@ -50,8 +56,10 @@ class Body {
  public:
   using Vector = typename Force<N>::Vector;
 
-  Body(double mass_kg, double inertia_kg_m2, double damping_n_s_per_m, bool stops, Draw& draw, Seconds dt)
-      : dt_{dt.si()}, stops_{stops}, size_{Vector::Ones()}, draw_{draw} {
+  /// `most_change_n`: of its own force from tick to tick; a torque counts by sqrt(m/J).
+  Body(double mass_kg, double inertia_kg_m2, double damping_n_s_per_m, bool stops, double most_change_n, Draw& draw,
+       Seconds dt)
+      : dt_{dt.si()}, most_change_n_{most_change_n}, stops_{stops}, size_{Vector::Ones()}, draw_{draw} {
     mass_.setConstant(mass_kg);
     damping_.setConstant(damping_n_s_per_m);
     if constexpr (N == 6) {
@@ -97,6 +105,9 @@ class Body {
     before_last_ = last_;
     last_ = own_;
     own_ = at_once + late_ + from_before_;
+    const double change_n = ((own_ - last_).array() / per_mass.array().sqrt()).matrix().norm();
+    if (change_n > most_change_n_) own_ = last_ + most_change_n_ / change_n * (own_ - last_);
+    if (!stops_ && own_.norm() > kHand_n) own_ *= kHand_n / own_.norm();
     Vector by = Vector::Zero();
     const Vector v = v_;
     if (still_) {
@@ -153,7 +164,7 @@ class Body {
     frequency_hz_ = draw_.decades(0.5, 20.0);
   }
 
-  double dt_;
+  double dt_, most_change_n_;
   bool stops_;
   Vector mass_, damping_, size_;
   Draw& draw_;
@@ -267,8 +278,15 @@ AdversaryRun run_of(const std::string& method, AdversaryRun out, Draw& draw, con
   out.rate_hz = scene.rate_hz;
   const Seconds dt{1.0 / scene.rate_hz};
   const EnergyClaim claim = energy_claim(method);
-  Body<N> handle{scene.device->mass_kg, 1e-3 * scene.device->mass_kg, scene.device->damping_n_s_per_m, false, draw, dt};
-  Body<N> robot{scene.robot->mass_kg, 1e-3 * scene.robot->mass_kg, 0.0, true, draw, dt};
+  Body<N> handle{scene.device->mass_kg,
+                 1e-3 * scene.device->mass_kg,
+                 scene.device->damping_n_s_per_m,
+                 false,
+                 kHandChange_n,
+                 draw,
+                 dt};
+  constexpr double kAny = std::numeric_limits<double>::infinity();
+  Body<N> robot{scene.robot->mass_kg, 1e-3 * scene.robot->mass_kg, 0.0, true, kAny, draw, dt};
   MasterNode<N> master{scene.control};
   SlaveNode<N> slave{scene.control};
   SimLink<N> link{scene};
@@ -317,7 +335,7 @@ AdversaryRun run_of(const std::string& method, AdversaryRun out, Draw& draw, con
                        (claim.tick_of_spring ? 0.5 * scene.control.coupling.stiffness_n_per_m * largest2 : 0.0);
   constexpr double kNothing = -std::numeric_limits<double>::infinity();
   out.hand_bound_j = claim.hand && (claim.any_packets || !out.lies) ? -initial - slack : kNothing;
-  out.both_bound_j = claim.both && !out.lies ? -2.0 * initial - slack : kNothing;
+  out.both_bound_j = claim.both && !out.lies ? -(claim.shares_initial ? 1.0 : 2.0) * initial - slack : kNothing;
   return out;
 }
 
@@ -326,8 +344,8 @@ AdversaryRun run_of(const std::string& method, AdversaryRun out, Draw& draw, con
 EnergyClaim energy_claim(const std::string& method) {
   ControlOptions o;
   if (!choose_method(o, method)) return {};
-  if (o.passivity == "ENERGY_SPRING") return {.hand = true, .any_packets = true, .jolts = 4.0};
-  if (o.passivity == "ENERGY_SPRING_TWO_PORT") return {.both = true};
+  if (o.passivity == "ENERGY_SPRING") return {.hand = true, .any_packets = true};
+  if (o.passivity == "ENERGY_SPRING_TWO_PORT") return {.both = true, .shares_initial = true};
   if (o.passivity == "FORCE_PROJECTED") return {.hand = true, .both = true, .any_packets = true, .jolts = 4.0};
   if (o.passivity == "ENERGY_BOUNDING") return {.hand = true, .any_packets = true, .device_damping = true};
   if (o.passivity == "ENERGY_TANK" || method == "SET_POSITION_MODULATION")

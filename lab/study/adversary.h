@@ -23,7 +23,8 @@ struct EnergyClaim {
   bool device_damping = false;  ///< Σ b Δx²/T of the device counts with the hand's energy
   bool robot_port = false;
   bool tick_of_spring = false;
-  double jolts = 0.0;  ///< 4 is measured: the misses of a controller add up
+  bool shares_initial = false;  ///< E(0) is of both ports together, not of each
+  double jolts = 0.0;           ///< 4 is measured: the misses of a controller add up
 };
 EnergyClaim energy_claim(const std::string& method);
 

@@ -28,7 +28,7 @@ double given_back_j(EnergySpring<3> spring, double step_m, int steps) {
     const Displacement<3> moved = moved_x(k == 0 ? 0.0 : -step_m);
     net += dot(f, moved).si();
     spring.observe(Energy{net}, moved, f, dt, dt);
-    f = spring.scale(along_x(100.0), moved / dt, dt) * along_x(100.0);
+    f = spring.scale(along_x(100.0), dt) * along_x(100.0);
   }
   return -net;
 }
@@ -47,7 +47,7 @@ TEST(EnergySpring, GivesBackWhatItHoldsAndNoMore) {
   EXPECT_LE(given_back_j(spring, 1e-5, 1000), 10e-3 * (1.0 + 1e-12));
 }
 
-// Without a mass only the velocity of the last tick is known: it misses at most K δ²/2.
+// Without a mass there is no prediction: it misses at most K δ²/2.
 TEST(EnergySpring, MissesAtMostTheEnergyOfOneTickWithoutAPrediction) {
   for (const double step : {1e-4, 1e-3, 3e-3}) {
     const EnergySpring<3> spring{Energy{1e-3}, kStiffness_n_per_m, 0.0, 0.0, 0.0};
@@ -57,12 +57,12 @@ TEST(EnergySpring, MissesAtMostTheEnergyOfOneTickWithoutAPrediction) {
 
 TEST(EnergySpring, ShowsTheForceOfASpringThatHoldsTheEnergy) {
   EnergySpring<3> spring = rested({Energy{2e-3}, kStiffness_n_per_m, 0.0, 0.0, 0.0});
-  EXPECT_DOUBLE_EQ(spring.scale(along_x(10.0), {}, Seconds{1e-3}), 0.2);  // sqrt(2·1000·2e-3) = 2 N
-  EXPECT_EQ(spring.scale(along_x(1.9), {}, Seconds{1e-3}), 1.0);
+  EXPECT_DOUBLE_EQ(spring.scale(along_x(10.0), Seconds{1e-3}), 0.2);  // sqrt(2·1000·2e-3) = 2 N
+  EXPECT_EQ(spring.scale(along_x(1.9), Seconds{1e-3}), 1.0);
   spring.restart(Energy{}, Energy{5e-3});
-  EXPECT_EQ(spring.scale(along_x(1.9), {}, Seconds{1e-3}), 0.0);
+  EXPECT_EQ(spring.scale(along_x(1.9), Seconds{1e-3}), 0.0);
   EXPECT_DOUBLE_EQ(spring.undissipated().si(), 3e-3);
-  EXPECT_EQ(spring.scale({}, {}, Seconds{1e-3}), 1.0);
+  EXPECT_EQ(spring.scale({}, Seconds{1e-3}), 1.0);
 }
 
 // A torque counts by K/K_r: 0.1 N m at 10 N m/rad is as far as 1 N at 100 N/m.
@@ -78,7 +78,7 @@ double least_energy_of_a_damper_j(bool with_account) {
   const Seconds dt{0.01};
   const double mass = 0.05, damping = 15.0;  // bT/m = 3
   DamperAccount<3> account;
-  const EnergySpring<3> port{Energy{}, kStiffness_n_per_m, 0.0, 0.0, 0.0};  // predicts nothing
+  const EnergySpring<3> port{Energy{1.0}, kStiffness_n_per_m, 0.0, 0.0, 0.0};  // predicts nothing
   double x_step = 0.0, v = 0.1, net = 0.0, least = 0.0, before = 0.0;
   std::mt19937 random{1};
   for (int k = 0; k < 500; ++k) {
@@ -104,7 +104,7 @@ TEST(EnergySpring, IsNoStifferThanTheSampledHandleAllows) {
   EXPECT_DOUBLE_EQ(unknown.stiffness(slow), kStiffness_n_per_m);
   EXPECT_DOUBLE_EQ(known.stiffness(slow), 10.0);
   EXPECT_DOUBLE_EQ(known.stiffness(fast), kStiffness_n_per_m);
-  EXPECT_LE(known.scale(along_x(10.0), {}, slow) * 10.0, std::sqrt(2.0 * 10.0 * 20e-3) * (1.0 + 1e-12));
+  EXPECT_LE(known.scale(along_x(10.0), slow) * 10.0, std::sqrt(2.0 * 10.0 * 20e-3) * (1.0 + 1e-12));
   // Rotation apart: J/(4T²) = 1e-3/(4·(10 ms)²) = 2.5 N m/rad of K_r = 10, which leaves K as it is.
   const EnergySpring<6> wrench{Energy{20e-3}, kStiffness_n_per_m, 10.0, 10.0, 1e-3};
   EXPECT_DOUBLE_EQ(wrench.stiffness(Seconds{0.01}), kStiffness_n_per_m);
@@ -126,14 +126,14 @@ TEST(EnergySpring, MissesAtMostAQuarterOfTheKineticEnergyOfOneTick) {
       least = std::min(least, net);
       spring.observe(Energy{net}, moved, f, dt, dt);
       const Force<3> wanted = along_x(random() % 2 == 0 ? 50.0 : -50.0);
-      f = spring.scale(wanted, moved / dt, dt) * wanted;
+      f = spring.scale(wanted, dt) * wanted;
     }
     EXPECT_GE(least, -1e-3 - mass * 0.25 / 8.0) << dt_s;
     EXPECT_LT(least, -0.5e-3) << "the spring must be used";
   }
 }
 
-// Any motion, any period, no mass, no prediction: E >= -E(0) to rounding, as long as no tick moves more than twice as far as one of
+// Without a mass, any motion and period: E >= -E(0) to rounding, as long as no tick moves more than twice as far as one of
 // the last half second, at first 2 m/s T. The fourth step is the largest allowed.
 TEST(EnergySpring, KeepsItsEnergyForAnyMotionUpToTwiceTheLargestRecentOne) {
   std::mt19937 random{5};
@@ -151,7 +151,7 @@ TEST(EnergySpring, KeepsItsEnergyForAnyMotionUpToTwiceTheLargestRecentOne) {
       least = std::min(least, net);
       spring.observe(Energy{net}, moved, f, dt, dt);
       const Force<3> wanted = along_x(random() % 2 == 0 ? 50.0 : -50.0);
-      f = spring.scale(wanted, {}, dt) * wanted;
+      f = spring.scale(wanted, dt) * wanted;
     }
     EXPECT_GE(least, -1e-3 - 1e-12) << dt_s;
     EXPECT_LT(least, -0.9e-3) << "the spring must be used";
@@ -159,11 +159,92 @@ TEST(EnergySpring, KeepsItsEnergyForAnyMotionUpToTwiceTheLargestRecentOne) {
   }
 }
 
+/// A hand that changes its own force now and then, by up to F_h within two ticks, on a handle of `mass_kg` under held forces: exact.
+class RandomHand {
+ public:
+  RandomHand(double mass_kg, Seconds dt, unsigned seed) : mass_kg_{mass_kg}, dt_s_{dt.si()}, random_{seed} {}
+  /// Displacement of the next tick under `port`, the force on it.
+  Displacement<3> step(const Force<3>& port) {
+    const auto does = random_() % 80;
+    if (does < 2) goal_ = Eigen::Vector3d{draw(), draw(), draw()} * 30.0 - 10.0 * v_;
+    if (does == 2) goal_ = -3.0 * port.vec();  // pulls along the force that it feels
+    const Eigen::Vector3d change = goal_ - own_;
+    own_ += std::min(1.0, 0.5 * kHandForceChange_n / std::max(change.norm(), 1e-9)) * change;
+    const Eigen::Vector3d a = (own_ - port.vec()) / mass_kg_;
+    const Eigen::Vector3d by = dt_s_ * v_ + 0.5 * dt_s_ * dt_s_ * a;
+    v_ += dt_s_ * a;
+    return Displacement<3>{by};
+  }
+  double draw() { return std::uniform_real_distribution<>{-1.0, 1.0}(random_); }
+
+ private:
+  double mass_kg_, dt_s_;
+  std::mt19937 random_;
+  Eigen::Vector3d v_ = Eigen::Vector3d::Zero(), own_ = v_, goal_ = v_;
+};
+
+// |v - w + C f| <= worst_error in every tick, and a tick comes near.
+TEST(PortVelocityPredictor, KnowsTheLargestErrorThatAHandCanCause) {
+  const double mass_kg = 0.1;
+  const Seconds dt{4e-3};
+  PortVelocityPredictor<3> predictor{mass_kg, 0.0};
+  RandomHand hand{mass_kg, dt, 7};
+  Force<3> f;
+  double most = 0.0;
+  for (int k = 0; k < 20000; ++k) {
+    const Displacement<3> moved = k == 0 ? Displacement<3>{} : hand.step(f);
+    if (k > 1) {
+      const VelocityPrediction<3>& port = predictor.prediction();
+      const Eigen::Vector3d error = moved.vec() / dt.si() - port.w.vec() + port.mobility.cwiseProduct(f.vec());
+      most = std::max(most, error.norm() / port.worst_error);
+    }
+    predictor.step(moved, f, dt, dt);
+    f = along_x(10.0 * hand.draw());
+  }
+  EXPECT_LE(most, 1.0 + 1e-9);
+  EXPECT_GT(most, 0.95);
+}
+
+/// Least energy [J] of a handle of 50 T in kg/s, on which F_h changes the velocity by 0.2 m/s, under wishes and dampers that are drawn.
+double least_energy_j(double dt_s, unsigned seed, double& damped_n) {
+  const double mass_kg = 50.0 * dt_s;
+  const Seconds dt{dt_s};
+  EnergySpring<3> spring{Energy{1e-3}, 1e5, 0.0, mass_kg, 0.0};
+  DamperAccount<3> damper;
+  RandomHand hand{mass_kg, dt, seed};
+  double net = 0.0, least = 0.0;
+  Force<3> f, wanted, g_wanted;
+  for (int k = 0; k < 5000; ++k) {
+    const Displacement<3> moved = k == 0 ? Displacement<3>{} : hand.step(f);
+    net += dot(f, moved).si();
+    least = std::min(least, net);
+    spring.observe(Energy{net}, moved, f, dt, dt);
+    damper.observe(moved, 1.0, dt);
+    if (k % 7 == 0) wanted = Force<3>{Eigen::Vector3d{hand.draw(), hand.draw(), hand.draw()} * 20.0};
+    if (k % 5 == 0) g_wanted = Force<3>{Eigen::Vector3d{hand.draw(), hand.draw(), hand.draw()} * 5.0};
+    const Force<3> g = damper.apply(g_wanted, moved / dt, spring, dt);
+    damped_n = std::max(damped_n, g.vec().norm());
+    f = spring.scale(wanted, dt, g) * wanted + g;
+  }
+  return least;
+}
+
+// Any wish, any damper, any period, any hand within F_h: E >= -E(0) to rounding.
+TEST(EnergySpring, KeepsItsEnergyForAnyHandThatChangesItsForceNoFasterThanAssumed) {
+  for (const double dt_s : {2.5e-4, 0.001, 0.01, 0.05}) {
+    double least = 0.0, damped_n = 0.0;
+    for (unsigned seed = 1; seed <= 50; ++seed) least = std::min(least, least_energy_j(dt_s, seed, damped_n));
+    EXPECT_GE(least, -1e-3 - 1e-12) << dt_s;
+    EXPECT_LT(least, -0.9e-3) << "the spring must be used at " << dt_s;
+    EXPECT_GT(damped_n, 0.01) << "and the damper at " << dt_s;
+  }
+}
+
 // D_1 = 1 mJ for one tick within the reach; a damper of 20 N s/m at 2 m/s and 20 ms would lose 800 mJ in a tick that turns back.
 TEST(DamperAccount, LosesNoMoreThanItsShareInOneTick) {
   const Seconds dt{0.02};
   DamperAccount<3> account;
-  EnergySpring<3> port{Energy{}, kStiffness_n_per_m, 0.0, 0.0, 0.0};  // predicts nothing
+  EnergySpring<3> port{Energy{1.0}, kStiffness_n_per_m, 0.0, 0.0, 0.0};  // predicts nothing
   port.observe(Energy{}, moved_x(1.0 * dt.si()), Force<3>{}, dt, dt);
   const Force<3> g = account.apply(along_x(20.0 * 2.0), Velocity<3>{}, port, dt);
   EXPECT_GT(g[0], 0.0);
@@ -181,7 +262,7 @@ TEST(DamperAccount, GivesBackNoMoreThanItsLevelAndOneTick) {
   const Seconds dt{1e-3};
   const double damping = 2.0, speed = 0.1;
   DamperAccount<3> account;
-  const EnergySpring<3> port{Energy{}, kStiffness_n_per_m, 0.0, 0.0, 0.0};  // predicts nothing
+  const EnergySpring<3> port{Energy{1.0}, kStiffness_n_per_m, 0.0, 0.0, 0.0};  // predicts nothing
   double net = 0.0, least = 0.0, v = speed;
   Force<3> g;
   for (int k = 0; k < 20000; ++k) {

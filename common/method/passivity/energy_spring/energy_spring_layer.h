@@ -15,12 +15,12 @@ namespace twoport {
 ///     E += f_applied·Δx,   E = min(E, stored + 20 mJ)       what was put in long ago cannot be returned as a kick
 ///     f  = s f_d + γ g                                      s: energy spring with min(K_c, m_handle/(4 T²));  g: damper
 ///
-/// Claim: the hand's energy is never below -E(0), for any wish, packets and network (EnergySpring has the limits of this).
+/// Claim: the hand's energy is never below -E(0), for any wish, packets and network, and any hand that changes its own force by no more
+/// than 20 N within two ticks (EnergySpring).
 ///
 /// Two-port: the robot too gets no more energy than the hand puts in, Σ f·Δx less what leaves at the slave >= -E(0). Each side has
 /// E(0)/2; the master sends what E has above a quarter of the stored energy, in place of dropping it, the slave what it has above
-/// E(0)/2 + 5 mJ. A damper may lose only what A has, γ |g| d <= A, and the spring only the rest; d is six times the largest motion
-/// of a second; a force that the limit of its rate cannot hold is not displayed (unheld_share).
+/// E(0)/2 + 5 mJ. A force that the limit of its rate cannot hold is not displayed (unheld_share).
 template <int N, bool kTwoPort>
 class EnergySpringMasterOf final : public Copyable<EnergySpringMasterOf<N, kTwoPort>, MasterPassivity<N>> {
  public:
@@ -29,10 +29,8 @@ class EnergySpringMasterOf final : public Copyable<EnergySpringMasterOf<N, kTwoP
         limits_{limits_at_device(o)},
         energy_{(kTwoPort ? 0.5 : 1.0) * o.initial_energy,
                 o.force_scale * o.motion_scale * o.coupling.stiffness_n_per_m,
-                o.force_scale / o.motion_scale * o.coupling.rotational_stiffness_n_m_per_rad,
-                o.handle_mass_kg,
-                o.handle_inertia_kg_m2,
-                kTwoPort ? kTwoPortReach : Reach{}} {}
+                o.force_scale / o.motion_scale * o.coupling.rotational_stiffness_n_m_per_rad, o.handle_mass_kg,
+                o.handle_inertia_kg_m2} {}
 
   Shown<N> limit(const Wish<N>& wish, const MasterInput<N>& in) noexcept override {
     observe(in);
@@ -52,9 +50,8 @@ class EnergySpringMasterOf final : public Copyable<EnergySpringMasterOf<N, kTwoP
     }
     const Velocity<N> v = in.first ? Velocity<N>{} : in.interval.moved / in.ended;
     Force<N> g;
-    if (wish.damped)
-      g = kTwoPort ? reserved_damper(wish.damper, v, in.dt) : damper_.apply(wish.damper, v, energy_, in.dt);
-    double s = energy_.scale(wish.f, v, in.dt, g);
+    if (wish.damped) g = damper_.apply(wish.damper, v, energy_, in.dt);
+    double s = energy_.scale(wish.f, in.dt, g);
     f_ = wish.damped ? s * wish.f + g : s * wish.f;
     if constexpr (kTwoPort) {
       const double held = unheld_share(f_, limits_, in.dt);
@@ -80,13 +77,14 @@ class EnergySpringMasterOf final : public Copyable<EnergySpringMasterOf<N, kTwoP
 
  private:
   static constexpr double kCredit_j = 20e-3, kKept = 0.25;
-  static constexpr Reach kTwoPortReach{.times = 6.0, .memory_s = 1.0};
 
   void observe(const MasterInput<N>& in) noexcept {
     const Displacement<N> moved = in.first ? Displacement<N>{} : in.interval.moved;
     Energy net = in.account.net();
     if constexpr (kTwoPort) net += received_ = registration_.to_master(in.slave_energy_in);
     energy_.observe(net, moved, in.device.applied, in.ended, in.dt);
+    constexpr int kLinear = N == 6 ? 3 : N;
+    energy_.expect_turned(in.device.x.translation().template head<kLinear>().norm() > limits_.workspace_m);
     damper_.observe(moved, applied_part(in.device.applied, f_), in.ended);
   }
   /// Energy beyond `kept` goes to the slave. Returns the total sent.
@@ -94,12 +92,6 @@ class EnergySpringMasterOf final : public Copyable<EnergySpringMasterOf<N, kTwoP
     const Energy surplus = positive_part(energy_.energy() - kept);
     energy_.take(surplus);
     return sent_ += surplus;
-  }
-  /// What the damper may lose in a tick is there, and the spring leaves it alone.
-  [[gnu::noinline]] Force<N> reserved_damper(const Force<N>& wanted, const Velocity<N>& v, Seconds dt) noexcept {
-    const Force<N> g = damper_.apply(wanted, v, energy_, dt, energy_.available());
-    energy_.reserve(Energy{energy_.norm(g, dt) * energy_.reach(dt)});
-    return g;
   }
 
   Registration<N> registration_;
