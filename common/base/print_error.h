@@ -25,7 +25,10 @@ decltype(auto) shown(const T& argument) {
 /// written, as on a terminal that has gone, nothing happens: what a program has to say must not end it while it holds hardware.
 template <class... Args>
 void print_error(fmt::format_string<const Args&...> format, const Args&... args) {
-  const std::string text = fmt::vformat(fmt::string_view{format}, fmt::make_format_args(shown(args)...));
+  const auto text_of = [&format](const auto&... shown_args) {
+    return fmt::vformat(fmt::string_view{format}, fmt::make_format_args(shown_args...));
+  };
+  const std::string text = text_of(shown(args)...);
   std::fwrite(text.data(), 1, text.size(), stderr);
 }
 
