@@ -14,12 +14,17 @@ while IFS=: read -r document line name; do
   grep -qxF "${name//\`/}" "$tests" || complain "$document:$line: there is no test $name"
 done < <(grep -noE --with-filename '`[A-Z][A-Za-z0-9]+\.[A-Z][A-Za-z0-9]+`' SECURITY.md docs/*.md docs/reference/*.md)
 
+while IFS=: read -r document line name; do
+  name=${name//\`/}
+  [ -e "tests/page/${name#page.}.mjs" ] || complain "$document:$line: there is no test $name"
+done < <(grep -noE --with-filename '`page\.[a-z_]+`' SECURITY.md docs/*.md docs/reference/*.md)
+
 # Cells after the first one say what happens.
 rows=$(awk -F'|' '/^## Attacks/ { here = 1; next } /^## / { here = 0 }
   here && /^\|/ && !/^\| *(tries to|try to|case) / && !/^\|---/ {
     for (i = 3; i < NF; ++i) {
       cell = $i; gsub(/^ +| +$/, "", cell)
-      if (cell != "" && cell !~ /`[A-Z][A-Za-z0-9]+\.[A-Z]/ && cell !~ /not tested/ && cell !~ /^(as|the same)/) print NR ": " cell
+      if (cell != "" && cell !~ /`[A-Z][A-Za-z0-9]+\.[A-Z]/ && cell !~ /`page\.[a-z_]+`/ && cell !~ /not tested/ && cell !~ /^(as|the same)/) print NR ": " cell
     }
     ++n
   }
