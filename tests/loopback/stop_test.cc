@@ -3,6 +3,7 @@
 #include <sys/socket.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <cmath>
 #include <csignal>
 #include <cstdint>
@@ -133,7 +134,12 @@ TEST(Stop, LastsUntilBothProgramsHaveEnded) {
   EXPECT_EQ(pair.trace("second").peak("master_f_0", 0.5, 1.5), 0.0);
   slave.send(SIGINT);
   EXPECT_EQ(slave.wait(), exited(1)) << slave.err();
-  EXPECT_EQ(pair.trace("slave").peak("slave_f_0", 1.5, 60.0), 0.0);
+  const Trace of_slave = pair.trace("slave");
+  const std::vector<double>& modes = of_slave["mode"];
+  const auto stopped = std::find(modes.begin(), modes.end(), static_cast<double>(Mode::stopped));
+  ASSERT_NE(stopped, modes.end());
+  const double at_s = of_slave["t_s"][static_cast<std::size_t>(stopped - modes.begin())];
+  EXPECT_EQ(of_slave.peak("slave_f_0", at_s + 2e-3, 60.0), 0.0);
 
   Process slave_again = pair.listening_slave("slave_again"), third = pair.master("third");
   EXPECT_EQ(third.wait(), exited(0)) << third.err();
