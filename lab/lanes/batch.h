@@ -32,7 +32,7 @@ struct Parameters {
   // Nodes.
   S hold_ns, release_ns, ramp_by, most_force;
   // Method.
-  S initial_energy, most_gain, most_mobility, response;
+  S initial_energy, most_gain, most_mobility, response, worst_of_hand;
   // Network: [0]: to the slave, [1]: to the master.
   S lag[2], loss[2], burst_p[2], burst_r[2], burst_good[2], burst_bad[2];
   // InternalModelMaster, InternalModelSlave: R, K_c, masses, and T/τ of every low pass (weight_ms: of so many).

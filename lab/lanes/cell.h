@@ -15,6 +15,7 @@
 #include "common/base/low_pass.h"
 #include "common/contact/environment.h"
 #include "common/method/transparency/internal_model/slave.h"
+#include "common/passivity/velocity_predictor.h"
 #include "common/record/metrics.h"
 #include "common/record/run_judge.h"
 #include "lab/engine/summary_parts.h"
@@ -375,6 +376,7 @@ class Cell {
     p.initial_energy = c.initial_energy.si();
     p.most_gain = c.controller.max_gain;
     p.response = c.handle_mass_kg > 0.0 ? 0.5 * dt * (1.0 / c.handle_mass_kg) : 0.0;
+    p.worst_of_hand = p.response * kHandForceChange_n;
     const ImpairmentOptions* const ways[] = {&scene_.to_slave, &scene_.to_master};
     for (int way = 0; way < 2; ++way) {
       const ImpairmentOptions& o = *ways[way];

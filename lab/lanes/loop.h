@@ -693,7 +693,7 @@ struct Loop {
       s.predicted_w[i] = s.predicted_u[i] + s.predicted_d[i] - c * applied;
     }
     s.predicted_error = most(root(norm2(error)), 0.95 * s.predicted_error);
-    s.predicted_worst = most(s.predicted_error, root(norm2(left)) + p.response * 20.0);  // kHandForceChange_n
+    s.predicted_worst = most(s.predicted_error, root(norm2(left)) + p.worst_of_hand);
   }
   /// predictive_impedance_controller.
   [[gnu::always_inline]] inline void control_predicted(V (&f)[N], V available, M active) {

@@ -23,10 +23,9 @@
 namespace twoport::lab {
 namespace {
 
-/// Of the hand's force in a tick; the handle's damper, which is not of the hand, has the rest of what is assumed within two.
-constexpr double kHandChange_n = 0.45 * kHandForceChange_n;
-
-constexpr double kHand_n = 50.0;
+/// Largest force of a hand and its change in a tick; the handle's damper, which is not of the hand, has the rest of what is assumed
+/// within two. A torque counts by sqrt(m/J) in the change.
+constexpr double kHand_n = 50.0, kHandChange_n = 0.45 * kHandForceChange_n;
 
 /// A sequence of random numbers.
 class Draw {
@@ -56,10 +55,9 @@ class Body {
  public:
   using Vector = typename Force<N>::Vector;
 
-  /// `most_change_n`: of its own force from tick to tick; a torque counts by sqrt(m/J).
-  Body(double mass_kg, double inertia_kg_m2, double damping_n_s_per_m, bool stops, double most_change_n, Draw& draw,
-       Seconds dt)
-      : dt_{dt.si()}, most_change_n_{most_change_n}, stops_{stops}, size_{Vector::Ones()}, draw_{draw} {
+  /// `is_hand`: it keeps to the limits of a hand and is never held still.
+  Body(double mass_kg, double inertia_kg_m2, double damping_n_s_per_m, bool is_hand, Draw& draw, Seconds dt)
+      : dt_{dt.si()}, is_hand_{is_hand}, size_{Vector::Ones()}, draw_{draw} {
     mass_.setConstant(mass_kg);
     damping_.setConstant(damping_n_s_per_m);
     if constexpr (N == 6) {
@@ -105,9 +103,11 @@ class Body {
     before_last_ = last_;
     last_ = own_;
     own_ = at_once + late_ + from_before_;
-    const double change_n = ((own_ - last_).array() / per_mass.array().sqrt()).matrix().norm();
-    if (change_n > most_change_n_) own_ = last_ + most_change_n_ / change_n * (own_ - last_);
-    if (!stops_ && own_.norm() > kHand_n) own_ *= kHand_n / own_.norm();
+    if (is_hand_) {
+      const double change_n = ((own_ - last_).array() / per_mass.array().sqrt()).matrix().norm();
+      if (change_n > kHandChange_n) own_ = last_ + kHandChange_n / change_n * (own_ - last_);
+      if (own_.norm() > kHand_n) own_ *= kHand_n / own_.norm();
+    }
     Vector by = Vector::Zero();
     const Vector v = v_;
     if (still_) {
@@ -154,7 +154,7 @@ class Body {
   void choose() {
     left_ = static_cast<int>(draw_.uniform(0.01, 0.3) / dt_);
     does_ = static_cast<Does>(draw_.below(5));
-    still_ = stops_ && draw_.once_in(4);
+    still_ = !is_hand_ && draw_.once_in(4);
     goal_ = draw_.uniform(0.0, 0.05) * draw_.template direction<N>();
     axis_ = draw_.template direction<N>();
     // A held spring and damper are active beyond these shares.
@@ -164,8 +164,8 @@ class Body {
     frequency_hz_ = draw_.decades(0.5, 20.0);
   }
 
-  double dt_, most_change_n_;
-  bool stops_;
+  double dt_;
+  bool is_hand_;
   Vector mass_, damping_, size_;
   Draw& draw_;
   double rise_s_ = 0.0, strength_n_ = 0.0;
@@ -278,15 +278,8 @@ AdversaryRun run_of(const std::string& method, AdversaryRun out, Draw& draw, con
   out.rate_hz = scene.rate_hz;
   const Seconds dt{1.0 / scene.rate_hz};
   const EnergyClaim claim = energy_claim(method);
-  Body<N> handle{scene.device->mass_kg,
-                 1e-3 * scene.device->mass_kg,
-                 scene.device->damping_n_s_per_m,
-                 false,
-                 kHandChange_n,
-                 draw,
-                 dt};
-  constexpr double kAny = std::numeric_limits<double>::infinity();
-  Body<N> robot{scene.robot->mass_kg, 1e-3 * scene.robot->mass_kg, 0.0, true, kAny, draw, dt};
+  Body<N> handle{scene.device->mass_kg, 1e-3 * scene.device->mass_kg, scene.device->damping_n_s_per_m, true, draw, dt};
+  Body<N> robot{scene.robot->mass_kg, 1e-3 * scene.robot->mass_kg, 0.0, false, draw, dt};
   MasterNode<N> master{scene.control};
   SlaveNode<N> slave{scene.control};
   SimLink<N> link{scene};
