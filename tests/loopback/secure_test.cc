@@ -68,14 +68,17 @@ TEST(Key, LetsNothingOnTheWireInPlainText) {
   slave.wait();
   relay.stop();
   EXPECT_GT(relay.from_master.size(), 300u);
+  // The version of the wire begins every datagram without a key. In encrypted bytes it stands near the front by chance,
+  // in about one record of ten thousand: 6 places of 2^-16.
+  static constexpr std::uint8_t kMark[] = {0x50, 0x54};
+  std::size_t marked = 0;
   for (const auto* all : {&relay.from_master, &relay.from_slave})
     for (const Datagram& d : *all) {
-      ASSERT_GT(d.size(), 13u);
+      ASSERT_GT(d.size(), 20u);
       EXPECT_TRUE((d[0] == 22 || d[0] == 23) && d[1] == 0xfe) << "of a handshake, or a record of DTLS";
-      // The version of the wire, with which every datagram begins.
-      static constexpr std::uint8_t kMark[] = {0x50, 0x54};
-      EXPECT_TRUE(d[0] != 23 || std::search(d.begin() + 13, d.begin() + 20, kMark, kMark + 2) == d.begin() + 20);
+      if (d[0] == 23) marked += std::search(d.begin() + 13, d.begin() + 20, kMark, kMark + 2) != d.begin() + 20;
     }
+  EXPECT_LT(marked, relay.from_master.size() / 50);
 }
 
 TEST(Key, ThatDiffersOrIsMissingIsSaidOnBothSides) {
