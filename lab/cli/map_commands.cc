@@ -191,6 +191,19 @@ Subcommand add_recommend(Command app) {
   return {recommend, [a] { return recommend_command(*a); }};
 }
 
+/// Columns of compare and matrix; the glossary shows them.
+constexpr const char* kColumns =
+    R"(verdict     STABLE; RESTLESS: bounded and passive, but a passivity controller keeps it moving; UNSTABLE; UNDECIDED
+pressed     force that the environment takes, mean over the contact
+felt err    felt force less that of the environment, as old as the way back makes it, rms over the contact
+held        felt force over the environment's at the end of the last rest in contact; 1 is right
+muted       share of the contact in which less than a tenth of the environment's force is felt
+drag        force felt while nothing touches, rms
+chatter     felt force above 30 Hz, rms
+turned      angle between felt force and environment's force, rms over the contact
+drift       distance of the robot from the delayed hand at the end, at rest
+hand, both  least energy put in through the hand's port, through hand's and robot's ports together; passive: at least -E(0))";
+
 struct MatrixArguments {
   MatrixOptions matrix;
   std::optional<int> lanes;
@@ -220,11 +233,12 @@ Subcommand add_matrix(Command app) {
   matrix.option("--out", a->out, "Folder for table.csv and the picture");
   add_jobs(matrix, a->matrix.jobs);
   add_lanes(matrix, a->lanes);
-  matrix.footer(
-      R"(twoport-lab methods --layers lists the layers. Every pair has the E(0) that the scene has as it is. A claim of energy is broken
-where the port that the passivity layer bounds has given more than E(0) and 0.1 mJ: hand_min_energy_j of a claim `hand`,
-two_port_min_energy_j of a claim `both`, with E(0) of both sides where each side has one (FORCE_PROJECTED, ENERGY_TANK). That of
-ENERGY_BOUNDING counts the device's own damping and is not judged.)");
+  matrix.footer(std::string{kColumns} + R"(
+broken      the passivity layer's claim of energy: the port that it bounds has given more than E(0) and 0.1 mJ
+
+twoport-lab methods --layers lists the layers. Every pair has the E(0) that the scene has as it is. The port that a
+passivity layer bounds is the hand's, or both together, with E(0) of both sides where each side has one (FORCE_PROJECTED, ENERGY_TANK).
+The claim of ENERGY_BOUNDING counts the device's own damping and is not judged.)");
   return {matrix, [a] { return matrix_command(*a); }};
 }
 
@@ -252,6 +266,7 @@ Subcommand add_compare(Command app) {
   compare.option("--methods", a->methods, "NAME,NAME; all of them if absent");
   compare.option("--out", a->compare.out, "Folder for table.csv and the picture");
   add_jobs(compare, a->compare.jobs);
+  compare.footer(kColumns);
   return {compare, [a] { return compare_command(*a); }};
 }
 
@@ -288,6 +303,9 @@ Subcommand add_gallery(Command app) {
   gallery.option("--methods", a->methods, "NAME,NAME; all of them if absent");
   gallery.option("--out", a->out, "Folder for table.csv");
   add_jobs(gallery, a->gallery.jobs);
+  gallery.footer(
+      R"(STABLE, RESTLESS (bounded and passive, but a passivity controller keeps it moving), UNSTABLE, UNDECIDED; mute: STABLE, but more than half
+of the contact is felt with less than a tenth of the environment's force.)");
   return {gallery, [a] { return gallery_command(*a); }};
 }
 

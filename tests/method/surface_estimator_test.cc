@@ -4,6 +4,8 @@
 
 #include <cmath>
 #include <numbers>
+#include <random>
+#include <utility>
 
 namespace twoport {
 namespace {
@@ -31,6 +33,36 @@ double stiffness(bool follows) {
 TEST(SurfaceEstimator, StiffnessIsFittedToTheRobotsPointNotToTheMovingContact) {
   EXPECT_NEAR(stiffness(false), 3000.0, 30.0);
   EXPECT_LT(stiffness(true), 1000.0);
+}
+
+/// Ticks of contact in 10 s of noise of 0.02 N m about each axis, where a torque counts ten times, then until `torque_n` is a contact.
+std::pair<int, int> contact_of_torque(double torque_n) {
+  const Seconds dt{1e-3};
+  std::mt19937 random{7};
+  std::normal_distribution<double> noise{0.0, 0.2};
+  TorqueContact contact;
+  int in_noise = 0, late = 0;
+  for (int k = 0; k < 10'500 && !(k >= 10'000 && contact.contact()); ++k, late += k > 10'000) {
+    contact.step(Vector3d{noise(random), noise(random), noise(random) + (k < 10'000 ? 0.0 : torque_n)}, dt);
+    in_noise += k < 10'000 && contact.contact();
+  }
+  return {in_noise, late};
+}
+
+// LP_11ms of a step of 1 N passes 0.3 N after 11 ms ln(1/0.7) = 4 ms; of 0.1 N never.
+TEST(TorqueContact, BeginsByATorqueAndNotByNoise) {
+  EXPECT_EQ(contact_of_torque(1.0).first, 0);
+  EXPECT_LE(contact_of_torque(1.0).second, 10);
+  EXPECT_EQ(contact_of_torque(0.1).second, 500);
+}
+
+TEST(SensorBias, OfAWrenchIsLearnedBelow300MillinewtonsOnly) {
+  for (const double torque_n_m : {0.02, 0.04}) {  // counts ten times
+    SensorBias<6> bias{1.0, 100.0};
+    const Force<6> f{torque_n_m * Force<6>::Vector::Unit(4)};
+    for (int k = 0; k < 3000; ++k) bias.learn(f, Seconds{1e-3});
+    EXPECT_NEAR(bias.value().vec()(4), torque_n_m < 0.03 ? torque_n_m : 0.0, 1e-9);
+  }
 }
 
 }  // namespace

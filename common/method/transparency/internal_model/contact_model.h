@@ -14,7 +14,7 @@ namespace twoport {
 ///
 ///     e_p, e_s = LP_0.3s of |what the plane, the spring has not predicted of the newest wrench|²     in contact only
 ///                a torque counts by sqrt(K_c/K_r)
-///     spring   where e_p > e_s/2 + (0.1 N)²
+///     spring   where e_p > e_s/2 + (0.1 N)², or where the slave feels a torque and no force
 ///     plane    where e_p < e_s/20 and e_s > (0.1 N)²; after 5 s without contact; at the start
 ///     w        0 plane, 1 spring; changes by 1 in 0.1 s;    f_d = (1 - w) f_p + w f_s,  likewise damper, stored energy, o, f_m
 ///
@@ -76,7 +76,7 @@ class ContactModelMaster final : public Copyable<ContactModelMaster<N>, MasterTr
       };
       low_pass(plane_error_, squared(plane_.unexplained()), dt, kError_s);
       low_pass(spring_error_, squared(spring_.unexplained()), dt, kError_s);
-      if (plane_error_ > kToSpring * spring_error_ + kError_n * kError_n) springs_ = true;
+      if (!plane_.touches_surface() || plane_error_ > kToSpring * spring_error_ + kError_n * kError_n) springs_ = true;
       if (plane_error_ < kToPlane * spring_error_ && spring_error_ > kError_n * kError_n) springs_ = false;
       free_s_ = 0.0;
     } else if ((free_s_ += dt.si()) > kFree_s) {

@@ -98,6 +98,8 @@ class InternalModelMaster final : public Copyable<InternalModelMaster<N>, Master
   [[nodiscard]] const MasterSays<N>& says() const noexcept { return said_by_master_; }
   /// The newest report says that the robot touches.
   [[nodiscard]] bool touches() const noexcept { return said_.contact.value > 0.5; }
+  /// It says which surface: what it touches has a force, not only a torque.
+  [[nodiscard]] bool touches_surface() const noexcept { return said_.stiffness.value > 0.0; }
   /// N = 6: what the model has not predicted of the newest wrench, by the lever LP_1s b. The lever of a point of contact agrees with it;
   /// that of a face, which jumps from corner to corner, does not.
   [[nodiscard]] const Force<N>& unexplained() const noexcept { return unexplained_; }

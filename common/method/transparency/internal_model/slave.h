@@ -44,7 +44,7 @@ inline ControlOptions with_damped_robot(ControlOptions o) {
 /// paid by the robot, not by the link.
 ///
 /// To the master: n, p, K*, μ, κ (surface_estimator.h), contact, the set point x_sd, and f as the returned force.
-/// N = 6: the surface is that at the contact point x + R b, from the lever of the wrench:
+/// N = 6: contact of the force or of the torque, sqrt(K_c/K_r) τ; K* = 0 where only a torque is felt, as no surface is known. The surface is that at the contact point x + R b, from the lever of the wrench:
 ///
 ///     b = LP_a[Rᵀ(f × τ)]/LP_a[|f|²]                       ContactLever
 ///     s = Σ Δp + ΔR b                                      way of the robot's point that touches now; K is fitted to it. The contact
@@ -62,20 +62,22 @@ class InternalModelSlave final : public Copyable<InternalModelSlave<N>, SlaveTra
             per_axis<N>(with_damped_robot(o).coupling.damping_n_s_per_m, o.coupling.rotational_damping_n_m_s_per_rad)},
         yields_{N == 6 && !along_force_ ? 1.0 : std::min(1.0, std::pow(o.known.round_trip.si() / kBlind_s, 2))},
         senses_{o.architecture != Architecture::position_position},
-        bias_{o.force_scale},
+        bias_{o.force_scale, stiffness_ratio(o.coupling)},
         mass_kg_{o.known.robot_mass_kg},
         observer_{per_axis<N>(o.known.robot_mass_kg, o.known.robot_inertia_kg_m2), Force<N>::Vector::Zero(),
                   kObserver_rad_per_s},
         to_master_stiffness_{o.force_scale * o.motion_scale},
         brake_n_s_per_m_{std::min(kBrake_n_s_per_m, o.coupling.damping_n_s_per_m)},
         coupling_n_per_m_{o.force_scale * o.motion_scale * o.coupling.stiffness_n_per_m},
-        rotation_n_m_per_rad_{o.force_scale / o.motion_scale * o.coupling.rotational_stiffness_n_m_per_rad} {}
+        rotation_n_m_per_rad_{o.force_scale / o.motion_scale * o.coupling.rotational_stiffness_n_m_per_rad},
+        newtons_per_n_m_{o.motion_scale * std::sqrt(stiffness_ratio(o.coupling))} {}
 
   void start(const RobotSample<N>& robot, const PeerState<N>& master) noexcept override {
     yield_m_ = grounded_share_ = 0.0;
     informed_ = read(master.words, said_);
     coupling_.start(robot.x, master, commanded(master));
     estimator_.reset();
+    torque_.reset();
     observer_.start(robot.v);
     f_ = Force<N>{};
     engaged_ = master.has_report;
@@ -85,8 +87,7 @@ class InternalModelSlave final : public Copyable<InternalModelSlave<N>, SlaveTra
     const RobotSample<N>& robot = in.robot;
     informed_ = read(in.master.words, said_);
     const Position<N> x_rx = commanded(in.master);
-    if (along_force_ && brakes_)
-      low_pass(grounded_share_, in.coupled && estimator_.contact() ? 1.0 : 0.0, in.dt, kGround_s);
+    if (along_force_ && brakes_) low_pass(grounded_share_, in.coupled && touches() ? 1.0 : 0.0, in.dt, kGround_s);
     typename VirtualCoupling<N>::Wanted wanted;
     if (in.active) {
       wanted = coupling_.step(robot, in.master, x_rx, in.coupled, in.dt);
@@ -132,6 +133,11 @@ class InternalModelSlave final : public Copyable<InternalModelSlave<N>, SlaveTra
   static constexpr double kHand_n_per_m = 700.0, kYield_s = 50e-3, kBlind_s = 0.2, kYieldNormal_s = 0.5,
                           kYieldNegligible_m = 1e-6, kGround_s = 0.1;
 
+  [[nodiscard]] static double stiffness_ratio(const CouplingOptions& c) noexcept {
+    return c.rotational_stiffness_n_m_per_rad > 0.0 ? c.stiffness_n_per_m / c.rotational_stiffness_n_m_per_rad : 0.0;
+  }
+  [[nodiscard]] bool touches() const noexcept { return estimator_.contact() || torque_.contact(); }
+
   /// Force on the environment without a sensor, friction of the robot included. An ideal robot tells it.
   [[gnu::noinline]] Force<N> observed(const RobotSample<N>& robot, const Force<N>& wanted, Seconds dt) noexcept {
     return robot.ideal || !(mass_kg_ > 0.0) ? wanted : observer_.step(f_, robot.v, dt);
@@ -170,7 +176,7 @@ class InternalModelSlave final : public Copyable<InternalModelSlave<N>, SlaveTra
   ///     q = LP_50ms of c (f + K_c q - f_m)/(K_h + K_c),   |q| <= |LP_50ms f|/K_c
   [[gnu::noinline]] void yield_along_force(const SlaveInput<N>& in, const Force<N>& felt) noexcept {
     Point<D> q = yield_m_ * yield_normal_, wanted = Point<D>::Zero();
-    if (informed_ && in.coupled && estimator_.contact()) {
+    if (informed_ && in.coupled && touches()) {
       const Point<D> f = coupling_.registration().to_master(felt).vec().template head<D>();
       const double k = coupling_n_per_m_;
       low_pass(f_slow_, f, in.dt, kYield_s);
@@ -203,10 +209,11 @@ class InternalModelSlave final : public Copyable<InternalModelSlave<N>, SlaveTra
       material_point_ += x.translation() - before_.translation() + arm_ - before_.attitude() * lever_.value();
       before_ = x;
       estimator_.step(contact_point_, material_point_, velocity, f.template head<D>(), dt);
+      torque_.step(newtons_per_n_m_ * f.template tail<3>(), dt);
     } else {
       estimator_.step(contact_point_, velocity, f.template head<D>(), dt);
     }
-    if (senses_ && !estimator_.contact()) bias_.learn(robot.f_environment, dt);
+    if (senses_ && !touches()) bias_.learn(robot.f_environment, dt);
   }
 
   [[nodiscard]] Force<N> leaving_brake(const RobotSample<N>& robot, Seconds dt) const noexcept {
@@ -222,10 +229,10 @@ class InternalModelSlave final : public Copyable<InternalModelSlave<N>, SlaveTra
 
   void report(const RobotSample<N>& robot) noexcept {
     const SurfacePatch<D>& patch = estimator_.patch();
-    report_.contact.value = estimator_.contact() ? 1.0 : 0.0;
+    report_.contact.value = touches() ? 1.0 : 0.0;
     report_.normal.value = Direction<D>{patch.normal};
     report_.point.value = Position<D>{patch.point};
-    report_.stiffness.value = in_series(patch, robot.ideal);
+    report_.stiffness.value = touches() && !estimator_.contact() ? 0.0 : in_series(patch, robot.ideal);
     report_.friction.value = patch.friction;
     report_.curvature.value = patch.curvature;
     report_.robot.value = Position<D>{contact_point_};
@@ -252,7 +259,9 @@ class InternalModelSlave final : public Copyable<InternalModelSlave<N>, SlaveTra
   ReactionForceObserver<N> observer_;
   Force<N> f_;  ///< on the robot in the last tick
   double to_master_stiffness_, brake_n_s_per_m_, coupling_n_per_m_, rotation_n_m_per_rad_;
+  double newtons_per_n_m_;  ///< sqrt(K_c/K_r) in the master's units
   SurfaceEstimator<D> estimator_;
+  TorqueContact torque_;  ///< N = 6
   Point<D> contact_point_ = Point<D>::Zero();
   ContactLever lever_;                          ///< N = 6: b
   Point<3> arm_ = Point<3>::Zero();             ///< R b

@@ -7,14 +7,73 @@
 #include "common/base/vector.h"
 #include "common/contact/signed_distance.h"
 #include "common/method/transparency/surface/surface_patch.h"
+#include "common/passivity/energy_spring.h"
 
 namespace twoport {
+
+/// Whether something is touched, from a force or from a torque that counts as a force.
+///
+///     |LP_a f| > 0.3 N begins it; |LP_a f| < 0.1 N for 3 ms ends it
+template <int D>
+class ContactDetector {
+ public:
+  void reset() noexcept { contact_ = false, f_.setZero(), quiet_s_ = 0.0; }
+  /// `filter_s`: a.
+  void step(const Point<D>& f, Seconds dt, double filter_s = kLeastFilter_s) noexcept {
+    low_pass(f_, f, dt, filter_s);
+    const double size = f_.norm();
+    begins_ = !contact_ && size > kOn_n;
+    if (!contact_) {
+      quiet_s_ = 0.0;
+      contact_ = begins_;
+    } else {
+      quiet_s_ = size < kOff_n ? quiet_s_ + dt.si() : 0.0;
+      contact_ = quiet_s_ < kOff_s;
+    }
+  }
+  [[nodiscard]] bool contact() const noexcept { return contact_; }
+  [[nodiscard]] bool begins() const noexcept { return begins_; }       ///< in this tick
+  [[nodiscard]] const Point<D>& force() const noexcept { return f_; }  ///< LP_a f
+
+  static constexpr double kLeastFilter_s = 3e-3;
+
+ private:
+  static constexpr double kOn_n = 0.3, kOff_n = 0.1, kOff_s = 3e-3;
+  bool contact_ = false, begins_ = false;
+  double quiet_s_ = 0.0;
+  Point<D> f_ = Point<D>::Zero();
+};
+
+/// Contact by a torque without a force, as of two pegs that are twisted in their holes. The torque of a sensor counts ten times and
+/// more, its noise likewise, so the detector's low pass follows the noise:
+///
+///     σ² = LP_0.1s |t(k) - t(k-1)|²/2, in the first 0.1 s its mean;   a = T/2 (σ/75 mN)², between 3 ms and 0.1 s
+class TorqueContact {
+ public:
+  void reset() noexcept { detector_.reset(); }
+  /// `t`: sqrt(K_c/K_r) τ.
+  void step(const Eigen::Vector3d& t, Seconds dt) noexcept {
+    learned_s_ = std::min(kNoise_s, learned_s_ + dt.si());
+    low_pass(variance_, 0.5 * (t - before_).squaredNorm(), dt, learned_s_);
+    before_ = t;
+    detector_.step(t, dt,
+                   std::clamp(0.5 * dt.si() * variance_ / (kNoise_n * kNoise_n), ContactDetector<3>::kLeastFilter_s,
+                              kMostFilter_s));
+  }
+  [[nodiscard]] bool contact() const noexcept { return detector_.contact(); }
+
+ private:
+  static constexpr double kNoise_s = 0.1, kNoise_n = 75e-3, kMostFilter_s = 0.1;
+  ContactDetector<3> detector_;
+  Eigen::Vector3d before_ = Eigen::Vector3d::Zero();
+  double variance_ = 0.0, learned_s_ = 0.0;
+};
 
 /// Estimates at the slave the surface that the robot touches, from position, velocity and force sensor, all in the master's
 /// world and units (thresholds are then in forces that the hand feels). f: force of the robot on the environment. LP_a: first
 /// order low pass with time constant a; at the start of a contact all filters start from the present value.
 ///
-///     contact    |LP_3ms f| > 0.3 N begins it; |LP_3ms f| < 0.1 N for 3 ms ends it
+///     contact    ContactDetector of f, a = 3 ms
 ///     x', v', f' = (z - LP_20ms z)·n                                  motion and force across the surface, without offset;
 ///                                                                     x' of s, the point of the robot that touches now
 ///     K, B       least squares of f' = K x' + B v', mean over 0.5 s, with K = 2000 N/m as prior at (30 µm)², (3 mm/s)²;
@@ -32,23 +91,15 @@ namespace twoport {
 template <int D>
 class SurfaceEstimator {
  public:
-  void reset() noexcept { contact_ = false, f_contact_.setZero(), quiet_s_ = 0.0; }
+  void reset() noexcept { detector_.reset(); }
 
   /// x: point of contact; it is the robot's own point, s = x.
   void step(const Point<D>& x, const Point<D>& v, const Point<D>& f, Seconds dt) noexcept { step(x, x, v, f, dt); }
   /// Where the contact moves over the robot, x moves and s does not. Only differences of s matter.
   void step(const Point<D>& x, const Point<D>& s, const Point<D>& v, const Point<D>& f, Seconds dt) noexcept {
-    low_pass(f_contact_, f, dt, kContactFilter_s);
-    const double size = f_contact_.norm();
-    if (!contact_) {
-      if (size > kOn_n) begin(x, s, v, f);
-      return;
-    }
-    quiet_s_ = size < kOff_n ? quiet_s_ + dt.si() : 0.0;
-    if (quiet_s_ >= kOff_s) {
-      contact_ = false;
-      return;
-    }
+    detector_.step(f, dt);
+    if (detector_.begins()) return begin(x, s, v, f);
+    if (!contact()) return;
     age_s_ += dt.si();
     filter(s, v, f, dt);
     fit_stiffness(s, v, f, dt);
@@ -60,12 +111,11 @@ class SurfaceEstimator {
     patch_.point = x - elastic / patch_.stiffness * patch_.normal;
   }
 
-  [[nodiscard]] bool contact() const noexcept { return contact_; }
+  [[nodiscard]] bool contact() const noexcept { return detector_.contact(); }
   /// Of the present contact, or of the last one.
   [[nodiscard]] const SurfacePatch<D>& patch() const noexcept { return patch_; }
 
  private:
-  static constexpr double kContactFilter_s = 3e-3, kOn_n = 0.3, kOff_n = 0.1, kOff_s = 3e-3;
   static constexpr double kSlow_s = 20e-3, kSlower_s = 10e-3;
   static constexpr double kStiffnessMemory_s = 0.5, kPrior_n_per_m = 2000.0, kPriorTravel_m = 30e-6,
                           kPriorSpeed_m_per_s = 3e-3;
@@ -75,12 +125,11 @@ class SurfaceEstimator {
   static constexpr double kCurvatureMemory_m = 15e-3, kCurvaturePrior_m = 4.5e-3, kMostCurvature_per_m = 200.0;
 
   void begin(const Point<D>& x, const Point<D>& s, const Point<D>& v, const Point<D>& f) noexcept {
-    contact_ = true;
-    quiet_s_ = age_s_ = 0.0;
+    age_s_ = 0.0;
     x_slow_ = s, x_mean_ = x, v_slow_ = v_surface_ = v, f_slow_ = f_surface_ = f;
     xx_ = xv_ = vv_ = xf_ = vf_ = 0.0;
     damping_ = variance_ = covariance_ = 0.0;
-    patch_.normal = n_mean_ = f_contact_ / f_contact_.norm();
+    patch_.normal = n_mean_ = detector_.force() / detector_.force().norm();
     patch_.stiffness = kPrior_n_per_m;
     patch_.friction = patch_.curvature = 0.0;
     patch_.point = x - std::max(0.0, f.dot(patch_.normal)) / patch_.stiffness * patch_.normal;
@@ -154,39 +203,40 @@ class SurfaceEstimator {
   }
 
   SurfacePatch<D> patch_;
-  bool contact_ = false;
-  double quiet_s_ = 0.0, age_s_ = 0.0;
+  ContactDetector<D> detector_;
+  double age_s_ = 0.0;
   double damping_ = 0.0;  ///< B
   double xx_ = 0.0, xv_ = 0.0, vv_ = 0.0, xf_ = 0.0, vf_ = 0.0;
   double variance_ = 0.0, covariance_ = 0.0;
-  Point<D> f_contact_ = Point<D>::Zero(), x_slow_ = Point<D>::Zero(), v_slow_ = Point<D>::Zero(),
-           f_slow_ = Point<D>::Zero(), v_surface_ = Point<D>::Zero(), f_surface_ = Point<D>::Zero(),
-           x_mean_ = Point<D>::Zero(), n_mean_ = Point<D>::Zero();
+  Point<D> x_slow_ = Point<D>::Zero(), v_slow_ = Point<D>::Zero(), f_slow_ = Point<D>::Zero(),
+           v_surface_ = Point<D>::Zero(), f_surface_ = Point<D>::Zero(), x_mean_ = Point<D>::Zero(),
+           n_mean_ = Point<D>::Zero();
 };
 
 /// Bias of a force sensor: the mean reading of the first second, then its low pass (1 s), while it is less than 0.3 N away,
 /// the robot touches nothing and the bias is below 0.3 N. The thresholds are in the master's units, the readings in the slave's.
+/// A torque counts by sqrt(K_c/K_r).
 template <int N>
 class SensorBias {
  public:
-  /// `force_scale`: newtons at the master for one at the slave.
-  explicit SensorBias(double force_scale) : most_n_{kMost_n / force_scale} {}
+  /// `force_scale`: newtons at the master for one at the slave. `stiffness_ratio`: K_c/K_r of the slave.
+  SensorBias(double force_scale, double stiffness_ratio)
+      : most_n_{kMost_n / force_scale}, stiffness_ratio_{stiffness_ratio} {}
 
   /// `f`: the sensor's reading, in free space only.
   void learn(const Force<N>& f, Seconds dt) noexcept {
-    if (translation(f - value_) >= most_n_) return;
+    if (wrench_norm(f - value_, stiffness_ratio_) >= most_n_) return;
     learned_s_ = std::min(kMemory_s, learned_s_ + dt.si());
     Force<N> next = value_;
     low_pass(next, f, dt, learned_s_);
-    if (translation(next) <= most_n_) value_ = next;
+    if (wrench_norm(next, stiffness_ratio_) <= most_n_) value_ = next;
   }
   [[nodiscard]] const Force<N>& value() const noexcept { return value_; }
 
  private:
   static constexpr double kMost_n = 0.3, kMemory_s = 1.0;
-  static double translation(const Force<N>& f) noexcept { return f.vec().template head<kAxes<N>>().norm(); }
 
-  double most_n_, learned_s_ = 0.0;
+  double most_n_, stiffness_ratio_, learned_s_ = 0.0;
   Force<N> value_;
 };
 

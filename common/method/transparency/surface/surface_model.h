@@ -15,7 +15,7 @@ namespace twoport {
 ///     contact, no model      model = estimate, ρ = 0
 ///     contact                (d, m) = the model's depth and normal at the estimate's p
 ///                            n = m + a (n' - m),  p = p' - (1 - a) d m,  likewise K*, κ,   a = T/50 ms;   μ: T/100 ms
-///     free, d(x_s) > 2 mm    p += T/20 ms (d - 2 mm) n: no surface where the robot is free;   > 20 mm: no model
+///     free or K* = 0, d(x_s) > 2 mm    p += T/20 ms (d - 2 mm) n: no surface where the robot is free;   > 20 mm: no model
 ///     ρ rises from 0 to 1 in 0.1 s
 ///
 /// n', p', K*', κ': the slave's estimate. d(x_s): depth of the robot in the model.
@@ -36,7 +36,7 @@ class SurfaceModel {
         exists_ = true;
         ramp_ = 0.0;
       }
-    } else if (exists_ && !contact) {
+    } else if (exists_) {
       yield_to(robot, dt);
     }
     if (exists_) ramp_ = std::min(1.0, ramp_ + dt.si() / kRamp_s);
