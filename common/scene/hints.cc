@@ -233,6 +233,13 @@ double arm_rate_hz(const Scene& s) {
   return s.robot && s.robot->arm ? s.slave_rate_hz : s.rate_hz;
 }
 
+/// Which of the environment moves by itself.
+std::optional<std::size_t> moving_anchor(const Scene& scene) {
+  for (std::size_t i = 0; i < scene.environment.size(); ++i)
+    if (const auto* spring = std::get_if<Spring>(&scene.environment[i]); spring && spring->motion.amplitude_m > 0.0) return i;
+  return {};
+}
+
 struct Hint {
   bool (*applies)(const Scene&);
   std::string (*sentence)(const Scene&);
@@ -321,6 +328,14 @@ constexpr Hint kHints[] = {
            "handle turns back within a tick; it holds from about {:.0f} Hz",
            s.rate_hz, stiffest_surface(s), s.device->mass_kg,
            std::sqrt(stiffest_surface(s) / (kFastHandle * s.device->mass_kg)));
+     }},
+    {[](const Scene& s) { return moving_anchor(s).has_value() && s.control.passivity == "ENERGY_SPRING"; },
+     [](const Scene& s) {
+       return fmt::format(
+           "environment[{}].spring.anchor_motion puts energy in, and control.passivity.layer ENERGY_SPRING gives the "
+           "hand no more of it than E(0); "
+           "ENERGY_SPRING_TWO_PORT passes it on",
+           *moving_anchor(s));
      }},
 };
 

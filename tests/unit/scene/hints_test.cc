@@ -40,6 +40,20 @@ TEST(Hints, NameTheLargestLengthWhereItLooksLikeMillimetres) {
   EXPECT_EQ(hints(scene_of(kStiffWall, {"environment[0].wall.offset_m=-5"})), Sentences{});
 }
 
+TEST(Hints, NameTheLayerThatPassesOnTheEnergyOfAMovingEnvironment) {
+  const Overrides moving{
+      "environment=[{spring: {stiffness_n_per_m: 500 anchor_motion: {axis: 0 amplitude_m: 0.01 frequency_hz: 0.7}}}]",
+      "control.architecture=POSITION_FORCE"};
+  const auto with = [&](const char* layer) {
+    Overrides all = moving;
+    all.push_back(std::string{"control.passivity.layer="} + layer);
+    return hints(scene_of(kStiffWall, all));
+  };
+  ASSERT_EQ(with("ENERGY_SPRING").size(), 1U);
+  EXPECT_TRUE(says(with("ENERGY_SPRING")[0], {"environment[0].spring.anchor_motion", "ENERGY_SPRING_TWO_PORT"}));
+  EXPECT_EQ(with("ENERGY_SPRING_TWO_PORT"), Sentences{});
+}
+
 TEST(Hints, SayThatNobodyHoldsAHandleOverALink) {
   const std::string free = "dof: 1 duration_s: 1 device { mass_kg: 1 } control { passivity { method: CLASSIC } }";
   EXPECT_EQ(hints(scene_of(free)), Sentences{"operator is absent: no hand holds the handle"});
