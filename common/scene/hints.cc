@@ -236,7 +236,8 @@ double arm_rate_hz(const Scene& s) {
 /// Which of the environment moves by itself.
 std::optional<std::size_t> moving_anchor(const Scene& scene) {
   for (std::size_t i = 0; i < scene.environment.size(); ++i)
-    if (const auto* spring = std::get_if<Spring>(&scene.environment[i]); spring && spring->motion.amplitude_m > 0.0) return i;
+    if (const auto* spring = std::get_if<Spring>(&scene.environment[i]); spring && spring->motion.amplitude_m > 0.0)
+      return i;
   return {};
 }
 
