@@ -140,18 +140,22 @@ TEST(Mcap, ADamagedChunkIsRefusedInASentence) {
 // 60 schemas of 32 MiB each in a file of 60 kB: what is kept has a bound, and the reader stops there.
 TEST(Mcap, DefinitionsThatWouldTakeGigabytesAreRefused) {
   const Folder folder;
-  const std::string path = folder / "a.mcap", of_one = std::string(std::size_t{32} << 20, 'x');
+  const std::string path = folder / "a.mcap";
   {
+    // A record begins with its kind and its length, the content of a schema with its number.
+    constexpr std::size_t kNumber = 1 + sizeof(std::uint64_t);
+    mcap::Output schema, record;
+    schema.number(std::uint16_t{0}).string("S").string("protobuf").string(std::string(std::size_t{32} << 20, 'x'));
+    record.record(mcap::Op::schema, schema);
+    std::string body(ZSTD_compressBound(record.bytes.size()), 0);
     std::ofstream out{path, std::ios::binary};
     out << kMagic;
-    for (std::uint16_t id = 1; id <= 60; ++id) {
-      mcap::Output schema, record, chunk, file;
-      schema.number(id).string("S").string("protobuf").string(of_one);
-      record.record(mcap::Op::schema, schema);
-      std::string body(ZSTD_compressBound(record.bytes.size()), 0);
-      body.resize(ZSTD_compress(body.data(), body.size(), record.bytes.data(), record.bytes.size(), 1));
+    for (char id = 1; id <= 60; ++id) {
+      record.bytes[kNumber] = id;
+      const std::size_t size = ZSTD_compress(body.data(), body.size(), record.bytes.data(), record.bytes.size(), 1);
+      mcap::Output chunk, file;
       chunk.number(std::uint64_t{0}).number(std::uint64_t{0}).number(std::uint64_t{record.bytes.size()});
-      chunk.number(std::uint32_t{0}).string("zstd").number(std::uint64_t{body.size()}).raw(body);
+      chunk.number(std::uint32_t{0}).string("zstd").number(std::uint64_t{size}).raw({body.data(), size});
       file.record(mcap::Op::chunk, chunk);
       out << file.bytes;
     }
