@@ -1,11 +1,13 @@
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <csignal>
 #include <memory>
 #include <random>
 #include <string>
 #include <thread>
 
+#include "common/link/report.h"
 #include "tests/loopback/relay.h"
 #include "tests/support/live.h"
 
@@ -30,52 +32,62 @@ std::string modes_shown(const std::string& terminal) {
 
 // The robot stands in contact, and so does the handle: what a real one would do while its program starts anew.
 // Registered anew it would follow from where it stands; in absolute registration it presses as before.
-const Words kRobotInContact{"--set", "robot.position_m=[0.0204]", "--set", "control.registration.mode=ABSOLUTE"};
+const Words kRobotInContact{
+    "--set", "duration_s=60", "--set", "robot.position_m=[0.0204]", "--set", "control.registration.mode=ABSOLUTE"};
 const Words kHandInContact{"--set", "device.position_m=[0.026]"};
 
 TEST(Restart, OfTheSlaveInContactIsSurvivedByTheMaster) {
   const Pair pair;
   Process first = pair.listening_slave("first", {"--set", "control.registration.mode=ABSOLUTE"});
-  Process master = pair.master("master", {"--set", "duration_s=5", "--set", "control.registration.mode=ABSOLUTE"},
+  Process master = pair.master("master", {"--set", "duration_s=60", "--set", "control.registration.mode=ABSOLUTE"},
                                {.terminal = true});
-  std::this_thread::sleep_for(1500ms);
+  pair.await("master", 1.4);
   first.send(SIGKILL);
   first.wait();
-  std::this_thread::sleep_for(500ms);
+  std::this_thread::sleep_for(300ms);
   Process second = pair.slave("second", kRobotInContact);
-  EXPECT_EQ(master.wait(), exited(0)) << master.err();
-  EXPECT_EQ(second.wait(), exited(0)) << second.err();
+  pair.await("second", 1.5);
+  for (Process* each : {&master, &second}) {
+    each->send(SIGINT);
+    EXPECT_EQ(each->wait(), exited(0)) << each->err();
+  }
 
   const schema::Summary m = pair.summary("master"), s = pair.summary("second");
   EXPECT_EQ(m.reconnects(), 1u);
   EXPECT_EQ(m.mode(), "coupled");
-  EXPECT_EQ(modes_shown(master.err()), "coupled holding coupled");
+  if (kept_time({m, s})) {
+    EXPECT_EQ(modes_shown(master.err()), "coupled holding coupled");
+  }
   expect_sound({m, s});
 
   const Trace trace = pair.trace("master");
+  const double end_s = trace["t_s"].back();
   EXPECT_GT(trace.peak("master_f_wanted_0", 1.0, 1.3), 0.5) << "in contact before";
-  EXPECT_GT(trace.peak("master_f_wanted_0", 4.0, 5.0), 0.5) << "in contact after";
-  EXPECT_LE(trace.peak("master_f_0", 0.0, 5.0), 8.5) << "what the device can";
+  EXPECT_GT(trace.peak("master_f_wanted_0", end_s - 0.5, end_s), 0.5) << "in contact after";
+  EXPECT_LE(trace.peak("master_f_0", 0.0, end_s), 8.5) << "what the device can";
   std::cout << "slave restarted: least port energy " << m.min_port_energy_j() << " J, largest force " << m.max_force_n()
             << " N\n";
 }
 
 TEST(Restart, OfTheMasterInContactIsSurvivedByTheSlave) {
   const Pair pair;
-  Process slave = pair.listening_slave("slave", {"--set", "duration_s=4"}, {.terminal = true});
+  Process slave = pair.listening_slave("slave", {"--set", "duration_s=60"}, {.terminal = true});
   Process first = pair.master("first", {"--set", "duration_s=60"});
-  std::this_thread::sleep_for(1500ms);
+  pair.await("first", 1.4);
   first.send(SIGKILL);
   first.wait();
-  std::this_thread::sleep_for(500ms);
+  std::this_thread::sleep_for(300ms);
   Process second = pair.master("second", kHandInContact);
   EXPECT_EQ(second.wait(), exited(0)) << second.err();
+  slave.send(SIGINT);
   EXPECT_EQ(slave.wait(), exited(0)) << slave.err();
 
   const schema::Summary m = pair.summary("second"), s = pair.summary("slave");
   EXPECT_EQ(s.reconnects(), 1u);
   EXPECT_EQ(m.reconnects(), 0u);
-  EXPECT_EQ(modes_shown(slave.err()).find("coupled holding coupled"), 0u) << slave.err();
+  if (kept_time({m, s})) {
+    EXPECT_EQ(modes_shown(slave.err()).find("coupled holding coupled"), 0u) << slave.err();
+  }
   expect_sound({m, s});
   EXPECT_GT(pair.trace("second").peak("master_f_wanted_0", 1.0, 2.0), 0.5);
   std::cout << "master restarted: least port energy " << m.min_port_energy_j() << " J, largest force "
@@ -85,18 +97,24 @@ TEST(Restart, OfTheMasterInContactIsSurvivedByTheSlave) {
 TEST(Restart, AfterALongSilenceFindsTheMasterReleased) {
   const Pair pair;
   Process first = pair.listening_slave("first");
-  Process master = pair.master("master", {"--set", "duration_s=4"}, {.terminal = true});
-  std::this_thread::sleep_for(1000ms);
+  Process master = pair.master("master", {"--set", "duration_s=60"}, {.terminal = true});
+  pair.await("master", 0.9);
   first.send(SIGKILL);
   first.wait();
-  std::this_thread::sleep_for(1600ms);
-  Process second = pair.slave("second", {"--set", "robot.position_m=[0.0204]"});
-  EXPECT_EQ(master.wait(), exited(0)) << master.err();
-  EXPECT_EQ(second.wait(), exited(0)) << second.err();
-  EXPECT_EQ(modes_shown(master.err()), "coupled holding released coupled");
-  const schema::Summary m = pair.summary("master");
+  EXPECT_TRUE(master.says("s: released: the slave")) << master.err();
+  std::this_thread::sleep_for(500ms);
+  Process second = pair.slave("second", {"--set", "duration_s=60", "--set", "robot.position_m=[0.0204]"});
+  pair.await("second", 1.0);
+  for (Process* each : {&master, &second}) {
+    each->send(SIGINT);
+    EXPECT_EQ(each->wait(), exited(0)) << each->err();
+  }
+  const schema::Summary m = pair.summary("master"), s = pair.summary("second");
   EXPECT_EQ(m.reconnects(), 1u);
-  expect_sound({m, pair.summary("second")});
+  expect_sound({m, s});
+  if (kept_time({m, s})) {
+    EXPECT_EQ(modes_shown(master.err()), "coupled holding released coupled");
+  }
   const std::string log = master.err();
   for (const std::string line :
        {"s: paired with the slave", "s: the slave is silent; holding", "s: released: the slave"})
@@ -104,8 +122,12 @@ TEST(Restart, AfterALongSilenceFindsTheMasterReleased) {
   EXPECT_EQ(count(log, "s: paired with the slave"), 1) << log;
   EXPECT_EQ(count(log, "s: re-paired with the slave"), 1) << log;
   EXPECT_EQ(count(log, "s: packets of the slave arrive again"), 0) << log;
-  // A second of silence after the last packet the force is gone.
-  EXPECT_EQ(pair.trace("master").peak("master_f_0", 2.2, 2.5), 0.0);
+  const Trace trace = pair.trace("master");
+  const std::vector<double>& modes = trace["mode"];
+  const auto released = std::find(modes.begin(), modes.end(), static_cast<double>(Mode::released));
+  ASSERT_NE(released, modes.end());
+  const double released_s = trace["t_s"][static_cast<std::size_t>(released - modes.begin())];
+  EXPECT_EQ(trace.peak("master_f_0", released_s + 2e-3, released_s + 0.4), 0.0) << "the force is gone";
 }
 
 // ---- silence
@@ -119,11 +141,13 @@ TEST(Link, HoldsThroughABlackoutAndCouplesAgain) {
   Process master = pair.master("master", longer, {.terminal = true});
   EXPECT_EQ(master.wait(), exited(0)) << master.err();
   EXPECT_EQ(slave.wait(), exited(0)) << slave.err();
-  EXPECT_EQ(modes_shown(master.err()), "coupled holding coupled");
-  EXPECT_EQ(count(master.err(), "s: packets of the slave arrive again"), 1) << master.err();
   EXPECT_EQ(count(master.err(), "s: paired with the slave"), 1) << master.err();
-  EXPECT_EQ(modes_shown(slave.err()).find("coupled holding coupled"), 0u) << slave.err();
   const schema::Summary m = pair.summary("master"), s = pair.summary("slave");
+  if (kept_time({m, s})) {
+    EXPECT_EQ(modes_shown(master.err()), "coupled holding coupled");
+    EXPECT_EQ(count(master.err(), "s: packets of the slave arrive again"), 1) << master.err();
+    EXPECT_EQ(modes_shown(slave.err()).find("coupled holding coupled"), 0u) << slave.err();
+  }
   for (const schema::Summary& each : {m, s}) EXPECT_EQ(each.reconnects(), 0u);
   expect_sound({m, s});
   EXPECT_GT(m.packets().to_master().lost(), 300u) << "600 ticks without a packet";

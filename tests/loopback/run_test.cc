@@ -37,6 +37,12 @@ void expect_only_what_is_known(const schema::Summary& m, const schema::Summary& 
   EXPECT_NEAR(m.robot_max_force_n(), s.robot_max_force_n(), 0.1 * s.robot_max_force_n());
 }
 
+void expect_none_rejected(const schema::Summary& m, const schema::Summary& s) {
+  for (const schema::Packets& way : {s.packets().to_slave(), m.packets().to_master()})
+    for (const auto& [reason, packets] : way.rejected_by())
+      ADD_FAILURE() << m.scene() << ": " << packets << " " << reason;
+}
+
 /// Both have run the pressing scene to its end: what their summaries must say.
 void expect_whole_run(const Pair& pair) {
   const schema::Summary m = pair.summary("master"), s = pair.summary("slave");
@@ -79,7 +85,7 @@ void expect_whole_run(const Pair& pair) {
   EXPECT_LE(m.packets().to_master().received(), s.packets().to_master().sent());
   EXPECT_EQ(s.packets().to_slave().duplicated(), 0u);
   EXPECT_EQ(m.packets().to_master().duplicated(), 0u);
-  EXPECT_EQ(s.packets().to_slave().rejected() + m.packets().to_master().rejected(), 0u);
+  expect_none_rejected(m, s);
   EXPECT_EQ(pair.trace("master").rows(), m.steps());
   EXPECT_EQ(pair.trace("slave").rows(), s.steps());
 }
@@ -106,8 +112,9 @@ TEST(Run, GoesFromEndToEndWhenTheMasterStartsFirst) {
 /// A signal to each in the middle of contact: what was recorded until then is there, whole.
 void expect_stop_by(int to_master, int to_slave) {
   const Pair pair;
-  Process slave = pair.listening_slave(), master = pair.master();
-  std::this_thread::sleep_for(1200ms);
+  const Words longer{"--set", "duration_s=60"};
+  Process slave = pair.listening_slave("slave", longer), master = pair.master("master", longer);
+  for (const char* side : {"master", "slave"}) pair.await(side, 0.8);
   master.send(to_master);
   EXPECT_EQ(master.wait(), exited(0)) << master.err();
   slave.send(to_slave);
@@ -116,7 +123,7 @@ void expect_stop_by(int to_master, int to_slave) {
     const schema::Summary s = pair.summary(side);
     EXPECT_NE(s.verdict().find("interrupted"), std::string::npos) << side << ": " << s.verdict();
     EXPECT_GT(s.steps(), 100u) << side;
-    EXPECT_LT(s.steps(), 2000u) << side;
+    EXPECT_LT(s.steps(), 60'000u) << side;
     EXPECT_EQ(pair.trace(side).rows(), s.steps()) << side;
     EXPECT_FALSE(exists(pair.at(side + "/trace.csv.partial"))) << side;
   }
@@ -143,7 +150,8 @@ TEST(Run, WithoutADurationGoesOnUntilItIsEnded) {
   const Pair pair{scene};
   Process slave = pair.listening_slave("slave", {}, {.terminal = true}),
           master = pair.master("master", {}, {.terminal = true});
-  EXPECT_EQ(master.wait(2500ms), Exit{}) << master.err();
+  for (const char* side : {"master", "slave"}) pair.await(side, 2.3);
+  EXPECT_TRUE(master.running() && slave.running()) << master.err() << slave.err();
   for (Process* each : {&master, &slave}) {
     each->send(SIGINT);
     EXPECT_EQ(each->wait(), exited(0)) << each->err();
@@ -221,7 +229,7 @@ TEST(Run, OfBothSidesEndsWholeWhenInterruptedTwiceAndThrice) {
   const Pair pair;
   Process slave = pair.listening_slave("slave", {"--set", "duration_s=60"}),
           master = pair.master("master", {"--set", "duration_s=60"});
-  std::this_thread::sleep_for(1200ms);
+  for (const char* side : {"master", "slave"}) pair.await(side, 0.8);
   expect_whole_after(master, {SIGINT, SIGINT}, 1ms);
   expect_whole_after(slave, {SIGINT, SIGINT, SIGINT}, 1ms);
   for (const std::string side : {"master", "slave"}) {
@@ -332,8 +340,9 @@ TEST(Run, EndsWholeOnASignalWhileItWaitsForTheOtherSide) {
 
 TEST(Run, LeavesNothingUnderItsFinalNameWhenKilledInTheMiddle) {
   const Pair pair;
-  Process slave = pair.listening_slave(), master = pair.master();
-  std::this_thread::sleep_for(700ms);
+  const Words longer{"--set", "duration_s=60"};
+  Process slave = pair.listening_slave("slave", longer), master = pair.master("master", longer);
+  for (const char* side : {"master", "slave"}) pair.await(side, 0.4);
   for (Process* each : {&master, &slave}) {
     each->send(SIGKILL);
     EXPECT_EQ(each->wait(), killed_by(SIGKILL));
@@ -372,7 +381,7 @@ TEST(Run, LeavesWholeFilesOrNoneWhenKilledNearItsEnd) {
 TEST(Run, OfARenderedEnvironmentNeedsNoSlaveAndNoSocket) {
   const Pair pair{press(1, "RENDER")};
   Process master = pair.master("master", {"--set", "duration_s=1"});
-  std::this_thread::sleep_for(400ms);
+  pair.await("master", 0.2);
   ASSERT_TRUE(master.running()) << master.err();
   for (const auto& fd : std::filesystem::directory_iterator{"/proc/" + std::to_string(master.pid()) + "/fd"}) {
     std::error_code gone;
@@ -417,7 +426,7 @@ void expect_each_architecture(int dof) {
     EXPECT_EQ(m.mode(), "coupled") << m.scene();
     EXPECT_GT(s.packets().to_slave().received(), 0u) << m.scene();
     EXPECT_GT(m.packets().to_master().received(), 0u) << m.scene();
-    EXPECT_EQ(s.packets().to_slave().rejected() + m.packets().to_master().rejected(), 0u) << m.scene();
+    expect_none_rejected(m, s);
   }
 }
 

@@ -79,7 +79,8 @@ TEST(Stop, OfOneDatagramReleasesBothSidesOfTwoArmsWithinTenMilliseconds) {
   Process right_slave = right.listening_slave("slave", with(right, "slave", listens));
   Process left_master = left.master("master", with(left, "master", listens));
   Process right_master = right.master("master", with(right, "master", {}));
-  std::this_thread::sleep_for(2s);
+  for (const Pair* pair : {&left, &right})
+    for (const char* side : {"master", "slave"}) pair->await(side, 1.0);
   const std::int64_t sent_ns = send_stop(port);
 
   const auto expect_stopped = [&](const Pair& pair, Process& program, const char* name, double way_s, bool timely,

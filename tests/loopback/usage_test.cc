@@ -1,5 +1,6 @@
 #include <gtest/gtest.h>
 
+#include <csignal>
 #include <filesystem>
 #include <fstream>
 #include <string>
@@ -275,13 +276,16 @@ TEST(Mismatch, LeavesNothingOfAnEarlierRun) {
 }
 TEST(Mismatch, OfASlaveThatIsTakenIsTheSecondMastersAlone) {
   const Pair pair;
-  Process slave = pair.listening_slave(), first = pair.master("first");
+  const Words longer{"--set", "duration_s=60"};
+  Process slave = pair.listening_slave("slave", longer), first = pair.master("first", longer);
   ASSERT_TRUE(first.says("paired with the slave")) << first.err();
   Process second = pair.master("second");
   EXPECT_EQ(second.wait(), exited(1)) << second.err();
   expect_refused_summary(pair, "second", "the slave is busy");
-  EXPECT_EQ(first.wait(), exited(0)) << first.err();
-  EXPECT_EQ(slave.wait(), exited(0)) << slave.err();
+  for (Process* each : {&first, &slave}) {
+    each->send(SIGINT);
+    EXPECT_EQ(each->wait(), exited(0)) << each->err();
+  }
 }
 TEST(Mismatch, OfDofIsRefusedByBothAndNamedByTheSlave) {
   const Pair pair;

@@ -175,7 +175,7 @@ TEST_F(NetworkTest, APulledCableInContactIsHeldAndCoupledAgain) {
   pair.host = "10.45.0.2";
   const Words longer{"--set", "duration_s=3.5", "--set", "control.release_after_s=2"};
   Process slave = start_slave(pair, longer), master = start_master(pair, longer);
-  std::this_thread::sleep_for(1200ms);
+  pair.await("master", 1.1);
   ASSERT_EQ(master_->ip("link set cable-m down"), "");
   std::this_thread::sleep_for(500ms);
   ASSERT_EQ(master_->ip("link set cable-m up"), "");

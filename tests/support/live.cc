@@ -6,9 +6,12 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstdlib>
 #include <filesystem>
+#include <fstream>
 #include <sstream>
 #include <stdexcept>
+#include <thread>
 
 namespace twoport::test {
 namespace {
@@ -119,6 +122,25 @@ void expect_sound(const std::vector<schema::Summary>& of_a_run) {
 }
 
 Pair::Pair(std::string_view text) : scene{folder.write("scene.textproto", text)} {}
+
+void Pair::await(std::string_view out, double t_s) const {
+  const std::string path = at(out) + "/trace.csv.partial";
+  const auto until = std::chrono::steady_clock::now() + 30s;
+  while (std::chrono::steady_clock::now() < until) {
+    // The last whole row is between the last two ends of lines; a header is no number.
+    constexpr std::streamoff kTail = 16384;
+    std::ifstream in{path, std::ios::ate};
+    in.seekg(std::max<std::streamoff>(0, in.tellg() - kTail));
+    std::ostringstream tail;
+    tail << in.rdbuf();
+    const std::string text = tail.str();
+    const std::size_t end = text.rfind('\n');
+    const std::size_t begin = end == text.npos || end == 0 ? text.npos : text.rfind('\n', end - 1);
+    if (begin != text.npos && std::strtod(text.c_str() + begin + 1, nullptr) >= t_s) return;
+    std::this_thread::sleep_for(5ms);
+  }
+  ADD_FAILURE() << path << ": the run has not come to " << t_s << " s";
+}
 
 void Pair::share_key() {
   const std::string key = folder.write("key", "6b1f0c9ad2e7435891bb03f4a76e2dc538e0174f5ca92b86d47a10ef6539c2b8\n");

@@ -45,6 +45,10 @@ class Pair {
   /// A slave that listens: what may begin now will find it.
   Process listening_slave(const std::string& out = "slave", const Words& more = {}, const Surroundings& s = {}) const;
 
+  /// Waits until a side has come to `t_s` of its run, by its trace. A sleep as long would count the start of the programs
+  /// too, which takes seconds on a busy machine.
+  void await(std::string_view out, double t_s) const;
+
   /// Gives both a key.
   void share_key();
 
