@@ -7,11 +7,11 @@
 
 #include <string>
 
-#include "bench/hand_written.h"
 #include "common/method/passivity/time_domain/time_domain.h"
 #include "common/scene/load.h"
 #include "lab/engine/loops.h"
 #include "sim/operator/path.h"
+#include "tests/support/hand_written.h"
 
 namespace {
 

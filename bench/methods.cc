@@ -11,11 +11,11 @@
 #include <string>
 #include <vector>
 
-#include "bench/hand_written.h"
 #include "common/method/catalogue.h"
 #include "common/scene/load.h"
 #include "lab/engine/simulation.h"
 #include "lab/study/map.h"
+#include "tests/support/hand_written.h"
 
 namespace {
 

@@ -2,7 +2,7 @@
 """A delay x loss map of the delayed bilateral loop of one axis, all cells at once in NumPy arrays: the rival of
 `twoport-lab sweep` as a user would write it in an afternoon.
 
-The equations are those of bench/hand_written.h: hand and device by their exact map, two-port observer and controller at
+The equations are those of tests/support/hand_written.h: hand and device by their exact map, two-port observer and controller at
 both ends, virtual coupling, robot on an elastic wall. Of the laboratory it leaves out what makes arrays slow: the robot is
 stepped by the exact map of the side of the wall where the tick begins, packets are late by whole ticks in order, and there
 are no verdict, no summary and no trace.

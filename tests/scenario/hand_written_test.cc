@@ -1,4 +1,4 @@
-#include "bench/hand_written.h"
+#include "tests/support/hand_written.h"
 
 #include <gtest/gtest.h>
 
