@@ -15,8 +15,7 @@ Subcommand add_zwidth_command(Command app);
 Subcommand add_chart_command(Command app);
 Subcommand add_doctor_command(Command app);
 Subcommand add_impedance_command(Command app);
-Subcommand add_picture_command(Command app);
-/// `adversary`, `compare`, `gallery`, `map`, `matrix`, `recommend` and `tune`.
+/// `adversary`, `compare`, `gallery`, `map`, `matrix` and `recommend`.
 std::vector<Subcommand> add_map_commands(Command app);
 /// `replay` and `export`.
 std::vector<Subcommand> add_recording_commands(Command app);

@@ -28,7 +28,6 @@ int zwidth_command(ZWidthOptions options, const std::optional<int>& lanes) {
 Subcommand add_zwidth_command(Command app) {
   const auto options = std::make_shared<ZWidthOptions>();
   const auto lanes = std::make_shared<std::optional<int>>();
-  options->jobs = all_cores();
   Command zwidth = app.add("zwidth", "Map the stiffness and damping that a scene displays stably, with theory");
   add_scene(zwidth, options->scene, options->set);
   zwidth.describe("scene", "Scene file (.textproto): one axis, RENDER, one wall or spring");

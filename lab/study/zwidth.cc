@@ -8,7 +8,7 @@
 #include "common/base/check.h"
 #include "common/base/file.h"
 #include "common/scene/load.h"
-#include "lab/oracle.h"
+#include "lab/theory/sampled_wall.h"
 
 namespace twoport::lab {
 namespace {

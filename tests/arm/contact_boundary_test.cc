@@ -9,8 +9,8 @@
 #include <vector>
 
 #include "lab/study/boundary.h"
-#include "lab/theory/sampled_contact.h"
 #include "tests/arm/contact_cases.h"
+#include "tests/theory/sampled_contact.h"
 
 // Where `boundary` finds that a rendered contact of a rigid body stops being stable, and where the eigenvalues of the same loop
 // leave the unit circle.

@@ -3,7 +3,7 @@
 #include <string>
 #include <vector>
 
-#include "lab/theory/sampled_contact.h"
+#include "tests/theory/sampled_contact.h"
 
 namespace twoport::test {
 

@@ -1,4 +1,4 @@
-#include "lab/theory/sampled_contact.h"
+#include "tests/theory/sampled_contact.h"
 
 #include <gtest/gtest.h>
 

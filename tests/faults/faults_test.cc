@@ -15,7 +15,6 @@
 #include <utility>
 #include <vector>
 
-#include "common/link/memory_network.h"
 #include "common/method/catalogue.h"
 #include "common/runtime/cycle.h"
 #include "common/safety/guarded_transport.h"
@@ -25,6 +24,7 @@
 #include "sim/sim_device.h"
 #include "sim/sim_robot.h"
 #include "slave/slave_node.h"
+#include "tests/support/memory_network.h"
 
 // Both programs in virtual time, with hardware that goes on when a program does not, under schedules of faults drawn from a
 // seed: kill, stop, restart, steps of the clock, delay, loss, duplication, reordering, damaged bytes, and a peer that lies.

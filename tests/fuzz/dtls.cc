@@ -1,6 +1,6 @@
-#include "common/link/memory_network.h"
 #include "common/secure/secure_socket.h"
 #include "tests/fuzz/input.h"
+#include "tests/support/memory_network.h"
 
 // The filter of a client and of a server on a network that the input controls: genuine datagrams are lost, repeated and
 // changed, and the input adds its own from any address. Nothing is handed up that neither has said; nobody without the

@@ -1,6 +1,6 @@
-#include "common/link/memory_network.h"
 #include "common/secure/dtls_handshake.h"
 #include "tests/fuzz/input.h"
+#include "tests/support/memory_network.h"
 
 // The datagrams of a handshake as a server reads them: any bytes, genuine hellos that were changed, and any bytes that a
 // holder of the key has signed, from any address and at any time. Only a proven hello is answered, by one cookie that is shorter; at most

@@ -3,8 +3,8 @@
 #include <array>
 #include <vector>
 
-#include "common/link/memory_network.h"
 #include "tests/fuzz/input.h"
+#include "tests/support/memory_network.h"
 
 // A master, a slave and a stranger on a network that the input controls: it delivers, repeats, delays and drops the headers
 // of the two, and forges others, without knowledge of their numbers. Without a key: no header that nobody of the two has

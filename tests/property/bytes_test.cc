@@ -8,10 +8,10 @@
 #include <vector>
 
 #include "common/link/impaired_socket.h"
-#include "common/link/memory_network.h"
 #include "common/scene/load.h"
 #include "common/wire/link_transport.h"
 #include "lab/engine/simulation.h"
+#include "tests/support/memory_network.h"
 #include "tests/support/rows.h"
 #include "tests/support/two_sides.h"
 

@@ -15,9 +15,9 @@
 #include "common/record/summary.h"
 #include "common/scene/load.h"
 #include "common/scene/names.h"
-#include "lab/oracle.h"
 #include "lab/run.h"
 #include "tests/support/process.h"
+#include "tests/theory/oracle.h"
 
 // The laboratory's own runs against theory: where `boundary` finds that a scene stops being stable, and where the
 // eigenvalues of the same loop leave the unit circle. Each set of parameters is drawn from a written seed and printed.

@@ -6,9 +6,9 @@
 #include <cmath>
 
 #include "common/base/check.h"
-#include "lab/oracle.h"
 #include "lab/study/boundary.h"
 #include "tests/support/process.h"
+#include "tests/theory/oracle.h"
 
 namespace twoport::lab {
 namespace {

@@ -9,8 +9,8 @@
 #include <utility>
 #include <vector>
 
-#include "common/link/memory_network.h"
 #include "common/secure/dtls_handshake.h"
+#include "tests/support/memory_network.h"
 
 // Against OpenSSL's own DTLS as the other side: what leaves here are records of DTLS 1.2 as anybody reads them.
 namespace twoport {

@@ -10,7 +10,7 @@
 #include <string>
 #include <utility>
 
-#include "common/link/memory_network.h"
+#include "tests/support/memory_network.h"
 #include "tests/support/no_alloc.h"
 
 namespace twoport {

@@ -10,8 +10,8 @@
 
 #include "common/link/impaired_socket.h"
 #include "common/link/mailbox.h"
-#include "common/link/memory_network.h"
 #include "common/wire/gripper_transport.h"
+#include "tests/support/memory_network.h"
 #include "tests/support/no_alloc.h"
 
 namespace twoport {

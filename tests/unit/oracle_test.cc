@@ -1,4 +1,4 @@
-#include "lab/oracle.h"
+#include "tests/theory/oracle.h"
 
 #include <gtest/gtest.h>
 

@@ -10,7 +10,7 @@
 #include <string>
 #include <vector>
 
-#include "common/link/memory_network.h"
+#include "tests/support/memory_network.h"
 #include "tests/support/no_alloc.h"
 
 // The filter in virtual time: handshakes run within receive().

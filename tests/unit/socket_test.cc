@@ -12,7 +12,7 @@
 #include <vector>
 
 #include "common/link/impaired_socket.h"
-#include "common/link/memory_network.h"
+#include "tests/support/memory_network.h"
 #include "tests/support/no_alloc.h"
 
 namespace twoport {

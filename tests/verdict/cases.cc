@@ -8,7 +8,7 @@
 
 #include "common/scene/load.h"
 #include "lab/engine/simulation.h"
-#include "lab/oracle.h"
+#include "tests/theory/oracle.h"
 
 // Truth is an eigenvalue, or passivity. A sampled spring or a link loop is tuned until its spectral radius ρ per tick gives
 // the rate σ = ln ρ / T that has been drawn; a loop of passive parts alone is bounded.

@@ -1,4 +1,4 @@
-#include "lab/oracle.h"
+#include "tests/theory/oracle.h"
 
 #include <Eigen/Dense>
 #include <algorithm>
@@ -6,7 +6,7 @@
 #include <numbers>
 #include <utility>
 
-#include "lab/theory/eigenvalues.h"
+#include "lab/theory/sampled_loop.h"
 
 namespace twoport::lab {
 namespace {
@@ -14,7 +14,6 @@ namespace {
 using std::numbers::pi;
 using Complex = std::complex<double>;
 using Eigen::MatrixXd;
-using Eigen::Vector2d;
 using Eigen::VectorXd;
 
 // ---- search
@@ -55,97 +54,6 @@ std::pair<double, double> largest(F f, double a, double b, int points) {
   return best;
 }
 
-/// Where `holds` first fails, from 0 up: scanned in steps of 10 % around `scale`, then bisected. 0: it never holds.
-template <class Holds>
-double first_failure(Holds holds, double scale) {
-  double lo = 1e-3 * scale, hi = lo;
-  if (!holds(lo)) return 0.0;
-  while (holds(hi)) {
-    lo = hi;
-    hi *= 1.1;
-    if (hi > 1e6 * scale) return std::numeric_limits<double>::infinity();
-  }
-  while (hi / lo > 1.0 + 1e-13) {
-    const double mid = 0.5 * (lo + hi);
-    if (mid <= lo || mid >= hi) break;
-    (holds(mid) ? lo : hi) = mid;
-  }
-  return lo;
-}
-
-/// A radius of 1 is not unstable; eigenvalues come out to about 1e-14.
-bool stable(double radius) {
-  return radius <= 1.0 + 1e-12;
-}
-
-// ---- loops as matrices
-
-/// Matrix of a linear map of n numbers, column by column.
-template <class Step>
-MatrixXd matrix_of(Eigen::Index n, Step step) {
-  MatrixXd a(n, n);
-  for (Eigen::Index i = 0; i < n; ++i) {
-    VectorXd state = VectorXd::Unit(n, i);
-    step(state);
-    a.col(i) = state;
-  }
-  return a;
-}
-
-/// Moduli of the eigenvalues, largest first.
-std::vector<double> moduli(const MatrixXd& a) {
-  const Eigen::VectorXcd values = eigenvalues(a);
-  std::vector<double> all;
-  for (Eigen::Index i = 0; i < values.size(); ++i) all.push_back(std::abs(values[i]));
-  std::sort(all.begin(), all.end(), std::greater<>{});
-  return all;
-}
-
-/// Position and velocity of m ẍ = f - b ẋ - k x after h seconds of a constant f: exp of the 3x3 generator, by scaling
-/// and squaring of its series.
-struct Held {
-  Eigen::Matrix2d of_state;
-  Vector2d of_force;
-
-  Held(double m, double b, double k, double h) {
-    Eigen::Matrix3d g;
-    g << 0, 1, 0, -k / m, -b / m, 1 / m, 0, 0, 0;
-    g *= h;
-    int halvings = 0;
-    for (double size = g.cwiseAbs().rowwise().sum().maxCoeff(); size > 0.25; size *= 0.5) ++halvings;
-    g /= std::ldexp(1.0, halvings);
-    Eigen::Matrix3d sum = Eigen::Matrix3d::Identity(), term = sum;
-    for (int j = 1; j < 20; ++j) sum += term = term * g / j;
-    for (int i = 0; i < halvings; ++i) sum = sum * sum;
-    of_state = sum.topLeftCorner<2, 2>();
-    of_force = sum.topRightCorner<2, 1>();
-  }
-  Held(const Eigen::Matrix2d& a, const Vector2d& f) : of_state{a}, of_force{f} {}
-
-  /// n substeps of semi-implicit Euler: v += h a(x, v), x += h v.
-  static Held euler(double m, double b, double k, double h, int n) {
-    const double s = h / n;
-    Eigen::Matrix2d step;
-    Vector2d push;
-    step << 1 - s * s * k / m, s * (1 - s * b / m), -s * k / m, 1 - s * b / m;
-    push << s * s / m, s / m;
-    Held all{Eigen::Matrix2d::Identity(), Vector2d::Zero()};
-    for (int i = 0; i < n; ++i) all = {step * all.of_state, step * all.of_force + push};
-    return all;
-  }
-  void move(Eigen::Ref<Vector2d> state, double f) const { state = (of_state * state + of_force * f).eval(); }
-};
-
-/// A delay line in the tail of a state: in at the back, out at the front. No tail: out is what goes in.
-double pass(VectorXd& state, Eigen::Index from, double in) {
-  const Eigen::Index length = state.size() - from;
-  if (length == 0) return in;
-  const double out = state[from];
-  for (Eigen::Index i = from; i + 1 < state.size(); ++i) state[i] = state[i + 1];
-  state[state.size() - 1] = in;
-  return out;
-}
-
 }  // namespace
 
 // ---- passivity of a sampled wall
@@ -170,41 +78,6 @@ double colgate_damping(double k, double b, double period_s, int d) {
 }
 
 // ---- stability of a sampled wall
-
-double spectral_radius(const SampledWall& w) {
-  const auto plant = [&](double h) {
-    return w.euler_substeps > 0
-               ? Held::euler(w.mass_kg, w.damping_n_s_per_m, w.hand_stiffness_n_per_m, h, w.euler_substeps)
-               : Held{w.mass_kg, w.damping_n_s_per_m, w.hand_stiffness_n_per_m, h};
-  };
-  const double g = w.delay_fraction;
-  const Held early = plant(g * w.period_s), late = plant((1.0 - g) * w.period_s);
-  const Eigen::Index queue = w.delay_ticks + (g > 0.0 ? 1 : 0);
-  // x, ẋ, x of the last tick, forces under way
-  const MatrixXd a = matrix_of(3 + queue, [&](VectorXd& s) {
-    const double v = w.true_velocity ? s[1] : (s[0] - s[2]) / w.period_s;
-    const double force = w.stiffness_n_per_m * s[0] + w.wall_damping_n_s_per_m * v;
-    s[2] = s[0];
-    const double first = pass(s, 3, force);
-    const double then = g > 0.0 ? (w.delay_ticks > 0 ? s[3] : force) : first;
-    if (g > 0.0) early.move(s.head<2>(), -first);
-    late.move(s.head<2>(), -then);
-  });
-  return moduli(a).front();
-}
-
-double critical_stiffness(SampledWall w) {
-  const double late = w.delay_ticks + w.delay_fraction;
-  const double rule =
-      linear_rule_stiffness(w.damping_n_s_per_m, w.wall_damping_n_s_per_m, w.period_s, 0) / (1.0 + 2.0 * late);
-  if (!(rule > 0.0)) return 0.0;
-  return first_failure(
-      [&](double k) {
-        w.stiffness_n_per_m = k;
-        return stable(spectral_radius(w));
-      },
-      rule);
-}
 
 namespace {
 Peak undamped(double theta, int d) {
@@ -232,10 +105,6 @@ Peak stiffest_undamped(int d) {
   const double end = pi / (2 * d + 1);
   const auto alpha = [&](double theta) { return undamped(theta, d).alpha; };
   return undamped(largest(alpha, 1e-6 * end, (1.0 - 1e-6) * end, 400).first, d);
-}
-
-double linear_rule_stiffness(double b, double wall_b, double period_s, double d) {
-  return (b + wall_b) / (period_s * (0.5 + d));
 }
 
 // ---- bilateral loops

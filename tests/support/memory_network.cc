@@ -1,4 +1,4 @@
-#include "common/link/memory_network.h"
+#include "tests/support/memory_network.h"
 
 #include <algorithm>
 #include <stdexcept>
