@@ -11,7 +11,6 @@
 #include <utility>
 
 #include "common/base/check.h"
-#include "common/base/print_error.h"
 #include "common/platform/arguments.h"
 #include "common/platform/realtime.h"
 #include "common/scene/load.h"
@@ -215,31 +214,19 @@ int run(int argc, char** argv) {
   command->add_flag("--json", a.json, "Print figures as JSON");
   command->footer(
       "Exit status 3: a measurement was broken off. The simulated device is always moved, in virtual time.");
-  try {
-    parse_arguments(app, "twoport-device", argc, argv);
+  return run_program(app, "twoport-device", argc, argv, [&] {
     if (list->parsed()) {
       std::fputs(all_drivers().devices.lines().c_str(), stdout);
       return 0;
     }
     const Scene scene = scene_of(a);
     return dispatch_dof(scene, [&]<int N>() { return probe<N>(a, scene); });
-  } catch (const CLI::Success& e) {  // --help, --version
-    return app.exit(e);
-  } catch (const ConfigError& e) {
-    print_error("twoport-device: {}\n", e.what());
-    return 2;
-  } catch (const std::exception& e) {
-    print_error("twoport-device: {}\n", e.what());
-    return 1;
-  }
+  });
 }
 
 }  // namespace
 }  // namespace twoport
 
 int main(int argc, char** argv) {
-  const int status = twoport::run(argc, argv);
-  if (std::fflush(stdout) == 0 && std::ferror(stdout) == 0) return status;
-  twoport::print_error("twoport-device: standard output: not all could be written\n");
-  return status == 0 ? 1 : status;
+  return twoport::run(argc, argv);
 }

@@ -1,7 +1,6 @@
 #include "doctor/text.h"
 
 #include <algorithm>
-#include <charconv>
 
 #include "common/base/text.h"
 
@@ -14,10 +13,7 @@ bool is_number(std::string_view text) {
   return !text.empty() && std::all_of(text.begin(), text.end(), [](char c) { return c >= '0' && c <= '9'; });
 }
 std::optional<std::int64_t> number(std::string_view text, int base) {
-  std::int64_t value = 0;
-  const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value, base);
-  if (error != std::errc{} || end != text.data() + text.size()) return {};
-  return value;
+  return number_from<std::int64_t>(text, base);
 }
 
 }  // namespace

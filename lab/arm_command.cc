@@ -59,7 +59,7 @@ Eigen::VectorXd positions(const ArmParameters& arm, const std::string& given) {
   if (!given.empty()) {
     std::vector<double> q;
     for (const std::string_view word : parts_of(given, ',')) {
-      const std::optional<double> value = number_of(word);
+      const std::optional<double> value = number_from<double>(word);
       if (!value || !std::isfinite(*value))
         throw ConfigError{
             fmt::format("--q {}: \"{}\" is no finite number; numbers in rad stand with commas between", given, word)};

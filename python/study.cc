@@ -11,6 +11,7 @@
 #include <vector>
 
 #include "common/base/file.h"
+#include "common/base/text.h"
 #include "common/hardware/transparency_host.h"
 #include "common/method/catalogue.h"
 #include "common/record/expectation.h"
@@ -214,7 +215,7 @@ struct TableOfTexts {
     for (const Strings& row : rows) texts.push_back(row[static_cast<std::size_t>(found - columns.begin())]);
     std::vector<double> numbers;
     for (const std::string& text : texts) {
-      const std::optional<double> value = lab::number_of(text);
+      const std::optional<double> value = number_from<double>(text);
       if (!value && !text.empty()) return py::cast(texts);
       numbers.push_back(value.value_or(std::numeric_limits<double>::quiet_NaN()));
     }

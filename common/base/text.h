@@ -1,9 +1,21 @@
 #pragma once
 
+#include <charconv>
+#include <optional>
 #include <string>
 #include <string_view>
+#include <system_error>
 
 namespace twoport {
+
+/// The whole text as a number; `base`: of an integer, 10 unless given.
+template <class Number, class... Base>
+std::optional<Number> number_from(std::string_view text, Base... base) {
+  Number value{};
+  const char* const end = text.data() + text.size();
+  const auto [stop, error] = std::from_chars(text.data(), end, value, base...);
+  return error == std::errc{} && stop == end ? std::optional{value} : std::nullopt;
+}
 
 /// Without the blanks at both ends.
 std::string_view trimmed(std::string_view text);

@@ -4,7 +4,6 @@
 
 #include <algorithm>
 #include <array>
-#include <charconv>
 #include <iterator>
 #include <limits>
 #include <utility>
@@ -22,8 +21,9 @@ constexpr double kMostSent_s = 1e6, kMostDelay_ms = 1e6;
 /// All of `text` as a number from 0 to `most`.
 template <class Number>
 bool read_number(std::string_view text, Number most, Number& number) {
-  const auto [stop, error] = std::from_chars(text.data(), text.data() + text.size(), number);
-  return error == std::errc{} && stop == text.data() + text.size() && number >= Number{0} && number <= most;
+  const std::optional<Number> read = number_from<Number>(text);
+  number = read.value_or(Number{0});
+  return read && number >= Number{0} && number <= most;
 }
 
 struct Row {

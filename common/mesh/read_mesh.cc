@@ -4,7 +4,6 @@
 
 #include <Eigen/Geometry>
 #include <bit>
-#include <charconv>
 #include <cmath>
 #include <cstdint>
 #include <cstring>
@@ -13,6 +12,7 @@
 #include <vector>
 
 #include "common/base/check.h"
+#include "common/base/text.h"
 
 namespace twoport {
 namespace {
@@ -122,10 +122,7 @@ std::string quoted(std::string_view word) {
 template <class Number>
 std::optional<Number> number(std::string_view word) {
   if (word.starts_with('+')) word.remove_prefix(1);
-  Number value{};
-  const auto [end, error] = std::from_chars(word.data(), word.data() + word.size(), value);
-  if (error != std::errc{} || end != word.data() + word.size()) return std::nullopt;
-  return value;
+  return number_from<Number>(word);
 }
 
 template <class Next>

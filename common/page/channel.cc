@@ -1,9 +1,10 @@
 #include "common/page/channel.h"
 
 #include <algorithm>
-#include <charconv>
 #include <cmath>
 #include <limits>
+
+#include "common/base/text.h"
 
 namespace twoport {
 namespace {
@@ -20,14 +21,9 @@ class CommandReader {
   }
   /// A finite number within [least, most], or the nearer limit. Anything else makes the command invalid.
   double number(double least, double most) {
-    const std::string_view text = word();
-    double value = 0.0;
-    const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value);
-    if (error != std::errc{} || end != text.data() + text.size() || !std::isfinite(value)) {
-      good_ = false;
-      return least;
-    }
-    return std::clamp(value, least, most);
+    const std::optional<double> value = number_from<double>(word());
+    expect(value && std::isfinite(*value));
+    return good_ ? std::clamp(*value, least, most) : least;
   }
   /// A whole number from 0 to `most`.
   int index(std::size_t most) {

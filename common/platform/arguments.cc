@@ -4,10 +4,12 @@
 #include <fmt/ranges.h>
 
 #include <CLI/CLI.hpp>
+#include <cstdio>
 #include <string_view>
 #include <vector>
 
 #include "common/base/check.h"
+#include "common/base/print_error.h"
 
 namespace twoport {
 namespace {
@@ -70,9 +72,7 @@ std::string sentence(const CLI::App& app, const std::string& program, const CLI:
   return std::string{said};
 }
 
-}  // namespace
-
-void parse_arguments(CLI::App& app, const std::string& program, int argc, char** argv) {
+void parse(CLI::App& app, const std::string& program, int argc, char** argv) {
   refuse_empty_values(argc, argv);
   try {
     app.parse(argc, argv);
@@ -80,6 +80,27 @@ void parse_arguments(CLI::App& app, const std::string& program, int argc, char**
     if (e.get_exit_code() == 0) throw;
     throw ConfigError{sentence(app, program, e)};
   }
+}
+
+}  // namespace
+
+int run_program(CLI::App& app, const std::string& program, int argc, char** argv, const std::function<int()>& body) {
+  int status = 0;
+  try {
+    parse(app, program, argc, argv);
+    status = body();
+  } catch (const CLI::Success& e) {  // --help, --version, and options that only list
+    status = app.exit(e);
+  } catch (const ConfigError& e) {
+    print_error("{}: {}\n", program, e.what());
+    status = 2;
+  } catch (const std::exception& e) {
+    print_error("{}: {}\n", program, e.what());
+    status = 1;
+  }
+  if (std::fflush(stdout) == 0 && std::ferror(stdout) == 0) return status;
+  if (status != 1) print_error("{}: standard output: not all could be written\n", program);
+  return 1;
 }
 
 }  // namespace twoport

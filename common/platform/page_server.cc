@@ -17,7 +17,6 @@
 #include <boost/beast/core/flat_buffer.hpp>
 #include <boost/beast/http.hpp>
 #include <boost/beast/websocket.hpp>
-#include <charconv>
 #include <chrono>
 #include <csignal>
 #include <optional>
@@ -86,13 +85,7 @@ bool is_literal_host(std::string_view host, std::uint16_t port) {
   const std::size_t colon = host.rfind(':');
   const bool has_port = colon != host.npos && host.back() != ']';
   std::string_view name = host.substr(0, has_port ? colon : host.npos);
-  unsigned given = 80;
-  if (has_port) {
-    const std::string_view text = host.substr(colon + 1);
-    const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), given);
-    if (error != std::errc{} || end != text.data() + text.size()) return false;
-  }
-  if (given != port) return false;
+  if ((has_port ? number_from<unsigned>(host.substr(colon + 1)) : 80) != port) return false;
   if (boost::beast::iequals(name, "localhost")) return true;
   const bool bracketed = name.size() > 2 && name.front() == '[' && name.back() == ']';
   if (bracketed) name = name.substr(1, name.size() - 2);

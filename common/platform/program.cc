@@ -98,8 +98,7 @@ int live_program(int argc, char** argv, Side side, const std::string& drivers,
       ->capture_default_str();
   app.add_flag("!--no-realtime", a.realtime, "Do not request real-time scheduling or locked memory");
   app.add_flag("!--no-spin", a.spin, "Sleep until the tick, without busy-waiting for the last 50 us");
-  try {
-    parse_arguments(app, name, argc, argv);
+  return run_program(app, name, argc, argv, [&] {
     if (page != nullptr && page->count() > 0 && a.page.empty()) a.page = kDefaultPage;
     if (master && a.page.empty() && a.hardware == "page") a.page = kDefaultPage;
     if (!std::isfinite(a.stream_hz)) throw ConfigError("--stream-hz: must be between 0.1 and 1000");
@@ -113,15 +112,7 @@ int live_program(int argc, char** argv, Side side, const std::string& drivers,
     switches_by_hand();  // SIGUSR1 to a slave counts, and does nothing
     const Watchdog watchdog{name};
     return body(scene, a);
-  } catch (const CLI::Success& e) {  // --help, --version, --list-devices
-    return app.exit(e);
-  } catch (const ConfigError& e) {
-    print_error("{}: {}\n", name, e.what());
-    return 2;
-  } catch (const std::exception& e) {
-    print_error("{}: {}\n", name, e.what());
-    return 1;
-  }
+  });
 }
 
 std::string program_name(const std::string& side) {

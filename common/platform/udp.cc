@@ -14,7 +14,6 @@
 #include <boost/asio/ip/address.hpp>
 #include <boost/asio/ip/udp.hpp>
 #include <cerrno>
-#include <charconv>
 #include <chrono>
 #include <cstring>
 #include <ctime>
@@ -22,6 +21,7 @@
 #include <utility>
 
 #include "common/base/check.h"
+#include "common/base/text.h"
 #include "common/link/datagram.h"
 
 namespace twoport {
@@ -195,15 +195,14 @@ Endpoint parse_endpoint(std::string_view text, std::string_view option) {
   const bool bracketed = address.size() > 2 && address.front() == '[' && address.back() == ']';
   if (bracketed) address = address.substr(1, address.size() - 2);
 
-  std::uint16_t number = 0;
-  const auto [end, problem] = std::from_chars(port.data(), port.data() + port.size(), number);
-  if (problem != std::errc{} || end != port.data() + port.size()) throw refuse();
+  const std::optional<std::uint16_t> number = number_from<std::uint16_t>(port);
+  if (!number) throw refuse();
   Error error;
   const asio::ip::address parsed = asio::ip::make_address(std::string{address}, error);
-  if (!error && parsed.is_v6() == bracketed) return from_asio({parsed, number});
+  if (!error && parsed.is_v6() == bracketed) return from_asio({parsed, *number});
   if (!error || bracketed || !may_be_host_name(address)) throw refuse();
   // RFC 6761, 6.3: this name is the loopback address, whether or not the machine's resolver knows it.
-  if (address == "localhost") return from_asio({asio::ip::address_v4::loopback(), number});
+  if (address == "localhost") return from_asio({asio::ip::address_v4::loopback(), *number});
   asio::io_context context;
   const auto found = udp::resolver{context}.resolve(std::string{address}, "", error);
   if (error || found.empty())
@@ -211,7 +210,7 @@ Endpoint parse_endpoint(std::string_view text, std::string_view option) {
                       " cannot be looked up (" + error.message() + "); correct it or give an IP address");
   const auto v4 =
       std::find_if(found.begin(), found.end(), [](const auto& e) { return e.endpoint().address().is_v4(); });
-  return from_asio({(v4 != found.end() ? v4 : found.begin())->endpoint().address(), number});
+  return from_asio({(v4 != found.end() ? v4 : found.begin())->endpoint().address(), *number});
 }
 
 Endpoint parse_allowed_endpoint(std::string_view text, std::string_view option, bool has_key, bool insecure) {

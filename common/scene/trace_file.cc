@@ -1,7 +1,7 @@
 #include "common/scene/trace_file.h"
 
-#include <charconv>
 #include <filesystem>
+#include <optional>
 #include <string_view>
 
 #include "common/base/file.h"
@@ -28,12 +28,11 @@ std::vector<double> read_trace_file(const Block<schema::Impairment>& of, double 
     ++line;
     const std::string_view entry = take_line(rest);
     if (entry.empty()) continue;
-    double ms = 0.0;
-    const auto [stop, error] = std::from_chars(entry.data(), entry.data() + entry.size(), ms);
-    if (error != std::errc{} || stop != entry.data() + entry.size() || !(ms >= 0.0 && ms <= 1e6))
+    const std::optional<double> ms = number_from<double>(entry);
+    if (!ms || !(*ms >= 0.0 && *ms <= 1e6))
       of.fail(fmt::format("{}: {}:{}: \"{}\" is not a delay in ms; it must be between 0 and 1000000", field, file, line,
                           entry));
-    delays.push_back(ms * 1e-3);
+    delays.push_back(*ms * 1e-3);
   }
   if (delays.empty()) of.fail(fmt::format("{}: {} holds no delay; it must hold one a line", field, file));
   return delays;

@@ -12,7 +12,6 @@
 #include "lab/plot/pictures.h"
 #include "lab/study/boundary.h"
 #include "lab/study/cells.h"
-#include "lab/study/parallel.h"
 
 namespace twoport::lab {
 namespace {
@@ -60,7 +59,6 @@ int boundary_command(Arguments& a) {
 
 Subcommand add_boundary_command(Command app) {
   const auto a = std::make_shared<Arguments>();
-  a->boundary.jobs = all_cores();
   Command boundary = app.add("boundary", "Find the stability boundary of a scene along one number");
   add_scene(boundary, a->boundary.scene, a->boundary.set);
   boundary

@@ -7,7 +7,6 @@
 #include <cstdio>
 #include <limits>
 #include <memory>
-#include <thread>
 #include <utility>
 
 #include "common/base/check.h"
@@ -20,6 +19,7 @@
 #include "doctor/loop.h"
 #include "lab/cli/commands.h"
 #include "lab/study/link_advice.h"
+#include "lab/study/parallel.h"
 
 namespace twoport::lab {
 namespace {
@@ -33,7 +33,7 @@ struct DoctorArguments {
   std::string link, answer, save;
   LinkRequest request;
   double stiffness = 1000.0;
-  int seeds = 1, jobs = 1;
+  int seeds = 1, jobs = all_cores();
 };
 
 double us(Duration d) {
@@ -164,7 +164,6 @@ int answer_command(const DoctorArguments& a) {
 
 Subcommand add_doctor_command(Command app) {
   const auto a = std::make_shared<DoctorArguments>();
-  a->jobs = std::max(1, static_cast<int>(std::thread::hardware_concurrency()));
   Command doctor =
       app.add("doctor", "Why is the loop late, why is the link bad: measures and names the causes, each with a cure");
   doctor.option("--rate-hz", a->rate_hz, "Of the loop, or of packets").between(1.0, 1e4).show_default();

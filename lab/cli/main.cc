@@ -1,12 +1,8 @@
 #include <fmt/format.h>
 
 #include <CLI/CLI.hpp>
-#include <cerrno>
-#include <cstdio>
-#include <cstring>
 
 #include "common/base/check.h"
-#include "common/base/print_error.h"
 #include "common/platform/arguments.h"
 #include "common/wire/header.h"
 #include "lab/arm_command.h"
@@ -24,7 +20,6 @@ std::vector<lab::Subcommand> add_commands(lab::Command app) {
   all.push_back(lab::add_zwidth_command(app));
   all.push_back(lab::add_chart_command(app));
   all.push_back(lab::add_impedance_command(app));
-  all.push_back(lab::add_picture_command(app));
   all.push_back(lab::add_paper_command(app));
   all.push_back(lab::add_methods_command(app));
   all.push_back(lab::add_arm_command(app));
@@ -36,12 +31,7 @@ std::vector<lab::Subcommand> add_commands(lab::Command app) {
 
 int run_given(const std::vector<lab::Subcommand>& commands) {
   for (const lab::Subcommand& each : commands)
-    if (each.command.given()) {
-      const int status = each.run();
-      if (std::fflush(stdout) != 0) throw IoError(fmt::format("standard output: {}", std::strerror(errno)));
-      if (std::ferror(stdout) != 0) throw IoError("standard output: not all could be written");
-      return status;
-    }
+    if (each.command.given()) return each.run();
   throw ConfigError{"a command is missing"};
 }
 
@@ -53,16 +43,5 @@ int main(int argc, char** argv) {
                        fmt::format("twoport-lab {} (wire protocol {})", TWOPORT_VERSION, kProtocolVersion & 0xffff));
   app.require_subcommand(1);
   const std::vector<lab::Subcommand> commands = add_commands(lab::Command{app});
-  try {
-    parse_arguments(app, "twoport-lab", argc, argv);
-    return run_given(commands);
-  } catch (const CLI::Success& e) {  // --help, --version
-    return app.exit(e);
-  } catch (const ConfigError& e) {
-    print_error("twoport-lab: {}\n", e.what());
-    return 2;
-  } catch (const std::exception& e) {
-    print_error("twoport-lab: {}\n", e.what());
-    return 1;
-  }
+  return run_program(app, "twoport-lab", argc, argv, [&] { return run_given(commands); });
 }

@@ -23,7 +23,6 @@
 #include "lab/study/map.h"
 #include "lab/study/matrix.h"
 #include "lab/study/parallel.h"
-#include "lab/study/tune.h"
 
 namespace twoport::lab {
 namespace {
@@ -42,7 +41,7 @@ std::vector<std::string> words_of(const std::string& option, const std::string& 
 std::vector<double> values_of(const std::string& option, const std::string& spec) {
   std::vector<double> all;
   for (const std::string& value : words_of(option, spec)) {
-    const std::optional<double> number = number_of(value);
+    const std::optional<double> number = number_from<double>(value);
     if (!number) throw ConfigError{fmt::format("{} has {}; it must be a number", option, value)};
     all.push_back(*number);
   }
@@ -84,7 +83,6 @@ int map_command(MapArguments& a) {
 
 Subcommand add_map(Command app) {
   const auto a = std::make_shared<MapArguments>();
-  a->map.jobs = all_cores();
   Command map = app.add("map", "Where each method holds: round trip, loss and stiffness varied");
   map.option("--scene", a->map.scene, "Another scene than scenes/map.textproto, which is built in").scene();
   map.list("--set", a->map.set, "PATH=VALUE, before those that the map sets");
@@ -171,7 +169,6 @@ int recommend_command(const RecommendArguments& a) {
 
 Subcommand add_recommend(Command app) {
   const auto a = std::make_shared<RecommendArguments>();
-  a->jobs = all_cores();
   Command recommend = app.add("recommend", "The method for a network and a wall, by running them all");
   const Option link = recommend.option("--link", a->link, "FILE of doctor --save, in place of delay and loss");
   recommend.option("--delay-ms", a->delay_ms, "One way").excludes(link);
@@ -225,7 +222,6 @@ int matrix_command(MatrixArguments& a) {
 
 Subcommand add_matrix(Command app) {
   const auto a = std::make_shared<MatrixArguments>();
-  a->matrix.jobs = all_cores();
   Command matrix = app.add("matrix", "Every transparency layer under every passivity layer, on one scene");
   add_scene(matrix, a->matrix.scene, a->matrix.set);
   matrix.option("--transparency", a->transparencies, "LAYER,LAYER; if absent all that some pair can run with");
@@ -260,7 +256,6 @@ int compare_command(CompareArguments& a) {
 
 Subcommand add_compare(Command app) {
   const auto a = std::make_shared<CompareArguments>();
-  a->compare.jobs = all_cores();
   Command compare = app.add("compare", "Every method on one scene: a table, and their traces in one picture");
   add_scene(compare, a->compare.scene, a->compare.set);
   compare.option("--methods", a->methods, "NAME,NAME; all of them if absent");
@@ -295,7 +290,6 @@ int gallery_command(GalleryArguments& a) {
 
 Subcommand add_gallery(Command app) {
   const auto a = std::make_shared<GalleryArguments>();
-  a->gallery.jobs = all_cores();
   a->gallery.folder = project_folder("scenes/edge");
   Command gallery = app.add("gallery", "Who survives what: the scenes of a folder, each with every method");
   gallery.option("folder", a->gallery.folder,
@@ -329,7 +323,6 @@ int adversary_command(AdversaryArguments& a) {
 
 Subcommand add_adversary(Command app) {
   const auto a = std::make_shared<AdversaryArguments>();
-  a->adversary.jobs = all_cores();
   Command adversary = app.add(
       "adversary", "Hand, robot, network and packets drawn to create energy: the least that each method lets pass");
   adversary.option("--methods", a->methods, "NAME,NAME; all of them if absent");
@@ -344,45 +337,10 @@ again, and the exit status is 3.)");
   return {adversary, [a] { return adversary_command(*a); }};
 }
 
-struct TuneArguments {
-  TuneOptions tune;
-  std::string methods, round_trips, out;
-};
-
-int tune_command(TuneArguments& a) {
-  a.tune.methods = words_of("--methods", a.methods);
-  if (!a.round_trips.empty()) a.tune.round_trips_ms = values_of("--round-trip-ms", a.round_trips);
-  if (!a.out.empty()) make_folder(a.out);
-  const std::string table = to_text(tune(a.tune, show_progress));
-  std::fputs(table.c_str(), stdout);
-  if (!a.out.empty()) write_whole(a.out + "/table.txt", table);
-  return 0;
-}
-
-Subcommand add_tune(Command app) {
-  const auto a = std::make_shared<TuneArguments>();
-  a->tune.jobs = all_cores();
-  Command tune = app.add("tune", "Search of each method's gains on a training set, against those of its rule");
-  tune.option("scenes", a->tune.scenes, "Scenes of the training set").scene().required();
-  tune.list("--set", a->tune.set, "PATH=VALUE, in each scene");
-  tune.option("--methods", a->methods, "NAME,NAME; all that have gains if absent");
-  tune.option("--round-trip-ms", a->round_trips, "Each is searched by itself; 40,200,800 if absent");
-  tune.option("--evaluations", a->tune.evaluations, "Of each method and round trip, that of the rule included")
-      .show_default();
-  tune.option("--seed", a->tune.seed, "Of the search").show_default();
-  tune.option("--out", a->out, "Folder for table.txt");
-  add_jobs(tune, a->tune.jobs);
-  tune.footer(
-      R"(Loss 10 %, walls of 800 and 6000 N/m. The score is the mean of the map's error over the force of the same scene without
-delay, loss and control; 2 where a run is not stable and quiet. 1: as bad as no force; 0: transparent.)");
-  return {tune, [a] { return tune_command(*a); }};
-}
-
 }  // namespace
 
 std::vector<Subcommand> add_map_commands(Command app) {
-  return {add_adversary(app), add_compare(app),   add_gallery(app), add_map(app),
-          add_matrix(app),    add_recommend(app), add_tune(app)};
+  return {add_adversary(app), add_compare(app), add_gallery(app), add_map(app), add_matrix(app), add_recommend(app)};
 }
 
 }  // namespace twoport::lab

@@ -13,6 +13,7 @@
 #include "common/scene/load.h"
 #include "lab/lanes/lanes.h"
 #include "lab/study/many_runs.h"
+#include "lab/study/parallel.h"
 
 namespace twoport::lab {
 
@@ -127,6 +128,7 @@ void say_lanes(const LaneUse& use) {
 }
 
 void add_jobs(Command command, int& jobs) {
+  jobs = all_cores();
   command.option("--jobs", jobs, "Threads").at_least_one().show_default();
 }
 

@@ -68,7 +68,7 @@ struct Subcommand {
 
 /// The positional argument SCENE and the repeatable --set PATH=VALUE.
 void add_scene(Command command, std::string& scene, std::vector<std::string>& set);
-/// --jobs N, at least 1.
+/// --jobs N, at least 1; as many as there are processors unless given.
 void add_jobs(Command command, int& jobs);
 /// --lanes N.
 void add_lanes(Command command, std::optional<int>& lanes);

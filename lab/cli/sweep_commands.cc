@@ -78,7 +78,6 @@ int merge_command(const Arguments& a) {
 
 std::vector<Subcommand> add_sweep_commands(Command app) {
   const auto a = std::make_shared<Arguments>();
-  a->sweep.jobs = all_cores();
   const char* const plot = "Figure to plot (--list-figures), or none";
 
   Command sweep = app.add("sweep", "Run a scene over a grid of values; table.csv, one row per cell");

@@ -6,6 +6,8 @@
 #include <cmath>
 #include <limits>
 
+#include "common/base/text.h"
+
 namespace twoport::lab {
 namespace {
 
@@ -21,9 +23,9 @@ std::string short_number(double value) {
 
 Places::Places(const Axis& axis) : scale_{.label = label_of_paths(axis.paths)} {
   scale_.words =
-      !std::all_of(axis.values.begin(), axis.values.end(), [](const std::string& v) { return number_of(v); });
+      !std::all_of(axis.values.begin(), axis.values.end(), [](const std::string& v) { return number_from<double>(v); });
   for (std::size_t i = 0; i < axis.values.size(); ++i)
-    at_.push_back(scale_.words ? static_cast<double>(i) : *number_of(axis.values[i]));
+    at_.push_back(scale_.words ? static_cast<double>(i) : *number_from<double>(axis.values[i]));
   std::vector<double> places = at_;
   std::sort(places.begin(), places.end());
   places.erase(std::unique(places.begin(), places.end()), places.end());

@@ -7,6 +7,7 @@
 #include <limits>
 
 #include "common/base/check.h"
+#include "common/base/text.h"
 #include "lab/study/grid.h"
 
 namespace twoport::lab {
@@ -32,7 +33,7 @@ TraceFile::TraceFile(const std::string& path, std::size_t most_rows) : path_{pat
     if (row % step != 0) continue;
     const std::vector<std::string_view> values = parts_of(line, ',');
     for (std::size_t i = 0; i < columns.size(); ++i)
-      columns[i]->push_back(i < values.size() ? number_of(values[i]).value_or(kNone) : kNone);
+      columns[i]->push_back(i < values.size() ? number_from<double>(values[i]).value_or(kNone) : kNone);
   }
   t_ = (*this)["t_s"];
 }

@@ -9,6 +9,7 @@
 
 #include "common/base/check.h"
 #include "common/base/file.h"
+#include "common/base/text.h"
 #include "common/scene/scene_text.h"
 #include "lab/both_couplings.h"
 
@@ -28,7 +29,7 @@ double rounded(double value, double tolerance) {
 }
 
 double number(const std::string& whole, std::string_view text) {
-  const std::optional<double> value = number_of(text);
+  const std::optional<double> value = number_from<double>(text);
   if (!value || !std::isfinite(*value))
     throw ConfigError{fmt::format("--vary {}: \"{}\" is not a number; it must read PATH=LO:HI", whole, text)};
   return *value;
@@ -139,23 +140,40 @@ std::vector<Trial> tried(const std::vector<Scene>& scenes, const std::vector<dou
   return trials;
 }
 
+/// Runs searches side by side, one for each text, until all have ended.
+void run_all(std::vector<Search>& searches, const std::vector<SceneText>& texts, const BoundaryOptions& o, LaneUse& use,
+             const std::function<void(const Trial&)>& heard, const std::function<void(std::size_t)>& finished) {
+  for (std::size_t done = 0; done < searches.size();) {
+    std::vector<Scene> scenes;
+    std::vector<double> values;
+    for (std::size_t i = 0; i < searches.size(); ++i)
+      for (const double value : searches[i].next())
+        scenes.push_back(scene_at(texts[i], o.vary, value)), values.push_back(value);
+    const std::vector<Trial> trials = tried(scenes, values, o, use);
+    if (heard) std::for_each(trials.begin(), trials.end(), heard);
+    auto at = trials.begin();
+    for (Search& search : searches) {
+      if (search.next().empty()) continue;
+      const auto end = at + static_cast<std::ptrdiff_t>(search.next().size());
+      search.take({at, end});
+      at = end;
+      if (!search.next().empty()) continue;
+      ++done;
+      if (finished) finished(done);
+    }
+  }
+}
+
 }  // namespace
 
 BoundarySearch search_boundary(const BoundaryOptions& o, const std::function<void(const Trial&)>& heard) {
-  Search search{o};
-  const SceneText text{text_of(o), o.scene, o.set};
+  std::vector<Search> search{Search{o}};
+  const std::vector<SceneText> text{{text_of(o), o.scene, o.set}};
   for (const double end : {o.vary.low, o.vary.high})
-    scene_at(text, o.vary, end);  // complains of an end, not of what lies between
+    scene_at(text[0], o.vary, end);  // complains of an end, not of what lies between
   LaneUse use;
-  while (!search.next().empty()) {
-    std::vector<Scene> scenes;
-    for (const double value : search.next()) scenes.push_back(scene_at(text, o.vary, value));
-    const std::vector<Trial> trials = tried(scenes, search.next(), o, use);
-    for (const Trial& trial : trials)
-      if (heard) heard(trial);
-    search.take(trials);
-  }
-  return search.found();
+  run_all(search, text, o, use, heard, {});
+  return search[0].found();
 }
 
 Boundary find_boundary(const BoundaryOptions& o, const std::function<void(const Trial&)>& tried) {
@@ -170,42 +188,20 @@ Boundary find_boundary(const BoundaryOptions& o, const std::function<void(const 
 BoundaryCurve boundary_curve(const BoundaryOptions& o, const Axis& along,
                              const std::function<void(std::size_t)>& finished) {
   refuse_overlap(along, o.vary.paths, "--along");
-  const auto options_at = [&](const std::string& value) {
-    BoundaryOptions at = o;
-    along.append_overrides(at.set, value);
-    return at;
-  };
   BoundaryCurve curve{.scene = {}, .along = along, .vary = o.vary, .found = {}, .use = {}};
   // A scene that is wrong is found before anything runs.
   const std::string text = text_of(o);
   std::vector<SceneText> texts;
   std::vector<Search> searches;
   for (const std::string& value : along.values) {
-    const BoundaryOptions at = options_at(value);
+    BoundaryOptions at = o;
+    along.append_overrides(at.set, value);
     texts.emplace_back(text, o.scene, at.set);
     searches.emplace_back(at);
     for (const double end : {o.vary.low, o.vary.high}) curve.scene = scene_at(texts.back(), o.vary, end).name;
   }
 
-  std::size_t done = 0;
-  while (done < searches.size()) {
-    std::vector<Scene> scenes;
-    std::vector<double> values;
-    for (std::size_t i = 0; i < searches.size(); ++i)
-      for (const double value : searches[i].next())
-        scenes.push_back(scene_at(texts[i], o.vary, value)), values.push_back(value);
-    const std::vector<Trial> trials = tried(scenes, values, o, curve.use);
-    auto at = trials.begin();
-    for (Search& search : searches) {
-      if (search.next().empty()) continue;
-      const auto end = at + static_cast<std::ptrdiff_t>(search.next().size());
-      search.take({at, end});
-      at = end;
-      if (!search.next().empty()) continue;
-      ++done;
-      if (finished) finished(done);
-    }
-  }
+  run_all(searches, texts, o, curve.use, {}, finished);
   for (const Search& search : searches) curve.found.push_back(search.found());
   return curve;
 }

@@ -6,7 +6,6 @@
 
 #include <algorithm>
 #include <cerrno>
-#include <charconv>
 #include <filesystem>
 #include <optional>
 #include <string_view>
@@ -15,6 +14,7 @@
 
 #include "common/base/check.h"
 #include "common/base/file.h"
+#include "common/base/text.h"
 #include "lab/study/digest.h"
 
 namespace twoport::lab {
@@ -22,24 +22,9 @@ namespace {
 
 namespace pb = google::protobuf;
 
-std::string json_text(std::string_view text) {
-  std::string out = "\"";
-  for (const char c : text) {
-    if (c == '"' || c == '\\') {
-      out += '\\';
-      out += c;
-    } else if (static_cast<unsigned char>(c) < 0x20) {
-      out += fmt::format("\\u{:04x}", static_cast<unsigned>(c));
-    } else {
-      out += c;
-    }
-  }
-  return out + '"';
-}
-
 std::string list(const std::vector<std::string>& texts) {
   std::vector<std::string> all;
-  for (const std::string& text : texts) all.push_back(json_text(text));
+  for (const std::string& text : texts) all.push_back(json_string(text));
   return fmt::format("[{}]", fmt::join(all, ", "));
 }
 
@@ -78,55 +63,15 @@ const pb::Value& member(const pb::Struct& object, const char* name) {
   return found == object.fields().end() ? kNone : found->second;
 }
 
-/// Takes `expected` off the beginning of `text`. False if it begins otherwise.
-bool take(std::string_view& text, std::string_view expected) {
-  if (!text.starts_with(expected)) return false;
-  text.remove_prefix(expected.size());
-  return true;
-}
-
-/// Takes what json_text has written off the beginning of `text`.
-bool take_text(std::string_view& text, std::string& out) {
-  if (!take(text, "\"")) return false;
-  for (std::size_t i = 0; i < text.size(); ++i) {
-    if (text[i] == '"') {
-      text.remove_prefix(i + 1);
-      return true;
-    }
-    if (text[i] != '\\') {
-      out += text[i];
-      continue;
-    }
-    unsigned code = 0;
-    if (text.substr(i + 1, 1) != "u") {
-      out += text.substr(++i, 1);
-    } else if (const std::string_view hex = text.substr(i + 2, 4);
-               std::from_chars(hex.data(), hex.data() + hex.size(), code, 16).ptr == hex.data() + 4) {
-      out += static_cast<char>(code);
-      i += 5;
-    } else {
-      return false;
-    }
-  }
-  return false;
-}
-
 /// Cell and row of a line as line() writes it; none where it reads otherwise.
-std::optional<std::pair<std::size_t, std::vector<std::string>>> parse_cell(const Plan& plan, const std::string& whole) {
-  if (!is_as_written(whole, plan.digest)) return std::nullopt;
-  std::string_view text = whole;
-  std::size_t cell = 0;
-  if (!take(text, "{\"cell\": ")) return std::nullopt;
-  const auto [after, error] = std::from_chars(text.data(), text.data() + text.size(), cell);
-  text.remove_prefix(static_cast<std::size_t>(after - text.data()));
-  if (error != std::errc{} || cell >= plan.grid.cells() || !take(text, ", \"row\": [")) return std::nullopt;
-  std::vector<std::string> row(plan.columns.size());
-  for (std::size_t i = 0; i < row.size(); ++i)
-    if ((i > 0 && !take(text, ", ")) || !take_text(text, row[i])) return std::nullopt;
+std::optional<std::pair<std::size_t, std::vector<std::string>>> parse_cell(const Plan& plan, const std::string& line) {
+  pb::Struct object;
+  if (!is_as_written(line, plan.digest) || !pb::util::JsonStringToMessage(line, &object).ok()) return std::nullopt;
+  const auto cell = static_cast<std::size_t>(member(object, "cell").number_value());
+  std::vector<std::string> row = texts(member(object, "row"));
+  if (cell >= plan.grid.cells() || row.size() != plan.columns.size()) return std::nullopt;
   const std::vector<std::string> varied = plan.varied_columns(cell);
-  if (!take(text, "]") || !text.starts_with(kCheck) || varied.size() > row.size() ||
-      !std::equal(varied.begin(), varied.end(), row.begin()))
-    return std::nullopt;
+  if (!std::equal(varied.begin(), varied.end(), row.begin())) return std::nullopt;
   return std::pair{cell, std::move(row)};
 }
 
@@ -163,9 +108,9 @@ std::vector<std::string> Plan::varied_columns(std::size_t cell) const {
 std::string Plan::line() const {
   std::vector<std::string> of_axes;
   for (const Axis& a : grid.axes)
-    of_axes.push_back(
-        fmt::format(R"({{"path": {}, "log": {}, "values": {}}})", json_text(a.name()), a.logarithmic, list(a.values)));
-  return with_check(fmt::format("{{\"digest\": {}, \"axes\": [{}], \"seeds\": {}, \"columns\": {}", json_text(digest),
+    of_axes.push_back(fmt::format(R"({{"path": {}, "log": {}, "values": {}}})", json_string(a.name()), a.logarithmic,
+                                  list(a.values)));
+  return with_check(fmt::format("{{\"digest\": {}, \"axes\": [{}], \"seeds\": {}, \"columns\": {}", json_string(digest),
                                 fmt::join(of_axes, ", "), seeds, list(columns)),
                     "");
 }
@@ -263,7 +208,7 @@ Values CellFile::row(std::size_t cell) {
   Values row;
   for (std::size_t i = 0; i < found->second.size(); ++i) {
     const bool figure = i >= varied && i + texts < found->second.size();
-    const std::optional<double> number = figure ? number_of(found->second[i]) : std::nullopt;
+    const std::optional<double> number = figure ? number_from<double>(found->second[i]) : std::nullopt;
     row.push_back(number ? Value{*number} : Value{std::move(found->second[i])});
   }
   return row;

@@ -34,7 +34,7 @@ Course course(const Scene& scene) {
       put<kAxes>(c.master_x, row.master_x.translation());
       put<kAxes>(c.slave_x, row.slave_x.translation());
       put<kAxes>(c.force, row.env_f.vec().template head<kAxes>());
-      c.energy_j.push_back(alone ? mechanical_energy(*scene.robot, environment, row.slave_x, row.slave_v)
+      c.energy_j.push_back(alone ? mechanical_energy(scene.robot, environment, row.slave_x, row.slave_v).si()
                                  : row.master_energy_j);
       return row.master_x.finite() && row.slave_x.finite();
     });

@@ -4,7 +4,6 @@
 #include <fmt/ranges.h>
 
 #include <algorithm>
-#include <charconv>
 #include <cmath>
 
 #include "common/base/check.h"
@@ -14,12 +13,6 @@
 namespace twoport::lab {
 namespace {
 
-template <class Number>
-bool reads(std::string_view text, Number& number) {
-  const auto [stop, error] = std::from_chars(text.data(), text.data() + text.size(), number);
-  return error == std::errc{} && stop == text.data() + text.size();
-}
-
 /// Is `path` within the block or list `whole`?
 bool is_part(std::string_view path, std::string_view whole) {
   return path.starts_with(whole) && path.size() > whole.size() &&
@@ -27,11 +20,6 @@ bool is_part(std::string_view path, std::string_view whole) {
 }
 
 }  // namespace
-
-std::optional<double> number_of(std::string_view text) {
-  double value = 0.0;
-  return reads(text, value) ? std::optional{value} : std::nullopt;
-}
 
 std::vector<std::string_view> parts_of(std::string_view text, char separator) {
   std::vector<std::string_view> all;
@@ -83,12 +71,13 @@ Axis parse_axis(const std::string& text, const std::string& option) {
     }
     return axis;
   }
-  double start = 0.0, stop = 0.0;
-  int count = 0;
   axis.logarithmic = range.size() == 4 && range[3] == "log";
-  if (range.size() != (axis.logarithmic ? 4 : 3) || !reads(range[0], start) || !reads(range[1], stop) ||
-      !reads(range[2], count) || !std::isfinite(start) || !std::isfinite(stop))
-    throw wrong(allowed);
+  if (range.size() != (axis.logarithmic ? 4 : 3)) throw wrong(allowed);
+  const auto first = number_from<double>(range[0]), last = number_from<double>(range[1]);
+  const auto number = number_from<int>(range[2]);
+  if (!first || !last || !number || !std::isfinite(*first) || !std::isfinite(*last)) throw wrong(allowed);
+  const double start = *first, stop = *last;
+  const int count = *number;
   if (count < 2 || count > static_cast<int>(kMostCells))
     throw wrong(fmt::format("count is {}; it must be 2 to {}", count, kMostCells));
   if (axis.logarithmic && !(start * stop > 0.0))

@@ -11,9 +11,6 @@ namespace twoport::lab {
 /// Most cells of a grid.
 inline constexpr std::size_t kMostCells = 1'000'000;
 
-/// The whole text as a number.
-std::optional<double> number_of(std::string_view text);
-
 /// A path into the scene that a study varies, or several that take the same value in each cell (linked), and the values,
 /// as an override would write them.
 struct Axis {

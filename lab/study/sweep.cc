@@ -3,7 +3,6 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <charconv>
 #include <map>
 #include <memory>
 #include <optional>
@@ -12,6 +11,7 @@
 
 #include "common/base/check.h"
 #include "common/base/file.h"
+#include "common/base/text.h"
 #include "common/record/figure.h"
 #include "common/record/summary.h"
 #include "common/scene/scene_text.h"
@@ -166,20 +166,14 @@ class TableWriter {
   std::optional<WholeFile> file_;
 };
 
-bool take_count(std::string_view text, std::size_t& count) {
-  const auto [stop, error] = std::from_chars(text.data(), text.data() + text.size(), count);
-  return error == std::errc{} && stop == text.data() + text.size();
-}
-
 }  // namespace
 
 Shard parse_shard(const std::string& text) {
-  Shard shard;
   const std::vector<std::string_view> two = parts_of(text, '/');
-  if (two.size() != 2 || !take_count(two[0], shard.index) || !take_count(two[1], shard.count) || shard.index < 1 ||
-      shard.index > shard.count)
+  const auto index = number_from<std::size_t>(two.front()), count = number_from<std::size_t>(two.back());
+  if (two.size() != 2 || !index || !count || *index < 1 || *index > *count)
     throw ConfigError{fmt::format("--shard {}: it must read I/N with I from 1 to N", text)};
-  return shard;
+  return {*index, *count};
 }
 
 std::vector<std::string> figures() {

@@ -7,46 +7,8 @@
 SI units, in names of keys and columns. Forces at the master port are such that force.velocity is power into the network.
 """
 
-from ._twoport import (
-    Boundary,
-    MasterNode,
-    MasterOutput,
-    Message,
-    Node,
-    PassivityController,
-    PassivityObserver,
-    Result,
-    Scene,
-    SlaveNode,
-    SlaveOutput,
-    Table,
-    __version__,
-    boundary,
-    load_scene,
-    methods,
-    parse_scene,
-    run,
-    sweep,
-)
+from . import _twoport
+from ._twoport import *
+from ._twoport import __version__
 
-__all__ = [
-    "Boundary",
-    "MasterNode",
-    "MasterOutput",
-    "Message",
-    "Node",
-    "PassivityController",
-    "PassivityObserver",
-    "Result",
-    "Scene",
-    "SlaveNode",
-    "SlaveOutput",
-    "Table",
-    "__version__",
-    "boundary",
-    "load_scene",
-    "methods",
-    "parse_scene",
-    "run",
-    "sweep",
-]
+__all__ = [name for name in dir(_twoport) if not name.startswith("_")] + ["__version__"]
