@@ -30,8 +30,15 @@ class PageSamples {
     while (channel_.commands.try_pop(command)) apply(command);
   }
 
-  /// The next sample: before show(), for the gripper's fields.
-  [[nodiscard]] PageSample& next() noexcept { return next_; }
+  /// Before show(): the gripper, under the force `command`; `observed` by its account.
+  void note_gripper(const Position<1>& hand, const PeerState<1>& robot, const Force<1>& command,
+                    Energy observed) noexcept {
+    next_.gripper_hand_m = hand.translation()[0];
+    next_.gripper_robot_m = robot.newest.x.translation()[0];
+    next_.gripper_felt_n = -command[0];
+    next_.gripper_object_n = robot.newest.f_environment[0];
+    next_.gripper_energy_j = observed.si();
+  }
 
   /// Before show(): what the slave has said of its environment and robot.
   template <int N>

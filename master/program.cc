@@ -255,14 +255,9 @@ struct LinkMaster : Master<N> {
                 const typename MasterNode<N>::Output& out) noexcept {
     if (!this->page) [[likely]]
       return;
-    if (gripper) {
-      PageSample& next = this->page->next();
-      next.gripper_hand_m = gripper->sample().x.translation()[0];
-      next.gripper_robot_m = gripper->known().newest.x.translation()[0];
-      next.gripper_felt_n = -gripper->out().command[0];
-      next.gripper_object_n = gripper->known().newest.f_environment[0];
-      next.gripper_energy_j = gripper->node().observed().si();
-    }
+    if (gripper)
+      this->page->note_gripper(gripper->sample().x, gripper->known(), gripper->out().command,
+                               gripper->node().observed());
     this->page->note_environment(link.mail().transport().heard_environment(), registration);
     this->page->show(now, late, sample, out, node.observed(), &link.mail().known(), link.mail().counts(),
                      node.limit_counts() + link.limit_counts(), node.epoch());

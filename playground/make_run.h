@@ -51,7 +51,11 @@ class LinkRun final : public Run {
         },
         [this](Duration now, Seconds dt) {
           const auto out = session_.master_tick(now, dt);
-          if (gripper_) show_gripper(gripper_->master_tick(now, dt));
+          if (gripper_) {
+            const auto of_gripper = gripper_->master_tick(now, dt);
+            page_.note_gripper(gripper_->device().x, gripper_->known(), of_gripper.command,
+                               gripper_->master().observed());
+          }
           robot_.describe(environment_);
           if (refused_) environment_.answer = EnvironmentAnswer::out_of_range;
           environment_.link_energy_j = -session_.slave().delivered().si();
@@ -88,15 +92,6 @@ class LinkRun final : public Run {
         break;
     }
   }
-  void show_gripper(const MasterNode<1>::Output& out) noexcept {
-    PageSample& next = page_.next();
-    next.gripper_hand_m = gripper_->device().x.translation()[0];
-    next.gripper_robot_m = gripper_->known().newest.x.translation()[0];
-    next.gripper_felt_n = -out.command[0];
-    next.gripper_object_n = gripper_->known().newest.f_environment[0];
-    next.gripper_energy_j = gripper_->master().observed().si();
-  }
-
   PageSamples page_;
   std::unique_ptr<Device<N>> device_;
   Scene scene_;

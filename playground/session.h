@@ -9,6 +9,7 @@
 
 #include "common/link/delay_line.h"
 #include "common/link/mailbox.h"
+#include "common/link/sim_transport.h"
 #include "common/runtime/cycle.h"
 #include "common/scene/scene.h"
 #include "drivers/simulated.h"
@@ -42,24 +43,6 @@ class Direction {
  private:
   static constexpr std::uint64_t kPageStream = 0x70616765;
   DelayLine<Report<N>> added_, scene_;
-};
-
-/// The mail of one side.
-template <int N>
-class Transport {
- public:
-  Transport(Direction<N>& in, Direction<N>& out) : in_{&in}, out_{&out} {}
-  template <class Visit>
-  void poll(Duration now, Visit visit) noexcept {
-    while (const Report<N>* report = in_->take(now - clock_ahead_)) visit(*report);
-  }
-  void send(const auto& report, Duration now) noexcept { out_->put(report, now - clock_ahead_); }
-  /// The clock of this side against the network's.
-  void set_clock_ahead(Duration ahead) noexcept { clock_ahead_ = ahead; }
-
- private:
-  Direction<N>*in_, *out_;
-  Duration clock_ahead_{0};
 };
 
 /// Hardware for run_cycle, with its last reading kept.
@@ -118,7 +101,7 @@ class Session {
   Sensed<Device<N>, DeviceSample<N>> device_;
   Sensed<Robot<N>, RobotSample<N>> robot_;
   Direction<N> to_slave_, to_master_;
-  Mailbox<N, Transport<N>> master_mail_, slave_mail_;
+  Mailbox<N, SimTransport<N, Direction<N>>> master_mail_, slave_mail_;
   MasterNode<N> master_;
   SlaveNode<N> slave_;
   SwitchTimes switch_times_;

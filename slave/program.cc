@@ -144,14 +144,17 @@ struct Slave : SlaveRows<N> {
     const EnvironmentMessage& request = transport.heard_environment();
     if (session != transport.pairings()) session = transport.pairings(), taken = 0, refused = false;
     EnvironmentMessage state;
-    if (environment != nullptr && !fixed_environment && request.number > taken && request.count > 0) {
-      refused = !environment->adjust(request);
-      environment_changes += refused ? 0 : 1;
+    if (environment == nullptr) {
+      state.answer = EnvironmentAnswer::real;
+    } else {
+      if (!fixed_environment && request.number > taken && request.count > 0) {
+        refused = !environment->adjust(request);
+        environment_changes += refused ? 0 : 1;
+      }
+      environment->describe(state);
+      if (fixed_environment) state.answer = EnvironmentAnswer::fixed, state.count = 0;
+      if (refused && state.answer == EnvironmentAnswer::adjustable) state.answer = EnvironmentAnswer::out_of_range;
     }
-    if (environment != nullptr) environment->describe(state);
-    if (environment == nullptr) state.answer = EnvironmentAnswer::real;
-    if (environment != nullptr && fixed_environment) state.answer = EnvironmentAnswer::fixed, state.count = 0;
-    if (refused && state.answer == EnvironmentAnswer::adjustable) state.answer = EnvironmentAnswer::out_of_range;
     state.link_energy_j = -this->node.delivered().si();
     state.number = taken = request.number;
     transport.say_environment(state);

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <memory>
 #include <string_view>
+#include <type_traits>
 
 #include "common/base/check.h"
 #include "common/method/layers.h"
@@ -37,8 +38,7 @@ struct Classes {
   template <int N>
   using Slave = S<N>;
 };
-template <class Visit>
-void for_each_transparency(Visit visit) {
+constexpr auto kTransparencyClasses = [](auto visit) {
   visit(Classes<InternalModel, InternalModelSlave>{"INTERNAL_MODEL"});
   visit(Classes<DelayedForceMaster, DelayedForceSlave>{"DELAYED_FORCE"});
   visit(Classes<SurfaceModelMaster, InternalModelSlave>{"SURFACE_MODEL"});
@@ -48,9 +48,8 @@ void for_each_transparency(Visit visit) {
   visit(Classes<FractalImpedanceMaster, FractalImpedanceSlave>{"FRACTAL_IMPEDANCE"});
   visit(Classes<RandomMaster, DelayedForceSlave>{"RANDOM"});
   visit(Classes<PluginMaster, DelayedForceSlave>{"PLUGIN"});
-}
-template <class Visit>
-void for_each_passivity(Visit visit) {
+};
+constexpr auto kPassivityClasses = [](auto visit) {
   visit(Classes<EnergySpringMaster, NoPassivitySlave>{"ENERGY_SPRING"});
   visit(Classes<EnergySpringTwoPortMaster, EnergySpringTwoPortSlave>{"ENERGY_SPRING_TWO_PORT"});
   visit(Classes<NoPassivityMaster, NoPassivitySlave>{"NONE"});
@@ -58,28 +57,29 @@ void for_each_passivity(Visit visit) {
   visit(Classes<TimeDomainMaster, TimeDomainSlave>{"FORCE_PROJECTED"});
   visit(Classes<EnergyTankMaster, EnergyTankSlave>{"ENERGY_TANK"});
   visit(Classes<EnergyBoundingMaster, NoPassivitySlave>{"ENERGY_BOUNDING"});
-}
-template <class Visit>
-void for_each_of_one_piece(Visit visit) {
+};
+constexpr auto kOnePieceClasses = [](auto visit) {
   visit(Classes<WaveMaster, WaveSlave>{"WAVE_VARIABLES"});
   visit(Classes<SetPositionMaster, SetPositionSlave>{"SET_POSITION_MODULATION"});
-}
+};
 
-/// make(classes) of the name in that list; null where it is not there.
-template <class Base>
-std::unique_ptr<Base> made(std::string_view name, auto list, auto make) {
-  std::unique_ptr<Base> it;
-  list([&](auto classes) {
-    if (classes.name == name) it = make(classes);
+/// The half or layer of that name in a list of classes; `field` of a scene names it. Throws ConfigError, with the names, where there is none.
+template <template <int> class Base, int N>
+std::unique_ptr<Base<N>> made(const ControlOptions& o, const std::string& name, auto classes, const char* field,
+                              const auto& names) {
+  std::unique_ptr<Base<N>> it;
+  classes([&]<template <int> class M, template <int> class S>(Classes<M, S> each) {
+    if (each.name != name) return;
+    if constexpr (std::is_base_of_v<Base<N>, M<N>>) {
+      it = std::make_unique<M<N>>(o);
+    } else {
+      it = std::make_unique<S<N>>(o);
+    }
   });
-  return it;
-}
-template <class Base>
-std::unique_ptr<Base> known(std::unique_ptr<Base> it, const char* field, const std::string& value, const auto& list) {
   if (it) return it;
-  std::string names;
-  for (const auto& each : list) names += (names.empty() ? "" : ", ") + std::string{each.name};
-  throw ConfigError{std::string{field} + " is " + value + "; it must be one of " + names};
+  std::string all;
+  for (const auto& each : names) all += (all.empty() ? "" : ", ") + std::string{each.name};
+  throw ConfigError{std::string{field} + " is " + name + "; it must be one of " + all};
 }
 
 }  // namespace
@@ -108,65 +108,43 @@ double two_port_grants(std::string_view passivity_layer) {
 template <int N>
 std::unique_ptr<MasterHalf<N>> MasterHalf<N>::make(const ControlOptions& o) {
   if (!o.transparency.empty()) return std::make_unique<MasterPair<N>>(o);
-  return known(made<MasterHalf<N>>(
-                   o.method_name, [](auto visit) { for_each_of_one_piece(visit); },
-                   [&](auto c) { return std::make_unique<typename decltype(c)::template Master<N>>(o); }),
-               "control.passivity.method", o.method_name, kMethods);
+  return made<twoport::MasterHalf, N>(o, o.method_name, kOnePieceClasses, "control.passivity.method", kMethods);
+}
+template <int N>
+std::unique_ptr<MasterTransparency<N>> MasterTransparency<N>::make(const ControlOptions& o) {
+  return made<twoport::MasterTransparency, N>(o, o.transparency, kTransparencyClasses, "control.transparency.layer",
+                                              kTransparencyLayers);
+}
+template <int N>
+std::unique_ptr<MasterPassivity<N>> MasterPassivity<N>::make(const ControlOptions& o) {
+  return made<twoport::MasterPassivity, N>(o, o.passivity, kPassivityClasses, "control.passivity.layer",
+                                           kPassivityLayers);
 }
 template <int N>
 std::unique_ptr<SlaveHalf<N>> SlaveHalf<N>::make(const ControlOptions& o) {
   if (!o.transparency.empty()) return std::make_unique<SlavePair<N>>(o);
-  return known(made<SlaveHalf<N>>(
-                   o.method_name, [](auto visit) { for_each_of_one_piece(visit); },
-                   [&](auto c) { return std::make_unique<typename decltype(c)::template Slave<N>>(o); }),
-               "control.passivity.method", o.method_name, kMethods);
-}
-template <int N>
-std::unique_ptr<MasterTransparency<N>> MasterTransparency<N>::make(const ControlOptions& o) {
-  return known(made<MasterTransparency<N>>(
-                   o.transparency, [](auto visit) { for_each_transparency(visit); },
-                   [&](auto c) { return std::make_unique<typename decltype(c)::template Master<N>>(o); }),
-               "control.transparency.layer", o.transparency, kTransparencyLayers);
+  return made<twoport::SlaveHalf, N>(o, o.method_name, kOnePieceClasses, "control.passivity.method", kMethods);
 }
 template <int N>
 std::unique_ptr<SlaveTransparency<N>> SlaveTransparency<N>::make(const ControlOptions& o) {
-  return known(made<SlaveTransparency<N>>(
-                   o.transparency, [](auto visit) { for_each_transparency(visit); },
-                   [&](auto c) { return std::make_unique<typename decltype(c)::template Slave<N>>(o); }),
-               "control.transparency.layer", o.transparency, kTransparencyLayers);
-}
-template <int N>
-std::unique_ptr<MasterPassivity<N>> MasterPassivity<N>::make(const ControlOptions& o) {
-  return known(made<MasterPassivity<N>>(
-                   o.passivity, [](auto visit) { for_each_passivity(visit); },
-                   [&](auto c) { return std::make_unique<typename decltype(c)::template Master<N>>(o); }),
-               "control.passivity.layer", o.passivity, kPassivityLayers);
+  return made<twoport::SlaveTransparency, N>(o, o.transparency, kTransparencyClasses, "control.transparency.layer",
+                                             kTransparencyLayers);
 }
 template <int N>
 std::unique_ptr<SlavePassivity<N>> SlavePassivity<N>::make(const ControlOptions& o) {
-  return known(made<SlavePassivity<N>>(
-                   o.passivity, [](auto visit) { for_each_passivity(visit); },
-                   [&](auto c) { return std::make_unique<typename decltype(c)::template Slave<N>>(o); }),
-               "control.passivity.layer", o.passivity, kPassivityLayers);
+  return made<twoport::SlavePassivity, N>(o, o.passivity, kPassivityClasses, "control.passivity.layer",
+                                          kPassivityLayers);
 }
 
-template std::unique_ptr<MasterHalf<1>> MasterHalf<1>::make(const ControlOptions&);
-template std::unique_ptr<SlaveHalf<1>> SlaveHalf<1>::make(const ControlOptions&);
-template std::unique_ptr<MasterTransparency<1>> MasterTransparency<1>::make(const ControlOptions&);
-template std::unique_ptr<SlaveTransparency<1>> SlaveTransparency<1>::make(const ControlOptions&);
-template std::unique_ptr<MasterPassivity<1>> MasterPassivity<1>::make(const ControlOptions&);
-template std::unique_ptr<SlavePassivity<1>> SlavePassivity<1>::make(const ControlOptions&);
-template std::unique_ptr<MasterHalf<3>> MasterHalf<3>::make(const ControlOptions&);
-template std::unique_ptr<SlaveHalf<3>> SlaveHalf<3>::make(const ControlOptions&);
-template std::unique_ptr<MasterTransparency<3>> MasterTransparency<3>::make(const ControlOptions&);
-template std::unique_ptr<SlaveTransparency<3>> SlaveTransparency<3>::make(const ControlOptions&);
-template std::unique_ptr<MasterPassivity<3>> MasterPassivity<3>::make(const ControlOptions&);
-template std::unique_ptr<SlavePassivity<3>> SlavePassivity<3>::make(const ControlOptions&);
-template std::unique_ptr<MasterHalf<6>> MasterHalf<6>::make(const ControlOptions&);
-template std::unique_ptr<SlaveHalf<6>> SlaveHalf<6>::make(const ControlOptions&);
-template std::unique_ptr<MasterTransparency<6>> MasterTransparency<6>::make(const ControlOptions&);
-template std::unique_ptr<SlaveTransparency<6>> SlaveTransparency<6>::make(const ControlOptions&);
-template std::unique_ptr<MasterPassivity<6>> MasterPassivity<6>::make(const ControlOptions&);
-template std::unique_ptr<SlavePassivity<6>> SlavePassivity<6>::make(const ControlOptions&);
+#define TWOPORT_MAKE(Base)                                                \
+  template std::unique_ptr<Base<1>> Base<1>::make(const ControlOptions&); \
+  template std::unique_ptr<Base<3>> Base<3>::make(const ControlOptions&); \
+  template std::unique_ptr<Base<6>> Base<6>::make(const ControlOptions&)
+TWOPORT_MAKE(MasterHalf);
+TWOPORT_MAKE(SlaveHalf);
+TWOPORT_MAKE(MasterTransparency);
+TWOPORT_MAKE(SlaveTransparency);
+TWOPORT_MAKE(MasterPassivity);
+TWOPORT_MAKE(SlavePassivity);
 
 }  // namespace twoport

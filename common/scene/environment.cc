@@ -148,40 +148,21 @@ Spring read_spring(const Block<schema::Spring>& of) {
 }
 
 /// The field that holds each shape. One of the list in common/contact/shape.h that has none here does not compile.
-auto field_of(std::type_identity<Wall>) {
-  return FIELD(wall);
-}
-auto field_of(std::type_identity<Sphere>) {
-  return FIELD(sphere);
-}
-auto field_of(std::type_identity<Cylinder>) {
-  return FIELD(cylinder);
-}
-auto field_of(std::type_identity<Box>) {
-  return FIELD(box);
-}
-
-auto field_of(std::type_identity<Torus>) {
-  return FIELD(torus);
-}
-auto field_of(std::type_identity<Capsule>) {
-  return FIELD(capsule);
-}
-auto field_of(std::type_identity<Peg>) {
-  return FIELD(peg);
-}
-auto field_of(std::type_identity<Hole>) {
-  return FIELD(hole);
-}
-auto field_of(std::type_identity<Cone>) {
-  return FIELD(cone);
-}
-auto field_of(std::type_identity<Plate>) {
-  return FIELD(plate);
-}
-auto field_of(std::type_identity<Mesh>) {
-  return FIELD(mesh);
-}
+#define TWOPORT_FIELD_OF(Shape, NAME)        \
+  auto field_of(std::type_identity<Shape>) { \
+    return FIELD(NAME);                      \
+  }
+TWOPORT_FIELD_OF(Wall, wall)
+TWOPORT_FIELD_OF(Sphere, sphere)
+TWOPORT_FIELD_OF(Cylinder, cylinder)
+TWOPORT_FIELD_OF(Box, box)
+TWOPORT_FIELD_OF(Torus, torus)
+TWOPORT_FIELD_OF(Capsule, capsule)
+TWOPORT_FIELD_OF(Peg, peg)
+TWOPORT_FIELD_OF(Hole, hole)
+TWOPORT_FIELD_OF(Cone, cone)
+TWOPORT_FIELD_OF(Plate, plate)
+TWOPORT_FIELD_OF(Mesh, mesh)
 
 // --- parts of the tool ---
 
@@ -198,51 +179,37 @@ void refuse_material(const Block<Shape>& of) {
 
 constexpr double kMostPoints = 5000.0;  // of a part
 
-/// The points of one part; `area_m2` is that of its surface, at most.
-template <class Part>
-std::vector<Eigen::Vector3d> points_of(const Block<schema::ToolPart>& of, const Part& sampled, double area_m2) {
+/// The points of one part, sample(spacing); `area_m2` is that of its surface, at most.
+template <class Sample>
+std::vector<Eigen::Vector3d> points_of(const Block<schema::ToolPart>& of, double area_m2, Sample sample) {
   const double spacing_m = of->spacing_m();
   const double least = std::sqrt(area_m2 / kMostPoints);
   if (!(spacing_m >= least))
     of.refuse(FIELD(spacing_m), fmt::format("be >= {:.3g} here: a part has at most {:g} points", least, kMostPoints));
-  return sampled(spacing_m);
+  return sample(spacing_m);
 }
 
 }  // namespace
 
 std::vector<Eigen::Vector3d> read_tool_part(const Block<schema::ToolPart>& of) {
   using std::numbers::pi;
-  if (of->has_torus()) {
-    const Block shape = of.block(FIELD(torus));
+  std::optional<std::vector<Eigen::Vector3d>> points;
+  const auto read = [&](const auto& field, auto area_m2) {
+    if (!of.has(field)) return;
+    const auto shape = of.block(field);
     refuse_material(shape);
-    const Torus part = read_shape(shape);
-    return points_of(
-        of, [&](double h) { return sample(part, h); }, 4 * pi * pi * part.radius_m * part.tube_radius_m);
-  }
-  if (of->has_capsule()) {
-    const Block shape = of.block(FIELD(capsule));
-    refuse_material(shape);
-    const Capsule part = read_shape(shape);
-    const double r = part.radius_m;
-    return points_of(
-        of, [&](double h) { return sample(part, h); }, 2 * pi * r * ((part.end_m - part.start_m).norm() + 2 * r));
-  }
-  if (of->has_peg()) {
-    const Block shape = of.block(FIELD(peg));
-    refuse_material(shape);
-    const Peg part = read_shape(shape);
-    const double r = shape.message().radius_m();
-    return points_of(
-        of, [&](double h) { return sample(part, h); }, 2 * pi * r * (shape.message().length_m() + r));
-  }
-  if (of->has_cone()) {
-    const Block shape = of.block(FIELD(cone));
-    refuse_material(shape);
-    const Cone part = read_shape(shape);
-    const double r = shape.message().base_radius_m();
-    return points_of(
-        of, [&](double h) { return sample(part, h); }, pi * r * (std::hypot(r, shape.message().height_m()) + r));
-  }
+    const auto part = read_shape(shape);
+    points = points_of(of, area_m2(shape.message()), [&](double h) { return sample(part, h); });
+  };
+  read(FIELD(torus), [](const auto& s) { return 4 * pi * pi * s.radius_m() * s.tube_radius_m(); });
+  read(FIELD(capsule), [](const auto& s) {
+    return 2 * pi * s.radius_m() * ((vector<3>(s.end_m()) - vector<3>(s.start_m())).norm() + 2 * s.radius_m());
+  });
+  read(FIELD(peg), [](const auto& s) { return 2 * pi * s.radius_m() * (s.length_m() + s.radius_m()); });
+  read(FIELD(cone), [](const auto& s) {
+    return pi * s.base_radius_m() * (std::hypot(s.base_radius_m(), s.height_m()) + s.base_radius_m());
+  });
+  if (points) return *points;
   if (!of->has_mesh())
     of.fail(fmt::format("{} is empty; it must hold one of torus, capsule, peg, cone, mesh", of.path()));
   const Block shape = of.block(FIELD(mesh));
@@ -250,10 +217,9 @@ std::vector<Eigen::Vector3d> read_tool_part(const Block<schema::ToolPart>& of) {
   const TriangleMesh mesh = read_triangles(shape);
   const Eigen::Vector3d position = vector<3>(shape->position_m());
   const Eigen::Matrix3d rotation = attitude(shape->rotation()).toRotationMatrix();
-  std::vector<Eigen::Vector3d> points = points_of(
-      of, [&](double h) { return sample_surface(mesh, h); }, area_of(mesh));
-  for (Eigen::Vector3d& p : points) p = Eigen::Vector3d{position + rotation * p};
-  return points;
+  points = points_of(of, area_of(mesh), [&](double h) { return sample_surface(mesh, h); });
+  for (Eigen::Vector3d& p : *points) p = Eigen::Vector3d{position + rotation * p};
+  return *points;
 }
 
 EnvironmentSpec read_environment(const Block<schema::Environment>& of) {

@@ -4,17 +4,20 @@
 #include <bit>
 #include <cmath>
 #include <cstdint>
+#include <optional>
 #include <vector>
 
 #include "common/link/clock_offset.h"
 #include "common/link/delay_line.h"
 #include "common/link/mailbox.h"
+#include "common/link/sim_transport.h"
 #include "common/record/angle.h"
 #include "common/record/row.h"
 #include "common/runtime/cycle.h"
 #include "common/scene/scene.h"
 #include "lab/engine/simulation.h"
 #include "lab/engine/tap.h"
+#include "lab/mechanical_energy.h"
 #include "master/master_node.h"
 #include "master/render_node.h"
 #include "sim/sim_device.h"
@@ -30,23 +33,7 @@
 
 namespace twoport::lab {
 
-/// A network in memory: reports as values, no bytes.
-template <int N>
-class SimTransport {
- public:
-  SimTransport(DelayLine<Report<N>>& in, DelayLine<Report<N>>& out) : in_{&in}, out_{&out} {}
-  template <class Visit>
-  [[gnu::always_inline]] void poll(Duration now, Visit visit) noexcept {
-    while (const Report<N>* r = in_->take(now - clock_ahead_)) visit(*r);
-  }
-  [[gnu::always_inline]] void send(const auto& r, Duration now) noexcept { out_->put(r, now - clock_ahead_); }
-  /// The clock of this end against the network's.
-  void set_clock_ahead(Duration ahead) noexcept { clock_ahead_ = ahead; }
-
- private:
-  DelayLine<Report<N>>*in_, *out_;
-  Duration clock_ahead_{0};
-};
+using twoport::SimTransport;
 
 /// The environment's force as old as the way back makes it: of the slave's tick from which the newest report comes that the
 /// master has. While the master hears nothing it goes on, as old as that report was when it came.
@@ -128,26 +115,6 @@ class SimLink {
   Mailbox<N, Transport> master_, slave_;
 };
 
-/// ½ m v² + ½ ωᵀ R J Rᵀ ω, and what the environment holds; `inertia` about the body's axes.
-template <int N>
-Energy mechanical_energy(const sim::SimRobot<N>& robot, double mass_kg, const Eigen::Vector3d& inertia_kg_m2) {
-  const sim::BodyState<N>& s = robot.state();
-  double kinetic = 0.5 * mass_kg * s.v.vec().template head<(N == 1 ? 1 : 3)>().squaredNorm();
-  if constexpr (N == 6) {
-    const Eigen::Vector3d w = s.x.attitude().conjugate() * Eigen::Vector3d{s.v.vec().template tail<3>()};
-    kinetic += 0.5 * w.cwiseAbs2().dot(inertia_kg_m2);
-  }
-  return Energy{kinetic} + robot.environment().potential(s.x);
-}
-/// Of the scene's robot; an ideal one has no mass.
-template <int N>
-Energy mechanical_energy(const Scene& scene, const sim::SimRobot<N>& robot) {
-  Eigen::Vector3d inertia = Eigen::Vector3d::Zero();
-  if constexpr (N == 6)
-    if (scene.robot) inertia = vector<3>(scene.robot->inertia_kg_m2);
-  return mechanical_energy(robot, scene.robot ? scene.robot->mass_kg : 0.0, inertia);
-}
-
 /// The columns of trace.csv after a master tick with the result `out`; `dissipated` by both sides since the last one.
 template <int N>
 [[gnu::always_inline]] inline Row<N> columns(Duration now, const auto& out, Energy dissipated,
@@ -201,7 +168,8 @@ class LinkLoop {
                        scene.transmission_to_master.deadband.has_value()},
         held_by_environment_{robot_.environment().holds()},
         initial_energy_{scene.control.initial_energy},
-        granted_energy_{initial_energy_ + registration_.to_master(initial_energy_ + mechanical_energy(scene, robot_))} {
+        granted_energy_{initial_energy_ +
+                        registration_.to_master(initial_energy_ + mechanical_energy<N>(scene.robot, robot_))} {
     if (taps == nullptr) return;
     taps_ = taps;
     link_.master().transport().tap(&taps->master);
@@ -436,11 +404,8 @@ class BodyLoop {
   explicit BodyLoop(const Scene& scene)
       : rate_hz_{scene.slave_rate_hz},
         end_{to_duration(scene.duration_s)},
-        robot_{scene, Seconds{1.0 / scene.slave_rate_hz}} {
-    if (!scene.robot) return;
-    mass_kg_ = scene.robot->mass_kg;
-    if constexpr (N == 6) inertia_ = vector<3>(scene.robot->inertia_kg_m2);
-  }
+        spec_{scene.robot},
+        robot_{scene, Seconds{1.0 / scene.slave_rate_hz}} {}
 
   template <class Visit>
   std::uint64_t run(Duration end, Visit visit) {
@@ -472,16 +437,15 @@ class BodyLoop {
   [[nodiscard]] std::int64_t ticks() const { return ticks_; }
   [[nodiscard]] Energy initial_energy() const { return Energy{}; }
   [[nodiscard]] Energy granted_energy() const { return Energy{}; }
-  [[nodiscard]] Energy mechanical_energy() const { return lab::mechanical_energy(robot_, mass_kg_, inertia_); }
+  [[nodiscard]] Energy mechanical_energy() const { return lab::mechanical_energy<N>(spec_, robot_); }
   [[nodiscard]] double quiet_from_s() const { return 0.0; }
   [[nodiscard]] std::vector<double> segment_ends_s() const { return {}; }
 
  private:
   double rate_hz_;
   Duration end_;
+  std::optional<RobotSpec> spec_;
   sim::SimRobot<N> robot_;
-  double mass_kg_ = 0.0;
-  Eigen::Vector3d inertia_ = Eigen::Vector3d::Zero();
   std::int64_t ticks_ = 0;  ///< done
 };
 

@@ -151,7 +151,7 @@ Course course(Engine& engine, const Setting& s, const Scene& scene) {
       c.force.push_back(i < f.size() ? f[i] : 0.0);
     }
     c.master_x.insert(c.master_x.end(), 3, 0.0);
-    c.energy_j.push_back(mechanical_energy(*scene.robot, environment, x, v));
+    c.energy_j.push_back(mechanical_energy(scene.robot, environment, x, v).si());
   };
   if (s.body.dof == 1) {
     const Environment<1> e{scene.environment};

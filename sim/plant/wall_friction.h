@@ -4,7 +4,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "sim/plant/linear.h"
+#include "sim/plant/integrators.h"
 
 namespace twoport::sim {
 
@@ -164,11 +164,9 @@ class WallFriction {
       const AxisState mid = moved_across(at, un, 0.5 * d);
       at = moved_across(at, un, d);
       const double most_mid = limit(mid), most_end = limit(at);
-      const Vector vb = v + 0.5 * d * a, ab = acceleration(x + 0.5 * d * v, vb, most_mid);
-      const Vector vc = v + 0.5 * d * ab, ac = acceleration(x + 0.5 * d * vb, vc, most_mid);
-      const Vector vd = v + d * ac, ad = acceleration(x + d * vc, vd, most_end);
-      x += d / 6.0 * (v + 2.0 * (vb + vc) + vd);
-      v += d / 6.0 * (a + 2.0 * (ab + ac) + ad);
+      step_by(Integrator::rk4, d, 0.0, x, v, [&](double into, const Vector& q, const Vector& speed) -> Vector {
+        return into <= 0.0 ? a : acceleration(q, speed, into < d ? most_mid : most_end);
+      });
       t = d == h - t ? h : t + d;
     }
     return h;
