@@ -5,6 +5,7 @@ import type { Element, Introduction, Vec } from './channel';
 import { Space } from './space';
 
 export type Attitude = [number, number, number, number]; // w, x, y, z
+type Point = [number, number]; // pixels
 
 /** A direction of view: which directions of space point right, up and out of the picture. */
 export interface View {
@@ -52,6 +53,17 @@ const cross = (a: Vec, b: Vec): Vec => [
   a[1] * b[2] - a[2] * b[1],
   a[2] * b[0] - a[0] * b[2],
   a[0] * b[1] - a[1] * b[0],
+];
+/** A direction across another one. */
+const across = (n: Vec): Vec => {
+  const u = cross(n, Math.abs(n[2]) < 0.9 ? [0, 0, 1] : [1, 0, 0]);
+  return u.map((x) => x / norm(u)) as Vec;
+};
+/** An arrow's head at x, y [pixels], along the unit vector u. */
+const tip = (x: number, y: number, ux: number, uy: number, long: number, wide: number): Point[] => [
+  [x + long * ux, y + long * uy],
+  [x - wide * uy, y + wide * ux],
+  [x + wide * uy, y - wide * ux],
 ];
 const PIXELS_PER_NEWTON = 12;
 const RADIANS_PER_NEWTON_METRE = 6; // of a torque's arc
@@ -140,7 +152,7 @@ export class Picture {
   private get height(): number {
     return this.canvas.clientHeight;
   }
-  private point(p: Vec, view = this.shown): [number, number] {
+  private point(p: Vec, view = this.shown): Point {
     const from = add(p, view.centre, -1);
     return [
       0.45 * this.width + view.scale * dot(from, this.view.right),
@@ -168,7 +180,7 @@ export class Picture {
     this.grid(colour('--grid'), colour('--muted'));
     for (const e of this.scene.environment) if (!this.space || e.kind === 'spring') this.element(e, s, colour('--surface'), colour('--surface-line'));
     const ofRobot = s.robotAge ? colour('--muted') : colour('--robot');
-    if (!this.space) this.robot(s.robot, ofRobot);
+    if (!this.space) this.fill(ofRobot, 1, this.circle(s.robot, 7));
     if (s.robotAge) this.label(s.robot, `robot as it was ${s.robotAge} ago`, ofRobot);
     this.hand(s, colour('--hand'), colour('--muted'));
     if (!s.robotAge) {
@@ -195,33 +207,47 @@ export class Picture {
     c.fillText(text, left, y + 34);
   }
 
+  /** Lines through points in pixels. */
+  private stroke(colour: string, width: number, ...lines: Point[][]): void {
+    const c = this.context;
+    c.beginPath();
+    for (const line of lines) line.forEach((p, i) => (i === 0 ? c.moveTo(...p) : c.lineTo(...p)));
+    c.strokeStyle = colour;
+    c.lineWidth = width;
+    c.stroke();
+  }
+  /** A polygon of points in pixels. */
+  private fill(colour: string, opacity: number, points: Point[]): void {
+    const c = this.context;
+    c.beginPath();
+    for (const p of points) c.lineTo(...p);
+    c.fillStyle = colour;
+    c.globalAlpha = opacity;
+    c.fill();
+    c.globalAlpha = 1;
+  }
+  private circle(at: Vec, radius: number): Point[] {
+    const [x, y] = this.point(at);
+    return Array.from({ length: 129 }, (_, i) => [x + radius * Math.cos((i * Math.PI) / 64), y + radius * Math.sin((i * Math.PI) / 64)]);
+  }
+
   private grid(line: string, text: string): void {
     const c = this.context;
     const steps = [0.005, 0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1, 2, 5];
-    const step = steps.find((x) => x * this.scale > 45) ?? 10;
-    c.lineWidth = 1;
-    c.font = '11px system-ui, sans-serif';
+    const step = steps.find((x) => x * this.scale > 45) ?? 10, apart = step * this.scale;
     const [ox, oy] = this.point([0, 0, 0]);
-    c.strokeStyle = line;
-    c.beginPath();
-    const lines = !this.space; // solids have no paper behind them
-    const first = (o: number): number => ((o % (step * this.scale)) + step * this.scale) % (step * this.scale);
-    for (let x = first(ox); lines && x < this.width; x += step * this.scale) {
-      c.moveTo(x, 0);
-      c.lineTo(x, this.height);
+    const places = (o: number, most: number): number[] => {
+      const first = ((o % apart) + apart) % apart;
+      return Array.from({ length: Math.max(0, Math.ceil((most - first) / apart)) }, (_, i) => first + i * apart);
+    };
+    // Solids have no paper behind them.
+    if (!this.space) {
+      this.stroke(line, 1, ...places(ox, this.width).map((x): Point[] => [[x, 0], [x, this.height]]));
+      this.stroke(line, 1, ...places(oy, this.height).map((y): Point[] => [[0, y], [this.width, y]]));
     }
-    for (let y = first(oy); lines && y < this.height; y += step * this.scale) {
-      c.moveTo(0, y);
-      c.lineTo(this.width, y);
-    }
-    c.stroke();
-    c.strokeStyle = text;
+    c.font = '11px system-ui, sans-serif';
     c.fillStyle = text;
-    c.lineWidth = 1.5;
-    c.beginPath();
-    c.moveTo(12, this.height - 14);
-    c.lineTo(12 + step * this.scale, this.height - 14);
-    c.stroke();
+    this.stroke(text, 1.5, [[12, this.height - 14], [12 + apart, this.height - 14]]);
     c.fillText(`${(1e3 * step).toFixed(0)} mm`, 12, this.height - 20);
     // Axes of the world.
     const names = ['x', 'y', 'z'];
@@ -230,34 +256,18 @@ export class Picture {
       axis[i] = 28 / this.scale;
       const [ax, ay] = this.point(axis);
       if (Math.hypot(ax - ox, ay - oy) < 6) continue;
-      c.beginPath();
-      c.moveTo(ox, oy);
-      c.lineTo(ax, ay);
-      c.stroke();
+      this.stroke(text, 1.5, [[ox, oy], [ax, ay]]);
       c.fillText(names[i]!, ax + 3, ay - 3);
     }
   }
 
   private polygon(corners: Vec[], fill: string, line: string): void {
-    const c = this.context;
-    c.beginPath();
-    corners.forEach((p, i) => {
-      const [x, y] = this.point(p);
-      if (i === 0) c.moveTo(x, y);
-      else c.lineTo(x, y);
-    });
-    c.closePath();
-    c.fillStyle = fill;
-    c.globalAlpha = 0.35;
-    c.fill();
-    c.globalAlpha = 1;
-    c.strokeStyle = line;
-    c.lineWidth = 1.5;
-    c.stroke();
+    const points = corners.map((p) => this.point(p));
+    this.fill(fill, 0.35, points);
+    this.stroke(line, 1.5, [...points, points[0]!]);
   }
 
   private element(e: Element, s: Shown, fill: string, line: string): void {
-    const c = this.context;
     if (e.kind === 'wall' && e.normal && e.offset_m !== undefined) {
       this.wall(e.normal, e.offset_m, fill, line);
     } else if (e.kind === 'sphere' && e.center_m && e.radius_m !== undefined) {
@@ -265,16 +275,9 @@ export class Picture {
         this.band(e.center_m[0] - e.radius_m, e.center_m[0] + e.radius_m, fill, line);
         return;
       }
-      const [x, y] = this.point(e.center_m);
-      c.beginPath();
-      c.arc(x, y, e.radius_m * this.scale, 0, 2 * Math.PI);
-      c.fillStyle = fill;
-      c.globalAlpha = 0.5;
-      c.fill();
-      c.globalAlpha = 1;
-      c.strokeStyle = line;
-      c.lineWidth = 1.5;
-      c.stroke();
+      const circle = this.circle(e.center_m, e.radius_m * this.scale);
+      this.fill(fill, 0.5, circle);
+      this.stroke(line, 1.5, circle);
     } else if (e.kind === 'cylinder' && e.point_m && e.axis && e.radius_m !== undefined) {
       const along = Math.hypot(dot(e.axis, this.view.right), dot(e.axis, this.view.up));
       if (along < 0.05) {
@@ -303,110 +306,55 @@ export class Picture {
     } else if (e.kind === 'spring' && e.anchor_m) {
       const [ax, ay] = this.point(e.anchor_m), [bx, by] = this.point(s.robot);
       const length = Math.hypot(bx - ax, by - ay) || 1, nx = -(by - ay) / length, ny = (bx - ax) / length;
-      c.beginPath();
-      c.moveTo(ax, ay);
-      for (let i = 1; i < 16; ++i) {
+      const turn = (i: number): Point => {
         const side = i % 2 ? 6 : -6;
-        c.lineTo(ax + ((bx - ax) * i) / 16 + side * nx, ay + ((by - ay) * i) / 16 + side * ny);
-      }
-      c.lineTo(bx, by);
-      c.strokeStyle = line;
-      c.lineWidth = 1.5;
-      c.stroke();
+        return [ax + ((bx - ax) * i) / 16 + side * nx, ay + ((by - ay) * i) / 16 + side * ny];
+      };
+      this.stroke(line, 1.5, [[ax, ay], ...Array.from({ length: 15 }, (_, i) => turn(i + 1)), [bx, by]]);
     }
   }
 
   private band(from: number, to: number, fill: string, line: string): void {
-    const c = this.context, [a] = this.point([from, 0, 0]), [b] = this.point([to, 0, 0]);
-    c.fillStyle = fill;
-    c.fillRect(a, 0, b - a, this.height);
-    c.strokeStyle = line;
-    c.lineWidth = 2;
-    c.beginPath();
-    for (const x of [a, b]) {
-      c.moveTo(x, 0);
-      c.lineTo(x, this.height);
-    }
-    c.stroke();
+    const [a] = this.point([from, 0, 0]), [b] = this.point([to, 0, 0]), h = this.height;
+    this.fill(fill, 1, [[a, 0], [b, 0], [b, h], [a, h]]);
+    this.stroke(line, 2, [[a, 0], [a, h]], [[b, 0], [b, h]]);
   }
 
   /** The half space behind a plane, to the edge of the picture; a plane that is not seen from the side as a part of it. */
   private wall(normal: Vec, offset: number, fill: string, line: string): void {
-    const c = this.context;
     const a = dot(normal, this.view.right), b = dot(normal, this.view.up), inPlane = Math.hypot(a, b);
     const at: Vec = normal.map((n) => n * offset) as Vec;
     if (inPlane < 0.99) {
-      let u = cross(normal, Math.abs(normal[2]) < 0.9 ? [0, 0, 1] : [1, 0, 0]);
-      u = u.map((x) => x / norm(u)) as Vec;
       // A part of the plane as large as the picture, with lines every 20 mm: it has no edge in truth.
-      const v = cross(normal, u), lines = Math.max(4, Math.ceil((0.42 * this.height) / this.scale / 0.02)), size = 0.02 * lines;
+      const u = across(normal), v = cross(normal, u);
+      const lines = Math.max(4, Math.ceil((0.42 * this.height) / this.scale / 0.02)), size = 0.02 * lines;
       const place = (i: number, j: number): Vec => add(add(at, u, i * size), v, j * size);
       this.polygon([place(-1, -1), place(1, -1), place(1, 1), place(-1, 1)], fill, line);
-      c.globalAlpha = 0.2;
-      c.beginPath();
-      for (let k = 1 - lines; k < lines; ++k) {
-        for (const [from, to] of [[place(k / lines, -1), place(k / lines, 1)], [place(-1, k / lines), place(1, k / lines)]] as const) {
-          c.moveTo(...this.point(from));
-          c.lineTo(...this.point(to));
-        }
-      }
-      c.lineWidth = 1;
-      c.strokeStyle = line;
-      c.stroke();
-      c.globalAlpha = 1;
+      const drawn: Point[][] = [];
+      for (let k = 1 - lines; k < lines; ++k)
+        for (const ends of [[place(k / lines, -1), place(k / lines, 1)], [place(-1, k / lines), place(1, k / lines)]])
+          drawn.push(ends.map((p) => this.point(p)));
+      this.context.globalAlpha = 0.2;
+      this.stroke(line, 1, ...drawn);
+      this.context.globalAlpha = 1;
       return;
     }
     const [x, y] = this.point(at), nx = a / inPlane, ny = -b / inPlane, far = 20000;
-    const corner = (t: number, d: number): [number, number] => [x - ny * t - nx * d, y + nx * t - ny * d];
-    c.beginPath();
-    c.moveTo(...corner(-far, 0));
-    c.lineTo(...corner(far, 0));
-    c.lineTo(...corner(far, far));
-    c.lineTo(...corner(-far, far));
-    c.closePath();
-    c.fillStyle = fill;
-    c.fill();
-    c.beginPath();
-    c.moveTo(...corner(-far, 0));
-    c.lineTo(...corner(far, 0));
-    c.strokeStyle = line;
-    c.lineWidth = 2;
-    c.stroke();
-  }
-
-  private robot(at: Vec, colour: string): void {
-    const c = this.context, [x, y] = this.point(at);
-    c.fillStyle = colour;
-    c.beginPath();
-    c.arc(x, y, 7, 0, 2 * Math.PI);
-    c.fill();
+    const corner = (t: number, d: number): Point => [x - ny * t - nx * d, y + nx * t - ny * d];
+    this.fill(fill, 1, [corner(-far, 0), corner(far, 0), corner(far, far), corner(-far, far)]);
+    this.stroke(line, 2, [corner(-far, 0), corner(far, 0)]);
   }
 
   private hand(s: Shown, colour: string, muted: string): void {
     const c = this.context, [x, y] = this.point(s.hand);
     if (s.target) {
       const [tx, ty] = this.point(s.target);
-      c.strokeStyle = muted;
-      c.lineWidth = 1.5;
       c.setLineDash([4, 4]);
-      c.beginPath();
-      c.moveTo(x, y);
-      c.lineTo(tx, ty);
-      c.stroke();
+      this.stroke(muted, 1.5, [[x, y], [tx, ty]]);
       c.setLineDash([]);
-      c.beginPath();
-      c.moveTo(tx - 6, ty);
-      c.lineTo(tx + 6, ty);
-      c.moveTo(tx, ty - 6);
-      c.lineTo(tx, ty + 6);
-      c.stroke();
+      this.stroke(muted, 1.5, [[tx - 6, ty], [tx + 6, ty]], [[tx, ty - 6], [tx, ty + 6]]);
     }
-    if (this.space) return;
-    c.strokeStyle = colour;
-    c.lineWidth = 3;
-    c.beginPath();
-    c.arc(x, y, 13, 0, 2 * Math.PI);
-    c.stroke();
+    if (!this.space) this.stroke(colour, 3, this.circle(s.hand, 13));
   }
 
   private arrow(from: Vec, force: Vec, colour: string, name: string, offset: number, hollow = false): void {
@@ -421,22 +369,11 @@ export class Picture {
     }
     const y0 = y + (this.scene.dof === 1 ? offset : 0);
     const shown = Math.hypot(dx, dy) || 1, ux = dx / shown, uy = dy / shown;
-    c.strokeStyle = colour;
-    c.fillStyle = colour;
-    c.lineWidth = hollow ? 2 : 3;
     if (hollow) c.setLineDash([5, 4]);
-    c.beginPath();
-    c.moveTo(x, y0);
-    c.lineTo(x + dx, y0 + dy);
-    c.stroke();
+    this.stroke(colour, hollow ? 2 : 3, [[x, y0], [x + dx, y0 + dy]]);
     c.setLineDash([]);
-    if (shown > 6) {
-      c.beginPath();
-      c.moveTo(x + dx + 8 * ux, y0 + dy + 8 * uy);
-      c.lineTo(x + dx - 5 * uy, y0 + dy + 5 * ux);
-      c.lineTo(x + dx + 5 * uy, y0 + dy - 5 * ux);
-      c.fill();
-    }
+    if (shown > 6) this.fill(colour, 1, tip(x + dx, y0 + dy, ux, uy, 8, 5));
+    c.fillStyle = colour;
     c.font = '12px system-ui, sans-serif';
     const text = `${size.toFixed(2)} N ${name}`;
     const wide = c.measureText(text).width;
@@ -449,23 +386,12 @@ export class Picture {
     const size = norm(torque);
     if (this.scene.dof !== 6 || size < 0.03) return;
     const axis = torque.map((x) => x / size) as Vec, r = pixels / this.scale;
-    let u = cross(axis, Math.abs(axis[2]) < 0.9 ? [0, 0, 1] : [1, 0, 0]);
-    u = u.map((x) => x / norm(u)) as Vec;
-    const v = cross(axis, u), angle = Math.min(5.5, RADIANS_PER_NEWTON_METRE * size);
-    const place = (a: number): [number, number] => this.point(add(add(at, u, r * Math.cos(a)), v, r * Math.sin(a)));
-    const c = this.context;
-    c.strokeStyle = c.fillStyle = colour;
-    c.lineWidth = 2.5;
-    c.beginPath();
-    for (let k = 0; k <= 24; ++k) c.lineTo(...place((angle * k) / 24));
-    c.stroke();
+    const u = across(axis), v = cross(axis, u), angle = Math.min(5.5, RADIANS_PER_NEWTON_METRE * size);
+    const place = (a: number): Point => this.point(add(add(at, u, r * Math.cos(a)), v, r * Math.sin(a)));
     const [x, y] = place(angle), [bx, by] = place(angle - 0.3), length = Math.hypot(x - bx, y - by) || 1;
-    const ux = (x - bx) / length, uy = (y - by) / length;
-    c.beginPath();
-    c.moveTo(x + 6 * ux, y + 6 * uy);
-    c.lineTo(x - 4 * uy, y + 4 * ux);
-    c.lineTo(x + 4 * uy, y - 4 * ux);
-    c.fill();
+    this.stroke(colour, 2.5, Array.from({ length: 25 }, (_, k) => place((angle * k) / 24)));
+    this.fill(colour, 1, tip(x, y, (x - bx) / length, (y - by) / length, 6, 4));
+    const c = this.context;
     c.font = '12px system-ui, sans-serif';
     c.fillText(`${size.toFixed(2)} N m`, x + 10, y + 4);
   }
