@@ -2,16 +2,14 @@
 
 #include <cstdint>
 #include <cstdio>
-#include <map>
 #include <memory>
 #include <string>
 #include <string_view>
 #include <vector>
 
-namespace twoport::mcap {
+#include "common/mcap/channels.h"
 
-/// Name and unit of each field, or whatever else a channel says of itself.
-using Metadata = std::map<std::string, std::string>;
+namespace twoport::mcap {
 
 /// Writes an MCAP file (mcap.dev/spec, version 0): chunks with zstd, message index, chunk index, statistics, CRC.
 ///
@@ -21,21 +19,20 @@ using Metadata = std::map<std::string, std::string>;
 ///
 /// When a write fails, as on a full disk, the end is written again where it was, so that the file stays readable. Everything
 /// after that is ignored; error() and close() say why. One thread.
-class Writer {
+class Writer final : public Channels {
  public:
   /// Throws ConfigError with the path and the reason when the file cannot be written.
   Writer(std::string path, std::string_view program);
   /// Flushes.
-  ~Writer();
+  ~Writer() override;
   Writer(const Writer&) = delete;
   Writer& operator=(const Writer&) = delete;
 
-  /// A channel of Protobuf messages. `schema`: their full name; `descriptors`: a serialised FileDescriptorSet.
   std::uint16_t add_channel(std::string_view topic, std::string_view schema, std::string_view descriptors,
-                            const Metadata& metadata);
+                            const Metadata& metadata) override;
   /// Flushes by itself when half a second of log time has passed since the last flush, and the chunk is as long as the
   /// summary, so that summaries take at most half of what is written.
-  void write(std::uint16_t channel, std::uint64_t log_time_ns, std::string_view message);
+  void write(std::uint16_t channel, std::uint64_t log_time_ns, std::string_view message) override;
   void flush();
   /// Flushes and closes the file. Throws IoError with error() if not everything has been written.
   void close();

@@ -38,13 +38,14 @@ class LiveGripper {
                        Arguments&&... arguments)
       : side_{std::forward<Arguments>(arguments)...}, mail_{Transport{of_the_other_side, link}, incoming} {}
 
-  /// Before the first tick. `file`: of the recording; null: none.
-  void begin(const LiveArguments& a, double duration_s, spdlog::logger& log, std::shared_ptr<RecordingFile> file) {
+  /// Before the first tick. `output`: of the recording; null: none.
+  void begin(const LiveArguments& a, double duration_s, spdlog::logger& log, std::shared_ptr<RecordingOutput> output) {
     constexpr bool kMaster = Side_::kSide == Side::master;
-    if (file) {
+    if (output) {
       const double rate_hz = kMaster ? side_.scene.master_rate_hz : side_.scene.slave_rate_hz;
       recording_ = std::make_unique<LiveRecording<1>>(
-          std::move(file), recording_header(a, kMaster ? "master" : "slave", true, 1, rate_hz, side_.hardware.info()));
+          std::move(output),
+          recording_header(a, kMaster ? "master" : "slave", true, 1, rate_hz, side_.hardware.info()));
       mail_.transport().tap(&recording_->feed());
     }
     if (!a.stream.empty()) stream_.emplace(a.stream, Side_::kSide, a.stream_hz, true);

@@ -5,6 +5,13 @@
 
 namespace twoport {
 
+void say_where(const FoxgloveServer& server, spdlog::logger& log) {
+  log.info("foxglove: {}", server.url());
+  if (!server.is_local())
+    log.warn("--foxglove {}: whoever reaches this address sees positions and forces of this side, unencrypted",
+             server.url());
+}
+
 void say(spdlog::logger& log, const LiveFigures& f) {
   if (f.dropped_rows > 0)
     log.warn("{} ticks are missing from summary and trace: the disk was too slow", f.dropped_rows);

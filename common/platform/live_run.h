@@ -97,6 +97,8 @@ struct LiveFigures {
   std::uint64_t dropped_rows, overflowed_packets, stale_readings;
 };
 void say(spdlog::logger& log, const LiveFigures& figures);
+/// Where Foxglove and Lichtblick may listen.
+void say_where(const FoxgloveServer& server, spdlog::logger& log);
 void fill(Summary& summary, const LiveFigures& figures);
 
 /// Of the node's method; 0 for a node that has one only.
@@ -192,6 +194,7 @@ int run_live(LiveSide& side, const Scene& scene, const LiveArguments& arguments,
       arguments, [&] { recording = open_recording<N>(arguments, LiveSide::kName, rate_hz, side.hardware.info()); });
   WholeFile* const trace = folder.trace.get();
   if (recording) side.link.tap(&recording->feed());
+  if (recording && recording->output()->listeners()) say_where(*recording->output()->listeners(), log);
   if (has_earlier) log.info("{} of an earlier run is now {}", arguments.record, earlier_file(arguments.record));
   Recorder<N> recorder{{.metrics = side.metrics(),
                         .trace = trace,
@@ -211,7 +214,7 @@ int run_live(LiveSide& side, const Scene& scene, const LiveArguments& arguments,
     log.warn("{} has no watchdog: if this program is stopped, its last command stands", info.name);
   side.link.say_where(log);
   auto* const gripper = side.gripper.get();
-  if (gripper) gripper->begin(arguments, scene.duration_s, log, recording ? recording->file() : nullptr);
+  if (gripper) gripper->begin(arguments, scene.duration_s, log, recording ? recording->output() : nullptr);
 
   Sensed<typename LiveSide::Hardware, typename LiveSide::Sample> plant{side.hardware, {}};
   StepClock clock;
@@ -238,7 +241,9 @@ int run_live(LiveSide& side, const Scene& scene, const LiveArguments& arguments,
     if (recording) {
       side.link.tap(nullptr);
       if (const std::uint64_t missing = recording->missing() + (gripper ? gripper->missing() : 0); missing > 0)
-        log.warn("{} ticks are missing from {}: the disk was too slow", missing, arguments.record);
+        log.warn("{} ticks are missing from {}: the {} was too slow", missing,
+                 arguments.record.empty() ? "--foxglove" : arguments.record,
+                 arguments.record.empty() ? "recording thread" : "disk");
       try {
         recording->finish();
       } catch (const IoError& e) {

@@ -86,6 +86,8 @@ int live_program(int argc, char** argv, Side side, const std::string& drivers,
   app.add_option("--record", a.record,
                  "FILE.mcap: everything that this side takes in and puts out, for twoport-lab replay and export, "
                  "Foxglove, PlotJuggler and Python; readable even after kill -9");
+  app.add_option("--foxglove", a.foxglove,
+                 "ADDR:PORT: the channels of a recording, live, for Foxglove and Lichtblick (port 8765)");
   app.add_option(
       "--stream", a.stream,
       "HOST:PORT: the columns of the trace as UDP datagrams, one JSON object each, for PlotJuggler (port 9870)");

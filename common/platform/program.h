@@ -22,8 +22,9 @@ struct LiveArguments {
   std::string key;        ///< --key: the file; empty: packets are neither encrypted nor authenticated
   bool insecure = false;  ///< --insecure: without a key also beyond this machine
   std::vector<std::string> set;
-  std::string record;  ///< --record: the file; empty: nothing is recorded
-  std::string stream;  ///< of --stream: HOST:PORT; empty: none
+  std::string record;    ///< --record: the file; empty: nothing is recorded
+  std::string foxglove;  ///< of --foxglove: ADDR:PORT; empty: none
+  std::string stream;    ///< of --stream: HOST:PORT; empty: none
   double stream_hz = 100.0;
   int stop_port = 0;               ///< --stop-port; 0: none
   std::string page;                ///< of --page: ADDR:PORT; empty: no page

@@ -123,8 +123,8 @@ void append_names(std::string& line, const std::vector<CsvColumn>& columns) {
 }  // namespace
 
 template <int N>
-TraceChannel<N>::TraceChannel(mcap::Writer& file, const std::string& topic)
-    : file_{&file}, channel_{file.add_channel(topic, kSchema, descriptors<N>(), units<N>())} {}
+TraceChannel<N>::TraceChannel(mcap::Channels& to, const std::string& topic)
+    : to_{&to}, channel_{to.add_channel(topic, kSchema, descriptors<N>(), units<N>())} {}
 
 template <int N>
 void TraceChannel<N>::add(std::uint64_t log_time_ns, const Row<N>& row) {
@@ -141,7 +141,7 @@ void TraceChannel<N>::add(std::uint64_t log_time_ns, const Row<N>& row) {
       for (int i = 0; i < N; ++i) append_double(bytes_, value[i]);
     }
   });
-  file_->write(channel_, log_time_ns, bytes_);
+  to_->write(channel_, log_time_ns, bytes_);
 }
 
 template class TraceChannel<1>;

@@ -4,7 +4,7 @@
 #include <string>
 #include <vector>
 
-#include "common/mcap/writer.h"
+#include "common/mcap/channels.h"
 #include "common/record/row.h"
 #include "common/recording/recording.h"
 
@@ -14,11 +14,11 @@ namespace twoport {
 template <int N>
 class TraceChannel {
  public:
-  TraceChannel(mcap::Writer& file, const std::string& topic);
+  TraceChannel(mcap::Channels& to, const std::string& topic);
   void add(std::uint64_t log_time_ns, const Row<N>& row);
 
  private:
-  mcap::Writer* file_;
+  mcap::Channels* to_;
   std::uint16_t channel_;
   std::string bytes_;
 };

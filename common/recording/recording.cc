@@ -130,15 +130,15 @@ std::array<double, 8> numbers(const PortLimits& l) {
 
 }  // namespace
 
-RecordingSide::RecordingSide(mcap::Writer& file, const RecordingHeader& header)
-    : file_{&file}, start_unix_ns_{header.start_unix_ns}, master_{header.of_master()} {
+RecordingSide::RecordingSide(mcap::Channels& to, const RecordingHeader& header)
+    : to_{&to}, start_unix_ns_{header.start_unix_ns}, master_{header.of_master()} {
   const std::string prefix = "/" + header.side;
   const std::string schemas = descriptors(*schema::RecordedTick::descriptor());
-  const std::uint16_t of_header = file.add_channel(
-      prefix + "/header", schema::RecordingHeader::descriptor()->full_name(), schemas, {{"side", header.side}});
+  const std::uint16_t of_header = to.add_channel(prefix + "/header", schema::RecordingHeader::descriptor()->full_name(),
+                                                 schemas, {{"side", header.side}});
   mcap::Metadata metadata = units(header.dof);
   metadata["side"] = header.side;
-  channel_ = file.add_channel(prefix + "/tick", schema::RecordedTick::descriptor()->full_name(), schemas, metadata);
+  channel_ = to.add_channel(prefix + "/tick", schema::RecordedTick::descriptor()->full_name(), schemas, metadata);
 
   schema::RecordingHeader message;
   message.set_program(header.program);
@@ -158,7 +158,7 @@ RecordingSide::RecordingSide(mcap::Writer& file, const RecordingHeader& header)
     p.set_inertia_kg_m2(header.properties->inertia_kg_m2);
     for (const double limit : numbers(header.properties->limits)) p.add_limits(limit);
   }
-  file.write(of_header, log_time_ns(Duration{0}), message.SerializeAsString());
+  to.write(of_header, log_time_ns(Duration{0}), message.SerializeAsString());
 }
 
 std::uint64_t RecordingSide::log_time_ns(Duration now) const {
@@ -197,7 +197,7 @@ void RecordingSide::add(const TickRecord<N>& tick, std::span<const Report<N>> re
   message.set_mode(static_cast<std::uint32_t>(tick.mode));
   if (tick.sends) put(tick.sent, *message.mutable_sent());
   message.SerializeToString(&bytes_);
-  file_->write(channel_, log_time_ns(tick.now), bytes_);
+  to_->write(channel_, log_time_ns(tick.now), bytes_);
 }
 
 RecordingReader::RecordingReader(const std::string& path) : name_{path} {

@@ -11,8 +11,8 @@
 #include <vector>
 
 #include "common/hardware/device.h"
+#include "common/mcap/channels.h"
 #include "common/mcap/reader.h"
-#include "common/mcap/writer.h"
 #include "common/recording/tick.h"
 
 namespace twoport {
@@ -40,14 +40,14 @@ struct RecordingHeader {
 /// Writes one side of a recording: channel /SIDE/header with one message, and /SIDE/tick.
 class RecordingSide {
  public:
-  RecordingSide(mcap::Writer& file, const RecordingHeader& header);
+  RecordingSide(mcap::Channels& to, const RecordingHeader& header);
 
   template <int N>
   void add(const TickRecord<N>& tick, std::span<const Report<N>> received);
   [[nodiscard]] std::uint64_t log_time_ns(Duration now) const;
 
  private:
-  mcap::Writer* file_;
+  mcap::Channels* to_;
   std::int64_t start_unix_ns_;
   bool master_;
   std::uint16_t channel_;
