@@ -47,7 +47,8 @@ using namespace std::chrono_literals;
 
 static_assert(std::endian::native == std::endian::little, "numbers of the protocol are little-endian");
 
-constexpr auto kEvery = 20ms, kRequestTime = 5s;
+constexpr auto kEvery = 20ms;
+constexpr auto kRequestTime = 5s;
 constexpr std::size_t kClients = 8, kSubscriptions = 1000, kLargestCommand = 65536;
 constexpr std::size_t kMostPending = std::size_t{8} << 20;  // [B], of one client, and of what is not sent yet
 constexpr std::array<std::string_view, 2> kProtocols = {"foxglove.websocket.v1", "foxglove.sdk.v1"};

@@ -11,7 +11,6 @@
 #include <bit>
 #include <boost/asio/io_context.hpp>
 #include <boost/asio/ip/tcp.hpp>
-#include <boost/asio/ip/udp.hpp>
 #include <boost/asio/post.hpp>
 #include <boost/asio/steady_timer.hpp>
 #include <boost/beast/core/flat_buffer.hpp>
@@ -27,8 +26,8 @@
 #include "common/base/check.h"
 #include "common/base/text.h"
 #include "common/base/thread.h"
+#include "common/platform/listener.h"
 #include "common/platform/random.h"
-#include "common/platform/udp.h"
 
 namespace twoport {
 namespace {
@@ -65,18 +64,6 @@ bool same(std::string_view a, std::string_view b) {
   unsigned different = a.size() == b.size() ? 0 : 1;
   for (std::size_t i = 0; i < a.size(); ++i) different |= static_cast<unsigned>(a[i] ^ b[i % b.size()]);
   return different == 0;
-}
-
-/// The address under which other machines reach this one, by its route to the rest of the network. No packet is sent.
-asio::ip::address own_address(const asio::ip::address& bound) {
-  if (!bound.is_unspecified()) return bound;
-  asio::io_context context;
-  asio::ip::udp::socket socket{context};
-  Error error;
-  socket.connect({asio::ip::make_address(bound.is_v6() ? "2001:db8::1" : "192.0.2.1"), 9}, error);
-  if (!error) return socket.local_endpoint().address();
-  return bound.is_v6() ? asio::ip::address{asio::ip::address_v6::loopback()}
-                       : asio::ip::address{asio::ip::address_v4::loopback()};
 }
 
 }  // namespace
@@ -117,31 +104,15 @@ struct PageServer::Impl {
   using Shared = std::shared_ptr<Client>;
 
   Impl(const Options& o, PageChannel& c, PageJudge j)
-      : options{o}, channel{c}, judge{std::move(j)}, acceptor{context}, timer{context} {
-    const Endpoint at = parse_endpoint(o.address, "--page");
-    asio::ip::address address;
-    if (at.v6) {
-      address = asio::ip::address_v6{at.address, at.scope};
-    } else {
-      asio::ip::address_v4::bytes_type four;
-      std::copy_n(at.address.begin(), four.size(), four.begin());
-      address = asio::ip::address_v4{four};
-    }
-    local = address.is_loopback();
-    const tcp::endpoint endpoint{address, at.port};
-    Error error;
-    acceptor.open(endpoint.protocol(), error);
-    if (!error) acceptor.set_option(asio::socket_base::reuse_address{true}, error);
-    if (!error) acceptor.bind(endpoint, error);
-    if (!error) acceptor.listen(asio::socket_base::max_listen_connections, error);
-    if (error)
-      throw ConfigError{
-          fmt::format("--page {}: {}; choose another port, or port 0 for any free one", o.address, error.message())};
-    port = acceptor.local_endpoint().port();
-    const asio::ip::address reached = own_address(address);
-    const std::string host = reached.is_v6() ? "[" + reached.to_string() + "]" : reached.to_string();
+      : options{o},
+        channel{c},
+        judge{std::move(j)},
+        acceptor{listen_at(context, o.address, "--page")},
+        timer{context},
+        port{acceptor.local_endpoint().port()},
+        local{acceptor.local_endpoint().address().is_loopback()} {
     if (!local) query = fmt::format("?token={:016x}{:016x}", system_random(), system_random());
-    url = fmt::format("http://{}:{}/{}", host, port, query);
+    url = fmt::format("http://{}/{}", reached_at(acceptor), query);
     introduction = std::make_shared<const std::string>(o.introduction);
     accept();
     tick();
@@ -474,8 +445,8 @@ struct PageServer::Impl {
   asio::io_context context{1};
   tcp::acceptor acceptor;
   asio::steady_timer timer;
-  std::uint16_t port = 0;
-  bool local = true;
+  std::uint16_t port;
+  bool local;
   std::string url, query;  ///< query: "?token=…", what a request must end with
   Text introduction;
   std::vector<Shared> clients;
