@@ -40,7 +40,8 @@ void expect_only_what_is_known(const schema::Summary& m, const schema::Summary& 
 void expect_none_rejected(const schema::Summary& m, const schema::Summary& s) {
   for (const schema::Packets& way : {s.packets().to_slave(), m.packets().to_master()})
     for (const auto& [reason, packets] : way.rejected_by())
-      ADD_FAILURE() << m.scene() << ": " << packets << " " << reason;
+      // While they pair, a tick that begins late finds more greetings than one tick takes.
+      if (reason != "flood") ADD_FAILURE() << m.scene() << ": " << packets << " " << reason;
 }
 
 /// Both have run the pressing scene to its end: what their summaries must say.
@@ -559,11 +560,14 @@ TEST(Clock, OfTheSlaveIsEstimatedByTheMaster) {
   Process master = pair.master();
   EXPECT_EQ(master.wait(), exited(0)) << master.err();
   EXPECT_EQ(slave.wait(), exited(0)) << slave.err();
-  const schema::ClockEstimate clock = pair.summary("master").slave_clock();
+  const schema::Summary m = pair.summary("master");
+  const schema::ClockEstimate clock = m.slave_clock();
   // Each program counts from its own start; the slave's was at least 0.3 s before.
   EXPECT_GT(clock.offset_ms(), 300.0 - clock.bound_ms());
-  EXPECT_GT(clock.bound_ms(), 9.9);
-  EXPECT_GE(clock.one_way_ms(), 9.9);
+  // 10 ms each way between the times of the ticks; one that begins late takes a packet for older by as much.
+  const double late_ms = 1e-3 * (m.loop_lateness_us().max() + pair.summary("slave").loop_lateness_us().max());
+  EXPECT_GT(clock.bound_ms(), 9.9 - 0.5 * late_ms);
+  EXPECT_GE(clock.one_way_ms(), 9.9 - late_ms);
   EXPECT_FALSE(clock.has_error_ms());
 }
 
