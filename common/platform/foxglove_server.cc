@@ -4,9 +4,6 @@
 #define BOOST_BEAST_USE_STD_STRING_VIEW
 #define BOOST_ASIO_DISABLE_FENCED_BLOCK  // the thread sanitizer does not support fences
 #include <fmt/format.h>
-#include <google/protobuf/struct.pb.h>
-#include <google/protobuf/util/json_util.h>
-#include <google/protobuf/wrappers.pb.h>
 
 #include <algorithm>
 #include <array>
@@ -19,7 +16,6 @@
 #include <boost/beast/http.hpp>
 #include <boost/beast/websocket.hpp>
 #include <chrono>
-#include <cmath>
 #include <cstring>
 #include <deque>
 #include <mutex>
@@ -32,6 +28,7 @@
 #include "common/platform/listener.h"
 #include "common/platform/page_server.h"
 #include "common/platform/random.h"
+#include "common/recording/foxglove.h"
 
 namespace twoport {
 namespace {
@@ -60,14 +57,6 @@ std::string_view protocol_of(const Request& r) {
   for (const std::string_view each : kProtocols)
     if (std::any_of(offered.begin(), offered.end(), [&](const auto& token) { return token == each; })) return each;
   return {};
-}
-
-std::string base64(std::string_view bytes) {
-  google::protobuf::BytesValue value;
-  value.set_value(std::string{bytes});
-  std::string json;
-  static_cast<void>(google::protobuf::util::MessageToJsonString(value, &json));
-  return json;  // with its quotes
 }
 
 }  // namespace
@@ -197,33 +186,14 @@ struct FoxgloveServer::Impl {
   }
 
   void obey(const Shared& client, std::string_view text) {
-    google::protobuf::Struct message;
-    if (!google::protobuf::util::JsonStringToMessage(std::string{text}, &message).ok())
-      return complain(client, "not JSON");
-    auto& fields = *message.mutable_fields();
-    const std::string op = fields["op"].string_value();
-    if (op == "subscribe") {
-      for (const auto& each : fields["subscriptions"].list_value().values()) {
-        const auto& of = each.struct_value().fields();
-        const auto id = number(of, "id"), channel = number(of, "channelId");
-        if (!id || !channel || client->subscriptions.size() >= kSubscriptions || !subscribe(client, *id, *channel))
-          complain(client, "a subscription is of no channel here, or is one too many");
-      }
-    } else if (op == "unsubscribe") {
-      for (const auto& each : fields["subscriptionIds"].list_value().values())
-        std::erase_if(client->subscriptions, [&](const Subscription& s) { return s.id == each.number_value(); });
-      count_subscriptions();
-    } else {
-      complain(client, "only subscribe and unsubscribe are known here");
-    }
-  }
-  /// An integer of 32 bits.
-  static std::optional<std::uint32_t> number(const auto& fields, const char* name) {
-    const auto found = fields.find(name);
-    if (found == fields.end() || !found->second.has_number_value()) return {};
-    const double value = found->second.number_value();
-    if (!(value >= 0.0 && value < 4294967296.0) || value != std::floor(value)) return {};
-    return static_cast<std::uint32_t>(value);
+    const FoxgloveCommand command = parse_foxglove_command(text);
+    for (const std::string& each : command.complaints) complain(client, each);
+    for (const auto& [id, channel] : command.subscribe)
+      if (client->subscriptions.size() >= kSubscriptions || !subscribe(client, id, channel))
+        complain(client, "a subscription is of no channel here, or is one too many");
+    for (const std::uint32_t id : command.unsubscribe)
+      std::erase_if(client->subscriptions, [&](const Subscription& s) { return s.id == id; });
+    count_subscriptions();
   }
   bool subscribe(const Shared& client, std::uint32_t id, std::uint32_t channel) {
     std::optional<Message> newest;
@@ -244,7 +214,7 @@ struct FoxgloveServer::Impl {
     for (const Shared& each : clients) all += each->subscriptions.size();
     subscriptions = all;
   }
-  void complain(const Shared& client, const char* why) {
+  void complain(const Shared& client, std::string_view why) {
     send(client, std::make_shared<const std::string>(fmt::format(R"({{"op":"status","level":2,"message":"{}"}})", why)),
          true);
   }
@@ -342,11 +312,7 @@ std::uint16_t FoxgloveServer::add_channel(std::string_view topic, std::string_vi
                                           const mcap::Metadata&) {
   const std::lock_guard lock{impl_->mutex};
   const auto id = static_cast<std::uint16_t>(impl_->channels.size() + 1);
-  impl_->channels.push_back(
-      {fmt::format(
-           R"({{"id":{},"topic":{},"encoding":"protobuf","schemaName":{},"schema":{},"schemaEncoding":"protobuf"}})",
-           id, json_string(topic), json_string(schema), base64(descriptors)),
-       {}});
+  impl_->channels.push_back({foxglove_channel(id, topic, schema, descriptors), {}});
   return id;
 }
 
