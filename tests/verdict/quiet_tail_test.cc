@@ -1,12 +1,19 @@
+#include "lab/engine/quiet_tail.h"
+
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <array>
+#include <cmath>
+#include <random>
 #include <string>
 #include <vector>
 
 #include "common/record/columns.h"
+#include "common/record/run_judge.h"
 #include "common/scene/load.h"
 #include "lab/engine/simulation.h"
+#include "lab/engine/tail_judge.h"
 #include "lab/run.h"
 
 // What the verdict stands on: a simulation can be copied while it runs, and what is run for the verdict changes nothing else.
@@ -83,6 +90,102 @@ TEST(Verdict, ChangesNoOtherFigure) {
     s->clear_verdict(), s->clear_verdict_kind();
   }
   EXPECT_EQ(to_json(with), to_json(without));
+}
+
+/// What judge_tail() should find, with run and twin simulated from the scene's start each.
+template <int N>
+Verdict from_the_start(const Scene& scene, double at_s, const MotionScale& scale) {
+  const auto run = make_simulation<N>(scene), twin = make_simulation<N>(scene);
+  TailJudge<N> flags{scene, scale, run->granted_energy(), true};
+  for (Simulation<N>* each : {run.get(), twin.get()}) {
+    each->run_until(to_duration(at_s), [](const Row<N>&) { return true; });
+    each->be_quiet();
+  }
+  const auto [master, slave] = flags.kick();
+  twin->kick(master, slave);
+  const auto first = static_cast<std::size_t>(std::ceil(0.25 * scale.rate_hz * scene.duration_s));
+  Tail tail{.record = {4 * N, 2, first / (TrendRecord::kBlocks / 2)},
+            .has_twin = true,
+            .has_controller = has_controller(scene),
+            .coarse = is_coarse(scene),
+            .initial_energy_j = run->granted_energy().si()};
+  std::size_t ticks = 0;
+  for (tail.run_lengths = 0.25;; tail.run_lengths *= 2.0) {
+    const auto more = static_cast<std::size_t>(4.0 * tail.run_lengths) * first - ticks;
+    const Duration until = tick_time(run->ticks() + static_cast<std::int64_t>(more), scale.rate_hz);
+    ticks += more;
+    std::vector<Row<N>> rows;
+    run->run_until(until, [&](const Row<N>& row) {
+      rows.push_back(row);
+      return true;
+    });
+    std::size_t k = 0;
+    twin->run_until(until, [&](const Row<N>& of_twin) {
+      const Row<N>& row = rows[k++];
+      const auto v = RunJudge<N>::velocities(row), w = RunJudge<N>::velocities(of_twin);
+      const auto energies = flags.energies(row.master_energy_j, row.slave_energy_j);
+      tail.diverged = tail.diverged || !flags.see({v, energies, {}, row.dissipated_j > 0.0, false});
+      tail.controller_acted = flags.controller_acted();
+      tail.driven = tail.driven || row.master_f.squared_norm() > 0.0 || row.slave_f.squared_norm() > 0.0;
+      std::array<double, 4 * N> signals{};
+      for (std::size_t i = 0; i < 2 * N; ++i) {
+        signals[i] = v[i];
+        if (!tail.twin_parted) signals[2 * N + i] = w[i] - v[i];
+      }
+      tail.record.add(signals, energies, RunJudge<N>::events(row));
+      return !tail.diverged;
+    });
+    tail.last = tail.run_lengths >= 32.0;
+    Verdict verdict = judge(tail, scale);
+    if (verdict.kind != VerdictKind::undecided || tail.last) return verdict;
+    if (tail.run_lengths >= 1.0 && twin_has_parted(tail, scale)) tail.twin_parted = true;
+  }
+}
+
+template <int N>
+void expect_same_verdicts(int cells, unsigned seed) {
+  std::mt19937 random{seed};
+  const auto among = [&](double low, double high) { return std::uniform_real_distribution{low, high}(random); };
+  const std::array methods{"NONE", "CLASSIC", "FORCE_PROJECTED", "INTERNAL_MODEL", "FIXED_DAMPING"};
+  for (int cell = 0; cell < cells; ++cell) {
+    std::vector<std::string> set{
+        std::string{"control.passivity.method="} + methods[static_cast<std::size_t>(cell) % methods.size()],
+        "to_slave.delay_ms=" + std::to_string(among(1.0, 30.0)),
+        "to_master.loss=" + std::to_string(cell % 3 == 0 ? 0.0 : among(0.0, 0.4)),
+        "environment[0].wall.stiffness_n_per_m=" + std::to_string(std::exp(among(5.0, 9.0)))};
+    if (N == 6) set.insert(set.end(), {"device.inertia_kg_m2=1e-3", "robot.inertia_kg_m2=[1e-3, 1e-3, 1e-3]"});
+    const std::string zeros = N == 1 ? "" : ", 0, 0";
+    const Scene scene = parse_scene("dof: " + std::to_string(N) + R"( duration_s: 3 rate_hz: 500 seed: 5
+operator { hand { mass_kg: 0.1 stiffness_n_per_m: 300 damping_n_s_per_m: 4 } tremor { rms_m: 1e-4 }
+  path { move_to { position_m: [0.03)" + zeros +
+                                        R"(] duration_s: 0.5 } } path { hold { duration_s: 2 } } }
+device { mass_kg: 0.1 damping_n_s_per_m: 1 }
+to_slave { loss: 0.1 blackout { start_s: 1.5 duration_s: 0.1 } } to_master { delay_ms: 5 jitter_ms: 1 }
+robot { mass_kg: 0.5 damping_n_s_per_m: 2 force_sensor { noise_n: 0.01 } }
+environment { wall { normal: [-1)" + zeros +
+                                        R"(] offset_m: -0.02 stiffness_n_per_m: 1000 } })",
+                                    "drawn", set);
+    SCOPED_TRACE(set[0] + " " + set[1] + " " + set[2] + " " + set[3]);
+    RunJudge<N> judge{{.rate_hz = 500.0, .duration_s = 3.0, .quiet_from_s = 2.5, .trends = false}};
+    const auto simulation = make_simulation<N>(scene);
+    const auto see = [&](const Row<N>& row) { return judge.add(row); };
+    simulation->run_until(to_duration(2.0), see);
+    const auto pressed = simulation->copy();
+    simulation->run(see);
+    if (judge.diverged()) continue;
+    for (const auto& [at, at_s] : {std::pair{pressed.get(), 2.0}, {simulation.get(), 3.0}}) {
+      const TailVerdict found = judge_tail(*at, scene, judge.scale());
+      const Verdict expected = from_the_start<N>(scene, at_s, judge.scale());
+      EXPECT_EQ(found.verdict.kind, expected.kind) << found.verdict.text << "; " << expected.text;
+      EXPECT_EQ(found.verdict.text, expected.text);
+    }
+  }
+}
+
+TEST(Verdict, FromACopyIsThatFromTheStart) {
+  expect_same_verdicts<1>(30, 1);
+  expect_same_verdicts<3>(30, 2);
+  expect_same_verdicts<6>(5, 3);
 }
 
 TEST(Verdict, IsUndecidedWhereNothingCanBeSaid) {
