@@ -135,7 +135,6 @@ struct GripperMaster : Master<1> {
   [[nodiscard]] Row<1> row(double t_s, const Sample& sample, const Output& out,
                            const PeerState<1>& slave) const noexcept {
     Row<1> row = row_of(t_s, sample, out, node.observed());
-    row.contact_spring_share = out.contact_spring_share;
     add_slave(row, slave, out.mode, registration);
     return row;
   }
@@ -209,6 +208,7 @@ struct LinkMaster : Master<N> {
              const typename MasterNode<N>::Output& out) noexcept {
     const PeerState<N>& slave = link.mail().known();
     Row<N> row = this->row_of(t_s, sample, out, node.observed());
+    row.contact_spring_share = out.contact_spring_share;
     add_slave(row, slave, out.mode, registration);
     return row;
   }

@@ -35,6 +35,8 @@ TEST_P(Scenario, MeetsItsExpectations) {
 }
 
 TEST_P(Scenario, GivesNoWarning) {
+  // Its environment is there to put energy in, with every method.
+  if (GetParam().ends_with("edge/moving_environment.textproto")) GTEST_SKIP();
   for (const std::string& sentence : hints(load_scene(GetParam()))) ADD_FAILURE() << sentence;
 }
 

@@ -77,7 +77,8 @@ class ContactModelMaster final : public Copyable<ContactModelMaster<N>, MasterTr
       low_pass(plane_error_, squared(plane_.unexplained()), dt, kError_s);
       low_pass(spring_error_, squared(spring_.unexplained()), dt, kError_s);
       if (!plane_.touches_surface() || plane_error_ > kToSpring * spring_error_ + kError_n * kError_n) springs_ = true;
-      if (plane_error_ < kToPlane * spring_error_ && spring_error_ > kError_n * kError_n) springs_ = false;
+      if (plane_.touches_surface() && plane_error_ < kToPlane * spring_error_ && spring_error_ > kError_n * kError_n)
+        springs_ = false;
       free_s_ = 0.0;
     } else if ((free_s_ += dt.si()) > kFree_s) {
       begin_with_plane();

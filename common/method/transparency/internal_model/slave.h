@@ -104,7 +104,8 @@ class InternalModelSlave final : public Copyable<InternalModelSlave<N>, SlaveTra
       return {.f = wanted.f, .v = wanted.v};
 
     const Force<N> felt = senses_ ? robot.f_environment - bias_.value() : observed(robot, wanted.f, in.dt);
-    estimate(robot, felt, in.dt);
+    // Six axes: before it is driven a robot may repeat one reading, which tells neither bias nor noise.
+    if (N != 6 || in.active) estimate(robot, felt, in.dt);
     yield(in, felt);
     report(robot);
     RobotWish<N> out{.f = wanted.f, .v = wanted.v, .f_back = felt};

@@ -48,6 +48,8 @@ class ContactDetector {
 /// more, its noise likewise, so the detector's low pass follows the noise:
 ///
 ///     σ² = LP_0.1s |t(k) - t(k-1)|²/2, in the first 0.1 s its mean;   a = T/2 (σ/75 mN)², between 3 ms and 0.1 s
+///
+/// In its first 0.1 s it begins no contact: neither noise nor the sensor's bias is known.
 class TorqueContact {
  public:
   void reset() noexcept { detector_.reset(); }
@@ -56,6 +58,7 @@ class TorqueContact {
     learned_s_ = std::min(kNoise_s, learned_s_ + dt.si());
     low_pass(variance_, 0.5 * (t - before_).squaredNorm(), dt, learned_s_);
     before_ = t;
+    if (learned_s_ < kNoise_s) return;
     detector_.step(t, dt,
                    std::clamp(0.5 * dt.si() * variance_ / (kNoise_n * kNoise_n), ContactDetector<3>::kLeastFilter_s,
                               kMostFilter_s));
@@ -213,9 +216,10 @@ class SurfaceEstimator {
            n_mean_ = Point<D>::Zero();
 };
 
-/// Bias of a force sensor: the mean reading of the first second, then its low pass (1 s), while it is less than 0.3 N away,
+/// Bias of a force sensor: the mean reading of the first second, then its low pass (1 s; N = 6: 10 s and 10 s, as a light press in many contacts
+/// passes for none for longer), while it is less than 0.3 N away,
 /// the robot touches nothing and the bias is below 0.3 N. The thresholds are in the master's units, the readings in the slave's.
-/// A torque counts by sqrt(K_c/K_r).
+/// A torque counts by sqrt(K_c/K_r) in the bias, not in a reading, whose noise would then keep it from being learned.
 template <int N>
 class SensorBias {
  public:
@@ -225,7 +229,7 @@ class SensorBias {
 
   /// `f`: the sensor's reading, in free space only.
   void learn(const Force<N>& f, Seconds dt) noexcept {
-    if (wrench_norm(f - value_, stiffness_ratio_) >= most_n_) return;
+    if (translation(f - value_) >= most_n_) return;
     learned_s_ = std::min(kMemory_s, learned_s_ + dt.si());
     Force<N> next = value_;
     low_pass(next, f, dt, learned_s_);
@@ -234,7 +238,8 @@ class SensorBias {
   [[nodiscard]] const Force<N>& value() const noexcept { return value_; }
 
  private:
-  static constexpr double kMost_n = 0.3, kMemory_s = 1.0;
+  static constexpr double kMost_n = 0.3, kMemory_s = N == 6 ? 10.0 : 1.0;
+  static double translation(const Force<N>& f) noexcept { return f.vec().template head<kAxes<N>>().norm(); }
 
   double most_n_, stiffness_ratio_, learned_s_ = 0.0;
   Force<N> value_;
