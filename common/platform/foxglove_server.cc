@@ -215,6 +215,7 @@ struct FoxgloveServer::Impl {
     subscriptions = all;
   }
   void complain(const Shared& client, std::string_view why) {
+    if (client->pending_bytes > kLargestCommand) return;  // it does not read
     send(client, std::make_shared<const std::string>(fmt::format(R"({{"op":"status","level":2,"message":"{}"}})", why)),
          true);
   }
