@@ -66,15 +66,8 @@ bool may_listen(std::string_view origin) {
     return true;
   constexpr std::string_view kScheme = "http://";
   if (!origin.starts_with(kScheme)) return false;
-  const std::string_view host = origin.substr(kScheme.size());
-  const std::size_t colon = host.rfind(':');
-  std::uint16_t port = 80;
-  if (colon != host.npos && host.back() != ']') {
-    const std::optional<std::uint16_t> given = number_from<std::uint16_t>(host.substr(colon + 1));
-    if (!given) return false;
-    port = *given;
-  }
-  return is_literal_host(host, port);
+  const std::optional<unsigned> port = port_of_literal_host(origin.substr(kScheme.size()));
+  return port && *port <= 65535;
 }
 
 struct FoxgloveServer::Impl {

@@ -68,19 +68,23 @@ bool same(std::string_view a, std::string_view b) {
 
 }  // namespace
 
-bool is_literal_host(std::string_view host, std::uint16_t port) {
+std::optional<unsigned> port_of_literal_host(std::string_view host) {
   const std::size_t colon = host.rfind(':');
   const bool has_port = colon != host.npos && host.back() != ']';
   std::string_view name = host.substr(0, has_port ? colon : host.npos);
-  if ((has_port ? number_from<unsigned>(host.substr(colon + 1)) : 80) != port) return false;
-  if (boost::beast::iequals(name, "localhost")) return true;
+  const std::optional<unsigned> port = has_port ? number_from<unsigned>(host.substr(colon + 1)) : 80;
+  if (boost::beast::iequals(name, "localhost")) return port;
   const bool bracketed = name.size() > 2 && name.front() == '[' && name.back() == ']';
   if (bracketed) name = name.substr(1, name.size() - 2);
   // After '%' anything is a zone.
-  if (name.find('%') != name.npos) return false;
+  if (name.find('%') != name.npos) return {};
   Error error;
   const asio::ip::address address = asio::ip::make_address(std::string{name}, error);
-  return !error && address.is_v6() == bracketed;
+  return !error && address.is_v6() == bracketed ? port : std::nullopt;
+}
+
+bool is_literal_host(std::string_view host, std::uint16_t port) {
+  return port_of_literal_host(host) == port;
 }
 
 bool is_own_origin(std::string_view host, std::string_view origin) {

@@ -4,6 +4,7 @@
 #include <cstddef>
 #include <cstdint>
 #include <memory>
+#include <optional>
 #include <string>
 #include <string_view>
 
@@ -15,8 +16,10 @@ namespace twoport {
 /// Longest header of a request, and longest message of a WebSocket, that is read [B].
 inline constexpr std::size_t kLargestRequest = 8192, kLargestMessage = 1024;
 
-/// Is `host` an address that a name server cannot redirect: localhost or an IP address, with this port? Refusing any other
-/// name prevents DNS rebinding.
+/// The port of `host`, 80 unless it names one, where it is an address that a name server cannot redirect: localhost or an IP address.
+std::optional<unsigned> port_of_literal_host(std::string_view host);
+
+/// Is it such an address, with this port? Refusing any other name prevents DNS rebinding.
 bool is_literal_host(std::string_view host, std::uint16_t port);
 
 /// Does a request to `host` come from a page that this server has delivered? Other web sites may open a WebSocket to

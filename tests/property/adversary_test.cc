@@ -89,12 +89,12 @@ TEST(Adversary, GetsNothingFromBothPortsOfAScaledStrictTwoPort) {
 }
 
 // Limits that act, at either side: what is applied is booked, the set point moves no further than the level pays for, and a force
-// that the limit of its rate could hold is not shown. Without that 17 of these runs end below -E(0) with the device's rate, 48, 7, 18
+// that the limit of its rate could hold is not shown. Without that 17 of the first 150 runs end below -E(0) with the device's rate, 48, 7, 18
 // and 70 with the robot's rate, speed, step and workspace, by 3.2 J at most.
 class Limited : public testing::TestWithParam<const char*> {};
 TEST_P(Limited, LetsNothingOutOfBothPortsOfAStrictTwoPort) {
   int driven = 0;
-  for (std::uint64_t seed = 1; seed <= 150; ++seed) {
+  for (std::uint64_t seed = 1; seed <= 160; ++seed) {
     const AdversaryRun run =
         attack("INTERNAL_MODEL", seed,
                {"control.passivity.internal_model.strict_two_port=true", std::string{"control."} + GetParam()});
@@ -102,7 +102,7 @@ TEST_P(Limited, LetsNothingOutOfBothPortsOfAStrictTwoPort) {
     driven += run.both_least_j < -0.3e-3;
     EXPECT_GE(run.both_least_j, -1e-3 - 1e-9) << seed;
   }
-  EXPECT_GT(driven, 30) << "E(0) must be used";
+  EXPECT_GT(driven, 40) << "E(0) must be used";
 }
 INSTANTIATE_TEST_SUITE_P(Of, Limited,
                          testing::Values("robot_limits.force_n=2", "robot_limits.force_rate_n_per_s=200",

@@ -1,3 +1,4 @@
+#include <fmt/ranges.h>
 #include <gtest/gtest.h>
 
 #include <cctype>
@@ -35,9 +36,10 @@ TEST_P(Scenario, MeetsItsExpectations) {
 }
 
 TEST_P(Scenario, GivesNoWarning) {
-  // Its environment is there to put energy in, with every method.
-  if (GetParam().ends_with("edge/moving_environment.textproto")) GTEST_SKIP();
-  for (const std::string& sentence : hints(load_scene(GetParam()))) ADD_FAILURE() << sentence;
+  // Its environment is there to put energy in, with every method, which is said.
+  const std::size_t said = GetParam().ends_with("edge/moving_environment.textproto") ? 1 : 0;
+  const std::vector<std::string> all = hints(load_scene(GetParam()));
+  EXPECT_EQ(all.size(), said) << fmt::format("{}", fmt::join(all, "; "));
 }
 
 INSTANTIATE_TEST_SUITE_P(Scenes, Scenario, testing::ValuesIn(scene_files()), [](const auto& each) {
