@@ -85,6 +85,7 @@ struct FoxgloveServer::Impl {
   struct Subscription {
     std::uint32_t id;
     std::uint16_t channel;
+    std::uint64_t after_ns = 0;  ///< only messages after this time: the newest one was sent when it subscribed
   };
   struct Client {
     explicit Client(tcp::socket s) : socket{std::move(s)} {}
@@ -189,17 +190,19 @@ struct FoxgloveServer::Impl {
     count_subscriptions();
   }
   bool subscribe(const Shared& client, std::uint32_t id, std::uint32_t channel) {
+    if (channel < 1 || channel > client->told) return false;
+    std::erase_if(client->subscriptions, [&](const Subscription& s) { return s.id == id; });
+    Subscription& added = client->subscriptions.emplace_back(Subscription{id, static_cast<std::uint16_t>(channel)});
+    count_subscriptions();  // first: what is written from here on is kept for it
     std::optional<Message> newest;
     {
       const std::lock_guard lock{mutex};
-      if (channel < 1 || channel > channels.size()) return false;
       newest = channels[channel - 1].newest;
     }
-    const Subscription subscription{id, static_cast<std::uint16_t>(channel)};
-    std::erase_if(client->subscriptions, [&](const Subscription& s) { return s.id == id; });
-    client->subscriptions.push_back(subscription);
-    count_subscriptions();
-    if (newest) send(client, frame_of(*newest, id), false);
+    if (newest) {
+      added.after_ns = newest->time_ns;
+      send(client, frame_of(*newest, id), false);
+    }
     return true;
   }
   void count_subscriptions() {
@@ -248,7 +251,7 @@ struct FoxgloveServer::Impl {
         advertise(client);
         for (const Message& m : messages)
           for (const Subscription& s : client->subscriptions)
-            if (s.channel == m.channel) send(client, frame_of(m, s.id), false);
+            if (s.channel == m.channel && m.time_ns > s.after_ns) send(client, frame_of(m, s.id), false);
       }
       tick();
     });
