@@ -16,7 +16,7 @@
 #include "common/method/catalogue.h"
 #include "common/record/expectation.h"
 #include "common/record/summary.h"
-#include "common/record/trace_table.h"
+#include "common/record/trace_channel.h"
 #include "common/scene/hints.h"
 #include "common/scene/names.h"
 #include "lab/both_couplings.h"
@@ -199,6 +199,24 @@ Result result_from(const py::tuple& state) {
   for (const py::object& each : {trace, gripper_trace})
     if (!each.is_none()) each.attr("setflags")("write"_a = false);
   return {json, dict_of(json), state[1].cast<Strings>(), trace, gripper_trace, state[3]};
+}
+
+struct Recording {
+  using PythonClass = void;
+  RecordingHeader header;
+  bool torn;
+  py::object trace, gripper_trace;
+  py::dict units;
+};
+
+Recording load_recording(const py::object& path) {
+  RecordingReader reader{path_from(path)};
+  RecordedRun run = [&] {
+    const py::gil_scoped_release others_go_on;
+    return read_run(reader);
+  }();
+  return {std::move(run.header), reader.torn(), view(run.trace),
+          run.gripper ? py::object{view(run.gripper)} : py::none(), units(*run.trace)};
 }
 
 struct TableOfTexts {
@@ -428,6 +446,35 @@ transparency: a function in place of the scene's transparency layer. It is calle
 applied, slave_force, ..., lists in SI units; common/hardware/transparency_plugin.h has all) and returns the force wanted at the hand, one
 number an axis, power force·velocity into the network. The passivity layer limits it. The verdict is then "plain".
 Other threads of Python go on meanwhile; Ctrl-C ends it. Errors: ValueError.)");
+
+  py::class_<Recording>(module, "Recording", "A recording of a run, in memory. Made by load_recording.")
+      .def_readonly(
+          "trace", &Recording::trace,
+          R"(The columns of trace.csv with all digits, one element for each recorded row; of a live master's recording
+those of the master, of a slave's those of the slave. A read-only structured array, as Result.trace.)")
+      .def_readonly("gripper_trace", &Recording::gripper_trace, "The same of the gripper; None where there is none.")
+      .def_readonly("units", &Recording::units, R"(Unit of each column; with dof 6 "m, rad": translation, rotation.)")
+      .def_readonly("torn", &Recording::torn,
+                    "Has the file no end? Its program was killed; the trace goes as far as it goes.")
+      .def_property_readonly(
+          "program", [](const Recording& r) { return r.header.program; }, "Name and version of what wrote it.")
+      .def_property_readonly(
+          "start_unix_ns", [](const Recording& r) { return r.header.start_unix_ns; },
+          "The computer's clock at t_s = 0 [ns since 1970]; 0 of a run in virtual time.")
+      .def_property_readonly(
+          "scene_text", [](const Recording& r) { return r.header.scene_text; }, "Its scene, before the overrides.")
+      .def_property_readonly(
+          "overrides", [](const Recording& r) { return py::tuple(py::cast(r.header.overrides)); },
+          "PATH=VALUE, in order: parse_scene(scene_text, *overrides).")
+      .def("__reduce_ex__", not_pickled("a Recording cannot be copied or pickled: load it where it is needed"))
+      .def("__repr__", [](const Recording& r) {
+        return fmt::format("<twoport.Recording of {}, {} rows>", r.header.program, py::len(r.trace));
+      });
+  module.def("load_recording", &load_recording, "path"_a,
+             R"(Reads the trace of a recording that --record has made.
+
+path: of the MCAP file. Errors: ValueError, with the file's name and the reason, for what is no recording, is damaged or holds no
+trace.)");
 
   py::class_<TableOfTexts>(
       module, "Table",

@@ -9,7 +9,7 @@ namespace twoport {
 ///     wanted    = transparency layer: what the hand should feel and what the robot should do; it may be wrong
 ///     displayed = passivity layer: how much of it the energy of the port allows
 ///
-/// These lists are the names of scenes, of `twoport-lab methods` and of tables. common/method/catalogue.cc has the classes.
+/// These lists are the names of scenes, of `twoport-lab methods` and of tables. common/method/classes.h has the classes.
 
 /// Which port a passivity layer bounds: the energy that it returns is at most what it was given plus E(0).
 enum class Claim : unsigned char {

@@ -51,6 +51,7 @@ class LiveLink {
                         top(), session(side, scene, peer_, secure_ != nullptr, arguments.measures),
                         SessionNumbers{system_random}},
               incoming(side, scene), outgoing(side, scene)} {
+    if (arguments.dscp != 0) udp_.mark(arguments.dscp);
     // Of a period: the rest is for the node.
     udp_.limit(to_duration(0.25 / (side == Side::master ? scene.master_rate_hz : scene.slave_rate_hz)));
   }

@@ -82,6 +82,11 @@ int live_program(int argc, char** argv, Side side, const std::string& drivers,
          "PORT: a datagram to 127.255.255.255:PORT stops every program of this machine that listens there, and the "
          "other side: no force until both have ended")
       ->check(CLI::Range(1, 65535));
+  app.add_option(
+         "--dscp", a.dscp,
+         "Mark of this program's datagrams to the other side, for networks that give priority by it (RFC 2474): 46 is "
+         "expedited forwarding")
+      ->check(CLI::Range(0, 63));
   app.add_option("--out", a.out, "Folder for summary.json and trace.csv");
   app.add_option("--record", a.record,
                  "FILE.mcap: everything that this side takes in and puts out, for twoport-lab replay and export, "

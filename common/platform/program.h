@@ -27,6 +27,7 @@ struct LiveArguments {
   std::string stream;    ///< of --stream: HOST:PORT; empty: none
   double stream_hz = 100.0;
   int stop_port = 0;               ///< --stop-port; 0: none
+  int dscp = 0;                    ///< --dscp: of the datagrams to the other side
   std::string page;                ///< of --page: ADDR:PORT; empty: no page
   bool restartable = false;        ///< --restartable: the page may end the program with status 4
   bool fixed_environment = false;  ///< --fixed-environment: of a slave; no page may change it

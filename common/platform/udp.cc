@@ -257,6 +257,7 @@ struct UdpSocket::Impl {
   Endpoint local;
   std::optional<Endpoint> peer;  ///< that peer_fd is connected with, or fd where there is no peer_fd
   std::uint64_t unsent = 0;
+  int code_point = 0;
 
   std::array<std::array<std::byte, kBuffer>, kBatch> buffers{};
   std::array<sockaddr_storage, kBatch> sources{};
@@ -288,6 +289,7 @@ struct UdpSocket::Impl {
   Impl(const Impl&) = delete;
   ~Impl() { close_peer(); }
 
+  [[nodiscard]] bool mark(int of) const noexcept;
   bool over(Duration now) noexcept;
   void open(const Endpoint& wanted);
   void connect(const Endpoint& with) noexcept;
@@ -414,6 +416,7 @@ bool UdpSocket::Impl::open_peer(const Endpoint& of) noexcept {
                     ::connect(peer_fd, with.data(), static_cast<socklen_t>(with.size())) == 0;
   may_share(0);
   if (open) drain(peer_fd);
+  static_cast<void>(mark(peer_fd));  // fd has taken the same mark
   return open;
 }
 
@@ -516,6 +519,20 @@ void UdpSocket::wait(Duration span) const noexcept {
   const timespec at_most{static_cast<std::time_t>(whole.count()), static_cast<long>((span - whole).count())};
   // One datagram may lie here already. A negative descriptor is skipped; a signal may end it early.
   if (impl_->taken == impl_->filled) ::ppoll(sockets.data(), sockets.size(), &at_most, nullptr);
+}
+
+/// The upper six bits of the octet that says the class of traffic.
+bool UdpSocket::Impl::mark(int of) const noexcept {
+  const int octet = code_point << 2;
+  return local.v6 ? ::setsockopt(of, IPPROTO_IPV6, IPV6_TCLASS, &octet, sizeof octet) == 0
+                  : ::setsockopt(of, IPPROTO_IP, IP_TOS, &octet, sizeof octet) == 0;
+}
+
+void UdpSocket::mark(int code_point) {
+  impl_->code_point = code_point;
+  if (!impl_->mark(impl_->fd) || (impl_->peer_fd >= 0 && !impl_->mark(impl_->peer_fd)))
+    throw ConfigError("--dscp " + std::to_string(code_point) +
+                      ": the system refuses it: " + Error{errno, boost::system::system_category()}.message());
 }
 
 void UdpSocket::limit(Duration span) noexcept {

@@ -60,7 +60,7 @@ class UdpSocket final : public DatagramSocket {
   /// A socket that receives from all gets a second one for `peer`, on the same port and connected: the system finds its route once
   /// instead of for each datagram, and others cannot fill its queue. The others are then looked at once a millisecond.
   /// On all addresses of the machine it answers, and is paired, from the one that was called.
-  /// Five system calls, at a new peer only; without success nothing changes.
+  /// Six system calls, at a new peer only; without success nothing changes.
   void paired(const Endpoint& peer, Duration since) noexcept override;
 
   /// Sleeps until a datagram is there, at most for `span`. The only call that waits: for a loop that runs on arrival and costs no
@@ -70,6 +70,10 @@ class UdpSocket final : public DatagramSocket {
   /// From `span` after the first receive of a `now` on, that `now` fetches no further batch: work of a tick is bounded in
   /// time, whatever arrives. What is left stays with the system, which drops what finds its queue full.
   void limit(Duration span) noexcept;
+
+  /// Marks what is sent from here on: the differentiated services code point (RFC 2474), 0 to 63; 46 is expedited forwarding. Networks
+  /// may ignore it or take it away. Throws ConfigError where the system refuses it.
+  void mark(int code_point);
 
   /// Where it is bound, with the port that was taken.
   [[nodiscard]] const Endpoint& local() const noexcept override;

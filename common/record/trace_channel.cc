@@ -69,18 +69,18 @@ void append_double(std::string& to, double value) {
   for (int i = 0; i < 8; ++i) to.push_back(static_cast<char>(bits >> (8 * i) & 0xFFU));
 }
 
-/// A column of a recording as CSV.
-struct CsvColumn {
+/// A column of a recorded trace, with the values of a row.
+struct TraceColumn {
   std::string name;
   bool vector;
   std::vector<double> values;
 };
 
-std::vector<CsvColumn> columns_of(const mcap::Channel& channel, const RecordingReader& recording) {
+std::vector<TraceColumn> columns_of(const mcap::Channel& channel, const RecordingReader& recording) {
   pb::FileDescriptorSet set;
   if (!set.ParseFromString(channel.descriptors) || set.file_size() != 1 || set.file(0).message_type_size() != 1)
     recording.fail("the schema of its trace is damaged");
-  std::vector<CsvColumn> all;
+  std::vector<TraceColumn> all;
   for (const pb::FieldDescriptorProto& field : set.file(0).message_type(0).field()) {
     if (field.number() != static_cast<int>(all.size()) + 1 || field.type() != pb::FieldDescriptorProto::TYPE_DOUBLE)
       recording.fail("the schema of its trace is of another program");
@@ -90,13 +90,13 @@ std::vector<CsvColumn> columns_of(const mcap::Channel& channel, const RecordingR
 }
 
 /// Of one row; false when it is damaged.
-bool read_row(std::string_view data, std::vector<CsvColumn>& columns) {
-  for (CsvColumn& each : columns) each.values.clear();
+bool read_row(std::string_view data, std::vector<TraceColumn>& columns) {
+  for (TraceColumn& each : columns) each.values.clear();
   pb::io::CodedInputStream in{reinterpret_cast<const std::uint8_t*>(data.data()), static_cast<int>(data.size())};
   while (const std::uint32_t tag = in.ReadTag()) {
     const auto number = static_cast<std::size_t>(Wire::GetTagFieldNumber(tag));
     if (number < 1 || number > columns.size()) return false;
-    CsvColumn& column = columns[number - 1];
+    TraceColumn& column = columns[number - 1];
     std::uint32_t size = sizeof(double);
     if (Wire::GetTagWireType(tag) == Wire::WIRETYPE_LENGTH_DELIMITED) {
       if (!column.vector || !in.ReadVarint32(&size) || size % sizeof(double) != 0 || size > data.size()) return false;
@@ -112,8 +112,8 @@ bool read_row(std::string_view data, std::vector<CsvColumn>& columns) {
   return in.ConsumedEntireMessage();
 }
 
-void append_names(std::string& line, const std::vector<CsvColumn>& columns) {
-  for (const CsvColumn& each : columns) {
+void append_names(std::string& line, const std::vector<TraceColumn>& columns) {
+  for (const TraceColumn& each : columns) {
     if (!each.vector) fmt::format_to(std::back_inserter(line), "{},", each.name);
     for (std::size_t i = 0; each.vector && i < each.values.size(); ++i)
       fmt::format_to(std::back_inserter(line), "{}_{},", each.name, i);
@@ -150,53 +150,109 @@ template class TraceChannel<6>;
 
 namespace {
 
-/// A trace on its way into a file.
-class CsvTrace {
+/// A trace of a recording, row by row, each as wide as the first.
+class TraceRows {
  public:
-  explicit CsvTrace(std::string path) : path_{std::move(path)} {}
+  virtual ~TraceRows() = default;
 
   void add(const mcap::Message& message, const RecordingReader& recording) {
-    if (!file_) {
-      columns_ = columns_of(*message.channel, recording);
-      if (columns_.empty()) damaged(recording);
-    }
-    if (!read_row(message.data, columns_)) damaged(recording);
+    const bool first = rows_ == 0;
+    if (first) columns_ = columns_of(*message.channel, recording);
+    if (columns_.empty() || !read_row(message.data, columns_)) damaged(recording);
     for (std::size_t i = 0; i < columns_.size(); ++i) {
-      if (columns_[i].values.empty() || (file_ && columns_[i].values.size() != widths_[i])) damaged(recording);
-      if (!file_) widths_.push_back(columns_[i].values.size());
+      if (columns_[i].values.empty() || (!first && columns_[i].values.size() != widths_[i])) damaged(recording);
+      if (first) widths_.push_back(columns_[i].values.size());
     }
-    line_.clear();
-    if (!file_) {
-      file_.emplace(path_);
-      append_names(line_, columns_);
-      line_.back() = '\n';
-    }
-    for (const CsvColumn& each : columns_)
-      for (const double value : each.values) fmt::format_to(std::back_inserter(line_), "{:.9g},", value);
-    line_.back() = '\n';
-    file_->write(line_);
+    if (first) begin(columns_, message.channel->metadata);
+    take(columns_);
     ++rows_;
   }
-  /// Nothing where there was no row.
-  void commit(std::vector<ExportedTrace>& all) {
-    if (!file_) return;
-    file_->commit();
-    all.push_back({path_, rows_});
-  }
-  [[nodiscard]] bool empty() const { return rows_ == 0; }
+  [[nodiscard]] std::uint64_t rows() const { return rows_; }
 
  private:
+  virtual void begin(const std::vector<TraceColumn>& columns, const mcap::Metadata& units) = 0;
+  virtual void take(const std::vector<TraceColumn>& columns) = 0;
   [[noreturn]] static void damaged(const RecordingReader& recording) {
     recording.fail("a row of its trace is damaged");
   }
 
-  std::string path_;
-  std::optional<WholeFile> file_;
-  std::vector<CsvColumn> columns_;
+  std::vector<TraceColumn> columns_;
   std::vector<std::size_t> widths_;  // of the first row
-  std::string line_;
   std::uint64_t rows_ = 0;
 };
+
+/// A trace on its way into a file.
+class CsvTrace final : public TraceRows {
+ public:
+  explicit CsvTrace(std::string path) : path_{std::move(path)} {}
+
+  /// Nothing where there was no row.
+  void commit(std::vector<ExportedTrace>& all) {
+    if (!file_) return;
+    file_->commit();
+    all.push_back({path_, rows()});
+  }
+
+ private:
+  void begin(const std::vector<TraceColumn>& columns, const mcap::Metadata&) override {
+    file_.emplace(path_);
+    append_names(line_, columns);
+    line_.back() = '\n';
+    file_->write(line_);
+  }
+  void take(const std::vector<TraceColumn>& columns) override {
+    line_.clear();
+    for (const TraceColumn& each : columns)
+      for (const double value : each.values) fmt::format_to(std::back_inserter(line_), "{:.9g},", value);
+    line_.back() = '\n';
+    file_->write(line_);
+  }
+
+  std::string path_;
+  std::optional<WholeFile> file_;
+  std::string line_;
+};
+
+class TraceInMemory final : public TraceRows {
+ public:
+  std::shared_ptr<TraceTable> table;  ///< null: there was no row
+
+ private:
+  void begin(const std::vector<TraceColumn>& columns, const mcap::Metadata& units) override {
+    std::vector<TraceTable::Field> fields;
+    for (const TraceColumn& each : columns) {
+      const auto unit = units.find(each.name);
+      const std::string text = unit == units.end() ? "" : unit->second;
+      const std::size_t comma = text.find(", ");
+      fields.push_back({.name = each.name,
+                        .size = each.values.size(),
+                        .vector = each.vector,
+                        .unit = text.substr(0, comma),
+                        .rotational_unit = comma == std::string::npos ? "" : text.substr(comma + 2)});
+    }
+    table = std::make_shared<TraceTable>(std::move(fields));
+  }
+  void take(const std::vector<TraceColumn>& columns) override {
+    for (const TraceColumn& each : columns)
+      for (const double value : each.values) table->append(value);
+  }
+};
+
+/// Gives the rows of the trace and of the gripper's. Returns the first header.
+RecordingHeader read_traces(RecordingReader& recording, TraceRows& main, TraceRows& gripper) {
+  std::optional<RecordingHeader> header;
+  std::string topic, topic_of_gripper;
+  for (RecordingReader::Kind kind; (kind = recording.next()) != RecordingReader::Kind::end;) {
+    if (kind == RecordingReader::Kind::header && !header) header = recording.header();
+    if (kind != RecordingReader::Kind::other || recording.message().channel->schema != kSchema) continue;
+    const bool of_gripper = recording.topic().ends_with(std::string{kOfGripper} + "/trace");
+    std::string& wanted = of_gripper ? topic_of_gripper : topic;
+    if (wanted.empty()) wanted = recording.topic();
+    if (recording.topic() == wanted) (of_gripper ? gripper : main).add(recording.message(), recording);
+  }
+  if (main.rows() == 0) recording.fail("it holds no trace");
+  return header.value_or(RecordingHeader{});
+}
 
 }  // namespace
 
@@ -207,22 +263,20 @@ std::string gripper_csv(const std::string& path) {
 
 std::vector<ExportedTrace> export_trace(RecordingReader& recording, const std::string& path) {
   CsvTrace main{path}, gripper{gripper_csv(path)};
-  std::string topic, topic_of_gripper;
-  for (RecordingReader::Kind kind; (kind = recording.next()) != RecordingReader::Kind::end;) {
-    if (kind != RecordingReader::Kind::other || recording.message().channel->schema != kSchema) continue;
-    const bool of_gripper = recording.topic().ends_with(std::string{kOfGripper} + "/trace");
-    std::string& wanted = of_gripper ? topic_of_gripper : topic;
-    if (wanted.empty()) wanted = recording.topic();
-    if (recording.topic() == wanted) (of_gripper ? gripper : main).add(recording.message(), recording);
-  }
-  if (main.empty()) recording.fail("it holds no trace");
+  read_traces(recording, main, gripper);
   std::vector<ExportedTrace> all;
   main.commit(all);
   gripper.commit(all);
   // One of an earlier recording would pass for this one's.
-  if (gripper.empty() && has_content(gripper_csv(path)))
+  if (gripper.rows() == 0 && has_content(gripper_csv(path)))
     std::filesystem::rename(gripper_csv(path), earlier_file(gripper_csv(path)));
   return all;
+}
+
+RecordedRun read_run(RecordingReader& recording) {
+  TraceInMemory main, gripper;
+  RecordingHeader header = read_traces(recording, main, gripper);
+  return {std::move(header), main.table, gripper.table};
 }
 
 }  // namespace twoport

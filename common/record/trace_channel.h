@@ -1,11 +1,13 @@
 #pragma once
 
 #include <cstdint>
+#include <memory>
 #include <string>
 #include <vector>
 
 #include "common/mcap/channels.h"
 #include "common/record/row.h"
+#include "common/record/trace_table.h"
 #include "common/recording/recording.h"
 
 namespace twoport {
@@ -37,5 +39,14 @@ std::string gripper_csv(const std::string& path);
 /// gripper_csv(path); each whole or not at all. Where it has none, a file of that name becomes earlier_file(). Returns what was
 /// written. Throws ConfigError for a recording without a trace.
 std::vector<ExportedTrace> export_trace(RecordingReader& recording, const std::string& path);
+
+/// What a recording says of one run.
+struct RecordedRun {
+  RecordingHeader header;  ///< of the first side
+  std::shared_ptr<const TraceTable> trace;
+  std::shared_ptr<const TraceTable> gripper;  ///< null: it has none
+};
+/// Reads the traces of a recording into memory, all digits kept. Throws ConfigError for a recording without a trace.
+RecordedRun read_run(RecordingReader& recording);
 
 }  // namespace twoport

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cstddef>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "common/record/columns.h"
@@ -26,10 +27,17 @@ class TraceTable {
     numbers_.reserve(static_cast<std::size_t>(std::min(rows * static_cast<double>(width_), kReserved)));
   }
 
+  explicit TraceTable(std::vector<Field> fields) : fields_{std::move(fields)} {
+    for (const Field& each : fields_) width_ += each.size;
+  }
+
   template <int N>
   void add(const Row<N>& row) {
     for_each_column(row, [&](const Column&, const auto& value) { append(value); });
   }
+
+  /// The next number of a row.
+  void append(double value) { numbers_.push_back(value); }
 
   [[nodiscard]] const std::vector<Field>& fields() const { return fields_; }
   [[nodiscard]] std::size_t width() const { return width_; }  ///< numbers in a row
@@ -39,7 +47,6 @@ class TraceTable {
  private:
   static constexpr double kReserved = 16e6;  ///< numbers
 
-  void append(double value) { numbers_.push_back(value); }
   template <class Vector>
   void append(const Vector& v) {
     for (int i = 0; i < v.size(); ++i) numbers_.push_back(v[i]);

@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <map>
 #include <memory>
+#include <numeric>
 #include <optional>
 #include <string_view>
 #include <utility>
@@ -166,6 +167,40 @@ class TableWriter {
   std::optional<WholeFile> file_;
 };
 
+/// Which shards are not whole, in words. `holders`: the part that has each cell; null: none. The number of shards is what divides every
+/// distance between two cells of a part.
+std::string lost_shards(const std::vector<CellFile*>& holders) {
+  std::map<const CellFile*, std::size_t> last;
+  std::size_t shards = 0;
+  for (std::size_t cell = 0; cell < holders.size(); ++cell) {
+    if (holders[cell] == nullptr) continue;
+    if (const auto [at, first] = last.try_emplace(holders[cell], cell); !first)
+      shards = std::gcd(shards, cell - at->second);
+    last[holders[cell]] = cell;
+  }
+  shards = std::max<std::size_t>(shards, 1);
+  std::vector<std::string> lost;
+  for (std::size_t shard = 0; shard < std::min(shards, holders.size()); ++shard) {
+    std::size_t cells = 0, held = 0;
+    const CellFile* part = nullptr;
+    for (std::size_t cell = shard; cell < holders.size(); cell += shards) {
+      ++cells;
+      if (holders[cell] == nullptr) continue;
+      part = holders[cell];
+      ++held;
+    }
+    if (part == nullptr) lost.push_back(fmt::format("--shard {}/{} is not there", shard + 1, shards));
+    if (part != nullptr && held < cells)
+      lost.push_back(
+          fmt::format("{} has {} of the {} cells of --shard {}/{}", part->path(), held, cells, shard + 1, shards));
+  }
+  constexpr std::size_t kNamed = 20;
+  const std::size_t more = lost.size() - std::min(lost.size(), kNamed);
+  lost.resize(lost.size() - more);
+  return fmt::format("{}{}; run these again, each to its end", fmt::join(lost, "; "),
+                     more > 0 ? fmt::format("; and {} more", more) : "");
+}
+
 }  // namespace
 
 Shard parse_shard(const std::string& text) {
@@ -240,7 +275,7 @@ Table merge(const std::vector<std::string>& folders, const std::string& out, con
       throw ConfigError{fmt::format("{}: is of another sweep than {}", part->path(), parts.front()->path())};
 
   std::vector<CellFile*> holders(plan.grid.cells(), nullptr);
-  std::size_t missing = 0, first_missing = 0;
+  std::size_t missing = 0;
   for (std::size_t cell = 0; cell < plan.grid.cells(); ++cell) {
     for (const auto& part : parts) {
       if (!part->holds(cell)) continue;
@@ -249,13 +284,10 @@ Table merge(const std::vector<std::string>& folders, const std::string& out, con
                                       holders[cell]->path(), part->path())};
       holders[cell] = part.get();
     }
-    if (holders[cell] == nullptr && missing++ == 0) first_missing = cell;
+    missing += holders[cell] == nullptr ? 1 : 0;
   }
   if (missing > 0)
-    throw ConfigError{
-        fmt::format("{} of {} cells are missing, the first is cell {} ({}); every part of --shard I/N must "
-                    "be there and have run to its end",
-                    missing, plan.grid.cells(), first_missing, plan.grid.name(first_missing))};
+    throw ConfigError{fmt::format("{} of {} cells are missing: {}", missing, plan.grid.cells(), lost_shards(holders))};
 
   make_folder(out);
   WholeFile cells{cells_in(out)};

@@ -18,7 +18,7 @@ change() {
   ! cmp -s "$file" "$work/$file" || { echo "$file: no place for the new method"; exit 1; }
 }
 change common/coupling/layers.h 's|^    {"DELAYED_FORCE",.*|&\n    {"LOCAL_DAMPING", "the delayed force and a damper at the master"},|'
-change common/method/catalogue.cc -e 's|^  visit(Classes<DelayedForceMaster,.*|&\n  visit(Classes<LocalDampingMaster, DelayedForceSlave>{"LOCAL_DAMPING"});|' \
+change common/method/classes.h -e 's|^  visit(Classes<DelayedForceMaster,.*|&\n  visit(Classes<LocalDampingMaster, DelayedForceSlave>{"LOCAL_DAMPING"});|' \
   -e 's|^#include "common/method/transparency/random/random.h"|&\n#include "common/method/transparency/local_damping/local_damping.h"|'
 change proto/scene.proto 's/^ *DELAYED_FORCE = 0;/& LOCAL_DAMPING = 1000;/'
 
@@ -66,7 +66,7 @@ cp proto/field.proto "$work/proto/"
 "$protoc" --proto_path="$work" --cpp_out="$work" proto/scene.proto proto/field.proto
 objects=0
 for file in "$work/proto/scene.pb.cc" "$work/proto/field.pb.cc" common/base/text.cc common/scene/control.cc common/scene/reader.cc \
-  common/scene/text.cc "$work/common/method/catalogue.cc" common/hardware/transparency_process.cc common/hardware/plugin_trial.cc \
+  common/scene/text.cc common/method/{catalogue,dof_3}.cc common/hardware/transparency_process.cc common/hardware/plugin_trial.cc \
   "$work/main.cc"; do
   objects=$((objects + 1))
   "$compiler" -std=c++20 -I"$work" -I. -isystem "$eigen" -c "$file" -o "$work/$objects.o"

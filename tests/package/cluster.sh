@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# A sweep cut into shards by what clusters have, merged, against the same sweep in one run: cluster.sh slurm|parallel BUILD
+# A sweep cut into shards by what clusters have, merged, against the same sweep in one run: cluster.sh slurm|parallel|kubernetes BUILD
 # Exit status 77: not installed here, said in words.
 set -euo pipefail
 by=$1 lab=$(readlink -f "$2")/bin/twoport-lab
@@ -19,7 +19,14 @@ sweep=(scenes/held_spring.textproto --vary 'environment[0].spring.stiffness_n_pe
 
 with_parallel() {
   command -v parallel >/dev/null || skip "GNU parallel is not installed (apt-get install parallel)"
-  parallel "$lab" sweep "${sweep[@]@Q}" --shard {}/4 --jobs 1 --plot none --out "$work/part-{}" ::: 1 2 3 4
+  seq 4 | SHARDS=4 TWOPORT_LAB=$lab parallel SHARD={} scripts/sweep_part "$work" "${sweep[@]@Q}"
+}
+
+# What Kubernetes gives each pod of an indexed Job: JOB_COMPLETION_INDEX from 0, and the environment of its template.
+with_kubernetes() {
+  for index in 0 1 2 3; do
+    JOB_COMPLETION_INDEX=$index SHARDS=4 TWOPORT_LAB=$lab scripts/sweep_part "$work" "${sweep[@]}"
+  done
 }
 
 # One node of our own: munge and Slurm as Debian has them, no cgroups, everything in $work.
@@ -74,11 +81,15 @@ END
   for _ in $(seq 200); do [ "$(sinfo -h -o %T 2>/dev/null)" = idle ] && break; sleep 0.1; done
   [ "$(sinfo -h -o %T 2>/dev/null)" = idle ] ||
     skip "Slurm does not start here: $(grep -hi error "$work/slurmctld.log" "$work/slurmd.log" 2>/dev/null | tail -n 1)"
-  TWOPORT_LAB=$lab sbatch --wait --export=ALL --array=1-4 --chdir "$PWD" scripts/sweep.slurm "$work" "${sweep[@]}" ||
+  TWOPORT_LAB=$lab sbatch --wait --export=ALL --array=1-4 --chdir "$PWD" scripts/sweep_part "$work" "${sweep[@]}" ||
     { cat "$work"/part-*/log.txt; exit 1; }
 }
 
 "with_$by"
+mv "$work/part-3" "$work/lost"
+! said=$("$lab" merge "$work"/part-[1-4] --out "$work/merged" 2>&1) || { echo "three of four parts pass for a sweep"; exit 1; }
+grep -q -- '--shard 3/4 is not there' <<<"$said" || { echo "$said: does not name the part"; exit 1; }
+mv "$work/lost" "$work/part-3"
 "$lab" sweep "${sweep[@]}" --plot none --out "$work/whole" >/dev/null
 "$lab" merge "$work"/part-[1-4] --out "$work/merged" >/dev/null
 cmp "$work/whole/table.csv" "$work/merged/table.csv"

@@ -124,6 +124,29 @@ class Runs(unittest.TestCase):
         self.assertEqual(again.gripper_trace.tobytes(), result.gripper_trace.tobytes())
         self.assertIsNone(twoport.run(twoport.load_scene(HELD, SHORT)).gripper_trace)
 
+    def test_a_recording_holds_the_trace_of_its_run(self):
+        for name, override in (("gripper_50ms", SHORT), ("one_axis_wall", SHORT), ("arm_on_plate", "duration_s=0.2")):
+            with self.subTest(name=name), tempfile.TemporaryDirectory() as out:
+                scene, file = SCENES / f"{name}.textproto", pathlib.Path(out, "run.mcap")
+                done = lab("run", scene, *sets([override]), "--trace", "none", "--record", file)
+                self.assertIn(done.returncode, (0, 3), done.stderr)
+                recording, result = twoport.load_recording(file), twoport.run(twoport.load_scene(scene, override))
+                self.assertEqual(recording.trace.dtype, result.trace.dtype)
+                self.assertEqual(recording.trace.tobytes(), result.trace.tobytes())
+                self.assertEqual(recording.units, result.units)
+                self.assertFalse(recording.torn)
+                self.assertEqual(recording.overrides, (override,))
+                self.assertEqual(recording.scene_text, scene.read_text())
+                if result.gripper_trace is None:
+                    self.assertIsNone(recording.gripper_trace)
+                else:
+                    self.assertEqual(recording.gripper_trace.tobytes(), result.gripper_trace.tobytes())
+                file.write_bytes(file.read_bytes()[:-100])
+                self.assertTrue(twoport.load_recording(file).torn)
+                file.write_bytes(b"no recording")
+                with self.assertRaisesRegex(ValueError, "run.mcap"):
+                    twoport.load_recording(file)
+
     def test_every_bit_of_the_trace_is_the_one_on_record(self):
         records = {}
         lines = (ROOT / "tests/golden/digests.txt").read_text().splitlines()
@@ -812,6 +835,26 @@ class Examples(unittest.TestCase):
         self.assertLess(least["NONE"], -20.0)
         self.assertGreater(least["FORCE_PROJECTED"], -1.2)
         self.assertGreater(least["INTERNAL_MODEL"], -12.6)
+
+    def test_episodes(self):
+        with tempfile.TemporaryDirectory() as folder:
+            folder = pathlib.Path(folder)
+            for i in range(2):
+                done = lab("run", SCENES / "one_axis_wall.textproto", "--set", f"seed={i + 1}", "--trace", "none", "--record", folder / f"{i}.mcap")
+                self.assertIn(done.returncode, (0, 3), done.stderr)
+            script = ROOT / "python/examples/episodes.py"
+            done = subprocess.run([sys.executable, script, folder / "set", folder / "0.mcap", folder / "1.mcap"], capture_output=True, text=True)
+            self.assertEqual(done.returncode, 0, done.stderr)
+            info = json.loads((folder / "set/info.json").read_text())
+            self.assertEqual((info["total_episodes"], info["fps"]), (2, 50))
+            trace = twoport.load_recording(folder / "1.mcap").trace
+            with np.load(folder / "set/episode_000001.npz") as episode:
+                self.assertEqual(info["total_frames"], 2 * len(episode["action"]))
+                self.assertEqual(sorted(info["features"]), sorted(episode.files))
+                # 2000 rows a second, 50 frames.
+                np.testing.assert_array_equal(episode["observation.force"], trace["env_f"][::40][: len(episode["timestamp"])])
+                self.assertEqual((info["features"]["action"]["unit"], set(episode["episode_index"])), ("m", {1}))
+                self.assertEqual(list(np.flatnonzero(episode["next.done"])), [len(episode["action"]) - 1])
 
 
 if __name__ == "__main__":

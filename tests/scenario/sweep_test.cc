@@ -405,11 +405,16 @@ TEST(SweepProgram, MergesItsPartsIntoTheWhole) {
     for (const std::string& each : parts) command.push_back(folder / each);
     return finished(lab(plus(command, {"--plot", "none", "--out", folder / out})));
   };
-  expect_refused(merge({"a", "b"}, "m"), {"4 of 12 cells are missing", "cell 2 (", "FORCE_PROJECTED", "--shard"});
+  expect_refused(merge({"a", "b"}, "m"), {"4 of 12 cells are missing: --shard 3/3 is not there"});
   EXPECT_FALSE(exists(folder / "m/table.csv"));
   expect_done(part("3/3", "c"));
   EXPECT_EQ(test::count(read_text(folder / "c/table.csv"), "\n"), 5);
   expect_refused(merge({"a", "b", "c", "b"}, "m"), {"in two parts", folder / "b"});
+  const std::string whole_part = read_text(folder / "c/cells.jsonl");
+  std::ofstream{folder / "c/cells.jsonl"} << whole_part.substr(0, whole_part.rfind('\n', whole_part.size() - 2) + 1);
+  expect_refused(merge({"a", "b", "c"}, "m"),
+                 {"1 of 12 cells are missing", folder / "c", "has 3 of the 4 cells of --shard 3/3"});
+  std::ofstream{folder / "c/cells.jsonl"} << whole_part;
   expect_done(merge({"c", "a", "b"}, "m"));
   EXPECT_EQ(read_text(folder / "m/table.csv"), read_text(folder / "whole/table.csv"));
   expect_done(merge({"m"}, "again"));  // what it leaves is a sweep's

@@ -2,7 +2,10 @@
 
 #include <arpa/inet.h>
 #include <gtest/gtest.h>
+#include <netinet/in.h>
 #include <sys/socket.h>
+#include <sys/time.h>
+#include <sys/uio.h>
 #include <sys/wait.h>
 #include <unistd.h>
 
@@ -433,6 +436,54 @@ TEST(UdpSocket, OutlivesAPairedPeerThatIsGone) {
 }
 
 // At most as long as it is told, and no longer than until something is there: of the peer, of others, or fetched before.
+// From the listening socket, from that of a peer, and from one that is connected.
+TEST(UdpSocket, MarksWhatItSends) {
+  for (const bool v6 : {false, true}) {
+    const int receiver = ::socket(v6 ? AF_INET6 : AF_INET, SOCK_DGRAM, 0), yes = 1;
+    const timeval at_most{.tv_sec = 5, .tv_usec = 0};
+    ASSERT_EQ(::setsockopt(receiver, SOL_SOCKET, SO_RCVTIMEO, &at_most, sizeof at_most), 0);
+    ASSERT_EQ(v6 ? ::setsockopt(receiver, IPPROTO_IPV6, IPV6_RECVTCLASS, &yes, sizeof yes)
+                 : ::setsockopt(receiver, IPPROTO_IP, IP_RECVTOS, &yes, sizeof yes),
+              0);
+    sockaddr_storage name{};
+    socklen_t size = v6 ? sizeof(sockaddr_in6) : sizeof(sockaddr_in);
+    name.ss_family = v6 ? AF_INET6 : AF_INET;
+    (v6 ? reinterpret_cast<sockaddr_in6*>(&name)->sin6_addr.s6_addr[15]
+        : reinterpret_cast<unsigned char*>(&reinterpret_cast<sockaddr_in*>(&name)->sin_addr)[3]) = 1;
+    if (!v6) reinterpret_cast<unsigned char*>(&reinterpret_cast<sockaddr_in*>(&name)->sin_addr)[0] = 127;
+    ASSERT_EQ(::bind(receiver, reinterpret_cast<sockaddr*>(&name), size), 0);
+    ASSERT_EQ(::getsockname(receiver, reinterpret_cast<sockaddr*>(&name), &size), 0);
+    const auto port =
+        ntohs(v6 ? reinterpret_cast<sockaddr_in6*>(&name)->sin6_port : reinterpret_cast<sockaddr_in*>(&name)->sin_port);
+    const Endpoint there = parse_endpoint((v6 ? "[::1]:" : "127.0.0.1:") + std::to_string(port), "--peer");
+    const auto octet = [&] {
+      std::array<char, 64> text{};
+      alignas(cmsghdr) std::array<char, 64> control{};
+      iovec data{text.data(), text.size()};
+      msghdr message{};
+      message.msg_iov = &data;
+      message.msg_iovlen = 1;
+      message.msg_control = control.data();
+      message.msg_controllen = control.size();
+      if (::recvmsg(receiver, &message, 0) < 0 || CMSG_FIRSTHDR(&message) == nullptr) return -1;
+      return static_cast<int>(*CMSG_DATA(CMSG_FIRSTHDR(&message)));
+    };
+    const char* any = v6 ? "[::1]:0" : "127.0.0.1:0";
+    UdpSocket listener = socket_on(any), caller{parse_endpoint(any, "--listen"), there};
+    for (UdpSocket* each : {&listener, &caller}) {
+      ASSERT_TRUE(each->send(bytes("plain"), there, Duration{0}));
+      EXPECT_EQ(octet(), 0);
+      each->mark(46);
+      ASSERT_TRUE(each->send(bytes("marked"), there, Duration{0}));
+      EXPECT_EQ(octet(), 46 << 2);
+    }
+    listener.paired(there, Duration{0});
+    ASSERT_TRUE(listener.send(bytes("to the peer"), there, Duration{0}));
+    EXPECT_EQ(octet(), 46 << 2);
+    ::close(receiver);
+  }
+}
+
 TEST(UdpSocket, SleepsUntilADatagramIsThere) {
   UdpSocket slave = socket_on("127.0.0.1:0"), stranger = socket_on("127.0.0.1:0");
   UdpSocket master{parse_endpoint("127.0.0.1:0", "--listen"), slave.local()};
