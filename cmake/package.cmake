@@ -1,4 +1,4 @@
-# The Debian package: `cmake --build build/release --target package` writes build/release/twoport_VERSION_ARCH.deb with programs,
+# The Debian package: `scripts/package` writes out/package/twoport_VERSION_ARCH.deb with programs,
 # library, headers, the Python module, the page (in the program), man pages, completion, scenes, examples and documents. Its files outside /usr are in
 # packaging/root: limits and udev rule of the group realtime, which its installation makes.
 
@@ -17,6 +17,8 @@ foreach(program twoport-master twoport-slave twoport-lab twoport-device twoport-
   install(FILES packaging/twoport.bash DESTINATION ${CMAKE_INSTALL_DATADIR}/bash-completion/completions RENAME ${program})
 endforeach()
 install(DIRECTORY scenes arms DESTINATION ${CMAKE_INSTALL_DATADIR}/twoport FILES_MATCHING PATTERN "*.textproto" PATTERN "*.csv" PATTERN "*.urdf")
+install(DIRECTORY examples/play DESTINATION ${CMAKE_INSTALL_DATADIR}/twoport)
+install(PROGRAMS scripts/play DESTINATION ${CMAKE_INSTALL_BINDIR} RENAME twoport-play)
 install(DIRECTORY examples DESTINATION ${CMAKE_INSTALL_DOCDIR})
 install(DIRECTORY docs/ DESTINATION ${CMAKE_INSTALL_DOCDIR} FILES_MATCHING PATTERN "*.md" PATTERN "*.png")
 install(FILES README.md CHANGELOG.md SECURITY.md DESTINATION ${CMAKE_INSTALL_DOCDIR})
@@ -59,6 +61,8 @@ if(twoport_python)
       "python3 (>= ${Python3_VERSION_MAJOR}.${Python3_VERSION_MINOR}~), python3 (<< ${Python3_VERSION_MAJOR}.${next}~)")
   set(CPACK_DEBIAN_PACKAGE_RECOMMENDS python3-numpy)
 endif()
+list(APPEND CPACK_DEBIAN_PACKAGE_RECOMMENDS qrencode)
+list(JOIN CPACK_DEBIAN_PACKAGE_RECOMMENDS ", " CPACK_DEBIAN_PACKAGE_RECOMMENDS)
 set(CPACK_DEBIAN_PACKAGE_CONTROL_EXTRA ${PROJECT_SOURCE_DIR}/packaging/debian/postinst
                                        ${PROJECT_SOURCE_DIR}/packaging/debian/conffiles)
 set(CPACK_DEBIAN_PACKAGE_CONTROL_STRICT_PERMISSION ON)

@@ -14,7 +14,7 @@ done
 cpack --config "$build/CPackConfig.cmake" -B "$work" >"$work/log" 2>&1 || { cat "$work/log"; exit 1; }
 deb=$(ls "$work"/twoport_*.deb)
 dpkg-deb -c "$deb" | sed -E 's/^([^ ]+) +([^ ]+).* (\.\/[^ ]*)( -> .*)?$/\1 \2 \3/' >"$work/contents"
-for path in ./usr/bin/twoport-{master,slave,lab,device,keygen} ./usr/share/man/man1/twoport-{master,slave,lab,device,keygen}.1.gz \
+for path in ./usr/bin/twoport-{master,slave,lab,device,keygen,play} ./usr/share/man/man1/twoport-{master,slave,lab,device,keygen}.1.gz \
   ./usr/share/bash-completion/completions/twoport-master ./usr/share/twoport/scenes/demo.textproto \
   ./usr/include/twoport/common/hardware/plugin.h ./usr/lib/udev/rules.d/60-twoport.rules \
   ./etc/security/limits.d/twoport.conf ./usr/share/doc/twoport/copyright ./usr/share/doc/twoport/examples/plugin/rail.cc; do
@@ -74,11 +74,17 @@ PATH=$work/root/usr/bin:$PATH bash -c '
   [[ " ${COMPREPLY[*]} " == *" --vary "* ]] || { echo "no option is completed: ${COMPREPLY[*]}"; exit 1; }
 ' "$work/root/usr/share/bash-completion/completions/twoport-lab"
 
-# Installed into a bare root, where this may be done.
-if [ -n "${TWOPORT_BARE_ROOT:-}" ]; then
-  cp "$deb" "$TWOPORT_BARE_ROOT/tmp/twoport.deb"
-  chroot "$TWOPORT_BARE_ROOT" apt-get install -y --no-install-recommends /tmp/twoport.deb >"$work/log" 2>&1 || { cat "$work/log"; exit 1; }
-  chroot "$TWOPORT_BARE_ROOT" twoport-lab --version
-  chroot "$TWOPORT_BARE_ROOT" getent group realtime
-fi
+# The page's programs start from there, and end by Ctrl-C.
+env --default-signal=INT "$work/root/usr/bin/twoport-play" --no-browser >"$work/play" 2>&1 &
+play=$!
+for ((i = 0; i < 200; i++)); do grep -q '^page: http' "$work/play" && break; sleep 0.1; done
+address=$(sed -n 's|^page: http://||p' "$work/play")
+[ -n "$address" ] || fail "twoport-play: $(cat "$work/play")"
+exec 3<>"/dev/tcp/${address%:*}/$(sed 's|.*:||; s|/||' <<<"$address")"
+printf 'GET / HTTP/1.1\r\nHost: %s\r\nConnection: close\r\n\r\n' "${address%/}" >&3
+head -n 1 <&3 | grep -q '200 OK' || fail "no page at $address"
+exec 3>&-
+kill -INT $play
+wait $play || fail "twoport-play: $(cat "$work/play")"
+
 echo "$(basename "$deb"): $(du -h "$deb" | cut -f 1), $(wc -l <"$work/contents") entries"

@@ -1,0 +1,36 @@
+#!/usr/bin/env bash
+# The Debian package, installed into a bare Debian of this release, feels a wall: bare_root.sh BUILD_DIR
+# Exit status 77: skipped, in words.
+set -euo pipefail
+build=$(readlink -f "$1")
+skip() { echo "skipped: $1"; exit 77; }
+[ "$(id -u)" = 0 ] || skip "only root may make a bare root"
+for tool in debootstrap dpkg-shlibdeps; do command -v $tool >/dev/null || skip "$tool is not installed (apt-get install debootstrap dpkg-dev)"; done
+. /etc/os-release
+sources=$(ls /etc/apt/sources.list.d/debian.sources /etc/apt/sources.list 2>/dev/null | head -n 1)
+mirror=$(grep -om1 'https\?://[^ ]*debian[^ ]*' "$sources") || skip "no mirror of Debian is known here"
+
+work=$(mktemp -d)
+root=$work/root
+trap 'rm -rf --one-file-system "$work"' EXIT
+debootstrap --variant=minbase "${VERSION_CODENAME:-bookworm}" "$root" "$mirror" >"$work/log" 2>&1 || skip "debootstrap: $(tail -n 1 "$work/log")"
+cp -r /etc/apt/apt.conf.d/. "$root/etc/apt/apt.conf.d/"
+cpack --config "$build/CPackConfig.cmake" -B "$work" >"$work/log" 2>&1 || { cat "$work/log"; exit 1; }
+cp "$work"/twoport_*.deb "$root/tmp/twoport.deb"
+installs() { chroot "$root" env -i PATH=/usr/sbin:/usr/bin:/sbin:/bin DEBIAN_FRONTEND=noninteractive apt-get "$@" >"$work/log" 2>&1 || { cat "$work/log"; exit 1; }; }
+installs update
+installs install -y --no-install-recommends /tmp/twoport.deb
+before=$(date +%s%N)
+chroot "$root" env -i PATH=/usr/sbin:/usr/bin:/sbin:/bin HOME=/root bash -euo pipefail -c '
+  cd /root
+  getent group realtime >/dev/null
+  twoport-play --help >/dev/null
+  twoport-slave --scene one_axis_wall --set duration_s=4 --out slave >slave.log 2>&1 &
+  twoport-master --scene one_axis_wall --set duration_s=4 --trace none --out master >master.log 2>&1 || [ $? = 3 ] || { cat master.log; exit 1; }
+  kill -INT $! 2>/dev/null || true
+  wait || true
+'
+took=$((($(date +%s%N) - before) / 1000000))
+touching=$(sed -n 's/.*"touching_share": *\([0-9.e+-]*\).*/\1/p' "$root/root/master/summary.json")
+awk -v share="${touching:-0}" 'BEGIN { exit !(share > 0.1) }' || { cat "$root/root/master/summary.json"; echo "no wall was felt"; exit 1; }
+echo "installed into a bare ${VERSION_CODENAME:-Debian}: touches the wall in $touching of a run of 4 s, which took $took ms with its start"
