@@ -129,11 +129,7 @@ class PageDevice : public Device<N> {
       case PageCommand::Kind::opening:
         if (gripper_) gripper_->aim(Force<1>::Vector{c.number[0]});
         break;
-      case PageCommand::Kind::network:
-      case PageCommand::Kind::surface:
-      case PageCommand::Kind::method:
-      case PageCommand::Kind::take:
-      case PageCommand::Kind::restart:
+      default:
         break;
     }
   }

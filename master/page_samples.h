@@ -1,17 +1,42 @@
 #pragma once
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <cstdint>
 
 #include "common/coupling/registration.h"
 #include "common/hardware/device.h"
+#include "common/hardware/mounted.h"
 #include "common/link/mailbox.h"
 #include "common/page/channel.h"
 #include "common/runtime/modes.h"
 #include "common/safety/limits.h"
 
 namespace twoport {
+
+/// Clutch, locks and scales, from the page; other commands change nothing.
+template <int N>
+void change_handle(MountedDevice<N>& device, const PageCommand& c) noexcept {
+  HandControls to = device.controls();
+  switch (c.kind) {
+    case PageCommand::Kind::clutch:
+      to.clutched = c.which != 0;
+      break;
+    case PageCommand::Kind::lock:
+      to.locked = static_cast<std::uint32_t>(c.which);
+      break;
+    case PageCommand::Kind::scale:
+      to.motion = c.number[0];
+      to.force = c.number[1];
+      break;
+    case PageCommand::Kind::rehome:
+      return device.rehome();
+    default:
+      return;
+  }
+  device.control(to);
+}
 
 /// What the page is shown of a master's ticks, and the commands of the page to them. Nothing here waits, allocates, locks or logs.
 class PageSamples {
@@ -40,6 +65,19 @@ class PageSamples {
     next_.gripper_energy_j = observed.si();
   }
 
+  /// Before show(): clutch, locks and scales.
+  template <int N>
+  void note_handle(const MountedDevice<N>& device, const Position<N>& x) noexcept {
+    const ModulatedTransformer<N>* t = device.transformer();
+    put(t ? t->hand() : x, next_.handle_x_m, next_.handle_attitude);
+    if (t == nullptr) return;
+    for (int i = 0; i < N; ++i) felt_share_[static_cast<std::size_t>(i)] = t->felt_share(i);
+    next_.clutched = t->rehomes() ? 2.0 : t->closed() ? 1.0 : 0.0;
+    next_.locked = static_cast<double>(t->controls().locked);
+    next_.motion = t->controls().motion;
+    next_.force = t->controls().force;
+  }
+
   /// Before show(): what the slave has said of its environment and robot.
   template <int N>
   void note_environment(const EnvironmentMessage& e, const Registration<N>& registration) noexcept {
@@ -60,7 +98,9 @@ class PageSamples {
     s.t_s = to_seconds(now).si();
     put(device.x, s.hand_x_m, s.hand_attitude);
     put(device.v, s.hand_v_m_per_s);
-    put(-out.command, s.felt_n, &s.felt_n_m);
+    typename Force<N>::Vector felt = -out.command.vec();
+    for (int i = 0; i < N; ++i) felt[i] *= felt_share_[static_cast<std::size_t>(i)];
+    put(Force<N>{felt}, s.felt_n, &s.felt_n_m);
     put(-out.wanted, s.unlimited_n, nullptr);
     if constexpr (requires { out.mode; }) {
       s.mode = static_cast<double>(out.mode);
@@ -132,6 +172,7 @@ class PageSamples {
   Duration late_{0};
   double dissipated_j_ = 0.0;
   PageSample next_;
+  std::array<double, 6> felt_share_{1.0, 1.0, 1.0, 1.0, 1.0, 1.0};  ///< of the node's force, on each axis
   EnvironmentMessage environment_;
   LimitCounts limits_;
 };

@@ -215,6 +215,7 @@ struct LinkMaster : Master<N> {
         link.adjust(c.which == 0, {1e-3 * c.number[0], 1e-3 * c.number[1], c.number[2]});
       if (c.kind == PageCommand::Kind::method) switch_to(c.which);
       if (c.kind == PageCommand::Kind::surface) change_surface(c);
+      change_handle(mounted, c);
     });
     link.mail().transport().say_environment(environment_request);
   }
@@ -226,6 +227,7 @@ struct LinkMaster : Master<N> {
       this->page->note_gripper(gripper->sample().x, gripper->known(), gripper->out().command,
                                gripper->node().observed());
     this->page->note_environment(link.mail().transport().heard_environment(), registration);
+    this->page->note_handle(mounted, sample.x);
     this->page->show(now, late, sample, out, node.observed(), &link.mail().known(), link.mail().counts(),
                      node.limit_counts() + link.limit_counts(), node.epoch());
   }

@@ -27,9 +27,11 @@ struct RenderMaster : Master<N> {
   static void fill(Summary&, bool) {}
   void end_tick(Duration now, Duration late, const DeviceSample<N>& sample,
                 const typename RenderNode<N>::Output& out) noexcept {
-    if (this->page) [[unlikely]]
-      this->page->show(now, late, sample, out, node.observed() - initial, static_cast<PeerState<N>*>(nullptr), {},
-                       node.limit_counts(), 0);
+    if (!this->page) [[likely]]
+      return;
+    this->page->note_handle(mounted, sample.x);
+    this->page->show(now, late, sample, out, node.observed() - initial, static_cast<PeerState<N>*>(nullptr), {},
+                     node.limit_counts(), 0);
   }
 
   [[nodiscard]] bool lets_go() const noexcept { return mounted.lets_go(); }

@@ -3,6 +3,7 @@
 #include <memory>
 #include <utility>
 
+#include "common/hardware/mounted.h"
 #include "drivers/page_device.h"
 #include "drivers/simulated.h"
 #include "master/render_node.h"
@@ -18,10 +19,10 @@ inline ImpairmentOptions most_added() {
 }
 
 template <int N>
-std::unique_ptr<Device<N>> make_device(const Scene& scene, bool scripted, PageChannel* channel) {
+std::shared_ptr<Device<N>> make_device(const Scene& scene, bool scripted, PageChannel* channel) {
   const double period_s = 1.0 / scene.master_rate_hz;
-  if (scripted) return std::make_unique<SimulatedDevice<N>>(scene, Seconds{period_s});
-  return std::make_unique<PageDevice<N>>(scene, period_s, channel);
+  if (scripted) return std::make_shared<SimulatedDevice<N>>(scene, Seconds{period_s});
+  return std::make_shared<PageDevice<N>>(scene, period_s, channel);
 }
 
 /// A run over a link.
@@ -33,7 +34,8 @@ class LinkRun final : public Run {
         scene_{scripted ? read : with_device(read, device_->info())},
         clocks_{scene_},
         robot_{scene_, clocks_.slave_period()},
-        session_{scene_, *device_, robot_, most_added()},
+        mounted_{device_, {}},
+        session_{scene_, mounted_, robot_, most_added()},
         registration_{scene_.control} {
     page_.begin(scene_.master_rate_hz);
     if (!scene_.gripper || !device_->gripper() || !robot_.gripper()) return;
@@ -60,6 +62,7 @@ class LinkRun final : public Run {
           if (refused_) environment_.answer = EnvironmentAnswer::out_of_range;
           environment_.link_energy_j = -session_.slave().delivered().si();
           page_.note_environment(environment_, registration_);
+          page_.note_handle(mounted_, session_.device().x);
           page_.show(now, Duration{0}, session_.device(), out, session_.master().observed(), &session_.known(),
                      session_.counts(), session_.master().limit_counts(), session_.master().epoch());
         });
@@ -89,14 +92,16 @@ class LinkRun final : public Run {
         break;
       }
       default:
+        change_handle(mounted_, c);
         break;
     }
   }
   PageSamples page_;
-  std::unique_ptr<Device<N>> device_;
+  std::shared_ptr<Device<N>> device_;
   Scene scene_;
   Clocks clocks_;
   SimulatedRobot<N> robot_;
+  MountedDevice<N> mounted_;
   Session<N> session_;
   Registration<N> registration_;
   std::optional<Session<1>> gripper_;  ///< of the scene
@@ -137,7 +142,7 @@ class RenderRun final : public Run {
   }
 
   PageSamples page_;
-  std::unique_ptr<Device<N>> device_;
+  std::shared_ptr<Device<N>> device_;
   Scene scene_;
   Clocks clocks_;
   Environment<N> environment_;

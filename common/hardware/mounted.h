@@ -10,17 +10,18 @@
 
 #include "common/base/check.h"
 #include "common/hardware/device.h"
+#include "common/hardware/modulated_transformer.h"
 #include "common/hardware/mount.h"
 #include "common/hardware/robot.h"
 
 namespace twoport {
 
-/// Every haptic device, in the scene's world. With R, s, p the mount's rotation, scale and position, and o the clutch's offset:
+/// Every haptic device, in the scene's world. With R, s, p the mount's rotation, scale and position:
 ///
-///     x = s R x_d + p + o       v = s R v_d        f_d = s Rᵀ f + Rᵀ f_carried
+///     x = s R x_d + p       v = s R v_d        f_d = s Rᵀ f + Rᵀ f_carried
 ///
-/// so that f·v = (f_d - Rᵀ f_carried)·v_d: energy in the world is energy at the device. Attitudes: q = R q_d Rᵀ c.
-/// Clutch: while the button is pressed the handle is free, x stands still and v = 0; afterwards o (and c) continue x where it was.
+/// so that f·v = (f_d - Rᵀ f_carried)·v_d: energy in the world is energy at the device. Attitudes: q = R q_d Rᵀ.
+/// Clutch, locks and scales of the operator come after that (ModulatedTransformer), from the first use of one on.
 /// Continuous force: with f_c the device's, and a heat θ' = (|f_d|²/f_c² - θ)/10 s,
 ///
 ///     |f_d| <= f_c + (f_max - f_c) min(1, 5 (1 - θ))
@@ -28,7 +29,7 @@ namespace twoport {
 /// Watchdog: without a new reading for let_go_after_s, and at once for a reading that is not finite, the device is released, until
 /// readings come again. In place of one that is not finite stands the last one, stale and at rest.
 /// The sum with f_carried is within the device's peak force. A command that is not finite releases the device.
-/// After clutch and watchdog the force returns over engage_s. What is taken from the force is not booked: `applied` is the
+/// After the watchdog the force returns over engage_s. What is taken from the force is not booked: `applied` is the
 /// device's own.
 template <int N>
 class MountedDevice final : public Device<N> {
@@ -37,6 +38,7 @@ class MountedDevice final : public Device<N> {
       : device_{std::move(device)},
         m_{mount},
         maps_{!(mount == DeviceMount{})},
+        works_{mount.clutch_button >= 0},
         info_{in_world(device_->info(), mount)},
         peak_n_{device_->info().max_force_n},
         continuous_n_{limit_of(device_->info())} {
@@ -61,9 +63,9 @@ class MountedDevice final : public Device<N> {
     watch(s, tick.ended);
     if (continuous_n_ < peak_n_) [[unlikely]]
       warm(s.applied, tick.ended.si());
-    if (maps_) [[unlikely]]
-      map(s);
-    if (gain_ < 1.0 && !let_go_ && !clutches_) [[unlikely]]
+    if (maps_ || works_) [[unlikely]]
+      map(s, tick.ended.si());
+    if (gain_ < 1.0 && !let_go_) [[unlikely]]
       gain_ = std::min(1.0, gain_ + tick.ended.si() / std::max(m_.engage_s, 1e-9));
     return s;
   }
@@ -75,9 +77,11 @@ class MountedDevice final : public Device<N> {
       let_go_ = true;
       return;
     }
-    if (clutches_) [[unlikely]]
-      return device_->actuate(carried_);
-    Force<N> command = maps_ ? Force<N>{to_device(f.vec())} : f;
+    Force<N> command = f;
+    if (works_) [[unlikely]]
+      command = transformer_.to_hand(f);
+    if (maps_) [[unlikely]]
+      command = Force<N>{to_device(command.vec())};
     if (gain_ < 1.0) [[unlikely]]
       command = gain_ * command;
     if (continuous_n_ < peak_n_) [[unlikely]]
@@ -91,10 +95,29 @@ class MountedDevice final : public Device<N> {
   /// Has the watchdog released the device?
   [[nodiscard]] bool lets_go() const noexcept { return let_go_; }
   [[nodiscard]] const DeviceTruth<N>* truth() const noexcept override {
-    return device_->truth() == nullptr ? nullptr : maps_ ? &truth_ : device_->truth();
+    return device_->truth() == nullptr ? nullptr : maps_ || works_ ? &truth_ : device_->truth();
   }
 
+  /// Call between ticks.
+  void control(const HandControls& to) noexcept {
+    use();
+    transformer_.set(to);
+  }
+  void rehome() noexcept {
+    use();
+    transformer_.rehome();
+  }
+  /// Null: none of its controls has been used.
+  [[nodiscard]] const ModulatedTransformer<N>* transformer() const noexcept { return works_ ? &transformer_ : nullptr; }
+  [[nodiscard]] HandControls controls() const noexcept { return transformer_.controls(); }
+
  private:
+  void use() noexcept {
+    if (works_) return;
+    works_ = true;
+    if (!maps_ && device_->truth()) truth_ = *device_->truth();
+  }
+
   using Vector = typename Force<N>::Vector;
   static constexpr int kAxes = N == 1 ? 1 : 3;
   static constexpr double kHeat = 10.0;  ///< time constant of a motor's winding, at the short end [s]
@@ -138,7 +161,6 @@ class MountedDevice final : public Device<N> {
   [[nodiscard]] Vector turned_back(const Vector& f) const noexcept {
     return each(f, 1.0, [&](const Eigen::Vector3d& a) -> Eigen::Vector3d { return m_.rotation.conjugate() * a; });
   }
-  /// Without the clutch's offset.
   [[nodiscard]] Position<N> placed(const Position<N>& x) const noexcept {
     if constexpr (N == 6) {
       const Eigen::Vector3d p = m_.scale * (m_.rotation * x.translation()) + m_.position_m;
@@ -148,18 +170,6 @@ class MountedDevice final : public Device<N> {
       for (int i = 0; i < kAxes; ++i) p[i] += m_.position_m[i];
       return Position<N>{p};
     }
-  }
-  [[nodiscard]] Position<N> indexed(const Position<N>& x) const noexcept {
-    if constexpr (N == 6) {
-      return {x.translation() + offset_, x.attitude() * turn_};
-    } else {
-      return Position<N>{Vector{x.translation() + offset_}};
-    }
-  }
-  /// From now on `x` counts as `as`.
-  void index(const Position<N>& x, const Position<N>& as) noexcept {
-    offset_ = as.translation() - x.translation();
-    if constexpr (N == 6) turn_ = (x.attitude().conjugate() * as.attitude()).normalized();
   }
 
   void watch(DeviceSample<N>& s, Seconds ended) noexcept {
@@ -182,32 +192,22 @@ class MountedDevice final : public Device<N> {
     }
     // Nobody knows where the hand is.
     if (let_go_) s.held = false;
-    clutches_ = m_.clutch_button >= 0 && (s.buttons >> m_.clutch_button & 1u) != 0;
-    if (let_go_ || clutches_) gain_ = 0.0;
+    if (let_go_) gain_ = 0.0;
   }
 
-  void map(DeviceSample<N>& s) noexcept {
-    const Position<N> x = placed(s.x);
-    if (frozen_ && !clutches_) {
-      // The handle is where the clutch has left it: this reading is the frozen one.
-      index(x, at_);
-      frozen_ = false;
-    }
-    const Position<N> now = indexed(x);
-    // The interval that ends with the press was coupled: its motion counts.
-    s.x = frozen_ ? at_ : now;
-    if (s.x.finite()) at_ = s.x;
-    const bool stands = frozen_ || clutches_;
-    if (clutches_) frozen_ = true;
-    s.v = stands ? Velocity<N>{} : Velocity<N>{to_world(s.v.vec())};
+  void map(DeviceSample<N>& s, double ended_s) noexcept {
+    s.x = placed(s.x);
+    s.v = Velocity<N>{to_world(s.v.vec())};
     const Vector applied = s.applied.vec() - carried_.vec();
     s.applied = Force<N>{
         each(applied, 1.0 / m_.scale, [&](const Eigen::Vector3d& a) -> Eigen::Vector3d { return m_.rotation * a; })};
     if (const DeviceTruth<N>* truth = device_->truth()) {
       truth_ = *truth;
-      truth_.x = stands ? at_ : indexed(placed(truth->x));
-      truth_.v = stands ? Velocity<N>{} : Velocity<N>{to_world(truth->v.vec())};
+      truth_.x = placed(truth->x);
+      truth_.v = Velocity<N>{to_world(truth->v.vec())};
     }
+    const bool pressed = m_.clutch_button >= 0 && (s.buttons >> m_.clutch_button & 1u) != 0;
+    if (works_) transformer_.step(s, truth_, pressed, ended_s, m_.engage_s);
   }
   void warm(const Force<N>& f, double dt_s) noexcept {
     const double share = translation(f).squaredNorm() / (continuous_n_ * continuous_n_);
@@ -226,7 +226,7 @@ class MountedDevice final : public Device<N> {
 
   std::shared_ptr<Device<N>> device_;
   DeviceMount m_;
-  bool maps_;
+  bool maps_, works_;  ///< works_: the operator has a clutch, or has used a control
   DeviceInfo info_;
   double peak_n_, continuous_n_, heat_ = 0.0;
   Force<N> carried_;  ///< in device axes
@@ -235,10 +235,8 @@ class MountedDevice final : public Device<N> {
   DeviceSample<N> last_;  ///< the last one that was finite
   bool any_ = false;
   double silent_s_ = 0.0, gain_ = 1.0;
-  bool let_go_ = false, clutches_ = false, frozen_ = false;
-  Position<N> at_;
-  Eigen::Matrix<double, kAxes, 1> offset_ = Eigen::Matrix<double, kAxes, 1>::Zero();
-  Eigen::Quaterniond turn_ = Eigen::Quaterniond::Identity();
+  bool let_go_ = false;
+  ModulatedTransformer<N> transformer_;
   DeviceTruth<N> truth_;
 };
 

@@ -82,6 +82,20 @@ std::optional<PageCommand> parse_page_command(std::string_view text) {
   } else if (verb == "method") {
     c.kind = PageCommand::Kind::method;
     c.which = words.index(1000);
+  } else if (verb == "clutch") {
+    c.kind = PageCommand::Kind::clutch;
+    c.which = words.index(1000);
+    words.expect(c.which <= 1);
+  } else if (verb == "rehome") {
+    c.kind = PageCommand::Kind::rehome;
+  } else if (verb == "lock") {
+    c.kind = PageCommand::Kind::lock;
+    c.which = words.index(1000);
+    words.expect(c.which < 64);
+  } else if (verb == "scale") {
+    c.kind = PageCommand::Kind::scale;
+    c.number[0] = words.number(kPageScaleLeast, 1.0);
+    c.number[1] = words.number(0.0, 1.0);
   } else {
     return std::nullopt;
   }

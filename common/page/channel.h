@@ -42,8 +42,13 @@ struct PageSample {
   double limits = 0.0;                ///< those that acted since the sample before: the sum of 2^Limit
   double late_us = 0.0;               ///< largest wake-up latency since the sample before
   double mode = 0.0, slave_mode = 0.0;
-  double epoch = 0.0;                                  ///< switches of the method so far
-  double held = 0.0;                                   ///< 1 while the pointer holds the handle of --device page
+  double epoch = 0.0;                ///< switches of the method so far
+  double held = 0.0;                 ///< 1 while the pointer holds the handle of --device page
+  double clutched = 0.0;             ///< 1: by the clutch the hand moves alone; 2: re-homing
+  double locked = 0.0;               ///< axes: the sum of 2^axis
+  double motion = 1.0, force = 1.0;  ///< scales, times those of the scene
+  Vector handle_x_m{};               ///< of the device, without clutch, locks and scales
+  Quaternion handle_attitude{1.0, 0.0, 0.0, 0.0};
   double gripper_hand_m = 0.0, gripper_robot_m = 0.0;  ///< openings of the handle's gripper and of the fingers
   double gripper_felt_n = 0.0;                         ///< force on the hand at the gripper; opens where it is positive
   double gripper_object_n = 0.0;      ///< force of the fingers on the object; squeezes where it is negative
@@ -92,6 +97,12 @@ void for_each_page_field(Sample& s, See&& see) {
   number("slave_mode", s.slave_mode);
   number("epoch", s.epoch);
   number("held", s.held);
+  number("clutched", s.clutched);
+  number("locked", s.locked);
+  number("motion", s.motion);
+  number("force", s.force);
+  vector("handle_x_m", s.handle_x_m);
+  vector("handle_attitude", s.handle_attitude);
   number("gripper_hand_m", s.gripper_hand_m);
   number("gripper_robot_m", s.gripper_robot_m);
   number("gripper_felt_n", s.gripper_felt_n);
@@ -116,6 +127,10 @@ struct PageCommand {
     surface,  ///< which: of the environment; numbers: stiffness [N/m], friction [1], at least 0
               ///< and not limited further: the slave refuses
     method,   ///< which: index into the methods that the page was told
+    clutch,   ///< which: 1 pressed, 0 not
+    rehome,   ///< the present pose of the hand becomes that of the robot
+    lock,     ///< which: the sum of 2^axis of the locked axes
+    scale,    ///< numbers: of motion, of force, times those of the scene
     take,     ///< this page controls the run from now on
     restart,  ///< both programs, where somebody starts them again
   };
@@ -127,6 +142,7 @@ struct PageCommand {
 /// Limits of a command's numbers; a number beyond is set to the limit.
 inline constexpr double kPageReach = 0.5, kPageTurn = 3.0;              // [m], [rad]
 inline constexpr double kPageGripLeast = 20.0, kPageGripMost = 2000.0;  // [N/m]
+inline constexpr double kPageScaleLeast = 0.05;                         // of motion; of force it is 0
 inline constexpr double kPageDelayMs = 500.0, kPageJitterMs = 50.0, kPageLoss = 0.9;
 
 /// Reads a command as text, words separated by single spaces:
@@ -138,6 +154,10 @@ inline constexpr double kPageDelayMs = 500.0, kPageJitterMs = 50.0, kPageLoss = 
 ///     network to_slave|to_master DELAY_MS JITTER_MS LOSS
 ///     surface INDEX N_PER_M FRICTION
 ///     method INDEX
+///     clutch 0|1
+///     rehome
+///     lock SUM                   of 2^axis
+///     scale MOTION FORCE         at most 1
 ///     take
 ///     restart
 ///
@@ -153,7 +173,7 @@ struct PagePointer {
 /// Between the cycle and the page's server. Each ring has one producer and one consumer; neither side waits.
 struct PageChannel {
   Ring<PageSample> samples{4096};   ///< cycle to server
-  Ring<PageCommand> commands{256};  ///< server to cycle: network, surface, method
+  Ring<PageCommand> commands{256};  ///< server to cycle: all others
   Ring<PageCommand> hand{256};      ///< server to the device, in the cycle's thread: target, release, grip, opening
   PagePointer pointer;
 };

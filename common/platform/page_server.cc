@@ -351,6 +351,10 @@ struct PageServer::Impl {
       case network:
       case surface:
       case method:
+      case clutch:
+      case rehome:
+      case lock:
+      case scale:
         channel.commands.try_push(*command);
         break;
       case take:

@@ -37,6 +37,12 @@ void check_command(const PageCommand& command) {
     require(command.which >= 0 && command.which < static_cast<int>(kAdjustableSurfaces) && command.number[0] >= 0.0 &&
                 command.number[1] >= 0.0,
             "so is a surface");
+  if (command.kind == Kind::clutch || command.kind == Kind::lock)
+    require(command.which >= 0 && command.which < (command.kind == Kind::clutch ? 2 : 64), "so are clutch and locks");
+  if (command.kind == Kind::scale)
+    require(command.number[0] >= kPageScaleLeast && command.number[0] <= 1.0 && command.number[1] >= 0.0 &&
+                command.number[1] <= 1.0,
+            "so are scales");
   if (command.kind == Kind::method) require(command.which >= 0, "a method is an index");
 }
 

@@ -13,13 +13,13 @@ await run(async () => {
   const watcher = await context.newPage();
   await watcher.goto(url);
   await until('the second page watches', async () => watcher.locator('#watching').isVisible(), 60000);
-  for (const id of ['method', 'to_slave-delay_ms', 'grip', 'stiffness'])
+  for (const id of ['method', 'to_slave-delay_ms', 'grip', 'stiffness', 'clutch', 'motion'])
     if (await watcher.locator(`#${id}`).isEnabled()) throw new Error(`${id} can be moved on the page that watches`);
   const attack = () =>
     watcher.evaluate(async () => {
       const socket = new WebSocket(`ws://${location.host}/live`);
       await new Promise((r) => (socket.onopen = r));
-      for (const line of ['grip 2000', 'network to_slave 200 0 0', 'network to_master 0 0 0.9', 'surface 0 300 0', 'method 2', 'release', 'restart'])
+      for (const line of ['grip 2000', 'network to_slave 200 0 0', 'network to_master 0 0 0.9', 'surface 0 300 0', 'method 2', 'clutch 1', 'lock 7', 'scale 0.05 0', 'release', 'restart'])
         socket.send(line);
       await new Promise((r) => setTimeout(r, 1500));
       socket.close();
@@ -36,6 +36,8 @@ await run(async () => {
   if ((await page.locator('#method').inputValue()) !== before.method) throw new Error('a page that watches has changed the method');
   if ((await there('stiffness')) !== 3000) throw new Error('a page that watches has changed the wall');
   if (Math.abs((await value('felt')) - before.felt) > 1) throw new Error('a page that watches has changed the grip');
+  if ((await page.locator('#clutched').isVisible()) || (await page.locator('#locks input').first().isChecked()) || (await page.locator('#motion').inputValue()) !== '100')
+    throw new Error('a page that watches has clutched, locked or scaled');
   if ((await value('loss')) > 30) throw new Error('a page that watches has lost packets');
   console.log('a page that watches changes nothing');
   await page.mouse.up();

@@ -122,7 +122,7 @@ TEST(Mounted, ClutchFreesTheHandAndContinuesWithoutAJump) {
   };
   EXPECT_EQ(at(0.10, false).x.translation()[0], 0.30000000000000004);
   EXPECT_DOUBLE_EQ(rig.script.command[0], 3.0);
-  // The interval up to the press counts; then the world stands still and the hand is free.
+  // The interval up to the press counts; then the world stands still, as if held, and the hand is free.
   DeviceSample<3> s = at(0.11, true);
   EXPECT_DOUBLE_EQ(s.x.translation()[0], 0.33);
   EXPECT_EQ(s.v.squared_norm(), 0.0);
@@ -132,15 +132,17 @@ TEST(Mounted, ClutchFreesTheHandAndContinuesWithoutAJump) {
     s = at(0.11 - 0.002 * i, true);
     EXPECT_DOUBLE_EQ(s.x.translation()[0], 0.33);
     EXPECT_EQ(rig.script.command.squared_norm(), 0.0);
+    if (i > 0) {
+      EXPECT_EQ(s.applied[0], 1.0);
+    }
   }
-  EXPECT_EQ(s.applied.squared_norm(), 0.0);
-  // Back at 12 mm: from there on, with the force over 0.1 s.
+  // Back at 12 mm: from there on, force and motion alike over 0.1 s.
   s = at(0.012, false);
   EXPECT_DOUBLE_EQ(s.x.translation()[0], 0.33);
   EXPECT_NEAR(rig.script.command[0], 0.03, 1e-12);
   s = at(0.013, false);
-  EXPECT_NEAR(s.x.translation()[0], 0.333, 1e-15);
-  EXPECT_EQ(s.v[0], 3.0);
+  EXPECT_NEAR(s.x.translation()[0], 0.33 + 0.01 * 0.003, 1e-15);
+  EXPECT_NEAR(s.v[0], 0.02 * 3.0, 1e-12);
   double before = rig.script.command[0];
   for (int i = 0; i < 120; ++i) {
     at(0.013, false);
@@ -148,6 +150,92 @@ TEST(Mounted, ClutchFreesTheHandAndContinuesWithoutAJump) {
     before = rig.script.command[0];
   }
   EXPECT_DOUBLE_EQ(before, 3.0);
+  EXPECT_NEAR(at(0.014, false).x.translation()[0], 0.33 + 0.01 * 0.003 + 0.003, 1e-12);
+}
+
+// Whatever the operator does with clutch, locks, scales and re-homing: in each tick the work at the hand is that of the force which
+// the account takes for applied.
+template <int N>
+void keeps_energy() {
+  std::mt19937 draw{7};
+  std::normal_distribution<double> normal;
+  DeviceMount m;
+  m.clutch_button = 0;
+  m.scale = 1.7;
+  m.rotation = N == 1 ? Eigen::Quaterniond::Identity() : rotation({0.3, -0.2, 0.5});
+  m.engage_s = 0.02;
+  Rig<N> rig{m};
+  using Vector = typename Force<N>::Vector;
+  const auto any = [&](double size) {
+    Vector v;
+    for (int i = 0; i < N; ++i) v[i] = size * normal(draw);
+    return v;
+  };
+  DeviceSample<N> before{};
+  Position<N> hand_before;
+  Vector held = Vector::Zero();
+  double hand = 0.0, account = 0.0, yielded = 0.0;
+  for (int k = 0; k < 5000; ++k) {
+    const bool rehomed = rig.device.transformer()->rehomes();
+    if (k % 50 == 49) {
+      rig.script.sample.buttons = draw() % 4 == 0 ? 1u : 0u;
+      rig.device.control({.clutched = draw() % 4 == 0,
+                          .locked = static_cast<std::uint32_t>(draw() % 64),
+                          .motion = 0.05 + 0.95 * static_cast<double>(draw() % 100) / 100.0,
+                          .force = static_cast<double>(draw() % 101) / 100.0});
+      if (draw() % 5 == 0) rig.device.rehome();
+    }
+    rig.script.sample.x = rig.script.sample.x + Displacement<N>{any(1e-3)};
+    const DeviceSample<N> s = rig.tick(Force<N>{any(2.0)});
+    if (k > 0) {
+      const double at_hand = held.dot((rig.script.sample.x - hand_before).vec());
+      const double booked = s.applied.vec().dot((s.x - before.x).vec());
+      ASSERT_NEAR(at_hand, booked, 1e-12) << k;
+      yielded += rehomed ? (s.x - before.x).vec().norm() : 0.0;
+      hand += at_hand, account += booked;
+    }
+    held = rig.script.command.vec();
+    hand_before = rig.script.sample.x;
+    before = s;
+  }
+  EXPECT_NEAR(account, hand, 1e-10);
+  EXPECT_GT(yielded, 1e-3);
+}
+TEST(Mounted, AccountsAreTheHandsUnderAnyUseOfTheControls) {
+  keeps_energy<1>();
+  keeps_energy<3>();
+  keeps_energy<6>();
+}
+
+TEST(Mounted, LockedAxesStandAndScalesRamp) {
+  DeviceMount m;
+  m.engage_s = 0.01;
+  Rig<6> rig{m};
+  Force<6>::Vector f;
+  f << 1.0, 2.0, 3.0, 0.1, 0.2, 0.3;
+  rig.tick(Force<6>{f});
+  rig.device.control({.locked = 0b100010});
+  rig.tick(Force<6>{f});
+  EXPECT_EQ(rig.script.command.vec(), (Force<6>::Vector{} << 1.0, 0.0, 3.0, 0.1, 0.2, 0.0).finished());
+  rig.device.control({.locked = 0b100010, .motion = 0.5, .force = 0.8});
+  const double most = 2.0 * 0.1 * f.norm();  // a tick of the ramps of ratio and force
+  Force<6>::Vector before = rig.script.command.vec();
+  for (int k = 0; k < 10; ++k) {
+    rig.tick(Force<6>{f});
+    EXPECT_LT((rig.script.command.vec() - before).norm(), most) << k;
+    before = rig.script.command.vec();
+  }
+  EXPECT_LT((before - (Force<6>::Vector{} << 0.4, 0.0, 1.2, 0.08, 0.16, 0.0).finished()).norm(), 1e-12);
+  const DeviceSample<6> a = rig.tick(Force<6>{f});
+  rig.script.sample.x = rig.script.sample.x.moved({0.01, 0.02, 0.03}, {0.1, 0.0, 0.2});
+  const DeviceSample<6> b = rig.tick(Force<6>{f});
+  const Displacement<6> moved = b.x - a.x;
+  EXPECT_LT((moved.vec() - (Force<6>::Vector{} << 0.005, 0.0, 0.015, 0.1, 0.0, 0.0).finished()).norm(), 1e-12);
+  EXPECT_EQ(moved.vec()[1], 0.0);
+  // What is out of range is left as it was.
+  rig.device.control({.locked = 0, .motion = 0.0, .force = -1.0});
+  rig.device.control({.motion = std::nan(""), .force = 2.0});
+  EXPECT_EQ(rig.device.controls(), (HandControls{.motion = 0.5, .force = 0.8}));
 }
 
 TEST(Mounted, AClutchNeedsAButtonOfTheDevice) {
@@ -181,7 +269,7 @@ TEST(Mounted, ClutchKeepsTheAttitude) {
   rig.script.sample.x = Position<6>{{0.3, 0.2, 0.0}, rotation({0.0, -0.7, 0.2})};
   rig.tick();
   rig.script.sample.buttons = 0;
-  EXPECT_LT((rig.tick().x - a.x).vec().norm(), 1e-14);
+  for (int k = 0; k < 110; ++k) EXPECT_LT((rig.tick().x - a.x).vec().norm(), 1e-14);
   rig.script.sample.x = rig.script.sample.x.moved({0.0, 0.0, 0.01}, {0.01, 0.02, 0.03});
   const Displacement<6> moved = rig.tick().x - a.x;
   EXPECT_LT((moved.vec() - (Displacement<6>::Vector{} << 0.0, 0.0, 0.01, 0.01, 0.02, 0.03).finished()).norm(), 1e-12);

@@ -56,6 +56,14 @@ TEST(PageCommand, IsClampedToItsLimits) {
   EXPECT_FALSE(parse_page_command("surface -1 1 0"));
   EXPECT_FALSE(parse_page_command("surface -0.5 1 0"));
   EXPECT_FALSE(parse_page_command("method -1"));
+  EXPECT_EQ(parse_page_command("clutch 1")->kind, PageCommand::Kind::clutch);
+  EXPECT_EQ(parse_page_command("clutch 1")->which, 1);
+  EXPECT_EQ(parse_page_command("rehome")->kind, PageCommand::Kind::rehome);
+  EXPECT_EQ(parse_page_command("lock 63")->which, 63);
+  const auto scale = parse_page_command("scale 0 9");
+  ASSERT_TRUE(scale);
+  EXPECT_EQ(scale->number[0], kPageScaleLeast);
+  EXPECT_EQ(scale->number[1], 1.0);
 }
 
 TEST(PageCommand, RefusesAnythingElse) {
@@ -78,6 +86,14 @@ TEST(PageCommand, RefusesAnythingElse) {
                           "release now",
                           "method 1.5",
                           "method x",
+                          "clutch",
+                          "clutch 2",
+                          "clutch -1",
+                          "rehome 1",
+                          "lock 64",
+                          "lock 0.5",
+                          "scale 1",
+                          "scale nan 1",
                           "surface 0 1",
                           "surface 0.5 1 0",
                           "surface 0 nan 0",

@@ -84,6 +84,7 @@ class Page {
     window.addEventListener('pagehide', () => this.letGo());
     window.addEventListener('blur', () => this.letGo());
     window.addEventListener('keydown', (e) => e.key === 'Escape' && this.letGo());
+    this.takeClutch();
     this.takePointer(element('picture'), 0);
     this.takePointer(element('second-picture'), 1);
     let frame = 0;
@@ -133,6 +134,7 @@ class Page {
     this.axis = 0;
     this.makePlots();
     this.makeSliders(scene);
+    this.makeWorkControls(scene);
     element('hint').textContent = this.hint(scene);
     for (const row of document.querySelectorAll<HTMLElement>('.linked'))
       row.hidden = !scene.linked || (row.classList.contains('six') && scene.dof !== 6);
@@ -264,6 +266,7 @@ class Page {
     state(element('slave-mode'), old || !this.scene.linked ? '' : robotOld ? silentSlave : `slave: ${slave}`, robotOld ? 'bad' : kind(slave));
     const held = number('held') === 1;
     state(element('held'), old || !this.scene.pointer ? '' : held ? 'handle held' : 'handle free', held ? 'good' : '');
+    state(element('clutched'), old ? '' : (['', 'clutched', 're-homing'][number('clutched')] ?? ''), 'warn');
     this.first!.badge(element('verdict'), old);
     const now = performance.now();
     this.limitsSeen = this.limitsSeen.filter((l) => l.at > now - LIMIT_SHOWN_MS);
@@ -292,7 +295,7 @@ class Page {
     this.turn = [0, 0, 0];
   }
   private stepHome(passed_s: number): void {
-    const to = this.first!.start!, hand = this.first!.vector('hand_x_m');
+    const to = this.first!.start!, hand = this.first!.vector('handle_x_m');
     const left = to.map((x, i) => x - this.target[i]!) as Vec, far = Math.hypot(...left), step = HOME_M_PER_S * passed_s;
     this.target = far <= step ? [...to] : (this.target.map((x, i) => x + (left[i]! * step) / far) as Vec);
     if (far <= step && Math.hypot(...hand.map((x, i) => x - to[i]!)) < 0.002) this.letGo();
@@ -459,6 +462,74 @@ class Page {
     method.onchange = () => this.channel.send(`method ${method.value}`, 0);
   }
 
+  // Clutch, locks and scales.
+
+  private clutching = false; // this page holds the clutch pressed
+  private workTouchedAt = -Infinity; // [ms]
+
+  private clutch(pressed: boolean): void {
+    if (pressed === this.clutching) return;
+    this.clutching = pressed;
+    this.channel.send(`clutch ${pressed ? 1 : 0}`);
+  }
+  /** A release that nobody sees, as of a key while another window has the focus, leaves it pressed: the robot stays. */
+  private takeClutch(): void {
+    const button = element('clutch');
+    button.addEventListener('pointerdown', (e) => {
+      e.preventDefault(); // the picture keeps the focus, and with it the handle
+      button.setPointerCapture(e.pointerId);
+      this.clutch(true);
+    });
+    for (const name of ['pointerup', 'pointercancel', 'lostpointercapture'] as const) button.addEventListener(name, () => this.clutch(false));
+    button.addEventListener('contextmenu', (e) => e.preventDefault()); // a long touch
+    const of = (e: KeyboardEvent): boolean => e.key.toLowerCase() === 'x' && !e.ctrlKey && !e.altKey && !e.metaKey;
+    const pressing = (e: KeyboardEvent): boolean => of(e) || ((e.key === ' ' || e.key === 'Enter') && e.target === button);
+    window.addEventListener('keydown', (e) => {
+      if (!pressing(e)) return;
+      e.preventDefault();
+      if (!e.repeat && this.scene?.linked) this.clutch(true);
+    });
+    window.addEventListener('keyup', (e) => pressing(e) && this.clutch(false));
+    element('rehome').onclick = () => this.channel.send('rehome');
+    element('rehome').addEventListener('pointerdown', (e) => e.preventDefault());
+  }
+  private makeWorkControls(scene: Introduction): void {
+    this.clutching = false;
+    this.workTouchedAt = -Infinity;
+    const names = ['x', 'y', 'z', 'about x', 'about y', 'about z'].slice(0, scene.dof);
+    const boxes = names.map((name) => {
+      const label = document.createElement('label'), box = document.createElement('input');
+      box.type = 'checkbox';
+      label.className = 'check';
+      label.append(box, `lock ${name}`);
+      return { label, box };
+    });
+    element('locks').replaceChildren(...boxes.map((b) => b.label));
+    for (const { box } of boxes)
+      box.onchange = () => {
+        this.workTouchedAt = performance.now();
+        this.channel.send(`lock ${boxes.reduce((sum, b, i) => sum + (b.box.checked ? 2 ** i : 0), 0)}`);
+      };
+    const motion = element<HTMLInputElement>('motion'), force = element<HTMLInputElement>('force');
+    motion.oninput = force.oninput = () => {
+      this.workTouchedAt = performance.now();
+      this.tellScales();
+      this.channel.send(`scale ${Number(motion.value) / 100} ${Number(force.value) / 100}`);
+    };
+  }
+  private tellScales(): void {
+    for (const id of ['motion', 'force']) element(`${id}-value`).textContent = `${element<HTMLInputElement>(id).value} %`;
+  }
+  /** What the master has: the controls follow, but for a second after they were used here. */
+  private followWork(): void {
+    const number = (name: string): number => this.first!.number(name);
+    element('clutch').setAttribute('aria-pressed', String(number('clutched') === 1));
+    if (performance.now() - this.workTouchedAt < 1000) return;
+    document.querySelectorAll<HTMLInputElement>('#locks input').forEach((box, i) => (box.checked = ((number('locked') >> i) & 1) === 1));
+    for (const id of ['motion', 'force']) element<HTMLInputElement>(id).value = String(Math.round(100 * number(id)));
+    this.tellScales();
+  }
+
   // The environment.
 
   private makeSurfaceSliders(scene: Introduction): void {
@@ -551,8 +622,8 @@ class Page {
     if (!this.scene?.pointer || !this.last || this.held) return;
     // Who watches and takes the handle asks for control; the server grants it while nobody holds the handle.
     this.held = true;
-    this.target = this.first!.vector('hand_x_m');
-    const [w, ...v] = this.first!.attitude('hand_attitude');
+    this.target = this.first!.vector('handle_x_m');
+    const [w, ...v] = this.first!.attitude('handle_attitude');
     const n = Math.hypot(...v), angle = 2 * Math.atan2(n, w);
     this.turn = n > 1e-9 ? (v.map((x) => (x / n) * (angle > Math.PI ? angle - 2 * Math.PI : angle)) as Vec) : [0, 0, 0];
     element('pictures').classList.add('held');
@@ -709,6 +780,7 @@ class Page {
     show('contact-spring', 100 * number('contact_spring_share'), 0, '%');
     element('picture').dataset.inView = String(first.inView());
     this.followEnvironment();
+    this.followWork();
     const trip = number('round_trip_ms');
     show('round-trip', trip < 0 ? NaN : trip, 1, 'ms');
     show('late', Math.max(...this.latest.map((x) => x.late)), 0, 'µs');

@@ -32,7 +32,7 @@ export class Session {
   last: Float64Array | null = null;
   told: Told;
   readonly picture: Picture;
-  start: Vec | null = null; // of the hand
+  start: Vec | null = null; // of the handle
   origin: Vec = [0, 0, 0]; // of the hand's world in the robot's
   private past: { t: number; hand: Vec }[] = [];
   private samples = 0;
@@ -75,7 +75,7 @@ export class Session {
 
   take(sample: Float64Array): void {
     this.last = sample;
-    this.start ??= this.vector('hand_x_m');
+    this.start ??= this.vector('handle_x_m');
     this.samples += 1;
     this.register(this.number('t_s'));
   }
@@ -96,7 +96,12 @@ export class Session {
     this.origin = this.origin.map((o, i) => o + share * (robot[i]! - behind[i]! - s * then.hand[i]! - o)) as Vec;
   }
 
-  /** `target`: of the pointer, in the hand's world, while it holds the handle. `robotAge`: in words; empty: of now. */
+  /** A place of the handle, as the hand's world has it from the present one on. */
+  private ofHandle(p: Vec): Vec {
+    const hand = this.vector('hand_x_m'), handle = this.vector('handle_x_m'), motion = this.number('motion');
+    return p.map((x, i) => hand[i]! + motion * (x - handle[i]!)) as Vec;
+  }
+  /** `target`: of the pointer, for the handle, while it holds that. `robotAge`: in words; empty: of now. */
   draw(target: Vec | null, robotAge: string): void {
     if (!this.last) return;
     this.picture.draw({
@@ -106,7 +111,7 @@ export class Session {
       robotAttitude: this.attitude('robot_attitude'),
       joints: this.list('joint_rad'),
       fingers: this.scene.gripper_m === null ? null : this.number('gripper_robot_m'),
-      target: target && this.inRobotWorld(target),
+      target: target && this.inRobotWorld(this.ofHandle(target)),
       felt: this.vector('felt_n'),
       feltTorque: this.vector('felt_n_m'),
       wanted: this.vector('unlimited_n'),
