@@ -1,5 +1,6 @@
 #include "common/platform/key_file.h"
 
+#include <dirent.h>
 #include <fcntl.h>
 #include <fmt/format.h>
 #include <strings.h>
@@ -7,10 +8,13 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <array>
 #include <cerrno>
 #include <csignal>
 #include <cstring>
+#include <memory>
+#include <string_view>
 #include <utility>
 
 #include "common/base/check.h"
@@ -19,7 +23,7 @@ namespace twoport {
 namespace {
 
 constexpr std::size_t kDigits = 2 * Key::kSize;
-constexpr mode_t kOthers = 077;
+constexpr mode_t kOthers = 077, kOthersWrite = 022;
 
 /// A descriptor that is closed in any case.
 struct File {
@@ -58,12 +62,17 @@ bool follows_a_pattern(const std::array<char, Key::kSize>& key) {
   return different < 8 || steps;
 }
 
-}  // namespace
+void check_owner(const struct stat& about, const std::string& path) {
+  if (about.st_uid != ::geteuid() && about.st_uid != 0)
+    throw ConfigError{fmt::format("--key {}: belongs to user {}; allowed are this user ({}) and root", path,
+                                  about.st_uid, ::geteuid())};
+}
 
-Key read_key_file(const std::string& path) {
+/// The file `name` in an open folder, `path` in messages.
+Key read_key(int folder, const char* name, const std::string& path) {
   const auto refuse = [&](const std::string& why) { return ConfigError{fmt::format("--key {}: {}", path, why)}; };
   // Without O_NONBLOCK, opening a pipe waits for its writer.
-  const File file{::open(path.c_str(), O_RDONLY | O_NOFOLLOW | O_CLOEXEC | O_NONBLOCK)};
+  const File file{::openat(folder, name, O_RDONLY | O_NOFOLLOW | O_CLOEXEC | O_NONBLOCK)};
   if (file.fd < 0) {
     if (errno == ELOOP) throw refuse("is a symbolic link; give the file itself");
     throw refuse(fmt::format("cannot be opened: {}; twoport-keygen FILE makes a key", std::strerror(errno)));
@@ -71,8 +80,7 @@ Key read_key_file(const std::string& path) {
   struct stat about {};
   if (::fstat(file.fd, &about) != 0) throw refuse(std::strerror(errno));
   if (!S_ISREG(about.st_mode)) throw refuse("is not a regular file");
-  if (about.st_uid != ::geteuid() && about.st_uid != 0)
-    throw refuse(fmt::format("belongs to user {}; allowed are this user ({}) and root", about.st_uid, ::geteuid()));
+  check_owner(about, path);
   if ((about.st_mode & kOthers) != 0)
     throw refuse(fmt::format("mode {:04o} lets others at the key; chmod 600 {}", about.st_mode & 07777, path));
 
@@ -102,6 +110,62 @@ Key read_key_file(const std::string& path) {
   Key out{bytes};
   explicit_bzero(bytes.data(), bytes.size());
   return out;
+}
+
+/// Names of the entries of an open folder, sorted; at most one more than there may be keys.
+std::vector<std::string> entries(int folder, const std::string& path) {
+  const std::unique_ptr<DIR, int (*)(DIR*)> listing{::fdopendir(::fcntl(folder, F_DUPFD_CLOEXEC, 0)), ::closedir};
+  if (!listing) throw ConfigError{fmt::format("--key {}: cannot be read: {}", path, std::strerror(errno))};
+  std::vector<std::string> names;
+  while (const dirent* const entry = ::readdir(listing.get()))
+    if (const std::string_view name{entry->d_name}; name != "." && name != ".." && names.size() <= kMostKeys)
+      names.emplace_back(name);
+  std::sort(names.begin(), names.end());
+  return names;
+}
+
+}  // namespace
+
+Key read_key_file(const std::string& path) {
+  return read_key(AT_FDCWD, path.c_str(), path);
+}
+
+KeyList read_keys(const std::string& path, bool several) {
+  const auto refuse = [&](const std::string& why) { return ConfigError{fmt::format("--key {}: {}", path, why)}; };
+  KeyList list;
+  const File folder{::open(path.c_str(), O_RDONLY | O_NOFOLLOW | O_CLOEXEC | O_DIRECTORY)};
+  const auto has_control = [](std::string_view name) {
+    return std::any_of(name.begin(), name.end(), [](unsigned char c) { return c < ' ' || c == 0x7f; });
+  };
+  if (folder.fd < 0) {
+    list.keys.push_back(read_key_file(path));
+    list.names.push_back(path.substr(path.rfind('/') + 1));
+    if (has_control(list.names.back())) throw refuse("its name has control characters");
+    return list;
+  }
+  if (!several) throw refuse("is a folder; a master has one key: give its file");
+  struct stat about {};
+  if (::fstat(folder.fd, &about) != 0) throw refuse(std::strerror(errno));
+  check_owner(about, path);
+  if ((about.st_mode & kOthersWrite) != 0)
+    throw refuse(
+        fmt::format("mode {:04o} lets others change who may come; chmod go-w {}", about.st_mode & 07777, path));
+  list.names = entries(folder.fd, path);
+  if (list.names.empty()) throw refuse(fmt::format("is an empty folder; twoport-keygen {}/NAME makes a key", path));
+  if (list.names.size() > kMostKeys)
+    throw refuse(fmt::format("has more than {} files; allowed are {} keys", kMostKeys, kMostKeys));
+  list.keys.reserve(list.names.size());
+  for (const std::string& name : list.names) {
+    if (has_control(name)) throw refuse(fmt::format("the name of the file {} has control characters", name));
+    Key key = read_key(folder.fd, name.c_str(), path + '/' + name);
+    const auto same =
+        std::find_if(list.keys.begin(), list.keys.end(), [&](const Key& k) { return k.bytes() == key.bytes(); });
+    if (same != list.keys.end())
+      throw refuse(fmt::format("{} and {} are the same key; every device needs its own",
+                               list.names[static_cast<std::size_t>(same - list.keys.begin())], name));
+    list.keys.push_back(std::move(key));
+  }
+  return list;
 }
 
 void make_key_file(const std::string& path) {

@@ -7,6 +7,7 @@
 #include <memory>
 #include <optional>
 #include <string>
+#include <vector>
 
 #include "common/base/histogram.h"
 #include "common/link/clock_offset.h"
@@ -45,7 +46,7 @@ class LiveLink {
         udp_{peer_ ? UdpSocket{any_port_toward(*peer_), *peer_} : UdpSocket{where_}},
         adjustable_{adjustable ? std::make_unique<ImpairedSocket>(udp_, of_page(side, scene, where_)) : nullptr},
         network_{adjustable_ ? static_cast<DatagramSocket&>(*adjustable_) : udp_, network(side, scene, peer_)},
-        secure_{secured()},
+        secure_{secured(to_duration(arguments.rekey_after_s))},
         mail_{Transport{side == Side::master ? limits_of_slave_reports(scene.control)
                                              : limits_of_master_reports(scene.control),
                         top(), session(side, scene, peer_, secure_ != nullptr, arguments.measures),
@@ -68,7 +69,7 @@ class LiveLink {
       log.info("listening on {}", to_string(udp_.local()));
     }
     if (secure_) {
-      log.info("packets are encrypted and authenticated with the key in {}", key_file_);
+      log.info("packets are encrypted and authenticated with {} in {}", key_count(), key_file_);
     } else if (where_.loopback()) {
       log.info("without a key: every program on this machine can take part");
     } else {
@@ -137,6 +138,7 @@ class LiveLink {
     outgoing.set_sent(count(mail_.counts().sent - link.unaddressed - link.unsent));
     outgoing.set_unsent(count(link.unsent));
     s.set_encrypted(secure_ != nullptr);
+    if (secure_ && secure_->paired_key()) s.set_peer_key(key_names_[*secure_->paired_key()]);
     s.set_mode(to_string(mode));
     s.set_reconnects(count(std::max<std::uint64_t>(mail_.transport().pairings(), 1) - 1));
     *s.mutable_limits()->mutable_peer() = limits_of_peer(limit_counts());
@@ -158,27 +160,33 @@ class LiveLink {
     o.longest_set_s = 1e-3 * (kPageDelayMs + 10.0 * kPageJitterMs);
     return o;
   }
-  std::unique_ptr<SecureSocket> secured() {
+  std::unique_ptr<SecureSocket> secured(Duration rekey_after) {
     if (key_file_.empty()) return nullptr;
-    SecureSocketOptions options{.server = side_ == Side::slave, .peer = peer_, .own_thread = true};
-    options.tell = [this](HandshakeFailure failure, const Endpoint& peer) {
+    const bool is_slave = side_ == Side::slave;
+    const KeyList list = read_keys(key_file_, is_slave);
+    key_names_ = list.names;
+    SecureSocketOptions options{.server = is_slave, .peer = peer_, .own_thread = true, .rekey_after = rekey_after};
+    options.tell = [this](HandshakeFailure failure, const Endpoint& peer, std::size_t key) {
       spdlog::logger* const log = log_.load();
       if (log == nullptr) return;
       if (failure == HandshakeFailure::none) {
-        log->info("{} has the key", to_string(peer));
+        log->info("{} has the key {}", to_string(peer), key_names_[key]);
       } else {
         log->warn("a handshake with {} has failed: {}", to_string(peer), cause_of(failure));
       }
     };
-    return std::make_unique<SecureSocket>(network_, options, read_key_file(key_file_));
+    return std::make_unique<SecureSocket>(network_, options, list.keys);
   }
-  static const char* cause_of(HandshakeFailure failure) {
+  [[nodiscard]] std::string key_count() const {
+    return key_names_.size() == 1 ? "the key" : std::to_string(key_names_.size()) + " keys";
+  }
+  [[nodiscard]] const char* cause_of(HandshakeFailure failure) const {
     switch (failure) {
       case HandshakeFailure::other_key:
-        return "it has another key; start both with the same --key";
+        return key_names_.size() > 1 ? "it has another key; put a copy of its key into the folder of --key"
+                                     : "it has another key; start both with the same --key";
       case HandshakeFailure::earlier_version:
-        return "it is of an earlier version of twoport, which proves its key too late; install the same version on "
-               "both sides";
+        return "it is of an earlier version of twoport; install the same version on both sides";
       default:
         return "packets are lost; check the network";
     }
@@ -241,6 +249,7 @@ class LiveLink {
   std::optional<Endpoint> peer_;
   // The stack, from the wire up.
   std::atomic<spdlog::logger*> log_{nullptr};
+  std::vector<std::string> key_names_;
   UdpSocket udp_;
   std::unique_ptr<ImpairedSocket> adjustable_;  ///< null: without a page
   ImpairedSocket network_;

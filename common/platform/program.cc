@@ -51,8 +51,15 @@ int live_program(int argc, char** argv, Side side, const std::string& drivers,
   app.add_option(master ? "--peer" : "--listen", a.address, "ADDR:PORT, an IP address or a host name")
       ->capture_default_str();
   app.add_option("--key", a.key,
-                 "File with the key that both programs share, made by twoport-keygen: encrypts and authenticates "
-                 "every packet. Without it only addresses of this machine are allowed");
+                 std::string{"File with the key that both programs share, made by twoport-keygen"} +
+                     (master ? "" : ", or a folder of them, a key for each master that may come") +
+                     ": encrypts and authenticates every packet. Without it only addresses of this machine are "
+                     "allowed");
+  if (master)
+    app.add_option("--rekey-after", a.rekey_after_s,
+                   "SECONDS after which new keys of packets are agreed on with the slave, beside the running session")
+        ->check(CLI::Range(1.0, 600.0))
+        ->capture_default_str();
   app.add_flag("--insecure", a.insecure,
                "Without a key, allow addresses of other machines too: anyone there can take over");
   app.add_option(hardware_flag, a.hardware, std::string{"NAME[:ARGS], "} + (master ? "the haptic device" : "the robot"))
@@ -108,6 +115,7 @@ int live_program(int argc, char** argv, Side side, const std::string& drivers,
   return run_program(app, name, argc, argv, [&] {
     if (page != nullptr && page->count() > 0 && a.page.empty()) a.page = kDefaultPage;
     if (master && a.page.empty() && a.hardware == "page") a.page = kDefaultPage;
+    if (!std::isfinite(a.rekey_after_s)) throw ConfigError("--rekey-after: must be between 1 and 600");
     if (!std::isfinite(a.stream_hz)) throw ConfigError("--stream-hz: must be between 0.1 and 1000");
     if (!duration.empty()) a.set.push_back("duration_s=" + duration);
     const Scene scene = load_scene(a.scene, a.set, SceneFor::live);

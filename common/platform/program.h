@@ -19,8 +19,9 @@ namespace twoport {
 /// Arguments of both live programs.
 struct LiveArguments {
   std::string scene, address, out, trace = "csv", hardware = "sim";
-  std::string key;        ///< --key: the file; empty: packets are neither encrypted nor authenticated
-  bool insecure = false;  ///< --insecure: without a key also beyond this machine
+  std::string key;  ///< --key: file, or folder of a slave; empty: packets are neither encrypted nor authenticated
+  double rekey_after_s = 600.0;  ///< --rekey-after, of a master
+  bool insecure = false;         ///< --insecure: without a key also beyond this machine
   std::vector<std::string> set;
   std::string record;    ///< --record: the file; empty: nothing is recorded
   std::string foxglove;  ///< of --foxglove: ADDR:PORT; empty: none

@@ -28,7 +28,8 @@ constexpr Duration kRepeatAfter = 50ms, kRepeatAtMost = 800ms;
 constexpr Duration kServerGivesUpAfter = 8s, kClientGivesUpAfter = 1500ms;
 constexpr int kRoundTrips = 4;       // that a client waits besides
 constexpr Duration kRemember = 60s;  // a finished attempt, which may have to repeat its last flight
-constexpr std::size_t kMostAttempts = 16, kMostPerNetwork = 4;
+constexpr std::size_t kMostAttempts = 16;
+constexpr std::ptrdiff_t kMostOfAKey = 4;
 // [datagrams]; of the answers to those without proof or cookie, which must leave room
 constexpr std::size_t kMostOutgoing = 256, kMostAnswers = 32, kMostPerFlight = 8;
 constexpr Duration kCookiesLast = 2min;  // and as long again
@@ -125,6 +126,7 @@ bool is_dtls(std::span<const std::byte> b) noexcept {
 struct DtlsHandshake::Attempt {
   DtlsHandshake& owner;
   Endpoint peer;
+  std::size_t key;
   Bits128 number;
   Bits128 cookie{};  ///< a client's
   ssl_st* ssl = nullptr;
@@ -136,7 +138,8 @@ struct DtlsHandshake::Attempt {
   std::optional<Duration> round_trip;  ///< of the last exchange
   Duration progressed{0}, repeated{0}, repeat_after{kRepeatAfter};
 
-  Attempt(DtlsHandshake& o, const Endpoint& p, const Bits128& n) : owner{o}, peer{p}, number{n} {}
+  Attempt(DtlsHandshake& o, const Endpoint& p, std::size_t k, const Bits128& n)
+      : owner{o}, peer{p}, key{k}, number{n} {}
   ~Attempt() { SSL_free(ssl); }
   Attempt(const Attempt&) = delete;
 
@@ -160,23 +163,28 @@ struct DtlsHandshake::Attempt {
 struct DtlsHandshake::Shared {
   ssl_ctx_st* context = nullptr;
   bio_method_st* datagrams = nullptr;
-  Key key;
+  std::vector<Key> keys;
   Cookies cookies;
 
-  explicit Shared(const Key::Bytes& bytes) : key{bytes} {}
+  explicit Shared(std::span<const Key> of) {
+    keys.reserve(of.size());
+    for (const Key& key : of) keys.emplace_back(key.bytes());
+  }
   ~Shared() {
     SSL_CTX_free(context);
     BIO_meth_free(datagrams);
   }
   Shared(const Shared&) = delete;
 
-  static Shared& of(SSL* ssl) { return *static_cast<Shared*>(SSL_CTX_get_app_data(SSL_get_SSL_CTX(ssl))); }
   static Attempt& attempt(SSL* ssl) { return *static_cast<Attempt*>(SSL_get_app_data(ssl)); }
   static Attempt& attempt(BIO* bio) { return *static_cast<Attempt*>(BIO_get_data(bio)); }
 
-  unsigned psk(unsigned char* to, unsigned room) const {
+  /// That the attempt has been proved with.
+  static unsigned psk(SSL* ssl, unsigned char* to, unsigned room) {
     if (room < Key::kSize) return 0;
-    std::copy(key.bytes().begin(), key.bytes().end(), to);
+    const Attempt& a = attempt(ssl);
+    const Key::Bytes& bytes = a.owner.shared_->keys[a.key].bytes();
+    std::copy(bytes.begin(), bytes.end(), to);
     return Key::kSize;
   }
   void make_method() {
@@ -217,30 +225,30 @@ struct DtlsHandshake::Shared {
     SSL_CTX_set_options(context,
                         SSL_OP_NO_QUERY_MTU | SSL_OP_NO_RENEGOTIATION | SSL_OP_NO_TICKET | SSL_OP_NO_COMPRESSION);
     SSL_CTX_set_read_ahead(context, 1);
-    SSL_CTX_set_app_data(context, this);
     SSL_CTX_set_psk_client_callback(
         context,
         [](SSL* ssl, const char*, char* name, unsigned name_room, unsigned char* to, unsigned room) -> unsigned {
           if (name_room < sizeof kIdentity) return 0;
           std::memcpy(name, kIdentity, sizeof kIdentity);
-          return of(ssl).psk(to, room);
+          return psk(ssl, to, room);
         });
     SSL_CTX_set_psk_server_callback(context,
                                     [](SSL* ssl, const char* name, unsigned char* to, unsigned room) -> unsigned {
-                                      return std::strcmp(name, kIdentity) == 0 ? of(ssl).psk(to, room) : 0;
+                                      return std::strcmp(name, kIdentity) == 0 ? psk(ssl, to, room) : 0;
                                     });
   }
 };
 
-DtlsHandshake::DtlsHandshake(const DtlsOptions& options, const Key& key)
-    : options_{options}, proof_{key}, shared_{std::make_unique<Shared>(key.bytes())} {
+DtlsHandshake::DtlsHandshake(const DtlsOptions& options, std::span<const Key> keys)
+    : options_{options}, proof_{keys}, shared_{std::make_unique<Shared>(keys)} {
   shared_->make_method();
   shared_->make_context(options.server);
 }
 DtlsHandshake::~DtlsHandshake() = default;
 
-std::unique_ptr<DtlsHandshake::Attempt> DtlsHandshake::make_attempt(const Endpoint& peer, const Bits128& number) {
-  auto attempt = std::make_unique<Attempt>(*this, peer, number);
+std::unique_ptr<DtlsHandshake::Attempt> DtlsHandshake::make_attempt(const Endpoint& peer, std::size_t key,
+                                                                    const Bits128& number) {
+  auto attempt = std::make_unique<Attempt>(*this, peer, key, number);
   attempt->ssl = SSL_new(shared_->context);
   BIO* const bio = BIO_new(shared_->datagrams);
   if (attempt->ssl == nullptr || bio == nullptr) fail("session");
@@ -257,9 +265,9 @@ std::unique_ptr<DtlsHandshake::Attempt> DtlsHandshake::make_attempt(const Endpoi
   return attempt;
 }
 
-DtlsHandshake::Attempt* DtlsHandshake::find(const Endpoint& peer, const Bits128& number) noexcept {
+DtlsHandshake::Attempt* DtlsHandshake::find(const Endpoint& peer, std::size_t key, const Bits128& number) noexcept {
   const auto at = std::find_if(attempts_.begin(), attempts_.end(),
-                               [&](const auto& a) { return a->peer == peer && a->number == number; });
+                               [&](const auto& a) { return a->peer == peer && a->key == key && a->number == number; });
   return at == attempts_.end() ? nullptr : at->get();
 }
 
@@ -275,27 +283,28 @@ void DtlsHandshake::on(std::span<const std::byte> bytes, const Endpoint& from, D
     if (is_dtls(bytes) && ++unproved_ >= kUnprovedInARow) note_failure(HandshakeFailure::earlier_version, from);
     return;
   }
-  if (parts->kind == HandshakeKind::other_key || !proof_.holds(bytes)) {
+  const std::optional<std::size_t> key = proof_.key_of(bytes);
+  if (parts->kind == HandshakeKind::other_key || !key) {
     ++counts_.refused;
     on_other_key(*parts, from, now);
     return;
   }
   unproved_ = 0;
   if (options_.server) {
-    on_client(*parts, from, now);
+    on_client(*parts, *key, from, now);
   } else {
     on_server(*parts, now);
   }
 }
 
-/// Of a server, or of a client that does not prove our key. The answer names the attempt, which only a receiver of the client's
+/// Of a server, or of a client that proves no key of ours. The answer names the attempt, which only a receiver of the client's
 /// datagrams knows, is shorter than what it answers, and goes to a network every 20 ms at most.
 void DtlsHandshake::on_other_key(const HandshakeParts& parts, const Endpoint& from, Duration now) {
   const bool told = parts.kind == HandshakeKind::other_key;
-  if (told != !options_.server || (told && find(from, parts.attempt) == nullptr)) return;
+  if (told != !options_.server || (told && find(from, 0, parts.attempt) == nullptr)) return;
   if (++unproved_ >= kUnprovedInARow) note_failure(HandshakeFailure::other_key, from);
   if (options_.server && parts.kind == HandshakeKind::of_client && !parts.records.empty() && !is_told(from, now))
-    send({.kind = HandshakeKind::other_key, .attempt = parts.attempt}, from, kMostAnswers);
+    send({.kind = HandshakeKind::other_key, .attempt = parts.attempt}, 0, from, kMostAnswers);
 }
 
 bool DtlsHandshake::is_told(const Endpoint& peer, Duration now) noexcept {
@@ -307,9 +316,9 @@ bool DtlsHandshake::is_told(const Endpoint& peer, Duration now) noexcept {
 }
 
 /// A proven datagram at the server.
-void DtlsHandshake::on_client(const HandshakeParts& parts, const Endpoint& from, Duration now) {
+void DtlsHandshake::on_client(const HandshakeParts& parts, std::size_t key, const Endpoint& from, Duration now) {
   const bool hello = is_client_hello(parts.records);
-  if (Attempt* const known = find(from, parts.attempt)) {
+  if (Attempt* const known = find(from, key, parts.attempt)) {
     // A ClientHello that it has already is answered by the flight that follows.
     if (!hello) proceed(*known, parts.records, now);
     return;
@@ -321,16 +330,17 @@ void DtlsHandshake::on_client(const HandshakeParts& parts, const Endpoint& from,
   if (!shared_->cookies.fits(from, parts, now)) {
     ++counts_.cookies_sent;
     send({.kind = HandshakeKind::cookie, .attempt = parts.attempt, .cookie = shared_->cookies.make(from, parts, now)},
-         from, kMostAnswers);
+         key, from, kMostAnswers);
     return;
   }
-  const bool again = std::find(begun_.begin(), begun_.end(), parts.attempt) != begun_.end();
-  if (again || !make_room(from)) {
+  const std::pair begun{key, parts.attempt};
+  const bool again = std::find(begun_.begin(), begun_.end(), begun) != begun_.end();
+  if (again || !make_room(key)) {
     ++counts_.refused;
     return;
   }
-  attempts_.push_back(make_attempt(from, parts.attempt));
-  begun_[next_begun_++ % begun_.size()] = parts.attempt;
+  attempts_.push_back(make_attempt(from, key, parts.attempt));
+  begun_[next_begun_++ % begun_.size()] = begun;
   Attempt& attempt = *attempts_.back();
   attempt.repeated = attempt.progressed = now;
   proceed(attempt, parts.records, now);
@@ -338,7 +348,7 @@ void DtlsHandshake::on_client(const HandshakeParts& parts, const Endpoint& from,
 
 /// A proven datagram at the client. A cookie counts until the server has begun; then it may have started again, with others.
 void DtlsHandshake::on_server(const HandshakeParts& parts, Duration now) {
-  Attempt* const attempt = find(*options_.peer, parts.attempt);
+  Attempt* const attempt = find(*options_.peer, 0, parts.attempt);
   if (attempt == nullptr || parts.kind == HandshakeKind::of_client) {
     ++counts_.refused;
     return;
@@ -355,15 +365,17 @@ void DtlsHandshake::on_server(const HandshakeParts& parts, Duration now) {
   }
 }
 
-/// For one more attempt of `peer`. False: there is none.
-bool DtlsHandshake::make_room(const Endpoint& peer) {
-  const auto of_network = [&](const auto& a) { return same_network(a->peer, peer); };
-  if (std::count_if(attempts_.begin(), attempts_.end(), of_network) >= static_cast<std::ptrdiff_t>(kMostPerNetwork)) {
+/// For one more attempt with `key`. False: there is none.
+bool DtlsHandshake::make_room(std::size_t key) {
+  const auto drop_oldest = [&](auto is_one) {
     auto oldest = attempts_.end();
     for (auto at = attempts_.begin(); at != attempts_.end(); ++at)
-      if (of_network(*at) && (oldest == attempts_.end() || (*at)->progressed < (*oldest)->progressed)) oldest = at;
-    attempts_.erase(oldest);
-  }
+      if (is_one(*at) && (oldest == attempts_.end() || (*at)->progressed < (*oldest)->progressed)) oldest = at;
+    if (oldest != attempts_.end()) attempts_.erase(oldest);
+  };
+  const auto is_of_key = [&](const auto& a) { return a->key == key; };
+  if (std::count_if(attempts_.begin(), attempts_.end(), is_of_key) >= kMostOfAKey) drop_oldest(is_of_key);
+  if (attempts_.size() >= kMostAttempts) drop_oldest([](const auto& a) { return a->finished; });
   return attempts_.size() < kMostAttempts;
 }
 
@@ -406,22 +418,22 @@ void DtlsHandshake::finish(Attempt& attempt) {
   attempt.finished = true;
   failure_ = HandshakeFailure::none;
   ++counts_.associations;
-  associations_.push_back(std::make_unique<Association>(Association{attempt.peer, attempt.round_trip.value_or(0s),
-                                                                    Sealer{options_.server ? of_server : of_client},
-                                                                    Opener{options_.server ? of_client : of_server}}));
+  associations_.push_back(std::make_unique<Association>(
+      Association{attempt.peer, attempt.key, attempt.round_trip.value_or(0s),
+                  Sealer{options_.server ? of_server : of_client}, Opener{options_.server ? of_client : of_server}}));
 }
 
-void DtlsHandshake::send(const HandshakeParts& parts, const Endpoint& to, std::size_t most_waiting) {
+void DtlsHandshake::send(const HandshakeParts& parts, std::size_t key, const Endpoint& to, std::size_t most_waiting) {
   if (outgoing_.size() - sent_ >= most_waiting) return;
   std::array<std::byte, kMaxDatagramBytes> bytes;
-  outgoing_.emplace_back().assign({bytes.data(), proof_.write(parts, bytes)}, to);
+  outgoing_.emplace_back().assign({bytes.data(), proof_.write(key, parts, bytes)}, to);
 }
 void DtlsHandshake::send(const Attempt& attempt, std::span<const std::byte> records) {
   send({.kind = options_.server ? HandshakeKind::of_server : HandshakeKind::of_client,
         .attempt = attempt.number,
         .cookie = attempt.cookie,
         .records = records},
-       attempt.peer, kMostOutgoing);
+       attempt.key, attempt.peer, kMostOutgoing);
 }
 void DtlsHandshake::send_again(Attempt& attempt, Duration now) {
   attempt.repeated = now;
@@ -449,7 +461,7 @@ void DtlsHandshake::advance(Duration now, bool wanted) {
   if (under_way || (began_ && now - *began_ < kRepeatAfter)) return;
   began_ = now;
   attempts_.clear();
-  attempts_.push_back(make_attempt(*options_.peer, draw<Bits128>()));
+  attempts_.push_back(make_attempt(*options_.peer, 0, draw<Bits128>()));
   attempts_.back()->progressed = attempts_.back()->repeated = now;
   proceed(*attempts_.back(), {}, now);
 }

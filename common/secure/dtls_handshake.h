@@ -6,6 +6,7 @@
 #include <memory>
 #include <optional>
 #include <span>
+#include <utility>
 #include <vector>
 
 #include "common/base/time.h"
@@ -21,9 +22,10 @@ struct bio_st;
 
 namespace twoport {
 
-/// What a finished handshake leaves: the peer, and the ciphers of both directions.
+/// What a finished handshake leaves: the peer, which of our keys it has, and the ciphers of both directions.
 struct Association {
   Endpoint peer;
+  std::size_t key = 0;
   Duration round_trip{0};
   Sealer sealer;
   Opener opener;
@@ -45,7 +47,7 @@ struct DtlsCounts {
 enum class HandshakeFailure : std::uint8_t {
   none,
   packets_lost,     ///< the other side has the key, and an attempt had no progress
-  other_key,        ///< three datagrams in a row were made with another key
+  other_key,        ///< three datagrams in a row were made with no key of ours
   earlier_version,  ///< handshakes of a program that does not prove the key first
 };
 
@@ -59,16 +61,20 @@ enum class HandshakeFailure : std::uint8_t {
 ///             <-> records of DTLS in of_client and of_server           each of this attempt, or dropped
 ///
 /// Who has no key gets no cookie and begins nothing. Who repeats what he has recorded gets a cookie that he cannot use, since it
-/// must stand under the proof, and begins nothing either: an attempt begins once. A server has at most sixteen attempts, four a network
-/// (IPv4 /24, IPv6 /64); a fifth takes the place of the oldest of its own network, a seventeenth none. An
+/// must stand under the proof, and begins nothing either: an attempt begins once. A server has at most sixteen attempts, four a key;
+/// a fifth takes the place of the oldest of its own key, a seventeenth that of a finished one, or none. An
 /// attempt never touches an association: whoever holds one keeps it until take_association() returns the next.
+///
+/// A server may have several keys, one for each client. The first datagram says which; all others of the attempt, and the PSK of its
+/// handshake, must be of the same.
 ///
 /// A flight is sent again 50 ms after the last progress, then after 100, 200, 400 and every 800 ms. OpenSSL's own timers, which
 /// read the system's clock, are off. The keys of an association are exported (RFC 5705): OpenSSL's own records have others.
 class DtlsHandshake {
  public:
-  /// Throws std::runtime_error when OpenSSL lacks what is needed.
-  DtlsHandshake(const DtlsOptions& options, const Key& key);
+  /// A client has one key. Throws std::runtime_error when OpenSSL lacks what is needed.
+  DtlsHandshake(const DtlsOptions& options, std::span<const Key> keys);
+  DtlsHandshake(const DtlsOptions& options, const Key& key) : DtlsHandshake{options, std::span{&key, 1}} {}
   ~DtlsHandshake();
   DtlsHandshake(const DtlsHandshake&) = delete;
 
@@ -90,18 +96,18 @@ class DtlsHandshake {
  private:
   struct Attempt;
 
-  std::unique_ptr<Attempt> make_attempt(const Endpoint& peer, const Bits128& number);
-  void on_client(const HandshakeParts& parts, const Endpoint& from, Duration now);
+  std::unique_ptr<Attempt> make_attempt(const Endpoint& peer, std::size_t key, const Bits128& number);
+  void on_client(const HandshakeParts& parts, std::size_t key, const Endpoint& from, Duration now);
   void on_server(const HandshakeParts& parts, Duration now);
   void on_other_key(const HandshakeParts& parts, const Endpoint& from, Duration now);
   void proceed(Attempt& attempt, std::span<const std::byte> records, Duration now);
   void finish(Attempt& attempt);
-  void send(const HandshakeParts& parts, const Endpoint& to, std::size_t most_waiting);
+  void send(const HandshakeParts& parts, std::size_t key, const Endpoint& to, std::size_t most_waiting);
   void send(const Attempt& attempt, std::span<const std::byte> records);
   void send_again(Attempt& attempt, Duration now);
-  bool make_room(const Endpoint& peer);
+  bool make_room(std::size_t key);
   void note_failure(HandshakeFailure why, const Endpoint& peer) noexcept;
-  Attempt* find(const Endpoint& peer, const Bits128& number) noexcept;
+  Attempt* find(const Endpoint& peer, std::size_t key, const Bits128& number) noexcept;
   [[nodiscard]] bool is_told(const Endpoint& peer, Duration now) noexcept;
 
   DtlsOptions options_;
@@ -109,7 +115,8 @@ class DtlsHandshake {
   struct Shared;
   std::unique_ptr<Shared> shared_;
   std::vector<std::unique_ptr<Attempt>> attempts_;  ///< and finished ones, which may have to repeat their last flight
-  std::array<Bits128, 256> begun_{};                ///< the last attempts of a server: none begins twice
+  /// The last attempts of a server, by key and number: none begins twice.
+  std::array<std::pair<std::size_t, Bits128>, 256> begun_{};
   std::size_t next_begun_ = 0;
   std::optional<Duration> began_;  ///< a client's last attempt
   std::vector<Datagram> outgoing_;

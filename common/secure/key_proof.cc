@@ -8,22 +8,24 @@
 
 #include <algorithm>
 #include <stdexcept>
+#include <string>
 
 namespace twoport {
 namespace {
 
-constexpr std::array<std::byte, 3> kMark{std::byte{0x16}, std::byte{0xfe}, std::byte{0x54}};
-constexpr std::size_t kKindAt = 3, kAttemptAt = 4, kCookieAt = 20, kMacAt = 36;
+constexpr std::array<std::byte, 3> kMark{std::byte{0x16}, std::byte{0xfe}, std::byte{0x55}};
+constexpr std::size_t kKindAt = 3, kKeyAt = 4, kAttemptAt = 12, kCookieAt = 28, kMacAt = 44;
 
 /// HKDF (RFC 5869) with SHA-256 and without salt: the key is uniform.
-std::array<std::uint8_t, 32> derive(const Key& key) {
+std::array<std::uint8_t, 32> derive(const Key& key, std::string purpose) {
   std::array<std::uint8_t, 32> out{};
   Key::Bytes secret = key.bytes();
-  char digest[] = "SHA256", purpose[] = "twoport handshake datagrams";
-  const OSSL_PARAM parameters[] = {OSSL_PARAM_construct_utf8_string(OSSL_KDF_PARAM_DIGEST, digest, 0),
-                                   OSSL_PARAM_construct_octet_string(OSSL_KDF_PARAM_KEY, secret.data(), secret.size()),
-                                   OSSL_PARAM_construct_octet_string(OSSL_KDF_PARAM_INFO, purpose, sizeof purpose - 1),
-                                   OSSL_PARAM_construct_end()};
+  char digest[] = "SHA256";
+  const OSSL_PARAM parameters[] = {
+      OSSL_PARAM_construct_utf8_string(OSSL_KDF_PARAM_DIGEST, digest, 0),
+      OSSL_PARAM_construct_octet_string(OSSL_KDF_PARAM_KEY, secret.data(), secret.size()),
+      OSSL_PARAM_construct_octet_string(OSSL_KDF_PARAM_INFO, purpose.data(), purpose.size()),
+      OSSL_PARAM_construct_end()};
   EVP_KDF* const kdf = EVP_KDF_fetch(nullptr, OSSL_KDF_NAME_HKDF, nullptr);
   EVP_KDF_CTX* const context = kdf != nullptr ? EVP_KDF_CTX_new(kdf) : nullptr;
   const bool derived = context != nullptr && EVP_KDF_derive(context, out.data(), out.size(), parameters) == 1;
@@ -71,30 +73,44 @@ std::optional<HandshakeParts> read_handshake(std::span<const std::byte> d) noexc
       kind > static_cast<std::uint8_t>(HandshakeKind::other_key))
     return std::nullopt;
   HandshakeParts parts{.kind = static_cast<HandshakeKind>(kind), .records = d.subspan(kProofHeader)};
+  std::copy_n(d.begin() + kKeyAt, parts.key.size(), parts.key.begin());
   std::copy_n(d.begin() + kAttemptAt, parts.attempt.size(), parts.attempt.begin());
   std::copy_n(d.begin() + kCookieAt, parts.cookie.size(), parts.cookie.begin());
   return parts;
 }
 
-KeyProof::KeyProof(const Key& key)
-    : mac_{[&] {
-        std::array<std::uint8_t, 32> derived = derive(key);
-        Mac mac{derived};
-        OPENSSL_cleanse(derived.data(), derived.size());
-        return mac;
-      }()} {}
-
-bool KeyProof::holds(std::span<const std::byte> d) noexcept {
-  return same_bits(mac_.of({d.first(kMacAt), d.subspan(kProofHeader)}), d.subspan(kMacAt).first<16>());
+KeyProof::KeyProof(std::span<const Key> keys) {
+  proofs_.reserve(keys.size());
+  for (const Key& key : keys) {
+    const std::array<std::uint8_t, 32> name = derive(key, "twoport key identifier");
+    std::array<std::uint8_t, 32> secret = derive(key, "twoport handshake datagrams");
+    KeyId id;
+    std::transform(name.begin(), name.begin() + id.size(), id.begin(), [](std::uint8_t b) { return std::byte{b}; });
+    proofs_.push_back({id, Mac{secret}});
+    OPENSSL_cleanse(secret.data(), secret.size());
+  }
 }
 
-std::size_t KeyProof::write(const HandshakeParts& parts, std::span<std::byte> to) noexcept {
+std::optional<std::size_t> KeyProof::key_of(std::span<const std::byte> d) noexcept {
+  const auto at = std::find_if(proofs_.begin(), proofs_.end(), [&](const Proof& p) {
+    return std::equal(p.id.begin(), p.id.end(), d.begin() + kKeyAt);
+  });
+  if (at == proofs_.end() ||
+      !same_bits(at->mac.of({d.first(kMacAt), d.subspan(kProofHeader)}), d.subspan(kMacAt).first<16>()))
+    return std::nullopt;
+  return static_cast<std::size_t>(at - proofs_.begin());
+}
+
+std::size_t KeyProof::write(std::size_t key, const HandshakeParts& parts, std::span<std::byte> to) noexcept {
+  const bool proves = parts.kind != HandshakeKind::other_key;
+  const KeyId id = proves ? proofs_[key].id : KeyId{};
   std::copy(kMark.begin(), kMark.end(), to.begin());
   to[kKindAt] = static_cast<std::byte>(parts.kind);
+  std::copy(id.begin(), id.end(), to.begin() + kKeyAt);
   std::copy(parts.attempt.begin(), parts.attempt.end(), to.begin() + kAttemptAt);
   std::copy(parts.cookie.begin(), parts.cookie.end(), to.begin() + kCookieAt);
   std::copy(parts.records.begin(), parts.records.end(), to.begin() + kProofHeader);
-  const Bits128 mac = parts.kind == HandshakeKind::other_key ? Bits128{} : mac_.of({to.first(kMacAt), parts.records});
+  const Bits128 mac = proves ? proofs_[key].mac.of({to.first(kMacAt), parts.records}) : Bits128{};
   std::copy(mac.begin(), mac.end(), to.begin() + kMacAt);
   return kProofHeader + parts.records.size();
 }

@@ -7,6 +7,7 @@
 #include <memory>
 #include <optional>
 #include <span>
+#include <vector>
 
 #include "common/secure/key.h"
 
@@ -16,6 +17,10 @@ namespace twoport {
 
 /// 128 bits that nobody guesses: the number of an attempt, a cookie, a MAC.
 using Bits128 = std::array<std::byte, 16>;
+
+/// Which of several keys a datagram is made with. Derived from the key and no secret: whoever reads it can tell devices apart, as by
+/// the identity of a PSK in DTLS (RFC 4279), and learns nothing else of the key.
+using KeyId = std::array<std::byte, 8>;
 
 /// BLAKE2s with a key, 16 bytes long. Neither allocates nor throws once it is made. Of one thread.
 class Mac {
@@ -46,6 +51,7 @@ enum class HandshakeKind : std::uint8_t {
 /// A datagram of a handshake, in its parts.
 struct HandshakeParts {
   HandshakeKind kind = HandshakeKind::of_client;
+  KeyId key{};        ///< of its MAC
   Bits128 attempt{};  ///< drawn by the client for each attempt; the server returns it
   Bits128 cookie{};   ///< zeros: none
   std::span<const std::byte> records{};
@@ -54,27 +60,35 @@ struct HandshakeParts {
 /// The header of a handshake's datagrams, which proves that the sender has the key, before anything is kept, answered or read
 /// by OpenSSL:
 ///
-///     mark 16 fe 54 (3 B) | kind (1 B) | attempt (16 B) | cookie (16 B) | MAC (16 B) | records of DTLS
+///     mark 16 fe 55 (3 B) | kind (1 B) | key (8 B) | attempt (16 B) | cookie (16 B) | MAC (16 B) | records of DTLS
 ///
-/// The MAC is of all the rest, under HKDF-SHA256(key, "twoport handshake datagrams"). The mark is no version of DTLS.
-inline constexpr std::size_t kProofHeader = 52;  // [B]
+/// The MAC is of all the rest, under HKDF-SHA256(key, "twoport handshake datagrams"); the identifier of the key is the beginning of
+/// HKDF-SHA256(key, "twoport key identifier"). The mark is no version of DTLS.
+inline constexpr std::size_t kProofHeader = 60;  // [B]
 
 /// Nothing when the datagram does not begin with such a header. The MAC is not looked at.
 std::optional<HandshakeParts> read_handshake(std::span<const std::byte> datagram) noexcept;
 
-/// Writes and checks the header. Of one thread.
+/// Writes and checks the header with one of several keys, which are named by their place. A datagram costs one MAC, however many
+/// keys there are; one whose identifier is of none of them costs none. Of one thread.
 class KeyProof {
  public:
   /// Throws std::runtime_error when OpenSSL lacks what is needed.
-  explicit KeyProof(const Key& key);
+  explicit KeyProof(std::span<const Key> keys);
+  explicit KeyProof(const Key& key) : KeyProof{std::span{&key, 1}} {}
 
-  /// Has the sender of a datagram that read_handshake() accepts the key?
-  bool holds(std::span<const std::byte> datagram) noexcept;
-  /// `to` has room for the header and the records. Returns the length.
-  std::size_t write(const HandshakeParts& parts, std::span<std::byte> to) noexcept;
+  /// The key that the sender of a datagram that read_handshake() accepts has proved to have; nothing: none.
+  std::optional<std::size_t> key_of(std::span<const std::byte> datagram) noexcept;
+  /// With the key at that place, but for other_key, which has neither identifier nor MAC. `to` has room for the header and the
+  /// records. Returns the length.
+  std::size_t write(std::size_t key, const HandshakeParts& parts, std::span<std::byte> to) noexcept;
 
  private:
-  Mac mac_;
+  struct Proof {
+    KeyId id;
+    Mac mac;
+  };
+  std::vector<Proof> proofs_;
 };
 
 }  // namespace twoport

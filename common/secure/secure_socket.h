@@ -1,11 +1,15 @@
 #pragma once
 
 #include <atomic>
+#include <chrono>
+#include <cstddef>
 #include <cstdint>
 #include <functional>
 #include <memory>
 #include <optional>
+#include <span>
 #include <thread>
+#include <vector>
 
 #include "common/base/ring.h"
 #include "common/link/datagram.h"
@@ -20,9 +24,11 @@ struct SecureSocketOptions {
   std::optional<Endpoint> peer{};  ///< a client's
   /// Handshakes run in a thread of their own, beside the cycle; else within receive(), in virtual time.
   bool own_thread = false;
-  /// Called by that thread: the peer has proved that it has the key (none), or a handshake has come to nothing, which is said
-  /// once in five seconds at most.
-  std::function<void(HandshakeFailure, const Endpoint& peer)> tell{};
+  /// A client agrees on new keys this long after the last ones.
+  Duration rekey_after = std::chrono::minutes{10};
+  /// Called by that thread: the peer has proved that it has the key at that place (none), or a handshake has come to nothing, which
+  /// is said once in five seconds at most.
+  std::function<void(HandshakeFailure, const Endpoint& peer, std::size_t key)> tell{};
 };
 
 /// A filter above another socket that encrypts and authenticates every datagram: DTLS 1.2 with a pre-shared key. What it
@@ -30,15 +36,25 @@ struct SecureSocketOptions {
 /// plain text.
 ///
 /// Handshakes run beside: datagrams go to and from them through rings. The tick only seals, opens, looks at
-/// source and type of a datagram, the source first, and checks that a datagram of a handshake proves the key. A client makes a new handshake when nothing has been opened for 250 ms,
-/// so that a server that has started again is found; a server takes a new association when the peer has proved that it has
-/// the key. Until then the present association stays, whatever arrives.
+/// source and type of a datagram, the source first, and checks that a datagram of a handshake proves a key. A client makes a new
+/// handshake when nothing has been opened for 250 ms, so that a server that has started again is found, and when its keys are old.
+/// Present associations stay, whatever arrives.
 ///
-/// One peer at a time. send() and receive() allocate, lock and throw nothing; not so with handshakes within receive().
+/// New keys with a peer that has some already: the client seals with them as soon as its handshake has finished, since the server has
+/// them then; the server from the first record on that it has opened with them, since the client has them then. Those of before
+/// open records for five seconds more, and are wiped. No keys are used for longer than half an hour.
+///
+/// A client has one peer, a server up to eight associations, so that whoever it is not paired with can be told so. One more
+/// takes the place of the one that has been silent for longest, never of the paired peer's. A peer at whose address another key calls
+/// keeps its place while it is heard within a second.
+///
+/// send() and receive() allocate, lock and throw nothing; not so with handshakes within receive().
 class SecureSocket final : public DatagramSocket {
  public:
   /// `socket` must outlive this. Throws std::runtime_error when OpenSSL lacks what is needed.
-  SecureSocket(DatagramSocket& socket, const SecureSocketOptions& options, const Key& key);
+  SecureSocket(DatagramSocket& socket, const SecureSocketOptions& options, std::span<const Key> keys);
+  SecureSocket(DatagramSocket& socket, const SecureSocketOptions& options, const Key& key)
+      : SecureSocket{socket, options, std::span{&key, 1}} {}
   ~SecureSocket() override;
   SecureSocket(const SecureSocket&) = delete;
 
@@ -52,10 +68,25 @@ class SecureSocket final : public DatagramSocket {
   [[nodiscard]] HandshakeFailure last_failure() const noexcept { return failure_.load(std::memory_order_relaxed); }
   /// Handshakes that have succeeded.
   [[nodiscard]] std::uint64_t associations() const noexcept { return associations_; }
+  /// The key, by its place, of the last paired peer.
+  [[nodiscard]] std::optional<std::size_t> paired_key() const noexcept { return paired_key_; }
 
  private:
+  /// An association in use.
+  struct Held {
+    std::unique_ptr<Association> association;
+    Duration since{0}, opened{0};
+    Duration ends{0};        ///< it is wiped then
+    bool is_shared = false;  ///< the peer has it too: it seals
+  };
+
   void begin_tick(Duration now) noexcept;
-  void take_association(Duration now) noexcept;
+  void take_associations(Duration now) noexcept;
+  void hold(Association* arrived, Duration now) noexcept;
+  void share(std::size_t which, Duration now) noexcept;
+  void forget(std::size_t which) noexcept;
+  void retire(Association* association) noexcept;
+  [[nodiscard]] Held* newest_shared(const Endpoint& peer) noexcept;
   bool hand_over(const ReceivedDatagram& datagram) noexcept;
   bool open(const ReceivedDatagram& datagram, Duration now, std::span<const std::byte>& plain) noexcept;
   void work();
@@ -67,10 +98,10 @@ class SecureSocket final : public DatagramSocket {
 
   // Of the cycle.
   KeyProof proof_;
-  std::unique_ptr<Association> association_;
+  std::vector<Held> held_;  ///< in the order of arrival
+  std::optional<Endpoint> paired_;
+  std::optional<std::size_t> paired_key_;
   std::optional<Duration> tick_;
-  Duration opened_{0};      ///< last
-  Duration deaf_after_{0};  ///< without any
   std::uint64_t associations_ = 0, unsent_ = 0;
   std::uint64_t flights_unsent_ = 0;  ///< of handshakes
   Rejected rejected_;
@@ -89,10 +120,9 @@ class SecureSocket final : public DatagramSocket {
   Datagram working_, leaving_;
   bool has_leaving_ = false;
   std::uint64_t made_ = 0;
-  std::uint64_t told_agreed_ = 0, told_failed_ = 0;
+  std::uint64_t told_failed_ = 0;
   std::optional<Duration> failed_at_;  ///< told
   std::unique_ptr<Association> waiting_;
-  Endpoint agreed_with_;
   std::atomic<bool> done_{false};
   std::thread thread_;
 };

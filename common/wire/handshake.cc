@@ -14,7 +14,7 @@ constexpr Duration kRefusalLinger = 500ms;  // during which refusals are sent
 constexpr Duration kRefusedFor = 200ms;  // and as often: then a refusal is believed, where anybody could have made it
 constexpr int kRefusedTimes = 5;
 constexpr Duration kTakenAfter = 1s;        // of requests before an unpaired peer is told that the slave is busy
-constexpr Duration kFollowedAfter = 750ms;  // of silence: then another address may follow, where it could be anybody's
+constexpr Duration kFollowedAfter = 750ms;  // of silence: then another address may follow
 constexpr Duration kGoneAfter = 1s;  // of silence: then the slave accepts an earlier master that is still running
 
 /// Interval at which a slave renews its offer to a master of another session: the master may have closed the last one.
@@ -127,8 +127,7 @@ Handshake::Action Handshake::on_unknown(const Header& header, Decoded decoded, c
   const bool elsewhere = peer_ && from != *peer_;
   if (header.session == peer_session_ && within(kSilent, heard_, now)) return Action::reject;
   // An active session is not replaced.
-  const Duration followed_after = options_.tells_reasons ? kSilent : kFollowedAfter;
-  const bool preempts = elsewhere ? within(followed_after, heard_, now) : coupled(now);
+  const bool preempts = elsewhere ? within(kFollowedAfter, heard_, now) : coupled(now);
   const Sentence why = mismatch(options_, dof_, header, decoded);
   const std::uint64_t mine = options_.scene_digest, theirs = header.identity ? header.identity->scene_digest : mine;
   if (!why.empty() && (mine == kMeasurementDigest || theirs == kMeasurementDigest)) {
@@ -137,7 +136,8 @@ Handshake::Action Handshake::on_unknown(const Header& header, Decoded decoded, c
   }
   if (!why.empty()) {
     // Only the first peer, and one that restarts in its place, can be the wrong one.
-    const bool may_end_us = pairings_ == 0 || (!elsewhere && !within(followed_after, heard_, now) && !preempts);
+    const Duration silent = options_.tells_reasons ? kSilent : kFollowedAfter;
+    const bool may_end_us = pairings_ == 0 || (!elsewhere && !within(silent, heard_, now) && !preempts);
     if (may_end_us && !mismatch_found_ && (options_.tells_reasons || knows_us(header)) &&
         persists(why.view(), true, now)) {
       reject_reason_ = why;

@@ -55,9 +55,8 @@ class LastSessions {
 /// another session.
 ///
 /// A slave accepts the first master. While packets of that master arrive it ignores other addresses; a master
-/// that restarts from a new port is accepted after 750 ms of silence of the old one, when the robot is almost released; after
-/// 100 ms where every sender is known to have the key (SessionOptions::tells_reasons). A master that keeps asking for a second
-/// meanwhile is told that the slave is busy.
+/// that restarts from a new port is accepted after 750 ms of silence of the old one, when the robot is almost released. A master
+/// that keeps asking for a second meanwhile is told that the slave is busy.
 ///
 /// Without a key a refusal names nothing of this side, and an introduction that does not fit ends nobody by itself, since
 /// its source may be forged or its bits flipped on the way. What ends a side is the same refusal, with a number that only

@@ -21,7 +21,7 @@ struct SessionOptions {
   std::vector<std::string_view> scene_field_names{};  ///< of the fields that both sides share
   std::string scene_fields{};                         ///< their digests, two bytes each
   std::optional<Endpoint> peer{};  ///< a master is given the address of its slave; a slave learns that of its master
-  /// What arrives comes from a holder of the key: refusals name what differs, and another address may follow at once.
+  /// What arrives comes from a holder of the key: refusals name what differs.
   bool tells_reasons = false;
 };
 

@@ -4,7 +4,7 @@
 
 // The filter of a client and of a server on a network that the input controls: genuine datagrams are lost, repeated and
 // changed, and the input adds its own from any address. Nothing is handed up that neither has said; nobody without the
-// key has an association; in the end, with a network that works, the two talk.
+// key has an association; new keys are agreed on every 100 ms; in the end, with a network that works, the two talk.
 namespace twoport {
 namespace {
 
@@ -80,7 +80,8 @@ class World {
   Duration now_{0};
   MemoryNetwork network_;
   MemorySocket a_{network_.open(kServerAt, now_)}, b_{network_.open(kClientAt, now_)};
-  SecureSocket server_{a_, {.server = true}, key()}, client_{b_, {.server = false, .peer = kServerAt}, key()};
+  SecureSocket server_{a_, {.server = true}, key()},
+      client_{b_, {.server = false, .peer = kServerAt, .rekey_after = 100ms}, key()};
   std::uint64_t heard_[2] = {0, 0};
 };
 

@@ -1,26 +1,33 @@
+#include <vector>
+
 #include "common/secure/dtls_handshake.h"
 #include "tests/fuzz/input.h"
 #include "tests/support/memory_network.h"
 
 // The datagrams of a handshake as a server reads them: any bytes, genuine hellos that were changed, and any bytes that a
-// holder of the key has signed, from any address and at any time. Only a proven hello is answered, by one cookie that is shorter; at most
+// holder of one of three keys has signed, from any address and at any time. Only a proven hello is answered, by one cookie that is shorter; at most
 // sixteen attempts of a flight each begin; nobody has an association.
 namespace twoport {
 namespace {
 
-Key key() {
-  Key::Bytes bytes;
-  bytes.fill(42);
-  return Key{bytes};
+std::vector<Key> three_keys() {
+  std::vector<Key> keys;
+  for (std::uint8_t fill = 41; fill <= 43; ++fill) {
+    Key::Bytes bytes;
+    bytes.fill(fill);
+    keys.emplace_back(bytes);
+  }
+  return keys;
 }
 
 void run(Input& in) {
-  DtlsHandshake server{{.server = true}, key()};
-  KeyProof proof{key()};
+  const std::vector<Key> keys = three_keys();
+  DtlsHandshake server{{.server = true}, keys};
+  KeyProof proof{keys};
   Duration now{0};
   Datagram hello;
   {
-    DtlsHandshake client{{.server = false, .peer = MemoryNetwork::address(1, 1)}, key()};
+    DtlsHandshake client{{.server = false, .peer = MemoryNetwork::address(1, 1)}, keys[1]};
     client.advance(now, true);
     client.take_outgoing(hello);
   }
@@ -42,15 +49,16 @@ void run(Input& in) {
     if (proven) {
       HandshakeParts parts{.kind = static_cast<HandshakeKind>(1 + what / 4 % 4),
                            .cookie = what & 16 ? cookie : Bits128{}};
-      parts.attempt[0] = static_cast<std::byte>(in.byte() % 8);
+      const std::uint8_t which = in.byte();
+      parts.attempt[0] = static_cast<std::byte>(which % 8);
       const auto known = read_handshake(d.bytes());
       parts.records = known ? known->records : d.bytes();
       std::array<std::byte, kMaxDatagramBytes> bytes;
       Datagram signed_one;
-      signed_one.assign({bytes.data(), proof.write(parts, bytes)}, from);
+      signed_one.assign({bytes.data(), proof.write(which / 8 % keys.size(), parts, bytes)}, from);
       d = signed_one;
     } else {
-      proven = read_handshake(d.bytes()) && proof.holds(d.bytes());
+      proven = read_handshake(d.bytes()) && proof.key_of(d.bytes());
     }
     server.on(d.bytes(), from, now);
     Datagram out;

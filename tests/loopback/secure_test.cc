@@ -114,6 +114,65 @@ TEST(Key, ThatDiffersOrIsMissingIsSaidOnBothSides) {
   }
 }
 
+TEST(Key, IsAgreedOnAnewEverySecondAndNoPacketIsRefused) {
+  const KeyedPair pair;
+  const Words longer{"--set", "duration_s=6"};
+  Words often = longer;
+  often.insert(often.end(), {"--rekey-after", "1"});
+  Process slave = pair.listening_slave("slave", longer), master = pair.master("master", often);
+  EXPECT_EQ(master.wait(), exited(0)) << master.err();
+  EXPECT_EQ(slave.wait(), exited(0)) << slave.err();
+  for (Process* side : {&master, &slave}) EXPECT_GE(count(side->err(), " has the key key"), 4) << side->err();
+  expect_coupled(pair, {"master", "slave"});
+  for (const char* side : {"master", "slave"}) {
+    const schema::Summary summary = pair.summary(side);
+    const auto& packets = summary.packets();
+    const auto& in = side == std::string{"master"} ? packets.to_master() : packets.to_slave();
+    // A flight that was said twice counts as of a handshake.
+    for (const auto& [reason, times] : in.rejected_by()) EXPECT_EQ(reason, "failed_handshake") << times;
+  }
+  for (const char* wrong : {"0.5", "601", "nan", "soon"})
+    EXPECT_EQ(pair.master("out", {"--rekey-after", wrong}).wait(), exited(2)) << wrong;
+}
+
+TEST(Key, OfEachDeviceIsSaidAndLocksNobodyElseInOrOut) {
+  const Pair pair;
+  const std::string keys = pair.at("keys"), left = keys + "/left", right = keys + "/right";
+  std::filesystem::create_directory(keys);
+  std::filesystem::permissions(keys, std::filesystem::perms::owner_all);
+  for (const std::string& file : {left, right}) ASSERT_EQ(finished({TWOPORT_KEYGEN, file}).wait(), exited(0));
+  const Words slave_words{"--key", keys, "--set", "duration_s=4"};
+  {
+    Process slave = pair.listening_slave("slave", slave_words);
+    Process first = pair.master("first", {"--key", left, "--set", "duration_s=4"});
+    ASSERT_TRUE(slave.says("paired with the master")) << slave.err();
+    Process second = pair.master("second", {"--key", right, "--set", "duration_s=4"});
+    EXPECT_EQ(second.wait(), exited(1));
+    EXPECT_NE(second.err().find("the slave is busy"), std::string::npos) << second.err();
+    EXPECT_EQ(first.wait(), exited(0)) << first.err();
+    EXPECT_EQ(slave.wait(), exited(0)) << slave.err();
+    EXPECT_NE(slave.err().find("with 2 keys in"), std::string::npos) << slave.err();
+    EXPECT_EQ(count(slave.err(), " has the key left"), 1) << "it never was deaf: " << slave.err();
+    EXPECT_GE(count(slave.err(), " has the key right"), 1) << slave.err();
+    EXPECT_EQ(pair.summary("slave").peer_key(), "left");
+    EXPECT_EQ(pair.summary("first").peer_key(), "left");
+    EXPECT_EQ(pair.summary("slave").reconnects(), 0u);
+    std::filesystem::rename(pair.at("first"), pair.at("master"));
+    expect_coupled(pair, {"master", "slave"});
+  }
+  const std::string mine = pair.at("right");
+  std::filesystem::rename(right, mine);
+  Process slave = pair.listening_slave("slave", slave_words);
+  Process shut_out = pair.master("shut-out", {"--key", mine, "--duration", "1"});
+  EXPECT_EQ(shut_out.wait(), exited(1));
+  EXPECT_NE(shut_out.err().find("it has another key"), std::string::npos) << shut_out.err();
+  Process first = pair.master("first", {"--key", left, "--set", "duration_s=1"});
+  EXPECT_EQ(first.wait(), exited(0)) << first.err();
+  slave.send(SIGTERM);
+  slave.wait();
+  EXPECT_EQ(pair.master("out", {"--key", keys}).wait(), exited(2));
+}
+
 /// Two datagrams a millisecond from 10,000 addresses of this machine: a genuine ClientHello, and one that proves no key.
 class Strangers {
  public:
@@ -221,7 +280,7 @@ TEST(Key, SurvivesARestartOfEachSide) {
       pair.master("third", {"--set", "device.position_m=[0.026]", "--set", "control.registration.mode=ABSOLUTE"});
   EXPECT_EQ(third.wait(), exited(0)) << third.err();
   EXPECT_EQ(second.wait(), exited(0)) << second.err();
-  EXPECT_EQ(count(second.err(), " has the key"), 2) << second.err();
+  EXPECT_GE(count(second.err(), " has the key"), 2) << second.err();  // again where nobody answers within 250 ms
   EXPECT_EQ(pair.summary("second").reconnects(), 1u);
   expect_coupled(pair, {"third", "second"});
 }

@@ -189,8 +189,8 @@ TEST_F(NetworkTest, APulledCableInContactIsHeldAndCoupledAgain) {
   EXPECT_GT(pair.summary("slave").packets().to_slave().lost(), 200u);
 }
 
-// As a computer that roams. Nobody can follow a session to another address but who pairs anew: without a key after 750 ms of silence, with one
-// by its handshake.
+// As a computer that roams. Nobody can follow a session to another address but who pairs anew, after 750 ms of silence, and with a key by its
+// handshake.
 TEST_F(NetworkTest, AMasterWhoseAddressChangesIsCoupledAgain) {
   for (const char* link : {"--key", "--insecure"}) {
     Pair pair;

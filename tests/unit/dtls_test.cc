@@ -96,7 +96,9 @@ class Header {
   Datagram before(std::span<const std::byte> records, HandshakeKind kind) {
     Datagram d;
     std::array<std::byte, kMaxDatagramBytes> bytes;
-    d.assign({bytes.data(), proof_.write({kind, attempt, cookie, records}, bytes)}, kThere);
+    d.assign({bytes.data(),
+              proof_.write(0, {.kind = kind, .attempt = attempt, .cookie = cookie, .records = records}, bytes)},
+             kThere);
     return d;
   }
   Bits128 attempt{std::byte{1}}, cookie{};
@@ -260,6 +262,68 @@ TEST(DtlsServer, AnAttemptBeginsOnceHoweverOftenItsHelloIsRepeated) {
   }
   EXPECT_EQ(w.server.last_failure(), HandshakeFailure::packets_lost);
   EXPECT_EQ(w.answer(hello, kHere, 20s), std::nullopt);
+}
+
+TEST(DtlsServer, AnAttemptIsOfTheKeyThatItBeganWith) {
+  std::vector<Key> keys;
+  for (std::uint8_t fill = 41; fill <= 43; ++fill) {
+    Key::Bytes bytes;
+    bytes.fill(fill);
+    keys.emplace_back(bytes);
+  }
+  DtlsHandshake server{{.server = true}, keys}, client{{.server = false, .peer = kThere}, keys[1]};
+  KeyProof others{keys[2]};
+  Datagram d;
+  std::unique_ptr<Association> association;
+  for (Duration now{0}; now < 100ms && !association; now += 1ms) {
+    client.advance(now, true);
+    while (client.take_outgoing(d)) {
+      // Before each of its datagrams whoever has another key, and stands on the way, sends the same attempt's, cookie and all.
+      HandshakeParts parts = read_handshake(d.bytes()).value();
+      std::vector<std::byte> records{parts.records.begin(), parts.records.end()};
+      std::array<std::byte, kMaxDatagramBytes> bytes;
+      for (const std::size_t at : {records.size(), std::size_t{0}, std::size_t{13}, records.size() - 1}) {
+        if (at < records.size()) records[at] ^= std::byte{1};
+        parts.records = records;
+        server.on({bytes.data(), others.write(0, parts, bytes)}, kHere, now);
+      }
+      server.on(d.bytes(), kHere, now);
+    }
+    while (server.take_outgoing(d)) client.on(d.bytes(), kThere, now);
+    association = client.take_association();
+  }
+  ASSERT_TRUE(association);
+  const auto made = server.take_association();
+  ASSERT_TRUE(made);
+  EXPECT_EQ(made->key, 1U);
+  EXPECT_EQ(server.take_association(), nullptr);
+  std::span<const std::byte> plain;
+  EXPECT_EQ(made->opener.open(association->sealer.seal(std::as_bytes(std::span{"word", 4})), plain), Opened::ok);
+}
+
+TEST(DtlsServer, AKeyHasFourAttemptsAndTakesThePlacesOfItsOwnOnly) {
+  std::vector<Key> keys;
+  for (std::uint8_t fill = 1; fill <= 6; ++fill) keys.emplace_back(Key::Bytes{fill, fill});
+  DtlsHandshake server{{.server = true}, keys};
+  const auto begins = [&](std::size_t key) {
+    DtlsHandshake client{{.server = false, .peer = kThere}, keys[key]};
+    Datagram d;
+    client.advance(0ms, true);
+    EXPECT_TRUE(client.take_outgoing(d));
+    server.on(d.bytes(), kHere, 0ms);
+    EXPECT_TRUE(server.take_outgoing(d));
+    client.on(d.bytes(), kThere, 0ms);
+    EXPECT_TRUE(client.take_outgoing(d));
+    server.on(d.bytes(), kHere, 0ms);
+    bool answered = false;
+    while (server.take_outgoing(d)) answered = true;
+    return answered;
+  };
+  for (int k = 0; k < 100; ++k) EXPECT_TRUE(begins(0)) << "in place of its own";
+  for (const std::size_t key : {1, 2, 3})
+    for (int k = 0; k < 4; ++k) EXPECT_TRUE(begins(key));
+  EXPECT_FALSE(begins(4)) << "sixteen are under way";
+  EXPECT_TRUE(begins(3));
 }
 
 TEST(DtlsServer, SaysThatAProgramIsOfAnEarlierVersion) {

@@ -7,6 +7,7 @@
 #include <filesystem>
 #include <fstream>
 #include <string>
+#include <vector>
 
 #include "common/base/check.h"
 #include "tests/support/folder.h"
@@ -107,6 +108,77 @@ TEST_F(KeyFile, IsARegularFileOfThisUserOrRoot) {
   if (::geteuid() != 0) GTEST_SKIP() << "only root can give a file away";
   ASSERT_EQ(::chown(path.c_str(), 12345, 12345), 0);
   EXPECT_TRUE(has(refusal(path), "belongs to user 12345"));
+}
+
+/// A folder of keys.
+class KeyFolder : public KeyFile {
+ protected:
+  KeyFolder() { std::filesystem::create_directory(keys); }
+  void add(const std::string& name) const { make_key_file(keys + '/' + name); }
+  [[nodiscard]] std::string refusal(bool several = true) const {
+    try {
+      read_keys(keys, several);
+    } catch (const ConfigError& e) {
+      return e.what();
+    }
+    return {};
+  }
+  std::string keys = folder / "keys";
+};
+
+TEST_F(KeyFolder, HoldsAKeyForEachDeviceByName) {
+  for (const char* name : {"right", "left", ".hidden"}) add(name);
+  const KeyList list = read_keys(keys, true);
+  EXPECT_EQ(list.names, (std::vector<std::string>{".hidden", "left", "right"}));
+  ASSERT_EQ(list.keys.size(), 3U);
+  for (std::size_t i = 0; i < 3; ++i)
+    EXPECT_EQ(list.keys[i].bytes(), read_key_file(keys + '/' + list.names[i]).bytes());
+  const KeyList one = read_keys(keys + "/left", true);
+  EXPECT_EQ(one.names, std::vector<std::string>{"left"});
+  EXPECT_EQ(one.keys.at(0).bytes(), list.keys[1].bytes());
+  EXPECT_TRUE(has(refusal(false), "a master has one key"));
+}
+
+TEST_F(KeyFolder, HoldsBetweenOneAndSixtyFourDifferentKeys) {
+  EXPECT_TRUE(has(refusal(), "is an empty folder"));
+  for (std::size_t i = 0; i < kMostKeys; ++i) add("key" + std::to_string(i));
+  EXPECT_EQ(read_keys(keys, true).keys.size(), 64U);
+  add("one-more");
+  EXPECT_TRUE(has(refusal(), "allowed are 64 keys"));
+  std::filesystem::remove(keys + "/one-more");
+  std::filesystem::remove(keys + "/key63");
+  std::filesystem::copy_file(keys + "/key7", keys + "/copy");
+  EXPECT_TRUE(has(refusal(), "copy and key7 are the same key"));
+}
+
+TEST_F(KeyFolder, IsRefusedWhereAnyOfItIsNoKeyOrOthersMayChangeIt) {
+  add("good");
+  ::chmod(keys.c_str(), 0770);
+  EXPECT_TRUE(has(refusal(), "lets others change who may come; chmod go-w"));
+  ::chmod(keys.c_str(), 0755);
+  EXPECT_EQ(refusal(), "");
+  std::ofstream{keys + "/notes.txt"} << "who has which";
+  EXPECT_TRUE(has(refusal(), "/notes.txt: mode"));
+  ::chmod((keys + "/notes.txt").c_str(), 0600);
+  EXPECT_TRUE(has(refusal(), "/notes.txt: is no key"));
+  std::filesystem::remove(keys + "/notes.txt");
+  std::filesystem::create_directory(keys + "/more");
+  EXPECT_TRUE(has(refusal(), "/more: is not a regular file"));
+  std::filesystem::remove(keys + "/more");
+  std::filesystem::create_symlink(keys + "/good", keys + "/link");
+  EXPECT_TRUE(has(refusal(), "/link: is a symbolic link"));
+  std::filesystem::remove(keys + "/link");
+  add("two\nlines");
+  EXPECT_TRUE(has(refusal(), "control characters"));
+  EXPECT_THROW(read_keys(keys + "/two\nlines", true), ConfigError);
+  std::filesystem::remove(keys + "/two\nlines");
+  EXPECT_EQ(refusal(), "");
+  const std::string link = folder / "link";
+  std::filesystem::create_directory_symlink(keys, link);
+  EXPECT_THROW(read_keys(link, true), ConfigError);
+  if (::geteuid() != 0) GTEST_SKIP() << "only root can give a folder away";
+  ASSERT_EQ(::chown(keys.c_str(), 12345, 12345), 0);
+  EXPECT_TRUE(has(refusal(), "belongs to user 12345"));
 }
 
 }  // namespace

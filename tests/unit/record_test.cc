@@ -3,8 +3,14 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <array>
 #include <cstdint>
+#include <fstream>
+#include <memory>
 #include <random>
+#include <span>
+#include <string>
+#include <utility>
 #include <vector>
 
 #include "tests/support/no_alloc.h"
@@ -146,6 +152,39 @@ TEST(Record, DoesNotAllocate) {
     opener.open(plain, opened);
   }
   EXPECT_EQ(guard.seen(), 0);
+}
+
+/// How often bytes stand in the heap; they are given with every bit flipped.
+std::size_t copies_in_heap(std::span<const std::uint8_t, 32> flipped) {
+  std::array<std::uint8_t, 32> wanted;
+  std::transform(flipped.begin(), flipped.end(), wanted.begin(), [](auto b) { return static_cast<std::uint8_t>(~b); });
+  std::ifstream maps{"/proc/self/maps"};
+  std::size_t copies = 0;
+  for (std::string line; std::getline(maps, line);) {
+    if (!line.ends_with("[heap]")) continue;
+    std::size_t dash = 0;
+    const std::size_t begin = std::stoull(line, &dash, 16), end = std::stoull(line.substr(dash + 1), nullptr, 16);
+    const auto* at = reinterpret_cast<const std::uint8_t*>(begin);
+    const auto* const last = reinterpret_cast<const std::uint8_t*>(end);
+    while ((at = std::search(at, last, wanted.begin(), wanted.end())) != last) ++copies, ++at;
+  }
+  return copies;
+}
+
+TEST(Record, KeysAreWipedWithWhatHoldsThem) {
+  std::array<std::uint8_t, 32> flipped;
+  for (std::size_t i = 0; i < flipped.size(); ++i) flipped[i] = static_cast<std::uint8_t>(i * i + 7);
+  const auto pair = [&] {
+    RecordKeys keys;
+    std::transform(flipped.begin(), flipped.end(), keys.key.begin(),
+                   [](auto b) { return static_cast<std::uint8_t>(~b); });
+    return std::make_unique<std::pair<Sealer, Opener>>(Sealer{keys}, Opener{keys});
+  };
+  auto held = pair();
+  if (copies_in_heap(flipped) == 0) GTEST_SKIP() << "the heap is elsewhere";
+  EXPECT_EQ(copies_in_heap(flipped), 2U);
+  held.reset();
+  EXPECT_EQ(copies_in_heap(flipped), 0U);
 }
 
 }  // namespace

@@ -5,9 +5,14 @@
 #include <chrono>
 #include <cstdint>
 #include <cstring>
+#include <deque>
+#include <functional>
 #include <memory>
+#include <optional>
 #include <random>
 #include <string>
+#include <thread>
+#include <utility>
 #include <vector>
 
 #include "tests/support/memory_network.h"
@@ -36,12 +41,22 @@ struct Weather {
 constexpr Weather kCalm{.delay_s = 0.002};
 
 /// A filter over a socket of a memory network, which says a number each tick and counts those it hears.
-class Side {
+class Side final : public DatagramSocket {
  public:
-  Side(MemoryNetwork& network, bool server, const Endpoint& at, Duration now, const Key::Bytes& bytes = key())
+  Side(MemoryNetwork& network, bool server, const Endpoint& at, Duration now, std::span<const Key> keys,
+       Duration rekey_after)
       : socket_{network.open(at, now)},
+        at_{at},
         to_{server ? kClientAt : kServerAt},
-        secure_{socket_, {.server = server, .peer = server ? std::nullopt : std::optional{kServerAt}}, Key{bytes}} {}
+        secure_{*this,
+                {.server = server,
+                 .peer = server ? std::nullopt : std::optional{kServerAt},
+                 .rekey_after = rekey_after,
+                 .tell =
+                     [this](HandshakeFailure failure, const Endpoint& peer, std::size_t which) {
+                       if (failure == HandshakeFailure::none) told.emplace_back(peer, which);
+                     }},
+                keys} {}
 
   void tick(Duration now) {
     heard_in_tick = 0;
@@ -59,9 +74,29 @@ class Side {
   SecureSocket& socket() { return secure_; }
   std::uint64_t heard = 0, heard_in_tick = 0;
   std::vector<std::uint64_t> numbers;
+  std::vector<std::pair<Endpoint, std::size_t>> told;  ///< who has which key
+
+  // Of the filter to the network, past whoever stands there.
+  bool send(std::span<const std::byte> bytes, const Endpoint& to, Duration now) noexcept override {
+    Datagram copy;
+    copy.assign(bytes, to);
+    if (kept) kept->push_back(copy);
+    return (stops && stops(bytes)) || socket_.send(bytes, to, now);
+  }
+  std::optional<ReceivedDatagram> receive(Duration now) noexcept override {
+    const auto datagram = socket_.receive(now);
+    if (datagram && copies) copies->push_back(Datagram{*datagram});
+    return datagram;
+  }
+  [[nodiscard]] const Endpoint& local() const noexcept override { return at_; }
+  [[nodiscard]] SocketCounts counts() const noexcept override { return socket_.counts(); }
+  std::vector<Datagram>* kept = nullptr;                  ///< of what is sent
+  std::function<bool(std::span<const std::byte>)> stops;  ///< of what is sent
+  std::deque<Datagram>* copies = nullptr;                 ///< of what arrives
 
  private:
   MemorySocket socket_;
+  Endpoint at_;
   Endpoint to_;
   std::uint64_t said_ = 0;
   SecureSocket secure_;
@@ -82,16 +117,25 @@ struct World {
   }
   void start_server(const Key::Bytes& bytes = key()) {
     server.reset();
-    server = std::make_unique<Side>(network, true, kServerAt, now, bytes);
+    const Key one{bytes};
+    start_server(std::span{&one, 1});
+  }
+  void start_server(std::span<const Key> keys) {
+    server = std::make_unique<Side>(network, true, kServerAt, now, keys, rekey_after);
   }
   void start_client(const Endpoint& at = kClientAt, const Key::Bytes& bytes = key()) {
     client.reset();
-    client = std::make_unique<Side>(network, false, at, now, bytes);
+    client = start(at, bytes);
+  }
+  std::unique_ptr<Side> start(const Endpoint& at, const Key::Bytes& bytes) {
+    const Key one{bytes};
+    return std::make_unique<Side>(network, false, at, now, std::span{&one, 1}, rekey_after);
   }
   void tick() {
     now += kTick;
     if (server) server->tick(now);
     if (client) client->tick(now);
+    for (const auto& other : others) other->tick(now);
   }
   void run(Duration span) {
     for (const Duration end = now + span; now < end;) tick();
@@ -108,8 +152,9 @@ struct World {
   }
 
   MemoryNetwork network;
-  Duration now{0};
+  Duration now{0}, rekey_after = 10min;
   std::unique_ptr<Side> server, client;
+  std::vector<std::unique_ptr<Side>> others;
 };
 
 TEST(SecureSocket, CarriesDatagramsBetweenTwoHoldersOfTheKey) {
@@ -505,32 +550,275 @@ TEST_P(UnderAFlood, TwoThatHaveTheKeyMeetAndMeetAgainWithinASecond) {
 }
 INSTANTIATE_TEST_SUITE_P(Of, UnderAFlood, ::testing::Values(Flood::forged, Flood::first, Flood::second));
 
-TEST(SecureSocket, DoesNotAllocateWhileNothingIsAgreedOn) {
+/// Records that have arrived and were not opened, and what could not be sealed.
+std::uint64_t spoiled(Side& side) {
+  const SocketCounts c = side.socket().counts();
+  return c.unsent + c.rejected.total() - c.rejected.failed_handshake;
+}
+
+class NewKeys : public ::testing::TestWithParam<double> {};
+
+TEST_P(NewKeys, AreAgreedOnAgainAndAgainAndEachRecordThatArrivesIsOpenedOnce) {
+  World w{11};
+  w.rekey_after = 1s;
+  w.set({.delay_s = 0.02, .jitter_s = 0.01, .loss = GetParam(), .reorder = 0.1});
+  w.start_server();
+  w.start_client();
+  ASSERT_GE(w.until_both_hear(), 0ns);
+  const std::uint64_t of_server = spoiled(*w.server), of_client = spoiled(*w.client);
+  w.run(120s);
+  std::cout << w.client->socket().associations() << " associations in 120 s\n";
+  EXPECT_GT(w.client->socket().associations(), 30U);
+  EXPECT_GE(w.server->socket().associations(), w.client->socket().associations()) << "its last flight may be lost";
+  EXPECT_EQ(spoiled(*w.server), of_server) << "of 120,000";
+  EXPECT_EQ(spoiled(*w.client), of_client) << "of 120,000";
+  for (const Side* side : {w.server.get(), w.client.get()}) {
+    std::vector<std::uint64_t> once = side->numbers;
+    std::sort(once.begin(), once.end());
+    EXPECT_EQ(std::adjacent_find(once.begin(), once.end()), once.end()) << "no number twice";
+    EXPECT_GT(static_cast<double>(once.size()), 0.98 * (1.0 - GetParam()) * 120'000);
+  }
+}
+INSTANTIATE_TEST_SUITE_P(AtALossOf, NewKeys, ::testing::Values(0.0, 0.2, 0.5));
+
+TEST(OldKeys, OpenRecordsForFiveSecondsMoreAndNoLonger) {
   World w;
-  // The handshake in its own thread, as live: what this thread does in a tick allocates nothing.
-  MemorySocket server = w.network.open(kServerAt, w.now), client = w.network.open(kClientAt, w.now);
-  SecureSocket s{server, {.server = true, .peer = std::nullopt, .own_thread = true}, Key{key()}};
-  SecureSocket c{client, {.server = false, .peer = kServerAt, .own_thread = true}, Key{key()}};
-  const auto tick = [&] {
+  w.rekey_after = 20s;
+  w.start_server();
+  w.start_client();
+  ASSERT_GE(w.until_both_hear(), 0ns);
+  // What the client seals in this time is kept from the server.
+  std::vector<Datagram> old;
+  w.run(19s);
+  w.client->kept = &old;
+  w.client->stops = [](auto) { return true; };
+  w.run(100ms);
+  w.client->kept = nullptr;
+  w.client->stops = nullptr;
+  ASSERT_EQ(old.size(), 100U);
+  w.run(10ms);
+  const auto say = [&](std::size_t i) {
+    const std::uint64_t heard = w.server->heard;
+    w.network.send(old[i].bytes(), kClientAt, kServerAt, w.now);
+    w.run(5ms);
+    return w.server->heard - heard - 5;
+  };
+  EXPECT_EQ(say(0), 1U);
+  w.run(1500ms);
+  ASSERT_EQ(w.client->socket().associations(), 2U);
+  ASSERT_EQ(w.server->socket().associations(), 2U);
+  EXPECT_EQ(w.server->socket().counts().rejected.total(), 0U);
+  EXPECT_EQ(say(1), 1U) << "late, and opened";
+  EXPECT_EQ(say(1), 0U) << "not twice";
+  EXPECT_EQ(w.server->socket().counts().rejected.replayed, 1U);
+  w.run(5s);
+  const Rejected before = w.server->socket().counts().rejected;
+  for (std::size_t i = 0; i < old.size(); ++i) EXPECT_EQ(say(i), 0U);
+  EXPECT_EQ(w.server->socket().counts().rejected.not_authentic, before.not_authentic + 100);
+  EXPECT_EQ(w.server->socket().associations(), 2U);
+}
+
+TEST(OldKeys, GoOnWhileTheLastFlightOfTheServerIsLost) {
+  World w;
+  w.rekey_after = 2s;
+  w.start_server();
+  w.start_client();
+  ASSERT_GE(w.until_both_hear(), 0ns);
+  // The server's last flight never arrives: the client goes on with the old keys, and so does the server.
+  w.server->stops = [&](std::span<const std::byte> bytes) {
+    return bytes[0] == std::byte{22} && bytes.size() > kProofHeader && bytes[kProofHeader] == std::byte{20};
+  };
+  const std::uint64_t heard = w.client->heard;
+  w.run(4s);
+  EXPECT_EQ(w.client->socket().associations(), 1U);
+  EXPECT_GE(w.server->socket().associations(), 2U);
+  EXPECT_NEAR(static_cast<double>(w.client->heard - heard), 4000, 2);
+  w.server->stops = nullptr;
+  w.run(3s);
+  EXPECT_GE(w.client->socket().associations(), 2U);
+  EXPECT_NEAR(static_cast<double>(w.client->heard - heard), 7000, 2);
+}
+
+TEST(OldKeys, EndAfterHalfAnHourWhereNoOthersCanBeAgreedOn) {
+  World w;
+  w.start_server();
+  w.start_client();
+  ASSERT_GE(w.until_both_hear(), 0ns);
+  w.client->stops = [](std::span<const std::byte> bytes) { return bytes[0] == std::byte{22}; };
+  const auto run_to = [&](Duration end) {
+    const std::uint64_t heard = w.server->heard;
+    for (; w.now < end; w.tick()) w.now += 19ms;
+    return w.server->heard - heard;
+  };
+  run_to(29min + 50s);
+  EXPECT_EQ(run_to(29min + 59s), 450U) << "one in 20 ms";
+  run_to(30min + 1s);
+  EXPECT_EQ(run_to(30min + 10s), 0U);
+  EXPECT_EQ(w.client->socket().associations(), 1U);
+  w.client->stops = nullptr;
+  const Duration took = w.until_both_hear();
+  ASSERT_GE(took, 0ns);
+  EXPECT_LT(took, 1s);
+}
+
+// ---- a key for each device
+
+struct Fleet : World {
+  Fleet() {
+    std::vector<Key> keys;
+    for (std::uint8_t i = 0; i < 64; ++i) keys.emplace_back(key(i));
+    start_server(keys);
+  }
+};
+
+TEST(KeyOfADevice, IsKnownByItsPlaceAndOthersStayOut) {
+  Fleet w;
+  for (const std::uint8_t i : std::array<std::uint8_t, 3>{0, 17, 63}) {
+    w.start_client(kClientAt, key(i));
+    ASSERT_GE(w.until_both_hear(), 0ns);
+    EXPECT_EQ(w.server->told.back(), (std::pair{kClientAt, std::size_t{i}}));
+    w.server->socket().paired(kClientAt, w.now);
+    EXPECT_EQ(w.server->socket().paired_key(), i);
+    w.client.reset();
+    w.run(1100ms);
+  }
+  w.start_client(kClientAt, key(64));
+  w.run(1s);
+  EXPECT_EQ(w.client->socket().last_failure(), HandshakeFailure::other_key);
+  EXPECT_EQ(w.client->heard, 0U);
+  EXPECT_EQ(w.server->told.size(), 3U);
+}
+
+TEST(KeyOfADevice, GivesNoPlaceAndNoPacketOfAnotherDevice) {
+  Fleet w;
+  w.start_client(kClientAt, key(1));
+  ASSERT_GE(w.until_both_hear(), 0ns);
+  w.server->socket().paired(kClientAt, w.now);
+  // Twenty others, each with a key, call all the time from other places.
+  for (std::uint8_t i = 0; i < 20; ++i)
+    w.others.push_back(w.start(MemoryNetwork::address(static_cast<std::uint8_t>(10 + i), 1), key(2 + i)));
+  const std::uint64_t spoiled_before = spoiled(*w.client), associations = w.client->socket().associations();
+  std::uint64_t silent = 0;
+  for (int k = 0; k < 5000; ++k) {
+    w.tick();
+    // Side::tick() answers whoever it has heard last; its first client is answered in any case.
+    const std::uint64_t one = 1;
+    EXPECT_TRUE(w.server->socket().send(std::as_bytes(std::span{&one, 1}), kClientAt, w.now));
+    silent += w.client->heard_in_tick == 0;
+  }
+  EXPECT_LT(silent, 5U);
+  EXPECT_EQ(spoiled(*w.client), spoiled_before);
+  EXPECT_EQ(w.client->socket().associations(), associations) << "it never was deaf";
+  EXPECT_GT(w.server->socket().associations(), 20U);
+}
+
+/// Somebody on the way of the client who has a key of his own: reads what the server sends there, and sends from its address.
+class OnTheWay final : public DatagramSocket {
+ public:
+  explicit OnTheWay(MemoryNetwork& network) : network_{&network} {}
+  bool send(std::span<const std::byte> bytes, const Endpoint& to, Duration now) noexcept override {
+    return network_->send(bytes, kClientAt, to, now);
+  }
+  std::optional<ReceivedDatagram> receive(Duration now) noexcept override {
+    if (copies.empty()) return std::nullopt;
+    last_ = copies.front();
+    copies.pop_front();
+    return ReceivedDatagram{last_.bytes(), kServerAt, now - 1ns};
+  }
+  [[nodiscard]] const Endpoint& local() const noexcept override { return kClientAt; }
+  [[nodiscard]] SocketCounts counts() const noexcept override { return {}; }
+  std::deque<Datagram> copies;
+
+ private:
+  MemoryNetwork* network_;
+  Datagram last_;
+};
+
+TEST(KeyOfADevice, TakesNoOtherDevicesPlaceEvenFromItsAddress) {
+  Fleet w;
+  w.rekey_after = 2s;
+  w.start_client(kClientAt, key(1));
+  OnTheWay way{w.network};
+  w.client->copies = &way.copies;
+  SecureSocket thief{way, {.server = false, .peer = kServerAt}, Key{key(2)}};
+  ASSERT_GE(w.until_both_hear(), 0ns);
+  const std::uint64_t heard = w.server->heard;
+  const std::uint64_t said = 1'000'000;
+  int opened = 0;
+  for (int k = 0; k < 10'000; ++k) {
+    w.tick();
+    while (thief.receive(w.now)) ++opened;
+    thief.send(std::as_bytes(std::span{&said, 1}), kServerAt, w.now);
+  }
+  EXPECT_GT(thief.associations(), 1U) << "its key is good";
+  EXPECT_EQ(opened, 0);
+  EXPECT_EQ(w.server->heard, heard + 10'000);
+  EXPECT_EQ(std::count(w.server->numbers.begin(), w.server->numbers.end(), said), 0);
+  EXPECT_GT(w.client->socket().associations(), 4U) << "new keys are agreed on meanwhile";
+  // The client goes: now the address may be another's.
+  w.client->stops = [](auto) { return true; };
+  for (int k = 0; k < 3000; ++k) {
+    w.tick();
+    while (thief.receive(w.now)) ++opened;
+    thief.send(std::as_bytes(std::span{&said, 1}), kServerAt, w.now);
+  }
+  EXPECT_GT(opened, 1000);
+}
+
+/// Two filters whose handshakes run in threads of their own, as live.
+struct Threads {
+  explicit Threads(Duration rekey_after) {
+    s.emplace(server, SecureSocketOptions{.server = true, .own_thread = true}, Key{key()});
+    c.emplace(client, SecureSocketOptions{.peer = kServerAt, .own_thread = true, .rekey_after = rekey_after},
+              Key{key()});
+    for (int k = 0; k < 5000 && s->associations() + c->associations() < 2; ++k) {
+      tick();
+      std::this_thread::sleep_for(1ms);
+    }
+    EXPECT_EQ(s->associations() + c->associations(), 2U);
+    for (int k = 0; k < 10; ++k) tick();
+  }
+  /// How many are heard in it.
+  int tick() {
     w.now += kTick;
     int heard = 0;
-    for (SecureSocket* side : {&s, &c}) {
+    for (SecureSocket* side : {&*s, &*c}) {
       while (side->receive(w.now)) ++heard;
-      side->send(std::as_bytes(std::span{"0123456789abcdef", 16}), side == &s ? kClientAt : kServerAt, w.now);
+      side->send(std::as_bytes(std::span{"0123456789abcdef", 16}), side == &*s ? kClientAt : kServerAt, w.now);
     }
     return heard;
-  };
-  for (int k = 0; k < 5000 && s.associations() + c.associations() < 2; ++k) {
-    tick();
-    std::this_thread::sleep_for(1ms);
   }
-  ASSERT_EQ(s.associations() + c.associations(), 2U);
-  for (int k = 0; k < 10; ++k) tick();
+  World w;
+  MemorySocket server = w.network.open(kServerAt, w.now), client = w.network.open(kClientAt, w.now);
+  std::optional<SecureSocket> s, c;
+};
+
+TEST(SecureSocket, DoesNotAllocateWhileNothingIsAgreedOn) {
+  Threads t{10min};
   const NoAlloc guard;
   int heard = 0;
-  for (int k = 0; k < 10'000; ++k) heard += tick();
+  for (int k = 0; k < 10'000; ++k) heard += t.tick();
   EXPECT_EQ(guard.seen(), 0);
   EXPECT_GT(heard, 19'900);
+}
+
+TEST(SecureSocket, DoesNotAllocateNorLoseATickWhileNewKeysAreAgreedOn) {
+  Threads t{200ms};
+  const auto refused = [&] {
+    const Rejected s = t.s->counts().rejected, c = t.c->counts().rejected;
+    return s.total() - s.failed_handshake + c.total() - c.failed_handshake;
+  };
+  const std::uint64_t before = refused();
+  const NoAlloc guard;
+  int heard = 0;
+  for (int k = 0; k < 20'000; ++k) {
+    heard += t.tick();
+    std::this_thread::sleep_for(50us);
+  }
+  EXPECT_EQ(guard.seen(), 0);
+  EXPECT_EQ(heard, 40'000);
+  EXPECT_EQ(refused(), before);
+  EXPECT_GT(std::min(t.s->associations(), t.c->associations()), 3U);
 }
 
 }  // namespace
