@@ -1,4 +1,5 @@
-// Cost of a query of each shape, of a mesh beside CGAL and Embree, and of a tick of the god-object; one thread, nanoseconds.
+// Cost of a query of each shape, of a mesh beside CGAL and Embree, of a tick among many parts, and of one of the god-object; one thread,
+// nanoseconds.
 //
 //   bench_shapes
 
@@ -16,6 +17,8 @@
 #include "common/contact/sample_shape.h"
 #include "common/mesh/bounding_volume_tree.h"
 #include "common/method/render/god_object.h"
+#include "common/scene/load.h"
+#include "sim/plant/body_plant.h"
 #include "tests/support/mesh_peers.h"
 #include "tests/support/meshes.h"
 
@@ -124,6 +127,44 @@ void tools() {
          const Position<6> x{Vector3d{0.02, 0, 0.01 + 1e-6 * i}, Eigen::Quaterniond::Identity()};
          return environment.force(x, Velocity<6>{})[2];
        }));
+}
+
+/// 1 kg pushed through spheres of 8 mm in a cube of 20 cm; `few`: up to so many are all asked.
+template <int N>
+double tick_among(int count, const std::vector<Vector3d>& tool, const char* integrator, std::size_t few, int ticks) {
+  std::mt19937_64 random{7};
+  std::uniform_real_distribution<double> any{-0.1, 0.1};
+  std::vector<EnvironmentSpec> spheres;
+  for (int i = 0; i < count; ++i) {
+    const Vector3d center{any(random), any(random), any(random)};
+    spheres.emplace_back(Surface{Sphere{center, 0.004}, {1000, 0, 0.3, 0}});
+  }
+  const Scene scene = parse_scene(
+      fmt::format("dof: {} duration_s: 1 control {{ architecture: UNCONTROLLED }} robot {{ mass_kg: 1 {} }} simulation "
+                  "{{ integrator: {} }}",
+                  N, N == 6 ? "inertia_kg_m2: [2e-3, 2e-3, 2e-3]" : "", integrator),
+      "bench");
+  const auto environment = std::make_shared<const Environment<N>>(spheres, tool, few);
+  const auto plant = sim::make_body_plant<N>(*scene.robot, environment, 5e-4, {}, scene.simulation);
+  return ns(ticks, [&](int k) {
+    typename Force<N>::Vector f = Force<N>::Vector::Zero();
+    f[0] = 20 * std::sin(0.02 * k), f[1] = 10, f[2] = -10;
+    return plant->advance(Force<N>{f}).x.translation()[0];
+  });
+}
+void many_parts() {
+  std::vector<Vector3d> tool = sample(Peg::of(Vector3d::Zero(), Vector3d::UnitZ(), 0.01, 0.03, 0.001), 8e-3);
+  for (const int count : {8, 16, 3000})
+    for (const char* integrator : {"EXACT", "DORMAND_PRINCE"}) {
+      const auto both = [&](const std::string& what, auto tick_of) {
+        const double found = tick_of(0, 200), all = tick_of(10'000, count > 16 ? 1 : 200);
+        line(fmt::format("{} among {} spheres, {}", what, count, integrator), found);
+        line(fmt::format("the same, all asked: {:.2f} times as long", all / found), all);
+      };
+      both("point", [&](std::size_t few, int ticks) { return tick_among<3>(count, {}, integrator, few, ticks); });
+      both(fmt::format("peg of {} points", tool.size()),
+           [&](std::size_t few, int ticks) { return tick_among<6>(count, tool, integrator, few, ticks); });
+    }
 }
 
 template <int N>
@@ -251,6 +292,7 @@ int main() {
   parts();
   meshes();
   tools();
+  many_parts();
   god_objects();
   worst_ticks();
 }

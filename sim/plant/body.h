@@ -5,6 +5,7 @@
 #include <cmath>
 #include <cstddef>
 #include <memory>
+#include <span>
 #include <utility>
 #include <vector>
 
@@ -24,7 +25,22 @@ template <int N>
 class Body {
  public:
   using Vector = PortVector<N>;
-  using Contacts = std::vector<Feature>;  ///< of each contact, the feature that carries force, or kNone
+  /// The contacts that carry force, ascending. Allocates at construction only.
+  class Contacts {
+   public:
+    /// At most so many.
+    explicit Contacts(int most) : all_(static_cast<std::size_t>(most)) {}
+    void clear() noexcept { count_ = 0; }
+    void push_back(const Touched& t) noexcept { all_[count_++] = t; }
+    [[nodiscard]] std::span<const Touched> all() const noexcept { return {all_.data(), count_}; }
+    friend bool operator==(const Contacts& a, const Contacts& b) noexcept {
+      return std::ranges::equal(a.all(), b.all());
+    }
+
+   private:
+    std::vector<Touched> all_;
+    std::size_t count_ = 0;
+  };
 
   /// Motion of the body; p is its velocity, for N = 6 its momentum and angular momentum.
   struct Motion {
@@ -79,27 +95,33 @@ class Body {
     }
   }
 
-  /// Only with the contacts and features of `among`: a contact that begins within a step belongs to the next one.
-  [[nodiscard]] Slope slope_among(const Motion& m, const Vector& f, const Contacts& among) const noexcept {
-    return slope(
-        m, f, [&](int i) { return among[static_cast<std::size_t>(i)]; }, [](std::size_t, const ContactPort<N>&) {});
+  /// Only with the contacts and features of `among`, if it is given: a contact that begins within a step belongs to the next one.
+  [[nodiscard]] Slope slope_among(const Motion& m, const Vector& f, const Contacts* among) const noexcept {
+    if (!among) return slope_of_all(m, f);
+    Vector v = velocity(m), environment = Vector::Zero();
+    environment_->for_each_contact(m.at, v, among->all(), [&](const ContactPort<N>& c) {
+      if (c.presses) environment += c.normal + c.tangential;
+    });
+    return slope(v, f, environment);
   }
   /// With all contacts, which are returned in `touched`.
   [[gnu::flatten]] Slope slope(const Motion& m, const Vector& f, Contacts& touched) const noexcept {
-    std::fill(touched.begin(), touched.end(), kNone);
+    touched.clear();
     double friction = 0.0;
-    Slope a = slope(
-        m, f, [](int) { return kNearest; },
-        [&](std::size_t i, const ContactPort<N>& c) {
-          touched[i] = c.feature;
-          friction += c.coulomb_damping;
-        });
+    Vector v = velocity(m), environment = Vector::Zero();
+    environment_->for_each_contact(m.at, v, [&](const ContactPort<N>& c) {
+      if (!c.presses) return;
+      environment += c.normal + c.tangential;
+      touched.push_back({c.index, c.feature});
+      friction += c.coulomb_damping;
+    });
+    Slope a = slope(v, f, environment);
     a.friction = friction;
     return a;
   }
 
   /// A classical Runge-Kutta step of h from m, where the slope is a.
-  [[gnu::flatten]] Motion runge_kutta(const Motion& m, const Slope& a, const Vector& f, const Contacts& among,
+  [[gnu::flatten]] Motion runge_kutta(const Motion& m, const Slope& a, const Vector& f, const Contacts* among,
                                       double h) const noexcept {
     Vector xa = position_rate(Vector::Zero(), a.v);
     Slope b = slope_among(moved(m, 0.5 * h * xa, 0.5 * h * a.p), f, among);
@@ -113,7 +135,7 @@ class Body {
 
   /// A step of h from m, where the slope is a, by RODAS, with the contacts of `among`: for friction that is stiff. Tells
   /// its own error, against what it is allowed: accept it up to 1.
-  [[gnu::noinline]] Motion rosenbrock(const Motion& m, const Slope& a, const Vector& f, const Contacts& among, double h,
+  [[gnu::noinline]] Motion rosenbrock(const Motion& m, const Slope& a, const Vector& f, const Contacts* among, double h,
                                       double& error) const noexcept {
     const auto rates = [&](const Stacked& y) {
       const Vector by = part(y, 0);
@@ -273,16 +295,12 @@ class Body {
     return false;
   }
 
-  /// Rates under the force f. `pick` as for_each_contact has it; tell(index, contact) is called for each
-  /// contact with force.
-  template <class Pick, class Tell>
-  Slope slope(const Motion& m, const Vector& f, Pick pick, Tell tell) const noexcept {
-    Vector v = velocity(m), environment = Vector::Zero();
-    environment_->for_each_contact(m.at, v, pick, [&](const ContactPort<N>& c) {
-      if (!c.presses) return;
-      environment += c.normal + c.tangential;
-      tell(static_cast<std::size_t>(c.index), c);
-    });
+  [[gnu::noinline]] Slope slope_of_all(const Motion& m, const Vector& f) const noexcept {
+    Vector v = velocity(m);
+    return slope(v, f, port_vector<N>(environment_->force(m.at, Velocity<N>{v}).vec()));
+  }
+  /// Rates at the velocity v under the forces f and `environment`.
+  [[nodiscard]] Slope slope(const Vector& v, const Vector& f, const Vector& environment) const noexcept {
     Vector total = f + environment;
     if constexpr (N == 6) {
       total.linear -= damping_ * v.linear;

@@ -68,6 +68,7 @@ class DormandPrincePlant final : public BodyPlant<N> {
     look_for_friction();
     for (const Eigen::Vector3d& point : points) {
       for (const Surface& s : environment_->world().surfaces) pairs_.push_back({point, &s});
+      reach_ = std::max(reach_, point.norm());
       if constexpr (N == 6) mobility_ = std::max(mobility_, 1.0 / mass_ + point.squaredNorm() / inertia_.minCoeff());
     }
     if (N != 6) mobility_ = 1.0 / mass_;
@@ -88,6 +89,10 @@ class DormandPrincePlant final : public BodyPlant<N> {
     active_.reserve(pairs_.size());
     changed_.reserve(pairs_.size());
     flips_.reserve(pairs_.size());
+    if (environment_->many()) near_ = BroadPhase<D>{environment_->world().surfaces, kFast_m_per_s * dt};
+    for (std::vector<int>* list : {&near_now_, &near_before_}) list->reserve(pairs_.size());
+    looked_.reserve(3 * pairs_.size());
+    list_all(looked_);
     s_.step = dt;
     place(start);
   }
@@ -129,7 +134,7 @@ class DormandPrincePlant final : public BodyPlant<N> {
         left = taken == left ? 0.0 : left - taken;
         continue;
       }
-      std::swap(before_, found_);
+      keep_look();
       s_.friction = end_friction_;
       s_.y = next_;
       s_.rate = stage_[6];
@@ -147,11 +152,13 @@ class DormandPrincePlant final : public BodyPlant<N> {
   /// Continues from `state`, of a plant of the same scene.
   void set_state(const State& state) noexcept {
     s_ = state;
-    list_active();
+    active_.clear();
+    for (std::size_t i = 0; i < pairs_.size(); ++i)
+      if (s_.modes[i].feature != kNone) active_.push_back({static_cast<int>(i), s_.modes[i]});
     Vector unused;
     Numbers rate;
     evaluate<true>(s_.y, s_.held, rate, unused);
-    std::swap(before_, found_);
+    keep_look();
   }
   void kick(const Velocity<N>& dv) noexcept override {
     BodyState<N> now = body();
@@ -165,6 +172,7 @@ class DormandPrincePlant final : public BodyPlant<N> {
   static constexpr double kStiff = 100.0;          // time constants of friction in a tick: beyond, RODAS
   static constexpr double kArm_m = 0.1;            // of a rotation, in the error
   static constexpr double kVelocityTime_s = 0.01;  // of a velocity, in the error
+  static constexpr double kFast_m_per_s = 5.0;     // of a point: beyond, all of many surfaces are looked at
   static constexpr int D = kAxes<N>;
   using Where = Point<D>;
 
@@ -267,7 +275,46 @@ class DormandPrincePlant final : public BodyPlant<N> {
     out.mode = {d.feature, out.slip > 0.0};
   }
 
-  /// Rates of y. `kLook`: also what all pairs are at, in found_.
+  /// Which pairs to look at: of many surfaces those near the points now or at the step's start, and those in contact. Another pair is
+  /// further from both than its point goes in the step: it neither touches nor dips.
+  void list_near(const AnyFrame& at_y) noexcept {
+    if (near_.empty()) return;
+    near_now_.clear();
+    double speed = at_y.v.norm();
+    if constexpr (N == 6) speed += at_y.w.norm() * reach_;
+    if (speed < kFast_m_per_s) {
+      const std::size_t surfaces = environment_->world().surfaces.size();
+      for (std::size_t first = 0; first < pairs_.size(); first += surfaces)
+        for (const int i : near_.at(at(at_y, pairs_[first]).p)) near_now_.push_back(static_cast<int>(first) + i);
+    } else {
+      list_all(near_now_);
+    }
+    looked_.assign(near_now_.begin(), near_now_.end());
+    looked_.insert(looked_.end(), near_before_.begin(), near_before_.end());
+    for (const Active& a : active_) looked_.push_back(a.pair);
+    std::sort(looked_.begin(), looked_.end());
+    looked_.erase(std::unique(looked_.begin(), looked_.end()), looked_.end());
+    for (const int i : near_now_)
+      if (!std::binary_search(near_before_.begin(), near_before_.end(), i)) before_[static_cast<std::size_t>(i)] = {};
+  }
+  [[gnu::noinline]] void look_at_near(const Numbers& y) noexcept {
+    const AnyFrame at_y = frame(y);
+    list_near(at_y);
+    for (const int i : looked_) {
+      const auto n = static_cast<std::size_t>(i);
+      look(pairs_[n], at(at_y, pairs_[n]), found_[n]);
+    }
+  }
+  void list_all(std::vector<int>& list) noexcept {
+    for (std::size_t i = 0; i < pairs_.size(); ++i) list.push_back(static_cast<int>(i));
+  }
+  /// What was looked at last is of the step's start from now on.
+  void keep_look() noexcept {
+    std::swap(before_, found_);
+    std::swap(near_before_, near_now_);
+  }
+
+  /// Rates of y. `kLook`: also what the pairs are at, in found_.
   template <bool kLook>
   [[gnu::noinline]] void evaluate(const Numbers& y, const Vector& f, Numbers& rate, Vector& environment) noexcept {
     const AnyFrame at_y = frame(y);
@@ -294,7 +341,10 @@ class DormandPrincePlant final : public BodyPlant<N> {
     }
     if constexpr (kLook) {
       end_friction_ = friction;
-      for (std::size_t i = 0; i < pairs_.size(); ++i) look(pairs_[i], at(at_y, pairs_[i]), found_[i]);
+      if (!near_.empty()) [[unlikely]]
+        look_at_near(y);
+      else
+        for (std::size_t i = 0; i < pairs_.size(); ++i) look(pairs_[i], at(at_y, pairs_[i]), found_[i]);
     }
     if constexpr (N == 6) {
       environment = {force_sum, torque_sum};
@@ -372,14 +422,15 @@ class DormandPrincePlant final : public BodyPlant<N> {
   /// Which pairs leave their mode within the step just made, whose end is in found_.
   [[nodiscard]] bool find_changes(double h) noexcept {
     changed_.clear();
-    for (std::size_t i = 0; i < pairs_.size(); ++i) {
+    for (const int pair : looked_) {
+      const auto i = static_cast<std::size_t>(pair);
       const Found &a = before_[i], &b = found_[i];
       const bool none = s_.modes[i].feature == kNone;
       if (b.mode != s_.modes[i] && !(none && b.mode.feature == kNone))
-        changed_.push_back(static_cast<int>(i));
+        changed_.push_back(pair);
       else if (none && b.mode.feature == kNone && a.rate < 0.0 && b.rate > 0.0 && a.distance > 0.0 &&
                a.distance + h * a.rate < 0.0 && dips(a, b, h))
-        changed_.push_back(static_cast<int>(i));
+        changed_.push_back(pair);
     }
     return !changed_.empty();
   }
@@ -475,8 +526,7 @@ class DormandPrincePlant final : public BodyPlant<N> {
       make_step(part);
       s_.y = next_;
     }
-    for (const Active& flip : flips_) s_.modes[static_cast<std::size_t>(flip.pair)] = flip.mode;
-    list_active();
+    for (const Active& flip : flips_) set_mode(flip);
     look_here();
     return share < 1.0 ? part : h;
   }
@@ -485,7 +535,7 @@ class DormandPrincePlant final : public BodyPlant<N> {
   void look_here() noexcept {
     evaluate<true>(s_.y, s_.held, s_.rate, s_.environment);
     s_.friction = end_friction_;
-    std::swap(before_, found_);
+    keep_look();
   }
   void look_for_friction() noexcept {
     rough_ = false;
@@ -493,19 +543,31 @@ class DormandPrincePlant final : public BodyPlant<N> {
   }
   void place(const BodyState<N>& at) noexcept {
     s_.y = numbers(at);
+    for (const Active& a : active_) s_.modes[static_cast<std::size_t>(a.pair)] = {};
+    active_.clear();
     const AnyFrame at_y = frame(s_.y);
-    for (std::size_t i = 0; i < pairs_.size(); ++i) {
+    list_near(at_y);
+    for (const int i : looked_) {
+      const Pair& pair = pairs_[static_cast<std::size_t>(i)];
       Found f;
-      look(pairs_[i], this->at(at_y, pairs_[i]), f);
-      s_.modes[i] = f.mode;
+      look(pair, this->at(at_y, pair), f);
+      if (f.mode.feature != kNone) set_mode({i, f.mode});
     }
-    list_active();
     look_here();
   }
-  void list_active() noexcept {
-    active_.clear();
-    for (std::size_t i = 0; i < pairs_.size(); ++i)
-      if (s_.modes[i].feature != kNone) active_.push_back({static_cast<int>(i), s_.modes[i]});
+  /// In s_.modes and active_, which is ascending.
+  void set_mode(const Active& to) noexcept {
+    s_.modes[static_cast<std::size_t>(to.pair)] = to.mode;
+    auto found = std::lower_bound(active_.begin(), active_.end(), to.pair,
+                                  [](const Active& a, int pair) { return a.pair < pair; });
+    const bool is_there = found != active_.end() && found->pair == to.pair;
+    if (to.mode.feature == kNone) {
+      if (is_there) active_.erase(found);
+    } else if (is_there) {
+      found->mode = to.mode;
+    } else {
+      active_.insert(found, to);
+    }
   }
   [[gnu::noinline]] void go_stiff(double left) noexcept {
     place(stiff_.advance_stiff(body(), Force<N>{s_.held}, left));
@@ -559,6 +621,10 @@ class DormandPrincePlant final : public BodyPlant<N> {
   std::vector<Active> active_, flips_;
   std::vector<Found> found_, before_;  ///< at the step's end and at its start
   std::vector<int> changed_;
+  BroadPhase<D> near_;                       ///< of surfaces that grew by kFast_m_per_s dt; empty: the surfaces are few
+  std::vector<int> near_now_, near_before_;  ///< pairs at the step's end and at its start
+  std::vector<int> looked_;                  ///< pairs in found_, ascending
+  double reach_ = 0.0;                       ///< of the farthest point [m]
 };
 
 }  // namespace twoport::sim

@@ -1,6 +1,5 @@
 #pragma once
 
-#include <cstddef>
 #include <memory>
 #include <utility>
 
@@ -22,7 +21,6 @@ class FixedStepPlant final : public BodyPlant<N> {
         method_{simulation.integrator},
         substeps_{simulation.substeps},
         h_{dt / simulation.substeps},
-        any_(static_cast<std::size_t>(body_.environment().contacts()), kNearest),
         s_{start} {}
 
   [[nodiscard]] std::unique_ptr<BodyPlant<N>> copy() const override { return std::make_unique<FixedStepPlant>(*this); }
@@ -35,7 +33,7 @@ class FixedStepPlant final : public BodyPlant<N> {
     } else {
       Vector q = s_.x.translation(), v = s_.v.vec();
       const auto a = [&](double, const Vector& at, const Vector& speed) {
-        return body_.slope_among({Position<N>{at}, speed}, f, any_).p;
+        return body_.slope_among({Position<N>{at}, speed}, f, nullptr).p;
       };
       for (int i = 0; i < substeps_; ++i) step_by(method_, h_, 0.0, q, v, a);
       s_ = {Position<N>{q}, Velocity<N>{v}};
@@ -54,12 +52,12 @@ class FixedStepPlant final : public BodyPlant<N> {
   using Vector = typename Body<N>::Vector;
 
   Motion step(const Motion& m, const Vector& f) const noexcept requires(N == 6) {
-    const auto slope = [&](const Motion& at) { return body_.slope_among(at, f, any_); };
+    const auto slope = [&](const Motion& at) { return body_.slope_among(at, f, nullptr); };
     const auto drift = [&](const Motion& at) {
       const Vector v = body_.velocity(at);
       return Motion{at.at.x.moved(h_ * v.linear, h_ * v.angular), at.p};
     };
-    if (method_ == Integrator::rk4) return body_.runge_kutta(m, slope(m), f, any_, h_);
+    if (method_ == Integrator::rk4) return body_.runge_kutta(m, slope(m), f, nullptr, h_);
     const double kick = method_ == Integrator::symplectic_euler ? h_ : 0.5 * h_;
     Motion next = drift({m.at, m.p + kick * slope(m).p});
     if (method_ == Integrator::velocity_verlet) next.p += kick * slope(next).p;
@@ -70,7 +68,6 @@ class FixedStepPlant final : public BodyPlant<N> {
   Integrator method_;
   int substeps_;
   double h_;
-  typename Body<N>::Contacts any_;  ///< every contact, by its nearest feature
   BodyState<N> s_;
 };
 

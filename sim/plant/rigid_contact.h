@@ -32,10 +32,9 @@ class RungeKuttaPlant final : public BodyPlant<N> {
                   const BodyState<N>& start)
       : body_{robot, std::move(environment)},
         dt_{dt},
-        any_(static_cast<std::size_t>(body_.environment().contacts()), kNearest),
-        after_{any_},
-        trial_{any_},
-        s_{body_.motion(start), {}, Vector::Zero(), any_} {
+        after_{body_.environment().contacts()},
+        trial_{after_},
+        s_{body_.motion(start), {}, Vector::Zero(), after_} {
     // Mobility at the contacts: of all points together, and the largest of one point.
     double all_points = 1.0 / body_.mass();
     mobility_ = all_points;
@@ -157,7 +156,7 @@ class RungeKuttaPlant final : public BodyPlant<N> {
       const bool last = steps >= kSteps;
       if (last) h = left;
       const bool may_cut = cuts < kCuts * kPieces && !last;
-      const Contacts& among = may_cut ? s_.touched : any_;
+      const Contacts* among = may_cut ? &s_.touched : nullptr;
       double error = 0.0;
       typename Body<N>::Motion next = body_.rosenbrock(s_.motion, s_.slope, s_.held, among, h, error);
       const double factor = error > 0.0 ? std::clamp(0.9 / std::sqrt(std::sqrt(error)), 0.2, 5.0) : 5.0;
@@ -181,10 +180,10 @@ class RungeKuttaPlant final : public BodyPlant<N> {
   /// One step of at most h; ends early, if it may, just past the moment at which a contact begins, ends or changes to
   /// another feature. Returns its length.
   double step(double h, bool may_cut) noexcept {
-    const Contacts& among = may_cut ? s_.touched : any_;
+    const Contacts* among = may_cut ? &s_.touched : nullptr;
     if constexpr (N == 6) {
-      if (h * h * s_.slope.v.angular.squaredNorm() > kSlowTurn * kSlowTurn &&
-          std::all_of(among.begin(), among.end(), [](Feature f) { return f == kNone; })) {
+      const bool free = may_cut ? s_.touched.all().empty() : body_.environment().contacts() == 0;
+      if (free && h * h * s_.slope.v.angular.squaredNorm() > kSlowTurn * kSlowTurn) {
         const auto fly = [&](double part) { return body_.flight(s_.motion, s_.held, part); };
         return finish(fly(h), h, may_cut, fly);
       }
@@ -223,7 +222,6 @@ class RungeKuttaPlant final : public BodyPlant<N> {
   double dt_, mobility_, rate_of_springs_, rate_ = 0.0, friction_ = 0.0;
   double all_points_ = 0.0;  ///< mobility of all contacts together
   double own_rate_ = 0.0;    ///< of the body's damping [1/s]
-  Contacts any_;             ///< every contact, by its nearest feature
   Contacts after_, trial_;   ///< of a step; no state
   State s_;
 };
