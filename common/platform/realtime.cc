@@ -138,7 +138,7 @@ void PeriodicLoop::take_priority() {
 void PeriodicLoop::stay_awake() {
   latency_fd_ = open("/dev/cpu_dma_latency", O_WRONLY | O_CLOEXEC);
   const std::int32_t no_latency = 0;
-  if (latency_fd_ >= 0 && write(latency_fd_, &no_latency, sizeof no_latency) == sizeof no_latency) return;
+  if (latency_fd_ >= 0 && ::write(latency_fd_, &no_latency, sizeof no_latency) == sizeof no_latency) return;
   not_permitted_.push_back(
       std::string{"/dev/cpu_dma_latency cannot be held at 0 ("} + std::strerror(errno) +
       "): waking an idle core takes tens of microseconds longer; run as root or allow writing to it");
