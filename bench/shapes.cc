@@ -144,8 +144,8 @@ double tick_among(int count, const std::vector<Vector3d>& tool, const char* inte
                   "{{ integrator: {} }}",
                   N, N == 6 ? "inertia_kg_m2: [2e-3, 2e-3, 2e-3]" : "", integrator),
       "bench");
-  const auto environment = std::make_shared<const Environment<N>>(spheres, tool, few);
-  const auto plant = sim::make_body_plant<N>(*scene.robot, environment, 5e-4, {}, scene.simulation);
+  const auto environment = std::make_shared<const Environment<N>>(spheres, tool);
+  const auto plant = sim::make_body_plant<N>(*scene.robot, environment, 5e-4, {}, scene.simulation, few);
   return ns(ticks, [&](int k) {
     typename Force<N>::Vector f = Force<N>::Vector::Zero();
     f[0] = 20 * std::sin(0.02 * k), f[1] = 10, f[2] = -10;

@@ -55,6 +55,9 @@ inline Eigen::AlignedBox3d bounds(const Shape& shape) {
 template <int D>
 class BroadPhase {
  public:
+  /// More surfaces than these are worth a search: measured by bench_shapes.
+  static constexpr std::size_t kFew = 8;
+
   BroadPhase() = default;
   /// `margin_m`: as if every surface had grown by it.
   explicit BroadPhase(const std::vector<Surface>& surfaces, double margin_m = 0.0) {

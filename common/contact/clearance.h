@@ -28,7 +28,6 @@ class Clearance {
     for (const Eigen::Vector3d& point : tool) reach_ = std::max(reach_, point.norm());
   }
 
-  [[nodiscard]] std::size_t contacts() const noexcept { return until_.size(); }
   void move_to(const Eigen::Vector3d& x, const Eigen::Matrix3d& R) noexcept {
     const double way = (x - x_).norm() + reach_ / std::numbers::sqrt2 * (R - R_).norm();
     travelled_ += way + kRounding;

@@ -2,7 +2,6 @@
 
 #include <cstddef>
 #include <span>
-#include <type_traits>
 #include <vector>
 
 #include "common/base/spatial_vector.h"
@@ -61,20 +60,11 @@ class Environment {
   static constexpr int kDim = kAxes<N>;
   using Vector = PortVector<N>;
 
-  /// Up to so many surfaces a point asks all of them, of more those that BroadPhase finds: less work from 8 surfaces on; where
-  /// Clearance knows open contacts, from 64 on.
-  static constexpr std::size_t kFewSurfaces = 8, kFewWithClearance = 64;
-
-  /// `tool`: the points in tool axes [m]; N = 6 only. `few`: in place of kFewSurfaces; the results are the same.
-  explicit Environment(const std::vector<EnvironmentSpec>& specs, const std::vector<Eigen::Vector3d>& tool = {},
-                       std::size_t few = kFewSurfaces)
-      : world_{specs}, tool_{tool} {
-    if (world_.surfaces.size() > few) near_ = BroadPhase<kDim>{world_.surfaces};
-  }
+  /// `tool`: the points in tool axes [m]; N = 6 only.
+  explicit Environment(const std::vector<EnvironmentSpec>& specs, const std::vector<Eigen::Vector3d>& tool = {})
+      : world_{specs}, tool_{tool} {}
 
   [[nodiscard]] const World& world() const { return world_; }
-  /// Are the surfaces more than a few?
-  [[nodiscard]] bool many() const noexcept { return !near_.empty(); }
   /// From now on a surface has this stiffness and friction.
   void set_surface(std::size_t surface, double stiffness_n_per_m, double friction) noexcept {
     Material& material = world_.surfaces[surface].material;
@@ -88,15 +78,42 @@ class Environment {
   [[nodiscard]] int contacts() const { return static_cast<int>(N == 6 ? tool_.size() : 1) * contacts_of_a_point(); }
 
   /// Calls visit(const ContactPort<N>&) for every contact that the port is inside of, and for every spring.
-  template <class Visit>
-  void for_each_contact(const PoseWithRotation<N>& x, const Vector& v, Visit visit) const noexcept {
-    for (int point = 0; point < points(); ++point)
+  /// `pick(index)` returns the feature of that contact to use, or kNone.
+  template <class Pick, class Visit>
+  void for_each_contact(const PoseWithRotation<N>& x, const Vector& v, Pick pick, Visit visit) const noexcept {
+    int point = 0;
+    for_each_point(x, v, [&](const Point<kDim>& p, const Point<kDim>& pv, const Point<kDim>& arm) {
       contacts_of(
-          point, at_point(point, x, v), many(), [](int) { return true; }, [](int, const Surface&, double) {}, visit);
+          point++, p, pv, arm, pick, [](int, const Surface&, double) {}, visit);
+    });
   }
   template <class Visit>
   void for_each_contact(const PoseWithRotation<N>& x, const Velocity<N>& v, Visit visit) const noexcept {
-    for_each_contact(x, port_vector<N>(v.vec()), visit);
+    for_each_contact(
+        x, port_vector<N>(v.vec()), [](int) { return kNearest; }, visit);
+  }
+
+  /// The same by a look only at what `near`, of this environment's surfaces, finds; where it is empty, at all.
+  template <class Visit>
+  void for_each_contact(const PoseWithRotation<N>& x, const Vector& v, const BroadPhase<kDim>& near,
+                        Visit visit) const noexcept {
+    const int surfaces = static_cast<int>(world_.surfaces.size());
+    for (int point = 0, index = 0; point < points(); ++point, index += contacts_of_a_point()) {
+      const At at = at_point(point, x, v);
+      const int* listed = nullptr;
+      std::size_t count = world_.surfaces.size();
+      if (!near.empty()) [[unlikely]] {
+        const std::span<const int> found = near.at(at.p);
+        listed = found.data(), count = found.size();
+      }
+      for (std::size_t i = 0; i < count; ++i) {
+        const std::size_t surface = listed ? static_cast<std::size_t>(listed[i]) : i;
+        touch(index + static_cast<int>(surface), world_.surfaces[surface], kNearest, at, visit);
+      }
+      for (int i = 0; i < static_cast<int>(world_.springs.size()); ++i)
+        if (const Spring& s = world_.springs[static_cast<std::size_t>(i)]; s.acts_on(point))
+          pull(index + surfaces + i, s, at, visit);
+    }
   }
   /// The same only for the contacts `among`, ascending, on their features.
   template <class Visit>
@@ -110,9 +127,7 @@ class Environment {
       for (; next != among.end() && next->index < end; ++next) {
         const int kind = next->index - (end - kinds);
         if (kind < surfaces)
-          touch(
-              next->index, world_.surfaces[static_cast<std::size_t>(kind)], next->feature, at,
-              [](int, const Surface&, double) {}, visit);
+          touch(next->index, world_.surfaces[static_cast<std::size_t>(kind)], next->feature, at, visit);
         else
           pull(next->index, world_.springs[static_cast<std::size_t>(kind - surfaces)], at, visit);
       }
@@ -131,14 +146,14 @@ class Environment {
   template <class Visit>
   void for_each_contact(const PoseWithRotation<N>& x, const Vector& v, Clearance& clearance, Visit visit) const noexcept
       requires(N == 6) {
-    if (clearance.contacts() == 0) [[unlikely]]
-      return for_each_contact(x, v, visit);
     const int surfaces = static_cast<int>(world_.surfaces.size()), kinds = contacts_of_a_point();
     clearance.move_to(x.x.translation(), x.R);
-    for (int point = 0; point < points(); ++point) {
+    for (int point = 0; point < static_cast<int>(tool_.size()); ++point) {
       if (kinds == surfaces && clearance.open(point * kinds, surfaces)) continue;
+      const Eigen::Vector3d arm = x.R * tool_[static_cast<std::size_t>(point)];
       contacts_of(
-          point, at_point(point, x, v), false, [&](int index) { return !clearance.open(index, 1); },
+          point, x.x.translation() + arm, v.linear + v.angular.cross(arm), arm,
+          [&](int index) { return clearance.open(index, 1) ? kNone : kNearest; },
           [&](int index, const Surface& s, double distance) {
             clearance.measured(index, least_way(s.shape, distance));
           },
@@ -154,9 +169,7 @@ class Environment {
     return Force<N>{sum};
   }
   /// Knows no contact yet.
-  [[nodiscard]] Clearance clearance() const {
-    return {tool_, many() && world_.surfaces.size() > kFewWithClearance ? 0 : contacts()};
-  }
+  [[nodiscard]] Clearance clearance() const { return {tool_, contacts()}; }
 
   /// Elastic energy held at x [J].
   [[nodiscard]] Energy potential(const Position<N>& x) const noexcept {
@@ -165,40 +178,72 @@ class Environment {
     return Energy{sum};
   }
 
-  /// Calls visit(index, elastic energy) for every contact that may hold any.
+  /// Calls visit(index, elastic energy) for every contact.
   template <class Visit>
   void for_each_potential(const Position<N>& x, Visit visit) const noexcept {
-    const PoseWithRotation<N> pose{x};
-    const Vector rest = Vector::Zero();
-    for (int point = 0; point < points(); ++point) {
-      const At at = at_point(point, pose, rest);
-      int index = point * contacts_of_a_point();
-      for_each_near(at.p, many(), [&](std::size_t i) {
-        visit(index + static_cast<int>(i), Energy{world_.surfaces[i].template potential<kDim>(at.p)});
-      });
-      index += static_cast<int>(world_.surfaces.size());
+    int index = 0, point = 0;
+    for_each_point(x, Vector::Zero(), [&](const Point<kDim>& p, const Point<kDim>&, const Point<kDim>&) {
+      for (const Surface& s : world_.surfaces) visit(index++, Energy{s.potential<kDim>(p)});
       for (const Spring& s : world_.springs) {
-        if (s.acts_on(point)) visit(index, Energy{s.potential<kDim>(at.p)});
+        if (s.acts_on(point)) visit(index, Energy{s.potential<kDim>(p)});
         ++index;
       }
-    }
+      ++point;
+    });
   }
 
  private:
-  /// Place and velocity of a contact point, and its arm from the tool's origin.
-  struct AtTool {
-    Point<3> p, v, arm;
-  };
-  struct AtPort {
-    const Point<kDim>&p, &v;
-    Point<kDim> arm;
-  };
-  using At = std::conditional_t<N == 6, AtTool, AtPort>;
-
-  [[nodiscard]] int points() const noexcept { return N == 6 ? static_cast<int>(tool_.size()) : 1; }
-  [[nodiscard]] int contacts_of_a_point() const noexcept {
+  [[nodiscard]] int contacts_of_a_point() const {
     return static_cast<int>(world_.surfaces.size() + world_.springs.size());
   }
+  /// for_each_contact for one point; open(index, surface, distance) is told of a contact that is open.
+  template <class Pick, class Open, class Visit>
+  [[gnu::always_inline]] void contacts_of(int point, const Point<kDim>& p, const Point<kDim>& pv,
+                                          const Point<kDim>& arm, const Pick& pick, const Open& open,
+                                          const Visit& visit) const noexcept {
+    int index = point * contacts_of_a_point();
+    ContactForce<kDim> c;
+    for (const Surface& s : world_.surfaces) {
+      const Feature feature = pick(index);
+      if (feature != kNone) {
+        const SignedDistance<kDim> at = signed_distance<kDim>(s.shape, p, feature);
+        if (at.distance < 0.0) {
+          const Energy potential{s.potential(at.distance)};
+          if (s.force(at, at.normal.dot(pv), pv, c))
+            visit(ContactPort<N>{index, at.feature, true, wrench(c.normal, arm), wrench(c.tangential, arm), potential,
+                                 c.coulomb_damping});
+          else
+            visit(ContactPort<N>{index, at.feature, false, Vector::Zero(), Vector::Zero(), potential});
+        } else {
+          open(index, s, at.distance);
+        }
+      }
+      ++index;
+    }
+    for (const Spring& s : world_.springs) {
+      if (s.acts_on(point))
+        visit(ContactPort<N>{index, 0, true, wrench(s.force<kDim>(p, pv), arm), Vector::Zero(),
+                             Energy{s.potential<kDim>(p)}});
+      ++index;
+    }
+  }
+  /// Calls visit(position, velocity, arm from the tool's origin) for every contact point.
+  template <class Visit>
+  void for_each_point(const PoseWithRotation<N>& at, const Vector& v, Visit visit) const noexcept {
+    if constexpr (N == 6) {
+      for (const Eigen::Vector3d& point : tool_) {
+        Eigen::Vector3d arm = at.R * point;
+        visit(Point<3>{at.x.translation() + arm}, Point<3>{v.linear + v.angular.cross(arm)}, arm);
+      }
+    } else {
+      visit(at.x.translation(), v, Point<kDim>{Point<kDim>::Zero()});
+    }
+  }
+  /// Place and velocity of a contact point, and its arm from the tool's origin.
+  struct At {
+    Point<kDim> p, v, arm;
+  };
+  [[nodiscard]] int points() const noexcept { return N == 6 ? static_cast<int>(tool_.size()) : 1; }
   [[nodiscard, gnu::always_inline]] At at_point(int point, const PoseWithRotation<N>& x,
                                                 const Vector& v) const noexcept {
     if constexpr (N == 6) {
@@ -212,37 +257,11 @@ class Environment {
       return {x.x.translation(), v, Point<kDim>::Zero()};
     }
   }
-  /// Calls use(number) for the surfaces, or where it searches for those that p may be inside of, ascending.
-  template <class Use>
-  [[gnu::always_inline]] void for_each_near(const Point<kDim>& p, bool searches, const Use& use) const noexcept {
-    const int* listed = nullptr;
-    std::size_t count = world_.surfaces.size();
-    if (searches) [[unlikely]] {
-      const std::span<const int> near = near_.at(p);
-      listed = near.data(), count = near.size();
-    }
-    for (std::size_t i = 0; i < count; ++i) use(listed ? static_cast<std::size_t>(listed[i]) : i);
-  }
-  /// Of one point, the contacts for which asks(index); open(index, surface, distance) is told of one that is open.
-  template <class Asks, class Open, class Visit>
-  [[gnu::always_inline]] void contacts_of(int point, const At& at, bool searches, const Asks& asks, const Open& open,
-                                          const Visit& visit) const noexcept {
-    const int first = point * contacts_of_a_point();
-    for_each_near(at.p, searches, [&](std::size_t i) {
-      const int index = first + static_cast<int>(i);
-      if (asks(index)) touch(index, world_.surfaces[i], kNearest, at, open, visit);
-    });
-    int index = first + static_cast<int>(world_.surfaces.size());
-    for (const Spring& s : world_.springs) {
-      if (s.acts_on(point)) pull(index, s, at, visit);
-      ++index;
-    }
-  }
-  template <class Open, class Visit>
-  [[gnu::always_inline]] static void touch(int index, const Surface& s, Feature feature, const At& at, const Open& open,
+  template <class Visit>
+  [[gnu::always_inline]] static void touch(int index, const Surface& s, Feature feature, const At& at,
                                            const Visit& visit) noexcept {
     const SignedDistance<kDim> found = signed_distance<kDim>(s.shape, at.p, feature);
-    if (!(found.distance < 0.0)) return open(index, s, found.distance);
+    if (!(found.distance < 0.0)) return;
     const Energy potential{s.potential(found.distance)};
     ContactForce<kDim> c;
     if (s.force(found, found.normal.dot(at.v), at.v, c))
@@ -267,7 +286,6 @@ class Environment {
 
   World world_;
   std::vector<Eigen::Vector3d> tool_;
-  BroadPhase<kDim> near_;  ///< empty: the surfaces are few
 };
 
 }  // namespace twoport

@@ -53,15 +53,26 @@ class Body {
     double friction = 0.0;  ///< sum of the contacts' Coulomb damping [N s/m]; of a slope with all contacts
   };
 
-  Body(const RobotSpec& robot, std::shared_ptr<const Environment<N>> environment)
+  /// Up to `few` surfaces all are asked; the results are the same.
+  Body(const RobotSpec& robot, std::shared_ptr<const Environment<N>> environment, std::size_t few)
       : mass_{robot.mass_kg},
         damping_{robot.damping_n_s_per_m},
         rotational_damping_{robot.rotational_damping_n_m_s_per_rad},
         environment_{std::move(environment)} {
     if constexpr (N == 6) inertia_ = vector<3>(robot.inertia_kg_m2);
+    if (const auto& surfaces = environment_->world().surfaces; surfaces.size() > few)
+      near_ = std::make_shared<const BroadPhase<kAxes<N>>>(surfaces);
   }
 
   [[nodiscard]] const Environment<N>& environment() const noexcept { return *environment_; }
+  /// Of all contacts on the body.
+  [[nodiscard]] Vector environment_force(const PoseWithRotation<N>& x, const Vector& v) const noexcept {
+    Vector sum = Vector::Zero();
+    environment_->for_each_contact(x, v, *near_, [&](const ContactPort<N>& c) {
+      if (c.presses) sum += c.normal + c.tangential;
+    });
+    return sum;
+  }
   [[nodiscard]] double mass() const noexcept { return mass_; }
   /// Rate at which its own damping slows it down [1/s].
   [[nodiscard]] double damping_rate() const noexcept {
@@ -109,7 +120,7 @@ class Body {
     touched.clear();
     double friction = 0.0;
     Vector v = velocity(m), environment = Vector::Zero();
-    environment_->for_each_contact(m.at, v, [&](const ContactPort<N>& c) {
+    environment_->for_each_contact(m.at, v, *near_, [&](const ContactPort<N>& c) {
       if (!c.presses) return;
       environment += c.normal + c.tangential;
       touched.push_back({c.index, c.feature});
@@ -297,7 +308,7 @@ class Body {
 
   [[gnu::noinline]] Slope slope_of_all(const Motion& m, const Vector& f) const noexcept {
     Vector v = velocity(m);
-    return slope(v, f, port_vector<N>(environment_->force(m.at, Velocity<N>{v}).vec()));
+    return slope(v, f, environment_force(m.at, v));
   }
   /// Rates at the velocity v under the forces f and `environment`.
   [[nodiscard]] Slope slope(const Vector& v, const Vector& f, const Vector& environment) const noexcept {
@@ -326,6 +337,7 @@ class Body {
   double mass_, damping_, rotational_damping_;
   Eigen::Vector3d inertia_ = Eigen::Vector3d::Ones();
   std::shared_ptr<const Environment<N>> environment_;
+  std::shared_ptr<const BroadPhase<kAxes<N>>> near_ = std::make_shared<const BroadPhase<kAxes<N>>>();
 };
 
 }  // namespace twoport::sim

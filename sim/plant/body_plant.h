@@ -36,10 +36,12 @@ class BodyPlant {
   BodyPlant& operator=(const BodyPlant&) = default;
 };
 
-/// By the scene's integrator: RungeKuttaPlant (exact), DormandPrincePlant, or FixedStepPlant.
+/// By the scene's integrator: RungeKuttaPlant (exact), DormandPrincePlant, or FixedStepPlant. Up to `few` surfaces all are asked, of more
+/// those that BroadPhase finds; the results are the same.
 template <int N>
 std::unique_ptr<BodyPlant<N>> make_body_plant(const RobotSpec& robot,
                                               const std::shared_ptr<const Environment<N>>& environment, double dt,
-                                              const BodyState<N>& start, const SimulationSpec& simulation);
+                                              const BodyState<N>& start, const SimulationSpec& simulation,
+                                              std::size_t few = BroadPhase<kAxes<N>>::kFew);
 
 }  // namespace twoport::sim

@@ -54,9 +54,9 @@ class DormandPrincePlant final : public BodyPlant<N> {
   };
 
   DormandPrincePlant(const RobotSpec& robot, std::shared_ptr<const Environment<N>> environment, double dt,
-                     const BodyState<N>& start, double tolerance_m)
+                     const BodyState<N>& start, double tolerance_m, std::size_t few = BroadPhase<kAxes<N>>::kFew)
       : environment_{environment},
-        stiff_{robot, environment, dt, start},
+        stiff_{robot, environment, dt, start, few},
         dt_{dt},
         tolerance_{tolerance_m},
         mass_{robot.mass_kg},
@@ -89,7 +89,8 @@ class DormandPrincePlant final : public BodyPlant<N> {
     active_.reserve(pairs_.size());
     changed_.reserve(pairs_.size());
     flips_.reserve(pairs_.size());
-    if (environment_->many()) near_ = BroadPhase<D>{environment_->world().surfaces, kFast_m_per_s * dt};
+    if (environment_->world().surfaces.size() > few)
+      near_ = BroadPhase<D>{environment_->world().surfaces, kFast_m_per_s * dt};
     for (std::vector<int>* list : {&near_now_, &near_before_}) list->reserve(pairs_.size());
     looked_.reserve(3 * pairs_.size());
     list_all(looked_);

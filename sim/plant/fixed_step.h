@@ -1,5 +1,6 @@
 #pragma once
 
+#include <cstddef>
 #include <memory>
 #include <utility>
 
@@ -16,8 +17,9 @@ class FixedStepPlant final : public BodyPlant<N> {
   using State = BodyState<N>;
 
   FixedStepPlant(const RobotSpec& robot, std::shared_ptr<const Environment<N>> environment, double dt,
-                 const BodyState<N>& start, const SimulationSpec& simulation)
-      : body_{robot, std::move(environment)},
+                 const BodyState<N>& start, const SimulationSpec& simulation,
+                 std::size_t few = BroadPhase<kAxes<N>>::kFew)
+      : body_{robot, std::move(environment), few},
         method_{simulation.integrator},
         substeps_{simulation.substeps},
         h_{dt / simulation.substeps},
@@ -40,7 +42,9 @@ class FixedStepPlant final : public BodyPlant<N> {
     }
     return s_;
   }
-  [[nodiscard]] Force<N> environment_force() const noexcept override { return body_.environment().force(s_.x, s_.v); }
+  [[nodiscard]] Force<N> environment_force() const noexcept override {
+    return Force<N>{body_.environment_force(s_.x, port_vector<N>(s_.v.vec()))};
+  }
 
   [[nodiscard]] const State& state() const noexcept { return s_; }
   /// Continues from `state`, of a plant of the same scene.

@@ -29,8 +29,8 @@ class RungeKuttaPlant final : public BodyPlant<N> {
   };
 
   RungeKuttaPlant(const RobotSpec& robot, std::shared_ptr<const Environment<N>> environment, double dt,
-                  const BodyState<N>& start)
-      : body_{robot, std::move(environment)},
+                  const BodyState<N>& start, std::size_t few = BroadPhase<kAxes<N>>::kFew)
+      : body_{robot, std::move(environment), few},
         dt_{dt},
         after_{body_.environment().contacts()},
         trial_{after_},
