@@ -19,7 +19,7 @@
 namespace twoport {
 namespace {
 
-constexpr double kRateHz = 1000.0, kInitial_j = 5e-3, kWall_n_per_m = 2000.0, kEngage_s = 0.1;
+constexpr double kRateHz = 1000.0, kInitial_j = 5e-3, kWall_n_per_m = 2000.0;
 
 /// A hand that is 30 mm along x after 0.5 s, 20 mm of them in a wall, and from 2 s to 2.5 s moves by `later` in world axes.
 Scene scene_of(int dof, const std::string& method, const std::string& later) {

@@ -320,7 +320,7 @@ TEST(DtlsServer, AKeyHasFourAttemptsAndTakesThePlacesOfItsOwnOnly) {
     return answered;
   };
   for (int k = 0; k < 100; ++k) EXPECT_TRUE(begins(0)) << "in place of its own";
-  for (const std::size_t key : {1, 2, 3})
+  for (const std::size_t key : {1U, 2U, 3U})
     for (int k = 0; k < 4; ++k) EXPECT_TRUE(begins(key));
   EXPECT_FALSE(begins(4)) << "sixteen are under way";
   EXPECT_TRUE(begins(3));

@@ -91,7 +91,7 @@ TEST_F(KeyFile, IsNoPattern) {
 }
 
 TEST_F(KeyFile, IsReadableByItsOwnerOnly) {
-  for (const mode_t mode : {0640, 0604, 0660, 0644, 0620, 0601})
+  for (const mode_t mode : {0640U, 0604U, 0660U, 0644U, 0620U, 0601U})
     EXPECT_TRUE(has(refusal(write(digits, mode)), "chmod 600")) << mode;
   EXPECT_EQ(refusal(write(digits, 0400)), "");
 }
