@@ -34,7 +34,7 @@ class Body {
     void push_back(const Touched& t) noexcept { all_[count_++] = t; }
     [[nodiscard]] std::span<const Touched> all() const noexcept { return {all_.data(), count_}; }
     friend bool operator==(const Contacts& a, const Contacts& b) noexcept {
-      return std::ranges::equal(a.all(), b.all());
+      return std::equal(a.all().begin(), a.all().end(), b.all().begin(), b.all().end());
     }
 
    private:
