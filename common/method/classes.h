@@ -113,4 +113,13 @@ std::unique_ptr<SlavePassivity<N>> SlavePassivity<N>::make(const ControlOptions&
                                           kPassivityLayers);
 }
 
+/// Compiles them for N axes: a line of dof_N.cc.
+#define TWOPORT_MAKE(N)                                                                               \
+  template std::unique_ptr<MasterHalf<N>> MasterHalf<N>::make(const ControlOptions&);                 \
+  template std::unique_ptr<SlaveHalf<N>> SlaveHalf<N>::make(const ControlOptions&);                   \
+  template std::unique_ptr<MasterTransparency<N>> MasterTransparency<N>::make(const ControlOptions&); \
+  template std::unique_ptr<SlaveTransparency<N>> SlaveTransparency<N>::make(const ControlOptions&);   \
+  template std::unique_ptr<MasterPassivity<N>> MasterPassivity<N>::make(const ControlOptions&);       \
+  template std::unique_ptr<SlavePassivity<N>> SlavePassivity<N>::make(const ControlOptions&)
+
 }  // namespace twoport
