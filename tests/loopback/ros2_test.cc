@@ -1,0 +1,369 @@
+#include <gtest/gtest.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <atomic>
+#include <chrono>
+#include <cmath>
+#include <csignal>
+#include <cstdint>
+#include <cstdio>
+#include <cstdlib>
+#include <cstring>
+#include <functional>
+#include <map>
+#include <memory>
+#include <optional>
+#include <string>
+#include <thread>
+#include <type_traits>
+#include <vector>
+
+#include "common/base/check.h"
+#include "common/scene/scene.h"
+#include "dds/ddsi/ddsi_serdata.h"
+#include "drivers/drivers.h"
+#include "tests/loopback/ros2_side.h"
+#include "tests/support/live.h"
+#include "tests/support/no_alloc.h"
+
+// Robots and devices behind topics of ROS 2. Its side is played by Cyclone DDS alone; names, types and bytes are compared with those that ROS 2
+// documents.
+namespace twoport::test {
+namespace {
+
+using std::chrono::steady_clock;
+
+const int kDomain = 10 + getpid() % 90;
+
+template <template <int> class Hardware, int N>
+std::unique_ptr<Hardware<N>> open(const std::string& arguments) {
+  static const Scene scene{};
+  const std::string choice = "ros2:" + arguments;
+  if constexpr (std::is_same_v<Hardware<N>, Robot<N>>)
+    return all_drivers().robots.open<N>(choice, scene, Seconds{1e-3});
+  else
+    return all_drivers().devices.open<N>(choice, scene, Seconds{1e-3});
+}
+std::string in_domain(const std::string& prefix) {
+  return prefix + ",domain=" + std::to_string(kDomain);
+}
+template <class Clock>
+Tick<Clock> tick(double ended_s = 1e-3) {
+  return {Instant<Clock>{}, Seconds{1e-3}, Seconds{ended_s}};
+}
+bool within(std::chrono::milliseconds time, const std::function<bool()>& condition) {
+  for (const auto until = steady_clock::now() + time; steady_clock::now() < until; std::this_thread::sleep_for(1ms))
+    if (condition()) return true;
+  return condition();
+}
+
+class Ros2 : public testing::Test {
+ protected:
+  void SetUp() override {
+    // Nothing of it leaves this computer.
+    setenv("CYCLONEDDS_URI", "file://" TWOPORT_EXAMPLES "/ros2/localhost.xml", 1);
+  }
+  static Process stand_in(const std::string& prefix, Words more = {}) {
+    Words words{TWOPORT_STAND_IN, prefix, std::to_string(kDomain)};
+    words.insert(words.end(), more.begin(), more.end());
+    return Process{words};
+  }
+};
+
+/// Publishes the same numbers on a topic each until this object ends.
+class Publishing {
+ public:
+  Publishing(Ros2Side& side, std::map<std::string, Seven> what)
+      : thread_{[&side, what, this] {
+          for (; going_; std::this_thread::sleep_for(2ms))
+            for (const auto& [name, numbers] : what) side.publish(name, numbers);
+        }} {}
+  ~Publishing() {
+    going_ = false;
+    thread_.join();
+  }
+
+ private:
+  std::atomic<bool> going_{true};
+  std::thread thread_;
+};
+
+const std::map<std::string, Seven> kSomewhere{{"pose", {0.1, -0.2, 0.3, 0.6, 0.0, 0.0, 0.8}},
+                                              {"twist", {1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 0.0}},
+                                              {"wrench", {-1.0, -2.0, -3.0, -0.4, -0.5, -0.6, 0.0}}};
+
+TEST_F(Ros2, ARobotIsWhereItsTopicsSayAndGetsItsCommand) {
+  Ros2Side side{"/arm", static_cast<std::uint32_t>(kDomain)};
+  const Publishing publishing{side, kSomewhere};
+  const auto robot = open<Robot, 6>(in_domain("arm"));
+  EXPECT_TRUE(robot->info().has_force_sensor);
+  RobotSample<6> s;
+  RobotCommand<6> command;
+  Force<6>::Vector wrench, twist;
+  wrench << 1.0, 2.0, 3.0, 0.1, 0.2, 0.3;
+  twist << 6.0, 5.0, 4.0, 3.0, 2.0, 1.0;
+  command = {Force<6>{wrench}, {{7.0, 8.0, 9.0}, {0.8, 0.0, 0.6, 0.0}}, Velocity<6>{twist}};
+  const NoAlloc guard;
+  s = robot->sense(tick<SlaveClock>());
+  robot->actuate(command);
+  EXPECT_EQ(guard.seen(), 0);
+  EXPECT_LT((s.x.translation() - Eigen::Vector3d{0.1, -0.2, 0.3}).norm(), 1e-15);
+  EXPECT_LT(s.x.attitude().angularDistance(Eigen::Quaterniond{0.8, 0.6, 0.0, 0.0}), 1e-12);
+  for (int i = 0; i < 6; ++i) {
+    EXPECT_EQ(s.v[i], i + 1.0);
+    EXPECT_DOUBLE_EQ(s.f_environment[i], i < 3 ? i + 1.0 : 0.1 * (i + 1.0)) << "of the robot on the environment";
+  }
+  Seven n;
+  const auto gets = [&](const std::string& name, const Seven& wanted) {
+    return within(2s, [&] {
+      robot->actuate(command);
+      return side.take(name, n) && n == wanted;
+    });
+  };
+  EXPECT_TRUE(gets("command", {1.0, 2.0, 3.0, 0.1, 0.2, 0.3, 0.0}));
+  EXPECT_TRUE(gets("target_pose", {7.0, 8.0, 9.0, 0.0, 0.6, 0.0, 0.8}));
+  EXPECT_TRUE(gets("target_twist", {6.0, 5.0, 4.0, 3.0, 2.0, 1.0, 0.0}));
+  // Without commands, and when released, it is let go.
+  const auto begun = steady_clock::now();
+  EXPECT_TRUE(within(1s, [&] { return side.take("command", n) && n == Seven{}; }));
+  EXPECT_GT(steady_clock::now() - begun, 50ms);
+  ASSERT_TRUE(gets("command", {1.0, 2.0, 3.0, 0.1, 0.2, 0.3, 0.0}));
+  robot->release();
+  EXPECT_TRUE(within(90ms, [&] { return side.take("command", n) && n == Seven{}; }));
+}
+
+TEST_F(Ros2, ADeviceIsPushedAgainstTheForce) {
+  Ros2Side side{"/handle", static_cast<std::uint32_t>(kDomain)};
+  const Publishing publishing{side, kSomewhere};
+  const auto device = open<Device, 1>(in_domain("/handle"));
+  const Force<1> f{Force<1>::Vector{2.5}};
+  Seven n;
+  EXPECT_TRUE(within(2s, [&] {
+    device->actuate(f);
+    return side.take("command", n) && n == Seven{-2.5};
+  }));
+  const DeviceSample<1> s = device->sense(tick<MasterClock>());
+  EXPECT_EQ(s.x.translation()[0], 0.1);
+  EXPECT_EQ(s.v[0], 1.0);
+  EXPECT_EQ(s.applied[0], 2.5);
+  device->release();
+  EXPECT_EQ(device->sense(tick<MasterClock>()).applied[0], 0.0);
+  EXPECT_TRUE(within(90ms, [&] { return side.take("command", n) && n == Seven{}; }));
+}
+
+TEST_F(Ros2, WhatIsNoNumberOrNoRotationIsDroppedAndSilenceIsAFault) {
+  Ros2Side side{"/arm", static_cast<std::uint32_t>(kDomain)};
+  auto publishing = std::make_unique<Publishing>(side, kSomewhere);
+  const auto robot = open<Robot, 6>(in_domain("/arm"));
+  std::map<std::string, Seven> bad = kSomewhere;
+  bad["pose"] = {9.0, 9.0, 9.0, 0.0, 0.0, 0.0, 0.0};
+  bad["twist"][1] = std::nan("");
+  bad["wrench"][5] = INFINITY;
+  publishing.reset();
+  publishing = std::make_unique<Publishing>(side, bad);
+  std::this_thread::sleep_for(50ms);
+  RobotSample<6> s = robot->sense(tick<SlaveClock>());
+  for (int k = 0; k < 90; ++k) s = robot->sense(tick<SlaveClock>());
+  EXPECT_EQ(s.status, HardwareStatus::stale);
+  EXPECT_EQ(s.x.translation()[0], 0.1);
+  EXPECT_EQ(s.v[1], 2.0);
+  EXPECT_EQ(robot->trouble(), "");
+  for (int k = 0; k < 20; ++k) s = robot->sense(tick<SlaveClock>());
+  EXPECT_EQ(s.status, HardwareStatus::fault);
+  EXPECT_NE(robot->trouble().find("nothing on /arm/pose (geometry_msgs::msg::dds_::PoseStamped_) for 0.1 s"),
+            std::string::npos)
+      << robot->trouble();
+  EXPECT_EQ(robot->trouble().find("of which 0 were dropped"), std::string::npos) << robot->trouble();
+}
+
+// Names and types as ROS 2 gives them to DDS (design.ros2.org, topic and service names); bytes as CDR has them: numbers at multiples of their size.
+TEST_F(Ros2, TopicsTypesAndBytesAreThoseOfRos) {
+  Ros2Side side{"/arm", static_cast<std::uint32_t>(kDomain)};
+  const Publishing publishing{side, kSomewhere};
+  const auto robot = open<Robot, 1>(in_domain("/arm"));
+  std::map<std::string, std::string> found;
+  for (const dds_entity_t of : {DDS_BUILTIN_TOPIC_DCPSPUBLICATION, DDS_BUILTIN_TOPIC_DCPSSUBSCRIPTION}) {
+    const dds_entity_t reader = dds_create_reader(side.participant(), of, nullptr, nullptr);
+    void* sample = nullptr;
+    dds_sample_info_t info;
+    for (; dds_take(reader, &sample, &info, 1, 1) > 0; dds_return_loan(reader, &sample, 1)) {
+      const auto& e = *static_cast<dds_builtintopic_endpoint_t*>(sample);
+      dds_reliability_kind_t kind{};
+      dds_qget_reliability(e.qos, &kind, nullptr);
+      const bool reliable = kind == DDS_RELIABILITY_RELIABLE, writes = of == DDS_BUILTIN_TOPIC_DCPSPUBLICATION;
+      // The side's own readers and writers are reliable as well.
+      if (!writes && reliable) continue;
+      found[e.topic_name] = std::string{writes ? "writes " : "reads "} + e.type_name;
+    }
+  }
+  const auto type = [](const std::string& name) { return "geometry_msgs::msg::dds_::" + name + "_"; };
+  EXPECT_EQ(found["rt/arm/command"], "writes " + type("WrenchStamped"));
+  EXPECT_EQ(found["rt/arm/target_pose"], "writes " + type("PoseStamped"));
+  EXPECT_EQ(found["rt/arm/target_twist"], "writes " + type("TwistStamped"));
+  EXPECT_EQ(found["rt/arm/pose"], "reads " + type("PoseStamped"));
+  EXPECT_EQ(found["rt/arm/twist"], "reads " + type("TwistStamped"));
+  EXPECT_EQ(found["rt/arm/wrench"], "reads " + type("WrenchStamped"));
+
+  RobotCommand<1> command;
+  command.f = Force<1>{Force<1>::Vector{3.25}};
+  ddsi_serdata* data = nullptr;
+  dds_sample_info_t info;
+  ASSERT_TRUE(within(2s, [&] {
+    robot->actuate(command);
+    return dds_takecdr(side.reader("command"), &data, 1, &info, DDS_ANY_STATE) == 1;
+  }));
+  ASSERT_EQ(ddsi_serdata_size(data), 4U + 24U + 48U);
+  std::vector<unsigned char> bytes(ddsi_serdata_size(data));
+  ddsi_serdata_to_ser(data, 0, bytes.size(), bytes.data());
+  ddsi_serdata_unref(data);
+  EXPECT_EQ(std::string(bytes.begin(), bytes.begin() + 3), std::string("\0\1\0", 3)) << "CDR, little endian";
+  const auto at = [&]<class Value>(std::size_t offset, Value value) {
+    std::memcpy(&value, bytes.data() + 4 + offset, sizeof value);
+    return value;
+  };
+  const auto now = std::chrono::system_clock::now().time_since_epoch();
+  EXPECT_NEAR(at(0, std::int32_t{}), std::chrono::duration<double>(now).count(), 10.0);
+  EXPECT_LT(at(4, std::uint32_t{}), 1'000'000'000U);
+  EXPECT_EQ(at(8, std::uint32_t{}), 6U);
+  EXPECT_STREQ(reinterpret_cast<const char*>(bytes.data()) + 16, "world");
+  EXPECT_EQ(at(24, 0.0), 3.25);
+  EXPECT_EQ(at(32, 0.0), 0.0);
+}
+
+TEST_F(Ros2, ArgumentsAndMissingTopicsAreRefusedInWords) {
+  const auto why_not = [](const std::string& arguments) -> std::string {
+    try {
+      open<Robot, 3>(arguments);
+    } catch (const ConfigError& e) {
+      return e.what();
+    }
+    return "opened";
+  };
+  for (const std::string bad :
+       {"", "/", "/1arm", "/arm/", "/a//b", "/arm,domain=233", "/arm,domain=-1", "/arm,domain=", "/arm,rate=3", "/a b"})
+    EXPECT_EQ(why_not(bad).find("--robot ros2:" + bad + ": name the namespace"), 0U) << why_not(bad);
+  EXPECT_NE(why_not(std::string(100000, 'a')).find("name the namespace"), std::string::npos);
+  setenv("ROS_DOMAIN_ID", "many", 1);
+  EXPECT_EQ(why_not("/arm").find("--robot ros2:/arm with ROS_DOMAIN_ID=many: name"), 0U);
+  setenv("ROS_DOMAIN_ID", std::to_string(kDomain).c_str(), 1);
+  EXPECT_EQ(why_not("/nobody"),
+            "--robot ros2:/nobody with ROS_DOMAIN_ID=" + std::to_string(kDomain) +
+                ": nothing on /nobody/pose (geometry_msgs::msg::dds_::PoseStamped_) for 5 s; 0 messages had come, of "
+                "which 0 were dropped: numbers that are not finite, or a quaternion that is no rotation");
+  unsetenv("ROS_DOMAIN_ID");
+}
+
+/// Master and slave over the robot of the stand-in.
+struct Live {
+  explicit Live(const Words& stand_in, const Words& more = {}) {
+    std::string scene = press(3);
+    // FORCE_PROJECTED holds a part of a press only.
+    const std::string method = "FORCE_PROJECTED";
+    scene.replace(scene.find(method), method.size(), "INTERNAL_MODEL");
+    pair.emplace(scene);
+    robot.emplace(stand_in);
+    Words of_slave = more;
+    of_slave.insert(of_slave.end(), {"--robot", "ros2:" + in_domain("/arm")});
+    slave.emplace(pair->listening_slave("slave", of_slave));
+    master.emplace(pair->master("master", more));
+  }
+  std::optional<Pair> pair;
+  std::optional<Process> robot, slave, master;
+};
+
+TEST_F(Ros2, TheHandFeelsTheWallOfARobotBehindTopics) {
+  Live live{{TWOPORT_STAND_IN, "/arm", std::to_string(kDomain)}};
+  EXPECT_EQ(live.master->wait(), exited(0)) << live.master->err();
+  EXPECT_EQ(live.slave->wait(), exited(0)) << live.slave->err();
+  const schema::Summary m = live.pair->summary("master"), s = live.pair->summary("slave");
+  EXPECT_GT(m.coupled_share(), 0.8);
+  if (!kept_time({m, s})) return;
+  const Trace felt = live.pair->trace("master"), pressed = live.pair->trace("slave");
+  const double at_end = pressed["env_f_0"].back();
+  EXPECT_GT(std::abs(at_end), 1.0);
+  EXPECT_NEAR(std::abs(felt["master_f_0"].back()), std::abs(at_end), 0.15 * std::abs(at_end));
+  EXPECT_NEAR(pressed["slave_x_0"].back(), 0.02 + std::abs(at_end) / 5000.0, 1e-4);
+  EXPECT_GE(m.min_port_energy_j(), -1e-3);
+}
+
+TEST_F(Ros2, ARobotThatDiesOrSendsNoNumbersLetsTheHandGo) {
+  for (const bool dies : {true, false}) {
+    Words words{TWOPORT_STAND_IN, "/arm", std::to_string(kDomain)};
+    if (!dies) words.insert(words.end(), {"2", "nan"});
+    Live live{words, {"--set", "duration_s=3", "--set", "control.release_after_s=0.3"}};
+    if (dies) {
+      live.pair->await("master", 1.1);
+      live.robot->send(SIGKILL);
+    }
+    EXPECT_EQ(live.slave->wait(), exited(1)) << live.slave->err();
+    const std::string why = live.slave->err();
+    EXPECT_NE(why.find(": nothing on /arm/pose (geometry_msgs::msg::dds_::PoseStamped_) for 0.1 s"), std::string::npos)
+        << why;
+    EXPECT_EQ(why.find("of which 0 were dropped") == std::string::npos, !dies) << why;
+    EXPECT_EQ(live.master->wait(), exited(0)) << live.master->err();
+    const Trace felt = live.pair->trace("master");
+    if (dies) {
+      EXPECT_GT(felt.peak("master_f_0", 0.8, 1.1), 0.5);
+    }
+    EXPECT_EQ(felt["master_f_0"].back(), 0.0) << live.master->err();
+  }
+}
+
+// From one process to another and back, through the driver and by Cyclone DDS alone. Printed, not judged.
+TEST_F(Ros2, LatencyThroughTheDriverAndWithoutIt) {
+  Process through = stand_in("/through", {"echo"}), raw = stand_in("/raw", {"echo"});
+  const auto robot = open<Robot, 1>(in_domain("/through"));
+  Ros2Side side{"/unused", static_cast<std::uint32_t>(kDomain)};
+  const dds_entity_t in = side.participant();
+  dds_qos_t* qos = dds_create_qos();
+  dds_qset_reliability(qos, DDS_RELIABILITY_BEST_EFFORT, 0);
+  const dds_entity_t reader = dds_create_reader(
+      in, dds_create_topic(in, &geometry_msgs_msg_dds__PoseStamped__desc, "rt/raw/pose", nullptr, nullptr), qos,
+      nullptr);
+  dds_qset_reliability(qos, DDS_RELIABILITY_RELIABLE, 0);
+  const dds_entity_t writer = dds_create_writer(
+      in, dds_create_topic(in, &geometry_msgs_msg_dds__WrenchStamped__desc, "rt/raw/command", nullptr, nullptr), qos,
+      nullptr);
+  dds_delete_qos(qos);
+  const auto send_raw = [&](double value) {
+    char frame[] = "world";
+    const geometry_msgs_msg_dds__WrenchStamped_ wrench{{{0, 0}, frame}, {{value, 0, 0}, {0, 0, 0}}};
+    dds_write(writer, &wrench);
+  };
+  const auto raw_position = [&] {
+    static double x = 0.0;
+    void* sample = nullptr;
+    dds_sample_info_t info;
+    for (; dds_take(reader, &sample, &info, 1, 1) > 0; dds_return_loan(reader, &sample, 1))
+      x = static_cast<geometry_msgs_msg_dds__PoseStamped_*>(sample)->pose.position.x;
+    return x;
+  };
+  RobotCommand<1> command;
+  const auto send = [&](double value) {
+    command.f = Force<1>{Force<1>::Vector{value}};
+    robot->actuate(command);
+  };
+  const auto position = [&] { return robot->sense(tick<SlaveClock>(0.0)).x.translation()[0]; };
+  std::vector<double> us[2];
+  constexpr int kRounds = 2000, kWarmUp = 100;
+  for (int k = 1; k <= kRounds + kWarmUp; ++k)
+    for (const bool driver : {false, true}) {
+      const auto begun = steady_clock::now();
+      driver ? send(k) : send_raw(k);
+      while ((driver ? position() : raw_position()) != k && steady_clock::now() - begun < 100ms) {
+      }
+      if (k > kWarmUp)
+        us[driver].push_back(std::chrono::duration<double, std::micro>(steady_clock::now() - begun).count());
+    }
+  for (const bool driver : {false, true}) {
+    std::sort(us[driver].begin(), us[driver].end());
+    const auto at = [&](double share) { return us[driver][static_cast<std::size_t>(share * (kRounds - 1))]; };
+    std::printf("round trip %s: %.0f us in the median, 99 %% within %.0f us\n",
+                driver ? "through the driver" : "by DDS alone", at(0.5), at(0.99));
+    EXPECT_LT(at(0.5), 50e3) << "messages are lost";
+  }
+}
+
+}  // namespace
+}  // namespace twoport::test
