@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <numbers>
 
 #include "common/method/coupled_by_position.h"
 #include "common/method/layers.h"
@@ -38,10 +39,11 @@ inline ControlOptions with_damped_robot(ControlOptions o) {
 ///
 /// Under ENERGY_SPRING_TWO_PORT there is no brake: its energy would be the link's.
 ///
-/// CONTACT_SPRING, and INTERNAL_MODEL in six degrees of freedom: q is a vector (yield_along_force), and the coupling's damper is grounded
-/// in contact, (1 - g) B_c (v_rx - v_s) - g B_c v_s, g = LP_100ms of 1 in contact and coupled, else of 0. The hand's motion and tremor, a delay
-/// old, would come through it with |K_c + j ω B_c|; the model knows K_c only. What acts on the robot with v_s alone, g B_c and the brake, is
-/// paid by the robot, not by the link.
+/// CONTACT_SPRING, and INTERNAL_MODEL in six degrees of freedom: q is a vector (yield_along_force), with c = min(1, (R/R_q)²),
+/// R_q = min(0.2 s, π √(m/K_c)): a robot that is pulled back for less than half of its period on the coupling bounces, a light one has a short
+/// period. The coupling's damper is grounded in contact, (1 - g) B_c (v_rx - v_s) - g B_c v_s, g = LP_100ms of 1 in contact and coupled, else
+/// of 0. The hand's motion and tremor, a delay old, would come through it with |K_c + j ω B_c|; the model knows K_c only. What acts on the
+/// robot with v_s alone, g B_c and the brake, is paid by the robot, not by the link.
 ///
 /// To the master: n, p, K*, μ, κ (surface_estimator.h), contact, the set point x_sd, and f as the returned force.
 /// N = 6: contact of the force or of the torque, sqrt(K_c/K_r) τ; K* = 0 where only a torque is felt, as no surface is known. The surface is that at the contact point x + R b, from the lever of the wrench:
@@ -60,7 +62,7 @@ class InternalModelSlave final : public Copyable<InternalModelSlave<N>, SlaveTra
         along_force_{o.transparency == "CONTACT_SPRING" || (N == 6 && o.transparency == "INTERNAL_MODEL")},
         damping_{
             per_axis<N>(with_damped_robot(o).coupling.damping_n_s_per_m, o.coupling.rotational_damping_n_m_s_per_rad)},
-        yields_{N == 6 && !along_force_ ? 1.0 : std::min(1.0, std::pow(o.known.round_trip.si() / kBlind_s, 2))},
+        yields_{N == 6 && !along_force_ ? 1.0 : std::min(1.0, std::pow(o.known.round_trip.si() / blind_s(o), 2))},
         senses_{o.architecture != Architecture::position_position},
         bias_{o.force_scale, stiffness_ratio(o.coupling)},
         mass_kg_{o.known.robot_mass_kg},
@@ -136,6 +138,11 @@ class InternalModelSlave final : public Copyable<InternalModelSlave<N>, SlaveTra
 
   [[nodiscard]] static double stiffness_ratio(const CouplingOptions& c) noexcept {
     return c.rotational_stiffness_n_m_per_rad > 0.0 ? c.stiffness_n_per_m / c.rotational_stiffness_n_m_per_rad : 0.0;
+  }
+  /// R_q: round trip from which on the robot yields in full.
+  [[nodiscard]] double blind_s(const ControlOptions& o) const noexcept {
+    if (!along_force_ || !(o.known.robot_mass_kg > 0.0)) return kBlind_s;
+    return std::min(kBlind_s, std::numbers::pi * std::sqrt(o.known.robot_mass_kg / o.coupling.stiffness_n_per_m));
   }
   [[nodiscard]] bool touches() const noexcept { return estimator_.contact() || torque_.contact(); }
 
