@@ -27,17 +27,17 @@
 namespace twoport::lab {
 namespace {
 
-/// States of a run in contact, to be judged beside its last one. A state is the end of a part in whose second half something
-/// was touched. Of the parts that end on the same set of surfaces the one with the largest ∫|f| dt is kept, f the
-/// environment's force: an integral, as a robot that bounces presses now and then.
+/// States of a run in contact, to be judged beside its last one. A state is the end of a part in whose last quarter something
+/// was touched. Of the parts that end on the same set of surfaces the one with the largest mean of |f| over that quarter is kept, f the
+/// environment's force: a mean, as a robot that bounces presses now and then.
 template <int N>
 class ContactStates {
  public:
-  static constexpr std::size_t kMost = 4;  ///< sets of surfaces; those that were pressed most
+  static constexpr std::size_t kMost = 8;  ///< sets of surfaces; those that were pressed most
 
   struct State {
     std::uint64_t surfaces;  ///< bit i: surface i, modulo 64
-    double pressed;          ///< ∫|f| dt / T
+    ContactRank rank;
     double at_s;
     std::unique_ptr<Simulation<N>> at;  ///< null: the end of the scene
   };
@@ -47,31 +47,34 @@ class ContactStates {
         rendered_{scene.control.architecture == Architecture::render},
         kinds_{environment_.world().surfaces.size() + environment_.world().springs.size()} {}
 
-  void begin_part(double from_s, double until_s) { late_from_s_ = 0.5 * (from_s + until_s); }
+  void begin_part(double from_s, const Part& part) {
+    length_s_ = part.until_s - from_s;
+    late_from_s_ = 0.25 * from_s + 0.75 * part.until_s;
+  }
   /// A tick of the run.
   void add(const Row<N>& row) {
     const double f2 = row.env_f.squared_norm();
-    if (f2 == 0.0) return;
+    if (f2 == 0.0 || row.t_s < late_from_s_) return;
     pressed_ += std::sqrt(f2);
     // The set is seen at every eighth tick of contact: a contact lasts longer, or comes again.
-    if (row.t_s >= late_from_s_ && late_++ % 8 == 0) see_surfaces(rendered_ ? row.master_x : row.slave_x);
+    if (late_++ % 8 == 0) see_surfaces(rendered_ ? row.master_x : row.slave_x);
   }
-  void end_part(const Simulation<N>& now, double now_s, bool last) {
-    const double pressed = std::exchange(pressed_, 0.0);
+  void end_part(const Simulation<N>& now, const Part& part, bool last) {
+    const ContactRank rank{part.ends_segment, std::exchange(pressed_, 0.0) / length_s_};
     const std::uint64_t surfaces = std::exchange(surfaces_, 0);
     late_ = 0;
     if (surfaces == 0) return;
     auto same = std::find_if(states_.begin(), states_.end(), [&](const State& s) { return s.surfaces == surfaces; });
     if (same == states_.end()) {
       if (states_.size() < kMost) {
-        same = states_.insert(states_.end(), State{surfaces, 0.0, 0.0, nullptr});
+        same = states_.insert(states_.end(), State{surfaces, {}, 0.0, nullptr});
       } else {
         same = std::min_element(states_.begin(), states_.end(),
-                                [](const State& a, const State& b) { return a.pressed < b.pressed; });
+                                [](const State& a, const State& b) { return a.rank < b.rank; });
       }
     }
-    if (!(pressed > same->pressed)) return;
-    *same = {surfaces, pressed, now_s, last ? nullptr : now.copy()};
+    if (!(rank > same->rank)) return;
+    *same = {surfaces, rank, part.until_s, last ? nullptr : now.copy()};
   }
   [[nodiscard]] const std::vector<State>& all() const { return states_; }
 
@@ -86,7 +89,7 @@ class ContactStates {
   Environment<N> environment_;
   bool rendered_;
   std::size_t kinds_;  ///< surfaces and springs
-  double late_from_s_ = 0.0, pressed_ = 0.0;
+  double length_s_ = 1.0, late_from_s_ = 0.0, pressed_ = 0.0;
   std::uint64_t surfaces_ = 0, late_ = 0;
   std::vector<State> states_;
 };
@@ -104,13 +107,6 @@ TailVerdict judge_all(const Simulation<N>& at_end, const ContactStates<N>& state
     keep_worse(worst.verdict, held.verdict, state.at_s);
   }
   return worst;
-}
-
-/// A transparency layer in a process of its own goes on in one run only: the judge's twin cannot have it.
-bool has_plugin(const Scene& scene) {
-  const auto is_plugin = [](const ControlOptions& c) { return c.transparency == "PLUGIN"; };
-  return is_plugin(scene.control) || std::any_of(scene.schedule.begin(), scene.schedule.end(),
-                                                 [&](const ScheduledControl& s) { return is_plugin(s.control); });
 }
 
 template <int N>
@@ -140,10 +136,10 @@ CountedRun run_as(Simulation<N>& simulation, const Scene& scene, const RunOption
   const double end_s = to_seconds(simulation.end()).si();
   std::uint64_t rows = 0;
   double from_s = 0.0;
-  for (const double until_s : probes ? parts(simulation.segment_ends_s(), end_s) : std::vector{end_s}) {
-    contact_states.begin_part(from_s, until_s);
+  for (const Part& part : probes ? parts(simulation.segment_ends_s(), end_s) : std::vector{Part{end_s, true}}) {
+    contact_states.begin_part(from_s, part);
     const auto start = ThreadClock::now();
-    ticks += simulation.run_until(to_duration(until_s), [&](const Row<N>& row) {
+    ticks += simulation.run_until(to_duration(part.until_s), [&](const Row<N>& row) {
       if (is_kept && rows++ % options.trace_every == 0) [[unlikely]]
         keep(row);
       if (probes) contact_states.add(row);
@@ -151,8 +147,8 @@ CountedRun run_as(Simulation<N>& simulation, const Scene& scene, const RunOption
     });
     spent += ThreadClock::now() - start;
     if (!goes_on) break;
-    if (probes) contact_states.end_part(simulation, until_s, until_s >= end_s);
-    from_s = until_s;
+    if (probes) contact_states.end_part(simulation, part, part.until_s >= end_s);
+    from_s = part.until_s;
   }
 
   Summary s;
@@ -175,6 +171,12 @@ CountedRun run_as(Simulation<N>& simulation, const Scene& scene, const RunOption
 }
 
 }  // namespace
+
+bool has_plugin(const Scene& scene) {
+  const auto is_plugin = [](const ControlOptions& c) { return c.transparency == "PLUGIN"; };
+  return is_plugin(scene.control) || std::any_of(scene.schedule.begin(), scene.schedule.end(),
+                                                 [&](const ScheduledControl& s) { return is_plugin(s.control); });
+}
 
 Summary run(const Scene& scene, const RunOptions& options) {
   return run_counted(scene, options).summary;

@@ -34,6 +34,9 @@ struct RunOptions {
 /// same summary to the bit, `step_ns` (the mean processor time of a tick of the scene's run) excepted.
 Summary run(const Scene& scene, const RunOptions& options = {});
 
+/// A transparency layer in a process of its own goes on in one run only: neither the judge's twin nor a replay can have it.
+bool has_plugin(const Scene& scene);
+
 /// The same, and how many ticks were simulated for it, those for the verdict included.
 struct CountedRun {
   Summary summary;

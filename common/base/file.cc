@@ -24,6 +24,12 @@ std::string partial(const std::string& path) {
   return path + ".partial";
 }
 
+/// The folder that a file is to be in. What hinders it, opening the file says.
+void make_folder_of(const std::string& path) {
+  std::error_code error;
+  std::filesystem::create_directories(std::filesystem::path{path}.parent_path(), error);
+}
+
 std::string reason(int error) {
   return std::generic_category().message(error);
 }
@@ -66,6 +72,7 @@ WholeFile::WholeFile(std::string path) : path_{std::move(path)}, file_{nullptr} 
   if (std::filesystem::exists(status) && !std::filesystem::is_regular_file(status) &&
       !std::filesystem::is_directory(status))
     throw ConfigError{path_ + ": cannot be written: it is not a regular file"};
+  make_folder_of(path_);
   file_ = std::fopen(partial(path_).c_str(), "wb");
   if (file_ == nullptr) throw ConfigError{path_ + ": cannot be written: " + reason(errno)};
 }
@@ -149,6 +156,7 @@ void check_replaceable(const std::string& path, const std::string& earlier, std:
 }  // namespace
 
 std::FILE* take_file(const std::string& path, std::string_view magic) {
+  make_folder_of(path);
   const int fd = ::open(path.c_str(), O_RDWR | O_CREAT | O_CLOEXEC | O_NOCTTY, 0666);
   std::unique_ptr<std::FILE, int (*)(std::FILE*)> file{fd < 0 ? nullptr : ::fdopen(fd, "r+b"), std::fclose};
   if (!file) throw ConfigError{path + ": cannot be written: " + reason(errno)};

@@ -21,7 +21,7 @@ void write_whole(const std::string& path, std::string_view text);
 /// when it is destroyed before. A killed program leaves at most the partial file.
 class WholeFile {
  public:
-  /// Throws ConfigError with the path and the reason when the file cannot be opened.
+  /// Makes a missing folder. Throws ConfigError with the path and the reason when the file cannot be opened.
   explicit WholeFile(std::string path);
   ~WholeFile();
   WholeFile(const WholeFile&) = delete;
@@ -50,7 +50,7 @@ class WholeFile {
   std::size_t lines_ = 0;  ///< that were to be written
 };
 
-/// Opens a file to be written anew, for this program alone; one of an earlier run is renamed (earlier_file.h). ConfigError where it
+/// Opens a file to be written anew, for this program alone, in a folder that is made if it is missing; one of an earlier run is renamed (earlier_file.h). ConfigError where it
 /// is in use (take_shared, or here), or begins otherwise than `magic`: nothing of another kind is touched.
 std::FILE* take_file(const std::string& path, std::string_view magic);
 /// While `file` is open, take_file refuses it.

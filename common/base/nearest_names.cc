@@ -32,6 +32,7 @@ std::vector<std::string> nearest_names(const std::string& typed, const std::vect
   std::vector<std::pair<std::pair<std::size_t, std::size_t>, std::string>> nearest;
   for (const std::string& name : names) nearest.emplace_back(edit_distance(typed, name), name);
   std::sort(nearest.begin(), nearest.end());
+  nearest.erase(std::unique(nearest.begin(), nearest.end()), nearest.end());
   std::vector<std::string> all;
   for (std::size_t i = 0; i < std::min(most, nearest.size()); ++i) all.push_back(nearest[i].second);
   return all;

@@ -64,10 +64,9 @@ inline constexpr MethodName kMethods[] = {
     {"INTERNAL_MODEL", "INTERNAL_MODEL", "ENERGY_SPRING",
      "a local model of the surface at the master, corrected by the delayed force and limited by an energy spring"},
     {"NONE", "DELAYED_FORCE", "NONE", "no passivity control: transparent, and unstable over delay"},
-    {"CLASSIC", "DELAYED_FORCE", "CLASSIC",
-     "two-port time domain passivity approach, correction along the velocity (CLASSIC) or along the force"},
+    {"CLASSIC", "DELAYED_FORCE", "CLASSIC", "two-port time domain passivity approach: a damper along the velocity"},
     {"FORCE_PROJECTED", "DELAYED_FORCE", "FORCE_PROJECTED",
-     "two-port time domain passivity approach, correction along the velocity (CLASSIC) or along the force"},
+     "two-port time domain passivity approach: a correction along the force, whose direction stays"},
     {"FIXED_DAMPING", "FIXED_DAMPING", "NONE",
      "a spring between the two positions and a damper at each side (P+d): stable for any passive hand and environment "
      "at a known delay, and felt as a brake"},

@@ -40,8 +40,8 @@ class DelayLine {
     return entry == nullptr ? nullptr : &entry->packet;
   }
 
-  /// From now on there are no blackouts; delay, jitter and loss stay.
-  void end_blackouts() noexcept { impairment_.end_blackouts(); }
+  /// From now on there are no blackouts and no steps of the delay.
+  void keep_as_it_is() noexcept { impairment_.keep_as_it_is(); }
   /// Changes delay, jitter and loss of the packets put in from now on.
   void adjust(double delay_s, double jitter_s, double loss) noexcept { impairment_.adjust(delay_s, jitter_s, loss); }
   /// Would every packet pass at once, and is none under way?

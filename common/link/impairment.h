@@ -65,8 +65,8 @@ class Impairment {
   /// Does every packet arrive once, after fixed_delay()?
   [[nodiscard]] bool certain() const noexcept { return certain_; }
   [[nodiscard]] Duration fixed_delay() const noexcept { return fixed_delay_; }
-  /// From now on there are no blackouts.
-  void end_blackouts() noexcept { options_.blackout.clear(); }
+  /// From now on there are no blackouts and no steps of the delay.
+  void keep_as_it_is() noexcept { options_.blackout.clear(), options_.delay_step.clear(); }
   /// Changes delay, jitter and loss from the next packet on.
   void adjust(double delay_s, double jitter_s, double loss) noexcept;
 

@@ -196,7 +196,7 @@ void Recorder<N>::log_change(const Entry& entry) {
       tell(fmt::format("the {} is silent; holding", peer));
       break;
     case Mode::released:
-      tell(was == Mode::coupled ? std::string{"released: a reading was not finite"}
+      tell(was == Mode::coupled ? std::string{"released: a reading was not finite, or a plug-in failed"}
                                 : fmt::format("released: the {} is still silent", peer));
       break;
     case Mode::let_go:

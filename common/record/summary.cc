@@ -137,7 +137,11 @@ std::vector<std::pair<std::string, double>> numbers(const Summary& summary) {
 }
 
 std::vector<std::pair<std::string, std::string>> texts(const Summary& s) {
-  return {{"scene", s.scene()}, {"architecture", s.architecture()}, {"method", s.method()}, {"verdict", s.verdict()}};
+  return {{"scene", s.scene()},
+          {"architecture", s.architecture()},
+          {"method", s.method()},
+          {"verdict_kind", s.verdict_kind()},
+          {"verdict", s.verdict()}};
 }
 
 }  // namespace twoport

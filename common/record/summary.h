@@ -62,7 +62,7 @@ std::vector<std::pair<std::string, std::optional<double>>> known_numbers(const S
 /// The same with NaN for what is not known.
 std::vector<std::pair<std::string, double>> numbers(const Summary& summary);
 
-/// The texts that a table holds of a run, as (name, text): scene, architecture, method, verdict.
+/// The texts that a table holds of a run, as (name, text): scene, architecture, method, verdict_kind, verdict.
 std::vector<std::pair<std::string, std::string>> texts(const Summary& summary);
 
 }  // namespace twoport

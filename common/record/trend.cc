@@ -1,9 +1,7 @@
 #include "common/record/trend.h"
 
-#include <Eigen/Dense>
 #include <algorithm>
 #include <cmath>
-#include <complex>
 #include <limits>
 
 namespace twoport {
@@ -34,64 +32,6 @@ Line fit_line(std::span<const double> y) {
     rr += r * r;
   }
   return {slope, std::sqrt(std::max(rr, 1e-32) / (count - 2.0) / sxx)};
-}
-
-namespace {
-
-/// The fit of least_damped_mode to samples of any number.
-DampedMode fit_modes(const Eigen::VectorXd& z) {
-  constexpr Eigen::Index kRank = 8;
-  const Eigen::Index samples = z.size(), rows = samples / 3 + 1, columns = samples - rows + 1;
-  Eigen::MatrixXd h(rows, columns);
-  for (Eigen::Index i = 0; i < rows; ++i) h.row(i) = z.segment(i, columns).transpose();
-  // An orthonormal basis of what its columns span, by Gram and Schmidt, the largest remainder first; each twice.
-  Eigen::MatrixXd basis(rows, kRank);
-  Eigen::Index rank = 0;
-  for (double first = 0.0; rank < kRank; ++rank) {
-    Eigen::Index largest = 0;
-    const double size = h.colwise().norm().maxCoeff(&largest);
-    if (rank == 0) first = size;
-    if (!(size > 1e-6 * first)) break;
-    Eigen::VectorXd q = h.col(largest) / size;
-    q -= basis.leftCols(rank) * (basis.leftCols(rank).transpose() * q);
-    basis.col(rank) = q.normalized();
-    h -= basis.col(rank) * (basis.col(rank).transpose() * h);
-  }
-  if (rank == 0) return {};
-  const auto used = basis.leftCols(rank);
-  const Eigen::MatrixXd step = used.topRows(rows - 1).colPivHouseholderQr().solve(used.bottomRows(rows - 1));
-  const Eigen::VectorXcd lambda = Eigen::EigenSolver<Eigen::MatrixXd>(step, false).eigenvalues();
-  Eigen::MatrixXcd v(samples, rank);
-  for (Eigen::Index j = 0; j < rank; ++j)
-    for (Eigen::Index k = 0; k < samples; ++k) v(k, j) = k == 0 ? std::complex<double>(1.0) : v(k - 1, j) * lambda[j];
-  const Eigen::VectorXcd c = v.colPivHouseholderQr().solve(z.cast<std::complex<double>>());
-  const double residual = (v * c - z.cast<std::complex<double>>()).cwiseAbs().maxCoeff();
-  if (!(residual <= 1e-4)) return {};
-  double rate = -std::numeric_limits<double>::infinity();
-  for (Eigen::Index j = 0; j < rank; ++j)
-    if ((v.col(j) * c[j]).norm() > 1e-3 * std::sqrt(static_cast<double>(samples)))
-      rate = std::max(rate, std::log(std::abs(lambda[j])));
-  if (!std::isfinite(rate)) return {};
-  return {.found = true, .rate = rate, .residual = residual};
-}
-
-}  // namespace
-
-DampedMode least_damped_mode(const std::array<double, kPencilSamples>& x) {
-  constexpr Eigen::Index kPart = 2 * kPencilSamples / 3;
-  Eigen::VectorXd z = Eigen::Map<const Eigen::VectorXd>(x.data(), kPencilSamples);
-  const double most = z.cwiseAbs().maxCoeff();
-  if (!(most > 0.0) || !std::isfinite(most)) return {};
-  z /= most;
-  DampedMode all = fit_modes(z);
-  if (!all.found) return {};
-  all.error = std::numeric_limits<double>::infinity();
-  Eigen::VectorXd first = z.head(kPart), last = z.tail(kPart);
-  const double scale = last.cwiseAbs().maxCoeff();
-  if (!(scale > 0.0)) return all;
-  const DampedMode one = fit_modes(first / first.cwiseAbs().maxCoeff()), two = fit_modes(last / scale);
-  if (one.found && two.found) all.error = std::max(std::abs(one.rate - all.rate), std::abs(two.rate - all.rate));
-  return all;
 }
 
 TrendRecord::TrendRecord(std::size_t signals, std::size_t energies, std::size_t ticks)

@@ -1,3 +1,4 @@
+#include <filesystem>
 #include <limits>
 #include <numbers>
 
@@ -13,7 +14,7 @@ static_assert(same_number(Architecture::render, schema::Control::RENDER) &&
               same_number(Architecture::position_measured_force, schema::Control::POSITION_MEASURED_FORCE) &&
               same_number(Architecture::position_position, schema::Control::POSITION_POSITION) &&
               same_number(Architecture::uncontrolled, schema::Control::UNCONTROLLED) &&
-              same_number(Architecture::uncontrolled, schema::Control::Architecture_MAX));
+              same_number(Architecture::uncontrolled, schema::Control::FOUR_CHANNEL - 1));
 static_assert(same_number(ObserverRule::exact, schema::Passivity::EXACT) &&
               same_number(ObserverRule::rectangle, schema::Passivity::RECTANGLE) &&
               same_number(ObserverRule::rectangle, schema::Passivity::Observer_MAX));
@@ -112,27 +113,48 @@ void read_method_options(const Block<schema::Passivity>& of, ControlOptions& opt
   };
 }
 
+/// A relative path starts at the scene's folder.
+std::string from_scene(const Block<schema::Control>& of, const std::string& file) {
+  return file.empty() ? file : (std::filesystem::path{of.context().file}.parent_path() / file).string();
+}
+
+/// Architecture FOUR_CHANNEL: the transparency layer of that name over the passivity layer that the scene names, or its method has.
+std::string four_channel_over(const Block<schema::Control>& of) {
+  const Block transparency = of.block(FIELD(transparency));
+  const Block passivity = of.block(FIELD(passivity));
+  if (transparency->has_layer() && transparency->layer() != schema::Transparency::FOUR_CHANNEL)
+    transparency.refuse(FIELD(layer), "be absent or FOUR_CHANNEL where control.architecture is FOUR_CHANNEL");
+  if (!passivity->has_method()) return std::string{kMethods[0].passivity};
+  const MethodName* method = find_name(kMethods, schema::Passivity::Method_Name(passivity->method()));
+  if (method == nullptr || (method->transparency != "DELAYED_FORCE" && method->transparency != "FOUR_CHANNEL"))
+    passivity.refuse(FIELD(method),
+                     "be NONE, CLASSIC, FORCE_PROJECTED, ENERGY_TANK, ENERGY_BOUNDING or FOUR_CHANNEL where "
+                     "control.architecture is FOUR_CHANNEL");
+  return std::string{method->passivity};
+}
+
 /// The layers that the scene names, each absent one as the default method has it. False: it names none.
 bool read_layers(const Block<schema::Control>& of, ControlOptions& options) {
   const Block transparency = of.block(FIELD(transparency));
   const Block passivity = of.block(FIELD(passivity));
+  const bool four_channel = of->architecture() == schema::Control::FOUR_CHANNEL;
   options.random.force_n = transparency->random().force_n();
   options.random.hold_ms = transparency->random().hold_ms();
-  options.plugin.file = transparency->plugin().file();
+  options.plugin.file = from_scene(of, transparency->plugin().file());
   options.plugin.arguments = transparency->plugin().arguments();
-  if (!transparency->has_layer() && !passivity->has_layer()) return false;
+  if (!transparency->has_layer() && !passivity->has_layer() && !four_channel) return false;
   const std::string named = transparency->has_layer() ? transparency.path_of("layer") : passivity.path_of("layer");
-  if (passivity->has_method())
+  if (passivity->has_method() && (transparency->has_layer() || passivity->has_layer()))
     of.fail(fmt::format("{} and {} are both given; a method names both layers, so give the one or the other",
                         passivity.path_of("method"), named));
   if (options.architecture == Architecture::render || options.architecture == Architecture::uncontrolled)
     of.fail(fmt::format("{} is given, but control.architecture is {}; layers need a link", named,
                         to_string(options.architecture)));
-  std::string name{kMethods[0].transparency};
+  const std::string below = four_channel ? four_channel_over(of) : std::string{kMethods[0].passivity};
+  std::string name{four_channel ? "FOUR_CHANNEL" : kMethods[0].transparency};
   if (transparency->has_layer()) name = schema::Transparency::Layer_Name(transparency->layer());
   name += '+';
-  name += passivity->has_layer() ? schema::PassivityLayer::Name_Name(passivity->layer())
-                                 : std::string{kMethods[0].passivity};
+  name += passivity->has_layer() ? schema::PassivityLayer::Name_Name(passivity->layer()) : below;
   choose_method(options, name);
   if (options.transparency == "PLUGIN" && options.plugin.file.empty())
     of.fail("control.transparency.plugin.file is absent; PLUGIN needs it");
@@ -202,7 +224,9 @@ PortLimits read_limits(const Block<schema::Limits>& of, const PortLimits& absent
 
 ControlOptions read_control(const Block<schema::Control>& of, SceneFor use) {
   ControlOptions options;
-  options.architecture = static_cast<Architecture>(of->architecture());
+  options.architecture = of->architecture() == schema::Control::FOUR_CHANNEL
+                             ? Architecture::position_force
+                             : static_cast<Architecture>(of->architecture());
   options.coupling = read_coupling(of.block(FIELD(virtual_coupling)));
   options.rendering = static_cast<RenderingAlgorithm>(of->rendering());
   options.force_scale = of->force_scale();

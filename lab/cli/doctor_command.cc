@@ -102,10 +102,15 @@ int link_command(const DoctorArguments& a) {
   if (const double packets = request.seconds * request.rate_hz; packets > kMostPackets)
     throw ConfigError{fmt::format("--seconds {:g} at {:g} Hz are {:.0f} packets; a measurement has at most {:.0f}",
                                   request.seconds, request.rate_hz, packets, kMostPackets)};
+  std::optional<WholeFile> saved;
+  if (!a.save.empty()) saved.emplace(a.save);
   const LinkFigures f = measure_link(request, stop);
   const double round_trip_s = 1e-3 * ms(f.round_trip.percentile(0.5));
   const LinkTrace trace = f.trace();
-  if (!a.save.empty()) write_whole(a.save, to_csv(trace));
+  if (saved) {
+    saved->write(to_csv(trace));
+    saved->commit();
+  }
   const DirectionFigures to_slave = f.to_slave.figures(), to_master = f.to_master.figures();
   const LinkAdvice advice = recommend(
       trace,
@@ -146,7 +151,7 @@ int link_command(const DoctorArguments& a) {
                1e3 * d.jitter_p99_s, 1e3 * d.jitter_max_s, 1e3 * d.longest_gap_s);
   fmt::print("\nFor a scene over this link, with a wall of {:g} N/m:\n", a.stiffness);
   std::fputs(to_text(advice).c_str(), stdout);
-  if (!a.save.empty()) fmt::print("{}: {} packets\n", a.save, trace.to_slave.size() + trace.to_master.size());
+  if (saved) fmt::print("{}: {} packets\n", a.save, trace.to_slave.size() + trace.to_master.size());
   return 0;
 }
 

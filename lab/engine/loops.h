@@ -102,9 +102,9 @@ class SimLink {
 
   [[nodiscard, gnu::always_inline]] Mailbox<N, Transport>& master() noexcept { return master_; }
   [[nodiscard, gnu::always_inline]] Mailbox<N, Transport>& slave() noexcept { return slave_; }
-  void end_blackouts() noexcept {
-    to_slave_.end_blackouts();
-    to_master_.end_blackouts();
+  void keep_as_it_is() noexcept {
+    to_slave_.keep_as_it_is();
+    to_master_.keep_as_it_is();
   }
   [[nodiscard]] LinkUse use() const {
     return {master_.counts(), slave_.counts(), to_slave_.overflowed() + to_master_.overflowed()};
@@ -201,7 +201,7 @@ class LinkLoop {
   void be_quiet() noexcept {
     device_.hold();
     robot_.silence();
-    link_.end_blackouts();
+    link_.keep_as_it_is();
     switch_times_.end();
   }
   Kicked kick(const Velocity<N>& master, const Velocity<N>& slave) noexcept {

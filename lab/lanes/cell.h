@@ -166,9 +166,11 @@ class Cell {
     }
     while (part_ < parts_.size() && k >= parts_[part_].until) {
       const bool last = parts_[part_].until_s >= end_s_;
-      const double pressed = std::exchange(t.pressed, 0.0);
-      if (t.touched != 0.0 && pressed > pressed_) {
-        pressed_ = pressed;
+      const double from_s = part_ == 0 ? 0.0 : parts_[part_ - 1].until_s;
+      const ContactRank rank{parts_[part_].ends_segment,
+                             std::exchange(t.pressed, 0.0) / (parts_[part_].until_s - from_s)};
+      if (t.touched != 0.0 && rank > rank_) {
+        rank_ = rank;
         held_.reset();
         if (!last) {
           snapshot();
@@ -298,6 +300,7 @@ class Cell {
   struct RunPart {
     std::int64_t from, late, until;
     double until_s;
+    bool ends_segment;
   };
 
   static void set(Plant& plant, const double* x, const double* v, const double* across, double in_contact) {
@@ -478,10 +481,10 @@ class Cell {
     } else if (!World{scene_.environment}.surfaces.empty()) {
       double from_s = 0.0;
       std::int64_t from = 0;
-      for (const double until_s : twoport::lab::parts(path_->segment_ends_s, end_s_)) {
+      for (const auto& [until_s, ends_segment] : twoport::lab::parts(path_->segment_ends_s, end_s_)) {
         const std::int64_t until = std::min(tick_from(to_duration(until_s), period_ns_), ticks_);
-        const std::int64_t late = tick_of_time(0.5 * (from_s + until_s), period);
-        parts_.push_back({from, late, until, until_s});
+        const std::int64_t late = tick_of_time(0.25 * from_s + 0.75 * until_s, period);
+        parts_.push_back({from, late, until, until_s, ends_segment});
         stops_.push_back(until), stops_.push_back(late);
         from_s = until_s, from = until;
       }
@@ -562,7 +565,8 @@ class Cell {
   std::array<double, 2 * N> early_{};
   bool has_early_ = false, failed_ = false, judged_ = false;
   std::optional<double> held_ratio_;
-  double pressed_ = 0.0, held_at_s_ = 0.0;
+  ContactRank rank_{};
+  double held_at_s_ = 0.0;
   std::optional<Snapshot<N>> held_;  ///< in contact
   const Snapshot<N>* from_ = nullptr;
   std::optional<Metrics<N>> metrics_;

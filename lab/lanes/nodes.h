@@ -30,7 +30,7 @@ class Nodes {
                        scene.transmission_to_master.deadband.has_value()} {}
 
   void be_quiet() noexcept {
-    link_.end_blackouts();
+    link_.keep_as_it_is();
     switch_times_.end();
   }
   [[nodiscard]] LinkUse use() const {

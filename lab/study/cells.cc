@@ -204,7 +204,7 @@ Values CellFile::row(std::size_t cell) {
   auto found = parse_cell(plan_, line(cell));
   if (!found || found->first != cell) throw IoError{fmt::format("{}: was changed meanwhile", path_)};
   // Figures stand between the varied paths and the texts.
-  const std::size_t varied = plan_.varied_columns(cell).size(), texts = 4 + (plan_.seeds > 0 ? 1 : 0);
+  const std::size_t varied = plan_.varied_columns(cell).size(), texts = 5 + (plan_.seeds > 0 ? 1 : 0);
   Values row;
   for (std::size_t i = 0; i < found->second.size(); ++i) {
     const bool figure = i >= varied && i + texts < found->second.size();

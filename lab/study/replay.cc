@@ -16,6 +16,7 @@
 #include "common/recording/tick.h"
 #include "common/runtime/cycle.h"
 #include "common/scene/load.h"
+#include "lab/run.h"
 #include "master/master_node.h"
 #include "master/render_node.h"
 #include "master/with_device.h"
@@ -239,6 +240,11 @@ std::unique_ptr<Replay> make_replay(const RecordingHeader& h, const Scene& scene
 /// The scene as the recorded program had it; of a gripper the scene within it.
 Scene scene_of(const RecordingHeader& h) {
   Scene scene = parse_scene(h.scene_text, h.scene_file, h.overrides, h.live ? SceneFor::live : SceneFor::laboratory);
+  if (h.live && h.of_master() && has_plugin(scene))
+    throw ConfigError{
+        h.scene_file +
+        ": a plug-in is its transparency layer, which answered at its own times; a live recording does not hold "
+        "the answers, so it cannot be replayed"};
   if (h.of_gripper()) {
     if (!scene.gripper) throw ConfigError{h.scene_file + ": the recording has a gripper, but not its scene"};
     scene = Scene{*scene.gripper};

@@ -80,9 +80,10 @@ class Path {
       }
       t += s.duration_s;
       segments_.push_back(s);
+      if (s.kind != Kind::hold) rest_from_s_ = t;
     }
     end_s_ = t;
-    rest_from_s_ = tremor_.still() ? end_s_ : std::numeric_limits<double>::infinity();
+    if (!tremor_.still()) rest_from_s_ = std::numeric_limits<double>::infinity();
   }
 
   struct Sample {
@@ -111,7 +112,7 @@ class Path {
     for (const Segment& s : segments_) ends.push_back(s.start_s + s.duration_s);
     return ends;
   }
-  /// When the last segment ends and the hand holds still [s]; infinite with tremor.
+  /// When the last segment that moves ends and the hand holds still [s]; infinite with tremor.
   [[nodiscard]] double end_s() const { return rest_from_s_; }
 
  private:

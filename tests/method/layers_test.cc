@@ -154,6 +154,24 @@ TEST(Layers, WhatMakesNoSenseIsRefused) {
             "accepted");
   EXPECT_NE(refusal(pressed(3, "passivity { layer: WAVE_VARIABLES }")), "accepted");
 }
+TEST(Layers, TheArchitectureFourChannelNamesItsLayer) {
+  const auto named = [](const std::string& more) {
+    const ControlOptions c = parse_scene(pressed(3, "architecture: FOUR_CHANNEL " + more), "s").control;
+    EXPECT_EQ(c.architecture, Architecture::position_force);
+    return c.method_name;
+  };
+  EXPECT_EQ(named(""), "FOUR_CHANNEL+ENERGY_SPRING");
+  EXPECT_EQ(named("passivity { method: NONE }"), "FOUR_CHANNEL");
+  EXPECT_EQ(named("passivity { method: FOUR_CHANNEL }"), "FOUR_CHANNEL");
+  EXPECT_EQ(named("passivity { method: FORCE_PROJECTED }"), "FOUR_CHANNEL+FORCE_PROJECTED");
+  EXPECT_EQ(named(layers("FOUR_CHANNEL", "ENERGY_TANK")), "FOUR_CHANNEL+ENERGY_TANK");
+  EXPECT_NE(refusal(pressed(3, "architecture: FOUR_CHANNEL passivity { method: WAVE_VARIABLES }"))
+                .find("control.passivity.method"),
+            std::string::npos);
+  EXPECT_NE(refusal(pressed(3, "architecture: FOUR_CHANNEL transparency { layer: RANDOM }"))
+                .find("control.transparency.layer"),
+            std::string::npos);
+}
 TEST(Layers, AnOverrideTakesThePlaceOfWhatTheSceneNames) {
   const std::string by_method = pressed(3, "passivity { method: CLASSIC }"),
                     by_layers = pressed(3, layers("RANDOM", "ENERGY_TANK"));
@@ -173,6 +191,11 @@ std::string plugin_scene(const std::string& arguments) {
 }
 TEST(PluginLayer, DisplaysItsForce) {
   EXPECT_GT(run_scene(plugin_scene("spring 200")).last_n, 0.5);
+}
+TEST(PluginLayer, FileIsRelativeToTheScene) {
+  const std::string scene = pressed(3, layers("PLUGIN", "ENERGY_SPRING", "plugin { file: \"layer.so\" }"));
+  EXPECT_EQ(parse_scene(scene, "some/where/s").control.plugin.file, "some/where/layer.so");
+  EXPECT_EQ(parse_scene(plugin_scene("spring 200"), "some/where/s").control.plugin.file, kLayer);
 }
 TEST(PluginLayer, ThatCrashesHangsOrIsNotFiniteReleasesThePort) {
   for (const char* kind : {"crash 0.4", "nan 0.4", "hang 0.4"}) {

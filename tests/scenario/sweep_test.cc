@@ -136,7 +136,7 @@ TEST(Sweep, WritesTheVariedPathsThenEveryNumberAndTheWordsOfTheSummary) {
   Words columns{"device.mass_kg", kStiffness};
   for (const auto& [name, value] : numbers(Summary{}))
     if (name != "step_ns") columns.push_back(name);
-  columns.insert(columns.end(), {"scene", "architecture", "method", "verdict"});
+  columns.insert(columns.end(), {"scene", "architecture", "method", "verdict_kind", "verdict"});
   EXPECT_EQ(table.columns, columns);
   ASSERT_EQ(table.rows.size(), 6U);
   EXPECT_EQ(table.rows[0][0], "0.05");
@@ -248,7 +248,7 @@ TEST(Sweep, OverSeedsHasMeanDeviationAndWorstOfEachFigure) {
                              .out = ""});
   Words columns{"to_slave.delay_ms", "to_master.delay_ms"};
   for (const std::string& name : figures()) columns.insert(columns.end(), {name, name + "_sd", name + "_worst"});
-  columns.insert(columns.end(), {"scene", "architecture", "method", "verdict", "worst_seed"});
+  columns.insert(columns.end(), {"scene", "architecture", "method", "verdict_kind", "verdict", "worst_seed"});
   EXPECT_EQ(table.columns, columns);
   EXPECT_EQ(table.seeds, kSeeds);
 

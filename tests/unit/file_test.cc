@@ -61,15 +61,22 @@ TEST(WriteWhole, LeavesTheTextAndNothingElse) {
   EXPECT_EQ(folder.names(), std::set<std::string>{"summary.json"});
 }
 
+TEST(WriteWhole, MakesTheFolder) {
+  const Folder folder;
+  write_whole(folder / "a/b/summary.json", "text");
+  EXPECT_EQ(read_whole(folder / "a/b/summary.json"), "text");
+}
+
 TEST(WriteWhole, SaysWhyItCannot) {
   const Folder folder;
   try {
-    write_whole(folder / "none/summary.json", "text");
+    write_whole(folder / "file", "text");
+    write_whole(folder / "file/summary.json", "text");
     FAIL() << "it wrote";
   } catch (const ConfigError& e) {
-    EXPECT_EQ(std::string{e.what()}, (folder / "none/summary.json") + ": cannot be written: No such file or directory");
+    EXPECT_EQ(std::string{e.what()}, (folder / "file/summary.json") + ": cannot be written: Not a directory");
   }
-  EXPECT_TRUE(folder.names().empty());
+  EXPECT_EQ(folder.names(), std::set<std::string>{"file"});
 }
 
 /// While it exists no file grows beyond `bytes`.

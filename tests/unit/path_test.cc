@@ -213,6 +213,14 @@ TEST(Hold, StaysWhereTheLastSegmentEnded) {
   EXPECT_GT(sample(way, 1.25).x.translation().x(), 0.14);
 }
 
+TEST(Hold, AtTheEndIsRest) {
+  const Path<1> moves{{MoveToSpec{{0.1}, 0.5}}, Position<1>{}},
+      holds{{MoveToSpec{{0.1}, 0.5}, HoldSpec{1.0}, HoldSpec{2.0}}, Position<1>{}};
+  EXPECT_EQ(holds.end_s(), moves.end_s());
+  EXPECT_EQ(holds.end_s(), 0.5);
+  EXPECT_EQ(holds.segment_ends_s(), (std::vector<double>{0.5, 1.5, 3.5}));
+}
+
 // --- sine ----------------------------------------------------------------------------------------
 
 TEST(Sine, SwingsAboutThePointWhereItStarts) {

@@ -200,6 +200,42 @@ TEST(Verdict, IsUndecidedWhereNothingCanBeSaid) {
   EXPECT_NE(still.verdict().find("nothing moved"), std::string::npos) << still.verdict();
 }
 
+/// A hand taps a wall of 5 kN/m by a sine, without control over 5 ms each way: the loop grows in each contact.
+std::string tapped(double sine_s, const std::string& more = {}) {
+  return "dof: 1 duration_s: 10 rate_hz: 1000 operator { hand { mass_kg: 0.1 stiffness_n_per_m: 400 damping_n_s_per_m: "
+         "8 } path { sine { "
+         "amplitude_m: 0.03 frequency_hz: 0.5 duration_s: " +
+         std::to_string(sine_s) + " } } " + more +
+         " } device { mass_kg: 0.2 "
+         "damping_n_s_per_m: 0.1 max_force_n: 20 } control { architecture: POSITION_MEASURED_FORCE virtual_coupling { "
+         "stiffness_n_per_m: "
+         "1000 damping_n_s_per_m: 30 } passivity { method: NONE } } to_slave { delay_ms: 5 } to_master { delay_ms: 5 } "
+         "robot { mass_kg: "
+         "0.5 damping_n_s_per_m: 3 force_sensor { } } environment { wall { normal: [-1] offset_m: -0.01 "
+         "stiffness_n_per_m: 5000 } }";
+}
+// The sine ends in free space: no segment ends in contact.
+TEST(Verdict, SeesAContactThatTheHandOnlyPasses) {
+  for (const double sine_s : {8.0, 10.0, 20.0}) {
+    const Summary s = run(parse_scene(tapped(sine_s), "tapped"));
+    EXPECT_EQ(s.verdict_kind(), "UNSTABLE") << sine_s << ": " << s.verdict();
+  }
+}
+TEST(Verdict, IsThatOfTheSceneNotOfAScheduledDelayBeyondItsEnd) {
+  const std::vector<std::string> calm{"control.passivity.method=INTERNAL_MODEL"},
+      later{calm[0], "to_slave.delay_step={at_s: 11 delay_ms: 400}"};
+  const Summary as_is = run(parse_scene(tapped(8.0), "tapped", calm)),
+                stepped = run(parse_scene(tapped(8.0), "tapped", later));
+  EXPECT_EQ(stepped.verdict(), as_is.verdict());
+}
+TEST(Verdict, FromTheRunItselfCountsARestFromTheLastMotionOn) {
+  const RunOptions plain{.verdict = VerdictFrom::plain};
+  const Summary moves = run(parse_scene(tapped(4.5), "tapped"), plain),
+                holds = run(parse_scene(tapped(4.5, "path { hold { duration_s: 9 } }"), "tapped"), plain);
+  EXPECT_EQ(holds.verdict(), moves.verdict());
+  EXPECT_EQ(holds.verdict_kind(), "UNSTABLE") << holds.verdict();
+}
+
 // A wrench that turns nothing as long as the run lasts, and turns the handle a little in the tail, decaying: what was at rest has
 // the speed of the other kind of motion as its measure.
 TEST(Verdict, CallsAnAxisThatBeginsToMoveInTheTailNotDiverged) {
