@@ -109,6 +109,8 @@ class Judge {
       const bool hand_pays = tail_.run_lengths >= kCredit && port_.line.slope > -5.0 * port_.line.error;
       if (tail_.last || !y_grows || hand_pays) return restless_at("unsteady, kept going by a passive controller");
     }
+    // An encoder's or dry friction's small motion is irregular, and shows no trend however long it lasts.
+    if (tail_.last && tail_.coarse && tail_.run_lengths >= kCredit && dithers()) return restless_at("");
     return marginal();
   }
 
@@ -154,12 +156,14 @@ class Judge {
     return marginal();
   }
 
-  /// Where a controller acts: what remains is too small to be noticed, and nothing rises.
-  bool trembles() const {
-    return tail_.controller_acted && !noticed() &&
+  /// What remains is too small to be noticed, and nothing rises.
+  bool dithers() const {
+    return !noticed() &&
            !any([](const Coordinate& c) { return c.y.trend == Trend::grows || c.y.trend == Trend::unclear_growth; }) &&
            (!noticed(kFaint) || !(paid() && below()));
   }
+  /// The same where a controller acts.
+  bool trembles() const { return tail_.controller_acted && dithers(); }
 
   /// Is there a controller that waits until the hand's energy is used up?
   bool on_credit() const { return tail_.has_controller && tail_.initial_energy_j + port_.last >= 0.0; }
