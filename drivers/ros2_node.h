@@ -89,7 +89,9 @@ struct Inbox {
 };
 
 inline dds_entity_t made(dds_entity_t entity) {
-  if (entity < 0) throw ConfigError{std::string{"ros2: Cyclone DDS: "} + dds_strretcode(entity)};
+  if (entity < 0)
+    throw ConfigError{fmt::format("ros2: {} of Cyclone DDS, whose reason stands above; is CYCLONEDDS_URI right?",
+                                  dds_strretcode(entity))};
   return entity;
 }
 /// A reader into `inbox`, or a writer. A best-effort reader hears all writers of ROS, a reliable writer is heard by all readers.
