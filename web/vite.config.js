@@ -29,6 +29,7 @@ const oneFile = {
       ['ICON', () => `data:image/svg+xml,${encodeURIComponent(icon)}`],
       ['LICENCES', () => escaped(readFileSync(new URL('licences.txt', import.meta.url), 'utf8').trim())],
     ];
+    html.source = html.source.replace(/\n\s+/g, '\n');
     for (const [place, text] of within) {
       if (html.source.search(place) < 0) this.error(`index.html has no ${place}`);
       html.source = html.source.replace(place, text);

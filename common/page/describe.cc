@@ -5,6 +5,8 @@
 #include <array>
 #include <cmath>
 #include <string_view>
+#include <type_traits>
+#include <variant>
 #include <vector>
 
 #include "common/arm/parameters.h"
@@ -13,6 +15,7 @@
 #include "common/page/channel.h"
 #include "common/page/judge.h"
 #include "common/safety/limits.h"
+#include "common/scene/shown.h"
 
 namespace twoport {
 namespace {
@@ -75,9 +78,22 @@ std::string shape(const Plate& s) {
                                           number(h.radius_m));
                      }));
 }
-/// The page does not draw it.
+/// Its triangles stand apart.
 std::string shape(const Mesh&) {
-  return R"("hidden":true)";
+  return R"("apart":true)";
+}
+std::string shape(const TriangleMesh& m) {
+  return fmt::format(
+      R"("vertices_m":{},"triangles":{})",
+      list(m.vertices,
+           [](const Eigen::Vector3d& v) { return fmt::format("{:.5g},{:.5g},{:.5g}", v.x(), v.y(), v.z()); }),
+      list(m.triangles, [](const TriangleMesh::Triangle& t) { return fmt::format("{},{},{}", t[0], t[1], t[2]); }));
+}
+template <class Shape>
+std::string part(const Shape& s) {
+  const char* kind = Mesh::kName;
+  if constexpr (!std::is_same_v<Shape, TriangleMesh>) kind = Shape::kName;
+  return fmt::format(R"({{"kind":{},{}}})", json_string(kind), shape(s));
 }
 
 std::string arm(const Scene& s) {
@@ -141,20 +157,23 @@ std::string describe_for_page(const Scene& s, const PageIntroduction& i) {
   std::array<std::string_view, kEnvironmentAnswers> answers;
   for (std::size_t a = 0; a < answers.size(); ++a) answers[a] = sentence(static_cast<EnvironmentAnswer>(a));
   const auto axis = [](const Eigen::Vector3d& v) { return vector(v); };
+  const ShownShapes shown = shown_shapes(s);
+  const auto any_part = [](const auto& each) { return std::visit([](const auto& p) { return part(p); }, each); };
   return fmt::format(
       R"({{"scene":{},"dof":{},"rate_hz":{},"architecture":{},"method":{},"methods":{},"initial_energies_j":{},"device":{},"pointer":{},"restarts":{},)"
       R"("grip_n_per_m":{},"grip_limits_n_per_m":[{},{}],"max_force_n":{},"motion_scale":{},"force_scale":{},)"
       R"("limits":{},"linked":{},"to_slave":{},"to_master":{},"network_limits":{{"delay_ms":{},"jitter_ms":{},"loss":{}}},)"
-      R"("environment":{},"environment_answers":{},"surface_limits":{{"stiffness_n_per_m":{},"friction":{}}},)"
-      R"("tool":{},"arm":{},"gripper_m":{},"fields":[{}]}})",
+      R"("environment":{},"meshes":{},"environment_answers":{},"surface_limits":{{"stiffness_n_per_m":{},"friction":{}}},)"
+      R"("tool":{},"tool_parts":{},"tool_alone":{},"arm":{},"gripper_m":{},"fields":[{}]}})",
       json_string(s.name), s.dof, number(s.master_rate_hz), json_string(name_of(s.control.architecture)),
       json_string(s.control.method_name), list(i.methods, json_string), list(initial_energies_j(s), number),
       json_string(i.device), i.has_pointer, i.restarts, number(i.grip_n_per_m), number(kPageGripLeast),
       number(kPageGripMost), number(s.control.max_force_n), number(s.control.motion_scale),
       number(s.control.force_scale), list(kLimitNames, json_string), s.control.architecture != Architecture::render,
       network(s.to_slave), network(s.to_master), number(kPageDelayMs), number(kPageJitterMs), number(kPageLoss),
-      list(s.environment, element), list(answers, json_string), number(kSurfaceStiffnessMost),
-      number(kSurfaceFrictionMost), list(s.tool, axis), arm(s), gripper, fields);
+      list(s.environment, element), list(shown.meshes, part<TriangleMesh>), list(answers, json_string),
+      number(kSurfaceStiffnessMost), number(kSurfaceFrictionMost), list(s.tool, axis), list(shown.tool_parts, any_part),
+      shown.tool_alone, arm(s), gripper, fields);
 }
 
 }  // namespace twoport

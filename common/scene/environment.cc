@@ -1,18 +1,26 @@
+#include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
+#include <cstddef>
 #include <filesystem>
 #include <memory>
 #include <numbers>
 #include <optional>
+#include <string>
 #include <type_traits>
 #include <utility>
 #include <vector>
 
 #include "common/base/check.h"
+#include "common/base/file.h"
 #include "common/contact/sample_shape.h"
+#include "common/mesh/decimate.h"
+#include "common/mesh/read_mesh.h"
 #include "common/mesh/sample_surface.h"
 #include "common/scene/blocks.h"
 #include "common/scene/mesh_file.h"
+#include "common/scene/shown.h"
+#include "common/scene/source.h"
 
 namespace twoport {
 namespace {
@@ -101,13 +109,15 @@ Plate read_shape(const Block<schema::Plate>& of) {
           .holes = std::make_shared<const std::vector<PlateHole>>(std::move(holes))};
 }
 
+std::string mesh_path(const Block<schema::Mesh>& of) {
+  return (std::filesystem::path{of.context().file}.parent_path() / of->file()).string();
+}
 /// The triangles of a file, in metres.
 TriangleMesh read_triangles(const Block<schema::Mesh>& of) {
   of.require(FIELD(file), "name a file: STL or Wavefront OBJ");
-  const std::filesystem::path folder = std::filesystem::path{of.context().file}.parent_path();
   const double scale = of->scale();
   try {
-    return read_mesh_file((folder / of->file()).string(), scale);
+    return read_mesh_file(mesh_path(of), scale);
   } catch (const ConfigError& e) {
     of.fail(fmt::format("{}: {}", of.path_of("file"), e.what()));
   }
@@ -220,6 +230,45 @@ std::vector<Eigen::Vector3d> read_tool_part(const Block<schema::ToolPart>& of) {
   points = points_of(of, area_of(mesh), [&](double h) { return sample_surface(mesh, h); });
   for (Eigen::Vector3d& p : *points) p = Eigen::Vector3d{position + rotation * p};
   return *points;
+}
+
+namespace {
+
+TriangleMesh shown(const Block<schema::Mesh>& of, std::size_t most) {
+  const std::string path = mesh_path(of);
+  TriangleMesh mesh = decimated(parse_mesh(read_whole(path), path), most);
+  const Eigen::Affine3d place =
+      Eigen::Translation3d{vector<3>(of->position_m())} * attitude(of->rotation()) * Eigen::Scaling(of->scale());
+  for (Eigen::Vector3d& v : mesh.vertices) v = place * v;
+  return mesh;
+}
+
+}  // namespace
+
+ShownShapes shown_shapes(const Scene& scene) {
+  if (!scene.source) return {};
+  const auto& [message, file, use] = *scene.source;
+  const Context context{.file = file, .dof = scene.dof};
+  const Block of{context, message};
+  const Block tool = of.block(FIELD(tool));
+  const auto environment = of.blocks(FIELD(environment));
+  const auto parts = tool.blocks(FIELD(part));
+  const auto has_mesh = [](const auto& block) { return block->has_mesh(); };
+  const auto meshes = std::count_if(environment.begin(), environment.end(), has_mesh) +
+                      std::count_if(parts.begin(), parts.end(), has_mesh);
+  const std::size_t most = kMostShownTriangles / static_cast<std::size_t>(std::max<std::ptrdiff_t>(meshes, 1));
+  ShownShapes all;
+  for (const auto& each : environment)
+    if (each->has_mesh()) all.meshes.push_back(shown(each.block(FIELD(mesh)), most));
+  for (const auto& part : parts) {
+    if (part->has_mesh()) all.tool_parts.emplace_back(shown(part.block(FIELD(mesh)), most));
+    const auto add = [&](const auto& field) {
+      if (part.has(field)) all.tool_parts.emplace_back(read_shape(part.block(field)));
+    };
+    add(FIELD(torus)), add(FIELD(capsule)), add(FIELD(peg)), add(FIELD(cone));
+  }
+  all.tool_alone = static_cast<std::size_t>(tool->contact_point_size());
+  return all;
 }
 
 EnvironmentSpec read_environment(const Block<schema::Environment>& of) {

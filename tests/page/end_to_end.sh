@@ -3,8 +3,7 @@
 #
 #   end_to_end.sh MASTER SLAVE LAB NODE_MODULES [PICTURE.png] [SCRIPT] [SCENE] [OPTION OF THE SLAVE...]
 #
-# SCRIPT: end_to_end (the default), states, screens, tour, gripper, friction, at_work, solid, refused; SCENE: of examples/play, one_axis. Both sides record, and LAB replays the
-# recordings to the bit. Exit status 77: skipped, with the reason.
+# SCRIPT: end_to_end (the default) or another one here; SCENE: of examples/play, one_axis. Both sides record, and LAB replays the recordings to the bit. Exit status 77: skipped, with the reason.
 set -euo pipefail
 master=$1 slave=$2 lab=$3 modules=$4 picture=${5:-} script=${6:-end_to_end} scene=${7:-one_axis}
 [ $# -le 7 ] && set -- || shift 7

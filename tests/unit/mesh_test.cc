@@ -10,6 +10,7 @@
 #include "common/base/check.h"
 #include "common/contact/environment.h"
 #include "common/mesh/bounding_volume_tree.h"
+#include "common/mesh/decimate.h"
 #include "common/mesh/distance_field.h"
 #include "common/mesh/read_mesh.h"
 #include "common/mesh/sample_surface.h"
@@ -458,6 +459,18 @@ TEST(SampleSurface, LeavesNoPlaceFartherThanTheSpacing) {
   int corners = 0;
   for (const Vector3d& p : points) corners += (p.cwiseAbs() - Vector3d{0.02, 0.03, 0.01}).norm() < 1e-12;
   EXPECT_EQ(corners, 8);
+}
+
+TEST(Decimated, KeepsToItsLimitAndNearTheSurface) {
+  const TriangleMesh few = decimated(fine_torus(), 5000);
+  EXPECT_LE(few.triangles.size(), 5000U);
+  EXPECT_GT(few.triangles.size(), 1500U);
+  for (const Vector3d& v : few.vertices) EXPECT_LT(std::abs(kTorus.signed_distance<3>(v, kNearest).distance), 0.5e-3);
+  EXPECT_NEAR(area_of(few), area_of(fine_torus()), 0.03 * area_of(fine_torus()));
+  const TriangleMesh box = box_mesh({0.02, 0.03, 0.01});
+  EXPECT_EQ(decimated(box, 12).triangles, box.triangles);
+  EXPECT_LE(decimated(box, 3).triangles.size(), 3U);
+  EXPECT_TRUE(decimated(box, 0).triangles.empty());
 }
 
 }  // namespace

@@ -7,7 +7,6 @@ export interface Element {
   kind: string;
   stiffness_n_per_m?: number;
   friction?: number;
-  hidden?: boolean;
   normal?: Vec;
   offset_m?: number;
   center_m?: Vec;
@@ -22,6 +21,8 @@ export interface Element {
   attitude?: [number, number, number, number];
   holes_m?: Vec[]; // of a plate: centre and radius
   profile_m?: [number, number][]; // of a solid of revolution: radius, and height along the axis
+  vertices_m?: number[]; // of a mesh: x, y, z of each, in the axes of what it is a part of
+  triangles?: number[]; // three vertices each
 }
 /** A serial arm: each joint turns about the z axis of its frame. */
 export interface Arm {
@@ -57,9 +58,12 @@ export interface Introduction {
   to_master: Network;
   network_limits: Network;
   environment: Element[];
+  meshes: Element[]; // of the environment's meshes, which have no triangles there
   environment_answers: string[]; // sentences, by number
   surface_limits: { stiffness_n_per_m: number; friction: number };
-  tool: Vec[];
+  tool: Vec[]; // contact points; so many first ones belong to no part:
+  tool_alone: number;
+  tool_parts: Element[];
   arm: Arm | null; // of the robot
   gripper_m: number | null; // where the gripper of the handle starts; null: none
   fields: [string, number][];

@@ -2,7 +2,7 @@ import 'uplot/dist/uPlot.min.css';
 import './style.css';
 
 import { connect, Layout, type Connection, type Introduction, type Network, type Told, type Vec } from './channel';
-import { viewsFor } from './picture';
+import { isSolid, viewsFor } from './picture';
 import { Plots, type Curve, type PlotSpec } from './plots';
 import { Session, state, type Kind } from './session';
 import { Sound } from './sound';
@@ -114,12 +114,12 @@ class Page {
       `${scene.scene} · ${scene.dof} DoF · ${scene.rate_hz} Hz` +
       (scene.methods.length > 1 ? '' : ` · ${scene.method}, ${scene.architecture}`);
     const zoom = element<HTMLInputElement>('zoom');
-    if (scene.dof === 6) zoom.value = scene.arm ? '1000' : '2000';
+    zoom.value = scene.dof !== 6 ? '4000' : scene.arm ? '1000' : '2000';
     const zooms = (): void => this.sessions.forEach((s) => (s.picture.chosen = { ...s.picture.chosen, scale: Number(zoom.value) }));
     zooms();
     this.first!.picture.look(this.first!.picture);
     zoom.oninput = zooms;
-    const views = viewsFor(scene.dof), view = element<HTMLSelectElement>('view');
+    const views = viewsFor(scene), view = element<HTMLSelectElement>('view');
     view.replaceChildren(...views.map((v, i) => new Option(v.name, String(i))));
     view.onchange = () => this.sessions.forEach((s) => (s.picture.view = views[Number(view.value)]!));
     element('view-row').hidden = views.length < 2;
@@ -179,11 +179,11 @@ class Page {
   private hint(scene: Introduction): string {
     if (!scene.pointer) return `The hand is at: ${scene.device}. Start twoport-master with --device page to move it from here.`;
     if (window.matchMedia('(pointer: coarse)').matches)
-      return 'Drag with a finger to move the hand.' + (scene.dof === 6 ? ' A second finger turns the view.' : '') + (scene.gripper_m !== null ? ' The slider opens the gripper.' : '');
+      return 'Drag with a finger to move the hand.' + (isSolid(scene) ? ' A second finger turns the view.' : '') + (scene.gripper_m !== null ? ' The slider opens the gripper.' : '');
     const gripper = scene.gripper_m !== null ? ` The gripper: O and C, or the wheel${scene.dof === 1 ? '' : ' with Ctrl'}.` : '';
     if (scene.dof === 1) return 'Drag to move the hand. Keyboard: Space takes and lets go, ← → move.' + gripper;
     if (scene.dof === 3)
-      return 'Drag to move the hand in the view; the wheel moves it along the view. Keyboard: Space, arrows, Page Up and Down.' + gripper;
+      return `Drag to move the hand in the view; the wheel moves it along the view.${isSolid(scene) ? ' The right button turns the view.' : ''} Keyboard: Space, arrows, Page Up and Down.` + gripper;
     return 'Drag to move the hand in the view, with Shift to turn it; the wheel moves it along the view. The right button turns the view. Keyboard: Space, arrows, Page Up and Down, with Shift to turn.' + gripper;
   }
 
@@ -673,7 +673,7 @@ class Page {
     });
     box.addEventListener('pointermove', (e) => {
       if (e.pointerId === looking?.id) {
-        if (this.scene?.dof === 6) for (const { picture } of this.sessions) picture.orbit(e.clientX - looking.x, e.clientY - looking.y);
+        if (this.scene && isSolid(this.scene)) for (const { picture } of this.sessions) picture.orbit(e.clientX - looking.x, e.clientY - looking.y);
         looking = { id: e.pointerId, x: e.clientX, y: e.clientY };
       } else if (at) {
         this.move(e.clientX - at[0], e.clientY - at[1], 0, e.shiftKey);

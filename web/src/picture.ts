@@ -1,5 +1,5 @@
-// Hand, robot, environment and forces, projected on the picture's plane. In six axes the solids are by three.js (space.ts), and forces
-// and words are drawn over them; a browser without WebGL shows six axes as it shows three.
+// Hand, robot, environment and forces, projected on the picture's plane. In six axes, and where the environment has shapes that are no
+// flat figures, the solids are by three.js (space.ts), and forces and words are drawn over them; a browser without WebGL shows what is flat.
 
 import type { Element, Introduction, Vec } from './channel';
 import { Space } from './space';
@@ -24,10 +24,15 @@ function viewFrom(name: string, azimuth: number, elevation: number): View {
   return { name, azimuth, elevation, right: whole([c, s, 0]), up: whole([-s * se, c * se, ce]), out: whole([s * ce, -c * ce, se]) };
 }
 
-export function viewsFor(dof: number): View[] {
-  if (dof === 1) return [{ ...viewFrom('x', 0, 0), up: [0, 0, 0], out: [0, 0, 0] }];
+const FLAT = ['wall', 'sphere', 'cylinder', 'box', 'spring'];
+/** Is it shown as solids, in a view that turns? */
+export function isSolid(scene: Introduction): boolean {
+  return scene.dof === 6 || scene.environment.some((e) => !FLAT.includes(e.kind));
+}
+export function viewsFor(scene: Introduction): View[] {
+  if (scene.dof === 1) return [{ ...viewFrom('x', 0, 0), up: [0, 0, 0], out: [0, 0, 0] }];
   const along = [viewFrom('x – y', 0, Math.PI / 2), viewFrom('x – z', 0, 0), viewFrom('y – z', Math.PI / 2, 0)];
-  return dof === 3 ? along : [viewFrom('oblique', -0.45, 0.39), ...along];
+  return isSolid(scene) ? [viewFrom('oblique', -0.45, 0.39), ...along] : along;
 }
 
 export interface Shown {
@@ -83,10 +88,10 @@ export class Picture {
     box: HTMLElement,
     private readonly scene: Introduction,
   ) {
-    this.view = viewsFor(scene.dof)[0]!;
+    this.view = viewsFor(scene)[0]!;
     this.context = this.canvas.getContext('2d')!;
     const behind = document.createElement('canvas');
-    if (scene.dof === 6) this.space = Space.on(behind, scene);
+    if (isSolid(scene)) this.space = Space.on(behind, scene);
     box.replaceChildren(...(this.space ? [behind] : []), this.canvas);
     box.dataset.solid = String(this.space !== null);
   }

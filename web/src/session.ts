@@ -130,7 +130,8 @@ export class Session {
         ? [e.normal.map((n) => n * e.offset_m!) as Vec]
         : [e.center_m, e.point_m, e.anchor_m, e.start_m, e.end_m].filter((p): p is Vec => p !== undefined),
     );
-    this.picture.fit([this.inRobotWorld(this.vector('hand_x_m')), this.vector('robot_x_m'), ...places, ...this.picture.armPlaces()]);
+    const corners = this.scene.meshes.flatMap(({ vertices_m: v }) => Array.from({ length: v!.length / 3 }, (_, i) => v!.slice(3 * i, 3 * i + 3) as Vec));
+    this.picture.fit([this.inRobotWorld(this.vector('hand_x_m')), this.vector('robot_x_m'), ...places, ...corners, ...this.picture.armPlaces()]);
   }
 
   badge(out: HTMLElement, old: boolean): void {

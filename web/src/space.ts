@@ -1,12 +1,13 @@
-// Solids of a scene in six axes, by three.js: environment, arm, tool, hand. Forces and words are drawn over it (picture.ts).
+// Solids of a scene, by three.js: environment, arm, tool, hand. Forces and words are drawn over it (picture.ts).
 
 import {
   BoxGeometry, BufferGeometry, CapsuleGeometry, CylinderGeometry, DirectionalLight, DoubleSide, EdgesGeometry, ExtrudeGeometry,
-  Float32BufferAttribute, Group, HemisphereLight, LatheGeometry, LineBasicMaterial, LineSegments, Mesh, MeshLambertMaterial,
+  Float32BufferAttribute, Group, HemisphereLight, LatheGeometry, LineBasicMaterial, LineSegments, Mesh, MeshLambertMaterial, Object3D,
   OrthographicCamera, Path, PCFSoftShadowMap, PlaneGeometry, Points, PointsMaterial, Quaternion, Scene, ShadowMaterial, Shape,
-  ShapeGeometry, SphereGeometry, TorusGeometry, Vector2, Vector3, WebGLRenderer,
+  ShapeGeometry, TorusGeometry, Vector2, Vector3, WebGLRenderer,
 } from 'three';
 import { ConvexGeometry } from 'three/examples/jsm/geometries/ConvexGeometry.js';
+import { toCreasedNormals } from 'three/examples/jsm/utils/BufferGeometryUtils.js';
 
 import type { Element, Introduction, Vec } from './channel';
 import type { Attitude, Shown, View } from './picture';
@@ -17,6 +18,7 @@ const LINK_M = 0.045; // radius of the arm's joints
 const SLOW_MS = 60; // between two frames
 const SLOW_FRAMES = 30;
 const AHEAD_M = 5; // of the camera
+const CREASE = (25 * Math.PI) / 180; // a mesh has an edge there
 
 const v3 = (p: readonly number[]): Vector3 => new Vector3(p[0], p[1], p[2]);
 const quaternion = (q: Attitude): Quaternion => new Quaternion(q[1], q[2], q[3], q[0]);
@@ -38,6 +40,62 @@ function solid(geometry: BufferGeometry, material: MeshLambertMaterial): Mesh {
 }
 function edges(of: BufferGeometry, line: string): LineSegments {
   return new LineSegments(new EdgesGeometry(of, 25), new LineBasicMaterial({ color: line, transparent: true, opacity: 0.6 }));
+}
+
+/** A shape with edges; null: it has none of its own, as a spring. */
+function shapeOf(e: Element, material: MeshLambertMaterial, line: string): Object3D | null {
+  const put = (geometry: BufferGeometry, at: readonly number[], turn = new Quaternion(), lines = true): Mesh => {
+    const mesh = solid(geometry, material);
+    mesh.position.copy(v3(at));
+    mesh.quaternion.copy(turn);
+    if (lines) mesh.add(edges(geometry, line));
+    return mesh;
+  };
+  switch (e.kind) {
+    case 'sphere':
+      return put(new CapsuleGeometry(e.radius_m, 0, 16, 48), e.center_m!, new Quaternion(), false);
+    case 'box':
+      return put(new BoxGeometry(...(e.half_size_m!.map((h) => 2 * h) as Vec)), e.center_m!);
+    case 'cylinder':
+      return put(new CylinderGeometry(e.radius_m, e.radius_m, 2, 64, 1, true), e.point_m!, between(Y, v3(e.axis!)), false);
+    case 'torus':
+      return put(new TorusGeometry(e.radius_m, e.tube_radius_m, 24, 64), e.center_m!, between(Z, v3(e.axis!)), false);
+    case 'capsule': {
+      const from = v3(e.start_m!), along = v3(e.end_m!).sub(from);
+      return put(new CapsuleGeometry(e.radius_m, along.length(), 16, 32), from.addScaledVector(along, 0.5).toArray(), between(Y, along), false);
+    }
+    case 'plate': {
+      const [x, y, z] = e.half_size_m!, outline = new Shape([[-x, -y], [x, -y], [x, y], [-x, y]].map(([a, b]) => new Vector2(a, b)));
+      for (const [a, b, r] of e.holes_m!) outline.holes.push(new Path().absarc(a, b, r, 0, 2 * Math.PI, true));
+      return put(new ExtrudeGeometry(outline, { depth: 2 * z, bevelEnabled: false, curveSegments: 32 }).translate(0, 0, -z), e.center_m!, quaternion(e.attitude!));
+    }
+  }
+  if (e.profile_m) return revolved(e, material, line);
+  if (!e.triangles?.length) return null;
+  const triangles = new BufferGeometry().setAttribute('position', new Float32BufferAttribute(e.vertices_m!, 3)).setIndex(e.triangles);
+  // It takes vertices within 0.01 for one.
+  return put(toCreasedNormals(triangles.scale(1e5, 1e5, 1e5), CREASE).scale(1e-5, 1e-5, 1e-5), [0, 0, 0]);
+}
+/** A solid of revolution; a hole is in a round block that is cut open towards the oblique view. */
+function revolved(e: Element, material: MeshLambertMaterial, line: string): Group {
+  const hole = e.kind === 'hole', corners = e.profile_m!.map(([r, z]) => new Vector2(r, z));
+  if (hole) {
+    const deep = corners.at(-1)!.y - 0.006, wide = Math.max(0.05, 3 * corners[0]!.x);
+    corners.unshift(new Vector2(0, deep), new Vector2(wide, deep), new Vector2(wide, 0));
+  }
+  const from = hole ? -0.45 + Math.PI / 4 : 0, over = hole ? 1.5 * Math.PI : 2 * Math.PI;
+  const all = new Group(), lathe = new LatheGeometry(corners, 96, from, over);
+  all.add(solid(lathe, material));
+  all.add(edges(lathe, line));
+  if (hole)
+    for (const end of [from, from + over]) {
+      const cut = solid(new ShapeGeometry(new Shape(corners)), material);
+      cut.rotation.y = end - Math.PI / 2;
+      all.add(cut);
+    }
+  all.position.copy(v3(e.point_m!));
+  all.quaternion.copy(between(Y, v3(e.axis!)));
+  return all;
 }
 
 interface ArmParts {
@@ -80,7 +138,7 @@ export class Space {
     this.light.shadow.radius = 3;
     this.light.shadow.normalBias = 0.002;
     this.robot = new MeshLambertMaterial({ color: colour('--robot') });
-    for (const element of scene.environment) this.addElement(element);
+    for (const element of [...scene.environment, ...scene.meshes]) this.addElement(element);
     this.floor = new Mesh(new PlaneGeometry(6, 6), new ShadowMaterial({ opacity: 0.25 }));
     this.floor.receiveShadow = true;
     this.arm = scene.arm ? this.makeArm(scene) : null;
@@ -96,81 +154,48 @@ export class Space {
   // What there is.
 
   private addElement(e: Element): void {
-    const fill = colour('--solid'), line = colour('--surface-line');
-    const material = new MeshLambertMaterial({ color: fill, side: DoubleSide });
-    const put = (geometry: BufferGeometry, at: readonly number[], turn = new Quaternion(), lines = true): Mesh => {
-      const mesh = solid(geometry, material);
-      mesh.position.copy(v3(at));
-      mesh.quaternion.copy(turn);
-      if (lines) mesh.add(edges(geometry, line));
-      this.world.add(mesh);
-      return mesh;
-    };
-    if (e.kind === 'wall' && e.normal && e.offset_m !== undefined) {
-      const normal = v3(e.normal), at = normal.clone().multiplyScalar(e.offset_m - 0.002);
-      const mesh = put(new BoxGeometry(2 * WALL_M, 2 * WALL_M, 0.004), at.toArray(), between(Z, normal));
+    const line = colour('--surface-line'), material = new MeshLambertMaterial({ color: colour('--solid'), side: DoubleSide });
+    if (e.kind === 'wall') {
+      const normal = v3(e.normal!), mesh = solid(new BoxGeometry(2 * WALL_M, 2 * WALL_M, 0.004), material);
+      mesh.position.copy(normal).multiplyScalar(e.offset_m! - 0.002);
+      mesh.quaternion.copy(between(Z, normal));
       mesh.castShadow = false;
+      mesh.add(edges(mesh.geometry, line));
       const grid: number[] = [];
       for (let u = -WALL_M + 0.02; u < WALL_M; u += 0.02) grid.push(u, -WALL_M, 0.0021, u, WALL_M, 0.0021, -WALL_M, u, 0.0021, WALL_M, u, 0.0021);
       const lines = new BufferGeometry().setAttribute('position', new Float32BufferAttribute(grid, 3));
       mesh.add(new LineSegments(lines, new LineBasicMaterial({ color: line, transparent: true, opacity: 0.25 })));
       material.transparent = true;
       this.walls.push({ material, normal });
-    } else if (e.kind === 'sphere') {
-      put(new SphereGeometry(e.radius_m, 48, 32), e.center_m!, new Quaternion(), false);
-    } else if (e.kind === 'box') {
-      put(new BoxGeometry(...(e.half_size_m!.map((h) => 2 * h) as Vec)), e.center_m!);
-    } else if (e.kind === 'cylinder') {
-      put(new CylinderGeometry(e.radius_m, e.radius_m, 2, 64, 1, true), e.point_m!, between(Y, v3(e.axis!)), false);
-    } else if (e.kind === 'torus') {
-      put(new TorusGeometry(e.radius_m, e.tube_radius_m, 24, 64), e.center_m!, between(Z, v3(e.axis!)), false);
-    } else if (e.kind === 'capsule') {
-      const from = v3(e.start_m!), along = v3(e.end_m!).sub(from);
-      put(new CapsuleGeometry(e.radius_m, along.length(), 16, 32), from.addScaledVector(along, 0.5).toArray(), between(Y, along), false);
-    } else if (e.kind === 'plate') {
-      const [x, y, z] = e.half_size_m!, outline = new Shape([[-x, -y], [x, -y], [x, y], [-x, y]].map(([a, b]) => new Vector2(a, b)));
-      for (const [a, b, r] of e.holes_m!) outline.holes.push(new Path().absarc(a, b, r, 0, 2 * Math.PI, true));
-      put(new ExtrudeGeometry(outline, { depth: 2 * z, bevelEnabled: false, curveSegments: 32 }).translate(0, 0, -z), e.center_m!, quaternion(e.attitude!));
-    } else if (e.profile_m) {
-      this.addRevolved(e, material, line);
+      this.world.add(mesh);
+      return;
     }
+    const shape = shapeOf(e, material, line);
+    if (shape) this.world.add(shape);
   }
-  /** A solid of revolution; a hole is in a round block that is cut open towards the oblique view. */
-  private addRevolved(e: Element, material: MeshLambertMaterial, line: string): void {
-    const hole = e.kind === 'hole', corners = e.profile_m!.map(([r, z]) => new Vector2(r, z));
-    if (hole) {
-      const deep = corners.at(-1)!.y - 0.006, wide = Math.max(0.05, 3 * corners[0]!.x);
-      corners.unshift(new Vector2(0, deep), new Vector2(wide, deep), new Vector2(wide, 0));
-    }
-    const from = hole ? -0.45 + Math.PI / 4 : 0, over = hole ? 1.5 * Math.PI : 2 * Math.PI;
-    const all = new Group(), lathe = new LatheGeometry(corners, 96, from, over);
-    all.add(solid(lathe, material));
-    all.add(edges(lathe, line));
-    if (hole)
-      for (const end of [from, from + over]) {
-        const cut = solid(new ShapeGeometry(new Shape(corners)), material);
-        cut.rotation.y = end - Math.PI / 2;
-        all.add(cut);
-      }
-    all.position.copy(v3(e.point_m!));
-    all.quaternion.copy(between(Y, v3(e.axis!)));
-    this.world.add(all);
-  }
-  /** The tool as the convex hull of its contact points, and a ghost of it at the hand. */
+  /** The tool's parts, the convex hull of contact points that belong to none, and a ghost of both at the hand. */
   private addTool(scene: Introduction): void {
-    const points = scene.tool.map(v3), around: Vector3[] = [];
-    for (const p of points.length > 1 ? points : [new Vector3()])
-      for (const axis of [0, 1, 2]) for (const side of [-1, 1]) around.push(p.clone().setComponent(axis, p.getComponent(axis) + side * (points.length > 1 ? SKIN_M : 0.006)));
-    const hull = new ConvexGeometry(around);
-    this.tool.add(solid(hull, this.robot), edges(hull, colour('--text')));
+    const points = scene.tool.map(v3), alone = scene.tool_parts.length > 0 ? points.slice(0, scene.tool_alone) : points;
+    const wide = alone.length > 1 ? SKIN_M : 0.006, around: Vector3[] = [];
+    for (const p of scene.tool_parts.length > 0 || alone.length > 0 ? alone : [new Vector3()])
+      for (const axis of [0, 1, 2]) for (const side of [-1, 1]) around.push(p.clone().setComponent(axis, p.getComponent(axis) + side * wide));
+    const hull = around.length > 0 ? new ConvexGeometry(around) : null;
+    const ghost = new MeshLambertMaterial({ color: colour('--hand'), transparent: true, opacity: 0.3, depthWrite: false });
+    for (const [group, material, line] of [[this.tool, this.robot, colour('--text')], [this.hand, ghost, colour('--hand')]] as const) {
+      if (hull) group.add(solid(hull, material), edges(hull, line));
+      for (const part of scene.tool_parts) {
+        const shape = shapeOf(part, material, line);
+        if (shape) group.add(shape);
+      }
+    }
+    this.hand.traverse((o) => {
+      o.castShadow = o.receiveShadow = false;
+      if (o instanceof LineSegments) (o.material as LineBasicMaterial).depthTest = false; // a hand is seen within a wall too
+    });
     const at = new BufferGeometry().setFromPoints(points);
     this.tool.add(new Points(at, new PointsMaterial({ color: colour('--text'), size: 4, sizeAttenuation: false })));
-    const ghost = new Mesh(hull, new MeshLambertMaterial({ color: colour('--hand'), transparent: true, opacity: 0.3, depthWrite: false }));
-    const shadow = edges(hull, colour('--hand'));
-    (shadow.material as LineBasicMaterial).depthTest = false; // a hand is seen within a wall too
-    this.hand.add(ghost, shadow);
     const middle = points.reduce((sum, p) => sum.addScaledVector(p, 1 / points.length), new Vector3());
-    if (!this.arm && middle.length() > 0.01) this.tool.add(solid(new SphereGeometry(0.006, 24, 16), this.robot), rod(new Vector3(), middle, 0.003, this.robot));
+    if (!this.arm && middle.length() > 0.01) this.tool.add(solid(new CapsuleGeometry(0.006, 0, 8, 24), this.robot), rod(new Vector3(), middle, 0.003, this.robot));
     if (scene.gripper_m === null) return;
     for (let i = 0; i < 2; ++i) {
       const finger = solid(new BoxGeometry(0.012, 0.006, 0.04), this.robot);

@@ -5,9 +5,11 @@
 #include <limits>
 #include <string>
 #include <utility>
+#include <variant>
 #include <vector>
 
 #include "common/base/check.h"
+#include "common/scene/shown.h"
 #include "tests/support/folder.h"
 #include "tests/support/meshes.h"
 #include "tests/unit/scene/scenes.h"
@@ -256,6 +258,33 @@ TEST(Scene, ReadsAMeshBesideIt) {
   EXPECT_TRUE(says(error(obj(inward)), {"has its triangles facing inwards"}));
   EXPECT_TRUE(says(error(obj(box_mesh({1, 1, 1})), "voxel_m: 1e-4"),
                    {"environment[0].mesh.voxel_m is 0.0001; it must make at most 3.2e+07 samples"}));
+}
+
+/// What no computation needs, but a picture: triangles in their places, parts of the tool as they are.
+TEST(Scene, KnowsTheShapesThatAPictureShows) {
+  const Folder folder;
+  folder.write("lab.textproto", kTurning);
+  folder.write("part.obj", obj(box_mesh({10, 20, 30})));
+  folder.write("fine.stl", binary_stl(torus_mesh(0.05, 0.02, 200, 100)));
+  const Scene s = load_scene(
+      folder / "lab.textproto",
+      Overrides{
+          "environment[11]={mesh { file: \"part.obj\" scale: 1e-3 position_m: [0, 0, 1] rotation: [0.6, 0.8, 0, 0] "
+          "stiffness_n_per_m: 5 }}",
+          "tool.part[1]={mesh { file: \"fine.stl\" position_m: [0, 0, 0.1] } spacing_m: 0.02}"});
+  const ShownShapes shown = shown_shapes(s);
+  ASSERT_EQ(shown.meshes.size(), 1U);
+  ASSERT_EQ(shown.meshes[0].triangles.size(), 12U);
+  const Vector3d corner{0.01, -0.28 * 0.02 - 0.96 * 0.03, 1 + 0.96 * 0.02 - 0.28 * 0.03};
+  EXPECT_LT((shown.meshes[0].vertices[7] - corner).norm(), 1e-9);
+  EXPECT_EQ(shown.tool_alone, 2U);
+  ASSERT_EQ(shown.tool_parts.size(), 2U);
+  EXPECT_EQ(std::get<Capsule>(shown.tool_parts[0]).radius_m, 0.005);
+  const auto& ring = std::get<TriangleMesh>(shown.tool_parts[1]);
+  EXPECT_LE(ring.triangles.size(), kMostShownTriangles / 2);
+  EXPECT_GT(ring.triangles.size(), 1000U);
+  for (const Vector3d& v : ring.vertices) EXPECT_LT(std::abs(v.z() - 0.1), 0.0201);
+  EXPECT_TRUE(shown_shapes(Scene{}).tool_parts.empty());
 }
 
 TEST(Scene, ReadsEveryImpairment) {

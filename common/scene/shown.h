@@ -1,0 +1,26 @@
+#pragma once
+
+#include <cstddef>
+#include <variant>
+#include <vector>
+
+#include "common/contact/capsule.h"
+#include "common/contact/revolved.h"
+#include "common/contact/torus.h"
+#include "common/mesh/triangle_mesh.h"
+#include "common/scene/scene.h"
+
+namespace twoport {
+
+inline constexpr std::size_t kMostShownTriangles = 10'000;  ///< of a scene
+
+/// Shapes that a picture shows, and no computation needs: from the blocks and files that a scene was read from.
+struct ShownShapes {
+  std::vector<TriangleMesh> meshes;  ///< of the environment's meshes, in their order, in the world's axes; decimated
+  std::vector<std::variant<Torus, Capsule, Peg, Cone, TriangleMesh>> tool_parts;  ///< in the tool's axes
+  std::size_t tool_alone = 0;  ///< so many first contact points of the tool belong to no part
+};
+/// Empty for a scene that a program has made. Throws ConfigError where a mesh file cannot be read any more.
+ShownShapes shown_shapes(const Scene& scene);
+
+}  // namespace twoport
