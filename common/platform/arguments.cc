@@ -5,10 +5,12 @@
 
 #include <CLI/CLI.hpp>
 #include <cstdio>
+#include <string>
 #include <string_view>
 #include <vector>
 
 #include "common/base/check.h"
+#include "common/base/nearest_names.h"
 #include "common/base/print_error.h"
 
 namespace twoport {
@@ -37,6 +39,20 @@ std::string_view between(std::string_view text, std::string_view begin, std::str
   return text.substr(from + begin.size(), to - from - begin.size());
 }
 
+/// `what`: a command or an option that does not exist.
+std::string no_such(const char* what, const std::string& typed, const CLI::App& command, const std::string& help) {
+  std::vector<std::string> names;
+  if (typed.starts_with("-")) {
+    for (const CLI::Option* option : command.get_options())
+      for (const std::string& name : option->get_lnames()) names.push_back("--" + name);
+  } else {
+    for (const CLI::App* each : command.get_subcommands([](const CLI::App*) { return true; }))
+      names.push_back(each->get_name());
+  }
+  const std::string nearest = fmt::format("{}", fmt::join(nearest_names(typed, names, 1), ""));
+  return fmt::format("{}: there is no such {}, the nearest is {}; {}", typed, what, nearest, help);
+}
+
 std::string sentence(const CLI::App& app, const std::string& program, const CLI::ParseError& e) {
   const CLI::App* command = &app;
   std::string name = program;
@@ -50,14 +66,14 @@ std::string sentence(const CLI::App& app, const std::string& program, const CLI:
   if (e.get_exit_code() == static_cast<int>(CLI::ExitCodes::RequiredError)) {
     if (said.find("subcommand") != said.npos)
       return unknown.empty() ? fmt::format("a command is missing; {}", help)
-                             : fmt::format("{}: there is no such command; {}", unknown.front(), help);
+                             : no_such("command", unknown.front(), *command, help);
     const std::string missing{between(said, "", " is required")};
     const CLI::Option* option = command->get_option_no_throw(missing);
     return option == nullptr ? fmt::format("{}; {}", said, help)
                              : fmt::format("{} is missing: {}; {}", missing, option->get_description(), help);
   }
   if (e.get_exit_code() == static_cast<int>(CLI::ExitCodes::ExtrasError) && !unknown.empty())
-    return unknown.front().starts_with("-") ? fmt::format("{}: there is no such option; {}", unknown.front(), help)
+    return unknown.front().starts_with("-") ? no_such("option", unknown.front(), *command, help)
                                             : fmt::format("{}: one argument too many; {}", unknown.front(), help);
   if (e.get_exit_code() == static_cast<int>(CLI::ExitCodes::ArgumentMismatch) && said.find("required") != said.npos) {
     const std::string which{said.substr(0, said.find(':'))};

@@ -26,10 +26,7 @@ int curve_command(const Arguments& a) {
   const Axis along = parse_axis(a.along, "--along");
   warn_if_lost(a.boundary.set, along.paths);
   if (!a.out.empty()) make_folder(a.out);
-  const BoundaryCurve curve = boundary_curve(a.boundary, along, [&](std::size_t done) {
-    if (progress_is_shown())
-      print_error("\r{} of {} values\033[K{}", done, along.values.size(), done == along.values.size() ? "\n" : "");
-  });
+  const BoundaryCurve curve = boundary_curve(a.boundary, along, show_runs);
   if (a.lanes) say_lanes(curve.use);
   const std::string csv = to_csv(to_table(curve));
   if (a.out.empty()) {
@@ -46,9 +43,12 @@ int boundary_command(Arguments& a) {
   warn_if_lost(a.boundary.set, a.boundary.vary.paths);
   a.boundary.lanes = checked_lanes(a.lanes.value_or(0));
   if (!a.along.empty()) return curve_command(a);
-  const Boundary found = find_boundary(a.boundary, [](const Trial& t) {
+  const auto print = [](const Trial& t) {
     fmt::print("{:<14} {:<9} {}\n", t.value, t.stable ? "stable" : "unstable", t.verdict);
     std::fflush(stdout);
+  };
+  const Boundary found = find_boundary(a.boundary, print, [](const Progress& p) {
+    if (!progress_is_shown()) show_runs(p);  // a terminal shows the values
   });
   if (found.stable > found.unstable) fmt::print("stable from here up:\n");
   fmt::print("{} = {}\n", a.boundary.vary.name(), found.stable);

@@ -28,9 +28,8 @@ struct Arguments {
 int chart_command(const Arguments& a) {
   const Scene scene = load_scene(a.chart.scene, a.chart.set);
   const std::vector<Peer> peers = peers_for(scene);
-  const Chart c = chart(a.chart, peers, [](const std::string& what) {
-    if (progress_is_shown()) print_error("\r{}\033[K", what);
-  });
+  const Chart c =
+      chart(a.chart, peers, [](const std::string& what, double spent_s) { show_line(what, spent_s, false); });
   if (progress_is_shown()) print_error("\r\033[K");
   std::fputs(to_text(c).c_str(), stdout);
   if (peers.empty() && absent_peers().empty()) fmt::print("other engines: not for a scene of this kind\n");

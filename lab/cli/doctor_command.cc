@@ -114,7 +114,8 @@ int link_command(const DoctorArguments& a) {
   const DirectionFigures to_slave = f.to_slave.figures(), to_master = f.to_master.figures();
   const LinkAdvice advice = recommend(
       trace,
-      {.scene = {}, .set = {}, .methods = {}, .stiffnesses_n_per_m = {a.stiffness}, .seeds = a.seeds, .jobs = a.jobs});
+      {.scene = {}, .set = {}, .methods = {}, .stiffnesses_n_per_m = {a.stiffness}, .seeds = a.seeds, .jobs = a.jobs},
+      show_progress);
   const double back_ms = f.clock_known ? 1e3 * f.clock.one_way_s : 0.0,
                bound_ms = f.clock_known ? 1e3 * f.clock.bound_s : 0.0;
   const double there_ms = 1e3 * round_trip_s - back_ms;

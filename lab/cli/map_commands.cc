@@ -122,13 +122,14 @@ int recommend_for_link(const RecommendArguments& a) {
   const LinkTrace link = parse_link_trace(read_whole(a.link), a.link);
   for (const auto& [name, way] : {std::pair{"to_slave", &link.to_slave}, {"to_master", &link.to_master}})
     if (way->empty()) throw ConfigError{fmt::format("{} has no row of {}; both directions are needed", a.link, name)};
-  const LinkAdvice advice =
-      recommend(link, {.scene = a.scene,
-                       .set = {},
-                       .methods = words_of("--methods", a.methods),
-                       .stiffnesses_n_per_m = {a.stiffness.value_or(a.scene.empty() ? 1000.0 : 0.0)},
-                       .seeds = 1,
-                       .jobs = a.jobs});
+  const LinkAdvice advice = recommend(link,
+                                      {.scene = a.scene,
+                                       .set = {},
+                                       .methods = words_of("--methods", a.methods),
+                                       .stiffnesses_n_per_m = {a.stiffness.value_or(a.scene.empty() ? 1000.0 : 0.0)},
+                                       .seeds = 1,
+                                       .jobs = a.jobs},
+                                      show_progress);
   std::fputs((a.json ? to_json(advice) : to_text(advice)).c_str(), stdout);
   return 0;
 }
@@ -156,7 +157,8 @@ int recommend_command(const RecommendArguments& a) {
                             .bursts_packets = {a.burst},
                             .stiffnesses_n_per_m = {*a.stiffness},
                             .seeds = a.seeds,
-                            .jobs = a.jobs});
+                            .jobs = a.jobs},
+                           show_progress);
   const Recommendation found = recommend(map);
   if (a.json) {
     fmt::print("{{\"method\": {}, \"initial_energy_j\": {:.4g}, \"why\": {}}}\n", json_string(found.method),
@@ -246,7 +248,7 @@ struct CompareArguments {
 int compare_command(CompareArguments& a) {
   a.compare.methods = words_of("--methods", a.methods);
   if (!a.compare.out.empty()) make_folder(a.compare.out);
-  const Comparison all = compare(a.compare);
+  const Comparison all = compare(a.compare, show_progress);
   std::fputs(to_text(all).c_str(), stdout);
   if (a.compare.out.empty()) return 0;
   write_whole(a.compare.out + "/table.csv", to_csv(to_table(all)));

@@ -137,15 +137,32 @@ bool progress_is_shown() {
   return terminal;
 }
 
-void show_progress(const Progress& p) {
-  if (!progress_is_shown()) return;
-  const std::size_t run = p.done - p.kept, left = p.count - p.done;
-  std::string line = fmt::format("\r{} of {} cells", p.done, p.count);
+void show_line(const std::string& line, double spent_s, bool last) {
+  if (progress_is_shown()) return print_error("\r{}\033[K{}", line, last ? "\n" : "");
+  static double next_s = 5.0;
+  if (last || spent_s < next_s) return;
+  next_s = spent_s + std::min(spent_s, 60.0);
+  print_error("{}\n", line);
+}
+
+namespace {
+
+void show(const Progress& p, const char* what) {
+  const bool all = p.done == p.count;
+  std::string line = fmt::format("{} of {} {}", p.done, p.count, what);
   if (p.kept > 0) line += fmt::format(" ({} kept)", p.kept);
   line += fmt::format(", {:.0f} s", p.spent_s);
-  if (run > 0 && left > 0)
-    line += fmt::format(", {:.0f} s left", p.spent_s / static_cast<double>(run) * static_cast<double>(left));
-  print_error("{}\033[K{}", line, left == 0 ? "\n" : "");
+  if (p.left_s && !all) line += fmt::format(", {:.0f} s left", *p.left_s);
+  show_line(line, p.spent_s, all);
+}
+
+}  // namespace
+
+void show_progress(const Progress& p) {
+  show(p, "cells");
+}
+void show_runs(const Progress& p) {
+  show(p, "runs");
 }
 
 }  // namespace twoport::lab

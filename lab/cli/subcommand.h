@@ -77,7 +77,12 @@ void say_lanes(const LaneUse& use);
 
 /// Is stderr a terminal?
 bool progress_is_shown();
-/// Writes "3 of 12 cells, 2 s, 6 s left" over the last line of stderr when it is a terminal.
+/// Writes a line over the last one of stderr where that is a terminal; elsewhere one after 5, 10, 20, … s, and later once a minute. `last`:
+/// the work has ended.
+void show_line(const std::string& line, double spent_s, bool last);
+/// "3 of 12 cells, 2 s, 6 s left".
 void show_progress(const Progress& progress);
+/// "3 of 12 runs, 2 s, 6 s left".
+void show_runs(const Progress& progress);
 
 }  // namespace twoport::lab

@@ -30,7 +30,7 @@ Scene prepared(const Arguments& a) {
 }
 
 int trim_command(const Arguments& a) {
-  const Trim found = trim(prepared(a), a.tolerance, a.repetitions);
+  const Trim found = trim(prepared(a), a.tolerance, a.repetitions, show_runs);
   std::fputs(to_text(found, a.tolerance).c_str(), stdout);
   if (!a.out.empty()) write_whole(a.out + "/trim.csv", to_csv(found));
   return 0;
@@ -38,7 +38,7 @@ int trim_command(const Arguments& a) {
 
 int blocks_command(const Arguments& a) {
   const Scene scene = prepared(a);
-  const std::vector<BlockCost> costs = block_costs(scene, a.repetitions);
+  const std::vector<BlockCost> costs = block_costs(scene, a.repetitions, show_runs);
   std::fputs(to_text(costs).c_str(), stdout);
   if (a.out.empty()) return 0;
   write_whole(a.out + "/blocks.csv", to_csv(costs));

@@ -16,7 +16,6 @@
 #include "common/scene/load.h"
 #include "lab/engine/loops.h"
 #include "lab/study/map.h"
-#include "lab/study/parallel.h"
 #include "master/master_node.h"
 #include "slave/slave_node.h"
 
@@ -374,11 +373,10 @@ Adversary attack_all(const AdversaryOptions& o, const Heard& heard) {
   constexpr std::size_t kAtOnce = 100;
   const std::size_t parts = (runs + kAtOnce - 1) / kAtOnce, count = parts * all.methods.size();
   Tally tally{count, heard};
-  for_each_parallel(count, o.jobs, [&](std::size_t i) {
+  run_each(count, o.jobs, tally, [&](std::size_t i) {
     const std::size_t m = i / parts, from = i % parts * kAtOnce;
     for (std::size_t r = from; r < std::min(runs, from + kAtOnce); ++r)
       all.runs[m][r] = attack(all.methods[m], o.seed + r);
-    tally.done();
   });
   return all;
 }

@@ -140,44 +140,64 @@ std::vector<Trial> tried(const std::vector<Scene>& scenes, const std::vector<dou
   return trials;
 }
 
+/// Values that a bisection tries after the scan, at most, where the boundary is not much nearer to 0 than the ends.
+std::size_t most_bisections(const BoundaryOptions& o) {
+  const double parts = static_cast<double>(1 + std::max(o.scan, 0)), low = o.vary.low, high = o.vary.high;
+  const double width = low * high > 0.0 ? std::abs(std::expm1(std::log(high / low) / parts))
+                                        : (high - low) / parts / std::max(std::abs(low), std::abs(high));
+  return static_cast<std::size_t>(1.0 + std::max(0.0, std::ceil(std::log2(width / o.tolerance))));
+}
+
 /// Runs searches side by side, one for each text, until all have ended.
 void run_all(std::vector<Search>& searches, const std::vector<SceneText>& texts, const BoundaryOptions& o, LaneUse& use,
-             const std::function<void(const Trial&)>& heard, const std::function<void(std::size_t)>& finished) {
-  for (std::size_t done = 0; done < searches.size();) {
+             const std::function<void(const Trial&)>& heard_trial, const Heard& heard) {
+  const std::size_t scan = searches.size() * searches.front().next().size();
+  std::vector<std::size_t> left(searches.size(), most_bisections(o));
+  Tally tally{scan + searches.size() * left.front(), heard};
+  tally.expect("scan", scan, 1);
+  tally.expect("bisection", searches.size() * left.front(), 1);
+  for (bool scans = true;; scans = false) {
     std::vector<Scene> scenes;
     std::vector<double> values;
     for (std::size_t i = 0; i < searches.size(); ++i)
       for (const double value : searches[i].next())
         scenes.push_back(scene_at(texts[i], o.vary, value)), values.push_back(value);
+    if (scenes.empty()) return;
+    tally.begin(scans ? "scan" : "bisection");
     const std::vector<Trial> trials = tried(scenes, values, o, use);
-    if (heard) std::for_each(trials.begin(), trials.end(), heard);
+    if (heard_trial) std::for_each(trials.begin(), trials.end(), heard_trial);
     auto at = trials.begin();
-    for (Search& search : searches) {
-      if (search.next().empty()) continue;
-      const auto end = at + static_cast<std::ptrdiff_t>(search.next().size());
-      search.take({at, end});
+    std::size_t foreseen = 0;
+    for (std::size_t i = 0; i < searches.size(); ++i) {
+      if (searches[i].next().empty()) continue;
+      const auto end = at + static_cast<std::ptrdiff_t>(searches[i].next().size());
+      if (scans) foreseen += searches[i].next().size();
+      if (!scans && left[i] > 0) ++foreseen, --left[i];
+      searches[i].take({at, end});
       at = end;
-      if (!search.next().empty()) continue;
-      ++done;
-      if (finished) finished(done);
+      if (searches[i].next().empty()) tally.drop("bisection", std::exchange(left[i], 0));
     }
+    tally.ran(foreseen);
+    for (std::size_t i = 0; i < foreseen; ++i) tally.done();
   }
 }
 
 }  // namespace
 
-BoundarySearch search_boundary(const BoundaryOptions& o, const std::function<void(const Trial&)>& heard) {
+BoundarySearch search_boundary(const BoundaryOptions& o, const std::function<void(const Trial&)>& heard_trial,
+                               const Heard& heard) {
   std::vector<Search> search{Search{o}};
   const std::vector<SceneText> text{{text_of(o), o.scene, o.set}};
   for (const double end : {o.vary.low, o.vary.high})
     scene_at(text[0], o.vary, end);  // complains of an end, not of what lies between
   LaneUse use;
-  run_all(search, text, o, use, heard, {});
+  run_all(search, text, o, use, heard_trial, heard);
   return search[0].found();
 }
 
-Boundary find_boundary(const BoundaryOptions& o, const std::function<void(const Trial&)>& tried) {
-  const BoundarySearch found = search_boundary(o, tried);
+Boundary find_boundary(const BoundaryOptions& o, const std::function<void(const Trial&)>& heard_trial,
+                       const Heard& heard) {
+  const BoundarySearch found = search_boundary(o, heard_trial, heard);
   if (!found.boundary)
     throw ConfigError{fmt::format("{}: both ends are {}, {} and {}{}; the ends must differ", o.vary.name(),
                                   found.stable_at_low ? "stable" : "unstable", o.vary.low, o.vary.high,
@@ -185,8 +205,7 @@ Boundary find_boundary(const BoundaryOptions& o, const std::function<void(const 
   return *found.boundary;
 }
 
-BoundaryCurve boundary_curve(const BoundaryOptions& o, const Axis& along,
-                             const std::function<void(std::size_t)>& finished) {
+BoundaryCurve boundary_curve(const BoundaryOptions& o, const Axis& along, const Heard& heard) {
   refuse_overlap(along, o.vary.paths, "--along");
   BoundaryCurve curve{.scene = {}, .along = along, .vary = o.vary, .found = {}, .use = {}};
   // A scene that is wrong is found before anything runs.
@@ -201,7 +220,7 @@ BoundaryCurve boundary_curve(const BoundaryOptions& o, const Axis& along,
     for (const double end : {o.vary.low, o.vary.high}) curve.scene = scene_at(texts.back(), o.vary, end).name;
   }
 
-  run_all(searches, texts, o, curve.use, {}, finished);
+  run_all(searches, texts, o, curve.use, {}, heard);
   for (const Search& search : searches) curve.found.push_back(search.found());
   return curve;
 }

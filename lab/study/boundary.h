@@ -54,9 +54,11 @@ struct BoundarySearch {
 /// The first value between LO and HI at which the verdict `stable` of the scene changes: ends and scan first, then
 /// bisection, in the logarithm where both ends have one sign. `tried` is called for every run, in the order of values for
 /// the scan. Throws ConfigError when the scene is wrong.
-BoundarySearch search_boundary(const BoundaryOptions& options, const std::function<void(const Trial&)>& tried = {});
+BoundarySearch search_boundary(const BoundaryOptions& options, const std::function<void(const Trial&)>& tried = {},
+                               const Heard& heard = {});
 /// The same. Throws ConfigError also when both ends agree.
-Boundary find_boundary(const BoundaryOptions& options, const std::function<void(const Trial&)>& tried = {});
+Boundary find_boundary(const BoundaryOptions& options, const std::function<void(const Trial&)>& tried = {},
+                       const Heard& heard = {});
 
 /// A boundary for each value of a second axis.
 struct BoundaryCurve {
@@ -68,10 +70,8 @@ struct BoundaryCurve {
 };
 
 /// Searches at every value of `along`, all of them step by step together; the result is the same for any number of jobs and lanes.
-/// Throws ConfigError when a scene is wrong; that a search finds no boundary is a result. `finished` is called with
-/// the number of finished values.
-BoundaryCurve boundary_curve(const BoundaryOptions& options, const Axis& along,
-                             const std::function<void(std::size_t)>& finished = {});
+/// Throws ConfigError when a scene is wrong; that a search finds no boundary is a result. `heard` hears of runs.
+BoundaryCurve boundary_curve(const BoundaryOptions& options, const Axis& along, const Heard& heard = {});
 
 /// A row for each value: the paths of `along`, the varied paths, and a note. The note is empty where the
 /// run is stable from LO up to the value, "stable from here up" where it is from the value up to HI. Without a boundary

@@ -6,6 +6,7 @@
 #include <chrono>
 #include <cmath>
 #include <limits>
+#include <optional>
 #include <set>
 
 #include "common/base/check.h"
@@ -14,6 +15,7 @@
 #include "lab/engine/simulation.h"
 #include "lab/mechanical_energy.h"
 #include "lab/study/boundary.h"
+#include "lab/study/forecast.h"
 
 namespace twoport::lab {
 namespace {
@@ -148,9 +150,24 @@ Difference difference(const Course& a, const Course& b) {
 }
 
 Chart chart(const ChartOptions& o, const std::vector<Peer>& peers,
-            const std::function<void(const std::string&)>& heard) {
+            const std::function<void(const std::string&, double)>& heard) {
+  std::vector<Candidate> all = combinations(o);
+  for (const Peer& peer : peers) {
+    Candidate& c = all.emplace_back();
+    c.point.name = peer.name;
+    c.point.group = peer.name;
+    c.point.peer = true;
+    c.peer = &peer;
+  }
+  // A point runs for its error, then for its time; what boundaries take is not known before.
+  const std::size_t runs_of_point = 1 + 3 * static_cast<std::size_t>(o.repetitions);
+  Forecast forecast{all.size() * runs_of_point};
+  for (const Candidate& c : all) forecast.expect(c.point.name, runs_of_point, 1);
+  const auto start = std::chrono::steady_clock::now();
+  const auto now_s = [&] { return std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count(); };
   const auto say = [&](const std::string& text) {
-    if (heard) heard(text);
+    const std::optional<double> left_s = o.boundary.empty() ? forecast.left_s() : std::nullopt;
+    if (heard) heard(left_s ? fmt::format("{}, {:.0f} s left", text, *left_s) : text, now_s());
   };
   const Scene written = load_scene(o.scene, o.set);
   const auto fine = [&](int substeps) {
@@ -165,25 +182,16 @@ Chart chart(const ChartOptions& o, const std::vector<Peer>& peers,
   result.floor = difference(fine(std::max(1, o.reference_substeps / 2)), reference);
   result.rate_hz = peer_rate_hz;
 
-  std::vector<Candidate> all = combinations(o);
-  for (const Peer& peer : peers) {
-    Candidate& c = all.emplace_back();
-    c.point.name = peer.name;
-    c.point.group = peer.name;
-    c.point.peer = true;
-    c.peer = &peer;
-  }
   for (Candidate& c : all) {
     say(c.point.name);
+    forecast.begin(c.point.name, now_s());
     try {
-      if (c.peer != nullptr) {
-        c.point.error = difference(c.peer->course(), reference);
-        continue;
-      }
-      c.scene = load_scene(o.scene, plus(o.set, c.set));
-      c.point.error = difference(course(*c.scene), reference);
+      if (c.peer == nullptr) c.scene = load_scene(o.scene, plus(o.set, c.set));
+      c.point.error = difference(c.peer != nullptr ? c.peer->course() : course(*c.scene), reference);
+      forecast.ran(now_s());
     } catch (const ConfigError& e) {
       c.point.impossible = e.what();
+      forecast.drop(c.point.name, runs_of_point);
     }
   }
   const auto runs = [](const Candidate& c) { return c.scene.has_value(); };
@@ -193,9 +201,10 @@ Chart chart(const ChartOptions& o, const std::vector<Peer>& peers,
   std::vector<std::vector<double>> spent(all.size());
   std::vector<double> ticks(all.size(), written.duration_s * peer_rate_hz);
   for (int r = 0; r < o.repetitions; ++r) {
-    say(fmt::format("timing, round {} of {}", r + 1, o.repetitions));
     for (std::size_t i = 0; i < all.size(); ++i) {
       if (!all[i].point.impossible.empty()) continue;
+      say(fmt::format("timing, round {} of {}", r + 1, o.repetitions));
+      forecast.begin(all[i].point.name, now_s());
       double shortest = std::numeric_limits<double>::infinity();
       for (int again = 0; again < 3; ++again) {
         double seconds = 0.0;
@@ -205,6 +214,7 @@ Chart chart(const ChartOptions& o, const std::vector<Peer>& peers,
           std::tie(seconds, ticks[i]) = timed(*all[i].scene);
         }
         shortest = std::min(shortest, seconds);
+        forecast.ran(now_s());
       }
       spent[i].push_back(shortest);
     }

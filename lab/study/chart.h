@@ -58,9 +58,9 @@ struct Chart {
 
 /// Every combination of the varied values (integrators and substeps where none are given) against the unchanged scene
 /// with Runge-Kutta 4 in many substeps, not an exact map; its error is that of a contact detected half a step late.
-/// `heard` is called with the name of each point before it is run.
+/// `heard` is called with what is run next and how long it takes yet, and with the time so far [s].
 Chart chart(const ChartOptions& options, const std::vector<Peer>& peers = {},
-            const std::function<void(const std::string&)>& heard = {});
+            const std::function<void(const std::string&, double)>& heard = {});
 
 /// Fills in dominated_by: front of cost against position error.
 void find_front(std::vector<Point>& points);

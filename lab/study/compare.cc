@@ -14,12 +14,11 @@
 #include "lab/run.h"
 #include "lab/study/cells.h"
 #include "lab/study/map.h"
-#include "lab/study/parallel.h"
 #include "lab/study/sweep.h"
 
 namespace twoport::lab {
 
-Comparison compare(const CompareOptions& o) {
+Comparison compare(const CompareOptions& o, const Heard& heard) {
   Comparison all{.scene = {}, .dof = 0, .methods = o.methods, .summaries = {}};
   warn_if_lost(o.set, {"control.passivity.method"});
   const Scene as_it_is = load_scene(o.scene, o.set);
@@ -39,7 +38,8 @@ Comparison compare(const CompareOptions& o) {
   all.scene = scenes.front().name;
   all.dof = scenes.front().dof;
   all.summaries.resize(scenes.size());
-  for_each_parallel(scenes.size(), o.jobs, [&](std::size_t i) {
+  Tally tally{scenes.size(), heard};
+  run_each(scenes.size(), o.jobs, tally, [&](std::size_t i) {
     const std::string folder = o.out + "/" + all.methods[i];
     std::optional<WholeFile> trace;
     if (!o.out.empty()) {

@@ -6,6 +6,7 @@
 
 #include "common/record/figure.h"
 #include "common/record/summary.h"
+#include "lab/study/many_runs.h"
 #include "lab/study/table.h"
 
 namespace twoport::lab {
@@ -27,7 +28,7 @@ struct Comparison {
 };
 
 /// Throws ConfigError for an invalid scene or method, before anything runs.
-Comparison compare(const CompareOptions& options);
+Comparison compare(const CompareOptions& options, const Heard& heard = {});
 
 /// A row for each method: its name, then every figure of the summary, then its texts.
 Table to_table(const Comparison& all);

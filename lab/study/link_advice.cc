@@ -24,7 +24,7 @@ std::string part(const LinkAdvice::Way& way, const char* name) {
 }
 
 /// One place with what the advice says of the link.
-Map map_of(const LinkTrace& link, const LinkAdvice& advice, MapOptions options) {
+Map map_of(const LinkTrace& link, const LinkAdvice& advice, MapOptions options, const Heard& heard) {
   options.set.insert(options.set.end(), {fmt::format("control.release_after_s={}", advice.release_after_s),
                                          fmt::format("control.hold_after_s={}", advice.hold_after_s),
                                          fmt::format("control.passivity.round_trip_ms={}", advice.round_trip_ms()),
@@ -34,7 +34,7 @@ Map map_of(const LinkTrace& link, const LinkAdvice& advice, MapOptions options) 
   options.losses = {0.0};
   options.bursts_packets = {1.0};
   options.link = &link;
-  return make_map(options);
+  return make_map(options, heard);
 }
 
 double best_error_n(const Map& map) {
@@ -74,14 +74,24 @@ LinkAdvice advise(const DirectionFigures& to_slave, const DirectionFigures& to_m
   return a;
 }
 
-LinkAdvice recommend(const LinkTrace& link, MapOptions options) {
+LinkAdvice recommend(const LinkTrace& link, MapOptions options, const Heard& heard) {
   LinkAdvice advice = advise(figures_of(link.to_slave), figures_of(link.to_master));
-  Map map = map_of(link, advice, options);
+  const bool twice = advice.to_slave.playout_ms > 0.0 || advice.to_master.playout_ms > 0.0;
+  double before_s = 0.0;  // the first map took so long
+  const auto tell = [&](Progress p) {
+    const double spent_s = p.spent_s;
+    if (before_s > 0.0) p.done += p.count, p.spent_s += before_s;
+    if (twice && before_s == 0.0 && p.left_s) *p.left_s += *p.left_s + spent_s;
+    if (twice) p.count *= 2;
+    if (p.done == p.count / 2) before_s = std::max(before_s, spent_s);
+    if (heard) heard(p);
+  };
+  Map map = map_of(link, advice, options, tell);
   std::string playout = "no playout_ms: 99 % of the packets are within a millisecond of the fastest";
-  if (advice.to_slave.playout_ms > 0.0 || advice.to_master.playout_ms > 0.0) {
+  if (twice) {
     LinkAdvice without = advice;
     without.to_slave.playout_ms = without.to_master.playout_ms = 0.0;
-    Map other = map_of(link, without, options);
+    Map other = map_of(link, without, options, tell);
     const double error_n = best_error_n(map), error_without_n = best_error_n(other);
     const bool drop = error_without_n <= error_n;
     playout = fmt::format(

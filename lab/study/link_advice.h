@@ -34,7 +34,7 @@ LinkAdvice advise(const DirectionFigures& to_slave, const DirectionFigures& to_m
 
 /// The same with the method of least error over this link, with and without the playout. Of `options` scene, overrides, methods,
 /// seeds, jobs and one stiffness are read; 0: the scene's own.
-LinkAdvice recommend(const LinkTrace& link, MapOptions options);
+LinkAdvice recommend(const LinkTrace& link, MapOptions options, const Heard& heard = {});
 
 /// Blocks of a scene, with the reasons as comments.
 std::string to_text(const LinkAdvice& advice);

@@ -1,6 +1,8 @@
 #include "lab/study/many_runs.h"
 
 #include <algorithm>
+#include <chrono>
+#include <numeric>
 #include <optional>
 #include <utility>
 #include <vector>
@@ -17,8 +19,30 @@ void LaneUse::add(const LaneUse& more) {
   for (const auto& [why, count] : more.alone) alone[why] += count;
 }
 
+namespace {
+
+/// Runs of one kind: a sample that runs first, and the rest.
+struct Part {
+  std::string kind;
+  std::vector<std::size_t> first, rest;
+  bool in_lanes;
+};
+/// Neighbours are alike: the sample is of all parts of the row.
+Part part_of(std::string kind, const std::vector<std::size_t>& numbers, std::size_t sample, bool in_lanes) {
+  Part part{std::move(kind), {}, {}, in_lanes};
+  const std::size_t every = std::max<std::size_t>(1, numbers.size() / std::max<std::size_t>(sample, 1));
+  for (std::size_t i = 0; i < numbers.size(); ++i)
+    (i % every == 0 && (every == 1 || part.first.size() < sample) ? part.first : part.rest).push_back(numbers[i]);
+  return part;
+}
+std::size_t sample_of(std::size_t count, int jobs) {
+  return std::max(std::min<std::size_t>(count / 8, 64), 2 * static_cast<std::size_t>(std::max(jobs, 1)));
+}
+
+}  // namespace
+
 LaneUse run_many(std::span<const Scene* const> scenes, const ManyRuns& o,
-                 const std::function<void(std::size_t, const Summary&)>& finished) {
+                 const std::function<void(std::size_t, const Summary&)>& finished, Tally* tally) {
   LaneUse use{.lanes = checked_lanes(o.lanes)};
   std::map<std::string, std::vector<std::size_t>> shapes;
   std::vector<std::size_t> alone;
@@ -35,6 +59,8 @@ LaneUse run_many(std::span<const Scene* const> scenes, const ManyRuns& o,
       alone.push_back(i);
     }
   }
+  std::vector<Part> parts;
+  const auto full = static_cast<std::size_t>(use.lanes * std::max(o.jobs, 1));  // all lanes of all threads
   for (const auto& [shape, numbers] : shapes) {
     if (numbers.size() == 1) {
       ++use.alone["no other run has its shape"];
@@ -42,27 +68,82 @@ LaneUse run_many(std::span<const Scene* const> scenes, const ManyRuns& o,
       continue;
     }
     use.together += numbers.size();
-    std::vector<const Scene*> of_shape;
-    for (const std::size_t i : numbers) of_shape.push_back(scenes[i]);
-    run_in_lanes(of_shape, {.lanes = use.lanes, .jobs = o.jobs, .verdict = o.verdict, .stop = o.stop},
-                 [&, &all = numbers](std::size_t i, const Summary& summary) { finished(all[i], summary); });
+    parts.push_back(part_of(shape, numbers, tally != nullptr ? full : numbers.size(), true));
   }
-  for_each_parallel(alone.size(), o.jobs, [&](std::size_t i) {
-    finished(alone[i], run(*scenes[alone[i]], {.verdict = o.verdict, .stop = o.stop}));
-  });
+  parts.push_back(part_of("alone", alone, tally != nullptr ? sample_of(alone.size(), o.jobs) : alone.size(), false));
+  if (tally != nullptr)
+    for (const Part& part : parts) tally->expect(part.kind, part.first.size() + part.rest.size(), part.first.size());
+  for (const auto which : {&Part::first, &Part::rest})
+    for (const Part& part : parts) {
+      const std::vector<std::size_t>& numbers = part.*which;
+      if (tally != nullptr) tally->begin(part.kind);
+      const auto end = [&](std::size_t i, const Summary& summary) {
+        if (tally != nullptr) tally->ran();
+        finished(numbers[i], summary);
+      };
+      if (part.in_lanes) {
+        std::vector<const Scene*> of_shape;
+        for (const std::size_t i : numbers) of_shape.push_back(scenes[i]);
+        run_in_lanes(of_shape, {.lanes = use.lanes, .jobs = o.jobs, .verdict = o.verdict, .stop = o.stop}, end);
+      } else {
+        for_each_parallel(numbers.size(), o.jobs, [&](std::size_t i) {
+          end(i, run(*scenes[numbers[i]], {.verdict = o.verdict, .stop = o.stop}));
+        });
+      }
+    }
   return use;
 }
 
-Tally::Tally(std::size_t count, Heard heard, std::size_t kept)
-    : progress_{.done = kept, .kept = kept, .count = count, .spent_s = 0.0}, heard_{std::move(heard)} {
-  if (heard_) heard_(progress_);
+void run_each(std::size_t count, int jobs, Tally& tally, const std::function<void(std::size_t)>& work) {
+  std::vector<std::size_t> all(count);
+  std::iota(all.begin(), all.end(), std::size_t{0});
+  const Part part = part_of("run", all, sample_of(count, jobs), false);
+  tally.expect(part.kind, count, part.first.size());
+  tally.begin(part.kind);
+  for (const auto* numbers : {&part.first, &part.rest})
+    for_each_parallel(numbers->size(), jobs, [&](std::size_t i) {
+      work((*numbers)[i]);
+      tally.ran();
+      tally.done();
+    });
 }
 
+Tally::Tally(std::size_t count, Heard heard, std::size_t kept, std::size_t runs)
+    : progress_{.done = kept, .kept = kept, .count = count, .spent_s = 0.0},
+      forecast_{(count - kept) * runs},
+      heard_{std::move(heard)} {
+  if (heard_) heard_(progress_);
+}
+double Tally::now_s() const {
+  return std::chrono::duration<double>(std::chrono::steady_clock::now() - start_).count();
+}
 void Tally::done() {
   const std::lock_guard lock{guard_};
   ++progress_.done;
-  progress_.spent_s = std::chrono::duration<double>(std::chrono::steady_clock::now() - start_).count();
+  progress_.spent_s = now_s();
+  progress_.left_s = forecast_.left_s();
   if (heard_) heard_(progress_);
+}
+void Tally::expect(const std::string& kind, std::size_t runs, std::size_t sample) {
+  const std::lock_guard lock{guard_};
+  forecast_.expect(kind, runs, sample);
+}
+void Tally::read(std::size_t runs, double spent_s) {
+  const std::lock_guard lock{guard_};
+  forecast_.read(runs, spent_s);
+}
+void Tally::begin(const std::string& kind) {
+  const std::lock_guard lock{guard_};
+  forecast_.begin(kind, now_s());
+}
+void Tally::ran(std::size_t runs) {
+  const std::lock_guard lock{guard_};
+  for (std::size_t i = 0; i < runs; ++i) forecast_.ran(now_s());
+}
+void Tally::drop(const std::string& kind, std::size_t runs) {
+  const std::lock_guard lock{guard_};
+  progress_.count -= runs;
+  forecast_.drop(kind, runs);
 }
 
 namespace {
@@ -82,36 +163,45 @@ LaneUse run_cells(const Cells& cells, const ManyRuns& o, Tally& tally,
   LaneUse use{.lanes = checked_lanes(o.lanes)};
   std::mutex guard;
   std::map<std::size_t, OpenCell> open;
-  const std::size_t runs = cells.count * cells.seeds;
+  const std::size_t runs = cells.count * cells.seeds, rounds = (runs + kLoaded - 1) / kLoaded;
+  // Every round has cells of all parts of the row, so that the first one shows what the others cost.
+  std::vector<std::size_t> order;
+  for (std::size_t round = 0; round < rounds; ++round)
+    for (std::size_t cell = round; cell < cells.count; cell += rounds) order.push_back(cell);
   for (std::size_t from = 0; from < runs; from += kLoaded) {
     const std::size_t to = std::min(runs, from + kLoaded), first = from / cells.seeds, last = (to - 1) / cells.seeds;
     std::vector<std::optional<Scene>> loaded(to - from);
+    const auto begun = std::chrono::steady_clock::now();
     for_each_parallel(last - first + 1, o.jobs, [&](std::size_t i) {
       try {
-        const Scene scene = cells.scene(first + i);
+        const Scene scene = cells.scene(order[first + i]);
         const std::size_t of_cell = (first + i) * cells.seeds;  // its first run
         for (std::size_t run = std::max(from, of_cell); run < std::min(to, of_cell + cells.seeds); ++run)
           loaded[run - from].emplace(scene).seed += run - of_cell;
       } catch (const ConfigError&) {  // thrown once the others have run
       }
     });
+    tally.read(loaded.size(), std::chrono::duration<double>(std::chrono::steady_clock::now() - begun).count());
     std::vector<const Scene*> scenes;
     std::vector<std::size_t> numbers;
     for (std::size_t i = 0; i < loaded.size(); ++i)
       if (loaded[i]) scenes.push_back(&*loaded[i]), numbers.push_back(from + i);
-    use.add(run_many(scenes, o, [&](std::size_t number, const Summary& summary) {
-      const std::size_t cell = numbers[number] / cells.seeds, seed = numbers[number] % cells.seeds;
-      const std::lock_guard lock{guard};
-      OpenCell& of_cell = open[cell];
-      of_cell.of_seeds.resize(cells.seeds);
-      of_cell.of_seeds[seed] = summary;
-      if (++of_cell.finished < cells.seeds) return;
-      finished(cell, scenes[number]->seed - seed, of_cell.of_seeds);
-      open.erase(cell);
-      tally.done();
-    }));
+    use.add(run_many(
+        scenes, o,
+        [&](std::size_t number, const Summary& summary) {
+          const std::size_t cell = numbers[number] / cells.seeds, seed = numbers[number] % cells.seeds;
+          const std::lock_guard lock{guard};
+          OpenCell& of_cell = open[cell];
+          of_cell.of_seeds.resize(cells.seeds);
+          of_cell.of_seeds[seed] = summary;
+          if (++of_cell.finished < cells.seeds) return;
+          finished(order[cell], scenes[number]->seed - seed, of_cell.of_seeds);
+          open.erase(cell);
+          tally.done();
+        },
+        &tally));
     for (std::size_t i = 0; i < loaded.size(); ++i)
-      if (!loaded[i]) static_cast<void>(cells.scene((from + i) / cells.seeds));
+      if (!loaded[i]) static_cast<void>(cells.scene(order[(from + i) / cells.seeds]));
   }
   return use;
 }

@@ -7,6 +7,7 @@
 #include <functional>
 #include <map>
 #include <mutex>
+#include <optional>
 #include <span>
 #include <string>
 #include <vector>
@@ -14,6 +15,7 @@
 #include "common/record/summary.h"
 #include "common/scene/scene.h"
 #include "lab/run.h"
+#include "lab/study/forecast.h"
 
 namespace twoport::lab {
 
@@ -33,31 +35,46 @@ struct ManyRuns {
   const std::atomic<bool>* stop = nullptr;  ///< as RunOptions::stop
 };
 
-/// Runs scenes, several at once where lanes take them. Calls `finished` for each as soon as it has its verdict, in any order and from
-/// any thread, with its number and its summary, which is that of run(), to the bit, `step_ns` excepted. Throws ConfigError for an
-/// impossible number of lanes.
-LaneUse run_many(std::span<const Scene* const> scenes, const ManyRuns& options,
-                 const std::function<void(std::size_t number, const Summary&)>& finished);
-
 struct Progress {
   std::size_t done, kept, count;  ///< cells; `kept` of `done` were there before
   double spent_s;
+  std::optional<double> left_s{};  ///< forecast; none while it would be a guess
 };
 using Heard = std::function<void(const Progress&)>;
 
-/// Counts the cells of a study as they are done, and tells.
+/// Counts the cells of a study as they are done, forecasts how long it takes yet, and tells. From any thread.
 class Tally {
  public:
-  Tally(std::size_t count, Heard heard, std::size_t kept = 0);
-  /// One more. From any thread, one at a time.
+  /// `count` cells, `kept` of which are there already, the others of `runs` runs each.
+  Tally(std::size_t count, Heard heard, std::size_t kept = 0, std::size_t runs = 1);
+  /// One more cell.
   void done();
+  /// As those of Forecast.
+  void expect(const std::string& kind, std::size_t runs, std::size_t sample);
+  void read(std::size_t runs, double spent_s);
+  void begin(const std::string& kind);
+  void ran(std::size_t runs = 1);
+  /// Cells of one run each that are not needed after all.
+  void drop(const std::string& kind, std::size_t runs);
 
  private:
+  [[nodiscard]] double now_s() const;
   Progress progress_;
+  Forecast forecast_;
   Heard heard_;
   std::chrono::steady_clock::time_point start_ = std::chrono::steady_clock::now();
   std::mutex guard_;
 };
+
+/// Runs scenes, several at once where lanes take them. Calls `finished` for each as soon as it has its verdict, in any order and from
+/// any thread, with its number and its summary, which is that of run(), to the bit, `step_ns` excepted. Throws ConfigError for an
+/// impossible number of lanes. `tally`: hears of the runs by kind; some of each kind run first.
+LaneUse run_many(std::span<const Scene* const> scenes, const ManyRuns& options,
+                 const std::function<void(std::size_t number, const Summary&)>& finished, Tally* tally = nullptr);
+
+/// Calls work(0) … work(count - 1), each once, from up to `jobs` threads. Each is a cell of one run, and some of all parts of the row are
+/// first, from which the tally forecasts.
+void run_each(std::size_t count, int jobs, Tally& tally, const std::function<void(std::size_t)>& work);
 
 /// The cells of a study: each is a scene, run with its seed, seed + 1, …
 struct Cells {

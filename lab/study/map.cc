@@ -255,7 +255,7 @@ Map make_map(const MapOptions& o, const std::function<void(const Progress&)>& he
   }
   const std::size_t places = map.places.size(), count = map.methods.size() * places;
   map.cells.resize(count);
-  Tally tally{count, heard};
+  Tally tally{count, heard, 0, static_cast<std::size_t>(o.seeds)};
   map.use = run_cells({count, static_cast<std::size_t>(o.seeds),
                        [&](std::size_t i) { return scene_of(map.methods[i / places], map.places[i % places]); }},
                       {.lanes = o.lanes, .jobs = o.jobs, .verdict = o.verdict}, tally,

@@ -252,7 +252,7 @@ Table sweep(const SweepOptions& o, const Heard& heard) {
       rows.emplace(todo[i], std::move(row));
     }
   };
-  Tally tally{of_shard.size(), heard, of_shard.size() - todo.size()};
+  Tally tally{of_shard.size(), heard, of_shard.size() - todo.size(), std::max<std::size_t>(o.seeds, 1)};
   const LaneUse use = run_cells({todo.size(), std::max<std::size_t>(o.seeds, 1), scene_of},
                                 {.lanes = o.lanes, .jobs = o.jobs, .verdict = o.verdict, .stop = o.stop}, tally, keep);
 

@@ -72,7 +72,7 @@ struct Seen {
 };
 
 /// Variants in turn, so that disturbances of the machine affect all alike.
-std::vector<Seen> run_in_turn(const std::vector<Scene>& variants, int repetitions) {
+std::vector<Seen> run_in_turn(const std::vector<Scene>& variants, int repetitions, Tally& tally) {
   std::vector<Seen> seen(variants.size());
   for (int r = 0; r < repetitions; ++r)
     for (std::size_t k = 0; k < kRuns; ++k)
@@ -80,6 +80,8 @@ std::vector<Seen> run_in_turn(const std::vector<Scene>& variants, int repetition
         Summary summary = run(perturbed(variants[i], k));
         seen[i].tick_ns.push_back(summary.step_ns());
         if (r == 0) seen[i].of_run.push_back(std::move(summary));
+        tally.ran();
+        tally.done();
       }
   return seen;
 }
@@ -197,7 +199,7 @@ std::vector<Block> blocks(const Scene& scene) {
   return all;
 }
 
-Trim trim(const Scene& scene, double tolerance, int repetitions) {
+Trim trim(const Scene& scene, double tolerance, int repetitions, const Heard& heard) {
   if (!(tolerance > 0.0 && tolerance < 1.0))
     throw ConfigError{fmt::format("--tolerance is {}; it must be > 0 and < 1", tolerance)};
   if (scene.control.architecture == Architecture::uncontrolled)
@@ -206,7 +208,13 @@ Trim trim(const Scene& scene, double tolerance, int repetitions) {
   const std::vector<Block> all = blocks(scene);
   std::vector<Scene> variants{scene};
   for (const Block& block : all) variants.push_back(without(scene, {block}));
-  const std::vector<Seen> seen = run_in_turn(variants, repetitions);
+  // Every block may turn out spare, and is then left out beside others.
+  const std::size_t turns = static_cast<std::size_t>(repetitions);
+  const std::size_t most = kRuns * (turns * (variants.size() + 3) + all.size());
+  Tally tally{most, heard};
+  tally.expect("run", most, 4 * variants.size());
+  tally.begin("run");
+  const std::vector<Seen> seen = run_in_turn(variants, repetitions, tally);
 
   Trim result;
   result.scatter = scatter(seen[0]);
@@ -220,11 +228,14 @@ Trim trim(const Scene& scene, double tolerance, int repetitions) {
   std::stable_sort(order.begin(), order.end(), [&](std::size_t a, std::size_t b) {
     return result.blocks[a].most.change < result.blocks[b].most.change;
   });
+  tally.drop("run", kRuns * (all.size() - order.size()));
   std::vector<bool> gone(all.size(), false);
   for (const std::size_t i : order) {
     gone[i] = true;
     const std::optional<Scene> left = rest(scene, marked(all, gone));
-    if (left && judge("", seen[0], run_in_turn({*left}, 1)[0], scene.expect, tolerance).need == Need::spare) continue;
+    if (!left) tally.drop("run", kRuns);
+    if (left && judge("", seen[0], run_in_turn({*left}, 1, tally)[0], scene.expect, tolerance).need == Need::spare)
+      continue;
     gone[i] = false;
     result.blocks[i].need = Need::together;
   }
@@ -236,7 +247,7 @@ Trim trim(const Scene& scene, double tolerance, int repetitions) {
   }
 
   const std::vector<Seen> last =
-      run_in_turn({scene, without(scene, marked(all, gone)), without(scene, marked(all, both))}, repetitions);
+      run_in_turn({scene, without(scene, marked(all, gone)), without(scene, marked(all, both))}, repetitions, tally);
   result.spare = judge(paths(marked(all, gone)), last[0], last[1], scene.expect, tolerance);
   result.loose = judge(paths(marked(all, loose)), last[0], last[2], scene.expect, tolerance);
   return result;
@@ -271,7 +282,7 @@ std::string to_csv(const Trim& trim) {
   return text;
 }
 
-std::vector<BlockCost> block_costs(const Scene& scene, int repetitions) {
+std::vector<BlockCost> block_costs(const Scene& scene, int repetitions, const Heard& heard) {
   const std::vector<Block> all = blocks(scene);
   std::vector<std::string> labels;
   std::vector<Scene> variants;
@@ -283,7 +294,11 @@ std::vector<BlockCost> block_costs(const Scene& scene, int repetitions) {
     labels.push_back(std::exchange(label, ""));
     variants.push_back(*variant);
   }
-  const std::vector<Seen> seen = run_in_turn(variants, repetitions);
+  const std::size_t runs = kRuns * static_cast<std::size_t>(repetitions) * variants.size();
+  Tally tally{runs, heard};
+  tally.expect("run", runs, 4 * variants.size());
+  tally.begin("run");
+  const std::vector<Seen> seen = run_in_turn(variants, repetitions, tally);
   std::vector<BlockCost> costs;
   for (std::size_t i = 0; i < seen.size(); ++i)
     costs.push_back({labels[i], median(seen[i].tick_ns), cost_ratio(seen[i], seen[0]),

@@ -4,6 +4,7 @@
 #include <vector>
 
 #include "common/scene/parts.h"
+#include "lab/study/many_runs.h"
 
 namespace twoport::lab {
 
@@ -51,7 +52,7 @@ struct Trim {
 /// runs: with the scene's seed, and with the next seven seeds and stiffnesses changed in the twelfth digit,
 /// which distinguishes changes from scatter. `repetitions` times, in turn with the whole scene.
 /// Throws ConfigError for another tolerance, and for a robot alone, of which a summary has no figures.
-Trim trim(const Scene& scene, double tolerance, int repetitions);
+Trim trim(const Scene& scene, double tolerance, int repetitions, const Heard& heard = {});
 std::string to_text(const Trim& trim, double tolerance);
 std::string to_csv(const Trim& trim);
 
@@ -63,7 +64,7 @@ struct BlockCost {
 };
 /// The first is the bare scene; then one more block each, in the order of blocks(). The cost of a block includes its
 /// effect on the others: a bar may be shorter than the one before.
-std::vector<BlockCost> block_costs(const Scene& scene, int repetitions);
+std::vector<BlockCost> block_costs(const Scene& scene, int repetitions, const Heard& heard = {});
 std::string to_text(const std::vector<BlockCost>& costs);
 std::string to_csv(const std::vector<BlockCost>& costs);
 

@@ -148,14 +148,15 @@ TEST(Usage, SaysWhatIsMissingOrUnknownAndWhereHelpIs) {
     return p.err();
   };
   EXPECT_EQ(said({TWOPORT_LAB}), "twoport-lab: a command is missing; see twoport-lab --help\n");
-  EXPECT_EQ(said({TWOPORT_LAB, "swep"}), "twoport-lab: swep: there is no such command; see twoport-lab --help\n");
+  EXPECT_EQ(said({TWOPORT_LAB, "swep"}),
+            "twoport-lab: swep: there is no such command, the nearest is sweep; see twoport-lab --help\n");
   EXPECT_EQ(said({TWOPORT_LAB, "run"}),
             "twoport-lab: scene is missing: Scene file (.textproto), or the name of a scene of the project; see "
             "twoport-lab run --help\n");
   EXPECT_EQ(said({TWOPORT_LAB, "merge"}),
             "twoport-lab: folders is missing: The --out of each part; see twoport-lab merge --help\n");
   EXPECT_EQ(said({TWOPORT_LAB, "run", "demo", "--ot", "y"}),
-            "twoport-lab: --ot: there is no such option; see twoport-lab run --help\n");
+            "twoport-lab: --ot: there is no such option, the nearest is --out; see twoport-lab run --help\n");
   EXPECT_EQ(said({TWOPORT_LAB, "run", "demo", "y"}),
             "twoport-lab: y: one argument too many; see twoport-lab run --help\n");
   EXPECT_EQ(said({TWOPORT_LAB, "run", "demo", "--out"}),

@@ -647,7 +647,7 @@ TEST(Parallel, TakesTheThreadsThatItGets) {
 
 TEST(SweepProgram, ShowsItsProgressToWhomWatches) {
   const Folder folder;
-  const Words command = lab(plus(kGrid, {"--plot", "none", "--out", folder / "out"}));
+  const Words command = lab(plus(kGrid, {"--plot", "none", "--lanes", "1", "--out", folder / "out"}));
   Process watched{command, {.terminal = true, .unprivileged = false, .network = -1}};
   EXPECT_EQ(watched.wait(), exited(0)) << watched.err();
   EXPECT_NE(watched.err().find("12 of 12 cells"), std::string::npos) << watched.err();
