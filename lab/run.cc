@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <chrono>
 #include <cmath>
+#include <initializer_list>
 #include <memory>
 #include <optional>
 #include <utility>
@@ -27,9 +28,9 @@
 namespace twoport::lab {
 namespace {
 
-/// States of a run in contact, to be judged beside its last one. A state is the end of a part in whose last quarter something
-/// was touched. Of the parts that end on the same set of surfaces the one with the largest mean of |f| over that quarter is kept, f the
-/// environment's force: a mean, as a robot that bounces presses now and then.
+/// States of a run in contact, to be judged beside its last one. A state is the end of a part in whose second half something
+/// was touched. Of the parts that end on the same set of surfaces the one with the largest ∫|f| dt is kept, f the
+/// environment's force: an integral, as a robot that bounces presses now and then.
 template <int N>
 class ContactStates {
  public:
@@ -37,7 +38,7 @@ class ContactStates {
 
   struct State {
     std::uint64_t surfaces;  ///< bit i: surface i, modulo 64
-    ContactRank rank;
+    double pressed;          ///< ∫|f| dt / T
     double at_s;
     std::unique_ptr<Simulation<N>> at;  ///< null: the end of the scene
   };
@@ -47,36 +48,40 @@ class ContactStates {
         rendered_{scene.control.architecture == Architecture::render},
         kinds_{environment_.world().surfaces.size() + environment_.world().springs.size()} {}
 
-  void begin_part(double from_s, const Part& part) {
-    length_s_ = part.until_s - from_s;
-    late_from_s_ = 0.25 * from_s + 0.75 * part.until_s;
+  void begin_part(double from_s, double until_s) {
+    late_from_s_ = 0.5 * (from_s + until_s);
+    end_from_s_ = until_s - 0.001 * (until_s - from_s);
   }
   /// A tick of the run.
   void add(const Row<N>& row) {
     const double f2 = row.env_f.squared_norm();
-    if (f2 == 0.0 || row.t_s < late_from_s_) return;
+    if (f2 == 0.0) return;
+    touched_ = true;
+    rested_ = rested_ || row.t_s >= end_from_s_;
     pressed_ += std::sqrt(f2);
     // The set is seen at every eighth tick of contact: a contact lasts longer, or comes again.
-    if (late_++ % 8 == 0) see_surfaces(rendered_ ? row.master_x : row.slave_x);
+    if (row.t_s >= late_from_s_ && late_++ % 8 == 0) see_surfaces(rendered_ ? row.master_x : row.slave_x);
   }
-  void end_part(const Simulation<N>& now, const Part& part, bool last) {
-    const ContactRank rank{part.ends_segment, std::exchange(pressed_, 0.0) / length_s_};
+  void end_part(const Simulation<N>& now, double now_s, bool last) {
+    const double pressed = std::exchange(pressed_, 0.0);
     const std::uint64_t surfaces = std::exchange(surfaces_, 0);
     late_ = 0;
     if (surfaces == 0) return;
     auto same = std::find_if(states_.begin(), states_.end(), [&](const State& s) { return s.surfaces == surfaces; });
     if (same == states_.end()) {
       if (states_.size() < kMost) {
-        same = states_.insert(states_.end(), State{surfaces, {}, 0.0, nullptr});
+        same = states_.insert(states_.end(), State{surfaces, 0.0, 0.0, nullptr});
       } else {
         same = std::min_element(states_.begin(), states_.end(),
-                                [](const State& a, const State& b) { return a.rank < b.rank; });
+                                [](const State& a, const State& b) { return a.pressed < b.pressed; });
       }
     }
-    if (!(rank > same->rank)) return;
-    *same = {surfaces, rank, part.until_s, last ? nullptr : now.copy()};
+    if (!(pressed > same->pressed)) return;
+    *same = {surfaces, pressed, now_s, last ? nullptr : now.copy()};
   }
   [[nodiscard]] const std::vector<State>& all() const { return states_; }
+  /// Something was touched, but nothing in the last thousandth of any part.
+  [[nodiscard]] bool only_passed() const { return touched_ && !rested_; }
 
  private:
   [[gnu::noinline]] void see_surfaces(const Position<N>& x) {
@@ -89,23 +94,43 @@ class ContactStates {
   Environment<N> environment_;
   bool rendered_;
   std::size_t kinds_;  ///< surfaces and springs
-  double length_s_ = 1.0, late_from_s_ = 0.0, pressed_ = 0.0;
+  double late_from_s_ = 0.0, end_from_s_ = 0.0, pressed_ = 0.0;
   std::uint64_t surfaces_ = 0, late_ = 0;
+  bool touched_ = false, rested_ = false;
   std::vector<State> states_;
 };
 
+/// Where the hand only passes contacts: adds states at the sixteenths of the run, those in whose last quarter something was
+/// pressed. `again` is the simulation at its start. Returns the ticks it took.
+template <int N>
+std::uint64_t add_passed_contacts(Simulation<N>& again, double end_s, ContactStates<N>& states) {
+  std::uint64_t ticks = 0;
+  for (int i = 1; i < 16; ++i) {
+    const double late_s = end_s * (i - 0.25) / 16, until_s = end_s * i / 16;
+    ticks += again.run_until(to_duration(late_s), [](const Row<N>&) { return true; });
+    states.begin_part(late_s, until_s);
+    ticks += again.run_until(to_duration(until_s), [&](const Row<N>& row) {
+      states.add(row);
+      return true;
+    });
+    states.end_part(again, until_s, false);
+  }
+  return ticks;
+}
+
 /// The verdict of the loop as the scene leaves it, and in the other states: the worst.
 template <int N>
-TailVerdict judge_all(const Simulation<N>& at_end, const ContactStates<N>& states, const Scene& scene,
-                      const MotionScale& scale, TwinUse twin) {
+TailVerdict judge_all(const Simulation<N>& at_end, std::initializer_list<const ContactStates<N>*> states,
+                      const Scene& scene, const MotionScale& scale, TwinUse twin) {
   TailVerdict worst = judge_tail(at_end, scene, scale, twin);
-  for (const auto& state : states.all()) {
-    if (worst.verdict.kind == VerdictKind::unstable) break;
-    if (!state.at) continue;
-    const TailVerdict held = judge_tail(*state.at, scene, scale, twin);
-    worst.ticks += held.ticks;
-    keep_worse(worst.verdict, held.verdict, state.at_s);
-  }
+  for (const ContactStates<N>* each : states)
+    for (const auto& state : each->all()) {
+      if (worst.verdict.kind == VerdictKind::unstable) return worst;
+      if (!state.at) continue;
+      const TailVerdict held = judge_tail(*state.at, scene, scale, twin);
+      worst.ticks += held.ticks;
+      keep_worse(worst.verdict, held.verdict, state.at_s);
+    }
   return worst;
 }
 
@@ -134,12 +159,13 @@ CountedRun run_as(Simulation<N>& simulation, const Scene& scene, const RunOption
   const bool tails = from != VerdictFrom::plain;
   const bool probes = tails && !alone && !World{scene.environment}.surfaces.empty();
   const double end_s = to_seconds(simulation.end()).si();
+  const std::unique_ptr<Simulation<N>> again = probes ? simulation.copy() : nullptr;
   std::uint64_t rows = 0;
   double from_s = 0.0;
-  for (const Part& part : probes ? parts(simulation.segment_ends_s(), end_s) : std::vector{Part{end_s, true}}) {
-    contact_states.begin_part(from_s, part);
+  for (const double until_s : probes ? parts(simulation.segment_ends_s(), end_s) : std::vector{end_s}) {
+    contact_states.begin_part(from_s, until_s);
     const auto start = ThreadClock::now();
-    ticks += simulation.run_until(to_duration(part.until_s), [&](const Row<N>& row) {
+    ticks += simulation.run_until(to_duration(until_s), [&](const Row<N>& row) {
       if (is_kept && rows++ % options.trace_every == 0) [[unlikely]]
         keep(row);
       if (probes) contact_states.add(row);
@@ -147,9 +173,11 @@ CountedRun run_as(Simulation<N>& simulation, const Scene& scene, const RunOption
     });
     spent += ThreadClock::now() - start;
     if (!goes_on) break;
-    if (probes) contact_states.end_part(simulation, part, part.until_s >= end_s);
-    from_s = part.until_s;
+    if (probes) contact_states.end_part(simulation, until_s, until_s >= end_s);
+    from_s = until_s;
   }
+  ContactStates<N> passed_states{scene};
+  if (goes_on && contact_states.only_passed()) ticks += add_passed_contacts(*again, end_s, passed_states);
 
   Summary s;
   metrics.fill(s);
@@ -157,8 +185,8 @@ CountedRun run_as(Simulation<N>& simulation, const Scene& scene, const RunOption
   s.set_step_ns(spent.count() / static_cast<double>(std::max<std::uint64_t>(ticks, 1)));
   const RunJudge<N>& judge = metrics.judge();
   if (tails && !judge.diverged() && judge.not_judged().empty()) {
-    const TailVerdict judged = judge_all(simulation, contact_states, scene, judge.scale(),
-                                         from == VerdictFrom::lean ? TwinUse::under_control : TwinUse::always);
+    const TailVerdict judged = judge_all<N>(simulation, {&contact_states, &passed_states}, scene, judge.scale(),
+                                            from == VerdictFrom::lean ? TwinUse::under_control : TwinUse::always);
     set_verdict(judged.verdict, s);
     ticks += judged.ticks;
   }

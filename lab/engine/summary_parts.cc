@@ -2,8 +2,6 @@
 
 #include <fmt/format.h>
 
-#include <algorithm>
-
 namespace twoport::lab {
 namespace {
 
@@ -23,21 +21,13 @@ int severity(VerdictKind kind) {
 
 }  // namespace
 
-std::vector<Part> parts(const std::vector<double>& segment_ends_s, double end_s) {
-  std::vector<Part> all;
-  if (!segment_ends_s.empty()) {
-    for (int i = 1; i < 16; ++i) all.push_back({end_s * i / 16, false});
-    for (const double t : segment_ends_s) all.push_back({t, true});
-    std::erase_if(all, [&](const Part& p) { return !(p.until_s > 0.0 && p.until_s < end_s); });
-    // Of two that end at the same time that of the segment stays.
-    std::ranges::sort(all, [](const Part& a, const Part& b) {
-      return a.until_s != b.until_s ? a.until_s < b.until_s : a.ends_segment && !b.ends_segment;
-    });
-    const auto twice = std::ranges::unique(all, {}, &Part::until_s);
-    all.erase(twice.begin(), twice.end());
-  }
-  all.push_back({end_s, segment_ends_s.empty() || segment_ends_s.back() <= end_s});
-  return all;
+std::vector<double> parts(std::vector<double> segment_ends_s, double end_s) {
+  if (segment_ends_s.empty()) return {end_s};
+  std::erase_if(segment_ends_s, [&](double t) { return !(t > 0.0 && t < end_s); });
+  if (segment_ends_s.empty())
+    for (int i = 1; i < 16; ++i) segment_ends_s.push_back(end_s * i / 16);
+  segment_ends_s.push_back(end_s);
+  return segment_ends_s;
 }
 
 void keep_worse(Verdict& worst, const Verdict& held, double at_s) {

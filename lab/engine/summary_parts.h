@@ -1,6 +1,5 @@
 #pragma once
 
-#include <utility>
 #include <vector>
 
 #include "common/coupling/registration.h"
@@ -15,18 +14,9 @@
 
 namespace twoport::lab {
 
-/// A part of a run: it ends with a segment of the path or with the run at rest, or else at a sixteenth of the run or with it.
-struct Part {
-  double until_s;
-  bool ends_segment;
-};
-/// Without a path one part: the hand changes nothing between a part's end and the scene's.
-std::vector<Part> parts(const std::vector<double>& segment_ends_s, double end_s);
-
-/// Of the states in contact with the same surfaces the one of the highest rank is judged: of those at a segment's end, if there are
-/// some, the one with the largest force.
-using ContactRank =
-    std::pair<bool, double>;  ///< ends a segment; mean of |f| over the part's last quarter, times a constant
+/// Times of the ends of the parts of a run [s]: the ends of the path's segments, or sixteenths of the run where no segment
+/// ends before it. Without a path one part: the hand changes nothing between a part's end and the scene's.
+std::vector<double> parts(std::vector<double> segment_ends_s, double end_s);
 
 /// Takes the verdict of a state held in contact at `at_s` in place of `worst` if it is worse.
 void keep_worse(Verdict& worst, const Verdict& held, double at_s);

@@ -166,11 +166,11 @@ class Cell {
     }
     while (part_ < parts_.size() && k >= parts_[part_].until) {
       const bool last = parts_[part_].until_s >= end_s_;
-      const double from_s = part_ == 0 ? 0.0 : parts_[part_ - 1].until_s;
-      const ContactRank rank{parts_[part_].ends_segment,
-                             std::exchange(t.pressed, 0.0) / (parts_[part_].until_s - from_s)};
-      if (t.touched != 0.0 && rank > rank_) {
-        rank_ = rank;
+      const double pressed = std::exchange(t.pressed, 0.0);
+      touched_ = touched_ || pressed > 0.0;
+      rested_ = rested_ || now.state.in_contact != 0.0;
+      if (t.touched != 0.0 && pressed > pressed_) {
+        pressed_ = pressed;
         held_.reset();
         if (!last) {
           snapshot();
@@ -189,7 +189,8 @@ class Cell {
   void end(std::int64_t k, bool diverged, std::optional<double> last_ratio) {
     ended_at_ = k;
     if (last_ratio) held_ratio_ = last_ratio;
-    failed_ = !finite();
+    // A scene whose contacts the hand only passes is run again alone too.
+    failed_ = !finite() || (!diverged && touched_ && !rested_);
     if (failed_) return;
     metrics_.emplace(metrics_of<N>(scene_, true, path_->end_s, scene_.control.initial_energy.si(), false));
     SumsOfLanes::set<N>(*metrics_, t, k, static_cast<double>(period_ns_), held_ratio_, early_, has_early_, diverged);
@@ -300,7 +301,6 @@ class Cell {
   struct RunPart {
     std::int64_t from, late, until;
     double until_s;
-    bool ends_segment;
   };
 
   static void set(Plant& plant, const double* x, const double* v, const double* across, double in_contact) {
@@ -481,10 +481,10 @@ class Cell {
     } else if (!World{scene_.environment}.surfaces.empty()) {
       double from_s = 0.0;
       std::int64_t from = 0;
-      for (const auto& [until_s, ends_segment] : twoport::lab::parts(path_->segment_ends_s, end_s_)) {
+      for (const double until_s : twoport::lab::parts(path_->segment_ends_s, end_s_)) {
         const std::int64_t until = std::min(tick_from(to_duration(until_s), period_ns_), ticks_);
-        const std::int64_t late = tick_of_time(0.25 * from_s + 0.75 * until_s, period);
-        parts_.push_back({from, late, until, until_s, ends_segment});
+        const std::int64_t late = tick_of_time(0.5 * (from_s + until_s), period);
+        parts_.push_back({from, late, until, until_s});
         stops_.push_back(until), stops_.push_back(late);
         from_s = until_s, from = until;
       }
@@ -565,8 +565,8 @@ class Cell {
   std::array<double, 2 * N> early_{};
   bool has_early_ = false, failed_ = false, judged_ = false;
   std::optional<double> held_ratio_;
-  ContactRank rank_{};
-  double held_at_s_ = 0.0;
+  double pressed_ = 0.0, held_at_s_ = 0.0;
+  bool touched_ = false, rested_ = false;
   std::optional<Snapshot<N>> held_;  ///< in contact
   const Snapshot<N>* from_ = nullptr;
   std::optional<Metrics<N>> metrics_;

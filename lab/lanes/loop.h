@@ -902,10 +902,11 @@ struct Loop {
     t.was_coupled = select(s.master_mode == 1.0, all(1.0), t.was_coupled);
 
     // ContactStates::add.
-    const M seen = (env2 != 0.0) & (p.late != 0.0);
-    if (b.keeps_states && any(seen)) {
-      t.pressed += select(seen, root(env2), V{});
-      if (b.wall) {
+    const M pressed = env2 != 0.0;
+    if (b.keeps_states && any(pressed)) {
+      t.pressed += select(pressed, root(env2), V{});
+      const M seen = pressed & (p.late != 0.0);
+      if (b.wall && any(seen)) {
         const M looks = seen & (t.late_ticks == 0.0);
         const V next = t.late_ticks + 1.0;
         t.late_ticks = select(seen, select(next == 8.0, V{}, next), t.late_ticks);

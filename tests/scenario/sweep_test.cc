@@ -146,8 +146,8 @@ TEST(Sweep, WritesTheVariedPathsThenEveryNumberAndTheWordsOfTheSummary) {
   EXPECT_EQ(read_text(folder / "out/table.csv"), to_csv(table));
   const auto stable = std::find(columns.begin(), columns.end(), "stable") - columns.begin();
   EXPECT_EQ(table.rows[0][static_cast<std::size_t>(stable)], "1");
-  const Values last(table.rows[0].end() - 4, table.rows[0].end());
-  EXPECT_EQ(last, (Values{"held spring", "RENDER", "NONE", "bounded and decaying"}));
+  const Values last(table.rows[0].end() - 5, table.rows[0].end());
+  EXPECT_EQ(last, (Values{"held spring", "RENDER", "NONE", "STABLE", "bounded and decaying"}));
 }
 
 TEST(Sweep, VariesAnyPathOfTheScene) {
