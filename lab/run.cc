@@ -5,7 +5,6 @@
 #include <algorithm>
 #include <chrono>
 #include <cmath>
-#include <initializer_list>
 #include <memory>
 #include <optional>
 #include <utility>
@@ -48,16 +47,11 @@ class ContactStates {
         rendered_{scene.control.architecture == Architecture::render},
         kinds_{environment_.world().surfaces.size() + environment_.world().springs.size()} {}
 
-  void begin_part(double from_s, double until_s) {
-    late_from_s_ = 0.5 * (from_s + until_s);
-    end_from_s_ = until_s - 0.001 * (until_s - from_s);
-  }
+  void begin_part(double from_s, double until_s) { late_from_s_ = 0.5 * (from_s + until_s); }
   /// A tick of the run.
   void add(const Row<N>& row) {
     const double f2 = row.env_f.squared_norm();
     if (f2 == 0.0) return;
-    touched_ = true;
-    rested_ = rested_ || row.t_s >= end_from_s_;
     pressed_ += std::sqrt(f2);
     // The set is seen at every eighth tick of contact: a contact lasts longer, or comes again.
     if (row.t_s >= late_from_s_ && late_++ % 8 == 0) see_surfaces(rendered_ ? row.master_x : row.slave_x);
@@ -80,8 +74,6 @@ class ContactStates {
     *same = {surfaces, pressed, now_s, last ? nullptr : now.copy()};
   }
   [[nodiscard]] const std::vector<State>& all() const { return states_; }
-  /// Something was touched, but nothing in the last thousandth of any part.
-  [[nodiscard]] bool only_passed() const { return touched_ && !rested_; }
 
  private:
   [[gnu::noinline]] void see_surfaces(const Position<N>& x) {
@@ -94,43 +86,23 @@ class ContactStates {
   Environment<N> environment_;
   bool rendered_;
   std::size_t kinds_;  ///< surfaces and springs
-  double late_from_s_ = 0.0, end_from_s_ = 0.0, pressed_ = 0.0;
+  double late_from_s_ = 0.0, pressed_ = 0.0;
   std::uint64_t surfaces_ = 0, late_ = 0;
-  bool touched_ = false, rested_ = false;
   std::vector<State> states_;
 };
 
-/// Where the hand only passes contacts: adds states at the sixteenths of the run, those in whose last quarter something was
-/// pressed. `again` is the simulation at its start. Returns the ticks it took.
-template <int N>
-std::uint64_t add_passed_contacts(Simulation<N>& again, double end_s, ContactStates<N>& states) {
-  std::uint64_t ticks = 0;
-  for (int i = 1; i < 16; ++i) {
-    const double late_s = end_s * (i - 0.25) / 16, until_s = end_s * i / 16;
-    ticks += again.run_until(to_duration(late_s), [](const Row<N>&) { return true; });
-    states.begin_part(late_s, until_s);
-    ticks += again.run_until(to_duration(until_s), [&](const Row<N>& row) {
-      states.add(row);
-      return true;
-    });
-    states.end_part(again, until_s, false);
-  }
-  return ticks;
-}
-
 /// The verdict of the loop as the scene leaves it, and in the other states: the worst.
 template <int N>
-TailVerdict judge_all(const Simulation<N>& at_end, std::initializer_list<const ContactStates<N>*> states,
-                      const Scene& scene, const MotionScale& scale, TwinUse twin) {
+TailVerdict judge_all(const Simulation<N>& at_end, const ContactStates<N>& states, const Scene& scene,
+                      const MotionScale& scale, TwinUse twin) {
   TailVerdict worst = judge_tail(at_end, scene, scale, twin);
-  for (const ContactStates<N>* each : states)
-    for (const auto& state : each->all()) {
-      if (worst.verdict.kind == VerdictKind::unstable) return worst;
-      if (!state.at) continue;
-      const TailVerdict held = judge_tail(*state.at, scene, scale, twin);
-      worst.ticks += held.ticks;
-      keep_worse(worst.verdict, held.verdict, state.at_s);
-    }
+  for (const auto& state : states.all()) {
+    if (worst.verdict.kind == VerdictKind::unstable) break;
+    if (!state.at) continue;
+    const TailVerdict held = judge_tail(*state.at, scene, scale, twin);
+    worst.ticks += held.ticks;
+    keep_worse(worst.verdict, held.verdict, state.at_s);
+  }
   return worst;
 }
 
@@ -159,7 +131,6 @@ CountedRun run_as(Simulation<N>& simulation, const Scene& scene, const RunOption
   const bool tails = from != VerdictFrom::plain;
   const bool probes = tails && !alone && !World{scene.environment}.surfaces.empty();
   const double end_s = to_seconds(simulation.end()).si();
-  const std::unique_ptr<Simulation<N>> again = probes ? simulation.copy() : nullptr;
   std::uint64_t rows = 0;
   double from_s = 0.0;
   for (const double until_s : probes ? parts(simulation.segment_ends_s(), end_s) : std::vector{end_s}) {
@@ -176,8 +147,6 @@ CountedRun run_as(Simulation<N>& simulation, const Scene& scene, const RunOption
     if (probes) contact_states.end_part(simulation, until_s, until_s >= end_s);
     from_s = until_s;
   }
-  ContactStates<N> passed_states{scene};
-  if (goes_on && contact_states.only_passed()) ticks += add_passed_contacts(*again, end_s, passed_states);
 
   Summary s;
   metrics.fill(s);
@@ -185,8 +154,8 @@ CountedRun run_as(Simulation<N>& simulation, const Scene& scene, const RunOption
   s.set_step_ns(spent.count() / static_cast<double>(std::max<std::uint64_t>(ticks, 1)));
   const RunJudge<N>& judge = metrics.judge();
   if (tails && !judge.diverged() && judge.not_judged().empty()) {
-    const TailVerdict judged = judge_all<N>(simulation, {&contact_states, &passed_states}, scene, judge.scale(),
-                                            from == VerdictFrom::lean ? TwinUse::under_control : TwinUse::always);
+    const TailVerdict judged = judge_all(simulation, contact_states, scene, judge.scale(),
+                                         from == VerdictFrom::lean ? TwinUse::under_control : TwinUse::always);
     set_verdict(judged.verdict, s);
     ticks += judged.ticks;
   }

@@ -167,8 +167,6 @@ class Cell {
     while (part_ < parts_.size() && k >= parts_[part_].until) {
       const bool last = parts_[part_].until_s >= end_s_;
       const double pressed = std::exchange(t.pressed, 0.0);
-      touched_ = touched_ || pressed > 0.0;
-      rested_ = rested_ || now.state.in_contact != 0.0;
       if (t.touched != 0.0 && pressed > pressed_) {
         pressed_ = pressed;
         held_.reset();
@@ -189,8 +187,7 @@ class Cell {
   void end(std::int64_t k, bool diverged, std::optional<double> last_ratio) {
     ended_at_ = k;
     if (last_ratio) held_ratio_ = last_ratio;
-    // A scene whose contacts the hand only passes is run again alone too.
-    failed_ = !finite() || (!diverged && touched_ && !rested_);
+    failed_ = !finite();
     if (failed_) return;
     metrics_.emplace(metrics_of<N>(scene_, true, path_->end_s, scene_.control.initial_energy.si(), false));
     SumsOfLanes::set<N>(*metrics_, t, k, static_cast<double>(period_ns_), held_ratio_, early_, has_early_, diverged);
@@ -566,7 +563,6 @@ class Cell {
   bool has_early_ = false, failed_ = false, judged_ = false;
   std::optional<double> held_ratio_;
   double pressed_ = 0.0, held_at_s_ = 0.0;
-  bool touched_ = false, rested_ = false;
   std::optional<Snapshot<N>> held_;  ///< in contact
   const Snapshot<N>* from_ = nullptr;
   std::optional<Metrics<N>> metrics_;

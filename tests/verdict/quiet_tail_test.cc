@@ -214,13 +214,6 @@ std::string tapped(double sine_s, const std::string& more = {}) {
          "0.5 damping_n_s_per_m: 3 force_sensor { } } environment { wall { normal: [-1] offset_m: -0.01 "
          "stiffness_n_per_m: 5000 } }";
 }
-// The sine ends in free space: no segment ends in contact.
-TEST(Verdict, SeesAContactThatTheHandOnlyPasses) {
-  for (const double sine_s : {8.0, 10.0, 20.0}) {
-    const Summary s = run(parse_scene(tapped(sine_s), "tapped"));
-    EXPECT_EQ(s.verdict_kind(), "UNSTABLE") << sine_s << ": " << s.verdict();
-  }
-}
 TEST(Verdict, IsThatOfTheSceneNotOfAScheduledDelayBeyondItsEnd) {
   const std::vector<std::string> calm{"control.passivity.method=INTERNAL_MODEL"},
       later{calm[0], "to_slave.delay_step={at_s: 11 delay_ms: 400}"};
