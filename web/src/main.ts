@@ -160,7 +160,6 @@ class Page {
   private makeComparison(scene: Introduction): void {
     const choice = element<HTMLSelectElement>('compare');
     element('compare-row').hidden = !this.channel.compare || !scene.linked || scene.methods.length < 2;
-    element('compare-elsewhere').hidden = this.channel.compare !== undefined;
     choice.replaceChildren(new Option('nothing', ''), ...scene.methods.map((m, i) => new Option(m, String(i))));
     choice.onchange = () => void this.compareWith(choice.value === '' ? null : Number(choice.value));
   }
