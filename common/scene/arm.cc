@@ -2,10 +2,10 @@
 
 #include <Eigen/Eigenvalues>
 #include <Eigen/Geometry>
-#include <filesystem>
 
 #include "common/base/check.h"
 #include "common/base/file.h"
+#include "common/scene/find.h"
 #include "common/scene/reader.h"
 #include "common/scene/text.h"
 #include "common/scene/urdf.h"
@@ -67,8 +67,7 @@ ArmParameters read_described(const Block<schema::ArmParameters>& of, const std::
     (refuse(fields), ...);
   };
   refuse_beside(FIELD(joint), FIELD(flange_m), FIELD(flange_rotation_rpy_rad));
-  const std::filesystem::path folder = std::filesystem::path{of.context().file}.parent_path();
-  ArmParameters arm = load_urdf((folder / of->urdf()).string(), tip.empty() ? of->tip() : tip);
+  ArmParameters arm = load_urdf(file_beside(of.context().file, of->urdf()), tip.empty() ? of->tip() : tip);
   of.need_length(FIELD(joint_rotor_inertia_kg_m2), static_cast<int>(arm.joints.size()));
   const Numbers rotors = numbers(of->joint_rotor_inertia_kg_m2());
   for (std::size_t i = 0; i < rotors.size(); ++i) arm.joints[i].rotor_inertia_kg_m2 = rotors[i];

@@ -1,8 +1,8 @@
-#include <filesystem>
 #include <limits>
 #include <numbers>
 
 #include "common/scene/blocks.h"
+#include "common/scene/find.h"
 #include "common/scene/names.h"
 #include "common/scene/source.h"
 
@@ -113,11 +113,6 @@ void read_method_options(const Block<schema::Passivity>& of, ControlOptions& opt
   };
 }
 
-/// A relative path starts at the scene's folder.
-std::string from_scene(const Block<schema::Control>& of, const std::string& file) {
-  return file.empty() ? file : (std::filesystem::path{of.context().file}.parent_path() / file).string();
-}
-
 /// Architecture FOUR_CHANNEL: the transparency layer of that name over the passivity layer that the scene names, or its method has.
 std::string four_channel_over(const Block<schema::Control>& of) {
   const Block transparency = of.block(FIELD(transparency));
@@ -140,7 +135,8 @@ bool read_layers(const Block<schema::Control>& of, ControlOptions& options) {
   const bool four_channel = of->architecture() == schema::Control::FOUR_CHANNEL;
   options.random.force_n = transparency->random().force_n();
   options.random.hold_ms = transparency->random().hold_ms();
-  options.plugin.file = from_scene(of, transparency->plugin().file());
+  const std::string& plugin = transparency->plugin().file();
+  options.plugin.file = plugin.empty() ? plugin : file_beside(of.context().file, plugin);
   options.plugin.arguments = transparency->plugin().arguments();
   if (!transparency->has_layer() && !passivity->has_layer() && !four_channel) return false;
   const std::string named = transparency->has_layer() ? transparency.path_of("layer") : passivity.path_of("layer");

@@ -2,7 +2,6 @@
 #include <algorithm>
 #include <cmath>
 #include <cstddef>
-#include <filesystem>
 #include <memory>
 #include <numbers>
 #include <optional>
@@ -18,6 +17,7 @@
 #include "common/mesh/read_mesh.h"
 #include "common/mesh/sample_surface.h"
 #include "common/scene/blocks.h"
+#include "common/scene/find.h"
 #include "common/scene/mesh_file.h"
 #include "common/scene/shown.h"
 #include "common/scene/source.h"
@@ -109,15 +109,12 @@ Plate read_shape(const Block<schema::Plate>& of) {
           .holes = std::make_shared<const std::vector<PlateHole>>(std::move(holes))};
 }
 
-std::string mesh_path(const Block<schema::Mesh>& of) {
-  return (std::filesystem::path{of.context().file}.parent_path() / of->file()).string();
-}
 /// The triangles of a file, in metres.
 TriangleMesh read_triangles(const Block<schema::Mesh>& of) {
   of.require(FIELD(file), "name a file: STL or Wavefront OBJ");
   const double scale = of->scale();
   try {
-    return read_mesh_file(mesh_path(of), scale);
+    return read_mesh_file(file_beside(of.context().file, of->file()), scale);
   } catch (const ConfigError& e) {
     of.fail(fmt::format("{}: {}", of.path_of("file"), e.what()));
   }
@@ -235,7 +232,7 @@ std::vector<Eigen::Vector3d> read_tool_part(const Block<schema::ToolPart>& of) {
 namespace {
 
 TriangleMesh shown(const Block<schema::Mesh>& of, std::size_t most) {
-  const std::string path = mesh_path(of);
+  const std::string path = file_beside(of.context().file, of->file());
   TriangleMesh mesh = decimated(parse_mesh(read_whole(path), path), most);
   const Eigen::Affine3d place =
       Eigen::Translation3d{vector<3>(of->position_m())} * attitude(of->rotation()) * Eigen::Scaling(of->scale());

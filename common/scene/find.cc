@@ -59,6 +59,10 @@ std::string project_file(const fs::path& file, const std::string& named, const c
 
 }  // namespace
 
+std::string file_beside(const std::string& naming, const std::string& named) {
+  return (fs::path{naming}.parent_path() / named).string();
+}
+
 std::string scene_file(const std::string& named) {
   return project_file(named, named, "scenes", "scene");
 }

@@ -9,6 +9,9 @@ namespace twoport {
 /// word that is neither; another path is returned as it is, to be complained of where it is read.
 std::string scene_file(const std::string& named);
 
+/// A file that the file `naming` names: a relative path starts at the folder of `naming`.
+std::string file_beside(const std::string& naming, const std::string& named);
+
 /// The folder "scenes/edge" of the project, where scene_file() looks; the name itself where there is none.
 std::string project_folder(const std::string& name);
 

@@ -1,11 +1,11 @@
 #include <cstdio>
-#include <filesystem>
 #include <memory>
 #include <utility>
 
 #include "common/base/check.h"
 #include "common/base/file.h"
 #include "common/recording/hand.h"
+#include "common/scene/find.h"
 #include "common/scene/gripper_operator.h"
 
 namespace twoport {
@@ -62,8 +62,7 @@ TremorSpec read_tremor(const Block<schema::Tremor>& of) {
 
 /// A relative path starts at the scene's folder. As long as the hand is there nothing can be recorded over the file.
 RecordedHandSpec read_recording(const Block<schema::Operator>& of, bool of_gripper) {
-  const std::filesystem::path folder = std::filesystem::path{of.context().file}.parent_path();
-  const std::string path = (folder / of->recording()).string();
+  const std::string path = file_beside(of.context().file, of->recording());
   RecordedHand read;
   try {
     read = read_recorded_hand(path, of_gripper);

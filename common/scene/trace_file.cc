@@ -1,19 +1,18 @@
 #include "common/scene/trace_file.h"
 
-#include <filesystem>
 #include <optional>
 #include <string_view>
 
 #include "common/base/file.h"
 #include "common/base/text.h"
 #include "common/link/link_trace.h"
+#include "common/scene/find.h"
 
 namespace twoport {
 
 std::vector<double> read_trace_file(const Block<schema::Impairment>& of, double rate_hz) {
   if (!of->has_trace_file()) return {};
-  const std::filesystem::path scene_folder = std::filesystem::path{of.context().file}.parent_path();
-  const std::string file = (scene_folder / of->trace_file()).string();
+  const std::string file = file_beside(of.context().file, of->trace_file());
   const std::string field = of.path_of("trace_file");
   const std::string text = read_whole(file, fmt::format("{}: {}: {}", of.context().file, field, file));
   if (is_link_trace(text)) {
