@@ -27,7 +27,7 @@ put common/contact/shape.h '#include "common/contact/sphere.h"' '#include "commo
 sed -i 's/^using Shape = std::variant<\(.*\)>;/using Shape = std::variant<\1, Pipe>;/' "$work/common/contact/shape.h"
 put proto/scene.proto '^    Spring spring = 5;' '    Pipe pipe = 6 [(least_dof) = 3];'
 cat $here/pipe/pipe.proto >>"$work/proto/scene.proto"
-sed -i -e "/^}  .. namespace\$/e cat $here/pipe/read_pipe.inc" "$work/common/scene/environment.cc"
+sed -i -e "0,/^}  .. namespace\$/{//e cat $here/pipe/read_pipe.inc" -e '}' "$work/common/scene/environment.cc"
 
 "$protoc" --proto_path="$work" --cpp_out="$work" proto/scene.proto proto/field.proto
 compile() { "$compiler" -std=c++20 -I"$work" -I. -isystem "$eigen" -c "$1" -o "$work/$2.o"; }
@@ -36,6 +36,7 @@ compile "$work/proto/field.pb.cc" options
 compile "$work/common/scene/environment.cc" environment
 compile common/scene/reader.cc reader
 compile common/scene/mesh_file.cc mesh_file
+compile common/scene/find.cc find
 compile common/scene/text.cc text
 compile $here/pipe_test.cc test
 "$compiler" "$work"/*.o "$@" -pthread -o "$work/program"
