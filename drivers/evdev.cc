@@ -3,22 +3,22 @@
 #include <unistd.h>
 
 #include <algorithm>
-#include <atomic>
 #include <cerrno>
-#include <chrono>
 #include <cstring>
 #include <filesystem>
 #include <memory>
+#include <optional>
 #include <string>
-#include <thread>
 #include <utility>
 #include <vector>
 
 #include "common/base/check.h"
 #include "common/hardware/registry.h"
 #include "common/scene/scene.h"
+#include "drivers/effect_thread.h"
 #include "drivers/evdev_stick.h"
 #include "drivers/force_feedback.h"
+#include "drivers/rumble.h"
 #include "drivers/smoothed_target.h"
 
 namespace twoport {
@@ -26,24 +26,25 @@ namespace {
 
 constexpr double kReach = 0.05, kTurn = 0.5;  // of the handle at full deflection [m], [rad]
 constexpr double kCutoffHz = 15.0;            // of the handle's motion: sticks report at 100 to 250 Hz
-constexpr double kFullForce = 1.0;            // at the largest level of an effect, unless ARGS say otherwise [N]
-constexpr int kMostEvents = 256;              // read in one tick
-constexpr double kOpening = 0.06;             // of a gripper whose scene does not say where its handle begins [m]
-constexpr double kGripperTravel = 1.0;        // of buttons, from open to closed [s]
+constexpr double kFullForce = 1.0,
+                 kFullRumble = 5.0;     // at the largest level of an effect, unless ARGS say otherwise [N]
+constexpr int kMostEvents = 256;        // read in one tick
+constexpr double kOpening = 0.06;       // of a gripper whose scene does not say where its handle begins [m]
+constexpr double kGripperTravel = 1.0;  // of buttons, from open to closed [s]
 
 /// PATH, PATH,NEWTONS or nothing.
 struct Arguments {
   std::string path;
-  double full_force_n = kFullForce;
+  std::optional<double> full_force_n;
 };
 Arguments parse(const std::string& text) {
-  Arguments a{text, kFullForce};
+  Arguments a{text, {}};
   const std::size_t comma = text.find(',');
   if (comma == text.npos) return a;
   a.path = text.substr(0, comma);
   char* end = nullptr;
   a.full_force_n = std::strtod(text.c_str() + comma + 1, &end);
-  if (*end != '\0' || !(a.full_force_n > 0.0 && a.full_force_n <= 50.0))
+  if (*end != '\0' || !(*a.full_force_n > 0.0 && *a.full_force_n <= 50.0))
     throw ConfigError{"--device evdev:" + text +
                       ": after the comma stands the force of the strongest effect, above 0 and at most 50 N"};
   return a;
@@ -127,41 +128,6 @@ class EventEffects final : public EffectPort {
   int fd_;
 };
 
-/// Force feedback on a thread of ordinary priority: an upload may take milliseconds.
-class ForceThread {
- public:
-  ForceThread(int fd, double full_force_n) : effects_{fd}, force_{effects_, full_force_n}, works_{force_.start()} {
-    if (works_) thread_ = std::thread{[this] { run(); }};
-  }
-  ~ForceThread() {
-    force_.let_go();
-    going_ = false;
-    if (thread_.joinable()) thread_.join();
-    force_.end();
-  }
-  ForceThread(const ForceThread&) = delete;
-  ForceThread& operator=(const ForceThread&) = delete;
-
-  [[nodiscard]] bool works() const noexcept { return works_; }
-  [[nodiscard]] ForceFeedback& force() noexcept { return force_; }
-
- private:
-  void run() noexcept {
-    using std::chrono::steady_clock;
-    while (going_ || force_.played() != ForceFeedback::Vector{}) {
-      const auto begun = steady_clock::now();
-      force_.round(begun.time_since_epoch());
-      std::this_thread::sleep_for(ForceFeedback::pause(steady_clock::now() - begun));
-    }
-  }
-
-  EventEffects effects_;
-  ForceFeedback force_;
-  bool works_;
-  std::atomic<bool> going_{true};
-  std::thread thread_;
-};
-
 /// The trigger or two buttons of a stick as a gripper: the position of its handle, from closed (0) to where the scene's gripper begins.
 /// It displays no force. The stick's driver reads the events.
 class StickGripperDevice final : public Device<1> {
@@ -205,25 +171,28 @@ double opening_of(const Scene& scene) {
 }
 
 /// A joystick or gamepad: the deflection is the position of a handle within 50 mm (and 0.5 rad). Its constant-force effect, where
-/// it has one, displays the force to the right and forward; its strength in newtons is what ARGS say.
+/// it has one, displays the force to the right and forward, else its rumble the size of the force; the strength of the strongest effect in
+/// newtons is what ARGS say. A vibration does no work; `applied` is then the force that it stands for, so that the robot presses as hard as the
+/// hand is told.
 template <int N>
 class EvdevDevice final : public Device<N> {
  public:
   explicit EvdevDevice(const DriverOptions& o)
       : arguments_{parse(o.arguments)},
         device_{arguments_.path.empty() ? first_stick() : open_stick(arguments_.path)},
-        motion_{kCutoffHz} {
-    if (device_->writable() && libevdev_has_event_code(device_->get(), EV_FF, FF_CONSTANT) != 0) {
-      force_ = std::make_unique<ForceThread>(device_->fd(), arguments_.full_force_n);
-      if (!force_->works()) force_.reset();
-    }
+        motion_{kCutoffHz},
+        effects_{device_->fd()} {
+    const unsigned effect = device_->writable() ? stick_effect(device_->get()) : 0;
+    if (effect == FF_CONSTANT) open_effect(force_, kFullForce);
+    if (effect == FF_RUMBLE) open_effect(rumble_, kFullRumble);
     if (const StickGripper of = stick_gripper(device_->get()))
       gripper_ = std::make_unique<StickGripperDevice>(*device_, lost_, of, opening_of(o.scene));
   }
 
   [[nodiscard]] DeviceInfo info() const override {
-    return {.name = std::string{libevdev_get_name(device_->get())} + " at " + device_->path(),
-            .max_force_n = force_ ? arguments_.full_force_n : 0.0,
+    return {.name = std::string{libevdev_get_name(device_->get())} + " at " + device_->path() +
+                    (rumble_ ? ", rumble in place of force" : ""),
+            .max_force_n = most_n_,
             .watchdog = to_seconds(ForceFeedback::kEffectLength),
             .dof = 6,
             .workspace_m = {2.0 * kReach, 2.0 * kReach, 2.0 * kReach},
@@ -239,19 +208,26 @@ class EvdevDevice final : public Device<N> {
     DeviceSample<N> sample{.x = position_at<N>(motion_.x()), .v = Velocity<N>{motion_.v()}, .applied = {}};
     if (force_) {
       typename Force<N>::Vector applied = Force<N>::Vector::Zero();
-      const ForceFeedback::Vector push = force_->force().played();
+      const ForceFeedback::Vector push = force_->effect().played();
       for (int i = 0; i < std::min(N, 2); ++i) applied[i] = -push[static_cast<std::size_t>(i)];
       sample.applied = Force<N>{applied};
     }
+    if (rumble_) sample.applied = told_;
     sample.buttons = state.buttons;
     if (lost_) sample.status = HardwareStatus::fault;
     return sample;
   }
   void actuate(const Force<N>& f) noexcept override {
-    if (force_) force_->force().push(-f[0], N > 1 ? -f[std::min(1, N - 1)] : 0.0);
+    if (force_) force_->effect().push(-f[0], N > 1 ? -f[std::min(1, N - 1)] : 0.0);
+    if (!rumble_) return;
+    told_ = f;
+    rumble_->effect().push(f.vec().template head<std::min(N, 3)>().norm());
   }
   void release() noexcept override {
-    if (force_) force_->force().let_go();
+    if (force_) force_->effect().let_go();
+    if (!rumble_) return;
+    told_ = Force<N>{};
+    rumble_->effect().let_go();
   }
   [[nodiscard]] std::string trouble() const override { return lost_ ? device_->path() + " is gone" : ""; }
   [[nodiscard]] Device<1>* gripper() noexcept override { return gripper_.get(); }
@@ -276,10 +252,24 @@ class EvdevDevice final : public Device<N> {
     }
   }
 
+  template <class Effect>
+  void open_effect(std::unique_ptr<EffectThread<Effect>>& thread, double full_n) {
+    full_n = arguments_.full_force_n.value_or(full_n);
+    thread = std::make_unique<EffectThread<Effect>>(effects_, full_n);
+    if (thread->works())
+      most_n_ = full_n;
+    else
+      thread.reset();
+  }
+
   Arguments arguments_;
   std::unique_ptr<EventDevice> device_;
-  std::unique_ptr<ForceThread> force_;  ///< null: it displays no force
   SmoothedTarget<N> motion_;
+  EventEffects effects_;
+  double most_n_ = 0.0;                                 ///< it displays; 0: no force
+  std::unique_ptr<EffectThread<ForceFeedback>> force_;  ///< null: none
+  std::unique_ptr<EffectThread<Rumble>> rumble_;        ///< null: none
+  Force<N> told_;                                       ///< what the rumble stands for
   bool lost_ = false;
   std::unique_ptr<StickGripperDevice> gripper_;  ///< null: it has neither trigger nor two buttons
 };

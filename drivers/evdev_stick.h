@@ -58,6 +58,12 @@ inline StickState stick_state(const libevdev* d) {
   return s;
 }
 
+/// What a force is displayed by: FF_CONSTANT, else FF_RUMBLE; 0: it has neither.
+inline unsigned stick_effect(const libevdev* d) {
+  if (libevdev_has_event_code(d, EV_FF, FF_CONSTANT) != 0) return FF_CONSTANT;
+  return libevdev_has_event_code(d, EV_FF, FF_RUMBLE) != 0 ? FF_RUMBLE : 0;
+}
+
 inline int stick_buttons(const libevdev* d) {
   int count = 0;
   for (unsigned code = kFirstStickButton; code <= kLastStickButton; ++code)

@@ -7,9 +7,11 @@
 #include <atomic>
 #include <chrono>
 #include <cmath>
+#include <optional>
 
 #include "common/base/time.h"
 #include "drivers/evdev_stick.h"
+#include "drivers/newest.h"
 
 namespace twoport {
 
@@ -28,7 +30,7 @@ class EffectPort {
 /// read numbers. start(), round() and end() talk to the device and belong to another thread.
 ///
 /// The strength of the strongest effect is `full_n`; a stronger force is displayed as that, in its direction. An effect ends by itself after
-/// kEffectLength unless a round renews it. After let_go() the force goes to zero within kRamp.
+/// kEffectLength unless a round renews it. After let_go(), or kEffectLength after the last push(), the force goes to zero within kRamp.
 class ForceFeedback {
  public:
   static constexpr Duration kPeriod = std::chrono::milliseconds{10};
@@ -48,12 +50,8 @@ class ForceFeedback {
     return true;
   }
 
-  void push(double right_n, double forward_n) noexcept {
-    right_n_.store(right_n, std::memory_order_relaxed);
-    forward_n_.store(forward_n, std::memory_order_relaxed);
-    let_go_.store(false, std::memory_order_relaxed);
-  }
-  void let_go() noexcept { let_go_.store(true, std::memory_order_relaxed); }
+  void push(double right_n, double forward_n) noexcept { newest_.put(Vector{right_n, forward_n}); }
+  void let_go() noexcept { newest_.put(std::nullopt); }
   /// What the device displays.
   [[nodiscard]] Vector played() const noexcept {
     return {played_right_n_.load(std::memory_order_relaxed), played_forward_n_.load(std::memory_order_relaxed)};
@@ -61,10 +59,10 @@ class ForceFeedback {
 
   /// Uploads and plays what is wanted.
   void round(Duration now) noexcept {
-    const Vector wanted =
-        let_go_.load(std::memory_order_relaxed)
-            ? weaker(played(), full_n_ * (std::chrono::duration<double>(now - round_at_) / kRamp))
-            : limited({right_n_.load(std::memory_order_relaxed), forward_n_.load(std::memory_order_relaxed)});
+    if (newest_.take(push_)) heard_at_ = now;
+    const Vector wanted = push_ && now - heard_at_ < kEffectLength
+                              ? limited(*push_)
+                              : weaker(played(), full_n_ * (std::chrono::duration<double>(now - round_at_) / kRamp));
     round_at_ = now;
     ff_effect effect = effect_of(wanted);
     if (port_.upload(effect) && port_.write(static_cast<unsigned>(id_), 1)) {
@@ -75,8 +73,8 @@ class ForceFeedback {
     }
   }
 
-  /// From the end of a round that took `spent` to the next one: a device that is slow to take effects is left alone for half of the time.
-  static constexpr Duration pause(Duration spent) noexcept { return std::max(kPeriod - spent, spent); }
+  /// Nothing is left to be taken to zero.
+  [[nodiscard]] bool at_rest() const noexcept { return played() == Vector{}; }
 
   /// The force goes to zero; the effect is removed.
   void end() noexcept {
@@ -109,9 +107,10 @@ class ForceFeedback {
   EffectPort& port_;
   double full_n_;
   int id_ = -1;
-  Duration round_at_{0}, played_at_{0};
-  std::atomic<bool> let_go_{true};
-  std::atomic<double> right_n_{0.0}, forward_n_{0.0}, played_right_n_{0.0}, played_forward_n_{0.0};
+  Duration round_at_{0}, played_at_{0}, heard_at_{0};
+  Newest<std::optional<Vector>> newest_;
+  std::optional<Vector> push_;  ///< the newest; nothing: let go
+  std::atomic<double> played_right_n_{0.0}, played_forward_n_{0.0};
 };
 
 }  // namespace twoport

@@ -76,6 +76,16 @@ TEST(Evdev, PushesInTheDirectionsThatTheKernelNames) {
   EXPECT_EQ(constant_force({0.0, 0.0}, 2.0, 3, 100).replay.length, 100);
 }
 
+TEST(Evdev, DisplaysByAConstantForceElseByRumble) {
+  Stick stick;
+  EXPECT_EQ(stick_effect(stick.d.get()), 0u);
+  libevdev_enable_event_code(stick.d.get(), EV_FF, FF_SINE, nullptr);
+  libevdev_enable_event_code(stick.d.get(), EV_FF, FF_RUMBLE, nullptr);
+  EXPECT_EQ(stick_effect(stick.d.get()), static_cast<unsigned>(FF_RUMBLE));
+  libevdev_enable_event_code(stick.d.get(), EV_FF, FF_CONSTANT, nullptr);
+  EXPECT_EQ(stick_effect(stick.d.get()), static_cast<unsigned>(FF_CONSTANT));
+}
+
 TEST(Evdev, ClosesAGripperByATriggerFromEndToEnd) {
   Stick pad;
   for (const unsigned code : {ABS_RX, ABS_RY}) pad.axis(code, -100, 100, 0);
