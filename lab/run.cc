@@ -27,13 +27,15 @@
 namespace twoport::lab {
 namespace {
 
-/// States of a run in contact, to be judged beside its last one. A state is the end of a part in whose second half something
-/// was touched. Of the parts that end on the same set of surfaces the one with the largest ∫|f| dt is kept, f the
-/// environment's force: an integral, as a robot that bounces presses now and then.
+/// States of a run in contact, to be judged beside its last one; of those that touch the same set of surfaces the one with the
+/// largest ∫|f| dt, f the environment's force: an integral, as a robot that bounces presses now and then.
+///
+/// - Held: the end of a segment in whose second half something was touched; the integral is over the segment.
+/// - Passed: a station of a segment; the integral is over the last quarter of the way from the station before.
 template <int N>
 class ContactStates {
  public:
-  static constexpr std::size_t kMost = 8;  ///< sets of surfaces; those that were pressed most
+  static constexpr std::size_t kMost = 8;  ///< sets of surfaces, of each kind; those that were pressed most
 
   struct State {
     std::uint64_t surfaces;  ///< bit i: surface i, modulo 64
@@ -47,48 +49,77 @@ class ContactStates {
         rendered_{scene.control.architecture == Architecture::render},
         kinds_{environment_.world().surfaces.size() + environment_.world().springs.size()} {}
 
-  void begin_part(double from_s, double until_s) { late_from_s_ = 0.5 * (from_s + until_s); }
+  void begin(const Part& part) {
+    looks_from_s_ = part.looks_from_s();
+    quarter_s_ = part.quarter_s();
+    looks_ = 0;
+  }
   /// A tick of the run.
   void add(const Row<N>& row) {
     const double f2 = row.env_f.squared_norm();
     if (f2 == 0.0) return;
+    if (row.t_s >= quarter_s_ && !in_quarter_) [[unlikely]] {
+      in_quarter_ = true;
+      looks_ = 0;
+      before_quarter_ = pressed_;
+    }
     pressed_ += std::sqrt(f2);
+    if (row.t_s < looks_from_s_) return;
     // The set is seen at every eighth tick of contact: a contact lasts longer, or comes again.
-    if (row.t_s >= late_from_s_ && late_++ % 8 == 0) see_surfaces(rendered_ ? row.master_x : row.slave_x);
+    if (looks_++ % 8 == 0) see_surfaces(rendered_ ? row.master_x : row.slave_x);
   }
-  void end_part(const Simulation<N>& now, double now_s, bool last) {
-    const double pressed = std::exchange(pressed_, 0.0);
-    const std::uint64_t surfaces = std::exchange(surfaces_, 0);
-    late_ = 0;
-    if (surfaces == 0) return;
-    auto same = std::find_if(states_.begin(), states_.end(), [&](const State& s) { return s.surfaces == surfaces; });
-    if (same == states_.end()) {
-      if (states_.size() < kMost) {
-        same = states_.insert(states_.end(), State{surfaces, 0.0, 0.0, nullptr});
+  void end(const Part& part, const Simulation<N>& now, bool last) {
+    if (part.late) of_segment_ |= of_part_ | of_quarter_;
+    const auto copy = [&] { return last ? nullptr : now.copy(); };
+    if (part.ends_segment) {
+      if (of_segment_ != 0) keep(held_, of_segment_, pressed_, part.until_s, copy);
+      pressed_ = 0.0;
+      of_segment_ = 0;
+    } else if (of_quarter_ != 0 && part.ends_at_station) {
+      keep(passed_, of_quarter_, pressed_ - before_quarter_, part.until_s, copy);
+    }
+    of_part_ = of_quarter_ = 0;
+    in_quarter_ = false;
+  }
+  /// Those to be judged.
+  [[nodiscard]] std::vector<const State*> all() const {
+    std::vector<const State*> states;
+    for (const auto* kind : {&held_, &passed_})
+      for (const State& s : *kind) states.push_back(&s);
+    return states;
+  }
+
+ private:
+  template <class Copy>
+  static void keep(std::vector<State>& states, std::uint64_t surfaces, double pressed, double at_s, Copy copy) {
+    auto same = std::find_if(states.begin(), states.end(), [&](const State& s) { return s.surfaces == surfaces; });
+    if (same == states.end()) {
+      if (states.size() < kMost) {
+        same = states.insert(states.end(), State{surfaces, 0.0, 0.0, nullptr});
       } else {
-        same = std::min_element(states_.begin(), states_.end(),
+        same = std::min_element(states.begin(), states.end(),
                                 [](const State& a, const State& b) { return a.pressed < b.pressed; });
       }
     }
-    if (!(pressed > same->pressed)) return;
-    *same = {surfaces, pressed, now_s, last ? nullptr : now.copy()};
+    if (pressed > same->pressed) *same = {surfaces, pressed, at_s, copy()};
   }
-  [[nodiscard]] const std::vector<State>& all() const { return states_; }
-
- private:
   [[gnu::noinline]] void see_surfaces(const Position<N>& x) {
+    std::uint64_t& seen = in_quarter_ ? of_quarter_ : of_part_;
     environment_.for_each_contact(x, Velocity<N>{}, [&](const ContactPort<N>& c) {
       const std::size_t kind = static_cast<std::size_t>(c.index) % kinds_;
-      if (kind < environment_.world().surfaces.size()) surfaces_ |= std::uint64_t{1} << (kind % 64);
+      if (kind < environment_.world().surfaces.size()) seen |= std::uint64_t{1} << (kind % 64);
     });
   }
 
   Environment<N> environment_;
-  bool rendered_;
+  bool rendered_, in_quarter_ = false;
   std::size_t kinds_;  ///< surfaces and springs
-  double late_from_s_ = 0.0, pressed_ = 0.0;
-  std::uint64_t surfaces_ = 0, late_ = 0;
-  std::vector<State> states_;
+  double looks_from_s_ = 0.0, quarter_s_ = 0.0;
+  double pressed_ = 0.0, before_quarter_ = 0.0;  ///< in the segment, and before the last quarter of the part
+  std::uint64_t looks_ = 0;
+  std::uint64_t of_part_ = 0, of_quarter_ = 0,
+                of_segment_ = 0;  ///< sets: before the last quarter of the part, in it, all that is late
+  std::vector<State> held_, passed_;
 };
 
 /// The verdict of the loop as the scene leaves it, and in the other states: the worst.
@@ -96,12 +127,12 @@ template <int N>
 TailVerdict judge_all(const Simulation<N>& at_end, const ContactStates<N>& states, const Scene& scene,
                       const MotionScale& scale, TwinUse twin) {
   TailVerdict worst = judge_tail(at_end, scene, scale, twin);
-  for (const auto& state : states.all()) {
+  for (const auto* state : states.all()) {
     if (worst.verdict.kind == VerdictKind::unstable) break;
-    if (!state.at) continue;
-    const TailVerdict held = judge_tail(*state.at, scene, scale, twin);
+    if (!state->at) continue;
+    const TailVerdict held = judge_tail(*state->at, scene, scale, twin);
     worst.ticks += held.ticks;
-    keep_worse(worst.verdict, held.verdict, state.at_s);
+    keep_worse(worst.verdict, held.verdict, state->at_s);
   }
   return worst;
 }
@@ -132,11 +163,10 @@ CountedRun run_as(Simulation<N>& simulation, const Scene& scene, const RunOption
   const bool probes = tails && !alone && !World{scene.environment}.surfaces.empty();
   const double end_s = to_seconds(simulation.end()).si();
   std::uint64_t rows = 0;
-  double from_s = 0.0;
-  for (const double until_s : probes ? parts(simulation.segment_ends_s(), end_s) : std::vector{end_s}) {
-    contact_states.begin_part(from_s, until_s);
+  for (const Part& part : probes ? parts(simulation.segment_times(), end_s) : std::vector{Part{.until_s = end_s}}) {
+    contact_states.begin(part);
     const auto start = ThreadClock::now();
-    ticks += simulation.run_until(to_duration(until_s), [&](const Row<N>& row) {
+    ticks += simulation.run_until(to_duration(part.until_s), [&](const Row<N>& row) {
       if (is_kept && rows++ % options.trace_every == 0) [[unlikely]]
         keep(row);
       if (probes) contact_states.add(row);
@@ -144,8 +174,7 @@ CountedRun run_as(Simulation<N>& simulation, const Scene& scene, const RunOption
     });
     spent += ThreadClock::now() - start;
     if (!goes_on) break;
-    if (probes) contact_states.end_part(simulation, until_s, until_s >= end_s);
-    from_s = until_s;
+    if (probes) contact_states.end(part, simulation, part.until_s >= end_s);
   }
 
   Summary s;

@@ -212,7 +212,7 @@ class LinkLoop {
   [[nodiscard]] Energy initial_energy() const { return initial_energy_; }
   [[nodiscard]] Energy granted_energy() const { return granted_energy_; }
   [[nodiscard]] double quiet_from_s() const { return device_.path().end_s(); }
-  [[nodiscard]] std::vector<double> segment_ends_s() const { return device_.path().segment_ends_s(); }
+  [[nodiscard]] std::vector<sim::SegmentTimes> segment_times() const { return device_.path().segment_times(); }
   [[nodiscard]] LinkUse link() const {
     LinkUse use = link_.use();
     use.device_limits = master_.limit_counts();
@@ -379,7 +379,7 @@ class RenderLoop {
   [[nodiscard]] Energy initial_energy() const { return initial_energy_; }
   [[nodiscard]] Energy granted_energy() const { return initial_energy_; }
   [[nodiscard]] double quiet_from_s() const { return device_.path().end_s(); }
-  [[nodiscard]] std::vector<double> segment_ends_s() const { return device_.path().segment_ends_s(); }
+  [[nodiscard]] std::vector<sim::SegmentTimes> segment_times() const { return device_.path().segment_times(); }
 
  private:
   [[gnu::always_inline]] auto cycle(NoMail& mail, Duration now, Seconds dt) noexcept {
@@ -439,7 +439,7 @@ class BodyLoop {
   [[nodiscard]] Energy granted_energy() const { return Energy{}; }
   [[nodiscard]] Energy mechanical_energy() const { return lab::mechanical_energy<N>(spec_, robot_); }
   [[nodiscard]] double quiet_from_s() const { return 0.0; }
-  [[nodiscard]] std::vector<double> segment_ends_s() const { return {}; }
+  [[nodiscard]] std::vector<sim::SegmentTimes> segment_times() const { return {}; }
 
  private:
   double rate_hz_;

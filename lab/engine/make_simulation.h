@@ -37,7 +37,7 @@ class Compiled final : public Simulation<N> {
     }
   }
   [[nodiscard]] double quiet_from_s() const override { return loop_.quiet_from_s(); }
-  [[nodiscard]] std::vector<double> segment_ends_s() const override { return loop_.segment_ends_s(); }
+  [[nodiscard]] std::vector<sim::SegmentTimes> segment_times() const override { return loop_.segment_times(); }
   [[nodiscard]] std::optional<LinkUse> link() const override {
     if constexpr (requires { loop_.link(); }) {
       return loop_.link();

@@ -11,6 +11,7 @@
 #include "common/record/row.h"
 #include "common/safety/limits.h"
 #include "common/scene/scene.h"
+#include "sim/operator/path.h"
 
 namespace twoport::lab {
 
@@ -68,8 +69,8 @@ class Simulation {
   [[nodiscard]] virtual std::optional<Energy> mechanical_energy() const = 0;
   /// When the operator's path ends [s].
   [[nodiscard]] virtual double quiet_from_s() const = 0;
-  /// When each segment of the operator's path ends [s], in order.
-  [[nodiscard]] virtual std::vector<double> segment_ends_s() const = 0;
+  /// Times of the segments of the operator's path, in order.
+  [[nodiscard]] virtual std::vector<sim::SegmentTimes> segment_times() const = 0;
   /// Nothing where the scene has no link.
   [[nodiscard]] virtual std::optional<LinkUse> link() const = 0;
 };

@@ -38,7 +38,7 @@ class Stoppable final : public Simulation<N> {
   [[nodiscard]] Energy granted_energy() const override { return simulation_->granted_energy(); }
   [[nodiscard]] std::optional<Energy> mechanical_energy() const override { return simulation_->mechanical_energy(); }
   [[nodiscard]] double quiet_from_s() const override { return simulation_->quiet_from_s(); }
-  [[nodiscard]] std::vector<double> segment_ends_s() const override { return simulation_->segment_ends_s(); }
+  [[nodiscard]] std::vector<sim::SegmentTimes> segment_times() const override { return simulation_->segment_times(); }
   [[nodiscard]] std::optional<LinkUse> link() const override { return simulation_->link(); }
 
  private:

@@ -2,6 +2,9 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
+#include <cmath>
+
 namespace twoport::lab {
 namespace {
 
@@ -21,13 +24,36 @@ int severity(VerdictKind kind) {
 
 }  // namespace
 
-std::vector<double> parts(std::vector<double> segment_ends_s, double end_s) {
-  if (segment_ends_s.empty()) return {end_s};
-  std::erase_if(segment_ends_s, [&](double t) { return !(t > 0.0 && t < end_s); });
-  if (segment_ends_s.empty())
-    for (int i = 1; i < 16; ++i) segment_ends_s.push_back(end_s * i / 16);
-  segment_ends_s.push_back(end_s);
-  return segment_ends_s;
+std::vector<Part> parts(const std::vector<sim::SegmentTimes>& segments, double end_s) {
+  constexpr std::size_t kStations = 16;
+  std::vector<Part> all;
+  double from_s = 0.0;
+  const auto add = [&](double until_s, std::vector<double> stations_s) {
+    if (!(until_s > from_s)) return;
+    const double middle_s = 0.5 * (from_s + until_s), near_s = 1e-6 * (until_s - from_s);
+    std::erase_if(stations_s, [&](double t) { return !(t > from_s + near_s && t < until_s - near_s); });
+    // An odd step takes both sides of a swing.
+    const std::size_t step = (stations_s.size() / kStations) | 1U;
+    double at_s = from_s;
+    const auto cut = [&](double t, bool ends, bool station) {
+      all.push_back(
+          {.from_s = at_s, .until_s = t, .late = at_s >= middle_s, .ends_segment = ends, .ends_at_station = station});
+      at_s = t;
+    };
+    bool halved = false;
+    for (std::size_t i = 0; i < stations_s.size(); i += step) {
+      const bool is_middle = std::abs(stations_s[i] - middle_s) <= near_s;
+      if (!halved && !is_middle && stations_s[i] > middle_s) cut(middle_s, false, false);
+      halved = halved || stations_s[i] > middle_s - near_s;
+      cut(is_middle ? middle_s : stations_s[i], false, true);
+    }
+    if (!halved) cut(middle_s, false, false);
+    cut(until_s, true, false);
+    from_s = until_s;
+  };
+  for (const sim::SegmentTimes& each : segments) add(std::min(each.end_s, end_s), each.stations_s);
+  add(end_s, {});
+  return all;
 }
 
 void keep_worse(Verdict& worst, const Verdict& held, double at_s) {

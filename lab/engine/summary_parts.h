@@ -14,9 +14,21 @@
 
 namespace twoport::lab {
 
-/// Times of the ends of the parts of a run [s]: the ends of the path's segments, or sixteenths of the run where no segment
-/// ends before it. Without a path one part: the hand changes nothing between a part's end and the scene's.
-std::vector<double> parts(std::vector<double> segment_ends_s, double end_s);
+/// A piece of a segment of the hand's path.
+struct Part {
+  double from_s = 0.0, until_s = 0.0;
+  bool late = false;             ///< in the second half of its segment
+  bool ends_segment = false;     ///< its end is that of the segment
+  bool ends_at_station = false;  ///< its end is a station within the segment
+  /// Where its last quarter begins.
+  [[nodiscard]] double quarter_s() const { return 0.25 * from_s + 0.75 * until_s; }
+  /// From where on what is touched is looked at.
+  [[nodiscard]] double looks_from_s() const { return late ? from_s : quarter_s(); }
+};
+
+/// The segments of a path and what follows it, up to the run's end, each cut in the middle and at stations, of which at most 16 are
+/// taken.
+std::vector<Part> parts(const std::vector<sim::SegmentTimes>& segments, double end_s);
 
 /// Takes the verdict of a state held in contact at `at_s` in place of `worst` if it is worse.
 void keep_worse(Verdict& worst, const Verdict& held, double at_s);

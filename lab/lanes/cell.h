@@ -164,19 +164,34 @@ class Cell {
       std::copy_n(t.speed, 2 * N, early_.begin());
       has_early_ = true;
     }
-    while (part_ < parts_.size() && k >= parts_[part_].until) {
-      const bool last = parts_[part_].until_s >= end_s_;
-      const double pressed = std::exchange(t.pressed, 0.0);
-      if (t.touched != 0.0 && pressed > pressed_) {
-        pressed_ = pressed;
-        held_.reset();
-        if (!last) {
-          snapshot();
-          held_.emplace(now);
-          held_at_s_ = parts_[part_].until_s;
-        }
+    // As ContactStates of lab/run.cc, of one surface.
+    while (part_ < parts_.size()) {
+      const RunPart& part = parts_[part_];
+      if (k >= part.quarter && !in_quarter_) {
+        in_quarter_ = true;
+        pressed_before_ = t.pressed;
+        of_part_ = std::exchange(t.touched, 0.0) != 0.0;
+        t.late_ticks = 0.0;
       }
-      t.touched = t.late_ticks = 0.0;
+      if (k < part.until) break;
+      const bool of_quarter = std::exchange(t.touched, 0.0) != 0.0;
+      const auto keep_more = [&](Kept& kept, double pressed) {
+        if (!(pressed > kept.pressed)) return;
+        kept = {pressed, part.of.until_s, {}};
+        if (part.of.until_s >= end_s_) return;
+        snapshot();
+        kept.at.emplace(now);
+      };
+      if (part.of.late) of_segment_ = of_segment_ || of_part_ || of_quarter;
+      if (part.of.ends_segment) {
+        if (of_segment_) keep_more(held_, t.pressed);
+        t.pressed = 0.0;
+        of_segment_ = false;
+      } else if (of_quarter && part.of.ends_at_station) {
+        keep_more(passed_, t.pressed - pressed_before_);
+      }
+      of_part_ = in_quarter_ = false;
+      t.late_ticks = 0.0;
       ++part_;
     }
     set_flags(k);
@@ -200,9 +215,9 @@ class Cell {
   }
   [[nodiscard]] bool needs_tails() const { return judged_ && !failed_; }
 
-  /// Begins the tail of the end, then that of the state in contact; without a twin where wants_twin() is false.
+  /// Begins the tail of the end, then those of the states in contact; without a twin where wants_twin() is false.
   std::unique_ptr<TailJudge<N>> begin_tail() {
-    from_ = verdict_ ? &*held_ : &now;
+    from_ = judging_ != nullptr ? &*judging_->at : &now;
     auto judge = std::make_unique<TailJudge<N>>(scene_, scale_, granted(), twin_);
     const auto k = static_cast<std::int64_t>(from_->state.k);
     for (int i = 0; i < N; ++i) p.held_at[i] = path_->x[static_cast<std::size_t>((k - 1) * N + i)];
@@ -226,13 +241,21 @@ class Cell {
   }
   /// Takes the verdict of a tail. True: another one is needed.
   bool end_tail(const Verdict& verdict) {
-    if (!verdict_) {
+    if (judging_ == nullptr) {
       verdict_ = verdict;
-      twin_ = from_of_verdict_ != VerdictFrom::lean;
-      return verdict.kind != VerdictKind::unstable && held_.has_value();
+    } else {
+      keep_worse(*verdict_, verdict, judging_->at_s);
     }
-    keep_worse(*verdict_, verdict, held_at_s_);
-    return false;
+    twin_ = from_of_verdict_ != VerdictFrom::lean;
+    if (verdict_->kind == VerdictKind::unstable) return false;
+    if (judging_ == nullptr && held_.at) {
+      judging_ = &held_;
+    } else if (judging_ != &passed_ && passed_.at) {
+      judging_ = &passed_;
+    } else {
+      return false;
+    }
+    return true;
   }
   void fail() { failed_ = true; }
   [[nodiscard]] bool failed() const { return failed_; }
@@ -296,8 +319,13 @@ class Cell {
 
  private:
   struct RunPart {
-    std::int64_t from, late, until;
-    double until_s;
+    std::int64_t looks, quarter, until;
+    Part of;
+  };
+  /// A state in contact; without `at` the end of the scene, or none.
+  struct Kept {
+    double pressed = 0.0, at_s = 0.0;
+    std::optional<Snapshot<N>> at;
   };
 
   static void set(Plant& plant, const double* x, const double* v, const double* across, double in_contact) {
@@ -476,14 +504,13 @@ class Cell {
       quiet_from_ = tick_of_time(path_->end_s, period);
       stops_.push_back(quiet_from_);
     } else if (!World{scene_.environment}.surfaces.empty()) {
-      double from_s = 0.0;
-      std::int64_t from = 0;
-      for (const double until_s : twoport::lab::parts(path_->segment_ends_s, end_s_)) {
-        const std::int64_t until = std::min(tick_from(to_duration(until_s), period_ns_), ticks_);
-        const std::int64_t late = tick_of_time(0.5 * (from_s + until_s), period);
-        parts_.push_back({from, late, until, until_s});
-        stops_.push_back(until), stops_.push_back(late);
-        from_s = until_s, from = until;
+      for (const Part& part : twoport::lab::parts(path_->segments, end_s_)) {
+        const RunPart& in =
+            parts_.emplace_back(RunPart{.looks = tick_of_time(part.looks_from_s(), period),
+                                        .quarter = tick_of_time(part.quarter_s(), period),
+                                        .until = std::min(tick_from(to_duration(part.until_s), period_ns_), ticks_),
+                                        .of = part});
+        stops_.insert(stops_.end(), {in.looks, in.quarter, in.until});
       }
     }
     const auto all_rests = rests(scene_);
@@ -498,7 +525,7 @@ class Cell {
     stops_.erase(std::unique(stops_.begin(), stops_.end()), stops_.end());
   }
   void set_flags(std::int64_t k) {
-    p.late = part_ < parts_.size() && k >= parts_[part_].late ? 1.0 : 0.0;
+    p.late = part_ < parts_.size() && k >= parts_[part_].looks ? 1.0 : 0.0;
     p.at_rest = 0.0;
     for (const auto& [from, to] : rests_)
       if (k >= from && k < to) p.at_rest = 1.0;
@@ -562,8 +589,10 @@ class Cell {
   std::array<double, 2 * N> early_{};
   bool has_early_ = false, failed_ = false, judged_ = false;
   std::optional<double> held_ratio_;
-  double pressed_ = 0.0, held_at_s_ = 0.0;
-  std::optional<Snapshot<N>> held_;  ///< in contact
+  double pressed_before_ = 0.0;
+  bool in_quarter_ = false, of_part_ = false, of_segment_ = false;
+  Kept held_, passed_;
+  const Kept* judging_ = nullptr;  ///< null: the end of the run
   const Snapshot<N>* from_ = nullptr;
   std::optional<Metrics<N>> metrics_;
   std::optional<TrendRecord> after_;  ///< plain verdict: the run since the path's end

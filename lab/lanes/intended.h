@@ -46,7 +46,7 @@ inline std::string path_key(const Scene& scene) {
 /// Intended positions at each tick of a scene, and what else the path says.
 struct Intended {
   std::vector<double> x;
-  std::vector<double> segment_ends_s;
+  std::vector<sim::SegmentTimes> segments;
   double end_s = 0.0;
 };
 template <int N>
@@ -59,7 +59,7 @@ std::shared_ptr<const Intended> intended_of(const sim::SimDevice<N>& device, con
     const auto at = path.at(k == 0 ? 0.0 : static_cast<double>(k) * dt);
     for (int i = 0; i < N; ++i) all->x.push_back(at.x.translation()[i]);
   }
-  all->segment_ends_s = path.segment_ends_s();
+  all->segments = path.segment_times();
   all->end_s = path.end_s();
   return all;
 }

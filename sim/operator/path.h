@@ -15,6 +15,12 @@
 
 namespace twoport::sim {
 
+/// When a segment ends [s], and where in it the hand could stop: the least speeds of what swings or was recorded.
+struct SegmentTimes {
+  double end_s;
+  std::vector<double> stations_s;
+};
+
 /// The intended motion of the hand: segments, each starting where the last one ended; after the last, hold.
 ///
 ///     move_to   x(s) = x0 + (x1 - x0)(10 s³ - 15 s⁴ + 6 s⁵),   s = t / duration       minimum jerk
@@ -106,11 +112,23 @@ class Path {
     end_ = at(t_s).x;
     rest_from_s_ = t_s;
   }
-  /// When each segment ends [s], in order.
-  [[nodiscard]] std::vector<double> segment_ends_s() const {
-    std::vector<double> ends;
-    for (const Segment& s : segments_) ends.push_back(s.start_s + s.duration_s);
-    return ends;
+  /// Times of the segments, in order.
+  [[nodiscard]] std::vector<SegmentTimes> segment_times() const {
+    std::vector<SegmentTimes> all;
+    for (const Segment& s : segments_) {
+      SegmentTimes& times = all.emplace_back(SegmentTimes{.end_s = s.start_s + s.duration_s, .stations_s = {}});
+      if (s.kind == Kind::hold || s.kind == Kind::move) continue;
+      constexpr int kSamples = 4096;
+      const auto after_s = [&](int i) { return s.duration_s * i / kSamples; };
+      const auto speed = [&](int i) { return s.at(after_s(i)).v.vec().squaredNorm(); };
+      double before = speed(0), now = speed(1);
+      for (int i = 1; i < kSamples; ++i) {
+        const double after = speed(i + 1);
+        if (now < before && now <= after) times.stations_s.push_back(s.start_s + after_s(i));
+        before = std::exchange(now, after);
+      }
+    }
+    return all;
   }
   /// When the last segment that moves ends and the hand holds still [s]; infinite with tremor.
   [[nodiscard]] double end_s() const { return rest_from_s_; }

@@ -218,7 +218,9 @@ TEST(Hold, AtTheEndIsRest) {
       holds{{MoveToSpec{{0.1}, 0.5}, HoldSpec{1.0}, HoldSpec{2.0}}, Position<1>{}};
   EXPECT_EQ(holds.end_s(), moves.end_s());
   EXPECT_EQ(holds.end_s(), 0.5);
-  EXPECT_EQ(holds.segment_ends_s(), (std::vector<double>{0.5, 1.5, 3.5}));
+  std::vector<double> ends_s;
+  for (const SegmentTimes& each : holds.segment_times()) ends_s.push_back(each.end_s);
+  EXPECT_EQ(ends_s, (std::vector<double>{0.5, 1.5, 3.5}));
 }
 
 // --- sine ----------------------------------------------------------------------------------------

@@ -591,6 +591,40 @@ Case link_behind_a_slide(Draw& draw) {
   }
 }
 
+/// Part of the ticks in which something is touched.
+double touched(const std::string& text) {
+  double ticks = 0.0, touching = 0.0;
+  lab::make_simulation<1>(parse_scene(text, "case"))->run([&](const Row<1>& row) {
+    ++ticks;
+    touching += row.env_f.squared_norm() > 0.0;
+    return std::isfinite(row.master_energy_j);
+  });
+  return touching / ticks;
+}
+/// A hand that swings slowly touches a wall at one side of its way, and ends beside it: what the loop would do there counts.
+Case link_tapping(Draw& draw) {
+  for (;;) {
+    Linked l{.loop = drawn_loop(draw), .duration_s = draw.between(4.0, 8.0)};
+    l.loop = tuned(l.loop, signed_rate(draw, 0.5, 8.0));
+    BilateralLoop beside = l.loop;
+    beside.environment_stiffness_n_per_m = 0.0;
+    if (rate(beside) > -0.3) continue;
+    const double amplitude_m = draw.about(0.01, 0.05), swings = draw.one_of(1, 4),
+                 swing_s = 0.75 * l.duration_s / swings;
+    l.of_device = "velocity_m_per_s: [0]";
+    l.environment = fmt::format("wall {{ normal: [1] offset_m: {} stiffness_n_per_m: {} }}",
+                                -draw.between(0.2, 0.6) * amplitude_m, l.loop.environment_stiffness_n_per_m);
+    l.of_operator = fmt::format("path {{ move_to {{ position_m: {} duration_s: {} }} }}", -amplitude_m, 0.25 * swing_s);
+    const Paid held = paid_by_hand(l.text());
+    if (held != (rate(l.loop) < 0.0 ? Paid::no : Paid::for_ever)) continue;
+    l.of_operator = fmt::format("path {{ sine {{ axis: 0 amplitude_m: {} frequency_hz: {} duration_s: {} }} }}",
+                                amplitude_m, 1.0 / swing_s, swings * swing_s);
+    // Leaving and touching a wall can make a loop grow that does not in contact.
+    if (touched(l.text()) < 0.1 || (held == Paid::no && paid_by_hand(l.text()) != Paid::no)) continue;
+    return of(l, fmt::format(", tapping {:.2g} times", swings));
+  }
+}
+
 /// Six degrees of freedom, positions exchanged, nobody holds the handle's position: translation and rotation are two loops
 /// that know nothing of each other. One is tuned, the other glides or spins.
 Case link_six(Draw& draw) {
@@ -700,6 +734,7 @@ const std::vector<Kind>& kinds() {
                                       {"jitter_and_loss", jitter_and_loss},
                                       {"link_noise", link_noise},
                                       {"link_behind_a_slide", link_behind_a_slide},
+                                      {"link_tapping", link_tapping},
                                       {"link_six", link_six},
                                       {"link_passive", link_passive}};
   return kAll;
