@@ -15,6 +15,7 @@
 #include "common/page/channel.h"
 #include "common/page/judge.h"
 #include "common/safety/limits.h"
+#include "common/scene/numbers.h"
 #include "common/scene/shown.h"
 
 namespace twoport {
@@ -96,16 +97,16 @@ std::string part(const Shape& s) {
   return fmt::format(R"({{"kind":{},{}}})", json_string(kind), shape(s));
 }
 
-std::string arm(const Scene& s) {
+std::string arm(const Scene& s, const ShownArm& shown) {
   if (!s.robot || !s.robot->arm) return "null";
   const ArmParameters& p = *s.robot->arm->parameters;
-  return fmt::format(R"({{"joints":{},"flange_m":{}}})",
+  return fmt::format(R"({{"joints":{},"flange_m":{},"links":{},"left_out":{}}})",
                      list(p.joints,
                           [](const ArmJoint& j) {
                             return fmt::format(R"({{"origin_m":{},"attitude":{}}})", vector(j.origin_m),
                                                attitude(j.rotation));
                           }),
-                     vector(p.flange_m));
+                     vector(p.flange_m), list(shown.links, part<TriangleMesh>), list(shown.left_out, json_string));
 }
 
 std::string element(const EnvironmentSpec& spec) {
@@ -157,23 +158,24 @@ std::string describe_for_page(const Scene& s, const PageIntroduction& i) {
   std::array<std::string_view, kEnvironmentAnswers> answers;
   for (std::size_t a = 0; a < answers.size(); ++a) answers[a] = sentence(static_cast<EnvironmentAnswer>(a));
   const auto axis = [](const Eigen::Vector3d& v) { return vector(v); };
+  const Eigen::Vector3d home = s.device ? vector<3>(s.device->position_m) : Eigen::Vector3d::Zero().eval();
   const ShownShapes shown = shown_shapes(s);
   const auto any_part = [](const auto& each) { return std::visit([](const auto& p) { return part(p); }, each); };
   return fmt::format(
-      R"({{"scene":{},"dof":{},"rate_hz":{},"architecture":{},"method":{},"methods":{},"initial_energies_j":{},"device":{},"pointer":{},"restarts":{},)"
+      R"({{"scene":{},"dof":{},"rate_hz":{},"architecture":{},"method":{},"methods":{},"initial_energies_j":{},"device":{},"pointer":{},"home_m":{},"restarts":{},)"
       R"("grip_n_per_m":{},"grip_limits_n_per_m":[{},{}],"max_force_n":{},"motion_scale":{},"force_scale":{},)"
       R"("limits":{},"linked":{},"to_slave":{},"to_master":{},"network_limits":{{"delay_ms":{},"jitter_ms":{},"loss":{}}},)"
       R"("environment":{},"meshes":{},"environment_answers":{},"surface_limits":{{"stiffness_n_per_m":{},"friction":{}}},)"
       R"("tool":{},"tool_parts":{},"tool_alone":{},"arm":{},"gripper_m":{},"fields":[{}]}})",
       json_string(s.name), s.dof, number(s.master_rate_hz), json_string(name_of(s.control.architecture)),
       json_string(s.control.method_name), list(i.methods, json_string), list(initial_energies_j(s), number),
-      json_string(i.device), i.has_pointer, i.restarts, number(i.grip_n_per_m), number(kPageGripLeast),
+      json_string(i.device), i.has_pointer, vector(home), i.restarts, number(i.grip_n_per_m), number(kPageGripLeast),
       number(kPageGripMost), number(s.control.max_force_n), number(s.control.motion_scale),
       number(s.control.force_scale), list(kLimitNames, json_string), s.control.architecture != Architecture::render,
       network(s.to_slave), network(s.to_master), number(kPageDelayMs), number(kPageJitterMs), number(kPageLoss),
       list(s.environment, element), list(shown.meshes, part<TriangleMesh>), list(answers, json_string),
       number(kSurfaceStiffnessMost), number(kSurfaceFrictionMost), list(s.tool, axis), list(shown.tool_parts, any_part),
-      shown.tool_alone, arm(s), gripper, fields);
+      shown.tool_alone, arm(s, shown_arm(s)), gripper, fields);
 }
 
 }  // namespace twoport

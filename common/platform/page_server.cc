@@ -251,12 +251,13 @@ struct PageServer::Impl {
 
   void refuse(const Shared& client, http::status status, const char* why) {
     Response response{status, 11};
-    response.set(http::field::content_type, "text/plain");
+    response.set(http::field::content_type, "text/html; charset=utf-8");
     if (status == http::status::upgrade_required) {
       response.set(http::field::upgrade, "websocket");
       response.set(http::field::sec_websocket_version, "13");
     }
-    response.body() = why;
+    response.body() =
+        std::string{"<!doctype html><meta name=viewport content=width=device-width><title>twoport</title><p>"} + why;
     response.content_length(response.body().size());
     respond(client, std::move(response));
   }

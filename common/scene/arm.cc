@@ -12,6 +12,19 @@
 #include "proto/arm.pb.h"
 
 namespace twoport {
+
+#ifndef TWOPORT_URDF
+[[noreturn]] static void refuse_urdf(const std::string& file) {
+  throw ConfigError{file + ": this build reads no URDF: liburdfdom was missing (Debian package liburdfdom-dev)"};
+}
+ArmParameters read_urdf(const std::string&, const std::string& file, const std::string&) {
+  refuse_urdf(file);
+}
+ShownArm read_urdf_shapes(const std::string&, const std::string& file, const std::string&) {
+  refuse_urdf(file);
+}
+#endif
+
 namespace {
 
 Eigen::Matrix3d rotation_rpy(const List& rpy) {
@@ -50,12 +63,13 @@ ArmJoint read_joint(const Block<schema::ArmJoint>& of) {
 }
 
 ArmParameters load_urdf(const std::string& path, const std::string& tip) {
-#ifdef TWOPORT_URDF
   return read_urdf(read_whole(path), path, tip);
-#else
-  static_cast<void>(tip);
-  throw ConfigError{path + ": this build reads no URDF: liburdfdom was missing (Debian package liburdfdom-dev)"};
-#endif
+}
+schema::ArmParameters parse_arm(const std::string& path) {
+  schema::ArmParameters message;
+  if (const auto error = parse_text(read_whole(path), message))
+    throw ConfigError{fmt::format("{}:{}: {}", path, error->place, error->sentence)};
+  return message;
 }
 
 /// The joints of a URDF and what it cannot say.
@@ -104,9 +118,7 @@ std::string inertia_fault(const Eigen::Matrix3d& inertia, double rounding) {
 
 ArmParameters load_arm(const std::string& path, const std::string& tip) {
   if (path.ends_with(".urdf")) return load_urdf(path, tip);
-  schema::ArmParameters message;
-  if (const auto error = parse_text(read_whole(path), message))
-    throw ConfigError{fmt::format("{}:{}: {}", path, error->place, error->sentence)};
+  const schema::ArmParameters message = parse_arm(path);
   const Context context{.file = path, .dof = 6};
   const Block of{context, message};
   of.check_fields();
@@ -122,6 +134,14 @@ ArmParameters load_arm(const std::string& path, const std::string& tip) {
                 fmt::format("lie within the joints' limits; number {} must be between {} and {}", i + 1,
                             arm.joints[i].lower_rad, arm.joints[i].upper_rad));
   return arm;
+}
+
+ShownArm load_arm_shapes(const std::string& path) {
+  if (path.ends_with(".urdf")) return read_urdf_shapes(read_whole(path), path, "");
+  const schema::ArmParameters message = parse_arm(path);
+  if (!message.has_urdf()) return {};
+  const std::string urdf = file_beside(path, message.urdf());
+  return read_urdf_shapes(read_whole(urdf), urdf, message.tip());
 }
 
 }  // namespace twoport

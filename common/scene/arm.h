@@ -3,12 +3,16 @@
 #include <string>
 
 #include "common/arm/parameters.h"
+#include "common/scene/shown.h"
 
 namespace twoport {
 
 /// Reads an arm of any number of joints from a file in Protobuf text format (proto/arm.proto), or from a `.urdf` up to its link `tip`;
 /// "": the only link without children. Throws ConfigError with file, field or name, value and what is allowed.
 ArmParameters load_arm(const std::string& path, const std::string& tip = {});
+
+/// The shapes of the links of that arm, with the same errors; none where the file is no URDF and names none.
+ShownArm load_arm_shapes(const std::string& path);
 
 /// The file of an arm that something in `folder` names: that file where there is one, else the arm of the project with this name
 /// ("ur5e"), in `arms`. As scene_file() otherwise.

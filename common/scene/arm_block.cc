@@ -3,10 +3,14 @@
 #include <filesystem>
 #include <memory>
 #include <string>
+#include <vector>
 
 #include "common/arm/arm_model.h"
+#include "common/mesh/decimate.h"
 #include "common/scene/arm.h"
 #include "common/scene/blocks.h"
+#include "common/scene/shown.h"
+#include "common/scene/source.h"
 
 namespace twoport {
 namespace {
@@ -112,6 +116,30 @@ ArmSpec read_arm(const Block<schema::Arm>& of) {
 
 EffectiveInertia effective_inertia(const ArmSpec& arm) {
   return arm.parameters->joints.size() == 6 ? effective_inertia<6>(arm) : effective_inertia<7>(arm);
+}
+
+namespace {
+
+/// What a mesh with few triangles does not need, those with many get.
+void decimate_together(std::vector<TriangleMesh>& meshes) {
+  std::vector<TriangleMesh*> all;
+  for (TriangleMesh& mesh : meshes) all.push_back(&mesh);
+  std::ranges::sort(all, {}, [](const TriangleMesh* mesh) { return mesh->triangles.size(); });
+  std::size_t left = kMostShownTriangles;
+  for (std::size_t i = 0; i < all.size(); ++i) {
+    *all[i] = decimated(*all[i], left / (all.size() - i));
+    left -= all[i]->triangles.size();
+  }
+}
+
+}  // namespace
+
+ShownArm shown_arm(const Scene& scene) {
+  if (!scene.source || !scene.source->message.robot().has_arm()) return {};
+  const std::string folder = std::filesystem::path{scene.source->file}.parent_path().string();
+  ShownArm arm = load_arm_shapes(arm_file(scene.source->message.robot().arm().file(), folder));
+  decimate_together(arm.links);
+  return arm;
 }
 
 }  // namespace twoport

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <cstddef>
+#include <string>
 #include <variant>
 #include <vector>
 
@@ -12,7 +13,13 @@
 
 namespace twoport {
 
-inline constexpr std::size_t kMostShownTriangles = 10'000;  ///< of a scene
+inline constexpr std::size_t kMostShownTriangles = 10'000;  ///< of a scene without its arm, and of an arm
+
+struct ShownArm {
+  std::vector<TriangleMesh>
+      links;  ///< of the base, then of the link behind each joint, in its axes; none: nothing is known
+  std::vector<std::string> left_out;  ///< what cannot be read, a sentence for each link
+};
 
 /// Shapes that a picture shows, and no computation needs: from the blocks and files that a scene was read from.
 struct ShownShapes {
@@ -22,5 +29,7 @@ struct ShownShapes {
 };
 /// Empty for a scene that a program has made. Throws ConfigError where a mesh file cannot be read any more.
 ShownShapes shown_shapes(const Scene& scene);
+/// Of the robot's arm, decimated; in the same way.
+ShownArm shown_arm(const Scene& scene);
 
 }  // namespace twoport

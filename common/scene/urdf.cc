@@ -7,11 +7,15 @@
 
 #include <Eigen/Geometry>
 #include <algorithm>
+#include <boost/algorithm/string/case_conv.hpp>
 #include <boost/property_tree/xml_parser.hpp>
 #include <cmath>
+#include <cstdint>
+#include <filesystem>
 #include <limits>
 #include <map>
 #include <mutex>
+#include <numbers>
 #include <set>
 #include <sstream>
 #include <string_view>
@@ -19,7 +23,9 @@
 #include <vector>
 
 #include "common/base/check.h"
+#include "common/base/file.h"
 #include "common/base/nearest_names.h"
+#include "common/mesh/read_mesh.h"
 #include "common/scene/arm.h"
 
 namespace twoport {
@@ -167,6 +173,98 @@ Vector3d axis(const urdf::Joint& joint) {
   return Vector3d{joint.axis.x, joint.axis.y, joint.axis.z};
 }
 
+// ---- shapes
+
+/// A profile of (radius, height) from axis to axis, turned about z; the first corner is half a side from the x axis.
+TriangleMesh turned(const std::vector<Eigen::Vector2d>& profile, std::uint32_t sides) {
+  TriangleMesh mesh;
+  for (const Eigen::Vector2d& p : profile)
+    for (std::uint32_t s = 0; s < sides; ++s) {
+      const double angle = 2.0 * std::numbers::pi * (s + 0.5) / sides;
+      mesh.vertices.emplace_back(p.x() * std::cos(angle), p.x() * std::sin(angle), p.y());
+    }
+  const auto at = [&](std::uint32_t i, std::uint32_t s) { return i * sides + (profile[i].x() > 0.0 ? s % sides : 0); };
+  for (std::uint32_t i = 0; i + 1 < profile.size(); ++i)
+    for (std::uint32_t s = 0; s < sides; ++s) {
+      if (profile[i].x() > 0.0) mesh.triangles.push_back({at(i, s), at(i, s + 1), at(i + 1, s + 1)});
+      if (profile[i + 1].x() > 0.0) mesh.triangles.push_back({at(i, s), at(i + 1, s + 1), at(i + 1, s)});
+    }
+  return mesh;
+}
+
+/// Where the file is that a URDF names: package://PACKAGE/REST in the folder PACKAGE that the URDF lies in, or in one beside a folder it
+/// lies in; else REST, or its last part, beside the URDF.
+std::string mesh_file(const std::string& named, const std::string& urdf) {
+  namespace fs = std::filesystem;
+  std::error_code error;
+  const fs::path beside = fs::absolute(urdf, error).lexically_normal().parent_path();
+  const std::size_t scheme = named.find("://");
+  fs::path rest{scheme == named.npos ? named : named.substr(scheme + 3)};
+  std::vector<fs::path> places;
+  if (named.starts_with("package://") || named.starts_with("model://")) {
+    const fs::path package = *rest.begin(), whole = rest;
+    rest = rest.lexically_relative(package);
+    for (fs::path above = beside; above.has_relative_path(); above = above.parent_path()) {
+      if (above.filename() == package) places.push_back(above / rest);
+      places.push_back(above / whole);
+    }
+  }
+  places.insert(places.end(), {beside / rest, beside / rest.filename()});
+  for (const fs::path& place : places)
+    if (fs::is_regular_file(place, error)) return place.string();
+  throw ConfigError{fmt::format("{}: no such file in a folder above {}, nor beside it", named, urdf)};
+}
+
+TriangleMesh mesh_of(const urdf::Mesh& mesh, const std::string& urdf) {
+  const std::string ending = boost::to_lower_copy(std::filesystem::path{mesh.filename}.extension().string());
+  if (ending != ".stl" && ending != ".obj") throw ConfigError{mesh.filename + " is neither STL nor OBJ"};
+  const std::string path = mesh_file(mesh.filename, urdf);
+  return parse_mesh(read_whole(path), path);
+}
+
+/// The shape in axes of the link; empty: one without a geometry.
+TriangleMesh shape_of(const urdf::GeometrySharedPtr& geometry, const urdf::Pose& origin, const std::string& urdf) {
+  if (!geometry) return {};
+  const auto half_circle = [](int i) {
+    const double angle = std::numbers::pi * i / 12;
+    return Eigen::Vector2d{i % 12 == 0 ? 0.0 : std::sin(angle), -std::cos(angle)};
+  };
+  TriangleMesh shape;
+  Vector3d size = Vector3d::Ones();
+  if (const auto* box = dynamic_cast<const urdf::Box*>(geometry.get())) {
+    shape = turned({{0, -0.5}, {std::numbers::sqrt2 / 2, -0.5}, {std::numbers::sqrt2 / 2, 0.5}, {0, 0.5}}, 4);
+    size << box->dim.x, box->dim.y, box->dim.z;
+  } else if (const auto* cylinder = dynamic_cast<const urdf::Cylinder*>(geometry.get())) {
+    shape = turned({{0, -0.5}, {1, -0.5}, {1, 0.5}, {0, 0.5}}, 32);
+    size << cylinder->radius, cylinder->radius, cylinder->length;
+  } else if (const auto* sphere = dynamic_cast<const urdf::Sphere*>(geometry.get())) {
+    std::vector<Eigen::Vector2d> profile;
+    for (int i = 0; i <= 12; ++i) profile.push_back(half_circle(i));
+    shape = turned(profile, 24);
+    size.setConstant(sphere->radius);
+  } else if (const auto* mesh = dynamic_cast<const urdf::Mesh*>(geometry.get())) {
+    shape = mesh_of(*mesh, urdf);
+    size << mesh->scale.x, mesh->scale.y, mesh->scale.z;
+    if (!(size.cwiseAbs().minCoeff() > 1e-9))
+      throw ConfigError{
+          fmt::format("{} has the scale {} {} {}; none may be 0", mesh->filename, size.x(), size.y(), size.z())};
+  }
+  const Eigen::Affine3d place = transform(origin) * Eigen::Scaling(size);
+  if (!place.matrix().allFinite() || size.cwiseAbs().maxCoeff() > 1e6 ||
+      place.translation().cwiseAbs().maxCoeff() > 1e6)
+    throw ConfigError{"a size or place is not finite, or beyond 1e6"};
+  for (Vector3d& v : shape.vertices) v = place * v;
+  if (size.prod() < 0.0)  // a mirror turns the triangles inside out
+    for (auto& [a, b, c] : shape.triangles) std::swap(b, c);
+  return shape;
+}
+
+void append(TriangleMesh& to, const TriangleMesh& mesh, const Isometry3d& at) {
+  const auto first = static_cast<std::uint32_t>(to.vertices.size());
+  for (const Vector3d& v : mesh.vertices) to.vertices.push_back(at * v);
+  for (const auto& [a, b, c] : mesh.triangles) to.triangles.push_back({first + a, first + b, first + c});
+}
+
 /// Links that move as one.
 struct Body {
   double mass = 0.0;
@@ -207,8 +305,7 @@ class ArmOfTree {
     for (const urdf::Joint* joint : path_) {
       since = since * transform(joint->parent_to_joint_origin_transform);
       if (joint->type == urdf::Joint::FIXED) continue;
-      // The frame of an arm's link has the joint's axis as z.
-      const Matrix3d z_to_axis = Eigen::Quaterniond::FromTwoVectors(Vector3d::UnitZ(), checked_axis(*joint)).matrix();
+      const Matrix3d z_to_axis = turned_to_axis(*joint);
       arm.joints.push_back(read_joint(*joint));
       ArmJoint& j = arm.joints.back();
       j.origin_m = since.translation();
@@ -216,7 +313,8 @@ class ArmOfTree {
       since = Isometry3d::Identity();
       since.linear() = z_to_axis.transpose();
       Body body;
-      add(*model_.links_.at(joint->child_link_name), since, body);
+      for_each_carried(*model_.links_.at(joint->child_link_name), since,
+                       [&](const auto& link, const auto& at) { add(link, at, body); });
       j.mass_kg = body.mass, j.center_m = body.center(), j.inertia = body.inertia();
       check(*joint, j);
     }
@@ -225,7 +323,27 @@ class ArmOfTree {
     return arm;
   }
 
+  ShownArm shapes() const {
+    ShownArm arm;
+    const auto add_link = [&](const urdf::Link& first, const Isometry3d& from) {
+      arm.links.emplace_back();
+      for_each_carried(first, from, [&](const auto& link, const auto& at) { show(link, at, arm); });
+    };
+    add_link(*model_.getRoot(), Isometry3d::Identity());
+    for (const urdf::Joint* joint : path_) {
+      if (joint->type == urdf::Joint::FIXED) continue;
+      Isometry3d from = Isometry3d::Identity();
+      from.linear() = turned_to_axis(*joint).transpose();
+      add_link(*model_.links_.at(joint->child_link_name), from);
+    }
+    return arm;
+  }
+
  private:
+  /// The frame of an arm's link has the joint's axis as z: the joint's frame from it.
+  Matrix3d turned_to_axis(const urdf::Joint& joint) const {
+    return Eigen::Quaterniond::FromTwoVectors(Vector3d::UnitZ(), checked_axis(joint)).matrix();
+  }
   Vector3d checked_axis(const urdf::Joint& joint) const {
     switch (joint.type) {
       case urdf::Joint::REVOLUTE:
@@ -281,17 +399,43 @@ class ArmOfTree {
     return j;
   }
 
-  /// The link and all that is fixed to it or held.
-  void add(const urdf::Link& link, const Isometry3d& at, Body& body) const {
-    if (link.inertial) {
-      if (!(link.inertial->mass >= 0.0))
-        of_.fail_link(link.name, "has the mass {}; it must be >= 0", link.inertial->mass);
-      body.add(at, *link.inertial);
-    }
+  /// Calls f(link, its place) for the link and all that is fixed to it or held.
+  template <class F>
+  void for_each_carried(const urdf::Link& link, const Isometry3d& at, const F& f) const {
+    f(link, at);
     for (const auto& joint : link.child_joints)
       if (!moving_.contains(joint->name))
-        add(*model_.links_.at(joint->child_link_name),
-            at * transform(joint->parent_to_joint_origin_transform) * held(*joint), body);
+        for_each_carried(*model_.links_.at(joint->child_link_name),
+                         at * transform(joint->parent_to_joint_origin_transform) * held(*joint), f);
+  }
+  void add(const urdf::Link& link, const Isometry3d& at, Body& body) const {
+    if (!link.inertial) return;
+    if (!(link.inertial->mass >= 0.0))
+      of_.fail_link(link.name, "has the mass {}; it must be >= 0", link.inertial->mass);
+    body.add(at, *link.inertial);
+  }
+  /// What is drawn of it, and what cannot be.
+  void show(const urdf::Link& link, const Isometry3d& at, ShownArm& arm) const {
+    const auto all = [&](const auto& shapes) {
+      TriangleMesh mesh;
+      for (const auto& each : shapes) append(mesh, shape_of(each->geometry, each->origin, of_.file), at);
+      return mesh;
+    };
+    const auto say = [&](const char* other, const ConfigError& e) {
+      arm.left_out.push_back(fmt::format("Link \"{}\" is drawn {}: {}.", link.name, other, e.what()));
+    };
+    TriangleMesh mesh;
+    try {
+      mesh = all(link.visual_array);
+    } catch (const ConfigError& e) {
+      try {
+        mesh = all(link.collision_array);
+        say(mesh.triangles.empty() ? "without its shape" : "by its collision shape", e);
+      } catch (const ConfigError&) {
+        say("without its shape", e);
+      }
+    }
+    append(arm.links.back(), mesh, Isometry3d::Identity());
   }
   Isometry3d held(const urdf::Joint& joint) const {
     Isometry3d T = Isometry3d::Identity();
@@ -342,6 +486,13 @@ ArmParameters read_urdf(const std::string& text, const std::string& file, const 
   const urdf::ModelInterfaceSharedPtr model = parse(of);
   check_tree(of, *model);
   return ArmOfTree{of, *model, tip_of(of, *model, tip)}.read();
+}
+
+ShownArm read_urdf_shapes(const std::string& text, const std::string& file, const std::string& tip) {
+  const Text of{text, file};
+  const urdf::ModelInterfaceSharedPtr model = parse(of);
+  check_tree(of, *model);
+  return ArmOfTree{of, *model, tip_of(of, *model, tip)}.shapes();
 }
 
 }  // namespace twoport

@@ -1,16 +1,21 @@
 // Arms from URDF: against KDL on random trees, against closed forms, and what is said of files that are none.
 
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 #include <gtest/gtest.h>
 
+#include <Eigen/Geometry>
 #include <algorithm>
 #include <array>
 #include <cmath>
 #include <cstdint>
+#include <filesystem>
 #include <functional>
 #include <memory>
+#include <numbers>
 #include <random>
 #include <string>
+#include <tuple>
 #include <vector>
 
 #include "common/arm/arm_model.h"
@@ -18,6 +23,8 @@
 #include "common/base/file.h"
 #include "common/scene/arm.h"
 #include "common/scene/load.h"
+#include "common/scene/shown.h"
+#include "tests/support/folder.h"
 
 #ifdef TWOPORT_KDL
 #include <kdl/tree.hpp>
@@ -246,6 +253,112 @@ TEST(SceneOfAUrdf, TakesFrictionOfTheFileUnlessItGivesItsOwn) {
   EXPECT_EQ(joints("")[5].coulomb_friction_n_m, 0.2);
   EXPECT_EQ(joints("joint_damping_n_m_s_per_rad: 3")[5].damping_n_m_s_per_rad, 3.0);
   EXPECT_EQ(joints("joint_coulomb_friction_n_m: [0, 0, 0, 0, 0, 4]")[5].coulomb_friction_n_m, 4.0);
+}
+
+// ---- shapes
+
+/// <visual>, or what `element` says, of a link; the place as "x y z", then rolls, pitches and yaws.
+std::string drawn(const std::string& geometry, const std::string& xyz = "0 0 0", const std::string& rpy = "0 0 0",
+                  const std::string& element = "visual") {
+  return fmt::format("<{0}><origin xyz='{1}' rpy='{2}'/><geometry>{3}</geometry></{0}>", element, xyz, rpy, geometry);
+}
+/// Two links whose `base`, `upper` and `tool` are drawn.
+std::string drawn_links(const std::string& base, const std::string& upper, const std::string& tool) {
+  std::string text = two_links();
+  const auto put = [&](const std::string& into, const std::string& what, const std::string& end) {
+    const std::size_t at = text.find(into);
+    text.replace(at, into.size(), into.substr(0, into.size() - end.size()) + ">" + what + "</link>");
+  };
+  put("<link name='base'/>", base, "/>");
+  put("<link name='tool'/>", tool, "/>");
+  const std::string in = "<link name='upper'>";
+  return text.insert(text.find(in) + in.size(), upper);
+}
+Vector3d mean(const TriangleMesh& mesh) {
+  Vector3d sum = Vector3d::Zero();
+  for (const Vector3d& v : mesh.vertices) sum += v / static_cast<double>(mesh.vertices.size());
+  return sum;
+}
+constexpr const char* kTetrahedron = "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 3 2\nf 1 2 4\nf 2 3 4\nf 1 4 3\n";
+
+TEST(ShapesOfAUrdf, StandInTheAxesOfTheirLinks) {
+  const test::Folder folder;
+  write_whole(folder / "pack/meshes/part.obj", kTetrahedron);
+  write_whole(folder / "pack/urdf/arm.urdf",
+              drawn_links(drawn("<box size='0.1 0.2 0.3'/>", "1 2 3", "0 0 1.5707963267948966"),
+                          drawn("<cylinder radius='0.1' length='0.4'/>", "0.2 0 0.05"),
+                          drawn("<mesh filename='package://pack/meshes/part.obj' scale='0.1 0.1 -0.2'/>", "0 0 0.01")));
+  const std::string file = folder / "pack/urdf/arm.urdf";
+  const ShownArm shapes = load_arm_shapes(file);
+  const ArmParameters arm = load_arm(file);
+  ASSERT_EQ(shapes.links.size(), 3U);
+  EXPECT_TRUE(shapes.left_out.empty());
+  for (const TriangleMesh& mesh : shapes.links) EXPECT_TRUE(faults_of(mesh).none());
+  EXPECT_NEAR(faults_of(shapes.links[0]).volume_m3, 0.006, 1e-15);
+  EXPECT_NEAR(faults_of(shapes.links[1]).volume_m3, 0.004 * std::numbers::pi, 1e-4);
+  EXPECT_NEAR(faults_of(shapes.links[2]).volume_m3, 0.002 / 6, 1e-15);
+  // At joint positions 0, in axes of the base.
+  const auto& [a, b] = std::tie(arm.joints[0], arm.joints[1]);
+  EXPECT_LT((mean(shapes.links[0]) - Vector3d{1, 2, 3}).norm(), 1e-12);
+  Eigen::AlignedBox3d box;
+  for (const Vector3d& v : shapes.links[0].vertices) box.extend(v);
+  EXPECT_LT((box.sizes() - Vector3d{0.2, 0.1, 0.3}).norm(), 1e-12);  // turned by a right angle
+  const auto upper = [&, a = a](const Vector3d& p) { return Vector3d{a.origin_m + a.rotation * p}; };
+  EXPECT_LT((upper(mean(shapes.links[1])) - Vector3d{0.2, 0, 0.75}).norm(), 1e-12);
+  const auto lower = [&, b = b](const Vector3d& p) { return upper(b.origin_m + b.rotation * p); };
+  // The tool is fixed to the lower link, 0.3 before it.
+  EXPECT_LT((lower(mean(shapes.links[2])) - Vector3d{0.8 + 0.025, 0.025, 0.71 - 0.05}).norm(), 1e-12);
+}
+
+TEST(ShapesOfAUrdf, AreFoundWhereTheUrdfSays) {
+  const test::Folder folder;
+  const auto found = [&](const std::string& at, const std::string& named) {
+    write_whole(folder / at, kTetrahedron);
+    write_whole(folder / "some_robot/urdf/arm.urdf", drawn_links("", drawn("<mesh filename='" + named + "'/>"), ""));
+    const ShownArm shapes = load_arm_shapes(folder / "some_robot/urdf/arm.urdf");
+    std::filesystem::remove(folder / at);
+    return shapes.left_out.empty() && shapes.links[1].triangles.size() == 4;
+  };
+  EXPECT_TRUE(found("some_robot/meshes/a.obj", "package://some_robot/meshes/a.obj"));
+  EXPECT_TRUE(found("other/meshes/a.obj", "package://other/meshes/a.obj"));
+  EXPECT_TRUE(found("some_robot/urdf/meshes/a.obj", "package://elsewhere/meshes/a.obj"));
+  EXPECT_TRUE(found("some_robot/urdf/a.OBJ", "package://elsewhere/meshes/a.OBJ"));
+  EXPECT_TRUE(found("some_robot/meshes/a.obj", "../meshes/a.obj"));
+  EXPECT_TRUE(found("some_robot/a.obj", "file://" + folder / "some_robot/a.obj"));
+  EXPECT_FALSE(found("some_robot/meshes/a.obj", "package://other/meshes/a.obj"));
+}
+
+TEST(ShapesOfAUrdf, AreSaidToBeLeftOut) {
+  const test::Folder folder;
+  write_whole(folder / "broken.stl", "solid");
+  write_whole(folder / "good.obj", kTetrahedron);
+  const auto left_out = [&](const std::string& upper) {
+    write_whole(folder / "arm.urdf", drawn_links("", upper, ""));
+    const ShownArm shapes = load_arm_shapes(folder / "arm.urdf");
+    return fmt::format("{} {}", shapes.links[1].triangles.size(), fmt::join(shapes.left_out, "|"));
+  };
+  const std::string dae = drawn("<mesh filename='a.dae'/>"), ball = "<sphere radius='1'/>";
+  EXPECT_EQ(left_out(dae), "0 Link \"upper\" is drawn without its shape: a.dae is neither STL nor OBJ.");
+  EXPECT_EQ(left_out(dae + drawn(ball, "0 0 0", "0 0 0", "collision")),
+            "528 Link \"upper\" is drawn by its collision shape: a.dae is neither STL nor OBJ.");
+  EXPECT_EQ(left_out(dae + drawn("<mesh filename='b.dae'/>", "0 0 0", "0 0 0", "collision")),
+            "0 Link \"upper\" is drawn without its shape: a.dae is neither STL nor OBJ.");
+  EXPECT_NE(left_out(drawn("<mesh filename='nowhere.stl'/>")).find("nowhere.stl: no such file"), std::string::npos);
+  EXPECT_NE(left_out(drawn("<mesh filename='broken.stl'/>")).find("broken.stl"), std::string::npos);
+  EXPECT_NE(left_out(drawn("<mesh filename='good.obj' scale='1 0 1'/>")).find("the scale 1 0 1; none may be 0"),
+            std::string::npos);
+  EXPECT_NE(left_out(drawn("<sphere radius='1e9'/>")).find("beyond 1e6"), std::string::npos);
+}
+
+/// Those with many triangles share what the others leave.
+TEST(ShapesOfAUrdf, HaveSoManyTrianglesAsAPictureTakes) {
+  const ShownArm arm = shown_arm(parse_scene(scene_of(TWOPORT_ARMS "/../tests/page/arm.urdf", kStart), "scene"));
+  ASSERT_EQ(arm.links.size(), 7U);
+  std::size_t all = 0;
+  for (const TriangleMesh& mesh : arm.links) all += mesh.triangles.size();
+  EXPECT_LE(all, kMostShownTriangles);
+  EXPECT_GT(arm.links[0].triangles.size(), 3000U);
+  EXPECT_TRUE(shown_arm(parse_scene(scene_of(kSix, kStart), "scene")).links.at(1).triangles.empty());
 }
 
 // ---- in an arm's file

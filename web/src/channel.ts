@@ -28,6 +28,8 @@ export interface Element {
 export interface Arm {
   joints: { origin_m: Vec; attitude: [number, number, number, number] }[];
   flange_m: Vec;
+  links: Element[]; // meshes of the base and of the link behind each joint, in its axes; empty, or without triangles: not known
+  left_out: string[]; // what of them could not be read, in sentences
 }
 
 export interface Network {
@@ -47,6 +49,7 @@ export interface Introduction {
   restarts: boolean; // may the page have both programs started again?
   device: string;
   pointer: boolean;
+  home_m: Vec; // where the handle began
   grip_n_per_m: number;
   grip_limits_n_per_m: [number, number];
   max_force_n: number | null;

@@ -4,7 +4,7 @@ import './style.css';
 import { connect, Layout, type Connection, type Introduction, type Network, type Told, type Vec } from './channel';
 import { isSolid, viewsFor } from './picture';
 import { Plots, type Curve, type PlotSpec } from './plots';
-import { Session, state, type Kind } from './session';
+import { joules, Session, state, type Kind } from './session';
 import { Sound } from './sound';
 import { Tour } from './tour';
 
@@ -12,6 +12,7 @@ const MODES = ['no partner', 'coupled', 'holding', 'released', 'waiting for a ha
 const OLD_MS = 300; // a value of this age looks old
 const LIMIT_SHOWN_MS = 1000;
 const HOME_M_PER_S = 0.12;
+const HOME_PATIENCE_S = 1.5;
 const PLOT_EVERY = 4; // samples
 const REACH_M = 0.5;
 const ADJUSTABLE = 1; // environment_answer
@@ -25,6 +26,11 @@ function show(id: string, value: number, digits: number, unit: string): void {
   const out = element(id);
   out.textContent = Number.isFinite(value) ? `${value.toFixed(digits)} ${unit}` : '–';
   out.dataset.value = String(value);
+}
+/** The number is in millijoules. */
+function showEnergy(id: string, j: number): void {
+  show(id, 1e3 * j, 3, 'mJ');
+  if (Number.isFinite(j)) element(id).textContent = joules(j);
 }
 const seconds = (ms: number): string => `${(ms / 1000).toFixed(1)} s`;
 
@@ -42,6 +48,7 @@ class Page {
   private limitsSeen: { at: number; bit: number }[] = [];
   private tour: Tour | null = null;
   private homing = false;
+  private homeFor_s = 0; // the target has been there
 
   private held = false;
   private target: Vec = [0, 0, 0];
@@ -135,7 +142,8 @@ class Page {
     this.makePlots();
     this.makeSliders(scene);
     this.makeWorkControls(scene);
-    element('hint').textContent = this.hint(scene);
+    const leftOut = scene.arm?.left_out ?? [], more = leftOut.length - 2;
+    element('hint').textContent = [this.hint(scene), ...leftOut.slice(0, 2), ...(more > 0 ? [`So ${more === 1 ? 'is another link' : `are ${more} other links`}.`] : [])].join(' ');
     for (const row of document.querySelectorAll<HTMLElement>('.linked'))
       row.hidden = !scene.linked || (row.classList.contains('six') && scene.dof !== 6);
     for (const id of ['let-go', 'home']) element(id).hidden = !scene.pointer;
@@ -221,7 +229,7 @@ class Page {
     session.told = told;
     if (which > 0) return;
     if (told.end !== null) {
-      element('ended').textContent = `The run is over. ${told.end}.`;
+      element('ended').textContent = `The run is over. ${told.end.replace(/^(\w+): \1: /i, '$1: ')}.`;
       element('ended').hidden = false;
     }
     this.obey();
@@ -240,8 +248,8 @@ class Page {
 
   /** Colours what is old: by the page's own clock, so that a program that stands still looks so. */
   private ages(): void {
-    const silent = this.connected ? performance.now() - this.receivedAt : Infinity;
-    const old = silent > OLD_MS, over = (this.first?.told.end ?? null) !== null;
+    const silent = performance.now() - this.receivedAt;
+    const old = !this.connected || silent > OLD_MS, over = (this.first?.told.end ?? null) !== null;
     if (!this.connected)
       state(element('connection'), over ? 'the run is over' : 'no connection', over ? 'old' : 'bad');
     else if (old && Number.isFinite(silent)) state(element('connection'), over ? 'the run is over' : `master silent for ${seconds(silent)}`, over ? 'old' : 'bad');
@@ -250,12 +258,12 @@ class Page {
     const report = this.scene?.linked ? number('report_age_ms') : 0;
     const ofRobot = report < 0 ? Infinity : report + (old ? silent : 0);
     const robotOld = old || ofRobot > OLD_MS;
-    this.robotAge = robotOld && Number.isFinite(ofRobot) ? seconds(ofRobot) : '';
+    this.robotAge = robotOld && !over && Number.isFinite(ofRobot) ? seconds(ofRobot) : '';
     for (const row of document.querySelectorAll<HTMLElement>('#values > div')) {
       const slaves = row.classList.contains('of-slave'), age = slaves ? ofRobot : silent, is = slaves ? robotOld : old;
       row.classList.toggle('old', is);
       const dd = row.querySelector('dd')!;
-      if (is && Number.isFinite(age)) dd.dataset.age = seconds(age);
+      if (is && !over && Number.isFinite(age) && dd.textContent !== '–') dd.dataset.age = seconds(age);
       else delete dd.dataset.age;
     }
     if (!this.last || !this.scene) return;
@@ -292,13 +300,16 @@ class Page {
   private goHome(): void {
     this.grab();
     this.homing = this.held;
+    this.homeFor_s = 0;
     this.turn = [0, 0, 0];
   }
   private stepHome(passed_s: number): void {
-    const to = this.first!.start!, hand = this.first!.vector('handle_x_m');
+    const to = this.scene!.home_m, hand = this.first!.vector('handle_x_m');
     const left = to.map((x, i) => x - this.target[i]!) as Vec, far = Math.hypot(...left), step = HOME_M_PER_S * passed_s;
     this.target = far <= step ? [...to] : (this.target.map((x, i) => x + (left[i]! * step) / far) as Vec);
-    if (far <= step && Math.hypot(...hand.map((x, i) => x - to[i]!)) < 0.002) this.letGo();
+    this.homeFor_s = far <= step ? this.homeFor_s + passed_s : 0;
+    // A robot that is coupled elsewhere may press a wall there, and keep the hand away.
+    if (far <= step && (this.homeFor_s > HOME_PATIENCE_S || Math.hypot(...hand.map((x, i) => x - to[i]!)) < 0.002)) this.letGo();
   }
 
   private makePlots(): void {
@@ -600,7 +611,7 @@ class Page {
     }
     stiffness.dataset.there = String(value);
     friction.dataset.there = String(place('surface_friction'));
-    show('environment-energy', 1e3 * at('environment_energy_j'), 3, 'mJ');
+    showEnergy('environment-energy', at('environment_energy_j'));
   }
 
   // The hand.
@@ -773,10 +784,10 @@ class Page {
     show('gripper-hand', 1e3 * number('gripper_hand_m'), 1, 'mm');
     show('gripper-robot', 1e3 * number('gripper_robot_m'), 1, 'mm');
     show('gripper-felt', number('gripper_felt_n'), 2, 'N');
-    show('hand-energy', 1e3 * number('hand_energy_j'), 3, 'mJ');
-    show('robot-energy', 1e3 * number('robot_energy_j'), 3, 'mJ');
-    show('dissipated', 1e3 * number('dissipated_j'), 3, 'mJ');
-    show('deficit', 1e3 * number('deficit_j'), 3, 'mJ');
+    showEnergy('hand-energy', number('hand_energy_j'));
+    showEnergy('robot-energy', number('robot_energy_j'));
+    showEnergy('dissipated', number('dissipated_j'));
+    showEnergy('deficit', number('deficit_j'));
     show('contact-spring', 100 * number('contact_spring_share'), 0, '%');
     element('picture').dataset.inView = String(first.inView());
     this.followEnvironment();

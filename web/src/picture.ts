@@ -42,6 +42,7 @@ export interface Shown {
   robotAttitude: Attitude;
   joints: number[]; // of the robot's arm [rad]
   fingers: number | null; // opening of the robot's gripper [m]; null: none
+  handle: number; // of the handle's, where there is one
   target: Vec | null; // of the pointer, in the robot's world
   felt: Vec;
   feltTorque: Vec;
@@ -82,6 +83,7 @@ export class Picture {
   private shown = { scale: 2500, centre: [0, 0, 0] as Vec };
   private readonly canvas = document.createElement('canvas');
   private readonly context: CanvasRenderingContext2D;
+  private paper = ''; // colour behind it
   private readonly space: Space | null = null;
 
   constructor(
@@ -178,6 +180,7 @@ export class Picture {
       this.canvas.height = Math.round(this.height * ratio);
     }
     const colour = (name: string): string => getComputedStyle(document.documentElement).getPropertyValue(name).trim();
+    this.paper = colour('--panel');
     this.follow([s.hand, s.robot]);
     c.setTransform(ratio, 0, 0, ratio, 0, 0);
     c.clearRect(0, 0, this.width, this.height);
@@ -186,6 +189,10 @@ export class Picture {
     for (const e of this.scene.environment) if (!this.space || e.kind === 'spring') this.element(e, s, colour('--surface'), colour('--surface-line'));
     const ofRobot = s.robotAge ? colour('--muted') : colour('--robot');
     if (!this.space) this.fill(ofRobot, 1, this.circle(s.robot, 7));
+    if (!this.space && s.fingers !== null) {
+      this.fingers(s.robot, s.fingers, ofRobot, 5, 9);
+      this.fingers(s.hand, s.handle, colour('--hand'), 2, 15);
+    }
     if (s.robotAge) this.label(s.robot, `robot as it was ${s.robotAge} ago`, ofRobot);
     this.hand(s, colour('--hand'), colour('--muted'));
     if (!s.robotAge) {
@@ -207,9 +214,17 @@ export class Picture {
   private label(at: Vec, text: string, colour: string): void {
     const c = this.context, [x, y] = this.point(at);
     c.font = '12px system-ui, sans-serif';
+    this.words(text, Math.max(4, Math.min(x + 12, this.width - c.measureText(text).width - 4)), y + 34, colour);
+  }
+  /** Text that is read on lines and solids too. */
+  private words(text: string, x: number, y: number, colour: string): void {
+    const c = this.context;
+    c.lineWidth = 3;
+    c.lineJoin = 'round';
+    c.strokeStyle = this.paper;
+    c.strokeText(text, x, y);
     c.fillStyle = colour;
-    const left = Math.max(4, Math.min(x + 12, this.width - c.measureText(text).width - 4));
-    c.fillText(text, left, y + 34);
+    c.fillText(text, x, y);
   }
 
   /** Lines through points in pixels. */
@@ -362,6 +377,11 @@ export class Picture {
     if (!this.space) this.stroke(colour, 3, this.circle(s.hand, 13));
   }
 
+  /** A gripper's opening, to scale. */
+  private fingers(at: Vec, opening: number, colour: string, wide: number, half: number): void {
+    const [x, y] = this.point(at);
+    for (const h of [-0.5 * opening * this.scale, 0.5 * opening * this.scale]) this.stroke(colour, wide, [[x - half, y + h], [x + half, y + h]]);
+  }
   private arrow(from: Vec, force: Vec, colour: string, name: string, offset: number, hollow = false): void {
     const size = norm(force);
     if (size < 0.02) return;
@@ -378,12 +398,11 @@ export class Picture {
     this.stroke(colour, hollow ? 2 : 3, [[x, y0], [x + dx, y0 + dy]]);
     c.setLineDash([]);
     if (shown > 6) this.fill(colour, 1, tip(x + dx, y0 + dy, ux, uy, 8, 5));
-    c.fillStyle = colour;
     c.font = '12px system-ui, sans-serif';
     const text = `${size.toFixed(2)} N ${name}`;
     const wide = c.measureText(text).width;
     const left = Math.min(Math.max(4, x + dx + (ux < 0 ? -wide - 12 : 12)), this.width - wide - 4);
-    c.fillText(text, left, y0 + dy + (offset > 0 ? 18 : hollow ? -24 : -10));
+    this.words(text, left, y0 + dy + (offset > 0 ? 18 : hollow ? -24 : -10), colour);
   }
 
   /** A torque: an arc about its axis, as long as it is large. */
@@ -398,7 +417,7 @@ export class Picture {
     this.fill(colour, 1, tip(x, y, (x - bx) / length, (y - by) / length, 6, 4));
     const c = this.context;
     c.font = '12px system-ui, sans-serif';
-    c.fillText(`${size.toFixed(2)} N m`, x + 10, y + 4);
+    this.words(`${size.toFixed(2)} N m`, x + 10, y + 4, colour);
   }
 
   private legend(text: string, entries: [string, string][]): void {
@@ -408,8 +427,7 @@ export class Picture {
     for (const [colour, name] of entries) {
       c.fillStyle = colour;
       c.fillRect(x, 14, 12, 4);
-      c.fillStyle = text;
-      c.fillText(name, x + 17, 20);
+      this.words(name, x + 17, 20, text);
       x += c.measureText(name).width + 32;
     }
   }

@@ -13,10 +13,10 @@ export function state(out: HTMLElement, text: string, kind: Kind = ''): void {
   out.className = `state ${kind}`;
   out.hidden = text === '';
 }
-const joules = (j: number): string => (Math.abs(j) >= 1 ? `${j.toFixed(2)} J` : `${(1e3 * j).toFixed(2)} mJ`);
+export const joules = (j: number): string => (Math.abs(j) >= 1 ? `${j.toFixed(2)} J` : `${(1e3 * j).toFixed(2)} mJ`);
 
 /** What is left of a budget, as a bar and in words. */
-function gauge(bar: HTMLElement, out: HTMLElement, granted: number, energy: number, who: string, old: boolean): void {
+function gauge(bar: HTMLElement, out: HTMLElement, granted: number, energy: number, who: string, old: boolean, anew: boolean): void {
   const left = granted + energy, share = granted > 0 ? Math.max(0, Math.min(1, left / granted)) : left >= 0 ? 1 : 0;
   (bar.firstElementChild as HTMLElement).style.width = `${(100 * share).toFixed(1)}%`;
   bar.className = `gauge ${left < 0 ? 'spent' : share < 0.3 ? 'low' : ''} ${old ? 'old' : ''}`;
@@ -25,18 +25,18 @@ function gauge(bar: HTMLElement, out: HTMLElement, granted: number, energy: numb
   out.textContent =
     left < 0
       ? `spent: ${who} got ${joules(-left)} beyond it`
-      : `${joules(Math.min(left, granted))} of ${joules(granted)} left` + (energy > 0 ? `; ${who} put in ${joules(energy)}` : '');
+      : `${joules(Math.min(left, granted))} of ${joules(granted)} left` + (energy > 0 ? `; ${who} put in ${joules(energy)}${anew ? ' since the method was changed' : ''}` : '');
 }
 
 export class Session {
   last: Float64Array | null = null;
   told: Told;
   readonly picture: Picture;
-  start: Vec | null = null; // of the handle
   origin: Vec = [0, 0, 0]; // of the hand's world in the robot's
   private past: { t: number; hand: Vec }[] = [];
   private samples = 0;
   private coupledFor = 0; // samples
+  private placed = false; // has a robot been seen?
 
   constructor(
     readonly scene: Introduction,
@@ -75,7 +75,6 @@ export class Session {
 
   take(sample: Float64Array): void {
     this.last = sample;
-    this.start ??= this.vector('handle_x_m');
     this.samples += 1;
     this.register(this.number('t_s'));
   }
@@ -84,12 +83,18 @@ export class Session {
     const hand = this.vector('hand_x_m');
     if (this.samples % 10 === 0) this.past.push({ t, hand });
     if (this.past.length > 200) this.past.shift();
-    const coupled = this.number('slave_mode') === COUPLED, trip = this.number('round_trip_ms');
+    const coupled = this.number('slave_mode') === COUPLED, s = this.scene.motion_scale;
+    // A page that is opened while nobody holds the handle: hand and robot will be coupled from where they are.
+    if (!this.placed && this.scene.linked && this.number('report_age_ms') >= 0) {
+      this.placed = true;
+      if (!coupled) this.origin = this.vector('robot_x_m').map((x, i) => x - s * hand[i]!) as Vec;
+    }
+    const trip = this.number('round_trip_ms');
     if (!coupled) this.coupledFor = 0;
     if (!this.scene.linked || !coupled || trip < 0) return;
     const then = this.past.find((p) => p.t >= t - 1e-3 * trip) ?? this.past.at(-1);
     if (!then) return;
-    const robot = this.vector('robot_x_m'), behind = this.vector('behind_m'), s = this.scene.motion_scale;
+    const robot = this.vector('robot_x_m'), behind = this.vector('behind_m');
     // A coupling that begins has an origin of its own.
     if (this.coupledFor++ === 0) this.past = this.past.slice(-1);
     const share = this.coupledFor < 200 ? 1 : 0.005;
@@ -110,6 +115,7 @@ export class Session {
       robot: this.vector('robot_x_m'),
       robotAttitude: this.attitude('robot_attitude'),
       joints: this.list('joint_rad'),
+      handle: this.number('gripper_hand_m'),
       fingers: this.scene.gripper_m === null ? null : this.number('gripper_robot_m'),
       target: target && this.inRobotWorld(this.ofHandle(target)),
       felt: this.vector('felt_n'),
@@ -142,14 +148,14 @@ export class Session {
   }
   /** E(0) of the hand's port, and what is left of it. */
   budget(bar: HTMLElement, out: HTMLElement, old: boolean): void {
-    gauge(bar, out, this.told.initial_energy_j, this.number('hand_energy_j') + this.told.earlier_debt_j, 'the hand has', old);
+    gauge(bar, out, this.told.initial_energy_j, this.number('hand_energy_j') + this.told.earlier_debt_j, 'the hand has', old, this.told.earlier_debt_j > 0);
   }
   /** The same of both ports together, where the method bounds the robot's port. */
   bothBudget(bar: HTMLElement, out: HTMLElement, old: boolean): void {
     const granted = this.told.both_initial_energy_j;
     bar.hidden = granted < 0;
     if (granted >= 0)
-      return gauge(bar, out, granted, this.number('hand_energy_j') + this.number('robot_port_j') + this.told.both_earlier_debt_j, 'both have', old);
+      return gauge(bar, out, granted, this.number('hand_energy_j') + this.number('robot_port_j') + this.told.both_earlier_debt_j, 'both have', old, this.told.both_earlier_debt_j > 0);
     out.textContent = 'This method does not bound the robot’s port: the drive feeds it.';
     delete out.dataset.value;
   }

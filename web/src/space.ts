@@ -1,7 +1,7 @@
 // Solids of a scene, by three.js: environment, arm, tool, hand. Forces and words are drawn over it (picture.ts).
 
 import {
-  BoxGeometry, BufferGeometry, CapsuleGeometry, CylinderGeometry, DirectionalLight, DoubleSide, EdgesGeometry, ExtrudeGeometry,
+  Box3, BoxGeometry, BufferGeometry, CapsuleGeometry, CylinderGeometry, DirectionalLight, DoubleSide, EdgesGeometry, ExtrudeGeometry,
   Float32BufferAttribute, Group, HemisphereLight, LatheGeometry, LineBasicMaterial, LineSegments, Mesh, MeshLambertMaterial, Object3D,
   OrthographicCamera, Path, PCFSoftShadowMap, PlaneGeometry, Points, PointsMaterial, Quaternion, Scene, ShadowMaterial, Shape,
   ShapeGeometry, TorusGeometry, Vector2, Vector3, WebGLRenderer,
@@ -204,28 +204,35 @@ export class Space {
     }
   }
   private makeArm(scene: Introduction): ArmParts {
-    const link = new MeshLambertMaterial({ color: colour('--solid') }), none = new Vector3();
+    const link = new MeshLambertMaterial({ color: colour('--solid'), side: DoubleSide }), none = new Vector3();
+    /** The shape that the arm's file knows of the base, or of the link behind joint i; else rods are drawn. */
+    const own = scene.arm!.links.map((e) => shapeOf(e, link, colour('--surface-line')));
     const base = new Group(), joints: Group[] = [], all = scene.arm!.joints;
     const length = (p: Vec): number => Math.hypot(...p);
     // A tool that reaches back towards the arm covers that much of the last link.
     const flange = v3(scene.arm!.flange_m), back = Math.max(0, ...scene.tool.map((p) => Math.abs(p[2])));
     let parent = base;
-    base.add(rod(new Vector3(0, 0, 0), new Vector3(0, 0, 0.02), 2 * LINK_M, link));
+    base.add(own[0] ?? rod(new Vector3(0, 0, 0), new Vector3(0, 0, 0.02), 2 * LINK_M, link));
     all.forEach((joint, i) => {
       const fixed = new Group(), turning = new Group(), origin = v3(joint.origin_m);
-      if (length(joint.origin_m) > 1e-6) parent.add(rod(none, origin, 0.75 * LINK_M, link));
+      if (!own[i] && length(joint.origin_m) > 1e-6) parent.add(rod(none, origin, 0.75 * LINK_M, link));
       fixed.position.copy(origin);
       fixed.quaternion.copy(quaternion(joint.attitude));
       const thick = LINK_M * (1 - 0.05 * i);
-      turning.add(rod(new Vector3(0, 0, -thick), new Vector3(0, 0, thick), 1.1 * thick, link));
-      turning.add(rod(new Vector3(0, 0, -0.006), new Vector3(0, 0, 0.006), 1.13 * thick, this.robot));
+      const shape = own[i + 1];
+      if (shape) turning.add(shape);
+      else
+        turning.add(
+          rod(new Vector3(0, 0, -thick), new Vector3(0, 0, thick), 1.1 * thick, link),
+          rod(new Vector3(0, 0, -0.006), new Vector3(0, 0, 0.006), 1.13 * thick, this.robot),
+        );
       fixed.add(turning);
       parent.add(fixed);
       parent = turning;
       joints.push(turning);
     });
     const shown = flange.clone().setLength(Math.max(0.01, flange.length() - back));
-    if (flange.length() > 1e-6) parent.add(rod(none, shown, 0.5 * LINK_M, link));
+    if (!own[all.length] && flange.length() > 1e-6) parent.add(rod(none, shown, 0.5 * LINK_M, link));
     const end = new Group();
     end.position.copy(flange);
     parent.add(end);
@@ -235,9 +242,11 @@ export class Space {
 
   // Where it is.
 
-  /** Origins of the joints, as they were drawn last. */
+  /** Corners of the box around the arm as it was drawn last. */
   armPlaces(): Vec[] {
-    return this.arm ? [this.arm.base, ...this.arm.joints].map((g) => g.getWorldPosition(new Vector3()).toArray() as Vec) : [];
+    if (!this.arm) return [];
+    const { min, max } = new Box3().setFromObject(this.arm.base);
+    return [min.x, max.x].flatMap((x) => [min.y, max.y].flatMap((y) => [min.z, max.z].map((z): Vec => [x, y, z])));
   }
   private pose(s: Shown): void {
     this.tool.position.copy(v3(s.robot));
