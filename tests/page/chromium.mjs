@@ -24,7 +24,11 @@ export const text = (id) => page.locator(`#${id}`).textContent();
 /// What the slave says it has, beside a slider.
 export const there = async (id) => Number(await page.locator(`#${id}`).getAttribute('data-there'));
 export const pause = (ms) => new Promise((r) => setTimeout(r, ms));
-export const takePicture = async () => picture && page.screenshot({ path: picture });
+export const takePicture = async () => {
+  if (!picture) return;
+  await page.evaluate(() => scrollTo(0, 0));
+  await page.screenshot({ path: picture, clip: { x: 0, y: 0, width: 1280, height: 780 } });
+};
 
 export async function until(what, condition, patience_ms = 15000) {
   const end = Date.now() + patience_ms;
