@@ -250,10 +250,11 @@ TriangleMesh shape_of(const urdf::GeometrySharedPtr& geometry, const urdf::Pose&
           fmt::format("{} has the scale {} {} {}; none may be 0", mesh->filename, size.x(), size.y(), size.z())};
   }
   const Eigen::Affine3d place = transform(origin) * Eigen::Scaling(size);
-  if (!place.matrix().allFinite() || size.cwiseAbs().maxCoeff() > 1e6 ||
-      place.translation().cwiseAbs().maxCoeff() > 1e6)
-    throw ConfigError{"a size or place is not finite, or beyond 1e6"};
-  for (Vector3d& v : shape.vertices) v = place * v;
+  for (Vector3d& v : shape.vertices) {
+    v = place * v;
+    if (!(v.cwiseAbs().maxCoeff() <= 1e6))
+      throw ConfigError{"a shape reaches beyond 1e6 m, or its numbers are not finite"};
+  }
   if (size.prod() < 0.0)  // a mirror turns the triangles inside out
     for (auto& [a, b, c] : shape.triangles) std::swap(b, c);
   return shape;

@@ -347,7 +347,10 @@ TEST(ShapesOfAUrdf, AreSaidToBeLeftOut) {
   EXPECT_NE(left_out(drawn("<mesh filename='broken.stl'/>")).find("broken.stl"), std::string::npos);
   EXPECT_NE(left_out(drawn("<mesh filename='good.obj' scale='1 0 1'/>")).find("the scale 1 0 1; none may be 0"),
             std::string::npos);
-  EXPECT_NE(left_out(drawn("<sphere radius='1e9'/>")).find("beyond 1e6"), std::string::npos);
+  EXPECT_NE(left_out(drawn("<sphere radius='1e9'/>")).find("reaches beyond 1e6 m"), std::string::npos);
+  for (const char* odd :
+       {"package:///.stl", "package://a.stl", "model://../../a.stl", "file://.stl", "x://a.stl", "a.stl/"})
+    EXPECT_EQ(left_out(drawn(fmt::format("<mesh filename='{}'/>", odd))).substr(0, 8), "0 Link \"") << odd;
 }
 
 /// Those with many triangles share what the others leave.
