@@ -11,6 +11,7 @@
 
 #include "common/base/check.h"
 #include "common/hardware/registry.h"
+#include "common/hardware/virtual_robot.h"
 
 namespace twoport {
 namespace {
@@ -38,21 +39,26 @@ Arguments parse(const std::string& text) {
   return a;
 }
 
+/// The state of a model, which copies share.
+class State {
+ public:
+  explicit State(const mjModel& model) : model_{&model}, data_{mj_makeData(model_)} {}
+  State(const State& o) : model_{o.model_}, data_{mj_copyData(nullptr, model_, o.data_)} {}
+  ~State() { mj_deleteData(data_); }
+  State& operator=(const State&) = delete;
+  [[nodiscard]] mjData* get() const noexcept { return data_; }
+  [[nodiscard]] mjData* operator->() const noexcept { return data_; }
+
+ private:
+  const mjModel* model_;
+  mjData* data_;
+};
+
 /// A model of MuJoCo and a tool in it: a site, or the origin of the only body that moves.
 class World {
  public:
-  explicit World(const std::string& arguments) {
-    const Arguments a = parse(arguments);
-    mju_user_warning = [](const char*) {};  // it would write a file; warnings are counted too
-    std::array<char, 1000> error{};
-    model_.reset(mj_loadXML(a.file.c_str(), nullptr, error.data(), static_cast<int>(error.size())));
-    if (!model_) {
-      std::string words{error.data()};
-      std::replace(words.begin(), words.end(), '\n', ' ');
-      refuse(arguments, words);
-    }
-    data_.reset(mj_makeData(model_.get()));
-    choose_tool(arguments, a.site);
+  explicit World(const std::string& arguments) : model_{load(arguments)}, data_{*model_} {
+    choose_tool(arguments, parse(arguments).site);
     mj_forward(model_.get(), data_.get());
     for (int body = 0; body < model_->nbody; ++body) {
       int at = body;
@@ -73,6 +79,16 @@ class World {
   }
 
   void push(const Vector6& wrench) noexcept { wrench_ = wrench; }
+  /// Adds to the joints' velocities the least that gives the tool `dv` more; `J`: rows of jacobian().
+  void kick(const Eigen::MatrixXd& J, const Eigen::VectorXd& dv) {
+    Eigen::Map<Eigen::VectorXd>{data_->qvel, model_->nv} += J.completeOrthogonalDecomposition().solve(dv);
+  }
+  /// The model as MuJoCo writes it.
+  [[nodiscard]] std::string bytes() const {
+    std::string all(static_cast<std::size_t>(mj_sizeModel(model_.get())), '\0');
+    mj_saveModel(model_.get(), nullptr, all.data(), static_cast<int>(all.size()));
+    return all;
+  }
   void advance(Seconds time) noexcept {
     const double h = model_->opt.timestep;
     behind_ = std::min(behind_ + time.si(), kMostBehind);
@@ -119,6 +135,18 @@ class World {
   }
 
  private:
+  static std::shared_ptr<const mjModel> load(const std::string& arguments) {
+    mju_user_warning = [](const char*) {};  // it would write a file; warnings are counted too
+    std::array<char, 1000> error{};
+    mjModel* const model =
+        mj_loadXML(parse(arguments).file.c_str(), nullptr, error.data(), static_cast<int>(error.size()));
+    if (model == nullptr) {
+      std::string words{error.data()};
+      std::replace(words.begin(), words.end(), '\n', ' ');
+      refuse(arguments, words);
+    }
+    return {model, [](const mjModel* m) { mj_deleteModel(const_cast<mjModel*>(m)); }};
+  }
   void choose_tool(const std::string& arguments, const std::string& site) {
     const auto list = [this](int count, const int* names) {
       std::string all;
@@ -165,8 +193,8 @@ class World {
     return sum;
   }
 
-  std::unique_ptr<mjModel, decltype(&mj_deleteModel)> model_{nullptr, mj_deleteModel};
-  std::unique_ptr<mjData, decltype(&mj_deleteData)> data_{nullptr, mj_deleteData};
+  std::shared_ptr<const mjModel> model_;
+  State data_;
   int site_ = -1, body_ = 0;   ///< of the tool; no site: the body's origin
   std::vector<bool> of_tool_;  ///< by body: the tool's and those that hang on it
   double behind_ = 0.0;        ///< the clock [s]
@@ -176,9 +204,9 @@ class World {
 
 /// A tool in a world of MuJoCo, driven by forces. With one axis: along the joint that moves it.
 template <int N>
-class MujocoRobot final : public Robot<N> {
+class MujocoRobot final : public VirtualRobot<N> {
  public:
-  explicit MujocoRobot(const DriverOptions& o) : world_{o.arguments} {
+  explicit MujocoRobot(const DriverOptions& o) : arguments_{o.arguments}, world_{o.arguments} {
     const Eigen::MatrixXd J = world_.jacobian();
     if constexpr (N == 1) {
       Eigen::Index most = 0;
@@ -227,6 +255,16 @@ class MujocoRobot final : public Robot<N> {
   }
   [[nodiscard]] const RobotTruth<N>* truth() const noexcept override { return &truth_; }
 
+  [[nodiscard]] std::unique_ptr<VirtualRobot<N>> copy() const override { return std::make_unique<MujocoRobot>(*this); }
+  void kick(const Velocity<N>& dv) noexcept override {
+    const Eigen::MatrixXd J = world_.jacobian();
+    if constexpr (N == 1)
+      world_.kick(axis_.transpose() * J.topRows<3>(), dv.vec());
+    else
+      world_.kick(J.topRows<N>(), dv.vec());
+  }
+  [[nodiscard]] std::string fingerprint() const override { return arguments_ + world_.bytes(); }
+
  private:
   [[nodiscard]] Eigen::Matrix<double, N, 1> of_axes(const Vector6& all) const noexcept {
     if constexpr (N == 1)
@@ -235,6 +273,7 @@ class MujocoRobot final : public Robot<N> {
       return all.head<N>();
   }
 
+  std::string arguments_;
   World world_;
   Vector3d axis_ = Vector3d::UnitX();
   RobotTruth<N> truth_;

@@ -18,6 +18,7 @@
 #include "common/record/metrics.h"
 #include "common/record/trace.h"
 #include "lab/both_couplings.h"
+#include "lab/engine/hosted.h"
 #include "lab/engine/quiet_tail.h"
 #include "lab/engine/recording.h"
 #include "lab/engine/simulation.h"
@@ -160,7 +161,7 @@ CountedRun run_as(Simulation<N>& simulation, const Scene& scene, const RunOption
   std::chrono::duration<double, std::nano> spent{0};
   // Springs alone answer the same wherever the robot is.
   const bool tails = from != VerdictFrom::plain;
-  const bool probes = tails && !alone && !World{scene.environment}.surfaces.empty();
+  const bool probes = tails && !alone && options.robot == nullptr && !World{scene.environment}.surfaces.empty();
   const double end_s = to_seconds(simulation.end()).si();
   std::uint64_t rows = 0;
   for (const Part& part : probes ? parts(simulation.segment_times(), end_s) : std::vector{Part{.until_s = end_s}}) {
@@ -213,13 +214,16 @@ namespace {
 /// One coupling, that of the gripper where `of_gripper`; recorded into `file`, where that is not null.
 CountedRun run_coupling(const Scene& scene, const RunOptions& options, mcap::Writer* file, bool of_gripper) {
   return dispatch_dof(scene, [&]<int N>() {
+    const auto make = [&](Taps<N>* taps) {
+      return options.robot ? make_simulation<N>(scene, *options.robot, taps) : make_simulation<N>(scene, taps);
+    };
     if (file == nullptr) {
-      std::unique_ptr<Simulation<N>> simulation = make_simulation<N>(scene);
+      std::unique_ptr<Simulation<N>> simulation = make(nullptr);
       if (options.stop != nullptr) simulation = std::make_unique<Stoppable<N>>(std::move(simulation), *options.stop);
       return run_as<N>(*simulation, scene, options, nullptr);
     }
     LabRecording<N> recording{*file, scene, *options.record, of_gripper};
-    return run_as<N>(*make_simulation<N>(scene, &recording.taps()), scene, options, &recording);
+    return run_as<N>(*make(&recording.taps()), scene, options, &recording);
   });
 }
 

@@ -10,6 +10,7 @@
 
 namespace twoport::lab {
 
+struct HostedRobot;
 struct RecordingOptions;
 
 /// What the verdict is made from.
@@ -27,6 +28,7 @@ struct RunOptions {
   const RecordingOptions* record = nullptr;  ///< null: nothing is recorded
   TraceTable* table = nullptr;               ///< takes the rows of the trace too
   const std::atomic<bool>* stop = nullptr;   ///< ends the run, by lab::Stopped, soon after it has become true
+  const HostedRobot* robot = nullptr;        ///< in place of the scene's robot and environment, unless null
 };
 
 /// Runs a scene in virtual time. A gripper runs by itself, over the same packets: both couplings draw the fate of packet k from the

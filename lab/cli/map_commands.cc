@@ -12,7 +12,9 @@
 #include "common/base/text.h"
 #include "common/record/summary.h"
 #include "common/scene/find.h"
+#include "common/scene/load.h"
 #include "lab/cli/commands.h"
+#include "lab/cli/robot_option.h"
 #include "lab/lanes/lanes.h"
 #include "lab/plot/pictures.h"
 #include "lab/study/adversary.h"
@@ -51,7 +53,7 @@ std::vector<double> values_of(const std::string& option, const std::string& spec
 struct MapArguments {
   MapOptions map;
   std::optional<int> lanes;
-  std::string methods, round_trips, losses, bursts, stiffnesses, out, verdict = "lean";
+  std::string methods, round_trips, losses, bursts, stiffnesses, out, verdict = "lean", robot;
 };
 
 int map_command(MapArguments& a) {
@@ -65,6 +67,12 @@ int map_command(MapArguments& a) {
   take("--stiffness", a.stiffnesses, a.map.stiffnesses_n_per_m);
   a.map.verdict = a.verdict == "tail" ? VerdictFrom::tail : VerdictFrom::lean;
   a.map.lanes = checked_lanes(a.lanes.value_or(0));
+  std::optional<HostedRobot> robot;
+  if (!a.robot.empty()) {
+    robot = open_robot(a.robot, load_scene(a.map.scene, a.map.set));
+    a.map.robot = &*robot;
+    if (a.stiffnesses.empty()) a.map.stiffnesses_n_per_m = {0.0};
+  }
   if (!a.out.empty()) make_folder(a.out);
   double spent_s = 0.0;
   const Map map = make_map(a.map, [&](const Progress& progress) {
@@ -84,8 +92,10 @@ int map_command(MapArguments& a) {
 Subcommand add_map(Command app) {
   const auto a = std::make_shared<MapArguments>();
   Command map = app.add("map", "Where each method holds: round trip, loss and stiffness varied");
-  map.option("--scene", a->map.scene, "Another scene than scenes/map.textproto, which is built in").scene();
+  const Option scene =
+      map.option("--scene", a->map.scene, "Another scene than scenes/map.textproto, which is built in").scene();
   map.list("--set", a->map.set, "PATH=VALUE, before those that the map sets");
+  add_robot(map, a->robot).needs(scene);
   map.option("--methods", a->methods, "NAME,NAME or TRANSPARENCY+PASSIVITY; every named method if absent");
   map.option("--round-trip-ms", a->round_trips, "Values as for sweep --vary; half of it each way");
   map.option("--loss", a->losses, "Probability each way");

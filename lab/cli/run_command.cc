@@ -17,6 +17,7 @@
 #include "common/scene/hints.h"
 #include "common/scene/load.h"
 #include "lab/cli/commands.h"
+#include "lab/cli/robot_option.h"
 #include "lab/engine/recording.h"
 #include "lab/run.h"
 #include "lab/study/cells.h"
@@ -25,13 +26,14 @@ namespace twoport::lab {
 namespace {
 
 struct Arguments {
-  std::string scene, out, trace = "csv", verdict = "tail", record;
+  std::string scene, out, trace = "csv", verdict = "tail", record, robot;
   std::uint64_t trace_every = 1;
   std::vector<std::string> set;
 };
 
 int run_command(const Arguments& a) {
   const Scene scene = load_scene(a.scene, a.set);
+  const std::optional<HostedRobot> robot = open_robot(a.robot, scene);
   for (const std::string& sentence : hints(scene)) print_error("{}: warning: {}\n", a.scene, sentence);
   if (!a.out.empty()) make_folder(a.out);
   // Before anything of an earlier run is removed.
@@ -56,7 +58,8 @@ int run_command(const Arguments& a) {
                                       .trace_every = a.trace_every,
                                       .verdict = a.verdict == "plain" ? VerdictFrom::plain : VerdictFrom::tail,
                                       .gripper_trace = gripper_trace ? &*gripper_trace : nullptr,
-                                      .record = record ? &*record : nullptr});
+                                      .record = record ? &*record : nullptr,
+                                      .robot = robot ? &*robot : nullptr});
   // First the trace: one that finds no room is cut, which leaves room for the summary.
   std::exception_ptr unwritten;
   try {
@@ -82,6 +85,7 @@ Subcommand add_run_command(Command app) {
   const auto a = std::make_shared<Arguments>();
   Command run = app.add("run", "Run one scene; summary and trace into --out, or the summary on stdout");
   add_scene(run, a->scene, a->set);
+  add_robot(run, a->robot);
   run.option("--out", a->out, "Folder for summary.json and trace.csv");
   run.option("--record", a->record,
              "FILE.mcap: a recording of both sides, for replay, export, Foxglove, PlotJuggler and Python");

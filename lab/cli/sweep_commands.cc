@@ -8,7 +8,9 @@
 
 #include "common/base/check.h"
 #include "common/base/nearest_names.h"
+#include "common/scene/load.h"
 #include "lab/cli/commands.h"
+#include "lab/cli/robot_option.h"
 #include "lab/lanes/lanes.h"
 #include "lab/plot/pictures.h"
 #include "lab/study/parallel.h"
@@ -20,7 +22,7 @@ namespace {
 struct Arguments {
   SweepOptions sweep;
   std::optional<int> lanes;
-  std::string shard, plot = "stable", verdict = "tail";
+  std::string shard, plot = "stable", verdict = "tail", robot;
   std::vector<std::string> axes, parts;
 };
 
@@ -57,6 +59,9 @@ int sweep_command(Arguments& a) {
   if (!a.shard.empty()) a.sweep.shard = parse_shard(a.shard);
   if (!a.sweep.out.empty()) a.sweep.returned = columns_of_picture(a.plot);
   a.sweep.lanes = checked_lanes(a.lanes.value_or(0));
+  std::optional<HostedRobot> robot;
+  if (!a.robot.empty()) robot = open_robot(a.robot, load_scene(a.sweep.scene, a.sweep.set));
+  if (robot) a.sweep.robot = &*robot;
   const Table table = sweep(a.sweep, show_progress);
   if (a.lanes || progress_is_shown()) say_lanes(table.use);
   if (a.sweep.out.empty()) {
@@ -87,6 +92,7 @@ std::vector<Subcommand> add_sweep_commands(Command app) {
             "PATH=a,b,c or PATH=start:stop:count or PATH=start:stop:count:log; A,B=... links the paths A and B; "
             "the last --vary varies fastest")
       .required();
+  add_robot(sweep, a->robot);
   sweep.option("--seeds", a->sweep.seeds, "Runs per cell, with the scene's seed, seed + 1, ...: mean, sd and worst")
       .between(1, 1'000'000);
   add_jobs(sweep, a->sweep.jobs);

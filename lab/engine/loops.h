@@ -119,8 +119,7 @@ class SimLink {
 template <int N>
 [[gnu::always_inline]] inline Row<N> columns(Duration now, const auto& out, Energy dissipated,
                                              const Force<N>& environment_force, const sim::SimDevice<N>& device,
-                                             const sim::SimRobot<N>& robot, const auto& master,
-                                             const auto& slave) noexcept {
+                                             const auto& robot, const auto& master, const auto& slave) noexcept {
   return {.t_s = to_seconds(now).si(),
           .master_x = device.x(),
           .master_v = device.v(),
@@ -144,11 +143,11 @@ template <int N>
 ///
 /// Each side ticks at its own rate, from 0. A report is readable strictly after it was posted, so the order of two
 /// sides that tick together does not matter.
-template <int N, class Method = AnyMethod>
+template <int N, class Method = AnyMethod, class Plant = sim::SimRobot<N>>
 class LinkLoop {
  public:
-  /// `taps`, unless null, see every tick of both nodes; a copy has none.
-  explicit LinkLoop(const Scene& scene, Taps<N>* taps = nullptr)
+  /// `taps`, unless null, see every tick of both nodes; a copy has none. `of_plant`: what it is made of besides the scene.
+  explicit LinkLoop(const Scene& scene, Taps<N>* taps = nullptr, const auto&... of_plant)
       : registration_{scene.control},
         master_rate_hz_{scene.master_rate_hz},
         slave_rate_hz_{scene.slave_rate_hz},
@@ -159,7 +158,7 @@ class LinkLoop {
         slave_clock_{scene.slave_clock.offset_s != 0.0 || scene.slave_clock.drift != 0.0},
         end_{to_duration(scene.duration_s)},
         device_{scene, master_dt_},
-        robot_{scene, Seconds{1.0 / true_slave_rate_hz_}},
+        robot_{scene, Seconds{1.0 / true_slave_rate_hz_}, of_plant...},
         master_{scene.control, scene.schedule},
         slave_{scene.control, scene.schedule},
         link_{scene},
@@ -308,7 +307,7 @@ class LinkLoop {
   bool slave_clock_;  ///< does the slave's clock differ?
   Duration end_;
   sim::SimDevice<N> device_;
-  sim::SimRobot<N> robot_;
+  Plant robot_;
   MasterNode<N, typename Method::template Master<N>> master_;
   SlaveNode<N, typename Method::template Slave<N>> slave_;
   SimLink<N> link_;

@@ -51,7 +51,7 @@ LaneUse run_many(std::span<const Scene* const> scenes, const ManyRuns& o,
       alone.push_back(i);
       continue;
     }
-    const std::string why = why_not_in_lanes(*scenes[i]);
+    const std::string why = o.robot != nullptr ? "the robot is that of --robot" : why_not_in_lanes(*scenes[i]);
     if (why.empty()) {
       shapes[shape_of_lanes(*scenes[i])].push_back(i);
     } else {
@@ -87,7 +87,7 @@ LaneUse run_many(std::span<const Scene* const> scenes, const ManyRuns& o,
         run_in_lanes(of_shape, {.lanes = use.lanes, .jobs = o.jobs, .verdict = o.verdict, .stop = o.stop}, end);
       } else {
         for_each_parallel(numbers.size(), o.jobs, [&](std::size_t i) {
-          end(i, run(*scenes[numbers[i]], {.verdict = o.verdict, .stop = o.stop}));
+          end(i, run(*scenes[numbers[i]], {.verdict = o.verdict, .stop = o.stop, .robot = o.robot}));
         });
       }
     }

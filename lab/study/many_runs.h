@@ -33,6 +33,7 @@ struct ManyRuns {
   int jobs = 1;   ///< threads
   VerdictFrom verdict = VerdictFrom::tail;
   const std::atomic<bool>* stop = nullptr;  ///< as RunOptions::stop
+  const HostedRobot* robot = nullptr;       ///< as RunOptions::robot
 };
 
 struct Progress {

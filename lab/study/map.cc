@@ -95,7 +95,9 @@ void check(const MapOptions& o) {
   need("--round-trip-ms", o.round_trips_ms, 0.0, 1e5);
   need("--loss", o.losses, 0.0, 0.99);
   need("--burst-packets", o.bursts_packets, 1.0, 1e6);
-  if (o.link == nullptr || o.stiffnesses_n_per_m != std::vector{0.0})
+  if (o.robot != nullptr && o.stiffnesses_n_per_m != std::vector{0.0})
+    throw ConfigError{"--stiffness: the world of --robot has its own"};
+  if ((o.link == nullptr && o.robot == nullptr) || o.stiffnesses_n_per_m != std::vector{0.0})
     need("--stiffness", o.stiffnesses_n_per_m, 1e-3, 1e9);
   if (o.seeds < 1) throw ConfigError{fmt::format("--seeds is {}; it must be at least 1", o.seeds)};
 }
@@ -215,7 +217,7 @@ Map make_map(const MapOptions& o, const std::function<void(const Progress&)>& he
   check_methods(o.methods, method_names());
   const SceneText base = base_of(o);
   const Scene scene = base.with();
-  if (scene.environment.empty() || scene.control.architecture == Architecture::render ||
+  if ((scene.environment.empty() && o.robot == nullptr) || scene.control.architecture == Architecture::render ||
       scene.control.architecture == Architecture::uncontrolled)
     throw ConfigError{fmt::format("{}: a map needs a link and an environment with a stiffness", o.scene)};
   Map map{.scene = scene.name,
@@ -238,7 +240,7 @@ Map make_map(const MapOptions& o, const std::function<void(const Progress&)>& he
     Scene ideal = base.with(map_overrides(scene, "NONE", place, scene.seed));
     ideal.to_slave = ideal.to_master = {};
     ideal.transmission_to_slave = ideal.transmission_to_master = {};
-    to_run[i]->second = pressed_force(run(ideal, {.verdict = VerdictFrom::plain}));
+    to_run[i]->second = pressed_force(run(ideal, {.verdict = VerdictFrom::plain, .robot = o.robot}));
   });
   const auto scene_of = [&](const std::string& method, const MapPlace& place) {
     Scene of_place = base.with(map_overrides(scene, method, place, scene.seed));
@@ -258,7 +260,7 @@ Map make_map(const MapOptions& o, const std::function<void(const Progress&)>& he
   Tally tally{count, heard, 0, static_cast<std::size_t>(o.seeds)};
   map.use = run_cells({count, static_cast<std::size_t>(o.seeds),
                        [&](std::size_t i) { return scene_of(map.methods[i / places], map.places[i % places]); }},
-                      {.lanes = o.lanes, .jobs = o.jobs, .verdict = o.verdict}, tally,
+                      {.lanes = o.lanes, .jobs = o.jobs, .verdict = o.verdict, .robot = o.robot}, tally,
                       [&](std::size_t i, std::uint64_t, const std::vector<Summary>& of_seeds) {
                         map.cells[i] = cell_of(map.methods[i / places], map.places[i % places], of_seeds,
                                                map.reference_n[i % places]);

@@ -33,6 +33,7 @@ struct MapOptions {
       nullptr;    ///< given: its packets in place of the network of each place, and a stiffness may be 0
   int seeds = 3;  ///< the scene's seed, seed + 1, …
   VerdictFrom verdict = VerdictFrom::lean;
+  const HostedRobot* robot = nullptr;  ///< as RunOptions::robot; the stiffness must then be 0
   int jobs = 1;
   int lanes = 0;  ///< as ManyRuns::lanes
 };

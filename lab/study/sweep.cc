@@ -9,6 +9,7 @@
 #include <optional>
 #include <string_view>
 #include <utility>
+#include <variant>
 
 #include "common/base/check.h"
 #include "common/base/file.h"
@@ -17,6 +18,7 @@
 #include "common/record/summary.h"
 #include "common/scene/scene_text.h"
 #include "lab/both_couplings.h"
+#include "lab/engine/hosted.h"
 #include "lab/study/cells.h"
 #include "lab/study/digest.h"
 #include "lab/study/seeds.h"
@@ -121,6 +123,8 @@ Plan plan_of(const SweepOptions& o, const SceneText& base) {
   if (o.seeds > 0) digest.add(fmt::format("seeds {}", o.seeds));
   if (o.verdict == VerdictFrom::lean) digest.add("verdict lean");
   if (o.verdict == VerdictFrom::plain) digest.add("verdict plain");
+  if (o.robot != nullptr)
+    digest.add(std::visit([](const auto& robot) { return robot->fingerprint(); }, o.robot->robot));
   for (const auto* direction : {&scene.to_slave, &scene.to_master})
     for (const double delay : direction->recorded_delay_s) digest.add(delay);
   plan.digest = digest.text();
@@ -253,8 +257,9 @@ Table sweep(const SweepOptions& o, const Heard& heard) {
     }
   };
   Tally tally{of_shard.size(), heard, of_shard.size() - todo.size(), std::max<std::size_t>(o.seeds, 1)};
-  const LaneUse use = run_cells({todo.size(), std::max<std::size_t>(o.seeds, 1), scene_of},
-                                {.lanes = o.lanes, .jobs = o.jobs, .verdict = o.verdict, .stop = o.stop}, tally, keep);
+  const LaneUse use = run_cells(
+      {todo.size(), std::max<std::size_t>(o.seeds, 1), scene_of},
+      {.lanes = o.lanes, .jobs = o.jobs, .verdict = o.verdict, .stop = o.stop, .robot = o.robot}, tally, keep);
 
   TableWriter table{plan, o.returned, file ? o.out + "/table.csv" : ""};
   for (const auto& [cell, row] : rows) table.add(row);

@@ -16,6 +16,8 @@ struct Shard {
 };
 Shard parse_shard(const std::string& text);
 
+struct HostedRobot;
+
 struct SweepOptions {
   std::string scene;  ///< its file
   std::optional<std::string>
@@ -26,6 +28,7 @@ struct SweepOptions {
   int jobs = 1;
   int lanes = 0;  ///< as ManyRuns::lanes
   VerdictFrom verdict = VerdictFrom::tail;
+  const HostedRobot* robot = nullptr;  ///< as RunOptions::robot
   Shard shard;
   std::string out;                          ///< folder for table.csv and cells.jsonl; empty: nothing is kept
   const std::atomic<bool>* stop = nullptr;  ///< as RunOptions::stop; finished cells are kept

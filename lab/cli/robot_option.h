@@ -1,0 +1,17 @@
+#pragma once
+
+#include <optional>
+#include <string>
+
+#include "common/scene/scene.h"
+#include "lab/cli/subcommand.h"
+#include "lab/engine/hosted.h"
+
+namespace twoport::lab {
+
+/// --robot mujoco:FILE.xml[,site=NAME].
+Option add_robot(Command command, std::string& robot);
+/// The robot of that option; nothing where it was not given. Throws ConfigError where it cannot be opened or the scene cannot have it.
+std::optional<HostedRobot> open_robot(const std::string& choice, const Scene& scene);
+
+}  // namespace twoport::lab

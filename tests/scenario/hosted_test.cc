@@ -1,0 +1,219 @@
+#include "lab/engine/hosted.h"
+
+#include <fmt/format.h>
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <memory>
+#include <string>
+#include <tuple>
+#include <variant>
+#include <vector>
+
+#include "common/base/check.h"
+#include "common/base/file.h"
+#include "common/scene/load.h"
+#include "drivers/drivers.h"
+#include "lab/run.h"
+#include "lab/study/map.h"
+#include "lab/study/sweep.h"
+
+// A world of MuJoCo in the laboratory.
+namespace twoport::lab {
+namespace {
+
+constexpr double kMass = 0.5, kDamping = 2.0, kStiffness = 2000.0, kWallDamping = 10.0, kFace = 0.02;
+
+/// A mass on three slides before a wall. With the least impedance d = 1e-4 of solimp MuJoCo's contact is a spring with damper, its mass
+/// m/(1 - d): m a = (1 - d) f - m s_1 v - m s_0 x, the direct form of solref being (-s_0, -s_1).
+std::string world(double stiffness = kStiffness, const std::string& more = {}) {
+  const std::string file = testing::TempDir() + "/hosted.xml";
+  write_whole(file, fmt::format(R"(<mujoco><option timestep="0.00005" gravity="0 0 0"/>
+<default><geom solref="{} {}" solimp="0.0001 0.0001 0.001 0.5 2" condim="1"/></default>
+<worldbody><geom type="box" pos="{} 0 0" size="0.5 1 1"/><body>
+<joint type="slide" axis="1 0 0" damping="{}"/><joint type="slide" axis="0 1 0" damping="{}"/><joint type="slide" axis="0 0 1" damping="{}"/>
+<geom type="sphere" size="0.01" mass="{}"/><site name="tip"/></body>{}</worldbody></mujoco>)",
+                                -stiffness / kMass, -kWallDamping / kMass, kFace + 0.01 + 0.5, kDamping, kDamping,
+                                kDamping, kMass, more));
+  return file;
+}
+/// The same by the scene itself.
+std::string scene_text(const std::string& method, double delay_ms) {
+  return fmt::format(R"(name: "press" dof: 3 duration_s: 3 rate_hz: 1000
+operator {{
+  hand {{ mass_kg: 0.1 stiffness_n_per_m: 400 damping_n_s_per_m: 8 }}
+  path {{ move_to {{ position_m: [0.035, 0.01, 0] duration_s: 0.8 }} }}
+  path {{ move_to {{ position_m: [0.035, -0.01, 0] duration_s: 0.8 }} }}
+}}
+device {{ mass_kg: 0.1 damping_n_s_per_m: 0.2 }}
+control {{
+  architecture: POSITION_FORCE virtual_coupling {{ stiffness_n_per_m: 1000 damping_n_s_per_m: 20 }}
+  passivity {{ method: {} }}
+}}
+to_slave {{ delay_ms: {} }} to_master {{ delay_ms: {} }}
+robot {{ mass_kg: {} damping_n_s_per_m: {} }}
+environment {{ wall {{ normal: [-1, 0, 0] offset_m: {} stiffness_n_per_m: {} damping_n_s_per_m: {} }} }})",
+                     method, delay_ms, delay_ms, kMass, kDamping, -kFace, kStiffness, kWallDamping);
+}
+Scene scene(const std::string& method = "INTERNAL_MODEL", double delay_ms = 20.0) {
+  return parse_scene(scene_text(method, delay_ms), "press");
+}
+
+template <int N>
+HostedRobot open(const std::string& file) {
+  const Scene any{};
+  std::unique_ptr<Robot<N>> robot = all_drivers().robots.open<N>("mujoco:" + file, any, Seconds{1e-3});
+  auto* const of_its_own = dynamic_cast<VirtualRobot<N>*>(robot.release());
+  return {"mujoco:" + file, HostedRobot::Of<N>{of_its_own}};
+}
+std::vector<Row<3>> rows(Simulation<3>& simulation) {
+  std::vector<Row<3>> all;
+  simulation.run([&](const Row<3>& row) {
+    all.push_back(row);
+    return true;
+  });
+  return all;
+}
+
+TEST(Hosted, AMassBeforeAWallOfMujocoMovesAsOurOwn) {
+  const HostedRobot robot = open<3>(world());
+  const std::vector<Row<3>> theirs = rows(*make_simulation<3>(scene(), robot)),
+                            own = rows(*make_simulation<3>(scene()));
+  ASSERT_EQ(theirs.size(), own.size());
+  double x = 0.0, felt = 0.0, pressed = 0.0;
+  for (std::size_t k = 0; k < own.size(); ++k) {
+    x = std::max(x, (theirs[k].slave_x - own[k].slave_x).vec().norm());
+    felt = std::max(felt, (theirs[k].master_f - own[k].master_f).vec().norm());
+    pressed = std::max(pressed, own[k].env_f.vec().norm());
+  }
+  EXPECT_GT(pressed, 3.0);
+  EXPECT_LT(x, 5e-5);
+  EXPECT_LT(felt, 0.02 * pressed);
+  EXPECT_NEAR(theirs.back().env_f.vec().x(), own.back().env_f.vec().x(), 0.02);
+  EXPECT_LT((theirs.back().slave_x - own.back().slave_x).vec().norm(), 1e-5);
+  // At rest, by the closed form: as deep as force over stiffness.
+  EXPECT_NEAR(theirs.back().slave_x.translation().x() - kFace, -theirs.back().env_f.vec().x() / kStiffness, 1e-6);
+}
+
+TEST(Hosted, RunsAndCopiesAreTheSameToTheBit) {
+  const HostedRobot robot = open<3>(world());
+  const auto once = make_simulation<3>(scene(), robot), again = make_simulation<3>(scene(), robot);
+  const auto nothing = [](const Row<3>&) { return true; };
+  once->run_until(to_duration(1.3), nothing);  // in contact
+  const auto copy = once->copy();
+  const std::vector<Row<3>> rest = rows(*once), whole = rows(*again), of_copy = rows(*copy);
+  ASSERT_EQ(rest.size(), of_copy.size());
+  for (std::size_t k = 0; k < rest.size(); ++k) {
+    const Row<3>& other = whole[whole.size() - rest.size() + k];
+    for (const Row<3>* row : {&of_copy[k], &other}) {
+      ASSERT_EQ(rest[k].slave_x.translation(), row->slave_x.translation()) << k;
+      ASSERT_EQ(rest[k].env_f.vec(), row->env_f.vec()) << k;
+      ASSERT_EQ(rest[k].master_f.vec(), row->master_f.vec()) << k;
+    }
+  }
+}
+
+TEST(Hosted, AKickMovesTheToolByItAndNothingElse) {
+  const auto robot = open<3>(world());
+  const auto one = std::get<HostedRobot::Of<3>>(robot.robot)->copy(),
+             other = std::get<HostedRobot::Of<3>>(robot.robot)->copy();
+  const Eigen::Vector3d dv{1e-3, -2e-3, 5e-4};
+  for (auto* each : {&*one, &*other}) {
+    each->sense({Instant<SlaveClock>{}, Seconds{1e-3}});
+    each->start();
+  }
+  one->kick(Velocity<3>{dv});
+  const Tick<SlaveClock> next{Instant<SlaveClock>{std::chrono::milliseconds{1}}, Seconds{1e-3}};
+  const Eigen::Vector3d moved = (one->sense(next).v - other->sense(next).v).vec();
+  EXPECT_LT((moved - std::exp(-kDamping / kMass * 1e-3) * dv).norm(), 1e-6 * dv.norm());
+}
+
+TEST(Hosted, HasTheVerdictsOfOurOwnPlant) {
+  const HostedRobot robot = open<3>(world());
+  for (const auto& [method, delay_ms, kind] : {std::tuple{"INTERNAL_MODEL", 20.0, "STABLE"},
+                                               {"INTERNAL_MODEL", 150.0, "STABLE"},
+                                               {"NONE", 100.0, "UNSTABLE"}}) {
+    const Scene of_method = scene(method, delay_ms);
+    EXPECT_EQ(run(of_method).verdict_kind(), kind) << method << delay_ms;
+    const Summary s = run(of_method, {.robot = &robot});
+    EXPECT_EQ(s.verdict_kind(), kind) << method << delay_ms << ": " << s.verdict();
+  }
+}
+
+TEST(Hosted, AWorldThatIsLostHasDiverged) {
+  // A motor of MuJoCo's own throws the tool away.
+  std::string xml = read_whole(world());
+  xml.insert(xml.find("</mujoco>"), "<actuator><general joint='x' biastype='affine' biasprm='0 0 1e9'/></actuator>");
+  xml.insert(xml.find(" axis=\"1 0 0\""), " name='x'");
+  write_whole(testing::TempDir() + "/lost.xml", xml);
+  const HostedRobot robot = open<3>(testing::TempDir() + "/lost.xml");
+  const Summary s = run(scene(), {.robot = &robot});
+  EXPECT_EQ(s.verdict_kind(), "UNSTABLE") << s.verdict();
+}
+
+TEST(Hosted, SweepsOverDelayTheSameWithAnyNumberOfJobsAndKnowsAnotherWorld) {
+  const HostedRobot robot = open<3>(world());
+  const std::string file = testing::TempDir() + "/press.textproto", out = testing::TempDir() + "/hosted_sweep";
+  write_whole(file, scene_text("INTERNAL_MODEL", 20.0));
+  SweepOptions o;
+  o.scene = file;
+  o.axes = {parse_axis("to_slave.delay_ms,to_master.delay_ms=0,50,150")};
+  o.robot = &robot;
+  o.verdict = VerdictFrom::lean;
+  const std::string alone = to_csv(sweep(o));
+  o.jobs = 2;
+  o.out = out;
+  EXPECT_EQ(to_csv(sweep(o)), alone);
+  EXPECT_EQ(std::count(alone.begin(), alone.end(), '\n'), 4);
+  EXPECT_EQ(sweep(o).use.alone.size(), 0U) << "kept";
+  const HostedRobot stiffer = open<3>(world(2.0 * kStiffness));
+  o.robot = &stiffer;
+  EXPECT_THROW(sweep(o), ConfigError);
+}
+
+TEST(Hosted, MapsMethodsOverRoundTrips) {
+  const HostedRobot robot = open<3>(world());
+  const std::string file = testing::TempDir() + "/press.textproto";
+  write_whole(file, scene_text("INTERNAL_MODEL", 20.0));
+  MapOptions o;
+  o.scene = file;
+  o.methods = {"NONE", "INTERNAL_MODEL"};
+  o.round_trips_ms = {200};
+  o.losses = {0.0};
+  o.seeds = 1;
+  o.robot = &robot;
+  EXPECT_THROW(make_map(o), ConfigError) << "its stiffness is its own";
+  o.stiffnesses_n_per_m = {0.0};
+  const Map map = make_map(o);
+  EXPECT_FALSE(map.cells[0].holds());
+  EXPECT_TRUE(map.cells[1].holds());
+}
+
+TEST(Hosted, RefusesScenesInWords) {
+  const HostedRobot robot = open<3>(world());
+  const auto why_not = [&](const std::string& text) -> std::string {
+    try {
+      run(parse_scene("name: 'it' duration_s: 1 rate_hz: 1000 device { mass_kg: 1 } " + text, "it"), {.robot = &robot});
+    } catch (const ConfigError& e) {
+      return e.what();
+    }
+    return "ran";
+  };
+  const auto expect = [&](const std::string& text, const std::string& words) {
+    const std::string error = why_not(text);
+    EXPECT_NE(error.find(words), std::string::npos) << error;
+    EXPECT_EQ(error.find("--robot mujoco:"), 0U) << error;
+  };
+  const std::string link = "control { architecture: POSITION_FORCE virtual_coupling { stiffness_n_per_m: 1000 } } ";
+  expect("dof: 3 control { architecture: RENDER }", "control.architecture has no link to a robot");
+  expect("dof: 1 robot { mass_kg: 1 } " + link, "was opened for another dof; the scene has 1");
+  expect(
+      "dof: 3 robot { mass_kg: 1 } gripper { object { width_m: 0.04 stiffness_n_per_m: 2000 } virtual_coupling { "
+      "stiffness_n_per_m: 1000 } } " +
+          link,
+      "the scene has a gripper");
+}
+
+}  // namespace
+}  // namespace twoport::lab
