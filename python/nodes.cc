@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "common/hardware/device.h"
+#include "common/hardware/modulated_transformer.h"
 #include "common/hardware/robot.h"
 #include "common/link/mailbox.h"
 #include "common/link/report.h"
@@ -183,13 +184,20 @@ class AnyMaster : public AnyNode {
   virtual MasterResult step(double t_s, const py::object& x, const py::object& v, const py::object& applied,
                             bool held) = 0;
   [[nodiscard]] virtual double observed_j() const = 0;
+  virtual void control(std::optional<bool> clutched, const std::optional<std::vector<int>>& locked,
+                       std::optional<double> motion, std::optional<double> force) = 0;
+  virtual void rehome() = 0;
+  [[nodiscard]] virtual bool rehomes() const = 0;
 };
 
 template <int N>
 class MasterOf final : public WithLink<N, AnyMaster> {
  public:
   explicit MasterOf(const Scene& s)
-      : WithLink<N, AnyMaster>{Side::master, s}, ticks_{s.master_rate_hz}, node_{s.control, s.schedule} {}
+      : WithLink<N, AnyMaster>{Side::master, s},
+        ticks_{s.master_rate_hz},
+        node_{s.control, s.schedule},
+        engage_s_{s.device_mount.engage_s} {}
   MasterResult step(double t_s, const py::object& x, const py::object& v, const py::object& applied,
                     bool held) override {
     Reading<DeviceSample<N>> device;
@@ -197,18 +205,49 @@ class MasterOf final : public WithLink<N, AnyMaster> {
     device.sample.v = Velocity<N>{numbers_from<N>(v, "v")};
     device.sample.applied = applied.is_none() ? command_ : Force<N>{numbers_from<N>(applied, "applied")};
     device.sample.held = held;
-    const auto out = run_cycle(node_, device, this->mail_, ticks_.at(t_s));
-    command_ = out.command;
-    return {to_array(out.command.vec()), to_array(out.wanted.vec()), this->take_sent(),
-            out.dissipated.si(),         out.undissipated.si(),      to_string(out.mode)};
+    const Tick<MasterClock> tick = ticks_.at(t_s);
+    DeviceTruth<N> truth;
+    if (works_) transformer_.step(device.sample, truth, false, tick.ended.si(), engage_s_);
+    const auto out = run_cycle(node_, device, this->mail_, tick);
+    command_ = works_ ? transformer_.to_hand(out.command) : out.command;
+    return {to_array(command_.vec()), to_array(out.wanted.vec()), this->take_sent(),
+            out.dissipated.si(),      out.undissipated.si(),      to_string(out.mode)};
   }
   [[nodiscard]] std::string mode() const override { return to_string(node_.mode()); }
   [[nodiscard]] double observed_j() const override { return node_.observed().si(); }
+  void control(std::optional<bool> clutched, const std::optional<std::vector<int>>& locked,
+               std::optional<double> motion, std::optional<double> force) override {
+    HandControls c = transformer_.controls();
+    if (clutched) c.clutched = *clutched;
+    if (locked) {
+      c.locked = 0;
+      for (const int axis : *locked) {
+        if (axis < 0 || axis >= N) throw ConfigError{fmt::format("locked: {}; an axis is 0 to {}", axis, N - 1)};
+        c.locked |= 1u << axis;
+      }
+    }
+    if (motion && !(*motion > 0.0 && *motion <= 1.0))
+      throw ConfigError{fmt::format("motion is {}; it must be above 0 and at most 1", *motion)};
+    if (force && !(*force >= 0.0 && *force <= 1.0))
+      throw ConfigError{fmt::format("force is {}; it must be 0 to 1", *force)};
+    c.motion = motion.value_or(c.motion);
+    c.force = force.value_or(c.force);
+    transformer_.set(c);
+    works_ = true;
+  }
+  void rehome() override {
+    transformer_.rehome();
+    works_ = true;
+  }
+  [[nodiscard]] bool rehomes() const override { return transformer_.rehomes(); }
 
  private:
   Ticks<MasterClock> ticks_;
   MasterNode<N> node_;
-  Force<N> command_;
+  ModulatedTransformer<N> transformer_;
+  double engage_s_;
+  bool works_ = false;  ///< from the first use of the transformer on
+  Force<N> command_;    ///< at the hand
 };
 
 class AnySlave : public AnyNode {
@@ -353,6 +392,20 @@ v: its velocity [m/s], dof 6: twist [m/s], [rad/s]
 applied: force held at the port since the last step [N]; None: the one returned then
 held: does the operator hold the handle?
 For numbers that are not finite it applies no force in this tick. Errors: ValueError.)")
+      .def(
+          "control", &AnyMaster::control, py::kw_only(), "clutched"_a = py::none(), "locked"_a = py::none(),
+          "motion"_a = py::none(), "force"_a = py::none(),
+          R"(Changes what is given, for the motion after the next step(), as the page's controls do; device_mount.engage_s of the scene is
+the ramp.
+
+clutched: the hand moves alone and feels nothing; the robot goes on pressing what it presses
+locked: axes of the master's world, from 0, that the robot keeps; [] for none
+motion: scale of translations, times the scene's, above 0 and at most 1
+force: scale of the force felt, times the scene's, 0 to 1
+Errors: ValueError; then nothing changes.)")
+      .def("rehome", &AnyMaster::rehome,
+           "Makes the hand's present pose the robot's: the set point yields until no force is left, 2 s at most.")
+      .def_property_readonly("rehomes", &AnyMaster::rehomes, "Does it re-home?")
       .def_property_readonly("observed_j", &AnyMaster::observed_j,
                              "Energy that the hand has put in so far, E(0) not included [J].");
 

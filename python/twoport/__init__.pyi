@@ -205,6 +205,17 @@ class MasterNode(Node):
     def step(
         self, t_s: float, x: ArrayLike, v: ArrayLike, *, applied: Optional[ArrayLike] = None, held: bool = True
     ) -> MasterOutput: ...
+    def control(
+        self,
+        *,
+        clutched: Optional[bool] = None,
+        locked: Optional[Sequence[int]] = None,
+        motion: Optional[float] = None,
+        force: Optional[float] = None,
+    ) -> None: ...
+    def rehome(self) -> None: ...
+    @property
+    def rehomes(self) -> bool: ...
     @property
     def observed_j(self) -> float: ...
 

@@ -653,6 +653,53 @@ class Nodes(unittest.TestCase):
         self.assertEqual(answer.message.x.shape, (7,))
         self.assertEqual(answer.force.shape, (6,))
 
+    def test_clutch_locks_and_scales_while_it_runs(self):
+        scene = twoport.load_scene(SCENES / "stiff_wall_50ms.textproto")
+        master, slave = twoport.MasterNode(scene), twoport.SlaveNode(scene)
+        rate, ticks, hand, robot, robot_v = master.rate_hz, 0, np.zeros(3), np.zeros(3), np.zeros(3)
+
+        def move(by):
+            """Along a line within 0.5 s, and a rest of as long; returns how far the robot has come."""
+            nonlocal ticks, hand, robot, robot_v
+            before, steps = robot, round(0.5 * rate)
+            for v in [np.array(by) / 0.5] * steps + [np.zeros(3)] * steps:
+                at_robot = slave.step(ticks / rate, robot, robot_v, ideal=True)
+                master.receive(at_robot.message)
+                hand = hand + v / rate
+                at_hand = master.step(ticks / rate, hand, v)
+                slave.receive(at_hand.message)
+                robot, robot_v, ticks = at_robot.x_d, at_robot.v_d, ticks + 1
+                if master_is_clutched:
+                    self.assertEqual(at_hand.force.tolist(), [0, 0, 0])
+            return robot - before
+
+        master_is_clutched = False
+        move([0, 0, 0])  # they couple
+        np.testing.assert_allclose(move([0.004, 0.002, 0]), [0.004, 0.002, 0], atol=1e-6)
+        master_is_clutched = True
+        master.control(clutched=True)
+        move([0, 0, 0])
+        np.testing.assert_allclose(move([0.05, 0.03, 0]), [0, 0, 0], atol=1e-6)
+        master_is_clutched = False
+        master.control(clutched=False, locked=[1], motion=0.5)
+        move([0, 0, 0])  # the ramp
+        np.testing.assert_allclose(move([0.004, 0.02, -0.002]), [0.002, 0, -0.001], atol=1e-6)
+        master.control(locked=[])
+        move([0, 0, 0])
+        np.testing.assert_allclose(move([0, 0.002, 0]), [0, 0.001, 0], atol=1e-6)
+        for wrong, words in (
+            ({"locked": [3]}, "locked: 3; an axis is 0 to 2"),
+            ({"motion": 0}, "motion is 0; it must be above 0 and at most 1"),
+            ({"force": math.nan, "clutched": True}, "force is nan; it must be 0 to 1"),
+        ):
+            with self.assertRaisesRegex(ValueError, words):
+                master.control(**wrong)
+        np.testing.assert_allclose(move([0, 0.002, 0]), [0, 0.001, 0], atol=1e-6)
+        master.rehome()
+        self.assertTrue(master.rehomes)
+        move([0, 0, 0])
+        self.assertFalse(master.rehomes)
+
     def test_messages_may_be_lost_repeated_and_reordered(self):
         scene = twoport.load_scene(SCENES / "one_axis_wall.textproto")
         master, slave = twoport.MasterNode(scene), twoport.SlaveNode(scene)
