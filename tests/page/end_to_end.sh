@@ -44,7 +44,7 @@ pids+=($!)
 wait_for 'page: http' "$work/master.log"
 url=$(grep -om1 'http://[^ ]*' "$work/master.log")
 export SLAVE_PID=${pids[0]} MASTER_PID=${pids[1]}
-node "$here/$script.mjs" "$url" "$chromium" "$modules" "$picture"
+node "$here/$script.mjs" "$url" "$chromium" "$modules" "$picture" || { tail -n 5 "$work"/*.log >&2; exit 1; }
 
 # It has killed the slave and ended the master.
 [ "$script" != states ] || { for pid in "${pids[@]}"; do wait "$pid" || true; done; pids=(); exit 0; }
