@@ -1,7 +1,5 @@
 #include "doctor/link.h"
 
-#include <fmt/format.h>
-
 #include <algorithm>
 #include <chrono>
 #include <deque>
@@ -10,6 +8,7 @@
 #include <vector>
 
 #include "common/base/check.h"
+#include "common/base/fmt.h"
 #include "common/platform/live_link.h"
 #include "common/platform/log.h"
 #include "common/platform/realtime.h"

@@ -2,6 +2,7 @@
 
 namespace twoport {
 
+template class LiveGripper<GripperMaster, 1>;
 template int run_master<1>(const Scene&, const LiveArguments&, const Registry&);
 
 }  // namespace twoport

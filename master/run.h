@@ -143,6 +143,11 @@ struct GripperMaster : Master<1> {
   Registration<1> registration;
 };
 
+// In link_N.cc.
+extern template class LiveGripper<GripperMaster, 1>;
+extern template class LiveGripper<GripperMaster, 3>;
+extern template class LiveGripper<GripperMaster, 6>;
+
 /// A virtual environment on the device, without a link: run_render.h, compiled in render_N.cc. Returns the exit status.
 template <int N>
 int run_render(const Scene& scene, MountedDevice<N>& device, const LiveArguments& arguments, LivePage* page,

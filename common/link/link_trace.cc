@@ -1,7 +1,5 @@
 #include "common/link/link_trace.h"
 
-#include <fmt/format.h>
-
 #include <algorithm>
 #include <array>
 #include <iterator>
@@ -9,6 +7,7 @@
 #include <utility>
 
 #include "common/base/check.h"
+#include "common/base/fmt.h"
 #include "common/base/text.h"
 
 namespace twoport {

@@ -1,7 +1,5 @@
 #pragma once
 
-#include <spdlog/logger.h>
-
 #include <limits>
 #include <memory>
 #include <optional>
@@ -12,6 +10,7 @@
 #include "common/base/print_error.h"
 #include "common/link/mailbox.h"
 #include "common/platform/live_recording.h"
+#include "common/platform/log.h"
 #include "common/platform/plot_stream.h"
 #include "common/platform/program.h"
 #include "common/platform/recorder.h"

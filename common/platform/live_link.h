@@ -1,7 +1,5 @@
 #pragma once
 
-#include <spdlog/logger.h>
-
 #include <algorithm>
 #include <atomic>
 #include <memory>
@@ -15,6 +13,7 @@
 #include "common/link/mailbox.h"
 #include "common/page/channel.h"
 #include "common/platform/key_file.h"
+#include "common/platform/log.h"
 #include "common/platform/program.h"
 #include "common/platform/random.h"
 #include "common/platform/recorder.h"

@@ -122,6 +122,9 @@ class LiveRecording {
   std::vector<Report<N>> received_;
   Duration met_at_{0};
 };
+extern template class LiveRecording<1>;
+extern template class LiveRecording<3>;
+extern template class LiveRecording<6>;
 
 /// `hardware`: what the driver says, a DeviceInfo or RobotInfo.
 template <class Info>

@@ -1,7 +1,6 @@
 #pragma once
 
 #include <fmt/format.h>
-#include <spdlog/logger.h>
 
 #include <algorithm>
 #include <chrono>
@@ -19,6 +18,7 @@
 #include "common/base/print_error.h"
 #include "common/hardware/status.h"
 #include "common/platform/live_recording.h"
+#include "common/platform/log.h"
 #include "common/platform/plot_stream.h"
 #include "common/platform/program.h"
 #include "common/platform/realtime.h"

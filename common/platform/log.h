@@ -4,6 +4,8 @@
 
 #include <string>
 
+#include "common/base/fmt.h"
+
 namespace twoport {
 
 /// An unregistered logger: lines on stderr with time, `program` and level, in colour on a terminal. Pass it by

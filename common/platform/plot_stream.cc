@@ -1,7 +1,5 @@
 #include "common/platform/plot_stream.h"
 
-#include <fmt/format.h>
-
 #include <cmath>
 #include <cstddef>
 #include <iterator>
@@ -9,6 +7,7 @@
 #include <string_view>
 
 #include "common/base/check.h"
+#include "common/base/fmt.h"
 #include "common/base/time.h"
 #include "common/platform/recorder.h"
 #include "common/record/columns.h"

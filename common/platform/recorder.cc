@@ -205,6 +205,9 @@ void Recorder<N>::log_change(const Entry& entry) {
   }
 }
 
+template class LiveRecording<1>;
+template class LiveRecording<3>;
+template class LiveRecording<6>;
 template class Recorder<1>;
 template class Recorder<3>;
 template class Recorder<6>;

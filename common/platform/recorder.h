@@ -1,7 +1,5 @@
 #pragma once
 
-#include <spdlog/logger.h>
-
 #include <array>
 #include <atomic>
 #include <cstdint>
@@ -11,6 +9,7 @@
 
 #include "common/base/ring.h"
 #include "common/platform/live_recording.h"
+#include "common/platform/log.h"
 #include "common/platform/plot_stream.h"
 #include "common/record/metrics.h"
 #include "common/record/trace.h"

@@ -1,9 +1,8 @@
 #include "common/record/trace.h"
 
-#include <fmt/format.h>
-
 #include <iterator>
 
+#include "common/base/fmt.h"
 #include "common/record/columns.h"
 
 namespace twoport {

@@ -1,6 +1,5 @@
 #include "common/record/trace_channel.h"
 
-#include <fmt/format.h>
 #include <google/protobuf/descriptor.h>
 #include <google/protobuf/descriptor.pb.h>
 #include <google/protobuf/io/coded_stream.h>
@@ -18,6 +17,7 @@
 #include "common/base/check.h"
 #include "common/base/earlier_file.h"
 #include "common/base/file.h"
+#include "common/base/fmt.h"
 #include "common/record/columns.h"
 
 namespace twoport {

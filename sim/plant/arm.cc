@@ -1,6 +1,5 @@
 #include "sim/plant/arm.h"
 
-#include <Eigen/Eigenvalues>
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -26,6 +25,20 @@ double determinant(const Eigen::LLT<Matrix6>& factors) noexcept {
   if (factors.info() != Eigen::Success) return 0.0;
   const double root = factors.matrixLLT().diagonal().prod();
   return root * root;
+}
+
+/// The inverse of the least eigenvalue of a positive definite matrix, by power iteration from below: for the length of steps. Eigen's
+/// solver of 6 and 7 rows takes 26 s to compile.
+template <int n>
+double inverse_of_least_eigenvalue(const Eigen::LLT<Eigen::Matrix<double, n, n>>& factors) noexcept {
+  Eigen::Matrix<double, n, 1> x = Eigen::Matrix<double, n, 1>::Ones() / std::sqrt(n);
+  double largest = 0.0;
+  for (int i = 0; i < 64; ++i) {
+    x = factors.solve(x);
+    largest = x.norm();
+    x /= largest;
+  }
+  return largest;
 }
 
 /// The tool with the hand's mass and inertia on it.
@@ -79,7 +92,8 @@ SerialArm<n>::SerialArm(const ArmSpec& arm, std::shared_ptr<const Environment<6>
   base_ = start.translation() - pose.tool;
   const Inertia M = model_.inertia(pose);
   const auto J = model_.jacobian(pose);
-  mobility_ = J * M.llt().solve(J.transpose());
+  const Eigen::LLT<Inertia> inertia{M};
+  mobility_ = J * inertia.solve(J.transpose());
   regular_ = kSingular * determinant(mobility_.llt());
   // Rates of the fastest motions, for the length of steps: the tool on all that it may touch, and the joints' damping and stops.
   double stiffness = 0.0, damping = 0.0;
@@ -96,7 +110,7 @@ SerialArm<n>::SerialArm(const ArmSpec& arm, std::shared_ptr<const Environment<6>
                       point.squaredNorm() * largest_eigenvalue(mobility_.bottomRightCorner<3, 3>());
     all_points += point_mobility_;
   }
-  const double joints = 1.0 / Eigen::SelfAdjointEigenSolver<Inertia>{M, Eigen::EigenvaluesOnly}.eigenvalues()[0];
+  const double joints = inverse_of_least_eigenvalue<n>(inertia);
   rate_ = std::max({std::sqrt(stiffness * all_points), damping * all_points,
                     (damping_.maxCoeff() + arm_.null_space_damping_n_m_s_per_rad) * joints,
                     std::sqrt(kStopStiffness * joints)});
