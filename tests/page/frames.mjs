@@ -25,7 +25,7 @@ await context.addInitScript(() => {
 await run(async () => {
   await until('both sides wait for a hand', async () => (await text('slave-mode')) === 'slave: waiting for a hand', 60000);
   await until('it is drawn as solids', async () => (await page.locator('#picture').getAttribute('data-solid')) === 'true');
-  await page.locator('#fit').click(); // all of it is drawn
+  await page.locator('#fit').evaluate((b) => b.click()); // all of it is drawn; a click would wait for frames
   const devtools = await context.newCDPSession(page);
   await devtools.send('Performance.enable', { timeDomain: 'threadTicks' });
   const now = async () => {
