@@ -65,7 +65,7 @@ CC
 cp proto/field.proto "$work/proto/"
 "$protoc" --proto_path="$work" --cpp_out="$work" proto/scene.proto proto/field.proto
 objects=0
-for file in "$work/proto/scene.pb.cc" "$work/proto/field.pb.cc" common/base/text.cc common/scene/control.cc common/scene/find.cc \
+for file in "$work/proto/scene.pb.cc" "$work/proto/field.pb.cc" common/scene/control.cc common/scene/find.cc \
   common/scene/reader.cc common/scene/text.cc common/method/{catalogue,dof_3}.cc common/hardware/transparency_process.cc common/hardware/plugin_trial.cc \
   "$work/main.cc"; do
   objects=$((objects + 1))
