@@ -88,7 +88,7 @@ TEST(Evdev, DisplaysByAConstantForceElseByRumble) {
 
 TEST(Evdev, ClosesAGripperByATriggerFromEndToEnd) {
   Stick pad;
-  for (const unsigned code : {ABS_RX, ABS_RY}) pad.axis(code, -100, 100, 0);
+  for (const unsigned code : {unsigned{ABS_RX}, unsigned{ABS_RY}}) pad.axis(code, -100, 100, 0);
   pad.axis(ABS_Z, 0, 255, 5);
   const StickGripper g = stick_gripper(pad.d.get());
   ASSERT_EQ(g.trigger, static_cast<unsigned>(ABS_Z));
