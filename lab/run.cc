@@ -32,7 +32,8 @@ namespace {
 /// largest ∫|f| dt, f the environment's force: an integral, as a robot that bounces presses now and then.
 ///
 /// - Held: the end of a segment in whose second half something was touched; the integral is over the segment.
-/// - Passed: a station of a segment; the integral is over the last quarter of the way from the station before.
+/// - Passed: a station of a segment; the integral is from the last quarter of the way to it to that of the way to the next one: the robot
+///   comes a delay and a lag later. After the last one it ends in the middle of the next segment.
 template <int N>
 class ContactStates {
  public:
@@ -53,32 +54,39 @@ class ContactStates {
   void begin(const Part& part) {
     looks_from_s_ = part.looks_from_s();
     quarter_s_ = part.quarter_s();
+    ends_at_station_ = part.ends_at_station;
     looks_ = 0;
   }
   /// A tick of the run.
   void add(const Row<N>& row) {
     const double f2 = row.env_f.squared_norm();
     if (f2 == 0.0) return;
-    if (row.t_s >= quarter_s_ && !in_quarter_) [[unlikely]] {
-      in_quarter_ = true;
-      looks_ = 0;
-      before_quarter_ = pressed_;
-    }
+    if (row.t_s >= quarter_s_ && !in_quarter_) [[unlikely]]
+      begin_quarter();
     pressed_ += std::sqrt(f2);
-    if (row.t_s < looks_from_s_) return;
+    if (row.t_s < looks_from_s_ && !station_) return;
     // The set is seen at every eighth tick of contact: a contact lasts longer, or comes again.
     if (looks_++ % 8 == 0) see_surfaces(rendered_ ? row.master_x : row.slave_x);
   }
   void end(const Part& part, const Simulation<N>& now, bool last) {
-    if (part.late) of_segment_ |= of_part_ | of_quarter_;
-    const auto copy = [&] { return last ? nullptr : now.copy(); };
-    if (part.ends_segment) {
-      if (of_segment_ != 0) keep(held_, of_segment_, pressed_, part.until_s, copy);
-      pressed_ = 0.0;
-      of_segment_ = 0;
-    } else if (of_quarter_ != 0 && part.ends_at_station) {
-      keep(passed_, of_quarter_, pressed_ - before_quarter_, part.until_s, copy);
+    if (!in_quarter_) begin_quarter();
+    if (station_) {
+      station_->surfaces |= of_part_ | of_quarter_;
+      if (is_left_) settle();
     }
+    if (part.late) of_segment_ |= of_part_ | of_quarter_;
+    if (part.ends_segment) {
+      if (of_segment_ != 0)
+        keep(held_, {of_segment_, pressed_ - before_segment_, part.until_s, nullptr},
+             [&] { return last ? nullptr : now.copy(); });
+      before_segment_ = pressed_;
+      of_segment_ = 0;
+      is_left_ = true;
+    } else if (part.ends_at_station) {
+      station_ = State{of_quarter_, before_quarter_, part.until_s, now.copy()};
+      is_left_ = false;
+    }
+    if (last) settle();
     of_part_ = of_quarter_ = 0;
     in_quarter_ = false;
   }
@@ -91,18 +99,36 @@ class ContactStates {
   }
 
  private:
+  void begin_quarter() {
+    in_quarter_ = true;
+    looks_ = 0;
+    if (ends_at_station_ && station_) {
+      station_->surfaces |= of_part_;
+      settle();
+    }
+    before_quarter_ = pressed_;
+  }
+  /// What was touched since the last quarter before the last station is known.
+  void settle() {
+    if (!station_) return;
+    const State& s = *station_;
+    if (s.surfaces != 0)
+      keep(passed_, {s.surfaces, pressed_ - s.pressed, s.at_s, nullptr}, [&] { return std::move(station_->at); });
+    station_.reset();
+  }
   template <class Copy>
-  static void keep(std::vector<State>& states, std::uint64_t surfaces, double pressed, double at_s, Copy copy) {
-    auto same = std::find_if(states.begin(), states.end(), [&](const State& s) { return s.surfaces == surfaces; });
+  static void keep(std::vector<State>& states, State state, Copy copy) {
+    auto same =
+        std::find_if(states.begin(), states.end(), [&](const State& s) { return s.surfaces == state.surfaces; });
     if (same == states.end()) {
       if (states.size() < kMost) {
-        same = states.insert(states.end(), State{surfaces, 0.0, 0.0, nullptr});
+        same = states.insert(states.end(), State{state.surfaces, 0.0, 0.0, nullptr});
       } else {
         same = std::min_element(states.begin(), states.end(),
                                 [](const State& a, const State& b) { return a.pressed < b.pressed; });
       }
     }
-    if (pressed > same->pressed) *same = {surfaces, pressed, at_s, copy()};
+    if (state.pressed > same->pressed) *same = {state.surfaces, state.pressed, state.at_s, copy()};
   }
   [[gnu::noinline]] void see_surfaces(const Position<N>& x) {
     std::uint64_t& seen = in_quarter_ ? of_quarter_ : of_part_;
@@ -113,13 +139,16 @@ class ContactStates {
   }
 
   Environment<N> environment_;
-  bool rendered_, in_quarter_ = false;
+  bool rendered_, in_quarter_ = false, ends_at_station_ = false;
   std::size_t kinds_;  ///< surfaces and springs
   double looks_from_s_ = 0.0, quarter_s_ = 0.0;
-  double pressed_ = 0.0, before_quarter_ = 0.0;  ///< in the segment, and before the last quarter of the part
+  double pressed_ = 0.0, before_quarter_ = 0.0,
+         before_segment_ = 0.0;  ///< so far, before the last quarter of the part, before the segment
   std::uint64_t looks_ = 0;
   std::uint64_t of_part_ = 0, of_quarter_ = 0,
                 of_segment_ = 0;  ///< sets: before the last quarter of the part, in it, all that is late
+  std::optional<State> station_;  ///< the last one, until it is known what was touched; `pressed` is what was before it
+  bool is_left_ = false;          ///< its segment has ended
   std::vector<State> held_, passed_;
 };
 

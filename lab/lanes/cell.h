@@ -169,27 +169,34 @@ class Cell {
       const RunPart& part = parts_[part_];
       if (k >= part.quarter && !in_quarter_) {
         in_quarter_ = true;
-        pressed_before_ = t.pressed;
         of_part_ = std::exchange(t.touched, 0.0) != 0.0;
         t.late_ticks = 0.0;
+        if (part.of.ends_at_station) settle(of_part_);
+        pressed_before_ = t.pressed;
       }
       if (k < part.until) break;
-      const bool of_quarter = std::exchange(t.touched, 0.0) != 0.0;
-      const auto keep_more = [&](Kept& kept, double pressed) {
-        if (!(pressed > kept.pressed)) return;
-        kept = {pressed, part.of.until_s, {}};
-        if (part.of.until_s >= end_s_) return;
-        snapshot();
-        kept.at.emplace(now);
-      };
+      const bool of_quarter = std::exchange(t.touched, 0.0) != 0.0, last = part.of.until_s >= end_s_;
+      station_touched_ = station_touched_ || of_part_ || of_quarter;
+      if (is_left_) settle(false);
       if (part.of.late) of_segment_ = of_segment_ || of_part_ || of_quarter;
       if (part.of.ends_segment) {
-        if (of_segment_) keep_more(held_, t.pressed);
-        t.pressed = 0.0;
+        if (const double pressed = t.pressed - before_segment_; of_segment_ && pressed > held_.pressed) {
+          held_ = {pressed, part.of.until_s, {}};
+          if (!last) {
+            snapshot();
+            held_.at.emplace(now);
+          }
+        }
+        before_segment_ = t.pressed;
         of_segment_ = false;
-      } else if (of_quarter && part.of.ends_at_station) {
-        keep_more(passed_, t.pressed - pressed_before_);
+        is_left_ = true;
+      } else if (part.of.ends_at_station) {
+        snapshot();
+        station_ = {pressed_before_, part.of.until_s, now};
+        station_touched_ = of_quarter;
+        is_left_ = false;
       }
+      if (last) settle(false);
       of_part_ = in_quarter_ = false;
       t.late_ticks = 0.0;
       ++part_;
@@ -524,8 +531,15 @@ class Cell {
     std::sort(stops_.begin(), stops_.end());
     stops_.erase(std::unique(stops_.begin(), stops_.end()), stops_.end());
   }
+  /// What was touched around the last station is known.
+  void settle(bool touched) {
+    if (const double pressed = t.pressed - station_.pressed;
+        station_.at && (station_touched_ || touched) && pressed > passed_.pressed)
+      passed_ = {pressed, station_.at_s, std::move(station_.at)};
+    station_.at.reset();
+  }
   void set_flags(std::int64_t k) {
-    p.late = part_ < parts_.size() && k >= parts_[part_].looks ? 1.0 : 0.0;
+    p.late = part_ < parts_.size() && (k >= parts_[part_].looks || station_.at) ? 1.0 : 0.0;
     p.at_rest = 0.0;
     for (const auto& [from, to] : rests_)
       if (k >= from && k < to) p.at_rest = 1.0;
@@ -589,9 +603,9 @@ class Cell {
   std::array<double, 2 * N> early_{};
   bool has_early_ = false, failed_ = false, judged_ = false;
   std::optional<double> held_ratio_;
-  double pressed_before_ = 0.0;
-  bool in_quarter_ = false, of_part_ = false, of_segment_ = false;
-  Kept held_, passed_;
+  double pressed_before_ = 0.0, before_segment_ = 0.0;
+  bool in_quarter_ = false, of_part_ = false, of_segment_ = false, station_touched_ = false, is_left_ = false;
+  Kept station_, held_, passed_;   ///< station_: `pressed` is what was before it
   const Kept* judging_ = nullptr;  ///< null: the end of the run
   const Snapshot<N>* from_ = nullptr;
   std::optional<Metrics<N>> metrics_;

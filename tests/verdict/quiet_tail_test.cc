@@ -229,6 +229,24 @@ TEST(Verdict, FromTheRunItselfCountsARestFromTheLastMotionOn) {
   EXPECT_EQ(holds.verdict_kind(), "UNSTABLE") << holds.verdict();
 }
 
+// The robot comes 150 ms after the hand: it touches the wall when the hand is on its way back.
+TEST(Verdict, CountsAContactThatTheDelayMakesLate) {
+  const Summary s = run(parse_scene(R"(
+dof: 1 duration_s: 2.5 rate_hz: 1000
+operator { hand { mass_kg: 0.05 stiffness_n_per_m: 2000 damping_n_s_per_m: 15 }
+  path { sine { axis: 0 amplitude_m: 0.03 frequency_hz: 1 duration_s: 2 } } }
+device { mass_kg: 0.05 damping_n_s_per_m: 0.5 }
+control { architecture: POSITION_MEASURED_FORCE virtual_coupling { stiffness_n_per_m: 2000 damping_n_s_per_m: 30 }
+  passivity { method: NONE } }
+to_slave { delay_ms: 150 } to_master { delay_ms: 150 }
+robot { mass_kg: 0.3 damping_n_s_per_m: 2 force_sensor { } }
+environment { wall { normal: [-1] offset_m: -0.024 stiffness_n_per_m: 3000 } }
+)",
+                                    "late"));
+  EXPECT_EQ(s.verdict_kind(), "UNSTABLE") << s.verdict();
+  EXPECT_NE(s.verdict().find("held in contact"), std::string::npos) << s.verdict();
+}
+
 // A wrench that turns nothing as long as the run lasts, and turns the handle a little in the tail, decaying: what was at rest has
 // the speed of the other kind of motion as its measure.
 TEST(Verdict, CallsAnAxisThatBeginsToMoveInTheTailNotDiverged) {
