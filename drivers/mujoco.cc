@@ -1,3 +1,4 @@
+#include <fmt/format.h>
 #include <mujoco/mujoco.h>
 
 #include <Eigen/Geometry>
@@ -21,6 +22,7 @@ using Eigen::Vector3d;
 using Vector6 = Eigen::Matrix<double, 6, 1>;
 
 constexpr Seconds kWatchdog{0.1};
+constexpr double kLeastStep = 1e-5, kLongestStep = 0.02;  // of a world [s]
 constexpr double kMostBehind = 0.1;  // that is made good in one tick [s]; a world slower than the clock runs slow
 
 [[noreturn]] void refuse(const std::string& arguments, const std::string& words) {
@@ -36,6 +38,7 @@ Arguments parse(const std::string& text) {
   Arguments a{text.substr(0, comma), comma == text.npos ? "" : text.substr(comma + 6)};
   if (a.file.empty() || (comma != text.npos && a.site.empty()))
     refuse(text, "name a model and, where it has several sites, the tool's: mujoco:FILE.xml,site=NAME");
+  if (a.file.find(',') != a.file.npos) refuse(text, "after the comma stands site=NAME, once");
   return a;
 }
 
@@ -145,7 +148,11 @@ class World {
       std::replace(words.begin(), words.end(), '\n', ' ');
       refuse(arguments, words);
     }
-    return {model, [](const mjModel* m) { mj_deleteModel(const_cast<mjModel*>(m)); }};
+    std::shared_ptr<const mjModel> loaded{model, [](const mjModel* m) { mj_deleteModel(const_cast<mjModel*>(m)); }};
+    if (const double h = loaded->opt.timestep; !(h >= kLeastStep && h <= kLongestStep))
+      refuse(arguments,
+             fmt::format("its timestep is {:g} s; it must be between {:g} and {:g}", h, kLeastStep, kLongestStep));
+    return loaded;
   }
   void choose_tool(const std::string& arguments, const std::string& site) {
     const auto list = [this](int count, const int* names) {

@@ -133,6 +133,11 @@ TEST_F(Mujoco, RefusesModelsInWords) {
   expect(model(kSphere), "no body of the model moves");
   expect(model(kSlides + kSphere, "<body><freejoint/><geom size='0.1'/></body>"),
          "several bodies that move; put a site on the tool");
+  expect(model(kSlides + kSphere) + ",sites=tip", "after the comma stands site=NAME, once");
+  write_whole(
+      testing::TempDir() + "/slow.xml",
+      "<mujoco><option timestep='1'/><worldbody><body><freejoint/><geom size='0.1'/></body></worldbody></mujoco>");
+  expect(testing::TempDir() + "/slow.xml", "its timestep is 1 s; it must be between 1e-05 and 0.02");
   write_whole(testing::TempDir() + "/bad.xml", "<mujoco><worldbody><geom type='ball'/></worldbody></mujoco>");
   expect(testing::TempDir() + "/bad.xml", "ball");
 }
