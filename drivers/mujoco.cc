@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <filesystem>
 #include <memory>
 #include <string>
 #include <vector>
@@ -60,15 +61,7 @@ class State {
 /// A model of MuJoCo and a tool in it: a site, or the origin of the only body that moves.
 class World {
  public:
-  explicit World(const std::string& arguments) : model_{load(arguments)}, data_{*model_} {
-    choose_tool(arguments, parse(arguments).site);
-    mj_forward(model_.get(), data_.get());
-    for (int body = 0; body < model_->nbody; ++body) {
-      int at = body;
-      while (at != 0 && at != body_) at = model_->body_parentid[at];
-      of_tool_.push_back(at == body_);
-    }
-  }
+  explicit World(const std::string& arguments) : World{arguments, parse(arguments)} {}
 
   [[nodiscard]] std::string name() const { return std::string{"MuJoCo: "} + model_->names; }
   /// Of the tool's point by the joints: translation first, world axes.
@@ -138,15 +131,27 @@ class World {
   }
 
  private:
-  static std::shared_ptr<const mjModel> load(const std::string& arguments) {
+  World(const std::string& arguments, const Arguments& a) : model_{load(arguments, a.file)}, data_{*model_} {
+    choose_tool(arguments, a.site);
+    mj_forward(model_.get(), data_.get());
+    for (int body = 0; body < model_->nbody; ++body) {
+      int at = body;
+      while (at != 0 && at != body_) at = model_->body_parentid[at];
+      of_tool_.push_back(at == body_);
+    }
+  }
+
+  static std::shared_ptr<const mjModel> load(const std::string& arguments, const std::string& file) {
+    std::error_code none;
+    if (!std::filesystem::is_regular_file(file, none))
+      refuse(arguments, "there is no such file; give the path of a model in MJCF or URDF");
     mju_user_warning = [](const char*) {};  // it would write a file; warnings are counted too
     std::array<char, 1000> error{};
-    mjModel* const model =
-        mj_loadXML(parse(arguments).file.c_str(), nullptr, error.data(), static_cast<int>(error.size()));
+    mjModel* const model = mj_loadXML(file.c_str(), nullptr, error.data(), static_cast<int>(error.size()));
     if (model == nullptr) {
       std::string words{error.data()};
       std::replace(words.begin(), words.end(), '\n', ' ');
-      refuse(arguments, words);
+      refuse(arguments, "MuJoCo cannot read it: " + words);
     }
     std::shared_ptr<const mjModel> loaded{model, [](const mjModel* m) { mj_deleteModel(const_cast<mjModel*>(m)); }};
     if (const double h = loaded->opt.timestep; !(h >= kLeastStep && h <= kLongestStep))

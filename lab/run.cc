@@ -18,6 +18,7 @@
 #include "common/record/metrics.h"
 #include "common/record/trace.h"
 #include "lab/both_couplings.h"
+#include "lab/engine/contact_states.h"
 #include "lab/engine/hosted.h"
 #include "lab/engine/quiet_tail.h"
 #include "lab/engine/recording.h"
@@ -28,139 +29,70 @@
 namespace twoport::lab {
 namespace {
 
-/// States of a run in contact, to be judged beside its last one; of those that touch the same set of surfaces the one with the
-/// largest ∫|f| dt, f the environment's force: an integral, as a robot that bounces presses now and then.
-///
-/// - Held: the end of a segment in whose second half something was touched; the integral is over the segment.
-/// - Passed: a station of a segment; the integral is from the last quarter of the way to it to that of the way to the next one: the robot
-///   comes a delay and a lag later. After the last one it ends in the middle of the next segment.
+/// What the rows of a run touch, and its states in contact.
 template <int N>
-class ContactStates {
+class Contacts {
  public:
-  static constexpr std::size_t kMost = 8;  ///< sets of surfaces, of each kind; those that were pressed most
+  using States = ContactStates<std::unique_ptr<Simulation<N>>>;
 
-  struct State {
-    std::uint64_t surfaces;  ///< bit i: surface i, modulo 64
-    double pressed;          ///< ∫|f| dt / T
-    double at_s;
-    std::unique_ptr<Simulation<N>> at;  ///< null: the end of the scene
-  };
-
-  explicit ContactStates(const Scene& scene)
+  explicit Contacts(const Scene& scene)
       : environment_{scene.environment, scene.tool},
         rendered_{scene.control.architecture == Architecture::render},
         kinds_{environment_.world().surfaces.size() + environment_.world().springs.size()} {}
 
   void begin(const Part& part) {
-    looks_from_s_ = part.looks_from_s();
-    quarter_s_ = part.quarter_s();
-    ends_at_station_ = part.ends_at_station;
+    part_ = part;
     looks_ = 0;
+    in_quarter_ = false;
   }
   /// A tick of the run.
   void add(const Row<N>& row) {
     const double f2 = row.env_f.squared_norm();
     if (f2 == 0.0) return;
-    if (row.t_s >= quarter_s_ && !in_quarter_) [[unlikely]]
+    if (row.t_s >= part_.quarter_s() && !in_quarter_) [[unlikely]]
       begin_quarter();
     pressed_ += std::sqrt(f2);
-    if (row.t_s < looks_from_s_ && !station_) return;
+    if (row.t_s < part_.looks_from_s() && !states_.waits()) return;
     // The set is seen at every eighth tick of contact: a contact lasts longer, or comes again.
     if (looks_++ % 8 == 0) see_surfaces(rendered_ ? row.master_x : row.slave_x);
   }
-  void end(const Part& part, const Simulation<N>& now, bool last) {
+  /// The part ends.
+  void end(const Simulation<N>& now, bool last) {
     if (!in_quarter_) begin_quarter();
-    if (station_) {
-      station_->surfaces |= of_part_ | of_quarter_;
-      if (is_left_) settle();
-    }
-    if (part.late) of_segment_ |= of_part_ | of_quarter_;
-    if (part.ends_segment) {
-      if (of_segment_ != 0)
-        keep(held_, {of_segment_, pressed_ - before_segment_, part.until_s, nullptr},
-             [&] { return last ? nullptr : now.copy(); });
-      before_segment_ = pressed_;
-      of_segment_ = 0;
-      is_left_ = true;
-    } else if (part.ends_at_station) {
-      station_ = State{of_quarter_, before_quarter_, part.until_s, now.copy()};
-      is_left_ = false;
-    }
-    if (last) settle();
-    of_part_ = of_quarter_ = 0;
-    in_quarter_ = false;
+    states_.end(part_, std::exchange(seen_, 0), pressed_, last, [&] { return now.copy(); });
   }
-  /// Those to be judged.
-  [[nodiscard]] std::vector<const State*> all() const {
-    std::vector<const State*> states;
-    for (const auto* kind : {&held_, &passed_})
-      for (const State& s : *kind) states.push_back(&s);
-    return states;
-  }
+  [[nodiscard]] const States& states() const { return states_; }
 
  private:
   void begin_quarter() {
     in_quarter_ = true;
     looks_ = 0;
-    if (ends_at_station_ && station_) {
-      station_->surfaces |= of_part_;
-      settle();
-    }
-    before_quarter_ = pressed_;
-  }
-  /// What was touched since the last quarter before the last station is known.
-  void settle() {
-    if (!station_) return;
-    const State& s = *station_;
-    if (s.surfaces != 0)
-      keep(passed_, {s.surfaces, pressed_ - s.pressed, s.at_s, nullptr}, [&] { return std::move(station_->at); });
-    station_.reset();
-  }
-  template <class Copy>
-  static void keep(std::vector<State>& states, State state, Copy copy) {
-    auto same =
-        std::find_if(states.begin(), states.end(), [&](const State& s) { return s.surfaces == state.surfaces; });
-    if (same == states.end()) {
-      if (states.size() < kMost) {
-        same = states.insert(states.end(), State{state.surfaces, 0.0, 0.0, nullptr});
-      } else {
-        same = std::min_element(states.begin(), states.end(),
-                                [](const State& a, const State& b) { return a.pressed < b.pressed; });
-      }
-    }
-    if (state.pressed > same->pressed) *same = {state.surfaces, state.pressed, state.at_s, copy()};
+    states_.begin_quarter(part_, std::exchange(seen_, 0), pressed_);
   }
   [[gnu::noinline]] void see_surfaces(const Position<N>& x) {
-    std::uint64_t& seen = in_quarter_ ? of_quarter_ : of_part_;
     environment_.for_each_contact(x, Velocity<N>{}, [&](const ContactPort<N>& c) {
       const std::size_t kind = static_cast<std::size_t>(c.index) % kinds_;
-      if (kind < environment_.world().surfaces.size()) seen |= std::uint64_t{1} << (kind % 64);
+      if (kind < environment_.world().surfaces.size()) seen_ |= std::uint64_t{1} << (kind % 64);
     });
   }
 
   Environment<N> environment_;
-  bool rendered_, in_quarter_ = false, ends_at_station_ = false;
+  bool rendered_, in_quarter_ = false;
   std::size_t kinds_;  ///< surfaces and springs
-  double looks_from_s_ = 0.0, quarter_s_ = 0.0;
-  double pressed_ = 0.0, before_quarter_ = 0.0,
-         before_segment_ = 0.0;  ///< so far, before the last quarter of the part, before the segment
-  std::uint64_t looks_ = 0;
-  std::uint64_t of_part_ = 0, of_quarter_ = 0,
-                of_segment_ = 0;  ///< sets: before the last quarter of the part, in it, all that is late
-  std::optional<State> station_;  ///< the last one, until it is known what was touched; `pressed` is what was before it
-  bool is_left_ = false;          ///< its segment has ended
-  std::vector<State> held_, passed_;
+  Part part_;
+  double pressed_ = 0.0;  ///< ∫|f| dt / T so far
+  std::uint64_t looks_ = 0, seen_ = 0;
+  States states_;
 };
 
 /// The verdict of the loop as the scene leaves it, and in the other states: the worst.
 template <int N>
-TailVerdict judge_all(const Simulation<N>& at_end, const ContactStates<N>& states, const Scene& scene,
+TailVerdict judge_all(const Simulation<N>& at_end, const Contacts<N>& contacts, const Scene& scene,
                       const MotionScale& scale, TwinUse twin) {
   TailVerdict worst = judge_tail(at_end, scene, scale, twin);
-  for (const auto* state : states.all()) {
+  for (const auto* state : contacts.states().all()) {
     if (worst.verdict.kind == VerdictKind::unstable) break;
-    if (!state->at) continue;
-    const TailVerdict held = judge_tail(*state->at, scene, scale, twin);
+    const TailVerdict held = judge_tail(**state->at, scene, scale, twin);
     worst.ticks += held.ticks;
     keep_worse(worst.verdict, held.verdict, state->at_s);
   }
@@ -172,7 +104,8 @@ CountedRun run_as(Simulation<N>& simulation, const Scene& scene, const RunOption
                   LabRecording<N>* recording) {
   const bool alone = scene.control.architecture == Architecture::uncontrolled;
   const bool link = simulation.link().has_value();
-  const VerdictFrom from = has_plugin(scene) ? VerdictFrom::plain : options.verdict;
+  const bool plugin = has_plugin(scene);
+  const VerdictFrom from = plugin ? VerdictFrom::plain : options.verdict;
   Metrics<N> metrics = metrics_of<N>(scene, link, simulation.quiet_from_s(), simulation.initial_energy().si(),
                                      from == VerdictFrom::plain);
   std::optional<Trace<N>> trace;
@@ -184,8 +117,14 @@ CountedRun run_as(Simulation<N>& simulation, const Scene& scene, const RunOption
     if (options.table != nullptr) options.table->add(row);
     if (recording != nullptr) recording->add(row);
   };
+  // A link that falls silent is held before it is released.
+  Mode mode = Mode::idle;
+  std::optional<double> failed_at_s;
+  const auto watch_plugin = [&](const Row<N>& row) __attribute__((noinline)) {
+    if (std::exchange(mode, row.mode) == Mode::coupled && mode == Mode::released && !failed_at_s) failed_at_s = row.t_s;
+  };
   bool goes_on = true;
-  ContactStates<N> contact_states{scene};
+  Contacts<N> contacts{scene};
   std::uint64_t ticks = 0;
   std::chrono::duration<double, std::nano> spent{0};
   // Springs alone answer the same wherever the robot is.
@@ -194,17 +133,19 @@ CountedRun run_as(Simulation<N>& simulation, const Scene& scene, const RunOption
   const double end_s = to_seconds(simulation.end()).si();
   std::uint64_t rows = 0;
   for (const Part& part : probes ? parts(simulation.segment_times(), end_s) : std::vector{Part{.until_s = end_s}}) {
-    contact_states.begin(part);
+    contacts.begin(part);
     const auto start = ThreadClock::now();
     ticks += simulation.run_until(to_duration(part.until_s), [&](const Row<N>& row) {
       if (is_kept && rows++ % options.trace_every == 0) [[unlikely]]
         keep(row);
-      if (probes) contact_states.add(row);
+      if (probes) contacts.add(row);
+      if (plugin) [[unlikely]]
+        watch_plugin(row);
       return goes_on = metrics.add(row);
     });
     spent += ThreadClock::now() - start;
     if (!goes_on) break;
-    if (probes) contact_states.end(part, simulation, part.until_s >= end_s);
+    if (probes) contacts.end(simulation, part.until_s >= end_s);
   }
 
   Summary s;
@@ -213,11 +154,15 @@ CountedRun run_as(Simulation<N>& simulation, const Scene& scene, const RunOption
   s.set_step_ns(spent.count() / static_cast<double>(std::max<std::uint64_t>(ticks, 1)));
   const RunJudge<N>& judge = metrics.judge();
   if (tails && !judge.diverged() && judge.not_judged().empty()) {
-    const TailVerdict judged = judge_all(simulation, contact_states, scene, judge.scale(),
+    const TailVerdict judged = judge_all(simulation, contacts, scene, judge.scale(),
                                          from == VerdictFrom::lean ? TwinUse::under_control : TwinUse::always);
     set_verdict(judged.verdict, s);
     ticks += judged.ticks;
   }
+  if (failed_at_s && !judge.diverged())
+    set_verdict({VerdictKind::undecided,
+                 fmt::format("undecided: the plug-in failed at {:.2f} s, after which there is no force", *failed_at_s)},
+                s);
   say_if_coupling_feeds(s, scene.control.initial_energy);
   if (const std::optional<LinkUse> use = simulation.link()) {
     fill_link(s, *use, scene);

@@ -97,7 +97,7 @@ struct State {
   InternalModel<S, N> model;  ///< the last member: copied for that method only
 };
 
-/// Sums of Metrics, RunJudge, ContactFigures, HeldForce and ContactStates.
+/// Sums of Metrics, RunJudge, ContactFigures, HeldForce and Contacts.
 template <class S, int N>
 struct Sums {
   S min_energy, min_observed, min_two_port, min_robot, robot_force2, robot_speed2, owed, dissipated, corrected_ticks;
@@ -152,7 +152,7 @@ struct Batch {
   bool keeps_deficit;                   ///< not as published
   bool measured, drift_compensation, hand, wall;
   int substeps;       ///< Runge-Kutta steps of a tick; 0: exact maps
-  bool keeps_states;  ///< run: ContactStates are wanted
+  bool keeps_states;  ///< run: states in contact are wanted
   int springs;
   // Made from the parameters whenever a lane has been filled.
   bool lossy[2], bursts[2], one_lag[2], together;

@@ -18,6 +18,7 @@
 #include "common/passivity/velocity_predictor.h"
 #include "common/record/metrics.h"
 #include "common/record/run_judge.h"
+#include "lab/engine/contact_states.h"
 #include "lab/engine/summary_parts.h"
 #include "lab/engine/tail_judge.h"
 #include "lab/lanes/batch.h"
@@ -164,41 +165,18 @@ class Cell {
       std::copy_n(t.speed, 2 * N, early_.begin());
       has_early_ = true;
     }
-    // As ContactStates of lab/run.cc, of one surface.
     while (part_ < parts_.size()) {
       const RunPart& part = parts_[part_];
       if (k >= part.quarter && !in_quarter_) {
         in_quarter_ = true;
-        of_part_ = std::exchange(t.touched, 0.0) != 0.0;
-        t.late_ticks = 0.0;
-        if (part.of.ends_at_station) settle(of_part_);
-        pressed_before_ = t.pressed;
+        states_.begin_quarter(part.of, take_touched(), t.pressed);
       }
       if (k < part.until) break;
-      const bool of_quarter = std::exchange(t.touched, 0.0) != 0.0, last = part.of.until_s >= end_s_;
-      station_touched_ = station_touched_ || of_part_ || of_quarter;
-      if (is_left_) settle(false);
-      if (part.of.late) of_segment_ = of_segment_ || of_part_ || of_quarter;
-      if (part.of.ends_segment) {
-        if (const double pressed = t.pressed - before_segment_; of_segment_ && pressed > held_.pressed) {
-          held_ = {pressed, part.of.until_s, {}};
-          if (!last) {
-            snapshot();
-            held_.at.emplace(now);
-          }
-        }
-        before_segment_ = t.pressed;
-        of_segment_ = false;
-        is_left_ = true;
-      } else if (part.of.ends_at_station) {
+      states_.end(part.of, take_touched(), t.pressed, part.of.until_s >= end_s_, [&] {
         snapshot();
-        station_ = {pressed_before_, part.of.until_s, now};
-        station_touched_ = of_quarter;
-        is_left_ = false;
-      }
-      if (last) settle(false);
-      of_part_ = in_quarter_ = false;
-      t.late_ticks = 0.0;
+        return now;
+      });
+      in_quarter_ = false;
       ++part_;
     }
     set_flags(k);
@@ -224,7 +202,8 @@ class Cell {
 
   /// Begins the tail of the end, then those of the states in contact; without a twin where wants_twin() is false.
   std::unique_ptr<TailJudge<N>> begin_tail() {
-    from_ = judging_ != nullptr ? &*judging_->at : &now;
+    const auto states = states_.all();
+    from_ = judging_ > 0 ? &*states[judging_ - 1]->at : &now;
     auto judge = std::make_unique<TailJudge<N>>(scene_, scale_, granted(), twin_);
     const auto k = static_cast<std::int64_t>(from_->state.k);
     for (int i = 0; i < N; ++i) p.held_at[i] = path_->x[static_cast<std::size_t>((k - 1) * N + i)];
@@ -248,21 +227,14 @@ class Cell {
   }
   /// Takes the verdict of a tail. True: another one is needed.
   bool end_tail(const Verdict& verdict) {
-    if (judging_ == nullptr) {
+    const auto states = states_.all();
+    if (judging_ == 0) {
       verdict_ = verdict;
     } else {
-      keep_worse(*verdict_, verdict, judging_->at_s);
+      keep_worse(*verdict_, verdict, states[judging_ - 1]->at_s);
     }
     twin_ = from_of_verdict_ != VerdictFrom::lean;
-    if (verdict_->kind == VerdictKind::unstable) return false;
-    if (judging_ == nullptr && held_.at) {
-      judging_ = &held_;
-    } else if (judging_ != &passed_ && passed_.at) {
-      judging_ = &passed_;
-    } else {
-      return false;
-    }
-    return true;
+    return verdict_->kind != VerdictKind::unstable && judging_++ < states.size();
   }
   void fail() { failed_ = true; }
   [[nodiscard]] bool failed() const { return failed_; }
@@ -329,12 +301,6 @@ class Cell {
     std::int64_t looks, quarter, until;
     Part of;
   };
-  /// A state in contact; without `at` the end of the scene, or none.
-  struct Kept {
-    double pressed = 0.0, at_s = 0.0;
-    std::optional<Snapshot<N>> at;
-  };
-
   static void set(Plant& plant, const double* x, const double* v, const double* across, double in_contact) {
     using Vector = typename Force<N>::Vector;
     plant.set_state({{Position<N>{Eigen::Map<const Vector>{x}}, Velocity<N>{Eigen::Map<const Vector>{v}}},
@@ -531,15 +497,13 @@ class Cell {
     std::sort(stops_.begin(), stops_.end());
     stops_.erase(std::unique(stops_.begin(), stops_.end()), stops_.end());
   }
-  /// What was touched around the last station is known.
-  void settle(bool touched) {
-    if (const double pressed = t.pressed - station_.pressed;
-        station_.at && (station_touched_ || touched) && pressed > passed_.pressed)
-      passed_ = {pressed, station_.at_s, std::move(station_.at)};
-    station_.at.reset();
+  /// What was touched since the last call: the set of the one surface.
+  std::uint64_t take_touched() {
+    t.late_ticks = 0.0;
+    return std::exchange(t.touched, 0.0) != 0.0 ? 1 : 0;
   }
   void set_flags(std::int64_t k) {
-    p.late = part_ < parts_.size() && (k >= parts_[part_].looks || station_.at) ? 1.0 : 0.0;
+    p.late = part_ < parts_.size() && (k >= parts_[part_].looks || states_.waits()) ? 1.0 : 0.0;
     p.at_rest = 0.0;
     for (const auto& [from, to] : rests_)
       if (k >= from && k < to) p.at_rest = 1.0;
@@ -603,10 +567,9 @@ class Cell {
   std::array<double, 2 * N> early_{};
   bool has_early_ = false, failed_ = false, judged_ = false;
   std::optional<double> held_ratio_;
-  double pressed_before_ = 0.0, before_segment_ = 0.0;
-  bool in_quarter_ = false, of_part_ = false, of_segment_ = false, station_touched_ = false, is_left_ = false;
-  Kept station_, held_, passed_;   ///< station_: `pressed` is what was before it
-  const Kept* judging_ = nullptr;  ///< null: the end of the run
+  bool in_quarter_ = false;
+  ContactStates<Snapshot<N>> states_;
+  std::size_t judging_ = 0;  ///< 0: the end of the run; else one of states_
   const Snapshot<N>* from_ = nullptr;
   std::optional<Metrics<N>> metrics_;
   std::optional<TrendRecord> after_;  ///< plain verdict: the run since the path's end

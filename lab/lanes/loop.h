@@ -792,7 +792,7 @@ struct Loop {
   [[gnu::always_inline]] static inline void raise(V& high, V value) { high = select(value > high, value, high); }
   [[gnu::always_inline]] static inline void count(V& n, M when) { n += one_if(when); }
 
-  /// Metrics::add, ContactFigures::add, HeldForce::add, RunJudge::add and ContactStates::add. Returns the lanes that have diverged.
+  /// Metrics::add, ContactFigures::add, HeldForce::add, RunJudge::add and Contacts::add of lab/run.cc. Returns the lanes that have diverged.
   [[gnu::always_inline]] inline unsigned add_sums() {
     const M following = s.slave_mode == 1.0, coupled = following & (s.master_mode == 1.0);
     const V slave_energy = -(s.slave_absorbed - s.slave_returned);
@@ -901,7 +901,7 @@ struct Loop {
     }
     t.was_coupled = select(s.master_mode == 1.0, all(1.0), t.was_coupled);
 
-    // ContactStates::add.
+    // Contacts::add.
     const M pressed = env2 != 0.0;
     if (b.keeps_states && any(pressed)) {
       t.pressed += select(pressed, root(env2), V{});

@@ -125,7 +125,9 @@ TEST_F(Mujoco, RefusesModelsInWords) {
     EXPECT_EQ(error.find("--robot mujoco:"), 0U) << error;
   };
   expect("", "name a model");
-  expect("nowhere.xml", "nowhere.xml");
+  expect("nowhere.xml", "nowhere.xml: there is no such file; give the path of a model in MJCF or URDF");
+  expect("/tmp", "there is no such file");
+  expect(model("<joint type='slide'"), "MuJoCo cannot read it: XML");
   expect(model("<joint type='slide'/>" + kSphere + ""), "move the tool in 1 directions; a scene with dof 3 needs 3");
   expect(model(kSlides + kSphere) + ",site=tip", "the model has no sites");
   expect(model(kSlides + kSphere + "<site name='a'/><site name='b'/>"), "the model has the sites a, b; add ,site=NAME");

@@ -16,6 +16,7 @@
 #include "common/method/catalogue.h"
 #include "common/scene/load.h"
 #include "lab/engine/loops.h"
+#include "lab/run.h"
 
 namespace twoport {
 namespace {
@@ -203,6 +204,9 @@ TEST(PluginLayer, ThatCrashesHangsOrIsNotFiniteReleasesThePort) {
     EXPECT_TRUE(felt.finite) << kind;
     EXPECT_GT(felt.largest_n, 0.2) << kind;
     EXPECT_EQ(felt.last_n, 0.0) << kind;
+    const Summary s = lab::run(parse_scene(plugin_scene(kind), "layers"));
+    EXPECT_EQ(s.verdict_kind(), "UNDECIDED") << kind;
+    EXPECT_EQ(s.verdict(), "undecided: the plug-in failed at 0.40 s, after which there is no force") << kind;
   }
 }
 TEST(PluginLayer, IsRefusedInWordsWhereItCannotRun) {
