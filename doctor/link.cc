@@ -193,9 +193,7 @@ LinkFigures measure_link(const LinkRequest& request, const std::atomic<bool>& st
     throw IoError{fmt::format("nobody answered at {} within {:g} s; start twoport-lab doctor --answer {} there{}",
                               request.address, kPatience, request.address,
                               request.key.empty() ? "" : " with the same --key")};
-  if (const double silent = silent_s(); silent >= most_silent_s)
-    throw IoError{fmt::format("{} has been silent for the last {:.1f} s of {:.1f} s; was it ended?", request.address,
-                              silent, to_seconds(end->now_ - end->since_).si())};
+  const double silent = silent_s() >= most_silent_s ? silent_s() : 0.0;
   const std::vector<Arrival> here{end->arrivals_.begin(), end->arrivals_.end()};
   const std::span there{end->returned_.data(), end->returned_known_};
   if (here.empty() || there.empty())
@@ -204,7 +202,8 @@ LinkFigures measure_link(const LinkRequest& request, const std::atomic<bool>& st
                     "longer, with --seconds",
                     request.address, to_seconds(end->now_ - end->since_).si())};
   LinkFigures f;
-  f.seconds = std::min(request.seconds, to_seconds(end->now_ - end->since_).si());
+  f.silent_s = silent;
+  f.seconds = std::min(request.seconds, to_seconds(end->now_ - end->since_).si() - silent);
   f.sent = static_cast<double>(last_sent - end->sent_before_);
   f.encrypted = !request.key.empty();
   f.round_trip = end->round_trip_;

@@ -18,6 +18,7 @@ struct LinkRequest {
 
 struct LinkFigures {
   double seconds = 0.0;
+  double silent_s = 0.0;  ///< nothing came since; the figures are of what came before. 0: it came to the end
   double sent = 0.0;
   bool encrypted = false;
   Histogram round_trip;

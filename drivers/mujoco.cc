@@ -6,14 +6,19 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <cstdio>
+#include <cstdlib>
+#include <cstring>
 #include <filesystem>
 #include <memory>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "common/base/check.h"
 #include "common/hardware/registry.h"
 #include "common/hardware/virtual_robot.h"
+#include "common/mesh/shapes.h"
 
 namespace twoport {
 namespace {
@@ -24,22 +29,30 @@ using Vector6 = Eigen::Matrix<double, 6, 1>;
 
 constexpr Seconds kWatchdog{0.1};
 constexpr double kLeastStep = 1e-5, kLongestStep = 0.02;  // of a world [s]
-constexpr double kMostBehind = 0.1;  // that is made good in one tick [s]; a world slower than the clock runs slow
+constexpr double kMostBehind = 5e-3;  // that is made good in one tick [s]; a world slower than the clock runs slow
 
 [[noreturn]] void refuse(const std::string& arguments, const std::string& words) {
   throw ConfigError{"--robot mujoco:" + arguments + ": " + words};
 }
 
-/// FILE.xml[,site=NAME]
+/// FILE.xml[,site=NAME][,key=NAME]
 struct Arguments {
-  std::string file, site;
+  std::string file, site, key;
 };
 Arguments parse(const std::string& text) {
-  const std::size_t comma = text.rfind(",site=");
-  Arguments a{text.substr(0, comma), comma == text.npos ? "" : text.substr(comma + 6)};
-  if (a.file.empty() || (comma != text.npos && a.site.empty()))
+  Arguments a;
+  std::string rest = text;
+  for (auto& [option, value] : {std::pair{",key=", &a.key}, {",site=", &a.site}}) {
+    const std::size_t comma = rest.rfind(option);
+    if (comma == rest.npos) continue;
+    *value = rest.substr(comma + std::strlen(option));
+    if (value->empty()) refuse(text, std::string{"after "} + option + " stands a name");
+    rest.resize(comma);
+  }
+  a.file = rest;
+  if (a.file.empty())
     refuse(text, "name a model and, where it has several sites, the tool's: mujoco:FILE.xml,site=NAME");
-  if (a.file.find(',') != a.file.npos) refuse(text, "after the comma stands site=NAME, once");
+  if (a.file.find(',') != a.file.npos) refuse(text, "after the file stand ,site=NAME and then ,key=NAME, each once");
   return a;
 }
 
@@ -124,20 +137,52 @@ class World {
   /// Of all contacts on the tool about its point, a mean over the last interval.
   [[nodiscard]] const Vector6& contact_wrench() const noexcept { return contact_; }
   [[nodiscard]] bool touches() const noexcept { return touches_; }
-  /// MuJoCo then begins anew without a word.
-  [[nodiscard]] bool lost() const noexcept {
-    return data_->warning[mjWARN_BADQPOS].number > 0 || data_->warning[mjWARN_BADQVEL].number > 0 ||
-           data_->warning[mjWARN_BADQACC].number > 0;
+  /// The geoms of the groups that MuJoCo's own viewer shows.
+  [[nodiscard]] WorldPicture picture() const {
+    constexpr int kShownGroups = 3;
+    const Eigen::Isometry3d tool = Eigen::Translation3d{point()} * attitude();
+    WorldPicture all;
+    for (int geom = 0; geom < model_->ngeom; ++geom) {
+      const int body = model_->geom_bodyid[geom];
+      const bool of_tool = of_tool_[static_cast<std::size_t>(body)];
+      if (model_->geom_group[geom] >= kShownGroups || (!of_tool && model_->body_weldid[body] != 0)) continue;
+      using Rows = Eigen::Matrix<double, 3, 3, Eigen::RowMajor>;
+      Eigen::Affine3d at = Eigen::Translation3d{Eigen::Map<const Vector3d>{data_->geom_xpos + 3 * geom}} *
+                           Matrix3d{Eigen::Map<const Rows>{data_->geom_xmat + 9 * geom}};
+      if (of_tool) at = tool.inverse() * at;
+      append(of_tool ? all.tool : all.still, shape_of(geom), at);
+    }
+    return all;
+  }
+  /// Why it is no more what the model says; null: it is.
+  [[nodiscard]] const char* lost() const noexcept {
+    // It then begins anew.
+    for (const mjtWarning bad : {mjWARN_BADQPOS, mjWARN_BADQVEL, mjWARN_BADQACC})
+      if (data_->warning[bad].number > 0)
+        return "MuJoCo has lost the world to a number that is not finite; take a smaller timestep";
+    // It then leaves contacts out.
+    for (const mjtWarning full : {mjWARN_CONTACTFULL, mjWARN_CNSTRFULL})
+      if (data_->warning[full].number > 0)
+        return "MuJoCo has no room for all contacts; give the model larger nconmax and njmax, in <size>";
+    return nullptr;
   }
 
  private:
   World(const std::string& arguments, const Arguments& a) : model_{load(arguments, a.file)}, data_{*model_} {
     choose_tool(arguments, a.site);
+    if (!a.key.empty()) {
+      const int key = mj_name2id(model_.get(), mjOBJ_KEY, a.key.c_str());
+      if (key < 0)
+        refuse(arguments, "no keyframe \"" + a.key + "\"; there are: " + list(model_->nkey, model_->name_keyadr));
+      mj_resetDataKeyframe(model_.get(), data_.get(), key);
+    }
     mj_forward(model_.get(), data_.get());
+    // The tool is what is welded to its body, and what hangs on that.
+    const int weld = model_->body_weldid[body_];
     for (int body = 0; body < model_->nbody; ++body) {
       int at = body;
-      while (at != 0 && at != body_) at = model_->body_parentid[at];
-      of_tool_.push_back(at == body_);
+      while (at != 0 && model_->body_weldid[at] != weld) at = model_->body_parentid[at];
+      of_tool_.push_back(at != 0);
     }
   }
 
@@ -145,7 +190,12 @@ class World {
     std::error_code none;
     if (!std::filesystem::is_regular_file(file, none))
       refuse(arguments, "there is no such file; give the path of a model in MJCF or URDF");
-    mju_user_warning = [](const char*) {};  // it would write a file; warnings are counted too
+    // They would write a file, and wait for a key.
+    mju_user_warning = [](const char* words) { std::fprintf(stderr, "MuJoCo: %s\n", words); };
+    mju_user_error = [](const char* words) {
+      std::fprintf(stderr, "MuJoCo: %s\n", words);
+      std::exit(1);
+    };
     std::array<char, 1000> error{};
     mjModel* const model = mj_loadXML(file.c_str(), nullptr, error.data(), static_cast<int>(error.size()));
     if (model == nullptr) {
@@ -159,12 +209,12 @@ class World {
              fmt::format("its timestep is {:g} s; it must be between {:g} and {:g}", h, kLeastStep, kLongestStep));
     return loaded;
   }
+  [[nodiscard]] std::string list(int count, const int* names) const {
+    std::string all;
+    for (int i = 0; i < count; ++i) all += (i > 0 ? ", " : "") + std::string{model_->names + names[i]};
+    return all;
+  }
   void choose_tool(const std::string& arguments, const std::string& site) {
-    const auto list = [this](int count, const int* names) {
-      std::string all;
-      for (int i = 0; i < count; ++i) all += (i > 0 ? ", " : "") + std::string{model_->names + names[i]};
-      return all;
-    };
     if (!site.empty() || model_->nsite > 0) {
       site_ = site.empty() ? 0 : mj_name2id(model_.get(), mjOBJ_SITE, site.c_str());
       if (site_ < 0)
@@ -182,6 +232,52 @@ class World {
       body_ = body;
     }
     if (body_ == 0) refuse(arguments, "no body of the model moves");
+  }
+
+  /// In axes of the geom; empty: of a kind that is not shown.
+  [[nodiscard]] TriangleMesh shape_of(int geom) const {
+    constexpr double kPlane = 0.3, kThin = 1e-3;  // half size of one without end, thickness [m]
+    const Eigen::Map<const Vector3d> size{model_->geom_size + 3 * geom};
+    const auto scaled = [](const TriangleMesh& unit, const Vector3d& by) {
+      TriangleMesh shape;
+      append(shape, unit, Eigen::Affine3d{Eigen::Scaling(by)});
+      return shape;
+    };
+    switch (model_->geom_type[geom]) {
+      case mjGEOM_PLANE: {
+        const auto side = [](double half) { return 2.0 * (half > 0.0 ? half : kPlane); };
+        TriangleMesh plane;
+        append(plane, unit_box(),
+               Eigen::Translation3d{0.0, 0.0, -0.5 * kThin} * Eigen::Scaling(side(size[0]), side(size[1]), kThin));
+        return plane;
+      }
+      case mjGEOM_SPHERE:
+        return capsule(size[0], 0.0);
+      case mjGEOM_CAPSULE:
+        return capsule(size[0], size[1]);
+      case mjGEOM_ELLIPSOID:
+        return scaled(capsule(1.0, 0.0), size);
+      case mjGEOM_CYLINDER:
+        return scaled(unit_cylinder(), {size[0], size[0], 2.0 * size[1]});
+      case mjGEOM_BOX:
+        return scaled(unit_box(), 2.0 * size);
+      case mjGEOM_MESH: {
+        const int mesh = model_->geom_dataid[geom];
+        TriangleMesh shape;
+        for (int v = 0; v < model_->mesh_vertnum[mesh]; ++v)
+          shape.vertices.push_back(
+              Eigen::Map<const Eigen::Vector3f>{model_->mesh_vert + 3 * (model_->mesh_vertadr[mesh] + v)}
+                  .cast<double>());
+        for (int f = 0; f < model_->mesh_facenum[mesh]; ++f) {
+          const int* const face = model_->mesh_face + 3 * (model_->mesh_faceadr[mesh] + f);
+          shape.triangles.push_back({static_cast<std::uint32_t>(face[0]), static_cast<std::uint32_t>(face[1]),
+                                     static_cast<std::uint32_t>(face[2])});
+        }
+        return shape;
+      }
+      default:
+        return {};
+    }
   }
 
   /// Wrench on the tool.
@@ -222,12 +318,15 @@ class MujocoRobot final : public VirtualRobot<N> {
     const Eigen::MatrixXd J = world_.jacobian();
     if constexpr (N == 1) {
       Eigen::Index most = 0;
-      if (J.topRows<3>().colwise().norm().maxCoeff(&most) > 0.0) axis_ = J.col(most).head<3>().normalized();
+      if (J.cols() > 0)
+        if (J.topRows<3>().colwise().norm().maxCoeff(&most) > 0.0) axis_ = J.col(most).head<3>().normalized();
     }
-    const Eigen::Index free = Eigen::ColPivHouseholderQR<Eigen::MatrixXd>{J.topRows(N == 6 ? 6 : 3)}.rank();
+    const Eigen::Index free =
+        J.cols() == 0 ? 0 : Eigen::ColPivHouseholderQR<Eigen::MatrixXd>{J.topRows(N == 6 ? 6 : 3)}.rank();
     if (free < N)
-      refuse(o.arguments, "its joints move the tool in " + std::to_string(free) + " directions; a scene with dof " +
-                              std::to_string(N) + " needs " + std::to_string(N));
+      refuse(o.arguments, "where it starts, its joints move the tool in " + std::to_string(free) +
+                              " directions; a scene with dof " + std::to_string(N) + " needs " + std::to_string(N) +
+                              (free > 0 ? "; ,key=NAME starts at a keyframe" : ""));
   }
 
   [[nodiscard]] RobotInfo info() const override { return {.name = world_.name(), .watchdog = kWatchdog}; }
@@ -248,7 +347,7 @@ class MujocoRobot final : public VirtualRobot<N> {
       sample.x = Position<1>{Position<1>::Vector{axis_.dot(world_.point())}};
     sample.v = Velocity<N>{of_axes(world_.velocity())};
     sample.f_environment = -on_robot;
-    if (world_.lost()) sample.status = HardwareStatus::fault;
+    if (world_.lost() != nullptr) sample.status = HardwareStatus::fault;
     return sample;
   }
   void actuate(const RobotCommand<N>& command) noexcept override {
@@ -263,7 +362,8 @@ class MujocoRobot final : public VirtualRobot<N> {
   void start() noexcept override { started_ = true; }
   void release() noexcept override { world_.push(Vector6::Zero()); }
   [[nodiscard]] std::string trouble() const override {
-    return world_.lost() ? "MuJoCo has lost the world to a number that is not finite; take a smaller timestep" : "";
+    const char* const why = world_.lost();
+    return why != nullptr ? why : "";
   }
   [[nodiscard]] const RobotTruth<N>* truth() const noexcept override { return &truth_; }
 
@@ -275,6 +375,7 @@ class MujocoRobot final : public VirtualRobot<N> {
     else
       world_.kick(J.topRows<N>(), dv.vec());
   }
+  [[nodiscard]] WorldPicture picture() const override { return world_.picture(); }
   [[nodiscard]] std::string fingerprint() const override { return arguments_ + world_.bytes(); }
 
  private:
@@ -296,7 +397,8 @@ class MujocoRobot final : public VirtualRobot<N> {
 }  // namespace
 
 void add_mujoco(Registry& all) {
-  all.robots.add<MujocoRobot>("mujoco", "mujoco:FILE.xml[,site=NAME], a tool in a world of MuJoCo, driven by forces");
+  all.robots.add<MujocoRobot>("mujoco",
+                              "mujoco:FILE.xml[,site=NAME][,key=NAME], a tool in a world of MuJoCo, driven by forces");
 }
 
 }  // namespace twoport

@@ -33,13 +33,14 @@ struct Arguments {
 std::string json(double x) {
   return std::isfinite(x) ? fmt::format("{}", x + 0.0) : "null";
 }
-std::string json(const Eigen::MatrixXd& m) {
+std::string json(const Eigen::VectorXd& v) {
+  std::vector<std::string> all;
+  for (const double each : v) all.push_back(json(each));
+  return fmt::format("[{}]", fmt::join(all, ", "));
+}
+std::string json_rows(const Eigen::MatrixXd& m) {
   std::vector<std::string> rows;
-  for (Eigen::Index i = 0; i < m.rows(); ++i) {
-    std::vector<std::string> row;
-    for (Eigen::Index k = 0; k < m.cols(); ++k) row.push_back(json(m(i, k)));
-    rows.push_back(m.cols() == 1 ? row[0] : fmt::format("[{}]", fmt::join(row, ", ")));
-  }
+  for (Eigen::Index i = 0; i < m.rows(); ++i) rows.push_back(json(Eigen::VectorXd{m.row(i).transpose()}));
   return fmt::format("[{}]", fmt::join(rows, ", "));
 }
 std::string json(const ArmJoint& j) {
@@ -94,8 +95,8 @@ void print(const ArmParameters& arm, const Eigen::VectorXd& at) {
       "{{\n  \"name\": {},\n  \"q_rad\": {},\n  \"position_m\": {},\n  \"quaternion_wxyz\": {},\n  \"jacobian\": {},\n"
       "  \"mass_matrix\": {},\n  \"gravity_torque\": {},\n  \"joints\": [\n    {}\n  ]\n}}\n",
       json_string(arm.name), json(at), json(pose.tool),
-      json(Eigen::Vector4d{attitude.w(), attitude.x(), attitude.y(), attitude.z()}), json(model.jacobian(pose)),
-      json(model.inertia(pose)), json(model.gravity_torque(pose, sim::ArmPlant::kGravity)),
+      json(Eigen::Vector4d{attitude.w(), attitude.x(), attitude.y(), attitude.z()}), json_rows(model.jacobian(pose)),
+      json_rows(model.inertia(pose)), json(model.gravity_torque(pose, sim::ArmPlant::kGravity)),
       fmt::join(joints, ",\n    "));
 }
 template <std::size_t... i>

@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <memory>
 #include <optional>
+#include <string>
+#include <utility>
 
 #include "common/page/assets.h"
 #include "common/page/describe.h"
@@ -21,8 +23,9 @@ class LivePage : public PageSamples {
     return std::make_unique<LivePage>();
   }
 
-  /// From now on the page is there.
-  void serve(const Scene& scene, const LiveArguments& a, const std::string& device, spdlog::logger& log) {
+  /// From now on the page is there. `world`: what it draws around the robot; nothing: the scene's.
+  void serve(const Scene& scene, const LiveArguments& a, const std::string& device, std::optional<ShownShapes> world,
+             spdlog::logger& log) {
     begin(scene.master_rate_hz);
     const bool pointer = a.hardware == "page";
     const PageServer::Options options{
@@ -31,7 +34,8 @@ class LivePage : public PageSamples {
                                                   .has_pointer = pointer,
                                                   .restarts = a.restartable,
                                                   .grip_n_per_m = channel()->pointer.grip_n_per_m,
-                                                  .methods = configurations(scene)}),
+                                                  .methods = configurations(scene),
+                                                  .world = std::move(world)}),
         .page = page_html(),
         .restartable = a.restartable};
     server_.emplace(options, *channel(), PageJudge{scene, std::min(kSampleHz, scene.master_rate_hz), pointer});

@@ -4,10 +4,13 @@
 #include <limits>
 #include <memory>
 #include <optional>
+#include <string>
 #include <vector>
 
 #include "common/coupling/registration.h"
 #include "common/hardware/mounted_gripper.h"
+#include "common/hardware/virtual_robot.h"
+#include "common/mesh/decimate.h"
 #include "common/method/catalogue.h"
 #include "common/platform/live_gripper.h"
 #include "common/platform/live_link.h"
@@ -247,6 +250,21 @@ struct LinkMaster : Master<N> {
   EnvironmentMessage environment_request{.number = 1};  ///< with a page
 };
 
+/// Of --page-world. Throws ConfigError.
+template <int N>
+std::optional<ShownShapes> world_of_page(const Scene& scene, const LiveArguments& a, const Registry& hardware) {
+  if (a.page_world.empty()) return {};
+  if (a.page.empty()) throw ConfigError{"--page-world " + a.page_world + ": there is no --page"};
+  const auto robot = hardware.robots.open<N>(a.page_world, scene, Seconds{1.0 / scene.slave_rate_hz});
+  const auto* const in_world = dynamic_cast<const VirtualRobot<N>*>(robot.get());
+  if (in_world == nullptr)
+    throw ConfigError{"--page-world " + a.page_world +
+                      ": has no world to show; mujoco:FILE.xml[,site=NAME][,key=NAME] has"};
+  const WorldPicture picture = in_world->picture();
+  return ShownShapes{.meshes = {decimated(picture.still, kMostShownTriangles)},
+                     .tool_parts = {decimated(picture.tool, kMostShownTriangles)}};
+}
+
 template <int N>
 int run_master(const Scene& read, const LiveArguments& arguments, const Registry& hardware) {
   spdlog::logger log = make_log("master");
@@ -263,7 +281,7 @@ int run_master(const Scene& read, const LiveArguments& arguments, const Registry
     // Before the link is made, which compares the scenes of both sides: what a driver completes is none of the shared values.
     scene.gripper = std::make_shared<const Scene>(with_device(*read.gripper, gripper->info()));
   }
-  if (page) page->serve(scene, arguments, device->info().name, log);
+  if (page) page->serve(scene, arguments, device->info().name, world_of_page<N>(scene, arguments, hardware), log);
   const auto status = [&] {
     if (scene.control.architecture == Architecture::render)
       return run_render(scene, *device, arguments, page.get(), log);

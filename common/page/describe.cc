@@ -159,7 +159,10 @@ std::string describe_for_page(const Scene& s, const PageIntroduction& i) {
   for (std::size_t a = 0; a < answers.size(); ++a) answers[a] = sentence(static_cast<EnvironmentAnswer>(a));
   const auto axis = [](const Eigen::Vector3d& v) { return vector(v); };
   const Eigen::Vector3d home = s.device ? vector<3>(s.device->position_m) : Eigen::Vector3d::Zero().eval();
-  const ShownShapes shown = shown_shapes(s);
+  const ShownShapes shown = i.world ? *i.world : shown_shapes(s);
+  const auto of_scene = [&](const auto& all, const auto& text) {
+    return i.world ? std::string{"[]"} : list(all, text);
+  };
   const auto any_part = [](const auto& each) { return std::visit([](const auto& p) { return part(p); }, each); };
   return fmt::format(
       R"({{"scene":{},"dof":{},"rate_hz":{},"architecture":{},"method":{},"methods":{},"initial_energies_j":{},"device":{},"pointer":{},"home_m":{},"restarts":{},)"
@@ -173,9 +176,9 @@ std::string describe_for_page(const Scene& s, const PageIntroduction& i) {
       number(kPageGripMost), number(s.control.max_force_n), number(s.control.motion_scale),
       number(s.control.force_scale), list(kLimitNames, json_string), s.control.architecture != Architecture::render,
       network(s.to_slave), network(s.to_master), number(kPageDelayMs), number(kPageJitterMs), number(kPageLoss),
-      list(s.environment, element), list(shown.meshes, part<TriangleMesh>), list(answers, json_string),
-      number(kSurfaceStiffnessMost), number(kSurfaceFrictionMost), list(s.tool, axis), list(shown.tool_parts, any_part),
-      shown.tool_alone, arm(s, shown_arm(s)), gripper, fields);
+      of_scene(s.environment, element), list(shown.meshes, part<TriangleMesh>), list(answers, json_string),
+      number(kSurfaceStiffnessMost), number(kSurfaceFrictionMost), of_scene(s.tool, axis),
+      list(shown.tool_parts, any_part), shown.tool_alone, i.world ? "null" : arm(s, shown_arm(s)), gripper, fields);
 }
 
 }  // namespace twoport

@@ -1,9 +1,11 @@
 #pragma once
 
+#include <optional>
 #include <string>
 #include <vector>
 
 #include "common/scene/scene.h"
+#include "common/scene/shown.h"
 
 namespace twoport {
 
@@ -15,6 +17,7 @@ struct PageIntroduction {
   double grip_n_per_m = 0.0;  ///< initial stiffness of the hand, of the page's device
   std::vector<std::string>
       methods;  ///< that may be chosen while running: that of epoch e is number e modulo their number; empty: none may
+  std::optional<ShownShapes> world = std::nullopt;  ///< in place of the scene's environment and tool
 };
 
 /// Scene, samples' layout and limits of the commands as JSON.

@@ -4,7 +4,6 @@
 #include <cstddef>
 #include <cstdint>
 #include <memory>
-#include <optional>
 #include <string>
 #include <string_view>
 
@@ -13,18 +12,8 @@
 
 namespace twoport {
 
-/// Longest header of a request, and longest message of a WebSocket, that is read [B].
-inline constexpr std::size_t kLargestRequest = 8192, kLargestMessage = 1024;
-
-/// The port of `host`, 80 unless it names one, where it is an address that a name server cannot redirect: localhost or an IP address.
-std::optional<unsigned> port_of_literal_host(std::string_view host);
-
-/// Is it such an address, with this port? Refusing any other name prevents DNS rebinding.
-bool is_literal_host(std::string_view host, std::uint16_t port);
-
-/// Does a request to `host` come from a page that this server has delivered? Other web sites may open a WebSocket to
-/// localhost too; the browser states their Origin.
-bool is_own_origin(std::string_view host, std::string_view origin);
+/// Longest message of a WebSocket that is read [B].
+inline constexpr std::size_t kLargestMessage = 1024;
 
 /// Serves the page over HTTP and its samples over a WebSocket, on a thread of its own at ordinary priority. Samples go
 /// out as one binary message at about 60 Hz; of a slow reader only the newest pending message is kept. When a client that

@@ -77,6 +77,8 @@ int live_program(int argc, char** argv, Side side, const std::string& drivers,
                           std::string{"ADDR:PORT, default "} + kDefaultPage +
                               ": serves a page that shows the run and takes the pointer of --device page as the hand");
     page->expected(0, 1);
+    app.add_option("--page-world", a.page_world,
+                   "The --robot of the slave, where that is mujoco:FILE.xml...: what the page draws around the robot");
     app.add_flag(
         "--restartable", a.restartable,
         "The page has a button that ends this program with exit status 4, for whoever starts it and the slave again");

@@ -30,6 +30,7 @@ struct LiveArguments {
   int stop_port = 0;               ///< --stop-port; 0: none
   int dscp = 0;                    ///< --dscp: of the datagrams to the other side
   std::string page;                ///< of --page: ADDR:PORT; empty: no page
+  std::string page_world;          ///< of --page-world: a robot whose world the page draws; empty: the scene's
   bool restartable = false;        ///< --restartable: the page may end the program with status 4
   bool fixed_environment = false;  ///< --fixed-environment: of a slave; no page may change it
   bool measures = false;           ///< no scene: the link is measured (kMeasurementDigest)

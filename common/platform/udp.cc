@@ -239,7 +239,11 @@ StopInput::~StopInput() {
   ::close(fd_);
 }
 bool StopInput::is_asked() const noexcept {
-  return ::recv(fd_, nullptr, 0, MSG_DONTWAIT) >= 0;
+  sockaddr_in from{};
+  socklen_t size = sizeof from;
+  if (::recvfrom(fd_, nullptr, 0, MSG_DONTWAIT, reinterpret_cast<sockaddr*>(&from), &size) < 0) return false;
+  ::sendto(fd_, "stop", 4, MSG_DONTWAIT, reinterpret_cast<const sockaddr*>(&from), size);
+  return true;
 }
 
 Endpoint any_port_toward(const Endpoint& peer) {

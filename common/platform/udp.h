@@ -30,7 +30,7 @@ class StopInput {
   explicit StopInput(std::uint16_t port);
   ~StopInput();
   StopInput(const StopInput&) = delete;
-  /// Has one come since the last call? Neither waits, allocates nor throws.
+  /// Has one come since the last call? It is answered. Neither waits, allocates nor throws.
   [[nodiscard]] bool is_asked() const noexcept;
 
  private:

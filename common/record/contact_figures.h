@@ -13,6 +13,7 @@
 #include "common/record/high_pass.h"
 #include "common/record/row.h"
 #include "common/record/summary.h"
+#include "common/record/sums.h"
 
 namespace twoport {
 
@@ -44,55 +45,62 @@ class ContactFigures {
   [[gnu::always_inline]] void add(const Row<N>& row, const Vector& felt, double felt2) noexcept {
     // Counts the rarer of two events: a branch costs less than a store.
     if (!row.coupled) [[unlikely]]
-      ++uncoupled_;
+      ++sums_.uncoupled;
     Vector reference = translational(row.reference.vec());
     const double reference2 = reference.squaredNorm();
     if constexpr (N == 6) add_torque(row);
     if (!row.touching) {
       held_force_.interrupt();
       if (row.coupled && reference2 == 0.0) {
-        ++free_;
-        free_force2_ += felt2;
+        ++sums_.free;
+        sums_.free_force2 += felt2;
       }
       return;
     }
-    ++touching_;
+    ++sums_.touching;
     Vector environment = translational(row.env_f.vec());
     const double environment2 = environment.squaredNorm();
-    environment_force_ += N == 1 ? std::abs(environment[0]) : std::sqrt(environment2);
-    error2_ += (felt - reference).squaredNorm();
+    sums_.environment_force += N == 1 ? std::abs(environment[0]) : std::sqrt(environment2);
+    sums_.error2 += (felt - reference).squaredNorm();
     if (felt2 > kSensed * kSensed && reference2 > kSensed * kSensed) {
-      ++compared_;
-      turn2_ += squared_angle(felt, reference, felt2, reference2);
+      ++sums_.compared;
+      sums_.contact_turn2 += squared_angle(felt, reference, felt2, reference2);
     }
     if (reference2 <= kLoud * kLoud) {
-      ++quiet_;
+      ++sums_.quiet;
     } else if (felt2 < kMuted * kMuted * reference2) {
-      ++muted_;
+      ++sums_.muted;
     }
     const double behind = -environment.dot(translational(row.ahead.vec()));  // times |environment|
-    if (behind > 0.0 && behind * behind > penetration2_ * environment2) penetration2_ = behind * behind / environment2;
+    if (behind > 0.0 && behind * behind > sums_.penetration2 * environment2)
+      sums_.penetration2 = behind * behind / environment2;
     held_force_.add(row, felt, reference);
+  }
+
+  /// As after rows with these sums, without torques.
+  void set(const ContactSums<double>& sums, std::optional<double> held_force_ratio) {
+    sums_ = sums;
+    held_force_.set(held_force_ratio);
   }
 
   /// `hand`, `link`: as in KnownParts. `rows`: number of rows in all.
   void fill(Summary& s, bool hand, bool link, double rows, double rate_hz) const {
-    const auto touching = static_cast<double>(touching_);
-    if (link) s.set_coupled_share(rows > 0.0 ? 1.0 - static_cast<double>(uncoupled_) / rows : 0.0);
+    const double touching = sums_.touching;
+    if (link) s.set_coupled_share(rows > 0.0 ? 1.0 - sums_.uncoupled / rows : 0.0);
     s.set_touching_share(touching / std::max(rows, 1.0));
     s.set_contact_s(touching / rate_hz);
-    if (hand && free_ > 0) s.set_free_force_rms_n(std::sqrt(free_force2_ / static_cast<double>(free_)));
-    if (touching_ == 0) return;
-    s.set_environment_force_mean_n(environment_force_ / touching);
-    if (link) s.set_penetration_max_m(std::sqrt(penetration2_));
+    if (hand && sums_.free > 0) s.set_free_force_rms_n(std::sqrt(sums_.free_force2 / sums_.free));
+    if (sums_.touching == 0) return;
+    s.set_environment_force_mean_n(sums_.environment_force / touching);
+    if (link) s.set_penetration_max_m(std::sqrt(sums_.penetration2));
     if (N == 6 && link && following_ > 0)
       s.set_attitude_error_rms_rad(std::sqrt(attitude_error2_ / static_cast<double>(following_)));
     if (!hand) return;
-    s.set_felt_force_error_rms_n(std::sqrt(error2_ / touching));
-    if (touching_ > quiet_) s.set_muted_share(static_cast<double>(muted_) / static_cast<double>(touching_ - quiet_));
-    if (compared_ > 0)
+    s.set_felt_force_error_rms_n(std::sqrt(sums_.error2 / touching));
+    if (sums_.touching > sums_.quiet) s.set_muted_share(sums_.muted / (sums_.touching - sums_.quiet));
+    if (sums_.compared > 0)
       s.set_felt_force_direction_error_rms_deg(180.0 / std::numbers::pi *
-                                               std::sqrt(turn2_ / static_cast<double>(compared_)));
+                                               std::sqrt(sums_.contact_turn2 / sums_.compared));
     if (const std::optional<double> ratio = held_force_.ratio()) s.set_held_force_ratio(*ratio);
     if constexpr (N == 6) {
       s.set_felt_torque_error_rms_n_m(std::sqrt(torque_error2_ / touching));
@@ -104,7 +112,6 @@ class ContactFigures {
   }
 
  private:
-  friend struct SumsOfLanes;
   void add_torque(const Row<N>& row) noexcept {
     const Eigen::Vector3d felt = row.master_f.vec().template tail<3>();
     const Eigen::Vector3d fast = torque_high_pass_.step(felt);
@@ -125,10 +132,9 @@ class ContactFigures {
   }
 
   HeldForce<N> held_force_;
-  std::uint64_t uncoupled_ = 0, touching_ = 0, free_ = 0, quiet_ = 0, muted_ = 0, compared_ = 0, following_ = 0,
-                torque_turned_ = 0;
-  double environment_force_ = 0.0, error2_ = 0.0, turn2_ = 0.0, free_force2_ = 0.0, penetration2_ = 0.0;
+  ContactSums<double> sums_{};
   // N = 6
+  std::uint64_t following_ = 0, torque_turned_ = 0;
   HighPass<3> torque_high_pass_;
   double contact_spring_share_ = 0.0;
   double torque_error2_ = 0.0, torque_chatter2_ = 0.0, torque_turn2_max_ = 0.0, attitude_error2_ = 0.0;

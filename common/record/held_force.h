@@ -67,6 +67,8 @@ class HeldForce {
     if (known_) ratio_ = ratio();
     ticks_ = 0;
   }
+  /// As after windows whose last one had this ratio.
+  void set(std::optional<double> ratio) { ratio_ = ratio; }
   /// So far. Nothing: there has been no such window.
   [[nodiscard]] std::optional<double> ratio() const noexcept {
     if (!known_ || ticks_ < window_.size()) return ratio_;
@@ -75,7 +77,6 @@ class HeldForce {
   }
 
  private:
-  friend struct SumsOfLanes;
   struct Forces {
     Vector felt, reference;
   };

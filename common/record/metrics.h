@@ -14,11 +14,9 @@
 #include "common/record/row.h"
 #include "common/record/run_judge.h"
 #include "common/record/summary.h"
+#include "common/record/sums.h"
 
 namespace twoport {
-
-/// Sets the sums that a batch of simulations has made (lab/lanes/).
-struct SumsOfLanes;
 
 /// Which parts of the system the recording side observes. Figures of the others are left out of the summary.
 struct KnownParts {
@@ -53,31 +51,31 @@ class Metrics {
     last_s_ = row.t_s;
     const auto felt = translational(row.master_f.vec()), wanted = translational(row.master_f_wanted.vec());
     const auto missed = translational(row.position_error.vec());
-    lower(min_energy_j_, row.master_energy_j);
-    lower(min_observed_j_, row.observed_energy_j);
-    lower(min_two_port_j_, row.master_energy_j - energy_scale_ * row.slave_energy_j);
-    lower(min_robot_j_, row.coupling_energy_j);
-    raise(robot_force2_max_, translational(row.slave_f.vec()).squaredNorm());
-    raise(robot_speed2_max_, translational(row.slave_v.vec()).squaredNorm());
-    raise(owed_j_, row.undissipated_j);
-    dissipated_j_ += row.dissipated_j;
-    if (row.dissipated_j > 0.0) ++corrected_ticks_;
-    drift2_ = missed.squaredNorm();
-    position_error2_ += drift2_;  // 0 while the slave does not follow
+    lower(sums_.min_energy, row.master_energy_j);
+    lower(sums_.min_observed, row.observed_energy_j);
+    lower(sums_.min_two_port, row.master_energy_j - energy_scale_ * row.slave_energy_j);
+    lower(sums_.min_robot, row.coupling_energy_j);
+    raise(sums_.robot_force2, translational(row.slave_f.vec()).squaredNorm());
+    raise(sums_.robot_speed2, translational(row.slave_v.vec()).squaredNorm());
+    raise(sums_.owed, row.undissipated_j);
+    sums_.dissipated += row.dissipated_j;
+    if (row.dissipated_j > 0.0) ++sums_.corrected_ticks;
+    sums_.drift2 = missed.squaredNorm();
+    sums_.position_error2 += sums_.drift2;  // 0 while the slave does not follow
     if (!row.following) [[unlikely]]
-      ++apart_rows_, last_apart_row_ = rows_;
+      ++sums_.apart_rows, sums_.last_apart_row = static_cast<double>(rows_);
 
     const auto correction = (felt - wanted).eval();
     const double correction2 = correction.squaredNorm(), felt2 = felt.squaredNorm(), wanted2 = wanted.squaredNorm();
-    force_error2_ += correction2;
-    raise(correction2_max_, correction2);
-    raise(force2_max_, felt2);
+    sums_.force_error2 += correction2;
+    raise(sums_.correction2, correction2);
+    raise(sums_.force2, felt2);
     const double fast2 = high_pass_.step(felt).squaredNorm();
-    chatter2_ += fast2;
+    sums_.chatter2 += fast2;
     if (wanted2 > kFelt * kFelt) {
-      ++wanted_rows_;
+      ++sums_.wanted_rows;
       if (felt2 > kFelt * kFelt) {
-        ++turned_rows_;
+        ++sums_.turned_rows;
         if (correction2 != 0.0) turn(squared_angle(felt, wanted, felt2, wanted2));
       }
     }
@@ -86,6 +84,15 @@ class Metrics {
   }
   [[nodiscard]] const RunJudge<N>& judge() const { return judge_; }
 
+  /// As after `rows` rows with these sums, the last one at `last_s`. Sets those of the two parts beside.
+  void set(const MetricsSums<double, N>& sums, std::uint64_t rows, double last_s) {
+    sums_ = sums;
+    rows_ = rows;
+    last_s_ = last_s;
+  }
+  [[nodiscard]] RunJudge<N>& judge() { return judge_; }
+  [[nodiscard]] ContactFigures<N>& contact() { return contact_; }
+
   /// Sets all fields that follow from rows. The caller sets those of the scene, the packets and the computing time.
   void fill(Summary& s) const {
     const double rows = static_cast<double>(std::max<std::uint64_t>(rows_, 1));
@@ -93,43 +100,41 @@ class Metrics {
     s.set_rate_hz(rate_hz_);
     // To the end of the last tick: a live loop may have skipped some.
     s.set_duration_s(rows_ > 0 ? (std::round(last_s_ * rate_hz_) + 1.0) / rate_hz_ : 0.0);
-    s.set_dissipated_j(dissipated_j_);
-    s.set_corrected_ticks(count(corrected_ticks_));
+    s.set_dissipated_j(sums_.dissipated);
+    s.set_corrected_ticks(count(static_cast<std::uint64_t>(sums_.corrected_ticks)));
     set_verdict(judge_.verdict(), s);
     if (!known_.stability) s.clear_stable();
     if (known_.hand) {
       s.set_initial_energy_j(initial_energy_j_);
-      s.set_min_port_energy_j(initial_energy_j_ + min_energy_j_);
-      s.set_min_observed_energy_j(initial_energy_j_ + min_observed_j_);
-      s.set_hand_min_energy_j(min_energy_j_);
-      if (known_.account) s.set_energy_owed_j(owed_j_);
-      s.set_force_error_rms_n(std::sqrt(force_error2_ / rows));
-      s.set_correction_max_n(std::sqrt(correction2_max_));
-      s.set_max_force_n(std::sqrt(force2_max_));
-      s.set_chatter_rms_n(std::sqrt(chatter2_ / rows));
-      if (wanted_rows_ > 0)
-        s.set_force_direction_share(static_cast<double>(turned_rows_) / static_cast<double>(wanted_rows_));
-      if (turned_rows_ > 0) {
+      s.set_min_port_energy_j(initial_energy_j_ + sums_.min_energy);
+      s.set_min_observed_energy_j(initial_energy_j_ + sums_.min_observed);
+      s.set_hand_min_energy_j(sums_.min_energy);
+      if (known_.account) s.set_energy_owed_j(sums_.owed);
+      s.set_force_error_rms_n(std::sqrt(sums_.force_error2 / rows));
+      s.set_correction_max_n(std::sqrt(sums_.correction2));
+      s.set_max_force_n(std::sqrt(sums_.force2));
+      s.set_chatter_rms_n(std::sqrt(sums_.chatter2 / rows));
+      if (sums_.wanted_rows > 0) s.set_force_direction_share(sums_.turned_rows / sums_.wanted_rows);
+      if (sums_.turned_rows > 0) {
         constexpr double kDegree = 180.0 / std::numbers::pi;
-        s.set_force_direction_error_max_deg(kDegree * std::sqrt(turn2_max_));
-        s.set_force_direction_error_rms_deg(kDegree * std::sqrt(turn2_ / static_cast<double>(turned_rows_)));
+        s.set_force_direction_error_max_deg(kDegree * std::sqrt(sums_.turn2_max));
+        s.set_force_direction_error_rms_deg(kDegree * std::sqrt(sums_.turn2 / sums_.turned_rows));
       }
     }
-    if (known_.hand && known_.robot_energy) s.set_two_port_min_energy_j(min_two_port_j_);
-    if (known_.robot_energy) s.set_robot_min_energy_j(min_robot_j_);
-    if (known_.link && rows_ > apart_rows_) {
-      s.set_position_error_rms_m(std::sqrt(position_error2_ / static_cast<double>(rows_ - apart_rows_)));
-      if (last_apart_row_ != rows_) s.set_drift_m(std::sqrt(drift2_));
+    if (known_.hand && known_.robot_energy) s.set_two_port_min_energy_j(sums_.min_two_port);
+    if (known_.robot_energy) s.set_robot_min_energy_j(sums_.min_robot);
+    if (const double together = static_cast<double>(rows_) - sums_.apart_rows; known_.link && together > 0.0) {
+      s.set_position_error_rms_m(std::sqrt(sums_.position_error2 / together));
+      if (sums_.last_apart_row != static_cast<double>(rows_)) s.set_drift_m(std::sqrt(sums_.drift2));
     }
     if (known_.robot) {
-      s.set_robot_max_force_n(std::sqrt(robot_force2_max_));
-      s.set_robot_max_speed_m_per_s(std::sqrt(robot_speed2_max_));
+      s.set_robot_max_force_n(std::sqrt(sums_.robot_force2));
+      s.set_robot_max_speed_m_per_s(std::sqrt(sums_.robot_speed2));
     }
     contact_.fill(s, known_.hand, known_.link, static_cast<double>(rows_), rate_hz_);
   }
 
  private:
-  friend struct SumsOfLanes;
   // An extreme changes in few ticks, and a branch costs less than a store.
   static void lower(double& least, double value) noexcept {
     if (value < least) least = value;
@@ -138,20 +143,17 @@ class Metrics {
     if (value > most) most = value;
   }
   void turn(double squared_angle) noexcept {
-    raise(turn2_max_, squared_angle);
-    turn2_ += squared_angle;
+    raise(sums_.turn2_max, squared_angle);
+    sums_.turn2 += squared_angle;
   }
   double rate_hz_, initial_energy_j_, energy_scale_;
   KnownParts known_;
   RunJudge<N> judge_;
   HighPass<N == 6 ? 3 : N> high_pass_;
   ContactFigures<N> contact_;
-  std::uint64_t rows_ = 0, apart_rows_ = 0, last_apart_row_ = 0, wanted_rows_ = 0, turned_rows_ = 0,
-                corrected_ticks_ = 0;
-  double last_s_ = 0.0, min_energy_j_ = 0.0, min_observed_j_ = 0.0, owed_j_ = 0.0, dissipated_j_ = 0.0;
-  double min_two_port_j_ = 0.0, min_robot_j_ = 0.0, robot_force2_max_ = 0.0, robot_speed2_max_ = 0.0;
-  double position_error2_ = 0.0, drift2_ = 0.0, force_error2_ = 0.0, correction2_max_ = 0.0, force2_max_ = 0.0;
-  double chatter2_ = 0.0, turn2_max_ = 0.0, turn2_ = 0.0;
+  std::uint64_t rows_ = 0;
+  double last_s_ = 0.0;
+  MetricsSums<double, N> sums_{};
 };
 
 }  // namespace twoport

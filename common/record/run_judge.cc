@@ -18,19 +18,19 @@ bool has_controller(const Scene& scene) {
 
 template <int N>
 MotionScale RunJudge<N>::scale() const {
-  const Speeds& early = early_ ? speed_ : early_speed_;
+  const std::span<const double> speed{sums_.speed}, early = early_ ? speed : std::span<const double>{early_speed_};
   return {.dof = N,
           .rate_hz = known_.rate_hz,
-          .reach_m = std::sqrt(reach2_),
-          .speed = {speed_.begin(), speed_.end()},
+          .reach_m = std::sqrt(sums_.reach2),
+          .speed = {speed.begin(), speed.end()},
           .early = {early.begin(), early.end()}};
 }
 
 template <int N>
 std::string RunJudge<N>::not_judged() const {
   if (rows_ == 0) return "undecided: nothing was run";
-  if (known_.link && !coupled_) return "undecided: the two sides never met";
-  if (std::all_of(speed_.begin(), speed_.end(), [](double v) { return v == 0.0; }))
+  if (known_.link && sums_.was_coupled == 0.0) return "undecided: the two sides never met";
+  if (std::all_of(std::begin(sums_.speed), std::end(sums_.speed), [](double v) { return v == 0.0; }))
     return "undecided: nothing moved; something must set the loop in motion";
   return {};
 }

@@ -8,8 +8,10 @@
 #include <limits>
 #include <optional>
 #include <span>
+#include <utility>
 
 #include "common/record/row.h"
+#include "common/record/sums.h"
 #include "common/record/verdict.h"
 #include "common/scene/scene.h"
 
@@ -20,6 +22,8 @@ namespace twoport {
 template <int N>
 class RunJudge {
  public:
+  using Speeds = std::array<double, 2 * N>;  ///< of both sides, the master's first
+
   /// What is known of the run.
   struct Known {
     double rate_hz;
@@ -55,14 +59,13 @@ class RunJudge {
     if (early_ && row.t_s >= early_until_s_) [[unlikely]]
       end_early();
     // Extremes change in few ticks: a branch costs less than a store.
-    if (reach2 > reach2_) reach2_ = reach2;
+    if (reach2 > sums_.reach2) sums_.reach2 = reach2;
     for (int i = 0; i < N; ++i) {
       const double of_master = std::abs(row.master_v.vec()[i]), of_slave = std::abs(row.slave_v.vec()[i]);
-      const auto at = static_cast<std::size_t>(i);
-      if (of_master > speed_[at] && known_.of_master) speed_[at] = of_master;
-      if (of_slave > speed_[N + at] && known_.of_slave) speed_[N + at] = of_slave;
+      if (of_master > sums_.speed[i] && known_.of_master) sums_.speed[i] = of_master;
+      if (of_slave > sums_.speed[N + i] && known_.of_slave) sums_.speed[N + i] = of_slave;
     }
-    if (row.mode == Mode::coupled) coupled_ = true;
+    if (row.mode == Mode::coupled) sums_.was_coupled = 1.0;
     if (known_.trends) see(row);
     return true;
   }
@@ -71,8 +74,8 @@ class RunJudge {
   /// Of the run so far.
   [[nodiscard]] MotionScale scale() const;
   /// Of both sides, the master's first.
-  static std::array<double, 2 * N> velocities(const Row<N>& row) noexcept {
-    std::array<double, 2 * N> v;
+  static Speeds velocities(const Row<N>& row) noexcept {
+    Speeds v;
     for (int i = 0; i < N; ++i) {
       const auto at = static_cast<std::size_t>(i);
       v[at] = row.master_v.vec()[i], v[N + at] = row.slave_v.vec()[i];
@@ -85,17 +88,31 @@ class RunJudge {
             .limited = row.dissipated_j == 0.0 && row.master_f.squared_norm() < wanted2 * (1.0 - 1e-9)};
   }
 
+  /// As after `rows` rows with these sums. `early`: largest speeds in the first twentieth of the run, where it has been that long.
+  void set(const JudgeSums<double, N>& sums, std::uint64_t rows, const std::optional<Speeds>& early,
+           std::optional<double> diverged_at_s) {
+    sums_ = sums;
+    rows_ = rows;
+    early_ = !early;
+    early_speed_ = early.value_or(Speeds{});
+    diverged_ = diverged_at_s.has_value();
+    diverged_at_s_ = diverged_at_s.value_or(0.0);
+  }
+  /// What was seen since the path's end, for a verdict from the run itself.
+  void set_after(TrendRecord&& after, bool acted, double energy_j) {
+    after_ = std::move(after);
+    acted_after_ = acted;
+    energy_j_ = energy_j;
+  }
+
   /// Why no run of this kind can be judged, whatever follows it. Empty: it can.
   [[nodiscard]] std::string not_judged() const;
   [[nodiscard]] Verdict verdict() const;
 
  private:
-  friend struct SumsOfLanes;
-  using Speeds = std::array<double, 2 * N>;
-
   [[gnu::noinline]] void end_early() noexcept {
     early_ = false;
-    early_speed_ = speed_;
+    std::copy_n(sums_.speed, 2 * N, early_speed_.begin());
   }
   void see(const Row<N>& row) noexcept {
     energy_j_ = row.master_energy_j;
@@ -116,9 +133,10 @@ class RunJudge {
   double early_until_s_;
   std::optional<TrendRecord> after_;  ///< what came after the path's end
   std::uint64_t rows_ = 0;
-  double most_speed2_ = 0.0, reach2_ = 0.0, diverged_at_s_ = 0.0, energy_j_ = 0.0;
-  Speeds speed_{}, early_speed_{};  ///< largest, and within the first twentieth of the run
-  bool early_ = true, diverged_ = false, coupled_ = false, acted_after_ = false;
+  double most_speed2_ = 0.0, diverged_at_s_ = 0.0, energy_j_ = 0.0;
+  JudgeSums<double, N> sums_{};
+  Speeds early_speed_{};  ///< largest within the first twentieth of the run
+  bool early_ = true, diverged_ = false, acted_after_ = false;
 };
 
 /// Is something in the scene that makes a loop nonlinear however small its motion: an encoder, Coulomb friction?

@@ -67,7 +67,12 @@ ArmParameters load_urdf(const std::string& path, const std::string& tip) {
 }
 schema::ArmParameters parse_arm(const std::string& path) {
   schema::ArmParameters message;
-  if (const auto error = parse_text(read_whole(path), message))
+  const std::string text = read_whole(path);
+  if (text.starts_with('<'))
+    throw ConfigError{path +
+                      ": this is XML; a URDF's name ends in .urdf, and macros are expanded first: xacro FILE > "
+                      "FILE.urdf"};
+  if (const auto error = parse_text(text, message))
     throw ConfigError{fmt::format("{}:{}: {}", path, error->place, error->sentence)};
   return message;
 }

@@ -26,6 +26,7 @@
 #include "common/base/file.h"
 #include "common/base/nearest_names.h"
 #include "common/mesh/read_mesh.h"
+#include "common/mesh/shapes.h"
 #include "common/scene/arm.h"
 
 namespace twoport {
@@ -91,6 +92,36 @@ struct Text {
   }
 };
 
+/// Blanks out an element, and leaves the lines as they are.
+void remove(std::string& text, const std::string& element) {
+  const std::string open = "<" + element, close = "</" + element + ">";
+  for (std::size_t at = text.find(open); at != text.npos; at = text.find(open, at + 1)) {
+    const std::size_t after = at + open.size(), tag = text.find('>', at);
+    if (after >= text.size() || std::string_view{" \t\r\n>/"}.find(text[after]) == std::string_view::npos) continue;
+    if (tag == text.npos) return;
+    const std::size_t end = text[tag - 1] == '/' ? tag + 1 : text.find(close, tag) + close.size();
+    if (end < tag) return;  // it is not closed: the parser will say so
+    std::replace_if(
+        text.begin() + static_cast<std::ptrdiff_t>(at), text.begin() + static_cast<std::ptrdiff_t>(end),
+        [](char c) { return c != '\n'; }, ' ');
+  }
+}
+
+/// The parsers call themselves for each level, and look through all links for each.
+void check_size(const Text& of) {
+  constexpr int kDeepest = 100, kMostLinks = 2000;
+  int depth = 0, links = 0;
+  for (std::size_t at = of.text.find('<'); at != of.text.npos; at = of.text.find('<', at + 1)) {
+    const std::size_t end = std::min(of.text.find('>', at), of.text.size());
+    const std::string_view tag = std::string_view{of.text}.substr(at, end - at);
+    if (tag.starts_with("<?") || tag.starts_with("<!")) continue;
+    depth += tag.starts_with("</") ? -1 : tag.ends_with('/') ? 0 : 1;
+    links += tag.starts_with("<link");
+    if (depth > kDeepest) of.fail(0, fmt::format("has elements in more than {} levels", kDeepest));
+    if (links > kMostLinks) of.fail(0, fmt::format("has more than {} links", kMostLinks));
+  }
+}
+
 /// What a file that the parser refuses has wrong.
 [[noreturn]] void explain(const Text& of, const std::string& complaint) {
   try {
@@ -102,6 +133,8 @@ struct Text {
   }
   if (of.text.find("<xacro:") != of.text.npos)
     of.fail(0, "these are macros; expand them first: xacro FILE.xacro > FILE.urdf");
+  if (complaint.find("No root link") != complaint.npos)
+    of.fail(0, "no one link is the root, the child of no joint; an arm has one, and no loops");
   // The parser puts names in brackets or quotes.
   long line = 0;
   for (std::size_t at = complaint.find_first_of("['\""); line == 0 && at != complaint.npos;
@@ -112,13 +145,15 @@ struct Text {
   of.fail(line, complaint.empty() ? std::string{"no URDF: it has no element <robot>"} : complaint);
 }
 
-urdf::ModelInterfaceSharedPtr parse(const Text& of) {
-  std::string complaint;
+urdf::ModelInterfaceSharedPtr parse(const Text& of, bool with_shapes) {
+  check_size(of);
+  std::string text = of.text, complaint;
+  if (!with_shapes) remove(text, "visual"), remove(text, "collision");
   urdf::ModelInterfaceSharedPtr model;
   {
     const Complaints complaints;
     try {
-      model = urdf::parseURDF(of.text);
+      model = urdf::parseURDF(text);
     } catch (const std::exception& e) {
       complaint = e.what();
     }
@@ -175,23 +210,6 @@ Vector3d axis(const urdf::Joint& joint) {
 
 // ---- shapes
 
-/// A profile of (radius, height) from axis to axis, turned about z; the first corner is half a side from the x axis.
-TriangleMesh turned(const std::vector<Eigen::Vector2d>& profile, std::uint32_t sides) {
-  TriangleMesh mesh;
-  for (const Eigen::Vector2d& p : profile)
-    for (std::uint32_t s = 0; s < sides; ++s) {
-      const double angle = 2.0 * std::numbers::pi * (s + 0.5) / sides;
-      mesh.vertices.emplace_back(p.x() * std::cos(angle), p.x() * std::sin(angle), p.y());
-    }
-  const auto at = [&](std::uint32_t i, std::uint32_t s) { return i * sides + (profile[i].x() > 0.0 ? s % sides : 0); };
-  for (std::uint32_t i = 0; i + 1 < profile.size(); ++i)
-    for (std::uint32_t s = 0; s < sides; ++s) {
-      if (profile[i].x() > 0.0) mesh.triangles.push_back({at(i, s), at(i, s + 1), at(i + 1, s + 1)});
-      if (profile[i + 1].x() > 0.0) mesh.triangles.push_back({at(i, s), at(i + 1, s + 1), at(i + 1, s)});
-    }
-  return mesh;
-}
-
 /// Where the file is that a URDF names: package://PACKAGE/REST in the folder PACKAGE that the URDF lies in, or in one beside a folder it
 /// lies in; else REST, or its last part, beside the URDF.
 std::string mesh_file(const std::string& named, const std::string& urdf) {
@@ -225,22 +243,16 @@ TriangleMesh mesh_of(const urdf::Mesh& mesh, const std::string& urdf) {
 /// The shape in axes of the link; empty: one without a geometry.
 TriangleMesh shape_of(const urdf::GeometrySharedPtr& geometry, const urdf::Pose& origin, const std::string& urdf) {
   if (!geometry) return {};
-  const auto half_circle = [](int i) {
-    const double angle = std::numbers::pi * i / 12;
-    return Eigen::Vector2d{i % 12 == 0 ? 0.0 : std::sin(angle), -std::cos(angle)};
-  };
   TriangleMesh shape;
   Vector3d size = Vector3d::Ones();
   if (const auto* box = dynamic_cast<const urdf::Box*>(geometry.get())) {
-    shape = turned({{0, -0.5}, {std::numbers::sqrt2 / 2, -0.5}, {std::numbers::sqrt2 / 2, 0.5}, {0, 0.5}}, 4);
+    shape = unit_box();
     size << box->dim.x, box->dim.y, box->dim.z;
   } else if (const auto* cylinder = dynamic_cast<const urdf::Cylinder*>(geometry.get())) {
-    shape = turned({{0, -0.5}, {1, -0.5}, {1, 0.5}, {0, 0.5}}, 32);
+    shape = unit_cylinder();
     size << cylinder->radius, cylinder->radius, cylinder->length;
   } else if (const auto* sphere = dynamic_cast<const urdf::Sphere*>(geometry.get())) {
-    std::vector<Eigen::Vector2d> profile;
-    for (int i = 0; i <= 12; ++i) profile.push_back(half_circle(i));
-    shape = turned(profile, 24);
+    shape = capsule(1.0, 0.0);
     size.setConstant(sphere->radius);
   } else if (const auto* mesh = dynamic_cast<const urdf::Mesh*>(geometry.get())) {
     shape = mesh_of(*mesh, urdf);
@@ -249,21 +261,12 @@ TriangleMesh shape_of(const urdf::GeometrySharedPtr& geometry, const urdf::Pose&
       throw ConfigError{
           fmt::format("{} has the scale {} {} {}; none may be 0", mesh->filename, size.x(), size.y(), size.z())};
   }
-  const Eigen::Affine3d place = transform(origin) * Eigen::Scaling(size);
-  for (Vector3d& v : shape.vertices) {
-    v = place * v;
+  TriangleMesh placed;
+  append(placed, shape, transform(origin) * Eigen::Scaling(size));
+  for (const Vector3d& v : placed.vertices)
     if (!(v.cwiseAbs().maxCoeff() <= 1e6))
       throw ConfigError{"a shape reaches beyond 1e6 m, or its numbers are not finite"};
-  }
-  if (size.prod() < 0.0)  // a mirror turns the triangles inside out
-    for (auto& [a, b, c] : shape.triangles) std::swap(b, c);
-  return shape;
-}
-
-void append(TriangleMesh& to, const TriangleMesh& mesh, const Isometry3d& at) {
-  const auto first = static_cast<std::uint32_t>(to.vertices.size());
-  for (const Vector3d& v : mesh.vertices) to.vertices.push_back(at * v);
-  for (const auto& [a, b, c] : mesh.triangles) to.triangles.push_back({first + a, first + b, first + c});
+  return placed;
 }
 
 /// Links that move as one.
@@ -419,7 +422,8 @@ class ArmOfTree {
   void show(const urdf::Link& link, const Isometry3d& at, ShownArm& arm) const {
     const auto all = [&](const auto& shapes) {
       TriangleMesh mesh;
-      for (const auto& each : shapes) append(mesh, shape_of(each->geometry, each->origin, of_.file), at);
+      for (const auto& each : shapes)
+        append(mesh, shape_of(each->geometry, each->origin, of_.file), Eigen::Affine3d{at});
       return mesh;
     };
     const auto say = [&](const char* other, const ConfigError& e) {
@@ -436,7 +440,7 @@ class ArmOfTree {
         say("without its shape", e);
       }
     }
-    append(arm.links.back(), mesh, Isometry3d::Identity());
+    append(arm.links.back(), mesh, Eigen::Affine3d::Identity());
   }
   Isometry3d held(const urdf::Joint& joint) const {
     Isometry3d T = Isometry3d::Identity();
@@ -484,14 +488,14 @@ class ArmOfTree {
 
 ArmParameters read_urdf(const std::string& text, const std::string& file, const std::string& tip) {
   const Text of{text, file};
-  const urdf::ModelInterfaceSharedPtr model = parse(of);
+  const urdf::ModelInterfaceSharedPtr model = parse(of, false);
   check_tree(of, *model);
   return ArmOfTree{of, *model, tip_of(of, *model, tip)}.read();
 }
 
 ShownArm read_urdf_shapes(const std::string& text, const std::string& file, const std::string& tip) {
   const Text of{text, file};
-  const urdf::ModelInterfaceSharedPtr model = parse(of);
+  const urdf::ModelInterfaceSharedPtr model = parse(of, true);
   check_tree(of, *model);
   return ArmOfTree{of, *model, tip_of(of, *model, tip)}.shapes();
 }

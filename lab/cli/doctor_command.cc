@@ -5,13 +5,17 @@
 #include <chrono>
 #include <cmath>
 #include <cstdio>
+#include <fstream>
 #include <limits>
 #include <memory>
+#include <string>
 #include <utility>
 
 #include "common/base/check.h"
 #include "common/base/file.h"
+#include "common/base/print_error.h"
 #include "common/base/text.h"
+#include "common/link/link_trace.h"
 #include "common/platform/realtime.h"
 #include "common/platform/udp.h"
 #include "doctor/examine.h"
@@ -103,8 +107,17 @@ int link_command(const DoctorArguments& a) {
     throw ConfigError{fmt::format("--seconds {:g} at {:g} Hz are {:.0f} packets; a measurement has at most {:.0f}",
                                   request.seconds, request.rate_hz, packets, kMostPackets)};
   std::optional<WholeFile> saved;
-  if (!a.save.empty()) saved.emplace(a.save);
+  if (!a.save.empty()) {
+    std::ifstream before{a.save};
+    std::string header;
+    if (std::getline(before, header) && header != kLinkTraceHeader)
+      throw ConfigError{"--save " + a.save + ": the file is there and holds no link; give another name"};
+    saved.emplace(a.save);
+  }
   const LinkFigures f = measure_link(request, stop);
+  if (f.silent_s > 0.0)
+    print_error("{} has been silent for the last {:.1f} s; was it ended? What follows is of the {:.1f} s before\n",
+                a.link, f.silent_s, f.seconds);
   const double round_trip_s = 1e-3 * ms(f.round_trip.percentile(0.5));
   const LinkTrace trace = f.trace();
   if (saved) {
@@ -133,7 +146,7 @@ int link_command(const DoctorArguments& a) {
         ms(f.round_trip.percentile(0.99)), ms(f.round_trip.max()), there_ms, back_ms, bound_ms, to_json(to_slave),
         to_json(to_master), json_string(advice.method), json_string(advice.why[0]), advice.to_slave.playout_ms,
         advice.to_master.playout_ms, advice.hold_after_s, advice.round_trip_ms(), advice.initial_energy_j);
-    return 0;
+    return f.silent_s > 0.0 ? 3 : 0;
   }
   fmt::print("{}: {:.1f} s at {:g} Hz, {} packets sent, {}\n", a.link, f.seconds, a.rate_hz, f.sent,
              f.encrypted ? "encrypted" : "not encrypted");
@@ -153,7 +166,7 @@ int link_command(const DoctorArguments& a) {
   fmt::print("\nFor a scene over this link, with a wall of {:g} N/m:\n", a.stiffness);
   std::fputs(to_text(advice).c_str(), stdout);
   if (saved) fmt::print("{}: {} packets\n", a.save, trace.to_slave.size() + trace.to_master.size());
-  return 0;
+  return f.silent_s > 0.0 ? 3 : 0;
 }
 
 int answer_command(const DoctorArguments& a) {

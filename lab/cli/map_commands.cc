@@ -128,6 +128,10 @@ struct RecommendArguments {
   std::string methods, link, scene;
 };
 
+int status_of(const std::string& recommended) {
+  return recommended == "none" ? 3 : 0;
+}
+
 int recommend_for_link(const RecommendArguments& a) {
   const LinkTrace link = parse_link_trace(read_whole(a.link), a.link);
   for (const auto& [name, way] : {std::pair{"to_slave", &link.to_slave}, {"to_master", &link.to_master}})
@@ -141,7 +145,7 @@ int recommend_for_link(const RecommendArguments& a) {
                                        .jobs = a.jobs},
                                       show_progress);
   std::fputs((a.json ? to_json(advice) : to_text(advice)).c_str(), stdout);
-  return 0;
+  return status_of(advice.method);
 }
 
 int recommend_command(const RecommendArguments& a) {
@@ -176,7 +180,7 @@ int recommend_command(const RecommendArguments& a) {
   } else {
     fmt::print("{}: {}\n", found.method, found.why);
   }
-  return 0;
+  return status_of(found.method);
 }
 
 Subcommand add_recommend(Command app) {
@@ -196,7 +200,9 @@ Subcommand add_recommend(Command app) {
   recommend.footer(
       "Without --link prints one line: NAME: why. With it, blocks to paste into a scene, the reasons as comments. The "
       "scene is that "
-      "of `map`: an ordinary hand, device and robot.");
+      "of `map`: an ordinary hand, device and robot. Recommended is, of the methods that hold as in `map` and bound "
+      "the "
+      "energy of the hand's port, the one with the least error; status 3: there is none.");
   return {recommend, [a] { return recommend_command(*a); }};
 }
 

@@ -2,6 +2,8 @@
 
 #include <cstdint>
 
+#include "common/record/sums.h"
+
 // The border between the laboratory and the lane units (loop_sse42.cc and its like), which are compiled for other instruction
 // sets: plain structs only. A unit must not instantiate an inline function that another translation unit may share, so it
 // includes no header of the standard library or of Eigen.
@@ -97,17 +99,11 @@ struct State {
   InternalModel<S, N> model;  ///< the last member: copied for that method only
 };
 
-/// Sums of Metrics, RunJudge, ContactFigures, HeldForce and Contacts.
+/// Sums of a run, and what HeldForce and Contacts keep.
 template <class S, int N>
-struct Sums {
-  S min_energy, min_observed, min_two_port, min_robot, robot_force2, robot_speed2, owed, dissipated, corrected_ticks;
-  S drift2, position_error2, apart_rows, last_apart_row;
-  S force_error2, correction2, force2, chatter2, wanted_rows, turned_rows, turn2_max, turn2;
+struct Sums : MetricsSums<S, N>, ContactSums<S>, JudgeSums<S, N> {
   S filter_1[N], filter_2[N];
-  S uncoupled, touching, free, quiet, muted, compared;
-  S environment_force, error2, contact_turn2, free_force2, penetration2;
   S held_next, held_ticks;
-  S reach2, speed[2 * N], was_coupled;
   S pressed, late_ticks, touched;
 };
 

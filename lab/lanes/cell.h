@@ -29,55 +29,6 @@
 #include "sim/plant/exact_wall.h"
 #include "sim/sim_device.h"
 
-namespace twoport {
-
-/// Sets the sums of a run, and says what they are.
-struct SumsOfLanes {
-  template <int N, class Sums>
-  static void set(Metrics<N>& m, const Sums& t, std::int64_t ticks, double period_ns, std::optional<double> held_ratio,
-                  const std::array<double, 2 * N>& early, bool has_early, bool diverged) {
-    const auto whole = [](double n) { return static_cast<std::uint64_t>(n); };
-    m.rows_ = static_cast<std::uint64_t>(ticks);
-    m.last_s_ = static_cast<double>(ticks - 1) * period_ns / kNanosecondsPerSecond;
-    m.min_energy_j_ = t.min_energy, m.min_observed_j_ = t.min_observed;
-    m.min_two_port_j_ = t.min_two_port, m.min_robot_j_ = t.min_robot;
-    m.robot_force2_max_ = t.robot_force2, m.robot_speed2_max_ = t.robot_speed2;
-    m.owed_j_ = t.owed, m.dissipated_j_ = t.dissipated, m.corrected_ticks_ = whole(t.corrected_ticks);
-    m.drift2_ = t.drift2, m.position_error2_ = t.position_error2;
-    m.apart_rows_ = whole(t.apart_rows), m.last_apart_row_ = whole(t.last_apart_row);
-    m.force_error2_ = t.force_error2, m.correction2_max_ = t.correction2, m.force2_max_ = t.force2;
-    m.chatter2_ = t.chatter2, m.wanted_rows_ = whole(t.wanted_rows), m.turned_rows_ = whole(t.turned_rows);
-    m.turn2_max_ = t.turn2_max, m.turn2_ = t.turn2;
-
-    ContactFigures<N>& c = m.contact_;
-    c.uncoupled_ = whole(t.uncoupled), c.touching_ = whole(t.touching), c.free_ = whole(t.free);
-    c.quiet_ = whole(t.quiet), c.muted_ = whole(t.muted), c.compared_ = whole(t.compared);
-    c.environment_force_ = t.environment_force, c.error2_ = t.error2, c.turn2_ = t.contact_turn2;
-    c.free_force2_ = t.free_force2, c.penetration2_ = t.penetration2;
-    c.held_force_.ratio_ = held_ratio;
-
-    RunJudge<N>& j = m.judge_;
-    j.rows_ = m.rows_;
-    j.reach2_ = t.reach2;
-    std::copy_n(t.speed, 2 * N, j.speed_.begin());
-    j.early_speed_ = early;
-    j.early_ = !has_early;
-    j.diverged_ = diverged;
-    j.diverged_at_s_ = m.last_s_;
-    j.coupled_ = t.was_coupled != 0.0;
-  }
-  /// What RunJudge has seen since the path's end, for a verdict from the run itself.
-  template <int N>
-  static void set_after(Metrics<N>& m, TrendRecord&& record, bool acted, double energy_j) {
-    RunJudge<N>& j = m.judge_;
-    j.after_ = std::move(record);
-    j.acted_after_ = acted;
-    j.energy_j_ = energy_j;
-  }
-};
-
-}  // namespace twoport
-
 namespace twoport::lab::lanes {
 
 /// A simulation at rest between two ticks, with the packets on their way.
@@ -162,8 +113,7 @@ class Cell {
   template <class Fill>
   bool at_stop(std::int64_t k, Fill snapshot) {
     if (k == early_at_ && k < ticks_) {
-      std::copy_n(t.speed, 2 * N, early_.begin());
-      has_early_ = true;
+      std::copy_n(t.speed, 2 * N, early_.emplace().begin());
     }
     while (part_ < parts_.size()) {
       const RunPart& part = parts_[part_];
@@ -189,14 +139,19 @@ class Cell {
     if (last_ratio) held_ratio_ = last_ratio;
     failed_ = !finite();
     if (failed_) return;
-    metrics_.emplace(metrics_of<N>(scene_, true, path_->end_s, scene_.control.initial_energy.si(), false));
-    SumsOfLanes::set<N>(*metrics_, t, k, static_cast<double>(period_ns_), held_ratio_, early_, has_early_, diverged);
+    Metrics<N>& m =
+        metrics_.emplace(metrics_of<N>(scene_, true, path_->end_s, scene_.control.initial_energy.si(), false));
+    const auto rows = static_cast<std::uint64_t>(k);
+    const double last_s = static_cast<double>((k - 1) * period_ns_) / kNanosecondsPerSecond;
+    m.set(t, rows, last_s);
+    m.contact().set(t, held_ratio_);
+    m.judge().set(t, rows, early_, diverged ? std::optional{last_s} : std::nullopt);
     if (is_plain()) {
-      SumsOfLanes::set_after<N>(*metrics_, std::move(*after_), acted_after_, now.state.master_energy);
+      m.judge().set_after(std::move(*after_), acted_after_, now.state.master_energy);
       return;
     }
-    judged_ = !diverged && metrics_->judge().not_judged().empty();
-    if (judged_) scale_ = metrics_->judge().scale();
+    judged_ = !diverged && m.judge().not_judged().empty();
+    if (judged_) scale_ = m.judge().scale();
   }
   [[nodiscard]] bool needs_tails() const { return judged_ && !failed_; }
 
@@ -564,8 +519,8 @@ class Cell {
   std::vector<RunPart> parts_;
   std::vector<std::int64_t> stops_;
   std::size_t part_ = 0, next_stop_ = 0;
-  std::array<double, 2 * N> early_{};
-  bool has_early_ = false, failed_ = false, judged_ = false;
+  std::optional<typename RunJudge<N>::Speeds> early_;
+  bool failed_ = false, judged_ = false;
   std::optional<double> held_ratio_;
   bool in_quarter_ = false;
   ContactStates<Snapshot<N>> states_;

@@ -14,6 +14,8 @@ namespace twoport::lab {
 namespace {
 
 constexpr double kLongestPlayout_ms = 2000.0;
+// A robot that presses goes on doing so that long after its master has died.
+constexpr double kLongestHold_s = 1.0;
 
 /// Where the round trip comes from: "12.1 ms there (least) + 9 ms of playout".
 std::string part(const LinkAdvice::Way& way, const char* name) {
@@ -38,7 +40,7 @@ Map map_of(const LinkTrace& link, const LinkAdvice& advice, MapOptions options, 
 }
 
 double best_error_n(const Map& map) {
-  const std::size_t best = best_method(map, 0);
+  const std::size_t best = advised_method(map);
   return best < map.methods.size() ? map.at(best, 0).error_n.mean : std::numeric_limits<double>::infinity();
 }
 std::string in_words(double error_n) {
@@ -47,7 +49,6 @@ std::string in_words(double error_n) {
 
 std::string of_passivity(const LinkAdvice& a) {
   const std::size_t plus = a.method.find('+');
-  if (a.method == "none") return "";
   return plus == a.method.npos ? fmt::format("method: {} ", a.method)
                                : fmt::format("layer: {} ", a.method.substr(plus + 1));
 }
@@ -68,7 +69,7 @@ LinkAdvice advise(const DirectionFigures& to_slave, const DirectionFigures& to_m
     return LinkAdvice::Way{f, f.jitter_p99_s < 1e-3 ? 0.0 : playout_ms};
   };
   LinkAdvice a{.to_slave = way(to_slave), .to_master = way(to_master), .method = {}, .why = {}};
-  a.hold_after_s = std::max(0.1, 0.05 * std::ceil(4.0 * a.longest_gap_s() / 0.05 - 1e-9));
+  a.hold_after_s = std::clamp(0.05 * std::ceil(4.0 * a.longest_gap_s() / 0.05 - 1e-9), 0.1, kLongestHold_s);
   const double wait_s = std::max(a.hold_after_s, 1e-3 * std::max(a.to_slave.playout_ms, a.to_master.playout_ms));
   a.release_after_s = std::max(1.0, 2.0 * wait_s);
   return a;
@@ -108,8 +109,12 @@ LinkAdvice recommend(const LinkTrace& link, MapOptions options, const Heard& hea
       fmt::format("round_trip_ms {:.1f} = {} + {}", advice.round_trip_ms(), part(advice.to_slave, "there"),
                   part(advice.to_master, "back")),
       playout,
-      fmt::format("hold_after_s {:g}: four times the longest gap between packets, {:.1f} ms, and at least 0.1",
-                  advice.hold_after_s, 1e3 * advice.longest_gap_s()),
+      fmt::format("hold_after_s {:g}: four times the longest gap between packets, {:.1f} ms, at least 0.1 and at most "
+                  "{:g}{}",
+                  advice.hold_after_s, 1e3 * advice.longest_gap_s(), kLongestHold_s,
+                  advice.longest_gap_s() > kLongestHold_s ? ": in such an outage the robot is held, then let go, and "
+                                                            "coupled anew"
+                                                          : ""),
       "initial_energy_j: what the hand may get at most beyond what it has put in, by the rule for this round trip"};
   return advice;
 }
@@ -117,6 +122,7 @@ LinkAdvice recommend(const LinkTrace& link, MapOptions options, const Heard& hea
 std::string to_text(const LinkAdvice& a) {
   std::string text;
   for (const std::string& sentence : a.why) text += fmt::format("# {}\n", sentence);
+  if (a.method == "none") return text;
   text += "control {\n";
   text += fmt::format("  hold_after_s: {:g}\n", a.hold_after_s);
   if (a.release_after_s != 1.0) text += fmt::format("  release_after_s: {:g}\n", a.release_after_s);
@@ -134,7 +140,7 @@ std::string to_json(const LinkAdvice& a) {
   std::string passivity;
   if (!layer.empty()) {
     passivity = fmt::format("\"layer\": {}, ", json_string(a.method.substr(layer.size() + 1)));
-  } else if (a.method != "none") {
+  } else {
     passivity = fmt::format("\"method\": {}, ", json_string(a.method));
   }
   std::string ways;
@@ -142,14 +148,15 @@ std::string to_json(const LinkAdvice& a) {
     if (way->playout_ms > 0.0) ways += fmt::format(", \"{}\": {{\"playout_ms\": {:g}}}", name, way->playout_ms);
   std::vector<std::string> why;
   for (const std::string& sentence : a.why) why.push_back(json_string(sentence));
-  return fmt::format(
-      "{{\n \"scene\": {{\"control\": {{\"hold_after_s\": {:g}, \"release_after_s\": {:g}{}, \"passivity\": "
-      "{{{}\"initial_energy_j\": {:.4g}, \"round_trip_ms\": {:.1f}}}}}{}}},\n \"why\": [\n  {}],\n \"link\": "
-      "{{\"to_slave\": {},\n  \"to_master\": {}}}\n}}\n",
+  const std::string scene = fmt::format(
+      "\"scene\": {{\"control\": {{\"hold_after_s\": {:g}, \"release_after_s\": {:g}{}, \"passivity\": "
+      "{{{}\"initial_energy_j\": {:.4g}, \"round_trip_ms\": {:.1f}}}}}{}}},\n ",
       a.hold_after_s, a.release_after_s,
       layer.empty() ? "" : fmt::format(", \"transparency\": {{\"layer\": {}}}", json_string(layer)), passivity,
-      a.initial_energy_j, a.round_trip_ms(), ways, fmt::join(why, ",\n  "), to_json(a.to_slave.figures),
-      to_json(a.to_master.figures));
+      a.initial_energy_j, a.round_trip_ms(), ways);
+  return fmt::format("{{\n {}\"why\": [\n  {}],\n \"link\": {{\"to_slave\": {},\n  \"to_master\": {}}}\n}}\n",
+                     a.method == "none" ? "" : scene, fmt::join(why, ",\n  "), to_json(a.to_slave.figures),
+                     to_json(a.to_master.figures));
 }
 
 std::string to_json(const DirectionFigures& f) {

@@ -268,13 +268,36 @@ Map make_map(const MapOptions& o, const std::function<void(const Progress&)>& he
   return map;
 }
 
-std::size_t best_method(const Map& map, std::size_t place) {
+namespace {
+
+/// Has it a passivity layer that bounds a port's energy, or is it of one piece?
+bool claims_a_bound(std::string_view method) {
+  const MethodName* const named = find_name(kMethods, method);
+  const std::string_view layer = named != nullptr ? named->passivity : method.substr(method.find('+') + 1);
+  const PassivityLayerName* const passivity = find_name(kPassivityLayers, layer);
+  return passivity == nullptr || passivity->claim != Claim::none;
+}
+
+std::size_t least_error(const Map& map, std::size_t place, const std::function<bool(const MapCell&)>& may) {
   std::size_t found = map.methods.size();
   for (std::size_t m = 0; m < map.methods.size(); ++m)
-    if (map.at(m, place).holds() &&
+    if (map.at(m, place).holds() && may(map.at(m, place)) &&
         (found == map.methods.size() || map.at(m, place).error_n.mean < map.at(found, place).error_n.mean))
       found = m;
   return found;
+}
+
+}  // namespace
+
+std::size_t best_method(const Map& map, std::size_t place) {
+  return least_error(map, place, [](const MapCell&) { return true; });
+}
+std::size_t advised_method(const Map& map) {
+  constexpr double kRounding = 1e-6, kMostPressed = 1.5;
+  return least_error(map, 0, [&](const MapCell& c) {
+    return claims_a_bound(c.method) && c.pressed.mean <= kMostPressed &&
+           spread_of(c, "hand_min_energy_j").worst >= -(map.initial_energy_j[0] + kRounding);
+  });
 }
 
 Table to_table(const Map& map) {
@@ -337,9 +360,17 @@ std::string to_text(const Map& map) {
 }
 
 Recommendation recommend(const Map& map) {
-  const std::size_t found = best_method(map, 0);
-  if (found == map.methods.size())
-    return {"none", "no method is stable and quiet here with at least half of the force pressed"};
+  const std::size_t found = advised_method(map);
+  if (found == map.methods.size()) {
+    const std::size_t held = best_method(map, 0);
+    return {
+        "none",
+        "no method that bounds the energy of the hand's port is stable and quiet here with at least half of the "
+        "force pressed, and at most half of it more" +
+            (held < map.methods.size()
+                 ? "; " + map.methods[held] + " is, but bounds no energy, pays the hand more than E(0), or presses more"
+                 : std::string{})};
+  }
   const MapCell& c = map.at(found, 0);
   int holding = 0, not_stable = 0;
   for (std::size_t m = 0; m < map.methods.size(); ++m) {

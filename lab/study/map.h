@@ -102,12 +102,16 @@ Map make_map(const MapOptions& options, const Heard& heard = {});
 /// Of the methods that hold in a place, the number of the one with the least error_n; the number of methods where none does.
 std::size_t best_method(const Map& map, std::size_t place);
 
+/// The same in the first place, of those that bound the energy of the hand's port, have never paid it more than E(0), and press at most half
+/// too much.
+std::size_t advised_method(const Map& map);
+
 /// A row for each cell.
 Table to_table(const Map& map);
 /// For people: one line a method, in how many places it holds, is best or within 5 % of the best, and its worst figures.
 std::string to_text(const Map& map);
 
-/// The method for one network and wall, and why: of those that hold, the one with the least error_n.
+/// The method for one network and wall, and why: by advised_method(); "none" where there is none.
 struct Recommendation {
   std::string method, why;
 };

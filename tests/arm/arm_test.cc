@@ -20,6 +20,7 @@
 #include <kdl/chainjnttojacsolver.hpp>
 
 #include "tests/arm/kdl_chain.h"
+#include "tests/support/folder.h"
 #endif
 
 namespace twoport {
@@ -301,7 +302,7 @@ TEST(Arms, WrongFilesAreRefusedInASentence) {
   const auto error_of = [&](const std::string& from, const std::string& to) {
     std::string text = right;
     text.replace(text.find(from), from.size(), to);
-    const std::string path = testing::TempDir() + "/wrong_arm.textproto";
+    const std::string path = test::own_folder() / "wrong_arm.textproto";
     write_whole(path, text);
     try {
       load_arm(path);
@@ -344,7 +345,7 @@ TEST(Arms, WrongFilesAreRefusedInASentence) {
     EXPECT_NE(error.find(wrong.words), std::string::npos) << wrong.to << " says \"" << error << "\"";
     EXPECT_NE(error.find("wrong_arm.textproto"), std::string::npos) << error;
   }
-  const std::string path = testing::TempDir() + "/wrong_arm.textproto";
+  const std::string path = test::own_folder() / "wrong_arm.textproto";
   write_whole(path, "name: \"none\"\n");
   try {
     load_arm(path);

@@ -12,6 +12,7 @@
 #include "common/scene/load.h"
 #include "sim/plant/serial_arm.h"
 #include "sim/sim_robot.h"
+#include "tests/support/folder.h"
 #include "tests/support/no_alloc.h"
 
 namespace twoport::sim {
@@ -118,7 +119,7 @@ TEST(JointFriction, EnergyOfAllJointsBalances) {
 #ifdef TWOPORT_URDF
 /// Where an arm of a URDF has the tool after 0.2 s under a constant wrench.
 Eigen::Vector3d pushed(const std::string& urdf, const std::string& damping) {
-  const std::string path = testing::TempDir() + "/pushed.urdf";
+  const std::string path = test::own_folder() / "pushed.urdf";
   write_whole(path, urdf);
   SimRobot<6> r{
       parse_scene(

@@ -16,6 +16,7 @@
 #include "common/base/file.h"
 #include "common/scene/arm.h"
 #include "tests/arm/mjcf.h"
+#include "tests/support/folder.h"
 
 namespace twoport {
 namespace {
@@ -30,7 +31,7 @@ struct Simulated {
   std::unique_ptr<mjData, decltype(&mj_deleteData)> data{nullptr, mj_deleteData};
 };
 Simulated load(const ArmParameters& arm) {
-  const std::string path = testing::TempDir() + "/arm.mjcf.xml";
+  const std::string path = test::own_folder() / "arm.mjcf.xml";
   write_whole(path, test::mjcf(arm, kGravity));
   std::array<char, 500> error{};
   Simulated of;

@@ -40,7 +40,7 @@ using Eigen::Vector3d;
 const Vector3d kGravity{0.0, 0.0, -9.81};
 
 ArmParameters load(const std::string& urdf, const std::string& tip = "") {
-  const std::string path = testing::TempDir() + "/arm_of_a_test.urdf";
+  const std::string path = test::own_folder() / "arm_of_a_test.urdf";
   write_whole(path, urdf);
   return load_arm(path, tip);
 }
@@ -367,7 +367,7 @@ TEST(ShapesOfAUrdf, HaveSoManyTrianglesAsAPictureTakes) {
 // ---- in an arm's file
 
 ArmParameters described(const std::string& text) {
-  const std::string path = testing::TempDir() + "/described.textproto";
+  const std::string path = test::own_folder() / "described.textproto";
   write_whole(path, text);
   return load_arm(path);
 }
@@ -407,6 +407,23 @@ std::string changed(const std::string& from, const std::string& to, const std::s
   return text.replace(at, from.size(), to);
 }
 constexpr const char* kLimit = "<limit lower='-3' upper='3' effort='50' velocity='2'/>";
+
+std::string nested(int levels) {
+  std::string all;
+  for (int i = 0; i < levels; ++i) all += "<a>";
+  for (int i = 0; i < levels; ++i) all += "</a>";
+  return all + "</robot>";
+}
+
+/// Shapes with errors are no matter of kinematics.
+TEST(Urdf, ReadsAnArmWhoseShapesAreBroken) {
+  const ArmParameters whole = load(two_links()),
+                      broken = load(changed("<link name='tool'/>",
+                                            "<link name='tool'><visual><geometry/></visual><visual/><collision>"
+                                            "<geometry><sphere radius='a'/></geometry></collision></link>"));
+  EXPECT_EQ(broken.joints.size(), whole.joints.size());
+  EXPECT_EQ(broken.joints.back().mass_kg, whole.joints.back().mass_kg);
+}
 
 TEST(Urdf, SaysWhatIsWrongWithAFile) {
   struct Wrong {
@@ -463,6 +480,9 @@ TEST(Urdf, SaysWhatIsWrongWithAFile) {
                       "link='y'/></joint>"
                       "<joint name='e' type='fixed'><parent link='y'/><child link='x'/></joint>"),
             "tool", "hangs on a loop of joints; an arm has no loops"},
+           {two_links("<joint name='d' type='fixed'><parent link='tool'/><child link='base'/></joint>"), "",
+            "no one link is the root"},
+           {"<robot>" + nested(20000), "", "has elements in more than 100 levels"},
            {changed("xyz='0 0 0.7'", "xyz='0 0 zero'"), "", "zero"},
            {changed("xyz='0 0 0.7'", "xyz='0 0 nan'"), "", "a"},
            {two_links("<link name='f'/><joint name='d' type='prismatic'><parent link='lower'/><child link='f'/><mimic "
@@ -523,7 +543,7 @@ TEST(SceneOfAUrdf, SaysWhatItLacks) {
             std::string::npos)
       << error("pandda", "");
   const auto arm = [&](const std::string& text) {
-    const std::string path = testing::TempDir() + "/other.urdf";
+    const std::string path = test::own_folder() / "other.urdf";
     write_whole(path, text);
     return error(path, kStart);
   };

@@ -7,8 +7,10 @@
 
 #include "common/base/check.h"
 #include "common/base/file.h"
+#include "common/hardware/virtual_robot.h"
 #include "common/scene/load.h"
 #include "drivers/drivers.h"
+#include "tests/support/folder.h"
 #include "tests/support/live.h"
 
 // A world of MuJoCo as the robot.
@@ -18,7 +20,7 @@ namespace {
 constexpr Seconds kPeriod{1e-3};
 
 std::string model(const std::string& body, const std::string& more = "") {
-  const std::string path = testing::TempDir() + "/model.xml";
+  const std::string path = own_folder() / "model.xml";
   write_whole(path, "<mujoco model='test'><option timestep='0.0005' gravity='0 0 0'/><worldbody>" + more +
                         "<body name='tool'>" + body + "</body></worldbody></mujoco>");
   return path;
@@ -101,6 +103,66 @@ TEST_F(Mujoco, FeelsTheContactOnTheTool) {
   EXPECT_NEAR(s.x.translation().x(), 0.01, 0.003);
 }
 
+/// A site on a body that is fixed to the one with the geoms, as models of arms have them.
+TEST_F(Mujoco, FeelsTheContactOfABodyThatTheSitesIsWeldedTo) {
+  const auto robot =
+      open<3>(model(kSlides + kSphere + "<body pos='0 0 0.05'><site name='tip'/></body>", kWall) + ",site=tip");
+  const RobotSample<3> s = after<3>(*robot, 3000, {5.0, 0.0, 0.0});
+  EXPECT_NEAR(s.f_environment.vec().x(), 5.0, 0.01);
+  EXPECT_TRUE(robot->truth()->touches);
+}
+
+TEST_F(Mujoco, StartsAtAKeyframe) {
+  const std::string path = own_folder() / "key.xml";
+  write_whole(path, "<mujoco><worldbody><body>" + kSlides + kSphere +
+                        "</body></worldbody><keyframe><key name='home' qpos='1 2 3'/></keyframe></mujoco>");
+  EXPECT_EQ(open<3>(path)->sense(tick(0)).x.translation(), Eigen::Vector3d::Zero());
+  EXPECT_EQ(open<3>(path + ",key=home")->sense(tick(0)).x.translation(), Eigen::Vector3d(1.0, 2.0, 3.0));
+  EXPECT_THROW(open<3>(path + ",key=away"), ConfigError);
+}
+
+TEST_F(Mujoco, ThatHasNoRoomForItsContactsIsAFault) {
+  const std::string path = own_folder() / "full.xml";
+  write_whole(
+      path,
+      "<mujoco><size nconmax='1' njmax='100'/><worldbody><geom type='plane' size='1 1 1'/><body pos='0 0 0.0099'>" +
+          kSlides + "<geom type='box' size='0.1 0.1 0.01' mass='1'/></body></worldbody></mujoco>");
+  const auto robot = open<3>(path);
+  const RobotSample<3> s = after<3>(*robot, 10, {0.0, 0.0, -1.0});
+  EXPECT_EQ(s.status, HardwareStatus::fault);
+  EXPECT_NE(robot->trouble().find("nconmax"), std::string::npos) << robot->trouble();
+}
+
+/// Largest and least corners of what stands still, and of the tool in axes of its site.
+TEST_F(Mujoco, ShowsWhatItsViewerShows) {
+  const std::string path = own_folder() / "shown.xml";
+  write_whole(path,
+              "<mujoco><asset><mesh name='wedge' vertex='0 0 0 1 0 0 0 1 0 0 0 1'/></asset><worldbody>"
+              "<geom type='box' pos='0.5 0 0' size='0.1 0.2 0.3'/><geom type='sphere' pos='9 9 9' size='1' group='4'/>"
+              "<body pos='3 3 3'><geom type='sphere' size='1'/><freejoint/></body>"
+              "<body pos='0 0 1'>" +
+                  kSlides +
+                  "<geom type='capsule' size='0.01 0.05'/><geom type='cylinder' pos='0 0 0.2' size='0.02 0.03'/>"
+                  "<geom type='mesh' mesh='wedge' pos='-2 0 0'/><site name='tip' pos='0 0 0.1' euler='180 0 0'/></body>"
+                  "</worldbody></mujoco>");
+  const auto opened = open<3>(path);
+  const WorldPicture all = dynamic_cast<const VirtualRobot<3>&>(*opened).picture();
+  const auto box_of = [](const TriangleMesh& mesh) {
+    Eigen::AlignedBox3d box;
+    for (const Eigen::Vector3d& v : mesh.vertices) box.extend(v);
+    return box;
+  };
+  const Eigen::AlignedBox3d still = box_of(all.still), tool = box_of(all.tool);
+  EXPECT_LT((still.min() - Eigen::Vector3d(0.4, -0.2, -0.3)).norm(), 1e-9);
+  EXPECT_LT((still.max() - Eigen::Vector3d(0.6, 0.2, 0.3)).norm(), 1e-9);
+  // The site looks down: the capsule's end at -0.06 m of the body is at 0.16 m, the cylinder's at 0.23 m at -0.13 m.
+  EXPECT_NEAR(tool.max().z(), 0.16, 1e-9);
+  EXPECT_LT(tool.min().z(), -0.13 + 1e-9);
+  EXPECT_NEAR(tool.min().x(), -2.0, 0.3);
+  EXPECT_EQ(faults_of(all.still).odd_edges, 0U);
+  EXPECT_GT(faults_of(all.still).volume_m3, 0.0);
+}
+
 TEST_F(Mujoco, LetsGoWithoutCommands) {
   const auto robot = open<3>(model(kSlides + kSphere));
   after<3>(*robot, 10, {1.0, 0.0, 0.0});
@@ -133,15 +195,16 @@ TEST_F(Mujoco, RefusesModelsInWords) {
   expect(model(kSlides + kSphere + "<site name='a'/><site name='b'/>"), "the model has the sites a, b; add ,site=NAME");
   expect(model(kSlides + kSphere + "<site name='a'/><site name='b'/>") + ",site=c", "no site \"c\"; there are a, b");
   expect(model(kSphere), "no body of the model moves");
+  expect(model(kSphere + "<site name='t'/>"), "move the tool in 0 directions; a scene with dof 3 needs 3");
   expect(model(kSlides + kSphere, "<body><freejoint/><geom size='0.1'/></body>"),
          "several bodies that move; put a site on the tool");
-  expect(model(kSlides + kSphere) + ",sites=tip", "after the comma stands site=NAME, once");
+  expect(model(kSlides + kSphere) + ",sites=tip", "after the file stand ,site=NAME and then ,key=NAME, each once");
   write_whole(
-      testing::TempDir() + "/slow.xml",
+      own_folder() / "slow.xml",
       "<mujoco><option timestep='1'/><worldbody><body><freejoint/><geom size='0.1'/></body></worldbody></mujoco>");
-  expect(testing::TempDir() + "/slow.xml", "its timestep is 1 s; it must be between 1e-05 and 0.02");
-  write_whole(testing::TempDir() + "/bad.xml", "<mujoco><worldbody><geom type='ball'/></worldbody></mujoco>");
-  expect(testing::TempDir() + "/bad.xml", "ball");
+  expect(own_folder() / "slow.xml", "its timestep is 1 s; it must be between 1e-05 and 0.02");
+  write_whole(own_folder() / "bad.xml", "<mujoco><worldbody><geom type='ball'/></worldbody></mujoco>");
+  expect(own_folder() / "bad.xml", "ball");
 }
 
 // Two programs over UDP: the hand leads 10 mm into a wall of MuJoCo and feels what the robot presses.

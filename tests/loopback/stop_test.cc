@@ -29,6 +29,9 @@ std::int64_t send_stop(std::uint16_t port) {
   all.sin_addr.s_addr = htonl(INADDR_BROADCAST & 0x7fffffff);  // 127.255.255.255
   const auto now = std::chrono::system_clock::now().time_since_epoch();
   EXPECT_EQ(::sendto(fd, "", 0, 0, reinterpret_cast<const sockaddr*>(&all), sizeof all), 0);
+  const timeval patience{2, 0};
+  ::setsockopt(fd, SOL_SOCKET, SO_RCVTIMEO, &patience, sizeof patience);
+  EXPECT_GT(::recv(fd, nullptr, 0, MSG_TRUNC), 0) << "a program that listens answers";
   ::close(fd);
   return std::chrono::duration_cast<std::chrono::nanoseconds>(now).count();
 }

@@ -18,6 +18,7 @@
 #include "lab/run.h"
 #include "lab/study/map.h"
 #include "lab/study/sweep.h"
+#include "tests/support/folder.h"
 
 // A world of MuJoCo in the laboratory.
 namespace twoport::lab {
@@ -28,7 +29,7 @@ constexpr double kMass = 0.5, kDamping = 2.0, kStiffness = 2000.0, kWallDamping 
 /// A mass on three slides before a wall. With the least impedance d = 1e-4 of solimp MuJoCo's contact is a spring with damper, its mass
 /// m/(1 - d): m a = (1 - d) f - m s_1 v - m s_0 x, the direct form of solref being (-s_0, -s_1).
 std::string world(double stiffness = kStiffness, const std::string& more = {}) {
-  const std::string file = testing::TempDir() + "/hosted.xml";
+  const std::string file = test::own_folder() / "hosted.xml";
   write_whole(file, fmt::format(R"(<mujoco><option timestep="0.00005" gravity="0 0 0"/>
 <default><geom solref="{} {}" solimp="0.0001 0.0001 0.001 0.5 2" condim="1"/></default>
 <worldbody><geom type="box" pos="{} 0 0" size="0.5 1 1"/><body>
@@ -146,15 +147,15 @@ TEST(Hosted, AWorldThatIsLostHasDiverged) {
   std::string xml = read_whole(world());
   xml.insert(xml.find("</mujoco>"), "<actuator><general joint='x' biastype='affine' biasprm='0 0 1e9'/></actuator>");
   xml.insert(xml.find(" axis=\"1 0 0\""), " name='x'");
-  write_whole(testing::TempDir() + "/lost.xml", xml);
-  const HostedRobot robot = open<3>(testing::TempDir() + "/lost.xml");
+  write_whole(test::own_folder() / "lost.xml", xml);
+  const HostedRobot robot = open<3>(test::own_folder() / "lost.xml");
   const Summary s = run(scene(), {.robot = &robot});
   EXPECT_EQ(s.verdict_kind(), "UNSTABLE") << s.verdict();
 }
 
 TEST(Hosted, SweepsOverDelayTheSameWithAnyNumberOfJobsAndKnowsAnotherWorld) {
   const HostedRobot robot = open<3>(world());
-  const std::string file = testing::TempDir() + "/press.textproto", out = testing::TempDir() + "/hosted_sweep";
+  const std::string file = test::own_folder() / "press.textproto", out = test::own_folder() / "hosted_sweep";
   write_whole(file, scene_text("INTERNAL_MODEL", 20.0));
   SweepOptions o;
   o.scene = file;
@@ -174,7 +175,7 @@ TEST(Hosted, SweepsOverDelayTheSameWithAnyNumberOfJobsAndKnowsAnotherWorld) {
 
 TEST(Hosted, MapsMethodsOverRoundTrips) {
   const HostedRobot robot = open<3>(world());
-  const std::string file = testing::TempDir() + "/press.textproto";
+  const std::string file = test::own_folder() / "press.textproto";
   write_whole(file, scene_text("INTERNAL_MODEL", 20.0));
   MapOptions o;
   o.scene = file;

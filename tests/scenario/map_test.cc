@@ -122,7 +122,7 @@ std::string with_blocks(std::string blocks, const std::string& link) {
 TEST(Recommend, PrintsBlocksThatAreReadAndRunOverTheLink) {
   int playouts = 0, layers = 0;
   for (const auto& [name, method] : std::vector<std::pair<std::string, std::string>>{
-           {"wifi_roaming", "INTERNAL_MODEL"}, {"satellite", "ENERGY_TANK"}, {"lte", "DELAYED_FORCE+ENERGY_SPRING"}}) {
+           {"wifi_roaming", "INTERNAL_MODEL"}, {"satellite", "ENERGY_TANK"}, {"lte", "INTERNAL_MODEL+ENERGY_TANK"}}) {
     SCOPED_TRACE(name + ", " + method);
     const std::string file = TWOPORT_SCENES "/links/" + name + ".csv";
     const LinkAdvice advice =
@@ -136,7 +136,7 @@ TEST(Recommend, PrintsBlocksThatAreReadAndRunOverTheLink) {
     EXPECT_NEAR(scene.control.initial_energy.si(), advice.initial_energy_j, 1e-3 * advice.initial_energy_j);
     EXPECT_NEAR(scene.transmission_to_slave.playout_s, 1e-3 * advice.to_slave.playout_ms, 1e-9);
     playouts += advice.to_slave.playout_ms > 0.0 ? 1 : 0;
-    layers += text.find("transparency { layer: DELAYED_FORCE }") != text.npos ? 1 : 0;
+    layers += text.find("transparency { layer: INTERNAL_MODEL }") != text.npos ? 1 : 0;
     const Summary s = run(scene);
     EXPECT_TRUE(s.stable()) << s.verdict() << "\n" << text;
     EXPECT_GT(s.touching_share(), 0.1);
@@ -166,6 +166,30 @@ TEST(Map, RefusesWhatItCannotRun) {
     change(options);
     EXPECT_THROW(make_map(options), ConfigError);
   }
+}
+
+/// NONE errs by the least without a delay, and bounds nothing; a pair of the delayed force presses twice as much as is wanted.
+TEST(Recommend, NamesNoMethodThatBoundsNothingOrPressesTooMuch) {
+  MapOptions options = small({"NONE", "FOUR_CHANNEL"});
+  options.round_trips_ms = {0.0};
+  const Map free = make_map(options);
+  ASSERT_LT(best_method(free, 0), free.methods.size());
+  EXPECT_EQ(recommend(free).method, "none");
+  const std::string file = TWOPORT_SCENES "/links/lte.csv";
+  const LinkAdvice advice = recommend(
+      parse_link_trace(read_whole(file, file), file),
+      {.scene = {}, .set = {}, .methods = {"DELAYED_FORCE+ENERGY_SPRING"}, .stiffnesses_n_per_m = {1000}, .seeds = 1});
+  EXPECT_EQ(advice.method, "none");
+  EXPECT_EQ(to_text(advice).find("passivity {"), std::string::npos);
+  EXPECT_EQ(to_json(advice).find("\"scene\""), std::string::npos);
+}
+
+/// A robot that presses goes on doing so for so long after its master has died.
+TEST(Recommend, HoldsASecondAtMost) {
+  DirectionFigures cut;
+  cut.longest_gap_s = 5.0;
+  EXPECT_EQ(advise(cut, {}).hold_after_s, 1.0);
+  EXPECT_EQ(advise(cut, {}).release_after_s, 2.0);
 }
 
 TEST(Recommend, NamesTheMethodThatHoldsWithTheLeastError) {

@@ -44,4 +44,10 @@ class Folder {
   std::filesystem::path path_;
 };
 
+/// The folder of this process.
+inline const Folder& own_folder() {
+  static const Folder folder;
+  return folder;
+}
+
 }  // namespace twoport::test

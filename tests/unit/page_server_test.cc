@@ -17,6 +17,8 @@
 #include <vector>
 
 #include "common/base/check.h"
+#include "common/platform/foxglove_server.h"
+#include "common/platform/web_server.h"
 
 namespace twoport {
 namespace {
@@ -378,6 +380,29 @@ TEST(PageServer, IdleConnectionsKeepNobodyOut) {
   EXPECT_NE(s.get("/", s.host).find("200 OK"), std::string::npos);
   // One that says a little at a time gains none.
   EXPECT_EQ(idle.front()->read_all(), "");
+}
+
+TEST(FoxgloveServer, IdleConnectionsKeepNobodyOutAndEightListen) {
+  const FoxgloveServer server{"127.0.0.1:0", "test"};
+  const auto port = static_cast<std::uint16_t>(std::stoi(server.url().substr(server.url().rfind(':') + 1)));
+  std::vector<std::unique_ptr<Connection>> idle, listening;
+  for (int k = 0; k < 100; ++k) idle.push_back(std::make_unique<Connection>(port));
+  const auto answer = [&](Connection& c, const std::string& protocols, const std::string& until) {
+    c.write(
+        "GET / HTTP/1.1\r\nHost: 127.0.0.1\r\nUpgrade: websocket\r\nConnection: Upgrade\r\nSec-WebSocket-Key: "
+        "dGhlIHNhbXBsZSBub25jZQ==\r\nSec-WebSocket-Version: 13\r\nSec-WebSocket-Protocol: " +
+        protocols + "\r\n\r\n");
+    return c.read_until(until);
+  };
+  for (int k = 0; k < 8; ++k) {
+    listening.push_back(std::make_unique<Connection>(port));
+    const std::string hello = answer(*listening.back(), "other, foxglove.sdk.v1", "serverInfo");
+    EXPECT_NE(hello.find("Sec-WebSocket-Protocol: foxglove.sdk.v1"), hello.npos) << hello;
+    EXPECT_NE(hello.find("serverInfo"), hello.npos) << k;
+  }
+  Connection ninth{port}, other{port};
+  EXPECT_NE(answer(ninth, "foxglove.websocket.v1", "").find("503"), std::string::npos);
+  EXPECT_NE(answer(other, "foxglove.websocket.v2", "").find("426"), std::string::npos);
 }
 
 TEST(PageServer, ARequestThatIsNotCompleteInTimeEnds) {

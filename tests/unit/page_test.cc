@@ -3,7 +3,7 @@
 #include <cmath>
 
 #include "common/page/channel.h"
-#include "common/platform/page_server.h"
+#include "common/platform/web_server.h"
 
 namespace twoport {
 namespace {

@@ -27,7 +27,7 @@ function viewFrom(name: string, azimuth: number, elevation: number): View {
 const FLAT = ['wall', 'sphere', 'cylinder', 'box', 'spring'];
 /** Is it shown as solids, in a view that turns? */
 export function isSolid(scene: Introduction): boolean {
-  return scene.dof === 6 || scene.environment.some((e) => !FLAT.includes(e.kind));
+  return scene.dof === 6 || scene.meshes.length > 0 || scene.environment.some((e) => !FLAT.includes(e.kind));
 }
 export function viewsFor(scene: Introduction): View[] {
   if (scene.dof === 1) return [{ ...viewFrom('x', 0, 0), up: [0, 0, 0], out: [0, 0, 0] }];
