@@ -1,5 +1,6 @@
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <cstdio>
 #include <memory>
 #include <optional>
@@ -22,20 +23,34 @@ struct Arguments {
   std::string interval, along, out;
 };
 
-int curve_command(const Arguments& a) {
+int curve_command(Arguments& a) {
   const Axis along = parse_axis(a.along, "--along");
   warn_if_lost(a.boundary.set, along.paths);
   if (!a.out.empty()) make_folder(a.out);
-  const BoundaryCurve curve = boundary_curve(a.boundary, along, show_runs);
+  a.boundary.stop = &stop_by_user();
+  Sketch sketch;
+  const BoundaryCurve curve = boundary_curve(a.boundary, along, show_runs, [&](const BoundaryCurve& known) {
+    const auto is_open = [](const BoundarySearch& each) { return each.open; };
+    const auto open = std::count_if(known.found.begin(), known.found.end(), is_open);
+    if (open > 0 && sketch.is_due())
+      sketch.tell(fmt::format("{} of {} boundaries within --tolerance",
+                              known.found.size() - static_cast<std::size_t>(open), known.found.size()),
+                  [&] {
+                    if (!a.out.empty()) draw(known, a.out);
+                  });
+  });
+  const int status = curve.stopped ? kStoppedStatus : 0;
+  if (curve.stopped) print_error("{}stopped\n", progress_is_shown() ? "\n" : "");
+  if (curve.found.empty()) return status;
   if (a.lanes) say_lanes(curve.use);
   const std::string csv = to_csv(to_table(curve));
   if (a.out.empty()) {
     std::fputs(csv.c_str(), stdout);
-    return 0;
+    return status;
   }
   write_whole(a.out + "/boundary.csv", csv);
   fmt::print("{}/boundary.csv: {} rows\n{}\n", a.out, along.values.size(), draw(curve, a.out));
-  return 0;
+  return status;
 }
 
 int boundary_command(Arguments& a) {
@@ -82,7 +97,8 @@ time after the operator's path has ended.
 With --along the search is repeated at each value of a second path, and the result is a table: a row for each value, with
 the boundary and a note. The note is empty if the run is stable up to the boundary, and "stable from here up" if it is
 stable from there on; if both ends agree there is no boundary, the note states this, and the exit status is 0.
-With --out the table is DIR/boundary.csv, and gnuplot draws DIR/boundary.png and .svg; without, it goes to stdout.)");
+With --out the table is DIR/boundary.csv, and gnuplot draws DIR/boundary.png and .svg; without, it goes to stdout.
+Ctrl-C leaves what is known: the note of a row then has the nearest value known to be unstable.)");
   return {boundary, [a] { return boundary_command(*a); }};
 }
 

@@ -1,5 +1,6 @@
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <cstdio>
 #include <memory>
 #include <optional>
@@ -56,6 +57,13 @@ struct MapArguments {
   std::string methods, round_trips, losses, bursts, stiffnesses, out, verdict = "lean", robot;
 };
 
+auto cells_run(const Map& map) {
+  return std::count_if(map.cells.begin(), map.cells.end(), [](const MapCell& c) { return c.seeds() > 0; });
+}
+auto cells_that_hold(const Map& map) {
+  return std::count_if(map.cells.begin(), map.cells.end(), [](const MapCell& c) { return c.seeds() > 0 && c.holds(); });
+}
+
 int map_command(MapArguments& a) {
   a.map.methods = words_of("--methods", a.methods);
   const auto take = [](const char* option, const std::string& spec, std::vector<double>& into) {
@@ -75,18 +83,33 @@ int map_command(MapArguments& a) {
   }
   if (!a.out.empty()) make_folder(a.out);
   double spent_s = 0.0;
+  a.map.stop = &stop_by_user();
+  Sketch sketch;
+  a.map.coarse = [&](const Map& known) {
+    const std::optional<Map> all = filled(known);
+    if (all && sketch.is_due())
+      sketch.tell(fmt::format("{} of {} cells: {} hold", cells_run(known), known.cells.size(), cells_that_hold(known)),
+                  [&] {
+                    if (!a.out.empty()) draw(*all, a.out);
+                  });
+  };
   const Map map = make_map(a.map, [&](const Progress& progress) {
     spent_s = progress.spent_s;
     show_progress(progress);
   });
-  const double runs = static_cast<double>(map.cells.size()) * a.map.seeds;
+  const std::optional<Map> drawn = map.stopped ? filled(map) : map;
+  const auto cells = cells_run(map);
+  if (map.stopped) print_error("{}stopped: {} of {} cells\n", progress_is_shown() ? "\n" : "", cells, map.cells.size());
+  if (!drawn) return kStoppedStatus;
+  const double runs = static_cast<double>(cells) * a.map.seeds;
   print_error("{} runs in {:.1f} s, {:.0f} a second\n", runs, spent_s, runs / spent_s);
   if (a.lanes) say_lanes(map.use);
   std::fputs(to_text(map).c_str(), stdout);
-  if (a.out.empty()) return 0;
+  const int status = map.stopped ? kStoppedStatus : 0;
+  if (a.out.empty()) return status;
   write_whole(a.out + "/table.csv", to_csv(to_table(map)));
-  fmt::print("{}/table.csv: {} rows\n{}\n", a.out, map.cells.size(), draw(map, a.out));
-  return 0;
+  fmt::print("{}/table.csv: {} rows\n{}\n", a.out, cells, draw(*drawn, a.out));
+  return status;
 }
 
 Subcommand add_map(Command app) {
@@ -114,7 +137,8 @@ Subcommand add_map(Command app) {
       R"(A method holds in a place where every seed is stable and quiet and at least half of the force is pressed that the
 same scene presses without delay and loss. The error is the root of the sum of squares of felt-force error, missing
 force, drag in free space and chatter [N]; best is the method with the least. It is good where it holds and that error is below
-half of the force pressed without delay and loss: a method that displays nothing, or drags as much, is not.)");
+half of the force pressed without delay and loss: a method that displays nothing, or drags as much, is not.
+Cells run from coarse to fine; Ctrl-C leaves table and pictures of those that have run.)");
   return {map, [a] { return map_command(*a); }};
 }
 

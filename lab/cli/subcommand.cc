@@ -4,6 +4,8 @@
 #include <unistd.h>
 
 #include <CLI/CLI.hpp>
+#include <algorithm>
+#include <csignal>
 #include <cstdint>
 #include <cstdio>
 #include <utility>
@@ -143,6 +145,26 @@ void show_line(const std::string& line, double spent_s, bool last) {
   if (last || spent_s < next_s) return;
   next_s = spent_s + std::min(spent_s, 60.0);
   print_error("{}\n", line);
+}
+
+const std::atomic<bool>& stop_by_user() {
+  static std::atomic<bool> stop{false};
+  static_assert(std::atomic<bool>::is_always_lock_free);
+  for (const int each : {SIGINT, SIGTERM})
+    if (std::signal(each, [](int signal) {
+          stop = true;
+          std::signal(signal, SIG_DFL);
+        }) == SIG_IGN)
+      std::signal(each, SIG_IGN);
+  return stop;
+}
+
+void Sketch::tell(const std::string& line, const std::function<void()>& draw) {
+  const Clock::time_point from = Clock::now();
+  print_error("{}{}\n", progress_is_shown() ? "\r\033[K" : "", line);
+  draw();
+  const Clock::time_point now = Clock::now();
+  next_ = now + std::max((now - start_) / 2, 10 * (now - from));
 }
 
 namespace {

@@ -1,5 +1,7 @@
 #pragma once
 
+#include <atomic>
+#include <chrono>
 #include <functional>
 #include <initializer_list>
 #include <optional>
@@ -80,6 +82,25 @@ bool progress_is_shown();
 /// Writes a line over the last one of stderr where that is a terminal; elsewhere one after 5, 10, 20, … s, and later once a minute. `last`:
 /// the work has ended.
 void show_line(const std::string& line, double spent_s, bool last);
+/// Exit status of a study that was stopped.
+inline constexpr int kStoppedStatus = 130;
+/// Set by the first SIGINT (Ctrl-C) or SIGTERM that is not ignored; a second one ends the program.
+const std::atomic<bool>& stop_by_user();
+
+/// Tells of a study what is known of it before it has ended: for the first time after half a second, later each time that half as much time
+/// more has passed, and ten times what telling took.
+class Sketch {
+ public:
+  [[nodiscard]] bool is_due() const { return Clock::now() >= next_; }
+  /// Writes a line to stderr and calls draw().
+  void tell(const std::string& line, const std::function<void()>& draw);
+
+ private:
+  using Clock = std::chrono::steady_clock;
+  Clock::time_point start_ = Clock::now();
+  Clock::time_point next_ = start_ + std::chrono::milliseconds{500};
+};
+
 /// "3 of 12 cells, 2 s, 6 s left".
 void show_progress(const Progress& progress);
 /// "3 of 12 runs, 2 s, 6 s left".

@@ -8,6 +8,7 @@
 
 #include "common/base/check.h"
 #include "common/base/nearest_names.h"
+#include "common/base/print_error.h"
 #include "common/scene/load.h"
 #include "lab/cli/commands.h"
 #include "lab/cli/robot_option.h"
@@ -49,6 +50,29 @@ void finish(const Table& table, const std::string& plot, const std::string& out)
   if (plot != "none") fmt::print("{}\n", draw(table, plot, out));
 }
 
+/// "64 of 1024 cells: 40 stable", and on a terminal where, of two axes: the first across, # where it is not.
+std::string words_of(const Table& known) {
+  const std::size_t stable = *known.find(known.seeds > 0 ? "stable_worst" : "stable");
+  const auto is_stable = [&](const Values& row) { return row[stable].number() == 1.0; };
+  std::string words = fmt::format("{} of {} cells: {} stable", known.rows.size(), known.grid.cells(),
+                                  std::count_if(known.rows.begin(), known.rows.end(), is_stable));
+  const std::optional<Table> all = filled(known);
+  if (!progress_is_shown() || !all || all->grid.axes.size() != 2) return words;
+  const std::size_t across = all->grid.axes[0].values.size(), up = all->grid.axes[1].values.size();
+  const std::size_t every_x = (across + 71) / 72, every_y = (up + 19) / 20;
+  for (std::size_t line = (up - 1) / every_y + 1; line-- > 0;) {
+    words += "\n  ";
+    for (std::size_t x = 0; x < across; x += every_x)
+      words += is_stable(all->rows[x * up + line * every_y]) ? '.' : '#';
+  }
+  return words;
+}
+
+std::string draw_known(const Table& known, const std::string& plot, const std::string& out) {
+  const std::optional<Table> all = filled(known);
+  return all ? draw(*all, plot, out) : "no picture: too few cells";
+}
+
 int sweep_command(Arguments& a) {
   check_plot(a.plot, a.sweep.seeds > 0);
   for (const std::string& axis : a.axes) a.sweep.axes.push_back(parse_axis(axis));
@@ -67,15 +91,29 @@ int sweep_command(Arguments& a) {
   std::optional<HostedRobot> robot;
   if (!a.robot.empty()) robot = open_robot(a.robot, load_scene(a.sweep.scene, a.sweep.set));
   if (robot) a.sweep.robot = &*robot;
+  a.sweep.stop = &stop_by_user();
+  Sketch sketch;
+  a.sweep.coarse = [&](const Table& known) {
+    if (!sketch.is_due()) return;
+    sketch.tell(words_of(known), [&] {
+      if (!a.sweep.out.empty() && a.plot != "none") draw_known(known, a.plot, a.sweep.out);
+    });
+  };
   const Table table = sweep(a.sweep, show_progress);
+  if (table.stopped)
+    print_error("{}stopped: {} of {} cells{}\n", progress_is_shown() ? "\n" : "", table.rows.size(),
+                (table.grid.cells() - a.sweep.shard.index) / a.sweep.shard.count + 1,
+                a.sweep.out.empty() ? "" : "; the same command goes on from there");
   if (a.lanes || progress_is_shown()) say_lanes(table.use);
   if (a.sweep.out.empty()) {
     std::fputs(to_csv(table).c_str(), stdout);
-    return 0;
+    return table.stopped ? kStoppedStatus : 0;
   }
-  const bool whole = a.sweep.shard.count == 1;  // merge plots all parts
-  finish(table, whole ? a.plot : "none", a.sweep.out);
-  return 0;
+  const bool plots = a.sweep.shard.count == 1 && a.plot != "none";  // merge plots all parts
+  finish(table, plots && !table.stopped ? a.plot : "none", a.sweep.out);
+  if (!table.stopped) return 0;
+  if (plots) fmt::print("{}\n", draw_known(table, a.plot, a.sweep.out));
+  return kStoppedStatus;
 }
 
 int merge_command(const Arguments& a) {
@@ -126,7 +164,7 @@ The verdict is that of the worst seed, given in worst_seed: an unstable one befo
 smallest min_port_energy_j.
 
 Finished cells are kept in OUT/cells.jsonl: a stopped sweep resumes from there if scene, overrides, axes, seeds
-and verdict are unchanged. Memory holds only the figure to plot, without --out all (about 10 kB a cell). Expectations of the scene (expect) are not checked.
+and verdict are unchanged. Cells run from coarse to fine; Ctrl-C leaves table and picture of those that have run. Memory holds only the figure to plot, without --out all (about 10 kB a cell). Expectations of the scene (expect) are not checked.
 gnuplot draws up to three axes: a curve, a map, a map for each value of the third.)");
 
   Command merge = app.add("merge", "Combine the parts of sweep --shard I/N");

@@ -30,8 +30,10 @@ std::string shell_word(const std::string& text) {
   for (const char c : text) out += c == '\'' ? "'\\''" : std::string(1, c);
   return out + "'";
 }
+/// Unlike std::system() it lets Ctrl-C stop this program meanwhile.
 bool shell(const std::string& command) {
-  return std::system(command.c_str()) == 0;
+  FILE* const pipe = popen(command.c_str(), "r");
+  return pipe != nullptr && pclose(pipe) == 0;
 }
 
 /// Characters that UTF-8 text shows.

@@ -31,8 +31,10 @@ std::string draw(const BoundaryCurve& c, const std::string& folder) {
   std::vector<std::size_t> order;
   for (std::size_t i = 0; i < c.found.size(); ++i) order.push_back(i);
   std::sort(order.begin(), order.end(), [&](std::size_t a, std::size_t b) { return x.at(a) < x.at(b); });
+  bool open = false;
   for (const std::size_t i : order) {
     const BoundarySearch& found = c.found[i];
+    open = open || found.open;
     const auto [left, right] = x.reach(i, kBar);
     const double change = found.boundary ? found.boundary->stable : c.vary.high;
     (found.stable_at_low ? stable : unstable).add({left, right, c.vary.low, change});
@@ -45,7 +47,7 @@ std::string draw(const BoundaryCurve& c, const std::string& folder) {
     if (found.disagreement) odd.add({x.at(i), *found.disagreement});
   }
   return draw(Picture{.name = "boundary",
-                      .title = c.scene + ": where the run stops being stable",
+                      .title = c.scene + ": where the run stops being stable" + (open ? " (coarse)" : ""),
                       .panels = {{.title = "",
                                   .x = x.scale(),
                                   .y = {.label = label_of_paths(c.vary.paths),
@@ -117,7 +119,8 @@ std::string draw(const Map& map, const std::string& folder) {
   const auto x_of = [&](std::size_t place) { return step_of(across, map.places[place].round_trip_ms); };
   const auto y_of = [&](std::size_t place) { return step_of(up, 1e-3 * map.places[place].stiffness_n_per_m); };
 
-  Picture holds{.name = "map", .title = map.scene + ": share of losses at which a method is stable, quiet and presses"};
+  const std::string scene = map.scene + (map.stopped ? " (coarse)" : "");
+  Picture holds{.name = "map", .title = scene + ": share of losses at which a method is stable, quiet and presses"};
   holds.bar = {{"share of the losses", ""}, 0.0, 1.0, false, ColourBar::Palette::from_unstable};
   for (std::size_t m = 0; m < map.methods.size(); ++m) {
     std::map<std::pair<std::size_t, std::size_t>, std::pair<int, int>> share;  // holds, of
@@ -144,7 +147,7 @@ std::string draw(const Map& map, const std::string& folder) {
     }
     add_box(series[best_method(map, p)], x_of(p), y_of(p));
   }
-  Picture best{.name = "map_best", .title = map.scene + ": the method with the least error"};
+  Picture best{.name = "map_best", .title = scene + ": the method with the least error"};
   for (auto& [loss, series] : by_loss)
     best.panels.push_back({.title = fmt::format("loss {:g} %{}", 100.0 * loss.first,
                                                 loss.second > 1.0 ? fmt::format(", bursts of {:g}", loss.second) : ""),

@@ -31,6 +31,7 @@ struct Shown {
   Label label;
   bool verdicts = false;                  ///< `stable` of one run a cell: two colours, no numbers
   bool share = false;                     ///< `stable` over seeds
+  bool numbers = true;                    ///< is each cell's value its own?
   bool spread = false;                    ///< cells have sd and worst
   std::vector<Places> places;             ///< one for each axis
   std::vector<std::vector<Cell>> panels;  ///< one, or one for each value of the third axis
@@ -60,6 +61,7 @@ Shown shown(const Table& table, const std::string& key) {
   Shown p;
   p.key = key;
   p.share = key == "stable" && seeds;
+  p.numbers = !table.stopped;
   p.label = p.share ? Label{"share of stable seeds", ""} : label_of_figure(key);
   p.unstable_words = seeds ? "unstable with at least one seed" : "unstable";
   p.verdicts = key == "stable" && !seeds;
@@ -67,6 +69,7 @@ Shown shown(const Table& table, const std::string& key) {
   p.title = p.verdicts ? "where the run is stable" : p.label.words;
   if (seeds && !p.share) p.title += fmt::format(", mean of {} seeds", table.seeds);
   if (of_scene && !table.rows.empty()) p.title = table.rows.front()[*of_scene].text() + ": " + p.title;
+  if (table.stopped) p.title += " (coarse)";
   for (const Axis& axis : axes) p.places.emplace_back(axis);
   p.titles = {""};
   if (axes.size() == 3) {
@@ -182,7 +185,7 @@ Panel map(const Shown& p, std::size_t panel) {
     if (!c.stable || std::isnan(c.value)) continue;
     valued.add({left, right, bottom, top, c.value});
     // The numbers themselves where they have room.
-    if (p.panels.size() == 1 && p.panels[0].size() <= 100 && !p.logarithmic())
+    if (p.numbers && p.panels.size() == 1 && p.panels[0].size() <= 100 && !p.logarithmic())
       (c.value <= low + 0.6 * (high - low) ? dark : light)
           .add_text(x.at(c.x), y.at(c.y), fmt::format("{:.3g}", c.value));
   }

@@ -12,6 +12,7 @@
 #include "common/base/text.h"
 #include "common/scene/scene_text.h"
 #include "lab/both_couplings.h"
+#include "lab/engine/stoppable.h"
 
 namespace twoport::lab {
 namespace {
@@ -91,7 +92,10 @@ class Search {
     } else {
       (trials.front().stable == found_.stable_at_low ? same_ : other_) = trials.front().value;
     }
-    if (changes_) bisect();
+    if (!changes_) return;
+    found_.boundary = found_.stable_at_low ? Boundary{same_, other_} : Boundary{other_, same_};
+    bisect();
+    found_.open = !next_.empty();
   }
   [[nodiscard]] const BoundarySearch& found() const { return found_; }
 
@@ -113,12 +117,8 @@ class Search {
     if (other_ - same_ > tolerance_ * std::max(std::abs(same_), std::abs(other_))) {
       const double middle = between(same_, other_, 0.5), shorter = rounded(middle, tolerance_);
       const double value = same_ < shorter && shorter < other_ ? shorter : middle;
-      if (same_ < value && value < other_) {
-        next_.push_back(value);
-        return;
-      }
+      if (same_ < value && value < other_) next_.push_back(value);
     }
-    found_.boundary = found_.stable_at_low ? Boundary{same_, other_} : Boundary{other_, same_};
   }
 
   double tolerance_, same_ = 0.0, other_ = 0.0;
@@ -150,7 +150,8 @@ std::size_t most_bisections(const BoundaryOptions& o) {
 
 /// Runs searches side by side, one for each text, until all have ended.
 void run_all(std::vector<Search>& searches, const std::vector<SceneText>& texts, const BoundaryOptions& o, LaneUse& use,
-             const std::function<void(const Trial&)>& heard_trial, const Heard& heard) {
+             const std::function<void(const Trial&)>& heard_trial, const Heard& heard,
+             const std::function<void()>& stepped = {}) {
   const std::size_t scan = searches.size() * searches.front().next().size();
   std::vector<std::size_t> left(searches.size(), most_bisections(o));
   Tally tally{scan + searches.size() * left.front(), heard};
@@ -179,6 +180,7 @@ void run_all(std::vector<Search>& searches, const std::vector<SceneText>& texts,
     }
     tally.ran(foreseen);
     for (std::size_t i = 0; i < foreseen; ++i) tally.done();
+    if (stepped) stepped();
   }
 }
 
@@ -205,7 +207,8 @@ Boundary find_boundary(const BoundaryOptions& o, const std::function<void(const 
   return *found.boundary;
 }
 
-BoundaryCurve boundary_curve(const BoundaryOptions& o, const Axis& along, const Heard& heard) {
+BoundaryCurve boundary_curve(const BoundaryOptions& o, const Axis& along, const Heard& heard,
+                             const std::function<void(const BoundaryCurve&)>& coarse) {
   refuse_overlap(along, o.vary.paths, "--along");
   BoundaryCurve curve{.scene = {}, .along = along, .vary = o.vary, .found = {}, .use = {}};
   // A scene that is wrong is found before anything runs.
@@ -220,8 +223,15 @@ BoundaryCurve boundary_curve(const BoundaryOptions& o, const Axis& along, const 
     for (const double end : {o.vary.low, o.vary.high}) curve.scene = scene_at(texts.back(), o.vary, end).name;
   }
 
-  run_all(searches, texts, o, curve.use, {}, heard);
-  for (const Search& search : searches) curve.found.push_back(search.found());
+  try {
+    run_all(searches, texts, o, curve.use, {}, heard, [&] {
+      curve.found.clear();
+      for (const Search& search : searches) curve.found.push_back(search.found());
+      if (coarse) coarse(curve);
+    });
+  } catch (const Stopped&) {
+    curve.stopped = true;
+  }
   return curve;
 }
 
@@ -237,6 +247,7 @@ Table to_table(const BoundaryCurve& curve) {
     std::string note = at.stable_at_low ? "" : "stable from here up";
     if (!at.boundary) note = fmt::format("{} at both ends", at.stable_at_low ? "stable" : "unstable");
     if (at.disagreement) note += fmt::format(" but not at {}", *at.disagreement);
+    if (at.open) note += fmt::format("{}stopped: unstable at {}", note.empty() ? "" : ", ", at.boundary->unstable);
     row.emplace_back(std::move(note));
   }
   return table;

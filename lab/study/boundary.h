@@ -49,6 +49,7 @@ struct BoundarySearch {
   std::optional<Boundary> boundary;    ///< none where both ends agree
   bool stable_at_low = false;          ///< the verdict at LO
   std::optional<double> disagreement;  ///< where both ends agree: the first value of the scan that does not
+  bool open = false;                   ///< stopped before the boundary's sides were as near as the tolerance
 };
 
 /// The first value between LO and HI at which the verdict `stable` of the scene changes: ends and scan first, then
@@ -65,13 +66,16 @@ struct BoundaryCurve {
   std::string scene;  ///< its name
   Axis along;
   Interval vary;
-  std::vector<BoundarySearch> found;  ///< one for each of along.values
+  std::vector<BoundarySearch> found;  ///< one for each of along.values; none where it was stopped within the scan
   LaneUse use;
+  bool stopped = false;
 };
 
 /// Searches at every value of `along`, all of them step by step together; the result is the same for any number of jobs and lanes.
-/// Throws ConfigError when a scene is wrong; that a search finds no boundary is a result. `heard` hears of runs.
-BoundaryCurve boundary_curve(const BoundaryOptions& options, const Axis& along, const Heard& heard = {});
+/// Throws ConfigError when a scene is wrong; that a search finds no boundary is a result. `heard` hears of runs, `coarse` after each step of
+/// what is known, as of a curve that was stopped.
+BoundaryCurve boundary_curve(const BoundaryOptions& options, const Axis& along, const Heard& heard = {},
+                             const std::function<void(const BoundaryCurve&)>& coarse = {});
 
 /// A row for each value: the paths of `along`, the varied paths, and a note. The note is empty where the
 /// run is stable from LO up to the value, "stable from here up" where it is from the value up to HI. Without a boundary

@@ -16,10 +16,13 @@ class Forecast {
   explicit Forecast(std::size_t runs) : runs_{runs} {}
 
   /// So many runs of a kind will follow, of which the first `sample` show its cost.
-  void expect(const std::string& kind, std::size_t runs, std::size_t sample) {
+  /// True where none of this kind were expected before.
+  bool expect(const std::string& kind, std::size_t runs, std::size_t sample) {
     Kind& k = kinds_[kind];
-    if (k.expected == 0) k.sample = sample;
+    const bool first = k.expected == 0;
+    if (first) k.sample = sample;
     k.expected += runs;
+    return first;
   }
   /// The scenes of so many runs were read, which took that long.
   void read(std::size_t runs, double spent_s) {

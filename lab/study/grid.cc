@@ -4,7 +4,10 @@
 #include <fmt/ranges.h>
 
 #include <algorithm>
+#include <bit>
 #include <cmath>
+#include <functional>
+#include <optional>
 
 #include "common/base/check.h"
 #include "common/base/print_error.h"
@@ -141,6 +144,77 @@ std::string Grid::name(std::size_t cell) const {
   std::vector<std::string> all;
   for (std::size_t i = 0; i < axes.size(); ++i) all.push_back(axes[i].name() + "=" + of_axis[i]);
   return fmt::format("{}", fmt::join(all, ", "));
+}
+
+bool is_ordered(const std::vector<double>& values) {
+  const auto none = [&](auto turns) { return std::adjacent_find(values.begin(), values.end(), turns) == values.end(); };
+  return none(std::greater_equal{}) || none(std::less_equal{});
+}
+
+Refinement::Refinement(std::vector<Side> sides) : sides_{std::move(sides)} {
+  for (std::size_t i = 0; i < sides_.size(); ++i) {
+    halvings_.push_back(sides_[i].ordered ? static_cast<std::size_t>(std::bit_width(sides_[i].count - 1)) : 0);
+    cells_ *= sides_[i].count;
+  }
+}
+
+Refinement::Refinement(const Grid& grid)
+    : Refinement{[&] {
+        std::vector<Side> sides;
+        for (const Axis& axis : grid.axes) {
+          std::vector<double> numbers;
+          for (const std::string& value : axis.values)
+            if (const auto number = number_from<double>(value)) numbers.push_back(*number);
+          sides.push_back({axis.values.size(), numbers.size() == axis.values.size() && is_ordered(numbers)});
+        }
+        return sides;
+      }()} {}
+
+std::size_t Refinement::level(std::size_t cell) const {
+  std::size_t level = 0;
+  for (std::size_t i = sides_.size(); i-- > 0; cell /= sides_[i].count) {
+    const std::size_t at = cell % sides_[i].count;
+    if (at == 0 || halvings_[i] == 0) continue;
+    const std::size_t halving = halvings_[i] - static_cast<std::size_t>(std::countr_zero(at));
+    level = std::max(level, (halving - 1) * sides_.size() + i + 1);
+  }
+  return level;
+}
+
+std::size_t Refinement::stride(std::size_t i, std::size_t level) const {
+  const std::size_t done = level > i ? (level - i - 1) / sides_.size() + 1 : 0;
+  return std::size_t{1} << (halvings_[i] - std::min(done, halvings_[i]));
+}
+
+std::vector<std::size_t> Refinement::stand_ins(const std::vector<bool>& known) const {
+  std::vector<std::size_t> all(cells_, kNone);
+  std::size_t finest = 0;
+  for (std::size_t cell = 0; cell < cells_; ++cell)
+    if (known[cell]) finest = std::max(finest, level(cell));
+  for (std::size_t cell = 0; cell < cells_; ++cell)
+    for (std::size_t level = finest + 1; all[cell] == kNone && level-- > 0;) {
+      std::size_t block = 0, step = 1, rest = cell;
+      for (std::size_t i = sides_.size(); i-- > 0; step *= sides_[i].count, rest /= sides_[i].count) {
+        const std::size_t apart = stride(i, level), at = rest % sides_[i].count;
+        const std::size_t nearest = (at + (apart - 1) / 2) / apart * apart;
+        block += step * (nearest < sides_[i].count ? nearest : nearest - apart);
+      }
+      if (known[block]) all[cell] = block;
+    }
+  return all;
+}
+
+std::vector<bool> Refinement::edges(const std::vector<signed char>& answers) const {
+  std::vector<bool> known(cells_), edge(cells_);
+  for (std::size_t cell = 0; cell < cells_; ++cell) known[cell] = answers[cell] >= 0;
+  const std::vector<std::size_t> shown = stand_ins(known);
+  std::size_t step = 1;
+  for (std::size_t i = sides_.size(); i-- > 0; step *= sides_[i].count)
+    for (std::size_t cell = 0; sides_[i].ordered && cell + step < cells_; ++cell)
+      if (const std::size_t a = shown[cell], b = shown[cell + step];
+          cell / step % sides_[i].count + 1 < sides_[i].count && a != kNone && b != kNone && answers[a] != answers[b])
+        edge[cell] = edge[cell + step] = true;
+  return edge;
 }
 
 }  // namespace twoport::lab

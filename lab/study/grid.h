@@ -43,6 +43,38 @@ struct Grid {
   [[nodiscard]] std::string name(std::size_t cell) const;
 };
 
+/// In which order the cells of a grid run, so that those that have run are at any time a coarse picture of all. Each level halves the
+/// distance between the values of one axis, axis by axis: of an axis of n values level 0 has the first, later ones every 2^k-th.
+class Refinement {
+ public:
+  struct Side {
+    std::size_t count;  ///< values of the axis
+    bool ordered;       ///< is a value like its neighbours? Level 0 has all values of an axis that is not
+  };
+  static constexpr std::size_t kNone = ~std::size_t{0};
+
+  explicit Refinement(std::vector<Side> sides);
+  /// Ordered are axes of numbers that only rise, or only fall.
+  explicit Refinement(const Grid& grid);
+
+  [[nodiscard]] std::size_t level(std::size_t cell) const;
+  /// For each cell the one that stands for it: itself where it is known, else the known one of the finest level whose block it is in; kNone
+  /// where none of its blocks is known.
+  [[nodiscard]] std::vector<std::size_t> stand_ins(const std::vector<bool>& known) const;
+  /// The cells at an edge of that picture: their answer (negative: not known) differs from that of a neighbour.
+  [[nodiscard]] std::vector<bool> edges(const std::vector<signed char>& answers) const;
+
+ private:
+  /// Of axis `i` the distance of values at a level.
+  [[nodiscard]] std::size_t stride(std::size_t i, std::size_t level) const;
+
+  std::vector<Side> sides_;
+  std::vector<std::size_t> halvings_;  ///< of each axis, until it has all its values
+  std::size_t cells_ = 1;
+};
+/// Do numbers only rise, or only fall?
+bool is_ordered(const std::vector<double>& values);
+
 /// Throws ConfigError, which begins with `option`, when a path of `axis` is one of `varied`, or one is a part of the other: both would
 /// set it, and their order decide.
 void refuse_overlap(const Axis& axis, const std::vector<std::string>& varied, const char* option = "--vary");

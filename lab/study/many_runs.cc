@@ -2,12 +2,15 @@
 
 #include <algorithm>
 #include <chrono>
+#include <iterator>
 #include <numeric>
 #include <optional>
+#include <set>
 #include <utility>
 #include <vector>
 
 #include "common/base/check.h"
+#include "lab/engine/stoppable.h"
 #include "lab/lanes/lanes.h"
 #include "lab/study/parallel.h"
 
@@ -72,7 +75,11 @@ LaneUse run_many(std::span<const Scene* const> scenes, const ManyRuns& o,
   }
   parts.push_back(part_of("alone", alone, tally != nullptr ? sample_of(alone.size(), o.jobs) : alone.size(), false));
   if (tally != nullptr)
-    for (const Part& part : parts) tally->expect(part.kind, part.first.size() + part.rest.size(), part.first.size());
+    for (Part& part : parts)
+      if (!tally->expect(part.kind, part.first.size() + part.rest.size(), part.first.size())) {
+        part.first.insert(part.first.end(), part.rest.begin(), part.rest.end());
+        part.rest.clear();
+      }
   for (const auto which : {&Part::first, &Part::rest})
     for (const Part& part : parts) {
       const std::vector<std::size_t>& numbers = part.*which;
@@ -124,9 +131,9 @@ void Tally::done() {
   progress_.left_s = forecast_.left_s();
   if (heard_) heard_(progress_);
 }
-void Tally::expect(const std::string& kind, std::size_t runs, std::size_t sample) {
+bool Tally::expect(const std::string& kind, std::size_t runs, std::size_t sample) {
   const std::lock_guard lock{guard_};
-  forecast_.expect(kind, runs, sample);
+  return forecast_.expect(kind, runs, sample);
 }
 void Tally::read(std::size_t runs, double spent_s) {
   const std::lock_guard lock{guard_};
@@ -158,21 +165,43 @@ struct OpenCell {
 
 }  // namespace
 
+std::size_t next_end(const Cells& cells, std::vector<std::size_t>& order, std::size_t from, std::size_t enough,
+                     std::size_t least) {
+  // As many whole levels of cells in order of level as are so many runs.
+  const auto levels_of = [&](const std::vector<std::size_t>& all, std::size_t at, std::size_t runs) {
+    for (const std::size_t begin = at; at < all.size() && (at - begin) * cells.seeds < runs;)
+      for (const std::size_t level = cells.levels[all[at]]; at < all.size() && cells.levels[all[at]] == level;) ++at;
+    return at;
+  };
+  if (from > 0 && cells.first) {
+    const std::vector<bool> is_first = cells.first();
+    std::vector<std::size_t> first;
+    std::copy_if(order.begin() + static_cast<std::ptrdiff_t>(from), order.end(), std::back_inserter(first),
+                 [&](std::size_t cell) { return is_first[cell]; });
+    if (first.size() * cells.seeds >= least) {
+      first.resize(levels_of(first, 0, least));
+      const std::set<std::size_t> now{first.begin(), first.end()};
+      std::stable_partition(order.begin() + static_cast<std::ptrdiff_t>(from), order.end(),
+                            [&](std::size_t cell) { return now.contains(cell); });
+      return from + first.size();
+    }
+  }
+  const std::size_t to = levels_of(order, from, enough);
+  return (order.size() - to) * cells.seeds < least ? order.size() : to;
+}
+
 LaneUse run_cells(const Cells& cells, const ManyRuns& o, Tally& tally,
                   const std::function<void(std::size_t, std::uint64_t, const std::vector<Summary>&)>& finished) {
   LaneUse use{.lanes = checked_lanes(o.lanes)};
   std::mutex guard;
   std::map<std::size_t, OpenCell> open;
-  const std::size_t runs = cells.count * cells.seeds, rounds = (runs + kLoaded - 1) / kLoaded;
-  // Every round has cells of all parts of the row, so that the first one shows what the others cost.
   std::vector<std::size_t> order;
-  for (std::size_t round = 0; round < rounds; ++round)
-    for (std::size_t cell = round; cell < cells.count; cell += rounds) order.push_back(cell);
-  for (std::size_t from = 0; from < runs; from += kLoaded) {
-    const std::size_t to = std::min(runs, from + kLoaded), first = from / cells.seeds, last = (to - 1) / cells.seeds;
+  const auto run_round = [&](std::size_t from, std::size_t to) {  // runs of cells in this order
+    const std::size_t first = from / cells.seeds, last = (to - 1) / cells.seeds;
     std::vector<std::optional<Scene>> loaded(to - from);
     const auto begun = std::chrono::steady_clock::now();
     for_each_parallel(last - first + 1, o.jobs, [&](std::size_t i) {
+      if (o.stop != nullptr && *o.stop) throw Stopped{};
       try {
         const Scene scene = cells.scene(order[first + i]);
         const std::size_t of_cell = (first + i) * cells.seeds;  // its first run
@@ -202,6 +231,29 @@ LaneUse run_cells(const Cells& cells, const ManyRuns& o, Tally& tally,
         &tally));
     for (std::size_t i = 0; i < loaded.size(); ++i)
       if (!loaded[i]) static_cast<void>(cells.scene(order[(from + i) / cells.seeds]));
+  };
+  std::vector<std::size_t> by_level(cells.count);
+  std::iota(by_level.begin(), by_level.end(), std::size_t{0});
+  if (!cells.levels.empty())
+    std::stable_sort(by_level.begin(), by_level.end(),
+                     [&](std::size_t a, std::size_t b) { return cells.levels[a] < cells.levels[b]; });
+  const auto start = std::chrono::steady_clock::now();
+  // First a few per lane, then what takes a second: threads idle where the last of a shape end.
+  const std::size_t least = 4 * static_cast<std::size_t>(use.lanes * std::max(o.jobs, 1));
+  std::size_t enough = least;
+  // Values of an axis without order, such as methods, are often of shapes that do not run together.
+  const auto apart = static_cast<std::size_t>(std::count(cells.levels.begin(), cells.levels.end(), std::size_t{0}));
+  for (std::size_t begin = 0, end; begin < cells.count; begin = end) {
+    end = cells.levels.empty() ? cells.count
+                               : next_end(cells, by_level, begin, enough, least * std::max<std::size_t>(apart, 1));
+    const std::size_t from = begin * cells.seeds, to = end * cells.seeds, rounds = (to - from + kLoaded - 1) / kLoaded;
+    // Every round has cells of all parts of the row, so that the first one shows what the others cost.
+    for (std::size_t round = 0; round < rounds; ++round)
+      for (std::size_t i = begin + round; i < end; i += rounds) order.push_back(by_level[i]);
+    for (std::size_t round = from; round < to; round += kLoaded) run_round(round, std::min(to, round + kLoaded));
+    const double spent_s = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+    enough = std::max(least, static_cast<std::size_t>(static_cast<double>(to) / std::max(spent_s, 1e-3)));
+    if (end < cells.count && cells.level_ended) cells.level_ended();
   }
   return use;
 }

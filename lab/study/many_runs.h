@@ -50,8 +50,8 @@ class Tally {
   Tally(std::size_t count, Heard heard, std::size_t kept = 0, std::size_t runs = 1);
   /// One more cell.
   void done();
-  /// As those of Forecast.
-  void expect(const std::string& kind, std::size_t runs, std::size_t sample);
+  /// As those of Forecast. expect: were none of this kind expected before?
+  bool expect(const std::string& kind, std::size_t runs, std::size_t sample);
   void read(std::size_t runs, double spent_s);
   void begin(const std::string& kind);
   void ran(std::size_t runs = 1);
@@ -81,10 +81,19 @@ void run_each(std::size_t count, int jobs, Tally& tally, const std::function<voi
 struct Cells {
   std::size_t count = 0, seeds = 1;
   std::function<Scene(std::size_t cell)> scene;  ///< called from any thread
+  /// Of each cell its level (Refinement): lower ones run first. Empty: all run together.
+  std::vector<std::size_t> levels{};
+  std::function<void()> level_ended{};         ///< called when cells of some levels have ended and others are left
+  std::function<std::vector<bool>()> first{};  ///< asked then: which cells run before all others?
 };
 
+/// The end of the cells of `order`, which is by level, from `from` on that run next: of cells.first() whole levels that are at least `least`
+/// runs, which it puts in front, and where there are not so many, of all at least `enough`.
+std::size_t next_end(const Cells& cells, std::vector<std::size_t>& order, std::size_t from, std::size_t enough,
+                     std::size_t least);
+
 /// Runs every cell with every seed. Calls `finished` for each as soon as its last seed has its verdict, in any order, never two at once,
-/// with its number, its first seed and a summary for each seed. A cell whose scene is refused throws its ConfigError, after those read
+/// with its number, its first seed and a summary for each seed. So many levels run at once as take a second. A cell whose scene is refused throws its ConfigError, after those read
 /// with it have run.
 LaneUse run_cells(
     const Cells& cells, const ManyRuns& options, Tally& tally,

@@ -17,6 +17,7 @@
 #include "common/method/catalogue.h"
 #include "common/record/summary.h"
 #include "common/scene/scene_text.h"
+#include "lab/engine/stoppable.h"
 #include "lab/run.h"
 #include "lab/study/parallel.h"
 
@@ -212,24 +213,11 @@ std::vector<std::string> map_overrides(const Scene& scene, const std::string& me
   return all;
 }
 
-Map make_map(const MapOptions& o, const std::function<void(const Progress&)>& heard) {
-  check(o);
-  check_methods(o.methods, method_names());
-  const SceneText base = base_of(o);
-  const Scene scene = base.with();
-  if ((scene.environment.empty() && o.robot == nullptr) || scene.control.architecture == Architecture::render ||
-      scene.control.architecture == Architecture::uncontrolled)
-    throw ConfigError{fmt::format("{}: a map needs a link and an environment with a stiffness", o.scene)};
-  Map map{.scene = scene.name,
-          .methods = o.methods.empty() ? method_names() : o.methods,
-          .places = places_of(o),
-          .reference_n = {},
-          .initial_energy_j = {},
-          .cells = {},
-          .use = {}};
-  // A combination without a meaning is refused before anything runs.
-  for (const std::string& method : map.methods) static_cast<void>(base.with(method_overrides(method)));
+namespace {
 
+/// Runs the cells of a map, whose places are known.
+void run_map(const MapOptions& o, const SceneText& base, const Scene& scene, const Heard& heard, Map& map) {
+  const std::size_t places = map.places.size(), count = map.cells.size();
   // Without a link a place is its path, whose rests grow with the round trip, and its wall.
   std::map<std::pair<double, double>, double> references;
   for (const MapPlace& p : map.places) references[{p.round_trip_ms, p.stiffness_n_per_m}] = 0.0;
@@ -240,7 +228,7 @@ Map make_map(const MapOptions& o, const std::function<void(const Progress&)>& he
     Scene ideal = base.with(map_overrides(scene, "NONE", place, scene.seed));
     ideal.to_slave = ideal.to_master = {};
     ideal.transmission_to_slave = ideal.transmission_to_master = {};
-    to_run[i]->second = pressed_force(run(ideal, {.verdict = VerdictFrom::plain, .robot = o.robot}));
+    to_run[i]->second = pressed_force(run(ideal, {.verdict = VerdictFrom::plain, .stop = o.stop, .robot = o.robot}));
   });
   const auto scene_of = [&](const std::string& method, const MapPlace& place) {
     Scene of_place = base.with(map_overrides(scene, method, place, scene.seed));
@@ -255,17 +243,70 @@ Map make_map(const MapOptions& o, const std::function<void(const Progress&)>& he
     map.reference_n.push_back(references.at({p.round_trip_ms, p.stiffness_n_per_m}));
     map.initial_energy_j.push_back(scene_of(map.methods[0], p).control.initial_energy.si());
   }
-  const std::size_t places = map.places.size(), count = map.methods.size() * places;
-  map.cells.resize(count);
+  const Refinement refinement{map.sides};
+  std::vector<signed char> holds(count, -1);
+  Cells cells{count,
+              static_cast<std::size_t>(o.seeds),
+              [&](std::size_t i) { return scene_of(map.methods[i / places], map.places[i % places]); },
+              {},
+              [&] {
+                map.stopped = true;
+                if (o.coarse) o.coarse(map);
+                map.stopped = false;
+              },
+              [&] { return refinement.edges(holds); }};
+  for (std::size_t i = 0; i < count; ++i) cells.levels.push_back(refinement.level(i));
   Tally tally{count, heard, 0, static_cast<std::size_t>(o.seeds)};
-  map.use = run_cells({count, static_cast<std::size_t>(o.seeds),
-                       [&](std::size_t i) { return scene_of(map.methods[i / places], map.places[i % places]); }},
-                      {.lanes = o.lanes, .jobs = o.jobs, .verdict = o.verdict, .robot = o.robot}, tally,
-                      [&](std::size_t i, std::uint64_t, const std::vector<Summary>& of_seeds) {
+  map.use = run_cells(cells, {.lanes = o.lanes, .jobs = o.jobs, .verdict = o.verdict, .stop = o.stop, .robot = o.robot},
+                      tally, [&](std::size_t i, std::uint64_t, const std::vector<Summary>& of_seeds) {
                         map.cells[i] = cell_of(map.methods[i / places], map.places[i % places], of_seeds,
                                                map.reference_n[i % places]);
+                        holds[i] = map.cells[i].holds() ? 1 : 0;
                       });
+}
+
+}  // namespace
+
+Map make_map(const MapOptions& o, const Heard& heard) {
+  check(o);
+  check_methods(o.methods, method_names());
+  const SceneText base = base_of(o);
+  const Scene scene = base.with();
+  if ((scene.environment.empty() && o.robot == nullptr) || scene.control.architecture == Architecture::render ||
+      scene.control.architecture == Architecture::uncontrolled)
+    throw ConfigError{fmt::format("{}: a map needs a link and an environment with a stiffness", o.scene)};
+  Map map{.scene = scene.name,
+          .methods = o.methods.empty() ? method_names() : o.methods,
+          .places = places_of(o),
+          .reference_n = {},
+          .initial_energy_j = {},
+          .cells = {},
+          .use = {}};
+  const std::size_t round_trips = o.round_trips_ms.size(), stiffnesses = o.stiffnesses_n_per_m.size();
+  map.sides = {{map.methods.size(), false},
+               {round_trips, is_ordered(o.round_trips_ms)},
+               {map.places.size() / round_trips / stiffnesses, is_ordered(o.losses)},
+               {stiffnesses, is_ordered(o.stiffnesses_n_per_m)}};
+  map.cells.resize(map.methods.size() * map.places.size());
+  // A combination without a meaning is refused before anything runs.
+  for (const std::string& method : map.methods) static_cast<void>(base.with(method_overrides(method)));
+
+  try {
+    run_map(o, base, scene, heard, map);
+  } catch (const Stopped&) {
+    map.stopped = true;
+  }
   return map;
+}
+
+std::optional<Map> filled(const Map& some) {
+  std::vector<bool> known;
+  for (const MapCell& cell : some.cells) known.push_back(cell.seeds() > 0);
+  const std::vector<std::size_t> stand_ins = Refinement{some.sides}.stand_ins(known);
+  if (std::find(stand_ins.begin(), stand_ins.end(), Refinement::kNone) != stand_ins.end()) return std::nullopt;
+  Map all = some;
+  for (std::size_t i = 0; i < all.cells.size(); ++i) all.cells[i] = some.cells[stand_ins[i]];
+  return all;
 }
 
 namespace {
@@ -313,6 +354,7 @@ Table to_table(const Map& map) {
   add_columns("error_n");
   for (const Figure& figure : map_figures()) add_columns(figure.name());
   for (const MapCell& c : map.cells) {
+    if (c.seeds() == 0) continue;
     const ConfidenceInterval stable = wilson(c.stable, c.seeds());
     Values& row = table.rows.emplace_back(
         Values{c.method, c.place.round_trip_ms, c.place.loss, c.place.burst_packets, c.place.stiffness_n_per_m,
@@ -329,18 +371,26 @@ Table to_table(const Map& map) {
 }
 
 std::string to_text(const Map& map) {
-  std::string out = fmt::format("{}: {} places, {} seeds each\n", map.scene, map.places.size(),
-                                map.cells.empty() ? 0 : map.cells[0].seeds());
+  std::vector<std::size_t> places;
+  for (std::size_t p = 0; p < map.places.size(); ++p) {
+    std::size_t m = 0;
+    while (m < map.methods.size() && map.at(m, p).seeds() > 0) ++m;
+    if (m == map.methods.size()) places.push_back(p);
+  }
+  std::string out = fmt::format(
+      "{}: {} places, {} seeds each\n", map.scene,
+      map.stopped ? fmt::format("{} of {}", places.size(), map.places.size()) : std::to_string(places.size()),
+      places.empty() ? 0 : map.at(0, places[0]).seeds());
   out += fmt::format("{:<24} {:>7} {:>9} {:>9} {:>9} {:>17} {:>7} {:>7} {:>7} {:>9} {:>14}\n", "method", "stable",
                      "restless", "undecided", "unstable", "stable runs, 95 %", "holds", "good", "best", "within 5 %",
                      "least hand mJ");
-  std::vector<std::size_t> best_of;
-  for (std::size_t p = 0; p < map.places.size(); ++p) best_of.push_back(best_method(map, p));
+  std::map<std::size_t, std::size_t> best_of;
+  for (const std::size_t p : places) best_of[p] = best_method(map, p);
   for (std::size_t m = 0; m < map.methods.size(); ++m) {
     int stable = 0, restless = 0, undecided = 0, unstable = 0, holds = 0, good = 0, first = 0, near = 0, runs = 0,
         stable_runs = 0;
     double least = 0.0;
-    for (std::size_t p = 0; p < map.places.size(); ++p) {
+    for (const std::size_t p : places) {
       const MapCell& c = map.at(m, p);
       ++(c.unstable > 0 ? unstable : c.restless > 0 ? restless : c.undecided > 0 ? undecided : stable);
       runs += c.seeds(), stable_runs += c.stable;

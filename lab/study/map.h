@@ -1,12 +1,16 @@
 #pragma once
 
+#include <atomic>
 #include <cstdint>
+#include <functional>
+#include <optional>
 #include <string>
 #include <vector>
 
 #include "common/link/link_trace.h"
 #include "common/scene/scene.h"
 #include "lab/run.h"
+#include "lab/study/grid.h"
 #include "lab/study/many_runs.h"
 #include "lab/study/seeds.h"
 #include "lab/study/table.h"
@@ -20,6 +24,8 @@ struct MapPlace {
   double burst_packets = 1.0;      ///< mean number of packets lost in a row; 1: each is lost independently
   double stiffness_n_per_m = 0.0;  ///< 0: the scene's own
 };
+
+struct Map;
 
 struct MapOptions {
   std::string scene;                 ///< file; empty: scenes/map.textproto, which is built in
@@ -35,14 +41,16 @@ struct MapOptions {
   VerdictFrom verdict = VerdictFrom::lean;
   const HostedRobot* robot = nullptr;  ///< as RunOptions::robot; the stiffness must then be 0
   int jobs = 1;
-  int lanes = 0;  ///< as ManyRuns::lanes
+  int lanes = 0;                             ///< as ManyRuns::lanes
+  const std::atomic<bool>* stop = nullptr;   ///< as RunOptions::stop; the map then has the finished cells
+  std::function<void(const Map&)> coarse{};  ///< hears now and then of what is known, as of a map that was stopped
 };
 
 /// One method in one place.
 struct MapCell {
   std::string method;
   MapPlace place;
-  int stable = 0, restless = 0, undecided = 0, unstable = 0;  ///< seeds, by verdict
+  int stable = 0, restless = 0, undecided = 0, unstable = 0;  ///< seeds, by verdict; none: the cell has not run
   /// Mean force of the environment over that of the same scene without delay, loss and control; of the stable seeds.
   Spread pressed{};
   /// √(felt_force_error_rms² + (force missing at the environment)² + free_force_rms² + chatter_rms²) [N], of the stable
@@ -67,6 +75,8 @@ struct Map {
   std::vector<double> initial_energy_j;  ///< of each place: E(0), the same for every method
   std::vector<MapCell> cells;            ///< [method * places.size() + place]
   LaneUse use;
+  bool stopped = false;                   ///< not all cells have run
+  std::vector<Refinement::Side> sides{};  ///< of the grid of cells
   [[nodiscard]] const MapCell& at(std::size_t method, std::size_t place) const {
     return cells[method * places.size() + place];
   }
@@ -96,7 +106,8 @@ std::vector<std::string> map_overrides(const Scene& scene, const std::string& me
                                        std::uint64_t seed);
 
 /// Runs every method in every place with every seed. A loss of 0 is run once, not for every burst length.
-/// Throws ConfigError when an option or the scene is invalid.
+/// Throws ConfigError when an option or the scene is invalid. Places run from coarse to fine (Refinement), those first where the answer
+/// changes.
 Map make_map(const MapOptions& options, const Heard& heard = {});
 
 /// Of the methods that hold in a place, the number of the one with the least error_n; the number of methods where none does.
@@ -106,9 +117,12 @@ std::size_t best_method(const Map& map, std::size_t place);
 /// too much.
 std::size_t advised_method(const Map& map);
 
-/// A row for each cell.
+/// A map that was stopped, to draw it: a place that has not run has the cells of the one that stands for it. None where one has none.
+std::optional<Map> filled(const Map& some);
+
+/// A row for each cell that has run.
 Table to_table(const Map& map);
-/// For people: one line a method, in how many places it holds, is best or within 5 % of the best, and its worst figures.
+/// For people, of the places where every method has run: one line a method, in how many places it holds, is best or within 5 % of the best, and its worst figures.
 std::string to_text(const Map& map);
 
 /// The method for one network and wall, and why: by advised_method(); "none" where there is none.

@@ -19,6 +19,7 @@
 #include "common/scene/scene_text.h"
 #include "lab/both_couplings.h"
 #include "lab/engine/hosted.h"
+#include "lab/engine/stoppable.h"
 #include "lab/study/cells.h"
 #include "lab/study/digest.h"
 #include "lab/study/seeds.h"
@@ -149,16 +150,19 @@ class TableWriter {
     file_->write(csv_line({plan.columns.begin(), plan.columns.end()}));
   }
 
-  void add(const Values& row) {
+  void add(std::size_t cell, const Values& row) {
     if (file_) file_->write(csv_line(row));
-    table_.rows.push_back(chosen(row));
+    add_chosen(cell, chosen(row));
+  }
+  void add_chosen(std::size_t cell, Values some) {
+    table_.cells.push_back(cell);
+    table_.rows.push_back(std::move(some));
   }
   Table finish() {
     if (file_) file_->commit();
     return std::move(table_);
   }
-
- private:
+  /// Of a row what is returned.
   template <class Row>
   [[nodiscard]] Row chosen(const Row& row) const {
     Row some;
@@ -166,6 +170,7 @@ class TableWriter {
     return some;
   }
 
+ private:
   Table table_;
   std::vector<std::size_t> returned_;
   std::optional<WholeFile> file_;
@@ -232,7 +237,11 @@ Table sweep(const SweepOptions& o, const Heard& heard) {
     of_shard.push_back(cell);
     if (!file || !file->holds(cell)) todo.push_back(cell);
   }
-  std::map<std::size_t, Values> rows;  // where there is no file
+  const bool tells = o.coarse && o.shard.count == 1 && plan.grid.cells() <= kMostShown;
+  std::map<std::size_t, Values> rows;  // what is returned of them, where there is no file or it tells
+  const TableWriter chooser{plan, o.returned, ""};
+  const Refinement refinement{plan.grid};
+  std::vector<signed char> stable(plan.grid.cells(), -1);
   const auto scene_of = [&](std::size_t i) {
     try {
       return base.with(plan.grid.overrides(todo[i]));
@@ -250,24 +259,65 @@ Table sweep(const SweepOptions& o, const Heard& heard) {
     } else {
       add_summary(both.front(), row);
     }
-    if (file) {
-      file->append(todo[i], row);
-    } else {
-      rows.emplace(todo[i], std::move(row));
-    }
+    stable[todo[i]] =
+        std::all_of(both.begin(), both.end(), [](const Summary& summary) { return summary.stable(); }) ? 1 : 0;
+    if (file) file->append(todo[i], row);
+    if (!file || tells) rows.emplace(todo[i], chooser.chosen(row));
   };
+  const auto tell = [&] {
+    if (!tells) return;
+    for (std::size_t cell = 0; file && cell < plan.grid.cells(); ++cell)
+      if (file->holds(cell) && !rows.contains(cell)) rows.emplace(cell, chooser.chosen(file->row(cell)));
+    TableWriter known{plan, o.returned, ""};
+    for (const auto& [cell, row] : rows) known.add_chosen(cell, row);
+    o.coarse(known.finish());
+  };
+  Cells cells{todo.size(), std::max<std::size_t>(o.seeds, 1), scene_of, {}, tell, [&] {
+                const std::vector<bool> edge = refinement.edges(stable);
+                std::vector<bool> first;
+                for (const std::size_t cell : todo) first.push_back(edge[cell]);
+                return first;
+              }};
+  for (const std::size_t cell : todo) cells.levels.push_back(refinement.level(cell));
   Tally tally{of_shard.size(), heard, of_shard.size() - todo.size(), std::max<std::size_t>(o.seeds, 1)};
-  const LaneUse use = run_cells(
-      {todo.size(), std::max<std::size_t>(o.seeds, 1), scene_of},
-      {.lanes = o.lanes, .jobs = o.jobs, .verdict = o.verdict, .stop = o.stop, .robot = o.robot}, tally, keep);
+  LaneUse use;
+  bool stopped = false;
+  try {
+    use = run_cells(cells, {.lanes = o.lanes, .jobs = o.jobs, .verdict = o.verdict, .stop = o.stop, .robot = o.robot},
+                    tally, keep);
+  } catch (const Stopped&) {
+    if (!o.coarse) throw;
+    stopped = true;
+  }
 
-  TableWriter table{plan, o.returned, file ? o.out + "/table.csv" : ""};
-  for (const auto& [cell, row] : rows) table.add(row);
-  if (file)
-    for (const std::size_t cell : of_shard) table.add(file->row(cell));
-  Table whole = table.finish();
-  whole.use = use;
-  return whole;
+  TableWriter writer{plan, o.returned, file ? o.out + "/table.csv" : ""};
+  if (!file)
+    for (auto& [cell, row] : rows) writer.add_chosen(cell, std::move(row));
+  for (const std::size_t cell : of_shard)
+    if (file && file->holds(cell)) writer.add(cell, file->row(cell));
+  Table table = writer.finish();
+  table.use = use;
+  table.stopped = stopped;
+  return table;
+}
+
+std::optional<Table> filled(const Table& some) {
+  Table all{.grid = some.grid, .seeds = some.seeds, .columns = some.columns, .stopped = true};
+  if (all.grid.axes.size() == 1) {  // a curve has its own values only
+    std::vector<std::string>& values = all.grid.axes[0].values;
+    values.clear();
+    for (const std::size_t cell : some.cells) values.push_back(some.grid.axes[0].values[cell]);
+    all.rows = some.rows;
+    return some.rows.empty() ? std::nullopt : std::optional{all};
+  }
+  std::vector<std::size_t> row_of(some.grid.cells(), Refinement::kNone);
+  std::vector<bool> known(row_of.size());
+  for (std::size_t i = 0; i < some.cells.size(); ++i) row_of[some.cells[i]] = i, known[some.cells[i]] = true;
+  for (const std::size_t cell : Refinement{some.grid}.stand_ins(known)) {
+    if (cell == Refinement::kNone) return std::nullopt;
+    all.rows.push_back(some.rows[row_of[cell]]);
+  }
+  return all;
 }
 
 Table merge(const std::vector<std::string>& folders, const std::string& out, const Names& returned) {
@@ -300,7 +350,7 @@ Table merge(const std::vector<std::string>& folders, const std::string& out, con
   cells.write(plan.line());
   for (std::size_t cell = 0; cell < plan.grid.cells(); ++cell) {
     cells.write(holders[cell]->line(cell));
-    table.add(holders[cell]->row(cell));
+    table.add(cell, holders[cell]->row(cell));
   }
   cells.commit();
   return table.finish();

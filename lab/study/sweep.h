@@ -2,6 +2,7 @@
 
 #include <atomic>
 #include <cstddef>
+#include <functional>
 #include <optional>
 #include <string>
 #include <vector>
@@ -35,7 +36,11 @@ struct SweepOptions {
   /// Figures and texts of the returned table, after the varied paths; none: all. OUT/table.csv has all of them: memory then
   /// holds of a cell only what is named here.
   std::optional<std::vector<std::string>> returned{};
+  /// Hears of what is known, as of a sweep that was stopped; not of shards, nor of more than kMostShown cells. With it a sweep that is
+  /// stopped returns the table of the finished cells, without it it throws Stopped.
+  std::function<void(const Table&)> coarse{};
 };
+inline constexpr std::size_t kMostShown = 20'000;
 
 /// The figures of a summary that a table holds: its numbers but step_ns, which is the processor time of a tick.
 std::vector<std::string> figures();
@@ -45,8 +50,13 @@ std::vector<std::string> figures();
 /// Each finished cell is appended at once to OUT/cells.jsonl, below a line that defines the sweep;
 /// a sweep that was killed resumes from there, an incomplete last line is dropped. Cells of another scene, other
 /// overrides, axes, seeds, verdict or version of this program are refused. Expectations of the scene are ignored.
-/// Throws ConfigError with the cell when a scene is invalid; finished cells are kept.
+/// Throws ConfigError with the cell when a scene is invalid; finished cells are kept. Cells run from coarse to fine (Refinement), those
+/// first where the verdict changes.
 Table sweep(const SweepOptions& options, const Heard& heard = {});
+
+/// The table of a sweep that was stopped, to draw it: along one axis only the values that have run, else all cells, each that has not run
+/// with the row of the one that stands for it (Refinement). None where one has none.
+std::optional<Table> filled(const Table& some);
 
 /// Combines the parts of one sweep and writes them to `out`, as a single sweep would. Throws
 /// ConfigError naming the cells that are missing, or in two parts, and the folder that belongs to another sweep.

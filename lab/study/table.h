@@ -47,6 +47,8 @@ struct Table {
   std::vector<std::string> columns{};
   std::vector<Values> rows{};
   LaneUse use{};
+  bool stopped = false;              ///< was the sweep stopped? Then only some cells have a row:
+  std::vector<std::size_t> cells{};  ///< the cell of each row
 
   /// The last column of this name: a varied path may have the name of a figure.
   [[nodiscard]] std::optional<std::size_t> find(std::string_view column) const;

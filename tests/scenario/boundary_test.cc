@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <atomic>
 #include <cmath>
 #include <cstdint>
 #include <cstdlib>
@@ -501,6 +502,31 @@ TEST(BoundaryProgram, MakesACurveWhoseRowsSayWhereThereIsNoBoundary) {
   const std::string svg = test::read_text(folder / "curve/boundary.svg");
   for (const char* words : {"device damping [N s/m]", "spring stiffness [N/m]", "held spring", "boundary", "unstable"})
     EXPECT_NE(svg.find(words), std::string::npos) << words;
+}
+
+TEST(BoundaryCurve, StoppedAfterTheScanHasTheSidesThatAreKnown) {
+  std::atomic<bool> stop{false};
+  const BoundaryOptions o{.scene = kHeld,
+                          .text = {},
+                          .set = {"duration_s=5"},
+                          .vary = parse_interval(kStiffness + "=500:8000"),
+                          .jobs = 2,
+                          .stop = &stop};
+  const Axis along = parse_axis("device.damping_n_s_per_m=0.5,1");
+  const BoundaryCurve some = boundary_curve(o, along, {}, [&](const BoundaryCurve&) { stop = true; });
+  stop = false;
+  const BoundaryCurve whole = boundary_curve(o, along);
+  EXPECT_TRUE(some.stopped);
+  EXPECT_FALSE(whole.stopped);
+  ASSERT_EQ(some.found.size(), 2U);
+  const Table rows = to_table(some);
+  for (std::size_t i = 0; i < 2; ++i) {
+    EXPECT_TRUE(some.found[i].open);
+    EXPECT_FALSE(whole.found[i].open);
+    EXPECT_LE(some.found[i].boundary->stable, whole.found[i].boundary->stable);
+    EXPECT_GE(some.found[i].boundary->unstable, whole.found[i].boundary->unstable);
+    EXPECT_EQ(rows.rows[i].back().text(), fmt::format("stopped: unstable at {}", some.found[i].boundary->unstable));
+  }
 }
 
 TEST(BoundaryProgram, MakesACurveOfLinkedPathsAndOfTheLeastStableValue) {

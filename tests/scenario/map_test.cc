@@ -4,7 +4,9 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <atomic>
 #include <cmath>
+#include <sstream>
 #include <string>
 #include <vector>
 
@@ -47,6 +49,34 @@ TEST(Map, RunsALossOfZeroOnceAndEveryOtherForEachBurst) {
   EXPECT_EQ(map.at(0, 3).unstable, 2);
   EXPECT_FALSE(map.at(0, 3).holds());
   for (std::size_t p = 0; p < map.places.size(); ++p) EXPECT_TRUE(map.at(1, p).holds()) << p;
+}
+
+TEST(Map, StoppedAfterALevelHasCellsOfTheWholeOne) {
+  MapOptions options = small({"NONE", "CLASSIC"});
+  options.round_trips_ms = {0, 20, 50, 100, 200};
+  options.stiffnesses_n_per_m = {300, 1000, 2000, 4000, 8000, 16000};
+  options.seeds = 1;
+  const Map whole = make_map(options);
+  std::atomic<bool> stop{false};
+  options.stop = &stop;
+  options.coarse = [&](const Map& known) { stop = filled(known).has_value(); };
+  const Map some = make_map(options);
+  ASSERT_TRUE(some.stopped);
+  const std::string all = to_csv(to_table(whole)), csv = to_csv(to_table(some));
+  EXPECT_LT(csv.size(), all.size());
+  std::istringstream rows{csv};
+  for (std::string row; std::getline(rows, row);) EXPECT_NE(all.find(row + "\n"), std::string::npos) << row;
+
+  const Map shown = filled(some).value();
+  for (std::size_t i = 0; i < shown.cells.size(); ++i) {
+    const MapCell &cell = shown.cells[i], &own = some.cells[i];
+    EXPECT_EQ(cell.method, whole.cells[i].method);
+    EXPECT_EQ(cell.seeds(), 1);
+    if (own.seeds() > 0) {
+      EXPECT_EQ(cell.place.stiffness_n_per_m, own.place.stiffness_n_per_m);
+    }
+  }
+  EXPECT_NE(to_text(some).find(" of 90 places"), std::string::npos) << to_text(some);
 }
 
 TEST(Map, ACellIsTheRunOfItsOverrides) {

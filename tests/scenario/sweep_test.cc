@@ -5,6 +5,7 @@
 #include <sys/resource.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <atomic>
 #include <cmath>
 #include <csignal>
@@ -13,6 +14,8 @@
 #include <fstream>
 #include <limits>
 #include <numeric>
+#include <set>
+#include <sstream>
 #include <string>
 #include <thread>
 #include <utility>
@@ -114,6 +117,75 @@ TEST(Axis, MayHavePathsThatMoveTogether) {
   EXPECT_EQ(parse_axis("a,b,c={ hold { duration_s: 1 } }").paths.size(), 3U);
   for (const char* text : {"a,=1", ",a=1", "a,,b=1,2", "a,b,a=1,2"})
     EXPECT_THROW(static_cast<void>(parse_axis(text)), ConfigError) << text;
+}
+
+TEST(Refinement, HalvesOneAxisAfterTheOther) {
+  const Refinement refinement{{{5, true}, {2, false}, {3, true}}};
+  // Along the first axis 0; 4; 2; 1, 3. Along the third 0; 2; 1. The second has both values from the first level on.
+  const std::vector<std::size_t> first{0, 7, 4, 7, 1}, third{0, 6, 3};
+  for (std::size_t cell = 0; cell < 30; ++cell)
+    EXPECT_EQ(refinement.level(cell), std::max(first[cell / 6], third[cell % 3])) << cell;
+}
+
+// Whatever has run: a cell stands for itself, the first for all, and no neighbour is nearer than half of the distance of what has run.
+TEST(Refinement, LetsTheNearestCellOfALevelStandForThoseThatHaveNotRun) {
+  constexpr std::size_t kCount = 13;
+  const Refinement line{{{kCount, true}}};
+  for (std::size_t apart : {16U, 8U, 4U, 2U, 1U}) {
+    std::vector<bool> known(kCount);
+    for (std::size_t cell = 0; cell < kCount; cell += apart) known[cell] = true;
+    const std::vector<std::size_t> shown = line.stand_ins(known);
+    for (std::size_t cell = 0; cell < kCount; ++cell) {
+      EXPECT_TRUE(known[shown[cell]]);
+      const std::size_t away = std::max(shown[cell], cell) - std::min(shown[cell], cell);
+      EXPECT_TRUE(away <= apart / 2 || (cell > shown[cell] && shown[cell] + apart >= kCount)) << cell << ", " << apart;
+    }
+  }
+  std::vector<bool> known(12);
+  known[0] = known[11] = true;
+  const std::vector<std::size_t> shown = Refinement{{{3, false}, {4, true}}}.stand_ins(known);
+  EXPECT_EQ(shown[3], 0U);
+  EXPECT_EQ(shown[11], 11U);
+  EXPECT_EQ(shown[4], Refinement::kNone) << "a value without order stands for no other";
+}
+
+TEST(Refinement, FindsTheCellsWhereTheAnswerChanges) {
+  // 1 . . . 0 . . . 0: cells 0 to 2 show the first, 3 to 6 the second.
+  const std::vector<bool> edge = Refinement{{{9, true}}}.edges({1, -1, -1, -1, 0, -1, -1, -1, 0});
+  EXPECT_EQ(edge, (std::vector<bool>{false, false, true, true, false, false, false, false, false}));
+}
+
+// 17 values of which the answer changes between the 8th and the 12th: whole levels, those at the edge before all others.
+TEST(Cells, RunByLevelsAndFirstWhereTheAnswerChanges) {
+  const Refinement line{{{17, true}}};
+  Cells cells{.count = 17, .scene = {}};
+  for (std::size_t cell = 0; cell < cells.count; ++cell) cells.levels.push_back(line.level(cell));
+  const auto stages = [&](std::size_t enough) {
+    std::vector<std::size_t> order(cells.count);
+    std::iota(order.begin(), order.end(), std::size_t{0});
+    std::stable_sort(order.begin(), order.end(),
+                     [&](std::size_t a, std::size_t b) { return cells.levels[a] < cells.levels[b]; });
+    std::vector<std::set<std::size_t>> all;
+    for (std::size_t from = 0, to; from < order.size(); from = to) {
+      to = next_end(cells, order, from, enough, 2);
+      all.emplace_back(order.begin() + static_cast<std::ptrdiff_t>(from),
+                       order.begin() + static_cast<std::ptrdiff_t>(to));
+    }
+    return all;
+  };
+  using Stages = std::vector<std::set<std::size_t>>;
+  EXPECT_EQ(stages(17), (Stages{{0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15, 16}}));
+  EXPECT_EQ(stages(4), (Stages{{0, 8, 4, 12, 16}, {2, 6, 10, 14}, {1, 3, 5, 7, 9, 11, 13, 15}}));
+  cells.seeds = 2;
+  EXPECT_EQ(stages(8), stages(7));
+  EXPECT_EQ(stages(8).size(), 3U);
+  cells.seeds = 1;
+  cells.first = [&] {
+    std::vector<bool> first(17);
+    for (const std::size_t cell : {9U, 10U, 11U}) first[cell] = true;
+    return first;
+  };
+  EXPECT_EQ(stages(2), (Stages{{0, 16}, {10, 9, 11}, {8, 4, 12}, {2, 6, 14}, {1, 3, 5, 7, 13, 15}}));
 }
 
 TEST(Shard, CountsFromOne) {
@@ -333,6 +405,97 @@ TEST(SweepProgram, GoesOnWhereItWasKilled) {
   EXPECT_EQ(after.compare(0, kept.size(), kept), 0) << "cells that were there have not stayed";
   EXPECT_EQ(test::count(after, "\n"), 13);
   for (int cell = 0; cell < 12; ++cell) EXPECT_EQ(test::count(after, fmt::format("\"cell\": {},", cell)), 1) << cell;
+}
+
+/// NONE is stable up to 6 ms each way.
+SweepOptions many_cells() {
+  return {.scene = kOneAxis,
+          .set = {"control.passivity.method=NONE"},
+          .axes = {parse_axis("to_slave.delay_ms,to_master.delay_ms=0.1:20:32"),
+                   parse_axis("environment[0].wall.stiffness_n_per_m=1000:20000:8")},
+          .jobs = 2,
+          .verdict = VerdictFrom::plain,
+          .shard = {},
+          .out = ""};
+}
+
+TEST(Sweep, StoppedAfterALevelHasRowsOfTheWholeOne) {
+  SweepOptions o = many_cells();
+  std::vector<std::size_t> told;
+  o.coarse = [&](const Table& known) {
+    EXPECT_EQ(known.rows.size(), known.cells.size());
+    told.push_back(known.rows.size());
+  };
+  const Table whole = sweep(o);
+  EXPECT_FALSE(whole.stopped);
+  ASSERT_EQ(whole.rows.size(), 256U);
+  ASSERT_GE(told.size(), 1U);
+  EXPECT_LT(told.back(), 256U);
+
+  const Folder folder;
+  std::atomic<bool> stop{false};
+  o.out = folder / "out";
+  o.stop = &stop;
+  o.coarse = [&](const Table& known) { stop = known.rows.size() >= told[0]; };
+  const Table some = sweep(o);
+  EXPECT_TRUE(some.stopped);
+  ASSERT_EQ(some.rows.size(), told[0]);
+  std::set<std::size_t> cells;
+  for (std::size_t i = 0; i < some.rows.size(); ++i) {
+    EXPECT_EQ(some.rows[i], whole.rows[some.cells[i]]);
+    cells.insert(some.cells[i]);
+  }
+  EXPECT_EQ(cells.size(), some.rows.size());
+  EXPECT_EQ(read_text(folder / "out/table.csv"), to_csv(some));
+
+  // The picture's cells are those that have run, and each of those is itself.
+  const Table shown = filled(some).value();
+  ASSERT_EQ(shown.rows.size(), 256U);
+  for (std::size_t cell = 0; cell < 256; ++cell) {
+    EXPECT_TRUE(std::find(some.rows.begin(), some.rows.end(), shown.rows[cell]) != some.rows.end()) << cell;
+    if (cells.contains(cell)) {
+      EXPECT_EQ(shown.rows[cell], whole.rows[cell]);
+    }
+  }
+
+  stop = false;
+  o.coarse = {};
+  EXPECT_EQ(to_csv(sweep(o)), to_csv(whole));
+  EXPECT_EQ(read_text(folder / "out/table.csv"), to_csv(whole));
+}
+
+TEST(SweepProgram, WritesTableAndPictureOfWhatHasRunWhereItIsStopped) {
+  const Folder folder;
+  const auto command = [&](const std::string& out) {
+    return lab({"sweep", kOneAxis, "--set", "control.passivity.method=NONE", "--vary",
+                "to_slave.delay_ms,to_master.delay_ms=0.1:20:28", "--vary",
+                "environment[0].wall.stiffness_n_per_m=1000:20000:28", "--lanes", "1", "--verdict", "plain", "--out",
+                folder / out});
+  };
+  for (const int signal : {SIGINT, SIGTERM}) {
+    const std::string out = fmt::format("stopped by {}", signal), cells = folder / out + "/cells.jsonl";
+    Process stopped{command(out)};
+    while (stopped.running() && (!exists(cells) || test::count(read_text(cells), "\n") < 64))
+      std::this_thread::sleep_for(1ms);
+    stopped.send(signal);
+    EXPECT_EQ(stopped.wait(), exited(130)) << stopped.err();
+    const std::string table = read_text(folder / out + "/table.csv");
+    const int rows = test::count(table, "\n") - 1;
+    EXPECT_GE(rows, 63);
+    EXPECT_LT(rows, 784);
+    EXPECT_NE(stopped.err().find(fmt::format("stopped: {} of 784 cells; the same command goes on from there\n", rows)),
+              std::string::npos)
+        << stopped.err();
+    EXPECT_NE(stopped.out().find(fmt::format("{}/table.csv: {} cells\n", folder / out, rows)), std::string::npos);
+    EXPECT_NE(read_text(folder / out + "/stable.gp").find("(coarse)"), std::string::npos);
+  }
+  expect_done(finished(command("whole")));
+  const std::string out = fmt::format("stopped by {}", SIGINT), whole = read_text(folder / "whole/table.csv");
+  std::istringstream rows{read_text(folder / out + "/table.csv")};
+  for (std::string row; std::getline(rows, row);) EXPECT_NE(whole.find(row + "\n"), std::string::npos) << row;
+  expect_done(finished(command(out)));
+  for (const char* name : {"/table.csv", "/stable.gp", "/stable.dat"})
+    EXPECT_EQ(read_text(folder / out + name), read_text(folder / "whole" + name)) << name;
 }
 
 TEST(SweepProgram, RefusesToGoOnWithAnotherSweep) {
