@@ -5,6 +5,7 @@
 #include <memory>
 #include <optional>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "common/coupling/registration.h"
@@ -281,7 +282,8 @@ int run_master(const Scene& read, const LiveArguments& arguments, const Registry
     // Before the link is made, which compares the scenes of both sides: what a driver completes is none of the shared values.
     scene.gripper = std::make_shared<const Scene>(with_device(*read.gripper, gripper->info()));
   }
-  if (page) page->serve(scene, arguments, device->info().name, world_of_page<N>(scene, arguments, hardware), log);
+  std::optional<ShownShapes> world = world_of_page<N>(scene, arguments, hardware);
+  if (page) page->serve(scene, arguments, device->info().name, std::move(world), log);
   const auto status = [&] {
     if (scene.control.architecture == Architecture::render)
       return run_render(scene, *device, arguments, page.get(), log);

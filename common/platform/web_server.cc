@@ -28,7 +28,8 @@ using Now = std::chrono::steady_clock;
 
 namespace {
 
-constexpr std::size_t kRequests = 16;  // connections at once that are no WebSockets
+constexpr std::size_t kPassing = 16;    // connections at once that are no WebSockets, or close
+constexpr int kSendBuffer = 32 * 1024;  // of a connection [B]: what waits in it is late
 
 }  // namespace
 
@@ -92,10 +93,12 @@ class WebConnection : public std::enable_shared_from_this<WebConnection> {
   WebConnection(WebServer::Impl& server, tcp::socket socket) : server_{server}, socket_{std::move(socket)} {
     Error ignored;
     socket_.next_layer().set_option(tcp::no_delay{true}, ignored);
+    socket_.next_layer().set_option(asio::socket_base::send_buffer_size{kSendBuffer}, ignored);
     parser_.header_limit(kLargestRequest);
   }
 
-  [[nodiscard]] bool is_request() const { return !session_; }
+  /// Is it no WebSocket, or one that closes?
+  [[nodiscard]] bool is_passing() const { return !session_ || ends_; }
   [[nodiscard]] bool is_writing() const { return writing_; }
 
   void read_request() {
@@ -240,9 +243,9 @@ void WebServer::Impl::accept() {
   acceptor.async_accept([this](Error error, tcp::socket socket) {
     if (!error) {
       // In the order of their arrival.
-      const auto is_request = [](const auto& c) { return c->is_request(); };
-      if (std::count_if(connections.begin(), connections.end(), is_request) >= static_cast<std::ptrdiff_t>(kRequests))
-        drop(std::shared_ptr{*std::find_if(connections.begin(), connections.end(), is_request)});
+      const auto is_passing = [](const auto& c) { return c->is_passing(); };
+      if (std::count_if(connections.begin(), connections.end(), is_passing) >= static_cast<std::ptrdiff_t>(kPassing))
+        drop(std::shared_ptr{*std::find_if(connections.begin(), connections.end(), is_passing)});
       connections.push_back(std::make_shared<WebConnection>(*this, std::move(socket)));
       connections.back()->read_request();
       accept();

@@ -71,7 +71,7 @@ struct WebAnswer {
 };
 
 /// HTTP and WebSockets on a thread of its own at ordinary priority. Ended: a request that is not complete after `request_time`, a WebSocket that
-/// answers no ping for `silence` or takes nothing for `patience`, and of more than 16 other connections the oldest.
+/// answers no ping for `silence` or takes nothing for `patience`, and of more than 16 other connections, closing ones among them, the oldest.
 class WebServer {
  public:
   using Milliseconds = std::chrono::milliseconds;

@@ -92,34 +92,42 @@ struct Text {
   }
 };
 
-/// Blanks out an element, and leaves the lines as they are.
-void remove(std::string& text, const std::string& element) {
-  const std::string open = "<" + element, close = "</" + element + ">";
-  for (std::size_t at = text.find(open); at != text.npos; at = text.find(open, at + 1)) {
-    const std::size_t after = at + open.size(), tag = text.find('>', at);
-    if (after >= text.size() || std::string_view{" \t\r\n>/"}.find(text[after]) == std::string_view::npos) continue;
-    if (tag == text.npos) return;
-    const std::size_t end = text[tag - 1] == '/' ? tag + 1 : text.find(close, tag) + close.size();
-    if (end < tag) return;  // it is not closed: the parser will say so
-    std::replace_if(
-        text.begin() + static_cast<std::ptrdiff_t>(at), text.begin() + static_cast<std::ptrdiff_t>(end),
-        [](char c) { return c != '\n'; }, ' ');
-  }
-}
-
-/// The parsers call themselves for each level, and look through all links for each.
-void check_size(const Text& of) {
+/// The file, where `with_shapes` is false without them: blank, so that lines stay. Refuses what keeps the parsers too long, which call
+/// themselves for each level and look through all links for each.
+std::string checked(const Text& of, bool with_shapes) {
   constexpr int kDeepest = 100, kMostLinks = 2000;
-  int depth = 0, links = 0;
-  for (std::size_t at = of.text.find('<'); at != of.text.npos; at = of.text.find('<', at + 1)) {
-    const std::size_t end = std::min(of.text.find('>', at), of.text.size());
-    const std::string_view tag = std::string_view{of.text}.substr(at, end - at);
-    if (tag.starts_with("<?") || tag.starts_with("<!")) continue;
-    depth += tag.starts_with("</") ? -1 : tag.ends_with('/') ? 0 : 1;
-    links += tag.starts_with("<link");
+  const std::string_view all = of.text;
+  std::string text = of.text;
+  int depth = 0, links = 0, depth_of_shape = -1;
+  for (std::size_t at = all.find('<'), shape = 0, end = 0; at != all.npos; at = all.find('<', end)) {
+    const std::string_view rest = all.substr(at);
+    bool is_tag = true;
+    for (const auto& [begins, ends] : {std::pair{"<!--", "-->"}, {"<![CDATA[", "]]>"}, {"<?", "?>"}, {"<!", ">"}})
+      if (is_tag && rest.starts_with(begins)) {
+        is_tag = false;
+        end = all.find(ends, at);
+      }
+    if (!is_tag && end == all.npos) break;
+    if (!is_tag) continue;
+    char quote = 0;
+    for (end = at; end < all.size() && (quote != 0 || all[end] != '>'); ++end)
+      quote = quote == 0 && (all[end] == '"' || all[end] == '\'') ? all[end] : all[end] == quote ? char{0} : quote;
+    if (end == all.size()) break;
+    const bool closes = rest.starts_with("</"), opens = !closes && all[end - 1] != '/';
+    const std::string_view tag = rest.substr(closes ? 2 : 1), name = tag.substr(0, tag.find_first_of(" \t\r\n/>"));
+    if (!closes && depth_of_shape < 0 && (name == "visual" || name == "collision")) shape = at, depth_of_shape = depth;
+    depth += opens ? 1 : closes ? -1 : 0;
+    links += !closes && name == "link";
+    if (depth < 0) break;
     if (depth > kDeepest) of.fail(0, fmt::format("has elements in more than {} levels", kDeepest));
     if (links > kMostLinks) of.fail(0, fmt::format("has more than {} links", kMostLinks));
+    if (depth != depth_of_shape) continue;
+    depth_of_shape = -1;
+    if (!with_shapes)
+      for (std::size_t i = shape; i <= end; ++i)
+        if (text[i] != '\n') text[i] = ' ';
   }
+  return text;
 }
 
 /// What a file that the parser refuses has wrong.
@@ -146,9 +154,8 @@ void check_size(const Text& of) {
 }
 
 urdf::ModelInterfaceSharedPtr parse(const Text& of, bool with_shapes) {
-  check_size(of);
-  std::string text = of.text, complaint;
-  if (!with_shapes) remove(text, "visual"), remove(text, "collision");
+  const std::string text = checked(of, with_shapes);
+  std::string complaint;
   urdf::ModelInterfaceSharedPtr model;
   {
     const Complaints complaints;

@@ -5,10 +5,12 @@
 #include <chrono>
 #include <cmath>
 #include <cstdio>
+#include <filesystem>
 #include <fstream>
 #include <limits>
 #include <memory>
 #include <string>
+#include <system_error>
 #include <utility>
 
 #include "common/base/check.h"
@@ -108,9 +110,11 @@ int link_command(const DoctorArguments& a) {
                                   request.seconds, request.rate_hz, packets, kMostPackets)};
   std::optional<WholeFile> saved;
   if (!a.save.empty()) {
-    std::ifstream before{a.save};
-    std::string header;
-    if (std::getline(before, header) && header != kLinkTraceHeader)
+    std::error_code none;
+    std::string header(kLinkTraceHeader.size(), '\0');
+    if (std::filesystem::is_regular_file(a.save, none) && std::filesystem::file_size(a.save, none) > 0 &&
+        (!std::ifstream{a.save}.read(header.data(), static_cast<std::streamsize>(header.size())) ||
+         header != kLinkTraceHeader))
       throw ConfigError{"--save " + a.save + ": the file is there and holds no link; give another name"};
     saved.emplace(a.save);
   }
@@ -134,7 +138,8 @@ int link_command(const DoctorArguments& a) {
   const double there_ms = 1e3 * round_trip_s - back_ms;
   if (a.json) {
     fmt::print(
-        "{{\n \"address\": {}, \"seconds\": {:.3f}, \"rate_hz\": {}, \"sent\": {}, \"encrypted\": {},\n "
+        "{{\n \"address\": {}, \"seconds\": {:.3f}, \"silent_s\": {:.3f}, \"rate_hz\": {}, \"sent\": {}, "
+        "\"encrypted\": {},\n "
         "\"round_trip_ms\": "
         "{{\"p50\": {:.3f}, \"p99\": {:.3f}, \"max\": {:.3f}}},\n \"one_way_ms\": {{\"to_slave\": {:.3f}, "
         "\"to_master\": "
@@ -142,7 +147,7 @@ int link_command(const DoctorArguments& a) {
         "\"why\": {}, "
         "\"to_slave.playout_ms\": {}, \"to_master.playout_ms\": {}, \"control.hold_after_s\": {:.2f}, "
         "\"control.passivity.round_trip_ms\": {:.1f}, \"control.passivity.initial_energy_j\": {:.4g}}}\n}}\n",
-        json_string(a.link), f.seconds, a.rate_hz, f.sent, f.encrypted, ms(f.round_trip.percentile(0.5)),
+        json_string(a.link), f.seconds, f.silent_s, a.rate_hz, f.sent, f.encrypted, ms(f.round_trip.percentile(0.5)),
         ms(f.round_trip.percentile(0.99)), ms(f.round_trip.max()), there_ms, back_ms, bound_ms, to_json(to_slave),
         to_json(to_master), json_string(advice.method), json_string(advice.why[0]), advice.to_slave.playout_ms,
         advice.to_master.playout_ms, advice.hold_after_s, advice.round_trip_ms(), advice.initial_energy_j);

@@ -9,15 +9,17 @@
 namespace twoport::lab {
 
 Option add_robot(Command command, std::string& robot) {
-  return command.option("--robot", robot,
-                        "mujoco:FILE.xml[,site=NAME][,key=NAME]: a world of MuJoCo in place of the scene's robot and environment");
+  return command.option(
+      "--robot", robot,
+      "mujoco:FILE.xml[,site=NAME][,key=NAME]: a world of MuJoCo in place of the scene's robot and environment");
 }
 
 std::optional<HostedRobot> open_robot(const std::string& choice, const Scene& scene) {
   if (choice.empty()) return {};
   // Others go by the clock.
   if (choice.substr(0, choice.find(':')) != "mujoco")
-    throw ConfigError{"--robot " + choice + ": does not run in virtual time; mujoco:FILE.xml[,site=NAME][,key=NAME] does"};
+    throw ConfigError{"--robot " + choice +
+                      ": does not run in virtual time; mujoco:FILE.xml[,site=NAME][,key=NAME] does"};
   return dispatch_dof(scene, [&]<int N>() -> std::optional<HostedRobot> {
     std::unique_ptr<Robot<N>> robot = all_drivers().robots.open<N>(choice, scene, Seconds{1.0 / scene.slave_rate_hz});
     HostedRobot hosted{choice, HostedRobot::Of<N>{&dynamic_cast<VirtualRobot<N>&>(*robot.release())}};

@@ -423,6 +423,15 @@ TEST(Urdf, ReadsAnArmWhoseShapesAreBroken) {
                                             "<geometry><sphere radius='a'/></geometry></collision></link>"));
   EXPECT_EQ(broken.joints.size(), whole.joints.size());
   EXPECT_EQ(broken.joints.back().mass_kg, whole.joints.back().mass_kg);
+  // Words of comments, quoted text and character data are no elements, and take nothing with them.
+  std::string many = "<!-- ";
+  for (int i = 0; i < 200; ++i) many += "<p> a < b ";
+  const ArmParameters commented = load(
+      changed("<link name='tool'/>",
+              many + "<visual> --><link name='tool'><!-- <collision> is coarse --><inertial><mass value='5'/><inertia "
+                     "ixx='1' iyy='1' izz='1' ixy='0' ixz='0' iyz='0'/></inertial><visual name='a/>b'><visual/>"
+                     "</visual><![CDATA[ <visual> ]]></link><!-- </visual> -->"));
+  EXPECT_EQ(commented.joints.back().mass_kg, whole.joints.back().mass_kg + 5.0);
 }
 
 TEST(Urdf, SaysWhatIsWrongWithAFile) {
@@ -482,7 +491,7 @@ TEST(Urdf, SaysWhatIsWrongWithAFile) {
             "tool", "hangs on a loop of joints; an arm has no loops"},
            {two_links("<joint name='d' type='fixed'><parent link='tool'/><child link='base'/></joint>"), "",
             "no one link is the root"},
-           {"<robot>" + nested(20000), "", "has elements in more than 100 levels"},
+           {"<robot><!-- </a></a> -->" + nested(20000), "", "has elements in more than 100 levels"},
            {changed("xyz='0 0 0.7'", "xyz='0 0 zero'"), "", "zero"},
            {changed("xyz='0 0 0.7'", "xyz='0 0 nan'"), "", "a"},
            {two_links("<link name='f'/><joint name='d' type='prismatic'><parent link='lower'/><child link='f'/><mimic "
