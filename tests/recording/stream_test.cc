@@ -83,8 +83,8 @@ TEST(Stream, SendsTheColumnsOfTheTraceOneObjectADatagram) {
     EXPECT_EQ(columns.at("env_f").list_value().values_size(), 6);
     EXPECT_EQ(columns.count("round_trip_ms") + columns.count("lost") + columns.count("late_us"), 3u);
     pressed_n = std::max(pressed_n, std::abs(columns.at("env_f").list_value().values(0).number_value()));
-    // Every 10 ms of the run's time; one that a left-out tick has delayed does not delay the next.
-    EXPECT_GE(t_s - last_s, 0.005 - 1e-9);
+    // One that left-out ticks have delayed does not delay the next: only their number has a bound.
+    EXPECT_GT(t_s, last_s);
     last_s = t_s;
   }
   EXPECT_GT(pressed_n, 0.5) << "the wall is in the stream";
