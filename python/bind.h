@@ -38,6 +38,7 @@ struct SceneOfText {
 void add_studies(py::module_& module);
 void add_controllers(py::module_& module);
 void add_nodes(py::module_& module);
+void add_live(py::module_& module);
 
 /// Throws TypeError unless `from` is an object of the class, on which __init__ has run.
 void check_made(const py::handle& from, const std::type_info& of);

@@ -37,5 +37,6 @@ PYBIND11_MODULE(_twoport, module) {
   twoport::python::add_studies(module);
   twoport::python::add_controllers(module);
   twoport::python::add_nodes(module);
+  twoport::python::add_live(module);
   module.attr("__name__") = name;
 }

@@ -457,6 +457,52 @@ class Errors(unittest.TestCase):
             six.step(0.0, [0, 0, 0, 0.5, 0, 0, 0], np.zeros(6))
 
 
+    def test_a_live_master_and_a_live_slave_meet_over_udp(self):
+        """A hand at rest 5 mm in a wall of 1000 N/m before the robot, 10 ms each way: both feel what the coupling and the wall share."""
+        import socket
+        import threading
+
+        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
+            probe.bind(("127.0.0.1", 0))
+            address = "127.0.0.1:%d" % probe.getsockname()[1]
+        overrides = ["rate_hz=200", "to_slave.delay_ms=10", "to_master.delay_ms=10", "control.passivity.method=NONE"]
+        scene = twoport.load_scene(SCENES / "one_axis_wall.textproto", *overrides)
+        seen = {"x": 0.0}
+        done = threading.Event()
+
+        def robot():
+            slave = twoport.LiveSlave(scene, address)
+            while not done.is_set():
+                press = 1000.0 * max(0.0, seen["x"])
+                out = slave.step(seen["x"], 0.0, press)
+                seen["mode"] = out.mode
+                seen["x"] += 2e-5 * (out.force[0] - press)
+
+        thread = threading.Thread(target=robot)
+        thread.start()
+        try:
+            master = twoport.LiveMaster(scene, address)
+            x, last = 0.0, 0.0
+            for _ in range(600):
+                out = master.step([x], [0.0])
+                if out.mode == "coupled":
+                    x = min(0.005, x + 5e-5)
+                self.assertGreater(out.t_s, last)
+                last = out.t_s
+            self.assertEqual((out.mode, seen["mode"]), ("coupled", "coupled"))
+            self.assertAlmostEqual(out.force[0], 1000.0 * seen["x"], delta=0.2)
+            self.assertAlmostEqual(out.force[0], 1000.0 * (x - seen["x"]), delta=0.2)
+            self.assertGreater(master.round_trip_s, 0.018)
+        finally:
+            done.set()
+            thread.join()
+        with self.assertRaisesRegex(ValueError, "without a key only addresses of this machine"):
+            twoport.LiveMaster(scene, "192.0.2.1:45000")
+        with self.assertRaisesRegex(ValueError, "has no link"):
+            twoport.LiveSlave(twoport.load_scene(HELD), address)
+        with self.assertRaisesRegex(ValueError, "x: 2 numbers"):
+            twoport.LiveMaster(scene, address).step([0.0, 0.0], [0.0])
+
     def test_objects_that_new_alone_has_made_are_refused(self):
         for name in twoport.__all__:
             cls = getattr(twoport, name)

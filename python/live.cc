@@ -1,0 +1,217 @@
+#include <algorithm>
+#include <chrono>
+#include <cmath>
+#include <cstdint>
+#include <memory>
+#include <optional>
+#include <string>
+#include <thread>
+#include <type_traits>
+#include <utility>
+
+#include "common/base/check.h"
+#include "common/hardware/device.h"
+#include "common/hardware/robot.h"
+#include "common/platform/live_link.h"
+#include "common/runtime/cycle.h"
+#include "master/master_node.h"
+#include "python/bind.h"
+#include "slave/slave_node.h"
+
+namespace twoport::python {
+namespace {
+
+/// A plant whose reading is an argument.
+template <class Sample>
+struct Given {
+  Sample sample;
+  template <class Clock>
+  Sample sense(const Tick<Clock>&) const noexcept {
+    return sample;
+  }
+  void actuate(const auto&) const noexcept {}
+};
+
+struct LiveOutput {
+  using PythonClass = void;
+  double t_s;
+  py::array_t<double> force, set_point;
+  std::string mode;
+};
+
+class AnyLive {
+ public:
+  using PythonClass = void;
+  virtual ~AnyLive() = default;
+  virtual LiveOutput step(const py::object& x, const py::object& v, const py::object& f, bool held) = 0;
+  [[nodiscard]] virtual int dof() const = 0;
+  [[nodiscard]] virtual double rate_hz() const = 0;
+  [[nodiscard]] virtual std::string mode() = 0;
+  [[nodiscard]] virtual std::int64_t missed() const = 0;
+  [[nodiscard]] virtual std::optional<double> round_trip_s() = 0;
+};
+/// For the two classes of Python.
+struct AnyLiveMaster : AnyLive {};
+struct AnyLiveSlave : AnyLive {};
+
+/// Node, link and clock of one side.
+template <int N, class Base>
+class Live final : public Base {
+ public:
+  static constexpr bool kMaster = std::is_same_v<Base, AnyLiveMaster>;
+  using Node = std::conditional_t<kMaster, MasterNode<N>, SlaveNode<N>>;
+  using Clock = std::conditional_t<kMaster, MasterClock, SlaveClock>;
+
+  Live(const Scene& s, const LiveArguments& a)
+      : scene_{s},
+        rate_hz_{kMaster ? s.master_rate_hz : s.slave_rate_hz},
+        link_{kMaster ? Side::master : Side::slave, scene_, a},
+        node_{scene_.control, scene_.schedule} {}
+
+  LiveOutput step(const py::object& x, const py::object& v, const py::object& f, bool held) override {
+    const auto position = position_from<N>(x, "x");
+    const Velocity<N> velocity{numbers_from<N>(v, "v")};
+    const std::optional<Force<N>> given =
+        f.is_none() ? std::nullopt : std::optional{Force<N>{numbers_from<N>(f, kMaster ? "applied" : "f_environment")}};
+    const Tick<Clock> tick = wait();
+    if (!link_.refusal().empty()) throw IoError{std::string{link_.refusal()}};
+    link_.met(node_);
+    LiveOutput result{to_seconds(tick.now.time_since_epoch()).si(), {}, {}, {}};
+    if constexpr (kMaster) {
+      Given<DeviceSample<N>> device;
+      device.sample.x = position;
+      device.sample.v = velocity;
+      device.sample.applied = given.value_or(command_);
+      device.sample.held = held;
+      const auto out = run_cycle(node_, device, link_.mail(), tick);
+      command_ = out.command;
+    } else {
+      Given<RobotSample<N>> robot;
+      robot.sample.x = position;
+      robot.sample.v = velocity;
+      if (given) robot.sample.f_environment = *given;
+      const auto out = run_cycle(node_, robot, link_.mail(), tick);
+      command_ = out.command.f;
+      result.set_point = to_array(out.command.x_d);
+    }
+    link_.note();
+    result.force = to_array(command_.vec());
+    result.mode = to_string(node_.mode());
+    return result;
+  }
+  [[nodiscard]] int dof() const override { return N; }
+  [[nodiscard]] double rate_hz() const override { return rate_hz_; }
+  [[nodiscard]] std::string mode() override { return to_string(node_.mode()); }
+  [[nodiscard]] std::int64_t missed() const override { return missed_; }
+  [[nodiscard]] std::optional<double> round_trip_s() override {
+    const auto& peer = link_.mail().known();
+    if (!peer.has_report || peer.round_trip() < Duration{0}) return {};
+    return to_seconds(peer.round_trip()).si();
+  }
+
+ private:
+  using Now = std::chrono::steady_clock;
+
+  /// Sleeps to the next tick that has not begun; those before it are left out.
+  Tick<Clock> wait() {
+    const Seconds period{1.0 / rate_hz_};
+    const double passed = std::chrono::duration<double>(Now::now() - start_).count();
+    const std::int64_t k = std::max(k_ + 1, static_cast<std::int64_t>(std::ceil(passed * rate_hz_)));
+    const Duration at = tick_time(k, rate_hz_);
+    {
+      const py::gil_scoped_release released;
+      std::this_thread::sleep_until(start_ + at);
+    }
+    const std::int64_t periods = k - std::exchange(k_, k);
+    missed_ += periods - 1;
+    return {Instant<Clock>{at}, period, static_cast<double>(periods) * period};
+  }
+
+  Scene scene_;
+  double rate_hz_;
+  LiveLink<N> link_;
+  Node node_;
+  Force<N> command_;
+  Now::time_point start_ = Now::now();
+  std::int64_t k_ = 0, missed_ = 0;
+};
+
+template <class Base>
+std::unique_ptr<Base> open(const SceneOfText& s, const std::string& address, const std::string& key) {
+  const Architecture a = s.scene.control.architecture;
+  if (a == Architecture::render || a == Architecture::uncontrolled)
+    throw ConfigError{s.source + ": control.architecture has no link"};
+  LiveArguments arguments;
+  arguments.address = address;
+  arguments.key = key;
+  const Scene scene = parse_scene(s.text, s.source, s.overrides, SceneFor::live);
+  return dispatch_dof(
+      scene, [&]<int N>() -> std::unique_ptr<Base> { return std::make_unique<Live<N, Base>>(scene, arguments); });
+}
+
+}  // namespace
+
+void add_live(py::module_& module) {
+  using namespace py::literals;
+
+  py::class_<LiveOutput>(module, "LiveOutput", "What a live side computes in a tick.")
+      .def_readonly("t_s", &LiveOutput::t_s, "Time of the tick, from the side's start [s].")
+      .def_readonly(
+          "force", &LiveOutput::force,
+          "Until the next tick: at a master the force at its port, push the hand with -force; at a slave the force "
+          "on the robot [N], dof 6: [N], [N m].")
+      .def_readonly("set_point", &LiveOutput::set_point, "Of a slave: where the robot is wanted [m], dof 6: 7 numbers.")
+      .def_readonly("mode", &LiveOutput::mode, "idle, coupled, holding, released, let_go or stopped.");
+
+  const auto common = [](auto& of) {
+    of.def_property_readonly("dof", &AnyLive::dof, "Degrees of freedom: 1, 3 or 6.")
+        .def_property_readonly("rate_hz", &AnyLive::rate_hz, "Rate of step() [Hz].")
+        .def_property_readonly("mode", &AnyLive::mode, "idle, coupled, holding, released, let_go or stopped.")
+        .def_property_readonly("missed", &AnyLive::missed, "Ticks left out so far, as step() was called too late.")
+        .def_property_readonly("round_trip_s", &AnyLive::round_trip_s,
+                               "As the newest report shows it [s]; None: not known yet.")
+        .def("__reduce_ex__", not_pickled("a live side cannot be copied or pickled: it has a socket"));
+  };
+  py::class_<AnyLiveMaster> master(
+      module, "LiveMaster",
+      R"(A master over UDP, in place of twoport-master: a device of yours, a slave anywhere.
+
+scene: as that of the slave; its device and operator are not used
+peer: ADDRESS:PORT of the slave
+key: file of twoport-keygen; without one only addresses of this machine
+Errors: ValueError; OSError where the two sides cannot work together.)");
+  master
+      .def(py::init([](const SceneOfText& s, const std::string& peer, const std::string& key) {
+             return open<AnyLiveMaster>(s, peer, key);
+           }),
+           "scene"_a, "peer"_a, py::kw_only(), "key"_a = "")
+      .def("step", &AnyLive::step, "x"_a, "v"_a, "applied"_a = py::none(), "held"_a = true,
+           R"(Waits for the next tick, exchanges packets, and returns the force. Call it again and again.
+
+x, v: position [m] and velocity [m/s] of the handle, dof 6: 7 numbers, and twist
+applied: force held at the port since the last step [N]; None: the one returned then
+held: does the operator hold the handle?)");
+  common(master);
+  py::class_<AnyLiveSlave> slave(module, "LiveSlave",
+                                 R"(A slave over UDP, in place of twoport-slave: a robot of yours. As LiveMaster.
+
+listen: ADDRESS:PORT)");
+  slave
+      .def(py::init([](const SceneOfText& s, const std::string& listen, const std::string& key) {
+             return open<AnyLiveSlave>(s, listen, key);
+           }),
+           "scene"_a, "listen"_a, py::kw_only(), "key"_a = "")
+      .def(
+          "step",
+          [](AnyLiveSlave& side, const py::object& x, const py::object& v, const py::object& f) {
+            return side.step(x, v, f, true);
+          },
+          "x"_a, "v"_a, "f_environment"_a = py::none(),
+          R"(Waits for the next tick, exchanges packets, and returns the force on the robot.
+
+x, v: position [m] and velocity [m/s] of the robot, dof 6: 7 numbers, and twist
+f_environment: the force sensor's, of the robot on the environment [N]; None: 0)");
+  common(slave);
+}
+
+}  // namespace twoport::python
