@@ -34,6 +34,17 @@ struct SceneOfText {
   Scene scene;
 };
 
+/// The control of the scene must be over a link.
+inline const Scene& over_a_link(const SceneOfText& s, const char* what) {
+  const Architecture a = s.scene.control.architecture;
+  if (a == Architecture::render || a == Architecture::uncontrolled)
+    throw ConfigError{
+        fmt::format("{}: control.architecture of {} has no link; it must be POSITION_FORCE, "
+                    "POSITION_MEASURED_FORCE or POSITION_POSITION",
+                    what, s.source)};
+  return s.scene;
+}
+
 /// Parts of the module, one for each file.
 void add_studies(py::module_& module);
 void add_controllers(py::module_& module);

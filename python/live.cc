@@ -14,23 +14,13 @@
 #include "common/hardware/robot.h"
 #include "common/platform/live_link.h"
 #include "common/runtime/cycle.h"
+#include "common/runtime/given_reading.h"
 #include "master/master_node.h"
 #include "python/bind.h"
 #include "slave/slave_node.h"
 
 namespace twoport::python {
 namespace {
-
-/// A plant whose reading is an argument.
-template <class Sample>
-struct Given {
-  Sample sample;
-  template <class Clock>
-  Sample sense(const Tick<Clock>&) const noexcept {
-    return sample;
-  }
-  void actuate(const auto&) const noexcept {}
-};
 
 struct LiveOutput {
   using PythonClass = void;
@@ -78,7 +68,7 @@ class Live final : public Base {
     link_.met(node_);
     LiveOutput result{to_seconds(tick.now.time_since_epoch()).si(), {}, {}, {}};
     if constexpr (kMaster) {
-      Given<DeviceSample<N>> device;
+      GivenReading<DeviceSample<N>> device;
       device.sample.x = position;
       device.sample.v = velocity;
       device.sample.applied = given.value_or(command_);
@@ -86,7 +76,7 @@ class Live final : public Base {
       const auto out = run_cycle(node_, device, link_.mail(), tick);
       command_ = out.command;
     } else {
-      Given<RobotSample<N>> robot;
+      GivenReading<RobotSample<N>> robot;
       robot.sample.x = position;
       robot.sample.v = velocity;
       if (given) robot.sample.f_environment = *given;
@@ -137,10 +127,8 @@ class Live final : public Base {
 };
 
 template <class Base>
-std::unique_ptr<Base> open(const SceneOfText& s, const std::string& address, const std::string& key) {
-  const Architecture a = s.scene.control.architecture;
-  if (a == Architecture::render || a == Architecture::uncontrolled)
-    throw ConfigError{s.source + ": control.architecture has no link"};
+std::unique_ptr<Base> open(const SceneOfText& s, const char* what, const std::string& address, const std::string& key) {
+  static_cast<void>(over_a_link(s, what));
   LiveArguments arguments;
   arguments.address = address;
   arguments.key = key;
@@ -163,26 +151,25 @@ void add_live(py::module_& module) {
       .def_readonly("set_point", &LiveOutput::set_point, "Of a slave: where the robot is wanted [m], dof 6: 7 numbers.")
       .def_readonly("mode", &LiveOutput::mode, "idle, coupled, holding, released, let_go or stopped.");
 
-  const auto common = [](auto& of) {
-    of.def_property_readonly("dof", &AnyLive::dof, "Degrees of freedom: 1, 3 or 6.")
-        .def_property_readonly("rate_hz", &AnyLive::rate_hz, "Rate of step() [Hz].")
-        .def_property_readonly("mode", &AnyLive::mode, "idle, coupled, holding, released, let_go or stopped.")
-        .def_property_readonly("missed", &AnyLive::missed, "Ticks left out so far, as step() was called too late.")
-        .def_property_readonly("round_trip_s", &AnyLive::round_trip_s,
-                               "As the newest report shows it [s]; None: not known yet.")
-        .def("__reduce_ex__", not_pickled("a live side cannot be copied or pickled: it has a socket"));
-  };
-  py::class_<AnyLiveMaster> master(
+  py::class_<AnyLive>(module, "Live", "What LiveMaster and LiveSlave share.")
+      .def_property_readonly("dof", &AnyLive::dof, "Degrees of freedom: 1, 3 or 6.")
+      .def_property_readonly("rate_hz", &AnyLive::rate_hz, "Rate of step() [Hz].")
+      .def_property_readonly("mode", &AnyLive::mode, "idle, coupled, holding, released, let_go or stopped.")
+      .def_property_readonly("missed", &AnyLive::missed, "Ticks left out so far, as step() was called too late.")
+      .def_property_readonly("round_trip_s", &AnyLive::round_trip_s,
+                             "As the newest report shows it [s]; None: not known yet.")
+      .def("__reduce_ex__", not_pickled("a live side cannot be copied or pickled: it has a socket"));
+
+  py::class_<AnyLiveMaster, AnyLive>(
       module, "LiveMaster",
       R"(A master over UDP, in place of twoport-master: a device of yours, a slave anywhere.
 
 scene: as that of the slave; its device and operator are not used
 peer: ADDRESS:PORT of the slave
 key: file of twoport-keygen; without one only addresses of this machine
-Errors: ValueError; OSError where the two sides cannot work together.)");
-  master
+Errors: ValueError; OSError where the two sides cannot work together.)")
       .def(py::init([](const SceneOfText& s, const std::string& peer, const std::string& key) {
-             return open<AnyLiveMaster>(s, peer, key);
+             return open<AnyLiveMaster>(s, "LiveMaster", peer, key);
            }),
            "scene"_a, "peer"_a, py::kw_only(), "key"_a = "")
       .def("step", &AnyLive::step, "x"_a, "v"_a, "applied"_a = py::none(), "held"_a = true,
@@ -191,14 +178,12 @@ Errors: ValueError; OSError where the two sides cannot work together.)");
 x, v: position [m] and velocity [m/s] of the handle, dof 6: 7 numbers, and twist
 applied: force held at the port since the last step [N]; None: the one returned then
 held: does the operator hold the handle?)");
-  common(master);
-  py::class_<AnyLiveSlave> slave(module, "LiveSlave",
-                                 R"(A slave over UDP, in place of twoport-slave: a robot of yours. As LiveMaster.
+  py::class_<AnyLiveSlave, AnyLive>(module, "LiveSlave",
+                                    R"(A slave over UDP, in place of twoport-slave: a robot of yours. As LiveMaster.
 
-listen: ADDRESS:PORT)");
-  slave
+listen: ADDRESS:PORT)")
       .def(py::init([](const SceneOfText& s, const std::string& listen, const std::string& key) {
-             return open<AnyLiveSlave>(s, listen, key);
+             return open<AnyLiveSlave>(s, "LiveSlave", listen, key);
            }),
            "scene"_a, "listen"_a, py::kw_only(), "key"_a = "")
       .def(
@@ -211,7 +196,6 @@ listen: ADDRESS:PORT)");
 
 x, v: position [m] and velocity [m/s] of the robot, dof 6: 7 numbers, and twist
 f_environment: the force sensor's, of the robot on the environment [N]; None: 0)");
-  common(slave);
 }
 
 }  // namespace twoport::python

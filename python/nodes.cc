@@ -13,6 +13,7 @@
 #include "common/link/mailbox.h"
 #include "common/link/report.h"
 #include "common/runtime/cycle.h"
+#include "common/runtime/given_reading.h"
 #include "common/wire/header.h"
 #include "master/master_node.h"
 #include "python/bind.h"
@@ -63,17 +64,6 @@ class InHand {
  private:
   std::vector<Report<N>> arrived_;
   std::optional<Report<N>> sent_;
-};
-
-/// A plant whose reading is an argument.
-template <class Sample>
-struct Reading {
-  Sample sample;
-  template <class Clock>
-  Sample sense(const Tick<Clock>&) const noexcept {
-    return sample;
-  }
-  void actuate(const auto&) const noexcept {}
 };
 
 /// Ticks of a side, by its own clock.
@@ -200,7 +190,7 @@ class MasterOf final : public WithLink<N, AnyMaster> {
         engage_s_{s.device_mount.engage_s} {}
   MasterResult step(double t_s, const py::object& x, const py::object& v, const py::object& applied,
                     bool held) override {
-    Reading<DeviceSample<N>> device;
+    GivenReading<DeviceSample<N>> device;
     device.sample.x = position_from<N>(x, "x");
     device.sample.v = Velocity<N>{numbers_from<N>(v, "v")};
     device.sample.applied = applied.is_none() ? command_ : Force<N>{numbers_from<N>(applied, "applied")};
@@ -264,7 +254,7 @@ class SlaveOf final : public WithLink<N, AnySlave> {
       : WithLink<N, AnySlave>{Side::slave, s}, ticks_{s.slave_rate_hz}, node_{s.control, s.schedule} {}
   SlaveResult step(double t_s, const py::object& x, const py::object& v, const py::object& f_environment,
                    bool ideal) override {
-    Reading<RobotSample<N>> robot;
+    GivenReading<RobotSample<N>> robot;
     robot.sample.x = position_from<N>(x, "x");
     robot.sample.v = Velocity<N>{numbers_from<N>(v, "v")};
     if (!f_environment.is_none())
@@ -282,17 +272,6 @@ class SlaveOf final : public WithLink<N, AnySlave> {
   Ticks<SlaveClock> ticks_;
   SlaveNode<N> node_;
 };
-
-/// The control of the scene must be over a link.
-const Scene& over_a_link(const SceneOfText& s, const char* what) {
-  const Architecture a = s.scene.control.architecture;
-  if (a == Architecture::render || a == Architecture::uncontrolled)
-    throw ConfigError{
-        fmt::format("{}: control.architecture of {} has no link; it must be POSITION_FORCE, "
-                    "POSITION_MEASURED_FORCE or POSITION_POSITION",
-                    what, s.source)};
-  return s.scene;
-}
 
 }  // namespace
 

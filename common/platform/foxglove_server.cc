@@ -32,14 +32,10 @@ constexpr std::size_t kMostPending = std::size_t{8} << 20;  // [B], of one clien
 constexpr std::array<std::string_view, 2> kProtocols = {"foxglove.websocket.v1", "foxglove.sdk.v1"};
 constexpr std::array<std::string_view, 2> kSites = {"https://app.foxglove.dev", "https://lichtblick-suite.github.io"};
 
-/// The first of kProtocols that is among those offered, "a, b"; empty: none.
-std::string_view protocol_of(std::string_view offered) {
+/// The first of kProtocols that is among those offered; empty: none.
+std::string_view protocol_of(const std::vector<std::string_view>& offered) {
   for (const std::string_view each : kProtocols)
-    for (std::string_view rest = offered; !rest.empty();) {
-      const std::size_t comma = std::min(rest.find(','), rest.size());
-      if (trimmed(rest.substr(0, comma)) == each) return each;
-      rest.remove_prefix(std::min(comma + 1, rest.size()));
-    }
+    if (std::find(offered.begin(), offered.end(), each) != offered.end()) return each;
   return {};
 }
 

@@ -163,11 +163,13 @@ class WebConnection : public std::enable_shared_from_this<WebConnection> {
     const bool upgrades = websocket::is_upgrade(r) && r[http::field::sec_websocket_version] == "13";
     // RFC 6455, 4.1: a client waits for the response.
     if (upgrades && arriving_.size() > 0) return respond(WebAnswer::refusal(400, "The request is malformed.\n"), false);
+    std::vector<std::string_view> protocols;
+    for (const auto token : http::token_list{r[http::field::sec_websocket_protocol]}) protocols.push_back(token);
     WebAnswer answer = server_.options.answer({.method = r.method_string(),
                                                .target = r.target(),
                                                .host = r[http::field::host],
                                                .origin = r[http::field::origin],
-                                               .protocols = r[http::field::sec_websocket_protocol],
+                                               .protocols = std::move(protocols),
                                                .upgrades = upgrades});
     if (!answer.session) return respond(std::move(answer), r.method() == http::verb::head);
     session_ = std::move(answer.session);

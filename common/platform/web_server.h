@@ -54,8 +54,9 @@ class WebSession {
 
 /// Header of a request that is well formed: without a body, with at most one Host and Origin, of a file here.
 struct WebRequest {
-  std::string_view method, target, host, origin, protocols;
-  bool upgrades = false;  ///< to a WebSocket of RFC 6455
+  std::string_view method, target, host, origin;
+  std::vector<std::string_view> protocols;  ///< offered for a WebSocket
+  bool upgrades = false;                    ///< to a WebSocket of RFC 6455
 };
 
 /// A response, or the session of a WebSocket that opens.

@@ -15,6 +15,7 @@
 #include "common/link/mailbox.h"
 #include "common/recording/tick.h"
 #include "common/runtime/cycle.h"
+#include "common/runtime/given_reading.h"
 #include "common/scene/load.h"
 #include "lab/run.h"
 #include "master/master_node.h"
@@ -141,17 +142,6 @@ struct SlaveSide {
   Mailbox<N, ReplayTransport<N>> mail;
 };
 
-/// Hardware that reads what was recorded.
-template <class Sample>
-struct RecordedHardware {
-  Sample sample;
-  template <class Clock>
-  Sample sense(const Tick<Clock>&) const noexcept {
-    return sample;
-  }
-  static void actuate(const auto&) noexcept {}
-};
-
 /// One side at work.
 struct Replay {
   explicit Replay(std::string side) { result.side = std::move(side); }
@@ -177,7 +167,7 @@ class ReplayOf final : public Replay {
     Comparison seen;
     begin(t, seen);
     TickRecord<N> now;
-    RecordedHardware<typename Side::Sample> hardware{Side::sample(t)};
+    GivenReading<typename Side::Sample> hardware{Side::sample(t)};
     now.take_output(run_cycle(side_.node, hardware, side_.mail,
                               Tick<typename Side::Clock>{Instant<typename Side::Clock>{t.now}, t.dt, t.ended}));
     seen.see("command", t.command, now.command);
