@@ -23,4 +23,12 @@ typename Force<N>::Vector per_axis(double translation, double rotation) noexcept
   return out;
 }
 
+/// Stiffness, damping or inertia at the master for one at the slave: with it the same motion shows force_scale times the slave's force.
+///
+///     s_f s_x; for rotation s_f / s_x        s_f: force_scale, s_x: motion_scale
+template <int N>
+typename Force<N>::Vector impedance_scale(const ControlOptions& o) noexcept {
+  return per_axis<N>(o.force_scale * o.motion_scale, o.force_scale / o.motion_scale);
+}
+
 }  // namespace twoport

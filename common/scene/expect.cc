@@ -2,6 +2,7 @@
 
 #include <algorithm>
 
+#include "common/base/nearest_names.h"
 #include "common/scene/blocks.h"
 #include "proto/summary.pb.h"
 
@@ -36,7 +37,8 @@ std::vector<Bound> read_bounds(const std::vector<Block<schema::Bound>>& blocks) 
     const std::string key = of->key();
     if (key == "stable") of.refuse(FIELD(key), "be a number of the summary; `expect { stable: ... }` is for that one");
     if (std::find(known.begin(), known.end(), key) == known.end())
-      of.refuse(FIELD(key), fmt::format("be one of {}", fmt::join(known, ", ")));
+      of.refuse(FIELD(key), fmt::format("be a number of the summary; the nearest are {}",
+                                        fmt::join(nearest_names(key, known, 3), ", ")));
     bounds.push_back({key, of->value()});
   }
   return bounds;

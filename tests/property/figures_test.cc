@@ -156,6 +156,19 @@ TEST(Figures, TakeTheEnvironmentsForceAsOldAsTheWayBackMakesIt) {
       }
 }
 
+TEST(Figures, HeldForceIsScaledWhereverPositionsAreDisplayed) {
+  for (const char* displays : {"architecture=POSITION_POSITION", "passivity.method=FIXED_DAMPING",
+                               "passivity.method=SET_POSITION_MODULATION", "passivity.method=FRACTAL_IMPEDANCE"})
+    for (const auto& [force, motion] : {std::pair{"1", "0.6"}, std::pair{"3", "0.6"}}) {
+      const Summary s =
+          summary(kPress, {std::string{"control."} + displays, std::string{"control.force_scale="} + force,
+                           std::string{"control.motion_scale="} + motion, "operator.path[1].move_to.position_m=[0.01]",
+                           "environment[0].wall.offset_m=-0.003"});
+      EXPECT_GT(s.environment_force_mean_n(), 0.1);
+      EXPECT_NEAR(s.held_force_ratio(), 1.0, 1e-3) << displays << " " << force << " " << motion;
+    }
+}
+
 TEST(Figures, TakeTorquesAsOldAsTheWayBackMakesThem) {
   const Summary s = summary("dof: 6" + led("[0.02, 0, 0]") + R"(
     to_master { delay_ms: 5 }

@@ -203,7 +203,8 @@ TEST(PositionPosition, LosesStabilityWhereTheEigenvaluesSay) {
   const std::string scene = folder.write("loop.textproto", kLoop);
   Draw draw{20261105};
   for (int i = 0; i < 12; ++i) {
-    const BilateralLoop loop = drawn(draw, Architecture::position_position, i);
+    BilateralLoop loop = drawn(draw, Architecture::position_position, i);
+    if (i % 3 == 0) loop.force_scale = draw.between(0.4, 2.5);
     expect_boundary(words(loop), critical_coupling_stiffness(loop), scene, overrides(loop),
                     "control.virtual_coupling.stiffness_n_per_m", 1e-2);
   }

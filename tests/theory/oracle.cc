@@ -131,7 +131,7 @@ double spectral_radius(const BilateralLoop& l) {
         to_master = pass(s, 5, l.force_scale * from_environment);
         break;
       case Architecture::position_position:
-        to_master = k * xm + b * vm - pass(s, 5, (k * xs + b * vs) / scale);
+        to_master = l.force_scale * (scale * (k * xm + b * vm) - pass(s, 5, k * xs + b * vs));
         break;
       default:
         to_master = pass(s, 5, l.force_scale * coupling);

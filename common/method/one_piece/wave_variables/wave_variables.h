@@ -97,7 +97,7 @@ class WaveSlave final : public Copyable<WaveSlave<N>, CouplingSlave<N>> {
     const WaveImpedance b = wave_impedance(o);
     impedance_ = per_axis<N>(b.translation, b.rotation);
     root_ = (2.0 * impedance_).cwiseSqrt();
-    to_master_units_ = per_axis<N>(o.force_scale * o.motion_scale, o.force_scale / o.motion_scale);
+    to_master_units_ = impedance_scale<N>(o);
   }
 
   void start(const RobotSample<N>& robot, const PeerState<N>& master) noexcept override {

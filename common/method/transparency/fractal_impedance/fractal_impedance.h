@@ -32,9 +32,10 @@ template <int N>
 class FractalSpring {
  public:
   using Vector = typename Force<N>::Vector;
-  explicit FractalSpring(const ControlOptions& o) {
+  /// `scale`: of K; at the master impedance_scale.
+  explicit FractalSpring(const ControlOptions& o, const Vector& scale = Vector::Ones()) {
     const FractalImpedanceGains gains = fractal_impedance_gains(o);
-    stiffness_ = per_axis<N>(gains.stiffness_n_per_m, gains.rotational_stiffness_n_m_per_rad);
+    stiffness_ = scale.cwiseProduct(per_axis<N>(gains.stiffness_n_per_m, gains.rotational_stiffness_n_m_per_rad));
   }
 
   void start() noexcept { translation_ = rotation_ = {}; }
@@ -70,7 +71,8 @@ class FractalSpring {
 template <int N>
 class FractalImpedanceMaster final : public Copyable<FractalImpedanceMaster<N>, MasterTransparency<N>> {
  public:
-  explicit FractalImpedanceMaster(const ControlOptions& o) : registration_{o}, tracker_{o.coupling}, spring_{o} {}
+  explicit FractalImpedanceMaster(const ControlOptions& o)
+      : registration_{o}, tracker_{o.coupling}, spring_{o, impedance_scale<N>(o)} {}
 
   void start(const DeviceSample<N>& device) noexcept override {
     robot_ = device.x;

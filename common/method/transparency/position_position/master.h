@@ -8,16 +8,18 @@
 #include "common/coupling/virtual_coupling.h"
 #include "common/hardware/device.h"
 #include "common/link/mailbox.h"
+#include "common/method/coupled_by_position.h"
 
 namespace twoport {
 
 /// The master's own spring-damper of the position-position architecture: it pulls the handle towards the robot.
 ///
-///     f_m = K (x_m - x_d) + B (v_m - v_rx)        x_d: tracked position of the robot in the master's world
+///     f_m = s (K (x_m - x_d) + B (v_m - v_rx))    x_d: tracked position of the robot in the master's world; s: impedance_scale
 template <int N>
 class PositionErrorForce {
  public:
-  explicit PositionErrorForce(const ControlOptions& o) : registration_{o}, spring_{o.coupling}, tracker_{o.coupling} {}
+  explicit PositionErrorForce(const ControlOptions& o)
+      : registration_{o}, spring_{o.coupling}, tracker_{o.coupling}, scale_{impedance_scale<N>(o)} {}
 
   void start(const Position<N>& device) noexcept { x_d_ = device; }
 
@@ -28,13 +30,14 @@ class PositionErrorForce {
     const Velocity<N> v_rx = registration_.to_master(slave.newest.v);
     const Velocity<N> v_d = tracker_.step(x_d_, robot.x.value, v_rx, slave.is_new, dt);
     x_d_ = x_d_ + v_d * dt;
-    return spring_.force(device.x - x_d_, device.v - v_rx);
+    return Force<N>{scale_.cwiseProduct(spring_.force(device.x - x_d_, device.v - v_rx).vec())};
   }
 
  private:
   Registration<N> registration_;
   SpringDamper<N> spring_;
   SetpointTracker<N> tracker_;
+  typename Force<N>::Vector scale_;
   Position<N> x_d_;
 };
 
