@@ -15,6 +15,7 @@
 #include "common/base/file.h"
 #include "common/record/figure.h"
 #include "common/scene/names.h"
+#include "common/scene/source.h"
 
 namespace twoport {
 
@@ -23,7 +24,10 @@ namespace pb = google::protobuf;
 void describe_run(const Scene& scene, std::string_view side, Summary& s) {
   s.set_scene(scene.name);
   s.set_side(std::string{side});
-  s.set_architecture(to_string(scene.control.architecture));
+  // FOUR_CHANNEL is read as POSITION_FORCE with the transparency layer of that name.
+  const bool four_channel =
+      scene.source && scene.source->message.control().architecture() == schema::Control::FOUR_CHANNEL;
+  s.set_architecture(four_channel ? "FOUR_CHANNEL" : to_string(scene.control.architecture));
   s.set_method(scene.control.method_name);
   s.set_dof(scene.dof);
 }

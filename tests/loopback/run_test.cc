@@ -414,8 +414,7 @@ void expect_each_architecture(int dof) {
   for (Process& each : running) EXPECT_EQ(each.wait(), exited(0)) << each.err();
   for (const auto& pair : pairs) {
     const schema::Summary m = pair->summary("master");
-    // FOUR_CHANNEL is POSITION_FORCE with another transparency layer.
-    EXPECT_EQ(m.architecture(), m.scene() == "FOUR_CHANNEL" ? "POSITION_FORCE" : m.scene());
+    EXPECT_EQ(m.architecture(), m.scene());
     EXPECT_EQ(m.dof(), dof) << m.scene();
     if (m.architecture() == "RENDER") {
       expect_sound({m});

@@ -70,7 +70,9 @@ Outcome run_with(const Liar::Lie& to_slave, const Liar::Lie& to_master, const Wo
 }
 
 using V1 = Eigen::Matrix<double, 1, 1>;
-void say_motion(Report<1>& r, double v) { r.v = Velocity<1>{V1{v}}; }
+void say_motion(Report<1>& r, double v) {
+  r.v = Velocity<1>{V1{v}};
+}
 
 TEST(Safety, OfTheRobotHoldsAgainstAMasterThatClaimsSpeedAndEnergy) {
   const Outcome o = run_with(

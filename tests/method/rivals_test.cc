@@ -88,13 +88,18 @@ TEST(FixedDamping, BoundaryIsHalfStiffnessTimesRoundTrip) {
 TEST(FixedDamping, RuleKeepsTheBound) {
   for (const double delay_s : {0.0, 0.01, 0.1, 1.0}) {
     ControlOptions o;
+    o.force_scale = 2.0, o.motion_scale = 3.0;
     o.known.round_trip = Seconds{delay_s};
     o.known.master_tick = o.known.slave_tick = Seconds{1e-3};
     const double r = delay_s + 2e-3;
     const auto holds = [&] {
       const FixedDampingGains g = fixed_damping_gains(o);
-      return g.damping_n_s_per_m >= 0.5 * g.stiffness_n_per_m * r * (1.0 - 1e-12) &&
-             g.rotational_damping_n_m_s_per_rad >= 0.5 * g.rotational_stiffness_n_m_per_rad * r * (1.0 - 1e-12);
+      // 4 B B_s >= (K_m R)², B_s and K_m those of the slave, s = s_f s_x or s_f/s_x, in the master's units.
+      const auto kept = [r](double b, double k, double s) {
+        return 4.0 * b * s * b >= s * k * r * s * k * r * (1.0 - 1e-12);
+      };
+      return kept(g.damping_n_s_per_m, g.stiffness_n_per_m, 6.0) &&
+             kept(g.rotational_damping_n_m_s_per_rad, g.rotational_stiffness_n_m_per_rad, 2.0 / 3.0);
     };
     EXPECT_TRUE(holds());
     o.fixed_damping.damping_n_s_per_m = 3.0;

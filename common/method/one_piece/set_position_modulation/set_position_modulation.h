@@ -21,13 +21,13 @@ template <int N>
 class SetPositionSpring {
  public:
   using Vector = typename Force<N>::Vector;
-  /// `scale`: of spring, damper and, by its first entry, ceiling; at the master impedance_scale.
+  /// `scale`: of the spring; at the master impedance_scale.
   explicit SetPositionSpring(const ControlOptions& o, const Vector& scale = Vector::Ones())
       : initial_{o.initial_energy} {
     const SetPositionGains g = set_position_gains(o);
     stiffness_ = scale.cwiseProduct(per_axis<N>(g.stiffness_n_per_m, g.rotational_stiffness_n_m_per_rad));
-    damping_ = scale.cwiseProduct(per_axis<N>(g.damping_n_s_per_m, g.rotational_damping_n_m_s_per_rad));
-    ceiling_ = scale[0] * g.ceiling;
+    damping_ = per_axis<N>(g.damping_n_s_per_m, g.rotational_damping_n_m_s_per_rad);
+    ceiling_ = g.ceiling;
   }
 
   void start(const Position<N>& x) noexcept { y_ = x; }

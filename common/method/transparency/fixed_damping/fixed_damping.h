@@ -16,14 +16,13 @@ inline ControlOptions fixed_damping_coupling(const ControlOptions& o) {
   return coupled_by_position(o, coupling);
 }
 
-/// Master half of fixed damping (P+d): f_m = s (ρ K (x_m - x_s,rx) + ρ B v_m), s: impedance_scale.
+/// Master half of fixed damping (P+d): f_m = ρ s K (x_m - x_s,rx) + ρ B v_m, s: impedance_scale.
 template <int N>
 class FixedDampingMaster final : public Copyable<FixedDampingMaster<N>, MasterTransparency<N>> {
  public:
   explicit FixedDampingMaster(const ControlOptions& o) : displayed_{fixed_damping_coupling(o)} {
     const FixedDampingGains gains = fixed_damping_gains(o);
-    damping_ = impedance_scale<N>(o).cwiseProduct(
-        per_axis<N>(gains.damping_n_s_per_m, gains.rotational_damping_n_m_s_per_rad));
+    damping_ = per_axis<N>(gains.damping_n_s_per_m, gains.rotational_damping_n_m_s_per_rad);
   }
   void start(const DeviceSample<N>& device) noexcept override { displayed_.start(device.x); }
   Wish<N> wish(const MasterInput<N>& in) noexcept override {
