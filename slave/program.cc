@@ -1,5 +1,6 @@
 #include "slave/program.h"
 
+#include "common/base/built_for.h"
 #include "common/base/check.h"
 #include "common/platform/program.h"
 #include "common/scene/scene.h"
@@ -11,7 +12,7 @@ int slave_program(int argc, char** argv, const Registry& hardware) {
     if (scene.control.architecture == Architecture::render)
       throw ConfigError(arguments.scene +
                         ": control.architecture is RENDER, which has no slave; run twoport-master alone");
-    return dispatch_dof(scene, [&]<int N>() { return run_slave<N>(scene, arguments, hardware); });
+    return run_built_for(scene.dof, [&]<int N>() { return run_slave<N>(scene, arguments, hardware); });
   };
   return live_program(argc, argv, Side::slave, hardware.robots.lines(), body);
 }

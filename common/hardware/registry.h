@@ -8,6 +8,7 @@
 #include <utility>
 #include <vector>
 
+#include "common/base/built_for.h"
 #include "common/base/scalar.h"
 #include "common/hardware/device.h"
 #include "common/hardware/plugin_host.h"
@@ -37,7 +38,7 @@ class DriverList {
   /// `sentence` is its description in --list-devices.
   template <template <int> class Driver>
   void add(const std::string& name, const std::string& sentence) {
-    drivers_.push_back({name, sentence, {make<Driver<1>>, make<Driver<3>>, make<Driver<6>>}, false});
+    drivers_.push_back({name, sentence, {maker<Driver, 1>(), maker<Driver, 3>(), maker<Driver, 6>()}, false});
   }
   /// Adds a class that drives one size, that of the Hardware<N> it derives from.
   template <class Driver>
@@ -78,6 +79,13 @@ class DriverList {
   template <class Driver>
   static std::unique_ptr<Hardware<Driver::kSize>> make(const DriverOptions& options) {
     return std::make_unique<Driver>(options);
+  }
+  template <template <int> class Driver, int N>
+  static Maker<N> maker() {
+    if constexpr (built_for(N))
+      return make<Driver<N>>;
+    else
+      return {};
   }
   [[nodiscard]] const Entry& find(const std::string& name) const;
   [[noreturn]] void refuse_size(const Entry& driver, int wanted) const;

@@ -353,7 +353,12 @@ class ArmOfTree {
  private:
   /// The frame of an arm's link has the joint's axis as z: the joint's frame from it.
   Matrix3d turned_to_axis(const urdf::Joint& joint) const {
-    return Eigen::Quaterniond::FromTwoVectors(Vector3d::UnitZ(), checked_axis(joint)).matrix();
+    const Vector3d axis = checked_axis(joint);
+    const bool down = axis.z() < 0.0;
+    const Vector3d to = down ? Vector3d{-axis} : axis;
+    // By half the angle from z to `to`, and where the axis points down by half a turn about x before.
+    const Eigen::Quaterniond least = Eigen::Quaterniond{1.0 + to.z(), -to.y(), to.x(), 0.0}.normalized();
+    return (down ? least * Eigen::Quaterniond{0.0, 1.0, 0.0, 0.0} : least).matrix();
   }
   Vector3d checked_axis(const urdf::Joint& joint) const {
     switch (joint.type) {

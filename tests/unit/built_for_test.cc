@@ -1,0 +1,25 @@
+#define TWOPORT_DOF 1, 3
+#include "common/base/built_for.h"
+
+#include <gtest/gtest.h>
+
+#include <string>
+
+namespace twoport {
+namespace {
+
+TEST(BuiltFor, RunsTheSizesOfTheFileAndRefusesOthersInWords) {
+  const auto size = [](int dof) { return run_built_for(dof, []<int N>() { return N; }); };
+  EXPECT_EQ(size(1), 1);
+  EXPECT_EQ(size(3), 3);
+  try {
+    size(6);
+    FAIL() << "6 is not built";
+  } catch (const ConfigError& e) {
+    EXPECT_EQ(std::string{e.what()},
+              "dof is 6, which this program is not built for; scripts/build builds it for 1, 3 and 6");
+  }
+}
+
+}  // namespace
+}  // namespace twoport
