@@ -35,24 +35,22 @@ constexpr double kMostBehind = 5e-3;  // that is made good in one tick [s]; a wo
   throw ConfigError{"--robot mujoco:" + arguments + ": " + words};
 }
 
-/// FILE.xml[,site=NAME][,key=NAME]
+/// FILE.xml[,site=NAME][,key=NAME], the two in any order
 struct Arguments {
   std::string file, site, key;
 };
 Arguments parse(const std::string& text) {
-  Arguments a;
-  std::string rest = text;
-  for (auto& [option, value] : {std::pair{",key=", &a.key}, {",site=", &a.site}}) {
-    const std::size_t comma = rest.rfind(option);
-    if (comma == rest.npos) continue;
-    *value = rest.substr(comma + std::strlen(option));
-    if (value->empty()) refuse(text, std::string{"after "} + option + " stands a name");
-    rest.resize(comma);
+  Arguments a{text, {}, {}};
+  for (std::size_t comma; (comma = a.file.rfind(',')) != a.file.npos; a.file.resize(comma)) {
+    const std::string option = a.file.substr(comma + 1);
+    const std::size_t name = option.find('=') + 1;
+    std::string* const value = option.starts_with("site=") ? &a.site : option.starts_with("key=") ? &a.key : nullptr;
+    if (value == nullptr || !value->empty() || name == option.size())
+      refuse(text, "after the file stand ,site=NAME and ,key=NAME, each once and with a name");
+    *value = option.substr(name);
   }
-  a.file = rest;
   if (a.file.empty())
     refuse(text, "name a model and, where it has several sites, the tool's: mujoco:FILE.xml,site=NAME");
-  if (a.file.find(',') != a.file.npos) refuse(text, "after the file stand ,site=NAME and then ,key=NAME, each once");
   return a;
 }
 

@@ -56,6 +56,7 @@ std::string read_whole(const std::string& path, std::string_view name, std::size
     if (text.size() > most) throw fail("it is larger than " + std::to_string(most) + " bytes");
   }
   if (std::ferror(file.get()) != 0) throw fail(reason(errno));
+  if (text.starts_with("\xEF\xBB\xBF")) text.erase(0, 3);  // the byte order mark that Windows programs write
   return text;
 }
 

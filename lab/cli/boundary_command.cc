@@ -28,7 +28,7 @@ int curve_command(Arguments& a) {
   warn_if_lost(a.boundary.set, along.paths);
   if (!a.out.empty()) make_folder(a.out);
   a.boundary.stop = &stop_by_user();
-  Sketch sketch;
+  Sketch sketch{a.out, "boundary.png"};
   const BoundaryCurve curve = boundary_curve(a.boundary, along, show_runs, [&](const BoundaryCurve& known) {
     const auto is_open = [](const BoundarySearch& each) { return each.open; };
     const auto open = std::count_if(known.found.begin(), known.found.end(), is_open);

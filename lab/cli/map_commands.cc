@@ -84,7 +84,7 @@ int map_command(MapArguments& a) {
   if (!a.out.empty()) make_folder(a.out);
   double spent_s = 0.0;
   a.map.stop = &stop_by_user();
-  Sketch sketch;
+  Sketch sketch{a.out, "map.png"};
   a.map.coarse = [&](const Map& known) {
     const std::optional<Map> all = filled(known);
     if (all && sketch.is_due())

@@ -8,8 +8,10 @@
 #include <csignal>
 #include <cstdint>
 #include <cstdio>
+#include <exception>
 #include <utility>
 
+#include "common/base/file.h"
 #include "common/base/print_error.h"
 #include "common/scene/find.h"
 #include "common/scene/load.h"
@@ -159,10 +161,26 @@ const std::atomic<bool>& stop_by_user() {
   return stop;
 }
 
+void Sketch::write_page(const std::string& head) const {
+  if (out_.empty()) return;
+  write_whole(out_ + "/coarse.html",
+              fmt::format("<!doctype html><meta charset=\"utf-8\">{}<title>{}</title><p>{}</p><img src=\"{}\">\n", head,
+                          picture_, line_, picture_));
+}
+Sketch::~Sketch() {
+  try {
+    if (!line_.empty()) write_page("");
+  } catch (const std::exception& e) {
+    print_error("{}\n", e.what());
+  }
+}
 void Sketch::tell(const std::string& line, const std::function<void()>& draw) {
   const Clock::time_point from = Clock::now();
   print_error("{}{}\n", progress_is_shown() ? "\r\033[K" : "", line);
   draw();
+  if (line_.empty() && !out_.empty()) print_error("{}/coarse.html shows the picture while it gets finer\n", out_);
+  line_ = line;
+  write_page("<meta http-equiv=\"refresh\" content=\"1\">");
   const Clock::time_point now = Clock::now();
   next_ = now + std::max((now - start_) / 2, 10 * (now - from));
 }

@@ -6,6 +6,7 @@
 #include <initializer_list>
 #include <optional>
 #include <string>
+#include <utility>
 #include <vector>
 
 namespace CLI {
@@ -88,15 +89,22 @@ inline constexpr int kStoppedStatus = 130;
 const std::atomic<bool>& stop_by_user();
 
 /// Tells of a study what is known of it before it has ended: for the first time after half a second, later each time that half as much time
-/// more has passed, and ten times what telling took.
+/// more has passed, and ten times what telling took. In the folder `out`, unless that is empty, coarse.html shows `picture`, which draw() makes,
+/// and loads itself again every second until the study has ended.
 class Sketch {
  public:
+  Sketch(std::string out, std::string picture) : out_{std::move(out)}, picture_{std::move(picture)} {}
+  ~Sketch();
+  Sketch(const Sketch&) = delete;
   [[nodiscard]] bool is_due() const { return Clock::now() >= next_; }
   /// Writes a line to stderr and calls draw().
   void tell(const std::string& line, const std::function<void()>& draw);
 
  private:
   using Clock = std::chrono::steady_clock;
+  void write_page(const std::string& head) const;
+
+  std::string out_, picture_, line_;
   Clock::time_point start_ = Clock::now();
   Clock::time_point next_ = start_ + std::chrono::milliseconds{500};
 };

@@ -92,7 +92,7 @@ int sweep_command(Arguments& a) {
   if (!a.robot.empty()) robot = open_robot(a.robot, load_scene(a.sweep.scene, a.sweep.set));
   if (robot) a.sweep.robot = &*robot;
   a.sweep.stop = &stop_by_user();
-  Sketch sketch;
+  Sketch sketch{a.plot == "none" ? std::string{} : a.sweep.out, a.plot + ".png"};
   a.sweep.coarse = [&](const Table& known) {
     if (!sketch.is_due()) return;
     sketch.tell(words_of(known), [&] {

@@ -114,11 +114,14 @@ TEST_F(Mujoco, FeelsTheContactOfABodyThatTheSitesIsWeldedTo) {
 
 TEST_F(Mujoco, StartsAtAKeyframe) {
   const std::string path = own_folder() / "key.xml";
-  write_whole(path, "<mujoco><worldbody><body>" + kSlides + kSphere +
-                        "</body></worldbody><keyframe><key name='home' qpos='1 2 3'/></keyframe></mujoco>");
+  write_whole(path,
+              "<mujoco><worldbody><body>" + kSlides + kSphere +
+                  "<site name='tip'/></body></worldbody><keyframe><key name='home' qpos='1 2 3'/></keyframe></mujoco>");
   EXPECT_EQ(open<3>(path)->sense(tick(0)).x.translation(), Eigen::Vector3d::Zero());
   EXPECT_EQ(open<3>(path + ",key=home")->sense(tick(0)).x.translation(), Eigen::Vector3d(1.0, 2.0, 3.0));
   EXPECT_THROW(open<3>(path + ",key=away"), ConfigError);
+  for (const char* order : {",key=home,site=tip", ",site=tip,key=home"})
+    EXPECT_EQ(open<3>(path + order)->sense(tick(0)).x.translation(), Eigen::Vector3d(1.0, 2.0, 3.0)) << order;
 }
 
 TEST_F(Mujoco, ThatHasNoRoomForItsContactsIsAFault) {
@@ -198,7 +201,8 @@ TEST_F(Mujoco, RefusesModelsInWords) {
   expect(model(kSphere + "<site name='t'/>"), "move the tool in 0 directions; a scene with dof 3 needs 3");
   expect(model(kSlides + kSphere, "<body><freejoint/><geom size='0.1'/></body>"),
          "several bodies that move; put a site on the tool");
-  expect(model(kSlides + kSphere) + ",sites=tip", "after the file stand ,site=NAME and then ,key=NAME, each once");
+  expect(model(kSlides + kSphere) + ",sites=tip",
+         "after the file stand ,site=NAME and ,key=NAME, each once and with a name");
   write_whole(
       own_folder() / "slow.xml",
       "<mujoco><option timestep='1'/><worldbody><body><freejoint/><geom size='0.1'/></body></worldbody></mujoco>");

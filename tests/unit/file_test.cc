@@ -37,6 +37,12 @@ TEST(ReadWhole, GivesEveryByte) {
   EXPECT_EQ(read_whole(folder.write("empty", "")), "");
 }
 
+TEST(ReadWhole, LeavesOutAByteOrderMark) {
+  const Folder folder;
+  EXPECT_EQ(read_whole(folder.write("file", "\xEF\xBB\xBF\xEF\xBB\xBFtext")), "\xEF\xBB\xBFtext");
+  EXPECT_EQ(read_whole(folder.write("file", "\xEF\xBBtext")), "\xEF\xBBtext");
+}
+
 TEST(ReadWhole, RefusesWhatIsNoRegularFileWithoutWaitingForIt) {
   const Folder folder;
   ASSERT_EQ(mkfifo((folder / "pipe").c_str(), 0600), 0);
