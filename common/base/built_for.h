@@ -12,7 +12,7 @@
 
 namespace twoport {
 
-[[nodiscard]] static consteval bool built_for(int dof) {
+[[nodiscard]] static constexpr bool built_for(int dof) {
   for (const int each : {TWOPORT_DOF})
     if (each == dof) return true;
   return false;
