@@ -137,8 +137,9 @@ TEST(Doctor, SavesALinkThatASceneReplays) {
     ++(to_slave ? there : back);
     if (lost) ++(to_slave ? lost_there : lost_back);
   }
-  EXPECT_NEAR(there, 2000, 100);
-  EXPECT_NEAR(back, 2000, 300) << "those of the slave that arrived by then";
+  EXPECT_LE(there, 2100);
+  EXPECT_GE(there, 1500) << "a loop that is late skips ticks";
+  EXPECT_NEAR(back, there, 500) << "those of the slave that arrived by then";
   EXPECT_NEAR(lost_there, 0.1 * there, 0.01 * there);
   EXPECT_EQ(lost_back, 0);
 
