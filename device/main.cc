@@ -10,6 +10,7 @@
 #include <string>
 #include <utility>
 
+#include "common/base/built_for.h"
 #include "common/base/check.h"
 #include "common/platform/arguments.h"
 #include "common/platform/realtime.h"
@@ -220,7 +221,7 @@ int run(int argc, char** argv) {
       return 0;
     }
     const Scene scene = scene_of(a);
-    return dispatch_dof(scene, [&]<int N>() { return probe<N>(a, scene); });
+    return for_dof(scene.dof, [&]<int N>() { return probe<N>(a, scene); });
   });
 }
 

@@ -4,6 +4,7 @@
 #include <cmath>
 #include <memory>
 
+#include "common/base/built_for.h"
 #include "common/hardware/device.h"
 #include "common/page/channel.h"
 #include "common/scene/scene.h"
@@ -29,7 +30,8 @@ class PageDevice : public Device<N> {
     if (channel_ == nullptr) return;
     grip_ = std::clamp(grip_, kPageGripLeast, kPageGripMost);
     channel_->pointer.grip_n_per_m = grip_;
-    if (scene.gripper) gripper_ = std::make_unique<PageDevice<1>>(*scene.gripper, dt_, nullptr);
+    if constexpr (built_for(1))
+      if (scene.gripper) gripper_ = std::make_unique<PageDevice<1>>(*scene.gripper, dt_, nullptr);
   }
 
   void hold(bool held) noexcept {

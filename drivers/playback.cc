@@ -7,6 +7,7 @@
 #include <utility>
 #include <vector>
 
+#include "common/base/built_for.h"
 #include "common/base/check.h"
 #include "common/hardware/registry.h"
 #include "common/recording/recording.h"
@@ -66,9 +67,11 @@ template <int N>
 class PlaybackDevice final : public Device<N> {
  public:
   explicit PlaybackDevice(const DriverOptions& o) : PlaybackDevice{readings<N>("--device", o, "master")} {
-    if (!o.scene.gripper) return;
-    auto of_gripper = readings<1>("--device", o, std::string{"master"}.append(kOfGripper));
-    if (!of_gripper.empty()) gripper_ = std::make_unique<PlaybackDevice<1>>(std::move(of_gripper));
+    if constexpr (built_for(1)) {
+      if (!o.scene.gripper) return;
+      auto of_gripper = readings<1>("--device", o, std::string{"master"}.append(kOfGripper));
+      if (!of_gripper.empty()) gripper_ = std::make_unique<PlaybackDevice<1>>(std::move(of_gripper));
+    }
   }
   explicit PlaybackDevice(std::vector<TickRecord<N>> readings) : playback_{std::move(readings)} {}
   [[nodiscard]] DeviceInfo info() const override {
@@ -95,9 +98,11 @@ template <int N>
 class PlaybackRobot final : public Robot<N> {
  public:
   explicit PlaybackRobot(const DriverOptions& o) : PlaybackRobot{readings<N>("--robot", o, "slave")} {
-    if (!o.scene.gripper) return;
-    auto of_gripper = readings<1>("--robot", o, std::string{"slave"}.append(kOfGripper));
-    if (!of_gripper.empty()) gripper_ = std::make_unique<PlaybackRobot<1>>(std::move(of_gripper));
+    if constexpr (built_for(1)) {
+      if (!o.scene.gripper) return;
+      auto of_gripper = readings<1>("--robot", o, std::string{"slave"}.append(kOfGripper));
+      if (!of_gripper.empty()) gripper_ = std::make_unique<PlaybackRobot<1>>(std::move(of_gripper));
+    }
   }
   explicit PlaybackRobot(std::vector<TickRecord<N>> readings) : playback_{std::move(readings)} {}
   [[nodiscard]] RobotInfo info() const override { return {.name = "playback of a robot", .watchdog = Seconds{1.0}}; }

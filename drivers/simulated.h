@@ -5,6 +5,7 @@
 #include <cmath>
 #include <memory>
 
+#include "common/base/built_for.h"
 #include "common/hardware/adjustable_environment.h"
 #include "common/hardware/device.h"
 #include "common/hardware/robot.h"
@@ -51,10 +52,11 @@ class SimulatedDevice : public Device<N> {
     if (scene.device && scene.device->max_force_n) info_.max_force_n = *scene.device->max_force_n;
     truth_.path_ends_s = model_.path().end_s();
     note();
-    if (scene.gripper) {
-      info_.gripper = true;
-      gripper_ = std::make_unique<SimulatedDevice<1>>(*scene.gripper, period);
-    }
+    if constexpr (built_for(1))
+      if (scene.gripper) {
+        info_.gripper = true;
+        gripper_ = std::make_unique<SimulatedDevice<1>>(*scene.gripper, period);
+      }
   }
 
   [[nodiscard]] DeviceInfo info() const override { return info_; }
@@ -97,7 +99,8 @@ class SimulatedRobot : public Robot<N>, public AdjustableEnvironment {
         surfaces_{std::min(model_.environment().world().surfaces.size(), kAdjustableSurfaces)},
         ramp_ticks_{std::max(1L, std::lround(kEnvironmentRamp / period.si()))} {
     for (std::size_t i = 0; i < surfaces_; ++i) to_[i] = surface(i);
-    if (scene.gripper) gripper_ = std::make_unique<SimulatedRobot<1>>(*scene.gripper, period);
+    if constexpr (built_for(1))
+      if (scene.gripper) gripper_ = std::make_unique<SimulatedRobot<1>>(*scene.gripper, period);
   }
 
   [[nodiscard]] RobotInfo info() const override { return {.name = "simulated robot", .watchdog = kSimulatedWatchdog}; }

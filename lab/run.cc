@@ -10,6 +10,7 @@
 #include <utility>
 #include <vector>
 
+#include "common/base/built_for.h"
 #include "common/base/check.h"
 #include "common/base/thread.h"
 #include "common/contact/environment.h"
@@ -187,7 +188,7 @@ namespace {
 
 /// One coupling, that of the gripper where `of_gripper`; recorded into `file`, where that is not null.
 CountedRun run_coupling(const Scene& scene, const RunOptions& options, mcap::Writer* file, bool of_gripper) {
-  return dispatch_dof(scene, [&]<int N>() {
+  return for_dof(scene.dof, [&]<int N>() {
     const auto make = [&](Taps<N>* taps) {
       return options.robot ? make_simulation<N>(scene, *options.robot, taps) : make_simulation<N>(scene, taps);
     };

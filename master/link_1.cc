@@ -2,7 +2,6 @@
 
 namespace twoport {
 
-template class LiveGripper<GripperMaster, 1>;
 template int run_master<1>(const Scene&, const LiveArguments&, const Registry&);
 
 }  // namespace twoport

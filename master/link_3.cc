@@ -2,7 +2,6 @@
 
 namespace twoport {
 
-template class LiveGripper<GripperMaster, 3>;
 template int run_master<3>(const Scene&, const LiveArguments&, const Registry&);
 
 }  // namespace twoport

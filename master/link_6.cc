@@ -2,7 +2,6 @@
 
 namespace twoport {
 
-template class LiveGripper<GripperMaster, 6>;
 template int run_master<6>(const Scene&, const LiveArguments&, const Registry&);
 
 }  // namespace twoport

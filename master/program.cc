@@ -7,10 +7,10 @@
 namespace twoport {
 
 int master_program(int argc, char** argv, const Registry& hardware) {
-  return live_program(
-      argc, argv, Side::master, hardware.devices.lines(), [&](const Scene& scene, const LiveArguments& arguments) {
-        return run_built_for(scene.dof, [&]<int N>() { return run_master<N>(scene, arguments, hardware); });
-      });
+  return live_program(argc, argv, Side::master, hardware.devices.lines(),
+                      [&](const Scene& scene, const LiveArguments& arguments) {
+                        return for_dof(scene.dof, [&]<int N>() { return run_master<N>(scene, arguments, hardware); });
+                      });
 }
 
 }  // namespace twoport

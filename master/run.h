@@ -8,6 +8,7 @@
 #include <utility>
 #include <vector>
 
+#include "common/base/built_for.h"
 #include "common/coupling/registration.h"
 #include "common/hardware/mounted_gripper.h"
 #include "common/hardware/virtual_robot.h"
@@ -123,34 +124,31 @@ void add_slave(Row<N>& row, const PeerState<N>& slave, Mode mode, const Registra
 }
 
 /// The gripper of the handle, for LiveGripper.
-struct GripperMaster : Master<1> {
-  using Output = MasterNode<1>::Output;
+template <int One>
+struct GripperMaster : Master<One> {
+  using Output = typename MasterNode<One>::Output;
+  using typename Master<One>::Sample;
 
-  GripperMaster(const Scene& s, std::unique_ptr<Device<1>> device, const std::string& choice)
-      : Master<1>{s, *device, choice + ", gripper", nullptr},
+  GripperMaster(const Scene& s, std::unique_ptr<Device<One>> device, const std::string& choice)
+      : Master<One>{s, *device, choice + ", gripper", nullptr},
         owned{std::move(device)},
         node{s.control},
         registration{s.control} {}
 
-  [[nodiscard]] Metrics<1> metrics() const {
-    return Master<1>::metrics(scene.control.initial_energy, {.robot_energy = false});
+  [[nodiscard]] Metrics<One> metrics() const {
+    return Master<One>::metrics(this->scene.control.initial_energy, {.robot_energy = false});
   }
-  [[nodiscard]] Row<1> row(double t_s, const Sample& sample, const Output& out,
-                           const PeerState<1>& slave) const noexcept {
-    Row<1> row = row_of(t_s, sample, out, node.observed());
+  [[nodiscard]] Row<One> row(double t_s, const Sample& sample, const Output& out,
+                             const PeerState<One>& slave) const noexcept {
+    Row<One> row = this->row_of(t_s, sample, out, node.observed());
     add_slave(row, slave, out.mode, registration);
     return row;
   }
 
-  std::unique_ptr<Device<1>> owned;
-  MasterNode<1> node;
-  Registration<1> registration;
+  std::unique_ptr<Device<One>> owned;
+  MasterNode<One> node;
+  Registration<One> registration;
 };
-
-// In link_N.cc.
-extern template class LiveGripper<GripperMaster, 1>;
-extern template class LiveGripper<GripperMaster, 3>;
-extern template class LiveGripper<GripperMaster, 6>;
 
 /// A virtual environment on the device, without a link: run_render.h, compiled in render_N.cc. Returns the exit status.
 template <int N>
@@ -160,6 +158,8 @@ int run_render(const Scene& scene, MountedDevice<N>& device, const LiveArguments
 /// A slave at the other end of a link.
 template <int N>
 struct LinkMaster : Master<N> {
+  using Gripper = GripperOf<GripperMaster<1>, N>;
+
   /// `of_gripper`: the scene of the gripper, completed from `gripper_device`; both null: there is none.
   LinkMaster(const Scene& s, MountedDevice<N>& device, const LiveArguments& a, LivePage* live_page,
              const Scene* of_gripper, std::unique_ptr<Device<1>> gripper_device)
@@ -170,10 +170,11 @@ struct LinkMaster : Master<N> {
         registration{s.control},
         switch_times{s.schedule},
         switched_by_hand{switches_by_hand()} {
-    if (of_gripper)
-      gripper = std::make_unique<LiveGripper<GripperMaster, N>>(
-          link.mail().transport(), limits_of_slave_reports(of_gripper->control), of_gripper->transmission_to_master,
-          *of_gripper, std::move(gripper_device), a.hardware);
+    if constexpr (built_for(1))
+      if (of_gripper)
+        gripper = std::make_unique<Gripper>(link.mail().transport(), limits_of_slave_reports(of_gripper->control),
+                                            of_gripper->transmission_to_master, *of_gripper, std::move(gripper_device),
+                                            a.hardware);
   }
   [[nodiscard]] bool lets_go() const noexcept { return mounted.lets_go(); }
 
@@ -232,9 +233,10 @@ struct LinkMaster : Master<N> {
                 const typename MasterNode<N>::Output& out) noexcept {
     if (!this->page) [[likely]]
       return;
-    if (gripper)
-      this->page->note_gripper(gripper->sample().x, gripper->known(), gripper->out().command,
-                               gripper->node().observed());
+    if constexpr (built_for(1))
+      if (gripper)
+        this->page->note_gripper(gripper->sample().x, gripper->known(), gripper->out().command,
+                                 gripper->node().observed());
     this->page->note_environment(link.mail().transport().heard_environment(), registration);
     this->page->note_handle(mounted, sample.x);
     this->page->show(now, late, sample, out, node.observed(), &link.mail().known(), link.mail().counts(),
@@ -244,7 +246,7 @@ struct LinkMaster : Master<N> {
   MountedDevice<N>& mounted;
   LiveLink<N> link;
   MasterNode<N> node;
-  std::unique_ptr<LiveGripper<GripperMaster, N>> gripper;
+  std::unique_ptr<Gripper> gripper;
   Registration<N> registration;
   SwitchTimes switch_times;
   unsigned switched_by_hand;

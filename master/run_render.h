@@ -41,7 +41,7 @@ struct RenderMaster : Master<N> {
   RenderNode<N> node;
   Energy initial;
   NoLink link;
-  std::unique_ptr<LiveGripper<GripperMaster, N>> gripper;  ///< null: a scene with a gripper has a link
+  std::unique_ptr<NoGripper> gripper;  ///< null: a scene with a gripper has a link
 };
 
 template <int N>

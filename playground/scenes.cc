@@ -8,6 +8,7 @@
 #include <string>
 #include <vector>
 
+#include "common/base/built_for.h"
 #include "common/base/check.h"
 #include "common/method/catalogue.h"
 #include "common/page/describe.h"
@@ -65,7 +66,7 @@ Scene with_all_methods(const std::string& path) {
 }
 
 std::string introduction(const Scene& read) {
-  return dispatch_dof(read, [&]<int N>() {
+  return for_dof(read.dof, [&]<int N>() {
     PageChannel channel;
     const DeviceInfo info = PageDevice<N>{read, 1.0 / read.master_rate_hz, &channel}.info();
     std::vector<std::string> methods;

@@ -9,6 +9,7 @@
 #include <type_traits>
 #include <utility>
 
+#include "common/base/built_for.h"
 #include "common/base/check.h"
 #include "common/hardware/device.h"
 #include "common/hardware/robot.h"
@@ -133,8 +134,8 @@ std::unique_ptr<Base> open(const SceneOfText& s, const char* what, const std::st
   arguments.address = address;
   arguments.key = key;
   const Scene scene = parse_scene(s.text, s.source, s.overrides, SceneFor::live);
-  return dispatch_dof(
-      scene, [&]<int N>() -> std::unique_ptr<Base> { return std::make_unique<Live<N, Base>>(scene, arguments); });
+  return for_dof(scene.dof,
+                 [&]<int N>() -> std::unique_ptr<Base> { return std::make_unique<Live<N, Base>>(scene, arguments); });
 }
 
 }  // namespace

@@ -7,6 +7,7 @@
 #include <variant>
 #include <vector>
 
+#include "common/base/built_for.h"
 #include "common/hardware/device.h"
 #include "common/hardware/modulated_transformer.h"
 #include "common/hardware/robot.h"
@@ -358,8 +359,9 @@ transmission; device, operator, delays and environment of the scene are not used
 Errors: ValueError for a scene without a link.)")
       .def(py::init([](const SceneOfText& s) {
              const Scene& scene = over_a_link(s, "MasterNode");
-             return dispatch_dof(
-                 scene, [&]<int N>() -> std::unique_ptr<AnyMaster> { return std::make_unique<MasterOf<N>>(scene); });
+             return for_dof(scene.dof, [&]<int N>() -> std::unique_ptr<AnyMaster> {
+               return std::make_unique<MasterOf<N>>(scene);
+             });
            }),
            "scene"_a)
       .def("step", &AnyMaster::step, "t_s"_a, "x"_a, "v"_a, py::kw_only(), "applied"_a = py::none(), "held"_a = true,
@@ -393,8 +395,8 @@ Errors: ValueError; then nothing changes.)")
       R"(The slave over a link, one tick at a time: motion of the robot in, force out. As MasterNode.)")
       .def(py::init([](const SceneOfText& s) {
              const Scene& scene = over_a_link(s, "SlaveNode");
-             return dispatch_dof(
-                 scene, [&]<int N>() -> std::unique_ptr<AnySlave> { return std::make_unique<SlaveOf<N>>(scene); });
+             return for_dof(scene.dof,
+                            [&]<int N>() -> std::unique_ptr<AnySlave> { return std::make_unique<SlaveOf<N>>(scene); });
            }),
            "scene"_a)
       .def("step", &AnySlave::step, "t_s"_a, "x"_a, "v"_a, py::kw_only(), "f_environment"_a = py::none(),

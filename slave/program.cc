@@ -12,7 +12,7 @@ int slave_program(int argc, char** argv, const Registry& hardware) {
     if (scene.control.architecture == Architecture::render)
       throw ConfigError(arguments.scene +
                         ": control.architecture is RENDER, which has no slave; run twoport-master alone");
-    return run_built_for(scene.dof, [&]<int N>() { return run_slave<N>(scene, arguments, hardware); });
+    return for_dof(scene.dof, [&]<int N>() { return run_slave<N>(scene, arguments, hardware); });
   };
   return live_program(argc, argv, Side::slave, hardware.robots.lines(), body);
 }

@@ -4,6 +4,7 @@
 #include <memory>
 #include <string>
 
+#include "common/base/built_for.h"
 #include "common/base/check.h"
 #include "common/hardware/adjustable_environment.h"
 #include "common/hardware/mounted_gripper.h"
@@ -86,11 +87,12 @@ class SlaveRows {
 };
 
 /// The gripper of the robot, for LiveGripper.
-struct GripperSlave : SlaveRows<1> {
-  GripperSlave(const Scene& s, std::unique_ptr<Robot<1>> robot, const std::string& choice)
-      : SlaveRows<1>{s, *robot, choice + ", gripper"}, owned{std::move(robot)} {}
+template <int One>
+struct GripperSlave : SlaveRows<One> {
+  GripperSlave(const Scene& s, std::unique_ptr<Robot<One>> robot, const std::string& choice)
+      : SlaveRows<One>{s, *robot, choice + ", gripper"}, owned{std::move(robot)} {}
 
-  std::unique_ptr<Robot<1>> owned;
+  std::unique_ptr<Robot<One>> owned;
 };
 
 /// The slave for run_live.
@@ -98,6 +100,7 @@ template <int N>
 struct Slave : SlaveRows<N> {
   static constexpr int kSize = N;
   static constexpr const char* kName = "slave";
+  using Gripper = GripperOf<GripperSlave<1>, N>;
   using typename SlaveRows<N>::Sample;
   using typename SlaveRows<N>::Output;
 
@@ -109,10 +112,11 @@ struct Slave : SlaveRows<N> {
         environment{robot.environment()},
         fixed_environment{a.fixed_environment},
         link{Side::slave, s, a} {
-    if (of_gripper)
-      gripper = std::make_unique<LiveGripper<GripperSlave, N>>(
-          link.mail().transport(), limits_of_master_reports(of_gripper->control), of_gripper->transmission_to_slave,
-          *of_gripper, std::move(gripper_robot), a.hardware);
+    if constexpr (built_for(1))
+      if (of_gripper)
+        gripper = std::make_unique<Gripper>(link.mail().transport(), limits_of_master_reports(of_gripper->control),
+                                            of_gripper->transmission_to_slave, *of_gripper, std::move(gripper_robot),
+                                            a.hardware);
   }
 
   [[nodiscard]] double rate_hz() const { return this->scene.slave_rate_hz; }
@@ -168,7 +172,7 @@ struct Slave : SlaveRows<N> {
   bool refused = false;
   std::uint32_t environment_changes = 0;
   LiveLink<N> link;
-  std::unique_ptr<LiveGripper<GripperSlave, N>> gripper;
+  std::unique_ptr<Gripper> gripper;
 };
 
 /// What would make the force sensor unnecessary for the method; empty: it needs none.

@@ -4,31 +4,40 @@
 
 #include "common/base/check.h"
 
-// Degrees of freedom that a source file is compiled for: with -D TWOPORT_DOF=3 of CMake those that master and slave need for scenes of three
-// axes.
-#ifndef TWOPORT_DOF
-#define TWOPORT_DOF 1, 3, 6
+/// X(N, ...) for each number of degrees of freedom N of this build. A build for one scene (CMake: -D TWOPORT_DOF=3) gives another list.
+#ifndef TWOPORT_EACH_DOF
+#define TWOPORT_EACH_DOF(X, ...) X(1, __VA_ARGS__) X(3, __VA_ARGS__) X(6, __VA_ARGS__)
 #endif
+/// Of a class template of N: that it is compiled elsewhere for each; and in that file.
+#define TWOPORT_DECLARE(Class) TWOPORT_EACH_DOF(TWOPORT_DECLARE_FOR, Class) static_assert(true)
+#define TWOPORT_DECLARE_FOR(N, Class) extern template class Class<N>;
+#define TWOPORT_COMPILE(Class) TWOPORT_EACH_DOF(TWOPORT_COMPILE_FOR, Class) static_assert(true)
+#define TWOPORT_COMPILE_FOR(N, Class) template class Class<N>;
 
 namespace twoport {
 
 [[nodiscard]] static constexpr bool built_for(int dof) {
-  for (const int each : {TWOPORT_DOF})
-    if (each == dof) return true;
-  return false;
+#define TWOPORT_IS_DOF(N, ...) || dof == N
+  return false TWOPORT_EACH_DOF(TWOPORT_IS_DOF);
+#undef TWOPORT_IS_DOF
 }
 
-/// Calls `use.operator()<N>()` with N = dof. Throws ConfigError where the calling file is not compiled for it.
+/// Throws ConfigError where this build has no code for `dof` degrees of freedom. `name`: of the number.
+static inline void check_built_for(int dof, const std::string& name = "dof") {
+  if (!built_for(dof))
+    throw ConfigError{name + " is " + std::to_string(dof) +
+                      ", which this program is not built for; scripts/build builds it for 1, 3 and 6"};
+}
+
+/// Calls `use.operator()<N>()` with N = dof. Throws as check_built_for.
 template <class Use>
-int run_built_for(int dof, Use use) {
-  if constexpr (built_for(1))
-    if (dof == 1) return use.template operator()<1>();
-  if constexpr (built_for(3))
-    if (dof == 3) return use.template operator()<3>();
-  if constexpr (built_for(6))
-    if (dof == 6) return use.template operator()<6>();
-  throw ConfigError{"dof is " + std::to_string(dof) +
-                    ", which this program is not built for; scripts/build builds it for 1, 3 and 6"};
+auto for_dof(int dof, Use use) {
+  check_built_for(dof);
+#define TWOPORT_CALL(N, ...) \
+  if (dof == N) return use.template operator()<N>();
+  TWOPORT_EACH_DOF(TWOPORT_CALL)
+#undef TWOPORT_CALL
+  throw ConfigError{"dof must be 1, 3 or 6"};
 }
 
 }  // namespace twoport

@@ -1,11 +1,14 @@
 #pragma once
 
+#include <cstdint>
 #include <limits>
 #include <memory>
 #include <optional>
 #include <string>
+#include <type_traits>
 #include <utility>
 
+#include "common/base/built_for.h"
 #include "common/base/file.h"
 #include "common/base/print_error.h"
 #include "common/link/mailbox.h"
@@ -182,5 +185,24 @@ class LiveGripper {
   Row<1> row_;
   bool has_row_ = false;
 };
+
+/// In place of LiveGripper in a build without one degree of freedom, which refuses scenes with a gripper.
+struct NoGripper {
+  void begin(auto&&...) {}
+  void start_at(std::int64_t) {}
+  void meet() noexcept {}
+  void start() noexcept {}
+  void cycle(auto&&...) noexcept {}
+  void record(double, bool) noexcept {}
+  void release() noexcept {}
+  void end() {}
+  [[nodiscard]] static bool fault() noexcept { return false; }
+  [[nodiscard]] static bool diverged() noexcept { return false; }
+  [[nodiscard]] static std::uint64_t missing() noexcept { return 0; }
+  [[nodiscard]] static std::string trouble() { return {}; }
+  static bool finish(auto&&...) { return true; }
+};
+template <class Side, int N>
+using GripperOf = std::conditional_t<built_for(1), LiveGripper<Side, N>, NoGripper>;
 
 }  // namespace twoport

@@ -10,6 +10,7 @@
 #include <utility>
 #include <vector>
 
+#include "common/base/built_for.h"
 #include "common/base/check.h"
 #include "common/base/file.h"
 #include "common/mcap/writer.h"
@@ -122,9 +123,7 @@ class LiveRecording {
   std::vector<Report<N>> received_;
   Duration met_at_{0};
 };
-extern template class LiveRecording<1>;
-extern template class LiveRecording<3>;
-extern template class LiveRecording<6>;
+TWOPORT_DECLARE(LiveRecording);
 
 /// `hardware`: what the driver says, a DeviceInfo or RobotInfo.
 template <class Info>

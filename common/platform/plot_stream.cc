@@ -6,6 +6,7 @@
 #include <span>
 #include <string_view>
 
+#include "common/base/built_for.h"
 #include "common/base/check.h"
 #include "common/base/fmt.h"
 #include "common/base/time.h"
@@ -70,8 +71,7 @@ void PlotStream::add(const Row<N>& row, const TickView& view) {
   socket_.send(std::as_bytes(std::span{line_}), to_, Duration{0});
 }
 
-template void PlotStream::add(const Row<1>&, const TickView&);
-template void PlotStream::add(const Row<3>&, const TickView&);
-template void PlotStream::add(const Row<6>&, const TickView&);
+#define TWOPORT_COMPILE_ADD(N, ...) template void PlotStream::add(const Row<N>&, const TickView&);
+TWOPORT_EACH_DOF(TWOPORT_COMPILE_ADD)
 
 }  // namespace twoport

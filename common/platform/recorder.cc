@@ -10,6 +10,7 @@
 #include <cstdio>
 #include <utility>
 
+#include "common/base/built_for.h"
 #include "common/base/print_error.h"
 #include "common/base/thread.h"
 
@@ -205,11 +206,7 @@ void Recorder<N>::log_change(const Entry& entry) {
   }
 }
 
-template class LiveRecording<1>;
-template class LiveRecording<3>;
-template class LiveRecording<6>;
-template class Recorder<1>;
-template class Recorder<3>;
-template class Recorder<6>;
+TWOPORT_COMPILE(LiveRecording);
+TWOPORT_COMPILE(Recorder);
 
 }  // namespace twoport

@@ -7,6 +7,7 @@
 #include <string>
 #include <thread>
 
+#include "common/base/built_for.h"
 #include "common/base/ring.h"
 #include "common/platform/live_recording.h"
 #include "common/platform/log.h"
@@ -134,8 +135,6 @@ class Recorder {
   std::thread thread_;
 };
 
-extern template class Recorder<1>;
-extern template class Recorder<3>;
-extern template class Recorder<6>;
+TWOPORT_DECLARE(Recorder);
 
 }  // namespace twoport

@@ -2,6 +2,8 @@
 
 #include <fmt/format.h>
 
+#include "common/base/built_for.h"
+
 namespace twoport {
 
 bool is_coarse(const Scene& scene) {
@@ -58,8 +60,6 @@ Verdict RunJudge<N>::verdict() const {
                scale());
 }
 
-template class RunJudge<1>;
-template class RunJudge<3>;
-template class RunJudge<6>;
+TWOPORT_COMPILE(RunJudge);
 
 }  // namespace twoport

@@ -10,6 +10,7 @@
 #include <span>
 #include <utility>
 
+#include "common/base/built_for.h"
 #include "common/record/row.h"
 #include "common/record/sums.h"
 #include "common/record/verdict.h"
@@ -144,8 +145,6 @@ bool is_coarse(const Scene& scene);
 /// May a passivity controller act?
 bool has_controller(const Scene& scene);
 
-extern template class RunJudge<1>;
-extern template class RunJudge<3>;
-extern template class RunJudge<6>;
+TWOPORT_DECLARE(RunJudge);
 
 }  // namespace twoport

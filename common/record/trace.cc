@@ -2,6 +2,7 @@
 
 #include <iterator>
 
+#include "common/base/built_for.h"
 #include "common/base/fmt.h"
 #include "common/record/columns.h"
 
@@ -41,8 +42,6 @@ void Trace<N>::add(const Row<N>& row) {
   file_->write(line_);
 }
 
-template class Trace<1>;
-template class Trace<3>;
-template class Trace<6>;
+TWOPORT_COMPILE(Trace);
 
 }  // namespace twoport

@@ -2,6 +2,7 @@
 
 #include <string>
 
+#include "common/base/built_for.h"
 #include "common/base/file.h"
 #include "common/record/row.h"
 
@@ -21,8 +22,6 @@ class Trace {
   std::string line_;
 };
 
-extern template class Trace<1>;
-extern template class Trace<3>;
-extern template class Trace<6>;
+TWOPORT_DECLARE(Trace);
 
 }  // namespace twoport

@@ -14,6 +14,7 @@
 #include <utility>
 #include <vector>
 
+#include "common/base/built_for.h"
 #include "common/base/check.h"
 #include "common/base/earlier_file.h"
 #include "common/base/file.h"
@@ -144,9 +145,7 @@ void TraceChannel<N>::add(std::uint64_t log_time_ns, const Row<N>& row) {
   to_->write(channel_, log_time_ns, bytes_);
 }
 
-template class TraceChannel<1>;
-template class TraceChannel<3>;
-template class TraceChannel<6>;
+TWOPORT_COMPILE(TraceChannel);
 
 namespace {
 

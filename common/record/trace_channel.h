@@ -5,6 +5,7 @@
 #include <string>
 #include <vector>
 
+#include "common/base/built_for.h"
 #include "common/mcap/channels.h"
 #include "common/record/row.h"
 #include "common/record/trace_table.h"
@@ -25,9 +26,7 @@ class TraceChannel {
   std::string bytes_;
 };
 
-extern template class TraceChannel<1>;
-extern template class TraceChannel<3>;
-extern template class TraceChannel<6>;
+TWOPORT_DECLARE(TraceChannel);
 
 struct ExportedTrace {
   std::string path;

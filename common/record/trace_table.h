@@ -6,6 +6,7 @@
 #include <utility>
 #include <vector>
 
+#include "common/base/built_for.h"
 #include "common/record/columns.h"
 
 namespace twoport {
@@ -23,7 +24,7 @@ class TraceTable {
 
   /// Room for `rows`, as far as that is not more than kReserved; more rows may come.
   TraceTable(int dof, double rows) {
-    dof == 1 ? name_fields<1>() : dof == 3 ? name_fields<3>() : name_fields<6>();
+    for_dof(dof, [&]<int N>() { name_fields<N>(); });
     numbers_.reserve(static_cast<std::size_t>(std::min(rows * static_cast<double>(width_), kReserved)));
   }
 

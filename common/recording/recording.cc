@@ -10,6 +10,7 @@
 #include <limits>
 #include <utility>
 
+#include "common/base/built_for.h"
 #include "common/base/check.h"
 #include "common/recording/hand.h"
 #include "proto/recording.pb.h"
@@ -321,11 +322,9 @@ RecordedHand read_recorded_hand(const std::string& path, bool of_gripper) {
   return hand;
 }
 
-template void RecordingSide::add<1>(const TickRecord<1>&, std::span<const Report<1>>);
-template void RecordingSide::add<3>(const TickRecord<3>&, std::span<const Report<3>>);
-template void RecordingSide::add<6>(const TickRecord<6>&, std::span<const Report<6>>);
-template bool RecordingReader::tick<1>(RecordedTick<1>&);
-template bool RecordingReader::tick<3>(RecordedTick<3>&);
-template bool RecordingReader::tick<6>(RecordedTick<6>&);
+#define TWOPORT_COMPILE_TICKS(N, ...)                                                    \
+  template void RecordingSide::add<N>(const TickRecord<N>&, std::span<const Report<N>>); \
+  template bool RecordingReader::tick<N>(RecordedTick<N>&);
+TWOPORT_EACH_DOF(TWOPORT_COMPILE_TICKS)
 
 }  // namespace twoport

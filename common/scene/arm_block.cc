@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "common/arm/arm_model.h"
+#include "common/base/built_for.h"
 #include "common/mesh/decimate.h"
 #include "common/scene/arm.h"
 #include "common/scene/blocks.h"
@@ -115,7 +116,10 @@ ArmSpec read_arm(const Block<schema::Arm>& of) {
 }
 
 EffectiveInertia effective_inertia(const ArmSpec& arm) {
-  return arm.parameters->joints.size() == 6 ? effective_inertia<6>(arm) : effective_inertia<7>(arm);
+  if constexpr (!built_for(6))
+    return {};
+  else
+    return arm.parameters->joints.size() == 6 ? effective_inertia<6>(arm) : effective_inertia<7>(arm);
 }
 
 namespace {

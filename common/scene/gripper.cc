@@ -1,3 +1,4 @@
+#include "common/base/built_for.h"
 #include "common/scene/gripper_operator.h"
 
 namespace twoport {
@@ -58,6 +59,7 @@ Surface object_of(const Block<schema::GrippedObject>& of) {
 }  // namespace
 
 Scene read_gripper(const Block<schema::Scene>& scene, const Scene& values, SceneFor use) {
+  check_built_for(1, "the gripper's dof");
   const Context context{.file = scene.context().file, .dof = 1};
   const Block of{context, scene.message().gripper(), "gripper"};
   check(of, values);

@@ -13,6 +13,7 @@
 #include <variant>
 
 #include "common/arm/arm_model.h"
+#include "common/base/built_for.h"
 #include "common/scene/numbers.h"
 
 namespace twoport {
@@ -218,8 +219,11 @@ TooHeavy too_heavy(const ArmSpec& arm, const Numbers& position_m) {
   return found;
 }
 TooHeavy too_heavy(const NamedArm& of) {
-  return of.arm->parameters->joints.size() == 6 ? too_heavy<6>(*of.arm, *of.position_m)
-                                                : too_heavy<7>(*of.arm, *of.position_m);
+  if constexpr (!built_for(6))
+    return {};
+  else
+    return of.arm->parameters->joints.size() == 6 ? too_heavy<6>(*of.arm, *of.position_m)
+                                                  : too_heavy<7>(*of.arm, *of.position_m);
 }
 std::optional<std::pair<NamedArm, TooHeavy>> first_too_heavy(const Scene& s) {
   for (const NamedArm& each : arms(s))

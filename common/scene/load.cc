@@ -6,6 +6,7 @@
 #include <limits>
 #include <utility>
 
+#include "common/base/built_for.h"
 #include "common/base/check.h"
 #include "common/base/file.h"
 #include "common/scene/blocks.h"
@@ -33,6 +34,7 @@ int read_dof(const schema::Scene& message, const std::string& file) {
   of.require(FIELD(dof), "be 1, 3 or 6");
   const int dof = of->dof();
   if (dof != 1 && dof != 3 && dof != 6) of.refuse(FIELD(dof), "be 1, 3 or 6");
+  check_built_for(dof);
   return dof;
 }
 

@@ -1,6 +1,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "common/base/built_for.h"
 #include "common/contact/environment.h"
 #include "common/link/playout.h"
 #include "common/scene/blocks.h"
@@ -99,9 +100,7 @@ void check_god_object(const SceneBlock& scene, const Scene& values) {
   }
   // The proxy begins at the handle, so that it begins outside; the spring between them is at rest.
   if (!values.device) return;
-  if (values.dof == 1   ? starts_inside<1>(values)
-      : values.dof == 3 ? starts_inside<3>(values)
-                        : starts_inside<6>(values))
+  if (for_dof(values.dof, [&]<int N>() { return starts_inside<N>(values); }))
     scene.block(FIELD(device))
         .refuse(FIELD(position_m), "be outside of the environment where control.rendering is GOD_OBJECT");
 }

@@ -175,17 +175,4 @@ struct Scene {
   [[nodiscard]] int axes() const { return dof == 1 ? 1 : 3; }
 };
 
-/// Calls `use.operator()<N>()` with N = scene.dof.
-template <class Use>
-auto dispatch_dof(const Scene& scene, Use use) {
-  switch (scene.dof) {
-    case 1:
-      return use.template operator()<1>();
-    case 3:
-      return use.template operator()<3>();
-    default:
-      return use.template operator()<6>();
-  }
-}
-
 }  // namespace twoport

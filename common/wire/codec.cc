@@ -6,6 +6,7 @@
 #include <cstring>
 #include <string>
 
+#include "common/base/built_for.h"
 #include "common/wire/fields.h"
 #include "proto/report.pb.h"
 
@@ -296,8 +297,6 @@ Decoded Codec<N>::decode(std::span<const std::byte> bytes, Envelope<N>& envelope
   return Decoded::ok;
 }
 
-template class Codec<1>;
-template class Codec<3>;
-template class Codec<6>;
+TWOPORT_COMPILE(Codec);
 
 }  // namespace twoport

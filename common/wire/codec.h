@@ -4,6 +4,7 @@
 #include <memory>
 #include <span>
 
+#include "common/base/built_for.h"
 #include "common/link/environment_message.h"
 #include "common/link/report.h"
 #include "common/wire/header.h"
@@ -42,8 +43,6 @@ class Codec {
   std::unique_ptr<Impl> impl_;
 };
 
-extern template class Codec<1>;
-extern template class Codec<3>;
-extern template class Codec<6>;
+TWOPORT_DECLARE(Codec);
 
 }  // namespace twoport

@@ -2,6 +2,8 @@
 
 #include <utility>
 
+#include "common/base/built_for.h"
+
 namespace twoport {
 namespace {
 
@@ -127,8 +129,6 @@ LinkCounts LinkTransport<N>::counts() const noexcept {
   return counts;
 }
 
-template class LinkTransport<1>;
-template class LinkTransport<3>;
-template class LinkTransport<6>;
+TWOPORT_COMPILE(LinkTransport);
 
 }  // namespace twoport

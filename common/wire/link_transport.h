@@ -5,6 +5,7 @@
 #include <string_view>
 #include <vector>
 
+#include "common/base/built_for.h"
 #include "common/base/time.h"
 #include "common/link/report.h"
 #include "common/link/socket.h"
@@ -105,8 +106,6 @@ class LinkTransport {
   std::uint64_t answers_unsent_ = 0;  ///< greetings and refusals
 };
 
-extern template class LinkTransport<1>;
-extern template class LinkTransport<3>;
-extern template class LinkTransport<6>;
+TWOPORT_DECLARE(LinkTransport);
 
 }  // namespace twoport

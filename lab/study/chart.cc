@@ -9,6 +9,7 @@
 #include <optional>
 #include <set>
 
+#include "common/base/built_for.h"
 #include "common/base/check.h"
 #include "common/base/file.h"
 #include "common/scene/load.h"
@@ -26,7 +27,7 @@ void put(std::vector<double>& to, const Eigen::Matrix<double, N, 1>& v) {
 }
 
 Course course(const Scene& scene) {
-  return dispatch_dof(scene, [&]<int N>() {
+  return for_dof(scene.dof, [&]<int N>() {
     Course c;
     constexpr int kAxes = twoport::kAxes<N>;
     const bool alone = scene.control.architecture == Architecture::uncontrolled;
@@ -48,7 +49,7 @@ using Clock = std::chrono::steady_clock;
 
 /// One run, without building the scene [s], and its ticks.
 std::pair<double, double> timed(const Scene& scene) {
-  return dispatch_dof(scene, [&]<int N>() {
+  return for_dof(scene.dof, [&]<int N>() {
     const auto simulation = make_simulation<N>(scene);
     const auto start = Clock::now();
     const std::uint64_t ticks = simulation->run_silently();

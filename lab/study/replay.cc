@@ -10,6 +10,7 @@
 #include <string_view>
 #include <utility>
 
+#include "common/base/built_for.h"
 #include "common/base/check.h"
 #include "common/contact/environment.h"
 #include "common/link/mailbox.h"
@@ -259,7 +260,7 @@ Replayed replay(RecordingReader& recording) {
       const Scene scene = scene_of(h);
       if (scene.dof != h.dof) recording.fail(fmt::format("dof is {}, but {} in its scene", h.dof, scene.dof));
       sides["/" + h.side + "/tick"] =
-          dispatch_dof(scene, [&]<int N>() -> std::unique_ptr<Replay> { return make_replay<N>(h, scene); });
+          for_dof(scene.dof, [&]<int N>() -> std::unique_ptr<Replay> { return make_replay<N>(h, scene); });
     } else if (kind == RecordingReader::Kind::tick) {
       const auto side = sides.find(recording.topic());
       if (side == sides.end()) recording.fail("a tick comes before the header of its side");

@@ -5,6 +5,7 @@
 #include <cmath>
 #include <limits>
 
+#include "common/base/built_for.h"
 #include "sim/plant/rosenbrock.h"
 
 namespace twoport::sim {
@@ -271,8 +272,6 @@ double HandlePlant<N>::slide_turning(const Axes& load, const Axes& w, const Axes
   return y[2 * D];
 }
 
-template class HandlePlant<1>;
-template class HandlePlant<3>;
-template class HandlePlant<6>;
+TWOPORT_COMPILE(HandlePlant);
 
 }  // namespace twoport::sim

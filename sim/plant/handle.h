@@ -2,6 +2,7 @@
 
 #include <optional>
 
+#include "common/base/built_for.h"
 #include "common/base/spatial_vector.h"
 #include "common/contact/contact_law.h"
 #include "common/passivity/observer.h"
@@ -139,8 +140,6 @@ class HandlePlant {
 template <>
 Interval<6> HandlePlant<6>::turn_about_principal_axes(SpatialVector moved, SpatialVector v, Eigen::Vector3d u,
                                                       Eigen::Vector3d w) noexcept;
-extern template class HandlePlant<1>;
-extern template class HandlePlant<3>;
-extern template class HandlePlant<6>;
+TWOPORT_DECLARE(HandlePlant);
 
 }  // namespace twoport::sim

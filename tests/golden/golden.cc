@@ -16,6 +16,7 @@
 #include <string_view>
 #include <vector>
 
+#include "common/base/built_for.h"
 #include "common/base/check.h"
 #include "common/record/summary.h"
 #include "common/scene/load.h"
@@ -121,7 +122,7 @@ std::uint64_t of_summary(const Summary& s) {
 }
 
 std::uint64_t of_rows(const Scene& scene) {
-  return dispatch_dof(scene, [&]<int N>() {
+  return for_dof(scene.dof, [&]<int N>() {
     Digest d;
     lab::make_simulation<N>(scene)->run([&](const Row<N>& row) {
       add(d, row);

@@ -7,6 +7,7 @@
 #include <string>
 #include <vector>
 
+#include "common/base/built_for.h"
 #include "common/page/channel.h"
 #include "common/scene/load.h"
 #include "lab/engine/simulation.h"
@@ -52,7 +53,7 @@ int main(int argc, char** argv) {
   playground::Packer packer;
   packer(scene);
   std::ofstream{out + ".scene", std::ios::binary} << packer.bytes();
-  const std::vector<double> all = dispatch_dof(scene, [&]<int N>() { return rows<N>(scene); });
+  const std::vector<double> all = for_dof(scene.dof, [&]<int N>() { return rows<N>(scene); });
   std::ofstream{out + ".rows", std::ios::binary}.write(reinterpret_cast<const char*>(all.data()),
                                                        static_cast<std::streamsize>(all.size() * sizeof(double)));
 }

@@ -7,6 +7,7 @@
 #include <utility>
 #include <vector>
 
+#include "common/base/built_for.h"
 #include "common/link/impaired_socket.h"
 #include "common/scene/load.h"
 #include "common/wire/link_transport.h"
@@ -165,7 +166,7 @@ INSTANTIATE_TEST_SUITE_P(OverBytes, EveryScene, ::testing::ValuesIn(scenes()), [
 
 TEST_P(EveryScene, RunsTheSameToTheBit) {
   const Scene scene = load_scene(std::string{TWOPORT_SCENES} + "/" + GetParam() + ".textproto");
-  dispatch_dof(scene, [&]<int N>() { expect_same_over_bytes<N>(scene); });
+  for_dof(scene.dof, [&]<int N>() { expect_same_over_bytes<N>(scene); });
 }
 
 // All that a network can do at once, two rates, and each architecture: POSITION_POSITION adds words of its own.

@@ -9,6 +9,7 @@
 #include <utility>
 #include <vector>
 
+#include "common/base/built_for.h"
 #include "common/record/expectation.h"
 #include "common/scene/load.h"
 #include "lab/engine/simulation.h"
@@ -95,7 +96,7 @@ TEST(Figures, OfALatePressDoNotImproveHoweverLongItIsHeld) {
 TEST(Figures, OfAHeldForceAreMeansBeforeTheHandRetreatsOrTheRunEnds) {
   // Of shipped scenes: when the last rest ends in which the robot touches [s], and the tenth of a second before.
   const auto means_before = [](const Scene& scene, double end_s, double& felt, double& reference) {
-    return dispatch_dof(scene, [&]<int N>() {
+    return for_dof(scene.dof, [&]<int N>() {
       Eigen::VectorXd f = Eigen::VectorXd::Zero(N), r = f;
       bool touching = true;
       make_simulation<N>(scene)->run([&](const Row<N>& row) {

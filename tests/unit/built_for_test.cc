@@ -1,4 +1,4 @@
-#define TWOPORT_DOF 1, 3
+#define TWOPORT_EACH_DOF(X, ...) X(1, __VA_ARGS__) X(3, __VA_ARGS__)
 #include "common/base/built_for.h"
 
 #include <gtest/gtest.h>
@@ -9,7 +9,7 @@ namespace twoport {
 namespace {
 
 TEST(BuiltFor, RunsTheSizesOfTheFileAndRefusesOthersInWords) {
-  const auto size = [](int dof) { return run_built_for(dof, []<int N>() { return N; }); };
+  const auto size = [](int dof) { return for_dof(dof, []<int N>() { return N; }); };
   EXPECT_EQ(size(1), 1);
   EXPECT_EQ(size(3), 3);
   try {
