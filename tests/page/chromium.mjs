@@ -45,6 +45,7 @@ export const coupled = () =>
 
 /// Takes the handle in the middle of the picture; to(x_m) then moves it along x.
 export async function take() {
+  await until('the page shows the run', async () => page.locator('#verdict').isVisible());
   const box = await page.locator('#picture').boundingBox();
   const [x, y] = [box.x + 0.45 * box.width, box.y + 0.5 * box.height], scale = Number(await page.locator('#zoom').inputValue());
   await page.mouse.move(x, y);

@@ -32,10 +32,10 @@ await run(async () => {
   if (!(rough > smooth + 0.5)) throw new Error('friction holds nothing back');
   if ((await value('environment-energy')) !== 0) throw new Error('friction stores no energy');
   // Both ports have a budget where the method bounds the robot's. The wall that is pressed has got energy from the robot.
-  if (!/does not bound the robot/.test(await text('both-left'))) throw new Error(`the method of the scene: ${await text('both-left')}`);
+  if (!/Not bounded/.test(await text('both-left'))) throw new Error(`the method of the scene: ${await text('both-left')}`);
   const methods = await page.locator('#method option').allTextContents();
   await page.locator('#method').selectOption(String(methods.findIndex((m) => m.startsWith('FORCE_PROJECTED'))));
-  await until('FORCE_PROJECTED bounds both ports', async () => /of 2\.00 mJ left/.test(await text('both-left')));
+  await until('FORCE_PROJECTED bounds both ports', async () => /of 2\.00\smJ left/.test(await text('both-left')));
   console.log(`FORCE_PROJECTED: ${await text('budget-left')}; with the robot's port ${await text('both-left')}`);
   const hand = await value('hand-energy'), both = 1e3 * (await value('both-left')) - 2;
   if (!(hand > 2 && both < hand - 1)) throw new Error(`${hand} mJ in at the hand, ${both} mJ at both ports`);

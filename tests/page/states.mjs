@@ -71,6 +71,7 @@ await run(async () => {
   await until('the page says that the run is over', async () => (await shown('ended')) && /interrupted/.test(await text('ended')), 5000);
   await until('and nothing else', async () => (await text('connection')) === 'the run is over' && !(await shown('mode')) && !(await shown('slave-mode')), 5000);
   console.log(await text('ended'));
+  for (const id of ['method', 'home', 'clutch']) if (await page.locator(`#${id}`).isEnabled()) throw new Error(`${id} can be used when the run is over`);
   await pause(700);
   if ((await page.locator('.state.bad:visible').count()) > 0) throw new Error('a red state beside the end of the run');
 }, { errors: false });

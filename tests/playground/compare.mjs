@@ -1,12 +1,25 @@
 // node compare.mjs URL CHROMIUM MODULES [PICTURE.png]: one hand, two methods with a robot each, over the same delay; then the picture of six
 // axes. Prints one line for each step; throws at the first that fails.
-import { page, pause, picture, run, set, text, until, value } from '../page/chromium.mjs';
+import { context, page, pause, picture, run, set, text, until, value } from '../page/chromium.mjs';
 
 const say = (line) => console.log(line);
 const second = (name) => page.locator(`#second-caption .${name}`);
 const shot = (name) => picture && page.screenshot({ path: picture.replace(/[.]png$/, `_${name}.png`) });
 const choose = async (id, name) => page.locator(`#${id}`).selectOption({ label: name });
 const options = (id) => page.locator(`#${id} option`).allTextContents();
+
+// What is heard of either run, and what a gamepad is told.
+await context.addInitScript(() => {
+  const all = [], set = AudioParam.prototype.setTargetAtTime;
+  window.heard = { loud: [0, 0], rumble: 0 };
+  AudioParam.prototype.setTargetAtTime = function (value, ...more) {
+    if (!all.includes(this)) all.push(this);
+    window.heard.loud[all.indexOf(this)] += value;
+    return set.call(this, value, ...more);
+  };
+  const playEffect = async (_, { strongMagnitude }) => (window.heard.rumble = Math.max(window.heard.rumble, strongMagnitude));
+  navigator.getGamepads = () => [{ vibrationActuator: { playEffect } }];
+});
 
 await run(async () => {
   await until('the page has a scene', async () => (await text('connection')) === 'connected');
@@ -23,6 +36,11 @@ await run(async () => {
   await until('without control the hand is paid', async () => /spent/.test(await second('hand').textContent()), 30000);
   await until('and the badge says so', async () => ['not passive', 'unstable'].includes(await second('state').textContent()));
   await shot('pair');
+  await page.locator('#sound').evaluate((b) => b.click()); // the mouse holds the handle
+  await pause(3000);
+  const { loud, rumble } = await page.evaluate(() => window.heard);
+  say(`heard: left ${loud[0].toFixed(1)}, right ${loud[1].toFixed(1)}; rumble ${rumble.toFixed(2)}`);
+  if (!(loud[1] > 5 * loud[0]) || !(rumble > 0)) throw new Error('the difference is not heard');
   const first = await page.locator('#first-caption .state').textContent();
   say(`${await page.locator('#first-caption .name').textContent()}: ${first}, ${await text('budget-left')}; ${none}: ${await second('state').textContent()}, ${await second('hand').locator('output').textContent()}`);
   if (first !== 'passive') throw new Error('the first one is not passive');
@@ -30,9 +48,9 @@ await run(async () => {
   await page.mouse.up();
 
   // The budget of both ports, where the layer bounds the robot's.
-  if (!/does not bound the robot/.test(await second('both').textContent())) throw new Error('NONE bounds no port');
+  if (!/Not bounded/.test(await second('both').textContent())) throw new Error('NONE bounds no port');
   await choose('compare', (await options('compare')).find((m) => m.startsWith('FORCE_PROJECTED')));
-  await until('FORCE_PROJECTED has a budget for both ports', async () => /of 2\.00 mJ left/.test(await second('both').textContent()));
+  await until('FORCE_PROJECTED has a budget for both ports', async () => /of 2\.00\smJ left/.test(await second('both').textContent()));
   say(`FORCE_PROJECTED, both ports: ${await second('both').locator('output').textContent()}`);
   await choose('compare', 'nothing');
   await until('one picture is left', async () => !(await page.locator('#second').isVisible()));

@@ -24,6 +24,12 @@ await run(async () => {
     if (Math.abs(now - wanted) > 0.02 * wanted) throw new Error('that is not the same');
   };
   await felt(3000);
+  const drawn = await page.evaluate(() => {
+    const plot = [...document.querySelectorAll('#plots figure')].find((f) => f.textContent.startsWith('Round trip')).querySelector('canvas');
+    const { data } = plot.getContext('2d').getImageData(0, 0, plot.width, plot.height);
+    return data.filter((blue, i) => i % 4 === 2 && blue > data[i - 2] + 60).length;
+  });
+  if (!(drawn > 20)) throw new Error('no curve of the round trip, which was not known in the first moments');
   await takePicture();
   await set('stiffness', 3);
   await felt(1000);

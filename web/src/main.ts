@@ -147,6 +147,7 @@ class Page {
     for (const row of document.querySelectorAll<HTMLElement>('.linked'))
       row.hidden = !scene.linked || (row.classList.contains('six') && scene.dof !== 6);
     for (const id of ['let-go', 'home']) element(id).hidden = !scene.pointer;
+    element('late-row').hidden = this.channel.compare !== undefined; // its time is that of the frames
     this.makeTour(scene);
     this.makeComparison(scene);
     this.obey();
@@ -204,6 +205,7 @@ class Page {
     if (!possible) return;
     const number = (name: string): number => (this.last ? this.last[this.layout.place(name)]! : 0);
     this.tour = new Tour({
+      limited: () => this.limitsSeen.length > 0,
       felt: () => (this.last ? Math.hypot(...this.first!.vector('felt_n')) : 0),
       pressed: () => (this.last ? Math.hypot(...this.first!.vector('environment_n')) : 0),
       roundTrip: () => number('round_trip_ms'),
@@ -229,17 +231,21 @@ class Page {
     session.told = told;
     if (which > 0) return;
     if (told.end !== null) {
-      element('ended').textContent = `The run is over. ${told.end.replace(/^(\w+): \1: /i, '$1: ')}.`;
+      const summary = told.end.replace(/^(\w+): \1: /i, '$1: ');
+      element('ended').textContent =
+        this.scene!.pointer && /hand moves to the end/.test(summary)
+          ? `The run is over${/interrupted/.test(summary) ? ', interrupted' : ''}: ${told.verdict}. The summary says UNDECIDED: it knows the rests of a scene's own hand only.`
+          : `The run is over. ${summary}.`;
       element('ended').hidden = false;
     }
     this.obey();
   }
   /** Of a page that watches, the controls rest; one that has just been loaded begins with the scene's own values. */
   private obey(): void {
-    const controls = this.first?.told.controls ?? true;
-    element('watching').hidden = controls || !this.connected;
+    const told = this.first?.told, controls = (told?.controls ?? true) && (told?.end ?? null) === null;
+    element('watching').hidden = (told?.controls ?? true) || !this.connected;
     for (const set of document.querySelectorAll<HTMLFieldSetElement>('fieldset.command')) set.disabled = !controls;
-    for (const id of ['let-go', 'home', 'reset', 'tour-do']) element<HTMLButtonElement>(id).disabled = !controls;
+    for (const id of ['let-go', 'home', 'reset', 'tour-begin', 'tour-do']) element<HTMLButtonElement>(id).disabled = !controls;
     if (!controls || !this.fresh || !this.scene) return;
     this.fresh = false;
     this.sendAll();
@@ -258,7 +264,8 @@ class Page {
     const report = this.scene?.linked ? number('report_age_ms') : 0;
     const ofRobot = report < 0 ? Infinity : report + (old ? silent : 0);
     const robotOld = old || ofRobot > OLD_MS;
-    this.robotAge = robotOld && !over && Number.isFinite(ofRobot) ? seconds(ofRobot) : '';
+    const note = Number.isFinite(ofRobot) ? `robot as it was ${seconds(ofRobot)} ago` : 'no report of the robot yet';
+    this.age = { old, robotOld, robotNote: robotOld && !over ? note : '' };
     for (const row of document.querySelectorAll<HTMLElement>('#values > div')) {
       const slaves = row.classList.contains('of-slave'), age = slaves ? ofRobot : silent, is = slaves ? robotOld : old;
       row.classList.toggle('old', is);
@@ -285,7 +292,7 @@ class Page {
     this.first!.bothBudget(element('both-gauge'), element('both-left'), old);
     if (this.comparing !== null) this.sessions.forEach((s, i) => s.last && this.caption(element(i === 0 ? 'first-caption' : 'second-caption'), s, old));
   }
-  private robotAge = '';
+  private age = { old: false, robotOld: false, robotNote: '' };
 
   /** Method, verdict and budgets above a picture. */
   private caption(out: HTMLElement, session: Session, old: boolean): void {
@@ -318,7 +325,7 @@ class Page {
     const curve = (label: string, colour: string, place: number, factor: number, absent = -Infinity): Curve => ({
       label,
       colour,
-      value: (s) => (s[place]! <= absent ? NaN : factor * s[place]!),
+      value: (s) => (s[place]! <= absent ? null : factor * s[place]!),
     });
     const specs: PlotSpec[] = [
       {
@@ -369,7 +376,9 @@ class Page {
       { title: 'Wake-up latency', unit: 'µs', curves: [curve('latency', '--hand', at('late_us'), 1)] },
     ];
     this.plots = new Plots(element('plots'), specs.filter(
-      (s) => (this.scene?.linked || s.title !== 'Round trip') && (this.scene?.gripper_m != null || !/gripper/i.test(s.title)),
+      (s) =>
+        (this.scene?.linked || s.title !== 'Round trip') && (this.scene?.gripper_m != null || !/gripper/i.test(s.title)) &&
+        !(this.channel.compare && s.title === 'Wake-up latency'),
     ));
   }
 
@@ -768,8 +777,8 @@ class Page {
     this.framed = now;
     if (this.held) this.sendTarget();
     if (!this.last) return;
-    for (const session of this.sessions) session.draw(this.held ? this.target : null, this.robotAge);
-    this.sound.follow(this.first!.vector('felt_n'), now);
+    for (const session of this.sessions) session.draw(this.held ? this.target : null, this.age);
+    this.sound.follow(this.sessions.filter((s) => s.last).map((s) => s.vector('felt_n')), now);
     if (count % 3 === 0) this.plots?.draw();
     if (count % 6 === 0) this.values();
     this.tour?.watch();

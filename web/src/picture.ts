@@ -49,7 +49,9 @@ export interface Shown {
   wanted: Vec; // before the passivity controller
   environment: Vec;
   environmentTorque: Vec;
-  robotAge: string; // of the robot's values, in words; empty: they are of now
+  old: boolean; // is nothing of now?
+  robotOld: boolean;
+  robotNote: string; // why, in words
 }
 
 const dot = (a: Vec, b: Vec): number => a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
@@ -73,6 +75,7 @@ const tip = (x: number, y: number, ux: number, uy: number, long: number, wide: n
 ];
 const PIXELS_PER_NEWTON = 12;
 const RADIANS_PER_NEWTON_METRE = 6; // of a torque's arc
+const LINE = 13; // pixels
 const MARGIN = 24; // pixels in which hand and robot are not left
 
 export class Picture {
@@ -84,6 +87,7 @@ export class Picture {
   private readonly canvas = document.createElement('canvas');
   private readonly context: CanvasRenderingContext2D;
   private paper = ''; // colour behind it
+  private written: { x: number; y: number; wide: number }[] = []; // words of this frame
   private readonly space: Space | null = null;
 
   constructor(
@@ -184,31 +188,33 @@ export class Picture {
     this.follow([s.hand, s.robot]);
     c.setTransform(ratio, 0, 0, ratio, 0, 0);
     c.clearRect(0, 0, this.width, this.height);
+    this.written = [];
     if (this.space) this.space.draw(s, this.view, this.shown.centre, this.shown.scale, this.width, this.height);
     this.grid(colour('--grid'), colour('--muted'));
     for (const e of this.scene.environment) if (!this.space || e.kind === 'spring') this.element(e, s, colour('--surface'), colour('--surface-line'));
-    const ofRobot = s.robotAge ? colour('--muted') : colour('--robot');
+    const muted = colour('--muted'), [ofHand, ofForce, ofWanted] = ['--hand', '--felt', '--third'].map((of) => (s.old ? muted : colour(of))) as [string, string, string];
+    const ofRobot = s.robotOld ? muted : colour('--robot');
     if (!this.space) this.fill(ofRobot, 1, this.circle(s.robot, 7));
     if (!this.space && s.fingers !== null) {
       this.fingers(s.robot, s.fingers, ofRobot, 5, 9);
-      this.fingers(s.hand, s.handle, colour('--hand'), 2, 15);
+      this.fingers(s.hand, s.handle, ofHand, 2, 15);
     }
-    if (s.robotAge) this.label(s.robot, `robot as it was ${s.robotAge} ago`, ofRobot);
-    this.hand(s, colour('--hand'), colour('--muted'));
-    if (!s.robotAge) {
+    const differ = norm(add(s.wanted, s.felt, -1)) > 0.05;
+    this.legend(colour('--text'), [
+      [ofHand, 'hand'],
+      [ofRobot, 'robot'],
+      [ofForce, 'force felt'],
+      ...(differ ? [[ofWanted, 'force wanted'] as [string, string]] : []),
+    ]);
+    if (s.robotNote) this.label(s.robot, s.robotNote, ofRobot);
+    this.hand(s, ofHand, muted);
+    if (!s.robotOld) {
       this.arrow(s.robot, s.environment, ofRobot, 'on the environment', 18);
       this.arc(s.robot, s.environmentTorque, ofRobot, 34);
     }
-    this.arc(s.hand, s.feltTorque, colour('--felt'), 26);
-    const differ = norm(add(s.wanted, s.felt, -1)) > 0.05;
-    if (differ) this.arrow(s.hand, s.wanted, colour('--third'), 'wanted', -44, true);
-    this.arrow(s.hand, s.felt, colour('--felt'), 'felt', -14);
-    this.legend(colour('--text'), [
-      [colour('--hand'), 'hand'],
-      [ofRobot, 'robot'],
-      [colour('--felt'), 'force felt'],
-      ...(differ ? [[colour('--third'), 'force wanted'] as [string, string]] : []),
-    ]);
+    this.arc(s.hand, s.feltTorque, ofForce, 26);
+    if (differ) this.arrow(s.hand, s.wanted, ofWanted, 'wanted', -44, true);
+    this.arrow(s.hand, s.felt, ofForce, 'felt', -14);
   }
 
   private label(at: Vec, text: string, colour: string): void {
@@ -216,9 +222,11 @@ export class Picture {
     c.font = '12px system-ui, sans-serif';
     this.words(text, Math.max(4, Math.min(x + 12, this.width - c.measureText(text).width - 4)), y + 34, colour);
   }
-  /** Text that is read on lines and solids too. */
+  /** Text that is read on lines and solids too, below other words that would be there. */
   private words(text: string, x: number, y: number, colour: string): void {
-    const c = this.context;
+    const c = this.context, wide = c.measureText(text).width;
+    while (this.written.some((w) => Math.abs(w.y - y) < LINE && x < w.x + w.wide && w.x < x + wide)) y += LINE;
+    this.written.push({ x, y, wide });
     c.lineWidth = 3;
     c.lineJoin = 'round';
     c.strokeStyle = this.paper;

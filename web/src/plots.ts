@@ -5,7 +5,7 @@ import uPlot from 'uplot';
 export interface Curve {
   label: string;
   colour: string;
-  value(sample: Float64Array): number;
+  value(sample: Float64Array): number | null; // null: not known
 }
 export interface PlotSpec {
   title: string;
@@ -26,7 +26,7 @@ function yRange(_u: uPlot, min: number | null, max: number | null): [number, num
 
 export class Plots {
   private readonly t: number[] = [];
-  private readonly columns: number[][][];
+  private readonly columns: (number | null)[][][];
   private readonly plots: uPlot[];
   paused = false;
 

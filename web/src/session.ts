@@ -2,7 +2,7 @@
 // beside it where two methods are compared.
 
 import type { Introduction, Layout, Told, Vec } from './channel';
-import { Picture, type Attitude } from './picture';
+import { Picture, type Attitude, type Shown } from './picture';
 
 const COUPLED = 1;
 export type Kind = '' | 'good' | 'bad' | 'warn' | 'old';
@@ -13,7 +13,7 @@ export function state(out: HTMLElement, text: string, kind: Kind = ''): void {
   out.className = `state ${kind}`;
   out.hidden = text === '';
 }
-export const joules = (j: number): string => (Math.abs(j) >= 1 ? `${j.toFixed(2)} J` : `${(1e3 * j).toFixed(2)} mJ`);
+export const joules = (j: number): string => (Math.abs(j) >= 1 ? `${j.toFixed(2)}\u00a0J` : `${(1e3 * j).toFixed(2)}\u00a0mJ`);
 
 /** What is left of a budget, as a bar and in words. */
 function gauge(bar: HTMLElement, out: HTMLElement, granted: number, energy: number, who: string, old: boolean, anew: boolean): void {
@@ -106,8 +106,8 @@ export class Session {
     const hand = this.vector('hand_x_m'), handle = this.vector('handle_x_m'), motion = this.number('motion');
     return p.map((x, i) => hand[i]! + motion * (x - handle[i]!)) as Vec;
   }
-  /** `target`: of the pointer, for the handle, while it holds that. `robotAge`: in words; empty: of now. */
-  draw(target: Vec | null, robotAge: string): void {
+  /** `target`: of the pointer, for the handle, while it holds that. */
+  draw(target: Vec | null, age: Pick<Shown, 'old' | 'robotOld' | 'robotNote'>): void {
     if (!this.last) return;
     this.picture.draw({
       hand: this.inRobotWorld(this.vector('hand_x_m')),
@@ -123,7 +123,7 @@ export class Session {
       wanted: this.vector('unlimited_n'),
       environment: this.vector('environment_n'),
       environmentTorque: this.vector('environment_n_m'),
-      robotAge,
+      ...age,
     });
   }
   inView(): boolean {
@@ -137,7 +137,8 @@ export class Session {
         : [e.center_m, e.point_m, e.anchor_m, e.start_m, e.end_m].filter((p): p is Vec => p !== undefined),
     );
     const corners = this.scene.meshes.flatMap(({ vertices_m: v }) => Array.from({ length: v!.length / 3 }, (_, i) => v!.slice(3 * i, 3 * i + 3) as Vec));
-    this.picture.fit([this.inRobotWorld(this.vector('hand_x_m')), this.vector('robot_x_m'), ...places, ...corners, ...this.picture.armPlaces()]);
+    const robot = this.vector('robot_x_m'), tool = this.scene.tool.map((p) => p.map((x, i) => robot[i]! + x) as Vec); // as if it were not turned
+    this.picture.fit([this.inRobotWorld(this.vector('hand_x_m')), robot, ...tool, ...places, ...corners, ...this.picture.armPlaces()]);
   }
 
   badge(out: HTMLElement, old: boolean): void {
@@ -156,7 +157,7 @@ export class Session {
     bar.hidden = granted < 0;
     if (granted >= 0)
       return gauge(bar, out, granted, this.number('hand_energy_j') + this.number('robot_port_j') + this.told.both_earlier_debt_j, 'both have', old, this.told.both_earlier_debt_j > 0);
-    out.textContent = 'This method does not bound the robot’s port: the drive feeds it.';
+    out.textContent = 'Not bounded by this method.';
     delete out.dataset.value;
   }
 }

@@ -1,4 +1,5 @@
-// Contact as a sound: noise that is as loud as the displayed force changes. A gamepad rumbles with it. Off until somebody switches it on.
+// Contact as a sound: noise that is as loud as the displayed force changes; of two runs the first is heard on the left, the second on the
+// right. A gamepad rumbles with it. Off until somebody switches it on.
 
 import type { Vec } from './channel';
 
@@ -7,9 +8,9 @@ const RUMBLE_MS = 60;
 
 export class Sound {
   private context: AudioContext | null = null;
-  private volume: GainNode | null = null;
+  private voices: { volume: GainNode; pan: StereoPannerNode }[] = [];
   private on = false;
-  private before: { force: Vec; at: number } | null = null;
+  private before: { forces: Vec[]; at: number } | null = null;
   private rumbled = 0;
 
   /** Returns whether it is on. */
@@ -26,20 +27,27 @@ export class Sound {
     for (let i = 0; i < samples.length; ++i) samples[i] = 2 * Math.random() - 1;
     const source = new AudioBufferSourceNode(context, { buffer: noise, loop: true });
     const dull = new BiquadFilterNode(context, { type: 'lowpass', frequency: 400 });
-    this.volume = new GainNode(context, { gain: 0 });
-    source.connect(dull).connect(this.volume).connect(context.destination);
+    source.connect(dull);
+    this.voices = [0, 1].map(() => ({ volume: new GainNode(context, { gain: 0 }), pan: new StereoPannerNode(context) }));
+    for (const { volume, pan } of this.voices) dull.connect(volume).connect(pan).connect(context.destination);
     source.start();
     this.context = context;
   }
 
-  /** Call with each frame: the force on the hand and the page's clock [ms]. */
-  follow(force: Vec, at: number): void {
+  /** Call with each frame: the forces on the hand, of each run, and the page's clock [ms]. */
+  follow(forces: Vec[], at: number): void {
     const before = this.before;
-    this.before = { force, at };
-    if (!this.on || !before || at <= before.at) return;
-    const change = Math.hypot(...force.map((f, i) => f - before.force[i]!)) / (1e-3 * (at - before.at));
-    const loud = Math.min(1, change / LOUDEST_N_PER_S);
-    this.volume!.gain.setTargetAtTime(loud, this.context!.currentTime, 0.01);
+    this.before = { forces, at };
+    if (!this.on || !before || at <= before.at || forces.length !== before.forces.length) return;
+    const each = forces.map((force, run) => {
+      const change = Math.hypot(...force.map((f, i) => f - before.forces[run]![i]!)) / (1e-3 * (at - before.at));
+      return Math.min(1, change / LOUDEST_N_PER_S);
+    });
+    this.voices.forEach(({ volume, pan }, run) => {
+      pan.pan.value = forces.length > 1 ? 2 * run - 1 : 0;
+      volume.gain.setTargetAtTime(each[run] ?? 0, this.context!.currentTime, 0.01);
+    });
+    const loud = Math.max(...each);
     if (loud < 0.05 || at < this.rumbled + RUMBLE_MS) return;
     this.rumbled = at;
     for (const pad of navigator.getGamepads())

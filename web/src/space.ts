@@ -113,6 +113,7 @@ export class Space {
   private readonly tool = new Group();
   private readonly hand = new Group();
   private readonly fingers: Mesh[] = [];
+  private handOld = false;
   private readonly arm: ArmParts | null;
   private readonly floor: Mesh;
   private drawn = { at: 0, mean_ms: 0, frames: 0 };
@@ -253,7 +254,10 @@ export class Space {
     this.tool.quaternion.copy(quaternion(s.robotAttitude));
     this.hand.position.copy(v3(s.hand));
     this.hand.quaternion.copy(quaternion(s.handAttitude));
-    this.robot.color.set(colour(s.robotAge ? '--muted' : '--robot'));
+    this.robot.color.set(colour(s.robotOld ? '--muted' : '--robot'));
+    if (s.old !== this.handOld)
+      this.hand.traverse((o) => (o instanceof Mesh || o instanceof LineSegments) && o.material.color.set(colour(s.old ? '--muted' : '--hand')));
+    this.handOld = s.old;
     this.fingers.forEach((finger, i) => finger.position.set(0, (i === 0 ? 1 : -1) * (0.5 * (s.fingers ?? 0) + 0.003), 0.02));
     if (!this.arm) return;
     // The base stands where the tool is at its place.

@@ -4,6 +4,7 @@ import type { Told } from './channel';
 
 export interface Guided {
   felt(): number; // [N]
+  limited(): boolean; // does a limit act?
   pressed(): number; // force on the environment [N]
   roundTrip(): number; // [ms]
   told(): Told;
@@ -18,6 +19,7 @@ interface Step {
   name: string;
   text: string;
   act?: { name: string; run(): void };
+  limited?: string; // said while a limit acts
   done(): boolean;
 }
 
@@ -51,6 +53,7 @@ export class Tour {
       {
         name: 'No control.',
         text: 'Choose NONE, press the wall and hold still: the late force pushes at the wrong moment, so the link gives energy to the hand that nobody has put in, and the badge turns red.',
+        limited: ' Press less: a force at its limit cannot swing.',
         act: { name: 'Choose NONE', run: () => (page.setDelay(60), page.setMethod(page.without)) },
         done: () => page.method() === page.without && (page.told().verdict === 'unstable' || page.told().verdict === 'not passive'),
       },
@@ -93,10 +96,12 @@ export class Tour {
   watch(): void {
     const step = this.steps[this.at];
     if (!step || this.reached) return;
-    const pressed = this.page.pressed();
+    const pressed = this.page.pressed(), done = step.done();
+    const text = step.text + ((!done && this.page.limited() && step.limited) || '');
+    if (element('tour-text').textContent !== text) element('tour-text').textContent = text;
     if (!this.touches && pressed > 0.5) this.taps += 1;
     this.touches = this.touches ? pressed > 0.1 : pressed > 0.5;
-    if (!step.done()) return;
+    if (!done) return;
     this.reached = true;
     element('tour').classList.add('done');
     element('tour-step').textContent += ' ✓';
