@@ -186,7 +186,8 @@ class LiveGripper {
   bool has_row_ = false;
 };
 
-/// In place of LiveGripper in a build without one degree of freedom, which refuses scenes with a gripper.
+/// In place of LiveGripper where a side has none: a virtual environment, and a build without one degree of freedom, which refuses scenes with
+/// a gripper.
 struct NoGripper {
   void begin(auto&&...) {}
   void start_at(std::int64_t) {}

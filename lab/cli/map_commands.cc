@@ -255,7 +255,7 @@ int matrix_command(MatrixArguments& a) {
   a.matrix.lanes = checked_lanes(a.lanes.value_or(0));
   if (!a.out.empty()) make_folder(a.out);
   const Matrix all = matrix(a.matrix, show_progress);
-  std::fputs(to_text(all).c_str(), stdout);
+  fmt::print("{}what it says: twoport-lab matrix --help\n", to_text(all));
   if (a.out.empty()) return 0;
   write_whole(a.out + "/table.csv", to_csv(to_table(all)));
   fmt::print("{}/table.csv: {} pairs\n{}\n", a.out, all.cells.size(), draw(all, a.out));
@@ -289,7 +289,7 @@ int compare_command(CompareArguments& a) {
   a.compare.methods = words_of("--methods", a.methods);
   if (!a.compare.out.empty()) make_folder(a.compare.out);
   const Comparison all = compare(a.compare, show_progress);
-  std::fputs(to_text(all).c_str(), stdout);
+  fmt::print("{}what the columns say: twoport-lab compare --help\n", to_text(all));
   if (a.compare.out.empty()) return 0;
   write_whole(a.compare.out + "/table.csv", to_csv(to_table(all)));
   fmt::print("{}/table.csv: {} methods\n{}\n", a.compare.out, all.methods.size(), draw(all, a.compare.out));
