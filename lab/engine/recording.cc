@@ -1,5 +1,6 @@
 #include "lab/engine/recording.h"
 
+#include "common/base/built_for.h"
 #include "common/base/check.h"
 #include "common/base/time.h"
 
@@ -50,8 +51,6 @@ void LabRecording<N>::add(const Row<N>& row) {
   trace_.add(static_cast<std::uint64_t>(to_duration(row.t_s).count()), row);
 }
 
-template class LabRecording<1>;
-template class LabRecording<3>;
-template class LabRecording<6>;
+TWOPORT_COMPILE(LabRecording);
 
 }  // namespace twoport::lab
