@@ -121,24 +121,35 @@ class SimRobot final {
 
  private:
   /// One tick under the force of the moving anchors: that of a spring whose anchor is a(t) away from its place is
-  /// K a(t) + B da/dt more. It is held for the tick.
+  /// K a(t) + B da/dt more, at each point of a tool that it acts on. It is held for the tick.
   [[gnu::noinline]] void advance_with_anchors() noexcept {
     if (!anchors_rest_) {
-      typename Force<N>::Vector f = Force<N>::Vector::Zero();
+      from_anchors_ = Force<N>{};
       const double t = static_cast<double>(tick_++) * dt_s_;
       for (const Spring& s : environment_->world().springs) {
         const double w = 2.0 * std::numbers::pi * s.motion.frequency_hz;
-        if (s.motion.axis < N)
-          f[s.motion.axis] += s.motion.amplitude_m *
-                              (s.stiffness_n_per_m * std::sin(w * t) + s.damping_n_s_per_m * w * std::cos(w * t));
+        const double f_n =
+            s.motion.amplitude_m * (s.stiffness_n_per_m * std::sin(w * t) + s.damping_n_s_per_m * w * std::cos(w * t));
+        from_anchors_ += pull(s, f_n * Point<kAxes<N>>::Unit(s.motion.axis));
       }
-      from_anchors_ = Force<N>{f};
     }
     const Force<N> commanded = command_.f;
     command_.f += from_anchors_;
     move();
     command_.f = commanded;
     touch();
+  }
+
+  /// Of the force f on every point that the spring acts on.
+  [[nodiscard]] Force<N> pull(const Spring& s, const Point<kAxes<N>>& f) const noexcept {
+    if constexpr (N == 6) {
+      SpatialVector sum = SpatialVector::Zero();
+      for (int i = 0; const Eigen::Vector3d& point : environment_->tool())
+        if (s.acts_on(i++)) sum += SpatialVector{f, (state_.x.attitude() * point).cross(f)};
+      return Force<N>{sum};
+    } else {
+      return Force<N>{f};
+    }
   }
 
   struct Ideal {};

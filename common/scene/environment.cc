@@ -137,9 +137,8 @@ Mesh read_shape(const Block<schema::Mesh>& of) {
 }
 
 AnchorMotion read_anchor_motion(const Block<schema::AnchorMotion>& of) {
-  if (of.dof() == 6) of.fail(fmt::format("{} is given, but dof is 6; it needs dof 1 or 3", of.path()));
-  const int axis = of->axis();
-  if (axis < 0 || axis >= of.dof()) of.refuse(FIELD(axis), fmt::format("be between 0 and {}", of.dof() - 1));
+  const int axis = of->axis(), axes = std::min(of.dof(), 3);
+  if (axis < 0 || axis >= axes) of.refuse(FIELD(axis), fmt::format("be between 0 and {}", axes - 1));
   return {.axis = axis, .amplitude_m = of->amplitude_m(), .frequency_hz = of->frequency_hz()};
 }
 

@@ -40,9 +40,17 @@ void check_rendering(const SceneBlock& scene, const Scene& values) {
   refuse(FIELD(to_slave));
   refuse(FIELD(to_master));
   refuse(FIELD(slave_clock));
+}
+
+/// A moving anchor pulls at a body, not at an arm's links, beyond a link.
+void check_moving_anchors(const SceneBlock& scene, const Scene& values) {
+  const bool link = values.control.architecture != Architecture::render;
+  if (link && !(values.robot && values.robot->arm)) return;
   for (const EnvironmentSpec& e : values.environment)
     if (const auto* spring = std::get_if<Spring>(&e); spring && spring->motion.amplitude_m != 0.0)
-      scene.fail("environment.spring.anchor_motion is given, but control.architecture is RENDER: it needs a link");
+      scene.fail(fmt::format("environment.spring.anchor_motion is given, but {}",
+                             link ? "robot.arm is too: it needs a robot without joints"
+                                  : "control.architecture is RENDER: it needs a link"));
 }
 
 /// A force that reaches the handle later than it is commanded is none that a controller has booked.
@@ -257,6 +265,7 @@ void check_method(const ControlOptions& c, const Block<schema::Passivity>& passi
 void check_rules(const SceneBlock& scene, const Scene& values, SceneFor use) {
   check_integrator(scene, values);
   check_rendering(scene, values);
+  check_moving_anchors(scene, values);
   check_god_object(scene, values);
   check_uncontrolled(scene, values);
   check_latency(scene, values);

@@ -12,11 +12,13 @@ namespace twoport::lab {
 ///
 ///     hand   Σ f·Δx at the master port              >= -E(0) - slack
 ///     both   hand less what leaves at the slave      >= -E(0) of both sides - slack
-///     slack  = c Σ j + K δ²/2                        j(k) = |f(k)·T²/(2m) (u(k) - 2 u(k-1) + u(k-2))|
+///     slack  = Σ |f·e| T + K δ²/2
+///     e(k+1) = e(k) - e(k-1)/4 + a(k+1) - a(k)         a(k+1) = v(k+1) - v(k) + C (f(k) + f(k+1)),   v = Δx/T, C = T/(2m)
 ///
-/// At the slave Σ f·v_d T leaves the link, with `robot_port` Σ f·Δx of the robot. j: what the displayed force f gives away in
-/// the part of a tick's motion that the hand's own force u makes by changing otherwise than in the tick before, which no
-/// prediction knows; c: `jolts`. K: the coupling's stiffness where `tick_of_spring`, else 0; δ: largest motion in a tick.
+/// At the slave Σ f·v_d T leaves the link, with `robot_port` Σ f·Δx of the robot. a: what all but the displayed force f adds to the
+/// handle's velocity in a tick; e: the error that this makes in the velocity which the controller predicts
+/// (common/passivity/velocity_predictor.h), counted where `predicts`. K: the coupling's stiffness where `tick_of_spring`, else 0;
+/// δ: largest motion in a tick.
 struct EnergyClaim {
   bool hand = false, both = false;
   bool any_packets = false;     ///< of the hand: whatever the slave reports
@@ -24,7 +26,7 @@ struct EnergyClaim {
   bool robot_port = false;
   bool tick_of_spring = false;
   bool shares_initial = false;  ///< E(0) is of both ports together, not of each
-  double jolts = 0.0;           ///< 4 is measured: the misses of a controller add up
+  bool predicts = false;        ///< as the handle has moved, not for the worst that a hand can do
 };
 EnergyClaim energy_claim(const std::string& method);
 
@@ -37,7 +39,7 @@ struct AdversaryRun {
   double hand_least_j = 0.0, both_least_j = 0.0;  ///< with device damping where the claim counts it
   double hand_bound_j = 0.0, both_bound_j = 0.0;  ///< -infinity where nothing is claimed
   double initial_j = 0.0;                         ///< E(0) of a side
-  double jolts_j = 0.0;                           ///< Σ j
+  double unforeseen_j = 0.0;                      ///< Σ |f·e| T
   double felt_max_n = 0.0;                        ///< largest force displayed
 
   static constexpr double kRounding_j = 1e-9;

@@ -58,6 +58,10 @@ TEST(SceneOfASpring, MayActOnOnePointOfTheTool) {
 TEST(SceneOfAnArm, StandsInPlaceOfABody) {
   EXPECT_EQ(error_of(kRobot + kArm + "} }"), "");
   expect_error(kRobot + kArm + "} mass_kg: 1 }", "robot.mass_kg is given, but so is robot.arm");
+  expect_error(kRobot + kArm +
+                   "} } environment { spring { stiffness_n_per_m: 1 anchor_m: [0, 0, 0] anchor_motion { "
+                   "amplitude_m: 1 frequency_hz: 1 } } }",
+               "environment.spring.anchor_motion is given, but robot.arm is too: it needs a robot without joints");
   expect_error(kRobot + "arm { } }", "robot.arm.file is missing");
   expect_error(kRobot + "arm { file: \"\" } }", "robot.arm.file is \"\"; it must be the path of a file");
   expect_error(kRobot + "arm { file: \"nowhere.textproto\" } }", "nowhere.textproto");

@@ -546,5 +546,25 @@ TEST(SimRobot, IsShakenByAnAnchorThatMoves) {
   EXPECT_LT(std::abs(robot.state().v[0]), 1e-9) << "an anchor at rest";
 }
 
+// A body too heavy to move: wrench K (anchor + a(t) - p) at the point p that the spring acts on.
+TEST(SimRobot, IsTurnedByAnAnchorThatMovesOffItsOrigin) {
+  const Scene scene = parse_scene(
+      "dof: 6 duration_s: 1 rate_hz: 1000 robot { mass_kg: 1e9 inertia_kg_m2: 1e9 force_sensor { } } tool { "
+      "contact_point { "
+      "position_m: [0.3, 0, 0] } contact_point { position_m: [0, 0.2, 0.1] } } environment { spring { "
+      "stiffness_n_per_m: 500 anchor_m: [0, 0.2, 0] contact_point: 1 anchor_motion { axis: 0 amplitude_m: 0.01 "
+      "frequency_hz: 4 } } }",
+      "anchor");
+  sim::SimRobot<6> robot{scene, Seconds{1e-3}};
+  const Vector3d p{0.0, 0.2, 0.1};
+  for (int k = 0; k < 300; ++k) {
+    robot.advance();
+    const Vector3d f{5.0 * std::sin(8.0 * std::numbers::pi * 1e-3 * k), 0.0, -50.0};
+    Eigen::Matrix<double, 6, 1> wrench;
+    wrench << f, p.cross(f);
+    ASSERT_LT((robot.environment_force().vec() - wrench).norm(), 1e-5) << k;  // it has moved by 50 N/1e9 kg (0.3 s)²/2
+  }
+}
+
 }  // namespace
 }  // namespace twoport::sim

@@ -33,8 +33,8 @@ void collect_numbers(const google::protobuf::Message& block, const std::string& 
         collect_numbers(reflection.GetRepeatedMessage(block, field, k), path + "[" + std::to_string(k) + "].", paths);
     } else if (field->cpp_type() == Field::CPPTYPE_MESSAGE) {
       if (!field->containing_oneof()) {
-        // Refused with dof 6 and with a schedule, as the full scene has; refused_gripper_test.cc has a gripper's numbers.
-        EXPECT_TRUE(reflection.HasField(block, field) || field->name() == "anchor_motion" || field->name() == "gripper")
+        // Refused with a schedule, as the full scene has; refused_gripper_test.cc has a gripper's numbers.
+        EXPECT_TRUE(reflection.HasField(block, field) || field->name() == "gripper")
             << path << " is not in the full scene";
       }
       if (reflection.HasField(block, field)) collect_numbers(reflection.GetMessage(block, field), path + ".", paths);
@@ -55,17 +55,6 @@ TEST(Scene, RefusesEveryNumberThatIsNotFinite) {
       EXPECT_TRUE(says(error_of(kTurning, {path + "=" + value}), {": " + named + " is ", value, "finite number"}))
           << path;
     }
-}
-
-TEST(Scene, RefusesAnAnchorsMotionThatIsNotFinite) {
-  const char* const moving =
-      "dof: 1 duration_s: 1 robot { mass_kg: 1 } environment { spring { stiffness_n_per_m: 1 anchor_m: [0] "
-      "anchor_motion { amplitude_m: 0.01 frequency_hz: 1 } } }";
-  EXPECT_EQ(error_of(moving), "");
-  for (const std::string field : {"amplitude_m", "frequency_hz"}) {
-    const std::string path = "environment[0].spring.anchor_motion." + field;
-    EXPECT_TRUE(says(error_of(moving, {path + "=nan"}), {": " + path + " is ", "nan", "finite number"})) << path;
-  }
 }
 
 }  // namespace

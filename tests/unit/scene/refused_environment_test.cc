@@ -1,7 +1,6 @@
 #include "tests/unit/scene/scenes.h"
 
 namespace twoport::test {
-
 INSTANTIATE_TEST_SUITE_P(
     Environment, RefusedScene,
     ::testing::Values(
@@ -134,7 +133,13 @@ INSTANTIATE_TEST_SUITE_P(
                 "environment[0].spring.damping_n_s_per_m is -1; it must be >= 0 and at most 1e18"},
         Refusal{kHeldSpring,
                 {"environment[0].spring.anchor_m=[0, 0]"},
-                "environment[0].spring.anchor_m is [0, 0]; it must hold 1 number"}),
+                "environment[0].spring.anchor_m is [0, 0]; it must hold 1 number"},
+        Refusal{kTurning,
+                {"environment[3].spring.anchor_motion.axis=3"},
+                "environment[3].spring.anchor_motion.axis is 3; it must be between 0 and 2"},
+        Refusal{kHeldSpring,
+                {"environment[0].spring.anchor_motion={amplitude_m: 1 frequency_hz: 1}"},
+                "environment.spring.anchor_motion is given, but control.architecture is RENDER: it needs a link"}),
     name_of);
 
 }  // namespace twoport::test

@@ -79,7 +79,8 @@ environment { sphere { center_m: [0, 0, -1] radius_m: 0.9 stiffness_n_per_m: 100
                        viscous_friction_n_s_per_m: 2 } }
 environment { cylinder { point_m: [1, 0, 0] axis: [0, 0, 2] radius_m: 0.1 stiffness_n_per_m: 100 } }
 environment { box { center_m: [0, 1, 0] half_size_m: [0.1, 0.2, 0.3] stiffness_n_per_m: 100 } }
-environment { spring { stiffness_n_per_m: 10 damping_n_s_per_m: 0.5 anchor_m: [0, 0, 0.1] } }
+environment { spring { stiffness_n_per_m: 10 damping_n_s_per_m: 0.5 anchor_m: [0, 0, 0.1]
+                       anchor_motion { axis: 2 amplitude_m: 0.01 frequency_hz: 1 } } }
 environment { wall { normal: [0, 3, 4] stiffness_n_per_m: 100 } }
 environment { torus { center_m: [0, 0, 5] axis: [0, 0, 2] radius_m: 0.05 tube_radius_m: 0.02 stiffness_n_per_m: 100 } }
 environment { capsule { start_m: [0, 0, 6] end_m: [0.1, 0, 6] radius_m: 0.05 stiffness_n_per_m: 100 } }
