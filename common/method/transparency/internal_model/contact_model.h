@@ -15,7 +15,7 @@ namespace twoport {
 ///     e_p, e_s = LP_0.3s of |what the plane, the spring has not predicted of the newest wrench|²     in contact only
 ///                a torque counts by sqrt(K_c/K_r)
 ///     spring   where e_p > e_s/2 + (0.1 N)², or where the slave feels a torque and no force
-///     plane    where e_p < e_s/20 and e_s > (0.1 N)²; after 5 s without contact; at the start
+///     plane    where e_p < e_s/20 · min(1, 0.25 s/R) and e_s > (0.1 N)²; after 5 s without contact; at the start
 ///     w        0 plane, 1 spring; changes by 1 in 0.1 s;    f_d = (1 - w) f_p + w f_s,  likewise damper, stored energy, o, f_m
 ///
 /// Between the two and at rest, where nothing is to be predicted, the choice stays.
@@ -58,7 +58,7 @@ class ContactModelMaster final : public Copyable<ContactModelMaster<N>, MasterTr
 
  private:
   static constexpr double kError_s = 0.3, kError_n = 0.1, kToSpring = 0.5, kToPlane = 0.05, kChange_s = 0.1,
-                          kFree_s = 5.0;
+                          kFree_s = 5.0, kLong_s = 0.25;
 
   template <class Value>
   [[nodiscard]] Value blend(const Value& plane, const Value& spring) const noexcept {
@@ -76,8 +76,9 @@ class ContactModelMaster final : public Copyable<ContactModelMaster<N>, MasterTr
       };
       low_pass(plane_error_, squared(plane_.unexplained()), dt, kError_s);
       low_pass(spring_error_, squared(spring_.unexplained()), dt, kError_s);
+      const double to_plane = kToPlane * std::min(1.0, kLong_s / plane_.round_trip().si());
       if (!plane_.touches_surface() || plane_error_ > kToSpring * spring_error_ + kError_n * kError_n) springs_ = true;
-      if (plane_.touches_surface() && plane_error_ < kToPlane * spring_error_ && spring_error_ > kError_n * kError_n)
+      if (plane_.touches_surface() && plane_error_ < to_plane * spring_error_ && spring_error_ > kError_n * kError_n)
         springs_ = false;
       free_s_ = 0.0;
     } else if ((free_s_ += dt.si()) > kFree_s) {

@@ -93,6 +93,7 @@ class InternalModelMaster final : public Copyable<InternalModelMaster<N>, Master
     move_set_point(wanted_, hand_, 1.0 - share * shown_ * cap_, round_trip_s_, in.dt);  // (6)
     tell(share * shown_ * capped_);
   }
+  [[nodiscard]] Seconds round_trip() const noexcept { return round_trip_s_; }
   [[nodiscard]] bool has_payload() const noexcept override { return heard_; }
   void write_payload(Words& words) const noexcept override { write(said_by_master_, words); }
   [[nodiscard]] const MasterSays<N>& says() const noexcept { return said_by_master_; }
