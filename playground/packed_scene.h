@@ -2,6 +2,8 @@
 
 #include <Eigen/Core>
 #include <Eigen/Geometry>
+#include <algorithm>
+#include <bit>
 #include <cmath>
 #include <cstdint>
 #include <cstring>
@@ -20,8 +22,8 @@
 
 namespace twoport::playground {
 
-// A scene as bytes, so that a core without Protobuf has it: all fields in their order, numbers as the machine holds them (little-endian,
-// doubles of 64 bits), a list after its length, a choice after its index. Both sides are built from the same sources. A scene with a mesh,
+// A scene as bytes, so that a core without Protobuf has it: all fields in their order, numbers little-endian (doubles
+// of 64 bits), a list after its length, a choice after its index. Both sides are built from the same sources. A scene with a mesh,
 // a recorded hand or a plug-in of a method cannot be packed.
 
 /// Is it one of these? Their content is not packed.
@@ -37,6 +39,7 @@ class Packer {
     if constexpr (std::is_arithmetic_v<T> || std::is_enum_v<T>) {
       const auto* bytes = reinterpret_cast<const char*>(&value);
       bytes_.append(bytes, sizeof value);
+      if constexpr (std::endian::native == std::endian::big) std::reverse(bytes_.end() - sizeof value, bytes_.end());
     } else {
       pack(value);
     }
@@ -107,6 +110,7 @@ class Packer {
   std::string bytes_;
 };
 
+/// On a little-endian machine, as WebAssembly is.
 class Unpacker {
  public:
   explicit Unpacker(const char* bytes) : at_{bytes} {}

@@ -5,9 +5,8 @@
 #include <algorithm>
 #include <array>
 #include <atomic>
-#include <bit>
+#include <boost/endian/conversion.hpp>
 #include <chrono>
-#include <cstring>
 #include <deque>
 #include <mutex>
 #include <optional>
@@ -23,8 +22,6 @@ namespace twoport {
 namespace {
 
 using namespace std::chrono_literals;
-
-static_assert(std::endian::native == std::endian::little, "numbers of the protocol are little-endian");
 
 constexpr auto kEvery = 20ms;
 constexpr std::size_t kClients = 8, kSubscriptions = 1000, kLargestCommand = 65536;
@@ -188,8 +185,9 @@ struct FoxgloveServer::Impl {
 
   static Frame frame_of(const Message& m, std::uint32_t subscription) {
     std::string frame(1 + sizeof subscription + sizeof m.time_ns, '\x01');
-    std::memcpy(frame.data() + 1, &subscription, sizeof subscription);
-    std::memcpy(frame.data() + 1 + sizeof subscription, &m.time_ns, sizeof m.time_ns);
+    auto* const to = reinterpret_cast<unsigned char*>(frame.data()) + 1;
+    boost::endian::store_little_u32(to, subscription);
+    boost::endian::store_little_u64(to + sizeof subscription, m.time_ns);
     return std::make_shared<const std::string>(frame + m.bytes);
   }
 

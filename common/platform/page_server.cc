@@ -6,9 +6,11 @@
 #include <array>
 #include <atomic>
 #include <bit>
+#include <boost/endian/conversion.hpp>
 #include <chrono>
 #include <csignal>
 #include <optional>
+#include <span>
 #include <thread>
 #include <utility>
 #include <vector>
@@ -22,8 +24,6 @@ namespace {
 
 using namespace std::chrono_literals;
 using Now = std::chrono::steady_clock;
-
-static_assert(std::endian::native == std::endian::little, "the page reads little-endian numbers");
 
 constexpr auto kFrameTime = 16ms;          // between two messages to a client
 constexpr auto kJudging = 250ms;           // between two verdicts
@@ -105,7 +105,10 @@ struct PageServer::Impl {
     std::string numbers;
     for (std::size_t i = count - std::min(count, kMostSamples); i < count; ++i)
       for_each_page_field(batch[i % kMostSamples], [&](const char*, std::size_t size, const double* values) {
-        numbers.append(reinterpret_cast<const char*>(values), size * sizeof(double));
+        for (const double each : std::span{values, size}) {
+          const auto bits = boost::endian::native_to_little(std::bit_cast<std::uint64_t>(each));
+          numbers.append(reinterpret_cast<const char*>(&bits), sizeof bits);
+        }
       });
     const auto message = std::make_shared<const std::string>(std::move(numbers));
     for (Client* const client : clients) {

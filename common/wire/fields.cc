@@ -1,7 +1,7 @@
 #include "common/wire/fields.h"
 
 #include <array>
-#include <bit>
+#include <boost/endian/conversion.hpp>
 #include <cstring>
 
 namespace twoport {
@@ -32,9 +32,9 @@ bool Fields::varint(std::uint64_t& out) noexcept {
 /// Little-endian.
 bool Fields::fixed(std::size_t size) noexcept {
   if (rest_.size() < size) return false;
-  static_assert(std::endian::native == std::endian::little);
   value = 0;
   std::memcpy(&value, rest_.data(), size);
+  boost::endian::little_to_native_inplace(value);
   rest_ = rest_.subspan(size);
   return true;
 }

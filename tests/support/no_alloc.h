@@ -1,6 +1,8 @@
 #pragma once
 
-#include <mm_malloc.h>  // declares posix_memalign in clang's way, which must come before ours
+#if __has_include(<mm_malloc.h>)  // of x86: declares posix_memalign in clang's way, which must come before ours
+#include <mm_malloc.h>
+#endif
 
 #include <cerrno>
 #include <cstddef>

@@ -1,5 +1,6 @@
 #include "common/wire/codec.h"
 
+#include <fmt/format.h>
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -576,6 +577,33 @@ TEST(Codec, SaysWhenTheOtherHasOtherDof) {
   EXPECT_EQ(got.session, sent.session);
   ASSERT_TRUE(got.identity);
   EXPECT_EQ(got.identity->dof, 6);
+}
+
+/// Little-endian (Protobuf's encoding).
+TEST(Codec, BytesAreTheSameOnEveryMachine) {
+  Envelope<1> sent;
+  sent.session = 0x0102030405060708, sent.peer_session = 0x1112131415161718;
+  sent.identity = Identity{1, 2000.0, 0x2122232425262728, Side::slave, "12"};
+  Report<1>& r = sent.report;
+  r.sequence = 0x4142434445464748, r.sent_ns = 0x0151525354555657, r.echo_ns = -1;
+  r.mode = Mode::coupled, r.epoch = 300, r.energy_in_j = 1.0;
+  r.x = Position<1>{Position<1>::Vector{-2.5}};
+  r.words.count = 1, r.words.totals = 0x61626364, r.words.at[0] = 0.1;
+  const Bytes bytes = encoded(sent);
+  std::string hex;
+  for (const std::byte b : bytes) hex += fmt::format("{:02x}", std::to_integer<int>(b));
+  EXPECT_EQ(hex,
+            "0d02005054110807060504030201191817161514131211214847464544434241295756555453525101"
+            "31ffffffffffffffff3801423000000000000004c0" +
+                std::string(80, '0') +
+                "49000000000000f03f5001590000000000409f40612827262524232221"
+                "70027a089a9999999999b93f8501646362618801ac029201023132");
+
+  Header stable;
+  ASSERT_TRUE(read_stable_fields(bytes, stable));
+  EXPECT_EQ(stable.version, kProtocolVersion);
+  EXPECT_EQ(stable.session, sent.session);
+  EXPECT_EQ(stable.peer_session, sent.peer_session);
 }
 
 TEST(Codec, SaysWhenTheOtherHasAnotherVersion) {

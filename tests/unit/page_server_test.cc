@@ -9,7 +9,6 @@
 #include <array>
 #include <atomic>
 #include <chrono>
-#include <cstring>
 #include <memory>
 #include <string>
 #include <thread>
@@ -224,8 +223,7 @@ TEST(PageServer, SendsSamplesAndTakesCommands) {
   PageSample sample;
   sample.t_s = 1.25;
   s.channel.samples.try_push(sample);
-  std::string number(8, '\0');
-  std::memcpy(number.data(), &sample.t_s, 8);
+  const std::string number{"\0\0\0\0\0\0\xf4\x3f", 8};  // little-endian
   EXPECT_NE(c.read_until(number).find(number), std::string::npos);
 
   c.write(masked(0x81, "grip 300") + masked(0x81, "network to_slave 10 1 0.1"));
@@ -367,8 +365,7 @@ TEST(PageServer, AClientThatNeverReadsHoldsUpNobody) {
   }
   sample.t_s = 4711.5;
   s.channel.samples.try_push(sample);
-  std::string number(8, '\0');
-  std::memcpy(number.data(), &sample.t_s, 8);
+  const std::string number{"\0\0\0\0\x80\x67\xb2\x40", 8};  // little-endian
   EXPECT_NE(reader.read_until(number).find(number), std::string::npos);
   EXPECT_EQ(s.channel.samples.dropped(), 0u);
 }
