@@ -2,7 +2,6 @@
 
 #include <fmt/format.h>
 
-#include <Eigen/Eigenvalues>
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -15,7 +14,6 @@
 
 #include "common/arm/arm_model.h"
 #include "common/base/built_for.h"
-#include "common/coupling/torque_loop.h"
 #include "common/scene/numbers.h"
 
 namespace twoport {
@@ -145,30 +143,6 @@ double stiffest_surface(const Scene& s) {
     if (const auto* surface = std::get_if<Surface>(&each)) most = std::max(most, surface->material.stiffness_n_per_m);
   return most;
 }
-/// Of a tool that lies with all its points on a plane of the stiffest surface, about the axis across which it is widest; none where no
-/// local spring has to hold it.
-std::optional<TorqueLoop> torque_loop(const Scene& s) {
-  const ControlOptions& c = s.control;
-  const bool local_spring = c.transparency == "INTERNAL_MODEL" || c.transparency == "CONTACT_SPRING";
-  if (s.dof != 6 || !has_link(s) || !local_spring || c.passivity == "ENERGY_TANK") return {};
-  if (!s.device || !s.operator_model || !s.operator_model->hand || s.tool.empty()) return {};
-  const HandSpec& hand = *s.operator_model->hand;
-  Eigen::Vector3d middle = Eigen::Vector3d::Zero();
-  for (const Eigen::Vector3d& point : s.tool) middle += point / static_cast<double>(s.tool.size());
-  Eigen::Matrix3d spread = Eigen::Matrix3d::Zero();
-  for (const Eigen::Vector3d& point : s.tool) spread += (point - middle) * (point - middle).transpose();
-  const double widest_m2 =
-      Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d>{spread, Eigen::EigenvaluesOnly}.eigenvalues()[2];
-  const double to_master = c.force_scale / c.motion_scale;
-  return TorqueLoop{.contact = to_master * stiffest_surface(s) * widest_m2,
-                    .coupling = to_master * c.coupling.rotational_stiffness_n_m_per_rad,
-                    .hand = hand.rotational_stiffness_n_m_per_rad,
-                    .inertia = hand.inertia_kg_m2 + s.device->inertia_kg_m2};
-}
-double round_trip_s(const Scene& s) {
-  return s.to_slave.delay_s + s.to_master.delay_s;
-}
-
 double rendered_ratio(const Scene& s) {
   if (s.control.architecture != Architecture::render || !s.device || !(s.device->mass_kg > 0.0)) return 0.0;
   return stiffest_surface(s) / (s.device->mass_kg * s.rate_hz * s.rate_hz);
@@ -359,18 +333,6 @@ constexpr Hint kHints[] = {
            "handle turns back within a tick; it holds from about {:.0f} Hz",
            s.rate_hz, stiffest_surface(s), s.device->mass_kg,
            std::sqrt(stiffest_surface(s) / (kFastHandle * s.device->mass_kg)));
-     }},
-    {[](const Scene& s) {
-       const std::optional<TorqueLoop> loop = torque_loop(s);
-       return loop && !loop->dies_out(round_trip_s(s));
-     },
-     [](const Scene& s) {
-       const TorqueLoop loop = *torque_loop(s);
-       return fmt::format(
-           "tool is wide for a hand of {:g} N m/rad: pressed on a surface it turns against {:.3g} N m/rad, and the "
-           "torque, "
-           "{:g} ms late, grows until {} takes the force away; control.passivity.layer ENERGY_TANK holds it",
-           loop.hand, loop.contact, 1e3 * round_trip_s(s), s.control.passivity);
      }},
     {[](const Scene& s) { return moving_anchor(s).has_value() && s.control.passivity == "ENERGY_SPRING"; },
      [](const Scene& s) {

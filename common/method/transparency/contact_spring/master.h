@@ -6,7 +6,6 @@
 #include "common/base/low_pass.h"
 #include "common/coupling/ramp.h"
 #include "common/coupling/registration.h"
-#include "common/coupling/torque_loop.h"
 #include "common/link/round_trip.h"
 #include "common/method/coupled_by_position.h"
 #include "common/method/layers.h"
@@ -35,7 +34,7 @@ class ContactSpringMaster final : public Copyable<ContactSpringMaster<N>, Master
         rotational_stiffness_{o.force_scale / o.motion_scale * o.coupling.rotational_stiffness_n_m_per_rad},
         mass_kg_{o.handle_mass_kg},
         inertia_kg_m2_{o.handle_inertia_kg_m2},
-        k_{per_axis<N>(stiffness_, LocalSpring::kTurn * rotational_stiffness_)},
+        k_{per_axis<N>(stiffness_, kTurn * rotational_stiffness_)},
         ramp_{o.engage} {}
 
   void start(const DeviceSample<N>&) noexcept override {
@@ -92,7 +91,7 @@ class ContactSpringMaster final : public Copyable<ContactSpringMaster<N>, Master
   using Vector = typename Force<N>::Vector;
   using Linear = Point<D>;
 
-  static constexpr double kSlip_n = 0.3, kNewContact = 0.05;
+  static constexpr double kTurn = 0.1, kFilter_s = 0.1, kFilterOfRoundTrip = 0.5, kSlip_n = 0.3, kNewContact = 0.05;
   static constexpr double kTouch_s = 20e-3, kLeave_s = 50e-3, kScale_s = 20e-3, kOffset_s = 50e-3,
                           kOffsetOutside_s = 0.3, kDamperVelocity_s = 3e-3;
   static constexpr double kDampingFree = 0.5, kDamping = 9.5, kHarvest = 10.0, kDampingAboutAxes = 0.3;  // [N s/m]
@@ -111,7 +110,7 @@ class ContactSpringMaster final : public Copyable<ContactSpringMaster<N>, Master
     }
     touches_ = touches;
     low_pass(contact_, touches ? 1.0 : 0.0, in.dt, touches ? kTouch_s : kLeave_s);
-    const double a = low_pass_weight(in.dt, touches ? LocalSpring::filter_s(round_trip_s_) : kLeave_s);
+    const double a = low_pass_weight(in.dt, touches ? kFilter_s + kFilterOfRoundTrip * round_trip_s_ : kLeave_s);
     anchor_ = anchor_ + a * (echo - anchor_);
     echo_slow_ = echo_slow_ + a * (echo - echo_slow_);
     f_slow_ += a * (f - f_slow_);
