@@ -18,7 +18,7 @@ namespace twoport {
 /// was when that wrench was measured. At rest x_echo = x, so the hand feels the measured wrench.
 ///
 ///     f_d  = κ (LP_a f + K e),   e = x - z,  z = LP_a x_echo,   K = diag(K_c, t K_r),  t = 0.1,   a = 0.1 s + R/2
-///     |K e| <= 0.3 N + |LP_a f| + K_c |o|: beyond, z follows x        the anchor slips; a torque counts by sqrt(K_c/K_r)
+///     |K e| <= 0.3 N + |LP_a f| + min(K_c |o|, 4 |LP_a f|): beyond, z follows x, the anchor slips; a torque counts by sqrt(K_c/K_r)
 ///     at a touch with κ < 0.05: z = x_echo, LP_a f = f      of a robot that bounces the spring goes on
 ///     κ    = LP_20ms of 1 in contact, LP_50ms of 0 else;     f_d *= c ramp,   c = min(1, m_handle/(4 T² K_c))
 ///     g    = b v,  v = LP_3ms Δx/T,   b = 0.5 + κ (9.5 + 10 (1 - LP_20ms s)) N s/m,  about the axes 0.3 b K_r/K_c;   at most m_handle/(4T)
@@ -91,7 +91,8 @@ class ContactSpringMaster final : public Copyable<ContactSpringMaster<N>, Master
   using Vector = typename Force<N>::Vector;
   using Linear = Point<D>;
 
-  static constexpr double kTurn = 0.1, kFilter_s = 0.1, kFilterOfRoundTrip = 0.5, kSlip_n = 0.3, kNewContact = 0.05;
+  static constexpr double kTurn = 0.1, kFilter_s = 0.1, kFilterOfRoundTrip = 0.5, kSlip_n = 0.3, kKept = 4.0,
+                          kNewContact = 0.05;
   static constexpr double kTouch_s = 20e-3, kLeave_s = 50e-3, kScale_s = 20e-3, kOffset_s = 50e-3,
                           kOffsetOutside_s = 0.3, kDamperVelocity_s = 3e-3;
   static constexpr double kDampingFree = 0.5, kDamping = 9.5, kHarvest = 10.0, kDampingAboutAxes = 0.3;  // [N s/m]
@@ -116,7 +117,8 @@ class ContactSpringMaster final : public Copyable<ContactSpringMaster<N>, Master
     f_slow_ += a * (f - f_slow_);
     unexplained_ = Force<N>{f - f_slow_ - k_.cwiseProduct((echo - echo_slow_).vec())};
     Vector e = (in.device.x - anchor_).vec();
-    const double size = norm(k_.cwiseProduct(e)), most = kSlip_n + norm(f_slow_) + stiffness_ * offset_.norm();
+    const double f_n = norm(f_slow_), kept_n = std::min(stiffness_ * offset_.norm(), kKept * f_n);
+    const double size = norm(k_.cwiseProduct(e)), most = kSlip_n + f_n + kept_n;
     if (size > most) {
       e *= most / size;
       anchor_ = in.device.x + Displacement<N>{-e};
