@@ -319,7 +319,7 @@ AdversaryRun run_of(const std::string& method, AdversaryRun out, Draw& draw, con
       robot_j += dot(pushed, driven).si();
       hand_j += dot(held, by).si();
       damped_j += handle.damping().dot(by.vec().cwiseAbs2()) / dt.si();
-      out.unforeseen_j += std::abs(dot(held, Displacement<N>{dt.si() * error.step(by.vec() / dt.si(), held)}).si());
+      out.unforeseen_j += dt.si() * std::abs(held.vec().dot(error.step(by.vec() / dt.si(), held)));
       largest2 = std::max({largest2, by.squared_norm(), driven.squared_norm()});
     }
     auto to_robot = slave.step({Instant<SlaveClock>{now}, dt}, {robot.x(), robot.v(), -robot.own_force()},

@@ -154,7 +154,7 @@ TEST(AtWork, ReHomingTakesTheForceAway) {
     w.until(4.2);
     std::printf("[          ] %s dof %d: felt %.3f N, on the wall %.3f N, account %.2f mJ, least %.3f mJ\n", method, N,
                 w.felt_n(), w.robot.last.f_environment[0], 1e3 * w.session.master().observed().si(), 1e3 * w.least_j);
-    // 5 % of what was felt: INTERNAL_MODEL goes on learning where the wall is. With six axes its spring rests where it slipped to: 10 %.
+    // 5 % of what was felt: INTERNAL_MODEL goes on learning where the wall is. With six axes more of it stays: 10 %.
     EXPECT_LT(w.felt_n(), N == 6 ? 0.5 : 0.25);
     EXPECT_NEAR(w.session.master().observed().si(), w.hand->truth()->port_energy.si(), 1e-9);
     EXPECT_GE(w.least_j, -kInitial_j - 1e-9);

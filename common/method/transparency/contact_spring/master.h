@@ -15,7 +15,7 @@
 namespace twoport {
 
 /// Master half for tools with many contacts: the delayed wrench and a local spring of full rank, anchored where the robot's set point
-/// was when that wrench was measured. At rest x_echo = x, so the hand feels the measured wrench.
+/// was when that wrench was measured. At rest x_echo = x - o, so the hand feels the measured wrench.
 ///
 ///     f_d  = κ (LP_a f + K e),   e = x - z,  z = LP_a x_echo,   K = diag(K_c, t K_r),  t = 0.1,   a = 0.1 s + R/2
 ///     |K e| <= 0.3 N + |LP_a f| + min(K_c |o|, 4 |LP_a f|): beyond, z follows x, the anchor slips; a torque counts by sqrt(K_c/K_r)
