@@ -62,7 +62,7 @@ class NetworkConditions : public testing::TestWithParam<Case> {};
 TEST_P(NetworkConditions, KeepWhatTheMethodPromises) {
   const auto& [method, condition] = GetParam();
   const Summary s = lab::run(scene_of(method, condition.scene, condition.link));
-  const auto is = [&](const auto&... each) { return ((method == each) || ...); };
+  const auto is = [&method = method](const auto&... each) { return ((method == each) || ...); };
   EXPECT_GT(s.coupled_share(), 0.5) << s.verdict();
   // No promise: NONE, FOUR_CHANNEL. A hundred times a second a held force is more than CLASSIC's damping covers.
   if (!is("NONE", "FOUR_CHANNEL", "CLASSIC")) {
