@@ -113,7 +113,7 @@ class Words {
 };
 
 /// A word for a message: printable, and not long.
-std::string quoted(std::string_view word) {
+std::string in_quotes(std::string_view word) {
   std::string out;
   for (const char c : word.substr(0, 20)) out += c >= ' ' && c <= '~' ? c : '?';
   return "\"" + out + "\"";
@@ -132,7 +132,7 @@ Eigen::Vector3d coordinates(const Builder& builder, const Words& words, Next nex
     const std::string_view word = next();
     const std::optional<double> value = number<double>(word);
     if (!value)
-      builder.fail(fmt::format("line {}: {} stands where a coordinate is expected", words.line(), quoted(word)));
+      builder.fail(fmt::format("line {}: {} stands where a coordinate is expected", words.line(), in_quotes(word)));
     v[i] = *value;
   }
   builder.check(v, fmt::format("line {}", words.line()));
@@ -144,14 +144,14 @@ TriangleMesh parse_ascii_stl(std::string_view content, Builder& builder) {
   words.next_line();  // solid NAME
   const auto expect = [&](std::string_view wanted) {
     if (const std::string_view word = words.next_anywhere(); word != wanted)
-      builder.fail(fmt::format("line {}: {} stands where \"{}\" is expected", words.line(), quoted(word), wanted));
+      builder.fail(fmt::format("line {}: {} stands where \"{}\" is expected", words.line(), in_quotes(word), wanted));
   };
   for (;;) {
     const std::string_view word = words.next_anywhere();
     if (word == "endsolid") break;
     if (word != "facet")
       builder.fail(
-          fmt::format("line {}: {} stands where \"facet\" or \"endsolid\" is expected", words.line(), quoted(word)));
+          fmt::format("line {}: {} stands where \"facet\" or \"endsolid\" is expected", words.line(), in_quotes(word)));
     expect("normal");
     for (int i = 0; i < 3; ++i) words.next_anywhere();  // what it says does not count: the order of the vertices does
     expect("outer"), expect("loop");
@@ -171,7 +171,7 @@ std::uint32_t obj_index(const Builder& builder, const Words& words, std::string_
   const std::optional<std::int64_t> index = number<std::int64_t>(word.substr(0, word.find('/')));
   const auto count = static_cast<std::int64_t>(builder.vertices());
   if (!index || *index == 0 || *index > count || *index < -count)
-    builder.fail(fmt::format("line {}: {} names no vertex; there are {} so far", words.line(), quoted(word), count));
+    builder.fail(fmt::format("line {}: {} names no vertex; there are {} so far", words.line(), in_quotes(word), count));
   return static_cast<std::uint32_t>(*index > 0 ? *index - 1 : count + *index);
 }
 

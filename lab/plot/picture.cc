@@ -19,7 +19,7 @@ constexpr double kCharacter = 6.7, kMark = 26.0, kEntryGap = 28.0, kLegendRow = 
 constexpr double kTitle = 40.0, kPanelTitle = 22.0, kBarGap = 25.0, kBarWidth = 22.0, kBarRight = 150.0;
 
 /// In single quotes for gnuplot; the only escape there is a doubled quote.
-std::string quoted(std::string_view text) {
+std::string gnuplot_string(std::string_view text) {
   std::string out = "'";
   for (const char c : text) out += c == '\'' ? "''" : std::string(1, c);
   return out + "'";
@@ -127,7 +127,7 @@ class Page {
   // gnuplot gives every entry of a legend the width of the longest and keeps all within one panel: it is drawn by hand.
   [[nodiscard]] std::string heading() const {
     std::string gp = fmt::format("set label 999 {} at screen 0.5, screen {} center front font ',12'\n",
-                                 quoted(p_.title), y(total_y_ - 0.5 * kTitle));
+                                 gnuplot_string(p_.title), y(total_y_ - 0.5 * kTitle));
     int tag = 1000;
     for (const Entry& e : legend_) {
       double row_wide = 0.0;
@@ -158,8 +158,8 @@ class Page {
               x(at), up, x(at + 18.0), up, e.series->look == Look::arrows ? "head" : "nohead",
               e.series->look == Look::dashes ? 2 : 1, colour);
       }
-      gp += fmt::format("set label {} {} at screen {}, screen {} left front\n", tag + 1000, quoted(e.series->name),
-                        x(at + kMark), up);
+      gp += fmt::format("set label {} {} at screen {}, screen {} left front\n", tag + 1000,
+                        gnuplot_string(e.series->name), x(at + kMark), up);
     }
     return gp;
   }
@@ -174,7 +174,7 @@ class Page {
     return fmt::format(
         "set palette defined ({})\nset cblabel {} offset 2,0\nset cbrange [{}:{}]\nset format cb '%g'\n{}"
         "set colorbox user origin screen {}, screen {} size screen {}, screen {}\n",
-        kPalettes[static_cast<int>(p_.bar->palette)], quoted(p_.bar->label.text()), p_.bar->low, p_.bar->high,
+        kPalettes[static_cast<int>(p_.bar->palette)], gnuplot_string(p_.bar->label.text()), p_.bar->low, p_.bar->high,
         p_.bar->logarithmic ? "set logscale cb\n" : "", 1.0 - x(right_ - kBarGap), low, x(kBarWidth), high - low);
   }
 
@@ -187,7 +187,7 @@ class Page {
     const auto end = [](double v) { return std::isfinite(v) ? fmt::format("{}", v) : std::string{"*"}; };
     std::string gp =
         fmt::format("{} logscale {}\nset {}label {}\nset {}range [{}:{}]\n", s.logarithmic ? "set" : "unset", name,
-                    name, labelled ? quoted(s.label.text()) : "''", name, end(s.low), end(s.high));
+                    name, labelled ? gnuplot_string(s.label.text()) : "''", name, end(s.low), end(s.high));
     // Not every tick has its number where they would touch.
     double needed = 0.0;
     for (const auto& [at, text] : s.ticks) needed += name == 'x' ? kCharacter * characters(text) + 8.0 : 16.0;
@@ -196,7 +196,7 @@ class Page {
     std::vector<std::string> ticks;
     for (std::size_t i = 0; i < s.ticks.size(); ++i)
       ticks.push_back(
-          fmt::format("{} {}", quoted(labelled && i % every == 0 ? s.ticks[i].second : ""), s.ticks[i].first));
+          fmt::format("{} {}", gnuplot_string(labelled && i % every == 0 ? s.ticks[i].second : ""), s.ticks[i].first));
     // At 1, 2, 5 of each decade where gnuplot would put one or two.
     if (ticks.empty() && s.logarithmic && s.low > 0.0 && s.high < 1e3 * s.low)
       for (double decade = std::pow(10.0, std::floor(std::log10(s.low))); decade <= s.high; decade *= 10.0)
@@ -223,7 +223,7 @@ class Page {
     std::string gp = fmt::format(
         "set lmargin at screen {}\nset rmargin at screen {}\nset bmargin at screen {}\nset tmargin at screen {}\n",
         x(left), x(left + width_), y(low), y(low + height_));
-    gp += fmt::format("set title {} offset 0,-0.5\n", quoted(panel.title));
+    gp += fmt::format("set title {} offset 0,-0.5\n", gnuplot_string(panel.title));
     gp += axis('x', panel.x, panel.z || at_bottom(i)) + axis('y', panel.y, panel.z || at_left(i));
     const bool boxes =
         std::any_of(panel.series.begin(), panel.series.end(), [](const Series& s) { return s.look == Look::boxes; });
@@ -262,7 +262,7 @@ class Page {
     }
     if (rows.empty()) return "";
     while (rows.ends_with("\n\n")) rows.pop_back();
-    const std::string from = fmt::format("{} index {} using ", quoted(p_.name + ".dat"), blocks_++);
+    const std::string from = fmt::format("{} index {} using ", gnuplot_string(p_.name + ".dat"), blocks_++);
     data_ += fmt::format("# {}\n{}\n\n", s.name.empty() ? "-" : s.name, rows);
     const std::string xyz = solid ? "1:2:3" : "1:2", ink = fmt::format("lc rgb '{}'", s.colour);
     const auto line = [&](const char* with, int dash) {
@@ -305,7 +305,7 @@ class Page {
         "set terminal {} size {:.0f},{:.0f} font 'DejaVu Sans,10' background rgb 'white'\nset output {}\n"
         "set termoption noenhanced\nset border lc rgb '#505050'\nset tics textcolor rgb '#202020' nomirror out\n"
         "set grid lc rgb '#e4e4e4'\n{}unset output\nreset\n",
-        terminal, total_x_, total_y_, quoted(p_.name + ending), body);
+        terminal, total_x_, total_y_, gnuplot_string(p_.name + ending), body);
   }
 
   const Picture& p_;
