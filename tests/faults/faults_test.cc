@@ -25,6 +25,7 @@
 #include "sim/sim_robot.h"
 #include "slave/slave_node.h"
 #include "tests/support/memory_network.h"
+#include "tests/support/sanitized.h"
 
 // Both programs in virtual time, with hardware that goes on when a program does not, under schedules of faults drawn from a
 // seed: kill, stop, restart, steps of the clock, delay, loss, duplication, reordering, damaged bytes, and a peer that lies.
@@ -431,11 +432,7 @@ class Schedule {
 /// How many of each test; more with TWOPORT_SCHEDULES=100000 in the environment. TWOPORT_SEED=S: that one only.
 int schedules() {
   const char* wanted = std::getenv("TWOPORT_SCHEDULES");
-#if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
-  return wanted ? std::atoi(wanted) : 4;
-#else
-  return wanted ? std::atoi(wanted) : 40;
-#endif
+  return wanted ? std::atoi(wanted) : kSanitized ? 4 : 40;
 }
 
 template <int N>

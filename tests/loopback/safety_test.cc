@@ -18,6 +18,7 @@
 #include "common/wire/codec.h"
 #include "tests/loopback/relay.h"
 #include "tests/support/live.h"
+#include "tests/support/sanitized.h"
 
 // Limits that hold against the other side, whatever it says, and against what happens to the own program (docs/reference/safety.md).
 namespace twoport::test {
@@ -291,10 +292,11 @@ TEST(Safety, OnlyTheCycleHasRealTimePriorityWhereTheProgramWasStartedWithIt) {
   pair.share_key();
   Process slave{{"chrt", "-f", "5", TWOPORT_SLAVE, "--scene", pair.scene, "--listen", pair.address(), "--no-spin",
                  "--key", pair.scheduling.back()}};
+  if (kThreadSanitizer) GTEST_SKIP() << "the sanitizer has a thread of its own";
   if (!slave.says("listening on", 5s)) GTEST_SKIP() << "no right to real time, or no chrt: " << slave.err();
   std::this_thread::sleep_for(200ms);
   std::vector<int> all = policies(slave.pid());
-  EXPECT_EQ(all.size(), 4u) << "the cycle, the recording, the handshakes and the watchdog";
+  ASSERT_EQ(all.size(), 4u) << "the cycle, the recording, the handshakes and the watchdog";
   EXPECT_EQ(std::count(all.begin(), all.end(), SCHED_FIFO), 1);
   EXPECT_EQ(std::count(all.begin(), all.end(), SCHED_OTHER), 3);
   slave.send(SIGINT);

@@ -15,6 +15,7 @@
 #include "common/wire/codec.h"
 #include "tests/loopback/relay.h"
 #include "tests/support/live.h"
+#include "tests/support/sanitized.h"
 
 // Two programs with a key, and what those without can do.
 namespace twoport::test {
@@ -44,7 +45,9 @@ TEST(Key, MadeByKeygenCouplesTwoPrograms) {
   EXPECT_EQ(finished({TWOPORT_KEYGEN}).wait(), exited(2));
   const std::string lost = pair.at("lost");
   Process limited = finished({"/bin/sh", "-c", "ulimit -f 0; exec " + std::string{TWOPORT_KEYGEN} + " \"$0\"", lost});
-  EXPECT_EQ(limited.wait(), exited(1));
+  if (!kThreadSanitizer) {  // which writes before main() begins
+    EXPECT_EQ(limited.wait(), exited(1));
+  }
   EXPECT_FALSE(std::filesystem::exists(lost));
 
   pair.scheduling.insert(pair.scheduling.end(), {"--key", key});

@@ -4,18 +4,13 @@
 set -euo pipefail
 build=$(readlink -f "$1")
 skip() { echo "skipped: $1"; exit 77; }
-[ "$(id -u)" = 0 ] || skip "only root may make a bare root"
-for tool in debootstrap dpkg-shlibdeps; do command -v $tool >/dev/null || skip "$tool is not installed (apt-get install debootstrap dpkg-dev)"; done
+command -v dpkg-shlibdeps >/dev/null || skip "dpkg-shlibdeps is not installed (apt-get install dpkg-dev)"
 . /etc/os-release
-mirror=$(cat /etc/apt/sources.list /etc/apt/sources.list.d/*.{list,sources} 2>/dev/null | grep -E '^(URIs:|deb )' | grep -oE 'https?://[^ ]*/debian/?( |$)' | head -n 1 || true)
-[ -n "$mirror" ] || skip "no mirror of Debian is known here"
 
 work=$(mktemp -d)
 root=$work/root
 trap 'umount "$root/proc" 2>/dev/null || true; rm -rf --one-file-system "$work"' EXIT
-debootstrap --variant=minbase "${VERSION_CODENAME:-bookworm}" "$root" "$mirror" >"$work/log" 2>&1 || skip "debootstrap: $(tail -n 1 "$work/log")"
-mount -t proc proc "$root/proc" 2>/dev/null || skip "/proc cannot be mounted here"
-cp -r /etc/apt/apt.conf.d/. "$root/etc/apt/apt.conf.d/"
+"$(dirname "$0")/../../scripts/bare_root" "${VERSION_CODENAME:-bookworm}" "$root"
 cpack --config "$build/CPackConfig.cmake" -B "$work" >"$work/log" 2>&1 || { cat "$work/log"; exit 1; }
 cp "$work"/twoport_*.deb "$root/tmp/twoport.deb"
 installs() { chroot "$root" env -i PATH=/usr/sbin:/usr/bin:/sbin:/bin DEBIAN_FRONTEND=noninteractive apt-get "$@" >"$work/log" 2>&1 || { cat "$work/log"; exit 1; }; }

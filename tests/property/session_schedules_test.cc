@@ -14,6 +14,7 @@
 #include "common/link/mailbox.h"
 #include "common/wire/link_transport.h"
 #include "tests/support/memory_network.h"
+#include "tests/support/sanitized.h"
 
 // Whole sessions in virtual time under random schedules: every datagram goes through codec and handshake as bytes, over
 // a network that delays, loses, repeats, reorders and damages it, while programs start again, hang and compete, and
@@ -321,11 +322,7 @@ class Schedule {
 /// How many of each kind; more with TWOPORT_SCHEDULES=100000 in the environment.
 int schedules() {
   const char* wanted = std::getenv("TWOPORT_SCHEDULES");
-#if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
-  return wanted ? std::atoi(wanted) : 100;
-#else
-  return wanted ? std::atoi(wanted) : 1000;
-#endif
+  return wanted ? std::atoi(wanted) : kSanitized ? 100 : 1000;
 }
 
 /// Runs the schedules of seeds from `seed` on and asserts what holds in each of them.

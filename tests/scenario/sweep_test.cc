@@ -31,6 +31,7 @@
 #include "lab/study/parallel.h"
 #include "lab/study/seeds.h"
 #include "tests/support/process.h"
+#include "tests/support/sanitized.h"
 
 namespace twoport::lab {
 namespace {
@@ -680,9 +681,7 @@ TEST(SweepProgram, SaysWhyACellCannotBeKept) {
 
 // In memory, 20,000 more rows take 200 MB.
 TEST(SweepProgram, KeepsItsRowsOnDisk) {
-#ifdef __SANITIZE_ADDRESS__
-  GTEST_SKIP() << "freed memory is kept by the sanitizer";
-#endif
+  if (kAddressSanitizer) GTEST_SKIP() << "freed memory is kept by the sanitizer";
   const Folder folder;
   const auto largest_kb = [&](const std::string& values, const std::string& out) {
     expect_done(finished(lab({"sweep", kHeld, "--set", "duration_s=0.01", "--verdict", "plain", "--plot", "none",
@@ -788,9 +787,7 @@ TEST(SweepProgram, ListsItsFigures) {
 
 // The address space has room for the stacks of a few threads more.
 TEST(Parallel, TakesTheThreadsThatItGets) {
-#if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
-  GTEST_SKIP() << "sanitizers take address space of their own";
-#endif
+  if (kSanitized) GTEST_SKIP() << "sanitizers take address space of their own";
   std::ifstream pages{"/proc/self/statm"};
   rlim_t used = 0;
   pages >> used;

@@ -8,6 +8,8 @@
 #include <cstddef>
 #include <cstdlib>
 
+#include "tests/support/sanitized.h"
+
 /// Counts what this thread allocates. Including this header interposes malloc and its family (and so operator new) in
 /// the test program; under a sanitizer, which has its own, it listens to that one's hook instead.
 ///
@@ -28,15 +30,7 @@ class NoAlloc {
   int before_;
 };
 
-#if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
-#define TWOPORT_SANITIZED
-#elif defined(__has_feature)
-#if __has_feature(address_sanitizer) || __has_feature(thread_sanitizer)
-#define TWOPORT_SANITIZED
-#endif
-#endif
-
-#ifdef TWOPORT_SANITIZED
+#if defined(TWOPORT_ADDRESS_SANITIZER) || defined(TWOPORT_THREAD_SANITIZER)
 
 extern "C" int __sanitizer_install_malloc_and_free_hooks(void (*)(const volatile void*, std::size_t),
                                                          void (*)(const volatile void*));
