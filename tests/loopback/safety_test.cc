@@ -288,11 +288,11 @@ std::vector<int> policies(pid_t pid) {
 }
 
 TEST(Safety, OnlyTheCycleHasRealTimePriorityWhereTheProgramWasStartedWithIt) {
+  if (kThreadSanitizer) GTEST_SKIP() << "the sanitizer has a thread of its own";
   Pair pair;
   pair.share_key();
   Process slave{{"chrt", "-f", "5", TWOPORT_SLAVE, "--scene", pair.scene, "--listen", pair.address(), "--no-spin",
                  "--key", pair.scheduling.back()}};
-  if (kThreadSanitizer) GTEST_SKIP() << "the sanitizer has a thread of its own";
   if (!slave.says("listening on", 5s)) GTEST_SKIP() << "no right to real time, or no chrt: " << slave.err();
   std::this_thread::sleep_for(200ms);
   std::vector<int> all = policies(slave.pid());
