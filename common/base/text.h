@@ -23,6 +23,8 @@ std::string_view trimmed(std::string_view text);
 std::string_view take_line(std::string_view& rest);
 /// As a terminal may show it: control characters other than line ends and tabs as \xNN.
 std::string printable(std::string_view text);
+/// As printable(), in one line: line ends and tabs are blanks.
+std::string in_one_line(std::string_view text);
 /// As a JSON string, quotes included.
 std::string json_string(std::string_view text);
 

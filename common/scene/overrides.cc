@@ -45,6 +45,11 @@ std::string allowed(const pb::FieldDescriptor& field, bool element) {
   return field.is_repeated() && !element ? fmt::format("a list [...], each {}", one) : one;
 }
 
+/// In one line, whatever stands in the override.
+std::string refusal(const std::string& assignment, const std::string& sentence) {
+  return in_one_line(fmt::format("override {}: {}", assignment, sentence));
+}
+
 /// One override on its way through the scene.
 class Override {
  public:
@@ -65,9 +70,7 @@ class Override {
   }
 
  private:
-  [[noreturn]] void fail(const std::string& sentence) const {
-    throw ConfigError{fmt::format("override {}: {}", assignment_, sentence)};
-  }
+  [[noreturn]] void fail(const std::string& sentence) const { throw ConfigError{refusal(assignment_, sentence)}; }
   [[nodiscard]] const pb::Reflection& reflection() const { return *block_->GetReflection(); }
   [[nodiscard]] int size() const { return reflection().FieldSize(*block_, field_); }
   [[nodiscard]] bool indexed() const { return index_ >= 0; }
@@ -159,8 +162,8 @@ std::string assignment_error(const std::string& assignment) {
   const std::size_t end = std::min(whole.find_first_of(" :{<\t\n"), whole.size());
   const std::size_t value = std::min(whole.find_first_not_of(" :\t\n", end), whole.size());
   const std::string_view path = end > 0 ? whole.substr(0, end) : "to_slave.delay_ms";
-  return fmt::format("override {}: it has no \"=\"; it must read PATH=VALUE, as in {}={}", assignment, path,
-                     value < whole.size() ? whole.substr(value) : "VALUE");
+  return refusal(assignment, fmt::format("it has no \"=\"; it must read PATH=VALUE, as in {}={}", path,
+                                         value < whole.size() ? whole.substr(value) : "VALUE"));
 }
 
 std::string apply_override(schema::Scene& scene, const std::string& assignment) {

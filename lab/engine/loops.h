@@ -7,6 +7,7 @@
 #include <optional>
 #include <vector>
 
+#include "common/base/sanitized.h"
 #include "common/link/clock_offset.h"
 #include "common/link/delay_line.h"
 #include "common/link/mailbox.h"
@@ -25,7 +26,7 @@
 #include "slave/slave_node.h"
 
 // All of a tick in one function, but not under a sanitizer, where that takes minutes to compile.
-#if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
+#if defined(TWOPORT_ADDRESS_SANITIZER) || defined(TWOPORT_THREAD_SANITIZER)
 #define TWOPORT_FLATTEN
 #else
 #define TWOPORT_FLATTEN [[gnu::flatten]]

@@ -15,6 +15,7 @@
 #include <utility>
 #include <vector>
 
+#include "common/base/sanitized.h"
 #include "common/method/catalogue.h"
 #include "common/runtime/cycle.h"
 #include "common/safety/guarded_transport.h"
@@ -25,7 +26,6 @@
 #include "sim/sim_robot.h"
 #include "slave/slave_node.h"
 #include "tests/support/memory_network.h"
-#include "tests/support/sanitized.h"
 
 // Both programs in virtual time, with hardware that goes on when a program does not, under schedules of faults drawn from a
 // seed: kill, stop, restart, steps of the clock, delay, loss, duplication, reordering, damaged bytes, and a peer that lies.

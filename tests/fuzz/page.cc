@@ -108,7 +108,7 @@ std::string commands(Server& s, std::string_view bytes, std::size_t piece) {
   client.send("GET /live HTTP/1.1\r\nHost: " + s.host + "\r\nOrigin: http://" + s.host +
               "\r\nUpgrade: websocket\r\nConnection: Upgrade\r\nSec-WebSocket-Key: dGhlIHNhbXBsZSBub25jZQ==\r\n"
               "Sec-WebSocket-Version: 13\r\n\r\n");
-  require(client.receive("introduction").ends_with("introduction"), "a page is greeted");
+  require(client.receive("introduction").find("introduction") != std::string::npos, "a page is greeted");
   for (std::size_t at = 0; at < bytes.size(); at += piece) client.send(bytes.substr(at, piece));
   static_cast<void>(client.rest());
   // A WebSocket may be closed before it is given up; the next connection comes after both.

@@ -15,10 +15,10 @@
 #include <thread>
 #include <vector>
 
+#include "common/base/sanitized.h"
 #include "common/wire/codec.h"
 #include "tests/loopback/relay.h"
 #include "tests/support/live.h"
-#include "tests/support/sanitized.h"
 
 // Limits that hold against the other side, whatever it says, and against what happens to the own program (docs/reference/safety.md).
 namespace twoport::test {

@@ -12,10 +12,10 @@
 #include <string>
 #include <thread>
 
+#include "common/base/sanitized.h"
 #include "common/wire/codec.h"
 #include "tests/loopback/relay.h"
 #include "tests/support/live.h"
-#include "tests/support/sanitized.h"
 
 // Two programs with a key, and what those without can do.
 namespace twoport::test {

@@ -4,8 +4,8 @@
 #include <cmath>
 #include <string>
 
+#include "common/base/sanitized.h"
 #include "tests/support/live.h"
-#include "tests/support/sanitized.h"
 
 // Where time is the subject: these run alone, with all the real time that the machine permits.
 namespace twoport::test {

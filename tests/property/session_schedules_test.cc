@@ -11,10 +11,10 @@
 #include <string>
 #include <vector>
 
+#include "common/base/sanitized.h"
 #include "common/link/mailbox.h"
 #include "common/wire/link_transport.h"
 #include "tests/support/memory_network.h"
-#include "tests/support/sanitized.h"
 
 // Whole sessions in virtual time under random schedules: every datagram goes through codec and handshake as bytes, over
 // a network that delays, loses, repeats, reorders and damages it, while programs start again, hang and compete, and

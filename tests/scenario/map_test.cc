@@ -56,6 +56,7 @@ TEST(Map, StoppedAfterALevelHasCellsOfTheWholeOne) {
   options.round_trips_ms = {0, 20, 50, 100, 200};
   options.stiffnesses_n_per_m = {300, 1000, 2000, 4000, 8000, 16000};
   options.seeds = 1;
+  options.lanes = 2;  // the size of the first round follows the number of lanes
   const Map whole = make_map(options);
   std::atomic<bool> stop{false};
   options.stop = &stop;

@@ -23,6 +23,7 @@
 
 #include "common/base/check.h"
 #include "common/base/file.h"
+#include "common/base/sanitized.h"
 #include "common/record/summary.h"
 #include "common/scene/load.h"
 #include "lab/plot/pictures.h"
@@ -31,7 +32,6 @@
 #include "lab/study/parallel.h"
 #include "lab/study/seeds.h"
 #include "tests/support/process.h"
-#include "tests/support/sanitized.h"
 
 namespace twoport::lab {
 namespace {

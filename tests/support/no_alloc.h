@@ -8,7 +8,7 @@
 #include <cstddef>
 #include <cstdlib>
 
-#include "tests/support/sanitized.h"
+#include "common/base/sanitized.h"
 
 /// Counts what this thread allocates. Including this header interposes malloc and its family (and so operator new) in
 /// the test program; under a sanitizer, which has its own, it listens to that one's hook instead.

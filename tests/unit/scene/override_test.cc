@@ -98,6 +98,14 @@ TEST_P(UnusableOverride, NamesPathValueAndWhatIsAllowed) {
   EXPECT_TRUE(says(e, GetParam().words));
 }
 
+TEST(Override, IsRefusedInOneLineWhateverStandsInIt) {
+  for (const char* assignment : {"\nJ", "dof=\n\t\"", "a\x1b[2J\n=1", "robot={\n mas_kg: 1\n}"}) {
+    const std::string e = error_of(kStiffWall, {assignment});
+    EXPECT_FALSE(e.empty()) << assignment;
+    EXPECT_EQ(e.find_first_of("\n\t\x1b"), std::string::npos) << e;
+  }
+}
+
 INSTANTIATE_TEST_SUITE_P(
     All, UnusableOverride,
     ::testing::Values(

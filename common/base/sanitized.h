@@ -1,6 +1,6 @@
 #pragma once
 
-// The sanitizers that a test is built with: GCC defines a macro for each, clang answers __has_feature.
+// The sanitizers that a file is built with: GCC defines a macro for each, clang answers __has_feature.
 #ifdef __has_feature
 #define TWOPORT_HAS_FEATURE(feature) __has_feature(feature)
 #else
