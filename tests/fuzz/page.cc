@@ -5,9 +5,14 @@
 
 #include <algorithm>
 #include <array>
+#include <cerrno>
+#include <chrono>
 #include <cmath>
+#include <cstdio>
+#include <optional>
 #include <string>
 #include <string_view>
+#include <thread>
 
 #include "common/page/channel.h"
 #include "common/platform/page_server.h"
@@ -67,7 +72,13 @@ class Client {
     to.sin_family = AF_INET;
     to.sin_port = htons(port);
     to.sin_addr.s_addr = htonl(INADDR_LOOPBACK);
-    require(connect(fd_, reinterpret_cast<const sockaddr*>(&to), sizeof to) == 0, "the server accepts");
+    int error = connect(fd_, reinterpret_cast<const sockaddr*>(&to), sizeof to) == 0 ? 0 : errno;
+    // Ports of connections that the server has ended are taken for a minute.
+    for (int attempt = 0; error == EADDRNOTAVAIL && attempt < 100; ++attempt) {
+      std::this_thread::sleep_for(std::chrono::milliseconds{100});
+      error = connect(fd_, reinterpret_cast<const sockaddr*>(&to), sizeof to) == 0 ? 0 : errno;
+    }
+    require(error == 0, "the server accepts");
   }
   ~Client() { close(fd_); }
   Client(const Client&) = delete;
@@ -102,15 +113,28 @@ void check_request(const Server& s, std::string_view bytes) {
   require(answer.empty() || answer.starts_with("HTTP/1.1 "), "an answer is HTTP");
 }
 
+/// A page that was greeted. At most eight are open, and one that has ended is given up a little later.
+void greet(const Server& s, std::optional<Client>& page) {
+  std::string got;
+  for (int attempt = 0; attempt < 500; ++attempt) {
+    page.emplace(s.port).send(
+        "GET /live HTTP/1.1\r\nHost: " + s.host + "\r\nOrigin: http://" + s.host +
+        "\r\nUpgrade: websocket\r\nConnection: Upgrade\r\nSec-WebSocket-Key: dGhlIHNhbXBsZSBub25jZQ==\r\n"
+        "Sec-WebSocket-Version: 13\r\n\r\n");
+    got = page->receive("introduction");
+    if (got.find("introduction") != got.npos) return;
+    std::this_thread::sleep_for(std::chrono::milliseconds{10});
+  }
+  std::fprintf(stderr, "received: %s\n", got.c_str());
+  require(false, "a page is greeted within five seconds");
+}
+
 /// The commands of the bytes as frames of a WebSocket, in pieces.
 std::string commands(Server& s, std::string_view bytes, std::size_t piece) {
-  const Client client{s.port};
-  client.send("GET /live HTTP/1.1\r\nHost: " + s.host + "\r\nOrigin: http://" + s.host +
-              "\r\nUpgrade: websocket\r\nConnection: Upgrade\r\nSec-WebSocket-Key: dGhlIHNhbXBsZSBub25jZQ==\r\n"
-              "Sec-WebSocket-Version: 13\r\n\r\n");
-  require(client.receive("introduction").find("introduction") != std::string::npos, "a page is greeted");
-  for (std::size_t at = 0; at < bytes.size(); at += piece) client.send(bytes.substr(at, piece));
-  static_cast<void>(client.rest());
+  std::optional<Client> client;
+  greet(s, client);
+  for (std::size_t at = 0; at < bytes.size(); at += piece) client->send(bytes.substr(at, piece));
+  static_cast<void>(client->rest());
   // A WebSocket may be closed before it is given up; the next connection comes after both.
   static_cast<void>(Client{s.port}.rest());
   std::string seen;
