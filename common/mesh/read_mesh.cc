@@ -9,6 +9,7 @@
 #include <cstring>
 #include <optional>
 #include <unordered_map>
+#include <utility>
 #include <vector>
 
 #include "common/base/check.h"
@@ -18,6 +19,7 @@ namespace twoport {
 namespace {
 
 constexpr double kMostCoordinate = 1e6;
+constexpr std::size_t kMostCorners = 1000;  // of a face
 
 /// Collects triangles; the messages of both formats.
 class Builder {
@@ -45,6 +47,35 @@ class Builder {
     if (!((q - p).cross(r - p).squaredNorm() > 0.0)) return;
     if (mesh_.triangles.size() == kMostTriangles) fail(fmt::format("it has more than {} triangles", kMostTriangles));
     mesh_.triangles.push_back({a, b, c});
+  }
+  /// Triangles of a plane polygon, convex or not, by its ears: those from its first corner where it is convex (Meisters, Polygons have
+  /// ears, American Mathematical Monthly 82, 1975).
+  void polygon(std::vector<std::uint32_t> corner) {
+    const auto at = [&](std::size_t i) -> const Eigen::Vector3d& { return mesh_.vertices[corner[i % corner.size()]]; };
+    Eigen::Vector3d normal = Eigen::Vector3d::Zero();
+    for (std::size_t i = 1; i + 1 < corner.size(); ++i) normal += (at(i) - at(0)).cross(at(i + 1) - at(0));
+    const auto turn = [&](const Eigen::Vector3d& a, const Eigen::Vector3d& b, const Eigen::Vector3d& c) {
+      return normal.dot((b - a).cross(c - a));
+    };
+    const auto is_ear = [&](std::size_t i) {
+      const Eigen::Vector3d &a = at(i - 1), &b = at(i), &c = at(i + 1);
+      if (!(turn(a, b, c) > 0.0)) return false;
+      for (std::size_t k = 0; k < corner.size(); ++k) {
+        const Eigen::Vector3d& p = at(k);
+        if (p == a || p == b || p == c) continue;
+        if (turn(a, b, p) >= 0.0 && turn(b, c, p) >= 0.0 && turn(c, a, p) >= 0.0) return false;
+      }
+      return true;
+    };
+    while (corner.size() > 3) {
+      std::size_t ear = 1;
+      while (ear < corner.size() && !is_ear(ear)) ++ear;
+      if (ear == corner.size() && !is_ear(ear)) ear = 1;  // of no simple polygon: the shell is refused later
+      const std::size_t i = ear % corner.size();
+      triangle(corner[(i + corner.size() - 1) % corner.size()], corner[i], corner[(i + 1) % corner.size()]);
+      corner.erase(corner.begin() + static_cast<std::ptrdiff_t>(i));
+    }
+    triangle(corner[0], corner[1], corner[2]);
   }
   [[nodiscard]] std::size_t vertices() const { return mesh_.vertices.size(); }
   TriangleMesh finish() {
@@ -182,16 +213,14 @@ TriangleMesh parse_obj(std::string_view content, Builder& builder) {
     if (kind == "v") {
       builder.vertex(coordinates(builder, words, [&] { return words.next(); }));
     } else if (kind == "f") {
-      const std::string_view a = words.next(), b = words.next();
-      std::string_view c = words.next();
-      if (c.empty()) builder.fail(fmt::format("line {}: a face has fewer than three vertices", words.line()));
-      const std::uint32_t first = obj_index(builder, words, a);
-      std::uint32_t before = obj_index(builder, words, b);
-      for (; !c.empty(); c = words.next()) {
-        const std::uint32_t corner = obj_index(builder, words, c);
-        builder.triangle(first, before, corner);
-        before = corner;
+      std::vector<std::uint32_t> corners;
+      for (std::string_view word = words.next(); !word.empty(); word = words.next()) {
+        if (corners.size() == kMostCorners)
+          builder.fail(fmt::format("line {}: a face has more than {} vertices", words.line(), kMostCorners));
+        corners.push_back(obj_index(builder, words, word));
       }
+      if (corners.size() < 3) builder.fail(fmt::format("line {}: a face has fewer than three vertices", words.line()));
+      builder.polygon(std::move(corners));
     }
   } while (words.next_line());
   return builder.finish();

@@ -1,8 +1,12 @@
 #include "common/mesh/solids.h"
 
+#include <Eigen/Geometry>
 #include <algorithm>
+#include <cmath>
 #include <cstdint>
+#include <functional>
 #include <limits>
+#include <numbers>
 #include <numeric>
 #include <unordered_map>
 #include <utility>
@@ -51,6 +55,53 @@ std::vector<TriangleMesh> shells_of(const TriangleMesh& mesh) {
     }
   }
   return shells;
+}
+
+namespace {
+
+/// van Oosterom, Strackee, The solid angle of a plane triangle, IEEE Trans. Biomedical Engineering 30(2), 1983.
+double winding_number(const TriangleMesh& shell, const Eigen::Vector3d& p) {
+  double half_angles = 0.0;
+  for (const TriangleMesh::Triangle& t : shell.triangles) {
+    const Eigen::Vector3d a = shell.vertices[t[0]] - p, b = shell.vertices[t[1]] - p, c = shell.vertices[t[2]] - p;
+    const double la = a.norm(), lb = b.norm(), lc = c.norm();
+    half_angles += std::atan2(a.dot(b.cross(c)), la * lb * lc + a.dot(b) * lc + b.dot(c) * la + c.dot(a) * lb);
+  }
+  return half_angles / (2.0 * std::numbers::pi);
+}
+
+}  // namespace
+
+std::optional<Eigen::Vector3d> misplaced(const TriangleMesh& shell) {
+  constexpr double kMostAngles = 4e6, kOffset = 1e-7, kLeastWidth = 100.0;  // of the mesh's size, of the offset
+  struct Sample {
+    Eigen::Vector3d center, normal;
+    double area2;
+  };
+  Eigen::Vector3d low = shell.vertices[shell.triangles[0][0]], high = low;
+  for (const TriangleMesh::Triangle& t : shell.triangles)
+    for (const std::uint32_t v : t) low = low.cwiseMin(shell.vertices[v]), high = high.cwiseMax(shell.vertices[v]);
+  const double offset = kOffset * (high - low).norm();
+  std::vector<Sample> samples;
+  for (const TriangleMesh::Triangle& t : shell.triangles) {
+    const Eigen::Vector3d &a = shell.vertices[t[0]], &b = shell.vertices[t[1]], &c = shell.vertices[t[2]];
+    const Eigen::Vector3d across = (b - a).cross(c - a);
+    const double area2 = across.norm(), around = (b - a).norm() + (c - b).norm() + (a - c).norm();
+    if (area2 > kLeastWidth * offset * around) samples.push_back({(a + b + c) / 3.0, across / area2, area2});
+  }
+  const auto most = static_cast<std::size_t>(kMostAngles / (2.0 * static_cast<double>(shell.triangles.size())));
+  if (samples.size() > most) {
+    std::ranges::nth_element(samples, samples.begin() + static_cast<std::ptrdiff_t>(most), std::ranges::greater{},
+                             &Sample::area2);
+    samples.resize(most);
+  }
+  const double behind = faults_of(shell).volume_m3 > 0.0 ? 1.0 : 0.0;  // of a cavity: 0, and -1 before it
+  for (const Sample& s : samples) {
+    const bool right = std::abs(winding_number(shell, s.center - offset * s.normal) - behind) < 0.5 &&
+                       std::abs(winding_number(shell, s.center + offset * s.normal) - (behind - 1.0)) < 0.5;
+    if (!right) return s.center;
+  }
+  return std::nullopt;
 }
 
 Solids solids_of(const TriangleMesh& mesh) {

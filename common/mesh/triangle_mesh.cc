@@ -13,6 +13,8 @@ MeshFaults faults_of(const TriangleMesh& mesh) {
     bool forward;  ///< run through from low to high
     bool operator<(const Edge& b) const { return std::pair{low, high} < std::pair{b.low, b.high}; }
   };
+  // A mesh that is far from the origin would lose its volume to rounding.
+  const Eigen::Vector3d near = mesh.triangles.empty() ? Eigen::Vector3d::Zero() : mesh.vertices[mesh.triangles[0][0]];
   std::vector<Edge> edges;
   edges.reserve(3 * mesh.triangles.size());
   for (const TriangleMesh::Triangle& t : mesh.triangles) {
@@ -20,7 +22,9 @@ MeshFaults faults_of(const TriangleMesh& mesh) {
       const std::uint32_t a = t[i], b = t[(i + 1) % 3];
       edges.push_back({std::min(a, b), std::max(a, b), a < b});
     }
-    faults.volume_m3 += mesh.vertices[t[0]].dot(mesh.vertices[t[1]].cross(mesh.vertices[t[2]])) / 6.0;
+    const Eigen::Vector3d a = mesh.vertices[t[0]] - near, b = mesh.vertices[t[1]] - near,
+                          c = mesh.vertices[t[2]] - near;
+    faults.volume_m3 += a.dot(b.cross(c)) / 6.0;
   }
   std::sort(edges.begin(), edges.end());
   for (std::size_t i = 0, next; i < edges.size(); i = next) {

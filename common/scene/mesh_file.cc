@@ -41,10 +41,15 @@ TriangleMesh read_mesh_file(const std::string& path, double scale) {
     throw ConfigError{
         fmt::format("{} has {} separate surfaces; at most {} are read", path, shells.size(), kMostShells)};
   const auto text = [](const Eigen::Vector3d& p) { return fmt::format("({:.6g}, {:.6g}, {:.6g})", p[0], p[1], p[2]); };
-  for (const TriangleMesh& shell : shells)
+  for (const TriangleMesh& shell : shells) {
     if (const auto where = BoundingVolumeTree{shell}.crossing())
       throw ConfigError{fmt::format("{} has a surface that crosses itself at {} m; surfaces may only cross others",
                                     path, text(*where))};
+    if (const auto where = misplaced(shell))
+      throw ConfigError{fmt::format(
+          "{} has a triangle around {} m with no inside behind it: it lies on another one, or a part is inside out",
+          path, text(*where))};
+  }
   if (const auto where = solids_of(mesh).inward)
     throw ConfigError{
         fmt::format("{} has a surface at {} m that faces inwards and lies in no other; a cavity must lie in a solid",

@@ -354,7 +354,9 @@ EnergyClaim energy_claim(const std::string& method) {
   if (!choose_method(o, method)) return {};
   if (o.passivity == "ENERGY_SPRING") return {.hand = true, .any_packets = true};
   if (o.passivity == "ENERGY_SPRING_TWO_PORT") return {.both = true, .shares_initial = true};
-  if (o.passivity == "FORCE_PROJECTED") return {.hand = true, .both = true, .any_packets = true, .predicts = true};
+  // A layer that knows a model displays a force that the robot's port has not paid for.
+  const bool by_model = o.transparency == "INTERNAL_MODEL" || o.transparency == "SURFACE_MODEL";
+  if (o.passivity == "FORCE_PROJECTED") return {.hand = true, .both = !by_model, .any_packets = true, .predicts = true};
   if (o.passivity == "ENERGY_BOUNDING") return {.hand = true, .any_packets = true, .device_damping = true};
   if (o.passivity == "ENERGY_TANK" || method == "SET_POSITION_MODULATION")
     return {.both = true, .robot_port = true, .tick_of_spring = true};

@@ -45,6 +45,21 @@ std::vector<std::string> passivity_layers() {
 INSTANTIATE_TEST_SUITE_P(Of, EveryPassivityLayer, testing::ValuesIn(passivity_layers()),
                          [](const auto& each) { return each.param; });
 
+// Under a transparency layer that displays a model FORCE_PROJECTED keeps the hand's port, not both.
+TEST(Adversary, ForceProjectedKeepsOnlyTheHandsPortUnderAModel) {
+  const std::vector<std::string> methods{"INTERNAL_MODEL+FORCE_PROJECTED", "SURFACE_MODEL+FORCE_PROJECTED"};
+  for (const std::string& method : methods) {
+    EXPECT_TRUE(energy_claim(method).hand) << method;
+    EXPECT_FALSE(energy_claim(method).both) << method;
+  }
+  const Adversary all = attack_all({.methods = methods, .seed = 1, .runs = 500, .jobs = all_cores()});
+  EXPECT_EQ(broken_runs(all), "");
+  double least_j = 0.0;
+  for (const auto& of_method : all.runs)
+    for (const AdversaryRun& run : of_method) least_j = std::min(least_j, run.both_least_j);
+  EXPECT_LT(least_j, -0.01) << "if it kept both it could claim so";
+}
+
 // The adversary is one: without a controller every third hand gets more than E(0). And methods display forces: what they keep
 // is not kept by silence.
 TEST(Adversary, GetsEnergyFromALoopWithoutControl) {

@@ -1,6 +1,10 @@
+#include <fmt/format.h>
 #include <gtest/gtest.h>
 
+#include <algorithm>
+#include <array>
 #include <cmath>
+#include <cstdint>
 #include <memory>
 #include <numbers>
 #include <string>
@@ -247,6 +251,69 @@ TEST(Mesh, KnowsASurfaceThatCrossesItselfAndOneThatFacesInwardsInNoOther) {
   append(mesh, box_mesh(kCube), {0.05, 0.0, 0.0}, true);
   EXPECT_TRUE(faults_of(mesh).none());
   EXPECT_TRUE(solids_of(mesh).inward);
+}
+
+/// An L of 6 by 6 cm, 3 cm high, its arms 2 cm wide: corners of its floor, from corner `first` on.
+TriangleMesh l_shaped(std::size_t first) {
+  const std::array<std::array<double, 2>, 6> corner{{{0, 0}, {6, 0}, {6, 2}, {2, 2}, {2, 6}, {0, 6}}};
+  std::string text;
+  for (const int z : {0, 3})
+    for (const auto& [x, y] : corner) text += fmt::format("v {} {} {}\n", x, y, z);
+  text += "f";
+  for (std::size_t i = 0; i < 6; ++i) text += fmt::format(" {}", 1 + (first + 6 - i) % 6);
+  text += "\nf";
+  for (std::size_t i = 0; i < 6; ++i) text += fmt::format(" {}", 7 + (first + i) % 6);
+  for (std::size_t i = 0; i < 6; ++i)
+    text += fmt::format("\nf {} {} {} {}", 1 + i, 1 + (i + 1) % 6, 7 + (i + 1) % 6, 7 + i);
+  return parse_mesh(text, "L");
+}
+
+TEST(ReadMesh, TrianglesOfAPolygonThatIsNotConvexLieInIt) {
+  for (std::size_t first = 0; first < 6; ++first) {
+    const TriangleMesh mesh = l_shaped(first);
+    EXPECT_TRUE(faults_of(mesh).none());
+    EXPECT_NEAR(faults_of(mesh).volume_m3, 60.0, 1e-12);
+    double area = 0.0;  // a triangle beyond the polygon would add to it
+    for (const TriangleMesh::Triangle& t : mesh.triangles)
+      area += 0.5 * (mesh.vertices[t[1]] - mesh.vertices[t[0]]).cross(mesh.vertices[t[2]] - mesh.vertices[t[0]]).norm();
+    EXPECT_NEAR(area, 2.0 * 20.0 + 3.0 * 24.0, 1e-12) << first;
+    EXPECT_FALSE(misplaced(mesh)) << first;
+    EXPECT_LT(BoundingVolumeTree{mesh}.nearest({1, 5, 2.5}).signed_distance({1, 5, 2.5}), 0.0);
+    EXPECT_GT(BoundingVolumeTree{mesh}.nearest({3, 3, 2.5}).signed_distance({3, 3, 2.5}), 0.0);
+  }
+}
+
+TEST(Mesh, KnowsTrianglesThatLieOnOthersAndPartsThatAreInsideOut) {
+  EXPECT_FALSE(misplaced(fine_torus()));
+  EXPECT_FALSE(misplaced(box_mesh(kCube)));
+  TriangleMesh cavity = box_mesh(kCube);
+  for (TriangleMesh::Triangle& t : cavity.triangles) std::swap(t[0], t[1]);
+  EXPECT_FALSE(misplaced(cavity));
+  // The fan from a corner of the floor that does not see all of it: a triangle covers the notch, and another one there faces back.
+  TriangleMesh fan = l_shaped(0);
+  std::erase_if(fan.triangles, [](const TriangleMesh::Triangle& t) { return std::max({t[0], t[1], t[2]}) < 6; });
+  for (const std::uint32_t i : {0u, 5u, 4u, 3u}) fan.triangles.push_back({1, i, (i + 5) % 6});
+  EXPECT_TRUE(faults_of(fan).none());
+  EXPECT_FALSE(BoundingVolumeTree{fan}.crossing());
+  EXPECT_TRUE(misplaced(fan));
+  // A prism over a bow tie, whose diagonals meet edge on edge: one wing is inside out.
+  const TriangleMesh bow = parse_mesh(
+      "v -1 -1 0\nv 2 2 0\nv -2 2 0\nv 1 -1 0\nv -1 -1 3\nv 2 2 3\nv -2 2 3\nv 1 -1 3\nf 5 6 7\nf 3 2 1\nf 5 7 8\n"
+      "f 4 3 1\nf 1 2 5\nf 2 6 5\nf 2 3 7\nf 2 7 6\nf 3 4 8\nf 3 8 7\nf 4 1 5\nf 4 5 8\n",
+      "bow");
+  EXPECT_TRUE(faults_of(bow).none());
+  EXPECT_FALSE(BoundingVolumeTree{bow}.crossing());
+  EXPECT_TRUE(misplaced(bow));
+}
+
+TEST(Mesh, KnowsWhichWayItFacesFarFromTheOrigin) {
+  for (const double far_m : {1e2, 1e4, 9e5}) {
+    TriangleMesh mesh = box_mesh(kCube);
+    for (Vector3d& v : mesh.vertices) v += Vector3d{far_m, -far_m, 0.7 * far_m};
+    EXPECT_GT(faults_of(mesh).volume_m3, 0.0) << far_m;
+    for (TriangleMesh::Triangle& t : mesh.triangles) std::swap(t[0], t[1]);
+    EXPECT_LT(faults_of(mesh).volume_m3, 0.0) << far_m;
+  }
 }
 
 // --- nearest point -------------------------------------------------------------------------------
