@@ -165,10 +165,11 @@ Handshake::Action Handshake::answer(const Header& header, const Endpoint& from, 
     return Action::pair;
   }
   if (options_.side == Side::master) return Action::reject;
-  if (header.peer_session != 0 && now - offered_at_ >= kOfferFor) {
+  if (header.peer_session != 0 && offered_at_ && now - *offered_at_ >= kOfferFor) {
     offers_.add(draw());
     offered_at_ = now;
   }
+  if (!offered_at_) offered_at_ = now;
   greeting_ = Invitation{from, header.session};
   return Action::reply;
 }
@@ -245,7 +246,7 @@ bool Handshake::take_new_session() noexcept {
     session_ = candidate_->offer;
     offers_ = {};
     offers_.add(draw());
-    offered_at_ = candidate_->since;
+    offered_at_.reset();
   }
   begin(*candidate_);
   candidate_.reset();

@@ -167,8 +167,8 @@ class Handshake {
   /// Our numbers for the next session: a peer that returns one is present. A slave offers the newest; a master has one
   /// for all.
   LastSessions offers_;
-  Duration offered_at_{0};          ///< the newest
-  std::uint64_t refusing_session_;  ///< in refusals in place of one of ours
+  std::optional<Duration> offered_at_;  ///< the newest, first told
+  std::uint64_t refusing_session_;      ///< in refusals in place of one of ours
   std::uint64_t peer_session_ = 0;
   std::optional<Endpoint> peer_;
   std::optional<Invitation> greeting_;

@@ -5,6 +5,7 @@
 #include <array>
 #include <chrono>
 #include <cstdint>
+#include <deque>
 #include <memory>
 #include <random>
 #include <string>
@@ -269,6 +270,30 @@ TEST(Handshake, AnOlderOfferStaysGoodOverALongWay) {
   ASSERT_EQ(s.on(returned, Decoded::ok, kMasterAt, 7s), Action::pair);
   s.take_new_session();
   EXPECT_EQ(s.header(7s).session, first_offer);
+}
+
+TEST(Handshake, ASlaveThatRestartedPairsOnceHoweverLateThePacketsCome) {
+  // 50 ms each way; the first packets come when the key has been agreed on, about half a second after the slave's start.
+  for (Duration opened = 380ms; opened <= 520ms; opened += 10ms) {
+    Pair p{true};
+    Handshake s = slave(5000, true);
+    std::deque<std::pair<Duration, Header>> to_slave, to_master;
+    int pairings = 0;
+    for (Duration now = opened; now < opened + 1s; now += 1ms) {
+      const Duration of_master = now + 1s;  // its clock: it has been silent for long
+      to_slave.emplace_back(now + 50ms, p.m.header(of_master));
+      if (const auto greeting = s.take_greeting()) to_master.emplace_back(now + 50ms, greeting->header);
+      if (s.pairings() > 0) to_master.emplace_back(now + 50ms, s.header(now));
+      for (; !to_slave.empty() && to_slave.front().first <= now; to_slave.pop_front())
+        if (s.on(to_slave.front().second, Decoded::ok, kMasterAt, now) == Action::pair) s.take_new_session();
+      for (; !to_master.empty() && to_master.front().first <= now; to_master.pop_front())
+        if (p.m.on(to_master.front().second, Decoded::ok, kSlaveAt, of_master) == Action::pair)
+          pairings += p.m.take_new_session();
+    }
+    EXPECT_EQ(pairings, 1) << opened.count();
+    EXPECT_EQ(s.pairings(), 1U) << opened.count();
+    EXPECT_TRUE(s.coupled(opened + 1s) && p.m.coupled(opened + 2s));
+  }
 }
 
 TEST(Handshake, WithAKeyAMismatchEndsAnUnpairedSideAfterItHasToldTheOther) {
