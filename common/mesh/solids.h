@@ -32,7 +32,8 @@ std::vector<TriangleMesh> shells_of(const TriangleMesh& mesh);
 /// A point of a triangle of a shell that has not its inside behind it and its outside before it: of a part that is inside out, or of
 /// triangles that lie on each other. By the winding number w, the sum of the solid angles of all triangles over 4π: before a
 /// triangle that faces outwards it is 0, behind it 1 (Jacobson, Kavan, Sorkine-Hornung, Robust inside-outside segmentation using
-/// generalized winding numbers, ACM TOG 32(4), 2013). Of a shell of more than 1400 triangles the largest are tried, so many that 4 million solid angles are summed.
+/// generalized winding numbers, ACM TOG 32(4), 2013). Of a shell of more than 1400 triangles the largest are tried, so many that 4
+/// million solid angles are summed.
 std::optional<Eigen::Vector3d> misplaced(const TriangleMesh& shell);
 
 /// Of a mesh without faults (faults_of).
