@@ -69,8 +69,8 @@ class Builder {
     };
     while (corner.size() > 3) {
       std::size_t ear = 1;
-      while (ear < corner.size() && !is_ear(ear)) ++ear;
-      if (ear == corner.size() && !is_ear(ear)) ear = 1;  // of no simple polygon: the shell is refused later
+      while (ear <= corner.size() && !is_ear(ear)) ++ear;
+      if (ear > corner.size()) ear = 1;  // of no simple polygon: the shell is refused later
       const std::size_t i = ear % corner.size();
       triangle(corner[(i + corner.size() - 1) % corner.size()], corner[i], corner[(i + 1) % corner.size()]);
       corner.erase(corner.begin() + static_cast<std::ptrdiff_t>(i));

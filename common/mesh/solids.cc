@@ -95,7 +95,7 @@ std::optional<Eigen::Vector3d> misplaced(const TriangleMesh& shell) {
                              &Sample::area2);
     samples.resize(most);
   }
-  const double behind = faults_of(shell).volume_m3 > 0.0 ? 1.0 : 0.0;  // of a cavity: 0, and -1 before it
+  const double behind = volume_m3(shell) > 0.0 ? 1.0 : 0.0;  // of a cavity: 0, and -1 before it
   for (const Sample& s : samples) {
     const bool right = std::abs(winding_number(shell, s.center - offset * s.normal) - behind) < 0.5 &&
                        std::abs(winding_number(shell, s.center + offset * s.normal) - (behind - 1.0)) < 0.5;
@@ -109,7 +109,7 @@ Solids solids_of(const TriangleMesh& mesh) {
   std::vector<TriangleMesh> inner;
   std::vector<double> volumes;  // of `all`
   for (TriangleMesh& shell : shells_of(mesh)) {
-    const double volume = faults_of(shell).volume_m3;
+    const double volume = volume_m3(shell);
     if (volume > 0.0) {
       solids.all.push_back({BoundingVolumeTree{shell}, {}});
       volumes.push_back(volume);

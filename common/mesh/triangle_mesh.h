@@ -22,5 +22,7 @@ struct MeshFaults {
   [[nodiscard]] bool none() const { return open_edges == 0 && odd_edges == 0 && volume_m3 > 0.0; }
 };
 MeshFaults faults_of(const TriangleMesh& mesh);
+/// Of a closed mesh; negative where its triangles face inwards. The sum of the tetrahedra over its triangles.
+double volume_m3(const TriangleMesh& mesh);
 
 }  // namespace twoport

@@ -72,11 +72,14 @@ class Client {
     to.sin_family = AF_INET;
     to.sin_port = htons(port);
     to.sin_addr.s_addr = htonl(INADDR_LOOPBACK);
-    int error = connect(fd_, reinterpret_cast<const sockaddr*>(&to), sizeof to) == 0 ? 0 : errno;
+    const auto error_of_connect = [&] {
+      return connect(fd_, reinterpret_cast<const sockaddr*>(&to), sizeof to) == 0 ? 0 : errno;
+    };
+    int error = error_of_connect();
     // Ports of connections that the server has ended are taken for a minute.
     for (int attempt = 0; error == EADDRNOTAVAIL && attempt < 100; ++attempt) {
       std::this_thread::sleep_for(std::chrono::milliseconds{100});
-      error = connect(fd_, reinterpret_cast<const sockaddr*>(&to), sizeof to) == 0 ? 0 : errno;
+      error = error_of_connect();
     }
     require(error == 0, "the server accepts");
   }
