@@ -69,7 +69,7 @@ class ArmModel {
     last.center = common;
   }
 
-  [[nodiscard]] Pose pose(const Joints& q) const noexcept {
+  [[nodiscard, gnu::flatten]] Pose pose(const Joints& q) const noexcept {
     Pose p;
     Eigen::Matrix3d R = Eigen::Matrix3d::Identity();
     Eigen::Vector3d x = Eigen::Vector3d::Zero();
@@ -92,7 +92,7 @@ class ArmModel {
   }
 
   /// Of the tool's origin: [m/s] and [rad/s] per [rad/s].
-  [[nodiscard]] Jacobian jacobian(const Pose& p) const noexcept {
+  [[nodiscard, gnu::flatten]] Jacobian jacobian(const Pose& p) const noexcept {
     Jacobian J;
     for (std::size_t i = 0; i < kJoints; ++i) {
       const auto c = static_cast<int>(i);
@@ -119,8 +119,8 @@ class ArmModel {
   }
 
   /// τ for q̈ under gravity g [m/s²], an acceleration, in axes of the base.
-  [[nodiscard]] Joints inverse_dynamics(const Pose& p, const Joints& v, const Joints& acceleration,
-                                        const Eigen::Vector3d& gravity) const noexcept {
+  [[nodiscard, gnu::flatten]] Joints inverse_dynamics(const Pose& p, const Joints& v, const Joints& acceleration,
+                                                      const Eigen::Vector3d& gravity) const noexcept {
     // Of the point of each body that is at the base's origin: velocity u and acceleration a; gravity as an acceleration
     // of the base.
     Eigen::Vector3d w = Eigen::Vector3d::Zero(), u = w, alpha = w, a = -gravity;
@@ -170,7 +170,7 @@ class ArmModel {
   }
 
   /// M(q), by composite bodies.
-  [[nodiscard]] Inertia inertia(const Pose& p) const noexcept {
+  [[nodiscard, gnu::flatten]] Inertia inertia(const Pose& p) const noexcept {
     Inertia M;
     double mass = 0.0;
     Eigen::Vector3d first = Eigen::Vector3d::Zero();
@@ -196,8 +196,8 @@ class ArmModel {
   }
 
   /// q̈ under joint torques.
-  [[nodiscard]] Joints forward_dynamics(const Pose& p, const Joints& v, const Joints& torque,
-                                        const Eigen::Vector3d& gravity) const noexcept {
+  [[nodiscard, gnu::flatten]] Joints forward_dynamics(const Pose& p, const Joints& v, const Joints& torque,
+                                                      const Eigen::Vector3d& gravity) const noexcept {
     return inertia(p).llt().solve(torque - bias_torque(p, v, gravity));
   }
 

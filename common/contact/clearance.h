@@ -28,6 +28,7 @@ class Clearance {
     for (const Eigen::Vector3d& point : tool) reach_ = std::max(reach_, point.norm());
   }
 
+  [[nodiscard]] bool empty() const noexcept { return until_.empty(); }
   void move_to(const Eigen::Vector3d& x, const Eigen::Matrix3d& R) noexcept {
     const double way = (x - x_).norm() + reach_ / std::numbers::sqrt2 * (R - R_).norm();
     travelled_ += way + kRounding;

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <Eigen/Geometry>
+#include <algorithm>
 #include <cmath>
 #include <cstddef>
 #include <memory>
@@ -44,35 +45,41 @@ struct Plate {
   }
 
  private:
+  [[nodiscard]] double distance(const Eigen::Vector3d& q, Feature feature) const noexcept {
+    if (feature < 6) {
+      const int axis = (feature / 2 + 2) % 3;
+      return (feature % 2 == 0 ? q[axis] : -q[axis]) - half_size_m[axis];
+    }
+    const PlateHole& hole = (*holes)[static_cast<std::size_t>(feature - 6)];
+    return hole.radius_m - (q.head<2>() - hole.center_m).norm();
+  }
   [[nodiscard]] SignedDistance<3> on(const Eigen::Vector3d& q, Feature feature) const noexcept {
     Eigen::Vector3d normal = Eigen::Vector3d::Zero();
     if (feature < 6) {
-      const int axis = (feature / 2 + 2) % 3;
-      normal[axis] = feature % 2 == 0 ? 1.0 : -1.0;
-      return {normal[axis] * q[axis] - half_size_m[axis], normal, feature};
+      normal[(feature / 2 + 2) % 3] = feature % 2 == 0 ? 1.0 : -1.0;
+    } else {
+      const Eigen::Vector2d from_axis = q.head<2>() - (*holes)[static_cast<std::size_t>(feature - 6)].center_m;
+      const double r = from_axis.norm();
+      if (r > 0.0)
+        normal.head<2>() = -from_axis / r;
+      else
+        normal.x() = -1.0;
     }
-    const PlateHole& hole = (*holes)[static_cast<std::size_t>(feature - 6)];
-    const Eigen::Vector2d from_axis = q.head<2>() - hole.center_m;
-    const double r = from_axis.norm();
-    if (r > 0.0)
-      normal.head<2>() = -from_axis / r;
-    else
-      normal.x() = -1.0;
-    return {hole.radius_m - r, normal, feature};
+    return {distance(q, feature), normal, feature};
   }
   [[nodiscard]] SignedDistance<3> nearest(const Eigen::Vector3d& q) const noexcept {
-    SignedDistance<3> across = on(q, q.x() < 0.0 ? 3 : 2);
-    const SignedDistance<3> side = on(q, q.y() < 0.0 ? 5 : 4), through = on(q, q.z() < 0.0 ? 1 : 0);
-    if (across.distance > 0.0 && side.distance > 0.0)
-      across = outside(across, side);
-    else if (side.distance > across.distance)
-      across = side;
+    const Feature x = q.x() < 0.0 ? 3 : 2, y = q.y() < 0.0 ? 5 : 4, z = q.z() < 0.0 ? 1 : 0;
+    const double to_x = distance(q, x), to_y = distance(q, y), through = distance(q, z);
+    bool corner = to_x > 0.0 && to_y > 0.0;
+    Feature part = !corner && to_y > to_x ? y : x;
+    double across = corner ? std::hypot(to_x, to_y) : std::max(to_x, to_y);
     for (std::size_t i = 0; i < holes->size(); ++i) {
-      const SignedDistance<3> wall = on(q, static_cast<Feature>(6 + i));
-      if (wall.distance > across.distance) across = wall;
+      const auto hole = static_cast<Feature>(6 + i);
+      if (const double wall = distance(q, hole); wall > across) across = wall, part = hole, corner = false;
     }
-    if (across.distance > 0.0 && through.distance > 0.0) return outside(across, through);
-    return across.distance > through.distance ? across : through;
+    if (!(across > through) && !(across > 0.0 && through > 0.0)) return on(q, z);
+    const SignedDistance<3> side = corner ? outside(on(q, x), on(q, y)) : on(q, part);
+    return through > 0.0 && across > 0.0 ? outside(side, on(q, z)) : side;
   }
   /// From an edge between two parts at right angles, of which both are behind the point.
   static SignedDistance<3> outside(const SignedDistance<3>& a, const SignedDistance<3>& b) noexcept {

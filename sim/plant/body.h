@@ -60,15 +60,19 @@ class Body {
         rotational_damping_{robot.rotational_damping_n_m_s_per_rad},
         environment_{std::move(environment)} {
     if constexpr (N == 6) inertia_ = vector<3>(robot.inertia_kg_m2);
-    if (const auto& surfaces = environment_->world().surfaces; surfaces.size() > few)
-      near_ = std::make_shared<const BroadPhase<kAxes<N>>>(surfaces);
+    const auto& surfaces = environment_->world().surfaces;
+    if (surfaces.size() > few) near_ = std::make_shared<const BroadPhase<kAxes<N>>>(surfaces);
+    const auto solid = [](const Surface& s) { return !std::holds_alternative<Wall>(s.shape); };
+    if constexpr (N == 6)
+      if (near_->empty() && std::any_of(surfaces.begin(), surfaces.end(), solid))
+        clearance_ = environment_->clearance();
   }
 
   [[nodiscard]] const Environment<N>& environment() const noexcept { return *environment_; }
   /// Of all contacts on the body.
   [[nodiscard]] Vector environment_force(const PoseWithRotation<N>& x, const Vector& v) const noexcept {
     Vector sum = Vector::Zero();
-    environment_->for_each_contact(x, v, *near_, [&](const ContactPort<N>& c) {
+    for_each_contact(x, v, [&](const ContactPort<N>& c) {
       if (c.presses) sum += c.normal + c.tangential;
     });
     return sum;
@@ -120,7 +124,7 @@ class Body {
     touched.clear();
     double friction = 0.0;
     Vector v = velocity(m), environment = Vector::Zero();
-    environment_->for_each_contact(m.at, v, *near_, [&](const ContactPort<N>& c) {
+    for_each_contact(m.at, v, [&](const ContactPort<N>& c) {
       if (!c.presses) return;
       environment += c.normal + c.tangential;
       touched.push_back({c.index, c.feature});
@@ -306,6 +310,14 @@ class Body {
     return false;
   }
 
+  /// Without a look at what is certainly open.
+  template <class Visit>
+  [[gnu::always_inline]] void for_each_contact(const PoseWithRotation<N>& x, const Vector& v,
+                                               const Visit& visit) const noexcept {
+    if constexpr (N == 6)
+      if (!clearance_.empty()) return environment_->for_each_contact(x, v, clearance_, visit);
+    environment_->for_each_contact(x, v, *near_, visit);
+  }
   [[gnu::noinline]] Slope slope_of_all(const Motion& m, const Vector& f) const noexcept {
     Vector v = velocity(m);
     return slope(v, f, environment_force(m.at, v));
@@ -338,6 +350,7 @@ class Body {
   Eigen::Vector3d inertia_ = Eigen::Vector3d::Ones();
   std::shared_ptr<const Environment<N>> environment_;
   std::shared_ptr<const BroadPhase<kAxes<N>>> near_ = std::make_shared<const BroadPhase<kAxes<N>>>();
+  mutable Clearance clearance_;  ///< of a tool among solids; no state: without it the results are the same
 };
 
 }  // namespace twoport::sim
