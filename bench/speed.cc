@@ -94,6 +94,25 @@ void compare_lanes(const Options& o, int dof, const char* method) {
   fmt::print("ratio {} {:.4f}\n", name, together_s / alone_s);
 }
 
+/// A tick of the scenes with six axes over one of a wall with three, alone, without tails.
+void compare_six_axes(const Options& o) {
+  const Scene three = wall(3, "INTERNAL_MODEL", 1);
+  const auto ticks = [](const Scene& scene) { return scene.duration_s * scene.rate_hz; };
+  const auto run = [](const Scene& scene) {
+    return [&scene] {
+      const Scene* const one = &scene;
+      lab::run_many({&one, 1}, {.lanes = 1, .verdict = lab::VerdictFrom::plain}, [](std::size_t, const Summary&) {});
+    };
+  };
+  for (const char* name : {"assembly", "two_pegs", "box_into_corner", "arm_on_plate"}) {
+    const Scene scene = load_scene(fmt::format("{}/{}.textproto", TWOPORT_SCENES, name));
+    const auto [wall_s, scene_s] = least_times(5, run(three), run(scene), begins("six_axes", o.twice));
+    const double tick_s = scene_s / ticks(scene);
+    fmt::print("time six_axes_{0} {1:.2f} us\nratio six_axes_{0} {2:.3f}\n", name, 1e6 * tick_s,
+               tick_s * ticks(three) / wall_s);
+  }
+}
+
 volatile double sink;
 
 void compare_draws(const Options& o) {
@@ -155,4 +174,5 @@ int main(int argc, char** argv) {
     for (const char* method : {"NONE", "FORCE_PROJECTED"}) compare_lanes(o, dof, method);
   compare_draws(o);
   compare_lines(o);
+  if (!o.is_short) compare_six_axes(o);
 }

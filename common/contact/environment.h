@@ -2,6 +2,7 @@
 
 #include <cstddef>
 #include <span>
+#include <utility>
 #include <vector>
 
 #include "common/base/spatial_vector.h"
@@ -77,6 +78,19 @@ class Environment {
   [[nodiscard]] bool holds() const { return !world_.springs.empty(); }
   [[nodiscard]] int contacts() const { return static_cast<int>(N == 6 ? tool_.size() : 1) * contacts_of_a_point(); }
 
+  /// Stiffness and damping of a contact [N/m], [N s/m]; viscous friction counts as damping.
+  [[nodiscard]] std::pair<double, double> impedance_of(int contact) const noexcept {
+    const auto kind = static_cast<std::size_t>(contact % contacts_of_a_point());
+    if (kind < world_.surfaces.size()) {
+      const Material& m = world_.surfaces[kind].material;
+      return {m.stiffness_n_per_m, m.damping_n_s_per_m + m.viscous_friction_n_s_per_m};
+    }
+    const Spring& s = world_.springs[kind - world_.surfaces.size()];
+    return {s.stiffness_n_per_m, s.damping_n_s_per_m};
+  }
+  /// Point of the tool that makes this contact.
+  [[nodiscard]] int point_of(int contact) const noexcept { return contact / contacts_of_a_point(); }
+
   /// Calls visit(const ContactPort<N>&) for every contact that the port is inside of, and for every spring.
   /// `pick(index)` returns the feature of that contact to use, or kNone.
   template <class Pick, class Visit>
@@ -142,7 +156,7 @@ class Environment {
     return Force<N>{sum};
   }
 
-  /// for_each_contact and force without a look at the contacts that `clearance`, of this tool, knows to be open. The results are the same.
+  /// for_each_contact without a look at the contacts that `clearance`, of this tool, knows to be open. The results are the same.
   template <class Visit>
   void for_each_contact(const PoseWithRotation<N>& x, const Vector& v, Clearance& clearance, Visit visit) const noexcept
       requires(N == 6) {
@@ -159,14 +173,6 @@ class Environment {
           },
           visit);
     }
-  }
-  [[nodiscard]] Force<N> force(const PoseWithRotation<N>& x, const Velocity<N>& v, Clearance& clearance) const noexcept
-      requires(N == 6) {
-    Vector sum = Vector::Zero();
-    for_each_contact(x, port_vector<N>(v.vec()), clearance, [&](const ContactPort<N>& c) {
-      if (c.presses) sum += c.normal + c.tangential;
-    });
-    return Force<N>{sum};
   }
   /// Knows no contact yet.
   [[nodiscard]] Clearance clearance() const { return {tool_, contacts()}; }

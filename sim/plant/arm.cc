@@ -95,23 +95,19 @@ SerialArm<n>::SerialArm(const ArmSpec& arm, std::shared_ptr<const Environment<6>
   const Eigen::LLT<Inertia> inertia{M};
   mobility_ = J * inertia.solve(J.transpose());
   regular_ = kSingular * determinant(mobility_.llt());
-  // Rates of the fastest motions, for the length of steps: the tool on all that it may touch, and the joints' damping and stops.
+  // Rates of the fastest motions, for the length of steps: joints, their stops, and one contact of the tool.
   double stiffness = 0.0, damping = 0.0;
   for (const Surface& s : environment_->world().surfaces) {
-    stiffness += s.material.stiffness_n_per_m;
-    damping += s.material.damping_n_s_per_m + s.material.viscous_friction_n_s_per_m;
+    stiffness = std::max(stiffness, s.material.stiffness_n_per_m);
+    damping = std::max(damping, s.material.damping_n_s_per_m + s.material.viscous_friction_n_s_per_m);
     friction_ = std::max(friction_, s.material.friction);
   }
-  for (const Spring& s : environment_->world().springs)
-    stiffness += s.stiffness_n_per_m, damping += s.damping_n_s_per_m;
-  double all_points = 0.0;
-  for (const Eigen::Vector3d& point : environment_->tool()) {
-    point_mobility_ = largest_eigenvalue(mobility_.topLeftCorner<3, 3>()) +
-                      point.squaredNorm() * largest_eigenvalue(mobility_.bottomRightCorner<3, 3>());
-    all_points += point_mobility_;
-  }
+  for (const Eigen::Vector3d& point : environment_->tool())
+    point_mobility_ =
+        std::max(point_mobility_, largest_eigenvalue(mobility_.topLeftCorner<3, 3>()) +
+                                      point.squaredNorm() * largest_eigenvalue(mobility_.bottomRightCorner<3, 3>()));
   const double joints = inverse_of_least_eigenvalue<n>(inertia);
-  rate_ = std::max({std::sqrt(stiffness * all_points), damping * all_points,
+  rate_ = std::max({std::sqrt(stiffness * point_mobility_), damping * point_mobility_,
                     (damping_.maxCoeff() + arm_.null_space_damping_n_m_s_per_rad) * joints,
                     std::sqrt(kStopStiffness * joints)});
   if (hand_) {
@@ -133,8 +129,8 @@ BodyState<6> SerialArm<n>::advance(const Force<6>& f) noexcept {
   const Joints torque = control(f.vec());
   const Joints before = s_.q;
   // The sensor has read the force at the end of the last tick; from now on the hand moves at its new rate.
-  if (hand_) now_.outside = outside_wrench(now_.pose, now_.tool_velocity, 0.0);
-  double rate = rate_;
+  if (hand_) meet_outside(now_, 0.0);
+  double rate = std::max({rate_, std::sqrt(now_.stiffness * point_mobility_), now_.damping * point_mobility_});
   if (friction_ > 0.0)
     rate = std::max(rate, friction_ * now_.outside.template head<3>().norm() * point_mobility_ / kStictionSpeed);
   const int pieces = static_cast<int>(std::clamp(std::ceil(dt_ * rate / 0.1), 1.0, 256.0));
@@ -358,26 +354,37 @@ typename SerialArm<n>::Kinematics SerialArm<n>::kinematics(const State& s, doubl
   k.pose = model_.pose(s.q);
   k.jacobian = model_.jacobian(k.pose);
   k.tool_velocity = k.jacobian * s.v;
-  k.outside = outside_wrench(k.pose, k.tool_velocity, t);
+  meet_outside(k, t);
   return k;
 }
+/// What environment and hand do at this pose and velocity.
 template <int n>
-typename SerialArm<n>::Vector6 SerialArm<n>::outside_wrench(const typename Model::Pose& p, const Vector6& v,
-                                                            double t) const noexcept {
-  Vector6 f = Vector6::Zero();
-  if (!environment_->empty()) f = environment_->force(tool_position(p), Velocity<6>{v}, clearance_).vec();
+void SerialArm<n>::meet_outside(Kinematics& k, double t) const noexcept {
+  const Vector6& v = k.tool_velocity;
+  const Position<6> at = tool_position(k.pose);
+  SpatialVector sum = SpatialVector::Zero();
+  k.stiffness = k.damping = 0.0;
+  if (!environment_->empty())
+    environment_->for_each_contact(at, port_vector<6>(v), clearance_, [&](const ContactPort<6>& c) {
+      if (!c.presses) return;
+      sum += c.normal + c.tangential;
+      const auto [stiffness, damping] = environment_->impedance_of(c.index);
+      k.stiffness += stiffness;
+      k.damping += damping;
+    });
+  k.outside << sum.linear, sum.angular;
   if (hand_) {
     const HandSpec& h = hand_->spec;
     const Vector6 rate = hand_->rate.vec(), push = vector<6>(h.force_n);
     const Position<6> target =
         rate.isZero(0.0) ? hand_->intended : hand_->intended + Displacement<6>{Vector6{t * rate}};
-    const Vector6 stretch = (target - tool_position(p)).vec(), by = rate - v;
-    f.template head<3>() += h.stiffness_n_per_m * stretch.template head<3>() +
-                            h.damping_n_s_per_m * by.template head<3>() + push.template head<3>();
-    f.template tail<3>() += h.rotational_stiffness_n_m_per_rad * stretch.template tail<3>() +
-                            h.rotational_damping_n_m_s_per_rad * by.template tail<3>() + push.template tail<3>();
+    const Vector6 stretch = (target - at).vec(), by = rate - v;
+    k.outside.template head<3>() += h.stiffness_n_per_m * stretch.template head<3>() +
+                                    h.damping_n_s_per_m * by.template head<3>() + push.template head<3>();
+    k.outside.template tail<3>() += h.rotational_stiffness_n_m_per_rad * stretch.template tail<3>() +
+                                    h.rotational_damping_n_m_s_per_rad * by.template tail<3>() +
+                                    push.template tail<3>();
   }
-  return f;
 }
 /// Torques of all that acts but weight and inertial forces.
 template <int n>

@@ -4,7 +4,9 @@
 #include <cmath>
 #include <cstddef>
 #include <memory>
+#include <numeric>
 #include <utility>
+#include <vector>
 
 #include "sim/plant/body.h"
 
@@ -35,37 +37,31 @@ class RungeKuttaPlant final : public BodyPlant<N> {
         after_{body_.environment().contacts()},
         trial_{after_},
         s_{body_.motion(start), {}, Vector::Zero(), after_} {
-    // Mobility at the contacts: of all points together, and the largest of one point.
-    double all_points = 1.0 / body_.mass();
-    mobility_ = all_points;
+    most_mobile_ = 1.0 / body_.mass();
     if constexpr (N == 6) {
-      all_points = 0.0;
-      for (const Eigen::Vector3d& arm : body_.environment().tool()) {
-        const double mobility = body_.mobility_at(arm);
-        all_points += mobility;
-        mobility_ = std::max(mobility_, mobility);
-      }
+      for (const Eigen::Vector3d& arm : body_.environment().tool()) mobility_.push_back(body_.mobility_at(arm));
+      for (const double mobility : mobility_) most_mobile_ = std::max(most_mobile_, mobility);
+    } else {
+      mobility_ = {most_mobile_};
     }
-    all_points_ = all_points;
     own_rate_ = robot.damping_n_s_per_m / robot.mass_kg;
     surfaces_have_changed();
   }
 
   void surfaces_have_changed() noexcept override {
-    double stiffness = 0.0, damping = 0.0;
+    const World& world = body_.environment().world();
+    double stiffness = 0.0, damping = 0.0, stiffest = 0.0;
     friction_ = 0.0;
-    for (const Surface& s : body_.environment().world().surfaces) {
+    for (const Surface& s : world.surfaces) {
       stiffness += s.material.stiffness_n_per_m;
-      damping += s.material.damping_n_s_per_m + s.material.viscous_friction_n_s_per_m;
+      stiffest = std::max(stiffest, s.material.stiffness_n_per_m);
+      damping = std::max(damping, s.material.damping_n_s_per_m + s.material.viscous_friction_n_s_per_m);
       friction_ = std::max(friction_, s.material.friction);
     }
-    for (const Spring& s : body_.environment().world().springs) {
-      stiffness += s.stiffness_n_per_m;
-      damping += s.damping_n_s_per_m;
-    }
-    rate_of_springs_ = std::sqrt(stiffness * all_points_);
-    rate_ = std::max(rate_of_springs_, damping * all_points_ + own_rate_);
-    rate_ = std::max(rate_, body_.damping_rate());
+    for (const Spring& s : world.springs) stiffness += s.stiffness_n_per_m;
+    rate_of_springs_ = std::sqrt(stiffness * std::accumulate(mobility_.begin(), mobility_.end(), 0.0));
+    rate_of_one_ = std::max(std::sqrt(stiffest * most_mobile_), damping * most_mobile_ + own_rate_);
+    rate_of_one_ = std::max(rate_of_one_, body_.damping_rate());
     s_.slope = body_.slope(s_.motion, s_.held, s_.touched);
   }
 
@@ -78,10 +74,10 @@ class RungeKuttaPlant final : public BodyPlant<N> {
       s_.slope.p += (f - s_.held) / body_.mass();
     s_.held = f;
     // Steps short against the fastest motion: local error below (0.1)^5/120.
-    double rate = rate_;
+    double rate = contact_rate();
     if (friction_ > 0.0) {
       const double pressed = std::max(translation(f).norm(), translation(s_.slope.environment).norm());
-      rate = std::max({rate, 0.3 * friction_ * pressed * mobility_ / kStictionSpeed, friction_rate()});
+      rate = std::max({rate, 0.3 * friction_ * pressed * most_mobile_ / kStictionSpeed, friction_rate()});
     }
     if constexpr (N == 6) rate = std::max(rate, s_.slope.v.angular.norm());
     const double wanted = dt_ * rate / 0.1;
@@ -93,7 +89,7 @@ class RungeKuttaPlant final : public BodyPlant<N> {
     for (int i = 0; i < pieces; ++i) {
       double left = dt_ / pieces;
       for (int cuts = 0; left > 0.0; ++cuts) {
-        if (friction_ > 0.0 && friction_rate() > 1.5 * rate) {
+        if (fastest_rate() > 1.5 * rate) {
           advance_finer(left);
           break;
         }
@@ -128,19 +124,33 @@ class RungeKuttaPlant final : public BodyPlant<N> {
   static constexpr int kSteps = 20'000;      // of a stiff tick, at most
   static constexpr double kSlowTurn = 1e-3;  // [rad] in a step: below, Runge-Kutta errs by less than rounding
 
+  /// Rate of springs and dampers [1/s]: of all contacts that press, together, and of one that may begin.
+  [[nodiscard]] double contact_rate() const noexcept {
+    double springs = 0.0, dampers = 0.0;  // times mobility
+    for (const Touched& t : s_.touched.all()) {
+      const auto [stiffness, damping] = body_.environment().impedance_of(t.index);
+      const double mobility = mobility_[static_cast<std::size_t>(body_.environment().point_of(t.index))];
+      springs += stiffness * mobility;
+      dampers += damping * mobility;
+    }
+    return std::max({rate_of_one_, std::sqrt(springs), dampers + own_rate_});
+  }
+  [[nodiscard]] double fastest_rate() const noexcept {
+    return friction_ > 0.0 ? std::max(contact_rate(), friction_rate()) : contact_rate();
+  }
   /// Rate against which Coulomb friction asks for short steps [1/s]: 0.3 of that at which it damps the body at its
   /// present velocity; while the velocity hardly changes, what keeps a step stable (2 of a limit of 2.8).
   [[nodiscard]] double friction_rate() const noexcept {
     constexpr double kSteady = 1e-7;  // [m/s] in a tick
     double acceleration = translation(s_.slope.p).norm();
     if constexpr (N == 6)
-      acceleration = mobility_ * acceleration + std::sqrt(mobility_) * body_.largest_spin_up(s_.slope.p.angular);
-    return (acceleration * dt_ > kSteady ? 0.3 : 0.05) * s_.slope.friction * mobility_;
+      acceleration = most_mobile_ * acceleration + std::sqrt(most_mobile_) * body_.largest_spin_up(s_.slope.p.angular);
+    return (acceleration * dt_ > kSteady ? 0.3 : 0.05) * s_.slope.friction * most_mobile_;
   }
   /// What is left of a piece in which contacts have come to press more than the tick's steps are short for.
   [[gnu::noinline]] void advance_finer(double left) noexcept {
     for (int cuts = 0; left > 0.0;) {
-      const double wanted = std::max(1.0, left * std::max(rate_, friction_rate()) / 0.1);
+      const double wanted = std::max(1.0, left * fastest_rate() / 0.1);
       if (wanted * dt_ > kPieces * left) return advance_stiff(left);
       const double part = left / std::ceil(wanted), taken = step(part, cuts < kCuts * kPieces);
       cuts += taken < part;
@@ -219,10 +229,12 @@ class RungeKuttaPlant final : public BodyPlant<N> {
   }
 
   Body<N> body_;
-  double dt_, mobility_, rate_of_springs_, rate_ = 0.0, friction_ = 0.0;
-  double all_points_ = 0.0;  ///< mobility of all contacts together
-  double own_rate_ = 0.0;    ///< of the body's damping [1/s]
-  Contacts after_, trial_;   ///< of a step; no state
+  double dt_;
+  std::vector<double> mobility_;  ///< of each point [1/kg]
+  double most_mobile_ = 0.0;      ///< the largest of a point
+  double friction_ = 0.0, rate_of_springs_ = 0.0, rate_of_one_ = 0.0;
+  double own_rate_ = 0.0;   ///< of the body's damping [1/s]
+  Contacts after_, trial_;  ///< of a step; no state
   State s_;
 };
 

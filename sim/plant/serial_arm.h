@@ -92,6 +92,7 @@ class SerialArm final : public ArmPlant {
     typename Model::Pose pose;
     typename Model::Jacobian jacobian;
     Vector6 tool_velocity, outside;
+    double stiffness, damping;  ///< of all contacts that press, together [N/m], [N s/m]
   };
 
   [[nodiscard]] Position<6> tool_position(const typename Model::Pose& p) const noexcept {
@@ -107,7 +108,7 @@ class SerialArm final : public ArmPlant {
   [[nodiscard]] Eigen::LLT<Matrix6> factors(Matrix6& A) const noexcept;
   [[nodiscard]] Vector6 feedback(const Vector6& f) const noexcept;
   [[nodiscard]] Kinematics kinematics(const State& s, double t) const noexcept;
-  [[nodiscard]] Vector6 outside_wrench(const typename Model::Pose& p, const Vector6& v, double t) const noexcept;
+  void meet_outside(Kinematics& k, double t) const noexcept;
   [[nodiscard]] Joints load(const State& s, const Kinematics& k, const Joints& torque) const noexcept;
   [[nodiscard]] Rate rates(const State& s, const Joints& torque, double t) const noexcept;
   [[nodiscard]] Rate rates_now(const Joints& torque) const noexcept;
