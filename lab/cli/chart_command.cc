@@ -11,8 +11,10 @@
 #include "common/base/print_error.h"
 #include "common/scene/load.h"
 #include "lab/cli/commands.h"
+#include "lab/cli/robot_option.h"
 #include "lab/peers/peers.h"
 #include "lab/plot/pictures.h"
+#include "lab/study/boundary.h"
 #include "lab/study/cells.h"
 #include "lab/study/chart.h"
 
@@ -23,11 +25,18 @@ struct Arguments {
   ChartOptions chart;
   double for_error = 0.0;
   std::string out;
+  std::vector<std::string> robots;
 };
 
 int chart_command(const Arguments& a) {
   const Scene scene = load_scene(a.chart.scene, a.chart.set);
-  const std::vector<Peer> peers = peers_for(scene);
+  std::vector<Peer> peers = peers_for(scene);
+  for (const std::string& robot : a.robots) {
+    if (!a.chart.boundary.empty())
+      refuse_replaced("--boundary " + a.chart.boundary, parse_interval(a.chart.boundary, "--boundary").paths);
+    peers.push_back({.name = "robot in MuJoCo, " + robot.substr(robot.find_last_of(":/") + 1),
+                     .robot = std::make_shared<HostedRobot>(*open_robot(robot, scene))});
+  }
   const Chart c =
       chart(a.chart, peers, [](const std::string& what, double spent_s) { show_line(what, spent_s, false); });
   if (progress_is_shown()) print_error("\r\033[K");
@@ -41,24 +50,22 @@ int chart_command(const Arguments& a) {
     fmt::print("{}\n", draw(c, scene.name, a.out));
   }
   if (a.for_error > 0.0) {
-    const Point* best = cheapest(c.points, a.for_error, c.floor.position_rms_m);
+    const char* const unit = a.chart.answer ? "" : " m";
+    const Point* best = cheapest(c.points, a.for_error, c.floor_off);
     if (best == nullptr)
-      throw ConfigError{
-          fmt::format("--for-error {}: no point is known to be as accurate; the reference itself is "
-                      "uncertain by {:.1g} m",
-                      a.for_error, c.floor.position_rms_m)};
-    fmt::print("for {} m: {}, {:.4g} ns a tick, {:.2g} m\n", a.for_error, best->name, best->ns_per_tick,
-               std::max(best->error.position_rms_m, c.floor.position_rms_m));
+      throw ConfigError{fmt::format(
+          "--for-error {}: no point is known to be as accurate; the reference itself is uncertain by {:.1g}{}",
+          a.for_error, c.floor_off, unit)};
+    fmt::print("for {}{}: {}\n", a.for_error, unit, told(c, *best));
     std::vector<Point> engines, own;
     for (const Point& p : c.points) (p.peer ? engines : own).push_back(p);
     if (engines.empty()) return 0;
-    const Point* engine = cheapest(engines, a.for_error, c.floor.position_rms_m);
-    best = cheapest(own, a.for_error, c.floor.position_rms_m);
+    const Point* engine = cheapest(engines, a.for_error, c.floor_off);
+    best = cheapest(own, a.for_error, c.floor_off);
     if (engine == nullptr) {
       fmt::print("no other engine is as accurate\n");
     } else if (best != nullptr) {
-      fmt::print("{} takes {:.3g} times as long as {}: {:.4g} ns a tick, {:.2g} m\n", engine->name,
-                 engine->cost / best->cost, best->name, engine->ns_per_tick, engine->error.position_rms_m);
+      fmt::print("{}, takes {:.3g} times as long as {}\n", told(c, *engine), engine->cost / best->cost, best->name);
     }
   }
   return 0;
@@ -70,9 +77,21 @@ Subcommand add_chart_command(Command app) {
   const auto a = std::make_shared<Arguments>();
   Command chart = app.add("chart", "Plot error against computing cost of integrators, rates and model details");
   add_scene(chart, a->chart.scene, a->chart.set);
-  chart.list("--vary", a->chart.vary, "PATH=a,b,c or PATH,PATH=a,b,c; integrators and substeps unless given");
+  chart.list("--vary", a->chart.vary,
+             "PATH=a,b,c or PATH,PATH=a,b,c; integrators and substeps unless given; with "
+             "--answer also verdict=tail,lean,plain");
+  chart.list(
+      "--robot", a->robots,
+      "mujoco:FILE.xml[,site=NAME][,key=NAME]: also a world of MuJoCo in place of the scene's robot and environment");
   chart.option("--boundary", a->chart.boundary, "PATH=LO:HI: also find the stability boundary of each point");
-  chart.option("--for-error", a->for_error, "Recommend the cheapest point with at most this position error [m]")
+  chart.flag(
+      "--answer", a->chart.answer,
+      "Compare whole answers: verdict, force felt and, with --boundary, the boundary, over their processor time");
+  chart
+      .option(
+          "--for-error", a->for_error,
+          "Recommend the cheapest point with at most this position error [m]; with --answer an error of 0.01 is 1 % "
+          "of the force felt and of the boundary, with the verdict of the reference")
       .positive();
   chart.option("--repetitions", a->chart.repetitions, "Timed rounds; the median is used")
       .between(1, 1000)

@@ -29,4 +29,10 @@ std::optional<HostedRobot> open_robot(const std::string& choice, const Scene& sc
   });
 }
 
+void refuse_replaced(const std::string& option, const std::vector<std::string>& paths) {
+  for (const std::string& path : paths)
+    for (const char* const field : {"environment", "robot.force_sensor", "robot.arm"})
+      if (path.starts_with(field)) throw ConfigError{option + ": the world of --robot takes the place of " + field};
+}
+
 }  // namespace twoport::lab

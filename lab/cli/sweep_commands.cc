@@ -83,11 +83,8 @@ int sweep_command(Arguments& a) {
   if (!a.shard.empty()) a.sweep.shard = parse_shard(a.shard);
   if (!a.sweep.out.empty()) a.sweep.returned = columns_of_picture(a.plot);
   a.sweep.lanes = checked_lanes(a.lanes.value_or(0));
-  for (const Axis& axis : a.sweep.axes)
-    for (const std::string& path : axis.paths)
-      for (const char* const field : {"environment", "robot.force_sensor", "robot.arm"})
-        if (!a.robot.empty() && path.starts_with(field))
-          throw ConfigError{fmt::format("--vary {}: the world of --robot takes the place of {}", path, field)};
+  if (!a.robot.empty())
+    for (const Axis& axis : a.sweep.axes) refuse_replaced("--vary " + axis.name(), axis.paths);
   std::optional<HostedRobot> robot;
   if (!a.robot.empty()) robot = open_robot(a.robot, load_scene(a.sweep.scene, a.sweep.set));
   if (robot) a.sweep.robot = &*robot;

@@ -7,8 +7,11 @@
 #include <variant>
 
 #include "common/contact/environment.h"
+#include "common/record/run_judge.h"
+#include "lab/engine/tail_judge.h"
 #include "lab/mechanical_energy.h"
 #include "lab/peers/engine.h"
+#include "lab/run.h"
 
 namespace twoport::lab {
 namespace {
@@ -105,18 +108,18 @@ std::optional<Setting> setting(const Scene& scene, bool own_contact) {
   return s;
 }
 
-/// Steps an engine through a scene. `at(tick)` is called before each step.
+/// Steps an engine through ticks of a scene. `at(tick)` is called before each step.
 template <class At>
-void play(Engine& engine, const Setting& s, const At& at) {
+void play(Engine& engine, const Setting& s, int from, int until, const At& at) {
   if (s.body.dof == 1) {
-    for (int k = 0; k < s.ticks; ++k) {
+    for (int k = from; k < until; ++k) {
       at(k);
       engine.push(s.push(engine.position(), engine.velocity()));
       engine.step();
     }
   } else if (s.body.dof == 3) {
     const Environment<3> pushing{s.pushing.environment};
-    for (int k = 0; k < s.ticks; ++k) {
+    for (int k = from; k < until; ++k) {
       at(k);
       Force<6>::Vector f = Force<6>::Vector::Zero();
       f.head<3>() = pushing
@@ -129,7 +132,7 @@ void play(Engine& engine, const Setting& s, const At& at) {
   } else {
     const Environment<6> pushing{s.pushing.environment, s.pushing.tool};
     const double rotational = s.pushing.robot->rotational_damping_n_m_s_per_rad;
-    for (int k = 0; k < s.ticks; ++k) {
+    for (int k = from; k < until; ++k) {
       at(k);
       const Velocity<6> v = engine.twist();
       Force<6>::Vector f = pushing.force(engine.pose(), v).vec();
@@ -140,36 +143,69 @@ void play(Engine& engine, const Setting& s, const At& at) {
   }
 }
 
-/// Force of the scene's contact law at the engine's position.
+/// The same with a row of each tick, and the energy held [J]: env_f is that of the scene's contact law at the engine's position.
+template <int N, class Look>
+void play_rows(Engine& engine, const Setting& s, const Scene& scene, int from, int until, const Look& look) {
+  const Environment<N> environment{scene.environment, scene.tool};
+  play(engine, s, from, until, [&](int k) {
+    Row<N> row;
+    row.t_s = to_seconds(tick_time(k, s.rate_hz)).si();
+    if constexpr (N == 1) {
+      row.slave_x = Position<1>{Position<1>::Vector{engine.position()}};
+      row.slave_v = Velocity<1>{Velocity<1>::Vector{engine.velocity()}};
+    } else if constexpr (N == 3) {
+      row.slave_x = Position<3>{engine.pose().translation()};
+      row.slave_v = Velocity<3>{Velocity<3>::Vector{engine.twist().vec().template head<3>()}};
+    } else {
+      row.slave_x = engine.pose();
+      row.slave_v = engine.twist();
+    }
+    row.env_f = environment.force(row.slave_x, row.slave_v);
+    look(row, mechanical_energy(scene.robot, environment, row.slave_x, row.slave_v).si());
+  });
+}
+
 Course course(Engine& engine, const Setting& s, const Scene& scene) {
   Course c;
-  const auto each = [&](int k, const auto& environment, const auto& x, const auto& v) {
-    const Eigen::VectorXd f = environment.force(x, v).vec();
-    c.t_s.push_back(to_seconds(tick_time(k, s.rate_hz)).si());
-    for (int i = 0; i < 3; ++i) {
-      c.slave_x.push_back(i < x.translation().size() ? x.translation()[i] : 0.0);
-      c.force.push_back(i < f.size() ? f[i] : 0.0);
-    }
-    c.master_x.insert(c.master_x.end(), 3, 0.0);
-    c.energy_j.push_back(mechanical_energy(scene.robot, environment, x, v).si());
-  };
-  if (s.body.dof == 1) {
-    const Environment<1> e{scene.environment};
-    play(engine, s, [&](int k) {
-      each(k, e, Position<1>{Position<1>::Vector{engine.position()}},
-           Velocity<1>{Velocity<1>::Vector{engine.velocity()}});
+  for_dof(scene.dof, [&]<int N>() {
+    play_rows<N>(engine, s, scene, 0, s.ticks, [&](const Row<N>& row, double energy_j) {
+      c.t_s.push_back(row.t_s);
+      for (int i = 0; i < 3; ++i) {
+        c.slave_x.push_back(i < row.slave_x.translation().size() ? row.slave_x.translation()[i] : 0.0);
+        c.force.push_back(i < N ? row.env_f.vec()[i] : 0.0);
+      }
+      c.energy_j.push_back(energy_j);
     });
-  } else if (s.body.dof == 3) {
-    const Environment<3> e{scene.environment};
-    play(engine, s, [&](int k) {
-      each(k, e, Position<3>{engine.pose().translation()},
-           Velocity<3>{Velocity<3>::Vector{engine.twist().vec().head<3>()}});
-    });
-  } else {
-    const Environment<6> e{scene.environment, scene.tool};
-    play(engine, s, [&](int k) { each(k, e, engine.pose(), engine.twist()); });
-  }
+  });
+  c.master_x.assign(c.slave_x.size(), 0.0);
+  c.felt = c.force;
   return c;
+}
+
+/// Goes on after the scene's end where our runs do, and is judged as they are.
+std::string verdict(Engine& engine, const Setting& s, const Scene& scene, VerdictFrom from) {
+  return for_dof(scene.dof, [&]<int N>() {
+    RunJudge<N> run{{.rate_hz = s.rate_hz,
+                     .duration_s = scene.duration_s,
+                     .quiet_from_s = 0.0,
+                     .coarse = is_coarse(scene),
+                     .trends = from == VerdictFrom::plain}};
+    play_rows<N>(engine, s, scene, 0, s.ticks, [&](const Row<N>& row, double) { run.add(row); });
+    if (from == VerdictFrom::plain || run.diverged()) return std::string{to_string(run.verdict().kind)};
+    const MotionScale scale = run.scale();
+    TailJudge<N> tail{scene, scale, Energy{0.0}, false};
+    int ticks = 0;
+    do {
+      const int until = static_cast<int>(tail.stage_ends());
+      play_rows<N>(engine, s, scene, s.ticks + ticks, s.ticks + until, [&](const Row<N>& row, double held_j) {
+        const typename TailJudge<N>::Tick tick{
+            .v = RunJudge<N>::velocities(row), .energies = {held_j, held_j}, .events = RunJudge<N>::events(row)};
+        if (!tail.diverged() && tail.see(tick)) tail.add(tick);
+      });
+      ticks = until;
+    } while (!tail.decide());
+    return std::string{to_string(tail.verdict().kind)};
+  });
 }
 
 }  // namespace
@@ -187,9 +223,11 @@ std::vector<Peer> peers_for(const Scene& scene) {
                          [s, make = library.make] {
                            const auto engine = make(s->body);
                            const auto start = std::chrono::steady_clock::now();
-                           play(*engine, *s, [](int) {});
+                           play(*engine, *s, 0, s->ticks, [](int) {});
                            return std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
-                         }});
+                         },
+                     .verdict = [s, scene, make = library.make](
+                                    VerdictFrom from) { return verdict(*make(s->body), *s, scene, from); }});
     }
   return all;
 }

@@ -32,7 +32,7 @@ double rounded(double value, double tolerance) {
 double number(const std::string& whole, std::string_view text) {
   const std::optional<double> value = number_from<double>(text);
   if (!value || !std::isfinite(*value))
-    throw ConfigError{fmt::format("--vary {}: \"{}\" is not a number; it must read PATH=LO:HI", whole, text)};
+    throw ConfigError{fmt::format("{}: \"{}\" is not a number; it must read PATH=LO:HI", whole, text)};
   return *value;
 }
 
@@ -48,16 +48,16 @@ Scene scene_at(const SceneText& text, const Interval& vary, double value) {
 
 }  // namespace
 
-Interval parse_interval(const std::string& text) {
+Interval parse_interval(const std::string& text, const std::string& option) {
+  const std::string what = option + " " + text;
   const std::size_t equals = text.find('='), colon = text.find(':', equals == text.npos ? 0 : equals);
-  if (equals == text.npos || equals == 0 || colon == text.npos)
-    throw ConfigError{fmt::format("--vary {}: it must read PATH=LO:HI", text)};
+  if (equals == text.npos || equals == 0 || colon == text.npos) throw ConfigError{what + ": it must read PATH=LO:HI"};
   const std::string_view all{text};
-  const Interval interval{.paths = parse_paths(text.substr(0, equals), "--vary " + text),
-                          .low = number(text, all.substr(equals + 1, colon - equals - 1)),
-                          .high = number(text, all.substr(colon + 1))};
+  const Interval interval{.paths = parse_paths(text.substr(0, equals), what),
+                          .low = number(what, all.substr(equals + 1, colon - equals - 1)),
+                          .high = number(what, all.substr(colon + 1))};
   if (!(interval.low < interval.high))
-    throw ConfigError{fmt::format("--vary {}: LO is {}, HI is {}; LO must be < HI", text, interval.low, interval.high)};
+    throw ConfigError{fmt::format("{}: LO is {}, HI is {}; LO must be < HI", what, interval.low, interval.high)};
   return interval;
 }
 
@@ -133,10 +133,11 @@ std::vector<Trial> tried(const std::vector<Scene>& scenes, const std::vector<dou
   std::vector<const Scene*> all;
   for (const Scene& scene : scenes) all.push_back(&scene);
   std::vector<Trial> trials(values.size());
-  use.add(run_many(all, {.lanes = o.lanes, .jobs = o.jobs, .stop = o.stop}, [&](std::size_t i, const Summary& s) {
-    const Summary both = with_verdict_of_both(s);
-    trials[i] = {values[i], both.stable(), both.verdict()};
-  }));
+  use.add(run_many(all, {.lanes = o.lanes, .jobs = o.jobs, .verdict = o.verdict, .stop = o.stop, .robot = o.robot},
+                   [&](std::size_t i, const Summary& s) {
+                     const Summary both = with_verdict_of_both(s);
+                     trials[i] = {values[i], both.stable(), both.verdict()};
+                   }));
   return trials;
 }
 

@@ -17,8 +17,8 @@ struct Interval {
 
   [[nodiscard]] std::string name() const;  ///< "A" or "A,B"
 };
-/// Throws ConfigError with the text and what is allowed.
-Interval parse_interval(const std::string& text);
+/// Throws ConfigError with the option, the text and what is allowed.
+Interval parse_interval(const std::string& text, const std::string& option = "--vary");
 
 struct BoundaryOptions {
   std::string scene;                  ///< its file
@@ -29,6 +29,8 @@ struct BoundaryOptions {
   int scan = 8;                             ///< values between the ends that are tried first: the first change counts
   int jobs = 1;                             ///< threads
   int lanes = 0;                            ///< as ManyRuns::lanes
+  VerdictFrom verdict = VerdictFrom::tail;  ///< as ManyRuns::verdict
+  const HostedRobot* robot = nullptr;       ///< as RunOptions::robot
   const std::atomic<bool>* stop = nullptr;  ///< as RunOptions::stop
 };
 

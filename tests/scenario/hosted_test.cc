@@ -16,6 +16,8 @@
 #include "common/scene/load.h"
 #include "drivers/drivers.h"
 #include "lab/run.h"
+#include "lab/study/boundary.h"
+#include "lab/study/chart.h"
 #include "lab/study/map.h"
 #include "lab/study/sweep.h"
 #include "tests/support/folder.h"
@@ -62,9 +64,9 @@ Scene scene(const std::string& method = "INTERNAL_MODEL", double delay_ms = 20.0
 }
 
 template <int N>
-HostedRobot open(const std::string& file) {
+HostedRobot open(const std::string& file, double period_s = 1e-3) {
   const Scene any{};
-  std::unique_ptr<Robot<N>> robot = all_drivers().robots.open<N>("mujoco:" + file, any, Seconds{1e-3});
+  std::unique_ptr<Robot<N>> robot = all_drivers().robots.open<N>("mujoco:" + file, any, Seconds{period_s});
   auto* const of_its_own = dynamic_cast<VirtualRobot<N>*>(robot.release());
   return {"mujoco:" + file, HostedRobot::Of<N>{of_its_own}};
 }
@@ -140,6 +142,72 @@ TEST(Hosted, HasTheVerdictsOfOurOwnPlant) {
     const Summary s = run(of_method, {.robot = &robot});
     EXPECT_EQ(s.verdict_kind(), kind) << method << delay_ms << ": " << s.verdict();
   }
+}
+
+// MuJoCo's weight of a body with one slide joint is that of three, so its solref is a third.
+TEST(Hosted, TheExampleOfAWallIsThatOfItsScene) {
+  const Scene of_file = load_scene(TWOPORT_SOURCE "/scenes/chart/bilateral.textproto");
+  const HostedRobot robot = open<1>(TWOPORT_SOURCE "/examples/mujoco/wall.xml", 1.0 / of_file.slave_rate_hz);
+  Row<1> last;
+  make_simulation<1>(of_file, robot)->run([&](const Row<1>& row) {
+    last = row;
+    return true;
+  });
+  EXPECT_LT(last.env_f.vec()[0], -1.0);
+  EXPECT_NEAR(last.slave_x.translation()[0] - 0.02, -last.env_f.vec()[0] / 5000.0, 1e-7);
+}
+
+// MuJoCo as the slave's world, by the whole answer: within the two per cent of its steps, and far more than that with another wall.
+TEST(Hosted, HasAPlaceInTheChartOfAnswers) {
+  const std::string file = test::own_folder() / "press.textproto";
+  write_whole(file, scene_text("INTERNAL_MODEL", 20.0));
+  std::vector<Peer> worlds;
+  for (const double stiffness : {kStiffness, 0.5 * kStiffness})
+    worlds.push_back(
+        {.name = fmt::format("{} N/m", stiffness), .robot = std::make_shared<HostedRobot>(open<3>(world(stiffness)))});
+  const Chart c = chart({.scene = file,
+                         .set = {},
+                         .vary = {"simulation.integrator=EXACT", "verdict=plain"},
+                         .boundary = {},
+                         .answer = true,
+                         .repetitions = 1,
+                         .reference_substeps = 20},
+                        worlds);
+  ASSERT_EQ(c.points.size(), 3u);
+  for (const Point& p : c.points) EXPECT_EQ(p.answer->verdict, "STABLE") << p.name;
+  const Point &own = c.points[0], &same = c.points[1], &softer = c.points[2];
+  EXPECT_EQ(same.name, "2000 N/m, plain verdict");
+  EXPECT_TRUE(same.peer);
+  EXPECT_LT(same.off, 0.02);
+  EXPECT_GT(same.off, 100.0 * own.off);
+  EXPECT_GT(softer.off, 3.0 * same.off);
+}
+
+// Its boundary is that of the world: of our own plant with the damping that the world has.
+TEST(Hosted, HasTheBoundaryOfItsWorldInTheChartOfAnswers) {
+  const std::string file = test::own_folder() / "press.textproto", damping = "robot.damping_n_s_per_m=20";
+  write_whole(file, scene_text("NONE", 1.0));
+  std::string xml = read_whole(world());
+  for (std::size_t at; (at = xml.find("damping=\"2\"")) != std::string::npos;) xml.replace(at, 11, "damping=\"20\"");
+  write_whole(test::own_folder() / "damped.xml", xml);
+  const std::string boundary = "control.virtual_coupling.stiffness_n_per_m=50:20000";
+  const Chart c =
+      chart({.scene = file,
+             .set = {"duration_s=2.5"},
+             .vary = {"simulation.integrator=EXACT", "verdict=plain"},
+             .boundary = boundary,
+             .answer = true,
+             .repetitions = 1,
+             .reference_substeps = 2},
+            {{.name = "damped", .robot = std::make_shared<HostedRobot>(open<3>(test::own_folder() / "damped.xml"))}});
+  const double own = find_boundary({.scene = file,
+                                    .set = {"duration_s=2.5", damping},
+                                    .vary = parse_interval(boundary),
+                                    .verdict = VerdictFrom::plain})
+                         .stable;
+  ASSERT_EQ(c.points.size(), 2u);
+  EXPECT_NEAR(c.points[1].boundary.value(), own, 0.01 * own);
+  EXPECT_GT(std::abs(c.points[0].boundary.value() - own), 0.05 * own);
 }
 
 TEST(Hosted, AWorldThatIsLostHasDiverged) {

@@ -33,6 +33,34 @@ TEST(Peers, PushedByForcesAreOurEulerStep) {
   }
 }
 
+// So are its answers. A wall several times as stiff as 4 m/dt^2, 1.6 MN/m, throws the mass away in such steps.
+TEST(Peers, AreJudgedAsOurRuns) {
+  const std::string file = fmt::format("{}/chart/wall.textproto", TWOPORT_SCENES);
+  for (const double stiffness : {5e3, 1e7}) {
+    const std::string wall = fmt::format("environment[0].wall.stiffness_n_per_m={}", stiffness);
+    const std::vector<Peer> peers = peers_for(load_scene(file, std::vector{wall}));
+    if (peers.empty()) GTEST_SKIP() << "no engine is installed";
+    const Chart c = chart({.scene = file,
+                           .set = {wall},
+                           .vary = {"simulation.integrator=SYMPLECTIC_EULER"},
+                           .boundary = {},
+                           .answer = true,
+                           .repetitions = 1},
+                          peers);
+    EXPECT_EQ(c.verdict, "STABLE");
+    const Answer& euler = c.points[0].answer.value();
+    EXPECT_EQ(euler.verdict, stiffness < 1.6e6 ? "STABLE" : "UNSTABLE");
+    for (const Point& p : c.points) {
+      if (p.name.find("pushed") == std::string::npos) continue;
+      EXPECT_EQ(p.answer->verdict, euler.verdict) << p.name << stiffness;
+      if (stiffness < 1.6e6) {
+        EXPECT_NEAR(p.answer->felt, euler.felt, 1e-4 * euler.felt) << p.name;
+      }
+      EXPECT_GT(p.cost, c.points[0].cost) << p.name;
+    }
+  }
+}
+
 /// Where each engine with its own contact ends, coordinate `axis`.
 template <class Look>
 void at_the_end(const char* name, const std::vector<std::string>& set, std::size_t axis, Look look) {
