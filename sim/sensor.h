@@ -35,7 +35,7 @@ class ForceSensor {
 
   /// Reading in a tick with the environment's force `on_robot` on the robot. Call once per tick.
   Force<N> sample(const Force<N>& on_robot) noexcept {
-    const Force<N> f = biased(on_robot);
+    Force<N> f = biased(on_robot);
     return instant() ? f : add_sensor_errors(f);
   }
 
@@ -74,11 +74,10 @@ class Encoder {
       : dt_{dt},
         resolution_{spec.position_resolution_m},
         estimate_{spec.velocity_estimate},
-        filter_{-std::expm1(-2.0 * std::numbers::pi * spec.velocity_filter_hz * dt)} {}
+        filter_{-std::expm1(-2.0 * std::numbers::pi * spec.velocity_filter_hz * dt)},
+        ideal_{resolution_ == 0.0 && estimate_ == VelocityEstimate::true_velocity} {}
 
-  [[nodiscard]] bool ideal() const noexcept {
-    return resolution_ == 0.0 && estimate_ == VelocityEstimate::true_velocity;
-  }
+  [[nodiscard]] bool ideal() const noexcept { return ideal_; }
   /// Starts to show at x, with the true velocity.
   void start(const Position<N>& x, const Velocity<N>& v) noexcept { x_ = quantised(x), v_ = v; }
   /// Once a tick, with the true motion.
@@ -105,6 +104,7 @@ class Encoder {
   double dt_ = 0.0, resolution_ = 0.0;
   VelocityEstimate estimate_ = VelocityEstimate::true_velocity;
   double filter_ = 1.0;
+  bool ideal_ = true;
   Position<N> x_;
   Velocity<N> v_;
 };

@@ -61,7 +61,7 @@ class SimDevice final {
     if (arm_) [[unlikely]] {
       move_arm();
     } else if (imposed_) {
-      const auto s = path_.at(static_cast<double>(tick_) * dt_);
+      auto s = path_.at(static_cast<double>(tick_) * dt_);
       book({s.x - x(), v(), s.v});
       handle_.set_state({s.x, port_vector<N>(s.v.vec())});
     } else if (handle_.moves()) {

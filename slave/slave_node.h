@@ -170,7 +170,7 @@ class SlaveNode {
     position_error_ = {};
     command_ = Force<N>{};
     bridge_.stop();
-    const SlaveOutput<N> half = half_->fail_safe(account_);
+    SlaveOutput<N> half = half_->fail_safe(account_);
     Output out{};
     out.command = half.command;
     out.report.x = robot.x;

@@ -45,9 +45,20 @@ inline Duration to_duration(double seconds) {
   return Duration{std::llround(seconds * kNanosecondsPerSecond)};
 }
 
-/// Start of tick k of a loop at `rate_hz`: rounded once from k/rate, so that errors do not accumulate.
+/// Starts of the ticks of a loop: rounded once from k/rate, so that errors do not accumulate.
+class TickTimes {
+ public:
+  explicit TickTimes(double rate_hz) : period_ns_{kNanosecondsPerSecond / rate_hz} {}
+  Duration operator[](std::int64_t k) const noexcept {
+    return Duration{static_cast<std::int64_t>(static_cast<double>(k) * period_ns_ + 0.5)};
+  }
+
+ private:
+  double period_ns_;
+};
+/// Start of tick k of a loop at `rate_hz`.
 inline Duration tick_time(std::int64_t k, double rate_hz) {
-  return Duration{static_cast<std::int64_t>(static_cast<double>(k) * (kNanosecondsPerSecond / rate_hz) + 0.5)};
+  return TickTimes{rate_hz}[k];
 }
 
 }  // namespace twoport

@@ -4,6 +4,7 @@
 #include <Eigen/Geometry>
 #include <cmath>
 #include <concepts>
+#include <limits>
 
 #include "common/base/scalar.h"
 #include "common/base/spatial_vector.h"
@@ -13,8 +14,7 @@ namespace twoport {
 /// Are all numbers of all values finite? A sum is not when one of its terms is not.
 template <class... Values>
 [[nodiscard]] bool all_finite(const Values&... values) noexcept {
-  const double sum = (values.sum() + ...);
-  return sum - sum == 0.0;
+  return std::abs((values.sum() + ...)) <= std::numeric_limits<double>::max();
 }
 
 /// Coordinates of one physical kind. Kinds do not mix; `.vec()` is the plain Eigen vector for use inside a step.

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <algorithm>
 #include <bit>
 #include <cstddef>
 #include <vector>
@@ -17,27 +18,25 @@ class DueQueue {
     Packet packet{};
   };
 
-  explicit DueQueue(std::size_t capacity) : entries_(std::bit_ceil(capacity)) {}
+  explicit DueQueue(std::size_t capacity) : entries_(std::bit_ceil(capacity) + 1) {}
   DueQueue(const DueQueue& other)
       : entries_{other.entries_},
         in_{entries_.data() + (other.in_ - other.entries_.data())},
         out_{entries_.data() + (other.out_ - other.entries_.data())},
-        size_{other.size_} {}
+        latest_{other.latest_} {}
   DueQueue& operator=(const DueQueue&) = delete;
 
   /// `packet` is assigned to a Packet. False when the queue is full.
   template <class Content>
   [[gnu::always_inline]] bool put(const Content& packet, Duration now, Duration due) noexcept {
-    if (size_ == entries_.size()) [[unlikely]]
-      return false;
     Entry* entry = in_;
+    Entry* const next = after(in_);
+    if (next == out_) [[unlikely]]
+      return false;
     // Those that are due later move back.
-    for (std::size_t left = size_; left > 0 && before(entry)->due > due; --left) {
-      *entry = *before(entry);
-      entry = before(entry);
-    }
-    in_ = after(in_);
-    ++size_;
+    for (; latest_ > due && entry != out_ && before(entry)->due > due; entry = before(entry)) *entry = *before(entry);
+    latest_ = std::max(latest_, due);
+    in_ = next;
     entry->due = due;
     entry->readable = due > now + kRounding ? due - kRounding : now + kTick;
     entry->packet = packet;
@@ -47,25 +46,24 @@ class DueQueue {
   /// Oldest packet that is due: put in strictly before `now`, and due by then. Null when there is none.
   /// The pointer is good until the next put.
   [[gnu::always_inline]] const Entry* take(Duration now) noexcept {
-    if (size_ == 0 || out_->readable > now) return nullptr;
+    if (empty() || out_->readable > now) return nullptr;
     const Entry* entry = out_;
     out_ = after(out_);
-    --size_;
     return entry;
   }
-  [[nodiscard]] bool empty() const noexcept { return size_ == 0; }
+  [[nodiscard]] bool empty() const noexcept { return in_ == out_; }
 
  private:
   /// Moments and delays are each rounded to a nanosecond; without this slack 2 ticks of delay at 3 kHz are sometimes 3.
   static constexpr Duration kRounding{1};
   static constexpr Duration kTick{1};  ///< the next moment that a clock can show
 
-  Entry* after(Entry* entry) noexcept { return entry == &entries_.back() ? entries_.data() : entry + 1; }
+  Entry* after(Entry* entry) noexcept { return ++entry == entries_.data() + entries_.size() ? entries_.data() : entry; }
   Entry* before(Entry* entry) noexcept { return entry == entries_.data() ? &entries_.back() : entry - 1; }
 
-  std::vector<Entry> entries_;
+  std::vector<Entry> entries_;  ///< in a circle; one is always free
   Entry *in_ = entries_.data(), *out_ = entries_.data();
-  std::size_t size_ = 0;
+  Duration latest_ = Duration::min();  ///< no packet has been due later
 };
 
 }  // namespace twoport

@@ -1,7 +1,7 @@
 #pragma once
 
 #include <algorithm>
-#include <bitset>
+#include <array>
 #include <cstdint>
 #include <optional>
 #include <utility>
@@ -91,7 +91,7 @@ class Mailbox {
     first_ = 1;
     suspect_ = 0;
     older_for_ = older_at_ = Duration{0};
-    seen_.reset();
+    seen_.fill(false);
     if (playout_) playout_->clear();
   }
 
@@ -176,7 +176,7 @@ class Mailbox {
 
   Order begin(std::uint64_t sequence) noexcept {
     first_ = sequence;
-    seen_.reset();
+    seen_.fill(false);
     return Order::newer;
   }
 
@@ -185,7 +185,7 @@ class Mailbox {
     const std::uint64_t newest = known_.newest.sequence;
     counts_.lost += next - newest - 1;
     if (next - newest >= kMemory) {
-      seen_.reset();
+      seen_.fill(false);
     } else {
       for (std::uint64_t s = newest + 1; s < next; ++s) seen_[s % kMemory] = false;
     }
@@ -215,7 +215,7 @@ class Mailbox {
   std::uint64_t first_ = 1;              ///< lowest sequence received since the count began
   std::uint64_t suspect_ = 0;            ///< the last sequence that was not the next
   Duration older_for_{0}, older_at_{0};  ///< time with older reports only, and time of the last
-  std::bitset<kMemory> seen_;            ///< of the last kMemory sequences
+  std::array<bool, kMemory> seen_{};     ///< of the last kMemory sequences
   std::optional<Playout<N>> playout_;
   std::optional<Deadband<N>> deadband_;
 };

@@ -13,7 +13,8 @@ class SimTransport {
   SimTransport(Line& in, Line& out) : in_{&in}, out_{&out} {}
   template <class Visit>
   [[gnu::always_inline]] void poll(Duration now, Visit visit) noexcept {
-    while (const Report<N>* r = in_->take(now - clock_ahead_)) visit(*r);
+    now -= clock_ahead_;
+    while (const Report<N>* r = in_->take(now)) visit(*r);
   }
   [[gnu::always_inline]] void send(const auto& r, Duration now) noexcept { out_->put(r, now - clock_ahead_); }
   /// The clock of this end against the network's.

@@ -96,10 +96,10 @@ class MasterPair final : public Copyable<MasterPair<N, Transparency, Passivity>,
 
   void start(const DeviceSample<N>& device) noexcept override { transparency_->start(device); }
   [[gnu::always_inline]] MasterOutput<N> step(const MasterInput<N>& in) noexcept override {
-    const Wish<N> wish = transparency_->wish(in);
+    Wish<N> wish = transparency_->wish(in);
     if (!all_finite(wish.f, wish.damper)) [[unlikely]]
       return not_finite(wish, in);
-    const Shown<N> shown = passivity_->limit(wish, in);
+    Shown<N> shown = passivity_->limit(wish, in);
     transparency_->shown(shown.f, shown.share, in);
     return {.f = shown.f,
             .wanted = wish.f,
@@ -116,8 +116,8 @@ class MasterPair final : public Copyable<MasterPair<N, Transparency, Passivity>,
   void write_payload(Words& words) const noexcept override { transparency_->write_payload(words); }
 
  private:
-  [[gnu::noinline]] MasterOutput<N> not_finite(const Wish<N>& wish, const MasterInput<N>& in) noexcept {
-    const Shown<N> shown = passivity_->limit(Wish<N>{}, in);
+  MasterOutput<N> not_finite(const Wish<N>& wish, const MasterInput<N>& in) noexcept {
+    Shown<N> shown = passivity_->limit(Wish<N>{}, in);
     transparency_->shown(Force<N>{}, 0.0, in);
     MasterOutput<N> out{};
     out.f = wish.f + wish.damper;
@@ -240,11 +240,11 @@ class SlavePair final : public Copyable<SlavePair<N, Transparency, Passivity>, S
   }
   [[gnu::always_inline]] SlaveOutput<N> step(const SlaveInput<N>& in) noexcept override {
     VirtualCoupling<N>& coupling = transparency_->coupling();
-    const RobotWish<N> wish = transparency_->wish(in);
-    const RobotPort<N> port = passivity_->limit(wish, coupling, in);
+    RobotWish<N> wish = transparency_->wish(in);
+    RobotPort<N> port = passivity_->limit(wish, coupling, in);
     damper_ = wish.damper;
     grounded_ = wish.grounded;
-    const Force<N> f = wish.damped ? port.f + wish.damper : port.f;
+    Force<N> f = wish.damped ? port.f + wish.damper : port.f;
     if (!all_finite(f, port.v)) [[unlikely]]
       return no_force_exists(f);
     const Displacement<N> moved = port.v * in.dt;
@@ -252,10 +252,13 @@ class SlavePair final : public Copyable<SlavePair<N, Transparency, Passivity>, S
     Ledger account = in.account;
     account.book(not_of_link - dot(f, moved));
     coupling.move(moved, wish.v, in.dt);
+    Force<N> f_back = f;  // no conditional expression: one of lvalues is a pointer, which keeps them in memory
+    if (wish.f_back)
+      f_back = *wish.f_back;
+    else if (port.returns_wanted)
+      f_back = wish.f;
     SlaveOutput<N> out{.command = {.f = f, .x_d = coupling.set_point(), .v_d = port.v},
-                       .f_back = wish.f_back           ? *wish.f_back
-                                 : port.returns_wanted ? wish.f
-                                                       : f,
+                       .f_back = f_back,
                        .energy_in = {},
                        .dissipated = port.dissipated,
                        .grounded = not_of_link};

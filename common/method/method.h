@@ -73,7 +73,7 @@ struct SlaveHandover {
 
 /// Result of a slave half whose force is not finite: its state is unchanged, and the node applies no force.
 template <int N>
-[[gnu::noinline]] SlaveOutput<N> no_force_exists(Force<N> f) noexcept {
+SlaveOutput<N> no_force_exists(Force<N> f) noexcept {
   SlaveOutput<N> out{};
   out.command.f = f;
   return out;

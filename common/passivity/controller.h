@@ -265,8 +265,8 @@ template <int N>
   const double q = f_d.vec().dot(give);
   if (q < 1e-300) return {f_d, v_d, Energy{}};
   const double s = largest_feasible_scale(q, p - q, a);
-  const Force<N> f = s * f_d;
-  const Velocity<N> v{v_d.vec() - (1.0 - s) * give};
+  Force<N> f = s * f_d;
+  Velocity<N> v{v_d.vec() - (1.0 - s) * give};
   return {f, v, Energy{(p - f.vec().dot(v.vec())) * dt.si()}};
 }
 

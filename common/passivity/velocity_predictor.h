@@ -16,28 +16,35 @@ inline constexpr double kHandForceChange_n = 20.0;
 template <int N>
 struct VelocityPrediction {
   using Vector = typename Force<N>::Vector;
-  Vector mobility = Vector::Zero();   ///< of the mean velocity to the force, T/(2m) per axis [m/(N s)]
-  Velocity<N> w{};                    ///< mean velocity without a force
-  double error_bound = 0.0;           ///< norm of the error of w [m/s]
-  double rotation_error_bound = 0.0;  ///< of w's rotation, N = 6 [rad/s]
-  double worst_error = 0.0;           ///< no hand within kHandForceChange_n causes a larger error of w [m/s]
-  double worst_rotation_error = 0.0;  ///< of w's rotation, N = 6 [rad/s]
+  Vector mobility = Vector::Zero();    ///< of the mean velocity to the force, T/(2m) per axis [m/(N s)]
+  Velocity<N> w{};                     ///< mean velocity without a force
+  double error_bound = 0.0;            ///< norm of the error of w [m/s]
+  double rotation_error_bound = 0.0;   ///< of w's rotation, N = 6 [rad/s]
+  Vector unforeseen = Vector::Zero();  ///< e(k) - e(k-1)/4 [m/s], [rad/s]
 
   /// Largest power of f due to the error of w [W].
   [[nodiscard]] double power_error_bound(const Force<N>& f) const noexcept {
     return power_of_error(f, error_bound, rotation_error_bound);
   }
+  /// No hand within kHandForceChange_n causes a larger error of w [m/s].
+  [[nodiscard]] double worst_error() const noexcept {
+    return unforeseen.template head<kLinear>().norm() + mobility[0] * kHandForceChange_n;
+  }
   /// The same for any hand within kHandForceChange_n.
   [[nodiscard]] double worst_power_error(const Force<N>& f) const noexcept {
-    return power_of_error(f, std::max(error_bound, worst_error), std::max(rotation_error_bound, worst_rotation_error));
+    double of_rotation = 0.0;
+    if constexpr (N == 6)
+      of_rotation = unforeseen.template tail<3>().norm() + std::sqrt(mobility[0] * mobility[3]) * kHandForceChange_n;
+    return power_of_error(f, std::max(error_bound, worst_error()), std::max(rotation_error_bound, of_rotation));
   }
   /// Least power of a force no larger than f, whatever its direction, but for the error of w [W].
   [[nodiscard]] double least_power(const Force<N>& f) const noexcept {
-    constexpr int kLinear = N == 6 ? 3 : N;
     return -power_of_error(f, w.vec().template head<kLinear>().norm(), w.vec().template tail<N - kLinear>().norm());
   }
 
  private:
+  static constexpr int kLinear = N == 6 ? 3 : N;
+
   [[nodiscard]] static double power_of_error(const Force<N>& f, double error,
                                              [[maybe_unused]] double rotation_error) noexcept {
     if constexpr (N == 6) {
@@ -83,25 +90,22 @@ class PortVelocityPredictor {
     const Vector e = moved.vec() / dt.si() - expected;
     u_ = expected + kGain * e;
     d_ += kRateGain * e;
-    predict(c, e, kRateGain * before_, applied.vec());
+    predict(c, e, e - kRateGain * before_, applied.vec());
   }
   [[nodiscard]] const VelocityPrediction<N>& prediction() const noexcept { return prediction_; }
 
  private:
-  [[gnu::always_inline]] void predict(const Vector& c, const Vector& e, const Vector& known,
+  [[gnu::always_inline]] void predict(const Vector& c, const Vector& e, const Vector& unforeseen,
                                       const Vector& applied) noexcept {
     applied_ = applied;
     before_ = e;
-    const Vector left = e - known;
     prediction_.mobility = c;
     prediction_.w = Velocity<N>{u_ + d_ - c.cwiseProduct(applied_)};
     prediction_.error_bound = std::max(e.template head<kAxes>().norm(), kMemory * prediction_.error_bound);
-    prediction_.worst_error = left.template head<kAxes>().norm() + c[0] * kHandForceChange_n;
-    if constexpr (N == 6) {
+    prediction_.unforeseen = unforeseen;
+    if constexpr (N == 6)
       prediction_.rotation_error_bound =
           std::max(e.template tail<3>().norm(), kMemory * prediction_.rotation_error_bound);
-      prediction_.worst_rotation_error = left.template tail<3>().norm() + std::sqrt(c[0] * c[3]) * kHandForceChange_n;
-    }
   }
 
   /// The same over n intervals at once: what is measured is their mean, and each has changed the velocity by
@@ -112,7 +116,7 @@ class PortVelocityPredictor {
     const Vector expected = u_ + d_ - c.cwiseProduct(applied_ + applied.vec()) + half;
     const Vector mean = moved.vec() / (n * dt.si());
     u_ = mean + half;
-    predict(c, mean - expected, Vector::Zero(), applied.vec());
+    predict(c, mean - expected, mean - expected, applied.vec());
   }
 
   static constexpr int kAxes = N == 6 ? 3 : N;

@@ -49,8 +49,8 @@ class Metrics {
   bool add(const Row<N>& row) noexcept {
     ++rows_;
     last_s_ = row.t_s;
-    const auto felt = translational(row.master_f.vec()), wanted = translational(row.master_f_wanted.vec());
-    const auto missed = translational(row.position_error.vec());
+    auto felt = translational(row.master_f.vec()), wanted = translational(row.master_f_wanted.vec());
+    auto missed = translational(row.position_error.vec());
     lower(sums_.min_energy, row.master_energy_j);
     lower(sums_.min_observed, row.observed_energy_j);
     lower(sums_.min_two_port, row.master_energy_j - energy_scale_ * row.slave_energy_j);

@@ -38,50 +38,21 @@ TrendRecord::TrendRecord(std::size_t signals, std::size_t energies, std::size_t 
     : signals_{signals},
       energies_{energies},
       block_ticks_{std::max<std::size_t>(ticks, 1)},
-      signal_((kBlocks + 1) * signals),
-      energy_((kBlocks + 1) * energies),
-      happened_(kBlocks + 1),
+      signal_(kBlocks * signals),
+      energy_(kBlocks * energies),
+      happened_(kBlocks),
+      signal_now_(signals),
+      energy_now_(energies),
       sign_(signals, 0) {}
 
-void TrendRecord::add(std::span<const double> signals, std::span<const double> energies, Events events) noexcept {
-  // By local pointers: a store to a sign may change any member, as far as a compiler knows.
-  const std::size_t b = filled_, n = signals_, m = energies_;
-  Signal* const of_signals = signal_.data() + b * n;
-  Energies* const of_energies = energy_.data() + b * m;
-  signed char* const last_sign = sign_.data();
-  if (in_block_ == 0) {
-    for (std::size_t i = 0; i < n; ++i) of_signals[i] = {0.0, signals[i], 0};
-    for (std::size_t i = 0; i < m; ++i) of_energies[i] = {0.0, energies[i], energies[i]};
-    happened_[b] = {0, false};
-  }
-  for (std::size_t i = 0; i < n; ++i) {
-    const double x = signals[i];
-    Signal& s = of_signals[i];
-    s.sum2 += x * x;
-    const auto sign = static_cast<signed char>((x > 0.0) - (x < 0.0));
-    if (sign != 0) {
-      s.turns += sign == -last_sign[i];
-      last_sign[i] = sign;
-    }
-  }
-  for (std::size_t i = 0; i < m; ++i) {
-    Energies& e = of_energies[i];
-    e.sum += energies[i];
-    e.least = std::min(e.least, energies[i]);
-    e.most = std::max(e.most, energies[i]);
-  }
-  Happened& happened = happened_[b];
-  happened.contact_changes += started_ && events.touching != touching_;
-  happened.limited = happened.limited || events.limited;
-  touching_ = events.touching;
-  started_ = true;
-  if (++in_block_ == block_ticks_) close_block();
-}
-
 void TrendRecord::close_block() noexcept {
-  in_block_ = 0;
-  if (++filled_ <= kBlocks) return;
-  // The block that is too many waits behind until its neighbours have been merged.
+  if (filled_ < kBlocks) {
+    std::copy(signal_now_.begin(), signal_now_.end(), &of_signal(filled_, 0));
+    std::copy(energy_now_.begin(), energy_now_.end(), &of_energy(filled_, 0));
+    happened_[filled_++] = happened_now_;
+    in_block_ = 0;
+    return;
+  }
   for (std::size_t b = 0; b < kBlocks / 2; ++b) {
     for (std::size_t i = 0; i < signals_; ++i) {
       const Signal &one = of_signal(2 * b, i), &two = of_signal(2 * b + 1, i);
@@ -94,12 +65,8 @@ void TrendRecord::close_block() noexcept {
     const Happened &one = happened_[2 * b], &two = happened_[2 * b + 1];
     happened_[b] = {one.contact_changes + two.contact_changes, one.limited || two.limited};
   }
-  // It is the first half of the next one.
-  for (std::size_t i = 0; i < signals_; ++i) of_signal(kBlocks / 2, i) = of_signal(kBlocks, i);
-  for (std::size_t i = 0; i < energies_; ++i) of_energy(kBlocks / 2, i) = of_energy(kBlocks, i);
-  happened_[kBlocks / 2] = happened_[kBlocks];
+  // The present block goes on: it is the first half of the next one.
   filled_ = kBlocks / 2;
-  in_block_ = block_ticks_;
   block_ticks_ *= 2;
 }
 

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <algorithm>
 #include <array>
 #include <cstddef>
 #include <span>
@@ -68,7 +69,39 @@ class TrendRecord {
     bool touching = false;  ///< something is in contact
     bool limited = false;   ///< a force was cut by a limit that is no passivity controller
   };
-  void add(std::span<const double> signals, std::span<const double> energies, Events events) noexcept;
+  /// `signals`, `energies`: arrays, vectors or spans of numbers.
+  [[gnu::always_inline]] void add(const auto& signals, const auto& energies, Events events) noexcept {
+    if (in_block_ == 0) [[unlikely]] {
+      for (std::size_t i = 0; i < signals.size(); ++i) signal_now_[i] = {0.0, signals[i], 0};
+      for (std::size_t i = 0; i < energies.size(); ++i) energy_now_[i] = {0.0, energies[i], energies[i]};
+      happened_now_ = {0, false};
+    }
+    // What changes in few ticks is behind a branch, which costs less than a store.
+    for (std::size_t i = 0; i < signals.size(); ++i) {
+      const double x = signals[i];
+      signal_now_[i].sum2 += x * x;
+      const int sign = (x > 0.0) - (x < 0.0);
+      if (sign != sign_[i] && sign != 0) [[unlikely]] {
+        signal_now_[i].turns += sign_[i] != 0;
+        sign_[i] = sign;
+      }
+    }
+    for (std::size_t i = 0; i < energies.size(); ++i) {
+      Energies& e = energy_now_[i];
+      e.sum += energies[i];
+      if (energies[i] < e.least) e.least = energies[i];
+      if (energies[i] > e.most) e.most = energies[i];
+    }
+    if (events.touching != touching_) [[unlikely]] {
+      happened_now_.contact_changes += started_;
+      touching_ = events.touching;
+    }
+    if (events.limited) [[unlikely]]
+      happened_now_.limited = true;
+    started_ = true;
+    if (++in_block_ == block_ticks_) [[unlikely]]
+      close_block();
+  }
 
   [[nodiscard]] std::size_t signals() const { return signals_; }
   /// Ticks in whole blocks.
@@ -129,7 +162,11 @@ class TrendRecord {
   std::vector<Signal> signal_;
   std::vector<Energies> energy_;
   std::vector<Happened> happened_;
-  std::vector<signed char> sign_;
+  // Of the block that is being filled.
+  std::vector<Signal> signal_now_;
+  std::vector<Energies> energy_now_;
+  Happened happened_now_{};
+  std::vector<int> sign_;  ///< of each signal's last value other than 0
   bool touching_ = false, started_ = false;
 };
 

@@ -45,7 +45,10 @@ class ModeMachine {
   /// every tick.
   template <int N>
   [[nodiscard]] bool is_stopped(HardwareStatus own, const PeerState<N>& peer) noexcept {
-    if (peer.is_new) told_ = peer.newest.mode == Mode::stopped ? told_ + 1 : 0;
+    if (peer.newest.mode != Mode::stopped) [[likely]]
+      told_ = 0;
+    else if (peer.is_new)
+      ++told_;
     if (own == HardwareStatus::stopped || told_ >= kTold) [[unlikely]]
       mode_ = Mode::stopped;
     return mode_ == Mode::stopped;

@@ -150,16 +150,16 @@ class LinkLoop {
   /// `taps`, unless null, see every tick of both nodes; a copy has none. `of_plant`: what it is made of besides the scene.
   explicit LinkLoop(const Scene& scene, Taps<N>* taps = nullptr, const auto&... of_plant)
       : registration_{scene.control},
-        master_rate_hz_{scene.master_rate_hz},
-        slave_rate_hz_{scene.slave_rate_hz},
         master_dt_{1.0 / scene.master_rate_hz},
         slave_dt_{1.0 / scene.slave_rate_hz},
-        true_slave_rate_hz_{scene.slave_rate_hz * (1.0 + scene.slave_clock.drift)},
+        master_times_{scene.master_rate_hz},
+        slave_times_{true_slave_rate_hz(scene)},
+        slave_times_by_itself_{scene.slave_rate_hz},
         slave_clock_offset_{to_duration(scene.slave_clock.offset_s)},
         slave_clock_{scene.slave_clock.offset_s != 0.0 || scene.slave_clock.drift != 0.0},
         end_{to_duration(scene.duration_s)},
         device_{scene, master_dt_},
-        robot_{scene, Seconds{1.0 / true_slave_rate_hz_}, of_plant...},
+        robot_{scene, Seconds{1.0 / true_slave_rate_hz(scene)}, of_plant...},
         master_{scene.control, scene.schedule},
         slave_{scene.control, scene.schedule},
         link_{scene},
@@ -180,17 +180,17 @@ class LinkLoop {
   template <class Visit>
   TWOPORT_FLATTEN std::uint64_t run(Duration end, Visit visit) {
     std::int64_t from = ticks_, m = from, s = slave_ticks_;
-    Duration next_m = tick_time(m, master_rate_hz_), next_s = tick_time(s, true_slave_rate_hz_);
+    Duration next_m = master_times_[m], next_s = slave_times_[s];
     while (next_m < end) {
       // The slave first where both are due, so that a row shows both at the same moment.
       if (next_s <= next_m) {
         slave_tick(next_s, s);
-        next_s = tick_time(++s, true_slave_rate_hz_);
+        next_s = slave_times_[++s];
         continue;
       }
       const Duration now = next_m;
       auto out = master_tick(now, m);
-      next_m = tick_time(++m, master_rate_hz_);
+      next_m = master_times_[++m];
       if (!visit(row(now, out))) break;
     }
     ticks_ = m;
@@ -220,7 +220,7 @@ class LinkLoop {
     use.switches = master_.epoch();
     if (slave_clock_ && clock_offset_.known()) {
       const double end_s = to_seconds(end_).si();
-      const double ahead_s = to_seconds(slave_time(slave_ticks_) - tick_time(slave_ticks_, true_slave_rate_hz_)).si();
+      const double ahead_s = to_seconds(slave_time(slave_ticks_) - slave_times_[slave_ticks_]).si();
       use.clock = clock_offset_.figures(end_s);
       use.clock->error_s = use.clock->offset_s - ahead_s;
     }
@@ -228,6 +228,8 @@ class LinkLoop {
   }
 
  private:
+  /// By the master's clock.
+  static double true_slave_rate_hz(const Scene& scene) { return scene.slave_rate_hz * (1.0 + scene.slave_clock.drift); }
   [[gnu::always_inline]] auto master_tick(Duration now, std::int64_t k) noexcept {
     if (k > 0) device_.advance();
     if (switch_times_.any()) [[unlikely]]
@@ -260,7 +262,7 @@ class LinkLoop {
     while (switch_times_.due(to_seconds(now).si(), master_.epoch())) master_.switch_to_next();
   }
   [[nodiscard]] Duration slave_time(std::int64_t k) const noexcept {
-    return slave_clock_offset_ + tick_time(k, slave_rate_hz_);
+    return slave_clock_offset_ + slave_times_by_itself_[k];
   }
   [[gnu::noinline]] Duration read_slave_clock(Duration now, std::int64_t k) noexcept {
     const Duration local = slave_time(k);
@@ -301,9 +303,9 @@ class LinkLoop {
   }
 
   Registration<N> registration_;
-  double master_rate_hz_, slave_rate_hz_;
   Seconds master_dt_, slave_dt_;
-  double true_slave_rate_hz_;  ///< by the master's clock
+  TickTimes master_times_, slave_times_;  ///< by the master's clock
+  TickTimes slave_times_by_itself_;
   Duration slave_clock_offset_;
   bool slave_clock_;  ///< does the slave's clock differ?
   Duration end_;

@@ -26,9 +26,9 @@ class SideTap final : public ReportTap<N> {
     tick_.sent = report;
   }
 
-  /// Before a cycle of the node, and after it.
+  /// Before a cycle of the node, and after it. By value: what is not seen stays in registers.
   template <class Node, class Clock>
-  [[gnu::noinline]] void begin(const Node& node, const Tick<Clock>& tick) noexcept {
+  [[gnu::noinline]] void begin(const Node& node, Tick<Clock> tick) noexcept {
     tick_.now = tick.now.time_since_epoch();
     tick_.dt = tick.dt, tick_.ended = tick.ended;
     tick_.t_s = to_seconds(tick_.now).si();
@@ -37,7 +37,7 @@ class SideTap final : public ReportTap<N> {
     received_.clear();
   }
   template <class Plant, class Output>
-  [[gnu::noinline]] void end(const Plant& plant, const Output& out) noexcept {
+  [[gnu::noinline]] void end(const Plant& plant, Output out) noexcept {
     tick_.take(plant.sense());
     tick_.take_output(out);
     if (side_) side_->add(tick_, std::span<const Report<N>>{received_});

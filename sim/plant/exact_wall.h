@@ -167,7 +167,7 @@ class ExactPlant {
   }
 
   [[gnu::always_inline]] void step(const Force<D>& f) noexcept {
-    const Vector u = f.vec() + pull_;
+    Vector u = f.vec() + pull_;
     if (!wall_) return step_free(u);
     const Region& r = region_[s_.in_contact];
     const double load = normal_.dot(u) + r.load;
@@ -211,7 +211,7 @@ class ExactPlant {
   /// A step without a wall.
   void step_free(Vector u) noexcept {
     const auto& [across, along, load, span, map, full] = region_[0];
-    const Vector x = s_.body.x.translation(), v = s_.body.v.vec();
+    Vector x = s_.body.x.translation(), v = s_.body.v.vec();
     const Vector u0 = u - along.stiffness_n_per_m * x;
     s_.body.x = Position<D>{x + (full.xv * v + full.xu * u0)};
     s_.body.v = Velocity<D>{full.vv * v + full.vu * u0};

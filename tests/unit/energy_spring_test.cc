@@ -196,7 +196,7 @@ TEST(PortVelocityPredictor, KnowsTheLargestErrorThatAHandCanCause) {
     if (k > 1) {
       const VelocityPrediction<3>& port = predictor.prediction();
       const Eigen::Vector3d error = moved.vec() / dt.si() - port.w.vec() + port.mobility.cwiseProduct(f.vec());
-      most = std::max(most, error.norm() / port.worst_error);
+      most = std::max(most, error.norm() / port.worst_error());
     }
     predictor.step(moved, f, dt, dt);
     f = along_x(10.0 * hand.draw());

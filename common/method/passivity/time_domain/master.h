@@ -43,7 +43,7 @@ class TimeDomainMaster final : public Copyable<TimeDomainMaster<N>, MasterPassiv
     Corrected<Force<N>> allowed{};
     Shown<N> out;
     if (!wish.idle) {
-      const Force<N> wanted = wish.total();
+      Force<N> wanted = wish.total();
       const Energy available = initial_ + transmittable_energy(in.account, in.slave_energy_in) - returned(in.account);
       allowed = predictor_
                     ? predictive_impedance_controller(wanted, predictor_->prediction(), available, controller_, in.dt)

@@ -35,7 +35,7 @@ class TimeDomainSlave final : public Copyable<TimeDomainSlave<N>, SlavePassivity
     coupling_energy_.book(0, -dot(f_, in.robot.x - x_before_));
     x_before_ = in.robot.x;
     if (reference_energy_) follow_reference(coupling, in.robot.x);
-    const PortSolution<N> allowed =
+    PortSolution<N> allowed =
         admittance_controller(wish.f, wish.v, coupling.spring().mobility(in.dt),
                               available(in.account, coupling.registration(), in.master_energy_in), in.dt);
     return {allowed.f, allowed.v, allowed.dissipated, true};

@@ -27,7 +27,7 @@ class DelayedForceSlave final : public Copyable<DelayedForceSlave<N>, SlaveTrans
   explicit DelayedForceSlave(const ControlOptions& o)
       : Copyable<DelayedForceSlave<N>, SlaveTransparency<N>>{o}, measured_{returns_measured_force(o)} {}
   [[gnu::always_inline]] RobotWish<N> wish(const SlaveInput<N>& in) noexcept override {
-    const auto wanted = this->want(in);
+    auto wanted = this->want(in);
     RobotWish<N> out{.f = wanted.f, .v = wanted.v};
     if (measured_) out.f_back = in.robot.f_environment;
     return out;
