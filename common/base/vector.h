@@ -19,6 +19,9 @@ template <class... Values>
 
 /// Coordinates of one physical kind. Kinds do not mix; `.vec()` is the plain Eigen vector for use inside a step.
 /// N = 1 and 3 are translations. N = 6 is translation first, then rotation, in world axes at the tool point.
+///
+/// In a step, a local variable that holds such values and that a function returns is not const, its address goes to no function that is
+/// not inlined, and no conditional expression chooses between two of them: GCC 12 would keep it in memory.
 template <class Kind, int N>
 class Coords {
  public:
