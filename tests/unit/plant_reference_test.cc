@@ -240,6 +240,29 @@ TEST(Bounces, ManyInATickAreTheClosedForm) {
   }
 }
 
+TEST(Bounces, OfABodyOnManyPointsAreTheClosedForm) {
+  // 64 points touch at once: a step for the stiffness of one of them would err by 1e-8 m.
+  std::string points = "tool {";
+  for (int i = 0; i < 64; ++i)
+    points += " contact_point { position_m: [" + std::to_string(0.01 * (i % 8) - 0.035) + ", " +
+              std::to_string(0.01 * (i / 8) - 0.035) + ", 0] }";
+  const Bouncing exact{1.0, 64 * 2000.0, 10.0, 0.1};
+  auto r = robot<6>(
+      "robot { mass_kg: 1 inertia_kg_m2: [1e-2, 1e-2, 1e-2] velocity_m_per_s: [0, 0, -0.1, 0, 0, 0] } environment { "
+      "wall { normal: [0, 0, 1] stiffness_n_per_m: 2000 } } " +
+          points + " }",
+      1e-3);
+  Force<6>::Vector f;
+  f << 0, 0, -10, 0, 0, 0;
+  push<6>(r, f);
+  for (int k = 1; k <= 100; ++k) {
+    r.advance();
+    const auto [depth, v] = exact.at(1e-3 * k);
+    ASSERT_NEAR(-r.state().x.translation().z(), depth, 1e-9) << "tick " << k;
+    ASSERT_NEAR(-r.state().v[2], v, 1e-7) << "tick " << k;
+  }
+}
+
 TEST(Bounces, BetweenTwoTicksAreSeen) {
   // Pulled away by 4 N it reaches the wall 1 ms after the first tick and is back before the second.
   const double m = 0.02, k = 1e6, v0 = 0.5, w = std::sqrt(k / m), enter = 0.0011, pull = 4.0;
