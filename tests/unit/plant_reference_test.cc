@@ -241,7 +241,8 @@ TEST(Bounces, ManyInATickAreTheClosedForm) {
 }
 
 TEST(Bounces, OfABodyOnManyPointsAreTheClosedForm) {
-  // 64 points touch at once: a step for the stiffness of one of them would err by 1e-8 m.
+  // 64 points touch at once, 35 steps long: each may turn the phase by (0.1)^5/120. With steps for the stiffness of one point the
+  // velocity would err by 4e-5 m/s.
   std::string points = "tool {";
   for (int i = 0; i < 64; ++i)
     points += " contact_point { position_m: [" + std::to_string(0.01 * (i % 8) - 0.035) + ", " +
@@ -258,8 +259,8 @@ TEST(Bounces, OfABodyOnManyPointsAreTheClosedForm) {
   for (int k = 1; k <= 100; ++k) {
     r.advance();
     const auto [depth, v] = exact.at(1e-3 * k);
-    ASSERT_NEAR(-r.state().x.translation().z(), depth, 1e-9) << "tick " << k;
-    ASSERT_NEAR(-r.state().v[2], v, 1e-7) << "tick " << k;
+    ASSERT_NEAR(-r.state().x.translation().z(), depth, 3e-8) << "tick " << k;
+    ASSERT_NEAR(-r.state().v[2], v, 1e-6) << "tick " << k;
   }
 }
 
