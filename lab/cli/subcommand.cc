@@ -5,6 +5,7 @@
 
 #include <CLI/CLI.hpp>
 #include <algorithm>
+#include <cmath>
 #include <csignal>
 #include <cstdint>
 #include <cstdio>
@@ -42,7 +43,12 @@ template Option Option::between(int, int);
 template Option Option::between(std::uint64_t, std::uint64_t);
 template Option Option::between(double, double);
 Option Option::positive() {
-  option_->check(CLI::PositiveNumber);
+  const auto error = [](const std::string& text) {
+    double value = 0.0;
+    if (CLI::detail::lexical_cast(text, value) && value > 0.0 && std::isfinite(value)) return std::string{};
+    return fmt::format("\"{}\"; it must be a number above 0", text);
+  };
+  option_->check(CLI::Validator{error, ""});
   return *this;
 }
 Option Option::at_least_one() {

@@ -44,6 +44,7 @@ class RungeKuttaPlant final : public BodyPlant<N> {
     } else {
       mobility_ = {most_mobile_};
     }
+    most_cuts_ = kCuts + std::max(0, static_cast<int>(mobility_.size()) - 1);
     own_rate_ = robot.damping_n_s_per_m / robot.mass_kg;
     surfaces_have_changed();
   }
@@ -93,7 +94,7 @@ class RungeKuttaPlant final : public BodyPlant<N> {
           advance_finer(left);
           break;
         }
-        left -= step(left, cuts < kCuts);
+        left -= step(left, cuts < most_cuts_);
       }
     }
     return body();
@@ -230,6 +231,7 @@ class RungeKuttaPlant final : public BodyPlant<N> {
 
   Body<N> body_;
   double dt_;
+  int most_cuts_ = kCuts;         ///< and one more for each further point
   std::vector<double> mobility_;  ///< of each point [1/kg]
   double most_mobile_ = 0.0;      ///< the largest of a point
   double friction_ = 0.0, rate_of_springs_ = 0.0, rate_of_one_ = 0.0;
