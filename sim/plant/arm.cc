@@ -102,17 +102,15 @@ SerialArm<n>::SerialArm(const ArmSpec& arm, std::shared_ptr<const Environment<6>
     damping = std::max(damping, s.material.damping_n_s_per_m + s.material.viscous_friction_n_s_per_m);
     friction_ = std::max(friction_, s.material.friction);
   }
+  const double linear = largest_eigenvalue(mobility_.topLeftCorner<3, 3>()),
+               angular = largest_eigenvalue(mobility_.bottomRightCorner<3, 3>());
   for (const Eigen::Vector3d& point : environment_->tool())
-    point_mobility_ =
-        std::max(point_mobility_, largest_eigenvalue(mobility_.topLeftCorner<3, 3>()) +
-                                      point.squaredNorm() * largest_eigenvalue(mobility_.bottomRightCorner<3, 3>()));
+    point_mobility_ = std::max(point_mobility_, linear + point.squaredNorm() * angular);
   const double joints = inverse_of_least_eigenvalue<n>(inertia);
   rate_ = std::max({std::sqrt(stiffness * point_mobility_), damping * point_mobility_,
                     (damping_.maxCoeff() + arm_.null_space_damping_n_m_s_per_rad) * joints,
                     std::sqrt(kStopStiffness * joints)});
   if (hand_) {
-    const double linear = largest_eigenvalue(mobility_.topLeftCorner<3, 3>()),
-                 angular = largest_eigenvalue(mobility_.bottomRightCorner<3, 3>());
     const HandSpec& h = hand_->spec;
     rate_ = std::max({rate_, std::sqrt(h.stiffness_n_per_m * linear), h.damping_n_s_per_m * linear,
                       std::sqrt(h.rotational_stiffness_n_m_per_rad * angular),
