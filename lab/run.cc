@@ -174,6 +174,13 @@ CountedRun run_as(Simulation<N>& simulation, const Scene& scene, const RunOption
 
 }  // namespace
 
+VerdictFrom verdict_from(std::string_view name, std::string_view option) {
+  for (const auto& [known, from] :
+       {std::pair{"tail", VerdictFrom::tail}, {"lean", VerdictFrom::lean}, {"plain", VerdictFrom::plain}})
+    if (name == known) return from;
+  throw ConfigError{fmt::format("{}={}: it must be tail, lean or plain", option, name)};
+}
+
 bool has_plugin(const Scene& scene) {
   const auto is_plugin = [](const ControlOptions& c) { return c.transparency == "PLUGIN"; };
   return is_plugin(scene.control) || std::any_of(scene.schedule.begin(), scene.schedule.end(),

@@ -2,6 +2,7 @@
 
 #include <atomic>
 #include <cstdint>
+#include <string_view>
 
 #include "common/base/file.h"
 #include "common/record/summary.h"
@@ -19,6 +20,8 @@ enum class VerdictFrom : unsigned char {
   lean,   ///< the same, with the twin only where a passivity controller acts: half as many ticks
   plain,  ///< the scene's own run, as a live side judges it: costs nothing, and says UNDECIDED more often
 };
+/// By its name. Throws ConfigError that begins with `option`.
+VerdictFrom verdict_from(std::string_view name, std::string_view option = "--verdict");
 
 struct RunOptions {
   WholeFile* trace = nullptr;     ///< takes the rows of the scene's run; the caller commits it

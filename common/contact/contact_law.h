@@ -13,6 +13,9 @@ inline constexpr double kStictionSpeed = 1e-3;
 /// Contact properties of a surface: stiffness and damping along the normal, friction across it.
 struct Material {
   double stiffness_n_per_m, damping_n_s_per_m, friction, viscous_friction_n_s_per_m;
+
+  /// What no direction exceeds, for the length of steps.
+  [[nodiscard]] double all_damping_n_s_per_m() const noexcept { return damping_n_s_per_m + viscous_friction_n_s_per_m; }
 };
 
 /// Force of one contact on the point that touches [N], in two parts.
@@ -28,16 +31,17 @@ struct Surface {
   Material material;
 
   /// Force on a point that is inside, at a signed distance -d, moving with v = v_n n + v_t [m/s]. False, and nothing
-  /// written, if it leaves faster than the spring follows.
+  /// written, if it leaves faster than the spring follows. `kContinued`: the law beyond that, and outside; it pulls there, without Coulomb
+  /// friction.
   ///
   ///     f_n = max(0, K d - B v_n) n                       never pulls
   ///     f_t = -B_t v_t - μ |f_n| v_t / max(|v_t|, 1 mm/s)
-  template <int D>
+  template <int D, bool kContinued = false>
   [[nodiscard, gnu::always_inline]] bool force(const SignedDistance<D>& at, double vn, const Point<D>& v,
                                                ContactForce<D>& out) const noexcept {
     const double depth = -at.distance;
     const double fn = material.stiffness_n_per_m * depth - material.damping_n_s_per_m * vn;
-    if (fn <= 0.0) return false;
+    if (!kContinued && fn <= 0.0) return false;
     out.normal = fn * at.normal;
     out.tangential.setZero();
     out.coulomb_damping = 0.0;
@@ -46,7 +50,8 @@ struct Surface {
         Point<D> vt = v - vn * at.normal;
         if (const double squared = at.normal.squaredNorm(); std::abs(squared - 1.0) > 1e-9) [[unlikely]]
           vt = v - vn / squared * at.normal;  // the gradient of an interpolated distance
-        out.coulomb_damping = material.friction * fn / std::max(vt.norm(), kStictionSpeed);
+        const double pressed = kContinued ? std::max(fn, 0.0) : fn;
+        out.coulomb_damping = material.friction * pressed / std::max(vt.norm(), kStictionSpeed);
         out.tangential = -(material.viscous_friction_n_s_per_m + out.coulomb_damping) * vt;
       }
     }

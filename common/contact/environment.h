@@ -83,7 +83,7 @@ class Environment {
     const auto kind = static_cast<std::size_t>(contact % contacts_of_a_point());
     if (kind < world_.surfaces.size()) {
       const Material& m = world_.surfaces[kind].material;
-      return {m.stiffness_n_per_m, m.damping_n_s_per_m + m.viscous_friction_n_s_per_m};
+      return {m.stiffness_n_per_m, m.all_damping_n_s_per_m()};
     }
     const Spring& s = world_.springs[kind - world_.surfaces.size()];
     return {s.stiffness_n_per_m, s.damping_n_s_per_m};
@@ -129,7 +129,8 @@ class Environment {
           pull(index + surfaces + i, s, at, visit);
     }
   }
-  /// The same only for the contacts `among`, ascending, on their features.
+  /// The same only for the contacts `among`, ascending, on their features, whose law goes on where they leave: damping and viscous friction
+  /// make a force begin and end with a jump, and here it has a derivative on that edge too.
   template <class Visit>
   void for_each_contact(const PoseWithRotation<N>& x, const Vector& v, std::span<const Touched> among,
                         Visit visit) const noexcept {
@@ -141,7 +142,7 @@ class Environment {
       for (; next != among.end() && next->index < end; ++next) {
         const int kind = next->index - (end - kinds);
         if (kind < surfaces)
-          touch(next->index, world_.surfaces[static_cast<std::size_t>(kind)], next->feature, at, visit);
+          touch<true>(next->index, world_.surfaces[static_cast<std::size_t>(kind)], next->feature, at, visit);
         else
           pull(next->index, world_.springs[static_cast<std::size_t>(kind - surfaces)], at, visit);
       }
@@ -263,14 +264,15 @@ class Environment {
       return {x.x.translation(), v, Point<kDim>::Zero()};
     }
   }
-  template <class Visit>
+  /// `kContinued`: outside of the surface too.
+  template <bool kContinued = false, class Visit>
   [[gnu::always_inline]] static void touch(int index, const Surface& s, Feature feature, const At& at,
                                            const Visit& visit) noexcept {
     const SignedDistance<kDim> found = signed_distance<kDim>(s.shape, at.p, feature);
-    if (!(found.distance < 0.0)) return;
+    if (!kContinued && !(found.distance < 0.0)) return;
     const Energy potential{s.potential(found.distance)};
     ContactForce<kDim> c;
-    if (s.force(found, found.normal.dot(at.v), at.v, c))
+    if (s.template force<kDim, kContinued>(found, found.normal.dot(at.v), at.v, c))
       visit(ContactPort<N>{index, found.feature, true, wrench(c.normal, at.arm), wrench(c.tangential, at.arm),
                            potential, c.coulomb_damping});
     else

@@ -1,7 +1,6 @@
 #pragma once
 
 #include <algorithm>
-#include <bit>
 #include <cstddef>
 #include <vector>
 
@@ -18,7 +17,7 @@ class DueQueue {
     Packet packet{};
   };
 
-  explicit DueQueue(std::size_t capacity) : entries_(std::bit_ceil(capacity) + 1) {}
+  explicit DueQueue(std::size_t capacity) : entries_(capacity + 1) {}
   DueQueue(const DueQueue& other)
       : entries_{other.entries_},
         in_{entries_.data() + (other.in_ - other.entries_.data())},
@@ -49,6 +48,7 @@ class DueQueue {
     if (empty() || out_->readable > now) return nullptr;
     const Entry* entry = out_;
     out_ = after(out_);
+    fetch(out_);
     return entry;
   }
   [[nodiscard]] bool empty() const noexcept { return in_ == out_; }
@@ -57,6 +57,13 @@ class DueQueue {
   /// Moments and delays are each rounded to a nanosecond; without this slack 2 ticks of delay at 3 kHz are sometimes 3.
   static constexpr Duration kRounding{1};
   static constexpr Duration kTick{1};  ///< the next moment that a clock can show
+
+  /// A tick later it is needed; where many simulations take turns it is no longer in the cache.
+  static void fetch(const Entry* entry) noexcept {
+    constexpr std::size_t kLine = 64, kMost = 4 * kLine;  // [B]
+    for (std::size_t at = 0; at < std::min(sizeof(Entry), kMost); at += kLine)
+      __builtin_prefetch(reinterpret_cast<const char*>(entry) + at);
+  }
 
   Entry* after(Entry* entry) noexcept { return ++entry == entries_.data() + entries_.size() ? entries_.data() : entry; }
   Entry* before(Entry* entry) noexcept { return entry == entries_.data() ? &entries_.back() : entry - 1; }

@@ -1,5 +1,7 @@
 #include "common/record/trace.h"
 
+#include <array>
+#include <charconv>
 #include <iterator>
 
 #include "common/base/built_for.h"
@@ -17,8 +19,11 @@ void append_names(std::string& line, std::string_view name, const Vector& v) {
   for (int i = 0; i < v.size(); ++i) fmt::format_to(std::back_inserter(line), "{}_{},", name, i);
 }
 
+/// As "%.9g", in half of the time that {fmt} takes.
 void append(std::string& line, double value) {
-  fmt::format_to(std::back_inserter(line), "{:.9g},", value);
+  std::array<char, 32> text;
+  char* const end = std::to_chars(text.begin(), text.end(), value, std::chars_format::general, 9).ptr;
+  line.append(text.begin(), end) += ',';
 }
 template <class Vector>
 void append(std::string& line, const Vector& v) {

@@ -73,7 +73,7 @@ int map_command(MapArguments& a) {
   take("--loss", a.losses, a.map.losses);
   take("--burst-packets", a.bursts, a.map.bursts_packets);
   take("--stiffness", a.stiffnesses, a.map.stiffnesses_n_per_m);
-  a.map.verdict = a.verdict == "tail" ? VerdictFrom::tail : VerdictFrom::lean;
+  a.map.verdict = verdict_from(a.verdict);
   a.map.lanes = checked_lanes(a.lanes.value_or(0));
   std::optional<HostedRobot> robot;
   if (!a.robot.empty()) {

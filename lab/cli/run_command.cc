@@ -56,7 +56,7 @@ int run_command(const Arguments& a) {
   if (!a.record.empty()) record = {a.record, a.scene, read_whole(a.scene), a.set, &unrecorded};
   const Summary summary = run(scene, {.trace = trace ? &*trace : nullptr,
                                       .trace_every = a.trace_every,
-                                      .verdict = a.verdict == "plain" ? VerdictFrom::plain : VerdictFrom::tail,
+                                      .verdict = verdict_from(a.verdict),
                                       .gripper_trace = gripper_trace ? &*gripper_trace : nullptr,
                                       .record = record ? &*record : nullptr,
                                       .robot = robot ? &*robot : nullptr});

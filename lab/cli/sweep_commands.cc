@@ -77,9 +77,7 @@ int sweep_command(Arguments& a) {
   check_plot(a.plot, a.sweep.seeds > 0);
   for (const std::string& axis : a.axes) a.sweep.axes.push_back(parse_axis(axis));
   for (const Axis& axis : a.sweep.axes) warn_if_lost(a.sweep.set, axis.paths);
-  a.sweep.verdict = a.verdict == "plain"  ? VerdictFrom::plain
-                    : a.verdict == "lean" ? VerdictFrom::lean
-                                          : VerdictFrom::tail;
+  a.sweep.verdict = verdict_from(a.verdict);
   if (!a.shard.empty()) a.sweep.shard = parse_shard(a.shard);
   if (!a.sweep.out.empty()) a.sweep.returned = columns_of_picture(a.plot);
   a.sweep.lanes = checked_lanes(a.lanes.value_or(0));

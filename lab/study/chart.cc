@@ -88,12 +88,8 @@ struct Candidate {
 };
 
 /// By default tail.
-VerdictFrom verdict_from(const std::string& name) {
-  if (name.empty()) return VerdictFrom::tail;
-  for (const auto& [known, from] :
-       {std::pair{"tail", VerdictFrom::tail}, {"lean", VerdictFrom::lean}, {"plain", VerdictFrom::plain}})
-    if (name == known) return from;
-  throw ConfigError{fmt::format("--vary verdict={}: it must be tail, lean or plain", name)};
+VerdictFrom varied_verdict(const std::string& name) {
+  return name.empty() ? VerdictFrom::tail : verdict_from(name, "--vary verdict");
 }
 
 /// The last component of each path, once where they are the same: delay_ms of to_slave.delay_ms,to_master.delay_ms.
@@ -210,7 +206,7 @@ Chart chart(const ChartOptions& o, const std::vector<Peer>& peers,
       c.peer = &peer;
       c.robot = peer.robot.get();
     }
-  for (const std::string& verdict : verdicts) verdict_from(verdict);  // complains before anything runs
+  for (const std::string& verdict : verdicts) varied_verdict(verdict);  // complains before anything runs
   // A point runs for its error, then for its time; what boundaries take is not known before.
   const std::size_t runs_of_point = 1 + 3 * static_cast<std::size_t>(o.repetitions);
   Forecast forecast{all.size() * runs_of_point};
@@ -246,7 +242,7 @@ Chart chart(const ChartOptions& o, const std::vector<Peer>& peers,
   };
   const auto boundary_of = [&](const Candidate& c) {
     try {
-      return boundary(c.set, verdict_from(c.point.from), c.robot);
+      return boundary(c.set, varied_verdict(c.point.from), c.robot);
     } catch (const ConfigError&) {
       return std::numeric_limits<double>::infinity();  // no change between the ends
     }
@@ -295,7 +291,7 @@ Chart chart(const ChartOptions& o, const std::vector<Peer>& peers,
       forecast.begin(all[i].point.name, now_s());
       double shortest = std::numeric_limits<double>::infinity();
       Candidate& c = all[i];
-      const VerdictFrom verdict = verdict_from(c.point.from);
+      const VerdictFrom verdict = varied_verdict(c.point.from);
       for (int again = 0; again < 3; ++again) {
         double seconds = 0.0;
         if (o.answer) {

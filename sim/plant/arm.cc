@@ -99,7 +99,7 @@ SerialArm<n>::SerialArm(const ArmSpec& arm, std::shared_ptr<const Environment<6>
   double stiffness = 0.0, damping = 0.0;
   for (const Surface& s : environment_->world().surfaces) {
     stiffness = std::max(stiffness, s.material.stiffness_n_per_m);
-    damping = std::max(damping, s.material.damping_n_s_per_m + s.material.viscous_friction_n_s_per_m);
+    damping = std::max(damping, s.material.all_damping_n_s_per_m());
     friction_ = std::max(friction_, s.material.friction);
   }
   const double linear = largest_eigenvalue(mobility_.topLeftCorner<3, 3>()),

@@ -56,7 +56,7 @@ class RungeKuttaPlant final : public BodyPlant<N> {
     for (const Surface& s : world.surfaces) {
       stiffness += s.material.stiffness_n_per_m;
       stiffest = std::max(stiffest, s.material.stiffness_n_per_m);
-      damping = std::max(damping, s.material.damping_n_s_per_m + s.material.viscous_friction_n_s_per_m);
+      damping = std::max(damping, s.material.all_damping_n_s_per_m());
       friction_ = std::max(friction_, s.material.friction);
     }
     for (const Spring& s : world.springs) stiffness += s.stiffness_n_per_m;

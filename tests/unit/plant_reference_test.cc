@@ -264,6 +264,31 @@ TEST(Bounces, OfABodyOnManyPointsAreTheClosedForm) {
   }
 }
 
+TEST(Bounces, ABodyThatTipsOverOnManyDampersGainsNoEnergy) {
+  // Of 100 points, 1000 N s/m each, one after the other touches at 1 m/s and less: its force begins with a jump.
+  std::string points = "tool {";
+  for (int i = 0; i < 100; ++i)
+    points += " contact_point { position_m: [" + std::to_string(0.06 * (i / 10) / 9 - 0.03) + ", " +
+              std::to_string(0.06 * (i % 10) / 9 - 0.03) + ", -0.01] }";
+  auto r = robot<6>(
+      "robot { mass_kg: 0.5 inertia_kg_m2: [8.3e-5, 1.67e-4, 2.17e-4] position_m: [0, 0, 0.03] velocity_m_per_s: [0.1, 0, -1, "
+      "0.1, 0.3, 0.2] } environment { wall { normal: [0, 0, 1] stiffness_n_per_m: 1e4 damping_n_s_per_m: 1000 } } " +
+          points + " }",
+      1e-3);
+  const auto kinetic = [&] {
+    const Vector3d w = r.state().x.attitude().conjugate() * Vector3d{r.state().v.vec().tail<3>()};
+    return 0.25 * r.state().v.vec().head<3>().squaredNorm() + 0.5 * w.cwiseAbs2().dot(Vector3d{8.3e-5, 1.67e-4, 2.17e-4});
+  };
+  const double before = kinetic();
+  for (int k = 1; k <= 19; ++k) r.advance();
+  EXPECT_NEAR(kinetic(), before, 1e-12);
+  for (int k = 20; k <= 60; ++k) {
+    r.advance();
+    ASSERT_LT(kinetic(), before) << "tick " << k;
+  }
+  EXPECT_LT(kinetic(), 0.02 * before);
+}
+
 TEST(Bounces, BetweenTwoTicksAreSeen) {
   // Pulled away by 4 N it reaches the wall 1 ms after the first tick and is back before the second.
   const double m = 0.02, k = 1e6, v0 = 0.5, w = std::sqrt(k / m), enter = 0.0011, pull = 4.0;
