@@ -92,6 +92,41 @@ TEST(Rotation, OfEveryVectorOfASceneTurnsTheRun) {
   }
 }
 
+// --- nothing that is on its way is dropped -------------------------------------------------------
+
+TEST(SimLink, HasRoomForAllThatIsOnItsWay) {
+  struct Case {
+    double master_hz, slave_hz, drift;
+    std::vector<std::string> set;
+  };
+  const std::string hundred = "={ delay_ms: 100 }", varied = "={ delay_ms: 100 jitter_ms: 30 duplicate: 0.5 reorder: 0.2 }";
+  for (const auto& [master_hz, slave_hz, drift, set] :
+       {Case{1000, 1000, 0.0, {"to_slave" + hundred, "to_master" + hundred}},
+        Case{1000, 1000, 0.0, {"to_slave" + varied, "to_master" + varied}},
+        Case{1000, 1000, 0.02, {"to_slave={ delay_ms: 1000 }", "to_master={ delay_ms: 1000 }", "slave_clock.drift_ppm=20000"}},
+        Case{1000, 50, 0.0, {"to_slave" + hundred, "to_master" + hundred, "slave_rate_hz=50"}},
+        Case{50, 1000, 0.0, {"to_slave" + hundred, "to_master" + hundred, "slave_rate_hz=1000"}}}) {
+    std::vector<std::string> all = set;
+    all.push_back(fmt::format("rate_hz={}", master_hz));
+    SimLink<1> link{parse_scene("dof: 1 duration_s: 3 device { mass_kg: 1 } robot { mass_kg: 1 }", "test", all)};
+    const double slave_true_hz = slave_hz * (1.0 + drift);
+    for (std::int64_t m = 0, s = 0; tick_time(m, master_hz) < std::chrono::seconds{3};) {
+      const Duration at_master = tick_time(m, master_hz), at_slave = tick_time(s, slave_true_hz);
+      if (at_slave <= at_master) {
+        link.slave().collect(at_slave);
+        link.slave().post(PortReport<1>{}, at_slave);
+        ++s;
+      } else {
+        link.master().collect(at_master);
+        link.master().post(PortReport<1>{}, at_master);
+        ++m;
+      }
+    }
+    EXPECT_EQ(link.use().overflowed, 0u) << master_hz << " and " << slave_hz << " Hz, drift " << drift;
+    EXPECT_GT(link.slave().counts().received, 0u);
+  }
+}
+
 // --- a run repeats -------------------------------------------------------------------------------
 
 const std::string kEverythingRandom = R"(
