@@ -99,11 +99,15 @@ TEST(SimLink, HasRoomForAllThatIsOnItsWay) {
     double master_hz, slave_hz, drift;
     std::vector<std::string> set;
   };
-  const std::string hundred = "={ delay_ms: 100 }", varied = "={ delay_ms: 100 jitter_ms: 30 duplicate: 0.5 reorder: 0.2 }";
+  const std::string hundred = "={ delay_ms: 100 }",
+                    varied = "={ delay_ms: 100 jitter_ms: 30 duplicate: 0.5 reorder: 0.2 }";
   for (const auto& [master_hz, slave_hz, drift, set] :
        {Case{1000, 1000, 0.0, {"to_slave" + hundred, "to_master" + hundred}},
         Case{1000, 1000, 0.0, {"to_slave" + varied, "to_master" + varied}},
-        Case{1000, 1000, 0.02, {"to_slave={ delay_ms: 1000 }", "to_master={ delay_ms: 1000 }", "slave_clock.drift_ppm=20000"}},
+        Case{1000,
+             1000,
+             0.02,
+             {"to_slave={ delay_ms: 1000 }", "to_master={ delay_ms: 1000 }", "slave_clock.drift_ppm=20000"}},
         Case{1000, 50, 0.0, {"to_slave" + hundred, "to_master" + hundred, "slave_rate_hz=50"}},
         Case{50, 1000, 0.0, {"to_slave" + hundred, "to_master" + hundred, "slave_rate_hz=1000"}}}) {
     std::vector<std::string> all = set;

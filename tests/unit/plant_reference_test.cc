@@ -271,13 +271,15 @@ TEST(Bounces, ABodyThatTipsOverOnManyDampersGainsNoEnergy) {
     points += " contact_point { position_m: [" + std::to_string(0.06 * (i / 10) / 9 - 0.03) + ", " +
               std::to_string(0.06 * (i % 10) / 9 - 0.03) + ", -0.01] }";
   auto r = robot<6>(
-      "robot { mass_kg: 0.5 inertia_kg_m2: [8.3e-5, 1.67e-4, 2.17e-4] position_m: [0, 0, 0.03] velocity_m_per_s: [0.1, 0, -1, "
+      "robot { mass_kg: 0.5 inertia_kg_m2: [8.3e-5, 1.67e-4, 2.17e-4] position_m: [0, 0, 0.03] velocity_m_per_s: [0.1, "
+      "0, -1, "
       "0.1, 0.3, 0.2] } environment { wall { normal: [0, 0, 1] stiffness_n_per_m: 1e4 damping_n_s_per_m: 1000 } } " +
           points + " }",
       1e-3);
   const auto kinetic = [&] {
     const Vector3d w = r.state().x.attitude().conjugate() * Vector3d{r.state().v.vec().tail<3>()};
-    return 0.25 * r.state().v.vec().head<3>().squaredNorm() + 0.5 * w.cwiseAbs2().dot(Vector3d{8.3e-5, 1.67e-4, 2.17e-4});
+    return 0.25 * r.state().v.vec().head<3>().squaredNorm() +
+           0.5 * w.cwiseAbs2().dot(Vector3d{8.3e-5, 1.67e-4, 2.17e-4});
   };
   const double before = kinetic();
   for (int k = 1; k <= 19; ++k) r.advance();
