@@ -244,7 +244,7 @@ TEST(DelayLine, HandsOverInOrderOfDueTimeAndFirstInFirstOutWhereEqual) {
 TEST(DelayLine, DropsAndCountsWhatFindsItFull) {
   ImpairmentOptions o;
   o.delay_s = 1.0;
-  DelayLine<int> line{o, kSeed, 3};  // rounded up to 4
+  DelayLine<int> line{o, kSeed, 4};
   for (int i = 0; i < 6; ++i) line.put(i, Duration{i});
   EXPECT_EQ(line.overflowed(), 2U);
   EXPECT_EQ(line.lost(), 0U);
