@@ -122,7 +122,7 @@ class RungeKuttaPlant final : public BodyPlant<N> {
  private:
   static constexpr int kPieces = 256;        // of a tick, at most; what is faster is stiff
   static constexpr int kCuts = 4;            // contacts that begin or end within one piece, each met on its own
-  static constexpr int kSteps = 20'000;      // of a stiff tick, at most
+  static constexpr int kSteps = 20'000;      // of a stiff tick with error control, at most
   static constexpr double kSlowTurn = 1e-3;  // [rad] in a step: below, Runge-Kutta errs by less than rounding
 
   /// Rate of springs and dampers [1/s]: of all contacts that press, together, and of one that may begin.
@@ -165,7 +165,7 @@ class RungeKuttaPlant final : public BodyPlant<N> {
     for (int steps = 0, cuts = 0; left > 0.0; ++steps) {
       h = std::min({h, left, longest});
       const bool last = steps >= kSteps;
-      if (last) h = left;
+      if (last) h = std::min(left, dt_ / kPieces);  // as they come, whatever they err by
       const bool may_cut = cuts < kCuts * kPieces && !last;
       const Contacts* among = may_cut ? &s_.touched : nullptr;
       double error = 0.0;
