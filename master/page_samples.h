@@ -115,13 +115,15 @@ class PageSamples {
       put(r.f_environment, s.environment_n, &s.environment_n_m);
       put(r.f_coupling, s.coupling_n, nullptr);
       for (int i = 0; i < std::min(N, 3); ++i) s.behind_m[static_cast<std::size_t>(i)] = r.position_error[i];
-      s.slave_mode = static_cast<double>(peer->has_report ? r.mode : Mode::idle);
+      s.slave_mode = static_cast<double>(peer->heard.mode);
       s.robot_energy_j = peer->energy_in_j;
       const Duration round_trip = peer->round_trip();
       s.round_trip_ms = round_trip >= Duration{0} ? 1e3 * to_seconds(round_trip).si() : -1.0;
       s.report_age_ms = peer->has_report ? 1e3 * to_seconds(now - peer->received_at).si() : -1.0;
+      s.silence_ms = peer->heard.sequence > 0 ? 1e3 * to_seconds(now - peer->heard.at).si() : -1.0;
       s.received = static_cast<double>(from_slave.received);
       s.lost = static_cast<double>(from_slave.lost);
+      s.stale = static_cast<double>(from_slave.stale);
     } else {
       // Under RENDER the handle itself touches the environment.
       s.robot_x_m = s.hand_x_m;

@@ -121,7 +121,8 @@ template <int N, class Base>
 class WithLink : public Base {
  public:
   WithLink(Side side, const Scene& s)
-      : mail_{InHand<N>{}, side == Side::master ? s.transmission_to_master : s.transmission_to_slave,
+      : mail_{InHand<N>{}, age_of_reports(s.control),
+              side == Side::master ? s.transmission_to_master : s.transmission_to_slave,
               side == Side::master ? s.transmission_to_slave : s.transmission_to_master},
         rate_hz_{side == Side::master ? s.master_rate_hz : s.slave_rate_hz},
         self_{std::make_shared<Sender>(Sender{side, shared_fields(s)})} {}
@@ -149,6 +150,7 @@ class WithLink : public Base {
     all["late"] = c.late;
     all["duplicated"] = c.duplicated;
     all["rejected"] = c.rejected;
+    all["stale"] = c.stale;
     return all;
   }
   [[nodiscard]] std::optional<double> round_trip_s() const override {
@@ -346,7 +348,7 @@ sides must share (method, coupling, scales, ...).)")
       .def_property_readonly("rate_hz", &AnyNode::rate_hz, "Rate at which step() is to be called [Hz].")
       .def_property_readonly("mode", &AnyNode::mode, "idle, coupled, holding, released, let_go or stopped.")
       .def_property_readonly("packets", &AnyNode::packets,
-                             "Messages sent, and received, lost, late, duplicated, rejected so far.")
+                             "Messages sent, and received, lost, late, duplicated, rejected, stale so far.")
       .def_property_readonly("round_trip_s", &AnyNode::round_trip_s,
                              "As the newest message shows it [s]; None: not known yet.")
       .def("__reduce_ex__", not_pickled("a node cannot be copied or pickled: make one from its scene"));

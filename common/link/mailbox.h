@@ -7,6 +7,7 @@
 #include <utility>
 
 #include "common/base/time.h"
+#include "common/link/age.h"
 #include "common/link/deadband.h"
 #include "common/link/playout.h"
 #include "common/link/report.h"
@@ -24,19 +25,34 @@ struct PacketCounts {
   std::uint64_t late = 0;      ///< older than one already seen
   std::uint64_t duplicated = 0;
   std::uint64_t rejected = 0;  ///< sequence too far ahead of the newest to be true; not in `received`
+  std::uint64_t stale = 0;     ///< newer than all before, but not proven young (ReportAge)
 };
 
-/// State of the other side: its newest report, the largest absorbed energy that it has reported, and the time of its
-/// newest report.
+/// State of the other side: its newest report that was proven young when it arrived, the largest absorbed energy that it has
+/// reported, and times. A report that is not young changes energies and `heard` only.
 template <int N>
 struct PeerState {
+  /// Of the newest report that has arrived, whatever its age.
+  struct Heard {
+    std::uint64_t sequence = 0;
+    std::int64_t sent_ns = -1;
+    Duration at{0};  ///< local time
+    Mode mode = Mode::idle;
+    bool is_new = false;  ///< in this tick
+    bool answers = true;  ///< does it send back a newer stamp of this side than those before?
+  };
+
   PortReport<N> newest;
+  Heard heard;
   double energy_in_j = 0.0;  ///< largest ever received
   Words words;               ///< of the method, merged by its rules
   std::uint32_t epoch = 0;   ///< of energy and words
-  bool has_report = false;   ///< has a report arrived in this session
+  bool has_report = false;   ///< has a young report arrived in this session
   bool is_new = false;       ///< has a newer one arrived in this tick
   Duration received_at{0};   ///< local time of the newest
+  Duration proven_at{
+      0};  ///< local time until which the newest is as good as new: that of its echo and a round trip, if earlier
+  Duration known_round_trip{0};  ///< ReportAge::round_trip()
 
   /// Of the newest; -1 where it is not known.
   [[nodiscard]] Duration round_trip() const noexcept {
@@ -44,23 +60,25 @@ struct PeerState {
   }
 };
 
-/// Merges reports that arrive in any order and any number of times: keeps the newest sequence number's state and the
-/// largest energy. The transport delivers finite reports only.
+/// Merges reports that arrive in any order and any number of times: keeps the state of the newest sequence number that was proven
+/// young, and the largest energy. The transport delivers finite reports only.
 ///
 ///     transport.poll(now, f)   calls f(report) for every report that has arrived
 ///     transport.send(report, now)
 template <int N, class Transport>
 class Mailbox {
  public:
-  explicit Mailbox(Transport transport, const TransmissionOptions& incoming = {},
+  explicit Mailbox(Transport transport, const AgeOptions& age = {}, const TransmissionOptions& incoming = {},
                    const TransmissionOptions& outgoing = {})
-      : transport_{std::move(transport)} {
+      : transport_{std::move(transport)}, age_{age} {
     if (incoming.playout_s > 0.0) playout_.emplace(incoming.playout_s);
     if (outgoing.deadband) deadband_.emplace(*outgoing.deadband);
   }
 
   [[gnu::always_inline]] const PeerState<N>& collect(Duration now) noexcept {
-    known_.is_new = false;
+    known_.is_new = known_.heard.is_new = false;
+    if (began_at_ == kNotYet) [[unlikely]]
+      began_at_ = now;
     if (playout_) [[unlikely]]
       return collect_in_time(now);
     transport_.poll(
@@ -85,9 +103,12 @@ class Mailbox {
     transport_.send(packet, now);
   }
 
-  /// A new session of the other side: its running totals start again from zero.
-  void reset() noexcept {
+  /// A new session of the other side, all of whose reports were made after the local time `since`: its running totals start
+  /// again from zero.
+  void reset(Duration since) noexcept {
     known_ = {};
+    age_.reset();
+    began_at_ = since;
     first_ = 1;
     suspect_ = 0;
     older_for_ = older_at_ = Duration{0};
@@ -119,12 +140,13 @@ class Mailbox {
   [[gnu::always_inline]] void stamp(PortReport<N>& report, Duration now) noexcept {
     report.sequence = ++counts_.sent;
     report.sent_ns = now.count();
-    report.echo_ns = known_.has_report ? known_.newest.sent_ns + (now - known_.received_at).count() : -1;
+    const auto& heard = known_.heard;
+    report.echo_ns = heard.sent_ns >= 0 ? heard.sent_ns + std::min(now - heard.at, age_.longest_wait()).count() : -1;
   }
 
   [[gnu::always_inline]] void offer(const Report<N>& r, Duration now) noexcept {
     Order order = Order::newer;
-    if (r.sequence != known_.newest.sequence + 1) [[unlikely]] {
+    if (r.sequence != known_.heard.sequence + 1) [[unlikely]] {
       order = count(r.sequence, now);
       if (order == Order::impossible) {
         ++counts_.rejected;
@@ -132,17 +154,34 @@ class Mailbox {
       }
     }
     ++counts_.received;
-    if (r.epoch != known_.epoch && order == Order::newer) [[unlikely]]
+    const bool newer = order == Order::newer;
+    const bool young = newer && is_young(r, now);
+    if (r.epoch != known_.epoch && newer) [[unlikely]]
       begin_epoch(r.epoch);
     if (r.epoch == known_.epoch) [[likely]] {
       known_.energy_in_j = std::max(known_.energy_in_j, r.energy_in_j);
-      known_.words.merge(r.words, order == Order::newer);
+      known_.words.merge(r.words, young);
     }
-    if (order == Order::older) return;
+    if (!newer) return;
     seen_[r.sequence % kMemory] = true;
+    known_.heard = {r.sequence, r.sent_ns, now, r.mode, true, age_.is_answered()};
+    if (!young) [[unlikely]] {
+      ++counts_.stale;
+      return;
+    }
     known_.newest = r;
     known_.received_at = now;
+    known_.known_round_trip = age_.round_trip();
+    known_.proven_at = std::min(now, made_after(r) + known_.known_round_trip);
     known_.has_report = known_.is_new = true;
+  }
+
+  /// The latest own time of which `r` proves that it was made later.
+  [[nodiscard]] Duration made_after(const Report<N>& r) const noexcept {
+    return r.echo_ns >= 0 ? Duration{r.echo_ns} : began_at_;
+  }
+  [[nodiscard]] bool is_young(const Report<N>& r, Duration now) noexcept {
+    return r.echo_ns >= 0 ? age_.admits(Duration{r.echo_ns}, now) : age_.admits_first(began_at_, now);
   }
 
   /// Another method: its totals start from zero; those of other epochs are ignored. The newest packet decides, so a wrong
@@ -157,17 +196,17 @@ class Mailbox {
   /// successor follows; the count restarts if only older numbers arrive for a second. A wrong number therefore blocks
   /// reception for at most a second.
   [[gnu::noinline]] Order count(std::uint64_t sequence, Duration now) noexcept {
-    if (!known_.has_report) return begin(sequence);
-    const std::uint64_t newest = known_.newest.sequence;
+    if (known_.heard.sequence == 0) return begin(sequence);
+    const std::uint64_t newest = known_.heard.sequence;
     const bool follows = sequence == std::exchange(suspect_, sequence) + 1;
     if (sequence > newest) {
-      if (sequence - newest > kMemory + static_cast<std::uint64_t>((now - known_.received_at) / kShortestPeriod))
+      if (sequence - newest > kMemory + static_cast<std::uint64_t>((now - known_.heard.at) / kShortestPeriod))
         return follows ? begin(sequence) : Order::impossible;
       count_gap(sequence);
       return Order::newer;
     }
     // Time without polling does not count.
-    older_for_ = older_at_ > known_.received_at ? older_for_ + std::min(now - older_at_, kLongestPeriod) : Duration{0};
+    older_for_ = older_at_ > known_.heard.at ? older_for_ + std::min(now - older_at_, kLongestPeriod) : Duration{0};
     older_at_ = now;
     if (follows && older_for_ > kDeaf) return begin(sequence);
     count_old(sequence);
@@ -182,7 +221,7 @@ class Mailbox {
 
   /// The numbers between are missing until they arrive.
   void count_gap(std::uint64_t next) noexcept {
-    const std::uint64_t newest = known_.newest.sequence;
+    const std::uint64_t newest = known_.heard.sequence;
     counts_.lost += next - newest - 1;
     if (next - newest >= kMemory) {
       seen_.fill(false);
@@ -193,7 +232,7 @@ class Mailbox {
 
   /// An old report fills the gap it left, unless it is a copy. One older than the first received opens a gap behind it.
   void count_old(std::uint64_t sequence) noexcept {
-    const bool remembered = known_.newest.sequence - sequence < kMemory;
+    const bool remembered = known_.heard.sequence - sequence < kMemory;
     const bool before_first = sequence < first_;
     if (before_first ? first_ - sequence > kMemory : !remembered || seen_[sequence % kMemory]) {
       ++counts_.duplicated;
@@ -209,8 +248,12 @@ class Mailbox {
     if (remembered) seen_[sequence % kMemory] = true;
   }
 
+  static constexpr Duration kNotYet = Duration::min();
+
   Transport transport_;
   PeerState<N> known_;
+  ReportAge age_;
+  Duration began_at_ = kNotYet;  ///< the session; without one the first collect()
   PacketCounts counts_;
   std::uint64_t first_ = 1;              ///< lowest sequence received since the count began
   std::uint64_t suspect_ = 0;            ///< the last sequence that was not the next

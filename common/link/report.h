@@ -9,14 +9,15 @@
 
 namespace twoport {
 
-/// Mode of one side of a link. let_go: nobody holds the handle; the other side is there. stopped: for as long as the programs run.
-enum class Mode : std::uint8_t { idle, coupled, holding, released, let_go, stopped };
+/// Mode of one side of a link. idle: ready, the other side has not confirmed; released: the other side is not heard. let_go: nobody holds
+/// the handle; the other side is there. stopped: for as long as the programs run. ended: the program ends, no more reports will come.
+enum class Mode : std::uint8_t { idle, coupled, holding, released, let_go, stopped, ended };
 constexpr bool is_mode(std::uint32_t number) {
-  return number <= static_cast<std::uint32_t>(Mode::stopped);
+  return number <= static_cast<std::uint32_t>(Mode::ended);
 }
 
 constexpr const char* to_string(Mode mode) {
-  constexpr const char* kNames[] = {"idle", "coupled", "holding", "released", "let_go", "stopped"};
+  constexpr const char* kNames[] = {"idle", "coupled", "holding", "released", "let_go", "stopped", "ended"};
   return kNames[static_cast<std::size_t>(mode)];
 }
 
@@ -28,7 +29,8 @@ template <int N>
 struct PortReport {
   std::uint64_t sequence = 0;
   std::int64_t sent_ns = 0;
-  std::int64_t echo_ns = -1;  ///< stamp of the newest report received, plus the time it waited here; -1: none yet
+  std::int64_t echo_ns =
+      -1;  ///< stamp of the newest report received, plus the time it waited here, at most hold_after/2; -1: none yet
   Position<N> x{};
   Velocity<N> v{};
   Force<N> f{};                      ///< the returned force (slave), or the felt force (master)

@@ -37,8 +37,10 @@ struct PageSample {
   double deficit_j = 0.0;             ///< not dissipated yet
   double contact_spring_share = 0.0;  ///< of the spring in all axes in the model of the contact
   double round_trip_ms = -1.0;        ///< of the newest report; negative: not known
-  double report_age_ms = -1.0;        ///< since the newest report of the slave arrived; negative: none has
+  double report_age_ms = -1.0;        ///< since the newest young report of the slave arrived; negative: none has
+  double silence_ms = -1.0;           ///< since the newest arrived, whatever its age; negative: none has
   double received = 0.0, lost = 0.0;  ///< packets from the slave
+  double stale = 0.0;                 ///< of those received, too old to count
   double limits = 0.0;                ///< those that acted since the sample before: the sum of 2^Limit
   double late_us = 0.0;               ///< largest wake-up latency since the sample before
   double mode = 0.0, slave_mode = 0.0;
@@ -89,8 +91,10 @@ void for_each_page_field(Sample& s, See&& see) {
   number("contact_spring_share", s.contact_spring_share);
   number("round_trip_ms", s.round_trip_ms);
   number("report_age_ms", s.report_age_ms);
+  number("silence_ms", s.silence_ms);
   number("received", s.received);
   number("lost", s.lost);
+  number("stale", s.stale);
   number("limits", s.limits);
   number("late_us", s.late_us);
   number("mode", s.mode);

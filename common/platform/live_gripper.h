@@ -19,6 +19,7 @@
 #include "common/platform/recorder.h"
 #include "common/recording/tick.h"
 #include "common/runtime/cycle.h"
+#include "common/runtime/modes.h"
 #include "common/safety/guarded_transport.h"
 #include "common/wire/gripper_transport.h"
 
@@ -38,7 +39,8 @@ class LiveGripper {
   template <class... Arguments>
   explicit LiveGripper(LinkTransport<N>& link, const PortLimits& of_the_other_side, const TransmissionOptions& incoming,
                        Arguments&&... arguments)
-      : side_{std::forward<Arguments>(arguments)...}, mail_{Transport{of_the_other_side, link}, incoming} {}
+      : side_{std::forward<Arguments>(arguments)...},
+        mail_{Transport{of_the_other_side, link}, age_of_reports(side_.scene.control), incoming} {}
 
   /// Before the first tick. `output`: of the recording; null: none.
   void begin(const LiveArguments& a, double duration_s, spdlog::logger& log, std::shared_ptr<RecordingOutput> output) {
@@ -72,18 +74,19 @@ class LiveGripper {
   // In every tick, in this order.
 
   /// A session of the other side begins.
-  void meet() noexcept {
+  void meet(Duration since) noexcept {
     side_.node.on_peer_restart(Energy{mail_.known().energy_in_j});
     static_cast<void>(mail_.transport().take_new_session());
-    mail_.reset();
+    mail_.reset(since);
     meets_ = true;
+    since_ = since;
   }
   void start() noexcept { side_.hardware.start(); }
   /// `t_s`: since the link came up; -1 before. `lets_go`: the main hardware has let go by itself. `held`: the operator holds the
   /// handle.
   void cycle(const Tick<Clock>& tick, double t_s, bool lets_go, bool held) noexcept {
     Plant plant{side_.hardware, sample_, seen_, lets_go, held};
-    if (recording_) recording_->feed().begin(t_s, side_.node.epoch(), meets_, side_.node.epoch());
+    if (recording_) recording_->feed().begin(t_s, side_.node.epoch(), meets_, side_.node.epoch(), since_);
     meets_ = false;
     out_ = run_cycle(side_.node, plant, mail_, tick);
     if (recording_) recording_->feed().end(tick, seen_, out_);
@@ -181,6 +184,7 @@ class LiveGripper {
   Summary summary_;
   Sample sample_, seen_;  ///< the hardware's newest reading, and what the node was given of it
   bool meets_ = false;    ///< a session of the other side has begun since the last tick
+  Duration since_{0};     ///< of that session
   Output out_{};
   Row<1> row_;
   bool has_row_ = false;
@@ -191,7 +195,7 @@ class LiveGripper {
 struct NoGripper {
   void begin(auto&&...) {}
   void start_at(std::int64_t) {}
-  void meet() noexcept {}
+  void meet(Duration) noexcept {}
   void start() noexcept {}
   void cycle(auto&&...) noexcept {}
   void record(double, bool) noexcept {}

@@ -5,6 +5,7 @@
 #include <memory>
 #include <optional>
 #include <string>
+#include <thread>
 #include <vector>
 
 #include "common/base/histogram.h"
@@ -20,6 +21,7 @@
 #include "common/platform/udp.h"
 #include "common/recording/tick.h"
 #include "common/runtime/cycle.h"
+#include "common/runtime/modes.h"
 #include "common/safety/guarded_transport.h"
 #include "common/scene/load.h"
 #include "common/secure/secure_socket.h"
@@ -50,7 +52,7 @@ class LiveLink {
                                              : limits_of_master_reports(scene.control),
                         top(), session(side, scene, peer_, secure_ != nullptr, arguments.measures),
                         SessionNumbers{system_random}},
-              incoming(side, scene), outgoing(side, scene)} {
+              age_of_reports(scene.control), incoming(side, scene), outgoing(side, scene)} {
     if (arguments.dscp != 0) udp_.mark(arguments.dscp);
     // Of a period: the rest is for the node.
     udp_.limit(to_duration(0.25 / (side == Side::master ? scene.master_rate_hz : scene.slave_rate_hz)));
@@ -94,12 +96,23 @@ class LiveLink {
   bool met(Node& node) noexcept {
     if (!mail_.transport().take_new_session()) return false;
     node.on_peer_restart(Energy{mail_.known().energy_in_j});
-    mail_.reset();
+    mail_.reset(session_since());
     clock_ = {};
     return true;
   }
+  /// Every report of this session was made after this time of this side.
+  [[nodiscard]] Duration session_since() noexcept { return mail_.transport().handshake().session_since(); }
   /// Reason why the two sides cannot work together, or empty.
   [[nodiscard]] std::string_view refusal() noexcept { return mail_.transport().reject_reason(); }
+  /// After the last cycle, at the time `now`: this side ends, and the other one releases at once. Repeated for 0.1 s: packets are lost.
+  void say_goodbye(Duration now) noexcept {
+    constexpr Duration kEvery = std::chrono::milliseconds{5}, kFor = std::chrono::milliseconds{100};
+    if (mail_.counts().sent == 0) return;
+    for (Duration said{0}; said < kFor; said += kEvery) {
+      mail_.transport().say_goodbye(now + said);
+      std::this_thread::sleep_for(kEvery);
+    }
+  }
   /// After every cycle.
   void note() noexcept {
     const PeerState<N>& peer = mail_.known();
@@ -117,12 +130,16 @@ class LiveLink {
     }
   }
 
-  [[nodiscard]] TickView view() noexcept {
+  [[nodiscard]] TickView view(Duration now) noexcept {
     return {.round_trip = mail_.known().round_trip(),
             .received = mail_.counts().received,
             .lost = mail_.counts().lost,
             .sessions = mail_.transport().pairings(),
-            .refused = mail_.transport().counts().rejected.total()};
+            .refused = mail_.transport().counts().rejected.total(),
+            .stale = mail_.counts().stale,
+            .peer_mode = mail_.known().heard.mode,
+            .silence = now - mail_.known().heard.at,
+            .answers = mail_.known().heard.answers};
   }
   /// Of what the other side claims.
   [[nodiscard]] const LimitCounts& limit_counts() noexcept { return mail_.transport().limit_counts(); }
@@ -269,9 +286,11 @@ class NoLink {
   bool met(Node&) noexcept {
     return !std::exchange(met_, true);
   }
+  [[nodiscard]] static Duration session_since() noexcept { return {}; }
   [[nodiscard]] std::string_view refusal() const noexcept { return {}; }
   void note() const noexcept {}
-  [[nodiscard]] TickView view() const noexcept { return {}; }
+  [[nodiscard]] TickView view(Duration) const noexcept { return {}; }
+  void say_goodbye(Duration) const noexcept {}
   [[nodiscard]] LimitCounts limit_counts() const noexcept { return {}; }
   [[nodiscard]] std::uint64_t overflowed() const { return 0; }
 

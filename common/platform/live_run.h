@@ -226,8 +226,8 @@ int run_live(LiveSide& side, const Scene& scene, const LiveArguments& arguments,
   const std::int64_t start_unix_ns = unix_time_ns();
   if (recording) recording->start_at(start_unix_ns);
   if (gripper) gripper->start_at(start_unix_ns);
-  const auto see = [&] {
-    TickView seen = side.link.view();
+  const auto see = [&](Duration now) {
+    TickView seen = side.link.view(now);
     seen.let_go = let_go;
     seen.stopped_by = plant.stopped_by;
     seen.switches = switches_by_hand();
@@ -300,7 +300,9 @@ int run_live(LiveSide& side, const Scene& scene, const LiveArguments& arguments,
     conclude(why);
     if (in_exit) release();
   });
+  Duration ended_at{0};
   loop.run(stop, [&](std::int64_t k, Duration now) {
+    ended_at = now + to_duration(dt.si());
     if (!side.link.refusal().empty() || to_seconds(now).si() >= arguments.limit_s) return false;
     watchdog.tick();
     if constexpr (requires { side.begin_tick(); }) side.begin_tick();
@@ -313,7 +315,7 @@ int run_live(LiveSide& side, const Scene& scene, const LiveArguments& arguments,
       side.hardware.start();
       if (gripper) gripper->start();
     }
-    if (new_session && gripper) gripper->meet();
+    if (new_session && gripper) gripper->meet(side.link.session_since());
     const double t_s = met < 0 ? 0.0 : static_cast<double>(k - met) / rate_hz;
     const bool over = t_s >= scene.duration_s;
     if (recorder.diverged() || (gripper && gripper->diverged()) || (over && !side.serves())) return false;
@@ -323,7 +325,9 @@ int run_live(LiveSide& side, const Scene& scene, const LiveArguments& arguments,
     const double passed = last < 0 ? 1.0 : static_cast<double>(k - last);
     last = k;
     const Tick<Clock> tick{Instant<Clock>{now}, dt, passed * dt};
-    if (recording) recording->feed().begin(met < 0 ? -1.0 : t_s, epoch_before, new_session, epoch_of(side.node));
+    if (recording)
+      recording->feed().begin(met < 0 ? -1.0 : t_s, epoch_before, new_session, epoch_of(side.node),
+                              side.link.session_since());
     const auto out = clock.time([&] {
       auto of_main = run_cycle(side.node, plant, side.link.mail(), tick);
       if (is_stopped(side.node)) [[unlikely]]
@@ -346,18 +350,19 @@ int run_live(LiveSide& side, const Scene& scene, const LiveArguments& arguments,
     if (gripper) gripper->record(t_s, has_row);
     if (has_row) {
       row = side.row(k, t_s, plant.sample, out);
-      view = see();
+      view = see(now);
       view.late = loop.late();
       view.epoch = epoch_of(side.node);
       view.limits = side.node.limit_counts() + side.link.limit_counts();
     } else if (met < 0 && k >= waiting_until) {
-      view = see();
+      view = see(now);
       recorder.push_waiting(to_seconds(now).si(), view);
       waiting_until = k + static_cast<std::int64_t>(0.1 * rate_hz);
     }
     return plant.sample.status != HardwareStatus::fault && !(gripper && gripper->fault());
   });
   release();
+  side.link.say_goodbye(ended_at);
   watchdog.end();
   if (has_row) recorder.push(row, view);
   return conclude({});

@@ -18,6 +18,7 @@ namespace twoport {
 namespace {
 
 constexpr double kShowEvery = 0.1;  // [s]
+constexpr Duration kSilent = std::chrono::milliseconds{50};
 
 /// Columns of the terminal; 0 where it does not say.
 std::size_t columns() {
@@ -46,6 +47,7 @@ void Recorder<N>::drain() {
     while (ring_.try_pop(entry)) {
       if (entry.view.refused != refused_) log_refused(entry);
       if (entry.view.let_go != let_go_) log_let_go(entry);
+      if (entry.view.stale != stale_) log_stale(entry);
       if (entry.view.stopped_by != nullptr && !std::exchange(stopped_, true))
         say(entry, fmt::format("stopped by {}: no force until both programs have ended", entry.view.stopped_by));
       if (entry.view.switches != switches_) log_ignored_switch(entry);
@@ -162,6 +164,28 @@ void Recorder<N>::log_let_go(const Entry& entry) {
   say(entry, fmt::format("no force in {} ticks so far: readings of the hardware are not finite, or too old", let_go_));
 }
 
+/// Where both sides hear each other a queue on the way has held them back.
+template <int N>
+void Recorder<N>::log_stale(const Entry& entry) {
+  if (!is_due(entry.row.t_s, stale_at_s_)) return;
+  stale_ = entry.view.stale;
+  const char* peer = o_.side == Side::master ? "slave" : "master";
+  say(entry, fmt::format("{} reports of the {} so far were too old to count: {}", stale_, peer,
+                         entry.view.answers ? "they waited on the way, or one of the sides stood still"
+                                            : fmt::format("the {} hears nothing of this side", peer)));
+}
+
+/// Why this side is not coupled, in words.
+template <int N>
+std::string Recorder<N>::why_apart(const TickView& view) const {
+  const char* peer = o_.side == Side::master ? "slave" : "master";
+  if (view.peer_mode == Mode::ended) return fmt::format("the {} has ended", peer);
+  if (view.silence > kSilent) return fmt::format("the {} is silent", peer);
+  if (!view.answers) return fmt::format("the {} hears nothing of this side", peer);
+  if (view.peer_mode == Mode::idle || view.peer_mode == Mode::released) return fmt::format("the {} has released", peer);
+  return fmt::format("reports of the {} are too old", peer);
+}
+
 /// Where SIGUSR1 switches nothing.
 template <int N>
 void Recorder<N>::log_ignored_switch(const Entry& entry) {
@@ -187,18 +211,23 @@ void Recorder<N>::log_change(const Entry& entry) {
     tell("switched to " + o_.configurations[epoch_ % o_.configurations.size()]);
   if (mode_ == was) return;
   switch (mode_) {
-    case Mode::idle:
     case Mode::stopped:  // already said
+    case Mode::ended:
+      break;
+    case Mode::idle:
+      tell(fmt::format("packets of the {} arrive again; waiting until it hears this side", peer));
       break;
     case Mode::coupled:
-      if (!std::exchange(paired_, false)) tell(fmt::format("packets of the {} arrive again", peer));
+      if (!std::exchange(paired_, false)) tell(fmt::format("coupled with the {} again", peer));
       break;
     case Mode::holding:
-      tell(fmt::format("the {} is silent; holding", peer));
+      tell(why_apart(entry.view) + "; holding");
       break;
     case Mode::released:
-      tell(was == Mode::coupled ? std::string{"released: a reading was not finite, or a plug-in failed"}
-                                : fmt::format("released: the {} is still silent", peer));
+      if (was == Mode::coupled && entry.view.peer_mode != Mode::ended)
+        tell("released: this side stood still, a reading was not finite, or a plug-in failed");
+      else
+        tell("released: " + why_apart(entry.view));
       break;
     case Mode::let_go:
       tell("released: nobody holds the handle");

@@ -27,6 +27,10 @@ struct TickView {
   std::uint64_t lost = 0;
   std::uint64_t sessions = 0;        ///< of the other side so far; 0 where there is none
   std::uint64_t refused = 0;         ///< datagrams so far that were none of the other side
+  std::uint64_t stale = 0;           ///< reports so far that were too old to count
+  Mode peer_mode = Mode::idle;       ///< as the newest report says, whatever its age
+  Duration silence{0};               ///< since that report came
+  bool answers = true;               ///< does it send back a new stamp of this side?
   std::uint64_t let_go = 0;          ///< ticks so far in which the hardware had let go by itself
   const char* stopped_by = nullptr;  ///< null: not stopped
   LimitCounts limits{};
@@ -103,6 +107,8 @@ class Recorder {
   void log_limits(const Entry& entry);
   void log_refused(const Entry& entry);
   void log_let_go(const Entry& entry);
+  void log_stale(const Entry& entry);
+  [[nodiscard]] std::string why_apart(const TickView& view) const;
   void log_ignored_switch(const Entry& entry);
   void say(const Entry& at, const std::string& text);
   void say_change(const Entry& at, const std::string& text);
@@ -121,10 +127,10 @@ class Recorder {
   bool paired_ = false;              ///< said so, and not coupled yet
   double changes_since_s_ = kNever;  ///< the changes below
   int told_ = 0, untold_ = 0;
-  std::uint64_t rows_ = 0, refused_ = 0, let_go_ = 0;
+  std::uint64_t rows_ = 0, refused_ = 0, let_go_ = 0, stale_ = 0;
   LimitCounts limits_;                      ///< as last seen
   std::array<double, kLimits> limit_at_s_;  ///< when each was said last
-  double refused_at_s_ = kNever, let_go_at_s_ = kNever;
+  double refused_at_s_ = kNever, let_go_at_s_ = kNever, stale_at_s_ = kNever;
   bool stopped_ = false;  ///< said so
   std::uint32_t epoch_ = 0;
   unsigned switches_ = 0;

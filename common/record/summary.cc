@@ -50,6 +50,7 @@ Packets received_packets(const PacketCounts& receiver, Rejected rejected) {
   all.set_late(count(receiver.late));
   all.set_duplicated(count(receiver.duplicated));
   all.set_rejected(count(rejected.total()));
+  all.set_stale(count(receiver.stale));
   rejected.each([&](const char* reason, std::uint64_t n) {
     if (n > 0) (*all.mutable_rejected_by())[reason] = count(n);
   });

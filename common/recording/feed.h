@@ -30,11 +30,13 @@ class TickFeed final : public ReportTap<N> {
     entry_.tick.sent = report;
   }
   /// What has happened before the step.
-  void begin(double t_s, std::uint32_t epoch_before, bool peer_restarted, std::uint32_t epoch) noexcept {
+  void begin(double t_s, std::uint32_t epoch_before, bool peer_restarted, std::uint32_t epoch,
+             Duration session_since) noexcept {
     entry_.tick.t_s = t_s;
     entry_.tick.epoch_before = epoch_before;
     entry_.tick.peer_restarted = peer_restarted;
     entry_.tick.epoch = epoch;
+    entry_.tick.session_since = session_since;
     entry_.tick.sends = false;
   }
   template <class Clock, class Sample, class Output>

@@ -43,7 +43,7 @@ mcap::Metadata units(int dof) {
   add({"applied", "f_environment", "command", "wanted", "f", "f_coupling"}, "N", "N m");
   add({"position_error"}, "m", "rad");
   add({"dissipated_j", "undissipated_j", "energy_in_j"}, "J", "");
-  add({"now_ns", "sent_ns", "echo_ns"}, "ns", "");
+  add({"now_ns", "sent_ns", "echo_ns", "session_since_ns"}, "ns", "");
   add({"dt_s", "ended_s", "t_s"}, "s", "");
   return all;
 }
@@ -177,6 +177,7 @@ void RecordingSide::add(const TickRecord<N>& tick, std::span<const Report<N>> re
   message.set_t_s(tick.t_s);
   message.set_epoch_before(tick.epoch_before);
   message.set_peer_restarted(tick.peer_restarted);
+  if (tick.peer_restarted) message.set_session_since_ns(tick.session_since.count());
   message.set_epoch(tick.epoch);
   put(tick.x, *message.mutable_x());
   put(tick.v, *message.mutable_v());
@@ -274,6 +275,7 @@ bool RecordingReader::tick(RecordedTick<N>& into) {
   t.t_s = m.t_s();
   t.epoch_before = m.epoch_before();
   t.peer_restarted = m.peer_restarted();
+  t.session_since = Duration{m.session_since_ns()};
   t.epoch = m.epoch();
   t.ideal = m.ideal();
   if (m.status() > static_cast<std::uint32_t>(HardwareStatus::stopped)) return false;

@@ -21,6 +21,7 @@ struct TickRecord {
   double t_s = -1.0;  ///< since the first contact with the other side; -1 before
   std::uint32_t epoch_before = 0;
   bool peer_restarted = false;
+  Duration session_since{0};  ///< where the peer has restarted: Handshake::session_since()
   std::uint32_t epoch = 0;
 
   // The reading.

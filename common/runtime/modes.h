@@ -7,20 +7,37 @@
 
 namespace twoport {
 
-/// State of the link at one tick.
+/// What one side knows of the other at one tick.
 struct Health {
-  bool heard;   ///< a report of the other side has arrived within hold_after
-  bool silent;  ///< none within release_after
-  bool let_go;  ///< nobody has held the handle for release_after
+  bool heard;      ///< by a report that is proven young (ReportAge) and no older than hold_after
+  bool with_us;    ///< the other side is coupled too, or has had no time to say so
+  bool silent;     ///< heard and with us last release_after ago
+  bool may_begin;  ///< it waits for a coupling, and has heard that this side does
+  bool let_go;     ///< nobody has held the handle for release_after
 };
 
-/// idle -> coupled on the first report; coupled -> holding when the link is silent; holding -> coupled when reports
-/// arrive again, -> released when it stays silent; released -> coupled when reports arrive again. While reports arrive and
-/// nobody holds the handle: let_go.
+/// idle -> coupled when the other side may begin too; coupled -> holding when it is not heard or not coupled; holding -> coupled when it
+/// is again, -> released when it stays so; released -> idle when it is heard, idle -> released when it is not. let_go in place of
+/// coupled while nobody holds the handle.
 [[nodiscard]] constexpr Mode next_mode(Mode mode, const Health& health) noexcept {
-  if (health.heard) return health.let_go ? Mode::let_go : Mode::coupled;
-  if (mode == Mode::coupled || mode == Mode::holding) return health.silent ? Mode::released : Mode::holding;
-  return mode == Mode::let_go ? Mode::released : mode;
+  const Mode at_work = health.let_go ? Mode::let_go : Mode::coupled;
+  switch (mode) {
+    case Mode::coupled:
+    case Mode::holding:
+      if (health.heard && health.with_us) return at_work;
+      return health.silent ? Mode::released : Mode::holding;
+    case Mode::let_go:
+      return health.heard && health.with_us ? at_work : Mode::released;
+    case Mode::released:
+      return health.heard ? (health.may_begin ? at_work : Mode::idle) : Mode::released;
+    default:
+      return health.heard && health.may_begin ? at_work : mode;
+  }
+}
+
+/// What the mailbox of a side takes for the age of a report.
+inline AgeOptions age_of_reports(const ControlOptions& o) {
+  return {to_duration(o.hold_after.si()), to_duration(o.known.round_trip.si())};
 }
 
 /// Does a change from `was` to `mode` begin a coupling? A return from holding continues the existing one.
@@ -28,7 +45,17 @@ struct Health {
   return mode != was && mode == Mode::coupled && was != Mode::holding;
 }
 
-/// The mode of one side from tick to tick.
+/// The mode of one side from tick to tick. Both sides are coupled, or neither is:
+///
+///     with us    the newest young report says coupled, holding or let_go; or it says none of it since the coupling began, and this is no
+///                longer than R + hold_after ago (R: round trip)
+///     may begin  the other side says idle, coupled or let_go, and
+///                  the first of a session:  nothing more: the handshake has shown that each hears the other
+///                  after a silence:         its report echoes a stamp of after this side was ready again
+///                  after an own fault:      or it says coupled or holding: it has not noticed
+///
+/// A side whose partner stops being with it holds, and releases after release_after. When either direction of the link is dead, both
+/// sides release within release_after and a round trip.
 class ModeMachine {
  public:
   explicit ModeMachine(const ControlOptions& o)
@@ -41,16 +68,19 @@ class ModeMachine {
   [[nodiscard]] bool has_paused(const Tick<Clock>& tick) const noexcept {
     return tick.ended >= pause_after_ && tick.ended > 1.5 * tick.dt;
   }
-  /// Has this side's hardware been stopped, or do kTold reports in a row say so of the other side? One may be damaged. For good. Call in
-  /// every tick.
+  /// Has this side's hardware been stopped, or do kTold reports in a row say so of the other side? One may be damaged. For good. A
+  /// goodbye of the other side, as often, ends the coupling until another session. Call in every tick.
   template <int N>
   [[nodiscard]] bool is_stopped(HardwareStatus own, const PeerState<N>& peer) noexcept {
-    if (peer.newest.mode != Mode::stopped) [[likely]]
+    const bool last_word = peer.heard.mode == Mode::stopped || peer.heard.mode == Mode::ended;
+    if (!last_word) [[likely]]
       told_ = 0;
-    else if (peer.is_new)
+    else if (peer.heard.is_new)
       ++told_;
-    if (own == HardwareStatus::stopped || told_ >= kTold) [[unlikely]]
+    if (own == HardwareStatus::stopped || (told_ >= kTold && peer.heard.mode == Mode::stopped)) [[unlikely]]
       mode_ = Mode::stopped;
+    if (told_ >= kTold && peer.heard.mode == Mode::ended) [[unlikely]]
+      release();
     return mode_ == Mode::stopped;
   }
   /// At the master: has nobody held the handle for release_after? Call in every tick, before step().
@@ -61,15 +91,51 @@ class ModeMachine {
   /// True when a coupling begins.
   template <int N>
   [[gnu::always_inline]] bool step(Duration now, const PeerState<N>& peer, bool let_go) noexcept {
-    const Duration silence = now - peer.received_at;
+    const Mode other = peer.newest.mode;
+    const Duration silence = now - peer.proven_at;
+    const bool heard = peer.has_report && silence < hold_after_ && told_ < kTold;
     const Mode was = mode_;
+    if (was == Mode::coupled && heard && other == Mode::coupled && !let_go) [[likely]] {
+      confirmed_ = true;
+      with_us_at_ = now;
+      return false;
+    }
+    const bool at_work = other == Mode::coupled || other == Mode::holding || other == Mode::let_go;
+    if (at_work) confirmed_ = true, with_us_at_ = now;
+    if (!heard) fault_ = false;
+    const Duration alone = now - with_us_at_;
+    const bool ready = other == Mode::idle || other == Mode::coupled || other == Mode::let_go;
     mode_ = next_mode(
-        mode_,
-        {.heard = peer.has_report && silence < hold_after_, .silent = silence >= release_after_, .let_go = let_go});
+        mode_, {.heard = heard,
+                .with_us = at_work || (!confirmed_ && alone < hold_after_),
+                .silent = silence >= release_after_ || alone >= release_after_,
+                .may_begin = (ready && (first_ || (was == Mode::idle && Duration{peer.newest.echo_ns} >= ready_at_))) ||
+                             (fault_ && at_work),
+                .let_go = let_go});
+    if (mode_ == was) return false;
+    if (mode_ == Mode::idle) ready_at_ = now;
+    if (mode_ == Mode::released) first_ = fault_ = false;
+    const bool was_at_work = was == Mode::coupled || was == Mode::holding || was == Mode::let_go;
+    if (!was_at_work && mode_ != Mode::idle) {
+      first_ = fault_ = confirmed_ = false;
+      with_us_at_ = now + peer.known_round_trip;
+    }
     return begins(was, mode_);
   }
-  void release() noexcept { change_to(Mode::released); }
-  void reset() noexcept { change_to(Mode::idle); }
+  /// By a fault of this side; the coupling begins again as soon as the other side is heard.
+  void release() noexcept {
+    if (mode_ == Mode::stopped) return;  // a stop lasts
+    fault_ = mode_ != Mode::released || fault_;
+    mode_ = Mode::released;
+  }
+  /// A new session.
+  void reset() noexcept {
+    told_ = 0;
+    if (mode_ == Mode::stopped) return;
+    mode_ = Mode::idle;
+    first_ = true;
+    fault_ = false;
+  }
 
   [[nodiscard]] Mode mode() const noexcept { return mode_; }
   [[nodiscard]] bool coupled() const noexcept { return mode_ == Mode::coupled; }
@@ -78,21 +144,15 @@ class ModeMachine {
  private:
   static constexpr int kTold = 3;
 
-  /// A stop lasts.
-  void change_to(Mode mode) noexcept {
-    if (mode_ != Mode::stopped) mode_ = mode;
-  }
-
   Seconds pause_after_;
   Duration hold_after_, release_after_, held_at_{0};
   Mode mode_ = Mode::idle;
-  int told_ = 0;  ///< reports in a row that say that the other side is stopped
+  int told_ = 0;            ///< reports in a row that say that the other side is stopped or ends
+  bool first_ = true;       ///< no coupling of this session has begun
+  bool fault_ = false;      ///< released by release()
+  bool confirmed_ = false;  ///< the other side has said since the coupling began that it is coupled
+  Duration ready_at_{0};    ///< since when this side waits for the other one
+  Duration with_us_at_{0};  ///< the other side last said that it is coupled; when a coupling begins a round trip later
 };
-
-static_assert(next_mode(Mode::idle, {.heard = false, .silent = true, .let_go = false}) == Mode::idle);
-static_assert(next_mode(Mode::coupled, {.heard = false, .silent = false, .let_go = false}) == Mode::holding);
-static_assert(next_mode(Mode::holding, {.heard = false, .silent = true, .let_go = false}) == Mode::released);
-static_assert(next_mode(Mode::released, {.heard = true, .silent = false, .let_go = false}) == Mode::coupled);
-static_assert(next_mode(Mode::coupled, {.heard = true, .silent = false, .let_go = true}) == Mode::let_go);
 
 }  // namespace twoport

@@ -240,6 +240,7 @@ Header Handshake::refusal() const noexcept {
 
 bool Handshake::take_new_session() noexcept {
   if (!candidate_) return false;
+  const Duration since = options_.side == Side::slave ? offered_at_.value_or(candidate_->since) : candidate_->since;
   if (pairings_ > 0 && candidate_->session != peer_session_) closed_.add(peer_session_);
   // A returning master has kept its number: our new number makes it restart its totals too.
   if (options_.side == Side::slave) {
@@ -249,6 +250,7 @@ bool Handshake::take_new_session() noexcept {
     offered_at_.reset();
   }
   begin(*candidate_);
+  session_since_ = since;
   candidate_.reset();
   return true;
 }

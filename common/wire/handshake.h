@@ -119,6 +119,9 @@ class Handshake {
   [[nodiscard]] std::optional<Duration> first_paired() const noexcept { return first_paired_; }
   /// When the peer of the present session was found.
   [[nodiscard]] Duration paired_since() const noexcept { return paired_since_; }
+  /// A time before which no report of the present session was made: a slave's offer of its number, a master's pairing, which the
+  /// slave has heard of before it reports.
+  [[nodiscard]] Duration session_since() const noexcept { return session_since_; }
   /// Number of sessions so far; reconnects are one less.
   [[nodiscard]] std::uint64_t pairings() const noexcept { return pairings_; }
   [[nodiscard]] const std::optional<Endpoint>& peer() const noexcept { return peer_; }
@@ -177,7 +180,7 @@ class Handshake {
   std::optional<Duration> heard_;       ///< the current peer
   std::optional<Duration> returned_;    ///< our session number by the current peer
   std::optional<Duration> first_paired_;
-  Duration paired_since_{0};
+  Duration paired_since_{0}, session_since_{0};
   std::uint64_t pairings_ = 0;
   std::uint64_t unconfirmed_ = 0;  ///< last number that has come once from the peer's address
 

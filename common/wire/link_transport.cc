@@ -80,6 +80,14 @@ void LinkTransport<N>::send(const Report<N>& report, Duration now) noexcept {
 }
 
 template <int N>
+void LinkTransport<N>::say_goodbye(Duration now) noexcept {
+  ++outgoing_.report.sequence;
+  outgoing_.report.sent_ns = now.count();
+  outgoing_.report.mode = outgoing_.gripper.mode = Mode::ended;
+  transmit(now);
+}
+
+template <int N>
 void LinkTransport<N>::send_gripper(const Report<1>& gripper, Duration now) noexcept {
   outgoing_.has_gripper = gripper.finite();
   outgoing_.gripper = gripper;

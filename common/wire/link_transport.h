@@ -54,6 +54,9 @@ class LinkTransport {
   /// A slave without a master sends nothing.
   void send(const Report<N>& report, Duration now) noexcept;
 
+  /// The last report once more, with mode ended: this side ends.
+  void say_goodbye(Duration now) noexcept;
+
   /// From now on a packet also carries a report of the gripper: what send() is given leaves with send_gripper(), in the same tick.
   void carry_gripper() {
     carries_gripper_ = true;

@@ -91,8 +91,14 @@ class SimLink {
   explicit SimLink(const Scene& scene)
       : to_slave_{scene.to_slave, scene.seed ^ kToSlaveStream, room(scene, scene.to_slave, scene.master_rate_hz)},
         to_master_{scene.to_master, scene.seed ^ kToMasterStream, room(scene, scene.to_master, scene.slave_rate_hz)},
-        master_{{to_master_, to_slave_}, scene.transmission_to_master, scene.transmission_to_slave},
-        slave_{{to_slave_, to_master_}, scene.transmission_to_slave, scene.transmission_to_master} {}
+        master_{{to_master_, to_slave_},
+                age_of_reports(scene.control),
+                scene.transmission_to_master,
+                scene.transmission_to_slave},
+        slave_{{to_slave_, to_master_},
+               age_of_reports(scene.control),
+               scene.transmission_to_slave,
+               scene.transmission_to_master} {}
   SimLink(const SimLink& other)
       : to_slave_{other.to_slave_}, to_master_{other.to_master_}, master_{other.master_}, slave_{other.slave_} {
     master_.transport() = Transport{to_master_, to_slave_};

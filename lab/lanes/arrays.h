@@ -137,7 +137,7 @@ class Lanes {
       for (int way = 0; way < 2; ++way) {
         const bool burst = one.burst_p[way] > 0.0 || one.burst_good[way] > 0.0;
         bursts[way] |= burst;
-        lossy[way] |= burst || one.loss[way] > 0.0 || one.blackout[way] != 0.0;
+        lossy[way] |= burst || one.loss[way] > 0.0;
         if (lane > 0) same[way] &= one.lag[way] == lag[way];
         lag[way] = one.lag[way];
       }

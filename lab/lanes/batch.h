@@ -32,7 +32,7 @@ struct Parameters {
   S stiffness, damping, mobility, catch_up;
   S motion_scale, force_scale, energy_to_slave, energy_to_master;
   // Nodes.
-  S hold_ns, release_ns, ramp_by, most_force;
+  S most_silence_ns, ramp_by, most_force;
   // Method.
   S initial_energy, most_gain, most_mobility, response, worst_of_hand;
   // Network: [0]: to the slave, [1]: to the master.
@@ -44,7 +44,7 @@ struct Parameters {
   // Metrics.
   S filter_b0, filter_a1, filter_a2, most_speed2, window;
   // Change at stops.
-  S late, at_rest, blackout[2];
+  S late, at_rest;
 };
 
 /// SurfacePatch.
@@ -96,6 +96,7 @@ struct State {
   S received[2], first_at[2];
   S random[2];  ///< bits of an unsigned integer
   S bad_state[2];
+  S silent;  ///< not 0: a side has heard nothing for so long that the age of reports counts (ReportAge)
   InternalModel<S, N> model;  ///< the last member: copied for that method only
 };
 
@@ -121,7 +122,7 @@ inline constexpr int words_to_master(int dof, LaneMethod method) {
 inline constexpr int words_of_record(int dof) {
   return 2 * dof + 3;  // velocities, two energies, events
 }
-enum Event : unsigned { kTouching = 1, kLimited = 2, kActed = 4, kDriven = 8 };
+enum Event : unsigned { kTouching = 1, kLimited = 2, kActed = 4, kDriven = 8, kSilent = 16 };
 
 /// Of what nodes are given and give, lane by lane: numbers of a tick, [field][lane].
 inline constexpr int numbers_of_slave(int dof) {

@@ -137,7 +137,7 @@ class Cell {
   void end(std::int64_t k, bool diverged, std::optional<double> last_ratio) {
     ended_at_ = k;
     if (last_ratio) held_ratio_ = last_ratio;
-    failed_ = !finite();
+    failed_ = !holds();
     if (failed_) return;
     Metrics<N>& m =
         metrics_.emplace(metrics_of<N>(scene_, true, path_->end_s, scene_.control.initial_energy.si(), false));
@@ -211,30 +211,6 @@ class Cell {
     }
     fill_link(s, use, scene_);
     return s;
-  }
-
-  /// Blackouts of the packets that are taken in tick k, where they end for packets put in from `quiet` on.
-  void set_blackouts(std::int64_t k, std::int64_t quiet) {
-    for (int way = 0; way < 2; ++way) {
-      const std::int64_t sent = k - lag_[way];
-      p.blackout[way] = 0.0;
-      if (sent < quiet)
-        for (const auto& [from, to] : blackouts_[way])
-          if (sent >= from && sent < to) p.blackout[way] = 1.0;
-    }
-  }
-  /// The next tick after k at which set_blackouts() may have another result.
-  [[nodiscard]] std::int64_t blackouts_change(std::int64_t k, std::int64_t quiet) const {
-    std::int64_t next = std::numeric_limits<std::int64_t>::max();
-    for (int way = 0; way < 2; ++way) {
-      if (blackouts_[way].empty()) continue;
-      const auto at = [&](std::int64_t sent) {
-        if (sent + lag_[way] > k) next = std::min(next, sent + lag_[way]);
-      };
-      at(quiet);
-      for (const auto& [from, to] : blackouts_[way]) at(from), at(to);
-    }
-    return next;
   }
 
   static void step_plant(void* plant, double* io) {
@@ -325,8 +301,7 @@ class Cell {
     p.catch_up = c.coupling.catch_up_m_per_s;
     p.motion_scale = c.motion_scale, p.force_scale = c.force_scale;
     p.energy_to_master = p.force_scale / p.motion_scale, p.energy_to_slave = p.motion_scale / p.force_scale;
-    p.hold_ns = static_cast<double>(to_duration(c.hold_after.si()).count());
-    p.release_ns = static_cast<double>(to_duration(c.release_after.si()).count());
+    p.most_silence_ns = static_cast<double>(to_duration(c.hold_after.si()).count() / 2);
     p.ramp_by = c.engage > Seconds{} ? dt / c.engage.si() : 1.0;
     p.most_force = limits_at_device(c).force_n;
     p.initial_energy = c.initial_energy.si();
@@ -343,10 +318,6 @@ class Cell {
       if (o.burst)
         p.burst_p[way] = o.burst->p, p.burst_r[way] = o.burst->r, p.burst_good[way] = o.burst->loss_good,
         p.burst_bad[way] = o.burst->loss_bad;
-      for (const BlackoutWindow& w : o.blackout) {
-        const Duration from = to_duration(w.start_s), to = from + to_duration(w.duration_s);
-        blackouts_[way].emplace_back(tick_from(from, period_ns_), tick_from(to, period_ns_));
-      }
     }
     first_force_lag_ = first_force_lag_of(scene_);
     if (method_of(scene_) == LaneMethod::internal_model) set_internal_model();
@@ -419,7 +390,7 @@ class Cell {
     p.most_speed2 = std::max(RunJudge<N>::kDiverged * RunJudge<N>::kDiverged, 100.0 * speed2);
   }
 
-  /// Stops: where a part of the run ends or becomes late, a rest or a blackout begins or ends, the early part ends.
+  /// Stops: where a part of the run ends or becomes late, a rest begins or ends, the early part ends.
   void plan() {
     const double period = static_cast<double>(period_ns_);
     const Duration end = to_duration(scene_.duration_s);
@@ -446,8 +417,6 @@ class Cell {
       rests_.emplace_back(tick_of_time(r.from_s, period), tick_of_time(r.to_s, period));
       stops_.push_back(rests_.back().first), stops_.push_back(rests_.back().second);
     }
-    for (int way = 0; way < 2; ++way)
-      for (const auto& [a, b] : blackouts_[way]) stops_.push_back(a + lag_[way]), stops_.push_back(b + lag_[way]);
     std::erase_if(stops_, [&](std::int64_t k) { return k > ticks_; });
     std::sort(stops_.begin(), stops_.end());
     stops_.erase(std::unique(stops_.begin(), stops_.end()), stops_.end());
@@ -462,7 +431,6 @@ class Cell {
     p.at_rest = 0.0;
     for (const auto& [from, to] : rests_)
       if (k >= from && k < to) p.at_rest = 1.0;
-    set_blackouts(k, std::numeric_limits<std::int64_t>::max());
   }
 
   /// E(0) of both sides and what robot and environment hold, as LinkLoop's.
@@ -477,8 +445,8 @@ class Cell {
     return own + registration.to_master(own + held);
   }
 
-  /// Is everything finite that a figure is made of? A run in which something is not is run again alone.
-  [[nodiscard]] bool finite() const {
+  /// Is everything finite that a figure is made of, and was no side silent? Else it is run again alone.
+  [[nodiscard]] bool holds() const {
     double sum =
         t.force_error2 + t.chatter2 + t.dissipated + t.position_error2 + t.contact_turn2 + t.error2 + t.pressed;
     const S& s = now.state;
@@ -490,7 +458,7 @@ class Cell {
       std::memcpy(all.data(), &s.model, sizeof s.model);
       for (const double each : all) sum += each;
     }
-    return std::isfinite(sum);
+    return std::isfinite(sum) && s.silent == 0.0;
   }
 
   [[nodiscard]] PacketCounts packets(int way) const {
@@ -515,7 +483,7 @@ class Cell {
   std::int64_t lag_[2] = {1, 1}, first_force_lag_ = 1, ticks_ = 0, early_at_ = 0, ended_at_ = 0;
   double end_s_ = 0.0;
   std::size_t window_ = 1;
-  std::vector<std::pair<std::int64_t, std::int64_t>> blackouts_[2], rests_;
+  std::vector<std::pair<std::int64_t, std::int64_t>> rests_;
   std::vector<RunPart> parts_;
   std::vector<std::int64_t> stops_;
   std::size_t part_ = 0, next_stop_ = 0;

@@ -210,7 +210,6 @@ struct Loop {
         s.bad_state[way] = select(there, one_if(bad), s.bad_state[way]);
         gone |= uniform(s.random[way], 1) < select(bad, p.burst_bad[way], p.burst_good[way]);
       }
-      gone |= p.blackout[way] != 0.0;
       s.random[way] = next_packet(s.random[way]);
       there &= ~gone;
     }
@@ -238,13 +237,12 @@ struct Loop {
     return *(V*)(ring + ((b.clock & (b.slots - 1)) * words + number) * kLanes);
   }
 
-  /// next_mode: whether the mode changes is rare.
-  [[gnu::always_inline]] inline M new_mode(V& mode, M known, V heard_at) {
-    const V silence = (s.k - heard_at) * p.period_ns;
-    const M heard = known & (silence < p.hold_ns), active = (mode == 1.0) | (mode == 2.0);
-    const V next = select(heard, all(1.0), select(active, select(silence >= p.release_ns, all(3.0), all(2.0)), mode));
-    const M begins = (next != mode) & (next == 1.0) & (mode != 2.0);
-    mode = next;
+  /// idle -> coupled by the first packet. A run with a silence, which may change a mode, is run again alone.
+  [[gnu::always_inline]] inline M new_mode(V& mode, M known, V heard_at, int way) {
+    const V silence = (s.k - select(known, heard_at, p.lag[way])) * p.period_ns;
+    s.silent = select(silence < p.most_silence_ns, s.silent, all(1.0));
+    const M begins = known & (mode != 1.0);
+    mode = select(known, all(1.0), mode);
     return begins;
   }
 
@@ -323,7 +321,7 @@ struct Loop {
     const V was = s.slave_mode;
     M begins{};
     if (!all_fresh || any(was != 1.0)) {
-      begins = new_mode(s.slave_mode, s.master_known != 0.0, s.master_heard_at);
+      begins = new_mode(s.slave_mode, s.master_known != 0.0, s.master_heard_at, 0);
       if constexpr (kModel)
         if (any(begins)) [[unlikely]] {
           InternalModel<V, N>& m = s.model;
@@ -352,7 +350,7 @@ struct Loop {
         s.shifted = select(begins, one_if(shifted), s.shifted);
       }
     }
-    const M coupled = s.slave_mode == 1.0, active = coupled | (s.slave_mode == 2.0);
+    const M coupled = s.slave_mode == 1.0, active = coupled;
 
     if constexpr (kTdpa) {
       for (int i = 0; i < N; ++i) moved[i] = s.slave_x[i] - s.x_before[i];
@@ -597,7 +595,7 @@ struct Loop {
     // MasterNode::step.
     book(s.master_absorbed, s.master_returned, energy);
     if (!all_fresh || any(s.master_mode != 1.0)) {
-      const M begins = new_mode(s.master_mode, s.slave_known != 0.0, s.slave_heard_at);
+      const M begins = new_mode(s.master_mode, s.slave_known != 0.0, s.slave_heard_at, 1);
       s.ramp = select(begins, V{}, s.ramp);
       if constexpr (kModel)
         if (any(begins)) [[unlikely]] {
@@ -608,10 +606,9 @@ struct Loop {
           set(begins, m.scale_slow, all(1.0)), set(begins, m.shown, all(1.0));
         }
     }
-    const M coupled = s.master_mode == 1.0, active = coupled | (s.master_mode == 2.0);
-    const M rises = kModel ? active : coupled;
-    s.ramp =
-        select(rises & (s.ramp == 1.0), s.ramp, clamp(s.ramp + select(rises, p.ramp_by, -p.ramp_by), V{}, all(1.0)));
+    const M coupled = s.master_mode == 1.0, active = coupled;
+    s.ramp = select(coupled & (s.ramp == 1.0), s.ramp,
+                    clamp(s.ramp + select(coupled, p.ramp_by, -p.ramp_by), V{}, all(1.0)));
     if constexpr (kPart == Part::run) {
       const M old = ~fresh & ~coupled;
       if (any(old)) [[unlikely]]
@@ -932,7 +929,8 @@ struct Loop {
     const M limited = (dissipated == 0.0) & (felt2 < wanted2 * (1.0 - 1e-9));
     const M driven = (felt2 > 0.0) | (f2 > 0.0);
     row[2 * N + 2] = one_if(env2 > 0.0) * (double)kTouching + one_if(limited) * (double)kLimited +
-                     one_if(dissipated > 0.0) * (double)kActed + one_if(driven) * (double)kDriven;
+                     one_if(dissipated > 0.0) * (double)kActed + one_if(driven) * (double)kDriven +
+                     one_if(s.silent != 0.0) * (double)kSilent;
     ++b.record_row;
   }
 

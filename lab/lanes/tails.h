@@ -36,11 +36,7 @@ class Tails {
   void step(Judged judged) {
     fill();
     std::int64_t n = kRecordRows;
-    for (const Tail& tail : tails_) {
-      const std::int64_t now = tail.from + tail.ticks;
-      n = std::min({n, static_cast<std::int64_t>(tail.judge->stage_ends()) - tail.ticks,
-                    tail.cell->blackouts_change(now, tail.from) - now});
-    }
+    for (const Tail& tail : tails_) n = std::min(n, static_cast<std::int64_t>(tail.judge->stage_ends()) - tail.ticks);
     for (const int lane : free_) lanes_.copy_lane(lane, tails_.front().lane, !std::exchange(idle_[lane], true));
     lanes_.lanes_changed();
     lanes_.b.record_row = 0;
@@ -80,7 +76,6 @@ class Tails {
       tail.judge = tail.cell->begin_tail();
       const Snapshot<N>& from = tail.cell->tail_from();
       tail.from = static_cast<std::int64_t>(from.state.k);
-      tail.cell->set_blackouts(tail.from, tail.from);
       tail.lane = take_lane(*tail.cell, from, from.state);
       if (tail.judge->has_twin())
         tail.twin = take_lane(*tail.cell, from, tail.cell->kicked(from.state, tail.judge->kick()));
@@ -107,7 +102,7 @@ class Tails {
   bool goes_on(Tail& tail, std::int64_t n) {
     TailJudge<N>& judge = *tail.judge;
     const auto w = static_cast<std::size_t>(lanes_.width());
-    bool finite = true;
+    bool holds = true;  // see Cell::holds()
     for (std::int64_t row = 0; row < n && !judge.diverged(); ++row) {
       const double* const rows = lanes_.b.record + static_cast<std::size_t>(row) * words_of_record(N) * w;
       const double* const at = rows + tail.lane;
@@ -123,7 +118,7 @@ class Tails {
       const auto events = static_cast<unsigned>(at[(2 * N + 2) * w]);
       tick.events = {.touching = (events & kTouching) != 0, .limited = (events & kLimited) != 0};
       tick.acted = (events & kActed) != 0, tick.driven = (events & kDriven) != 0;
-      finite = finite && sum - sum == 0.0;
+      holds = holds && sum - sum == 0.0 && (events & kSilent) == 0;
       if (!judge.see(tick)) break;
       if (tail.twin >= 0) {
         judge.add(tick, of_twin);
@@ -132,7 +127,7 @@ class Tails {
       }
     }
     tail.ticks += n;
-    if (!finite) {
+    if (!holds) {
       tail.cell->fail();
       return false;
     }
@@ -148,9 +143,6 @@ class Tails {
       }
       if (judge.twin_parted() && tail.twin >= 0) free_.push_back(std::exchange(tail.twin, -1));
     }
-    tail.cell->set_blackouts(tail.from + tail.ticks, tail.from);
-    lanes_.set_parameters(tail.lane, *tail.cell);
-    if (tail.twin >= 0) lanes_.set_parameters(tail.twin, *tail.cell);
     return true;
   }
 

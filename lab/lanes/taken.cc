@@ -35,6 +35,17 @@ std::size_t window_of(const Scene& scene) {
 }
 
 namespace {
+/// Are packets lost so often that a side may hear nothing for hold_after/2, in a tick of 10^6?
+bool may_be_silent(const ImpairmentOptions& o, const Scene& scene) {
+  const double ticks = 0.5 * scene.control.hold_after.si() * scene.master_rate_hz;
+  double goes_on = o.loss;
+  if (o.burst) {
+    const double bad = 1.0 - (1.0 - o.loss) * (1.0 - o.burst->loss_bad),
+                 good = 1.0 - (1.0 - o.loss) * (1.0 - o.burst->loss_good);
+    goes_on = std::max(bad * (1.0 - o.burst->r), good);
+  }
+  return ticks * std::log(std::max(goes_on, 1e-300)) > std::log(1e-6);
+}
 bool has_nodes_in_lanes(const Scene& scene) {
   const ControlOptions& c = scene.control;
   const bool model = c.method_name == "INTERNAL_MODEL" && !is_two_port(c) && c.coupling.stiffness_n_per_m > 0.0;
@@ -44,13 +55,13 @@ bool has_nodes_in_lanes(const Scene& scene) {
     return false;
   for (const ImpairmentOptions* o : {&scene.to_slave, &scene.to_master})
     if (o->jitter_s != 0.0 || o->duplicate != 0.0 || o->reorder != 0.0 || !o->recorded_delay_s.empty() ||
-        !o->delay_step.empty() || lag_of(*o, period_of(scene)) > kMostLag)
+        !o->delay_step.empty() || !o->blackout.empty() || lag_of(*o, period_of(scene)) > kMostLag ||
+        may_be_silent(*o, scene))
       return false;
   for (const TransmissionOptions* o : {&scene.transmission_to_slave, &scene.transmission_to_master})
     if (o->playout_s > 0.0 || o->deadband) return false;
   return scene.schedule.empty() && c.device_limits == PortLimits{} && c.robot_limits == PortLimits{} &&
-         c.own_limits == PortLimits{} && c.observer == ObserverRule::exact && !c.reference_energy &&
-         to_duration(c.hold_after.si()).count() > 0 && to_duration(c.release_after.si()).count() > 0;
+         c.own_limits == PortLimits{} && c.observer == ObserverRule::exact && !c.reference_energy;
 }
 }  // namespace
 LaneMethod method_of(const Scene& scene) {

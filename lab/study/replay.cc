@@ -112,7 +112,8 @@ struct MasterSide {
   using Clock = MasterClock;
   using Sample = DeviceSample<N>;
   explicit MasterSide(const Scene& s)
-      : node{s.control, s.schedule}, mail{{}, s.transmission_to_master, s.transmission_to_slave} {}
+      : node{s.control, s.schedule},
+        mail{{}, age_of_reports(s.control), s.transmission_to_master, s.transmission_to_slave} {}
   static Sample sample(const TickRecord<N>& t) {
     return {.x = t.x, .v = t.v, .applied = t.f, .status = t.status, .buttons = t.buttons, .held = t.held};
   }
@@ -135,7 +136,8 @@ struct SlaveSide {
   using Clock = SlaveClock;
   using Sample = RobotSample<N>;
   explicit SlaveSide(const Scene& s)
-      : node{s.control, s.schedule}, mail{{}, s.transmission_to_slave, s.transmission_to_master} {}
+      : node{s.control, s.schedule},
+        mail{{}, age_of_reports(s.control), s.transmission_to_slave, s.transmission_to_master} {}
   static Sample sample(const TickRecord<N>& t) {
     return {.x = t.x, .v = t.v, .f_environment = t.f, .ideal = t.ideal, .status = t.status};
   }
@@ -197,7 +199,7 @@ class ReplayOf final : public Replay {
     if constexpr (requires { side_.mail.transport(); }) {
       if (t.peer_restarted) {
         side_.node.on_peer_restart(Energy{side_.mail.known().energy_in_j});
-        side_.mail.reset();
+        side_.mail.reset(t.session_since);
       }
       switch_to(t.epoch);
       side_.mail.transport().arrive(recorded_.received);

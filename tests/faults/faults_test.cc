@@ -153,7 +153,8 @@ struct Program {
           const ControlOptions& control, Dice& dice, const bool& lies, const Duration& now)
       : below{network.open(at, now)},
         socket{below, now},
-        mail{Link{of_peer, socket, options, SessionNumbers{[&dice] { return dice.random(); }}, dice, lies}},
+        mail{Link{of_peer, socket, options, SessionNumbers{[&dice] { return dice.random(); }}, dice, lies},
+             age_of_reports(control)},
         node{control},
         began{now} {}
   Program(const Program&) = delete;
@@ -162,7 +163,7 @@ struct Program {
   void tick(Plant& plant, Duration world_now) {
     if (mail.transport().take_new_session()) {
       node.on_peer_restart(Energy{mail.known().energy_in_j});
-      mail.reset();
+      mail.reset(mail.transport().handshake().session_since());
       ++sessions;
     }
     const Duration now = world_now - began + clock_step;

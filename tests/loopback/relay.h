@@ -63,9 +63,14 @@ class Socket {
 class Relay {
  public:
   /// The master's --peer is `port`; the slave listens at `slave_port`. `also` runs in the relay's thread, about once a
-  /// millisecond while both are known.
-  Relay(std::uint16_t port, std::uint16_t slave_port, std::function<void(Relay&)> also = {})
-      : towards_master_{port}, slave_port_{slave_port}, also_{std::move(also)}, thread_{[this] { run(); }} {}
+  /// millisecond while both are known. A datagram of which `passes(to_slave)` is false is kept, but not passed on.
+  Relay(std::uint16_t port, std::uint16_t slave_port, std::function<void(Relay&)> also = {},
+        std::function<bool(bool)> passes = {})
+      : towards_master_{port},
+        slave_port_{slave_port},
+        also_{std::move(also)},
+        passes_{std::move(passes)},
+        thread_{[this] { run(); }} {}
   ~Relay() { stop(); }
   Relay(const Relay&) = delete;
 
@@ -90,11 +95,11 @@ class Relay {
       while (const auto d = towards_master_.receive()) {
         master_port = d->second;
         from_master.push_back(d->first);
-        to_slave(d->first);
+        if (!passes_ || passes_(true)) to_slave(d->first);
       }
       while (const auto d = towards_slave_.receive()) {
         from_slave.push_back(d->first);
-        to_master(d->first);
+        if (!passes_ || passes_(false)) to_master(d->first);
       }
       const auto now = std::chrono::steady_clock::now();
       if (!also_ || from_slave.empty() || now - last < std::chrono::milliseconds{1}) continue;
@@ -106,6 +111,7 @@ class Relay {
   Socket towards_master_, towards_slave_;
   std::uint16_t slave_port_;
   std::function<void(Relay&)> also_;
+  std::function<bool(bool)> passes_;
   std::atomic<bool> stop_{false};
   std::thread thread_;
 };

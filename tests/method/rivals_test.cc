@@ -133,7 +133,9 @@ struct WaveLine {
     return played;
   }
   DelayLine<Report<3>> line, none;
-  Mailbox<3, lab::SimTransport<3>> from{lab::SimTransport<3>{none, line}}, to{lab::SimTransport<3>{line, none}};
+  static constexpr AgeOptions kAnyAge{.hold_after = std::chrono::hours{1}};  // nothing is sent back
+  Mailbox<3, lab::SimTransport<3>> from{lab::SimTransport<3>{none, line}, kAnyAge},
+      to{lab::SimTransport<3>{line, none}, kAnyAge};
   WaveSender<3> sender;
   WaveReceiver<3> receiver;
   std::int64_t k = 0;

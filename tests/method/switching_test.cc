@@ -100,9 +100,10 @@ class Loop : test::DelayLines<N>, public test::TwoSides<N, LyingTransport<N>> {
   /// A new slave process.
   void restart_slave() {
     this->slave = SlaveNode<N>{scene_.control, scene_.schedule};
-    this->slave_mail.reset();
+    const Duration now = tick_time(k_, scene_.rate_hz);
+    this->slave_mail.reset(now);
     this->master.on_peer_restart(Energy{this->master_mail.known().energy_in_j});
-    this->master_mail.reset();
+    this->master_mail.reset(now);
   }
   [[nodiscard]] int ticks() const { return static_cast<int>(std::lround(scene_.duration_s * scene_.rate_hz)); }
   [[nodiscard]] double hand_j() const { return this->device.port_energy().si(); }

@@ -119,7 +119,7 @@ struct Program {
   void tick(Duration now) {
     const bool was_coupled = link().coupled(now);
     if (link().take_new_session()) {
-      mail.reset();
+      mail.reset(link().handshake().session_since());
       life = lives->begin();
     }
     mail.collect(now);

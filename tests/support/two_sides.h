@@ -26,8 +26,10 @@ struct TwoSides {
         robot{scene, slave_dt},
         master{scene.control, scene.schedule},
         slave{scene.control, scene.schedule},
-        master_mail{std::move(master_link), scene.transmission_to_master, scene.transmission_to_slave},
-        slave_mail{std::move(slave_link), scene.transmission_to_slave, scene.transmission_to_master} {}
+        master_mail{std::move(master_link), age_of_reports(scene.control), scene.transmission_to_master,
+                    scene.transmission_to_slave},
+        slave_mail{std::move(slave_link), age_of_reports(scene.control), scene.transmission_to_slave,
+                   scene.transmission_to_master} {}
 
   /// A side's tick at `now`; its first is at 0. Where both are due, the slave's comes first.
   typename SlaveNode<N>::Output slave_tick(Duration now) noexcept {

@@ -62,7 +62,10 @@ TEST(LinkTransport, CarriesTheGripper) {
     opening += 0.001;
     for (std::size_t i = 0; i < 2; ++i) {
       auto& mail = i == 0 ? link.master : link.slave;
-      if (mail.transport().take_new_session()) mail.reset(), grippers[i].reset();
+      if (mail.transport().take_new_session()) {
+        const Duration since = mail.transport().handshake().session_since();
+        mail.reset(since), grippers[i].reset(since);
+      }
       mail.collect(link.now);
       mail.post(Report<3>{}, link.now);
       grippers[i].collect(link.now);

@@ -7,27 +7,23 @@
 namespace twoport {
 namespace {
 
+using std::chrono::milliseconds;
+
 constexpr std::array kModes{Mode::idle, Mode::coupled, Mode::holding, Mode::released, Mode::let_go};
 
 /// All that can be known at a tick.
 template <class Visit>
 void for_every_health(Visit visit) {
-  for (bool heard : {false, true})
-    for (bool silent : {false, true})
-      for (bool let_go : {false, true}) visit(Health{.heard = heard, .silent = silent, .let_go = let_go});
-}
-
-TEST(Modes, HearingTheOtherSideCouplesWhereTheHandleIsHeld) {
-  for (Mode mode : kModes)
-    for_every_health([&](const Health& h) {
-      if (h.heard) {
-        EXPECT_EQ(next_mode(mode, h), h.let_go ? Mode::let_go : Mode::coupled);
-      }
-    });
+  for (unsigned bits = 0; bits < 32; ++bits)
+    visit(Health{.heard = (bits & 1) != 0,
+                 .with_us = (bits & 2) != 0,
+                 .silent = (bits & 4) != 0,
+                 .may_begin = (bits & 8) != 0,
+                 .let_go = (bits & 16) != 0});
 }
 
 TEST(Modes, NothingCouplesWithoutHearingTheOtherSide) {
-  for (Mode mode : kModes)
+  for (const Mode mode : kModes)
     for_every_health([&](const Health& h) {
       if (!h.heard) {
         EXPECT_NE(next_mode(mode, h), Mode::coupled);
@@ -35,53 +31,175 @@ TEST(Modes, NothingCouplesWithoutHearingTheOtherSide) {
     });
 }
 
-TEST(Modes, IdleWaitsForTheFirstReport) {
-  for (bool silent : {false, true})
-    EXPECT_EQ(next_mode(Mode::idle, {.heard = false, .silent = silent, .let_go = false}), Mode::idle);
+TEST(Modes, WhatHasNoCouplingBeginsOneOnlyWhereTheOtherSideDoesToo) {
+  for (const Mode mode : {Mode::idle, Mode::released})
+    for_every_health([&](const Health& h) {
+      const Mode next = next_mode(mode, h);
+      if (h.heard && h.may_begin) {
+        EXPECT_EQ(next, h.let_go ? Mode::let_go : Mode::coupled);
+      } else {
+        EXPECT_TRUE(next == mode || (h.heard && next == Mode::idle));
+      }
+    });
 }
 
-TEST(Modes, AShortSilenceHolds) {
-  for (Mode mode : {Mode::coupled, Mode::holding})
-    EXPECT_EQ(next_mode(mode, {.heard = false, .silent = false, .let_go = false}), Mode::holding);
-}
-
-TEST(Modes, ALongSilenceReleases) {
-  for (Mode mode : {Mode::coupled, Mode::holding})
-    EXPECT_EQ(next_mode(mode, {.heard = false, .silent = true, .let_go = false}), Mode::released);
-}
-
-TEST(Modes, ReleasedStaysReleasedUntilHeardAgain) {
-  for (bool silent : {false, true})
-    EXPECT_EQ(next_mode(Mode::released, {.heard = false, .silent = silent, .let_go = false}), Mode::released);
+TEST(Modes, ACouplingGoesOnOnlyWhileBothSidesHaveIt) {
+  for (const Mode mode : {Mode::coupled, Mode::holding})
+    for_every_health([&](const Health& h) {
+      const Mode expected = h.heard && h.with_us ? (h.let_go ? Mode::let_go : Mode::coupled)
+                            : h.silent           ? Mode::released
+                                                 : Mode::holding;
+      EXPECT_EQ(next_mode(mode, h), expected);
+    });
 }
 
 TEST(Modes, WhatWasLetGoCouplesAnewWhenItIsHeldAgain) {
-  EXPECT_EQ(next_mode(Mode::let_go, {.heard = true, .silent = false, .let_go = false}), Mode::coupled);
+  for_every_health([&](const Health& h) {
+    if (!(h.heard && h.with_us)) {
+      EXPECT_EQ(next_mode(Mode::let_go, h), Mode::released);
+    } else if (!h.let_go) {
+      EXPECT_EQ(next_mode(Mode::let_go, h), Mode::coupled);
+    }
+  });
   EXPECT_TRUE(begins(Mode::let_go, Mode::coupled));
-  for (bool silent : {false, true})
-    EXPECT_EQ(next_mode(Mode::let_go, {.heard = false, .silent = silent, .let_go = false}), Mode::released);
 }
 
-// Held and let go at 1 kHz: a hand that is off the handle for less than release_after changes nothing.
-TEST(Modes, OnlyAHandleThatNobodyHoldsForReleaseAfterIsLetGo) {
-  ControlOptions o;
-  ModeMachine modes{o};
+TEST(Modes, DoNotFlickerWhileNothingChanges) {
+  for (const Mode mode : kModes)
+    for_every_health([&](const Health& h) {
+      if (h.may_begin && !h.with_us) return;  // a coupling that has just begun has time: ModeMachine
+      const Mode once = next_mode(mode, h), twice = next_mode(once, h);
+      EXPECT_EQ(next_mode(twice, h), twice);
+    });
+}
+
+TEST(Modes, OnlyWhatWasCoupledHolds) {
+  for (const Mode mode : {Mode::idle, Mode::released, Mode::let_go})
+    for_every_health([&](const Health& h) { EXPECT_NE(next_mode(mode, h), Mode::holding); });
+}
+
+/// One side, which hears the other one each millisecond. hold_after 100 ms, release_after 1 s, round trip 20 ms.
+struct OneSide {
+  ModeMachine modes{ControlOptions{}};
   PeerState<1> peer;
-  peer.has_report = true;
-  const auto mode_at = [&](int ms, bool held) {
-    const Duration now = std::chrono::milliseconds{ms};
-    peer.received_at = now;
-    modes.step(now, peer, modes.has_let_go(now, held));
+  int ms = 500;
+  bool held = true;
+
+  OneSide() {
+    peer.has_report = true;
+    peer.known_round_trip = milliseconds{20};
+    peer.newest.mode = Mode::idle;
+  }
+  /// A tick in which a young report says `other`; it echoes the stamp of 20 ms ago.
+  Mode hears(Mode other) {
+    peer.newest.mode = peer.heard.mode = other;
+    peer.newest.echo_ns = Duration{milliseconds{ms - 20}}.count();
+    peer.proven_at = milliseconds{ms};
+    peer.heard.is_new = true;
+    return tick();
+  }
+  /// A tick without one.
+  Mode tick() {
+    const Duration now = milliseconds{ms++};
+    if (!modes.is_stopped(HardwareStatus::ok, peer))
+      begun += modes.step(now, peer, modes.has_let_go(now, held)) ? 1 : 0;
+    peer.heard.is_new = false;
     return modes.mode();
+  }
+  /// Ticks of the same kind until the mode is `wanted`; -1: not within 5 s.
+  int until(Mode wanted, auto one_tick) {
+    for (int n = 1; n <= 5000; ++n)
+      if (one_tick() == wanted) return n;
+    return -1;
+  }
+  int begun = 0;
+};
+
+TEST(ModeMachine, TheFirstCouplingOfASessionBeginsWithTheFirstYoungReport) {
+  OneSide side;
+  EXPECT_EQ(side.tick(), Mode::idle) << "what is known is as old as the start";
+  EXPECT_EQ(side.hears(Mode::idle), Mode::coupled);
+  EXPECT_EQ(side.begun, 1);
+}
+
+TEST(ModeMachine, AnUnconfirmedCouplingHoldsAfterARoundTripAndHoldAfterAndIsReleased) {
+  OneSide side;
+  side.hears(Mode::idle);
+  EXPECT_NEAR(side.until(Mode::holding, [&] { return side.hears(Mode::idle); }), 120, 1);
+  EXPECT_NEAR(side.until(Mode::released, [&] { return side.hears(Mode::idle); }), 900, 1);
+}
+
+TEST(ModeMachine, AConfirmedCouplingHoldsAtOnceWhenTheOtherSideReleases) {
+  OneSide side;
+  side.hears(Mode::idle);
+  EXPECT_EQ(side.hears(Mode::coupled), Mode::coupled);
+  EXPECT_EQ(side.hears(Mode::released), Mode::holding);
+  EXPECT_EQ(side.hears(Mode::coupled), Mode::coupled) << "a fault of one tick";
+  EXPECT_EQ(side.begun, 1);
+  EXPECT_NEAR(side.until(Mode::released, [&] { return side.hears(Mode::released); }), 1000, 2);
+}
+
+TEST(ModeMachine, ASilenceHoldsAfterHoldAfterAndReleasesAfterReleaseAfter) {
+  OneSide side;
+  side.hears(Mode::idle), side.hears(Mode::coupled);
+  EXPECT_NEAR(side.until(Mode::holding, [&] { return side.tick(); }), 100, 1);
+  EXPECT_NEAR(side.until(Mode::released, [&] { return side.tick(); }), 900, 1);
+}
+
+TEST(ModeMachine, AfterASilenceBothSidesAreReadyBeforeACouplingBegins) {
+  OneSide side;
+  side.hears(Mode::idle), side.hears(Mode::coupled);
+  side.until(Mode::released, [&] { return side.tick(); });
+  // The other side has not noticed: its reports are of the old coupling, then it holds.
+  EXPECT_EQ(side.hears(Mode::released), Mode::idle);
+  EXPECT_EQ(side.hears(Mode::coupled), Mode::idle) << "it cannot have heard that this side is ready";
+  for (int i = 0; i < 200; ++i) EXPECT_EQ(side.hears(Mode::holding), Mode::idle);
+  for (int i = 0; i < 200; ++i) EXPECT_EQ(side.hears(Mode::released), Mode::idle);
+  EXPECT_EQ(side.hears(Mode::idle), Mode::coupled);
+  EXPECT_EQ(side.begun, 2);
+}
+
+TEST(ModeMachine, AfterAnOwnFaultTheCouplingBeginsAnewAtOnce) {
+  OneSide side;
+  side.hears(Mode::idle), side.hears(Mode::coupled);
+  side.modes.release();
+  EXPECT_EQ(side.hears(Mode::coupled), Mode::coupled);
+  EXPECT_EQ(side.begun, 2);
+}
+
+TEST(ModeMachine, AFaultDuringASilenceIsNoShortcut) {
+  OneSide side;
+  side.hears(Mode::idle), side.hears(Mode::coupled);
+  for (int i = 0; i < 300; ++i) side.tick();
+  side.modes.release();
+  side.tick();
+  EXPECT_EQ(side.hears(Mode::coupled), Mode::idle);
+}
+
+// A hand that is off the handle for less than release_after changes nothing.
+TEST(ModeMachine, OnlyAHandleThatNobodyHoldsForReleaseAfterIsLetGo) {
+  OneSide side;
+  side.hears(Mode::idle);
+  const auto mode_at = [&](int ms, bool held) {
+    side.ms = ms, side.held = held;
+    return side.hears(Mode::coupled);
   };
-  for (int ms = 0; ms < 3000; ++ms) ASSERT_EQ(mode_at(ms, ms % 1000 == 0), Mode::coupled) << ms;  // held at 2000
-  EXPECT_EQ(mode_at(2999, false), Mode::coupled);
+  for (int ms = 1; ms < 3000; ++ms) ASSERT_EQ(mode_at(ms, ms % 1000 == 0), Mode::coupled) << ms;  // held at 2000
   EXPECT_EQ(mode_at(3000, false), Mode::let_go);
   EXPECT_EQ(mode_at(9000, false), Mode::let_go);
   EXPECT_EQ(mode_at(9001, true), Mode::coupled);
+  EXPECT_EQ(side.begun, 2);
 }
 
-TEST(Modes, AStopOfTheOwnHardwareLasts) {
+TEST(ModeMachine, WhatBeginsLetGoHasTimeToBeConfirmed) {
+  OneSide side;
+  side.held = false, side.ms = 3000;
+  EXPECT_EQ(side.hears(Mode::idle), Mode::let_go);
+  for (int i = 0; i < 50; ++i) EXPECT_EQ(side.hears(Mode::idle), Mode::let_go);
+  EXPECT_EQ(side.hears(Mode::let_go), Mode::let_go);
+}
+
+TEST(ModeMachine, AStopOfTheOwnHardwareLasts) {
   ModeMachine modes{ControlOptions{}};
   EXPECT_FALSE(modes.is_stopped(HardwareStatus::fault, PeerState<1>{}));
   EXPECT_TRUE(modes.is_stopped(HardwareStatus::stopped, PeerState<1>{}));
@@ -91,13 +209,13 @@ TEST(Modes, AStopOfTheOwnHardwareLasts) {
   EXPECT_EQ(modes.mode(), Mode::stopped);
 }
 
-// A bit of a report may be flipped on its way.
-TEST(Modes, AStopOfTheOtherSideIsBelievedAfterThreeReportsInARowAndLasts) {
+// A bit of a report may be flipped on its way. The age of such a report does not matter.
+TEST(ModeMachine, AStopOfTheOtherSideIsBelievedAfterThreeReportsInARowAndLasts) {
   ModeMachine modes{ControlOptions{}};
   const auto hears = [&](Mode mode, bool is_new = true) {
     PeerState<1> peer;
-    peer.newest.mode = mode;
-    peer.is_new = is_new;
+    peer.heard.mode = mode;
+    peer.heard.is_new = is_new;
     return modes.is_stopped(HardwareStatus::ok, peer);
   };
   const Mode stopped = Mode::stopped, coupled = Mode::coupled;
@@ -107,17 +225,15 @@ TEST(Modes, AStopOfTheOtherSideIsBelievedAfterThreeReportsInARowAndLasts) {
   EXPECT_TRUE(hears(coupled)) << "it has been started again, this side has not";
 }
 
-TEST(Modes, DoNotFlickerWhileNothingChanges) {
-  for (Mode mode : kModes)
-    for_every_health([&](const Health& h) {
-      const Mode once = next_mode(mode, h);
-      EXPECT_EQ(next_mode(once, h), once);
-    });
-}
-
-TEST(Modes, OnlyWhatWasCoupledHolds) {
-  for (Mode mode : {Mode::idle, Mode::released, Mode::let_go})
-    for_every_health([&](const Health& h) { EXPECT_NE(next_mode(mode, h), Mode::holding); });
+TEST(ModeMachine, AGoodbyeReleasesAtOnceUntilAnotherSession) {
+  OneSide side;
+  side.hears(Mode::idle), side.hears(Mode::coupled);
+  EXPECT_EQ(side.hears(Mode::ended), Mode::holding) << "one may be damaged";
+  side.hears(Mode::ended);
+  EXPECT_EQ(side.hears(Mode::ended), Mode::released);
+  for (int i = 0; i < 2000; ++i) EXPECT_EQ(side.tick(), Mode::released);
+  side.modes.reset();
+  EXPECT_EQ(side.hears(Mode::idle), Mode::coupled);
 }
 
 }  // namespace

@@ -63,7 +63,7 @@ struct Party {
 
   void tick(Duration now) {
     if (listens && link().take_new_session()) {
-      mail.reset();
+      mail.reset(link().handshake().session_since());
       energy = 0.0;
       ++rebased;
     }
@@ -366,7 +366,7 @@ TEST_F(Session, CountsReportsThatCouldNotBeSentAndNoAnswers) {
   const auto tick = [&](int ticks) {
     for (int k = 0; k < ticks; ++k) {
       run(1, m);
-      if (link.take_new_session()) mail.reset();
+      if (link.take_new_session()) mail.reset(link.handshake().session_since());
       mail.collect(now_);
       mail.post(PortReport<3>{}, now_);
     }

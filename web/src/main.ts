@@ -8,7 +8,8 @@ import { joules, Session, state, type Kind } from './session';
 import { Sound } from './sound';
 import { Tour } from './tour';
 
-const MODES = ['no partner', 'coupled', 'holding', 'released', 'waiting for a hand', 'stopped'];
+const MODES = ['no partner', 'coupled', 'holding', 'released', 'waiting for a hand', 'stopped', 'ended'];
+const ENDED = 6;
 const OLD_MS = 300; // a value of this age looks old
 const LIMIT_SHOWN_MS = 1000;
 const HOME_M_PER_S = 0.12;
@@ -277,7 +278,9 @@ class Page {
     const kind = (m: string): Kind => (m === 'coupled' ? 'good' : m === MODES[0] || m === MODES[4] ? '' : 'bad');
     const mode = MODES[number('mode')] ?? '?', slave = MODES[number('slave_mode')] ?? '?';
     state(element('mode'), old ? '' : `master: ${mode}`, kind(mode));
-    const silentSlave = Number.isFinite(ofRobot) ? `slave: no report for ${seconds(ofRobot)}` : 'slave: no report yet';
+    const silence = number('silence_ms'), comesLate = silence >= 0 && silence < OLD_MS && number('slave_mode') !== ENDED;
+    const silentSlave = !Number.isFinite(ofRobot) ? 'slave: no report yet'
+      : slave === MODES[ENDED] ? 'slave: ended' : `slave: ${comesLate ? 'reports too old' : 'no report'} for ${seconds(ofRobot)}`;
     state(element('slave-mode'), old || !this.scene.linked ? '' : robotOld ? silentSlave : `slave: ${slave}`, robotOld ? 'bad' : kind(slave));
     const held = number('held') === 1;
     state(element('held'), old || !this.scene.pointer ? '' : held ? 'handle held' : 'handle free', held ? 'good' : '');
@@ -809,6 +812,7 @@ class Page {
     while (this.lossWindow.length > 2 && this.lossWindow[0]!.at < now.at - 2000) this.lossWindow.shift();
     const then = this.lossWindow[0]!, lost = now.lost - then.lost, all = now.received - then.received + lost;
     show('loss', all > 0 ? (100 * lost) / all : NaN, 1, '%');
+    show('stale', number('stale'), 0, '');
     const methods = this.scene!.methods;
     if (methods.length > 1) {
       const method = element<HTMLSelectElement>('method'), now = String(number('epoch') % methods.length);
