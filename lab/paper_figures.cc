@@ -138,7 +138,7 @@ Picture figure_7() {
           .panels = {plane,
                      {.title = "Observed energy",
                       .x = between({"t", "s"}, 0.0, end_s),
-                      .y = {.label = {"energy into the wall", "mJ"}},
+                      .y = between({"energy into the wall", "mJ"}, -140.0, 60.0),
                       .series = {x_axis, y_axis, total, zero}}},
           .panel = {480, 480}};
 }
