@@ -374,7 +374,7 @@ TEST(PaperFigures, NothingHidesThePathOnTheCurvedWallAndThePageHasRoomForIt) {
     expected.emplace_back(right, -std::cos(tilt) * back - std::sin(tilt) * x[2]);
   }
   double drawn_length = 0.0;
-  Box page;
+  Box page;  // of 720 x 520 pixels for the panel, and what is around it
   page.add({0.0, 0.0});
   page.add({850.0, 656.0});
   for (const DrawnShape& shape : drawn) {
