@@ -228,10 +228,12 @@ const Picture& picture(const std::string& name) {
 /// What gnuplot makes of a picture; nothing where it is not installed.
 std::vector<DrawnShape> shapes(const Picture& p) {
   const test::Folder folder;
-  std::filesystem::create_directories(folder / ".");
   const std::string said = draw(p, folder / ".");
   if (said.find("gnuplot is not installed") != said.npos) return {};
-  return test::shapes_of(test::read_text(folder / (p.name + ".svg")));
+  EXPECT_EQ(said.find("gnuplot failed"), said.npos) << said;
+  const std::vector<DrawnShape> drawn = test::shapes_of(test::read_text(folder / (p.name + ".svg")));
+  EXPECT_FALSE(drawn.empty()) << p.name;
+  return drawn;
 }
 Points corners(const Series& s) {
   Points all;
