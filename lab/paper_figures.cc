@@ -30,12 +30,11 @@ Scale between(Label label, double low, double high) {
   return {.label = std::move(label), .low = low, .high = high};
 }
 
-/// The flat wall seen along z, x < -y tan 30°, to `reach` up and down: the first of what is plotted.
+/// The flat wall seen along z, x < -y tan 30°, between axes that reach from -reach to reach: the first of what is plotted.
 std::vector<Series> wall(double reach) {
   const double x = reach * std::tan(std::numbers::pi / 6);
   Series inside{Look::area, kWall, "wall"}, surface{Look::line, "#6b5b3a", "", 2.0};
-  for (const auto& [a, b] : {std::pair{-x, reach}, {x, -reach}, {-2.0 * reach, -reach}, {-2.0 * reach, reach}})
-    inside.add({a, b});
+  for (const auto& [a, b] : {std::pair{-x, reach}, {x, -reach}, {-reach, -reach}, {-reach, reach}}) inside.add({a, b});
   surface.add({-x, reach}), surface.add({x, -reach});
   return {inside, surface};
 }
@@ -49,7 +48,7 @@ Picture force_vectors(const char* name, const char* title, const char* experimen
     Panel panel{.title = adapted ? "(b) with multi-dof adaptation" : "(a) without multi-dof adaptation",
                 .x = between({"x", "mm"}, -reach_mm, reach_mm),
                 .y = between({"y", "mm"}, -reach_mm, reach_mm),
-                .series = wall(2.0 * reach_mm),
+                .series = wall(reach_mm),
                 .equal = true};
     Series forces{Look::arrows, adapted ? kBlue : kRed, "", 0.8}, bar{Look::strokes, "black", "", 2.0},
         words{Look::words, "black", "", 10.0};
@@ -104,7 +103,7 @@ Picture figure_4_6() {
                                      180.0 / std::numbers::pi * angle(f_res, f_vr)),
                 .x = between({"force on the hand, x", "N"}, -reach, reach),
                 .y = between({"y", "N"}, -reach, reach),
-                .series = wall(2.0 * reach),
+                .series = wall(reach),
                 .equal = true};
     panel.series.insert(panel.series.end(),
                         {arrow(kGrey, 2.0, "v", origin, v / v.norm()), arrow(kGreen, 5.0, "f_res", origin, f_res),
@@ -131,7 +130,7 @@ Picture figure_7() {
   Panel plane{.title = "Tool centre point, no control",
               .x = between({"x", "mm"}, -60.0, 60.0),
               .y = between({"y", "mm"}, -60.0, 60.0),
-              .series = wall(120.0),
+              .series = wall(60.0),
               .equal = true};
   plane.series.push_back(path);
   return {.name = "fig7",
@@ -139,13 +138,13 @@ Picture figure_7() {
           .panels = {plane,
                      {.title = "Observed energy",
                       .x = between({"t", "s"}, 0.0, end_s),
-                      .y = {.label = {"energy into the wall", "mJ"}},
+                      .y = between({"energy into the wall", "mJ"}, -140.0, 60.0),
                       .series = {x_axis, y_axis, total, zero}}},
           .panel = {480, 480}};
 }
 
 Picture figure_10() {
-  Series path{Look::line, kBlue, "tool centre point"}, mesh{Look::mesh, "#c9b98f", "wall, R = 60 mm", 0.5};
+  Series path{Look::line, kBlue, "tool centre point"}, mesh{Look::line, "#c9b98f", "wall, R = 60 mm", 0.5};
   for (const Row<3>& r : recorded("curved", "projected")) {
     const Vector3d x = 1e3 * r.master_x.translation();
     path.add({x.x(), x.y(), x.z()});
@@ -160,10 +159,13 @@ Picture figure_10() {
   return {.name = "fig10",
           .title = "Surface following at a curved wall, multi-dof PO/PC",
           .panels = {{.title = "",
-                      .x = {.label = {"x", "mm"}},
-                      .y = {.label = {"y", "mm"}},
+                      .x = {.label = {"x", "mm"},
+                            .low = -30.0,
+                            .high = 10.0,
+                            .ticks = {{-30, "-30"}, {-20, "-20"}, {-10, "-10"}, {0, "0"}, {10, "10"}}},
+                      .y = between({"y", "mm"}, -40.0, 30.0),
                       .series = {mesh, path},
-                      .z = Scale{.label = {"z", "mm"}},
+                      .z = between({"z", "mm"}, -40.0, 40.0),
                       .view_deg = {64.0, 138.0}}},
           .panel = {720, 520}};
 }
@@ -266,7 +268,7 @@ std::vector<PaperFigure> paper_figures() {
       {"fig4_6", "Figs. 4 and 6, the forces of one tick", figure_4_6},
       {"fig7", "Fig. 7, contact without control", figure_7},
       {"fig8", "Fig. 8, force vectors of a point contact",
-       [] { return force_vectors("fig8", "Force on the hand, point contact", "point", 1.6, 0.4, 40); }},
+       [] { return force_vectors("fig8", "Force on the hand, point contact", "point", 1.8, 0.4, 40); }},
       {"fig9", "Fig. 9, force vectors of surface following",
        [] { return force_vectors("fig9", "Force on the hand, surface following", "slide", 70.0, 10.0, 30); }},
       {"fig10", "Fig. 10, path on a curved wall", figure_10},

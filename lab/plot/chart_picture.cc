@@ -99,8 +99,7 @@ std::string draw(const Chart& c, const std::string& title, const std::string& fo
                   *best, *worst)};
   Series limit{Look::line, "#a0a0a0", "uncertainty of the reference"},
       line{Look::dashes, "black", "front: best trade-offs"};
-  // gnuplot draws no line between two ends that rounding has put outside.
-  if (floor > 0.0) limit.add({1.001 * panel.x.low, floor}), limit.add({panel.x.high / 1.001, floor});
+  if (floor > 0.0) limit.add({panel.x.low, floor}), limit.add({panel.x.high, floor});
   for (const Point* p : front) line.add({cost(*p), error(*p)});
   panel.series = {limit, line};
   panel.series.insert(panel.series.end(), groups.begin(), groups.end());

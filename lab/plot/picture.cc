@@ -220,18 +220,18 @@ class Page {
     }
     const double left = left_ + static_cast<double>(i % across_) * (width_ + gap_x_),
                  low = bottom_ + static_cast<double>(down_ - 1 - i / across_) * (height_ + gap_y_);
-    std::string gp = fmt::format(
-        "set lmargin at screen {}\nset rmargin at screen {}\nset bmargin at screen {}\nset tmargin at screen {}\n",
-        x(left), x(left + width_), y(low), y(low + height_));
+    // With margins of its own a panel in three dimensions would leave the page.
+    std::string gp = panel.z ? "unset margins\n"
+                             : fmt::format("set margins screen {}, screen {}, screen {}, screen {}\n", x(left),
+                                           x(left + width_), y(low), y(low + height_));
     gp += fmt::format("set title {} offset 0,-0.5\n", gnuplot_string(panel.title));
     gp += axis('x', panel.x, panel.z || at_bottom(i)) + axis('y', panel.y, panel.z || at_left(i));
     const bool boxes =
         std::any_of(panel.series.begin(), panel.series.end(), [](const Series& s) { return s.look == Look::boxes; });
     gp += boxes ? "unset grid\n" : "set grid\n";
     if (panel.z)
-      gp += axis('z', *panel.z, true) +
-            fmt::format("set view {},{},1.25\nset view equal xyz\nset xyplane 0\nset hidden3d front\n",
-                        panel.view_deg.first, panel.view_deg.second);
+      gp += axis('z', *panel.z, true) + fmt::format("set view {},{},1.2\nset view equal xyz\nset xyplane 0\n",
+                                                    panel.view_deg.first, panel.view_deg.second);
     std::vector<std::string> plots;
     for (const Series& s : panel.series)
       if (const std::string one = plot(s, panel.z.has_value()); !one.empty()) plots.push_back(one);
@@ -270,7 +270,6 @@ class Page {
     };
     switch (s.look) {
       case Look::line:
-      case Look::mesh:
         return line("lines", 1);
       case Look::dashes:
         return line("lines", 2);
@@ -304,7 +303,7 @@ class Page {
     return fmt::format(
         "set terminal {} size {:.0f},{:.0f} font 'DejaVu Sans,10' background rgb 'white'\nset output {}\n"
         "set termoption noenhanced\nset border lc rgb '#505050'\nset tics textcolor rgb '#202020' nomirror out\n"
-        "set grid lc rgb '#e4e4e4'\n{}unset output\nreset\n",
+        "set grid lc rgb '#e4e4e4'\nset clip two\n{}unset output\nreset\n",
         terminal, total_x_, total_y_, gnuplot_string(p_.name + ending), body);
   }
 

@@ -27,16 +27,15 @@ struct Scale {
   friend bool operator==(const Scale&, const Scale&) = default;
 };
 
-enum class Look { line, dashes, joined_dots, dots, crosses, triangles, boxes, area, arrows, strokes, words, mesh };
+enum class Look { line, dashes, joined_dots, dots, crosses, triangles, boxes, area, arrows, strokes, words };
 
 /// What is drawn in one way. A row of numbers, whose first is NaN where a line is interrupted or a polygon ends:
 ///
-///     line, dashes, joined_dots, dots, crosses, triangles   x y, in three dimensions x y z
+///     line, dashes, joined_dots, dots, crosses, triangles   x y, in three dimensions x y z: lines of as many points are a mesh
 ///     boxes                                                 left right bottom top, and the value that makes the colour
-///     area                                                  x y of a polygon's corners
+///     area                                                  x y of a polygon's corners, none outside the axes: gnuplot 5.4 clips wrongly
 ///     arrows, strokes (without a head)                      x y dx dy, in three dimensions x y z dx dy dz
 ///     words                                                 x y
-///     mesh                                                  x y z, line by line
 struct Series {
   Look look;
   std::string colour;  ///< empty, of boxes: by their value

@@ -6,7 +6,9 @@
 #include <cmath>
 #include <filesystem>
 #include <map>
+#include <numbers>
 #include <string>
+#include <tuple>
 #include <vector>
 
 #include "common/base/check.h"
@@ -14,6 +16,7 @@
 #include "lab/paper_figures.h"
 #include "lab/paper_table.h"
 #include "tests/support/process.h"
+#include "tests/support/svg.h"
 
 namespace twoport::lab {
 namespace {
@@ -201,6 +204,195 @@ TEST(Paper, RefusesNamesThatItDoesNotKnow) {
   EXPECT_THROW(static_cast<void>(paper_case("slide", "iron", "ideal", "none")), ConfigError);
   EXPECT_THROW(static_cast<void>(paper_case("slide sideways", "light", "ideal", "none")), ConfigError);
   EXPECT_THROW(static_cast<void>(paper_scene({"tunnel", "light", "ideal", "none", {}}, 1)), ConfigError);
+}
+
+// ---- the pictures
+
+using Eigen::Vector2d;
+using test::Box;
+using test::DrawnShape;
+using test::Points;
+
+/// All figures, made once.
+const std::vector<Picture>& pictures() {
+  static const std::vector<Picture> all = [] {
+    std::vector<Picture> made;
+    for (const PaperFigure& figure : paper_figures()) made.push_back(figure.make());
+    return made;
+  }();
+  return all;
+}
+const Picture& picture(const std::string& name) {
+  return *std::find_if(pictures().begin(), pictures().end(), [&](const Picture& p) { return p.name == name; });
+}
+/// What gnuplot makes of a picture; nothing where it is not installed.
+std::vector<DrawnShape> shapes(const Picture& p) {
+  const test::Folder folder;
+  const std::string said = draw(p, folder / ".");
+  if (said.find("gnuplot is not installed") != said.npos) return {};
+  EXPECT_EQ(said.find("gnuplot failed"), said.npos) << said;
+  const std::vector<DrawnShape> drawn = test::shapes_of(test::read_text(folder / (p.name + ".svg")));
+  EXPECT_FALSE(drawn.empty()) << p.name;
+  return drawn;
+}
+Points corners(const Series& s) {
+  Points all;
+  for (const std::vector<double>& row : s.rows) all.emplace_back(row[0], row[1]);
+  return all;
+}
+bool encloses(const Points& polygon, const Vector2d& p) {
+  bool inside = false;
+  for (std::size_t i = 0, j = polygon.size() - 1; i < polygon.size(); j = i++) {
+    const Vector2d &a = polygon[i], &b = polygon[j];
+    if ((a.y() > p.y()) != (b.y() > p.y()) && p.x() < a.x() + (p.y() - a.y()) / (b.y() - a.y()) * (b.x() - a.x()))
+      inside = !inside;
+  }
+  return inside;
+}
+double length(const Points& line) {
+  double sum = 0.0;
+  for (std::size_t i = 1; i < line.size(); ++i) sum += (line[i] - line[i - 1]).norm();
+  return sum;
+}
+bool has_ends(const Scale& s) {
+  return std::isfinite(s.low) && std::isfinite(s.high);
+}
+
+TEST(PaperFigures, TheWallIsWhereTheForceIs) {
+  for (const auto& [name, experiment, methods] :
+       {std::tuple<const char*, const char*, std::vector<std::string>>{"fig7", "slide", {"none"}},
+        {"fig8", "point", {"classic", "projected"}},
+        {"fig9", "slide", {"classic", "projected"}}}) {
+    for (std::size_t i = 0; i < methods.size(); ++i) {
+      const Panel& panel = picture(name).panels[i];
+      const Points wall = corners(panel.series[0]);
+      int ticks_in_contact = 0, ticks_free = 0;
+      for (const Row<3>& r : record(paper_case(experiment, "light", "ideal", methods[i]), 1)) {
+        const Vector2d x = 1e3 * r.master_x.translation().head<2>();
+        if (x.cwiseAbs().maxCoeff() > panel.x.high) continue;
+        const bool pushes = r.master_f_wanted.squared_norm() > 0.0;
+        ASSERT_EQ(encloses(wall, x), pushes) << name << ", t = " << r.t_s << ", at " << x.transpose();
+        ++(pushes ? ticks_in_contact : ticks_free);
+      }
+      EXPECT_GT(ticks_in_contact, 1000) << name;
+      EXPECT_GT(ticks_free, 0) << name;
+    }
+  }
+  // Figs. 4 and 6 have the same wall, and their force is perpendicular to it.
+  for (const Panel& panel : picture("fig4_6").panels) {
+    const Points wall = corners(panel.series[0]), like = corners(picture("fig9").panels[0].series[0]);
+    ASSERT_EQ(wall.size(), like.size());
+    for (std::size_t i = 0; i < wall.size(); ++i)
+      EXPECT_LT((wall[i] / panel.x.high - like[i] / 70.0).norm(), 1e-12) << wall[i].transpose();
+    const Series& force =
+        *std::find_if(panel.series.begin(), panel.series.end(), [](const Series& s) { return s.name == "f_VR"; });
+    const Vector2d f{force.rows[0][2], force.rows[0][3]}, surface = (wall[1] - wall[0]).normalized();
+    EXPECT_GT(f.norm(), 1.0);
+    EXPECT_LT(std::abs(f.dot(surface)), 1e-12);
+  }
+}
+
+TEST(PaperFigures, ShowAllThatTheyDrawWithinTheirAxes) {
+  for (const Picture& p : pictures())
+    for (const Panel& panel : p.panels)
+      for (const Series& s : panel.series)
+        for (const std::vector<double>& row : s.rows) {
+          if (std::isnan(row[0])) continue;
+          const std::size_t dimensions = panel.z ? 3 : 2;
+          const Scale* scales[] = {&panel.x, &panel.y, panel.z ? &*panel.z : nullptr};
+          for (std::size_t i = 0; i < dimensions; ++i) {
+            if (!has_ends(*scales[i])) continue;
+            // An arrow with its tip.
+            for (std::size_t tip = 0; tip < (row.size() > dimensions ? 2U : 1U); ++tip) {
+              const double at = row[i] + (tip == 0 ? 0.0 : row[dimensions + i]);
+              ASSERT_GE(at, scales[i]->low) << p.name << ": " << scales[i]->label.words;
+              ASSERT_LE(at, scales[i]->high) << p.name << ": " << scales[i]->label.words;
+            }
+          }
+        }
+}
+
+TEST(PaperFigures, AreDrawnByGnuplotAsTheirDataAre) {
+  constexpr double kPixel = 0.2;  // rounding, in gnuplot and in the border
+  int compared = 0;
+  for (const Picture& p : pictures()) {
+    if (p.panels[0].z) continue;
+    const std::vector<DrawnShape> drawn = shapes(p);
+    if (drawn.empty()) GTEST_SKIP() << "gnuplot is not installed";
+    const std::vector<Box> axes = test::axes_in(drawn);
+    ASSERT_EQ(axes.size(), p.panels.size()) << p.name;
+    for (std::size_t i = 0; i < axes.size(); ++i) {
+      const Panel& panel = p.panels[i];
+      if (!has_ends(panel.x) || !has_ends(panel.y)) continue;
+      for (const Series& s : panel.series) {
+        if (s.look == Look::words) continue;
+        const bool arrows = s.look == Look::arrows || s.look == Look::strokes;
+        Points expected;
+        const auto expect = [&](double x, double y) {
+          const Vector2d size = axes[i].high - axes[i].low;
+          expected.emplace_back(axes[i].low.x() + (x - panel.x.low) / (panel.x.high - panel.x.low) * size.x(),
+                                axes[i].high.y() - (y - panel.y.low) / (panel.y.high - panel.y.low) * size.y());
+        };
+        for (const std::vector<double>& row : s.rows) {
+          expect(row[0], row[1]);
+          if (arrows) expect(row[0] + row[2], row[1] + row[3]);
+        }
+        test::Near of_data{kPixel}, of_picture{kPixel};
+        for (const Vector2d& x : expected) of_data.add(x);
+        const std::string which = p.name + ": " + s.name + " " + s.colour;
+        // A shape belongs to the panel in which it has a point; those of the legend, above, to none.
+        for (const DrawnShape& shape : drawn) {
+          if (shape.colour != test::colour_in_svg(s.colour)) continue;
+          if (std::none_of(shape.points.begin(), shape.points.end(),
+                           [&](const Vector2d& x) { return axes[i].contains(x, kPixel); }))
+            continue;
+          for (const Vector2d& x : shape.points) {
+            of_picture.add(x);
+            // An arrow's head has corners of its own.
+            ASSERT_TRUE(arrows || of_data.has(x)) << which << ": drawn at " << x.transpose();
+          }
+        }
+        for (const Vector2d& x : expected)
+          ASSERT_TRUE(of_picture.has(x)) << which << ": not drawn at " << x.transpose();
+        ++compared;
+      }
+    }
+  }
+  EXPECT_EQ(compared, 55);
+}
+
+TEST(PaperFigures, NothingHidesThePathOnTheCurvedWallAndThePageHasRoomForIt) {
+  const Picture& p = picture("fig10");
+  const std::vector<DrawnShape> drawn = shapes(p);
+  if (drawn.empty()) GTEST_SKIP() << "gnuplot is not installed";
+  // Seen from the direction that the panel names, in a unit that is not known.
+  const double tilt = p.panels[0].view_deg.first * std::numbers::pi / 180.0,
+               turn = p.panels[0].view_deg.second * std::numbers::pi / 180.0;
+  const Series& path = p.panels[0].series[1];
+  Points expected, found;
+  for (const std::vector<double>& x : path.rows) {
+    const double right = std::cos(turn) * x[0] + std::sin(turn) * x[1],
+                 back = std::cos(turn) * x[1] - std::sin(turn) * x[0];
+    expected.emplace_back(right, -std::cos(tilt) * back - std::sin(tilt) * x[2]);
+  }
+  double drawn_length = 0.0;
+  Box page;  // of 720 x 520 pixels for the panel, and what is around it
+  page.add({0.0, 0.0});
+  page.add({850.0, 656.0});
+  for (const DrawnShape& shape : drawn) {
+    for (const Vector2d& x : shape.points) ASSERT_TRUE(page.contains(x, -5.0)) << x.transpose();
+    // Longer than what stands for it in the legend.
+    if (shape.colour != test::colour_in_svg(path.colour) || shape.points.size() < 3) continue;
+    found.insert(found.end(), shape.points.begin(), shape.points.end());
+    drawn_length += length(shape.points);
+  }
+  ASSERT_FALSE(found.empty());
+  const Vector2d of_expected = test::box_of(expected).high - test::box_of(expected).low,
+                 of_found = test::box_of(found).high - test::box_of(found).low;
+  const double unit = of_found.x() / of_expected.x();
+  EXPECT_GT(unit, 3.0);  // pixels in a millimetre: large enough to be seen
+  EXPECT_NEAR(of_found.y(), unit * of_expected.y(), 1.0);
+  EXPECT_NEAR(drawn_length, unit * length(expected), 0.02 * drawn_length);
 }
 
 TEST(Paper, IsOneCommand) {

@@ -26,12 +26,14 @@
 #include "common/base/sanitized.h"
 #include "common/record/summary.h"
 #include "common/scene/load.h"
+#include "lab/plot/picture.h"
 #include "lab/plot/pictures.h"
 #include "lab/run.h"
 #include "lab/study/cells.h"
 #include "lab/study/parallel.h"
 #include "lab/study/seeds.h"
 #include "tests/support/process.h"
+#include "tests/support/svg.h"
 
 namespace twoport::lab {
 namespace {
@@ -850,6 +852,39 @@ TEST(Picture, IsDrawnOfOneTwoOrThreeAxes) {
       EXPECT_NE(read_text(out + "/" + key + ".svg").find("unstable"), std::string::npos);
       EXPECT_FALSE(exists(out + "/" + key + ".log"));
     }
+}
+
+TEST(Picture, BandOfASpreadLiesAroundTheMeanWithinTheAxes) {
+  Table table = some_table(1);
+  table.grid.axes = {parse_axis("device.mass_kg=0.01:1:4:log")};
+  table.seeds = 3;
+  table.columns = {"device.mass_kg", "stable_worst", "drift_m", "drift_m_sd", "drift_m_worst"};
+  table.rows.clear();
+  for (std::size_t cell = 0; cell < 4; ++cell) {
+    const double mean = 1e-3 * static_cast<double>(cell + 2);
+    table.rows.push_back({table.grid.values(cell)[0], 1, mean, 0.3 * mean, 1.5 * mean});
+  }
+  if (std::system("command -v gnuplot > /dev/null 2>&1") != 0) GTEST_SKIP() << "gnuplot is not installed";
+  const Folder folder;
+  EXPECT_EQ(draw(table, "drift_m", folder / "."), fmt::format("{0}/drift_m.png, {0}/drift_m.svg", folder / "."));
+  const std::vector<test::DrawnShape> drawn = test::shapes_of(read_text(folder / "drift_m.svg"));
+  const std::vector<test::Box> axes = test::axes_in(drawn);
+  ASSERT_EQ(axes.size(), 1U);
+  test::Points mean, band;
+  for (const test::DrawnShape& s : drawn) {
+    if (!axes[0].contains(s.points.front(), 0.2)) continue;  // of the legend
+    if (s.kind == test::DrawnShape::Kind::polygon && s.colour == test::colour_in_svg("#cbdfe3")) band = s.points;
+    if (s.kind == test::DrawnShape::Kind::mark && s.colour == test::colour_in_svg(kStableColour))
+      mean.push_back(s.points[0]);
+  }
+  ASSERT_EQ(mean.size(), 4U);
+  ASSERT_EQ(band.size(), 8U);
+  for (std::size_t i = 0; i < 4; ++i) {
+    const Eigen::Vector2d &low = band[i], &high = band[7 - i];
+    EXPECT_TRUE(axes[0].contains(low, 0.2) && axes[0].contains(high, 0.2)) << i;
+    EXPECT_LT((0.5 * (low + high) - mean[i]).norm(), 0.2) << i;
+    EXPECT_NEAR(low.y() - mean[i].y(), 0.3 * (axes[0].high.y() - mean[i].y()), 0.2) << i;  // from 0 on, at the bottom
+  }
 }
 
 TEST(Picture, IsNotDrawnOfMoreOrWithoutGnuplot) {
