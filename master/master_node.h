@@ -78,12 +78,15 @@ class MasterNode {
       await_slave(slave);
     else if (awaits_slave_) [[unlikely]]
       slave_follows();
+    const bool has_words = same_epoch && modes_.shares_coupling();
+    if (!has_words && same_epoch) [[unlikely]]
+      forget_words(slave);
     MasterOutput<N> half = half_->step({.dt = tick.dt,
                                         .ended = tick.ended,
                                         .device = device,
                                         .interval = interval,
                                         .first = !started_,
-                                        .slave = same_epoch ? slave : without_words_,
+                                        .slave = has_words ? slave : without_words_,
                                         .slave_energy_in = slave_energy_in_,
                                         .account = account_,
                                         .active = modes_.active(),
@@ -156,9 +159,12 @@ class MasterNode {
 
   /// The slave has not switched yet: the words that it sends are the other method's.
   [[gnu::noinline]] void await_slave(const PeerState<N>& slave) noexcept {
+    forget_words(slave);
+    awaits_slave_ = true;
+  }
+  [[gnu::noinline]] void forget_words(const PeerState<N>& slave) noexcept {
     without_words_ = slave;
     without_words_.words.clear();
-    awaits_slave_ = true;
   }
   /// Its reports change their meaning now.
   [[gnu::noinline]] void slave_follows() noexcept {
@@ -223,7 +229,7 @@ class MasterNode {
   Energy energy_sent_, slave_energy_in_;
   Force<N> command_;
   std::uint32_t epoch_ = 0;
-  PeerState<N> without_words_;  ///< of a slave in another epoch
+  PeerState<N> without_words_;  ///< of a slave in another epoch, or not in this coupling yet
   bool awaits_slave_ = false;
   PortMotion<N> before_;
   bool started_ = false;

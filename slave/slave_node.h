@@ -51,9 +51,12 @@ class SlaveNode {
       follow(robot, master);
     const bool same_epoch = master.epoch == epoch_;
     master_energy_in_ = Energy{same_epoch ? master.energy_in_j : 0.0};
+    const bool has_words = same_epoch && modes_.shares_coupling();
+    if (!has_words && same_epoch) [[unlikely]]
+      forget_words(master);
     SlaveOutput<N> half = half_->step({.dt = tick.dt,
                                        .robot = robot,
-                                       .master = same_epoch ? master : without_words_,
+                                       .master = has_words ? master : without_words_,
                                        .master_energy_in = master_energy_in_,
                                        .account = account_,
                                        .coupled = modes_.coupled(),
@@ -145,13 +148,13 @@ class SlaveNode {
       half.command.f += bridge_.step(half.command.f, dt);
     return half;
   }
+  [[gnu::noinline]] void forget_words(const PeerState<N>& master) noexcept {
+    without_words_ = master;
+    without_words_.words.clear();
+  }
   /// The master is in another epoch: it has switched, or restarted. Every epoch that it may name has a configuration.
   [[gnu::noinline]] void follow(RobotSample<N> robot, const PeerState<N>& master) noexcept {
-    if (alternatives_.empty() || !master.has_report) {
-      without_words_ = master;
-      without_words_.words.clear();
-      return;
-    }
+    if (alternatives_.empty() || !master.has_report) return forget_words(master);
     if (Held<Half>* next = alternatives_.of(master.epoch)) {
       (*next)->start(robot, master);
       switch_method(*next);

@@ -20,8 +20,8 @@ struct AgeOptions {
 ///     young:  a <= R + hold_after    R: round trip known so far
 ///     a > R:  R rises by 0.2 dt      with each young report, dt since the last one: R follows the upper part of a jitter
 ///     a < R:  R falls by (R - a) dt/1 s
-///     R = max(a', a'')               where no report is young, and the least ages a', a'' of two adjacent windows of hold_after/2 differ
-///                                    by less than hold_after/8: the link has another round trip, at most 5 s
+///     R = the largest age of both    where no report is young in two adjacent windows of hold_after/2, and their least ages a', a''
+///                                    differ by less than hold_after/8: the link has another round trip; at most a'' + hold_after
 ///
 /// An age that grows with the clock, or falls as a queue drains, does not agree with itself. When either direction is dead no new stamp
 /// comes back: ages grow with the clock, and teach nothing. The clocks of the two sides may differ and drift. What cannot be known: a
@@ -47,6 +47,7 @@ class ReportAge {
     if (is_answered_) {
       newest_echo_ = echo;
       least_ = std::min(least_, age);
+      most_ = std::max(most_, age);
       if (young) learn(age, now);
     }
     learned_at_ = now;
@@ -78,17 +79,20 @@ class ReportAge {
     const bool adjacent = now - window_from_ < 2 * window_;  // reports came in both
     if (adjacent && least_ != kNever && least_before_ != kNever && !is_young(least_) && least_ <= kLongest) {
       const Duration change = least_ > least_before_ ? least_ - least_before_ : least_before_ - least_;
-      if (change < o_.hold_after / 8) round_trip_ = std::max(least_, least_before_);
+      if (change < o_.hold_after / 8)
+        round_trip_ = std::min(std::max(most_, most_before_), least_ + o_.hold_after);
     }
     least_before_ = adjacent ? least_ : kNever;
     least_ = kNever;
+    most_before_ = most_;
+    most_ = Duration{0};
     window_from_ = now;
   }
 
   AgeOptions o_;
   Duration window_, round_trip_;
   Duration newest_echo_ = Duration::min(), learned_at_{0};
-  Duration window_from_{0}, least_ = kNever, least_before_ = kNever;
+  Duration window_from_{0}, least_ = kNever, least_before_ = kNever, most_{0}, most_before_{0};
   bool is_answered_ = true;
 };
 

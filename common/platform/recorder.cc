@@ -170,7 +170,7 @@ void Recorder<N>::log_stale(const Entry& entry) {
   if (!is_due(entry.row.t_s, stale_at_s_)) return;
   stale_ = entry.view.stale;
   const char* peer = o_.side == Side::master ? "slave" : "master";
-  say(entry, fmt::format("{} reports of the {} so far were too old to count: {}", stale_, peer,
+  say(entry, fmt::format("reports of the {} that were too old to count: {} so far; {}", peer, stale_,
                          entry.view.answers ? "they waited on the way, or one of the sides stood still"
                                             : fmt::format("the {} hears nothing of this side", peer)));
 }

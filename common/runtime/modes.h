@@ -1,5 +1,7 @@
 #pragma once
 
+#include <utility>
+
 #include "common/base/time.h"
 #include "common/coupling/options.h"
 #include "common/hardware/status.h"
@@ -117,7 +119,8 @@ class ModeMachine {
     if (mode_ == Mode::released) first_ = fault_ = false;
     const bool was_at_work = was == Mode::coupled || was == Mode::holding || was == Mode::let_go;
     if (!was_at_work && mode_ != Mode::idle) {
-      first_ = fault_ = confirmed_ = false;
+      is_first_ = std::exchange(first_, false);
+      fault_ = confirmed_ = false;
       with_us_at_ = now + peer.known_round_trip;
     }
     return begins(was, mode_);
@@ -133,9 +136,12 @@ class ModeMachine {
     told_ = 0;
     if (mode_ == Mode::stopped) return;
     mode_ = Mode::idle;
-    first_ = true;
+    first_ = is_first_ = true;
     fault_ = false;
   }
+
+  /// Are the words of the other side's method of this coupling? Those from before refer to the registration of another one.
+  [[nodiscard]] bool shares_coupling() const noexcept { return confirmed_ || is_first_; }
 
   [[nodiscard]] Mode mode() const noexcept { return mode_; }
   [[nodiscard]] bool coupled() const noexcept { return mode_ == Mode::coupled; }
@@ -150,6 +156,7 @@ class ModeMachine {
   int told_ = 0;            ///< reports in a row that say that the other side is stopped or ends
   bool first_ = true;       ///< no coupling of this session has begun
   bool fault_ = false;      ///< released by release()
+  bool is_first_ = true;      ///< is the present coupling, or the next, the first one
   bool confirmed_ = false;  ///< the other side has said since the coupling began that it is coupled
   Duration ready_at_{0};    ///< since when this side waits for the other one
   Duration with_us_at_{0};  ///< the other side last said that it is coupled; when a coupling begins a round trip later

@@ -38,7 +38,8 @@ auto step(Node& node, int k, const State& state, const PeerState<3>& known) {
 PeerState<3> heard(int k, double f, double energy_j = 1.0) {
   PeerState<3> known;
   known.has_report = known.is_new = true;
-  known.received_at = tick_time(k, 1.0 / kT);
+  known.received_at = known.proven_at = tick_time(k, 1.0 / kT);
+  known.newest.mode = Mode::coupled;
   known.newest.f = along(f);
   known.energy_in_j = energy_j;
   return known;
