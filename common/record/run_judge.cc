@@ -23,6 +23,9 @@ MotionScale RunJudge<N>::scale() const {
   const std::span<const double> speed{sums_.speed}, early = early_ ? speed : std::span<const double>{early_speed_};
   return {.dof = N,
           .rate_hz = known_.rate_hz,
+          .source = !known_.link      ? EnergySource::rendering
+                    : known_.of_slave ? EnergySource::network
+                                      : EnergySource::unknown,
           .reach_m = std::sqrt(sums_.reach2),
           .speed = {speed.begin(), speed.end()},
           .early = {early.begin(), early.end()}};
@@ -38,10 +41,37 @@ std::string RunJudge<N>::not_judged() const {
 }
 
 template <int N>
+bool RunJudge<N>::coupled_at_end() const {
+  if (!known_.link || sums_.apart_at_end == 0.0) return true;
+  const auto rows = static_cast<double>(rows_);
+  const double rest = rows - known_.quiet_from_s * known_.rate_hz;
+  return !failed_at_s_ && sums_.apart_at_end <= 0.05 * (rest > 0.0 ? rest : rows);
+}
+
+template <int N>
+std::string RunJudge<N>::why_not_coupled() const {
+  if (failed_at_s_)
+    return fmt::format("undecided: a plug-in or a reading failed at {:.2f} s, after which there was no force",
+                       *failed_at_s_);
+  return fmt::format("undecided: the two sides were not coupled in the last {:.2f} s, which are not judged",
+                     sums_.apart_at_end / known_.rate_hz);
+}
+
+template <int N>
+Verdict RunJudge<N>::at_robot() const {
+  const Tail tail{.record = *after_};
+  if (after_->enough() && is_driven_by_coupling(tail, scale(), known_.motion_scale))
+    return {VerdictKind::unstable, "the robot moves more than the hand, driven by its own coupling"};
+  return {VerdictKind::undecided, "undecided: bounded at the slave; the master judges stability"};
+}
+
+template <int N>
 Verdict RunJudge<N>::verdict() const {
   if (diverged_) return {VerdictKind::unstable, fmt::format("diverged at {:.4g} s", diverged_at_s_)};
   if (const std::string why = not_judged(); !why.empty()) return {VerdictKind::undecided, why};
   if (!after_) return {};
+  if (!known_.at_robot && !coupled_at_end()) return {VerdictKind::undecided, why_not_coupled()};
+  if (known_.at_robot) return at_robot();
   if (!after_->enough()) {
     const double paid = -(known_.initial_energy_j + energy_j_);
     return {VerdictKind::undecided,
