@@ -13,9 +13,23 @@ bool is_coarse(const Scene& scene) {
   return std::any_of(world.surfaces.begin(), world.surfaces.end(),
                      [](const Surface& s) { return s.material.friction > 0.0; });
 }
+NoiseMotion noise_motion(const Scene& s) {
+  if (!s.robot || !s.robot->force_sensor || !s.device || !s.operator_model) return {};
+  const HandSpec hand = s.operator_model->hand.value_or(HandSpec{});
+  const double sigma = s.control.force_scale * s.robot->force_sensor->noise_n;
+  const auto motion = [&](double mass, double damping) {
+    return mass > 0.0 && damping > 0.0 ? sigma * std::sqrt(1.0 / (2.0 * s.slave_rate_hz * damping * mass)) : 0.0;
+  };
+  return {.translation = motion(s.device->mass_kg + hand.mass_kg, s.device->damping_n_s_per_m + hand.damping_n_s_per_m),
+          .rotation = motion(s.device->inertia_kg_m2 + hand.inertia_kg_m2,
+                             s.device->rotational_damping_n_m_s_per_rad + hand.rotational_damping_n_m_s_per_rad)};
+}
 bool has_controller(const Scene& scene) {
   const ControlOptions& c = scene.control;
-  return c.method_name.empty() ? c.controller.method != Method::none : c.method_name != "NONE";
+  if (c.method_name.empty()) return c.controller.method != Method::none;
+  if (c.architecture == Architecture::render) return c.method_name != "NONE";
+  const MethodName* const method = find_name(kMethods, c.method_name);
+  return method != nullptr && method->one_piece() ? true : c.passivity != "NONE";
 }
 
 template <int N>
@@ -28,7 +42,8 @@ MotionScale RunJudge<N>::scale() const {
                                       : EnergySource::unknown,
           .reach_m = std::sqrt(sums_.reach2),
           .speed = {speed.begin(), speed.end()},
-          .early = {early.begin(), early.end()}};
+          .early = {early.begin(), early.end()},
+          .noise = known_.noise};
 }
 
 template <int N>

@@ -35,6 +35,7 @@ class RunJudge {
     bool unseen = false;                     ///< one at the other side may act, and the rows do not say so
     bool coarse = false;                     ///< an encoder or Coulomb friction is in the loop
     bool link = false;                       ///< there is another side
+    NoiseMotion noise = {};                  ///< that goes on while the hand rests
     bool trends = true;                      ///< verdict() is wanted; false: only divergence and scale are
     bool of_master = true, of_slave = true;  ///< whose motion is known first-hand; what is only reported is not judged
     bool at_robot = false;    ///< only whether the robot's own coupling drives it is judged, and over the whole run
@@ -163,6 +164,10 @@ class RunJudge {
 
 /// Is something in the scene that makes a loop nonlinear however small its motion: an encoder, Coulomb friction?
 bool is_coarse(const Scene& scene);
+/// The noise of the scene's force sensor, whose force the hand feels: a white force of rms σ, held for T, on mass m with damping b:
+///
+///     v = σ √(T/(2 b m))
+NoiseMotion noise_motion(const Scene& scene);
 /// May a passivity controller act?
 bool has_controller(const Scene& scene);
 

@@ -54,19 +54,22 @@ class Judge {
       into_coupling_ = tail.record.energy(2), into_robot_ = tail.record.energy(3);
   }
 
-  /// Does the sampled coupling, of which no passivity controller knows, make most of the energy that keeps the robot moving?
-  /// Motion that follows the hand, `following` times its speed, does not count.
-  bool coupling_drives_robot(double following = 0.0) const {
+  /// Does the sampled coupling, of which no passivity controller knows, give the robot a part of the energy that keeps it moving?
+  /// Motion that follows the hand, `following` times its speed, does not count, nor one that decays unless it is `lasting`.
+  bool coupling_feeds_robot(double following = 0.0, bool lasting = false) const {
     const double made = -into_coupling_.line.slope;
     const bool steadily = into_coupling_.falls() || falls_in_each_window(2);
-    // What the robot does not take goes into the network.
-    if (!steadily || made < 0.5 * into_robot_.line.slope || into_robot_.line.slope < -0.1 * made) return false;
+    // What the robot does not take goes into the network. One that gives is driven by the environment.
+    if (!steadily || made < 0.1 * into_robot_.line.slope || into_robot_.line.slope < -0.1 * made) return false;
     return any([&](const Coordinate& c) {
       const bool dies = c.y.trend == Trend::rest || c.y.trend == Trend::decays || c.y.trend == Trend::unclear_decay;
-      return c.signal >= run_.dof && !dies && c.y.rms > kNoticed * run_.largest_of_kind(c.signal) &&
+      return c.signal >= run_.dof && (lasting || !dies) && c.y.rms > kNoticed * run_.largest_of_kind(c.signal) &&
              c.y.rms > following * coordinates_[c.signal - run_.dof].y.rms;
     });
   }
+  /// Has it given more than was put into it?
+  bool coupling_has_fed() const { return into_coupling_.last < 0.0; }
+
   bool twin_has_parted() const {
     return tail_.controller_acted && any([](const Coordinate& c) { return c.far; });
   }
@@ -88,8 +91,8 @@ class Judge {
     // A live run has but one tail, and it is short: what would need four lengths is taken as it is.
     const bool is_long = tail_.run_lengths >= 4.0 || tail_.last;
 
-    if (coupling_drives_robot())
-      return {unstable, "oscillation of " + amplitude() + ", fed by the robot's own coupling"};
+    if (coupling_feeds_robot() && (coupling_has_fed() || !tail_.last))
+      return coupling_has_fed() ? driven_by_coupling() : marginal();
     if (y_grows && !acted) return grows_by_itself();
     if (!noticed(kFaint) && trembles()) return restless_at("");
     if (acted && noticed()) {
@@ -257,17 +260,25 @@ class Judge {
     return slope < -5.0 * port_.line.error && left + to_come * slope < 0.0;
   }
   bool noticed(double part = kNoticed) const {
-    return any([&](const Coordinate& c) { return c.y.rms > part * run_.largest_of_kind(c.signal); });
+    return any([&](const Coordinate& c) {
+      const double noise = run_.rotates(c.signal) ? run_.noise.rotation : run_.noise.translation;
+      return c.y.rms > std::max(part * run_.largest_of_kind(c.signal), noise);
+    });
   }
   /// Has the hand got more than it has put in and was granted?
   bool below() const { return tail_.initial_energy_j + port_.last < -2.0 * port_.ripple; }
 
+  Verdict driven_by_coupling() const {
+    return {VerdictKind::unstable, "oscillation of " + amplitude() + ", fed by the robot's own coupling"};
+  }
   Verdict restless_at(const std::string& why) const {
     if (!noticed()) return {VerdictKind::stable, "bounded; a residual motion remains: " + amplitude()};
+    if (coupling_has_fed() && coupling_feeds_robot(0.0, true)) return driven_by_coupling();
     return {VerdictKind::restless, "bounded and passive, but not quiet: " + amplitude() + ", " + why};
   }
 
   Verdict marginal() const {
+    if (tail_.last && coupling_has_fed() && coupling_feeds_robot(0.0, true)) return driven_by_coupling();
     std::string which = "no coordinate shows a clear trend";
     for (const Coordinate& c : coordinates_) {
       if (is_known(c.y.trend) && (c.far || is_known(c.d.trend))) continue;
@@ -370,7 +381,8 @@ Verdict judge_body(const Tail& tail) {
 
 bool is_driven_by_coupling(const Tail& tail, const MotionScale& run, double motion_scale) {
   constexpr double kFaster = 3.0;
-  return Judge{tail, run}.coupling_drives_robot(kFaster * motion_scale);
+  const Judge all{tail, run};
+  return all.coupling_has_fed() && all.coupling_feeds_robot(kFaster * motion_scale);
 }
 
 bool twin_has_parted(const Tail& tail, const MotionScale& run) {

@@ -27,6 +27,11 @@ struct Verdict {
 /// What may make the energy that a hand is paid.
 enum class EnergySource : unsigned char { unknown, rendering, network };
 
+/// Motion of the handle that noise of the force sensor alone may cause, rms [m/s], [rad/s].
+struct NoiseMotion {
+  double translation = 0.0, rotation = 0.0;
+};
+
 /// How large the motion of a run was: what its tail is measured against. A signal is a coordinate's velocity; those of the
 /// master come first, as many of the slave follow, translations before rotations on each side.
 struct MotionScale {
@@ -36,6 +41,7 @@ struct MotionScale {
   double reach_m = 0.0;       ///< largest distance of a side from the origin
   std::vector<double> speed;  ///< of each signal, largest [m/s], [rad/s]
   std::vector<double> early;  ///< the same within the first twentieth of the run
+  NoiseMotion noise;          ///< in what is judged
 
   [[nodiscard]] bool rotates(std::size_t signal) const { return signal % dof >= 3; }
   /// Largest speed of this kind of motion, translation or rotation, on either side.

@@ -17,7 +17,7 @@ struct TickMap {
   double a, g, h, l;
 };
 TickMap tick_map(double mass, double damping, double period) {
-  const double b = std::max(damping, 1e-6 * mass / period);
+  const double b = std::max(damping, 1e-8 * mass / period);
   const double g = -std::expm1(-b * period / mass) / b, h = mass * g;
   return {std::exp(-b * period / mass), g, h, (period - h) / b};
 }

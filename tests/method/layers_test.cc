@@ -208,7 +208,8 @@ TEST(PluginLayer, ThatCrashesHangsOrIsNotFiniteReleasesThePort) {
     const Summary s = lab::run(parse_scene(plugin_scene(kind), "layers"));
     EXPECT_EQ(s.verdict_kind(), "UNDECIDED") << kind;
     EXPECT_EQ(violations({}, s).size(), 1U) << "a scene that expects nothing does not expect this";
-    EXPECT_EQ(s.verdict(), "undecided: a plug-in or a reading failed at 0.40 s, after which there was no force") << kind;
+    EXPECT_EQ(s.verdict(), "undecided: a plug-in or a reading failed at 0.40 s, after which there was no force")
+        << kind;
   }
 }
 TEST(PluginLayer, IsRefusedInWordsWhereItCannotRun) {

@@ -55,10 +55,16 @@ TEST(ReadText, RefusesUtf16AndBytesThatAreNoText) {
     }
   };
   using namespace std::string_literals;
-  EXPECT_EQ(refusal("\xFF\xFE" "5\0\n\0"s), "it: is in UTF-16; save it as UTF-8");
-  EXPECT_EQ(refusal("\xFE\xFF\0" "5"s), "it: is in UTF-16; save it as UTF-8");
+  EXPECT_EQ(refusal("\xFF\xFE"
+                    "5\0\n\0"s),
+            "it: is in UTF-16; save it as UTF-8");
+  EXPECT_EQ(refusal("\xFE\xFF\0"
+                    "5"s),
+            "it: is in UTF-16; save it as UTF-8");
   EXPECT_EQ(refusal("5\0\n\0"s), "it: byte 2 is 0; it must be a text in UTF-8");
-  EXPECT_EQ(refusal("\xEF\xBB\xBF" "5\n"s), "5\n");
+  EXPECT_EQ(refusal("\xEF\xBB\xBF"
+                    "5\n"s),
+            "5\n");
 }
 
 TEST(ReadWhole, RefusesWhatIsNoRegularFileWithoutWaitingForIt) {

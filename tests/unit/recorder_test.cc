@@ -48,7 +48,8 @@ std::string log_of_flicker(double seconds) {
 TEST(Log, ShowsControlCharactersOfNamesAsText) {
   testing::internal::CaptureStderr();
   make_log("slave").info("hardware: {}", "\033]0;title\007");
-  EXPECT_NE(testing::internal::GetCapturedStderr().find("slave info: hardware: \\x1b]0;title\\x07\n"), std::string::npos);
+  EXPECT_NE(testing::internal::GetCapturedStderr().find("slave info: hardware: \\x1b]0;title\\x07\n"),
+            std::string::npos);
 }
 
 TEST(Recorder, ALinkThatFlickersDoesNotFillTheLog) {
