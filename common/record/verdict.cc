@@ -16,6 +16,8 @@ constexpr double kNoticed = 0.01;
 /// Where a controller acts, a motion below this part counts as rest, even if the network feeds it.
 constexpr double kFaint = 1e-4;
 constexpr double kDiverged = 1e3;
+/// What loses less than this of ln A over a tail is fed, if something feeds it.
+constexpr double kSlowDecay = 0.5;
 /// A controller that lets the hand's energy pass is watched for this many lengths of the run.
 constexpr double kCredit = 8.0;
 
@@ -62,7 +64,10 @@ class Judge {
     // What the robot does not take goes into the network. One that gives is driven by the environment.
     if (!steadily || made < 0.1 * into_robot_.line.slope || into_robot_.line.slope < -0.1 * made) return false;
     return any([&](const Coordinate& c) {
-      const bool dies = c.y.trend == Trend::rest || c.y.trend == Trend::decays || c.y.trend == Trend::unclear_decay;
+      const bool decays = c.y.trend == Trend::decays || c.y.trend == Trend::unclear_decay;
+      // A loop that is not linear may lose amplitude slowly and yet live on what the coupling gives.
+      const bool slowly = !linear_ && kTrendWindows * c.y.slope > -kSlowDecay;
+      const bool dies = c.y.trend == Trend::rest || (decays && !slowly);
       return c.signal >= run_.dof && (lasting || !dies) && c.y.rms > kNoticed * run_.largest_of_kind(c.signal) &&
              c.y.rms > following * coordinates_[c.signal - run_.dof].y.rms;
     });

@@ -37,8 +37,13 @@ Verdict verdict(const Signal& s) {
   tail.driven = true;
   tail.run_lengths = s.run_lengths;
   tail.last = s.last;
-  return judge(
-      tail, {.dof = 1, .rate_hz = kRate, .source = s.source, .reach_m = 0.1, .speed = {0.1, 0.1}, .early = {0.1, 0.1}});
+  return judge(tail, {.dof = 1,
+                      .rate_hz = kRate,
+                      .source = s.source,
+                      .reach_m = 0.1,
+                      .speed = {0.1, 0.1},
+                      .early = {0.1, 0.1},
+                      .noise = {}});
 }
 
 /// An oscillation of 5 Hz.
@@ -99,7 +104,8 @@ Tail driven_robot(double given_w, double made_w, double decay = 0.0, double hand
 }
 
 TEST(Verdict, IsUnstableWhereTheRobotsOwnCouplingDrivesIt) {
-  const MotionScale run{.dof = 1, .rate_hz = kRate, .reach_m = 0.1, .speed = {0.1, 0.1}, .early = {0.1, 0.1}};
+  const MotionScale run{
+      .dof = 1, .rate_hz = kRate, .source = {}, .reach_m = 0.1, .speed = {0.1, 0.1}, .early = {0.1, 0.1}, .noise = {}};
   const Verdict driven = judge(driven_robot(1.0, 0.8), run);
   EXPECT_EQ(driven.kind, VerdictKind::unstable) << driven.text;
   EXPECT_NE(driven.text.find("the robot's own coupling"), std::string::npos) << driven.text;
@@ -111,7 +117,8 @@ TEST(Verdict, IsUnstableWhereTheRobotsOwnCouplingDrivesIt) {
 }
 
 TEST(Verdict, OfASlaveNeedsARobotThatMovesMoreThanTheHand) {
-  const MotionScale run{.dof = 1, .rate_hz = kRate, .reach_m = 0.1, .speed = {0.0, 0.1}, .early = {0.0, 0.1}};
+  const MotionScale run{
+      .dof = 1, .rate_hz = kRate, .source = {}, .reach_m = 0.1, .speed = {0.0, 0.1}, .early = {0.0, 0.1}, .noise = {}};
   EXPECT_TRUE(is_driven_by_coupling(driven_robot(1.0, 0.8, 0.0, 0.01), run, 1.0));
   EXPECT_FALSE(is_driven_by_coupling(driven_robot(1.0, 0.8, 0.0, 0.02), run, 1.0));
   EXPECT_FALSE(is_driven_by_coupling(driven_robot(1.0, 0.8, 0.0, 0.01), run, 2.0));
@@ -128,7 +135,9 @@ TEST(Verdict, IsTheSameForEveryUnit) {
         tail.record.add(signals, energies, {});
       }
       const double v = 0.1 * scale;
-      const Verdict judged = judge(tail, {.dof = 1, .rate_hz = kRate, .reach_m = v, .speed = {v, v}, .early = {v, v}});
+      const Verdict judged = judge(
+          tail,
+          {.dof = 1, .rate_hz = kRate, .source = {}, .reach_m = v, .speed = {v, v}, .early = {v, v}, .noise = {}});
       EXPECT_EQ(judged.kind, sigma > 0.0 ? VerdictKind::unstable : VerdictKind::stable) << scale << judged.text;
     }
 }
