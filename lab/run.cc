@@ -105,8 +105,7 @@ CountedRun run_as(Simulation<N>& simulation, const Scene& scene, const RunOption
                   LabRecording<N>* recording) {
   const bool alone = scene.control.architecture == Architecture::uncontrolled;
   const bool link = simulation.link().has_value();
-  const bool plugin = has_plugin(scene);
-  const VerdictFrom from = plugin ? VerdictFrom::plain : options.verdict;
+  const VerdictFrom from = has_plugin(scene) ? VerdictFrom::plain : options.verdict;
   Metrics<N> metrics = metrics_of<N>(scene, link, simulation.quiet_from_s(), simulation.initial_energy().si(),
                                      from == VerdictFrom::plain);
   std::optional<Trace<N>> trace;
@@ -117,12 +116,6 @@ CountedRun run_as(Simulation<N>& simulation, const Scene& scene, const RunOption
     if (trace) trace->add(row);
     if (options.table != nullptr) options.table->add(row);
     if (recording != nullptr) recording->add(row);
-  };
-  // A link that falls silent is held before it is released.
-  Mode mode = Mode::idle;
-  std::optional<double> failed_at_s;
-  const auto watch_plugin = [&](const Row<N>& row) __attribute__((noinline)) {
-    if (std::exchange(mode, row.mode) == Mode::coupled && mode == Mode::released && !failed_at_s) failed_at_s = row.t_s;
   };
   bool goes_on = true;
   Contacts<N> contacts{scene};
@@ -140,8 +133,6 @@ CountedRun run_as(Simulation<N>& simulation, const Scene& scene, const RunOption
       if (is_kept && rows++ % options.trace_every == 0) [[unlikely]]
         keep(row);
       if (probes) contacts.add(row);
-      if (plugin) [[unlikely]]
-        watch_plugin(row);
       return goes_on = metrics.add(row);
     });
     spent += ThreadClock::now() - start;
@@ -160,10 +151,6 @@ CountedRun run_as(Simulation<N>& simulation, const Scene& scene, const RunOption
     set_verdict(judged.verdict, s);
     ticks += judged.ticks;
   }
-  if (failed_at_s && !judge.diverged())
-    set_verdict({VerdictKind::undecided,
-                 fmt::format("undecided: the plug-in failed at {:.2f} s, after which there is no force", *failed_at_s)},
-                s);
   say_if_coupling_feeds(s, scene.control.initial_energy);
   if (const std::optional<LinkUse> use = simulation.link()) {
     fill_link(s, *use, scene);

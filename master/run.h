@@ -62,6 +62,7 @@ struct Master {
                        .unseen = link,
                        .coarse = !truth || is_coarse(scene),
                        .link = link,
+                       .noise = truth && link ? noise_motion(scene) : NoiseMotion{},
                        .of_slave = !link},
                       1.0,
                       std::move(known)};

@@ -1,6 +1,5 @@
 #pragma once
 
-#include <limits>
 #include <memory>
 #include <string>
 
@@ -32,13 +31,14 @@ class SlaveRows {
     first_reading<SlaveClock>(robot, Seconds{1.0 / s.slave_rate_hz}, choice);
   }
 
-  /// When the hand rests nobody says here.
   [[nodiscard]] Metrics<N> metrics() const {
     return Metrics<N>{{.rate_hz = scene.slave_rate_hz,
                        .duration_s = scene.duration_s,
-                       .quiet_from_s = std::numeric_limits<double>::infinity(),
+                       .quiet_from_s = 0.0,
                        .link = true,
-                       .of_master = false},
+                       .of_master = false,
+                       .at_robot = true,
+                       .motion_scale = scene.control.motion_scale},
                       1.0,
                       {.stability = false, .hand = false}};
   }
@@ -131,9 +131,8 @@ struct Slave : SlaveRows<N> {
   Row<N> row(std::int64_t, double t_s, const Sample& sample, const Output& out) noexcept {
     return SlaveRows<N>::row(t_s, sample, out, link.mail().known());
   }
-  void fill(Summary& s, bool diverged) {
+  void fill(Summary& s, bool) {
     link.fill(s, this->node.mode());
-    if (!diverged) s.set_verdict("undecided: bounded at the slave; the master judges stability");
     say_if_coupling_feeds(s, this->scene.control.initial_energy);
     if (environment_changes == 0) return;
     EnvironmentMessage state;

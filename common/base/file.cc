@@ -59,6 +59,15 @@ std::string read_whole(const std::string& path, std::string_view name, std::size
   if (text.starts_with("\xEF\xBB\xBF")) text.erase(0, 3);  // the byte order mark that Windows programs write
   return text;
 }
+std::string read_text(const std::string& path, std::string_view name) {
+  std::string text = read_whole(path, name);
+  const std::string of{name.empty() ? path : name};
+  if (text.starts_with("\xFF\xFE") || text.starts_with("\xFE\xFF"))
+    throw ConfigError{of + ": is in UTF-16; save it as UTF-8"};
+  if (const std::size_t at = text.find('\0'); at != text.npos)
+    throw ConfigError{of + ": byte " + std::to_string(at + 1) + " is 0; it must be a text in UTF-8"};
+  return text;
+}
 
 void write_whole(const std::string& path, std::string_view text) {
   WholeFile file{path};

@@ -132,7 +132,6 @@ class LiveGripper {
       *own.mutable_limits()->mutable_device() = limits_of_device(side_.node.limit_counts());
     } else {
       *own.mutable_limits()->mutable_robot() = limits_of_robot(side_.node.limit_counts());
-      if (!recorder_->diverged()) own.set_verdict("undecided: bounded at the slave; the master judges stability");
     }
     *own.mutable_limits()->mutable_peer() = limits_of_peer(mail_.transport().limit_counts());
     if (own.verdict_kind() == twoport::to_string(VerdictKind::undecided)) own.clear_stable();

@@ -280,8 +280,11 @@ int run_live(LiveSide& side, const Scene& scene, const LiveArguments& arguments,
     }
     int status = side.judged() && !stop ? judge(scene, arguments, s) : 0;
     // A scene that expects nothing does not expect this.
-    if (status == 0 && recorder.diverged() && scene.expect.stable.value_or(true)) {
-      print_error("{}: the {} has {}\n", arguments.scene, LiveSide::kName, s.verdict());
+    const bool unstable =
+        recorder.diverged() || (!side.judged() && s.verdict_kind() == to_string(VerdictKind::unstable));
+    if (status == 0 && unstable && scene.expect.stable.value_or(true)) {
+      print_error("{}: the {} {} {}\n", arguments.scene, LiveSide::kName,
+                  recorder.diverged() ? "has" : "is unstable:", s.verdict());
       status = 3;
     }
     return written != 0 ? written : status;

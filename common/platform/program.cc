@@ -10,6 +10,7 @@
 #include "common/base/check.h"
 #include "common/base/file.h"
 #include "common/base/print_error.h"
+#include "common/base/text.h"
 #include "common/platform/arguments.h"
 #include "common/platform/realtime.h"
 #include "common/platform/watchdog.h"
@@ -174,14 +175,15 @@ int leave_files(const Scene& scene, const LiveArguments& a, const std::string& s
   const bool has_trace = trace == nullptr || written([&] { trace->commit_rows(); });
   const bool has_summary = written([&] { leave_summary(s, a.out); });
   if (has_summary && !a.out.empty())
-    fmt::print("{} {}: {}; {} in {}\n", side, scene.name, s.verdict(),
+    fmt::print("{} {}: {}; {} in {}\n", side, in_one_line(scene.name), s.verdict(),
                trace != nullptr && has_trace ? "summary and trace" : "summary", a.out);
   return has_trace && has_summary ? 0 : 1;
 }
 
 int judge(const Scene& scene, const LiveArguments& a, const Summary& s) {
   ExpectSpec expect = scene.expect;
-  if (expect.stable && s.verdict_kind() == to_string(VerdictKind::undecided)) {
+  const bool apart = s.has_coupled_at_end() && !s.coupled_at_end();
+  if (expect.stable && s.verdict_kind() == to_string(VerdictKind::undecided) && !apart) {
     // What a side cannot know breaks no promise.
     print_error("{}: warning: stable is not judged: {}\n", a.scene, s.verdict());
     expect.stable.reset();

@@ -104,6 +104,7 @@ class Metrics {
     s.set_corrected_ticks(count(static_cast<std::uint64_t>(sums_.corrected_ticks)));
     set_verdict(judge_.verdict(), s);
     if (!known_.stability) s.clear_stable();
+    if (known_.stability && known_.link) s.set_coupled_at_end(judge_.coupled_at_end());
     if (known_.hand) {
       s.set_initial_energy_j(initial_energy_j_);
       s.set_min_port_energy_j(initial_energy_j_ + sums_.min_energy);

@@ -35,13 +35,16 @@ class RunJudge {
     bool unseen = false;                     ///< one at the other side may act, and the rows do not say so
     bool coarse = false;                     ///< an encoder or Coulomb friction is in the loop
     bool link = false;                       ///< there is another side
+    NoiseMotion noise = {};                  ///< that goes on while the hand rests
     bool trends = true;                      ///< verdict() is wanted; false: only divergence and scale are
     bool of_master = true, of_slave = true;  ///< whose motion is known first-hand; what is only reported is not judged
+    bool at_robot = false;    ///< only whether the robot's own coupling drives it is judged, and over the whole run
+    double motion_scale = 1;  ///< of the robot's motion to the hand's, where `at_robot`
   };
   static constexpr double kDiverged = 1000.0;  // [m/s], [rad/s]
 
   explicit RunJudge(const Known& known) : known_{known}, early_until_s_{0.05 * known.duration_s} {
-    if (known.trends) after_.emplace(2 * N, 2);
+    if (known.trends) after_.emplace(2 * N, 4);
   }
 
   /// Returns false once the run has diverged: a value is not finite, or a speed is beyond 1000 m/s or rad/s and ten times
@@ -67,11 +70,14 @@ class RunJudge {
       if (of_slave > sums_.speed[N + i] && known_.of_slave) sums_.speed[N + i] = of_slave;
     }
     if (row.mode == Mode::coupled) sums_.was_coupled = 1.0;
+    note_apart(row);
     if (known_.trends) see(row);
     return true;
   }
 
   [[nodiscard]] bool diverged() const { return diverged_; }
+  /// Were the two sides coupled to the end, or let go on purpose? Where less than 5 % of the rest at the end is missing they were.
+  [[nodiscard]] bool coupled_at_end() const;
   /// Of the run so far.
   [[nodiscard]] MotionScale scale() const;
   /// Of both sides, the master's first.
@@ -111,21 +117,35 @@ class RunJudge {
   [[nodiscard]] Verdict verdict() const;
 
  private:
+  [[nodiscard]] std::string why_not_coupled() const;
+  [[nodiscard]] Verdict at_robot() const;
   [[gnu::noinline]] void end_early() noexcept {
     early_ = false;
     std::copy_n(sums_.speed, 2 * N, early_speed_.begin());
+  }
+  void note_apart(const Row<N>& row) noexcept {
+    const Mode was = std::exchange(mode_, row.mode);
+    if (row.coupled || row.mode == Mode::let_go || row.mode == Mode::stopped) [[likely]] {
+      if (sums_.apart_at_end > 0.0) [[unlikely]]
+        sums_.apart_at_end = 0.0, failed_at_s_.reset();
+      return;
+    }
+    ++sums_.apart_at_end;
+    // A link that falls silent is held first, and a side that hears that the other one has left does not follow it.
+    if (was == Mode::coupled && row.mode == Mode::released && row.following) failed_at_s_ = row.t_s;
   }
   void see(const Row<N>& row) noexcept {
     energy_j_ = row.master_energy_j;
     if (row.t_s < known_.quiet_from_s) return;
     Speeds v = velocities(row);
     auto what = events(row);
-    if (!known_.of_master) std::fill_n(v.begin(), N, 0.0);
+    if (!known_.of_master && !known_.at_robot) std::fill_n(v.begin(), N, 0.0);
     if (!known_.of_slave) {
       std::fill_n(v.begin() + N, N, 0.0);
       what.touching = row.master_f_wanted.squared_norm() > 0.0;
     }
-    const std::array energies{row.master_energy_j, row.master_energy_j};
+    const std::array energies{row.master_energy_j, row.master_energy_j, row.coupling_energy_j,
+                              row.slave_energy_j - row.coupling_energy_j};
     after_->add(v, energies, what);
     acted_after_ = acted_after_ || row.dissipated_j > 0.0;
   }
@@ -138,10 +158,16 @@ class RunJudge {
   JudgeSums<double, N> sums_{};
   Speeds early_speed_{};  ///< largest within the first twentieth of the run
   bool early_ = true, diverged_ = false, acted_after_ = false;
+  Mode mode_ = Mode::idle;
+  std::optional<double> failed_at_s_;  ///< this side has released by itself, and not coupled again
 };
 
 /// Is something in the scene that makes a loop nonlinear however small its motion: an encoder, Coulomb friction?
 bool is_coarse(const Scene& scene);
+/// The noise of the scene's force sensor, whose force the hand feels: a white force of rms σ, held for T, on mass m with damping b:
+///
+///     v = σ √(T/(2 b m))
+NoiseMotion noise_motion(const Scene& scene);
 /// May a passivity controller act?
 bool has_controller(const Scene& scene);
 

@@ -14,6 +14,7 @@
 #include "common/base/check.h"
 #include "common/base/file.h"
 #include "common/record/figure.h"
+#include "common/scene/hints.h"
 #include "common/scene/names.h"
 #include "common/scene/source.h"
 
@@ -30,6 +31,7 @@ void describe_run(const Scene& scene, std::string_view side, Summary& s) {
   s.set_architecture(four_channel ? "FOUR_CHANNEL" : to_string(scene.control.architecture));
   s.set_method(scene.control.method_name);
   s.set_dof(scene.dof);
+  if (std::string claim = claim_that_holds(scene); !claim.empty()) s.set_claim(std::move(claim));
 }
 
 std::uint32_t count(std::uint64_t n) {

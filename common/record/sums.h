@@ -27,6 +27,7 @@ struct ContactSums {
 template <class S, int N>
 struct JudgeSums {
   S reach2, speed[2 * N], was_coupled;  ///< speeds of both sides, the master's first; 1: was
+  S apart_at_end;                       ///< rows at the end in which the sides were not coupled
 };
 
 }  // namespace twoport

@@ -104,6 +104,7 @@ class TrendRecord {
   }
 
   [[nodiscard]] std::size_t signals() const { return signals_; }
+  [[nodiscard]] std::size_t number_of_energies() const { return energies_; }
   /// Ticks in whole blocks.
   [[nodiscard]] std::size_t ticks() const { return filled_ * block_ticks_; }
   /// Are there enough blocks for eight windows?

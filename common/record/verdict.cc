@@ -16,6 +16,8 @@ constexpr double kNoticed = 0.01;
 /// Where a controller acts, a motion below this part counts as rest, even if the network feeds it.
 constexpr double kFaint = 1e-4;
 constexpr double kDiverged = 1e3;
+/// What loses less than this of ln A over a tail is fed, if something feeds it.
+constexpr double kSlowDecay = 0.5;
 /// A controller that lets the hand's energy pass is watched for this many lengths of the run.
 constexpr double kCredit = 8.0;
 
@@ -50,7 +52,28 @@ class Judge {
         linear_{!tail.controller_acted && !tail.coarse && contact_changes_ == 0 && !tail.record.limited()} {
     const std::size_t n = tail.has_twin ? tail.record.signals() / 2 : tail.record.signals();
     for (std::size_t i = 0; i < n; ++i) coordinates_.push_back(coordinate(i, n));
+    if (tail.record.number_of_energies() > 3)
+      into_coupling_ = tail.record.energy(2), into_robot_ = tail.record.energy(3);
   }
+
+  /// Does the sampled coupling, of which no passivity controller knows, give the robot a part of the energy that keeps it moving?
+  /// Motion that follows the hand, `following` times its speed, does not count, nor one that decays unless it is `lasting`.
+  bool coupling_feeds_robot(double following = 0.0, bool lasting = false) const {
+    const double made = -into_coupling_.line.slope;
+    const bool steadily = into_coupling_.falls() || falls_in_each_window(2);
+    // What the robot does not take goes into the network. One that gives is driven by the environment.
+    if (!steadily || made < 0.1 * into_robot_.line.slope || into_robot_.line.slope < -0.1 * made) return false;
+    return any([&](const Coordinate& c) {
+      const bool decays = c.y.trend == Trend::decays || c.y.trend == Trend::unclear_decay;
+      // A loop that is not linear may lose amplitude slowly and yet live on what the coupling gives.
+      const bool slowly = !linear_ && kTrendWindows * c.y.slope > -kSlowDecay;
+      const bool dies = c.y.trend == Trend::rest || (decays && !slowly);
+      return c.signal >= run_.dof && (lasting || !dies) && c.y.rms > kNoticed * run_.largest_of_kind(c.signal) &&
+             c.y.rms > following * coordinates_[c.signal - run_.dof].y.rms;
+    });
+  }
+  /// Has it given more than was put into it?
+  bool coupling_has_fed() const { return into_coupling_.last < 0.0; }
 
   bool twin_has_parted() const {
     return tail_.controller_acted && any([](const Coordinate& c) { return c.far; });
@@ -73,6 +96,8 @@ class Judge {
     // A live run has but one tail, and it is short: what would need four lengths is taken as it is.
     const bool is_long = tail_.run_lengths >= 4.0 || tail_.last;
 
+    if (coupling_feeds_robot() && (coupling_has_fed() || !tail_.last))
+      return coupling_has_fed() ? driven_by_coupling() : marginal();
     if (y_grows && !acted) return grows_by_itself();
     if (!noticed(kFaint) && trembles()) return restless_at("");
     if (acted && noticed()) {
@@ -87,11 +112,11 @@ class Judge {
     if (y_flat && paid) {
       if (linear_ && !is_long) return marginal();
       if (acted && !below) return restless_at("on energy that the hand has put in before");
-      return {unstable, "sustained oscillation of " + amplitude() + ", fed by " + feeder() + paid_so_far()};
+      return {unstable, "sustained oscillation of " + amplitude() + fed_by() + paid_so_far()};
     }
     if (const std::string how = grows_when_touched(calm); !how.empty()) return {unstable, how};
     if (is_long && (paid || (tail_.last && fed())) && (!acted || below) && sustained())
-      return {unstable, "unsteady oscillation of " + amplitude() + ", fed by " + feeder() + paid_so_far()};
+      return {unstable, "unsteady oscillation of " + amplitude() + fed_by() + paid_so_far()};
     if (!tail_.driven) return {stable, "bounded; no force of a controller acts"};
     if (trembles()) return restless_at("");
     if (calm && (d_settled || (acted && tail_.last))) return {stable, "bounded and decaying"};
@@ -104,8 +129,7 @@ class Judge {
       if (tail_.run_lengths < 2.0 && noticed() && tail_.initial_energy_j + port_.last < 0.0)
         return {undecided,
                 "undecided: little energy passes the controller" + paid_so_far() + "; a longer rest would decide it"};
-      if (y_grows && two_port_.falls() && below)
-        return {unstable, "growing, fed by " + feeder() + rate() + paid_so_far()};
+      if (y_grows && two_port_.falls() && below) return {unstable, "growing" + fed_by() + rate() + paid_so_far()};
       const bool hand_pays = tail_.run_lengths >= kCredit && port_.line.slope > -5.0 * port_.line.error;
       if (tail_.last || !y_grows || hand_pays) return restless_at("unsteady, kept going by a passive controller");
     }
@@ -205,6 +229,13 @@ class Judge {
     return "growing when touched" + rate();
   }
 
+  /// The first window left out.
+  bool falls_in_each_window(std::size_t energy) const {
+    if (energy >= tail_.record.number_of_energies()) return false;
+    const WindowMeans means = tail_.record.energies(energy);
+    return std::is_sorted(means.rbegin(), means.rend() - 1) && means.back() < means[1];
+  }
+
   bool paid() const { return port_.falls() || two_port_.falls(); }
   /// Is there an unsteady motion with many turning points?
   bool sustained() const {
@@ -213,10 +244,7 @@ class Judge {
     });
   }
   /// Has the hand got more energy than it was granted, and does it get more from window to window?
-  bool fed() const {
-    const WindowMeans means = tail_.record.energies(0);
-    return tail_.initial_energy_j + port_.last < 0.0 && std::is_sorted(means.rbegin(), means.rend() - 1);
-  }
+  bool fed() const { return tail_.initial_energy_j + port_.last < 0.0 && falls_in_each_window(0); }
   /// Does the port's energy fall, if only by little against its ripple?
   bool pays() const {
     return port_.line.slope < -10.0 * port_.line.error || two_port_.line.slope < -10.0 * two_port_.line.error;
@@ -237,17 +265,25 @@ class Judge {
     return slope < -5.0 * port_.line.error && left + to_come * slope < 0.0;
   }
   bool noticed(double part = kNoticed) const {
-    return any([&](const Coordinate& c) { return c.y.rms > part * run_.largest_of_kind(c.signal); });
+    return any([&](const Coordinate& c) {
+      const double noise = run_.rotates(c.signal) ? run_.noise.rotation : run_.noise.translation;
+      return c.y.rms > std::max(part * run_.largest_of_kind(c.signal), noise);
+    });
   }
   /// Has the hand got more than it has put in and was granted?
   bool below() const { return tail_.initial_energy_j + port_.last < -2.0 * port_.ripple; }
 
+  Verdict driven_by_coupling() const {
+    return {VerdictKind::unstable, "oscillation of " + amplitude() + ", fed by the robot's own coupling"};
+  }
   Verdict restless_at(const std::string& why) const {
     if (!noticed()) return {VerdictKind::stable, "bounded; a residual motion remains: " + amplitude()};
+    if (coupling_has_fed() && coupling_feeds_robot(0.0, true)) return driven_by_coupling();
     return {VerdictKind::restless, "bounded and passive, but not quiet: " + amplitude() + ", " + why};
   }
 
   Verdict marginal() const {
+    if (tail_.last && coupling_has_fed() && coupling_feeds_robot(0.0, true)) return driven_by_coupling();
     std::string which = "no coordinate shows a clear trend";
     for (const Coordinate& c : coordinates_) {
       if (is_known(c.y.trend) && (c.far || is_known(c.d.trend))) continue;
@@ -280,10 +316,10 @@ class Judge {
       if (c.y.trend == Trend::flat) most = std::max(most, (std::abs(c.y.slope) + 3.0 * c.y.error) * windows_per_s());
     return fmt::format(" by more than {:.1g} 1/s", most);
   }
-  /// What creates energy: without a robot that moves, the sampled rendering.
-  std::string feeder() const {
-    const auto robot = run_.speed.begin() + static_cast<std::ptrdiff_t>(std::min(run_.dof, run_.speed.size()));
-    return std::any_of(robot, run_.speed.end(), [](double v) { return v > 0.0; }) ? "the network" : "the rendering";
+  /// What creates energy, where that is known.
+  std::string fed_by() const {
+    if (run_.source == EnergySource::unknown) return {};
+    return run_.source == EnergySource::network ? ", fed by the network" : ", fed by the rendering";
   }
   std::string amplitude() const {
     double translation = 0.0, rotation = 0.0;
@@ -300,7 +336,7 @@ class Judge {
 
   const Tail& tail_;
   const MotionScale& run_;
-  EnergyTrend port_, two_port_;
+  EnergyTrend port_, two_port_, into_coupling_, into_robot_;
   std::size_t contact_changes_;
   /// Nothing acted that is not linear.
   bool linear_;
@@ -346,6 +382,12 @@ Verdict judge_body(const Tail& tail) {
     return {VerdictKind::unstable,
             "the mechanical energy of a body that nobody drives grows: its integrator adds to it"};
   return {VerdictKind::stable, "bounded: nobody drives the body, and its mechanical energy does not grow"};
+}
+
+bool is_driven_by_coupling(const Tail& tail, const MotionScale& run, double motion_scale) {
+  constexpr double kFaster = 3.0;
+  const Judge all{tail, run};
+  return all.coupling_has_fed() && all.coupling_feeds_robot(kFaster * motion_scale);
 }
 
 bool twin_has_parted(const Tail& tail, const MotionScale& run) {

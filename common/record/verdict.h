@@ -24,14 +24,24 @@ struct Verdict {
   [[nodiscard]] bool stable() const { return kind == VerdictKind::stable || kind == VerdictKind::restless; }
 };
 
+/// What may make the energy that a hand is paid.
+enum class EnergySource : unsigned char { unknown, rendering, network };
+
+/// Motion of the handle that noise of the force sensor alone may cause, rms [m/s], [rad/s].
+struct NoiseMotion {
+  double translation = 0.0, rotation = 0.0;
+};
+
 /// How large the motion of a run was: what its tail is measured against. A signal is a coordinate's velocity; those of the
 /// master come first, as many of the slave follow, translations before rotations on each side.
 struct MotionScale {
   std::size_t dof = 1;  ///< coordinates of a side; from the fourth on they are rotations
   double rate_hz = 1000.0;
+  EnergySource source = EnergySource::unknown;
   double reach_m = 0.0;       ///< largest distance of a side from the origin
   std::vector<double> speed;  ///< of each signal, largest [m/s], [rad/s]
   std::vector<double> early;  ///< the same within the first twentieth of the run
+  NoiseMotion noise;          ///< in what is judged
 
   [[nodiscard]] bool rotates(std::size_t signal) const { return signal % dof >= 3; }
   /// Largest speed of this kind of motion, translation or rotation, on either side.
@@ -45,7 +55,8 @@ struct MotionScale {
 struct Tail {
   /// Signals: each coordinate's velocity y; then, where there is a twin, as many differences d of the twin's from it. The
   /// twin is the same run with every coordinate that moved kicked a little at the beginning of the tail.
-  /// Energies: through the hand's port; through the hand's and the robot's coupling port together; E(0) in neither [J].
+  /// Energies: through the hand's port; through the hand's and the robot's coupling port together; E(0) in neither [J]. Then,
+  /// where they are known: put into the robot's coupling through both its ports; taken by the robot from it, slave's units.
   TrendRecord record;
   bool has_twin = false;
   bool twin_parted = false;       ///< the twin has been given up (see twin_has_parted)
@@ -62,6 +73,10 @@ struct Tail {
 /// Judges a body without a controller by its mechanical energy, the record's energies. The energy of the model cannot grow;
 /// if it does, the integrator adds to it: UNSTABLE.
 Verdict judge_body(const Tail& tail);
+
+/// Does the robot's own sampled coupling drive it, while the hand may move? `tail` holds both sides' motion. It then moves at three
+/// times the speed at which it would follow the hand, or more.
+bool is_driven_by_coupling(const Tail& tail, const MotionScale& run, double motion_scale);
 
 /// Has the twin's difference become a part of the motion itself, and irregular, under a passivity controller? It then tells
 /// no more than the motion does.

@@ -63,11 +63,11 @@ ArmJoint read_joint(const Block<schema::ArmJoint>& of) {
 }
 
 ArmParameters load_urdf(const std::string& path, const std::string& tip) {
-  return read_urdf(read_whole(path), path, tip);
+  return read_urdf(read_text(path), path, tip);
 }
 schema::ArmParameters parse_arm(const std::string& path) {
   schema::ArmParameters message;
-  const std::string text = read_whole(path);
+  const std::string text = read_text(path);
   if (text.starts_with('<'))
     throw ConfigError{path +
                       ": this is XML; a URDF's name ends in .urdf, and macros are expanded first: xacro FILE > "
@@ -142,11 +142,11 @@ ArmParameters load_arm(const std::string& path, const std::string& tip) {
 }
 
 ShownArm load_arm_shapes(const std::string& path) {
-  if (path.ends_with(".urdf")) return read_urdf_shapes(read_whole(path), path, "");
+  if (path.ends_with(".urdf")) return read_urdf_shapes(read_text(path), path, "");
   const schema::ArmParameters message = parse_arm(path);
   if (!message.has_urdf()) return {};
   const std::string urdf = file_beside(path, message.urdf());
-  return read_urdf_shapes(read_whole(urdf), urdf, message.tip());
+  return read_urdf_shapes(read_text(urdf), urdf, message.tip());
 }
 
 }  // namespace twoport

@@ -14,6 +14,7 @@
 
 #include "common/arm/arm_model.h"
 #include "common/base/built_for.h"
+#include "common/scene/held_coupling.h"
 #include "common/scene/numbers.h"
 
 namespace twoport {
@@ -85,53 +86,69 @@ bool delays(const ImpairmentOptions& way) {
   return way.delay_s > 0.0 || way.jitter_s > 0.0 || !way.recorded_delay_s.empty();
 }
 
-/// A mass held by a sampled spring-damper, F = -K x - B v held for T, is stable where the eigenvalues of
-///
-///     A = [1 - l K, h - l B; -g K, a - g B],   a = e^(-bT/m), g = (1 - a)/b, h = m g, l = (T - h)/b
-///
-/// lie inside the unit circle: |det A| < 1 and |tr A| < 1 + det A (Jury). Without b: KT/2 < B < 2m/T.
-bool sampled_spring_is_stable(double mass, double own_damping, double stiffness, double damping, double period) {
-  const double b = std::max(own_damping, 1e-6 * mass / period);
-  const double a = std::exp(-b * period / mass), g = -std::expm1(-b * period / mass) / b, h = mass * g;
-  const double l = (period - h) / b;
-  const double trace = 1.0 - l * stiffness + a - g * damping;
-  const double det = (1.0 - l * stiffness) * (a - g * damping) + (h - l * damping) * g * stiffness;
-  return std::abs(det) < 1.0 && std::abs(trace) < 1.0 + det;
-}
-
-/// An inertia of the robot on the virtual coupling.
-struct Coupled {
+/// A motion of the robot that is unstable on the virtual coupling alone, which then makes energy at the robot's port, where no
+/// controller acts.
+struct FedMotion {
   const char *inertia_name, *damping_name, *units[2];  ///< fields of the scene; units of K, B
-  double inertia, own_damping, stiffness, damping;
+  double inertia, stiffness, damping;
+  std::optional<std::pair<double, double>> holding;  ///< between which dampings it is stable; empty: with none
 };
 
-/// A motion of the robot that is unstable on the virtual coupling alone; the sampled coupling then generates energy at the
-/// robot's port, where no controller acts.
-std::optional<Coupled> fed_by_coupling(const Scene& s) {
-  if (!has_link(s) || !s.robot || !s.expect.stable.value_or(true)) return {};
-  const CouplingOptions& c = s.control.coupling;
-  const auto fed = [&](const Coupled& of) {
-    return of.inertia > 0.0 && of.stiffness > 0.0 &&
-           !sampled_spring_is_stable(of.inertia, of.own_damping, of.stiffness, of.damping, 1.0 / s.slave_rate_hz);
+/// The dampings between which `holds`; they are looked for around `near`. Empty: there are none.
+std::optional<std::pair<double, double>> holding_dampings(const auto& holds, double near) {
+  constexpr double kStep = 1.1, kFarthest = 1e4;
+  std::optional<std::pair<double, double>> found;
+  for (double d = near / kFarthest; d < near * kFarthest; d *= kStep)
+    if (holds(d)) found = {found ? found->first : d, d};
+  if (!found) return {};
+  // From one that holds towards one that does not.
+  const auto edge = [&](double held, double lost) {
+    for (int i = 0; i < 20; ++i) (holds(0.5 * (held + lost)) ? held : lost) = 0.5 * (held + lost);
+    return held;
   };
+  return std::pair{holds(0.0) ? 0.0 : edge(found->first, found->first / kStep),
+                   edge(found->second, found->second * kStep)};
+}
+
+std::optional<FedMotion> fed_by_coupling(const Scene& s) {
+  if (!has_link(s) || !s.robot || !s.expect.stable.value_or(true) || coupling_holds_robot(s, s.control.coupling))
+    return {};
   const bool arm = s.robot->arm.has_value();
-  const Coupled translation{arm ? "the effective mass of robot.arm," : "robot.mass_kg",
-                            "damping_n_s_per_m",
-                            {"N/m", "N s/m"},
-                            s.robot->mass_kg,
-                            s.robot->damping_n_s_per_m,
-                            c.stiffness_n_per_m,
-                            c.damping_n_s_per_m};
-  if (fed(translation)) return translation;
-  if (s.dof != 6 || s.robot->inertia_kg_m2.empty()) return {};
-  const Coupled rotation{arm ? "the effective inertia of robot.arm," : "robot.inertia_kg_m2",
-                         "rotational_damping_n_m_s_per_rad",
-                         {"N m/rad", "N m s/rad"},
-                         *std::min_element(s.robot->inertia_kg_m2.begin(), s.robot->inertia_kg_m2.end()),
-                         s.robot->rotational_damping_n_m_s_per_rad,
-                         c.rotational_stiffness_n_m_per_rad,
-                         c.rotational_damping_n_m_s_per_rad};
-  return fed(rotation) ? std::optional{rotation} : std::nullopt;
+  const CouplingOptions& c = s.control.coupling;
+  CouplingOptions translation = c, rotation = c;
+  translation.rotational_stiffness_n_m_per_rad = translation.rotational_damping_n_m_s_per_rad = 0.0;
+  rotation.stiffness_n_per_m = rotation.damping_n_s_per_m = 0.0;
+  // Where each motion alone is held, it is the smaller inertia of both together.
+  const bool turns = s.dof == 6 && coupling_holds_robot(s, translation);
+  if (turns) {
+    const double inertia = *std::min_element(s.robot->inertia_kg_m2.begin(), s.robot->inertia_kg_m2.end());
+    return FedMotion{arm ? "the effective inertia of robot.arm," : "robot.inertia_kg_m2",
+                     "rotational_damping_n_m_s_per_rad",
+                     {"N m/rad", "N m s/rad"},
+                     inertia,
+                     c.rotational_stiffness_n_m_per_rad,
+                     c.rotational_damping_n_m_s_per_rad,
+                     holding_dampings(
+                         [&](double d) {
+                           CouplingOptions other = c;
+                           other.rotational_damping_n_m_s_per_rad = d;
+                           return coupling_holds_robot(s, other);
+                         },
+                         2.0 * inertia * s.slave_rate_hz)};
+  }
+  return FedMotion{arm ? "the effective mass of robot.arm," : "robot.mass_kg",
+                   "damping_n_s_per_m",
+                   {"N/m", "N s/m"},
+                   s.robot->mass_kg,
+                   c.stiffness_n_per_m,
+                   c.damping_n_s_per_m,
+                   holding_dampings(
+                       [&](double d) {
+                         CouplingOptions other = translation;
+                         other.damping_n_s_per_m = d;
+                         return coupling_holds_robot(s, other);
+                       },
+                       2.0 * s.robot->mass_kg * s.slave_rate_hz)};
 }
 
 /// K T²/m of the stiffest rendered surface: from 0.05 on the motion of a tick changes by what the force of that tick does, and a
@@ -245,6 +262,42 @@ std::optional<std::size_t> moving_anchor(const Scene& scene) {
   return {};
 }
 
+/// Below this a force that may not fall at once has given the hand more than E(0); from here up no miss was seen
+/// (docs/reference/energy-bound.md, step 2). ENERGY_SPRING_TWO_PORT keeps its claim by a limit of the force.
+constexpr double kSlowForce_n_per_s = 1000.0;
+
+Claim claim_of_layer(const ControlOptions& o) {
+  const PassivityLayerName* const layer = find_name(kPassivityLayers, o.passivity);
+  return layer == nullptr ? Claim::none : layer->claim;
+}
+
+std::string what_voids(const Scene& s, const ControlOptions& o) {
+  if (claim_of_layer(o) == Claim::none) return {};
+  if (o.observer == ObserverRule::rectangle)
+    return fmt::format(
+        "control.passivity.observer is RECTANGLE, which misses energy: the claim of {} does not hold; EXACT holds it",
+        o.passivity);
+  if (const double rate = o.device_limits.force_rate_n_per_s; !is_two_port(o) && rate < kSlowForce_n_per_s)
+    return fmt::format(
+        "control.device_limits.force_rate_n_per_s is {:g}: the force may not fall at once, and the claim of {} does "
+        "not "
+        "hold; {:g} N/s or more holds it",
+        rate, o.passivity, kSlowForce_n_per_s);
+  if (o.passivity != "ENERGY_BOUNDING" || !s.device) return {};
+  const auto above = [&](const std::optional<double>& stated, double has, const char* name) -> std::string {
+    if (!stated || *stated <= has) return {};
+    return fmt::format(
+        "control.passivity.energy_bounding.{} is {:g}, and device.{} is {:g}: the claim of ENERGY_BOUNDING does not "
+        "hold",
+        name, *stated, name, has);
+  };
+  std::string why = above(o.energy_bounding.damping_n_s_per_m, s.device->damping_n_s_per_m, "damping_n_s_per_m");
+  if (why.empty())
+    why = above(o.energy_bounding.rotational_damping_n_m_s_per_rad, s.device->rotational_damping_n_m_s_per_rad,
+                "rotational_damping_n_m_s_per_rad");
+  return why;
+}
+
 struct Hint {
   bool (*applies)(const Scene&);
   std::string (*sentence)(const Scene&);
@@ -272,14 +325,15 @@ constexpr Hint kHints[] = {
      }},
     {[](const Scene& s) { return fed_by_coupling(s).has_value(); },
      [](const Scene& s) {
-       const Coupled of = *fed_by_coupling(s);
+       const FedMotion of = *fed_by_coupling(s);
+       const std::string needs =
+           of.holding ? fmt::format("needs a damping between about {:.3g} and {:.3g} {}, and {} is {:g}",
+                                    of.holding->first, of.holding->second, of.units[1], of.damping_name, of.damping)
+                      : std::string{"is too stiff for any damping"};
        return fmt::format(
            "control.virtual_coupling makes the robot unstable, whatever the link does: {} {:g} on {:g} {} at {:g} Hz "
-           "needs "
-           "a damping between about {:.3g} and {:.3g} {}, and {} is {:g}",
-           of.inertia_name, of.inertia, of.stiffness, of.units[0], s.slave_rate_hz,
-           std::max(0.0, 0.5 * of.stiffness / s.slave_rate_hz - of.own_damping), 2.0 * of.inertia * s.slave_rate_hz,
-           of.units[1], of.damping_name, of.damping);
+           "{}",
+           of.inertia_name, of.inertia, of.stiffness, of.units[0], s.slave_rate_hz, needs);
      }},
     {[](const Scene& s) { return first_too_heavy(s).has_value(); },
      [](const Scene& s) {
@@ -334,6 +388,7 @@ constexpr Hint kHints[] = {
            s.rate_hz, stiffest_surface(s), s.device->mass_kg,
            std::sqrt(stiffest_surface(s) / (kFastHandle * s.device->mass_kg)));
      }},
+    {[](const Scene& s) { return !what_voids_claim(s).empty(); }, [](const Scene& s) { return what_voids_claim(s); }},
     {[](const Scene& s) { return moving_anchor(s).has_value() && s.control.passivity == "ENERGY_SPRING"; },
      [](const Scene& s) {
        return fmt::format(
@@ -345,6 +400,23 @@ constexpr Hint kHints[] = {
 };
 
 }  // namespace
+
+std::string what_voids_claim(const Scene& s) {
+  if (!has_link(s)) return {};
+  std::string why = what_voids(s, s.control);
+  for (const ScheduledControl& entry : s.schedule)
+    if (why.empty()) why = what_voids(s, entry.control);
+  return why;
+}
+
+std::string claim_that_holds(const Scene& s) {
+  if (!has_link(s)) return {};
+  if (const std::string why = what_voids_claim(s); !why.empty()) return "none: " + why;
+  const Claim claim = claim_of_layer(s.control);
+  for (const ScheduledControl& entry : s.schedule)
+    if (claim_of_layer(entry.control) != claim) return "none: control.schedule switches between different claims";
+  return std::string{to_string(claim)};
+}
 
 std::vector<std::string> hints(const Scene& scene, bool device_is_simulated) {
   std::vector<std::string> all;

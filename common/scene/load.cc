@@ -215,7 +215,7 @@ Scene SceneText::read(const std::shared_ptr<const SceneSource>& source, const st
 }
 
 Scene load_scene(const std::string& path, std::span<const std::string> overrides, SceneFor use) {
-  return parse_scene(read_whole(path), path, overrides, use);
+  return parse_scene(read_text(path), path, overrides, use);
 }
 
 }  // namespace twoport

@@ -14,7 +14,7 @@ std::vector<double> read_trace_file(const Block<schema::Impairment>& of, double 
   if (!of->has_trace_file()) return {};
   const std::string file = file_beside(of.context().file, of->trace_file());
   const std::string field = of.path_of("trace_file");
-  const std::string text = read_whole(file, fmt::format("{}: {}: {}", of.context().file, field, file));
+  const std::string text = read_text(file, fmt::format("{}: {}: {}", of.context().file, field, file));
   if (is_link_trace(text)) {
     const LinkTrace trace = parse_link_trace(text, fmt::format("{}: {}: {}", of.context().file, field, file));
     const TracedWay& way = of.path() == "to_slave" ? trace.to_slave : trace.to_master;

@@ -157,7 +157,7 @@ int status_of(const std::string& recommended) {
 }
 
 int recommend_for_link(const RecommendArguments& a) {
-  const LinkTrace link = parse_link_trace(read_whole(a.link), a.link);
+  const LinkTrace link = parse_link_trace(read_text(a.link), a.link);
   for (const auto& [name, way] : {std::pair{"to_slave", &link.to_slave}, {"to_master", &link.to_master}})
     if (way->empty()) throw ConfigError{fmt::format("{} has no row of {}; both directions are needed", a.link, name)};
   const LinkAdvice advice = recommend(link,

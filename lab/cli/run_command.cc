@@ -12,6 +12,7 @@
 #include "common/base/earlier_file.h"
 #include "common/base/file.h"
 #include "common/base/print_error.h"
+#include "common/base/text.h"
 #include "common/mcap/bytes.h"
 #include "common/record/expectation.h"
 #include "common/scene/hints.h"
@@ -69,8 +70,9 @@ int run_command(const Arguments& a) {
     unwritten = std::current_exception();
   }
   leave_summary(summary, a.out);
-  if (!a.out.empty()) fmt::print("{}: {}\n", scene.name, summary.verdict());
-  if (!a.out.empty() && summary.has_gripper()) fmt::print("{}, gripper: {}\n", scene.name, summary.gripper().verdict());
+  if (!a.out.empty()) fmt::print("{}: {}\n", in_one_line(scene.name), summary.verdict());
+  if (!a.out.empty() && summary.has_gripper())
+    fmt::print("{}, gripper: {}\n", in_one_line(scene.name), summary.gripper().verdict());
   if (!unrecorded.empty() && unwritten) print_error("--record {}\n", unrecorded);
   if (unwritten) std::rethrow_exception(unwritten);
   if (!unrecorded.empty()) throw IoError{"--record " + unrecorded};

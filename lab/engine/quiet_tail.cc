@@ -75,9 +75,9 @@ class TailRun {
         .v = RunJudge<N>::velocities(row), .energies = {}, .events = RunJudge<N>::events(row)};
     if (alone_) {
       const double held = self_->mechanical_energy()->si();
-      tick.energies = {held, held};
+      tick.energies = {held, held, 0.0, 0.0};
     } else {
-      tick.energies = judge_.energies(row.master_energy_j, row.slave_energy_j);
+      tick.energies = judge_.energies(row.master_energy_j, row.slave_energy_j, row.coupling_energy_j);
     }
     tick.acted = row.dissipated_j > 0.0;
     tick.driven = row.master_f.squared_norm() > 0.0 || row.slave_f.squared_norm() > 0.0;

@@ -47,6 +47,7 @@ Metrics<N> metrics_of(const Scene& scene, bool link, double quiet_from_s, double
                      .controller = has_controller(scene),
                      .coarse = is_coarse(scene),
                      .link = link,
+                     .noise = trends && link ? noise_motion(scene) : NoiseMotion{},  // a tail has none
                      .trends = trends},
                     Registration<N>{scene.control}.to_master(Energy{1.0}).si(),
                     {.hand = !alone,

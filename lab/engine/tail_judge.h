@@ -35,7 +35,7 @@ class TailJudge {
   /// A tick of the tail.
   struct Tick {
     Speeds v;
-    std::array<double, 2> energies;  ///< as Tail::record
+    std::array<double, 4> energies;  ///< as Tail::record
     TrendRecord::Events events;
     bool acted = false, driven = false;  ///< as Tail
   };
@@ -48,7 +48,7 @@ class TailJudge {
         first_ticks_{std::max(kFewest, static_cast<std::size_t>(std::ceil(kFirst * run.rate_hz * scene.duration_s)))} {
     // The first judgement finds more than half of the blocks that a record holds, or as few ticks as show a trend.
     const std::size_t block = std::max<std::size_t>(1, first_ticks_ / (TrendRecord::kBlocks / 2));
-    tail_ = std::make_unique<Tail>(Tail{.record = {twin ? kSignals : kSides, 2, block},
+    tail_ = std::make_unique<Tail>(Tail{.record = {twin ? kSignals : kSides, 4, block},
                                         .has_twin = twin,
                                         .has_controller = has_controller(scene),
                                         .coarse = is_coarse(scene),
@@ -74,8 +74,8 @@ class TailJudge {
     return {Velocity<N>{dv[0]}, Velocity<N>{dv[1]}};
   }
   /// Tick::energies over a link, of a row's.
-  [[nodiscard]] std::array<double, 2> energies(double master_j, double slave_j) const {
-    return {master_j, master_j - registration_.to_master(Energy{slave_j}).si()};
+  [[nodiscard]] std::array<double, 4> energies(double master_j, double slave_j, double coupling_j) const {
+    return {master_j, master_j - registration_.to_master(Energy{slave_j}).si(), coupling_j, slave_j - coupling_j};
   }
 
   /// A tick of the tail, before add(). False: the tail has diverged, and the tick is not added.

@@ -120,7 +120,7 @@ inline constexpr int words_to_master(int dof, LaneMethod method) {
   return 3 * dof + 1 + (method == LaneMethod::internal_model ? 4 * dof + 5 : 0);
 }
 inline constexpr int words_of_record(int dof) {
-  return 2 * dof + 3;  // velocities, two energies, events
+  return 2 * dof + 5;  // velocities, energies (Tail::record), events
 }
 enum Event : unsigned { kTouching = 1, kLimited = 2, kActed = 4, kDriven = 8, kSilent = 16 };
 

@@ -101,8 +101,9 @@ class Cell {
   void add_recorded(const double* row, std::size_t width) {
     std::array<double, 2 * N> v;
     for (std::size_t j = 0; j < 2 * N; ++j) v[j] = row[j * width];
-    const std::array energies{row[2 * N * width], row[2 * N * width]};
-    const auto events = static_cast<unsigned>(row[(2 * N + 2) * width]);
+    const std::array energies{row[2 * N * width], row[2 * N * width], row[(2 * N + 2) * width],
+                              row[(2 * N + 3) * width]};
+    const auto events = static_cast<unsigned>(row[(2 * N + 4) * width]);
     after_->add(v, energies, {.touching = (events & kTouching) != 0, .limited = (events & kLimited) != 0});
     acted_after_ = acted_after_ || (events & kActed) != 0;
   }
@@ -399,7 +400,7 @@ class Cell {
     early_at_ = tick_of_time(0.05 * scene_.duration_s, period);
     stops_ = {early_at_, ticks_};
     if (is_plain()) {
-      after_.emplace(2 * N, 2);
+      after_.emplace(2 * N, 4);
       quiet_from_ = tick_of_time(path_->end_s, period);
       stops_.push_back(quiet_from_);
     } else if (!World{scene_.environment}.surfaces.empty()) {

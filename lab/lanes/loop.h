@@ -897,6 +897,7 @@ struct Loop {
       raise(t.speed[N + i], absolute(s.slave_v[i]));
     }
     t.was_coupled = select(s.master_mode == 1.0, all(1.0), t.was_coupled);
+    t.apart_at_end = select(coupled, V{}, t.apart_at_end + 1.0);
 
     // Contacts::add.
     const M pressed = env2 != 0.0;
@@ -928,7 +929,9 @@ struct Loop {
     const V felt2 = norm2(s.held), wanted2 = norm2(wanted), f2 = norm2(s.command), env2 = norm2(env);
     const M limited = (dissipated == 0.0) & (felt2 < wanted2 * (1.0 - 1e-9));
     const M driven = (felt2 > 0.0) | (f2 > 0.0);
-    row[2 * N + 2] = one_if(env2 > 0.0) * (double)kTouching + one_if(limited) * (double)kLimited +
+    row[2 * N + 2] = coupling_energy;
+    row[2 * N + 3] = slave_energy - coupling_energy;
+    row[2 * N + 4] = one_if(env2 > 0.0) * (double)kTouching + one_if(limited) * (double)kLimited +
                      one_if(dissipated > 0.0) * (double)kActed + one_if(driven) * (double)kDriven +
                      one_if(s.silent != 0.0) * (double)kSilent;
     ++b.record_row;

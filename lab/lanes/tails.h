@@ -114,8 +114,8 @@ class Tails {
         if (tail.twin >= 0) of_twin[j] = rows[j * w + static_cast<std::size_t>(tail.twin)];
         sum += tick.v[j] + of_twin[j];
       }
-      tick.energies = {at[2 * N * w], at[(2 * N + 1) * w]};
-      const auto events = static_cast<unsigned>(at[(2 * N + 2) * w]);
+      for (std::size_t e = 0; e < tick.energies.size(); ++e) tick.energies[e] = at[(2 * N + e) * w];
+      const auto events = static_cast<unsigned>(at[(2 * N + 4) * w]);
       tick.events = {.touching = (events & kTouching) != 0, .limited = (events & kLimited) != 0};
       tick.acted = (events & kActed) != 0, tick.driven = (events & kDriven) != 0;
       holds = holds && sum - sum == 0.0 && (events & kSilent) == 0;

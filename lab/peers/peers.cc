@@ -198,8 +198,9 @@ std::string verdict(Engine& engine, const Setting& s, const Scene& scene, Verdic
     do {
       const int until = static_cast<int>(tail.stage_ends());
       play_rows<N>(engine, s, scene, s.ticks + ticks, s.ticks + until, [&](const Row<N>& row, double held_j) {
-        const typename TailJudge<N>::Tick tick{
-            .v = RunJudge<N>::velocities(row), .energies = {held_j, held_j}, .events = RunJudge<N>::events(row)};
+        const typename TailJudge<N>::Tick tick{.v = RunJudge<N>::velocities(row),
+                                               .energies = {held_j, held_j, 0.0, 0.0},
+                                               .events = RunJudge<N>::events(row)};
         if (!tail.diverged() && tail.see(tick)) tail.add(tick);
       });
       ticks = until;

@@ -38,7 +38,7 @@ double number(const std::string& whole, std::string_view text) {
 
 /// The scene, read once for all values that are tried.
 std::string text_of(const BoundaryOptions& o) {
-  return o.text ? *o.text : read_whole(o.scene);
+  return o.text ? *o.text : read_text(o.scene);
 }
 Scene scene_at(const SceneText& text, const Interval& vary, double value) {
   std::vector<std::string> overrides;

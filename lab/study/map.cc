@@ -31,7 +31,7 @@ constexpr double kNone = std::numeric_limits<double>::quiet_NaN();
 
 SceneText base_of(const MapOptions& o) {
   return o.scene.empty() ? SceneText{kMapScene, "the map's scene", o.set}
-                         : SceneText{read_whole(o.scene), o.scene, o.set};
+                         : SceneText{read_text(o.scene), o.scene, o.set};
 }
 
 double positive_or_zero(double value) {

@@ -65,7 +65,7 @@ Matrix matrix(const MatrixOptions& o, const Heard& heard) {
            .transparencies = names_of(kTransparencyLayers, o.transparencies, "--transparency"),
            .passivities = names_of(kPassivityLayers, o.passivities, "--passivity"),
            .cells = {}};
-  const SceneText text{read_whole(o.scene), o.scene, o.set};
+  const SceneText text{read_text(o.scene), o.scene, o.set};
   const Scene as_it_is = text.with();
   if (as_it_is.control.architecture == Architecture::render ||
       as_it_is.control.architecture == Architecture::uncontrolled)

@@ -115,7 +115,7 @@ Plan plan_of(const SweepOptions& o, const SceneText& base) {
   // Cells are of one sweep when scene text, recorded delays, overrides, axes, seeds, verdict and version are the same.
   Digest digest;
   digest.add(TWOPORT_VERSION);
-  digest.add(o.text ? *o.text : read_whole(o.scene));
+  digest.add(o.text ? *o.text : read_text(o.scene));
   for (const std::string& assignment : o.set) digest.add(assignment);
   for (const Axis& axis : o.axes) {
     digest.add(axis.name());
@@ -227,7 +227,7 @@ std::vector<std::string> figures() {
 }
 
 Table sweep(const SweepOptions& o, const Heard& heard) {
-  const SceneText base{o.text ? *o.text : read_whole(o.scene), o.scene, o.set};
+  const SceneText base{o.text ? *o.text : read_text(o.scene), o.scene, o.set};
   const Plan plan = plan_of(o, base);
   std::optional<CellFile> file;
   if (!o.out.empty()) file.emplace(o.out, plan);

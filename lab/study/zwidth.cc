@@ -41,7 +41,7 @@ SampledWall theory(const Scene& scene, const std::string& file) {
 }  // namespace
 
 ZWidth z_width(const ZWidthOptions& o, const Heard& heard) {
-  const std::string text = read_whole(o.scene);
+  const std::string text = read_text(o.scene);
   const Scene scene = parse_scene(text, o.scene, o.set);
   SampledWall wall = theory(scene, o.scene);
   const std::string kind = name(scene.environment[0]);

@@ -491,6 +491,34 @@ TEST(Run, OfASlaveThatDivergesEndsWithStatusThreeUnlessTheSceneSaysSo) {
   }
 }
 
+TEST(Run, WhoseSlaveEndsEarlyIsUndecidedWithStatusThree) {
+  const Pair pair;
+  Process slave = pair.listening_slave(), master = pair.master();
+  pair.await("slave", 1.0);
+  slave.send(SIGTERM);
+  EXPECT_EQ(slave.wait(), exited(0)) << slave.err();
+  EXPECT_EQ(master.wait(), exited(3)) << "a scene that expects nothing does not expect this\n" << master.err();
+  const schema::Summary s = pair.summary("master");
+  EXPECT_EQ(s.verdict_kind(), "UNDECIDED") << s.verdict();
+  EXPECT_EQ(s.verdict().find("undecided: the two sides were not coupled in the last "), 0u) << s.verdict();
+  EXPECT_FALSE(s.coupled_at_end());
+  EXPECT_FALSE(s.has_stable());
+}
+
+TEST(Run, OfARobotThatItsOwnCouplingDrivesIsUnstableAtTheSlave) {
+  const Words driven{"--set", "robot={mass_kg: 0.01 damping_n_s_per_m: 1}",
+                     "--set", "control.virtual_coupling={stiffness_n_per_m: 500 damping_n_s_per_m: 30}",
+                     "--set", "control.robot_limits.force_n=20"};
+  const Pair pair;
+  Process slave = pair.listening_slave("slave", driven), master = pair.master("master", driven);
+  EXPECT_EQ(slave.wait(), exited(3)) << slave.err();
+  master.wait();
+  const schema::Summary s = pair.summary("slave");
+  EXPECT_EQ(s.verdict_kind(), "UNSTABLE") << s.verdict();
+  EXPECT_EQ(s.verdict().find("the robot moves more than the hand, driven by its own coupling"), 0u) << s.verdict();
+  EXPECT_EQ(count(slave.err(), "the slave is unstable: "), 1) << slave.err();
+}
+
 TEST(Run, LeavesNothingOfAnEarlierRunWhenItIsKilled) {
   const Pair pair{press(1, "RENDER")};
   EXPECT_EQ(pair.master("out", {"--set", "duration_s=0.1"}).wait(), exited(0));

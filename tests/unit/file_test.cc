@@ -43,6 +43,30 @@ TEST(ReadWhole, LeavesOutAByteOrderMark) {
   EXPECT_EQ(read_whole(folder.write("file", "\xEF\xBBtext")), "\xEF\xBBtext");
 }
 
+// What PowerShell's > writes.
+TEST(ReadText, RefusesUtf16AndBytesThatAreNoText) {
+  const Folder folder;
+  const auto refusal = [&](const std::string& text) -> std::string {
+    const std::string file = folder.write("file", text);
+    try {
+      return read_text(file, "it");
+    } catch (const ConfigError& e) {
+      return e.what();
+    }
+  };
+  using namespace std::string_literals;
+  EXPECT_EQ(refusal("\xFF\xFE"
+                    "5\0\n\0"s),
+            "it: is in UTF-16; save it as UTF-8");
+  EXPECT_EQ(refusal("\xFE\xFF\0"
+                    "5"s),
+            "it: is in UTF-16; save it as UTF-8");
+  EXPECT_EQ(refusal("5\0\n\0"s), "it: byte 2 is 0; it must be a text in UTF-8");
+  EXPECT_EQ(refusal("\xEF\xBB\xBF"
+                    "5\n"s),
+            "5\n");
+}
+
 TEST(ReadWhole, RefusesWhatIsNoRegularFileWithoutWaitingForIt) {
   const Folder folder;
   ASSERT_EQ(mkfifo((folder / "pipe").c_str(), 0600), 0);

@@ -45,6 +45,13 @@ std::string log_of_flicker(double seconds) {
   return text.str();
 }
 
+TEST(Log, ShowsControlCharactersOfNamesAsText) {
+  testing::internal::CaptureStderr();
+  make_log("slave").info("hardware: {}", "\033]0;title\007");
+  EXPECT_NE(testing::internal::GetCapturedStderr().find("slave info: hardware: \\x1b]0;title\\x07\n"),
+            std::string::npos);
+}
+
 TEST(Recorder, ALinkThatFlickersDoesNotFillTheLog) {
   const std::string text = log_of_flicker(25.0);
   // 50 lines in each of three spans of 10 s, and what each leaves out.

@@ -104,7 +104,7 @@ Verdict from_the_start(const Scene& scene, double at_s, const MotionScale& scale
   const auto [master, slave] = flags.kick();
   twin->kick(master, slave);
   const auto first = static_cast<std::size_t>(std::ceil(0.25 * scale.rate_hz * scene.duration_s));
-  Tail tail{.record = {4 * N, 2, first / (TrendRecord::kBlocks / 2)},
+  Tail tail{.record = {4 * N, 4, first / (TrendRecord::kBlocks / 2)},
             .has_twin = true,
             .has_controller = has_controller(scene),
             .coarse = is_coarse(scene),
@@ -123,7 +123,7 @@ Verdict from_the_start(const Scene& scene, double at_s, const MotionScale& scale
     twin->run_until(until, [&](const Row<N>& of_twin) {
       const Row<N>& row = rows[k++];
       const auto v = RunJudge<N>::velocities(row), w = RunJudge<N>::velocities(of_twin);
-      const auto energies = flags.energies(row.master_energy_j, row.slave_energy_j);
+      const auto energies = flags.energies(row.master_energy_j, row.slave_energy_j, row.coupling_energy_j);
       tail.diverged = tail.diverged || !flags.see({v, energies, {}, row.dissipated_j > 0.0, false});
       tail.controller_acted = flags.controller_acted();
       tail.driven = tail.driven || row.master_f.squared_norm() > 0.0 || row.slave_f.squared_norm() > 0.0;

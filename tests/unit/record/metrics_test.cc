@@ -98,6 +98,43 @@ TEST(ContactFigures, CountAsMutedWhatIsLessThanATenthOfALoudForce) {
   EXPECT_FALSE(summary_of<1>({{1.0, contact(0.0, 0.19, 9.0)}}).has_muted_share());
 }
 
+/// A hand that rests after a second; both sides are coupled for `coupled_s`, then this side is in `mode` to the end of 3 s.
+Summary ends_apart(double coupled_s, Mode mode, bool peer_coupled) {
+  Metrics<1> metrics{{.rate_hz = kRate, .duration_s = 3.0, .quiet_from_s = 1.0, .link = true}};
+  for (int k = 0; k < static_cast<int>(3.0 * kRate); ++k) {
+    Row<1> row;
+    row.t_s = k / kRate;
+    const bool coupled = row.t_s < coupled_s;
+    row.master_v = Velocity<1>{Velocity<1>::Vector{std::exp(-5.0 * row.t_s)}};
+    row.mode = coupled ? Mode::coupled : mode;
+    row.following = coupled || peer_coupled;
+    row.coupled = coupled;
+    metrics.add(row);
+  }
+  Summary s;
+  metrics.fill(s);
+  return s;
+}
+
+TEST(Metrics, JudgeOnlyWhatWasCoupled) {
+  EXPECT_EQ(ends_apart(3.0, Mode::coupled, true).verdict_kind(), "STABLE");
+  for (const double coupled_s : {0.5, 1.5, 2.8}) {
+    const Summary silent = ends_apart(coupled_s, Mode::holding, true);
+    EXPECT_EQ(silent.verdict_kind(), "UNDECIDED") << coupled_s;
+    EXPECT_FALSE(silent.coupled_at_end()) << coupled_s;
+  }
+  EXPECT_EQ(ends_apart(1.5, Mode::coupled, false).verdict(),
+            "undecided: the two sides were not coupled in the last 1.50 s, which are not judged");
+  // A side that releases by itself, at whatever time.
+  const Summary failed = ends_apart(2.98, Mode::released, true);
+  EXPECT_EQ(failed.verdict(), "undecided: a plug-in or a reading failed at 2.98 s, after which there was no force");
+  EXPECT_FALSE(failed.coupled_at_end());
+  // A few ticks of silence at the end, or a handle that was let go, leave the rest what it is.
+  EXPECT_EQ(ends_apart(2.95, Mode::holding, true).verdict_kind(), "STABLE");
+  EXPECT_EQ(ends_apart(1.5, Mode::let_go, false).verdict_kind(), "STABLE");
+  EXPECT_TRUE(ends_apart(1.5, Mode::let_go, false).coupled_at_end());
+}
+
 TEST(ContactFigures, TakeTheRatioAtTheEndOfTheLastRest) {
   Row<1> rests = contact(2.0, 4.0, 4.0), later = contact(3.0, 4.0, 4.0);
   later.master_x = Position<1>{Position<1>::Vector{0.01}};

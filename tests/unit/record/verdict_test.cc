@@ -21,7 +21,8 @@ struct Signal {
   std::function<double(double)> energy = [](double) { return 0.0; };
   double seconds = 10.0;
   double run_lengths = 1.0;
-  bool has_controller = false, acted = false, last = false, touching = true, robot = true;
+  bool has_controller = false, acted = false, last = false, touching = true;
+  EnergySource source = EnergySource::network;
 };
 
 Verdict verdict(const Signal& s) {
@@ -36,8 +37,13 @@ Verdict verdict(const Signal& s) {
   tail.driven = true;
   tail.run_lengths = s.run_lengths;
   tail.last = s.last;
-  return judge(tail,
-               {.dof = 1, .rate_hz = kRate, .reach_m = 0.1, .speed = {0.1, s.robot ? 0.1 : 0.0}, .early = {0.1, 0.1}});
+  return judge(tail, {.dof = 1,
+                      .rate_hz = kRate,
+                      .source = s.source,
+                      .reach_m = 0.1,
+                      .speed = {0.1, 0.1},
+                      .early = {0.1, 0.1},
+                      .noise = {}});
 }
 
 /// An oscillation of 5 Hz.
@@ -75,12 +81,47 @@ TEST(Verdict, CallsASustainedOscillationUnstableWhereTheNetworkPays) {
   EXPECT_EQ(verdict(s).kind, VerdictKind::unstable) << verdict(s).text;
 }
 
-TEST(Verdict, NamesTheRenderingWhereThereIsNoRobot) {
+TEST(Verdict, NamesTheSourceOfEnergyWhereItIsKnown) {
   Signal s{.y = wave(0.05, 0.0), .d = wave(1e-7, 0.0), .run_lengths = 4.0};
   s.energy = [](double t) { return -1.0 - 0.1 * t; };
   EXPECT_NE(verdict(s).text.find("fed by the network"), std::string::npos) << verdict(s).text;
-  s.robot = false;
+  s.source = EnergySource::rendering;
   EXPECT_NE(verdict(s).text.find("fed by the rendering"), std::string::npos) << verdict(s).text;
+  s.source = EnergySource::unknown;
+  EXPECT_EQ(verdict(s).text.find("fed"), std::string::npos) << verdict(s).text;
+}
+
+/// A robot that swings under a controller at 0.05 m/s beside a hand at rest: what it is given [W], how much of that its coupling makes.
+Tail driven_robot(double given_w, double made_w, double decay = 0.0, double hand = 0.0) {
+  Tail tail{.record = {4, 4}, .has_twin = true, .has_controller = true, .controller_acted = true, .driven = true};
+  for (int i = 0; i < 10000; ++i) {
+    const double t = i / kRate;
+    const std::vector<double> signals{wave(hand, decay)(t), wave(0.05, decay)(t), 0.0, 0.0};
+    const std::vector<double> energies{1.0, 1.0, 2.0 - made_w * t, given_w * t};
+    tail.record.add(signals, energies, {});
+  }
+  return tail;
+}
+
+TEST(Verdict, IsUnstableWhereTheRobotsOwnCouplingDrivesIt) {
+  const MotionScale run{
+      .dof = 1, .rate_hz = kRate, .source = {}, .reach_m = 0.1, .speed = {0.1, 0.1}, .early = {0.1, 0.1}, .noise = {}};
+  const Verdict driven = judge(driven_robot(1.0, 0.8), run);
+  EXPECT_EQ(driven.kind, VerdictKind::unstable) << driven.text;
+  EXPECT_NE(driven.text.find("the robot's own coupling"), std::string::npos) << driven.text;
+  // What the network or the environment drives, or what comes to rest, is not the coupling's.
+  EXPECT_EQ(judge(driven_robot(1.0, 0.05), run).kind, VerdictKind::restless) << "the network drives it";
+  EXPECT_EQ(judge(driven_robot(1.0, -0.1), run).kind, VerdictKind::restless) << "the coupling damps";
+  EXPECT_EQ(judge(driven_robot(-1.0, 0.2), run).kind, VerdictKind::restless) << "the environment drives it";
+  EXPECT_EQ(judge(driven_robot(1.0, 0.8, -0.5), run).kind, VerdictKind::stable) << "it decays";
+}
+
+TEST(Verdict, OfASlaveNeedsARobotThatMovesMoreThanTheHand) {
+  const MotionScale run{
+      .dof = 1, .rate_hz = kRate, .source = {}, .reach_m = 0.1, .speed = {0.0, 0.1}, .early = {0.0, 0.1}, .noise = {}};
+  EXPECT_TRUE(is_driven_by_coupling(driven_robot(1.0, 0.8, 0.0, 0.01), run, 1.0));
+  EXPECT_FALSE(is_driven_by_coupling(driven_robot(1.0, 0.8, 0.0, 0.02), run, 1.0));
+  EXPECT_FALSE(is_driven_by_coupling(driven_robot(1.0, 0.8, 0.0, 0.01), run, 2.0));
 }
 
 TEST(Verdict, IsTheSameForEveryUnit) {
@@ -94,7 +135,9 @@ TEST(Verdict, IsTheSameForEveryUnit) {
         tail.record.add(signals, energies, {});
       }
       const double v = 0.1 * scale;
-      const Verdict judged = judge(tail, {.dof = 1, .rate_hz = kRate, .reach_m = v, .speed = {v, v}, .early = {v, v}});
+      const Verdict judged = judge(
+          tail,
+          {.dof = 1, .rate_hz = kRate, .source = {}, .reach_m = v, .speed = {v, v}, .early = {v, v}, .noise = {}});
       EXPECT_EQ(judged.kind, sigma > 0.0 ? VerdictKind::unstable : VerdictKind::stable) << scale << judged.text;
     }
 }

@@ -143,6 +143,56 @@ TEST(Hints, SayThatTheVirtualCouplingTurnsTheRobot) {
                       "rotational_damping_n_m_s_per_rad is 0.21"});
 }
 
+// A damper alone is held by the robot's own damping b up to b (1 + a)/(1 - a), a = e^(-bT/m): 30.05 for b = 30, m = 5 g, T = 1 ms.
+TEST(Hints, CountTheRobotsOwnDamping) {
+  const auto count = [&](const char* own, const char* damping) {
+    return hints(scene_of("dof: 1 duration_s: 1 rate_hz: 1000 operator {} device { mass_kg: 0.1 } robot { mass_kg: "
+                          "0.005 } control { "
+                          "virtual_coupling { stiffness_n_per_m: 0 } }",
+                          {std::string{"robot.damping_n_s_per_m="} + own,
+                           std::string{"control.virtual_coupling.damping_n_s_per_m="} + damping}))
+        .size();
+  };
+  EXPECT_EQ(count("30", "30.1"), 0U);
+  EXPECT_EQ(count("30", "30.3"), 1U);
+  EXPECT_EQ(count("0", "9.9"), 0U);
+  EXPECT_EQ(count("0", "10.1"), 1U);
+}
+
+TEST(Hints, SayWhichOptionVoidsTheClaimOfALayer) {
+  const std::string scene = "dof: 1 duration_s: 1 operator {} device { mass_kg: 1 damping_n_s_per_m: 0.05 } control { ";
+  const auto of = [&](const std::string& control) { return scene_of(scene + control + " }"); };
+  const Scene rectangle = of("passivity { layer: ENERGY_SPRING observer: RECTANGLE }");
+  const std::string why =
+      "control.passivity.observer is RECTANGLE, which misses energy: the claim of ENERGY_SPRING does not hold; EXACT "
+      "holds it";
+  EXPECT_EQ(hints(rectangle), Sentences{why});
+  EXPECT_EQ(claim_that_holds(rectangle), "none: " + why);
+
+  const Scene stated = of("passivity { method: ENERGY_BOUNDING energy_bounding { damping_n_s_per_m: 5 } }");
+  EXPECT_EQ(
+      hints(stated),
+      Sentences{"control.passivity.energy_bounding.damping_n_s_per_m is 5, and device.damping_n_s_per_m is 0.05: the "
+                "claim of ENERGY_BOUNDING does not hold"});
+  const Scene slow = of("device_limits { force_rate_n_per_s: 100 }");
+  ASSERT_EQ(hints(slow).size(), 1U);
+  EXPECT_TRUE(says(hints(slow)[0], {"control.device_limits.force_rate_n_per_s is 100", "ENERGY_SPRING"}))
+      << hints(slow)[0];
+  EXPECT_TRUE(claim_that_holds(slow).starts_with("none: "));
+
+  for (const auto& [control, claim] :
+       {std::pair{"passivity { method: INTERNAL_MODEL }", "hand"},
+        {"passivity { method: FORCE_PROJECTED }", "both"},
+        {"passivity { method: ENERGY_BOUNDING energy_bounding { damping_n_s_per_m: 0.05 } }", "hand"},
+        {"passivity { method: NONE observer: RECTANGLE }", "none"},
+        {"passivity { method: NONE } schedule { at_s: 1 passivity { method: INTERNAL_MODEL } }",
+         "none: control.schedule switches between different claims"}}) {
+    EXPECT_EQ(hints(of(control)), Sentences{}) << control;
+    EXPECT_EQ(claim_that_holds(of(control)), claim) << control;
+  }
+  EXPECT_EQ(claim_that_holds(scene_of(kHeldSpring)), "") << "without a link";
+}
+
 TEST(Hints, SayThatADelayedLinkWithoutPassivityControlMayBeUnstable) {
   const Sentences expected{
       "control.passivity.method is NONE and the link delays: the loop may be unstable; INTERNAL_MODEL, the "
