@@ -30,6 +30,7 @@ struct Wish {
       stored{};  ///< energy of the model behind f, which f may return; absent: that of a spring, f²/2K
 
   double contact_spring_share = 0.0;  ///< of a spring in all axes in the model of the contact, 0 to 1
+  bool bridged = false;               ///< f has a part of the force that another method showed before a switch
 
   [[nodiscard]] Force<N> total() const noexcept { return damped ? f + damper : f; }
 };
@@ -84,8 +85,10 @@ class MasterPassivity {
   [[nodiscard]] virtual std::unique_ptr<MasterPassivity> copy() const = 0;
   /// Books the interval that has ended, and limits the wish for the coming one.
   virtual Shown<N> limit(const Wish<N>& wish, const MasterInput<N>& in) noexcept = 0;
-  [[nodiscard]] virtual Energy deficit(const Ledger& account, Energy slave_energy_in) const noexcept = 0;
-  virtual void restart(const Ledger& account, Energy deficit) noexcept = 0;
+  /// Its own part of the last Shown::f, beside the wish.
+  [[nodiscard]] virtual Force<N> own_force() const noexcept { return {}; }
+  [[nodiscard]] virtual Energy balance(const Ledger& account, Energy slave_energy_in) const noexcept = 0;
+  virtual void restart(const Ledger& account, Energy balance) noexcept = 0;
 };
 
 /// The master half of a pair. A wish that is not finite is not displayed, and the node releases the port.
@@ -99,6 +102,8 @@ class MasterPair final : public Copyable<MasterPair<N, Transparency, Passivity>,
     Wish<N> wish = transparency_->wish(in);
     if (!all_finite(wish.f, wish.damper)) [[unlikely]]
       return not_finite(wish, in);
+    if (in.bridge != nullptr) [[unlikely]]
+      cross(wish, in);
     Shown<N> shown = passivity_->limit(wish, in);
     transparency_->shown(shown.f, shown.share, in);
     return {.f = shown.f,
@@ -108,14 +113,20 @@ class MasterPair final : public Copyable<MasterPair<N, Transparency, Passivity>,
             .undissipated = shown.undissipated,
             .contact_spring_share = wish.contact_spring_share};
   }
-  [[nodiscard]] Energy deficit(const Ledger& account, Energy e) const noexcept override {
-    return passivity_->deficit(account, e);
+  [[nodiscard]] Energy balance(const Ledger& account, Energy e) const noexcept override {
+    return passivity_->balance(account, e);
   }
   void restart(const Ledger& account, Energy e) noexcept override { passivity_->restart(account, e); }
   [[nodiscard]] bool has_payload() const noexcept override { return transparency_->has_payload(); }
   void write_payload(Words& words) const noexcept override { transparency_->write_payload(words); }
 
  private:
+  /// The bridge is a part of the wish: the passivity layer limits it as any other.
+  [[gnu::noinline]] void cross(Wish<N>& wish, const MasterInput<N>& in) noexcept {
+    wish.f += in.bridge->step(wish.total() + passivity_->own_force(), in.dt);
+    wish.idle = false;
+    wish.bridged = true;
+  }
   MasterOutput<N> not_finite(const Wish<N>& wish, const MasterInput<N>& in) noexcept {
     Shown<N> shown = passivity_->limit(Wish<N>{}, in);
     transparency_->shown(Force<N>{}, 0.0, in);
@@ -205,7 +216,8 @@ class SlavePassivity {
     static_cast<void>(f), static_cast<void>(in);
     out.energy_in = reported(account);
   }
-  /// The limits at the robot have changed the command. Without them the link would have taken `wished`.
+  /// The limits at the robot have changed the command; `damper` is the part of the wish's that is in it. Without them the link would
+  /// have taken `wished`.
   virtual void limited(SlaveOutput<N>& out, const Force<N>& damper, Energy wished, VirtualCoupling<N>& coupling,
                        const RobotSample<N>& robot, Seconds dt) noexcept {
     static_cast<void>(damper), static_cast<void>(coupling), static_cast<void>(robot);
@@ -214,17 +226,27 @@ class SlavePassivity {
   virtual void release() noexcept {}
   /// The total that is told to the master.
   [[nodiscard]] virtual Energy reported(const Ledger& account) noexcept { return account.absorbed() - base_absorbed_; }
-  [[nodiscard]] virtual Energy deficit(const Ledger& account, const Registration<N>& registration,
+  [[nodiscard]] virtual Energy balance(const Ledger& account, const Registration<N>& registration,
                                        Energy master_energy_in) const noexcept {
     static_cast<void>(account), static_cast<void>(registration), static_cast<void>(master_energy_in);
     return Energy{};
   }
-  virtual void restart(const Ledger& account, Energy deficit) noexcept {
-    static_cast<void>(deficit);
+  virtual void restart(const Ledger& account, Energy balance) noexcept {
+    static_cast<void>(balance);
     base_absorbed_ = account.absorbed();
   }
 
  protected:
+  /// Scales the set point's motion so that no more than `most` leaves through the coupling, whose force is f.
+  static void leave_at_most(Energy most, RobotCommand<N>& command, const Force<N>& f, VirtualCoupling<N>& coupling,
+                            Seconds dt) noexcept {
+    const Energy wished = dot(f, command.v_d * dt);
+    if (!(wished > positive_part(most))) return;
+    const Velocity<N> v = (positive_part(most) / wished) * command.v_d;
+    coupling.move((v - command.v_d) * dt, Velocity<N>{}, dt);
+    command.v_d = v;
+  }
+
   Energy base_absorbed_;
 };
 
@@ -241,6 +263,8 @@ class SlavePair final : public Copyable<SlavePair<N, Transparency, Passivity>, S
   [[gnu::always_inline]] SlaveOutput<N> step(const SlaveInput<N>& in) noexcept override {
     VirtualCoupling<N>& coupling = transparency_->coupling();
     RobotWish<N> wish = transparency_->wish(in);
+    if (in.bridge != nullptr) [[unlikely]]
+      cross(wish, in);
     RobotPort<N> port = passivity_->limit(wish, coupling, in);
     damper_ = wish.damper;
     grounded_ = wish.grounded;
@@ -279,13 +303,14 @@ class SlavePair final : public Copyable<SlavePair<N, Transparency, Passivity>, S
     VirtualCoupling<N>& coupling = transparency_->coupling();
     const Energy wished = out.grounded - dot(asked.f, asked.v_d * dt);
     coupling.limited(out.command, asked, robot, dt);
-    if (grounded_) out.grounded = dot(damper_, out.command.v_d * dt);
-    passivity_->limited(out, damper_, wished, coupling, robot, dt);
+    const Force<N> damper = applied_of(damper_, out.command.f, asked.f);
+    if (grounded_) out.grounded = dot(damper, out.command.v_d * dt);
+    passivity_->limited(out, damper, wished, coupling, robot, dt);
     out.command.x_d = coupling.set_point();
     transparency_->acted(out.command.f);
   }
-  [[nodiscard]] Energy deficit(const Ledger& account, Energy e) const noexcept override {
-    return passivity_->deficit(account, transparency_->coupling().registration(), e);
+  [[nodiscard]] Energy balance(const Ledger& account, Energy e) const noexcept override {
+    return passivity_->balance(account, transparency_->coupling().registration(), e);
   }
   void restart(const Ledger& account, Energy e) noexcept override { passivity_->restart(account, e); }
   [[nodiscard]] SlaveHandover<N> handover() const noexcept override {
@@ -297,6 +322,25 @@ class SlavePair final : public Copyable<SlavePair<N, Transparency, Passivity>, S
   void write_payload(Words& words) const noexcept override { transparency_->write_payload(words); }
 
  private:
+  /// As MasterPair's.
+  [[gnu::noinline]] void cross(RobotWish<N>& wish, const SlaveInput<N>& in) noexcept {
+    wish.f += in.bridge->step(wish.damped ? wish.f + wish.damper : wish.f, in.dt);
+  }
+  /// Of a damper's force, a part of `asked`, the part that is in `applied`: translation and rotation each by their share of `asked`.
+  static Force<N> applied_of(Force<N> damper, const Force<N>& applied, const Force<N>& asked) noexcept {
+    const auto share = [](const auto& f, const auto& wanted) {
+      const double all = wanted.squaredNorm();
+      return all > 0.0 ? std::clamp(f.dot(wanted) / all, 0.0, 1.0) : 0.0;
+    };
+    constexpr int kTranslations = N == 1 ? 1 : 3;
+    typename Force<N>::Vector g = damper.vec();
+    g.template head<kTranslations>() *=
+        share(applied.vec().template head<kTranslations>(), asked.vec().template head<kTranslations>());
+    if constexpr (N == 6)
+      g.template tail<3>() *= share(applied.vec().template tail<3>(), asked.vec().template tail<3>());
+    return Force<N>{g};
+  }
+
   Held<Transparency> transparency_;
   Held<Passivity> passivity_;
   Force<N> damper_;  ///< of the last wish

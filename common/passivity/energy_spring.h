@@ -79,16 +79,14 @@ class EnergySpring {
   void drop_above(Energy most) noexcept { energy_ = std::min(energy_, most); }
   /// Passes energy on to another account.
   void take(Energy e) noexcept { energy_ -= e; }
-  /// Starts anew with a deficit; `net` as in observe.
-  void restart(Energy net, Energy deficit) noexcept {
+  /// Starts anew with that energy; `net` as in observe.
+  void restart(Energy net, Energy energy) noexcept {
     net_ = net;
-    energy_ = -deficit;
+    energy_ = energy;
   }
 
   [[nodiscard]] Energy energy() const noexcept { return energy_; }
   [[nodiscard]] Energy available() const noexcept { return positive_part(energy_ + initial_); }
-  /// Energy returned beyond what has been put in.
-  [[nodiscard]] Energy deficit() const noexcept { return positive_part(-energy_); }
   /// Energy returned beyond E(0) too.
   [[nodiscard]] Energy undissipated() const noexcept { return positive_part(-(energy_ + initial_)); }
 

@@ -70,14 +70,11 @@ class EnergyBoundingMaster final : public Copyable<EnergyBoundingMaster<N>, Mast
     out.dissipated = positive_part(dot(out.f - wanted, in.device.v) * in.dt);
     return out;
   }
-  /// The used part of E(0) and what is below it.
-  [[nodiscard]] Energy deficit(const Ledger&, Energy) const noexcept override {
-    return positive_part(initial_ - energy_);
-  }
-  void restart(const Ledger& account, Energy deficit) noexcept override {
+  [[nodiscard]] Energy balance(const Ledger&, Energy) const noexcept override { return energy_ - initial_; }
+  void restart(const Ledger& account, Energy balance) noexcept override {
     base_absorbed_ = account.absorbed();
     net_before_ = account.net();
-    energy_ = initial_ - deficit;
+    energy_ = initial_ + handed_over(balance, account);
   }
 
  private:

@@ -42,7 +42,9 @@ class EnergySpringMasterOf final : public Copyable<EnergySpringMasterOf<N, kTwoP
       damper_.rest();
       return out;
     }
-    const Energy stored = wish.stored ? *wish.stored : energy_.stored(wish.f, in.dt);
+    Energy stored = wish.stored ? *wish.stored : energy_.stored(wish.f, in.dt);
+    if (wish.bridged) [[unlikely]]
+      stored = std::max(stored, energy_.stored(wish.f, in.dt));
     if constexpr (kTwoPort) {
       out.energy_in = pass_on(kKept * stored);
     } else {
@@ -63,16 +65,14 @@ class EnergySpringMasterOf final : public Copyable<EnergySpringMasterOf<N, kTwoP
     out.dissipated = positive_part(Energy{-(1.0 - s) * dot(wish.f, v).si() * in.dt.si()});
     return out;
   }
-  [[nodiscard]] Energy deficit(const Ledger&, Energy) const noexcept override { return energy_.deficit(); }
-  /// Without a deficit the layer starts with what the hand has put in so far, under whatever method, up to the credit: that
-  /// keeps its bound of the hand's energy. What a method without control has created is not charged.
-  void restart(const Ledger& account, Energy deficit) noexcept override {
+  [[nodiscard]] Energy balance(const Ledger&, Energy) const noexcept override { return energy_.energy(); }
+  /// Without a deficit the layer at the hand's port alone starts with no less than what the hand has put in so far, under whatever
+  /// method, up to the credit: that keeps its bound of the hand's energy. What a method without control has created is not charged.
+  void restart(const Ledger& account, Energy balance) noexcept override {
     base_absorbed_ = account.absorbed();
     sent_ = received_ = Energy{};
-    const Energy owed = kTwoPort             ? deficit
-                        : deficit > Energy{} ? deficit
-                                             : Energy{-std::clamp(account.net().si(), 0.0, kCredit_j)};
-    energy_.restart(account.net(), owed);
+    if (!kTwoPort && !(balance < Energy{})) balance = std::max(balance, Energy{kCredit_j});
+    energy_.restart(account.net(), handed_over(balance, account));
   }
 
  private:
@@ -134,25 +134,20 @@ class EnergySpringTwoPortSlave final : public Copyable<EnergySpringTwoPortSlave<
     send_back(dot(f, out.command.v_d) * in.dt);
     out.energy_in = sent_;
   }
-  void limited(SlaveOutput<N>& out, const Force<N>&, Energy, VirtualCoupling<N>& coupling, const RobotSample<N>&,
+  void limited(SlaveOutput<N>& out, const Force<N>& damper, Energy, VirtualCoupling<N>& coupling, const RobotSample<N>&,
                Seconds dt) noexcept override {
-    RobotCommand<N>& c = out.command;
-    const Energy wished = dot(c.f, c.v_d * dt), most = positive_part(level_);
-    if (wished > most) {
-      const Velocity<N> v = (most / wished) * c.v_d;
-      coupling.move((v - c.v_d) * dt, Velocity<N>{}, dt);
-      c.v_d = v;
-    }
-    send_back(dot(c.f, c.v_d * dt));
+    const Force<N> f = out.command.f - damper;
+    this->leave_at_most(level_, out.command, f, coupling, dt);
+    send_back(dot(f, out.command.v_d * dt));
     out.energy_in = sent_;
   }
   [[nodiscard]] Energy reported(const Ledger&) noexcept override { return sent_; }
-  [[nodiscard]] Energy deficit(const Ledger& account, const Registration<N>& registration,
+  [[nodiscard]] Energy balance(const Ledger& account, const Registration<N>& registration,
                                Energy master_in) const noexcept override {
-    return positive_part(initial_ - level(account, registration, master_in));
+    return level(account, registration, master_in) - initial_;
   }
-  void restart(const Ledger& account, Energy deficit) noexcept override {
-    base_net_ = account.net() + deficit;
+  void restart(const Ledger& account, Energy balance) noexcept override {
+    base_net_ = account.net() - balance;
     sent_ = Energy{};
   }
 

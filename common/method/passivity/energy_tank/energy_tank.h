@@ -39,8 +39,8 @@ class EnergyTankSide {
     return s * f;
   }
   [[nodiscard]] Energy sent() const noexcept { return sent_; }
-  [[nodiscard]] Energy deficit(Energy received) const noexcept { return positive_part(initial_ - level(received)); }
-  void restart(Energy deficit) noexcept { put_in_ = -deficit, sent_ = Energy{}; }
+  [[nodiscard]] Energy balance(Energy received) const noexcept { return level(received) - initial_; }
+  void restart(Energy balance) noexcept { put_in_ = balance, sent_ = Energy{}; }
 
  private:
   Energy initial_, put_in_, sent_;
@@ -70,9 +70,9 @@ class EnergyTankMaster final : public Copyable<EnergyTankMaster<N>, MasterPassiv
       const Force<N> wanted = wish.total();
       double b = gains_.level_gain_n_s_per_m_per_j * positive_part(gains_.desired_level - level).si();
       if (handle_mass_kg_ > 0.0) b = std::min(b, 0.25 * handle_mass_kg_ / in.dt.si());
-      const Force<N> damper{in.ramp * b * shape_.cwiseProduct(in.device.v.vec())};
+      damper_ = Force<N>{in.ramp * b * shape_.cwiseProduct(in.device.v.vec())};
       const Force<N> limited = side_.limited(wanted, -dot(wanted, in.device.v), level, in.dt);
-      out.f = limited + damper;
+      out.f = limited + damper_;
       out.share = share_of(limited, wanted);
       out.dissipated = positive_part(dot(out.f - wanted, in.device.v) * in.dt);
       out.undissipated = positive_part(-level);
@@ -80,12 +80,14 @@ class EnergyTankMaster final : public Copyable<EnergyTankMaster<N>, MasterPassiv
     out.energy_in = side_.sent();
     return out;
   }
-  [[nodiscard]] Energy deficit(const Ledger&, Energy slave_in) const noexcept override {
-    return side_.deficit(registration_.to_master(slave_in));
+  [[nodiscard]] Force<N> own_force() const noexcept override { return damper_; }
+  [[nodiscard]] Energy balance(const Ledger&, Energy slave_in) const noexcept override {
+    return side_.balance(registration_.to_master(slave_in));
   }
-  void restart(const Ledger& account, Energy deficit) noexcept override {
+  void restart(const Ledger& account, Energy balance) noexcept override {
     net_before_ = account.net();
-    side_.restart(deficit);
+    side_.restart(handed_over(balance, account));
+    damper_ = Force<N>{};
   }
 
  private:
@@ -95,6 +97,7 @@ class EnergyTankMaster final : public Copyable<EnergyTankMaster<N>, MasterPassiv
   double handle_mass_kg_;
   typename Force<N>::Vector shape_;  ///< of the filling damper: rotation against translation
   Energy net_before_;
+  Force<N> damper_;
 };
 
 /// The tank at the robot: the robot's work is taken from it.
@@ -126,11 +129,11 @@ class EnergyTankSlave final : public Copyable<EnergyTankSlave<N>, SlavePassivity
   }
   void release() noexcept override { f_ = Force<N>{}; }
   [[nodiscard]] Energy reported(const Ledger&) noexcept override { return side_.sent(); }
-  [[nodiscard]] Energy deficit(const Ledger&, const Registration<N>& registration,
+  [[nodiscard]] Energy balance(const Ledger&, const Registration<N>& registration,
                                Energy master_in) const noexcept override {
-    return side_.deficit(registration.to_slave(master_in));
+    return side_.balance(registration.to_slave(master_in));
   }
-  void restart(const Ledger&, Energy deficit) noexcept override { side_.restart(deficit); }
+  void restart(const Ledger&, Energy balance) noexcept override { side_.restart(balance); }
 
  private:
   /// The port of this side is the robot's.

@@ -57,15 +57,13 @@ class TimeDomainMaster final : public Copyable<TimeDomainMaster<N>, MasterPassiv
     return out;
   }
 
-  /// Energy returned beyond the available energy: a deficit, and the used part of E(0).
-  [[nodiscard]] Energy deficit(const Ledger& account, Energy slave_energy_in) const noexcept override {
-    return positive_part(returned(account) - transmittable_energy(account, slave_energy_in));
+  [[nodiscard]] Energy balance(const Ledger& account, Energy slave_energy_in) const noexcept override {
+    return transmittable_energy(account, slave_energy_in) - returned(account);
   }
-  /// Unused energy is dropped, the deficit is carried over.
-  void restart(const Ledger& account, Energy deficit) noexcept override {
+  void restart(const Ledger& account, Energy balance) noexcept override {
     base_absorbed_ = absorbed_before_ = account.absorbed();
     base_sent_ = command_.absorbed();
-    base_returned_ = account.returned() - deficit;
+    base_returned_ = account.returned() + handed_over(balance, account);
   }
 
  private:
