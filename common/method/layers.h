@@ -221,7 +221,7 @@ class SlavePassivity {
   virtual void limited(SlaveOutput<N>& out, const Force<N>& damper, Energy wished, VirtualCoupling<N>& coupling,
                        const RobotSample<N>& robot, Seconds dt) noexcept {
     static_cast<void>(damper), static_cast<void>(coupling), static_cast<void>(robot);
-    report_no_more(out, wished, out.grounded - dot(out.command.f, out.command.v_d * dt));
+    report_no_more(out, wished, -leaves(out, dt));
   }
   virtual void release() noexcept {}
   /// The total that is told to the master.
@@ -237,14 +237,20 @@ class SlavePassivity {
   }
 
  protected:
-  /// Scales the set point's motion so that no more than `most` leaves through the coupling, whose force is f.
-  static void leave_at_most(Energy most, RobotCommand<N>& command, const Force<N>& f, VirtualCoupling<N>& coupling,
-                            Seconds dt) noexcept {
-    const Energy wished = dot(f, command.v_d * dt);
-    if (!(wished > positive_part(most))) return;
-    const Velocity<N> v = (positive_part(most) / wished) * command.v_d;
-    coupling.move((v - command.v_d) * dt, Velocity<N>{}, dt);
-    command.v_d = v;
+  /// What leaves the link with the set point's motion.
+  static Energy leaves(const SlaveOutput<N>& out, Seconds dt) noexcept {
+    return dot(out.command.f, out.command.v_d * dt) - out.grounded;
+  }
+  /// Scales the set point's motion so that no more than `most` leaves. Returns what does.
+  static Energy leave_at_most(Energy most, SlaveOutput<N>& out, VirtualCoupling<N>& coupling, Seconds dt) noexcept {
+    const Energy wished = leaves(out, dt);
+    if (!(wished > positive_part(most))) return wished;
+    const double part = positive_part(most) / wished;
+    const Velocity<N> v = part * out.command.v_d;
+    coupling.move((v - out.command.v_d) * dt, Velocity<N>{}, dt);
+    out.command.v_d = v;
+    out.grounded = part * out.grounded;
+    return leaves(out, dt);
   }
 
   Energy base_absorbed_;

@@ -579,11 +579,14 @@ AdversaryRun run_of(const std::string& method, AdversaryRun out, Draw& draw, con
       (claim.tick_of_spring
            ? 0.5 * stiffness * std::max(std::max(1.0, scale) * at.hand_largest2, in_master_units(at.robot_largest2))
            : 0.0);
+  // A side that has shared E(0) before a switch may have used half of it.
+  const double of_a_share = out.switches > 0 && !claim.robot_port ? 0.5 * initial : 0.0;
   constexpr double kNothing = -std::numeric_limits<double>::infinity();
   out.hand_bound_j = claim.hand && !out.rests ? -initial - slack : kNothing;
-  out.both_bound_j = claim.both && !out.lies && !out.rests
-                         ? -initial - (claim.shares_initial ? 0.0 : in_master_units(initial)) - slack
-                         : kNothing;
+  out.both_bound_j =
+      claim.both && !out.lies && !out.rests
+          ? -initial - (claim.shares_initial ? 0.0 : std::max(in_master_units(initial), of_a_share)) - slack
+          : kNothing;
   return out;
 }
 

@@ -134,11 +134,9 @@ class EnergySpringTwoPortSlave final : public Copyable<EnergySpringTwoPortSlave<
     send_back(dot(f, out.command.v_d) * in.dt);
     out.energy_in = sent_;
   }
-  void limited(SlaveOutput<N>& out, const Force<N>& damper, Energy, VirtualCoupling<N>& coupling, const RobotSample<N>&,
+  void limited(SlaveOutput<N>& out, const Force<N>&, Energy, VirtualCoupling<N>& coupling, const RobotSample<N>&,
                Seconds dt) noexcept override {
-    const Force<N> f = out.command.f - damper;
-    this->leave_at_most(level_, out.command, f, coupling, dt);
-    send_back(dot(f, out.command.v_d * dt));
+    send_back(this->leave_at_most(level_, out, coupling, dt));
     out.energy_in = sent_;
   }
   [[nodiscard]] Energy reported(const Ledger&) noexcept override { return sent_; }

@@ -35,6 +35,7 @@ class TimeDomainMaster final : public Copyable<TimeDomainMaster<N>, MasterPassiv
         as_published_{o.controller.method == Method::classic},
         measured_{returns_measured_force(o)},
         registration_{o},
+        workspace_m_{limits_at_device(o).workspace_m},
         predictor_{predictor(o)} {}
 
   [[gnu::always_inline]] Shown<N> limit(const Wish<N>& wish, const MasterInput<N>& in) noexcept override {
@@ -45,9 +46,9 @@ class TimeDomainMaster final : public Copyable<TimeDomainMaster<N>, MasterPassiv
     if (!wish.idle) {
       Force<N> wanted = wish.total();
       const Energy available = initial_ + transmittable_energy(in.account, in.slave_energy_in) - returned(in.account);
-      allowed = predictor_
-                    ? predictive_impedance_controller(wanted, predictor_->prediction(), available, controller_, in.dt)
-                    : passivity_controller(wanted, in.device.v, Budget{available, Energy{}}, controller_, in.dt);
+      allowed = predictor_ ? predictive_impedance_controller(wanted, predictor_->prediction(), available, controller_,
+                                                             in.dt, may_be_turned(in.device.x))
+                           : passivity_controller(wanted, in.device.v, Budget{available, Energy{}}, controller_, in.dt);
       out.share = share_of(allowed.out, wanted);
     }
     out.f = allowed.out;
@@ -82,6 +83,11 @@ class TimeDomainMaster final : public Copyable<TimeDomainMaster<N>, MasterPassiv
     if (measured_) command_force_ = registration_.to_master(in.slave.newest.f_coupling);
   }
 
+  /// By the limit of the workspace.
+  [[nodiscard]] bool may_be_turned(const Position<N>& x) const noexcept {
+    return workspace_m_ < PortLimits::kNone && x.translation().norm() > workspace_m_;
+  }
+
   /// Energy that the hand puts in while there is a deficit cancels the deficit and is not sent to the slave:
   ///
   ///     kept(k) = min(dE(k), E_out - E(0) - E_in,slave)  where both are > 0;    E_out -= kept,   E_in -= kept
@@ -111,6 +117,7 @@ class TimeDomainMaster final : public Copyable<TimeDomainMaster<N>, MasterPassiv
   Energy initial_;
   bool as_published_, measured_;
   Registration<N> registration_;
+  double workspace_m_;
   std::optional<PortVelocityPredictor<N>> predictor_;
   Ledger command_;  ///< the motion command as a separate source
   Force<N> command_force_;

@@ -49,8 +49,7 @@ class TimeDomainSlave final : public Copyable<TimeDomainSlave<N>, SlavePassivity
   void limited(SlaveOutput<N>& out, const Force<N>& damper, Energy wished, VirtualCoupling<N>& coupling,
                const RobotSample<N>&, Seconds dt) noexcept override {
     f_ = out.command.f - damper;
-    this->leave_at_most(available_, out.command, f_, coupling, dt);
-    const Energy taken = out.grounded - dot(out.command.f, out.command.v_d * dt);
+    const Energy taken = -this->leave_at_most(available_, out, coupling, dt);
     coupling_energy_.book(0, wished - taken);
     report_no_more(out, wished, taken);
     energy_sent_j_ = std::max(sent_before_j_, out.energy_in.si());
