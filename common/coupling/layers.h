@@ -16,13 +16,13 @@ namespace twoport {
 ///
 ///     hand   Σ f·Δx at the master port              >= -E(0) - slack          for any reports
 ///     both   hand less what leaves at the slave      >= -E(0) of both sides - slack     for honest reports
-///     slack  = Σ |f·e| T + K δ²/2
+///     slack  = Σ |f·e| T + K (δ_m² + δ_s²)/2
 ///     e(k+1) = e(k) - e(k-1)/4 + a(k+1) - a(k)         a(k+1) = v(k+1) - v(k) + C (f(k) + f(k+1)),   v = Δx/T, C = T/(2m)
 ///
 /// At the slave Σ f·v_d T leaves the link, with `robot_port` Σ f·Δx of the robot. a: what all but the displayed force f adds to the
 /// handle's velocity in a tick; e: the error that this makes in the velocity which the controller predicts
 /// (common/passivity/velocity_predictor.h), counted where `predicts`. K: the coupling's stiffness where `tick_of_spring`, else 0;
-/// δ: largest motion in a tick. What a pair claims with the options that it has: common/coupling/claim.h.
+/// δ_m, δ_s: largest motion of hand and robot in a tick. What a pair claims with the options that it has: common/coupling/claim.h.
 struct Claim {
   bool hand = false, both = false;
   bool device_damping = false;  ///< Σ b Δx²/T of the device counts with the hand's energy

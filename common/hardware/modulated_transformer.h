@@ -58,12 +58,12 @@ class ModulatedTransformer {
       hand_ = x_ = s.x;
       begun_ = true;
     }
-    Vector moved = r_.cwiseProduct((s.x - hand_).vec());
+    Vector moved = r_.cwiseProduct((s.x - hand_).vec() + beside_log(hand_v_, s.v.vec(), ended_s));
+    hand_v_ = s.v.vec();
     if (yields_) {
       moved = -ended_s * yielding();
       rehome_s_ = at_rest() ? 0.0 : rehome_s_ - ended_s;
     }
-    x_ = x_ + Displacement<N>{moved};
     Vector f = s.applied.vec();
     for (int i = 0; i < N; ++i) f[i] = r_[i] > 0.0 ? f[i] / r_[i] : yields_ ? 0.0 : f_[i];
 
@@ -76,6 +76,9 @@ class ModulatedTransformer {
     }
     phi_ += std::clamp(c_.force - phi_, -step, step);
 
+    const Vector v = yields_ ? Vector{-yielding()} : Vector{r_.cwiseProduct(s.v.vec())};
+    x_ = x_ + Displacement<N>{Vector{moved - beside_log(v_, v, ended_s)}};
+    v_ = v;
     const auto here = [&](const Position<N>& p) {
       return x_ + Displacement<N>{Vector{r_.cwiseProduct((p - s.x).vec())}};
     };
@@ -83,7 +86,7 @@ class ModulatedTransformer {
     truth.v = Velocity<N>{Vector{r_.cwiseProduct(truth.v.vec())}};
     hand_ = s.x;
     s.x = x_;
-    s.v = Velocity<N>{yields_ ? Vector{-yielding()} : Vector{r_.cwiseProduct(s.v.vec())}};
+    s.v = Velocity<N>{v};
     s.applied = Force<N>{f};
   }
   /// The force at the hand under the force `f` of the network, which is held until the next step().
@@ -102,6 +105,15 @@ class ModulatedTransformer {
   static constexpr double kDamping = 200.0, kRotationalDamping = 2.0;  // [N s/m], [N m s/rad]
   static constexpr double kRest_n = 0.02, kRest_n_m = 0.002;           // no force is left below
 
+  /// ∫ω dt of a period less the rotation vector of its attitudes (held_energy), so that a locked axis takes no work from the others.
+  [[nodiscard]] static Vector beside_log([[maybe_unused]] const Vector& v0, [[maybe_unused]] const Vector& v1,
+                                         [[maybe_unused]] double dt_s) noexcept {
+    Vector out = Vector::Zero();
+    if constexpr (N == 6)
+      out.template tail<3>() =
+          dt_s * dt_s / 12.0 * Eigen::Vector3d{v0.template tail<3>()}.cross(Eigen::Vector3d{v1.template tail<3>()});
+    return out;
+  }
   [[nodiscard]] Vector yielding() const noexcept {
     Vector v = f_;
     for (int i = 0; i < N; ++i) v[i] /= i < 3 ? kDamping : kRotationalDamping;
@@ -115,6 +127,7 @@ class ModulatedTransformer {
 
   HandControls c_;
   Vector r_ = Vector::Ones(), f_ = Vector::Zero();
+  Vector hand_v_ = Vector::Zero(), v_ = Vector::Zero();  ///< of the last reading, at the hand and at the port
   double phi_ = 1.0, rehome_s_ = 0.0;
   bool begun_ = false, closed_ = false, yields_ = false;
   Position<N> hand_, x_;

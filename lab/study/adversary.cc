@@ -11,6 +11,7 @@
 #include "common/base/normal.h"
 #include "common/coupling/claim.h"
 #include "common/coupling/registration.h"
+#include "common/hardware/modulated_transformer.h"
 #include "common/link/delay_line.h"
 #include "common/link/mailbox.h"
 #include "common/method/catalogue.h"
@@ -400,6 +401,34 @@ class Lie {
   double factor_ = 1.0, energy_j_ = 0.0;
 };
 
+/// Clutch, locks and scales between hand and master, which change from time to time.
+template <int N>
+class AtWork {
+ public:
+  AtWork(bool acts, Seconds engage, Draw& draw) : acts_{acts}, engage_s_{engage.si()}, draw_{draw} {}
+  [[nodiscard]] DeviceSample<N> reading(DeviceSample<N> s, double ended_s) {
+    if (!acts_) return s;
+    if (left_s_ <= 0.0) {
+      left_s_ = draw_.decades(0.02, 0.5);
+      transformer_.set({.clutched = draw_.once_in(5),
+                        .locked = draw_.once_in(3) ? static_cast<std::uint32_t>(draw_.below(1 << N)) : 0U,
+                        .motion = draw_.once_in(2) ? draw_.decades(0.05, 1.0) : 1.0,
+                        .force = draw_.once_in(2) ? draw_.uniform(0.0, 1.0) : 1.0});
+    }
+    left_s_ -= ended_s;
+    DeviceTruth<N> truth{};
+    transformer_.step(s, truth, false, ended_s, engage_s_);
+    return s;
+  }
+  [[nodiscard]] Force<N> to_hand(const Force<N>& f) { return acts_ ? transformer_.to_hand(f) : f; }
+
+ private:
+  bool acts_;
+  double engage_s_, left_s_ = 0.1;
+  Draw& draw_;
+  ModulatedTransformer<N> transformer_;
+};
+
 /// Error of the handle's predicted velocity: EnergyClaim's e, of the handle's motion and the force that it was under.
 template <int N>
 class PredictionError {
@@ -477,6 +506,7 @@ AdversaryRun run_of(const std::string& method, AdversaryRun out, Draw& draw, con
       }
     if (also.once_in(10)) hold(also.once_in(2) ? to_slave : to_master, also.uniform(0.1, 0.9) * duration_s, duration_s);
   }
+  AtWork<N> at_work{!out.rests && also.once_in(5), scene.control.engage, also};
   const double repeats = also.once_in(4) ? also.decades(0.01, 1.0) : 0.0;
 
   Body<N> handle{
@@ -514,7 +544,7 @@ AdversaryRun run_of(const std::string& method, AdversaryRun out, Draw& draw, con
     out.both_least_j = std::min(out.both_least_j, at.hand_j - in_master_units(robot_j));
   };
   bool turns = false, rest = false, flows = false;
-  Position<N> rested_at;
+  Position<N> rested_at, port_before;
   const auto slave_tick = [&](std::int64_t k, Duration now) {
     if (k > 0) {
       const Displacement<N> driven = robot.advance(pushed);
@@ -537,14 +567,19 @@ AdversaryRun run_of(const std::string& method, AdversaryRun out, Draw& draw, con
       const double dt_s = master_dt.si();
       at.hand_j += dot(held, by).si();
       at.damped_j += handle.damping().dot(by.vec().cwiseAbs2()) / dt_s;
-      out.unforeseen_j += dt_s * std::abs(held.vec().dot(error.step(by.vec() / dt_s, held)));
       at.hand_largest2 = std::max(at.hand_largest2, by.squared_norm());
     }
+    const DeviceSample<N> port = at_work.reading({handle.x(), handle.v(), held}, k > 0 ? master_dt.si() : 0.0);
+    if (k > 0) {
+      const Displacement<N> by = port.x - port_before;
+      const double dt_s = master_dt.si();
+      out.unforeseen_j += dt_s * std::abs(port.applied.vec().dot(error.step(by.vec() / dt_s, port.applied)));
+    }
+    port_before = port.x;
     while (times.due(to_seconds(now).si(), master.epoch())) master.switch_to_next();
     const PeerState<N>& told = master_mail.collect(now);
-    auto to_hand = master.step({Instant<MasterClock>{now}, master_dt}, {handle.x(), handle.v(), held},
-                               out.lies ? lie.of(told) : told);
-    held = to_hand.command;
+    auto to_hand = master.step({Instant<MasterClock>{now}, master_dt}, port, out.lies ? lie.of(told) : told);
+    held = at_work.to_hand(to_hand.command);
     post(master, master_mail, to_hand.report, now);
     out.felt_max_n = std::max(out.felt_max_n, held.vec().norm());
     out.hand_least_j = std::min(out.hand_least_j, at.hand_j + (claim.device_damping ? at.damped_j : 0.0));
@@ -577,7 +612,7 @@ AdversaryRun run_of(const std::string& method, AdversaryRun out, Draw& draw, con
   const double slack =
       (claim.predicts ? out.unforeseen_j : 0.0) +
       (claim.tick_of_spring
-           ? 0.5 * stiffness * std::max(std::max(1.0, scale) * at.hand_largest2, in_master_units(at.robot_largest2))
+           ? 0.5 * stiffness * (std::max(1.0, scale) * at.hand_largest2 + in_master_units(at.robot_largest2))
            : 0.0);
   // A side that has shared E(0) before a switch may have used half of it.
   const double of_a_share = out.switches > 0 && !claim.robot_port ? 0.5 * initial : 0.0;
