@@ -41,6 +41,8 @@ struct DeviceSample {
   /// Does the operator hold the handle? Devices that cannot know say true. After control.release_after_s without, both sides
   /// are released until it is held again.
   bool held = true;
+  /// Change of the port's velocity at this reading that no force causes: of a ratio between hand and port (ModulatedTransformer).
+  Velocity<N> jump{};
 };
 
 /// Values that only simulated hardware knows, at the time of the last reading.

@@ -92,6 +92,11 @@ class PortVelocityPredictor {
     d_ += kRateGain * e;
     predict(c, e, e - kRateGain * before_, applied.vec());
   }
+  /// The velocity changes now by as much as no force causes.
+  [[gnu::always_inline]] void jump(const Velocity<N>& by) noexcept {
+    u_ += by.vec();
+    prediction_.w += by;
+  }
   [[nodiscard]] const VelocityPrediction<N>& prediction() const noexcept { return prediction_; }
 
  private:

@@ -445,6 +445,8 @@ class PredictionError {
     added_ = added, v_ = v, held_ = held.vec();
     return e_;
   }
+  /// As the controller is told.
+  void jump(const Velocity<N>& by) { v_ += by.vec(); }
 
  private:
   Vector mobility_, v_ = Vector::Zero(), held_ = Vector::Zero(), added_ = Vector::Zero();
@@ -575,6 +577,7 @@ AdversaryRun run_of(const std::string& method, AdversaryRun out, Draw& draw, con
       const double dt_s = master_dt.si();
       out.unforeseen_j += dt_s * std::abs(port.applied.vec().dot(error.step(by.vec() / dt_s, port.applied)));
     }
+    error.jump(port.jump);
     port_before = port.x;
     while (times.due(to_seconds(now).si(), master.epoch())) master.switch_to_next();
     const PeerState<N>& told = master_mail.collect(now);

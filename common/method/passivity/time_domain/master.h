@@ -78,7 +78,10 @@ class TimeDomainMaster final : public Copyable<TimeDomainMaster<N>, MasterPassiv
   [[gnu::always_inline]] void observe(const MasterInput<N>& in) noexcept {
     if (!in.first) {
       if (measured_) command_.book(held_energy(observer_, command_force_, in.interval, in.ended));
-      if (predictor_) predictor_->step(in.interval.moved, in.device.applied, in.ended, in.dt);
+      if (predictor_) {
+        predictor_->step(in.interval.moved, in.device.applied, in.ended, in.dt);
+        predictor_->jump(in.device.jump);
+      }
     }
     if (measured_) command_force_ = registration_.to_master(in.slave.newest.f_coupling);
   }
