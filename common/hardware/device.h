@@ -41,8 +41,8 @@ struct DeviceSample {
   /// Does the operator hold the handle? Devices that cannot know say true. After control.release_after_s without, both sides
   /// are released until it is held again.
   bool held = true;
-  /// Change of the port's velocity at this reading that no force causes: of a ratio between hand and port (ModulatedTransformer).
-  Velocity<N> jump{};
+  /// r of each axis from now on: motion of the port over that of the hand, force of the hand over that of the port (ModulatedTransformer).
+  typename Velocity<N>::Vector ratio = Velocity<N>::Vector::Ones();
 };
 
 /// Values that only simulated hardware knows, at the time of the last reading.

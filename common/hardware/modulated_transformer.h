@@ -67,7 +67,6 @@ class ModulatedTransformer {
     Vector f = s.applied.vec();
     for (int i = 0; i < N; ++i) f[i] = r_[i] > 0.0 ? f[i] / r_[i] : yields_ ? 0.0 : f_[i];
 
-    const Vector r_before = r_;
     const double step = ended_s / std::max(engage_s, 1e-9);
     yields_ = rehomes();
     closed_ = pressed || c_.clutched || yields_;
@@ -87,8 +86,8 @@ class ModulatedTransformer {
     truth.v = Velocity<N>{Vector{r_.cwiseProduct(truth.v.vec())}};
     hand_ = s.x;
     s.x = x_;
-    s.jump = Velocity<N>{Vector{(r_ - r_before).cwiseProduct(s.v.vec())}};
     s.v = Velocity<N>{v};
+    s.ratio = r_;
     s.applied = Force<N>{f};
   }
   /// The force at the hand under the force `f` of the network, which is held until the next step().

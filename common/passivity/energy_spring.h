@@ -73,9 +73,9 @@ class EnergySpring {
     const double speed = ended.si() > 0.0 ? motion_norm(moved, dt) / ended.si() : 0.0;
     peak_speed_ = std::max(speed, std::max(0.0, 1.0 - dt.si() / kMemory_s) * peak_speed_);
   }
-  /// The port's velocity changes now, by no force.
-  void jump(const Velocity<N>& by) noexcept {
-    if (predictor_) predictor_->jump(by);
+  /// As PortVelocityPredictor's.
+  void take_ratio(const typename Velocity<N>::Vector& r, const Velocity<N>& v, Seconds dt) noexcept {
+    if (predictor_) predictor_->take_ratio(r, v, dt);
   }
   /// Says whether a limit at the device may turn the coming force, not only shorten it: its worst direction is expected then.
   void expect_turned(bool turned) noexcept { turned_ = turned; }

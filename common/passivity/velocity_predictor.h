@@ -67,7 +67,8 @@ struct VelocityPrediction {
 /// e(k+1) = e(k) - e(k-1)/4 + C (F(k+1) - F(k-1)) with F the hand's own force: exact for a mass under held forces, and the reason
 /// why worst_error is a bound for any hand that changes its force by no more than F_h within two ticks.
 ///
-/// C = T/(2m) per axis, exact for a mass under held forces; g = 1 - θ², h = (1 - θ)² is the fading-memory (alpha-beta)
+/// C = r² T/(2m) per axis, exact for a mass under held forces; r: the ratio of a transformer between hand and port, 1 without one
+/// (change_ratio); g = 1 - θ², h = (1 - θ)² is the fading-memory (alpha-beta)
 /// filter, which averages an encoder's counts over a few ticks; the response to the force is fed forward and not
 /// filtered.
 template <int N>
@@ -78,6 +79,7 @@ class PortVelocityPredictor {
   PortVelocityPredictor(double mass_kg, double inertia_kg_m2) {
     inverse_mass_.setConstant(1.0 / mass_kg);
     if constexpr (N == 6) inverse_mass_.template tail<3>().setConstant(1.0 / inertia_kg_m2);
+    inverse_at_port_ = inverse_mass_;
   }
 
   /// `moved` since the last step, `ended` ago, while `applied` was held.
@@ -85,17 +87,20 @@ class PortVelocityPredictor {
                                    Seconds dt) noexcept {
     if (ended.si() > 1.5 * dt.si()) [[unlikely]]
       return bridge(moved, applied, ended.si() / dt.si(), dt);
-    const Vector c = 0.5 * dt.si() * inverse_mass_;
+    const Vector c = 0.5 * dt.si() * inverse_at_port_;
     const Vector expected = u_ + d_ - c.cwiseProduct(applied_ + applied.vec());
     const Vector e = moved.vec() / dt.si() - expected;
     u_ = expected + kGain * e;
     d_ += kRateGain * e;
     predict(c, e, e - kRateGain * before_, applied.vec());
   }
-  /// The velocity changes now by as much as no force causes.
-  [[gnu::always_inline]] void jump(const Velocity<N>& by) noexcept {
-    u_ += by.vec();
-    prediction_.w += by;
+  /// From now on the ratio is r, after step(); v: the port's velocity with it. The hand's motion and its force on the handle go on; an axis
+  /// that opens, r = 0 before, moves with v.
+  ///
+  ///     u, d, e  go with r'/r      f(k-1)  with r/r', as f_h = r f at the hand      C  with r'²
+  [[gnu::always_inline]] void take_ratio(const Vector& r, const Velocity<N>& v, Seconds dt) noexcept {
+    if (r != ratio_) [[unlikely]]
+      change_ratio(r, v, dt);
   }
   [[nodiscard]] const VelocityPrediction<N>& prediction() const noexcept { return prediction_; }
 
@@ -113,10 +118,26 @@ class PortVelocityPredictor {
           std::max(e.template tail<3>().norm(), kMemory * prediction_.rotation_error_bound);
   }
 
+  [[gnu::noinline]] void change_ratio(Vector r, Velocity<N> v, Seconds dt) noexcept {
+    for (int i = 0; i < N; ++i) {
+      const bool opens = ratio_[i] == 0.0;
+      const double by = opens ? 0.0 : r[i] / ratio_[i];
+      u_[i] = opens ? v[i] : by * u_[i];
+      d_[i] *= by;
+      before_[i] *= by;
+      prediction_.unforeseen[i] *= by;
+      applied_[i] *= opens || r[i] == 0.0 ? 0.0 : ratio_[i] / r[i];
+    }
+    ratio_ = r;
+    inverse_at_port_ = inverse_mass_.cwiseProduct(r.cwiseAbs2());
+    prediction_.mobility = 0.5 * dt.si() * inverse_at_port_;
+    prediction_.w = Velocity<N>{u_ + d_ - prediction_.mobility.cwiseProduct(applied_)};
+  }
+
   /// The same over n intervals at once: what is measured is their mean, and each has changed the velocity by
   /// d - 2 C f(k). The measured mean is taken without filtering.
   [[gnu::noinline]] void bridge(Displacement<N> moved, Force<N> applied, double n, Seconds dt) noexcept {
-    const Vector c = 0.5 * dt.si() * inverse_mass_;
+    const Vector c = 0.5 * dt.si() * inverse_at_port_;
     const Vector half = 0.5 * (n - 1.0) * (d_ - 2.0 * c.cwiseProduct(applied.vec()));
     const Vector expected = u_ + d_ - c.cwiseProduct(applied_ + applied.vec()) + half;
     const Vector mean = moved.vec() / (n * dt.si());
@@ -128,7 +149,8 @@ class PortVelocityPredictor {
   static constexpr double kTheta = 0.5, kGain = 1.0 - kTheta * kTheta, kRateGain = (1.0 - kTheta) * (1.0 - kTheta);
   static constexpr double kMemory = 0.95;
 
-  Vector inverse_mass_, u_ = Vector::Zero(), d_ = Vector::Zero(), applied_ = Vector::Zero(), before_ = Vector::Zero();
+  Vector inverse_mass_, ratio_ = Vector::Ones(), inverse_at_port_;  ///< r²/m
+  Vector u_ = Vector::Zero(), d_ = Vector::Zero(), applied_ = Vector::Zero(), before_ = Vector::Zero();
   VelocityPrediction<N> prediction_{};
 };
 

@@ -435,7 +435,7 @@ class PredictionError {
  public:
   using Vector = typename Force<N>::Vector;
   /// `mobility`: C [m/(N s)].
-  explicit PredictionError(const Vector& mobility) : mobility_{mobility} {}
+  explicit PredictionError(const Vector& mobility) : mobility_{mobility}, free_{mobility} {}
 
   /// Of a tick under `held` with the mean velocity v.
   const Vector& step(const Vector& v, const Force<N>& held) {
@@ -445,11 +445,22 @@ class PredictionError {
     added_ = added, v_ = v, held_ = held.vec();
     return e_;
   }
-  /// As the controller is told.
-  void jump(const Velocity<N>& by) { v_ += by.vec(); }
+  /// As PortVelocityPredictor has it.
+  void take_ratio(const Vector& r, const Velocity<N>& v) {
+    for (int i = 0; i < N; ++i) {
+      const bool opens = ratio_[i] == 0.0;
+      const double by = opens ? 0.0 : r[i] / ratio_[i];
+      v_[i] = opens ? v[i] : by * v_[i];
+      for (Vector* each : {&added_, &e_, &before_}) (*each)[i] *= by;
+      held_[i] *= opens || r[i] == 0.0 ? 0.0 : ratio_[i] / r[i];
+    }
+    mobility_ = free_.cwiseProduct(r.cwiseAbs2());
+    ratio_ = r;
+  }
 
  private:
-  Vector mobility_, v_ = Vector::Zero(), held_ = Vector::Zero(), added_ = Vector::Zero();
+  Vector mobility_, free_, ratio_ = Vector::Ones(), v_ = Vector::Zero(), held_ = Vector::Zero(),
+                           added_ = Vector::Zero();
   Vector e_ = Vector::Zero(), before_ = Vector::Zero();
 };
 
@@ -577,7 +588,7 @@ AdversaryRun run_of(const std::string& method, AdversaryRun out, Draw& draw, con
       const double dt_s = master_dt.si();
       out.unforeseen_j += dt_s * std::abs(port.applied.vec().dot(error.step(by.vec() / dt_s, port.applied)));
     }
-    error.jump(port.jump);
+    error.take_ratio(port.ratio, port.v);
     port_before = port.x;
     while (times.due(to_seconds(now).si(), master.epoch())) master.switch_to_next();
     const PeerState<N>& told = master_mail.collect(now);

@@ -83,7 +83,7 @@ class EnergySpringMasterOf final : public Copyable<EnergySpringMasterOf<N, kTwoP
     Energy net = in.account.net();
     if constexpr (kTwoPort) net += received_ = registration_.to_master(in.slave_energy_in);
     energy_.observe(net, moved, in.device.applied, in.ended, in.dt);
-    energy_.jump(in.device.jump);
+    energy_.take_ratio(in.device.ratio, in.device.v, in.dt);
     constexpr int kLinear = N == 6 ? 3 : N;
     energy_.expect_turned(in.device.x.translation().template head<kLinear>().norm() > limits_.workspace_m);
     damper_.observe(moved, applied_part(in.device.applied, f_), in.ended);

@@ -80,7 +80,7 @@ class TimeDomainMaster final : public Copyable<TimeDomainMaster<N>, MasterPassiv
       if (measured_) command_.book(held_energy(observer_, command_force_, in.interval, in.ended));
       if (predictor_) {
         predictor_->step(in.interval.moved, in.device.applied, in.ended, in.dt);
-        predictor_->jump(in.device.jump);
+        predictor_->take_ratio(in.device.ratio, in.device.v, in.dt);
       }
     }
     if (measured_) command_force_ = registration_.to_master(in.slave.newest.f_coupling);
