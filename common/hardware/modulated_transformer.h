@@ -30,7 +30,8 @@ struct HandControls {
 /// nothing. So an account of φ f·Δx is the hand's own, and the bounds of the methods hold at the hand for every course of r. Only the
 /// increments of x_h pass: that x and x_h differ by more after the clutch is another origin of the wanted motion, not work. φ <= 1
 /// takes force away, as a limit does, and the account books what is left. With r = 0 the port is closed: v = 0 and f_h = 0.
-/// There f itself is `applied`, as by a rigid hand, so that a wave returns as from a port that is held.
+/// There f itself is `applied`, as by a rigid hand, so that a wave returns as from a port that is held. In the first period of an axis that
+/// opens f_h = 0: nobody at the port knows its motion yet.
 ///
 /// Re-homing makes the present pose of the hand that of the robot: the hand is free, and the port yields to its force, v = -f / b, until
 /// none is left, for 2 s at most. `applied` is 0 there, what the hand gets: as where a limit takes the whole force away, and the
@@ -72,7 +73,9 @@ class ModulatedTransformer {
     closed_ = pressed || c_.clutched || yields_;
     for (int i = 0; i < N; ++i) {
       const bool stands = closed_ || (c_.locked >> i & 1u) != 0;
+      const bool opens = r_[i] == 0.0;
       r_[i] = stands ? 0.0 : r_[i] + std::clamp((i < 3 ? c_.motion : 1.0) - r_[i], -step, step);
+      felt_[i] = opens ? 0.0 : r_[i];
     }
     phi_ += std::clamp(c_.force - phi_, -step, step);
 
@@ -93,10 +96,10 @@ class ModulatedTransformer {
   /// The force at the hand under the force `f` of the network, which is held until the next step().
   [[nodiscard]] Force<N> to_hand(const Force<N>& f) noexcept {
     f_ = f.vec();
-    return Force<N>{Vector{phi_ * r_.cwiseProduct(f_)}};
+    return Force<N>{Vector{phi_ * felt_.cwiseProduct(f_)}};
   }
   /// Force at the hand over that of the network.
-  [[nodiscard]] double felt_share(int axis) const noexcept { return phi_ * r_[axis]; }
+  [[nodiscard]] double felt_share(int axis) const noexcept { return phi_ * felt_[axis]; }
   /// Where the last reading was, without clutch, locks and scales.
   [[nodiscard]] const Position<N>& hand() const noexcept { return hand_; }
 
@@ -127,7 +130,7 @@ class ModulatedTransformer {
   }
 
   HandControls c_;
-  Vector r_ = Vector::Ones(), f_ = Vector::Zero();
+  Vector r_ = Vector::Ones(), felt_ = Vector::Ones(), f_ = Vector::Zero();
   Vector hand_v_ = Vector::Zero(), v_ = Vector::Zero();  ///< of the last reading, at the hand and at the port
   double phi_ = 1.0, rehome_s_ = 0.0;
   bool begun_ = false, closed_ = false, yields_ = false;
