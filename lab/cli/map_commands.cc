@@ -361,7 +361,7 @@ int adversary_command(AdversaryArguments& a) {
     write_whole(a.out + "/table.csv", to_csv(to_table(all)));
     fmt::print("{}/table.csv: {} rows\n", a.out, all.methods.size() * static_cast<std::size_t>(a.adversary.runs));
   }
-  std::fputs(broken_runs(all).c_str(), stderr);
+  std::fputs((broken_runs(all) + moved_runs(all)).c_str(), stderr);
   return all.broken() == 0 && all.moved_by_themselves() == 0 ? 0 : 3;
 }
 

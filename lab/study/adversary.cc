@@ -725,14 +725,21 @@ std::string to_text(const Adversary& all) {
   return out;
 }
 
-std::string broken_runs(const Adversary& all) {
+std::string moved_runs(const Adversary& all) {
   std::string out;
   for (std::size_t m = 0; m < all.methods.size(); ++m)
-    for (const AdversaryRun& run : all.runs[m]) {
+    for (const AdversaryRun& run : all.runs[m])
       if (run.moved_by_itself())
         out += fmt::format(
             "{}: the robot moved {:.3g} mm by itself; again: twoport-lab adversary --methods {} --seed {} --runs 1\n",
             all.methods[m], 1e3 * run.self_moved_m, all.methods[m], run.seed);
+  return out;
+}
+
+std::string broken_runs(const Adversary& all) {
+  std::string out;
+  for (std::size_t m = 0; m < all.methods.size(); ++m)
+    for (const AdversaryRun& run : all.runs[m]) {
       if (!run.broken()) continue;
       const bool hand = run.hand_least_j < run.hand_bound_j - AdversaryRun::kRounding_j;
       out += fmt::format(

@@ -69,6 +69,8 @@ Adversary attack_all(const AdversaryOptions& options, const Heard& heard = {});
 std::string to_text(const Adversary& all);
 /// Of each run that breaks a claim: what it reached, and the command that runs it again.
 std::string broken_runs(const Adversary& all);
+/// The same of each run whose robot moves by itself.
+std::string moved_runs(const Adversary& all);
 Table to_table(const Adversary& all);
 
 }  // namespace twoport::lab

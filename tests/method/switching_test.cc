@@ -210,9 +210,8 @@ void check_pairs(const std::vector<Configuration>& all, const std::vector<Config
     if (!one_of(to.method, {"CLASSIC", "FORCE_PROJECTED"})) {
       EXPECT_LE(f.hand_jump_n, std::max(a.hand_jump_n, b.hand_jump_n) + of_law) << pair;
     }
-    constexpr double missed_j = 2e-4;  // the prediction of the next interval's motion while the force changes
     if (bounds_hand(from) && bounds_hand(to)) {
-      EXPECT_GE(f.hand_j, std::min({a.hand_j, b.hand_j, -kInitial_j}) - missed_j) << pair;
+      EXPECT_GE(f.hand_j, std::min({a.hand_j, b.hand_j, -kInitial_j}) - 1e-9) << pair;
     }
     if (bounds_two_port(from) && bounds_two_port(to)) {
       EXPECT_GE(f.two_port_j, std::min({a.two_port_j, b.two_port_j, -2.0 * kInitial_j}) - f.bridged_j) << pair;
@@ -236,6 +235,56 @@ TEST(Switching, EveryOrderedPairKeepsForceContinuousAndEnergyBoundedDof3) {
 }
 TEST(Switching, ToAndFromTheDefaultKeepsForceContinuousAndEnergyBoundedDof6) {
   check_pairs<6>(configurations(), {{"INTERNAL_MODEL", "POSITION_FORCE"}, {"FORCE_PROJECTED", "POSITION_FORCE"}});
+}
+
+// A hand that shakes at the surface, one to three switches between layers that claim the hand's port, at 125 Hz to 4 kHz: the bridge is
+// paid by the account as any other wish is. With a bridge beside the layer 51 of 150 such runs ended below -E(0), by 15 mJ at most.
+TEST(Switching, DrawnSwitchesLeaveTheHandsPortAboveItsAllowanceAtAnyRate) {
+  const Random random{31};
+  constexpr double kRates[] = {125.0, 250.0, 500.0, 1000.0, 4000.0};
+  std::vector<std::string> transparencies;
+  for (const TransparencyLayerName& t : kTransparencyLayers)
+    if (t.name != "PLUGIN") transparencies.emplace_back(t.name);
+  int exhausted = 0, felt = 0;
+  for (unsigned run = 0; run < 150; ++run) {
+    unsigned draws = 0;
+    const auto draw = [&](double from, double to) { return from + (to - from) * random.uniform(run, draws++ % 16); };
+    const double rate_hz = kRates[run % 5];
+    const auto pair = [&] {
+      const auto t = static_cast<std::size_t>(draw(0.0, static_cast<double>(transparencies.size())));
+      return fmt::format("transparency {{ layer: {} }} passivity {{ layer: ENERGY_SPRING initial_energy_j: 1e-3 }} ",
+                         transparencies[t]);
+    };
+    std::string schedule;
+    double at_s = draw(1.0, 2.0);
+    for (int left = static_cast<int>(draw(1.0, 4.0)); left > 0; --left, at_s += draw(0.05, 0.7))
+      schedule += fmt::format("schedule {{ at_s: {} {} }} ", at_s, pair());
+    const Scene scene = parse_scene(
+        fmt::format(
+            "dof: 1 duration_s: 3.5 rate_hz: {} seed: {} operator {{ hand {{ mass_kg: 0.1 stiffness_n_per_m: 400 "
+            "damping_n_s_per_m: 8 }} path {{ move_to {{ position_m: [{}] duration_s: 0.7 }} }} path {{ sine {{ axis: 0 "
+            "amplitude_m: {} frequency_hz: {} duration_s: 2.5 }} }} }} device {{ mass_kg: 0.075 damping_n_s_per_m: "
+            "0.05 max_force_n: 20 }} control {{ engage_s: {} virtual_coupling {{ stiffness_n_per_m: 2000 "
+            "damping_n_s_per_m: 20 }} {} {} }} to_slave {{ delay_ms: {} }} to_master {{ delay_ms: {} }} robot {{ "
+            "mass_kg: 0.5 damping_n_s_per_m: 2 force_sensor {{ }} }} environment {{ wall {{ normal: [-1] offset_m: "
+            "-0.015 stiffness_n_per_m: 5000 }} }}",
+            rate_hz, run + 1, draw(0.02, 0.05), draw(0.005, 0.02), draw(2.0, 6.0), draw(0.05, 1.0), pair(), schedule,
+            draw(0.0, 40.0), draw(0.0, 40.0)),
+        "drawn switches");
+    Loop<1> loop{scene};
+    double least_j = 0.0, most_n = 0.0;
+    for (int k = 0; k < loop.ticks(); ++k) {
+      loop.tick();
+      least_j = std::min(least_j, loop.hand_j());
+      most_n = std::max(most_n, loop.master_out.command.vec().norm());
+    }
+    EXPECT_GE(least_j, -1e-3 - 1e-9) << run << " at " << rate_hz << " Hz";
+    EXPECT_EQ(loop.master.epoch(), scene.schedule.size());
+    exhausted += least_j < -0.5e-3;
+    felt += most_n > 1.0;
+  }
+  EXPECT_GT(exhausted, 15) << "E(0) must be used";
+  EXPECT_GT(felt, 100);
 }
 
 /// All configurations that stay bounded, one after the other, 60 ms each.
