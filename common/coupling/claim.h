@@ -40,21 +40,14 @@ namespace twoport {
   return claim.any() ? claim : Claim{};
 }
 
-/// What holds in a run that switches: what each of its controls claims. Both ports keep one account only where all mean the same
-/// ports and the scales stay, and in pairs of layers: what a method of one piece adds after a switch is of no account.
+/// What holds in a run that switches: the hand's port, where all its methods claim that. At the robot the force before a switch fades
+/// beside the account.
 [[nodiscard]] inline Claim claim_of(const ControlOptions& first, std::span<const ScheduledControl> schedule) {
   Claim all = claim_of(first);
   for (const ScheduledControl& entry : schedule) {
     const Claim next = claim_of(entry.control);
-    const bool same_ports = !first.transparency.empty() && !entry.control.transparency.empty() &&
-                            next.robot_port == all.robot_port && entry.control.force_scale == first.force_scale &&
-                            entry.control.motion_scale == first.motion_scale;
     all = {.hand = all.hand && next.hand,
-           .both = all.both && next.both && same_ports,
            .device_damping = all.device_damping || next.device_damping,
-           .robot_port = all.robot_port && next.robot_port,
-           .tick_of_spring = all.tick_of_spring || next.tick_of_spring,
-           .shares_initial = all.shares_initial && next.shares_initial,
            .predicts = all.predicts || next.predicts};
   }
   return all.any() ? all : Claim{};

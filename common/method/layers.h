@@ -30,10 +30,21 @@ struct Wish {
       stored{};  ///< energy of the model behind f, which f may return; absent: that of a spring, f²/2K
 
   double contact_spring_share = 0.0;  ///< of a spring in all axes in the model of the contact, 0 to 1
-  bool bridged = false;               ///< f has a part of the force that another method showed before a switch
+  Bridge<N>* bridge = nullptr;        ///< to be crossed, after a switch: the passivity layer limits it with f
+  bool bridged = false;               ///< f has a part of the bridge
 
   [[nodiscard]] Force<N> total() const noexcept { return damped ? f + damper : f; }
 };
+
+/// The wish with the bridge as a part of it.
+template <int N>
+[[gnu::noinline]] Wish<N> crossed(Wish<N> wish, Seconds dt) noexcept {
+  wish.f += wish.bridge->step(wish.total(), dt);
+  wish.bridge = nullptr;
+  wish.idle = false;
+  wish.bridged = true;
+  return wish;
+}
 
 /// What the passivity layer displays of a wish.
 template <int N>
@@ -85,8 +96,6 @@ class MasterPassivity {
   [[nodiscard]] virtual std::unique_ptr<MasterPassivity> copy() const = 0;
   /// Books the interval that has ended, and limits the wish for the coming one.
   virtual Shown<N> limit(const Wish<N>& wish, const MasterInput<N>& in) noexcept = 0;
-  /// Its own part of the last Shown::f, beside the wish.
-  [[nodiscard]] virtual Force<N> own_force() const noexcept { return {}; }
   [[nodiscard]] virtual Energy balance(const Ledger& account, Energy slave_energy_in) const noexcept = 0;
   virtual void restart(const Ledger& account, Energy balance) noexcept = 0;
 };
@@ -102,8 +111,7 @@ class MasterPair final : public Copyable<MasterPair<N, Transparency, Passivity>,
     Wish<N> wish = transparency_->wish(in);
     if (!all_finite(wish.f, wish.damper)) [[unlikely]]
       return not_finite(wish, in);
-    if (in.bridge != nullptr) [[unlikely]]
-      cross(wish, in);
+    wish.bridge = in.bridge;
     Shown<N> shown = passivity_->limit(wish, in);
     transparency_->shown(shown.f, shown.share, in);
     return {.f = shown.f,
@@ -121,12 +129,6 @@ class MasterPair final : public Copyable<MasterPair<N, Transparency, Passivity>,
   void write_payload(Words& words) const noexcept override { transparency_->write_payload(words); }
 
  private:
-  /// The bridge is a part of the wish: the passivity layer limits it as any other.
-  [[gnu::noinline]] void cross(Wish<N>& wish, const MasterInput<N>& in) noexcept {
-    wish.f += in.bridge->step(wish.total() + passivity_->own_force(), in.dt);
-    wish.idle = false;
-    wish.bridged = true;
-  }
   MasterOutput<N> not_finite(const Wish<N>& wish, const MasterInput<N>& in) noexcept {
     Shown<N> shown = passivity_->limit(Wish<N>{}, in);
     transparency_->shown(Force<N>{}, 0.0, in);
@@ -269,9 +271,9 @@ class SlavePair final : public Copyable<SlavePair<N, Transparency, Passivity>, S
   [[gnu::always_inline]] SlaveOutput<N> step(const SlaveInput<N>& in) noexcept override {
     VirtualCoupling<N>& coupling = transparency_->coupling();
     RobotWish<N> wish = transparency_->wish(in);
-    if (in.bridge != nullptr) [[unlikely]]
-      cross(wish, in);
     RobotPort<N> port = passivity_->limit(wish, coupling, in);
+    if (in.bridge != nullptr) [[unlikely]]
+      port.f += in.bridge->step(wish.damped ? port.f + wish.damper : port.f, in.dt);
     damper_ = wish.damper;
     grounded_ = wish.grounded;
     Force<N> f = wish.damped ? port.f + wish.damper : port.f;
@@ -328,10 +330,6 @@ class SlavePair final : public Copyable<SlavePair<N, Transparency, Passivity>, S
   void write_payload(Words& words) const noexcept override { transparency_->write_payload(words); }
 
  private:
-  /// As MasterPair's.
-  [[gnu::noinline]] void cross(RobotWish<N>& wish, const SlaveInput<N>& in) noexcept {
-    wish.f += in.bridge->step(wish.damped ? wish.f + wish.damper : wish.f, in.dt);
-  }
   /// Of a damper's force, a part of `asked`, the part that is in `applied`: translation and rotation each by their share of `asked`.
   static Force<N> applied_of(Force<N> damper, const Force<N>& applied, const Force<N>& asked) noexcept {
     const auto share = [](const auto& f, const auto& wanted) {

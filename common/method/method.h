@@ -95,6 +95,11 @@ void report_no_more(SlaveOutput<N>& out, Energy wished, Energy taken) noexcept {
 [[nodiscard]] inline Energy handed_over(Energy balance, const Ledger& account) noexcept {
   return std::min(balance, positive_part(account.net()));
 }
+/// The same of an account of the hand's port alone: all that the hand has put in. What a method without control has created is not
+/// charged: its balance is 0.
+[[nodiscard]] inline Energy put_in_by_hand(Energy balance, const Ledger& account) noexcept {
+  return std::max(account.net(), std::min(balance, Energy{}));
+}
 
 /// The bridge of a method of one piece at the master: it returns energy only as far as the hand's port has it at the present velocity,
 /// E(0) + E.

@@ -235,14 +235,14 @@ Claim usual_claim(const std::string& method) {
   return choose_method(o, method) ? claim_of(o) : Claim{};
 }
 
-/// Switches to pairs that claim the same port, one to four of them.
+/// Switches to pairs that claim the hand's port, as this method does; one to four of them.
 std::string schedule_of(const std::string& method, double duration_s, Draw& also) {
   static const std::vector<std::string> claiming = claiming_methods();
   const Claim claim = usual_claim(method);
   std::vector<std::string> others;
   for (const std::string& each : claiming) {
     const Claim of = usual_claim(each);
-    if ((claim.hand && of.hand) || (claim.both && of.both && of.robot_port == claim.robot_port)) others.push_back(each);
+    if (claim.hand && of.hand) others.push_back(each);
   }
   if (others.empty()) return {};
   std::string all = fmt::format("engage_s: {} ", also.decades(0.01, 1.0));
@@ -628,14 +628,11 @@ AdversaryRun run_of(const std::string& method, AdversaryRun out, Draw& draw, con
       (claim.tick_of_spring
            ? 0.5 * stiffness * (std::max(1.0, scale) * at.hand_largest2 + in_master_units(at.robot_largest2))
            : 0.0);
-  // A side that has shared E(0) before a switch may have used half of it.
-  const double of_a_share = out.switches > 0 && !claim.robot_port ? 0.5 * initial : 0.0;
   constexpr double kNothing = -std::numeric_limits<double>::infinity();
   out.hand_bound_j = claim.hand && !out.rests ? -initial - slack : kNothing;
-  out.both_bound_j =
-      claim.both && !out.lies && !out.rests
-          ? -initial - (claim.shares_initial ? 0.0 : std::max(in_master_units(initial), of_a_share)) - slack
-          : kNothing;
+  out.both_bound_j = claim.both && !out.lies && !out.rests
+                         ? -initial - (claim.shares_initial ? 0.0 : in_master_units(initial)) - slack
+                         : kNothing;
   return out;
 }
 

@@ -40,7 +40,7 @@ struct AdversaryRun {
 /// words. Positions, velocities and forces are read exactly. 1500 to 4000 ticks.
 ///
 /// Every third run each: scales of force and motion from 0.1 to 10; another rate at each side, 125 to 4000 Hz; limits at the device, at
-/// the robot; switches between this method and pairs that claim the same port. Every fourth: a clock of the slave that drifts; packets
+/// the robot; switches between pairs that claim the hand's port, where this method does. Every fourth: a clock of the slave that drifts; packets
 /// that wait in a queue and then flow; packets that come a second time, up to hold_after_s later. Every fifth: clutch, locks and scales of the
 /// operator. Every tenth: a direction that goes dead.
 /// Every twentieth: observer RECTANGLE. `rests`, every fifth: hand and environment come to rest behind a queue that holds what the hand

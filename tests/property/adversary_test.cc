@@ -69,7 +69,9 @@ TEST_P(EveryClaim, HoldsIn150Runs) {
     felt += run.felt_max_n > 0.1;
   }
   EXPECT_GT(bounded, 60);
-  EXPECT_GT(switched, 30);
+  if (claim_named(GetParam()).hand) {
+    EXPECT_GT(switched, 30);
+  }
   EXPECT_GT(felt, 100) << "what is kept is not kept by silence";
 }
 INSTANTIATE_TEST_SUITE_P(Of, EveryClaim, testing::ValuesIn(claiming_methods()), [](const auto& each) {
@@ -127,9 +129,8 @@ TEST(Claims, AreThoseOfThePairWithItsOptions) {
     return to_string(claim_of(first, {&next, 1}));
   };
   EXPECT_EQ(over("INTERNAL_MODEL"), "hand");
-  EXPECT_EQ(over("FOUR_CHANNEL+FORCE_PROJECTED"), "hand, both");
-  EXPECT_EQ(over("RANDOM+ENERGY_SPRING_TWO_PORT"), "both");
-  EXPECT_EQ(over("ENERGY_TANK"), "none") << "other ports";
+  EXPECT_EQ(over("FOUR_CHANNEL+FORCE_PROJECTED"), "hand");
+  EXPECT_EQ(over("RANDOM+ENERGY_SPRING_TWO_PORT"), "none");
   EXPECT_EQ(over("NONE"), "none");
 }
 

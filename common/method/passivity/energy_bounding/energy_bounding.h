@@ -45,6 +45,8 @@ class EnergyBoundingMaster final : public Copyable<EnergyBoundingMaster<N>, Mast
   }
 
   Shown<N> limit(const Wish<N>& wish, const MasterInput<N>& in) noexcept override {
+    if (wish.bridge != nullptr) [[unlikely]]
+      return limit(crossed(wish, in.dt), in);
     if (!in.first) {
       const auto& moved = in.interval.moved.vec();
       energy_ += Energy{moved.cwiseAbs2().dot(damping_) / in.ended.si()};
@@ -74,7 +76,7 @@ class EnergyBoundingMaster final : public Copyable<EnergyBoundingMaster<N>, Mast
   void restart(const Ledger& account, Energy balance) noexcept override {
     base_absorbed_ = account.absorbed();
     net_before_ = account.net();
-    energy_ = initial_ + handed_over(balance, account);
+    energy_ = initial_ + put_in_by_hand(balance, account);
   }
 
  private:

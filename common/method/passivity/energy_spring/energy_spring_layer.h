@@ -33,6 +33,8 @@ class EnergySpringMasterOf final : public Copyable<EnergySpringMasterOf<N, kTwoP
                 o.handle_inertia_kg_m2} {}
 
   Shown<N> limit(const Wish<N>& wish, const MasterInput<N>& in) noexcept override {
+    if (wish.bridge != nullptr) [[unlikely]]
+      return limit(crossed(wish, in.dt), in);
     observe(in);
     Shown<N> out;
     out.energy_in = kTwoPort ? sent_ : in.account.absorbed() - base_absorbed_;
@@ -66,13 +68,11 @@ class EnergySpringMasterOf final : public Copyable<EnergySpringMasterOf<N, kTwoP
     return out;
   }
   [[nodiscard]] Energy balance(const Ledger&, Energy) const noexcept override { return energy_.energy(); }
-  /// Without a deficit the layer at the hand's port alone starts with no less than what the hand has put in so far, under whatever
-  /// method, up to the credit: that keeps its bound of the hand's energy. What a method without control has created is not charged.
+  /// What the hand has put in beyond the credit is dropped with the first wish.
   void restart(const Ledger& account, Energy balance) noexcept override {
     base_absorbed_ = account.absorbed();
     sent_ = received_ = Energy{};
-    if (!kTwoPort && !(balance < Energy{})) balance = std::max(balance, Energy{kCredit_j});
-    energy_.restart(account.net(), handed_over(balance, account));
+    energy_.restart(account.net(), kTwoPort ? handed_over(balance, account) : put_in_by_hand(balance, account));
   }
 
  private:

@@ -53,7 +53,11 @@ template <int N>
 class EnergyTankMaster final : public Copyable<EnergyTankMaster<N>, MasterPassivity<N>> {
  public:
   explicit EnergyTankMaster(const ControlOptions& o)
-      : registration_{o}, side_{o}, gains_{energy_tank_gains(o)}, handle_mass_kg_{o.handle_mass_kg} {
+      : registration_{o},
+        initial_{o.initial_energy},
+        side_{o},
+        gains_{energy_tank_gains(o)},
+        handle_mass_kg_{o.handle_mass_kg} {
     const CouplingOptions& c = o.coupling;
     const double turned = c.damping_n_s_per_m > 0.0 ? c.rotational_damping_n_m_s_per_rad / c.damping_n_s_per_m : 0.0;
     shape_ = per_axis<N>(1.0, turned);
@@ -70,34 +74,38 @@ class EnergyTankMaster final : public Copyable<EnergyTankMaster<N>, MasterPassiv
       const Force<N> wanted = wish.total();
       double b = gains_.level_gain_n_s_per_m_per_j * positive_part(gains_.desired_level - level).si();
       if (handle_mass_kg_ > 0.0) b = std::min(b, 0.25 * handle_mass_kg_ / in.dt.si());
-      damper_ = Force<N>{in.ramp * b * shape_.cwiseProduct(in.device.v.vec())};
-      const Force<N> limited = side_.limited(wanted, -dot(wanted, in.device.v), level, in.dt);
-      out.f = limited + damper_;
+      const Force<N> damper{in.ramp * b * shape_.cwiseProduct(in.device.v.vec())};
+      const Force<N> limited = within(wanted, level, in);
+      out.f = limited + damper;
       out.share = share_of(limited, wanted);
+      if (wish.bridge != nullptr) [[unlikely]]  // as far as the hand's port has it
+        out.f = within(out.f + wish.bridge->step(out.f, in.dt), std::max(level, initial_ + in.account.net()), in);
       out.dissipated = positive_part(dot(out.f - wanted, in.device.v) * in.dt);
       out.undissipated = positive_part(-level);
     }
     out.energy_in = side_.sent();
     return out;
   }
-  [[nodiscard]] Force<N> own_force() const noexcept override { return damper_; }
   [[nodiscard]] Energy balance(const Ledger&, Energy slave_in) const noexcept override {
     return side_.balance(registration_.to_master(slave_in));
   }
   void restart(const Ledger& account, Energy balance) noexcept override {
     net_before_ = account.net();
     side_.restart(handed_over(balance, account));
-    damper_ = Force<N>{};
   }
 
  private:
+  [[nodiscard]] Force<N> within(const Force<N>& f, Energy level, const MasterInput<N>& in) const noexcept {
+    return side_.limited(f, -dot(f, in.device.v), level, in.dt);
+  }
+
   Registration<N> registration_;
+  Energy initial_;
   EnergyTankSide<N> side_;
   EnergyTankGains gains_;
   double handle_mass_kg_;
   typename Force<N>::Vector shape_;  ///< of the filling damper: rotation against translation
   Energy net_before_;
-  Force<N> damper_;
 };
 
 /// The tank at the robot: the robot's work is taken from it.

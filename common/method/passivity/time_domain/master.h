@@ -43,14 +43,15 @@ class TimeDomainMaster final : public Copyable<TimeDomainMaster<N>, MasterPassiv
     if (!as_published_) keep_for_deficit(in.account, in.slave_energy_in);
     Corrected<Force<N>> allowed{};
     Shown<N> out;
+    const Energy available = initial_ + transmittable_energy(in.account, in.slave_energy_in) - returned(in.account);
     if (!wish.idle) {
       Force<N> wanted = wish.total();
-      const Energy available = initial_ + transmittable_energy(in.account, in.slave_energy_in) - returned(in.account);
-      allowed = predictor_ ? predictive_impedance_controller(wanted, predictor_->prediction(), available, controller_,
-                                                             in.dt, may_be_turned(in.device.x))
-                           : passivity_controller(wanted, in.device.v, Budget{available, Energy{}}, controller_, in.dt);
+      allowed = within(wanted, available, in);
       out.share = share_of(allowed.out, wanted);
     }
+    if (wish.bridge != nullptr) [[unlikely]]  // as far as the hand's port has it
+      allowed = within(allowed.out + wish.bridge->step(allowed.out, in.dt),
+                       std::max(available, initial_ + in.account.net()), in);
     out.f = allowed.out;
     out.energy_in = energy_sent(in.account);
     out.dissipated = allowed.dissipated;
@@ -68,6 +69,12 @@ class TimeDomainMaster final : public Copyable<TimeDomainMaster<N>, MasterPassiv
   }
 
  private:
+  [[gnu::always_inline]] Corrected<Force<N>> within(const Force<N>& wanted, Energy available,
+                                                    const MasterInput<N>& in) const noexcept {
+    return predictor_ ? predictive_impedance_controller(wanted, predictor_->prediction(), available, controller_, in.dt,
+                                                        may_be_turned(in.device.x))
+                      : passivity_controller(wanted, in.device.v, Budget{available, Energy{}}, controller_, in.dt);
+  }
   /// Empty if the mass at the handle is not known, as its response to a force is then unknown.
   static std::optional<PortVelocityPredictor<N>> predictor(const ControlOptions& o) {
     const bool known = o.handle_mass_kg > 0.0 && (N != 6 || o.handle_inertia_kg_m2 > 0.0);
