@@ -16,8 +16,10 @@ inline constexpr double kHandForceChange_n = 20.0;
 template <int N>
 struct VelocityPrediction {
   using Vector = typename Force<N>::Vector;
-  Vector mobility = Vector::Zero();    ///< of the mean velocity to the force, r² T/(2m) per axis [m/(N s)]
-  Vector of_hand = Vector::Zero();     ///< the same to a force of the hand, r T/(2m)
+  Vector mobility = Vector::Zero();  ///< of the mean velocity to the force, r² T/(2m) per axis [m/(N s)]
+  Vector free = Vector::Zero();      ///< the same at the hand, T/(2m)
+  /// Largest r of translation and of rotation: a force of the hand moves the port by r T/(2m).
+  double ratio = 1.0, rotation_ratio = 1.0;
   Velocity<N> w{};                     ///< mean velocity without a force
   double error_bound = 0.0;            ///< norm of the error of w [m/s]
   double rotation_error_bound = 0.0;   ///< of w's rotation, N = 6 [rad/s]
@@ -29,14 +31,14 @@ struct VelocityPrediction {
   }
   /// No hand within kHandForceChange_n causes a larger error of w [m/s].
   [[nodiscard]] double worst_error() const noexcept {
-    return unforeseen.template head<kLinear>().norm() + largest_of_hand<0>() * kHandForceChange_n;
+    return unforeseen.template head<kLinear>().norm() + ratio * free[0] * kHandForceChange_n;
   }
   /// The same for any hand within kHandForceChange_n.
   [[nodiscard]] double worst_power_error(const Force<N>& f) const noexcept {
     double of_rotation = 0.0;
     if constexpr (N == 6)
-      of_rotation = unforeseen.template tail<3>().norm() +
-                    std::sqrt(largest_of_hand<0>() * largest_of_hand<kLinear>()) * kHandForceChange_n;
+      of_rotation =
+          unforeseen.template tail<3>().norm() + rotation_ratio * std::sqrt(free[0] * free[3]) * kHandForceChange_n;
     return power_of_error(f, std::max(error_bound, worst_error()), std::max(rotation_error_bound, of_rotation));
   }
   /// Least power of a force no larger than f, whatever its direction, but for the error of w [W].
@@ -47,11 +49,6 @@ struct VelocityPrediction {
  private:
   static constexpr int kLinear = N == 6 ? 3 : N;
 
-  /// Of translation, from 0, or rotation.
-  template <int kFrom>
-  [[nodiscard]] double largest_of_hand() const noexcept {
-    return of_hand.template segment<kLinear>(kFrom).maxCoeff();
-  }
   [[nodiscard]] static double power_of_error(const Force<N>& f, double error,
                                              [[maybe_unused]] double rotation_error) noexcept {
     if constexpr (N == 6) {
@@ -69,7 +66,7 @@ struct VelocityPrediction {
 ///     u, d  += g e, h e                             e: measured less predicted mean velocity
 ///     w      = u(k) + d - C f(k-1)                  mean velocity of the coming interval without a force
 ///     error_bound = max(|e|, 0.95 error_bound)      translation and rotation each
-///     worst_error = |e(k) - e(k-1)/4| + (C/r) F_h   rotation: F_h sqrt(J/m)
+///     worst_error = |e(k) - e(k-1)/4| + C/r F_h     rotation: F_h sqrt(J/m)
 ///
 /// e(k+1) = e(k) - e(k-1)/4 + C (F(k+1) - F(k-1)) with F the hand's own force: exact for a mass under held forces, and the reason
 /// why worst_error is a bound for any hand that changes its force by no more than F_h within two ticks.
@@ -86,7 +83,7 @@ class PortVelocityPredictor {
   PortVelocityPredictor(double mass_kg, double inertia_kg_m2) {
     inverse_mass_.setConstant(1.0 / mass_kg);
     if constexpr (N == 6) inverse_mass_.template tail<3>().setConstant(1.0 / inertia_kg_m2);
-    inverse_at_port_ = inverse_of_hand_ = inverse_mass_;
+    inverse_at_port_ = inverse_mass_;
   }
 
   /// `moved` since the last step, `ended` ago, while `applied` was held.
@@ -100,7 +97,7 @@ class PortVelocityPredictor {
     u_ = expected + kGain * e;
     d_ += kRateGain * e;
     predict(c, e, e - kRateGain * before_, applied.vec());
-    prediction_.of_hand = 0.5 * dt.si() * inverse_of_hand_;
+    prediction_.free = 0.5 * dt.si() * inverse_mass_;
   }
   /// From now on the ratio is r, after step(); v: the port's velocity with it. The hand's motion and its force on the handle go on; an axis
   /// that opens, r = 0 before, moves with v.
@@ -137,10 +134,10 @@ class PortVelocityPredictor {
       applied_[i] *= opens || r[i] == 0.0 ? 0.0 : ratio_[i] / r[i];
     }
     ratio_ = r;
-    inverse_of_hand_ = inverse_mass_.cwiseProduct(r);
-    inverse_at_port_ = inverse_of_hand_.cwiseProduct(r);
+    inverse_at_port_ = inverse_mass_.cwiseProduct(r.cwiseAbs2());
     prediction_.mobility = 0.5 * dt.si() * inverse_at_port_;
-    prediction_.of_hand = 0.5 * dt.si() * inverse_of_hand_;
+    prediction_.ratio = r.template head<kAxes>().maxCoeff();
+    if constexpr (N == 6) prediction_.rotation_ratio = r.template tail<3>().maxCoeff();
     prediction_.w = Velocity<N>{u_ + d_ - prediction_.mobility.cwiseProduct(applied_)};
   }
 
@@ -153,14 +150,14 @@ class PortVelocityPredictor {
     const Vector mean = moved.vec() / (n * dt.si());
     u_ = mean + half;
     predict(c, mean - expected, mean - expected, applied.vec());
-    prediction_.of_hand = 0.5 * dt.si() * inverse_of_hand_;
+    prediction_.free = 0.5 * dt.si() * inverse_mass_;
   }
 
   static constexpr int kAxes = N == 6 ? 3 : N;
   static constexpr double kTheta = 0.5, kGain = 1.0 - kTheta * kTheta, kRateGain = (1.0 - kTheta) * (1.0 - kTheta);
   static constexpr double kMemory = 0.95;
 
-  Vector inverse_mass_, ratio_ = Vector::Ones(), inverse_at_port_, inverse_of_hand_;  ///< 1/m, r²/m, r/m
+  Vector inverse_mass_, ratio_ = Vector::Ones(), inverse_at_port_;  ///< 1/m, r²/m
   Vector u_ = Vector::Zero(), d_ = Vector::Zero(), applied_ = Vector::Zero(), before_ = Vector::Zero();
   VelocityPrediction<N> prediction_{};
 };

@@ -79,7 +79,7 @@ class EnergySpringMasterOf final : public Copyable<EnergySpringMasterOf<N, kTwoP
   static constexpr double kCredit_j = 20e-3, kKept = 0.25;
 
   void observe(const MasterInput<N>& in) noexcept {
-    const Displacement<N> moved = in.first ? Displacement<N>{} : in.interval.moved;
+    const Displacement<N> moved = in.first ? Displacement<N>{} : integral(in.interval, in.ended);
     Energy net = in.account.net();
     if constexpr (kTwoPort) net += received_ = registration_.to_master(in.slave_energy_in);
     energy_.observe(net, moved, in.device.applied, in.ended, in.dt);

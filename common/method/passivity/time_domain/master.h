@@ -86,7 +86,7 @@ class TimeDomainMaster final : public Copyable<TimeDomainMaster<N>, MasterPassiv
     if (!in.first) {
       if (measured_) command_.book(held_energy(observer_, command_force_, in.interval, in.ended));
       if (predictor_) {
-        predictor_->step(in.interval.moved, in.device.applied, in.ended, in.dt);
+        predictor_->step(integral(in.interval, in.ended), in.device.applied, in.ended, in.dt);
         predictor_->take_ratio(in.device.ratio, in.device.v, in.dt);
       }
     }
