@@ -16,14 +16,14 @@ inline constexpr double kHandForceChange_n = 20.0;
 template <int N>
 struct VelocityPrediction {
   using Vector = typename Force<N>::Vector;
-  Vector mobility = Vector::Zero();  ///< of the mean velocity to the force, r² T/(2m) per axis [m/(N s)]
-  Vector free = Vector::Zero();      ///< the same at the hand, T/(2m)
-  /// Largest r of translation and of rotation: a force of the hand moves the port by r T/(2m).
-  double ratio = 1.0, rotation_ratio = 1.0;
+  Vector mobility = Vector::Zero();    ///< of the mean velocity to the force, r² T/(2m) per axis [m/(N s)]
   Velocity<N> w{};                     ///< mean velocity without a force
   double error_bound = 0.0;            ///< norm of the error of w [m/s]
   double rotation_error_bound = 0.0;   ///< of w's rotation, N = 6 [rad/s]
   Vector unforeseen = Vector::Zero();  ///< e(k) - e(k-1)/4 [m/s], [rad/s]
+  Vector free = Vector::Zero();        ///< the same at the hand, T/(2m)
+  /// Largest r of translation and of rotation: a force of the hand moves the port by r T/(2m).
+  double ratio = 1.0, rotation_ratio = 1.0;
 
   /// Largest power of f due to the error of w [W].
   [[nodiscard]] double power_error_bound(const Force<N>& f) const noexcept {
