@@ -35,7 +35,6 @@ class MasterNode {
 
   explicit MasterNode(const ControlOptions& o, std::span<const ScheduledControl> schedule = {})
       : observer_{o.observer},
-        initial_{o.initial_energy},
         safety_{limits_at_device(o), -1.0, o.handle_mass_kg, o.handle_inertia_kg_m2},
         half_{o},
         alternatives_{o, schedule},
@@ -90,14 +89,13 @@ class MasterNode {
                                         .slave_energy_in = slave_energy_in_,
                                         .account = account_,
                                         .active = modes_.active(),
-                                        .ramp = ramp});
+                                        .ramp = ramp,
+                                        .bridge = bridge_.over(modes_.active())});
     before_ = motion;
     started_ = true;
     energy_sent_ = half.energy_in;
     if (!all_finite(half.f)) [[unlikely]]
       return fail_safe(device);
-    if (bridge_.active()) [[unlikely]]
-      half = crossed(half, device.v, tick.dt);
     Force<N> f = safety_(half.f, device.x, device.v, tick.dt);
     command_ = f;
     return {.command = f,
@@ -116,7 +114,7 @@ class MasterNode {
 
   /// The slave has restarted and its totals with it: those of this side restart too.
   void on_peer_restart(Energy slave_energy_in) noexcept {
-    half_->restart(account_, half_->deficit(account_, slave_energy_in));
+    half_->restart(account_, std::min(half_->balance(account_, slave_energy_in), Energy{}));
     energy_sent_ = Energy{};
     modes_.reset();
     ramp_.drop();
@@ -127,10 +125,11 @@ class MasterNode {
   ///
   ///     |f(k) - f(k-1)| <= |change of the new half's own force| + T/engage |f_before - f_new(0)|
   ///
-  /// What the bridge adds returns energy to the hand only as far as the hand's port has it, E(0) + E >= 0. A deficit is carried
-  /// over. Totals start from zero in a new epoch.
+  /// The bridge is a part of what the new half wishes, so that its passivity layer limits it: where the account has not the energy, the
+  /// force falls at once. The account goes on with what the one before has left, a deficit included. Totals start from zero in a new
+  /// epoch.
   void switch_method(Held<Half>& next) noexcept {
-    next->restart(account_, half_->deficit(account_, slave_energy_in_));
+    next->restart(account_, half_->balance(account_, slave_energy_in_));
     next->start({.x = before_.x, .v = before_.v, .applied = command_});
     std::swap(half_, next);
     bridge_.begin(command_);
@@ -171,18 +170,6 @@ class MasterNode {
     awaits_slave_ = false;
     bridge_.begin(command_);
   }
-  [[gnu::noinline]] MasterOutput<N> crossed(MasterOutput<N> half, Velocity<N> v, Seconds dt) noexcept {
-    if (!modes_.active()) {
-      bridge_.stop();
-      return half;
-    }
-    Force<N> added = bridge_.step(half.f, dt);
-    const Energy left = initial_ + account_.net() - positive_part(dot(-half.f, v) * dt), out = dot(-added, v) * dt;
-    if (out > positive_part(left)) added = (positive_part(left) / out) * added;
-    half.f += added;
-    half.wanted += added;
-    return half;
-  }
 
   /// This side has stood still for a while: what it knows is old. The coupling begins anew, with its ramp. Of the energy of an
   /// interval in which the device may have let go by itself, only what the hand was given is believed.
@@ -218,7 +205,6 @@ class MasterNode {
   }
 
   ObserverRule observer_;
-  Energy initial_;
   SafetyStage<N> safety_;
   Held<Half> half_;
   Alternatives<Held<Half>> alternatives_;

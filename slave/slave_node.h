@@ -1,5 +1,6 @@
 #pragma once
 
+#include <algorithm>
 #include <cstdint>
 #include <span>
 #include <utility>
@@ -60,11 +61,10 @@ class SlaveNode {
                                        .master_energy_in = master_energy_in_,
                                        .account = account_,
                                        .coupled = modes_.coupled(),
-                                       .active = modes_.active()});
+                                       .active = modes_.active(),
+                                       .bridge = bridge_.over(modes_.active() && !robot.ideal)});
     if (!all_finite(half.command.f, half.command.v_d, half.command.x_d)) [[unlikely]]
       return fail_safe(robot);
-    if (bridge_.active()) [[unlikely]]
-      half = crossed(half, robot.ideal, tick.dt);
     if (safety_.any()) [[unlikely]]
       half = limited(half, robot, tick.dt);
     command_ = half.command.f;
@@ -86,14 +86,14 @@ class SlaveNode {
 
   /// As MasterNode::on_peer_restart.
   void on_peer_restart(Energy master_energy_in) noexcept {
-    half_->restart(account_, half_->deficit(account_, master_energy_in));
+    half_->restart(account_, std::min(half_->balance(account_, master_energy_in), Energy{}));
     modes_.reset();
   }
 
   /// As MasterNode::switch_method; set point and registration are kept. The force on the robot is continuous (Bridge): what
   /// that adds does at most the work |f_before - f_new(0)| times the robot's path within engage_s.
   void switch_method(Held<Half>& next) noexcept {
-    next->restart(account_, half_->deficit(account_, master_energy_in_));
+    next->restart(account_, half_->balance(account_, master_energy_in_));
     if (modes_.active()) next->resume(half_->handover());
     std::swap(half_, next);
     bridge_.begin(command_);
@@ -141,13 +141,6 @@ class SlaveNode {
     safety_.note(Limit::pause);
     bridge_.stop();
   }
-  [[gnu::noinline]] SlaveOutput<N> crossed(SlaveOutput<N> half, bool ideal, Seconds dt) noexcept {
-    if (!modes_.active() || ideal)
-      bridge_.stop();
-    else
-      half.command.f += bridge_.step(half.command.f, dt);
-    return half;
-  }
   [[gnu::noinline]] void forget_words(const PeerState<N>& master) noexcept {
     without_words_ = master;
     without_words_.words.clear();
@@ -160,7 +153,7 @@ class SlaveNode {
       switch_method(*next);
       alternatives_.used(master.epoch);
     } else {
-      half_->restart(account_, half_->deficit(account_, master_energy_in_));
+      half_->restart(account_, std::min(half_->balance(account_, master_energy_in_), Energy{}));
     }
     epoch_ = master.epoch;
   }

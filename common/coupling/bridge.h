@@ -25,7 +25,13 @@ class Bridge {
     first_ = true;
   }
   void stop() noexcept { left_ = 0.0; }
-  [[nodiscard]] bool active() const noexcept { return left_ > 0.0; }
+  /// This, where it is left and `applies`; else null, and it ends.
+  [[nodiscard]] Bridge* over(bool applies) noexcept {
+    if (left_ == 0.0) [[likely]]
+      return nullptr;
+    if (!applies) stop();
+    return applies ? this : nullptr;
+  }
   /// What is added to `f` in this tick.
   [[nodiscard]] Force<N> step(const Force<N>& f, Seconds dt) noexcept {
     if (first_) {

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <optional>
 #include <string_view>
 
 namespace twoport {
@@ -11,35 +12,55 @@ namespace twoport {
 ///
 /// These lists are the names of scenes, of `twoport-lab methods` and of tables. common/method/classes.h has the classes.
 
-/// Which port a passivity layer bounds: the energy that it returns is at most what it was given plus E(0).
-enum class Claim : unsigned char {
-  none,
-  hand,  ///< of the hand's port, for any reports
-  both,  ///< of the hand's and the robot's port together, for honest reports
+/// Which ports' energy is bounded [J], since the start, for any hand, robot and network:
+///
+///     hand   Σ f·Δx at the master port              >= -E(0) - slack          for any reports
+///     both   hand less what leaves at the slave      >= -E(0) of both sides - slack     for honest reports
+///     slack  = Σ |f·e| T + K (δ_m² + δ_s²)/2
+///     e(k+1) = e(k) - e(k-1)/4 + a(k+1) - a(k)         a(k+1) = v(k+1) - v(k) + C (f(k) + f(k+1)),   v = Δx/T, C = T/(2m)
+///
+/// At the slave Σ f·v_d T leaves the link, with `robot_port` Σ f·Δx of the robot. a: what all but the displayed force f adds to the
+/// handle's velocity in a tick; e: the error that this makes in the velocity which the controller predicts
+/// (common/passivity/velocity_predictor.h), counted where `predicts`. K: the coupling's stiffness where `tick_of_spring`, else 0;
+/// δ_m, δ_s: largest motion of hand and robot in a tick. What a pair claims with the options that it has: common/coupling/claim.h.
+struct Claim {
+  bool hand = false, both = false;
+  bool device_damping = false;  ///< Σ b Δx²/T of the device counts with the hand's energy
+  bool robot_port = false;
+  bool tick_of_spring = false;
+  bool shares_initial = false;  ///< E(0) is of both ports together, not of each
+  bool predicts = false;        ///< as the handle has moved, not for the worst that a hand can do
+
+  [[nodiscard]] constexpr bool any() const { return hand || both; }
+  friend constexpr bool operator==(const Claim&, const Claim&) = default;
 };
 
-constexpr std::string_view to_string(Claim claim) {
-  return claim == Claim::none ? "none" : claim == Claim::hand ? "hand" : "both";
+constexpr std::string_view to_string(const Claim& claim) {
+  if (claim.hand && claim.both) return "hand, both";
+  return claim.hand ? "hand" : claim.both ? "both" : "none";
 }
 
 struct TransparencyLayerName {
   std::string_view name, summary;
+  /// A damper at the robot that acts beside the passivity layer is of the link: no controller of the link's port bounds it.
+  bool damps_link = false;
 };
 struct PassivityLayerName {
   std::string_view name;
   Claim claim;
   std::string_view summary;
 };
-/// A named pair; a method of one piece has no layers.
+/// A named pair; a method of one piece has no layers, and a claim of its own.
 struct MethodName {
   std::string_view name, transparency, passivity, summary;
+  std::optional<Claim> claim{};
   [[nodiscard]] constexpr bool one_piece() const { return transparency.empty(); }
 };
 
 inline constexpr TransparencyLayerName kTransparencyLayers[] = {
-    {"INTERNAL_MODEL", "a local model of the surface, corrected by the delayed force"},
+    {"INTERNAL_MODEL", "a local model of the surface, corrected by the delayed force", true},
     {"DELAYED_FORCE", "the force of the architecture as it arrives"},
-    {"SURFACE_MODEL", "a local model of the surface and nothing else"},
+    {"SURFACE_MODEL", "a local model of the surface and nothing else", true},
     {"CONTACT_SPRING", "the delayed force and a local spring in all axes, for tools with many contacts"},
     {"FOUR_CHANNEL", "positions and forces in both directions"},
     {"FIXED_DAMPING", "a spring between the two positions and a damper at each side"},
@@ -49,14 +70,21 @@ inline constexpr TransparencyLayerName kTransparencyLayers[] = {
 };
 
 inline constexpr PassivityLayerName kPassivityLayers[] = {
-    {"ENERGY_SPRING", Claim::hand, "at most the force of a spring that holds the energy of the hand's port"},
-    {"ENERGY_SPRING_TWO_PORT", Claim::both, "the same at both ports, which send each other the energy they spare"},
-    {"NONE", Claim::none, "everything is displayed"},
-    {"CLASSIC", Claim::none,
+    {"ENERGY_SPRING", {.hand = true}, "at most the force of a spring that holds the energy of the hand's port"},
+    {"ENERGY_SPRING_TWO_PORT",
+     {.both = true, .shares_initial = true},
+     "the same at both ports, which send each other the energy they spare"},
+    {"NONE", {}, "everything is displayed"},
+    {"CLASSIC",
+     {},
      "two-port time domain passivity, correction along the velocity, as far as its largest damping reaches"},
-    {"FORCE_PROJECTED", Claim::both, "two-port time domain passivity, correction along the force"},
-    {"ENERGY_TANK", Claim::both, "a tank of energy at each side; the tanks exchange energy and the hand fills them"},
-    {"ENERGY_BOUNDING", Claim::hand, "the device's own damping covers every next motion"},
+    {"FORCE_PROJECTED",
+     {.hand = true, .both = true, .predicts = true},
+     "two-port time domain passivity, correction along the force"},
+    {"ENERGY_TANK",
+     {.both = true, .robot_port = true, .tick_of_spring = true},
+     "a tank of energy at each side; the tanks exchange energy and the hand fills them"},
+    {"ENERGY_BOUNDING", {.hand = true, .device_damping = true}, "the device's own damping covers every next motion"},
 };
 
 /// The first is what a scene over a link gets that names none.
@@ -71,9 +99,10 @@ inline constexpr MethodName kMethods[] = {
      "a spring between the two positions and a damper at each side (P+d): stable for any passive hand and environment "
      "at a known delay, and felt as a brake"},
     {"WAVE_VARIABLES", "", "",
-     "wave variables: the link carries waves whose energy no delay or loss can raise; position is not exact"},
+     "wave variables: the link carries waves whose energy no delay or loss can raise; position is not exact", Claim{}},
     {"SET_POSITION_MODULATION", "", "",
-     "passive set-position modulation: each side's spring follows the other's position as far as stored energy allows"},
+     "passive set-position modulation: each side's spring follows the other's position as far as stored energy allows",
+     Claim{.both = true, .robot_port = true, .tick_of_spring = true}},
     {"ENERGY_TANK", "DELAYED_FORCE", "ENERGY_TANK",
      "two layers: any force, limited by an energy tank at each side; the tanks exchange energy and the hand fills "
      "them"},
@@ -88,6 +117,13 @@ inline constexpr MethodName kMethods[] = {
      "model-mediated: the hand feels a local model of the surface that the robot touches; its force is as good as the "
      "model"},
 };
+
+/// A pair's claim is that of its layers.
+static_assert([] {
+  for (const MethodName& each : kMethods)
+    if (each.one_piece() != each.claim.has_value()) return false;
+  return true;
+}());
 
 /// The entry of a name; null: there is none.
 template <class Entry, int Count>

@@ -41,6 +41,8 @@ struct DeviceSample {
   /// Does the operator hold the handle? Devices that cannot know say true. After control.release_after_s without, both sides
   /// are released until it is held again.
   bool held = true;
+  /// r of each axis from now on: motion of the port over that of the hand, force of the hand over that of the port (ModulatedTransformer).
+  typename Velocity<N>::Vector ratio = Velocity<N>::Vector::Ones();
 };
 
 /// Values that only simulated hardware knows, at the time of the last reading.

@@ -30,7 +30,8 @@ struct HandControls {
 /// nothing. So an account of φ f·Δx is the hand's own, and the bounds of the methods hold at the hand for every course of r. Only the
 /// increments of x_h pass: that x and x_h differ by more after the clutch is another origin of the wanted motion, not work. φ <= 1
 /// takes force away, as a limit does, and the account books what is left. With r = 0 the port is closed: v = 0 and f_h = 0.
-/// There f itself is `applied`, as by a rigid hand, so that a wave returns as from a port that is held.
+/// There f itself is `applied`, as by a rigid hand, so that a wave returns as from a port that is held. In the first period of an axis that
+/// opens f_h = 0: nobody at the port knows its motion yet.
 ///
 /// Re-homing makes the present pose of the hand that of the robot: the hand is free, and the port yields to its force, v = -f / b, until
 /// none is left, for 2 s at most. `applied` is 0 there, what the hand gets: as where a limit takes the whole force away, and the
@@ -58,12 +59,12 @@ class ModulatedTransformer {
       hand_ = x_ = s.x;
       begun_ = true;
     }
-    Vector moved = r_.cwiseProduct((s.x - hand_).vec());
+    Vector moved = r_.cwiseProduct((s.x - hand_).vec() + beside_log(hand_v_, s.v.vec(), ended_s));
+    hand_v_ = s.v.vec();
     if (yields_) {
       moved = -ended_s * yielding();
       rehome_s_ = at_rest() ? 0.0 : rehome_s_ - ended_s;
     }
-    x_ = x_ + Displacement<N>{moved};
     Vector f = s.applied.vec();
     for (int i = 0; i < N; ++i) f[i] = r_[i] > 0.0 ? f[i] / r_[i] : yields_ ? 0.0 : f_[i];
 
@@ -72,10 +73,15 @@ class ModulatedTransformer {
     closed_ = pressed || c_.clutched || yields_;
     for (int i = 0; i < N; ++i) {
       const bool stands = closed_ || (c_.locked >> i & 1u) != 0;
+      const bool opens = r_[i] == 0.0;
       r_[i] = stands ? 0.0 : r_[i] + std::clamp((i < 3 ? c_.motion : 1.0) - r_[i], -step, step);
+      felt_[i] = opens ? 0.0 : r_[i];
     }
     phi_ += std::clamp(c_.force - phi_, -step, step);
 
+    const Vector v = yields_ ? Vector{-yielding()} : Vector{r_.cwiseProduct(s.v.vec())};
+    x_ = x_ + Displacement<N>{Vector{moved - beside_log(v_, v, ended_s)}};
+    v_ = v;
     const auto here = [&](const Position<N>& p) {
       return x_ + Displacement<N>{Vector{r_.cwiseProduct((p - s.x).vec())}};
     };
@@ -83,16 +89,17 @@ class ModulatedTransformer {
     truth.v = Velocity<N>{Vector{r_.cwiseProduct(truth.v.vec())}};
     hand_ = s.x;
     s.x = x_;
-    s.v = Velocity<N>{yields_ ? Vector{-yielding()} : Vector{r_.cwiseProduct(s.v.vec())}};
+    s.v = Velocity<N>{v};
+    s.ratio = r_;
     s.applied = Force<N>{f};
   }
   /// The force at the hand under the force `f` of the network, which is held until the next step().
   [[nodiscard]] Force<N> to_hand(const Force<N>& f) noexcept {
     f_ = f.vec();
-    return Force<N>{Vector{phi_ * r_.cwiseProduct(f_)}};
+    return Force<N>{Vector{phi_ * felt_.cwiseProduct(f_)}};
   }
   /// Force at the hand over that of the network.
-  [[nodiscard]] double felt_share(int axis) const noexcept { return phi_ * r_[axis]; }
+  [[nodiscard]] double felt_share(int axis) const noexcept { return phi_ * felt_[axis]; }
   /// Where the last reading was, without clutch, locks and scales.
   [[nodiscard]] const Position<N>& hand() const noexcept { return hand_; }
 
@@ -102,6 +109,15 @@ class ModulatedTransformer {
   static constexpr double kDamping = 200.0, kRotationalDamping = 2.0;  // [N s/m], [N m s/rad]
   static constexpr double kRest_n = 0.02, kRest_n_m = 0.002;           // no force is left below
 
+  /// ∫ω dt of a period less the rotation vector of its attitudes (held_energy), so that a locked axis takes no work from the others.
+  [[nodiscard]] static Vector beside_log([[maybe_unused]] const Vector& v0, [[maybe_unused]] const Vector& v1,
+                                         [[maybe_unused]] double dt_s) noexcept {
+    Vector out = Vector::Zero();
+    if constexpr (N == 6)
+      out.template tail<3>() =
+          dt_s * dt_s / 12.0 * Eigen::Vector3d{v0.template tail<3>()}.cross(Eigen::Vector3d{v1.template tail<3>()});
+    return out;
+  }
   [[nodiscard]] Vector yielding() const noexcept {
     Vector v = f_;
     for (int i = 0; i < N; ++i) v[i] /= i < 3 ? kDamping : kRotationalDamping;
@@ -114,7 +130,8 @@ class ModulatedTransformer {
   }
 
   HandControls c_;
-  Vector r_ = Vector::Ones(), f_ = Vector::Zero();
+  Vector r_ = Vector::Ones(), felt_ = Vector::Ones(), f_ = Vector::Zero();
+  Vector hand_v_ = Vector::Zero(), v_ = Vector::Zero();  ///< of the last reading, at the hand and at the port
   double phi_ = 1.0, rehome_s_ = 0.0;
   bool begun_ = false, closed_ = false, yields_ = false;
   Position<N> hand_, x_;

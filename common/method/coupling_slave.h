@@ -28,7 +28,7 @@ class CouplingSlave : public SlaveHalf<N> {
     set_back(out, asked, robot, dt);
     report_no_more(out, wished, out.grounded - dot(out.command.f, out.command.v_d * dt));
   }
-  [[nodiscard]] Energy deficit(const Ledger&, Energy) const noexcept override { return Energy{}; }
+  [[nodiscard]] Energy balance(const Ledger&, Energy) const noexcept override { return Energy{}; }
   void restart(const Ledger& account, Energy) noexcept override { base_absorbed_ = account.absorbed(); }
   [[nodiscard]] SlaveHandover<N> handover() const noexcept override {
     return {coupling_.registration(), coupling_.set_point()};
@@ -53,10 +53,12 @@ class CouplingSlave : public SlaveHalf<N> {
     return {};
   }
   /// The set point moves by v T, and f acts on the robot; `grounded` is the part of f that does not come from the link.
-  SlaveOutput<N> act(const SlaveInput<N>& in, const Force<N>& f, const Velocity<N>& v, const Velocity<N>& v_d,
+  SlaveOutput<N> act(const SlaveInput<N>& in, Force<N> f, const Velocity<N>& v, const Velocity<N>& v_d,
                      const Force<N>& grounded = {}) noexcept {
     if (!all_finite(f, v)) [[unlikely]]
       return no_force_exists(f);
+    if (in.bridge != nullptr) [[unlikely]]
+      f += in.bridge->step(f, in.dt);
     const Displacement<N> moved = v * in.dt;
     const Energy not_of_link = dot(grounded, moved);
     Ledger account = in.account;
@@ -96,12 +98,12 @@ class StoringSlave : public CouplingSlave<N> {
     out.energy_in = side_.sent();
     return out;
   }
-  [[nodiscard]] Energy deficit(const Ledger&, Energy master_in) const noexcept override {
-    return side_.deficit(this->coupling_.registration().to_slave(master_in));
+  [[nodiscard]] Energy balance(const Ledger&, Energy master_in) const noexcept override {
+    return side_.balance(this->coupling_.registration().to_slave(master_in));
   }
-  void restart(const Ledger& account, Energy deficit) noexcept override {
-    CouplingSlave<N>::restart(account, deficit);
-    side_.restart(deficit);
+  void restart(const Ledger& account, Energy balance) noexcept override {
+    CouplingSlave<N>::restart(account, balance);
+    side_.restart(balance);
   }
 
  protected:

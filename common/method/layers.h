@@ -30,9 +30,21 @@ struct Wish {
       stored{};  ///< energy of the model behind f, which f may return; absent: that of a spring, f²/2K
 
   double contact_spring_share = 0.0;  ///< of a spring in all axes in the model of the contact, 0 to 1
+  Bridge<N>* bridge = nullptr;        ///< to be crossed, after a switch: the passivity layer limits it with f
+  bool bridged = false;               ///< f has a part of the bridge
 
   [[nodiscard]] Force<N> total() const noexcept { return damped ? f + damper : f; }
 };
+
+/// The wish with the bridge as a part of it.
+template <int N>
+[[gnu::noinline]] Wish<N> crossed(Wish<N> wish, Seconds dt) noexcept {
+  wish.f += wish.bridge->step(wish.total(), dt);
+  wish.bridge = nullptr;
+  wish.idle = false;
+  wish.bridged = true;
+  return wish;
+}
 
 /// What the passivity layer displays of a wish.
 template <int N>
@@ -84,8 +96,8 @@ class MasterPassivity {
   [[nodiscard]] virtual std::unique_ptr<MasterPassivity> copy() const = 0;
   /// Books the interval that has ended, and limits the wish for the coming one.
   virtual Shown<N> limit(const Wish<N>& wish, const MasterInput<N>& in) noexcept = 0;
-  [[nodiscard]] virtual Energy deficit(const Ledger& account, Energy slave_energy_in) const noexcept = 0;
-  virtual void restart(const Ledger& account, Energy deficit) noexcept = 0;
+  [[nodiscard]] virtual Energy balance(const Ledger& account, Energy slave_energy_in) const noexcept = 0;
+  virtual void restart(const Ledger& account, Energy balance) noexcept = 0;
 };
 
 /// The master half of a pair. A wish that is not finite is not displayed, and the node releases the port.
@@ -99,6 +111,7 @@ class MasterPair final : public Copyable<MasterPair<N, Transparency, Passivity>,
     Wish<N> wish = transparency_->wish(in);
     if (!all_finite(wish.f, wish.damper)) [[unlikely]]
       return not_finite(wish, in);
+    wish.bridge = in.bridge;
     Shown<N> shown = passivity_->limit(wish, in);
     transparency_->shown(shown.f, shown.share, in);
     return {.f = shown.f,
@@ -108,8 +121,8 @@ class MasterPair final : public Copyable<MasterPair<N, Transparency, Passivity>,
             .undissipated = shown.undissipated,
             .contact_spring_share = wish.contact_spring_share};
   }
-  [[nodiscard]] Energy deficit(const Ledger& account, Energy e) const noexcept override {
-    return passivity_->deficit(account, e);
+  [[nodiscard]] Energy balance(const Ledger& account, Energy e) const noexcept override {
+    return passivity_->balance(account, e);
   }
   void restart(const Ledger& account, Energy e) noexcept override { passivity_->restart(account, e); }
   [[nodiscard]] bool has_payload() const noexcept override { return transparency_->has_payload(); }
@@ -205,26 +218,43 @@ class SlavePassivity {
     static_cast<void>(f), static_cast<void>(in);
     out.energy_in = reported(account);
   }
-  /// The limits at the robot have changed the command. Without them the link would have taken `wished`.
+  /// The limits at the robot have changed the command; `damper` is the part of the wish's that is in it. Without them the link would
+  /// have taken `wished`.
   virtual void limited(SlaveOutput<N>& out, const Force<N>& damper, Energy wished, VirtualCoupling<N>& coupling,
                        const RobotSample<N>& robot, Seconds dt) noexcept {
     static_cast<void>(damper), static_cast<void>(coupling), static_cast<void>(robot);
-    report_no_more(out, wished, out.grounded - dot(out.command.f, out.command.v_d * dt));
+    report_no_more(out, wished, -leaves(out, dt));
   }
   virtual void release() noexcept {}
   /// The total that is told to the master.
   [[nodiscard]] virtual Energy reported(const Ledger& account) noexcept { return account.absorbed() - base_absorbed_; }
-  [[nodiscard]] virtual Energy deficit(const Ledger& account, const Registration<N>& registration,
+  [[nodiscard]] virtual Energy balance(const Ledger& account, const Registration<N>& registration,
                                        Energy master_energy_in) const noexcept {
     static_cast<void>(account), static_cast<void>(registration), static_cast<void>(master_energy_in);
     return Energy{};
   }
-  virtual void restart(const Ledger& account, Energy deficit) noexcept {
-    static_cast<void>(deficit);
+  virtual void restart(const Ledger& account, Energy balance) noexcept {
+    static_cast<void>(balance);
     base_absorbed_ = account.absorbed();
   }
 
  protected:
+  /// What leaves the link with the set point's motion.
+  static Energy leaves(const SlaveOutput<N>& out, Seconds dt) noexcept {
+    return dot(out.command.f, out.command.v_d * dt) - out.grounded;
+  }
+  /// Scales the set point's motion so that no more than `most` leaves. Returns what does.
+  static Energy leave_at_most(Energy most, SlaveOutput<N>& out, VirtualCoupling<N>& coupling, Seconds dt) noexcept {
+    const Energy wished = leaves(out, dt);
+    if (!(wished > positive_part(most))) return wished;
+    const double part = positive_part(most) / wished;
+    const Velocity<N> v = part * out.command.v_d;
+    coupling.move((v - out.command.v_d) * dt, Velocity<N>{}, dt);
+    out.command.v_d = v;
+    out.grounded = part * out.grounded;
+    return leaves(out, dt);
+  }
+
   Energy base_absorbed_;
 };
 
@@ -242,6 +272,8 @@ class SlavePair final : public Copyable<SlavePair<N, Transparency, Passivity>, S
     VirtualCoupling<N>& coupling = transparency_->coupling();
     RobotWish<N> wish = transparency_->wish(in);
     RobotPort<N> port = passivity_->limit(wish, coupling, in);
+    if (in.bridge != nullptr) [[unlikely]]
+      port.f += in.bridge->step(wish.damped ? port.f + wish.damper : port.f, in.dt);
     damper_ = wish.damper;
     grounded_ = wish.grounded;
     Force<N> f = wish.damped ? port.f + wish.damper : port.f;
@@ -279,13 +311,14 @@ class SlavePair final : public Copyable<SlavePair<N, Transparency, Passivity>, S
     VirtualCoupling<N>& coupling = transparency_->coupling();
     const Energy wished = out.grounded - dot(asked.f, asked.v_d * dt);
     coupling.limited(out.command, asked, robot, dt);
-    if (grounded_) out.grounded = dot(damper_, out.command.v_d * dt);
-    passivity_->limited(out, damper_, wished, coupling, robot, dt);
+    const Force<N> damper = applied_of(damper_, out.command.f, asked.f);
+    if (grounded_) out.grounded = dot(damper, out.command.v_d * dt);
+    passivity_->limited(out, damper, wished, coupling, robot, dt);
     out.command.x_d = coupling.set_point();
     transparency_->acted(out.command.f);
   }
-  [[nodiscard]] Energy deficit(const Ledger& account, Energy e) const noexcept override {
-    return passivity_->deficit(account, transparency_->coupling().registration(), e);
+  [[nodiscard]] Energy balance(const Ledger& account, Energy e) const noexcept override {
+    return passivity_->balance(account, transparency_->coupling().registration(), e);
   }
   void restart(const Ledger& account, Energy e) noexcept override { passivity_->restart(account, e); }
   [[nodiscard]] SlaveHandover<N> handover() const noexcept override {
@@ -297,6 +330,21 @@ class SlavePair final : public Copyable<SlavePair<N, Transparency, Passivity>, S
   void write_payload(Words& words) const noexcept override { transparency_->write_payload(words); }
 
  private:
+  /// Of a damper's force, a part of `asked`, the part that is in `applied`: translation and rotation each by their share of `asked`.
+  static Force<N> applied_of(Force<N> damper, const Force<N>& applied, const Force<N>& asked) noexcept {
+    const auto share = [](const auto& f, const auto& wanted) {
+      const double all = wanted.squaredNorm();
+      return all > 0.0 ? std::clamp(f.dot(wanted) / all, 0.0, 1.0) : 0.0;
+    };
+    constexpr int kTranslations = N == 1 ? 1 : 3;
+    typename Force<N>::Vector g = damper.vec();
+    g.template head<kTranslations>() *=
+        share(applied.vec().template head<kTranslations>(), asked.vec().template head<kTranslations>());
+    if constexpr (N == 6)
+      g.template tail<3>() *= share(applied.vec().template tail<3>(), asked.vec().template tail<3>());
+    return Force<N>{g};
+  }
+
   Held<Transparency> transparency_;
   Held<Passivity> passivity_;
   Force<N> damper_;  ///< of the last wish

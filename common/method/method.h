@@ -1,10 +1,12 @@
 #pragma once
 
+#include <algorithm>
 #include <memory>
 #include <type_traits>
 #include <utility>
 
 #include "common/base/time.h"
+#include "common/coupling/bridge.h"
 #include "common/coupling/options.h"
 #include "common/coupling/registration.h"
 #include "common/hardware/device.h"
@@ -33,6 +35,7 @@ struct MasterInput {
   const Ledger& account;        ///< energy into the master port, exact, since the start
   bool active;                  ///< coupled or holding; else the force is zero
   double ramp;                  ///< rises from 0 to 1 after engagement
+  Bridge<N>* bridge;            ///< from the force of the method before, after a switch; null: none
 };
 template <int N>
 struct MasterOutput {
@@ -54,6 +57,7 @@ struct SlaveInput {
   const Ledger& account;       ///< energy into the link through the slave's port, until this tick
   bool coupled;                ///< the master's reports arrive and its motion is followed
   bool active;                 ///< coupled or holding
+  Bridge<N>* bridge;           ///< as MasterInput's
 };
 template <int N>
 struct SlaveOutput {
@@ -87,6 +91,30 @@ void report_no_more(SlaveOutput<N>& out, Energy wished, Energy taken) noexcept {
   if (more.si() < 0.0) out.energy_in += more;
 }
 
+/// What is left of an account is what the next one begins with; of what was left beyond E(0) no more than the hand has put in.
+[[nodiscard]] inline Energy handed_over(Energy balance, const Ledger& account) noexcept {
+  return std::min(balance, positive_part(account.net()));
+}
+/// The same of an account of the hand's port alone: all that the hand has put in. What a method without control has created is not
+/// charged: its balance is 0.
+[[nodiscard]] inline Energy put_in_by_hand(Energy balance, const Ledger& account) noexcept {
+  return std::max(account.net(), std::min(balance, Energy{}));
+}
+
+/// The bridge of a method of one piece at the master: it returns energy only as far as the hand's port has it at the present velocity,
+/// E(0) + E.
+template <int N>
+void cross(MasterOutput<N>& out, const MasterInput<N>& in, Energy initial) noexcept {
+  if (in.bridge == nullptr) [[likely]]
+    return;
+  Force<N> added = in.bridge->step(out.f, in.dt);
+  const Energy left = initial + in.account.net() - positive_part(dot(-out.f, in.device.v) * in.dt);
+  if (const Energy spent = dot(-added, in.device.v) * in.dt; spent > positive_part(left))
+    added = (positive_part(left) / spent) * added;
+  out.f += added;
+  out.wanted += added;
+}
+
 /// A half at the master, as MasterNode runs it. The class is chosen when the half is made (make) or when the program is compiled.
 template <int N>
 class MasterHalf {
@@ -99,10 +127,11 @@ class MasterHalf {
   virtual void start(const DeviceSample<N>& device) noexcept = 0;
   /// Every tick, active or not.
   virtual MasterOutput<N> step(const MasterInput<N>& in) noexcept = 0;
-  /// Energy returned beyond the available; `slave_energy_in`: the slave's total.
-  [[nodiscard]] virtual Energy deficit(const Ledger& account, Energy slave_energy_in) const noexcept = 0;
-  /// All totals start here from zero, with the deficit.
-  virtual void restart(const Ledger& account, Energy deficit) noexcept = 0;
+  /// What the account has besides E(0); below 0: the part of E(0) that is used, and what has been returned beyond. `slave_energy_in`: the
+  /// slave's total.
+  [[nodiscard]] virtual Energy balance(const Ledger& account, Energy slave_energy_in) const noexcept = 0;
+  /// All totals start here from zero, with the balance of the account before.
+  virtual void restart(const Ledger& account, Energy balance) noexcept = 0;
   /// Does it add words to the report of the last step? Which?
   [[nodiscard]] virtual bool has_payload() const noexcept { return false; }
   virtual void write_payload(Words&) const noexcept {}
@@ -123,8 +152,8 @@ class SlaveHalf {
   /// by that, so that it does not run ahead of the robot, and writes set point, velocity and energies of `out` as they are now.
   virtual void limited(SlaveOutput<N>& out, const RobotCommand<N>& asked, const RobotSample<N>& robot,
                        Seconds dt) noexcept = 0;
-  [[nodiscard]] virtual Energy deficit(const Ledger& account, Energy master_energy_in) const noexcept = 0;
-  virtual void restart(const Ledger& account, Energy deficit) noexcept = 0;
+  [[nodiscard]] virtual Energy balance(const Ledger& account, Energy master_energy_in) const noexcept = 0;
+  virtual void restart(const Ledger& account, Energy balance) noexcept = 0;
   [[nodiscard]] virtual SlaveHandover<N> handover() const noexcept = 0;
   /// Takes over during a coupling.
   virtual void resume(const SlaveHandover<N>& from) noexcept = 0;

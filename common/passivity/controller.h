@@ -210,17 +210,16 @@ Corrected<Out> passivity_controller(Out wanted, In in, Budget budget, const Cont
 /// A large force on a light handle reverses its velocity within one tick; f·v alone does not predict the outflow of that
 /// tick, and the controller would switch between full and zero force. In equilibrium with a hand w = C f and s = 1: a held
 /// force does no work and is not reduced. An accumulated deficit is dissipated from the inflowing power, no faster
-/// than a damping of max_gain. The force never exceeds the wanted force.
+/// than a damping of max_gain. The force never exceeds the wanted force. `turned`: a limit at the device may turn the force, P is the least
+/// of any direction.
 template <int N>
-[[gnu::always_inline]] inline Corrected<Force<N>> predictive_impedance_controller(const Force<N>& wanted,
-                                                                                  const VelocityPrediction<N>& port,
-                                                                                  Energy available,
-                                                                                  const ControllerOptions& options,
-                                                                                  Seconds dt) noexcept {
+[[gnu::always_inline]] inline Corrected<Force<N>> predictive_impedance_controller(
+    const Force<N>& wanted, const VelocityPrediction<N>& port, Energy available, const ControllerOptions& options,
+    Seconds dt, bool turned = false) noexcept {
   const auto& f = wanted.vec();
   const double accumulated_deficit = std::max(0.0, -available.si());
   if (f.squaredNorm() == 0.0) return {wanted, Energy{}, Energy{accumulated_deficit}};
-  const double predicted = f.dot(port.w.vec());
+  const double predicted = turned ? port.least_power(wanted) : f.dot(port.w.vec());
   const double p = predicted - port.power_error_bound(wanted);
   const double q = f.dot(port.mobility.cwiseProduct(f));
   const double repaid =

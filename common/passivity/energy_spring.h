@@ -73,22 +73,24 @@ class EnergySpring {
     const double speed = ended.si() > 0.0 ? motion_norm(moved, dt) / ended.si() : 0.0;
     peak_speed_ = std::max(speed, std::max(0.0, 1.0 - dt.si() / kMemory_s) * peak_speed_);
   }
+  /// As PortVelocityPredictor's.
+  void take_ratio(const typename Velocity<N>::Vector& r, const Velocity<N>& v, Seconds dt) noexcept {
+    if (predictor_) predictor_->take_ratio(r, v, dt);
+  }
   /// Says whether a limit at the device may turn the coming force, not only shorten it: its worst direction is expected then.
   void expect_turned(bool turned) noexcept { turned_ = turned; }
   /// Drops energy above `most`: energy put in long ago cannot be returned as a kick.
   void drop_above(Energy most) noexcept { energy_ = std::min(energy_, most); }
   /// Passes energy on to another account.
   void take(Energy e) noexcept { energy_ -= e; }
-  /// Starts anew with a deficit; `net` as in observe.
-  void restart(Energy net, Energy deficit) noexcept {
+  /// Starts anew with that energy; `net` as in observe.
+  void restart(Energy net, Energy energy) noexcept {
     net_ = net;
-    energy_ = -deficit;
+    energy_ = energy;
   }
 
   [[nodiscard]] Energy energy() const noexcept { return energy_; }
   [[nodiscard]] Energy available() const noexcept { return positive_part(energy_ + initial_); }
-  /// Energy returned beyond what has been put in.
-  [[nodiscard]] Energy deficit() const noexcept { return positive_part(-energy_); }
   /// Energy returned beyond E(0) too.
   [[nodiscard]] Energy undissipated() const noexcept { return positive_part(-(energy_ + initial_)); }
 

@@ -53,6 +53,23 @@ template <int N>
   return {now.x - before.x, before.v, now.v};
 }
 
+/// ∫v dt of an interval: N = 6, log ΔR + T²/12 ω(k-1)×ω(k), as the rotation vector of an interval is not ∫ω dt. A difference below
+/// 1e-5 rad, as at 10 rad/s and 1 kHz, is left out: it is no more than errors of readings are.
+template <int N>
+[[gnu::always_inline]] inline Displacement<N> integral(const Interval<N>& interval, Seconds dt) noexcept {
+  if constexpr (N == 6) {
+    typename Displacement<N>::Vector all = interval.moved.vec();
+    const Eigen::Vector3d w0 = halves(interval.v0.vec()).angular, w1 = halves(interval.v1.vec()).angular;
+    const Eigen::Vector3d beside = dt.si() * dt.si() / 12.0 * w0.cross(w1);
+    if (beside.squaredNorm() > 1e-10) [[unlikely]]
+      all.template tail<3>() += beside;
+    return Displacement<N>{all};
+  } else {
+    static_cast<void>(dt);
+    return interval.moved;
+  }
+}
+
 /// Energy that a force held from tick k-1 to tick k has put into the element behind the port [J].
 ///
 ///     exact       f·Δx                          N = 1, 3

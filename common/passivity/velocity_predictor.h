@@ -16,11 +16,14 @@ inline constexpr double kHandForceChange_n = 20.0;
 template <int N>
 struct VelocityPrediction {
   using Vector = typename Force<N>::Vector;
-  Vector mobility = Vector::Zero();    ///< of the mean velocity to the force, T/(2m) per axis [m/(N s)]
+  Vector mobility = Vector::Zero();    ///< of the mean velocity to the force, r² T/(2m) per axis [m/(N s)]
   Velocity<N> w{};                     ///< mean velocity without a force
   double error_bound = 0.0;            ///< norm of the error of w [m/s]
   double rotation_error_bound = 0.0;   ///< of w's rotation, N = 6 [rad/s]
   Vector unforeseen = Vector::Zero();  ///< e(k) - e(k-1)/4 [m/s], [rad/s]
+  Vector free = Vector::Zero();        ///< the same at the hand, T/(2m)
+  /// Largest r of translation and of rotation: a force of the hand moves the port by r T/(2m).
+  double ratio = 1.0, rotation_ratio = 1.0;
 
   /// Largest power of f due to the error of w [W].
   [[nodiscard]] double power_error_bound(const Force<N>& f) const noexcept {
@@ -28,13 +31,14 @@ struct VelocityPrediction {
   }
   /// No hand within kHandForceChange_n causes a larger error of w [m/s].
   [[nodiscard]] double worst_error() const noexcept {
-    return unforeseen.template head<kLinear>().norm() + mobility[0] * kHandForceChange_n;
+    return unforeseen.template head<kLinear>().norm() + ratio * free[0] * kHandForceChange_n;
   }
   /// The same for any hand within kHandForceChange_n.
   [[nodiscard]] double worst_power_error(const Force<N>& f) const noexcept {
     double of_rotation = 0.0;
     if constexpr (N == 6)
-      of_rotation = unforeseen.template tail<3>().norm() + std::sqrt(mobility[0] * mobility[3]) * kHandForceChange_n;
+      of_rotation =
+          unforeseen.template tail<3>().norm() + rotation_ratio * std::sqrt(free[0] * free[3]) * kHandForceChange_n;
     return power_of_error(f, std::max(error_bound, worst_error()), std::max(rotation_error_bound, of_rotation));
   }
   /// Least power of a force no larger than f, whatever its direction, but for the error of w [W].
@@ -62,12 +66,13 @@ struct VelocityPrediction {
 ///     u, d  += g e, h e                             e: measured less predicted mean velocity
 ///     w      = u(k) + d - C f(k-1)                  mean velocity of the coming interval without a force
 ///     error_bound = max(|e|, 0.95 error_bound)      translation and rotation each
-///     worst_error = |e(k) - e(k-1)/4| + C F_h       rotation: F_h sqrt(J/m)
+///     worst_error = |e(k) - e(k-1)/4| + C/r F_h     rotation: F_h sqrt(J/m)
 ///
 /// e(k+1) = e(k) - e(k-1)/4 + C (F(k+1) - F(k-1)) with F the hand's own force: exact for a mass under held forces, and the reason
 /// why worst_error is a bound for any hand that changes its force by no more than F_h within two ticks.
 ///
-/// C = T/(2m) per axis, exact for a mass under held forces; g = 1 - θ², h = (1 - θ)² is the fading-memory (alpha-beta)
+/// C = r² T/(2m) per axis, exact for a mass under held forces; r: the ratio of a transformer between hand and port, 1 without one
+/// (take_ratio); g = 1 - θ², h = (1 - θ)² is the fading-memory (alpha-beta)
 /// filter, which averages an encoder's counts over a few ticks; the response to the force is fed forward and not
 /// filtered.
 template <int N>
@@ -78,6 +83,7 @@ class PortVelocityPredictor {
   PortVelocityPredictor(double mass_kg, double inertia_kg_m2) {
     inverse_mass_.setConstant(1.0 / mass_kg);
     if constexpr (N == 6) inverse_mass_.template tail<3>().setConstant(1.0 / inertia_kg_m2);
+    inverse_at_port_ = inverse_mass_;
   }
 
   /// `moved` since the last step, `ended` ago, while `applied` was held.
@@ -85,12 +91,21 @@ class PortVelocityPredictor {
                                    Seconds dt) noexcept {
     if (ended.si() > 1.5 * dt.si()) [[unlikely]]
       return bridge(moved, applied, ended.si() / dt.si(), dt);
-    const Vector c = 0.5 * dt.si() * inverse_mass_;
+    const Vector c = 0.5 * dt.si() * inverse_at_port_;
     const Vector expected = u_ + d_ - c.cwiseProduct(applied_ + applied.vec());
     const Vector e = moved.vec() / dt.si() - expected;
     u_ = expected + kGain * e;
     d_ += kRateGain * e;
     predict(c, e, e - kRateGain * before_, applied.vec());
+    prediction_.free = 0.5 * dt.si() * inverse_mass_;
+  }
+  /// From now on the ratio is r, after step(); v: the port's velocity with it. The hand's motion and its force on the handle go on; an axis
+  /// that opens, r = 0 before, moves with v.
+  ///
+  ///     u, d, e  go with r'/r      f(k-1)  with r/r', as f_h = r f at the hand      C  with r'²
+  [[gnu::always_inline]] void take_ratio(const Vector& r, const Velocity<N>& v, Seconds dt) noexcept {
+    if (r != ratio_) [[unlikely]]
+      change_ratio(r, v, dt);
   }
   [[nodiscard]] const VelocityPrediction<N>& prediction() const noexcept { return prediction_; }
 
@@ -108,22 +123,42 @@ class PortVelocityPredictor {
           std::max(e.template tail<3>().norm(), kMemory * prediction_.rotation_error_bound);
   }
 
+  [[gnu::noinline]] void change_ratio(Vector r, Velocity<N> v, Seconds dt) noexcept {
+    for (int i = 0; i < N; ++i) {
+      const bool opens = ratio_[i] == 0.0;
+      const double by = opens ? 0.0 : r[i] / ratio_[i];
+      u_[i] = opens ? v[i] : by * u_[i];
+      d_[i] *= by;
+      before_[i] *= by;
+      prediction_.unforeseen[i] *= by;
+      applied_[i] *= opens || r[i] == 0.0 ? 0.0 : ratio_[i] / r[i];
+    }
+    ratio_ = r;
+    inverse_at_port_ = inverse_mass_.cwiseProduct(r.cwiseAbs2());
+    prediction_.mobility = 0.5 * dt.si() * inverse_at_port_;
+    prediction_.ratio = r.template head<kAxes>().maxCoeff();
+    if constexpr (N == 6) prediction_.rotation_ratio = r.template tail<3>().maxCoeff();
+    prediction_.w = Velocity<N>{u_ + d_ - prediction_.mobility.cwiseProduct(applied_)};
+  }
+
   /// The same over n intervals at once: what is measured is their mean, and each has changed the velocity by
   /// d - 2 C f(k). The measured mean is taken without filtering.
   [[gnu::noinline]] void bridge(Displacement<N> moved, Force<N> applied, double n, Seconds dt) noexcept {
-    const Vector c = 0.5 * dt.si() * inverse_mass_;
+    const Vector c = 0.5 * dt.si() * inverse_at_port_;
     const Vector half = 0.5 * (n - 1.0) * (d_ - 2.0 * c.cwiseProduct(applied.vec()));
     const Vector expected = u_ + d_ - c.cwiseProduct(applied_ + applied.vec()) + half;
     const Vector mean = moved.vec() / (n * dt.si());
     u_ = mean + half;
     predict(c, mean - expected, mean - expected, applied.vec());
+    prediction_.free = 0.5 * dt.si() * inverse_mass_;
   }
 
   static constexpr int kAxes = N == 6 ? 3 : N;
   static constexpr double kTheta = 0.5, kGain = 1.0 - kTheta * kTheta, kRateGain = (1.0 - kTheta) * (1.0 - kTheta);
   static constexpr double kMemory = 0.95;
 
-  Vector inverse_mass_, u_ = Vector::Zero(), d_ = Vector::Zero(), applied_ = Vector::Zero(), before_ = Vector::Zero();
+  Vector inverse_mass_, ratio_ = Vector::Ones(), inverse_at_port_;  ///< 1/m, r²/m
+  Vector u_ = Vector::Zero(), d_ = Vector::Zero(), applied_ = Vector::Zero(), before_ = Vector::Zero();
   VelocityPrediction<N> prediction_{};
 };
 

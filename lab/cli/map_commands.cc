@@ -348,10 +348,12 @@ of the contact is felt with less than a tenth of the environment's force.)");
 struct AdversaryArguments {
   AdversaryOptions adversary;
   std::string methods, out;
+  bool claiming = false;
 };
 
 int adversary_command(AdversaryArguments& a) {
   a.adversary.methods = words_of("--methods", a.methods);
+  if (a.claiming) a.adversary.methods = claiming_methods();
   if (!a.out.empty()) make_folder(a.out);
   const Adversary all = attack_all(a.adversary, show_progress);
   std::fputs(to_text(all).c_str(), stdout);
@@ -359,8 +361,8 @@ int adversary_command(AdversaryArguments& a) {
     write_whole(a.out + "/table.csv", to_csv(to_table(all)));
     fmt::print("{}/table.csv: {} rows\n", a.out, all.methods.size() * static_cast<std::size_t>(a.adversary.runs));
   }
-  std::fputs(broken_runs(all).c_str(), stderr);
-  return all.broken() == 0 ? 0 : 3;
+  std::fputs((broken_runs(all) + moved_runs(all)).c_str(), stderr);
+  return all.broken() == 0 && all.moved_by_themselves() == 0 ? 0 : 3;
 }
 
 Subcommand add_adversary(Command app) {
@@ -368,14 +370,16 @@ Subcommand add_adversary(Command app) {
   Command adversary = app.add(
       "adversary", "Hand, robot, network and packets drawn to create energy: the least that each method lets pass");
   adversary.option("--methods", a->methods, "NAME,NAME; all of them if absent");
+  adversary.flag("--claiming", a->claiming, "Every pair of layers and every method that claims a bound");
   adversary.option("--seed", a->adversary.seed, "Of the first run").show_default();
   adversary.option("--runs", a->adversary.runs, "Per method, with seeds counted up").show_default();
   adversary.option("--out", a->out, "Folder for table.csv, a row for each run");
   add_jobs(adversary, a->adversary.jobs);
   adversary.footer(
       R"(hand: least energy through the hand's port; told lies: the same where the slave's reports are replaced; both: through the
-hand's and the slave's port together; below -E(0): runs in which the hand gets more than its allowance. A run that breaks what its method claims is named with the command that runs it
-again, and the exit status is 3.)");
+hand's and the slave's port together; below -E(0): runs in which the hand gets more than its allowance; self-moved: runs in
+which the robot moves more than 1 mm while the hand rests and nothing pushes it. A run that breaks what its method claims, or moves by itself,
+is named with the command that runs it again, and the exit status is 3.)");
   return {adversary, [a] { return adversary_command(*a); }};
 }
 

@@ -14,7 +14,7 @@ Subcommand add_methods_command(Command app) {
   methods.flag(
       "--layers", *layers,
       "List the layers that control.transparency.layer and control.passivity.layer name: kind, tab, name, tab, of "
-      "passivity layers the port that they bound (none, hand, both) and a tab, summary");
+      "passivity layers the ports that they bound (none; hand; both; hand, both) and a tab, summary");
   return {methods, [layers] {
             if (!*layers) {
               for (const MethodName& each : kMethods) fmt::print("{}\t{}\n", each.name, each.summary);

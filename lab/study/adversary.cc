@@ -5,10 +5,13 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <utility>
 
 #include "common/base/check.h"
 #include "common/base/normal.h"
+#include "common/coupling/claim.h"
 #include "common/coupling/registration.h"
+#include "common/hardware/modulated_transformer.h"
 #include "common/link/delay_line.h"
 #include "common/link/mailbox.h"
 #include "common/method/catalogue.h"
@@ -68,11 +71,23 @@ class Body {
     strength_n_ = draw.decades(1.0, 20.0);
   }
 
+  /// From now on it comes to rest, a hand on a spring where it is, and after `steps` it is held still.
+  void rest(int steps) {
+    rests_ = true;
+    held_after_ = steps;
+    target_ = moved_;
+    stiffness_ = is_hand_ ? std::min(500.0, 0.1 * mass_[0] / (dt_ * dt_)) : 0.0;
+    brake_ = std::min(20.0 * mass_[0], 0.2 * mass_[0] / dt_);
+  }
   /// Advances by one tick under the port's force on it, held. Returns ∫v dt, with which the force does its work. N = 6: the
   /// attitude turns by log ΔR = ∫ω dt - T²/12 ω(0)×ω(T), as the axis turns within the tick.
   Displacement<N> advance(const Force<N>& port) {
-    const bool begins = left_-- <= 0;
+    const bool begins = !rests_ && left_-- <= 0;
     if (begins) choose();
+    if (rests_) {
+      does_ = Does::spring, goal_ = target_;
+      still_ = is_hand_ && held_after_-- <= 0;
+    }
     t_s_ += dt_;
     const Vector p = port.vec(), per_mass = mass_ / mass_[0];
     // Of velocity and position, at once; of the port's force, after its rise.
@@ -165,6 +180,8 @@ class Body {
   Position<N> x_;
   Vector v_ = Vector::Zero(), own_ = Vector::Zero(), moved_ = Vector::Zero(), target_ = Vector::Zero();
   Vector late_ = Vector::Zero(), from_before_ = Vector::Zero();  // parts of own_
+  bool rests_ = false;
+  int held_after_ = 0;
   // What it does for a while.
   int left_ = 0;
   double t_s_ = 0.0;
@@ -187,38 +204,168 @@ std::string way(Draw& draw) {
   return all;
 }
 
-/// Scene of a run; `draw` goes on with what the scene does not hold.
-Scene scene_of(const std::string& method, int dof, Draw& draw, const std::vector<std::string>& set) {
+/// Limits of one side.
+std::string limits(const char* name, bool at_robot, Draw& draw) {
+  std::string all;
+  const int which = draw.below(at_robot ? 6 : 5);
+  if (which == 0 || draw.once_in(3)) all += fmt::format(" force_n: {}", draw.decades(0.5, 20.0));
+  if (which == 1) all += fmt::format(" force_rate_n_per_s: {}", draw.decades(50.0, 5000.0));
+  if (which == 2) all += fmt::format(" power_w: {}", draw.decades(0.05, 5.0));
+  if (which == 3) all += fmt::format(" speed_m_per_s: {}", draw.decades(0.03, 1.0));
+  if (which == 4) all += fmt::format(" workspace_m: {}", draw.decades(3e-3, 0.1));
+  if (which == 5) all += fmt::format(" set_point_step_m: {}", draw.decades(1e-6, 1e-3));
+  return fmt::format("{} {{{} }} ", name, all);
+}
+
+/// control { ... } of a method; `at_s`: in an entry of the schedule.
+std::string method_text(const std::string& method, const char* initial, Draw& draw) {
+  const std::size_t plus = method.find('+');
+  if (plus == std::string::npos) return fmt::format("passivity {{ method: {}{} }} ", method, initial);
+  const std::string random =
+      method.starts_with("RANDOM")
+          ? fmt::format(" random {{ force_n: {} hold_ms: {} }}", draw.decades(0.5, 50.0), draw.decades(0.5, 100.0))
+          : std::string{};
+  return fmt::format("passivity {{ layer: {}{} }} transparency {{ layer: {}{} }} ", method.substr(plus + 1), initial,
+                     method.substr(0, plus), random);
+}
+
+Claim usual_claim(const std::string& method) {
+  ControlOptions o;
+  o.handle_mass_kg = 0.1;
+  return choose_method(o, method) ? claim_of(o) : Claim{};
+}
+
+/// Switches to pairs that claim the hand's port, as this method does; one to four of them.
+std::string schedule_of(const std::string& method, double duration_s, Draw& also) {
+  static const std::vector<std::string> claiming = claiming_methods();
+  const Claim claim = usual_claim(method);
+  std::vector<std::string> others;
+  for (const std::string& each : claiming) {
+    const Claim of = usual_claim(each);
+    if (claim.hand && of.hand) others.push_back(each);
+  }
+  if (others.empty()) return {};
+  std::string all = fmt::format("engage_s: {} ", also.decades(0.01, 1.0));
+  std::vector<double> at_s(static_cast<std::size_t>(1 + also.below(4)));
+  for (double& each : at_s) each = also.uniform(0.1, 0.9) * duration_s;
+  std::sort(at_s.begin(), at_s.end());
+  for (const double each : at_s)
+    all += fmt::format(
+        "schedule {{ at_s: {} {}}} ", each,
+        method_text(others[static_cast<std::size_t>(also.below(static_cast<int>(others.size())))], "", also));
+  return all;
+}
+
+/// Scene of a run; `draw` and `also` go on with what the scene does not hold.
+Scene scene_of(const std::string& method, AdversaryRun& run, Draw& draw, Draw& also,
+               const std::vector<std::string>& set) {
   constexpr double kRates[] = {250.0, 500.0, 1000.0, 2000.0, 4000.0};
+  constexpr double kUnequal[] = {125.0, 250.0, 500.0, 1000.0, 2000.0, 4000.0};
+  const int dof = run.dof;
   const double rate_hz = kRates[draw.below(5)], mass_kg = draw.decades(0.03, 0.5), robot_kg = draw.decades(0.2, 3.0);
+  const bool unequal = also.once_in(3);
+  double master_hz = rate_hz, slave_hz = rate_hz;
+  if (unequal) master_hz = kUnequal[also.below(6)], slave_hz = kUnequal[also.below(6)];
+  if (run.rests) master_hz = std::min(master_hz, 1000.0), slave_hz = std::min(slave_hz, 1000.0);
   // A coupling that the sampled loop holds without a delay.
-  const double least_kg = std::min(mass_kg, robot_kg);
-  const double stiffness = std::min(draw.decades(300.0, 2000.0), 0.05 * least_kg * rate_hz * rate_hz);
-  const double damping = std::min(draw.uniform(0.2, 1.0) * std::sqrt(stiffness * robot_kg), 0.2 * least_kg * rate_hz);
+  const double least_kg = std::min(mass_kg, robot_kg), least_hz = std::min(master_hz, slave_hz);
+  const double stiffness = std::min(draw.decades(300.0, 2000.0), 0.05 * least_kg * least_hz * least_hz);
+  const double damping = std::min(draw.uniform(0.2, 1.0) * std::sqrt(stiffness * robot_kg), 0.2 * least_kg * least_hz);
   const auto six = [&](double kg) { return dof == 6 ? fmt::format(" inertia_kg_m2: {}", 1e-3 * kg) : std::string{}; };
   std::string text = fmt::format(
-      "dof: {} duration_s: 1 rate_hz: {} seed: {} device {{ mass_kg: {} damping_n_s_per_m: {} max_force_n: {}", dof,
-      rate_hz, draw.below(1 << 30), mass_kg, draw.decades(0.01, 0.5), draw.decades(3.0, 30.0));
+      "dof: {} duration_s: 1 rate_hz: {} slave_rate_hz: {} seed: {} device {{ mass_kg: {} damping_n_s_per_m: {} "
+      "max_force_n: {}",
+      dof, master_hz, slave_hz, draw.below(1 << 30), mass_kg, draw.decades(0.01, 0.5), draw.decades(3.0, 30.0));
   text += six(mass_kg) + fmt::format(" }} robot {{ mass_kg: {} force_sensor {{ }}{} }}", robot_kg, six(robot_kg));
   text +=
       fmt::format(" control {{ virtual_coupling {{ stiffness_n_per_m: {} damping_n_s_per_m: {} ", stiffness, damping);
   if (dof == 6)
     text += fmt::format("rotational_stiffness_n_m_per_rad: {} rotational_damping_n_m_s_per_rad: {} ", 1e-3 * stiffness,
                         1e-3 * damping);
-  const std::size_t plus = method.find('+');
-  if (plus == std::string::npos) {
-    text += fmt::format("}} passivity {{ method: {} initial_energy_j: 1e-3 }} }}", method);
-  } else {
-    text += fmt::format("}} passivity {{ layer: {} initial_energy_j: 1e-3 }} ", method.substr(plus + 1));
-    const std::string random =
-        method.starts_with("RANDOM")
-            ? fmt::format(" random {{ force_n: {} hold_ms: {} }}", draw.decades(0.5, 50.0), draw.decades(0.5, 100.0))
-            : std::string{};
-    text += fmt::format("transparency {{ layer: {}{} }} }}", method.substr(0, plus), random);
-  }
-  text += " to_slave { " + way(draw) + " } to_master { " + way(draw) + " }";
+  text +=
+      "} " + method_text(method,
+                         also.once_in(20) ? " initial_energy_j: 1e-3 observer: RECTANGLE" : " initial_energy_j: 1e-3",
+                         draw);
+  if (also.once_in(3))
+    text += fmt::format("force_scale: {} motion_scale: {} ", also.decades(0.1, 10.0), also.decades(0.1, 10.0));
+  if (also.once_in(3)) text += limits("device_limits", false, also);
+  if (also.once_in(3)) text += limits("robot_limits", true, also);
+  const std::string to_slave = way(draw), to_master = way(draw);
+  if (run.rests) text += "release_after_s: 0.3 ";
+  if (also.once_in(3)) text += schedule_of(method, run.rests ? 2.0 : 1500.0 / master_hz, also);
+  text += "} to_slave { " + to_slave + " } to_master { " + to_master + " }";
+  if (also.once_in(4))
+    text += fmt::format(" slave_clock {{ offset_ms: {} drift_ppm: {} }}", also.uniform(0.0, 1e4),
+                        also.uniform(-500.0, 500.0));
   return parse_scene(text, "adversary", set);
 }
+
+/// While a queue holds them no packets come; afterwards some in a poll, the oldest first, until it is empty.
+struct Queue {
+  Duration from = Duration::max(), until = Duration::max();
+  int at_once = 1 << 30;
+};
+
+/// One end of the network: a queue on the way in, and packets that come a second time.
+template <int N>
+class HostileTransport {
+ public:
+  using Line = DelayLine<Report<N>>;
+  HostileTransport(Line& in, Line& out, const Queue& queue, double repeats, Draw& draw)
+      : transport_{in, out}, in_{&in}, queue_{queue}, repeats_{repeats}, draw_{&draw} {
+    if (repeats_ > 0.0) kept_.reserve(kKept);
+  }
+
+  template <class Visit>
+  void poll(Duration now, Visit visit) noexcept {
+    const Duration network = now - clock_ahead_;
+    if (network >= queue_.from && network < queue_.until) return;
+    int left = network >= queue_.until ? queue_.at_once : 1 << 30;
+    while (left-- > 0) {
+      const Report<N>* r = in_->take(network);
+      if (r == nullptr) {
+        if (network >= queue_.until) queue_.from = queue_.until = Duration::max();
+        break;
+      }
+      if (repeats_ > 0.0) keep(*r, network);
+      visit(*r);
+    }
+    if (repeats_ > 0.0 && !kept_.empty() && draw_->uniform(0.0, 1.0) < repeats_) {
+      const Kept& old = kept_[static_cast<std::size_t>(draw_->below(static_cast<int>(kept_.size())))];
+      if (network - old.at <= kAllowed) visit(old.report);
+    }
+  }
+  void send(const auto& r, Duration now) noexcept { transport_.send(r, now); }
+  void set_clock_ahead(Duration ahead) noexcept {
+    clock_ahead_ = ahead;
+    transport_.set_clock_ahead(ahead);
+  }
+
+ private:
+  struct Kept {
+    Report<N> report;
+    Duration at;
+  };
+  static constexpr std::size_t kKept = 32;
+  static constexpr Duration kAllowed = std::chrono::milliseconds{100};
+
+  void keep(const Report<N>& r, Duration now) {
+    if (kept_.size() < kKept) {
+      kept_.push_back({r, now});
+    } else {
+      kept_[next_++ % kKept] = {r, now};
+    }
+  }
+
+  SimTransport<N> transport_;
+  Line* in_;
+  Queue queue_;
+  double repeats_;
+  Draw* draw_;
+  Duration clock_ahead_{0};
+  std::vector<Kept> kept_;
+  std::size_t next_ = 0;
+};
 
 /// What the master is told instead of what the slave says; the lie changes from time to time.
 template <int N>
@@ -254,13 +401,41 @@ class Lie {
   double factor_ = 1.0, energy_j_ = 0.0;
 };
 
+/// Clutch, locks and scales between hand and master, which change from time to time.
+template <int N>
+class AtWork {
+ public:
+  AtWork(bool acts, Seconds engage, Draw& draw) : acts_{acts}, engage_s_{engage.si()}, draw_{draw} {}
+  [[nodiscard]] DeviceSample<N> reading(DeviceSample<N> s, double ended_s) {
+    if (!acts_) return s;
+    if (left_s_ <= 0.0) {
+      left_s_ = draw_.decades(0.02, 0.5);
+      transformer_.set({.clutched = draw_.once_in(5),
+                        .locked = draw_.once_in(3) ? static_cast<std::uint32_t>(draw_.below(1 << N)) : 0U,
+                        .motion = draw_.once_in(2) ? draw_.decades(0.05, 1.0) : 1.0,
+                        .force = draw_.once_in(2) ? draw_.uniform(0.0, 1.0) : 1.0});
+    }
+    left_s_ -= ended_s;
+    DeviceTruth<N> truth{};
+    transformer_.step(s, truth, false, ended_s, engage_s_);
+    return s;
+  }
+  [[nodiscard]] Force<N> to_hand(const Force<N>& f) { return acts_ ? transformer_.to_hand(f) : f; }
+
+ private:
+  bool acts_;
+  double engage_s_, left_s_ = 0.1;
+  Draw& draw_;
+  ModulatedTransformer<N> transformer_;
+};
+
 /// Error of the handle's predicted velocity: EnergyClaim's e, of the handle's motion and the force that it was under.
 template <int N>
 class PredictionError {
  public:
   using Vector = typename Force<N>::Vector;
   /// `mobility`: C [m/(N s)].
-  explicit PredictionError(const Vector& mobility) : mobility_{mobility} {}
+  explicit PredictionError(const Vector& mobility) : mobility_{mobility}, free_{mobility} {}
 
   /// Of a tick under `held` with the mean velocity v.
   const Vector& step(const Vector& v, const Force<N>& held) {
@@ -270,9 +445,22 @@ class PredictionError {
     added_ = added, v_ = v, held_ = held.vec();
     return e_;
   }
+  /// As PortVelocityPredictor has it.
+  void take_ratio(const Vector& r, const Velocity<N>& v) {
+    for (int i = 0; i < N; ++i) {
+      const bool opens = ratio_[i] == 0.0;
+      const double by = opens ? 0.0 : r[i] / ratio_[i];
+      v_[i] = opens ? v[i] : by * v_[i];
+      for (Vector* each : {&added_, &e_, &before_}) (*each)[i] *= by;
+      held_[i] *= opens || r[i] == 0.0 ? 0.0 : ratio_[i] / r[i];
+    }
+    mobility_ = free_.cwiseProduct(r.cwiseAbs2());
+    ratio_ = r;
+  }
 
  private:
-  Vector mobility_, v_ = Vector::Zero(), held_ = Vector::Zero(), added_ = Vector::Zero();
+  Vector mobility_, free_, ratio_ = Vector::Ones(), v_ = Vector::Zero(), held_ = Vector::Zero(),
+                           added_ = Vector::Zero();
   Vector e_ = Vector::Zero(), before_ = Vector::Zero();
 };
 
@@ -286,81 +474,178 @@ bool is_half_a_turn(const Displacement<N>& by) {
   }
 }
 
+/// Energies of both ports, and of what the claim counts besides.
+template <int N>
+struct Energies {
+  double hand_j = 0.0, damped_j = 0.0, robot_j = 0.0;  ///< robot_j in the slave's units
+  double hand_largest2 = 0.0, robot_largest2 = 0.0;    ///< (motion in a tick)²
+};
+
+/// When hand and environment begin to rest, are at rest, and the queue flows [s].
+constexpr double kRest_s = 0.7, kFlow_s = 1.6, kRestEnd_s = 2.2;
+
 template <int N>
 AdversaryRun run_of(const std::string& method, AdversaryRun out, Draw& draw, const std::vector<std::string>& set) {
-  const Scene scene = scene_of(method, N, draw, set);
-  out.rate_hz = scene.rate_hz;
-  const Seconds dt{1.0 / scene.rate_hz};
-  const EnergyClaim claim = energy_claim(method);
-  Body<N> handle{scene.device->mass_kg, 1e-3 * scene.device->mass_kg, scene.device->damping_n_s_per_m, true, draw, dt};
-  Body<N> robot{scene.robot->mass_kg, 1e-3 * scene.robot->mass_kg, 0.0, false, draw, dt};
-  MasterNode<N> master{scene.control};
-  SlaveNode<N> slave{scene.control};
-  SimLink<N> link{scene};
+  Draw also{out.seed ^ 0x6d6f7265};
+  out.rests = also.once_in(5);
+  const Scene scene = scene_of(method, out, draw, also, set);
+  out.rate_hz = scene.master_rate_hz;
+  out.switches = static_cast<int>(scene.schedule.size());
+  if (out.rests) out.lies = false;
+  const double true_slave_hz = scene.slave_rate_hz * (1.0 + scene.slave_clock.drift);
+  const Seconds master_dt{1.0 / scene.master_rate_hz}, slave_dt{1.0 / scene.slave_rate_hz},
+      true_slave_dt{1.0 / true_slave_hz};
+  const double ticks = std::clamp(
+      scene.master_rate_hz * (1.0 + 4.0 * (scene.to_slave.delay_s + scene.to_master.delay_s)), 1500.0, 4000.0);
+  const double duration_s =
+      out.rests ? kRestEnd_s : std::min(ticks / scene.master_rate_hz, 8000.0 / scene.slave_rate_hz);
+  const Claim claim = claim_of(scene.control, scene.schedule);
+
+  Queue to_slave, to_master;
+  const auto hold = [&](Queue& queue, double from_s, double until_s) {
+    queue.from = to_duration(from_s);
+    if (until_s < duration_s) queue.until = to_duration(until_s);
+    if (also.once_in(2)) queue.at_once = 1 + also.below(20);
+  };
+  if (out.rests) {
+    const double from_s = also.uniform(0.2, 0.6);
+    hold(to_slave, from_s, kFlow_s);
+    if (also.once_in(2)) hold(to_master, from_s, kFlow_s);
+  } else {
+    for (Queue* each : {&to_slave, &to_master})
+      if (also.once_in(4)) {
+        const double from_s = also.uniform(0.1, 0.7) * duration_s;
+        hold(*each, from_s, from_s + also.decades(0.02, 2.0));
+      }
+    if (also.once_in(10)) hold(also.once_in(2) ? to_slave : to_master, also.uniform(0.1, 0.9) * duration_s, duration_s);
+  }
+  AtWork<N> at_work{!out.rests && also.once_in(5), scene.control.engage, also};
+  const double repeats = also.once_in(4) ? also.decades(0.01, 1.0) : 0.0;
+
+  Body<N> handle{
+      scene.device->mass_kg, 1e-3 * scene.device->mass_kg, scene.device->damping_n_s_per_m, true, draw, master_dt};
+  Body<N> robot{scene.robot->mass_kg, 1e-3 * scene.robot->mass_kg, 0.0, false, draw, true_slave_dt};
+  MasterNode<N> master{scene.control, scene.schedule};
+  SlaveNode<N> slave{scene.control, scene.schedule};
+  const auto room = [&](const ImpairmentOptions& way, const Queue& queue, double rate_hz) {
+    const bool waits = queue.from < Duration::max();
+    return packets_in_flight(way, rate_hz) + (waits ? static_cast<std::size_t>(2.0 * duration_s * rate_hz) : 0);
+  };
+  DelayLine<Report<N>> line_to_slave{scene.to_slave, scene.seed ^ kToSlaveStream,
+                                     room(scene.to_slave, to_slave, scene.master_rate_hz)};
+  DelayLine<Report<N>> line_to_master{scene.to_master, scene.seed ^ kToMasterStream,
+                                      room(scene.to_master, to_master, scene.slave_rate_hz)};
+  using Mail = Mailbox<N, HostileTransport<N>>;
+  Mail master_mail{{line_to_master, line_to_slave, to_master, repeats, also}};
+  Mail slave_mail{{line_to_slave, line_to_master, to_slave, repeats, also}};
+  SwitchTimes times{scene.schedule};
   Lie<N> lie{draw};
   const Registration<N> registration{scene.control};
-  PredictionError<N> error{0.5 * dt.si() * handle.mass().cwiseInverse()};
+  PredictionError<N> error{0.5 * master_dt.si() * handle.mass().cwiseInverse()};
   Force<N> held, pushed;
-  double hand_j = 0.0, damped_j = 0.0, robot_j = 0.0, largest2 = 0.0;
-  const double ticks =
-      std::clamp(scene.rate_hz * (1.0 + 4.0 * (scene.to_slave.delay_s + scene.to_master.delay_s)), 1500.0, 4000.0);
+  Energies<N> at;
   const auto post = [](auto& node, auto& mail, auto& report, Duration now) {
     if (!node.has_payload()) return mail.post(report, now);
     Words words;
     node.write_payload(words);
     mail.post(report, words, now);
   };
-  for (int k = 0; k < static_cast<int>(ticks); ++k) {
-    const Duration now = tick_time(k, scene.rate_hz);
+  const auto in_master_units = [&](double j) { return registration.to_master(Energy{j}).si(); };
+  const auto note_both = [&] {
+    if (out.lies) return;
+    const double robot_j = claim.robot_port ? at.robot_j : slave.delivered().si();
+    out.both_least_j = std::min(out.both_least_j, at.hand_j - in_master_units(robot_j));
+  };
+  bool turns = false, rest = false, flows = false;
+  Position<N> rested_at, port_before;
+  const auto slave_tick = [&](std::int64_t k, Duration now) {
     if (k > 0) {
       const Displacement<N> driven = robot.advance(pushed);
-      const Displacement<N> by = handle.advance(-held);
-      if (is_half_a_turn(driven) || is_half_a_turn(by)) break;
-      robot_j += dot(pushed, driven).si();
-      hand_j += dot(held, by).si();
-      damped_j += handle.damping().dot(by.vec().cwiseAbs2()) / dt.si();
-      out.unforeseen_j += dt.si() * std::abs(held.vec().dot(error.step(by.vec() / dt.si(), held)));
-      largest2 = std::max({largest2, by.squared_norm(), driven.squared_norm()});
+      if (is_half_a_turn(driven)) turns = true;
+      at.robot_j += dot(pushed, driven).si();
+      at.robot_largest2 = std::max(at.robot_largest2, driven.squared_norm());
     }
-    auto to_robot = slave.step({Instant<SlaveClock>{now}, dt}, {robot.x(), robot.v(), -robot.own_force()},
-                               link.slave().collect(now));
+    const Duration local = to_duration(scene.slave_clock.offset_s) + tick_time(k, scene.slave_rate_hz);
+    slave_mail.transport().set_clock_ahead(local - now);
+    auto to_robot = slave.step({Instant<SlaveClock>{local}, slave_dt}, {robot.x(), robot.v(), -robot.own_force()},
+                               slave_mail.collect(local));
     pushed = to_robot.command.f;
-    post(slave, link.slave(), to_robot.report, now);
-    const PeerState<N>& told = link.master().collect(now);
-    auto to_hand =
-        master.step({Instant<MasterClock>{now}, dt}, {handle.x(), handle.v(), held}, out.lies ? lie.of(told) : told);
-    held = to_hand.command;
-    post(master, link.master(), to_hand.report, now);
+    post(slave, slave_mail, to_robot.report, local);
+    note_both();
+  };
+  const auto master_tick = [&](std::int64_t k, Duration now) {
+    if (k > 0) {
+      const Displacement<N> by = handle.advance(-held);
+      if (is_half_a_turn(by)) turns = true;
+      const double dt_s = master_dt.si();
+      at.hand_j += dot(held, by).si();
+      at.damped_j += handle.damping().dot(by.vec().cwiseAbs2()) / dt_s;
+      at.hand_largest2 = std::max(at.hand_largest2, by.squared_norm());
+    }
+    const DeviceSample<N> port = at_work.reading({handle.x(), handle.v(), held}, k > 0 ? master_dt.si() : 0.0);
+    if (k > 0) {
+      const Displacement<N> by = port.x - port_before;
+      const double dt_s = master_dt.si();
+      out.unforeseen_j += dt_s * std::abs(port.applied.vec().dot(error.step(by.vec() / dt_s, port.applied)));
+    }
+    error.take_ratio(port.ratio, port.v);
+    port_before = port.x;
+    while (times.due(to_seconds(now).si(), master.epoch())) master.switch_to_next();
+    const PeerState<N>& told = master_mail.collect(now);
+    auto to_hand = master.step({Instant<MasterClock>{now}, master_dt}, port, out.lies ? lie.of(told) : told);
+    held = at_work.to_hand(to_hand.command);
+    post(master, master_mail, to_hand.report, now);
     out.felt_max_n = std::max(out.felt_max_n, held.vec().norm());
-    const double hand = hand_j + (claim.device_damping ? damped_j : 0.0);
-    out.hand_least_j = std::min(out.hand_least_j, hand);
-    if (!out.lies)
-      out.both_least_j = std::min(
-          out.both_least_j, hand_j - (claim.robot_port ? robot_j : registration.to_master(slave.delivered()).si()));
+    out.hand_least_j = std::min(out.hand_least_j, at.hand_j + (claim.device_damping ? at.damped_j : 0.0));
+    note_both();
+  };
+  const Duration end = to_duration(duration_s);
+  std::int64_t m = 0, s = 0;
+  while (!turns) {
+    const Duration next_m = tick_time(m, scene.master_rate_hz), next_s = tick_time(s, true_slave_hz);
+    const Duration now = std::min(next_s, next_m);
+    if (now >= end) break;
+    if (out.rests && !rest && to_seconds(now).si() >= kRest_s) {
+      rest = true;
+      handle.rest(static_cast<int>(0.3 / master_dt.si()));
+      robot.rest(0);
+    }
+    if (next_s <= next_m) {
+      slave_tick(s++, next_s);
+    } else {
+      master_tick(m++, next_m);
+    }
+    if (out.rests && to_seconds(now).si() >= kFlow_s) {
+      if (!std::exchange(flows, true)) rested_at = robot.x();
+      out.self_moved_m = std::max(out.self_moved_m, (robot.x().translation() - rested_at.translation()).norm());
+    }
   }
   const double initial = out.initial_j = scene.control.initial_energy.si();
-  const double slack = (claim.predicts ? out.unforeseen_j : 0.0) +
-                       (claim.tick_of_spring ? 0.5 * scene.control.coupling.stiffness_n_per_m * largest2 : 0.0);
+  const double stiffness = scene.control.coupling.stiffness_n_per_m;
+  const double scale = scene.control.force_scale * scene.control.motion_scale;
+  const double slack =
+      (claim.predicts ? out.unforeseen_j : 0.0) +
+      (claim.tick_of_spring
+           ? 0.5 * stiffness * (std::max(1.0, scale) * at.hand_largest2 + in_master_units(at.robot_largest2))
+           : 0.0);
   constexpr double kNothing = -std::numeric_limits<double>::infinity();
-  out.hand_bound_j = claim.hand && (claim.any_packets || !out.lies) ? -initial - slack : kNothing;
-  out.both_bound_j = claim.both && !out.lies ? -(claim.shares_initial ? 1.0 : 2.0) * initial - slack : kNothing;
+  out.hand_bound_j = claim.hand && !out.rests ? -initial - slack : kNothing;
+  out.both_bound_j = claim.both && !out.lies && !out.rests
+                         ? -initial - (claim.shares_initial ? 0.0 : in_master_units(initial)) - slack
+                         : kNothing;
   return out;
 }
 
 }  // namespace
 
-EnergyClaim energy_claim(const std::string& method) {
-  ControlOptions o;
-  if (!choose_method(o, method)) return {};
-  if (o.passivity == "ENERGY_SPRING") return {.hand = true, .any_packets = true};
-  if (o.passivity == "ENERGY_SPRING_TWO_PORT") return {.both = true, .shares_initial = true};
-  // A layer that knows a model displays a force that the robot's port has not paid for.
-  const bool by_model = o.transparency == "INTERNAL_MODEL" || o.transparency == "SURFACE_MODEL";
-  if (o.passivity == "FORCE_PROJECTED") return {.hand = true, .both = !by_model, .any_packets = true, .predicts = true};
-  if (o.passivity == "ENERGY_BOUNDING") return {.hand = true, .any_packets = true, .device_damping = true};
-  if (o.passivity == "ENERGY_TANK" || method == "SET_POSITION_MODULATION")
-    return {.both = true, .robot_port = true, .tick_of_spring = true};
-  return {};
+std::vector<std::string> claiming_methods() {
+  std::vector<std::string> all;
+  for (const MethodName& each : kMethods)
+    if (each.one_piece() && each.claim->any()) all.emplace_back(each.name);
+  for (const TransparencyLayerName& t : kTransparencyLayers)
+    for (const PassivityLayerName& p : kPassivityLayers)
+      if (p.claim.any() && t.name != "PLUGIN") all.push_back(fmt::format("{}+{}", t.name, p.name));
+  return all;
 }
 
 AdversaryRun attack(const std::string& method, std::uint64_t seed, const std::vector<std::string>& set) {
@@ -379,6 +664,12 @@ int Adversary::broken() const {
   int count = 0;
   for (const auto& of_method : runs)
     for (const AdversaryRun& run : of_method) count += run.broken();
+  return count;
+}
+int Adversary::moved_by_themselves() const {
+  int count = 0;
+  for (const auto& of_method : runs)
+    for (const AdversaryRun& run : of_method) count += run.moved_by_itself();
   return count;
 }
 
@@ -410,25 +701,35 @@ const AdversaryRun& least(const std::vector<AdversaryRun>& runs, Energy value) {
 }  // namespace
 
 std::string to_text(const Adversary& all) {
-  std::string out =
-      fmt::format("{:<24} {:>6} {:<10} {:>12} {:>8} {:>12} {:>8} {:>12} {:>8} {:>11} {:>7}\n", "method", "runs",
-                  "claims", "hand mJ", "seed", "told lies mJ", "seed", "both mJ", "seed", "below -E(0)", "broken");
+  std::string out = fmt::format("{:<24} {:>6} {:<10} {:>12} {:>8} {:>12} {:>8} {:>12} {:>8} {:>11} {:>7} {:>10}\n",
+                                "method", "runs", "claims", "hand mJ", "seed", "told lies mJ", "seed", "both mJ",
+                                "seed", "below -E(0)", "broken", "self-moved");
   for (std::size_t m = 0; m < all.methods.size(); ++m) {
     const auto& runs = all.runs[m];
-    const EnergyClaim claim = energy_claim(all.methods[m]);
+    const Claim claim = usual_claim(all.methods[m]);
     const AdversaryRun &honest = least(runs, [](const AdversaryRun&r) { return r.lies ? 0.0 : r.hand_least_j; }),
                        &lied = least(runs, [](const AdversaryRun&r) { return r.lies ? r.hand_least_j : 0.0; }),
                        &both = least(runs, [](const AdversaryRun&r) { return r.both_least_j; });
     const auto broken = std::count_if(runs.begin(), runs.end(), [](const AdversaryRun& r) { return r.broken(); });
     const auto below = std::count_if(runs.begin(), runs.end(), [](const AdversaryRun& r) { return r.below(); });
-    const std::string claims = claim.hand && claim.both ? "hand, both"
-                               : claim.hand             ? "hand"
-                               : claim.both             ? "both"
-                                                        : "-";
-    out += fmt::format("{:<24} {:>6} {:<10} {:>12.7g} {:>8} {:>12.7g} {:>8} {:>12.7g} {:>8} {:>11} {:>7}\n",
-                       all.methods[m], runs.size(), claims, 1e3 * honest.hand_least_j, honest.seed,
-                       1e3 * lied.hand_least_j, lied.seed, 1e3 * both.both_least_j, both.seed, below, broken);
+    const auto moved =
+        std::count_if(runs.begin(), runs.end(), [](const AdversaryRun& r) { return r.moved_by_itself(); });
+    out += fmt::format("{:<24} {:>6} {:<10} {:>12.7g} {:>8} {:>12.7g} {:>8} {:>12.7g} {:>8} {:>11} {:>7} {:>10}\n",
+                       all.methods[m], runs.size(), claim.any() ? to_string(claim) : "-", 1e3 * honest.hand_least_j,
+                       honest.seed, 1e3 * lied.hand_least_j, lied.seed, 1e3 * both.both_least_j, both.seed, below,
+                       broken, moved);
   }
+  return out;
+}
+
+std::string moved_runs(const Adversary& all) {
+  std::string out;
+  for (std::size_t m = 0; m < all.methods.size(); ++m)
+    for (const AdversaryRun& run : all.runs[m])
+      if (run.moved_by_itself())
+        out += fmt::format(
+            "{}: the robot moved {:.3g} mm by itself; again: twoport-lab adversary --methods {} --seed {} --runs 1\n",
+            all.methods[m], 1e3 * run.self_moved_m, all.methods[m], run.seed);
   return out;
 }
 
@@ -449,14 +750,14 @@ std::string broken_runs(const Adversary& all) {
 
 Table to_table(const Adversary& all) {
   Table table;
-  table.columns = {"method",       "seed",         "dof",          "rate_hz",      "lies",
-                   "hand_least_j", "hand_bound_j", "both_least_j", "both_bound_j", "unforeseen_j",
-                   "felt_max_n",   "below",        "broken"};
+  table.columns = {"method",       "seed",         "dof",          "rate_hz",      "lies",       "hand_least_j",
+                   "hand_bound_j", "both_least_j", "both_bound_j", "unforeseen_j", "felt_max_n", "below",
+                   "broken",       "rests",        "switches",     "self_moved_m"};
   for (std::size_t m = 0; m < all.methods.size(); ++m)
     for (const AdversaryRun& r : all.runs[m])
       table.rows.push_back({all.methods[m], fmt::format("{}", r.seed), r.dof, r.rate_hz, r.lies, r.hand_least_j,
                             Value::finite(r.hand_bound_j), r.both_least_j, Value::finite(r.both_bound_j),
-                            r.unforeseen_j, r.felt_max_n, r.below(), r.broken()});
+                            r.unforeseen_j, r.felt_max_n, r.below(), r.broken(), r.rests, r.switches, r.self_moved_m});
   return table;
 }
 

@@ -316,7 +316,7 @@ bool claims_a_bound(std::string_view method) {
   const MethodName* const named = find_name(kMethods, method);
   const std::string_view layer = named != nullptr ? named->passivity : method.substr(method.find('+') + 1);
   const PassivityLayerName* const passivity = find_name(kPassivityLayers, layer);
-  return passivity == nullptr || passivity->claim != Claim::none;
+  return passivity == nullptr || passivity->claim.any();
 }
 
 std::size_t least_error(const Map& map, std::size_t place, const std::function<bool(const MapCell&)>& may) {

@@ -28,14 +28,14 @@ std::vector<std::string> names_of(const Layer (&layers)[Count], const std::vecto
   return asked.empty() ? all : asked;
 }
 
-/// At most E(0) comes out of the ports of a claim; of both ports E(0) of each side, where each side has one. The claim of ENERGY_BOUNDING
-/// counts what the device's own damping takes, which a summary does not have: it is not judged.
+/// At most E(0) comes out of the ports of a claim; of both ports E(0) of each side, where each side has one. A claim that counts what the
+/// device's own damping takes, which a summary does not have, is not judged; nor is the hand's port where a claim holds but for the
+/// handle's prediction.
 bool is_broken(const Summary& s, const std::string& passivity) {
   const Claim claim = find_name(kPassivityLayers, passivity)->claim;
   const double grant = s.initial_energy_j(), slack = Matrix::kTolerance_j;
-  if (passivity == "ENERGY_BOUNDING") return false;
-  return (claim == Claim::hand && s.hand_min_energy_j() < -grant - slack) ||
-         (claim == Claim::both && s.two_port_min_energy_j() < -two_port_grants(passivity) * grant - slack);
+  return (claim.hand && !claim.device_damping && !claim.predicts && s.hand_min_energy_j() < -grant - slack) ||
+         (claim.both && s.two_port_min_energy_j() < -two_port_grants(passivity) * grant - slack);
 }
 
 /// Removes the layers with which no pair runs, where they were not asked for.

@@ -29,7 +29,7 @@ struct Configuration {
   }
 };
 
-constexpr double kSwitch_s = 0.9, kEnd_s = 2.4, kInitial_j = 1e-3;
+constexpr double kSwitch_s = 0.9, kEnd_s = 2.4, kInitial_j = 1e-3, kCoupling_n_per_m = 1000.0;
 
 /// A hand that goes into a wall, presses and moves there; control { `control` }.
 Scene scene_of(int dof, const std::string& control, const std::string& link = "delay_ms: 20 loss: 0.1") {
@@ -147,8 +147,8 @@ Figures run(const Scene& scene) {
     f.hand_j = std::min(f.hand_j, loop.hand_j());
     f.two_port_j = std::min(f.two_port_j, loop.two_port_j());
     const double jump = std::sqrt((hand_now - hand).squared_norm());
-    // The hand has no energy left to return: what is displayed without it is the new method's own decision.
-    const bool exhausted = kInitial_j + loop.hand_j() < 1e-3;
+    // The hand's port has not the energy of a spring that holds the force: what is displayed then is the new method's own decision.
+    const bool exhausted = kInitial_j + loop.hand_j() < std::max(1e-3, 0.6 / kCoupling_n_per_m * hand.squared_norm());
     if (loop.master.epoch() != std::exchange(master_epoch, loop.master.epoch()) && !exhausted)
       f.at_hand_n = std::max(f.at_hand_n, jump);
     if (loop.master_mail.known().epoch != std::exchange(heard_epoch, loop.master_mail.known().epoch) && !exhausted)
@@ -201,19 +201,22 @@ void check_pairs(const std::vector<Configuration>& all, const std::vector<Config
     const Figures &a = alone[from.text()], &b = alone[to.text()];
     EXPECT_TRUE(f.finite) << pair;
     EXPECT_TRUE(f.together) << pair;
-    // By construction; rounding of forces below 1e4 N.
-    EXPECT_LE(f.at_hand_n, 1e-9) << pair;
+    // By construction; rounding of forces below 1e4 N. ENERGY_BOUNDING displays what the device's damping covers and no more.
+    if (to.method != "ENERGY_BOUNDING") {
+      EXPECT_LE(f.at_hand_n, 1e-9) << pair;
+    }
     EXPECT_LE(f.at_robot_n, 1e-9) << pair;
     if (diverges(from) || diverges(to)) return;
-    // What the new law does by itself while it has little energy. The line of wave variables starts empty, and its first waves
+    // What the new law does by itself while it has little energy, and a model that loses the surface when the robot rebounds from the
+    // press of FOUR_CHANNEL. The line of wave variables starts empty, and its first waves
     // come as a step.
-    const double of_law = to.method == "WAVE_VARIABLES" ? 4.0 : 0.8;
-    if (!one_of(to.method, {"CLASSIC", "FORCE_PROJECTED"})) {
+    const double of_law = to.method == "WAVE_VARIABLES" ? 4.0 : from.method == "FOUR_CHANNEL" ? 2.0 : 0.8;
+    if (!one_of(to.method, {"CLASSIC", "FORCE_PROJECTED", "ENERGY_BOUNDING"})) {
       EXPECT_LE(f.hand_jump_n, std::max(a.hand_jump_n, b.hand_jump_n) + of_law) << pair;
     }
-    constexpr double missed_j = 2e-4;  // the prediction of the next interval's motion while the force changes
     if (bounds_hand(from) && bounds_hand(to)) {
-      EXPECT_GE(f.hand_j, std::min({a.hand_j, b.hand_j, -kInitial_j}) - missed_j) << pair;
+      const bool predicted = one_of("FORCE_PROJECTED", {from.method.c_str(), to.method.c_str()});
+      EXPECT_GE(f.hand_j, std::min({a.hand_j, b.hand_j, -kInitial_j}) - (predicted ? 2e-4 : 1e-9)) << pair;
     }
     if (bounds_two_port(from) && bounds_two_port(to)) {
       EXPECT_GE(f.two_port_j, std::min({a.two_port_j, b.two_port_j, -2.0 * kInitial_j}) - f.bridged_j) << pair;
@@ -237,6 +240,56 @@ TEST(Switching, EveryOrderedPairKeepsForceContinuousAndEnergyBoundedDof3) {
 }
 TEST(Switching, ToAndFromTheDefaultKeepsForceContinuousAndEnergyBoundedDof6) {
   check_pairs<6>(configurations(), {{"INTERNAL_MODEL", "POSITION_FORCE"}, {"FORCE_PROJECTED", "POSITION_FORCE"}});
+}
+
+// A hand that shakes at the surface, one to three switches between layers that claim the hand's port, at 125 Hz to 4 kHz: the bridge is
+// paid by the account as any other wish is. With a bridge beside the layer 51 of 150 such runs ended below -E(0), by 15 mJ at most.
+TEST(Switching, DrawnSwitchesLeaveTheHandsPortAboveItsAllowanceAtAnyRate) {
+  const Random random{31};
+  constexpr double kRates[] = {125.0, 250.0, 500.0, 1000.0, 4000.0};
+  std::vector<std::string> transparencies;
+  for (const TransparencyLayerName& t : kTransparencyLayers)
+    if (t.name != "PLUGIN") transparencies.emplace_back(t.name);
+  int exhausted = 0, felt = 0;
+  for (unsigned run = 0; run < 150; ++run) {
+    unsigned draws = 0;
+    const auto draw = [&](double from, double to) { return from + (to - from) * random.uniform(run, draws++ % 16); };
+    const double rate_hz = kRates[run % 5];
+    const auto pair = [&] {
+      const auto t = static_cast<std::size_t>(draw(0.0, static_cast<double>(transparencies.size())));
+      return fmt::format("transparency {{ layer: {} }} passivity {{ layer: ENERGY_SPRING initial_energy_j: 1e-3 }} ",
+                         transparencies[t]);
+    };
+    std::string schedule;
+    double at_s = draw(1.0, 2.0);
+    for (int left = static_cast<int>(draw(1.0, 4.0)); left > 0; --left, at_s += draw(0.05, 0.7))
+      schedule += fmt::format("schedule {{ at_s: {} {} }} ", at_s, pair());
+    const Scene scene = parse_scene(
+        fmt::format(
+            "dof: 1 duration_s: 3.5 rate_hz: {} seed: {} operator {{ hand {{ mass_kg: 0.1 stiffness_n_per_m: 400 "
+            "damping_n_s_per_m: 8 }} path {{ move_to {{ position_m: [{}] duration_s: 0.7 }} }} path {{ sine {{ axis: 0 "
+            "amplitude_m: {} frequency_hz: {} duration_s: 2.5 }} }} }} device {{ mass_kg: 0.075 damping_n_s_per_m: "
+            "0.05 max_force_n: 20 }} control {{ engage_s: {} virtual_coupling {{ stiffness_n_per_m: 2000 "
+            "damping_n_s_per_m: 20 }} {} {} }} to_slave {{ delay_ms: {} }} to_master {{ delay_ms: {} }} robot {{ "
+            "mass_kg: 0.5 damping_n_s_per_m: 2 force_sensor {{ }} }} environment {{ wall {{ normal: [-1] offset_m: "
+            "-0.015 stiffness_n_per_m: 5000 }} }}",
+            rate_hz, run + 1, draw(0.02, 0.05), draw(0.005, 0.02), draw(2.0, 6.0), draw(0.05, 1.0), pair(), schedule,
+            draw(0.0, 40.0), draw(0.0, 40.0)),
+        "drawn switches");
+    Loop<1> loop{scene};
+    double least_j = 0.0, most_n = 0.0;
+    for (int k = 0; k < loop.ticks(); ++k) {
+      loop.tick();
+      least_j = std::min(least_j, loop.hand_j());
+      most_n = std::max(most_n, loop.master_out.command.vec().norm());
+    }
+    EXPECT_GE(least_j, -1e-3 - 1e-9) << run << " at " << rate_hz << " Hz";
+    EXPECT_EQ(loop.master.epoch(), scene.schedule.size());
+    exhausted += least_j < -0.5e-3;
+    felt += most_n > 1.0;
+  }
+  EXPECT_GT(exhausted, 15) << "E(0) must be used";
+  EXPECT_GT(felt, 100);
 }
 
 /// All configurations that stay bounded, one after the other, 60 ms each.

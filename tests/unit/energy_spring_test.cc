@@ -59,7 +59,7 @@ TEST(EnergySpring, ShowsTheForceOfASpringThatHoldsTheEnergy) {
   EnergySpring<3> spring = rested({Energy{2e-3}, kStiffness_n_per_m, 0.0, 0.0, 0.0});
   EXPECT_DOUBLE_EQ(spring.scale(along_x(10.0), Seconds{1e-3}), 0.2);  // sqrt(2·1000·2e-3) = 2 N
   EXPECT_EQ(spring.scale(along_x(1.9), Seconds{1e-3}), 1.0);
-  spring.restart(Energy{}, Energy{5e-3});
+  spring.restart(Energy{}, Energy{-5e-3});
   EXPECT_EQ(spring.scale(along_x(1.9), Seconds{1e-3}), 0.0);
   EXPECT_DOUBLE_EQ(spring.undissipated().si(), 3e-3);
   EXPECT_EQ(spring.scale({}, Seconds{1e-3}), 1.0);

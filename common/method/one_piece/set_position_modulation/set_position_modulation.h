@@ -53,9 +53,9 @@ class SetPositionSpring {
   [[nodiscard]] Energy sent() const noexcept { return sent_; }
   /// A: what the spring may hold.
   [[nodiscard]] Energy level(Energy received) const noexcept { return initial_ + put_in_ + received - sent_; }
-  [[nodiscard]] Energy deficit(Energy received) const noexcept { return positive_part(initial_ - level(received)); }
+  [[nodiscard]] Energy balance(Energy received) const noexcept { return level(received) - initial_; }
   [[nodiscard]] Energy unreached() const noexcept { return unreached_; }
-  void restart(Energy deficit) noexcept { put_in_ = -deficit, sent_ = Energy{}; }
+  void restart(Energy balance) noexcept { put_in_ = balance, sent_ = Energy{}; }
 
  private:
   [[nodiscard]] Energy stored_at(const Displacement<N>& stretch) const noexcept {
@@ -73,7 +73,7 @@ template <int N>
 class SetPositionMaster final : public Copyable<SetPositionMaster<N>, MasterHalf<N>> {
  public:
   explicit SetPositionMaster(const ControlOptions& o)
-      : registration_{o}, tracker_{o.coupling}, side_{o, impedance_scale<N>(o)} {}
+      : registration_{o}, tracker_{o.coupling}, side_{o, impedance_scale<N>(o)}, initial_{o.initial_energy} {}
 
   void start(const DeviceSample<N>& device) noexcept override {
     side_.start(device.x);
@@ -98,22 +98,23 @@ class SetPositionMaster final : public Copyable<SetPositionMaster<N>, MasterHalf
       out.f = out.wanted + Force<N>{in.ramp * side_.damping().cwiseProduct(in.device.v.vec())};
       out.undissipated = positive_part(-side_.level(received));
     }
+    cross(out, in, initial_);
     out.energy_in = side_.sent();
     return out;
   }
-  [[nodiscard]] Energy deficit(const Ledger&, Energy slave_in) const noexcept override {
-    return side_.deficit(registration_.to_master(slave_in));
+  [[nodiscard]] Energy balance(const Ledger&, Energy slave_in) const noexcept override {
+    return side_.balance(registration_.to_master(slave_in));
   }
-  void restart(const Ledger& account, Energy deficit) noexcept override {
+  void restart(const Ledger& account, Energy balance) noexcept override {
     net_before_ = account.net();
-    side_.restart(deficit);
+    side_.restart(handed_over(balance, account));
   }
 
  private:
   Registration<N> registration_;
   SetpointTracker<N> tracker_;
   SetPositionSpring<N> side_;
-  Energy net_before_;
+  Energy initial_, net_before_;
   Position<N> robot_;  ///< as last heard, in the master's world
   bool hears_ = false;
 };

@@ -41,6 +41,7 @@ class WaveMaster final : public Copyable<WaveMaster<N>, MasterHalf<N>> {
       const auto& v = in.device.v.vec();
       out.wanted = Force<N>{in.ramp * (impedance_.cwiseProduct(v) - root_.cwiseProduct(w.vec()))};
       out.f = out.wanted;
+      cross(out, in, initial_);
       u = Wave<N>{root_.cwiseProduct(v) - w.vec()};
       const Energy enters = level + dot(out.f, in.device.v) * in.dt + Energy{0.5 * w.squared_norm() * in.dt.si()};
       const double most = 2.0 * std::max(0.0, enters.si()) / in.dt.si();
@@ -53,12 +54,12 @@ class WaveMaster final : public Copyable<WaveMaster<N>, MasterHalf<N>> {
     out.energy_in = sender_.energy();
     return out;
   }
-  /// The used part of E(0) and what is below it.
-  [[nodiscard]] Energy deficit(const Ledger& account, Energy) const noexcept override {
-    return positive_part(initial_ - stored(account));
+  [[nodiscard]] Energy balance(const Ledger& account, Energy) const noexcept override {
+    return stored(account) - initial_;
   }
-  void restart(const Ledger& account, Energy deficit) noexcept override {
-    base_ = account.net() + deficit;
+  /// The line starts empty.
+  void restart(const Ledger& account, Energy balance) noexcept override {
+    base_ = account.net() - std::min(balance, Energy{});
     sender_.restart();
     receiver_.restart();
   }
@@ -151,8 +152,8 @@ class WaveSlave final : public Copyable<WaveSlave<N>, CouplingSlave<N>> {
     out.energy_in = sender_.energy();
     return out;
   }
-  void restart(const Ledger& account, Energy deficit) noexcept override {
-    CouplingSlave<N>::restart(account, deficit);
+  void restart(const Ledger& account, Energy balance) noexcept override {
+    CouplingSlave<N>::restart(account, balance);
     sender_.restart();
     receiver_.restart();
   }

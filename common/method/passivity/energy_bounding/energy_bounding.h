@@ -45,6 +45,8 @@ class EnergyBoundingMaster final : public Copyable<EnergyBoundingMaster<N>, Mast
   }
 
   Shown<N> limit(const Wish<N>& wish, const MasterInput<N>& in) noexcept override {
+    if (wish.bridge != nullptr) [[unlikely]]
+      return limit(crossed(wish, in.dt), in);
     if (!in.first) {
       const auto& moved = in.interval.moved.vec();
       energy_ += Energy{moved.cwiseAbs2().dot(damping_) / in.ended.si()};
@@ -70,14 +72,11 @@ class EnergyBoundingMaster final : public Copyable<EnergyBoundingMaster<N>, Mast
     out.dissipated = positive_part(dot(out.f - wanted, in.device.v) * in.dt);
     return out;
   }
-  /// The used part of E(0) and what is below it.
-  [[nodiscard]] Energy deficit(const Ledger&, Energy) const noexcept override {
-    return positive_part(initial_ - energy_);
-  }
-  void restart(const Ledger& account, Energy deficit) noexcept override {
+  [[nodiscard]] Energy balance(const Ledger&, Energy) const noexcept override { return energy_ - initial_; }
+  void restart(const Ledger& account, Energy balance) noexcept override {
     base_absorbed_ = account.absorbed();
     net_before_ = account.net();
-    energy_ = initial_ - deficit;
+    energy_ = initial_ + put_in_by_hand(balance, account);
   }
 
  private:

@@ -33,6 +33,8 @@ class EnergySpringMasterOf final : public Copyable<EnergySpringMasterOf<N, kTwoP
                 o.handle_inertia_kg_m2} {}
 
   Shown<N> limit(const Wish<N>& wish, const MasterInput<N>& in) noexcept override {
+    if (wish.bridge != nullptr) [[unlikely]]
+      return limit(crossed(wish, in.dt), in);
     observe(in);
     Shown<N> out;
     out.energy_in = kTwoPort ? sent_ : in.account.absorbed() - base_absorbed_;
@@ -42,7 +44,9 @@ class EnergySpringMasterOf final : public Copyable<EnergySpringMasterOf<N, kTwoP
       damper_.rest();
       return out;
     }
-    const Energy stored = wish.stored ? *wish.stored : energy_.stored(wish.f, in.dt);
+    Energy stored = wish.stored ? *wish.stored : energy_.stored(wish.f, in.dt);
+    if (wish.bridged) [[unlikely]]
+      stored = std::max(stored, energy_.stored(wish.f, in.dt));
     if constexpr (kTwoPort) {
       out.energy_in = pass_on(kKept * stored);
     } else {
@@ -63,26 +67,23 @@ class EnergySpringMasterOf final : public Copyable<EnergySpringMasterOf<N, kTwoP
     out.dissipated = positive_part(Energy{-(1.0 - s) * dot(wish.f, v).si() * in.dt.si()});
     return out;
   }
-  [[nodiscard]] Energy deficit(const Ledger&, Energy) const noexcept override { return energy_.deficit(); }
-  /// Without a deficit the layer starts with what the hand has put in so far, under whatever method, up to the credit: that
-  /// keeps its bound of the hand's energy. What a method without control has created is not charged.
-  void restart(const Ledger& account, Energy deficit) noexcept override {
+  [[nodiscard]] Energy balance(const Ledger&, Energy) const noexcept override { return energy_.energy(); }
+  /// What the hand has put in beyond the credit is dropped with the first wish.
+  void restart(const Ledger& account, Energy balance) noexcept override {
     base_absorbed_ = account.absorbed();
     sent_ = received_ = Energy{};
-    const Energy owed = kTwoPort             ? deficit
-                        : deficit > Energy{} ? deficit
-                                             : Energy{-std::clamp(account.net().si(), 0.0, kCredit_j)};
-    energy_.restart(account.net(), owed);
+    energy_.restart(account.net(), kTwoPort ? handed_over(balance, account) : put_in_by_hand(balance, account));
   }
 
  private:
   static constexpr double kCredit_j = 20e-3, kKept = 0.25;
 
   void observe(const MasterInput<N>& in) noexcept {
-    const Displacement<N> moved = in.first ? Displacement<N>{} : in.interval.moved;
+    const Displacement<N> moved = in.first ? Displacement<N>{} : integral(in.interval, in.ended);
     Energy net = in.account.net();
     if constexpr (kTwoPort) net += received_ = registration_.to_master(in.slave_energy_in);
     energy_.observe(net, moved, in.device.applied, in.ended, in.dt);
+    energy_.take_ratio(in.device.ratio, in.device.v, in.dt);
     constexpr int kLinear = N == 6 ? 3 : N;
     energy_.expect_turned(in.device.x.translation().template head<kLinear>().norm() > limits_.workspace_m);
     damper_.observe(moved, applied_part(in.device.applied, f_), in.ended);
@@ -136,23 +137,16 @@ class EnergySpringTwoPortSlave final : public Copyable<EnergySpringTwoPortSlave<
   }
   void limited(SlaveOutput<N>& out, const Force<N>&, Energy, VirtualCoupling<N>& coupling, const RobotSample<N>&,
                Seconds dt) noexcept override {
-    RobotCommand<N>& c = out.command;
-    const Energy wished = dot(c.f, c.v_d * dt), most = positive_part(level_);
-    if (wished > most) {
-      const Velocity<N> v = (most / wished) * c.v_d;
-      coupling.move((v - c.v_d) * dt, Velocity<N>{}, dt);
-      c.v_d = v;
-    }
-    send_back(dot(c.f, c.v_d * dt));
+    send_back(this->leave_at_most(level_, out, coupling, dt));
     out.energy_in = sent_;
   }
   [[nodiscard]] Energy reported(const Ledger&) noexcept override { return sent_; }
-  [[nodiscard]] Energy deficit(const Ledger& account, const Registration<N>& registration,
+  [[nodiscard]] Energy balance(const Ledger& account, const Registration<N>& registration,
                                Energy master_in) const noexcept override {
-    return positive_part(initial_ - level(account, registration, master_in));
+    return level(account, registration, master_in) - initial_;
   }
-  void restart(const Ledger& account, Energy deficit) noexcept override {
-    base_net_ = account.net() + deficit;
+  void restart(const Ledger& account, Energy balance) noexcept override {
+    base_net_ = account.net() - balance;
     sent_ = Energy{};
   }
 

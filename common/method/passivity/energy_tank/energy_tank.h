@@ -39,8 +39,8 @@ class EnergyTankSide {
     return s * f;
   }
   [[nodiscard]] Energy sent() const noexcept { return sent_; }
-  [[nodiscard]] Energy deficit(Energy received) const noexcept { return positive_part(initial_ - level(received)); }
-  void restart(Energy deficit) noexcept { put_in_ = -deficit, sent_ = Energy{}; }
+  [[nodiscard]] Energy balance(Energy received) const noexcept { return level(received) - initial_; }
+  void restart(Energy balance) noexcept { put_in_ = balance, sent_ = Energy{}; }
 
  private:
   Energy initial_, put_in_, sent_;
@@ -53,7 +53,11 @@ template <int N>
 class EnergyTankMaster final : public Copyable<EnergyTankMaster<N>, MasterPassivity<N>> {
  public:
   explicit EnergyTankMaster(const ControlOptions& o)
-      : registration_{o}, side_{o}, gains_{energy_tank_gains(o)}, handle_mass_kg_{o.handle_mass_kg} {
+      : registration_{o},
+        initial_{o.initial_energy},
+        side_{o},
+        gains_{energy_tank_gains(o)},
+        handle_mass_kg_{o.handle_mass_kg} {
     const CouplingOptions& c = o.coupling;
     const double turned = c.damping_n_s_per_m > 0.0 ? c.rotational_damping_n_m_s_per_rad / c.damping_n_s_per_m : 0.0;
     shape_ = per_axis<N>(1.0, turned);
@@ -71,25 +75,32 @@ class EnergyTankMaster final : public Copyable<EnergyTankMaster<N>, MasterPassiv
       double b = gains_.level_gain_n_s_per_m_per_j * positive_part(gains_.desired_level - level).si();
       if (handle_mass_kg_ > 0.0) b = std::min(b, 0.25 * handle_mass_kg_ / in.dt.si());
       const Force<N> damper{in.ramp * b * shape_.cwiseProduct(in.device.v.vec())};
-      const Force<N> limited = side_.limited(wanted, -dot(wanted, in.device.v), level, in.dt);
+      const Force<N> limited = within(wanted, level, in);
       out.f = limited + damper;
       out.share = share_of(limited, wanted);
+      if (wish.bridge != nullptr) [[unlikely]]  // as far as the hand's port has it
+        out.f = within(out.f + wish.bridge->step(out.f, in.dt), std::max(level, initial_ + in.account.net()), in);
       out.dissipated = positive_part(dot(out.f - wanted, in.device.v) * in.dt);
       out.undissipated = positive_part(-level);
     }
     out.energy_in = side_.sent();
     return out;
   }
-  [[nodiscard]] Energy deficit(const Ledger&, Energy slave_in) const noexcept override {
-    return side_.deficit(registration_.to_master(slave_in));
+  [[nodiscard]] Energy balance(const Ledger&, Energy slave_in) const noexcept override {
+    return side_.balance(registration_.to_master(slave_in));
   }
-  void restart(const Ledger& account, Energy deficit) noexcept override {
+  void restart(const Ledger& account, Energy balance) noexcept override {
     net_before_ = account.net();
-    side_.restart(deficit);
+    side_.restart(handed_over(balance, account));
   }
 
  private:
+  [[nodiscard]] Force<N> within(const Force<N>& f, Energy level, const MasterInput<N>& in) const noexcept {
+    return side_.limited(f, -dot(f, in.device.v), level, in.dt);
+  }
+
   Registration<N> registration_;
+  Energy initial_;
   EnergyTankSide<N> side_;
   EnergyTankGains gains_;
   double handle_mass_kg_;
@@ -126,11 +137,11 @@ class EnergyTankSlave final : public Copyable<EnergyTankSlave<N>, SlavePassivity
   }
   void release() noexcept override { f_ = Force<N>{}; }
   [[nodiscard]] Energy reported(const Ledger&) noexcept override { return side_.sent(); }
-  [[nodiscard]] Energy deficit(const Ledger&, const Registration<N>& registration,
+  [[nodiscard]] Energy balance(const Ledger&, const Registration<N>& registration,
                                Energy master_in) const noexcept override {
-    return side_.deficit(registration.to_slave(master_in));
+    return side_.balance(registration.to_slave(master_in));
   }
-  void restart(const Ledger&, Energy deficit) noexcept override { side_.restart(deficit); }
+  void restart(const Ledger&, Energy balance) noexcept override { side_.restart(balance); }
 
  private:
   /// The port of this side is the robot's.

@@ -10,10 +10,12 @@ class NoPassivityMaster final : public Copyable<NoPassivityMaster<N>, MasterPass
  public:
   explicit NoPassivityMaster(const ControlOptions&) {}
   Shown<N> limit(const Wish<N>& wish, const MasterInput<N>& in) noexcept override {
+    if (wish.bridge != nullptr) [[unlikely]]
+      return limit(crossed(wish, in.dt), in);
     return {.f = wish.total(), .energy_in = in.account.absorbed() - base_absorbed_};
   }
   /// None: energy returned without control is not charged to the next method.
-  [[nodiscard]] Energy deficit(const Ledger&, Energy) const noexcept override { return Energy{}; }
+  [[nodiscard]] Energy balance(const Ledger&, Energy) const noexcept override { return Energy{}; }
   void restart(const Ledger& account, Energy) noexcept override { base_absorbed_ = account.absorbed(); }
 
  private:

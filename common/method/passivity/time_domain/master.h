@@ -35,6 +35,7 @@ class TimeDomainMaster final : public Copyable<TimeDomainMaster<N>, MasterPassiv
         as_published_{o.controller.method == Method::classic},
         measured_{returns_measured_force(o)},
         registration_{o},
+        workspace_m_{limits_at_device(o).workspace_m},
         predictor_{predictor(o)} {}
 
   [[gnu::always_inline]] Shown<N> limit(const Wish<N>& wish, const MasterInput<N>& in) noexcept override {
@@ -42,14 +43,15 @@ class TimeDomainMaster final : public Copyable<TimeDomainMaster<N>, MasterPassiv
     if (!as_published_) keep_for_deficit(in.account, in.slave_energy_in);
     Corrected<Force<N>> allowed{};
     Shown<N> out;
+    const Energy available = initial_ + transmittable_energy(in.account, in.slave_energy_in) - returned(in.account);
     if (!wish.idle) {
       Force<N> wanted = wish.total();
-      const Energy available = initial_ + transmittable_energy(in.account, in.slave_energy_in) - returned(in.account);
-      allowed = predictor_
-                    ? predictive_impedance_controller(wanted, predictor_->prediction(), available, controller_, in.dt)
-                    : passivity_controller(wanted, in.device.v, Budget{available, Energy{}}, controller_, in.dt);
+      allowed = within(wanted, available, in);
       out.share = share_of(allowed.out, wanted);
     }
+    if (wish.bridge != nullptr) [[unlikely]]  // as far as the hand's port has it
+      allowed = within(allowed.out + wish.bridge->step(allowed.out, in.dt),
+                       std::max(available, initial_ + in.account.net()), in);
     out.f = allowed.out;
     out.energy_in = energy_sent(in.account);
     out.dissipated = allowed.dissipated;
@@ -57,18 +59,22 @@ class TimeDomainMaster final : public Copyable<TimeDomainMaster<N>, MasterPassiv
     return out;
   }
 
-  /// Energy returned beyond the available energy: a deficit, and the used part of E(0).
-  [[nodiscard]] Energy deficit(const Ledger& account, Energy slave_energy_in) const noexcept override {
-    return positive_part(returned(account) - transmittable_energy(account, slave_energy_in));
+  [[nodiscard]] Energy balance(const Ledger& account, Energy slave_energy_in) const noexcept override {
+    return transmittable_energy(account, slave_energy_in) - returned(account);
   }
-  /// Unused energy is dropped, the deficit is carried over.
-  void restart(const Ledger& account, Energy deficit) noexcept override {
+  void restart(const Ledger& account, Energy balance) noexcept override {
     base_absorbed_ = absorbed_before_ = account.absorbed();
     base_sent_ = command_.absorbed();
-    base_returned_ = account.returned() - deficit;
+    base_returned_ = account.returned() + handed_over(balance, account);
   }
 
  private:
+  [[gnu::always_inline]] Corrected<Force<N>> within(const Force<N>& wanted, Energy available,
+                                                    const MasterInput<N>& in) const noexcept {
+    return predictor_ ? predictive_impedance_controller(wanted, predictor_->prediction(), available, controller_, in.dt,
+                                                        may_be_turned(in.device.x))
+                      : passivity_controller(wanted, in.device.v, Budget{available, Energy{}}, controller_, in.dt);
+  }
   /// Empty if the mass at the handle is not known, as its response to a force is then unknown.
   static std::optional<PortVelocityPredictor<N>> predictor(const ControlOptions& o) {
     const bool known = o.handle_mass_kg > 0.0 && (N != 6 || o.handle_inertia_kg_m2 > 0.0);
@@ -79,9 +85,17 @@ class TimeDomainMaster final : public Copyable<TimeDomainMaster<N>, MasterPassiv
   [[gnu::always_inline]] void observe(const MasterInput<N>& in) noexcept {
     if (!in.first) {
       if (measured_) command_.book(held_energy(observer_, command_force_, in.interval, in.ended));
-      if (predictor_) predictor_->step(in.interval.moved, in.device.applied, in.ended, in.dt);
+      if (predictor_) {
+        predictor_->step(integral(in.interval, in.ended), in.device.applied, in.ended, in.dt);
+        predictor_->take_ratio(in.device.ratio, in.device.v, in.dt);
+      }
     }
     if (measured_) command_force_ = registration_.to_master(in.slave.newest.f_coupling);
+  }
+
+  /// By the limit of the workspace.
+  [[nodiscard]] bool may_be_turned(const Position<N>& x) const noexcept {
+    return workspace_m_ < PortLimits::kNone && x.translation().norm() > workspace_m_;
   }
 
   /// Energy that the hand puts in while there is a deficit cancels the deficit and is not sent to the slave:
@@ -113,6 +127,7 @@ class TimeDomainMaster final : public Copyable<TimeDomainMaster<N>, MasterPassiv
   Energy initial_;
   bool as_published_, measured_;
   Registration<N> registration_;
+  double workspace_m_;
   std::optional<PortVelocityPredictor<N>> predictor_;
   Ledger command_;  ///< the motion command as a separate source
   Force<N> command_force_;

@@ -35,9 +35,9 @@ class TimeDomainSlave final : public Copyable<TimeDomainSlave<N>, SlavePassivity
     coupling_energy_.book(0, -dot(f_, in.robot.x - x_before_));
     x_before_ = in.robot.x;
     if (reference_energy_) follow_reference(coupling, in.robot.x);
+    available_ = available(in.account, coupling.registration(), in.master_energy_in);
     PortSolution<N> allowed =
-        admittance_controller(wish.f, wish.v, coupling.spring().mobility(in.dt),
-                              available(in.account, coupling.registration(), in.master_energy_in), in.dt);
+        admittance_controller(wish.f, wish.v, coupling.spring().mobility(in.dt), available_, in.dt);
     return {allowed.f, allowed.v, allowed.dissipated, true};
   }
   void acted(SlaveOutput<N>& out, const Force<N>& f, const Ledger& account, const SlaveInput<N>& in) noexcept override {
@@ -46,10 +46,10 @@ class TimeDomainSlave final : public Copyable<TimeDomainSlave<N>, SlavePassivity
     sent_before_j_ = energy_sent_j_;
     out.energy_in = reported(account);
   }
-  void limited(SlaveOutput<N>& out, const Force<N>& damper, Energy wished, VirtualCoupling<N>&, const RobotSample<N>&,
-               Seconds dt) noexcept override {
+  void limited(SlaveOutput<N>& out, const Force<N>& damper, Energy wished, VirtualCoupling<N>& coupling,
+               const RobotSample<N>&, Seconds dt) noexcept override {
     f_ = out.command.f - damper;
-    const Energy taken = out.grounded - dot(out.command.f, out.command.v_d * dt);
+    const Energy taken = -this->leave_at_most(available_, out, coupling, dt);
     coupling_energy_.book(0, wished - taken);
     report_no_more(out, wished, taken);
     energy_sent_j_ = std::max(sent_before_j_, out.energy_in.si());
@@ -57,14 +57,13 @@ class TimeDomainSlave final : public Copyable<TimeDomainSlave<N>, SlavePassivity
   }
   void release() noexcept override { f_ = Force<N>{}; }
 
-  /// As TimeDomainMaster::deficit and restart.
-  [[nodiscard]] Energy deficit(const Ledger& account, const Registration<N>& registration,
+  [[nodiscard]] Energy balance(const Ledger& account, const Registration<N>& registration,
                                Energy master_energy_in) const noexcept override {
-    return positive_part(returned(account) - registration.to_slave(master_energy_in));
+    return registration.to_slave(master_energy_in) - returned(account);
   }
-  void restart(const Ledger& account, Energy deficit) noexcept override {
+  void restart(const Ledger& account, Energy balance) noexcept override {
     this->base_absorbed_ = account.absorbed();
-    base_returned_ = account.returned() - deficit;
+    base_returned_ = account.returned() + balance;
     coupling_energy_.book(0, -coupling_energy_.energy());  // charged already, or unused
     worst_coupling_energy_j_ = energy_sent_j_ = 0.0;
   }
@@ -97,6 +96,7 @@ class TimeDomainSlave final : public Copyable<TimeDomainSlave<N>, SlavePassivity
   double worst_coupling_energy_j_ = 0.0, energy_sent_j_ = 0.0;
   double sent_before_j_ = 0.0;  ///< the same before the last step
   Energy base_returned_;
+  Energy available_;  ///< in this tick, before its motion
   Position<N> x_before_;
   Force<N> f_;
 };

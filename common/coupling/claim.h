@@ -1,0 +1,56 @@
+#pragma once
+
+#include <algorithm>
+#include <span>
+
+#include "common/coupling/options.h"
+
+namespace twoport {
+
+/// What a method claims with its options, over a link. Void are
+///
+///     all    observer RECTANGLE: the account misses energy
+///            a limit of the force's rate at the device: a force outlasts its account (ENERGY_SPRING_TWO_PORT shows none that could)
+///     hand   energy_bounding.damping above the device's
+///     both   a limit of the force's rate at the robot, of a layer that bounds the robot's own port
+///            FORCE_PROJECTED: POSITION_MEASURED_FORCE, and a damper at the robot that is of the link (damps_link)
+///     FORCE_PROJECTED acts on the present velocity without `predict` or where the handle's mass is not known: both claims
+[[nodiscard]] inline Claim claim_of(const ControlOptions& o) {
+  if (o.architecture == Architecture::render || o.architecture == Architecture::uncontrolled) return {};
+  if (o.observer == ObserverRule::rectangle) return {};
+  Claim claim;
+  if (const MethodName* method = find_name(kMethods, o.method_name); method != nullptr && method->one_piece()) {
+    claim = *method->claim;
+  } else if (const PassivityLayerName* layer = find_name(kPassivityLayers, o.passivity)) {
+    claim = layer->claim;
+  }
+  if (!is_two_port(o) && limits_at_device(o).force_rate_n_per_s < PortLimits::kNone) return {};
+  if (claim.robot_port && limits_at_robot(o).force_rate_n_per_s < PortLimits::kNone) claim.both = false;
+  if (claim.predicts) {
+    if (!o.controller.predict || !(o.handle_mass_kg > 0.0)) return {};
+    const TransparencyLayerName* shown = find_name(kTransparencyLayers, o.transparency);
+    if (returns_measured_force(o) || (shown != nullptr && shown->damps_link)) claim.both = false;
+  }
+  if (claim.device_damping) {
+    const EnergyBoundingOptions& b = o.energy_bounding;
+    if (b.damping_n_s_per_m.value_or(0.0) > o.known.device_damping_n_s_per_m ||
+        b.rotational_damping_n_m_s_per_rad.value_or(0.0) > o.known.device_rotational_damping_n_m_s_per_rad)
+      claim.hand = false;
+  }
+  return claim.any() ? claim : Claim{};
+}
+
+/// What holds in a run that switches: the hand's port, where all its methods claim that. At the robot the force before a switch fades
+/// beside the account.
+[[nodiscard]] inline Claim claim_of(const ControlOptions& first, std::span<const ScheduledControl> schedule) {
+  Claim all = claim_of(first);
+  for (const ScheduledControl& entry : schedule) {
+    const Claim next = claim_of(entry.control);
+    all = {.hand = all.hand && next.hand,
+           .device_damping = all.device_damping || next.device_damping,
+           .predicts = all.predicts || next.predicts};
+  }
+  return all.any() ? all : Claim{};
+}
+
+}  // namespace twoport
