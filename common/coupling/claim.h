@@ -10,12 +10,18 @@ namespace twoport {
 /// What a method claims with its options, over a link. Void are
 ///
 ///     all    observer RECTANGLE: the account misses energy
-///            a limit of the force's rate at the device: a force outlasts its account (ENERGY_SPRING_TWO_PORT shows none that could)
+///            a limit of the force's rate at the device that can act: a force outlasts its account (ENERGY_SPRING_TWO_PORT shows none
+///            that could)
 ///     hand   energy_bounding.damping above the device's
 ///     both   a limit of the force's rate at the robot, of a layer that bounds the robot's own port
 ///            FORCE_PROJECTED: POSITION_MEASURED_FORCE, and a damper at the robot that is of the link (damps_link)
 ///     FORCE_PROJECTED acts on the present velocity without `predict` or where the handle's mass is not known: both claims
 [[nodiscard]] inline Claim claim_of(const ControlOptions& o) {
+  // Within the limit of force no force changes by more than twice that in a tick.
+  const auto rate_acts = [](const PortLimits& limits, Seconds tick) {
+    return limits.force_rate_n_per_s < PortLimits::kNone &&
+           !(limits.force_rate_n_per_s * tick.si() >= 2.0 * limits.force_n);
+  };
   if (o.architecture == Architecture::render || o.architecture == Architecture::uncontrolled) return {};
   if (o.observer == ObserverRule::rectangle) return {};
   Claim claim;
@@ -24,8 +30,8 @@ namespace twoport {
   } else if (const PassivityLayerName* layer = find_name(kPassivityLayers, o.passivity)) {
     claim = layer->claim;
   }
-  if (!is_two_port(o) && limits_at_device(o).force_rate_n_per_s < PortLimits::kNone) return {};
-  if (claim.robot_port && limits_at_robot(o).force_rate_n_per_s < PortLimits::kNone) claim.both = false;
+  if (!is_two_port(o) && rate_acts(limits_at_device(o), o.known.master_tick)) return {};
+  if (claim.robot_port && rate_acts(limits_at_robot(o), o.known.slave_tick)) claim.both = false;
   if (claim.predicts) {
     if (!o.controller.predict || !(o.handle_mass_kg > 0.0)) return {};
     const TransparencyLayerName* shown = find_name(kTransparencyLayers, o.transparency);

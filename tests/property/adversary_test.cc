@@ -114,7 +114,11 @@ TEST(Claims, AreThoseOfThePairWithItsOptions) {
   o.robot_limits.force_rate_n_per_s = 100.0;
   EXPECT_EQ(claim("ENERGY_TANK"), "none");
   EXPECT_EQ(claim("FORCE_PROJECTED"), "hand, both");
-  o.device_limits.force_rate_n_per_s = 100.0;
+  o.device_limits.force_rate_n_per_s = 50e3;
+  o.device_limits.force_n = 25.0;
+  o.known.master_tick = Seconds{1e-3};
+  EXPECT_EQ(claim("INTERNAL_MODEL"), "hand") << "no force changes by more than 50 N";
+  o.device_limits.force_rate_n_per_s = 49e3;
   EXPECT_EQ(claim("INTERNAL_MODEL"), "none");
   EXPECT_EQ(claim("RANDOM+ENERGY_SPRING_TWO_PORT"), "both");
   o.observer = ObserverRule::rectangle;
