@@ -1,6 +1,6 @@
 #pragma once
 
-#include <algorithm>
+#include <cstdint>
 #include <span>
 
 #include "common/coupling/options.h"
@@ -16,34 +16,60 @@ namespace twoport {
 ///     both   a limit of the force's rate at the robot, of a layer that bounds the robot's own port
 ///            FORCE_PROJECTED: POSITION_MEASURED_FORCE, and a damper at the robot that is of the link (damps_link)
 ///     FORCE_PROJECTED acts on the present velocity without `predict` or where the handle's mass is not known: both claims
-[[nodiscard]] inline Claim claim_of(const ControlOptions& o) {
+struct StandingClaim {
+  enum class Voided : std::uint8_t {
+    nothing,
+    observer,
+    device_rate,
+    robot_rate,
+    prediction,
+    measured_force,
+    link_damper,
+    damping
+  };
+
+  Claim claim;
+  Voided voided = Voided::nothing;  ///< an option that takes a part of the claim away
+};
+[[nodiscard]] inline StandingClaim standing_claim(const ControlOptions& o) {
+  using enum StandingClaim::Voided;
   // Within the limit of force no force changes by more than twice that in a tick.
   const auto rate_acts = [](const PortLimits& limits, Seconds tick) {
     return limits.force_rate_n_per_s < PortLimits::kNone &&
            !(limits.force_rate_n_per_s * tick.si() >= 2.0 * limits.force_n);
   };
   if (o.architecture == Architecture::render || o.architecture == Architecture::uncontrolled) return {};
-  if (o.observer == ObserverRule::rectangle) return {};
   Claim claim;
   if (const MethodName* method = find_name(kMethods, o.method_name); method != nullptr && method->one_piece()) {
     claim = *method->claim;
   } else if (const PassivityLayerName* layer = find_name(kPassivityLayers, o.passivity)) {
     claim = layer->claim;
   }
-  if (!is_two_port(o) && rate_acts(limits_at_device(o), o.known.master_tick)) return {};
-  if (claim.robot_port && rate_acts(limits_at_robot(o), o.known.slave_tick)) claim.both = false;
+  if (!claim.any()) return {};
+  if (o.observer == ObserverRule::rectangle) return {{}, observer};
+  if (!is_two_port(o) && rate_acts(limits_at_device(o), o.known.master_tick)) return {{}, device_rate};
+  if (claim.predicts && (!o.controller.predict || !(o.handle_mass_kg > 0.0))) return {{}, prediction};
+  StandingClaim::Voided voided = nothing;
+  const auto take_both = [&](StandingClaim::Voided by) {
+    if (claim.both) voided = by;
+    claim.both = false;
+  };
+  if (claim.robot_port && rate_acts(limits_at_robot(o), o.known.slave_tick)) take_both(robot_rate);
   if (claim.predicts) {
-    if (!o.controller.predict || !(o.handle_mass_kg > 0.0)) return {};
     const TransparencyLayerName* shown = find_name(kTransparencyLayers, o.transparency);
-    if (returns_measured_force(o) || (shown != nullptr && shown->damps_link)) claim.both = false;
+    if (returns_measured_force(o)) take_both(measured_force);
+    if (shown != nullptr && shown->damps_link) take_both(link_damper);
   }
   if (claim.device_damping) {
     const EnergyBoundingOptions& b = o.energy_bounding;
     if (b.damping_n_s_per_m.value_or(0.0) > o.known.device_damping_n_s_per_m ||
         b.rotational_damping_n_m_s_per_rad.value_or(0.0) > o.known.device_rotational_damping_n_m_s_per_rad)
-      claim.hand = false;
+      claim.hand = false, voided = damping;
   }
-  return claim.any() ? claim : Claim{};
+  return {claim.any() ? claim : Claim{}, voided};
+}
+[[nodiscard]] inline Claim claim_of(const ControlOptions& o) {
+  return standing_claim(o).claim;
 }
 
 /// What holds in a run that switches: the hand's port, where all its methods claim that. At the robot the force before a switch fades

@@ -14,6 +14,7 @@
 
 #include "common/arm/arm_model.h"
 #include "common/base/built_for.h"
+#include "common/coupling/claim.h"
 #include "common/scene/held_coupling.h"
 #include "common/scene/numbers.h"
 
@@ -262,40 +263,56 @@ std::optional<std::size_t> moving_anchor(const Scene& scene) {
   return {};
 }
 
-/// Below this a force that may not fall at once has given the hand more than E(0); from here up no miss was seen
-/// (docs/reference/energy-bound.md, step 2). ENERGY_SPRING_TWO_PORT keeps its claim by a limit of the force.
-constexpr double kSlowForce_n_per_s = 1000.0;
-
-Claim claim_of_layer(const ControlOptions& o) {
-  const PassivityLayerName* const layer = find_name(kPassivityLayers, o.passivity);
-  return layer == nullptr ? Claim::none : layer->claim;
-}
-
-std::string what_voids(const Scene& s, const ControlOptions& o) {
-  if (claim_of_layer(o) == Claim::none) return {};
-  if (o.observer == ObserverRule::rectangle)
+/// What an option takes of a claim; empty: nothing.
+std::string what_voids(const ControlOptions& o) {
+  using enum StandingClaim::Voided;
+  const std::string layer = o.passivity.empty() ? o.method_name : o.passivity;
+  const auto rate = [&](const char* side, const PortLimits& limits) {
     return fmt::format(
-        "control.passivity.observer is RECTANGLE, which misses energy: the claim of {} does not hold; EXACT holds it",
-        o.passivity);
-  if (const double rate = o.device_limits.force_rate_n_per_s; !is_two_port(o) && rate < kSlowForce_n_per_s)
-    return fmt::format(
-        "control.device_limits.force_rate_n_per_s is {:g}: the force may not fall at once, and the claim of {} does "
-        "not "
-        "hold; {:g} N/s or more holds it",
-        rate, o.passivity, kSlowForce_n_per_s);
-  if (o.passivity != "ENERGY_BOUNDING" || !s.device) return {};
-  const auto above = [&](const std::optional<double>& stated, double has, const char* name) -> std::string {
-    if (!stated || *stated <= has) return {};
-    return fmt::format(
-        "control.passivity.energy_bounding.{} is {:g}, and device.{} is {:g}: the claim of ENERGY_BOUNDING does not "
-        "hold",
-        name, *stated, name, has);
+        "control.{}_limits.force_rate_n_per_s is {:g}: a force may outlast the account of {}; a rate of "
+        "twice force_n in a tick or more cannot act",
+        side, limits.force_rate_n_per_s, layer);
   };
-  std::string why = above(o.energy_bounding.damping_n_s_per_m, s.device->damping_n_s_per_m, "damping_n_s_per_m");
-  if (why.empty())
-    why = above(o.energy_bounding.rotational_damping_n_m_s_per_rad, s.device->rotational_damping_n_m_s_per_rad,
-                "rotational_damping_n_m_s_per_rad");
-  return why;
+  switch (standing_claim(o).voided) {
+    case nothing:
+      return {};
+    case observer:
+      return fmt::format(
+          "control.passivity.observer is RECTANGLE, which misses energy: {} does not keep its claim; EXACT does",
+          layer);
+    case device_rate:
+      return rate("device", limits_at_device(o));
+    case robot_rate:
+      return rate("robot", limits_at_robot(o));
+    case prediction:
+      return fmt::format("{} does not predict the handle's motion: {}", layer,
+                         o.controller.predict ? "its mass is not known" : "control.passivity.predict is false");
+    case measured_force:
+      return fmt::format("the force sensor's force is displayed, of which {} at the robot has no account", layer);
+    case link_damper:
+      return fmt::format("{} has a brake at the robot beside the account of {}", o.transparency, layer);
+    case damping:
+      return fmt::format("control.passivity.energy_bounding states more damping than the device has, {:g} N s/m",
+                         o.known.device_damping_n_s_per_m);
+  }
+  return {};
+}
+/// Is it said when the scene is read? What belongs to the pair of layers stands in the table of claims, the defaults of a live run in
+/// that of limits.
+bool is_said(const ControlOptions& o) {
+  using enum StandingClaim::Voided;
+  switch (standing_claim(o).voided) {
+    case observer:
+    case prediction:
+    case damping:
+      return true;
+    case device_rate:
+      return o.device_limits.force_rate_n_per_s != kDeviceDefaults.force_rate_n_per_s;
+    case robot_rate:
+      return o.robot_limits.force_rate_n_per_s != kRobotDefaults.force_rate_n_per_s;
+    default:
+      return false;
+  }
 }
 
 struct Hint {
@@ -403,19 +420,18 @@ constexpr Hint kHints[] = {
 
 std::string what_voids_claim(const Scene& s) {
   if (!has_link(s)) return {};
-  std::string why = what_voids(s, s.control);
+  if (is_said(s.control)) return what_voids(s.control);
   for (const ScheduledControl& entry : s.schedule)
-    if (why.empty()) why = what_voids(s, entry.control);
-  return why;
+    if (is_said(entry.control)) return what_voids(entry.control);
+  return {};
 }
 
 std::string claim_that_holds(const Scene& s) {
   if (!has_link(s)) return {};
-  if (const std::string why = what_voids_claim(s); !why.empty()) return "none: " + why;
-  const Claim claim = claim_of_layer(s.control);
+  std::string text{to_string(claim_of(s.control, s.schedule))}, why = what_voids(s.control);
   for (const ScheduledControl& entry : s.schedule)
-    if (claim_of_layer(entry.control) != claim) return "none: control.schedule switches between different claims";
-  return std::string{to_string(claim)};
+    if (why.empty()) why = what_voids(entry.control);
+  return why.empty() ? text : text + ": " + why;
 }
 
 std::vector<std::string> hints(const Scene& scene, bool device_is_simulated) {
