@@ -68,13 +68,14 @@ void master_step(benchmark::State& state) {
   DeviceSample<N> device{};
   PeerState<N> known{};
   known.has_report = true;
+  known.newest.mode = Mode::coupled;
   known.newest.f = Force<N>{Force<N>::Vector::Ones()};
   known.energy_in_j = 1e9;
   std::int64_t k = 0;
   const Seconds dt{1 / kRate};
   for (auto _ : state) {
     const Duration now = tick_time(++k, kRate);
-    known.received_at = now;
+    known.received_at = known.proven_at = now;
     device.v = Velocity<N>{Velocity<N>::Vector::Constant(k % 2 == 0 ? 0.1 : -0.1)};
     device.x = device.x + device.v * dt;
     benchmark::DoNotOptimize(node.step(Tick<MasterClock>{Instant<MasterClock>{now}, dt}, device, known));
@@ -86,12 +87,13 @@ void slave_step(benchmark::State& state) {
   RobotSample<N> robot{};
   PeerState<N> known{};
   known.has_report = known.is_new = true;
+  known.newest.mode = Mode::coupled;
   known.energy_in_j = 1e9;
   std::int64_t k = 0;
   const Seconds dt{1 / kRate};
   for (auto _ : state) {
     const Duration now = tick_time(++k, kRate);
-    known.received_at = now;
+    known.received_at = known.proven_at = now;
     known.newest.v = Velocity<N>{Velocity<N>::Vector::Constant(k % 2 == 0 ? 0.1 : -0.1)};
     known.newest.x = known.newest.x + known.newest.v * dt;
     benchmark::DoNotOptimize(node.step(Tick<SlaveClock>{Instant<SlaveClock>{now}, dt}, robot, known));

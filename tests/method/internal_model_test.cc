@@ -57,7 +57,8 @@ class HostileSlave {
     if (tick != next_) return peer_;
     next_ += uniform(0.0, 1.0) < 0.05 ? 1500 : static_cast<int>(uniform(7.0, 400.0));
     peer_.has_report = true;
-    peer_.received_at = now;
+    peer_.received_at = peer_.proven_at = now;
+    peer_.newest.mode = Mode::coupled;
     peer_.newest.echo_ns = (now - to_duration(uniform(0.0, 1.5))).count();
     peer_.newest.f = Force<N>{vector<N>(uniform(3.0, 20.0))};
     constexpr int D = kAxes<N>;

@@ -33,7 +33,7 @@ struct Link {
     for (int k = 0; k < ticks; ++k) {
       now += 1ms;
       for (auto* mail : {&master, &slave}) {
-        if (mail->transport().take_new_session()) mail->reset();
+        if (mail->transport().take_new_session()) mail->reset(mail->transport().handshake().session_since());
         fresh += mail->collect(now).is_new;
         mail->post(Report<N>{}, now);
       }
