@@ -86,4 +86,14 @@ bool coupling_holds_robot(const Scene& scene, const CouplingOptions& c) {
                 c.rotational_stiffness_n_m_per_rad, c.rotational_damping_n_m_s_per_rad);
 }
 
+bool coupling_may_drive_robot(const Scene& scene) {
+  for (const double part : {1.0, 0.5, 2.0}) {
+    CouplingOptions c = scene.control.coupling;
+    c.damping_n_s_per_m *= part;
+    c.rotational_damping_n_m_s_per_rad *= part;
+    if (!coupling_holds_robot(scene, c)) return true;
+  }
+  return false;
+}
+
 }  // namespace twoport

@@ -16,4 +16,8 @@ namespace twoport {
 /// number, over the modes of its inertia and damping.
 bool coupling_holds_robot(const Scene& scene, const CouplingOptions& coupling);
 
+/// May the coupling drive the robot? It does not hold it, or would not with twice or half its damping: so far a contact, a limit or
+/// another pose may take it.
+bool coupling_may_drive_robot(const Scene& scene);
+
 }  // namespace twoport

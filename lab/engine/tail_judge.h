@@ -12,6 +12,7 @@
 #include "common/coupling/registration.h"
 #include "common/record/run_judge.h"
 #include "common/record/verdict.h"
+#include "common/scene/held_coupling.h"
 #include "common/scene/scene.h"
 
 namespace twoport::lab {
@@ -45,6 +46,7 @@ class TailJudge {
       : scale_{run},
         registration_{scene.control},
         alone_{scene.control.architecture == Architecture::uncontrolled},
+        may_drive_{coupling_may_drive_robot(scene)},
         first_ticks_{std::max(kFewest, static_cast<std::size_t>(std::ceil(kFirst * run.rate_hz * scene.duration_s)))} {
     // The first judgement finds more than half of the blocks that a record holds, or as few ticks as show a trend.
     const std::size_t block = std::max<std::size_t>(1, first_ticks_ / (TrendRecord::kBlocks / 2));
@@ -89,7 +91,7 @@ class TailJudge {
   void add(const Tick& tick) noexcept {
     std::array<double, kSignals> signals{};
     std::copy(tick.v.begin(), tick.v.end(), signals.begin());
-    tail_->record.add(std::span{signals}.first(tail_->record.signals()), tick.energies, tick.events);
+    tail_->record.add(std::span{signals}.first(tail_->record.signals()), judged(tick.energies), tick.events);
   }
   /// The same, with the twin's velocities.
   void add(const Tick& tick, const Speeds& of_twin) noexcept {
@@ -98,7 +100,7 @@ class TailJudge {
       signals[i] = tick.v[i];
       signals[kSides + i] = of_twin[i] - tick.v[i];
     }
-    tail_->record.add(signals, tick.energies, tick.events);
+    tail_->record.add(signals, judged(tick.energies), tick.events);
   }
 
   /// Number of the tick at whose beginning the tail is judged next.
@@ -117,13 +119,17 @@ class TailJudge {
   [[nodiscard]] const Verdict& verdict() const { return verdict_; }
 
  private:
+  /// What controllers change in the set point counts as the coupling's energy too: it is no cause where the coupling holds the robot amply.
+  [[nodiscard]] std::array<double, 4> judged(const std::array<double, 4>& energies) const {
+    return may_drive_ ? energies : std::array{energies[0], energies[1], 0.0, 0.0};
+  }
   static constexpr double kFirst = 0.25, kLongest = 32.0;  ///< lengths of the scene
   static constexpr std::size_t kFewest = 128;              ///< ticks of the shortest tail
   static constexpr double kDiverged = 1e3;                 ///< of the run's largest speed
 
   const MotionScale& scale_;
   Registration<N> registration_;
-  bool alone_;
+  bool alone_, may_drive_;
   std::size_t first_ticks_;
   double lengths_ = kFirst;
   std::unique_ptr<Tail> tail_;

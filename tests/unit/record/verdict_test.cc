@@ -116,6 +116,21 @@ TEST(Verdict, IsUnstableWhereTheRobotsOwnCouplingDrivesIt) {
   EXPECT_EQ(judge(driven_robot(1.0, 0.8, -0.5), run).kind, VerdictKind::stable) << "it decays";
 }
 
+// A live run's rest is shaken by the noise of its force sensor, which a tail is not.
+TEST(Verdict, TakesMotionThatNoiseMayCauseForRest) {
+  Tail tail{.record = {4, 4}, .has_controller = true, .controller_acted = true, .driven = true, .last = true};
+  for (int i = 0; i < 10000; ++i) {
+    const std::vector<double> signals{wave(0.005, 0.0)(i / kRate), 0.0, 0.0, 0.0}, energies(4, 1.0);
+    tail.record.add(signals, energies, {});
+  }
+  MotionScale run{
+      .dof = 1, .rate_hz = kRate, .source = {}, .reach_m = 0.1, .speed = {0.1, 0.1}, .early = {0.1, 0.1}, .noise = {}};
+  EXPECT_EQ(judge(tail, run).kind, VerdictKind::restless);
+  run.noise.translation = 0.004;
+  const Verdict noisy = judge(tail, run);
+  EXPECT_EQ(noisy.kind, VerdictKind::stable) << noisy.text;
+}
+
 TEST(Verdict, OfASlaveNeedsARobotThatMovesMoreThanTheHand) {
   const MotionScale run{
       .dof = 1, .rate_hz = kRate, .source = {}, .reach_m = 0.1, .speed = {0.0, 0.1}, .early = {0.0, 0.1}, .noise = {}};
