@@ -272,7 +272,7 @@ class Path {
     Box& near_ = *near_box_;
     Report<N> hello;
     while (!near_.collect(tick(near_now_)).has_report) {
-      if (near_.transport().take_new_session()) near_.reset();
+      if (near_.transport().take_new_session()) near_.reset(near_.transport().handshake().session_since());
       near_.post(hello, near_now_);
       far_turn();
     }

@@ -89,14 +89,15 @@ void expect_at_rest(const Between& run, double from_s, const char* when) {
 
 TEST(OldReports, OfAStallMoveNothingWhenTheyArrive) {
   // All that the master says for 3 s waits in the relay, and comes at once.
-  std::atomic<bool> drains{false};
+  std::atomic<bool> waits{false}, drains{false};
   std::size_t next = 0;
   Between run{away(1.0), {}, [&](Relay& r) {
-                if (!drains) return void(next = r.from_master.size());
+                if (!waits) return void(next = r.from_master.size());
+                if (!drains) return;
                 for (int i = 0; i < 20 && next < r.from_master.size(); ++i) r.to_slave(r.from_master[next++]);
               }};
   run.pair.await("slave", 1.0);
-  run.cut_to_slave = true;
+  run.cut_to_slave = true, waits = true;
   std::this_thread::sleep_for(3s);
   drains = true;
   std::this_thread::sleep_for(300ms);

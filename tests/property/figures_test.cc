@@ -199,7 +199,7 @@ TEST(Figures, OfALinkThatIsSilentBothWaysSayNothingGood) {
                                     {"penetration_max_m", 1.0}}},
                        s)
                 .size(),
-            8u);
+            9u);  // each of these, and that it was not coupled at the end
 }
 
 /// A dead direction ends no coupling.
@@ -215,15 +215,14 @@ TEST(Figures, OfALinkThatIsSilentOnTheWayBackCallItMuted) {
   EXPECT_GT(s.position_error_rms_m(), 0.01);  // the slave follows, and hangs behind the wall
 }
 
-TEST(Figures, OfABlackoutShowThatNothingIsPressedThatIsNotFelt) {
-  // The way back dies while the hand presses: both sides hold, then let go, and the hand goes on alone.
+TEST(Figures, OfABlackoutDoNotCompareWhatIsHeldWithWhatWas) {
+  // The way back dies while the hand presses. For a second both sides hold: the robot presses, and the hand feels nothing of it.
   const std::string then = "path { hold { duration_s: 1 } } path { move_to { position_m: [0.05] duration_s: 0.5 } }";
   const std::vector<std::string> dead{"to_master.blackout=[{ start_s: 2.5 duration_s: 100 }]"};
   const Summary alive = summary(press_and(then)), silent = summary(press_and(then), dead);
   EXPECT_LT(alive.felt_force_error_rms_n(), 1.0);
-  EXPECT_LT(silent.felt_force_error_rms_n(), 2.0);
-  EXPECT_LT(silent.muted_share(), 0.1);
-  EXPECT_LT(silent.coupled_share(), 0.6);
+  EXPECT_GT(silent.felt_force_error_rms_n(), 5.0);
+  EXPECT_NEAR(silent.muted_share(), 0.9 / 2.7, 0.05);
 }
 
 TEST(Figures, RenderedForceIsTheEnvironmentsOwn) {

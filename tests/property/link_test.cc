@@ -510,7 +510,8 @@ class MailboxOf : public ::testing::Test {
     return box.counts();
   }
   std::vector<Report<1>> arriving, sent;
-  Mailbox<1, Script> box{Script{&arriving, &sent}};
+  static constexpr AgeOptions kAnyAge{.hold_after = std::chrono::hours{24}};  // nothing is sent back
+  Mailbox<1, Script> box{Script{&arriving, &sent}, kAnyAge};
 };
 
 TEST_F(MailboxOf, AGapThatIsFilledWasLateAndNotLost) {
@@ -585,7 +586,7 @@ TEST_F(MailboxOf, AfterASilenceAsManyAreMissingAsTheSenderCanHaveSent) {
 
 TEST_F(MailboxOf, AWrongSequenceThatWasBelievedDeafensForASecond) {
   for (const std::uint64_t wrong : {std::uint64_t{1} << 63, std::uint64_t{4'000}}) {
-    box.reset();
+    box.reset(Duration{0});
     std::uint64_t next = 10;
     if (wrong == 4'000) {  // far ahead, but not too far
       arriving = {report(next++)};
@@ -625,7 +626,7 @@ TEST_F(MailboxOf, IsFreshOnlyInTheTickThatBringsANewerReport) {
 TEST_F(MailboxOf, ANewSessionStartsFromNothingKnown) {
   arriving = {report(100, 5.0)};
   box.collect(Duration{1});
-  box.reset();
+  box.reset(Duration{1});
   arriving = {report(1, 0.1)};
   const PeerState<1>& known = box.collect(Duration{2});
   EXPECT_EQ(known.newest.sequence, 1U);

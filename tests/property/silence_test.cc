@@ -94,7 +94,8 @@ TEST(Silence, WhatWaitedInTheNetworkMovesNoRobotWhenItFlowsAgain) {
     const Rows<1> all = rows<1>(d.scene);
     const Rest after = rest(all, d.from_s + 2.0 * d.delay_s + 1.3, 8.0);
     EXPECT_TRUE(after.at_rest()) << method << " seed " << seed << ": " << after.moved_m << " m, " << after.force_n
-                                 << " N; hand " << after.hand_m << " m\n" << d.text;
+                                 << " N; hand " << after.hand_m << " m\n"
+                                 << d.text;
     coupled_again += all.back().coupled ? 1 : 0;
     ++runs;
   }
