@@ -39,6 +39,7 @@ class EnergyTankSide {
     return s * f;
   }
   [[nodiscard]] Energy sent() const noexcept { return sent_; }
+  [[nodiscard]] bool crosses_bridge() const noexcept override { return true; }
   [[nodiscard]] Energy balance(Energy received) const noexcept { return level(received) - initial_; }
   void restart(Energy balance) noexcept { put_in_ = balance, sent_ = Energy{}; }
 
