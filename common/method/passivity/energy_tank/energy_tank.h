@@ -39,7 +39,6 @@ class EnergyTankSide {
     return s * f;
   }
   [[nodiscard]] Energy sent() const noexcept { return sent_; }
-  [[nodiscard]] bool crosses_bridge() const noexcept override { return true; }
   [[nodiscard]] Energy balance(Energy received) const noexcept { return level(received) - initial_; }
   void restart(Energy balance) noexcept { put_in_ = balance, sent_ = Energy{}; }
 
@@ -87,6 +86,7 @@ class EnergyTankMaster final : public Copyable<EnergyTankMaster<N>, MasterPassiv
     out.energy_in = side_.sent();
     return out;
   }
+  [[nodiscard]] bool crosses_bridge() const noexcept override { return true; }
   [[nodiscard]] Energy balance(const Ledger&, Energy slave_in) const noexcept override {
     return side_.balance(registration_.to_master(slave_in));
   }
