@@ -30,21 +30,11 @@ struct Wish {
       stored{};  ///< energy of the model behind f, which f may return; absent: that of a spring, f²/2K
 
   double contact_spring_share = 0.0;  ///< of a spring in all axes in the model of the contact, 0 to 1
-  Bridge<N>* bridge = nullptr;        ///< to be crossed, after a switch: the passivity layer limits it with f
-  bool bridged = false;               ///< f has a part of the bridge
+  bool bridged = false;               ///< f has a part of the force before a switch
+  Bridge<N>* bridge = nullptr;        ///< to be crossed by the layer (MasterPassivity::crosses_bridge)
 
   [[nodiscard]] Force<N> total() const noexcept { return damped ? f + damper : f; }
 };
-
-/// The wish with the bridge as a part of it.
-template <int N>
-[[gnu::noinline]] Wish<N> crossed(Wish<N> wish, Seconds dt) noexcept {
-  wish.f += wish.bridge->step(wish.total(), dt);
-  wish.bridge = nullptr;
-  wish.idle = false;
-  wish.bridged = true;
-  return wish;
-}
 
 /// What the passivity layer displays of a wish.
 template <int N>
@@ -96,6 +86,9 @@ class MasterPassivity {
   [[nodiscard]] virtual std::unique_ptr<MasterPassivity> copy() const = 0;
   /// Books the interval that has ended, and limits the wish for the coming one.
   virtual Shown<N> limit(const Wish<N>& wish, const MasterInput<N>& in) noexcept = 0;
+  /// After a switch, is the bridge to be crossed beside the wish, as the layer has less for the wish than the hand's port has? Else it is a
+  /// part of the wish.
+  [[nodiscard]] virtual bool crosses_bridge() const noexcept { return false; }
   [[nodiscard]] virtual Energy balance(const Ledger& account, Energy slave_energy_in) const noexcept = 0;
   virtual void restart(const Ledger& account, Energy balance) noexcept = 0;
 };
@@ -111,7 +104,8 @@ class MasterPair final : public Copyable<MasterPair<N, Transparency, Passivity>,
     Wish<N> wish = transparency_->wish(in);
     if (!all_finite(wish.f, wish.damper)) [[unlikely]]
       return not_finite(wish, in);
-    wish.bridge = in.bridge;
+    if (in.bridge != nullptr) [[unlikely]]
+      cross(wish, in);
     Shown<N> shown = passivity_->limit(wish, in);
     transparency_->shown(shown.f, shown.share, in);
     return {.f = shown.f,
@@ -129,6 +123,14 @@ class MasterPair final : public Copyable<MasterPair<N, Transparency, Passivity>,
   void write_payload(Words& words) const noexcept override { transparency_->write_payload(words); }
 
  private:
+  [[gnu::noinline]] void cross(Wish<N>& wish, const MasterInput<N>& in) noexcept {
+    wish.bridge = in.bridge;
+    if (passivity_->crosses_bridge()) return;
+    wish.f += wish.bridge->step(wish.total(), in.dt);
+    wish.bridge = nullptr;
+    wish.idle = false;
+    wish.bridged = true;
+  }
   MasterOutput<N> not_finite(const Wish<N>& wish, const MasterInput<N>& in) noexcept {
     Shown<N> shown = passivity_->limit(Wish<N>{}, in);
     transparency_->shown(Force<N>{}, 0.0, in);

@@ -45,8 +45,6 @@ class EnergyBoundingMaster final : public Copyable<EnergyBoundingMaster<N>, Mast
   }
 
   Shown<N> limit(const Wish<N>& wish, const MasterInput<N>& in) noexcept override {
-    if (wish.bridge != nullptr) [[unlikely]]
-      return limit(crossed(wish, in.dt), in);
     if (!in.first) {
       const auto& moved = in.interval.moved.vec();
       energy_ += Energy{moved.cwiseAbs2().dot(damping_) / in.ended.si()};

@@ -33,8 +33,6 @@ class EnergySpringMasterOf final : public Copyable<EnergySpringMasterOf<N, kTwoP
                 o.handle_inertia_kg_m2} {}
 
   Shown<N> limit(const Wish<N>& wish, const MasterInput<N>& in) noexcept override {
-    if (wish.bridge != nullptr) [[unlikely]]
-      return limit(crossed(wish, in.dt), in);
     observe(in);
     Shown<N> out;
     out.energy_in = kTwoPort ? sent_ : in.account.absorbed() - base_absorbed_;

@@ -86,6 +86,7 @@ class EnergyTankMaster final : public Copyable<EnergyTankMaster<N>, MasterPassiv
     out.energy_in = side_.sent();
     return out;
   }
+  [[nodiscard]] bool crosses_bridge() const noexcept override { return true; }
   [[nodiscard]] Energy balance(const Ledger&, Energy slave_in) const noexcept override {
     return side_.balance(registration_.to_master(slave_in));
   }

@@ -10,8 +10,6 @@ class NoPassivityMaster final : public Copyable<NoPassivityMaster<N>, MasterPass
  public:
   explicit NoPassivityMaster(const ControlOptions&) {}
   Shown<N> limit(const Wish<N>& wish, const MasterInput<N>& in) noexcept override {
-    if (wish.bridge != nullptr) [[unlikely]]
-      return limit(crossed(wish, in.dt), in);
     return {.f = wish.total(), .energy_in = in.account.absorbed() - base_absorbed_};
   }
   /// None: energy returned without control is not charged to the next method.

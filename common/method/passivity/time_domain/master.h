@@ -59,6 +59,7 @@ class TimeDomainMaster final : public Copyable<TimeDomainMaster<N>, MasterPassiv
     return out;
   }
 
+  [[nodiscard]] bool crosses_bridge() const noexcept override { return true; }
   [[nodiscard]] Energy balance(const Ledger& account, Energy slave_energy_in) const noexcept override {
     return transmittable_energy(account, slave_energy_in) - returned(account);
   }
