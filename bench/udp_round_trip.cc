@@ -295,7 +295,7 @@ class Path {
   }
   void far_turn() {
     Box& far_ = *far_box_;
-    if (far_.transport().take_new_session()) far_.reset();
+    if (far_.transport().take_new_session()) far_.reset(far_.transport().handshake().session_since());
     const PeerState<N>& known = far_.collect(tick(far_now_));
     if (!known.is_new && known.has_report) {
       if (sleeps_) far_udp_.wait(kLongestSleep);
