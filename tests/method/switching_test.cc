@@ -210,7 +210,7 @@ void check_pairs(const std::vector<Configuration>& all, const std::vector<Config
     // What the new law does by itself while it has little energy, and a model that loses the surface when the robot rebounds from the
     // press of FOUR_CHANNEL. The line of wave variables starts empty, and its first waves
     // come as a step.
-    const double of_law = to.method == "WAVE_VARIABLES" ? 4.0 : from.method == "FOUR_CHANNEL" ? 2.0 : 0.8;
+    const double of_law = to.method == "WAVE_VARIABLES" ? 4.0 : from.method == "FOUR_CHANNEL" ? 3.0 : 0.8;
     if (!one_of(to.method, {"CLASSIC", "FORCE_PROJECTED", "ENERGY_BOUNDING"})) {
       EXPECT_LE(f.hand_jump_n, std::max(a.hand_jump_n, b.hand_jump_n) + of_law) << pair;
     }
@@ -243,7 +243,7 @@ TEST(Switching, ToAndFromTheDefaultKeepsForceContinuousAndEnergyBoundedDof6) {
 }
 
 // A hand that shakes at the surface, one to three switches between layers that claim the hand's port, at 125 Hz to 4 kHz: the bridge is
-// paid by the account as any other wish is. With a bridge beside the layer 51 of 150 such runs ended below -E(0), by 15 mJ at most.
+// paid by the account as any other wish is. With a bridge beside the layer 57 of these 150 runs end below -E(0), by 4.2 mJ at most.
 TEST(Switching, DrawnSwitchesLeaveTheHandsPortAboveItsAllowanceAtAnyRate) {
   const Random random{31};
   constexpr double kRates[] = {125.0, 250.0, 500.0, 1000.0, 4000.0};
