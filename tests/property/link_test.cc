@@ -86,6 +86,8 @@ struct End {
   void send(const Report<1>& r, Duration now) noexcept { out->put(r, now); }
 };
 
+constexpr AgeOptions kAnyAge{.hold_after = std::chrono::hours{24}};  // nothing is sent back
+
 /// A side that tells its growing energy each tick, and a side that listens.
 struct Stream {
   DelayLine<Report<1>> there, back;
@@ -98,7 +100,7 @@ struct Stream {
       : there{options, kSeed, 1 << 14},
         back{ImpairmentOptions{}, kSeed + 1},
         sender{End{&there, &back, &unused}},
-        receiver{End{&back, &there, &heard}} {}
+        receiver{End{&back, &there, &heard}, kAnyAge} {}
   Stream(const Stream&) = delete;
 
   void post(std::int64_t tick) {
@@ -510,7 +512,6 @@ class MailboxOf : public ::testing::Test {
     return box.counts();
   }
   std::vector<Report<1>> arriving, sent;
-  static constexpr AgeOptions kAnyAge{.hold_after = std::chrono::hours{24}};  // nothing is sent back
   Mailbox<1, Script> box{Script{&arriving, &sent}, kAnyAge};
 };
 

@@ -341,7 +341,7 @@ TYPED_TEST(CodecOf, RejectsTimesModesAndSequencesThatAreNone) {
   EXPECT_EQ(with([](auto& e) { e.report.sent_ns = kMax; }), Decoded::malformed);
   EXPECT_EQ(with([](auto& e) { e.report.echo_ns = -2; }), Decoded::malformed);
   EXPECT_EQ(with([](auto& e) { e.report.echo_ns = kMax; }), Decoded::malformed);
-  EXPECT_EQ(with([](auto& e) { e.report.mode = static_cast<Mode>(6); }), Decoded::malformed);
+  EXPECT_EQ(with([](auto& e) { e.report.mode = static_cast<Mode>(7); }), Decoded::malformed);
   EXPECT_EQ(with([](auto& e) { e.report.sequence = 0; }), Decoded::malformed);
   EXPECT_EQ(with([](auto& e) { e.session = 0; }), Decoded::malformed);
 }
@@ -394,7 +394,7 @@ TYPED_TEST(CodecOf, SurvivesEveryDamage) {
     if (codec.decode(bytes, got) != Decoded::ok || !got.refusal.empty()) continue;
     ++accepted;
     ASSERT_TRUE(got.report.finite());
-    ASSERT_LE(got.report.mode, Mode::stopped);
+    ASSERT_LE(got.report.mode, Mode::ended);
     ASSERT_NE(got.session, 0U);
   }
   EXPECT_EQ(::testing::internal::GetCapturedStderr(), "");
