@@ -44,7 +44,8 @@ class SlaveNode {
     if (modes_.has_paused(tick)) [[unlikely]]
       pause();
     if (modes_.step(tick.now.time_since_epoch(), master, master.newest.mode == Mode::let_go) || !started_) {
-      half_->start(robot, master);
+      forget_words(master);
+      half_->start(robot, modes_.shares_coupling() ? master : without_words_);
       commanded_ = false;
     }
     started_ = true;

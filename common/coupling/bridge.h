@@ -40,8 +40,10 @@ class Bridge {
     } else {
       left_ = std::max(0.0, left_ - dt / over_);
     }
-    return left_ * difference_;
+    return added();
   }
+  /// By the last step.
+  [[nodiscard]] Force<N> added() const noexcept { return left_ * difference_; }
 
  private:
   Seconds over_;

@@ -108,6 +108,8 @@ class MasterPair final : public Copyable<MasterPair<N, Transparency, Passivity>,
       cross(wish, in);
     Shown<N> shown = passivity_->limit(wish, in);
     transparency_->shown(shown.f, shown.share, in);
+    if (wish.bridge != nullptr) [[unlikely]]
+      wish.f += wish.bridge->added();
     return {.f = shown.f,
             .wanted = wish.f,
             .energy_in = shown.energy_in,

@@ -26,10 +26,7 @@ NoiseMotion noise_motion(const Scene& s) {
 }
 bool has_controller(const Scene& scene) {
   const ControlOptions& c = scene.control;
-  if (c.method_name.empty()) return c.controller.method != Method::none;
-  if (c.architecture == Architecture::render) return c.method_name != "NONE";
-  const MethodName* const method = find_name(kMethods, c.method_name);
-  return method != nullptr && method->one_piece() ? true : c.passivity != "NONE";
+  return c.method_name.empty() ? c.controller.method != Method::none : c.method_name != "NONE";
 }
 
 template <int N>

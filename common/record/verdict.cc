@@ -194,6 +194,9 @@ class Judge {
   /// A passivity controller lets a motion grow until the hand's energy is used up: undecided until then.
   Verdict grows_by_itself() const {
     if (!on_credit()) return {VerdictKind::unstable, "growing by itself" + rate()};
+    // The hand's energy does not limit what the coupling gives.
+    if (into_coupling_.last < -tail_.initial_energy_j)
+      return {VerdictKind::unstable, "growing, fed by the robot's own coupling" + rate()};
     return {VerdictKind::undecided,
             "undecided: growing, and the passivity controller has not had to act yet; a longer run would decide it"};
   }

@@ -120,8 +120,9 @@ class ModeMachine {
     const bool was_at_work = was == Mode::coupled || was == Mode::holding || was == Mode::let_go;
     if (!was_at_work && mode_ != Mode::idle) {
       is_first_ = std::exchange(first_, false);
-      fault_ = confirmed_ = false;
-      with_us_at_ = now + peer.known_round_trip;
+      fault_ = false;
+      confirmed_ = at_work;
+      with_us_at_ = at_work ? now : now + peer.known_round_trip;
     }
     return begins(was, mode_);
   }
@@ -156,7 +157,7 @@ class ModeMachine {
   int told_ = 0;            ///< reports in a row that say that the other side is stopped or ends
   bool first_ = true;       ///< no coupling of this session has begun
   bool fault_ = false;      ///< released by release()
-  bool is_first_ = true;      ///< is the present coupling, or the next, the first one
+  bool is_first_ = true;    ///< is the present coupling, or the next, the first one
   bool confirmed_ = false;  ///< the other side has said since the coupling began that it is coupled
   Duration ready_at_{0};    ///< since when this side waits for the other one
   Duration with_us_at_{0};  ///< the other side last said that it is coupled; when a coupling begins a round trip later

@@ -536,8 +536,9 @@ AdversaryRun run_of(const std::string& method, AdversaryRun out, Draw& draw, con
   DelayLine<Report<N>> line_to_master{scene.to_master, scene.seed ^ kToMasterStream,
                                       room(scene.to_master, to_master, scene.slave_rate_hz)};
   using Mail = Mailbox<N, HostileTransport<N>>;
-  Mail master_mail{{line_to_master, line_to_slave, to_master, repeats, also}};
-  Mail slave_mail{{line_to_slave, line_to_master, to_slave, repeats, also}};
+  const AgeOptions age = age_of_reports(scene.control);
+  Mail master_mail{{line_to_master, line_to_slave, to_master, repeats, also}, age};
+  Mail slave_mail{{line_to_slave, line_to_master, to_slave, repeats, also}, age};
   SwitchTimes times{scene.schedule};
   Lie<N> lie{draw};
   const Registration<N> registration{scene.control};

@@ -11,6 +11,7 @@
 
 #include "common/record/columns.h"
 #include "common/record/run_judge.h"
+#include "common/scene/held_coupling.h"
 #include "common/scene/load.h"
 #include "lab/engine/simulation.h"
 #include "lab/engine/tail_judge.h"
@@ -123,7 +124,8 @@ Verdict from_the_start(const Scene& scene, double at_s, const MotionScale& scale
     twin->run_until(until, [&](const Row<N>& of_twin) {
       const Row<N>& row = rows[k++];
       const auto v = RunJudge<N>::velocities(row), w = RunJudge<N>::velocities(of_twin);
-      const auto energies = flags.energies(row.master_energy_j, row.slave_energy_j, row.coupling_energy_j);
+      auto energies = flags.energies(row.master_energy_j, row.slave_energy_j, row.coupling_energy_j);
+      if (!coupling_may_drive_robot(scene)) energies[2] = energies[3] = 0.0;
       tail.diverged = tail.diverged || !flags.see({v, energies, {}, row.dissipated_j > 0.0, false});
       tail.controller_acted = flags.controller_acted();
       tail.driven = tail.driven || row.master_f.squared_norm() > 0.0 || row.slave_f.squared_norm() > 0.0;

@@ -165,6 +165,16 @@ TEST(Verdict, WaitsWhereAControllerHasCreditLeft) {
   EXPECT_EQ(verdict(s).kind, VerdictKind::unstable) << verdict(s).text;
 }
 
+TEST(Verdict, DoesNotWaitForTheHandsCreditWhereTheCouplingFeedsTheRobot) {
+  const MotionScale run{
+      .dof = 1, .rate_hz = kRate, .source = {}, .reach_m = 0.1, .speed = {0.1, 0.1}, .early = {0.1, 0.1}, .noise = {}};
+  Tail tail = driven_robot(100.0, 0.8, 0.3);
+  tail.controller_acted = false;
+  EXPECT_EQ(judge(tail, run).kind, VerdictKind::unstable) << judge(tail, run).text;
+  tail.initial_energy_j = 100.0;
+  EXPECT_EQ(judge(tail, run).kind, VerdictKind::undecided) << judge(tail, run).text;
+}
+
 TEST(Verdict, IsUndecidedWhereTooLittleIsSeen) {
   const Verdict v = verdict({.y = wave(0.05, 0.3), .seconds = 0.05});
   EXPECT_EQ(v.kind, VerdictKind::undecided);
