@@ -15,12 +15,12 @@ namespace twoport {
 ///     1  |f| <= force_n, |τ| <= torque_n_m         the whole wrench is scaled: its direction stays
 ///     2  |f - f(k-1)| <= force_rate T              the change is scaled
 ///     3  |x| > workspace: s f·x <= 0               the part of f along x is removed
-///     4  P = s f·v <= power_w                      the wrench is scaled
-///     5  w = v + s T f/m,  |w| <= max(speed, |v|)   f = m (w - v)/(s T) with w shortened; likewise τ, ω and the inertia J
+///     4  w = v + s T f/m,  |w| <= max(speed, |v|)   f = m (w - v)/(s T) with w shortened; likewise τ, ω and the inertia J
+///     5  P = s f·v <= power_w                      the wrench is scaled, which keeps 4
 ///
 /// with s = 1 for a force on the hardware (robot), s = -1 for a force at the master port (the hand is pushed with -f), T the period,
-/// m the mass that moves. The force accelerates nothing beyond the speed: |v| <= speed unless something else pushes. 5 shortens f
-/// and raises no power that was positive. Where m is not known: |v| > speed: s f·v <= 0, the part of f along v is removed; a tick
+/// m the mass that moves. The force accelerates nothing beyond the speed: |v| <= speed unless something else pushes. Where m
+/// is not known: |v| > speed: s f·v <= 0, the part of f along v is removed; a tick
 /// may then exceed the speed by T |f|/m. A step is pure computation. Without limits it returns its argument unchanged.
 template <int N>
 class SafetyStage {
@@ -47,7 +47,7 @@ class SafetyStage {
       out = bounded_more(out, x, v, dt.si());
     return out;
   }
-  /// The set point to be commanded until the next tick; `from` is the one before. A robot that follows it exactly presses with
+  /// The set point to be commanded until the next tick; `from` is the one before. Outside the workspace it moves no further out. A robot that follows it exactly presses with
   /// `held_by`: beyond the limit of force the set point does not move along it; null for other robots.
   [[nodiscard]] Position<N> set_point(const Position<N>& to, const Position<N>& from, Seconds dt,
                                       const Force<N>* held_by) noexcept {
@@ -83,12 +83,12 @@ class SafetyStage {
   [[gnu::noinline]] Force<N> bounded_more(Force<N> f, Position<N> x, Velocity<N> v, double dt) noexcept {
     bound_rate(f, dt);
     bound_workspace(f, x);
+    bound_speed(f, v, dt);
     const double power = sign_ * dot_of(f, v);
     if (power > o_.power_w) {
       f = (o_.power_w / power) * f;
       counts_.add(Limit::power);
     }
-    bound_speed(f, v, dt);
     before_ = f;
     return f;
   }
@@ -154,8 +154,9 @@ class SafetyStage {
     using Point = Eigen::Matrix<double, kAxes, 1>;
     Point target = to.translation();
     bool acted = false;
-    if (const double r = target.norm(); r > o_.workspace_m) {
-      target *= o_.workspace_m / r;
+    const double farthest = std::max(o_.workspace_m, Point{from.translation()}.norm());
+    if (const double r = target.norm(); r > farthest) {
+      target *= farthest / r;
       counts_.add(Limit::workspace);
       acted = true;
     }

@@ -261,7 +261,6 @@ TEST_P(EverySwitch, MakesNoJumpInForceAndKeepsTheHandsGrant) {
                              p.from == "FRACTAL_IMPEDANCE" || p.from == "MODEL_MEDIATED";
     Held<MasterHalf<N>> master{next};
     Held<SlaveHalf<N>> slave{next};
-    const Energy at_switch = loop.device.port_energy();
     {
       NoAlloc guard;
       loop.master.switch_method(master);
@@ -279,9 +278,9 @@ TEST_P(EverySwitch, MakesNoJumpInForceAndKeepsTheHandsGrant) {
       }
       EXPECT_LE(std::sqrt(out.command.squared_norm()), only_shortens ? wanted * (1.0 + 1e-12) : 1e9) << k;
       before = out.command;
-      least = std::min(least, (loop.device.port_energy() - at_switch).si());
+      least = std::min(least, loop.device.port_energy().si());
     }
-    // From the switch on the hand gets back no more than it has put in since, and E(0) of 1 mJ: 1e-4 J is what the prediction of
+    // The hand gets back no more than it has put in, before the switch and since, and E(0) of 1 mJ: 1e-4 J is what the prediction of
     // a jerk may miss. Without a controller nothing is promised.
     if (p.to == "FORCE_PROJECTED") {
       EXPECT_GE(least, -1e-3 - 1e-4);

@@ -40,6 +40,7 @@ class ContactSpringMaster final : public Copyable<ContactSpringMaster<N>, Master
   void start(const DeviceSample<N>&) noexcept override {
     f_slow_.setZero();
     offset_.setZero();
+    said_by_master_ = {};
     contact_ = 0.0;
     scale_slow_ = shown_ = 1.0;
     heard_ = touches_ = false;

@@ -55,6 +55,7 @@ class InternalModelMaster final : public Copyable<InternalModelMaster<N>, Master
     r_ = Force<N>{};
     r_along_.setZero();
     offset_m_ = 0.0;
+    said_by_master_ = {};
     scale_slow_ = shown_ = 1.0;
     heard_ = false;
     stick_.release();
