@@ -18,14 +18,15 @@ struct AgeOptions {
 ///
 ///     a = now - t                    of the stamp that has come back; it may have waited at the other side, which counts hold_after/2
 ///     young:  a <= R + hold_after    R: round trip known so far
-///     a > R:  R rises by 0.2 dt      with each young report, dt since the last one: R follows the upper part of a jitter
+///     a > R:  R rises by 0.2 dt      with each young report, dt since the last one: R follows the upper part of a jitter. At most 5 s,
+///                                    or the scene's round trip
 ///     a < R:  R falls by (R - a) dt/1 s
 ///     R = the largest age of both    where no report is young in two adjacent windows of hold_after/2, and their least ages a', a''
 ///                                    differ by less than hold_after/8: the link has another round trip; at most a'' + hold_after
 ///
-/// An age that grows with the clock, or falls as a queue drains, does not agree with itself. When either direction is dead no new stamp
+/// Ages that change by a quarter of the clock or more do not agree: a dead direction, a slow replay, a queue that drains. When either direction is dead no new stamp
 /// comes back: ages grow with the clock, and teach nothing. The clocks of the two sides may differ and drift. What cannot be known: a
-/// queue whose delay stays constant is a link with this delay.
+/// queue whose delay changes more slowly is a link with this delay.
 class ReportAge {
  public:
   explicit ReportAge(const AgeOptions& o = {})
@@ -70,7 +71,7 @@ class ReportAge {
   void learn(Duration age, Duration now) noexcept {
     const Duration dt = std::min(now - learned_at_, kLongestTick);
     if (age > round_trip_)
-      round_trip_ = std::min(age, round_trip_ + dt / kRise);
+      round_trip_ = std::min({age, round_trip_ + dt / kRise, std::max(kLongest, o_.round_trip)});
     else
       round_trip_ -= (round_trip_ - age) / kFall_us * (dt / std::chrono::microseconds{1});
   }
@@ -79,8 +80,7 @@ class ReportAge {
     const bool adjacent = now - window_from_ < 2 * window_;  // reports came in both
     if (adjacent && least_ != kNever && least_before_ != kNever && !is_young(least_) && least_ <= kLongest) {
       const Duration change = least_ > least_before_ ? least_ - least_before_ : least_before_ - least_;
-      if (change < o_.hold_after / 8)
-        round_trip_ = std::min(std::max(most_, most_before_), least_ + o_.hold_after);
+      if (change < o_.hold_after / 8) round_trip_ = std::min(std::max(most_, most_before_), least_ + o_.hold_after);
     }
     least_before_ = adjacent ? least_ : kNever;
     least_ = kNever;

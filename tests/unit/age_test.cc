@@ -111,6 +111,13 @@ TEST(ReportAge, AStampOfTheFutureIsNobodys) {
   EXPECT_EQ(young(age, 1001, 100, [](int) { return 20.0; }), 100) << "and changes nothing";
 }
 
+TEST(ReportAge, NoQueueMakesALinkLongerThanFiveSeconds) {
+  ReportAge age{{.round_trip = ms(20)}};
+  young(age, 1000, 60000, [](int i) { return 20.0 + 0.18 * i; });
+  EXPECT_LE(to_seconds(age.round_trip()).si(), 5.0);
+  EXPECT_EQ(young(age, 61000, 1000, [](int i) { return 20.0 + 0.18 * (60000 + i); }), 0);
+}
+
 TEST(ReportAge, TheRoundTripRisesSlowly) {
   ReportAge age{{.round_trip = ms(20)}};
   young(age, 1000, 1000, [](int) { return 20.0; });

@@ -53,7 +53,10 @@ class ContactSpringMaster final : public Copyable<ContactSpringMaster<N>, Master
     const double ramp = ramp_.step(in.active, in.dt);
     if (in.active && read(in.slave.words, said_)) heard_ = true;
     idle_ = ramp == 0.0;
-    if (idle_) return {};
+    if (idle_) {
+      offset_.setZero();  // said while nothing is coupled, it would be of the next registration
+      return {};
+    }
 
     wanted_ = heard_ ? displayed(in) : Force<N>{};
     cap_ = mass_kg_ > 0.0 ? std::min(1.0, 0.25 * mass_kg_ / (in.dt.si() * in.dt.si() * stiffness_)) : 1.0;

@@ -69,7 +69,10 @@ class InternalModelMaster final : public Copyable<InternalModelMaster<N>, Master
     const double ramp = ramp_.step(in.active, in.dt);  // goes on while holding; falls after release
     if (in.active && read(in.slave.words, said_)) heard_ = true;
     idle_ = ramp == 0.0;
-    if (idle_) return {};
+    if (idle_) {
+      offset_m_ = 0.0;  // said while nothing is coupled, it would be of the next registration
+      return {};
+    }
 
     if (heard_) follow_surface(in.dt);  // (1)
     hand_ = at(in.device.x);
