@@ -215,7 +215,7 @@ void Recorder<N>::log_change(const Entry& entry) {
     case Mode::ended:
       break;
     case Mode::idle:
-      tell(fmt::format("packets of the {} arrive again; waiting until it hears this side", peer));
+      if (!paired_) tell(fmt::format("packets of the {} arrive again; waiting until it hears this side", peer));
       break;
     case Mode::coupled:
       if (!std::exchange(paired_, false)) tell(fmt::format("coupled with the {} again", peer));

@@ -145,7 +145,7 @@ TEST(Link, HoldsThroughABlackoutAndCouplesAgain) {
   const schema::Summary m = pair.summary("master"), s = pair.summary("slave");
   if (kept_time({m, s})) {
     EXPECT_EQ(modes_shown(master.err()), "coupled holding coupled");
-    EXPECT_EQ(count(master.err(), "s: packets of the slave arrive again"), 1) << master.err();
+    EXPECT_EQ(count(master.err(), "s: coupled with the slave again"), 1) << master.err();
     EXPECT_EQ(modes_shown(slave.err()).find("coupled holding coupled"), 0u) << slave.err();
   }
   for (const schema::Summary& each : {m, s}) EXPECT_EQ(each.reconnects(), 0u);
