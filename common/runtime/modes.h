@@ -19,8 +19,7 @@ struct Health {
 };
 
 /// idle -> coupled when the other side may begin too; coupled -> holding when it is not heard or not coupled; holding -> coupled when it
-/// is again, -> released when it stays so; released -> idle when it is heard, idle -> released when it is not. let_go in place of
-/// coupled while nobody holds the handle.
+/// is again, -> released when it stays so; released -> idle when it is heard. let_go in place of coupled while nobody holds the handle.
 [[nodiscard]] constexpr Mode next_mode(Mode mode, const Health& health) noexcept {
   const Mode at_work = health.let_go ? Mode::let_go : Mode::coupled;
   switch (mode) {
@@ -52,12 +51,12 @@ inline AgeOptions age_of_reports(const ControlOptions& o) {
 ///     with us    the newest young report says coupled, holding or let_go; or it says none of it since the coupling began, and this is no
 ///                longer than R + hold_after ago (R: round trip)
 ///     may begin  the other side says idle, coupled or let_go, and
-///                  the first of a session:  nothing more: the handshake has shown that each hears the other
+///                  the first of a session:  nothing more, as the handshake has shown that each hears the other
 ///                  after a silence:         its report echoes a stamp of after this side was ready again
 ///                  after an own fault:      or it says coupled or holding: it has not noticed
 ///
 /// A side whose partner stops being with it holds, and releases after release_after. When either direction of the link is dead, both
-/// sides release within release_after and a round trip.
+/// sides release within release_after, a round trip and hold_after/2.
 class ModeMachine {
  public:
   explicit ModeMachine(const ControlOptions& o)
