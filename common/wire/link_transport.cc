@@ -1,11 +1,15 @@
 #include "common/wire/link_transport.h"
 
+#include <algorithm>
 #include <utility>
 
 #include "common/base/built_for.h"
 
 namespace twoport {
 namespace {
+
+/// Of a greeting's stamp, as of a report's.
+constexpr Duration kLongestWait = std::chrono::milliseconds{50};
 
 /// Does a datagram begin like a record of DTLS?
 bool is_encrypted(std::span<const std::byte> bytes) noexcept {
@@ -50,11 +54,14 @@ const Report<N>* LinkTransport<N>::next(Duration now, int& left) noexcept {
     switch (handshake_.on(incoming_, decoded, datagram->from, now)) {
       case Action::deliver:
         if (!is_greeted_ || !may_be_greeting(incoming_)) return &incoming_.report;
+        note_greeting(now);
         ++counts_.handshake;
         break;
+      case Action::pair:
+        note_greeting(now);
+        [[fallthrough]];
       case Action::wait:
       case Action::reply:
-      case Action::pair:
         ++counts_.handshake;
         break;
       case Action::refuse:
@@ -73,8 +80,17 @@ const Report<N>* LinkTransport<N>::next(Duration now, int& left) noexcept {
 }
 
 template <int N>
+void LinkTransport<N>::note_greeting(Duration now) noexcept {
+  if (!may_be_greeting(incoming_)) return;
+  greeting_sent_ns_ = incoming_.report.sent_ns;
+  greeting_at_ = now;
+}
+
+template <int N>
 void LinkTransport<N>::send(const Report<N>& report, Duration now) noexcept {
   outgoing_.report = report;
+  if (report.echo_ns < 0 && greeting_sent_ns_ >= 0) [[unlikely]]
+    outgoing_.report.echo_ns = greeting_sent_ns_ + std::min(now - greeting_at_, kLongestWait).count();
   if (!carries_gripper_) [[likely]]
     transmit(now);
 }

@@ -95,13 +95,17 @@ class LinkTransport {
   static constexpr int kMaxPerPoll = 1024;  ///< datagrams read in one poll: the work of a tick is bounded
 
   const Report<N>* next(Duration now, int& left) noexcept;
+  /// Until it has heard a report a master sends back the stamps of greetings: a slave's greeting is of this session too.
+  void note_greeting(Duration now) noexcept;
   void transmit(Duration now) noexcept;
 
   DatagramSocket* socket_;
   Handshake handshake_;
   Codec<N> codec_;
   Envelope<N> incoming_, outgoing_;
-  bool is_greeted_ = true;  ///< not where the session exists already
+  bool is_greeted_ = true;              ///< not where the session exists already
+  std::int64_t greeting_sent_ns_ = -1;  ///< stamp of the newest greeting of a slave
+  Duration greeting_at_{0};
   bool carries_gripper_ = false;
   std::vector<Report<1>> gripper_reports_;  ///< not collected yet
   EnvironmentMessage heard_;

@@ -50,6 +50,14 @@ struct Link {
   int fresh = 0;
 };
 
+// With it the slave knows the age of what it hears a round trip earlier.
+TEST(LinkTransport, AMasterSendsBackTheStampOfAGreeting) {
+  Link<1> link;
+  for (int k = 0; k < 50 && !link.slave.known().has_report; ++k) link.tick();
+  ASSERT_TRUE(link.slave.known().has_report);
+  EXPECT_GE(link.slave.known().newest.echo_ns, 0);
+}
+
 /// Reports of the gripper arrive with those of the main coupling, as many and with the same numbers; one that is not finite stays
 /// behind, and the main report arrives.
 TEST(LinkTransport, CarriesTheGripper) {
