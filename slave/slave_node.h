@@ -60,6 +60,7 @@ class SlaveNode {
                                        .robot = robot,
                                        .master = has_words ? master : without_words_,
                                        .master_energy_in = master_energy_in_,
+                                       .master_energy_net = Energy{same_epoch ? master.newest.energy_net_j : 0.0},
                                        .account = account_,
                                        .coupled = modes_.coupled(),
                                        .active = modes_.active(),
@@ -79,6 +80,7 @@ class SlaveNode {
                        .f_environment = robot.f_environment,
                        .position_error = position_error_,
                        .energy_in_j = half.energy_in.si(),
+                       .energy_net_j = half.energy_net.si(),
                        .mode = modes_.mode(),
                        .epoch = epoch_},
             .dissipated = half.dissipated,
@@ -174,6 +176,7 @@ class SlaveNode {
     out.report.v = robot.v;
     out.report.f_environment = robot.f_environment;
     out.report.energy_in_j = half.energy_in.si();
+    out.report.energy_net_j = half.energy_net.si();
     out.report.epoch = epoch_;
     out.report.mode = out.mode = modes_.mode();
     return out;

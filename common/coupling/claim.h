@@ -10,7 +10,7 @@ namespace twoport {
 /// What a method claims with its options, over a link. Void are
 ///
 ///     all    observer RECTANGLE: the account misses energy
-///            a limit of the force's rate at the device that can act: a force outlasts its account (ENERGY_SPRING_TWO_PORT shows none
+///            a limit of the force's rate at the device that can act: a force outlasts its account (ENERGY_EXCHANGE shows none
 ///            that could)
 ///     hand   energy_bounding.damping above the device's
 ///     both   a limit of the force's rate at the robot, of a layer that bounds the robot's own port
@@ -47,14 +47,15 @@ struct StandingClaim {
   }
   if (!claim.any()) return {};
   if (o.observer == ObserverRule::rectangle) return {{}, observer};
-  if (!is_two_port(o) && rate_acts(limits_at_device(o), o.known.master_tick)) return {{}, device_rate};
+  if (!exchanges_energy(o) && rate_acts(limits_at_device(o), o.known.master_tick)) return {{}, device_rate};
   if (claim.predicts && (!o.controller.predict || !(o.handle_mass_kg > 0.0))) return {{}, prediction};
   StandingClaim::Voided voided = nothing;
   const auto take_both = [&](StandingClaim::Voided by) {
     if (claim.both) voided = by;
     claim.both = false;
   };
-  if (claim.robot_port && rate_acts(limits_at_robot(o), o.known.slave_tick)) take_both(robot_rate);
+  if (claim.robot_port && !exchanges_energy(o) && rate_acts(limits_at_robot(o), o.known.slave_tick))
+    take_both(robot_rate);
   if (claim.predicts) {
     const TransparencyLayerName* shown = find_name(kTransparencyLayers, o.transparency);
     if (returns_measured_force(o)) take_both(measured_force);

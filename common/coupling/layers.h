@@ -16,18 +16,18 @@ namespace twoport {
 ///
 ///     hand   Σ f·Δx at the master port              >= -E(0) - slack          for any reports
 ///     both   hand less what leaves at the slave      >= -E(0) of both sides - slack     for honest reports
-///     slack  = Σ |f·e| T + K (δ_m² + δ_s²)/2
+///     slack  = Σ |f·e| T + K δ_m²/2,  `both` also K δ_s²/2
 ///     e(k+1) = e(k) - e(k-1)/4 + a(k+1) - a(k)         a(k+1) = v(k+1) - v(k) + C (f(k) + f(k+1)),   v = Δx/T, C = T/(2m)
 ///
 /// At the slave Σ f·v_d T leaves the link, with `robot_port` Σ f·Δx of the robot. a: what all but the displayed force f adds to the
 /// handle's velocity in a tick; e: the error that this makes in the velocity which the controller predicts
-/// (common/passivity/velocity_predictor.h), counted where `predicts`. K: the coupling's stiffness where `tick_of_spring`, else 0;
-/// δ_m, δ_s: largest motion of hand and robot in a tick. What a pair claims with the options that it has: common/coupling/claim.h.
+/// (common/passivity/velocity_predictor.h), counted where `predicts`. K: the coupling's stiffness;
+/// δ_m, δ_s: largest motion of hand and robot in a tick, where `tick_at_hand`, `tick_at_robot`, else 0. What a pair claims with the options that it has: common/coupling/claim.h.
 struct Claim {
   bool hand = false, both = false;
   bool device_damping = false;  ///< Σ b Δx²/T of the device counts with the hand's energy
   bool robot_port = false;
-  bool tick_of_spring = false;
+  bool tick_at_hand = false, tick_at_robot = false;
   bool shares_initial = false;  ///< E(0) is of both ports together, not of each
   bool predicts = false;        ///< as the handle has moved, not for the worst that a hand can do
 
@@ -71,9 +71,13 @@ inline constexpr TransparencyLayerName kTransparencyLayers[] = {
 
 inline constexpr PassivityLayerName kPassivityLayers[] = {
     {"ENERGY_SPRING", {.hand = true}, "at most the force of a spring that holds the energy of the hand's port"},
+    {"ENERGY_EXCHANGE",
+     {.hand = true, .both = true, .robot_port = true, .tick_at_robot = true},
+     "an energy spring at each side; the two exchange energy until both have the same, and the hand pays what is "
+     "spent"},
     {"ENERGY_SPRING_TWO_PORT",
-     {.both = true, .shares_initial = true},
-     "the same at both ports, which send each other the energy they spare"},
+     {.both = true, .robot_port = true, .tick_at_robot = true},
+     "the same without the bound of the hand's port alone: an environment that moves is felt as long as it does"},
     {"NONE", {}, "everything is displayed"},
     {"CLASSIC",
      {},
@@ -82,7 +86,7 @@ inline constexpr PassivityLayerName kPassivityLayers[] = {
      {.hand = true, .both = true, .predicts = true},
      "two-port time domain passivity, correction along the force"},
     {"ENERGY_TANK",
-     {.both = true, .robot_port = true, .tick_of_spring = true},
+     {.both = true, .robot_port = true, .tick_at_hand = true, .tick_at_robot = true},
      "a tank of energy at each side; the tanks exchange energy and the hand fills them"},
     {"ENERGY_BOUNDING", {.hand = true, .device_damping = true}, "the device's own damping covers every next motion"},
 };
@@ -91,6 +95,10 @@ inline constexpr PassivityLayerName kPassivityLayers[] = {
 inline constexpr MethodName kMethods[] = {
     {"INTERNAL_MODEL", "INTERNAL_MODEL", "ENERGY_SPRING",
      "a local model of the surface at the master, corrected by the delayed force and limited by an energy spring"},
+    {"ENERGY_EXCHANGE", "INTERNAL_MODEL", "ENERGY_EXCHANGE",
+     "the same model, with observers and controllers at both ends: both ports' energy is bounded, and the hand pays "
+     "for "
+     "the robot"},
     {"NONE", "DELAYED_FORCE", "NONE", "no passivity control: transparent, and unstable over delay"},
     {"CLASSIC", "DELAYED_FORCE", "CLASSIC", "two-port time domain passivity approach: a damper along the velocity"},
     {"FORCE_PROJECTED", "DELAYED_FORCE", "FORCE_PROJECTED",
@@ -102,7 +110,7 @@ inline constexpr MethodName kMethods[] = {
      "wave variables: the link carries waves whose energy no delay or loss can raise; position is not exact", Claim{}},
     {"SET_POSITION_MODULATION", "", "",
      "passive set-position modulation: each side's spring follows the other's position as far as stored energy allows",
-     Claim{.both = true, .robot_port = true, .tick_of_spring = true}},
+     Claim{.both = true, .robot_port = true, .tick_at_hand = true, .tick_at_robot = true}},
     {"ENERGY_TANK", "DELAYED_FORCE", "ENERGY_TANK",
      "two layers: any force, limited by an energy tank at each side; the tanks exchange energy and the hand fills "
      "them"},

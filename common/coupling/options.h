@@ -163,9 +163,9 @@ inline bool choose_method(ControlOptions& o, std::string_view name) {
   return true;
 }
 
-/// Do the ports of hand and robot keep one account between them, by ENERGY_SPRING_TWO_PORT?
-inline bool is_two_port(const ControlOptions& o) {
-  return o.passivity == "ENERGY_SPRING_TWO_PORT";
+/// Do both sides have an account and exchange energy?
+inline bool exchanges_energy(const ControlOptions& o) {
+  return o.passivity == "ENERGY_EXCHANGE" || o.passivity == "ENERGY_SPRING_TWO_PORT";
 }
 
 /// Is the force sensor's force displayed at the master, not the coupling's?

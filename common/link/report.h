@@ -38,12 +38,13 @@ struct PortReport {
   Force<N> f_environment{};          ///< slave: the force sensor's force, of the robot on the environment
   Displacement<N> position_error{};  ///< slave: robot against the delayed, registered master; null while not coupled
   double energy_in_j = 0.0;
+  double energy_net_j = 0.0;  ///< E(0) and what has entered at the port, less energy_in_j: ENERGY_EXCHANGE
   Mode mode = Mode::idle;
   std::uint32_t epoch = 0;  ///< grows when the method is switched; energies and words are of one epoch
 
   [[nodiscard]] double sum() const noexcept {
     return x.sum() + (v.vec() + f.vec() + f_coupling.vec() + f_environment.vec() + position_error.vec()).sum() +
-           energy_in_j;
+           energy_in_j + energy_net_j;
   }
   [[nodiscard]] bool finite() const noexcept { return all_finite(*this); }
 };

@@ -11,6 +11,7 @@
 #include "common/method/one_piece/set_position_modulation/set_position_modulation.h"
 #include "common/method/one_piece/wave_variables/wave_variables.h"
 #include "common/method/passivity/energy_bounding/energy_bounding.h"
+#include "common/method/passivity/energy_exchange/energy_exchange.h"
 #include "common/method/passivity/energy_spring/energy_spring_layer.h"
 #include "common/method/passivity/energy_tank/energy_tank.h"
 #include "common/method/passivity/none/none.h"
@@ -51,7 +52,8 @@ constexpr auto kTransparencyClasses = [](auto visit) {
 };
 constexpr auto kPassivityClasses = [](auto visit) {
   visit(Classes<EnergySpringMaster, NoPassivitySlave>{"ENERGY_SPRING"});
-  visit(Classes<EnergySpringTwoPortMaster, EnergySpringTwoPortSlave>{"ENERGY_SPRING_TWO_PORT"});
+  visit(Classes<EnergyExchangeMaster, EnergyExchangeSlave>{"ENERGY_EXCHANGE"});
+  visit(Classes<EnergyExchangeMaster, EnergyExchangeSlave>{"ENERGY_SPRING_TWO_PORT"});
   visit(Classes<NoPassivityMaster, NoPassivitySlave>{"NONE"});
   visit(Classes<TimeDomainMaster, TimeDomainSlave>{"CLASSIC"});
   visit(Classes<TimeDomainMaster, TimeDomainSlave>{"FORCE_PROJECTED"});

@@ -42,6 +42,7 @@ struct Shown {
   Force<N> f{};
   double share = 1.0;     ///< of Wish::f that is in f
   Energy energy_in{};     ///< running total reported to the slave
+  Energy energy_net{};    ///< MasterOutput::energy_net
   Energy dissipated{};    ///< in the coming interval
   Energy undissipated{};  ///< deficit that is left in this tick
 };
@@ -113,6 +114,7 @@ class MasterPair final : public Copyable<MasterPair<N, Transparency, Passivity>,
     return {.f = shown.f,
             .wanted = wish.f,
             .energy_in = shown.energy_in,
+            .energy_net = shown.energy_net,
             .dissipated = shown.dissipated,
             .undissipated = shown.undissipated,
             .contact_spring_share = wish.contact_spring_share};
@@ -167,6 +169,7 @@ struct RobotPort {
   Velocity<N> v{};
   Energy dissipated{};
   bool returns_wanted = false;  ///< the master is told the wanted force, not the allowed one
+  double damper_share = 1.0;    ///< of the damper that is displayed
 };
 
 /// The transparency layer at the slave. It owns the virtual coupling; the pair moves its set point.
@@ -276,11 +279,11 @@ class SlavePair final : public Copyable<SlavePair<N, Transparency, Passivity>, S
     VirtualCoupling<N>& coupling = transparency_->coupling();
     RobotWish<N> wish = transparency_->wish(in);
     RobotPort<N> port = passivity_->limit(wish, coupling, in);
+    damper_ = port.damper_share * wish.damper;
     if (in.bridge != nullptr) [[unlikely]]
-      port.f += in.bridge->step(wish.damped ? port.f + wish.damper : port.f, in.dt);
-    damper_ = wish.damper;
+      port.f += in.bridge->step(wish.damped ? port.f + damper_ : port.f, in.dt);
     grounded_ = wish.grounded;
-    Force<N> f = wish.damped ? port.f + wish.damper : port.f;
+    Force<N> f = wish.damped ? port.f + damper_ : port.f;
     if (!all_finite(f, port.v)) [[unlikely]]
       return no_force_exists(f);
     const Displacement<N> moved = port.v * in.dt;

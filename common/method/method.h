@@ -32,6 +32,7 @@ struct MasterInput {
   bool first;                   ///< there was no tick before: `interval` is empty
   const PeerState<N>& slave;    ///< in the slave's units
   Energy slave_energy_in;       ///< the slave's running total of this method, in its units
+  Energy slave_energy_net;      ///< the slave's newest SlaveOutput::energy_net, in its units
   const Ledger& account;        ///< energy into the master port, exact, since the start
   bool active;                  ///< coupled or holding; else the force is zero
   double ramp;                  ///< rises from 0 to 1 after engagement
@@ -42,6 +43,7 @@ struct MasterOutput {
   Force<N> f;                         ///< to be displayed
   Force<N> wanted;                    ///< before any passivity controller
   Energy energy_in;                   ///< running total reported to the slave: energy that has entered the link here
+  Energy energy_net{};                ///< E(0) and what has entered at the port, less energy_in
   Energy dissipated;                  ///< by a controller, in the coming interval
   Energy undissipated;                ///< deficit that the controller could not dissipate in this tick
   double contact_spring_share = 0.0;  ///< Wish::contact_spring_share
@@ -54,6 +56,7 @@ struct SlaveInput {
   const RobotSample<N>& robot;
   const PeerState<N>& master;  ///< in the master's units
   Energy master_energy_in;     ///< the master's running total of this method, in its units
+  Energy master_energy_net;    ///< the master's newest MasterOutput::energy_net, in its units
   const Ledger& account;       ///< energy into the link through the slave's port, until this tick
   bool coupled;                ///< the master's reports arrive and its motion is followed
   bool active;                 ///< coupled or holding
@@ -65,7 +68,8 @@ struct SlaveOutput {
   Force<N> f_back;   ///< force returned to the master
   Energy energy_in;  ///< running total reported to the master
   Energy dissipated;
-  Energy grounded{};  ///< part of f·v_d T that a grounded element at the robot takes, not the link: a damper's
+  Energy energy_net{};  ///< E(0) and what has entered at the port, less energy_in
+  Energy grounded{};    ///< part of f·v_d T that a grounded element at the robot takes, not the link: a damper's
 };
 
 /// State that a slave half passes to its successor.

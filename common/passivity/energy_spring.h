@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <optional>
 
 #include "common/base/low_pass.h"
@@ -81,6 +82,8 @@ class EnergySpring {
   void expect_turned(bool turned) noexcept { turned_ = turned; }
   /// Drops energy above `most`: energy put in long ago cannot be returned as a kick.
   void drop_above(Energy most) noexcept { energy_ = std::min(energy_, most); }
+  /// From now on no more is available than a second account has.
+  void cap(Energy available) noexcept { cap_ = available; }
   /// Passes energy on to another account.
   void take(Energy e) noexcept { energy_ -= e; }
   /// Starts anew with that energy; `net` as in observe.
@@ -90,7 +93,7 @@ class EnergySpring {
   }
 
   [[nodiscard]] Energy energy() const noexcept { return energy_; }
-  [[nodiscard]] Energy available() const noexcept { return positive_part(energy_ + initial_); }
+  [[nodiscard]] Energy available() const noexcept { return positive_part(std::min(energy_ + initial_, cap_)); }
   /// Energy returned beyond E(0) too.
   [[nodiscard]] Energy undissipated() const noexcept { return positive_part(-(energy_ + initial_)); }
 
@@ -171,7 +174,7 @@ class EnergySpring {
 
   static constexpr double kReach = 2.0, kMemory_s = 0.5, kFirstSpeed_m_per_s = 1.0, kLeastReach_m = 1e-12;
 
-  Energy initial_, energy_, net_;
+  Energy initial_, energy_, net_, cap_{std::numeric_limits<double>::infinity()};
   double stiffness_, rotational_stiffness_, quarter_mass_kg_, quarter_inertia_kg_m2_;
   double peak_speed_ = kFirstSpeed_m_per_s;  ///< v_p
   bool turned_ = false;

@@ -42,7 +42,7 @@ mcap::Metadata units(int dof) {
   add({"v", "v_d"}, "m/s", "rad/s");
   add({"applied", "f_environment", "command", "wanted", "f", "f_coupling"}, "N", "N m");
   add({"position_error"}, "m", "rad");
-  add({"dissipated_j", "undissipated_j", "energy_in_j"}, "J", "");
+  add({"dissipated_j", "undissipated_j", "energy_in_j", "energy_net_j"}, "J", "");
   add({"now_ns", "sent_ns", "echo_ns", "session_since_ns"}, "ns", "");
   add({"dt_s", "ended_s", "t_s"}, "s", "");
   return all;
@@ -76,6 +76,7 @@ void put(const Report<N>& from, schema::RecordedReport& to) {
   put(from.f_environment, *to.mutable_f_environment());
   put(from.position_error, *to.mutable_position_error());
   to.set_energy_in_j(from.energy_in_j);
+  to.set_energy_net_j(from.energy_net_j);
   to.set_mode(static_cast<std::uint32_t>(from.mode));
   to.set_epoch(from.epoch);
   to.mutable_words()->Clear();
@@ -115,6 +116,7 @@ bool take(const schema::RecordedReport& from, Report<N>& to) {
   to.sent_ns = from.sent_ns();
   to.echo_ns = from.echo_ns();
   to.energy_in_j = from.energy_in_j();
+  to.energy_net_j = from.energy_net_j();
   to.epoch = from.epoch();
   std::copy(from.words().begin(), from.words().end(), to.words.at.begin());
   to.words.count = static_cast<std::uint8_t>(from.words_size());

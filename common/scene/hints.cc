@@ -184,11 +184,11 @@ double fastest_contact(const Scene& s) {
   return closed_form ? 0.0 : std::sqrt(stiffest_surface(s) / s.robot->mass_kg) / s.slave_rate_hz;
 }
 
-/// Under a strict two-port a limit of the rate is kept as one of the force, T/2 of it (unheld_share); below this it is little.
+/// Where energy is exchanged a limit of the rate is kept as one of the force, T/2 of it (unheld_share); below this it is little.
 constexpr double kLittle_n = 2.0;
 /// The limit of rate that leaves the least force, and that force; empty: none leaves little.
 std::optional<std::pair<const char*, double>> slow_limit(const Scene& s) {
-  if (!has_link(s) || !is_two_port(s.control)) return {};
+  if (!has_link(s) || !exchanges_energy(s.control)) return {};
   const double device_n = 0.5 * s.control.device_limits.force_rate_n_per_s / s.rate_hz;
   const double robot_n = 0.5 * s.control.robot_limits.force_rate_n_per_s / s.slave_rate_hz;
   if (std::min(device_n, robot_n) >= kLittle_n) return {};
@@ -388,10 +388,10 @@ constexpr Hint kHints[] = {
      [](const Scene& s) {
        const auto [limits, force_n] = *slow_limit(s);
        return fmt::format(
-           "control.{}.force_rate_n_per_s and control.passivity.internal_model.strict_two_port together leave a force "
-           "of "
-           "at most {:.3g} N: what may not fall at once is not shown",
-           limits, force_n);
+           "control.{}.force_rate_n_per_s and the passivity layer {} together leave a force of at most {:.3g} N: what "
+           "may "
+           "not fall at once is not shown",
+           limits, s.control.passivity, force_n);
      }},
     {[](const Scene& s) {
        return s.control.controller.method == Method::force_projected && rendered_ratio(s) > kFastHandle &&
@@ -406,13 +406,15 @@ constexpr Hint kHints[] = {
            std::sqrt(stiffest_surface(s) / (kFastHandle * s.device->mass_kg)));
      }},
     {[](const Scene& s) { return !what_voids_claim(s).empty(); }, [](const Scene& s) { return what_voids_claim(s); }},
-    {[](const Scene& s) { return moving_anchor(s).has_value() && s.control.passivity == "ENERGY_SPRING"; },
+    {[](const Scene& s) {
+       return moving_anchor(s).has_value() &&
+              (s.control.passivity == "ENERGY_SPRING" || s.control.passivity == "ENERGY_EXCHANGE");
+     },
      [](const Scene& s) {
        return fmt::format(
-           "environment[{}].spring.anchor_motion puts energy in, and control.passivity.layer ENERGY_SPRING gives the "
-           "hand no more of it than E(0); "
-           "ENERGY_SPRING_TWO_PORT passes it on",
-           *moving_anchor(s));
+           "environment[{}].spring.anchor_motion puts energy in, and control.passivity.layer {} gives the hand no more "
+           "of it than E(0); ENERGY_SPRING_TWO_PORT passes it on",
+           *moving_anchor(s), s.control.passivity);
      }},
 };
 

@@ -130,11 +130,13 @@ void tell_system(const Scene& scene, ControlOptions& control) {
 
 Energy default_initial_energy(const ControlOptions& o) {
   if (o.architecture == Architecture::render) return {};
-  constexpr double kLeast_j = 1e-3, kMost_j = 20e-3, kApproach_m_per_s = 0.05;
+  constexpr double kLeast_j = 1e-3, kMost_j = 20e-3, kApproach_m_per_s = 0.05, kRobot_m_per_s = 0.2;
   if (o.transparency != "INTERNAL_MODEL" && o.transparency != "CONTACT_SPRING") return Energy{kLeast_j};
   const double way_m = kApproach_m_per_s * o.known.round_trip.si();
   const double stiffness_n_per_m = o.force_scale * o.motion_scale * o.coupling.stiffness_n_per_m;
-  return Energy{std::clamp(0.5 * stiffness_n_per_m * way_m * way_m, kLeast_j, kMost_j)};
+  const double blind_j = 0.5 * stiffness_n_per_m * way_m * way_m;
+  const double robot_j = exchanges_energy(o) ? 0.5 * o.known.robot_mass_kg * kRobot_m_per_s * kRobot_m_per_s : 0.0;
+  return Energy{std::clamp(std::max(blind_j, robot_j), kLeast_j, kMost_j)};
 }
 
 void tell_system(Scene& scene) {

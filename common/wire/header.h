@@ -9,7 +9,7 @@ namespace twoport {
 
 /// Every datagram begins with "TP" and the version of the wire.
 inline constexpr std::uint32_t kProtocolVersion = 0x5450'0002;
-inline constexpr std::size_t kMaxDatagram = 1152;    // [B]
+inline constexpr std::size_t kMaxDatagram = 1168;    // [B]
 inline constexpr std::size_t kMaxRefusal = 400;      // [B]
 inline constexpr std::size_t kMaxSceneFields = 128;  // [B]
 

@@ -48,7 +48,7 @@ bool may_be_silent(const ImpairmentOptions& o, const Scene& scene) {
 }
 bool has_nodes_in_lanes(const Scene& scene) {
   const ControlOptions& c = scene.control;
-  const bool model = c.method_name == "INTERNAL_MODEL" && !is_two_port(c) && c.coupling.stiffness_n_per_m > 0.0;
+  const bool model = c.method_name == "INTERNAL_MODEL" && !exchanges_energy(c) && c.coupling.stiffness_n_per_m > 0.0;
   if (!model && c.method_name != "NONE" && c.method_name != "CLASSIC" && c.method_name != "FORCE_PROJECTED")
     return false;
   if (c.architecture != Architecture::position_force && c.architecture != Architecture::position_measured_force)

@@ -602,10 +602,10 @@ AdversaryRun run_of(const std::string& method, AdversaryRun out, Draw& draw, con
   };
   const Duration end = to_duration(duration_s);
   std::int64_t m = 0, s = 0;
-  while (!turns) {
+  while (true) {
     const Duration next_m = tick_time(m, scene.master_rate_hz), next_s = tick_time(s, true_slave_hz);
     const Duration now = std::min(next_s, next_m);
-    if (now >= end) break;
+    if (now >= end || turns) break;
     if (out.rests && !rest && to_seconds(now).si() >= kRest_s) {
       rest = true;
       handle.rest(static_cast<int>(0.3 / master_dt.si()));
@@ -624,15 +624,13 @@ AdversaryRun run_of(const std::string& method, AdversaryRun out, Draw& draw, con
   const double initial = out.initial_j = scene.control.initial_energy.si();
   const double stiffness = scene.control.coupling.stiffness_n_per_m;
   const double scale = scene.control.force_scale * scene.control.motion_scale;
-  const double slack =
-      (claim.predicts ? out.unforeseen_j : 0.0) +
-      (claim.tick_of_spring
-           ? 0.5 * stiffness * (std::max(1.0, scale) * at.hand_largest2 + in_master_units(at.robot_largest2))
-           : 0.0);
+  const double slack = (claim.predicts ? out.unforeseen_j : 0.0) +
+                       (claim.tick_at_hand ? 0.5 * stiffness * std::max(1.0, scale) * at.hand_largest2 : 0.0);
+  const double slack_of_robot = claim.tick_at_robot ? 0.5 * stiffness * in_master_units(at.robot_largest2) : 0.0;
   constexpr double kNothing = -std::numeric_limits<double>::infinity();
   out.hand_bound_j = claim.hand && !out.rests ? -initial - slack : kNothing;
   out.both_bound_j = claim.both && !out.lies && !out.rests
-                         ? -initial - (claim.shares_initial ? 0.0 : in_master_units(initial)) - slack
+                         ? -initial - (claim.shares_initial ? 0.0 : in_master_units(initial)) - slack - slack_of_robot
                          : kNothing;
   return out;
 }

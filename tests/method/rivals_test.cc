@@ -388,10 +388,11 @@ TEST(SetPositionModulation, AtRestBothForcesAreTheSpringsWhateverTheNetworkWas) 
 // Franken et al. 2011, 2012: the level controller supplies what the slave's side spends, so in steady free motion the hand does the
 // work that the robot's friction takes, delayed or not: per period, ∮ f·dx at the hand = ∮ b v² dt at the robot. 3 %: the levels
 // still move.
-TEST(EnergyTank, TheHandPaysForTheRobotsFriction) {
+class Paying : public testing::TestWithParam<const char*> {};
+TEST_P(Paying, TheHandPaysForTheRobotsFriction) {
   for (const std::string link : {"delay_ms: 0", "delay_ms: 50", "delay_ms: 100 loss: 0.2"}) {
     const Scene scene = parse_scene(
-        press("ENERGY_TANK", "", link, "sine { axis: 0 amplitude_m: 0.02 frequency_hz: 1 duration_s: 60 }", ""), link);
+        press(GetParam(), "", link, "sine { axis: 0 amplitude_m: 0.02 frequency_hz: 1 duration_s: 60 }", ""), link);
     Loop<1> loop{scene};
     Force<1> held;
     double x = 0.0, robot_x = 0.0, by_hand = 0.0, by_friction = 0.0;
@@ -406,6 +407,7 @@ TEST(EnergyTank, TheHandPaysForTheRobotsFriction) {
     EXPECT_NEAR(by_hand, by_friction, 0.03 * by_friction) << link;
   }
 }
+INSTANTIATE_TEST_SUITE_P(Of, Paying, testing::Values("ENERGY_TANK", "ENERGY_EXCHANGE"));
 
 // ---- energy bounding
 

@@ -56,6 +56,7 @@ Envelope<N> some(std::mt19937_64& rng) {
   fill(rng, e.report.f_coupling);
   fill(rng, e.report.f_environment);
   e.report.energy_in_j = std::normal_distribution<double>{0.0, 1.0}(rng);
+  e.report.energy_net_j = std::normal_distribution<double>{0.0, 1.0}(rng);
   e.report.mode = static_cast<Mode>(rng() % 4);
   return e;
 }
@@ -81,6 +82,7 @@ void expect_same(const Report<N>& a, const Report<N>& b) {
   EXPECT_EQ(a.echo_ns, b.echo_ns);
   EXPECT_EQ(a.mode, b.mode);
   EXPECT_EQ(std::bit_cast<std::uint64_t>(a.energy_in_j), std::bit_cast<std::uint64_t>(b.energy_in_j));
+  EXPECT_EQ(std::bit_cast<std::uint64_t>(a.energy_net_j), std::bit_cast<std::uint64_t>(b.energy_net_j));
   EXPECT_EQ(bits(a.x), bits(b.x));
   EXPECT_EQ(bits(a.v.vec()), bits(b.v.vec()));
   EXPECT_EQ(bits(a.f.vec()), bits(b.f.vec()));
@@ -317,6 +319,7 @@ TYPED_TEST(CodecOf, RejectsNumbersThatAreNone) {
     typename Force<N>::Vector last = Force<N>::Vector::Zero();
     last[N - 1] = bad;
     EXPECT_EQ(with([&](auto& r) { r.energy_in_j = bad; }), Decoded::malformed);
+    EXPECT_EQ(with([&](auto& r) { r.energy_net_j = bad; }), Decoded::malformed);
     EXPECT_EQ(with([&](auto& r) { r.x = r.x + Displacement<N>{bad * Displacement<N>::Vector::Unit(0)}; }),
               Decoded::malformed);
     EXPECT_EQ(with([&](auto& r) { r.v = Velocity<N>{last}; }), Decoded::malformed);
@@ -425,6 +428,7 @@ TYPED_TEST(CodecOf, CarriesAReportOfTheGripper) {
   EXPECT_EQ(got.gripper.f_environment[0], sent.gripper.f_environment[0]);
   EXPECT_EQ(got.gripper.position_error[0], sent.gripper.position_error[0]);
   EXPECT_EQ(got.gripper.energy_in_j, sent.gripper.energy_in_j);
+  EXPECT_EQ(got.gripper.energy_net_j, sent.gripper.energy_net_j);
   EXPECT_EQ(got.gripper.words.count, 2);
   EXPECT_EQ(got.gripper.words.at[1], -4.0);
   EXPECT_EQ(got.gripper.sequence, sent.report.sequence);

@@ -6,6 +6,7 @@
 #include "common/method/coupled_by_position.h"
 #include "common/method/layers.h"
 #include "common/method/passivity/energy_tank/gains.h"
+#include "common/method/passivity/tick_reach.h"
 #include "common/passivity/controller.h"
 
 namespace twoport {
@@ -121,12 +122,17 @@ class EnergyTankSlave final : public Copyable<EnergyTankSlave<N>, SlavePassivity
   }
   RobotPort<N> limit(const RobotWish<N>& wish, VirtualCoupling<N>& coupling,
                      const SlaveInput<N>& in) noexcept override {
-    side_.put_in(-dot(f_, in.robot.x - x_));
+    const Displacement<N> moved = in.robot.x - x_;
+    side_.put_in(-dot(f_, moved));
+    reach_.observe(moved, in.dt);
     x_ = in.robot.x;
     const Energy received = coupling.registration().to_slave(in.master_energy_in);
     if (in.active) side_.send(received, in.dt);
-    const Force<N> f = side_.limited(wish.f, dot(wish.f, in.robot.v), side_.level(received), in.dt);
-    return {f, wish.v, positive_part(dot(wish.f - f, in.robot.v) * in.dt)};
+    const Energy level = side_.level(received);
+    const double damped = reach_.part(wish.damper, level);
+    const Force<N> f = side_.limited(wish.f, dot(wish.f, in.robot.v), level - damped * reach_.most(wish.damper), in.dt);
+    return {
+        .f = f, .v = wish.v, .dissipated = positive_part(dot(wish.f - f, in.robot.v) * in.dt), .damper_share = damped};
   }
   void acted(SlaveOutput<N>& out, const Force<N>&, const Ledger&, const SlaveInput<N>& in) noexcept override {
     book_at_robot(out, in.robot, in.dt);
@@ -152,8 +158,9 @@ class EnergyTankSlave final : public Copyable<EnergyTankSlave<N>, SlavePassivity
   }
 
   EnergyTankSide<N> side_;
-  Position<N> x_;  ///< of the robot
-  Force<N> f_;     ///< on the robot in the last tick
+  TickReach<N> reach_;  ///< of the robot's port
+  Position<N> x_;       ///< of the robot
+  Force<N> f_;          ///< on the robot in the last tick
 };
 
 }  // namespace twoport

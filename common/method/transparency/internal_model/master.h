@@ -34,7 +34,6 @@ namespace twoport {
 ///
 /// (6) makes the slave press as hard as the hand feels where energy or device do not allow the right force.
 /// In flight: free, but commanded into the surface; the robot bounces and will touch it again.
-/// Under ENERGY_SPRING_TWO_PORT b = 8 + 2 min(R, 1 s) N s/m everywhere, which pays for the robot.
 /// N = 6: y = x + R b with b from the slave; the torque of f_d is (R b) × F_x + r_τ, r_τ = LP_a of τ - (R_echo b) × F(x_echo).
 template <int N>
 class InternalModelMaster final : public Copyable<InternalModelMaster<N>, MasterTransparency<N>> {
@@ -45,7 +44,6 @@ class InternalModelMaster final : public Copyable<InternalModelMaster<N>, Master
         rotation_n_m_per_rad_{o.force_scale / o.motion_scale * o.coupling.rotational_stiffness_n_m_per_rad},
         mass_kg_{o.handle_mass_kg},
         inertia_kg_m2_{o.handle_inertia_kg_m2},
-        pays_robot_{is_two_port(o)},
         residual_s_{std::clamp(kRobot * std::sqrt(o.known.robot_mass_kg / o.coupling.stiffness_n_per_m), kResidual_s,
                                kLongResidual_s)},
         ramp_{o.engage} {}
@@ -119,7 +117,6 @@ class InternalModelMaster final : public Copyable<InternalModelMaster<N>, Master
   static constexpr double kFade_m = 3e-3;
   static constexpr double kDamping = 0.5, kDampingPerDelay = 2.0, kLongDelay_s = 1.0, kHarvest = 10.0,
                           kDamperVelocity_s = 3e-3;  // [N s/m]
-  static constexpr double kRobotDamping = 8.0;
   static constexpr double kOffset_s = 50e-3, kOffsetOutside_s = 0.3, kOffsetNormal_s = 0.5;
   static constexpr double kLever_s = 20e-3, kSlowLever_s = 1.0, kOffsetNegligible_m = 1e-6;
 
@@ -231,10 +228,10 @@ class InternalModelMaster final : public Copyable<InternalModelMaster<N>, Master
                                  Seconds dt) const noexcept {
     const double most = mass_kg_ > 0.0 ? mass_kg_ / (4.0 * dt.si()) : kHarvest;
     const double of_delay = kDampingPerDelay * std::min(round_trip.si(), kLongDelay_s);
-    double b = pays_robot_ ? kRobotDamping + of_delay : kDamping;
+    double b = kDamping;
     double b_normal = 0.0;
     if (hand.inside) {
-      b += (pays_robot_ ? 0.0 : of_delay) + kHarvest * (1.0 - scale_slow_);
+      b += of_delay + kHarvest * (1.0 - scale_slow_);
       b_normal = 0.5 * dt.si() * model_.patch().stiffness;
     }
     typename Force<N>::Vector g;
@@ -271,8 +268,7 @@ class InternalModelMaster final : public Copyable<InternalModelMaster<N>, Master
   Registration<N> registration_;
   double coupling_n_per_m_, rotation_n_m_per_rad_;  ///< K_c, K_r in the master's units
   double mass_kg_, inertia_kg_m2_;                  ///< of the handle; 0: not known
-  bool pays_robot_;
-  double residual_s_;  ///< a without delay
+  double residual_s_;                               ///< a without delay
   Ramp ramp_;
   RoundTrip round_trip_;
   SurfaceReport<N> said_;

@@ -37,8 +37,6 @@ inline ControlOptions with_damped_robot(ControlOptions o) {
 /// felt the robot presses on it as the hand will once it feels it. c: with a short delay little is pressed blindly, and lost
 /// packets would make it yield. SURFACE_MODEL with N = 6: c = 1; the point of contact changes from corner to corner within a short delay too.
 ///
-/// Under ENERGY_SPRING_TWO_PORT there is no brake: its energy would be the link's.
-///
 /// CONTACT_SPRING, and INTERNAL_MODEL in six degrees of freedom: q is a vector (yield_along_force), with c = min(1, (R/R_q)²),
 /// R_q = min(0.2 s, π √(m/K_c)): a robot that is pulled back for less than half of its period on the coupling bounces, a light one has a short
 /// period. The coupling's damper is grounded in contact, (1 - g) B_c (v_rx - v_s) - g B_c v_s, g = LP_100ms of 1 in contact and coupled, else
@@ -58,7 +56,6 @@ class InternalModelSlave final : public Copyable<InternalModelSlave<N>, SlaveTra
  public:
   explicit InternalModelSlave(const ControlOptions& o)
       : Base{with_damped_robot(o)},
-        brakes_{!is_two_port(o)},
         along_force_{o.transparency == "CONTACT_SPRING" || (N == 6 && o.transparency == "INTERNAL_MODEL")},
         damping_{
             per_axis<N>(with_damped_robot(o).coupling.damping_n_s_per_m, o.coupling.rotational_damping_n_m_s_per_rad)},
@@ -89,7 +86,7 @@ class InternalModelSlave final : public Copyable<InternalModelSlave<N>, SlaveTra
     const RobotSample<N>& robot = in.robot;
     informed_ = read(in.master.words, said_);
     const Position<N> x_rx = commanded(in.master);
-    if (along_force_ && brakes_) low_pass(grounded_share_, in.coupled && touches() ? 1.0 : 0.0, in.dt, kGround_s);
+    if (along_force_) low_pass(grounded_share_, in.coupled && touches() ? 1.0 : 0.0, in.dt, kGround_s);
     typename VirtualCoupling<N>::Wanted wanted;
     if (in.active) {
       wanted = coupling_.step(robot, in.master, x_rx, in.coupled, in.dt);
@@ -111,7 +108,7 @@ class InternalModelSlave final : public Copyable<InternalModelSlave<N>, SlaveTra
     yield(in, felt);
     report(robot);
     RobotWish<N> out{.f = wanted.f, .v = wanted.v, .f_back = felt};
-    out.damped = in.coupled && brakes_;
+    out.damped = in.coupled;
     out.grounded = along_force_ && out.damped && !robot.ideal;
     if (out.damped) out.damper = leaving_brake(robot, in.dt);
     if (out.grounded) out.damper += Force<N>{-grounded_share_ * damping_.cwiseProduct(robot.v.vec())};
@@ -257,7 +254,6 @@ class InternalModelSlave final : public Copyable<InternalModelSlave<N>, SlaveTra
   }
 
   using Base::coupling_;
-  bool brakes_;
   bool along_force_;  ///< the yield is along the force, and the coupling's damper is grounded in contact
   typename Force<N>::Vector damping_;  ///< B_c
   double yields_;                      ///< c

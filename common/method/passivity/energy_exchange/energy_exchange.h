@@ -1,0 +1,166 @@
+#pragma once
+
+#include <algorithm>
+#include <cmath>
+
+#include "common/base/low_pass.h"
+#include "common/method/coupled_by_position.h"
+#include "common/method/layers.h"
+#include "common/method/passivity/energy_exchange/account.h"
+#include "common/method/passivity/energy_exchange/unheld_share.h"
+#include "common/method/passivity/hand_spring.h"
+#include "common/method/passivity/tick_reach.h"
+
+namespace twoport {
+
+/// The hand's side of the exchange: an energy spring, and a damper that pays what both sides lack.
+///
+///     f  = s f_d + γ g                           HandSpring, which has no more than A
+///     T  = max(E(0), 2 |f_d|²/2K)                what each side should have
+///     λ  = max(0, 2T - A - A')
+///     g  = damper of the wish + B min(1, (λ/2T)²) v,   at most m/(4T) v
+///
+/// A force that the limit of its rate could not take away in a tick is not displayed (unheld_share), here and at the robot.
+/// ENERGY_SPRING_TWO_PORT: the hand's own port has no account of its own, A alone counts.
+template <int N>
+class EnergyExchangeMaster final : public Copyable<EnergyExchangeMaster<N>, MasterPassivity<N>> {
+ public:
+  explicit EnergyExchangeMaster(const ControlOptions& o)
+      : registration_{o},
+        bounds_hand_{o.passivity != "ENERGY_SPRING_TWO_PORT"},
+        account_{o.initial_energy},
+        hand_{o},
+        damping_{per_axis<N>(o.coupling.damping_n_s_per_m, o.coupling.rotational_damping_n_m_s_per_rad)
+                     .cwiseProduct(impedance_scale<N>(o))},
+        quarter_mass_{0.25 * per_axis<N>(o.handle_mass_kg, o.handle_inertia_kg_m2)} {}
+
+  Shown<N> limit(const Wish<N>& wish, const MasterInput<N>& in) noexcept override {
+    observe(in);
+    const Energy needed = std::max(account_.initial(), kMargin * hand_.spring().stored(wish.f, in.dt));
+    const Energy lacking = positive_part(2.0 * needed - account_.level() - account_.level_of_other());
+    if (in.active) account_.share();
+    Shown<N> out;
+    out.energy_in = account_.sent();
+    out.energy_net = account_.net();
+    if (bounds_hand_) {
+      hand_.spring().cap(account_.level());
+    } else {
+      hand_.spring().restart(in.account.net(), account_.level() - account_.initial());
+    }
+    Force<N> damper = paying(lacking, needed, in);
+    if (wish.damped) damper += wish.damper;
+    hand_.limit(wish, &damper, in, out);
+    if (const double held = unheld_share(out.f, hand_.limits(), in.dt); held < 1.0) hand_.reduce(held, out);
+    return out;
+  }
+  [[nodiscard]] Energy balance(const Ledger&, Energy slave_in) const noexcept override {
+    return std::min(hand_.spring().energy(), account_.balance(registration_.to_master(slave_in)));
+  }
+  void restart(const Ledger& account, Energy balance) noexcept override {
+    net_before_ = account.net();
+    account_.restart(handed_over(balance, account));
+    hand_.spring().restart(account.net(), put_in_by_hand(balance, account));
+  }
+
+ private:
+  static constexpr double kMargin = 2.0, kDamperVelocity_s = 3e-3;
+
+  void observe(const MasterInput<N>& in) noexcept {
+    hand_.observe(in);
+    account_.put_in(in.account.net() - net_before_);
+    net_before_ = in.account.net();
+    account_.hear(registration_.to_master(in.slave_energy_in), registration_.to_master(in.slave_energy_net));
+    const Velocity<N> v = in.first ? Velocity<N>{} : in.interval.moved / in.ended;
+    low_pass(v_slow_, v, in.dt, kDamperVelocity_s);
+  }
+  [[nodiscard]] Force<N> paying(Energy lacking, Energy needed, const MasterInput<N>& in) const noexcept {
+    if (!(lacking.si() > 0.0)) return {};
+    const double part = lacking / (2.0 * needed);
+    typename Force<N>::Vector b = std::min(1.0, part * part) * damping_;
+    for (int i = 0; i < N; ++i)
+      if (quarter_mass_[i] > 0.0) b[i] = std::min(b[i], quarter_mass_[i] / in.dt.si());
+    return Force<N>{in.ramp * b.cwiseProduct(v_slow_.vec())};
+  }
+
+  Registration<N> registration_;
+  bool bounds_hand_;
+  ExchangeAccount account_;
+  HandSpring<N> hand_;
+  typename Force<N>::Vector damping_, quarter_mass_;  ///< B; of the handle, 0 where it is not known
+  Velocity<N> v_slow_;                                ///< LP_3ms v
+  Energy net_before_;
+};
+
+/// The robot's side: an energy spring whose port is the robot's.
+///
+///     f = s f_d,   s the largest in [0, 1] with   s² Σ f_d,i²/(2 K_i) <= A - γ W(g)   and   s W(f_d) <= A - γ W(g)
+///     γ g          the damper at the robot, γ the largest in [0, 1] with   γ W(g) <= A;   W: TickReach
+///
+/// The set point follows the master whatever s is: what is missing is made up for as soon as there is energy.
+template <int N>
+class EnergyExchangeSlave final : public Copyable<EnergyExchangeSlave<N>, SlavePassivity<N>> {
+ public:
+  explicit EnergyExchangeSlave(const ControlOptions& o) : account_{o.initial_energy}, limits_{limits_at_robot(o)} {
+    const auto inverse = [](double k) { return 0.5 / std::max(k, 1e-6); };
+    give_ = per_axis<N>(inverse(o.coupling.stiffness_n_per_m), inverse(o.coupling.rotational_stiffness_n_m_per_rad));
+  }
+
+  void start(const RobotSample<N>& robot) noexcept override {
+    x_ = robot.x;
+    f_ = Force<N>{};
+  }
+  RobotPort<N> limit(const RobotWish<N>& wish, VirtualCoupling<N>& coupling,
+                     const SlaveInput<N>& in) noexcept override {
+    const Displacement<N> moved = in.robot.x - x_;
+    account_.put_in(-dot(f_, moved));
+    x_ = in.robot.x;
+    reach_.observe(moved, in.dt);
+    const Registration<N>& to = coupling.registration();
+    account_.hear(to.to_slave(in.master_energy_in), to.to_slave(in.master_energy_net));
+    if (in.active) account_.share();
+    const Energy level = account_.level();
+    double damped = reach_.part(wish.damper, level);
+    const Energy left = positive_part(level - damped * reach_.most(wish.damper));
+    const double stored = wish.f.vec().cwiseAbs2().dot(give_);
+    double s = std::min(stored <= left.si() ? 1.0 : std::sqrt(left.si() / stored), reach_.part(wish.f, left));
+    const double held = unheld_share(s * wish.f + damped * wish.damper, limits_, in.dt);
+    damped *= held;
+    s *= held;
+    return {.f = s * wish.f,
+            .v = wish.v,
+            .dissipated = positive_part((1.0 - s) * (dot(wish.f, in.robot.v) * in.dt)),
+            .damper_share = damped};
+  }
+  void acted(SlaveOutput<N>& out, const Force<N>&, const Ledger&, const SlaveInput<N>& in) noexcept override {
+    book_at_robot(out, in.robot, in.dt);
+    out.energy_in = account_.sent();
+    out.energy_net = account_.net();
+  }
+  void limited(SlaveOutput<N>& out, const Force<N>&, Energy, VirtualCoupling<N>&, const RobotSample<N>& robot,
+               Seconds dt) noexcept override {
+    book_at_robot(out, robot, dt);
+  }
+  void release() noexcept override { f_ = Force<N>{}; }
+  [[nodiscard]] Energy reported(const Ledger&) noexcept override { return account_.sent(); }
+  [[nodiscard]] Energy balance(const Ledger&, const Registration<N>& registration,
+                               Energy master_in) const noexcept override {
+    return account_.balance(registration.to_slave(master_in));
+  }
+  void restart(const Ledger&, Energy balance) noexcept override { account_.restart(balance); }
+
+ private:
+  /// The port of this side is the robot's.
+  void book_at_robot(SlaveOutput<N>& out, const RobotSample<N>& robot, Seconds dt) noexcept {
+    out.grounded = dot(out.command.f, (out.command.v_d - robot.v) * dt);
+    f_ = out.command.f;
+  }
+
+  ExchangeAccount account_;
+  PortLimits limits_;
+  typename Force<N>::Vector give_;  ///< 1/(2K)
+  TickReach<N> reach_;              ///< of the robot's port
+  Position<N> x_;                   ///< of the robot
+  Force<N> f_;                      ///< on the robot in the last tick
+};
+
+}  // namespace twoport
