@@ -176,9 +176,7 @@ struct Slave : SlaveRows<N> {
 
 /// What would make the force sensor unnecessary for the method; empty: it needs none.
 inline std::string replaces_force_sensor(const ControlOptions& o) {
-  const bool estimates_surface =
-      o.transparency == "INTERNAL_MODEL" || o.transparency == "SURFACE_MODEL" || o.transparency == "CONTACT_SPRING";
-  if (estimates_surface && o.architecture != Architecture::position_position)
+  if (models_surface(o) && o.architecture != Architecture::position_position)
     return "control.architecture POSITION_POSITION";
   if (o.transparency == "FOUR_CHANNEL" && !o.four_channel.reaction_force_observer)
     return "control.passivity.four_channel.reaction_force_observer";

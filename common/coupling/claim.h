@@ -13,7 +13,8 @@ namespace twoport {
 ///            a limit of the force's rate at the device that can act: a force outlasts its account (ENERGY_EXCHANGE shows none
 ///            that could)
 ///     hand   energy_bounding.damping above the device's
-///     both   a limit of the force's rate at the robot, of a layer that bounds the robot's own port
+///     both   of a layer that bounds the robot's own port: a limit of the force's rate at the robot that can act; an ideal robot, which goes to
+///            its set point whatever force that takes
 ///            FORCE_PROJECTED: POSITION_MEASURED_FORCE, and a damper at the robot that is of the link (damps_link)
 ///     FORCE_PROJECTED acts on the present velocity without `predict` or where the handle's mass is not known: both claims
 struct StandingClaim {
@@ -22,6 +23,7 @@ struct StandingClaim {
     observer,
     device_rate,
     robot_rate,
+    ideal_robot,
     prediction,
     measured_force,
     link_damper,
@@ -56,6 +58,7 @@ struct StandingClaim {
   };
   if (claim.robot_port && !exchanges_energy(o) && rate_acts(limits_at_robot(o), o.known.slave_tick))
     take_both(robot_rate);
+  if (claim.robot_port && o.known.ideal_robot) take_both(ideal_robot);
   if (claim.predicts) {
     const TransparencyLayerName* shown = find_name(kTransparencyLayers, o.transparency);
     if (returns_measured_force(o)) take_both(measured_force);

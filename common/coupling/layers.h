@@ -3,6 +3,8 @@
 #include <optional>
 #include <string_view>
 
+#include "common/passivity/controller_options.h"
+
 namespace twoport {
 
 /// A method over a link is a transparency layer and a passivity layer.
@@ -28,7 +30,7 @@ struct Claim {
   bool device_damping = false;  ///< Σ b Δx²/T of the device counts with the hand's energy
   bool robot_port = false;
   bool tick_at_hand = false, tick_at_robot = false;
-  bool shares_initial = false;  ///< E(0) is of both ports together, not of each
+  bool in_hand_joules = false;  ///< E(0) of the robot's side is E(0) in the master's joules, else in its own
   bool predicts = false;        ///< as the handle has moved, not for the worst that a hand can do
 
   [[nodiscard]] constexpr bool any() const { return hand || both; }
@@ -44,11 +46,17 @@ struct TransparencyLayerName {
   std::string_view name, summary;
   /// A damper at the robot that acts beside the passivity layer is of the link: no controller of the link's port bounds it.
   bool damps_link = false;
+  /// It displays a local model of the surface, estimated by the force sensor or, under POSITION_POSITION, without.
+  bool models_surface = false;
+  /// It displays the position error and nothing else.
+  bool by_position = false;
 };
 struct PassivityLayerName {
   std::string_view name;
   Claim claim;
   std::string_view summary;
+  Method controller = Method::none;  ///< of the observer's port
+  bool exchanges = false;            ///< both sides have an account and exchange energy
 };
 /// A named pair; a method of one piece has no layers, and a claim of its own.
 struct MethodName {
@@ -58,37 +66,57 @@ struct MethodName {
 };
 
 inline constexpr TransparencyLayerName kTransparencyLayers[] = {
-    {"INTERNAL_MODEL", "a local model of the surface, corrected by the delayed force", true},
-    {"DELAYED_FORCE", "the force of the architecture as it arrives"},
-    {"SURFACE_MODEL", "a local model of the surface and nothing else", true},
-    {"CONTACT_SPRING", "the delayed force and a local spring in all axes, for tools with many contacts"},
-    {"FOUR_CHANNEL", "positions and forces in both directions"},
-    {"FIXED_DAMPING", "a spring between the two positions and a damper at each side"},
-    {"FRACTAL_IMPEDANCE", "springs that give back less than they take"},
-    {"RANDOM", "forces drawn at random, to attack a passivity layer"},
-    {"PLUGIN", "a force computed by a shared library"},
+    {.name = "INTERNAL_MODEL",
+     .summary = "a local model of the surface, corrected by the delayed force",
+     .damps_link = true,
+     .models_surface = true},
+    {.name = "DELAYED_FORCE", .summary = "the force of the architecture as it arrives"},
+    {.name = "SURFACE_MODEL",
+     .summary = "a local model of the surface and nothing else",
+     .damps_link = true,
+     .models_surface = true},
+    {.name = "CONTACT_SPRING",
+     .summary = "the delayed force and a local spring in all axes, for tools with many contacts",
+     .models_surface = true},
+    {.name = "FOUR_CHANNEL", .summary = "positions and forces in both directions"},
+    {.name = "FIXED_DAMPING",
+     .summary = "a spring between the two positions and a damper at each side",
+     .by_position = true},
+    {.name = "FRACTAL_IMPEDANCE", .summary = "springs that give back less than they take", .by_position = true},
+    {.name = "RANDOM", .summary = "forces drawn at random, to attack a passivity layer"},
+    {.name = "PLUGIN", .summary = "a force computed by a shared library"},
 };
 
 inline constexpr PassivityLayerName kPassivityLayers[] = {
-    {"ENERGY_SPRING", {.hand = true}, "at most the force of a spring that holds the energy of the hand's port"},
-    {"ENERGY_EXCHANGE",
-     {.hand = true, .both = true, .robot_port = true, .tick_at_robot = true},
-     "an energy spring at each side; the two exchange energy until both have the same, and the hand pays what is "
-     "spent"},
-    {"ENERGY_SPRING_TWO_PORT",
-     {.both = true, .robot_port = true, .tick_at_robot = true},
-     "the same without the bound of the hand's port alone: an environment that moves is felt as long as it does"},
-    {"NONE", {}, "everything is displayed"},
-    {"CLASSIC",
-     {},
-     "two-port time domain passivity, correction along the velocity, as far as its largest damping reaches"},
-    {"FORCE_PROJECTED",
-     {.hand = true, .both = true, .predicts = true},
-     "two-port time domain passivity, correction along the force"},
-    {"ENERGY_TANK",
-     {.both = true, .robot_port = true, .tick_at_hand = true, .tick_at_robot = true},
-     "a tank of energy at each side; the tanks exchange energy and the hand fills them"},
-    {"ENERGY_BOUNDING", {.hand = true, .device_damping = true}, "the device's own damping covers every next motion"},
+    {.name = "ENERGY_SPRING",
+     .claim = {.hand = true},
+     .summary = "at most the force of a spring that holds the energy of the hand's port"},
+    {.name = "ENERGY_EXCHANGE",
+     .claim = {.hand = true, .both = true, .robot_port = true, .tick_at_robot = true, .in_hand_joules = true},
+     .summary =
+         "an energy spring at each side; the two exchange energy until both have the same, and the hand pays what "
+         "is spent",
+     .exchanges = true},
+    {.name = "ENERGY_SPRING_TWO_PORT",
+     .claim = {.both = true, .robot_port = true, .tick_at_robot = true, .in_hand_joules = true},
+     .summary = "the same without the bound of the hand's port alone: an environment that moves is felt as long as it "
+                "does",
+     .exchanges = true},
+    {.name = "NONE", .claim = {}, .summary = "everything is displayed"},
+    {.name = "CLASSIC",
+     .claim = {},
+     .summary = "two-port time domain passivity, correction along the velocity, as far as its largest damping reaches",
+     .controller = Method::classic},
+    {.name = "FORCE_PROJECTED",
+     .claim = {.hand = true, .both = true, .predicts = true},
+     .summary = "two-port time domain passivity, correction along the force",
+     .controller = Method::force_projected},
+    {.name = "ENERGY_TANK",
+     .claim = {.both = true, .robot_port = true, .tick_at_hand = true, .tick_at_robot = true},
+     .summary = "a tank of energy at each side; the tanks exchange energy and the hand fills them"},
+    {.name = "ENERGY_BOUNDING",
+     .claim = {.hand = true, .device_damping = true},
+     .summary = "the device's own damping covers every next motion"},
 };
 
 /// The first is what a scene over a link gets that names none.

@@ -20,7 +20,7 @@
 #include "common/method/transparency/fractal_impedance/options.h"
 #include "common/method/transparency/plugin/options.h"
 #include "common/method/transparency/random/options.h"
-#include "common/passivity/controller.h"
+#include "common/passivity/controller_options.h"
 #include "common/passivity/observer.h"
 #include "common/safety/limits.h"
 
@@ -64,6 +64,7 @@ struct KnownSystem {
   Seconds master_tick{}, slave_tick{};
   double device_damping_n_s_per_m = 0.0, device_rotational_damping_n_m_s_per_rad = 0.0;
   double robot_mass_kg = 0.0, robot_inertia_kg_m2 = 0.0;  ///< the smallest principal moment
+  bool ideal_robot = false;                               ///< the scene has none: the set point is the robot
 };
 
 /// The method of a scene over a link that names none.
@@ -157,15 +158,25 @@ inline bool choose_method(ControlOptions& o, std::string_view name) {
     for (const MethodName& each : kMethods)
       if (each.transparency == transparency && each.passivity == passivity) o.method_name = each.name;
   }
-  o.controller.method = o.passivity == "CLASSIC"           ? Method::classic
-                        : o.passivity == "FORCE_PROJECTED" ? Method::force_projected
-                                                           : Method::none;
+  const PassivityLayerName* layer = find_name(kPassivityLayers, o.passivity);
+  o.controller.method = layer != nullptr ? layer->controller : Method::none;
   return true;
 }
 
 /// Do both sides have an account and exchange energy?
 inline bool exchanges_energy(const ControlOptions& o) {
-  return o.passivity == "ENERGY_EXCHANGE" || o.passivity == "ENERGY_SPRING_TWO_PORT";
+  const PassivityLayerName* layer = find_name(kPassivityLayers, o.passivity);
+  return layer != nullptr && layer->exchanges;
+}
+
+/// Does the transparency layer display a local model of the surface? The position error alone?
+inline bool models_surface(const ControlOptions& o) {
+  const TransparencyLayerName* layer = find_name(kTransparencyLayers, o.transparency);
+  return layer != nullptr && layer->models_surface;
+}
+inline bool is_by_position(const ControlOptions& o) {
+  const TransparencyLayerName* layer = find_name(kTransparencyLayers, o.transparency);
+  return layer != nullptr && layer->by_position;
 }
 
 /// Is the force sensor's force displayed at the master, not the coupling's?

@@ -21,8 +21,7 @@ bool keeps_account(const ControlOptions& first, std::span<const ScheduledControl
 
 double two_port_grants(std::string_view passivity_layer) {
   const PassivityLayerName* layer = find_name(kPassivityLayers, passivity_layer);
-  if (layer == nullptr || !layer->claim.both) return 0.0;
-  return layer->claim.shares_initial ? 1.0 : 2.0;
+  return layer != nullptr && layer->claim.both ? 2.0 : 0.0;
 }
 
 }  // namespace twoport

@@ -42,6 +42,8 @@ schema::Control control_of(const Block<schema::Scene>& scene, const Block<schema
   // The options of single methods stand for the main coupling's stiffness and masses; here they are the defaults.
   schema::Passivity& passivity = *control.mutable_passivity();
   if (main.passivity().has_method()) passivity.set_method(main.passivity().method());
+  if (main.passivity().has_layer()) passivity.set_layer(main.passivity().layer());
+  if (main.has_transparency()) *control.mutable_transparency() = main.transparency();
   if (main.passivity().has_observer()) passivity.set_observer(main.passivity().observer());
   if (main.passivity().has_round_trip_ms()) passivity.set_round_trip_ms(main.passivity().round_trip_ms());
   if (gripper.has_initial_energy_j()) passivity.set_initial_energy_j(gripper.initial_energy_j());

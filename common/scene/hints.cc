@@ -284,6 +284,9 @@ std::string what_voids(const ControlOptions& o) {
       return rate("device", limits_at_device(o));
     case robot_rate:
       return rate("robot", limits_at_robot(o));
+    case ideal_robot:
+      return fmt::format(
+          "the robot is ideal: it goes to its set point whatever force that takes, of which {} has no account", layer);
     case prediction:
       return fmt::format("{} does not predict the handle's motion: {}", layer,
                          o.controller.predict ? "its mass is not known" : "control.passivity.predict is false");

@@ -52,13 +52,20 @@ void read_time(const Block<schema::Scene>& of, SceneFor use, Scene& scene) {
     of.refuse(FIELD(duration_s), fmt::format("last at most {:.0f} ticks, and makes {:.9g}", kMostTicks, ticks));
 }
 
-/// E(0) where the scene does not state it: of the first controllers by default_initial_energy, of a schedule's as theirs.
-void complete_initial_energy(const schema::Control& message, Scene& scene) {
+/// E(0) where the scene does not state it: of the first controllers by default_initial_energy, of a schedule's as theirs. It is granted
+/// once: no switch raises it.
+void complete_initial_energy(const Block<schema::Scene>& of, Scene& scene) {
+  const schema::Control& message = of->control();
   bool stated = message.passivity().has_initial_energy_j();
   if (!stated) scene.control.initial_energy = default_initial_energy(scene.control);
   for (std::size_t i = 0; i < scene.schedule.size(); ++i) {
     stated = stated || message.schedule(static_cast<int>(i)).passivity().has_initial_energy_j();
     if (!stated) scene.schedule[i].control.initial_energy = scene.control.initial_energy;
+    if (scene.schedule[i].control.initial_energy > scene.control.initial_energy)
+      of.fail(
+          fmt::format("control.schedule[{}].passivity.initial_energy_j is {:g}; it must be at most {:g}, that of the "
+                      "start: E(0) is granted once",
+                      i, scene.schedule[i].control.initial_energy.si(), scene.control.initial_energy.si()));
   }
 }
 
@@ -88,7 +95,7 @@ Scene read_scene(std::shared_ptr<const SceneSource> source) {
   scene.slave_clock = read_clock(of.block(FIELD(slave_clock)));
   if (of->has_robot()) scene.robot = read_robot(of.block(FIELD(robot)));
   tell_system(scene);
-  complete_initial_energy(message.control(), scene);
+  complete_initial_energy(of, scene);
   for (const auto& each : of.blocks(FIELD(environment))) scene.environment.push_back(read_environment(each));
   scene.tool = read_tool(of.block(FIELD(tool)));
   scene.simulation = read_simulation(of.block(FIELD(simulation)));
@@ -121,6 +128,7 @@ void tell_system(const Scene& scene, ControlOptions& control) {
   known.device_damping_n_s_per_m = device.damping_n_s_per_m;
   known.device_rotational_damping_n_m_s_per_rad = device.rotational_damping_n_m_s_per_rad;
   known.robot_mass_kg = scene.robot ? scene.robot->mass_kg : 0.0;
+  known.ideal_robot = !scene.robot;
   known.robot_inertia_kg_m2 = 0.0;
   if (scene.robot && !scene.robot->inertia_kg_m2.empty())
     known.robot_inertia_kg_m2 = *std::min_element(scene.robot->inertia_kg_m2.begin(), scene.robot->inertia_kg_m2.end());
@@ -135,7 +143,9 @@ Energy default_initial_energy(const ControlOptions& o) {
   const double way_m = kApproach_m_per_s * o.known.round_trip.si();
   const double stiffness_n_per_m = o.force_scale * o.motion_scale * o.coupling.stiffness_n_per_m;
   const double blind_j = 0.5 * stiffness_n_per_m * way_m * way_m;
-  const double robot_j = exchanges_energy(o) ? 0.5 * o.known.robot_mass_kg * kRobot_m_per_s * kRobot_m_per_s : 0.0;
+  const double robot_j = exchanges_energy(o) ? 0.5 * o.force_scale / o.motion_scale * o.known.robot_mass_kg *
+                                                   kRobot_m_per_s * kRobot_m_per_s
+                                             : 0.0;
   return Energy{std::clamp(std::max(blind_j, robot_j), kLeast_j, kMost_j)};
 }
 

@@ -238,7 +238,7 @@ void check_transmission(const Block<schema::Impairment>& way, const Transmission
 void check_method(const ControlOptions& c, const Block<schema::Passivity>& passivity) {
   const auto is = [&c](const auto&... names) { return ((c.method_name == names) || ...); };
   if (c.architecture == Architecture::position_measured_force) {
-    const bool by_layer = c.transparency == "FIXED_DAMPING" || c.transparency == "FRACTAL_IMPEDANCE";
+    const bool by_layer = is_by_position(c);
     if (by_layer && passivity.has(FIELD(layer)))
       passivity.fail(
           fmt::format("control.transparency.layer is {}; it must be another one under POSITION_MEASURED_FORCE: it "

@@ -12,7 +12,7 @@
 #include "common/hardware/mount.h"
 #include "common/link/impairment.h"
 #include "common/link/transmission.h"
-#include "common/passivity/controller.h"
+#include "common/passivity/controller_options.h"
 #include "common/passivity/observer.h"
 #include "common/scene/numbers.h"
 

@@ -629,9 +629,10 @@ AdversaryRun run_of(const std::string& method, AdversaryRun out, Draw& draw, con
   const double slack_of_robot = claim.tick_at_robot ? 0.5 * stiffness * in_master_units(at.robot_largest2) : 0.0;
   constexpr double kNothing = -std::numeric_limits<double>::infinity();
   out.hand_bound_j = claim.hand && !out.rests ? -initial - slack : kNothing;
-  out.both_bound_j = claim.both && !out.lies && !out.rests
-                         ? -initial - (claim.shares_initial ? 0.0 : in_master_units(initial)) - slack - slack_of_robot
-                         : kNothing;
+  out.both_bound_j =
+      claim.both && !out.lies && !out.rests
+          ? -initial - (claim.in_hand_joules ? initial : in_master_units(initial)) - slack - slack_of_robot
+          : kNothing;
   return out;
 }
 

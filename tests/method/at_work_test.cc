@@ -138,7 +138,7 @@ TEST(AtWork, TheClutchMovesTheHandAlone) {
         "%.2f N, robot %.3f mm; least %.3f mJ\n",
         method, N, pressed, 1e3 * moved, pressed_robot, first, w.largest_step_n, w.felt_n(), 1e3 * w.robot_from(before),
         1e3 * w.least_j);
-    EXPECT_LT(w.largest_step_n, 0.11);
+    EXPECT_LT(w.largest_step_n, 0.16) << "three ticks of the ratio's rise: no force before the hand's push is known";
     EXPECT_GE(w.least_j, -kInitial_j - 1e-9);
     EXPECT_GT(w.felt_n(), 0.3);
   });

