@@ -2,6 +2,8 @@
 #
 #   twoport_write_headers(SOURCE TO PATTERN...)   writes the headers of SOURCE that match, as common/passivity/*.h, and those of SOURCE
 #                                                 that they include, to TO/twoport; sets twoport_headers to their paths in SOURCE
+# Also run at installation, where no version is asked for yet.
+cmake_policy(VERSION 3.16...3.25)
 function(twoport_write_headers source to)
   set(rest "")
   foreach(pattern IN LISTS ARGN)
