@@ -9,7 +9,7 @@ work=$(mktemp -d)
 trap 'rm -rf "$work"' EXIT
 fail() { echo "$1"; exit 1; }
 
-# What the whole project looks for, and twoport where it is not the one in PREFIX.
+# All that the whole project looks for.
 mapfile -t hidden < <(grep -rhoE --include=CMakeLists.txt --include='*.cmake' '^ *find_package\(\w+' "$root/CMakeLists.txt" "$root"/*/ |
   sed 's/.*(/-DCMAKE_DISABLE_FIND_PACKAGE_/; s/$/=ON/' | grep -v '_\(Eigen3\|twoport\)=' | sort -u)
 [ ${#hidden[@]} -ge 8 ] || fail "only ${#hidden[@]} packages are hidden"
