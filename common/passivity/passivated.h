@@ -1,8 +1,12 @@
 #pragma once
 
+#include <concepts>
 #include <utility>
 
+#include "common/base/scalar.h"
+#include "common/base/vector.h"
 #include "common/passivity/controller.h"
+#include "common/passivity/energy_spring.h"
 #include "common/passivity/observer.h"
 #include "common/ports/port.h"
 
@@ -14,7 +18,7 @@ namespace twoport {
 ///
 /// Exact when `in` is the mean over the interval that has just ended: a backward difference of positions at an
 /// impedance, whose answer is held until the next step.
-template <OnePort E>
+template <OnePort E, class Options = ControllerOptions>
 class Passivated {
  public:
   using In = typename E::In;
@@ -38,5 +42,55 @@ class Passivated {
   Out held_{};
   Corrected<Out> last_{};
 };
+
+struct EnergySpringOptions {
+  double stiffness_n_per_m;                       ///< K_0; no less than the element's, or its force is reduced
+  double rotational_stiffness_n_m_per_rad = 0.0;  ///< K_r, N = 6
+  double mass_kg = 0.0;                           ///< of the handle at the port; 0: not known
+  double inertia_kg_m2 = 0.0;                     ///< of the handle, N = 6; 0: not known
+  Energy initial;                                 ///< E(0) > 0: with none the first contact has no force
+};
+
+/// An impedance wrapped with the energy spring instead of a controller in the time domain: again an impedance. Power f'·v is positive
+/// into it.
+///
+///     E(k)  = E(k-1) + f'(k-1)·v(k) T [J]      v(k): mean velocity of the interval that has just ended [m/s]
+///     f'(k) = s f(k) [N],  0 <= s <= 1         EnergySpring: |f'| <= sqrt(2 K (E + E(0))), and what the coming interval returns <= E + E(0)
+///
+/// Claim, with the mass known: E(k) >= -E(0), whatever the element answers, for any hand that changes its force by no more than 20 N
+/// within two ticks; else E(k) >= -E(0) - K δ²/2 with δ the largest motion of one tick (EnergySpring). The direction of f is kept.
+template <OnePort E>
+requires std::same_as<typename E::Out, Force<E::Out::kSize>>
+class Passivated<E, EnergySpringOptions> {
+ public:
+  using In = typename E::In;
+  using Out = typename E::Out;
+  Passivated(E element, const EnergySpringOptions& o)
+      : element_{std::move(element)},
+        initial_{o.initial},
+        spring_{o.initial, o.stiffness_n_per_m, o.rotational_stiffness_n_m_per_rad, o.mass_kg, o.inertia_kg_m2} {}
+
+  Out step(const In& in, Seconds dt) noexcept {
+    const Displacement<Out::kSize> moved = in * dt;
+    spring_.observe(spring_.energy() + dot(held_, moved), moved, held_, dt, dt);
+    const Out wanted = element_.step(in, dt);
+    share_ = spring_.scale(wanted, dt);
+    return held_ = share_ * wanted;
+  }
+  const E& element() const { return element_; }
+  /// E + E(0) [J]: not below 0 within the claim.
+  [[nodiscard]] Energy energy() const { return spring_.energy() + initial_; }
+  /// s of the last step.
+  [[nodiscard]] double share() const { return share_; }
+
+ private:
+  E element_;
+  Energy initial_;
+  EnergySpring<Out::kSize> spring_;
+  Out held_{};
+  double share_ = 1.0;
+};
+template <OnePort E>
+Passivated(E, EnergySpringOptions) -> Passivated<E, EnergySpringOptions>;
 
 }  // namespace twoport

@@ -1,5 +1,5 @@
-#include "drivers/drivers.h"
-#include "master/program.h"
+#include "twoport/drivers/drivers.h"
+#include "twoport/master/program.h"
 
 namespace twoport {
 void add_own_device(Registry& all);

@@ -2,8 +2,8 @@
 
 #include <cstdlib>
 
-#include "common/base/check.h"
-#include "common/hardware/registry.h"
+#include "twoport/base/check.h"
+#include "twoport/hardware/registry.h"
 #include "vendor.h"
 
 namespace {

@@ -1,7 +1,7 @@
 // A driver for a robot. `Cart` in vendor.h stands in for the vendor's library.
 
-#include "common/base/check.h"
-#include "common/hardware/registry.h"
+#include "twoport/base/check.h"
+#include "twoport/hardware/registry.h"
 #include "vendor.h"
 
 namespace {

@@ -1,5 +1,5 @@
-#include "drivers/drivers.h"
-#include "slave/program.h"
+#include "twoport/drivers/drivers.h"
+#include "twoport/slave/program.h"
 
 namespace twoport {
 void add_own_robot(Registry& all);

@@ -1,7 +1,7 @@
 // A robot as a plug-in: --robot ./cart.so. `Cart` in vendor.h stands in for the vendor's library.
 
 #include "../own_hardware/vendor.h"
-#include "common/hardware/plugin.h"
+#include "twoport/hardware/plugin.h"
 
 namespace {
 

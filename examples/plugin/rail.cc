@@ -5,7 +5,7 @@
 #include <string>
 
 #include "../own_hardware/vendor.h"
-#include "common/hardware/plugin.h"
+#include "twoport/hardware/plugin.h"
 
 namespace {
 

@@ -16,7 +16,7 @@ deb=$(ls "$work"/twoport_*.deb)
 dpkg-deb -c "$deb" | sed -E 's/^([^ ]+) +([^ ]+).* (\.\/[^ ]*)( -> .*)?$/\1 \2 \3/' >"$work/contents"
 for path in ./usr/bin/twoport-{master,slave,lab,device,keygen,play} ./usr/share/man/man1/twoport-{master,slave,lab,device,keygen}.1.gz \
   ./usr/share/bash-completion/completions/twoport-master ./usr/share/twoport/scenes/demo.textproto \
-  ./usr/include/twoport/common/hardware/plugin.h ./usr/lib/udev/rules.d/60-twoport.rules \
+  ./usr/include/twoport/{hardware/plugin,passivity/passivated,version}.h ./usr/lib/udev/rules.d/60-twoport.rules \
   ./etc/security/limits.d/twoport.conf ./usr/share/doc/twoport/copyright ./usr/share/doc/twoport/examples/plugin/rail.cc; do
   grep -qF " $path" "$work/contents" || fail "the package lacks $path"
 done

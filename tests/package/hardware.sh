@@ -45,12 +45,15 @@ says "$work/own/own-master" --scene "$root/scenes/demo.textproto" --device own |
 says "$work/own/own-master" --scene "$root/examples/own_hardware/scene.textproto" --device own:9 |
   grep -q "own:9: no rail at this port" || fail "wrong port: $(cat "$work/err")"
 
-# In the tree: one file, one line. The drivers that are there are left out: they take long to compile.
+# In the tree: one file, one line. The drivers that are there are left out: they take long to compile. The copy of the tree includes the
+# installed headers.
 mkdir "$work/tree"
 cp -r "$root/drivers" "$work/tree/"
 cp "$root/examples/own_hardware/"{own_device.cc,vendor.h} "$work/tree/drivers/"
 sed -i 's/^twoport_driver(sim.*/twoport_driver(own_device)/; t; /^twoport_driver(/d' "$work/tree/drivers/CMakeLists.txt"
 cp "$root/master/main.cc" "$work/tree/"
+sed -i -E -e 's@^#include "common/@#include "twoport/@' -e 's@^#include "(drivers|master|slave|sim)/@#include "twoport/\1/@' \
+  "$work/tree/main.cc" "$work/tree/drivers/"*.{cc,h,txt}
 cat >"$work/tree/CMakeLists.txt" <<'END'
 cmake_minimum_required(VERSION 3.25)
 project(tree LANGUAGES CXX)

@@ -65,6 +65,7 @@ TEST(PowerDual, IsAForceAndAVelocityOfOneSizeInEitherOrder) {
 
 TEST(Passivated, StaysInTheFamilyInBothCausalities) {
   static_assert(OnePort<Passivated<Spring<3>>> && OnePort<Passivated<Mass<6>>>);
+  static_assert(OnePort<Passivated<Spring<6>, EnergySpringOptions>>);
 }
 
 }  // namespace

@@ -1,12 +1,12 @@
-#include <common/platform/udp.h>
-#include <common/record/summary.h>
-#include <common/record/trace.h>
-#include <common/scene/load.h>
-#include <common/scene/names.h>
-#include <common/wire/link_transport.h>
-#include <master/master_node.h>
-#include <sim/sim_device.h>
-#include <slave/slave_node.h>
+#include <twoport/master/master_node.h>
+#include <twoport/platform/udp.h>
+#include <twoport/record/summary.h>
+#include <twoport/record/trace.h>
+#include <twoport/scene/load.h>
+#include <twoport/scene/names.h>
+#include <twoport/sim/sim_device.h>
+#include <twoport/slave/slave_node.h>
+#include <twoport/wire/link_transport.h>
 
 #include <cstdio>
 

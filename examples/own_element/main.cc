@@ -1,4 +1,4 @@
-#include <common/passivity/passivated.h>
+#include <twoport/passivity/passivated.h>
 
 #include <algorithm>
 #include <cstdio>
@@ -29,10 +29,13 @@ void bounce(const char* name, Wall wall) {
     least = std::min(least, into);
     f = wall.step(mean, dt)[0];
   }
-  std::printf("%-10s left at %+.3f m/s after +0.300, energy %+.5f J, smallest %+.5f J\n", name, v, into, least);
+  std::printf("%-10s left at %+.3f m/s after +0.300, energy %+.3f mJ, smallest %+.3f mJ\n", name, v, 1e3 * into,
+              1e3 * least);
 }
 
 int main() {
   bounce("plain", OwnWall{});
   bounce("passivated", Passivated{OwnWall{}, ControllerOptions{.method = Method::force_projected}});
+  const EnergySpringOptions spring{.stiffness_n_per_m = 5000.0, .mass_kg = 0.075, .initial = Energy{10e-6}};
+  bounce("spring", Passivated{OwnWall{}, spring});
 }

@@ -1,0 +1,18 @@
+# Layers alone, as TWOPORT_COMPONENTS names them. Their headers are written to include/twoport of the build directory, where a program
+# that has this project in a subdirectory finds them too.
+set(patterns "")
+foreach(component IN LISTS TWOPORT_COMPONENTS)
+  if(component STREQUAL "passivity")
+    list(APPEND patterns common/passivity/*.h common/ports/*.h)
+    find_package(Eigen3 3.3 REQUIRED NO_MODULE)
+  elseif(component STREQUAL "plugin")
+    list(APPEND patterns common/hardware/plugin.h)
+  else()
+    message(FATAL_ERROR "TWOPORT_COMPONENTS is ${TWOPORT_COMPONENTS}; it may name passivity and plugin, or be empty: everything")
+  endif()
+endforeach()
+include(cmake/headers.cmake)
+twoport_write_headers(${PROJECT_SOURCE_DIR} ${PROJECT_BINARY_DIR}/include ${patterns})
+set_property(DIRECTORY APPEND PROPERTY CMAKE_CONFIGURE_DEPENDS ${twoport_headers})
+include(cmake/header_layers.cmake)
+include(cmake/install.cmake)

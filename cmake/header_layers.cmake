@@ -1,0 +1,25 @@
+# The layers that are headers alone and need no more than Eigen. Included from the tree as common/..., installed as <twoport/...>.
+function(twoport_interface folder)
+  cmake_parse_arguments(A "" "" "LINKS" ${ARGN})
+  add_library(twoport_${folder} INTERFACE)
+  add_library(twoport::${folder} ALIAS twoport_${folder})
+  set_target_properties(twoport_${folder} PROPERTIES EXPORT_NAME ${folder})
+  target_link_libraries(twoport_${folder} INTERFACE ${A_LINKS})
+endfunction()
+if(TWOPORT_COMPONENTS)
+  set(include_directory ${PROJECT_BINARY_DIR}/include)
+else()
+  set(include_directory ${PROJECT_SOURCE_DIR})
+endif()
+# What a plug-in needs: plugin.h, and nothing else.
+twoport_interface(plugin)
+target_compile_features(twoport_plugin INTERFACE cxx_std_17)
+# Numbers with a kind, and vectors of them.
+twoport_interface(quantities LINKS Eigen3::Eigen)
+target_compile_features(twoport_quantities INTERFACE cxx_std_20)
+foreach(layer plugin quantities)
+  target_include_directories(twoport_${layer} INTERFACE $<BUILD_INTERFACE:${include_directory}>
+                                                        $<INSTALL_INTERFACE:${CMAKE_INSTALL_INCLUDEDIR}>)
+endforeach()
+twoport_interface(ports LINKS twoport_quantities)
+twoport_interface(passivity LINKS twoport_ports)
