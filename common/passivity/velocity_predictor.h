@@ -12,6 +12,9 @@ namespace twoport {
 /// two ticks [N]. 10 N in a millisecond is ten times what muscles do.
 inline constexpr double kHandForceChange_n = 20.0;
 
+/// F_l: the most by which a hand is taken to push against a locked axis [N].
+inline constexpr double kHandAgainstLock_n = 50.0;
+
 /// Predicted motion of a port in the coming interval.
 template <int N>
 struct VelocityPrediction {
@@ -24,7 +27,8 @@ struct VelocityPrediction {
   Vector free = Vector::Zero();        ///< the same at the hand, T/(2m)
   /// Largest r of translation and of rotation: a force of the hand moves the port by r T/(2m).
   double ratio = 1.0, rotation_ratio = 1.0;
-  bool blind = false;  ///< an axis has just opened: the hand's force there is not known yet
+  Vector opened =
+      Vector::Zero();  ///< error of w of an axis that has just opened: the hand's push there is not known yet
 
   /// Largest power of f due to the error of w [W].
   [[nodiscard]] double power_error_bound(const Force<N>& f) const noexcept {
@@ -49,16 +53,14 @@ struct VelocityPrediction {
 
  private:
   static constexpr int kLinear = N == 6 ? 3 : N;
-  static constexpr double kBlind_m_per_s = 1e3;  ///< no force is worth it
 
   [[nodiscard]] double power_of_error(const Force<N>& f, double error,
                                       [[maybe_unused]] double rotation_error) const noexcept {
-    if (blind) [[unlikely]]
-      return kBlind_m_per_s * (f.vec().template head<kLinear>().norm() + f.vec().template tail<N - kLinear>().norm());
+    const double unknown = f.vec().cwiseAbs().dot(opened);
     if constexpr (N == 6) {
-      return f.vec().template head<3>().norm() * error + f.vec().template tail<3>().norm() * rotation_error;
+      return unknown + f.vec().template head<3>().norm() * error + f.vec().template tail<3>().norm() * rotation_error;
     } else {
-      return f.vec().norm() * error;
+      return unknown + f.vec().norm() * error;
     }
   }
 };
@@ -75,8 +77,8 @@ struct VelocityPrediction {
 /// e(k+1) = e(k) - e(k-1)/4 + C (F(k+1) - F(k-1)) with F the hand's own force: exact for a mass under held forces, and the reason
 /// why worst_error is a bound for any hand that changes its force by no more than F_h within two ticks.
 ///
-/// Where an axis opens (r = 0 before) d begins at 0, so e of the second interval from then on is all of d, which no e before tells: no force
-/// is displayed in two.
+/// Where an axis opens (r = 0 before) d begins at 0, so e of the second interval from then on is all of d, which no e before tells: for two
+/// ticks the error has r T/m F_l more there, F_l the most that a hand is taken to push against a lock.
 ///
 /// C = r² T/(2m) per axis, exact for a mass under held forces; r: the ratio of a transformer between hand and port, 1 without one
 /// (take_ratio); g = 1 - θ², h = (1 - θ)² is the fading-memory (alpha-beta)
@@ -121,8 +123,8 @@ class PortVelocityPredictor {
                                       const Vector& applied) noexcept {
     applied_ = applied;
     before_ = e;
-    if (blind_ > 0) [[unlikely]]
-      prediction_.blind = --blind_ > 0;
+    if ((unknown_ > 0).any()) [[unlikely]]
+      forget_unknown();
     prediction_.mobility = c;
     prediction_.w = Velocity<N>{u_ + d_ - c.cwiseProduct(applied_)};
     prediction_.error_bound = std::max(e.template head<kAxes>().norm(), kMemory * prediction_.error_bound);
@@ -132,11 +134,15 @@ class PortVelocityPredictor {
           std::max(e.template tail<3>().norm(), kMemory * prediction_.rotation_error_bound);
   }
 
+  [[gnu::noinline]] void forget_unknown() noexcept {
+    for (int i = 0; i < N; ++i)
+      if (unknown_[i] > 0 && --unknown_[i] == 0) prediction_.opened[i] = 0.0;
+  }
   [[gnu::noinline]] void change_ratio(Vector r, Velocity<N> v, Seconds dt) noexcept {
     for (int i = 0; i < N; ++i) {
       const bool opens = ratio_[i] == 0.0;
       const double by = opens ? 0.0 : r[i] / ratio_[i];
-      if (opens) blind_ = kBlindTicks;
+      if (opens) unknown_[i] = kUnknownTicks;
       u_[i] = opens ? v[i] : by * u_[i];
       d_[i] *= by;
       before_[i] *= by;
@@ -145,7 +151,9 @@ class PortVelocityPredictor {
     }
     ratio_ = r;
     inverse_at_port_ = inverse_mass_.cwiseProduct(r.cwiseAbs2());
-    prediction_.blind = blind_ > 0;
+    for (int i = 0; i < N; ++i)
+      prediction_.opened[i] =
+          unknown_[i] > 0 ? r[i] * dt.si() * std::sqrt(inverse_mass_[i] * inverse_mass_[0]) * kHandAgainstLock_n : 0.0;
     prediction_.mobility = 0.5 * dt.si() * inverse_at_port_;
     prediction_.ratio = r.template head<kAxes>().maxCoeff();
     if constexpr (N == 6) prediction_.rotation_ratio = r.template tail<3>().maxCoeff();
@@ -167,9 +175,10 @@ class PortVelocityPredictor {
   static constexpr int kAxes = N == 6 ? 3 : N;
   static constexpr double kTheta = 0.5, kGain = 1.0 - kTheta * kTheta, kRateGain = (1.0 - kTheta) * (1.0 - kTheta);
   static constexpr double kMemory = 0.95;
-  static constexpr int kBlindTicks = 2;
+  using Ticks = Eigen::Array<int, N, 1>;
+  static constexpr int kUnknownTicks = 2;
 
-  int blind_ = 0;                                                   ///< ticks until d is known
+  Ticks unknown_ = Ticks::Zero();  ///< ticks until d of an axis is known
   Vector inverse_mass_, ratio_ = Vector::Ones(), inverse_at_port_;  ///< 1/m, r²/m
   Vector u_ = Vector::Zero(), d_ = Vector::Zero(), applied_ = Vector::Zero(), before_ = Vector::Zero();
   VelocityPrediction<N> prediction_{};

@@ -16,8 +16,8 @@ namespace {
 template <int N>
 constexpr int kPositionSize = N == 6 ? 7 : N;
 template <int N>
-constexpr int kSampleSize = kPositionSize<N> + 5 * N;
-constexpr int kGripperSize = kSampleSize<1> + 2;  // and the energies
+constexpr int kSampleSize = kPositionSize<N> + 5 * N + 1;
+constexpr int kGripperSize = kSampleSize<1> + 1;  // and the energy
 
 // Moments are durations since a loop began: 73 years, and no sum of two of them overflows.
 constexpr std::int64_t kLatest = std::int64_t{1} << 61;
@@ -62,7 +62,9 @@ double* write(double* to, const PortReport<N>& r) {
   to = write(to, r.f);
   to = write(to, r.f_coupling);
   to = write(to, r.f_environment);
-  return write(to, r.position_error);
+  to = write(to, r.position_error);
+  *to++ = r.energy_net_j;
+  return to;
 }
 template <int N>
 const double* read(const double* from, PortReport<N>& r) {
@@ -71,7 +73,9 @@ const double* read(const double* from, PortReport<N>& r) {
   from = read(from, r.f);
   from = read(from, r.f_coupling);
   from = read(from, r.f_environment);
-  return read(from, r.position_error);
+  from = read(from, r.position_error);
+  r.energy_net_j = *from;
+  return from + 1;
 }
 
 /// False if there are too many.
@@ -108,7 +112,6 @@ bool read_report(const schema::Datagram& message, Report<N>& r) {
   r.echo_ns = message.echo_ns();
   r.mode = static_cast<Mode>(message.mode());
   r.energy_in_j = message.energy_in_j();
-  r.energy_net_j = message.energy_net_j();
   r.epoch = message.epoch();
   read(message.sample().data(), r);
   if (!read(message.words(), message.running_totals(), r.words) || !r.finite()) return false;
@@ -118,8 +121,7 @@ bool read_report(const schema::Datagram& message, Report<N>& r) {
 
 void write_gripper(schema::Datagram& message, const Report<1>& r) {
   message.set_gripper_mode(static_cast<std::uint32_t>(r.mode));
-  double* energies = write(message.mutable_gripper()->AddNAlreadyReserved(kGripperSize), r);
-  energies[0] = r.energy_in_j, energies[1] = r.energy_net_j;
+  *write(message.mutable_gripper()->AddNAlreadyReserved(kGripperSize), r) = r.energy_in_j;
   if (r.words.count == 0) return;
   std::copy_n(r.words.at.begin(), r.words.count, message.mutable_gripper_words()->AddNAlreadyReserved(r.words.count));
   message.set_gripper_running_totals(r.words.totals);
@@ -134,8 +136,7 @@ bool read_gripper(const schema::Datagram& message, const Report<N>& shared, Repo
   r.echo_ns = shared.echo_ns;
   r.epoch = shared.epoch;
   r.mode = static_cast<Mode>(message.gripper_mode());
-  const double* energies = read(message.gripper().data(), r);
-  r.energy_in_j = energies[0], r.energy_net_j = energies[1];
+  r.energy_in_j = *read(message.gripper().data(), r);
   return read(message.gripper_words(), message.gripper_running_totals(), r.words) && r.finite();
 }
 
@@ -243,7 +244,6 @@ std::span<const std::byte> Codec<N>::encode(const Envelope<N>& envelope) noexcep
     message.set_echo_ns(r.echo_ns);
     message.set_mode(static_cast<std::uint32_t>(r.mode));
     message.set_energy_in_j(r.energy_in_j);
-    message.set_energy_net_j(r.energy_net_j);
     message.set_epoch(r.epoch);
     write(message.mutable_sample()->AddNAlreadyReserved(kSampleSize<N>), r);
     if (r.words.count > 0) {
@@ -264,9 +264,9 @@ std::span<const std::byte> Codec<N>::encode(const Envelope<N>& envelope) noexcep
     message.mutable_scene_fields()->assign(fields.data(), fields.size());
   }
   const std::size_t size = message.ByteSizeLong();
-  // Tags, lengths and single numbers of all fields take less than 21 doubles.
+  // Tags, lengths and single numbers of all fields take less than 20 doubles.
   static_assert(kMaxDatagram >
-                8 * (kSampleSize<N> + kGripperSize + 2 * Words::kMost + 2 * kAdjustableSurfaces + kMostJoints + 21) +
+                8 * (kSampleSize<N> + kGripperSize + 2 * Words::kMost + 2 * kAdjustableSurfaces + kMostJoints + 20) +
                     kMaxSceneFields);
   message.SerializeWithCachedSizesToArray(reinterpret_cast<std::uint8_t*>(impl_->buffer.data()));
   return {impl_->buffer.data(), size};

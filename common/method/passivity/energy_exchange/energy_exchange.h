@@ -33,7 +33,7 @@ class EnergyExchangeMaster final : public Copyable<EnergyExchangeMaster<N>, Mast
         hand_{o},
         quarter_mass_{0.25 * per_axis<N>(o.handle_mass_kg, o.handle_inertia_kg_m2)} {
     const CouplingOptions& c = o.coupling;
-    const auto stiffness =
+    const typename Force<N>::Vector stiffness =
         per_axis<N>(c.stiffness_n_per_m, c.rotational_stiffness_n_m_per_rad).cwiseProduct(impedance_scale<N>(o));
     damping_ = per_axis<N>(c.damping_n_s_per_m, c.rotational_damping_n_m_s_per_rad)
                    .cwiseProduct(impedance_scale<N>(o))
