@@ -178,7 +178,7 @@ class PortVelocityPredictor {
   using Ticks = Eigen::Array<int, N, 1>;
   static constexpr int kUnknownTicks = 2;
 
-  Ticks unknown_ = Ticks::Zero();  ///< ticks until d of an axis is known
+  Ticks unknown_ = Ticks::Zero();                                   ///< ticks until d of an axis is known
   Vector inverse_mass_, ratio_ = Vector::Ones(), inverse_at_port_;  ///< 1/m, r²/m
   Vector u_ = Vector::Zero(), d_ = Vector::Zero(), applied_ = Vector::Zero(), before_ = Vector::Zero();
   VelocityPrediction<N> prediction_{};

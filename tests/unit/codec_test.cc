@@ -598,8 +598,8 @@ TEST(Codec, BytesAreTheSameOnEveryMachine) {
   for (const std::byte b : bytes) hex += fmt::format("{:02x}", std::to_integer<int>(b));
   EXPECT_EQ(hex,
             "0d02005054110807060504030201191817161514131211214847464544434241295756555453525101"
-            "31ffffffffffffffff3801423000000000000004c0" +
-                std::string(80, '0') +
+            "31ffffffffffffffff3801423800000000000004c0" +
+                std::string(96, '0') +
                 "49000000000000f03f5001590000000000409f40612827262524232221"
                 "70027a089a9999999999b93f8501646362618801ac029201023132");
 

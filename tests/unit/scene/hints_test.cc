@@ -90,8 +90,9 @@ TEST(Hints, SayWhatALimitOfRateLeavesOfAStrictTwoPort) {
   };
   EXPECT_EQ(
       of("robot_limits { force_rate_n_per_s: 200 }"),
-      Sentences{"control.robot_limits.force_rate_n_per_s and the passivity layer ENERGY_SPRING_TWO_PORT together leave a "
-                "force of at most 0.1 N: what may not fall at once is not shown"});
+      Sentences{
+          "control.robot_limits.force_rate_n_per_s and the passivity layer ENERGY_SPRING_TWO_PORT together leave a "
+          "force of at most 0.1 N: what may not fall at once is not shown"});
   EXPECT_EQ(of("device_limits { force_rate_n_per_s: 50000 }"), Sentences{});
 }
 
