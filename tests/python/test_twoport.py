@@ -770,7 +770,7 @@ class Nodes(unittest.TestCase):
 
 class Controllers(unittest.TestCase):
     def bounce(self, controller):
-        """As tests/package/outside/main.cc: a 75 g handle thrown at a wall of 5 kN/m."""
+        """As examples/own_element/main.cc: a 75 g handle thrown at a wall of 5 kN/m."""
         x, v, f, into, least, dt = -0.01, 0.3, 0.0, 0.0, 0.0, 1e-3
         for _ in range(200):
             before = v
@@ -782,7 +782,7 @@ class Controllers(unittest.TestCase):
             f = max(0.0, 5000.0 * x)
             if controller is not None:
                 f = controller.step(f, mean, dt)[0]
-        return f"left at {v:+.3f} m/s after +0.300, energy {into:+.5f} J, smallest {least:+.5f} J"
+        return f"left at {v:+.3f} m/s after +0.300, energy {1e3 * into:+.3f} mJ, smallest {1e3 * least:+.3f} mJ"
 
     def test_an_own_wall_is_as_passive_as_in_cpp(self):
         guide = re.sub(" +", " ", (ROOT / "docs/guides/wrap-your-own-element.md").read_text())
