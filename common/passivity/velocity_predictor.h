@@ -12,7 +12,7 @@ namespace twoport {
 /// two ticks [N]. 10 N in a millisecond is ten times what muscles do.
 inline constexpr double kHandForceChange_n = 20.0;
 
-/// F_l: the most by which a hand is taken to push against a locked axis [N].
+/// F_l: the most by which a hand is taken to push while its push is not known yet [N].
 inline constexpr double kHandAgainstLock_n = 50.0;
 
 /// Predicted motion of a port in the coming interval.
@@ -27,8 +27,7 @@ struct VelocityPrediction {
   Vector free = Vector::Zero();        ///< the same at the hand, T/(2m)
   /// Largest r of translation and of rotation: a force of the hand moves the port by r T/(2m).
   double ratio = 1.0, rotation_ratio = 1.0;
-  Vector opened =
-      Vector::Zero();  ///< error of w of an axis that has just opened: the hand's push there is not known yet
+  Vector opened = Vector::Zero();  ///< error of w where the hand's push is not known yet
 
   /// Largest power of f due to the error of w [W].
   [[nodiscard]] double power_error_bound(const Force<N>& f) const noexcept {
@@ -77,8 +76,8 @@ struct VelocityPrediction {
 /// e(k+1) = e(k) - e(k-1)/4 + C (F(k+1) - F(k-1)) with F the hand's own force: exact for a mass under held forces, and the reason
 /// why worst_error is a bound for any hand that changes its force by no more than F_h within two ticks.
 ///
-/// Where an axis opens (r = 0 before) d begins at 0, so e of the second interval from then on is all of d, which no e before tells: for two
-/// ticks the error has r T/m F_l more there, F_l the most that a hand is taken to push against a lock.
+/// At the start, after a switch of method too, and where an axis opens (r = 0 before) d begins at 0, so e of the second interval from then on
+/// is all of d, which no e before tells: for two ticks the error has r T/m F_l more there, F_l the most that a hand is taken to push.
 ///
 /// C = r² T/(2m) per axis, exact for a mass under held forces; r: the ratio of a transformer between hand and port, 1 without one
 /// (take_ratio); g = 1 - θ², h = (1 - θ)² is the fading-memory (alpha-beta)
@@ -105,7 +104,7 @@ class PortVelocityPredictor {
     const Vector e = moved.vec() / dt.si() - expected;
     u_ = expected + kGain * e;
     d_ += kRateGain * e;
-    predict(c, e, e - kRateGain * before_, applied.vec());
+    predict(c, e, e - kRateGain * before_, applied.vec(), dt);
     prediction_.free = 0.5 * dt.si() * inverse_mass_;
   }
   /// From now on the ratio is r, after step(); v: the port's velocity with it. The hand's motion and its force on the handle go on; an axis
@@ -119,12 +118,12 @@ class PortVelocityPredictor {
   [[nodiscard]] const VelocityPrediction<N>& prediction() const noexcept { return prediction_; }
 
  private:
-  [[gnu::always_inline]] void predict(const Vector& c, const Vector& e, const Vector& unforeseen,
-                                      const Vector& applied) noexcept {
+  [[gnu::always_inline]] void predict(const Vector& c, const Vector& e, const Vector& unforeseen, const Vector& applied,
+                                      Seconds dt) noexcept {
     applied_ = applied;
     before_ = e;
     if ((unknown_ > 0).any()) [[unlikely]]
-      forget_unknown();
+      forget_unknown(dt);
     prediction_.mobility = c;
     prediction_.w = Velocity<N>{u_ + d_ - c.cwiseProduct(applied_)};
     prediction_.error_bound = std::max(e.template head<kAxes>().norm(), kMemory * prediction_.error_bound);
@@ -134,9 +133,15 @@ class PortVelocityPredictor {
           std::max(e.template tail<3>().norm(), kMemory * prediction_.rotation_error_bound);
   }
 
-  [[gnu::noinline]] void forget_unknown() noexcept {
+  [[gnu::noinline]] void forget_unknown(Seconds dt) noexcept {
+    unknown_ = (unknown_ - 1).max(0);
+    count_push(dt);
+  }
+  void count_push(Seconds dt) noexcept {
     for (int i = 0; i < N; ++i)
-      if (unknown_[i] > 0 && --unknown_[i] == 0) prediction_.opened[i] = 0.0;
+      prediction_.opened[i] =
+          unknown_[i] > 0 ? ratio_[i] * dt.si() * std::sqrt(inverse_mass_[i] * inverse_mass_[0]) * kHandAgainstLock_n
+                          : 0.0;
   }
   [[gnu::noinline]] void change_ratio(Vector r, Velocity<N> v, Seconds dt) noexcept {
     for (int i = 0; i < N; ++i) {
@@ -151,9 +156,7 @@ class PortVelocityPredictor {
     }
     ratio_ = r;
     inverse_at_port_ = inverse_mass_.cwiseProduct(r.cwiseAbs2());
-    for (int i = 0; i < N; ++i)
-      prediction_.opened[i] =
-          unknown_[i] > 0 ? r[i] * dt.si() * std::sqrt(inverse_mass_[i] * inverse_mass_[0]) * kHandAgainstLock_n : 0.0;
+    count_push(dt);
     prediction_.mobility = 0.5 * dt.si() * inverse_at_port_;
     prediction_.ratio = r.template head<kAxes>().maxCoeff();
     if constexpr (N == 6) prediction_.rotation_ratio = r.template tail<3>().maxCoeff();
@@ -168,7 +171,7 @@ class PortVelocityPredictor {
     const Vector expected = u_ + d_ - c.cwiseProduct(applied_ + applied.vec()) + half;
     const Vector mean = moved.vec() / (n * dt.si());
     u_ = mean + half;
-    predict(c, mean - expected, mean - expected, applied.vec());
+    predict(c, mean - expected, mean - expected, applied.vec(), dt);
     prediction_.free = 0.5 * dt.si() * inverse_mass_;
   }
 
