@@ -17,7 +17,7 @@ change() {
   sed "$@" "$file" >"$work/$file"
   ! cmp -s "$file" "$work/$file" || { echo "$file: no place for the new method"; exit 1; }
 }
-change common/coupling/layers.h 's|^    {"DELAYED_FORCE",.*|&\n    {"LOCAL_DAMPING", "the delayed force and a damper at the master"},|'
+change common/coupling/layers.h 's|^    {.name = "DELAYED_FORCE",.*|&\n    {.name = "LOCAL_DAMPING", .summary = "the delayed force and a damper at the master"},|'
 change common/method/classes.h -e 's|^  visit(Classes<DelayedForceMaster,.*|&\n  visit(Classes<LocalDampingMaster, DelayedForceSlave>{"LOCAL_DAMPING"});|' \
   -e 's|^#include "common/method/transparency/random/random.h"|&\n#include "common/method/transparency/local_damping/local_damping.h"|'
 change proto/scene.proto 's/^ *DELAYED_FORCE = 0;/& LOCAL_DAMPING = 1000;/'
