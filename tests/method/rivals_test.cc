@@ -218,9 +218,11 @@ double reflected(const ControlOptions& o, double u) {
                       .robot = {},
                       .master = master,
                       .master_energy_in = sender.energy(),
+                      .master_energy_net = {},
                       .account = {},
                       .coupled = true,
-                      .active = true});
+                      .active = true,
+                      .bridge = nullptr});
   };
   step({});
   step(Wave<N>{Wave<N>::Vector::Constant(u)});
@@ -276,9 +278,11 @@ TEST(WaveVariables, AClampedLineIsAStaircaseOfTwiceTheImpedance) {
                                 .first = k == 0,
                                 .slave = slave,
                                 .slave_energy_in = far_end.energy(),
+                                .slave_energy_net = {},
                                 .account = account,
                                 .active = true,
-                                .ramp = 1.0});
+                                .ramp = 1.0,
+                                .bridge = nullptr});
     account.book(dot(out.f, device.v * dt));
     Words words;
     half.write_payload(words);
