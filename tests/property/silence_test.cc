@@ -120,7 +120,9 @@ TEST(Silence, OfOneWayEndsTheCouplingAtBothSides) {
     EXPECT_EQ(dead.coupled, 0) << method << " seed " << seed;
     EXPECT_EQ(dead.force_n, 0.0) << method << " seed " << seed;
     for (const Row<1>& row : all)
-      if (row.t_s >= release_s + 0.2 && row.t_s < d.to_s) EXPECT_EQ(row.master_f[0], 0.0) << method << " seed " << seed;
+      if (row.t_s >= release_s + 0.2 && row.t_s < d.to_s) {
+        EXPECT_EQ(row.master_f[0], 0.0) << method << " seed " << seed;
+      }
     EXPECT_TRUE(all.back().coupled) << method << " seed " << seed;
     const Rest after = rest(all, d.to_s, 8.0);
     EXPECT_TRUE(after.at_rest()) << method << " seed " << seed << ": " << after.moved_m << " m; hand " << after.hand_m;
