@@ -84,8 +84,6 @@ class EnergySpring {
   void drop_above(Energy most) noexcept { energy_ = std::min(energy_, most); }
   /// From now on no more is available than a second account has.
   void cap(Energy available) noexcept { cap_ = available; }
-  /// Passes energy on to another account.
-  void take(Energy e) noexcept { energy_ -= e; }
   /// Starts anew with that energy; `net` as in observe.
   void restart(Energy net, Energy energy) noexcept {
     net_ = net;
