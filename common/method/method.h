@@ -37,6 +37,9 @@ struct MasterInput {
   bool active;                  ///< coupled or holding; else the force is zero
   double ramp;                  ///< rises from 0 to 1 after engagement
   Bridge<N>* bridge;            ///< from the force of the method before, after a switch; null: none
+
+  /// Of the port, in the interval that has just ended; zero in the first tick.
+  [[nodiscard]] Velocity<N> mean_velocity() const noexcept { return first ? Velocity<N>{} : interval.moved / ended; }
 };
 template <int N>
 struct MasterOutput {

@@ -45,7 +45,7 @@ class HandSpring {
     if (wish.bridged) [[unlikely]]
       stored = std::max(stored, spring_.stored(wish.f, in.dt));
     spring_.drop_above(stored + Energy{kCredit_j});
-    const Velocity<N> v = in.first ? Velocity<N>{} : in.interval.moved / in.ended;
+    const Velocity<N> v = in.mean_velocity();
     Force<N> g;
     if (damper != nullptr) g = damper_.apply(*damper, v, spring_, in.dt);
     out.share = spring_.scale(wish.f, in.dt, g);

@@ -82,8 +82,7 @@ class EnergyExchangeMaster final : public Copyable<EnergyExchangeMaster<N>, Mast
     account_.put_in(in.account.net() - net_before_);
     net_before_ = in.account.net();
     account_.hear(registration_.to_master(in.slave_energy_in), registration_.to_master(in.slave_energy_net));
-    const Velocity<N> v = in.first ? Velocity<N>{} : in.interval.moved / in.ended;
-    low_pass(v_slow_, v, in.dt, kDamperVelocity_s);
+    low_pass(v_slow_, in.mean_velocity(), in.dt, kDamperVelocity_s);
   }
   [[nodiscard]] Force<N> paying(double part, const MasterInput<N>& in) const noexcept {
     typename Force<N>::Vector b = part * damping_;

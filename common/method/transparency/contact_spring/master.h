@@ -60,7 +60,7 @@ class ContactSpringMaster final : public Copyable<ContactSpringMaster<N>, Master
 
     wanted_ = heard_ ? displayed(in) : Force<N>{};
     cap_ = mass_kg_ > 0.0 ? std::min(1.0, 0.25 * mass_kg_ / (in.dt.si() * in.dt.si() * stiffness_)) : 1.0;
-    const Velocity<N> v = in.first ? Velocity<N>{} : in.interval.moved / in.ended;
+    const Velocity<N> v = in.mean_velocity();
     low_pass(v_slow_, v, in.dt, kDamperVelocity_s);
     return {.idle = false,
             .f = capped_ = ramp * cap_ * wanted_,

@@ -80,7 +80,7 @@ class InternalModelMaster final : public Copyable<InternalModelMaster<N>, Master
       wanted_ = displayed(hand_);  // (4)
     }
     cap_ = hand_.inside ? stiffness_cap(in.dt) : 1.0;
-    const Velocity<N> v = in.first ? Velocity<N>{} : in.interval.moved / in.ended;
+    const Velocity<N> v = in.mean_velocity();
     low_pass(v_slow_, v, in.dt, kDamperVelocity_s);
     return {.idle = false,
             .f = capped_ = ramp * cap_ * wanted_,
