@@ -1,25 +1,25 @@
 # The Debian package: `scripts/package` writes out/package/twoport_VERSION_ARCH.deb with programs,
 # library, headers, the Python module, the page (in the program), man pages, completion, scenes, examples and documents. Its files outside /usr are in
-# packaging/root: limits and udev rule of the group realtime, which its installation makes.
+# cmake/packaging/root: limits and udev rule of the group realtime, which its installation makes.
 
 set(pages "")
 foreach(program twoport-master twoport-slave twoport-lab twoport-device twoport-keygen)
   set(page ${PROJECT_BINARY_DIR}/man/${program}.1.gz)
   add_custom_command(OUTPUT ${page}
                      COMMAND ${CMAKE_COMMAND} -E make_directory ${PROJECT_BINARY_DIR}/man
-                     COMMAND sh -c "${PROJECT_SOURCE_DIR}/packaging/man_page $<TARGET_FILE:${program}> ${PROJECT_VERSION} | gzip -9n >${page}"
-                     DEPENDS ${program} ${PROJECT_SOURCE_DIR}/packaging/man_page VERBATIM)
+                     COMMAND sh -c "${PROJECT_SOURCE_DIR}/cmake/packaging/man_page $<TARGET_FILE:${program}> ${PROJECT_VERSION} | gzip -9n >${page}"
+                     DEPENDS ${program} ${PROJECT_SOURCE_DIR}/cmake/packaging/man_page VERBATIM)
   list(APPEND pages ${page})
 endforeach()
 add_custom_target(twoport-man ALL DEPENDS ${pages})
 install(FILES ${pages} DESTINATION ${CMAKE_INSTALL_MANDIR}/man1)
 foreach(program twoport-master twoport-slave twoport-lab twoport-device twoport-keygen)
-  install(FILES packaging/twoport.bash DESTINATION ${CMAKE_INSTALL_DATADIR}/bash-completion/completions RENAME ${program})
+  install(FILES cmake/packaging/twoport.bash DESTINATION ${CMAKE_INSTALL_DATADIR}/bash-completion/completions RENAME ${program})
 endforeach()
 install(DIRECTORY scenes arms DESTINATION ${CMAKE_INSTALL_DATADIR}/twoport FILES_MATCHING PATTERN "*.textproto" PATTERN "*.csv" PATTERN "*.urdf")
-install(DIRECTORY examples/play DESTINATION ${CMAKE_INSTALL_DATADIR}/twoport)
+install(DIRECTORY docs/examples/play DESTINATION ${CMAKE_INSTALL_DATADIR}/twoport)
 install(PROGRAMS scripts/play DESTINATION ${CMAKE_INSTALL_BINDIR} RENAME twoport-play)
-install(DIRECTORY examples DESTINATION ${CMAKE_INSTALL_DOCDIR})
+install(DIRECTORY docs/examples DESTINATION ${CMAKE_INSTALL_DOCDIR})
 install(DIRECTORY docs/ DESTINATION ${CMAKE_INSTALL_DOCDIR} FILES_MATCHING PATTERN "*.md" PATTERN "*.png")
 install(FILES README.md CHANGELOG.md SECURITY.md DESTINATION ${CMAKE_INSTALL_DOCDIR})
 
@@ -47,7 +47,7 @@ set(CPACK_PACKAGE_DESCRIPTION_SUMMARY "passive bilateral teleoperation over dela
 set(CPACK_DEBIAN_PACKAGE_DESCRIPTION
     "Programs for a haptic device and a robot that feel each other over UDP,\nwith passivity control at both ends; a laboratory that runs the same\ncontrollers in virtual time; library and headers for own programs and\nfor drivers as plug-ins.")
 set(CPACK_PACKAGING_INSTALL_PREFIX /usr)
-set(CPACK_INSTALLED_DIRECTORIES ${PROJECT_SOURCE_DIR}/packaging/root /)
+set(CPACK_INSTALLED_DIRECTORIES ${PROJECT_SOURCE_DIR}/cmake/packaging/root /)
 set(CPACK_STRIP_FILES ON)
 set(CPACK_VERBATIM_VARIABLES ON)
 set(CPACK_DEBIAN_FILE_NAME DEB-DEFAULT)
@@ -63,7 +63,7 @@ if(twoport_python)
 endif()
 list(APPEND CPACK_DEBIAN_PACKAGE_RECOMMENDS qrencode)
 list(JOIN CPACK_DEBIAN_PACKAGE_RECOMMENDS ", " CPACK_DEBIAN_PACKAGE_RECOMMENDS)
-set(CPACK_DEBIAN_PACKAGE_CONTROL_EXTRA ${PROJECT_SOURCE_DIR}/packaging/debian/postinst
-                                       ${PROJECT_SOURCE_DIR}/packaging/debian/conffiles)
+set(CPACK_DEBIAN_PACKAGE_CONTROL_EXTRA ${PROJECT_SOURCE_DIR}/cmake/packaging/debian/postinst
+                                       ${PROJECT_SOURCE_DIR}/cmake/packaging/debian/conffiles)
 set(CPACK_DEBIAN_PACKAGE_CONTROL_STRICT_PERMISSION ON)
 include(CPack)

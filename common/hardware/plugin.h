@@ -4,7 +4,7 @@
 #include <limits>
 
 // The interface of plug-ins: drivers in shared libraries that the programs load by `--device PATH.so[:ARGS]` and
-// `--robot PATH.so[:ARGS]`. This file needs no other and no library; a plug-in is built as in examples/plugin.
+// `--robot PATH.so[:ARGS]`. This file needs no other and no library; a plug-in is built as in docs/examples/plugin.
 //
 // SI units; arrays of six are translation first, then rotation, in world axes. Attitudes are unit quaternions w x y z.
 // A device of fewer degrees of freedom leaves the other numbers as they are.

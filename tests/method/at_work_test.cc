@@ -14,7 +14,7 @@
 #include "common/hardware/mounted.h"
 #include "common/scene/load.h"
 #include "drivers/simulated.h"
-#include "playground/session.h"
+#include "web/playground/session.h"
 
 namespace twoport {
 namespace {

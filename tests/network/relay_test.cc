@@ -9,7 +9,7 @@
 #include "tests/network/network.h"
 
 // Hand and robot at two sites, each behind a router that lets in what answers only, and a relay of WireGuard between, with the files of
-// examples/relay (docs/guides/network.md).
+// docs/examples/relay (docs/guides/network.md).
 namespace twoport::test {
 namespace {
 

@@ -10,7 +10,7 @@ command -v dpkg-shlibdeps >/dev/null || skip "dpkg-shlibdeps is not installed (a
 work=$(mktemp -d)
 root=$work/root
 trap 'umount "$root/proc" 2>/dev/null || true; rm -rf --one-file-system "$work"' EXIT
-"$(dirname "$0")/../../scripts/bare_root" "${VERSION_CODENAME:-bookworm}" "$root"
+"$(dirname "$0")/../../tests/package/bare_root" "${VERSION_CODENAME:-bookworm}" "$root"
 cpack --config "$build/CPackConfig.cmake" -B "$work" >"$work/log" 2>&1 || { cat "$work/log"; exit 1; }
 cp "$work"/twoport_*.deb "$root/tmp/twoport.deb"
 installs() { chroot "$root" env -i PATH=/usr/sbin:/usr/bin:/sbin:/bin DEBIAN_FRONTEND=noninteractive apt-get "$@" >"$work/log" 2>&1 || { cat "$work/log"; exit 1; }; }

@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
 # Drivers of one's own, as docs/guides/add-a-device.md and add-a-robot.md say: hardware.sh PREFIX COMPILER LAUNCHER
-# Builds examples/own_hardware against the tree installed in PREFIX and runs both programs together; then adds the example
+# Builds docs/examples/own_hardware against the tree installed in PREFIX and runs both programs together; then adds the example
 # to a copy of drivers/ by one file and one line.
 set -euo pipefail
 prefix=$1 compiler=$2 launcher=$3
@@ -18,14 +18,14 @@ fail() { echo "$1"; cat "$work"/*.said 2>/dev/null; exit 1; }
 figure() { sed -n "s/^ \"$2\": \([^,]*\),*$/\1/p" "$work/$1/summary.json"; }
 
 # Outside the tree: own programs, the example's drivers at both ends.
-build "$root/examples/own_hardware" "$work/own"
+build "$root/docs/examples/own_hardware" "$work/own"
 "$work/own/own-master" --list-devices | grep -q "^own	the rail" || fail "own-master does not list the driver"
 "$work/own/own-slave" --list-devices | grep -q "^sim	" || fail "own-slave has lost the drivers of the tree"
 port=$((32000 + $$ % 700))
-"$work/own/own-slave" --scene "$root/examples/own_hardware/scene.textproto" --duration 6 --robot own --listen "127.0.0.1:$port" \
+"$work/own/own-slave" --scene "$root/docs/examples/own_hardware/scene.textproto" --duration 6 --robot own --listen "127.0.0.1:$port" \
   --out "$work/slave" >"$work/slave.said" 2>&1 &
 slave=$!
-"$work/own/own-master" --scene "$root/examples/own_hardware/scene.textproto" --duration 4 --device own:1 --peer "127.0.0.1:$port" \
+"$work/own/own-master" --scene "$root/docs/examples/own_hardware/scene.textproto" --duration 4 --device own:1 --peer "127.0.0.1:$port" \
   --out "$work/master" >"$work/master.said" 2>&1 || fail "own-master failed"
 wait "$slave" || fail "own-slave failed"
 slave=''
@@ -42,14 +42,14 @@ grep -q "hardware: rail of the example" "$work/master.said" || fail "the log doe
 says() { ! "$@" >"$work/out" 2>"$work/err" || fail "$* did not fail"; cat "$work/err"; }
 says "$work/own/own-master" --scene "$root/scenes/demo.textproto" --device own |
   grep -q "own: drives dof 1, but dof of the scene is 3" || fail "wrong size: $(cat "$work/err")"
-says "$work/own/own-master" --scene "$root/examples/own_hardware/scene.textproto" --device own:9 |
+says "$work/own/own-master" --scene "$root/docs/examples/own_hardware/scene.textproto" --device own:9 |
   grep -q "own:9: no rail at this port" || fail "wrong port: $(cat "$work/err")"
 
 # In the tree: one file, one line. The drivers that are there are left out: they take long to compile. The copy of the tree includes the
 # installed headers.
 mkdir "$work/tree"
 cp -r "$root/drivers" "$work/tree/"
-cp "$root/examples/own_hardware/"{own_device.cc,vendor.h} "$work/tree/drivers/"
+cp "$root/docs/examples/own_hardware/"{own_device.cc,vendor.h} "$work/tree/drivers/"
 sed -i 's/^twoport_driver(sim.*/twoport_driver(own_device)/; t; /^twoport_driver(/d' "$work/tree/drivers/CMakeLists.txt"
 cp "$root/master/main.cc" "$work/tree/"
 sed -i -E -e 's@^#include "common/@#include "twoport/@' -e 's@^#include "(drivers|master|slave|sim)/@#include "twoport/\1/@' \

@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
 # A wall made passive outside the tree, as docs/guides/wrap-your-own-element.md says: own_element.sh PREFIX COMPILER EIGEN_DIR [LAUNCHER]
-# Builds examples/own_element against the tree installed in PREFIX, with every package but Eigen hidden, and runs it. EIGEN_DIR: the folder
+# Builds docs/examples/own_element against the tree installed in PREFIX, with every package but Eigen hidden, and runs it. EIGEN_DIR: the folder
 # of Eigen3Config.cmake.
 set -euo pipefail
 prefix=$1 compiler=$2 eigen=$3 launcher=${4:-}
@@ -13,7 +13,7 @@ fail() { echo "$1"; exit 1; }
 mapfile -t hidden < <(grep -rhoE --include=CMakeLists.txt --include='*.cmake' '^ *find_package\(\w+' "$root/CMakeLists.txt" "$root"/*/ |
   sed 's/.*(/-DCMAKE_DISABLE_FIND_PACKAGE_/; s/$/=ON/' | grep -v '_\(Eigen3\|twoport\)=' | sort -u)
 [ ${#hidden[@]} -ge 8 ] || fail "only ${#hidden[@]} packages are hidden"
-cmake -S "$root/examples/own_element" -B "$work/build" -D CMAKE_BUILD_TYPE=Release -D "CMAKE_PREFIX_PATH=$prefix" -D "Eigen3_DIR=$eigen" \
+cmake -S "$root/docs/examples/own_element" -B "$work/build" -D CMAKE_BUILD_TYPE=Release -D "CMAKE_PREFIX_PATH=$prefix" -D "Eigen3_DIR=$eigen" \
   -D "CMAKE_CXX_COMPILER=$compiler" ${launcher:+-D "CMAKE_CXX_COMPILER_LAUNCHER=$launcher"} -D CMAKE_EXPORT_COMPILE_COMMANDS=ON \
   -D CMAKE_CXX_FLAGS="-Wall -Wextra -Wconversion -Wshadow -Werror" "${hidden[@]}" >"$work/log" 2>&1 || { cat "$work/log"; exit 1; }
 grep -qx "twoport_DIR:PATH=$prefix/.*" "$work/build/CMakeCache.txt" || fail "another twoport than that in $prefix was found"

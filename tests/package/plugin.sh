@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
 # Plug-ins as docs/guides/add-a-device.md says: plugin.sh PREFIX COMPILER LAUNCHER
-# Builds examples/plugin against the tree installed in PREFIX, without its libraries, and runs the installed programs with them.
+# Builds docs/examples/plugin against the tree installed in PREFIX, without its libraries, and runs the installed programs with them.
 set -euo pipefail
 prefix=$1 compiler=$2 launcher=$3
 root=$(readlink -f "$(dirname "$(readlink -f "$0")")/../..")
@@ -11,23 +11,23 @@ fail() { echo "$1"; cat "$work"/*.said 2>/dev/null; exit 1; }
 figure() { sed -n "s/^ \"$2\": \([^,]*\),*$/\1/p" "$work/$1/summary.json"; }
 
 # The example needs the installed headers only: no other package is looked for.
-cmake -S "$root/examples/plugin" -B "$work/build" -G Ninja -D CMAKE_BUILD_TYPE=Release -D "CMAKE_PREFIX_PATH=$prefix" \
+cmake -S "$root/docs/examples/plugin" -B "$work/build" -G Ninja -D CMAKE_BUILD_TYPE=Release -D "CMAKE_PREFIX_PATH=$prefix" \
   -D CMAKE_DISABLE_FIND_PACKAGE_Eigen3=ON -D CMAKE_DISABLE_FIND_PACKAGE_Protobuf=ON -D CMAKE_DISABLE_FIND_PACKAGE_fmt=ON \
   -D "CMAKE_CXX_COMPILER=$compiler" ${launcher:+-D "CMAKE_CXX_COMPILER_LAUNCHER=$launcher"} >"$work/log"
 cmake --build "$work/build" >"$work/log" || { cat "$work/log"; exit 1; }
 for file in rail cart; do
-  lines=$(wc -l <"$root/examples/plugin/$file.cc")
-  [ "$lines" -lt 60 ] || fail "examples/plugin/$file.cc has $lines lines; a driver should need fewer than 60"
+  lines=$(wc -l <"$root/docs/examples/plugin/$file.cc")
+  [ "$lines" -lt 60 ] || fail "docs/examples/plugin/$file.cc has $lines lines; a driver should need fewer than 60"
 done
 
 "$prefix/bin/twoport-master" --list-devices | grep -q "^PATH.so" || fail "--list-devices does not name plug-ins"
-"$prefix/bin/twoport-slave" --scene "$root/examples/own_hardware/scene.textproto" --duration 6 --robot "$work/build/cart.so" \
+"$prefix/bin/twoport-slave" --scene "$root/docs/examples/own_hardware/scene.textproto" --duration 6 --robot "$work/build/cart.so" \
   --listen 127.0.0.1:0 --out "$work/slave" >"$work/slave.said" 2>&1 &
 slave=$!
 for _ in $(seq 100); do grep -q 'listening on' "$work/slave.said" && break; sleep 0.1; done
 port=$(sed -n 's/.*listening on 127\.0\.0\.1:\([0-9]*\).*/\1/p' "$work/slave.said")
 [ -n "$port" ] || fail "the slave does not listen"
-"$prefix/bin/twoport-master" --scene "$root/examples/own_hardware/scene.textproto" --duration 4 --device "$work/build/rail.so:1" \
+"$prefix/bin/twoport-master" --scene "$root/docs/examples/own_hardware/scene.textproto" --duration 4 --device "$work/build/rail.so:1" \
   --peer "127.0.0.1:$port" --out "$work/master" >"$work/master.said" 2>&1 || fail "the master failed"
 wait "$slave" || fail "the slave failed"
 slave=''
@@ -41,7 +41,7 @@ grep -q "hardware: cart of the example" "$work/slave.said" || fail "the log does
 # What is wrong with a plug-in is said in one sentence, and the status is that of a wrong argument.
 says() {
   local status=0
-  "$prefix/bin/twoport-master" --scene "$root/examples/own_hardware/scene.textproto" --device "$1" >"$work/out" 2>"$work/err" || status=$?
+  "$prefix/bin/twoport-master" --scene "$root/docs/examples/own_hardware/scene.textproto" --device "$1" >"$work/out" 2>"$work/err" || status=$?
   [ "$status" -eq 2 ] && [ "$(wc -l <"$work/err")" -eq 1 ] && grep -qF "$2" "$work/err" || fail "$1: status $status, $(cat "$work/err")"
 }
 says "$work/build/rail.so:9" "no rail at port 9; connect it"

@@ -3,12 +3,12 @@
 #
 #   end_to_end.sh MASTER SLAVE LAB NODE_MODULES [PICTURE.png] [SCRIPT] [SCENE] [OPTION OF THE SLAVE...]
 #
-# SCRIPT: end_to_end (the default) or another one here; SCENE: of examples/play, one_axis. Both sides record, and LAB replays the recordings to the bit. Exit status 77: skipped, with the reason.
+# SCRIPT: end_to_end (the default) or another one here; SCENE: of docs/examples/play, one_axis. Both sides record, and LAB replays the recordings to the bit. Exit status 77: skipped, with the reason.
 set -euo pipefail
 master=$1 slave=$2 lab=$3 modules=$4 picture=${5:-} script=${6:-end_to_end} scene=${7:-one_axis}
 [ $# -le 7 ] && set -- || shift 7
 here=$(dirname "$(readlink -f "$0")")
-scene=$here/../../examples/play/$scene.textproto
+scene=$here/../../docs/examples/play/$scene.textproto
 
 skip() { echo "SKIPPED: $1"; exit 77; }
 command -v node >/dev/null || skip "node is not installed; the page is driven by playwright-core, which needs it"

@@ -11,7 +11,7 @@
 #include "common/page/channel.h"
 #include "common/scene/load.h"
 #include "lab/engine/simulation.h"
-#include "playground/packed_scene.h"
+#include "web/playground/packed_scene.h"
 
 namespace twoport {
 namespace {

@@ -107,7 +107,7 @@ class Runs(unittest.TestCase):
             done = lab("run", scene, *sets([SHORT]), "--trace", "none", "--record", file)
             self.assertIn(done.returncode, (0, 3), done.stderr)
             try:
-                sys.path.insert(0, str(ROOT / "examples/recordings"))
+                sys.path.insert(0, str(ROOT / "docs/examples/recordings"))
                 from read_recording import Recording
             except ImportError as e:
                 self.skipTest(str(e))
@@ -770,7 +770,7 @@ class Nodes(unittest.TestCase):
 
 class Controllers(unittest.TestCase):
     def bounce(self, controller):
-        """As examples/own_element/main.cc: a 75 g handle thrown at a wall of 5 kN/m."""
+        """As docs/examples/own_element/main.cc: a 75 g handle thrown at a wall of 5 kN/m."""
         x, v, f, into, least, dt = -0.01, 0.3, 0.0, 0.0, 0.0, 1e-3
         for _ in range(200):
             before = v

@@ -3,7 +3,7 @@
     kills.py KILLS LAB MASTER SLAVE [NODE_MODULES]
 
 Master and slave record in turn; the recording one is killed 0.6 to 4.6 s after both have met. Each file is read through its index by
-examples/recordings/read_recording.py, by `twoport-lab export`, by `twoport-lab replay`, and by @mcap/core where NODE_MODULES holds it.
+docs/examples/recordings/read_recording.py, by `twoport-lab export`, by `twoport-lab replay`, and by @mcap/core where NODE_MODULES holds it.
 Prints what was lost: from the kill back to the newest message that is in the file. Exit status 77: skipped, with the reason.
 """
 
@@ -20,7 +20,7 @@ HERE = pathlib.Path(__file__).resolve().parent
 ROOT = HERE.parents[1]
 SCENE = ROOT / "scenes/gripper_50ms.textproto"
 try:
-    sys.path.insert(0, str(ROOT / "examples/recordings"))
+    sys.path.insert(0, str(ROOT / "docs/examples/recordings"))
     from read_recording import Recording
 except ImportError as e:
     print(f"SKIPPED: {e}; install python3-protobuf")

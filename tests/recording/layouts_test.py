@@ -1,4 +1,4 @@
-"""Every field that a layout of examples/recordings names is in a recording and in a stream.
+"""Every field that a layout of docs/examples/recordings names is in a recording and in a stream.
 
     layouts_test.py LAB MASTER SLAVE
 
@@ -15,7 +15,7 @@ import tempfile
 import xml.etree.ElementTree
 
 ROOT = pathlib.Path(__file__).resolve().parents[2]
-EXAMPLES = ROOT / "examples/recordings"
+EXAMPLES = ROOT / "docs/examples/recordings"
 SCENE = ROOT / "scenes/gripper_50ms.textproto"
 try:
     sys.path.insert(0, str(EXAMPLES))

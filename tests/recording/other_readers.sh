@@ -14,7 +14,7 @@ case $reader in
   python)
     python=/usr/bin/python3
     "$python" -c 'import google.protobuf' 2>/dev/null || skip "python3-protobuf is not installed"
-    read_it() { "$python" "$here/../../examples/recordings/read_recording.py" "$1"; }
+    read_it() { "$python" "$here/../../docs/examples/recordings/read_recording.py" "$1"; }
     ;;
   npm | foxglove)
     command -v npm >/dev/null || skip "npm is not installed"

@@ -147,7 +147,7 @@ TEST(Hosted, HasTheVerdictsOfOurOwnPlant) {
 // MuJoCo's weight of a body with one slide joint is that of three, so its solref is a third.
 TEST(Hosted, TheExampleOfAWallIsThatOfItsScene) {
   const Scene of_file = load_scene(TWOPORT_SOURCE "/scenes/chart/bilateral.textproto");
-  const HostedRobot robot = open<1>(TWOPORT_SOURCE "/examples/mujoco/wall.xml", 1.0 / of_file.slave_rate_hz);
+  const HostedRobot robot = open<1>(TWOPORT_SOURCE "/docs/examples/mujoco/wall.xml", 1.0 / of_file.slave_rate_hz);
   Row<1> last;
   make_simulation<1>(of_file, robot)->run([&](const Row<1>& row) {
     last = row;

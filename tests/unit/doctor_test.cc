@@ -5,10 +5,10 @@
 #include <random>
 #include <string>
 
-#include "doctor/examine.h"
-#include "doctor/link_meter.h"
-#include "doctor/loop.h"
-#include "doctor/text.h"
+#include "tools/doctor/examine.h"
+#include "tools/doctor/link_meter.h"
+#include "tools/doctor/loop.h"
+#include "tools/doctor/text.h"
 
 namespace twoport::doctor {
 namespace {

@@ -1,4 +1,4 @@
-#include "device/probe.h"
+#include "tools/device/probe.h"
 
 #include <gtest/gtest.h>
 
