@@ -165,7 +165,7 @@ class SimulatedRobot : public Robot<N>, public AdjustableEnvironment {
     model_.advance();
   }
   /// One tick of the ramp.
-  [[gnu::noinline]] void change_surfaces() noexcept {
+  void change_surfaces() noexcept {
     --ramp_left_;
     const double rest = static_cast<double>(ramp_left_) / static_cast<double>(ramp_ticks_);
     const auto between = [&](double from, double to) { return to + rest * (from - to); };

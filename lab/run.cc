@@ -70,7 +70,7 @@ class Contacts {
     looks_ = 0;
     states_.begin_quarter(part_, std::exchange(seen_, 0), pressed_);
   }
-  [[gnu::noinline]] void see_surfaces(const Position<N>& x) {
+  void see_surfaces(const Position<N>& x) {
     environment_.for_each_contact(x, Velocity<N>{}, [&](const ContactPort<N>& c) {
       const std::size_t kind = static_cast<std::size_t>(c.index) % kinds_;
       if (kind < environment_.world().surfaces.size()) seen_ |= std::uint64_t{1} << (kind % 64);
@@ -112,7 +112,7 @@ CountedRun run_as(Simulation<N>& simulation, const Scene& scene, const RunOption
   if (options.trace != nullptr) trace.emplace(*options.trace);
 
   const bool is_kept = trace || options.table != nullptr || recording != nullptr;
-  const auto keep = [&](const Row<N>& row) __attribute__((noinline)) {
+  const auto keep = [&](const Row<N>& row) {
     if (trace) trace->add(row);
     if (options.table != nullptr) options.table->add(row);
     if (recording != nullptr) recording->add(row);

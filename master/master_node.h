@@ -42,8 +42,7 @@ class MasterNode {
         ramp_{o.engage},
         modes_{o} {}
 
-  [[gnu::always_inline]] Output step(const Tick<MasterClock>& tick, const DeviceSample<N>& device,
-                                     const PeerState<N>& slave) noexcept {
+  Output step(const Tick<MasterClock>& tick, const DeviceSample<N>& device, const PeerState<N>& slave) noexcept {
     if (!all_finite(device.x, device.v, device.applied)) [[unlikely]] {
       if (!unread_) held_unread_ = command_;
       unread_ = true;
@@ -159,23 +158,23 @@ class MasterNode {
   // What a tick seldom needs takes copies, so that the tick's own values stay in registers.
 
   /// The slave has not switched yet: the words that it sends are the other method's.
-  [[gnu::noinline]] void await_slave(const PeerState<N>& slave) noexcept {
+  void await_slave(const PeerState<N>& slave) noexcept {
     forget_words(slave);
     awaits_slave_ = true;
   }
-  [[gnu::noinline]] void forget_words(const PeerState<N>& slave) noexcept {
+  void forget_words(const PeerState<N>& slave) noexcept {
     without_words_ = slave;
     without_words_.words.clear();
   }
   /// Its reports change their meaning now.
-  [[gnu::noinline]] void slave_follows() noexcept {
+  void slave_follows() noexcept {
     awaits_slave_ = false;
     bridge_.begin(command_);
   }
 
   /// This side has stood still for a while: what it knows is old. The coupling begins anew, with its ramp. Of the energy of an
   /// interval in which the device may have let go by itself, only what the hand was given is believed.
-  [[gnu::noinline]] Energy pause(Energy into) noexcept {
+  Energy pause(Energy into) noexcept {
     modes_.release();
     safety_.release();
     safety_.note(Limit::pause);
@@ -185,14 +184,14 @@ class MasterNode {
 
   /// Energy of the force that was held when readings were not finite, over the motion since the last finite one. How much of that
   /// motion was under it is not known, so only what the hand was given is believed.
-  [[gnu::noinline]] Energy given_unread(Displacement<N> moved) noexcept {
+  Energy given_unread(Displacement<N> moved) noexcept {
     unread_ = false;
     return std::min(dot(held_unread_, moved), Energy{});
   }
 
   /// For a reading or force that is not finite the node applies no force until the next tick, after a stop none. The other side
   /// rejects reports that are not finite.
-  [[gnu::always_inline]] Output fail_safe(const DeviceSample<N>& device) noexcept {
+  Output fail_safe(const DeviceSample<N>& device) noexcept {
     modes_.release();
     safety_.release();
     command_ = Force<N>{};

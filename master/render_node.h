@@ -38,7 +38,7 @@ class RenderNode {
   [[nodiscard]] Energy observed() const noexcept { return rendering_.observed(); }
 
  private:
-  [[gnu::noinline]] Output fail_safe() noexcept {
+  Output fail_safe() noexcept {
     rendering_.release();
     safety_.release();
     return {};

@@ -42,7 +42,7 @@ class ForceSensor {
  private:
   static constexpr std::uint64_t kStream = 0x5e4501;
 
-  [[gnu::noinline]] Force<N> add_sensor_errors(Force<N> f) noexcept {
+  Force<N> add_sensor_errors(Force<N> f) noexcept {
     if (noise_ > 0.0) {
       typename Force<N>::Vector n;
       for (int i = 0; i < N; ++i) n[i] = noise_ * normal(random_, sample_, static_cast<unsigned>(i));
@@ -81,7 +81,7 @@ class Encoder {
   /// Starts to show at x, with the true velocity.
   void start(const Position<N>& x, const Velocity<N>& v) noexcept { x_ = quantised(x), v_ = v; }
   /// Once a tick, with the true motion.
-  [[gnu::noinline]] void sample(Position<N> true_x, Velocity<N> true_v) noexcept {
+  void sample(Position<N> true_x, Velocity<N> true_v) noexcept {
     const Position<N> x = quantised(true_x);
     if (estimate_ == VelocityEstimate::true_velocity) {
       v_ = true_v;

@@ -55,7 +55,7 @@ class SimDevice final {
   }
 
   /// Advances the model by one control period, under the force held since the last actuate.
-  [[gnu::always_inline]] void advance() noexcept {
+  void advance() noexcept {
     applied_ = held_;
     ++tick_;
     if (arm_) [[unlikely]] {
@@ -140,7 +140,7 @@ class SimDevice final {
     return waits ? Position<N>{} : start(scene).x;
   }
 
-  [[gnu::noinline]] void move_arm() noexcept {
+  void move_arm() noexcept {
     if constexpr (N == 6) {
       if (hand_) arm_->lead(path_.at(static_cast<double>(tick_) * dt_).x);
       const BodyState<6> now = arm_->advance(Force<6>{-held_.vec()});

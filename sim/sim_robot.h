@@ -43,14 +43,14 @@ class SimRobot final {
   }
 
   /// Advances the model by one control period, under the command held since the last actuate.
-  [[gnu::always_inline]] void advance() noexcept {
+  void advance() noexcept {
     if (anchors_move_) [[unlikely]]
       return advance_with_anchors();
     move();
     touch();
   }
   /// The same without reading the sensor, if no force is needed before the next advance.
-  [[gnu::always_inline]] void move() noexcept {
+  void move() noexcept {
     if (auto* exact = std::get_if<Exact>(&plant_)) {
       state_ = exact->advance(command_.f);
     } else if (auto* general = std::get_if<General>(&plant_)) {
@@ -122,7 +122,7 @@ class SimRobot final {
  private:
   /// One tick under the force of the moving anchors: that of a spring whose anchor is a(t) away from its place is
   /// K a(t) + B da/dt more, at each point of a tool that it acts on. It is held for the tick.
-  [[gnu::noinline]] void advance_with_anchors() noexcept {
+  void advance_with_anchors() noexcept {
     if (!anchors_rest_) {
       from_anchors_ = Force<N>{};
       const double t = static_cast<double>(tick_++) * dt_s_;
@@ -191,7 +191,7 @@ class SimRobot final {
     sensor_ = ForceSensor<N>{unbiased, dt, seed};
     wrist_.emplace(*robot.arm, *robot.force_sensor, seed);
   }
-  [[gnu::noinline]] void sense_at_wrist() noexcept {
+  void sense_at_wrist() noexcept {
     if constexpr (N == 6) {
       const ArmPlant& arm = *std::get<Arm>(plant_);
       from_environment_ = arm.outside_force();
@@ -208,7 +208,7 @@ class SimRobot final {
     }
   }
 
-  [[gnu::always_inline]] void touch() noexcept {
+  void touch() noexcept {
     if (const auto* exact = std::get_if<Exact>(&plant_))
       from_environment_ = exact->environment_force();
     else if (const auto* general = std::get_if<General>(&plant_))

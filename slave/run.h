@@ -142,7 +142,7 @@ struct Slave : SlaveRows<N> {
   }
 
   /// The master asks for the state of the environment, or for a change.
-  [[gnu::noinline]] void answer_about_environment() noexcept {
+  void answer_about_environment() noexcept {
     auto& transport = link.mail().transport();
     const EnvironmentMessage& request = transport.heard_environment();
     if (session != transport.pairings()) session = transport.pairings(), taken = 0, refused = false;

@@ -37,8 +37,7 @@ class SlaveNode {
         modes_{o},
         safety_{limits_at_robot(o), 1.0, o.known.robot_mass_kg, o.known.robot_inertia_kg_m2} {}
 
-  [[gnu::always_inline]] Output step(const Tick<SlaveClock>& tick, const RobotSample<N>& robot,
-                                     const PeerState<N>& master) noexcept {
+  Output step(const Tick<SlaveClock>& tick, const RobotSample<N>& robot, const PeerState<N>& master) noexcept {
     if (modes_.is_stopped(robot.status, master) || !all_finite(robot.x, robot.v, robot.f_environment)) [[unlikely]]
       return fail_safe(robot);
     if (modes_.has_paused(tick)) [[unlikely]]
@@ -121,7 +120,7 @@ class SlaveNode {
   // What a tick seldom needs takes copies, so that the tick's own values stay in registers.
 
   /// The command within the limits; the half is told, so that its set point does not run ahead.
-  [[gnu::noinline]] SlaveOutput<N> limited(SlaveOutput<N> half, RobotSample<N> robot, Seconds dt) noexcept {
+  SlaveOutput<N> limited(SlaveOutput<N> half, RobotSample<N> robot, Seconds dt) noexcept {
     RobotCommand<N>& c = half.command;
     const RobotCommand<N> asked = c;
     const bool follows = modes_.active();
@@ -138,18 +137,18 @@ class SlaveNode {
   }
 
   /// As MasterNode::pause.
-  [[gnu::noinline]] void pause() noexcept {
+  void pause() noexcept {
     modes_.release();
     safety_.release();
     safety_.note(Limit::pause);
     bridge_.stop();
   }
-  [[gnu::noinline]] void forget_words(const PeerState<N>& master) noexcept {
+  void forget_words(const PeerState<N>& master) noexcept {
     without_words_ = master;
     without_words_.words.clear();
   }
   /// The master is in another epoch: it has switched, or restarted. Every epoch that it may name has a configuration.
-  [[gnu::noinline]] void follow(RobotSample<N> robot, const PeerState<N>& master) noexcept {
+  void follow(RobotSample<N> robot, const PeerState<N>& master) noexcept {
     if (alternatives_.empty() || !master.has_report) return forget_words(master);
     if (Held<Half>* next = alternatives_.of(master.epoch)) {
       (*next)->start(robot, master);
@@ -162,7 +161,7 @@ class SlaveNode {
   }
 
   /// As MasterNode::fail_safe.
-  [[gnu::always_inline]] Output fail_safe(const RobotSample<N>& robot) noexcept {
+  Output fail_safe(const RobotSample<N>& robot) noexcept {
     modes_.release();
     safety_.release();
     commanded_ = false;

@@ -55,7 +55,7 @@ class Clearance {
   static constexpr double kMargin_m = 1e-9;   ///< for the rounding of a distance
 
   /// Also where a pose was not finite.
-  [[gnu::noinline]] void forget() noexcept {
+  void forget() noexcept {
     travelled_ = 0.0;
     std::fill(until_.begin(), until_.end(), kUnknown);
   }

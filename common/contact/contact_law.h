@@ -37,8 +37,8 @@ struct Surface {
   ///     f_n = max(0, K d - B v_n) n                       never pulls
   ///     f_t = -B_t v_t - μ |f_n| v_t / max(|v_t|, 1 mm/s)
   template <int D, bool kContinued = false>
-  [[nodiscard, gnu::always_inline]] bool force(const SignedDistance<D>& at, double vn, const Point<D>& v,
-                                               ContactForce<D>& out) const noexcept {
+  [[nodiscard]] bool force(const SignedDistance<D>& at, double vn, const Point<D>& v,
+                           ContactForce<D>& out) const noexcept {
     const double depth = -at.distance;
     const double fn = material.stiffness_n_per_m * depth - material.damping_n_s_per_m * vn;
     if (!kContinued && fn <= 0.0) return false;

@@ -205,9 +205,8 @@ class Environment {
   }
   /// for_each_contact for one point; open(index, surface, distance) is told of a contact that is open.
   template <class Pick, class Open, class Visit>
-  [[gnu::always_inline]] void contacts_of(int point, const Point<kDim>& p, const Point<kDim>& pv,
-                                          const Point<kDim>& arm, const Pick& pick, const Open& open,
-                                          const Visit& visit) const noexcept {
+  void contacts_of(int point, const Point<kDim>& p, const Point<kDim>& pv, const Point<kDim>& arm, const Pick& pick,
+                   const Open& open, const Visit& visit) const noexcept {
     int index = point * contacts_of_a_point();
     ContactForce<kDim> c;
     for (const Surface& s : world_.surfaces) {
@@ -251,8 +250,7 @@ class Environment {
     Point<kDim> p, v, arm;
   };
   [[nodiscard]] int points() const noexcept { return N == 6 ? static_cast<int>(tool_.size()) : 1; }
-  [[nodiscard, gnu::always_inline]] At at_point(int point, const PoseWithRotation<N>& x,
-                                                const Vector& v) const noexcept {
+  [[nodiscard]] At at_point(int point, const PoseWithRotation<N>& x, const Vector& v) const noexcept {
     if constexpr (N == 6) {
       At at;
       at.arm = x.R * tool_[static_cast<std::size_t>(point)];
@@ -266,8 +264,7 @@ class Environment {
   }
   /// `kContinued`: outside of the surface too.
   template <bool kContinued = false, class Visit>
-  [[gnu::always_inline]] static void touch(int index, const Surface& s, Feature feature, const At& at,
-                                           const Visit& visit) noexcept {
+  static void touch(int index, const Surface& s, Feature feature, const At& at, const Visit& visit) noexcept {
     const SignedDistance<kDim> found = signed_distance<kDim>(s.shape, at.p, feature);
     if (!kContinued && !(found.distance < 0.0)) return;
     const Energy potential{s.potential(found.distance)};
@@ -279,7 +276,7 @@ class Environment {
       visit(ContactPort<N>{index, found.feature, false, Vector::Zero(), Vector::Zero(), potential});
   }
   template <class Visit>
-  [[gnu::always_inline]] static void pull(int index, const Spring& s, const At& at, const Visit& visit) noexcept {
+  static void pull(int index, const Spring& s, const At& at, const Visit& visit) noexcept {
     visit(ContactPort<N>{index, 0, true, wrench(s.force<kDim>(at.p, at.v), at.arm), Vector::Zero(),
                          Energy{s.potential<kDim>(at.p)}});
   }

@@ -38,7 +38,7 @@ inline const char* name(const Shape& shape) {
 
 /// The same for a shape other than a wall: out of line, so that it does not slow down walls, the most frequent shape.
 template <int D>
-[[gnu::noinline]] SignedDistance<D> signed_distance_of_solid(const Shape& shape, Point<D> p, Feature feature) noexcept {
+SignedDistance<D> signed_distance_of_solid(const Shape& shape, Point<D> p, Feature feature) noexcept {
   return std::visit([&](const auto& s) { return s.template signed_distance<D>(p, feature); }, shape);
 }
 template <int D>

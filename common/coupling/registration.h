@@ -127,7 +127,7 @@ class Registration {
       return matrix_.transpose() * p;
     }
   }
-  [[gnu::noinline]] Position<N> placed(Position<N> x) const noexcept {
+  Position<N> placed(Position<N> x) const noexcept {
     const Point p = motion_ * along(x.translation()) + origin_;
     if constexpr (N == 6) {
       return {p, rotation_ * x.attitude() * tool_};

@@ -21,8 +21,8 @@ class SetpointTracker {
   explicit SetpointTracker(const CouplingOptions& o) : catch_up_{o.catch_up_m_per_s} {}
 
   /// `from` is x_d(k-1), the present command.
-  [[gnu::always_inline]] Velocity<N> step(const Position<N>& from, const Position<N>& x_rx, const Velocity<N>& v_rx,
-                                          bool fresh, Seconds dt) noexcept {
+  Velocity<N> step(const Position<N>& from, const Position<N>& x_rx, const Velocity<N>& v_rx, bool fresh,
+                   Seconds dt) noexcept {
     target_ = fresh ? x_rx : target_ + v_rx * dt;
     return v_rx + clip((target_ - from) / dt - v_rx);
   }

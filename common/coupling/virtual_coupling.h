@@ -59,13 +59,12 @@ class VirtualCoupling {
   void rest(const Position<N>& robot) noexcept { x_sd_ = x_d_ = robot; }
 
   /// Force and velocity before control; `coupled`: the master's reports arrive, else the command is constant.
-  [[gnu::always_inline]] Wanted step(const RobotSample<N>& robot, const PeerState<N>& master, bool coupled,
-                                     Seconds dt) noexcept {
+  Wanted step(const RobotSample<N>& robot, const PeerState<N>& master, bool coupled, Seconds dt) noexcept {
     return step(robot, master, master.newest.x, coupled, dt);
   }
   /// As above, with `x` as the master's position.
-  [[gnu::always_inline]] Wanted step(const RobotSample<N>& robot, const PeerState<N>& master, const Position<N>& x,
-                                     bool coupled, Seconds dt) noexcept {
+  Wanted step(const RobotSample<N>& robot, const PeerState<N>& master, const Position<N>& x, bool coupled,
+              Seconds dt) noexcept {
     Wanted out;
     Velocity<N> v_rx;
     if (coupled) {
@@ -77,7 +76,7 @@ class VirtualCoupling {
   }
   /// Position of the robot in the master's world, for a position-position master; empty before the first engagement.
   [[nodiscard]] bool tells_position() const noexcept { return by_position_ && engaged_; }
-  [[gnu::noinline]] void tell_position(const Position<N>& robot, Words& words) const noexcept {
+  void tell_position(const Position<N>& robot, Words& words) const noexcept {
     write(RobotInMasterWorld<N>{{registration_.to_master(robot)}}, words);
   }
   /// Moves the set point by `moved`, the allowed displacement, and the command by T v_d.
@@ -92,8 +91,8 @@ class VirtualCoupling {
   ///     e = x_sd + (x_d - x_d,asked) - x,   x_sd = x + s e,   s = f·e/(f_asked·e) in [0, 1]; translation and rotation each
   ///
   /// An ideal robot stands at the set point: s = 1.
-  [[gnu::noinline]] void limited(RobotCommand<N>& command, const RobotCommand<N>& asked, const RobotSample<N>& robot,
-                                 Seconds dt) noexcept {
+  void limited(RobotCommand<N>& command, const RobotCommand<N>& asked, const RobotSample<N>& robot,
+               Seconds dt) noexcept {
     const Position<N> from = x_sd_ + -(asked.v_d * dt);
     x_sd_ = x_sd_ + (command.x_d - asked.x_d);
     if (!robot.ideal) {

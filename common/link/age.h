@@ -76,7 +76,7 @@ class ReportAge {
       round_trip_ -= (round_trip_ - age) / kFall_us * (dt / std::chrono::microseconds{1});
   }
 
-  [[gnu::noinline]] void end_window(Duration now) noexcept {
+  void end_window(Duration now) noexcept {
     const bool adjacent = now - window_from_ < 2 * window_;  // reports came in both
     if (adjacent && least_ != kNever && least_before_ != kNever && !is_young(least_) && least_ <= kLongest) {
       const Duration change = least_ > least_before_ ? least_ - least_before_ : least_before_ - least_;

@@ -19,13 +19,13 @@ class DelayLine {
 
   /// `packet` is assigned to a Packet; `now` is the time since the run began.
   template <class Content>
-  [[gnu::always_inline]] void put(const Content& packet, Duration now) noexcept {
+  void put(const Content& packet, Duration now) noexcept {
     put(packet, now, now);
   }
 
   /// The same with another time origin for blackouts.
   template <class Content>
-  [[gnu::always_inline]] void put(const Content& packet, Duration now, Duration since_start) noexcept {
+  void put(const Content& packet, Duration now, Duration since_start) noexcept {
     if (impairment_.certain()) {
       insert(packet, now, now + impairment_.fixed_delay());
     } else {
@@ -35,7 +35,7 @@ class DelayLine {
 
   /// Oldest packet that is due: put in strictly before `now`, and due by then. Null when there is none.
   /// The pointer is good until the next put.
-  [[gnu::always_inline]] const Packet* take(Duration now) noexcept {
+  const Packet* take(Duration now) noexcept {
     const auto* entry = queue_.take(now);
     return entry == nullptr ? nullptr : &entry->packet;
   }
@@ -54,14 +54,14 @@ class DelayLine {
 
  private:
   // By value: who puts may keep its packet in registers.
-  [[gnu::noinline]] void draw(Packet packet, Duration now, Duration since_start) noexcept {
+  void draw(Packet packet, Duration now, Duration since_start) noexcept {
     const Impairment::Fate fate = impairment_.draw(since_start);
     if (fate.copies == 0) ++lost_;
     for (int c = 0; c < fate.copies; ++c) insert(packet, now, now + fate.delay[c]);
   }
 
   template <class Content>
-  [[gnu::always_inline]] void insert(const Content& packet, Duration now, Duration due) noexcept {
+  void insert(const Content& packet, Duration now, Duration due) noexcept {
     if (!queue_.put(packet, now, due)) [[unlikely]]
       ++overflowed_;
   }

@@ -27,7 +27,7 @@ class DueQueue {
 
   /// `packet` is assigned to a Packet. False when the queue is full.
   template <class Content>
-  [[gnu::always_inline]] bool put(const Content& packet, Duration now, Duration due) noexcept {
+  bool put(const Content& packet, Duration now, Duration due) noexcept {
     Entry* entry = in_;
     Entry* const next = after(in_);
     if (next == out_) [[unlikely]]
@@ -44,7 +44,7 @@ class DueQueue {
 
   /// Oldest packet that is due: put in strictly before `now`, and due by then. Null when there is none.
   /// The pointer is good until the next put.
-  [[gnu::always_inline]] const Entry* take(Duration now) noexcept {
+  const Entry* take(Duration now) noexcept {
     if (empty() || out_->readable > now) return nullptr;
     const Entry* entry = out_;
     out_ = after(out_);

@@ -75,19 +75,18 @@ class Mailbox {
     if (outgoing.deadband) deadband_.emplace(*outgoing.deadband);
   }
 
-  [[gnu::always_inline]] const PeerState<N>& collect(Duration now) noexcept {
+  const PeerState<N>& collect(Duration now) noexcept {
     known_.is_new = known_.heard.is_new = false;
     if (began_at_ == kNotYet) [[unlikely]]
       began_at_ = now;
     if (playout_) [[unlikely]]
       return collect_in_time(now);
-    transport_.poll(
-        now, [&](const Report<N>& r) __attribute__((always_inline)) { offer(r, now); });
+    transport_.poll(now, [&](const Report<N>& r) { offer(r, now); });
     return known_;
   }
 
   /// Stamps the report and sends it.
-  [[gnu::always_inline]] void post(PortReport<N>& report, Duration now) noexcept {
+  void post(PortReport<N>& report, Duration now) noexcept {
     if (deadband_ && !deadband_->tells(report, now)) [[unlikely]]
       return;
     stamp(report, now);
@@ -95,7 +94,7 @@ class Mailbox {
   }
   void post(PortReport<N>&& report, Duration now) noexcept { post(report, now); }
   /// The same with the method's words. By value: a report without words stays in registers.
-  [[gnu::noinline]] void post(PortReport<N> report, const Words& words, Duration now) noexcept {
+  void post(PortReport<N> report, const Words& words, Duration now) noexcept {
     if (deadband_ && !deadband_->tells(report, now)) return;
     stamp(report, now);
     Report<N> packet{report};
@@ -131,20 +130,20 @@ class Mailbox {
 
   enum class Order : std::uint8_t { newer, older, impossible };
 
-  [[gnu::noinline]] const PeerState<N>& collect_in_time(Duration now) noexcept {
+  const PeerState<N>& collect_in_time(Duration now) noexcept {
     transport_.poll(now, [&](const Report<N>& r) { playout_->put(r, now); });
     while (const Report<N>* r = playout_->take(now)) offer(*r, now);
     return known_;
   }
 
-  [[gnu::always_inline]] void stamp(PortReport<N>& report, Duration now) noexcept {
+  void stamp(PortReport<N>& report, Duration now) noexcept {
     report.sequence = ++counts_.sent;
     report.sent_ns = now.count();
     const auto& heard = known_.heard;
     report.echo_ns = heard.sent_ns >= 0 ? heard.sent_ns + std::min(now - heard.at, age_.longest_wait()).count() : -1;
   }
 
-  [[gnu::always_inline]] void offer(const Report<N>& r, Duration now) noexcept {
+  void offer(const Report<N>& r, Duration now) noexcept {
     Order order = Order::newer;
     if (r.sequence != known_.heard.sequence + 1) [[unlikely]] {
       order = count(r.sequence, now);
@@ -186,7 +185,7 @@ class Mailbox {
 
   /// Another method: its totals start from zero; those of other epochs are ignored. The newest packet decides, so a wrong
   /// epoch lasts until the next right one, whose totals are whole.
-  [[gnu::noinline]] void begin_epoch(std::uint32_t epoch) noexcept {
+  void begin_epoch(std::uint32_t epoch) noexcept {
     known_.epoch = epoch;
     known_.energy_in_j = 0.0;
     known_.words = {};
@@ -195,7 +194,7 @@ class Mailbox {
   /// A sequence number that is not the next. One further ahead than the sender can have reached is rejected unless its
   /// successor follows; the count restarts if only older numbers arrive for a second. A wrong number therefore blocks
   /// reception for at most a second.
-  [[gnu::noinline]] Order count(std::uint64_t sequence, Duration now) noexcept {
+  Order count(std::uint64_t sequence, Duration now) noexcept {
     if (known_.heard.sequence == 0) return begin(sequence);
     const std::uint64_t newest = known_.heard.sequence;
     const bool follows = sequence == std::exchange(suspect_, sequence) + 1;

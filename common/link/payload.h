@@ -41,7 +41,7 @@ struct Words {
   }
 
  private:
-  [[gnu::noinline]] void merge_numbers(const Words& arrived, bool newer) noexcept {
+  void merge_numbers(const Words& arrived, bool newer) noexcept {
     if (arrived.count != count) {
       if (newer) *this = arrived;
       return;

@@ -12,11 +12,11 @@ class SimTransport {
  public:
   SimTransport(Line& in, Line& out) : in_{&in}, out_{&out} {}
   template <class Visit>
-  [[gnu::always_inline]] void poll(Duration now, Visit visit) noexcept {
+  void poll(Duration now, Visit visit) noexcept {
     now -= clock_ahead_;
     while (const Report<N>* r = in_->take(now)) visit(*r);
   }
-  [[gnu::always_inline]] void send(const auto& r, Duration now) noexcept { out_->put(r, now - clock_ahead_); }
+  void send(const auto& r, Duration now) noexcept { out_->put(r, now - clock_ahead_); }
   /// The clock of this end against the network's.
   void set_clock_ahead(Duration ahead) noexcept { clock_ahead_ = ahead; }
 

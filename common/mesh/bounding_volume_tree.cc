@@ -17,8 +17,7 @@ struct PointOfTriangle {
 };
 
 /// Ericson, Real-Time Collision Detection, 2005, 5.1.5.
-[[gnu::always_inline]] inline PointOfTriangle nearest_of(const std::array<Eigen::Vector3d, 3>& corner,
-                                                         const Eigen::Vector3d& p) noexcept {
+inline PointOfTriangle nearest_of(const std::array<Eigen::Vector3d, 3>& corner, const Eigen::Vector3d& p) noexcept {
   const Eigen::Vector3d &a = corner[0], &b = corner[1], &c = corner[2];
   Eigen::Vector3d ab = b - a, ac = c - a, ap = p - a;
   const double d1 = ab.dot(ap), d2 = ac.dot(ap);

@@ -101,7 +101,7 @@ class MasterPair final : public Copyable<MasterPair<N, Transparency, Passivity>,
   explicit MasterPair(const ControlOptions& o) : transparency_{o}, passivity_{o} {}
 
   void start(const DeviceSample<N>& device) noexcept override { transparency_->start(device); }
-  [[gnu::always_inline]] MasterOutput<N> step(const MasterInput<N>& in) noexcept override {
+  MasterOutput<N> step(const MasterInput<N>& in) noexcept override {
     Wish<N> wish = transparency_->wish(in);
     if (!all_finite(wish.f, wish.damper)) [[unlikely]]
       return not_finite(wish, in);
@@ -127,7 +127,7 @@ class MasterPair final : public Copyable<MasterPair<N, Transparency, Passivity>,
   void write_payload(Words& words) const noexcept override { transparency_->write_payload(words); }
 
  private:
-  [[gnu::noinline]] void cross(Wish<N>& wish, const MasterInput<N>& in) noexcept {
+  void cross(Wish<N>& wish, const MasterInput<N>& in) noexcept {
     wish.bridge = in.bridge;
     if (passivity_->crosses_bridge()) return;
     wish.f += wish.bridge->step(wish.total(), in.dt);
@@ -275,7 +275,7 @@ class SlavePair final : public Copyable<SlavePair<N, Transparency, Passivity>, S
     transparency_->start(robot, master);
     passivity_->start(robot);
   }
-  [[gnu::always_inline]] SlaveOutput<N> step(const SlaveInput<N>& in) noexcept override {
+  SlaveOutput<N> step(const SlaveInput<N>& in) noexcept override {
     VirtualCoupling<N>& coupling = transparency_->coupling();
     RobotWish<N> wish = transparency_->wish(in);
     RobotPort<N> port = passivity_->limit(wish, coupling, in);

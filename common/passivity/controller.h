@@ -168,7 +168,7 @@ Corrected<Out> passivity_controller(Out wanted, In in, Budget budget, const Cont
 
 /// Largest scale s in [0, 1] of a force within an energy budget, the port's response to the force included: q s² + b s
 /// <= a, q >= 0; if a < 0 cannot be reached, the s that minimises q s² + b s. Roots are computed without cancellation.
-[[gnu::always_inline]] inline double largest_feasible_scale(double q, double b, double a) noexcept {
+inline double largest_feasible_scale(double q, double b, double a) noexcept {
   if (q + b <= a) return 1.0;
   const double root = std::sqrt(std::max(0.0, b * b + 4.0 * q * a));
   const double s = b <= 0.0 ? (root - b) / (2.0 * q) : 2.0 * a / (root + b);
@@ -187,9 +187,9 @@ Corrected<Out> passivity_controller(Out wanted, In in, Budget budget, const Cont
 /// than a damping of max_gain. The force never exceeds the wanted force. `turned`: a limit at the device may turn the force, P is the least
 /// of any direction.
 template <int N>
-[[gnu::always_inline]] inline Corrected<Force<N>> predictive_impedance_controller(
-    const Force<N>& wanted, const VelocityPrediction<N>& port, Energy available, const ControllerOptions& options,
-    Seconds dt, bool turned = false) noexcept {
+inline Corrected<Force<N>> predictive_impedance_controller(const Force<N>& wanted, const VelocityPrediction<N>& port,
+                                                           Energy available, const ControllerOptions& options,
+                                                           Seconds dt, bool turned = false) noexcept {
   const auto& f = wanted.vec();
   const double accumulated_deficit = std::max(0.0, -available.si());
   if (f.squaredNorm() == 0.0) return {wanted, Energy{}, Energy{accumulated_deficit}};
@@ -228,9 +228,9 @@ struct PortSolution {
 /// the force, or its force is zero.
 /// Real time: two dot products, one square root; no allocation, no throw.
 template <int N>
-[[gnu::always_inline]] inline PortSolution<N> admittance_controller(const Force<N>& f_d, const Velocity<N>& v_d,
-                                                                    const typename Force<N>::Vector& mobility,
-                                                                    Energy available, Seconds dt) noexcept {
+inline PortSolution<N> admittance_controller(const Force<N>& f_d, const Velocity<N>& v_d,
+                                             const typename Force<N>::Vector& mobility, Energy available,
+                                             Seconds dt) noexcept {
   const double a = std::max(available.si(), 0.0) / dt.si();
   const double p = f_d.vec().dot(v_d.vec());
   if (p <= a) return {f_d, v_d, Energy{}};

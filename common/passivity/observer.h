@@ -49,14 +49,14 @@ struct Interval {
   Velocity<N> v0, v1;  ///< at its ends
 };
 template <int N>
-[[gnu::always_inline]] inline Interval<N> operator-(const PortMotion<N>& now, const PortMotion<N>& before) {
+inline Interval<N> operator-(const PortMotion<N>& now, const PortMotion<N>& before) {
   return {now.x - before.x, before.v, now.v};
 }
 
 /// ∫v dt of an interval: N = 6, log ΔR + T²/12 ω(k-1)×ω(k), as the rotation vector of an interval is not ∫ω dt. A difference below
 /// 1e-5 rad, as at 10 rad/s and 1 kHz, is left out: it is no more than errors of readings are.
 template <int N>
-[[gnu::always_inline]] inline Displacement<N> integral(const Interval<N>& interval, Seconds dt) noexcept {
+inline Displacement<N> integral(const Interval<N>& interval, Seconds dt) noexcept {
   if constexpr (N == 6) {
     typename Displacement<N>::Vector all = interval.moved.vec();
     const Eigen::Vector3d w0 = halves(interval.v0.vec()).angular, w1 = halves(interval.v1.vec()).angular;
@@ -78,8 +78,7 @@ template <int N>
 ///
 /// `held` is the force actually applied, after all limits.
 template <int N>
-[[gnu::always_inline]] inline Energy held_energy(ObserverRule rule, const Force<N>& held, const Interval<N>& interval,
-                                                 Seconds dt) noexcept {
+inline Energy held_energy(ObserverRule rule, const Force<N>& held, const Interval<N>& interval, Seconds dt) noexcept {
   if (rule == ObserverRule::rectangle) return dot(held, interval.v0) * dt;
   Energy e = dot(held, interval.moved);
   if constexpr (N == 6) {

@@ -95,8 +95,7 @@ class PortVelocityPredictor {
   }
 
   /// `moved` since the last step, `ended` ago, while `applied` was held.
-  [[gnu::always_inline]] void step(const Displacement<N>& moved, const Force<N>& applied, Seconds ended,
-                                   Seconds dt) noexcept {
+  void step(const Displacement<N>& moved, const Force<N>& applied, Seconds ended, Seconds dt) noexcept {
     if (ended.si() > 1.5 * dt.si()) [[unlikely]]
       return bridge(moved, applied, ended.si() / dt.si(), dt);
     const Vector c = 0.5 * dt.si() * inverse_at_port_;
@@ -111,15 +110,14 @@ class PortVelocityPredictor {
   /// that opens, r = 0 before, moves with v.
   ///
   ///     u, d, e  go with r'/r      f(k-1)  with r/r', as f_h = r f at the hand      C  with r'²
-  [[gnu::always_inline]] void take_ratio(const Vector& r, const Velocity<N>& v, Seconds dt) noexcept {
+  void take_ratio(const Vector& r, const Velocity<N>& v, Seconds dt) noexcept {
     if (r != ratio_) [[unlikely]]
       change_ratio(r, v, dt);
   }
   [[nodiscard]] const VelocityPrediction<N>& prediction() const noexcept { return prediction_; }
 
  private:
-  [[gnu::always_inline]] void predict(const Vector& c, const Vector& e, const Vector& unforeseen, const Vector& applied,
-                                      Seconds dt) noexcept {
+  void predict(const Vector& c, const Vector& e, const Vector& unforeseen, const Vector& applied, Seconds dt) noexcept {
     applied_ = applied;
     before_ = e;
     if ((unknown_ > 0).any()) [[unlikely]]
@@ -133,7 +131,7 @@ class PortVelocityPredictor {
           std::max(e.template tail<3>().norm(), kMemory * prediction_.rotation_error_bound);
   }
 
-  [[gnu::noinline]] void forget_unknown(Seconds dt) noexcept {
+  void forget_unknown(Seconds dt) noexcept {
     unknown_ = (unknown_ - 1).max(0);
     count_push(dt);
   }
@@ -143,7 +141,7 @@ class PortVelocityPredictor {
           unknown_[i] > 0 ? ratio_[i] * dt.si() * std::sqrt(inverse_mass_[i] * inverse_mass_[0]) * kHandAgainstLock_n
                           : 0.0;
   }
-  [[gnu::noinline]] void change_ratio(Vector r, Velocity<N> v, Seconds dt) noexcept {
+  void change_ratio(Vector r, Velocity<N> v, Seconds dt) noexcept {
     for (int i = 0; i < N; ++i) {
       const bool opens = ratio_[i] == 0.0;
       const double by = opens ? 0.0 : r[i] / ratio_[i];
@@ -165,7 +163,7 @@ class PortVelocityPredictor {
 
   /// The same over n intervals at once: what is measured is their mean, and each has changed the velocity by
   /// d - 2 C f(k). The measured mean is taken without filtering.
-  [[gnu::noinline]] void bridge(Displacement<N> moved, Force<N> applied, double n, Seconds dt) noexcept {
+  void bridge(Displacement<N> moved, Force<N> applied, double n, Seconds dt) noexcept {
     const Vector c = 0.5 * dt.si() * inverse_at_port_;
     const Vector half = 0.5 * (n - 1.0) * (d_ - 2.0 * c.cwiseProduct(applied.vec()));
     const Vector expected = u_ + d_ - c.cwiseProduct(applied_ + applied.vec()) + half;

@@ -42,7 +42,7 @@ class ContactFigures {
       : held_force_{rate_hz, std::move(rests)}, torque_high_pass_{30.0, rate_hz} {}
 
   /// `felt2` is |felt|².
-  [[gnu::always_inline]] void add(const Row<N>& row, const Vector& felt, double felt2) noexcept {
+  void add(const Row<N>& row, const Vector& felt, double felt2) noexcept {
     // Counts the rarer of two events: a branch costs less than a store.
     if (!row.coupled) [[unlikely]]
       ++sums_.uncoupled;

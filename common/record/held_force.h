@@ -48,7 +48,7 @@ class HeldForce {
         rests_{std::move(rests).value_or(std::vector<Rest>{})} {}
 
   /// A tick in which robot and environment touch.
-  [[gnu::always_inline]] void add(const Row<N>& row, const Vector& felt, const Vector& reference) noexcept {
+  void add(const Row<N>& row, const Vector& felt, const Vector& reference) noexcept {
     if (known_ && !at_rest(row.t_s)) {
       interrupt();
       return;
@@ -87,7 +87,7 @@ class HeldForce {
     while (current_ < rests_.size() && t_s >= rests_[current_].to_s) ++current_;
     return current_ < rests_.size() && t_s >= rests_[current_].from_s;
   }
-  [[gnu::noinline]] void end_window(Positions to) noexcept {
+  void end_window(Positions to) noexcept {
     const double largest = kRestSpeed * kWindow;
     if ((to.master - from_.master).norm() < largest && (to.slave - from_.slave).norm() < largest)
       if (const std::optional<double> mean = ratio_of_means()) ratio_ = mean;

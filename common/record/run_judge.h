@@ -49,7 +49,7 @@ class RunJudge {
 
   /// Returns false once the run has diverged: a value is not finite, or a speed is beyond 1000 m/s or rad/s and ten times
   /// that of the first row. The run may then end.
-  [[gnu::always_inline]] bool add(const Row<N>& row) noexcept {
+  bool add(const Row<N>& row) noexcept {
     const double speed2 =
         (known_.of_master ? row.master_v.squared_norm() : 0.0) + (known_.of_slave ? row.slave_v.squared_norm() : 0.0);
     if (rows_++ == 0) most_speed2_ = std::max(kDiverged * kDiverged, 100.0 * speed2);
@@ -119,7 +119,7 @@ class RunJudge {
  private:
   [[nodiscard]] std::string why_not_coupled() const;
   [[nodiscard]] Verdict at_robot() const;
-  [[gnu::noinline]] void end_early() noexcept {
+  void end_early() noexcept {
     early_ = false;
     std::copy_n(sums_.speed, 2 * N, early_speed_.begin());
   }

@@ -70,7 +70,7 @@ class TrendRecord {
     bool limited = false;   ///< a force was cut by a limit that is no passivity controller
   };
   /// `signals`, `energies`: arrays, vectors or spans of numbers.
-  [[gnu::always_inline]] void add(const auto& signals, const auto& energies, Events events) noexcept {
+  void add(const auto& signals, const auto& energies, Events events) noexcept {
     if (in_block_ == 0) [[unlikely]] {
       for (std::size_t i = 0; i < signals.size(); ++i) signal_now_[i] = {0.0, signals[i], 0};
       for (std::size_t i = 0; i < energies.size(); ++i) energy_now_[i] = {0.0, energies[i], energies[i]};

@@ -16,7 +16,7 @@ struct NoMail {
 /// One control period: sense, collect, step, actuate, post. The live programs, the
 /// laboratory and a replay use this one function.
 template <class Node, class Plant, class Mail, class Clock>
-[[gnu::always_inline]] inline auto run_cycle(Node& node, Plant& plant, Mail& mail, const Tick<Clock>& tick) noexcept {
+inline auto run_cycle(Node& node, Plant& plant, Mail& mail, const Tick<Clock>& tick) noexcept {
   auto sensed = plant.sense(tick);
   const auto& arrived = mail.collect(tick.now.time_since_epoch());
   auto out = node.step(tick, sensed, arrived);

@@ -91,7 +91,7 @@ class ModeMachine {
   }
   /// True when a coupling begins.
   template <int N>
-  [[gnu::always_inline]] bool step(Duration now, const PeerState<N>& peer, bool let_go) noexcept {
+  bool step(Duration now, const PeerState<N>& peer, bool let_go) noexcept {
     const Mode other = peer.newest.mode;
     const Duration silence = now - peer.proven_at;
     const bool heard = peer.has_report && silence < hold_after_ && told_ < kTold;

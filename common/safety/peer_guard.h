@@ -29,7 +29,7 @@ class PeerGuard {
 
   /// Calls use(report) with a report that keeps the limits.
   template <class Use>
-  [[gnu::always_inline]] void pass(const Report<N>& r, Duration now, Use&& use) noexcept {
+  void pass(const Report<N>& r, Duration now, Use&& use) noexcept {
     if (!any_) {
       use(r);
       return;
@@ -46,7 +46,7 @@ class PeerGuard {
   static constexpr double kAbsurd = 1e12;          ///< beyond it no number of a method has a meaning
   static constexpr Seconds kMotionOnTheWay{0.05}, kEnergyOnTheWay{1.0};
 
-  [[gnu::noinline]] void check(Duration now) noexcept {
+  void check(Duration now) noexcept {
     if (!started_) begin(now);
     bool motion = clip(checked_.v, o_.speed_m_per_s, o_.angular_speed_rad_per_s);
     motion = bound_position(now) || motion;

@@ -39,8 +39,7 @@ class SafetyStage {
                                     limits.force_n}) < PortLimits::kNone} {}
 
   /// The force to be applied until the next tick. `f` is finite.
-  [[gnu::always_inline]] Force<N> operator()(const Force<N>& f, const Position<N>& x, const Velocity<N>& v,
-                                             Seconds dt) noexcept {
+  Force<N> operator()(const Force<N>& f, const Position<N>& x, const Velocity<N>& v, Seconds dt) noexcept {
     Force<N> out = f;
     if (bounds_force_) out = bounded(out);
     if (bounds_more_) [[unlikely]]
@@ -80,7 +79,7 @@ class SafetyStage {
     }
   }
 
-  [[gnu::noinline]] Force<N> bounded_more(Force<N> f, Position<N> x, Velocity<N> v, double dt) noexcept {
+  Force<N> bounded_more(Force<N> f, Position<N> x, Velocity<N> v, double dt) noexcept {
     bound_rate(f, dt);
     bound_workspace(f, x);
     bound_speed(f, v, dt);
@@ -149,8 +148,8 @@ class SafetyStage {
     return true;
   }
 
-  [[gnu::noinline]] Position<N> bounded_set_point(const Position<N>& to, const Position<N>& from, double dt,
-                                                  const Force<N>* held_by) noexcept {
+  Position<N> bounded_set_point(const Position<N>& to, const Position<N>& from, double dt,
+                                const Force<N>* held_by) noexcept {
     using Point = Eigen::Matrix<double, kAxes, 1>;
     Point target = to.translation();
     bool acted = false;

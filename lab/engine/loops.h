@@ -51,9 +51,9 @@ class DelayedForce {
   }
 
   /// Of the slave's next tick.
-  [[gnu::always_inline]] void put(const Force<N>& f) noexcept { past_[index(ticks_++)] = f; }
+  void put(const Force<N>& f) noexcept { past_[index(ticks_++)] = f; }
   /// In a tick of the master.
-  [[gnu::always_inline]] void step(const PeerState<N>& slave, bool coupled) noexcept {
+  void step(const PeerState<N>& slave, bool coupled) noexcept {
     if (slave.is_new) {
       lag_ = std::min(ticks_ + 1 - tick_of(slave.newest.sequence), static_cast<std::int64_t>(mask_ + 1));
     } else if (coupled && tick_of_.empty()) {
@@ -106,8 +106,8 @@ class SimLink {
   }
   SimLink& operator=(const SimLink&) = delete;
 
-  [[nodiscard, gnu::always_inline]] Mailbox<N, Transport>& master() noexcept { return master_; }
-  [[nodiscard, gnu::always_inline]] Mailbox<N, Transport>& slave() noexcept { return slave_; }
+  [[nodiscard]] Mailbox<N, Transport>& master() noexcept { return master_; }
+  [[nodiscard]] Mailbox<N, Transport>& slave() noexcept { return slave_; }
   void keep_as_it_is() noexcept {
     to_slave_.keep_as_it_is();
     to_master_.keep_as_it_is();
@@ -130,9 +130,9 @@ class SimLink {
 
 /// The columns of trace.csv after a master tick with the result `out`; `dissipated` by both sides since the last one.
 template <int N>
-[[gnu::always_inline]] inline Row<N> columns(Duration now, const auto& out, Energy dissipated,
-                                             const Force<N>& environment_force, const sim::SimDevice<N>& device,
-                                             const auto& robot, const auto& master, const auto& slave) noexcept {
+inline Row<N> columns(Duration now, const auto& out, Energy dissipated, const Force<N>& environment_force,
+                      const sim::SimDevice<N>& device, const auto& robot, const auto& master,
+                      const auto& slave) noexcept {
   return {.t_s = to_seconds(now).si(),
           .master_x = device.x(),
           .master_v = device.v(),
@@ -242,14 +242,14 @@ class LinkLoop {
  private:
   /// By the master's clock.
   static double true_slave_rate_hz(const Scene& scene) { return scene.slave_rate_hz * (1.0 + scene.slave_clock.drift); }
-  [[gnu::always_inline]] auto master_tick(Duration now, std::int64_t k) noexcept {
+  auto master_tick(Duration now, std::int64_t k) noexcept {
     if (k > 0) device_.advance();
     if (switch_times_.any()) [[unlikely]]
       switch_when_due(now);
     const Tick<MasterClock> tick{Instant<MasterClock>{now}, master_dt_};
     return tapped_cycle(taps_ ? &taps_->master : nullptr, master_, device_, link_.master(), tick);
   }
-  [[gnu::always_inline]] void slave_tick(Duration now, std::int64_t k) noexcept {
+  void slave_tick(Duration now, std::int64_t k) noexcept {
     if (k > 0) {
       Position<N> before = robot_.state().x;
       robot_.advance();
@@ -266,29 +266,29 @@ class LinkLoop {
     if (out.mode != slave_mode_) [[unlikely]]
       change_mode(out.mode);
   }
-  [[gnu::always_inline]] auto slave_cycle(Duration now) noexcept {
+  auto slave_cycle(Duration now) noexcept {
     const Tick<SlaveClock> tick{Instant<SlaveClock>{now}, slave_dt_};
     return tapped_cycle(taps_ ? &taps_->slave : nullptr, slave_, robot_, link_.slave(), tick);
   }
-  [[gnu::noinline]] void switch_when_due(Duration now) noexcept {
+  void switch_when_due(Duration now) noexcept {
     while (switch_times_.due(to_seconds(now).si(), master_.epoch())) master_.switch_to_next();
   }
   [[nodiscard]] Duration slave_time(std::int64_t k) const noexcept {
     return slave_clock_offset_ + slave_times_by_itself_[k];
   }
-  [[gnu::noinline]] Duration read_slave_clock(Duration now, std::int64_t k) noexcept {
+  Duration read_slave_clock(Duration now, std::int64_t k) noexcept {
     const Duration local = slave_time(k);
     link_.slave().transport().set_clock_ahead(local - now);
     return local;
   }
   /// Of the slave. When it begins to follow, the worlds have just been registered.
-  [[gnu::noinline]] void change_mode(Mode mode) noexcept {
+  void change_mode(Mode mode) noexcept {
     slave_mode_ = mode;
     if (mode != Mode::coupled) return;
     origin_ = slave_.target().translation() - registration_.to_slave(link_.slave().known().newest.x).translation();
   }
 
-  [[gnu::always_inline]] Row<N> row(Duration now, const auto& out) noexcept {
+  Row<N> row(Duration now, const auto& out) noexcept {
     const Energy dissipated = out.dissipated + dissipated_;
     dissipated_ = Energy{};
     delayed_force_.step(link_.master().known(), out.mode == Mode::coupled);
@@ -396,7 +396,7 @@ class RenderLoop {
   [[nodiscard]] std::vector<sim::SegmentTimes> segment_times() const { return device_.path().segment_times(); }
 
  private:
-  [[gnu::always_inline]] auto cycle(NoMail& mail, Duration now, Seconds dt) noexcept {
+  auto cycle(NoMail& mail, Duration now, Seconds dt) noexcept {
     const Tick<MasterClock> tick{Instant<MasterClock>{now}, dt};
     return tapped_cycle(taps_ ? &taps_->master : nullptr, node_, device_, mail, tick);
   }

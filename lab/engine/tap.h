@@ -28,7 +28,7 @@ class SideTap final : public ReportTap<N> {
 
   /// Before a cycle of the node, and after it. By value: what is not seen stays in registers.
   template <class Node, class Clock>
-  [[gnu::noinline]] void begin(const Node& node, Tick<Clock> tick) noexcept {
+  void begin(const Node& node, Tick<Clock> tick) noexcept {
     tick_.now = tick.now.time_since_epoch();
     tick_.dt = tick.dt, tick_.ended = tick.ended;
     tick_.t_s = to_seconds(tick_.now).si();
@@ -37,7 +37,7 @@ class SideTap final : public ReportTap<N> {
     received_.clear();
   }
   template <class Plant, class Output>
-  [[gnu::noinline]] void end(const Plant& plant, Output out) noexcept {
+  void end(const Plant& plant, Output out) noexcept {
     tick_.take(plant.sense());
     tick_.take_output(out);
     if (side_) side_->add(tick_, std::span<const Report<N>>{received_});
@@ -52,8 +52,7 @@ class SideTap final : public ReportTap<N> {
 
 /// run_cycle, seen by `tap` unless that is null. The plant must still give the reading of the cycle after it.
 template <int N, class Node, class Plant, class Mail, class Clock>
-[[gnu::always_inline]] inline auto tapped_cycle(SideTap<N>* tap, Node& node, Plant& plant, Mail& mail,
-                                                const Tick<Clock>& tick) noexcept {
+inline auto tapped_cycle(SideTap<N>* tap, Node& node, Plant& plant, Mail& mail, const Tick<Clock>& tick) noexcept {
   if (tap != nullptr) [[unlikely]]
     tap->begin(node, tick);
   const auto out = run_cycle(node, plant, mail, tick);

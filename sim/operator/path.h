@@ -98,7 +98,7 @@ class Path {
   };
 
   /// Times must not decrease from call to call.
-  [[gnu::always_inline]] Sample at(double t_s) noexcept {
+  Sample at(double t_s) noexcept {
     if (t_s >= rest_from_s_) return {end_, {}};
     Sample s = intended(t_s);
     if (!tremor_.still()) {
@@ -134,7 +134,7 @@ class Path {
   [[nodiscard]] double end_s() const { return rest_from_s_; }
 
  private:
-  [[gnu::always_inline]] Sample intended(double t_s) noexcept {
+  Sample intended(double t_s) noexcept {
     if (t_s >= end_s_) return {end_, {}};
     while (t_s >= segments_[current_].start_s + segments_[current_].duration_s) ++current_;
     return segments_[current_].at(t_s - segments_[current_].start_s);
@@ -151,7 +151,7 @@ class Path {
     std::vector<MultiSineSpec::Wave> waves;
     std::shared_ptr<const RecordedHand> hand;
 
-    [[gnu::noinline]] Sample at(double t) const noexcept {
+    Sample at(double t) const noexcept {
       switch (kind) {
         case Kind::hold:
           break;
@@ -173,7 +173,7 @@ class Path {
       return {from, {}};
     }
     // Out of line, as they are rare and the others are short.
-    [[gnu::noinline]] Sample summed(double t) const noexcept {
+    Sample summed(double t) const noexcept {
       double x = 0.0, v = 0.0;
       for (const MultiSineSpec::Wave& w : waves) {
         const double rate = 2.0 * std::numbers::pi * w.frequency_hz;
@@ -182,7 +182,7 @@ class Path {
       }
       return {from + x * along, Velocity<N>{v * along.vec()}};
     }
-    [[gnu::noinline]] Sample recorded(double t) const noexcept {
+    Sample recorded(double t) const noexcept {
       const std::vector<double>& times = hand->t_s;
       const auto after = static_cast<std::size_t>(std::upper_bound(times.begin(), times.end(), t) - times.begin());
       if (after == 0) return recorded_at(0);
@@ -200,7 +200,7 @@ class Path {
         return {Position<N>{Eigen::Map<const typename Position<N>::Vector>{x}}, velocity};
       }
     }
-    [[gnu::noinline]] Sample turned(double share, double rate) const noexcept {
+    Sample turned(double share, double rate) const noexcept {
       if constexpr (N >= 3) {
         const Eigen::Quaterniond q = rotation(share * angle * axis);
         const Eigen::Vector3d arm = q * (from.translation() - point);

@@ -43,7 +43,7 @@ class Tremor {
     Velocity<N> v;
   };
   /// Out of line, as it is rare.
-  [[nodiscard, gnu::noinline]] Sample at(double t_s) const noexcept {
+  [[nodiscard]] Sample at(double t_s) const noexcept {
     typename Displacement<N>::Vector x = Displacement<N>::Vector::Zero(), v = x;
     for (const Wave& w : waves_) {
       const double angle = w.omega * t_s + w.phase;

@@ -150,8 +150,8 @@ class Body {
 
   /// A step of h from m, where the slope is a, by RODAS, with the contacts of `among`: for friction that is stiff. Tells
   /// its own error, against what it is allowed: accept it up to 1.
-  [[gnu::noinline]] Motion rosenbrock(const Motion& m, const Slope& a, const Vector& f, const Contacts* among, double h,
-                                      double& error) const noexcept {
+  Motion rosenbrock(const Motion& m, const Slope& a, const Vector& f, const Contacts* among, double h,
+                    double& error) const noexcept {
     const auto rates = [&](const Stacked& y) {
       const Vector by = part(y, 0);
       const Slope s = slope_among(moved(m, by, part(y, N)), f, among);
@@ -181,7 +181,7 @@ class Body {
   ///     J ω̇ = Jω×ω + t - b_r ω,   ṫ = t×ω,   q̇ = ½ q (0, ω),   m v̇ = f - b v        ω, t = Rᵀτ in body axes
   ///
   /// in pieces short enough for it to converge.
-  [[gnu::noinline]] Motion flight(Motion m, Vector f, double h) const noexcept requires(N == 6) {
+  Motion flight(Motion m, Vector f, double h) const noexcept requires(N == 6) {
     constexpr int kHalvings = 10;
     double left = h, piece = h;
     for (int halvings = 0; left > 0.0;) {
@@ -312,13 +312,12 @@ class Body {
 
   /// Without a look at what is certainly open.
   template <class Visit>
-  [[gnu::always_inline]] void for_each_contact(const PoseWithRotation<N>& x, const Vector& v,
-                                               const Visit& visit) const noexcept {
+  void for_each_contact(const PoseWithRotation<N>& x, const Vector& v, const Visit& visit) const noexcept {
     if constexpr (N == 6)
       if (!clearance_.empty()) return environment_->for_each_contact(x, v, clearance_, visit);
     environment_->for_each_contact(x, v, *near_, visit);
   }
-  [[gnu::noinline]] Slope slope_of_all(const Motion& m, const Vector& f) const noexcept {
+  Slope slope_of_all(const Motion& m, const Vector& f) const noexcept {
     Vector v = velocity(m);
     return slope(v, f, environment_force(m.at, v));
   }

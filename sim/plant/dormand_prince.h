@@ -209,7 +209,7 @@ class DormandPrincePlant final : public BodyPlant<N> {
   };
   using AnyFrame = std::conditional_t<N == 6, Frame, FrameOfPoint>;
 
-  [[nodiscard, gnu::always_inline]] AnyFrame frame(const Numbers& y) const noexcept {
+  [[nodiscard]] AnyFrame frame(const Numbers& y) const noexcept {
     if constexpr (N == 6) {
       Frame f;
       const double qx = y[3], qy = y[4], qz = y[5], qw = y[6];
@@ -233,7 +233,7 @@ class DormandPrincePlant final : public BodyPlant<N> {
   struct At {
     Where arm, p, v;
   };
-  [[nodiscard, gnu::always_inline]] At at(const AnyFrame& f, const Pair& pair) const noexcept {
+  [[nodiscard]] At at(const AnyFrame& f, const Pair& pair) const noexcept {
     if constexpr (N == 6) {
       Eigen::Vector3d arm = f.R * pair.point;
       return {arm, f.x + arm, f.v + f.w.cross(arm)};
@@ -242,14 +242,13 @@ class DormandPrincePlant final : public BodyPlant<N> {
       return {Where::Zero(), f.x, f.v};
     }
   }
-  [[nodiscard, gnu::always_inline]] static Where along_surface(const SignedDistance<D>& d, const Where& v,
-                                                               double vn) noexcept {
+  [[nodiscard]] static Where along_surface(const SignedDistance<D>& d, const Where& v, double vn) noexcept {
     const double squared = d.normal.squaredNorm();
     return std::abs(squared - 1.0) > 1e-9 ? Where{v - vn / squared * d.normal} : Where{v - vn * d.normal};
   }
   /// The law of a contact (common/contact/contact_law.h) in a mode that is kept: it may pull, and sticks at any speed.
-  [[gnu::always_inline]] static Where force(const Material& m, const SignedDistance<D>& d, const Where& v, bool slides,
-                                            double& coulomb) noexcept {
+  static Where force(const Material& m, const SignedDistance<D>& d, const Where& v, bool slides,
+                     double& coulomb) noexcept {
     const double vn = d.normal.dot(v), fn = -m.stiffness_n_per_m * d.distance - m.damping_n_s_per_m * vn;
     Where f = fn * d.normal;
     if constexpr (D > 1) {
@@ -262,7 +261,7 @@ class DormandPrincePlant final : public BodyPlant<N> {
     }
     return f;
   }
-  [[gnu::always_inline]] static void look(const Pair& pair, const At& a, Found& out) noexcept {
+  static void look(const Pair& pair, const At& a, Found& out) noexcept {
     const Material& m = pair.surface->material;
     const SignedDistance<D> d = signed_distance<D>(pair.surface->shape, a.p, kNearest);
     const double vn = d.normal.dot(a.v);
@@ -298,7 +297,7 @@ class DormandPrincePlant final : public BodyPlant<N> {
     for (const int i : near_now_)
       if (!std::binary_search(near_before_.begin(), near_before_.end(), i)) before_[static_cast<std::size_t>(i)] = {};
   }
-  [[gnu::noinline]] void look_at_near(const Numbers& y) noexcept {
+  void look_at_near(const Numbers& y) noexcept {
     const AnyFrame at_y = frame(y);
     list_near(at_y);
     for (const int i : looked_) {
@@ -317,7 +316,7 @@ class DormandPrincePlant final : public BodyPlant<N> {
 
   /// Rates of y. `kLook`: also what the pairs are at, in found_.
   template <bool kLook>
-  [[gnu::noinline]] void evaluate(const Numbers& y, const Vector& f, Numbers& rate, Vector& environment) noexcept {
+  void evaluate(const Numbers& y, const Vector& f, Numbers& rate, Vector& environment) noexcept {
     const AnyFrame at_y = frame(y);
     Where force_sum = Where::Zero(), torque_sum = Where::Zero();
     double friction = 0.0;
@@ -377,7 +376,7 @@ class DormandPrincePlant final : public BodyPlant<N> {
   }
 
   /// One step of h from the state, into next_; stages 0 to 5 filled. Returns its error over what is allowed.
-  [[gnu::noinline]] double make_step(double h) noexcept {
+  double make_step(double h) noexcept {
     stage_[0] = s_.rate;
     const auto at_stage = [&](auto... weights) {
       const double a[] = {(h * weights)...};
@@ -483,7 +482,7 @@ class DormandPrincePlant final : public BodyPlant<N> {
     return least;
   }
   /// Goes to the first change within the step of h just made, and into the modes beyond it. Returns the way in time.
-  [[gnu::noinline]] double step_to_change(double h) noexcept {
+  double step_to_change(double h) noexcept {
     double lo = 0.0, hi = 1.0, at_hi = kept(1.0, h);
     if (!(at_hi < 0.0)) {  // a dip: from within
       for (const int i : changed_) {
@@ -570,9 +569,7 @@ class DormandPrincePlant final : public BodyPlant<N> {
       active_.insert(found, to);
     }
   }
-  [[gnu::noinline]] void go_stiff(double left) noexcept {
-    place(stiff_.advance_stiff(body(), Force<N>{s_.held}, left));
-  }
+  void go_stiff(double left) noexcept { place(stiff_.advance_stiff(body(), Force<N>{s_.held}, left)); }
 
   [[nodiscard]] Numbers numbers(const BodyState<N>& at) const noexcept {
     Numbers y{};

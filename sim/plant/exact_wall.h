@@ -74,7 +74,7 @@ class ExactPlant {
   }
 
   /// One tick under the force f.
-  [[gnu::always_inline]] const BodyState<D>& advance(const Force<D>& f) noexcept {
+  const BodyState<D>& advance(const Force<D>& f) noexcept {
     if (steps_ != 1) return advance_in_steps(f);
     step(f);
     return s_.body;
@@ -92,7 +92,7 @@ class ExactPlant {
   }
 
   /// Of the environment on the mass: Environment::force, to the bit.
-  [[nodiscard, gnu::always_inline]] Force<D> environment_force() const noexcept {
+  [[nodiscard]] Force<D> environment_force() const noexcept {
     const Vector &x = s_.body.x.translation(), &v = s_.body.v.vec();
     Vector sum = Vector::Zero();
     ContactForce<D> c;
@@ -113,9 +113,7 @@ class ExactPlant {
     Map() = default;
     Map(const Response& r, const Oscillator& o)
         : x{1.0 - o.stiffness_n_per_m * r.xu, -o.stiffness_n_per_m * r.vu}, v{r.xv, r.vv}, u{r.xu, r.vu} {}
-    [[gnu::always_inline]] Normal operator()(const Normal& n, double load) const noexcept {
-      return x * n[0] + (v * n[1] + u * load);
-    }
+    Normal operator()(const Normal& n, double load) const noexcept { return x * n[0] + (v * n[1] + u * load); }
   };
   struct Region {
     Oscillator across, along;  ///< the wall's normal; any direction along it
@@ -166,7 +164,7 @@ class ExactPlant {
     return dt_ / std::ceil(std::max(1.0, 2.0 * dt_ * std::sqrt(o.stiffness_n_per_m / o.mass_kg)));
   }
 
-  [[gnu::always_inline]] void step(const Force<D>& f) noexcept {
+  void step(const Force<D>& f) noexcept {
     Vector u = f.vec() + pull_;
     if (!wall_) return step_free(u);
     const Region& r = region_[s_.in_contact];
@@ -183,13 +181,13 @@ class ExactPlant {
     s_.across = n;
   }
 
-  [[gnu::noinline]] const BodyState<D>& advance_in_steps(Force<D> f) noexcept {
+  const BodyState<D>& advance_in_steps(Force<D> f) noexcept {
     for (int i = 0; i < steps_; ++i) step(f);
     return s_.body;
   }
 
   /// Does the mass, which is free at both ends of a tick, turn around inside the wall?
-  [[nodiscard, gnu::noinline]] bool dips(Vector u) const noexcept { return contact_at_turn(s_.across, u, dt_); }
+  [[nodiscard]] bool dips(Vector u) const noexcept { return contact_at_turn(s_.across, u, dt_); }
   [[nodiscard]] bool contact_at_turn(const Normal& from, const Vector& u, double h) const noexcept {
     const AxisState at = free_across(from, u, turn(from, u, h));
     return contact({at.x, at.v});
@@ -199,7 +197,7 @@ class ExactPlant {
     return propagate(region_[0].across, {from[0], from[1]}, normal_.dot(u), 0.0, t);
   }
   /// When the free motion, towards the wall at first, turns around within h.
-  [[nodiscard, gnu::noinline]] double turn(Normal from, Vector u, double h) const noexcept {
+  [[nodiscard]] double turn(Normal from, Vector u, double h) const noexcept {
     double lo = 0.0, hi = h;
     for (int i = 0; i < 60; ++i) {
       const double t = 0.5 * (lo + hi);
@@ -218,7 +216,7 @@ class ExactPlant {
   }
 
   /// A step that is cut where contact begins or ends, and at spans.
-  [[gnu::noinline]] void step_in_parts(Vector u) noexcept {
+  void step_in_parts(Vector u) noexcept {
     double left = dt_;
     bool in = s_.in_contact;
     for (int cuts = 0; left > 0.0;) {
@@ -239,8 +237,7 @@ class ExactPlant {
     s_.in_contact = contact(s_.across);
     if (rough_) note_friction(u);
   }
-  [[nodiscard, gnu::noinline]] BodyState<D> moved(const BodyState<D>& s, const Vector& u, bool in,
-                                                  double h) const noexcept {
+  [[nodiscard]] BodyState<D> moved(const BodyState<D>& s, const Vector& u, bool in, double h) const noexcept {
     const Region& r = region_[in];
     const bool whole = h == r.span;
     const Normal from = normal(s);
@@ -256,9 +253,8 @@ class ExactPlant {
   }
 
   /// Completes a step whose normal motion has reached `to`.
-  [[nodiscard, gnu::always_inline]] BodyState<D> moved(const BodyState<D>& s, const Normal& from, const Normal& to,
-                                                       const Vector& u, const Region& r,
-                                                       const Response& along) const noexcept {
+  [[nodiscard]] BodyState<D> moved(const BodyState<D>& s, const Normal& from, const Normal& to, const Vector& u,
+                                   const Region& r, const Response& along) const noexcept {
     if constexpr (D == 1) {
       return {Position<D>{to[0] * normal_}, Velocity<D>{to[1] * normal_}};
     } else {

@@ -17,7 +17,7 @@ struct AxisState {
 
 /// State after h seconds: the Taylor series of the exact solution, in pieces short enough that it converges to
 /// rounding (relative error below 1e-15 for any damping and stiffness).
-[[gnu::noinline]] inline AxisState propagate(const Oscillator& o, AxisState s, double u0, double u1, double h) {
+inline AxisState propagate(const Oscillator& o, AxisState s, double u0, double u1, double h) {
   const double rate = std::max(o.damping_n_s_per_m / o.mass_kg, std::sqrt(std::abs(o.stiffness_n_per_m) / o.mass_kg));
   const int pieces = std::max(1, static_cast<int>(std::ceil(rate * std::abs(h))));
   const double d = h / pieces;

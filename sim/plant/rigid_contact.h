@@ -100,7 +100,7 @@ class RungeKuttaPlant final : public BodyPlant<N> {
     return body();
   }
   /// From `from`, for `time` seconds under the force f, by RODAS.
-  [[gnu::noinline]] BodyState<N> advance_stiff(const BodyState<N>& from, const Force<N>& force, double time) noexcept {
+  BodyState<N> advance_stiff(const BodyState<N>& from, const Force<N>& force, double time) noexcept {
     s_.motion = body_.motion(from);
     s_.held = port_vector<N>(force.vec());
     s_.slope = body_.slope(s_.motion, s_.held, s_.touched);
@@ -149,7 +149,7 @@ class RungeKuttaPlant final : public BodyPlant<N> {
     return (acceleration * dt_ > kSteady ? 0.3 : 0.05) * s_.slope.friction * most_mobile_;
   }
   /// What is left of a piece in which contacts have come to press more than the tick's steps are short for.
-  [[gnu::noinline]] void advance_finer(double left) noexcept {
+  void advance_finer(double left) noexcept {
     for (int cuts = 0; left > 0.0;) {
       const double wanted = std::max(1.0, left * fastest_rate() / 0.1);
       if (wanted * dt_ > kPieces * left) return advance_stiff(left);
@@ -159,7 +159,7 @@ class RungeKuttaPlant final : public BodyPlant<N> {
     }
   }
   /// Where explicit steps would be too many: linearly implicit ones, as long as their own error allows.
-  [[gnu::noinline]] void advance_stiff(double left) noexcept {
+  void advance_stiff(double left) noexcept {
     const double shortest = 1e-9 * left, longest = 0.5 / rate_of_springs_;
     double h = std::min(left / kPieces, longest);
     for (int steps = 0, cuts = 0; left > 0.0; ++steps) {
@@ -204,7 +204,7 @@ class RungeKuttaPlant final : public BodyPlant<N> {
   }
   /// The step of h that leads to `next`, cut if it may be; go(h) is where one of h leads to. Returns its length.
   template <class Go>
-  [[gnu::always_inline]] double finish(typename Body<N>::Motion next, double h, bool may_cut, const Go& go) noexcept {
+  double finish(typename Body<N>::Motion next, double h, bool may_cut, const Go& go) noexcept {
     typename Body<N>::Slope there = body_.slope(next, s_.held, after_);
     if (may_cut && after_ != s_.touched) {
       double lo = 0.0, hi = h;

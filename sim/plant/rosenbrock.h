@@ -9,10 +9,9 @@ namespace twoport::sim {
 /// so that what decays within the step does so whatever its rate. `jacobian` is ∂f/∂y at y, f0 is f(y). Returns the
 /// step's change of y; `error` is the difference to the embedded solution of third order.
 template <int M, class Rate>
-[[gnu::noinline]] Eigen::Matrix<double, M, 1> rosenbrock_step(const Eigen::Matrix<double, M, M>& jacobian,
-                                                              const Eigen::Matrix<double, M, 1>& f0, double h,
-                                                              const Rate& f,
-                                                              Eigen::Matrix<double, M, 1>& error) noexcept {
+Eigen::Matrix<double, M, 1> rosenbrock_step(const Eigen::Matrix<double, M, M>& jacobian,
+                                            const Eigen::Matrix<double, M, 1>& f0, double h, const Rate& f,
+                                            Eigen::Matrix<double, M, 1>& error) noexcept {
   using Vector = Eigen::Matrix<double, M, 1>;
   constexpr double kGamma = 0.25;
   const Eigen::PartialPivLU<Eigen::Matrix<double, M, M>> lu{

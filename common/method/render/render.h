@@ -149,7 +149,7 @@ class Rendering {
   }
   /// One account, of the spring between handle and proxy. What friction takes counts like stored energy: else it would cover what
   /// the spring generates.
-  [[gnu::noinline]] void evaluate_god_object(PortMotion<N> port) noexcept {
+  void evaluate_god_object(PortMotion<N> port) noexcept {
     god_object_->follow(port.x);
     accounts_[0].potential = god_object_->potential(port.x) + god_object_->friction_energy();
     accounts_[0].on_environment = -god_object_->force(port.x, port.v);

@@ -16,7 +16,7 @@ class DisplayedForce {
       : by_position_{o.architecture == Architecture::position_position}, registration_{o}, position_error_{o} {}
 
   void start(const Position<N>& device) noexcept { position_error_.start(device); }
-  [[gnu::always_inline]] Force<N> step(const DeviceSample<N>& device, const PeerState<N>& slave, Seconds dt) noexcept {
+  Force<N> step(const DeviceSample<N>& device, const PeerState<N>& slave, Seconds dt) noexcept {
     return by_position_ ? position_error_.step(device, slave, dt) : registration_.to_master(slave.newest.f);
   }
   [[nodiscard]] const Registration<N>& registration() const noexcept { return registration_; }

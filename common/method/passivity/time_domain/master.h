@@ -38,7 +38,7 @@ class TimeDomainMaster final : public Copyable<TimeDomainMaster<N>, MasterPassiv
         workspace_m_{limits_at_device(o).workspace_m},
         predictor_{predictor(o)} {}
 
-  [[gnu::always_inline]] Shown<N> limit(const Wish<N>& wish, const MasterInput<N>& in) noexcept override {
+  Shown<N> limit(const Wish<N>& wish, const MasterInput<N>& in) noexcept override {
     observe(in);
     if (!as_published_) keep_for_deficit(in.account, in.slave_energy_in);
     Corrected<Force<N>> allowed{};
@@ -70,8 +70,7 @@ class TimeDomainMaster final : public Copyable<TimeDomainMaster<N>, MasterPassiv
   }
 
  private:
-  [[gnu::always_inline]] Corrected<Force<N>> within(const Force<N>& wanted, Energy available,
-                                                    const MasterInput<N>& in) const noexcept {
+  Corrected<Force<N>> within(const Force<N>& wanted, Energy available, const MasterInput<N>& in) const noexcept {
     return predictor_ ? predictive_impedance_controller(wanted, predictor_->prediction(), available, controller_, in.dt,
                                                         may_be_turned(in.device.x))
                       : passivity_controller(wanted, in.device.v, Budget{available, Energy{}}, controller_, in.dt);
@@ -83,7 +82,7 @@ class TimeDomainMaster final : public Copyable<TimeDomainMaster<N>, MasterPassiv
     return PortVelocityPredictor<N>{o.handle_mass_kg, o.handle_inertia_kg_m2};
   }
 
-  [[gnu::always_inline]] void observe(const MasterInput<N>& in) noexcept {
+  void observe(const MasterInput<N>& in) noexcept {
     if (!in.first) {
       if (measured_) command_.book(held_energy(observer_, command_force_, in.interval, in.ended));
       if (predictor_) {
@@ -104,7 +103,7 @@ class TimeDomainMaster final : public Copyable<TimeDomainMaster<N>, MasterPassiv
   ///     kept(k) = min(dE(k), E_out - E(0) - E_in,slave)  where both are > 0;    E_out -= kept,   E_in -= kept
   ///
   /// So what the controller takes in against a deficit ends the deficit.
-  [[gnu::always_inline]] void keep_for_deficit(const Ledger& account, Energy slave_energy_in) noexcept {
+  void keep_for_deficit(const Ledger& account, Energy slave_energy_in) noexcept {
     const Energy put_in = account.absorbed() - absorbed_before_;
     absorbed_before_ = account.absorbed();
     const Energy over = returned(account) - (initial_ + registration_.to_master(slave_energy_in));

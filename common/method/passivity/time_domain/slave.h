@@ -30,8 +30,8 @@ class TimeDomainSlave final : public Copyable<TimeDomainSlave<N>, SlavePassivity
     f_ = Force<N>{};
   }
 
-  [[gnu::always_inline]] RobotPort<N> limit(const RobotWish<N>& wish, VirtualCoupling<N>& coupling,
-                                            const SlaveInput<N>& in) noexcept override {
+  RobotPort<N> limit(const RobotWish<N>& wish, VirtualCoupling<N>& coupling,
+                     const SlaveInput<N>& in) noexcept override {
     coupling_energy_.book(0, -dot(f_, in.robot.x - x_before_));
     x_before_ = in.robot.x;
     if (reference_energy_) follow_reference(coupling, in.robot.x);

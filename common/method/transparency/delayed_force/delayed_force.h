@@ -11,7 +11,7 @@ class DelayedForceMaster final : public Copyable<DelayedForceMaster<N>, MasterTr
  public:
   explicit DelayedForceMaster(const ControlOptions& o) : displayed_{o} {}
   void start(const DeviceSample<N>& device) noexcept override { displayed_.start(device.x); }
-  [[gnu::always_inline]] Wish<N> wish(const MasterInput<N>& in) noexcept override {
+  Wish<N> wish(const MasterInput<N>& in) noexcept override {
     if (!in.active) return {};
     return {.idle = false, .f = in.ramp * displayed_.step(in.device, in.slave, in.dt)};
   }
@@ -26,7 +26,7 @@ class DelayedForceSlave final : public Copyable<DelayedForceSlave<N>, SlaveTrans
  public:
   explicit DelayedForceSlave(const ControlOptions& o)
       : Copyable<DelayedForceSlave<N>, SlaveTransparency<N>>{o}, measured_{returns_measured_force(o)} {}
-  [[gnu::always_inline]] RobotWish<N> wish(const SlaveInput<N>& in) noexcept override {
+  RobotWish<N> wish(const SlaveInput<N>& in) noexcept override {
     auto wanted = this->want(in);
     RobotWish<N> out{.f = wanted.f, .v = wanted.v};
     if (measured_) out.f_back = in.robot.f_environment;

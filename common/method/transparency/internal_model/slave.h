@@ -144,7 +144,7 @@ class InternalModelSlave final : public Copyable<InternalModelSlave<N>, SlaveTra
   [[nodiscard]] bool touches() const noexcept { return estimator_.contact() || torque_.contact(); }
 
   /// Force on the environment without a sensor, friction of the robot included. An ideal robot tells it.
-  [[gnu::noinline]] Force<N> observed(const RobotSample<N>& robot, const Force<N>& wanted, Seconds dt) noexcept {
+  Force<N> observed(const RobotSample<N>& robot, const Force<N>& wanted, Seconds dt) noexcept {
     return robot.ideal || !(mass_kg_ > 0.0) ? wanted : observer_.step(f_, robot.v, dt);
   }
 
@@ -179,7 +179,7 @@ class InternalModelSlave final : public Copyable<InternalModelSlave<N>, SlaveTra
   /// q is a vector, as no single normal is known.
   ///
   ///     q = LP_50ms of c (f + K_c q - f_m)/(K_h + K_c),   |q| <= |LP_50ms f|/K_c
-  [[gnu::noinline]] void yield_along_force(const SlaveInput<N>& in, const Force<N>& felt) noexcept {
+  void yield_along_force(const SlaveInput<N>& in, const Force<N>& felt) noexcept {
     Point<D> q = yield_m_ * yield_normal_, wanted = Point<D>::Zero();
     if (informed_ && in.coupled && touches()) {
       const Point<D> f = coupling_.registration().to_master(felt).vec().template head<D>();

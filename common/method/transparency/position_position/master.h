@@ -24,7 +24,7 @@ class PositionErrorForce {
   void start(const Position<N>& device) noexcept { x_d_ = device; }
 
   // By value: the caller keeps what it sensed in registers.
-  [[gnu::noinline]] Force<N> step(DeviceSample<N> device, const PeerState<N>& slave, Seconds dt) noexcept {
+  Force<N> step(DeviceSample<N> device, const PeerState<N>& slave, Seconds dt) noexcept {
     RobotInMasterWorld<N> robot;
     if (!read(slave.words, robot)) return {};
     const Velocity<N> v_rx = registration_.to_master(slave.newest.v);
