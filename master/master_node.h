@@ -179,6 +179,7 @@ class MasterNode {
     safety_.release();
     safety_.note(Limit::pause);
     bridge_.stop();
+    ramp_.drop();
     return std::min(into, Energy{});
   }
 
@@ -196,6 +197,7 @@ class MasterNode {
     safety_.release();
     command_ = Force<N>{};
     bridge_.stop();
+    ramp_.drop();
     Output out{};
     out.report.x = device.x;
     out.report.v = device.v;

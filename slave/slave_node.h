@@ -42,9 +42,13 @@ class SlaveNode {
       return fail_safe(robot);
     if (modes_.has_paused(tick)) [[unlikely]]
       pause();
-    if (modes_.step(tick.now.time_since_epoch(), master, master.newest.mode == Mode::let_go) || !started_) {
+    const bool shared = modes_.shares_coupling();
+    const bool begins = modes_.step(tick.now.time_since_epoch(), master, master.newest.mode == Mode::let_go);
+    // The robot follows what the hand does once the master says that it is coupled too.
+    const bool shares = modes_.shares_coupling();
+    if (begins || (shares && !shared) || !started_) {
       forget_words(master);
-      half_->start(robot, modes_.shares_coupling() ? master : without_words_);
+      half_->start(robot, shares ? master : without_words_);
       commanded_ = false;
     }
     started_ = true;
@@ -52,7 +56,7 @@ class SlaveNode {
       follow(robot, master);
     const bool same_epoch = master.epoch == epoch_;
     master_energy_in_ = Energy{same_epoch ? master.energy_in_j : 0.0};
-    const bool has_words = same_epoch && modes_.shares_coupling();
+    const bool has_words = same_epoch && shares;
     if (!has_words && same_epoch) [[unlikely]]
       forget_words(master);
     SlaveOutput<N> half = half_->step({.dt = tick.dt,
@@ -61,8 +65,8 @@ class SlaveNode {
                                        .master_energy_in = master_energy_in_,
                                        .master_energy_net = Energy{same_epoch ? master.newest.energy_net_j : 0.0},
                                        .account = account_,
-                                       .coupled = modes_.coupled(),
-                                       .active = modes_.active(),
+                                       .coupled = modes_.coupled() && shares,
+                                       .active = modes_.active() && shares,
                                        .bridge = bridge_.over(modes_.active() && !robot.ideal)});
     if (!all_finite(half.command.f, half.command.v_d, half.command.x_d)) [[unlikely]]
       return fail_safe(robot);
@@ -70,7 +74,7 @@ class SlaveNode {
       half = limited(half, robot, tick.dt);
     command_ = half.command.f;
     account_.book(half.grounded - dot(half.command.f, half.command.v_d * tick.dt));
-    position_error_ = modes_.coupled() ? robot.x - half_->target() : Displacement<N>{};
+    position_error_ = modes_.coupled() && shares ? robot.x - half_->target() : Displacement<N>{};
     return {.command = half.command,
             .report = {.x = robot.x,
                        .v = robot.v,

@@ -68,8 +68,9 @@ class VirtualCoupling {
     Wanted out;
     Velocity<N> v_rx;
     if (coupled) {
-      v_rx = registration_.to_slave(master.newest.v);
-      out.v = tracker_.step(drift_compensation_ ? x_sd_ : x_d_, registration_.to_slave(x), v_rx, master.is_new, dt);
+      out.v = tracker_.step(drift_compensation_ ? x_sd_ : x_d_, registration_.to_slave(x),
+                            registration_.to_slave(master.newest.v), master.is_new, dt);
+      v_rx = tracker_.velocity();
     }
     out.f = robot.ideal ? robot.f_environment : spring_.force((x_sd_ + out.v * dt) - robot.x, v_rx - robot.v);
     return out;

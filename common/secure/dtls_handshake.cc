@@ -358,7 +358,7 @@ void DtlsHandshake::on_server(const HandshakeParts& parts, Duration now) {
     proceed(*attempt, parts.records, now);
   } else if (!attempt->answered && attempt->cookie != parts.cookie) {
     attempt->cookie = parts.cookie;
-    attempt->round_trip = now - attempt->repeated;
+    attempt->round_trip = now - attempt->progressed;
     attempt->progressed = now;
     send_again(*attempt, now);
     attempt->repeat_after = kRepeatAfter;

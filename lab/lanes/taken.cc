@@ -9,6 +9,7 @@
 
 #include "common/base/time.h"
 #include "common/contact/environment.h"
+#include "common/coupling/setpoint_tracker.h"
 #include "common/record/metrics.h"
 #include "lab/lanes/lanes.h"
 
@@ -35,9 +36,10 @@ std::size_t window_of(const Scene& scene) {
 }
 
 namespace {
-/// Are packets lost so often that a side may hear nothing for hold_after/2, in a tick of 10^6?
+/// Are packets lost so often that a side may hear nothing for hold_after/2 or a bridged gap, in a tick of 10^6?
 bool may_be_silent(const ImpairmentOptions& o, const Scene& scene) {
-  const double ticks = 0.5 * scene.control.hold_after.si() * scene.master_rate_hz;
+  const double ticks =
+      std::min(0.5 * scene.control.hold_after.si(), SetpointTracker<1>::kBridge.si()) * scene.master_rate_hz;
   double goes_on = o.loss;
   if (o.burst) {
     const double bad = 1.0 - (1.0 - o.loss) * (1.0 - o.burst->loss_bad),

@@ -86,6 +86,23 @@ TEST(MasterNode, LetsGoForAReadingThatIsNoneAndForNoLonger) {
   }
 }
 
+// What was displayed before a pause is old: afterwards the ramp begins at zero, it does not fade from one.
+TEST(MasterNode, DisplaysNothingAfterAPauseUntilItIsCoupledAnew) {
+  MasterNode<3> node{parse_scene(kScene, "test").control};
+  Force<3> held;
+  for (int k = 0; k < 300; ++k)
+    held = step<MasterClock>(node, k, DeviceSample<3>{at(0), velocity(0), held}, heard(k, 1.0)).command;
+  ASSERT_GT(held[0], 0.5);
+  for (int k = 1800; k < 2000; ++k) {
+    PeerState<3> slave = heard(k, 1.0);
+    slave.newest.mode = Mode::released;
+    Tick<MasterClock> tick{Instant<MasterClock>{tick_time(k, 1.0 / kT)}, Seconds{kT}};
+    if (k == 1800) tick.ended = Seconds{1.5};
+    held = node.step(tick, DeviceSample<3>{at(0), velocity(0), held}, slave).command;
+    EXPECT_EQ(held.vec().norm(), 0.0) << "at tick " << k;
+  }
+}
+
 TEST(MasterNode, HasNoForceThatADoubleDoesNotHold) {
   Scene scene = parse_scene(kScene, "test", std::vector<std::string>{"control.force_scale=1e10"});
   MasterNode<3> node{scene.control};
@@ -140,6 +157,28 @@ TEST(SlaveNode, StaysWhereItWasWhileItsReadingIsNone) {
     const auto out = step<SlaveClock>(node, k, robot, PeerState<3>{});
     EXPECT_NEAR(out.command.x_d.translation()[0], 0.01 * (k == 5 ? 4 : k), 1e-15) << "at tick " << k;
   }
+}
+
+// The hand of a master that is not coupled yet feels nothing: what it does meanwhile is not followed.
+TEST(SlaveNode, FollowsAfterAReleaseOnlyWhatACoupledMasterDoes) {
+  SlaveNode<3> node{parse_scene(kScene, "test").control};
+  const auto robot_at = [&](int k, const PeerState<3>& master) {
+    return step<SlaveClock>(node, k, RobotSample<3>{}, master).command;
+  };
+  for (int k = 0; k < 100; ++k) robot_at(k, heard(k, 0.0));
+  for (int k = 100; k < 2000; ++k) robot_at(k, heard(99, 0.0));
+  ASSERT_EQ(node.mode(), Mode::released);
+  for (int k = 2000; k < 2400; ++k) {
+    PeerState<3> master = heard(k, 0.0);
+    master.newest.mode = k < 2200 ? Mode::idle : Mode::coupled;
+    master.newest.x = at(1e-4 * std::min(k - 2000, 190));
+    master.newest.v = velocity(k < 2190 ? 0.1 : 0.0);
+    master.newest.echo_ns = tick_time(k, 1.0 / kT).count();
+    const RobotCommand<3> command = robot_at(k, master);
+    EXPECT_EQ(command.x_d.translation()[0], 0.0) << "at tick " << k;
+    EXPECT_EQ(command.f.vec().norm(), 0.0) << "at tick " << k;
+  }
+  EXPECT_EQ(node.mode(), Mode::coupled);
 }
 
 TEST(SlaveNode, HasNoForceThatADoubleDoesNotHold) {

@@ -4,6 +4,7 @@
 #include <array>
 #include <cstring>
 #include <deque>
+#include <memory>
 #include <optional>
 #include <string>
 #include <utility>
@@ -249,6 +250,36 @@ TEST(DtlsServer, ACookieIsGoodForItsAddressAndAttemptAndForTwoMinutesAndLessThan
     elsewhere.port = 99;
     EXPECT_EQ(w.answer(hello, elsewhere, at), HandshakeKind::cookie) << "one more cookie, no attempt";
     EXPECT_EQ(w.answer(hello, kHere, at), begins ? HandshakeKind::of_server : HandshakeKind::cookie) << at.count();
+  }
+}
+
+// Also where repeats are on their way when the first answer arrives.
+TEST(DtlsHandshakes, MeetInThreeRoundTripsHoweverLongTheyAre) {
+  for (const Duration one_way : {20ms, 500ms, 850ms, 1000ms, 1700ms, 2000ms}) {
+    ServerAndClient w;
+    struct Underway {
+      Duration at;
+      Datagram datagram;
+    };
+    std::deque<Underway> there, back;
+    std::unique_ptr<Association> at_server, at_client;
+    Duration now{0};
+    for (; now < 10 * one_way && !(at_server && at_client); now += 5ms) {
+      for (; !there.empty() && there.front().at <= now; there.pop_front())
+        w.server.on(there.front().datagram.bytes(), kHere, now);
+      for (; !back.empty() && back.front().at <= now; back.pop_front())
+        w.client.on(back.front().datagram.bytes(), kThere, now);
+      w.server.advance(now, false);
+      w.client.advance(now, at_client == nullptr);
+      Datagram d;
+      while (w.server.take_outgoing(d)) back.push_back({now + one_way, d});
+      while (w.client.take_outgoing(d)) there.push_back({now + one_way, d});
+      if (auto a = w.server.take_association()) at_server = std::move(a);
+      if (auto a = w.client.take_association()) at_client = std::move(a);
+    }
+    EXPECT_TRUE(at_server && at_client);
+    EXPECT_LT(now, 6 * one_way + 100ms) << one_way.count();
+    EXPECT_EQ(w.client.counts().failed, 0U) << one_way.count();
   }
 }
 

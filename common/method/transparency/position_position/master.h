@@ -14,7 +14,7 @@ namespace twoport {
 
 /// The master's own spring-damper of the position-position architecture: it pulls the handle towards the robot.
 ///
-///     f_m = s (K (x_m - x_d) + B (v_m - v_rx))    x_d: tracked position of the robot in the master's world; s: impedance_scale
+///     f_m = s (K (x_m - x_d) + B (v_m - v))    x_d, v: tracked motion of the robot in the master's world; s: impedance_scale
 template <int N>
 class PositionErrorForce {
  public:
@@ -27,10 +27,8 @@ class PositionErrorForce {
   Force<N> step(DeviceSample<N> device, const PeerState<N>& slave, Seconds dt) noexcept {
     RobotInMasterWorld<N> robot;
     if (!read(slave.words, robot)) return {};
-    const Velocity<N> v_rx = registration_.to_master(slave.newest.v);
-    const Velocity<N> v_d = tracker_.step(x_d_, robot.x.value, v_rx, slave.is_new, dt);
-    x_d_ = x_d_ + v_d * dt;
-    return Force<N>{scale_.cwiseProduct(spring_.force(device.x - x_d_, device.v - v_rx).vec())};
+    x_d_ = x_d_ + tracker_.step(x_d_, robot.x.value, registration_.to_master(slave.newest.v), slave.is_new, dt) * dt;
+    return Force<N>{scale_.cwiseProduct(spring_.force(device.x - x_d_, device.v - tracker_.velocity()).vec())};
   }
 
  private:
