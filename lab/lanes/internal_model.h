@@ -9,71 +9,71 @@
 template <int N>
 struct Vec {
   V e[N];
-  TWOPORT_MEMBER V& operator[](int i) { return e[i]; }
-  TWOPORT_MEMBER V operator[](int i) const { return e[i]; }
+  V& operator[](int i) { return e[i]; }
+  V operator[](int i) const { return e[i]; }
 };
 #define TWOPORT_EACH(expression)                     \
   Vec<N> out;                                        \
   for (int i = 0; i < N; ++i) out.e[i] = expression; \
   return out
 template <int N>
-TWOPORT_INLINE Vec<N> of(const V (&a)[N]) {
+static inline Vec<N> of(const V (&a)[N]) {
   TWOPORT_EACH(a[i]);
 }
 template <int N>
-TWOPORT_INLINE Vec<N> operator+(Vec<N> a, Vec<N> b) {
+static inline Vec<N> operator+(Vec<N> a, Vec<N> b) {
   TWOPORT_EACH(a.e[i] + b.e[i]);
 }
 template <int N>
-TWOPORT_INLINE Vec<N> operator-(Vec<N> a, Vec<N> b) {
+static inline Vec<N> operator-(Vec<N> a, Vec<N> b) {
   TWOPORT_EACH(a.e[i] - b.e[i]);
 }
 template <int N>
-TWOPORT_INLINE Vec<N> operator*(V a, Vec<N> b) {
+static inline Vec<N> operator*(V a, Vec<N> b) {
   TWOPORT_EACH(a * b.e[i]);
 }
 template <int N>
-TWOPORT_INLINE Vec<N> operator/(Vec<N> a, V b) {
+static inline Vec<N> operator/(Vec<N> a, V b) {
   TWOPORT_EACH(a.e[i] / b);
 }
 template <int N>
-TWOPORT_INLINE Vec<N> select(M m, Vec<N> a, Vec<N> b) {
+static inline Vec<N> select(M m, Vec<N> a, Vec<N> b) {
   TWOPORT_EACH(select(m, a.e[i], b.e[i]));
 }
 template <int N>
-TWOPORT_INLINE V dot(Vec<N> a, Vec<N> b) {
+static inline V dot(Vec<N> a, Vec<N> b) {
   return dot(a.e, b.e);
 }
 template <int N>
-TWOPORT_INLINE V norm(Vec<N> a) {
+static inline V norm(Vec<N> a) {
   return root(norm2(a.e));
 }
 /// Where m: `to` = a.
-TWOPORT_INLINE void set(M m, V& to, V a) {
+static inline void set(M m, V& to, V a) {
   to = select(m, a, to);
 }
 template <int N>
-TWOPORT_INLINE void set(M m, V (&to)[N], Vec<N> a) {
+static inline void set(M m, V (&to)[N], Vec<N> a) {
   for (int i = 0; i < N; ++i) to[i] = select(m, a.e[i], to[i]);
 }
 template <int N>
-TWOPORT_INLINE void set(V (&to)[N], Vec<N> a) {
+static inline void set(V (&to)[N], Vec<N> a) {
   for (int i = 0; i < N; ++i) to[i] = a.e[i];
 }
-TWOPORT_INLINE V positive(V a) {
+static inline V positive(V a) {
   return select(a > 0.0, a, V{});
 }
 /// low_pass() where m.
-TWOPORT_INLINE void low_pass(M m, V& y, V x, V weight) {
+static inline void low_pass(M m, V& y, V x, V weight) {
   set(m, y, y + weight * (x - y));
 }
 template <int N>
-TWOPORT_INLINE void low_pass(M m, V (&y)[N], Vec<N> x, V weight) {
+static inline void low_pass(M m, V (&y)[N], Vec<N> x, V weight) {
   set(m, y, of(y) + weight * (x - of(y)));
 }
 /// Eigen's normalize().
 template <int N>
-TWOPORT_INLINE Vec<N> normalized(Vec<N> a) {
+static inline Vec<N> normalized(Vec<N> a) {
   const V z = norm2(a.e);
   return select(z > 0.0, a / root(z), a);
 }
@@ -85,7 +85,7 @@ struct Depth {
 };
 /// SurfacePatch::at.
 template <int N>
-TWOPORT_INLINE Depth<N> depth_at(const Patch<V, N>& patch, Vec<N> y) {
+static inline Depth<N> depth_at(const Patch<V, N>& patch, Vec<N> y) {
   const Vec<N> n = of(patch.normal), from = y - of(patch.point);
   Depth<N> out{dot(n, from), n};
   if constexpr (N > 1) {
@@ -107,7 +107,7 @@ TWOPORT_INLINE Depth<N> depth_at(const Patch<V, N>& patch, Vec<N> y) {
 
 /// SurfaceEstimator::turn.
 template <int N>
-TWOPORT_INLINE void turn(M m, Patch<V, N>& found, Vec<N> to, V weight) {
+static inline void turn(M m, Patch<V, N>& found, Vec<N> to, V weight) {
   low_pass(m, found.normal, to, weight);
   const Vec<N> n = of(found.normal);
   const V size = norm(n);
@@ -115,7 +115,7 @@ TWOPORT_INLINE void turn(M m, Patch<V, N>& found, Vec<N> to, V weight) {
 }
 /// SurfaceEstimator::step.
 template <int N>
-TWOPORT_INLINE void estimate(const Parameters<V, N>& p, InternalModel<V, N>& m, Vec<N> x, Vec<N> v, Vec<N> f) {
+static inline void estimate(const Parameters<V, N>& p, InternalModel<V, N>& m, Vec<N> x, Vec<N> v, Vec<N> f) {
   constexpr double kPriorXx = 30e-6 * 30e-6, kPriorVv = 3e-3 * 3e-3;
   const M every = ~M{};
   Patch<V, N>& found = m.found;
@@ -198,7 +198,7 @@ TWOPORT_INLINE void estimate(const Parameters<V, N>& p, InternalModel<V, N>& m, 
 }
 /// SensorBias::learn where m.
 template <int N>
-TWOPORT_INLINE void learn_bias(const Parameters<V, N>& p, InternalModel<V, N>& m, M where, Vec<N> f) {
+static inline void learn_bias(const Parameters<V, N>& p, InternalModel<V, N>& m, M where, Vec<N> f) {
   const V most = 0.3 / p.force_scale;
   where &= ~(norm(f - of(m.bias)) >= most);
   set(where, m.learned_s, least(all(1.0), m.learned_s + p.dt));
@@ -208,12 +208,12 @@ TWOPORT_INLINE void learn_bias(const Parameters<V, N>& p, InternalModel<V, N>& m
 }
 /// InternalModelSlave::in_series.
 template <int N>
-TWOPORT_INLINE V in_series(const Parameters<V, N>& p, const InternalModel<V, N>& m) {
+static inline V in_series(const Parameters<V, N>& p, const InternalModel<V, N>& m) {
   return select(m.found.stiffness > 0.0, 1.0 / (1.0 / m.found.stiffness + 1.0 / p.coupling), V{});
 }
 /// InternalModelSlave::yield. `felt` in the master's units.
 template <int N>
-TWOPORT_INLINE void yield(const Parameters<V, N>& p, InternalModel<V, N>& m, M coupled, Vec<N> felt, V series) {
+static inline void yield(const Parameters<V, N>& p, InternalModel<V, N>& m, M coupled, Vec<N> felt, V series) {
   const M yields = (m.informed != 0.0) & coupled & (m.contact != 0.0);
   V wanted{};
   if (any(yields)) {
@@ -228,7 +228,7 @@ TWOPORT_INLINE void yield(const Parameters<V, N>& p, InternalModel<V, N>& m, M c
 }
 /// InternalModelSlave::leaving_brake. `v` in the master's world.
 template <int N>
-TWOPORT_INLINE Vec<N> leaving_brake(const Parameters<V, N>& p, const InternalModel<V, N>& m, Vec<N> v) {
+static inline Vec<N> leaving_brake(const Parameters<V, N>& p, const InternalModel<V, N>& m, Vec<N> v) {
   const Vec<N> n = of(m.found.normal);
   const Vec<N> leaving = least(V{}, dot(n, v)) * n;
   const V of_mass = 0.4 * root(m.found.stiffness / p.to_master_stiffness * p.robot_kg);
@@ -240,7 +240,7 @@ TWOPORT_INLINE Vec<N> leaving_brake(const Parameters<V, N>& p, const InternalMod
 
 /// SurfaceModel::step where m.
 template <int N>
-TWOPORT_INLINE void follow_surface(const Parameters<V, N>& p, InternalModel<V, N>& m, M where) {
+static inline void follow_surface(const Parameters<V, N>& p, InternalModel<V, N>& m, M where) {
   const M touches = where & (m.contact_rx > 0.5), exists = where & (m.exists != 0.0);
   Patch<V, N> to = m.found_rx;
   const V size = norm(of(to.normal));
@@ -280,14 +280,14 @@ TWOPORT_INLINE void follow_surface(const Parameters<V, N>& p, InternalModel<V, N
 }
 /// SurfaceModel::force.
 template <int N>
-TWOPORT_INLINE Vec<N> model_force(const InternalModel<V, N>& m, const Depth<N>& at) {
+static inline Vec<N> model_force(const InternalModel<V, N>& m, const Depth<N>& at) {
   const M presses = (m.exists != 0.0) & ~(at.depth <= 0.0);
   return select(presses, (m.model.stiffness * at.depth) * at.normal, Vec<N>{});
 }
 /// StickSpring::step where m.
 template <int N>
-TWOPORT_INLINE Vec<N> stick(const Parameters<V, N>& p, M where, V& sticks, V (&anchor)[N], Vec<N> y, Vec<N> normal,
-                            V most) {
+static inline Vec<N> stick(const Parameters<V, N>& p, M where, V& sticks, V (&anchor)[N], Vec<N> y, Vec<N> normal,
+                           V most) {
   if constexpr (N == 1) {
     return Vec<N>{};
   } else {
@@ -304,8 +304,8 @@ TWOPORT_INLINE Vec<N> stick(const Parameters<V, N>& p, M where, V& sticks, V (&a
 }
 /// EnergySpring::part_within, `error`: of the predicted velocity.
 template <int N>
-TWOPORT_INLINE V part_within(const Parameters<V, N>& p, const State<V, N>& s, Vec<N> f, V budget, V error,
-                             Vec<N> beside) {
+static inline V part_within(const Parameters<V, N>& p, const State<V, N>& s, Vec<N> f, V budget, V error,
+                            Vec<N> beside) {
   const Vec<N> response = p.response * f;
   const V power = dot(f, of(s.predicted_w)) - norm(f) * error - 2.0 * dot(beside, response);
   return feasible_scale(dot(f, response), -power, budget / p.dt);
@@ -313,8 +313,8 @@ TWOPORT_INLINE V part_within(const Parameters<V, N>& p, const State<V, N>& s, Ve
 
 /// InternalModelMaster::step, `moved` since the last tick under s.held. Sets f, wanted and what is dissipated and owed.
 template <int N>
-TWOPORT_INLINE void step_internal_model(const Parameters<V, N>& p, State<V, N>& s, Vec<N> moved, Vec<N>& f_out,
-                                        V (&wanted_out)[N], V& dissipated, V& undissipated) {
+static inline void step_internal_model(const Parameters<V, N>& p, State<V, N>& s, Vec<N> moved, Vec<N>& f_out,
+                                       V (&wanted_out)[N], V& dissipated, V& undissipated) {
   InternalModel<V, N>& m = s.model;
   const M every = ~M{};
   // observe

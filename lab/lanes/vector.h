@@ -7,66 +7,63 @@ typedef std::uint64_t U __attribute__((vector_size(8 * TWOPORT_LANES)));
 using M = decltype(V{} < V{});  // all bits of a lane set, or none
 static constexpr int kLanes = TWOPORT_LANES;
 
-#define TWOPORT_INLINE [[gnu::always_inline]] static inline
-#define TWOPORT_MEMBER [[gnu::always_inline]] inline
-
-TWOPORT_INLINE V all(double a) {
+static inline V all(double a) {
   return a - V{};
 }
-TWOPORT_INLINE V select(M m, V a, V b) {
+static inline V select(M m, V a, V b) {
   return m ? a : b;
 }
 /// std::min and std::max, which of the two they return included.
-TWOPORT_INLINE V least(V a, V b) {
+static inline V least(V a, V b) {
   return b < a ? b : a;
 }
-TWOPORT_INLINE V most(V a, V b) {
+static inline V most(V a, V b) {
   return a < b ? b : a;
 }
-TWOPORT_INLINE V clamp(V x, V low, V high) {
+static inline V clamp(V x, V low, V high) {
   return x < low ? low : high < x ? high : x;
 }
-TWOPORT_INLINE V absolute(V a) {
+static inline V absolute(V a) {
   return (V)((U)a & 0x7fffffffffffffff);
 }
-TWOPORT_INLINE V one_if(M m) {
+static inline V one_if(M m) {
   return (V)((U)m & (U)all(1.0));
 }
 #if TWOPORT_LANES == 8
-TWOPORT_INLINE V root(V a) {
+static inline V root(V a) {
   return (V)_mm512_sqrt_pd((__m512d)a);
 }
-TWOPORT_INLINE unsigned bits(M m) {
+static inline unsigned bits(M m) {
   return (unsigned)_mm512_movepi64_mask((__m512i)m);
 }
 #elif TWOPORT_LANES == 4
-TWOPORT_INLINE V root(V a) {
+static inline V root(V a) {
   return (V)_mm256_sqrt_pd((__m256d)a);
 }
-TWOPORT_INLINE unsigned bits(M m) {
+static inline unsigned bits(M m) {
   return (unsigned)_mm256_movemask_pd((__m256d)m);
 }
 #elif defined(__SSE2__)
-TWOPORT_INLINE V root(V a) {
+static inline V root(V a) {
   return (V)_mm_sqrt_pd((__m128d)a);
 }
-TWOPORT_INLINE unsigned bits(M m) {
+static inline unsigned bits(M m) {
   return (unsigned)_mm_movemask_pd((__m128d)m);
 }
 #else
-TWOPORT_INLINE V root(V a) {
+static inline V root(V a) {
   return V{__builtin_sqrt(a[0]), __builtin_sqrt(a[1])};
 }
-TWOPORT_INLINE unsigned bits(M m) {
+static inline unsigned bits(M m) {
   return (m[0] != 0 ? 1U : 0U) | (m[1] != 0 ? 2U : 0U);
 }
 #endif
-TWOPORT_INLINE bool any(M m) {
+static inline bool any(M m) {
   return bits(m) != 0;
 }
 
 /// common/base/random.h: uniform in (0, 1).
-TWOPORT_INLINE V uniform(V random, unsigned purpose) {
+static inline V uniform(V random, unsigned purpose) {
   constexpr std::uint64_t kGamma = 0x9e3779b97f4a7c15;
   U z = (U)random + kGamma * purpose;
   z = (z ^ (z >> 30)) * 0xbf58476d1ce4e5b9;
@@ -76,13 +73,13 @@ TWOPORT_INLINE V uniform(V random, unsigned purpose) {
   const V number = (V)((z >> 12) | 0x4330000000000000) - 0x1.0p52;
   return (number + 0.5) * 0x1.0p-52;
 }
-TWOPORT_INLINE V next_packet(V random) {
+static inline V next_packet(V random) {
   return (V)((U)random + 0x9e3779b97f4a7c15 * 16);
 }
 
 /// The order of a sum over axes is that of the laboratory's vectors.
 template <int N>
-TWOPORT_INLINE V dot(const V (&a)[N], const V (&b)[N]) {
+static inline V dot(const V (&a)[N], const V (&b)[N]) {
   if constexpr (N == 1) {
     return a[0] * b[0];
   } else {
@@ -90,11 +87,11 @@ TWOPORT_INLINE V dot(const V (&a)[N], const V (&b)[N]) {
   }
 }
 template <int N>
-TWOPORT_INLINE V norm2(const V (&a)[N]) {
+static inline V norm2(const V (&a)[N]) {
   return dot(a, a);
 }
 /// largest_feasible_scale: q, b, a.
-TWOPORT_INLINE V feasible_scale(V q, V b, V a) {
+static inline V feasible_scale(V q, V b, V a) {
   const V inner = b * b + 4.0 * q * a, square = root(select(inner > 0.0, inner, V{}));
   const V scale = select(b <= 0.0, (square - b) / (2.0 * q), 2.0 * a / (square + b));
   return select(q + b <= a, all(1.0), clamp(scale, V{}, all(1.0)));
