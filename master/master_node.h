@@ -92,6 +92,7 @@ class MasterNode {
                                         .ramp = ramp,
                                         .bridge = bridge_.over(modes_.active())});
     before_ = motion;
+    ratio_ = device.ratio;
     started_ = true;
     energy_sent_ = half.energy_in;
     if (!all_finite(half.f)) [[unlikely]]
@@ -131,6 +132,7 @@ class MasterNode {
   /// epoch.
   void switch_method(Held<Half>& next) noexcept {
     next->restart(account_, half_->balance(account_, slave_energy_in_));
+    next->take_over(ratio_);
     next->start({.x = before_.x, .v = before_.v, .applied = command_});
     std::swap(half_, next);
     bridge_.begin(command_);
@@ -221,6 +223,7 @@ class MasterNode {
   PeerState<N> without_words_;  ///< of a slave in another epoch, or not in this coupling yet
   bool awaits_slave_ = false;
   PortMotion<N> before_;
+  typename Velocity<N>::Vector ratio_ = Velocity<N>::Vector::Ones();  ///< of the last reading
   bool started_ = false;
   bool unread_ = false;   ///< the last reading was not finite
   Force<N> held_unread_;  ///< the force that was held then

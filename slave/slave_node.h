@@ -42,6 +42,8 @@ class SlaveNode {
       return fail_safe(robot);
     if (modes_.has_paused(tick)) [[unlikely]]
       pause();
+    if (master.epoch != epoch_) [[unlikely]]
+      follow(robot, master);  // a coupling that begins now is of the new method
     const bool shared = modes_.shares_coupling();
     const bool begins = modes_.step(tick.now.time_since_epoch(), master, master.newest.mode == Mode::let_go);
     // The robot follows what the hand does once the master says that it is coupled too.
@@ -52,8 +54,6 @@ class SlaveNode {
       commanded_ = false;
     }
     started_ = true;
-    if (master.epoch != epoch_) [[unlikely]]
-      follow(robot, master);
     const bool same_epoch = master.epoch == epoch_;
     master_energy_in_ = Energy{same_epoch ? master.energy_in_j : 0.0};
     const bool has_words = same_epoch && shares;

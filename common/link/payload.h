@@ -34,10 +34,13 @@ struct Words {
     return s;
   }
 
-  /// Merges received words: all numbers of a newer packet, only running totals of an older one; a total never falls.
+  /// Merges received words: all numbers of a newer packet, only running totals of an older one; a total never falls. A newer packet
+  /// without words leaves none: the other side's method has begun anew, and what it said before is of another coupling.
   void merge(const Words& arrived, bool newer) noexcept {
     if (arrived.count != 0) [[unlikely]]
       merge_numbers(arrived, newer);
+    else if (newer)
+      count = 0;
   }
 
  private:

@@ -92,6 +92,8 @@ class MasterPassivity {
   [[nodiscard]] virtual bool crosses_bridge() const noexcept { return false; }
   [[nodiscard]] virtual Energy balance(const Ledger& account, Energy slave_energy_in) const noexcept = 0;
   virtual void restart(const Ledger& account, Energy balance) noexcept = 0;
+  /// As MasterHalf's.
+  virtual void take_over(const typename Velocity<N>::Vector& ratio) noexcept { static_cast<void>(ratio); }
 };
 
 /// The master half of a pair. A wish that is not finite is not displayed, and the node releases the port.
@@ -123,6 +125,7 @@ class MasterPair final : public Copyable<MasterPair<N, Transparency, Passivity>,
     return passivity_->balance(account, e);
   }
   void restart(const Ledger& account, Energy e) noexcept override { passivity_->restart(account, e); }
+  void take_over(const typename Velocity<N>::Vector& ratio) noexcept override { passivity_->take_over(ratio); }
   [[nodiscard]] bool has_payload() const noexcept override { return transparency_->has_payload(); }
   void write_payload(Words& words) const noexcept override { transparency_->write_payload(words); }
 

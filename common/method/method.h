@@ -139,6 +139,9 @@ class MasterHalf {
   [[nodiscard]] virtual Energy balance(const Ledger& account, Energy slave_energy_in) const noexcept = 0;
   /// All totals start here from zero, with the balance of the account before.
   virtual void restart(const Ledger& account, Energy balance) noexcept = 0;
+  /// It runs from now on in place of another half, and knows nothing of the handle's motion. `ratio`: DeviceSample::ratio of the interval
+  /// that its next step ends.
+  virtual void take_over(const typename Velocity<N>::Vector& ratio) noexcept { static_cast<void>(ratio); }
   /// Does it add words to the report of the last step? Which?
   [[nodiscard]] virtual bool has_payload() const noexcept { return false; }
   virtual void write_payload(Words&) const noexcept {}

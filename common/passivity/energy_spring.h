@@ -78,6 +78,11 @@ class EnergySpring {
   void take_ratio(const typename Velocity<N>::Vector& r, const Velocity<N>& v, Seconds dt) noexcept {
     if (predictor_) predictor_->take_ratio(r, v, dt);
   }
+  /// The port has been another method's until now; `r`: as PortVelocityPredictor::restart.
+  void take_port(const typename Velocity<N>::Vector& r) noexcept {
+    peak_speed_ = kFirstSpeed_m_per_s;
+    if (predictor_) predictor_->restart(r);
+  }
   /// Says whether a limit at the device may turn the coming force, not only shorten it: its worst direction is expected then.
   void expect_turned(bool turned) noexcept { turned_ = turned; }
   /// Drops energy above `most`: energy put in long ago cannot be returned as a kick.

@@ -76,8 +76,9 @@ struct VelocityPrediction {
 /// e(k+1) = e(k) - e(k-1)/4 + C (F(k+1) - F(k-1)) with F the hand's own force: exact for a mass under held forces, and the reason
 /// why worst_error is a bound for any hand that changes its force by no more than F_h within two ticks.
 ///
-/// At the start, after a switch of method too, and where an axis opens (r = 0 before) d begins at 0, so e of the second interval from then on
+/// After a switch of method (restart) and where an axis opens (r = 0 before) d begins at 0, so e of the second interval from then on
 /// is all of d, which no e before tells: for two ticks the error has r T/m F_l more there, F_l the most that a hand is taken to push.
+/// In the interval with which an axis opens no force acts on it (ModulatedTransformer): it neither gives nor takes, w = 0 and C = 0.
 ///
 /// C = r² T/(2m) per axis, exact for a mass under held forces; r: the ratio of a transformer between hand and port, 1 without one
 /// (take_ratio); g = 1 - θ², h = (1 - θ)² is the fading-memory (alpha-beta)
@@ -94,6 +95,13 @@ class PortVelocityPredictor {
     inverse_at_port_ = inverse_mass_;
   }
 
+  /// Begins anew: nothing is known of the port's motion. `r`: the ratio in the interval that the next step tells.
+  void restart(const Vector& r) noexcept {
+    u_ = d_ = applied_ = before_ = Vector::Zero();
+    prediction_ = {};
+    unknown_.setConstant(kUnknownTicks);
+    set_ratio(r);
+  }
   /// `moved` since the last step, `ended` ago, while `applied` was held.
   void step(const Displacement<N>& moved, const Force<N>& applied, Seconds ended, Seconds dt) noexcept {
     if (ended.si() > 1.5 * dt.si()) [[unlikely]]
@@ -107,7 +115,7 @@ class PortVelocityPredictor {
     prediction_.free = 0.5 * dt.si() * inverse_mass_;
   }
   /// From now on the ratio is r, after step(); v: the port's velocity with it. The hand's motion and its force on the handle go on; an axis
-  /// that opens, r = 0 before, moves with v.
+  /// that opens, r = 0 before, moves with v, and takes no force in the coming interval.
   ///
   ///     u, d, e  go with r'/r      f(k-1)  with r/r', as f_h = r f at the hand      C  with r'²
   void take_ratio(const Vector& r, const Velocity<N>& v, Seconds dt) noexcept {
@@ -141,24 +149,31 @@ class PortVelocityPredictor {
           unknown_[i] > 0 ? ratio_[i] * dt.si() * std::sqrt(inverse_mass_[i] * inverse_mass_[0]) * kHandAgainstLock_n
                           : 0.0;
   }
+  void set_ratio(const Vector& r) noexcept {
+    ratio_ = r;
+    inverse_at_port_ = inverse_mass_.cwiseProduct(r.cwiseAbs2());
+    prediction_.ratio = r.template head<kAxes>().maxCoeff();
+    if constexpr (N == 6) prediction_.rotation_ratio = r.template tail<3>().maxCoeff();
+  }
   void change_ratio(Vector r, Velocity<N> v, Seconds dt) noexcept {
+    const auto opens = (ratio_.array() == 0.0 && r.array() != 0.0).eval();
     for (int i = 0; i < N; ++i) {
-      const bool opens = ratio_[i] == 0.0;
-      const double by = opens ? 0.0 : r[i] / ratio_[i];
-      if (opens) unknown_[i] = kUnknownTicks;
-      u_[i] = opens ? v[i] : by * u_[i];
+      const bool was_closed = ratio_[i] == 0.0;
+      const double by = was_closed ? 0.0 : r[i] / ratio_[i];
+      if (was_closed) unknown_[i] = kUnknownTicks;
+      u_[i] = was_closed ? v[i] : by * u_[i];
       d_[i] *= by;
       before_[i] *= by;
       prediction_.unforeseen[i] *= by;
-      applied_[i] *= opens || r[i] == 0.0 ? 0.0 : ratio_[i] / r[i];
+      applied_[i] *= was_closed || r[i] == 0.0 ? 0.0 : ratio_[i] / r[i];
     }
-    ratio_ = r;
-    inverse_at_port_ = inverse_mass_.cwiseProduct(r.cwiseAbs2());
+    set_ratio(r);
     count_push(dt);
     prediction_.mobility = 0.5 * dt.si() * inverse_at_port_;
-    prediction_.ratio = r.template head<kAxes>().maxCoeff();
-    if constexpr (N == 6) prediction_.rotation_ratio = r.template tail<3>().maxCoeff();
-    prediction_.w = Velocity<N>{u_ + d_ - prediction_.mobility.cwiseProduct(applied_)};
+    Vector w = u_ + d_ - prediction_.mobility.cwiseProduct(applied_);
+    for (int i = 0; i < N; ++i)
+      if (opens[i]) w[i] = prediction_.mobility[i] = prediction_.opened[i] = 0.0;
+    prediction_.w = Velocity<N>{w};
   }
 
   /// The same over n intervals at once: what is measured is their mean, and each has changed the velocity by

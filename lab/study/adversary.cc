@@ -445,7 +445,8 @@ class PredictionError {
     added_ = added, v_ = v, held_ = held.vec();
     return e_;
   }
-  /// As PortVelocityPredictor has it.
+  /// As PortVelocityPredictor has it. The ratio stays.
+  void restart() { v_ = held_ = added_ = e_ = before_ = Vector::Zero(); }
   void take_ratio(const Vector& r, const Velocity<N>& v) {
     for (int i = 0; i < N; ++i) {
       const bool opens = ratio_[i] == 0.0;
@@ -480,6 +481,17 @@ struct Energies {
   double hand_j = 0.0, damped_j = 0.0, robot_j = 0.0;  ///< robot_j in the slave's units
   double hand_largest2 = 0.0, robot_largest2 = 0.0;    ///< (motion in a tick)²
 };
+
+/// FOUR_CHANNEL gives the robot what the hand pushes with. A hand that stands still against a force of RANDOM, behind which there is no
+/// robot, pushes.
+bool gives_push_against_random(const Scene& scene) {
+  bool random = scene.control.transparency == "RANDOM";
+  for (const ScheduledControl& entry : scene.schedule) {
+    if (random && entry.control.transparency == "FOUR_CHANNEL") return true;
+    random = random || entry.control.transparency == "RANDOM";
+  }
+  return false;
+}
 
 /// When hand and environment begin to rest, are at rest, and the queue flows [s].
 constexpr double kRest_s = 0.7, kFlow_s = 1.6, kRestEnd_s = 2.2;
@@ -557,6 +569,8 @@ AdversaryRun run_of(const std::string& method, AdversaryRun out, Draw& draw, con
     const double robot_j = claim.robot_port ? at.robot_j : slave.delivered().si();
     out.both_least_j = std::min(out.both_least_j, at.hand_j - in_master_units(robot_j));
   };
+  using Vector = typename Force<N>::Vector;
+  const bool rested_only = !gives_push_against_random(scene);
   bool turns = false, rest = false, flows = false;
   Position<N> rested_at, port_before;
   const auto slave_tick = [&](std::int64_t k, Duration now) {
@@ -584,14 +598,18 @@ AdversaryRun run_of(const std::string& method, AdversaryRun out, Draw& draw, con
       at.hand_largest2 = std::max(at.hand_largest2, by.squared_norm());
     }
     const DeviceSample<N> port = at_work.reading({handle.x(), handle.v(), held}, k > 0 ? master_dt.si() : 0.0);
+    const std::uint32_t epoch = master.epoch();
+    while (times.due(to_seconds(now).si(), master.epoch())) master.switch_to_next();
     if (k > 0) {
-      const Displacement<N> by = port.x - port_before;
-      const double dt_s = master_dt.si();
-      out.unforeseen_j += dt_s * std::abs(port.applied.vec().dot(error.step(by.vec() / dt_s, port.applied)));
+      const Vector v = (port.x - port_before).vec() / master_dt.si();
+      out.unforeseen_j += master_dt.si() * std::abs(port.applied.vec().dot(error.step(v, port.applied)));
+      if (master.epoch() != epoch) {
+        error.restart();
+        error.step(v, port.applied);
+      }
     }
     error.take_ratio(port.ratio, port.v);
     port_before = port.x;
-    while (times.due(to_seconds(now).si(), master.epoch())) master.switch_to_next();
     const PeerState<N>& told = master_mail.collect(now);
     auto to_hand = master.step({Instant<MasterClock>{now}, master_dt}, port, out.lies ? lie.of(told) : told);
     held = at_work.to_hand(to_hand.command);
@@ -616,7 +634,7 @@ AdversaryRun run_of(const std::string& method, AdversaryRun out, Draw& draw, con
     } else {
       master_tick(m++, next_m);
     }
-    if (out.rests && to_seconds(now).si() >= kFlow_s) {
+    if (out.rests && rested_only && to_seconds(now).si() >= kFlow_s) {
       if (!std::exchange(flows, true)) rested_at = robot.x();
       out.self_moved_m = std::max(out.self_moved_m, (robot.x().translation() - rested_at.translation()).norm());
     }

@@ -432,6 +432,26 @@ TEST(Mailbox, StartsTotalsAnewWithAnEpochAndReadsNoneOfTheOneBefore) {
   EXPECT_EQ(mail.known().epoch, 1U);
 }
 
+// The other side's method has begun anew and says nothing yet: what it said before is of another coupling. An old report changes nothing.
+TEST(Mailbox, ANewerReportWithoutWordsLeavesNone) {
+  std::vector<Report<1>> arriving;
+  Mailbox<1, Script> mail{Script{&arriving}};
+  const auto report = [](std::uint64_t sequence, bool says) {
+    Report<1> r;
+    r.sequence = sequence;
+    if (says) write(example<1>(1.0), r.words);
+    return r;
+  };
+  arriving = {report(1, true)};
+  EXPECT_GT(mail.collect(Duration{1}).words.count, 0);
+  arriving = {report(3, false)};
+  EXPECT_EQ(mail.collect(Duration{2}).words.count, 0);
+  arriving = {report(2, true)};
+  EXPECT_EQ(mail.collect(Duration{3}).words.count, 0);
+  arriving = {report(4, true)};
+  EXPECT_GT(mail.collect(Duration{4}).words.count, 0);
+}
+
 // A side says a deficit only of an account that it keeps.
 TEST(Methods, WithoutAnAccountSayNoDeficit) {
   for (const std::string& method : method_names()) {

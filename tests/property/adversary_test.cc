@@ -93,6 +93,21 @@ TEST(Adversary, NoRobotMovesByItself) {
   EXPECT_GT(rests, 20);
 }
 
+// Both sides couple again, the master first, which says nothing of its offset yet.
+TEST(Adversary, NoRobotMovesByAnOffsetOfTheCouplingBefore) {
+  for (const char* method : {"INTERNAL_MODEL+ENERGY_SPRING", "INTERNAL_MODEL+ENERGY_EXCHANGE"}) {
+    const AdversaryRun run = attack(method, 910036081);
+    EXPECT_TRUE(run.rests);
+    EXPECT_LT(run.self_moved_m, 1e-4) << method;
+  }
+}
+
+// Two axes open at once while the hand moves along the third: what they would take in does not pay.
+TEST(Adversary, AnAxisThatOpensPaysForNoOther) {
+  for (const char* method : {"INTERNAL_MODEL+ENERGY_SPRING", "INTERNAL_MODEL+ENERGY_EXCHANGE"})
+    EXPECT_FALSE(attack(method, 910023542).broken()) << method;
+}
+
 // What voids a claim, and what remains of it in a run that switches.
 TEST(Claims, AreThoseOfThePairWithItsOptions) {
   ControlOptions o;

@@ -7,6 +7,7 @@
 #include <string>
 #include <vector>
 
+#include "common/method/transparency/four_channel/four_channel.h"
 #include "common/scene/load.h"
 #include "master/master_node.h"
 #include "master/render_node.h"
@@ -179,6 +180,27 @@ TEST(SlaveNode, FollowsAfterAReleaseOnlyWhatACoupledMasterDoes) {
     EXPECT_EQ(command.f.vec().norm(), 0.0) << "at tick " << k;
   }
   EXPECT_EQ(node.mode(), Mode::coupled);
+}
+
+// The master has switched while nothing was coupled. Its words are of the new method: as an offset of the old one, 5 N would be 5 m.
+TEST(SlaveNode, BeginsACouplingByTheMethodOfTheMastersEpoch) {
+  const Scene scene = parse_scene(
+      "dof: 6 duration_s: 1 rate_hz: 1000 device { mass_kg: 0.1 inertia_kg_m2: 1e-4 } control { passivity { method: "
+      "INTERNAL_MODEL } schedule { at_s: 0.1 passivity { method: FOUR_CHANNEL } } } robot { mass_kg: 1 inertia_kg_m2: "
+      "1e-3 }",
+      "test");
+  SlaveNode<6> node{scene.control, scene.schedule};
+  PeerState<6> master;
+  master.has_report = master.is_new = true;
+  master.newest.mode = Mode::coupled;
+  master.epoch = 1;
+  HandForce<6> push;
+  push.f.value = Force<6>{Force<6>::Vector::Constant(5.0)};
+  write(push, master.words);
+  const auto out = node.step({Instant<SlaveClock>{Duration{0}}, Seconds{kT}}, RobotSample<6>{}, master);
+  EXPECT_EQ(out.mode, Mode::coupled);
+  EXPECT_EQ(node.epoch(), 1U);
+  EXPECT_LT(node.target().translation().norm(), 1e-12);
 }
 
 TEST(SlaveNode, HasNoForceThatADoubleDoesNotHold) {

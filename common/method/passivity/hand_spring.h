@@ -24,6 +24,11 @@ class HandSpring {
                 o.force_scale / o.motion_scale * o.coupling.rotational_stiffness_n_m_per_rad, o.handle_mass_kg,
                 o.handle_inertia_kg_m2} {}
 
+  void take_over(const typename Velocity<N>::Vector& ratio) noexcept {
+    spring_.take_port(ratio);
+    damper_.rest();
+    f_ = Force<N>{};
+  }
   /// Books the interval that has ended.
   void observe(const MasterInput<N>& in) noexcept {
     const Displacement<N> moved = in.first ? Displacement<N>{} : integral(in.interval, in.ended);

@@ -73,6 +73,10 @@ class EnergyExchangeMaster final : public Copyable<EnergyExchangeMaster<N>, Mast
     hand_.spring().restart(account.net(), put_in_by_hand(balance, account));
     paid_ = 0.0;
   }
+  void take_over(const typename Velocity<N>::Vector& ratio) noexcept override {
+    hand_.take_over(ratio);
+    v_slow_ = Velocity<N>{};
+  }
 
  private:
   static constexpr double kMargin = 2.0, kDamperVelocity_s = 3e-3;

@@ -24,6 +24,7 @@ class EnergySpringMaster final : public Copyable<EnergySpringMaster<N>, MasterPa
     base_absorbed_ = account.absorbed();
     hand_.spring().restart(account.net(), put_in_by_hand(balance, account));
   }
+  void take_over(const typename Velocity<N>::Vector& ratio) noexcept override { hand_.take_over(ratio); }
 
  private:
   HandSpring<N> hand_;

@@ -68,6 +68,9 @@ class TimeDomainMaster final : public Copyable<TimeDomainMaster<N>, MasterPassiv
     base_sent_ = command_.absorbed();
     base_returned_ = account.returned() + handed_over(balance, account);
   }
+  void take_over(const typename Velocity<N>::Vector& ratio) noexcept override {
+    if (predictor_) predictor_->restart(ratio);
+  }
 
  private:
   Corrected<Force<N>> within(const Force<N>& wanted, Energy available, const MasterInput<N>& in) const noexcept {
