@@ -230,7 +230,9 @@ TEST(PortVelocityPredictor, KnowsNoPushAgainstALockInTheSecondTickAfterItOpens) 
     const double w = port.w.vec()[0];
     const Displacement<3> moved = tick(1.0);
     const double error = std::abs(moved.vec()[0] / dt_s - w);
-    if (k > 0) EXPECT_LE(error, port.worst_power_error(Force<3>{Vector{1.0, 0.0, 0.0}})) << k;
+    if (k > 0) {
+      EXPECT_LE(error, port.worst_power_error(Force<3>{Vector{1.0, 0.0, 0.0}})) << k;
+    }
     if (k == 1) largest = std::max(largest, error - port.worst_error());
     predictor.step(moved, Force<3>{}, dt, dt);
   }
