@@ -193,8 +193,7 @@ std::string words(const PaperTable& t) {
       "port energy\n"
       "  is at most {:.1e} J below that of an ideal spring.\n"
       "  Rendered friction hides {:.2f} J from one total account: the wall chatters {:.2f} mm deep. With an account "
-      "for "
-      "the normal\n"
+      "for the normal\n"
       "  force the depth is {:.2f} mm.\n",
       -none.min_energy_j, 1e3 * none.max_depth_m, point.direction_deg.rms(), slide.direction_deg.rms(),
       curved.direction_deg.rms(), straightest, 100.0 * share(literal.pulling_ticks, literal.contact_ticks),
@@ -283,8 +282,8 @@ std::string paper_text(const PaperTable& table) {
 
   out +=
       "\nFriction 0.3 rendered in the wall: one total account hides the energy of the wall, an account for the normal "
-      "force "
-      "does not.\nReported: 2.04 mm and 0.311 m/s with the total, 0.67 mm, 0.135 m/s and -7e-8 J with two accounts\n";
+      "force does not.\nReported: 2.04 mm and 0.311 m/s with the total, 0.67 mm, 0.135 m/s and -7e-8 J with two "
+      "accounts\n";
   Grid friction{{"sensor", "method", "worst port energy [J]", "worst normal energy [J]", "deepest [mm]",
                  "speed rms [m/s]", "direction error rms / max [deg]"}};
   for (const auto& [c, n] : table.results)

@@ -11,10 +11,8 @@
 #include <chrono>
 #include <cmath>
 #include <future>
-#include <memory>
 #include <string>
 #include <typeinfo>
-#include <utility>
 #include <vector>
 
 #include "common/base/check.h"

@@ -1,5 +1,4 @@
 #include <cmath>
-#include <cstdint>
 #include <memory>
 #include <optional>
 #include <string>
@@ -321,8 +320,7 @@ receive() of the other node. Immutable.)")
   py::class_<MasterResult>(module, "MasterOutput", "What the master computes in a tick.")
       .def_readonly("force", &MasterResult::force,
                     "Force at the master port until the next tick [N], dof 6: [N], [N m]. force.v is power into the "
-                    "network: push the "
-                    "hand with -force.")
+                    "network: push the hand with -force.")
       .def_readonly("wanted", &MasterResult::wanted, "The same before passivity control.")
       .def_readonly("message", &MasterResult::message, "Message for the slave; None where a deadband sends none.")
       .def_readonly("dissipated_j", &MasterResult::dissipated_j, "Dissipated by the controller in this tick [J].")

@@ -1,6 +1,5 @@
 #pragma once
 
-#include <Eigen/Geometry>
 #include <memory>
 
 #include "common/contact/signed_distance.h"

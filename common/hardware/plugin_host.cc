@@ -7,10 +7,8 @@
 
 #include <algorithm>
 #include <cmath>
-#include <exception>
 #include <filesystem>
 #include <functional>
-#include <string_view>
 #include <type_traits>
 #include <utility>
 

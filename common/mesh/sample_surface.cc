@@ -6,7 +6,6 @@
 #include <cstdint>
 #include <map>
 #include <numbers>
-#include <unordered_map>
 #include <utility>
 
 namespace twoport {

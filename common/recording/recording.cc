@@ -7,7 +7,6 @@
 #include <cmath>
 #include <filesystem>
 #include <initializer_list>
-#include <limits>
 #include <utility>
 
 #include "common/base/built_for.h"

@@ -69,9 +69,8 @@ schema::ArmParameters parse_arm(const std::string& path) {
   schema::ArmParameters message;
   const std::string text = read_text(path);
   if (text.starts_with('<'))
-    throw ConfigError{path +
-                      ": this is XML; a URDF's name ends in .urdf, and macros are expanded first: xacro FILE > "
-                      "FILE.urdf"};
+    throw ConfigError{
+        path + ": this is XML; a URDF's name ends in .urdf, and macros are expanded first: xacro FILE > FILE.urdf"};
   if (const auto error = parse_text(text, message))
     throw ConfigError{fmt::format("{}:{}: {}", path, error->place, error->sentence)};
   return message;

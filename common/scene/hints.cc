@@ -269,8 +269,8 @@ std::string what_voids(const ControlOptions& o) {
   const std::string layer = o.passivity.empty() ? o.method_name : o.passivity;
   const auto rate = [&](const char* side, const PortLimits& limits) {
     return fmt::format(
-        "control.{}_limits.force_rate_n_per_s is {:g}: a force may outlast the account of {}; a rate of "
-        "twice force_n in a tick or more cannot act",
+        "control.{}_limits.force_rate_n_per_s is {:g}: a force may outlast the account of {}; a rate of twice force_n "
+        "in a tick or more cannot act",
         side, limits.force_rate_n_per_s, layer);
   };
   switch (standing_claim(o).voided) {
@@ -381,8 +381,7 @@ constexpr Hint kHints[] = {
        const double at_rate = kFastContact * s.slave_rate_hz;
        return fmt::format(
            "robot.mass_kg is {:g}: on a surface of {:g} N/m it swings at {:.3g} kHz, too fast for ticks of {:g} Hz; "
-           "the run is slow, as "
-           "a tick in contact takes hundreds of steps of the integrator; use {:.2g} kg or more",
+           "the run is slow, as a tick in contact takes hundreds of steps of the integrator; use {:.2g} kg or more",
            s.robot->mass_kg, stiffest_surface(s),
            1e-3 * fastest_contact(s) * s.slave_rate_hz / (2.0 * std::numbers::pi), s.slave_rate_hz,
            stiffest_surface(s) / (at_rate * at_rate));
@@ -392,8 +391,7 @@ constexpr Hint kHints[] = {
        const auto [limits, force_n] = *slow_limit(s);
        return fmt::format(
            "control.{}.force_rate_n_per_s and the passivity layer {} together leave a force of at most {:.3g} N: what "
-           "may "
-           "not fall at once is not shown",
+           "may not fall at once is not shown",
            limits, s.control.passivity, force_n);
      }},
     {[](const Scene& s) {
@@ -403,8 +401,7 @@ constexpr Hint kHints[] = {
      [](const Scene& s) {
        return fmt::format(
            "rate_hz is {:g}: FORCE_PROJECTED may let energy pass at a rendered {:g} N/m with a handle of {:g} kg, as "
-           "the "
-           "handle turns back within a tick; it holds from about {:.0f} Hz",
+           "the handle turns back within a tick; it holds from about {:.0f} Hz",
            s.rate_hz, stiffest_surface(s), s.device->mass_kg,
            std::sqrt(stiffest_surface(s) / (kFastHandle * s.device->mass_kg)));
      }},

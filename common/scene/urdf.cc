@@ -10,7 +10,6 @@
 #include <boost/algorithm/string/case_conv.hpp>
 #include <boost/property_tree/xml_parser.hpp>
 #include <cmath>
-#include <cstdint>
 #include <filesystem>
 #include <limits>
 #include <map>

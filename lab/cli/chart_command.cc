@@ -1,7 +1,6 @@
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 
-#include <algorithm>
 #include <cstdio>
 #include <memory>
 #include <string>
@@ -78,8 +77,8 @@ Subcommand add_chart_command(Command app) {
   Command chart = app.add("chart", "Plot error against computing cost of integrators, rates and model details");
   add_scene(chart, a->chart.scene, a->chart.set);
   chart.list("--vary", a->chart.vary,
-             "PATH=a,b,c or PATH,PATH=a,b,c; integrators and substeps unless given; with "
-             "--answer also verdict=tail,lean,plain");
+             "PATH=a,b,c or PATH,PATH=a,b,c; integrators and substeps unless given; with --answer also "
+             "verdict=tail,lean,plain");
   chart.list(
       "--robot", a->robots,
       "mujoco:FILE.xml[,site=NAME][,key=NAME]: also a world of MuJoCo in place of the scene's robot and environment");
@@ -88,10 +87,9 @@ Subcommand add_chart_command(Command app) {
       "--answer", a->chart.answer,
       "Compare whole answers: verdict, force felt and, with --boundary, the boundary, over their processor time");
   chart
-      .option(
-          "--for-error", a->for_error,
-          "Recommend the cheapest point with at most this position error [m]; with --answer an error of 0.01 is 1 % "
-          "of the force felt and of the boundary, with the verdict of the reference")
+      .option("--for-error", a->for_error,
+              "Recommend the cheapest point with at most this position error [m]; with --answer an error of 0.01 is 1 "
+              "% of the force felt and of the boundary, with the verdict of the reference")
       .positive();
   chart.option("--repetitions", a->chart.repetitions, "Timed rounds; the median is used")
       .between(1, 1000)

@@ -223,10 +223,8 @@ Subcommand add_recommend(Command app) {
   add_jobs(recommend, a->jobs);
   recommend.footer(
       "Without --link prints one line: NAME: why. With it, blocks to paste into a scene, the reasons as comments. The "
-      "scene is that "
-      "of `map`: an ordinary hand, device and robot. Recommended is, of the methods that hold as in `map` and bound "
-      "the "
-      "energy of the hand's port, the one with the least error; status 3: there is none.");
+      "scene is that of `map`: an ordinary hand, device and robot. Recommended is, of the methods that hold as in "
+      "`map` and bound the energy of the hand's port, the one with the least error; status 3: there is none.");
   return {recommend, [a] { return recommend_command(*a); }};
 }
 

@@ -8,13 +8,12 @@
 namespace twoport::lab {
 Subcommand add_methods_command(Command app) {
   Command methods = app.add("methods",
-                            "List the methods of control.passivity.method over a link, one a line: name, tab, "
-                            "summary. The first is the one of a scene that names none");
+                            "List the methods of control.passivity.method over a link, one a line: name, tab, summary. "
+                            "The first is the one of a scene that names none");
   const auto layers = std::make_shared<bool>(false);
-  methods.flag(
-      "--layers", *layers,
-      "List the layers that control.transparency.layer and control.passivity.layer name: kind, tab, name, tab, of "
-      "passivity layers the ports that they bound (none; hand; both; hand, both) and a tab, summary");
+  methods.flag("--layers", *layers,
+               "List the layers that control.transparency.layer and control.passivity.layer name: kind, tab, name, "
+               "tab, of passivity layers the ports that they bound (none; hand; both; hand, both) and a tab, summary");
   return {methods, [layers] {
             if (!*layers) {
               for (const MethodName& each : kMethods) fmt::print("{}\t{}\n", each.name, each.summary);

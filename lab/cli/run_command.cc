@@ -97,8 +97,7 @@ Subcommand add_run_command(Command app) {
       .show_default();
   run.option("--verdict", a->verdict,
              "tail: left alone after the scene's end, beside a twin; plain: from the scene's own run, faster, and "
-             "UNDECIDED "
-             "more often")
+             "UNDECIDED more often")
       .one_of({"tail", "plain"})
       .show_default();
   return {run, [a] { return run_command(*a); }};

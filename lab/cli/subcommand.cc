@@ -8,7 +8,6 @@
 #include <cmath>
 #include <csignal>
 #include <cstdint>
-#include <cstdio>
 #include <exception>
 #include <utility>
 
@@ -126,10 +125,9 @@ void add_scene(Command command, std::string& scene, std::vector<std::string>& se
 }
 
 void add_lanes(Command command, std::optional<int>& lanes) {
-  command.option(
-      "--lanes", lanes,
-      "Simulations that a thread steps at once: 1, 2, 4 or 8; 0, the default: as many as the processor can. Says "
-      "which runs ran alone, and why");
+  command.option("--lanes", lanes,
+                 "Simulations that a thread steps at once: 1, 2, 4 or 8; 0, the default: as many as the processor can. "
+                 "Says which runs ran alone, and why");
 }
 
 void say_lanes(const LaneUse& use) {

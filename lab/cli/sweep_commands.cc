@@ -36,9 +36,8 @@ void check_plot(const std::string& plot, bool with_spread) {
   if (std::find(known.begin(), known.end(), plot) != known.end()) return;
   const std::vector<std::string> nearest = nearest_names(plot, known, 3);
   throw ConfigError{fmt::format(
-      "--plot {}: no such figure; the nearest are {}, {} and {}, and twoport-lab sweep --list-figures prints "
-      "all",
-      plot, nearest[0], nearest[1], nearest[2])};
+      "--plot {}: no such figure; the nearest are {}, {} and {}, and twoport-lab sweep --list-figures prints all", plot,
+      nearest[0], nearest[1], nearest[2])};
 }
 
 void list_figures() {
@@ -127,8 +126,8 @@ std::vector<Subcommand> add_sweep_commands(Command app) {
   add_scene(sweep, a->sweep.scene, a->sweep.set);
   sweep
       .list("--vary", a->axes,
-            "PATH=a,b,c or PATH=start:stop:count or PATH=start:stop:count:log; A,B=... links the paths A and B; "
-            "the last --vary varies fastest")
+            "PATH=a,b,c or PATH=start:stop:count or PATH=start:stop:count:log; A,B=... links the paths A and B; the "
+            "last --vary varies fastest")
       .required();
   add_robot(sweep, a->robot);
   sweep.option("--seeds", a->sweep.seeds, "Runs per cell, with the scene's seed, seed + 1, ...: mean, sd and worst")
