@@ -1,5 +1,3 @@
-#include "lab/arm_command.h"
-
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 
@@ -16,6 +14,7 @@
 #include "common/base/check.h"
 #include "common/base/text.h"
 #include "common/scene/arm.h"
+#include "lab/cli/commands.h"
 #include "lab/study/grid.h"
 #include "sim/plant/arm.h"
 

@@ -1,5 +1,3 @@
-#include "lab/paper_command.h"
-
 #include <fmt/format.h>
 
 #include <cstdio>
@@ -9,8 +7,9 @@
 
 #include "common/base/check.h"
 #include "common/base/file.h"
+#include "lab/cli/commands.h"
+#include "lab/paper.h"
 #include "lab/paper_figures.h"
-#include "lab/paper_table.h"
 #include "lab/study/parallel.h"
 
 namespace twoport::lab {

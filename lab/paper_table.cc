@@ -1,5 +1,3 @@
-#include "lab/paper_table.h"
-
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -10,6 +8,7 @@
 #include <utility>
 
 #include "common/base/check.h"
+#include "lab/paper.h"
 
 namespace twoport::lab {
 namespace {

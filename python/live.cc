@@ -15,7 +15,6 @@
 #include "common/hardware/robot.h"
 #include "common/platform/live_link.h"
 #include "common/runtime/cycle.h"
-#include "common/runtime/given_reading.h"
 #include "master/master_node.h"
 #include "python/bind.h"
 #include "slave/slave_node.h"

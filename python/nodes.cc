@@ -13,7 +13,6 @@
 #include "common/link/mailbox.h"
 #include "common/link/report.h"
 #include "common/runtime/cycle.h"
-#include "common/runtime/given_reading.h"
 #include "common/wire/header.h"
 #include "master/master_node.h"
 #include "python/bind.h"

@@ -15,7 +15,6 @@
 #include "common/base/check.h"
 #include "common/hardware/device.h"
 #include "common/hardware/plugin.h"
-#include "common/hardware/plugin_trial.h"
 #include "common/hardware/robot.h"
 
 namespace twoport {

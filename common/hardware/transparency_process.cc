@@ -14,7 +14,7 @@
 #include <new>
 
 #include "common/base/check.h"
-#include "common/hardware/plugin_trial.h"
+#include "common/hardware/plugin_host.h"
 #include "common/hardware/transparency_host.h"
 
 namespace twoport {

@@ -1,5 +1,3 @@
-#include "common/mesh/read_mesh.h"
-
 #include <fmt/format.h>
 
 #include <Eigen/Geometry>
@@ -13,6 +11,7 @@
 
 #include "common/base/check.h"
 #include "common/base/text.h"
+#include "common/mesh/triangle_mesh.h"
 
 namespace twoport {
 namespace {

@@ -1,5 +1,3 @@
-#include "common/mesh/sample_surface.h"
-
 #include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
@@ -7,6 +5,8 @@
 #include <map>
 #include <numbers>
 #include <utility>
+
+#include "common/mesh/triangle_mesh.h"
 
 namespace twoport {
 namespace {

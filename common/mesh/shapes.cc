@@ -1,8 +1,14 @@
 #include "common/mesh/shapes.h"
 
+#include <algorithm>
 #include <cmath>
+#include <map>
 #include <numbers>
+#include <tuple>
 #include <utility>
+#include <vector>
+
+#include "common/mesh/triangle_mesh.h"
 
 namespace twoport {
 
@@ -48,6 +54,41 @@ void append(TriangleMesh& to, const TriangleMesh& mesh, const Eigen::Affine3d& a
     if (mirrored) std::swap(b, c);
     to.triangles.push_back({first + a, first + b, first + c});
   }
+}
+
+namespace {
+
+TriangleMesh clustered(const TriangleMesh& mesh, double cell_m) {
+  std::map<std::tuple<double, double, double>, std::uint32_t> cells;
+  std::vector<std::uint32_t> cell_of;
+  std::vector<double> count;
+  TriangleMesh out;
+  for (const Eigen::Vector3d& v : mesh.vertices) {
+    const Eigen::Vector3d at = (v / cell_m).array().floor();
+    const auto [cell, is_new] =
+        cells.try_emplace({at.x(), at.y(), at.z()}, static_cast<std::uint32_t>(out.vertices.size()));
+    if (is_new) out.vertices.emplace_back(Eigen::Vector3d::Zero()), count.push_back(0.0);
+    out.vertices[cell->second] += v;
+    count[cell->second] += 1.0;
+    cell_of.push_back(cell->second);
+  }
+  for (std::size_t i = 0; i < count.size(); ++i) out.vertices[i] /= count[i];
+  for (const TriangleMesh::Triangle& t : mesh.triangles) {
+    const TriangleMesh::Triangle c{cell_of[t[0]], cell_of[t[1]], cell_of[t[2]]};
+    if (c[0] != c[1] && c[1] != c[2] && c[2] != c[0]) out.triangles.push_back(c);
+  }
+  return out;
+}
+
+}  // namespace
+
+TriangleMesh decimated(const TriangleMesh& mesh, std::size_t most) {
+  TriangleMesh out = mesh;
+  // Two triangles a cell of the surface.
+  for (double cell_m = std::sqrt(2.0 * area_of(mesh) / static_cast<double>(std::max<std::size_t>(most, 1)));
+       out.triangles.size() > most; cell_m *= 1.3)
+    out = clustered(mesh, cell_m);
+  return out;
 }
 
 }  // namespace twoport

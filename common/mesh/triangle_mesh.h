@@ -2,7 +2,10 @@
 
 #include <Eigen/Core>
 #include <array>
+#include <cstddef>
 #include <cstdint>
+#include <string>
+#include <string_view>
 #include <vector>
 
 namespace twoport {
@@ -24,5 +27,27 @@ struct MeshFaults {
 MeshFaults faults_of(const TriangleMesh& mesh);
 /// Of a closed mesh; negative where its triangles face inwards. The sum of the tetrahedra over its triangles.
 double volume_m3(const TriangleMesh& mesh);
+
+/// A mesh of at most `most` triangles, for a picture: the vertices in a cell of a cubic grid become their mean, and triangles whose
+/// corners do not lie in three cells are left out (Rossignac, Borrel, Multi-resolution 3D approximations for rendering complex scenes,
+/// 1993). The same mesh where it has no more.
+TriangleMesh decimated(const TriangleMesh& mesh, std::size_t most);
+
+/// Points of a mesh: none of its surface is farther than `spacing` from one of them, and no two are nearer than
+/// 3/4 spacing. Edges at which the surface turns by more than 30° come first, so that there are points on them. The same mesh
+/// gives the same points.
+std::vector<Eigen::Vector3d> sample_surface(const TriangleMesh& mesh, double spacing);
+
+/// Its area [m²].
+double area_of(const TriangleMesh& mesh);
+
+/// Largest number of triangles that is read.
+inline constexpr std::size_t kMostTriangles = 2'000'000;
+
+/// The mesh of a file's content: STL, binary or ASCII, or Wavefront OBJ, of which v and f are read and polygons are split
+/// into triangles. Vertices of an STL file with equal coordinates become one; triangles without area are left out.
+/// Throws ConfigError, in one sentence that begins with `name`, for anything else: sizes, numbers and indices are checked,
+/// nothing is allocated that the content does not pay for.
+TriangleMesh parse_mesh(std::string_view content, const std::string& name);
 
 }  // namespace twoport

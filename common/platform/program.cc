@@ -14,7 +14,7 @@
 #include "common/platform/arguments.h"
 #include "common/platform/realtime.h"
 #include "common/platform/watchdog.h"
-#include "common/record/expectation.h"
+#include "common/record/summary.h"
 #include "common/scene/find.h"
 #include "common/scene/hints.h"
 #include "common/scene/load.h"

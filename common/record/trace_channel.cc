@@ -15,7 +15,6 @@
 
 #include "common/base/built_for.h"
 #include "common/base/check.h"
-#include "common/base/earlier_file.h"
 #include "common/base/file.h"
 #include "common/base/fmt.h"
 #include "common/record/columns.h"

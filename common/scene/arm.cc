@@ -8,7 +8,6 @@
 #include "common/scene/find.h"
 #include "common/scene/reader.h"
 #include "common/scene/text.h"
-#include "common/scene/urdf.h"
 #include "proto/arm.pb.h"
 
 namespace twoport {

@@ -7,7 +7,7 @@
 
 #include "common/arm/arm_model.h"
 #include "common/base/built_for.h"
-#include "common/mesh/decimate.h"
+#include "common/mesh/triangle_mesh.h"
 #include "common/scene/arm.h"
 #include "common/scene/blocks.h"
 #include "common/scene/shown.h"

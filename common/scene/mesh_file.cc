@@ -11,8 +11,8 @@
 
 #include "common/base/check.h"
 #include "common/base/file.h"
-#include "common/mesh/read_mesh.h"
 #include "common/mesh/solids.h"
+#include "common/mesh/triangle_mesh.h"
 
 namespace twoport {
 namespace {

@@ -175,4 +175,7 @@ struct Scene {
   [[nodiscard]] int axes() const { return dof == 1 ? 1 : 3; }
 };
 
+/// As a scene writes it, e.g. "POSITION_FORCE".
+std::string to_string(Architecture architecture);
+
 }  // namespace twoport

@@ -22,4 +22,10 @@ std::vector<Subcommand> add_recording_commands(Command app);
 /// `trim` and `blocks`.
 std::vector<Subcommand> add_trim_commands(Command app);
 
+/// `arm`: kinematics and dynamics of an arm at one position, as JSON.
+Subcommand add_arm_command(Command app);
+
+/// `paper`.
+Subcommand add_paper_command(Command app);
+
 }  // namespace twoport::lab

@@ -5,9 +5,7 @@
 #include "common/base/check.h"
 #include "common/platform/arguments.h"
 #include "common/wire/header.h"
-#include "lab/arm_command.h"
 #include "lab/cli/commands.h"
-#include "lab/paper_command.h"
 
 namespace {
 

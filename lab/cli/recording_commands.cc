@@ -7,7 +7,7 @@
 #include <vector>
 
 #include "common/base/check.h"
-#include "common/base/earlier_file.h"
+#include "common/base/file.h"
 #include "common/base/print_error.h"
 #include "common/record/trace_channel.h"
 #include "common/recording/recording.h"

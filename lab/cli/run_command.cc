@@ -9,12 +9,11 @@
 #include <string>
 
 #include "common/base/check.h"
-#include "common/base/earlier_file.h"
 #include "common/base/file.h"
 #include "common/base/print_error.h"
 #include "common/base/text.h"
 #include "common/mcap/bytes.h"
-#include "common/record/expectation.h"
+#include "common/record/summary.h"
 #include "common/scene/hints.h"
 #include "common/scene/load.h"
 #include "lab/cli/commands.h"

@@ -7,8 +7,8 @@
 #include <string>
 
 #include "common/base/check.h"
-#include "common/base/nearest_names.h"
 #include "common/base/print_error.h"
+#include "common/base/text.h"
 #include "common/scene/load.h"
 #include "lab/cli/commands.h"
 #include "lab/cli/robot_option.h"

@@ -1,9 +1,9 @@
-#include "lab/plot/label.h"
-
 #include <fmt/format.h>
 
 #include <algorithm>
 #include <utility>
+
+#include "lab/plot/picture.h"
 
 namespace twoport::lab {
 namespace {

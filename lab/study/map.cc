@@ -16,7 +16,7 @@
 #include "common/coupling/layers.h"
 #include "common/method/catalogue.h"
 #include "common/record/summary.h"
-#include "common/scene/scene_text.h"
+#include "common/scene/load.h"
 #include "lab/engine/stoppable.h"
 #include "lab/run.h"
 #include "lab/study/parallel.h"

@@ -9,7 +9,7 @@
 #include "common/base/file.h"
 #include "common/coupling/layers.h"
 #include "common/method/catalogue.h"
-#include "common/scene/scene_text.h"
+#include "common/scene/load.h"
 #include "lab/study/compare.h"
 #include "lab/study/map.h"
 

@@ -15,7 +15,6 @@
 #include "common/link/mailbox.h"
 #include "common/recording/tick.h"
 #include "common/runtime/cycle.h"
-#include "common/runtime/given_reading.h"
 #include "common/scene/load.h"
 #include "lab/run.h"
 #include "master/master_node.h"
