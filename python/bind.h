@@ -143,21 +143,6 @@ auto interruptible(Work work, Watch watch) {
   return result.get();
 }
 
-/// Calls use.operator()<N>() with N = dof.
-template <class Use>
-auto with_size(int dof, Use use) {
-  switch (dof) {
-    case 1:
-      return use.template operator()<1>();
-    case 3:
-      return use.template operator()<3>();
-    case 6:
-      return use.template operator()<6>();
-    default:
-      throw ConfigError{fmt::format("dof is {}; it must be 1, 3 or 6", dof)};
-  }
-}
-
 }  // namespace twoport::python
 
 /// Of a class with `using PythonClass = void`: only objects of it that are whole become C++ references. One made by __new__ alone

@@ -116,12 +116,17 @@ std::optional<FedMotion> fed_by_coupling(const Scene& s) {
     return {};
   const bool arm = s.robot->arm.has_value();
   const CouplingOptions& c = s.control.coupling;
-  CouplingOptions translation = c, rotation = c;
+  CouplingOptions translation = c;
   translation.rotational_stiffness_n_m_per_rad = translation.rotational_damping_n_m_s_per_rad = 0.0;
-  rotation.stiffness_n_per_m = rotation.damping_n_s_per_m = 0.0;
+  const auto holding = [&](CouplingOptions with, double CouplingOptions::*damping, double inertia) {
+    const auto holds = [&](double d) {
+      with.*damping = d;
+      return coupling_holds_robot(s, with);
+    };
+    return holding_dampings(holds, 2.0 * inertia * s.slave_rate_hz);
+  };
   // Where each motion alone is held, it is the smaller inertia of both together.
-  const bool turns = s.dof == 6 && coupling_holds_robot(s, translation);
-  if (turns) {
+  if (s.dof == 6 && coupling_holds_robot(s, translation)) {
     const double inertia = *std::min_element(s.robot->inertia_kg_m2.begin(), s.robot->inertia_kg_m2.end());
     return FedMotion{arm ? "the effective inertia of robot.arm," : "robot.inertia_kg_m2",
                      "rotational_damping_n_m_s_per_rad",
@@ -129,13 +134,7 @@ std::optional<FedMotion> fed_by_coupling(const Scene& s) {
                      inertia,
                      c.rotational_stiffness_n_m_per_rad,
                      c.rotational_damping_n_m_s_per_rad,
-                     holding_dampings(
-                         [&](double d) {
-                           CouplingOptions other = c;
-                           other.rotational_damping_n_m_s_per_rad = d;
-                           return coupling_holds_robot(s, other);
-                         },
-                         2.0 * inertia * s.slave_rate_hz)};
+                     holding(c, &CouplingOptions::rotational_damping_n_m_s_per_rad, inertia)};
   }
   return FedMotion{arm ? "the effective mass of robot.arm," : "robot.mass_kg",
                    "damping_n_s_per_m",
@@ -143,13 +142,7 @@ std::optional<FedMotion> fed_by_coupling(const Scene& s) {
                    s.robot->mass_kg,
                    c.stiffness_n_per_m,
                    c.damping_n_s_per_m,
-                   holding_dampings(
-                       [&](double d) {
-                         CouplingOptions other = translation;
-                         other.damping_n_s_per_m = d;
-                         return coupling_holds_robot(s, other);
-                       },
-                       2.0 * s.robot->mass_kg * s.slave_rate_hz)};
+                   holding(translation, &CouplingOptions::damping_n_s_per_m, s.robot->mass_kg)};
 }
 
 /// K T²/m of the stiffest rendered surface: from 0.05 on the motion of a tick changes by what the force of that tick does, and a

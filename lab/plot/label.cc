@@ -4,6 +4,7 @@
 #include <utility>
 
 #include "lab/plot/picture.h"
+#include "lab/study/grid.h"
 
 namespace twoport::lab {
 namespace {
@@ -49,16 +50,6 @@ std::string spaced(std::string name) {
   return name;
 }
 
-std::vector<std::string> split(std::string_view text) {
-  std::vector<std::string> all;
-  for (std::size_t from = 0; from <= text.size();) {
-    const std::size_t dot = std::min(text.find('.', from), text.size());
-    all.emplace_back(text.substr(from, dot - from));
-    from = dot + 1;
-  }
-  return all;
-}
-
 /// Takes the index off "wall[2]"; -1 where there is none.
 int take_index(std::string& component) {
   const std::size_t bracket = component.find('[');
@@ -89,7 +80,8 @@ PathWords words_of(const std::string& path) {
                                            {"rate_hz", "sampling rate"},
                                            {"simulation.substeps", "substeps a tick"}};
   PathWords w;
-  std::vector<std::string> parts = split(path);
+  const std::vector<std::string_view> all = parts_of(path, '.');
+  std::vector<std::string> parts{all.begin(), all.end()};
   std::string leaf = parts.back();
   parts.pop_back();
   const int axis = take_index(leaf);
