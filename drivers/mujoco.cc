@@ -15,7 +15,7 @@
 #include "common/base/check.h"
 #include "common/hardware/registry.h"
 #include "common/hardware/virtual_robot.h"
-#include "common/mesh/shapes.h"
+#include "common/mesh/triangle_mesh.h"
 
 namespace twoport {
 namespace {

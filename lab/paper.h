@@ -4,12 +4,14 @@
 #include <array>
 #include <cmath>
 #include <cstdint>
+#include <functional>
 #include <string>
 #include <vector>
 
 #include "common/contact/environment.h"
 #include "common/record/row.h"
 #include "common/scene/scene.h"
+#include "lab/plot/picture.h"
 
 namespace twoport::lab {
 
@@ -149,5 +151,12 @@ struct PaperTable {
 std::string paper_csv(const PaperTable& table);
 /// The same as a readable text, with the claims of the paper.
 std::string paper_text(const PaperTable& table);
+
+/// A picture of the paper from simulated data.
+struct PaperFigure {
+  std::string name, title;
+  std::function<Picture()> make;
+};
+std::vector<PaperFigure> paper_figures();
 
 }  // namespace twoport::lab

@@ -9,7 +9,6 @@
 #include "common/base/file.h"
 #include "lab/cli/commands.h"
 #include "lab/paper.h"
-#include "lab/paper_figures.h"
 #include "lab/study/parallel.h"
 
 namespace twoport::lab {

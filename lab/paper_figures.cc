@@ -1,5 +1,3 @@
-#include "lab/paper_figures.h"
-
 #include <fmt/format.h>
 
 #include <algorithm>

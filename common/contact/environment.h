@@ -11,7 +11,7 @@
 #include "common/base/spatial_vector.h"
 #include "common/base/vector.h"
 #include "common/contact/broad_phase.h"
-#include "common/contact/world.h"
+#include "common/contact/contact_law.h"
 
 namespace twoport {
 

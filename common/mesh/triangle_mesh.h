@@ -1,6 +1,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <Eigen/Geometry>
 #include <array>
 #include <cstddef>
 #include <cstdint>
@@ -49,5 +50,19 @@ inline constexpr std::size_t kMostTriangles = 2'000'000;
 /// Throws ConfigError, in one sentence that begins with `name`, for anything else: sizes, numbers and indices are checked,
 /// nothing is allocated that the content does not pay for.
 TriangleMesh parse_mesh(std::string_view content, const std::string& name);
+
+// Shapes for pictures.
+
+/// A profile of (radius, height) from axis to axis, turned about z; the first corner is half a side from the x axis.
+TriangleMesh turned(const std::vector<Eigen::Vector2d>& profile, std::uint32_t sides);
+/// About the origin, with edges of 1.
+TriangleMesh unit_box();
+/// About the origin and the z axis, with radius and height 1.
+TriangleMesh unit_cylinder();
+/// Two half spheres about (0, 0, ±half_length) and what is between them.
+TriangleMesh capsule(double radius, double half_length);
+
+/// Adds a mesh at a place, which may scale and mirror it.
+void append(TriangleMesh& to, const TriangleMesh& mesh, const Eigen::Affine3d& at);
 
 }  // namespace twoport

@@ -5,7 +5,7 @@
 #include <string>
 #include <string_view>
 
-#include "common/mcap/channels.h"
+#include "common/mcap/writer.h"
 
 namespace twoport {
 

@@ -22,7 +22,6 @@
 #include "common/base/check.h"
 #include "common/base/file.h"
 #include "common/base/text.h"
-#include "common/mesh/shapes.h"
 #include "common/mesh/triangle_mesh.h"
 #include "common/scene/arm.h"
 

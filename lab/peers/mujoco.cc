@@ -5,7 +5,7 @@
 #include <cstring>
 
 #include "common/base/check.h"
-#include "lab/peers/engine.h"
+#include "lab/peers/peers.h"
 
 namespace twoport::lab {
 namespace {

@@ -11,7 +11,7 @@
 
 #include "common/base/check.h"
 #include "common/base/text.h"
-#include "lab/plot/places.h"
+#include "lab/plot/picture.h"
 #include "lab/study/boundary.h"
 #include "lab/study/compare.h"
 #include "lab/study/impedance.h"

@@ -7,7 +7,7 @@
 #include "common/base/check.h"
 #include "common/base/file.h"
 #include "common/scene/load.h"
-#include "lab/theory/sampled_wall.h"
+#include "lab/theory/sampled_loop.h"
 
 namespace twoport::lab {
 namespace {

@@ -35,7 +35,6 @@ compile "$work/proto/scene.pb.cc" schema
 compile "$work/proto/field.pb.cc" options
 compile "$work/common/scene/environment.cc" environment
 compile common/scene/reader.cc reader
-compile common/scene/mesh_file.cc mesh_file
 compile common/scene/find.cc find
 compile common/scene/text.cc text
 compile $here/pipe_test.cc test
