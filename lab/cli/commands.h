@@ -1,31 +1,29 @@
 #pragma once
 
-#include <vector>
-
 #include "lab/cli/subcommand.h"
 
 namespace twoport::lab {
 
-Subcommand add_run_command(Command app);
-Subcommand add_methods_command(Command app);
-Subcommand add_boundary_command(Command app);
+void add_run_command(CLI::App& app, Chosen& chosen);
+void add_methods_command(CLI::App& app, Chosen& chosen);
+void add_boundary_command(CLI::App& app, Chosen& chosen);
 /// `sweep` and `merge`.
-std::vector<Subcommand> add_sweep_commands(Command app);
-Subcommand add_zwidth_command(Command app);
-Subcommand add_chart_command(Command app);
-Subcommand add_doctor_command(Command app);
-Subcommand add_impedance_command(Command app);
+void add_sweep_commands(CLI::App& app, Chosen& chosen);
+void add_zwidth_command(CLI::App& app, Chosen& chosen);
+void add_chart_command(CLI::App& app, Chosen& chosen);
+void add_doctor_command(CLI::App& app, Chosen& chosen);
+void add_impedance_command(CLI::App& app, Chosen& chosen);
 /// `adversary`, `compare`, `gallery`, `map`, `matrix` and `recommend`.
-std::vector<Subcommand> add_map_commands(Command app);
+void add_map_commands(CLI::App& app, Chosen& chosen);
 /// `replay` and `export`.
-std::vector<Subcommand> add_recording_commands(Command app);
+void add_recording_commands(CLI::App& app, Chosen& chosen);
 /// `trim` and `blocks`.
-std::vector<Subcommand> add_trim_commands(Command app);
+void add_trim_commands(CLI::App& app, Chosen& chosen);
 
 /// `arm`: kinematics and dynamics of an arm at one position, as JSON.
-Subcommand add_arm_command(Command app);
+void add_arm_command(CLI::App& app, Chosen& chosen);
 
 /// `paper`.
-Subcommand add_paper_command(Command app);
+void add_paper_command(CLI::App& app, Chosen& chosen);
 
 }  // namespace twoport::lab

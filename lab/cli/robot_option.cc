@@ -9,8 +9,8 @@
 
 namespace twoport::lab {
 
-Option add_robot(Command command, std::string& robot) {
-  return command.option(
+CLI::Option* add_robot(CLI::App& command, std::string& robot) {
+  return command.add_option(
       "--robot", robot,
       "mujoco:FILE.xml[,site=NAME][,key=NAME]: a world of MuJoCo in place of the scene's robot and environment");
 }

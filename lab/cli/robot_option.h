@@ -11,7 +11,7 @@
 namespace twoport::lab {
 
 /// --robot mujoco:FILE.xml[,site=NAME][,key=NAME].
-Option add_robot(Command command, std::string& robot);
+CLI::Option* add_robot(CLI::App& command, std::string& robot);
 /// The robot of that option; nothing where it was not given. Throws ConfigError where it cannot be opened or the scene cannot have it.
 std::optional<HostedRobot> open_robot(const std::string& choice, const Scene& scene);
 

@@ -3,11 +3,9 @@
 #include <fmt/format.h>
 #include <unistd.h>
 
-#include <CLI/CLI.hpp>
 #include <algorithm>
 #include <cmath>
 #include <csignal>
-#include <cstdint>
 #include <exception>
 #include <utility>
 
@@ -21,113 +19,33 @@
 
 namespace twoport::lab {
 
-Option Option::required() {
-  option_->required();
-  return *this;
+CLI::Option* add_list(CLI::App& command, const std::string& name, std::vector<std::string>& into,
+                      const std::string& help) {
+  return command.add_option(name, into, help)->allow_extra_args(false)->take_all();
 }
-Option Option::show_default() {
-  option_->capture_default_str();
-  return *this;
-}
-Option Option::one_of(std::initializer_list<std::string> values) {
-  option_->check(CLI::IsMember(std::vector<std::string>{values}));
-  return *this;
-}
-template <class Number>
-Option Option::between(Number least, Number most) {
-  option_->check(CLI::Range(least, most));
-  return *this;
-}
-template Option Option::between(int, int);
-template Option Option::between(std::uint64_t, std::uint64_t);
-template Option Option::between(double, double);
-Option Option::positive() {
+
+CLI::Validator positive() {
   const auto error = [](const std::string& text) {
     double value = 0.0;
     if (CLI::detail::lexical_cast(text, value) && value > 0.0 && std::isfinite(value)) return std::string{};
     return fmt::format("\"{}\"; it must be a number above 0", text);
   };
-  option_->check(CLI::Validator{error, ""});
-  return *this;
-}
-Option Option::at_least_one() {
-  const auto error = [](const std::string& text) {
-    int value = 0;
-    if (CLI::detail::lexical_cast(text, value) && value >= 1) return std::string{};
-    return fmt::format("\"{}\"; it must be a whole number, at least 1", text);
-  };
-  option_->check(CLI::Validator{error, "N"});
-  return *this;
-}
-Option Option::assignment() {
-  option_->check(CLI::Validator{[](const std::string& text) { return assignment_error(text); }, "PATH=VALUE"});
-  return *this;
-}
-Option Option::scene() {
-  option_->transform(scene_file);
-  return *this;
-}
-Option Option::may_be_bare() {
-  option_->expected(0, 1);
-  return *this;
-}
-Option Option::needs(Option other) {
-  option_->needs(other.option_);
-  return *this;
-}
-Option Option::excludes(Option other) {
-  option_->excludes(other.option_);
-  return *this;
+  return {error, ""};
 }
 
-Command Command::add(const std::string& name, const std::string& description) {
-  return Command{*app_->add_subcommand(name, description)};
-}
-template <class Value>
-Option Command::option(const std::string& name, Value& into, const std::string& help) {
-  return Option{app_->add_option(name, into, help)};
-}
-template Option Command::option(const std::string&, std::string&, const std::string&);
-template Option Command::option(const std::string&, std::vector<std::string>&, const std::string&);
-template Option Command::option(const std::string&, int&, const std::string&);
-template Option Command::option(const std::string&, std::optional<int>&, const std::string&);
-template Option Command::option(const std::string&, std::optional<double>&, const std::string&);
-template Option Command::option(const std::string&, std::uint64_t&, const std::string&);
-template Option Command::option(const std::string&, double&, const std::string&);
-Option Command::list(const std::string& name, std::vector<std::string>& into, const std::string& help) {
-  return Option{app_->add_option(name, into, help)->allow_extra_args(false)->take_all()};
-}
-void Command::flag(const std::string& name, bool& into, const std::string& help) {
-  app_->add_flag(name, into, help);
-}
-void Command::print(const std::string& name, std::function<void()> what, const std::string& help) {
-  app_->add_flag_callback(
-      name,
-      [what = std::move(what)] {
-        what();
-        throw CLI::Success{};
-      },
-      help);
-}
-void Command::describe(const std::string& option, const std::string& help) {
-  app_->get_option(option)->description(help);
-}
-void Command::footer(const std::string& text) {
-  app_->footer(text);
-}
-bool Command::given() const {
-  return app_->parsed();
+void add_scene(CLI::App& command, std::string& scene, std::vector<std::string>& set) {
+  command.add_option("scene", scene, "Scene file (.textproto), or the name of a scene of the project")
+      ->transform(scene_file)
+      ->required();
+  const CLI::Validator assignment{[](const std::string& text) { return assignment_error(text); }, "PATH=VALUE"};
+  add_list(command, "--set", set, "Override, PATH=VALUE, e.g. control.passivity.method=NONE")->check(assignment);
 }
 
-void add_scene(Command command, std::string& scene, std::vector<std::string>& set) {
-  command.option("scene", scene, "Scene file (.textproto), or the name of a scene of the project").scene().required();
-  command.list("--set", set, "Override, PATH=VALUE, e.g. control.passivity.method=NONE").assignment();
-}
-
-void add_lanes(Command command, std::optional<int>& lanes) {
-  command.option("--lanes", lanes,
-                 "Simulations that a thread steps at once: 1, 2, 4 or 8; 0, the default: as many as the processor can. "
-                 "Says which runs ran alone, and why");
+void add_lanes(CLI::App& command, std::optional<int>& lanes) {
+  command.add_option(
+      "--lanes", lanes,
+      "Simulations that a thread steps at once: 1, 2, 4 or 8; 0, the default: as many as the processor can. "
+      "Says which runs ran alone, and why");
 }
 
 void say_lanes(const LaneUse& use) {
@@ -135,9 +53,14 @@ void say_lanes(const LaneUse& use) {
   for (const auto& [why, count] : use.alone) print_error("{} runs alone: {}\n", count, why);
 }
 
-void add_jobs(Command command, int& jobs) {
+void add_jobs(CLI::App& command, int& jobs) {
+  const auto error = [](const std::string& text) {
+    int value = 0;
+    if (CLI::detail::lexical_cast(text, value) && value >= 1) return std::string{};
+    return fmt::format("\"{}\"; it must be a whole number, at least 1", text);
+  };
   jobs = all_cores();
-  command.option("--jobs", jobs, "Threads").at_least_one().show_default();
+  command.add_option("--jobs", jobs, "Threads")->check(CLI::Validator{error, "N"})->capture_default_str();
 }
 
 bool progress_is_shown() {

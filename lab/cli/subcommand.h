@@ -1,80 +1,33 @@
 #pragma once
 
+#include <CLI/CLI.hpp>
 #include <atomic>
 #include <chrono>
 #include <functional>
-#include <initializer_list>
 #include <optional>
 #include <string>
 #include <utility>
 #include <vector>
-
-namespace CLI {
-class App;
-class Option;
-}  // namespace CLI
 
 namespace twoport::lab {
 
 struct LaneUse;
 struct Progress;
 
-/// An option of a command.
-class Option {
- public:
-  explicit Option(CLI::Option* option) : option_{option} {}
+/// What the given command does once its arguments are read; it returns the exit status.
+using Chosen = std::function<int()>;
 
-  Option required();
-  Option show_default();  ///< in the help
-  Option one_of(std::initializer_list<std::string> values);
-  template <class Number>
-  Option between(Number least, Number most);
-  Option positive();
-  Option at_least_one();  ///< a whole number
-  Option assignment();    ///< PATH=VALUE
-  Option scene();         ///< a scene's file, or a name that stands for it (scene_file)
-  Option may_be_bare();   ///< given without a value
-  Option needs(Option other);
-  Option excludes(Option other);
-
- private:
-  CLI::Option* option_;
-};
-
-/// A command line, or a command on it. Only this interface's own file includes CLI11, which takes seconds to compile.
-class Command {
- public:
-  explicit Command(CLI::App& app) : app_{&app} {}
-
-  Command add(const std::string& name, const std::string& description);
-  /// Without dashes it is a positional argument.
-  template <class Value>
-  Option option(const std::string& name, Value& into, const std::string& help);
-  /// An option that takes one value and may be given several times.
-  Option list(const std::string& name, std::vector<std::string>& into, const std::string& help);
-  void flag(const std::string& name, bool& into, const std::string& help);
-  /// A flag that prints and ends the program.
-  void print(const std::string& name, std::function<void()> what, const std::string& help);
-  void describe(const std::string& option, const std::string& help);
-  void footer(const std::string& text);
-  [[nodiscard]] bool given() const;
-
- private:
-  CLI::App* app_;
-};
-
-/// A subcommand and what it does once its arguments are read: returns the exit status.
-struct Subcommand {
-  Command command;
-  std::function<int()> run;
-};
-
+/// An option that takes one value and may be given several times.
+CLI::Option* add_list(CLI::App& command, const std::string& name, std::vector<std::string>& into,
+                      const std::string& help);
+/// A check: a number above 0.
+CLI::Validator positive();
 /// The positional argument SCENE and the repeatable --set PATH=VALUE.
-void add_scene(Command command, std::string& scene, std::vector<std::string>& set);
+void add_scene(CLI::App& command, std::string& scene, std::vector<std::string>& set);
 /// --jobs N, at least 1; as many as there are processors unless given.
-void add_jobs(Command command, int& jobs);
+void add_jobs(CLI::App& command, int& jobs);
 /// --lanes N.
-void add_lanes(Command command, std::optional<int>& lanes);
+void add_lanes(CLI::App& command, std::optional<int>& lanes);
 /// Says on stderr which runs were stepped several at once, and why others were not.
 void say_lanes(const LaneUse& use);
 
