@@ -10,7 +10,6 @@
 #include "common/base/print_error.h"
 #include "common/scene/load.h"
 #include "lab/cli/commands.h"
-#include "lab/cli/robot_option.h"
 #include "lab/peers/peers.h"
 #include "lab/plot/pictures.h"
 #include "lab/study/boundary.h"

@@ -15,7 +15,6 @@
 #include "common/scene/find.h"
 #include "common/scene/load.h"
 #include "lab/cli/commands.h"
-#include "lab/cli/robot_option.h"
 #include "lab/lanes/lanes.h"
 #include "lab/plot/pictures.h"
 #include "lab/study/adversary.h"

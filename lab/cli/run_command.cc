@@ -17,7 +17,6 @@
 #include "common/scene/hints.h"
 #include "common/scene/load.h"
 #include "lab/cli/commands.h"
-#include "lab/cli/robot_option.h"
 #include "lab/engine/recording.h"
 #include "lab/run.h"
 #include "lab/study/cells.h"
