@@ -2,7 +2,6 @@
 
 #include <linux/input.h>
 
-#include <algorithm>
 #include <array>
 #include <atomic>
 #include <chrono>

@@ -5,20 +5,17 @@
 #include <Eigen/QR>
 #include <algorithm>
 #include <array>
-#include <cmath>
 #include <cstdio>
 #include <cstdlib>
-#include <cstring>
 #include <filesystem>
 #include <memory>
 #include <string>
-#include <utility>
 #include <vector>
 
 #include "common/base/check.h"
 #include "common/hardware/registry.h"
 #include "common/hardware/virtual_robot.h"
-#include "common/mesh/shapes.h"
+#include "common/mesh/triangle_mesh.h"
 
 namespace twoport {
 namespace {

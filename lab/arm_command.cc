@@ -1,11 +1,8 @@
-#include "lab/arm_command.h"
-
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 
 #include <Eigen/Geometry>
 #include <cmath>
-#include <cstdio>
 #include <memory>
 #include <optional>
 #include <string>
@@ -17,6 +14,7 @@
 #include "common/base/check.h"
 #include "common/base/text.h"
 #include "common/scene/arm.h"
+#include "lab/cli/commands.h"
 #include "lab/study/grid.h"
 #include "sim/plant/arm.h"
 
@@ -115,18 +113,19 @@ int arm_command(const Arguments& a) {
 
 }  // namespace
 
-Subcommand add_arm_command(Command app) {
+void add_arm_command(CLI::App& app, Chosen& chosen) {
   const auto a = std::make_shared<Arguments>();
-  Command arm = app.add("arm", "Print kinematics and dynamics of an arm at one position, as JSON");
-  arm.option("file", a->file, "Arm (.textproto or .urdf), or the name of an arm of the project").required();
-  arm.option("--tip", a->tip, "Link of a URDF that is the flange; absent: its only link without children");
-  arm.option("--q", a->q,
-             "Positions of the joints [rad], q1,q2,...; absent: the file's ready position, or 0 where limits allow");
+  CLI::App& arm = *app.add_subcommand("arm", "Print kinematics and dynamics of an arm at one position, as JSON");
+  arm.add_option("file", a->file, "Arm (.textproto or .urdf), or the name of an arm of the project")->required();
+  arm.add_option("--tip", a->tip, "Link of a URDF that is the flange; absent: its only link without children");
+  arm.add_option(
+      "--q", a->q,
+      "Positions of the joints [rad], q1,q2,...; absent: the file's ready position, or 0 where limits allow");
   arm.footer(
       R"(position_m and quaternion_wxyz of the flange in axes of the base, jacobian (translation first, axes of the base), mass_matrix
 with rotors [kg m2], gravity_torque [N m] that holds the arm at rest, and for each joint name, type and limits; null: none.
 An arm may have 1 to 12 joints here; in a scene it has 6 or 7.)");
-  return {arm, [a] { return arm_command(*a); }};
+  arm.callback([a, &chosen] { chosen = [a] { return arm_command(*a); }; });
 }
 
 }  // namespace twoport::lab

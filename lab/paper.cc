@@ -3,7 +3,6 @@
 #include <fmt/format.h>
 
 #include <numbers>
-#include <span>
 #include <utility>
 
 #include "common/base/check.h"

@@ -4,13 +4,14 @@
 #include <array>
 #include <cmath>
 #include <cstdint>
-#include <limits>
+#include <functional>
 #include <string>
 #include <vector>
 
 #include "common/contact/environment.h"
 #include "common/record/row.h"
 #include "common/scene/scene.h"
+#include "lab/plot/picture.h"
 
 namespace twoport::lab {
 
@@ -125,5 +126,37 @@ struct FrameCheck {
   double path_turned_world_m = 0.0;     ///< and path, turned back
 };
 std::vector<FrameCheck> frame_checks();
+
+/// Figures of an independent simulation of the same experiments with other seeds; NaN: not reported. Light hand, gain
+/// limit 10 N s/m.
+struct PaperReported {
+  double min_energy_j, direction_rms_deg, direction_max_deg, tip_rms_n, tip_max_n, correction_max_n, pulling_share;
+};
+PaperReported paper_reported(const PaperCase& which);
+
+struct PaperResult {
+  PaperCase which;
+  PaperNumbers numbers;
+};
+struct PaperTable {
+  std::vector<PaperResult> results;
+  std::vector<AdmittanceRun> admittance;
+  std::vector<FrameCheck> frames;
+
+  [[nodiscard]] const PaperNumbers& at(const std::string& experiment, const std::string& hand,
+                                       const std::string& sensor, const std::string& method) const;
+};
+
+/// A line for each case, everything in SI units, with the overrides that make the scene.
+std::string paper_csv(const PaperTable& table);
+/// The same as a readable text, with the claims of the paper.
+std::string paper_text(const PaperTable& table);
+
+/// A picture of the paper from simulated data.
+struct PaperFigure {
+  std::string name, title;
+  std::function<Picture()> make;
+};
+std::vector<PaperFigure> paper_figures();
 
 }  // namespace twoport::lab

@@ -1,5 +1,3 @@
-#include "lab/paper_command.h"
-
 #include <fmt/format.h>
 
 #include <cstdio>
@@ -9,8 +7,8 @@
 
 #include "common/base/check.h"
 #include "common/base/file.h"
-#include "lab/paper_figures.h"
-#include "lab/paper_table.h"
+#include "lab/cli/commands.h"
+#include "lab/paper.h"
 #include "lab/study/parallel.h"
 
 namespace twoport::lab {
@@ -58,16 +56,17 @@ int paper_command(const Arguments& a) {
 
 }  // namespace
 
-Subcommand add_paper_command(Command app) {
+void add_paper_command(CLI::App& app, Chosen& chosen) {
   const auto a = std::make_shared<Arguments>();
-  Command paper = app.add("paper", "Reproduce the figures and numbers of the reference paper from simulated data");
-  paper.option("--out", a->out, "Folder for pictures, their data, figures.csv and table.txt").required();
-  paper.option("--jobs", a->jobs, "Threads").show_default();
+  CLI::App& paper =
+      *app.add_subcommand("paper", "Reproduce the figures and numbers of the reference paper from simulated data");
+  paper.add_option("--out", a->out, "Folder for pictures, their data, figures.csv and table.txt")->required();
+  paper.add_option("--jobs", a->jobs, "Threads")->capture_default_str();
   paper.footer(
       "\"Time Domain Passivity Control for 6 Degrees of Freedom Haptic Displays\": Figures 4 and 6 to 11, and claims\n"
       "without a figure: the admittance, rendered friction, the reference energy, independence of the frame.\n"
       "The scenes of scenes/paper/ are built in; each row of figures.csv lists its overrides.");
-  return {paper, [a] { return paper_command(*a); }};
+  paper.callback([a, &chosen] { chosen = [a] { return paper_command(*a); }; });
 }
 
 }  // namespace twoport::lab

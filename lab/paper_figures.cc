@@ -1,5 +1,3 @@
-#include "lab/paper_figures.h"
-
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -84,12 +82,11 @@ Picture figure_4_6() {
   // The same energy along the force instead: α v_p, with (α v_p)·v = (α v)·v.
   const Vector3d projected = f_vr * (classic.dot(v) / f_vr.dot(v));
   const double reach = 1.1 * std::max({f_vr.norm(), (f_vr + classic).norm(), 1.0});
-  Picture picture{
-      .name = "fig4_6",
-      .title = fmt::format("One tick, t = {:.4f} s: v = {:.3f} m/s (drawn as 1 N), energy due {:.3g} mJ, the "
-                           "same in both",
-                           r.t_s, v.norm(), -1e3 * classic.dot(v) / 2000.0),
-      .panel = {500, 500}};
+  Picture picture{.name = "fig4_6",
+                  .title = fmt::format(
+                      "One tick, t = {:.4f} s: v = {:.3f} m/s (drawn as 1 N), energy due {:.3g} mJ, the same in both",
+                      r.t_s, v.norm(), -1e3 * classic.dot(v) / 2000.0),
+                  .panel = {500, 500}};
   for (const bool multi : {false, true}) {
     const Vector3d f_pc = multi ? projected : classic, f_res = f_vr + f_pc;
     const auto arrow = [](const char* colour, double size, const char* name, const Vector3d& from, const Vector3d& f) {

@@ -1,5 +1,3 @@
-#include "lab/paper_table.h"
-
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -10,6 +8,7 @@
 #include <utility>
 
 #include "common/base/check.h"
+#include "lab/paper.h"
 
 namespace twoport::lab {
 namespace {
@@ -74,9 +73,9 @@ std::string pair(double a, double b) {
 }
 
 /// Cells beneath a head, each column as wide as it needs.
-class Grid {
+class TextTable {
  public:
-  explicit Grid(std::vector<std::string> head) { lines_.push_back(std::move(head)); }
+  explicit TextTable(std::vector<std::string> head) { lines_.push_back(std::move(head)); }
   void add(std::vector<std::string> cells) { lines_.push_back(std::move(cells)); }
   [[nodiscard]] std::string text() const {
     std::vector<std::size_t> width(lines_[0].size());
@@ -193,8 +192,7 @@ std::string words(const PaperTable& t) {
       "port energy\n"
       "  is at most {:.1e} J below that of an ideal spring.\n"
       "  Rendered friction hides {:.2f} J from one total account: the wall chatters {:.2f} mm deep. With an account "
-      "for "
-      "the normal\n"
+      "for the normal\n"
       "  force the depth is {:.2f} mm.\n",
       -none.min_energy_j, 1e3 * none.max_depth_m, point.direction_deg.rms(), slide.direction_deg.rms(),
       curved.direction_deg.rms(), straightest, 100.0 * share(literal.pulling_ticks, literal.contact_ticks),
@@ -221,9 +219,9 @@ std::string paper_text(const PaperTable& table) {
   std::string out;
   const auto experiment = [&](const char* title, const std::string& name, const std::string& sensor) {
     out += fmt::format("\n{}\n", title);
-    Grid grid{{"method", "worst port energy [J]", "reported", "direction error rms / max [deg]", "reported",
-               "tangential tip rms / max [N]", "reported", "largest correction [N]", "reported", "pulls", "reported",
-               "contact"}};
+    TextTable grid{{"method", "worst port energy [J]", "reported", "direction error rms / max [deg]", "reported",
+                    "tangential tip rms / max [N]", "reported", "largest correction [N]", "reported", "pulls",
+                    "reported", "contact"}};
     for (const auto& [c, n] : table.results) {
       if (c.experiment != name || c.sensor != sensor || c.hand != "light") continue;
       const PaperReported known = paper_reported(c);
@@ -244,7 +242,7 @@ std::string paper_text(const PaperTable& table) {
   experiment("Curved wall, encoder", "curved", "encoder");
 
   out += "\nEnergy by axis after 1 s without control (Fig. 7): the sum is physical, its parts depend on the axes [J]\n";
-  Grid axes{{"experiment", "hand", "x", "y", "z", "sum", "reported x, y, sum"}};
+  TextTable axes{{"experiment", "hand", "x", "y", "z", "sum", "reported x, y, sum"}};
   const auto by_axis = [&](const char* name, const char* hand, const char* reported) {
     const auto& e = table.at(name, hand, "ideal", "none").axis_energy_at_1s_j;
     axes.add({name, hand, fmt::format("{:+.4f}", e[0]), fmt::format("{:+.4f}", e[1]), fmt::format("{:+.4f}", e[2]),
@@ -257,8 +255,8 @@ std::string paper_text(const PaperTable& table) {
   out += axes.text();
 
   out += "\nOther hands, surface following, ideal sensor\n";
-  Grid hands{{"hand", "method", "worst port energy [J]", "direction error rms / max [deg]", "largest correction [N]",
-              "deepest [mm]"}};
+  TextTable hands{{"hand", "method", "worst port energy [J]", "direction error rms / max [deg]",
+                   "largest correction [N]", "deepest [mm]"}};
   for (const auto& [c, n] : table.results)
     if (c.experiment == "slide" && c.hand != "light")
       hands.add({c.hand, c.method, small(n.min_energy_j), pair(n.direction_deg.rms(), n.direction_deg.max),
@@ -268,8 +266,8 @@ std::string paper_text(const PaperTable& table) {
   out +=
       "\nApproach of the hand, surface following: gentle in 0.3 s, at once (as above), or with impact, from 10 mm "
       "outside in 0.1 s\n";
-  Grid arrivals{{"approach", "sensor", "method", "worst port energy [J]", "below the ideal spring [J]",
-                 "direction error rms / max [deg]", "largest correction [N]", "largest gain [N s/m]", "pulls"}};
+  TextTable arrivals{{"approach", "sensor", "method", "worst port energy [J]", "below the ideal spring [J]",
+                      "direction error rms / max [deg]", "largest correction [N]", "largest gain [N s/m]", "pulls"}};
   for (const auto& [c, n] : table.results) {
     static constexpr std::string_view kShown[] = {"none", "classic", "projected no clamp", "projected",
                                                   "projected reference"};
@@ -283,10 +281,10 @@ std::string paper_text(const PaperTable& table) {
 
   out +=
       "\nFriction 0.3 rendered in the wall: one total account hides the energy of the wall, an account for the normal "
-      "force "
-      "does not.\nReported: 2.04 mm and 0.311 m/s with the total, 0.67 mm, 0.135 m/s and -7e-8 J with two accounts\n";
-  Grid friction{{"sensor", "method", "worst port energy [J]", "worst normal energy [J]", "deepest [mm]",
-                 "speed rms [m/s]", "direction error rms / max [deg]"}};
+      "force does not.\nReported: 2.04 mm and 0.311 m/s with the total, 0.67 mm, 0.135 m/s and -7e-8 J with two "
+      "accounts\n";
+  TextTable friction{{"sensor", "method", "worst port energy [J]", "worst normal energy [J]", "deepest [mm]",
+                      "speed rms [m/s]", "direction error rms / max [deg]"}};
   for (const auto& [c, n] : table.results)
     if (c.experiment == "friction")
       friction.add({c.sensor, c.method, small(n.min_energy_j), small(n.min_normal_energy_j),
@@ -295,8 +293,8 @@ std::string paper_text(const PaperTable& table) {
   out += friction.text();
 
   out += "\nAdmittance causality (Fig. 2): a virtual mass with velocity as output, held by a firm grip\n";
-  Grid admittance{{"method", "worst port energy [J]", "fastest [m/s]", "velocity turned rms / max [deg]",
-                   "largest correction [m/s]"}};
+  TextTable admittance{{"method", "worst port energy [J]", "fastest [m/s]", "velocity turned rms / max [deg]",
+                        "largest correction [m/s]"}};
   for (const AdmittanceRun& r : table.admittance)
     admittance.add({r.method, small(r.min_energy_j),
                     plain(r.most_speed_m_per_s) +
@@ -305,8 +303,8 @@ std::string paper_text(const PaperTable& table) {
   out += admittance.text();
 
   out += "\nIndependence of the frame: surface following without tremor\n";
-  Grid frames{{"method", "new frame each tick: energy [relative]", "force [of the largest]", "world turned: energy [J]",
-               "path [m]"}};
+  TextTable frames{{"method", "new frame each tick: energy [relative]", "force [of the largest]",
+                    "world turned: energy [J]", "path [m]"}};
   for (const FrameCheck& f : table.frames)
     frames.add({f.method, small(f.energy_per_tick_frames), small(f.force_per_tick_frames), small(f.energy_turned_world),
                 small(f.path_turned_world_m)});

@@ -18,7 +18,6 @@
 #include "common/method/catalogue.h"
 #include "common/record/metrics.h"
 #include "common/record/trace.h"
-#include "lab/both_couplings.h"
 #include "lab/engine/contact_states.h"
 #include "lab/engine/hosted.h"
 #include "lab/engine/quiet_tail.h"

@@ -6,7 +6,6 @@
 #include <string>
 #include <utility>
 
-#include "common/page/assets.h"
 #include "common/page/describe.h"
 #include "common/platform/live_run.h"
 #include "common/platform/page_server.h"

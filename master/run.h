@@ -6,13 +6,12 @@
 #include <optional>
 #include <string>
 #include <utility>
-#include <vector>
 
 #include "common/base/built_for.h"
 #include "common/coupling/registration.h"
-#include "common/hardware/mounted_gripper.h"
+#include "common/hardware/mounted.h"
 #include "common/hardware/virtual_robot.h"
-#include "common/mesh/decimate.h"
+#include "common/mesh/triangle_mesh.h"
 #include "common/method/catalogue.h"
 #include "common/platform/live_gripper.h"
 #include "common/platform/live_link.h"

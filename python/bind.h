@@ -11,10 +11,8 @@
 #include <chrono>
 #include <cmath>
 #include <future>
-#include <memory>
 #include <string>
 #include <typeinfo>
-#include <utility>
 #include <vector>
 
 #include "common/base/check.h"
@@ -143,21 +141,6 @@ auto interruptible(Work work, Watch watch) {
     throw;
   }
   return result.get();
-}
-
-/// Calls use.operator()<N>() with N = dof.
-template <class Use>
-auto with_size(int dof, Use use) {
-  switch (dof) {
-    case 1:
-      return use.template operator()<1>();
-    case 3:
-      return use.template operator()<3>();
-    case 6:
-      return use.template operator()<6>();
-    default:
-      throw ConfigError{fmt::format("dof is {}; it must be 1, 3 or 6", dof)};
-  }
 }
 
 }  // namespace twoport::python

@@ -15,7 +15,6 @@
 #include "common/hardware/robot.h"
 #include "common/platform/live_link.h"
 #include "common/runtime/cycle.h"
-#include "common/runtime/given_reading.h"
 #include "master/master_node.h"
 #include "python/bind.h"
 #include "slave/slave_node.h"
@@ -145,10 +144,9 @@ void add_live(py::module_& module) {
 
   py::class_<LiveOutput>(module, "LiveOutput", "What a live side computes in a tick.")
       .def_readonly("t_s", &LiveOutput::t_s, "Time of the tick, from the side's start [s].")
-      .def_readonly(
-          "force", &LiveOutput::force,
-          "Until the next tick: at a master the force at its port, push the hand with -force; at a slave the force "
-          "on the robot [N], dof 6: [N], [N m].")
+      .def_readonly("force", &LiveOutput::force,
+                    "Until the next tick: at a master the force at its port, push the hand with -force; at a slave the "
+                    "force on the robot [N], dof 6: [N], [N m].")
       .def_readonly("set_point", &LiveOutput::set_point, "Of a slave: where the robot is wanted [m], dof 6: 7 numbers.")
       .def_readonly("mode", &LiveOutput::mode, "idle, coupled, holding, released, let_go or stopped.");
 

@@ -1,5 +1,4 @@
 #include <cmath>
-#include <cstdint>
 #include <memory>
 #include <optional>
 #include <string>
@@ -14,7 +13,6 @@
 #include "common/link/mailbox.h"
 #include "common/link/report.h"
 #include "common/runtime/cycle.h"
-#include "common/runtime/given_reading.h"
 #include "common/wire/header.h"
 #include "master/master_node.h"
 #include "python/bind.h"
@@ -276,10 +274,20 @@ class SlaveOf final : public WithLink<N, AnySlave> {
   SlaveNode<N> node_;
 };
 
+/// Makes a node of a scene, which must have a link.
+template <class Any, template <int> class Of>
+auto made(const char* name) {
+  return [name](const SceneOfText& s) {
+    const Scene& scene = over_a_link(s, name);
+    return for_dof(scene.dof, [&]<int N>() -> std::unique_ptr<Any> { return std::make_unique<Of<N>>(scene); });
+  };
+}
+
 }  // namespace
 
 void add_nodes(py::module_& module) {
   using namespace py::literals;
+  const auto of_report = [](auto use) { return [use](const Message& m) { return m.use(use); }; };
 
   py::class_<Message, std::shared_ptr<Message>>(
       module, "Message",
@@ -287,28 +295,20 @@ void add_nodes(py::module_& module) {
 receive() of the other node. Immutable.)")
       .def_property_readonly(
           "dof", [](const Message& m) { return dof_of(m); }, "Degrees of freedom: 1, 3 or 6.")
+      .def_property_readonly("sequence", of_report([](const auto& r) { return r.sequence; }), "Number, from 1.")
+      .def_property_readonly("sent_s", of_report([](const auto& r) { return to_seconds(Duration{r.sent_ns}).si(); }),
+                             "Time of the tick by the sender's clock [s].")
+      .def_property_readonly("x", of_report([](const auto& r) { return to_array(r.x); }),
+                             "Position of the port [m], dof 6: 7 numbers, position and attitude w x y z.")
+      .def_property_readonly("v", of_report([](const auto& r) { return to_array(r.v.vec()); }),
+                             "Velocity of the port [m/s], dof 6: [m/s], [rad/s].")
       .def_property_readonly(
-          "sequence", [](const Message& m) { return m.use([](const auto& r) { return r.sequence; }); },
-          "Number, from 1.")
-      .def_property_readonly(
-          "sent_s",
-          [](const Message& m) { return m.use([](const auto& r) { return to_seconds(Duration{r.sent_ns}).si(); }); },
-          "Time of the tick by the sender's clock [s].")
-      .def_property_readonly(
-          "x", [](const Message& m) { return m.use([](const auto& r) { return to_array(r.x); }); },
-          "Position of the port [m], dof 6: 7 numbers, position and attitude w x y z.")
-      .def_property_readonly(
-          "v", [](const Message& m) { return m.use([](const auto& r) { return to_array(r.v.vec()); }); },
-          "Velocity of the port [m/s], dof 6: [m/s], [rad/s].")
-      .def_property_readonly(
-          "f", [](const Message& m) { return m.use([](const auto& r) { return to_array(r.f.vec()); }); },
+          "f", of_report([](const auto& r) { return to_array(r.f.vec()); }),
           "Force: the slave's is the one it returns, the master's the one it displays [N], dof 6: [N], [N m].")
-      .def_property_readonly(
-          "energy_in_j", [](const Message& m) { return m.use([](const auto& r) { return r.energy_in_j; }); },
-          "Energy that has entered the link at the sender since the session began [J].")
-      .def_property_readonly(
-          "mode", [](const Message& m) { return m.use([](const auto& r) { return std::string{to_string(r.mode)}; }); },
-          "Mode of the sender.")
+      .def_property_readonly("energy_in_j", of_report([](const auto& r) { return r.energy_in_j; }),
+                             "Energy that has entered the link at the sender since the session began [J].")
+      .def_property_readonly("mode", of_report([](const auto& r) { return std::string{to_string(r.mode)}; }),
+                             "Mode of the sender.")
       .def("__reduce_ex__",
            not_pickled("a Message cannot be copied or pickled: it is immutable, and of a node of this process"))
       .def("__repr__", [](const Message& m) {
@@ -321,8 +321,7 @@ receive() of the other node. Immutable.)")
   py::class_<MasterResult>(module, "MasterOutput", "What the master computes in a tick.")
       .def_readonly("force", &MasterResult::force,
                     "Force at the master port until the next tick [N], dof 6: [N], [N m]. force.v is power into the "
-                    "network: push the "
-                    "hand with -force.")
+                    "network: push the hand with -force.")
       .def_readonly("wanted", &MasterResult::wanted, "The same before passivity control.")
       .def_readonly("message", &MasterResult::message, "Message for the slave; None where a deadband sends none.")
       .def_readonly("dissipated_j", &MasterResult::dissipated_j, "Dissipated by the controller in this tick [J].")
@@ -359,13 +358,7 @@ sides must share (method, coupling, scales, ...).)")
 It is the node of twoport-master and of the laboratory, with the controllers of the scene (control.*), its rates and its
 transmission; device, operator, delays and environment of the scene are not used: they are yours.
 Errors: ValueError for a scene without a link.)")
-      .def(py::init([](const SceneOfText& s) {
-             const Scene& scene = over_a_link(s, "MasterNode");
-             return for_dof(scene.dof, [&]<int N>() -> std::unique_ptr<AnyMaster> {
-               return std::make_unique<MasterOf<N>>(scene);
-             });
-           }),
-           "scene"_a)
+      .def(py::init(made<AnyMaster, MasterOf>("MasterNode")), "scene"_a)
       .def("step", &AnyMaster::step, "t_s"_a, "x"_a, "v"_a, py::kw_only(), "applied"_a = py::none(), "held"_a = true,
            R"(One period: takes what has been received, returns the force and the message to send.
 
@@ -395,12 +388,7 @@ Errors: ValueError; then nothing changes.)")
   py::class_<AnySlave, AnyNode>(
       module, "SlaveNode",
       R"(The slave over a link, one tick at a time: motion of the robot in, force out. As MasterNode.)")
-      .def(py::init([](const SceneOfText& s) {
-             const Scene& scene = over_a_link(s, "SlaveNode");
-             return for_dof(scene.dof,
-                            [&]<int N>() -> std::unique_ptr<AnySlave> { return std::make_unique<SlaveOf<N>>(scene); });
-           }),
-           "scene"_a)
+      .def(py::init(made<AnySlave, SlaveOf>("SlaveNode")), "scene"_a)
       .def("step", &AnySlave::step, "t_s"_a, "x"_a, "v"_a, py::kw_only(), "f_environment"_a = py::none(),
            "ideal"_a = false,
            R"(One period: takes what has been received, returns the force on the robot and the message to send.

@@ -6,7 +6,6 @@
 #include <mutex>
 #include <optional>
 #include <string>
-#include <string_view>
 #include <utility>
 #include <vector>
 
@@ -14,12 +13,11 @@
 #include "common/base/text.h"
 #include "common/hardware/transparency_host.h"
 #include "common/method/catalogue.h"
-#include "common/record/expectation.h"
 #include "common/record/summary.h"
 #include "common/record/trace_channel.h"
 #include "common/scene/hints.h"
-#include "common/scene/names.h"
-#include "lab/both_couplings.h"
+#include "common/scene/scene.h"
+#include "lab/run.h"
 #include "lab/study/boundary.h"
 #include "lab/study/parallel.h"
 #include "lab/study/sweep.h"
@@ -353,6 +351,10 @@ py::object boundary_of(const SceneOfText& s, const py::object& vary, const py::o
 }  // namespace
 
 void add_studies(py::module_& module) {
+  const auto of_scene = [](auto Scene::*field) { return [field](const SceneOfText& s) { return s.scene.*field; }; };
+  const auto of_header = [](auto RecordingHeader::*field) {
+    return [field](const Recording& r) { return r.header.*field; };
+  };
   py::class_<SceneOfText>(
       module, "Scene",
       R"(A scene with its overrides, checked. Made by load_scene and parse_scene; immutable. Pickled as text: files that it names are
@@ -364,26 +366,17 @@ PATH=VALUE as for --set of the programs. Errors: ValueError with the programs' s
       .def(
           "hints", [](const SceneOfText& s) { return hints(s.scene); },
           "What of the scene is probably not meant: sentences, which the programs print as warnings.")
-      .def_property_readonly(
-          "source", [](const SceneOfText& s) { return s.source; }, "Path of the file, or the name given to the text.")
-      .def_property_readonly(
-          "text", [](const SceneOfText& s) { return s.text; }, "Text before the overrides.")
+      .def_readonly("source", &SceneOfText::source, "Path of the file, or the name given to the text.")
+      .def_readonly("text", &SceneOfText::text, "Text before the overrides.")
       .def_property_readonly(
           "overrides", [](const SceneOfText& s) { return py::tuple(py::cast(s.overrides)); }, "PATH=VALUE, in order.")
-      .def_property_readonly(
-          "name", [](const SceneOfText& s) { return s.scene.name; }, "Name of the scene.")
-      .def_property_readonly(
-          "description", [](const SceneOfText& s) { return s.scene.description; }, "Its description.")
-      .def_property_readonly(
-          "dof", [](const SceneOfText& s) { return s.scene.dof; }, "Degrees of freedom: 1, 3 or 6.")
-      .def_property_readonly(
-          "duration_s", [](const SceneOfText& s) { return s.scene.duration_s; }, "Length of a run [s].")
-      .def_property_readonly(
-          "master_rate_hz", [](const SceneOfText& s) { return s.scene.master_rate_hz; }, "Rate of the master [Hz].")
-      .def_property_readonly(
-          "slave_rate_hz", [](const SceneOfText& s) { return s.scene.slave_rate_hz; }, "Rate of the slave [Hz].")
-      .def_property_readonly(
-          "seed", [](const SceneOfText& s) { return s.scene.seed; }, "Seed of all that is random.")
+      .def_property_readonly("name", of_scene(&Scene::name), "Name of the scene.")
+      .def_property_readonly("description", of_scene(&Scene::description), "Its description.")
+      .def_property_readonly("dof", of_scene(&Scene::dof), "Degrees of freedom: 1, 3 or 6.")
+      .def_property_readonly("duration_s", of_scene(&Scene::duration_s), "Length of a run [s].")
+      .def_property_readonly("master_rate_hz", of_scene(&Scene::master_rate_hz), "Rate of the master [Hz].")
+      .def_property_readonly("slave_rate_hz", of_scene(&Scene::slave_rate_hz), "Rate of the slave [Hz].")
+      .def_property_readonly("seed", of_scene(&Scene::seed), "Seed of all that is random.")
       .def_property_readonly(
           "architecture", [](const SceneOfText& s) { return to_string(s.scene.control.architecture); },
           "As control.architecture has it.")
@@ -456,13 +449,10 @@ those of the master, of a slave's those of the slave. A read-only structured arr
       .def_readonly("units", &Recording::units, R"(Unit of each column; with dof 6 "m, rad": translation, rotation.)")
       .def_readonly("torn", &Recording::torn,
                     "Has the file no end? Its program was killed; the trace goes as far as it goes.")
-      .def_property_readonly(
-          "program", [](const Recording& r) { return r.header.program; }, "Name and version of what wrote it.")
-      .def_property_readonly(
-          "start_unix_ns", [](const Recording& r) { return r.header.start_unix_ns; },
-          "The computer's clock at t_s = 0 [ns since 1970]; 0 of a run in virtual time.")
-      .def_property_readonly(
-          "scene_text", [](const Recording& r) { return r.header.scene_text; }, "Its scene, before the overrides.")
+      .def_property_readonly("program", of_header(&RecordingHeader::program), "Name and version of what wrote it.")
+      .def_property_readonly("start_unix_ns", of_header(&RecordingHeader::start_unix_ns),
+                             "The computer's clock at t_s = 0 [ns since 1970]; 0 of a run in virtual time.")
+      .def_property_readonly("scene_text", of_header(&RecordingHeader::scene_text), "Its scene, before the overrides.")
       .def_property_readonly(
           "overrides", [](const Recording& r) { return py::tuple(py::cast(r.header.overrides)); },
           "PATH=VALUE, in order: parse_scene(scene_text, *overrides).")

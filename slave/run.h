@@ -6,7 +6,7 @@
 #include "common/base/built_for.h"
 #include "common/base/check.h"
 #include "common/hardware/adjustable_environment.h"
-#include "common/hardware/mounted_gripper.h"
+#include "common/hardware/mounted.h"
 #include "common/platform/live_gripper.h"
 #include "common/platform/live_link.h"
 #include "common/platform/live_run.h"

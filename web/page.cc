@@ -1,4 +1,4 @@
-#include "common/page/assets.h"
+#include "common/page/describe.h"
 
 // TWOPORT_PAGE_FILE: dist/index.html.
 asm(".pushsection .rodata\n"

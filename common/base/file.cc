@@ -15,7 +15,6 @@
 #include <utility>
 
 #include "common/base/check.h"
-#include "common/base/earlier_file.h"
 
 namespace twoport {
 namespace {

@@ -53,7 +53,7 @@ class WholeFile {
   std::size_t lines_ = 0;  ///< that were to be written
 };
 
-/// Opens a file to be written anew, for this program alone, in a folder that is made if it is missing; one of an earlier run is renamed (earlier_file.h). ConfigError where it
+/// Opens a file to be written anew, for this program alone, in a folder that is made if it is missing; one of an earlier run is renamed (earlier_file()). ConfigError where it
 /// is in use (take_shared, or here), or begins otherwise than `magic`: nothing of another kind is touched.
 std::FILE* take_file(const std::string& path, std::string_view magic);
 /// While `file` is open, take_file refuses it.
@@ -70,5 +70,10 @@ class FolderLock {
  private:
   int fd_;
 };
+
+/// A regular file that is not empty.
+bool has_content(const std::string& path);
+/// PATH~: the name that take_file gives to a file of an earlier run.
+std::string earlier_file(const std::string& path);
 
 }  // namespace twoport

@@ -1,7 +1,5 @@
 #pragma once
 
-#include <algorithm>
-
 #include "common/base/scalar.h"
 
 namespace twoport {

@@ -1,10 +1,12 @@
 #pragma once
 
 #include <charconv>
+#include <cstddef>
 #include <optional>
 #include <string>
 #include <string_view>
 #include <system_error>
+#include <vector>
 
 namespace twoport {
 
@@ -27,5 +29,9 @@ std::string printable(std::string_view text);
 std::string in_one_line(std::string_view text);
 /// As a JSON string, quotes included.
 std::string json_string(std::string_view text);
+
+/// The names that need the fewest single-character edits to hold what was typed, then to be it; at most `most`.
+std::vector<std::string> nearest_names(const std::string& typed, const std::vector<std::string>& names,
+                                       std::size_t most);
 
 }  // namespace twoport

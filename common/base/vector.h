@@ -3,7 +3,6 @@
 #include <Eigen/Core>
 #include <Eigen/Geometry>
 #include <cmath>
-#include <concepts>
 #include <limits>
 
 #include "common/base/scalar.h"

@@ -5,9 +5,8 @@
 #include <numbers>
 #include <vector>
 
-#include "common/contact/capsule.h"
 #include "common/contact/revolved.h"
-#include "common/contact/torus.h"
+#include "common/contact/simple_solids.h"
 
 namespace twoport {
 

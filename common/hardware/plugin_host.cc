@@ -7,17 +7,14 @@
 
 #include <algorithm>
 #include <cmath>
-#include <exception>
 #include <filesystem>
 #include <functional>
-#include <string_view>
 #include <type_traits>
 #include <utility>
 
 #include "common/base/check.h"
 #include "common/hardware/device.h"
 #include "common/hardware/plugin.h"
-#include "common/hardware/plugin_trial.h"
 #include "common/hardware/robot.h"
 
 namespace twoport {

@@ -1,5 +1,3 @@
-#include "common/hardware/plugin_trial.h"
-
 #include <dlfcn.h>
 #include <elf.h>
 #include <fcntl.h>
@@ -18,6 +16,8 @@
 #include <cstring>
 #include <exception>
 #include <fstream>
+
+#include "common/hardware/plugin_host.h"
 
 namespace twoport {
 namespace {

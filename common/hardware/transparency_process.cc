@@ -7,7 +7,6 @@
 #include <time.h>
 #include <unistd.h>
 
-#include <algorithm>
 #include <atomic>
 #include <csignal>
 #include <cstring>
@@ -15,7 +14,7 @@
 #include <new>
 
 #include "common/base/check.h"
-#include "common/hardware/plugin_trial.h"
+#include "common/hardware/plugin_host.h"
 #include "common/hardware/transparency_host.h"
 
 namespace twoport {

@@ -1,12 +1,9 @@
-#include "common/mesh/read_mesh.h"
-
 #include <fmt/format.h>
 
 #include <Eigen/Geometry>
 #include <bit>
 #include <cmath>
 #include <cstdint>
-#include <cstring>
 #include <optional>
 #include <unordered_map>
 #include <utility>
@@ -14,6 +11,7 @@
 
 #include "common/base/check.h"
 #include "common/base/text.h"
+#include "common/mesh/triangle_mesh.h"
 
 namespace twoport {
 namespace {

@@ -5,7 +5,6 @@
 #include <cstdint>
 #include <optional>
 #include <string_view>
-#include <utility>
 
 #include "common/base/ring.h"
 #include "common/link/environment_message.h"

@@ -11,11 +11,11 @@
 
 #include "common/arm/parameters.h"
 #include "common/base/text.h"
-#include "common/contact/world.h"
+#include "common/contact/contact_law.h"
 #include "common/page/channel.h"
 #include "common/page/judge.h"
 #include "common/safety/limits.h"
-#include "common/scene/numbers.h"
+#include "common/scene/scene.h"
 #include "common/scene/shown.h"
 
 namespace twoport {

@@ -2,6 +2,7 @@
 
 #include <optional>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "common/scene/scene.h"
@@ -22,5 +23,8 @@ struct PageIntroduction {
 
 /// Scene, samples' layout and limits of the commands as JSON.
 std::string describe_for_page(const Scene& scene, const PageIntroduction& introduction);
+
+/// The page: one HTML file, held in the program.
+std::string_view page_html();
 
 }  // namespace twoport

@@ -10,8 +10,8 @@
 #include <vector>
 
 #include "common/base/check.h"
-#include "common/base/nearest_names.h"
 #include "common/base/print_error.h"
+#include "common/base/text.h"
 
 namespace twoport {
 namespace {

@@ -1,12 +1,11 @@
 #pragma once
 
-#include <cstddef>
 #include <cstdint>
 #include <memory>
 #include <string>
 #include <string_view>
 
-#include "common/mcap/channels.h"
+#include "common/mcap/writer.h"
 
 namespace twoport {
 

@@ -21,7 +21,7 @@
 #include "common/runtime/cycle.h"
 #include "common/runtime/modes.h"
 #include "common/safety/guarded_transport.h"
-#include "common/wire/gripper_transport.h"
+#include "common/wire/link_transport.h"
 
 namespace twoport {
 

@@ -1,6 +1,6 @@
 #include "common/platform/live_run.h"
 
-#include "common/scene/names.h"
+#include "common/scene/scene.h"
 #include "common/wire/mismatch.h"
 
 namespace twoport {

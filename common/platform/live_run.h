@@ -1,7 +1,5 @@
 #pragma once
 
-#include <fmt/format.h>
-
 #include <algorithm>
 #include <chrono>
 #include <cstdint>
@@ -13,7 +11,6 @@
 #include <utility>
 
 #include "common/base/check.h"
-#include "common/base/earlier_file.h"
 #include "common/base/file.h"
 #include "common/base/print_error.h"
 #include "common/hardware/status.h"

@@ -1,7 +1,6 @@
 #include "common/platform/plot_stream.h"
 
 #include <cmath>
-#include <cstddef>
 #include <iterator>
 #include <span>
 #include <string_view>

@@ -14,7 +14,7 @@
 #include "common/platform/arguments.h"
 #include "common/platform/realtime.h"
 #include "common/platform/watchdog.h"
-#include "common/record/expectation.h"
+#include "common/record/summary.h"
 #include "common/scene/find.h"
 #include "common/scene/hints.h"
 #include "common/scene/load.h"
@@ -46,16 +46,15 @@ int live_program(int argc, char** argv, Side side, const std::string& drivers,
   std::string duration;
   app.add_option(
       "--duration", duration,
-      "SECONDS from the start of the program to its end, waiting for the other side included; replaces "
-      "duration_s of the scene, which counts from the first contact with the other side. Without either, until "
-      "Ctrl-C");
+      "SECONDS from the start of the program to its end, waiting for the other side included; replaces duration_s of "
+      "the scene, which counts from the first contact with the other side. Without either, until Ctrl-C");
   app.add_option(master ? "--peer" : "--listen", a.address, "ADDR:PORT, an IP address or a host name")
       ->capture_default_str();
-  app.add_option("--key", a.key,
-                 std::string{"File with the key that both programs share, made by twoport-keygen"} +
-                     (master ? "" : ", or a folder of them, a key for each master that may come") +
-                     ": encrypts and authenticates every packet. Without it only addresses of this machine are "
-                     "allowed");
+  app.add_option(
+      "--key", a.key,
+      std::string{"File with the key that both programs share, made by twoport-keygen"} +
+          (master ? "" : ", or a folder of them, a key for each master that may come") +
+          ": encrypts and authenticates every packet. Without it only addresses of this machine are allowed");
   if (master)
     app.add_option("--rekey-after", a.rekey_after_s,
                    "SECONDS after which new keys of packets are agreed on with the slave, beside the running session")
@@ -87,15 +86,13 @@ int live_program(int argc, char** argv, Side side, const std::string& drivers,
   if (!master)
     app.add_flag("--fixed-environment", a.fixed_environment,
                  "Refuse the page's sliders for stiffness and friction of the simulated environment");
-  app.add_option(
-         "--stop-port", a.stop_port,
-         "PORT: a datagram to 127.255.255.255:PORT stops every program of this machine that listens there, and the "
-         "other side: no force until both have ended")
+  app.add_option("--stop-port", a.stop_port,
+                 "PORT: a datagram to 127.255.255.255:PORT stops every program of this machine that listens there, and "
+                 "the other side: no force until both have ended")
       ->check(CLI::Range(1, 65535));
-  app.add_option(
-         "--dscp", a.dscp,
-         "Mark of this program's datagrams to the other side, for networks that give priority by it (RFC 2474): 46 is "
-         "expedited forwarding")
+  app.add_option("--dscp", a.dscp,
+                 "Mark of this program's datagrams to the other side, for networks that give priority by it (RFC "
+                 "2474): 46 is expedited forwarding")
       ->check(CLI::Range(0, 63));
   app.add_option("--out", a.out, "Folder for summary.json and trace.csv");
   app.add_option("--record", a.record,

@@ -218,11 +218,10 @@ Endpoint parse_allowed_endpoint(std::string_view text, std::string_view option, 
   if (const std::string_view why = why_nobody(endpoint); !why.empty())
     throw ConfigError(std::string{option} + ": '" + std::string{text} + "' " + std::string{why});
   if (has_key || insecure || endpoint.loopback()) return endpoint;
-  throw ConfigError(
-      std::string{option} + " " + std::string{text} +
-      ": without a key only addresses of this machine are allowed (127.0.0.1, [::1]); make a key with "
-      "twoport-keygen FILE and start both programs with --key FILE, or accept with --insecure that anyone "
-      "who reaches the address can take over");
+  throw ConfigError(std::string{option} + " " + std::string{text} +
+                    ": without a key only addresses of this machine are allowed (127.0.0.1, [::1]); make a key with "
+                    "twoport-keygen FILE and start both programs with --key FILE, or accept with --insecure that "
+                    "anyone who reaches the address can take over");
 }
 
 StopInput::StopInput(std::uint16_t port) : fd_{::socket(AF_INET, SOCK_DGRAM | SOCK_CLOEXEC, 0)} {

@@ -1,11 +1,14 @@
 #include "common/platform/web_server.h"
 
+#include <fmt/format.h>
+
 #define BOOST_ASIO_NO_DEPRECATED
 #define BOOST_BEAST_USE_STD_STRING_VIEW
 #define BOOST_ASIO_DISABLE_FENCED_BLOCK  // the thread sanitizer does not support fences
 #include <algorithm>
 #include <boost/asio/io_context.hpp>
 #include <boost/asio/ip/tcp.hpp>
+#include <boost/asio/ip/udp.hpp>
 #include <boost/asio/post.hpp>
 #include <boost/asio/steady_timer.hpp>
 #include <boost/beast/core/flat_buffer.hpp>
@@ -13,9 +16,10 @@
 #include <boost/beast/websocket.hpp>
 #include <thread>
 
+#include "common/base/check.h"
 #include "common/base/text.h"
 #include "common/base/thread.h"
-#include "common/platform/listener.h"
+#include "common/platform/udp.h"
 
 namespace twoport {
 
@@ -30,6 +34,44 @@ namespace {
 
 constexpr std::size_t kPassing = 16;    // connections at once that are no WebSockets, or close
 constexpr int kSendBuffer = 32 * 1024;  // of a connection [B]: what waits in it is late
+
+/// The address under which other machines reach this one, by its route to the rest of the network. No packet is sent.
+asio::ip::address own_address(const asio::ip::address& bound) {
+  if (!bound.is_unspecified()) return bound;
+  asio::io_context context;
+  asio::ip::udp::socket socket{context};
+  Error error;
+  socket.connect({asio::ip::make_address(bound.is_v6() ? "2001:db8::1" : "192.0.2.1"), 9}, error);
+  if (!error) return socket.local_endpoint().address();
+  return bound.is_v6() ? asio::ip::address{asio::ip::address_v6::loopback()}
+                       : asio::ip::address{asio::ip::address_v4::loopback()};
+}
+
+/// Listens at ADDR:PORT, the value of `flag`; port 0: any free one. Throws ConfigError with the address and what to do.
+asio::ip::tcp::acceptor listen_at(asio::io_context& context, const std::string& address, const char* flag) {
+  const Endpoint at = parse_endpoint(address, flag);
+  const auto& a = at.address;
+  const asio::ip::address ip = at.v6 ? asio::ip::address{asio::ip::address_v6{a, at.scope}}
+                                     : asio::ip::address{asio::ip::address_v4{{a[0], a[1], a[2], a[3]}}};
+  const asio::ip::tcp::endpoint endpoint{ip, at.port};
+  asio::ip::tcp::acceptor acceptor{context};
+  Error error;
+  acceptor.open(endpoint.protocol(), error);
+  if (!error) acceptor.set_option(asio::socket_base::reuse_address{true}, error);
+  if (!error) acceptor.bind(endpoint, error);
+  if (!error) acceptor.listen(asio::socket_base::max_listen_connections, error);
+  if (error)
+    throw ConfigError{
+        fmt::format("{} {}: {}; choose another port, or port 0 for any free one", flag, address, error.message())};
+  return acceptor;
+}
+
+/// "127.0.0.1:8765" as others reach it: under a wildcard address, by this machine's route to the rest of the network.
+std::string reached_at(const asio::ip::tcp::acceptor& acceptor) {
+  const asio::ip::tcp::endpoint bound = acceptor.local_endpoint();
+  const asio::ip::address ip = own_address(bound.address());
+  return fmt::format(fmt::runtime(ip.is_v6() ? "[{}]:{}" : "{}:{}"), ip.to_string(), bound.port());
+}
 
 }  // namespace
 

@@ -65,4 +65,9 @@ std::vector<std::pair<std::string, double>> numbers(const Summary& summary);
 /// The texts that a table holds of a run, as (name, text): scene, architecture, method, verdict_kind, verdict.
 std::vector<std::pair<std::string, std::string>> texts(const Summary& summary);
 
+/// What the scene expects and the run did not meet: one sentence each, with the key, the value and the bound. Empty: all
+/// is met. An UNDECIDED run meets neither `stable: true` nor `stable: false`. Throws ConfigError for a key that no summary
+/// has.
+std::vector<std::string> violations(const ExpectSpec& expect, const Summary& summary);
+
 }  // namespace twoport

@@ -5,7 +5,6 @@
 #include <google/protobuf/io/coded_stream.h>
 #include <google/protobuf/wire_format_lite.h>
 
-#include <array>
 #include <bit>
 #include <filesystem>
 #include <iterator>
@@ -16,7 +15,6 @@
 
 #include "common/base/built_for.h"
 #include "common/base/check.h"
-#include "common/base/earlier_file.h"
 #include "common/base/file.h"
 #include "common/base/fmt.h"
 #include "common/record/columns.h"

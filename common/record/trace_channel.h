@@ -6,7 +6,7 @@
 #include <vector>
 
 #include "common/base/built_for.h"
-#include "common/mcap/channels.h"
+#include "common/mcap/writer.h"
 #include "common/record/row.h"
 #include "common/record/trace_table.h"
 #include "common/recording/recording.h"

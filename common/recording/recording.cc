@@ -6,8 +6,8 @@
 #include <array>
 #include <cmath>
 #include <filesystem>
+#include <fstream>
 #include <initializer_list>
-#include <limits>
 #include <utility>
 
 #include "common/base/built_for.h"

@@ -1,7 +1,6 @@
 #pragma once
 
 #include <cstdint>
-#include <fstream>
 #include <istream>
 #include <memory>
 #include <optional>
@@ -11,8 +10,8 @@
 #include <vector>
 
 #include "common/hardware/device.h"
-#include "common/mcap/channels.h"
 #include "common/mcap/reader.h"
+#include "common/mcap/writer.h"
 #include "common/recording/tick.h"
 
 namespace twoport {

@@ -33,4 +33,15 @@ inline auto run_cycle(Node& node, Plant& plant, Mail& mail, const Tick<Clock>& t
   return out;
 }
 
+/// Hardware for run_cycle() whose reading is given; commands go nowhere.
+template <class Sample>
+struct GivenReading {
+  Sample sample;
+  template <class Clock>
+  Sample sense(const Tick<Clock>&) const noexcept {
+    return sample;
+  }
+  static void actuate(const auto&) noexcept {}
+};
+
 }  // namespace twoport

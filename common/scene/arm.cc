@@ -2,13 +2,24 @@
 
 #include <Eigen/Eigenvalues>
 #include <Eigen/Geometry>
+#include <algorithm>
+#include <cmath>
+#include <filesystem>
+#include <memory>
+#include <string>
+#include <vector>
 
+#include "common/arm/arm_model.h"
+#include "common/base/built_for.h"
 #include "common/base/check.h"
 #include "common/base/file.h"
+#include "common/mesh/triangle_mesh.h"
+#include "common/scene/blocks.h"
 #include "common/scene/find.h"
 #include "common/scene/reader.h"
+#include "common/scene/shown.h"
+#include "common/scene/source.h"
 #include "common/scene/text.h"
-#include "common/scene/urdf.h"
 #include "proto/arm.pb.h"
 
 namespace twoport {
@@ -69,9 +80,8 @@ schema::ArmParameters parse_arm(const std::string& path) {
   schema::ArmParameters message;
   const std::string text = read_text(path);
   if (text.starts_with('<'))
-    throw ConfigError{path +
-                      ": this is XML; a URDF's name ends in .urdf, and macros are expanded first: xacro FILE > "
-                      "FILE.urdf"};
+    throw ConfigError{
+        path + ": this is XML; a URDF's name ends in .urdf, and macros are expanded first: xacro FILE > FILE.urdf"};
   if (const auto error = parse_text(text, message))
     throw ConfigError{fmt::format("{}:{}: {}", path, error->place, error->sentence)};
   return message;
@@ -147,6 +157,138 @@ ShownArm load_arm_shapes(const std::string& path) {
   if (!message.has_urdf()) return {};
   const std::string urdf = file_beside(path, message.urdf());
   return read_urdf_shapes(read_text(urdf), urdf, message.tip());
+}
+
+namespace {
+
+template <int n>
+EffectiveInertia effective_inertia(const ArmSpec& arm) {
+  using Matrix6 = Eigen::Matrix<double, 6, 6>;
+  const ArmTool tool{.mass_kg = arm.tool_mass_kg, .center_m = vector<3>(arm.tool_center_m)};
+  const Eigen::Matrix<double, n, 1> q = vector<n>(arm.joint_position_rad);
+  const ArmModel<n> with_tool{*arm.parameters, tool};
+  Matrix6 mobility = tool_mobility(with_tool, q);
+  const double lighter = 1.0 + arm.force_feedback_gain, turns_lighter = 1.0 + arm.force_feedback_torque_gain;
+  if (lighter > 1.0 || turns_lighter > 1.0) {
+    const Matrix6 alone = tool_mobility(ArmModel<n>{*arm.parameters}, q).inverse(), whole = mobility.inverse();
+    Matrix6 felt = alone;
+    felt.topLeftCorner<3, 3>() /= lighter;
+    felt.bottomRightCorner<3, 3>() /= turns_lighter;
+    felt.topRightCorner<3, 3>() /= std::sqrt(lighter * turns_lighter);
+    felt.bottomLeftCorner<3, 3>() /= std::sqrt(lighter * turns_lighter);
+    mobility = (felt + (whole - alone)).inverse();
+  }
+  const auto J = with_tool.jacobian(with_tool.pose(q));
+  const Matrix6 by_damping = J * J.transpose();
+  return {.mass_kg = 1.0 / largest_eigenvalue(mobility.topLeftCorner<3, 3>()),
+          .inertia_kg_m2 = 1.0 / largest_eigenvalue(mobility.bottomRightCorner<3, 3>()),
+          .damping_n_s_per_m =
+              arm.joint_damping_n_m_s_per_rad / lighter / largest_eigenvalue(by_damping.topLeftCorner<3, 3>()),
+          .rotational_damping_n_m_s_per_rad = arm.joint_damping_n_m_s_per_rad / turns_lighter /
+                                              largest_eigenvalue(by_damping.bottomRightCorner<3, 3>())};
+}
+
+/// Damping, friction and rotors of the joints: the scene's where it gives them, else the file's.
+void complete(const Block<schema::Arm>& of, const std::string& path, ArmParameters& parameters) {
+  const auto joints = static_cast<int>(parameters.joints.size());
+  if (joints != 6 && joints != 7)
+    of.fail(fmt::format("{}: an arm must have 6 or 7 joints; this one has {}", path, joints));
+  const Numbers friction = numbers(of->joint_coulomb_friction_n_m());
+  of.need_length(FIELD(joint_coulomb_friction_n_m), joints);
+  if (!std::ranges::all_of(friction, [](double f) { return f >= 0.0; }))
+    of.refuse(FIELD(joint_coulomb_friction_n_m), "be >= 0 each");
+  for (std::size_t i = 0; i < parameters.joints.size(); ++i) {
+    ArmJoint& joint = parameters.joints[i];
+    if (of->has_joint_damping_n_m_s_per_rad() || !joint.damping_n_m_s_per_rad)
+      joint.damping_n_m_s_per_rad = of->joint_damping_n_m_s_per_rad();
+    if (!friction.empty()) joint.coulomb_friction_n_m = friction[i];
+    const auto refuse = [&](const char* what, double value, const char* words) {
+      of.fail(fmt::format("{}: joint \"{}\" has the {} {}; in a scene it must be {}", path, joint.name, what, value,
+                          words));
+    };
+    if (*joint.damping_n_m_s_per_rad > 300.0) refuse("damping", *joint.damping_n_m_s_per_rad, "at most 300");
+    if (!(joint.max_torque_n_m > 0.0)) refuse("effort", joint.max_torque_n_m, "> 0");
+    if (const std::string words = inertia_fault(joint.inertia); !words.empty())
+      of.fail(fmt::format("{}: the link behind joint \"{}\" has an inertia that must {}", path, joint.name, words));
+  }
+}
+
+}  // namespace
+
+ArmSpec read_arm(const Block<schema::Arm>& of) {
+  of.require(FIELD(file), "be the path of a file");
+  if (of->file().empty()) of.refuse(FIELD(file), "be the path of a file");
+  const std::string path = arm_file(of->file(), std::filesystem::path{of.context().file}.parent_path().string());
+  const auto parameters = std::make_shared<ArmParameters>(load_arm(path));
+  complete(of, path, *parameters);
+  const int joints = static_cast<int>(parameters->joints.size());
+  const auto feedback = of.block(FIELD(force_feedback));
+  if (parameters->ready_position_rad.empty())
+    of.require(FIELD(joint_position_rad), fmt::format("hold {} numbers: a URDF names no position to begin at", joints));
+  of.need_length(FIELD(joint_position_rad), joints);
+  ArmSpec arm{.parameters = parameters,
+              .joint_position_rad = numbers(of->joint_position_rad()),
+              .null_space_stiffness_n_m_per_rad = of->null_space_stiffness_n_m_per_rad(),
+              .null_space_damping_n_m_s_per_rad = of->null_space_damping_n_m_s_per_rad(),
+              .joint_damping_n_m_s_per_rad = *parameters->joints[0].damping_n_m_s_per_rad,
+              .tool_mass_kg = of->tool_mass_kg(),
+              .tool_center_m = numbers(of->tool_center_m()),
+              .force_feedback_gain = feedback->gain(),
+              .force_feedback_torque_gain = GIVEN(feedback, torque_gain).value_or(feedback->gain()),
+              .force_feedback_cutoff_hz = feedback->has_cutoff_hz() ? feedback->cutoff_hz() : 0.0};
+  // The least, from which the scene takes a lower bound of the damping at the tool.
+  for (const ArmJoint& joint : parameters->joints) {
+    arm.joint_damping_n_m_s_per_rad = std::min(arm.joint_damping_n_m_s_per_rad, *joint.damping_n_m_s_per_rad);
+    arm.joint_coulomb_friction_n_m.push_back(joint.coulomb_friction_n_m.value_or(0.0));
+  }
+  if (arm.joint_position_rad.empty()) arm.joint_position_rad = parameters->ready_position_rad;
+  for (std::size_t i = 0; i < arm.joint_position_rad.size(); ++i) {
+    const ArmJoint& joint = parameters->joints[i];
+    if (!(arm.joint_position_rad[i] > joint.lower_rad && arm.joint_position_rad[i] < joint.upper_rad))
+      of.refuse(FIELD(joint_position_rad),
+                fmt::format("lie within the joints' limits; number {} must be between {} and {}", i + 1,
+                            joint.lower_rad, joint.upper_rad));
+  }
+  if (joints < 7) {
+    const auto refuse = [&](const auto& field) {
+      if (of.has(field)) of.refuse(field, fmt::format("be absent: an arm of {} joints has no null space", joints));
+    };
+    refuse(FIELD(null_space_stiffness_n_m_per_rad));
+    refuse(FIELD(null_space_damping_n_m_s_per_rad));
+    arm.null_space_stiffness_n_m_per_rad = arm.null_space_damping_n_m_s_per_rad = 0.0;
+  }
+  return arm;
+}
+
+EffectiveInertia effective_inertia(const ArmSpec& arm) {
+  if constexpr (!built_for(6))
+    return {};
+  else
+    return arm.parameters->joints.size() == 6 ? effective_inertia<6>(arm) : effective_inertia<7>(arm);
+}
+
+namespace {
+
+/// What a mesh with few triangles does not need, those with many get.
+void decimate_together(std::vector<TriangleMesh>& meshes) {
+  std::vector<TriangleMesh*> all;
+  for (TriangleMesh& mesh : meshes) all.push_back(&mesh);
+  std::ranges::sort(all, {}, [](const TriangleMesh* mesh) { return mesh->triangles.size(); });
+  std::size_t left = kMostShownTriangles;
+  for (std::size_t i = 0; i < all.size(); ++i) {
+    *all[i] = decimated(*all[i], left / (all.size() - i));
+    left -= all[i]->triangles.size();
+  }
+}
+
+}  // namespace
+
+ShownArm shown_arm(const Scene& scene) {
+  if (!scene.source || !scene.source->message.robot().has_arm()) return {};
+  const std::string folder = std::filesystem::path{scene.source->file}.parent_path().string();
+  ShownArm arm = load_arm_shapes(arm_file(scene.source->message.robot().arm().file(), folder));
+  decimate_together(arm.links);
+  return arm;
 }
 
 }  // namespace twoport

@@ -21,4 +21,13 @@ std::string arm_file(const std::string& named, const std::string& folder = {});
 /// What an inertia about a centre of mass must do and does not [kg m²]; "": it is that of a body. `rounding`: that its moments may miss it by.
 std::string inertia_fault(const Eigen::Matrix3d& inertia, double rounding = 0.0);
 
+// Internal to common/scene.
+
+/// Reads the arm between the root and the link `tip` of a URDF; "": the only link without children. Fixed joints join their links;
+/// joints beside the arm are held at 0 or at the nearer limit. Throws ConfigError with file, line and name.
+ArmParameters read_urdf(const std::string& text, const std::string& file, const std::string& tip);
+
+/// The shapes of its links' <visual>, of a link whose <visual> cannot be read those of its <collision>, with the same errors otherwise.
+ShownArm read_urdf_shapes(const std::string& text, const std::string& file, const std::string& tip);
+
 }  // namespace twoport

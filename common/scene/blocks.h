@@ -58,4 +58,12 @@ constexpr bool same_number(Plain plain, Schema schema) {
   return static_cast<int>(plain) == static_cast<int>(schema);
 }
 
+/// read_operator() for a gripper: a recording is read for its gripper.
+OperatorSpec read_gripper_operator(const Block<schema::Operator>& of);
+
+/// Delays of the packets of one direction, which are sent at `rate_hz` [s], NaN where lost: from this direction's rows of a link's
+/// file (common/link/link_trace.h), or from one delay in ms per line; blank lines and what follows a # are skipped. A relative path
+/// starts at the scene's folder. Empty: the block names no file.
+std::vector<double> read_trace_file(const Block<schema::Impairment>& of, double rate_hz);
+
 }  // namespace twoport

@@ -3,7 +3,7 @@
 
 #include "common/scene/blocks.h"
 #include "common/scene/find.h"
-#include "common/scene/names.h"
+#include "common/scene/scene.h"
 #include "common/scene/source.h"
 
 namespace twoport {

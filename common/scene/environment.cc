@@ -1,8 +1,12 @@
 #include <Eigen/Geometry>
 #include <algorithm>
+#include <bit>
 #include <cmath>
 #include <cstddef>
+#include <cstdint>
+#include <map>
 #include <memory>
+#include <mutex>
 #include <numbers>
 #include <optional>
 #include <string>
@@ -13,12 +17,11 @@
 #include "common/base/check.h"
 #include "common/base/file.h"
 #include "common/contact/sample_shape.h"
-#include "common/mesh/decimate.h"
-#include "common/mesh/read_mesh.h"
-#include "common/mesh/sample_surface.h"
+#include "common/mesh/distance_field.h"
+#include "common/mesh/solids.h"
+#include "common/mesh/triangle_mesh.h"
 #include "common/scene/blocks.h"
 #include "common/scene/find.h"
-#include "common/scene/mesh_file.h"
 #include "common/scene/shown.h"
 #include "common/scene/source.h"
 
@@ -109,6 +112,46 @@ Plate read_shape(const Block<schema::Plate>& of) {
           .holes = std::make_shared<const std::vector<PlateHole>>(std::move(holes))};
 }
 
+constexpr std::size_t kMostShells = 256;  // each costs a distance field while the scene is read
+
+/// The closed mesh of a file, with its coordinates times `scale`. Throws ConfigError that begins with the path for a file that
+/// cannot be read or whose mesh does not bound a solid.
+TriangleMesh read_mesh_file(const std::string& path, double scale) {
+  TriangleMesh mesh = parse_mesh(read_whole(path), path);
+  for (Eigen::Vector3d& v : mesh.vertices) v *= scale;
+  const MeshFaults faults = faults_of(mesh);
+  if (faults.open_edges > 0)
+    throw ConfigError{
+        fmt::format("{} has {} edges of one triangle only; the mesh must be closed", path, faults.open_edges)};
+  if (faults.odd_edges > 0)
+    throw ConfigError{
+        fmt::format("{} has {} edges that do not join two triangles of the same orientation; every edge must", path,
+                    faults.odd_edges)};
+  if (faults.volume_m3 == 0.0) throw ConfigError{fmt::format("{} encloses no volume at scale {}", path, scale)};
+  if (!(faults.volume_m3 > 0.0))
+    throw ConfigError{fmt::format(
+        "{} has its triangles facing inwards; their corners must be counterclockwise seen from outside", path)};
+  const std::vector<TriangleMesh> shells = shells_of(mesh);
+  if (shells.size() > kMostShells)
+    throw ConfigError{
+        fmt::format("{} has {} separate surfaces; at most {} are read", path, shells.size(), kMostShells)};
+  const auto text = [](const Eigen::Vector3d& p) { return fmt::format("({:.6g}, {:.6g}, {:.6g})", p[0], p[1], p[2]); };
+  for (const TriangleMesh& shell : shells) {
+    if (const auto where = BoundingVolumeTree{shell}.crossing())
+      throw ConfigError{fmt::format("{} has a surface that crosses itself at {} m; surfaces may only cross others",
+                                    path, text(*where))};
+    if (const auto where = misplaced(shell))
+      throw ConfigError{fmt::format(
+          "{} has a triangle around {} m with no inside behind it: it lies on another one, or a part is inside out",
+          path, text(*where))};
+  }
+  if (const auto where = solids_of(mesh).inward)
+    throw ConfigError{
+        fmt::format("{} has a surface at {} m that faces inwards and lies in no other; a cavity must lie in a solid",
+                    path, text(*where))};
+  return mesh;
+}
+
 /// The triangles of a file, in metres.
 TriangleMesh read_triangles(const Block<schema::Mesh>& of) {
   of.require(FIELD(file), "name a file: STL or Wavefront OBJ");
@@ -120,11 +163,43 @@ TriangleMesh read_triangles(const Block<schema::Mesh>& of) {
   }
 }
 
+/// Of the box around it.
+Eigen::Vector3d sides_of(const TriangleMesh& mesh) {
+  Eigen::Vector3d low = mesh.vertices[0], high = low;
+  for (const Eigen::Vector3d& v : mesh.vertices) low = low.cwiseMin(v), high = high.cwiseMax(v);
+  return high - low;
+}
+
+/// Its distance field. While one of the same mesh and spacing is in use anywhere in the program, that one.
+std::shared_ptr<const DistanceField> shared_field(const TriangleMesh& mesh, double spacing_m) {
+  // Two hashes of 64 bits: two meshes of one scene will not have both in common.
+  std::uint64_t first = 0xcbf29ce484222325, second = 0x9e3779b97f4a7c15;
+  const auto add = [&](std::uint64_t value) {
+    first = (first ^ value) * 0x100000001b3;
+    second = (std::rotl(second, 5) ^ value) * 0xbf58476d1ce4e5b9;
+  };
+  for (const Eigen::Vector3d& v : mesh.vertices)
+    for (int i = 0; i < 3; ++i) add(std::bit_cast<std::uint64_t>(v[i]));
+  for (const TriangleMesh::Triangle& t : mesh.triangles)
+    for (const std::uint32_t i : t) add(i);
+  add(std::bit_cast<std::uint64_t>(spacing_m));
+
+  static std::mutex mutex;
+  static std::map<std::pair<std::uint64_t, std::uint64_t>, std::weak_ptr<const DistanceField>> fields;
+  static std::shared_ptr<const DistanceField> latest;  // runs of a sweep follow each other
+  const std::lock_guard lock{mutex};
+  std::weak_ptr<const DistanceField>& known = fields[{first, second}];
+  std::shared_ptr<const DistanceField> field = known.lock();
+  if (!field) known = field = std::make_shared<const DistanceField>(mesh, spacing_m);
+  latest = field;
+  return field;
+}
+
 Mesh read_shape(const Block<schema::Mesh>& of) {
   const TriangleMesh mesh = read_triangles(of);
-  const double absent = longest_side(mesh) / 100.0;
+  const double absent = sides_of(mesh).maxCoeff() / 100.0;
   const double voxel_m = GIVEN(of, voxel_m).value_or(absent);
-  const double coarsest = shortest_side(mesh) / 2.0;
+  const double coarsest = sides_of(mesh).minCoeff() / 2.0;
   if (!(voxel_m <= coarsest))
     of.refuse(FIELD(voxel_m), fmt::format("be at most {:.3g}, half of the mesh's shortest side", coarsest));
   const double nodes = DistanceField::nodes(mesh, voxel_m);

@@ -2,7 +2,7 @@
 
 #include <algorithm>
 
-#include "common/base/nearest_names.h"
+#include "common/base/text.h"
 #include "common/scene/blocks.h"
 #include "proto/summary.pb.h"
 

@@ -9,7 +9,7 @@
 #include <vector>
 
 #include "common/base/check.h"
-#include "common/base/nearest_names.h"
+#include "common/base/text.h"
 #include "common/scene/arm.h"
 
 namespace twoport {

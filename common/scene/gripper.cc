@@ -1,5 +1,5 @@
 #include "common/base/built_for.h"
-#include "common/scene/gripper_operator.h"
+#include "common/scene/blocks.h"
 
 namespace twoport {
 namespace {

@@ -16,7 +16,7 @@
 #include "common/base/built_for.h"
 #include "common/coupling/claim.h"
 #include "common/scene/held_coupling.h"
-#include "common/scene/numbers.h"
+#include "common/scene/scene.h"
 
 namespace twoport {
 namespace {
@@ -116,12 +116,17 @@ std::optional<FedMotion> fed_by_coupling(const Scene& s) {
     return {};
   const bool arm = s.robot->arm.has_value();
   const CouplingOptions& c = s.control.coupling;
-  CouplingOptions translation = c, rotation = c;
+  CouplingOptions translation = c;
   translation.rotational_stiffness_n_m_per_rad = translation.rotational_damping_n_m_s_per_rad = 0.0;
-  rotation.stiffness_n_per_m = rotation.damping_n_s_per_m = 0.0;
+  const auto holding = [&](CouplingOptions with, double CouplingOptions::*damping, double inertia) {
+    const auto holds = [&](double d) {
+      with.*damping = d;
+      return coupling_holds_robot(s, with);
+    };
+    return holding_dampings(holds, 2.0 * inertia * s.slave_rate_hz);
+  };
   // Where each motion alone is held, it is the smaller inertia of both together.
-  const bool turns = s.dof == 6 && coupling_holds_robot(s, translation);
-  if (turns) {
+  if (s.dof == 6 && coupling_holds_robot(s, translation)) {
     const double inertia = *std::min_element(s.robot->inertia_kg_m2.begin(), s.robot->inertia_kg_m2.end());
     return FedMotion{arm ? "the effective inertia of robot.arm," : "robot.inertia_kg_m2",
                      "rotational_damping_n_m_s_per_rad",
@@ -129,13 +134,7 @@ std::optional<FedMotion> fed_by_coupling(const Scene& s) {
                      inertia,
                      c.rotational_stiffness_n_m_per_rad,
                      c.rotational_damping_n_m_s_per_rad,
-                     holding_dampings(
-                         [&](double d) {
-                           CouplingOptions other = c;
-                           other.rotational_damping_n_m_s_per_rad = d;
-                           return coupling_holds_robot(s, other);
-                         },
-                         2.0 * inertia * s.slave_rate_hz)};
+                     holding(c, &CouplingOptions::rotational_damping_n_m_s_per_rad, inertia)};
   }
   return FedMotion{arm ? "the effective mass of robot.arm," : "robot.mass_kg",
                    "damping_n_s_per_m",
@@ -143,13 +142,7 @@ std::optional<FedMotion> fed_by_coupling(const Scene& s) {
                    s.robot->mass_kg,
                    c.stiffness_n_per_m,
                    c.damping_n_s_per_m,
-                   holding_dampings(
-                       [&](double d) {
-                         CouplingOptions other = translation;
-                         other.damping_n_s_per_m = d;
-                         return coupling_holds_robot(s, other);
-                       },
-                       2.0 * s.robot->mass_kg * s.slave_rate_hz)};
+                   holding(translation, &CouplingOptions::damping_n_s_per_m, s.robot->mass_kg)};
 }
 
 /// K T²/m of the stiffest rendered surface: from 0.05 on the motion of a tick changes by what the force of that tick does, and a
@@ -269,8 +262,8 @@ std::string what_voids(const ControlOptions& o) {
   const std::string layer = o.passivity.empty() ? o.method_name : o.passivity;
   const auto rate = [&](const char* side, const PortLimits& limits) {
     return fmt::format(
-        "control.{}_limits.force_rate_n_per_s is {:g}: a force may outlast the account of {}; a rate of "
-        "twice force_n in a tick or more cannot act",
+        "control.{}_limits.force_rate_n_per_s is {:g}: a force may outlast the account of {}; a rate of twice force_n "
+        "in a tick or more cannot act",
         side, limits.force_rate_n_per_s, layer);
   };
   switch (standing_claim(o).voided) {
@@ -381,8 +374,7 @@ constexpr Hint kHints[] = {
        const double at_rate = kFastContact * s.slave_rate_hz;
        return fmt::format(
            "robot.mass_kg is {:g}: on a surface of {:g} N/m it swings at {:.3g} kHz, too fast for ticks of {:g} Hz; "
-           "the run is slow, as "
-           "a tick in contact takes hundreds of steps of the integrator; use {:.2g} kg or more",
+           "the run is slow, as a tick in contact takes hundreds of steps of the integrator; use {:.2g} kg or more",
            s.robot->mass_kg, stiffest_surface(s),
            1e-3 * fastest_contact(s) * s.slave_rate_hz / (2.0 * std::numbers::pi), s.slave_rate_hz,
            stiffest_surface(s) / (at_rate * at_rate));
@@ -392,8 +384,7 @@ constexpr Hint kHints[] = {
        const auto [limits, force_n] = *slow_limit(s);
        return fmt::format(
            "control.{}.force_rate_n_per_s and the passivity layer {} together leave a force of at most {:.3g} N: what "
-           "may "
-           "not fall at once is not shown",
+           "may not fall at once is not shown",
            limits, s.control.passivity, force_n);
      }},
     {[](const Scene& s) {
@@ -403,8 +394,7 @@ constexpr Hint kHints[] = {
      [](const Scene& s) {
        return fmt::format(
            "rate_hz is {:g}: FORCE_PROJECTED may let energy pass at a rendered {:g} N/m with a handle of {:g} kg, as "
-           "the "
-           "handle turns back within a tick; it holds from about {:.0f} Hz",
+           "the handle turns back within a tick; it holds from about {:.0f} Hz",
            s.rate_hz, stiffest_surface(s), s.device->mass_kg,
            std::sqrt(stiffest_surface(s) / (kFastHandle * s.device->mass_kg)));
      }},

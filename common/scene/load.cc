@@ -10,11 +10,8 @@
 #include "common/base/check.h"
 #include "common/base/file.h"
 #include "common/scene/blocks.h"
-#include "common/scene/overrides.h"
-#include "common/scene/scene_text.h"
 #include "common/scene/source.h"
 #include "common/scene/text.h"
-#include "common/scene/trace_file.h"
 
 namespace twoport {
 namespace {

@@ -5,8 +5,8 @@
 #include "common/base/check.h"
 #include "common/base/file.h"
 #include "common/recording/hand.h"
+#include "common/scene/blocks.h"
 #include "common/scene/find.h"
-#include "common/scene/gripper_operator.h"
 
 namespace twoport {
 namespace {

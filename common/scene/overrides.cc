@@ -1,5 +1,3 @@
-#include "common/scene/overrides.h"
-
 #include <fmt/format.h>
 #include <google/protobuf/descriptor.h>
 #include <google/protobuf/message.h>
@@ -13,6 +11,7 @@
 #include "common/base/check.h"
 #include "common/base/text.h"
 #include "common/scene/load.h"
+#include "common/scene/source.h"
 #include "common/scene/text.h"
 
 namespace twoport {

@@ -5,7 +5,7 @@
 #include "common/contact/environment.h"
 #include "common/link/playout.h"
 #include "common/scene/blocks.h"
-#include "common/scene/numbers.h"
+#include "common/scene/scene.h"
 
 namespace twoport {
 namespace {

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <cstddef>
 #include <cstdint>
 #include <memory>
 #include <optional>
@@ -7,16 +8,40 @@
 #include <variant>
 #include <vector>
 
-#include "common/contact/world.h"
+#include "common/base/vector.h"
+#include "common/contact/contact_law.h"
 #include "common/coupling/options.h"
 #include "common/hardware/mount.h"
 #include "common/link/impairment.h"
 #include "common/link/transmission.h"
 #include "common/passivity/controller_options.h"
 #include "common/passivity/observer.h"
-#include "common/scene/numbers.h"
 
 namespace twoport {
+
+/// Numbers as a scene writes them; empty means "not given".
+using Numbers = std::vector<double>;
+
+/// Coordinates as a scene writes them, zero where it does not.
+template <int N>
+Eigen::Matrix<double, N, 1> vector(const Numbers& n) {
+  Eigen::Matrix<double, N, 1> v = Eigen::Matrix<double, N, 1>::Zero();
+  for (int i = 0; i < N && i < static_cast<int>(n.size()); ++i) v[i] = n[static_cast<std::size_t>(i)];
+  return v;
+}
+
+/// A position as a scene writes it: N numbers, or for N = 6 x y z with or without a quaternion w x y z. Empty: origin.
+template <int N>
+Position<N> position(const Numbers& n) {
+  if constexpr (N == 6) {
+    const Eigen::Vector3d p = vector<3>(n);
+    Eigen::Quaterniond q = Eigen::Quaterniond::Identity();
+    if (n.size() == 7) q = Eigen::Quaterniond{n[3], n[4], n[5], n[6]}.normalized();
+    return {p, q};
+  } else {
+    return Position<N>{vector<N>(n)};
+  }
+}
 
 struct RecordedHand;
 struct ArmParameters;
@@ -174,5 +199,8 @@ struct Scene {
 
   [[nodiscard]] int axes() const { return dof == 1 ? 1 : 3; }
 };
+
+/// As a scene writes it, e.g. "POSITION_FORCE".
+std::string to_string(Architecture architecture);
 
 }  // namespace twoport

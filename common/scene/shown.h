@@ -5,9 +5,8 @@
 #include <variant>
 #include <vector>
 
-#include "common/contact/capsule.h"
 #include "common/contact/revolved.h"
-#include "common/contact/torus.h"
+#include "common/contact/simple_solids.h"
 #include "common/mesh/triangle_mesh.h"
 #include "common/scene/scene.h"
 

@@ -22,4 +22,10 @@ Scene read_scene(std::shared_ptr<const SceneSource> source);
 /// The controls of a schedule's entries, each on top of the one before.
 std::vector<schema::Control> scheduled(const schema::Control& control);
 
+// Internal to common/scene.
+
+/// Sets what "PATH=VALUE" names; creates the blocks on the way, and returns the path of the outermost that it has created, or nothing.
+/// Throws ConfigError "override PATH=VALUE: sentence".
+std::string apply_override(schema::Scene& scene, const std::string& assignment);
+
 }  // namespace twoport

@@ -5,7 +5,6 @@
 
 #include <optional>
 #include <string>
-#include <string_view>
 
 // Protobuf text to messages, and its errors as sentences. Internal to common/scene.
 

@@ -1,5 +1,3 @@
-#include "common/scene/urdf.h"
-
 #include <console_bridge/console.h>
 #include <fmt/format.h>
 #include <fmt/ranges.h>
@@ -10,7 +8,6 @@
 #include <boost/algorithm/string/case_conv.hpp>
 #include <boost/property_tree/xml_parser.hpp>
 #include <cmath>
-#include <cstdint>
 #include <filesystem>
 #include <limits>
 #include <map>
@@ -24,9 +21,8 @@
 
 #include "common/base/check.h"
 #include "common/base/file.h"
-#include "common/base/nearest_names.h"
-#include "common/mesh/read_mesh.h"
-#include "common/mesh/shapes.h"
+#include "common/base/text.h"
+#include "common/mesh/triangle_mesh.h"
 #include "common/scene/arm.h"
 
 namespace twoport {

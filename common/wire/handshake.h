@@ -12,7 +12,6 @@
 #include "common/link/endpoint.h"
 #include "common/wire/header.h"
 #include "common/wire/mismatch.h"
-#include "common/wire/sentence.h"
 
 namespace twoport {
 

@@ -43,8 +43,8 @@ Sentence mismatch(const SessionOptions& options, int dof, const Header& header, 
   constexpr std::uint32_t kNumber = 0xffff;
   if (decoded == Decoded::other_version)
     return differ(
-        "master and slave use different protocol versions: version %u at the master, %u at the slave; install the "
-        "same release of twoport on both",
+        "master and slave use different protocol versions: version %u at the master, %u at the slave; install the same "
+        "release of twoport on both",
         kProtocolVersion & kNumber, header.version & kNumber);
   const Identity& theirs = *header.identity;
   if (theirs.side == options.side)
@@ -55,13 +55,12 @@ Sentence mismatch(const SessionOptions& options, int dof, const Header& header, 
                   dof, theirs.dof);
   if (theirs.rate_hz != options.rate_hz)
     return Sentence{
-        "master and slave differ in the rate of the %s: it runs at %.9g Hz, the %s expects %.9g Hz; start "
-        "both with the same scene",
+        "master and slave differ in the rate of the %s: it runs at %.9g Hz, the %s expects %.9g Hz; start both with "
+        "the same scene",
         to_string(options.side), options.rate_hz, to_string(theirs.side), theirs.rate_hz};
   if (const FieldList differing = different_fields(options, theirs); differing.count > 0)
     return Sentence{
-        "master and slave run different scenes: they differ in %s%s; start both with the same scene and the same "
-        "--set",
+        "master and slave run different scenes: they differ in %s%s; start both with the same scene and the same --set",
         differing.text.data(), differing.count > FieldList::kMost ? " and more" : ""};
   if (theirs.scene_digest != options.scene_digest)
     return differ("master and slave run different scenes: digest %016" PRIx64 " at the master, %016" PRIx64

@@ -72,22 +72,25 @@ int boundary_command(Arguments& a) {
 
 }  // namespace
 
-Subcommand add_boundary_command(Command app) {
+void add_boundary_command(CLI::App& app, Chosen& chosen) {
   const auto a = std::make_shared<Arguments>();
-  Command boundary = app.add("boundary", "Find the stability boundary of a scene along one number");
+  CLI::App& boundary = *app.add_subcommand("boundary", "Find the stability boundary of a scene along one number");
   add_scene(boundary, a->boundary.scene, a->boundary.set);
   boundary
-      .option("--vary", a->interval,
-              "PATH=LO:HI, LO < HI; stable at one end and unstable at the other; A,B=LO:HI varies both")
-      .required();
-  Option along = boundary.option("--along", a->along, "PATH=SPEC as for sweep --vary: one boundary per value");
-  boundary.option("--out", a->out, "With --along: folder for boundary.csv and the picture").needs(along);
+      .add_option("--vary", a->interval,
+                  "PATH=LO:HI, LO < HI; stable at one end and unstable at the other; A,B=LO:HI varies both")
+      ->required();
+  CLI::Option* along =
+      boundary.add_option("--along", a->along, "PATH=SPEC as for sweep --vary: one boundary per value");
+  boundary.add_option("--out", a->out, "With --along: folder for boundary.csv and the picture")->needs(along);
   add_jobs(boundary, a->boundary.jobs);
   add_lanes(boundary, a->lanes);
-  boundary.option("--tolerance", a->boundary.tolerance, "Relative width of the final bracket").show_default();
+  boundary.add_option("--tolerance", a->boundary.tolerance, "Relative width of the final bracket")
+      ->capture_default_str();
   boundary
-      .option("--scan", a->boundary.scan, "Values between the ends that are tried first; the first change is refined")
-      .show_default();
+      .add_option("--scan", a->boundary.scan,
+                  "Values between the ends that are tried first; the first change is refined")
+      ->capture_default_str();
   boundary.footer(
       R"(Prints a line for each run: value, verdict. The last line is PATH = VALUE, the largest value up to which the run is
 stable (or the smallest, if it is stable at HI). Exit status 2 when both ends agree.
@@ -99,7 +102,7 @@ the boundary and a note. The note is empty if the run is stable up to the bounda
 stable from there on; if both ends agree there is no boundary, the note states this, and the exit status is 0.
 With --out the table is DIR/boundary.csv, and gnuplot draws DIR/boundary.png and .svg; without, it goes to stdout.
 Ctrl-C leaves what is known: the note of a row then has the nearest value known to be unstable.)");
-  return {boundary, [a] { return boundary_command(*a); }};
+  boundary.callback([a, &chosen] { chosen = [a] { return boundary_command(*a); }; });
 }
 
 }  // namespace twoport::lab

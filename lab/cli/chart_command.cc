@@ -1,7 +1,6 @@
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 
-#include <algorithm>
 #include <cstdio>
 #include <memory>
 #include <string>
@@ -11,7 +10,6 @@
 #include "common/base/print_error.h"
 #include "common/scene/load.h"
 #include "lab/cli/commands.h"
-#include "lab/cli/robot_option.h"
 #include "lab/peers/peers.h"
 #include "lab/plot/pictures.h"
 #include "lab/study/boundary.h"
@@ -73,34 +71,35 @@ int chart_command(const Arguments& a) {
 
 }  // namespace
 
-Subcommand add_chart_command(Command app) {
+void add_chart_command(CLI::App& app, Chosen& chosen) {
   const auto a = std::make_shared<Arguments>();
-  Command chart = app.add("chart", "Plot error against computing cost of integrators, rates and model details");
+  CLI::App& chart =
+      *app.add_subcommand("chart", "Plot error against computing cost of integrators, rates and model details");
   add_scene(chart, a->chart.scene, a->chart.set);
-  chart.list("--vary", a->chart.vary,
-             "PATH=a,b,c or PATH,PATH=a,b,c; integrators and substeps unless given; with "
-             "--answer also verdict=tail,lean,plain");
-  chart.list(
-      "--robot", a->robots,
+  add_list(chart, "--vary", a->chart.vary,
+           "PATH=a,b,c or PATH,PATH=a,b,c; integrators and substeps unless given; with --answer also "
+           "verdict=tail,lean,plain");
+  add_list(
+      chart, "--robot", a->robots,
       "mujoco:FILE.xml[,site=NAME][,key=NAME]: also a world of MuJoCo in place of the scene's robot and environment");
-  chart.option("--boundary", a->chart.boundary, "PATH=LO:HI: also find the stability boundary of each point");
-  chart.flag(
+  chart.add_option("--boundary", a->chart.boundary, "PATH=LO:HI: also find the stability boundary of each point");
+  chart.add_flag(
       "--answer", a->chart.answer,
       "Compare whole answers: verdict, force felt and, with --boundary, the boundary, over their processor time");
   chart
-      .option(
+      .add_option(
           "--for-error", a->for_error,
-          "Recommend the cheapest point with at most this position error [m]; with --answer an error of 0.01 is 1 % "
-          "of the force felt and of the boundary, with the verdict of the reference")
-      .positive();
-  chart.option("--repetitions", a->chart.repetitions, "Timed rounds; the median is used")
-      .between(1, 1000)
-      .show_default();
-  chart.option("--reference-substeps", a->chart.reference_substeps, "Of the reference, Runge-Kutta 4")
-      .between(2, 10000)
-      .show_default();
-  chart.option("--out", a->out, "Folder for chart.csv and the picture");
-  return {chart, [a] { return chart_command(*a); }};
+          "Recommend the cheapest point with at most this position error [m]; with --answer an error of 0.01 is 1 "
+          "% of the force felt and of the boundary, with the verdict of the reference")
+      ->check(positive());
+  chart.add_option("--repetitions", a->chart.repetitions, "Timed rounds; the median is used")
+      ->check(CLI::Range(1, 1000))
+      ->capture_default_str();
+  chart.add_option("--reference-substeps", a->chart.reference_substeps, "Of the reference, Runge-Kutta 4")
+      ->check(CLI::Range(2, 10000))
+      ->capture_default_str();
+  chart.add_option("--out", a->out, "Folder for chart.csv and the picture");
+  chart.callback([a, &chosen] { chosen = [a] { return chart_command(*a); }; });
 }
 
 }  // namespace twoport::lab

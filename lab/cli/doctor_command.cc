@@ -1,6 +1,5 @@
 #include <fmt/format.h>
 
-#include <algorithm>
 #include <atomic>
 #include <chrono>
 #include <cmath>
@@ -20,12 +19,12 @@
 #include "common/link/link_trace.h"
 #include "common/platform/realtime.h"
 #include "common/platform/udp.h"
-#include "tools/doctor/examine.h"
-#include "tools/doctor/link.h"
-#include "tools/doctor/loop.h"
 #include "lab/cli/commands.h"
 #include "lab/study/link_advice.h"
 #include "lab/study/parallel.h"
+#include "tools/doctor/examine.h"
+#include "tools/doctor/link.h"
+#include "tools/doctor/loop.h"
 
 namespace twoport::lab {
 namespace {
@@ -52,10 +51,8 @@ double ms(Duration d) {
 void print_json(const LoopFigures& loop, const std::vector<Finding>& findings) {
   fmt::print(
       "{{\n \"loop\": {{\"grade\": {}, \"rate_hz\": {}, \"ticks\": {}, \"skipped\": {}, \"late_us\": {{\"p50\": "
-      "{:.3f}, "
-      "\"p99\": {:.3f}, \"p999\": {:.3f}, \"max\": {:.3f}}},\n  \"late\": {{\"ticks\": {}, \"preempted\": {}, "
-      "\"waited\": "
-      "{}, \"moved\": {}, \"faulted\": {}, \"unexplained\": {}}},\n  \"not_permitted\": [",
+      "{:.3f}, \"p99\": {:.3f}, \"p999\": {:.3f}, \"max\": {:.3f}}},\n  \"late\": {{\"ticks\": {}, \"preempted\": {}, "
+      "\"waited\": {}, \"moved\": {}, \"faulted\": {}, \"unexplained\": {}}},\n  \"not_permitted\": [",
       json_string(to_string(grade(loop))), loop.rate_hz, loop.ticks, loop.skipped, us(loop.lateness.percentile(0.5)),
       us(loop.lateness.percentile(0.99)), us(loop.lateness.percentile(0.999)), us(loop.lateness.max()), loop.late,
       loop.preempted, loop.waited, loop.moved, loop.faulted, loop.unexplained);
@@ -139,14 +136,11 @@ int link_command(const DoctorArguments& a) {
   if (a.json) {
     fmt::print(
         "{{\n \"address\": {}, \"seconds\": {:.3f}, \"silent_s\": {:.3f}, \"rate_hz\": {}, \"sent\": {}, "
-        "\"encrypted\": {},\n "
-        "\"round_trip_ms\": "
-        "{{\"p50\": {:.3f}, \"p99\": {:.3f}, \"max\": {:.3f}}},\n \"one_way_ms\": {{\"to_slave\": {:.3f}, "
-        "\"to_master\": "
-        "{:.3f}, \"bound\": {:.3f}}},\n \"to_slave\": {},\n \"to_master\": {},\n \"advice\": {{\"method\": {}, "
-        "\"why\": {}, "
-        "\"to_slave.playout_ms\": {}, \"to_master.playout_ms\": {}, \"control.hold_after_s\": {:.2f}, "
-        "\"control.passivity.round_trip_ms\": {:.1f}, \"control.passivity.initial_energy_j\": {:.4g}}}\n}}\n",
+        "\"encrypted\": {},\n \"round_trip_ms\": {{\"p50\": {:.3f}, \"p99\": {:.3f}, \"max\": {:.3f}}},\n "
+        "\"one_way_ms\": {{\"to_slave\": {:.3f}, \"to_master\": {:.3f}, \"bound\": {:.3f}}},\n \"to_slave\": {},\n "
+        "\"to_master\": {},\n \"advice\": {{\"method\": {}, \"why\": {}, \"to_slave.playout_ms\": {}, "
+        "\"to_master.playout_ms\": {}, \"control.hold_after_s\": {:.2f}, \"control.passivity.round_trip_ms\": {:.1f}, "
+        "\"control.passivity.initial_energy_j\": {:.4g}}}\n}}\n",
         json_string(a.link), f.seconds, f.silent_s, a.rate_hz, f.sent, f.encrypted, ms(f.round_trip.percentile(0.5)),
         ms(f.round_trip.percentile(0.99)), ms(f.round_trip.max()), there_ms, back_ms, bound_ms, to_json(to_slave),
         to_json(to_master), json_string(advice.method), json_string(advice.why[0]), advice.to_slave.playout_ms,
@@ -186,38 +180,44 @@ int answer_command(const DoctorArguments& a) {
 
 }  // namespace
 
-Subcommand add_doctor_command(Command app) {
+void add_doctor_command(CLI::App& app, Chosen& chosen) {
   const auto a = std::make_shared<DoctorArguments>();
-  Command doctor =
-      app.add("doctor", "Why is the loop late, why is the link bad: measures and names the causes, each with a cure");
-  doctor.option("--rate-hz", a->rate_hz, "Of the loop, or of packets").between(1.0, 1e4).show_default();
-  doctor.option("--seconds", a->seconds, "To measure; absent: 2 for the loop, 10 for a link, no end for --answer")
-      .between(0.05, 1e6);
-  Option link = doctor.option("--link", a->link, "HOST:PORT where a doctor answers: measures the link to there");
+  CLI::App& doctor = *app.add_subcommand(
+      "doctor", "Why is the loop late, why is the link bad: measures and names the causes, each with a cure");
+  doctor.add_option("--rate-hz", a->rate_hz, "Of the loop, or of packets")
+      ->check(CLI::Range(1.0, 1e4))
+      ->capture_default_str();
+  doctor.add_option("--seconds", a->seconds, "To measure; absent: 2 for the loop, 10 for a link, no end for --answer")
+      ->check(CLI::Range(0.05, 1e6));
+  CLI::Option* link =
+      doctor.add_option("--link", a->link, "HOST:PORT where a doctor answers: measures the link to there");
   doctor
-      .option("--save", a->save,
-              "FILE.csv: a row for each packet of --link, for trace_file of a scene and --link of recommend")
-      .needs(link);
+      .add_option("--save", a->save,
+                  "FILE.csv: a row for each packet of --link, for trace_file of a scene and --link of recommend")
+      ->needs(link);
   doctor
-      .option("--answer", a->answer, "[ADDR:]PORT: is the other end of --link, until Ctrl-C. PORT alone: of 127.0.0.1")
-      .excludes(link);
-  doctor.option("--key", a->request.key, "File of twoport-keygen, as for the programs; both ends need the same");
-  doctor.flag("--insecure", a->request.insecure, "Without a key, allow addresses of other machines too");
-  doctor.option("--stiffness", a->stiffness, "--link: of the wall for which a method is advised [N/m]").show_default();
-  doctor.flag("!--no-realtime", a->realtime, "Measure the loop without real-time scheduling and locked memory");
-  doctor.flag("!--no-spin", a->spin, "Measure the loop without busy-waiting for the last 50 us");
-  doctor.flag("--json", a->json, "Print the same as JSON");
+      .add_option("--answer", a->answer,
+                  "[ADDR:]PORT: is the other end of --link, until Ctrl-C. PORT alone: of 127.0.0.1")
+      ->excludes(link);
+  doctor.add_option("--key", a->request.key, "File of twoport-keygen, as for the programs; both ends need the same");
+  doctor.add_flag("--insecure", a->request.insecure, "Without a key, allow addresses of other machines too");
+  doctor.add_option("--stiffness", a->stiffness, "--link: of the wall for which a method is advised [N/m]")
+      ->capture_default_str();
+  doctor.add_flag("!--no-realtime", a->realtime, "Measure the loop without real-time scheduling and locked memory");
+  doctor.add_flag("!--no-spin", a->spin, "Measure the loop without busy-waiting for the last 50 us");
+  doctor.add_flag("--json", a->json, "Print the same as JSON");
   doctor.footer(
       "Grades: good, notice, bad, and unseen: what cannot be read on this machine. Exit status 3 where the loop's is "
-      "bad: more "
-      "than one tick in a thousand skipped, or 99 % not within a quarter of the period.");
-  return {doctor, [a] {
-            if (!std::isfinite(a->seconds)) throw ConfigError{"--seconds: must be between 0.05 and 1e6"};
-            if (!(a->stiffness > 0.0 && a->stiffness <= 1e9))
-              throw ConfigError{fmt::format("--stiffness {}: must be > 0 and at most 1e9 N/m", a->stiffness)};
-            if (!a->answer.empty()) return answer_command(*a);
-            return a->link.empty() ? loop_command(*a) : link_command(*a);
-          }};
+      "bad: more than one tick in a thousand skipped, or 99 % not within a quarter of the period.");
+  doctor.callback([a, &chosen] {
+    chosen = [a] {
+      if (!std::isfinite(a->seconds)) throw ConfigError{"--seconds: must be between 0.05 and 1e6"};
+      if (!(a->stiffness > 0.0 && a->stiffness <= 1e9))
+        throw ConfigError{fmt::format("--stiffness {}: must be > 0 and at most 1e9 N/m", a->stiffness)};
+      if (!a->answer.empty()) return answer_command(*a);
+      return a->link.empty() ? loop_command(*a) : link_command(*a);
+    };
+  });
 }
 
 }  // namespace twoport::lab

@@ -34,13 +34,15 @@ int impedance_command(const Arguments& a) {
 
 }  // namespace
 
-Subcommand add_impedance_command(Command app) {
+void add_impedance_command(CLI::App& app, Chosen& chosen) {
   const auto a = std::make_shared<Arguments>();
-  Command impedance =
-      app.add("impedance", "Displayed mass, damping and stiffness in free space and in contact, beside the true");
+  CLI::App& impedance = *app.add_subcommand(
+      "impedance", "Displayed mass, damping and stiffness in free space and in contact, beside the true");
   add_scene(impedance, a->scene, a->set);
-  impedance.option("--amplitude", a->options.amplitude_m, "Largest excursion [m]").between(1e-7, 1.0).show_default();
-  impedance.option("--out", a->out, "Folder for table.csv and the picture");
+  impedance.add_option("--amplitude", a->options.amplitude_m, "Largest excursion [m]")
+      ->check(CLI::Range(1e-7, 1.0))
+      ->capture_default_str();
+  impedance.add_option("--out", a->out, "Folder for table.csv and the picture");
   impedance.footer(
       R"(The scene is run once to find where the robot (the device under RENDER) touches. Then the handle is moved to that place,
 and to free space, and excited by a random-phase multi-sine of 0.5 to 50 Hz along the environment's force. Force against
@@ -49,7 +51,7 @@ environment, times force_scale and motion_scale. Coherence is the share of the f
 where a force saturates, an encoder is coarse, controllers switch, packets are lost or contact ends. table.csv holds each
 line: real and imaginary part of force / motion [N/m], displayed and true. A scene that is unstable or never coupled, or
 has no free space, is refused.)");
-  return {impedance, [a] { return impedance_command(*a); }};
+  impedance.callback([a, &chosen] { chosen = [a] { return impedance_command(*a); }; });
 }
 
 }  // namespace twoport::lab

@@ -15,7 +15,6 @@
 #include "common/scene/find.h"
 #include "common/scene/load.h"
 #include "lab/cli/commands.h"
-#include "lab/cli/robot_option.h"
 #include "lab/lanes/lanes.h"
 #include "lab/plot/pictures.h"
 #include "lab/study/adversary.h"
@@ -112,25 +111,28 @@ int map_command(MapArguments& a) {
   return status;
 }
 
-Subcommand add_map(Command app) {
+void add_map(CLI::App& app, Chosen& chosen) {
   const auto a = std::make_shared<MapArguments>();
-  Command map = app.add("map", "Where each method holds: round trip, loss and stiffness varied");
-  const Option scene =
-      map.option("--scene", a->map.scene, "Another scene than scenes/map.textproto, which is built in").scene();
-  map.list("--set", a->map.set, "PATH=VALUE, before those that the map sets");
-  add_robot(map, a->robot).needs(scene);
-  map.option("--methods", a->methods, "NAME,NAME or TRANSPARENCY+PASSIVITY; every named method if absent");
-  map.option("--round-trip-ms", a->round_trips, "Values as for sweep --vary; half of it each way");
-  map.option("--loss", a->losses, "Probability each way");
-  map.option("--burst-packets", a->bursts, "Mean number of packets lost in a row; 1: independent");
-  map.option("--stiffness", a->stiffnesses, "Of the environment [N/m]");
-  map.option("--seeds", a->map.seeds, "Runs per cell, with seeds counted up from the scene's").show_default();
-  map.option("--verdict", a->verdict,
-             "lean: left alone after the scene's end, beside a twin where a passivity controller acts; tail: with a "
-             "twin always, as run does")
-      .one_of({"lean", "tail"})
-      .show_default();
-  map.option("--out", a->out, "Folder for table.csv and the pictures");
+  CLI::App& map = *app.add_subcommand("map", "Where each method holds: round trip, loss and stiffness varied");
+  CLI::Option* scene =
+      map.add_option("--scene", a->map.scene, "Another scene than scenes/map.textproto, which is built in")
+          ->transform(scene_file);
+  add_list(map, "--set", a->map.set, "PATH=VALUE, before those that the map sets");
+  add_robot(map, a->robot)->needs(scene);
+  map.add_option("--methods", a->methods, "NAME,NAME or TRANSPARENCY+PASSIVITY; every named method if absent");
+  map.add_option("--round-trip-ms", a->round_trips, "Values as for sweep --vary; half of it each way");
+  map.add_option("--loss", a->losses, "Probability each way");
+  map.add_option("--burst-packets", a->bursts, "Mean number of packets lost in a row; 1: independent");
+  map.add_option("--stiffness", a->stiffnesses, "Of the environment [N/m]");
+  map.add_option("--seeds", a->map.seeds, "Runs per cell, with seeds counted up from the scene's")
+      ->capture_default_str();
+  map.add_option(
+         "--verdict", a->verdict,
+         "lean: left alone after the scene's end, beside a twin where a passivity controller acts; tail: with a "
+         "twin always, as run does")
+      ->check(CLI::IsMember({"lean", "tail"}))
+      ->capture_default_str();
+  map.add_option("--out", a->out, "Folder for table.csv and the pictures");
   add_jobs(map, a->map.jobs);
   add_lanes(map, a->lanes);
   map.footer(
@@ -139,7 +141,7 @@ same scene presses without delay and loss. The error is the root of the sum of s
 force, drag in free space and chatter [N]; best is the method with the least. It is good where it holds and that error is below
 half of the force pressed without delay and loss: a method that displays nothing, or drags as much, is not.
 Cells run from coarse to fine; Ctrl-C leaves table and pictures of those that have run.)");
-  return {map, [a] { return map_command(*a); }};
+  map.callback([a, &chosen] { chosen = [a] { return map_command(*a); }; });
 }
 
 constexpr double kLongestDelay_ms = 5e4, kMostLoss = 0.99;
@@ -207,27 +209,29 @@ int recommend_command(const RecommendArguments& a) {
   return status_of(found.method);
 }
 
-Subcommand add_recommend(Command app) {
+void add_recommend(CLI::App& app, Chosen& chosen) {
   const auto a = std::make_shared<RecommendArguments>();
-  Command recommend = app.add("recommend", "The method for a network and a wall, by running them all");
-  const Option link = recommend.option("--link", a->link, "FILE of doctor --save, in place of delay and loss");
-  recommend.option("--delay-ms", a->delay_ms, "One way").excludes(link);
-  recommend.option("--loss", a->loss, "Probability each way").excludes(link);
-  recommend.option("--stiffness", a->stiffness,
-                   "Of the environment [N/m]; with --link 1000 if absent, or that of --scene");
-  recommend.option("--burst-packets", a->burst, "Mean number of packets lost in a row").show_default().excludes(link);
-  recommend.option("--scene", a->scene, "With --link: another scene than that of map").scene().needs(link);
-  recommend.option("--seeds", a->seeds, "Runs per method").show_default();
-  recommend.option("--methods", a->methods, "NAME,NAME or TRANSPARENCY+PASSIVITY; every named method if absent");
-  recommend.flag("--json", a->json, "Print the same as JSON");
+  CLI::App& recommend = *app.add_subcommand("recommend", "The method for a network and a wall, by running them all");
+  CLI::Option* link = recommend.add_option("--link", a->link, "FILE of doctor --save, in place of delay and loss");
+  recommend.add_option("--delay-ms", a->delay_ms, "One way")->excludes(link);
+  recommend.add_option("--loss", a->loss, "Probability each way")->excludes(link);
+  recommend.add_option("--stiffness", a->stiffness,
+                       "Of the environment [N/m]; with --link 1000 if absent, or that of --scene");
+  recommend.add_option("--burst-packets", a->burst, "Mean number of packets lost in a row")
+      ->capture_default_str()
+      ->excludes(link);
+  recommend.add_option("--scene", a->scene, "With --link: another scene than that of map")
+      ->transform(scene_file)
+      ->needs(link);
+  recommend.add_option("--seeds", a->seeds, "Runs per method")->capture_default_str();
+  recommend.add_option("--methods", a->methods, "NAME,NAME or TRANSPARENCY+PASSIVITY; every named method if absent");
+  recommend.add_flag("--json", a->json, "Print the same as JSON");
   add_jobs(recommend, a->jobs);
   recommend.footer(
       "Without --link prints one line: NAME: why. With it, blocks to paste into a scene, the reasons as comments. The "
-      "scene is that "
-      "of `map`: an ordinary hand, device and robot. Recommended is, of the methods that hold as in `map` and bound "
-      "the "
-      "energy of the hand's port, the one with the least error; status 3: there is none.");
-  return {recommend, [a] { return recommend_command(*a); }};
+      "scene is that of `map`: an ordinary hand, device and robot. Recommended is, of the methods that hold as in "
+      "`map` and bound the energy of the hand's port, the one with the least error; status 3: there is none.");
+  recommend.callback([a, &chosen] { chosen = [a] { return recommend_command(*a); }; });
 }
 
 /// Columns of compare and matrix; the glossary shows them.
@@ -262,13 +266,14 @@ int matrix_command(MatrixArguments& a) {
   return 0;
 }
 
-Subcommand add_matrix(Command app) {
+void add_matrix(CLI::App& app, Chosen& chosen) {
   const auto a = std::make_shared<MatrixArguments>();
-  Command matrix = app.add("matrix", "Every transparency layer under every passivity layer, on one scene");
+  CLI::App& matrix =
+      *app.add_subcommand("matrix", "Every transparency layer under every passivity layer, on one scene");
   add_scene(matrix, a->matrix.scene, a->matrix.set);
-  matrix.option("--transparency", a->transparencies, "LAYER,LAYER; if absent all that some pair can run with");
-  matrix.option("--passivity", a->passivities, "LAYER,LAYER; if absent all that some pair can run with");
-  matrix.option("--out", a->out, "Folder for table.csv and the picture");
+  matrix.add_option("--transparency", a->transparencies, "LAYER,LAYER; if absent all that some pair can run with");
+  matrix.add_option("--passivity", a->passivities, "LAYER,LAYER; if absent all that some pair can run with");
+  matrix.add_option("--out", a->out, "Folder for table.csv and the picture");
   add_jobs(matrix, a->matrix.jobs);
   add_lanes(matrix, a->lanes);
   matrix.footer(std::string{kColumns} + R"(
@@ -277,7 +282,7 @@ broken      the passivity layer's claim of energy: the port that it bounds has g
 twoport-lab methods --layers lists the layers. Every pair has the E(0) that the scene has as it is. The port that a
 passivity layer bounds is the hand's, or both together, with E(0) of both sides where each side has one (FORCE_PROJECTED, ENERGY_TANK).
 The claim of ENERGY_BOUNDING counts the device's own damping and is not judged.)");
-  return {matrix, [a] { return matrix_command(*a); }};
+  matrix.callback([a, &chosen] { chosen = [a] { return matrix_command(*a); }; });
 }
 
 struct CompareArguments {
@@ -296,15 +301,16 @@ int compare_command(CompareArguments& a) {
   return 0;
 }
 
-Subcommand add_compare(Command app) {
+void add_compare(CLI::App& app, Chosen& chosen) {
   const auto a = std::make_shared<CompareArguments>();
-  Command compare = app.add("compare", "Every method on one scene: a table, and their traces in one picture");
+  CLI::App& compare =
+      *app.add_subcommand("compare", "Every method on one scene: a table, and their traces in one picture");
   add_scene(compare, a->compare.scene, a->compare.set);
-  compare.option("--methods", a->methods, "NAME,NAME; all of them if absent");
-  compare.option("--out", a->compare.out, "Folder for table.csv and the picture");
+  compare.add_option("--methods", a->methods, "NAME,NAME; all of them if absent");
+  compare.add_option("--out", a->compare.out, "Folder for table.csv and the picture");
   add_jobs(compare, a->compare.jobs);
   compare.footer(kColumns);
-  return {compare, [a] { return compare_command(*a); }};
+  compare.callback([a, &chosen] { chosen = [a] { return compare_command(*a); }; });
 }
 
 struct GalleryArguments {
@@ -330,19 +336,20 @@ int gallery_command(GalleryArguments& a) {
   return met ? 0 : 3;
 }
 
-Subcommand add_gallery(Command app) {
+void add_gallery(CLI::App& app, Chosen& chosen) {
   const auto a = std::make_shared<GalleryArguments>();
   a->gallery.folder = project_folder("scenes/edge");
-  Command gallery = app.add("gallery", "Who survives what: the scenes of a folder, each with every method");
-  gallery.option("folder", a->gallery.folder,
-                 "Folder of scenes (.textproto); absent: scenes/edge, here or in the source tree of this program");
-  gallery.option("--methods", a->methods, "NAME,NAME; all of them if absent");
-  gallery.option("--out", a->out, "Folder for table.csv");
+  CLI::App& gallery =
+      *app.add_subcommand("gallery", "Who survives what: the scenes of a folder, each with every method");
+  gallery.add_option("folder", a->gallery.folder,
+                     "Folder of scenes (.textproto); absent: scenes/edge, here or in the source tree of this program");
+  gallery.add_option("--methods", a->methods, "NAME,NAME; all of them if absent");
+  gallery.add_option("--out", a->out, "Folder for table.csv");
   add_jobs(gallery, a->gallery.jobs);
   gallery.footer(
       R"(STABLE, RESTLESS (bounded and passive, but a passivity controller keeps it moving), UNSTABLE, UNDECIDED; mute: STABLE, but more than half
 of the contact is felt with less than a tenth of the environment's force.)");
-  return {gallery, [a] { return gallery_command(*a); }};
+  gallery.callback([a, &chosen] { chosen = [a] { return gallery_command(*a); }; });
 }
 
 struct AdversaryArguments {
@@ -365,28 +372,28 @@ int adversary_command(AdversaryArguments& a) {
   return all.broken() == 0 && all.moved_by_themselves() == 0 ? 0 : 3;
 }
 
-Subcommand add_adversary(Command app) {
+void add_adversary(CLI::App& app, Chosen& chosen) {
   const auto a = std::make_shared<AdversaryArguments>();
-  Command adversary = app.add(
+  CLI::App& adversary = *app.add_subcommand(
       "adversary", "Hand, robot, network and packets drawn to create energy: the least that each method lets pass");
-  adversary.option("--methods", a->methods, "NAME,NAME; all of them if absent");
-  adversary.flag("--claiming", a->claiming, "Every pair of layers and every method that claims a bound");
-  adversary.option("--seed", a->adversary.seed, "Of the first run").show_default();
-  adversary.option("--runs", a->adversary.runs, "Per method, with seeds counted up").show_default();
-  adversary.option("--out", a->out, "Folder for table.csv, a row for each run");
+  adversary.add_option("--methods", a->methods, "NAME,NAME; all of them if absent");
+  adversary.add_flag("--claiming", a->claiming, "Every pair of layers and every method that claims a bound");
+  adversary.add_option("--seed", a->adversary.seed, "Of the first run")->capture_default_str();
+  adversary.add_option("--runs", a->adversary.runs, "Per method, with seeds counted up")->capture_default_str();
+  adversary.add_option("--out", a->out, "Folder for table.csv, a row for each run");
   add_jobs(adversary, a->adversary.jobs);
   adversary.footer(
       R"(hand: least energy through the hand's port; told lies: the same where the slave's reports are replaced; both: through the
 hand's and the slave's port together; below -E(0): runs in which the hand gets more than its allowance; self-moved: runs in
 which the robot moves more than 1 mm while the hand rests and nothing pushes it. A run that breaks what its method claims, or moves by itself,
 is named with the command that runs it again, and the exit status is 3.)");
-  return {adversary, [a] { return adversary_command(*a); }};
+  adversary.callback([a, &chosen] { chosen = [a] { return adversary_command(*a); }; });
 }
 
 }  // namespace
 
-std::vector<Subcommand> add_map_commands(Command app) {
-  return {add_adversary(app), add_compare(app), add_gallery(app), add_map(app), add_matrix(app), add_recommend(app)};
+void add_map_commands(CLI::App& app, Chosen& chosen) {
+  for (const auto add : {add_adversary, add_compare, add_gallery, add_map, add_matrix, add_recommend}) add(app, chosen);
 }
 
 }  // namespace twoport::lab

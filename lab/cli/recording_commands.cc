@@ -7,7 +7,7 @@
 #include <vector>
 
 #include "common/base/check.h"
-#include "common/base/earlier_file.h"
+#include "common/base/file.h"
 #include "common/base/print_error.h"
 #include "common/record/trace_channel.h"
 #include "common/recording/recording.h"
@@ -66,19 +66,20 @@ int export_command(const ExportArguments& a) {
 
 }  // namespace
 
-std::vector<Subcommand> add_recording_commands(Command app) {
+void add_recording_commands(CLI::App& app, Chosen& chosen) {
   const auto file = std::make_shared<std::string>();
-  Command replay = app.add(
+  CLI::App& replay = *app.add_subcommand(
       "replay", "Feed a recording to the same nodes: exit status 0 if every result is identical to the bit, else 3");
-  replay.option("recording", *file, "FILE.mcap").required();
+  replay.add_option("recording", *file, "FILE.mcap")->required();
+  replay.callback([file, &chosen] { chosen = [file] { return replay_command(*file); }; });
 
   const auto a = std::make_shared<ExportArguments>();
-  Command export_ =
-      app.add("export", "The trace of a recording as CSV; that of a gripper beside it, into NAME-gripper.csv");
-  export_.option("recording", a->file, "FILE.mcap").required();
-  export_.option("--csv", a->csv, "OUT: a file, or a folder for trace.csv").may_be_bare().required();
-  export_.option("--out", a->out, "Folder for trace.csv");
-  return {{replay, [file] { return replay_command(*file); }}, {export_, [a] { return export_command(*a); }}};
+  CLI::App& export_ = *app.add_subcommand(
+      "export", "The trace of a recording as CSV; that of a gripper beside it, into NAME-gripper.csv");
+  export_.add_option("recording", a->file, "FILE.mcap")->required();
+  export_.add_option("--csv", a->csv, "OUT: a file, or a folder for trace.csv")->expected(0, 1)->required();
+  export_.add_option("--out", a->out, "Folder for trace.csv");
+  export_.callback([a, &chosen] { chosen = [a] { return export_command(*a); }; });
 }
 
 }  // namespace twoport::lab

@@ -9,16 +9,14 @@
 #include <string>
 
 #include "common/base/check.h"
-#include "common/base/earlier_file.h"
 #include "common/base/file.h"
 #include "common/base/print_error.h"
 #include "common/base/text.h"
 #include "common/mcap/bytes.h"
-#include "common/record/expectation.h"
+#include "common/record/summary.h"
 #include "common/scene/hints.h"
 #include "common/scene/load.h"
 #include "lab/cli/commands.h"
-#include "lab/cli/robot_option.h"
 #include "lab/engine/recording.h"
 #include "lab/run.h"
 #include "lab/study/cells.h"
@@ -83,25 +81,25 @@ int run_command(const Arguments& a) {
 
 }  // namespace
 
-Subcommand add_run_command(Command app) {
+void add_run_command(CLI::App& app, Chosen& chosen) {
   const auto a = std::make_shared<Arguments>();
-  Command run = app.add("run", "Run one scene; summary and trace into --out, or the summary on stdout");
+  CLI::App& run = *app.add_subcommand("run", "Run one scene; summary and trace into --out, or the summary on stdout");
   add_scene(run, a->scene, a->set);
   add_robot(run, a->robot);
-  run.option("--out", a->out, "Folder for summary.json and trace.csv");
-  run.option("--record", a->record,
-             "FILE.mcap: a recording of both sides, for replay, export, Foxglove, PlotJuggler and Python");
-  run.option("--trace", a->trace, "none or csv").one_of({"none", "csv"}).show_default();
-  run.option("--trace-every", a->trace_every, "N: one tick in N has a row in the trace; the summary is of all ticks")
-      .between(std::uint64_t{1}, std::uint64_t{1'000'000'000})
-      .show_default();
-  run.option("--verdict", a->verdict,
-             "tail: left alone after the scene's end, beside a twin; plain: from the scene's own run, faster, and "
-             "UNDECIDED "
-             "more often")
-      .one_of({"tail", "plain"})
-      .show_default();
-  return {run, [a] { return run_command(*a); }};
+  run.add_option("--out", a->out, "Folder for summary.json and trace.csv");
+  run.add_option("--record", a->record,
+                 "FILE.mcap: a recording of both sides, for replay, export, Foxglove, PlotJuggler and Python");
+  run.add_option("--trace", a->trace, "none or csv")->check(CLI::IsMember({"none", "csv"}))->capture_default_str();
+  run.add_option("--trace-every", a->trace_every,
+                 "N: one tick in N has a row in the trace; the summary is of all ticks")
+      ->check(CLI::Range(std::uint64_t{1}, std::uint64_t{1'000'000'000}))
+      ->capture_default_str();
+  run.add_option("--verdict", a->verdict,
+                 "tail: left alone after the scene's end, beside a twin; plain: from the scene's own run, faster, and "
+                 "UNDECIDED more often")
+      ->check(CLI::IsMember({"tail", "plain"}))
+      ->capture_default_str();
+  run.callback([a, &chosen] { chosen = [a] { return run_command(*a); }; });
 }
 
 }  // namespace twoport::lab

@@ -7,11 +7,10 @@
 #include <string>
 
 #include "common/base/check.h"
-#include "common/base/nearest_names.h"
 #include "common/base/print_error.h"
+#include "common/base/text.h"
 #include "common/scene/load.h"
 #include "lab/cli/commands.h"
-#include "lab/cli/robot_option.h"
 #include "lab/lanes/lanes.h"
 #include "lab/plot/pictures.h"
 #include "lab/study/parallel.h"
@@ -36,9 +35,8 @@ void check_plot(const std::string& plot, bool with_spread) {
   if (std::find(known.begin(), known.end(), plot) != known.end()) return;
   const std::vector<std::string> nearest = nearest_names(plot, known, 3);
   throw ConfigError{fmt::format(
-      "--plot {}: no such figure; the nearest are {}, {} and {}, and twoport-lab sweep --list-figures prints "
-      "all",
-      plot, nearest[0], nearest[1], nearest[2])};
+      "--plot {}: no such figure; the nearest are {}, {} and {}, and twoport-lab sweep --list-figures prints all", plot,
+      nearest[0], nearest[1], nearest[2])};
 }
 
 void list_figures() {
@@ -119,32 +117,39 @@ int merge_command(const Arguments& a) {
 
 }  // namespace
 
-std::vector<Subcommand> add_sweep_commands(Command app) {
+void add_sweep_commands(CLI::App& app, Chosen& chosen) {
   const auto a = std::make_shared<Arguments>();
   const char* const plot = "Figure to plot (--list-figures), or none";
 
-  Command sweep = app.add("sweep", "Run a scene over a grid of values; table.csv, one row per cell");
+  CLI::App& sweep = *app.add_subcommand("sweep", "Run a scene over a grid of values; table.csv, one row per cell");
   add_scene(sweep, a->sweep.scene, a->sweep.set);
-  sweep
-      .list("--vary", a->axes,
-            "PATH=a,b,c or PATH=start:stop:count or PATH=start:stop:count:log; A,B=... links the paths A and B; "
-            "the last --vary varies fastest")
-      .required();
+  add_list(sweep, "--vary", a->axes,
+           "PATH=a,b,c or PATH=start:stop:count or PATH=start:stop:count:log; A,B=... links the paths A and B; the "
+           "last --vary varies fastest")
+      ->required();
   add_robot(sweep, a->robot);
-  sweep.option("--seeds", a->sweep.seeds, "Runs per cell, with the scene's seed, seed + 1, ...: mean, sd and worst")
-      .between(1, 1'000'000);
+  sweep
+      .add_option("--seeds", a->sweep.seeds, "Runs per cell, with the scene's seed, seed + 1, ...: mean, sd and worst")
+      ->check(CLI::Range(1, 1'000'000));
   add_jobs(sweep, a->sweep.jobs);
   add_lanes(sweep, a->lanes);
   sweep
-      .option("--verdict", a->verdict,
-              "tail: left alone after the scene's end, beside a twin, as run does; lean: with the twin only where a "
-              "passivity controller acts; plain: from the scene's own run, fastest, and UNDECIDED more often")
-      .one_of({"tail", "lean", "plain"})
-      .show_default();
-  sweep.option("--shard", a->shard, "I/N, I from 1: run only this part of the cells, for merge");
-  sweep.option("--out", a->sweep.out, "Folder for table.csv, pictures, and the cells finished so far");
-  sweep.option("--plot", a->plot, plot).show_default();
-  sweep.print("--list-figures", list_figures, "Print the figures of a table and exit");
+      .add_option(
+          "--verdict", a->verdict,
+          "tail: left alone after the scene's end, beside a twin, as run does; lean: with the twin only where a "
+          "passivity controller acts; plain: from the scene's own run, fastest, and UNDECIDED more often")
+      ->check(CLI::IsMember({"tail", "lean", "plain"}))
+      ->capture_default_str();
+  sweep.add_option("--shard", a->shard, "I/N, I from 1: run only this part of the cells, for merge");
+  sweep.add_option("--out", a->sweep.out, "Folder for table.csv, pictures, and the cells finished so far");
+  sweep.add_option("--plot", a->plot, plot)->capture_default_str();
+  sweep.add_flag_callback(
+      "--list-figures",
+      [] {
+        list_figures();
+        throw CLI::Success{};
+      },
+      "Print the figures of a table and exit");
   sweep.footer(
       R"(table.csv holds a column for each varied path, then the figures of the summary (all its numbers except step_ns, the
 processor time of a tick), then its texts: scene, architecture, method, verdict. It is bit-identical for any --jobs and --lanes.
@@ -162,12 +167,14 @@ Finished cells are kept in OUT/cells.jsonl: a stopped sweep resumes from there i
 and verdict are unchanged. Cells run from coarse to fine; Ctrl-C leaves table and picture of those that have run. Memory holds only the figure to plot, without --out all (about 10 kB a cell). Expectations of the scene (expect) are not checked.
 gnuplot draws up to three axes: a curve, a map, a map for each value of the third.)");
 
-  Command merge = app.add("merge", "Combine the parts of sweep --shard I/N");
-  merge.option("folders", a->parts, "The --out of each part").required();
-  merge.option("--out", a->sweep.out, "Folder for table.csv, cells.jsonl and pictures").required();
-  merge.option("--plot", a->plot, plot).show_default();
+  sweep.callback([a, &chosen] { chosen = [a] { return sweep_command(*a); }; });
 
-  return {{sweep, [a] { return sweep_command(*a); }}, {merge, [a] { return merge_command(*a); }}};
+  CLI::App& merge = *app.add_subcommand("merge", "Combine the parts of sweep --shard I/N");
+  merge.add_option("folders", a->parts, "The --out of each part")->required();
+  merge.add_option("--out", a->sweep.out, "Folder for table.csv, cells.jsonl and pictures")->required();
+  merge.add_option("--plot", a->plot, plot)->capture_default_str();
+
+  merge.callback([a, &chosen] { chosen = [a] { return merge_command(*a); }; });
 }
 
 }  // namespace twoport::lab

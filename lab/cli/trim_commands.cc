@@ -46,21 +46,21 @@ int blocks_command(const Arguments& a) {
   return 0;
 }
 
-Command add(Command app, const char* name, const char* words, const char* out, Arguments& a) {
-  Command command = app.add(name, words);
+CLI::App& add(CLI::App& app, const char* name, const char* words, const char* out, Arguments& a) {
+  CLI::App& command = *app.add_subcommand(name, words);
   add_scene(command, a.scene, a.set);
-  command.option("--out", a.out, out);
-  command.option("--repetitions", a.repetitions, "Timed repetitions of the eight runs").show_default();
+  command.add_option("--out", a.out, out);
+  command.add_option("--repetitions", a.repetitions, "Timed repetitions of the eight runs")->capture_default_str();
   return command;
 }
 
 }  // namespace
 
-std::vector<Subcommand> add_trim_commands(Command app) {
+void add_trim_commands(CLI::App& app, Chosen& chosen) {
   const auto a = std::make_shared<Arguments>();
-  Command trim = add(app, "trim", "Find blocks of a scene that change its summary by less than a tolerance",
-                     "Folder for trim.csv", *a);
-  trim.option("--tolerance", a->tolerance, "Relative change of each number").show_default();
+  CLI::App& trim = add(app, "trim", "Find blocks of a scene that change its summary by less than a tolerance",
+                       "Folder for trim.csv", *a);
+  trim.add_option("--tolerance", a->tolerance, "Relative change of each number")->capture_default_str();
   trim.footer(
       "Each block is left out alone, everything else equal. A number changes by |a - b| / max(|a|, |b|, floor), with\n"
       "floors of 1e-6 J (1e-3 J for *_min_energy_j), 1e-6 m, 1e-3 N, 0.01 deg, 1e-3 s and 1 for counts; all numbers\n"
@@ -70,9 +70,10 @@ std::vector<Subcommand> add_trim_commands(Command app) {
       "seed, and with the next seven seeds and stiffnesses changed in the twelfth digit. A change within the range of\n"
       "these runs is within the scatter, and the block is not proposed.\n"
       "saved: relative reduction of the cost of a tick, median of interleaved runs; a few per cent are noise.");
-  Command blocks = add(app, "blocks", "Measure the cost of a tick as blocks are added to a scene one at a time",
-                       "Folder for blocks.csv and the chart", *a);
-  return {{trim, [a] { return trim_command(*a); }}, {blocks, [a] { return blocks_command(*a); }}};
+  CLI::App& blocks = add(app, "blocks", "Measure the cost of a tick as blocks are added to a scene one at a time",
+                         "Folder for blocks.csv and the chart", *a);
+  trim.callback([a, &chosen] { chosen = [a] { return trim_command(*a); }; });
+  blocks.callback([a, &chosen] { chosen = [a] { return blocks_command(*a); }; });
 }
 
 }  // namespace twoport::lab

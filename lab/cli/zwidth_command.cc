@@ -25,19 +25,21 @@ int zwidth_command(ZWidthOptions options, const std::optional<int>& lanes) {
 
 }  // namespace
 
-Subcommand add_zwidth_command(Command app) {
+void add_zwidth_command(CLI::App& app, Chosen& chosen) {
   const auto options = std::make_shared<ZWidthOptions>();
   const auto lanes = std::make_shared<std::optional<int>>();
-  Command zwidth = app.add("zwidth", "Map the stiffness and damping that a scene displays stably, with theory");
+  CLI::App& zwidth =
+      *app.add_subcommand("zwidth", "Map the stiffness and damping that a scene displays stably, with theory");
   add_scene(zwidth, options->scene, options->set);
-  zwidth.describe("scene", "Scene file (.textproto): one axis, RENDER, one wall or spring");
-  zwidth.option("--damping", options->damping, "Values of B [N s/m], as for --vary").show_default();
-  zwidth.option("--stiffness", options->stiffness, "Values of K [N/m], from small to large").show_default();
-  zwidth.option("--methods", options->methods, "Controllers; one map per controller").show_default();
+  zwidth.get_option("scene")->description("Scene file (.textproto): one axis, RENDER, one wall or spring");
+  zwidth.add_option("--damping", options->damping, "Values of B [N s/m], as for --vary")->capture_default_str();
+  zwidth.add_option("--stiffness", options->stiffness, "Values of K [N/m], from small to large")->capture_default_str();
+  zwidth.add_option("--methods", options->methods, "Controllers; one map per controller")->capture_default_str();
   add_jobs(zwidth, options->jobs);
   add_lanes(zwidth, *lanes);
-  zwidth.option("--out", options->out, "Folder for table.csv, the map, and the cells finished so far");
-  return {zwidth, [options, lanes] { return zwidth_command(*options, *lanes); }};
+  zwidth.add_option("--out", options->out, "Folder for table.csv, the map, and the cells finished so far");
+  zwidth.callback(
+      [options, lanes, &chosen] { chosen = [options, lanes] { return zwidth_command(*options, *lanes); }; });
 }
 
 }  // namespace twoport::lab

@@ -1,6 +1,6 @@
 #include <btBulletDynamicsCommon.h>
 
-#include "lab/peers/engine.h"
+#include "lab/peers/peers.h"
 
 namespace twoport::lab {
 namespace {

@@ -5,7 +5,7 @@
 #include <cstring>
 
 #include "common/base/check.h"
-#include "lab/peers/engine.h"
+#include "lab/peers/peers.h"
 
 namespace twoport::lab {
 namespace {
@@ -38,9 +38,8 @@ class MuJoCo final : public Engine {
                       : "";
     const std::string xml = fmt::format(
         "<mujoco><option timestep='{}' gravity='0 0 0' integrator='Euler' cone='elliptic'/><worldbody>{}<body pos='{} "
-        "{} {}' "
-        "quat='{} {} {} {}'><inertial pos='0 0 0' mass='{}' diaginertia='{} {} {}'/>{}<geom {} {}/></body></worldbody>"
-        "</mujoco>",
+        "{} {}' quat='{} {} {} {}'><inertial pos='0 0 0' mass='{}' diaginertia='{} {} {}'/>{}<geom {} "
+        "{}/></body></worldbody></mujoco>",
         b.period_s, plane, b.dof == 1 ? 0.0 : p.x(), p.y(), p.z(), q.w(), q.x(), q.y(), q.z(), b.mass_kg,
         b.inertia_kg_m2, b.inertia_kg_m2, b.inertia_kg_m2,
         b.dof == 1 ? "<joint type='slide' axis='1 0 0'/>" : "<freejoint/>", geom, contact);

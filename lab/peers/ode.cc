@@ -1,6 +1,6 @@
 #include <ode/ode.h>
 
-#include "lab/peers/engine.h"
+#include "lab/peers/peers.h"
 
 namespace twoport::lab {
 namespace {

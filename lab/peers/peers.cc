@@ -10,7 +10,6 @@
 #include "common/record/run_judge.h"
 #include "lab/engine/tail_judge.h"
 #include "lab/mechanical_energy.h"
-#include "lab/peers/engine.h"
 #include "lab/run.h"
 
 namespace twoport::lab {

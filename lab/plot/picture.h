@@ -9,9 +9,31 @@
 #include <utility>
 #include <vector>
 
-#include "lab/plot/label.h"
+#include "lab/study/grid.h"
 
 namespace twoport::lab {
+
+/// Label of a number on an axis, in a legend or a title.
+struct Label {
+  std::string words, unit;  ///< unit: "N/m"; empty where there is none
+
+  /// "wall stiffness [N/m]"
+  [[nodiscard]] std::string text() const;
+  friend bool operator==(const Label&, const Label&) = default;
+};
+
+/// Of a path into a scene, or of several linked ones:
+///
+///     environment[0].wall.stiffness_n_per_m    wall stiffness [N/m]
+///     to_slave.delay_ms                        delay to the slave [ms]
+///     to_slave.delay_ms, to_master.delay_ms    delay each way [ms]
+Label label_of_paths(const std::vector<std::string>& paths);
+
+/// Of a figure of the summary; KEY_sd and KEY_worst are over seeds:
+///
+///     position_error_rms_m    position error, rms [m]
+///     drift_m_worst           drift, worst seed [m]
+Label label_of_figure(std::string_view key);
 
 // Blue-green and orange: they differ for most eyes, and in grey.
 inline constexpr const char *kStableColour = "#2a788e", *kUnstableColour = "#f4a582", *kNothingColour = "#d0d0d0";
@@ -81,5 +103,25 @@ struct Picture {
 /// Draws FOLDER/NAME.png and .svg with gnuplot; what it was given stays beside them, as NAME.gp and NAME.dat. Returns one sentence: what
 /// was drawn, or why nothing was.
 std::string draw(const Picture& picture, const std::string& folder);
+
+/// Where a picture puts the values of an axis, by their numbers, and how far the cell of each reaches: half way to its neighbours.
+/// Values that are not all numbers have a spacing of one, from 0.
+class Places {
+ public:
+  explicit Places(const Axis& axis);
+
+  [[nodiscard]] double at(std::size_t value) const { return at_[value]; }
+  /// `part`: of what the cell has.
+  [[nodiscard]] std::pair<double, double> reach(std::size_t value, double part = 1.0) const;
+  [[nodiscard]] bool words() const { return scale_.words; }
+  [[nodiscard]] std::size_t size() const { return at_.size(); }
+  /// From the first cell to the last, with ticks at the values that were run, unless their numbers would touch.
+  [[nodiscard]] const Scale& scale() const { return scale_; }
+
+ private:
+  Scale scale_;
+  std::vector<double> at_;
+  std::vector<std::pair<double, double>> reach_;
+};
 
 }  // namespace twoport::lab

@@ -4,12 +4,14 @@
 
 #include <algorithm>
 #include <cmath>
+#include <fstream>
 #include <map>
 #include <numbers>
 #include <utility>
 
-#include "lab/plot/places.h"
-#include "lab/plot/trace.h"
+#include "common/base/check.h"
+#include "common/base/text.h"
+#include "lab/plot/picture.h"
 #include "lab/study/boundary.h"
 #include "lab/study/compare.h"
 #include "lab/study/impedance.h"
@@ -215,6 +217,45 @@ std::string draw(const Matrix& m, const std::string& folder) {
 
 // ---- compare
 
+namespace {
+
+/// What the picture shows of a trace.csv, of at most 3000 rows, evenly chosen.
+struct Forces {
+  std::vector<double> t_s, environment_n, felt_n;
+};
+Forces read_forces(const std::string& path) {
+  std::ifstream in{path};
+  std::string header, line;
+  if (!std::getline(in, header)) throw ConfigError{fmt::format("{}: is no trace", path)};
+  const std::vector<std::string_view> names = parts_of(header, ',');
+  const auto begin = in.tellg();
+  std::size_t rows = 0;
+  while (std::getline(in, line)) ++rows;
+  in.clear();
+  in.seekg(begin);
+  const auto is_axis_of = [](std::string_view name, std::string_view force) {
+    return name.starts_with(force) && name.size() == force.size() + 1 && name.back() < '3';
+  };
+  Forces all;
+  for (std::size_t row = 0; std::getline(in, line); ++row) {
+    if (row % (rows / 3000 + 1) != 0) continue;
+    const std::vector<std::string_view> values = parts_of(line, ',');
+    double t_s = 0.0, environment2 = 0.0, felt2 = 0.0;
+    for (std::size_t i = 0; i < std::min(names.size(), values.size()); ++i) {
+      const double value = number_from<double>(values[i]).value_or(kAsDataNeed);
+      if (names[i] == "t_s") t_s = value;
+      if (is_axis_of(names[i], "env_f_")) environment2 += value * value;
+      if (is_axis_of(names[i], "master_f_")) felt2 += value * value;
+    }
+    all.t_s.push_back(t_s);
+    all.environment_n.push_back(std::sqrt(environment2));
+    all.felt_n.push_back(std::sqrt(felt2));
+  }
+  return all;
+}
+
+}  // namespace
+
 std::string draw(const Comparison& all, const std::string& folder) {
   // One scale for all that is stable; what is not is cut.
   double most = 0.0;
@@ -222,18 +263,19 @@ std::string draw(const Comparison& all, const std::string& folder) {
     if (s.verdict_kind() != "UNSTABLE") most = std::max(most, s.robot_max_force_n());
   Picture picture{.name = "compare", .title = all.scene + ": force at the environment and at the hand"};
   for (std::size_t m = 0; m < all.methods.size(); ++m) {
-    const TraceFile trace{folder + "/" + all.methods[m] + "/trace.csv", 3000};
+    const Forces forces = read_forces(folder + "/" + all.methods[m] + "/trace.csv");
     Series environment{Look::line, kUnstableColour, "environment"}, felt{Look::line, kStableColour, "felt by the hand"};
-    for (std::size_t i = 0; i < trace.rows(); ++i) {
-      environment.add({trace.t_s()[i], trace.norm("env_f", i)});
-      felt.add({trace.t_s()[i], trace.norm("master_f", i)});
+    for (std::size_t i = 0; i < forces.t_s.size(); ++i) {
+      environment.add({forces.t_s[i], forces.environment_n[i]});
+      felt.add({forces.t_s[i], forces.felt_n[i]});
     }
     Scale y{.label = {"force", "N"}};
     if (most > 0.0) y.low = 0.0, y.high = 1.1 * most;
-    picture.panels.push_back({.title = all.methods[m] + ": " + all.summaries[m].verdict_kind(),
-                              .x = {.label = {"time", "s"}, .low = 0.0, .high = trace.end_s()},
-                              .y = y,
-                              .series = {environment, felt}});
+    picture.panels.push_back(
+        {.title = all.methods[m] + ": " + all.summaries[m].verdict_kind(),
+         .x = {.label = {"time", "s"}, .low = 0.0, .high = forces.t_s.empty() ? 0.0 : forces.t_s.back()},
+         .y = y,
+         .series = {environment, felt}});
   }
   return draw(picture, folder);
 }

@@ -8,8 +8,8 @@
 #include <vector>
 
 #include "common/base/check.h"
+#include "lab/plot/picture.h"
 #include "lab/plot/pictures.h"
-#include "lab/plot/places.h"
 #include "lab/study/table.h"
 
 namespace twoport::lab {

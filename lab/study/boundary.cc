@@ -10,9 +10,9 @@
 #include "common/base/check.h"
 #include "common/base/file.h"
 #include "common/base/text.h"
-#include "common/scene/scene_text.h"
-#include "lab/both_couplings.h"
+#include "common/scene/load.h"
 #include "lab/engine/stoppable.h"
+#include "lab/run.h"
 
 namespace twoport::lab {
 namespace {

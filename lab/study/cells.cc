@@ -15,7 +15,6 @@
 #include "common/base/check.h"
 #include "common/base/file.h"
 #include "common/base/text.h"
-#include "lab/study/digest.h"
 
 namespace twoport::lab {
 namespace {

@@ -14,13 +14,12 @@
 #include "common/base/file.h"
 #include "common/base/thread.h"
 #include "common/scene/load.h"
-#include "lab/both_couplings.h"
 #include "lab/engine/hosted.h"
 #include "lab/engine/simulation.h"
 #include "lab/mechanical_energy.h"
 #include "lab/run.h"
 #include "lab/study/boundary.h"
-#include "lab/study/forecast.h"
+#include "lab/study/many_runs.h"
 
 namespace twoport::lab {
 namespace {

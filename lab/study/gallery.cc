@@ -8,7 +8,7 @@
 
 #include "common/base/check.h"
 #include "common/method/catalogue.h"
-#include "common/record/expectation.h"
+#include "common/record/summary.h"
 #include "common/scene/load.h"
 #include "lab/study/many_runs.h"
 #include "lab/study/map.h"

@@ -7,7 +7,6 @@
 #include <bit>
 #include <cmath>
 #include <functional>
-#include <optional>
 
 #include "common/base/check.h"
 #include "common/base/print_error.h"

@@ -64,8 +64,7 @@ std::vector<Seen<N>> look(const Scene& scene) {
 std::string unstable(const Scene& scene, const std::string& why) {
   return fmt::format(
       "{}: {}; the impedance of an unstable loop has no meaning: choose another control.passivity.method, a lower "
-      "stiffness "
-      "or a shorter delay, until twoport-lab run calls the scene stable",
+      "stiffness or a shorter delay, until twoport-lab run calls the scene stable",
       scene.name, why);
 }
 std::string never_coupled(const Scene& scene) {
@@ -110,8 +109,7 @@ Direction<N> in_masters_axes(const Scene& scene, const Direction<N>& n) {
 std::string no_free_space(const Scene& scene, double distance_m, double amplitude_m) {
   return fmt::format(
       "{}: the hand is never farther than {:.3g} m from contact, too little for an excursion of {:g} m in free space; "
-      "let "
-      "operator.path begin farther from the environment, or give a smaller --amplitude",
+      "let operator.path begin farther from the environment, or give a smaller --amplitude",
       scene.name, distance_m, amplitude_m);
 }
 
@@ -152,8 +150,7 @@ std::vector<std::pair<std::string, Place<N>>> places(const Scene& scene, double 
       if (amplitude < kLeastShare * amplitude_m)
         throw ConfigError{
             fmt::format("{}: in contact the hand is only {:.3g} m behind the place where contact began, too little for "
-                        "an excursion of {:g} "
-                        "m; let operator.path press deeper, or give a smaller --amplitude",
+                        "an excursion of {:g} m; let operator.path press deeper, or give a smaller --amplitude",
                         scene.name, depth, amplitude_m)};
     }
     contact = Place<N>{typical.master, along, amplitude, scaled(truth, scale), false};

@@ -16,7 +16,7 @@
 #include "common/coupling/layers.h"
 #include "common/method/catalogue.h"
 #include "common/record/summary.h"
-#include "common/scene/scene_text.h"
+#include "common/scene/load.h"
 #include "lab/engine/stoppable.h"
 #include "lab/run.h"
 #include "lab/study/parallel.h"
@@ -121,9 +121,8 @@ std::string beside_the_default(const Map& map, const MapCell& best) {
   if (!c.holds() || !(more > 0.0) || 2.0 * drag_n * drag_n < more) return {};
   return fmt::format(
       "; it holds a press at {:.2f}. {}, the default, presses {:.0f} %, holds at {:.2f} and errs by {:.2g} N, mostly "
-      "drag, {:.2g} N: "
-      "it shows a known surface before the robot reaches it. Take it where the hand meets a surface at rest more than "
-      "once",
+      "drag, {:.2g} N: it shows a known surface before the robot reaches it. Take it where the hand meets a surface at "
+      "rest more than once",
       spread_of(best, "held_force_ratio").mean, c.method, 100.0 * c.pressed.mean, spread_of(c, "held_force_ratio").mean,
       c.error_n.mean, drag_n);
 }
@@ -415,8 +414,8 @@ Recommendation recommend(const Map& map) {
     const std::size_t held = best_method(map, 0);
     return {
         "none",
-        "no method that bounds the energy of the hand's port is stable and quiet here with at least half of the "
-        "force pressed, and at most half of it more" +
+        "no method that bounds the energy of the hand's port is stable and quiet here with at least half of the force "
+        "pressed, and at most half of it more" +
             (held < map.methods.size()
                  ? "; " + map.methods[held] + " is, but bounds no energy, pays the hand more than E(0), or presses more"
                  : std::string{})};
@@ -429,12 +428,12 @@ Recommendation recommend(const Map& map) {
     not_stable += other.unstable > 0;
   }
   return {c.method,
-          fmt::format(
-              "stable and quiet with {} seed{}, presses {:.0f} % of the force, error {:.2g} N of {:.2g} N; {} of {} "
-              "methods hold here, {} are unstable{}; with control.passivity.initial_energy_j: {:.4g}{}",
-              c.seeds(), c.seeds() == 1 ? "" : "s", 100.0 * c.pressed.mean, c.error_n.mean, map.reference_n[0], holding,
-              map.methods.size(), not_stable, c.good() ? "" : "; not good: an error of half the force or more",
-              map.initial_energy_j[0], beside_the_default(map, c))};
+          fmt::format("stable and quiet with {} seed{}, presses {:.0f} % of the force, error {:.2g} N of {:.2g} N; {} "
+                      "of {} methods hold here, {} are unstable{}; with control.passivity.initial_energy_j: {:.4g}{}",
+                      c.seeds(), c.seeds() == 1 ? "" : "s", 100.0 * c.pressed.mean, c.error_n.mean, map.reference_n[0],
+                      holding, map.methods.size(), not_stable,
+                      c.good() ? "" : "; not good: an error of half the force or more", map.initial_energy_j[0],
+                      beside_the_default(map, c))};
 }
 
 }  // namespace twoport::lab

@@ -12,7 +12,6 @@
 #include "lab/run.h"
 #include "lab/study/grid.h"
 #include "lab/study/many_runs.h"
-#include "lab/study/seeds.h"
 #include "lab/study/table.h"
 
 namespace twoport::lab {

@@ -3,15 +3,13 @@
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 
-#include <algorithm>
-#include <optional>
 #include <set>
 
 #include "common/base/check.h"
 #include "common/base/file.h"
 #include "common/coupling/layers.h"
 #include "common/method/catalogue.h"
-#include "common/scene/scene_text.h"
+#include "common/scene/load.h"
 #include "lab/study/compare.h"
 #include "lab/study/map.h"
 

@@ -7,7 +7,6 @@
 #include <cmath>
 #include <map>
 #include <memory>
-#include <string_view>
 #include <utility>
 
 #include "common/base/built_for.h"
@@ -16,7 +15,6 @@
 #include "common/link/mailbox.h"
 #include "common/recording/tick.h"
 #include "common/runtime/cycle.h"
-#include "common/runtime/given_reading.h"
 #include "common/scene/load.h"
 #include "lab/run.h"
 #include "master/master_node.h"
@@ -234,10 +232,9 @@ std::unique_ptr<Replay> make_replay(const RecordingHeader& h, const Scene& scene
 Scene scene_of(const RecordingHeader& h) {
   Scene scene = parse_scene(h.scene_text, h.scene_file, h.overrides, h.live ? SceneFor::live : SceneFor::laboratory);
   if (h.live && h.of_master() && has_plugin(scene))
-    throw ConfigError{
-        h.scene_file +
-        ": a plug-in is its transparency layer, which answered at its own times; a live recording does not hold "
-        "the answers, so it cannot be replayed"};
+    throw ConfigError{h.scene_file +
+                      ": a plug-in is its transparency layer, which answered at its own times; a live recording does "
+                      "not hold the answers, so it cannot be replayed"};
   if (h.of_gripper()) {
     if (!scene.gripper) throw ConfigError{h.scene_file + ": the recording has a gripper, but not its scene"};
     scene = Scene{*scene.gripper};

@@ -16,13 +16,12 @@
 #include "common/base/text.h"
 #include "common/record/figure.h"
 #include "common/record/summary.h"
-#include "common/scene/scene_text.h"
-#include "lab/both_couplings.h"
+#include "common/scene/load.h"
 #include "lab/engine/hosted.h"
 #include "lab/engine/stoppable.h"
+#include "lab/run.h"
 #include "lab/study/cells.h"
-#include "lab/study/digest.h"
-#include "lab/study/seeds.h"
+#include "lab/study/table.h"
 
 namespace twoport::lab {
 namespace {

@@ -3,15 +3,39 @@
 #include <concepts>
 #include <cstddef>
 #include <optional>
+#include <span>
 #include <string>
 #include <string_view>
 #include <variant>
 #include <vector>
 
+#include "common/record/figure.h"
+#include "common/record/summary.h"
 #include "lab/study/grid.h"
 #include "lab/study/many_runs.h"
 
 namespace twoport::lab {
+
+/// Is the smallest value of a figure over several seeds the worst one? For these it is; of any other figure (errors,
+/// deficits, chatter, forces, losses, delays) the largest is:
+///
+///     stable, min_*, *_min_energy_j, *_share but muted_share, held_force_ratio, contact_s, steps, duration_s,
+///     environment_force_mean_n, packets.*.sent, packets.*.received
+bool smallest_is_worst(std::string_view figure);
+
+/// One figure over several seeds.
+struct Spread {
+  double mean;
+  double sd;     ///< sample standard deviation, √(Σ (x - mean)² / (n - 1)); 0 for one seed
+  double worst;  ///< see smallest_is_worst; NaN where one value is
+};
+/// All equal values give a mean equal to them and an sd of 0, to the bit.
+Spread spread(std::string_view figure, std::span<const double> values);
+Spread spread(const Figure& figure, std::span<const Summary> of_seeds);
+
+/// Index of the worst seed, whose verdict is reported: an unstable seed before a stable one, then the smallest port
+/// energy, then the first.
+std::size_t worst_seed(const std::vector<Summary>& of_seeds);
 
 /// What stands in one place of a table: a number, a text, or nothing.
 class Value {
@@ -40,7 +64,7 @@ using Values = std::vector<Value>;
 
 /// Result of a study. That of a sweep has one row for each cell, in the order of cells: the varied paths first, then every
 /// figure of the summary, then its texts. With seeds each figure KEY has three columns: KEY, the mean; KEY_sd; KEY_worst
-/// (see lab/study/seeds.h). The texts are then those of the worst seed, which a last column worst_seed gives.
+/// (see lab/study/table.h). The texts are then those of the worst seed, which a last column worst_seed gives.
 struct Table {
   Grid grid{};            ///< of a sweep
   std::size_t seeds = 0;  ///< of a sweep

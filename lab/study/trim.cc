@@ -12,7 +12,7 @@
 
 #include "common/base/check.h"
 #include "common/base/file.h"
-#include "common/record/expectation.h"
+#include "common/record/summary.h"
 #include "common/scene/load.h"
 #include "lab/run.h"
 

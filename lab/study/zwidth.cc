@@ -3,12 +3,11 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <variant>
 
 #include "common/base/check.h"
 #include "common/base/file.h"
 #include "common/scene/load.h"
-#include "lab/theory/sampled_wall.h"
+#include "lab/theory/sampled_loop.h"
 
 namespace twoport::lab {
 namespace {

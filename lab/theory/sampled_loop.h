@@ -7,9 +7,30 @@
 #include <limits>
 #include <vector>
 
-#include "lab/theory/eigenvalues.h"
-
 namespace twoport::lab {
+
+/// Scales states by powers of two until rows and columns are alike (Parlett and Reinsch, 1969): positions and forces
+/// differ by 1e5, and eigenvalues lose as many digits without it.
+inline void balance(Eigen::MatrixXd& a) {
+  for (bool better = true; better;) {
+    better = false;
+    for (Eigen::Index i = 0; i < a.rows(); ++i) {
+      const double self = std::abs(a(i, i)), row = a.row(i).lpNorm<1>() - self, column = a.col(i).lpNorm<1>() - self;
+      if (row == 0.0 || column == 0.0) continue;
+      const double scale = std::exp2(std::round(0.5 * std::log2(row / column)));
+      if (column * scale + row / scale >= 0.95 * (column + row)) continue;
+      a.col(i) *= scale;
+      a.row(i) /= scale;
+      better = true;
+    }
+  }
+}
+
+/// Of a matrix that is balanced first.
+inline Eigen::VectorXcd eigenvalues(Eigen::MatrixXd a) {
+  balance(a);
+  return a.eigenvalues();
+}
 
 // Sampled loops as matrices from tick to tick, computed without the laboratory's code.
 
@@ -101,5 +122,32 @@ inline double pass(Eigen::VectorXd& state, Eigen::Index from, double in) {
   state[state.size() - 1] = in;
   return out;
 }
+
+/// A mass on a bilateral sampled spring-damper; mass and damping include those of the hand.
+///
+///     m ẍ = -b ẋ - k_h x - f(t),    f(t) = K x(k) + B v(k)   held from (k + d + g) T on, for T
+///     v(k) = (x(k) - x(k-1))/T      or ẋ(kT) where true_velocity
+struct SampledWall {
+  double mass_kg = 0.075, damping_n_s_per_m = 0.5;
+  double hand_stiffness_n_per_m = 0.0;
+  double stiffness_n_per_m = 0.0, wall_damping_n_s_per_m = 0.0;
+  double period_s = 1e-3;
+  int delay_ticks = 0;
+  double delay_fraction = 0.0;  ///< g, of a tick, in [0, 1)
+  bool true_velocity = false;
+  /// 0: the exact zero-order-hold map. n: semi-implicit Euler in n substeps, to show its error.
+  int euler_substeps = 0;
+};
+
+/// Largest |eigenvalue| of the loop from tick to tick: stable below 1, growth per tick above.
+double spectral_radius(const SampledWall& wall);
+
+/// Stiffness at which the loop first becomes unstable, from 0 up [N/m]; stiffness_n_per_m is ignored.
+/// 0: unstable for any stiffness.
+double critical_stiffness(SampledWall wall);
+
+/// Rule of small gains, good for B T/m << 1: K = (b + B)/(T/2 + d T) [N/m].
+double linear_rule_stiffness(double damping_n_s_per_m, double wall_damping_n_s_per_m, double period_s,
+                             double delay_ticks);
 
 }  // namespace twoport::lab

@@ -4,7 +4,6 @@
 #include <cmath>
 #include <utility>
 #include <variant>
-#include <vector>
 
 #include "sim/plant/body_plant.h"
 #include "sim/plant/integrators.h"

@@ -23,7 +23,7 @@ cp common/scene/environment.cc "$work/common/scene/"
 cp proto/scene.proto proto/field.proto "$work/proto/"
 
 cp $here/pipe/pipe.h "$work/common/contact/"
-put common/contact/shape.h '#include "common/contact/sphere.h"' '#include "common/contact/pipe.h"'
+put common/contact/shape.h '#include "common/contact/simple_solids.h"' '#include "common/contact/pipe.h"'
 sed -i 's/^using Shape = std::variant<\(.*\)>;/using Shape = std::variant<\1, Pipe>;/' "$work/common/contact/shape.h"
 put proto/scene.proto '^    Spring spring = 5;' '    Pipe pipe = 6 [(least_dof) = 3];'
 cat $here/pipe/pipe.proto >>"$work/proto/scene.proto"
@@ -35,7 +35,6 @@ compile "$work/proto/scene.pb.cc" schema
 compile "$work/proto/field.pb.cc" options
 compile "$work/common/scene/environment.cc" environment
 compile common/scene/reader.cc reader
-compile common/scene/mesh_file.cc mesh_file
 compile common/scene/find.cc find
 compile common/scene/text.cc text
 compile $here/pipe_test.cc test

@@ -2,7 +2,7 @@
 
 #include "common/base/check.h"
 #include "common/mesh/distance_field.h"
-#include "common/mesh/read_mesh.h"
+#include "common/mesh/triangle_mesh.h"
 #include "tests/fuzz/input.h"
 
 // Any bytes as the file of a mesh: they are one, with indices of its vertices and finite coordinates, or refused in one sentence. Its

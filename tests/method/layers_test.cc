@@ -14,7 +14,7 @@
 #include "common/base/check.h"
 #include "common/hardware/transparency_host.h"
 #include "common/method/catalogue.h"
-#include "common/record/expectation.h"
+#include "common/record/summary.h"
 #include "common/scene/load.h"
 #include "lab/engine/loops.h"
 #include "lab/run.h"

@@ -10,7 +10,7 @@
 #include <vector>
 
 #include "common/base/built_for.h"
-#include "common/record/expectation.h"
+#include "common/record/summary.h"
 #include "common/scene/load.h"
 #include "lab/engine/simulation.h"
 #include "lab/run.h"

@@ -15,7 +15,7 @@
 
 #include "common/record/summary.h"
 #include "common/scene/load.h"
-#include "common/scene/names.h"
+#include "common/scene/scene.h"
 #include "lab/run.h"
 #include "tests/support/process.h"
 #include "tests/theory/oracle.h"

@@ -13,8 +13,6 @@
 
 #include "common/base/check.h"
 #include "common/scene/load.h"
-#include "lab/paper_figures.h"
-#include "lab/paper_table.h"
 #include "tests/support/process.h"
 #include "tests/support/svg.h"
 

@@ -4,7 +4,7 @@
 #include <cctype>
 #include <filesystem>
 
-#include "common/record/expectation.h"
+#include "common/record/summary.h"
 #include "common/scene/hints.h"
 #include "common/scene/load.h"
 #include "lab/run.h"

@@ -31,7 +31,7 @@
 #include "lab/run.h"
 #include "lab/study/cells.h"
 #include "lab/study/parallel.h"
-#include "lab/study/seeds.h"
+#include "lab/study/table.h"
 #include "tests/support/process.h"
 #include "tests/support/svg.h"
 

@@ -6,7 +6,7 @@
 #include <vector>
 
 #include "common/coupling/options.h"
-#include "lab/theory/sampled_wall.h"
+#include "lab/theory/sampled_loop.h"
 
 namespace twoport::lab {
 

@@ -5,7 +5,7 @@
 #include <cmath>
 #include <limits>
 
-#include "lab/theory/eigenvalues.h"
+#include "lab/theory/sampled_loop.h"
 
 namespace twoport::lab {
 namespace {

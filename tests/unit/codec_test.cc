@@ -12,7 +12,6 @@
 #include <string>
 #include <vector>
 
-#include "common/wire/fields.h"
 #include "proto/report.pb.h"
 #include "tests/support/no_alloc.h"
 

@@ -6,7 +6,7 @@
 #include <string>
 
 #include "tools/doctor/examine.h"
-#include "tools/doctor/link_meter.h"
+#include "tools/doctor/link.h"
 #include "tools/doctor/loop.h"
 #include "tools/doctor/text.h"
 

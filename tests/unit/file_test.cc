@@ -12,7 +12,6 @@
 #include <string>
 
 #include "common/base/check.h"
-#include "common/base/earlier_file.h"
 #include "tests/support/folder.h"
 
 namespace twoport::test {

@@ -1,6 +1,6 @@
-#include "lab/study/forecast.h"
-
 #include <gtest/gtest.h>
+
+#include "lab/study/many_runs.h"
 
 namespace twoport::lab {
 namespace {

@@ -10,7 +10,6 @@
 
 #include "common/link/impaired_socket.h"
 #include "common/link/mailbox.h"
-#include "common/wire/gripper_transport.h"
 #include "tests/support/memory_network.h"
 #include "tests/support/no_alloc.h"
 

@@ -1,7 +1,6 @@
 #pragma once
 
 #include <memory>
-#include <utility>
 
 #include "common/hardware/mounted.h"
 #include "drivers/page_device.h"

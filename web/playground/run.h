@@ -1,7 +1,6 @@
 #pragma once
 
 #include <memory>
-#include <string_view>
 
 #include "common/base/time.h"
 #include "common/scene/scene.h"

@@ -2,7 +2,7 @@
 
 #include <cmath>
 
-#include "common/contact/sphere.h"
+#include "common/contact/simple_solids.h"
 
 namespace twoport {
 

@@ -3,7 +3,7 @@
 #include <twoport/record/summary.h>
 #include <twoport/record/trace.h>
 #include <twoport/scene/load.h>
-#include <twoport/scene/names.h>
+#include <twoport/scene/scene.h>
 #include <twoport/sim/sim_device.h>
 #include <twoport/slave/slave_node.h>
 #include <twoport/wire/link_transport.h>

@@ -1,5 +1,3 @@
-#include "common/record/expectation.h"
-
 #include <gtest/gtest.h>
 
 #include <limits>
@@ -7,6 +5,7 @@
 #include <vector>
 
 #include "common/base/check.h"
+#include "common/record/summary.h"
 
 namespace twoport {
 namespace {

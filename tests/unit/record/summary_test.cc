@@ -14,7 +14,7 @@
 #include <vector>
 
 #include "common/scene/load.h"
-#include "common/scene/names.h"
+#include "common/scene/scene.h"
 
 namespace twoport {
 namespace {

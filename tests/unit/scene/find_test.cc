@@ -7,7 +7,7 @@
 #include <string>
 
 #include "common/base/check.h"
-#include "common/base/nearest_names.h"
+#include "common/base/text.h"
 #include "tests/support/process.h"
 
 namespace twoport {

@@ -1,5 +1,3 @@
-#include "lab/theory/sampled_wall.h"
-
 #include "lab/theory/sampled_loop.h"
 
 namespace twoport::lab {
