@@ -69,6 +69,7 @@ class Cell {
         scene_{scene},
         from_of_verdict_{verdict},
         twin_{verdict != VerdictFrom::lean},
+        method_{method_of(scene)},
         period_ns_{period_of(scene)},
         path_{std::move(path)},
         plant_{*scene.robot,
@@ -78,13 +79,14 @@ class Cell {
     std::memset(&p, 0, sizeof p);
     std::memset(&t, 0, sizeof t);
     std::memset(&now.state, 0, sizeof now.state);
-    if (method_of(scene) == LaneMethod::nodes) nodes_ = std::make_unique<Nodes<N>>(scene);
+    if (method_ == LaneMethod::nodes) nodes_ = std::make_unique<Nodes<N>>(scene);
     set_parameters();
     start(device);
     plan();
   }
 
   [[nodiscard]] const Scene& scene() const { return scene_; }
+  [[nodiscard]] LaneMethod method() const { return method_; }
   [[nodiscard]] const double* path() const { return path_->x.data(); }
   [[nodiscard]] Plant& plant() { return plant_; }
   [[nodiscard]] Nodes<N>* nodes() { return nodes_.get(); }
@@ -321,7 +323,7 @@ class Cell {
         p.burst_bad[way] = o.burst->loss_bad;
     }
     first_force_lag_ = first_force_lag_of(scene_);
-    if (method_of(scene_) == LaneMethod::internal_model) set_internal_model();
+    if (method_ == LaneMethod::internal_model) set_internal_model();
     const HighPassCoefficients filter{30.0, scene_.master_rate_hz};
     p.filter_b0 = filter.b0, p.filter_a1 = filter.a1, p.filter_a2 = filter.a2;
     window_ = window_of(scene_);
@@ -454,7 +456,7 @@ class Cell {
     for (int i = 0; i < N; ++i)
       sum += s.master_x[i] + s.master_v[i] + s.slave_x[i] + s.slave_v[i] + s.held[i] + s.command[i];
     sum += s.master_energy + s.slave_absorbed + s.slave_returned;
-    if (method_of(scene_) == LaneMethod::internal_model) {
+    if (method_ == LaneMethod::internal_model) {
       std::array<double, sizeof s.model / sizeof(double)> all;
       std::memcpy(all.data(), &s.model, sizeof s.model);
       for (const double each : all) sum += each;
@@ -477,6 +479,7 @@ class Cell {
   const Scene& scene_;
   VerdictFrom from_of_verdict_;
   bool twin_;
+  LaneMethod method_;
   std::int64_t period_ns_;
   std::shared_ptr<const Intended> path_;
   Plant plant_;
