@@ -4,7 +4,6 @@
 #include <google/protobuf/descriptor.h>
 #include <google/protobuf/message.h>
 
-#include <algorithm>
 #include <memory>
 
 #include "common/scene/source.h"
@@ -15,66 +14,18 @@ namespace {
 namespace pb = google::protobuf;
 using Field = pb::FieldDescriptor;
 
-/// Is the field given, with another value than its default? A list is if it holds anything.
-bool differs_from_default(const pb::Message& block, const Field& field) {
-  const pb::Reflection& r = *block.GetReflection();
-  if (field.is_repeated()) return r.FieldSize(block, &field) > 0;
-  if (!r.HasField(block, &field)) return false;
-  if (!field.has_default_value()) return true;
-  switch (field.cpp_type()) {
-    case Field::CPPTYPE_DOUBLE:
-      return r.GetDouble(block, &field) != field.default_value_double();
-    case Field::CPPTYPE_BOOL:
-      return r.GetBool(block, &field) != field.default_value_bool();
-    case Field::CPPTYPE_INT32:
-      return r.GetInt32(block, &field) != field.default_value_int32();
-    case Field::CPPTYPE_ENUM:
-      return r.GetEnum(block, &field) != field.default_value_enum();
-    default:
-      return true;
-  }
-}
-
 /// Is there something to leave out? A list of numbers that are all zero, or a default, is nothing.
 bool says_something(const pb::Message& block, const Field& field) {
-  if (!field.is_repeated()) return differs_from_default(block, field);
   const pb::Reflection& r = *block.GetReflection();
-  for (int i = 0; i < r.FieldSize(block, &field); ++i)
-    if (r.GetRepeatedDouble(block, &field, i) != 0.0) return true;
-  return false;
-}
-
-/// Do the names have one that begins so?
-bool has_beginning(std::span<const std::string> names, const std::string& with) {
-  const auto at = std::lower_bound(names.begin(), names.end(), with);
-  return at != names.end() && at->starts_with(with);
-}
-
-/// `path` is the block's, with a dot; afterwards that of the field that was found, if one was.
-bool find_field_beyond(const pb::Message& block, std::span<const std::string> names, std::string& path) {
-  const pb::Reflection& r = *block.GetReflection();
-  std::vector<const Field*> given;
-  r.ListFields(block, &given);
-  const std::size_t length = path.size();
-  for (const Field* const field : given) {
-    path.resize(length);
-    path += field->name();
-    if (std::binary_search(names.begin(), names.end(), path) || !differs_from_default(block, *field)) continue;
-    if (field->message_type() == nullptr) return true;
-    path += '.';
-    if (!has_beginning(names, path)) {
-      path.pop_back();
-      return true;
-    }
-    const std::size_t within = path.size();
-    for (int i = 0; i < (field->is_repeated() ? r.FieldSize(block, field) : 1); ++i) {
-      path.resize(within);
-      const pb::Message& inner =
-          field->is_repeated() ? r.GetRepeatedMessage(block, field, i) : r.GetMessage(block, field);
-      if (find_field_beyond(inner, names, path)) return true;
-    }
+  if (field.is_repeated()) {
+    for (int i = 0; i < r.FieldSize(block, &field); ++i)
+      if (r.GetRepeatedDouble(block, &field, i) != 0.0) return true;
+    return false;
   }
-  return false;
+  if (!r.HasField(block, &field)) return false;
+  if (field.cpp_type() == Field::CPPTYPE_DOUBLE) return r.GetDouble(block, &field) != field.default_value_double();
+  if (field.cpp_type() == Field::CPPTYPE_ENUM) return r.GetEnum(block, &field) != field.default_value_enum();
+  return true;
 }
 
 /// "environment[0]" is the wall there.
@@ -110,6 +61,25 @@ void find_parts(const pb::Message& block, const ScenePart& at, std::vector<Scene
   }
 }
 
+/// Of what stands in `block`; `at`: its path, with a dot.
+std::string field_beyond(const pb::Message& block, const std::string& at, const std::set<std::string>& names) {
+  const pb::Reflection& r = *block.GetReflection();
+  std::vector<const Field*> given;
+  r.ListFields(block, &given);
+  for (const Field* const field : given) {
+    std::string path = at + field->name();
+    if (names.contains(path)) continue;
+    const auto within = names.lower_bound(path + ".");
+    if (field->message_type() == nullptr || within == names.end() || !within->starts_with(path + ".")) return path;
+    for (int i = 0; i < (field->is_repeated() ? r.FieldSize(block, field) : 1); ++i) {
+      const bool list = field->is_repeated();
+      const pb::Message& inner = list ? r.GetRepeatedMessage(block, field, i) : r.GetMessage(block, field);
+      if (std::string found = field_beyond(inner, path + ".", names); !found.empty()) return found;
+    }
+  }
+  return {};
+}
+
 void remove(pb::Message& whole, const ScenePart& part) {
   pb::Message* block = &whole;
   for (std::size_t i = 0; i < part.way.size(); ++i) {
@@ -129,9 +99,8 @@ void remove(pb::Message& whole, const ScenePart& part) {
 
 }  // namespace
 
-std::string field_beyond(const Scene& scene, std::span<const std::string> names) {
-  std::string path;
-  return find_field_beyond(scene.source->message, names, path) ? path : "";
+std::string field_beyond(const Scene& scene, const std::set<std::string>& names) {
+  return field_beyond(scene.source->message, "", names);
 }
 
 std::vector<ScenePart> removable_parts(const Scene& scene) {

@@ -1,6 +1,6 @@
 #pragma once
 
-#include <span>
+#include <set>
 #include <string>
 #include <utility>
 #include <vector>
@@ -23,8 +23,8 @@ std::vector<ScenePart> removable_parts(const Scene& scene);
 /// the rest is no scene, as without the only mass of the handle.
 Scene without(const Scene& scene, const std::vector<ScenePart>& parts);
 
-/// The path, without indices, of the first field that the scene's text gives with another value than its default and that `names`,
-/// which are sorted, do not name, neither itself nor a block around it; empty: there is none.
-std::string field_beyond(const Scene& scene, std::span<const std::string> names);
+/// The path, without indices, of the first field that the scene's text gives and that `names` do not name, neither itself nor a block
+/// around it; empty: there is none.
+std::string field_beyond(const Scene& scene, const std::set<std::string>& names);
 
 }  // namespace twoport

@@ -5,9 +5,9 @@
 #include <algorithm>
 #include <cmath>
 #include <iterator>
+#include <set>
 #include <sstream>
 #include <string>
-#include <vector>
 
 #include "common/base/time.h"
 #include "common/contact/environment.h"
@@ -66,12 +66,9 @@ constexpr const char* kTakenByNodes = R"(
   control.virtual_coupling control.passivity control.transparency control.device_limits control.robot_limits
   control.schedule to_slave to_master
 )";
-/// Words of a text, sorted.
-std::vector<std::string> words_of(const std::string& text) {
+std::set<std::string> words_of(const std::string& text) {
   std::istringstream in{text};
-  std::vector<std::string> all{std::istream_iterator<std::string>{in}, {}};
-  std::sort(all.begin(), all.end());
-  return all;
+  return {std::istream_iterator<std::string>{in}, {}};
 }
 
 /// Are packets lost so often that a side may hear nothing for hold_after/2, in a tick of 10^6?
@@ -95,7 +92,7 @@ bool has_nodes_in_lanes(const Scene& scene) {
   for (const ImpairmentOptions* o : {&scene.to_slave, &scene.to_master})
     if (!o->recorded_delay_s.empty() || lag_of(*o, period_of(scene)) > kMostLag || may_be_silent(*o, scene))
       return false;
-  static const std::vector<std::string> taken = words_of(kTaken);
+  static const std::set<std::string> taken = words_of(kTaken);
   return field_beyond(scene, taken).empty();
 }
 }  // namespace
@@ -117,7 +114,7 @@ std::string why_not_in_lanes(const Scene& scene) {
   const ControlOptions& c = scene.control;
   const World world{scene.environment};
   if (!scene.source) return "a program has made the scene";
-  static const std::vector<std::string> taken = words_of(std::string{kTaken} + kTakenByNodes);
+  static const std::set<std::string> taken = words_of(std::string{kTaken} + kTakenByNodes);
   if (const std::string field = field_beyond(scene, taken); !field.empty()) return "lanes do not take " + field;
   if (c.architecture == Architecture::render || c.architecture == Architecture::uncontrolled)
     return "the scene has no link";
