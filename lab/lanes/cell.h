@@ -25,6 +25,7 @@
 #include "lab/lanes/intended.h"
 #include "lab/lanes/nodes.h"
 #include "lab/lanes/taken.h"
+#include "lab/mechanical_energy.h"
 #include "lab/run.h"
 #include "sim/plant/exact_wall.h"
 #include "sim/sim_device.h"
@@ -440,12 +441,11 @@ class Cell {
   [[nodiscard]] Energy granted() const {
     const Registration<N> registration{scene_.control};
     const RobotSpec& robot = *scene_.robot;
-    const Velocity<N> v{vector<N>(robot.velocity_m_per_s)};
-    const double kinetic = 0.5 * robot.mass_kg * v.vec().squaredNorm();
-    const Energy held =
-        Energy{kinetic} + Environment<N>{scene_.environment, scene_.tool}.potential(position<N>(robot.position_m));
     const Energy own = scene_.control.initial_energy;
-    return own + registration.to_master(own + held);
+    return own +
+           registration.to_master(own + mechanical_energy<N>(robot, Environment<N>{scene_.environment, scene_.tool},
+                                                             position<N>(robot.position_m),
+                                                             Velocity<N>{vector<N>(robot.velocity_m_per_s)}));
   }
 
   /// Is everything finite that a figure is made of, and was no side silent? Else it is run again alone.
