@@ -14,6 +14,7 @@
 #include "common/link/report.h"
 #include "common/runtime/cycle.h"
 #include "common/wire/header.h"
+#include "lab/engine/both_nodes.h"
 #include "master/master_node.h"
 #include "python/bind.h"
 #include "slave/slave_node.h"
@@ -119,9 +120,7 @@ template <int N, class Base>
 class WithLink : public Base {
  public:
   WithLink(Side side, const Scene& s)
-      : mail_{InHand<N>{}, age_of_reports(s.control),
-              side == Side::master ? s.transmission_to_master : s.transmission_to_slave,
-              side == Side::master ? s.transmission_to_slave : s.transmission_to_master},
+      : mail_{lab::mailbox_of<N>(side, s, InHand<N>{})},
         rate_hz_{side == Side::master ? s.master_rate_hz : s.slave_rate_hz},
         self_{std::make_shared<Sender>(Sender{side, shared_fields(s)})} {}
   void receive(const Message& message) override {

@@ -61,6 +61,25 @@ void find_parts(const pb::Message& block, const ScenePart& at, std::vector<Scene
   }
 }
 
+/// Of what stands in `block`; `at`: its path, with a dot.
+std::string field_beyond(const pb::Message& block, const std::string& at, const std::set<std::string>& names) {
+  const pb::Reflection& r = *block.GetReflection();
+  std::vector<const Field*> given;
+  r.ListFields(block, &given);
+  for (const Field* const field : given) {
+    std::string path = at + field->name();
+    if (names.contains(path)) continue;
+    const auto within = names.lower_bound(path + ".");
+    if (field->message_type() == nullptr || within == names.end() || !within->starts_with(path + ".")) return path;
+    for (int i = 0; i < (field->is_repeated() ? r.FieldSize(block, field) : 1); ++i) {
+      const bool list = field->is_repeated();
+      const pb::Message& inner = list ? r.GetRepeatedMessage(block, field, i) : r.GetMessage(block, field);
+      if (std::string found = field_beyond(inner, path + ".", names); !found.empty()) return found;
+    }
+  }
+  return {};
+}
+
 void remove(pb::Message& whole, const ScenePart& part) {
   pb::Message* block = &whole;
   for (std::size_t i = 0; i < part.way.size(); ++i) {
@@ -79,6 +98,10 @@ void remove(pb::Message& whole, const ScenePart& part) {
 }
 
 }  // namespace
+
+std::string field_beyond(const Scene& scene, const std::set<std::string>& names) {
+  return field_beyond(scene.source->message, "", names);
+}
 
 std::vector<ScenePart> removable_parts(const Scene& scene) {
   std::vector<ScenePart> all;

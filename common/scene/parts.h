@@ -1,5 +1,6 @@
 #pragma once
 
+#include <set>
 #include <string>
 #include <utility>
 #include <vector>
@@ -21,5 +22,9 @@ std::vector<ScenePart> removable_parts(const Scene& scene);
 /// The scene read without these, given in that order; with the duration and the expectations that `scene` has. Throws ConfigError where
 /// the rest is no scene, as without the only mass of the handle.
 Scene without(const Scene& scene, const std::vector<ScenePart>& parts);
+
+/// The path, without indices, of the first field that the scene's text gives and that `names` do not name, neither itself nor a block
+/// around it; empty: there is none.
+std::string field_beyond(const Scene& scene, const std::set<std::string>& names);
 
 }  // namespace twoport

@@ -25,6 +25,7 @@
 #include "lab/lanes/intended.h"
 #include "lab/lanes/nodes.h"
 #include "lab/lanes/taken.h"
+#include "lab/mechanical_energy.h"
 #include "lab/run.h"
 #include "sim/plant/exact_wall.h"
 #include "sim/sim_device.h"
@@ -69,6 +70,7 @@ class Cell {
         scene_{scene},
         from_of_verdict_{verdict},
         twin_{verdict != VerdictFrom::lean},
+        method_{method_of(scene)},
         period_ns_{period_of(scene)},
         path_{std::move(path)},
         plant_{*scene.robot,
@@ -78,13 +80,14 @@ class Cell {
     std::memset(&p, 0, sizeof p);
     std::memset(&t, 0, sizeof t);
     std::memset(&now.state, 0, sizeof now.state);
-    if (method_of(scene) == LaneMethod::nodes) nodes_ = std::make_unique<Nodes<N>>(scene);
+    if (method_ == LaneMethod::nodes) nodes_ = std::make_unique<Nodes<N>>(scene);
     set_parameters();
     start(device);
     plan();
   }
 
   [[nodiscard]] const Scene& scene() const { return scene_; }
+  [[nodiscard]] LaneMethod method() const { return method_; }
   [[nodiscard]] const double* path() const { return path_->x.data(); }
   [[nodiscard]] Plant& plant() { return plant_; }
   [[nodiscard]] Nodes<N>* nodes() { return nodes_.get(); }
@@ -321,7 +324,7 @@ class Cell {
         p.burst_bad[way] = o.burst->loss_bad;
     }
     first_force_lag_ = first_force_lag_of(scene_);
-    if (method_of(scene_) == LaneMethod::internal_model) set_internal_model();
+    if (method_ == LaneMethod::internal_model) set_internal_model();
     const HighPassCoefficients filter{30.0, scene_.master_rate_hz};
     p.filter_b0 = filter.b0, p.filter_a1 = filter.a1, p.filter_a2 = filter.a2;
     window_ = window_of(scene_);
@@ -438,12 +441,11 @@ class Cell {
   [[nodiscard]] Energy granted() const {
     const Registration<N> registration{scene_.control};
     const RobotSpec& robot = *scene_.robot;
-    const Velocity<N> v{vector<N>(robot.velocity_m_per_s)};
-    const double kinetic = 0.5 * robot.mass_kg * v.vec().squaredNorm();
-    const Energy held =
-        Energy{kinetic} + Environment<N>{scene_.environment, scene_.tool}.potential(position<N>(robot.position_m));
     const Energy own = scene_.control.initial_energy;
-    return own + registration.to_master(own + held);
+    return own +
+           registration.to_master(own + mechanical_energy<N>(robot, Environment<N>{scene_.environment, scene_.tool},
+                                                             position<N>(robot.position_m),
+                                                             Velocity<N>{vector<N>(robot.velocity_m_per_s)}));
   }
 
   /// Is everything finite that a figure is made of, and was no side silent? Else it is run again alone.
@@ -454,7 +456,7 @@ class Cell {
     for (int i = 0; i < N; ++i)
       sum += s.master_x[i] + s.master_v[i] + s.slave_x[i] + s.slave_v[i] + s.held[i] + s.command[i];
     sum += s.master_energy + s.slave_absorbed + s.slave_returned;
-    if (method_of(scene_) == LaneMethod::internal_model) {
+    if (method_ == LaneMethod::internal_model) {
       std::array<double, sizeof s.model / sizeof(double)> all;
       std::memcpy(all.data(), &s.model, sizeof s.model);
       for (const double each : all) sum += each;
@@ -477,6 +479,7 @@ class Cell {
   const Scene& scene_;
   VerdictFrom from_of_verdict_;
   bool twin_;
+  LaneMethod method_;
   std::int64_t period_ns_;
   std::shared_ptr<const Intended> path_;
   Plant plant_;

@@ -4,13 +4,16 @@
 
 #include <algorithm>
 #include <cmath>
+#include <iterator>
+#include <set>
+#include <sstream>
 #include <string>
-#include <variant>
 
 #include "common/base/time.h"
 #include "common/contact/environment.h"
 #include "common/coupling/setpoint_tracker.h"
 #include "common/record/metrics.h"
+#include "common/scene/parts.h"
 #include "lab/lanes/lanes.h"
 
 namespace twoport::lab {
@@ -36,6 +39,39 @@ std::size_t window_of(const Scene& scene) {
 }
 
 namespace {
+/// The fields of a scene that lanes take, halves in lanes too; of a block that is named, all.
+constexpr const char* kTaken = R"(
+  name description dof duration_s rate_hz master_rate_hz slave_rate_hz seed expect device_mount robot_mount
+  simulation.integrator simulation.substeps
+  operator.hand.mass_kg operator.hand.stiffness_n_per_m operator.hand.damping_n_s_per_m
+  operator.path.hold.duration_s operator.path.move_to.position_m operator.path.move_to.duration_s
+  operator.path.sine.axis operator.path.sine.amplitude_m operator.path.sine.frequency_hz operator.path.sine.duration_s
+  operator.path.screw.point_m operator.path.screw.axis operator.path.screw.angle_rad operator.path.screw.travel_m
+  operator.path.screw.frequency_hz operator.path.screw.duration_s
+  operator.tremor.rms_m operator.tremor.low_hz operator.tremor.high_hz
+  device.mass_kg device.damping_n_s_per_m device.position_m device.velocity_m_per_s device.max_force_n
+  robot.mass_kg robot.damping_n_s_per_m robot.position_m robot.velocity_m_per_s robot.force_sensor.bias_n
+  environment.wall.normal environment.wall.offset_m environment.wall.stiffness_n_per_m
+  environment.wall.damping_n_s_per_m environment.wall.friction environment.wall.viscous_friction_n_s_per_m
+  environment.spring.stiffness_n_per_m environment.spring.damping_n_s_per_m environment.spring.anchor_m
+  control.architecture control.force_scale control.motion_scale control.engage_s control.hold_after_s
+  control.release_after_s control.transparency.layer
+  control.virtual_coupling.stiffness_n_per_m control.virtual_coupling.damping_n_s_per_m
+  control.virtual_coupling.catch_up_m_per_s control.virtual_coupling.drift_compensation
+  control.passivity.method control.passivity.layer control.passivity.initial_energy_j control.passivity.max_gain
+  control.passivity.unilateral control.passivity.predict control.passivity.round_trip_ms
+  to_slave.delay_ms to_slave.loss to_slave.burst to_master.delay_ms to_master.loss to_master.burst
+)";
+/// What they take besides where nodes and link are the laboratory's own.
+constexpr const char* kTakenByNodes = R"(
+  control.virtual_coupling control.passivity control.transparency control.device_limits control.robot_limits
+  control.schedule to_slave to_master
+)";
+std::set<std::string> words_of(const std::string& text) {
+  std::istringstream in{text};
+  return {std::istream_iterator<std::string>{in}, {}};
+}
+
 /// Are packets lost so often that a side may hear nothing for hold_after/2 or a bridged gap, in a tick of 10^6?
 bool may_be_silent(const ImpairmentOptions& o, const Scene& scene) {
   const double ticks =
@@ -56,14 +92,10 @@ bool has_nodes_in_lanes(const Scene& scene) {
   if (c.architecture != Architecture::position_force && c.architecture != Architecture::position_measured_force)
     return false;
   for (const ImpairmentOptions* o : {&scene.to_slave, &scene.to_master})
-    if (o->jitter_s != 0.0 || o->duplicate != 0.0 || o->reorder != 0.0 || !o->recorded_delay_s.empty() ||
-        !o->delay_step.empty() || !o->blackout.empty() || lag_of(*o, period_of(scene)) > kMostLag ||
-        may_be_silent(*o, scene))
+    if (!o->recorded_delay_s.empty() || lag_of(*o, period_of(scene)) > kMostLag || may_be_silent(*o, scene))
       return false;
-  for (const TransmissionOptions* o : {&scene.transmission_to_slave, &scene.transmission_to_master})
-    if (o->playout_s > 0.0 || o->deadband) return false;
-  return scene.schedule.empty() && c.device_limits == PortLimits{} && c.robot_limits == PortLimits{} &&
-         c.own_limits == PortLimits{} && c.observer == ObserverRule::exact && !c.reference_energy;
+  static const std::set<std::string> taken = words_of(kTaken);
+  return field_beyond(scene, taken).empty();
 }
 }  // namespace
 LaneMethod method_of(const Scene& scene) {
@@ -83,46 +115,25 @@ using namespace lanes;
 std::string why_not_in_lanes(const Scene& scene) {
   const ControlOptions& c = scene.control;
   const World world{scene.environment};
-  if (scene.gripper) return "the scene has a gripper";
+  if (!scene.source) return "a program has made the scene";
+  static const std::set<std::string> taken = words_of(std::string{kTaken} + kTakenByNodes);
+  if (const std::string field = field_beyond(scene, taken); !field.empty()) return "lanes do not take " + field;
   if (c.architecture == Architecture::render || c.architecture == Architecture::uncontrolled)
     return "the scene has no link";
   if (scene.dof != 1 && scene.dof != 3) return "dof is 6";
-  if (scene.slave_clock.offset_s != 0.0 || scene.slave_clock.drift != 0.0) return "the slave's clock differs";
   if (scene.master_rate_hz != scene.slave_rate_hz) return "the rates of the sides differ";
   if (kNanosecondsPerSecond / scene.master_rate_hz != static_cast<double>(period_of(scene)))
     return "a tick is not a whole number of nanoseconds";
   const bool in_steps = scene.simulation.integrator == Integrator::rk4;
   if (scene.simulation.integrator != Integrator::exact && !in_steps) return "simulation.integrator is not EXACT or RK4";
   if (!scene.robot) return "the robot is ideal";
-  if (world.surfaces.size() > 1 ||
-      (world.surfaces.size() == 1 && !std::holds_alternative<Wall>(world.surfaces[0].shape)))
-    return "the environment is more than one wall and springs";
+  if (world.surfaces.size() > 1) return "there is more than one wall";
   if (scene.dof == 3 && !in_steps && !world.surfaces.empty() && world.surfaces[0].material.friction != 0.0)
     return "the wall has friction, which simulation.integrator EXACT steps by itself";
   if (world.springs.size() > static_cast<std::size_t>(kMostSprings)) return "there are more than two springs";
-  for (const Spring& s : world.springs)
-    if (s.motion.amplitude_m != 0.0) return "an anchor moves";
-  if (scene.robot->force_sensor) {
-    const ForceSensorSpec& sensor = *scene.robot->force_sensor;
-    if (sensor.noise_n > 0.0 || std::lround(sensor.latency_s * scene.slave_rate_hz) != 0)
-      return "the force sensor has noise or latency";
-  }
   if (!scene.operator_model || !scene.operator_model->hand) return "nobody holds the device with a hand's impedance";
-  for (const double f : scene.operator_model->hand->force_n)
-    if (f != 0.0) return "the hand has a constant force";
-  for (const SegmentSpec& s : scene.operator_model->path)
-    if (std::holds_alternative<RecordedHandSpec>(s) || std::holds_alternative<MultiSineSpec>(s))
-      return "the operator's path is a recording";
   const double device_kg = scene.device ? scene.device->mass_kg : 0.0;
   if (!(device_kg + scene.operator_model->hand->mass_kg > 0.0)) return "the handle has no mass";
-  if (scene.device) {
-    if (scene.device->coulomb_friction_n != 0.0) return "the device has Coulomb friction";
-    if (scene.device->position_resolution_m != 0.0 ||
-        scene.device->velocity_estimate != VelocityEstimate::true_velocity)
-      return "the device has encoders";
-  }
-  if (c.registration.absolute || !c.registration.rotation.normalized().toRotationMatrix().isIdentity(0.0))
-    return "the registration is absolute or turned";
   if (!(scene.duration_s * scene.master_rate_hz <= kMostTicks)) return "the run is very long";
   return {};
 }

@@ -12,10 +12,10 @@
 #include "common/base/built_for.h"
 #include "common/base/check.h"
 #include "common/contact/environment.h"
-#include "common/link/mailbox.h"
 #include "common/recording/tick.h"
 #include "common/runtime/cycle.h"
 #include "common/scene/load.h"
+#include "lab/engine/both_nodes.h"
 #include "lab/run.h"
 #include "master/master_node.h"
 #include "master/render_node.h"
@@ -110,8 +110,7 @@ struct MasterSide {
   using Clock = MasterClock;
   using Sample = DeviceSample<N>;
   explicit MasterSide(const Scene& s)
-      : node{s.control, s.schedule},
-        mail{{}, age_of_reports(s.control), s.transmission_to_master, s.transmission_to_slave} {}
+      : node{s.control, s.schedule}, mail{mailbox_of<N>(Side::master, s, ReplayTransport<N>{})} {}
   static Sample sample(const TickRecord<N>& t) {
     return {.x = t.x, .v = t.v, .applied = t.f, .status = t.status, .buttons = t.buttons, .held = t.held};
   }
@@ -134,8 +133,7 @@ struct SlaveSide {
   using Clock = SlaveClock;
   using Sample = RobotSample<N>;
   explicit SlaveSide(const Scene& s)
-      : node{s.control, s.schedule},
-        mail{{}, age_of_reports(s.control), s.transmission_to_slave, s.transmission_to_master} {}
+      : node{s.control, s.schedule}, mail{mailbox_of<N>(Side::slave, s, ReplayTransport<N>{})} {}
   static Sample sample(const TickRecord<N>& t) {
     return {.x = t.x, .v = t.v, .f_environment = t.f, .ideal = t.ideal, .status = t.status};
   }

@@ -43,8 +43,7 @@ struct Seen {
 /// Twenty times 500 to 5000 N/m and back, each within 0.1 s, as the page's sliders do.
 Seen change_stiffness(const std::string& method, double delay_ms) {
   const Scene scene = pressing(method, delay_ms);
-  test::DelayLines<1> lines{scene};
-  test::TwoSides<1> sides{scene, lines.master_end(), lines.slave_end()};
+  test::TwoSides<1> sides{scene};
   Seen seen;
   for (int k = 0; k < 22'000; ++k) {
     const int within = k % 1000;

@@ -114,7 +114,7 @@ TEST(Gripper, IsPartOfWhatASweepCallsStable) {
 }
 
 TEST(Gripper, IsNamedAsWhyThereAreNoLanes) {
-  EXPECT_EQ(lab::why_not_in_lanes(scene_with()), "the scene has a gripper");
+  EXPECT_EQ(lab::why_not_in_lanes(scene_with()), "lanes do not take gripper");
 }
 
 TEST(Gripper, IsLimitedByItself) {

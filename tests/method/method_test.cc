@@ -56,10 +56,9 @@ bool is_refused(const Case& c) {
 
 /// Both sides in virtual time, at one rate.
 template <int N>
-class Loop : test::DelayLines<N>, public test::TwoSides<N> {
+class Loop : public test::TwoSides<N> {
  public:
-  explicit Loop(const Scene& scene)
-      : test::DelayLines<N>{scene}, test::TwoSides<N>{scene, this->master_end(), this->slave_end()}, scene_{scene} {}
+  explicit Loop(const Scene& scene) : test::TwoSides<N>{scene}, scene_{scene} {}
 
   typename MasterNode<N>::Output tick() noexcept {
     const Duration now = tick_time(k_++, scene_.rate_hz);
@@ -71,9 +70,7 @@ class Loop : test::DelayLines<N>, public test::TwoSides<N> {
   typename MasterNode<N>::Output tick(OtherDevice& other) noexcept {
     const Duration now = tick_time(k_++, scene_.rate_hz);
     slave_out = this->slave_tick(now);
-    if (now > Duration{0}) this->device.advance();
-    return run_cycle(this->master, other, this->master_mail,
-                     Tick<MasterClock>{Instant<MasterClock>{now}, this->master_dt});
+    return this->master_tick(other, now);
   }
   [[nodiscard]] int ticks() const { return static_cast<int>(scene_.duration_s * scene_.rate_hz); }
   [[nodiscard]] Seconds dt() const { return this->master_dt; }

@@ -25,14 +25,10 @@
 namespace twoport {
 namespace {
 
-using test::DelayLines;
-using test::TwoSides;
-
 template <int N>
-class Loop : DelayLines<N>, public TwoSides<N> {
+class Loop : public test::TwoSides<N> {
  public:
-  explicit Loop(const Scene& scene)
-      : DelayLines<N>{scene}, TwoSides<N>{scene, this->master_end(), this->slave_end()}, rate_hz_{scene.rate_hz} {}
+  explicit Loop(const Scene& scene) : test::TwoSides<N>{scene}, rate_hz_{scene.rate_hz} {}
   typename MasterNode<N>::Output tick() noexcept {
     const Duration now = tick_time(k_++, rate_hz_);
     slave_out = this->slave_tick(now);

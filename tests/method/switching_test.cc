@@ -64,7 +64,7 @@ std::vector<Configuration> configurations() {
 /// A transport whose peer sometimes names a wrong epoch.
 template <int N>
 struct LyingTransport {
-  lab::SimTransport<N> transport;
+  typename lab::DelayLines<N>::Transport transport;
   Random random;
   double lies;  ///< probability
   std::uint64_t packet = 0;
@@ -80,21 +80,26 @@ struct LyingTransport {
   void send(const auto& r, Duration now) noexcept { transport.send(r, now); }
 };
 
+template <int N>
+struct LyingNetwork {
+  using Transport = LyingTransport<N>;
+  LyingNetwork(const Scene& scene, double of_lies) : lines{scene}, lies{of_lies} {}
+  Transport master_end() { return {lines.master_end(), Random{5}, lies}; }
+  Transport slave_end() { return {lines.slave_end(), Random{6}, lies}; }
+  lab::DelayLines<N> lines;
+  double lies;
+};
+
 /// Both sides in virtual time.
 template <int N>
-class Loop : test::DelayLines<N>, public test::TwoSides<N, LyingTransport<N>> {
+class Loop : public test::TwoSides<N, LyingNetwork<N>> {
  public:
-  using Sides = test::TwoSides<N, LyingTransport<N>>;
   explicit Loop(const Scene& scene, double lies = 0.0)
-      : test::DelayLines<N>{scene},
-        Sides{scene, {this->master_end(), Random{5}, lies}, {this->slave_end(), Random{6}, lies}},
-        scene_{scene},
-        times_{scene.schedule} {}
+      : test::TwoSides<N, LyingNetwork<N>>{scene, scene, lies}, scene_{scene} {}
 
   void tick() noexcept {
     const Duration now = tick_time(k_++, scene_.rate_hz);
     slave_out = this->slave_tick(now);
-    if (times_.due(to_seconds(now).si(), this->master.epoch())) this->master.switch_to_next();
     master_out = this->master_tick(now);
   }
   /// A new slave process.
@@ -118,7 +123,6 @@ class Loop : test::DelayLines<N>, public test::TwoSides<N, LyingTransport<N>> {
 
  private:
   Scene scene_;
-  SwitchTimes times_;
   std::int64_t k_ = 0;
 };
 

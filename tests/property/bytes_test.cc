@@ -11,6 +11,7 @@
 #include "common/link/impaired_socket.h"
 #include "common/scene/load.h"
 #include "common/wire/link_transport.h"
+#include "lab/engine/loops.h"
 #include "lab/engine/simulation.h"
 #include "tests/support/memory_network.h"
 #include "tests/support/rows.h"
@@ -26,13 +27,13 @@ using test::Rows;
 /// Where the scene's network does what it does to the packets.
 enum class Impaired { between_the_sockets, in_the_filters };
 
-/// A scene over bytes, in a session that both sides are in from the start.
+/// A scene's network with sockets in memory, and a session that both sides are in from the start.
 template <int N>
-class OverBytes {
+class BytesNetwork {
  public:
-  OverBytes(const Scene& scene, Impaired where)
-      : scene_{scene},
-        network_{1, std::max(packets_in_flight(scene.to_slave, scene.master_rate_hz),
+  using Transport = LinkTransport<N>;
+  BytesNetwork(const Scene& scene, Impaired where)
+      : network_{1, std::max(packets_in_flight(scene.to_slave, scene.master_rate_hz),
                              packets_in_flight(scene.to_master, scene.slave_rate_hz))},
         master_filter_{master_socket_,
                        {.incoming = where == Impaired::in_the_filters ? scene.to_master : ImpairmentOptions{},
@@ -42,43 +43,17 @@ class OverBytes {
         slave_filter_{slave_socket_,
                       {.incoming = where == Impaired::in_the_filters ? scene.to_slave : ImpairmentOptions{},
                        .seed = scene.seed ^ kToSlaveStream,
-                       .peer_rate_hz = scene.master_rate_hz}},
-        sides_{scene,
-               {master_filter_,
-                {.side = Side::master, .peer = kSlave},
-                numbers(),
-                {kSlave, kMasterSession, kSlaveSession}},
-               {slave_filter_, {.side = Side::slave}, numbers(), {kMaster, kSlaveSession, kMasterSession}}},
-        registration_{scene.control} {
+                       .peer_rate_hz = scene.master_rate_hz}} {
     if (where == Impaired::in_the_filters) return;
     network_.set_conditions(kSlave, {scene.to_slave}, scene.seed ^ kToSlaveStream);
     network_.set_conditions(kMaster, {scene.to_master}, scene.seed ^ kToMasterStream);
   }
-
-  /// The columns of lab::LinkLoop.
-  template <class Visit>
-  void run(Visit visit) {
-    auto& [master_dt, slave_dt, device, robot, master, slave, master_mail, slave_mail] = sides_;
-    const Duration end = to_duration(scene_.duration_s);
-    std::int64_t m = 0, s = 0;
-    Duration next_m{0}, next_s{0};
-    Energy dissipated_by_slave;
-    while (next_m < end) {
-      if (next_s <= next_m) {
-        dissipated_by_slave += registration_.to_master(sides_.slave_tick(next_s).dissipated);
-        next_s = tick_time(++s, scene_.slave_rate_hz);
-        continue;
-      }
-      while (switch_times_.due(to_seconds(next_m).si(), master.epoch())) master.switch_to_next();
-      const auto out = sides_.master_tick(next_m);
-      const Row<N> row = columns<N>(next_m, out, out.dissipated + std::exchange(dissipated_by_slave, {}),
-                                    robot.environment_force(), device, robot, master, slave);
-      if (!visit(row)) return;
-      next_m = tick_time(++m, scene_.master_rate_hz);
-    }
+  Transport master_end() {
+    return {master_filter_, {.side = Side::master, .peer = kSlave}, numbers(), {kSlave, kMasterSession, kSlaveSession}};
   }
-
-  test::TwoSides<N, LinkTransport<N>>& sides() { return sides_; }
+  Transport slave_end() {
+    return {slave_filter_, {.side = Side::slave}, numbers(), {kMaster, kSlaveSession, kMasterSession}};
+  }
 
  private:
   static SessionNumbers numbers() {
@@ -87,14 +62,25 @@ class OverBytes {
   static constexpr std::uint64_t kMasterSession = 11, kSlaveSession = 22;
   const Endpoint kMaster = MemoryNetwork::address(1, 1), kSlave = MemoryNetwork::address(2, 2);
 
-  Scene scene_;
   MemoryNetwork network_;
   MemorySocket master_socket_ = network_.open(kMaster, Duration{0}), slave_socket_ = network_.open(kSlave, Duration{0});
   ImpairedSocket master_filter_, slave_filter_;
-  test::TwoSides<N, LinkTransport<N>> sides_;
-  SwitchTimes switch_times_{scene_.schedule};
-  Registration<N> registration_;
 };
+
+/// Calls visit(row) for every row of a scene over bytes, with the columns of lab::LinkLoop, until it returns false.
+template <int N, class Visit>
+void run_over_bytes(const Scene& scene, test::TwoSides<N, BytesNetwork<N>>& sides, Visit visit) {
+  const Registration<N> registration{scene.control};
+  Energy dissipated_by_slave;
+  TickOrder{scene}.run(
+      to_duration(scene.duration_s),
+      [&](TickAt at) { dissipated_by_slave += registration.to_master(sides.slave_tick(at.now).dissipated); },
+      [&](TickAt at) {
+        const auto out = sides.master_tick(at.now);
+        return visit(columns<N>(at.now, out, out.dissipated + std::exchange(dissipated_by_slave, {}),
+                                sides.robot.environment_force(), sides.device, sides.robot, sides.master, sides.slave));
+      });
+}
 
 void expect_same(const PacketCounts& a, const PacketCounts& b) {
   EXPECT_EQ(a.sent, b.sent);
@@ -121,9 +107,9 @@ void expect_same_over_bytes(const Scene& scene) {
   const Rows<N> expected = test::rows(*simulation);
   const LinkUse use = *simulation->link();
   for (const Impaired where : {Impaired::between_the_sockets, Impaired::in_the_filters}) {
-    OverBytes<N> bytes{scene, where};
+    test::TwoSides<N, BytesNetwork<N>> sides{scene, scene, where};
     std::size_t k = 0;
-    bytes.run([&](const Row<N>& row) {
+    run_over_bytes<N>(scene, sides, [&](const Row<N>& row) {
       const bool same =
           k < expected.size() && test::same_bits(test::numbers(row), test::numbers(without_figures(expected[k])));
       EXPECT_TRUE(same) << "row " << k << " of " << expected.size() << ", impaired in place "
@@ -132,7 +118,6 @@ void expect_same_over_bytes(const Scene& scene) {
       return same;
     });
     EXPECT_EQ(k, expected.size());
-    auto& sides = bytes.sides();
     expect_same(sides.master_mail.counts(), use.master);
     expect_same(sides.slave_mail.counts(), use.slave);
     // Every report went through the handshake, and none was turned away.

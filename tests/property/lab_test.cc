@@ -94,7 +94,7 @@ TEST(Rotation, OfEveryVectorOfASceneTurnsTheRun) {
 
 // --- nothing that is on its way is dropped -------------------------------------------------------
 
-TEST(SimLink, HasRoomForAllThatIsOnItsWay) {
+TEST(DelayLines, HaveRoomForAllThatIsOnItsWay) {
   struct Case {
     double master_hz, slave_hz, drift;
     std::vector<std::string> set;
@@ -104,30 +104,26 @@ TEST(SimLink, HasRoomForAllThatIsOnItsWay) {
   for (const auto& [master_hz, slave_hz, drift, set] :
        {Case{1000, 1000, 0.0, {"to_slave" + hundred, "to_master" + hundred}},
         Case{1000, 1000, 0.0, {"to_slave" + varied, "to_master" + varied}},
-        Case{1000,
-             1000,
-             0.02,
-             {"to_slave={ delay_ms: 1000 }", "to_master={ delay_ms: 1000 }", "slave_clock.drift_ppm=20000"}},
+        Case{1000, 1000, 0.02, {"to_slave={ delay_ms: 1000 }", "to_master={ delay_ms: 1000 }"}},
         Case{1000, 50, 0.0, {"to_slave" + hundred, "to_master" + hundred, "slave_rate_hz=50"}},
         Case{50, 1000, 0.0, {"to_slave" + hundred, "to_master" + hundred, "slave_rate_hz=1000"}}}) {
     std::vector<std::string> all = set;
     all.push_back(fmt::format("rate_hz={}", master_hz));
-    SimLink<1> link{parse_scene("dof: 1 duration_s: 3 device { mass_kg: 1 } robot { mass_kg: 1 }", "test", all)};
-    const double slave_true_hz = slave_hz * (1.0 + drift);
-    for (std::int64_t m = 0, s = 0; tick_time(m, master_hz) < std::chrono::seconds{3};) {
-      const Duration at_master = tick_time(m, master_hz), at_slave = tick_time(s, slave_true_hz);
-      if (at_slave <= at_master) {
-        link.slave().collect(at_slave);
-        link.slave().post(PortReport<1>{}, at_slave);
-        ++s;
-      } else {
-        link.master().collect(at_master);
-        link.master().post(PortReport<1>{}, at_master);
-        ++m;
-      }
-    }
-    EXPECT_EQ(link.use().overflowed, 0u) << master_hz << " and " << slave_hz << " Hz, drift " << drift;
-    EXPECT_GT(link.slave().counts().received, 0u);
+    all.push_back(fmt::format("slave_clock.drift_ppm={}", 1e6 * drift));
+    const Scene scene = parse_scene("dof: 1 duration_s: 3 device { mass_kg: 1 } robot { mass_kg: 1 }", "test", all);
+    DelayLines<1> lines{scene};
+    auto master = mailbox_of<1>(Side::master, scene, lines.master_end());
+    auto slave = mailbox_of<1>(Side::slave, scene, lines.slave_end());
+    const auto tick = [](auto& mail, Duration now) {
+      mail.collect(now);
+      mail.post(PortReport<1>{}, now);
+      return true;
+    };
+    TickOrder{scene}.run(
+        std::chrono::seconds{3}, [&](TickAt at) { tick(slave, at.now); },
+        [&](TickAt at) { return tick(master, at.now); });
+    EXPECT_EQ(lines.overflowed(), 0u) << master_hz << " and " << slave_hz << " Hz, drift " << drift;
+    EXPECT_GT(slave.counts().received, 0u);
   }
 }
 
@@ -194,7 +190,7 @@ struct Flow {
 /// A network in memory that remembers the most energy that was ever claimed in it.
 template <int N>
 struct WitnessedTransport {
-  SimTransport<N> line;
+  typename DelayLines<N>::Transport line;
   double* claimed;
   template <class Visit>
   void poll(Duration now, Visit visit) noexcept {
@@ -206,14 +202,21 @@ struct WitnessedTransport {
   }
 };
 
+template <int N>
+struct WitnessedNetwork {
+  using Transport = WitnessedTransport<N>;
+  explicit WitnessedNetwork(const Scene& scene) : lines{scene} {}
+  Transport master_end() { return {lines.master_end(), &claimed_by_master}; }
+  Transport slave_end() { return {lines.slave_end(), &claimed_by_slave}; }
+  DelayLines<N> lines;
+  double claimed_by_master = 0.0, claimed_by_slave = 0.0;
+};
+
 /// Both sides of a link of equal rates, and what is said and known between them.
 template <int N>
 class Witness {
  public:
-  explicit Witness(const Scene& scene)
-      : scene_{scene},
-        lines_{scene},
-        sides_{scene, {lines_.master_end(), &claimed_by_master_}, {lines_.slave_end(), &claimed_by_slave_}} {}
+  explicit Witness(const Scene& scene) : scene_{scene}, sides_{scene} {}
 
   /// Calls visit() after each tick of both.
   template <class Visit>
@@ -222,7 +225,7 @@ class Witness {
     std::int64_t k = 0;
     for (Duration now{0}; now < end; now = tick_time(++k, scene_.rate_hz)) {
       // What a side may know at this tick was said before it.
-      said_by_master = claimed_by_master_, said_by_slave = claimed_by_slave_;
+      said_by_master = sides_.network.claimed_by_master, said_by_slave = sides_.network.claimed_by_slave;
       sides_.slave_tick(now);
       sides_.master_tick(now);
       known_at_slave = sides_.slave_mail.collect(now).energy_in_j;
@@ -235,15 +238,13 @@ class Witness {
   }
 
   /// What the master has kept of the energy that the hand put in, to cancel a deficit [J].
-  [[nodiscard]] double kept_by_master() const { return hand.in_j - claimed_by_master_; }
+  [[nodiscard]] double kept_by_master() const { return hand.in_j - sides_.network.claimed_by_master; }
   double said_by_master = 0.0, said_by_slave = 0.0, known_at_slave = 0.0, known_at_master = 0.0;
   Flow hand, coupling;
 
  private:
   Scene scene_;
-  double claimed_by_master_ = 0.0, claimed_by_slave_ = 0.0;
-  test::DelayLines<N> lines_;
-  test::TwoSides<N, WitnessedTransport<N>> sides_;
+  test::TwoSides<N, WitnessedNetwork<N>> sides_;
 };
 
 TEST(WhatASideKnows, NeverExceedsWhatTheOtherHasSent) {

@@ -5,12 +5,14 @@
 #include <fmt/format.h>
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <array>
 #include <atomic>
 #include <bit>
 #include <cmath>
 #include <filesystem>
 #include <map>
+#include <memory>
 #include <optional>
 #include <random>
 #include <string>
@@ -19,6 +21,8 @@
 #include "common/base/check.h"
 #include "common/method/catalogue.h"
 #include "common/scene/load.h"
+#include "common/scene/scene_text.h"
+#include "common/scene/source.h"
 #include "lab/engine/stoppable.h"
 #include "lab/run.h"
 #include "lab/study/map.h"
@@ -229,6 +233,162 @@ TEST(Lanes, RandomCellsOfTheInternalModel) {
   expect_same(cells, 24);
   expect_same(cells, 120, VerdictFrom::plain);
   expect_same(cells, 120, VerdictFrom::lean);
+}
+
+// ---- which fields lanes take: every field of the schema is either refused by its path, or lanes compute with it what a run alone does
+
+namespace pb = google::protobuf;
+
+/// All of them, each with its default's place taken by something else.
+const char* const kEveryBlock = R"(
+  dof: 3 duration_s: 0.4 rate_hz: 500
+  operator {
+    hand { mass_kg: 0.1 stiffness_n_per_m: 400 damping_n_s_per_m: 8 }
+    path { move_to { position_m: [0.03, 0, 0] duration_s: 0.1 } }
+    path { sine { amplitude_m: 0.01 frequency_hz: 20 duration_s: 0.1 } }
+    path { screw { axis: [0, 0, 1] travel_m: 0.01 angle_rad: 0.2 point_m: [0.1, 0, 0] frequency_hz: 20 duration_s: 0.1 } }
+    path { hold { duration_s: 0.1 } }
+    tremor { rms_m: 1e-4 }
+  }
+  device { mass_kg: 0.075 max_force_n: 8.5 }
+  control { passivity { method: FORCE_PROJECTED } virtual_coupling { stiffness_n_per_m: 1000 } }
+  to_slave { delay_ms: 5 loss: 0.2 } to_master { delay_ms: 5 loss: 0.2 }
+  robot { mass_kg: 0.5 force_sensor { } }
+  environment { wall { normal: [-1, 0, 0] offset_m: -0.001 stiffness_n_per_m: 2000 } }
+  environment { spring { stiffness_n_per_m: 10 } })";
+/// What a block needs besides the field; and what lanes take with a method of its own only, or after another field.
+const std::map<std::string, std::string> kNeeds{
+    {"to_slave.deadband", "to_slave.deadband.ratio=0.1"},
+    {"to_master.deadband", "to_master.deadband.ratio=0.1"},
+    {"to_slave.blackout", "to_slave.blackout=[{ start_s: 0.1 duration_s: 0.05 }]"},
+    {"to_master.blackout", "to_master.blackout=[{ start_s: 0.1 duration_s: 0.05 }]"},
+    {"to_slave.delay_step", "to_slave.delay_step=[{ at_s: 0.1 delay_ms: 9 }]"},
+    {"to_master.delay_step", "to_master.delay_step=[{ at_s: 0.1 delay_ms: 9 }]"},
+    {"to_slave.burst", "to_slave.burst={ p: 0.1 r: 0.5 }"},
+    {"to_master.burst", "to_master.burst={ p: 0.1 r: 0.5 }"},
+    {"control.schedule", "control.schedule=[{ at_s: 0.2 passivity { method: NONE } }]"},
+};
+
+struct SchemaField {
+  std::vector<const pb::FieldDescriptor*> way;  ///< from the scene to it
+  std::string path, place;                      ///< place: with indices, where an override sets it
+};
+/// Fields that hold no blocks, in `block` and within. `present` is the block of kEveryBlock, or null.
+void find_fields(const pb::Descriptor& block, const pb::Message* present, const SchemaField& at,
+                 std::map<std::string, SchemaField>& all) {
+  for (int i = 0; i < block.field_count(); ++i) {
+    const pb::FieldDescriptor& field = *block.field(i);
+    SchemaField each{at.way, at.path + field.name(), at.place + field.name()};
+    each.way.push_back(&field);
+    if (field.message_type() == nullptr) {
+      all.emplace(each.path, each);
+      continue;
+    }
+    each.path += '.';
+    const auto within = [&](const pb::Message* inner, const std::string& index) {
+      SchemaField next = each;
+      next.place += index + ".";
+      find_fields(*field.message_type(), inner, next, all);
+    };
+    if (present != nullptr && field.is_repeated()) {
+      const pb::Reflection& r = *present->GetReflection();
+      for (int k = 0; k < r.FieldSize(*present, &field); ++k)
+        within(&r.GetRepeatedMessage(*present, &field, k), fmt::format("[{}]", k));
+    } else if (present != nullptr && present->GetReflection()->HasField(*present, &field)) {
+      within(&present->GetReflection()->GetMessage(*present, &field), "");
+    }
+  }
+  // After those of blocks that are there: they are kept.
+  for (int i = 0; i < block.field_count(); ++i) {
+    const pb::FieldDescriptor& field = *block.field(i);
+    if (field.message_type() == nullptr) continue;
+    SchemaField each{at.way, at.path + field.name() + ".",
+                     at.place + field.name() + (field.is_repeated() ? "[0]." : ".")};
+    each.way.push_back(&field);
+    find_fields(*field.message_type(), nullptr, each, all);
+  }
+}
+/// Gives the field a value that is not its default, and nothing else.
+void give(const SchemaField& field, pb::Message& scene) {
+  pb::Message* block = &scene;
+  for (const pb::FieldDescriptor* f : field.way) {
+    const pb::Reflection& r = *block->GetReflection();
+    if (f->message_type() != nullptr) {
+      block = f->is_repeated() ? r.AddMessage(block, f) : r.MutableMessage(block, f);
+    } else if (f->cpp_type() == pb::FieldDescriptor::CPPTYPE_DOUBLE) {
+      f->is_repeated() ? r.AddDouble(block, f, 0.5) : r.SetDouble(block, f, f->default_value_double() + 0.5);
+    } else if (f->cpp_type() == pb::FieldDescriptor::CPPTYPE_BOOL) {
+      r.SetBool(block, f, !f->default_value_bool());
+    } else if (f->cpp_type() == pb::FieldDescriptor::CPPTYPE_INT32) {
+      r.SetInt32(block, f, f->default_value_int32() + 1);
+    } else if (f->cpp_type() == pb::FieldDescriptor::CPPTYPE_UINT64) {
+      r.SetUInt64(block, f, f->default_value_uint64() + 1);
+    } else if (f->cpp_type() == pb::FieldDescriptor::CPPTYPE_ENUM) {
+      r.SetEnum(block, f, f->enum_type()->value(f->enum_type()->value_count() - 1));
+    } else {
+      r.SetString(block, f, "a");
+    }
+  }
+}
+/// Values to try.
+std::vector<std::string> values_of(const pb::FieldDescriptor& field) {
+  std::vector<std::string> all;
+  switch (field.cpp_type()) {
+    case pb::FieldDescriptor::CPPTYPE_BOOL:
+      return {field.default_value_bool() ? "false" : "true"};
+    case pb::FieldDescriptor::CPPTYPE_ENUM:
+      for (int i = 0; i < field.enum_type()->value_count(); ++i) all.push_back(field.enum_type()->value(i)->name());
+      return all;
+    case pb::FieldDescriptor::CPPTYPE_DOUBLE:
+      return field.is_repeated() ? std::vector<std::string>{"[0.001, 0.0005, 0]", "[0, 1, 0, 0]"}
+                                 : std::vector<std::string>{"0.31", "3.1", "0.0001", "310", "0.2"};
+    case pb::FieldDescriptor::CPPTYPE_STRING:
+      return {"\"a\""};
+    default:
+      return {"2", "1"};
+  }
+}
+
+TEST(Lanes, EveryFieldOfTheSchemaIsTakenOrMakesASceneRunAlone) {
+  const SceneText text{kEveryBlock, "every block"};
+  const Scene base = text.with();
+  ASSERT_EQ(why_not_in_lanes(base), "");
+  std::map<std::string, SchemaField> fields;
+  find_fields(*schema::Scene::descriptor(), &base.source->message, {}, fields);
+  std::vector<std::pair<std::string, Scene>> cells;
+  std::size_t alone = 0;
+  std::string never_set;
+  for (const auto& [path, field] : fields) {
+    auto only = std::make_shared<SceneSource>(SceneSource{{}, "", SceneFor::laboratory});
+    give(field, only->message);
+    Scene scene = base;
+    scene.source = only;
+    constexpr std::string_view kNotTaken = "lanes do not take ";
+    if (const std::string why = why_not_in_lanes(scene); why.starts_with(kNotTaken)) {
+      ++alone;
+      EXPECT_TRUE((path + ".").starts_with(why.substr(kNotTaken.size()) + ".")) << path << ": " << why;
+      continue;
+    }
+    bool is_set = false;
+    for (const std::string& value : values_of(*field.way.back()))
+      for (const char* method : {"FORCE_PROJECTED", "INTERNAL_MODEL"}) {
+        std::vector<std::string> set{std::string{"control.passivity.method="} + method};
+        for (const auto& [block, needed] : kNeeds)
+          if (path.starts_with(block + ".")) set.push_back(needed);
+        set.push_back(field.place + "=" + value);
+        try {
+          Scene with = text.with(set);
+          is_set = true;
+          if (why_not_in_lanes(with).empty()) cells.emplace_back(fmt::format("{}", fmt::join(set, " ")), with);
+        } catch (const ConfigError&) {
+        }
+      }
+    if (!is_set && field.way.back()->options().GetExtension(schema::least_dof) < 6) never_set += path + "\n";
+  }
+  EXPECT_EQ(never_set, "");
+  EXPECT_GT(alone, 200U);
+  EXPECT_GT(cells.size(), 200U);
+  expect_same(cells, 24);
 }
 
 // The map's own scene: Runge-Kutta steps, a rough wall, every method in one batch.

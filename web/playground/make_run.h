@@ -31,8 +31,8 @@ class LinkRun final : public Run {
   LinkRun(const Scene& read, bool scripted)
       : device_{make_device<N>(read, scripted, page_.channel())},
         scene_{scripted ? read : with_device(read, device_->info())},
-        clocks_{scene_},
-        robot_{scene_, clocks_.slave_period()},
+        order_{scene_},
+        robot_{scene_, order_.slave_period()},
         mounted_{device_, {}},
         session_{scene_, mounted_, robot_, most_added()},
         registration_{scene_.control} {
@@ -44,26 +44,27 @@ class LinkRun final : public Run {
   void until(Duration end) override {
     PageCommand command;
     while (page_.channel()->commands.try_pop(command)) obey(command);
-    clocks_.run(
+    order_.run(
         end,
-        [this](Duration now, Duration ahead, Seconds dt) {
-          session_.slave_tick(now, ahead, dt);
-          if (gripper_) gripper_->slave_tick(now, ahead, dt);
+        [this](lab::TickAt at) {
+          session_.slave_tick(at);
+          if (gripper_) gripper_->slave_tick(at);
         },
-        [this](Duration now, Seconds dt) {
-          const auto out = session_.master_tick(now, dt);
+        [this](lab::TickAt at) {
+          const auto out = session_.master_tick(at);
           if (gripper_) {
-            const auto of_gripper = gripper_->master_tick(now, dt);
+            const auto of_gripper = gripper_->master_tick(at);
             page_.note_gripper(gripper_->device().x, gripper_->known(), of_gripper.command,
-                               gripper_->master().observed());
+                               gripper_->master.observed());
           }
           robot_.describe(environment_);
           if (refused_) environment_.answer = EnvironmentAnswer::out_of_range;
-          environment_.link_energy_j = -session_.slave().delivered().si();
+          environment_.link_energy_j = -session_.slave.delivered().si();
           page_.note_environment(environment_, registration_);
           page_.note_handle(mounted_, session_.device().x);
-          page_.show(now, Duration{0}, session_.device(), out, session_.master().observed(), &session_.known(),
-                     session_.counts(), session_.master().limit_counts(), session_.master().epoch());
+          page_.show(at.now, Duration{0}, session_.device(), out, session_.master.observed(), &session_.known(),
+                     session_.counts(), session_.master.limit_counts(), session_.master.epoch());
+          return true;
         });
   }
   [[nodiscard]] PageSamples& page() override { return page_; }
@@ -78,7 +79,7 @@ class LinkRun final : public Run {
       case PageCommand::Kind::method: {
         const auto all = static_cast<std::uint32_t>(scene_.schedule.size() + 1);
         const auto to = static_cast<std::uint32_t>(c.which);
-        while (to < all && session_.master().epoch() % all != to) session_.master().switch_to_next();
+        while (to < all && session_.master.epoch() % all != to) session_.master.switch_to_next();
         break;
       }
       case PageCommand::Kind::surface: {
@@ -98,7 +99,7 @@ class LinkRun final : public Run {
   PageSamples page_;
   std::shared_ptr<Device<N>> device_;
   Scene scene_;
-  Clocks clocks_;
+  lab::TickOrder order_;
   SimulatedRobot<N> robot_;
   MountedDevice<N> mounted_;
   Session<N> session_;
@@ -115,7 +116,7 @@ class RenderRun final : public Run {
   RenderRun(const Scene& read, bool scripted)
       : device_{make_device<N>(read, scripted, page_.channel())},
         scene_{scripted ? read : with_device(read, device_->info())},
-        clocks_{scene_},
+        order_{scene_},
         environment_{scene_.environment, scene_.tool},
         node_{scene_.control, environment_},
         plant_{*device_, {}} {
@@ -125,12 +126,14 @@ class RenderRun final : public Run {
                environment_.potential(device_->truth() ? device_->truth()->x : first_reading().x);
   }
   void until(Duration end) override {
-    clocks_.run(
-        end, [](Duration, Duration, Seconds) {},
-        [this](Duration now, Seconds dt) {
-          const auto out = run_cycle(node_, plant_, mail_, Tick<MasterClock>{Instant<MasterClock>{now}, dt});
-          page_.show(now, Duration{0}, plant_.sample, out, node_.observed() - initial_,
+    order_.run(
+        end, [](lab::TickAt) {},
+        [this](lab::TickAt at) {
+          const Tick<MasterClock> tick{Instant<MasterClock>{at.now}, Seconds{1.0 / scene_.master_rate_hz}};
+          const auto out = run_cycle(node_, plant_, mail_, tick);
+          page_.show(at.now, Duration{0}, plant_.sample, out, node_.observed() - initial_,
                      static_cast<PeerState<N>*>(nullptr), {}, node_.limit_counts(), 0);
+          return true;
         });
   }
   [[nodiscard]] PageSamples& page() override { return page_; }
@@ -143,7 +146,7 @@ class RenderRun final : public Run {
   PageSamples page_;
   std::shared_ptr<Device<N>> device_;
   Scene scene_;
-  Clocks clocks_;
+  lab::TickOrder order_;
   Environment<N> environment_;
   RenderNode<N> node_;
   NoMail mail_;
