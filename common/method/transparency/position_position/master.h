@@ -2,7 +2,6 @@
 
 #include "common/base/vector.h"
 #include "common/coupling/options.h"
-#include "common/coupling/registration.h"
 #include "common/coupling/setpoint_tracker.h"
 #include "common/coupling/spring_damper.h"
 #include "common/coupling/virtual_coupling.h"
@@ -19,7 +18,7 @@ template <int N>
 class PositionErrorForce {
  public:
   explicit PositionErrorForce(const ControlOptions& o)
-      : registration_{o}, spring_{o.coupling}, tracker_{o.coupling}, scale_{impedance_scale<N>(o)} {}
+      : spring_{o.coupling}, tracker_{o.coupling}, scale_{impedance_scale<N>(o)} {}
 
   void start(const Position<N>& device) noexcept { x_d_ = device; }
 
@@ -27,14 +26,13 @@ class PositionErrorForce {
   Force<N> step(DeviceSample<N> device, const PeerState<N>& slave, Seconds dt) noexcept {
     RobotInMasterWorld<N> robot;
     if (!read(slave.words, robot)) return {};
-    const Velocity<N> v_rx = registration_.to_master(slave.newest.v);
+    const Velocity<N> v_rx = slave.newest.v;
     const Velocity<N> v_d = tracker_.step(x_d_, robot.x.value, v_rx, slave.is_new, dt);
     x_d_ = x_d_ + v_d * dt;
     return Force<N>{scale_.cwiseProduct(spring_.force(device.x - x_d_, device.v - v_rx).vec())};
   }
 
  private:
-  Registration<N> registration_;
   SpringDamper<N> spring_;
   SetpointTracker<N> tracker_;
   typename Force<N>::Vector scale_;
