@@ -9,6 +9,7 @@
 #include "common/coupling/bridge.h"
 #include "common/coupling/options.h"
 #include "common/coupling/ramp.h"
+#include "common/coupling/registration.h"
 #include "common/hardware/device.h"
 #include "common/link/mailbox.h"
 #include "common/method/alternatives.h"
@@ -35,6 +36,7 @@ class MasterNode {
 
   explicit MasterNode(const ControlOptions& o, std::span<const ScheduledControl> schedule = {})
       : observer_{o.observer},
+        registration_{o},
         safety_{limits_at_device(o), -1.0, o.handle_mass_kg, o.handle_inertia_kg_m2},
         half_{o},
         alternatives_{o, schedule},
@@ -71,22 +73,19 @@ class MasterNode {
     }
     const double ramp = ramp_.step(modes_.coupled(), tick.dt);
     const bool same_epoch = slave.epoch == epoch_;
-    slave_energy_in_ = Energy{same_epoch ? slave.energy_in_j : 0.0};
     if (!same_epoch) [[unlikely]]
-      await_slave(slave);
+      awaits_slave_ = true;
     else if (awaits_slave_) [[unlikely]]
       slave_follows();
-    const bool has_words = same_epoch && modes_.shares_coupling();
-    if (!has_words && same_epoch) [[unlikely]]
-      forget_words(slave);
+    arrive(slave, same_epoch);
     MasterOutput<N> half = half_->step({.dt = tick.dt,
                                         .ended = tick.ended,
                                         .device = device,
                                         .interval = interval,
                                         .first = !started_,
-                                        .slave = has_words ? slave : without_words_,
+                                        .slave = slave_,
                                         .slave_energy_in = slave_energy_in_,
-                                        .slave_energy_net = Energy{same_epoch ? slave.newest.energy_net_j : 0.0},
+                                        .slave_energy_net = Energy{same_epoch ? slave_.newest.energy_net_j : 0.0},
                                         .account = account_,
                                         .active = modes_.active(),
                                         .ramp = ramp,
@@ -116,7 +115,7 @@ class MasterNode {
 
   /// The slave has restarted and its totals with it: those of this side restart too.
   void on_peer_restart(Energy slave_energy_in) noexcept {
-    half_->restart(account_, std::min(half_->balance(account_, slave_energy_in), Energy{}));
+    half_->restart(account_, std::min(half_->balance(account_, registration_.to_master(slave_energy_in)), Energy{}));
     energy_sent_ = Energy{};
     modes_.reset();
     ramp_.drop();
@@ -153,20 +152,22 @@ class MasterNode {
   [[nodiscard]] bool has_payload() const noexcept { return half_->has_payload(); }
   void write_payload(Words& words) const noexcept { half_->write_payload(words); }
   [[nodiscard]] const LimitCounts& limit_counts() const noexcept { return safety_.counts(); }
+  /// For what trace and page show.
+  [[nodiscard]] const Registration<N>& worlds() const noexcept { return registration_; }
   /// Observed energy that the hand has put in, E(0) not included [J].
   [[nodiscard]] Energy observed() const noexcept { return account_.net(); }
 
  private:
   // What a tick seldom needs takes copies, so that the tick's own values stay in registers.
 
-  /// The slave has not switched yet: the words that it sends are the other method's.
-  void await_slave(const PeerState<N>& slave) noexcept {
-    forget_words(slave);
-    awaits_slave_ = true;
-  }
-  void forget_words(const PeerState<N>& slave) noexcept {
-    without_words_ = slave;
-    without_words_.words.clear();
+  /// What the slave has said, in this world, without the words of another method or coupling.
+  void arrive(const PeerState<N>& slave, bool same_epoch) noexcept {
+    slave_ = slave;
+    slave_.newest = registration_.to_master(slave.newest);
+    slave_energy_in_ = same_epoch ? registration_.to_master(Energy{slave.energy_in_j}) : Energy{};
+    slave_.energy_in_j = slave_energy_in_.si();
+    if (!same_epoch || !modes_.shares_coupling()) [[unlikely]]
+      slave_.words.clear();
   }
   /// Its reports change their meaning now.
   void slave_follows() noexcept {
@@ -210,6 +211,7 @@ class MasterNode {
   }
 
   ObserverRule observer_;
+  Registration<N> registration_;
   SafetyStage<N> safety_;
   Held<Half> half_;
   Alternatives<Held<Half>> alternatives_;
@@ -220,8 +222,8 @@ class MasterNode {
   Energy energy_sent_, slave_energy_in_;
   Force<N> command_;
   std::uint32_t epoch_ = 0;
-  PeerState<N> without_words_;  ///< of a slave in another epoch, or not in this coupling yet
-  bool awaits_slave_ = false;
+  PeerState<N> slave_;         ///< in this world
+  bool awaits_slave_ = false;  ///< it has not switched yet
   PortMotion<N> before_;
   typename Velocity<N>::Vector ratio_ = Velocity<N>::Vector::Ones();  ///< of the last reading
   bool started_ = false;

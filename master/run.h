@@ -8,7 +8,6 @@
 #include <utility>
 
 #include "common/base/built_for.h"
-#include "common/coupling/registration.h"
 #include "common/hardware/mounted.h"
 #include "common/hardware/virtual_robot.h"
 #include "common/mesh/triangle_mesh.h"
@@ -130,10 +129,7 @@ struct GripperMaster : Master<One> {
   using typename Master<One>::Sample;
 
   GripperMaster(const Scene& s, std::unique_ptr<Device<One>> device, const std::string& choice)
-      : Master<One>{s, *device, choice + ", gripper", nullptr},
-        owned{std::move(device)},
-        node{s.control},
-        registration{s.control} {}
+      : Master<One>{s, *device, choice + ", gripper", nullptr}, owned{std::move(device)}, node{s.control} {}
 
   [[nodiscard]] Metrics<One> metrics() const {
     return Master<One>::metrics(this->scene.control.initial_energy, {.robot_energy = false});
@@ -141,13 +137,12 @@ struct GripperMaster : Master<One> {
   [[nodiscard]] Row<One> row(double t_s, const Sample& sample, const Output& out,
                              const PeerState<One>& slave) const noexcept {
     Row<One> row = this->row_of(t_s, sample, out, node.observed());
-    add_slave(row, slave, out.mode, registration);
+    add_slave(row, slave, out.mode, node.worlds());
     return row;
   }
 
   std::unique_ptr<Device<One>> owned;
   MasterNode<One> node;
-  Registration<One> registration;
 };
 
 /// A virtual environment on the device, without a link: run_render.h, compiled in render_N.cc. Returns the exit status.
@@ -167,7 +162,6 @@ struct LinkMaster : Master<N> {
         mounted{device},
         link{Side::master, s, a, live_page != nullptr},
         node{s.control, s.schedule},
-        registration{s.control},
         switch_times{s.schedule},
         switched_by_hand{switches_by_hand()} {
     if constexpr (built_for(1))
@@ -186,7 +180,7 @@ struct LinkMaster : Master<N> {
     const PeerState<N>& slave = link.mail().known();
     Row<N> row = this->row_of(t_s, sample, out, node.observed());
     row.contact_spring_share = out.contact_spring_share;
-    add_slave(row, slave, out.mode, registration);
+    add_slave(row, slave, out.mode, node.worlds());
     return row;
   }
   void fill(Summary& s, bool) {
@@ -237,7 +231,7 @@ struct LinkMaster : Master<N> {
       if (gripper)
         this->page->note_gripper(gripper->sample().x, gripper->known(), gripper->out().command,
                                  gripper->node().observed());
-    this->page->note_environment(link.mail().transport().heard_environment(), registration);
+    this->page->note_environment(link.mail().transport().heard_environment(), node.worlds());
     this->page->note_handle(mounted, sample.x);
     this->page->show(now, late, sample, out, node.observed(), &link.mail().known(), link.mail().counts(),
                      node.limit_counts() + link.limit_counts(), node.epoch());
@@ -247,7 +241,6 @@ struct LinkMaster : Master<N> {
   LiveLink<N> link;
   MasterNode<N> node;
   std::unique_ptr<Gripper> gripper;
-  Registration<N> registration;
   SwitchTimes switch_times;
   unsigned switched_by_hand;
   EnvironmentMessage environment_request{.number = 1};  ///< with a page

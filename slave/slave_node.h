@@ -8,6 +8,7 @@
 #include "common/base/time.h"
 #include "common/coupling/bridge.h"
 #include "common/coupling/options.h"
+#include "common/coupling/registration.h"
 #include "common/hardware/robot.h"
 #include "common/link/mailbox.h"
 #include "common/method/alternatives.h"
@@ -31,7 +32,8 @@ class SlaveNode {
   };
 
   explicit SlaveNode(const ControlOptions& o, std::span<const ScheduledControl> schedule = {})
-      : half_{o},
+      : registration_{o},
+        half_{o},
         alternatives_{o, schedule},
         bridge_{o.engage},
         modes_{o},
@@ -49,21 +51,20 @@ class SlaveNode {
     // The robot follows what the hand does once the master says that it is coupled too.
     const bool shares = modes_.shares_coupling();
     if (begins || (shares && !shared) || !started_) {
-      forget_words(master);
-      half_->start(robot, shares ? master : without_words_);
+      half_->start(robot, master.has_report);
+      engage(robot, master, shares);
       commanded_ = false;
     }
     started_ = true;
     const bool same_epoch = master.epoch == epoch_;
-    master_energy_in_ = Energy{same_epoch ? master.energy_in_j : 0.0};
-    const bool has_words = same_epoch && shares;
-    if (!has_words && same_epoch) [[unlikely]]
-      forget_words(master);
+    arrive(master, same_epoch);
     SlaveOutput<N> half = half_->step({.dt = tick.dt,
                                        .robot = robot,
-                                       .master = has_words ? master : without_words_,
+                                       .master = master_,
+                                       .commanded = x_rx_,
+                                       .worlds = registration_,
                                        .master_energy_in = master_energy_in_,
-                                       .master_energy_net = Energy{same_epoch ? master.newest.energy_net_j : 0.0},
+                                       .master_energy_net = Energy{same_epoch ? master_.newest.energy_net_j : 0.0},
                                        .account = account_,
                                        .coupled = modes_.coupled() && shares,
                                        .active = modes_.active() && shares,
@@ -92,7 +93,7 @@ class SlaveNode {
 
   /// As MasterNode::on_peer_restart.
   void on_peer_restart(Energy master_energy_in) noexcept {
-    half_->restart(account_, std::min(half_->balance(account_, master_energy_in), Energy{}));
+    half_->restart(account_, std::min(half_->balance(account_, registration_.to_slave(master_energy_in)), Energy{}));
     modes_.reset();
   }
 
@@ -100,7 +101,7 @@ class SlaveNode {
   /// that adds does at most the work |f_before - f_new(0)| times the robot's path within engage_s.
   void switch_method(Held<Half>& next) noexcept {
     next->restart(account_, half_->balance(account_, master_energy_in_));
-    if (modes_.active()) next->resume(half_->handover());
+    if (modes_.active()) next->resume(half_->set_point());
     std::swap(half_, next);
     bridge_.begin(command_);
     ++epoch_;
@@ -112,7 +113,7 @@ class SlaveNode {
   [[nodiscard]] const LimitCounts& limit_counts() const noexcept { return safety_.counts(); }
   /// Words of the method for the report of the last step, if any.
   [[nodiscard]] bool has_payload() const noexcept { return half_->has_payload(); }
-  void write_payload(Words& words) const noexcept { half_->write_payload(words); }
+  void write_payload(Words& words) const noexcept { half_->write_payload(words, registration_); }
   /// Robot against the delayed, scaled master, at the last step. Null while not coupled.
   [[nodiscard]] const Displacement<N>& position_error() const noexcept { return position_error_; }
   /// The master's position as far as it is known here, in the slave's world.
@@ -147,16 +148,33 @@ class SlaveNode {
     safety_.note(Limit::pause);
     bridge_.stop();
   }
-  void forget_words(const PeerState<N>& master) noexcept {
-    without_words_ = master;
-    without_words_.words.clear();
+  /// What the master has said, still in its world; `words`: those of this method and coupling are among it.
+  void hear(const PeerState<N>& master, bool words) noexcept {
+    master_ = master;
+    if (!words) [[unlikely]]
+      master_.words.clear();
+  }
+  /// Registers the worlds: the robot is where the master wants it.
+  void engage(const RobotSample<N>& robot, const PeerState<N>& master, bool words) noexcept {
+    if (!master.has_report) return;
+    hear(master, words);
+    registration_.engage(half_->commanded(master_), robot.x);
+  }
+  /// What the master has said, in this world.
+  void arrive(const PeerState<N>& master, bool same_epoch) noexcept {
+    hear(master, same_epoch && modes_.shares_coupling());
+    x_rx_ = registration_.to_slave(half_->commanded(master_));
+    master_.newest = registration_.to_slave(master.newest);
+    master_energy_in_ = same_epoch ? registration_.to_slave(Energy{master.energy_in_j}) : Energy{};
+    master_.energy_in_j = master_energy_in_.si();
   }
   /// The master is in another epoch: it has switched, or restarted. Every epoch that it may name has a configuration.
   void follow(RobotSample<N> robot, const PeerState<N>& master) noexcept {
-    if (alternatives_.empty() || !master.has_report) return forget_words(master);
+    if (alternatives_.empty() || !master.has_report) return;
     if (Held<Half>* next = alternatives_.of(master.epoch)) {
-      (*next)->start(robot, master);
+      (*next)->start(robot, true);
       switch_method(*next);
+      if (!modes_.active()) engage(robot, master, true);
       alternatives_.used(master.epoch);
     } else {
       half_->restart(account_, std::min(half_->balance(account_, master_energy_in_), Energy{}));
@@ -185,6 +203,7 @@ class SlaveNode {
     return out;
   }
 
+  Registration<N> registration_;
   Held<Half> half_;
   Alternatives<Held<Half>> alternatives_;
   Bridge<N> bridge_;
@@ -196,7 +215,8 @@ class SlaveNode {
   Displacement<N> position_error_;
   Force<N> command_;  ///< of the last tick
   Energy master_energy_in_;
-  PeerState<N> without_words_;  ///< of a master in another epoch
+  PeerState<N> master_;  ///< in this world
+  Position<N> x_rx_;     ///< SlaveHalf::commanded, in this world
   std::uint32_t epoch_ = 0;
   bool started_ = false;
 };

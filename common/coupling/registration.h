@@ -1,9 +1,10 @@
 #pragma once
 
-#include <type_traits>
+#include <cmath>
 
 #include "common/base/vector.h"
 #include "common/coupling/options.h"
+#include "common/link/report.h"
 
 namespace twoport {
 
@@ -16,6 +17,9 @@ namespace twoport {
 ///
 /// R is given by the scene. p and c (an attitude offset of the tool) are computed at engagement so that the robot does
 /// not move, or given by the scene if the registration is absolute.
+///
+/// The nodes translate what arrives, so that a method's half sees the other side in its own world. The words of a method are in the
+/// master's world on the wire, as only the slave knows p: its half translates those.
 template <int N>
 class Registration {
  public:
@@ -67,32 +71,54 @@ class Registration {
       return Position<N>{x.translation() / motion_};
     }
   }
-  Velocity<N> to_slave(const Velocity<N>& v) const noexcept {
-    Vector out = scaled(v.vec(), motion_, 1.0);
-    if (rotated_) [[unlikely]]
-      turn(out, matrix_);
-    return Velocity<N>{out};
+  /// What the master says.
+  [[nodiscard]] PortReport<N> to_slave(PortReport<N> r) const noexcept {
+    r.x = to_slave(r.x), r.v = to_slave(r.v), r.f = to_slave(r.f);
+    r.energy_in_j = to_slave(Energy{r.energy_in_j}).si(), r.energy_net_j = to_slave(Energy{r.energy_net_j}).si();
+    return r;
   }
+  /// What the slave says, but for its positions.
+  [[nodiscard]] PortReport<N> to_master(PortReport<N> r) const noexcept {
+    r.v = to_master(r.v), r.f = to_master(r.f), r.f_coupling = to_master(r.f_coupling);
+    r.f_environment = to_master(r.f_environment);
+    r.energy_in_j = to_master(Energy{r.energy_in_j}).si(), r.energy_net_j = to_master(Energy{r.energy_net_j}).si();
+    return r;
+  }
+  Velocity<N> to_slave(const Velocity<N>& v) const noexcept { return Velocity<N>{turned(v.vec(), motion_, 1.0)}; }
   Velocity<N> to_master(const Velocity<N>& v) const noexcept {
-    Vector out = scaled(v.vec(), 1.0 / motion_, 1.0);
-    if (rotated_) [[unlikely]]
-      turn(out, matrix_.transpose());
-    return Velocity<N>{out};
+    return Velocity<N>{turned_back(v.vec(), 1.0 / motion_, 1.0)};
   }
-  Force<N> to_master(const Force<N>& f) const noexcept {
-    Vector out = scaled(f.vec(), force_, torque_);
-    if (rotated_) [[unlikely]]
-      turn(out, matrix_.transpose());
-    return Force<N>{out};
-  }
+  Force<N> to_slave(const Force<N>& f) const noexcept { return Force<N>{turned(f.vec(), 1.0 / force_, 1.0 / torque_)}; }
+  Force<N> to_master(const Force<N>& f) const noexcept { return Force<N>{turned_back(f.vec(), force_, torque_)}; }
   [[nodiscard]] Energy to_slave(Energy e) const noexcept { return energy_to_slave_ * e; }
   [[nodiscard]] Energy to_master(Energy e) const noexcept { return torque_ * e; }
+  /// A wave, whose square is a power, or its integral.
+  template <class Wave>
+  [[nodiscard]] Wave wave_to_slave(const Wave& u) const noexcept {
+    return Wave{turned(u.vec(), std::sqrt(energy_to_slave_), std::sqrt(energy_to_slave_))};
+  }
+  template <class Wave>
+  [[nodiscard]] Wave wave_to_master(const Wave& u) const noexcept {
+    return Wave{turned_back(u.vec(), std::sqrt(torque_), std::sqrt(torque_))};
+  }
 
  private:
   static constexpr int kAxes = N == 1 ? 1 : 3;
   using Vector = typename Force<N>::Vector;
   using Point = Eigen::Matrix<double, kAxes, 1>;
 
+  [[nodiscard]] Vector turned(const Vector& v, double linear, double angular) const noexcept {
+    Vector out = scaled(v, linear, angular);
+    if (rotated_) [[unlikely]]
+      turn(out, matrix_);
+    return out;
+  }
+  [[nodiscard]] Vector turned_back(const Vector& v, double linear, double angular) const noexcept {
+    Vector out = scaled(v, linear, angular);
+    if (rotated_) [[unlikely]]
+      turn(out, matrix_.transpose());
+    return out;
+  }
   static Vector scaled(const Vector& v, double translation, double rotation) noexcept {
     if constexpr (N == 6) {
       const SpatialVector h = halves(v);

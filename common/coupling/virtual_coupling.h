@@ -33,7 +33,6 @@ class VirtualCoupling {
   explicit VirtualCoupling(const ControlOptions& o)
       : drift_compensation_{o.coupling.drift_compensation},
         by_position_{o.architecture == Architecture::position_position},
-        registration_{o},
         spring_{o.coupling},
         tracker_{o.coupling} {}
 
@@ -41,44 +40,36 @@ class VirtualCoupling {
     Force<N> f;
     Velocity<N> v;
   };
-  /// A coupling begins: registers the worlds and sets the set point to the robot's position.
-  void start(const Position<N>& robot, const PeerState<N>& master) noexcept { start(robot, master, master.newest.x); }
-  /// As above, with `x` as the master's position.
-  void start(const Position<N>& robot, const PeerState<N>& master, const Position<N>& x) noexcept {
-    if (master.has_report) registration_.engage(x, robot);
-    engaged_ = master.has_report;
+  /// A coupling begins at the robot's position; `engaged`: the worlds are registered.
+  void start(const Position<N>& robot, bool engaged) noexcept {
+    engaged_ = engaged;
     rest(robot);
   }
   /// Continues from the state of another coupling.
-  void resume(const Registration<N>& registration, const Position<N>& set_point) noexcept {
-    registration_ = registration;
+  void resume(const Position<N>& set_point) noexcept {
     engaged_ = true;
     rest(set_point);
   }
   /// While nothing is coupled the set point stays at the robot.
   void rest(const Position<N>& robot) noexcept { x_sd_ = x_d_ = robot; }
 
-  /// Force and velocity before control; `coupled`: the master's reports arrive, else the command is constant.
-  Wanted step(const RobotSample<N>& robot, const PeerState<N>& master, bool coupled, Seconds dt) noexcept {
-    return step(robot, master, master.newest.x, coupled, dt);
-  }
-  /// As above, with `x` as the master's position.
-  Wanted step(const RobotSample<N>& robot, const PeerState<N>& master, const Position<N>& x, bool coupled,
+  /// Force and velocity before control; `coupled`: the master's reports arrive, else the command is constant. `x_rx`, `v_rx`: the
+  /// commanded motion, `fresh` in this tick.
+  Wanted step(const RobotSample<N>& robot, const Position<N>& x_rx, const Velocity<N>& v_rx, bool fresh, bool coupled,
               Seconds dt) noexcept {
     Wanted out;
-    Velocity<N> v_rx;
+    Velocity<N> v;
     if (coupled) {
-      out.v = tracker_.step(drift_compensation_ ? x_sd_ : x_d_, registration_.to_slave(x),
-                            registration_.to_slave(master.newest.v), master.is_new, dt);
-      v_rx = tracker_.velocity();
+      out.v = tracker_.step(drift_compensation_ ? x_sd_ : x_d_, x_rx, v_rx, fresh, dt);
+      v = tracker_.velocity();
     }
-    out.f = robot.ideal ? robot.f_environment : spring_.force((x_sd_ + out.v * dt) - robot.x, v_rx - robot.v);
+    out.f = robot.ideal ? robot.f_environment : spring_.force((x_sd_ + out.v * dt) - robot.x, v - robot.v);
     return out;
   }
   /// Position of the robot in the master's world, for a position-position master; empty before the first engagement.
   [[nodiscard]] bool tells_position() const noexcept { return by_position_ && engaged_; }
-  void tell_position(const Position<N>& robot, Words& words) const noexcept {
-    write(RobotInMasterWorld<N>{{registration_.to_master(robot)}}, words);
+  static void tell_position(const Position<N>& robot, const Registration<N>& worlds, Words& words) noexcept {
+    write(RobotInMasterWorld<N>{{worlds.to_master(robot)}}, words);
   }
   /// Moves the set point by `moved`, the allowed displacement, and the command by T v_d.
   void move(const Displacement<N>& moved, const Velocity<N>& v_d, Seconds dt) noexcept {
@@ -110,10 +101,9 @@ class VirtualCoupling {
   }
 
   [[nodiscard]] const Position<N>& set_point() const noexcept { return x_sd_; }
-  /// Estimate of the master's position, in the slave's world.
+  /// Estimate of the master's position.
   [[nodiscard]] const Position<N>& target() const noexcept { return tracker_.target(); }
   [[nodiscard]] SpringDamper<N>& spring() noexcept { return spring_; }
-  [[nodiscard]] const Registration<N>& registration() const noexcept { return registration_; }
 
  private:
   static constexpr int kTranslations = N == 1 ? 1 : 3;
@@ -124,7 +114,6 @@ class VirtualCoupling {
   }
 
   bool drift_compensation_, by_position_;
-  Registration<N> registration_;
   SpringDamper<N> spring_;
   SetpointTracker<N> tracker_;
   Position<N> x_sd_, x_d_;

@@ -32,8 +32,8 @@ typedef struct {
   int32_t coupled;                                /* 0: nothing is displayed in this tick */
   int32_t has_report;                             /* a report of the slave has arrived since the start */
   int32_t report_is_new;
-  double slave_position_m[3], slave_attitude[4], slave_velocity[6],
-      slave_force[6]; /* of the newest report, in the slave's units */
+  double slave_position_m[3], slave_attitude[4]; /* of the newest report, in the slave's world */
+  double slave_velocity[6], slave_force[6];      /* of the newest report */
 } twoport_transparency_reading;
 
 typedef struct {

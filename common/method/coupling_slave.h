@@ -12,8 +12,8 @@ class CouplingSlave : public SlaveHalf<N> {
  public:
   explicit CouplingSlave(const ControlOptions& o) : coupling_{o} {}
 
-  void start(const RobotSample<N>& robot, const PeerState<N>& master) noexcept override {
-    coupling_.start(robot.x, master);
+  void start(const RobotSample<N>& robot, bool engaged) noexcept override {
+    coupling_.start(robot.x, engaged);
     x_ = robot.x;
   }
   SlaveOutput<N> fail_safe(const Ledger& account) noexcept override {
@@ -30,13 +30,13 @@ class CouplingSlave : public SlaveHalf<N> {
   }
   [[nodiscard]] Energy balance(const Ledger&, Energy) const noexcept override { return Energy{}; }
   void restart(const Ledger& account, Energy) noexcept override { base_absorbed_ = account.absorbed(); }
-  [[nodiscard]] SlaveHandover<N> handover() const noexcept override {
-    return {coupling_.registration(), coupling_.set_point()};
-  }
-  void resume(const SlaveHandover<N>& from) noexcept override { coupling_.resume(from.registration, from.set_point); }
+  [[nodiscard]] Position<N> set_point() const noexcept override { return coupling_.set_point(); }
+  void resume(const Position<N>& set_point) noexcept override { coupling_.resume(set_point); }
   [[nodiscard]] Position<N> target() const noexcept override { return coupling_.target(); }
   [[nodiscard]] bool has_payload() const noexcept override { return coupling_.tells_position(); }
-  void write_payload(Words& words) const noexcept override { coupling_.tell_position(x_, words); }
+  void write_payload(Words& words, const Registration<N>& worlds) const noexcept override {
+    coupling_.tell_position(x_, worlds, words);
+  }
 
  protected:
   using Vector = typename Force<N>::Vector;
@@ -48,27 +48,27 @@ class CouplingSlave : public SlaveHalf<N> {
   /// Force and velocity of the coupling, zero while nothing is coupled.
   typename VirtualCoupling<N>::Wanted want(const SlaveInput<N>& in) noexcept {
     x_ = in.robot.x;
-    if (in.active) return coupling_.step(in.robot, in.master, in.coupled, in.dt);
+    if (in.active)
+      return coupling_.step(in.robot, in.commanded, in.master.newest.v, in.master.is_new, in.coupled, in.dt);
     coupling_.rest(in.robot.x);
     return {};
   }
-  /// The set point moves by v T, and f acts on the robot; `grounded` is the part of f that does not come from the link.
-  SlaveOutput<N> act(const SlaveInput<N>& in, Force<N> f, const Velocity<N>& v, const Velocity<N>& v_d,
-                     const Force<N>& grounded = {}) noexcept {
+  /// The set point moves by v T, and f acts on the robot. False, and nothing changes, where they are not finite.
+  bool act(const SlaveInput<N>& in, Force<N> f, const Velocity<N>& v, const Velocity<N>& v_d,
+           SlaveOutput<N>& out) noexcept {
+    out = no_force_exists(f);
     if (!all_finite(f, v)) [[unlikely]]
-      return no_force_exists(f);
+      return false;
     if (in.bridge != nullptr) [[unlikely]]
       f += in.bridge->step(f, in.dt);
     const Displacement<N> moved = v * in.dt;
-    const Energy not_of_link = dot(grounded, moved);
     Ledger account = in.account;
-    account.book(not_of_link - dot(f, moved));
+    account.book(-dot(f, moved));
     coupling_.move(moved, v_d, in.dt);
-    return {.command = {.f = f, .x_d = coupling_.set_point(), .v_d = v},
-            .f_back = f,
-            .energy_in = account.absorbed() - base_absorbed_,
-            .dissipated = Energy{},
-            .grounded = not_of_link};
+    out.command = {.f = f, .x_d = coupling_.set_point(), .v_d = v};
+    out.f_back = f;
+    out.energy_in = account.absorbed() - base_absorbed_;
+    return true;
   }
   /// -B v of the robot, zero for an ideal one and while nothing is coupled.
   static Force<N> damper(const SlaveInput<N>& in, const Vector& damping) noexcept {
@@ -88,8 +88,8 @@ class StoringSlave : public CouplingSlave<N> {
  public:
   StoringSlave(const ControlOptions& coupled, const ControlOptions& o) : CouplingSlave<N>{coupled}, side_{o} {}
 
-  void start(const RobotSample<N>& robot, const PeerState<N>& master) noexcept override {
-    CouplingSlave<N>::start(robot, master);
+  void start(const RobotSample<N>& robot, bool engaged) noexcept override {
+    CouplingSlave<N>::start(robot, engaged);
     f_ = Force<N>{};
   }
   SlaveOutput<N> fail_safe(const Ledger& account) noexcept override {
@@ -99,7 +99,7 @@ class StoringSlave : public CouplingSlave<N> {
     return out;
   }
   [[nodiscard]] Energy balance(const Ledger&, Energy master_in) const noexcept override {
-    return side_.balance(this->coupling_.registration().to_slave(master_in));
+    return side_.balance(master_in);
   }
   void restart(const Ledger& account, Energy balance) noexcept override {
     CouplingSlave<N>::restart(account, balance);

@@ -75,6 +75,8 @@ class MasterTransparency {
   virtual void shown(const Force<N>& f, double share, const MasterInput<N>& in) noexcept {
     static_cast<void>(f), static_cast<void>(share), static_cast<void>(in);
   }
+  /// The last wish was not finite: nothing is displayed in this tick.
+  virtual void failed(const MasterInput<N>& in) noexcept { shown(Force<N>{}, 0.0, in); }
   [[nodiscard]] virtual bool has_payload() const noexcept { return false; }
   virtual void write_payload(Words&) const noexcept {}
 };
@@ -140,7 +142,7 @@ class MasterPair final : public Copyable<MasterPair<N, Transparency, Passivity>,
   }
   MasterOutput<N> not_finite(const Wish<N>& wish, const MasterInput<N>& in) noexcept {
     Shown<N> shown = passivity_->limit(Wish<N>{}, in);
-    transparency_->shown(Force<N>{}, 0.0, in);
+    transparency_->failed(in);
     MasterOutput<N> out{};
     out.f = wish.f + wish.damper;
     out.energy_in = shown.energy_in;
@@ -183,17 +185,22 @@ class SlaveTransparency {
   virtual ~SlaveTransparency() = default;
   static std::unique_ptr<SlaveTransparency> make(const ControlOptions& o);
   [[nodiscard]] virtual std::unique_ptr<SlaveTransparency> copy() const = 0;
-  virtual void start(const RobotSample<N>& robot, const PeerState<N>& master) noexcept {
-    coupling_.start(robot.x, master);
+  virtual void start(const RobotSample<N>& robot, bool engaged) noexcept {
+    coupling_.start(robot.x, engaged);
     x_ = robot.x;
   }
+  /// SlaveHalf::commanded.
+  virtual Position<N> commanded(const PeerState<N>& master) noexcept { return master.newest.x; }
   virtual RobotWish<N> wish(const SlaveInput<N>& in) noexcept = 0;
   /// The set point has moved; `f` acts on the robot.
   virtual void acted(const Force<N>& f) noexcept { static_cast<void>(f); }
-  virtual void resume(const SlaveHandover<N>& from) noexcept { coupling_.resume(from.registration, from.set_point); }
+  virtual void resume(const Position<N>& set_point) noexcept { coupling_.resume(set_point); }
   [[nodiscard]] virtual Position<N> target() const noexcept { return coupling_.target(); }
   [[nodiscard]] virtual bool has_payload() const noexcept { return coupling_.tells_position(); }
-  virtual void write_payload(Words& words) const noexcept { coupling_.tell_position(x_, words); }
+  /// In the master's world.
+  virtual void write_payload(Words& words, const Registration<N>& worlds) const noexcept {
+    coupling_.tell_position(x_, worlds, words);
+  }
   [[nodiscard]] VirtualCoupling<N>& coupling() noexcept { return coupling_; }
   [[nodiscard]] const VirtualCoupling<N>& coupling() const noexcept { return coupling_; }
 
@@ -201,7 +208,8 @@ class SlaveTransparency {
   /// Force and velocity of the coupling, zero while nothing is coupled.
   typename VirtualCoupling<N>::Wanted want(const SlaveInput<N>& in) noexcept {
     x_ = in.robot.x;
-    if (in.active) return coupling_.step(in.robot, in.master, in.coupled, in.dt);
+    if (in.active)
+      return coupling_.step(in.robot, in.commanded, in.master.newest.v, in.master.is_new, in.coupled, in.dt);
     coupling_.rest(in.robot.x);
     return {};
   }
@@ -238,9 +246,8 @@ class SlavePassivity {
   virtual void release() noexcept {}
   /// The total that is told to the master.
   [[nodiscard]] virtual Energy reported(const Ledger& account) noexcept { return account.absorbed() - base_absorbed_; }
-  [[nodiscard]] virtual Energy balance(const Ledger& account, const Registration<N>& registration,
-                                       Energy master_energy_in) const noexcept {
-    static_cast<void>(account), static_cast<void>(registration), static_cast<void>(master_energy_in);
+  [[nodiscard]] virtual Energy balance(const Ledger& account, Energy master_energy_in) const noexcept {
+    static_cast<void>(account), static_cast<void>(master_energy_in);
     return Energy{};
   }
   virtual void restart(const Ledger& account, Energy balance) noexcept {
@@ -274,10 +281,11 @@ class SlavePair final : public Copyable<SlavePair<N, Transparency, Passivity>, S
  public:
   explicit SlavePair(const ControlOptions& o) : transparency_{o}, passivity_{o} {}
 
-  void start(const RobotSample<N>& robot, const PeerState<N>& master) noexcept override {
-    transparency_->start(robot, master);
+  void start(const RobotSample<N>& robot, bool engaged) noexcept override {
+    transparency_->start(robot, engaged);
     passivity_->start(robot);
   }
+  Position<N> commanded(const PeerState<N>& master) noexcept override { return transparency_->commanded(master); }
   SlaveOutput<N> step(const SlaveInput<N>& in) noexcept override {
     VirtualCoupling<N>& coupling = transparency_->coupling();
     RobotWish<N> wish = transparency_->wish(in);
@@ -328,16 +336,16 @@ class SlavePair final : public Copyable<SlavePair<N, Transparency, Passivity>, S
     transparency_->acted(out.command.f);
   }
   [[nodiscard]] Energy balance(const Ledger& account, Energy e) const noexcept override {
-    return passivity_->balance(account, transparency_->coupling().registration(), e);
+    return passivity_->balance(account, e);
   }
   void restart(const Ledger& account, Energy e) noexcept override { passivity_->restart(account, e); }
-  [[nodiscard]] SlaveHandover<N> handover() const noexcept override {
-    return {transparency_->coupling().registration(), transparency_->coupling().set_point()};
-  }
-  void resume(const SlaveHandover<N>& from) noexcept override { transparency_->resume(from); }
+  [[nodiscard]] Position<N> set_point() const noexcept override { return transparency_->coupling().set_point(); }
+  void resume(const Position<N>& set_point) noexcept override { transparency_->resume(set_point); }
   [[nodiscard]] Position<N> target() const noexcept override { return transparency_->target(); }
   [[nodiscard]] bool has_payload() const noexcept override { return transparency_->has_payload(); }
-  void write_payload(Words& words) const noexcept override { transparency_->write_payload(words); }
+  void write_payload(Words& words, const Registration<N>& worlds) const noexcept override {
+    transparency_->write_payload(words, worlds);
+  }
 
  private:
   /// Of a damper's force, a part of `asked`, the part that is in `applied`: translation and rotation each by their share of `asked`.

@@ -30,9 +30,9 @@ struct MasterInput {
   const DeviceSample<N>& device;
   const Interval<N>& interval;  ///< motion of the port since the last tick
   bool first;                   ///< there was no tick before: `interval` is empty
-  const PeerState<N>& slave;    ///< in the slave's units
-  Energy slave_energy_in;       ///< the slave's running total of this method, in its units
-  Energy slave_energy_net;      ///< the slave's newest SlaveOutput::energy_net, in its units
+  const PeerState<N>& slave;    ///< in the master's world, but for positions
+  Energy slave_energy_in;       ///< the slave's running total of this method
+  Energy slave_energy_net;      ///< the slave's newest SlaveOutput::energy_net
   const Ledger& account;        ///< energy into the master port, exact, since the start
   bool active;                  ///< coupled or holding; else the force is zero
   double ramp;                  ///< rises from 0 to 1 after engagement
@@ -57,13 +57,15 @@ template <int N>
 struct SlaveInput {
   Seconds dt;
   const RobotSample<N>& robot;
-  const PeerState<N>& master;  ///< in the master's units
-  Energy master_energy_in;     ///< the master's running total of this method, in its units
-  Energy master_energy_net;    ///< the master's newest MasterOutput::energy_net, in its units
-  const Ledger& account;       ///< energy into the link through the slave's port, until this tick
-  bool coupled;                ///< the master's reports arrive and its motion is followed
-  bool active;                 ///< coupled or holding
-  Bridge<N>* bridge;           ///< as MasterInput's
+  const PeerState<N>& master;     ///< in the slave's world
+  const Position<N>& commanded;   ///< SlaveHalf::commanded, in the slave's world
+  const Registration<N>& worlds;  ///< for the method's words, which are in the master's world
+  Energy master_energy_in;        ///< the master's running total of this method
+  Energy master_energy_net;       ///< the master's newest MasterOutput::energy_net
+  const Ledger& account;          ///< energy into the link through the slave's port, until this tick
+  bool coupled;                   ///< the master's reports arrive and its motion is followed
+  bool active;                    ///< coupled or holding
+  Bridge<N>* bridge;              ///< as MasterInput's
 };
 template <int N>
 struct SlaveOutput {
@@ -73,13 +75,6 @@ struct SlaveOutput {
   Energy dissipated;
   Energy energy_net{};  ///< E(0) and what has entered at the port, less energy_in
   Energy grounded{};    ///< part of f·v_d T that a grounded element at the robot takes, not the link: a damper's
-};
-
-/// State that a slave half passes to its successor.
-template <int N>
-struct SlaveHandover {
-  Registration<N> registration;
-  Position<N> set_point;
 };
 
 /// Result of a slave half whose force is not finite: its state is unchanged, and the node applies no force.
@@ -154,7 +149,10 @@ class SlaveHalf {
   virtual ~SlaveHalf() = default;
   static std::unique_ptr<SlaveHalf> make(const ControlOptions& o);
   [[nodiscard]] virtual std::unique_ptr<SlaveHalf> copy() const = 0;
-  virtual void start(const RobotSample<N>& robot, const PeerState<N>& master) noexcept = 0;
+  /// A coupling begins here; `engaged`: the master has been heard, and the worlds are registered.
+  virtual void start(const RobotSample<N>& robot, bool engaged) noexcept = 0;
+  /// Where the master wants the robot, in the master's world, by its position and the method's words.
+  virtual Position<N> commanded(const PeerState<N>& master) noexcept { return master.newest.x; }
   virtual SlaveOutput<N> step(const SlaveInput<N>& in) noexcept = 0;
   /// No force from now on; the last energy_in again.
   virtual SlaveOutput<N> fail_safe(const Ledger& account) noexcept = 0;
@@ -164,13 +162,14 @@ class SlaveHalf {
                        Seconds dt) noexcept = 0;
   [[nodiscard]] virtual Energy balance(const Ledger& account, Energy master_energy_in) const noexcept = 0;
   virtual void restart(const Ledger& account, Energy balance) noexcept = 0;
-  [[nodiscard]] virtual SlaveHandover<N> handover() const noexcept = 0;
-  /// Takes over during a coupling.
-  virtual void resume(const SlaveHandover<N>& from) noexcept = 0;
+  [[nodiscard]] virtual Position<N> set_point() const noexcept = 0;
+  /// Takes over during a coupling, from the set point of the half before.
+  virtual void resume(const Position<N>& set_point) noexcept = 0;
   /// Commanded position of the robot.
   [[nodiscard]] virtual Position<N> target() const noexcept = 0;
   [[nodiscard]] virtual bool has_payload() const noexcept { return false; }
-  virtual void write_payload(Words&) const noexcept {}
+  /// In the master's world.
+  virtual void write_payload(Words&, const Registration<N>& worlds) const noexcept { static_cast<void>(worlds); }
 };
 
 /// Implements copy() of Base for the class Self.

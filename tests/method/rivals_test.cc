@@ -202,18 +202,21 @@ TEST(WaveVariables, HoldIsActiveInABlackout) {
 template <int N>
 double reflected(const ControlOptions& o, double u) {
   WaveSlave<N> half{o};
+  const Registration<N> worlds{o};
   PeerState<N> master;
   WaveSender<N> sender;
   const Seconds dt = o.known.slave_tick;
   master.has_report = master.is_new = true;
-  half.start({}, master);
+  half.start({}, true);
   const auto step = [&](const Wave<N>& wave) {
     sender.send(wave, dt);
     write(sender.packet(), master.words);
     return half.step({.dt = dt,
                       .robot = {},
                       .master = master,
-                      .master_energy_in = sender.energy(),
+                      .commanded = {},
+                      .worlds = worlds,
+                      .master_energy_in = worlds.to_slave(sender.energy()),
                       .master_energy_net = {},
                       .account = {},
                       .coupled = true,
@@ -221,11 +224,13 @@ double reflected(const ControlOptions& o, double u) {
                       .bridge = nullptr});
   };
   step({});
-  step(Wave<N>{Wave<N>::Vector::Constant(u)});
+  const auto out = step(Wave<N>{Wave<N>::Vector::Constant(u)});
   Words words;
-  half.write_payload(words);
+  half.write_payload(words, worlds);
   WavePayload<N> back;
   read(words, back);
+  // Reported in the slave's units, as all energies.
+  EXPECT_NEAR(out.energy_in.si(), worlds.to_slave(Energy{0.5 * back.wave.value.squared_norm() * dt.si()}).si(), 1e-18);
   return back.wave.value[N - 1];
 }
 

@@ -55,6 +55,33 @@ TEST(Registration, TurnsMotionAndForceSoThatPowerIsKept) {
   EXPECT_LT((r.to_master(r.to_slave(Velocity<6>{twist})).vec() - twist).norm(), 1e-15);
 }
 
+// Forces, energies and waves that arrive scale with the same power.
+TEST(Registration, TranslatesWhatTheOtherSideSays) {
+  Registration<6> r{options(false)};
+  r.engage(kMaster, kRobot);
+  PortReport<6> slave;
+  slave.v = Velocity<6>{Velocity<6>::Vector{0.1, -0.3, 0.2, 1.0, 0.5, -2.0}};
+  slave.f = Force<6>{Force<6>::Vector{1, 2, -3, 0.1, 0.2, 0.3}};
+  slave.f_coupling = 2.0 * slave.f, slave.f_environment = 3.0 * slave.f;
+  slave.energy_in_j = 0.3, slave.energy_net_j = -0.2;
+  const PortReport<6> there = r.to_master(slave);
+  constexpr double kScale = 2.0 / 0.5;  // s_f / s_x
+  EXPECT_NEAR(dot(there.f, there.v).si(), kScale * dot(slave.f, slave.v).si(), 1e-14);
+  EXPECT_NEAR(dot(there.f_coupling, there.v).si(), 2.0 * dot(there.f, there.v).si(), 1e-14);
+  EXPECT_NEAR(dot(there.f_environment, there.v).si(), 3.0 * dot(there.f, there.v).si(), 1e-14);
+  EXPECT_NEAR(there.energy_in_j, kScale * slave.energy_in_j, 1e-15);
+  EXPECT_NEAR(there.energy_net_j, kScale * slave.energy_net_j, 1e-15);
+  PortReport<6> master = there;
+  master.x = kMaster;
+  const PortReport<6> back = r.to_slave(master);
+  EXPECT_LT(apart(back.x, kRobot), 1e-15);
+  EXPECT_LT((back.v.vec() - slave.v.vec()).norm() + (back.f.vec() - slave.f.vec()).norm(), 1e-14);
+  EXPECT_NEAR(back.energy_in_j, slave.energy_in_j, 1e-15);
+  const Velocity<6> wave = r.wave_to_master(slave.v);
+  EXPECT_NEAR(wave.squared_norm(), kScale * slave.v.squared_norm(), 1e-14);
+  EXPECT_LT((r.wave_to_slave(wave).vec() - slave.v.vec()).norm(), 1e-14);
+}
+
 TEST(Registration, IsTheScenesWhereItIsAbsolute) {
   Registration<3> r{options(true)};
   const Vector3d p{0.04, 0.02, 0.06};

@@ -13,17 +13,15 @@ template <int N>
 class DisplayedForce {
  public:
   explicit DisplayedForce(const ControlOptions& o)
-      : by_position_{o.architecture == Architecture::position_position}, registration_{o}, position_error_{o} {}
+      : by_position_{o.architecture == Architecture::position_position}, position_error_{o} {}
 
   void start(const Position<N>& device) noexcept { position_error_.start(device); }
   Force<N> step(const DeviceSample<N>& device, const PeerState<N>& slave, Seconds dt) noexcept {
-    return by_position_ ? position_error_.step(device, slave, dt) : registration_.to_master(slave.newest.f);
+    return by_position_ ? position_error_.step(device, slave, dt) : slave.newest.f;
   }
-  [[nodiscard]] const Registration<N>& registration() const noexcept { return registration_; }
 
  private:
   bool by_position_;
-  Registration<N> registration_;
   PositionErrorForce<N> position_error_;
 };
 

@@ -73,7 +73,7 @@ template <int N>
 class SetPositionMaster final : public Copyable<SetPositionMaster<N>, MasterHalf<N>> {
  public:
   explicit SetPositionMaster(const ControlOptions& o)
-      : registration_{o}, tracker_{o.coupling}, side_{o, impedance_scale<N>(o)}, initial_{o.initial_energy} {}
+      : tracker_{o.coupling}, side_{o, impedance_scale<N>(o)}, initial_{o.initial_energy} {}
 
   void start(const DeviceSample<N>& device) noexcept override {
     side_.start(device.x);
@@ -84,12 +84,12 @@ class SetPositionMaster final : public Copyable<SetPositionMaster<N>, MasterHalf
     side_.put_in(in.account.net() - net_before_);
     net_before_ = in.account.net();
     MasterOutput<N> out{};
-    const Energy received = registration_.to_master(in.slave_energy_in);
+    const Energy received = in.slave_energy_in;
     RobotInMasterWorld<N> robot;
     if (!in.active) {
       side_.start(in.device.x);
     } else if (read(in.slave.words, robot)) {
-      const Velocity<N> v_rx = registration_.to_master(in.slave.newest.v);
+      const Velocity<N> v_rx = in.slave.newest.v;
       if (!hears_) robot_ = robot.x.value;
       hears_ = true;
       robot_ = robot_ + tracker_.step(robot_, robot.x.value, v_rx, in.slave.is_new, in.dt) * in.dt;
@@ -103,7 +103,7 @@ class SetPositionMaster final : public Copyable<SetPositionMaster<N>, MasterHalf
     return out;
   }
   [[nodiscard]] Energy balance(const Ledger&, Energy slave_in) const noexcept override {
-    return side_.balance(registration_.to_master(slave_in));
+    return side_.balance(slave_in);
   }
   void restart(const Ledger& account, Energy balance) noexcept override {
     net_before_ = account.net();
@@ -111,7 +111,6 @@ class SetPositionMaster final : public Copyable<SetPositionMaster<N>, MasterHalf
   }
 
  private:
-  Registration<N> registration_;
   SetpointTracker<N> tracker_;
   SetPositionSpring<N> side_;
   Energy initial_, net_before_;
@@ -128,8 +127,8 @@ class SetPositionSlave final : public Copyable<SetPositionSlave<N>, StoringSlave
  public:
   explicit SetPositionSlave(const ControlOptions& o) : Base{coupled_by_position(o, o.coupling), o} {}
 
-  void start(const RobotSample<N>& robot, const PeerState<N>& master) noexcept override {
-    Storing::start(robot, master);
+  void start(const RobotSample<N>& robot, bool engaged) noexcept override {
+    Storing::start(robot, engaged);
     this->side_.start(robot.x);
   }
   SlaveOutput<N> step(const SlaveInput<N>& in) noexcept override {
@@ -137,17 +136,16 @@ class SetPositionSlave final : public Copyable<SetPositionSlave<N>, StoringSlave
     this->book(in.robot);
     const auto wanted = this->want(in);
     auto& coupling = this->coupling_;
+    SlaveOutput<N> out;
     if (in.robot.ideal || !in.active) {
       side.start(in.robot.x);
       this->f_ = Force<N>{};
-      SlaveOutput<N> out = this->act(in, wanted.f, wanted.v, wanted.v);
-      out.energy_in = side.sent();
+      if (this->act(in, wanted.f, wanted.v, wanted.v, out)) out.energy_in = side.sent();
       return out;
     }
-    const Energy received = coupling.registration().to_slave(in.master_energy_in);
-    const Energy gained = side.follow(coupling.set_point() + wanted.v * in.dt, in.robot.x, received);
+    const Energy gained = side.follow(coupling.set_point() + wanted.v * in.dt, in.robot.x, in.master_energy_in);
     const Force<N> spring = -side.spring(in.robot.x), damper = this->damper(in, side.damping());
-    SlaveOutput<N> out = this->act(in, spring + damper, wanted.v, wanted.v);
+    if (!this->act(in, spring + damper, wanted.v, wanted.v, out)) return out;
     out.command.x_d = side.set_position();
     // What the link does at the set position is the spring's gain; the damper's work does not come from there.
     out.grounded = dot(out.command.f, out.command.v_d * in.dt) - gained;
@@ -163,9 +161,9 @@ class SetPositionSlave final : public Copyable<SetPositionSlave<N>, StoringSlave
     out.grounded = dot(out.command.f, out.command.v_d * dt) - gained;
     this->f_ = out.command.f;
   }
-  void resume(const SlaveHandover<N>& from) noexcept override {
-    Storing::resume(from);
-    this->side_.start(from.set_point);
+  void resume(const Position<N>& set_point) noexcept override {
+    Storing::resume(set_point);
+    this->side_.start(set_point);
   }
 };
 

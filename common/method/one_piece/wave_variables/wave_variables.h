@@ -83,7 +83,7 @@ class WaveMaster final : public Copyable<WaveMaster<N>, MasterHalf<N>> {
 ///     v_sd = (sqrt(2b) u_rx - f_0)/(b + G)     f_s = f_0 + G v_sd     w_s = u_rx - sqrt(2/b) f_s
 ///     f_0  = K (x_sd - x_s) - B v_s
 ///
-/// All waves are in the master's units; there G is s_f s_x (B + K T). b = G reflects nothing.
+/// All in the slave's units, where b is that of the master by s_f s_x. b = G reflects nothing.
 template <int N>
 class WaveSlave final : public Copyable<WaveSlave<N>, CouplingSlave<N>> {
   using Base = Copyable<WaveSlave<N>, CouplingSlave<N>>;
@@ -96,40 +96,36 @@ class WaveSlave final : public Copyable<WaveSlave<N>, CouplingSlave<N>> {
         correction_per_s_{o.wave_variables.position_correction_per_s},
         receiver_{o.wave_variables.receiver, 0.4 * o.initial_energy} {
     const WaveImpedance b = wave_impedance(o);
-    impedance_ = per_axis<N>(b.translation, b.rotation);
+    impedance_ = per_axis<N>(b.translation, b.rotation).cwiseQuotient(impedance_scale<N>(o));
     root_ = (2.0 * impedance_).cwiseSqrt();
-    to_master_units_ = impedance_scale<N>(o);
   }
 
-  void start(const RobotSample<N>& robot, const PeerState<N>& master) noexcept override {
-    CouplingSlave<N>::start(robot, master);
+  void start(const RobotSample<N>& robot, bool engaged) noexcept override {
+    CouplingSlave<N>::start(robot, engaged);
     receiver_.start();
   }
   SlaveOutput<N> step(const SlaveInput<N>& in) noexcept override {
     const auto wanted = this->want(in);
     auto& coupling = this->coupling_;
-    const Registration<N>& map = coupling.registration();
     Wave<N> w;
     Force<N> f;
     Velocity<N> v;
     u_ = Wave<N>{};
     if (in.active) {
-      const Vector mobility =
-          coupling.spring().mobility(in.dt).cwiseQuotient(to_master_units_);  // G⁻¹ in the master's units
+      const Vector mobility = coupling.spring().mobility(in.dt);  // G⁻¹
       const Force<N> f_0 = coupling.spring().force(coupling.set_point() - in.robot.x, -in.robot.v);
-      const Vector entering = map.to_master(in.robot.ideal ? in.robot.f_environment : f_0).vec();
+      const Vector entering = (in.robot.ideal ? in.robot.f_environment : f_0).vec();
       const Vector stiff = in.robot.ideal ? impedance_ : Vector{impedance_ + mobility.cwiseInverse()};
-      const Wave<N> u = receiver_.step(in.master, in.master_energy_in, in.dt, correction(in, map, stiff));
-      u_ = u;
-      const Vector v_m = (root_.cwiseProduct(u.vec()) - entering).cwiseQuotient(stiff);
-      const Vector f_m = root_.cwiseProduct(u.vec()) - impedance_.cwiseProduct(v_m);
-      w = Wave<N>{u.vec() - f_m.cwiseProduct(2.0 * root_.cwiseInverse())};
-      v = map.to_slave(Velocity<N>{v_m});
+      const Wave<N> correction = in.worlds.wave_to_master(correcting(in, stiff));
+      const Energy received = in.worlds.to_master(in.master_energy_in);
+      u_ = in.worlds.wave_to_slave(receiver_.step(in.master, received, in.dt, correction));
+      v = Velocity<N>{(root_.cwiseProduct(u_.vec()) - entering).cwiseQuotient(stiff)};
+      w = returned(Force<N>{root_.cwiseProduct(u_.vec()) - impedance_.cwiseProduct(v.vec())});
       f = in.robot.ideal ? in.robot.f_environment
                          : coupling.spring().force((coupling.set_point() + v * in.dt) - in.robot.x, v - in.robot.v);
     }
-    SlaveOutput<N> out = this->act(in, f, v, wanted.v);
-    if (!all_finite(f, v)) [[unlikely]]
+    SlaveOutput<N> out;
+    if (!this->act(in, f, v, wanted.v, out)) [[unlikely]]
       return out;
     sent_before_ = sender_;
     sender_.send(w, in.dt);
@@ -140,11 +136,10 @@ class WaveSlave final : public Copyable<WaveSlave<N>, CouplingSlave<N>> {
   void limited(SlaveOutput<N>& out, const RobotCommand<N>& asked, const RobotSample<N>& robot,
                Seconds dt) noexcept override {
     this->set_back(out, asked, robot, dt);
-    const Registration<N>& map = this->coupling_.registration();
-    Vector f_m = map.to_master(out.command.f).vec();
-    if (robot.ideal) f_m = root_.cwiseProduct(u_.vec()) - impedance_.cwiseProduct(map.to_master(out.command.v_d).vec());
+    Force<N> f = out.command.f;
+    if (robot.ideal) f = Force<N>{root_.cwiseProduct(u_.vec()) - impedance_.cwiseProduct(out.command.v_d.vec())};
     sender_ = sent_before_;
-    sender_.send(Wave<N>{u_.vec() - f_m.cwiseProduct(2.0 * root_.cwiseInverse())}, dt);
+    sender_.send(returned(f), dt);
     out.energy_in = sender_.energy();
   }
   SlaveOutput<N> fail_safe(const Ledger& account) noexcept override {
@@ -158,22 +153,31 @@ class WaveSlave final : public Copyable<WaveSlave<N>, CouplingSlave<N>> {
     receiver_.restart();
   }
   [[nodiscard]] bool has_payload() const noexcept override { return true; }
-  void write_payload(Words& words) const noexcept override { write(sender_.packet(), words); }
+  void write_payload(Words& words, const Registration<N>& worlds) const noexcept override {
+    WavePayload<N> packet = sender_.packet();
+    packet.wave.value = worlds.wave_to_master(packet.wave.value);
+    packet.integral.value = worlds.wave_to_master(packet.integral.value);
+    write(packet, words);
+  }
 
  private:
   /// The wave of the velocity λ (x_m - x_sd), which brings the set point to the master's position.
-  Wave<N> correction(const SlaveInput<N>& in, const Registration<N>& map, const Vector& stiff) const noexcept {
+  [[nodiscard]] Wave<N> correcting(const SlaveInput<N>& in, const Vector& stiff) const noexcept {
     if (correction_per_s_ == 0.0 || !in.coupled) return {};
     const Displacement<N> off = this->coupling_.target() - this->coupling_.set_point();
-    const Velocity<N> v = map.to_master(Velocity<N>{correction_per_s_ * off.vec()});
-    return Wave<N>{stiff.cwiseProduct(v.vec()).cwiseQuotient(root_)};
+    return Wave<N>{stiff.cwiseProduct(correction_per_s_ * off.vec()).cwiseQuotient(root_)};
+  }
+
+  /// The wave that goes back where f acts.
+  [[nodiscard]] Wave<N> returned(const Force<N>& f) const noexcept {
+    return Wave<N>{u_.vec() - f.vec().cwiseProduct(2.0 * root_.cwiseInverse())};
   }
 
   double correction_per_s_;
-  WaveReceiver<N> receiver_;
+  WaveReceiver<N> receiver_;            ///< in the master's world, as its packets
   WaveSender<N> sender_, sent_before_;  ///< sent_before_: before the last step
   Wave<N> u_;                           ///< received in the last step
-  Vector impedance_, root_, to_master_units_;
+  Vector impedance_, root_;
 };
 
 }  // namespace twoport

@@ -27,8 +27,7 @@ template <int N>
 class EnergyExchangeMaster final : public Copyable<EnergyExchangeMaster<N>, MasterPassivity<N>> {
  public:
   explicit EnergyExchangeMaster(const ControlOptions& o)
-      : registration_{o},
-        bounds_hand_{o.passivity != "ENERGY_SPRING_TWO_PORT"},
+      : bounds_hand_{o.passivity != "ENERGY_SPRING_TWO_PORT"},
         account_{o.initial_energy},
         hand_{o},
         quarter_mass_{0.25 * per_axis<N>(o.handle_mass_kg, o.handle_inertia_kg_m2)} {
@@ -65,7 +64,7 @@ class EnergyExchangeMaster final : public Copyable<EnergyExchangeMaster<N>, Mast
   }
   [[nodiscard]] bool crosses_bridge() const noexcept override { return true; }
   [[nodiscard]] Energy balance(const Ledger&, Energy slave_in) const noexcept override {
-    return std::min(hand_.spring().energy(), account_.balance(registration_.to_master(slave_in)));
+    return std::min(hand_.spring().energy(), account_.balance(slave_in));
   }
   void restart(const Ledger& account, Energy balance) noexcept override {
     net_before_ = account.net();
@@ -85,7 +84,7 @@ class EnergyExchangeMaster final : public Copyable<EnergyExchangeMaster<N>, Mast
     hand_.observe(in);
     account_.put_in(in.account.net() - net_before_);
     net_before_ = in.account.net();
-    account_.hear(registration_.to_master(in.slave_energy_in), registration_.to_master(in.slave_energy_net));
+    account_.hear(in.slave_energy_in, in.slave_energy_net);
     low_pass(v_slow_, in.mean_velocity(), in.dt, kDamperVelocity_s);
   }
   [[nodiscard]] Force<N> paying(double part, const MasterInput<N>& in) const noexcept {
@@ -95,7 +94,6 @@ class EnergyExchangeMaster final : public Copyable<EnergyExchangeMaster<N>, Mast
     return Force<N>{in.ramp * b.cwiseProduct(v_slow_.vec())};
   }
 
-  Registration<N> registration_;
   bool bounds_hand_;
   ExchangeAccount account_;
   HandSpring<N> hand_;
@@ -115,19 +113,17 @@ template <int N>
 class EnergyExchangeSlave final : public Copyable<EnergyExchangeSlave<N>, SlavePassivity<N>> {
  public:
   explicit EnergyExchangeSlave(const ControlOptions& o)
-      : account_{Registration<N>{o}.to_slave(o.initial_energy)}, limits_{limits_at_robot(o)} {
+      : account_{o.motion_scale / o.force_scale * o.initial_energy}, limits_{limits_at_robot(o)} {
     const auto inverse = [](double k) { return k > 0.0 ? 0.5 / k : 0.0; };
     give_ = per_axis<N>(inverse(o.coupling.stiffness_n_per_m), inverse(o.coupling.rotational_stiffness_n_m_per_rad));
   }
 
   void start(const RobotSample<N>& robot) noexcept override { port_.start(robot); }
-  RobotPort<N> limit(const RobotWish<N>& wish, VirtualCoupling<N>& coupling,
-                     const SlaveInput<N>& in) noexcept override {
+  RobotPort<N> limit(const RobotWish<N>& wish, VirtualCoupling<N>&, const SlaveInput<N>& in) noexcept override {
     const auto [out, moved] = port_.observe(in.robot);
     account_.put_in(-out);
     reach_.observe(moved, in.dt);
-    const Registration<N>& to = coupling.registration();
-    account_.hear(to.to_slave(in.master_energy_in), to.to_slave(in.master_energy_net));
+    account_.hear(in.master_energy_in, in.master_energy_net);
     if (in.active) account_.share();
     if (in.bridge != nullptr) [[unlikely]]  // the force of the method before is not paid from here
       account_.forgive();
@@ -155,9 +151,8 @@ class EnergyExchangeSlave final : public Copyable<EnergyExchangeSlave<N>, SlaveP
   }
   void release() noexcept override { port_.release(); }
   [[nodiscard]] Energy reported(const Ledger&) noexcept override { return account_.sent(); }
-  [[nodiscard]] Energy balance(const Ledger&, const Registration<N>& registration,
-                               Energy master_in) const noexcept override {
-    return account_.balance(registration.to_slave(master_in));
+  [[nodiscard]] Energy balance(const Ledger&, Energy master_in) const noexcept override {
+    return account_.balance(master_in);
   }
   void restart(const Ledger&, Energy balance) noexcept override { account_.restart(balance); }
 

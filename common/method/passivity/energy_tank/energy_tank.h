@@ -55,11 +55,7 @@ template <int N>
 class EnergyTankMaster final : public Copyable<EnergyTankMaster<N>, MasterPassivity<N>> {
  public:
   explicit EnergyTankMaster(const ControlOptions& o)
-      : registration_{o},
-        initial_{o.initial_energy},
-        side_{o},
-        gains_{energy_tank_gains(o)},
-        handle_mass_kg_{o.handle_mass_kg} {
+      : initial_{o.initial_energy}, side_{o}, gains_{energy_tank_gains(o)}, handle_mass_kg_{o.handle_mass_kg} {
     const CouplingOptions& c = o.coupling;
     const double turned = c.damping_n_s_per_m > 0.0 ? c.rotational_damping_n_m_s_per_rad / c.damping_n_s_per_m : 0.0;
     shape_ = per_axis<N>(1.0, turned);
@@ -68,7 +64,7 @@ class EnergyTankMaster final : public Copyable<EnergyTankMaster<N>, MasterPassiv
   Shown<N> limit(const Wish<N>& wish, const MasterInput<N>& in) noexcept override {
     side_.put_in(in.account.net() - net_before_);
     net_before_ = in.account.net();
-    const Energy received = registration_.to_master(in.slave_energy_in);
+    const Energy received = in.slave_energy_in;
     Shown<N> out;
     if (in.active) {
       side_.send(received, in.dt);
@@ -90,7 +86,7 @@ class EnergyTankMaster final : public Copyable<EnergyTankMaster<N>, MasterPassiv
   }
   [[nodiscard]] bool crosses_bridge() const noexcept override { return true; }
   [[nodiscard]] Energy balance(const Ledger&, Energy slave_in) const noexcept override {
-    return side_.balance(registration_.to_master(slave_in));
+    return side_.balance(slave_in);
   }
   void restart(const Ledger& account, Energy balance) noexcept override {
     net_before_ = account.net();
@@ -102,7 +98,6 @@ class EnergyTankMaster final : public Copyable<EnergyTankMaster<N>, MasterPassiv
     return side_.limited(f, -dot(f, in.device.v), level, in.dt);
   }
 
-  Registration<N> registration_;
   Energy initial_;
   EnergyTankSide<N> side_;
   EnergyTankGains gains_;
@@ -118,12 +113,11 @@ class EnergyTankSlave final : public Copyable<EnergyTankSlave<N>, SlavePassivity
   explicit EnergyTankSlave(const ControlOptions& o) : side_{o} {}
 
   void start(const RobotSample<N>& robot) noexcept override { port_.start(robot); }
-  RobotPort<N> limit(const RobotWish<N>& wish, VirtualCoupling<N>& coupling,
-                     const SlaveInput<N>& in) noexcept override {
+  RobotPort<N> limit(const RobotWish<N>& wish, VirtualCoupling<N>&, const SlaveInput<N>& in) noexcept override {
     const auto [out, moved] = port_.observe(in.robot);
     side_.put_in(-out);
     reach_.observe(moved, in.dt);
-    const Energy received = coupling.registration().to_slave(in.master_energy_in);
+    const Energy received = in.master_energy_in;
     if (in.active) side_.send(received, in.dt);
     const Energy level = side_.level(received);
     const double damped = reach_.part(wish.damper, level);
@@ -141,9 +135,8 @@ class EnergyTankSlave final : public Copyable<EnergyTankSlave<N>, SlavePassivity
   }
   void release() noexcept override { port_.release(); }
   [[nodiscard]] Energy reported(const Ledger&) noexcept override { return side_.sent(); }
-  [[nodiscard]] Energy balance(const Ledger&, const Registration<N>& registration,
-                               Energy master_in) const noexcept override {
-    return side_.balance(registration.to_slave(master_in));
+  [[nodiscard]] Energy balance(const Ledger&, Energy master_in) const noexcept override {
+    return side_.balance(master_in);
   }
   void restart(const Ledger&, Energy balance) noexcept override { side_.restart(balance); }
 

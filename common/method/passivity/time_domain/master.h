@@ -34,7 +34,6 @@ class TimeDomainMaster final : public Copyable<TimeDomainMaster<N>, MasterPassiv
         initial_{o.initial_energy},
         as_published_{o.controller.method == Method::classic},
         measured_{returns_measured_force(o)},
-        registration_{o},
         workspace_m_{limits_at_device(o).workspace_m},
         predictor_{predictor(o)} {}
 
@@ -93,7 +92,7 @@ class TimeDomainMaster final : public Copyable<TimeDomainMaster<N>, MasterPassiv
         predictor_->take_ratio(in.device.ratio, in.device.v, in.dt);
       }
     }
-    if (measured_) command_force_ = registration_.to_master(in.slave.newest.f_coupling);
+    if (measured_) command_force_ = in.slave.newest.f_coupling;
   }
 
   /// By the limit of the workspace.
@@ -109,7 +108,7 @@ class TimeDomainMaster final : public Copyable<TimeDomainMaster<N>, MasterPassiv
   void keep_for_deficit(const Ledger& account, Energy slave_energy_in) noexcept {
     const Energy put_in = account.absorbed() - absorbed_before_;
     absorbed_before_ = account.absorbed();
-    const Energy over = returned(account) - (initial_ + registration_.to_master(slave_energy_in));
+    const Energy over = returned(account) - (initial_ + slave_energy_in);
     const Energy kept = positive_part(Energy{std::min(put_in.si(), over.si())});
     base_returned_ += kept;
     base_absorbed_ += kept;
@@ -119,8 +118,7 @@ class TimeDomainMaster final : public Copyable<TimeDomainMaster<N>, MasterPassiv
     return measured_ ? command_.absorbed() - base_sent_ : absorbed(account);
   }
   [[nodiscard]] Energy transmittable_energy(const Ledger& account, Energy slave_in) const noexcept {
-    const Energy reported = registration_.to_master(slave_in);
-    return as_published_ ? reported : Energy{std::min(reported.si(), absorbed(account).si())};
+    return as_published_ ? slave_in : std::min(slave_in, absorbed(account));
   }
   [[nodiscard]] Energy absorbed(const Ledger& account) const noexcept { return account.absorbed() - base_absorbed_; }
   [[nodiscard]] Energy returned(const Ledger& account) const noexcept { return account.returned() - base_returned_; }
@@ -129,7 +127,6 @@ class TimeDomainMaster final : public Copyable<TimeDomainMaster<N>, MasterPassiv
   ObserverRule observer_;
   Energy initial_;
   bool as_published_, measured_;
-  Registration<N> registration_;
   double workspace_m_;
   std::optional<PortVelocityPredictor<N>> predictor_;
   Ledger command_;  ///< the motion command as a separate source

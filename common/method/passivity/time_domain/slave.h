@@ -35,7 +35,7 @@ class TimeDomainSlave final : public Copyable<TimeDomainSlave<N>, SlavePassivity
     coupling_energy_.book(0, -dot(f_, in.robot.x - x_before_));
     x_before_ = in.robot.x;
     if (reference_energy_) follow_reference(coupling, in.robot.x);
-    available_ = available(in.account, coupling.registration(), in.master_energy_in);
+    available_ = available(in.account, in.master_energy_in);
     PortSolution<N> allowed =
         admittance_controller(wish.f, wish.v, coupling.spring().mobility(in.dt), available_, in.dt);
     return {allowed.f, allowed.v, allowed.dissipated, true};
@@ -57,9 +57,8 @@ class TimeDomainSlave final : public Copyable<TimeDomainSlave<N>, SlavePassivity
   }
   void release() noexcept override { f_ = Force<N>{}; }
 
-  [[nodiscard]] Energy balance(const Ledger& account, const Registration<N>& registration,
-                               Energy master_energy_in) const noexcept override {
-    return registration.to_slave(master_energy_in) - returned(account);
+  [[nodiscard]] Energy balance(const Ledger& account, Energy master_energy_in) const noexcept override {
+    return master_energy_in - returned(account);
   }
   void restart(const Ledger& account, Energy balance) noexcept override {
     this->base_absorbed_ = account.absorbed();
@@ -77,9 +76,8 @@ class TimeDomainSlave final : public Copyable<TimeDomainSlave<N>, SlavePassivity
 
  private:
   [[nodiscard]] Energy returned(const Ledger& account) const noexcept { return account.returned() - base_returned_; }
-  [[nodiscard]] Energy available(const Ledger& account, const Registration<N>& registration,
-                                 Energy master_energy_in) const noexcept {
-    return initial_ + registration.to_slave(master_energy_in) - returned(account);
+  [[nodiscard]] Energy available(const Ledger& account, Energy master_energy_in) const noexcept {
+    return initial_ + master_energy_in - returned(account);
   }
 
   /// Reference energy: the coupling's account follows the energy of its spring, ½ eᵀK e, in every tick. Energy

@@ -5,7 +5,6 @@
 
 #include "common/base/low_pass.h"
 #include "common/coupling/ramp.h"
-#include "common/coupling/registration.h"
 #include "common/link/round_trip.h"
 #include "common/method/coupled_by_position.h"
 #include "common/method/layers.h"
@@ -29,8 +28,7 @@ template <int N>
 class ContactSpringMaster final : public Copyable<ContactSpringMaster<N>, MasterTransparency<N>> {
  public:
   explicit ContactSpringMaster(const ControlOptions& o)
-      : registration_{o},
-        stiffness_{o.force_scale * o.motion_scale * o.coupling.stiffness_n_per_m},
+      : stiffness_{o.force_scale * o.motion_scale * o.coupling.stiffness_n_per_m},
         rotational_stiffness_{o.force_scale / o.motion_scale * o.coupling.rotational_stiffness_n_m_per_rad},
         mass_kg_{o.handle_mass_kg},
         inertia_kg_m2_{o.handle_inertia_kg_m2},
@@ -106,7 +104,7 @@ class ContactSpringMaster final : public Copyable<ContactSpringMaster<N>, Master
   }
 
   [[nodiscard]] Force<N> displayed(const MasterInput<N>& in) noexcept {
-    const Vector f = registration_.to_master(in.slave.newest.f).vec();
+    const Vector f = in.slave.newest.f.vec();
     const Position<N>& echo = said_.echo.value;
     const bool touches = said_.contact.value > 0.5;
     if (touches && !touches_ && contact_ < kNewContact) {
@@ -138,7 +136,6 @@ class ContactSpringMaster final : public Copyable<ContactSpringMaster<N>, Master
     return Force<N>{per_axis<N>(std::min(b, most), about).cwiseProduct(v_slow_.vec())};
   }
 
-  Registration<N> registration_;
   double stiffness_, rotational_stiffness_;  ///< K_c, K_r in the master's units
   double mass_kg_, inertia_kg_m2_;           ///< of the handle; 0: not known
   Vector k_;                                 ///< diagonal of K

@@ -60,7 +60,7 @@ class FourChannelMaster final : public Copyable<FourChannelMaster<N>, MasterTran
     hand_force_.f.value = in.active ? -on_hand : Force<N>{};
     if (!in.active) return {};
     const Force<N> position = displayed_.step(in.device, in.slave, in.dt);
-    const Force<N> felt = gain_ * displayed_.registration().to_master(in.slave.newest.f);
+    const Force<N> felt = gain_ * in.slave.newest.f;
     return {.idle = false,
             .f = in.ramp * (cancels_ ? position + 0.5 * (felt + gain_ * on_hand) - disturbance : position + felt)};
   }
@@ -89,12 +89,11 @@ class FourChannelSlave final : public Copyable<FourChannelSlave<N>, SlaveTranspa
         gain_{four_channel_force_gain(o)},
         observes_{o.four_channel.reaction_force_observer},
         cancels_{o.four_channel.disturbance_observer},
-        to_slave_units_{per_axis<N>(1.0 / (o.force_scale * o.motion_scale), o.motion_scale / o.force_scale)},
         environment_{per_axis<N>(o.known.robot_mass_kg, o.known.robot_inertia_kg_m2), Vector::Zero(),
                      four_channel_bandwidth(o)} {}
 
-  void start(const RobotSample<N>& robot, const PeerState<N>& master) noexcept override {
-    SlaveTransparency<N>::start(robot, master);
+  void start(const RobotSample<N>& robot, bool engaged) noexcept override {
+    SlaveTransparency<N>::start(robot, engaged);
     environment_.start(robot.v);
     f_ = Force<N>{};
   }
@@ -105,8 +104,7 @@ class FourChannelSlave final : public Copyable<FourChannelSlave<N>, SlaveTranspa
     const Force<N> felt = observes_ && !in.robot.ideal ? observed : in.robot.f_environment;
     HandForce<N> hand;
     if (in.coupled && !in.robot.ideal && read(in.master.words, hand)) {
-      const Vector turned = this->coupling_.registration().to_slave(Velocity<N>{hand.f.value.vec()}).vec();
-      const Force<N> by_hand{gain_ * to_slave_units_.cwiseProduct(turned)};
+      const Force<N> by_hand = gain_ * in.worlds.to_slave(hand.f.value);
       f += cancels_ ? 0.5 * (by_hand - gain_ * felt) + observed : by_hand;
     }
     return {.f = f, .v = wanted.v, .f_back = felt};
@@ -117,7 +115,6 @@ class FourChannelSlave final : public Copyable<FourChannelSlave<N>, SlaveTranspa
   using Vector = typename Force<N>::Vector;
   double gain_;
   bool observes_, cancels_;
-  Vector to_slave_units_;
   ReactionForceObserver<N> environment_;
   Force<N> f_;
 };

@@ -71,8 +71,7 @@ class FractalSpring {
 template <int N>
 class FractalImpedanceMaster final : public Copyable<FractalImpedanceMaster<N>, MasterTransparency<N>> {
  public:
-  explicit FractalImpedanceMaster(const ControlOptions& o)
-      : registration_{o}, tracker_{o.coupling}, spring_{o, impedance_scale<N>(o)} {}
+  explicit FractalImpedanceMaster(const ControlOptions& o) : tracker_{o.coupling}, spring_{o, impedance_scale<N>(o)} {}
 
   void start(const DeviceSample<N>& device) noexcept override {
     robot_ = device.x;
@@ -84,13 +83,12 @@ class FractalImpedanceMaster final : public Copyable<FractalImpedanceMaster<N>, 
     if (!in.active || !read(in.slave.words, robot)) return {};
     if (!hears_) robot_ = robot.x.value;
     hears_ = true;
-    const Velocity<N> v_rx = registration_.to_master(in.slave.newest.v);
+    const Velocity<N> v_rx = in.slave.newest.v;
     robot_ = robot_ + tracker_.step(robot_, robot.x.value, v_rx, in.slave.is_new, in.dt) * in.dt;
     return {.idle = false, .f = in.ramp * spring_.step(in.device.x - robot_)};
   }
 
  private:
-  Registration<N> registration_;
   SetpointTracker<N> tracker_;
   FractalSpring<N> spring_;
   Position<N> robot_;  ///< as last heard, in the master's world
@@ -104,8 +102,8 @@ class FractalImpedanceSlave final : public Copyable<FractalImpedanceSlave<N>, Sl
   explicit FractalImpedanceSlave(const ControlOptions& o)
       : Copyable<FractalImpedanceSlave<N>, SlaveTransparency<N>>{coupled_by_position(o, o.coupling)}, spring_{o} {}
 
-  void start(const RobotSample<N>& robot, const PeerState<N>& master) noexcept override {
-    SlaveTransparency<N>::start(robot, master);
+  void start(const RobotSample<N>& robot, bool engaged) noexcept override {
+    SlaveTransparency<N>::start(robot, engaged);
     spring_.start();
   }
   RobotWish<N> wish(const SlaveInput<N>& in) noexcept override {

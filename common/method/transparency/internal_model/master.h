@@ -5,7 +5,6 @@
 
 #include "common/base/low_pass.h"
 #include "common/coupling/ramp.h"
-#include "common/coupling/registration.h"
 #include "common/link/round_trip.h"
 #include "common/method/layers.h"
 #include "common/method/transparency/surface/payload.h"
@@ -39,8 +38,7 @@ template <int N>
 class InternalModelMaster final : public Copyable<InternalModelMaster<N>, MasterTransparency<N>> {
  public:
   explicit InternalModelMaster(const ControlOptions& o)
-      : registration_{o},
-        coupling_n_per_m_{o.force_scale * o.motion_scale * o.coupling.stiffness_n_per_m},
+      : coupling_n_per_m_{o.force_scale * o.motion_scale * o.coupling.stiffness_n_per_m},
         rotation_n_m_per_rad_{o.force_scale / o.motion_scale * o.coupling.rotational_stiffness_n_m_per_rad},
         mass_kg_{o.handle_mass_kg},
         inertia_kg_m2_{o.handle_inertia_kg_m2},
@@ -158,7 +156,7 @@ class InternalModelMaster final : public Copyable<InternalModelMaster<N>, Master
   }
 
   void correct(const MasterInput<N>& in, Seconds round_trip) noexcept {
-    const Force<N> f = registration_.to_master(in.slave.newest.f);
+    const Force<N> f = in.slave.newest.f;
     const Hand echo = at(said_.echo.value);
     const Vector modelled = model_.force(echo.surface);
     typename Force<N>::Vector error = f.vec();
@@ -265,7 +263,6 @@ class InternalModelMaster final : public Copyable<InternalModelMaster<N>, Master
     low_pass(offset_m_, std::min(wanted, hand.surface.depth), dt, kOffset_s);
   }
 
-  Registration<N> registration_;
   double coupling_n_per_m_, rotation_n_m_per_rad_;  ///< K_c, K_r in the master's units
   double mass_kg_, inertia_kg_m2_;                  ///< of the handle; 0: not known
   double residual_s_;                               ///< a without delay

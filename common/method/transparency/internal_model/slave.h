@@ -71,61 +71,64 @@ class InternalModelSlave final : public Copyable<InternalModelSlave<N>, SlaveTra
         rotation_n_m_per_rad_{o.force_scale / o.motion_scale * o.coupling.rotational_stiffness_n_m_per_rad},
         newtons_per_n_m_{o.motion_scale * std::sqrt(stiffness_ratio(o.coupling))} {}
 
-  void start(const RobotSample<N>& robot, const PeerState<N>& master) noexcept override {
+  void start(const RobotSample<N>& robot, bool engaged) noexcept override {
     yield_m_ = grounded_share_ = 0.0;
-    informed_ = read(master.words, said_);
-    coupling_.start(robot.x, master, commanded(master));
+    coupling_.start(robot.x, engaged);
     estimator_.reset();
     torque_.reset();
     observer_.start(robot.v);
     f_ = Force<N>{};
-    engaged_ = master.has_report;
+    engaged_ = engaged;
+  }
+  /// x_m - o - q n.
+  Position<N> commanded(const PeerState<N>& master) noexcept override {
+    informed_ = read(master.words, said_);
+    if (!informed_) return master.newest.x;
+    typename Displacement<N>::Vector by = Displacement<N>::Vector::Zero();
+    by.template head<D>() = said_.offset.value.vec() + yield_m_ * yield_normal_;
+    return master.newest.x + Displacement<N>{-by};
   }
 
   RobotWish<N> wish(const SlaveInput<N>& in) noexcept override {
     const RobotSample<N>& robot = in.robot;
-    informed_ = read(in.master.words, said_);
-    const Position<N> x_rx = commanded(in.master);
     if (along_force_) low_pass(grounded_share_, in.coupled && touches() ? 1.0 : 0.0, in.dt, kGround_s);
     typename VirtualCoupling<N>::Wanted wanted;
     if (in.active) {
-      wanted = coupling_.step(robot, in.master, x_rx, in.coupled, in.dt);
+      wanted = coupling_.step(robot, in.commanded, in.master.newest.v, in.master.is_new, in.coupled, in.dt);
       if (grounded_share_ > 0.0 && !robot.ideal) {
-        const Velocity<N> v_rx = in.coupled ? coupling_.registration().to_slave(in.master.newest.v) : Velocity<N>{};
+        const Velocity<N> v_rx = in.coupled ? in.master.newest.v : Velocity<N>{};
         wanted.f += Force<N>{-grounded_share_ * damping_.cwiseProduct((v_rx - robot.v).vec())};
       }
-      if (in.coupled && in.master.is_new)
-        offset_ = coupling_.registration().to_slave(in.master.newest.x) - coupling_.registration().to_slave(x_rx);
+      if (in.coupled && in.master.is_new) offset_ = in.master.newest.x - in.commanded;
     } else {
       coupling_.rest(robot.x);
     }
-    if (!all_finite(wanted.f, wanted.v)) [[unlikely]]
-      return {.f = wanted.f, .v = wanted.v};
-
     const Force<N> felt = senses_ ? robot.f_environment - bias_.value() : observed(robot, wanted.f, in.dt);
+    const Force<N> felt_there = in.worlds.to_master(felt);
     // Six axes: before it is driven a robot may repeat one reading, which tells neither bias nor noise.
-    if (N != 6 || in.active) estimate(robot, felt, in.dt);
-    yield(in, felt);
+    if (N != 6 || in.active) estimate(in, felt_there);
+    yield(in, felt_there);
     report(robot);
     RobotWish<N> out{.f = wanted.f, .v = wanted.v, .f_back = felt};
     out.damped = in.coupled;
     out.grounded = along_force_ && out.damped && !robot.ideal;
-    if (out.damped) out.damper = leaving_brake(robot, in.dt);
+    if (out.damped) out.damper = leaving_brake(in);
     if (out.grounded) out.damper += Force<N>{-grounded_share_ * damping_.cwiseProduct(robot.v.vec())};
     return out;
   }
-  /// The report tells the set point as it is after this tick's motion.
-  void acted(const Force<N>& f) noexcept override {
-    f_ = f;
-    report_.echo.value = coupling_.registration().to_master(coupling_.set_point());
-  }
-  void resume(const SlaveHandover<N>& from) noexcept override {
-    SlaveTransparency<N>::resume(from);
+  void acted(const Force<N>& f) noexcept override { f_ = f; }
+  void resume(const Position<N>& set_point) noexcept override {
+    SlaveTransparency<N>::resume(set_point);
     engaged_ = true;
   }
   [[nodiscard]] Position<N> target() const noexcept override { return coupling_.target() + offset_; }
   [[nodiscard]] bool has_payload() const noexcept override { return engaged_; }
-  void write_payload(Words& words) const noexcept override { write(report_, words); }
+  /// The set point as it is after this tick's motion.
+  void write_payload(Words& words, const Registration<N>& worlds) const noexcept override {
+    SurfaceReport<N> report = report_;
+    report.echo.value = worlds.to_master(coupling_.set_point());
+    write(report, words);
+  }
 
  private:
   static constexpr int D = kAxes<N>;
@@ -145,16 +148,11 @@ class InternalModelSlave final : public Copyable<InternalModelSlave<N>, SlaveTra
 
   /// Force on the environment without a sensor, friction of the robot included. An ideal robot tells it.
   Force<N> observed(const RobotSample<N>& robot, const Force<N>& wanted, Seconds dt) noexcept {
-    return robot.ideal || !(mass_kg_ > 0.0) ? wanted : observer_.step(f_, robot.v, dt);
+    if (robot.ideal) return wanted;
+    return mass_kg_ > 0.0 ? observer_.step(f_, robot.v, dt) : f_;
   }
 
-  /// x_m - o - q n.
-  [[nodiscard]] Position<N> commanded(const PeerState<N>& master) const noexcept {
-    if (!informed_) return master.newest.x;
-    typename Displacement<N>::Vector by = Displacement<N>::Vector::Zero();
-    by.template head<D>() = said_.offset.value.vec() + yield_m_ * yield_normal_;
-    return master.newest.x + Displacement<N>{-by};
-  }
+  // All below is in the master's world, and so is `felt`.
 
   /// The yield of a hand that does not feel yet what the robot presses.
   void yield(const SlaveInput<N>& in, const Force<N>& felt) noexcept {
@@ -169,7 +167,7 @@ class InternalModelSlave final : public Copyable<InternalModelSlave<N>, SlaveTra
         yield_normal_.normalize();
       }
       const double k = in_series(estimator_.patch(), in.robot.ideal);
-      const double pressed = n.dot(coupling_.registration().to_master(felt).vec().template head<D>());
+      const double pressed = n.dot(felt.vec().template head<D>());
       const double unfelt = pressed + k * yield_m_ - n.dot(said_.felt.value.vec());
       wanted = std::max(0.0, yields_ * unfelt / (kHand_n_per_m + k));
     }
@@ -182,7 +180,7 @@ class InternalModelSlave final : public Copyable<InternalModelSlave<N>, SlaveTra
   void yield_along_force(const SlaveInput<N>& in, const Force<N>& felt) noexcept {
     Point<D> q = yield_m_ * yield_normal_, wanted = Point<D>::Zero();
     if (informed_ && in.coupled && touches()) {
-      const Point<D> f = coupling_.registration().to_master(felt).vec().template head<D>();
+      const Point<D> f = felt.vec().template head<D>();
       const double k = coupling_n_per_m_;
       low_pass(f_slow_, f, in.dt, kYield_s);
       wanted = yields_ / (kHand_n_per_m + k) * (f + k * q - said_.felt.value.vec());
@@ -196,12 +194,11 @@ class InternalModelSlave final : public Copyable<InternalModelSlave<N>, SlaveTra
     if (yield_m_ > 0.0) yield_normal_ = q / yield_m_;
   }
 
-  /// Everything in the master's world and units.
-  void estimate(const RobotSample<N>& robot, const Force<N>& felt, Seconds dt) noexcept {
-    const Registration<N>& to = coupling_.registration();
-    const auto f = to.to_master(felt).vec().eval();
-    const auto v = to.to_master(robot.v).vec().eval();
-    const Position<N> x = to.to_master(robot.x);
+  void estimate(const SlaveInput<N>& in, const Force<N>& felt) noexcept {
+    const auto& f = felt.vec();
+    const auto v = in.worlds.to_master(in.robot.v).vec().eval();
+    const Position<N> x = in.worlds.to_master(in.robot.x);
+    const Seconds dt = in.dt;
     contact_point_ = x.translation();
     Point<D> velocity = v.template head<D>();
     if constexpr (N == 6) {
@@ -218,18 +215,18 @@ class InternalModelSlave final : public Copyable<InternalModelSlave<N>, SlaveTra
     } else {
       estimator_.step(contact_point_, velocity, f.template head<D>(), dt);
     }
-    if (senses_ && !touches()) bias_.learn(robot.f_environment, dt);
+    if (senses_ && !touches()) bias_.learn(in.robot.f_environment, dt);
   }
 
-  [[nodiscard]] Force<N> leaving_brake(const RobotSample<N>& robot, Seconds dt) const noexcept {
+  /// On the robot.
+  [[nodiscard]] Force<N> leaving_brake(const SlaveInput<N>& in) const noexcept {
     if (!estimator_.contact()) return {};
-    const Registration<N>& to = coupling_.registration();
     const Point<D> n = estimator_.patch().normal;
     typename Velocity<N>::Vector leaving = Velocity<N>::Vector::Zero();
-    leaving.template head<D>() = std::min(0.0, n.dot(to.to_master(robot.v).vec().template head<D>())) * n;
+    leaving.template head<D>() = std::min(0.0, n.dot(in.worlds.to_master(in.robot.v).vec().template head<D>())) * n;
     const double of_mass = kBrakeOfMass * std::sqrt(estimator_.patch().stiffness / to_master_stiffness_ * mass_kg_);
-    const double b = std::max(brake_n_s_per_m_, std::min(of_mass, 0.25 * mass_kg_ / dt.si()));
-    return Force<N>{-b * to.to_slave(Velocity<N>{leaving}).vec()};
+    const double b = std::max(brake_n_s_per_m_, std::min(of_mass, 0.25 * mass_kg_ / in.dt.si()));
+    return Force<N>{-b * in.worlds.to_slave(Velocity<N>{leaving}).vec()};
   }
 
   void report(const RobotSample<N>& robot) noexcept {

@@ -31,15 +31,15 @@ class PluginMaster final : public Copyable<PluginMaster<N>, MasterTransparency<N
     put(in.slave.newest.f.vec(), in_.slave_force);
     failed_ = failed_ || !host_->step(in_, out_);
     Wish<N> out{.idle = !in.active, .f = force(out_.force), .damper = force(out_.damper), .damped = true};
-    failed_ = failed_ || !all_finite(out.f, out.damper);
     if (failed_) [[unlikely]]
       out.f = Force<N>{Force<N>::Vector::Constant(std::numeric_limits<double>::quiet_NaN())};
     out.f = in.ramp * out.f;
     out.damper = in.ramp * out.damper;
     if (out_.stored_j >= 0.0) out.stored = Energy{out_.stored_j};
-    if (out.idle && !failed_) return {};
+    if (out.idle) return {.f = 0.0 * out.total()};  // what is not finite stays so
     return out;
   }
+  void failed(const MasterInput<N>&) noexcept override { failed_ = true; }
 
  private:
   static void put(const typename Force<N>::Vector& from, double* to) noexcept {

@@ -2,7 +2,6 @@
 
 #include "common/base/vector.h"
 #include "common/coupling/options.h"
-#include "common/coupling/registration.h"
 #include "common/coupling/setpoint_tracker.h"
 #include "common/coupling/spring_damper.h"
 #include "common/coupling/virtual_coupling.h"
@@ -19,7 +18,7 @@ template <int N>
 class PositionErrorForce {
  public:
   explicit PositionErrorForce(const ControlOptions& o)
-      : registration_{o}, spring_{o.coupling}, tracker_{o.coupling}, scale_{impedance_scale<N>(o)} {}
+      : spring_{o.coupling}, tracker_{o.coupling}, scale_{impedance_scale<N>(o)} {}
 
   void start(const Position<N>& device) noexcept { x_d_ = device; }
 
@@ -27,12 +26,11 @@ class PositionErrorForce {
   Force<N> step(DeviceSample<N> device, const PeerState<N>& slave, Seconds dt) noexcept {
     RobotInMasterWorld<N> robot;
     if (!read(slave.words, robot)) return {};
-    x_d_ = x_d_ + tracker_.step(x_d_, robot.x.value, registration_.to_master(slave.newest.v), slave.is_new, dt) * dt;
+    x_d_ = x_d_ + tracker_.step(x_d_, robot.x.value, slave.newest.v, slave.is_new, dt) * dt;
     return Force<N>{scale_.cwiseProduct(spring_.force(device.x - x_d_, device.v - tracker_.velocity()).vec())};
   }
 
  private:
-  Registration<N> registration_;
   SpringDamper<N> spring_;
   SetpointTracker<N> tracker_;
   typename Force<N>::Vector scale_;

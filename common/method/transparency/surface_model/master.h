@@ -4,7 +4,6 @@
 #include <limits>
 
 #include "common/base/low_pass.h"
-#include "common/coupling/registration.h"
 #include "common/method/layers.h"
 #include "common/method/transparency/surface/payload.h"
 #include "common/method/transparency/surface/surface_model.h"
