@@ -45,6 +45,7 @@ export interface Introduction {
   architecture: string;
   method: string;
   methods: string[];
+  plain_method: string; // the one without a controller
   initial_energies_j: number[];
   restarts: boolean; // may the page have both programs started again?
   device: string;

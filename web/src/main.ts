@@ -211,7 +211,7 @@ class Page {
   }
 
   private makeTour(scene: Introduction): void {
-    const without = scene.methods.findIndex((m) => m.startsWith('NONE'));
+    const without = scene.methods.findIndex((m) => m.startsWith(scene.plain_method));
     const wall = scene.environment.some((e) => e.kind === 'wall');
     const possible = scene.pointer && scene.linked && wall && without > 0;
     element('tour-begin').hidden = !possible;
