@@ -168,7 +168,7 @@ VerdictFrom verdict_from(std::string_view name, std::string_view option) {
 }
 
 bool has_plugin(const Scene& scene) {
-  const auto is_plugin = [](const ControlOptions& c) { return c.transparency == "PLUGIN"; };
+  const auto is_plugin = [](const ControlOptions& c) { return transparency_layer(c).is_external; };
   return is_plugin(scene.control) || std::any_of(scene.schedule.begin(), scene.schedule.end(),
                                                  [&](const ScheduledControl& s) { return is_plugin(s.control); });
 }

@@ -31,7 +31,7 @@ class MasterNode {
     Force<N> wanted;  ///< before the passivity controller
     Energy dissipated, undissipated;
     Mode mode;
-    double contact_spring_share = 0.0;  ///< of the model of the contact (Wish)
+    LayerFigures figures{};
   };
 
   explicit MasterNode(const ControlOptions& o, std::span<const ScheduledControl> schedule = {})
@@ -110,7 +110,7 @@ class MasterNode {
             .dissipated = half.dissipated,
             .undissipated = half.undissipated,
             .mode = modes_.mode(),
-            .contact_spring_share = half.contact_spring_share};
+            .figures = half.figures};
   }
 
   /// The slave has restarted and its totals with it: those of this side restart too.

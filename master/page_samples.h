@@ -133,7 +133,7 @@ class PageSamples {
     s.hand_energy_j = observed.si();
     s.dissipated_j = dissipated_j_;
     s.deficit_j = out.undissipated.si();
-    if constexpr (requires { out.contact_spring_share; }) s.contact_spring_share = out.contact_spring_share;
+    if constexpr (requires { out.figures; }) s.layer_figures = out.figures;
     s.late_us = 1e6 * to_seconds(late_).si();
     s.limits = 0.0;
     for (std::size_t i = 0; i < kLimits; ++i)

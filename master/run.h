@@ -179,7 +179,7 @@ struct LinkMaster : Master<N> {
              const typename MasterNode<N>::Output& out) noexcept {
     const PeerState<N>& slave = link.mail().known();
     Row<N> row = this->row_of(t_s, sample, out, node.observed());
-    row.contact_spring_share = out.contact_spring_share;
+    row.figures = out.figures;
     add_slave(row, slave, out.mode, node.worlds());
     return row;
   }

@@ -6,6 +6,7 @@
 #include <utility>
 
 #include "common/base/built_for.h"
+#include "common/coupling/layers.h"
 #include "common/passivity/observer.h"
 #include "common/passivity/passivated.h"
 #include "python/bind.h"
@@ -14,15 +15,8 @@ namespace twoport::python {
 namespace {
 
 Method method_of(const std::string& name) {
-  constexpr std::pair<const char*, Method> kMethods[] = {{"NONE", Method::none},
-                                                         {"CLASSIC", Method::classic},
-                                                         {"FORCE_PROJECTED", Method::force_projected},
-                                                         {"METRIC_DAMPING", Method::metric_damping},
-                                                         {"FORCE_CONE", Method::force_cone}};
-  for (const auto& [known, method] : kMethods)
-    if (name == known) return method;
-  throw ConfigError{
-      fmt::format("method is {}; it must be one of NONE, CLASSIC, FORCE_PROJECTED, METRIC_DAMPING, FORCE_CONE", name)};
+  if (const ControllerName* known = find_name(kControllers, name)) return known->method;
+  throw ConfigError{fmt::format("method is {}; it must be one of {}", name, fmt::join(names_of(kControllers), ", "))};
 }
 
 double not_negative(const char* name, double value) {

@@ -161,7 +161,9 @@ Result run_scene(const SceneOfText& s, bool trace, std::int64_t trace_every, con
   Scene scene = s.scene;
   std::shared_ptr<FunctionLayer> layer;
   if (transparency) {
-    if (!choose_method(scene.control, "PLUGIN+" + scene.control.passivity))
+    const auto external = std::find_if(std::begin(kTransparencyLayers), std::end(kTransparencyLayers),
+                                       [](const TransparencyLayerName& each) { return each.is_external; });
+    if (!choose_method(scene.control, std::string{external->name} + "+" + scene.control.passivity))
       throw ConfigError{"transparency is given, but control.passivity.method is " + scene.control.method_name +
                         ", which has no layers"};
     scene.control.plugin.host = layer = std::make_shared<FunctionLayer>(*transparency, scene.dof);

@@ -5,6 +5,7 @@
 
 #include "common/base/built_for.h"
 #include "common/base/check.h"
+#include "common/coupling/layers.h"
 #include "common/hardware/adjustable_environment.h"
 #include "common/hardware/mounted.h"
 #include "common/platform/live_gripper.h"
@@ -176,11 +177,8 @@ struct Slave : SlaveRows<N> {
 
 /// What would make the force sensor unnecessary for the method; empty: it needs none.
 inline std::string replaces_force_sensor(const ControlOptions& o) {
-  if (models_surface(o) && o.architecture != Architecture::position_position)
-    return "control.architecture POSITION_POSITION";
-  if (o.transparency == "FOUR_CHANNEL" && !o.four_channel.reaction_force_observer)
-    return "control.passivity.four_channel.reaction_force_observer";
-  return {};
+  const auto replaces = transparency_layer(o).replaces_force_sensor;
+  return replaces != nullptr ? std::string{replaces(o)} : std::string{};
 }
 
 /// Refuses controllers that need the force sensor which the robot lacks.

@@ -3,20 +3,20 @@
 #include <cstdint>
 #include <span>
 
-#include "common/coupling/options.h"
+#include "common/coupling/layers.h"
 
 namespace twoport {
 
 /// What a method claims with its options, over a link. Void are
 ///
 ///     all    observer RECTANGLE: the account misses energy
-///            a limit of the force's rate at the device that can act: a force outlasts its account (ENERGY_EXCHANGE shows none
-///            that could)
-///     hand   energy_bounding.damping above the device's
+///            a limit of the force's rate at the device that can act: a force outlasts its account (layers that exchange energy show
+///            none that could)
+///     hand   options that count on more damping than the device has
 ///     both   of a layer that bounds the robot's own port: a limit of the force's rate at the robot that can act; an ideal robot, which goes to
 ///            its set point whatever force that takes
-///            FORCE_PROJECTED: POSITION_MEASURED_FORCE, and a damper at the robot that is of the link (damps_link)
-///     FORCE_PROJECTED acts on the present velocity without `predict` or where the handle's mass is not known: both claims
+///            `predicts`: POSITION_MEASURED_FORCE, and a damper at the robot that is of the link (damps_link)
+///     `predicts`: without `predict` or where the handle's mass is not known it acts on the present velocity: both claims
 struct StandingClaim {
   enum class Voided : std::uint8_t {
     nothing,
@@ -33,6 +33,11 @@ struct StandingClaim {
   Claim claim;
   Voided voided = Voided::nothing;  ///< an option that takes a part of the claim away
 };
+/// What the method claims before an option takes any of it away.
+[[nodiscard]] inline Claim stated_claim(const ControlOptions& o) {
+  const MethodName& method = method_entry(o);
+  return (method.claim ? method.claim : passivity_layer(o).claim).value_or(Claim{});
+}
 [[nodiscard]] inline StandingClaim standing_claim(const ControlOptions& o) {
   using enum StandingClaim::Voided;
   // Within the limit of force no force changes by more than twice that in a tick.
@@ -41,12 +46,7 @@ struct StandingClaim {
            !(limits.force_rate_n_per_s * tick.si() >= 2.0 * limits.force_n);
   };
   if (o.architecture == Architecture::render || o.architecture == Architecture::uncontrolled) return {};
-  Claim claim;
-  if (const MethodName* method = find_name(kMethods, o.method_name); method != nullptr && method->one_piece()) {
-    claim = *method->claim;
-  } else if (const PassivityLayerName* layer = find_name(kPassivityLayers, o.passivity)) {
-    claim = layer->claim;
-  }
+  Claim claim = stated_claim(o);
   if (!claim.any()) return {};
   if (o.observer == ObserverRule::rectangle) return {{}, observer};
   if (!exchanges_energy(o) && rate_acts(limits_at_device(o), o.known.master_tick)) return {{}, device_rate};
@@ -60,16 +60,11 @@ struct StandingClaim {
     take_both(robot_rate);
   if (claim.robot_port && o.known.ideal_robot) take_both(ideal_robot);
   if (claim.predicts) {
-    const TransparencyLayerName* shown = find_name(kTransparencyLayers, o.transparency);
     if (returns_measured_force(o)) take_both(measured_force);
-    if (shown != nullptr && shown->damps_link) take_both(link_damper);
+    if (transparency_layer(o).damps_link) take_both(link_damper);
   }
-  if (claim.device_damping) {
-    const EnergyBoundingOptions& b = o.energy_bounding;
-    if (b.damping_n_s_per_m.value_or(0.0) > o.known.device_damping_n_s_per_m ||
-        b.rotational_damping_n_m_s_per_rad.value_or(0.0) > o.known.device_rotational_damping_n_m_s_per_rad)
-      claim.hand = false, voided = damping;
-  }
+  if (const auto overstates = passivity_layer(o).overstates_damping; overstates != nullptr && !overstates(o).empty())
+    claim.hand = false, voided = damping;
   return {claim.any() ? claim : Claim{}, voided};
 }
 [[nodiscard]] inline Claim claim_of(const ControlOptions& o) {

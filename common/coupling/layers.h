@@ -1,9 +1,15 @@
 #pragma once
 
+#include <algorithm>
+#include <array>
+#include <cstddef>
 #include <optional>
+#include <string>
 #include <string_view>
+#include <utility>
+#include <vector>
 
-#include "common/passivity/controller_options.h"
+#include "common/coupling/options.h"
 
 namespace twoport {
 
@@ -12,7 +18,8 @@ namespace twoport {
 ///     wanted    = transparency layer: what the hand should feel and what the robot should do; it may be wrong
 ///     displayed = passivity layer: how much of it the energy of the port allows
 ///
-/// These lists are the names of scenes, of `twoport-lab methods` and of tables. common/method/classes.h has the classes.
+/// These lists are the names of scenes, of `twoport-lab methods` and of tables. A layer is a folder and a line of a list.h; its layer.h
+/// states what others ask of it, and its classes. Nothing else asks for a layer by its name.
 
 /// Which ports' energy is bounded [J], since the start, for any hand, robot and network:
 ///
@@ -34,6 +41,8 @@ struct Claim {
   bool predicts = false;        ///< as the handle has moved, not for the worst that a hand can do
 
   [[nodiscard]] constexpr bool any() const { return hand || both; }
+  /// What hand and robot together may give back at most, in E(0): that of each side. 0: not bounded.
+  [[nodiscard]] constexpr double grants() const { return both ? 2.0 : 0.0; }
   friend constexpr bool operator==(const Claim&, const Claim&) = default;
 };
 
@@ -42,91 +51,75 @@ constexpr std::string_view to_string(const Claim& claim) {
   return claim.hand ? "hand" : claim.both ? "both" : "none";
 }
 
+/// A number that a layer computes in each tick: a column of the trace, a value of the page, and in the summary its mean over ticks in contact.
+struct LayerFigure {
+  std::string_view name, unit{};
+  int least_dof = 1;  ///< it is left out of smaller scenes
+};
+
 struct TransparencyLayerName {
   std::string_view name, summary;
   /// A damper at the robot that acts beside the passivity layer is of the link: no controller of the link's port bounds it.
   bool damps_link = false;
-  /// It displays a local model of the surface, estimated by the force sensor or, under POSITION_POSITION, without.
-  bool models_surface = false;
-  /// It displays the position error and nothing else.
-  bool by_position = false;
+  /// E(0) that no scene states grows with the round trip (default_initial_energy).
+  bool initial_energy_by_round_trip = false;
+  /// From so many axes on its model of the contact may be a spring in all of them; 0: never.
+  int spring_in_all_axes_from = 0;
+  bool is_random = false;    ///< its forces are drawn
+  bool is_external = false;  ///< a program of its own computes its forces
+  /// Why it is not displayed under POSITION_MEASURED_FORCE; empty: it is.
+  std::string_view refuses_measured_force{};
+  /// What would make the force sensor unnecessary; empty: it needs none.
+  std::string_view (*replaces_force_sensor)(const ControlOptions&) = nullptr;
+  /// What is wrong with its options; empty: nothing.
+  std::string_view (*refusal)(const ControlOptions&) = nullptr;
+  LayerFigure figures[2]{};
 };
 struct PassivityLayerName {
-  std::string_view name;
-  Claim claim;
-  std::string_view summary;
+  std::string_view name, summary;
+  std::optional<Claim> claim{};      ///< each layer states one
   Method controller = Method::none;  ///< of the observer's port
   bool exchanges = false;            ///< both sides have an account and exchange energy
+  std::string_view passes_on{};      ///< the same layer without the bound of the hand's port alone
+  /// What must be otherwise, after "it must "; empty: nothing.
+  std::string_view (*refusal)(const ControlOptions&) = nullptr;
+  /// The block of options that counts on more damping than the device has, so that the claim of the hand's port is void; empty: none.
+  std::string_view (*overstates_damping)(const ControlOptions&) = nullptr;
 };
 /// A named pair; a method of one piece has no layers, and a claim of its own.
 struct MethodName {
-  std::string_view name, transparency, passivity, summary;
+  std::string_view name, transparency{}, passivity{}, summary{};
   std::optional<Claim> claim{};
+  std::string_view refuses_measured_force{};  ///< as of a layer
+  bool strict_two_port = false;               ///< under that option it has PassivityLayerName::passes_on
   [[nodiscard]] constexpr bool one_piece() const { return transparency.empty(); }
 };
 
+/// Of a layer that models the surface by the force sensor or, under POSITION_POSITION, without.
+constexpr std::string_view positions_replace_force_sensor(const ControlOptions& o) {
+  return o.architecture == Architecture::position_position ? "" : "control.architecture POSITION_POSITION";
+}
+
+#define TWOPORT_LAYER(NAME, Master, Slave, ...) {.name = NAME, __VA_ARGS__},
 inline constexpr TransparencyLayerName kTransparencyLayers[] = {
-    {.name = "INTERNAL_MODEL",
-     .summary = "a local model of the surface, corrected by the delayed force",
-     .damps_link = true,
-     .models_surface = true},
-    {.name = "DELAYED_FORCE", .summary = "the force of the architecture as it arrives"},
-    {.name = "SURFACE_MODEL",
-     .summary = "a local model of the surface and nothing else",
-     .damps_link = true,
-     .models_surface = true},
-    {.name = "CONTACT_SPRING",
-     .summary = "the delayed force and a local spring in all axes, for tools with many contacts",
-     .models_surface = true},
-    {.name = "FOUR_CHANNEL", .summary = "positions and forces in both directions"},
-    {.name = "FIXED_DAMPING",
-     .summary = "a spring between the two positions and a damper at each side",
-     .by_position = true},
-    {.name = "FRACTAL_IMPEDANCE", .summary = "springs that give back less than they take", .by_position = true},
-    {.name = "RANDOM", .summary = "forces drawn at random, to attack a passivity layer"},
-    {.name = "PLUGIN", .summary = "a force computed by a shared library"},
+#include "common/method/transparency/list.h"
 };
 
 inline constexpr PassivityLayerName kPassivityLayers[] = {
-    {.name = "ENERGY_SPRING",
-     .claim = {.hand = true},
-     .summary = "at most the force of a spring that holds the energy of the hand's port"},
-    {.name = "ENERGY_EXCHANGE",
-     .claim = {.hand = true, .both = true, .robot_port = true, .tick_at_robot = true, .in_hand_joules = true},
-     .summary =
-         "an energy spring at each side; the two exchange energy until both have the same, and the hand pays what "
-         "is spent",
-     .exchanges = true},
-    {.name = "ENERGY_SPRING_TWO_PORT",
-     .claim = {.both = true, .robot_port = true, .tick_at_robot = true, .in_hand_joules = true},
-     .summary = "the same without the bound of the hand's port alone: an environment that moves is felt as long as it "
-                "does",
-     .exchanges = true},
-    {.name = "NONE", .claim = {}, .summary = "everything is displayed"},
-    {.name = "CLASSIC",
-     .claim = {},
-     .summary = "two-port time domain passivity, correction along the velocity, as far as its largest damping reaches",
-     .controller = Method::classic},
-    {.name = "FORCE_PROJECTED",
-     .claim = {.hand = true, .both = true, .predicts = true},
-     .summary = "two-port time domain passivity, correction along the force",
-     .controller = Method::force_projected},
-    {.name = "ENERGY_TANK",
-     .claim = {.both = true, .robot_port = true, .tick_at_hand = true, .tick_at_robot = true},
-     .summary = "a tank of energy at each side; the tanks exchange energy and the hand fills them"},
-    {.name = "ENERGY_BOUNDING",
-     .claim = {.hand = true, .device_damping = true},
-     .summary = "the device's own damping covers every next motion"},
+#include "common/method/passivity/list.h"
 };
 
 /// The first is what a scene over a link gets that names none.
 inline constexpr MethodName kMethods[] = {
-    {"INTERNAL_MODEL", "INTERNAL_MODEL", "ENERGY_SPRING",
-     "a local model of the surface at the master, corrected by the delayed force and limited by an energy spring"},
+    {.name = "INTERNAL_MODEL",
+     .transparency = "INTERNAL_MODEL",
+     .passivity = "ENERGY_SPRING",
+     .summary =
+         "a local model of the surface at the master, corrected by the delayed force and limited by an energy spring",
+     .strict_two_port = true},
     {"ENERGY_EXCHANGE", "INTERNAL_MODEL", "ENERGY_EXCHANGE",
      "the same model, with observers and controllers at both ends: both ports' energy is bounded, and the hand pays "
-     "for "
-     "the robot"},
+     "for the robot"},
     {"NONE", "DELAYED_FORCE", "NONE", "no passivity control: transparent, and unstable over delay"},
     {"CLASSIC", "DELAYED_FORCE", "CLASSIC", "two-port time domain passivity approach: a damper along the velocity"},
     {"FORCE_PROJECTED", "DELAYED_FORCE", "FORCE_PROJECTED",
@@ -134,11 +127,7 @@ inline constexpr MethodName kMethods[] = {
     {"FIXED_DAMPING", "FIXED_DAMPING", "NONE",
      "a spring between the two positions and a damper at each side (P+d): stable for any passive hand and environment "
      "at a known delay, and felt as a brake"},
-    {"WAVE_VARIABLES", "", "",
-     "wave variables: the link carries waves whose energy no delay or loss can raise; position is not exact", Claim{}},
-    {"SET_POSITION_MODULATION", "", "",
-     "passive set-position modulation: each side's spring follows the other's position as far as stored energy allows",
-     Claim{.both = true, .robot_port = true, .tick_at_hand = true, .tick_at_robot = true}},
+#include "common/method/one_piece/list.h"
     {"ENERGY_TANK", "DELAYED_FORCE", "ENERGY_TANK",
      "two layers: any force, limited by an energy tank at each side; the tanks exchange energy and the hand fills "
      "them"},
@@ -153,13 +142,14 @@ inline constexpr MethodName kMethods[] = {
      "model-mediated: the hand feels a local model of the surface that the robot touches; its force is as good as the "
      "model"},
 };
+#undef TWOPORT_LAYER
 
-/// A pair's claim is that of its layers.
-static_assert([] {
-  for (const MethodName& each : kMethods)
-    if (each.one_piece() != each.claim.has_value()) return false;
-  return true;
-}());
+static_assert(std::all_of(std::begin(kPassivityLayers), std::end(kPassivityLayers),
+                          [](const PassivityLayerName& each) { return each.claim.has_value(); }),
+              "each passivity layer states a claim");
+static_assert(std::all_of(std::begin(kMethods), std::end(kMethods),
+                          [](const MethodName& each) { return each.one_piece() == each.claim.has_value(); }),
+              "each method of one piece states a claim, and a pair's claim is that of its layers");
 
 /// The entry of a name; null: there is none.
 template <class Entry, int Count>
@@ -167,6 +157,89 @@ constexpr const Entry* find_name(const Entry (&list)[Count], std::string_view na
   for (const Entry& each : list)
     if (each.name == name) return &each;
   return nullptr;
+}
+
+std::vector<std::string> names_of(const auto& list) {
+  std::vector<std::string> all;
+  for (const auto& each : list) all.emplace_back(each.name);
+  return all;
+}
+
+/// The figures of all layers, each once, at `all`. Returns their number.
+constexpr std::size_t collect_figures(LayerFigure* all) {
+  std::size_t count = 0;
+  for (const TransparencyLayerName& layer : kTransparencyLayers)
+    for (const LayerFigure& figure : layer.figures)
+      if (std::none_of(all, all + count, [&](const LayerFigure& f) { return f.name == figure.name; }) &&
+          !figure.name.empty())
+        all[count++] = figure;
+  return count;
+}
+inline constexpr auto kLayerFigures = [] {
+  constexpr auto collect = [] {
+    std::array<LayerFigure, 2 * std::size(kTransparencyLayers)> all{};
+    return std::pair{collect_figures(all.data()), all};
+  };
+  std::array<LayerFigure, collect().first> all{};
+  std::copy_n(collect().second.begin(), all.size(), all.begin());
+  return all;
+}();
+/// A value of each.
+using LayerFigures = std::array<double, kLayerFigures.size()>;
+/// The place of a figure in them; does not compile where no layer declares it.
+consteval std::size_t layer_figure(std::string_view name) {
+  std::size_t i = 0;
+  while (kLayerFigures.at(i).name != name) ++i;
+  return i;
+}
+
+/// The method of a scene over a link that names none.
+inline constexpr std::string_view kDefaultMethod = kMethods[0].name;
+static_assert(find_name(kMethods, kPlainMethod)->transparency == kPlainTransparency &&
+              find_name(kMethods, kPlainMethod)->passivity == kPlainPassivity);
+
+/// The entry of what is in use; where it has no such layer, as of one piece, one that states nothing.
+template <class Entry, int Count>
+const Entry& entry_of(const Entry (&list)[Count], std::string_view name) {
+  static constexpr Entry kNoEntry{};
+  const Entry* found = find_name(list, name);
+  return found != nullptr ? *found : kNoEntry;
+}
+inline const TransparencyLayerName& transparency_layer(const ControlOptions& o) {
+  return entry_of(kTransparencyLayers, o.transparency);
+}
+inline const PassivityLayerName& passivity_layer(const ControlOptions& o) {
+  return entry_of(kPassivityLayers, o.passivity);
+}
+inline const MethodName& method_entry(const ControlOptions& o) {
+  return entry_of(kMethods, o.method_name);
+}
+
+/// Sets a method by its name, of kMethods or TRANSPARENCY+PASSIVITY. False: there is no such method, and nothing is set.
+inline bool choose_method(ControlOptions& o, std::string_view name) {
+  if (const MethodName* method = find_name(kMethods, name)) {
+    o.transparency = method->transparency;
+    o.passivity = method->passivity;
+    o.method_name = name;
+  } else {
+    const std::size_t plus = std::min(name.find('+'), name.size());
+    const std::string_view transparency = name.substr(0, plus),
+                           passivity = name.substr(std::min(plus + 1, name.size()));
+    if (find_name(kTransparencyLayers, transparency) == nullptr || find_name(kPassivityLayers, passivity) == nullptr)
+      return false;
+    o.transparency = transparency;
+    o.passivity = passivity;
+    o.method_name = name;
+    for (const MethodName& each : kMethods)
+      if (each.transparency == transparency && each.passivity == passivity) o.method_name = each.name;
+  }
+  o.controller.method = passivity_layer(o).controller;
+  return true;
+}
+
+/// Do both sides have an account and exchange energy?
+inline bool exchanges_energy(const ControlOptions& o) {
+  return passivity_layer(o).exchanges;
 }
 
 }  // namespace twoport

@@ -10,7 +10,6 @@
 #include <string_view>
 
 #include "common/base/scalar.h"
-#include "common/coupling/layers.h"
 #include "common/method/one_piece/set_position_modulation/options.h"
 #include "common/method/one_piece/wave_variables/options.h"
 #include "common/method/passivity/energy_bounding/options.h"
@@ -67,8 +66,8 @@ struct KnownSystem {
   bool ideal_robot = false;                               ///< the scene has none: the set point is the robot
 };
 
-/// The method of a scene over a link that names none.
-inline constexpr std::string_view kDefaultMethod = kMethods[0].name;
+/// The method and the layers that leave the force as it arrives or is rendered.
+inline constexpr std::string_view kPlainMethod = "NONE", kPlainTransparency = "DELAYED_FORCE", kPlainPassivity = "NONE";
 
 /// Defaults as in proto/scene.proto.
 struct ControlOptions {
@@ -77,8 +76,8 @@ struct ControlOptions {
   RenderingAlgorithm rendering = RenderingAlgorithm::penalty;
   double force_scale = 1.0, motion_scale = 1.0;
   RegistrationOptions registration;
-  std::string method_name{"NONE"};  ///< over a link: a name of kMethods, or TRANSPARENCY+PASSIVITY
-  std::string transparency{"DELAYED_FORCE"}, passivity{"NONE"};  ///< its layers; empty for a method of one piece
+  std::string method_name{kPlainMethod};  ///< over a link: a name of kMethods (layers.h), or TRANSPARENCY+PASSIVITY
+  std::string transparency{kPlainTransparency}, passivity{kPlainPassivity};  ///< its layers; empty for one of one piece
   ControllerOptions controller;
   ObserverRule observer = ObserverRule::exact;
   Accounts accounts = Accounts::total;
@@ -138,45 +137,6 @@ inline ControllerOptions controller_at_the_handle(const ControlOptions& o) {
   if (o.handle_mass_kg > 0.0 && o.handle_inertia_kg_m2 > 0.0)
     c.radius_of_gyration_m = std::sqrt(o.handle_inertia_kg_m2 / o.handle_mass_kg);
   return c;
-}
-
-/// Sets a method by its name, of kMethods or TRANSPARENCY+PASSIVITY. False: there is no such method, and nothing is set.
-inline bool choose_method(ControlOptions& o, std::string_view name) {
-  if (const MethodName* method = find_name(kMethods, name)) {
-    o.transparency = method->transparency;
-    o.passivity = method->passivity;
-    o.method_name = name;
-  } else {
-    const std::size_t plus = std::min(name.find('+'), name.size());
-    const std::string_view transparency = name.substr(0, plus),
-                           passivity = name.substr(std::min(plus + 1, name.size()));
-    if (find_name(kTransparencyLayers, transparency) == nullptr || find_name(kPassivityLayers, passivity) == nullptr)
-      return false;
-    o.transparency = transparency;
-    o.passivity = passivity;
-    o.method_name = name;
-    for (const MethodName& each : kMethods)
-      if (each.transparency == transparency && each.passivity == passivity) o.method_name = each.name;
-  }
-  const PassivityLayerName* layer = find_name(kPassivityLayers, o.passivity);
-  o.controller.method = layer != nullptr ? layer->controller : Method::none;
-  return true;
-}
-
-/// Do both sides have an account and exchange energy?
-inline bool exchanges_energy(const ControlOptions& o) {
-  const PassivityLayerName* layer = find_name(kPassivityLayers, o.passivity);
-  return layer != nullptr && layer->exchanges;
-}
-
-/// Does the transparency layer display a local model of the surface? The position error alone?
-inline bool models_surface(const ControlOptions& o) {
-  const TransparencyLayerName* layer = find_name(kTransparencyLayers, o.transparency);
-  return layer != nullptr && layer->models_surface;
-}
-inline bool is_by_position(const ControlOptions& o) {
-  const TransparencyLayerName* layer = find_name(kTransparencyLayers, o.transparency);
-  return layer != nullptr && layer->by_position;
 }
 
 /// Is the force sensor's force displayed at the master, not the coupling's?

@@ -8,29 +8,13 @@
 #include "common/base/check.h"
 #include "common/method/catalogue.h"
 #include "common/method/layers.h"
-#include "common/method/one_piece/set_position_modulation/set_position_modulation.h"
-#include "common/method/one_piece/wave_variables/wave_variables.h"
-#include "common/method/passivity/energy_bounding/energy_bounding.h"
-#include "common/method/passivity/energy_exchange/energy_exchange.h"
-#include "common/method/passivity/energy_spring/energy_spring_layer.h"
-#include "common/method/passivity/energy_tank/energy_tank.h"
-#include "common/method/passivity/none/none.h"
-#include "common/method/passivity/time_domain/time_domain.h"
-#include "common/method/transparency/contact_spring/master.h"
-#include "common/method/transparency/delayed_force/delayed_force.h"
-#include "common/method/transparency/fixed_damping/fixed_damping.h"
-#include "common/method/transparency/four_channel/four_channel.h"
-#include "common/method/transparency/fractal_impedance/fractal_impedance.h"
-#include "common/method/transparency/internal_model/contact_model.h"
-#include "common/method/transparency/internal_model/slave.h"
-#include "common/method/transparency/plugin/plugin.h"
-#include "common/method/transparency/random/random.h"
-#include "common/method/transparency/surface_model/master.h"
+#include "common/method/one_piece/list.h"
+#include "common/method/passivity/list.h"
+#include "common/method/transparency/list.h"
 
 namespace twoport {
 
-/// The classes of a name. A new layer or method of one piece is a line here, one in common/coupling/layers.h and one in
-/// proto/scene.proto.
+/// The classes of a name.
 template <template <int> class M, template <int> class S>
 struct Classes {
   std::string_view name;
@@ -39,31 +23,17 @@ struct Classes {
   template <int N>
   using Slave = S<N>;
 };
+#define TWOPORT_LAYER(NAME, Master, Slave, ...) visit(Classes<Master, Slave>{NAME});
 constexpr auto kTransparencyClasses = [](auto visit) {
-  visit(Classes<InternalModel, InternalModelSlave>{"INTERNAL_MODEL"});
-  visit(Classes<DelayedForceMaster, DelayedForceSlave>{"DELAYED_FORCE"});
-  visit(Classes<SurfaceModelMaster, InternalModelSlave>{"SURFACE_MODEL"});
-  visit(Classes<ContactSpringMaster, InternalModelSlave>{"CONTACT_SPRING"});
-  visit(Classes<FourChannelMaster, FourChannelSlave>{"FOUR_CHANNEL"});
-  visit(Classes<FixedDampingMaster, FixedDampingSlave>{"FIXED_DAMPING"});
-  visit(Classes<FractalImpedanceMaster, FractalImpedanceSlave>{"FRACTAL_IMPEDANCE"});
-  visit(Classes<RandomMaster, DelayedForceSlave>{"RANDOM"});
-  visit(Classes<PluginMaster, DelayedForceSlave>{"PLUGIN"});
+#include "common/method/transparency/list.h"
 };
 constexpr auto kPassivityClasses = [](auto visit) {
-  visit(Classes<EnergySpringMaster, NoPassivitySlave>{"ENERGY_SPRING"});
-  visit(Classes<EnergyExchangeMaster, EnergyExchangeSlave>{"ENERGY_EXCHANGE"});
-  visit(Classes<EnergyExchangeMaster, EnergyExchangeSlave>{"ENERGY_SPRING_TWO_PORT"});
-  visit(Classes<NoPassivityMaster, NoPassivitySlave>{"NONE"});
-  visit(Classes<TimeDomainMaster, TimeDomainSlave>{"CLASSIC"});
-  visit(Classes<TimeDomainMaster, TimeDomainSlave>{"FORCE_PROJECTED"});
-  visit(Classes<EnergyTankMaster, EnergyTankSlave>{"ENERGY_TANK"});
-  visit(Classes<EnergyBoundingMaster, NoPassivitySlave>{"ENERGY_BOUNDING"});
+#include "common/method/passivity/list.h"
 };
 constexpr auto kOnePieceClasses = [](auto visit) {
-  visit(Classes<WaveMaster, WaveSlave>{"WAVE_VARIABLES"});
-  visit(Classes<SetPositionMaster, SetPositionSlave>{"SET_POSITION_MODULATION"});
+#include "common/method/one_piece/list.h"
 };
+#undef TWOPORT_LAYER
 
 /// The half or layer of that name in a list of classes; `field` of a scene names it. Throws ConfigError, with the names, where there is none.
 template <template <int> class Base, int N>

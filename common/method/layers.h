@@ -29,9 +29,9 @@ struct Wish {
   std::optional<Energy>
       stored{};  ///< energy of the model behind f, which f may return; absent: that of a spring, f²/2K
 
-  double contact_spring_share = 0.0;  ///< of a spring in all axes in the model of the contact, 0 to 1
-  bool bridged = false;               ///< f has a part of the force before a switch
-  Bridge<N>* bridge = nullptr;        ///< to be crossed by the layer (MasterPassivity::crosses_bridge)
+  LayerFigures figures{};       ///< of those of kLayerFigures that the layer declares
+  bool bridged = false;         ///< f has a part of the force before a switch
+  Bridge<N>* bridge = nullptr;  ///< to be crossed by the layer (MasterPassivity::crosses_bridge)
 
   [[nodiscard]] Force<N> total() const noexcept { return damped ? f + damper : f; }
 };
@@ -121,7 +121,7 @@ class MasterPair final : public Copyable<MasterPair<N, Transparency, Passivity>,
             .energy_net = shown.energy_net,
             .dissipated = shown.dissipated,
             .undissipated = shown.undissipated,
-            .contact_spring_share = wish.contact_spring_share};
+            .figures = wish.figures};
   }
   [[nodiscard]] Energy balance(const Ledger& account, Energy e) const noexcept override {
     return passivity_->balance(account, e);

@@ -7,7 +7,7 @@
 
 #include "common/base/time.h"
 #include "common/coupling/bridge.h"
-#include "common/coupling/options.h"
+#include "common/coupling/layers.h"
 #include "common/coupling/registration.h"
 #include "common/hardware/device.h"
 #include "common/hardware/robot.h"
@@ -43,13 +43,13 @@ struct MasterInput {
 };
 template <int N>
 struct MasterOutput {
-  Force<N> f;                         ///< to be displayed
-  Force<N> wanted;                    ///< before any passivity controller
-  Energy energy_in;                   ///< running total reported to the slave: energy that has entered the link here
-  Energy energy_net{};                ///< E(0) and what has entered at the port, less energy_in
-  Energy dissipated;                  ///< by a controller, in the coming interval
-  Energy undissipated;                ///< deficit that the controller could not dissipate in this tick
-  double contact_spring_share = 0.0;  ///< Wish::contact_spring_share
+  Force<N> f;              ///< to be displayed
+  Force<N> wanted;         ///< before any passivity controller
+  Energy energy_in;        ///< running total reported to the slave: energy that has entered the link here
+  Energy energy_net{};     ///< E(0) and what has entered at the port, less energy_in
+  Energy dissipated;       ///< by a controller, in the coming interval
+  Energy undissipated;     ///< deficit that the controller could not dissipate in this tick
+  LayerFigures figures{};  ///< Wish::figures
 };
 
 /// One tick at the slave. Forces act on the robot; power f·v out of the link.

@@ -7,6 +7,7 @@
 #include <string_view>
 
 #include "common/base/ring.h"
+#include "common/coupling/layers.h"
 #include "common/link/environment_message.h"
 
 namespace twoport {
@@ -34,7 +35,7 @@ struct PageSample {
   double robot_port_j = 0.0;          ///< the same without what has left there, in units of the hand
   double dissipated_j = 0.0;          ///< by the master's controller so far
   double deficit_j = 0.0;             ///< not dissipated yet
-  double contact_spring_share = 0.0;  ///< of the spring in all axes in the model of the contact
+  LayerFigures layer_figures{};       ///< of kLayerFigures
   double round_trip_ms = -1.0;        ///< of the newest report; negative: not known
   double report_age_ms = -1.0;        ///< since the newest young report of the slave arrived; negative: none has
   double silence_ms = -1.0;           ///< since the newest arrived, whatever its age; negative: none has
@@ -87,7 +88,7 @@ void for_each_page_field(Sample& s, See&& see) {
   number("robot_port_j", s.robot_port_j);
   number("dissipated_j", s.dissipated_j);
   number("deficit_j", s.deficit_j);
-  number("contact_spring_share", s.contact_spring_share);
+  for (std::size_t i = 0; i < kLayerFigures.size(); ++i) number(kLayerFigures[i].name.data(), s.layer_figures[i]);
   number("round_trip_ms", s.round_trip_ms);
   number("report_age_ms", s.report_age_ms);
   number("silence_ms", s.silence_ms);

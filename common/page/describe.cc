@@ -165,20 +165,26 @@ std::string describe_for_page(const Scene& s, const PageIntroduction& i) {
   };
   const auto any_part = [](const auto& each) { return std::visit([](const auto& p) { return part(p); }, each); };
   return fmt::format(
-      R"({{"scene":{},"dof":{},"rate_hz":{},"architecture":{},"method":{},"methods":{},"initial_energies_j":{},"device":{},"pointer":{},"home_m":{},"restarts":{},)"
+      R"({{"scene":{},"dof":{},"rate_hz":{},"architecture":{},"method":{},"methods":{},"plain_method":{},"initial_energies_j":{},"device":{},"pointer":{},"home_m":{},"restarts":{},)"
       R"("grip_n_per_m":{},"grip_limits_n_per_m":[{},{}],"max_force_n":{},"motion_scale":{},"force_scale":{},)"
       R"("limits":{},"linked":{},"to_slave":{},"to_master":{},"network_limits":{{"delay_ms":{},"jitter_ms":{},"loss":{}}},)"
       R"("environment":{},"meshes":{},"environment_answers":{},"surface_limits":{{"stiffness_n_per_m":{},"friction":{}}},)"
-      R"("tool":{},"tool_parts":{},"tool_alone":{},"arm":{},"gripper_m":{},"fields":[{}]}})",
+      R"("layer_figures":{},"tool":{},"tool_parts":{},"tool_alone":{},"arm":{},"gripper_m":{},"fields":[{}]}})",
       json_string(s.name), s.dof, number(s.master_rate_hz), json_string(name_of(s.control.architecture)),
-      json_string(s.control.method_name), list(i.methods, json_string), list(initial_energies_j(s), number),
-      json_string(i.device), i.has_pointer, vector(home), i.restarts, number(i.grip_n_per_m), number(kPageGripLeast),
-      number(kPageGripMost), number(s.control.max_force_n), number(s.control.motion_scale),
-      number(s.control.force_scale), list(kLimitNames, json_string), s.control.architecture != Architecture::render,
-      network(s.to_slave), network(s.to_master), number(kPageDelayMs), number(kPageJitterMs), number(kPageLoss),
-      of_scene(s.environment, element), list(shown.meshes, part<TriangleMesh>), list(answers, json_string),
-      number(kSurfaceStiffnessMost), number(kSurfaceFrictionMost), of_scene(s.tool, axis),
-      list(shown.tool_parts, any_part), shown.tool_alone, i.world ? "null" : arm(s, shown_arm(s)), gripper, fields);
+      json_string(s.control.method_name), list(i.methods, json_string), json_string(kPlainMethod),
+      list(initial_energies_j(s), number), json_string(i.device), i.has_pointer, vector(home), i.restarts,
+      number(i.grip_n_per_m), number(kPageGripLeast), number(kPageGripMost), number(s.control.max_force_n),
+      number(s.control.motion_scale), number(s.control.force_scale), list(kLimitNames, json_string),
+      s.control.architecture != Architecture::render, network(s.to_slave), network(s.to_master), number(kPageDelayMs),
+      number(kPageJitterMs), number(kPageLoss), of_scene(s.environment, element),
+      list(shown.meshes, part<TriangleMesh>), list(answers, json_string), number(kSurfaceStiffnessMost),
+      number(kSurfaceFrictionMost),
+      list(kLayerFigures,
+           [](const LayerFigure& f) {
+             return fmt::format("[{},{},{}]", json_string(f.name), json_string(f.unit), f.least_dof);
+           }),
+      of_scene(s.tool, axis), list(shown.tool_parts, any_part), shown.tool_alone,
+      i.world ? "null" : arm(s, shown_arm(s)), gripper, fields);
 }
 
 }  // namespace twoport

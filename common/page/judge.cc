@@ -6,6 +6,7 @@
 #include <array>
 #include <cmath>
 
+#include "common/coupling/claim.h"
 #include "common/method/catalogue.h"
 #include "common/record/run_judge.h"
 
@@ -48,7 +49,7 @@ PageJudge::PageJudge(const Scene& scene, double rate_hz, bool rests)
     : initial_j_{initial_energies_j(scene)}, coarse_{is_coarse(scene)}, rests_{rests} {
   const auto add = [this](const ControlOptions& o) {
     controlled_.push_back(keeps_account(o, {}));
-    const double grants = o.architecture == Architecture::render ? 0.0 : two_port_grants(o.passivity);
+    const double grants = o.architecture == Architecture::render ? 0.0 : stated_claim(o).grants();
     both_initial_j_.push_back(grants > 0.0 ? grants * o.initial_energy.si() : -1.0);
   };
   add(scene.control);

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <cstdint>
+#include <string_view>
 
 namespace twoport {
 
@@ -11,6 +12,18 @@ enum class Method : std::uint8_t {
   metric_damping,   ///< impedance only: classic, with the response of the handle's inertia to the correction
   force_cone,       ///< impedance only: metric_damping, the force turned by no more than a given angle
 };
+
+/// Their names in scenes, and whether one needs a rendered impedance: those are no layers of a link.
+struct ControllerName {
+  std::string_view name;
+  Method method;
+  bool rendering = false;
+};
+inline constexpr ControllerName kControllers[] = {{"NONE", Method::none},
+                                                  {"CLASSIC", Method::classic},
+                                                  {"FORCE_PROJECTED", Method::force_projected},
+                                                  {"METRIC_DAMPING", Method::metric_damping, true},
+                                                  {"FORCE_CONE", Method::force_cone, true}};
 
 struct ControllerOptions {
   Method method = Method::none;

@@ -33,7 +33,8 @@ void for_each_column(const Row<N>& row, See&& see) {
   see(Column{"dissipated_j", "J", ""}, row.dissipated_j);
   see(Column{"position_error", "m", "rad"}, row.position_error.vec());
   see(Column{"mode", "", ""}, static_cast<double>(row.mode));
-  if constexpr (N == 6) see(Column{"contact_spring_share", "", ""}, row.contact_spring_share);
+  for (std::size_t i = 0; i < kLayerFigures.size(); ++i)
+    if (N >= kLayerFigures[i].least_dof) see(Column{kLayerFigures[i].name, kLayerFigures[i].unit, ""}, row.figures[i]);
 }
 
 }  // namespace twoport

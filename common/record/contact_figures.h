@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "common/record/angle.h"
+#include "common/record/figure.h"
 #include "common/record/held_force.h"
 #include "common/record/high_pass.h"
 #include "common/record/row.h"
@@ -27,7 +28,7 @@ namespace twoport {
 ///     held force ratio      |mean f| / |mean r| at the end of the last rest in contact: HeldForce
 ///     free force            rms |f| while both sides are coupled, nothing touches, and nothing touched one delay ago
 ///
-/// Torques likewise with N = 6, in N m at the handle.
+/// Torques likewise with N = 6, in N m at the handle. Of each figure of a layer (kLayerFigures) the mean.
 template <int N>
 class ContactFigures {
  public:
@@ -58,6 +59,8 @@ class ContactFigures {
       return;
     }
     ++sums_.touching;
+    for (std::size_t i = 0; i < kLayerFigures.size(); ++i)
+      if (N >= kLayerFigures[i].least_dof) layer_figures_[i] += row.figures[i];
     Vector environment = translational(row.env_f.vec());
     const double environment2 = environment.squaredNorm();
     sums_.environment_force += N == 1 ? std::abs(environment[0]) : std::sqrt(environment2);
@@ -102,10 +105,12 @@ class ContactFigures {
       s.set_felt_force_direction_error_rms_deg(180.0 / std::numbers::pi *
                                                std::sqrt(sums_.contact_turn2 / sums_.compared));
     if (const std::optional<double> ratio = held_force_.ratio()) s.set_held_force_ratio(*ratio);
+    if (link)
+      for (std::size_t i = 0; i < kLayerFigures.size(); ++i)
+        if (N >= kLayerFigures[i].least_dof) set_layer_figure(s, kLayerFigures[i].name, layer_figures_[i] / touching);
     if constexpr (N == 6) {
       s.set_felt_torque_error_rms_n_m(std::sqrt(torque_error2_ / touching));
       s.set_torque_chatter_rms_n_m(std::sqrt(torque_chatter2_ / touching));
-      if (link) s.set_contact_spring_share(contact_spring_share_ / touching);
       if (torque_turned_ > 0)
         s.set_torque_direction_error_max_deg(180.0 / std::numbers::pi * std::sqrt(torque_turn2_max_));
     }
@@ -117,7 +122,6 @@ class ContactFigures {
     const Eigen::Vector3d fast = torque_high_pass_.step(felt);
     if (!row.touching) return;
     torque_chatter2_ += fast.squaredNorm();
-    contact_spring_share_ += row.contact_spring_share;
     torque_error2_ += (felt - row.reference.vec().template tail<3>()).squaredNorm();
     if (row.following) {
       ++following_;
@@ -133,10 +137,10 @@ class ContactFigures {
 
   HeldForce<N> held_force_;
   ContactSums<double> sums_{};
+  LayerFigures layer_figures_{};
   // N = 6
   std::uint64_t following_ = 0, torque_turned_ = 0;
   HighPass<3> torque_high_pass_;
-  double contact_spring_share_ = 0.0;
   double torque_error2_ = 0.0, torque_chatter2_ = 0.0, torque_turn2_max_ = 0.0, attitude_error2_ = 0.0;
 };
 

@@ -8,6 +8,7 @@
 #include <utility>
 
 #include "common/base/check.h"
+#include "common/coupling/layers.h"
 
 namespace twoport {
 
@@ -35,6 +36,9 @@ const std::vector<Figure>& Figure::all() {
   static const std::vector<Figure> every = [] {
     std::vector<Figure> figures;
     add(*schema::Summary::descriptor(), "", {}, figures);
+    for (const LayerFigure& each : kLayerFigures)
+      if (schema::Summary::descriptor()->FindFieldByName(std::string{each.name}) == nullptr)
+        figures.push_back(Figure{std::string{each.name}, {}});
     return figures;
   }();
   return every;
@@ -51,6 +55,11 @@ const Figure& Figure::named(std::string_view name) {
 }
 
 std::optional<double> Figure::known_of(const schema::Summary& summary) const {
+  if (path_.empty()) {
+    const auto& means = summary.layer_figures().mean();
+    const auto found = means.find(name_);
+    return found == means.end() ? std::nullopt : std::optional{found->second};
+  }
   const Message* of = &summary;
   for (const FieldDescriptor* field : path_) {
     const auto& reflection = *of->GetReflection();
@@ -77,6 +86,14 @@ std::optional<double> Figure::known_of(const schema::Summary& summary) const {
 
 double Figure::of(const schema::Summary& summary) const {
   return known_of(summary).value_or(std::numeric_limits<double>::quiet_NaN());
+}
+
+void set_layer_figure(schema::Summary& s, std::string_view name, double value) {
+  if (const FieldDescriptor* field = schema::Summary::descriptor()->FindFieldByName(std::string{name})) {
+    s.GetReflection()->SetDouble(&s, field, value);
+  } else {
+    (*s.mutable_layer_figures()->mutable_mean())[std::string{name}] = value;
+  }
 }
 
 }  // namespace twoport

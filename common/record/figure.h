@@ -9,7 +9,8 @@
 
 namespace twoport {
 
-/// A number of the summary's schema, found by its name once: "drift_m", nested "rtt_ms.p99". Booleans are 0 and 1.
+/// A number of the summary's schema, found by its name once: "drift_m", nested "rtt_ms.p99"; or of a layer (kLayerFigures). Booleans are 0
+/// and 1.
 class Figure {
  public:
   /// Every one, in the order of the schema.
@@ -32,7 +33,10 @@ class Figure {
                   std::vector<Figure>& all);
 
   std::string name_;
-  Path path_;
+  Path path_;  ///< empty: a figure of a layer that the schema does not name
 };
+
+/// A figure of a layer: the field of its name where the schema has one, else an entry of `layer_figures`.
+void set_layer_figure(schema::Summary& summary, std::string_view name, double value);
 
 }  // namespace twoport

@@ -1,6 +1,7 @@
 #pragma once
 
 #include "common/base/vector.h"
+#include "common/coupling/layers.h"
 #include "common/link/report.h"
 
 namespace twoport {
@@ -25,7 +26,7 @@ struct Row {
   double undissipated_j = 0.0;       ///< deficit that the master's controller has not dissipated yet
   double dissipated_j = 0.0;         ///< by both controllers, in this tick
   Mode mode = Mode::idle;
-  double contact_spring_share = 0.0;  ///< N = 6: of the spring in all axes in the master's model of the contact
+  LayerFigures figures{};  ///< of kLayerFigures, as the master's transparency layer has them
 
   // For the summary only, not in trace.csv.
   Force<N> reference{};  ///< force that should be felt: the environment's, in the master's units and axes, delayed

@@ -15,6 +15,7 @@
 
 #include "common/base/check.h"
 #include "common/base/file.h"
+#include "common/coupling/layers.h"
 #include "common/record/figure.h"
 #include "common/scene/hints.h"
 #include "common/scene/scene.h"
@@ -27,10 +28,11 @@ namespace pb = google::protobuf;
 void describe_run(const Scene& scene, std::string_view side, Summary& s) {
   s.set_scene(scene.name);
   s.set_side(std::string{side});
-  // FOUR_CHANNEL is read as POSITION_FORCE with the transparency layer of that name.
-  const bool four_channel =
-      scene.source && scene.source->message.control().architecture() == schema::Control::FOUR_CHANNEL;
-  s.set_architecture(four_channel ? "FOUR_CHANNEL" : to_string(scene.control.architecture));
+  // One that is named as a transparency layer is read as POSITION_FORCE with that layer.
+  std::string named =
+      scene.source ? schema::Control::Architecture_Name(scene.source->message.control().architecture()) : std::string{};
+  const bool of_layer = find_name(kTransparencyLayers, named) != nullptr;
+  s.set_architecture(of_layer ? std::move(named) : to_string(scene.control.architecture));
   s.set_method(scene.control.method_name);
   s.set_dof(scene.dof);
   if (std::string claim = claim_that_holds(scene); !claim.empty()) s.set_claim(std::move(claim));

@@ -1,6 +1,7 @@
 #include <limits>
 #include <numbers>
 
+#include "common/coupling/layers.h"
 #include "common/scene/blocks.h"
 #include "common/scene/find.h"
 #include "common/scene/scene.h"
@@ -14,7 +15,7 @@ static_assert(same_number(Architecture::render, schema::Control::RENDER) &&
               same_number(Architecture::position_measured_force, schema::Control::POSITION_MEASURED_FORCE) &&
               same_number(Architecture::position_position, schema::Control::POSITION_POSITION) &&
               same_number(Architecture::uncontrolled, schema::Control::UNCONTROLLED) &&
-              same_number(Architecture::uncontrolled, schema::Control::FOUR_CHANNEL - 1));
+              same_number(Architecture::uncontrolled, schema::Control::Architecture_MAX - 1));
 static_assert(same_number(ObserverRule::exact, schema::Passivity::EXACT) &&
               same_number(ObserverRule::rectangle, schema::Passivity::RECTANGLE) &&
               same_number(ObserverRule::rectangle, schema::Passivity::Observer_MAX));
@@ -55,11 +56,15 @@ RegistrationOptions read_registration(const Block<schema::Registration>& of) {
   return options;
 }
 
+/// The transparency layer that control.architecture names in place of an architecture; null: it names one.
+const TransparencyLayerName* named_by_architecture(const schema::Control& of) {
+  return find_name(kTransparencyLayers, schema::Control::Architecture_Name(of.architecture()));
+}
+
 /// The one-port controllers that exist under RENDER only.
-Method rendering_controller(schema::Passivity::Method method) {
-  if (method == schema::Passivity::METRIC_DAMPING) return Method::metric_damping;
-  if (method == schema::Passivity::FORCE_CONE) return Method::force_cone;
-  return Method::none;
+Method rendering_controller(std::string_view name) {
+  const ControllerName* found = find_name(kControllers, name);
+  return found != nullptr && found->rendering ? found->method : Method::none;
 }
 
 /// The options of single methods. Those of a method that is not in use are checked all the same.
@@ -104,8 +109,8 @@ void read_method_options(const Block<schema::Passivity>& of, ControlOptions& opt
       .force_gain = GIVEN(channels, force_gain),
       .disturbance_observer = channels->disturbance_observer(),
   };
-  if (of->internal_model().strict_two_port() && options.method_name == "INTERNAL_MODEL")
-    options.passivity = "ENERGY_SPRING_TWO_PORT";
+  if (of->internal_model().strict_two_port() && method_entry(options).strict_two_port)
+    options.passivity = passivity_layer(options).passes_on;
   const Block fractal = of.block(FIELD(fractal_impedance));
   options.fractal_impedance = {
       .stiffness_n_per_m = GIVEN(fractal, stiffness_n_per_m),
@@ -113,18 +118,18 @@ void read_method_options(const Block<schema::Passivity>& of, ControlOptions& opt
   };
 }
 
-/// Architecture FOUR_CHANNEL: the transparency layer of that name over the passivity layer that the scene names, or its method has.
-std::string four_channel_over(const Block<schema::Control>& of) {
+/// Of an architecture that is the transparency layer `named`: the passivity layer that the scene's method has.
+std::string passivity_below(const Block<schema::Control>& of, const TransparencyLayerName& named) {
   const Block transparency = of.block(FIELD(transparency));
   const Block passivity = of.block(FIELD(passivity));
-  if (transparency->has_layer() && transparency->layer() != schema::Transparency::FOUR_CHANNEL)
-    transparency.refuse(FIELD(layer), "be absent or FOUR_CHANNEL where control.architecture is FOUR_CHANNEL");
+  if (transparency->has_layer() && schema::Transparency::Layer_Name(transparency->layer()) != named.name)
+    transparency.refuse(FIELD(layer),
+                        fmt::format("be absent or {} where control.architecture is {}", named.name, named.name));
   if (!passivity->has_method()) return std::string{kMethods[0].passivity};
   const MethodName* method = find_name(kMethods, schema::Passivity::Method_Name(passivity->method()));
-  if (method == nullptr || (method->transparency != "DELAYED_FORCE" && method->transparency != "FOUR_CHANNEL"))
-    passivity.refuse(FIELD(method),
-                     "be NONE, CLASSIC, FORCE_PROJECTED, ENERGY_TANK, ENERGY_BOUNDING or FOUR_CHANNEL where "
-                     "control.architecture is FOUR_CHANNEL");
+  if (method == nullptr || (method->transparency != kPlainTransparency && method->transparency != named.name))
+    passivity.refuse(FIELD(method), fmt::format("be one with the layer {} or {} where control.architecture is {}",
+                                                kPlainTransparency, named.name, named.name));
   return std::string{method->passivity};
 }
 
@@ -132,13 +137,13 @@ std::string four_channel_over(const Block<schema::Control>& of) {
 bool read_layers(const Block<schema::Control>& of, ControlOptions& options) {
   const Block transparency = of.block(FIELD(transparency));
   const Block passivity = of.block(FIELD(passivity));
-  const bool four_channel = of->architecture() == schema::Control::FOUR_CHANNEL;
+  const TransparencyLayerName* named_above = named_by_architecture(of.message());
   options.random.force_n = transparency->random().force_n();
   options.random.hold_ms = transparency->random().hold_ms();
   const std::string& plugin = transparency->plugin().file();
   options.plugin.file = plugin.empty() ? plugin : file_beside(of.context().file, plugin);
   options.plugin.arguments = transparency->plugin().arguments();
-  if (!transparency->has_layer() && !passivity->has_layer() && !four_channel) return false;
+  if (!transparency->has_layer() && !passivity->has_layer() && named_above == nullptr) return false;
   const std::string named = transparency->has_layer() ? transparency.path_of("layer") : passivity.path_of("layer");
   if (passivity->has_method() && (transparency->has_layer() || passivity->has_layer()))
     of.fail(fmt::format("{} and {} are both given; a method names both layers, so give the one or the other",
@@ -146,29 +151,25 @@ bool read_layers(const Block<schema::Control>& of, ControlOptions& options) {
   if (options.architecture == Architecture::render || options.architecture == Architecture::uncontrolled)
     of.fail(fmt::format("{} is given, but control.architecture is {}; layers need a link", named,
                         to_string(options.architecture)));
-  const std::string below = four_channel ? four_channel_over(of) : std::string{kMethods[0].passivity};
-  std::string name{four_channel ? "FOUR_CHANNEL" : kMethods[0].transparency};
+  const std::string below =
+      named_above != nullptr ? passivity_below(of, *named_above) : std::string{kMethods[0].passivity};
+  std::string name{named_above != nullptr ? named_above->name : kMethods[0].transparency};
   if (transparency->has_layer()) name = schema::Transparency::Layer_Name(transparency->layer());
   name += '+';
   name += passivity->has_layer() ? schema::PassivityLayer::Name_Name(passivity->layer()) : below;
   choose_method(options, name);
-  if (options.transparency == "PLUGIN" && options.plugin.file.empty())
-    of.fail("control.transparency.plugin.file is absent; PLUGIN needs it");
   return true;
 }
 
 void read_passivity(const Block<schema::Control>& control, ControlOptions& options) {
   const Block of = control.block(FIELD(passivity));
   const bool rendering = options.architecture == Architecture::render;
-  schema::Passivity::Method method = schema::Passivity::NONE;
   if (!read_layers(control, options)) {
-    if (of->has_method()) {
-      method = of->method();
-    } else if (!rendering && options.architecture != Architecture::uncontrolled) {
-      schema::Passivity::Method_Parse(std::string{kDefaultMethod}, &method);
-    }
-    if (!choose_method(options, schema::Passivity::Method_Name(method))) {
-      options.method_name = schema::Passivity::Method_Name(method);
+    const bool link = !rendering && options.architecture != Architecture::uncontrolled;
+    const std::string method = of->has_method() ? schema::Passivity::Method_Name(of->method())
+                                                : std::string{link ? kDefaultMethod : kPlainMethod};
+    if (!choose_method(options, method)) {
+      options.method_name = method;
       options.controller.method = rendering_controller(method);
     }
   }
@@ -182,7 +183,7 @@ void read_passivity(const Block<schema::Control>& control, ControlOptions& optio
   options.accounts = static_cast<Accounts>(of->accounts());
   // With several contact points f·v of the sum vanishes while single ones generate energy.
   if (!of->has_accounts() && rendering && options.rendering == RenderingAlgorithm::penalty && of.dof() == 6 &&
-      method == schema::Passivity::FORCE_PROJECTED)
+      options.controller.method == Method::force_projected)
     options.accounts = Accounts::per_contact;
   options.reference_energy = of->reference_energy();
   // Absent: default_initial_energy, once the system is known.
@@ -190,12 +191,10 @@ void read_passivity(const Block<schema::Control>& control, ControlOptions& optio
 
   read_method_options(of, options);
 
-  if (rendering && options.controller.method == Method::none && method != schema::Passivity::NONE)
-    of.refuse(FIELD(method),
-              "be NONE, CLASSIC, FORCE_PROJECTED, METRIC_DAMPING or FORCE_CONE where control.architecture is RENDER: "
-              "it needs a link");
-  if (!rendering &&
-      (options.controller.method == Method::metric_damping || options.controller.method == Method::force_cone))
+  if (rendering && options.controller.method == Method::none && options.method_name != kPlainMethod)
+    of.refuse(FIELD(method), fmt::format("be one of {} where control.architecture is RENDER: it needs a link",
+                                         fmt::join(names_of(kControllers), ", ")));
+  if (!rendering && rendering_controller(options.method_name) != Method::none)
     of.refuse(FIELD(method), "be another value over a link: this one needs control.architecture RENDER");
   // Only a rendering knows its contacts and their potential.
   if (!rendering && options.accounts != Accounts::total)
@@ -220,9 +219,8 @@ PortLimits read_limits(const Block<schema::Limits>& of, const PortLimits& absent
 
 ControlOptions read_control(const Block<schema::Control>& of, SceneFor use) {
   ControlOptions options;
-  options.architecture = of->architecture() == schema::Control::FOUR_CHANNEL
-                             ? Architecture::position_force
-                             : static_cast<Architecture>(of->architecture());
+  options.architecture = named_by_architecture(of.message()) != nullptr ? Architecture::position_force
+                                                                        : static_cast<Architecture>(of->architecture());
   options.coupling = read_coupling(of.block(FIELD(virtual_coupling)));
   options.rendering = static_cast<RenderingAlgorithm>(of->rendering());
   options.force_scale = of->force_scale();

@@ -7,6 +7,7 @@
 #include <utility>
 #include <vector>
 
+#include "common/coupling/layers.h"
 #include "common/scene/source.h"
 
 namespace twoport {
@@ -85,7 +86,7 @@ std::vector<Shared> find_shared(const pb::Descriptor& block) {
 /// The values that hold where the text states none.
 void complete(schema::Control& stated, const ControlOptions& control) {
   schema::Passivity& passivity = *stated.mutable_passivity();
-  schema::Passivity::Method method = schema::Passivity::NONE;
+  schema::Passivity::Method method{};
   // A pair that has a name is that method, whichever was stated.
   if (schema::Passivity::Method_Parse(control.method_name, &method)) {
     passivity.set_method(method);

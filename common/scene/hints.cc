@@ -288,8 +288,8 @@ std::string what_voids(const ControlOptions& o) {
     case link_damper:
       return fmt::format("{} has a brake at the robot beside the account of {}", o.transparency, layer);
     case damping:
-      return fmt::format("control.passivity.energy_bounding states more damping than the device has, {:g} N s/m",
-                         o.known.device_damping_n_s_per_m);
+      return fmt::format("{} states more damping than the device has, {:g} N s/m",
+                         passivity_layer(o).overstates_damping(o), o.known.device_damping_n_s_per_m);
   }
   return {};
 }
@@ -330,11 +330,12 @@ constexpr Hint kHints[] = {
      [](const Scene&) -> std::string { return "operator is absent: no hand holds the handle"; }, true},
     {[](const Scene& s) {
        return has_link(s) && (delays(s.to_slave) || delays(s.to_master)) && s.expect.stable.value_or(true) &&
-              s.control.method_name == "NONE";
+              s.control.method_name == kPlainMethod;
      },
-     [](const Scene&) -> std::string {
-       return "control.passivity.method is NONE and the link delays: the loop may be unstable; INTERNAL_MODEL, the "
-              "default, holds it";
+     [](const Scene& s) {
+       return fmt::format(
+           "control.passivity.method is {} and the link delays: the loop may be unstable; {}, the default, holds it",
+           s.control.method_name, kDefaultMethod);
      }},
     {[](const Scene& s) { return fed_by_coupling(s).has_value(); },
      [](const Scene& s) {
@@ -399,15 +400,12 @@ constexpr Hint kHints[] = {
            std::sqrt(stiffest_surface(s) / (kFastHandle * s.device->mass_kg)));
      }},
     {[](const Scene& s) { return !what_voids_claim(s).empty(); }, [](const Scene& s) { return what_voids_claim(s); }},
-    {[](const Scene& s) {
-       return moving_anchor(s).has_value() &&
-              (s.control.passivity == "ENERGY_SPRING" || s.control.passivity == "ENERGY_EXCHANGE");
-     },
+    {[](const Scene& s) { return moving_anchor(s).has_value() && !passivity_layer(s.control).passes_on.empty(); },
      [](const Scene& s) {
        return fmt::format(
            "environment[{}].spring.anchor_motion puts energy in, and control.passivity.layer {} gives the hand no more "
-           "of it than E(0); ENERGY_SPRING_TWO_PORT passes it on",
-           *moving_anchor(s), s.control.passivity);
+           "of it than E(0); {} passes it on",
+           *moving_anchor(s), s.control.passivity, passivity_layer(s.control).passes_on);
      }},
 };
 

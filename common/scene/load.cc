@@ -9,6 +9,7 @@
 #include "common/base/built_for.h"
 #include "common/base/check.h"
 #include "common/base/file.h"
+#include "common/coupling/layers.h"
 #include "common/scene/blocks.h"
 #include "common/scene/source.h"
 #include "common/scene/text.h"
@@ -136,7 +137,7 @@ void tell_system(const Scene& scene, ControlOptions& control) {
 Energy default_initial_energy(const ControlOptions& o) {
   if (o.architecture == Architecture::render) return {};
   constexpr double kLeast_j = 1e-3, kMost_j = 20e-3, kApproach_m_per_s = 0.05, kRobot_m_per_s = 0.2;
-  if (o.transparency != "INTERNAL_MODEL" && o.transparency != "CONTACT_SPRING") return Energy{kLeast_j};
+  if (!transparency_layer(o).initial_energy_by_round_trip) return Energy{kLeast_j};
   const double way_m = kApproach_m_per_s * o.known.round_trip.si();
   const double stiffness_n_per_m = o.force_scale * o.motion_scale * o.coupling.stiffness_n_per_m;
   const double blind_j = 0.5 * stiffness_n_per_m * way_m * way_m;

@@ -35,7 +35,7 @@ std::string assignment_error(const std::string& assignment);
 /// that holds it. Sets control.handle_mass_kg, handle_inertia_kg_m2 and max_force_n, and control.known.
 void tell_system(Scene& scene);
 
-/// E(0) of a scene that does not state control.passivity.initial_energy_j. Under INTERNAL_MODEL the energy that a spring K_c takes over
+/// E(0) of a scene that does not state control.passivity.initial_energy_j. Of a layer that says so (initial_energy_by_round_trip) the energy that a spring K_c takes over
 /// the way that a hand goes behind a surface before the master hears of it:
 ///
 ///     E(0) = K_c (v R)²/2,   v = 50 mm/s,   at least 1 mJ, at most 20 mJ

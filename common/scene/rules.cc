@@ -3,6 +3,7 @@
 
 #include "common/base/built_for.h"
 #include "common/contact/environment.h"
+#include "common/coupling/layers.h"
 #include "common/link/playout.h"
 #include "common/scene/blocks.h"
 #include "common/scene/scene.h"
@@ -56,9 +57,10 @@ void check_moving_anchors(const SceneBlock& scene, const Scene& values) {
 /// A force that reaches the handle later than it is commanded is none that a controller has booked.
 void check_latency(const SceneBlock& scene, const Scene& values) {
   if (!values.device || !(values.device->force_latency_s > 0.0)) return;
-  if (values.control.architecture != Architecture::render || values.control.method_name != "NONE")
+  if (values.control.architecture != Architecture::render || values.control.method_name != kPlainMethod)
     scene.block(FIELD(device))
-        .refuse(FIELD(force_latency_ms), "be 0 unless control.architecture is RENDER and the method NONE");
+        .refuse(FIELD(force_latency_ms),
+                fmt::format("be 0 unless control.architecture is RENDER and the method {}", kPlainMethod));
 }
 
 /// A spring of one contact point needs that point.
@@ -234,30 +236,24 @@ void check_transmission(const Block<schema::Impairment>& way, const Transmission
                                  1e3 * most_wait));
 }
 
-/// Combinations of method and architecture that have no meaning.
+/// Combinations of method, options and architecture that have no meaning.
 void check_method(const ControlOptions& c, const Block<schema::Passivity>& passivity) {
-  const auto is = [&c](const auto&... names) { return ((c.method_name == names) || ...); };
+  const TransparencyLayerName& transparency = transparency_layer(c);
+  if (transparency.refusal != nullptr)
+    if (const std::string_view why = transparency.refusal(c); !why.empty()) passivity.fail(std::string{why});
   if (c.architecture == Architecture::position_measured_force) {
-    const bool by_layer = is_by_position(c);
-    if (by_layer && passivity.has(FIELD(layer)))
-      passivity.fail(
-          fmt::format("control.transparency.layer is {}; it must be another one under POSITION_MEASURED_FORCE: it "
-                      "displays the position error",
-                      c.transparency));
-    if (by_layer || is("SET_POSITION_MODULATION"))
-      passivity.refuse(FIELD(method), "be another one under POSITION_MEASURED_FORCE: it displays the position error");
-    if (is("WAVE_VARIABLES"))
-      passivity.refuse(FIELD(method),
-                       "be another one under POSITION_MEASURED_FORCE: its waves carry the coupling force");
+    const std::string_view by_layer = transparency.refuses_measured_force,
+                           why = by_layer.empty() ? method_entry(c).refuses_measured_force : by_layer;
+    const std::string must = fmt::format("be another one under POSITION_MEASURED_FORCE: {}", why);
+    if (!by_layer.empty() && passivity.has(FIELD(layer)))
+      passivity.fail(fmt::format("control.transparency.layer is {}; it must {}", c.transparency, must));
+    if (!why.empty()) passivity.refuse(FIELD(method), must);
   }
-  if (c.passivity == "ENERGY_BOUNDING" &&
-      !(c.energy_bounding.damping_n_s_per_m || c.known.device_damping_n_s_per_m > 0.0)) {
-    constexpr const char* kNeeds =
-        "be another one where device.damping_n_s_per_m is 0, or "
-        "control.passivity.energy_bounding.damping_n_s_per_m must be given: it needs damping of the device";
-    if (passivity.has(FIELD(layer))) passivity.refuse(FIELD(layer), kNeeds);
-    passivity.refuse(FIELD(method), kNeeds);
-  }
+  if (const auto refusal = passivity_layer(c).refusal; refusal != nullptr)
+    if (const std::string must{refusal(c)}; !must.empty()) {
+      if (passivity.has(FIELD(layer))) passivity.refuse(FIELD(layer), must);
+      passivity.refuse(FIELD(method), must);
+    }
 }
 
 }  // namespace

@@ -26,7 +26,7 @@ void add_methods_command(CLI::App& app, Chosen& chosen) {
       for (const TransparencyLayerName& each : kTransparencyLayers)
         fmt::print("transparency\t{}\t{}\n", each.name, each.summary);
       for (const PassivityLayerName& each : kPassivityLayers)
-        fmt::print("passivity\t{}\t{}\t{}\n", each.name, to_string(each.claim), each.summary);
+        fmt::print("passivity\t{}\t{}\t{}\n", each.name, to_string(*each.claim), each.summary);
       return 0;
     };
   });

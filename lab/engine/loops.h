@@ -42,7 +42,7 @@ inline Row<N> columns(Duration now, const auto& out, Energy dissipated, const Fo
           .undissipated_j = out.undissipated.si(),
           .dissipated_j = dissipated.si(),
           .mode = out.mode,
-          .contact_spring_share = out.contact_spring_share};
+          .figures = out.figures};
 }
 
 /// A scene over a link, in virtual time: the same nodes and the same cycle as the live programs.

@@ -60,8 +60,8 @@ std::unique_ptr<Simulation<N>> make_simulation(const Scene& scene, Taps<N>* taps
     default:
       // One loop for each size does for every method; the controllers that sweeps run most have one of their own, 10 %
       // faster.
-      if ((scene.control.method_name == "CLASSIC" || scene.control.method_name == "FORCE_PROJECTED") &&
-          scene.schedule.empty())
+      if (scene.control.transparency == kPlainTransparency &&
+          scene.control.controller.method != ::twoport::Method::none && scene.schedule.empty())
         return std::make_unique<Compiled<N, LinkLoop<N, TimeDomainPassivity>>>(scene, taps);
       return std::make_unique<Compiled<N, LinkLoop<N>>>(scene, taps);
   }

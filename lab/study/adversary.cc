@@ -221,8 +221,9 @@ std::string limits(const char* name, bool at_robot, Draw& draw) {
 std::string method_text(const std::string& method, const char* initial, Draw& draw) {
   const std::size_t plus = method.find('+');
   if (plus == std::string::npos) return fmt::format("passivity {{ method: {}{} }} ", method, initial);
+  const TransparencyLayerName* transparency = find_name(kTransparencyLayers, method.substr(0, plus));
   const std::string random =
-      method.starts_with("RANDOM")
+      transparency != nullptr && transparency->is_random
           ? fmt::format(" random {{ force_n: {} hold_ms: {} }}", draw.decades(0.5, 50.0), draw.decades(0.5, 100.0))
           : std::string{};
   return fmt::format("passivity {{ layer: {}{} }} transparency {{ layer: {}{} }} ", method.substr(plus + 1), initial,
@@ -662,7 +663,7 @@ std::vector<std::string> claiming_methods() {
     if (each.one_piece() && each.claim->any()) all.emplace_back(each.name);
   for (const TransparencyLayerName& t : kTransparencyLayers)
     for (const PassivityLayerName& p : kPassivityLayers)
-      if (p.claim.any() && t.name != "PLUGIN") all.push_back(fmt::format("{}+{}", t.name, p.name));
+      if (p.claim->any() && !t.is_external) all.push_back(fmt::format("{}+{}", t.name, p.name));
   return all;
 }
 

@@ -151,7 +151,7 @@ const std::vector<Figure>& map_figures() {
 }
 
 std::vector<std::string> rendering_methods() {
-  return {"NONE", "CLASSIC", "FORCE_PROJECTED", "METRIC_DAMPING", "FORCE_CONE"};
+  return names_of(kControllers);
 }
 
 void check_names(const char* option, const std::vector<std::string>& names, const std::vector<std::string>& allowed) {
@@ -224,7 +224,7 @@ void run_map(const MapOptions& o, const SceneText& base, const Scene& scene, con
   for (auto& each : references) to_run.push_back(&each);
   for_each_parallel(to_run.size(), o.jobs, [&](std::size_t i) {
     const MapPlace place{.round_trip_ms = to_run[i]->first.first, .stiffness_n_per_m = to_run[i]->first.second};
-    Scene ideal = base.with(map_overrides(scene, "NONE", place, scene.seed));
+    Scene ideal = base.with(map_overrides(scene, std::string{kPlainMethod}, place, scene.seed));
     ideal.to_slave = ideal.to_master = {};
     ideal.transmission_to_slave = ideal.transmission_to_master = {};
     to_run[i]->second = pressed_force(run(ideal, {.verdict = VerdictFrom::plain, .stop = o.stop, .robot = o.robot}));
@@ -315,7 +315,7 @@ bool claims_a_bound(std::string_view method) {
   const MethodName* const named = find_name(kMethods, method);
   const std::string_view layer = named != nullptr ? named->passivity : method.substr(method.find('+') + 1);
   const PassivityLayerName* const passivity = find_name(kPassivityLayers, layer);
-  return passivity == nullptr || passivity->claim.any();
+  return passivity == nullptr || passivity->claim->any();
 }
 
 std::size_t least_error(const Map& map, std::size_t place, const std::function<bool(const MapCell&)>& may) {

@@ -20,8 +20,7 @@ namespace {
 template <class Layer, std::size_t Count>
 std::vector<std::string> names_of(const Layer (&layers)[Count], const std::vector<std::string>& asked,
                                   const char* option) {
-  std::vector<std::string> all;
-  for (const Layer& layer : layers) all.emplace_back(layer.name);
+  std::vector<std::string> all = twoport::names_of(layers);
   check_names(option, asked, all);
   return asked.empty() ? all : asked;
 }
@@ -30,10 +29,10 @@ std::vector<std::string> names_of(const Layer (&layers)[Count], const std::vecto
 /// device's own damping takes, which a summary does not have, is not judged; nor is the hand's port where a claim holds but for the
 /// handle's prediction.
 bool is_broken(const Summary& s, const std::string& passivity) {
-  const Claim claim = find_name(kPassivityLayers, passivity)->claim;
+  const Claim claim = *find_name(kPassivityLayers, passivity)->claim;
   const double grant = s.initial_energy_j(), slack = Matrix::kTolerance_j;
   return (claim.hand && !claim.device_damping && !claim.predicts && s.hand_min_energy_j() < -grant - slack) ||
-         (claim.both && s.two_port_min_energy_j() < -two_port_grants(passivity) * grant - slack);
+         (claim.both && s.two_port_min_energy_j() < -claim.grants() * grant - slack);
 }
 
 /// Removes the layers with which no pair runs, where they were not asked for.

@@ -407,11 +407,11 @@ Choice choice_of(const Scene& scene) {
   Choice c;
   double sum = 0.0, touching = 0.0, way = 0.0;
   loop.run(loop.end(), [&](const Row<6>& row) {
-    const double change = row.contact_spring_share - c.last;
+    const double change = row.figures[layer_figure("contact_spring_share")] - c.last;
     c.largest_change = std::max(c.largest_change, std::abs(change));
     if (change != 0.0 && change * way <= 0.0) ++c.turns;
     if (change != 0.0) way = change;
-    c.last = row.contact_spring_share;
+    c.last = row.figures[layer_figure("contact_spring_share")];
     if (row.touching) sum += c.last, touching += 1.0;
     return true;
   });

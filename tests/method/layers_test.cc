@@ -99,7 +99,7 @@ TEST_P(EveryPair, RunsAndKeepsTheClaimOfItsPassivityLayer) {
   Felt felt;
   at_size(c.dof, [&]<int N>() { felt = run<N>(scene); });
   EXPECT_TRUE(felt.finite);
-  if (!find_name(kPassivityLayers, c.passivity)->claim.any()) return;
+  if (!find_name(kPassivityLayers, c.passivity)->claim->any()) return;
   EXPECT_GE(felt.hand_least_j, -2.0 * scene.control.initial_energy.si() - 2e-4);
   if (c.passivity != "ENERGY_BOUNDING") {
     EXPECT_GT(felt.largest_n, 0.05) << "passive by silence";

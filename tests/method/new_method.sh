@@ -1,6 +1,7 @@
 #!/usr/bin/env bash
-# A new layer is one folder and three lines: takes the example of docs/guides/add-a-method.md into the list of names, the catalogue and
-# the schema, compiles what reads its name and builds its halves. new_method.sh COMPILER PROTOC EIGEN_INCLUDE LIBRARY...
+# A new layer is a folder, a line of the list and a name in the schema: adds these of the example of docs/guides/add-a-method.md to a tree of
+# its own, compiles there what reads names, makes halves and writes figures, and looks for its force and its figure.
+# new_method.sh COMPILER PROTOC EIGEN_INCLUDE LIBRARY...
 set -euo pipefail
 cd "$(dirname "$(readlink -f "$0")")/../.."
 compiler=$1 protoc=$2 eigen=$3
@@ -8,7 +9,7 @@ shift 3
 work=$(mktemp -d)
 trap 'rm -rf "$work"' EXIT
 
-mkdir -p "$work/common/method/transparency" "$work/common/coupling" "$work/proto"
+mkdir -p "$work/common/method/transparency" "$work/proto"
 cp -r tests/method/local_damping "$work/common/method/transparency/"
 # change FILE SED...: a copy of FILE, changed.
 change() {
@@ -17,18 +18,21 @@ change() {
   sed "$@" "$file" >"$work/$file"
   ! cmp -s "$file" "$work/$file" || { echo "$file: no place for the new method"; exit 1; }
 }
-change common/coupling/layers.h 's|^    {.name = "DELAYED_FORCE",.*|&\n    {.name = "LOCAL_DAMPING", .summary = "the delayed force and a damper at the master"},|'
-change common/method/classes.h -e 's|^  visit(Classes<DelayedForceMaster,.*|&\n  visit(Classes<LocalDampingMaster, DelayedForceSlave>{"LOCAL_DAMPING"});|' \
-  -e 's|^#include "common/method/transparency/random/random.h"|&\n#include "common/method/transparency/local_damping/local_damping.h"|'
+change common/method/transparency/list.h 's|^#include ".*/delayed_force/layer.h"|&\n#include "common/method/transparency/local_damping/layer.h"|'
 change proto/scene.proto 's/^ *DELAYED_FORCE = 0;/& LOCAL_DAMPING = 1000;/'
 
 cat >"$work/main.cc" <<'CC'
 #include <google/protobuf/text_format.h>
 
 #include <cstdio>
+#include <sstream>
+#include <string>
 
 #include "common/base/check.h"
+#include "common/base/file.h"
 #include "common/method/layers.h"
+#include "common/record/contact_figures.h"
+#include "common/record/trace.h"
 #include "common/scene/blocks.h"
 
 namespace {
@@ -40,9 +44,31 @@ ControlOptions read(const char* control) {
   const Context context{.file = "scene", .dof = 3};
   return read_control(Block{context, message, "control"}, SceneFor::laboratory);
 }
+
+/// A tick of a run with this result leaves the figure in trace and summary.
+bool leaves_its_figure(const MasterOutput<3>& out, const std::string& folder) {
+  const Row<3> row{.master_f = out.f, .figures = out.figures, .touching = true, .coupled = true};
+  const std::string trace = folder + "/trace.csv";
+  {
+    WholeFile file{trace};
+    Trace<3>{file}.add(row);
+    file.commit();
+  }
+  std::istringstream text{read_whole(trace)};
+  std::string header, values;
+  std::getline(text, header) && std::getline(text, values);
+  std::printf("%s ... %s\n", header.substr(header.rfind(',') + 1).c_str(), values.substr(values.rfind(',') + 1).c_str());
+  ContactFigures<3> figures{1000.0, std::nullopt};
+  figures.add(row, out.f.vec(), out.f.squared_norm());
+  Summary summary;
+  figures.fill(summary, true, true, 1.0, 1000.0);
+  const double mean = Figure::named("local_damping_power_w").of(summary);
+  std::printf("layer_figures.mean of the summary: %g W\n", mean);
+  return header.ends_with(",local_damping_power_w") && values.ends_with(",0.5") && mean == 0.5;
+}
 }  // namespace
 
-int main() {
+int main(int, char** arguments) {
   Held<MasterHalf<3>> half{read("transparency { layer: LOCAL_DAMPING } passivity { layer: NONE }")};
   DeviceSample<3> device;
   device.v = Velocity<3>{Eigen::Vector3d{0.5, 0, 0}};
@@ -51,7 +77,7 @@ int main() {
       half->step({.dt = Seconds{1e-3}, .ended = Seconds{1e-3}, .device = device, .interval = {}, .first = true, .slave = slave,
                  .slave_energy_in = {}, .account = {}, .active = true, .ramp = 1.0});
   std::printf("%g N\n", out.f[0]);
-  if (out.f[0] != 1.0) return 1;
+  if (out.f[0] != 1.0 || !leaves_its_figure(out, arguments[1])) return 1;
   try {
     read("architecture: RENDER transparency { layer: LOCAL_DAMPING }");
   } catch (const ConfigError& e) {
@@ -62,14 +88,21 @@ int main() {
   return 1;
 }
 CC
-cp proto/field.proto "$work/proto/"
-"$protoc" --proto_path="$work" --cpp_out="$work" proto/scene.proto proto/field.proto
+cp proto/{field,summary}.proto "$work/proto/"
+"$protoc" --proto_path="$work" --cpp_out="$work" proto/{scene,field,summary}.proto
 objects=0
-for file in "$work/proto/scene.pb.cc" "$work/proto/field.pb.cc" common/scene/control.cc common/scene/find.cc \
+for file in "$work"/proto/{scene,field,summary}.pb.cc common/record/{figure,held_force,trace}.cc common/scene/control.cc common/scene/find.cc \
   common/scene/reader.cc common/scene/text.cc common/method/{catalogue,dof_3}.cc common/hardware/transparency_process.cc common/hardware/plugin_trial.cc \
   "$work/main.cc"; do
   objects=$((objects + 1))
   "$compiler" -std=c++20 -I"$work" -I. -isystem "$eigen" -c "$file" -o "$work/$objects.o"
 done
 "$compiler" "$work"/*.o "$@" -pthread -o "$work/program"
-"$work/program"
+"$work/program" "$work"
+
+# An entry of a passivity layer that states no claim does not compile.
+mkdir -p "$work/unclaimed/common/method/passivity/none"
+sed 's/\.claim = Claim{}/.claim = {}/' common/method/passivity/none/layer.h >"$work/unclaimed/common/method/passivity/none/layer.h"
+"$compiler" -std=c++20 -I"$work/unclaimed" -I. -isystem "$eigen" -fsyntax-only -x c++ common/coupling/layers.h 2>"$work/errors" &&
+  { echo "a layer without a claim compiles"; exit 1; }
+grep 'each passivity layer states a claim' "$work/errors"

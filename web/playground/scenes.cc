@@ -29,7 +29,7 @@ std::vector<Choice> all_choices() {
       const bool named = std::any_of(std::begin(kMethods), std::end(kMethods), [&](const MethodName& m) {
         return m.transparency == t.name && m.passivity == p.name;
       });
-      if (!named && t.name != "PLUGIN")
+      if (!named && !t.is_external)
         all.push_back({"transparency.layer=" + std::string{t.name}, "passivity.layer=" + std::string{p.name}});
     }
   return all;

@@ -45,6 +45,7 @@ export interface Introduction {
   architecture: string;
   method: string;
   methods: string[];
+  plain_method: string; // the one without a controller
   initial_energies_j: number[];
   restarts: boolean; // may the page have both programs started again?
   device: string;
@@ -64,6 +65,7 @@ export interface Introduction {
   meshes: Element[]; // of the environment's meshes, which have no triangles there
   environment_answers: string[]; // sentences, by number
   surface_limits: { stiffness_n_per_m: number; friction: number };
+  layer_figures: [string, string, number][]; // fields of a sample: unit, least dof
   tool: Vec[]; // contact points; so many first ones belong to no part:
   tool_alone: number;
   tool_parts: Element[];

@@ -37,6 +37,7 @@ const seconds = (ms: number): string => `${(ms / 1000).toFixed(1)} s`;
 
 class Page {
   private scene: Introduction | null = null;
+  private figures: Introduction['layer_figures'] = [];
   private layout = new Layout([]);
   private sessions: Session[] = []; // the first one, and the one that it is compared with
   private comparing: number | null = null; // method of the second
@@ -146,12 +147,24 @@ class Page {
     const leftOut = scene.arm?.left_out ?? [], more = leftOut.length - 2;
     element('hint').textContent = [this.hint(scene), ...leftOut.slice(0, 2), ...(more > 0 ? [`So ${more === 1 ? 'is another link' : `are ${more} other links`}.`] : [])].join(' ');
     for (const row of document.querySelectorAll<HTMLElement>('.linked'))
-      row.hidden = !scene.linked || (row.classList.contains('six') && scene.dof !== 6);
+      row.hidden = !scene.linked;
+    this.makeLayerFigures(scene);
     for (const id of ['let-go', 'home']) element(id).hidden = !scene.pointer;
     element('late-row').hidden = this.channel.compare !== undefined; // its time is that of the frames
     this.makeTour(scene);
     this.makeComparison(scene);
     this.obey();
+  }
+
+  /** A row for each figure of the layers. */
+  private makeLayerFigures(scene: Introduction): void {
+    for (const row of document.querySelectorAll('.layer-figure')) row.remove();
+    this.figures = scene.layer_figures.filter(([, , dof]) => scene.linked && scene.dof >= dof);
+    for (const [name] of this.figures) {
+      const title = name[0]!.toUpperCase() + name.slice(1).replaceAll('_', ' ');
+      const row = `<div class="layer-figure"><dt>${title}</dt><dd><output id="${name}">–</output></dd></div>`;
+      element('round-trip-row').insertAdjacentHTML('beforebegin', row);
+    }
   }
 
   /** New sessions, the second one where methods are compared. */
@@ -198,7 +211,7 @@ class Page {
   }
 
   private makeTour(scene: Introduction): void {
-    const without = scene.methods.findIndex((m) => m.startsWith('NONE'));
+    const without = scene.methods.findIndex((m) => m.startsWith(scene.plain_method));
     const wall = scene.environment.some((e) => e.kind === 'wall');
     const possible = scene.pointer && scene.linked && wall && without > 0;
     element('tour-begin').hidden = !possible;
@@ -800,7 +813,9 @@ class Page {
     showEnergy('robot-energy', number('robot_energy_j'));
     showEnergy('dissipated', number('dissipated_j'));
     showEnergy('deficit', number('deficit_j'));
-    show('contact-spring', 100 * number('contact_spring_share'), 0, '%');
+    for (const [name, unit] of this.figures)
+      if (name.endsWith('_share')) show(name, 100 * number(name), 0, '%');
+      else show(name, number(name), 3, unit);
     element('picture').dataset.inView = String(first.inView());
     this.followEnvironment();
     this.followWork();

@@ -14,6 +14,7 @@ class LocalDampingMaster final : public Copyable<LocalDampingMaster<N>, MasterTr
     Wish<N> out = delayed_.wish(in);
     out.damper = Force<N>{kDamping_n_s_per_m * in.device.v.vec()};
     out.damped = in.active;
+    out.figures[layer_figure("local_damping_power_w")] = out.damper.vec().dot(in.device.v.vec());
     return out;
   }
 

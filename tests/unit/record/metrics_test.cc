@@ -279,7 +279,7 @@ TEST(ContactFigures, OfTorquesAreThoseOfRotation) {
                .master_f_wanted = wrench(1.0, {0.0, 0.03, 0.03}),
                .env_f = wrench(-1.0, {0.0, -0.04, 0.0}),
                .position_error = Displacement<6>{Wrench{Wrench::Unit(4) * 0.02}},
-               .contact_spring_share = k < 30000 ? 1.0 : 0.5,
+               .figures = {k < 30000 ? 1.0 : 0.5},
                .reference = wrench(1.0, {0.0, 0.04, 0.0}),
                .touching = true,
                .coupled = true,

@@ -4,6 +4,7 @@
 #include <cmath>
 
 #include "common/base/low_pass.h"
+#include "common/coupling/claim.h"
 #include "common/method/coupled_by_position.h"
 #include "common/method/layers.h"
 #include "common/method/passivity/energy_exchange/account.h"
@@ -22,12 +23,12 @@ namespace twoport {
 ///     g  = damper of the wish + B_p min(1, (λ/2T)²) v,   B_p = max(B, √(K m)),   at most m/(4T) v
 ///
 /// A force that the limit of its rate could not take away in a tick is not displayed (unheld_share), here and at the robot.
-/// ENERGY_SPRING_TWO_PORT: the hand's own port has no account of its own, A alone counts.
+/// Where the layer claims both ports alone, the hand's has no account of its own, and A alone counts.
 template <int N>
 class EnergyExchangeMaster final : public Copyable<EnergyExchangeMaster<N>, MasterPassivity<N>> {
  public:
   explicit EnergyExchangeMaster(const ControlOptions& o)
-      : bounds_hand_{o.passivity != "ENERGY_SPRING_TWO_PORT"},
+      : bounds_hand_{stated_claim(o).hand},
         account_{o.initial_energy},
         hand_{o},
         quarter_mass_{0.25 * per_axis<N>(o.handle_mass_kg, o.handle_inertia_kg_m2)} {

@@ -60,12 +60,13 @@ class ContactSpringMaster final : public Copyable<ContactSpringMaster<N>, Master
     cap_ = mass_kg_ > 0.0 ? std::min(1.0, 0.25 * mass_kg_ / (in.dt.si() * in.dt.si() * stiffness_)) : 1.0;
     const Velocity<N> v = in.mean_velocity();
     low_pass(v_slow_, v, in.dt, kDamperVelocity_s);
-    return {.idle = false,
-            .f = capped_ = ramp * cap_ * wanted_,
-            .damper = ramp * damping(in.dt),
-            .damped = true,
-            .stored = Energy{0.5 * std::pow(norm(wanted_.vec()), 2) / stiffness_},
-            .contact_spring_share = 1.0};
+    Wish<N> out{.idle = false,
+                .f = capped_ = ramp * cap_ * wanted_,
+                .damper = ramp * damping(in.dt),
+                .damped = true,
+                .stored = Energy{0.5 * std::pow(norm(wanted_.vec()), 2) / stiffness_}};
+    out.figures[layer_figure("contact_spring_share")] = 1.0;
+    return out;
   }
   void shown(const Force<N>& f, double share, const MasterInput<N>& in) noexcept override {
     f_ = f;

@@ -40,12 +40,13 @@ class ContactModelMaster final : public Copyable<ContactModelMaster<N>, MasterTr
     const Wish<N> plane = plane_.wish(in), spring = spring_.wish(in);
     if (plane.idle) return {};
     choose(in.dt);
-    return {.idle = false,
-            .f = blend(plane.f, spring.f),
-            .damper = blend(plane.damper, spring.damper),
-            .damped = true,
-            .stored = (1.0 - share_) * *plane.stored + share_ * *spring.stored,
-            .contact_spring_share = share_};
+    Wish<N> out{.idle = false,
+                .f = blend(plane.f, spring.f),
+                .damper = blend(plane.damper, spring.damper),
+                .damped = true,
+                .stored = (1.0 - share_) * *plane.stored + share_ * *spring.stored};
+    out.figures[layer_figure("contact_spring_share")] = share_;
+    return out;
   }
   void shown(const Force<N>& f, double share, const MasterInput<N>& in) noexcept override {
     plane_.shown(f, share, in);

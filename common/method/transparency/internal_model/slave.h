@@ -35,9 +35,9 @@ inline ControlOptions with_damped_robot(ControlOptions o) {
 /// q: f_m is the force that the hand felt when it was at x_m. A hand of stiffness K_h = 700 N/m that felt f instead would be q
 /// further out, where f + K* q is what the robot presses without the yield. At rest f = f_m and q = 0; until a surface is
 /// felt the robot presses on it as the hand will once it feels it. c: with a short delay little is pressed blindly, and lost
-/// packets would make it yield. SURFACE_MODEL with N = 6: c = 1; the point of contact changes from corner to corner within a short delay too.
+/// packets would make it yield. Of a surface alone with N = 6: c = 1; the point of contact changes from corner to corner within a short delay too.
 ///
-/// CONTACT_SPRING, and INTERNAL_MODEL in six degrees of freedom: q is a vector (yield_along_force), with c = min(1, (R/R_q)²),
+/// For a model that may be a spring in all axes: q is a vector (yield_along_force), with c = min(1, (R/R_q)²),
 /// R_q = min(0.2 s, π √(m/K_c)): a robot that is pulled back for less than half of its period on the coupling bounces, a light one has a short
 /// period. The coupling's damper is grounded in contact, (1 - g) B_c (v_rx - v_s) - g B_c v_s, g = LP_100ms of 1 in contact and coupled, else
 /// of 0. The hand's motion and tremor, a delay old, would come through it with |K_c + j ω B_c|; the model knows K_c only. What acts on the
@@ -56,7 +56,8 @@ class InternalModelSlave final : public Copyable<InternalModelSlave<N>, SlaveTra
  public:
   explicit InternalModelSlave(const ControlOptions& o)
       : Base{with_damped_robot(o)},
-        along_force_{o.transparency == "CONTACT_SPRING" || (N == 6 && o.transparency == "INTERNAL_MODEL")},
+        along_force_{transparency_layer(o).spring_in_all_axes_from > 0 &&
+                     N >= transparency_layer(o).spring_in_all_axes_from},
         damping_{
             per_axis<N>(with_damped_robot(o).coupling.damping_n_s_per_m, o.coupling.rotational_damping_n_m_s_per_rad)},
         yields_{N == 6 && !along_force_ ? 1.0 : std::min(1.0, std::pow(o.known.round_trip.si() / blind_s(o), 2))},

@@ -1,0 +1,9 @@
+// A line of common/method/one_piece/list.h.
+#ifdef TWOPORT_LAYER
+TWOPORT_LAYER(
+    "WAVE_VARIABLES", WaveMaster, WaveSlave,
+    .summary = "wave variables: the link carries waves whose energy no delay or loss can raise; position is not exact",
+    .claim = Claim{}, .refuses_measured_force = "its waves carry the coupling force")
+#else
+#include "common/method/one_piece/wave_variables/wave_variables.h"
+#endif

@@ -1,0 +1,10 @@
+// The passivity layers, in the order in which they are listed; the first is the default.
+// common/coupling/layers.h reads their entries, with TWOPORT_LAYER(name, class at the master, class at the slave, entry); without that
+// macro this includes their classes.
+// clang-format off
+#include "common/method/passivity/energy_spring/layer.h"
+#include "common/method/passivity/energy_exchange/layer.h"
+#include "common/method/passivity/none/layer.h"
+#include "common/method/passivity/time_domain/layer.h"
+#include "common/method/passivity/energy_tank/layer.h"
+#include "common/method/passivity/energy_bounding/layer.h"

@@ -1,0 +1,8 @@
+// A line of common/method/transparency/list.h.
+#ifdef TWOPORT_LAYER
+TWOPORT_LAYER("FRACTAL_IMPEDANCE", FractalImpedanceMaster, FractalImpedanceSlave,
+              .summary = "springs that give back less than they take",
+              .refuses_measured_force = "it displays the position error")
+#else
+#include "common/method/transparency/fractal_impedance/fractal_impedance.h"
+#endif
