@@ -28,6 +28,12 @@ std::string modes_shown(const std::string& terminal) {
   return modes;
 }
 
+/// Coupled, then holding for the side that is gone, released where that one's program took its time to start, and coupled again.
+bool began_anew(const std::string& terminal) {
+  const std::string modes = modes_shown(terminal);
+  return modes.starts_with("coupled holding coupled") || modes.starts_with("coupled holding released coupled");
+}
+
 // ---- the other side dies, and comes back
 
 // The robot stands in contact, and so does the handle: what a real one would do while its program starts anew.
@@ -54,9 +60,9 @@ TEST(Restart, OfTheSlaveInContactIsSurvivedByTheMaster) {
 
   const schema::Summary m = pair.summary("master"), s = pair.summary("second");
   EXPECT_EQ(m.reconnects(), 1u);
-  EXPECT_EQ(m.mode(), "coupled");
   if (kept_time({m, s})) {
-    EXPECT_EQ(modes_shown(master.err()), "coupled holding coupled");
+    EXPECT_EQ(m.mode(), "coupled");
+    EXPECT_TRUE(began_anew(master.err())) << master.err();
   }
   expect_sound({m, s});
 
@@ -86,7 +92,7 @@ TEST(Restart, OfTheMasterInContactIsSurvivedByTheSlave) {
   EXPECT_EQ(s.reconnects(), 1u);
   EXPECT_EQ(m.reconnects(), 0u);
   if (kept_time({m, s})) {
-    EXPECT_EQ(modes_shown(slave.err()).find("coupled holding coupled"), 0u) << slave.err();
+    EXPECT_TRUE(began_anew(slave.err())) << slave.err();
   }
   expect_sound({m, s});
   EXPECT_GT(pair.trace("second").peak("master_f_wanted_0", 1.0, 2.0), 0.5);
@@ -203,17 +209,12 @@ void expect_unaffected(const Pair& pair, Process& master, Process& slave) {
   EXPECT_EQ(master.wait(), exited(0)) << master.err();
   EXPECT_EQ(slave.wait(), exited(0)) << slave.err();
   const schema::Summary m = pair.summary("master"), s = pair.summary("slave");
-  EXPECT_EQ(m.mode(), "coupled");
-  for (const schema::Summary& each : {m, s}) {
-    EXPECT_EQ(each.reconnects(), 0u) << each.side();
-    if (kept_time({m, s})) {
-      EXPECT_GT(each.contact_s(), 0.5) << each.side();
-    }
-  }
+  for (const schema::Summary& each : {m, s}) EXPECT_EQ(each.reconnects(), 0u) << each.side();
   expect_sound({m, s});
-  EXPECT_LT(m.packets().to_master().lost(), 400u);
-  EXPECT_LT(s.packets().to_slave().lost(), 400u);
   if (kept_time({m, s})) {
+    for (const schema::Summary& each : {m, s}) EXPECT_GT(each.contact_s(), 0.5) << each.side();
+    EXPECT_LT(m.packets().to_master().lost(), 400u);
+    EXPECT_LT(s.packets().to_slave().lost(), 400u);
     EXPECT_EQ(modes_shown(master.err()), "coupled");
   }
   std::cout << "rejected at the master " << m.packets().to_master().rejected() << ", at the slave "
