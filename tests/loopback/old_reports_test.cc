@@ -205,8 +205,10 @@ TEST(OldReports, AGoodbyeLetsTheRobotGoAtOnce) {
     const auto &mode = slave["mode"], &f = slave["slave_f_0"];
     EXPECT_GT(slave.peak("slave_f_0", 2.5, 3.0), 3.0) << "it pressed";
     EXPECT_EQ(mode.back(), 3.0) << "released";
-    const auto held = std::count(mode.begin(), mode.end(), 2.0);
-    EXPECT_LE(held, 50) << "ms; without a goodbye 900";
+    if (kept_time({run.pair.summary("slave")})) {
+      const auto held = std::count(mode.begin(), mode.end(), 2.0);
+      EXPECT_LE(held, 50) << "ms; without a goodbye 900";
+    }
     EXPECT_EQ(f.back(), 0.0);
     EXPECT_GE(count(run.slave->err(), "the master has ended"), 1) << run.slave->err();
   }

@@ -108,8 +108,8 @@ TEST(Key, ThatDiffersOrIsMissingIsSaidOnBothSides) {
       {{}, {"--key", key}, "encrypted packets arrived, and this program has no key", "no slave answered"}};
   for (const Case& c : cases) {
     Words of_slave = c.slave, of_master = c.master;
-    of_slave.insert(of_slave.end(), {"--duration", "2"});
-    of_master.insert(of_master.end(), {"--duration", "1.5"});
+    of_slave.insert(of_slave.end(), {"--duration", "4"});
+    of_master.insert(of_master.end(), {"--duration", "3"});
     Process slave = plain.listening_slave("slave", of_slave), master = plain.master("master", of_master);
     EXPECT_EQ(master.wait(), exited(1));
     EXPECT_EQ(slave.wait(), exited(1));
