@@ -1,14 +1,12 @@
 #pragma once
 
-#include <algorithm>
-#include <cmath>
 #include <cstdint>
 #include <memory>
-#include <numbers>
 #include <optional>
 #include <type_traits>
 #include <variant>
 
+#include "common/base/built_for.h"
 #include "common/base/copied.h"
 #include "common/contact/environment.h"
 #include "common/hardware/robot.h"
@@ -25,42 +23,12 @@ namespace twoport::sim {
 template <int N>
 class SimRobot final {
  public:
-  SimRobot(const Scene& scene, Seconds dt)
-      : environment_{std::make_shared<Environment<N>>(scene.environment, scene.tool)} {
-    if (scene.robot) {
-      const RobotSpec& robot = *scene.robot;
-      state_ = {position<N>(robot.position_m), Velocity<N>{vector<N>(robot.velocity_m_per_s)}};
-      model(robot, scene.simulation, dt.si());
-      if (robot.force_sensor) sensor_ = ForceSensor<N>{*robot.force_sensor, dt, scene.seed};
-      if constexpr (N == 6) {
-        if (robot.arm && robot.force_sensor) mount_wrist_sensor(robot, dt, scene.seed);
-      }
-    }
-    anchors_move_ = std::any_of(environment_->world().springs.begin(), environment_->world().springs.end(),
-                                [](const Spring& s) { return s.motion.amplitude_m != 0.0; });
-    dt_s_ = dt.si();
-    touch();
-  }
+  SimRobot(const Scene& scene, Seconds dt);
 
   /// Advances the model by one control period, under the command held since the last actuate.
-  void advance() noexcept {
-    if (anchors_move_) [[unlikely]]
-      return advance_with_anchors();
-    move();
-    touch();
-  }
+  void advance() noexcept;
   /// The same without reading the sensor, if no force is needed before the next advance.
-  void move() noexcept {
-    if (auto* exact = std::get_if<Exact>(&plant_)) {
-      state_ = exact->advance(command_.f);
-    } else if (auto* general = std::get_if<General>(&plant_)) {
-      state_ = (*general)->advance(command_.f);
-    } else if (std::holds_alternative<Arm>(plant_)) {
-      if constexpr (N == 6) state_ = std::get<Arm>(plant_)->advance(command_.f);
-    } else {
-      state_ = {command_.x_d, command_.v_d};
-    }
-  }
+  void move() noexcept;
 
   /// From now on without noise of its sensor.
   void silence() noexcept {
@@ -68,33 +36,15 @@ class SimRobot final {
     anchors_rest_ = true;
   }
   /// Adds dv to its velocity. False where it is ideal.
-  bool kick(const Velocity<N>& dv) noexcept {
-    if (std::holds_alternative<Ideal>(plant_)) return false;
-    if (auto* exact = std::get_if<Exact>(&plant_)) exact->kick(dv);
-    if (auto* general = std::get_if<General>(&plant_)) (*general)->kick(dv);
-    if constexpr (N == 6)
-      if (auto* arm = std::get_if<Arm>(&plant_)) (*arm)->kick(dv);
-    state_.v += dv;
-    return true;
-  }
+  bool kick(const Velocity<N>& dv) noexcept;
 
   /// Can surfaces be changed while running? An arm's model cannot take it.
   [[nodiscard]] bool takes_other_surfaces() const noexcept { return !std::holds_alternative<Arm>(plant_); }
   /// And their friction? A line has none, and the exact maps of a viscous wall know none.
-  [[nodiscard]] bool takes_other_friction() const noexcept {
-    const auto* exact = std::get_if<Exact>(&plant_);
-    return N > 1 && takes_other_surfaces() && (!exact || exact->takes_friction());
-  }
+  [[nodiscard]] bool takes_other_friction() const noexcept;
   /// From now on a surface has this stiffness, and, where it can, this friction. Where it presses, that changes the elastic energy
   /// by ΔK d²/2, which is returned: whoever changes it does this work. Of a robot that no copy shares the environment with.
-  Energy set_surface(std::size_t surface, double stiffness_n_per_m, double friction) noexcept {
-    const Energy before = environment_->potential(state_.x);
-    if (!takes_other_friction()) friction = environment_->world().surfaces[surface].material.friction;
-    environment_->set_surface(surface, stiffness_n_per_m, friction);
-    if (auto* exact = std::get_if<Exact>(&plant_)) exact->set_surface(stiffness_n_per_m, friction);
-    if (auto* general = std::get_if<General>(&plant_)) (*general)->surfaces_have_changed();
-    return environment_->potential(state_.x) - before;
-  }
+  Energy set_surface(std::size_t surface, double stiffness_n_per_m, double friction) noexcept;
 
   [[nodiscard]] RobotSample<N> sense() const noexcept {
     return {state_.x, state_.v, sensed_, std::holds_alternative<Ideal>(plant_)};
@@ -122,35 +72,10 @@ class SimRobot final {
  private:
   /// One tick under the force of the moving anchors: that of a spring whose anchor is a(t) away from its place is
   /// K a(t) + B da/dt more, at each point of a tool that it acts on. It is held for the tick.
-  void advance_with_anchors() noexcept {
-    if (!anchors_rest_) {
-      from_anchors_ = Force<N>{};
-      const double t = static_cast<double>(tick_++) * dt_s_;
-      for (const Spring& s : environment_->world().springs) {
-        const double w = 2.0 * std::numbers::pi * s.motion.frequency_hz;
-        const double f_n =
-            s.motion.amplitude_m * (s.stiffness_n_per_m * std::sin(w * t) + s.damping_n_s_per_m * w * std::cos(w * t));
-        from_anchors_ += pull(s, f_n * Point<kAxes<N>>::Unit(s.motion.axis));
-      }
-    }
-    const Force<N> commanded = command_.f;
-    command_.f += from_anchors_;
-    move();
-    command_.f = commanded;
-    touch();
-  }
+  void advance_with_anchors() noexcept;
 
   /// Of the force f on every point that the spring acts on.
-  [[nodiscard]] Force<N> pull(const Spring& s, const Point<kAxes<N>>& f) const noexcept {
-    if constexpr (N == 6) {
-      SpatialVector sum = SpatialVector::Zero();
-      for (int i = 0; const Eigen::Vector3d& point : environment_->tool())
-        if (s.acts_on(i++)) sum += SpatialVector{f, (state_.x.attitude() * point).cross(f)};
-      return Force<N>{sum};
-    } else {
-      return Force<N>{f};
-    }
-  }
+  [[nodiscard]] Force<N> pull(const Spring& s, const Point<kAxes<N>>& f) const noexcept;
 
   struct Ideal {};
   /// Stands where the exact maps do not exist.
@@ -166,62 +91,12 @@ class SimRobot final {
   using General = Copied<BodyPlant<N>>;
   using Exact = std::conditional_t<N == 6, NoMap, ExactPlant<N == 6 ? 3 : N>>;
 
-  void model(const RobotSpec& robot, const SimulationSpec& simulation, double dt) {
-    if constexpr (N == 6) {
-      if (robot.arm) {
-        plant_ = Arm{make_arm(*robot.arm, environment_, dt, state_.x)};
-        return;
-      }
-    }
-    const Integrator method = simulation.integrator;
-    if constexpr (N != 6) {
-      const bool map = method == Integrator::exact_per_tick || method == Integrator::trapezoidal;
-      if (map || (method == Integrator::exact && Exact::fits(environment_->world()))) {
-        plant_.template emplace<Exact>(robot, environment_->world(), dt, state_, method, map ? simulation.substeps : 1);
-        return;
-      }
-    }
-    plant_ = General{make_body_plant<N>(robot, environment_, dt, state_, simulation)};
-  }
+  void model(const RobotSpec& robot, const SimulationSpec& simulation, double dt);
 
   /// The arm's sensor is between flange and tool: weight and bias are removed as far as they have been identified.
-  void mount_wrist_sensor(const RobotSpec& robot, Seconds dt, std::uint64_t seed) requires(N == 6) {
-    ForceSensorSpec unbiased = *robot.force_sensor;
-    unbiased.bias_n.clear();
-    sensor_ = ForceSensor<N>{unbiased, dt, seed};
-    wrist_.emplace(*robot.arm, *robot.force_sensor, seed);
-  }
-  void sense_at_wrist() noexcept {
-    if constexpr (N == 6) {
-      const ArmPlant& arm = *std::get<Arm>(plant_);
-      from_environment_ = arm.outside_force();
-      if (anchors_move_) from_environment_ += from_anchors_;
-      Force<N> at_wrist = from_environment_ + arm.tool_inertia();
-      if (wrist_) {
-        const Eigen::Matrix3d R = arm.attitude();
-        const Eigen::Matrix<double, 6, 1> rest = wrist_->residual(R);
-        Eigen::Matrix<double, 6, 1> world;
-        world << R * rest.head<3>(), R * rest.tail<3>();
-        at_wrist += Force<N>{world};
-      }
-      sensed_ = sensor_.sample(at_wrist);
-    }
-  }
-
-  void touch() noexcept {
-    if (const auto* exact = std::get_if<Exact>(&plant_))
-      from_environment_ = exact->environment_force();
-    else if (const auto* general = std::get_if<General>(&plant_))
-      from_environment_ = (*general)->environment_force();
-    else if (std::holds_alternative<Arm>(plant_)) {
-      sense_at_wrist();
-      return;
-    } else
-      from_environment_ = environment_->force(state_.x, state_.v);
-    if (anchors_move_) [[unlikely]]
-      from_environment_ += from_anchors_;
-    sensed_ = sensor_.sample(from_environment_);
-  }
+  void mount_wrist_sensor(const RobotSpec& robot, Seconds dt, std::uint64_t seed) requires(N == 6);
+  void sense_at_wrist() noexcept;
+  void touch() noexcept;
 
   std::shared_ptr<Environment<N>> environment_;
   BodyState<N> state_;
@@ -235,5 +110,6 @@ class SimRobot final {
   std::int64_t tick_ = 0;
   ForceSensor<N> sensor_;
 };
+TWOPORT_DECLARE(SimRobot);
 
 }  // namespace twoport::sim

@@ -147,19 +147,6 @@ class DormandPrincePlant final : public BodyPlant<N> {
   }
   [[nodiscard]] BodyState<N> body() const noexcept { return body_at(s_.y); }
   [[nodiscard]] Force<N> environment_force() const noexcept override { return Force<N>{s_.environment}; }
-
-  [[nodiscard]] const State& state() const noexcept { return s_; }
-  /// Continues from `state`, of a plant of the same scene.
-  void set_state(const State& state) noexcept {
-    s_ = state;
-    active_.clear();
-    for (std::size_t i = 0; i < pairs_.size(); ++i)
-      if (s_.modes[i].feature != kNone) active_.push_back({static_cast<int>(i), s_.modes[i]});
-    Vector unused;
-    Numbers rate;
-    evaluate<true>(s_.y, s_.held, rate, unused);
-    keep_look();
-  }
   void kick(const Velocity<N>& dv) noexcept override {
     BodyState<N> now = body();
     now.v += dv;

@@ -14,8 +14,6 @@ namespace twoport::sim {
 template <int N>
 class FixedStepPlant final : public BodyPlant<N> {
  public:
-  using State = BodyState<N>;
-
   FixedStepPlant(const RobotSpec& robot, std::shared_ptr<const Environment<N>> environment, double dt,
                  const BodyState<N>& start, const SimulationSpec& simulation,
                  std::size_t few = BroadPhase<kAxes<N>>::kFew)
@@ -46,9 +44,6 @@ class FixedStepPlant final : public BodyPlant<N> {
     return Force<N>{body_.environment_force(s_.x, port_vector<N>(s_.v.vec()))};
   }
 
-  [[nodiscard]] const State& state() const noexcept { return s_; }
-  /// Continues from `state`, of a plant of the same scene.
-  void set_state(const State& state) noexcept { s_ = state; }
   void kick(const Velocity<N>& dv) noexcept override { s_.v += dv; }
 
  private:

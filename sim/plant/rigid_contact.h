@@ -110,9 +110,6 @@ class RungeKuttaPlant final : public BodyPlant<N> {
   [[nodiscard]] BodyState<N> body() const noexcept { return {s_.motion.at.x, Velocity<N>{s_.slope.v}}; }
   [[nodiscard]] Force<N> environment_force() const noexcept override { return Force<N>{s_.slope.environment}; }
 
-  [[nodiscard]] const State& state() const noexcept { return s_; }
-  /// Continues from `state`, of a plant of the same scene.
-  void set_state(const State& state) noexcept { s_ = state; }
   void kick(const Velocity<N>& dv) noexcept override {
     const BodyState<N> now = body();
     s_.motion = body_.motion({now.x, now.v + dv});

@@ -2,21 +2,21 @@
 
 #include <gtest/gtest.h>
 
-#include <Eigen/Eigenvalues>
 #include <cmath>
 #include <complex>
 #include <cstdio>
 #include <memory>
 #include <optional>
 #include <string>
-#include <unsupported/Eigen/MatrixFunctions>
 #include <vector>
 
 #include "common/arm/arm_model.h"
 #include "common/scene/load.h"
+#include "lab/theory/sampled_loop.h"
 #include "sim/plant/serial_arm.h"
 #include "sim/sim_device.h"
 #include "tests/support/no_alloc.h"
+#include "tests/theory/matrices.h"
 
 namespace twoport::sim {
 namespace {
@@ -24,6 +24,7 @@ namespace {
 using Vector6 = Eigen::Matrix<double, 6, 1>;
 using Matrix6 = Eigen::Matrix<double, 6, 6>;
 using Seven = SerialArm<7>;
+using test::exponential, test::inverse, test::Mode;
 
 constexpr double kPeriod = 5e-4;
 
@@ -105,9 +106,9 @@ Shares torque_shares(double damping) {
     const Seven::State now = d.arm()->joints<7>()->state();
     const auto p = model.pose(now.q);
     const auto J = model.jacobian(p);
-    const Eigen::Matrix<double, 7, 7> inverse = model.inertia(p).inverse();
-    const Matrix6 lambda = (J * inverse * J.transpose()).inverse();
-    const Eigen::Matrix<double, 6, 7> to_tool = lambda * J * inverse;
+    const Eigen::Matrix<double, 7, 7> mobility = inverse(model.inertia(p));
+    const Matrix6 lambda = inverse(J * mobility * J.transpose());
+    const Eigen::Matrix<double, 6, 7> to_tool = lambda * J * mobility;
     const Vector6 turning = model.bias_acceleration(p, now.v);
     const Vector6 a = J * (now.v - before.v) / kPeriod + turning;
     const Vector6 velocity = to_tool * model.bias_torque(p, now.v, Eigen::Vector3d::Zero()) - lambda * turning;
@@ -171,7 +172,7 @@ TEST(ArmAtTheHand, TheGainOfTorquesShapesTheInertiaOfTheRotation) {
   };
   const Scene known = scene("");
   const ArmModel<7> arm{*known.device->arm->parameters};
-  const Matrix6 lambda = tool_mobility(arm, vector<7>(known.device->arm->joint_position_rad)).inverse();
+  const Matrix6 lambda = inverse(tool_mobility(arm, vector<7>(known.device->arm->joint_position_rad)));
   for (const auto& [gain, torque_gain] : {std::pair{0.0, 9.0}, {9.0, 0.0}, {4.0, 4.0}, {19.0, 99.0}}) {
     const Matrix6 inertia = shaped(lambda, gain, torque_gain);
     EXPECT_LT((inertia - inertia.transpose()).norm(), 1e-12 * inertia.norm());
@@ -224,7 +225,6 @@ TEST(ArmAtTheHand, ForceFeedbackDividesItsInertia) {
 
 using Matrix7 = Eigen::Matrix<double, 7, 7>;
 using Matrix14 = Eigen::Matrix<double, 14, 14>;
-using ModalVector = Eigen::Matrix<std::complex<double>, 14, 1>;
 
 /// The arm at rest in its first position, (δq, v) from tick to tick, under torques τ = F (δq, v) that are held for a tick:
 ///
@@ -236,7 +236,7 @@ Matrix14 tick_of(const Scene& s, double damping, double gain, const Matrix6& R) 
   const ArmModel<7> arm{*s.device->arm->parameters};
   const Eigen::Matrix<double, 7, 1> q = vector<7>(s.device->arm->joint_position_rad);
   const auto p = arm.pose(q);
-  const Matrix7 inverse = arm.inertia(p).inverse();
+  const Matrix7 mobility = inverse(arm.inertia(p));
   const Eigen::Matrix<double, 6, 7> J = arm.jacobian(p);
   Matrix7 weight;
   for (int i = 0; i < 7; ++i) {
@@ -245,37 +245,18 @@ Matrix14 tick_of(const Scene& s, double damping, double gain, const Matrix6& R) 
     };
     weight.col(i) = (at(h) - at(-h)) / (2.0 * h);
   }
-  const Matrix7 N = Matrix7::Identity() - J.transpose() * (J * inverse * J.transpose()).inverse() * J * inverse;
+  const Matrix7 N = Matrix7::Identity() - J.transpose() * inverse(J * mobility * J.transpose()) * J * mobility;
   Eigen::Matrix<double, 21, 21> held = Eigen::Matrix<double, 21, 21>::Zero();
   held.block<7, 7>(0, 7).setIdentity();
-  held.block<7, 7>(7, 0) = -inverse * weight;
-  held.block<7, 7>(7, 7) = -damping * inverse;
-  held.block<7, 7>(7, 14) = inverse;
+  held.block<7, 7>(7, 0) = -mobility * weight;
+  held.block<7, 7>(7, 7) = -damping * mobility;
+  held.block<7, 7>(7, 14) = mobility;
   Eigen::Matrix<double, 7, 14> F;
   F << weight - (1.0 + gain) * J.transpose() * R * J - kNullStiffness * N, -kNullDamping * N;
-  const Eigen::Matrix<double, 21, 21> tick = (held * kPeriod).exp();
+  const Eigen::Matrix<double, 21, 21> tick = exponential(held * kPeriod);
   return tick.topLeftCorner<14, 14>() + tick.topRightCorner<14, 7>() * F;
 }
 
-/// The mode that grows fastest: eigenvalue, right and left eigenvector.
-struct Mode {
-  std::complex<double> value;
-  ModalVector right, left;
-};
-Mode fastest(const Matrix14& tick) {
-  const auto largest = [](const Eigen::EigenSolver<Matrix14>& of, ModalVector& vector) {
-    Eigen::Index i = 0;
-    of.eigenvalues().cwiseAbs().maxCoeff(&i);
-    if (of.eigenvalues()[i].imag() < 0.0)
-      i = i == 0 ? 1 : of.eigenvalues()[i - 1] == std::conj(of.eigenvalues()[i]) ? i - 1 : i + 1;
-    vector = of.eigenvectors().col(i);
-    return of.eigenvalues()[i];
-  };
-  Mode mode;
-  mode.value = largest(Eigen::EigenSolver<Matrix14>{tick}, mode.right);
-  largest(Eigen::EigenSolver<Matrix14>{Matrix14{tick.transpose()}}, mode.left);
-  return mode;
-}
 double growth(const Mode& of) {
   return std::log(std::abs(of.value)) / kPeriod;
 }
@@ -323,14 +304,14 @@ Matrix21 tick_with_hand(const Scene& s, const HandSpec& hand) {
   const ArmModel<7> bare{*spec.parameters}, arm{*spec.parameters, held};
   const Eigen::Matrix<double, 7, 1> q = vector<7>(spec.joint_position_rad);
   const auto p = arm.pose(q);
-  const Matrix7 inverse = arm.inertia(p).inverse(), one = Matrix7::Identity();
+  const Matrix7 mobility = inverse(arm.inertia(p)), one = Matrix7::Identity();
   const Eigen::Matrix<double, 6, 7> J = arm.jacobian(p);
   Matrix7 weight;
   for (int i = 0; i < 7; ++i) {
     const auto at = [&](double by) { return arm.gravity_torque(arm.pose(q + by * one.col(i)), ArmPlant::kGravity); };
     weight.col(i) = (at(h) - at(-h)) / (2.0 * h);
   }
-  const Matrix7 N = one - J.transpose() * (J * inverse * J.transpose()).inverse() * J * inverse;
+  const Matrix7 N = one - J.transpose() * inverse(J * mobility * J.transpose()) * J * mobility;
   Vector6 k, b, m;
   const auto both = [](double linear, double angular) {
     Vector6 v;
@@ -342,21 +323,21 @@ Matrix21 tick_with_hand(const Scene& s, const HandSpec& hand) {
   m = both(hand.mass_kg, hand.inertia_kg_m2);
   Matrix21 held_tick = Matrix21::Zero();
   held_tick.block<7, 7>(0, 7).setIdentity();
-  held_tick.block<7, 7>(7, 0) = -inverse * (weight + J.transpose() * k.asDiagonal() * J);
+  held_tick.block<7, 7>(7, 0) = -mobility * (weight + J.transpose() * k.asDiagonal() * J);
   held_tick.block<7, 7>(7, 7) =
-      -inverse * (spec.joint_damping_n_m_s_per_rad * one + J.transpose() * b.asDiagonal() * J);
-  held_tick.block<7, 7>(7, 14) = inverse;
+      -mobility * (spec.joint_damping_n_m_s_per_rad * one + J.transpose() * b.asDiagonal() * J);
+  held_tick.block<7, 7>(7, 14) = mobility;
   Eigen::Matrix<double, 6, 21> sensed = -(m.asDiagonal() * J * held_tick.middleRows<7>(7));
   sensed.leftCols<7>() -= k.asDiagonal() * J;
   sensed.middleCols<7>(7) -= b.asDiagonal() * J;
-  const Matrix6 lambda = tool_mobility(bare, q).inverse();
-  const Matrix6 S = lambda * shaped(lambda, spec.force_feedback_gain, spec.force_feedback_torque_gain).inverse() -
-                    Matrix6::Identity();
+  const Matrix6 lambda = inverse(tool_mobility(bare, q));
+  const Matrix6 S =
+      lambda * inverse(shaped(lambda, spec.force_feedback_gain, spec.force_feedback_torque_gain)) - Matrix6::Identity();
   Eigen::Matrix<double, 7, 21> torque = J.transpose() * S * sensed;
   torque.leftCols<7>() += weight - spec.null_space_stiffness_n_m_per_rad * N;
   torque.middleCols<7>(7) -= spec.null_space_damping_n_m_s_per_rad * N;
   // Torques of the coming tick from what was read, then the tick.
-  const Matrix21 tick = (held_tick * kPeriod).exp();
+  const Matrix21 tick = exponential(held_tick * kPeriod);
   Matrix21 all;
   all.topRows<14>().setZero();
   all.topLeftCorner<14, 14>() = tick.topLeftCorner<14, 14>();
@@ -365,7 +346,7 @@ Matrix21 tick_with_hand(const Scene& s, const HandSpec& hand) {
   return all;
 }
 double radius(const Matrix21& tick) {
-  return Eigen::EigenSolver<Matrix21>{tick, false}.eigenvalues().cwiseAbs().maxCoeff();
+  return lab::eigenvalues(tick).cwiseAbs().maxCoeff();
 }
 
 /// The value at which a rising growth is zero.
@@ -381,7 +362,7 @@ double boundary(Growth growth, double low, double high, int halvings) {
 TEST(ArmAtTheHand, RenderedSpringIsStableUpToTheEigenvalues) {
   for (const double gain : {0.0, 4.0}) {
     const Scene s = scene("joint_damping_n_m_s_per_rad: 1 force_feedback { gain: " + std::to_string(gain) + " }");
-    const auto mode = [&](double k) { return fastest(tick_of(s, 1.0, gain, stiffness(k))); };
+    const auto mode = [&](double k) { return test::fastest_mode(tick_of(s, 1.0, gain, stiffness(k))); };
     const double known = boundary([&](double k) { return growth(mode(k)); }, 10.0, 1e6, 60);
     const double seen =
         boundary([&](double k) { return measured_growth(s, mode(k), stiffness(k)); }, 0.9 * known, 1.1 * known, 16);
@@ -405,7 +386,7 @@ TEST(ArmAtTheHand, SpringAtTheTipIsStableUpToTheEigenvalues) {
     K << k, k, k, 10.0, 10.0, 10.0;
     return Matrix6{K.asDiagonal()};
   };
-  const auto mode = [&](double k) { return fastest(tick_of(s, 0.5, 0.0, tip(k))); };
+  const auto mode = [&](double k) { return test::fastest_mode(tick_of(s, 0.5, 0.0, tip(k))); };
   const double known = boundary([&](double k) { return growth(mode(k)); }, 1000.0, 1e6, 60);
   const double seen =
       boundary([&](double k) { return measured_growth(s, mode(k), tip(k)); }, 0.9 * known, 1.1 * known, 16);

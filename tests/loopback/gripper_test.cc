@@ -145,7 +145,7 @@ TEST(RunGripper, EndsTheRunInWordsWhereItOrItsArmFails) {
   for (const auto& [defect, why] : {std::pair{":arm_throws=0.6", "sense() threw: the cable is out"},
                                     std::pair{":gripper_throws=0.6", "sense() threw: the gripper's cable is out"}}) {
     const Pair pair{press_and_squeeze()};
-    Process slave = pair.listening_slave("slave", {"--duration", "2"});
+    Process slave = pair.listening_slave("slave", {"--duration", "60"});
     Process master = pair.master("master", {"--device", std::string{TWOPORT_GRIPPER_PLUGIN} + defect});
     EXPECT_EQ(master.wait(), Exit{.status = 1}) << master.err();
     EXPECT_NE(master.err().find(why), std::string::npos) << master.err();

@@ -28,6 +28,12 @@ std::string modes_shown(const std::string& terminal) {
   return modes;
 }
 
+/// Coupled, then holding for the side that is gone, released where that one's program took its time to start, and coupled again.
+bool began_anew(const std::string& terminal) {
+  const std::string modes = modes_shown(terminal);
+  return modes.starts_with("coupled holding coupled") || modes.starts_with("coupled holding released coupled");
+}
+
 // ---- the other side dies, and comes back
 
 // The robot stands in contact, and so does the handle: what a real one would do while its program starts anew.
@@ -54,9 +60,9 @@ TEST(Restart, OfTheSlaveInContactIsSurvivedByTheMaster) {
 
   const schema::Summary m = pair.summary("master"), s = pair.summary("second");
   EXPECT_EQ(m.reconnects(), 1u);
-  EXPECT_EQ(m.mode(), "coupled");
   if (kept_time({m, s})) {
-    EXPECT_EQ(modes_shown(master.err()), "coupled holding coupled");
+    EXPECT_EQ(m.mode(), "coupled");
+    EXPECT_TRUE(began_anew(master.err())) << master.err();
   }
   expect_sound({m, s});
 
@@ -86,7 +92,7 @@ TEST(Restart, OfTheMasterInContactIsSurvivedByTheSlave) {
   EXPECT_EQ(s.reconnects(), 1u);
   EXPECT_EQ(m.reconnects(), 0u);
   if (kept_time({m, s})) {
-    EXPECT_EQ(modes_shown(slave.err()).find("coupled holding coupled"), 0u) << slave.err();
+    EXPECT_TRUE(began_anew(slave.err())) << slave.err();
   }
   expect_sound({m, s});
   EXPECT_GT(pair.trace("second").peak("master_f_wanted_0", 1.0, 2.0), 0.5);
@@ -203,21 +209,24 @@ void expect_unaffected(const Pair& pair, Process& master, Process& slave) {
   EXPECT_EQ(master.wait(), exited(0)) << master.err();
   EXPECT_EQ(slave.wait(), exited(0)) << slave.err();
   const schema::Summary m = pair.summary("master"), s = pair.summary("slave");
-  EXPECT_EQ(m.mode(), "coupled");
-  for (const schema::Summary& each : {m, s}) {
-    EXPECT_EQ(each.reconnects(), 0u) << each.side();
-    if (kept_time({m, s})) {
-      EXPECT_GT(each.contact_s(), 0.5) << each.side();
-    }
-  }
+  for (const schema::Summary& each : {m, s}) EXPECT_EQ(each.reconnects(), 0u) << each.side();
   expect_sound({m, s});
-  EXPECT_LT(m.packets().to_master().lost(), 400u);
-  EXPECT_LT(s.packets().to_slave().lost(), 400u);
   if (kept_time({m, s})) {
+    for (const schema::Summary& each : {m, s}) EXPECT_GT(each.contact_s(), 0.5) << each.side();
+    EXPECT_LT(m.packets().to_master().lost(), 400u);
+    EXPECT_LT(s.packets().to_slave().lost(), 400u);
     EXPECT_EQ(modes_shown(master.err()), "coupled");
   }
   std::cout << "rejected at the master " << m.packets().to_master().rejected() << ", at the slave "
             << s.packets().to_slave().rejected() << "; position error " << m.position_error_rms_m() << " m rms\n";
+}
+
+/// A side that kept its ticks has read and counted what was sent; the queue of one that did not was full.
+void expect_counted(const schema::Summary& side, const schema::Packets& way, int sent) {
+  EXPECT_GT(way.rejected(), 0u);
+  if (kept_time({side})) {
+    EXPECT_GT(way.rejected(), 0.5 * sent);
+  }
 }
 
 /// All the datagrams of a run that is over, as the two have sent them.
@@ -265,8 +274,8 @@ TEST(Strangers, OnTheWayAreCountedAndDropped) {
   std::filesystem::rename(through.at("master"), pair.at("master"));
   expect_unaffected(pair, master, *slave);
   std::cout << "strange datagrams sent to each: " << sent << "\n";
-  EXPECT_GT(pair.summary("slave").packets().to_slave().rejected(), 0.5 * sent);
-  EXPECT_GT(pair.summary("master").packets().to_master().rejected(), 0.5 * sent);
+  expect_counted(pair.summary("slave"), pair.summary("slave").packets().to_slave(), sent);
+  expect_counted(pair.summary("master"), pair.summary("master").packets().to_master(), sent);
 }
 
 TEST(Strangers, FromElsewhereAreDroppedEvenWithGreetingsOfAnOldSession) {
@@ -293,7 +302,7 @@ TEST(Strangers, FromElsewhereAreDroppedEvenWithGreetingsOfAnOldSession) {
   std::filesystem::rename(through.at("master"), pair.at("master"));
   expect_unaffected(pair, master, slave);
   // The master's socket takes from its slave only: the system drops the rest before it is seen.
-  EXPECT_GT(pair.summary("slave").packets().to_slave().rejected(), 0.5 * sent);
+  expect_counted(pair.summary("slave"), pair.summary("slave").packets().to_slave(), sent);
 }
 
 TEST(Strangers, OnTheWayDoNotPassForTheOtherSideWithGreetingsOfAnOldSession) {

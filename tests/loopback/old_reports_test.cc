@@ -89,18 +89,19 @@ void expect_at_rest(const Between& run, double from_s, const char* when) {
 
 TEST(OldReports, OfAStallMoveNothingWhenTheyArrive) {
   // All that the master says for 3 s waits in the relay, and comes at once.
-  std::atomic<bool> waits{false}, drains{false};
+  std::atomic<bool> waits{false}, drains{false}, drained{false};
   std::size_t next = 0;
   Between run{away(1.0), {}, [&](Relay& r) {
                 if (!waits) return void(next = r.from_master.size());
                 if (!drains) return;
                 for (int i = 0; i < 20 && next < r.from_master.size(); ++i) r.to_slave(r.from_master[next++]);
+                drained = next == r.from_master.size();
               }};
   run.pair.await("slave", 1.0);
   run.cut_to_slave = true, waits = true;
   std::this_thread::sleep_for(3s);
   drains = true;
-  std::this_thread::sleep_for(300ms);
+  EXPECT_TRUE(comes_true([&] { return drained.load(); }));
   drains = false, run.cut_to_slave = false;
   std::this_thread::sleep_for(2s);
   run.end();
@@ -123,7 +124,7 @@ TEST(OldReports, KeptFromBeforeASilenceBeginNoCoupling) {
   run.cut_to_slave = run.cut_to_master = true, keeps = true;
   std::this_thread::sleep_for(3s);
   says = true;
-  std::this_thread::sleep_for(12ms);
+  EXPECT_TRUE(comes_true([&] { return !says; }));
   run.cut_to_slave = run.cut_to_master = false;
   std::this_thread::sleep_for(2s);
   run.end();
@@ -204,8 +205,10 @@ TEST(OldReports, AGoodbyeLetsTheRobotGoAtOnce) {
     const auto &mode = slave["mode"], &f = slave["slave_f_0"];
     EXPECT_GT(slave.peak("slave_f_0", 2.5, 3.0), 3.0) << "it pressed";
     EXPECT_EQ(mode.back(), 3.0) << "released";
-    const auto held = std::count(mode.begin(), mode.end(), 2.0);
-    EXPECT_LE(held, 50) << "ms; without a goodbye 900";
+    if (kept_time({run.pair.summary("slave")})) {
+      const auto held = std::count(mode.begin(), mode.end(), 2.0);
+      EXPECT_LE(held, 50) << "ms; without a goodbye 900";
+    }
     EXPECT_EQ(f.back(), 0.0);
     EXPECT_GE(count(run.slave->err(), "the master has ended"), 1) << run.slave->err();
   }

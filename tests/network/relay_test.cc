@@ -129,8 +129,8 @@ TEST_F(RelayTest, HandAndRobotBehindRoutersMeetByARelay) {
   expect_sound({m, s});
 }
 
-// Printed, not judged: the round trip over the same cables through a port that the router has opened, and by the relay.
-TEST_F(RelayTest, WhatTheRelayCosts) {
+// What the relay costs is printed, beside a port that the router has opened; that the doctor is answered is judged.
+TEST_F(RelayTest, TheDoctorMeasuresThroughAnOpenedPortAndTheRelay) {
   Pair pair;
   pair.share_key();
   bring_up();
@@ -142,10 +142,11 @@ TEST_F(RelayTest, WhatTheRelayCosts) {
                      {.network = in.fd()}};
     };
     Process answers = doctor("--answer", from, "6", robot_), asks = doctor("--link", to, "3", hand_);
-    asks.wait();
+    EXPECT_NE(asks.wait(), exited(2)) << name << ": " << asks.err();
     const std::string said = asks.out();
     const std::size_t at = said.find("round trip");
-    std::cout << name << ": " << (at == said.npos ? asks.err() : said.substr(at, said.find('\n', at) - at)) << '\n';
+    ASSERT_NE(at, said.npos) << name << ": " << said << asks.err();
+    std::cout << name << ": " << said.substr(at, said.find('\n', at) - at) << '\n';
   }
 }
 

@@ -122,6 +122,12 @@ void expect_sound(const std::vector<schema::Summary>& of_a_run) {
   }
 }
 
+bool comes_true(const std::function<bool()>& condition) {
+  const auto until = std::chrono::steady_clock::now() + 30s;
+  while (!condition() && std::chrono::steady_clock::now() < until) std::this_thread::sleep_for(1ms);
+  return condition();
+}
+
 Pair::Pair(std::string_view text) : scene{folder.write("scene.textproto", text)} {}
 
 void Pair::await(std::string_view out, double t_s) const {

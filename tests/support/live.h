@@ -1,5 +1,6 @@
 #pragma once
 
+#include <functional>
 #include <map>
 #include <string>
 #include <string_view>
@@ -34,6 +35,9 @@ schema::Summary summary_in(const std::string& folder);
 bool kept_time(const std::vector<schema::Summary>& of_a_run);
 /// Every side is stable, and the master's port passive to 1 mJ; not judged, and said, where ticks were not kept.
 void expect_sound(const std::vector<schema::Summary>& of_a_run);
+
+/// Waits, up to 30 s, until `condition` holds.
+bool comes_true(const std::function<bool()>& condition);
 
 /// The two programs with one scene and one port, each run with a folder of its own.
 class Pair {

@@ -6,7 +6,6 @@
 #include <vector>
 
 #include "common/scene/load.h"
-#include "sim/plant/make_body_plant.h"
 #include "sim/sim_device.h"
 #include "sim/sim_robot.h"
 
@@ -129,44 +128,6 @@ TEST(CopyOfARobot, StepByStepGoesOnIdentically) {
     expect_copies_go_on(SimRobot<3>{scene(3, kCurved, integrator), kPeriod});
     expect_copies_go_on(SimRobot<6>{scene(6, kBody, integrator), kPeriod});
   }
-}
-
-/// A plant that is handed the state of another of the same scene goes on as that one does.
-template <class Plant, int N>
-void expect_state_is_all(Plant original, Plant fresh) {
-  for (int k = 0; k < 150; ++k) original.advance(push<N>(k));
-  fresh.set_state(original.state());
-  for (int k = 150; k < 300; ++k) {
-    const BodyState<N> a = original.advance(push<N>(k)), b = fresh.advance(push<N>(k));
-    ASSERT_EQ(coordinates(a.x), coordinates(b.x)) << "tick " << k;
-    ASSERT_EQ(a.v.vec(), b.v.vec()) << "tick " << k;
-    ASSERT_EQ(original.environment_force().vec(), fresh.environment_force().vec()) << "tick " << k;
-  }
-}
-template <int N>
-std::shared_ptr<const Environment<N>> environment(const Scene& s) {
-  return std::make_shared<const Environment<N>>(s.environment, s.tool);
-}
-
-TEST(StateOfAPlant, IsAllThatGoesOn) {
-  const Scene curved = scene(3, kCurved), body = scene(6, kBody),
-              wall =
-                  scene(3, "robot { mass_kg: 0.1 } environment { wall { normal: [1, 2, 2] stiffness_n_per_m: 5000 } }");
-  const BodyState<3> near{Position<3>{Eigen::Vector3d{0.0585, 0, 0}}, Velocity<3>{Eigen::Vector3d{-0.1, 0.3, 0.2}}};
-  expect_state_is_all<RungeKuttaPlant<3>, 3>({*curved.robot, environment<3>(curved), kPeriod.si(), near},
-                                             {*curved.robot, environment<3>(curved), kPeriod.si(), {}});
-  expect_state_is_all<RungeKuttaPlant<6>, 6>({*body.robot, environment<6>(body), kPeriod.si(), {}},
-                                             {*body.robot, environment<6>(body), kPeriod.si(), {}});
-  expect_state_is_all<DormandPrincePlant<3>, 3>({*curved.robot, environment<3>(curved), kPeriod.si(), near, 1e-10},
-                                                {*curved.robot, environment<3>(curved), kPeriod.si(), {}, 1e-10});
-  expect_state_is_all<DormandPrincePlant<6>, 6>({*body.robot, environment<6>(body), kPeriod.si(), {}, 1e-10},
-                                                {*body.robot, environment<6>(body), kPeriod.si(), {}, 1e-10});
-  const SimulationSpec verlet{Integrator::velocity_verlet, 2};
-  expect_state_is_all<FixedStepPlant<3>, 3>({*curved.robot, environment<3>(curved), kPeriod.si(), near, verlet},
-                                            {*curved.robot, environment<3>(curved), kPeriod.si(), {}, verlet});
-  const World plane{wall.environment};
-  expect_state_is_all<ExactPlant<3>, 3>({*wall.robot, plane, kPeriod.si(), near},
-                                        {*wall.robot, plane, kPeriod.si(), {}});
 }
 
 TEST(StateOfAHandle, IsAllThatGoesOn) {

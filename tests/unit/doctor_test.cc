@@ -1,9 +1,11 @@
 #include <gtest/gtest.h>
 
 #include <cerrno>
+#include <cmath>
 #include <map>
 #include <random>
 #include <string>
+#include <string_view>
 
 #include "tools/doctor/examine.h"
 #include "tools/doctor/link.h"
@@ -75,18 +77,21 @@ TEST(DoctorText, SurvivesAnyBytes) {
   for (int i = 0; i < 20000; ++i) {
     std::string text;
     for (auto n = draw() % 60; n > 0; --n) text += alphabet[draw() % alphabet.size()];
-    processor_list(text);
-    preemption(text, text, text);
-    field(text, "cpu");
-    processor_times(text);
-    pressure_us(text);
-    device_interrupts(text, 0);
-    udp_queue_errors(text);
+    const auto part_of_text = [&](std::string_view part) {
+      return part.data() >= text.data() && part.data() + part.size() <= text.data() + text.size();
+    };
+    for (const int processor : processor_list(text)) EXPECT_GE(processor, 0) << text;
+    for (const auto& part : {field(text, "cpu"), chosen(text)}) EXPECT_TRUE(!part || part_of_text(*part)) << text;
+    EXPECT_TRUE(!cgroup_path(text) || text.find(*cgroup_path(text)) != text.npos) << text;
+    EXPECT_TRUE(!cpu_quota(text) || !std::isnan(*cpu_quota(text))) << text;
+    // Every number begins with a digit or a sign of the text.
+    if (text.find_first_of("0123456789") == text.npos) {
+      EXPECT_FALSE(processor_times(text) || pressure_us(text) || udp_queue_errors(text)) << text;
+      EXPECT_TRUE(device_interrupts(text, 0).empty()) << text;
+    }
     softnet(text);
-    cpu_quota(text);
-    cgroup_path(text);
-    names_hypervisor(text);
-    chosen(text);
+    EXPECT_FALSE(names_hypervisor(text)) << text;
+    EXPECT_NE(preemption(text, "", text), Preemption::real_time) << text;
   }
 }
 

@@ -1,7 +1,5 @@
 // Bodies stepped by the method of Dormand and Prince against closed forms and against fine solutions by other integrators.
 
-#include "sim/plant/dormand_prince.h"
-
 #include <gtest/gtest.h>
 
 #include <algorithm>

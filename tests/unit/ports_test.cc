@@ -50,23 +50,20 @@ struct VelocityToVelocity {
   Out step(const In& v, Seconds) noexcept { return v; }
 };
 
-TEST(OnePort, IsAStepBetweenDualsThatDoesNotThrow) {
-  static_assert(OnePort<Spring<1>> && OnePort<Spring<6>> && OnePort<Mass<3>>);
-  static_assert(!OnePort<Throws>);
-  static_assert(!OnePort<VelocityToVelocity>);
-}
+// A one-port is a step between duals that does not throw.
+static_assert(OnePort<Spring<1>> && OnePort<Spring<6>> && OnePort<Mass<3>>);
+static_assert(!OnePort<Throws>);
+static_assert(!OnePort<VelocityToVelocity>);
 
-TEST(PowerDual, IsAForceAndAVelocityOfOneSizeInEitherOrder) {
-  static_assert(PowerDual<Force<6>, Velocity<6>> && PowerDual<Velocity<1>, Force<1>>);
-  static_assert(!PowerDual<Force<3>, Force<3>> && !PowerDual<Velocity<3>, Velocity<3>>);
-  static_assert(!PowerDual<Force<3>, Velocity<6>>);
-  static_assert(!PowerDual<Force<3>, Displacement<3>>);  // that is an energy
-}
+// Power duals: a force and a velocity of one size, in either order.
+static_assert(PowerDual<Force<6>, Velocity<6>> && PowerDual<Velocity<1>, Force<1>>);
+static_assert(!PowerDual<Force<3>, Force<3>> && !PowerDual<Velocity<3>, Velocity<3>>);
+static_assert(!PowerDual<Force<3>, Velocity<6>>);
+static_assert(!PowerDual<Force<3>, Displacement<3>>);  // that is an energy
 
-TEST(Passivated, StaysInTheFamilyInBothCausalities) {
-  static_assert(OnePort<Passivated<Spring<3>>> && OnePort<Passivated<Mass<6>>>);
-  static_assert(OnePort<Passivated<Spring<6>, EnergySpringOptions>>);
-}
+// What is made passive is a one-port again, in both causalities.
+static_assert(OnePort<Passivated<Spring<3>>> && OnePort<Passivated<Mass<6>>>);
+static_assert(OnePort<Passivated<Spring<6>, EnergySpringOptions>>);
 
 }  // namespace
 }  // namespace twoport

@@ -12,7 +12,6 @@
 #include <vector>
 
 #include "common/scene/load.h"
-#include "sim/plant/rigid_contact.h"
 
 namespace twoport::sim {
 namespace {
@@ -192,13 +191,13 @@ TEST(RungeKutta, AgreesWithTheExactPlantOnAWallAndConvergesToIt) {
   const auto error = [&](int per_ms) {
     const double period = 1e-3 / per_ms;
     BodyState<1> y{position<1>(s.robot->position_m), {}};
-    ExactPlant<1> exact{*s.robot, e->world(), period, y};
-    RungeKuttaPlant<1> general{*s.robot, e, period, y};
+    SimRobot<1> exact{s, Seconds{period}};
+    const auto general = make_body_plant<1>(*s.robot, e, period, y, s.simulation);
     double worst = 0.0;
     for (int k = 0; k < 500 * per_ms; ++k) {
-      const BodyState<1>& x = exact.advance(Force<1>{});
-      y = general.advance(Force<1>{});
-      worst = std::max(worst, std::abs((x.x - y.x).vec()[0]));
+      exact.advance();
+      y = general->advance(Force<1>{});
+      worst = std::max(worst, std::abs((exact.state().x - y.x).vec()[0]));
     }
     return worst;
   };

@@ -48,59 +48,54 @@ concept CanBeAsked = requires {
   Clock::now();
 };
 
-TEST(Kinds, DoNotMixInSums) {
-  static_assert(Adds<Force<3>, Force<3>>);
-  static_assert(!Adds<Force<3>, Velocity<3>>);
-  static_assert(!Subtracts<Velocity<3>, Displacement<3>>);
-  static_assert(!Adds<Force<3>, Force<6>>);
-  static_assert(!Adds<Position<3>, Position<3>>);
-  static_assert(!Adds<Position<6>, Displacement<3>>);
-  static_assert(std::same_as<decltype(Position<6>{} - Position<6>{}), Displacement<6>>);
-  static_assert(std::same_as<decltype(Position<6>{} + Displacement<6>{}), Position<6>>);
-}
+// Kinds do not mix in sums.
+static_assert(Adds<Force<3>, Force<3>>);
+static_assert(!Adds<Force<3>, Velocity<3>>);
+static_assert(!Subtracts<Velocity<3>, Displacement<3>>);
+static_assert(!Adds<Force<3>, Force<6>>);
+static_assert(!Adds<Position<3>, Position<3>>);
+static_assert(!Adds<Position<6>, Displacement<3>>);
+static_assert(std::same_as<decltype(Position<6>{} - Position<6>{}), Displacement<6>>);
+static_assert(std::same_as<decltype(Position<6>{} + Displacement<6>{}), Position<6>>);
 
-TEST(Kinds, DoNotConvertIntoEachOther) {
-  static_assert(!std::constructible_from<Velocity<3>, Force<3>>);
-  static_assert(!std::constructible_from<Displacement<3>, Velocity<3>>);
-  static_assert(!std::constructible_from<Velocity<6>, Velocity<3>>);
-  static_assert(!std::convertible_to<Vector3d, Force<3>>);
-  static_assert(!std::convertible_to<Force<3>, Vector3d>);
-  static_assert(std::constructible_from<Force<3>, Vector3d>);
-  static_assert(!std::convertible_to<double, Energy>);
-  static_assert(!std::constructible_from<Energy, Power>);
-}
+// Nor do they convert into each other.
+static_assert(!std::constructible_from<Velocity<3>, Force<3>>);
+static_assert(!std::constructible_from<Displacement<3>, Velocity<3>>);
+static_assert(!std::constructible_from<Velocity<6>, Velocity<3>>);
+static_assert(!std::convertible_to<Vector3d, Force<3>>);
+static_assert(!std::convertible_to<Force<3>, Vector3d>);
+static_assert(std::constructible_from<Force<3>, Vector3d>);
+static_assert(!std::convertible_to<double, Energy>);
+static_assert(!std::constructible_from<Energy, Power>);
 
-TEST(Kinds, MultiplyOnlyIntoTheirDuals) {
-  static_assert(std::same_as<decltype(dot(Force<6>{}, Velocity<6>{})), Power>);
-  static_assert(std::same_as<decltype(dot(Velocity<6>{}, Force<6>{})), Power>);
-  static_assert(std::same_as<decltype(dot(Force<6>{}, Displacement<6>{})), Energy>);
-  static_assert(!Dots<Force<3>, Force<3>>);
-  static_assert(!Dots<Velocity<3>, Velocity<3>>);
-  static_assert(!Dots<Velocity<3>, Displacement<3>>);
-  static_assert(!Dots<Force<3>, Velocity<6>>);
-  static_assert(std::same_as<decltype(Velocity<3>{} * Seconds{}), Displacement<3>>);
-  static_assert(std::same_as<decltype(Displacement<3>{} / Seconds{}), Velocity<3>>);
-  static_assert(!Multiplies<Force<3>, Seconds>);
-  static_assert(!Divides<Velocity<3>, Seconds>);
-}
+// They multiply only into their duals.
+static_assert(std::same_as<decltype(dot(Force<6>{}, Velocity<6>{})), Power>);
+static_assert(std::same_as<decltype(dot(Velocity<6>{}, Force<6>{})), Power>);
+static_assert(std::same_as<decltype(dot(Force<6>{}, Displacement<6>{})), Energy>);
+static_assert(!Dots<Force<3>, Force<3>>);
+static_assert(!Dots<Velocity<3>, Velocity<3>>);
+static_assert(!Dots<Velocity<3>, Displacement<3>>);
+static_assert(!Dots<Force<3>, Velocity<6>>);
+static_assert(std::same_as<decltype(Velocity<3>{} * Seconds{}), Displacement<3>>);
+static_assert(std::same_as<decltype(Displacement<3>{} / Seconds{}), Velocity<3>>);
+static_assert(!Multiplies<Force<3>, Seconds>);
+static_assert(!Divides<Velocity<3>, Seconds>);
 
-TEST(Kinds, OfNumbersDoNotMixEither) {
-  static_assert(std::same_as<decltype(Power{} * Seconds{}), Energy>);
-  static_assert(!Adds<Energy, Power>);
-  static_assert(!Adds<Energy, double>);
-  static_assert(!Multiplies<Energy, Energy>);
-  static_assert(!Compares<Energy, Power>);
-  static_assert(Energy{3.0} / Energy{2.0} == 1.5);
-  static_assert(positive_part(-1.0_J) == 0.0_J && positive_part(2.0_J) == 2.0_J);
-  static_assert(-(3.0_J - 1.0_J) < 0.5 * 1.0_J);
-}
+// Kinds of numbers do not mix either.
+static_assert(std::same_as<decltype(Power{} * Seconds{}), Energy>);
+static_assert(!Adds<Energy, Power>);
+static_assert(!Adds<Energy, double>);
+static_assert(!Multiplies<Energy, Energy>);
+static_assert(!Compares<Energy, Power>);
+static_assert(Energy{3.0} / Energy{2.0} == 1.5);
+static_assert(positive_part(-1.0_J) == 0.0_J && positive_part(2.0_J) == 2.0_J);
+static_assert(-(3.0_J - 1.0_J) < 0.5 * 1.0_J);
 
-TEST(Clocks, CannotBeAskedAndTheirMomentsDoNotSubtract) {
-  static_assert(!CanBeAsked<MasterClock> && !CanBeAsked<SlaveClock>);
-  static_assert(Subtracts<Instant<MasterClock>, Instant<MasterClock>>);
-  static_assert(!Subtracts<Instant<MasterClock>, Instant<SlaveClock>>);
-  static_assert(!Compares<Instant<MasterClock>, Instant<SlaveClock>>);
-}
+// The clocks of the two sides cannot be asked, and their moments do not subtract.
+static_assert(!CanBeAsked<MasterClock> && !CanBeAsked<SlaveClock>);
+static_assert(Subtracts<Instant<MasterClock>, Instant<MasterClock>>);
+static_assert(!Subtracts<Instant<MasterClock>, Instant<SlaveClock>>);
+static_assert(!Compares<Instant<MasterClock>, Instant<SlaveClock>>);
 
 TEST(TickTime, IsRoundedOnceAndNeverDrifts) {
   // 1/3000 s is no whole number of nanoseconds; a million rounded periods would be 0.33 ms off.

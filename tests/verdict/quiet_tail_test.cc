@@ -2,7 +2,6 @@
 
 #include <gtest/gtest.h>
 
-#include <algorithm>
 #include <array>
 #include <cmath>
 #include <random>
@@ -11,10 +10,8 @@
 
 #include "common/record/columns.h"
 #include "common/record/run_judge.h"
-#include "common/scene/held_coupling.h"
 #include "common/scene/load.h"
 #include "lab/engine/simulation.h"
-#include "lab/engine/tail_judge.h"
 #include "lab/run.h"
 
 // What the verdict stands on: a simulation can be copied while it runs, and what is run for the verdict changes nothing else.
@@ -93,57 +90,7 @@ TEST(Verdict, ChangesNoOtherFigure) {
   EXPECT_EQ(to_json(with), to_json(without));
 }
 
-/// What judge_tail() should find, with run and twin simulated from the scene's start each.
-template <int N>
-Verdict from_the_start(const Scene& scene, double at_s, const MotionScale& scale) {
-  const auto run = make_simulation<N>(scene), twin = make_simulation<N>(scene);
-  TailJudge<N> flags{scene, scale, run->granted_energy(), true};
-  for (Simulation<N>* each : {run.get(), twin.get()}) {
-    each->run_until(to_duration(at_s), [](const Row<N>&) { return true; });
-    each->be_quiet();
-  }
-  const auto [master, slave] = flags.kick();
-  twin->kick(master, slave);
-  const auto first = static_cast<std::size_t>(std::ceil(0.25 * scale.rate_hz * scene.duration_s));
-  Tail tail{.record = {4 * N, 4, first / (TrendRecord::kBlocks / 2)},
-            .has_twin = true,
-            .has_controller = has_controller(scene),
-            .coarse = is_coarse(scene),
-            .initial_energy_j = run->granted_energy().si()};
-  std::size_t ticks = 0;
-  for (tail.run_lengths = 0.25;; tail.run_lengths *= 2.0) {
-    const auto more = static_cast<std::size_t>(4.0 * tail.run_lengths) * first - ticks;
-    const Duration until = tick_time(run->ticks() + static_cast<std::int64_t>(more), scale.rate_hz);
-    ticks += more;
-    std::vector<Row<N>> rows;
-    run->run_until(until, [&](const Row<N>& row) {
-      rows.push_back(row);
-      return true;
-    });
-    std::size_t k = 0;
-    twin->run_until(until, [&](const Row<N>& of_twin) {
-      const Row<N>& row = rows[k++];
-      const auto v = RunJudge<N>::velocities(row), w = RunJudge<N>::velocities(of_twin);
-      auto energies = flags.energies(row.master_energy_j, row.slave_energy_j, row.coupling_energy_j);
-      if (!coupling_may_drive_robot(scene)) energies[2] = energies[3] = 0.0;
-      tail.diverged = tail.diverged || !flags.see({v, energies, {}, row.dissipated_j > 0.0, false});
-      tail.controller_acted = flags.controller_acted();
-      tail.driven = tail.driven || row.master_f.squared_norm() > 0.0 || row.slave_f.squared_norm() > 0.0;
-      std::array<double, 4 * N> signals{};
-      for (std::size_t i = 0; i < 2 * N; ++i) {
-        signals[i] = v[i];
-        if (!tail.twin_parted) signals[2 * N + i] = w[i] - v[i];
-      }
-      tail.record.add(signals, energies, RunJudge<N>::events(row));
-      return !tail.diverged;
-    });
-    tail.last = tail.run_lengths >= 32.0;
-    Verdict verdict = judge(tail, scale);
-    if (verdict.kind != VerdictKind::undecided || tail.last) return verdict;
-    if (tail.run_lengths >= 1.0 && twin_has_parted(tail, scale)) tail.twin_parted = true;
-  }
-}
-
+/// The tails of drawn scenes, from a copy in contact and from the end: those of another run to the same moment.
 template <int N>
 void expect_same_verdicts(int cells, unsigned seed) {
   std::mt19937 random{seed};
@@ -169,22 +116,24 @@ environment { wall { normal: [-1)" + zeros +
                                     "drawn", set);
     SCOPED_TRACE(set[0] + " " + set[1] + " " + set[2] + " " + set[3]);
     RunJudge<N> judge{{.rate_hz = 500.0, .duration_s = 3.0, .quiet_from_s = 2.5, .trends = false}};
-    const auto simulation = make_simulation<N>(scene);
+    const auto simulation = make_simulation<N>(scene), again = make_simulation<N>(scene);
     const auto see = [&](const Row<N>& row) { return judge.add(row); };
     simulation->run_until(to_duration(2.0), see);
     const auto pressed = simulation->copy();
     simulation->run(see);
     if (judge.diverged()) continue;
     for (const auto& [at, at_s] : {std::pair{pressed.get(), 2.0}, {simulation.get(), 3.0}}) {
-      const TailVerdict found = judge_tail(*at, scene, judge.scale());
-      const Verdict expected = from_the_start<N>(scene, at_s, judge.scale());
-      EXPECT_EQ(found.verdict.kind, expected.kind) << found.verdict.text << "; " << expected.text;
-      EXPECT_EQ(found.verdict.text, expected.text);
+      const Verdict found = judge_tail(*at, scene, judge.scale()).verdict;
+      numbers_until(*again, at_s);
+      const Verdict other = judge_tail(*again, scene, judge.scale()).verdict;
+      EXPECT_EQ(found.kind, other.kind) << found.text << "; " << other.text;
+      EXPECT_EQ(found.text, other.text);
     }
+    EXPECT_EQ(numbers_until(*simulation, 3.5), numbers_until(*again, 3.5)) << "judging changes nothing";
   }
 }
 
-TEST(Verdict, FromACopyIsThatFromTheStart) {
+TEST(Verdict, OfTheSameStateIsTheSameAndLeavesTheRunAsItIs) {
   expect_same_verdicts<1>(30, 1);
   expect_same_verdicts<3>(30, 2);
   expect_same_verdicts<6>(5, 3);

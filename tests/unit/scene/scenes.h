@@ -15,10 +15,11 @@ namespace twoport::test {
 using Eigen::Vector3d;
 using Overrides = std::vector<std::string>;
 
-/// The two scenes that fix the grammar, and one in 6 DoF that has every block and every list.
+/// The two scenes that fix the grammar, one in 6 DoF that has every block and every list, and one with a gripper.
 extern const char* const kStiffWall;
 extern const char* const kHeldSpring;
 extern const char* const kTurning;
+extern const char* const kGripper;
 
 /// The scene that `text` is, read as the file "scenes/x.textproto".
 Scene scene_of(const std::string& text, const Overrides& overrides = {});
@@ -36,17 +37,5 @@ inline Material material_of(const EnvironmentSpec& spec) {
 
 /// Does `sentence` contain each of `words`?
 ::testing::AssertionResult says(const std::string& sentence, const std::vector<std::string>& words);
-
-/// A scene that must not read, and what its error says.
-struct Refusal {
-  const char* scene;
-  Overrides overrides;
-  const char* sentence;  ///< after "scenes/x.textproto: ", or the beginning of it
-};
-/// The error of each names file, path, value and what is allowed.
-class RefusedScene : public ::testing::TestWithParam<Refusal> {};
-
-/// "environment_0_wall_friction_is_minus_1": the name of a case.
-std::string name_of(const ::testing::TestParamInfo<Refusal>& refusal);
 
 }  // namespace twoport::test
