@@ -483,15 +483,12 @@ struct Energies {
   double hand_largest2 = 0.0, robot_largest2 = 0.0;    ///< (motion in a tick)²
 };
 
-/// FOUR_CHANNEL gives the robot what the hand pushes with. A hand that stands still against a force of RANDOM, behind which there is no
-/// robot, pushes.
-bool gives_push_against_random(const Scene& scene) {
-  bool random = scene.control.transparency == "RANDOM";
-  for (const ScheduledControl& entry : scene.schedule) {
-    if (random && entry.control.transparency == "FOUR_CHANNEL") return true;
-    random = random || entry.control.transparency == "RANDOM";
-  }
-  return false;
+/// A hand that stands still against a drawn force, behind which there is no robot, pushes; the layer after a switch may give the robot
+/// that push.
+bool leaves_random_layer(const Scene& scene) {
+  return transparency_layer(scene.control).is_random &&
+         std::any_of(scene.schedule.begin(), scene.schedule.end(),
+                     [](const auto& entry) { return !transparency_layer(entry.control).is_random; });
 }
 
 /// When hand and environment begin to rest, are at rest, and the queue flows [s].
@@ -571,7 +568,7 @@ AdversaryRun run_of(const std::string& method, AdversaryRun out, Draw& draw, con
     out.both_least_j = std::min(out.both_least_j, at.hand_j - in_master_units(robot_j));
   };
   using Vector = typename Force<N>::Vector;
-  const bool rested_only = !gives_push_against_random(scene);
+  const bool rested_only = !leaves_random_layer(scene);
   bool turns = false, rest = false, flows = false;
   Position<N> rested_at, port_before;
   const auto slave_tick = [&](std::int64_t k, Duration now) {

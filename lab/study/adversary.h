@@ -44,8 +44,8 @@ struct AdversaryRun {
 /// that wait in a queue and then flow; packets that come a second time, up to hold_after_s later. Every fifth: clutch, locks and scales of the
 /// operator. Every tenth: a direction that goes dead.
 /// Every twentieth: observer RECTANGLE. `rests`, every fifth: hand and environment come to rest behind a queue that holds what the hand
-/// did before and flows after both sides have released. A switch from RANDOM to FOUR_CHANNEL counts no self-movement: the hand pushes
-/// against what RANDOM displays, and FOUR_CHANNEL gives the robot that push.
+/// did before and flows after both sides have released. A switch away from RANDOM counts no self-movement: the hand pushes
+/// against what it displays, and the next layer may give the robot that push.
 /// `set`: overrides of the scene. Throws ConfigError for an unknown method.
 AdversaryRun attack(const std::string& method, std::uint64_t seed, const std::vector<std::string>& set = {});
 
