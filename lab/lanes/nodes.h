@@ -4,7 +4,7 @@
 #include <cstdint>
 
 #include "common/base/time.h"
-#include "common/runtime/given_reading.h"
+#include "common/runtime/cycle.h"
 #include "common/scene/scene.h"
 #include "lab/engine/linked_nodes.h"
 #include "lab/lanes/batch.h"

@@ -68,9 +68,9 @@ struct Work {
   explicit Work(const Scene& s) : scene{s} {}
 
   void tick() {
-    const Duration now = tick_time(k++, kRateHz);
-    session.slave_tick(now, Duration{0}, Seconds{1.0 / kRateHz});
-    session.master_tick(now, Seconds{1.0 / kRateHz});
+    const lab::TickAt at{tick_time(k++, kRateHz)};
+    session.slave_tick(at);
+    session.master_tick(at);
     largest_step_n = std::max(largest_step_n, hand->step.vec().template head<std::min(N, 3)>().norm());
     least_j = std::min(least_j, hand->truth()->port_energy.si());
   }
@@ -153,10 +153,10 @@ TEST(AtWork, ReHomingTakesTheForceAway) {
     w.device.rehome();
     w.until(4.2);
     std::printf("[          ] %s dof %d: felt %.3f N, on the wall %.3f N, account %.2f mJ, least %.3f mJ\n", method, N,
-                w.felt_n(), w.robot.last.f_environment[0], 1e3 * w.session.master().observed().si(), 1e3 * w.least_j);
+                w.felt_n(), w.robot.last.f_environment[0], 1e3 * w.session.master.observed().si(), 1e3 * w.least_j);
     // 5 % of what was felt: INTERNAL_MODEL goes on learning where the wall is. With six axes more of it stays: 10 %.
     EXPECT_LT(w.felt_n(), N == 6 ? 0.5 : 0.25);
-    EXPECT_NEAR(w.session.master().observed().si(), w.hand->truth()->port_energy.si(), 1e-9);
+    EXPECT_NEAR(w.session.master.observed().si(), w.hand->truth()->port_energy.si(), 1e-9);
     EXPECT_GE(w.least_j, -kInitial_j - 1e-9);
   });
 }

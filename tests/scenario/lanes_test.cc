@@ -21,7 +21,6 @@
 #include "common/base/check.h"
 #include "common/method/catalogue.h"
 #include "common/scene/load.h"
-#include "common/scene/scene_text.h"
 #include "common/scene/source.h"
 #include "lab/engine/stoppable.h"
 #include "lab/run.h"

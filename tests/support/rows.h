@@ -1,7 +1,9 @@
 #pragma once
 
 #include <algorithm>
+#include <array>
 #include <bit>
+#include <cstddef>
 #include <cstdint>
 #include <vector>
 
@@ -32,6 +34,10 @@ Rows<N> rows(const Scene& scene) {
 inline void append(std::vector<double>& out, double value) {
   out.push_back(value);
 }
+template <std::size_t Size>
+void append(std::vector<double>& out, const std::array<double, Size>& values) {
+  out.insert(out.end(), values.begin(), values.end());
+}
 template <class Vector>
 requires requires(const Vector& v) {
   v.vec();
@@ -50,12 +56,12 @@ template <int N>
 std::vector<double> numbers(const Row<N>& row) {
   // By name: a new column does not compile until it is here.
   const auto& [t, master_x, master_v, master_f, wanted, slave_x, slave_v, slave_f, env_f, position_error, master_energy,
-               slave_energy, observed, undissipated, dissipated, mode, spring_share, reference, coupling_energy, ahead,
+               slave_energy, observed, undissipated, dissipated, mode, figures, reference, coupling_energy, ahead,
                touching, coupled, following] = row;
   std::vector<double> out;
   const auto each = [&](const auto&... values) { (append(out, values), ...); };
   each(t, master_x, master_v, master_f, wanted, slave_x, slave_v, slave_f, env_f, position_error, master_energy,
-       slave_energy, observed, undissipated, dissipated, static_cast<double>(mode), spring_share, reference,
+       slave_energy, observed, undissipated, dissipated, static_cast<double>(mode), figures, reference,
        coupling_energy, ahead, touching ? 1.0 : 0.0, coupled ? 1.0 : 0.0, following ? 1.0 : 0.0);
   return out;
 }

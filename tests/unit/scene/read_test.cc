@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "common/base/check.h"
+#include "common/coupling/layers.h"
 #include "common/scene/shown.h"
 #include "tests/support/folder.h"
 #include "tests/support/meshes.h"
