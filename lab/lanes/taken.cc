@@ -11,6 +11,7 @@
 
 #include "common/base/time.h"
 #include "common/contact/environment.h"
+#include "common/coupling/layers.h"
 #include "common/coupling/setpoint_tracker.h"
 #include "common/record/metrics.h"
 #include "common/scene/parts.h"
@@ -121,6 +122,8 @@ std::string why_not_in_lanes(const Scene& scene) {
   if (c.architecture == Architecture::render || c.architecture == Architecture::uncontrolled)
     return "the scene has no link";
   if (scene.dof != 1 && scene.dof != 3) return "dof is 6";
+  for (const LayerFigure& figure : transparency_layer(c).figures)
+    if (!figure.name.empty() && figure.least_dof <= scene.dof) return "the layer has figures of its own";
   if (scene.master_rate_hz != scene.slave_rate_hz) return "the rates of the sides differ";
   if (kNanosecondsPerSecond / scene.master_rate_hz != static_cast<double>(period_of(scene)))
     return "a tick is not a whole number of nanoseconds";
