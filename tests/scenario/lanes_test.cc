@@ -373,8 +373,8 @@ TEST(Lanes, EveryFieldOfTheSchemaIsTakenOrMakesASceneRunAlone) {
       continue;
     }
     bool is_set = false;
-    for (const std::string& value : values_of(*field.way.back()))
-      for (const char* method : {"FORCE_PROJECTED", "INTERNAL_MODEL"}) {
+    for (const char* method : {"FORCE_PROJECTED", "INTERNAL_MODEL"})
+      for (const std::string& value : values_of(*field.way.back())) {
         std::vector<std::string> set{std::string{"control.passivity.method="} + method};
         for (const auto& [block, needed] : kNeeds)
           if (path.starts_with(block + ".")) set.push_back(needed);
@@ -382,7 +382,9 @@ TEST(Lanes, EveryFieldOfTheSchemaIsTakenOrMakesASceneRunAlone) {
         try {
           Scene with = text.with(set);
           is_set = true;
-          if (why_not_in_lanes(with).empty()) cells.emplace_back(fmt::format("{}", fmt::join(set, " ")), with);
+          if (!why_not_in_lanes(with).empty()) continue;
+          cells.emplace_back(fmt::format("{}", fmt::join(set, " ")), with);
+          break;
         } catch (const ConfigError&) {
         }
       }
@@ -390,7 +392,7 @@ TEST(Lanes, EveryFieldOfTheSchemaIsTakenOrMakesASceneRunAlone) {
   }
   EXPECT_EQ(never_set, kSetWithOthers);
   EXPECT_GT(alone, 200U);
-  EXPECT_GT(cells.size(), 200U);
+  EXPECT_GT(cells.size(), 100U);
   expect_same(cells, 24);
 }
 
