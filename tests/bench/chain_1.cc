@@ -1,8 +1,8 @@
 // The chain with one axis, and the cost of the blocks of a scene; compiled with the options of lab/engine/dof_1.cc.
 
-#include "tests/bench/chain.h"
 #include "common/method/passivity/time_domain/time_domain.h"
 #include "lab/engine/loops.h"
+#include "tests/bench/chain.h"
 #include "tests/support/hand_written.h"
 
 namespace {

@@ -61,8 +61,8 @@ std::vector<double> numbers(const Row<N>& row) {
   std::vector<double> out;
   const auto each = [&](const auto&... values) { (append(out, values), ...); };
   each(t, master_x, master_v, master_f, wanted, slave_x, slave_v, slave_f, env_f, position_error, master_energy,
-       slave_energy, observed, undissipated, dissipated, static_cast<double>(mode), figures, reference,
-       coupling_energy, ahead, touching ? 1.0 : 0.0, coupled ? 1.0 : 0.0, following ? 1.0 : 0.0);
+       slave_energy, observed, undissipated, dissipated, static_cast<double>(mode), figures, reference, coupling_energy,
+       ahead, touching ? 1.0 : 0.0, coupled ? 1.0 : 0.0, following ? 1.0 : 0.0);
   return out;
 }
 /// All numbers of all rows.

@@ -15,8 +15,8 @@
 #include "common/platform/arguments.h"
 #include "common/platform/realtime.h"
 #include "common/scene/load.h"
-#include "tools/device/probe.h"
 #include "drivers/drivers.h"
+#include "tools/device/probe.h"
 
 namespace twoport {
 namespace {
