@@ -87,7 +87,6 @@ class Cell {
   }
 
   [[nodiscard]] const Scene& scene() const { return scene_; }
-  [[nodiscard]] LaneMethod method() const { return method_; }
   [[nodiscard]] const double* path() const { return path_->x.data(); }
   [[nodiscard]] Plant& plant() { return plant_; }
   [[nodiscard]] Nodes<N>* nodes() { return nodes_.get(); }
