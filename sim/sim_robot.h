@@ -64,9 +64,10 @@ class SimRobot final {
   [[nodiscard]] const Force<N>& environment_force() const { return from_environment_; }
   [[nodiscard]] const Environment<N>& environment() const { return *environment_; }
   /// The arm, where there is one.
-  [[nodiscard]] const ArmPlant* arm() const noexcept requires(N == 6) {
-    const Arm* arm = std::get_if<Arm>(&plant_);
-    return arm ? arm->get() : nullptr;
+  [[nodiscard]] const ArmPlant* arm() const noexcept {
+    if constexpr (N == 6)
+      if (const Arm* arm = std::get_if<Arm>(&plant_)) return arm->get();
+    return nullptr;
   }
 
  private:
