@@ -158,8 +158,6 @@ class MasterNode {
   [[nodiscard]] Energy observed() const noexcept { return account_.net(); }
 
  private:
-  // What a tick seldom needs takes copies, so that the tick's own values stay in registers.
-
   /// What the slave has said, in this world, without the words of another method or coupling.
   void arrive(const PeerState<N>& slave, bool same_epoch) noexcept {
     slave_ = slave;

@@ -122,8 +122,6 @@ class SlaveNode {
   [[nodiscard]] Energy delivered() const noexcept { return -account_.net(); }
 
  private:
-  // What a tick seldom needs takes copies, so that the tick's own values stay in registers.
-
   /// The command within the limits; the half is told, so that its set point does not run ahead.
   SlaveOutput<N> limited(SlaveOutput<N> half, RobotSample<N> robot, Seconds dt) noexcept {
     RobotCommand<N>& c = half.command;

@@ -22,7 +22,6 @@ class PositionErrorForce {
 
   void start(const Position<N>& device) noexcept { x_d_ = device; }
 
-  // By value: the caller keeps what it sensed in registers.
   Force<N> step(DeviceSample<N> device, const PeerState<N>& slave, Seconds dt) noexcept {
     RobotInMasterWorld<N> robot;
     if (!read(slave.words, robot)) return {};
