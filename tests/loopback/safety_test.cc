@@ -219,9 +219,12 @@ class UnreadTerminal {
   }
   UnreadTerminal(const UnreadTerminal&) = delete;
   [[nodiscard]] std::string path() const { return ttyname(writer_); }
-  /// Until it takes no more: whoever writes then waits.
+  /// Until it takes no more: whoever writes then waits. The kernel moves what is written on to the reader's end a little later, which
+  /// makes room again.
   void fill() const {
-    while (::write(writer_, "x", 1) == 1) {
+    for (int k = 0; k < 20; ++k) {
+      while (::write(writer_, "x", 1) == 1) k = 0;
+      std::this_thread::sleep_for(5ms);
     }
   }
   std::string read_all() {
