@@ -52,10 +52,11 @@ class MasterNode {
     }
     PortMotion<N> motion{device.x, device.v};
     Interval<N> interval{};
+    const bool paused = started_ && modes_.has_paused(tick);
     if (started_) {
       interval = motion - before_;
       Energy into = held_energy(observer_, device.applied, interval, tick.ended);
-      if (modes_.has_paused(tick)) [[unlikely]]
+      if (paused) [[unlikely]]
         into = pause(into);
       if (unread_) [[unlikely]]
         into += given_unread(interval.moved);
@@ -88,6 +89,7 @@ class MasterNode {
                                         .slave_energy_net = Energy{same_epoch ? slave_.newest.energy_net_j : 0.0},
                                         .account = account_,
                                         .active = modes_.active(),
+                                        .paused = paused,
                                         .ramp = ramp,
                                         .bridge = bridge_.over(modes_.active())});
     before_ = motion;

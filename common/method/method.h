@@ -35,6 +35,7 @@ struct MasterInput {
   Energy slave_energy_net;      ///< the slave's newest SlaveOutput::energy_net
   const Ledger& account;        ///< energy into the master port, exact, since the start
   bool active;                  ///< coupled or holding; else the force is zero
+  bool paused;                  ///< this side has stood still: what was displayed before is old
   double ramp;                  ///< rises from 0 to 1 after engagement
   Bridge<N>* bridge;            ///< from the force of the method before, after a switch; null: none
 

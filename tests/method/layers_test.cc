@@ -15,9 +15,11 @@
 #include "common/hardware/transparency_host.h"
 #include "common/method/catalogue.h"
 #include "common/record/summary.h"
+#include "common/runtime/cycle.h"
 #include "common/scene/load.h"
 #include "lab/engine/loops.h"
 #include "lab/run.h"
+#include "tests/support/two_sides.h"
 
 namespace twoport {
 namespace {
@@ -108,6 +110,37 @@ TEST_P(EveryPair, RunsAndKeepsTheClaimOfItsPassivityLayer) {
 INSTANTIATE_TEST_SUITE_P(Of, EveryPair, testing::ValuesIn(pairs()), [](const auto& each) {
   return each.param.transparency + "_" + each.param.passivity + "_dof" + std::to_string(each.param.dof);
 });
+
+// The master stands still for 1.5 s in contact, as a program that is stopped: what a layer displayed before is old, so its force begins at
+// zero when it is coupled again.
+TEST(Layers, DisplayNothingAfterAPauseUntilTheMasterIsCoupledAnew) {
+  for (const TransparencyLayerName& t : kTransparencyLayers) {
+    SCOPED_TRACE(t.name);
+    const Scene scene = parse_scene(pressed(1, layers(t.name, "NONE", t.name == "PLUGIN" ? kPlugin : "")), "pause");
+    test::TwoSides<1> sides{scene};
+    int k = 0;
+    double before_n = 0.0;
+    for (; k < 600; ++k) {
+      sides.slave_tick(tick_time(k, 1000.0));
+      before_n = std::max(before_n, std::abs(sides.master_tick(tick_time(k, 1000.0)).command[0]));
+    }
+    ASSERT_GT(before_n, 0.2);
+    Seconds ended{1.5};
+    for (k += 1500; k < 2500; ++k) {
+      const Tick<MasterClock> tick{Instant<MasterClock>{tick_time(k, 1000.0)}, Seconds{1e-3}, ended};
+      const auto out = run_cycle(sides.master, sides.device, sides.master_mail, tick);
+      sides.slave_tick(tick_time(k, 1000.0));
+      ended = tick.dt;
+      if (out.mode != Mode::coupled) {
+        EXPECT_EQ(out.command[0], 0.0) << "at tick " << k;
+      } else {
+        EXPECT_LT(std::abs(out.command[0]), 0.2) << "at once";
+        break;
+      }
+    }
+    EXPECT_LT(k, 2500) << "never coupled again";
+  }
+}
 
 TEST(Layers, ANameOfAMethodIsThatOfItsPair) {
   for (const MethodName& method : kMethods) {

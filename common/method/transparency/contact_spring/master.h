@@ -33,8 +33,7 @@ class ContactSpringMaster final : public Copyable<ContactSpringMaster<N>, Master
         mass_kg_{o.handle_mass_kg},
         inertia_kg_m2_{o.handle_inertia_kg_m2},
         k_{per_axis<N>(stiffness_, kTurn * rotational_stiffness_)},
-        ramp_{o.engage},
-        pause_after_{o.hold_after} {}
+        ramp_{o.engage} {}
 
   void start(const DeviceSample<N>&) noexcept override {
     f_slow_.setZero();
@@ -49,8 +48,8 @@ class ContactSpringMaster final : public Copyable<ContactSpringMaster<N>, Master
   Wish<N> wish(const MasterInput<N>& in) noexcept override {
     round_trip_s_ = round_trip_.step(in.slave, in.dt).si();
     low_pass(shown_, applied_part(in.device.applied, f_), in.dt, kScale_s);
-    if (!in.active && in.ended >= pause_after_) [[unlikely]]
-      ramp_.drop();  // what was displayed before a pause is old
+    if (in.paused) [[unlikely]]
+      ramp_.drop();
     const double ramp = ramp_.step(in.active, in.dt);
     if (in.active && read(in.slave.words, said_)) heard_ = true;
     idle_ = ramp == 0.0;
@@ -144,7 +143,6 @@ class ContactSpringMaster final : public Copyable<ContactSpringMaster<N>, Master
   double mass_kg_, inertia_kg_m2_;           ///< of the handle; 0: not known
   Vector k_;                                 ///< diagonal of K
   Ramp ramp_;
-  Seconds pause_after_;
   RoundTrip round_trip_;
   double round_trip_s_ = 0.0;
   SurfaceReport<N> said_;

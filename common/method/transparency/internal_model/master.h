@@ -44,8 +44,7 @@ class InternalModelMaster final : public Copyable<InternalModelMaster<N>, Master
         inertia_kg_m2_{o.handle_inertia_kg_m2},
         residual_s_{std::clamp(kRobot * std::sqrt(o.known.robot_mass_kg / o.coupling.stiffness_n_per_m), kResidual_s,
                                kLongResidual_s)},
-        ramp_{o.engage},
-        pause_after_{o.hold_after} {}
+        ramp_{o.engage} {}
 
   void start(const DeviceSample<N>&) noexcept override {
     model_.forget();
@@ -63,8 +62,8 @@ class InternalModelMaster final : public Copyable<InternalModelMaster<N>, Master
   Wish<N> wish(const MasterInput<N>& in) noexcept override {
     round_trip_s_ = round_trip_.step(in.slave, in.dt);
     low_pass(shown_, applied_part(in.device.applied, f_), in.dt, kScale_s);
-    if (!in.active && in.ended >= pause_after_) [[unlikely]]
-      ramp_.drop();                                    // what was displayed before a pause is old
+    if (in.paused) [[unlikely]]
+      ramp_.drop();
     const double ramp = ramp_.step(in.active, in.dt);  // goes on while holding; falls after release
     if (in.active && read(in.slave.words, said_)) heard_ = true;
     idle_ = ramp == 0.0;
@@ -270,7 +269,6 @@ class InternalModelMaster final : public Copyable<InternalModelMaster<N>, Master
   double mass_kg_, inertia_kg_m2_;                  ///< of the handle; 0: not known
   double residual_s_;                               ///< a without delay
   Ramp ramp_;
-  Seconds pause_after_;
   RoundTrip round_trip_;
   SurfaceReport<N> said_;
   bool heard_ = false;
