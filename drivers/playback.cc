@@ -65,6 +65,7 @@ class Playback {
 template <int N>
 class PlaybackDevice final : public Device<N> {
  public:
+  static constexpr bool kDrivesJoints = true;
   explicit PlaybackDevice(const DriverOptions& o) : PlaybackDevice{readings<N>("--device", o, "master")} {
     if constexpr (built_for(1)) {
       if (!o.scene.gripper) return;
@@ -96,6 +97,7 @@ class PlaybackDevice final : public Device<N> {
 template <int N>
 class PlaybackRobot final : public Robot<N> {
  public:
+  static constexpr bool kDrivesJoints = true;
   explicit PlaybackRobot(const DriverOptions& o) : PlaybackRobot{readings<N>("--robot", o, "slave")} {
     if constexpr (built_for(1)) {
       if (!o.scene.gripper) return;

@@ -44,6 +44,7 @@ class WorldTime {
 template <int N>
 class SimulatedDevice : public Device<N> {
  public:
+  static constexpr bool kDrivesJoints = true;
   SimulatedDevice(const Scene& scene, Seconds period) : model_{scene, period} {
     info_.name = "simulated device";
     info_.watchdog = kSimulatedWatchdog;
@@ -94,6 +95,7 @@ class SimulatedDevice : public Device<N> {
 template <int N>
 class SimulatedRobot : public Robot<N>, public AdjustableEnvironment {
  public:
+  static constexpr bool kDrivesJoints = true;
   SimulatedRobot(const Scene& scene, Seconds period)
       : model_{scene, period},
         surfaces_{std::min(model_.environment().world().surfaces.size(), kAdjustableSurfaces)},

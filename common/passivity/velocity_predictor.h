@@ -35,7 +35,7 @@ struct VelocityPrediction {
   }
   /// No hand within kHandForceChange_n causes a larger error of w [m/s].
   [[nodiscard]] double worst_error() const noexcept {
-    return unforeseen.template head<kLinear>().norm() + ratio * free[0] * kHandForceChange_n;
+    return unforeseen.template head<kAxes<N>>().norm() + ratio * free[0] * kHandForceChange_n;
   }
   /// The same for any hand within kHandForceChange_n.
   [[nodiscard]] double worst_power_error(const Force<N>& f) const noexcept {
@@ -47,11 +47,10 @@ struct VelocityPrediction {
   }
   /// Least power of a force no larger than f, whatever its direction, but for the error of w [W].
   [[nodiscard]] double least_power(const Force<N>& f) const noexcept {
-    return -power_of_error(f, w.vec().template head<kLinear>().norm(), w.vec().template tail<N - kLinear>().norm());
+    return -power_of_error(f, w.vec().template head<kAxes<N>>().norm(), w.vec().template tail<N - kAxes<N>>().norm());
   }
 
  private:
-  static constexpr int kLinear = N == 6 ? 3 : N;
 
   [[nodiscard]] double power_of_error(const Force<N>& f, double error,
                                       [[maybe_unused]] double rotation_error) const noexcept {
@@ -132,7 +131,7 @@ class PortVelocityPredictor {
       forget_unknown(dt);
     prediction_.mobility = c;
     prediction_.w = Velocity<N>{u_ + d_ - c.cwiseProduct(applied_)};
-    prediction_.error_bound = std::max(e.template head<kAxes>().norm(), kMemory * prediction_.error_bound);
+    prediction_.error_bound = std::max(e.template head<kAxes<N>>().norm(), kMemory * prediction_.error_bound);
     prediction_.unforeseen = unforeseen;
     if constexpr (N == 6)
       prediction_.rotation_error_bound =
@@ -152,7 +151,7 @@ class PortVelocityPredictor {
   void set_ratio(const Vector& r) noexcept {
     ratio_ = r;
     inverse_at_port_ = inverse_mass_.cwiseProduct(r.cwiseAbs2());
-    prediction_.ratio = r.template head<kAxes>().maxCoeff();
+    prediction_.ratio = r.template head<kAxes<N>>().maxCoeff();
     if constexpr (N == 6) prediction_.rotation_ratio = r.template tail<3>().maxCoeff();
   }
   void change_ratio(Vector r, Velocity<N> v, Seconds dt) noexcept {
@@ -188,7 +187,6 @@ class PortVelocityPredictor {
     prediction_.free = 0.5 * dt.si() * inverse_mass_;
   }
 
-  static constexpr int kAxes = N == 6 ? 3 : N;
   static constexpr double kTheta = 0.5, kGain = 1.0 - kTheta * kTheta, kRateGain = (1.0 - kTheta) * (1.0 - kTheta);
   static constexpr double kMemory = 0.95;
   using Ticks = Eigen::Array<int, N, 1>;

@@ -52,6 +52,7 @@ class Compiled final : public Simulation<N> {
 
 template <int N>
 std::unique_ptr<Simulation<N>> make_simulation(const Scene& scene, Taps<N>* taps) {
+  if constexpr (N == kJointPort) return std::make_unique<Compiled<N, LinkLoop<N>>>(scene, taps);
   switch (scene.control.architecture) {
     case Architecture::render:
       return std::make_unique<Compiled<N, RenderLoop<N>>>(scene, taps);
