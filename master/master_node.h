@@ -8,6 +8,7 @@
 #include "common/base/time.h"
 #include "common/coupling/bridge.h"
 #include "common/coupling/joint_metric.h"
+#include "common/coupling/leader_inertia.h"
 #include "common/coupling/options.h"
 #include "common/coupling/ramp.h"
 #include "common/coupling/registration.h"
@@ -38,6 +39,7 @@ class MasterNode {
   explicit MasterNode(const ControlOptions& o, std::span<const ScheduledControl> schedule = {})
       : observer_{o.observer},
         metric_{o},
+        inertia_{o},
         registration_{o},
         safety_{limits_at_device(o), -1.0, o.handle_mass_kg, o.handle_inertia_kg_m2},
         half_{o},
@@ -93,6 +95,7 @@ class MasterNode {
                                         .account = account_,
                                         .active = modes_.active(),
                                         .paused = paused,
+                                        .inertia = inertia_.at(device.x),
                                         .ramp = ramp,
                                         .bridge = bridge_.over(modes_.active())});
     before_ = motion;
@@ -215,6 +218,7 @@ class MasterNode {
 
   ObserverRule observer_;
   [[no_unique_address]] JointMetric<N> metric_;
+  [[no_unique_address]] LeaderInertia<N> inertia_;
   Registration<N> registration_;
   SafetyStage<N> safety_;
   Held<Half> half_;

@@ -21,7 +21,7 @@ SimDevice<kJointPort>::SimDevice(const Scene& scene, Seconds dt)
   const std::optional<HandOnTool> hand = hand_of(scene, path_.at(0.0).x);
   led_ = hand.has_value();
   const auto nothing = std::make_shared<const Environment<6>>(std::vector<EnvironmentSpec>{});
-  arm_ = make_arm(*scene.device->arm, nothing, dt_, Position<6>{}, hand);
+  arm_ = std::make_unique<ArmPlant>(*scene.device->arm, nothing, dt_, Position<6>{}, hand);
   state_ = arm_->joints();
   encoder_ = {*scene.device, dt_};
   encoder_.start(x(), v());
@@ -44,7 +44,7 @@ bool SimDevice<kJointPort>::kick(const Velocity<N>& dv) noexcept {
 
 SimRobot<kJointPort>::SimRobot(const Scene& scene, Seconds dt)
     : environment_{std::make_shared<const Environment<6>>(scene.environment, scene.tool)},
-      arm_{make_arm(*scene.robot->arm, environment_, dt.si(), Position<6>{})} {
+      arm_{std::make_unique<ArmPlant>(*scene.robot->arm, environment_, dt.si(), Position<6>{})} {
   if (scene.robot->force_sensor) sensor_ = ForceSensor<N>{*scene.robot->force_sensor, dt, scene.seed};
   read();
 }

@@ -5,6 +5,7 @@
 #include <cmath>
 #include <cstdint>
 #include <limits>
+#include <memory>
 #include <optional>
 #include <string>
 #include <string_view>
@@ -25,6 +26,8 @@
 #include "common/safety/limits.h"
 
 namespace twoport {
+
+class ArmModel;
 
 enum class Architecture : std::uint8_t {
   render,                   ///< no link: the device against the environment directly
@@ -80,6 +83,7 @@ struct ControlOptions {
   double force_scale = 1.0, motion_scale = 1.0;
   /// Of a port of joints: s_i of JointMetric [m/rad], prismatic: 1 is a metre. Of axes that the arms have not: 1.
   Eigen::Matrix<double, kJointPort, 1> joint_scale = Eigen::Matrix<double, kJointPort, 1>::Ones();
+  std::shared_ptr<const ArmModel> leader{};  ///< of a port of joints; null: not known
   RegistrationOptions registration;
   std::string method_name{kPlainMethod};  ///< over a link: a name of kMethods (layers.h), or TRANSPARENCY+PASSIVITY
   std::string transparency{kPlainTransparency}, passivity{kPlainPassivity};  ///< its layers; empty for one of one piece

@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "common/base/built_for.h"
+#include "common/base/check.h"
 #include "common/base/scalar.h"
 #include "common/hardware/device.h"
 #include "common/hardware/plugin_host.h"
@@ -57,8 +58,12 @@ class DriverList {
   template <int N>
   [[nodiscard]] std::unique_ptr<Hardware<N>> open(const std::string& choice, const Scene& scene, Seconds period,
                                                   PageChannel* page = nullptr) const {
-    if (const std::optional<PluginChoice> plugin = plugin_choice(choice))
-      return open_plugin<Hardware, N>(flag_, *plugin, period);
+    if (const std::optional<PluginChoice> plugin = plugin_choice(choice)) {
+      if constexpr (N == kJointPort)
+        throw ConfigError{flag_ + " " + choice + ": a plug-in drives dof 1, 3 or 6, but space of the scene is JOINTS"};
+      else
+        return open_plugin<Hardware, N>(flag_, *plugin, period);
+    }
     const std::size_t colon = choice.find(':');
     const Entry& driver = find(choice.substr(0, colon));
     const Maker<N>& maker = std::get<Maker<N>>(driver.makers);

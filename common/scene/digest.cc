@@ -153,7 +153,7 @@ std::vector<SharedField> shared_fields(const Scene& scene) {
   }
   fields.push_back({"control.schedule", switches.value()});
   Digest metric;
-  for (const double each : scene.control.joint_scale) metric.add(each);
+  for (const double each : scene.control.joint_scale) metric.add(std::bit_cast<std::uint64_t>(each));
   if (scene.joints > 0) fields.push_back({"space: the follower's joints", metric.value()});
   fields.push_back({"gripper", scene.gripper ? gripper_digest(message.gripper(), *scene.gripper) : 0});
   return fields;

@@ -13,12 +13,14 @@ namespace {
 using Inertia = ArmModel::Inertia;
 using Axes = Eigen::Matrix<double, kJointPort, 1>;
 
-/// M(q) with the tool, where the run begins.
+/// With its tool.
+ArmModel model_of(const ArmSpec& arm) {
+  return ArmModel{*arm.parameters, {.mass_kg = arm.tool_mass_kg, .center_m = vector<3>(arm.tool_center_m)}};
+}
+/// M(q) where the run begins.
 Inertia inertia_at_start(const ArmSpec& arm) {
-  const ArmModel model{*arm.parameters, {.mass_kg = arm.tool_mass_kg, .center_m = vector<3>(arm.tool_center_m)}};
-  ArmModel::Joints q(model.size());
-  for (int i = 0; i < model.size(); ++i) q[i] = arm.joint_position_rad[static_cast<std::size_t>(i)];
-  return model.inertia(model.pose(q));
+  const ArmModel model = model_of(arm);
+  return model.inertia(model.pose(joint_vector(arm.joint_position_rad)));
 }
 
 /// The least inertia of any motion in the metric s [kg]: the least eigenvalue of S⁻¹ M S⁻¹.
@@ -71,7 +73,7 @@ void read_joints(const Block<schema::Scene>& of, Scene& scene) {
     return;
   }
   constexpr const char* kOfArm = "with space JOINTS the arm's file has it for each joint";
-  const Block control = of.block(FIELD(control)), device = of.block(FIELD(device)), robot = of.block(FIELD(robot));
+  const Block control = of.block(FIELD(control));
   for (const auto& limits : {control.block(FIELD(device_limits)), control.block(FIELD(robot_limits))}) {
     refuse(limits, FIELD(force_n), kOfArm);
     refuse(limits, FIELD(torque_n_m), kOfArm);
@@ -81,7 +83,7 @@ void read_joints(const Block<schema::Scene>& of, Scene& scene) {
     refuse(limits, FIELD(set_point_step_m), kOfArm);
     refuse(limits, FIELD(workspace_m), kOfArm);
   }
-  refuse(device, FIELD(max_force_n), kOfArm);
+  refuse(of.block(FIELD(device)), FIELD(max_force_n), kOfArm);
   refuse(of, FIELD(gripper), "with space JOINTS it is the last joint of the arms");
   refuse(of, FIELD(device_mount), "space JOINTS couples joints, wherever the arms stand");
   refuse(control, FIELD(registration), "space JOINTS couples joints, wherever the arms stand");
@@ -112,8 +114,10 @@ void read_joints(const Block<schema::Scene>& of, Scene& scene) {
     const auto at = static_cast<std::size_t>(i);
     s[i] = std::sqrt(stiffness.empty() ? of_follower(i, i) : stiffness[at] / coupling->stiffness_n_per_m());
   }
+  const auto model = std::make_shared<const ArmModel>(model_of(leader));
   const auto tell = [&](ControlOptions& c) {
     c.joint_scale = s;
+    c.leader = model;
     if (!damping.empty()) {
       for (int i = 0; i < scene.joints; ++i)
         c.coupling.damping_of_joints[i] = damping[static_cast<std::size_t>(i)] / (s[i] * s[i]);

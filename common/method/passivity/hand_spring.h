@@ -32,6 +32,7 @@ class HandSpring {
   /// Books the interval that has ended.
   void observe(const MasterInput<N>& in) noexcept {
     const Displacement<N> moved = in.first ? Displacement<N>{} : integral(in.interval, in.ended);
+    if (in.inertia != nullptr) spring_.take_inertia(*in.inertia);
     spring_.observe(in.account.net(), moved, in.device.applied, in.ended, in.dt);
     spring_.take_ratio(in.device.ratio, in.device.v, in.dt);
     spring_.expect_turned(may_turn(in.device));
