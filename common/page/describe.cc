@@ -103,8 +103,8 @@ std::string arm(const Scene& s, const ShownArm& shown) {
   return fmt::format(R"({{"joints":{},"flange_m":{},"links":{},"left_out":{}}})",
                      list(p.joints,
                           [](const ArmJoint& j) {
-                            return fmt::format(R"({{"origin_m":{},"attitude":{}}})", vector(j.origin_m),
-                                               attitude(j.rotation));
+                            return fmt::format(R"({{"origin_m":{},"attitude":{},"slides":{}}})", vector(j.origin_m),
+                                               attitude(j.rotation), j.type == JointType::prismatic);
                           }),
                      vector(p.flange_m), list(shown.links, part<TriangleMesh>), list(shown.left_out, json_string));
 }
