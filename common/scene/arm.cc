@@ -195,8 +195,9 @@ namespace {
 /// Damping, friction and rotors of the joints: the scene's where it gives them, else the file's.
 void complete(const Block<schema::Arm>& of, const std::string& path, ArmParameters& parameters) {
   const auto joints = static_cast<int>(parameters.joints.size());
-  if (joints < 6)
-    of.fail(fmt::format("{}: an arm must have 6 to {} joints; this one has {}", path, kMostArmJoints, joints));
+  if (joints < 6 && !of.context().joints)
+    of.fail(fmt::format("{}: an arm must have 6 to {} joints, or the scene space JOINTS; this one has {}", path,
+                        kMostArmJoints, joints));
   const Numbers friction = numbers(of->joint_coulomb_friction_n_m());
   of.need_length(FIELD(joint_coulomb_friction_n_m), joints);
   if (!std::ranges::all_of(friction, [](double f) { return f >= 0.0; }))
@@ -252,12 +253,15 @@ ArmSpec read_arm(const Block<schema::Arm>& of) {
                 fmt::format("lie within the joints' limits; number {} must be between {} and {}", i + 1, joint.lower,
                             joint.upper));
   }
-  if (joints < 7) {
-    const auto refuse = [&](const auto& field) {
-      if (of.has(field)) of.refuse(field, fmt::format("be absent: an arm of {} joints has no null space", joints));
+  if (joints < 7 || of.context().joints) {
+    const auto refuse = [&](const auto& field, const std::string& why) {
+      if (of.has(field)) of.refuse(field, "be absent: " + why);
     };
-    refuse(FIELD(null_space_stiffness_n_m_per_rad));
-    refuse(FIELD(null_space_damping_n_m_s_per_rad));
+    const std::string why = of.context().joints ? "with space JOINTS the coupling commands every joint"
+                                                : fmt::format("an arm of {} joints has no null space", joints);
+    refuse(FIELD(null_space_stiffness_n_m_per_rad), why);
+    refuse(FIELD(null_space_damping_n_m_s_per_rad), why);
+    if (of.context().joints) refuse(FIELD(force_feedback), why);
     arm.null_space_stiffness_n_m_per_rad = arm.null_space_damping_n_m_s_per_rad = 0.0;
   }
   return arm;

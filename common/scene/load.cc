@@ -73,13 +73,14 @@ void complete_initial_energy(const Block<schema::Scene>& of, Scene& scene) {
 
 Scene read_scene(std::shared_ptr<const SceneSource> source) {
   const auto& [message, file, use] = *source;
-  const Context context{.file = file, .dof = read_dof(message, file)};
+  const Context context{
+      .file = file, .dof = read_dof(message, file), .joints = message.space() == schema::Scene::JOINTS};
   const Block of{context, message};
   of.check_fields();
   Scene scene{};
   scene.name = of->has_name() ? of->name() : std::filesystem::path{file}.stem().string();
   scene.description = of->description();
-  scene.dof = of->space() == schema::Scene::JOINTS ? kJointPort : context.dof;
+  scene.dof = context.joints ? kJointPort : context.dof;
   check_built_for(scene.dof);
   read_time(of, use, scene);
   scene.seed = of->seed();

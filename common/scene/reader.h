@@ -20,6 +20,7 @@ namespace twoport {
 struct Context {
   std::string file;
   int dof = 0;
+  bool joints = false;  ///< are joints the ports?
 
   [[noreturn]] void fail(const std::string& words) const;
 };
