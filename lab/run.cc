@@ -23,7 +23,6 @@
 #include "lab/engine/quiet_tail.h"
 #include "lab/engine/recording.h"
 #include "lab/engine/simulation.h"
-#include "lab/engine/stoppable.h"
 #include "lab/engine/summary_parts.h"
 
 namespace twoport::lab {
@@ -187,7 +186,7 @@ CountedRun run_coupling(const Scene& scene, const RunOptions& options, mcap::Wri
     };
     if (file == nullptr) {
       std::unique_ptr<Simulation<N>> simulation = make(nullptr);
-      if (options.stop != nullptr) simulation = std::make_unique<Stoppable<N>>(std::move(simulation), *options.stop);
+      if (options.stop != nullptr) simulation->stop_at(*options.stop);
       return run_as<N>(*simulation, scene, options, nullptr);
     }
     LabRecording<N> recording{*file, scene, *options.record, of_gripper};

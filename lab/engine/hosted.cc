@@ -93,7 +93,7 @@ std::unique_ptr<Simulation<N>> make_simulation(const Scene& scene, const HostedR
   if (scene.control.architecture == Architecture::render || scene.control.architecture == Architecture::uncontrolled)
     throw ConfigError{fmt::format("--robot {}: control.architecture has no link to a robot", hosted.choice)};
   if (scene.gripper) throw ConfigError{fmt::format("--robot {}: the scene has a gripper, it has none", hosted.choice)};
-  return std::make_unique<Compiled<N, LinkLoop<N, AnyMethod, HostedPlant<N>>>>(scene, taps, robot->get());
+  return std::make_unique<LinkLoop<N, AnyMethod, HostedPlant<N>>>(scene, taps, robot->get());
 }
 
 template std::unique_ptr<Simulation<1>> make_simulation<1>(const Scene&, const HostedRobot&, Taps<1>*);

@@ -12,7 +12,7 @@
 
 #include "common/base/check.h"
 #include "common/base/time.h"
-#include "lab/engine/stoppable.h"
+#include "lab/engine/simulation.h"
 #include "lab/lanes/batch.h"
 #include "lab/lanes/intended.h"
 #include "lab/lanes/queue.h"

@@ -10,7 +10,7 @@
 #include <vector>
 
 #include "common/base/check.h"
-#include "lab/engine/stoppable.h"
+#include "lab/engine/simulation.h"
 #include "lab/lanes/lanes.h"
 #include "lab/study/parallel.h"
 

@@ -18,7 +18,7 @@
 #include "common/record/summary.h"
 #include "common/scene/load.h"
 #include "lab/engine/hosted.h"
-#include "lab/engine/stoppable.h"
+#include "lab/engine/simulation.h"
 #include "lab/run.h"
 #include "lab/study/cells.h"
 #include "lab/study/table.h"
