@@ -20,10 +20,8 @@
 #include "lab/study/adversary.h"
 #include "lab/study/cells.h"
 #include "lab/study/compare.h"
-#include "lab/study/gallery.h"
 #include "lab/study/link_advice.h"
 #include "lab/study/map.h"
-#include "lab/study/matrix.h"
 #include "lab/study/parallel.h"
 
 namespace twoport::lab {

@@ -9,7 +9,7 @@
 #include <vector>
 
 #include "common/base/check.h"
-#include "lab/engine/make_simulation.h"
+#include "lab/engine/loops.h"
 
 namespace twoport::lab {
 namespace {

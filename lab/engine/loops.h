@@ -7,6 +7,7 @@
 #include <utility>
 
 #include "common/link/clock_offset.h"
+#include "common/method/passivity/time_domain/time_domain.h"
 #include "common/record/angle.h"
 #include "common/record/row.h"
 #include "common/runtime/cycle.h"
@@ -268,5 +269,22 @@ class BodyLoop final : public Simulation<N> {
   std::optional<RobotSpec> spec_;
   sim::SimRobot<N> robot_;
 };
+
+template <int N>
+std::unique_ptr<Simulation<N>> make_simulation(const Scene& scene, Taps<N>* taps) {
+  switch (scene.control.architecture) {
+    case Architecture::render:
+      return std::make_unique<RenderLoop<N>>(scene, taps);
+    case Architecture::uncontrolled:
+      return std::make_unique<BodyLoop<N>>(scene);
+    default:
+      // One loop for each size does for every method; the controllers that sweeps run most have one of their own, 10 %
+      // faster.
+      if (scene.control.transparency == kPlainTransparency &&
+          scene.control.controller.method != ::twoport::Method::none && scene.schedule.empty())
+        return std::make_unique<LinkLoop<N, TimeDomainPassivity>>(scene, taps);
+      return std::make_unique<LinkLoop<N>>(scene, taps);
+  }
+}
 
 }  // namespace twoport::lab

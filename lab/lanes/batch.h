@@ -26,7 +26,7 @@ struct Parameters {
   S normal[N], offset, wall_stiffness, wall_damping, wall_viscous, pull[N];
   S spring_stiffness[kMostSprings], spring_damping[kMostSprings], spring_anchor[kMostSprings][N];
   S sensor_bias[N];
-  // A plant in Runge-Kutta steps: sim/plant/fixed_step.h, sim/plant/handle.h.
+  // A plant in Runge-Kutta steps: sim/plant/make_body_plant.h, sim/plant/handle.h.
   S step_s, robot_mass, robot_damping, wall_friction, handle_inverse_mass, handle_damping;
   // Coupling and registration.
   S stiffness, damping, mobility, catch_up;
