@@ -14,8 +14,6 @@
 #include "common/base/check.h"
 #include "common/base/thread.h"
 #include "common/contact/environment.h"
-#include "common/coupling/registration.h"
-#include "common/method/catalogue.h"
 #include "common/record/metrics.h"
 #include "common/record/trace.h"
 #include "lab/engine/contact_states.h"

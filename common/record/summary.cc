@@ -9,16 +9,13 @@
 #include <cstdio>
 #include <exception>
 #include <limits>
-#include <optional>
 #include <system_error>
-#include <utility>
 
 #include "common/base/check.h"
 #include "common/base/file.h"
 #include "common/coupling/layers.h"
 #include "common/record/figure.h"
 #include "common/scene/hints.h"
-#include "common/scene/scene.h"
 #include "common/scene/source.h"
 
 namespace twoport {

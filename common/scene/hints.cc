@@ -16,7 +16,6 @@
 #include "common/base/built_for.h"
 #include "common/coupling/claim.h"
 #include "common/scene/held_coupling.h"
-#include "common/scene/scene.h"
 
 namespace twoport {
 namespace {

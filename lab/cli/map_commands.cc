@@ -11,7 +11,6 @@
 #include "common/base/file.h"
 #include "common/base/print_error.h"
 #include "common/base/text.h"
-#include "common/record/summary.h"
 #include "common/scene/find.h"
 #include "common/scene/load.h"
 #include "lab/cli/commands.h"
@@ -22,7 +21,6 @@
 #include "lab/study/compare.h"
 #include "lab/study/link_advice.h"
 #include "lab/study/map.h"
-#include "lab/study/parallel.h"
 
 namespace twoport::lab {
 namespace {

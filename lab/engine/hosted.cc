@@ -4,8 +4,6 @@
 
 #include <cstdint>
 #include <limits>
-#include <memory>
-#include <variant>
 #include <vector>
 
 #include "common/base/check.h"

@@ -7,12 +7,9 @@
 #include <cmath>
 #include <cstdio>
 #include <iterator>
-#include <limits>
-#include <utility>
 
 #include "common/base/file.h"
 #include "common/base/text.h"
-#include "lab/study/grid.h"
 
 namespace twoport::lab {
 

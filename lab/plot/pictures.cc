@@ -10,7 +10,6 @@
 #include <numbers>
 #include <string_view>
 #include <utility>
-#include <vector>
 
 #include "common/base/check.h"
 #include "common/base/text.h"

@@ -6,12 +6,10 @@
 #include <chrono>
 #include <cmath>
 #include <limits>
-#include <optional>
 #include <set>
 
 #include "common/base/built_for.h"
 #include "common/base/check.h"
-#include "common/base/file.h"
 #include "common/base/thread.h"
 #include "common/scene/load.h"
 #include "lab/engine/hosted.h"

@@ -1,7 +1,6 @@
 #include "lab/study/compare.h"
 
 #include <fmt/format.h>
-#include <fmt/ranges.h>
 
 #include <algorithm>
 #include <cmath>
@@ -14,11 +13,9 @@
 #include "common/base/file.h"
 #include "common/coupling/layers.h"
 #include "common/method/catalogue.h"
-#include "common/record/summary.h"
 #include "common/scene/load.h"
 #include "lab/run.h"
 #include "lab/study/cells.h"
-#include "lab/study/many_runs.h"
 #include "lab/study/map.h"
 #include "lab/study/sweep.h"
 

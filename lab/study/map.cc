@@ -18,7 +18,6 @@
 #include "common/record/summary.h"
 #include "common/scene/load.h"
 #include "lab/engine/simulation.h"
-#include "lab/run.h"
 #include "lab/study/parallel.h"
 
 namespace twoport::lab {

@@ -6,7 +6,6 @@
 #include <map>
 #include <memory>
 #include <numeric>
-#include <optional>
 #include <string_view>
 #include <utility>
 #include <variant>
@@ -21,7 +20,6 @@
 #include "lab/engine/simulation.h"
 #include "lab/run.h"
 #include "lab/study/cells.h"
-#include "lab/study/table.h"
 
 namespace twoport::lab {
 namespace {

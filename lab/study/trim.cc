@@ -11,7 +11,6 @@
 #include <utility>
 
 #include "common/base/check.h"
-#include "common/base/file.h"
 #include "common/record/summary.h"
 #include "common/scene/load.h"
 #include "lab/run.h"

@@ -1,8 +1,5 @@
 #include "sim/plant/exact_wall.h"
 
-#include <algorithm>
-#include <cmath>
-
 namespace twoport::sim {
 
 template <int D>
