@@ -130,7 +130,7 @@ bool take(const schema::RecordedReport& from, Report<N>& to) {
 }
 
 /// In the order of HardwareProperties.limits.
-constexpr double PortLimits::*kLimits[] = {
+constexpr double PortLimits::*kRecordedLimits[] = {
     &PortLimits::force_n,          &PortLimits::torque_n_m,    &PortLimits::force_rate_n_per_s,
     &PortLimits::power_w,          &PortLimits::speed_m_per_s, &PortLimits::angular_speed_rad_per_s,
     &PortLimits::set_point_step_m, &PortLimits::workspace_m};
@@ -219,7 +219,7 @@ RecordingSide::RecordingSide(mcap::Channels& to, const RecordingHeader& header)
     p.set_max_force_n(header.properties->max_force_n);
     p.set_mass_kg(header.properties->mass_kg);
     p.set_inertia_kg_m2(header.properties->inertia_kg_m2);
-    for (const auto limit : kLimits) p.add_limits(header.properties->limits.*limit);
+    for (const auto limit : kRecordedLimits) p.add_limits(header.properties->limits.*limit);
   }
   to.write(of_header, log_time_ns(Duration{0}), message.SerializeAsString());
 }
@@ -303,13 +303,13 @@ RecordingReader::Kind RecordingReader::next() {
              .start_unix_ns = m.start_unix_ns()};
   if (m.has_properties()) {
     const schema::HardwareProperties& p = m.properties();
-    if (p.limits_size() != static_cast<int>(std::size(kLimits))) fail("a header has other limits");
+    if (p.limits_size() != static_cast<int>(std::size(kRecordedLimits))) fail("a header has other limits");
     DeviceInfo& info = header_.properties.emplace();
     info.name = m.hardware();
     info.max_force_n = p.max_force_n();
     info.mass_kg = p.mass_kg();
     info.inertia_kg_m2 = p.inertia_kg_m2();
-    for (int i = 0; i < p.limits_size(); ++i) info.limits.*kLimits[i] = p.limits(i);
+    for (int i = 0; i < p.limits_size(); ++i) info.limits.*kRecordedLimits[i] = p.limits(i);
   }
   return Kind::header;
 }
