@@ -192,8 +192,9 @@ CountedRun run_coupling(const Scene& scene, const RunOptions& options, mcap::Wri
   });
 }
 
-/// The rows of the gripper's trace go into `gripper_table`, where that is not null.
-CountedRun run_both(const Scene& scene, const RunOptions& options, TraceTable* gripper_table) {
+}  // namespace
+
+CountedRun run_counted(const Scene& scene, const RunOptions& options) {
   std::optional<mcap::Writer> recording;
   if (options.record != nullptr) recording.emplace(recordable(scene, *options.record), kRecordedBy);
   mcap::Writer* const file = recording ? &*recording : nullptr;
@@ -204,7 +205,7 @@ CountedRun run_both(const Scene& scene, const RunOptions& options, TraceTable* g
                                              .trace_every = options.trace_every,
                                              .verdict = options.verdict,
                                              .record = options.record,
-                                             .table = gripper_table,
+                                             .table = options.gripper_table,
                                              .stop = options.stop},
                                             file, true);
     fill_gripper(gripper.summary, done.summary);
@@ -219,15 +220,6 @@ CountedRun run_both(const Scene& scene, const RunOptions& options, TraceTable* g
     *options.record->unwritten = e.what();
   }
   return done;
-}
-
-}  // namespace
-
-CountedRun run_counted(const Scene& scene, const RunOptions& options) {
-  return run_both(scene, options, nullptr);
-}
-Summary run_with_gripper_table(const Scene& scene, const RunOptions& options, TraceTable* gripper) {
-  return run_both(scene, options, gripper).summary;
 }
 
 }  // namespace twoport::lab

@@ -132,12 +132,6 @@ void leave_summary(const Summary& summary, const std::string& folder) {
   }
 }
 
-std::vector<std::pair<std::string, std::optional<double>>> known_numbers(const Summary& summary) {
-  std::vector<std::pair<std::string, std::optional<double>>> all;
-  for (const Figure& figure : Figure::all()) all.emplace_back(figure.name(), figure.known_of(summary));
-  return all;
-}
-
 std::vector<std::pair<std::string, double>> numbers(const Summary& summary) {
   std::vector<std::pair<std::string, double>> all;
   for (const Figure& figure : Figure::all()) all.emplace_back(figure.name(), figure.of(summary));

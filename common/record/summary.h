@@ -56,10 +56,7 @@ std::string to_json(const Summary& summary);
 /// that no result is lost, and the IoError or ConfigError that says why is thrown.
 void leave_summary(const Summary& summary, const std::string& folder);
 
-/// Every number of the schema as (name, value), in its order, nested ones as "rtt_ms.p99"; booleans as 0, 1; no value
-/// where it is not known.
-std::vector<std::pair<std::string, std::optional<double>>> known_numbers(const Summary& summary);
-/// The same with NaN for what is not known.
+/// Every number of the schema as (name, value), in its order, nested ones as "rtt_ms.p99"; booleans as 0, 1; NaN for what is not known.
 std::vector<std::pair<std::string, double>> numbers(const Summary& summary);
 
 /// The texts that a table holds of a run, as (name, text): scene, architecture, method, verdict_kind, verdict.

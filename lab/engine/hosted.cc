@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "common/base/check.h"
+#include "common/base/copied.h"
 #include "lab/engine/loops.h"
 
 namespace twoport::lab {
@@ -21,17 +22,6 @@ class HostedPlant {
     read();
     robot_->start();
   }
-  HostedPlant(const HostedPlant& o)
-      : robot_{o.robot_->copy()},
-        environment_{o.environment_},
-        dt_{o.dt_},
-        tick_{o.tick_},
-        sample_{o.sample_},
-        state_{o.state_},
-        f_{o.f_},
-        from_environment_{o.from_environment_} {}
-  HostedPlant& operator=(const HostedPlant&) = delete;
-
   void advance() noexcept {
     ++tick_;
     read();
@@ -72,7 +62,7 @@ class HostedPlant {
       state_.v = Velocity<N>{Velocity<N>::Vector::Constant(std::numeric_limits<double>::quiet_NaN())};
   }
 
-  std::unique_ptr<VirtualRobot<N>> robot_;
+  Copied<VirtualRobot<N>> robot_;
   Environment<N> environment_;
   Seconds dt_;
   std::int64_t tick_ = 0;

@@ -320,21 +320,14 @@ class Cell {
     p.step_s = dt / scene_.simulation.substeps;
     p.handle_inverse_mass = 1.0 / handle.mass_kg, p.handle_damping = handle.damping_n_s_per_m;
     p.robot_mass = scene_.robot->mass_kg, p.robot_damping = scene_.robot->damping_n_s_per_m;
-    // As ExactPlant's regions: the robot with the springs, free and in contact.
     const World world{scene_.environment};
-    sim::Oscillator free{scene_.robot->mass_kg, scene_.robot->damping_n_s_per_m, 0.0};
-    typename Force<N>::Vector pull = Force<N>::Vector::Zero();
-    int k = 0;
-    for (const Spring& s : world.springs) {
-      free.damping_n_s_per_m += s.damping_n_s_per_m;
-      free.stiffness_n_per_m += s.stiffness_n_per_m;
-      pull += s.stiffness_n_per_m * s.anchor_m.head<N>();
+    for (int k = 0; const Spring& s : world.springs) {
       p.spring_stiffness[k] = s.stiffness_n_per_m, p.spring_damping[k] = s.damping_n_s_per_m;
       for (int i = 0; i < N; ++i) p.spring_anchor[k][i] = s.anchor_m[i];
       ++k;
     }
-    for (int i = 0; i < N; ++i) p.pull[i] = pull[i];
-    set_region(0, free, free, 0.0);
+    for (int i = 0; i < N; ++i) p.pull[i] = plant_.pull()[i];
+    set_region(0);
     if (!world.surfaces.empty()) {
       const Surface& w = world.surfaces[0];
       const Wall& plane = std::get<Wall>(w.shape);
@@ -342,11 +335,7 @@ class Cell {
       p.offset = plane.offset_m;
       p.wall_stiffness = w.material.stiffness_n_per_m, p.wall_damping = w.material.damping_n_s_per_m;
       p.wall_viscous = w.material.viscous_friction_n_s_per_m, p.wall_friction = w.material.friction;
-      sim::Oscillator across = free, along = free;
-      across.stiffness_n_per_m += p.wall_stiffness;
-      across.damping_n_s_per_m += p.wall_damping;
-      along.damping_n_s_per_m += p.wall_viscous;
-      set_region(1, across, along, p.wall_stiffness * p.offset);
+      set_region(1);
     }
     if (scene_.robot->force_sensor) {
       const auto bias = vector<N>(scene_.robot->force_sensor->bias_n);
@@ -415,16 +404,18 @@ class Cell {
   }
 
   /// A tick that is cut into parts is left to the plant; the map of a whole one then does not matter.
-  void set_region(int in, const sim::Oscillator& across, const sim::Oscillator& along, double load) {
-    const sim::Response map{across, p.dt}, side{along, p.dt};
-    p.map_x[in][0] = 1.0 - across.stiffness_n_per_m * map.xu, p.map_x[in][1] = -across.stiffness_n_per_m * map.vu;
-    p.map_v[in][0] = map.xv, p.map_v[in][1] = map.vv;
-    p.map_u[in][0] = map.xu, p.map_u[in][1] = map.vu;
-    p.load[in] = load;
-    p.in_parts[in] =
-        std::ceil(std::max(1.0, 2.0 * p.dt * std::sqrt(across.stiffness_n_per_m / across.mass_kg))) > 1.0 ? 1.0 : 0.0;
-    p.along_stiffness[in] = along.stiffness_n_per_m;
-    p.along_xv[in] = side.xv, p.along_xu[in] = side.xu, p.along_vv[in] = side.vv, p.along_vu[in] = side.vu;
+  void set_region(int in) {
+    const auto& region = plant_.region(in != 0);
+    for (int i = 0; i < 2; ++i) {
+      p.map_x[in][i] = region.map.x[i];
+      p.map_v[in][i] = region.map.v[i];
+      p.map_u[in][i] = region.map.u[i];
+    }
+    p.load[in] = region.load;
+    p.in_parts[in] = region.span < p.dt ? 1.0 : 0.0;
+    p.along_stiffness[in] = region.along.stiffness_n_per_m;
+    p.along_xv[in] = region.full_along.xv, p.along_xu[in] = region.full_along.xu;
+    p.along_vv[in] = region.full_along.vv, p.along_vu[in] = region.full_along.vu;
   }
 
   void start(const sim::SimDevice<N>& device) {

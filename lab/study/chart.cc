@@ -71,11 +71,6 @@ double rms(const std::vector<double>& v) {
   return std::sqrt(3.0 * sum2 / static_cast<double>(std::max<std::size_t>(v.size(), 1)));
 }
 
-double median(std::vector<double> v) {
-  std::nth_element(v.begin(), v.begin() + static_cast<std::ptrdiff_t>(v.size() / 2), v.end());
-  return v[v.size() / 2];
-}
-
 struct Candidate {
   Point point;
   std::vector<std::string> set;

@@ -33,6 +33,8 @@ struct Spread {
 Spread spread(std::string_view figure, std::span<const double> values);
 Spread spread(const Figure& figure, std::span<const Summary> of_seeds);
 
+double median(std::vector<double> of);
+
 /// Index of the worst seed, whose verdict is reported: an unstable seed before a stable one, then the smallest port
 /// energy, then the first.
 std::size_t worst_seed(const std::vector<Summary>& of_seeds);

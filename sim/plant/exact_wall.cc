@@ -3,10 +3,6 @@
 namespace twoport::sim {
 
 template <int D>
-bool ExactPlant<D>::dips(Vector u) const noexcept {
-  return contact_at_turn(s_.across, u, dt_);
-}
-template <int D>
 bool ExactPlant<D>::contact_at_turn(const Normal& from, const Vector& u, double h) const noexcept {
   const AxisState at = free_across(from, u, turn(from, u, h));
   return contact({at.x, at.v});

@@ -79,6 +79,28 @@ class ExactPlant {
   }
   [[nodiscard]] const BodyState<D>& body() const noexcept { return s_.body; }
 
+  /// Position and velocity after a step, from those before and the load at the origin.
+  struct Map {
+    Eigen::Vector2d x, v, u;
+    Map() = default;
+    Map(const Response& r, const Oscillator& o)
+        : x{1.0 - o.stiffness_n_per_m * r.xu, -o.stiffness_n_per_m * r.vu}, v{r.xv, r.vv}, u{r.xu, r.vu} {}
+    Eigen::Vector2d operator()(const Eigen::Vector2d& n, double load) const noexcept {
+      return x * n[0] + (v * n[1] + u * load);
+    }
+  };
+  /// The motion without the wall or, while it presses, with it.
+  struct Region {
+    Oscillator across, along;  ///< the wall's normal; any direction along it
+    double load;               ///< of the wall along the normal, at the origin
+    double span;               ///< longest move
+    Map map;                   ///< of a span, across
+    Response full_along;
+  };
+  [[nodiscard]] const Region& region(bool in_contact) const noexcept { return region_[in_contact]; }
+  /// Of the springs at the origin.
+  [[nodiscard]] const Vector& pull() const noexcept { return pull_; }
+
   [[nodiscard]] const State& state() const noexcept { return s_; }
   /// Continues from `state`, of a plant of the same scene.
   void set_state(const State& state) noexcept { s_ = state; }
@@ -105,21 +127,6 @@ class ExactPlant {
   static constexpr int kCuts = 4096;  ///< beginnings and ends of contact within a tick
   using Normal = Eigen::Vector2d;     ///< as State::across
 
-  /// Position and velocity after a step, from those before and the load at the origin.
-  struct Map {
-    Eigen::Vector2d x, v, u;
-    Map() = default;
-    Map(const Response& r, const Oscillator& o)
-        : x{1.0 - o.stiffness_n_per_m * r.xu, -o.stiffness_n_per_m * r.vu}, v{r.xv, r.vv}, u{r.xu, r.vu} {}
-    Normal operator()(const Normal& n, double load) const noexcept { return x * n[0] + (v * n[1] + u * load); }
-  };
-  struct Region {
-    Oscillator across, along;  ///< the wall's normal; any direction along it
-    double load;               ///< of the wall along the normal, at the origin
-    double span;               ///< longest move
-    Map map;                   ///< of a span, across
-    Response full_along;
-  };
   [[nodiscard]] Region region(const Oscillator& across, const Oscillator& along, double load) const noexcept {
     const double h = cuts_ && wall_ ? span(across) : dt_;
     const bool exact = method_ != Integrator::trapezoidal;
@@ -173,7 +180,7 @@ class ExactPlant {
       if (cuts_) return step_in_parts(u);
       s_.in_contact = in;
     } else if (!in && s_.across[1] < 0.0 && n[1] > 0.0 && cuts_) {
-      if (dips(u)) return step_in_parts(u);
+      if (contact_at_turn(s_.across, u, dt_)) return step_in_parts(u);
     }
     s_.body = moved(s_.body, s_.across, n, u, r, r.full_along);
     s_.across = n;
@@ -186,8 +193,7 @@ class ExactPlant {
 
   // Of ticks in which contact may begin or end (exact_wall.cc).
 
-  /// Does the mass, which is free at both ends of a tick, turn around inside the wall?
-  [[nodiscard]] bool dips(Vector u) const noexcept;
+  /// Does the mass, which is free at both ends of h, turn around inside the wall?
   [[nodiscard]] bool contact_at_turn(const Normal& from, const Vector& u, double h) const noexcept;
   /// Without the wall, from `from`.
   [[nodiscard]] AxisState free_across(const Normal& from, const Vector& u, double t) const noexcept;
