@@ -232,9 +232,9 @@ class Cell {
       for (int i = 0; i < N; ++i) s.slave_v[i] = s.slave_v[i] + by.second[i];
       return s;
     }
-    to_plant(s.slave_x, s.slave_v, s.across, s.in_contact);
+    to_plant(s.slave_x.e, s.slave_v.e, s.across, s.in_contact);
     plant_.kick(by.second);
-    from_plant(s.slave_x, s.slave_v, s.across, s.in_contact);
+    from_plant(s.slave_x.e, s.slave_v.e, s.across, s.in_contact);
     return s;
   }
   /// Takes the verdict of a tail. True: another one is needed.
@@ -424,7 +424,7 @@ class Cell {
       s.master_x[i] = device.x().translation()[i], s.master_v[i] = device.v()[i];
       s.intended[i] = path_->x[static_cast<std::size_t>(i)];
     }
-    from_plant(s.slave_x, s.slave_v, s.across, s.in_contact);
+    from_plant(s.slave_x.e, s.slave_v.e, s.across, s.in_contact);
     for (int i = 0; i < N; ++i) s.x_sd[i] = s.x_d[i] = s.x_before[i] = s.slave_x[i];
     s.force_lag = static_cast<double>(first_force_lag_);
     const std::uint64_t streams[] = {kToSlaveStream, kToMasterStream};
