@@ -101,27 +101,6 @@ class TextTable {
   std::vector<std::vector<std::string>> lines_;
 };
 
-}  // namespace
-
-PaperReported paper_reported(const PaperCase& which) {
-  for (const Known& k : kKnown)
-    if (which.hand == "light" && k.experiment == which.experiment && k.sensor == which.sensor &&
-        k.method == which.method)
-      return k.numbers;
-  return kNothing;
-}
-
-const PaperNumbers& PaperTable::at(const std::string& experiment, const std::string& hand, const std::string& sensor,
-                                   const std::string& method) const {
-  for (const PaperResult& r : results)
-    if (r.which.experiment == experiment && r.which.hand == hand && r.which.sensor == sensor &&
-        r.which.method == method)
-      return r.numbers;
-  throw ConfigError{fmt::format("no such case: {}, {}, {}, {}", experiment, hand, sensor, method)};
-}
-
-namespace {
-
 /// What a controller used; an encoder's velocity is another than the true one.
 double gain(const PaperResult& of) {
   const bool known = of.which.sensor == "ideal" && of.which.method != "none";
@@ -201,120 +180,6 @@ std::string words(const PaperTable& t) {
       -eq2.min_energy_j, added.max_correction_n, -added.min_surplus_j, -hidden.min_normal_energy_j,
       1e3 * hidden.max_depth_m, 1e3 * apart.max_depth_m);
 }
-
-}  // namespace
-
-std::string paper_csv(const PaperTable& table) {
-  std::string out = "experiment,hand,sensor,method,seeds";
-  for (const auto& [name, value] : columns({})) out.append(1, ',').append(name);
-  out += ",set\n";
-  for (const PaperResult& each : table.results) {
-    const auto& [c, n] = each;
-    out += fmt::format("{},{},{},{},{}", c.experiment, c.hand, c.sensor, c.method, n.seeds);
-    for (const auto& [name, value] : columns(each)) out += std::isnan(value) ? "," : fmt::format(",{:.9g}", value);
-    out += fmt::format(",\"{}\"\n", fmt::join(c.set, " "));
-  }
-  return out;
-}
-
-std::string paper_text(const PaperTable& table) {
-  std::string out;
-  const auto experiment = [&](const char* title, const std::string& name, const std::string& sensor) {
-    out += fmt::format("\n{}\n", title);
-    TextTable grid{{"method", "worst port energy [J]", "reported", "direction error rms / max [deg]", "reported",
-                    "tangential tip rms / max [N]", "reported", "largest correction [N]", "reported", "pulls",
-                    "reported", "contact"}};
-    for (const auto& [c, n] : table.results) {
-      if (c.experiment != name || c.sensor != sensor || c.hand != "light") continue;
-      const PaperReported known = paper_reported(c);
-      grid.add({c.method, small(n.min_energy_j), small(known.min_energy_j),
-                pair(n.direction_deg.rms(), n.direction_deg.max),
-                pair(known.direction_rms_deg, known.direction_max_deg), pair(n.tip_n.rms(), n.tip_n.max),
-                pair(known.tip_rms_n, known.tip_max_n), plain(n.max_correction_n), plain(known.correction_max_n),
-                percent(share(n.pulling_ticks, n.contact_ticks)), percent(known.pulling_share),
-                fmt::format("{:.0f} %", 100.0 * share(n.contact_ticks, n.ticks))});
-    }
-    out += grid.text();
-  };
-  experiment("Point contact (Fig. 8), ideal sensor", "point", "ideal");
-  experiment("Surface following (Fig. 9), ideal sensor", "slide", "ideal");
-  experiment("Curved wall (Figs. 10, 11), ideal sensor", "curved", "ideal");
-  experiment("Point contact, encoder of 30 um, Coulomb friction 0.04 N, velocity through 150 Hz", "point", "encoder");
-  experiment("Surface following, encoder", "slide", "encoder");
-  experiment("Curved wall, encoder", "curved", "encoder");
-
-  out += "\nEnergy by axis after 1 s without control (Fig. 7): the sum is physical, its parts depend on the axes [J]\n";
-  TextTable axes{{"experiment", "hand", "x", "y", "z", "sum", "reported x, y, sum"}};
-  const auto by_axis = [&](const char* name, const char* hand, const char* reported) {
-    const auto& e = table.at(name, hand, "ideal", "none").axis_energy_at_1s_j;
-    axes.add({name, hand, fmt::format("{:+.4f}", e[0]), fmt::format("{:+.4f}", e[1]), fmt::format("{:+.4f}", e[2]),
-              fmt::format("{:+.4f}", e[0] + e[1] + e[2]), reported});
-  };
-  by_axis("point", "light", "·, ·, -0.0082");
-  by_axis("slide", "light", "+0.0141, -0.0223, -0.0082");
-  by_axis("slide", "medium", "·");
-  by_axis("slide", "firm", "+0.038, -0.037, +0.0016");
-  out += axes.text();
-
-  out += "\nOther hands, surface following, ideal sensor\n";
-  TextTable hands{{"hand", "method", "worst port energy [J]", "direction error rms / max [deg]",
-                   "largest correction [N]", "deepest [mm]"}};
-  for (const auto& [c, n] : table.results)
-    if (c.experiment == "slide" && c.hand != "light")
-      hands.add({c.hand, c.method, small(n.min_energy_j), pair(n.direction_deg.rms(), n.direction_deg.max),
-                 plain(n.max_correction_n), fmt::format("{:.2f}", 1e3 * n.max_depth_m)});
-  out += hands.text();
-
-  out +=
-      "\nApproach of the hand, surface following: gentle in 0.3 s, at once (as above), or with impact, from 10 mm "
-      "outside in 0.1 s\n";
-  TextTable arrivals{{"approach", "sensor", "method", "worst port energy [J]", "below the ideal spring [J]",
-                      "direction error rms / max [deg]", "largest correction [N]", "largest gain [N s/m]", "pulls"}};
-  for (const auto& [c, n] : table.results) {
-    static constexpr std::string_view kShown[] = {"none", "classic", "projected no clamp", "projected",
-                                                  "projected reference"};
-    const bool shown = std::find(std::begin(kShown), std::end(kShown), c.method) != std::end(kShown);
-    if (!c.experiment.starts_with("slide") || c.hand != "light" || !shown) continue;
-    arrivals.add({c.experiment == "slide" ? "at once" : c.experiment.substr(6), c.sensor, c.method,
-                  small(n.min_energy_j), small(n.min_surplus_j), pair(n.direction_deg.rms(), n.direction_deg.max),
-                  plain(n.max_correction_n), plain(gain({c, n})), percent(share(n.pulling_ticks, n.contact_ticks))});
-  }
-  out += arrivals.text();
-
-  out +=
-      "\nFriction 0.3 rendered in the wall: one total account hides the energy of the wall, an account for the normal "
-      "force does not.\nReported: 2.04 mm and 0.311 m/s with the total, 0.67 mm, 0.135 m/s and -7e-8 J with two "
-      "accounts\n";
-  TextTable friction{{"sensor", "method", "worst port energy [J]", "worst normal energy [J]", "deepest [mm]",
-                      "speed rms [m/s]", "direction error rms / max [deg]"}};
-  for (const auto& [c, n] : table.results)
-    if (c.experiment == "friction")
-      friction.add({c.sensor, c.method, small(n.min_energy_j), small(n.min_normal_energy_j),
-                    fmt::format("{:.2f}", 1e3 * n.max_depth_m), fmt::format("{:.3f}", n.speed_m_per_s.rms()),
-                    pair(n.direction_deg.rms(), n.direction_deg.max)});
-  out += friction.text();
-
-  out += "\nAdmittance causality (Fig. 2): a virtual mass with velocity as output, held by a firm grip\n";
-  TextTable admittance{{"method", "worst port energy [J]", "fastest [m/s]", "velocity turned rms / max [deg]",
-                        "largest correction [m/s]"}};
-  for (const AdmittanceRun& r : table.admittance)
-    admittance.add({r.method, small(r.min_energy_j),
-                    plain(r.most_speed_m_per_s) +
-                        (r.stopped_at_s > 0.0 ? fmt::format(", stopped at {:.2f} s", r.stopped_at_s) : ""),
-                    pair(r.direction_deg.rms(), r.direction_deg.max), plain(r.correction_m_per_s.max)});
-  out += admittance.text();
-
-  out += "\nIndependence of the frame: surface following without tremor\n";
-  TextTable frames{{"method", "new frame each tick: energy [relative]", "force [of the largest]",
-                    "world turned: energy [J]", "path [m]"}};
-  for (const FrameCheck& f : table.frames)
-    frames.add({f.method, small(f.energy_per_tick_frames), small(f.force_per_tick_frames), small(f.energy_turned_world),
-                small(f.path_turned_world_m)});
-  out += frames.text();
-  return out + "\n" + words(table);
-}
-
-namespace {
 
 using Eigen::Vector3d;
 using Rows = std::vector<Row<3>>;
@@ -565,6 +430,133 @@ Picture figure_hiding() {
 }
 
 }  // namespace
+
+PaperReported paper_reported(const PaperCase& which) {
+  for (const Known& k : kKnown)
+    if (which.hand == "light" && k.experiment == which.experiment && k.sensor == which.sensor &&
+        k.method == which.method)
+      return k.numbers;
+  return kNothing;
+}
+
+const PaperNumbers& PaperTable::at(const std::string& experiment, const std::string& hand, const std::string& sensor,
+                                   const std::string& method) const {
+  for (const PaperResult& r : results)
+    if (r.which.experiment == experiment && r.which.hand == hand && r.which.sensor == sensor &&
+        r.which.method == method)
+      return r.numbers;
+  throw ConfigError{fmt::format("no such case: {}, {}, {}, {}", experiment, hand, sensor, method)};
+}
+
+std::string paper_csv(const PaperTable& table) {
+  std::string out = "experiment,hand,sensor,method,seeds";
+  for (const auto& [name, value] : columns({})) out.append(1, ',').append(name);
+  out += ",set\n";
+  for (const PaperResult& each : table.results) {
+    const auto& [c, n] = each;
+    out += fmt::format("{},{},{},{},{}", c.experiment, c.hand, c.sensor, c.method, n.seeds);
+    for (const auto& [name, value] : columns(each)) out += std::isnan(value) ? "," : fmt::format(",{:.9g}", value);
+    out += fmt::format(",\"{}\"\n", fmt::join(c.set, " "));
+  }
+  return out;
+}
+
+std::string paper_text(const PaperTable& table) {
+  std::string out;
+  const auto experiment = [&](const char* title, const std::string& name, const std::string& sensor) {
+    out += fmt::format("\n{}\n", title);
+    TextTable grid{{"method", "worst port energy [J]", "reported", "direction error rms / max [deg]", "reported",
+                    "tangential tip rms / max [N]", "reported", "largest correction [N]", "reported", "pulls",
+                    "reported", "contact"}};
+    for (const auto& [c, n] : table.results) {
+      if (c.experiment != name || c.sensor != sensor || c.hand != "light") continue;
+      const PaperReported known = paper_reported(c);
+      grid.add({c.method, small(n.min_energy_j), small(known.min_energy_j),
+                pair(n.direction_deg.rms(), n.direction_deg.max),
+                pair(known.direction_rms_deg, known.direction_max_deg), pair(n.tip_n.rms(), n.tip_n.max),
+                pair(known.tip_rms_n, known.tip_max_n), plain(n.max_correction_n), plain(known.correction_max_n),
+                percent(share(n.pulling_ticks, n.contact_ticks)), percent(known.pulling_share),
+                fmt::format("{:.0f} %", 100.0 * share(n.contact_ticks, n.ticks))});
+    }
+    out += grid.text();
+  };
+  experiment("Point contact (Fig. 8), ideal sensor", "point", "ideal");
+  experiment("Surface following (Fig. 9), ideal sensor", "slide", "ideal");
+  experiment("Curved wall (Figs. 10, 11), ideal sensor", "curved", "ideal");
+  experiment("Point contact, encoder of 30 um, Coulomb friction 0.04 N, velocity through 150 Hz", "point", "encoder");
+  experiment("Surface following, encoder", "slide", "encoder");
+  experiment("Curved wall, encoder", "curved", "encoder");
+
+  out += "\nEnergy by axis after 1 s without control (Fig. 7): the sum is physical, its parts depend on the axes [J]\n";
+  TextTable axes{{"experiment", "hand", "x", "y", "z", "sum", "reported x, y, sum"}};
+  const auto by_axis = [&](const char* name, const char* hand, const char* reported) {
+    const auto& e = table.at(name, hand, "ideal", "none").axis_energy_at_1s_j;
+    axes.add({name, hand, fmt::format("{:+.4f}", e[0]), fmt::format("{:+.4f}", e[1]), fmt::format("{:+.4f}", e[2]),
+              fmt::format("{:+.4f}", e[0] + e[1] + e[2]), reported});
+  };
+  by_axis("point", "light", "·, ·, -0.0082");
+  by_axis("slide", "light", "+0.0141, -0.0223, -0.0082");
+  by_axis("slide", "medium", "·");
+  by_axis("slide", "firm", "+0.038, -0.037, +0.0016");
+  out += axes.text();
+
+  out += "\nOther hands, surface following, ideal sensor\n";
+  TextTable hands{{"hand", "method", "worst port energy [J]", "direction error rms / max [deg]",
+                   "largest correction [N]", "deepest [mm]"}};
+  for (const auto& [c, n] : table.results)
+    if (c.experiment == "slide" && c.hand != "light")
+      hands.add({c.hand, c.method, small(n.min_energy_j), pair(n.direction_deg.rms(), n.direction_deg.max),
+                 plain(n.max_correction_n), fmt::format("{:.2f}", 1e3 * n.max_depth_m)});
+  out += hands.text();
+
+  out +=
+      "\nApproach of the hand, surface following: gentle in 0.3 s, at once (as above), or with impact, from 10 mm "
+      "outside in 0.1 s\n";
+  TextTable arrivals{{"approach", "sensor", "method", "worst port energy [J]", "below the ideal spring [J]",
+                      "direction error rms / max [deg]", "largest correction [N]", "largest gain [N s/m]", "pulls"}};
+  for (const auto& [c, n] : table.results) {
+    static constexpr std::string_view kShown[] = {"none", "classic", "projected no clamp", "projected",
+                                                  "projected reference"};
+    const bool shown = std::find(std::begin(kShown), std::end(kShown), c.method) != std::end(kShown);
+    if (!c.experiment.starts_with("slide") || c.hand != "light" || !shown) continue;
+    arrivals.add({c.experiment == "slide" ? "at once" : c.experiment.substr(6), c.sensor, c.method,
+                  small(n.min_energy_j), small(n.min_surplus_j), pair(n.direction_deg.rms(), n.direction_deg.max),
+                  plain(n.max_correction_n), plain(gain({c, n})), percent(share(n.pulling_ticks, n.contact_ticks))});
+  }
+  out += arrivals.text();
+
+  out +=
+      "\nFriction 0.3 rendered in the wall: one total account hides the energy of the wall, an account for the normal "
+      "force does not.\nReported: 2.04 mm and 0.311 m/s with the total, 0.67 mm, 0.135 m/s and -7e-8 J with two "
+      "accounts\n";
+  TextTable friction{{"sensor", "method", "worst port energy [J]", "worst normal energy [J]", "deepest [mm]",
+                      "speed rms [m/s]", "direction error rms / max [deg]"}};
+  for (const auto& [c, n] : table.results)
+    if (c.experiment == "friction")
+      friction.add({c.sensor, c.method, small(n.min_energy_j), small(n.min_normal_energy_j),
+                    fmt::format("{:.2f}", 1e3 * n.max_depth_m), fmt::format("{:.3f}", n.speed_m_per_s.rms()),
+                    pair(n.direction_deg.rms(), n.direction_deg.max)});
+  out += friction.text();
+
+  out += "\nAdmittance causality (Fig. 2): a virtual mass with velocity as output, held by a firm grip\n";
+  TextTable admittance{{"method", "worst port energy [J]", "fastest [m/s]", "velocity turned rms / max [deg]",
+                        "largest correction [m/s]"}};
+  for (const AdmittanceRun& r : table.admittance)
+    admittance.add({r.method, small(r.min_energy_j),
+                    plain(r.most_speed_m_per_s) +
+                        (r.stopped_at_s > 0.0 ? fmt::format(", stopped at {:.2f} s", r.stopped_at_s) : ""),
+                    pair(r.direction_deg.rms(), r.direction_deg.max), plain(r.correction_m_per_s.max)});
+  out += admittance.text();
+
+  out += "\nIndependence of the frame: surface following without tremor\n";
+  TextTable frames{{"method", "new frame each tick: energy [relative]", "force [of the largest]",
+                    "world turned: energy [J]", "path [m]"}};
+  for (const FrameCheck& f : table.frames)
+    frames.add({f.method, small(f.energy_per_tick_frames), small(f.force_per_tick_frames), small(f.energy_turned_world),
+                small(f.path_turned_world_m)});
+  out += frames.text();
+  return out + "\n" + words(table);
+}
 
 std::vector<PaperFigure> paper_figures() {
   return {

@@ -85,31 +85,6 @@ int run_command(const RunArguments& a) {
   return violated.empty() ? 0 : 3;
 }
 
-}  // namespace
-
-void add_run_command(CLI::App& app, Chosen& chosen) {
-  const auto a = std::make_shared<RunArguments>();
-  CLI::App& run = *app.add_subcommand("run", "Run one scene; summary and trace into --out, or the summary on stdout");
-  add_scene(run, a->scene, a->set);
-  add_robot(run, a->robot);
-  run.add_option("--out", a->out, "Folder for summary.json and trace.csv");
-  run.add_option("--record", a->record,
-                 "FILE.mcap: a recording of both sides, for replay, export, Foxglove, PlotJuggler and Python");
-  run.add_option("--trace", a->trace, "none or csv")->check(CLI::IsMember({"none", "csv"}))->capture_default_str();
-  run.add_option("--trace-every", a->trace_every,
-                 "N: one tick in N has a row in the trace; the summary is of all ticks")
-      ->check(CLI::Range(std::uint64_t{1}, std::uint64_t{1'000'000'000}))
-      ->capture_default_str();
-  run.add_option("--verdict", a->verdict,
-                 "tail: left alone after the scene's end, beside a twin; plain: from the scene's own run, faster, and "
-                 "UNDECIDED more often")
-      ->check(CLI::IsMember({"tail", "plain"}))
-      ->capture_default_str();
-  run.callback([a, &chosen] { chosen = [a] { return run_command(*a); }; });
-}
-
-namespace {
-
 int replay_command(const std::string& file) {
   RecordingReader recording{file};
   const Replayed all = replay(recording);
@@ -157,6 +132,27 @@ int export_command(const ExportArguments& a) {
 }
 
 }  // namespace
+
+void add_run_command(CLI::App& app, Chosen& chosen) {
+  const auto a = std::make_shared<RunArguments>();
+  CLI::App& run = *app.add_subcommand("run", "Run one scene; summary and trace into --out, or the summary on stdout");
+  add_scene(run, a->scene, a->set);
+  add_robot(run, a->robot);
+  run.add_option("--out", a->out, "Folder for summary.json and trace.csv");
+  run.add_option("--record", a->record,
+                 "FILE.mcap: a recording of both sides, for replay, export, Foxglove, PlotJuggler and Python");
+  run.add_option("--trace", a->trace, "none or csv")->check(CLI::IsMember({"none", "csv"}))->capture_default_str();
+  run.add_option("--trace-every", a->trace_every,
+                 "N: one tick in N has a row in the trace; the summary is of all ticks")
+      ->check(CLI::Range(std::uint64_t{1}, std::uint64_t{1'000'000'000}))
+      ->capture_default_str();
+  run.add_option("--verdict", a->verdict,
+                 "tail: left alone after the scene's end, beside a twin; plain: from the scene's own run, faster, and "
+                 "UNDECIDED more often")
+      ->check(CLI::IsMember({"tail", "plain"}))
+      ->capture_default_str();
+  run.callback([a, &chosen] { chosen = [a] { return run_command(*a); }; });
+}
 
 void add_recording_commands(CLI::App& app, Chosen& chosen) {
   const auto file = std::make_shared<std::string>();

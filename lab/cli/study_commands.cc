@@ -83,43 +83,6 @@ int boundary_command(BoundaryArguments& a) {
   return 0;
 }
 
-}  // namespace
-
-void add_boundary_command(CLI::App& app, Chosen& chosen) {
-  const auto a = std::make_shared<BoundaryArguments>();
-  CLI::App& boundary = *app.add_subcommand("boundary", "Find the stability boundary of a scene along one number");
-  add_scene(boundary, a->boundary.scene, a->boundary.set);
-  boundary
-      .add_option("--vary", a->interval,
-                  "PATH=LO:HI, LO < HI; stable at one end and unstable at the other; A,B=LO:HI varies both")
-      ->required();
-  CLI::Option* along =
-      boundary.add_option("--along", a->along, "PATH=SPEC as for sweep --vary: one boundary per value");
-  boundary.add_option("--out", a->out, "With --along: folder for boundary.csv and the picture")->needs(along);
-  add_jobs(boundary, a->boundary.jobs);
-  add_lanes(boundary, a->lanes);
-  boundary.add_option("--tolerance", a->boundary.tolerance, "Relative width of the final bracket")
-      ->capture_default_str();
-  boundary
-      .add_option("--scan", a->boundary.scan,
-                  "Values between the ends that are tried first; the first change is refined")
-      ->capture_default_str();
-  boundary.footer(
-      R"(Prints a line for each run: value, verdict. The last line is PATH = VALUE, the largest value up to which the run is
-stable (or the smallest, if it is stable at HI). Exit status 2 when both ends agree.
-The verdict is the summary's `stable`. The loop needs an excitation, and near a boundary growth is slow: give the run
-time after the operator's path has ended.
-
-With --along the search is repeated at each value of a second path, and the result is a table: a row for each value, with
-the boundary and a note. The note is empty if the run is stable up to the boundary, and "stable from here up" if it is
-stable from there on; if both ends agree there is no boundary, the note states this, and the exit status is 0.
-With --out the table is DIR/boundary.csv, and gnuplot draws DIR/boundary.png and .svg; without, it goes to stdout.
-Ctrl-C leaves what is known: the note of a row then has the nearest value known to be unstable.)");
-  boundary.callback([a, &chosen] { chosen = [a] { return boundary_command(*a); }; });
-}
-
-namespace {
-
 struct ChartArguments {
   ChartOptions chart;
   double for_error = 0.0;
@@ -170,41 +133,6 @@ int chart_command(const ChartArguments& a) {
   return 0;
 }
 
-}  // namespace
-
-void add_chart_command(CLI::App& app, Chosen& chosen) {
-  const auto a = std::make_shared<ChartArguments>();
-  CLI::App& chart =
-      *app.add_subcommand("chart", "Plot error against computing cost of integrators, rates and model details");
-  add_scene(chart, a->chart.scene, a->chart.set);
-  add_list(chart, "--vary", a->chart.vary,
-           "PATH=a,b,c or PATH,PATH=a,b,c; integrators and substeps unless given; with --answer also "
-           "verdict=tail,lean,plain");
-  add_list(
-      chart, "--robot", a->robots,
-      "mujoco:FILE.xml[,site=NAME][,key=NAME]: also a world of MuJoCo in place of the scene's robot and environment");
-  chart.add_option("--boundary", a->chart.boundary, "PATH=LO:HI: also find the stability boundary of each point");
-  chart.add_flag(
-      "--answer", a->chart.answer,
-      "Compare whole answers: verdict, force felt and, with --boundary, the boundary, over their processor time");
-  chart
-      .add_option(
-          "--for-error", a->for_error,
-          "Recommend the cheapest point with at most this position error [m]; with --answer an error of 0.01 is 1 "
-          "% of the force felt and of the boundary, with the verdict of the reference")
-      ->check(positive());
-  chart.add_option("--repetitions", a->chart.repetitions, "Timed rounds; the median is used")
-      ->check(CLI::Range(1, 1000))
-      ->capture_default_str();
-  chart.add_option("--reference-substeps", a->chart.reference_substeps, "Of the reference, Runge-Kutta 4")
-      ->check(CLI::Range(2, 10000))
-      ->capture_default_str();
-  chart.add_option("--out", a->out, "Folder for chart.csv and the picture");
-  chart.callback([a, &chosen] { chosen = [a] { return chart_command(*a); }; });
-}
-
-namespace {
-
 struct ImpedanceArguments {
   std::string scene, out;
   std::vector<std::string> set;
@@ -221,30 +149,6 @@ int impedance_command(const ImpedanceArguments& a) {
   fmt::print("{}\n", draw(all, scene.name, a.out));
   return 0;
 }
-
-}  // namespace
-
-void add_impedance_command(CLI::App& app, Chosen& chosen) {
-  const auto a = std::make_shared<ImpedanceArguments>();
-  CLI::App& impedance = *app.add_subcommand(
-      "impedance", "Displayed mass, damping and stiffness in free space and in contact, beside the true");
-  add_scene(impedance, a->scene, a->set);
-  impedance.add_option("--amplitude", a->options.amplitude_m, "Largest excursion [m]")
-      ->check(CLI::Range(1e-7, 1.0))
-      ->capture_default_str();
-  impedance.add_option("--out", a->out, "Folder for table.csv and the picture");
-  impedance.footer(
-      R"(The scene is run once to find where the robot (the device under RENDER) touches. Then the handle is moved to that place,
-and to free space, and excited by a random-phase multi-sine of 0.5 to 50 Hz along the environment's force. Force against
-motion at the master port gives a mass, a damping and a stiffness, fitted up to 10 Hz. True are those of robot and
-environment, times force_scale and motion_scale. Coherence is the share of the force that a linear law explains: below 1
-where a force saturates, an encoder is coarse, controllers switch, packets are lost or contact ends. table.csv holds each
-line: real and imaginary part of force / motion [N/m], displayed and true. A scene that is unstable or never coupled, or
-has no free space, is refused.)");
-  impedance.callback([a, &chosen] { chosen = [a] { return impedance_command(*a); }; });
-}
-
-namespace {
 
 struct TrimArguments {
   std::string scene, out;
@@ -285,30 +189,6 @@ CLI::App& add(CLI::App& app, const char* name, const char* words, const char* ou
   return command;
 }
 
-}  // namespace
-
-void add_trim_commands(CLI::App& app, Chosen& chosen) {
-  const auto a = std::make_shared<TrimArguments>();
-  CLI::App& trim = add(app, "trim", "Find blocks of a scene that change its summary by less than a tolerance",
-                       "Folder for trim.csv", *a);
-  trim.add_option("--tolerance", a->tolerance, "Relative change of each number")->capture_default_str();
-  trim.footer(
-      "Each block is left out alone, everything else equal. A number changes by |a - b| / max(|a|, |b|, floor), with\n"
-      "floors of 1e-6 J (1e-3 J for *_min_energy_j), 1e-6 m, 1e-3 N, 0.01 deg, 1e-3 s and 1 for counts; all numbers\n"
-      "of the summary except step_ns.\n"
-      "A change of the verdict or of a met expectation always counts. Each variant is run eight times: with the "
-      "scene's\n"
-      "seed, and with the next seven seeds and stiffnesses changed in the twelfth digit. A change within the range of\n"
-      "these runs is within the scatter, and the block is not proposed.\n"
-      "saved: relative reduction of the cost of a tick, median of interleaved runs; a few per cent are noise.");
-  CLI::App& blocks = add(app, "blocks", "Measure the cost of a tick as blocks are added to a scene one at a time",
-                         "Folder for blocks.csv and the chart", *a);
-  trim.callback([a, &chosen] { chosen = [a] { return trim_command(*a); }; });
-  blocks.callback([a, &chosen] { chosen = [a] { return blocks_command(*a); }; });
-}
-
-namespace {
-
 int zwidth_command(ZWidthOptions options, const std::optional<int>& lanes) {
   options.lanes = checked_lanes(lanes.value_or(0));
   const ZWidth z = z_width(options, show_progress);
@@ -318,27 +198,6 @@ int zwidth_command(ZWidthOptions options, const std::optional<int>& lanes) {
   fmt::print("{}\n", draw(z, options.out));
   return 0;
 }
-
-}  // namespace
-
-void add_zwidth_command(CLI::App& app, Chosen& chosen) {
-  const auto options = std::make_shared<ZWidthOptions>();
-  const auto lanes = std::make_shared<std::optional<int>>();
-  CLI::App& zwidth =
-      *app.add_subcommand("zwidth", "Map the stiffness and damping that a scene displays stably, with theory");
-  add_scene(zwidth, options->scene, options->set);
-  zwidth.get_option("scene")->description("Scene file (.textproto): one axis, RENDER, one wall or spring");
-  zwidth.add_option("--damping", options->damping, "Values of B [N s/m], as for --vary")->capture_default_str();
-  zwidth.add_option("--stiffness", options->stiffness, "Values of K [N/m], from small to large")->capture_default_str();
-  zwidth.add_option("--methods", options->methods, "Controllers; one map per controller")->capture_default_str();
-  add_jobs(zwidth, options->jobs);
-  add_lanes(zwidth, *lanes);
-  zwidth.add_option("--out", options->out, "Folder for table.csv, the map, and the cells finished so far");
-  zwidth.callback(
-      [options, lanes, &chosen] { chosen = [options, lanes] { return zwidth_command(*options, *lanes); }; });
-}
-
-namespace {
 
 struct PaperArguments {
   std::string out;
@@ -381,6 +240,127 @@ int paper_command(const PaperArguments& a) {
 }
 
 }  // namespace
+
+void add_boundary_command(CLI::App& app, Chosen& chosen) {
+  const auto a = std::make_shared<BoundaryArguments>();
+  CLI::App& boundary = *app.add_subcommand("boundary", "Find the stability boundary of a scene along one number");
+  add_scene(boundary, a->boundary.scene, a->boundary.set);
+  boundary
+      .add_option("--vary", a->interval,
+                  "PATH=LO:HI, LO < HI; stable at one end and unstable at the other; A,B=LO:HI varies both")
+      ->required();
+  CLI::Option* along =
+      boundary.add_option("--along", a->along, "PATH=SPEC as for sweep --vary: one boundary per value");
+  boundary.add_option("--out", a->out, "With --along: folder for boundary.csv and the picture")->needs(along);
+  add_jobs(boundary, a->boundary.jobs);
+  add_lanes(boundary, a->lanes);
+  boundary.add_option("--tolerance", a->boundary.tolerance, "Relative width of the final bracket")
+      ->capture_default_str();
+  boundary
+      .add_option("--scan", a->boundary.scan,
+                  "Values between the ends that are tried first; the first change is refined")
+      ->capture_default_str();
+  boundary.footer(
+      R"(Prints a line for each run: value, verdict. The last line is PATH = VALUE, the largest value up to which the run is
+stable (or the smallest, if it is stable at HI). Exit status 2 when both ends agree.
+The verdict is the summary's `stable`. The loop needs an excitation, and near a boundary growth is slow: give the run
+time after the operator's path has ended.
+
+With --along the search is repeated at each value of a second path, and the result is a table: a row for each value, with
+the boundary and a note. The note is empty if the run is stable up to the boundary, and "stable from here up" if it is
+stable from there on; if both ends agree there is no boundary, the note states this, and the exit status is 0.
+With --out the table is DIR/boundary.csv, and gnuplot draws DIR/boundary.png and .svg; without, it goes to stdout.
+Ctrl-C leaves what is known: the note of a row then has the nearest value known to be unstable.)");
+  boundary.callback([a, &chosen] { chosen = [a] { return boundary_command(*a); }; });
+}
+
+void add_chart_command(CLI::App& app, Chosen& chosen) {
+  const auto a = std::make_shared<ChartArguments>();
+  CLI::App& chart =
+      *app.add_subcommand("chart", "Plot error against computing cost of integrators, rates and model details");
+  add_scene(chart, a->chart.scene, a->chart.set);
+  add_list(chart, "--vary", a->chart.vary,
+           "PATH=a,b,c or PATH,PATH=a,b,c; integrators and substeps unless given; with --answer also "
+           "verdict=tail,lean,plain");
+  add_list(
+      chart, "--robot", a->robots,
+      "mujoco:FILE.xml[,site=NAME][,key=NAME]: also a world of MuJoCo in place of the scene's robot and environment");
+  chart.add_option("--boundary", a->chart.boundary, "PATH=LO:HI: also find the stability boundary of each point");
+  chart.add_flag(
+      "--answer", a->chart.answer,
+      "Compare whole answers: verdict, force felt and, with --boundary, the boundary, over their processor time");
+  chart
+      .add_option(
+          "--for-error", a->for_error,
+          "Recommend the cheapest point with at most this position error [m]; with --answer an error of 0.01 is 1 "
+          "% of the force felt and of the boundary, with the verdict of the reference")
+      ->check(positive());
+  chart.add_option("--repetitions", a->chart.repetitions, "Timed rounds; the median is used")
+      ->check(CLI::Range(1, 1000))
+      ->capture_default_str();
+  chart.add_option("--reference-substeps", a->chart.reference_substeps, "Of the reference, Runge-Kutta 4")
+      ->check(CLI::Range(2, 10000))
+      ->capture_default_str();
+  chart.add_option("--out", a->out, "Folder for chart.csv and the picture");
+  chart.callback([a, &chosen] { chosen = [a] { return chart_command(*a); }; });
+}
+
+void add_impedance_command(CLI::App& app, Chosen& chosen) {
+  const auto a = std::make_shared<ImpedanceArguments>();
+  CLI::App& impedance = *app.add_subcommand(
+      "impedance", "Displayed mass, damping and stiffness in free space and in contact, beside the true");
+  add_scene(impedance, a->scene, a->set);
+  impedance.add_option("--amplitude", a->options.amplitude_m, "Largest excursion [m]")
+      ->check(CLI::Range(1e-7, 1.0))
+      ->capture_default_str();
+  impedance.add_option("--out", a->out, "Folder for table.csv and the picture");
+  impedance.footer(
+      R"(The scene is run once to find where the robot (the device under RENDER) touches. Then the handle is moved to that place,
+and to free space, and excited by a random-phase multi-sine of 0.5 to 50 Hz along the environment's force. Force against
+motion at the master port gives a mass, a damping and a stiffness, fitted up to 10 Hz. True are those of robot and
+environment, times force_scale and motion_scale. Coherence is the share of the force that a linear law explains: below 1
+where a force saturates, an encoder is coarse, controllers switch, packets are lost or contact ends. table.csv holds each
+line: real and imaginary part of force / motion [N/m], displayed and true. A scene that is unstable or never coupled, or
+has no free space, is refused.)");
+  impedance.callback([a, &chosen] { chosen = [a] { return impedance_command(*a); }; });
+}
+
+void add_trim_commands(CLI::App& app, Chosen& chosen) {
+  const auto a = std::make_shared<TrimArguments>();
+  CLI::App& trim = add(app, "trim", "Find blocks of a scene that change its summary by less than a tolerance",
+                       "Folder for trim.csv", *a);
+  trim.add_option("--tolerance", a->tolerance, "Relative change of each number")->capture_default_str();
+  trim.footer(
+      "Each block is left out alone, everything else equal. A number changes by |a - b| / max(|a|, |b|, floor), with\n"
+      "floors of 1e-6 J (1e-3 J for *_min_energy_j), 1e-6 m, 1e-3 N, 0.01 deg, 1e-3 s and 1 for counts; all numbers\n"
+      "of the summary except step_ns.\n"
+      "A change of the verdict or of a met expectation always counts. Each variant is run eight times: with the "
+      "scene's\n"
+      "seed, and with the next seven seeds and stiffnesses changed in the twelfth digit. A change within the range of\n"
+      "these runs is within the scatter, and the block is not proposed.\n"
+      "saved: relative reduction of the cost of a tick, median of interleaved runs; a few per cent are noise.");
+  CLI::App& blocks = add(app, "blocks", "Measure the cost of a tick as blocks are added to a scene one at a time",
+                         "Folder for blocks.csv and the chart", *a);
+  trim.callback([a, &chosen] { chosen = [a] { return trim_command(*a); }; });
+  blocks.callback([a, &chosen] { chosen = [a] { return blocks_command(*a); }; });
+}
+
+void add_zwidth_command(CLI::App& app, Chosen& chosen) {
+  const auto options = std::make_shared<ZWidthOptions>();
+  const auto lanes = std::make_shared<std::optional<int>>();
+  CLI::App& zwidth =
+      *app.add_subcommand("zwidth", "Map the stiffness and damping that a scene displays stably, with theory");
+  add_scene(zwidth, options->scene, options->set);
+  zwidth.get_option("scene")->description("Scene file (.textproto): one axis, RENDER, one wall or spring");
+  zwidth.add_option("--damping", options->damping, "Values of B [N s/m], as for --vary")->capture_default_str();
+  zwidth.add_option("--stiffness", options->stiffness, "Values of K [N/m], from small to large")->capture_default_str();
+  zwidth.add_option("--methods", options->methods, "Controllers; one map per controller")->capture_default_str();
+  add_jobs(zwidth, options->jobs);
+  add_lanes(zwidth, *lanes);
+  zwidth.add_option("--out", options->out, "Folder for table.csv, the map, and the cells finished so far");
+  zwidth.callback(
+      [options, lanes, &chosen] { chosen = [options, lanes] { return zwidth_command(*options, *lanes); }; });
+}
 
 void add_paper_command(CLI::App& app, Chosen& chosen) {
   const auto a = std::make_shared<PaperArguments>();

@@ -20,6 +20,54 @@
 #include "lab/study/sweep.h"
 
 namespace twoport::lab {
+namespace {
+
+void end_line(std::string& text) {
+  text.erase(text.find_last_not_of(' ') + 1);
+  text += '\n';
+}
+
+/// Those that were asked for, or all. Throws ConfigError for a name that is not in the list.
+template <class Layer, std::size_t Count>
+std::vector<std::string> names_of(const Layer (&layers)[Count], const std::vector<std::string>& asked,
+                                  const char* option) {
+  std::vector<std::string> all = twoport::names_of(layers);
+  check_names(option, asked, all);
+  return asked.empty() ? all : asked;
+}
+
+/// At most E(0) comes out of the ports of a claim; of both ports E(0) of each side, where each side has one. A claim that counts what the
+/// device's own damping takes, which a summary does not have, is not judged; nor is the hand's port where a claim holds but for the
+/// handle's prediction.
+bool is_broken(const Summary& s, const std::string& passivity) {
+  const Claim claim = *find_name(kPassivityLayers, passivity)->claim;
+  const double grant = s.initial_energy_j(), slack = Matrix::kTolerance_j;
+  return (claim.hand && !claim.device_damping && !claim.predicts && s.hand_min_energy_j() < -grant - slack) ||
+         (claim.both && s.two_port_min_energy_j() < -claim.grants() * grant - slack);
+}
+
+/// Removes the layers with which no pair runs, where they were not asked for.
+void drop_refused(const MatrixOptions& o, Matrix& m) {
+  const auto runs = [&](std::size_t t, std::size_t p) { return m.at(t, p).refused.empty(); };
+  Matrix kept{.scene = m.scene, .transparencies = {}, .passivities = {}, .cells = {}};
+  std::vector<std::size_t> rows, columns;
+  for (std::size_t t = 0; t < m.transparencies.size(); ++t) {
+    bool any = !o.transparencies.empty();
+    for (std::size_t p = 0; p < m.passivities.size(); ++p) any = any || runs(t, p);
+    if (any) rows.push_back(t), kept.transparencies.push_back(m.transparencies[t]);
+  }
+  for (std::size_t p = 0; p < m.passivities.size(); ++p) {
+    bool any = !o.passivities.empty();
+    for (std::size_t t = 0; t < m.transparencies.size(); ++t) any = any || runs(t, p);
+    if (any) columns.push_back(p), kept.passivities.push_back(m.passivities[p]);
+  }
+  for (const std::size_t t : rows)
+    for (const std::size_t p : columns) kept.cells.push_back(m.at(t, p));
+  m = std::move(kept);
+}
+
+}  // namespace
+
 Comparison compare(const CompareOptions& o, const Heard& heard) {
   Comparison all{.scene = {}, .dof = 0, .methods = o.methods, .summaries = {}};
   warn_if_lost(o.set, {"control.passivity.method"});
@@ -144,15 +192,6 @@ std::string in_a_word(const Summary& s) {
   return s.verdict_kind() == "RESTLESS" ? "restless" : "undecided";
 }
 
-namespace {
-
-void end_line(std::string& text) {
-  text.erase(text.find_last_not_of(' ') + 1);
-  text += '\n';
-}
-
-}  // namespace
-
 std::string to_text(const Gallery& all) {
   std::size_t wide = 5;
   for (const Gallery::Entry& each : all.entries) wide = std::max(wide, each.scene.size());
@@ -181,49 +220,6 @@ Table to_table(const Gallery& all) {
     }
   return table;
 }
-
-namespace {
-
-/// Those that were asked for, or all. Throws ConfigError for a name that is not in the list.
-template <class Layer, std::size_t Count>
-std::vector<std::string> names_of(const Layer (&layers)[Count], const std::vector<std::string>& asked,
-                                  const char* option) {
-  std::vector<std::string> all = twoport::names_of(layers);
-  check_names(option, asked, all);
-  return asked.empty() ? all : asked;
-}
-
-/// At most E(0) comes out of the ports of a claim; of both ports E(0) of each side, where each side has one. A claim that counts what the
-/// device's own damping takes, which a summary does not have, is not judged; nor is the hand's port where a claim holds but for the
-/// handle's prediction.
-bool is_broken(const Summary& s, const std::string& passivity) {
-  const Claim claim = *find_name(kPassivityLayers, passivity)->claim;
-  const double grant = s.initial_energy_j(), slack = Matrix::kTolerance_j;
-  return (claim.hand && !claim.device_damping && !claim.predicts && s.hand_min_energy_j() < -grant - slack) ||
-         (claim.both && s.two_port_min_energy_j() < -claim.grants() * grant - slack);
-}
-
-/// Removes the layers with which no pair runs, where they were not asked for.
-void drop_refused(const MatrixOptions& o, Matrix& m) {
-  const auto runs = [&](std::size_t t, std::size_t p) { return m.at(t, p).refused.empty(); };
-  Matrix kept{.scene = m.scene, .transparencies = {}, .passivities = {}, .cells = {}};
-  std::vector<std::size_t> rows, columns;
-  for (std::size_t t = 0; t < m.transparencies.size(); ++t) {
-    bool any = !o.transparencies.empty();
-    for (std::size_t p = 0; p < m.passivities.size(); ++p) any = any || runs(t, p);
-    if (any) rows.push_back(t), kept.transparencies.push_back(m.transparencies[t]);
-  }
-  for (std::size_t p = 0; p < m.passivities.size(); ++p) {
-    bool any = !o.passivities.empty();
-    for (std::size_t t = 0; t < m.transparencies.size(); ++t) any = any || runs(t, p);
-    if (any) columns.push_back(p), kept.passivities.push_back(m.passivities[p]);
-  }
-  for (const std::size_t t : rows)
-    for (const std::size_t p : columns) kept.cells.push_back(m.at(t, p));
-  m = std::move(kept);
-}
-
-}  // namespace
 
 Matrix matrix(const MatrixOptions& o, const Heard& heard) {
   Matrix m{.scene = {},
