@@ -16,7 +16,6 @@
 #include "common/contact/environment.h"
 #include "common/record/metrics.h"
 #include "common/record/trace.h"
-#include "lab/engine/contact_states.h"
 #include "lab/engine/hosted.h"
 #include "lab/engine/quiet_tail.h"
 #include "lab/engine/recording.h"

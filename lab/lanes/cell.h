@@ -21,7 +21,6 @@
 #include "common/record/metrics.h"
 #include "common/record/run_judge.h"
 #include "common/scene/scene.h"
-#include "lab/engine/contact_states.h"
 #include "lab/engine/summary_parts.h"
 #include "lab/engine/tail_judge.h"
 #include "lab/lanes/batch.h"
