@@ -4,7 +4,6 @@
 #include <string>
 #include <vector>
 
-#include "common/record/figure.h"
 #include "common/record/summary.h"
 #include "lab/study/many_runs.h"
 #include "lab/study/table.h"

@@ -13,7 +13,6 @@
 #include "common/base/check.h"
 #include "common/base/file.h"
 #include "common/base/text.h"
-#include "common/record/figure.h"
 #include "common/record/summary.h"
 #include "common/scene/load.h"
 #include "lab/engine/hosted.h"

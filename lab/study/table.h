@@ -9,7 +9,6 @@
 #include <variant>
 #include <vector>
 
-#include "common/record/figure.h"
 #include "common/record/summary.h"
 #include "lab/study/grid.h"
 #include "lab/study/many_runs.h"

@@ -5,7 +5,7 @@
 #include <utility>
 #include <vector>
 
-#include "common/record/figure.h"
+#include "common/record/summary.h"
 
 namespace twoport {
 
