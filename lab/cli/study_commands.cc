@@ -119,11 +119,10 @@ int chart_command(const ChartArguments& a) {
           "--for-error {}: no point is known to be as accurate; the reference itself is uncertain by {:.1g}{}",
           a.for_error, c.floor_off, unit)};
     fmt::print("for {}{}: {}\n", a.for_error, unit, told(c, *best));
-    std::vector<Point> engines, own;
-    for (const Point& p : c.points) (p.peer ? engines : own).push_back(p);
-    if (engines.empty()) return 0;
-    const Point* engine = cheapest(engines, a.for_error, c.floor_off);
-    best = cheapest(own, a.for_error, c.floor_off);
+    const auto of_peer = [](const Point& p) { return p.peer; };
+    if (std::none_of(c.points.begin(), c.points.end(), of_peer)) return 0;
+    const Point* engine = cheapest(c.points, a.for_error, c.floor_off, of_peer);
+    best = cheapest(c.points, a.for_error, c.floor_off, std::not_fn(of_peer));
     if (engine == nullptr) {
       fmt::print("no other engine is as accurate\n");
     } else if (best != nullptr) {
