@@ -69,13 +69,6 @@ class LinkLoop final : public Simulation<N> {
     nodes_.slave_mail.transport().tap(&taps->slave);
   }
 
-  /// Goes on until `end`, or until `visit(row)` returns false. Returns the number of master ticks.
-  template <class Visit>
-  TWOPORT_FLATTEN std::uint64_t run(Duration end, Visit visit) {
-    return order_.run(
-        end, [this](TickAt at) { slave_tick(at); }, [this, &visit](TickAt at) { return visit(master_tick(at)); });
-  }
-
   [[nodiscard]] std::unique_ptr<Simulation<N>> copy() const override { return std::make_unique<LinkLoop>(*this); }
   void be_quiet() override {
     device_.hold();
@@ -96,7 +89,10 @@ class LinkLoop final : public Simulation<N> {
   }
 
  private:
-  std::uint64_t advance(Duration end, const typename Simulation<N>::Visit& visit) override { return run(end, visit); }
+  TWOPORT_FLATTEN std::uint64_t advance(Duration end, const typename Simulation<N>::Visit& visit) override {
+    return order_.run(
+        end, [this](TickAt at) { slave_tick(at); }, [this, &visit](TickAt at) { return visit(master_tick(at)); });
+  }
   [[nodiscard]] const sim::Path<N>* path() const override { return &device_.path(); }
   void slave_tick(TickAt at) noexcept {
     if (at.now > Duration{0}) {
@@ -186,8 +182,13 @@ class RenderLoop final : public Simulation<N> {
     this->grant(granted, granted);
   }
 
-  template <class Visit>
-  std::uint64_t run(Duration end, Visit visit) {
+  [[nodiscard]] std::unique_ptr<Simulation<N>> copy() const override { return std::make_unique<RenderLoop>(*this); }
+  void be_quiet() override { device_.hold(); }
+  Kicked kick(const Velocity<N>& master, const Velocity<N>&) override { return {device_.kick(master), false}; }
+  [[nodiscard]] std::int64_t ticks() const override { return ticker_.ticks(); }
+
+ private:
+  std::uint64_t advance(Duration end, const typename Simulation<N>::Visit& visit) override {
     NoMail mail;
     return ticker_.run(end, [&](std::int64_t k, Duration now) {
       if (k > 0) device_.advance();
@@ -208,14 +209,6 @@ class RenderLoop final : public Simulation<N> {
                           .coupled = true});
     });
   }
-
-  [[nodiscard]] std::unique_ptr<Simulation<N>> copy() const override { return std::make_unique<RenderLoop>(*this); }
-  void be_quiet() override { device_.hold(); }
-  Kicked kick(const Velocity<N>& master, const Velocity<N>&) override { return {device_.kick(master), false}; }
-  [[nodiscard]] std::int64_t ticks() const override { return ticker_.ticks(); }
-
- private:
-  std::uint64_t advance(Duration end, const typename Simulation<N>::Visit& visit) override { return run(end, visit); }
   [[nodiscard]] const sim::Path<N>* path() const override { return &device_.path(); }
   auto cycle(NoMail& mail, Duration now) noexcept {
     const Tick<MasterClock> tick{Instant<MasterClock>{now}, Seconds{1.0 / ticker_.rate_hz()}};
