@@ -339,7 +339,8 @@ class DormandPrincePlant final : public BodyPlant<N> {
           -(wx * qx + wy * qy + wz * qz), p_rate, l_rate, 0.0;
     } else {
       environment = force_sum;
-      rate << at_y.v, (f + force_sum - damping_ * at_y.v) / mass_;
+      rate.template head<N>() = at_y.v;
+      rate.template tail<N>() = (f + force_sum - damping_ * at_y.v) / mass_;
     }
   }
 
