@@ -14,16 +14,12 @@
 #include "common/base/check.h"
 #include "common/base/thread.h"
 #include "common/contact/environment.h"
-#include "common/coupling/registration.h"
-#include "common/method/catalogue.h"
 #include "common/record/metrics.h"
 #include "common/record/trace.h"
-#include "lab/engine/contact_states.h"
 #include "lab/engine/hosted.h"
 #include "lab/engine/quiet_tail.h"
 #include "lab/engine/recording.h"
 #include "lab/engine/simulation.h"
-#include "lab/engine/stoppable.h"
 #include "lab/engine/summary_parts.h"
 
 namespace twoport::lab {
@@ -187,7 +183,7 @@ CountedRun run_coupling(const Scene& scene, const RunOptions& options, mcap::Wri
     };
     if (file == nullptr) {
       std::unique_ptr<Simulation<N>> simulation = make(nullptr);
-      if (options.stop != nullptr) simulation = std::make_unique<Stoppable<N>>(std::move(simulation), *options.stop);
+      if (options.stop != nullptr) simulation->stop_at(*options.stop);
       return run_as<N>(*simulation, scene, options, nullptr);
     }
     LabRecording<N> recording{*file, scene, *options.record, of_gripper};
@@ -195,8 +191,9 @@ CountedRun run_coupling(const Scene& scene, const RunOptions& options, mcap::Wri
   });
 }
 
-/// The rows of the gripper's trace go into `gripper_table`, where that is not null.
-CountedRun run_both(const Scene& scene, const RunOptions& options, TraceTable* gripper_table) {
+}  // namespace
+
+CountedRun run_counted(const Scene& scene, const RunOptions& options) {
   std::optional<mcap::Writer> recording;
   if (options.record != nullptr) recording.emplace(recordable(scene, *options.record), kRecordedBy);
   mcap::Writer* const file = recording ? &*recording : nullptr;
@@ -207,7 +204,7 @@ CountedRun run_both(const Scene& scene, const RunOptions& options, TraceTable* g
                                              .trace_every = options.trace_every,
                                              .verdict = options.verdict,
                                              .record = options.record,
-                                             .table = gripper_table,
+                                             .table = options.gripper_table,
                                              .stop = options.stop},
                                             file, true);
     fill_gripper(gripper.summary, done.summary);
@@ -222,15 +219,6 @@ CountedRun run_both(const Scene& scene, const RunOptions& options, TraceTable* g
     *options.record->unwritten = e.what();
   }
   return done;
-}
-
-}  // namespace
-
-CountedRun run_counted(const Scene& scene, const RunOptions& options) {
-  return run_both(scene, options, nullptr);
-}
-Summary run_with_gripper_table(const Scene& scene, const RunOptions& options, TraceTable* gripper) {
-  return run_both(scene, options, gripper).summary;
 }
 
 }  // namespace twoport::lab

@@ -30,6 +30,7 @@ struct RunOptions {
   WholeFile* gripper_trace = nullptr;        ///< as trace, of the gripper; used where the scene has one
   const RecordingOptions* record = nullptr;  ///< null: nothing is recorded
   TraceTable* table = nullptr;               ///< takes the rows of the trace too
+  TraceTable* gripper_table = nullptr;       ///< as table, of the gripper
   const std::atomic<bool>* stop = nullptr;   ///< ends the run, by lab::Stopped, soon after it has become true
   const HostedRobot* robot = nullptr;        ///< in place of the scene's robot and environment, unless null
 };
@@ -48,9 +49,6 @@ struct CountedRun {
   std::uint64_t ticks;
 };
 CountedRun run_counted(const Scene& scene, const RunOptions& options = {});
-
-/// run(), with the rows of the gripper's trace in `gripper` too, where it is not null and the scene has a gripper.
-Summary run_with_gripper_table(const Scene& scene, const RunOptions& options, TraceTable* gripper);
 
 /// As one run: where the arm is stable and its gripper is not, stable, verdict and verdict_kind become the gripper's, the verdict with
 /// "gripper: " before it.

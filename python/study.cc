@@ -170,13 +170,11 @@ Result run_scene(const SceneOfText& s, bool trace, std::int64_t trace_every, con
   }
   const Summary summary = interruptible(
       [&](const std::atomic<bool>& stop) {
-        return lab::run_with_gripper_table(
-            scene,
-            {.trace_every = static_cast<std::uint64_t>(trace_every),
-             .verdict = verdict == "plain" ? lab::VerdictFrom::plain : lab::VerdictFrom::tail,
-             .table = table.get(),
-             .stop = &stop},
-            gripper_table.get());
+        return lab::run(scene, {.trace_every = static_cast<std::uint64_t>(trace_every),
+                                .verdict = verdict == "plain" ? lab::VerdictFrom::plain : lab::VerdictFrom::tail,
+                                .table = table.get(),
+                                .gripper_table = gripper_table.get(),
+                                .stop = &stop});
       },
       [] {});
   if (layer) layer->rethrow();

@@ -9,7 +9,6 @@
 #include <vector>
 
 #include "common/record/angle.h"
-#include "common/record/figure.h"
 #include "common/record/held_force.h"
 #include "common/record/high_pass.h"
 #include "common/record/row.h"

@@ -2,8 +2,6 @@
 
 #include <fmt/format.h>
 
-#include "common/base/built_for.h"
-
 namespace twoport {
 
 bool is_coarse(const Scene& scene) {

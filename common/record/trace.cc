@@ -4,7 +4,6 @@
 #include <charconv>
 #include <iterator>
 
-#include "common/base/built_for.h"
 #include "common/base/fmt.h"
 #include "common/record/columns.h"
 

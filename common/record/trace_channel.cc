@@ -11,10 +11,7 @@
 #include <optional>
 #include <string_view>
 #include <utility>
-#include <vector>
 
-#include "common/base/built_for.h"
-#include "common/base/check.h"
 #include "common/base/file.h"
 #include "common/base/fmt.h"
 #include "common/record/columns.h"

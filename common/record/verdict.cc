@@ -351,17 +351,8 @@ class Judge {
 }  // namespace
 
 std::string_view to_string(VerdictKind kind) {
-  switch (kind) {
-    case VerdictKind::stable:
-      return "STABLE";
-    case VerdictKind::restless:
-      return "RESTLESS";
-    case VerdictKind::unstable:
-      return "UNSTABLE";
-    case VerdictKind::undecided:
-      break;
-  }
-  return "UNDECIDED";
+  constexpr std::string_view kNames[] = {"STABLE", "RESTLESS", "UNSTABLE", "UNDECIDED"};
+  return kNames[static_cast<std::size_t>(kind)];
 }
 
 double MotionScale::largest(bool rotation) const {

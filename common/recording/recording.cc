@@ -1,13 +1,16 @@
 #include "common/recording/recording.h"
 
+#include <fmt/format.h>
 #include <google/protobuf/descriptor.pb.h>
+#include <google/protobuf/text_format.h>
 
 #include <algorithm>
-#include <array>
+#include <bit>
 #include <cmath>
 #include <filesystem>
 #include <fstream>
 #include <initializer_list>
+#include <iterator>
 #include <utility>
 
 #include "common/base/built_for.h"
@@ -126,9 +129,66 @@ bool take(const schema::RecordedReport& from, Report<N>& to) {
          take(from.position_error(), to.position_error) && take(from.mode(), to.mode);
 }
 
-std::array<double, 8> numbers(const PortLimits& l) {
-  return {l.force_n,          l.torque_n_m, l.force_rate_n_per_s, l.power_w, l.speed_m_per_s, l.angular_speed_rad_per_s,
-          l.set_point_step_m, l.workspace_m};
+/// In the order of HardwareProperties.limits.
+constexpr double PortLimits::*kRecordedLimits[] = {
+    &PortLimits::force_n,          &PortLimits::torque_n_m,    &PortLimits::force_rate_n_per_s,
+    &PortLimits::power_w,          &PortLimits::speed_m_per_s, &PortLimits::angular_speed_rad_per_s,
+    &PortLimits::set_point_step_m, &PortLimits::workspace_m};
+
+/// What a node makes of its reading and the reports.
+template <int N>
+void put_results(const TickRecord<N>& tick, bool of_master, schema::RecordedTick& message) {
+  message.set_epoch(tick.epoch);
+  put(tick.command, *message.mutable_command());
+  if (of_master) {
+    put(tick.wanted, *message.mutable_wanted());
+    message.set_undissipated_j(tick.undissipated_j);
+  } else {
+    put(tick.x_d, *message.mutable_x_d());
+    put(tick.v_d, *message.mutable_v_d());
+  }
+  message.set_dissipated_j(tick.dissipated_j);
+  message.set_mode(static_cast<std::uint32_t>(tick.mode));
+  if (tick.sends) put(tick.sent, *message.mutable_sent());
+}
+
+// ---- differences
+
+namespace pb = google::protobuf;
+
+/// `path`: of the block, with a dot. Two numbers have the same text where they have the same bits.
+std::string first_difference(const pb::Message& recorded, const pb::Message& replayed, const std::string& path) {
+  const pb::Reflection& r = *recorded.GetReflection();
+  for (int i = 0; i < recorded.GetDescriptor()->field_count(); ++i) {
+    const pb::FieldDescriptor& field = *recorded.GetDescriptor()->field(i);
+    const std::string name = path + field.name();
+    const bool list = field.is_repeated(), block = field.message_type() != nullptr;
+    const auto size = [&](const pb::Message& of) {
+      return list ? r.FieldSize(of, &field) : !block || r.HasField(of, &field) ? 1 : 0;
+    };
+    if (size(recorded) != size(replayed))
+      return fmt::format("{} is there {} times, recorded {}", name, size(replayed), size(recorded));
+    for (int k = 0; k < size(recorded); ++k) {
+      if (block) {
+        const auto& before = list ? r.GetRepeatedMessage(recorded, &field, k) : r.GetMessage(recorded, &field);
+        const auto& now = list ? r.GetRepeatedMessage(replayed, &field, k) : r.GetMessage(replayed, &field);
+        if (std::string found = first_difference(before, now, name + "."); !found.empty()) return found;
+        continue;
+      }
+      std::string before, now;
+      pb::TextFormat::PrintFieldValueToString(recorded, &field, list ? k : -1, &before);
+      pb::TextFormat::PrintFieldValueToString(replayed, &field, list ? k : -1, &now);
+      const auto with_bits = [&](const std::string& value) {
+        return field.cpp_type() != pb::FieldDescriptor::CPPTYPE_DOUBLE
+                   ? value
+                   : fmt::format("{} ({:016x})", value, std::bit_cast<std::uint64_t>(std::stod(value)));
+      };
+      if (now != before)
+        return fmt::format("{}{} is {}, recorded {}", name, list ? fmt::format("[{}]", k) : "", with_bits(now),
+                           with_bits(before));
+    }
+  }
+  return {};
 }
 
 }  // namespace
@@ -160,7 +220,7 @@ RecordingSide::RecordingSide(mcap::Channels& to, const RecordingHeader& header)
     p.set_max_force_n(header.properties->max_force_n);
     p.set_mass_kg(header.properties->mass_kg);
     p.set_inertia_kg_m2(header.properties->inertia_kg_m2);
-    for (const double limit : numbers(header.properties->limits)) p.add_limits(limit);
+    for (const auto limit : kRecordedLimits) p.add_limits(header.properties->limits.*limit);
   }
   to.write(of_header, log_time_ns(Duration{0}), message.SerializeAsString());
 }
@@ -181,7 +241,6 @@ void RecordingSide::add(const TickRecord<N>& tick, std::span<const Report<N>> re
   message.set_epoch_before(tick.epoch_before);
   message.set_peer_restarted(tick.peer_restarted);
   if (tick.peer_restarted) message.set_session_since_ns(tick.session_since.count());
-  message.set_epoch(tick.epoch);
   put(tick.x, *message.mutable_x());
   put(tick.v, *message.mutable_v());
   put(tick.f, master_ ? *message.mutable_applied() : *message.mutable_f_environment());
@@ -190,19 +249,17 @@ void RecordingSide::add(const TickRecord<N>& tick, std::span<const Report<N>> re
   message.set_buttons(tick.buttons);
   message.set_held(tick.held);
   for (const Report<N>& each : received) put(each, *message.add_received());
-  put(tick.command, *message.mutable_command());
-  if (master_) {
-    put(tick.wanted, *message.mutable_wanted());
-    message.set_undissipated_j(tick.undissipated_j);
-  } else {
-    put(tick.x_d, *message.mutable_x_d());
-    put(tick.v_d, *message.mutable_v_d());
-  }
-  message.set_dissipated_j(tick.dissipated_j);
-  message.set_mode(static_cast<std::uint32_t>(tick.mode));
-  if (tick.sends) put(tick.sent, *message.mutable_sent());
+  put_results(tick, master_, message);
   message.SerializeToString(&bytes_);
   to_->write(channel_, log_time_ns(tick.now), bytes_);
+}
+
+template <int N>
+std::string difference(const TickRecord<N>& recorded, const TickRecord<N>& replayed, bool of_master) {
+  schema::RecordedTick before, now;
+  put_results(recorded, of_master, before);
+  put_results(replayed, of_master, now);
+  return before.SerializeAsString() == now.SerializeAsString() ? std::string{} : first_difference(before, now, "");
 }
 
 RecordingReader::RecordingReader(const std::string& path) : name_{path} {
@@ -251,21 +308,13 @@ RecordingReader::Kind RecordingReader::next() {
              .joints = static_cast<int>(m.joints())};
   if (m.has_properties()) {
     const schema::HardwareProperties& p = m.properties();
-    const PortLimits none{};
-    if (p.limits_size() != static_cast<int>(numbers(none).size())) fail("a header has other limits");
+    if (p.limits_size() != static_cast<int>(std::size(kRecordedLimits))) fail("a header has other limits");
     DeviceInfo& info = header_.properties.emplace();
     info.name = m.hardware();
     info.max_force_n = p.max_force_n();
     info.mass_kg = p.mass_kg();
     info.inertia_kg_m2 = p.inertia_kg_m2();
-    info.limits = {.force_n = p.limits(0),
-                   .torque_n_m = p.limits(1),
-                   .force_rate_n_per_s = p.limits(2),
-                   .power_w = p.limits(3),
-                   .speed_m_per_s = p.limits(4),
-                   .angular_speed_rad_per_s = p.limits(5),
-                   .set_point_step_m = p.limits(6),
-                   .workspace_m = p.limits(7)};
+    for (int i = 0; i < p.limits_size(); ++i) info.limits.*kRecordedLimits[i] = p.limits(i);
   }
   return Kind::header;
 }
@@ -333,6 +382,7 @@ RecordedHand read_recorded_hand(const std::string& path, bool of_gripper) {
 
 #define TWOPORT_COMPILE_TICKS(N, ...)                                                    \
   template void RecordingSide::add<N>(const TickRecord<N>&, std::span<const Report<N>>); \
+  template std::string difference<N>(const TickRecord<N>&, const TickRecord<N>&, bool);  \
   template bool RecordingReader::tick<N>(RecordedTick<N>&);
 TWOPORT_EACH_DOF(TWOPORT_COMPILE_TICKS)
 

@@ -63,6 +63,11 @@ struct RecordedTick {
   std::vector<Report<N>> received;
 };
 
+/// The first result of a tick that the replay does not have to the bit, in words; empty: there is none. Two values that are no numbers are
+/// the same.
+template <int N>
+std::string difference(const TickRecord<N>& recorded, const TickRecord<N>& replayed, bool of_master);
+
 /// Reads a recording. Throws ConfigError with its name and the reason for what is damaged or is no recording of these
 /// programs.
 class RecordingReader {

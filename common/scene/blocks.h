@@ -11,7 +11,8 @@
 
 namespace twoport {
 
-OperatorSpec read_operator(const Block<schema::Operator>& of);
+/// `of_gripper`: a recording is read for its gripper.
+OperatorSpec read_operator(const Block<schema::Operator>& of, bool of_gripper = false);
 ArmSpec read_arm(const Block<schema::Arm>& of);
 /// The smallest effective inertia and damping at the tool when the run begins, with force feedback.
 struct EffectiveInertia {
@@ -57,9 +58,6 @@ template <class Plain, class Schema>
 constexpr bool same_number(Plain plain, Schema schema) {
   return static_cast<int>(plain) == static_cast<int>(schema);
 }
-
-/// read_operator() for a gripper: a recording is read for its gripper.
-OperatorSpec read_gripper_operator(const Block<schema::Operator>& of);
 
 /// Delays of the packets of one direction, which are sent at `rate_hz` [s], NaN where lost: from this direction's rows of a link's
 /// file (common/link/link_trace.h), or from one delay in ms per line; blank lines and what follows a # are skipped. A relative path

@@ -75,7 +75,7 @@ Scene read_gripper(const Block<schema::Scene>& scene, const Scene& values, Scene
   gripper.master_rate_hz = values.master_rate_hz;
   gripper.slave_rate_hz = values.slave_rate_hz;
   gripper.seed = values.seed;
-  if (of->has_operator_()) gripper.operator_model = read_gripper_operator(of.block(FIELD(operator_)));
+  if (of->has_operator_()) gripper.operator_model = read_operator(of.block(FIELD(operator_)), true);
   if (of->has_device()) gripper.device = read_device(of.block(FIELD(device)));
   gripper.control = read_control(Block{context, control, "gripper"}, use);
   gripper.to_slave = values.to_slave;

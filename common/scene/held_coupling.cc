@@ -7,7 +7,6 @@
 
 #include "common/arm/arm_model.h"
 #include "common/base/built_for.h"
-#include "common/scene/scene.h"
 
 namespace twoport {
 namespace {

@@ -1,14 +1,15 @@
 #include "common/scene/hints.h"
 
 #include <fmt/format.h>
+#include <google/protobuf/descriptor.h>
+#include <google/protobuf/message.h>
 
 #include <algorithm>
-#include <array>
 #include <cmath>
-#include <iterator>
 #include <limits>
 #include <numbers>
 #include <optional>
+#include <set>
 #include <utility>
 #include <variant>
 
@@ -16,10 +17,12 @@
 #include "common/base/built_for.h"
 #include "common/coupling/claim.h"
 #include "common/scene/held_coupling.h"
-#include "common/scene/scene.h"
+#include "common/scene/source.h"
 
 namespace twoport {
 namespace {
+
+namespace pb = google::protobuf;
 
 /// A length of the scene: its path and its largest coordinate.
 struct Length {
@@ -27,56 +30,38 @@ struct Length {
   double metres = 0.0;
 };
 
-class LargestLength {
- public:
-  /// Looks at every member of `block` that is a length.
-  template <class Block>
-  void look_at(const std::string& path, const Block& block) {
-    if constexpr (requires { block.position_m; }) take(path, "position_m", block.position_m);
-    if constexpr (requires { block.center_m; }) take(path, "center_m", block.center_m);
-    if constexpr (requires { block.point_m; }) take(path, "point_m", block.point_m);
-    if constexpr (requires { block.half_size_m; }) take(path, "half_size_m", block.half_size_m);
-    if constexpr (requires { block.anchor_m; }) take(path, "anchor_m", block.anchor_m);
-    if constexpr (requires { block.offset_m; }) take(path, "offset_m", std::array{block.offset_m});
-    if constexpr (requires { block.radius_m; }) take(path, "radius_m", std::array{block.radius_m});
-    if constexpr (requires { block.travel_m; }) take(path, "travel_m", std::array{block.travel_m});
-    if constexpr (requires { block.amplitude_m; }) take(path, "amplitude_m", std::array{block.amplitude_m});
+/// Looks at every length that `block` and the blocks within give; `path`: of the block, with a dot.
+void look_at(const pb::Message& block, const std::string& path, Length& largest) {
+  static const std::set<std::string> kLengths{"position_m", "center_m", "point_m",  "half_size_m", "anchor_m",
+                                              "offset_m",   "radius_m", "travel_m", "amplitude_m"};
+  const pb::Reflection& r = *block.GetReflection();
+  std::vector<const pb::FieldDescriptor*> given;
+  r.ListFields(block, &given);
+  for (const pb::FieldDescriptor* const field : given) {
+    const bool list = field->is_repeated();
+    for (int i = 0; i < (list ? r.FieldSize(block, field) : 1); ++i) {
+      const std::string name = path + field->name();
+      if (field->message_type() != nullptr) {
+        const pb::Message& inner = list ? r.GetRepeatedMessage(block, field, i) : r.GetMessage(block, field);
+        look_at(inner, list ? fmt::format("{}[{}].", name, i) : name + ".", largest);
+      } else if (kLengths.contains(field->name())) {
+        const double v = std::abs(list ? r.GetRepeatedDouble(block, field, i) : r.GetDouble(block, field));
+        if (v > largest.metres) largest = {name, v};
+      }
+    }
   }
-  [[nodiscard]] const Length& found() const { return largest_; }
-
- private:
-  template <class Values>
-  void take(const std::string& path, const char* name, const Values& values) {
-    for (const double v : values)
-      if (std::abs(v) > largest_.metres) largest_ = {fmt::format("{}.{}", path, name), std::abs(v)};
-  }
-  Length largest_;
-};
-
-/// The blocks of SegmentSpec, in its order.
-constexpr const char* kSegments[] = {"hold", "move_to", "sine", "screw", "multi_sine", "recording"};
-static_assert(std::size(kSegments) == std::variant_size_v<SegmentSpec>);
+}
 
 Length largest_length(const Scene& scene) {
-  LargestLength lengths;
-  if (scene.device) lengths.look_at("device", *scene.device);
-  if (scene.robot) lengths.look_at("robot", *scene.robot);
-  if (scene.operator_model)
-    for (std::size_t i = 0; i < scene.operator_model->path.size(); ++i) {
-      const SegmentSpec& each = scene.operator_model->path[i];
-      const std::string path = fmt::format("operator.path[{}].{}", i, kSegments[each.index()]);
-      std::visit([&](const auto& segment) { lengths.look_at(path, segment); }, each);
-    }
-  for (std::size_t i = 0; i < scene.environment.size(); ++i) {
-    const EnvironmentSpec& each = scene.environment[i];
-    const std::string path = fmt::format("environment[{}].{}", i, name(each));
-    const auto look = [&](const auto& block) { lengths.look_at(path, block); };
-    if (const auto* surface = std::get_if<Surface>(&each))
-      std::visit(look, surface->shape);
-    else
-      look(std::get<Spring>(each));
-  }
-  return lengths.found();
+  Length largest;
+  if (!scene.source) return largest;
+  const schema::Scene& message = scene.source->message;
+  look_at(message.device(), "device.", largest);
+  look_at(message.robot(), "robot.", largest);
+  look_at(message.operator_(), "operator.", largest);
+  for (int i = 0; i < message.environment_size(); ++i)
+    look_at(message.environment(i), fmt::format("environment[{}].", i), largest);
+  return largest;
 }
 
 bool has_link(const Scene& scene) {
@@ -230,12 +215,6 @@ TooHeavy too_heavy(const NamedArm& of) {
   }
   return found;
 }
-std::optional<std::pair<NamedArm, TooHeavy>> first_too_heavy(const Scene& s) {
-  for (const NamedArm& each : arms(s))
-    if (const TooHeavy of = too_heavy(each); of.joint != 0) return std::pair{each, of};
-  return {};
-}
-
 /// Torques are held for a tick, in which weight and inertial forces change: joints of arms are controlled at 1 kHz.
 constexpr double kSlowArm_hz = 200.0;
 double arm_rate_hz(const Scene& s) {
@@ -306,101 +285,100 @@ bool is_said(const ControlOptions& o) {
 }
 
 struct Hint {
-  bool (*applies)(const Scene&);
-  std::string (*sentence)(const Scene&);
-  bool of_simulated_device = false;  ///< said of a simulated device only
+  std::string (*sentence)(const Scene&);  ///< empty: it does not apply
+  bool of_simulated_device = false;       ///< said of a simulated device only
 };
 
 constexpr double kLong = 5.0;  // [m]
 
 constexpr Hint kHints[] = {
-    {[](const Scene& s) { return largest_length(s).metres > kLong; },
-     [](const Scene& s) {
-       const Length length = largest_length(s);
-       return fmt::format("{} is {:g} m; lengths are in metres, and {:g} mm are {:g}", length.path, length.metres,
-                          length.metres, 1e-3 * length.metres);
-     }},
-    {[](const Scene& s) { return has_link(s) && s.device && !s.operator_model; },
-     [](const Scene&) -> std::string { return "operator is absent: no hand holds the handle"; }, true},
     {[](const Scene& s) {
-       return has_link(s) && (delays(s.to_slave) || delays(s.to_master)) && s.expect.stable.value_or(true) &&
-              s.control.method_name == kPlainMethod;
+      const Length length = largest_length(s);
+      if (!(length.metres > kLong)) return std::string{};
+      return fmt::format("{} is {:g} m; lengths are in metres, and {:g} mm are {:g}", length.path, length.metres,
+                         length.metres, 1e-3 * length.metres);
+    }},
+    {[](const Scene& s) -> std::string {
+       return has_link(s) && s.device && !s.operator_model ? "operator is absent: no hand holds the handle" : "";
      },
-     [](const Scene& s) {
-       return fmt::format(
-           "control.passivity.method is {} and the link delays: the loop may be unstable; {}, the default, holds it",
-           s.control.method_name, kDefaultMethod);
-     }},
-    {[](const Scene& s) { return fed_by_coupling(s).has_value(); },
-     [](const Scene& s) {
-       const FedMotion of = *fed_by_coupling(s);
-       const std::string needs =
-           of.holding ? fmt::format("needs a damping between about {:.3g} and {:.3g} {}, and {} is {:g}",
-                                    of.holding->first, of.holding->second, of.units[1], of.damping_name, of.damping)
-                      : std::string{"is too stiff for any damping"};
-       return fmt::format(
-           "control.virtual_coupling makes the robot unstable, whatever the link does: {} {:g} on {:g} {} at {:g} Hz "
-           "{}",
-           of.inertia_name, of.inertia, of.stiffness, of.units[0], s.slave_rate_hz, needs);
-     }},
-    {[](const Scene& s) { return first_too_heavy(s).has_value(); },
-     [](const Scene& s) {
-       const auto [arm, of] = *first_too_heavy(s);
-       return fmt::format(
-           "{}.tool_mass_kg is {:g}: joint {} cannot hold more than {:.3g} kg at the first position, so the arm sinks",
-           arm.path, arm.arm->tool_mass_kg, of.joint, of.most_kg);
-     }},
-    {[](const Scene& s) { return !arms(s).empty() && arm_rate_hz(s) < kSlowArm_hz; },
-     [](const Scene& s) {
-       return fmt::format(
-           "{} is given at {:g} Hz: torques of an arm are held for {:.3g} ms, in which its weight changes; use {:g} Hz "
-           "or more",
-           arms(s)[0].path, arm_rate_hz(s), 1e3 / arm_rate_hz(s), kSlowArm_hz);
-     }},
+     true},
     {[](const Scene& s) {
-       return !arms(s).empty() && s.simulation.integrator != Integrator::exact &&
-              s.simulation.integrator != Integrator::rk4;
-     },
-     [](const Scene& s) {
-       return fmt::format("simulation.integrator does not apply to {}, which is stepped by RK4", arms(s)[0].path);
-     }},
-    {[](const Scene& s) { return fastest_contact(s) > kFastContact; },
-     [](const Scene& s) {
-       const double at_rate = kFastContact * s.slave_rate_hz;
-       return fmt::format(
-           "robot.mass_kg is {:g}: on a surface of {:g} N/m it swings at {:.3g} kHz, too fast for ticks of {:g} Hz; "
-           "the run is slow, as a tick in contact takes hundreds of steps of the integrator; use {:.2g} kg or more",
-           s.robot->mass_kg, stiffest_surface(s),
-           1e-3 * fastest_contact(s) * s.slave_rate_hz / (2.0 * std::numbers::pi), s.slave_rate_hz,
-           stiffest_surface(s) / (at_rate * at_rate));
-     }},
-    {[](const Scene& s) { return slow_limit(s).has_value(); },
-     [](const Scene& s) {
-       const auto [limits, force_n] = *slow_limit(s);
-       return fmt::format(
-           "control.{}.force_rate_n_per_s and the passivity layer {} together leave a force of at most {:.3g} N: what "
-           "may not fall at once is not shown",
-           limits, s.control.passivity, force_n);
-     }},
+      const bool delayed = has_link(s) && (delays(s.to_slave) || delays(s.to_master));
+      if (!delayed || !s.expect.stable.value_or(true) || s.control.method_name != kPlainMethod) return std::string{};
+      return fmt::format(
+          "control.passivity.method is {} and the link delays: the loop may be unstable; {}, the default, holds it",
+          s.control.method_name, kDefaultMethod);
+    }},
     {[](const Scene& s) {
-       return s.control.controller.method == Method::force_projected && rendered_ratio(s) > kFastHandle &&
-              s.expect.stable.value_or(true);
-     },
-     [](const Scene& s) {
-       return fmt::format(
-           "rate_hz is {:g}: FORCE_PROJECTED may let energy pass at a rendered {:g} N/m with a handle of {:g} kg, as "
-           "the handle turns back within a tick; it holds from about {:.0f} Hz",
-           s.rate_hz, stiffest_surface(s), s.device->mass_kg,
-           std::sqrt(stiffest_surface(s) / (kFastHandle * s.device->mass_kg)));
-     }},
-    {[](const Scene& s) { return !what_voids_claim(s).empty(); }, [](const Scene& s) { return what_voids_claim(s); }},
-    {[](const Scene& s) { return moving_anchor(s).has_value() && !passivity_layer(s.control).passes_on.empty(); },
-     [](const Scene& s) {
-       return fmt::format(
-           "environment[{}].spring.anchor_motion puts energy in, and control.passivity.layer {} gives the hand no more "
-           "of it than E(0); {} passes it on",
-           *moving_anchor(s), s.control.passivity, passivity_layer(s.control).passes_on);
-     }},
+      const std::optional<FedMotion> of = fed_by_coupling(s);
+      if (!of) return std::string{};
+      const std::string needs =
+          of->holding
+              ? fmt::format("needs a damping between about {:.3g} and {:.3g} {}, and {} is {:g}", of->holding->first,
+                            of->holding->second, of->units[1], of->damping_name, of->damping)
+              : std::string{"is too stiff for any damping"};
+      return fmt::format(
+          "control.virtual_coupling makes the robot unstable, whatever the link does: {} {:g} on {:g} {} at {:g} Hz "
+          "{}",
+          of->inertia_name, of->inertia, of->stiffness, of->units[0], s.slave_rate_hz, needs);
+    }},
+    {[](const Scene& s) {
+      for (const NamedArm& arm : arms(s))
+        if (const TooHeavy of = too_heavy(arm); of.joint != 0)
+          return fmt::format(
+              "{}.tool_mass_kg is {:g}: joint {} cannot hold more than {:.3g} kg at the first position, so the arm "
+              "sinks",
+              arm.path, arm.arm->tool_mass_kg, of.joint, of.most_kg);
+      return std::string{};
+    }},
+    {[](const Scene& s) {
+      if (arms(s).empty() || arm_rate_hz(s) >= kSlowArm_hz) return std::string{};
+      return fmt::format(
+          "{} is given at {:g} Hz: torques of an arm are held for {:.3g} ms, in which its weight changes; use {:g} Hz "
+          "or more",
+          arms(s)[0].path, arm_rate_hz(s), 1e3 / arm_rate_hz(s), kSlowArm_hz);
+    }},
+    {[](const Scene& s) {
+      const Integrator i = s.simulation.integrator;
+      if (arms(s).empty() || i == Integrator::exact || i == Integrator::rk4) return std::string{};
+      return fmt::format("simulation.integrator does not apply to {}, which is stepped by RK4", arms(s)[0].path);
+    }},
+    {[](const Scene& s) {
+      const double fastest = fastest_contact(s), at_rate = kFastContact * s.slave_rate_hz;
+      if (!(fastest > kFastContact)) return std::string{};
+      return fmt::format(
+          "robot.mass_kg is {:g}: on a surface of {:g} N/m it swings at {:.3g} kHz, too fast for ticks of {:g} Hz; "
+          "the run is slow, as a tick in contact takes hundreds of steps of the integrator; use {:.2g} kg or more",
+          s.robot->mass_kg, stiffest_surface(s), 1e-3 * fastest * s.slave_rate_hz / (2.0 * std::numbers::pi),
+          s.slave_rate_hz, stiffest_surface(s) / (at_rate * at_rate));
+    }},
+    {[](const Scene& s) {
+      const auto slow = slow_limit(s);
+      if (!slow) return std::string{};
+      return fmt::format(
+          "control.{}.force_rate_n_per_s and the passivity layer {} together leave a force of at most {:.3g} N: what "
+          "may not fall at once is not shown",
+          slow->first, s.control.passivity, slow->second);
+    }},
+    {[](const Scene& s) {
+      if (s.control.controller.method != Method::force_projected || !(rendered_ratio(s) > kFastHandle) ||
+          !s.expect.stable.value_or(true))
+        return std::string{};
+      return fmt::format(
+          "rate_hz is {:g}: FORCE_PROJECTED may let energy pass at a rendered {:g} N/m with a handle of {:g} kg, as "
+          "the handle turns back within a tick; it holds from about {:.0f} Hz",
+          s.rate_hz, stiffest_surface(s), s.device->mass_kg,
+          std::sqrt(stiffest_surface(s) / (kFastHandle * s.device->mass_kg)));
+    }},
+    {what_voids_claim},
+    {[](const Scene& s) {
+      const auto moving = moving_anchor(s);
+      if (!moving || passivity_layer(s.control).passes_on.empty()) return std::string{};
+      return fmt::format(
+          "environment[{}].spring.anchor_motion puts energy in, and control.passivity.layer {} gives the hand no more "
+          "of it than E(0); {} passes it on",
+          *moving, s.control.passivity, passivity_layer(s.control).passes_on);
+    }},
 };
 
 }  // namespace
@@ -424,7 +402,8 @@ std::string claim_that_holds(const Scene& s) {
 std::vector<std::string> hints(const Scene& scene, bool device_is_simulated) {
   std::vector<std::string> all;
   for (const Hint& hint : kHints)
-    if (hint.applies(scene) && (device_is_simulated || !hint.of_simulated_device)) all.push_back(hint.sentence(scene));
+    if (device_is_simulated || !hint.of_simulated_device)
+      if (std::string sentence = hint.sentence(scene); !sentence.empty()) all.push_back(std::move(sentence));
   return all;
 }
 

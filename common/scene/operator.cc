@@ -78,22 +78,15 @@ RecordedHandSpec read_recording(const Block<schema::Operator>& of, bool of_gripp
   return {{new RecordedHand{std::move(read)}, [file](const RecordedHand* hand) { delete hand; }}, end_s};
 }
 
-OperatorSpec read_whole_operator(const Block<schema::Operator>& of, bool of_gripper) {
+}  // namespace
+
+OperatorSpec read_operator(const Block<schema::Operator>& of, bool of_gripper) {
   OperatorSpec spec;
   if (of->has_hand()) spec.hand = read_hand(of.block(FIELD(hand)));
   for (const auto& each : of.blocks(FIELD(path))) spec.path.push_back(read_segment(each));
   if (of->has_recording()) spec.path = {read_recording(of, of_gripper)};
   if (of->has_tremor()) spec.tremor = read_tremor(of.block(FIELD(tremor)));
   return spec;
-}
-
-}  // namespace
-
-OperatorSpec read_operator(const Block<schema::Operator>& of) {
-  return read_whole_operator(of, false);
-}
-OperatorSpec read_gripper_operator(const Block<schema::Operator>& of) {
-  return read_whole_operator(of, true);
 }
 
 }  // namespace twoport

@@ -10,7 +10,6 @@
 #include <limits>
 #include <map>
 #include <mutex>
-#include <vector>
 
 #include "common/base/check.h"
 #include "common/scene/text.h"

@@ -8,8 +8,6 @@
 #include <csignal>
 #include <exception>
 #include <memory>
-#include <string>
-#include <utility>
 
 #include "common/base/built_for.h"
 #include "common/base/check.h"

@@ -11,7 +11,6 @@
 #include "common/base/file.h"
 #include "common/base/print_error.h"
 #include "common/base/text.h"
-#include "common/record/summary.h"
 #include "common/scene/find.h"
 #include "common/scene/load.h"
 #include "lab/cli/commands.h"
@@ -20,11 +19,8 @@
 #include "lab/study/adversary.h"
 #include "lab/study/cells.h"
 #include "lab/study/compare.h"
-#include "lab/study/gallery.h"
 #include "lab/study/link_advice.h"
 #include "lab/study/map.h"
-#include "lab/study/matrix.h"
-#include "lab/study/parallel.h"
 
 namespace twoport::lab {
 namespace {

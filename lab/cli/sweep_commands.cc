@@ -13,7 +13,6 @@
 #include "lab/cli/commands.h"
 #include "lab/lanes/lanes.h"
 #include "lab/plot/pictures.h"
-#include "lab/study/parallel.h"
 #include "lab/study/sweep.h"
 
 namespace twoport::lab {

@@ -1,4 +1,4 @@
-#include "lab/engine/make_simulation.h"
+#include "lab/engine/loops.h"
 
 namespace twoport::lab {
 

@@ -4,12 +4,11 @@
 
 #include <cstdint>
 #include <limits>
-#include <memory>
-#include <variant>
 #include <vector>
 
 #include "common/base/check.h"
-#include "lab/engine/make_simulation.h"
+#include "common/base/copied.h"
+#include "lab/engine/loops.h"
 
 namespace twoport::lab {
 namespace {
@@ -23,17 +22,6 @@ class HostedPlant {
     read();
     robot_->start();
   }
-  HostedPlant(const HostedPlant& o)
-      : robot_{o.robot_->copy()},
-        environment_{o.environment_},
-        dt_{o.dt_},
-        tick_{o.tick_},
-        sample_{o.sample_},
-        state_{o.state_},
-        f_{o.f_},
-        from_environment_{o.from_environment_} {}
-  HostedPlant& operator=(const HostedPlant&) = delete;
-
   void advance() noexcept {
     ++tick_;
     read();
@@ -74,7 +62,7 @@ class HostedPlant {
       state_.v = Velocity<N>{Velocity<N>::Vector::Constant(std::numeric_limits<double>::quiet_NaN())};
   }
 
-  std::unique_ptr<VirtualRobot<N>> robot_;
+  Copied<VirtualRobot<N>> robot_;
   Environment<N> environment_;
   Seconds dt_;
   std::int64_t tick_ = 0;
@@ -93,7 +81,7 @@ std::unique_ptr<Simulation<N>> make_simulation(const Scene& scene, const HostedR
   if (scene.control.architecture == Architecture::render || scene.control.architecture == Architecture::uncontrolled)
     throw ConfigError{fmt::format("--robot {}: control.architecture has no link to a robot", hosted.choice)};
   if (scene.gripper) throw ConfigError{fmt::format("--robot {}: the scene has a gripper, it has none", hosted.choice)};
-  return std::make_unique<Compiled<N, LinkLoop<N, AnyMethod, HostedPlant<N>>>>(scene, taps, robot->get());
+  return std::make_unique<LinkLoop<N, AnyMethod, HostedPlant<N>>>(scene, taps, robot->get());
 }
 
 template <>

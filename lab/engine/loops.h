@@ -2,11 +2,12 @@
 
 #include <cmath>
 #include <cstdint>
+#include <memory>
 #include <optional>
 #include <utility>
-#include <vector>
 
 #include "common/link/clock_offset.h"
+#include "common/method/passivity/time_domain/time_domain.h"
 #include "common/record/angle.h"
 #include "common/record/row.h"
 #include "common/runtime/cycle.h"
@@ -49,57 +50,50 @@ inline Row<N> columns(Duration now, const auto& out, Energy dissipated, const Fo
 ///
 /// A report is readable strictly after it was posted, so the order of two sides that tick together does not matter.
 template <int N, class Method = AnyMethod, class Plant = sim::SimRobot<N>>
-class LinkLoop {
+class LinkLoop final : public Simulation<N> {
  public:
   /// `taps`, unless null, see every tick of both nodes; a copy has none. `of_plant`: what it is made of besides the scene.
   explicit LinkLoop(const Scene& scene, Taps<N>* taps = nullptr, const auto&... of_plant)
-      : order_{scene},
+      : Simulation<N>{scene},
+        order_{scene},
         slave_clock_{scene.slave_clock.offset_s != 0.0 || scene.slave_clock.drift != 0.0},
-        end_{to_duration(scene.duration_s)},
         nodes_{scene},
         device_{scene, nodes_.master_dt},
         robot_{scene, order_.slave_period(), of_plant...},
-        held_by_environment_{robot_.environment().holds()},
-        initial_energy_{scene.control.initial_energy},
-        granted_energy_{initial_energy_ +
-                        nodes_.registration.to_master(initial_energy_ + mechanical_energy<N>(scene.robot, robot_))} {
+        held_by_environment_{robot_.environment().holds()} {
+    const Energy own = scene.control.initial_energy;
+    this->grant(own, own + nodes_.registration.to_master(own + lab::mechanical_energy<N>(scene.robot, robot_)));
     if (taps == nullptr) return;
     taps_ = taps;
     nodes_.master_mail.transport().tap(&taps->master);
     nodes_.slave_mail.transport().tap(&taps->slave);
   }
 
-  /// Goes on until `end`, or until `visit(row)` returns false. Returns the number of master ticks.
-  template <class Visit>
-  TWOPORT_FLATTEN std::uint64_t run(Duration end, Visit visit) {
-    return order_.run(
-        end, [this](TickAt at) { slave_tick(at); }, [this, &visit](TickAt at) { return visit(master_tick(at)); });
-  }
-
-  void be_quiet() noexcept {
+  [[nodiscard]] std::unique_ptr<Simulation<N>> copy() const override { return std::make_unique<LinkLoop>(*this); }
+  void be_quiet() override {
     device_.hold();
     robot_.silence();
     nodes_.be_quiet();
   }
-  Kicked kick(const Velocity<N>& master, const Velocity<N>& slave) noexcept {
+  Kicked kick(const Velocity<N>& master, const Velocity<N>& slave) override {
     return {device_.kick(master), robot_.kick(slave)};
   }
-  [[nodiscard]] Duration end() const { return end_; }
-  [[nodiscard]] std::int64_t ticks() const { return order_.ticks(); }
-  [[nodiscard]] Energy initial_energy() const { return initial_energy_; }
-  [[nodiscard]] Energy granted_energy() const { return granted_energy_; }
-  [[nodiscard]] double quiet_from_s() const { return device_.path().end_s(); }
-  [[nodiscard]] std::vector<sim::SegmentTimes> segment_times() const { return device_.path().segment_times(); }
-  [[nodiscard]] LinkUse link() const {
+  [[nodiscard]] std::int64_t ticks() const override { return order_.ticks(); }
+  [[nodiscard]] std::optional<LinkUse> link() const override {
     LinkUse use = nodes_.use();
     if (slave_clock_ && clock_offset_.known()) {
-      use.clock = clock_offset_.figures(to_seconds(end_).si());
+      use.clock = clock_offset_.figures(to_seconds(this->end()).si());
       use.clock->error_s = use.clock->offset_s - to_seconds(order_.slave_ahead()).si();
     }
     return use;
   }
 
  private:
+  TWOPORT_FLATTEN std::uint64_t advance(Duration end, const typename Simulation<N>::Visit& visit) override {
+    return order_.run(
+        end, [this](TickAt at) { slave_tick(at); }, [this, &visit](TickAt at) { return visit(master_tick(at)); });
+  }
+  [[nodiscard]] const sim::Path<N>* path() const override { return &device_.path(); }
   void slave_tick(TickAt at) noexcept {
     if (at.now > Duration{0}) {
       Position<N> before = robot_.state().x;
@@ -141,7 +135,6 @@ class LinkLoop {
 
   TickOrder order_;
   bool slave_clock_;  ///< does the slave's clock differ?
-  Duration end_;
   LinkedNodes<N, Method> nodes_;
   sim::SimDevice<N> device_;
   Plant robot_;
@@ -151,128 +144,136 @@ class LinkLoop {
   Force<N> environment_force_;
   Energy into_robot_, coupling_energy_;  ///< through the robot's port; into its coupling through both ports
   bool held_by_environment_;
-  Energy initial_energy_, granted_energy_;
+};
+
+/// When one side ticks, from 0.
+class Ticker {
+ public:
+  explicit Ticker(double rate_hz) : rate_hz_{rate_hz} {}
+  /// Calls tick(number, time) for every tick before `end`, or until it returns false. Returns the number of ticks.
+  template <class Tick>
+  std::uint64_t run(Duration end, Tick tick) {
+    const std::int64_t from = ticks_;
+    for (Duration now = tick_time(ticks_, rate_hz_); now < end; now = tick_time(ticks_, rate_hz_))
+      if (!tick(ticks_++, now)) break;
+    return static_cast<std::uint64_t>(ticks_ - from);
+  }
+  [[nodiscard]] double rate_hz() const { return rate_hz_; }
+  [[nodiscard]] std::int64_t ticks() const { return ticks_; }  ///< done
+
+ private:
+  double rate_hz_;
+  std::int64_t ticks_ = 0;
 };
 
 /// A virtual environment rendered on the device, in virtual time.
 template <int N>
-class RenderLoop {
+class RenderLoop final : public Simulation<N> {
  public:
   /// `taps`, unless null, see every tick of the node; a copy has none.
   explicit RenderLoop(const Scene& scene, Taps<N>* taps = nullptr)
-      : rate_hz_{scene.master_rate_hz},
-        end_{to_duration(scene.duration_s)},
+      : Simulation<N>{scene},
+        ticker_{scene.master_rate_hz},
         device_{scene, Seconds{1.0 / scene.master_rate_hz}},
         environment_{scene.environment, scene.tool},
-        node_{scene.control, environment_},
-        initial_energy_{scene.control.initial_energy + environment_.potential(device_.x())} {
+        node_{scene.control, environment_} {
     taps_ = taps;
+    const Energy granted = scene.control.initial_energy + environment_.potential(device_.x());
+    this->grant(granted, granted);
   }
 
-  template <class Visit>
-  std::uint64_t run(Duration end, Visit visit) {
-    NoMail mail;
-    const Seconds dt{1.0 / rate_hz_};
-    std::int64_t from = ticks_, k = from;
-    for (Duration now = tick_time(k, rate_hz_), next; now < end; now = next) {
-      if (k > 0) device_.advance();
-      const auto out = cycle(mail, now, dt);
-      const Row<N> row{.t_s = to_seconds(now).si(),
-                       .master_x = device_.x(),
-                       .master_v = device_.v(),
-                       .master_f = device_.held(),
-                       .master_f_wanted = out.wanted,
-                       .env_f = -out.wanted,
-                       .master_energy_j = device_.port_energy().si(),
-                       .observed_energy_j = node_.observed().si() - initial_energy_.si(),
-                       .undissipated_j = out.undissipated.si(),
-                       .dissipated_j = out.dissipated.si(),
-                       .mode = Mode::coupled,
-                       .reference = out.wanted,
-                       .touching = environment_.holds() || out.wanted.squared_norm() > 0.0,
-                       .coupled = true};
-      next = tick_time(++k, rate_hz_);
-      if (!visit(row)) break;
-    }
-    ticks_ = k;
-    return static_cast<std::uint64_t>(k - from);
-  }
-
-  void be_quiet() noexcept { device_.hold(); }
-  Kicked kick(const Velocity<N>& master, const Velocity<N>&) noexcept { return {device_.kick(master), false}; }
-  [[nodiscard]] Duration end() const { return end_; }
-  [[nodiscard]] std::int64_t ticks() const { return ticks_; }
-  [[nodiscard]] Energy initial_energy() const { return initial_energy_; }
-  [[nodiscard]] Energy granted_energy() const { return initial_energy_; }
-  [[nodiscard]] double quiet_from_s() const { return device_.path().end_s(); }
-  [[nodiscard]] std::vector<sim::SegmentTimes> segment_times() const { return device_.path().segment_times(); }
+  [[nodiscard]] std::unique_ptr<Simulation<N>> copy() const override { return std::make_unique<RenderLoop>(*this); }
+  void be_quiet() override { device_.hold(); }
+  Kicked kick(const Velocity<N>& master, const Velocity<N>&) override { return {device_.kick(master), false}; }
+  [[nodiscard]] std::int64_t ticks() const override { return ticker_.ticks(); }
 
  private:
-  auto cycle(NoMail& mail, Duration now, Seconds dt) noexcept {
-    const Tick<MasterClock> tick{Instant<MasterClock>{now}, dt};
+  std::uint64_t advance(Duration end, const typename Simulation<N>::Visit& visit) override {
+    NoMail mail;
+    return ticker_.run(end, [&](std::int64_t k, Duration now) {
+      if (k > 0) device_.advance();
+      const auto out = cycle(mail, now);
+      return visit(Row<N>{.t_s = to_seconds(now).si(),
+                          .master_x = device_.x(),
+                          .master_v = device_.v(),
+                          .master_f = device_.held(),
+                          .master_f_wanted = out.wanted,
+                          .env_f = -out.wanted,
+                          .master_energy_j = device_.port_energy().si(),
+                          .observed_energy_j = node_.observed().si() - this->initial_energy().si(),
+                          .undissipated_j = out.undissipated.si(),
+                          .dissipated_j = out.dissipated.si(),
+                          .mode = Mode::coupled,
+                          .reference = out.wanted,
+                          .touching = environment_.holds() || out.wanted.squared_norm() > 0.0,
+                          .coupled = true});
+    });
+  }
+  [[nodiscard]] const sim::Path<N>* path() const override { return &device_.path(); }
+  auto cycle(NoMail& mail, Duration now) noexcept {
+    const Tick<MasterClock> tick{Instant<MasterClock>{now}, Seconds{1.0 / ticker_.rate_hz()}};
     return tapped_cycle(taps_ ? &taps_->master : nullptr, node_, device_, mail, tick);
   }
 
   NotCopied<Taps<N>> taps_;
-  double rate_hz_;
-  Duration end_;
+  Ticker ticker_;
   sim::SimDevice<N> device_;
   Environment<N> environment_;
   RenderNode<N> node_;
-  Energy initial_energy_;
-  std::int64_t ticks_ = 0;  ///< done
 };
 
 /// A robot alone in its environment, in virtual time: nobody acts on it.
 template <int N>
-class BodyLoop {
+class BodyLoop final : public Simulation<N> {
  public:
   explicit BodyLoop(const Scene& scene)
-      : rate_hz_{scene.slave_rate_hz},
-        end_{to_duration(scene.duration_s)},
+      : Simulation<N>{scene},
+        ticker_{scene.slave_rate_hz},
         spec_{scene.robot},
         robot_{scene, Seconds{1.0 / scene.slave_rate_hz}} {}
 
-  template <class Visit>
-  std::uint64_t run(Duration end, Visit visit) {
-    std::int64_t from = ticks_, k = from;
-    for (Duration now = tick_time(k, rate_hz_), next; now < end; now = next) {
-      if (k > 0) robot_.advance();
-      next = tick_time(++k, rate_hz_);
-      if (!visit(Row<N>{.t_s = to_seconds(now).si(),
-                        .slave_x = robot_.state().x,
-                        .slave_v = robot_.state().v,
-                        .env_f = robot_.environment_force(),
-                        .touching = robot_.environment().holds() || robot_.environment_force().squared_norm() > 0.0}))
-        break;
-    }
-    ticks_ = k;
-    return static_cast<std::uint64_t>(k - from);
-  }
-
-  /// The same, with nobody looking on.
-  std::uint64_t run_silently() {
-    const auto ticks = static_cast<std::uint64_t>(std::ceil(to_seconds(end_).si() * rate_hz_ - 1e-6));
+  std::uint64_t run_silently() override {
+    const auto ticks = static_cast<std::uint64_t>(std::ceil(to_seconds(this->end()).si() * ticker_.rate_hz() - 1e-6));
     for (std::uint64_t k = 1; k < ticks; ++k) robot_.move();
     return ticks;
   }
-
-  void be_quiet() noexcept { robot_.silence(); }
-  Kicked kick(const Velocity<N>&, const Velocity<N>& slave) noexcept { return {false, robot_.kick(slave)}; }
-  [[nodiscard]] Duration end() const { return end_; }
-  [[nodiscard]] std::int64_t ticks() const { return ticks_; }
-  [[nodiscard]] Energy initial_energy() const { return Energy{}; }
-  [[nodiscard]] Energy granted_energy() const { return Energy{}; }
-  [[nodiscard]] Energy mechanical_energy() const { return lab::mechanical_energy<N>(spec_, robot_); }
-  [[nodiscard]] double quiet_from_s() const { return 0.0; }
-  [[nodiscard]] std::vector<sim::SegmentTimes> segment_times() const { return {}; }
+  [[nodiscard]] std::unique_ptr<Simulation<N>> copy() const override { return std::make_unique<BodyLoop>(*this); }
+  void be_quiet() override { robot_.silence(); }
+  Kicked kick(const Velocity<N>&, const Velocity<N>& slave) override { return {false, robot_.kick(slave)}; }
+  [[nodiscard]] std::int64_t ticks() const override { return ticker_.ticks(); }
+  [[nodiscard]] std::optional<Energy> mechanical_energy() const override {
+    return lab::mechanical_energy<N>(spec_, robot_);
+  }
 
  private:
-  double rate_hz_;
-  Duration end_;
+  std::uint64_t advance(Duration end, const typename Simulation<N>::Visit& visit) override {
+    return ticker_.run(end, [&](std::int64_t k, Duration now) {
+      if (k > 0) robot_.advance();
+      const Force<N> f = robot_.environment_force();
+      return visit(Row<N>{.t_s = to_seconds(now).si(),
+                          .slave_x = robot_.state().x,
+                          .slave_v = robot_.state().v,
+                          .env_f = f,
+                          .touching = robot_.environment().holds() || f.squared_norm() > 0.0});
+    });
+  }
+
+  Ticker ticker_;
   std::optional<RobotSpec> spec_;
   sim::SimRobot<N> robot_;
-  std::int64_t ticks_ = 0;  ///< done
 };
+
+template <int N>
+std::unique_ptr<Simulation<N>> make_simulation(const Scene& scene, Taps<N>* taps) {
+  if constexpr (N != kJointPort) {
+    if (scene.control.architecture == Architecture::render) return std::make_unique<RenderLoop<N>>(scene, taps);
+    if (scene.control.architecture == Architecture::uncontrolled) return std::make_unique<BodyLoop<N>>(scene);
+    // One loop for each size does for every method; the controllers that sweeps run most have one of their own, 10 % faster.
+    if (scene.control.transparency == kPlainTransparency &&
+        scene.control.controller.method != ::twoport::Method::none && scene.schedule.empty())
+      return std::make_unique<LinkLoop<N, TimeDomainPassivity>>(scene, taps);
+  }
+  return std::make_unique<LinkLoop<N>>(scene, taps);
+}
 
 }  // namespace twoport::lab

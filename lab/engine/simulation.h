@@ -1,5 +1,6 @@
 #pragma once
 
+#include <atomic>
 #include <cstdint>
 #include <functional>
 #include <memory>
@@ -32,22 +33,35 @@ struct Kicked {
 template <int N>
 struct Taps;
 
-/// A scene in virtual time. The tick itself is compiled once for each size and kind of scene (lab/engine); through this
+/// What a run throws that has been stopped.
+struct Stopped {};
+
+/// A scene in virtual time. The tick itself is compiled once for each size and kind of scene (lab/engine/loops.h); through this
 /// interface a run is started, not a tick.
 template <int N>
 class Simulation {
  public:
+  explicit Simulation(const Scene& scene) : end_{to_duration(scene.duration_s)} {}
   virtual ~Simulation() = default;
+  Simulation& operator=(const Simulation&) = delete;
 
   using Visit = std::function<bool(const Row<N>&)>;
   /// Goes on until the time `end`, or until visit(row) returns false. Returns the number of ticks.
-  virtual std::uint64_t run_until(Duration end, const Visit& visit) = 0;
+  std::uint64_t run_until(Duration end, const Visit& visit) {
+    if (stop_ == nullptr) return advance(end, visit);
+    return advance(end, [&](const Row<N>& row) {
+      if (visited_++ % kEvery == 0 && *stop_) throw Stopped{};
+      return visit(row);
+    });
+  }
   /// The same to the end of the scene.
-  std::uint64_t run(const Visit& visit) { return run_until(end(), visit); }
+  std::uint64_t run(const Visit& visit) { return run_until(end_, visit); }
   /// From the start to the end of the scene with nobody looking on.
   virtual std::uint64_t run_silently() {
     return run([](const Row<N>&) { return true; });
   }
+  /// From now on this simulation, and its copies, end by throwing Stopped within kEvery ticks after `stop` has become true.
+  void stop_at(const std::atomic<bool>& stop) { stop_ = &stop; }
 
   /// Another one in the same state: both go on identically, and neither touches the other.
   [[nodiscard]] virtual std::unique_ptr<Simulation> copy() const = 0;
@@ -57,22 +71,39 @@ class Simulation {
   /// Adds to the velocities of handle and robot [m/s], [rad/s].
   virtual Kicked kick(const Velocity<N>& master, const Velocity<N>& slave) = 0;
 
-  [[nodiscard]] virtual Duration end() const = 0;        ///< of the scene
+  [[nodiscard]] Duration end() const { return end_; }    ///< of the scene
   [[nodiscard]] virtual std::int64_t ticks() const = 0;  ///< done so far
 
   /// E(0) of the hand's port [J].
-  [[nodiscard]] virtual Energy initial_energy() const = 0;
+  [[nodiscard]] Energy initial_energy() const { return initial_energy_; }
   /// The most that a passive network can give the hand: E(0) of both sides, and what robot and environment hold at the start,
   /// in the master's joules [J].
-  [[nodiscard]] virtual Energy granted_energy() const = 0;
+  [[nodiscard]] Energy granted_energy() const { return granted_energy_; }
   /// Of a body that nobody drives: kinetic and elastic energy [J]. Nothing where there is a loop.
-  [[nodiscard]] virtual std::optional<Energy> mechanical_energy() const = 0;
+  [[nodiscard]] virtual std::optional<Energy> mechanical_energy() const { return std::nullopt; }
   /// When the operator's path ends [s].
-  [[nodiscard]] virtual double quiet_from_s() const = 0;
+  [[nodiscard]] double quiet_from_s() const { return path() != nullptr ? path()->end_s() : 0.0; }
   /// Times of the segments of the operator's path, in order.
-  [[nodiscard]] virtual std::vector<sim::SegmentTimes> segment_times() const = 0;
+  [[nodiscard]] std::vector<sim::SegmentTimes> segment_times() const {
+    return path() != nullptr ? path()->segment_times() : std::vector<sim::SegmentTimes>{};
+  }
   /// Nothing where the scene has no link.
-  [[nodiscard]] virtual std::optional<LinkUse> link() const = 0;
+  [[nodiscard]] virtual std::optional<LinkUse> link() const { return std::nullopt; }
+
+ protected:
+  Simulation(const Simulation&) = default;
+  void grant(Energy initial, Energy granted) { initial_energy_ = initial, granted_energy_ = granted; }
+
+ private:
+  static constexpr std::uint64_t kEvery = 256;
+  virtual std::uint64_t advance(Duration end, const Visit& visit) = 0;
+  /// Of the operator; null: there is none.
+  [[nodiscard]] virtual const sim::Path<N>* path() const { return nullptr; }
+
+  Duration end_;
+  Energy initial_energy_, granted_energy_;
+  const std::atomic<bool>* stop_ = nullptr;
+  std::uint64_t visited_ = 0;
 };
 
 /// The simulation that the scene needs: over a link, of a rendering, or of a robot alone. `taps`, which must outlive it, see every

@@ -9,17 +9,8 @@ namespace twoport::lab {
 namespace {
 
 int severity(VerdictKind kind) {
-  switch (kind) {
-    case VerdictKind::stable:
-      return 0;
-    case VerdictKind::restless:
-      return 1;
-    case VerdictKind::undecided:
-      return 2;
-    case VerdictKind::unstable:
-      break;
-  }
-  return 3;
+  constexpr int kOf[] = {0, 1, 3, 2};  // in their order: stable, restless, unstable, undecided
+  return kOf[static_cast<std::size_t>(kind)];
 }
 
 }  // namespace

@@ -12,6 +12,14 @@ namespace twoport::lab::lanes {
 
 inline constexpr int kMostLanes = 8, kMostSprings = 2;
 
+/// As many as there are axes.
+template <class S, int N>
+struct Array {
+  S e[N];
+  S& operator[](int i) { return e[i]; }
+  const S& operator[](int i) const { return e[i]; }
+};
+
 /// Numbers of a cell that do not change during a run, but for the last three. S: a double, or as many as a unit has lanes.
 template <class S, int N>
 struct Parameters {
@@ -19,14 +27,16 @@ struct Parameters {
   // Handle and hand: sim/plant/handle.h, sim/operator/hand.h.
   S handle_xv, handle_xu, handle_xw, handle_vv, handle_vu, handle_vw;
   S hand_stiffness, hand_damping;
-  S held_at[N];  ///< tail: intended position
+  Array<S, N> held_at;  ///< tail: intended position
   // Robot: sim/plant/exact_wall.h; [0]: free, [1]: in contact.
   S map_x[2][2], map_v[2][2], map_u[2][2], load[2], in_parts[2];
   S along_stiffness[2], along_xv[2], along_xu[2], along_vv[2], along_vu[2];
-  S normal[N], offset, wall_stiffness, wall_damping, wall_viscous, pull[N];
-  S spring_stiffness[kMostSprings], spring_damping[kMostSprings], spring_anchor[kMostSprings][N];
-  S sensor_bias[N];
-  // A plant in Runge-Kutta steps: sim/plant/fixed_step.h, sim/plant/handle.h.
+  S offset, wall_stiffness, wall_damping, wall_viscous;
+  Array<S, N> normal, pull;
+  S spring_stiffness[kMostSprings], spring_damping[kMostSprings];
+  Array<S, N> spring_anchor[kMostSprings];
+  Array<S, N> sensor_bias;
+  // A plant in Runge-Kutta steps: sim/plant/make_body_plant.h, sim/plant/handle.h.
   S step_s, robot_mass, robot_damping, wall_friction, handle_inverse_mass, handle_damping;
   // Coupling and registration.
   S stiffness, damping, mobility, catch_up;
@@ -34,7 +44,7 @@ struct Parameters {
   // Nodes.
   S most_silence_ns, ramp_by, most_force;
   // Method.
-  S initial_energy, most_gain, most_mobility, response, worst_of_hand;
+  S initial_energy, most_gain, response, worst_of_hand;
   // Network: [0]: to the slave, [1]: to the master.
   S lag[2], loss[2], burst_p[2], burst_r[2], burst_good[2], burst_bad[2];
   // InternalModelMaster, InternalModelSlave: R, K_c, masses, and T/τ of every low pass (weight_ms: of so many).
@@ -50,7 +60,8 @@ struct Parameters {
 /// SurfacePatch.
 template <class S, int N>
 struct Patch {
-  S point[N], normal[N], stiffness, friction, curvature;
+  S stiffness, friction, curvature;
+  Array<S, N> point, normal;
 };
 
 /// State of InternalModelMaster and InternalModelSlave, by their members' names.
@@ -59,15 +70,21 @@ struct InternalModel {
   // Slave: SurfaceEstimator, SensorBias, yield; what the master has said.
   Patch<S, N> found;
   S contact, quiet_s, age_s, damping, xx, xv, vv, xf, vf, variance, covariance;
-  S f_contact[N], x_slow[N], v_slow[N], f_slow[N], v_surface[N], f_surface[N], x_mean[N], n_mean[N];
-  S bias[N], learned_s, yield_m, yield_normal[N], shift[N];
-  S informed, offset_rx[N], felt_rx[N];
+  Array<S, N> f_contact, x_slow, v_slow, f_slow, v_surface, f_surface, x_mean, n_mean;
+  S learned_s, yield_m;
+  Array<S, N> bias, yield_normal, shift;
+  S informed;
+  Array<S, N> offset_rx, felt_rx;
   // Master: SurfaceModel, StickSpring, EnergySpring, DamperAccount; what the slave has said.
-  S heard, contact_rx, echo_rx[N], robot_rx[N];
+  S heard, contact_rx;
+  Array<S, N> echo_rx, robot_rx;
   Patch<S, N> found_rx, model;
-  S exists, model_ramp, sticks, anchor[N], sticks_at_echo, anchor_at_echo[N];
-  S r[N], r_along[N], offset_m, offset_normal[N], felt[N], slow_v[N], scale_slow, shown, commanded[N];
-  S energy, net, level, g[N];
+  S exists, model_ramp, sticks, sticks_at_echo;
+  Array<S, N> anchor, anchor_at_echo;
+  S offset_m, scale_slow, shown;
+  Array<S, N> r, r_along, offset_normal, felt, slow_v, commanded;
+  S energy, net, level;
+  Array<S, N> g;
 };
 
 /// State of a simulation between two ticks: both plants, both nodes, both halves of the method, what is known of the network.
@@ -75,23 +92,31 @@ template <class S, int N>
 struct State {
   S k;  ///< number of the next tick
   // Device.
-  S master_x[N], master_v[N], held[N], intended[N], master_energy;
+  S master_energy;
+  Array<S, N> master_x, master_v, held, intended;
   // Robot.
-  S slave_x[N], slave_v[N], across[2], in_contact, command[N], into_robot;
+  S across[2], in_contact, into_robot;
+  Array<S, N> slave_x, slave_v, command;
   // Master's node and half.
   S master_absorbed, master_returned, ramp, master_mode;
-  S slave_known, slave_heard_at, slave_energy, f_rx[N], f_coupling_rx[N];
+  S slave_known, slave_heard_at, slave_energy;
+  Array<S, N> f_rx, f_coupling_rx;
   S base_absorbed, base_returned, absorbed_before;
-  S predicted_u[N], predicted_d[N], predicted_applied[N], predicted_w[N], predicted_before[N], predicted_error,
-      predicted_worst;
-  S command_absorbed, command_returned, command_force[N];
+  S predicted_error, predicted_worst;
+  Array<S, N> predicted_u, predicted_d, predicted_applied, predicted_w, predicted_before;
+  S command_absorbed, command_returned;
+  Array<S, N> command_force;
   // Slave's node and half.
   S slave_absorbed, slave_returned, slave_mode;
-  S master_known, master_heard_at, known_energy, x_rx[N], v_rx[N];
-  S shifted, origin[N], x_sd[N], x_d[N], target[N];
-  S coupling_f[N], x_before[N], coupling_absorbed, coupling_returned, coupling_worst, energy_sent;
+  S master_known, master_heard_at, known_energy;
+  Array<S, N> x_rx, v_rx;
+  S shifted;
+  Array<S, N> origin, x_sd, x_d, target;
+  S coupling_absorbed, coupling_returned, coupling_worst, energy_sent;
+  Array<S, N> coupling_f, x_before;
   // The laboratory's loop.
-  S delayed_force[N], force_lag, hand_origin[N];
+  S force_lag;
+  Array<S, N> delayed_force, hand_origin;
   // Packets, by direction: received, and the tick at which the first one came.
   S received[2], first_at[2];
   S random[2];  ///< bits of an unsigned integer
@@ -103,7 +128,7 @@ struct State {
 /// Sums of a run, and what HeldForce and Contacts keep.
 template <class S, int N>
 struct Sums : MetricsSums<S, N>, ContactSums<S>, JudgeSums<S, N> {
-  S filter_1[N], filter_2[N];
+  Array<S, N> filter_1, filter_2;
   S held_next, held_ticks;
   S pressed, late_ticks, touched;
 };

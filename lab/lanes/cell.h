@@ -4,33 +4,149 @@
 #include <array>
 #include <bit>
 #include <cmath>
+#include <cstddef>
 #include <cstdint>
 #include <cstring>
 #include <limits>
 #include <memory>
 #include <optional>
+#include <string>
 #include <utility>
+#include <variant>
 #include <vector>
 
 #include "common/base/low_pass.h"
+#include "common/base/time.h"
 #include "common/contact/environment.h"
 #include "common/method/transparency/internal_model/slave.h"
 #include "common/passivity/velocity_predictor.h"
 #include "common/record/metrics.h"
 #include "common/record/run_judge.h"
-#include "lab/engine/contact_states.h"
+#include "common/runtime/cycle.h"
+#include "common/scene/scene.h"
+#include "lab/engine/linked_nodes.h"
 #include "lab/engine/summary_parts.h"
 #include "lab/engine/tail_judge.h"
 #include "lab/lanes/batch.h"
-#include "lab/lanes/intended.h"
-#include "lab/lanes/nodes.h"
 #include "lab/lanes/taken.h"
 #include "lab/mechanical_energy.h"
 #include "lab/run.h"
+#include "sim/operator/path.h"
 #include "sim/plant/exact_wall.h"
 #include "sim/sim_device.h"
 
 namespace twoport::lab::lanes {
+
+/// LinkedNodes without the plants, for LaneMethod::nodes. Copies are independent.
+template <int N>
+class Nodes {
+ public:
+  explicit Nodes(const Scene& scene) : rate_hz_{scene.master_rate_hz}, nodes_{scene} {}
+
+  void be_quiet() noexcept { nodes_.be_quiet(); }
+  [[nodiscard]] LinkUse use() const { return nodes_.use(); }
+
+  /// A tick: every `width`-th of `numbers` is of this simulation, as numbers_of_slave() and numbers_of_master() name them.
+  TWOPORT_FLATTEN void slave_tick(double* numbers, std::size_t width) noexcept {
+    const auto at = [&](std::size_t field) -> double& { return numbers[field * width]; };
+    const Force<N> environment{vector_at(numbers + 2 * N * width, width)};
+    GivenReading<RobotSample<N>> robot{{Position<N>{vector_at(numbers, width)},
+                                        Velocity<N>{vector_at(numbers + N * width, width)},
+                                        Force<N>{bias_ - environment.vec()}, false}};
+    const auto out = nodes_.slave_tick(robot, {tick_time(slave_ticks_++, rate_hz_)}, environment);
+    for (std::size_t i = 0; i < N; ++i) {
+      const auto k = static_cast<Eigen::Index>(i);
+      at(3 * N + i) = out.command.f[static_cast<int>(i)];
+      at(4 * N + i) = nodes_.slave.position_error()[static_cast<int>(i)];
+      at(5 * N + i) = nodes_.origin()[k];
+    }
+    at(6 * N) = nodes_.slave.delivered().si();
+    at(6 * N + 1) = static_cast<double>(out.mode);
+    at(6 * N + 2) = out.dissipated.si();
+  }
+  TWOPORT_FLATTEN void master_tick(double* numbers, std::size_t width) noexcept {
+    const auto at = [&](std::size_t field) -> double& { return numbers[field * width]; };
+    GivenReading<DeviceSample<N>> device{{Position<N>{vector_at(numbers, width)},
+                                          Velocity<N>{vector_at(numbers + N * width, width)},
+                                          Force<N>{vector_at(numbers + 2 * N * width, width)}}};
+    const auto out = nodes_.master_tick(device, {tick_time(ticks_++, rate_hz_)});
+    for (std::size_t i = 0; i < N; ++i) {
+      const int k = static_cast<int>(i);
+      at(2 * N + i) = out.command[k];
+      at(3 * N + i) = out.wanted[k];
+      at(4 * N + i) = nodes_.delayed_force()[k];
+    }
+    at(5 * N) = nodes_.master.observed().si();
+    at(5 * N + 1) = static_cast<double>(out.mode);
+    at(5 * N + 2) = out.dissipated.si();
+    at(5 * N + 3) = out.undissipated.si();
+  }
+  /// Of the force sensor.
+  void set_bias(const typename Force<N>::Vector& bias) { bias_ = bias; }
+
+ private:
+  static typename Force<N>::Vector vector_at(const double* numbers, std::size_t width) {
+    typename Force<N>::Vector v;
+    for (int i = 0; i < N; ++i) v[i] = numbers[static_cast<std::size_t>(i) * width];
+    return v;
+  }
+
+  double rate_hz_;
+  LinkedNodes<N> nodes_;
+  typename Force<N>::Vector bias_ = Force<N>::Vector::Zero();
+  std::int64_t ticks_ = 0, slave_ticks_ = 0;
+};
+
+/// What the operator's intended positions follow from.
+inline std::string path_key(const Scene& scene) {
+  std::string key;
+  const auto add = [&](double v) { key.append(reinterpret_cast<const char*>(&v), sizeof v); };
+  const auto add_all = [&](const Numbers& n) {
+    add(static_cast<double>(n.size()));
+    for (const double v : n) add(v);
+  };
+  add(scene.master_rate_hz), add(scene.duration_s);
+  if (scene.device) add_all(scene.device->position_m);
+  add(scene.device ? 1.0 : 0.0);
+  const OperatorSpec& o = *scene.operator_model;
+  for (const SegmentSpec& segment : o.path) {
+    add(static_cast<double>(segment.index()));
+    add(std::visit([](const auto& s) { return s.duration_s; }, segment));
+    if (const auto* move = std::get_if<MoveToSpec>(&segment)) add_all(move->position_m);
+    if (const auto* sine = std::get_if<SineSpec>(&segment))
+      add(sine->axis), add(sine->amplitude_m), add(sine->frequency_hz);
+    if (const auto* screw = std::get_if<ScrewSpec>(&segment)) {
+      add_all(screw->point_m), add_all(screw->axis);
+      add(screw->angle_rad), add(screw->travel_m), add(screw->frequency_hz);
+    }
+  }
+  if (o.tremor) {
+    add(o.tremor->rms_m), add(o.tremor->low_hz), add(o.tremor->high_hz);
+    add(std::bit_cast<double>(scene.seed));
+  }
+  return key;
+}
+
+/// Intended positions at each tick of a scene, and what else the path says.
+struct Intended {
+  std::vector<double> x;
+  std::vector<sim::SegmentTimes> segments;
+  double end_s = 0.0;
+};
+template <int N>
+std::shared_ptr<const Intended> intended_of(const sim::SimDevice<N>& device, const Scene& scene, std::int64_t ticks) {
+  sim::Path<N> path = device.path();
+  auto all = std::make_shared<Intended>();
+  const double dt = Seconds{1.0 / scene.master_rate_hz}.si();
+  all->x.reserve(static_cast<std::size_t>((ticks + 1) * N));
+  for (std::int64_t k = 0; k <= ticks; ++k) {
+    const auto at = path.at(k == 0 ? 0.0 : static_cast<double>(k) * dt);
+    for (int i = 0; i < N; ++i) all->x.push_back(at.x.translation()[i]);
+  }
+  all->segments = path.segment_times();
+  all->end_s = path.end_s();
+  return all;
+}
 
 /// A simulation at rest between two ticks, with the packets on their way.
 template <int N>
@@ -178,9 +294,9 @@ class Cell {
       for (int i = 0; i < N; ++i) s.slave_v[i] = s.slave_v[i] + by.second[i];
       return s;
     }
-    to_plant(s.slave_x, s.slave_v, s.across, s.in_contact);
+    to_plant(s.slave_x.e, s.slave_v.e, s.across, s.in_contact);
     plant_.kick(by.second);
-    from_plant(s.slave_x, s.slave_v, s.across, s.in_contact);
+    from_plant(s.slave_x.e, s.slave_v.e, s.across, s.in_contact);
     return s;
   }
   /// Takes the verdict of a tail. True: another one is needed.
@@ -266,21 +382,14 @@ class Cell {
     p.step_s = dt / scene_.simulation.substeps;
     p.handle_inverse_mass = 1.0 / handle.mass_kg, p.handle_damping = handle.damping_n_s_per_m;
     p.robot_mass = scene_.robot->mass_kg, p.robot_damping = scene_.robot->damping_n_s_per_m;
-    // As ExactPlant's regions: the robot with the springs, free and in contact.
     const World world{scene_.environment};
-    sim::Oscillator free{scene_.robot->mass_kg, scene_.robot->damping_n_s_per_m, 0.0};
-    typename Force<N>::Vector pull = Force<N>::Vector::Zero();
-    int k = 0;
-    for (const Spring& s : world.springs) {
-      free.damping_n_s_per_m += s.damping_n_s_per_m;
-      free.stiffness_n_per_m += s.stiffness_n_per_m;
-      pull += s.stiffness_n_per_m * s.anchor_m.head<N>();
+    for (int k = 0; const Spring& s : world.springs) {
       p.spring_stiffness[k] = s.stiffness_n_per_m, p.spring_damping[k] = s.damping_n_s_per_m;
       for (int i = 0; i < N; ++i) p.spring_anchor[k][i] = s.anchor_m[i];
       ++k;
     }
-    for (int i = 0; i < N; ++i) p.pull[i] = pull[i];
-    set_region(0, free, free, 0.0);
+    for (int i = 0; i < N; ++i) p.pull[i] = plant_.pull()[i];
+    set_region(0);
     if (!world.surfaces.empty()) {
       const Surface& w = world.surfaces[0];
       const Wall& plane = std::get<Wall>(w.shape);
@@ -288,11 +397,7 @@ class Cell {
       p.offset = plane.offset_m;
       p.wall_stiffness = w.material.stiffness_n_per_m, p.wall_damping = w.material.damping_n_s_per_m;
       p.wall_viscous = w.material.viscous_friction_n_s_per_m, p.wall_friction = w.material.friction;
-      sim::Oscillator across = free, along = free;
-      across.stiffness_n_per_m += p.wall_stiffness;
-      across.damping_n_s_per_m += p.wall_damping;
-      along.damping_n_s_per_m += p.wall_viscous;
-      set_region(1, across, along, p.wall_stiffness * p.offset);
+      set_region(1);
     }
     if (scene_.robot->force_sensor) {
       const auto bias = vector<N>(scene_.robot->force_sensor->bias_n);
@@ -361,16 +466,18 @@ class Cell {
   }
 
   /// A tick that is cut into parts is left to the plant; the map of a whole one then does not matter.
-  void set_region(int in, const sim::Oscillator& across, const sim::Oscillator& along, double load) {
-    const sim::Response map{across, p.dt}, side{along, p.dt};
-    p.map_x[in][0] = 1.0 - across.stiffness_n_per_m * map.xu, p.map_x[in][1] = -across.stiffness_n_per_m * map.vu;
-    p.map_v[in][0] = map.xv, p.map_v[in][1] = map.vv;
-    p.map_u[in][0] = map.xu, p.map_u[in][1] = map.vu;
-    p.load[in] = load;
-    p.in_parts[in] =
-        std::ceil(std::max(1.0, 2.0 * p.dt * std::sqrt(across.stiffness_n_per_m / across.mass_kg))) > 1.0 ? 1.0 : 0.0;
-    p.along_stiffness[in] = along.stiffness_n_per_m;
-    p.along_xv[in] = side.xv, p.along_xu[in] = side.xu, p.along_vv[in] = side.vv, p.along_vu[in] = side.vu;
+  void set_region(int in) {
+    const auto& region = plant_.region(in != 0);
+    for (int i = 0; i < 2; ++i) {
+      p.map_x[in][i] = region.map.x[i];
+      p.map_v[in][i] = region.map.v[i];
+      p.map_u[in][i] = region.map.u[i];
+    }
+    p.load[in] = region.load;
+    p.in_parts[in] = region.span < p.dt ? 1.0 : 0.0;
+    p.along_stiffness[in] = region.along.stiffness_n_per_m;
+    p.along_xv[in] = region.full_along.xv, p.along_xu[in] = region.full_along.xu;
+    p.along_vv[in] = region.full_along.vv, p.along_vu[in] = region.full_along.vu;
   }
 
   void start(const sim::SimDevice<N>& device) {
@@ -379,7 +486,7 @@ class Cell {
       s.master_x[i] = device.x().translation()[i], s.master_v[i] = device.v()[i];
       s.intended[i] = path_->x[static_cast<std::size_t>(i)];
     }
-    from_plant(s.slave_x, s.slave_v, s.across, s.in_contact);
+    from_plant(s.slave_x.e, s.slave_v.e, s.across, s.in_contact);
     for (int i = 0; i < N; ++i) s.x_sd[i] = s.x_d[i] = s.x_before[i] = s.slave_x[i];
     s.force_lag = static_cast<double>(first_force_lag_);
     const std::uint64_t streams[] = {kToSlaveStream, kToMasterStream};

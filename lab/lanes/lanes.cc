@@ -3,21 +3,17 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <cstdint>
 #include <map>
 #include <memory>
 #include <optional>
-#include <string>
 #include <utility>
 
 #include "common/base/check.h"
 #include "common/base/time.h"
-#include "lab/engine/stoppable.h"
+#include "lab/engine/simulation.h"
 #include "lab/lanes/batch.h"
-#include "lab/lanes/intended.h"
-#include "lab/lanes/queue.h"
+#include "lab/lanes/cell.h"
 #include "lab/lanes/runs.h"
-#include "lab/lanes/tails.h"
 #include "lab/study/parallel.h"
 #include "sim/sim_device.h"
 

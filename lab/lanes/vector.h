@@ -77,9 +77,65 @@ static inline V next_packet(V random) {
   return (V)((U)random + 0x9e3779b97f4a7c15 * 16);
 }
 
+/// Where m: `to` = a.
+static inline void set(M m, V& to, V a) {
+  to = select(m, a, to);
+}
+static inline V positive(V a) {
+  return select(a > 0.0, a, V{});
+}
+
+/// A vector in each lane, with the operators of the laboratory's.
+template <int N>
+using Vec = Array<V, N>;
+#define TWOPORT_EACH(expression)                   \
+  Vec<N> out;                                      \
+  for (int i = 0; i < N; ++i) out[i] = expression; \
+  return out
+template <int N>
+static inline Vec<N> operator+(Vec<N> a, Vec<N> b) {
+  TWOPORT_EACH(a[i] + b[i]);
+}
+template <int N>
+static inline Vec<N> operator+(Vec<N> a, double b) {
+  TWOPORT_EACH(a[i] + b);
+}
+template <int N>
+static inline Vec<N> operator-(Vec<N> a, Vec<N> b) {
+  TWOPORT_EACH(a[i] - b[i]);
+}
+template <int N>
+static inline Vec<N> operator-(Vec<N> a) {
+  TWOPORT_EACH(-a[i]);
+}
+template <int N>
+static inline Vec<N> operator*(V a, Vec<N> b) {
+  TWOPORT_EACH(a * b[i]);
+}
+template <int N>
+static inline Vec<N> operator/(Vec<N> a, V b) {
+  TWOPORT_EACH(a[i] / b);
+}
+template <int N>
+static inline Vec<N> select(M m, Vec<N> a, Vec<N> b) {
+  TWOPORT_EACH(select(m, a[i], b[i]));
+}
+template <int N>
+static inline Vec<N> vector_at(const V* from) {
+  TWOPORT_EACH(from[i]);
+}
+#undef TWOPORT_EACH
+template <int N>
+static inline void operator+=(Vec<N>& a, Vec<N> b) {
+  a = a + b;
+}
+template <int N>
+static inline void set(M m, Vec<N>& to, Vec<N> a) {
+  to = select(m, a, to);
+}
 /// The order of a sum over axes is that of the laboratory's vectors.
 template <int N>
-static inline V dot(const V (&a)[N], const V (&b)[N]) {
+static inline V dot(Vec<N> a, Vec<N> b) {
   if constexpr (N == 1) {
     return a[0] * b[0];
   } else {
@@ -87,8 +143,18 @@ static inline V dot(const V (&a)[N], const V (&b)[N]) {
   }
 }
 template <int N>
-static inline V norm2(const V (&a)[N]) {
+static inline V norm2(Vec<N> a) {
   return dot(a, a);
+}
+template <int N>
+static inline V norm(Vec<N> a) {
+  return root(norm2(a));
+}
+/// Eigen's normalize().
+template <int N>
+static inline Vec<N> normalized(Vec<N> a) {
+  const V z = norm2(a);
+  return select(z > 0.0, a / root(z), a);
 }
 /// largest_feasible_scale: q, b, a.
 static inline V feasible_scale(V q, V b, V a) {

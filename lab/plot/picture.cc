@@ -7,12 +7,9 @@
 #include <cmath>
 #include <cstdio>
 #include <iterator>
-#include <limits>
-#include <utility>
 
 #include "common/base/file.h"
 #include "common/base/text.h"
-#include "lab/study/grid.h"
 
 namespace twoport::lab {
 
@@ -23,16 +20,14 @@ constexpr double kCharacter = 6.7, kMark = 26.0, kEntryGap = 28.0, kLegendRow = 
 constexpr double kTitle = 40.0, kPanelTitle = 22.0, kBarGap = 25.0, kBarWidth = 22.0, kBarRight = 150.0;
 
 /// In single quotes for gnuplot; the only escape there is a doubled quote.
-std::string gnuplot_string(std::string_view text) {
+std::string gnuplot_string(std::string_view text, std::string_view quote = "''") {
   std::string out = "'";
-  for (const char c : text) out += c == '\'' ? "''" : std::string(1, c);
+  for (const char c : text) out += c == '\'' ? quote : std::string_view{&c, 1};
   return out + "'";
 }
 /// Quoted for a shell, which has no escape within single quotes.
 std::string shell_word(const std::string& text) {
-  std::string out = "'";
-  for (const char c : text) out += c == '\'' ? "'\\''" : std::string(1, c);
-  return out + "'";
+  return gnuplot_string(text, "'\\''");
 }
 /// Unlike std::system() it lets Ctrl-C stop this program meanwhile.
 bool shell(const std::string& command) {
@@ -394,6 +389,12 @@ namespace {
 
 using Replacement = std::pair<std::string_view, std::string_view>;
 
+bool take_ending(std::string& name, std::string_view ending) {
+  if (!name.ends_with(ending)) return false;
+  name.resize(name.size() - ending.size());
+  return true;
+}
+
 /// Takes the unit off the end of a name.
 std::string take_unit(std::string& name) {
   static constexpr Replacement kUnits[] = {{"_n_m_s_per_rad", "N m s/rad"},
@@ -415,17 +416,8 @@ std::string take_unit(std::string& name) {
                                            {"_m", "m"},
                                            {"_s", "s"}};
   for (const auto& [ending, unit] : kUnits)
-    if (name.size() > ending.size() && name.ends_with(ending)) {
-      name.resize(name.size() - ending.size());
-      return std::string{unit};
-    }
+    if (name.size() > ending.size() && take_ending(name, ending)) return std::string{unit};
   return "";
-}
-
-bool take_ending(std::string& name, std::string_view ending) {
-  if (!name.ends_with(ending)) return false;
-  name.resize(name.size() - ending.size());
-  return true;
 }
 
 std::string spaced(std::string name) {

@@ -12,15 +12,11 @@
 #include "common/coupling/claim.h"
 #include "common/coupling/registration.h"
 #include "common/hardware/modulated_transformer.h"
-#include "common/link/delay_line.h"
-#include "common/link/mailbox.h"
 #include "common/method/catalogue.h"
 #include "common/passivity/velocity_predictor.h"
 #include "common/scene/load.h"
-#include "lab/engine/loops.h"
+#include "lab/engine/both_nodes.h"
 #include "lab/study/map.h"
-#include "master/master_node.h"
-#include "slave/slave_node.h"
 
 namespace twoport::lab {
 namespace {
@@ -402,6 +398,16 @@ class Lie {
   double factor_ = 1.0, energy_j_ = 0.0;
 };
 
+/// The master's mailbox, unless `lie` is null with the lie in place of what is there.
+template <int N>
+struct ToldMail {
+  const PeerState<N>& collect(Duration now) noexcept { return lie ? lie->of(mail.collect(now)) : mail.collect(now); }
+  void post(auto&&... report) noexcept { mail.post(report...); }
+
+  Mailbox<N, HostileTransport<N>> mail;
+  Lie<N>* lie;
+};
+
 /// Clutch, locks and scales between hand and master, which change from time to time.
 template <int N>
 class AtWork {
@@ -502,9 +508,8 @@ AdversaryRun run_of(const std::string& method, AdversaryRun out, Draw& draw, con
   out.rate_hz = scene.master_rate_hz;
   out.switches = static_cast<int>(scene.schedule.size());
   if (out.rests) out.lies = false;
-  const double true_slave_hz = scene.slave_rate_hz * (1.0 + scene.slave_clock.drift);
-  const Seconds master_dt{1.0 / scene.master_rate_hz}, slave_dt{1.0 / scene.slave_rate_hz},
-      true_slave_dt{1.0 / true_slave_hz};
+  TickOrder order{scene};
+  const Seconds master_dt{1.0 / scene.master_rate_hz}, slave_dt{1.0 / scene.slave_rate_hz};
   const double ticks = std::clamp(
       scene.master_rate_hz * (1.0 + 4.0 * (scene.to_slave.delay_s + scene.to_master.delay_s)), 1500.0, 4000.0);
   const double duration_s =
@@ -534,7 +539,7 @@ AdversaryRun run_of(const std::string& method, AdversaryRun out, Draw& draw, con
 
   Body<N> handle{
       scene.device->mass_kg, 1e-3 * scene.device->mass_kg, scene.device->damping_n_s_per_m, true, draw, master_dt};
-  Body<N> robot{scene.robot->mass_kg, 1e-3 * scene.robot->mass_kg, 0.0, false, draw, true_slave_dt};
+  Body<N> robot{scene.robot->mass_kg, 1e-3 * scene.robot->mass_kg, 0.0, false, draw, order.slave_period()};
   MasterNode<N> master{scene.control, scene.schedule};
   SlaveNode<N> slave{scene.control, scene.schedule};
   const auto room = [&](const ImpairmentOptions& way, const Queue& queue, double rate_hz) {
@@ -547,20 +552,15 @@ AdversaryRun run_of(const std::string& method, AdversaryRun out, Draw& draw, con
                                       room(scene.to_master, to_master, scene.slave_rate_hz)};
   using Mail = Mailbox<N, HostileTransport<N>>;
   const AgeOptions age = age_of_reports(scene.control);
-  Mail master_mail{{line_to_master, line_to_slave, to_master, repeats, also}, age};
+  Lie<N> lie{draw};
+  ToldMail<N> master_mail{Mail{{line_to_master, line_to_slave, to_master, repeats, also}, age},
+                          out.lies ? &lie : nullptr};
   Mail slave_mail{{line_to_slave, line_to_master, to_slave, repeats, also}, age};
   SwitchTimes times{scene.schedule};
-  Lie<N> lie{draw};
   const Registration<N> registration{scene.control};
   PredictionError<N> error{0.5 * master_dt.si() * handle.mass().cwiseInverse()};
   Force<N> held, pushed;
   Energies<N> at;
-  const auto post = [](auto& node, auto& mail, auto& report, Duration now) {
-    if (!node.has_payload()) return mail.post(report, now);
-    Words words;
-    node.write_payload(words);
-    mail.post(report, words, now);
-  };
   const auto in_master_units = [&](double j) { return registration.to_master(Energy{j}).si(); };
   const auto note_both = [&] {
     if (out.lies) return;
@@ -571,23 +571,22 @@ AdversaryRun run_of(const std::string& method, AdversaryRun out, Draw& draw, con
   const bool rested_only = !leaves_random_layer(scene);
   bool turns = false, rest = false, flows = false;
   Position<N> rested_at, port_before;
-  const auto slave_tick = [&](std::int64_t k, Duration now) {
-    if (k > 0) {
+  const auto slave_tick = [&](TickAt when) {
+    if (when.now > Duration{0}) {
       const Displacement<N> driven = robot.advance(pushed);
       if (is_half_a_turn(driven)) turns = true;
       at.robot_j += dot(pushed, driven).si();
       at.robot_largest2 = std::max(at.robot_largest2, driven.squared_norm());
     }
-    const Duration local = to_duration(scene.slave_clock.offset_s) + tick_time(k, scene.slave_rate_hz);
-    slave_mail.transport().set_clock_ahead(local - now);
-    auto to_robot = slave.step({Instant<SlaveClock>{local}, slave_dt}, {robot.x(), robot.v(), -robot.own_force()},
-                               slave_mail.collect(local));
-    pushed = to_robot.command.f;
-    post(slave, slave_mail, to_robot.report, local);
+    slave_mail.transport().set_clock_ahead(when.ahead);
+    GivenReading<RobotSample<N>> reading{{robot.x(), robot.v(), -robot.own_force()}};
+    const Tick<SlaveClock> tick{Instant<SlaveClock>{when.now + when.ahead}, slave_dt};
+    pushed = run_cycle(slave, reading, slave_mail, tick).command.f;
     note_both();
   };
-  const auto master_tick = [&](std::int64_t k, Duration now) {
-    if (k > 0) {
+  const auto master_tick = [&](TickAt when) {
+    const bool first = when.now == Duration{0};
+    if (!first) {
       const Displacement<N> by = handle.advance(-held);
       if (is_half_a_turn(by)) turns = true;
       const double dt_s = master_dt.si();
@@ -595,10 +594,10 @@ AdversaryRun run_of(const std::string& method, AdversaryRun out, Draw& draw, con
       at.damped_j += handle.damping().dot(by.vec().cwiseAbs2()) / dt_s;
       at.hand_largest2 = std::max(at.hand_largest2, by.squared_norm());
     }
-    const DeviceSample<N> port = at_work.reading({handle.x(), handle.v(), held}, k > 0 ? master_dt.si() : 0.0);
+    const DeviceSample<N> port = at_work.reading({handle.x(), handle.v(), held}, first ? 0.0 : master_dt.si());
     const std::uint32_t epoch = master.epoch();
-    while (times.due(to_seconds(now).si(), master.epoch())) master.switch_to_next();
-    if (k > 0) {
+    while (times.due(to_seconds(when.now).si(), master.epoch())) master.switch_to_next();
+    if (!first) {
       const Vector v = (port.x - port_before).vec() / master_dt.si();
       out.unforeseen_j += master_dt.si() * std::abs(port.applied.vec().dot(error.step(v, port.applied)));
       if (master.epoch() != epoch) {
@@ -608,35 +607,30 @@ AdversaryRun run_of(const std::string& method, AdversaryRun out, Draw& draw, con
     }
     error.take_ratio(port.ratio, port.v);
     port_before = port.x;
-    const PeerState<N>& told = master_mail.collect(now);
-    auto to_hand = master.step({Instant<MasterClock>{now}, master_dt}, port, out.lies ? lie.of(told) : told);
-    held = at_work.to_hand(to_hand.command);
-    post(master, master_mail, to_hand.report, now);
+    GivenReading<DeviceSample<N>> reading{port};
+    const Tick<MasterClock> tick{Instant<MasterClock>{when.now}, master_dt};
+    held = at_work.to_hand(run_cycle(master, reading, master_mail, tick).command);
     out.felt_max_n = std::max(out.felt_max_n, held.vec().norm());
     out.hand_least_j = std::min(out.hand_least_j, at.hand_j + (claim.device_damping ? at.damped_j : 0.0));
     note_both();
   };
   const Duration end = to_duration(duration_s);
-  std::int64_t m = 0, s = 0;
-  while (true) {
-    const Duration next_m = tick_time(m, scene.master_rate_hz), next_s = tick_time(s, true_slave_hz);
-    const Duration now = std::min(next_s, next_m);
-    if (now >= end || turns) break;
-    if (out.rests && !rest && to_seconds(now).si() >= kRest_s) {
+  const auto tick = [&](TickAt when, const auto& of_side) {
+    if (when.now >= end || turns) return false;
+    if (out.rests && !rest && to_seconds(when.now).si() >= kRest_s) {
       rest = true;
       handle.rest(static_cast<int>(0.3 / master_dt.si()));
       robot.rest(0);
     }
-    if (next_s <= next_m) {
-      slave_tick(s++, next_s);
-    } else {
-      master_tick(m++, next_m);
-    }
-    if (out.rests && rested_only && to_seconds(now).si() >= kFlow_s) {
+    of_side(when);
+    if (out.rests && rested_only && to_seconds(when.now).si() >= kFlow_s) {
       if (!std::exchange(flows, true)) rested_at = robot.x();
       out.self_moved_m = std::max(out.self_moved_m, (robot.x().translation() - rested_at.translation()).norm());
     }
-  }
+    return true;
+  };
+  const auto slave_ticks = [&](TickAt when) { tick(when, slave_tick); };
+  order.run(Duration::max(), slave_ticks, [&](TickAt when) { return tick(when, master_tick); });
   const double initial = out.initial_j = scene.control.initial_energy.si();
   const double stiffness = scene.control.coupling.stiffness_n_per_m;
   const double scale = scene.control.force_scale * scene.control.motion_scale;

@@ -11,7 +11,7 @@
 #include "common/base/file.h"
 #include "common/base/text.h"
 #include "common/scene/load.h"
-#include "lab/engine/stoppable.h"
+#include "lab/engine/simulation.h"
 #include "lab/run.h"
 
 namespace twoport::lab {

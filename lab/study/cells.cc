@@ -1,19 +1,15 @@
 #include "lab/study/cells.h"
 
-#include <fmt/format.h>
 #include <google/protobuf/struct.pb.h>
 #include <google/protobuf/util/json_util.h>
 
 #include <algorithm>
 #include <cerrno>
 #include <filesystem>
-#include <optional>
-#include <string_view>
 #include <system_error>
 #include <utility>
 
 #include "common/base/check.h"
-#include "common/base/file.h"
 #include "common/base/text.h"
 
 namespace twoport::lab {

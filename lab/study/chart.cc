@@ -6,12 +6,10 @@
 #include <chrono>
 #include <cmath>
 #include <limits>
-#include <optional>
 #include <set>
 
 #include "common/base/built_for.h"
 #include "common/base/check.h"
-#include "common/base/file.h"
 #include "common/base/thread.h"
 #include "common/scene/load.h"
 #include "lab/engine/hosted.h"
@@ -71,11 +69,6 @@ double rms(const std::vector<double>& v) {
   double sum2 = 0.0;
   for (const double x : v) sum2 += x * x;
   return std::sqrt(3.0 * sum2 / static_cast<double>(std::max<std::size_t>(v.size(), 1)));
-}
-
-double median(std::vector<double> v) {
-  std::nth_element(v.begin(), v.begin() + static_cast<std::ptrdiff_t>(v.size() / 2), v.end());
-  return v[v.size() / 2];
 }
 
 struct Candidate {
@@ -351,10 +344,12 @@ void find_front(std::vector<Point>& points, double floor) {
   }
 }
 
-const Point* cheapest(const std::vector<Point>& points, double error, double floor) {
+const Point* cheapest(const std::vector<Point>& points, double error, double floor,
+                      const std::function<bool(const Point&)>& may) {
   const Point* best = nullptr;
   for (const Point& p : points)
-    if (p.counts() && std::max(p.off, floor) <= error && (best == nullptr || p.cost < best->cost)) best = &p;
+    if (p.counts() && std::max(p.off, floor) <= error && (best == nullptr || p.cost < best->cost) && (!may || may(p)))
+      best = &p;
   return best;
 }
 
@@ -362,12 +357,8 @@ std::vector<EqualError> beside_engines(const Chart& c) {
   std::vector<EqualError> all;
   for (const Point& p : c.points)
     if (p.peer && p.impossible.empty()) {
-      const Point* best = nullptr;
-      for (const Point& q : c.points)
-        if (!q.peer && q.counts() && q.from == p.from && (best == nullptr || q.cost < best->cost) &&
-            q.off <= std::max(p.off, c.floor_off))
-          best = &q;
-      all.push_back({&p, best});
+      const auto may = [&](const Point& q) { return !q.peer && q.from == p.from; };
+      all.push_back({&p, cheapest(c.points, std::max(p.off, c.floor_off), 0.0, may)});
     }
   std::sort(all.begin(), all.end(),
             [](const EqualError& a, const EqualError& b) { return a.engine->cost < b.engine->cost; });

@@ -96,8 +96,9 @@ Chart chart(const ChartOptions& options, const std::vector<Peer>& peers = {},
 /// Fills in dominated_by: front of cost against error. A point that does not count is neither on it nor before it. An error below the
 /// uncertainty of the reference, `floor`, counts as that uncertainty, here and below.
 void find_front(std::vector<Point>& points, double floor = 0.0);
-/// Cheapest point that counts with an error of at most `error`; null when there is none.
-const Point* cheapest(const std::vector<Point>& points, double error, double floor = 0.0);
+/// Cheapest point of those that `may` with an error of at most `error`; null when there is none.
+const Point* cheapest(const std::vector<Point>& points, double error, double floor = 0.0,
+                      const std::function<bool(const Point&)>& may = {});
 
 /// Of each other engine that ran: the cheapest of our points with a verdict made alike whose error is no larger, null when there is none.
 struct EqualError {

@@ -1,16 +1,13 @@
 #include "lab/study/many_runs.h"
 
 #include <algorithm>
-#include <chrono>
 #include <iterator>
 #include <numeric>
-#include <optional>
 #include <set>
 #include <utility>
-#include <vector>
 
 #include "common/base/check.h"
-#include "lab/engine/stoppable.h"
+#include "lab/engine/simulation.h"
 #include "lab/lanes/lanes.h"
 #include "lab/study/parallel.h"
 

@@ -17,8 +17,7 @@
 #include "common/method/catalogue.h"
 #include "common/record/summary.h"
 #include "common/scene/load.h"
-#include "lab/engine/stoppable.h"
-#include "lab/run.h"
+#include "lab/engine/simulation.h"
 #include "lab/study/parallel.h"
 
 namespace twoport::lab {

@@ -3,8 +3,6 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <bit>
-#include <cmath>
 #include <map>
 #include <memory>
 #include <utility>
@@ -24,63 +22,6 @@
 
 namespace twoport::lab {
 namespace {
-
-/// Compares results to the bit and keeps the first that differs. Two values that are no numbers count as equal.
-class Comparison {
- public:
-  void see(const std::string& name, double recorded, double replayed) {
-    const auto a = std::bit_cast<std::uint64_t>(recorded), b = std::bit_cast<std::uint64_t>(replayed);
-    if (a == b || (std::isnan(recorded) && std::isnan(replayed)) || !difference_.empty()) return;
-    difference_ = fmt::format("{} is {:.17g} ({:016x}), recorded {:.17g} ({:016x})", name, replayed, b, recorded, a);
-  }
-  void see(const std::string& name, std::uint64_t recorded, std::uint64_t replayed) {
-    if (recorded == replayed || !difference_.empty()) return;
-    difference_ = fmt::format("{} is {}, recorded {}", name, static_cast<std::int64_t>(replayed),
-                              static_cast<std::int64_t>(recorded));
-  }
-  template <class Kind, int N>
-  void see(const std::string& name, const Coords<Kind, N>& recorded, const Coords<Kind, N>& replayed) {
-    for (int i = 0; i < N; ++i) see(element(name, i), recorded[i], replayed[i]);
-  }
-  template <int N>
-  void see(const std::string& name, const Position<N>& recorded, const Position<N>& replayed) {
-    const auto size = static_cast<int>(recorded.translation().size());
-    for (int i = 0; i < size; ++i) see(element(name, i), recorded.translation()[i], replayed.translation()[i]);
-    if constexpr (N == 6) {
-      const Eigen::Quaterniond &a = recorded.attitude(), &b = replayed.attitude();
-      see(element(name, 3), a.w(), b.w());
-      see(element(name, 4), a.x(), b.x());
-      see(element(name, 5), a.y(), b.y());
-      see(element(name, 6), a.z(), b.z());
-    }
-  }
-  template <int N>
-  void see(const std::string& name, const Report<N>& recorded, const Report<N>& replayed) {
-    const auto of = [&](const char* field) { return name + "." + field; };
-    const auto bits = [](std::int64_t value) { return static_cast<std::uint64_t>(value); };
-    see(of("x"), recorded.x, replayed.x);
-    see(of("v"), recorded.v, replayed.v);
-    see(of("f"), recorded.f, replayed.f);
-    see(of("f_coupling"), recorded.f_coupling, replayed.f_coupling);
-    see(of("f_environment"), recorded.f_environment, replayed.f_environment);
-    see(of("position_error"), recorded.position_error, replayed.position_error);
-    see(of("energy_in_j"), recorded.energy_in_j, replayed.energy_in_j);
-    see(of("mode"), static_cast<std::uint64_t>(recorded.mode), static_cast<std::uint64_t>(replayed.mode));
-    see(of("epoch"), std::uint64_t{recorded.epoch}, std::uint64_t{replayed.epoch});
-    see(of("words"), std::uint64_t{recorded.words.count}, std::uint64_t{replayed.words.count});
-    see(of("running_totals"), std::uint64_t{recorded.words.totals}, std::uint64_t{replayed.words.totals});
-    for (std::size_t i = 0; i < std::min(recorded.words.count, replayed.words.count); ++i)
-      see(element(of("words"), static_cast<int>(i)), recorded.words.at[i], replayed.words.at[i]);
-    see(of("sequence"), recorded.sequence, replayed.sequence);
-    see(of("sent_ns"), bits(recorded.sent_ns), bits(replayed.sent_ns));
-    see(of("echo_ns"), bits(recorded.echo_ns), bits(replayed.echo_ns));
-  }
-  [[nodiscard]] const std::string& difference() const { return difference_; }
-
- private:
-  static std::string element(const std::string& name, int i) { return fmt::format("{}[{}]", name, i); }
-  std::string difference_;
-};
 
 /// Delivers the recorded reports and keeps what is sent.
 template <int N>
@@ -107,6 +48,7 @@ class ReplayTransport {
 
 template <int N>
 struct MasterSide {
+  static constexpr bool kOfMaster = true;
   using Clock = MasterClock;
   using Sample = DeviceSample<N>;
   explicit MasterSide(const Scene& s)
@@ -120,6 +62,7 @@ struct MasterSide {
 
 template <int N>
 struct RenderSide {
+  static constexpr bool kOfMaster = true;
   using Clock = MasterClock;
   using Sample = DeviceSample<N>;
   explicit RenderSide(const Scene& s) : node{s.control, Environment<N>{s.environment, s.tool}} {}
@@ -130,6 +73,7 @@ struct RenderSide {
 
 template <int N>
 struct SlaveSide {
+  static constexpr bool kOfMaster = false;
   using Clock = SlaveClock;
   using Sample = RobotSample<N>;
   explicit SlaveSide(const Scene& s)
@@ -163,34 +107,27 @@ class ReplayOf final : public Replay {
                                       static_cast<std::int64_t>(t.number) - 1);
       return;
     }
-    Comparison seen;
-    begin(t, seen);
+    begin(t);
     TickRecord<N> now;
+    if constexpr (requires { side_.node.epoch(); }) now.epoch = side_.node.epoch();
     GivenReading<typename Side::Sample> hardware{Side::sample(t)};
     now.take_output(run_cycle(side_.node, hardware, side_.mail,
                               Tick<typename Side::Clock>{Instant<typename Side::Clock>{t.now}, t.dt, t.ended}));
-    seen.see("command", t.command, now.command);
-    seen.see("wanted", t.wanted, now.wanted);
-    seen.see("x_d", t.x_d, now.x_d);
-    seen.see("v_d", t.v_d, now.v_d);
-    seen.see("dissipated_j", t.dissipated_j, now.dissipated_j);
-    seen.see("undissipated_j", t.undissipated_j, now.undissipated_j);
-    seen.see("mode", static_cast<std::uint64_t>(t.mode), static_cast<std::uint64_t>(now.mode));
     if constexpr (requires { side_.mail.transport(); }) {
-      const ReplayTransport<N>& transport = side_.mail.transport();
-      seen.see("number of reports sent", std::uint64_t{t.sends}, std::uint64_t{transport.sends});
-      if (t.sends && transport.sends) seen.see("sent", t.sent, transport.sent);
+      now.sends = side_.mail.transport().sends;
+      now.sent = side_.mail.transport().sent;
     }
-    if (seen.difference().empty()) {
+    const std::string found = difference(t, now, Side::kOfMaster);
+    if (found.empty()) {
       ++result.ticks;
     } else {
-      result.difference = fmt::format("tick {} at {:.6f} s: {}", t.number, to_seconds(t.now).si(), seen.difference());
+      result.difference = fmt::format("tick {} at {:.6f} s: {}", t.number, to_seconds(t.now).si(), found);
     }
   }
 
  private:
   /// What happens between two ticks: the master switches its method, a session of the other side begins.
-  void begin(const TickRecord<N>& t, Comparison& seen) {
+  void begin(const TickRecord<N>& t) {
     switch_to(t.epoch_before);
     if constexpr (requires { side_.mail.transport(); }) {
       if (t.peer_restarted) {
@@ -201,8 +138,6 @@ class ReplayOf final : public Replay {
       side_.mail.transport().arrive(recorded_.received);
       side_.mail.transport().sends = false;
     }
-    if constexpr (requires { side_.node.epoch(); })
-      seen.see("epoch", std::uint64_t{t.epoch}, std::uint64_t{side_.node.epoch()});
   }
   void switch_to(std::uint32_t epoch) {
     if constexpr (requires { side_.node.switch_to_next(); }) {

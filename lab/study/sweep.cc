@@ -6,7 +6,6 @@
 #include <map>
 #include <memory>
 #include <numeric>
-#include <optional>
 #include <string_view>
 #include <utility>
 #include <variant>
@@ -14,14 +13,12 @@
 #include "common/base/check.h"
 #include "common/base/file.h"
 #include "common/base/text.h"
-#include "common/record/figure.h"
 #include "common/record/summary.h"
 #include "common/scene/load.h"
 #include "lab/engine/hosted.h"
-#include "lab/engine/stoppable.h"
+#include "lab/engine/simulation.h"
 #include "lab/run.h"
 #include "lab/study/cells.h"
-#include "lab/study/table.h"
 
 namespace twoport::lab {
 namespace {

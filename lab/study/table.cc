@@ -84,6 +84,12 @@ Spread spread(const Figure& figure, std::span<const Summary> of_seeds) {
   return spread(figure.name(), values);
 }
 
+double median(std::vector<double> of) {
+  const auto middle = of.begin() + static_cast<std::ptrdiff_t>(of.size() / 2);
+  std::nth_element(of.begin(), middle, of.end());
+  return of.size() % 2 == 1 ? *middle : 0.5 * (*middle + *std::max_element(of.begin(), middle));
+}
+
 std::size_t worst_seed(const std::vector<Summary>& of_seeds) {
   const auto energy = [](const Summary& s) {
     return std::isnan(s.min_port_energy_j()) ? -std::numeric_limits<double>::infinity() : s.min_port_energy_j();

@@ -9,7 +9,6 @@
 #include <variant>
 #include <vector>
 
-#include "common/record/figure.h"
 #include "common/record/summary.h"
 #include "lab/study/grid.h"
 #include "lab/study/many_runs.h"
@@ -32,6 +31,8 @@ struct Spread {
 /// All equal values give a mean equal to them and an sd of 0, to the bit.
 Spread spread(std::string_view figure, std::span<const double> values);
 Spread spread(const Figure& figure, std::span<const Summary> of_seeds);
+
+double median(std::vector<double> of);
 
 /// Index of the worst seed, whose verdict is reported: an unstable seed before a stable one, then the smallest port
 /// energy, then the first.

@@ -11,10 +11,10 @@
 #include <utility>
 
 #include "common/base/check.h"
-#include "common/base/file.h"
 #include "common/record/summary.h"
 #include "common/scene/load.h"
 #include "lab/run.h"
+#include "lab/study/table.h"
 
 namespace twoport::lab {
 namespace {
@@ -86,11 +86,6 @@ std::vector<Seen> run_in_turn(const std::vector<Scene>& variants, int repetition
   return seen;
 }
 
-double median(std::vector<double> of) {
-  const auto middle = of.begin() + static_cast<std::ptrdiff_t>(of.size() / 2);
-  std::nth_element(of.begin(), middle, of.end());
-  return of.size() % 2 == 1 ? *middle : 0.5 * (*middle + *std::max_element(of.begin(), middle));
-}
 double cost_ratio(const Seen& a, const Seen& b) {
   std::vector<double> ratios(a.tick_ns.size());
   std::transform(a.tick_ns.begin(), a.tick_ns.end(), b.tick_ns.begin(), ratios.begin(), std::divides<>{});
@@ -168,16 +163,9 @@ Judged judge(const std::string& path, const Seen& with, const Seen& without, con
 }
 
 const char* words(Need need) {
-  switch (need) {
-    case Need::needed:
-      return "needed";
-    case Need::in_scatter:
-      return "within the scatter";
-    case Need::spare:
-      return "could be left out";
-    default:
-      return "needed once the others are left out";
-  }
+  constexpr const char* kWords[] = {"needed", "within the scatter", "could be left out",
+                                    "needed once the others are left out"};
+  return kWords[static_cast<std::size_t>(need)];
 }
 
 }  // namespace

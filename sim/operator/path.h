@@ -5,9 +5,9 @@
 #include <cstddef>
 #include <cstdint>
 #include <limits>
-#include <memory>
 #include <numbers>
 #include <utility>
+#include <variant>
 #include <vector>
 
 #include "common/base/random.h"
@@ -90,60 +90,27 @@ class Path {
  public:
   Path(const std::vector<SegmentSpec>& specs, const Position<N>& start, Tremor<N> tremor = {})
       : end_{start}, tremor_{std::move(tremor)} {
-    double t = 0.0;
     for (const SegmentSpec& spec : specs) {
-      Segment s;
-      s.start_s = t;
-      s.from = end_;
-      if (const auto* hold = std::get_if<HoldSpec>(&spec)) {
-        s.duration_s = hold->duration_s;
-      } else if (const auto* move = std::get_if<MoveToSpec>(&spec)) {
-        s.kind = Kind::move;
-        s.duration_s = move->duration_s;
+      const double duration_s = std::visit([](const auto& of) { return of.duration_s; }, spec);
+      Segment& s = segments_.emplace_back(Segment{spec, end_s_, duration_s, end_, {}});
+      if (const auto* move = std::get_if<MoveToSpec>(&spec)) {
         Position<N> to = position<N>(move->position_m);
-        if constexpr (N == 6) {
+        if constexpr (N == 6)
           if (move->position_m.size() != 7) to = Position<6>{to.translation(), end_.attitude()};
-        }
         s.along = to - end_;
         end_ = to;
-      } else if (const auto* screw = std::get_if<ScrewSpec>(&spec)) {
-        s.kind = Kind::screw;
-        s.duration_s = screw->duration_s;
-        s.omega = 2.0 * std::numbers::pi * screw->frequency_hz;
-        s.point = vector<3>(screw->point_m);
-        s.axis = vector<3>(screw->axis);
-        s.angle = screw->angle_rad;
-        s.travel = screw->travel_m;
-        end_ = s.at(s.duration_s).x;
-      } else if (const auto* multi = std::get_if<MultiSineSpec>(&spec)) {
-        s.kind = Kind::multi_sine;
-        s.duration_s = multi->duration_s;
-        typename Displacement<N>::Vector direction = Displacement<N>::Vector::Zero();
-        for (std::size_t i = 0; i < multi->direction.size(); ++i)
-          direction[static_cast<Eigen::Index>(i)] = multi->direction[i];
-        s.along = Displacement<N>{direction};
-        s.waves = multi->waves;
-        end_ = s.at(s.duration_s).x;
-      } else if (const auto* recorded = std::get_if<RecordedHandSpec>(&spec)) {
-        s.kind = Kind::recording;
-        s.duration_s = recorded->duration_s;
-        s.hand = recorded->hand;
-        end_ = s.at(s.duration_s).x;
       } else {
-        const auto& sine = std::get<SineSpec>(spec);
-        s.kind = Kind::sine;
-        s.duration_s = sine.duration_s;
-        s.omega = 2.0 * std::numbers::pi * sine.frequency_hz;
-        typename Displacement<N>::Vector a = Displacement<N>::Vector::Zero();
-        a[sine.axis] = sine.amplitude_m;
-        s.along = Displacement<N>{a};
-        end_ = s.at(s.duration_s).x;
+        typename Displacement<N>::Vector along = Displacement<N>::Vector::Zero();
+        if (const auto* sine = std::get_if<SineSpec>(&spec)) along[sine->axis] = sine->amplitude_m;
+        if (const auto* multi = std::get_if<MultiSineSpec>(&spec))
+          along.head(static_cast<Eigen::Index>(multi->direction.size())) = Eigen::Map<const Eigen::VectorXd>{
+              multi->direction.data(), static_cast<Eigen::Index>(multi->direction.size())};
+        s.along = Displacement<N>{along};
+        end_ = s.at(duration_s).x;
       }
-      t += s.duration_s;
-      segments_.push_back(s);
-      if (s.kind != Kind::hold) rest_from_s_ = t;
+      end_s_ += duration_s;
+      if (!std::holds_alternative<HoldSpec>(spec)) rest_from_s_ = end_s_;
     }
-    end_s_ = t;
     if (!tremor_.still()) rest_from_s_ = std::numeric_limits<double>::infinity();
   }
 
@@ -172,7 +139,7 @@ class Path {
     std::vector<SegmentTimes> all;
     for (const Segment& s : segments_) {
       SegmentTimes& times = all.emplace_back(SegmentTimes{.end_s = s.start_s + s.duration_s, .stations_s = {}});
-      if (s.kind == Kind::hold || s.kind == Kind::move) continue;
+      if (std::holds_alternative<HoldSpec>(s.spec) || std::holds_alternative<MoveToSpec>(s.spec)) continue;
       constexpr int kSamples = 4096;
       const auto after_s = [&](int i) { return s.duration_s * i / kSamples; };
       const auto speed = [&](int i) { return s.at(after_s(i)).v.vec().squaredNorm(); };
@@ -195,59 +162,47 @@ class Path {
     return segments_[current_].at(t_s - segments_[current_].start_s);
   }
 
-  enum class Kind : unsigned char { hold, move, sine, multi_sine, screw, recording };
   struct Segment {
-    Kind kind = Kind::hold;
-    double start_s = 0, duration_s = 0, omega = 0;
+    SegmentSpec spec;
+    double start_s, duration_s;
     Position<N> from;
-    Displacement<N> along;
-    Eigen::Vector3d point = Eigen::Vector3d::Zero(), axis = point;
-    double angle = 0, travel = 0;
-    std::vector<MultiSineSpec::Wave> waves;
-    std::shared_ptr<const RecordedHand> hand;
+    Displacement<N> along;  ///< of move_to the whole way, of sine the amplitude, of multisine the direction
 
     Sample at(double t) const noexcept {
-      switch (kind) {
-        case Kind::hold:
-          break;
-        case Kind::move: {
-          const double s = t / duration_s;
-          const double x = s * s * s * (10.0 - s * (15.0 - 6.0 * s));
-          const double v = 30.0 * s * s * (1.0 - s) * (1.0 - s) / duration_s;
-          return {from + x * along, Velocity<N>{v * along.vec()}};
-        }
-        case Kind::sine:
-          return {from + std::sin(omega * t) * along, Velocity<N>{omega * std::cos(omega * t) * along.vec()}};
-        case Kind::multi_sine:
-          return summed(t);
-        case Kind::screw:
-          return turned(std::sin(omega * t), omega * std::cos(omega * t));
-        case Kind::recording:
-          return recorded(t);
-      }
-      return {from, {}};
+      return std::visit([&](const auto& of) { return sample(of, t); }, spec);
     }
-    // Out of line, as they are rare and the others are short.
-    Sample summed(double t) const noexcept {
+    Sample sample(const HoldSpec&, double) const noexcept { return {from, {}}; }
+    Sample sample(const MoveToSpec&, double t) const noexcept {
+      const double s = t / duration_s;
+      const double x = s * s * s * (10.0 - s * (15.0 - 6.0 * s));
+      const double v = 30.0 * s * s * (1.0 - s) * (1.0 - s) / duration_s;
+      return {from + x * along, Velocity<N>{v * along.vec()}};
+    }
+    Sample sample(const SineSpec& of, double t) const noexcept {
+      const double omega = 2.0 * std::numbers::pi * of.frequency_hz;
+      return {from + std::sin(omega * t) * along, Velocity<N>{omega * std::cos(omega * t) * along.vec()}};
+    }
+    Sample sample(const MultiSineSpec& of, double t) const noexcept {
       double x = 0.0, v = 0.0;
-      for (const MultiSineSpec::Wave& w : waves) {
+      for (const MultiSineSpec::Wave& w : of.waves) {
         const double rate = 2.0 * std::numbers::pi * w.frequency_hz;
         x += w.amplitude_m * (std::sin(rate * t + w.phase_rad) - std::sin(w.phase_rad));
         v += w.amplitude_m * rate * std::cos(rate * t + w.phase_rad);
       }
       return {from + x * along, Velocity<N>{v * along.vec()}};
     }
-    Sample recorded(double t) const noexcept {
-      const std::vector<double>& times = hand->t_s;
+    Sample sample(const RecordedHandSpec& of, double t) const noexcept {
+      const RecordedHand& hand = *of.hand;
+      const std::vector<double>& times = hand.t_s;
       const auto after = static_cast<std::size_t>(std::upper_bound(times.begin(), times.end(), t) - times.begin());
-      if (after == 0) return recorded_at(0);
-      if (after == times.size()) return recorded_at(after - 1);
-      const Sample a = recorded_at(after - 1), b = recorded_at(after);
+      if (after == 0) return recorded_at(hand, 0);
+      if (after == times.size()) return recorded_at(hand, after - 1);
+      const Sample a = recorded_at(hand, after - 1), b = recorded_at(hand, after);
       const double share = (t - times[after - 1]) / (times[after] - times[after - 1]);
       return {a.x + share * (b.x - a.x), a.v + share * (b.v - a.v)};
     }
-    [[nodiscard]] Sample recorded_at(std::size_t i) const noexcept {
-      const double *x = hand->x.data() + i * (N == 6 ? 7 : N), *v = hand->v.data() + i * N;
+    [[nodiscard]] static Sample recorded_at(const RecordedHand& hand, std::size_t i) noexcept {
+      const double *x = hand.x.data() + i * (N == 6 ? 7 : N), *v = hand.v.data() + i * N;
       const Velocity<N> velocity{Eigen::Map<const typename Velocity<N>::Vector>{v}};
       if constexpr (N == 6) {
         return {Position<6>{Eigen::Vector3d{x[0], x[1], x[2]}, Eigen::Quaterniond{x[3], x[4], x[5], x[6]}}, velocity};
@@ -255,8 +210,12 @@ class Path {
         return {Position<N>{Eigen::Map<const typename Position<N>::Vector>{x}}, velocity};
       }
     }
-    Sample turned(double share, double rate) const noexcept {
+    Sample sample(const ScrewSpec& of, double t) const noexcept {
+      const double omega = 2.0 * std::numbers::pi * of.frequency_hz;
+      const double share = std::sin(omega * t), rate = omega * std::cos(omega * t);
       if constexpr (N >= 3) {
+        const Eigen::Vector3d point = vector<3>(of.point_m), axis = vector<3>(of.axis);
+        const double angle = of.angle_rad, travel = of.travel_m;
         const Eigen::Quaterniond q = rotation(share * angle * axis);
         const Eigen::Vector3d arm = q * (from.translation() - point);
         const Eigen::Vector3d p = point + arm + share * travel * axis;

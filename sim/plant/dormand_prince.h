@@ -41,11 +41,11 @@ class DormandPrincePlant final : public BodyPlant<N> {
   };
   /// Position, attitude (x, y, z, w; N = 6), momenta in the manner of Body::Motion::p; one more where the number is odd.
   static constexpr int kNumbers = N == 6 ? 14 : 2 * N;
-  using Numbers = std::array<double, kNumbers>;
+  using Numbers = Eigen::Matrix<double, kNumbers, 1>;
   /// State between two ticks.
   struct State {
-    alignas(16) Numbers y{};
-    alignas(16) Numbers rate{};  ///< of y, under held
+    Numbers y = Numbers::Zero();
+    Numbers rate = Numbers::Zero();  ///< of y, under held
     Vector held = Vector::Zero(), environment = Vector::Zero();
     double step = 0.0;        ///< length of the next step, as far as the error tells [s]
     double friction = 0.0;    ///< sum of the contacts' Coulomb damping [N s/m]
@@ -203,16 +203,13 @@ class DormandPrincePlant final : public BodyPlant<N> {
                    wy = qw * qy, wz = qw * qz;
       f.R << 1.0 - 2.0 * (yy + zz), 2.0 * (xy - wz), 2.0 * (xz + wy), 2.0 * (xy + wz), 1.0 - 2.0 * (xx + zz),
           2.0 * (yz - wx), 2.0 * (xz - wy), 2.0 * (yz + wx), 1.0 - 2.0 * (xx + yy);
-      const Eigen::Vector3d l{y[10], y[11], y[12]};
-      f.x = {y[0], y[1], y[2]};
-      f.v = Eigen::Vector3d{y[7], y[8], y[9]} / mass_;
-      f.w_body = (f.R.transpose() * l).cwiseProduct(inverse_inertia_);
+      f.x = y.template head<3>();
+      f.v = y.template segment<3>(7) / mass_;
+      f.w_body = (f.R.transpose() * y.template segment<3>(10)).cwiseProduct(inverse_inertia_);
       f.w = f.R * f.w_body;
       return f;
     } else {
-      FrameOfPoint f;
-      for (int i = 0; i < N; ++i) f.x[i] = y[static_cast<std::size_t>(i)], f.v[i] = y[static_cast<std::size_t>(N + i)];
-      return f;
+      return {y.template head<N>(), y.template tail<N>()};
     }
   }
   /// Place, velocity and arm of a pair's point.
@@ -338,26 +335,12 @@ class DormandPrincePlant final : public BodyPlant<N> {
                             l_rate = f.angular + torque_sum - rotational_damping_ * at_y.w;
       const double wx = 0.5 * at_y.w.x(), wy = 0.5 * at_y.w.y(), wz = 0.5 * at_y.w.z();
       const double qx = y[3], qy = y[4], qz = y[5], qw = y[6];
-      rate = {at_y.v.x(),
-              at_y.v.y(),
-              at_y.v.z(),
-              wx * qw + wy * qz - wz * qy,
-              wy * qw + wz * qx - wx * qz,
-              wz * qw + wx * qy - wy * qx,
-              -(wx * qx + wy * qy + wz * qz),
-              p_rate.x(),
-              p_rate.y(),
-              p_rate.z(),
-              l_rate.x(),
-              l_rate.y(),
-              l_rate.z(),
-              0.0};
+      rate << at_y.v, wx * qw + wy * qz - wz * qy, wy * qw + wz * qx - wx * qz, wz * qw + wx * qy - wy * qx,
+          -(wx * qx + wy * qy + wz * qz), p_rate, l_rate, 0.0;
     } else {
       environment = force_sum;
-      for (int i = 0; i < N; ++i) {
-        rate[static_cast<std::size_t>(i)] = at_y.v[i];
-        rate[static_cast<std::size_t>(N + i)] = (f[i] + force_sum[i] - damping_ * at_y.v[i]) / mass_;
-      }
+      rate.template head<N>() = at_y.v;
+      rate.template tail<N>() = (f + force_sum - damping_ * at_y.v) / mass_;
     }
   }
 
@@ -365,10 +348,9 @@ class DormandPrincePlant final : public BodyPlant<N> {
   double make_step(double h) noexcept {
     stage_[0] = s_.rate;
     const auto at_stage = [&](auto... weights) {
-      const double a[] = {(h * weights)...};
       Numbers y = s_.y;
-      for (std::size_t j = 0; j < sizeof...(weights); ++j)
-        for (std::size_t i = 0; i < y.size(); ++i) y[i] += a[j] * stage_[j][i];
+      std::size_t j = 0;
+      ((y += (h * weights) * stage_[j++]), ...);
       return y;
     };
     Vector unused;
@@ -383,19 +365,14 @@ class DormandPrincePlant final : public BodyPlant<N> {
     if constexpr (N == 6) {
       const double scale =
           1.5 - 0.5 * (next_[3] * next_[3] + next_[4] * next_[4] + next_[5] * next_[5] + next_[6] * next_[6]);
-      for (std::size_t i = 3; i < 7; ++i) next_[i] *= scale;
+      next_.template segment<4>(3) *= scale;
     }
     evaluate<true>(next_, s_.held, stage_[6], end_environment_);
     constexpr double kError[] = {71.0 / 57600,      0.0,        -71.0 / 16695, 71.0 / 1920,
                                  -17253.0 / 339200, 22.0 / 525, -1.0 / 40};
-    Numbers off{};
-    for (std::size_t j = 0; j < 7; ++j)
-      for (std::size_t i = 0; i < off.size(); ++i) off[i] += h * kError[j] * stage_[j][i];
-    const auto largest = [&](int from, int count) {
-      double most = 0.0;
-      for (int i = from; i < from + count; ++i) most = std::max(most, std::abs(off[static_cast<std::size_t>(i)]));
-      return most;
-    };
+    Numbers off = Numbers::Zero();
+    for (std::size_t j = 0; j < 7; ++j) off += (h * kError[j]) * stage_[j];
+    const auto largest = [&](int from, int count) { return off.segment(from, count).cwiseAbs().maxCoeff(); };
     double error = 0.0;
     if constexpr (N == 6)
       error = std::max({largest(0, 3), 2.0 * kArm_m * largest(3, 4), kVelocityTime_s / mass_ * largest(7, 3),
@@ -433,15 +410,11 @@ class DormandPrincePlant final : public BodyPlant<N> {
                                      87487479700.0 / 32700410799.0,   -10690763975.0 / 1880347072.0,
                                      701980252875.0 / 199316789632.0, -1453857185.0 / 822651844.0,
                                      69997945.0 / 29380423.0};
-    Numbers y;
+    Numbers bend = Numbers::Zero();
+    for (std::size_t j = 0; j < 7; ++j) bend += kExtension[j] * stage_[j];
     const double rest = 1.0 - share;
-    for (std::size_t i = 0; i < y.size(); ++i) {
-      double bend = 0.0;
-      for (std::size_t j = 0; j < 7; ++j) bend += kExtension[j] * stage_[j][i];
-      const double by = next_[i] - s_.y[i], first = h * stage_[0][i] - by, last = by - h * stage_[6][i] - first;
-      y[i] = s_.y[i] + share * (by + rest * (first + share * (last + rest * h * bend)));
-    }
-    return y;
+    const Numbers by = next_ - s_.y, first = h * stage_[0] - by, last = by - h * stage_[6] - first;
+    return s_.y + share * (by + rest * (first + share * (last + (rest * h) * bend)));
   }
   /// Positive while all changed pairs are in their modes.
   [[nodiscard]] double kept(double share, double h) noexcept {
@@ -558,18 +531,17 @@ class DormandPrincePlant final : public BodyPlant<N> {
   void go_stiff(double left) noexcept { place(stiff_.advance_stiff(body(), Force<N>{s_.held}, left)); }
 
   [[nodiscard]] Numbers numbers(const BodyState<N>& at) const noexcept {
-    Numbers y{};
-    for (int i = 0; i < D; ++i) y[static_cast<std::size_t>(i)] = at.x.translation()[i];
+    Numbers y = Numbers::Zero();
+    y.template head<D>() = at.x.translation();
     if constexpr (N == 6) {
       const Eigen::Quaterniond q = at.x.attitude().normalized();
       const Eigen::Matrix3d R = q.toRotationMatrix();
       const Eigen::Matrix<double, 6, 1> v = at.v.vec();
-      const Eigen::Vector3d l = R * inertia_.cwiseProduct(R.transpose() * v.template tail<3>());
-      for (int i = 0; i < 3; ++i) y[static_cast<std::size_t>(7 + i)] = mass_ * v[i];
-      for (int i = 0; i < 3; ++i) y[static_cast<std::size_t>(10 + i)] = l[i];
-      y[3] = q.x(), y[4] = q.y(), y[5] = q.z(), y[6] = q.w();
+      y.template segment<4>(3) = q.coeffs();
+      y.template segment<3>(7) = mass_ * v.template head<3>();
+      y.template segment<3>(10) = R * inertia_.cwiseProduct(R.transpose() * v.template tail<3>());
     } else {
-      for (int i = 0; i < N; ++i) y[static_cast<std::size_t>(N + i)] = at.v.vec()[i];
+      y.template tail<N>() = at.v.vec();
     }
     return y;
   }
@@ -582,10 +554,10 @@ class DormandPrincePlant final : public BodyPlant<N> {
   }
   void add_force(Numbers& rate, const Vector& f) const noexcept {
     if constexpr (N == 6) {
-      for (int i = 0; i < 3; ++i)
-        rate[static_cast<std::size_t>(7 + i)] += f.linear[i], rate[static_cast<std::size_t>(10 + i)] += f.angular[i];
+      rate.template segment<3>(7) += f.linear;
+      rate.template segment<3>(10) += f.angular;
     } else {
-      for (int i = 0; i < N; ++i) rate[static_cast<std::size_t>(N + i)] += f[i] / mass_;
+      rate.template tail<N>() += f / mass_;
     }
   }
 
@@ -598,8 +570,8 @@ class DormandPrincePlant final : public BodyPlant<N> {
   std::vector<Springs> springs_;
   State s_;
   // Of a step; no state.
-  alignas(16) std::array<Numbers, 7> stage_{};
-  alignas(16) Numbers next_{};
+  std::array<Numbers, 7> stage_;
+  Numbers next_;
   Vector end_environment_ = Vector::Zero();
   double end_friction_ = 0.0;
   std::vector<Active> active_, flips_;

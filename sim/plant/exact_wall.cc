@@ -1,14 +1,7 @@
 #include "sim/plant/exact_wall.h"
 
-#include <algorithm>
-#include <cmath>
-
 namespace twoport::sim {
 
-template <int D>
-bool ExactPlant<D>::dips(Vector u) const noexcept {
-  return contact_at_turn(s_.across, u, dt_);
-}
 template <int D>
 bool ExactPlant<D>::contact_at_turn(const Normal& from, const Vector& u, double h) const noexcept {
   const AxisState at = free_across(from, u, turn(from, u, h));

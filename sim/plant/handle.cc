@@ -5,7 +5,6 @@
 #include <cmath>
 #include <limits>
 
-#include "common/base/built_for.h"
 #include "sim/plant/rosenbrock.h"
 
 namespace twoport::sim {

@@ -8,7 +8,6 @@
 #include "common/passivity/observer.h"
 #include "common/scene/scene.h"
 #include "sim/plant/integrators.h"
-#include "sim/plant/linear.h"
 
 namespace twoport::sim {
 

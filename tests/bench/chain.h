@@ -21,7 +21,7 @@ void chain(benchmark::State& state, const std::string& text) {
     Simulation simulation{scene};
     Metrics<N> metrics{{.rate_hz = scene.master_rate_hz, .duration_s = scene.duration_s, .quiet_from_s = 1.0}};
     state.ResumeTiming();
-    ticks += static_cast<std::int64_t>(simulation.run(simulation.end(), [&](const Row<N>& row) {
+    ticks += static_cast<std::int64_t>(simulation.run_until(simulation.end(), [&](const Row<N>& row) {
       end = row.slave_x.translation()[0];
       if constexpr (kMetrics) return metrics.add(row);
       return true;

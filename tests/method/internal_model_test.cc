@@ -191,7 +191,7 @@ Figures run(const Contact& c) {
   HighPass<3> high_pass{30.0, c.rate_hz};
   double fast2 = 0.0, contact2 = 0.0, ticks = 0.0, contacts = 0.0;
   const double scale = scene.control.force_scale, motion = scene.control.motion_scale;
-  loop.run(loop.end(), [&](const Row<3>& row) {
+  loop.run_until(loop.end(), [&](const Row<3>& row) {
     const Eigen::Vector3d felt = row.master_f.vec(), environment = -scale * row.env_f.vec(),
                           delayed = row.reference.vec();
     const Eigen::Vector3d apart = row.master_x.translation() - row.slave_x.translation() / motion;
@@ -352,7 +352,7 @@ TEST(InternalModel, ShowsTheTorqueOfAPlateOnItsEdge) {
       "plate");
   lab::LinkLoop<6> loop{scene};
   double force_n = 0.0, torque_n_m = 0.0, moving2 = 0.0, pressed_n = 0.0, rests = 0.0, moves = 0.0;
-  loop.run(loop.end(), [&](const Row<6>& row) {
+  loop.run_until(loop.end(), [&](const Row<6>& row) {
     const Force<6> error = row.master_f + row.env_f;
     if (row.t_s > 5.0) {
       ++rests;
@@ -379,7 +379,7 @@ TEST(InternalModel, IsTheSameInATurnedWorld) {
          .control = rotation});
     lab::LinkLoop<3> loop{scene};
     std::vector<Eigen::Vector3d> all;
-    loop.run(loop.end(), [&](const Row<3>& row) {
+    loop.run_until(loop.end(), [&](const Row<3>& row) {
       all.push_back(row.master_f.vec());
       return true;
     });
@@ -406,7 +406,7 @@ Choice choice_of(const Scene& scene) {
   lab::LinkLoop<6> loop{scene};
   Choice c;
   double sum = 0.0, touching = 0.0, way = 0.0;
-  loop.run(loop.end(), [&](const Row<6>& row) {
+  loop.run_until(loop.end(), [&](const Row<6>& row) {
     const double change = row.figures[layer_figure("contact_spring_share")] - c.last;
     c.largest_change = std::max(c.largest_change, std::abs(change));
     if (change != 0.0 && change * way <= 0.0) ++c.turns;
@@ -459,7 +459,7 @@ TEST(ContactSpring, PressesWhatTheHandFeelsWhereTheEnergyIsSpent) {
   const Scene scene = load_scene(TWOPORT_SCENES "/six_dof_plate.textproto", overrides);
   lab::LinkLoop<6> loop{scene};
   double felt = 0.0, pressed = 0.0, wanted = 0.0;
-  loop.run(loop.end(), [&](const Row<6>& row) {
+  loop.run_until(loop.end(), [&](const Row<6>& row) {
     if (row.t_s < 6.0) return true;
     felt += row.master_f.vec().head<3>().norm(), pressed += row.env_f.vec().head<3>().norm();
     wanted += row.master_f_wanted.vec().head<3>().norm();

@@ -61,7 +61,7 @@ template <int N>
 Felt run(const Scene& scene) {
   lab::LinkLoop<N> loop{scene};
   Felt out;
-  loop.run(loop.end(), [&](const Row<N>& row) {
+  loop.run_until(loop.end(), [&](const Row<N>& row) {
     out.finite = out.finite && all_finite(row.master_f, row.slave_f);
     out.last_n = std::sqrt(row.master_f.squared_norm());
     out.largest_n = std::max(out.largest_n, out.last_n);

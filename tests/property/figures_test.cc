@@ -14,6 +14,7 @@
 #include "common/scene/load.h"
 #include "lab/engine/simulation.h"
 #include "lab/run.h"
+#include "tests/support/known_numbers.h"
 
 namespace twoport::lab {
 namespace {

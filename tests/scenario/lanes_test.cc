@@ -22,7 +22,7 @@
 #include "common/method/catalogue.h"
 #include "common/scene/load.h"
 #include "common/scene/source.h"
-#include "lab/engine/stoppable.h"
+#include "lab/engine/simulation.h"
 #include "lab/run.h"
 #include "lab/study/map.h"
 #include "lab/study/sweep.h"

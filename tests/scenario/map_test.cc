@@ -17,9 +17,7 @@
 #include "common/scene/load.h"
 #include "lab/run.h"
 #include "lab/study/compare.h"
-#include "lab/study/gallery.h"
 #include "lab/study/link_advice.h"
-#include "lab/study/matrix.h"
 #include "tests/support/process.h"
 
 namespace twoport::lab {

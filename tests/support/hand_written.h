@@ -7,7 +7,7 @@
 #include <vector>
 
 #include "common/base/vector.h"
-#include "sim/plant/linear.h"
+#include "sim/plant/integrators.h"
 
 namespace twoport::bench {
 

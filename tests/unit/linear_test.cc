@@ -1,5 +1,3 @@
-#include "sim/plant/linear.h"
-
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -7,6 +5,8 @@
 #include <complex>
 #include <random>
 #include <string>
+
+#include "sim/plant/integrators.h"
 
 namespace twoport::sim {
 namespace {

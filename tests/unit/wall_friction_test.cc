@@ -1,7 +1,5 @@
 // Coulomb friction of a plane wall on a mass: rests, slides and stops as the closed forms say, and takes the energy that it should.
 
-#include "sim/plant/wall_friction.h"
-
 #include <fmt/format.h>
 #include <gtest/gtest.h>
 
@@ -12,6 +10,7 @@
 #include <string>
 
 #include "common/scene/load.h"
+#include "sim/plant/exact_wall.h"
 #include "sim/sim_robot.h"
 #include "tests/support/no_alloc.h"
 

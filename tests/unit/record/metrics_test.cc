@@ -13,6 +13,8 @@
 #include <utility>
 #include <vector>
 
+#include "tests/support/known_numbers.h"
+
 namespace twoport {
 namespace {
 

@@ -15,6 +15,7 @@
 
 #include "common/scene/load.h"
 #include "common/scene/scene.h"
+#include "tests/support/known_numbers.h"
 
 namespace twoport {
 namespace {
