@@ -41,10 +41,6 @@ class CommandReader {
   bool good_ = true;
 };
 
-}  // namespace
-
-namespace {
-
 using Kind = PageCommand::Kind;
 struct Range {
   double least, most;

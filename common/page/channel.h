@@ -127,7 +127,7 @@ struct PageCommand {
     release,  ///< it does not
     grip,     ///< number 0: stiffness of the hand [N/m]
     opening,  ///< number 0: opening that the hand intends at the gripper [m]
-    // The first four are of the hand.
+    // Those above are of the hand.
     network,  ///< which: 0 to the slave, 1 to the master; numbers: delay [ms], jitter [ms], loss [1]
     surface,  ///< which: of the environment; numbers: stiffness [N/m], friction [1], at least 0
               ///< and not limited further: the slave refuses
