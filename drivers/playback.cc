@@ -75,6 +75,7 @@ class Playback {
 template <int N>
 class PlaybackDevice final : public Device<N> {
  public:
+  static constexpr bool kDrivesJoints = true;
   explicit PlaybackDevice(const DriverOptions& o) : PlaybackDevice{readings<N>("--device", o, "master")} {
     gripper_ = gripper_of<PlaybackDevice>("--device", o, "master");
   }
@@ -102,6 +103,7 @@ class PlaybackDevice final : public Device<N> {
 template <int N>
 class PlaybackRobot final : public Robot<N> {
  public:
+  static constexpr bool kDrivesJoints = true;
   explicit PlaybackRobot(const DriverOptions& o) : PlaybackRobot{readings<N>("--robot", o, "slave")} {
     gripper_ = gripper_of<PlaybackRobot>("--robot", o, "slave");
   }

@@ -9,7 +9,6 @@
 #include "common/hardware/adjustable_environment.h"
 #include "common/hardware/device.h"
 #include "common/hardware/robot.h"
-#include "sim/plant/serial_arm.h"
 #include "sim/sim_device.h"
 #include "sim/sim_robot.h"
 
@@ -44,6 +43,7 @@ class WorldTime {
 template <int N>
 class SimulatedDevice : public Device<N> {
  public:
+  static constexpr bool kDrivesJoints = true;
   SimulatedDevice(const Scene& scene, Seconds period) : model_{scene, period} {
     info_.name = "simulated device";
     info_.watchdog = kSimulatedWatchdog;
@@ -94,6 +94,7 @@ class SimulatedDevice : public Device<N> {
 template <int N>
 class SimulatedRobot : public Robot<N>, public AdjustableEnvironment {
  public:
+  static constexpr bool kDrivesJoints = true;
   SimulatedRobot(const Scene& scene, Seconds period)
       : model_{scene, period},
         surfaces_{std::min(model_.environment().world().surfaces.size(), kAdjustableSurfaces)},
@@ -144,21 +145,17 @@ class SimulatedRobot : public Robot<N>, public AdjustableEnvironment {
       state.surface[i] = surface(i);
       if (!model_.takes_other_friction()) state.surface[i].friction = -1.0;
     }
-    if constexpr (N == 6) {
+    if constexpr (N == 6 || N == kJointPort) {
       state.joints = 0;
-      describe_arm<6>(state);
-      describe_arm<7>(state);
+      if (const sim::ArmPlant* arm = model_.arm()) {
+        const auto& q = arm->state().q;
+        state.joints = static_cast<std::uint8_t>(q.size());
+        std::copy(q.begin(), q.end(), state.joint_rad.begin());
+      }
     }
   }
 
  private:
-  template <int n>
-  void describe_arm(EnvironmentMessage& state) const noexcept {
-    const auto* arm = model_.arm() ? model_.arm()->template joints<n>() : nullptr;
-    if (arm == nullptr) return;
-    state.joints = n;
-    std::copy_n(arm->state().q.data(), n, state.joint_rad.begin());
-  }
   void advance() noexcept {
     if (ramp_left_ > 0) [[unlikely]]
       change_surfaces();

@@ -25,7 +25,9 @@ Energy mechanical_energy(const std::optional<RobotSpec>& robot, const Environmen
 }
 /// The same of a simulated one.
 template <int N>
-Energy mechanical_energy(const std::optional<RobotSpec>& spec, const auto& robot) {
+Energy mechanical_energy([[maybe_unused]] const std::optional<RobotSpec>& spec, const auto& robot) {
+  if constexpr (N == kJointPort) return robot.environment().potential(Position<6>{});  // it begins at rest
+  else
   return mechanical_energy<N>(spec, robot.environment(), robot.state().x, robot.state().v);
 }
 

@@ -108,7 +108,7 @@ CountedRun run_as(Simulation<N>& simulation, const Scene& scene, const RunOption
   Metrics<N> metrics = metrics_of<N>(scene, link, simulation.quiet_from_s(), simulation.initial_energy().si(),
                                      from == VerdictFrom::plain);
   std::optional<Trace<N>> trace;
-  if (options.trace != nullptr) trace.emplace(*options.trace);
+  if (options.trace != nullptr) trace.emplace(*options.trace, scene.coordinates());
 
   const bool is_kept = trace || options.table != nullptr || recording != nullptr;
   const auto keep = [&](const Row<N>& row) {

@@ -7,6 +7,8 @@
 
 #include "common/base/time.h"
 #include "common/coupling/bridge.h"
+#include "common/coupling/joint_metric.h"
+#include "common/coupling/leader_inertia.h"
 #include "common/coupling/options.h"
 #include "common/coupling/ramp.h"
 #include "common/coupling/registration.h"
@@ -36,6 +38,8 @@ class MasterNode {
 
   explicit MasterNode(const ControlOptions& o, std::span<const ScheduledControl> schedule = {})
       : observer_{o.observer},
+        metric_{o},
+        inertia_{o},
         registration_{o},
         safety_{limits_at_device(o), -1.0, o.handle_mass_kg, o.handle_inertia_kg_m2},
         half_{o},
@@ -44,12 +48,13 @@ class MasterNode {
         ramp_{o.engage},
         modes_{o} {}
 
-  Output step(const Tick<MasterClock>& tick, const DeviceSample<N>& device, const PeerState<N>& slave) noexcept {
-    if (!all_finite(device.x, device.v, device.applied)) [[unlikely]] {
+  Output step(const Tick<MasterClock>& tick, const DeviceSample<N>& reading, const PeerState<N>& slave) noexcept {
+    if (!all_finite(reading.x, reading.v, reading.applied)) [[unlikely]] {
       if (!unread_) held_unread_ = command_;
       unread_ = true;
-      return fail_safe(device);
+      return fail_safe(reading);
     }
+    const DeviceSample<N>& device = metric_.scaled(reading);
     PortMotion<N> motion{device.x, device.v};
     Interval<N> interval{};
     const bool paused = started_ && modes_.has_paused(tick);
@@ -65,7 +70,7 @@ class MasterNode {
     if (modes_.is_stopped(device.status, slave)) [[unlikely]] {
       before_ = motion;
       started_ = true;
-      return fail_safe(device);
+      return fail_safe(reading);
     }
     const Duration now = tick.now.time_since_epoch();
     if (modes_.step(now, slave, modes_.has_let_go(now, device.held))) {
@@ -90,6 +95,7 @@ class MasterNode {
                                         .account = account_,
                                         .active = modes_.active(),
                                         .paused = paused,
+                                        .inertia = inertia_.at(device.x),
                                         .ramp = ramp,
                                         .bridge = bridge_.over(modes_.active())});
     before_ = motion;
@@ -97,18 +103,18 @@ class MasterNode {
     started_ = true;
     energy_sent_ = half.energy_in;
     if (!all_finite(half.f)) [[unlikely]]
-      return fail_safe(device);
-    Force<N> f = safety_(half.f, device.x, device.v, tick.dt);
-    command_ = f;
+      return fail_safe(reading);
+    command_ = safety_(half.f, device.x, device.v, tick.dt);
+    Force<N> f = metric_.joints(command_);
     return {.command = f,
-            .report = {.x = device.x,
-                       .v = device.v,
+            .report = {.x = reading.x,
+                       .v = reading.v,
                        .f = f,
                        .energy_in_j = half.energy_in.si(),
                        .energy_net_j = half.energy_net.si(),
                        .mode = modes_.mode(),
                        .epoch = epoch_},
-            .wanted = half.wanted,
+            .wanted = metric_.joints(half.wanted),
             .dissipated = half.dissipated,
             .undissipated = half.undissipated,
             .mode = modes_.mode(),
@@ -163,7 +169,7 @@ class MasterNode {
   /// What the slave has said, in this world, without the words of another method or coupling.
   void arrive(const PeerState<N>& slave, bool same_epoch) noexcept {
     slave_ = slave;
-    slave_.newest = registration_.to_master(slave.newest);
+    slave_.newest = registration_.to_master(metric_.scaled(slave.newest));
     slave_energy_in_ = same_epoch ? registration_.to_master(Energy{slave.energy_in_j}) : Energy{};
     slave_.energy_in_j = slave_energy_in_.si();
     if (!same_epoch || !modes_.shares_coupling()) [[unlikely]]
@@ -211,6 +217,8 @@ class MasterNode {
   }
 
   ObserverRule observer_;
+  [[no_unique_address]] JointMetric<N> metric_;
+  [[no_unique_address]] LeaderInertia<N> inertia_;
   Registration<N> registration_;
   SafetyStage<N> safety_;
   Held<Half> half_;

@@ -63,7 +63,8 @@ struct Master {
                        .noise = truth && link ? noise_motion(scene) : NoiseMotion{},
                        .of_slave = !link},
                       1.0,
-                      std::move(known)};
+                      std::move(known),
+                      ToolView<N>{scene}};
   }
 
   void tell_end(const Summary& s) const {
@@ -101,7 +102,7 @@ struct Master {
 template <int N>
 Force<N> without_noise_of_free_space(const Force<N>& reading) noexcept {
   typename Force<N>::Vector f = reading.vec();
-  if (!senses_contact(reading)) f.template head<std::min(N, 3)>().setZero();
+  if (!senses_contact(reading)) f.template head<kAxes<N>>().setZero();
   return Force<N>{f};
 }
 
@@ -280,8 +281,9 @@ int run_master(const Scene& read, const LiveArguments& arguments, const Registry
   std::optional<ShownShapes> world = world_of_page<N>(scene, arguments, hardware);
   if (page) page->serve(scene, arguments, device->info().name, std::move(world), log);
   const auto status = [&] {
-    if (scene.control.architecture == Architecture::render)
-      return run_render(scene, *device, arguments, page.get(), log);
+    if constexpr (N != kJointPort)
+      if (scene.control.architecture == Architecture::render)
+        return run_render(scene, *device, arguments, page.get(), log);
     LinkMaster<N> side{scene, *device, arguments, page.get(), scene.gripper.get(), std::move(gripper)};
     return run_live(side, scene, arguments, log);
   }();

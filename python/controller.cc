@@ -94,7 +94,7 @@ std::unique_ptr<Controller> make_controller(int dof, const std::string& method, 
     throw ConfigError{
         fmt::format("method is {}; with the output velocity it must be NONE, CLASSIC or FORCE_PROJECTED", method)};
   if (max_gain) (force ? o.max_gain : o.max_mobility_m_per_n_s) = not_negative("max_gain", *max_gain);
-  return for_dof(dof, [&]<int N>() -> std::unique_ptr<Controller> {
+  return for_cartesian_dof(dof, "dof", [&]<int N>() -> std::unique_ptr<Controller> {
     if (force) return std::make_unique<ControllerOf<Force<N>, Velocity<N>>>(o, initial);
     return std::make_unique<ControllerOf<Velocity<N>, Force<N>>>(o, initial);
   });
@@ -134,7 +134,7 @@ std::unique_ptr<PortObserver> make_observer(int dof, double initial_energy_j, co
   if (rule != "EXACT" && rule != "RECTANGLE")
     throw ConfigError{fmt::format("rule is {}; it must be EXACT or RECTANGLE", rule)};
   const Energy initial{not_negative("initial_energy_j", initial_energy_j)};
-  return for_dof(dof, [&]<int N>() -> std::unique_ptr<PortObserver> {
+  return for_cartesian_dof(dof, "dof", [&]<int N>() -> std::unique_ptr<PortObserver> {
     return std::make_unique<PortObserverOf<N>>(initial,
                                                rule == "EXACT" ? ObserverRule::exact : ObserverRule::rectangle);
   });

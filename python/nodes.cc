@@ -31,7 +31,7 @@ struct Sender {
 /// What one side tells the other one in a tick. Immutable.
 struct Message {
   using PythonClass = void;
-  std::variant<Report<1>, Report<3>, Report<6>> report;
+  std::variant<Report<1>, Report<3>, Report<6>, Report<kJointPort>> report;
   std::shared_ptr<const Sender> sender;
 
   template <class Use>

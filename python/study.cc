@@ -156,8 +156,8 @@ Result run_scene(const SceneOfText& s, bool trace, std::int64_t trace_every, con
   std::shared_ptr<TraceTable> table, gripper_table;
   const double rate_hz = std::max(s.scene.master_rate_hz, s.scene.slave_rate_hz);
   const double rows = s.scene.duration_s * rate_hz / static_cast<double>(trace_every) + 1.0;
-  if (trace) table = std::make_shared<TraceTable>(s.scene.dof, rows);
-  if (trace && s.scene.gripper) gripper_table = std::make_shared<TraceTable>(1, rows);
+  if (trace) table = std::make_shared<TraceTable>(s.scene.dof, s.scene.coordinates(), rows);
+  if (trace && s.scene.gripper) gripper_table = std::make_shared<TraceTable>(1, 1, rows);
   Scene scene = s.scene;
   std::shared_ptr<FunctionLayer> layer;
   if (transparency) {

@@ -53,7 +53,7 @@ SimDevice<N>::SimDevice(const Scene& scene, Seconds dt)
       std::optional<HandOnTool> hand;
       if (scene.operator_model && scene.operator_model->hand)
         hand = HandOnTool{*scene.operator_model->hand, path_.at(0.0).x, path_.at(0.0).x};
-      arm_ = make_arm(*scene.device->arm, nothing, dt_, x(), hand);
+      arm_ = std::make_unique<ArmPlant>(*scene.device->arm, nothing, dt_, x(), hand);
     }
   }
   encoder_.start(x(), v());

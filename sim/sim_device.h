@@ -16,6 +16,7 @@
 #include "sim/plant/arm.h"
 #include "sim/plant/handle.h"
 #include "sim/sensor.h"
+#include "sim/sim_joints.h"
 
 namespace twoport::sim {
 

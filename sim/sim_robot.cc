@@ -107,7 +107,7 @@ template <int N>
 void SimRobot<N>::model(const RobotSpec& robot, const SimulationSpec& simulation, double dt) {
   if constexpr (N == 6) {
     if (robot.arm) {
-      plant_ = Arm{make_arm(*robot.arm, environment_, dt, state_.x)};
+      plant_ = Arm{std::make_unique<ArmPlant>(*robot.arm, environment_, dt, state_.x)};
       return;
     }
   }

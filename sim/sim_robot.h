@@ -15,6 +15,7 @@
 #include "sim/plant/body_plant.h"
 #include "sim/plant/exact_wall.h"
 #include "sim/sensor.h"
+#include "sim/sim_joints.h"
 
 namespace twoport::sim {
 
@@ -90,7 +91,7 @@ class SimRobot final {
   struct NoArm {};
   using Arm = std::conditional_t<N == 6, Copied<ArmPlant>, NoArm>;
   using General = Copied<BodyPlant<N>>;
-  using Exact = std::conditional_t<N == 6, NoMap, ExactPlant<N == 6 ? 3 : N>>;
+  using Exact = std::conditional_t<N == 6, NoMap, ExactPlant<kAxes<N>>>;
 
   void model(const RobotSpec& robot, const SimulationSpec& simulation, double dt);
 

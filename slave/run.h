@@ -41,7 +41,8 @@ class SlaveRows {
                        .at_robot = true,
                        .motion_scale = scene.control.motion_scale},
                       1.0,
-                      {.stability = false, .hand = false}};
+                      {.stability = false, .hand = false},
+                      ToolView<N>{scene}};
   }
 
   Row<N> row(double t_s, const Sample& sample, const Output& out, const PeerState<N>& peer) noexcept {

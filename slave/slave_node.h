@@ -7,6 +7,7 @@
 
 #include "common/base/time.h"
 #include "common/coupling/bridge.h"
+#include "common/coupling/joint_metric.h"
 #include "common/coupling/options.h"
 #include "common/coupling/registration.h"
 #include "common/hardware/robot.h"
@@ -32,16 +33,19 @@ class SlaveNode {
   };
 
   explicit SlaveNode(const ControlOptions& o, std::span<const ScheduledControl> schedule = {})
-      : registration_{o},
+      : metric_{o},
+        registration_{o},
         half_{o},
         alternatives_{o, schedule},
         bridge_{o.engage},
         modes_{o},
         safety_{limits_at_robot(o), 1.0, o.known.robot_mass_kg, o.known.robot_inertia_kg_m2} {}
 
-  Output step(const Tick<SlaveClock>& tick, const RobotSample<N>& robot, const PeerState<N>& master) noexcept {
-    if (modes_.is_stopped(robot.status, master) || !all_finite(robot.x, robot.v, robot.f_environment)) [[unlikely]]
-      return fail_safe(robot);
+  Output step(const Tick<SlaveClock>& tick, const RobotSample<N>& reading, const PeerState<N>& master) noexcept {
+    if (modes_.is_stopped(reading.status, master) || !all_finite(reading.x, reading.v, reading.f_environment))
+        [[unlikely]]
+      return fail_safe(reading);
+    const RobotSample<N>& robot = metric_.scaled(reading);
     if (modes_.has_paused(tick)) [[unlikely]]
       pause();
     if (master.epoch != epoch_) [[unlikely]]
@@ -70,18 +74,20 @@ class SlaveNode {
                                        .active = modes_.active() && shares,
                                        .bridge = bridge_.over(modes_.active() && !robot.ideal)});
     if (!all_finite(half.command.f, half.command.v_d, half.command.x_d)) [[unlikely]]
-      return fail_safe(robot);
+      return fail_safe(reading);
     if (safety_.any()) [[unlikely]]
       half = limited(half, robot, tick.dt);
     command_ = half.command.f;
     account_.book(half.grounded - dot(half.command.f, half.command.v_d * tick.dt));
-    position_error_ = modes_.coupled() && shares ? robot.x - half_->target() : Displacement<N>{};
-    return {.command = half.command,
-            .report = {.x = robot.x,
-                       .v = robot.v,
-                       .f = half.f_back,
-                       .f_coupling = half.command.f,
-                       .f_environment = robot.f_environment,
+    position_error_ =
+        modes_.coupled() && shares ? metric_.joints(Displacement<N>{robot.x - half_->target()}) : Displacement<N>{};
+    RobotCommand<N> command = metric_.joints(half.command);
+    return {.command = command,
+            .report = {.x = reading.x,
+                       .v = reading.v,
+                       .f = metric_.joints(half.f_back),
+                       .f_coupling = command.f,
+                       .f_environment = reading.f_environment,
                        .position_error = position_error_,
                        .energy_in_j = half.energy_in.si(),
                        .energy_net_j = half.energy_net.si(),
@@ -117,7 +123,7 @@ class SlaveNode {
   /// Robot against the delayed, scaled master, at the last step. Null while not coupled.
   [[nodiscard]] const Displacement<N>& position_error() const noexcept { return position_error_; }
   /// The master's position as far as it is known here, in the slave's world.
-  [[nodiscard]] Position<N> target() const noexcept { return half_->target(); }
+  [[nodiscard]] Position<N> target() const noexcept { return metric_.joints(half_->target()); }
   /// Net energy that has left the link into the slave [J].
   [[nodiscard]] Energy delivered() const noexcept { return -account_.net(); }
 
@@ -149,6 +155,7 @@ class SlaveNode {
   /// What the master has said, still in its world; `words`: those of this method and coupling are among it.
   void hear(const PeerState<N>& master, bool words) noexcept {
     master_ = master;
+    if constexpr (N == kJointPort) master_.newest = metric_.scaled(master.newest);
     if (!words) [[unlikely]]
       master_.words.clear();
   }
@@ -162,7 +169,7 @@ class SlaveNode {
   void arrive(const PeerState<N>& master, bool same_epoch) noexcept {
     hear(master, same_epoch && modes_.shares_coupling());
     x_rx_ = registration_.to_slave(half_->commanded(master_));
-    master_.newest = registration_.to_slave(master.newest);
+    master_.newest = registration_.to_slave(master_.newest);
     master_energy_in_ = same_epoch ? registration_.to_slave(Energy{master.energy_in_j}) : Energy{};
     master_.energy_in_j = master_energy_in_.si();
   }
@@ -201,6 +208,7 @@ class SlaveNode {
     return out;
   }
 
+  [[no_unique_address]] JointMetric<N> metric_;
   Registration<N> registration_;
   Held<Half> half_;
   Alternatives<Held<Half>> alternatives_;

@@ -3,10 +3,11 @@
 #include <string>
 
 #include "common/base/check.h"
+#include "common/base/vector.h"
 
 /// X(N, ...) for each number of degrees of freedom N of this build. A build for one scene (CMake: -D TWOPORT_DOF=3) gives another list.
 #ifndef TWOPORT_EACH_DOF
-#define TWOPORT_EACH_DOF(X, ...) X(1, __VA_ARGS__) X(3, __VA_ARGS__) X(6, __VA_ARGS__)
+#define TWOPORT_EACH_DOF(X, ...) X(1, __VA_ARGS__) X(3, __VA_ARGS__) X(6, __VA_ARGS__) X(8, __VA_ARGS__)
 #endif
 /// Of a class template of N: that it is compiled elsewhere for each; and in that file.
 #define TWOPORT_DECLARE(Class) TWOPORT_EACH_DOF(TWOPORT_DECLARE_FOR, Class) static_assert(true)
@@ -26,7 +27,7 @@ namespace twoport {
 static inline void check_built_for(int dof, const std::string& name = "dof") {
   if (!built_for(dof))
     throw ConfigError{name + " is " + std::to_string(dof) +
-                      ", which this program is not built for; scripts/build builds it for 1, 3 and 6"};
+                      ", which this program is not built for; scripts/build builds it for all"};
 }
 
 /// Calls `use.operator()<N>()` with N = dof. Throws as check_built_for.
@@ -37,7 +38,19 @@ auto for_dof(int dof, Use use) {
   if (dof == N) return use.template operator()<N>();
   TWOPORT_EACH_DOF(TWOPORT_CALL)
 #undef TWOPORT_CALL
-  throw ConfigError{"dof must be 1, 3 or 6"};
+  throw ConfigError{"dof must be 1, 3, 6 or that of joints"};
+}
+
+/// The same for what knows ports of handle and tool only; `what`, the beginning of the refusal.
+template <class Use>
+auto for_cartesian_dof(int dof, const std::string& what, Use use) {
+#define TWOPORT_CALL(N, ...)     \
+  if constexpr (N != kJointPort) \
+    if (dof == N) return use.template operator()<N>();
+  TWOPORT_EACH_DOF(TWOPORT_CALL)
+#undef TWOPORT_CALL
+  check_built_for(dof);
+  throw ConfigError{what + ": space is JOINTS; it must be CARTESIAN here"};
 }
 
 }  // namespace twoport

@@ -16,8 +16,14 @@ template <class... Values>
   return std::abs((values.sum() + ...)) <= std::numeric_limits<double>::max();
 }
 
+/// Size of a port of joints, 1 to 8 of them: the coordinates of those that an arm has not are zero.
+inline constexpr int kJointPort = 8;
+/// Coordinates of a port of size N that are no rotations of a body: all, for N = 6 the three of translation.
+template <int N>
+inline constexpr int kAxes = N == 6 ? 3 : N;
+
 /// Coordinates of one physical kind. Kinds do not mix; `.vec()` is the plain Eigen vector for use inside a step.
-/// N = 1 and 3 are translations. N = 6 is translation first, then rotation, in world axes at the tool point.
+/// N = 1 and 3 are translations. N = 6 is translation first, then rotation, in world axes at the tool point. N = kJointPort: joints.
 ///
 /// In a step, a local variable that holds such values and that a function returns is not const, its address goes to no function that is
 /// not inlined, and no conditional expression chooses between two of them: GCC 12 would keep it in memory.
@@ -111,7 +117,7 @@ inline Eigen::Quaterniond rotation(const Eigen::Vector3d& r) {
   return {c, v.x(), v.y(), v.z()};
 }
 
-/// Position of a port. N = 1, 3: a point [m].
+/// Position of a port. N = 1, 3: a point [m]; N = kJointPort: joints [rad], prismatic ones [m].
 template <int N>
 class Position {
  public:

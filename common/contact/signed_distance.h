@@ -4,10 +4,6 @@
 
 namespace twoport {
 
-/// Axes of translation of a port of size N, the dimension of contact points.
-template <int N>
-inline constexpr int kAxes = N == 1 ? 1 : 3;
-
 /// A point or a vector in D = 1 or 3 dimensions, world axes.
 template <int D>
 using Point = Eigen::Matrix<double, D, 1>;

@@ -5,11 +5,13 @@
 #include <cmath>
 #include <cstdint>
 #include <limits>
+#include <memory>
 #include <optional>
 #include <string>
 #include <string_view>
 
 #include "common/base/scalar.h"
+#include "common/base/vector.h"
 #include "common/method/one_piece/set_position_modulation/options.h"
 #include "common/method/one_piece/wave_variables/options.h"
 #include "common/method/passivity/energy_bounding/options.h"
@@ -24,6 +26,8 @@
 #include "common/safety/limits.h"
 
 namespace twoport {
+
+class ArmModel;
 
 enum class Architecture : std::uint8_t {
   render,                   ///< no link: the device against the environment directly
@@ -45,6 +49,8 @@ enum class RenderingAlgorithm : std::uint8_t {
 struct CouplingOptions {
   double stiffness_n_per_m = 1000.0, damping_n_s_per_m = 20.0;
   double rotational_stiffness_n_m_per_rad = 10.0, rotational_damping_n_m_s_per_rad = 0.2;
+  /// Of a port of joints, in its metric; where it is more than damping_n_s_per_m.
+  Eigen::Matrix<double, kJointPort, 1> damping_of_joints = Eigen::Matrix<double, kJointPort, 1>::Zero();
   double catch_up_m_per_s = 0.05;
   bool drift_compensation = true;
 };
@@ -75,6 +81,9 @@ struct ControlOptions {
   CouplingOptions coupling;
   RenderingAlgorithm rendering = RenderingAlgorithm::penalty;
   double force_scale = 1.0, motion_scale = 1.0;
+  /// Of a port of joints: s_i of JointMetric [m/rad], prismatic: 1 is a metre. Of axes that the arms have not: 1.
+  Eigen::Matrix<double, kJointPort, 1> joint_scale = Eigen::Matrix<double, kJointPort, 1>::Ones();
+  std::shared_ptr<const ArmModel> leader{};  ///< of a port of joints; null: not known
   RegistrationOptions registration;
   std::string method_name{kPlainMethod};  ///< over a link: a name of kMethods (layers.h), or TRANSPARENCY+PASSIVITY
   std::string transparency{kPlainTransparency}, passivity{kPlainPassivity};  ///< its layers; empty for one of one piece
@@ -104,14 +113,17 @@ struct ControlOptions {
   PluginOptions plugin;
 };
 
-/// What the master keeps at its device, and the slave at its robot.
+/// What the master keeps at its device, and the slave at its robot; joints in the node's metric.
 inline PortLimits limits_at_device(const ControlOptions& o) {
   PortLimits all = lowest(o.device_limits, o.own_limits);
   all.force_n = std::min(all.force_n, o.max_force_n);
+  all.joints = all.joints.scaled(o.joint_scale);
   return all;
 }
 inline PortLimits limits_at_robot(const ControlOptions& o) {
-  return lowest(o.robot_limits, o.own_limits);
+  PortLimits all = lowest(o.robot_limits, o.own_limits);
+  all.joints = all.joints.scaled(o.joint_scale);
+  return all;
 }
 
 /// What each side believes of the other one's reports, in that one's units. The robot's speed limit counts at the hand too.

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <algorithm>
 #include <cmath>
 
 #include "common/base/vector.h"
@@ -29,12 +30,12 @@ class Registration {
         torque_{force_ / motion_},
         energy_to_slave_{motion_ / force_},
         absolute_{o.registration.absolute} {
-    if constexpr (N != 1) {
+    if constexpr (kTurns) {
       rotation_ = o.registration.rotation.normalized();
       matrix_ = rotation_.toRotationMatrix();
       rotated_ = !matrix_.isIdentity(0.0);
     }
-    if (absolute_) origin_ = o.registration.position_m.template head<kAxes>();
+    if (absolute_) origin_.template head<std::min(kAxes<N>, 3)>() = o.registration.position_m.template head<std::min(kAxes<N>, 3)>();
     shifted_ = !origin_.isZero(0.0);
   }
 
@@ -103,9 +104,9 @@ class Registration {
   }
 
  private:
-  static constexpr int kAxes = N == 1 ? 1 : 3;
+  static constexpr bool kTurns = N == 3 || N == 6;
   using Vector = typename Force<N>::Vector;
-  using Point = Eigen::Matrix<double, kAxes, 1>;
+  using Point = Eigen::Matrix<double, kAxes<N>, 1>;
 
   [[nodiscard]] Vector turned(const Vector& v, double linear, double angular) const noexcept {
     Vector out = scaled(v, linear, angular);
@@ -140,17 +141,17 @@ class Registration {
     }
   }
   [[nodiscard]] Point along(const Point& p) const noexcept {
-    if constexpr (N == 1) {
-      return p;
-    } else {
+    if constexpr (kTurns) {
       return matrix_ * p;
+    } else {
+      return p;
     }
   }
   [[nodiscard]] Point back(const Point& p) const noexcept {
-    if constexpr (N == 1) {
-      return p;
-    } else {
+    if constexpr (kTurns) {
       return matrix_.transpose() * p;
+    } else {
+      return p;
     }
   }
   Position<N> placed(Position<N> x) const noexcept {

@@ -48,7 +48,6 @@ class SetpointTracker {
  private:
   static constexpr double kRadPerMetre = 10.0;  // catch_up of the attitude [rad/s] for each m/s
 
-  static constexpr int kTranslations = N == 6 ? 3 : N;
 
   /// A way that is still to be made up.
   struct Owed {
@@ -66,13 +65,13 @@ class SetpointTracker {
   };
 
   void owe(const typename Displacement<N>::Vector& error) noexcept {
-    way_.add(error.template head<kTranslations>().norm(), gap_s_);
+    way_.add(error.template head<kAxes<N>>().norm(), gap_s_);
     if constexpr (N == 6) turn_.add(error.template tail<3>().norm(), gap_s_);
   }
   Velocity<N> clip(const Velocity<N>& repair, Seconds dt) noexcept {
     typename Velocity<N>::Vector r = repair.vec();
-    r.template head<kTranslations>() *=
-        bounded(r.template head<kTranslations>().squaredNorm(), way_.limit(catch_up_, dt));
+    r.template head<kAxes<N>>() *=
+        bounded(r.template head<kAxes<N>>().squaredNorm(), way_.limit(catch_up_, dt));
     if constexpr (N == 6)
       r.template tail<3>() *= bounded(r.template tail<3>().squaredNorm(), turn_.limit(kRadPerMetre * catch_up_, dt));
     return Velocity<N>{r};

@@ -15,6 +15,7 @@ class SpringDamper {
   explicit SpringDamper(const CouplingOptions& o) {
     k_.setConstant(o.stiffness_n_per_m);
     b_.setConstant(o.damping_n_s_per_m);
+    if constexpr (N == kJointPort) b_ = b_.cwiseMax(o.damping_of_joints);
     if constexpr (N == 6) {
       k_.template tail<3>().setConstant(o.rotational_stiffness_n_m_per_rad);
       b_.template tail<3>().setConstant(o.rotational_damping_n_m_s_per_rad);

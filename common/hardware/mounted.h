@@ -43,7 +43,7 @@ class MountedDevice final : public Device<N> {
         peak_n_{device_->info().max_force_n},
         continuous_n_{limit_of(device_->info())} {
     typename Force<N>::Vector carried = Force<N>::Vector::Zero();
-    for (int i = 0; i < kAxes; ++i) carried[i] = mount.carried_force_n[i];
+    for (int i = 0; i < kAxes<N>; ++i) carried[i] = mount.carried_force_n[i];
     carried_ = Force<N>{turned_back(carried)};
     carries_ = carried_.squared_norm() > 0.0;
     const double most = std::min(peak_n_, continuous_n_), weight = translation(carried_).norm();
@@ -119,7 +119,6 @@ class MountedDevice final : public Device<N> {
   }
 
   using Vector = typename Force<N>::Vector;
-  static constexpr int kAxes = N == 1 ? 1 : 3;
   static constexpr double kHeat = 10.0;  ///< time constant of a motor's winding, at the short end [s]
 
   /// A device that states none, or no force at all, has no continuous force.
@@ -167,7 +166,7 @@ class MountedDevice final : public Device<N> {
       return {p, m_.rotation * x.attitude() * m_.rotation.conjugate()};
     } else {
       Vector p = to_world(x.translation());
-      for (int i = 0; i < kAxes; ++i) p[i] += m_.position_m[i];
+      for (int i = 0; i < kAxes<N>; ++i) p[i] += m_.position_m[i];
       return Position<N>{p};
     }
   }
@@ -222,7 +221,7 @@ class MountedDevice final : public Device<N> {
     const double norm = translation(f).norm();
     return norm > peak_n_ ? (peak_n_ / norm) * f : f;
   }
-  static auto translation(const Force<N>& f) noexcept { return f.vec().template head<kAxes>(); }
+  static auto translation(const Force<N>& f) noexcept { return f.vec().template head<kAxes<N>>(); }
 
   std::shared_ptr<Device<N>> device_;
   DeviceMount m_;

@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "common/base/built_for.h"
+#include "common/base/check.h"
 #include "common/base/scalar.h"
 #include "common/hardware/device.h"
 #include "common/hardware/plugin_host.h"
@@ -34,11 +35,12 @@ class DriverList {
   /// `flag` is the command-line option that chooses a driver, e.g. "--device".
   explicit DriverList(std::string flag) : flag_{std::move(flag)} {}
 
-  /// Adds a class template for all sizes: Driver<N> derives from Hardware<N> and is constructed from DriverOptions.
+  /// Adds a class template for all sizes: Driver<N> derives from Hardware<N> and is constructed from DriverOptions. Of joints only where
+  /// Driver<N>::kDrivesJoints says so.
   /// `sentence` is its description in --list-devices.
   template <template <int> class Driver>
   void add(const std::string& name, const std::string& sentence) {
-    drivers_.push_back({name, sentence, {maker<Driver, 1>(), maker<Driver, 3>(), maker<Driver, 6>()}, false});
+    drivers_.push_back({name, sentence, {maker<Driver, 1>(), maker<Driver, 3>(), maker<Driver, 6>(), maker<Driver, kJointPort>()}, false});
   }
   /// Adds a class that drives one size, that of the Hardware<N> it derives from.
   template <class Driver>
@@ -56,8 +58,12 @@ class DriverList {
   template <int N>
   [[nodiscard]] std::unique_ptr<Hardware<N>> open(const std::string& choice, const Scene& scene, Seconds period,
                                                   PageChannel* page = nullptr) const {
-    if (const std::optional<PluginChoice> plugin = plugin_choice(choice))
-      return open_plugin<Hardware, N>(flag_, *plugin, period);
+    if (const std::optional<PluginChoice> plugin = plugin_choice(choice)) {
+      if constexpr (N == kJointPort)
+        throw ConfigError{flag_ + " " + choice + ": a plug-in drives dof 1, 3 or 6, but space of the scene is JOINTS"};
+      else
+        return open_plugin<Hardware, N>(flag_, *plugin, period);
+    }
     const std::size_t colon = choice.find(':');
     const Entry& driver = find(choice.substr(0, colon));
     const Maker<N>& maker = std::get<Maker<N>>(driver.makers);
@@ -73,7 +79,7 @@ class DriverList {
   using Maker = std::function<std::unique_ptr<Hardware<N>>(const DriverOptions&)>;
   struct Entry {
     std::string name, sentence;
-    std::tuple<Maker<1>, Maker<3>, Maker<6>> makers;
+    std::tuple<Maker<1>, Maker<3>, Maker<6>, Maker<kJointPort>> makers;
     bool missing;
   };
   template <class Driver>
@@ -82,10 +88,15 @@ class DriverList {
   }
   template <template <int> class Driver, int N>
   static Maker<N> maker() {
-    if constexpr (built_for(N))
-      return make<Driver<N>>;
-    else
+    if constexpr (!built_for(N)) {
       return {};
+    } else if constexpr (N != kJointPort) {
+      return make<Driver<N>>;
+    } else if constexpr (requires { Driver<N>::kDrivesJoints; }) {
+      return make<Driver<N>>;
+    } else {
+      return {};
+    }
   }
   [[nodiscard]] const Entry& find(const std::string& name) const;
   [[noreturn]] void refuse_size(const Entry& driver, int wanted) const;

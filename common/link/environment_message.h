@@ -12,7 +12,7 @@ namespace twoport {
 /// Surfaces of an environment that a packet tells of: the first ones in the scene's order.
 inline constexpr std::size_t kAdjustableSurfaces = 4;
 /// Joints of an arm that it tells of.
-inline constexpr std::size_t kMostJoints = 7;
+inline constexpr std::size_t kMostJoints = 8;
 /// Limits of what may be asked for; a scene may have more.
 inline constexpr double kSurfaceStiffnessMost = 1e6, kSurfaceFrictionMost = 2.0;  // [N/m], [1]
 

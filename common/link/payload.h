@@ -10,10 +10,14 @@
 
 namespace twoport {
 
+/// Most numbers of a method in a packet of a port of size N.
+template <int N>
+inline constexpr std::size_t kMostWords = N == kJointPort ? 40 : 24;
+
 /// The method's numbers in a packet, flat: `count` of them, the rest unset. Bit i of `totals` marks number i as a
 /// running total. Copies transfer only the numbers in use.
 struct Words {
-  static constexpr std::size_t kMost = 24;
+  static constexpr std::size_t kMost = kMostWords<kJointPort>;
 
   std::uint32_t totals = 0;
   std::uint8_t count = 0;

@@ -57,10 +57,9 @@ template <int N>
 /// Part in [0, 1] of a commanded force that the device has applied, by its translation; 1 below 0.1 N.
 template <int N>
 [[nodiscard]] double applied_part(const Force<N>& applied, const Force<N>& commanded) noexcept {
-  constexpr int kTranslations = N == 1 ? 1 : 3;
   constexpr double kCommanded_n = 0.1;
-  const double all = commanded.vec().template head<kTranslations>().norm();
-  return all > kCommanded_n ? std::min(1.0, applied.vec().template head<kTranslations>().norm() / all) : 1.0;
+  const double all = commanded.vec().template head<kAxes<N>>().norm();
+  return all > kCommanded_n ? std::min(1.0, applied.vec().template head<kAxes<N>>().norm() / all) : 1.0;
 }
 
 template <int N>
@@ -354,10 +353,9 @@ class SlavePair final : public Copyable<SlavePair<N, Transparency, Passivity>, S
       const double all = wanted.squaredNorm();
       return all > 0.0 ? std::clamp(f.dot(wanted) / all, 0.0, 1.0) : 0.0;
     };
-    constexpr int kTranslations = N == 1 ? 1 : 3;
     typename Force<N>::Vector g = damper.vec();
-    g.template head<kTranslations>() *=
-        share(applied.vec().template head<kTranslations>(), asked.vec().template head<kTranslations>());
+    g.template head<kAxes<N>>() *=
+        share(applied.vec().template head<kAxes<N>>(), asked.vec().template head<kAxes<N>>());
     if constexpr (N == 6)
       g.template tail<3>() *= share(applied.vec().template tail<3>(), asked.vec().template tail<3>());
     return Force<N>{g};

@@ -13,6 +13,7 @@
 #include "common/hardware/robot.h"
 #include "common/link/mailbox.h"
 #include "common/passivity/observer.h"
+#include "common/passivity/velocity_predictor.h"
 
 namespace twoport {
 
@@ -36,6 +37,7 @@ struct MasterInput {
   const Ledger& account;        ///< energy into the master port, exact, since the start
   bool active;                  ///< coupled or holding; else the force is zero
   bool paused;                  ///< this side has stood still: what was displayed before is old
+  const PortInertia<N>* inertia;  ///< of the port; null: what ControlOptions says of it
   double ramp;                  ///< rises from 0 to 1 after engagement
   Bridge<N>* bridge;            ///< from the force of the method before, after a switch; null: none
 

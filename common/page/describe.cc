@@ -109,7 +109,9 @@ Json arm(const Scene& s, const ShownArm& shown) {
   if (!s.robot || !s.robot->arm) return {"null"};
   const ArmParameters& p = *s.robot->arm->parameters;
   const auto joint = [](const ArmJoint& j) {
-    return object("origin_m", j.origin_m, "attitude", Eigen::Quaterniond{j.rotation}).text;
+    return object("origin_m", j.origin_m, "attitude", Eigen::Quaterniond{j.rotation}, "slides",
+                  j.type == JointType::prismatic)
+        .text;
   };
   return object("joints", list(p.joints, joint), "flange_m", p.flange_m, "links", list(shown.links, part<TriangleMesh>),
                 "left_out", shown.left_out);

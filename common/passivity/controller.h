@@ -195,7 +195,7 @@ inline Corrected<Force<N>> predictive_impedance_controller(const Force<N>& wante
   if (f.squaredNorm() == 0.0) return {wanted, Energy{}, Energy{accumulated_deficit}};
   const double predicted = turned ? port.least_power(wanted) : f.dot(port.w.vec());
   const double p = predicted - port.power_error_bound(wanted);
-  const double q = f.dot(port.mobility.cwiseProduct(f));
+  const double q = f.dot(typename Force<N>::Vector{port.mobility * f});
   const double repaid =
       accumulated_deficit > 0.0 && p > 0.0
           ? std::min(accumulated_deficit,

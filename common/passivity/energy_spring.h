@@ -66,6 +66,10 @@ class EnergySpring {
         quarter_inertia_kg_m2_{0.25 * inertia_kg_m2},
         predictor_{predictor_of<N>(mass_kg, inertia_kg_m2)} {}
 
+  /// As PortVelocityPredictor's, before observe().
+  void take_inertia(const PortInertia<N>& inertia) noexcept {
+    if (predictor_) predictor_->take_inertia(inertia);
+  }
   /// Books the interval that has ended: `net`, the account of the port since the start; `moved` under `applied`.
   void observe(Energy net, const Displacement<N>& moved, const Force<N>& applied, Seconds ended, Seconds dt) noexcept {
     energy_ += net - net_;
@@ -155,7 +159,7 @@ class EnergySpring {
   [[nodiscard]] double part_within(const Force<N>& f, Energy budget, Seconds dt, double error_w,
                                    const Force<N>& beside) const noexcept {
     const VelocityPrediction<N>& port = predictor_->prediction();
-    const auto response = port.mobility.cwiseProduct(f.vec());
+    const typename Force<N>::Vector response = port.mobility * f.vec();
     const double power = power_without_response(f) - error_w - 2.0 * beside.vec().dot(response);
     return largest_feasible_scale(f.vec().dot(response), -power, budget.si() / dt.si());
   }
@@ -168,7 +172,7 @@ class EnergySpring {
     if (!predictor_) return Energy{norm(f, dt) * reach(dt)};
     const VelocityPrediction<N>& port = predictor_->prediction();
     const double out_w =
-        f.vec().dot(port.mobility.cwiseProduct(f.vec())) - power_without_response(f) + port.worst_power_error(f);
+        f.vec().dot(typename Force<N>::Vector{port.mobility * f.vec()}) - power_without_response(f) + port.worst_power_error(f);
     return positive_part(Energy{out_w * dt.si()});
   }
   [[nodiscard]] double sampled(double stiffness, double quarter, Seconds dt) const noexcept {

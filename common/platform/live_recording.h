@@ -82,7 +82,7 @@ class LiveRecording {
     while (feed_.try_pop(entry_)) {
       if (!side_) {
         side_.emplace(*to_, header_);
-        trace_.emplace(*to_, "/" + header_.side + "/trace");
+        trace_.emplace(*to_, "/" + header_.side + "/trace", header_.coordinates());
       }
       if (entry_.is_tick) {
         side_->add(entry_.tick, std::span<const Report<N>>{received_});
@@ -128,7 +128,7 @@ TWOPORT_DECLARE(LiveRecording);
 /// `hardware`: what the driver says, a DeviceInfo or RobotInfo.
 template <class Info>
 RecordingHeader recording_header(const LiveArguments& a, const std::string& side, bool of_gripper, int dof,
-                                 double rate_hz, const Info& hardware) {
+                                 double rate_hz, const Info& hardware, int joints = 0) {
   DeviceInfo properties;
   if constexpr (std::is_same_v<Info, DeviceInfo>) {
     properties = hardware;
@@ -145,16 +145,17 @@ RecordingHeader recording_header(const LiveArguments& a, const std::string& side
           .live = true,
           .hardware = hardware.name,
           .properties = properties,
-          .start_unix_ns = 0};
+          .start_unix_ns = 0,
+          .joints = joints};
 }
 
 /// Null where nothing is recorded and nobody can listen.
 template <int N, class Info>
 std::unique_ptr<LiveRecording<N>> open_recording(const LiveArguments& a, const std::string& side, double rate_hz,
-                                                 const Info& hardware) {
+                                                 const Info& hardware, int joints) {
   if (a.record.empty() && a.foxglove.empty()) return nullptr;
   return std::make_unique<LiveRecording<N>>(std::make_shared<RecordingOutput>(a, program_name(side)),
-                                            recording_header(a, side, false, N, rate_hz, hardware));
+                                            recording_header(a, side, false, N, rate_hz, hardware, joints));
 }
 
 }  // namespace twoport

@@ -46,6 +46,7 @@ class Recorder {
  public:
   struct Options {
     Metrics<N> metrics;
+    int size = N;                             ///< number of coordinates of a port
     WholeFile* trace;                         ///< null: none. The caller commits it after finish()
     LiveRecording<N>* recording;              ///< null: none. The caller finishes it after finish()
     PlotStream* stream;                       ///< null: none
@@ -59,7 +60,7 @@ class Recorder {
   /// Progress goes to stderr: one line rewritten on a terminal, else none.
   explicit Recorder(Options options) : o_{std::move(options)}, ring_{kRows} {
     limit_at_s_.fill(kNever);
-    if (o_.trace) trace_.emplace(*o_.trace);
+    if (o_.trace) trace_.emplace(*o_.trace, o_.size);
     thread_ = std::thread{[this] { drain(); }};
   }
   ~Recorder() { stop(); }

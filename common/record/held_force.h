@@ -40,7 +40,7 @@ class HeldForce {
   static constexpr double kWindow = 0.1;      ///< [s]
   static constexpr double kLeast = 0.2;       ///< of the mean reference [N]
   static constexpr double kRestSpeed = 2e-3;  ///< where the intended motion is not known [m/s]
-  using Vector = Eigen::Matrix<double, N == 6 ? 3 : N, 1>;
+  using Vector = Eigen::Matrix<double, kAxes<N>, 1>;
 
   HeldForce(double rate_hz, std::optional<std::vector<Rest>> rests)
       : window_(static_cast<std::size_t>(std::max(1L, std::lround(kWindow * rate_hz)))),

@@ -14,6 +14,7 @@
 #include "common/record/run_judge.h"
 #include "common/record/summary.h"
 #include "common/record/sums.h"
+#include "common/record/tool_view.h"
 
 namespace twoport {
 
@@ -35,18 +36,21 @@ class Metrics {
   static constexpr double kFelt = 0.05;  ///< forces below this do not count in the direction figures [N]
 
   /// `run.initial_energy_j`: E(0) of the master port. `energy_scale`: E_master / E_slave, as Registration::to_master(Energy).
-  explicit Metrics(const typename RunJudge<N>::Known& run, double energy_scale = 1.0, KnownParts known = {})
+  explicit Metrics(const typename RunJudge<N>::Known& run, double energy_scale = 1.0, KnownParts known = {},
+                   ToolView<N> tool = {})
       : rate_hz_{run.rate_hz},
         initial_energy_j_{run.initial_energy_j},
         energy_scale_{energy_scale},
         known_{std::move(known)},
+        tool_{std::move(tool)},
         judge_{run},
         high_pass_{30.0, run.rate_hz},
         contact_{run.rate_hz, known_.rests} {}
 
   /// Returns false once the run has diverged.
-  bool add(const Row<N>& row) noexcept {
+  bool add(const Row<N>& ports) noexcept {
     ++rows_;
+    const Row<ToolView<N>::kSize>& row = tool_(ports);
     last_s_ = row.t_s;
     auto felt = translational(row.master_f.vec()), wanted = translational(row.master_f_wanted.vec());
     auto missed = translational(row.position_error.vec());
@@ -79,7 +83,7 @@ class Metrics {
       }
     }
     contact_.add(row, felt, felt2);
-    return judge_.add(row);
+    return judge_.add(ports);
   }
   [[nodiscard]] const RunJudge<N>& judge() const { return judge_; }
 
@@ -90,7 +94,7 @@ class Metrics {
     last_s_ = last_s;
   }
   [[nodiscard]] RunJudge<N>& judge() { return judge_; }
-  [[nodiscard]] ContactFigures<N>& contact() { return contact_; }
+  [[nodiscard]] ContactFigures<ToolView<N>::kSize>& contact() { return contact_; }
 
   /// Sets all fields that follow from rows. The caller sets those of the scene, the packets and the computing time.
   void fill(Summary& s) const {
@@ -148,9 +152,10 @@ class Metrics {
   }
   double rate_hz_, initial_energy_j_, energy_scale_;
   KnownParts known_;
+  [[no_unique_address]] ToolView<N> tool_;
   RunJudge<N> judge_;
-  HighPass<N == 6 ? 3 : N> high_pass_;
-  ContactFigures<N> contact_;
+  HighPass<kAxes<ToolView<N>::kSize>> high_pass_;
+  ContactFigures<ToolView<N>::kSize> contact_;
   std::uint64_t rows_ = 0;
   double last_s_ = 0.0;
   MetricsSums<double, N> sums_{};

@@ -34,7 +34,7 @@ void describe_run(const Scene& scene, std::string_view side, Summary& s) {
   const bool of_layer = find_name(kTransparencyLayers, named) != nullptr;
   s.set_architecture(of_layer ? std::move(named) : to_string(scene.control.architecture));
   s.set_method(scene.control.method_name);
-  s.set_dof(scene.dof);
+  s.set_dof(scene.coordinates());
   if (std::string claim = claim_that_holds(scene); !claim.empty()) s.set_claim(std::move(claim));
 }
 

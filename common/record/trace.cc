@@ -33,8 +33,9 @@ void append(std::string& line, const Vector& v) {
 }  // namespace
 
 template <int N>
-Trace<N>::Trace(WholeFile& file) : file_{&file} {
-  for_each_column(Row<N>{}, [&](const Column& column, const auto& v) { append_names(line_, column.name, v); });
+Trace<N>::Trace(WholeFile& file, int size) : file_{&file}, size_{size} {
+  for_each_column(
+      Row<N>{}, [&](const Column& column, const auto& v) { append_names(line_, column.name, v); }, size_);
   line_.back() = '\n';
   file_->write(line_);
 }
@@ -42,7 +43,8 @@ Trace<N>::Trace(WholeFile& file) : file_{&file} {
 template <int N>
 void Trace<N>::add(const Row<N>& row) {
   line_.clear();
-  for_each_column(row, [&](const Column&, const auto& value) { append(line_, value); });
+  for_each_column(
+      row, [&](const Column&, const auto& value) { append(line_, value); }, size_);
   line_.back() = '\n';
   file_->write(line_);
 }

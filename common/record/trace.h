@@ -12,13 +12,14 @@ namespace twoport {
 template <int N>
 class Trace {
  public:
-  /// Writes the header. `file` must outlive this.
-  explicit Trace(WholeFile& file);
+  /// Writes the header. `file` must outlive this. `size`: number of coordinates of a port.
+  explicit Trace(WholeFile& file, int size = N);
 
   void add(const Row<N>& row);
 
  private:
   WholeFile* file_;
+  int size_;
   std::string line_;
 };
 

@@ -122,24 +122,25 @@ void append_names(std::string& line, const std::vector<TraceColumn>& columns) {
 }  // namespace
 
 template <int N>
-TraceChannel<N>::TraceChannel(mcap::Channels& to, const std::string& topic)
-    : to_{&to}, channel_{to.add_channel(topic, kSchema, descriptors<N>(), units<N>())} {}
+TraceChannel<N>::TraceChannel(mcap::Channels& to, const std::string& topic, int size)
+    : to_{&to}, size_{size}, channel_{to.add_channel(topic, kSchema, descriptors<N>(), units<N>())} {}
 
 template <int N>
 void TraceChannel<N>::add(std::uint64_t log_time_ns, const Row<N>& row) {
   bytes_.clear();
   std::uint32_t number = 0;
-  for_each_column(row, [&]<class V>(const Column&, const V& value) {
+  const auto append = [&]<class V>(const Column&, const V& value) {
     ++number;
     if constexpr (std::is_same_v<V, double>) {
       append_varint(bytes_, number << 3U | Wire::WIRETYPE_FIXED64);
       append_double(bytes_, value);
     } else {
       append_varint(bytes_, number << 3U | Wire::WIRETYPE_LENGTH_DELIMITED);
-      append_varint(bytes_, N * sizeof(double));
-      for (int i = 0; i < N; ++i) append_double(bytes_, value[i]);
+      append_varint(bytes_, static_cast<std::uint32_t>(value.size()) * sizeof(double));
+      for (int i = 0; i < value.size(); ++i) append_double(bytes_, value[i]);
     }
-  });
+  };
+  for_each_column(row, append, size_);
   to_->write(channel_, log_time_ns, bytes_);
 }
 

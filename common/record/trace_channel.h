@@ -17,11 +17,12 @@ namespace twoport {
 template <int N>
 class TraceChannel {
  public:
-  TraceChannel(mcap::Channels& to, const std::string& topic);
+  TraceChannel(mcap::Channels& to, const std::string& topic, int size = N);
   void add(std::uint64_t log_time_ns, const Row<N>& row);
 
  private:
   mcap::Channels* to_;
+  int size_;
   std::uint16_t channel_;
   std::string bytes_;
 };

@@ -22,8 +22,8 @@ class TraceTable {
     std::string unit, rotational_unit;  ///< as of Column
   };
 
-  /// Room for `rows`, as far as that is not more than kReserved; more rows may come.
-  TraceTable(int dof, double rows) {
+  /// `size`: number of coordinates of a port. Room for `rows`, as far as that is not more than kReserved; more rows may come.
+  TraceTable(int dof, int size, double rows) : size_{size} {
     for_dof(dof, [&]<int N>() { name_fields<N>(); });
     numbers_.reserve(static_cast<std::size_t>(std::min(rows * static_cast<double>(width_), kReserved)));
   }
@@ -34,7 +34,8 @@ class TraceTable {
 
   template <int N>
   void add(const Row<N>& row) {
-    for_each_column(row, [&](const Column&, const auto& value) { append(value); });
+    for_each_column(
+        row, [&](const Column&, const auto& value) { append(value); }, size_);
   }
 
   /// The next number of a row.
@@ -60,18 +61,22 @@ class TraceTable {
 
   template <int N>
   void name_fields() {
-    for_each_column(Row<N>{}, [&](const Column& c, const auto& value) {
-      fields_.push_back({.name = std::string{c.name},
-                         .size = size_of(value),
-                         .vector = !c.rotational_unit.empty(),
-                         .unit = std::string{c.unit},
-                         .rotational_unit = std::string{c.rotational_unit}});
-      width_ += fields_.back().size;
-    });
+    for_each_column(
+        Row<N>{},
+        [&](const Column& c, const auto& value) {
+          fields_.push_back({.name = std::string{c.name},
+                             .size = size_of(value),
+                             .vector = !c.rotational_unit.empty(),
+                             .unit = std::string{c.unit},
+                             .rotational_unit = std::string{c.rotational_unit}});
+          width_ += fields_.back().size;
+        },
+        size_);
   }
 
   std::vector<Field> fields_;
   std::size_t width_ = 0;
+  int size_ = 0;
   std::vector<double> numbers_;
 };
 

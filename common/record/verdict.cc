@@ -299,7 +299,9 @@ class Judge {
 
   std::pair<std::string, std::string> name(std::size_t signal) const {
     return {signal < run_.dof ? "the master's" : "the slave's",
-            fmt::format("{} {}", run_.rotates(signal) ? "rotation" : "translation", signal % run_.dof % 3)};
+            run_.dof == kJointPort
+                ? fmt::format("joint {}", signal % run_.dof)
+                : fmt::format("{} {}", run_.rotates(signal) ? "rotation" : "translation", signal % run_.dof % 3)};
   }
   [[nodiscard]] double windows_per_s() const {
     return kTrendWindows * run_.rate_hz / static_cast<double>(std::max<std::size_t>(tail_.record.ticks(), 1));

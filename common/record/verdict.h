@@ -35,7 +35,7 @@ struct NoiseMotion {
 /// How large the motion of a run was: what its tail is measured against. A signal is a coordinate's velocity; those of the
 /// master come first, as many of the slave follow, translations before rotations on each side.
 struct MotionScale {
-  std::size_t dof = 1;  ///< coordinates of a side; from the fourth on they are rotations
+  std::size_t dof = 1;  ///< coordinates of a side; with 6 rotations from the fourth on
   double rate_hz = 1000.0;
   EnergySource source = EnergySource::unknown;
   double reach_m = 0.0;       ///< largest distance of a side from the origin
@@ -43,7 +43,7 @@ struct MotionScale {
   std::vector<double> early;  ///< the same within the first twentieth of the run
   NoiseMotion noise;          ///< in what is judged
 
-  [[nodiscard]] bool rotates(std::size_t signal) const { return signal % dof >= 3; }
+  [[nodiscard]] bool rotates(std::size_t signal) const { return dof == 6 && signal % dof >= 3; }
   /// Largest speed of this kind of motion, translation or rotation, on either side.
   [[nodiscard]] double largest(bool rotation) const;
   [[nodiscard]] double largest_of_kind(std::size_t signal) const { return largest(rotates(signal)); }

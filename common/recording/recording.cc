@@ -50,7 +50,7 @@ mcap::Metadata units(int dof) {
 
 // ---- values to messages
 
-constexpr std::size_t kMostNumbers = 7;  // of a quantity
+constexpr std::size_t kMostNumbers = std::max(7, kJointPort);  // of a quantity
 
 template <class Quantity>
 void put(const Quantity& from, Numbers& to) {
@@ -139,6 +139,7 @@ RecordingSide::RecordingSide(mcap::Channels& to, const RecordingHeader& header)
   message.set_live(header.live);
   message.set_hardware(header.hardware);
   message.set_start_unix_ns(header.start_unix_ns);
+  message.set_joints(static_cast<std::uint32_t>(header.joints));
   if (header.properties) {
     schema::HardwareProperties& p = *message.mutable_properties();
     p.set_max_force_n(header.properties->max_force_n);
@@ -217,7 +218,10 @@ RecordingReader::Kind RecordingReader::next() {
   if ((hardware != "master" && hardware != "slave") ||
       (hardware != m.side() && m.side() != std::string{hardware}.append(kOfGripper)))
     fail("a header is of neither master nor slave");
-  if (m.dof() != 1 && m.dof() != 3 && m.dof() != 6) fail("a header has no dof of 1, 3 or 6");
+  if (m.dof() != 1 && m.dof() != 3 && m.dof() != 6 && m.dof() != kJointPort)
+    fail("a header has no dof of 1, 3, 6 or 8");
+  if (m.joints() > kJointPort || (m.joints() > 0) != (m.dof() == kJointPort))
+    fail("a header has another number of joints than 1 to 8 with dof 8, and none else");
   header_ = {.program = m.program(),
              .side = m.side(),
              .dof = static_cast<int>(m.dof()),
@@ -228,7 +232,8 @@ RecordingReader::Kind RecordingReader::next() {
              .live = m.live(),
              .hardware = m.hardware(),
              .properties = std::nullopt,
-             .start_unix_ns = m.start_unix_ns()};
+             .start_unix_ns = m.start_unix_ns(),
+             .joints = static_cast<int>(m.joints())};
   if (m.has_properties()) {
     const schema::HardwareProperties& p = m.properties();
     const PortLimits none{};

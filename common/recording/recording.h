@@ -31,7 +31,10 @@ struct RecordingHeader {
   std::string hardware;
   std::optional<DeviceInfo> properties;  ///< what the driver says; of a robot `limits` only
   std::int64_t start_unix_ns = 0;        ///< tick time 0; 0 in the laboratory
+  int joints = 0;                        ///< of a port of joints; 0: none
 
+  /// Coordinates of the port that there are.
+  [[nodiscard]] int coordinates() const { return joints > 0 ? joints : dof; }
   [[nodiscard]] bool of_master() const { return side.starts_with("master"); }
   [[nodiscard]] bool of_gripper() const { return side.ends_with(kOfGripper); }
 };

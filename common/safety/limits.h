@@ -1,12 +1,34 @@
 #pragma once
 
+#include <Eigen/Core>
 #include <algorithm>
 #include <array>
 #include <cstddef>
 #include <cstdint>
 #include <limits>
 
+#include "common/base/vector.h"
+
 namespace twoport {
+
+/// Limits of each joint of a port of joints: torque [N m], speed [rad/s], range [rad]; of a prismatic joint [N], [m/s], [m].
+struct JointLimits {
+  using Axes = Eigen::Array<double, kJointPort, 1>;
+  static constexpr double kNone = std::numeric_limits<double>::infinity();
+
+  Axes effort = Axes::Constant(kNone), speed = Axes::Constant(kNone);
+  Axes lower = Axes::Constant(-kNone), upper = Axes::Constant(kNone);
+
+  /// In the metric s (JointMetric).
+  [[nodiscard]] JointLimits scaled(const Axes& s) const { return {effort / s, speed * s, lower * s, upper * s}; }
+  friend JointLimits lowest(const JointLimits& a, const JointLimits& b) {
+    return {a.effort.min(b.effort), a.speed.min(b.speed), a.lower.max(b.lower), a.upper.min(b.upper)};
+  }
+  friend bool operator==(const JointLimits& a, const JointLimits& b) {
+    return (a.effort == b.effort).all() && (a.speed == b.speed).all() && (a.lower == b.lower).all() &&
+           (a.upper == b.upper).all();
+  }
+};
 
 /// Limits of one port: of the device at the master, of the robot at the slave. Infinity: no limit.
 struct PortLimits {
@@ -19,6 +41,7 @@ struct PortLimits {
   double speed_m_per_s = kNone, angular_speed_rad_per_s = kNone;
   double set_point_step_m = kNone;  ///< change of the robot's set point in one tick
   double workspace_m = kNone;       ///< distance from the origin of the side's world
+  JointLimits joints{};             ///< of a port of joints
 
   /// The smaller of each.
   friend PortLimits lowest(const PortLimits& a, const PortLimits& b) {
@@ -29,21 +52,22 @@ struct PortLimits {
             std::min(a.speed_m_per_s, b.speed_m_per_s),
             std::min(a.angular_speed_rad_per_s, b.angular_speed_rad_per_s),
             std::min(a.set_point_step_m, b.set_point_step_m),
-            std::min(a.workspace_m, b.workspace_m)};
+            std::min(a.workspace_m, b.workspace_m),
+            lowest(a.joints, b.joints)};
   }
   friend bool operator==(const PortLimits&, const PortLimits&) = default;
 };
 
 /// Limits of a live run whose scene names none. The force and power of the robot are those that ISO 10218-1:2006, 5.10.5, allows
 /// beside people. The laboratory has no limits unless the scene names them.
-inline constexpr PortLimits kDeviceDefaults{.force_n = 50.0,
+inline const PortLimits kDeviceDefaults{.force_n = 50.0,
                                             .torque_n_m = 5.0,
                                             .force_rate_n_per_s = 50e3,
                                             .power_w = 100.0,
                                             .speed_m_per_s = 5.0,
                                             .angular_speed_rad_per_s = 50.0,
                                             .workspace_m = 10.0};
-inline constexpr PortLimits kRobotDefaults{.force_n = 150.0,
+inline const PortLimits kRobotDefaults{.force_n = 150.0,
                                            .torque_n_m = 30.0,
                                            .force_rate_n_per_s = 150e3,
                                            .power_w = 80.0,

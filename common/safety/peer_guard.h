@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <type_traits>
 
 #include "common/base/time.h"
 #include "common/link/report.h"
@@ -15,6 +16,8 @@ namespace twoport {
 ///     |x| <= workspace, |x - x(before)| <= speed (t - t(before) + 50 ms)
 ///     |f|, |f_coupling| <= force_n, and ten times that for what may be a sensor's reading; torques likewise
 ///     energy_in <= force_n speed (t - t0 + 1 s)     t0: the session's first report; by this side's clock
+///
+/// Of joints, each by itself: speed, range with 3 rad around it, ten times the effort.
 ///
 /// A second of energy and 50 ms of motion are granted for what has been under way. Calls are pure computation.
 template <int N>
@@ -41,13 +44,14 @@ class PeerGuard {
   [[nodiscard]] const LimitCounts& counts() const noexcept { return counts_; }
 
  private:
-  static constexpr int kAxes = N == 6 ? 3 : N;
   static constexpr double kSensorHeadroom = 10.0;  ///< an impact exceeds the force that the robot itself may apply
+  static constexpr double kBeyond = 3.0;           ///< of a joint's range that the other arm may have more [rad]
   static constexpr double kAbsurd = 1e12;          ///< beyond it no number of a method has a meaning
   static constexpr Seconds kMotionOnTheWay{0.05}, kEnergyOnTheWay{1.0};
 
   void check(Duration now) noexcept {
     if (!started_) begin(now);
+    if constexpr (N == kJointPort) check_joints();
     bool motion = clip(checked_.v, o_.speed_m_per_s, o_.angular_speed_rad_per_s);
     motion = bound_position(now) || motion;
     motion = clip(checked_.position_error, 2.0 * o_.workspace_m, PortLimits::kNone) || motion;
@@ -57,7 +61,8 @@ class PeerGuard {
     forces = clip(checked_.f, force, torque) || forces;
     forces = clip(checked_.f_environment, force, torque) || forces;
     if (forces) counts_.add(Limit::peer_force);
-    const double most_j = o_.force_n * o_.speed_m_per_s * (to_seconds(now - since_) + kEnergyOnTheWay).si();
+    const double power_w = N == kJointPort ? (o_.joints.effort * o_.joints.speed).sum() : o_.force_n * o_.speed_m_per_s;
+    const double most_j = power_w * (to_seconds(now - since_) + kEnergyOnTheWay).si();
     if (checked_.energy_in_j > most_j) {
       checked_.energy_in_j = most_j;
       counts_.add(Limit::peer_energy);
@@ -65,6 +70,26 @@ class PeerGuard {
     for (std::size_t i = 0; i < checked_.words.count; ++i)
       checked_.words.at[i] = std::clamp(checked_.words.at[i], -kAbsurd, kAbsurd);
   }
+  void check_joints() noexcept {
+    const JointLimits& j = o_.joints;
+    const auto clip_each = [](auto& q, const JointLimits::Axes& low, const JointLimits::Axes& high) {
+      using Quantity = std::remove_reference_t<decltype(q)>;
+      JointLimits::Axes v = joint_numbers(q).array(), within = v.max(low).min(high);
+      const bool acted = (within != v).any();
+      if (acted) q = Quantity{within.matrix()};
+      return acted;
+    };
+    bool motion = clip_each(checked_.v, -j.speed, j.speed);
+    motion = clip_each(checked_.x, j.lower - kBeyond, j.upper + kBeyond) || motion;
+    if (motion) counts_.add(Limit::peer_motion);
+    const JointLimits::Axes most = kSensorHeadroom * j.effort;
+    bool forces = clip_each(checked_.f_coupling, -j.effort, j.effort);
+    forces = clip_each(checked_.f, -most, most) || forces;
+    forces = clip_each(checked_.f_environment, -most, most) || forces;
+    if (forces) counts_.add(Limit::peer_force);
+  }
+  static const auto& joint_numbers(const Position<N>& x) noexcept { return x.translation(); }
+  static const auto& joint_numbers(const auto& v) noexcept { return v.vec(); }
   void begin(Duration now) noexcept {
     started_ = true;
     since_ = at_ = now;
@@ -76,7 +101,7 @@ class PeerGuard {
   template <class Quantity>
   static bool clip(Quantity& q, double linear, double angular) noexcept {
     typename Quantity::Vector v = q.vec();
-    bool acted = clip_norm(v.template head<kAxes>(), linear);
+    bool acted = clip_norm(v.template head<kAxes<N>>(), linear);
     if constexpr (N == 6) acted = clip_norm(v.template tail<3>(), angular) || acted;
     if (acted) q = Quantity{v};
     return acted;
@@ -91,13 +116,13 @@ class PeerGuard {
   }
 
   bool bound_position(Duration now) noexcept {
-    using Point = Eigen::Matrix<double, kAxes, 1>;
+    using Point = Eigen::Matrix<double, kAxes<N>, 1>;
     Point p = checked_.x.translation();
-    bool acted = clip_norm(p.template head<kAxes>(), o_.workspace_m);
+    bool acted = clip_norm(p.template head<kAxes<N>>(), o_.workspace_m);
     if (checked_.sequence > newest_) {
       Point step = p - Point{x_.translation()};
       if (newest_ != 0 &&
-          clip_norm(step.template head<kAxes>(), o_.speed_m_per_s * (to_seconds(now - at_) + kMotionOnTheWay).si())) {
+          clip_norm(step.template head<kAxes<N>>(), o_.speed_m_per_s * (to_seconds(now - at_) + kMotionOnTheWay).si())) {
         p = Point{x_.translation()} + step;
         acted = true;
       }

@@ -18,6 +18,11 @@ namespace twoport {
 ///     4  w = v + s T f/m,  |w| <= max(speed, |v|)   f = m (w - v)/(s T) with w shortened; likewise τ, ω and the inertia J
 ///     5  P = s f·v <= power_w                      the wrench is scaled, which keeps 4
 ///
+/// Of joints, each by itself instead of 3, 4 and the norms of 1:
+///
+///     |τ_i| <= effort_i                            the whole is scaled: its direction stays
+///     |q̇_i| > speed_i: s τ_i q̇_i <= 0              and beyond lower_i or upper_i no torque leads further out
+///
 /// with s = 1 for a force on the hardware (robot), s = -1 for a force at the master port (the hand is pushed with -f), T the period,
 /// m the mass that moves. The force accelerates nothing beyond the speed: |v| <= speed unless something else pushes. Where m
 /// is not known: |v| > speed: s f·v <= 0, the part of f along v is removed; a tick
@@ -31,11 +36,14 @@ class SafetyStage {
         sign_{sign},
         per_kg_{mass_kg > 0.0 ? 1.0 / mass_kg : 0.0},
         per_kg_m2_{inertia_kg_m2 > 0.0 ? 1.0 / inertia_kg_m2 : 0.0},
-        bounds_force_{limits.force_n < PortLimits::kNone || (N == 6 && limits.torque_n_m < PortLimits::kNone)},
-        bounds_more_{std::min({limits.force_rate_n_per_s, limits.power_w, limits.speed_m_per_s, limits.workspace_m}) <
+        bounds_force_{limits.force_n < PortLimits::kNone || (N == 6 && limits.torque_n_m < PortLimits::kNone) ||
+                      has_joint_limits()},
+        bounds_more_{has_joint_limits() ||
+                     std::min({limits.force_rate_n_per_s, limits.power_w, limits.speed_m_per_s, limits.workspace_m}) <
                          PortLimits::kNone ||
                      (N == 6 && limits.angular_speed_rad_per_s < PortLimits::kNone)},
-        bounds_set_point_{std::min({limits.set_point_step_m, limits.workspace_m, limits.speed_m_per_s,
+        bounds_set_point_{has_joint_limits() ||
+                          std::min({limits.set_point_step_m, limits.workspace_m, limits.speed_m_per_s,
                                     limits.force_n}) < PortLimits::kNone} {}
 
   /// The force to be applied until the next tick. `f` is finite.
@@ -60,8 +68,8 @@ class SafetyStage {
   [[nodiscard]] const LimitCounts& counts() const noexcept { return counts_; }
 
  private:
-  static constexpr int kAxes = N == 6 ? 3 : N;
-  static auto linear(const auto& v) noexcept { return v.template head<kAxes>(); }
+  [[nodiscard]] bool has_joint_limits() const { return N == kJointPort && !(o_.joints == JointLimits{}); }
+  static auto linear(const auto& v) noexcept { return v.template head<kAxes<N>>(); }
 
   Force<N> bounded(const Force<N>& f) noexcept {
     const double norm = linear(f.vec()).norm();
@@ -72,6 +80,11 @@ class SafetyStage {
       return std::min(norm > o_.force_n ? o_.force_n / norm : 1.0,
                       torque > o_.torque_n_m ? o_.torque_n_m / torque : 1.0) *
              f;
+    } else if constexpr (N == kJointPort) {
+      const double most = (f.vec().array().abs() / o_.joints.effort).maxCoeff();
+      if (most <= 1.0) return f;
+      counts_.add(Limit::force);
+      return (1.0 / most) * f;
     } else {
       if (norm <= o_.force_n) return f;
       counts_.add(Limit::force);
@@ -81,6 +94,7 @@ class SafetyStage {
 
   Force<N> bounded_more(Force<N> f, Position<N> x, Velocity<N> v, double dt) noexcept {
     bound_rate(f, dt);
+    if constexpr (N == kJointPort) bound_joints(f, x, v);
     bound_workspace(f, x);
     bound_speed(f, v, dt);
     const double power = sign_ * dot_of(f, v);
@@ -113,7 +127,7 @@ class SafetyStage {
 
   void bound_speed(Force<N>& f, const Velocity<N>& v, double dt) noexcept {
     typename Force<N>::Vector out = f.vec();
-    bool acted = keep_slow(out.template head<kAxes>(), linear(v.vec()), o_.speed_m_per_s, per_kg_ * dt);
+    bool acted = keep_slow(out.template head<kAxes<N>>(), linear(v.vec()), o_.speed_m_per_s, per_kg_ * dt);
     if constexpr (N == 6)
       acted =
           keep_slow(out.template tail<3>(), v.vec().template tail<3>(), o_.angular_speed_rad_per_s, per_kg_m2_ * dt) ||
@@ -122,9 +136,22 @@ class SafetyStage {
     f = Force<N>{out};
     counts_.add(Limit::speed);
   }
+  void bound_joints(Force<N>& f, const Position<N>& q, const Velocity<N>& v) noexcept {
+    typename Force<N>::Vector out = f.vec();
+    const auto take = [&](int i, Limit limit) {
+      out[i] = 0.0;
+      counts_.add(limit);
+    };
+    for (int i = 0; i < N; ++i) {
+      const double push = sign_ * out[i], at = q.translation()[i];
+      if (push * v[i] > 0.0 && std::abs(v[i]) > o_.joints.speed[i]) take(i, Limit::speed);
+      if ((at > o_.joints.upper[i] && push > 0.0) || (at < o_.joints.lower[i] && push < 0.0)) take(i, Limit::workspace);
+    }
+    f = Force<N>{out};
+  }
   void bound_workspace(Force<N>& f, const Position<N>& x) noexcept {
     typename Force<N>::Vector out = f.vec();
-    if (!remove_along(out.template head<kAxes>(), x.translation(), o_.workspace_m, sign_)) return;
+    if (!remove_along(out.template head<kAxes<N>>(), x.translation(), o_.workspace_m, sign_)) return;
     f = Force<N>{out};
     counts_.add(Limit::workspace);
   }
@@ -150,7 +177,7 @@ class SafetyStage {
 
   Position<N> bounded_set_point(const Position<N>& to, const Position<N>& from, double dt,
                                 const Force<N>* held_by) noexcept {
-    using Point = Eigen::Matrix<double, kAxes, 1>;
+    using Point = Eigen::Matrix<double, kAxes<N>, 1>;
     Point target = to.translation();
     bool acted = false;
     const double farthest = std::max(o_.workspace_m, Point{from.translation()}.norm());
@@ -159,7 +186,25 @@ class SafetyStage {
       counts_.add(Limit::workspace);
       acted = true;
     }
+    if constexpr (N == kJointPort) {
+      // Where it was beyond a limit already it moves no further out.
+      const Point within = target.cwiseMin(from.translation().cwiseMax(o_.joints.upper.matrix()))
+                               .cwiseMax(from.translation().cwiseMin(o_.joints.lower.matrix()));
+      if (within != target) {
+        target = within;
+        counts_.add(Limit::workspace);
+        acted = true;
+      }
+    }
     Point step = target - Point{from.translation()};
+    if constexpr (N == kJointPort) {
+      const double share = (step.array().abs() / (o_.joints.speed * dt)).maxCoeff();
+      if (share > 1.0) {
+        step /= share;
+        counts_.add(Limit::set_point_step);
+        acted = true;
+      }
+    }
     const double most = std::min(o_.set_point_step_m, o_.speed_m_per_s * dt);
     if (const double length = step.norm(); length > most) {
       step *= most / length;

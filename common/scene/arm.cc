@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cmath>
 #include <filesystem>
+#include <limits>
 #include <memory>
 #include <string>
 #include <vector>
@@ -38,6 +39,11 @@ ShownArm read_urdf_shapes(const std::string&, const std::string& file, const std
 
 namespace {
 
+constexpr double kUnlimited = std::numeric_limits<double>::infinity();
+static_assert(same_number(JointType::revolute, schema::REVOLUTE) &&
+              same_number(JointType::continuous, schema::CONTINUOUS) &&
+              same_number(JointType::prismatic, schema::PRISMATIC));
+
 Eigen::Matrix3d rotation_rpy(const List& rpy) {
   const Eigen::Vector3d r = vector<3>(rpy);
   return (Eigen::AngleAxisd{r.z(), Eigen::Vector3d::UnitZ()} * Eigen::AngleAxisd{r.y(), Eigen::Vector3d::UnitY()} *
@@ -58,18 +64,42 @@ Eigen::Matrix3d read_inertia(const Block<schema::ArmJoint>& of) {
 }
 
 ArmJoint read_joint(const Block<schema::ArmJoint>& of) {
+  const bool slides = of->type() == schema::PRISMATIC, limited = of->type() != schema::CONTINUOUS;
+  const auto refuse_unless = [&](bool belongs, const auto&... fields) {
+    const auto refuse = [&](const auto& field) {
+      if (!belongs && of.has(field))
+        of.refuse(field, fmt::format("be absent: the joint is {}", schema::JointType_Name(of->type())));
+    };
+    (refuse(fields), ...);
+  };
+  const auto require_if = [&](bool belongs, const auto&... fields) {
+    refuse_unless(belongs, fields...);
+    if (belongs) (of.require(fields), ...);
+  };
+  refuse_unless(!slides, FIELD(rotor_inertia_kg_m2));
+  refuse_unless(slides, FIELD(rotor_mass_kg));
+  require_if(!slides, FIELD(max_torque_n_m), FIELD(max_speed_rad_per_s));
+  require_if(slides, FIELD(max_force_n), FIELD(max_speed_m_per_s), FIELD(lower_m), FIELD(upper_m));
+  require_if(!slides && limited, FIELD(lower_rad), FIELD(upper_rad));
   ArmJoint joint{.origin_m = vector<3>(of->origin_m()),
                  .rotation = rotation_rpy(of->rotation_rpy_rad()),
                  .mass_kg = of->mass_kg(),
                  .center_m = vector<3>(of->center_m()),
                  .inertia = read_inertia(of),
-                 .rotor_inertia_kg_m2 = of->rotor_inertia_kg_m2(),
-                 .max_torque_n_m = of->max_torque_n_m(),
-                 .max_speed_rad_per_s = of->max_speed_rad_per_s(),
-                 .lower_rad = of->lower_rad(),
-                 .upper_rad = of->upper_rad()};
-  if (!(joint.lower_rad < joint.upper_rad))
-    of.refuse(FIELD(upper_rad), fmt::format("be > lower_rad, which is {}", joint.lower_rad));
+                 .rotor_inertia = slides ? of->rotor_mass_kg() : of->rotor_inertia_kg_m2(),
+                 .max_effort = slides ? of->max_force_n() : of->max_torque_n_m(),
+                 .max_speed = slides ? of->max_speed_m_per_s() : of->max_speed_rad_per_s(),
+                 .lower = -kUnlimited,
+                 .upper = kUnlimited,
+                 .type = static_cast<JointType>(of->type())};
+  const auto limit = [&](double lower, const auto& upper, const char* unit) {
+    joint.lower = lower, joint.upper = upper.value(of.message());
+    if (!(joint.lower < joint.upper)) of.refuse(upper, fmt::format("be > lower_{}, which is {}", unit, joint.lower));
+  };
+  if (slides)
+    limit(of->lower_m(), FIELD(upper_m), "m");
+  else if (limited)
+    limit(of->lower_rad(), FIELD(upper_rad), "rad");
   return joint;
 }
 
@@ -99,7 +129,7 @@ ArmParameters read_described(const Block<schema::ArmParameters>& of, const std::
   ArmParameters arm = load_urdf(file_beside(of.context().file, of->urdf()), tip.empty() ? of->tip() : tip);
   of.need_length(FIELD(joint_rotor_inertia_kg_m2), static_cast<int>(arm.joints.size()));
   const Numbers rotors = numbers(of->joint_rotor_inertia_kg_m2());
-  for (std::size_t i = 0; i < rotors.size(); ++i) arm.joints[i].rotor_inertia_kg_m2 = rotors[i];
+  for (std::size_t i = 0; i < rotors.size(); ++i) arm.joints[i].rotor_inertia = rotors[i];
   if (of->has_name()) arm.name = of->name();
   return arm;
 }
@@ -114,7 +144,8 @@ ArmParameters read_joints(const Block<schema::ArmParameters>& of, const std::str
     arm.joints.push_back(read_joint(each));
     arm.joints.back().name = fmt::format("joint {}", arm.joints.size());
   }
-  if (arm.joints.empty()) of.fail("joint is given 0 times; an arm must have 6 or 7 joints");
+  if (arm.joints.empty() || arm.joints.size() > kMostArmJoints)
+    of.fail(fmt::format("joint is given {} times; an arm must have 1 to {} joints", arm.joints.size(), kMostArmJoints));
   arm.flange_m = vector<3>(of->flange_m());
   arm.flange_rotation = rotation_rpy(of->flange_rotation_rpy_rad());
   return arm;
@@ -142,12 +173,12 @@ ArmParameters load_arm(const std::string& path, const std::string& tip) {
   const auto joints = static_cast<int>(arm.joints.size());
   of.require(FIELD(ready_position_rad), fmt::format("hold {} numbers", joints));
   of.need_length(FIELD(ready_position_rad), joints);
-  arm.ready_position_rad = numbers(of->ready_position_rad());
+  arm.ready_position = numbers(of->ready_position_rad());
   for (std::size_t i = 0; i < arm.joints.size(); ++i)
-    if (!(arm.ready_position_rad[i] >= arm.joints[i].lower_rad && arm.ready_position_rad[i] <= arm.joints[i].upper_rad))
+    if (!(arm.ready_position[i] >= arm.joints[i].lower && arm.ready_position[i] <= arm.joints[i].upper))
       of.refuse(FIELD(ready_position_rad),
                 fmt::format("lie within the joints' limits; number {} must be between {} and {}", i + 1,
-                            arm.joints[i].lower_rad, arm.joints[i].upper_rad));
+                            arm.joints[i].lower, arm.joints[i].upper));
   return arm;
 }
 
@@ -161,53 +192,25 @@ ShownArm load_arm_shapes(const std::string& path) {
 
 namespace {
 
-template <int n>
-EffectiveInertia effective_inertia(const ArmSpec& arm) {
-  using Matrix6 = Eigen::Matrix<double, 6, 6>;
-  const ArmTool tool{.mass_kg = arm.tool_mass_kg, .center_m = vector<3>(arm.tool_center_m)};
-  const Eigen::Matrix<double, n, 1> q = vector<n>(arm.joint_position_rad);
-  const ArmModel<n> with_tool{*arm.parameters, tool};
-  Matrix6 mobility = tool_mobility(with_tool, q);
-  const double lighter = 1.0 + arm.force_feedback_gain, turns_lighter = 1.0 + arm.force_feedback_torque_gain;
-  if (lighter > 1.0 || turns_lighter > 1.0) {
-    const Matrix6 alone = tool_mobility(ArmModel<n>{*arm.parameters}, q).inverse(), whole = mobility.inverse();
-    Matrix6 felt = alone;
-    felt.topLeftCorner<3, 3>() /= lighter;
-    felt.bottomRightCorner<3, 3>() /= turns_lighter;
-    felt.topRightCorner<3, 3>() /= std::sqrt(lighter * turns_lighter);
-    felt.bottomLeftCorner<3, 3>() /= std::sqrt(lighter * turns_lighter);
-    mobility = (felt + (whole - alone)).inverse();
-  }
-  const auto J = with_tool.jacobian(with_tool.pose(q));
-  const Matrix6 by_damping = J * J.transpose();
-  return {.mass_kg = 1.0 / largest_eigenvalue(mobility.topLeftCorner<3, 3>()),
-          .inertia_kg_m2 = 1.0 / largest_eigenvalue(mobility.bottomRightCorner<3, 3>()),
-          .damping_n_s_per_m =
-              arm.joint_damping_n_m_s_per_rad / lighter / largest_eigenvalue(by_damping.topLeftCorner<3, 3>()),
-          .rotational_damping_n_m_s_per_rad = arm.joint_damping_n_m_s_per_rad / turns_lighter /
-                                              largest_eigenvalue(by_damping.bottomRightCorner<3, 3>())};
-}
-
 /// Damping, friction and rotors of the joints: the scene's where it gives them, else the file's.
 void complete(const Block<schema::Arm>& of, const std::string& path, ArmParameters& parameters) {
   const auto joints = static_cast<int>(parameters.joints.size());
-  if (joints != 6 && joints != 7)
-    of.fail(fmt::format("{}: an arm must have 6 or 7 joints; this one has {}", path, joints));
+  if (joints < 6)
+    of.fail(fmt::format("{}: an arm must have 6 to {} joints; this one has {}", path, kMostArmJoints, joints));
   const Numbers friction = numbers(of->joint_coulomb_friction_n_m());
   of.need_length(FIELD(joint_coulomb_friction_n_m), joints);
   if (!std::ranges::all_of(friction, [](double f) { return f >= 0.0; }))
     of.refuse(FIELD(joint_coulomb_friction_n_m), "be >= 0 each");
   for (std::size_t i = 0; i < parameters.joints.size(); ++i) {
     ArmJoint& joint = parameters.joints[i];
-    if (of->has_joint_damping_n_m_s_per_rad() || !joint.damping_n_m_s_per_rad)
-      joint.damping_n_m_s_per_rad = of->joint_damping_n_m_s_per_rad();
-    if (!friction.empty()) joint.coulomb_friction_n_m = friction[i];
+    if (of->has_joint_damping_n_m_s_per_rad() || !joint.damping) joint.damping = of->joint_damping_n_m_s_per_rad();
+    if (!friction.empty()) joint.coulomb_friction = friction[i];
     const auto refuse = [&](const char* what, double value, const char* words) {
       of.fail(fmt::format("{}: joint \"{}\" has the {} {}; in a scene it must be {}", path, joint.name, what, value,
                           words));
     };
-    if (*joint.damping_n_m_s_per_rad > 300.0) refuse("damping", *joint.damping_n_m_s_per_rad, "at most 300");
-    if (!(joint.max_torque_n_m > 0.0)) refuse("effort", joint.max_torque_n_m, "> 0");
+    if (*joint.damping > 300.0) refuse("damping", *joint.damping, "at most 300");
+    if (!(joint.max_effort > 0.0)) refuse("effort", joint.max_effort, "> 0");
     if (const std::string words = inertia_fault(joint.inertia); !words.empty())
       of.fail(fmt::format("{}: the link behind joint \"{}\" has an inertia that must {}", path, joint.name, words));
   }
@@ -223,14 +226,14 @@ ArmSpec read_arm(const Block<schema::Arm>& of) {
   complete(of, path, *parameters);
   const int joints = static_cast<int>(parameters->joints.size());
   const auto feedback = of.block(FIELD(force_feedback));
-  if (parameters->ready_position_rad.empty())
+  if (parameters->ready_position.empty())
     of.require(FIELD(joint_position_rad), fmt::format("hold {} numbers: a URDF names no position to begin at", joints));
   of.need_length(FIELD(joint_position_rad), joints);
   ArmSpec arm{.parameters = parameters,
               .joint_position_rad = numbers(of->joint_position_rad()),
               .null_space_stiffness_n_m_per_rad = of->null_space_stiffness_n_m_per_rad(),
               .null_space_damping_n_m_s_per_rad = of->null_space_damping_n_m_s_per_rad(),
-              .joint_damping_n_m_s_per_rad = *parameters->joints[0].damping_n_m_s_per_rad,
+              .joint_damping_n_m_s_per_rad = *parameters->joints[0].damping,
               .tool_mass_kg = of->tool_mass_kg(),
               .tool_center_m = numbers(of->tool_center_m()),
               .force_feedback_gain = feedback->gain(),
@@ -238,16 +241,16 @@ ArmSpec read_arm(const Block<schema::Arm>& of) {
               .force_feedback_cutoff_hz = feedback->has_cutoff_hz() ? feedback->cutoff_hz() : 0.0};
   // The least, from which the scene takes a lower bound of the damping at the tool.
   for (const ArmJoint& joint : parameters->joints) {
-    arm.joint_damping_n_m_s_per_rad = std::min(arm.joint_damping_n_m_s_per_rad, *joint.damping_n_m_s_per_rad);
-    arm.joint_coulomb_friction_n_m.push_back(joint.coulomb_friction_n_m.value_or(0.0));
+    arm.joint_damping_n_m_s_per_rad = std::min(arm.joint_damping_n_m_s_per_rad, *joint.damping);
+    arm.joint_coulomb_friction_n_m.push_back(joint.coulomb_friction.value_or(0.0));
   }
-  if (arm.joint_position_rad.empty()) arm.joint_position_rad = parameters->ready_position_rad;
+  if (arm.joint_position_rad.empty()) arm.joint_position_rad = parameters->ready_position;
   for (std::size_t i = 0; i < arm.joint_position_rad.size(); ++i) {
     const ArmJoint& joint = parameters->joints[i];
-    if (!(arm.joint_position_rad[i] > joint.lower_rad && arm.joint_position_rad[i] < joint.upper_rad))
+    if (!(arm.joint_position_rad[i] > joint.lower && arm.joint_position_rad[i] < joint.upper))
       of.refuse(FIELD(joint_position_rad),
-                fmt::format("lie within the joints' limits; number {} must be between {} and {}", i + 1,
-                            joint.lower_rad, joint.upper_rad));
+                fmt::format("lie within the joints' limits; number {} must be between {} and {}", i + 1, joint.lower,
+                            joint.upper));
   }
   if (joints < 7) {
     const auto refuse = [&](const auto& field) {
@@ -261,10 +264,30 @@ ArmSpec read_arm(const Block<schema::Arm>& of) {
 }
 
 EffectiveInertia effective_inertia(const ArmSpec& arm) {
-  if constexpr (!built_for(6))
-    return {};
-  else
-    return arm.parameters->joints.size() == 6 ? effective_inertia<6>(arm) : effective_inertia<7>(arm);
+  using Matrix6 = Eigen::Matrix<double, 6, 6>;
+  if constexpr (!built_for(6)) return {};
+  const ArmTool tool{.mass_kg = arm.tool_mass_kg, .center_m = vector<3>(arm.tool_center_m)};
+  const ArmModel::Joints q = joint_vector(arm.joint_position_rad);
+  const ArmModel with_tool{*arm.parameters, tool};
+  Matrix6 mobility = tool_mobility(with_tool, q);
+  const double lighter = 1.0 + arm.force_feedback_gain, turns_lighter = 1.0 + arm.force_feedback_torque_gain;
+  if (lighter > 1.0 || turns_lighter > 1.0) {
+    const Matrix6 alone = tool_mobility(ArmModel{*arm.parameters}, q).inverse(), whole = mobility.inverse();
+    Matrix6 felt = alone;
+    felt.topLeftCorner<3, 3>() /= lighter;
+    felt.bottomRightCorner<3, 3>() /= turns_lighter;
+    felt.topRightCorner<3, 3>() /= std::sqrt(lighter * turns_lighter);
+    felt.bottomLeftCorner<3, 3>() /= std::sqrt(lighter * turns_lighter);
+    mobility = (felt + (whole - alone)).inverse();
+  }
+  const ArmModel::Jacobian J = with_tool.jacobian(with_tool.pose(q));
+  const Matrix6 by_damping = J.lazyProduct(J.transpose());
+  return {.mass_kg = 1.0 / largest_eigenvalue(mobility.topLeftCorner<3, 3>()),
+          .inertia_kg_m2 = 1.0 / largest_eigenvalue(mobility.bottomRightCorner<3, 3>()),
+          .damping_n_s_per_m =
+              arm.joint_damping_n_m_s_per_rad / lighter / largest_eigenvalue(by_damping.topLeftCorner<3, 3>()),
+          .rotational_damping_n_m_s_per_rad = arm.joint_damping_n_m_s_per_rad / turns_lighter /
+                                              largest_eigenvalue(by_damping.bottomRightCorner<3, 3>())};
 }
 
 namespace {

@@ -138,7 +138,7 @@ std::uint64_t scene_digest(const Scene& scene) {
 
 std::vector<SharedField> shared_fields(const Scene& scene) {
   schema::Scene message = scene.source ? scene.source->message : schema::Scene{};
-  message.set_dof(scene.dof);
+  message.set_dof(scene.coordinates());
   message.set_master_rate_hz(scene.master_rate_hz);
   message.set_slave_rate_hz(scene.slave_rate_hz);
   const std::vector<schema::Control> then = scheduled(message.control());
@@ -152,6 +152,9 @@ std::vector<SharedField> shared_fields(const Scene& scene) {
     switches.add(digest_of(fields_of(message)));
   }
   fields.push_back({"control.schedule", switches.value()});
+  Digest metric;
+  for (const double each : scene.control.joint_scale) metric.add(std::bit_cast<std::uint64_t>(each));
+  if (scene.joints > 0) fields.push_back({"space: the follower's joints", metric.value()});
   fields.push_back({"gripper", scene.gripper ? gripper_digest(message.gripper(), *scene.gripper) : 0});
   return fields;
 }

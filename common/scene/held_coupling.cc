@@ -31,22 +31,21 @@ bool holds(double mass, double own_damping, double stiffness, double damping, do
   return std::abs(det) < 1.0 && std::abs(trace) < 1.0 + det;
 }
 
-template <int n>
 bool holds_arm(const ArmSpec& arm, const CouplingOptions& c, double period) {
-  using Square = Eigen::Matrix<double, n, n>;
-  using Vector = Eigen::Matrix<double, n, 1>;
+  using Square = Eigen::MatrixXd;
+  using Vector = Eigen::VectorXd;
   constexpr double kRounding = 1e-6;  // of the double eigenvalue 1 of what nothing holds
-  const ArmModel<n> model{*arm.parameters, {.mass_kg = arm.tool_mass_kg, .center_m = vector<3>(arm.tool_center_m)}};
-  const auto pose = model.pose(vector<n>(arm.joint_position_rad));
+  const ArmModel model{*arm.parameters, {.mass_kg = arm.tool_mass_kg, .center_m = vector<3>(arm.tool_center_m)}};
+  const int n = model.size();
+  const ArmModel::Pose pose = model.pose(joint_vector(arm.joint_position_rad));
   // Joint coordinates in which inertia is 1 and damping is diagonal.
-  const Square L = model.inertia(pose).llt().matrixL();
+  const Square L = Square{model.inertia(pose)}.llt().matrixL();
   const Square to_modes = L.inverse();
-  Vector damping;
+  Vector damping{n};
   for (int i = 0; i < n; ++i)
-    damping[i] = arm.parameters->joints[static_cast<std::size_t>(i)].damping_n_m_s_per_rad.value_or(
-        arm.joint_damping_n_m_s_per_rad);
+    damping[i] = arm.parameters->joints[static_cast<std::size_t>(i)].damping.value_or(arm.joint_damping_n_m_s_per_rad);
   const Eigen::SelfAdjointEigenSolver<Square> modes{to_modes * damping.asDiagonal() * to_modes.transpose()};
-  const Eigen::Matrix<double, 6, n> J = model.jacobian(pose) * to_modes.transpose() * modes.eigenvectors();
+  const Square J = model.jacobian(pose) * to_modes.transpose() * modes.eigenvectors();
   Eigen::Matrix<double, 6, 1> stiffness, damper;
   const double lighter = 1.0 + arm.force_feedback_gain, turns_lighter = 1.0 + arm.force_feedback_torque_gain;
   stiffness << Eigen::Vector3d::Constant(lighter * c.stiffness_n_per_m),
@@ -54,17 +53,15 @@ bool holds_arm(const ArmSpec& arm, const CouplingOptions& c, double period) {
   damper << Eigen::Vector3d::Constant(lighter * c.damping_n_s_per_m),
       Eigen::Vector3d::Constant(turns_lighter * c.rotational_damping_n_m_s_per_rad);
   const Square K = J.transpose() * stiffness.asDiagonal() * J, B = J.transpose() * damper.asDiagonal() * J;
-  Vector a, g, h, l;
+  Vector a{n}, g{n}, h{n}, l{n};
   for (int i = 0; i < n; ++i) {
     const TickMap map = tick_map(1.0, modes.eigenvalues()[i], period);
     a[i] = map.a, g[i] = map.g, h[i] = map.h, l[i] = map.l;
   }
-  Eigen::Matrix<double, 2 * n, 2 * n> A;
-  A.template topLeftCorner<n, n>() = Square::Identity() - l.asDiagonal() * K;
-  A.template topRightCorner<n, n>() = Square{h.asDiagonal()} - l.asDiagonal() * B;
-  A.template bottomLeftCorner<n, n>() = -(g.asDiagonal() * K);
-  A.template bottomRightCorner<n, n>() = Square{a.asDiagonal()} - g.asDiagonal() * B;
-  return Eigen::EigenSolver<Eigen::MatrixXd>{A, false}.eigenvalues().cwiseAbs().maxCoeff() < 1.0 + kRounding;
+  Square A{2 * n, 2 * n};
+  A << Square::Identity(n, n) - l.asDiagonal() * K, Square{h.asDiagonal()} - l.asDiagonal() * B, -(g.asDiagonal() * K),
+      Square{a.asDiagonal()} - g.asDiagonal() * B;
+  return Eigen::EigenSolver<Square>{A, false}.eigenvalues().cwiseAbs().maxCoeff() < 1.0 + kRounding;
 }
 
 }  // namespace
@@ -74,9 +71,7 @@ bool coupling_holds_robot(const Scene& scene, const CouplingOptions& c) {
   const RobotSpec& robot = *scene.robot;
   const double period = 1.0 / scene.slave_rate_hz;
   if constexpr (built_for(6))
-    if (robot.arm)
-      return robot.arm->parameters->joints.size() == 6 ? holds_arm<6>(*robot.arm, c, period)
-                                                       : holds_arm<7>(*robot.arm, c, period);
+    if (robot.arm) return holds_arm(*robot.arm, c, period);
   const auto moves = [&](double inertia, double own_damping, double stiffness, double damping) {
     return inertia > 0.0 && !holds(inertia, own_damping, stiffness, damping, period);
   };

@@ -207,34 +207,28 @@ struct TooHeavy {
   std::size_t joint = 0;
   double most_kg = 0.0;
 };
-template <int n>
-TooHeavy too_heavy(const ArmSpec& arm, const Numbers& position_m) {
+TooHeavy too_heavy(const NamedArm& of) {
+  if constexpr (!built_for(6)) return {};
+  const ArmSpec& arm = *of.arm;
   const Eigen::Vector3d gravity{0.0, 0.0, -9.81};
-  const Eigen::Matrix<double, n, 1> q = vector<n>(arm.joint_position_rad);
-  const Eigen::Matrix3d flange = ArmModel<n>{*arm.parameters}.pose(q).tool_rotation;
-  const Eigen::Matrix3d tool = flange.transpose() * position<6>(position_m).attitude().toRotationMatrix();
-  const auto torque = [&](double mass) -> Eigen::Matrix<double, n, 1> {
-    const ArmModel<n> model{*arm.parameters, {.mass_kg = mass, .center_m = vector<3>(arm.tool_center_m)}, tool};
+  const ArmModel::Joints q = joint_vector(arm.joint_position_rad);
+  const Eigen::Matrix3d flange = ArmModel{*arm.parameters}.pose(q).tool_rotation;
+  const Eigen::Matrix3d tool = flange.transpose() * position<6>(*of.position_m).attitude().toRotationMatrix();
+  const auto torque = [&](double mass) {
+    const ArmModel model{*arm.parameters, {.mass_kg = mass, .center_m = vector<3>(arm.tool_center_m)}, tool};
     return model.gravity_torque(model.pose(q), gravity);
   };
-  const Eigen::Matrix<double, n, 1> alone = torque(0.0), each = torque(1.0) - alone;
+  const ArmModel::Joints alone = torque(0.0), each = torque(1.0) - alone;
   TooHeavy found;
   double least = arm.tool_mass_kg;
-  for (int i = 0; i < n; ++i) {
-    const double has = arm.parameters->joints[static_cast<std::size_t>(i)].max_torque_n_m;
+  for (int i = 0; i < q.size(); ++i) {
+    const double has = arm.parameters->joints[static_cast<std::size_t>(i)].max_effort;
     const double most = each[i] > 0.0   ? (has - alone[i]) / each[i]
                         : each[i] < 0.0 ? (-has - alone[i]) / each[i]
                                         : std::numeric_limits<double>::infinity();
     if (most < least) least = most, found = {static_cast<std::size_t>(i) + 1, std::max(0.0, most)};
   }
   return found;
-}
-TooHeavy too_heavy(const NamedArm& of) {
-  if constexpr (!built_for(6))
-    return {};
-  else
-    return of.arm->parameters->joints.size() == 6 ? too_heavy<6>(*of.arm, *of.position_m)
-                                                  : too_heavy<7>(*of.arm, *of.position_m);
 }
 std::optional<std::pair<NamedArm, TooHeavy>> first_too_heavy(const Scene& s) {
   for (const NamedArm& each : arms(s))

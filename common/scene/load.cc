@@ -11,6 +11,7 @@
 #include "common/base/file.h"
 #include "common/coupling/layers.h"
 #include "common/scene/blocks.h"
+#include "common/scene/joints.h"
 #include "common/scene/source.h"
 #include "common/scene/text.h"
 
@@ -26,13 +27,14 @@ double mean_delay_s(const ImpairmentOptions& o) {
   return sum / count;
 }
 
+/// Of the blocks of a scene: with joints they describe the tools in space.
 int read_dof(const schema::Scene& message, const std::string& file) {
+  if (message.space() == schema::Scene::JOINTS) return 6;
   const Context context{.file = file};
   const Block of{context, message};
   of.require(FIELD(dof), "be 1, 3 or 6");
   const int dof = of->dof();
   if (dof != 1 && dof != 3 && dof != 6) of.refuse(FIELD(dof), "be 1, 3 or 6");
-  check_built_for(dof);
   return dof;
 }
 
@@ -77,7 +79,8 @@ Scene read_scene(std::shared_ptr<const SceneSource> source) {
   Scene scene{};
   scene.name = of->has_name() ? of->name() : std::filesystem::path{file}.stem().string();
   scene.description = of->description();
-  scene.dof = context.dof;
+  scene.dof = of->space() == schema::Scene::JOINTS ? kJointPort : context.dof;
+  check_built_for(scene.dof);
   read_time(of, use, scene);
   scene.seed = of->seed();
   if (of->has_operator_()) scene.operator_model = read_operator(of.block(FIELD(operator_)));
@@ -93,6 +96,7 @@ Scene read_scene(std::shared_ptr<const SceneSource> source) {
   scene.slave_clock = read_clock(of.block(FIELD(slave_clock)));
   if (of->has_robot()) scene.robot = read_robot(of.block(FIELD(robot)));
   tell_system(scene);
+  read_joints(of, scene);
   complete_initial_energy(of, scene);
   for (const auto& each : of.blocks(FIELD(environment))) scene.environment.push_back(read_environment(each));
   scene.tool = read_tool(of.block(FIELD(tool)));

@@ -110,7 +110,7 @@ void check_god_object(const SceneBlock& scene, const Scene& values) {
   }
   // The proxy begins at the handle, so that it begins outside; the spring between them is at rest.
   if (!values.device) return;
-  if (for_dof(values.dof, [&]<int N>() { return starts_inside<N>(values); }))
+  if (for_cartesian_dof(values.dof, "control.rendering", [&]<int N>() { return starts_inside<N>(values); }))
     scene.block(FIELD(device))
         .refuse(FIELD(position_m), "be outside of the environment where control.rendering is GOD_OBJECT");
 }

@@ -173,7 +173,8 @@ struct ClockSpec {
 
 struct Scene {
   std::string name, description;
-  int dof;
+  int dof;         ///< of a port; kJointPort where its coordinates are joints
+  int joints = 0;  ///< number of those; 0: the ports are handle and tool
   double duration_s;  ///< infinity: until somebody ends it; live runs only
   double rate_hz, master_rate_hz, slave_rate_hz;
   std::uint64_t seed;
@@ -197,6 +198,8 @@ struct Scene {
   /// The message that it was read from; null: a program has made it.
   std::shared_ptr<const SceneSource> source{};
 
+  /// Coordinates of a port that there are.
+  [[nodiscard]] int coordinates() const { return joints > 0 ? joints : dof; }
   [[nodiscard]] int axes() const { return dof == 1 ? 1 : 3; }
 };
 

@@ -303,6 +303,9 @@ class ArmOfTree {
     for (const urdf::Joint* joint : path_)
       if (joint->type != urdf::Joint::FIXED) moving_.insert(joint->name);
     if (moving_.empty()) of.fail_link(tip, "is the tip, but no joint moves it");
+    if (moving_.size() > kMostArmJoints)
+      of.fail_link(tip, "is the tip, and {} joints move it: {}; an arm must have 1 to {} joints", moving_.size(),
+                   fmt::join(moving_, ", "), kMostArmJoints);
   }
 
   ArmParameters read() {
@@ -360,9 +363,8 @@ class ArmOfTree {
     switch (joint.type) {
       case urdf::Joint::REVOLUTE:
       case urdf::Joint::CONTINUOUS:
-        break;
       case urdf::Joint::PRISMATIC:
-        refuse_type(joint, "prismatic");
+        break;
       case urdf::Joint::FLOATING:
         refuse_type(joint, "floating");
       case urdf::Joint::PLANAR:
@@ -378,31 +380,31 @@ class ArmOfTree {
     return along.normalized();
   }
   [[noreturn]] void refuse_type(const urdf::Joint& joint, const char* type) const {
-    of_.fail_joint(joint.name, "is {}; an arm has revolute, continuous and fixed joints", type);
+    of_.fail_joint(joint.name, "is {}; an arm has revolute, continuous, prismatic and fixed joints", type);
   }
 
   ArmJoint read_joint(const urdf::Joint& joint) const {
     ArmJoint j{};
     j.name = joint.name;
-    j.max_torque_n_m = j.max_speed_rad_per_s = j.upper_rad = kUnlimited;
-    j.lower_rad = -kUnlimited;
+    j.type = joint.type == urdf::Joint::REVOLUTE    ? JointType::revolute
+             : joint.type == urdf::Joint::PRISMATIC ? JointType::prismatic
+                                                    : JointType::continuous;
+    j.max_effort = j.max_speed = j.upper = kUnlimited;
+    j.lower = -kUnlimited;
     if (joint.limits) {
-      j.max_torque_n_m = joint.limits->effort, j.max_speed_rad_per_s = joint.limits->velocity;
-      if (!(j.max_torque_n_m >= 0.0))
-        of_.fail_joint(joint.name, "has the effort {}; it must be >= 0", j.max_torque_n_m);
-      if (!(j.max_speed_rad_per_s >= 0.0))
-        of_.fail_joint(joint.name, "has the velocity {}; it must be >= 0", j.max_speed_rad_per_s);
+      j.max_effort = joint.limits->effort, j.max_speed = joint.limits->velocity;
+      if (!(j.max_effort >= 0.0)) of_.fail_joint(joint.name, "has the effort {}; it must be >= 0", j.max_effort);
+      if (!(j.max_speed >= 0.0)) of_.fail_joint(joint.name, "has the velocity {}; it must be >= 0", j.max_speed);
     }
-    if (joint.type == urdf::Joint::REVOLUTE) {
-      if (!joint.limits)
-        of_.fail_joint(joint.name, "is revolute and has no <limit>; one that turns for ever is continuous");
-      j.lower_rad = joint.limits->lower, j.upper_rad = joint.limits->upper;
-      if (!(j.lower_rad < j.upper_rad))
-        of_.fail_joint(joint.name, "has the limits {} and {}; lower must be < upper", j.lower_rad, j.upper_rad);
+    if (j.type != JointType::continuous) {
+      if (!joint.limits) of_.fail_joint(joint.name, "has no <limit>; a joint without limits is continuous");
+      j.lower = joint.limits->lower, j.upper = joint.limits->upper;
+      if (!(j.lower < j.upper))
+        of_.fail_joint(joint.name, "has the limits {} and {}; lower must be < upper", j.lower, j.upper);
     }
     if (joint.dynamics) {
-      j.damping_n_m_s_per_rad = joint.dynamics->damping;
-      j.coulomb_friction_n_m = joint.dynamics->friction;
+      j.damping = joint.dynamics->damping;
+      j.coulomb_friction = joint.dynamics->friction;
       for (const auto& [name, value] :
            {std::pair{"damping", joint.dynamics->damping}, {"friction", joint.dynamics->friction}})
         if (!(value >= 0.0 && value < kUnlimited))

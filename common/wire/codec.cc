@@ -18,6 +18,10 @@ namespace {
 template <int N>
 constexpr int kSampleSize = (N == 6 ? 7 : N) + 5 * N + 1;
 constexpr int kGripperSize = kSampleSize<1> + 1;  // and the energy
+/// Doubles of a packet's report; a gripper moved by joints is one of them.
+template <int N>
+constexpr std::size_t kReportSize =
+    kSampleSize<N> + kMostWords<N> + (N == kJointPort ? 0 : kGripperSize + kMostWords<1>);
 
 // Moments are durations since a loop began: 73 years, and no sum of two of them overflows.
 constexpr std::int64_t kLatest = std::int64_t{1} << 61;
@@ -39,9 +43,9 @@ const double* read(const double* from, PortReport<N>& r) {
   return from;
 }
 
-/// False if there are too many.
-bool read(const google::protobuf::RepeatedField<double>& from, std::uint32_t totals, Words& words) {
-  if (from.size() > static_cast<int>(Words::kMost)) return false;
+/// False if there are more than `most`.
+bool read(const google::protobuf::RepeatedField<double>& from, std::uint32_t totals, std::size_t most, Words& words) {
+  if (from.size() > static_cast<int>(most)) return false;
   words.count = static_cast<std::uint8_t>(from.size());
   words.totals = totals;
   std::copy_n(from.data(), words.count, words.at.begin());
@@ -73,7 +77,7 @@ bool read_report(const schema::Datagram& message, Report<N>& r) {
   r.energy_in_j = message.energy_in_j();
   r.epoch = message.epoch();
   read(message.sample().data(), r);
-  if (!read(message.words(), message.running_totals(), r.words) || !r.finite()) return false;
+  if (!read(message.words(), message.running_totals(), kMostWords<N>, r.words) || !r.finite()) return false;
   if constexpr (N == 6) return std::abs(r.x.attitude().squaredNorm() - 1.0) < kUnitTolerance;
   return true;
 }
@@ -96,7 +100,7 @@ bool read_gripper(const schema::Datagram& message, const Report<N>& shared, Repo
   r.epoch = shared.epoch;
   r.mode = static_cast<Mode>(message.gripper_mode());
   r.energy_in_j = *read(message.gripper().data(), r);
-  return read(message.gripper_words(), message.gripper_running_totals(), r.words) && r.finite();
+  return read(message.gripper_words(), message.gripper_running_totals(), kMostWords<1>, r.words) && r.finite();
 }
 
 void write_environment(schema::Datagram& message, const EnvironmentMessage& e) {
@@ -136,7 +140,7 @@ bool read_environment(const schema::Datagram& message, EnvironmentMessage& e) {
 /// False if the identity is invalid. Without one (dof 0) `identity` is unchanged.
 bool read_identity(const schema::Datagram& message, std::optional<Identity>& identity) {
   if (message.dof() == 0) return true;
-  if (message.dof() > 6 || !(message.rate_hz() > 0.0) || !std::isfinite(message.rate_hz())) return false;
+  if (message.dof() > kJointPort || !(message.rate_hz() > 0.0) || !std::isfinite(message.rate_hz())) return false;
   if (message.side() != static_cast<std::uint32_t>(Side::master) &&
       message.side() != static_cast<std::uint32_t>(Side::slave))
     return false;
@@ -222,9 +226,8 @@ std::span<const std::byte> Codec<N>::encode(const Envelope<N>& envelope) noexcep
   }
   const std::size_t size = message.ByteSizeLong();
   // Tags, lengths and single numbers of all fields take less than 20 doubles.
-  static_assert(kMaxDatagram >
-                8 * (kSampleSize<N> + kGripperSize + 2 * Words::kMost + 2 * kAdjustableSurfaces + kMostJoints + 20) +
-                    kMaxSceneFields);
+  static_assert(kMaxDatagram >=
+                8 * (kReportSize<N> + 2 * kAdjustableSurfaces + kMostJoints + 20) + kMaxSceneFields);
   message.SerializeWithCachedSizesToArray(reinterpret_cast<std::uint8_t*>(impl_->buffer.data()));
   return {impl_->buffer.data(), size};
 }

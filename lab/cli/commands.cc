@@ -149,7 +149,7 @@ std::optional<HostedRobot> open_robot(const std::string& choice, const Scene& sc
   if (choice.substr(0, choice.find(':')) != "mujoco")
     throw ConfigError{"--robot " + choice +
                       ": does not run in virtual time; mujoco:FILE.xml[,site=NAME][,key=NAME] does"};
-  return for_dof(scene.dof, [&]<int N>() -> std::optional<HostedRobot> {
+  return for_cartesian_dof(scene.dof, "--robot " + choice, [&]<int N>() -> std::optional<HostedRobot> {
     std::unique_ptr<Robot<N>> robot = all_drivers().robots.open<N>(choice, scene, Seconds{1.0 / scene.slave_rate_hz});
     HostedRobot hosted{choice, HostedRobot::Of<N>{&dynamic_cast<VirtualRobot<N>&>(*robot.release())}};
     static_cast<void>(make_simulation<N>(scene, hosted));  // refuses before anything runs

@@ -96,6 +96,10 @@ std::unique_ptr<Simulation<N>> make_simulation(const Scene& scene, const HostedR
   return std::make_unique<Compiled<N, LinkLoop<N, AnyMethod, HostedPlant<N>>>>(scene, taps, robot->get());
 }
 
+template <>
+std::unique_ptr<Simulation<kJointPort>> make_simulation(const Scene&, const HostedRobot& robot, Taps<kJointPort>*) {
+  throw ConfigError{fmt::format("--robot {}: space of the scene is JOINTS; it must be CARTESIAN", robot.choice)};
+}
 template std::unique_ptr<Simulation<1>> make_simulation<1>(const Scene&, const HostedRobot&, Taps<1>*);
 template std::unique_ptr<Simulation<3>> make_simulation<3>(const Scene&, const HostedRobot&, Taps<3>*);
 template std::unique_ptr<Simulation<6>> make_simulation<6>(const Scene&, const HostedRobot&, Taps<6>*);

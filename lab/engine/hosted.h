@@ -24,6 +24,9 @@ struct HostedRobot {
 template <int N>
 std::unique_ptr<Simulation<N>> make_simulation(const Scene& scene, const HostedRobot& robot, Taps<N>* taps = nullptr);
 
+/// Refuses: no such robot has joints for a port.
+template <>
+std::unique_ptr<Simulation<kJointPort>> make_simulation(const Scene&, const HostedRobot& robot, Taps<kJointPort>*);
 extern template std::unique_ptr<Simulation<1>> make_simulation<1>(const Scene&, const HostedRobot&, Taps<1>*);
 extern template std::unique_ptr<Simulation<3>> make_simulation<3>(const Scene&, const HostedRobot&, Taps<3>*);
 extern template std::unique_ptr<Simulation<6>> make_simulation<6>(const Scene&, const HostedRobot&, Taps<6>*);

@@ -52,19 +52,17 @@ class Compiled final : public Simulation<N> {
 
 template <int N>
 std::unique_ptr<Simulation<N>> make_simulation(const Scene& scene, Taps<N>* taps) {
-  switch (scene.control.architecture) {
-    case Architecture::render:
+  if constexpr (N != kJointPort) {
+    if (scene.control.architecture == Architecture::render)
       return std::make_unique<Compiled<N, RenderLoop<N>>>(scene, taps);
-    case Architecture::uncontrolled:
+    if (scene.control.architecture == Architecture::uncontrolled)
       return std::make_unique<Compiled<N, BodyLoop<N>>>(scene);
-    default:
-      // One loop for each size does for every method; the controllers that sweeps run most have one of their own, 10 %
-      // faster.
-      if (scene.control.transparency == kPlainTransparency &&
-          scene.control.controller.method != ::twoport::Method::none && scene.schedule.empty())
-        return std::make_unique<Compiled<N, LinkLoop<N, TimeDomainPassivity>>>(scene, taps);
-      return std::make_unique<Compiled<N, LinkLoop<N>>>(scene, taps);
+    // One loop for each size does for every method; the controllers that sweeps run most have one of their own, 10 % faster.
+    if (scene.control.transparency == kPlainTransparency &&
+        scene.control.controller.method != ::twoport::Method::none && scene.schedule.empty())
+      return std::make_unique<Compiled<N, LinkLoop<N, TimeDomainPassivity>>>(scene, taps);
   }
+  return std::make_unique<Compiled<N, LinkLoop<N>>>(scene, taps);
 }
 
 }  // namespace twoport::lab

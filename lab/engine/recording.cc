@@ -26,7 +26,8 @@ SideTap<N> side(mcap::Writer& file, const Scene& scene, const RecordingOptions& 
            .live = false,
            .hardware = master ? "simulated device" : "simulated robot",
            .properties = std::nullopt,
-           .start_unix_ns = 0}};
+           .start_unix_ns = 0,
+           .joints = scene.joints}};
 }
 
 }  // namespace
@@ -41,7 +42,7 @@ const std::string& recordable(const Scene& scene, const RecordingOptions& o) {
 
 template <int N>
 LabRecording<N>::LabRecording(mcap::Writer& file, const Scene& scene, const RecordingOptions& o, bool of_gripper)
-    : trace_{file, of_gripper ? "/master/gripper/trace" : "/master/trace"},
+    : trace_{file, of_gripper ? "/master/gripper/trace" : "/master/trace", scene.coordinates()},
       taps_{side<N>(file, scene, o, true, of_gripper), side<N>(file, scene, o, false, of_gripper)} {
   file.flush();  // a file without ticks is whole too
 }

@@ -83,5 +83,6 @@ std::unique_ptr<Simulation<N>> make_simulation(const Scene& scene, Taps<N>* taps
 extern template std::unique_ptr<Simulation<1>> make_simulation<1>(const Scene&, Taps<1>*);
 extern template std::unique_ptr<Simulation<3>> make_simulation<3>(const Scene&, Taps<3>*);
 extern template std::unique_ptr<Simulation<6>> make_simulation<6>(const Scene&, Taps<6>*);
+extern template std::unique_ptr<Simulation<kJointPort>> make_simulation<kJointPort>(const Scene&, Taps<kJointPort>*);
 
 }  // namespace twoport::lab

@@ -55,7 +55,8 @@ Metrics<N> metrics_of(const Scene& scene, bool link, double quiet_from_s, double
                      .robot = link || alone,
                      .account = keeps_account(scene.control, scene.schedule),
                      .robot_energy = link,
-                     .rests = rests(scene)}};
+                     .rests = rests(scene)},
+                    ToolView<N>{scene}};
 }
 
 }  // namespace twoport::lab

@@ -166,7 +166,7 @@ void play_rows(Engine& engine, const Setting& s, const Scene& scene, int from, i
 
 Course course(Engine& engine, const Setting& s, const Scene& scene) {
   Course c;
-  for_dof(scene.dof, [&]<int N>() {
+  for_cartesian_dof(scene.dof, "peers", [&]<int N>() {
     play_rows<N>(engine, s, scene, 0, s.ticks, [&](const Row<N>& row, double energy_j) {
       c.t_s.push_back(row.t_s);
       for (int i = 0; i < 3; ++i) {
@@ -183,7 +183,7 @@ Course course(Engine& engine, const Setting& s, const Scene& scene) {
 
 /// Goes on after the scene's end where our runs do, and is judged as they are.
 std::string verdict(Engine& engine, const Setting& s, const Scene& scene, VerdictFrom from) {
-  return for_dof(scene.dof, [&]<int N>() {
+  return for_cartesian_dof(scene.dof, "peers", [&]<int N>() {
     RunJudge<N> run{{.rate_hz = s.rate_hz,
                      .duration_s = scene.duration_s,
                      .quiet_from_s = 0.0,

@@ -35,7 +35,7 @@ std::unique_ptr<Simulation<N>> simulation(const Scene& scene, const HostedRobot*
 }
 
 Course course(const Scene& scene, const HostedRobot* robot = nullptr) {
-  return for_dof(scene.dof, [&]<int N>() {
+  return for_cartesian_dof(scene.dof, "chart", [&]<int N>() {
     Course c;
     constexpr int kAxes = twoport::kAxes<N>;
     const bool alone = scene.control.architecture == Architecture::uncontrolled;
@@ -58,7 +58,7 @@ using Clock = std::chrono::steady_clock;
 
 /// One run, without building the scene [s], and its ticks.
 std::pair<double, double> timed(const Scene& scene, const HostedRobot* robot) {
-  return for_dof(scene.dof, [&]<int N>() {
+  return for_cartesian_dof(scene.dof, "chart", [&]<int N>() {
     const auto timed = simulation<N>(scene, robot);
     const auto start = Clock::now();
     const std::uint64_t ticks = timed->run_silently();

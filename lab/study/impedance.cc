@@ -331,7 +331,7 @@ std::vector<DisplayedImpedance> displayed_impedance(const Scene& scene, const Im
   const Summary whole = run(scene);
   if (whole.has_coupled_share() && whole.coupled_share() == 0.0) throw ConfigError{never_coupled(scene)};
   if (whole.verdict_kind() == to_string(VerdictKind::unstable)) throw ConfigError{unstable(scene, whole.verdict())};
-  return for_dof(scene.dof, [&]<int N>() {
+  return for_cartesian_dof(scene.dof, "impedance", [&]<int N>() {
     std::vector<DisplayedImpedance> all;
     for (const auto& [name, place] : places<N>(scene, options.amplitude_m))
       all.push_back(measured<N>(scene, name, place, options));

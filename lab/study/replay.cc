@@ -221,8 +221,9 @@ class ReplayOf final : public Replay {
 template <int N>
 std::unique_ptr<Replay> make_replay(const RecordingHeader& h, const Scene& scene) {
   if (!h.of_master()) return std::make_unique<ReplayOf<N, SlaveSide<N>>>(h.side, scene);
-  if (scene.control.architecture == Architecture::render)
-    return std::make_unique<ReplayOf<N, RenderSide<N>>>(h.side, scene);
+  if constexpr (N != kJointPort)
+    if (scene.control.architecture == Architecture::render)
+      return std::make_unique<ReplayOf<N, RenderSide<N>>>(h.side, scene);
   return std::make_unique<ReplayOf<N, MasterSide<N>>>(h.side, scene);
 }
 

@@ -30,7 +30,7 @@ class Tremor {
     if (spec.rms_m == 0.0) return;
     const Random random{seed ^ kStream};
     constexpr double kTurn = 2.0 * std::numbers::pi;
-    for (int axis = 0; axis < kAxes; ++axis) {
+    for (int axis = 0; axis < kAxes<N>; ++axis) {
       for (int j = 0; j < kWaves; ++j) {
         const auto wave = static_cast<std::uint64_t>(axis * kWaves + j);
         const double part = (j + random.uniform(wave, kFrequency)) / kWaves;
@@ -60,7 +60,7 @@ class Tremor {
   }
 
  private:
-  static constexpr int kAxes = N == 6 ? 3 : N, kWaves = 8;
+  static constexpr int kWaves = 8;
   static constexpr std::uint64_t kStream = 0x7265306d;
   enum Purpose : unsigned { kFrequency, kPhase };
   struct Wave {

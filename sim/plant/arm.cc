@@ -8,14 +8,14 @@
 #include <utility>
 
 #include "common/base/normal.h"
-#include "sim/plant/serial_arm.h"
 
 namespace twoport::sim {
 namespace {
 
 using Matrix6 = Eigen::Matrix<double, 6, 6>;
 
-constexpr double kStopStiffness = 2e3, kStopDamping = 20.0;  // [N m/rad], [N m s/rad]
+constexpr double kStopStiffness = 2e3, kStopDamping = 20.0;           // [N m/rad], [N m s/rad]
+constexpr double kSlideStopStiffness = 1e5, kSlideStopDamping = 1e3;  // of prismatic joints [N/m], [N s/m]
 // det J M⁻¹ Jᵀ below this part of that at the beginning is nearly singular.
 constexpr double kSingular = 1e-3;
 
@@ -26,15 +26,15 @@ double determinant(const Eigen::LLT<Matrix6>& factors) noexcept {
   return root * root;
 }
 
-/// The inverse of the least eigenvalue of a positive definite matrix, by power iteration from below: for the length of steps. Eigen's
-/// solver of 6 and 7 rows takes 26 s to compile.
-template <int n>
-double inverse_of_least_eigenvalue(const Eigen::LLT<Eigen::Matrix<double, n, n>>& factors) noexcept {
-  Eigen::Matrix<double, n, 1> x = Eigen::Matrix<double, n, 1>::Ones() / std::sqrt(n);
+/// The largest eigenvalue of W M⁻¹, W a diagonal of numbers >= 0, by power iteration from below: for the length of steps.
+double largest_rate(const ArmModel::Joints& weights, const InertiaFactors& M) noexcept {
+  const ArmModel::Joints root = weights.cwiseSqrt();
+  ArmModel::Joints x = ArmModel::Joints::Ones(root.size());
   double largest = 0.0;
   for (int i = 0; i < 64; ++i) {
-    x = factors.solve(x);
+    x = root.cwiseProduct(M.solve(root.cwiseProduct(x)));
     largest = x.norm();
+    if (!(largest > 0.0)) return 0.0;
     x /= largest;
   }
   return largest;
@@ -56,43 +56,41 @@ ArmTool with_hand(const ArmSpec& arm, const std::optional<HandOnTool>& hand) {
   return tool;
 }
 
-template <int n>
-ArmModel<n> with_tool(const ArmSpec& arm, const ArmTool& tool, const Eigen::Matrix<double, n, 1>& q,
-                      const Position<6>& start) {
-  const Eigen::Matrix3d flange = ArmModel<n>{*arm.parameters}.pose(q).tool_rotation;
-  return ArmModel<n>{*arm.parameters, tool, flange.transpose() * start.attitude().toRotationMatrix()};
+ArmModel with_tool(const ArmSpec& arm, const ArmTool& tool, const ArmModel::Joints& q, const Position<6>& start) {
+  const Eigen::Matrix3d flange = ArmModel{*arm.parameters}.pose(q).tool_rotation;
+  return ArmModel{*arm.parameters, tool, flange.transpose() * start.attitude().toRotationMatrix()};
 }
 
 }  // namespace
 
-template <int n>
-SerialArm<n>::SerialArm(const ArmSpec& arm, std::shared_ptr<const Environment<6>> environment, double dt,
-                        const Position<6>& start, const std::optional<HandOnTool>& hand)
+ArmPlant::ArmPlant(const ArmSpec& arm, std::shared_ptr<const Environment<6>> environment, double dt,
+                   const Position<6>& start, const std::optional<HandOnTool>& hand)
     : environment_{std::move(environment)},
       dt_{dt},
       arm_{arm},
       tool_{with_hand(arm, hand)},
-      home_{vector<n>(arm_.joint_position_rad)},
-      model_{with_tool<n>(arm_, tool_, home_, start)},
+      home_{joint_vector(arm_.joint_position_rad)},
+      model_{with_tool(arm_, tool_, home_, start)},
       bare_{*arm_.parameters},
-      s_{home_, Joints::Zero()},
+      s_{home_, zero_},
       clearance_{environment_->clearance()} {
   senses_tool_ = tool_.mass_kg > 0.0 || !tool_.inertia.isZero(0.0);
   hand_ = hand;
   for (std::size_t i = 0; i < arm_.parameters->joints.size(); ++i) {
     const ArmJoint& j = arm_.parameters->joints[i];
     const auto c = static_cast<int>(i);
-    most_torque_[c] = j.max_torque_n_m, lower_[c] = j.lower_rad, upper_[c] = j.upper_rad;
-    damping_[c] = j.damping_n_m_s_per_rad.value_or(arm_.joint_damping_n_m_s_per_rad);
+    const bool slides = j.type == JointType::prismatic;
+    most_torque_[c] = j.max_effort, lower_[c] = j.lower, upper_[c] = j.upper;
+    damping_[c] = j.damping.value_or(arm_.joint_damping_n_m_s_per_rad);
+    stop_stiffness_[c] = slides ? kSlideStopStiffness : kStopStiffness;
+    stop_damping_[c] = slides ? kSlideStopDamping : kStopDamping;
   }
   if (arm_.force_feedback_cutoff_hz > 0.0)
     sensor_weight_ = -std::expm1(-2.0 * std::numbers::pi * arm_.force_feedback_cutoff_hz * dt_);
-  const typename Model::Pose pose = model_.pose(s_.q);
+  const ArmModel::Pose pose = model_.pose(s_.q);
   base_ = start.translation() - pose.tool;
-  const Inertia M = model_.inertia(pose);
-  const auto J = model_.jacobian(pose);
-  const Eigen::LLT<Inertia> inertia{M};
-  mobility_ = J * inertia.solve(J.transpose());
+  const InertiaFactors inertia{model_.inertia(pose)};
+  mobility_ = inertia.mobility(model_.jacobian(pose));
   regular_ = kSingular * determinant(mobility_.llt());
   // Rates of the fastest motions, for the length of steps: joints, their stops, and one contact of the tool.
   double stiffness = 0.0, damping = 0.0;
@@ -105,25 +103,52 @@ SerialArm<n>::SerialArm(const ArmSpec& arm, std::shared_ptr<const Environment<6>
                angular = largest_eigenvalue(mobility_.bottomRightCorner<3, 3>());
   for (const Eigen::Vector3d& point : environment_->tool())
     point_mobility_ = std::max(point_mobility_, linear + point.squaredNorm() * angular);
-  const double joints = inverse_of_least_eigenvalue<n>(inertia);
+  const Joints most_damping = damping_.array() + arm_.null_space_damping_n_m_s_per_rad;
   rate_ = std::max({std::sqrt(stiffness * point_mobility_), damping * point_mobility_,
-                    (damping_.maxCoeff() + arm_.null_space_damping_n_m_s_per_rad) * joints,
-                    std::sqrt(kStopStiffness * joints)});
+                    largest_rate(most_damping, inertia), std::sqrt(largest_rate(stop_stiffness_, inertia))});
   if (hand_) {
     const HandSpec& h = hand_->spec;
     rate_ = std::max({rate_, std::sqrt(h.stiffness_n_per_m * linear), h.damping_n_s_per_m * linear,
                       std::sqrt(h.rotational_stiffness_n_m_per_rad * angular),
                       h.rotational_damping_n_m_s_per_rad * angular});
   }
-  if (!arm_.joint_coulomb_friction_n_m.empty()) coulomb_ = vector<n>(arm_.joint_coulomb_friction_n_m);
+  if (!arm_.joint_coulomb_friction_n_m.empty()) coulomb_ = joint_vector(arm_.joint_coulomb_friction_n_m);
   dry_ = !coulomb_.isZero(0.0);
-  torque_ = model_.gravity_torque(pose, ArmPlant::kGravity);  // what holds it until the first command
+  torque_ = model_.gravity_torque(pose, kGravity);  // what holds it until the first command
   update();
 }
 
-template <int n>
-BodyState<6> SerialArm<n>::advance(const Force<6>& f) noexcept {
-  const Joints torque = control(f.vec());
+BodyState<6> ArmPlant::advance(const Force<6>& f) noexcept {
+  move(control(f.vec()));
+  return body();
+}
+
+void ArmPlant::advance_joints(const Force<kJointPort>& torque) noexcept {
+  const Joints gravity = model_.gravity_torque(now_.pose, kGravity);
+  const Joints wanted = gravity + torque.vec().head(gravity.size());
+  torque_ = wanted.cwiseMin(most_torque_).cwiseMax(-most_torque_);
+  saturated_ = torque_ != wanted;
+  commanded_ = torque_ - gravity;
+  move(torque_);
+}
+void ArmPlant::kick_joints(const Velocity<kJointPort>& dv) noexcept {
+  s_.v += dv.vec().head(s_.v.size());
+  update();
+}
+BodyState<kJointPort> ArmPlant::joints() const noexcept {
+  Velocity<kJointPort>::Vector q = Velocity<kJointPort>::Vector::Zero(), v = q;
+  q.head(s_.q.size()) = s_.q;
+  v.head(s_.v.size()) = s_.v;
+  return {Position<kJointPort>{q}, Velocity<kJointPort>{v}};
+}
+Force<kJointPort> ArmPlant::outside_torque() const noexcept {
+  Force<kJointPort>::Vector torque = Force<kJointPort>::Vector::Zero();
+  torque.head(s_.q.size()) = now_.jacobian.transpose() * now_.outside;
+  return Force<kJointPort>{torque};
+}
+
+/// One tick under `torque`.
+void ArmPlant::move(const Joints& torque) noexcept {
   const Joints before = s_.q;
   // The sensor has read the force at the end of the last tick; from now on the hand moves at its new rate.
   if (hand_) meet_outside(now_, 0.0);
@@ -151,13 +176,10 @@ BodyState<6> SerialArm<n>::advance(const Force<6>& f) noexcept {
     hand_->rate = Velocity<6>{};
   }
   update();
-  return body();
 }
 
 /// A step of h from s_, at t, where the rate is a.
-template <int n>
-typename SerialArm<n>::Step SerialArm<n>::runge_kutta(const Rate& a, const Joints& torque, double t,
-                                                      double h) const noexcept {
+ArmPlant::Step ArmPlant::runge_kutta(const Rate& a, const Joints& torque, double t, double h) const noexcept {
   const Rate b = rates(moved(a, 0.5 * h), torque, t + 0.5 * h), c = rates(moved(b, 0.5 * h), torque, t + 0.5 * h),
              d = rates(moved(c, h), torque, t + h);
   return {{s_.q + h / 6.0 * (a.q + 2.0 * (b.q + c.q) + d.q), s_.v + h / 6.0 * (a.v + 2.0 * (b.v + c.v) + d.v)},
@@ -166,11 +188,10 @@ typename SerialArm<n>::Step SerialArm<n>::runge_kutta(const Rate& a, const Joint
 }
 
 /// A tick in steps of at most `longest`, each ended where a joint stops or its friction releases it.
-template <int n>
-void SerialArm<n>::move_with_friction(const Joints& torque, double longest) noexcept {
+void ArmPlant::move_with_friction(const Joints& torque, double longest) noexcept {
   constexpr int kCuts = 64;      // of a tick; beyond, at steps only
   constexpr int kHalvings = 40;  // of a step, to find where it ends
-  choose_directions(inertia_.reconstructedMatrix(), load(s_, now_, torque) - bias_);
+  choose_directions(inertia_, load(s_, now_, torque) - bias_);
   Rate a = rates_now(torque);
   int cuts = 0;
   for (double t = 0.0; t < dt_;) {
@@ -193,58 +214,55 @@ void SerialArm<n>::move_with_friction(const Joints& torque, double longest) noex
     dissipated_j_ += step.damping + coulomb_.dot((step.to.q - s_.q).cwiseAbs());
     outside_j_ += step.outside;
     s_ = step.to;
-    for (int i = 0; i < n; ++i)
+    for (int i = 0; i < model_.size(); ++i)
       if (coulomb_[i] > 0.0 && direction_[i] * s_.v[i] < 0.0) s_.v[i] = 0.0;
     t = whole && h == dt_ - t ? dt_ : t + h;
     const Kinematics k = kinematics(s_, t);
     const Inertia M = model_.inertia(k.pose);
-    const Joints of_all = load(s_, k, torque) - model_.bias_torque(k.pose, s_.v, ArmPlant::kGravity);
+    const Joints of_all = load(s_, k, torque) - model_.bias_torque(k.pose, s_.v, kGravity);
     choose_directions(M, of_all);
     a = {s_.v, acceleration(M, of_all), k.outside.dot(k.tool_velocity)};
   }
 }
 /// q̈ under the torques of all but friction, each joint in its direction.
-template <int n>
-typename SerialArm<n>::Joints SerialArm<n>::acceleration(const Inertia& M, const Joints& load) const noexcept {
+ArmPlant::Joints ArmPlant::acceleration(const Inertia& M, const Joints& load) const noexcept {
   Inertia A = M;
   Joints b = load - coulomb_.cwiseProduct(direction_);
-  for (int i = 0; i < n; ++i) {
+  for (int i = 0; i < model_.size(); ++i) {
     if (!(coulomb_[i] > 0.0) || direction_[i] != 0.0) continue;
     A.row(i).setZero();
     A.col(i).setZero();
     A(i, i) = 1.0;
     b[i] = 0.0;
   }
-  return A.llt().solve(b);
+  return InertiaFactors{A}.solve(b);
 }
 /// Has no joint turned back, and does friction still hold those that it held?
-template <int n>
-bool SerialArm<n>::keeps(const Step& step, const Joints& torque, double t) const noexcept {
+bool ArmPlant::keeps(const Step& step, const Joints& torque, double t) const noexcept {
   bool holds = false;
-  for (int i = 0; i < n; ++i) {
+  for (int i = 0; i < model_.size(); ++i) {
     if (direction_[i] * step.to.v[i] < 0.0 && coulomb_[i] > 0.0) return false;
     holds = holds || (direction_[i] == 0.0 && coulomb_[i] > 0.0);
   }
   if (!holds) return true;
   const Kinematics k = kinematics(step.to, t);
   const Inertia M = model_.inertia(k.pose);
-  const Joints of_all = load(step.to, k, torque) - model_.bias_torque(k.pose, step.to.v, ArmPlant::kGravity),
+  const Joints of_all = load(step.to, k, torque) - model_.bias_torque(k.pose, step.to.v, kGravity),
                carried = of_all - M * acceleration(M, of_all);
-  for (int i = 0; i < n; ++i)
+  for (int i = 0; i < model_.size(); ++i)
     if (direction_[i] == 0.0 && std::abs(carried[i]) > coulomb_[i]) return false;
   return true;
 }
 /// Which joints friction holds in s_, and where the others move: those at rest are released one after the other, the one that is farthest
 /// beyond its limit first, and held again where that makes them turn against their direction.
-template <int n>
-void SerialArm<n>::choose_directions(const Inertia& M, const Joints& load) noexcept {
-  for (int i = 0; i < n; ++i) direction_[i] = s_.v[i] > 0.0 ? 1.0 : s_.v[i] < 0.0 ? -1.0 : 0.0;
-  for (int tries = 0; tries < 4 * n; ++tries) {
+void ArmPlant::choose_directions(const Inertia& M, const Joints& load) noexcept {
+  for (int i = 0; i < model_.size(); ++i) direction_[i] = s_.v[i] > 0.0 ? 1.0 : s_.v[i] < 0.0 ? -1.0 : 0.0;
+  for (int tries = 0; tries < 4 * model_.size(); ++tries) {
     const Joints a = acceleration(M, load), carried = load - M * a;
     int released = -1;
     double most = 1.0;
     bool held_again = false;
-    for (int i = 0; i < n; ++i) {
+    for (int i = 0; i < model_.size(); ++i) {
       if (s_.v[i] != 0.0 || !(coulomb_[i] > 0.0)) continue;
       if (direction_[i] != 0.0) {
         if (direction_[i] * a[i] < 0.0) direction_[i] = 0.0, held_again = true;
@@ -258,51 +276,45 @@ void SerialArm<n>::choose_directions(const Inertia& M, const Joints& load) noexc
   }
 }
 
-template <int n>
-void SerialArm<n>::lead(const Position<6>& intended) noexcept {
+void ArmPlant::lead(const Position<6>& intended) noexcept {
   hand_->next = intended;
   hand_->rate = (intended - hand_->intended) / Seconds{dt_};
 }
 
-template <int n>
-double SerialArm<n>::mechanical_energy() const noexcept {
+double ArmPlant::mechanical_energy() const noexcept {
   const Joints beyond = over_stops(s_.q);
-  return model_.energy(now_.pose, s_.v, ArmPlant::kGravity) + 0.5 * kStopStiffness * beyond.squaredNorm() +
+  return model_.energy(now_.pose, s_.v, kGravity) + 0.5 * beyond.dot(stop_stiffness_.cwiseProduct(beyond)) +
          environment_->potential(tool_position(now_.pose)).si();
 }
 
-template <int n>
-void SerialArm<n>::set_state(const State& state) noexcept {
+void ArmPlant::set_state(const State& state) noexcept {
   s_ = state;
   update();
 }
 
-template <int n>
-void SerialArm<n>::kick(const Velocity<6>& dv) noexcept {
+void ArmPlant::kick(const Velocity<6>& dv) noexcept {
   const auto& J = now_.jacobian;
-  Matrix6 A = J * inertia_.solve(J.transpose());
-  s_.v += inertia_.solve(J.transpose() * factors(A).solve(dv.vec()));
+  Matrix6 A = inverse_.mobility(J);
+  s_.v += inverse_.solve(J.transpose() * factors(A).solve(dv.vec()));
   update();
 }
 
 /// How far each joint is beyond its limits; 0 within them.
-template <int n>
-typename SerialArm<n>::Joints SerialArm<n>::over_stops(const Joints& q) const noexcept {
+ArmPlant::Joints ArmPlant::over_stops(const Joints& q) const noexcept {
   return (q - upper_).cwiseMax(0.0) + (q - lower_).cwiseMin(0.0);
 }
-template <int n>
-typename SerialArm<n>::Joints SerialArm<n>::stops(const State& s) const noexcept {
-  Joints torque = Joints::Zero();
-  for (int i = 0; i < n; ++i) {
-    if (s.q[i] > upper_[i]) torque[i] = -std::max(0.0, kStopStiffness * (s.q[i] - upper_[i]) + kStopDamping * s.v[i]);
-    if (s.q[i] < lower_[i]) torque[i] = std::max(0.0, kStopStiffness * (lower_[i] - s.q[i]) - kStopDamping * s.v[i]);
+ArmPlant::Joints ArmPlant::stops(const State& s) const noexcept {
+  Joints torque = zero_;
+  for (int i = 0; i < model_.size(); ++i) {
+    const double k = stop_stiffness_[i], d = stop_damping_[i] * s.v[i];
+    if (s.q[i] > upper_[i]) torque[i] = -std::max(0.0, k * (s.q[i] - upper_[i]) + d);
+    if (s.q[i] < lower_[i]) torque[i] = std::max(0.0, k * (lower_[i] - s.q[i]) - d);
   }
   return torque;
 }
 
 /// Factors of A, to which is added what keeps its inverse bounded where the arm is nearly singular.
-template <int n>
-Eigen::LLT<typename SerialArm<n>::Matrix6> SerialArm<n>::factors(Matrix6& A) const noexcept {
+Eigen::LLT<ArmPlant::Matrix6> ArmPlant::factors(Matrix6& A) const noexcept {
   Eigen::LLT<Matrix6> of{A};
   const double d = determinant(of);
   if (d >= regular_) return of;
@@ -311,28 +323,25 @@ Eigen::LLT<typename SerialArm<n>::Matrix6> SerialArm<n>::factors(Matrix6& A) con
 }
 
 /// Wrench of the force feedback under the wrench f on the arm without its tool: G f, or (Λ D⁻¹ Λ⁻¹ D⁻¹ - 1) f.
-template <int n>
-typename SerialArm<n>::Vector6 SerialArm<n>::feedback(const Vector6& f) const noexcept {
+ArmPlant::Vector6 ArmPlant::feedback(const Vector6& f) const noexcept {
   const double gain = arm_.force_feedback_gain, torque_gain = arm_.force_feedback_torque_gain;
   if (torque_gain == gain) return gain * f;
   Vector6 lighter;
   lighter << Eigen::Vector3d::Constant(std::sqrt(1.0 + gain)), Eigen::Vector3d::Constant(std::sqrt(1.0 + torque_gain));
-  const auto& J = now_.jacobian;
-  Matrix6 A = J * bare_.inertia(now_.pose).llt().solve(J.transpose());
+  Matrix6 A = InertiaFactors{bare_.inertia(now_.pose)}.mobility(now_.jacobian);
   const Eigen::LLT<Matrix6> inverse = factors(A);
   return inverse.solve(lighter.cwiseProduct(A * lighter.cwiseProduct(f))) - f;
 }
 
 /// Torques for the coming tick.
-template <int n>
-typename SerialArm<n>::Joints SerialArm<n>::control(const Vector6& wrench) noexcept {
+ArmPlant::Joints ArmPlant::control(const Vector6& wrench) noexcept {
   const auto& J = now_.jacobian;
-  const Joints gravity = model_.gravity_torque(now_.pose, ArmPlant::kGravity);
-  Joints within = Joints::Zero();
-  if constexpr (n > 6) {
+  const Joints gravity = model_.gravity_torque(now_.pose, kGravity);
+  Joints within = zero_;
+  if (model_.size() > 6) {
     within = arm_.null_space_stiffness_n_m_per_rad * (home_ - s_.q) - arm_.null_space_damping_n_m_s_per_rad * s_.v;
-    Matrix6 A = J * inertia_.solve(J.transpose());
-    within -= J.transpose() * factors(A).solve(J * inertia_.solve(within));
+    Matrix6 A = inverse_.mobility(J);
+    within -= J.transpose() * factors(A).solve(J * inverse_.solve(within));
   }
   if (arm_.force_feedback_gain > 0.0 || arm_.force_feedback_torque_gain > 0.0) {
     sensed_ += sensor_weight_ * (now_.outside + inertial_ - sensed_);
@@ -345,8 +354,7 @@ typename SerialArm<n>::Joints SerialArm<n>::control(const Vector6& wrench) noexc
   return torque_;
 }
 
-template <int n>
-typename SerialArm<n>::Kinematics SerialArm<n>::kinematics(const State& s, double t) const noexcept {
+ArmPlant::Kinematics ArmPlant::kinematics(const State& s, double t) const noexcept {
   Kinematics k;
   k.pose = model_.pose(s.q);
   k.jacobian = model_.jacobian(k.pose);
@@ -355,8 +363,7 @@ typename SerialArm<n>::Kinematics SerialArm<n>::kinematics(const State& s, doubl
   return k;
 }
 /// What environment and hand do at this pose and velocity.
-template <int n>
-void SerialArm<n>::meet_outside(Kinematics& k, double t) const noexcept {
+void ArmPlant::meet_outside(Kinematics& k, double t) const noexcept {
   const Vector6& v = k.tool_velocity;
   const Position<6> at = tool_position(k.pose);
   SpatialVector sum = SpatialVector::Zero();
@@ -384,42 +391,37 @@ void SerialArm<n>::meet_outside(Kinematics& k, double t) const noexcept {
   }
 }
 /// Torques of all that acts but weight and inertial forces.
-template <int n>
-typename SerialArm<n>::Joints SerialArm<n>::load(const State& s, const Kinematics& k,
-                                                 const Joints& torque) const noexcept {
+ArmPlant::Joints ArmPlant::load(const State& s, const Kinematics& k, const Joints& torque) const noexcept {
   return torque + k.jacobian.transpose() * k.outside - damping_.cwiseProduct(s.v) + stops(s);
 }
 /// q̇ and q̈.
-template <int n>
-typename SerialArm<n>::Rate SerialArm<n>::rates(const State& s, const Joints& torque, double t) const noexcept {
+ArmPlant::Rate ArmPlant::rates(const State& s, const Joints& torque, double t) const noexcept {
   const Kinematics k = kinematics(s, t);
   const double outside = k.outside.dot(k.tool_velocity);
   const Joints of_all = load(s, k, torque);
   if (dry_) {
-    const Joints all = of_all - model_.bias_torque(k.pose, s.v, ArmPlant::kGravity);
+    const Joints all = of_all - model_.bias_torque(k.pose, s.v, kGravity);
     return {s.v, acceleration(model_.inertia(k.pose), all), outside};
   }
-  return {s.v, model_.forward_dynamics(k.pose, s.v, of_all, ArmPlant::kGravity), outside};
+  return {s.v, model_.forward_dynamics(k.pose, s.v, of_all, kGravity), outside};
 }
 /// The same where the tick begins.
-template <int n>
-typename SerialArm<n>::Rate SerialArm<n>::rates_now(const Joints& torque) const noexcept {
+ArmPlant::Rate ArmPlant::rates_now(const Joints& torque) const noexcept {
   const Joints of_all = load(s_, now_, torque) - bias_;
   const double outside = now_.outside.dot(now_.tool_velocity);
-  return {s_.v, dry_ ? acceleration(inertia_.reconstructedMatrix(), of_all) : inertia_.solve(of_all), outside};
+  return {s_.v, dry_ ? acceleration(inertia_, of_all) : inverse_.solve(of_all), outside};
 }
 
-template <int n>
-void SerialArm<n>::update() noexcept {
+void ArmPlant::update() noexcept {
   now_ = kinematics(s_, 0.0);
-  inertia_.compute(model_.inertia(now_.pose));
-  bias_ = model_.bias_torque(now_.pose, s_.v, ArmPlant::kGravity);
-  if (dry_) choose_directions(inertia_.reconstructedMatrix(), load(s_, now_, torque_) - bias_);
+  inertia_ = model_.inertia(now_.pose);
+  inverse_ = InertiaFactors{inertia_};
+  bias_ = model_.bias_torque(now_.pose, s_.v, kGravity);
+  if (dry_) choose_directions(inertia_, load(s_, now_, torque_) - bias_);
   if (senses_tool_) sense_tool();
 }
 /// The inertial wrench of tool and hand.
-template <int n>
-void SerialArm<n>::sense_tool() noexcept {
+void ArmPlant::sense_tool() noexcept {
   const Joints acceleration = rates_now(torque_).v;
   const Vector6 a = now_.jacobian * acceleration + model_.bias_acceleration(now_.pose, s_.v);
   const Eigen::Vector3d c = now_.pose.tool_rotation * tool_.center_m, w = now_.tool_velocity.template tail<3>(),
@@ -430,15 +432,6 @@ void SerialArm<n>::sense_tool() noexcept {
   const Eigen::Matrix3d& R = now_.pose.tool_rotation;
   const Eigen::Vector3d spin = R * (tool_.inertia * (R.transpose() * w));
   inertial_.template tail<3>() -= R * (tool_.inertia * (R.transpose() * alpha)) + w.cross(spin);
-}
-
-template class SerialArm<6>;
-template class SerialArm<7>;
-
-std::unique_ptr<ArmPlant> make_arm(const ArmSpec& arm, const std::shared_ptr<const Environment<6>>& environment,
-                                   double dt, const Position<6>& start, const std::optional<HandOnTool>& hand) {
-  if (arm.parameters->joints.size() == 7) return std::make_unique<SerialArm<7>>(arm, environment, dt, start, hand);
-  return std::make_unique<SerialArm<6>>(arm, environment, dt, start, hand);
 }
 
 WristCompensation::WristCompensation(const ArmSpec& arm, const ForceSensorSpec& sensor, std::uint64_t seed) {

@@ -13,7 +13,7 @@
 #include "common/arm/arm_model.h"
 #include "common/scene/load.h"
 #include "lab/theory/sampled_loop.h"
-#include "sim/plant/serial_arm.h"
+#include "sim/plant/arm.h"
 #include "sim/sim_device.h"
 #include "tests/support/no_alloc.h"
 #include "tests/theory/matrices.h"
@@ -23,7 +23,7 @@ namespace {
 
 using Vector6 = Eigen::Matrix<double, 6, 1>;
 using Matrix6 = Eigen::Matrix<double, 6, 6>;
-using Seven = SerialArm<7>;
+using Seven = ArmPlant;
 using test::exponential, test::inverse, test::Mode;
 
 constexpr double kPeriod = 5e-4;
@@ -98,12 +98,12 @@ Shares torque_shares(double damping) {
   const Scene s =
       scene("joint_damping_n_m_s_per_rad: " + std::to_string(damping) + " force_feedback { gain: 19 }", kLeads);
   SimDevice<6> d{s, Seconds{kPeriod}};
-  const ArmModel<7> model{*s.device->arm->parameters};
+  const ArmModel model{*s.device->arm->parameters};
   Shares most;
-  Seven::State before = d.arm()->joints<7>()->state();
+  Seven::State before = d.arm()->state();
   for (int k = 0; k < 8000; ++k) {
     d.advance();
-    const Seven::State now = d.arm()->joints<7>()->state();
+    const Seven::State now = d.arm()->state();
     const auto p = model.pose(now.q);
     const auto J = model.jacobian(p);
     const Eigen::Matrix<double, 7, 7> mobility = inverse(model.inertia(p));
@@ -171,8 +171,8 @@ TEST(ArmAtTheHand, TheGainOfTorquesShapesTheInertiaOfTheRotation) {
            std::to_string(gain) + " torque_gain: " + std::to_string(torque_gain) + " }";
   };
   const Scene known = scene("");
-  const ArmModel<7> arm{*known.device->arm->parameters};
-  const Matrix6 lambda = inverse(tool_mobility(arm, vector<7>(known.device->arm->joint_position_rad)));
+  const ArmModel arm{*known.device->arm->parameters};
+  const Matrix6 lambda = inverse(tool_mobility(arm, joint_vector(known.device->arm->joint_position_rad)));
   for (const auto& [gain, torque_gain] : {std::pair{0.0, 9.0}, {9.0, 0.0}, {4.0, 4.0}, {19.0, 99.0}}) {
     const Matrix6 inertia = shaped(lambda, gain, torque_gain);
     EXPECT_LT((inertia - inertia.transpose()).norm(), 1e-12 * inertia.norm());
@@ -209,8 +209,8 @@ double acceleration(double gain, double mass_kg) {
 
 TEST(ArmAtTheHand, ForceFeedbackDividesItsInertia) {
   const Scene s = scene("");
-  const ArmModel<7> arm{*s.device->arm->parameters};
-  const Eigen::Matrix<double, 7, 1> q = vector<7>(s.device->arm->joint_position_rad);
+  const ArmModel arm{*s.device->arm->parameters};
+  const ArmModel::Joints q = joint_vector(s.device->arm->joint_position_rad);
   // The device's attitude is the identity, whatever that of the flange: mobilities are compared in the base's axes.
   const double mobility = tool_mobility(arm, q)(0, 0);
   for (const double gain : {0.0, 1.0, 9.0, 49.0})
@@ -233,8 +233,8 @@ using Matrix14 = Eigen::Matrix<double, 14, 14>;
 /// G_q = ∂g/∂q: the weight is compensated where the tick begins. R: a rendered spring at the tool.
 Matrix14 tick_of(const Scene& s, double damping, double gain, const Matrix6& R) {
   constexpr double kNullStiffness = 10.0, kNullDamping = 2.0, h = 1e-6;
-  const ArmModel<7> arm{*s.device->arm->parameters};
-  const Eigen::Matrix<double, 7, 1> q = vector<7>(s.device->arm->joint_position_rad);
+  const ArmModel arm{*s.device->arm->parameters};
+  const ArmModel::Joints q = joint_vector(s.device->arm->joint_position_rad);
   const auto p = arm.pose(q);
   const Matrix7 mobility = inverse(arm.inertia(p));
   const Eigen::Matrix<double, 6, 7> J = arm.jacobian(p);
@@ -301,8 +301,8 @@ Matrix21 tick_with_hand(const Scene& s, const HandSpec& hand) {
   constexpr double h = 1e-6;
   const ArmSpec& spec = *s.device->arm;
   const ArmTool held{.mass_kg = hand.mass_kg, .inertia = hand.inertia_kg_m2 * Eigen::Matrix3d::Identity()};
-  const ArmModel<7> bare{*spec.parameters}, arm{*spec.parameters, held};
-  const Eigen::Matrix<double, 7, 1> q = vector<7>(spec.joint_position_rad);
+  const ArmModel bare{*spec.parameters}, arm{*spec.parameters, held};
+  const ArmModel::Joints q = joint_vector(spec.joint_position_rad);
   const auto p = arm.pose(q);
   const Matrix7 mobility = inverse(arm.inertia(p)), one = Matrix7::Identity();
   const Eigen::Matrix<double, 6, 7> J = arm.jacobian(p);

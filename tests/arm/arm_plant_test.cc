@@ -1,5 +1,6 @@
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 #include <cstdio>
 #include <memory>
@@ -7,16 +8,18 @@
 #include <string>
 #include <vector>
 
+#include "common/base/file.h"
 #include "common/scene/load.h"
-#include "sim/plant/serial_arm.h"
+#include "sim/plant/arm.h"
 #include "sim/sim_robot.h"
+#include "tests/support/folder.h"
 #include "tests/support/no_alloc.h"
 
 namespace twoport::sim {
 namespace {
 
 using Eigen::Vector3d;
-using Joints = SerialArm<7>::Joints;
+using Joints = ArmPlant::Joints;
 using Vector6 = Eigen::Matrix<double, 6, 1>;
 
 constexpr double kPeriod = 5e-4;
@@ -54,7 +57,7 @@ TEST(ArmPlant, StartsAtTheScenesPoseAndStaysThereWithoutACommand) {
 TEST(ArmPlant, EnergyIsThatOfTheJointTorques) {
   SimRobot<6> r = robot("joint_damping_n_m_s_per_rad: 0", "",
                         "environment { wall { normal: [0, 0, 1] offset_m: -0.01 stiffness_n_per_m: 5000 } }");
-  const double start = r.arm()->joints<7>()->mechanical_energy();
+  const double start = r.arm()->mechanical_energy();
   double by_wrench = 0.0, largest = 0.0, pressed = 0.0;
   for (int k = 0; k < 2000; ++k) {
     const double t = k * kPeriod;
@@ -62,17 +65,17 @@ TEST(ArmPlant, EnergyIsThatOfTheJointTorques) {
     const Vector6 f = wrench(10 * std::sin(7 * t), 5 * std::cos(5 * t), -8, 0.3 * std::sin(9 * t), 0.2, 0.1);
     push(r, f);
     by_wrench += f.dot((r.state().x - before).vec());
-    largest = std::max(largest, std::abs(r.arm()->joints<7>()->port_energy().si()));
+    largest = std::max(largest, std::abs(r.arm()->port_energy().si()));
     pressed = std::max(pressed, r.environment_force()[2]);
   }
   EXPECT_GT(pressed, 1.0);
   EXPECT_GT(largest, 0.1);
   // What the joints took in is what is held; Runge-Kutta 4 at contacts that begin within a tick.
-  EXPECT_NEAR(r.arm()->joints<7>()->mechanical_energy() - start, r.arm()->joints<7>()->joint_energy().si(), 1e-6);
+  EXPECT_NEAR(r.arm()->mechanical_energy() - start, r.arm()->joint_energy().si(), 1e-6);
   // Torques are held, not the wrench: its work differs by the turning of J in a tick.
-  RecordProperty("wrench_against_joints_j", std::to_string(by_wrench - r.arm()->joints<7>()->port_energy().si()));
-  EXPECT_NEAR(by_wrench, r.arm()->joints<7>()->port_energy().si(), 2e-2 * largest);
-  EXPECT_NE(by_wrench, r.arm()->joints<7>()->port_energy().si());
+  RecordProperty("wrench_against_joints_j", std::to_string(by_wrench - r.arm()->port_energy().si()));
+  EXPECT_NEAR(by_wrench, r.arm()->port_energy().si(), 2e-2 * largest);
+  EXPECT_NE(by_wrench, r.arm()->port_energy().si());
 }
 
 // Torques of the joints, a hand with spring and damper at the tool, damped joints: what comes in is held or dissipated. Nothing touches, so
@@ -87,7 +90,7 @@ TEST(ArmPlant, EnergyOfJointsToolAndDampingBalance) {
   HandSpec spec{};
   spec.stiffness_n_per_m = 300.0, spec.damping_n_s_per_m = 8.0;
   spec.rotational_stiffness_n_m_per_rad = 5.0, spec.rotational_damping_n_m_s_per_rad = 0.1;
-  SerialArm<7> arm{*s.device->arm, nothing, kPeriod, start, HandOnTool{spec, start, start}};
+  ArmPlant arm{*s.device->arm, nothing, kPeriod, start, HandOnTool{spec, start, start}};
   const double before = arm.mechanical_energy();
   double through = 0.0;
   for (int k = 0; k < 4000; ++k) {
@@ -111,8 +114,8 @@ TEST(ArmPlant, EnergyOfJointsToolAndDampingBalance) {
 TEST(ArmPlant, NullSpaceMotionLeavesTheToolAlone) {
   SimRobot<6> r = robot("joint_damping_n_m_s_per_rad: 0");
   const Position<6> start = r.state().x;
-  const SerialArm<7>& arm = *r.arm()->joints<7>();
-  SerialArm<7> moved = arm;
+  const ArmPlant& arm = *r.arm();
+  ArmPlant moved = arm;
   // Velocity with J v = 0.
   const auto J = arm.model().jacobian(arm.model().pose(arm.state().q));
   const Joints free = J.fullPivLu().kernel().col(0).normalized();
@@ -133,21 +136,60 @@ TEST(ArmPlant, NullSpaceMotionLeavesTheToolAlone) {
 TEST(ArmPlant, KeepsTheTorqueLimits) {
   SimRobot<6> r = robot();
   push(r, wrench(5000, 0, 0));
-  EXPECT_TRUE(r.arm()->joints<7>()->saturated());
-  EXPECT_LE(r.arm()->joints<7>()->torque().cwiseAbs().head<4>().maxCoeff(), 87.0);
-  EXPECT_LE(r.arm()->joints<7>()->torque().cwiseAbs().tail<3>().maxCoeff(), 12.0);
+  EXPECT_TRUE(r.arm()->saturated());
+  EXPECT_LE(r.arm()->torque().cwiseAbs().head<4>().maxCoeff(), 87.0);
+  EXPECT_LE(r.arm()->torque().cwiseAbs().tail<3>().maxCoeff(), 12.0);
 }
 
 TEST(ArmPlant, StopsHoldTheJoints) {
   SimRobot<6> r = robot("null_space_stiffness_n_m_per_rad: 0");
   for (int k = 0; k < 6000; ++k) push(r, wrench(0, 0, 0, 0, 0, 8));
-  const Joints q = r.arm()->joints<7>()->state().q;
+  const Joints q = r.arm()->state().q;
   double beyond = 0.0;
   const double upper[] = {2.7501, 1.7918, 2.9065, -.1458, 2.8101, 4.5205, 3.0196},
                lower[] = {-2.7501, -1.7918, -2.9065, -3.0481, -2.8101, .54092, -3.0196};
   for (int i = 0; i < 7; ++i) beyond = std::max({beyond, q[i] - upper[i], lower[i] - q[i]});
   EXPECT_GT(beyond, 0.0) << "it has reached a stop";
   EXPECT_LT(beyond, 0.05);
+}
+
+/// The seven joints on a rail along x.
+Scene on_a_rail(const std::string& more = "") {
+  std::string text = read_whole(TWOPORT_ARMS "/fr3.textproto");
+  const auto put = [&](const std::string& before, const std::string& what) { text.insert(text.find(before), what); };
+  put("joint {",
+      "joint { type: PRISMATIC origin_m: [0, 0, 0.1] rotation_rpy_rad: [0, 1.5707963267948966, 0] mass_kg: 20 "
+      "center_m: [0, 0, 0] "
+      "inertia_kg_m2: [0.5, 0.5, 0.5] max_force_n: 500 max_speed_m_per_s: 1 lower_m: -0.5 upper_m: 0.5 }\n");
+  const std::string ready = "ready_position_rad: [";
+  text.insert(text.find(ready) + ready.size(), "0.1, ");
+  const std::string path = test::own_folder() / "on_a_rail.textproto";
+  write_whole(path, text);
+  return parse_scene("dof: 6 duration_s: 1 rate_hz: 2000 robot { arm { file: \"" + path + "\" " + more + "} }", "arm");
+}
+
+TEST(ArmPlant, OnARailKeepsItsEnergyAndStops) {
+  SimRobot<6> r{on_a_rail("joint_damping_n_m_s_per_rad: 0 null_space_stiffness_n_m_per_rad: 0"), Seconds{kPeriod}};
+  ASSERT_EQ(r.arm()->state().q.size(), 8);
+  const Position<6> start = r.state().x;
+  for (int k = 0; k < 500; ++k) push(r, Vector6::Zero());
+  EXPECT_LT((r.state().x - start).vec().norm(), 1e-9) << "it carries its weight";
+  const double before = r.arm()->mechanical_energy();
+  const auto pushed = [&](int ticks, double force) {
+    for (int k = 0; k < ticks; ++k) {
+      Vector6 f = -0.5 * r.state().v.vec();
+      f[0] += force;
+      push(r, f);
+    }
+  };
+  pushed(1000, 40.0);
+  EXPECT_GT(r.arm()->state().q[0], 0.13);
+  EXPECT_LT(r.arm()->state().q[0], 0.5);
+  EXPECT_NEAR(r.arm()->mechanical_energy() - before, r.arm()->joint_energy().si(), 1e-6);
+  double farthest = 0.0;
+  for (int k = 0; k < 20; ++k) pushed(200, 40.0), farthest = std::max(farthest, r.arm()->state().q[0]);
+  EXPECT_GT(farthest, 0.5) << "it has reached the end of the rail";
+  EXPECT_LT(farthest, 0.51);
 }
 
 TEST(ArmPlant, LeavesASingularPositionGracefully) {
@@ -162,7 +204,7 @@ TEST(ArmPlant, LeavesASingularPositionGracefully) {
     f[0] += k < 6000 ? 30.0 : -30.0;
     push(r, f);
     ASSERT_TRUE(r.state().x.finite() && r.state().v.finite());
-    fastest = std::max(fastest, r.arm()->joints<7>()->state().v.cwiseAbs().maxCoeff());
+    fastest = std::max(fastest, r.arm()->state().v.cwiseAbs().maxCoeff());
     farthest = std::max(farthest, r.state().x.translation().x() - start.translation().x());
   }
   EXPECT_GT(farthest, 0.25) << "the elbow is nearly straight";

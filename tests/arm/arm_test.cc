@@ -1,7 +1,9 @@
 #include "common/scene/arm.h"
 
+#include <fmt/format.h>
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <array>
 #include <cmath>
 #include <cstdint>
@@ -11,6 +13,8 @@
 #include "common/arm/arm_model.h"
 #include "common/base/check.h"
 #include "common/base/file.h"
+#include "tests/arm/random_arm.h"
+#include "tests/support/folder.h"
 #include "tests/support/no_alloc.h"
 
 #ifdef TWOPORT_KDL
@@ -20,13 +24,12 @@
 #include <kdl/chainjnttojacsolver.hpp>
 
 #include "tests/arm/kdl_chain.h"
-#include "tests/support/folder.h"
 #endif
 
 namespace twoport {
 namespace {
 
-using Arm = ArmModel<7>;
+using Arm = ArmModel;
 using Joints = Arm::Joints;
 using Eigen::Matrix3d;
 using Eigen::Vector3d;
@@ -44,16 +47,16 @@ class Draw {
   double between(double low, double high) {
     return low + (high - low) * (static_cast<double>(rng_() >> 11) * 0x1.0p-53);
   }
-  Joints joints(double size) {
-    Joints v;
-    for (int i = 0; i < 7; ++i) v[i] = between(-size, size);
+  Joints joints(double size, int n = 7) {
+    Joints v{n};
+    for (int i = 0; i < n; ++i) v[i] = between(-size, size);
     return v;
   }
   /// Within the arm's limits.
   Joints position(const ArmParameters& arm) {
-    Joints q;
-    for (std::size_t i = 0; i < 7; ++i)
-      q[static_cast<int>(i)] = between(arm.joints[i].lower_rad, arm.joints[i].upper_rad);
+    Joints q{arm.joints.size()};
+    for (std::size_t i = 0; i < arm.joints.size(); ++i)
+      q[static_cast<int>(i)] = between(arm.joints[i].lower, arm.joints[i].upper);
     return q;
   }
 
@@ -62,7 +65,7 @@ class Draw {
 };
 
 Joints ready(const ArmParameters& arm) {
-  return Eigen::Map<const Joints>{arm.ready_position_rad.data()};
+  return joint_vector(arm.ready_position);
 }
 
 // ---- against KDL
@@ -113,7 +116,78 @@ TEST(ArmAgainstKdl, SameKinematicsAndDynamics) {
 #endif
 }
 
+// 200 chains of 1 to 8 revolute and prismatic joints with turned tools. Errors in parts of the largest number: reach and inertia are drawn
+// from a range of a thousand. Measured: 3e-15.
+TEST(RandomArms, HaveTheKinematicsAndDynamicsOfKdl) {
+#ifdef TWOPORT_KDL
+  test::RandomArms random{20261128};
+  std::array<int, 2> of_type{};
+  double worst = 0.0;
+  for (int k = 0; k < 200; ++k) {
+    const test::RandomArm of = random.next();
+    const int n = static_cast<int>(of.arm.joints.size());
+    SCOPED_TRACE(fmt::format("arm {} with {} joints", k, n));
+    for (const ArmJoint& j : of.arm.joints) ++of_type[j.type == JointType::prismatic];
+    const Arm arm{of.arm, of.tool, of.tool_rotation};
+    const Joints q = random.joints(n, 3.0), v = random.joints(n, 2.0), a = random.joints(n, 5.0);
+    const Arm::Pose p = arm.pose(q);
+    const KDL::Chain chain = test::kdl_chain(of.arm, of.tool, of.tool_rotation);
+    const auto rows = static_cast<unsigned>(n);
+    KDL::JntArray kq{rows}, kv{rows}, ka{rows}, tau{rows}, gravity{rows};
+    kq.data = q, kv.data = v, ka.data = a;
+    const auto differ = [&](const Eigen::MatrixXd& peer, const Eigen::MatrixXd& own) {
+      const double error = (peer - own).cwiseAbs().maxCoeff() / (1.0 + peer.cwiseAbs().maxCoeff());
+      worst = std::max(worst, error);
+      EXPECT_LT(error, 1e-13);
+    };
+
+    KDL::Frame frame;
+    ASSERT_GE(KDL::ChainFkSolverPos_recursive{chain}.JntToCart(kq, frame), 0);
+    differ(Eigen::Map<const Vector3d>{frame.p.data}, p.tool);
+    differ(Eigen::Map<const Eigen::Matrix<double, 3, 3, Eigen::RowMajor>>{frame.M.data}, p.tool_rotation);
+    KDL::Jacobian jacobian{rows};
+    ASSERT_GE(KDL::ChainJntToJacSolver{chain}.JntToJac(kq, jacobian), 0);
+    differ(jacobian.data, arm.jacobian(p));
+    KDL::ChainIdSolver_RNE inverse{chain, test::kdl(kGravity)};
+    ASSERT_GE(inverse.CartToJnt(kq, kv, ka, KDL::Wrenches(chain.getNrOfSegments(), KDL::Wrench::Zero()), tau), 0);
+    differ(tau.data, arm.inverse_dynamics(p, v, a, kGravity));
+    KDL::ChainDynParam dynamics{chain, test::kdl(kGravity)};
+    KDL::JntSpaceInertiaMatrix M{rows};
+    ASSERT_GE(dynamics.JntToMass(kq, M), 0);
+    differ(M.data, arm.inertia(p));
+    ASSERT_GE(dynamics.JntToGravity(kq, gravity), 0);
+    differ(gravity.data, arm.gravity_torque(p, kGravity));
+  }
+  RecordProperty("worst", fmt::format("{}", worst));
+  EXPECT_GT(of_type[0], 200);
+  EXPECT_GT(of_type[1], 200);
+#else
+  GTEST_SKIP() << "liborocos-kdl-dev is not installed";
+#endif
+}
+
 // ---- laws that need no second program
+
+TEST(RandomArms, AccelerateAsTheirPosesAndTorquesSay) {
+  test::RandomArms random{1};
+  for (int k = 0; k < 200; ++k) {
+    const test::RandomArm of = random.next();
+    const int n = static_cast<int>(of.arm.joints.size());
+    SCOPED_TRACE(fmt::format("arm {} with {} joints", k, n));
+    const Arm arm{of.arm, of.tool, of.tool_rotation};
+    const Joints q = random.joints(n, 3.0), v = random.joints(n, 1.0), a = random.joints(n, 5.0);
+    const Arm::Pose p = arm.pose(q);
+    // Of M up to 4e5, from light wrists behind long slides.
+    const Joints back = arm.forward_dynamics(p, v, arm.inverse_dynamics(p, v, a, kGravity), kGravity);
+    EXPECT_LT((back - a).cwiseAbs().maxCoeff(), 1e-8);
+    const Eigen::MatrixXd J = arm.jacobian(p), M = arm.inertia(p), mobility = J * M.inverse() * J.transpose();
+    EXPECT_LT((tool_mobility(arm, q) - mobility).cwiseAbs().maxCoeff(), 1e-9 * (1.0 + mobility.cwiseAbs().maxCoeff()));
+    // Central differences err by h² and rounding/h, of accelerations up to some 100 m/s².
+    constexpr double h = 1e-5;
+    const Arm::Vector6 change = (arm.jacobian(arm.pose(q + h * v)) - arm.jacobian(arm.pose(q - h * v))) * v / (2.0 * h);
+    EXPECT_LT((arm.bias_acceleration(p, v) - change).cwiseAbs().maxCoeff(), 1e-7);
+  }
+}
 
 TEST(Arm, InertiaMatrixIsPositiveDefiniteAndThatOfInverseDynamics) {
   for (const std::string& name : kArms) {
@@ -128,7 +202,7 @@ TEST(Arm, InertiaMatrixIsPositiveDefiniteAndThatOfInverseDynamics) {
       EXPECT_EQ((M - M.transpose()).cwiseAbs().maxCoeff(), 0.0);
       EXPECT_EQ(Eigen::LLT<Arm::Inertia>{M}.info(), Eigen::Success) << "positive definite";
       for (int i = 0; i < 7; ++i) {
-        const Joints column = arm.inverse_dynamics(p, Joints::Zero(), Joints::Unit(i), Vector3d::Zero());
+        const Joints column = arm.inverse_dynamics(p, Joints::Zero(7), Joints::Unit(7, i), Vector3d::Zero());
         EXPECT_LT((column - M.col(i)).cwiseAbs().maxCoeff(), kRounding);
       }
     }
@@ -185,7 +259,7 @@ TEST(Arm, TorqueOfVelocitiesIsThatOfLagrange) {
         return Arm::Inertia{(arm.inertia(arm.pose(q + h * along)) - arm.inertia(arm.pose(q - h * along))) / (2.0 * h)};
       };
       Joints expected = change(v) * v;
-      for (int i = 0; i < 7; ++i) expected[i] -= 0.5 * v.dot(change(Joints::Unit(i)) * v);
+      for (int i = 0; i < 7; ++i) expected[i] -= 0.5 * v.dot(change(Joints::Unit(7, i)) * v);
       EXPECT_LT((arm.bias_torque(arm.pose(q), v, Vector3d::Zero()) - expected).cwiseAbs().maxCoeff(), 1e-7);
     }
   }
@@ -221,9 +295,9 @@ TEST(Arm, KeepsItsEnergyWithoutTorques) {
     SCOPED_TRACE(name);
     const ArmParameters of = parameters(name);
     const Arm arm{of};
-    Joints q = ready(of), v = 0.5 * Joints::Ones();
+    Joints q = ready(of), v = 0.5 * Joints::Ones(7);
     const auto acceleration = [&](const Joints& at, const Joints& speed) {
-      return arm.forward_dynamics(arm.pose(at), speed, Joints::Zero(), kGravity);
+      return arm.forward_dynamics(arm.pose(at), speed, Joints::Zero(7), kGravity);
     };
     const auto energy = [&] { return arm.energy(arm.pose(q), v, kGravity); };
     const double start = energy();
@@ -253,11 +327,11 @@ TEST(Arm, GravityTorqueIsTheSlopeOfThePotential) {
     Draw draw{4};
     const Joints q = draw.position(of);
     const Joints g = arm.gravity_torque(arm.pose(q), kGravity);
-    EXPECT_LT((g - arm.bias_torque(arm.pose(q), Joints::Zero(), kGravity)).cwiseAbs().maxCoeff(), kRounding * 100.0);
+    EXPECT_LT((g - arm.bias_torque(arm.pose(q), Joints::Zero(7), kGravity)).cwiseAbs().maxCoeff(), kRounding * 100.0);
     for (int i = 0; i < 7; ++i) {
       constexpr double h = 1e-5;
       const auto potential = [&](double by) {
-        return arm.energy(arm.pose(q + by * Joints::Unit(i)), Joints::Zero(), kGravity);
+        return arm.energy(arm.pose(q + by * Joints::Unit(7, i)), Joints::Zero(7), kGravity);
       };
       EXPECT_NEAR(g[i], (potential(h) - potential(-h)) / (2.0 * h), 1e-7);
     }
@@ -287,7 +361,7 @@ TEST(Fr3, HasItsKnownFiguresInTheReadyPosition) {
   const std::array<double, 6> with_rotors{11.3, 5.2, 5.3, 0.21, 0.21, 0.17};
   for (std::size_t i = 0; i < 6; ++i)
     EXPECT_NEAR(heavy[static_cast<int>(i)], with_rotors[i], 0.02 * with_rotors[i]) << i;
-  for (ArmJoint& j : of.joints) j.rotor_inertia_kg_m2 = 0.0;
+  for (ArmJoint& j : of.joints) j.rotor_inertia = 0.0;
   const auto light = effective(of);
   const std::array<double, 5> without{1.86, 1.81, 2.90, 0.025, 0.024};
   for (std::size_t i = 0; i < 5; ++i) EXPECT_NEAR(light[static_cast<int>(i)], without[i], 0.02 * without[i]) << i;
@@ -313,8 +387,11 @@ TEST(Arms, WrongFilesAreRefusedInASentence) {
   };
   // What the file's first joint says, what it is replaced by, and what the sentence must hold: thing, value, what is allowed.
   struct Wrong {
-    const char *from, *to, *words;
+    std::string from, to, words;
   };
+  const std::string kBody = "origin_m: [0, 0, 0] mass_kg: 1 center_m: [0, 0, 0] inertia_kg_m2: [1, 1, 1] ",
+                    kSlide = "joint { type: PRISMATIC max_force_n: 1 max_speed_m_per_s: 1 lower_m: 0 upper_m: 1 " +
+                             kBody + "} ";
   for (const Wrong& wrong : {
            Wrong{"mass_kg: 2.92747", "mass_kg: -1", "joint[0].mass_kg is -1; it must be > 0 and at most 1e18"},
            Wrong{"mass_kg: 2.92747", "mass_kg: nan", "joint[0].mass_kg is nan; it must be a finite number"},
@@ -335,6 +412,20 @@ TEST(Arms, WrongFilesAreRefusedInASentence) {
            Wrong{"lower_rad: -2.7501", "", "joint[0].lower_rad is missing; it must be a finite number"},
            Wrong{"upper_rad: 2.7501", "upper_rad: -3",
                  "joint[0].upper_rad is -3; it must be > lower_rad, which is -2.7501"},
+           Wrong{"lower_rad: -2.7501", "lower_rad: -2.7501 lower_m: 0",
+                 "joint[0].lower_m is 0; it must be absent: the joint is REVOLUTE"},
+           Wrong{"lower_rad: -2.7501", "lower_rad: -2.7501 type: CONTINUOUS",
+                 "joint[0].lower_rad is -2.7501; it must be absent: the joint is CONTINUOUS"},
+           Wrong{"lower_rad: -2.7501", "lower_rad: -2.7501 type: PRISMATIC",
+                 "joint[0].rotor_inertia_kg_m2 is 0.6057; it must be absent: the joint is PRISMATIC"},
+           Wrong{"joint {", kSlide + kSlide + "joint {", "joint is given 9 times; an arm must have 1 to 8 joints"},
+           Wrong{"joint {", kSlide + "joint { upper_m: 1", "joint[1].upper_m is 1; it must be absent"},
+           Wrong{"joint {", "joint { type: PRISMATIC max_force_n: 1 " + kBody + "} joint {",
+                 "joint[0].max_speed_m_per_s is missing; it must be > 0"},
+           Wrong{"joint {",
+                 "joint { type: PRISMATIC max_force_n: 1 max_speed_m_per_s: 1 lower_m: 0 upper_m: 0 " + kBody +
+                     "} joint {",
+                 "joint[0].upper_m is 0; it must be > lower_m, which is 0"},
            Wrong{"ready_position_rad: [0,", "ready_position_rad: [3,",
                  "it must lie within the joints' limits; number 1 must be between -2.7501 and 2.7501"},
            Wrong{"ready_position_rad: [0,", "ready_position_rad: [0, 0,", "it must hold 7 numbers"},
@@ -351,7 +442,7 @@ TEST(Arms, WrongFilesAreRefusedInASentence) {
     load_arm(path);
     FAIL();
   } catch (const ConfigError& e) {
-    EXPECT_NE(std::string{e.what()}.find("joint is given 0 times; an arm must have 6 or 7 joints"), std::string::npos)
+    EXPECT_NE(std::string{e.what()}.find("joint is given 0 times; an arm must have 1 to 8 joints"), std::string::npos)
         << e.what();
   }
 }
@@ -359,12 +450,13 @@ TEST(Arms, WrongFilesAreRefusedInASentence) {
 TEST(Arm, AllocatesNothing) {
   const ArmParameters of = parameters("fr3");
   const Arm arm{of};
-  const Joints q = ready(of), v = Joints::Ones();
+  const Joints q = ready(of), v = Joints::Ones(7);
   double sum = 0.0;
   NoAlloc guard;
   const Arm::Pose p = arm.pose(q);
   sum += arm.jacobian(p).sum() + arm.inertia(p).sum() + arm.forward_dynamics(p, v, v, kGravity).sum() +
-         arm.energy(p, v, kGravity) + arm.bias_acceleration(p, v).sum() + arm.gravity_torque(p, kGravity).sum();
+         arm.energy(p, v, kGravity) + arm.bias_acceleration(p, v).sum() + arm.gravity_torque(p, kGravity).sum() +
+         tool_mobility(arm, q).sum();
   EXPECT_EQ(guard.seen(), 0);
   EXPECT_TRUE(std::isfinite(sum));
 }

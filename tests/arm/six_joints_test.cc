@@ -17,7 +17,7 @@
 #include "common/base/check.h"
 #include "common/scene/arm.h"
 #include "common/scene/load.h"
-#include "sim/plant/serial_arm.h"
+#include "sim/plant/arm.h"
 #include "sim/sim_robot.h"
 
 #ifdef TWOPORT_KDL
@@ -30,7 +30,7 @@
 namespace twoport::sim {
 namespace {
 
-using Arm = ArmModel<6>;
+using Arm = ArmModel;
 using Joints = Arm::Joints;
 using Vector6 = Eigen::Matrix<double, 6, 1>;
 
@@ -38,7 +38,7 @@ const Eigen::Vector3d kGravity{0.0, 0.0, -9.81};
 const std::string kFile = TWOPORT_ARMS "/ur5e.textproto";
 
 Joints draw(std::mt19937_64& rng, double size) {
-  Joints v;
+  Joints v{6};
   for (int i = 0; i < 6; ++i) v[i] = size * (2.0 * (static_cast<double>(rng() >> 11) * 0x1.0p-53) - 1.0);
   return v;
 }
@@ -70,7 +70,7 @@ TEST(Ur5e, HasThePublishedMassesAndCentres) {
   EXPECT_NEAR(mass, 3.761 + 8.058 + 2.846 + 1.37 + 1.3 + 0.365, 1e-12);
   // Stretched out along -x: centres of mass at 0.2125 m, 0.425 + 0.2422 m, and the wrist's, whose offsets are not along x
   // with all joints at zero but for none: 0.8172 m.
-  const Joints g = Arm{of}.gravity_torque(Arm{of}.pose(Joints::Zero()), kGravity);
+  const Joints g = Arm{of}.gravity_torque(Arm{of}.pose(Joints::Zero(6)), kGravity);
   EXPECT_NEAR(std::abs(g[1]), 9.81 * (8.058 * 0.2125 + 2.846 * (0.425 + 0.2422) + (1.37 + 1.3 + 0.365) * 0.8172), 1e-9);
 }
 
@@ -114,7 +114,7 @@ std::string error_of(const std::string& more) {
 
 TEST(Ur5e, IsAPlantWithoutANullSpace) {
   SimRobot<6> r{scene("joint_damping_n_m_s_per_rad: 0 tool_mass_kg: 0.5"), Seconds{5e-4}};
-  const SerialArm<6>& arm = *r.arm()->joints<6>();
+  const ArmPlant& arm = *r.arm();
   const Position<6> start = r.state().x;
   for (int k = 0; k < 1000; ++k) r.advance();
   EXPECT_LT((r.state().x - start).vec().norm(), 1e-9) << "it carries its weight";
@@ -141,7 +141,7 @@ struct Drawn {
 };
 Drawn drawn(const std::string& at, int joint, const Vector6& by) {
   SimRobot<6> r{scene("joint_position_rad: " + at), Seconds{5e-4}};
-  const SerialArm<6>& arm = *r.arm()->joints<6>();
+  const ArmPlant& arm = *r.arm();
   const Position<6> start = r.state().x;
   const double side = arm.state().q[joint] > 0.0 ? 1.0 : -1.0;
   Drawn all;
@@ -175,7 +175,7 @@ TEST(Ur5e, GoesThroughAStretchedElbowAndAWristInLineWithinTheSpeedsOfItsJoints) 
   EXPECT_LT(elbow.left, 1e-2);
   // Turned about the fifth joint until the axes of the fourth and sixth are one, and beyond; a little askew, which a wrist in line cannot
   // follow.
-  const Joints q{0.0, -1.2, 1.4, -1.5, 0.4, 0.0};
+  const Joints q = joint_vector({0.0, -1.2, 1.4, -1.5, 0.4, 0.0});
   const Arm arm{load_arm(kFile)};
   const Arm::Pose p = arm.pose(q);
   Vector6 turn;
@@ -198,15 +198,14 @@ struct NearSingular {
 NearSingular near_singular(double wrist) {
   const Scene s = scene("force_feedback { gain: 3 torque_gain: 9 }");
   const auto nothing = std::make_shared<const Environment<6>>(std::vector<EnvironmentSpec>{});
-  SerialArm<6> arm{*s.robot->arm, nothing, 5e-4, position<6>(s.robot->position_m), std::nullopt};
-  Joints q;
-  q << 0.0, -1.2, 1.4, -1.5, wrist, 0.0;
+  ArmPlant arm{*s.robot->arm, nothing, 5e-4, position<6>(s.robot->position_m), std::nullopt};
+  const Joints q = joint_vector({0.0, -1.2, 1.4, -1.5, wrist, 0.0});
   NearSingular of;
-  arm.set_state({q, Joints::Zero()});
+  arm.set_state({q, Joints::Zero(6)});
   const Arm::Pose p = arm.model().pose(q);
   arm.kick(Velocity<6>{Vector6{Vector6::Constant(1e-3)}});
   of.kicked_rad_per_s = arm.state().v.norm();
-  arm.set_state({q, Joints::Zero()});
+  arm.set_state({q, Joints::Zero(6)});
   const Joints gravity = arm.model().gravity_torque(p, kGravity);
   Vector6 f;
   f << 1.0, 1.0, 1.0, 0.1, 0.1, 0.1;

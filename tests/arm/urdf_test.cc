@@ -57,7 +57,8 @@ class RandomTree {
     for (int moving = 0; moving < n;) {
       if (draw() < 0.3) at = add(at, "fixed", false);
       if (draw() < 0.3) branch(at);
-      at = add(at, draw() < 0.5 ? "revolute" : "continuous", true);
+      static constexpr std::array<const char*, 3> kTypes{"revolute", "continuous", "prismatic"};
+      at = add(at, kTypes[static_cast<std::size_t>(3.0 * draw())], true);
       ++moving;
       if (draw() < 0.3) branch(at);
     }
@@ -101,7 +102,8 @@ class RandomTree {
         KDL::RigidBodyInertia{m, KDL::Vector::Zero(), KDL::RotationalInertia{ixx, iyy, izz, xy, 0.0, 0.0}};
     KDL::Joint of{joint, KDL::Joint::Fixed};
     if (moves)
-      of = KDL::Joint{joint, frame.p, frame.M * axis, KDL::Joint::RotAxis};
+      of =
+          KDL::Joint{joint, frame.p, frame.M * axis, type == "prismatic" ? KDL::Joint::TransAxis : KDL::Joint::RotAxis};
     else {
       const double q = std::max(lower, std::min(0.0, upper));
       if (type == "revolute") frame = frame * KDL::Frame{KDL::Rotation::Rot(axis, q)};
@@ -118,17 +120,17 @@ class RandomTree {
   int count_ = 0;
 };
 
-template <int n>
-void compare_with_kdl(std::uint64_t seed) {
+void compare_with_kdl(std::uint64_t seed, int n) {
   RandomTree of{seed, n};
   const ArmParameters arm = load(of.text(), of.tip());
   ASSERT_EQ(arm.joints.size(), static_cast<std::size_t>(n)) << of.text();
   const KDL::Tree& tree = of.tree();
   ASSERT_EQ(tree.getNrOfJoints(), static_cast<unsigned>(n));
   // KDL numbers joints as they were added: from the root to the tip.
-  KDL::JntArray q{n};
+  const auto rows = static_cast<unsigned>(n);
+  KDL::JntArray q{rows};
   for (int i = 0; i < n; ++i) q(static_cast<unsigned>(i)) = of.draw(3.0);
-  const ArmModel<n> model{arm};
+  const ArmModel model{arm};
   const auto pose = model.pose(q.data);
 
   KDL::TreeFkSolverPos_recursive forward{tree};
@@ -138,20 +140,20 @@ void compare_with_kdl(std::uint64_t seed) {
     EXPECT_NEAR(frame.p(i), pose.tool[i], 1e-11);
     for (int k = 0; k < 3; ++k) EXPECT_NEAR(frame.M(i, k), pose.tool_rotation(i, k), 1e-11);
   }
-  KDL::Jacobian jacobian{n};
+  KDL::Jacobian jacobian{rows};
   KDL::TreeJntToJacSolver to_jacobian{tree};
   ASSERT_GE(to_jacobian.JntToJac(q, jacobian, of.tip()), 0);
   EXPECT_LT((jacobian.data - model.jacobian(pose)).cwiseAbs().maxCoeff(), 1e-11);
 
-  const KDL::JntArray rest{n};
+  const KDL::JntArray rest{rows};
   const KDL::WrenchMap none;
-  KDL::JntArray torque{n};
+  KDL::JntArray torque{rows};
   KDL::TreeIdSolver_RNE weighs{tree, KDL::Vector{0.0, 0.0, -9.81}}, floats{tree, KDL::Vector::Zero()};
   ASSERT_GE(weighs.CartToJnt(q, rest, rest, none, torque), 0);
   EXPECT_LT((torque.data - model.gravity_torque(pose, kGravity)).cwiseAbs().maxCoeff(), 1e-10);
   const auto M = model.inertia(pose);
   for (int i = 0; i < n; ++i) {
-    KDL::JntArray along{n};
+    KDL::JntArray along{rows};
     along(static_cast<unsigned>(i)) = 1.0;
     ASSERT_GE(floats.CartToJnt(q, rest, along, none, torque), 0);
     EXPECT_LT((torque.data - M.col(i)).cwiseAbs().maxCoeff(), 1e-10);
@@ -161,9 +163,9 @@ void compare_with_kdl(std::uint64_t seed) {
 
 TEST(UrdfAgainstKdl, RandomTreesHaveTheSameKinematicsAndDynamics) {
 #ifdef TWOPORT_KDL
-  for (std::uint64_t seed = 0; seed < 100; ++seed) {
+  for (std::uint64_t seed = 0; seed < 200; ++seed) {
     SCOPED_TRACE(seed);
-    compare_with_kdl<1>(seed), compare_with_kdl<3>(seed), compare_with_kdl<6>(seed), compare_with_kdl<7>(seed);
+    compare_with_kdl(seed, static_cast<int>(1 + seed % 8));
     if (HasFailure()) break;
   }
 #else
@@ -196,9 +198,9 @@ std::string two_links(
 // x to the front, z up, angles from the horizontal.
 TEST(Urdf, OfTwoLinksFollowsTheClosedForm) {
   const ArmParameters of = load(two_links());
-  const ArmModel<2> arm{of};
+  const ArmModel arm{of};
   for (const auto& [a, b] : {std::pair{0.3, 0.8}, {-1.2, 2.1}, {2.5, -0.4}}) {
-    const auto pose = arm.pose(Eigen::Vector2d{a, b});
+    const auto pose = arm.pose(joint_vector({a, b}));
     const double l1 = 0.5, l2 = 0.3, c1 = 0.2, c2 = 0.1, m1 = 2.0, m2 = 1.5, I = 0.03, g = 9.81;
     EXPECT_LT((pose.tool -
                Vector3d{l1 * std::cos(a) + l2 * std::cos(a + b), 0.0, 0.7 + l1 * std::sin(a) + l2 * std::sin(a + b)})
@@ -219,23 +221,86 @@ TEST(Urdf, KeepsNamesLimitsAndFriction) {
   const ArmParameters of = load(two_links());
   EXPECT_EQ(of.name, "two links");
   EXPECT_EQ(of.joints[0].name, "a");
-  EXPECT_EQ(of.joints[0].lower_rad, -3.0);
-  EXPECT_EQ(of.joints[0].upper_rad, 3.0);
-  EXPECT_EQ(of.joints[0].max_torque_n_m, 50.0);
-  EXPECT_EQ(of.joints[0].max_speed_rad_per_s, 2.0);
-  EXPECT_EQ(of.joints[0].damping_n_m_s_per_rad, 0.7);
-  EXPECT_EQ(of.joints[0].coulomb_friction_n_m, 0.2);
-  EXPECT_TRUE(std::isinf(of.joints[1].lower_rad) && std::isinf(of.joints[1].upper_rad));
-  EXPECT_FALSE(of.joints[1].damping_n_m_s_per_rad || of.joints[1].coulomb_friction_n_m);
+  EXPECT_EQ(of.joints[0].lower, -3.0);
+  EXPECT_EQ(of.joints[0].upper, 3.0);
+  EXPECT_EQ(of.joints[0].max_effort, 50.0);
+  EXPECT_EQ(of.joints[0].max_speed, 2.0);
+  EXPECT_EQ(of.joints[0].damping, 0.7);
+  EXPECT_EQ(of.joints[0].coulomb_friction, 0.2);
+  EXPECT_TRUE(std::isinf(of.joints[1].lower) && std::isinf(of.joints[1].upper));
+  EXPECT_FALSE(of.joints[1].damping || of.joints[1].coulomb_friction);
 }
 
 TEST(Urdf, HoldsPointsAsMassesAndEndsAtTheTip) {
   const ArmParameters of = load(two_links("", "<inertia ixx='0' iyy='0' izz='0' ixy='0' ixz='0' iyz='0'/>"), "upper");
   ASSERT_EQ(of.joints.size(), 1U);
-  const ArmModel<1> arm{of};
-  const auto pose = arm.pose(Eigen::Matrix<double, 1, 1>{0.0});
+  const ArmModel arm{of};
+  const auto pose = arm.pose(joint_vector({0.0}));
   EXPECT_LT((pose.tool - Vector3d{0.0, 0.0, 0.7}).norm(), 1e-15);
   EXPECT_NEAR(arm.inertia(pose)(0, 0), 2.0 * 0.04 + 1.5 * 0.36, 1e-14);  // the second link is held
+}
+
+// A carriage that slides along x below the second link: M and weight in closed form.
+TEST(Urdf, OfALinkOnASlideFollowsTheClosedForm) {
+  std::string text = two_links();
+  const std::string turns = "type='revolute'", about = "<axis xyz='0 -1 0'/>";
+  text.replace(text.find(turns), turns.size(), "type='prismatic'");
+  text.replace(text.find(about), about.size(), "<axis xyz='-2 0 0'/>");
+  const ArmParameters of = load(text);
+  EXPECT_EQ(of.joints[0].type, JointType::prismatic);
+  EXPECT_EQ(of.joints[1].type, JointType::continuous);
+  const ArmModel arm{of};
+  for (const auto& [x, b] : {std::pair{0.3, 0.8}, {-1.2, 2.1}}) {
+    const ArmModel::Pose pose = arm.pose(joint_vector({-x, b}));
+    EXPECT_LT((pose.tool - Vector3d{x + 0.5 + 0.3 * std::cos(b), 0.0, 0.7 + 0.3 * std::sin(b)}).norm(), 1e-15);
+    Eigen::Matrix2d M;
+    M << 3.5, 1.5 * 0.1 * std::sin(b), 1.5 * 0.1 * std::sin(b), 0.03 + 1.5 * 0.01;
+    EXPECT_LT((arm.inertia(pose) - M).cwiseAbs().maxCoeff(), 1e-15);
+    EXPECT_LT((arm.gravity_torque(pose, kGravity) - Eigen::Vector2d{0.0, 1.5 * 0.1 * 9.81 * std::cos(b)}).norm(),
+              1e-15);
+  }
+}
+
+/// n links, each on a slide or a turning joint along x, y or z, there or back; `side` -1: the mirror image in the plane y = 0.
+std::string on_rails(int n, double side = 1.0) {
+  std::string text = "<robot name='rails'><link name='l0'/>";
+  for (int i = 1; i <= n; ++i) {
+    const bool slides = i % 3 == 1;
+    Vector3d axis = (i % 2 == 0 ? -1.0 : 1.0) * Vector3d::Unit(i % 3);
+    // A mirror turns rotations the other way round.
+    axis.y() *= side;
+    if (!slides) axis *= side;
+    text += fmt::format(
+        "<link name='l{}'><inertial><origin xyz='0.1 {} 0.05'/><mass value='{}'/><inertia ixx='0.02' iyy='0.03' "
+        "izz='0.04' "
+        "ixy='{}' ixz='0.002' iyz='{}'/></inertial></link><joint name='j{}' type='{}'><parent link='l{}'/><child "
+        "link='l{}'/>"
+        "<origin xyz='0.2 {} 0.3' rpy='{} 0.5 {}'/><axis xyz='{} {} {}'/><limit lower='-3' upper='3' effort='1' "
+        "velocity='1'/>"
+        "</joint>",
+        i, side * 0.07, 1 + i, side * 0.003, side * 0.001, i, slides ? "prismatic" : "revolute", i - 1, i, side * 0.1,
+        side * 0.4, side * 0.3 * i, axis.x(), axis.y(), axis.z());
+  }
+  return text + "</robot>";
+}
+
+TEST(Urdf, OfMirroredArmsMovesAndWeighsAsMirrored) {
+  const ArmModel left{load(on_rails(8))}, right{load(on_rails(8, -1.0))};
+  const Eigen::Matrix3d mirror = Vector3d{1, -1, 1}.asDiagonal();
+  std::mt19937_64 rng{1};
+  for (int k = 0; k < 20; ++k) {
+    ArmModel::Joints q{8}, v{8};
+    for (int i = 0; i < 8; ++i)
+      q[i] = 1e-19 * static_cast<double>(rng() >> 2), v[i] = 1e-19 * static_cast<double>(rng() >> 2);
+    const ArmModel::Pose l = left.pose(q), r = right.pose(q);
+    EXPECT_LT((r.tool - mirror * l.tool).norm(), 1e-13);
+    EXPECT_LT((r.tool_rotation - mirror * l.tool_rotation * mirror).norm(), 1e-13);
+    const ArmModel::Jacobian a = left.jacobian(l), b = right.jacobian(r);
+    EXPECT_LT((b.topRows<3>() - mirror * a.topRows<3>()).norm(), 1e-12);
+    EXPECT_LT((b.bottomRows<3>() + mirror * a.bottomRows<3>()).norm(), 1e-13);
+    EXPECT_LT((right.inertia(r) - left.inertia(l)).cwiseAbs().maxCoeff(), 1e-10);
+    EXPECT_LT((right.bias_torque(r, v, kGravity) - left.bias_torque(l, v, kGravity)).cwiseAbs().maxCoeff(), 1e-10);
+  }
 }
 
 // ---- in a scene
@@ -249,10 +314,10 @@ TEST(SceneOfAUrdf, TakesFrictionOfTheFileUnlessItGivesItsOwn) {
   const auto joints = [](const std::string& more) {
     return parse_scene(scene_of(kSix, kStart + more), "scene").robot.value().arm.value().parameters->joints;
   };
-  EXPECT_EQ(joints("")[0].damping_n_m_s_per_rad, 2.0);
-  EXPECT_EQ(joints("")[5].coulomb_friction_n_m, 0.2);
-  EXPECT_EQ(joints("joint_damping_n_m_s_per_rad: 3")[5].damping_n_m_s_per_rad, 3.0);
-  EXPECT_EQ(joints("joint_coulomb_friction_n_m: [0, 0, 0, 0, 0, 4]")[5].coulomb_friction_n_m, 4.0);
+  EXPECT_EQ(joints("")[0].damping, 2.0);
+  EXPECT_EQ(joints("")[5].coulomb_friction, 0.2);
+  EXPECT_EQ(joints("joint_damping_n_m_s_per_rad: 3")[5].damping, 3.0);
+  EXPECT_EQ(joints("joint_coulomb_friction_n_m: [0, 0, 0, 0, 0, 4]")[5].coulomb_friction, 4.0);
 }
 
 // ---- shapes
@@ -379,12 +444,12 @@ TEST(ArmFileOfAUrdf, AddsWhatAUrdfCannotSay) {
                       bare = load_arm(TWOPORT_ARMS "/seven_joints.urdf", "grasp");
   ASSERT_EQ(arm.joints.size(), 7U);
   for (std::size_t i = 0; i < 7; ++i) {
-    EXPECT_EQ(arm.joints[i].rotor_inertia_kg_m2, static_cast<double>(i + 1));
-    EXPECT_EQ(bare.joints[i].rotor_inertia_kg_m2, 0.0);
+    EXPECT_EQ(arm.joints[i].rotor_inertia, static_cast<double>(i + 1));
+    EXPECT_EQ(bare.joints[i].rotor_inertia, 0.0);
     EXPECT_EQ(arm.joints[i].inertia, bare.joints[i].inertia);
   }
   EXPECT_EQ(arm.flange_m, bare.flange_m);
-  EXPECT_EQ(arm.ready_position_rad[3], -1.4);
+  EXPECT_EQ(arm.ready_position[3], -1.4);
   EXPECT_EQ(
       parse_scene(scene_of(TWOPORT_ARMS "/seven_joints.textproto", ""), "scene").robot->arm->joint_position_rad[3],
       -1.4);
@@ -448,8 +513,11 @@ TEST(Urdf, SaysWhatIsWrongWithAFile) {
            {two_links(branch), "", "2 links have no children: camera, tool; name the tip by --tip"},
            {two_links(), "toll", "the tip is \"toll\", but there is no link of this name; did you mean tool"},
            {two_links(), "base", "link \"base\" is the tip, but no joint moves it"},
-           {changed("type='revolute'", "type='prismatic'"), "", "joint \"a\" is prismatic; an arm has revolute"},
-           {changed("type='revolute'", "type='floating'"), "", "joint \"a\" is floating"},
+           {changed("type='revolute'", "type='floating'"), "",
+            "joint \"a\" is floating; an arm has revolute, continuous, prismatic and fixed joints"},
+           {on_rails(9), "",
+            "link \"l9\" is the tip, and 9 joints move it: j1, j2, j3, j4, j5, j6, j7, j8, j9; an arm must have 1 to "
+            "8"},
            {changed("type='revolute'", "type='planar'"), "", "joint \"a\" is planar"},
            {changed("type='revolute'", "type='ball'"), "", "ball"},
            {changed(kLimit, ""), "", "[a]"},
@@ -556,7 +624,7 @@ TEST(SceneOfAUrdf, SaysWhatItLacks) {
     write_whole(path, text);
     return error(path, kStart);
   };
-  EXPECT_NE(arm(two_links()).find("an arm must have 6 or 7 joints; this one has 2"), std::string::npos)
+  EXPECT_NE(arm(two_links()).find("an arm must have 6 to 8 joints; this one has 2"), std::string::npos)
       << arm(two_links());
   std::string weak = read_whole(kSix), damped = weak;
   weak.replace(weak.find("effort=\"150\""), 12, "effort=\"0\"");

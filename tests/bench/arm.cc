@@ -4,6 +4,7 @@
 
 #include <benchmark/benchmark.h>
 
+#include <algorithm>
 #include <array>
 #include <memory>
 
@@ -35,7 +36,7 @@
 namespace {
 
 using namespace twoport;
-using Arm = ArmModel<7>;
+using Arm = ArmModel;
 using Joints = Arm::Joints;
 
 const Eigen::Vector3d kGravity{0.0, 0.0, -9.81};
@@ -47,8 +48,7 @@ const ArmParameters& parameters() {
 
 /// Positions that follow each other, so that nothing is computed once.
 struct Walk {
-  Joints q = Eigen::Map<const Joints>{parameters().ready_position_rad.data()}, v = Joints::Constant(0.3),
-         a = Joints::Constant(0.7);
+  Joints q = joint_vector(parameters().ready_position), v = Joints::Constant(7, 0.3), a = Joints::Constant(7, 0.7);
   void next() { q[0] += 1e-4, q[3] -= 1e-5, q[5] += 2e-5; }
 };
 
@@ -87,12 +87,12 @@ void plant(benchmark::State& state, const char* world) {
                                       world,
                                   "bench");
   const auto environment = std::make_shared<const Environment<6>>(scene.environment, scene.tool);
-  const std::unique_ptr<sim::ArmPlant> arm = sim::make_arm(*scene.robot->arm, environment, 5e-4, {});
+  sim::ArmPlant arm{*scene.robot->arm, environment, 5e-4, {}};
   int k = 0;
   for (auto _ : state) {
     Force<6>::Vector f = Force<6>::Vector::Zero();
     f[++k % 3] = 1.0;
-    benchmark::DoNotOptimize(arm->advance(Force<6>{f}));
+    benchmark::DoNotOptimize(arm.advance(Force<6>{f}));
   }
 }
 BENCHMARK_CAPTURE(plant, free, "");
@@ -137,8 +137,8 @@ struct MuJoCo {
     model = mj_loadXML("arm.xml", files.get(), error.data(), static_cast<int>(error.size()));
     mj_deleteVFS(files.get());
     data = mj_makeData(model);
-    Eigen::Map<Joints>{data->qvel} = w.v;
-    Eigen::Map<Joints>{data->qacc} = w.a;
+    std::copy(w.v.begin(), w.v.end(), data->qvel);
+    std::copy(w.a.begin(), w.a.end(), data->qacc);
   }
   MuJoCo(const MuJoCo&) = delete;
   ~MuJoCo() {
@@ -147,7 +147,7 @@ struct MuJoCo {
   }
   void next() {
     w.next();
-    Eigen::Map<Joints>{data->qpos} = w.q;
+    std::copy(w.q.begin(), w.q.end(), data->qpos);
   }
 };
 void add_mujoco() {

@@ -10,7 +10,7 @@ trap 'rm -rf "$work"' EXIT
 fail() { echo "$1"; exit 1; }
 
 before=$(date +%s%N)
-cmake -S "$root" -B "$work/build" -D TWOPORT_COMPONENTS=passivity -D "CMAKE_CXX_COMPILER=$compiler" >"$work/log" 2>&1 ||
+cmake -S "$root" -B "$work/build" -G Ninja -D TWOPORT_COMPONENTS=passivity -D "CMAKE_CXX_COMPILER=$compiler" >"$work/log" 2>&1 ||
   { cat "$work/log"; exit 1; }
 cmake --build "$work/build" >"$work/log"
 cmake --install "$work/build" --prefix "$work/prefix" >"$work/log"
@@ -32,6 +32,6 @@ header=$(sed -n 's/^#define TWOPORT_VERSION_[A-Z]* //p' "$work/moved/include/two
 [ -n "$version" ] && [ "$header" = "$version" ] || fail "version.h says $header, the package $version"
 
 # A name that is no component is refused with what may stand there.
-cmake -S "$root" -B "$work/build" -D TWOPORT_COMPONENTS=nonsense -D "CMAKE_CXX_COMPILER=$compiler" >"$work/log" 2>&1 && fail "nonsense was built"
+cmake -S "$root" -B "$work/build" -G Ninja -D TWOPORT_COMPONENTS=nonsense -D "CMAKE_CXX_COMPILER=$compiler" >"$work/log" 2>&1 && fail "nonsense was built"
 grep -q 'TWOPORT_COMPONENTS is nonsense; it may name passivity and plugin' "$work/log" || { cat "$work/log"; exit 1; }
 echo "passivity alone: $(find "$work/moved" -type f | wc -l) files, installed in $took ms"

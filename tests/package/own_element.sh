@@ -13,7 +13,7 @@ fail() { echo "$1"; exit 1; }
 mapfile -t hidden < <(grep -rhoE --include=CMakeLists.txt --include='*.cmake' '^ *find_package\(\w+' "$root/CMakeLists.txt" "$root"/*/ |
   sed 's/.*(/-DCMAKE_DISABLE_FIND_PACKAGE_/; s/$/=ON/' | grep -v '_\(Eigen3\|twoport\)=' | sort -u)
 [ ${#hidden[@]} -ge 8 ] || fail "only ${#hidden[@]} packages are hidden"
-cmake -S "$root/docs/examples/own_element" -B "$work/build" -D CMAKE_BUILD_TYPE=Release -D "CMAKE_PREFIX_PATH=$prefix" -D "Eigen3_DIR=$eigen" \
+cmake -S "$root/docs/examples/own_element" -B "$work/build" -G Ninja -D CMAKE_BUILD_TYPE=Release -D "CMAKE_PREFIX_PATH=$prefix" -D "Eigen3_DIR=$eigen" \
   -D "CMAKE_CXX_COMPILER=$compiler" ${launcher:+-D "CMAKE_CXX_COMPILER_LAUNCHER=$launcher"} -D CMAKE_EXPORT_COMPILE_COMMANDS=ON \
   -D CMAKE_CXX_FLAGS="-Wall -Wextra -Wconversion -Wshadow -Werror" "${hidden[@]}" >"$work/log" 2>&1 || { cat "$work/log"; exit 1; }
 grep -qx "twoport_DIR:PATH=$prefix/.*" "$work/build/CMakeCache.txt" || fail "another twoport than that in $prefix was found"

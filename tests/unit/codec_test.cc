@@ -504,8 +504,8 @@ TYPED_TEST(CodecOf, RejectsWhatCannotBeSaidOfTheEnvironment) {
   EXPECT_EQ(with([](auto& m) { m.set_environment(3, HUGE_VAL); }), Decoded::malformed);
   EXPECT_EQ(with([](auto& m) { m.set_link_energy_j(HUGE_VAL); }), Decoded::malformed);
   EXPECT_EQ(with([](auto& m) { m.add_joint_rad(std::nan("")); }), Decoded::malformed);
-  EXPECT_EQ(with([](auto& m) { m.mutable_joint_rad()->Resize(8, 0.0); }), Decoded::malformed);
-  EXPECT_EQ(with([](auto& m) { m.mutable_joint_rad()->Resize(7, 0.0); }), Decoded::ok);
+  EXPECT_EQ(with([](auto& m) { m.mutable_joint_rad()->Resize(9, 0.0); }), Decoded::malformed);
+  EXPECT_EQ(with([](auto& m) { m.mutable_joint_rad()->Resize(8, 0.0); }), Decoded::ok);
   EXPECT_EQ(with([](auto& m) { m.clear_environment(); }), Decoded::ok);
 }
 

@@ -221,7 +221,7 @@ int run(int argc, char** argv) {
       return 0;
     }
     const Scene scene = scene_of(a);
-    return for_dof(scene.dof, [&]<int N>() { return probe<N>(a, scene); });
+    return for_cartesian_dof(scene.dof, "twoport-device", [&]<int N>() { return probe<N>(a, scene); });
   });
 }
 

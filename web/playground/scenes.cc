@@ -65,7 +65,7 @@ Scene with_all_methods(const std::string& path) {
 }
 
 std::string introduction(const Scene& read) {
-  return for_dof(read.dof, [&]<int N>() {
+  return for_cartesian_dof(read.dof, "the playground", [&]<int N>() {
     PageChannel channel;
     const DeviceInfo info = PageDevice<N>{read, 1.0 / read.master_rate_hz, &channel}.info();
     std::vector<std::string> methods;

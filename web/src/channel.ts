@@ -26,7 +26,7 @@ export interface Element {
 }
 /** A serial arm: each joint turns about the z axis of its frame. */
 export interface Arm {
-  joints: { origin_m: Vec; attitude: [number, number, number, number] }[];
+  joints: { origin_m: Vec; attitude: [number, number, number, number]; slides: boolean }[];
   flange_m: Vec;
   links: Element[]; // meshes of the base and of the link behind each joint, in its axes; empty, or without triangles: not known
   left_out: string[]; // what of them could not be read, in sentences

@@ -100,7 +100,7 @@ function revolved(e: Element, material: MeshLambertMaterial, line: string): Grou
 
 interface ArmParts {
   base: Group;
-  joints: Group[];
+  joints: { part: Group; slides: boolean }[];
   flange: Group;
 }
 
@@ -208,29 +208,29 @@ export class Space {
     const link = new MeshLambertMaterial({ color: colour('--solid'), side: DoubleSide }), none = new Vector3();
     /** The shape that the arm's file knows of the base, or of the link behind joint i; else rods are drawn. */
     const own = scene.arm!.links.map((e) => shapeOf(e, link, colour('--surface-line')));
-    const base = new Group(), joints: Group[] = [], all = scene.arm!.joints;
+    const base = new Group(), joints: ArmParts['joints'] = [], all = scene.arm!.joints;
     const length = (p: Vec): number => Math.hypot(...p);
     // A tool that reaches back towards the arm covers that much of the last link.
     const flange = v3(scene.arm!.flange_m), back = Math.max(0, ...scene.tool.map((p) => Math.abs(p[2])));
     let parent = base;
     base.add(own[0] ?? rod(new Vector3(0, 0, 0), new Vector3(0, 0, 0.02), 2 * LINK_M, link));
     all.forEach((joint, i) => {
-      const fixed = new Group(), turning = new Group(), origin = v3(joint.origin_m);
+      const fixed = new Group(), moving = new Group(), origin = v3(joint.origin_m);
       if (!own[i] && length(joint.origin_m) > 1e-6) parent.add(rod(none, origin, 0.75 * LINK_M, link));
       fixed.position.copy(origin);
       fixed.quaternion.copy(quaternion(joint.attitude));
       const thick = LINK_M * (1 - 0.05 * i);
       const shape = own[i + 1];
-      if (shape) turning.add(shape);
+      if (shape) moving.add(shape);
       else
-        turning.add(
+        moving.add(
           rod(new Vector3(0, 0, -thick), new Vector3(0, 0, thick), 1.1 * thick, link),
           rod(new Vector3(0, 0, -0.006), new Vector3(0, 0, 0.006), 1.13 * thick, this.robot),
         );
-      fixed.add(turning);
+      fixed.add(moving);
       parent.add(fixed);
-      parent = turning;
-      joints.push(turning);
+      parent = moving;
+      joints.push({ part: moving, slides: joint.slides });
     });
     const shown = flange.clone().setLength(Math.max(0.01, flange.length() - back));
     if (!own[all.length] && flange.length() > 1e-6) parent.add(rod(none, shown, 0.5 * LINK_M, link));
@@ -262,7 +262,7 @@ export class Space {
     if (!this.arm) return;
     // The base stands where the tool is at its place.
     const { base, joints, flange } = this.arm;
-    joints.forEach((joint, i) => (joint.rotation.z = s.joints[i] ?? 0));
+    joints.forEach(({ part, slides }, i) => (slides ? part.position : part.rotation).z = s.joints[i] ?? 0);
     base.position.set(0, 0, 0);
     const from = flange.getWorldPosition(new Vector3());
     base.position.copy(v3(s.robot)).sub(from);

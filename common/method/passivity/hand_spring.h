@@ -32,10 +32,10 @@ class HandSpring {
   /// Books the interval that has ended.
   void observe(const MasterInput<N>& in) noexcept {
     const Displacement<N> moved = in.first ? Displacement<N>{} : integral(in.interval, in.ended);
+    if (in.inertia != nullptr) spring_.take_inertia(*in.inertia);
     spring_.observe(in.account.net(), moved, in.device.applied, in.ended, in.dt);
     spring_.take_ratio(in.device.ratio, in.device.v, in.dt);
-    constexpr int kLinear = N == 6 ? 3 : N;
-    spring_.expect_turned(in.device.x.translation().template head<kLinear>().norm() > limits_.workspace_m);
+    spring_.expect_turned(may_turn(in.device));
     damper_.observe(moved, applied_part(in.device.applied, f_), in.ended);
   }
   /// Writes force, share and energies into `out`. `damper`: null: none.
@@ -75,6 +75,17 @@ class HandSpring {
 
  private:
   static constexpr double kCredit_j = 20e-3;
+
+  /// May a limit at the device turn the force?
+  [[nodiscard]] bool may_turn(const DeviceSample<N>& device) const noexcept {
+    if constexpr (N == kJointPort) {
+      const JointLimits& j = limits_.joints;
+      const auto x = device.x.translation().array(), v = device.v.vec().array();
+      return (x > j.upper || x < j.lower || v.abs() > j.speed).any();
+    } else {
+      return device.x.translation().template head<kAxes<N>>().norm() > limits_.workspace_m;
+    }
+  }
 
   PortLimits limits_;  ///< at the device
   EnergySpring<N> spring_;

@@ -14,10 +14,9 @@ namespace twoport {
 ///     s |f| <= min(force_n, T/2 force_rate),   s |τ| <= min(torque_n_m, T/2 force_rate torque_n_m/force_n)
 template <int N>
 [[nodiscard]] double unheld_share(const Force<N>& f, const PortLimits& limits, Seconds dt) noexcept {
-  constexpr int kAxes = N == 6 ? 3 : N;
   const double half = 0.5 * dt.si() * limits.force_rate_n_per_s;
   double share =
-      std::min(1.0, std::min(limits.force_n, half) / std::max(f.vec().template head<kAxes>().norm(), 1e-300));
+      std::min(1.0, std::min(limits.force_n, half) / std::max(f.vec().template head<kAxes<N>>().norm(), 1e-300));
   if constexpr (N == 6) {
     double most = limits.torque_n_m;
     if (most < PortLimits::kNone && limits.force_n < PortLimits::kNone) most *= std::min(1.0, half / limits.force_n);

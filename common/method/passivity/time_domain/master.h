@@ -88,6 +88,7 @@ class TimeDomainMaster final : public Copyable<TimeDomainMaster<N>, MasterPassiv
     if (!in.first) {
       if (measured_) command_.book(held_energy(observer_, command_force_, in.interval, in.ended));
       if (predictor_) {
+        if (in.inertia != nullptr) predictor_->take_inertia(*in.inertia);
         predictor_->step(integral(in.interval, in.ended), in.device.applied, in.ended, in.dt);
         predictor_->take_ratio(in.device.ratio, in.device.v, in.dt);
       }

@@ -1,0 +1,193 @@
+// Ports of joints: the metric, what a scene says of it, limits of single joints, what figures see of the tools, and both simulated arms.
+
+#include <fmt/format.h>
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <random>
+#include <string>
+#include <vector>
+
+#include "common/arm/arm_model.h"
+#include "common/coupling/joint_metric.h"
+#include "common/record/tool_view.h"
+#include "common/safety/peer_guard.h"
+#include "common/safety/safety_stage.h"
+#include "common/scene/load.h"
+#include "sim/sim_joints.h"
+
+namespace twoport {
+namespace {
+
+constexpr int N = kJointPort;
+using Axes = Eigen::Matrix<double, N, 1>;
+
+Scene scene_of(const std::vector<std::string>& overrides = {}) {
+  return load_scene(TWOPORT_SCENES "/leader_follower.textproto", overrides);
+}
+Axes random_axes(std::mt19937& rng, int n = N) {
+  std::uniform_real_distribution<double> uniform{-1.0, 1.0};
+  Axes v = Axes::Zero();
+  for (int i = 0; i < n; ++i) v[i] = uniform(rng);
+  return v;
+}
+
+// Scaling is exact to rounding, and leaves the power.
+TEST(JointMetric, KeepsThePowerAndGoesBack) {
+  const ControlOptions control = scene_of().control;
+  const JointMetric<N> metric{control};
+  std::mt19937 rng{1};
+  for (int run = 0; run < 100; ++run) {
+    const Force<N> torque{random_axes(rng)};
+    const Velocity<N> rate{random_axes(rng)};
+    EXPECT_NEAR(dot(metric.scaled(torque), metric.scaled(rate)).si(), dot(torque, rate).si(), 1e-14);
+    EXPECT_LT((metric.joints(Force<N>{metric.scaled(torque)}).vec() - torque.vec()).norm(), 1e-15);
+    EXPECT_LT((metric.joints(Velocity<N>{metric.scaled(rate)}).vec() - rate.vec()).norm(), 1e-15);
+  }
+}
+
+TEST(JointScene, ScalesEachJointByTheFollowersInertia) {
+  const Scene scene = scene_of();
+  EXPECT_EQ(scene.dof, N);
+  EXPECT_EQ(scene.joints, 7);
+  EXPECT_EQ(scene.coordinates(), 7);
+  const ArmModel model{*scene.robot->arm->parameters};
+  const ArmModel::Inertia M = model.inertia(model.pose(joint_vector(scene.robot->arm->joint_position_rad)));
+  for (int i = 0; i < 7; ++i) EXPECT_NEAR(std::pow(scene.control.joint_scale[i], 2), M(i, i), 1e-12);
+  EXPECT_EQ(scene.control.joint_scale[7], 1.0);
+}
+
+TEST(JointScene, TakesGainsOfSingleJoints) {
+  const Scene scene = scene_of({"control.virtual_coupling.joint_stiffness=[100,90,80,70,60,50,40]",
+                                "control.virtual_coupling.joint_damping=[7,6,5,4,3,2,1]"});
+  const double stiffness[] = {100, 90, 80, 70, 60, 50, 40}, damping[] = {7, 6, 5, 4, 3, 2, 1};
+  for (int i = 0; i < 7; ++i) {
+    const double s2 = std::pow(scene.control.joint_scale[i], 2);
+    EXPECT_NEAR(s2 * scene.control.coupling.stiffness_n_per_m, stiffness[i], 1e-9);
+    EXPECT_NEAR(s2 * scene.control.coupling.damping_of_joints[i], damping[i], 1e-9);
+  }
+}
+
+// Limits of a joint: those of the arm's file, each by itself; a torque keeps its direction.
+TEST(JointLimits, BoundTorqueSpeedAndRange) {
+  const Scene scene = scene_of();
+  const PortLimits limits = limits_at_robot(scene.control);
+  const Axes& s = scene.control.joint_scale;
+  SafetyStage<N> stage{limits, 1.0};
+  const Position<N> ready{s.cwiseProduct((Axes{} << 0, -0.5, 0, -2.2, 0, 1.8, 0.785, 0).finished())};
+  Axes torque = Axes::Zero();
+  torque[0] = 10.0, torque[6] = 24.0;  // the last joint stands 12 N m
+  const Force<N> out = stage(Force<N>{torque.cwiseQuotient(s)}, ready, Velocity<N>{}, Seconds{1e-3});
+  EXPECT_NEAR(out[6] * s[6], 12.0, 1e-9);
+  EXPECT_NEAR(out[0] * s[0], 5.0, 1e-9);
+  EXPECT_EQ(stage.counts()[Limit::force], 1u);
+
+  Axes rate = Axes::Zero();
+  rate[2] = 3.0;  // its speed is 2.175 rad/s
+  torque.setZero();
+  torque[2] = 1.0, torque[1] = 1.0;
+  const Force<N> slow = stage(Force<N>{torque.cwiseQuotient(s)}, ready, Velocity<N>{rate.cwiseProduct(s)}, Seconds{1e-3});
+  EXPECT_EQ(slow[2], 0.0);
+  EXPECT_NEAR(slow[1] * s[1], 1.0, 1e-12);
+  EXPECT_EQ(stage.counts()[Limit::speed], 1u);
+
+  Axes beyond = ready.translation();
+  beyond[3] = -0.01 * s[3];  // its range ends at -0.0698 rad
+  torque.setZero();
+  torque[3] = 1.0;
+  EXPECT_EQ(stage(Force<N>{torque.cwiseQuotient(s)}, Position<N>{beyond}, Velocity<N>{}, Seconds{1e-3})[3], 0.0);
+  torque[3] = -1.0;
+  EXPECT_NE(stage(Force<N>{torque.cwiseQuotient(s)}, Position<N>{beyond}, Velocity<N>{}, Seconds{1e-3})[3], 0.0);
+
+  const Position<N> to{ready.translation() + Axes::Constant(1.0)};
+  const Position<N> step = stage.set_point(to, ready, Seconds{1e-3}, nullptr);
+  const Axes moved = (step.translation() - ready.translation()).cwiseQuotient(s);
+  for (int i = 0; i < 4; ++i) EXPECT_LE(std::abs(moved[i]), 2.175e-3 * (1 + 1e-9)) << i;
+}
+
+TEST(JointLimits, BoundWhatTheOtherSideClaims) {
+  const Scene scene = scene_of();
+  PeerGuard<N> guard{limits_of_slave_reports(scene.control)};
+  Report<N> report;
+  report.sequence = 1;
+  report.v = Velocity<N>{Axes::Constant(100.0)};
+  report.x = Position<N>{Axes::Constant(50.0)};
+  report.f_coupling = Force<N>{Axes::Constant(1e3)};
+  guard.pass(report, Duration{0}, [](const Report<N>& r) {
+    EXPECT_NEAR(r.v[0], 2.175, 1e-12);
+    EXPECT_NEAR(r.v[6], 2.61, 1e-12);
+    EXPECT_NEAR(r.x.translation()[0], 2.8973 + 3.0, 1e-9);
+    EXPECT_NEAR(r.f_coupling[0], 87.0, 1e-9);
+    EXPECT_NEAR(r.f_coupling[6], 12.0, 1e-9);
+  });
+  EXPECT_EQ(guard.counts()[Limit::peer_motion], 1u);
+  EXPECT_EQ(guard.counts()[Limit::peer_force], 1u);
+}
+
+// Torques Jᵀ f are the force f, and joint rates the tool's velocity.
+TEST(ToolView, SeesForcesAndMotionOfTheTools) {
+  const Scene scene = scene_of();
+  const ToolView<N> view{scene};
+  const ArmModel model{*scene.robot->arm->parameters};
+  std::mt19937 rng{2};
+  for (int run = 0; run < 50; ++run) {
+    Axes q = Axes::Zero();
+    q.head<7>() = joint_vector(scene.robot->arm->joint_position_rad) + 0.3 * random_axes(rng, 7).head<7>();
+    const auto pose = model.pose(q.head(7));
+    const auto J = model.jacobian(pose);
+    const Eigen::Vector3d f = random_axes(rng).head<3>();
+    Row<N> row;
+    row.slave_x = row.master_x = Position<N>{q};
+    Axes torque = Axes::Zero();
+    torque.head(7) = J.topRows<3>().transpose() * f;
+    row.env_f = row.master_f = Force<N>{torque};
+    const Axes rate = random_axes(rng, 7);
+    row.slave_v = Velocity<N>{rate};
+    const Row<3> seen = view(row);
+    EXPECT_LT((seen.env_f.vec() - f).norm(), 1e-6);
+    EXPECT_LT((seen.master_f.vec() - f).norm(), 1e-6);
+    EXPECT_LT((seen.slave_v.vec() - J.topRows<3>() * rate.head(7)).norm(), 1e-12);
+    EXPECT_LT((seen.slave_x.translation() - pose.tool).norm(), 1e-12);
+  }
+}
+
+// Without friction, hand and contact the work of held torques is what the arm has gained; Runge-Kutta 4 in a millisecond: 1e-7 of it.
+TEST(SimJoints, ConserveTheEnergyOfTheirPort) {
+  const Scene scene = scene_of({"robot.arm.joint_damping_n_m_s_per_rad=0"});
+  sim::SimRobot<N> robot{scene, Seconds{1e-3}};
+  const double before = robot.arm()->mechanical_energy();
+  double work = 0.0, weight = 0.0;
+  std::mt19937 rng{3};
+  for (int k = 0; k < 200; ++k) {
+    RobotCommand<N> command;
+    command.f = Force<N>{(k < 100 ? 2.0 : -2.0) * random_axes(rng, 7)};
+    robot.actuate(command);
+    const Axes q = robot.state().x.translation();
+    robot.advance();
+    const Axes moved = robot.state().x.translation() - q;
+    work += command.f.vec().dot(moved);
+    weight += robot.arm()->torque().dot(moved.head(7)) - command.f.vec().dot(moved);
+    ASSERT_EQ(robot.environment_force().squared_norm(), 0.0);
+  }
+  EXPECT_NEAR(robot.arm()->port_energy().si(), work, 1e-12);
+  EXPECT_GT(std::abs(work), 1e-3);
+  EXPECT_NEAR(robot.arm()->mechanical_energy() - before, work + weight, 1e-6);
+}
+
+// What the table does to the joints is Jᵀ of the force on the tool.
+TEST(SimJoints, SenseTheTorquesOfTheEnvironment) {
+  const Scene scene = scene_of({"environment[0].wall.offset_m=0.01"});  // it begins 10 mm inside
+  const sim::SimRobot<N> robot{scene, Seconds{1e-3}};
+  const ToolView<N> view{scene};
+  Row<N> row;
+  row.slave_x = row.master_x = robot.state().x;
+  row.env_f = robot.environment_force();
+  const Row<3> seen = view(row);
+  EXPECT_NEAR(seen.env_f[2], 50.0, 1e-4);
+  EXPECT_NEAR(seen.env_f[0], 0.0, 1e-4);
+  EXPECT_EQ(robot.sense().f_environment.vec(), -robot.environment_force().vec());
+}
+
+}  // namespace
+}  // namespace twoport
