@@ -21,14 +21,6 @@ struct StickState {
 /// Codes that are buttons of sticks and gamepads.
 inline constexpr unsigned kFirstStickButton = BTN_JOYSTICK, kLastStickButton = BTN_THUMBR;
 
-/// Does it have two axes and at least one button of a stick?
-inline bool is_stick(const libevdev* d) {
-  if (libevdev_has_event_code(d, EV_ABS, ABS_X) == 0 || libevdev_has_event_code(d, EV_ABS, ABS_Y) == 0) return false;
-  for (unsigned code = kFirstStickButton; code <= kLastStickButton; ++code)
-    if (libevdev_has_event_code(d, EV_KEY, code) != 0) return true;
-  return false;
-}
-
 /// Value of an axis in [-1, 1] from its own range; 0 within `flat` of the middle.
 inline double axis_share(const libevdev* d, unsigned code) {
   const input_absinfo* a = libevdev_get_abs_info(d, code);
@@ -68,6 +60,12 @@ inline int stick_buttons(const libevdev* d) {
   for (unsigned code = kFirstStickButton; code <= kLastStickButton; ++code)
     count += libevdev_has_event_code(d, EV_KEY, code) != 0 ? 1 : 0;
   return std::min(count, 32);
+}
+
+/// Does it have two axes and at least one button of a stick?
+inline bool is_stick(const libevdev* d) {
+  return libevdev_has_event_code(d, EV_ABS, ABS_X) != 0 && libevdev_has_event_code(d, EV_ABS, ABS_Y) != 0 &&
+         stick_buttons(d) > 0;
 }
 
 /// What opens and closes a gripper.

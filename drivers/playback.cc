@@ -39,6 +39,16 @@ std::vector<TickRecord<N>> readings(const char* flag, const DriverOptions& o, co
   return all;
 }
 
+/// Null: the scene or the recording has none.
+template <template <int> class Hardware>
+std::unique_ptr<Hardware<1>> gripper_of(const char* flag, const DriverOptions& o, const std::string& side) {
+  if constexpr (built_for(1))
+    if (o.scene.gripper)
+      if (auto all = readings<1>(flag, o, side + std::string{kOfGripper}); !all.empty())
+        return std::make_unique<Hardware<1>>(std::move(all));
+  return nullptr;
+}
+
 /// Time since start(), and the newest recorded reading by then. The last one remains.
 template <int N>
 class Playback {
@@ -67,11 +77,7 @@ class PlaybackDevice final : public Device<N> {
  public:
   static constexpr bool kDrivesJoints = true;
   explicit PlaybackDevice(const DriverOptions& o) : PlaybackDevice{readings<N>("--device", o, "master")} {
-    if constexpr (built_for(1)) {
-      if (!o.scene.gripper) return;
-      auto of_gripper = readings<1>("--device", o, std::string{"master"}.append(kOfGripper));
-      if (!of_gripper.empty()) gripper_ = std::make_unique<PlaybackDevice<1>>(std::move(of_gripper));
-    }
+    gripper_ = gripper_of<PlaybackDevice>("--device", o, "master");
   }
   explicit PlaybackDevice(std::vector<TickRecord<N>> readings) : playback_{std::move(readings)} {}
   [[nodiscard]] DeviceInfo info() const override {
@@ -99,11 +105,7 @@ class PlaybackRobot final : public Robot<N> {
  public:
   static constexpr bool kDrivesJoints = true;
   explicit PlaybackRobot(const DriverOptions& o) : PlaybackRobot{readings<N>("--robot", o, "slave")} {
-    if constexpr (built_for(1)) {
-      if (!o.scene.gripper) return;
-      auto of_gripper = readings<1>("--robot", o, std::string{"slave"}.append(kOfGripper));
-      if (!of_gripper.empty()) gripper_ = std::make_unique<PlaybackRobot<1>>(std::move(of_gripper));
-    }
+    gripper_ = gripper_of<PlaybackRobot>("--robot", o, "slave");
   }
   explicit PlaybackRobot(std::vector<TickRecord<N>> readings) : playback_{std::move(readings)} {}
   [[nodiscard]] RobotInfo info() const override { return {.name = "playback of a robot", .watchdog = Seconds{1.0}}; }

@@ -11,12 +11,14 @@
 #include <chrono>
 #include <cmath>
 #include <future>
+#include <optional>
 #include <string>
 #include <typeinfo>
 #include <vector>
 
 #include "common/base/check.h"
 #include "common/base/vector.h"
+#include "common/link/mailbox.h"
 #include "common/scene/load.h"
 
 namespace twoport::python {
@@ -117,6 +119,33 @@ py::array_t<double> to_array(const Position<N>& x) {
   } else {
     return to_array(x.translation());
   }
+}
+
+/// What a side of a link tells of itself.
+class AnySide {
+ public:
+  using PythonClass = void;
+  virtual ~AnySide() = default;
+  [[nodiscard]] virtual int dof() const = 0;
+  [[nodiscard]] virtual double rate_hz() const = 0;
+  [[nodiscard]] virtual std::string mode() const = 0;
+  [[nodiscard]] virtual std::optional<double> round_trip_s() const = 0;
+};
+inline constexpr const char* kModes = "idle, coupled, holding, released, let_go or stopped.";
+template <class Side>
+py::class_<Side> side_class(py::module_& module, const char* name, const char* doc, const char* not_pickled_why) {
+  return py::class_<Side>{module, name, doc}
+      .def_property_readonly("dof", &Side::dof, "Degrees of freedom: 1, 3 or 6.")
+      .def_property_readonly("rate_hz", &Side::rate_hz, "Rate at which step() is to be called [Hz].")
+      .def_property_readonly("mode", &Side::mode, kModes)
+      .def_property_readonly("round_trip_s", &Side::round_trip_s,
+                             "As the newest report shows it [s]; None: not known yet.")
+      .def("__reduce_ex__", not_pickled(not_pickled_why));
+}
+template <int N>
+std::optional<double> round_trip_of(const PeerState<N>& peer) {
+  if (!peer.has_report || peer.round_trip() < Duration{0}) return {};
+  return to_seconds(peer.round_trip()).si();
 }
 
 /// Calls work(stop) in another thread, without the interpreter's lock, and meanwhile every 20 ms watch() with the lock. When a

@@ -25,10 +25,10 @@ double not_negative(const char* name, double value) {
   return value;
 }
 
-Seconds interval(double dt_s) {
-  if (!(dt_s > 0.0 && dt_s <= kLargestNumber))
-    throw ConfigError{fmt::format("dt_s is {}; it must be above 0 and at most {}", dt_s, kLargestNumber)};
-  return Seconds{dt_s};
+double positive(const char* name, double value) {
+  if (!(value > 0.0 && value <= kLargestNumber))
+    throw ConfigError{fmt::format("{} is {}; it must be above 0 and at most {}", name, value, kLargestNumber)};
+  return value;
 }
 
 /// A one-port whose answer has been computed already.
@@ -59,7 +59,7 @@ class ControllerOf final : public Controller {
   ControllerOf& operator=(const ControllerOf&) = delete;
 
   py::array_t<double> step(const py::object& wanted, const py::object& input, double dt_s) override {
-    const Seconds dt = interval(dt_s);
+    const Seconds dt{positive("dt_s", dt_s)};
     const Out out{numbers_from<Out::kSize>(wanted, "wanted")};
     const In in{numbers_from<In::kSize>(input, "input")};
     if (!all_finite(out, in)) throw ConfigError{"wanted and input must be finite"};
@@ -85,10 +85,7 @@ std::unique_ptr<Controller> make_controller(int dof, const std::string& method, 
   o.predict = predict;
   o.mass_kg = not_negative("mass_kg", mass_kg);
   o.max_turn_rad = not_negative("max_turn_rad", max_turn_rad);
-  o.radius_of_gyration_m = radius_of_gyration_m;
-  if (!(radius_of_gyration_m > 0.0 && radius_of_gyration_m <= kLargestNumber))
-    throw ConfigError{fmt::format("radius_of_gyration_m is {}; it must be above 0 and at most {}", radius_of_gyration_m,
-                                  kLargestNumber)};
+  o.radius_of_gyration_m = positive("radius_of_gyration_m", radius_of_gyration_m);
   const Energy initial{not_negative("initial_energy_j", initial_energy_j)};
   const bool force = output == "force";
   if (!force && output != "velocity")
@@ -117,7 +114,7 @@ class PortObserverOf final : public PortObserver {
   PortObserverOf(Energy initial, ObserverRule rule) : observer_{initial}, rule_{rule} {}
 
   double step(const py::object& held, const py::object& x, const py::object& v, double dt_s) override {
-    const Seconds dt = interval(dt_s);
+    const Seconds dt{positive("dt_s", dt_s)};
     const Force<N> f{numbers_from<N>(held, "held")};
     const PortMotion<N> now{position_from<N>(x, "x"), Velocity<N>{numbers_from<N>(v, "v")}};
     if (!all_finite(f, now.x, now.v)) throw ConfigError{"held, x and v must be finite"};

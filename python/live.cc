@@ -29,16 +29,10 @@ struct LiveOutput {
   std::string mode;
 };
 
-class AnyLive {
+class AnyLive : public AnySide {
  public:
-  using PythonClass = void;
-  virtual ~AnyLive() = default;
   virtual LiveOutput step(const py::object& x, const py::object& v, const py::object& f, bool held) = 0;
-  [[nodiscard]] virtual int dof() const = 0;
-  [[nodiscard]] virtual double rate_hz() const = 0;
-  [[nodiscard]] virtual std::string mode() = 0;
   [[nodiscard]] virtual std::int64_t missed() const = 0;
-  [[nodiscard]] virtual std::optional<double> round_trip_s() = 0;
 };
 /// For the two classes of Python.
 struct AnyLiveMaster : AnyLive {};
@@ -91,13 +85,9 @@ class Live final : public Base {
   }
   [[nodiscard]] int dof() const override { return N; }
   [[nodiscard]] double rate_hz() const override { return rate_hz_; }
-  [[nodiscard]] std::string mode() override { return to_string(node_.mode()); }
+  [[nodiscard]] std::string mode() const override { return to_string(node_.mode()); }
   [[nodiscard]] std::int64_t missed() const override { return missed_; }
-  [[nodiscard]] std::optional<double> round_trip_s() override {
-    const auto& peer = link_.mail().known();
-    if (!peer.has_report || peer.round_trip() < Duration{0}) return {};
-    return to_seconds(peer.round_trip()).si();
-  }
+  [[nodiscard]] std::optional<double> round_trip_s() const override { return round_trip_of(link_.known()); }
 
  private:
   using Now = std::chrono::steady_clock;
@@ -148,16 +138,11 @@ void add_live(py::module_& module) {
                     "Until the next tick: at a master the force at its port, push the hand with -force; at a slave the "
                     "force on the robot [N], dof 6: [N], [N m].")
       .def_readonly("set_point", &LiveOutput::set_point, "Of a slave: where the robot is wanted [m], dof 6: 7 numbers.")
-      .def_readonly("mode", &LiveOutput::mode, "idle, coupled, holding, released, let_go or stopped.");
+      .def_readonly("mode", &LiveOutput::mode, kModes);
 
-  py::class_<AnyLive>(module, "Live", "What LiveMaster and LiveSlave share.")
-      .def_property_readonly("dof", &AnyLive::dof, "Degrees of freedom: 1, 3 or 6.")
-      .def_property_readonly("rate_hz", &AnyLive::rate_hz, "Rate of step() [Hz].")
-      .def_property_readonly("mode", &AnyLive::mode, "idle, coupled, holding, released, let_go or stopped.")
-      .def_property_readonly("missed", &AnyLive::missed, "Ticks left out so far, as step() was called too late.")
-      .def_property_readonly("round_trip_s", &AnyLive::round_trip_s,
-                             "As the newest report shows it [s]; None: not known yet.")
-      .def("__reduce_ex__", not_pickled("a live side cannot be copied or pickled: it has a socket"));
+  side_class<AnyLive>(module, "Live", "What LiveMaster and LiveSlave share.",
+                      "a live side cannot be copied or pickled: it has a socket")
+      .def_property_readonly("missed", &AnyLive::missed, "Ticks left out so far, as step() was called too late.");
 
   py::class_<AnyLiveMaster, AnyLive>(
       module, "LiveMaster",

@@ -104,16 +104,10 @@ struct SlaveResult {
   std::string mode;
 };
 
-class AnyNode {
+class AnyNode : public AnySide {
  public:
-  using PythonClass = void;
-  virtual ~AnyNode() = default;
   virtual void receive(const Message& message) = 0;
-  [[nodiscard]] virtual int dof() const = 0;
-  [[nodiscard]] virtual double rate_hz() const = 0;
-  [[nodiscard]] virtual std::string mode() const = 0;
   [[nodiscard]] virtual py::dict packets() const = 0;
-  [[nodiscard]] virtual std::optional<double> round_trip_s() const = 0;
 };
 
 template <int N, class Base>
@@ -140,21 +134,11 @@ class WithLink : public Base {
   [[nodiscard]] double rate_hz() const override { return rate_hz_; }
   [[nodiscard]] py::dict packets() const override {
     const PacketCounts& c = mail_.counts();
-    py::dict all;
-    all["sent"] = c.sent;
-    all["received"] = c.received;
-    all["lost"] = c.lost;
-    all["late"] = c.late;
-    all["duplicated"] = c.duplicated;
-    all["rejected"] = c.rejected;
-    all["stale"] = c.stale;
-    return all;
+    using namespace py::literals;
+    return py::dict("sent"_a = c.sent, "received"_a = c.received, "lost"_a = c.lost, "late"_a = c.late,
+                    "duplicated"_a = c.duplicated, "rejected"_a = c.rejected, "stale"_a = c.stale);
   }
-  [[nodiscard]] std::optional<double> round_trip_s() const override {
-    const Duration measured = mail_.known().round_trip();
-    if (!mail_.known().has_report || measured < Duration{0}) return {};
-    return to_seconds(measured).si();
-  }
+  [[nodiscard]] std::optional<double> round_trip_s() const override { return round_trip_of(mail_.known()); }
 
  protected:
   std::shared_ptr<Message> take_sent() {
@@ -325,7 +309,7 @@ receive() of the other node. Immutable.)")
       .def_readonly("message", &MasterResult::message, "Message for the slave; None where a deadband sends none.")
       .def_readonly("dissipated_j", &MasterResult::dissipated_j, "Dissipated by the controller in this tick [J].")
       .def_readonly("undissipated_j", &MasterResult::undissipated_j, "Deficit that remains in the account [J].")
-      .def_readonly("mode", &MasterResult::mode, "idle, coupled, holding, released, let_go or stopped.");
+      .def_readonly("mode", &MasterResult::mode, kModes);
   py::class_<SlaveResult>(module, "SlaveOutput", "What the slave computes in a tick.")
       .def_readonly("force", &SlaveResult::force,
                     "Coupling force on the robot until the next tick [N], dof 6: [N], [N m].")
@@ -333,23 +317,18 @@ receive() of the other node. Immutable.)")
       .def_readonly("v_d", &SlaveResult::v_d, "Velocity of the set point [m/s], dof 6: [m/s], [rad/s].")
       .def_readonly("message", &SlaveResult::message, "Message for the master; None where a deadband sends none.")
       .def_readonly("dissipated_j", &SlaveResult::dissipated_j, "Dissipated by the controller in this tick [J].")
-      .def_readonly("mode", &SlaveResult::mode, "idle, coupled, holding, released, let_go or stopped.");
+      .def_readonly("mode", &SlaveResult::mode, kModes);
 
-  py::class_<AnyNode>(module, "Node", "What MasterNode and SlaveNode share: the end of a link.")
+  side_class<AnyNode>(module, "Node", "What MasterNode and SlaveNode share: the end of a link.",
+                      "a node cannot be copied or pickled: make one from its scene")
       .def(
           "receive", &AnyNode::receive, "message"_a,
           R"(Hands a message of the other side to the next step(). You decide when, how often and in what order: messages may be
 delayed, lost, repeated and reordered. One whose numbers are not finite is dropped, as a link does.
 Errors: ValueError for one of this side, of another number of degrees of freedom, or from a scene that differs in what both
 sides must share (method, coupling, scales, ...).)")
-      .def_property_readonly("dof", &AnyNode::dof, "Degrees of freedom: 1, 3 or 6.")
-      .def_property_readonly("rate_hz", &AnyNode::rate_hz, "Rate at which step() is to be called [Hz].")
-      .def_property_readonly("mode", &AnyNode::mode, "idle, coupled, holding, released, let_go or stopped.")
       .def_property_readonly("packets", &AnyNode::packets,
-                             "Messages sent, and received, lost, late, duplicated, rejected, stale so far.")
-      .def_property_readonly("round_trip_s", &AnyNode::round_trip_s,
-                             "As the newest message shows it [s]; None: not known yet.")
-      .def("__reduce_ex__", not_pickled("a node cannot be copied or pickled: make one from its scene"));
+                             "Messages sent, and received, lost, late, duplicated, rejected, stale so far.");
 
   py::class_<AnyMaster, AnyNode>(module, "MasterNode",
                                  R"(The master over a link, one tick at a time: motion of the device in, force out.

@@ -1,9 +1,9 @@
 #include <algorithm>
+#include <atomic>
 #include <cstdint>
 #include <exception>
 #include <limits>
 #include <memory>
-#include <mutex>
 #include <optional>
 #include <string>
 #include <utility>
@@ -259,25 +259,18 @@ int jobs_from(const std::optional<int>& jobs) {
 class Listener {
  public:
   explicit Listener(py::object heard) : heard_{std::move(heard)} {}
-  void set(std::size_t done, std::size_t count) {
-    const std::lock_guard lock{guard_};
-    done_ = done, count_ = count;
-  }
+  void set(std::size_t done, std::size_t count) { done_ = done, count_ = count; }
   void tell() {
     if (heard_.is_none()) return;
-    std::size_t done, count;
-    {
-      const std::lock_guard lock{guard_};
-      done = done_, count = count_;
-    }
+    const std::size_t done = done_, count = count_;
     if (count == 0 || std::exchange(told_, done + 1) == done + 1) return;
     heard_(done, count);
   }
 
  private:
   py::object heard_;
-  std::mutex guard_;
-  std::size_t done_ = 0, count_ = 0, told_ = 0;
+  std::atomic<std::size_t> done_{0}, count_{0};
+  std::size_t told_ = 0;
 };
 
 TableOfTexts sweep_scene(const SceneOfText& s, const py::object& vary, std::int64_t seeds,

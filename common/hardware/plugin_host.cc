@@ -169,37 +169,23 @@ Opened<Interface> open(const std::string& flag, const PluginChoice& choice, int 
 
 template <class Quantity>
 Quantity coords(const double* six) {
-  typename Quantity::Vector v;
-  for (int i = 0; i < Quantity::kSize; ++i) v[i] = six[i];
-  return Quantity{v};
-}
-template <class Quantity>
-void store(const Quantity& from, double* six) {
-  for (int i = 0; i < Quantity::kSize; ++i) six[i] = from[i];
+  return Quantity{typename Quantity::Vector{six}};
 }
 template <int N>
 Position<N> position(const double* p, const double* q) {
   if constexpr (N == 6) {
     return {{p[0], p[1], p[2]}, Eigen::Quaterniond{q[0], q[1], q[2], q[3]}};
   } else {
-    typename Position<N>::Vector v;
-    for (int i = 0; i < N; ++i) v[i] = p[i];
-    return Position<N>{v};
+    return Position<N>{typename Position<N>::Vector{p}};
   }
 }
 
+/// A status that this program does not know is a fault.
 HardwareStatus status_of(plugin::Status s) noexcept {
-  switch (s) {
-    case plugin::Status::ok:
-      return HardwareStatus::ok;
-    case plugin::Status::stale:
-      return HardwareStatus::stale;
-    case plugin::Status::stopped:
-      return HardwareStatus::stopped;
-    case plugin::Status::fault:
-      break;
-  }
-  return HardwareStatus::fault;
+  constexpr HardwareStatus kKnown[] = {HardwareStatus::ok, HardwareStatus::stale, HardwareStatus::fault,
+                                       HardwareStatus::stopped};
+  const auto number = static_cast<std::size_t>(s);
+  return number < std::size(kKnown) ? kKnown[number] : HardwareStatus::fault;
 }
 
 /// Hardware of a plug-in. A call that throws is the last one before release(): from then on every reading is the last good one
@@ -303,30 +289,27 @@ void read(const plugin::RobotReading& r, RobotSample<N>& s) {
        .ideal = r.ideal,
        .status = status_of(r.status)};
 }
-template <int N>
-bool finite(const DeviceSample<N>& s) {
-  return all_finite(s.x, s.v, s.applied);
-}
-template <int N>
-bool finite(const RobotSample<N>& s) {
-  return all_finite(s.x, s.v, s.f_environment);
+const auto& force_of(const auto& sample) {
+  if constexpr (requires { sample.applied; })
+    return sample.applied;
+  else
+    return sample.f_environment;
 }
 template <int N>
 void command(plugin::Device& device, const Force<N>& f) {
   double six[6]{};
-  store(f, six);
+  std::copy_n(f.vec().data(), N, six);
   device.actuate(six);
 }
 template <int N>
 void command(plugin::Robot& robot, const RobotCommand<N>& c) {
   plugin::RobotCommand plain;
-  store(c.f, plain.force);
-  store(c.v_d, plain.velocity);
-  for (int i = 0; i < std::min(N, 3); ++i) plain.position_m[i] = c.x_d.translation()[i];
+  std::copy_n(c.f.vec().data(), N, plain.force);
+  std::copy_n(c.v_d.vec().data(), N, plain.velocity);
+  std::copy_n(c.x_d.translation().data(), std::min(N, 3), plain.position_m);
   if constexpr (N == 6) {
-    const Eigen::Quaterniond& q = c.x_d.attitude();
-    const double attitude[]{q.w(), q.x(), q.y(), q.z()};
-    std::copy_n(attitude, 4, plain.attitude);
+    plain.attitude[0] = c.x_d.attitude().w();
+    std::copy_n(c.x_d.attitude().vec().data(), 3, plain.attitude + 1);
   }
   robot.actuate(plain);
 }
@@ -376,7 +359,8 @@ class Plugin final : public Hardware<N> {
       return last_;
     }
     read(r, last_);
-    if (!hardware_.plausible(finite(last_), tick.ended)) last_.status = HardwareStatus::fault;
+    if (!hardware_.plausible(all_finite(last_.x, last_.v, force_of(last_)), tick.ended))
+      last_.status = HardwareStatus::fault;
     return last_;
   }
   void actuate(const typename T::Command& c) noexcept override {

@@ -82,18 +82,24 @@ struct RunningTotal {
 
 namespace payload {
 
-inline void put(Words& w, double v) noexcept {
-  w.at[w.count++] = v;
+inline double* put(double* to, double v) noexcept {
+  *to = v;
+  return to + 1;
 }
 template <class Kind, int N>
-void put(Words& w, const Coords<Kind, N>& c) noexcept {
-  for (int i = 0; i < N; ++i) put(w, c[i]);
+double* put(double* to, const Coords<Kind, N>& c) noexcept {
+  return std::copy_n(c.vec().data(), N, to);
 }
 template <int N>
-void put(Words& w, const Position<N>& x) noexcept {
-  for (int i = 0; i < x.translation().size(); ++i) put(w, x.translation()[i]);
+double* put(double* to, const Position<N>& x) noexcept {
+  to = std::copy_n(x.translation().data(), x.translation().size(), to);
   if constexpr (N == 6)
-    for (const double q : {x.attitude().w(), x.attitude().x(), x.attitude().y(), x.attitude().z()}) put(w, q);
+    for (const double q : {x.attitude().w(), x.attitude().x(), x.attitude().y(), x.attitude().z()}) *to++ = q;
+  return to;
+}
+template <class T>
+void put(Words& w, const T& v) noexcept {
+  w.count = static_cast<std::uint8_t>(put(w.at.data() + w.count, v) - w.at.data());
 }
 template <class T>
 void put(Words& w, const Latest<T>& field) noexcept {

@@ -64,10 +64,7 @@ bool Reader::next(Message& message) {
 /// Reads records up to the next chunk; false at the end of the messages.
 bool Reader::next_chunk() {
   while (true) {
-    if (!read(*in_, 9, record_)) {
-      torn_ = ended_ = true;
-      return false;
-    }
+    if (!read(*in_, 9, record_)) return end_torn();
     InputBytes head{record_};
     const auto op = head.number<std::uint8_t>();
     const auto size = head.number<std::uint64_t>();
@@ -76,10 +73,7 @@ bool Reader::next_chunk() {
       return false;
     }
     if (size > kLargestRecord) fail("a record is longer than " + std::to_string(kLargestRecord) + " bytes");
-    if (!read(*in_, size, record_)) {
-      torn_ = ended_ = true;
-      return false;
-    }
+    if (!read(*in_, size, record_)) return end_torn();
     if (op != static_cast<std::uint8_t>(Op::chunk)) {
       define(op, record_);
       continue;

@@ -41,6 +41,7 @@ class Reader {
 
  private:
   bool next_chunk();
+  bool end_torn() { return !(torn_ = ended_ = true); }
   void define(std::uint8_t op, std::string_view content);
   void keep(std::size_t bytes);
   [[noreturn]] void fail(const std::string& why) const;

@@ -3,7 +3,6 @@
 #include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
-#include <limits>
 #include <numeric>
 #include <unordered_map>
 
@@ -36,16 +35,6 @@ inline PointOfTriangle nearest_of(const std::array<Eigen::Vector3d, 3>& corner, 
   if (va <= 0.0 && d4 - d3 >= 0.0 && d5 - d6 >= 0.0) return {b + (d4 - d3) / ((d4 - d3) + (d5 - d6)) * (c - b), 2};
   const double scale = 1.0 / (va + vb + vc);
   return {a + vb * scale * ab + vc * scale * ac, 0};
-}
-
-double squared_distance_to_box(const Eigen::Vector3d& low, const Eigen::Vector3d& high,
-                               const Eigen::Vector3d& p) noexcept {
-  double sum = 0.0;
-  for (int i = 0; i < 3; ++i) {
-    const double out = std::max({low[i] - p[i], 0.0, p[i] - high[i]});
-    sum += out * out;
-  }
-  return sum;
 }
 
 /// Where the segment from p to q passes through the inside of a triangle, well away from its edges and from p and q (Möller, Trumbore,
@@ -83,9 +72,6 @@ BoundingVolumeTree::BoundingVolumeTree(const TriangleMesh& mesh) {
   normals_.resize(count);
   vertex_normals_.assign(mesh.vertices.size(), Eigen::Vector3d::Zero());
   std::unordered_map<std::uint64_t, Eigen::Vector3d> edge_normals;
-  const auto edge = [](std::uint32_t a, std::uint32_t b) {
-    return static_cast<std::uint64_t>(std::min(a, b)) << 32 | std::max(a, b);
-  };
   for (std::size_t i = 0; i < count; ++i) {
     const TriangleMesh::Triangle& t = mesh.triangles[order[i]];
     const Face face{{mesh.vertices[t[0]], mesh.vertices[t[1]], mesh.vertices[t[2]]}, t};
@@ -93,7 +79,7 @@ BoundingVolumeTree::BoundingVolumeTree(const TriangleMesh& mesh) {
         (face.corner[1] - face.corner[0]).cross(face.corner[2] - face.corner[0]).normalized();
     normals_[i][0] = normal;
     for (std::size_t k = 0; k < 3; ++k) {
-      edge_normals.try_emplace(edge(t[k], t[(k + 1) % 3]), Eigen::Vector3d::Zero()).first->second += normal;
+      edge_normals.try_emplace(edge_of(t[k], t[(k + 1) % 3]), Eigen::Vector3d::Zero()).first->second += normal;
       const Eigen::Vector3d to_next = face.corner[(k + 1) % 3] - face.corner[k],
                             to_last = face.corner[(k + 2) % 3] - face.corner[k];
       vertex_normals_[t[k]] += std::atan2(to_next.cross(to_last).norm(), to_next.dot(to_last)) * normal;
@@ -102,27 +88,22 @@ BoundingVolumeTree::BoundingVolumeTree(const TriangleMesh& mesh) {
   }
   for (std::size_t i = 0; i < count; ++i)
     for (std::size_t k = 0; k < 3; ++k)
-      normals_[i][k + 1] = edge_normals.at(edge(faces_[i].vertex[k], faces_[i].vertex[(k + 1) % 3]));
+      normals_[i][k + 1] = edge_normals.at(edge_of(faces_[i].vertex[k], faces_[i].vertex[(k + 1) % 3]));
 }
 
 std::uint32_t BoundingVolumeTree::build(std::vector<std::uint32_t>& order, std::uint32_t first, std::uint32_t last,
                                         const TriangleMesh& mesh, const std::vector<Eigen::Vector3d>& centers) {
   const auto index = static_cast<std::uint32_t>(nodes_.size());
-  Node node{Eigen::Vector3d::Constant(std::numeric_limits<double>::infinity()),
-            Eigen::Vector3d::Constant(-std::numeric_limits<double>::infinity()), first, last - first};
-  Eigen::Vector3d low = node.low, high = node.high;  // of the centers
+  Node node{{}, first, last - first};
+  Eigen::AlignedBox3d of_centers;
   for (std::uint32_t i = first; i < last; ++i) {
-    for (const std::uint32_t v : mesh.triangles[order[i]]) {
-      node.low = node.low.cwiseMin(mesh.vertices[v]);
-      node.high = node.high.cwiseMax(mesh.vertices[v]);
-    }
-    low = low.cwiseMin(centers[order[i]]);
-    high = high.cwiseMax(centers[order[i]]);
+    for (const std::uint32_t v : mesh.triangles[order[i]]) node.box.extend(mesh.vertices[v]);
+    of_centers.extend(centers[order[i]]);
   }
   nodes_.push_back(node);
   if (last - first <= kLeaf) return index;
   int axis = 0;
-  (high - low).maxCoeff(&axis);
+  of_centers.sizes().maxCoeff(&axis);
   const std::uint32_t middle = first + (last - first) / 2;
   std::nth_element(order.begin() + first, order.begin() + middle, order.begin() + last,
                    [&](std::uint32_t a, std::uint32_t b) { return centers[a][axis] < centers[b][axis]; });
@@ -144,13 +125,13 @@ std::optional<Eigen::Vector3d> BoundingVolumeTree::crossing() const {
       const std::uint32_t from = face.vertex[k], to = face.vertex[(k + 1) % 3];
       if (from > to) continue;  // of the other triangle of this edge
       const Eigen::Vector3d &p = face.corner[k], &q = face.corner[(k + 1) % 3];
-      const Eigen::Vector3d low = p.cwiseMin(q), high = p.cwiseMax(q);
+      const Eigen::AlignedBox3d of_edge{p.cwiseMin(q), p.cwiseMax(q)};
       stack.assign(1, 0);
       while (!stack.empty()) {
         const std::uint32_t at = stack.back();
         stack.pop_back();
         const Node& node = nodes_[at];
-        if ((node.low.array() > high.array()).any() || (node.high.array() < low.array()).any()) continue;
+        if (!node.box.intersects(of_edge)) continue;
         if (node.count == 0) {
           stack.push_back(at + 1), stack.push_back(node.first);
           continue;
@@ -191,8 +172,8 @@ BoundingVolumeTree::Nearest BoundingVolumeTree::nearest(const Eigen::Vector3d& p
       }
     } else {
       std::uint32_t near_child = at + 1, far_child = node.first;
-      double near_squared = squared_distance_to_box(nodes_[near_child].low, nodes_[near_child].high, p);
-      double far_squared = squared_distance_to_box(nodes_[far_child].low, nodes_[far_child].high, p);
+      double near_squared = nodes_[near_child].box.squaredExteriorDistance(p);
+      double far_squared = nodes_[far_child].box.squaredExteriorDistance(p);
       if (far_squared < near_squared) std::swap(near_child, far_child), std::swap(near_squared, far_squared);
       if (far_squared < least) stack[waiting++] = {far_child, far_squared};
       descend = near_squared < least;

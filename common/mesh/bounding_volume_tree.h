@@ -1,6 +1,6 @@
 #pragma once
 
-#include <Eigen/Core>
+#include <Eigen/Geometry>
 #include <array>
 #include <cstdint>
 #include <optional>
@@ -45,7 +45,7 @@ class BoundingVolumeTree {
  private:
   static constexpr std::uint32_t kLeaf = 4;  // triangles
   struct Node {
-    Eigen::Vector3d low, high;
+    Eigen::AlignedBox3d box;
     std::uint32_t first;  ///< triangle of a leaf, or the second child; the first child follows the node
     std::uint32_t count;  ///< triangles; 0: no leaf
   };

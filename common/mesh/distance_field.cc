@@ -24,12 +24,11 @@ struct Grid {
     return origin + spacing * Eigen::Vector3d{static_cast<double>(i), static_cast<double>(j), static_cast<double>(k)};
   }
 };
-Grid grid_around(const Eigen::Vector3d& low, const Eigen::Vector3d& high, double spacing) {
-  Grid grid{low - Eigen::Vector3d::Constant(kMargin * spacing), spacing, {}, {}};
-  for (std::size_t axis = 0; axis < 3; ++axis) {
-    const auto i = static_cast<int>(axis);
-    grid.size[axis] = static_cast<std::size_t>(std::ceil((high[i] - low[i]) / spacing + 2.0 * kMargin)) + 1;
-  }
+Grid grid_around(const Eigen::AlignedBox3d& box, double spacing) {
+  Grid grid{box.min() - Eigen::Vector3d::Constant(kMargin * spacing), spacing, {}, {}};
+  for (std::size_t axis = 0; axis < 3; ++axis)
+    grid.size[axis] =
+        static_cast<std::size_t>(std::ceil(box.sizes()[static_cast<int>(axis)] / spacing + 2.0 * kMargin)) + 1;
   grid.stride = {1, grid.size[0], grid.size[0] * grid.size[1]};
   return grid;
 }
@@ -107,16 +106,13 @@ std::vector<float> distances(const BoundingVolumeTree& tree, const Grid& grid) {
 }  // namespace
 
 double DistanceField::nodes(const TriangleMesh& mesh, double spacing_m) {
-  Eigen::Vector3d low = mesh.vertices[0], high = low;
-  for (const Eigen::Vector3d& v : mesh.vertices) low = low.cwiseMin(v), high = high.cwiseMax(v);
-  return ((high - low) / spacing_m + Eigen::Vector3d::Constant(2.0 * kMargin + 2.0)).prod();
+  Eigen::AlignedBox3d box;
+  for (const Eigen::Vector3d& v : mesh.vertices) box.extend(v);
+  return (box.sizes() / spacing_m + Eigen::Vector3d::Constant(2.0 * kMargin + 2.0)).prod();
 }
 
 DistanceField::DistanceField(const TriangleMesh& mesh, double spacing_m) : spacing_{spacing_m} {
-  Eigen::Vector3d low = mesh.vertices[mesh.triangles[0][0]], high = low;
-  for (const TriangleMesh::Triangle& t : mesh.triangles)
-    for (const std::uint32_t v : t) low = low.cwiseMin(mesh.vertices[v]), high = high.cwiseMax(mesh.vertices[v]);
-  const Grid grid = grid_around(low, high, spacing_m);
+  const Grid grid = grid_around(bounds(mesh), spacing_m);
   origin_ = grid.origin;
   // The nodes around u are floor(u + 1/2) and the ones beside it.
   for (std::size_t axis = 0; axis < 3; ++axis) {

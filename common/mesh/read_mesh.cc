@@ -1,7 +1,10 @@
 #include <fmt/format.h>
 
 #include <Eigen/Geometry>
+#include <array>
 #include <bit>
+#include <boost/endian/conversion.hpp>
+#include <boost/functional/hash.hpp>
 #include <cmath>
 #include <cstdint>
 #include <optional>
@@ -34,9 +37,8 @@ class Builder {
   void vertex(const Eigen::Vector3d& v) { mesh_.vertices.push_back(v); }
   /// The index of a vertex there: an earlier one if there is one.
   std::uint32_t shared_vertex(const Eigen::Vector3d& v) {
-    const Key key{std::bit_cast<std::uint64_t>(v.x() + 0.0), std::bit_cast<std::uint64_t>(v.y() + 0.0),
-                  std::bit_cast<std::uint64_t>(v.z() + 0.0)};
-    const auto [at, is_new] = index_.try_emplace(key, static_cast<std::uint32_t>(mesh_.vertices.size()));
+    const auto [at, is_new] =
+        index_.try_emplace({v.x() + 0.0, v.y() + 0.0, v.z() + 0.0}, static_cast<std::uint32_t>(mesh_.vertices.size()));
     if (is_new) vertex(v);
     return at->second;
   }
@@ -82,21 +84,10 @@ class Builder {
   }
 
  private:
-  struct Key {
-    std::uint64_t x, y, z;
-    bool operator==(const Key&) const = default;
-  };
-  struct Hash {
-    std::size_t operator()(const Key& k) const {
-      std::uint64_t h = k.x * 0x9e3779b97f4a7c15u;
-      h = (h ^ (h >> 29) ^ k.y) * 0xbf58476d1ce4e5b9u;
-      h = (h ^ (h >> 32) ^ k.z) * 0x94d049bb133111ebu;
-      return static_cast<std::size_t>(h ^ (h >> 31));
-    }
-  };
+  using Place = std::array<double, 3>;
   const std::string& name_;
   TriangleMesh mesh_;
-  std::unordered_map<Key, std::uint32_t, Hash> index_;
+  std::unordered_map<Place, std::uint32_t, boost::hash<Place>> index_;
 };
 
 // --- text ----------------------------------------------------------------------------------------
@@ -229,9 +220,7 @@ TriangleMesh parse_obj(std::string_view content, Builder& builder) {
 constexpr std::size_t kHeader = 84, kFacet = 50;  // [bytes]
 
 std::uint32_t little_endian(std::string_view bytes) {
-  std::uint32_t value = 0;
-  for (std::size_t i = 4; i-- > 0;) value = value << 8 | static_cast<unsigned char>(bytes[i]);
-  return value;
+  return boost::endian::load_little_u32(reinterpret_cast<const unsigned char*>(bytes.data()));
 }
 
 TriangleMesh parse_binary_stl(std::string_view content, Builder& builder) {

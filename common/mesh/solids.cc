@@ -25,8 +25,7 @@ std::vector<TriangleMesh> shells_of(const TriangleMesh& mesh) {
   for (std::uint32_t k = 0; k < mesh.triangles.size(); ++k)
     for (std::size_t i = 0; i < 3; ++i) {
       const std::uint32_t from = mesh.triangles[k][i], to = mesh.triangles[k][(i + 1) % 3];
-      const auto [at, is_new] =
-          other.try_emplace(static_cast<std::uint64_t>(std::min(from, to)) << 32 | std::max(from, to), k);
+      const auto [at, is_new] = other.try_emplace(edge_of(from, to), k);
       if (is_new) continue;
       const std::uint32_t a = root(at->second), b = root(k);
       parent[std::max(a, b)] = std::min(a, b);
@@ -78,10 +77,7 @@ std::optional<Eigen::Vector3d> misplaced(const TriangleMesh& shell) {
     Eigen::Vector3d center, normal;
     double area2;
   };
-  Eigen::Vector3d low = shell.vertices[shell.triangles[0][0]], high = low;
-  for (const TriangleMesh::Triangle& t : shell.triangles)
-    for (const std::uint32_t v : t) low = low.cwiseMin(shell.vertices[v]), high = high.cwiseMax(shell.vertices[v]);
-  const double offset = kOffset * (high - low).norm();
+  const double offset = kOffset * bounds(shell).sizes().norm();
   std::vector<Sample> samples;
   for (const TriangleMesh::Triangle& t : shell.triangles) {
     const Eigen::Vector3d &a = shell.vertices[t[0]], &b = shell.vertices[t[1]], &c = shell.vertices[t[2]];

@@ -12,6 +12,13 @@
 
 namespace twoport {
 
+Eigen::AlignedBox3d bounds(const TriangleMesh& mesh) {
+  Eigen::AlignedBox3d box;
+  for (const TriangleMesh::Triangle& t : mesh.triangles)
+    for (const std::uint32_t v : t) box.extend(mesh.vertices[v]);
+  return box;
+}
+
 double volume_m3(const TriangleMesh& mesh) {
   if (mesh.triangles.empty()) return 0.0;
   // A mesh that is far from the origin would lose its volume to rounding.
@@ -28,24 +35,16 @@ double volume_m3(const TriangleMesh& mesh) {
 MeshFaults faults_of(const TriangleMesh& mesh) {
   MeshFaults faults;
   faults.volume_m3 = volume_m3(mesh);
-  struct Edge {
-    std::uint32_t low, high;
-    bool forward;  ///< run through from low to high
-    bool operator<(const Edge& b) const { return std::pair{low, high} < std::pair{b.low, b.high}; }
-  };
-  std::vector<Edge> edges;
+  std::vector<std::pair<std::uint64_t, bool>> edges;  // and is it run through from its lower vertex?
   edges.reserve(3 * mesh.triangles.size());
   for (const TriangleMesh::Triangle& t : mesh.triangles)
-    for (std::size_t i = 0; i < 3; ++i) {
-      const std::uint32_t a = t[i], b = t[(i + 1) % 3];
-      edges.push_back({std::min(a, b), std::max(a, b), a < b});
-    }
+    for (std::size_t i = 0; i < 3; ++i) edges.emplace_back(edge_of(t[i], t[(i + 1) % 3]), t[i] < t[(i + 1) % 3]);
   std::sort(edges.begin(), edges.end());
   for (std::size_t i = 0, next; i < edges.size(); i = next) {
-    for (next = i + 1; next < edges.size() && !(edges[i] < edges[next]);) ++next;
+    for (next = i + 1; next < edges.size() && edges[i].first == edges[next].first;) ++next;
     if (next - i == 1)
       ++faults.open_edges;
-    else if (next - i != 2 || edges[i].forward == edges[i + 1].forward)
+    else if (next - i != 2 || edges[i].second == edges[i + 1].second)
       ++faults.odd_edges;
   }
   return faults;

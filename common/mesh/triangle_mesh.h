@@ -1,6 +1,5 @@
 #pragma once
 
-#include <Eigen/Core>
 #include <Eigen/Geometry>
 #include <array>
 #include <cstddef>
@@ -17,6 +16,13 @@ struct TriangleMesh {
   std::vector<Eigen::Vector3d> vertices;
   std::vector<Triangle> triangles;
 };
+
+/// The same for both directions of an edge.
+inline std::uint64_t edge_of(std::uint32_t a, std::uint32_t b) {
+  return static_cast<std::uint64_t>(a < b ? a : b) << 32 | (a < b ? b : a);
+}
+/// Of the triangles.
+Eigen::AlignedBox3d bounds(const TriangleMesh& mesh);
 
 /// What keeps a mesh from being the boundary of a solid.
 struct MeshFaults {

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <iterator>
 #include <limits>
 
 #include "common/base/text.h"
@@ -25,10 +26,10 @@ class CommandReader {
     expect(value && std::isfinite(*value));
     return good_ ? std::clamp(*value, least, most) : least;
   }
-  /// A whole number from 0 to `most`.
-  int index(std::size_t most) {
-    const double value = number(-1.0, static_cast<double>(most));
-    expect(value >= 0.0 && value == std::floor(value));
+  /// A whole number from 0 to 1000, below `count`.
+  int index(int count) {
+    const double value = number(-1.0, 1000.0);
+    expect(value >= 0.0 && value == std::floor(value) && value < count);
     return static_cast<int>(value);
   }
   void expect(bool condition) { good_ = good_ && condition; }
@@ -40,65 +41,54 @@ class CommandReader {
   bool good_ = true;
 };
 
+using Kind = PageCommand::Kind;
+struct Range {
+  double least, most;
+};
+/// The form of a command.
+struct Form {
+  std::string_view verb;
+  Kind kind;
+  int indices = 0;                 ///< PageCommand::which is below this; 0: it has none
+  std::array<Range, 6> numbers{};  ///< of those, one behind the other; an empty range ends them
+};
+constexpr double kAny = std::numeric_limits<double>::max();
+constexpr int kAnyIndex = 1001, kAxisSums = 64;
+constexpr Range kReach{-kPageReach, kPageReach}, kTurn{-kPageTurn, kPageTurn};
+constexpr Form kForms[] = {
+    {"target", Kind::target, 0, {kReach, kReach, kReach, kTurn, kTurn, kTurn}},
+    {"release", Kind::release},
+    {"take", Kind::take},
+    {"restart", Kind::restart},
+    {"grip", Kind::grip, 0, {Range{kPageGripLeast, kPageGripMost}}},
+    {"opening", Kind::opening, 0, {Range{0.0, kPageReach}}},
+    {"network", Kind::network, 0, {Range{0.0, kPageDelayMs}, {0.0, kPageJitterMs}, {0.0, kPageLoss}}},
+    // The slave judges: a surface may be outside the limits of a request already.
+    {"surface", Kind::surface, static_cast<int>(kAdjustableSurfaces), {Range{0.0, kAny}, {0.0, kAny}}},
+    {"method", Kind::method, kAnyIndex},
+    {"clutch", Kind::clutch, 2},
+    {"rehome", Kind::rehome},
+    {"lock", Kind::lock, kAxisSums},
+    {"scale", Kind::scale, 0, {Range{kPageScaleLeast, 1.0}, {0.0, 1.0}}},
+};
+
 }  // namespace
 
 std::optional<PageCommand> parse_page_command(std::string_view text) {
   CommandReader words{text};
   const std::string_view verb = words.word();
-  PageCommand c;
-  if (verb == "target") {
-    c.kind = PageCommand::Kind::target;
-    for (std::size_t i = 0; i < 6; ++i) {
-      const double most = i < 3 ? kPageReach : kPageTurn;
-      c.number[i] = words.number(-most, most);
-    }
-  } else if (verb == "release") {
-    c.kind = PageCommand::Kind::release;
-  } else if (verb == "take") {
-    c.kind = PageCommand::Kind::take;
-  } else if (verb == "restart") {
-    c.kind = PageCommand::Kind::restart;
-  } else if (verb == "grip") {
-    c.kind = PageCommand::Kind::grip;
-    c.number[0] = words.number(kPageGripLeast, kPageGripMost);
-  } else if (verb == "opening") {
-    c.kind = PageCommand::Kind::opening;
-    c.number[0] = words.number(0.0, kPageReach);
-  } else if (verb == "network") {
-    c.kind = PageCommand::Kind::network;
+  const Form* const form =
+      std::find_if(std::begin(kForms), std::end(kForms), [&](const Form& f) { return f.verb == verb; });
+  if (form == std::end(kForms)) return std::nullopt;
+  PageCommand c{.kind = form->kind};
+  if (c.kind == Kind::network) {
     const std::string_view direction = words.word();
     words.expect(direction == "to_slave" || direction == "to_master");
     c.which = direction == "to_slave" ? 0 : 1;
-    c.number[0] = words.number(0.0, kPageDelayMs);
-    c.number[1] = words.number(0.0, kPageJitterMs);
-    c.number[2] = words.number(0.0, kPageLoss);
-  } else if (verb == "surface") {
-    c.kind = PageCommand::Kind::surface;
-    c.which = words.index(1000);
-    words.expect(c.which < static_cast<int>(kAdjustableSurfaces));
-    // The slave judges: a surface may be outside the limits of a request already.
-    c.number[0] = words.number(0.0, std::numeric_limits<double>::max());
-    c.number[1] = words.number(0.0, std::numeric_limits<double>::max());
-  } else if (verb == "method") {
-    c.kind = PageCommand::Kind::method;
-    c.which = words.index(1000);
-  } else if (verb == "clutch") {
-    c.kind = PageCommand::Kind::clutch;
-    c.which = words.index(1000);
-    words.expect(c.which <= 1);
-  } else if (verb == "rehome") {
-    c.kind = PageCommand::Kind::rehome;
-  } else if (verb == "lock") {
-    c.kind = PageCommand::Kind::lock;
-    c.which = words.index(1000);
-    words.expect(c.which < 64);
-  } else if (verb == "scale") {
-    c.kind = PageCommand::Kind::scale;
-    c.number[0] = words.number(kPageScaleLeast, 1.0);
-    c.number[1] = words.number(0.0, 1.0);
-  } else {
-    return std::nullopt;
   }
+  if (form->indices > 0) c.which = words.index(form->indices);
+  for (std::size_t i = 0; i < c.number.size() && form->numbers[i].most > form->numbers[i].least; ++i)
+    c.number[i] = words.number(form->numbers[i].least, form->numbers[i].most);
   if (!words.good()) return std::nullopt;
   return c;
 }

@@ -127,6 +127,7 @@ struct PageCommand {
     release,  ///< it does not
     grip,     ///< number 0: stiffness of the hand [N/m]
     opening,  ///< number 0: opening that the hand intends at the gripper [m]
+    // Those above are of the hand.
     network,  ///< which: 0 to the slave, 1 to the master; numbers: delay [ms], jitter [ms], loss [1]
     surface,  ///< which: of the environment; numbers: stiffness [N/m], friction [1], at least 0
               ///< and not limited further: the slave refuses
@@ -138,6 +139,8 @@ struct PageCommand {
     take,     ///< this page controls the run from now on
     restart,  ///< both programs, where somebody starts them again
   };
+  [[nodiscard]] bool is_of_hand() const { return kind <= Kind::opening; }
+
   Kind kind = Kind::release;
   int which = 0;
   std::array<double, 6> number{};

@@ -25,18 +25,8 @@ double length(const PageSample::Vector& v) {
 }  // namespace
 
 std::string_view to_string(PageVerdict::Kind kind) {
-  using enum PageVerdict::Kind;
-  switch (kind) {
-    case passive:
-      return "passive";
-    case not_passive:
-      return "not passive";
-    case restless:
-      return "restless";
-    case unstable:
-      break;
-  }
-  return "unstable";
+  constexpr std::string_view kNames[] = {"passive", "not passive", "restless", "unstable"};
+  return kNames[static_cast<std::size_t>(kind)];
 }
 
 std::vector<double> initial_energies_j(const Scene& scene) {

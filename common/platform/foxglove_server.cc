@@ -89,6 +89,7 @@ struct FoxgloveServer::Impl {
       pending.emplace_back(std::move(frame), is_text);
       if (!is_writing()) write_next();
     }
+    void say(std::string text) { send(std::make_shared<const std::string>(std::move(text)), true); }
     void write_next() {
       if (!pending.empty()) write(pending.front().first, pending.front().second);
     }
@@ -127,10 +128,7 @@ struct FoxgloveServer::Impl {
     if (clients.size() >= kClients) return WebAnswer::refusal(503, "Eight listen; close one.\n");
     auto client = std::make_unique<Client>(*this);
     clients.push_back(client.get());
-    WebAnswer opens;
-    opens.session = std::move(client);
-    opens.protocol = protocol;
-    return opens;
+    return {.session = std::move(client), .protocol = std::string{protocol}};
   }
 
   void obey(Client& client, std::string_view text) {
@@ -148,11 +146,10 @@ struct FoxgloveServer::Impl {
     std::erase_if(client.subscriptions, [&](const Subscription& s) { return s.id == id; });
     Subscription& added = client.subscriptions.emplace_back(Subscription{id, static_cast<std::uint16_t>(channel)});
     count_subscriptions();  // first: what is written from here on is kept for it
-    std::optional<Message> newest;
-    {
+    const std::optional<Message> newest = [&] {
       const std::lock_guard lock{mutex};
-      newest = channels[channel - 1].newest;
-    }
+      return channels[channel - 1].newest;
+    }();
     if (newest) {
       added.after_ns = newest->time_ns;
       client.send(frame_of(*newest, id), false);
@@ -166,8 +163,7 @@ struct FoxgloveServer::Impl {
   }
   void complain(Client& client, std::string_view why) {
     if (client.pending_bytes > kLargestCommand) return;  // it does not read
-    client.send(std::make_shared<const std::string>(fmt::format(R"({{"op":"status","level":2,"message":"{}"}})", why)),
-                true);
+    client.say(fmt::format(R"({{"op":"status","level":2,"message":"{}"}})", why));
   }
 
   /// Channels that the client does not know yet.
@@ -177,10 +173,7 @@ struct FoxgloveServer::Impl {
       const std::lock_guard lock{mutex};
       for (; client.told < channels.size(); ++client.told) news.push_back(channels[client.told].advertised);
     }
-    if (!news.empty())
-      client.send(std::make_shared<const std::string>(
-                      fmt::format(R"({{"op":"advertise","channels":[{}]}})", fmt::join(news, ","))),
-                  true);
+    if (!news.empty()) client.say(fmt::format(R"({{"op":"advertise","channels":[{}]}})", fmt::join(news, ",")));
   }
 
   static Frame frame_of(const Message& m, std::uint32_t subscription) {

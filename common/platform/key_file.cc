@@ -10,6 +10,8 @@
 
 #include <algorithm>
 #include <array>
+#include <boost/algorithm/hex.hpp>
+#include <cctype>
 #include <cerrno>
 #include <csignal>
 #include <cstring>
@@ -41,13 +43,6 @@ struct Secret {
   std::array<char, Size> bytes{};
   ~Secret() { explicit_bzero(bytes.data(), Size); }
 };
-
-int value_of(char digit) {
-  if (digit >= '0' && digit <= '9') return digit - '0';
-  if (digit >= 'a' && digit <= 'f') return digit - 'a' + 10;
-  if (digit >= 'A' && digit <= 'F') return digit - 'A' + 10;
-  return -1;
-}
 
 /// Bytes that somebody has typed: fewer than 8 different ones, or each a step from the one before. Of random keys one in 10^29.
 bool follows_a_pattern(const std::array<char, Key::kSize>& key) {
@@ -94,15 +89,11 @@ Key read_key(int folder, const char* name, const std::string& path) {
     size += static_cast<std::size_t>(n);
   }
   const bool ended = size == kDigits || (size == kDigits + 1 && text.bytes[kDigits] == '\n');
-  Secret<Key::kSize> key;
-  bool valid = ended;
-  for (std::size_t i = 0; valid && i < Key::kSize; ++i) {
-    const int high = value_of(text.bytes[2 * i]), low = value_of(text.bytes[2 * i + 1]);
-    valid = high >= 0 && low >= 0;
-    key.bytes[i] = static_cast<char>(high * 16 + low);
-  }
-  if (!valid)
+  const auto is_digit = [](unsigned char c) { return std::isxdigit(c) != 0; };
+  if (!ended || !std::all_of(text.bytes.begin(), text.bytes.begin() + kDigits, is_digit))
     throw refuse("is no key: allowed are 64 hexadecimal digits and one end of line; twoport-keygen FILE makes one");
+  Secret<Key::kSize> key;
+  boost::algorithm::unhex(text.bytes.begin(), text.bytes.begin() + kDigits, key.bytes.begin());
   if (follows_a_pattern(key.bytes))
     throw refuse("is no secret: its bytes repeat or count; allowed are random ones, as twoport-keygen FILE makes them");
   Key::Bytes bytes;
@@ -173,11 +164,7 @@ void make_key_file(const std::string& path) {
   if (::getrandom(key.bytes.data(), Key::kSize, 0) != static_cast<ssize_t>(Key::kSize))
     throw IoError{fmt::format("the system has no random numbers: {}", std::strerror(errno))};
   Secret<kDigits + 1> text;
-  for (std::size_t i = 0; i < Key::kSize; ++i) {
-    const auto byte = static_cast<unsigned char>(key.bytes[i]);
-    text.bytes[2 * i] = "0123456789abcdef"[byte >> 4];
-    text.bytes[2 * i + 1] = "0123456789abcdef"[byte & 15];
-  }
+  boost::algorithm::hex_lower(key.bytes.begin(), key.bytes.end(), text.bytes.begin());
   text.bytes[kDigits] = '\n';
 
   const File file{::open(path.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_NOFOLLOW | O_CLOEXEC, 0600)};

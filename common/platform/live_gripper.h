@@ -128,11 +128,7 @@ class LiveGripper {
   bool finish(Summary& s, const char* side) {
     Summary own = std::move(summary_);
     own.set_mode(to_string(side_.node.mode()));
-    if constexpr (Side_::kSide == Side::master) {
-      *own.mutable_limits()->mutable_device() = limits_of_device(side_.node.limit_counts());
-    } else {
-      *own.mutable_limits()->mutable_robot() = limits_of_robot(side_.node.limit_counts());
-    }
+    fill_own_limits<Side_::kSide>(side_.node.limit_counts(), own);
     *own.mutable_limits()->mutable_peer() = limits_of_peer(mail_.transport().limit_counts());
     if (own.verdict_kind() == twoport::to_string(VerdictKind::undecided)) own.clear_stable();
     fill_gripper(own, s);

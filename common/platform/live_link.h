@@ -60,6 +60,7 @@ class LiveLink {
   LiveLink(const LiveLink&) = delete;  // its parts refer to each other
 
   [[nodiscard]] Mailbox<N, Transport>& mail() noexcept { return mail_; }
+  [[nodiscard]] const PeerState<N>& known() const noexcept { return mail_.known(); }
   void tap(ReportTap<N>* tap) noexcept { mail_.transport().tap(tap); }
   /// `log` is used until this is destroyed, from another thread too.
   void say_where(spdlog::logger& log) {

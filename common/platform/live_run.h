@@ -134,15 +134,6 @@ bool is_held(const Sample& sample) noexcept {
   }
 }
 
-template <Side kSide>
-void fill_own_limits(const LimitCounts& counts, Summary& s) {
-  if constexpr (kSide == Side::master) {
-    *s.mutable_limits()->mutable_device() = limits_of_device(counts);
-  } else {
-    *s.mutable_limits()->mutable_robot() = limits_of_robot(counts);
-  }
-}
-
 /// Why a run has failed, and its exit status; 0: no failure.
 struct Failure {
   std::string sentence;

@@ -142,9 +142,7 @@ struct PageServer::Impl {
                                     r.host)},
                        {"X-Content-Type-Options", "nosniff"},
                        {"Referrer-Policy", "no-referrer"},
-                       {"Cache-Control", "no-cache"}},
-            .session = nullptr,
-            .protocol = {}};
+                       {"Cache-Control", "no-cache"}}};
   }
   WebAnswer upgrade(const WebRequest& r) {
     if (!r.upgrades) return WebAnswer::refusal(426, "This address is a WebSocket.\n");
@@ -152,9 +150,7 @@ struct PageServer::Impl {
     if (!has_place()) return WebAnswer::refusal(503, "Eight pages are open; close one.\n");
     auto client = std::make_unique<Client>(*this);
     clients.push_back(client.get());
-    WebAnswer opens;
-    opens.session = std::move(client);
-    return opens;
+    return {.session = std::move(client)};
   }
   /// A place for a further WebSocket, if need be that of a spectator.
   bool has_place() {
@@ -176,36 +172,17 @@ struct PageServer::Impl {
     if (controlling != &client) return;
     // A target that stays where it is moves nothing.
     if (command->kind != target || !client.holds || command->number != aim) judge.disturb();
-    switch (command->kind) {
-      case target:
-        client.holds = true;
-        aim = command->number;
-        channel.hand.try_push(*command);
-        break;
-      case release:
-        let_go(client);
-        break;
-      case opening:
-      case grip:
-        channel.hand.try_push(*command);
-        break;
-      case network:
-      case surface:
-      case method:
-      case clutch:
-      case rehome:
-      case lock:
-      case scale:
-        channel.commands.try_push(*command);
-        break;
-      case take:
-        break;
-      case restart:
-        if (!options.restartable) break;
-        restarting = true;
-        std::raise(SIGTERM);
-        break;
+    if (command->kind == target) {
+      client.holds = true;
+      aim = command->number;
     }
+    if (command->kind == release) return let_go(client);
+    if (command->kind == restart && options.restartable) {
+      restarting = true;
+      std::raise(SIGTERM);
+    }
+    if (command->kind == take || command->kind == restart) return;
+    (command->is_of_hand() ? channel.hand : channel.commands).try_push(*command);
   }
 
   void give_control(const Client* to) {

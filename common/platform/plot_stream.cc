@@ -54,19 +54,15 @@ void PlotStream::add(const Row<N>& row, const TickView& view) {
   fmt::format_to(std::back_inserter(line_), ",\"{}\":{{", to_string(side_));
   if (of_gripper_) {
     line_ += "\"gripper\":{";
-    for_each_column(row, [&](const Column& column, const auto& value) { append_named(line_, column.name, value); });
-    line_.erase(line_.find("{,") + 1, 1);
-    line_ += "}}}\n";
-    socket_.send(std::as_bytes(std::span{line_}), to_, Duration{0});
-    return;
+  } else {
+    append_named(line_, "round_trip_ms", view.round_trip >= Duration{0} ? 1e3 * to_seconds(view.round_trip).si() : NAN);
+    append_named(line_, "received", static_cast<double>(view.received));
+    append_named(line_, "lost", static_cast<double>(view.lost));
+    append_named(line_, "late_us", 1e6 * to_seconds(view.late).si());
   }
-  line_ += "\"round_trip_ms\":";
-  append(line_, view.round_trip >= Duration{0} ? 1e3 * to_seconds(view.round_trip).si() : NAN);
-  append_named(line_, "received", static_cast<double>(view.received));
-  append_named(line_, "lost", static_cast<double>(view.lost));
-  append_named(line_, "late_us", 1e6 * to_seconds(view.late).si());
   for_each_column(row, [&](const Column& column, const auto& value) { append_named(line_, column.name, value); });
-  line_ += "}}\n";
+  line_.erase(line_.find("{,") + 1, 1);
+  line_ += of_gripper_ ? "}}}\n" : "}}\n";
   socket_.send(std::as_bytes(std::span{line_}), to_, Duration{0});
 }
 

@@ -74,4 +74,14 @@ int judge(const Scene& scene, const LiveArguments& arguments, const Summary& sum
 
 Percentiles percentiles(const Histogram& histogram, double unit_ns);
 
+/// The limits that a side keeps itself.
+template <Side kSide>
+void fill_own_limits(const LimitCounts& counts, Summary& s) {
+  if constexpr (kSide == Side::master) {
+    *s.mutable_limits()->mutable_device() = limits_of_device(counts);
+  } else {
+    *s.mutable_limits()->mutable_robot() = limits_of_robot(counts);
+  }
+}
+
 }  // namespace twoport

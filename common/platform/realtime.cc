@@ -8,11 +8,13 @@
 #include <sys/resource.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <array>
 #include <cerrno>
 #include <csignal>
 #include <cstring>
 #include <ctime>
+#include <initializer_list>
 
 #include "common/base/check.h"
 
@@ -31,9 +33,15 @@ static_assert(std::atomic<unsigned>::is_always_lock_free);
 static_assert(std::atomic<bool>::is_always_lock_free);  // as a signal handler needs it
 
 Duration monotonic() noexcept {
-  timespec t;
-  clock_gettime(CLOCK_MONOTONIC, &t);
-  return std::chrono::seconds{t.tv_sec} + Duration{t.tv_nsec};
+  return std::chrono::steady_clock::now().time_since_epoch();
+}
+
+bool handle(std::initializer_list<int> signals, void (*handler)(int), int flags = 0) noexcept {
+  struct sigaction action {};
+  action.sa_handler = handler;
+  action.sa_flags = flags;
+  sigemptyset(&action.sa_mask);
+  return std::all_of(signals.begin(), signals.end(), [&](int s) { return sigaction(s, &action, nullptr) == 0; });
 }
 
 /// May return early, upon a signal.
@@ -58,28 +66,16 @@ void touch_stack() noexcept {
 }  // namespace
 
 const std::atomic<bool>& stop_on_signals() {
-  struct sigaction action {};
-  action.sa_handler = [](int) { stop_requested.store(true, std::memory_order_relaxed); };
-  sigemptyset(&action.sa_mask);
-  sigaction(SIGINT, &action, nullptr);
-  sigaction(SIGTERM, &action, nullptr);
-  sigaction(SIGHUP, &action, nullptr);   // the terminal has gone
-  sigaction(SIGXCPU, &action, nullptr);  // `ulimit -t`, RLIMIT_RTTIME: what has been opened is released
-  action.sa_handler = SIG_IGN;
-  sigaction(SIGPIPE, &action, nullptr);  // the reader of our output has gone
-  sigaction(SIGXFSZ, &action, nullptr);  // `ulimit -f`: the write fails, as on a full disk
+  // SIGHUP: the terminal has gone. SIGXCPU: `ulimit -t`, RLIMIT_RTTIME; what has been opened is released.
+  handle({SIGINT, SIGTERM, SIGHUP, SIGXCPU}, [](int) { stop_requested.store(true, std::memory_order_relaxed); });
+  // SIGPIPE: the reader of our output has gone. SIGXFSZ: `ulimit -f`; the write fails, as on a full disk.
+  handle({SIGPIPE, SIGXFSZ}, SIG_IGN);
   return stop_requested;
 }
 
 unsigned switches_by_hand() noexcept {
-  static const bool installed = [] {
-    struct sigaction action {};
-    action.sa_handler = [](int) { hand_switches.fetch_add(1, std::memory_order_relaxed); };
-    sigemptyset(&action.sa_mask);
-    action.sa_flags = SA_RESTART;
-    return sigaction(SIGUSR1, &action, nullptr) == 0;
-  }();
-  static_cast<void>(installed);
+  [[maybe_unused]] static const bool installed = handle(
+      {SIGUSR1}, [](int) { hand_switches.fetch_add(1, std::memory_order_relaxed); }, SA_RESTART);
   return hand_switches.load(std::memory_order_relaxed);
 }
 

@@ -45,9 +45,7 @@ void Recorder<N>::drain() {
     bool any = false;
     if (o_.recording) record(entry);
     while (ring_.try_pop(entry)) {
-      if (entry.view.refused != refused_) log_refused(entry);
-      if (entry.view.let_go != let_go_) log_let_go(entry);
-      if (entry.view.stale != stale_) log_stale(entry);
+      log_counts(entry);
       if (entry.view.stopped_by != nullptr && !std::exchange(stopped_, true))
         say(entry, fmt::format("stopped by {}: no force until both programs have ended", entry.view.stopped_by));
       if (entry.view.switches != switches_) log_ignored_switch(entry);
@@ -150,40 +148,29 @@ void Recorder<N>::log_limits(const Entry& entry) {
 }
 
 template <int N>
-void Recorder<N>::log_refused(const Entry& entry) {
-  if (!is_due(entry.row.t_s, refused_at_s_)) return;
-  refused_ = entry.view.refused;
-  say(entry, fmt::format("refused: {} datagrams so far, damaged or not of the {}", refused_,
-                         o_.side == Side::master ? "slave" : "master"));
-}
-
-template <int N>
-void Recorder<N>::log_let_go(const Entry& entry) {
-  if (!is_due(entry.row.t_s, let_go_at_s_)) return;
-  let_go_ = entry.view.let_go;
-  say(entry, fmt::format("no force in {} ticks so far: readings of the hardware are not finite, or too old", let_go_));
-}
-
-/// Where both sides hear each other a queue on the way has held them back.
-template <int N>
-void Recorder<N>::log_stale(const Entry& entry) {
-  if (!is_due(entry.row.t_s, stale_at_s_)) return;
-  stale_ = entry.view.stale;
-  const char* peer = o_.side == Side::master ? "slave" : "master";
-  say(entry, fmt::format("reports of the {} that were too old to count: {} so far; {}", peer, stale_,
-                         entry.view.answers ? "they waited on the way, or one of the sides stood still"
-                                            : fmt::format("the {} hears nothing of this side", peer)));
+void Recorder<N>::log_counts(const Entry& entry) {
+  const TickView& v = entry.view;
+  if (refused_.is_due(v.refused, entry.row.t_s))
+    say(entry, fmt::format("refused: {} datagrams so far, damaged or not of the {}", v.refused, peer()));
+  if (let_go_.is_due(v.let_go, entry.row.t_s))
+    say(entry,
+        fmt::format("no force in {} ticks so far: readings of the hardware are not finite, or too old", v.let_go));
+  // Where both sides hear each other a queue on the way has held them back.
+  if (stale_.is_due(v.stale, entry.row.t_s))
+    say(entry, fmt::format("reports of the {} that were too old to count: {} so far; {}", peer(), v.stale,
+                           v.answers ? "they waited on the way, or one of the sides stood still"
+                                     : fmt::format("the {} hears nothing of this side", peer())));
 }
 
 /// Why this side is not coupled, in words.
 template <int N>
 std::string Recorder<N>::why_apart(const TickView& view) const {
-  const char* peer = o_.side == Side::master ? "slave" : "master";
-  if (view.peer_mode == Mode::ended) return fmt::format("the {} has ended", peer);
-  if (view.silence > kSilent) return fmt::format("the {} is silent", peer);
-  if (!view.answers) return fmt::format("the {} hears nothing of this side", peer);
-  if (view.peer_mode == Mode::idle || view.peer_mode == Mode::released) return fmt::format("the {} has released", peer);
-  return fmt::format("reports of the {} are too old", peer);
+  if (view.peer_mode == Mode::ended) return fmt::format("the {} has ended", peer());
+  if (view.silence > kSilent) return fmt::format("the {} is silent", peer());
+  if (!view.answers) return fmt::format("the {} hears nothing of this side", peer());
+  if (view.peer_mode == Mode::idle || view.peer_mode == Mode::released)
+    return fmt::format("the {} has released", peer());
+  return fmt::format("reports of the {} are too old", peer());
 }
 
 /// Where SIGUSR1 switches nothing.
@@ -201,10 +188,9 @@ template <int N>
 void Recorder<N>::log_change(const Entry& entry) {
   const Mode was = std::exchange(mode_, entry.row.mode);
   const std::uint64_t sessions = std::exchange(sessions_, entry.view.sessions);
-  const char* peer = o_.side == Side::master ? "slave" : "master";
   const auto tell = [&](const std::string& text) { say_change(entry, text); };
   if (sessions != entry.view.sessions) {
-    tell(fmt::format("{} with the {}", sessions == 0 ? "paired" : "re-paired", peer));
+    tell(fmt::format("{} with the {}", sessions == 0 ? "paired" : "re-paired", peer()));
     paired_ = true;
   }
   if (std::exchange(epoch_, entry.view.epoch) != entry.view.epoch && !o_.configurations.empty())
@@ -215,10 +201,10 @@ void Recorder<N>::log_change(const Entry& entry) {
     case Mode::ended:
       break;
     case Mode::idle:
-      if (!paired_) tell(fmt::format("packets of the {} arrive again; waiting until it hears this side", peer));
+      if (!paired_) tell(fmt::format("packets of the {} arrive again; waiting until it hears this side", peer()));
       break;
     case Mode::coupled:
-      if (!std::exchange(paired_, false)) tell(fmt::format("coupled with the {} again", peer));
+      if (!std::exchange(paired_, false)) tell(fmt::format("coupled with the {} again", peer()));
       break;
     case Mode::holding:
       tell(why_apart(entry.view) + "; holding");

@@ -98,17 +98,22 @@ class Recorder {
   }
   void drain();
   void show(const Entry& newest);
-  /// At once, then at most every kSayEvery. While the other side has not come, `now` is the program's time.
-  static bool is_due(double now, double& said_at) {
-    if (now >= said_at && now < said_at + kSayEvery) return false;
-    said_at = now;
-    return true;
-  }
+  /// A count that is said when it has changed: at once, then at most every kSayEvery. While the other side has not come, `now` is the
+  /// program's time.
+  struct SaidCount {
+    std::uint64_t said = 0;
+    double at_s = kNever;
+    bool is_due(std::uint64_t count, double now) {
+      if (count == said || (now >= at_s && now < at_s + kSayEvery)) return false;
+      said = count;
+      at_s = now;
+      return true;
+    }
+  };
   void log_change(const Entry& entry);
   void log_limits(const Entry& entry);
-  void log_refused(const Entry& entry);
-  void log_let_go(const Entry& entry);
-  void log_stale(const Entry& entry);
+  void log_counts(const Entry& entry);
+  [[nodiscard]] const char* peer() const { return o_.side == Side::master ? "slave" : "master"; }
   [[nodiscard]] std::string why_apart(const TickView& view) const;
   void log_ignored_switch(const Entry& entry);
   void say(const Entry& at, const std::string& text);
@@ -128,11 +133,11 @@ class Recorder {
   bool paired_ = false;              ///< said so, and not coupled yet
   double changes_since_s_ = kNever;  ///< the changes below
   int told_ = 0, untold_ = 0;
-  std::uint64_t rows_ = 0, refused_ = 0, let_go_ = 0, stale_ = 0;
+  std::uint64_t rows_ = 0;
+  SaidCount refused_, let_go_, stale_;
   LimitCounts limits_;                      ///< as last seen
   std::array<double, kLimits> limit_at_s_;  ///< when each was said last
-  double refused_at_s_ = kNever, let_go_at_s_ = kNever, stale_at_s_ = kNever;
-  bool stopped_ = false;  ///< said so
+  bool stopped_ = false;                    ///< said so
   std::uint32_t epoch_ = 0;
   unsigned switches_ = 0;
   Duration latest_{0};         ///< latest tick since the line was shown

@@ -65,21 +65,9 @@ Endpoint from_asio(const udp::endpoint& e) {
 }
 
 Endpoint from_system(const sockaddr_storage& source) noexcept {
-  Endpoint out;
-  out.v6 = source.ss_family == AF_INET6;
-  if (out.v6) {
-    sockaddr_in6 six;
-    std::memcpy(&six, &source, sizeof six);
-    std::memcpy(out.address.data(), &six.sin6_addr, sizeof six.sin6_addr);
-    out.scope = six.sin6_scope_id;
-    out.port = ntohs(six.sin6_port);
-  } else {
-    sockaddr_in four;
-    std::memcpy(&four, &source, sizeof four);
-    std::memcpy(out.address.data(), &four.sin_addr, sizeof four.sin_addr);
-    out.port = ntohs(four.sin_port);
-  }
-  return out;
+  udp::endpoint e;
+  std::memcpy(e.data(), &source, e.capacity());
+  return from_asio(e);
 }
 
 /// Control data of one datagram: the address of this machine that it came to, or is sent from.
@@ -138,6 +126,16 @@ ssize_t send_from(int fd, const Endpoint& here, std::span<const std::byte> bytes
     put(IPPROTO_IP, IP_PKTINFO, info);
   }
   return ::sendmsg(fd, &message, MSG_DONTWAIT);
+}
+
+bool connect_to(int fd, const udp::endpoint& to) noexcept {
+  return ::connect(fd, to.data(), static_cast<socklen_t>(to.size())) == 0;
+}
+bool bind(int fd, const udp::endpoint& at) noexcept {
+  return ::bind(fd, at.data(), static_cast<socklen_t>(at.size())) == 0;
+}
+bool set(int fd, int level, int option, int value) noexcept {
+  return ::setsockopt(fd, level, option, &value, sizeof value) == 0;
 }
 
 /// Where a socket is bound.
@@ -226,10 +224,7 @@ Endpoint parse_allowed_endpoint(std::string_view text, std::string_view option, 
 
 StopInput::StopInput(std::uint16_t port) : fd_{::socket(AF_INET, SOCK_DGRAM | SOCK_CLOEXEC, 0)} {
   const udp::endpoint all{asio::ip::address_v4{{127, 255, 255, 255}}, port};
-  const int yes = 1;
-  if (::setsockopt(fd_, SOL_SOCKET, SO_REUSEADDR, &yes, sizeof yes) == 0 &&
-      ::bind(fd_, all.data(), static_cast<socklen_t>(all.size())) == 0)
-    return;
+  if (set(fd_, SOL_SOCKET, SO_REUSEADDR, 1) && bind(fd_, all)) return;
   const Error error{errno, boost::system::system_category()};
   ::close(fd_);
   throw ConfigError("--stop-port " + std::to_string(port) + ": cannot listen on it: " + bind_advice(error));
@@ -346,9 +341,7 @@ void UdpSocket::Impl::open(const Endpoint& wanted) {
 }
 
 void UdpSocket::Impl::listen_to_all_addresses(bool yes) noexcept {
-  const int tell = yes ? 1 : 0;
-  const bool told = local.v6 ? ::setsockopt(fd, IPPROTO_IPV6, IPV6_RECVPKTINFO, &tell, sizeof tell) == 0
-                             : ::setsockopt(fd, IPPROTO_IP, IP_PKTINFO, &tell, sizeof tell) == 0;
+  const bool told = local.v6 ? set(fd, IPPROTO_IPV6, IPV6_RECVPKTINFO, yes) : set(fd, IPPROTO_IP, IP_PKTINFO, yes);
   on_all_addresses = yes && told;
 }
 
@@ -373,13 +366,12 @@ void UdpSocket::Impl::follow_route(Duration now) noexcept {
   const udp::endpoint there = to_asio(*peer);
   const int trial = ::socket(there.data()->sa_family, SOCK_DGRAM | SOCK_CLOEXEC, 0);
   if (trial < 0) return;
-  const bool has_route = ::connect(trial, there.data(), static_cast<socklen_t>(there.size())) == 0;
+  const bool has_route = connect_to(trial, there);
   const std::optional<Endpoint> next = has_route ? name_of(trial) : std::nullopt, last = name_of(fd);
   ::close(trial);
   if (!next || !last || next->address == last->address) return;
   const sockaddr none{.sa_family = AF_UNSPEC, .sa_data = {}};
-  if (::connect(fd, &none, sizeof none) != 0 || ::connect(fd, there.data(), static_cast<socklen_t>(there.size())) != 0)
-    return;  // again in a second
+  if (::connect(fd, &none, sizeof none) != 0 || !connect_to(fd, there)) return;  // again in a second
   drain(fd);
   if (const std::optional<Endpoint> here = name_of(fd)) local.port = here->port;
 }
@@ -412,11 +404,9 @@ bool UdpSocket::Impl::open_peer(const Endpoint& of) noexcept {
   if (peer_fd < 0) return false;
   // Two sockets of one user may share a port while both allow it: for the moment of binding. SO_REUSEADDR would let in those of other users.
   const auto may_share = [&](int yes) {
-    return ::setsockopt(fd, SOL_SOCKET, SO_REUSEPORT, &yes, sizeof yes) == 0 &&
-           ::setsockopt(peer_fd, SOL_SOCKET, SO_REUSEPORT, &yes, sizeof yes) == 0;
+    return set(fd, SOL_SOCKET, SO_REUSEPORT, yes) && set(peer_fd, SOL_SOCKET, SO_REUSEPORT, yes);
   };
-  const bool open = may_share(1) && ::bind(peer_fd, here.data(), static_cast<socklen_t>(here.size())) == 0 &&
-                    ::connect(peer_fd, with.data(), static_cast<socklen_t>(with.size())) == 0;
+  const bool open = may_share(1) && bind(peer_fd, here) && connect_to(peer_fd, with);
   may_share(0);
   if (open) drain(peer_fd);
   static_cast<void>(mark(peer_fd));  // fd has taken the same mark
@@ -527,8 +517,7 @@ void UdpSocket::wait(Duration span) const noexcept {
 /// The upper six bits of the octet that says the class of traffic.
 bool UdpSocket::Impl::mark(int of) const noexcept {
   const int octet = code_point << 2;
-  return local.v6 ? ::setsockopt(of, IPPROTO_IPV6, IPV6_TCLASS, &octet, sizeof octet) == 0
-                  : ::setsockopt(of, IPPROTO_IP, IP_TOS, &octet, sizeof octet) == 0;
+  return local.v6 ? set(of, IPPROTO_IPV6, IPV6_TCLASS, octet) : set(of, IPPROTO_IP, IP_TOS, octet);
 }
 
 void UdpSocket::mark(int code_point) {

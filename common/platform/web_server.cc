@@ -102,9 +102,7 @@ WebAnswer WebAnswer::refusal(unsigned status, std::string_view why) {
   return {.status = status,
           .body = "<!doctype html><meta name=viewport content=width=device-width><title>twoport</title><p>" +
                   std::string{why},
-          .fields = {{"Content-Type", "text/html; charset=utf-8"}},
-          .session = nullptr,
-          .protocol = {}};
+          .fields = {{"Content-Type", "text/html; charset=utf-8"}}};
 }
 
 struct WebServer::Impl {

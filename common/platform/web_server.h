@@ -62,10 +62,10 @@ struct WebRequest {
 /// A response, or the session of a WebSocket that opens.
 struct WebAnswer {
   unsigned status = 200;
-  std::string body;
-  std::vector<std::pair<std::string, std::string>> fields;
-  std::unique_ptr<WebSession> session;
-  std::string protocol;  ///< of a WebSocket; empty: none is named
+  std::string body{};
+  std::vector<std::pair<std::string, std::string>> fields{};
+  std::unique_ptr<WebSession> session{};
+  std::string protocol{};  ///< of a WebSocket; empty: none is named
 
   /// A sentence for people, ending in a line feed.
   static WebAnswer refusal(unsigned status, std::string_view why);

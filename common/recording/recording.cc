@@ -53,18 +53,13 @@ mcap::Metadata units(int dof) {
 
 // ---- values to messages
 
-template <class Kind, int N>
-void put(const Coords<Kind, N>& from, Numbers& to) {
+constexpr std::size_t kMostNumbers = std::max(7, kJointPort);  // of a quantity
+
+template <class Quantity>
+void put(const Quantity& from, Numbers& to) {
+  std::array<double, kMostNumbers> all;
   to.Clear();
-  to.Add(from.vec().data(), from.vec().data() + N);
-}
-template <int N>
-void put(const Position<N>& from, Numbers& to) {
-  to.Clear();
-  for (int i = 0; i < from.translation().size(); ++i) to.Add(from.translation()[i]);
-  if constexpr (N == 6)
-    for (const double q : {from.attitude().w(), from.attitude().x(), from.attitude().y(), from.attitude().z()})
-      to.Add(q);
+  to.Add(all.data(), payload::put(all.data(), from));
 }
 
 template <int N>
@@ -89,21 +84,11 @@ void put(const Report<N>& from, schema::RecordedReport& to) {
 
 // ---- messages to values; false where the lengths do not fit
 
-template <class Kind, int N>
-bool take(const Numbers& from, Coords<Kind, N>& to) {
-  if (from.size() != N) return false;
-  to = Coords<Kind, N>{Eigen::Map<const typename Coords<Kind, N>::Vector>{from.data()}};
-  return true;
-}
-template <int N>
-bool take(const Numbers& from, Position<N>& to) {
-  if constexpr (N == 6) {
-    if (from.size() != 7) return false;
-    to = Position<6>{Eigen::Vector3d{from[0], from[1], from[2]}, {from[3], from[4], from[5], from[6]}};
-  } else {
-    if (from.size() != N) return false;
-    to = Position<N>{Eigen::Map<const typename Position<N>::Vector>{from.data()}};
-  }
+template <class Quantity>
+bool take(const Numbers& from, Quantity& to) {
+  std::array<double, kMostNumbers> all;
+  if (from.size() != payload::put(all.data(), to) - all.data()) return false;
+  payload::take(from.data(), to);
   return true;
 }
 bool take(std::uint32_t from, Mode& to) {

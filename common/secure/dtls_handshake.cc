@@ -424,7 +424,7 @@ void DtlsHandshake::finish(Attempt& attempt) {
 }
 
 void DtlsHandshake::send(const HandshakeParts& parts, std::size_t key, const Endpoint& to, std::size_t most_waiting) {
-  if (outgoing_.size() - sent_ >= most_waiting) return;
+  if (outgoing_.size() >= most_waiting) return;
   std::array<std::byte, kMaxDatagramBytes> bytes;
   outgoing_.emplace_back().assign({bytes.data(), proof_.write(key, parts, bytes)}, to);
 }
@@ -467,12 +467,9 @@ void DtlsHandshake::advance(Duration now, bool wanted) {
 }
 
 bool DtlsHandshake::take_outgoing(Datagram& datagram) {
-  if (sent_ == outgoing_.size()) return false;
-  datagram = outgoing_[sent_++];
-  if (sent_ == outgoing_.size()) {
-    outgoing_.clear();
-    sent_ = 0;
-  }
+  if (outgoing_.empty()) return false;
+  datagram = outgoing_.front();
+  outgoing_.pop_front();
   return true;
 }
 

@@ -3,6 +3,7 @@
 #include <array>
 #include <cstddef>
 #include <cstdint>
+#include <deque>
 #include <memory>
 #include <optional>
 #include <span>
@@ -119,8 +120,7 @@ class DtlsHandshake {
   std::array<std::pair<std::size_t, Bits128>, 256> begun_{};
   std::size_t next_begun_ = 0;
   std::optional<Duration> began_;  ///< a client's last attempt
-  std::vector<Datagram> outgoing_;
-  std::size_t sent_ = 0;  ///< of outgoing_
+  std::deque<Datagram> outgoing_;
   std::vector<std::unique_ptr<Association>> associations_;
   DtlsCounts counts_;
   struct Told {

@@ -1,11 +1,13 @@
 #include "common/wire/codec.h"
 
+#include <google/protobuf/io/coded_stream.h>
+
 #include <algorithm>
 #include <array>
 #include <boost/endian/conversion.hpp>
 #include <cmath>
-#include <cstring>
 #include <string>
+#include <tuple>
 
 #include "common/base/built_for.h"
 #include "proto/report.pb.h"
@@ -14,9 +16,7 @@ namespace twoport {
 namespace {
 
 template <int N>
-constexpr int kPositionSize = N == 6 ? 7 : N;
-template <int N>
-constexpr int kSampleSize = kPositionSize<N> + 5 * N + 1;
+constexpr int kSampleSize = (N == 6 ? 7 : N) + 5 * N + 1;
 constexpr int kGripperSize = kSampleSize<1> + 1;  // and the energy
 /// Doubles of a packet's report; a gripper moved by joints is one of them.
 template <int N>
@@ -27,59 +27,20 @@ constexpr std::size_t kReportSize =
 constexpr std::int64_t kLatest = std::int64_t{1} << 61;
 constexpr double kUnitTolerance = 1e-6;  // of |q|^2
 
-template <int N>
-double* write(double* to, const Position<N>& x) {
-  if constexpr (N == 6) {
-    const Eigen::Quaterniond& q = x.attitude();
-    to = std::copy_n(x.translation().data(), 3, to);
-    *to++ = q.w(), *to++ = q.x(), *to++ = q.y(), *to++ = q.z();
-    return to;
-  } else {
-    return std::copy_n(x.translation().data(), N, to);
-  }
-}
-template <class Kind, int N>
-double* write(double* to, const Coords<Kind, N>& c) {
-  return std::copy_n(c.vec().data(), N, to);
-}
-
-template <int N>
-const double* read(const double* from, Position<N>& x) {
-  if constexpr (N == 6) {
-    x = Position<6>{Eigen::Map<const Eigen::Vector3d>{from}, {from[3], from[4], from[5], from[6]}};
-  } else {
-    x = Position<N>{Eigen::Map<const typename Position<N>::Vector>{from}};
-  }
-  return from + kPositionSize<N>;
-}
-template <class Kind, int N>
-const double* read(const double* from, Coords<Kind, N>& c) {
-  c = Coords<Kind, N>{Eigen::Map<const typename Coords<Kind, N>::Vector>{from}};
-  return from + N;
-}
-
 /// The port, in the order of the schema.
+template <class Report>
+auto fields(Report& r) {
+  return std::tie(r.x, r.v, r.f, r.f_coupling, r.f_environment, r.position_error, r.energy_net_j);
+}
 template <int N>
 double* write(double* to, const PortReport<N>& r) {
-  to = write(to, r.x);
-  to = write(to, r.v);
-  to = write(to, r.f);
-  to = write(to, r.f_coupling);
-  to = write(to, r.f_environment);
-  to = write(to, r.position_error);
-  *to++ = r.energy_net_j;
+  std::apply([&](const auto&... field) { ((to = payload::put(to, field)), ...); }, fields(r));
   return to;
 }
 template <int N>
 const double* read(const double* from, PortReport<N>& r) {
-  from = read(from, r.x);
-  from = read(from, r.v);
-  from = read(from, r.f);
-  from = read(from, r.f_coupling);
-  from = read(from, r.f_environment);
-  from = read(from, r.position_error);
-  r.energy_net_j = *from;
-  return from + 1;
+  std::apply([&](auto&... field) { ((from = payload::take(from, field)), ...); }, fields(r));
+  return from;
 }
 
 /// False if there are more than `most`.
@@ -100,9 +61,7 @@ bool ours(std::span<const std::byte> bytes) {
 
 /// Of such a datagram: the field comes first.
 std::uint32_t version(std::span<const std::byte> bytes) {
-  std::uint32_t version = 0;
-  for (std::size_t i = 4; i > 0; --i) version = version << 8 | std::to_integer<std::uint32_t>(bytes[i]);
-  return version;
+  return boost::endian::load_little_u32(reinterpret_cast<const unsigned char*>(bytes.data()) + 1);
 }
 
 template <int N>
@@ -210,12 +169,10 @@ struct Codec<N>::Impl {
   // Allocates once for the longest message; clearing a message keeps the memory.
   Impl() {
     for (schema::Datagram* message : {&outgoing, &incoming}) {
-      message->mutable_sample()->Reserve(static_cast<int>(kMaxDatagram / sizeof(double)));
-      message->mutable_words()->Reserve(static_cast<int>(kMaxDatagram / sizeof(double)));
-      message->mutable_gripper()->Reserve(static_cast<int>(kMaxDatagram / sizeof(double)));
-      message->mutable_gripper_words()->Reserve(static_cast<int>(kMaxDatagram / sizeof(double)));
-      message->mutable_environment()->Reserve(static_cast<int>(kMaxDatagram / sizeof(double)));
-      message->mutable_joint_rad()->Reserve(static_cast<int>(kMaxDatagram / sizeof(double)));
+      for (auto* list :
+           {message->mutable_sample(), message->mutable_words(), message->mutable_gripper(),
+            message->mutable_gripper_words(), message->mutable_environment(), message->mutable_joint_rad()})
+        list->Reserve(static_cast<int>(kMaxDatagram / sizeof(double)));
       message->mutable_refusal()->reserve(kMaxDatagram);
       message->mutable_scene_fields()->reserve(kMaxDatagram);
     }
@@ -319,53 +276,38 @@ constexpr std::uint32_t kVersion = 1, kSession = 2, kPeerSession = 3, kRefusal =
 
 }  // namespace
 
-bool Fields::varint(std::uint64_t& out) noexcept {
-  out = 0;
-  for (unsigned shift = 0; shift < 64 && !rest_.empty(); shift += 7) {
-    const auto b = std::to_integer<std::uint64_t>(rest_.front());
-    rest_ = rest_.subspan(1);
-    out |= (b & 0x7f) << shift;
-    if (b < 0x80) return true;
-  }
-  return false;
-}
-
-/// Little-endian.
-bool Fields::fixed(std::size_t size) noexcept {
-  if (rest_.size() < size) return false;
-  value = 0;
-  std::memcpy(&value, rest_.data(), size);
-  boost::endian::little_to_native_inplace(value);
-  rest_ = rest_.subspan(size);
-  return true;
-}
-
 bool Fields::next() noexcept {
   if (rest_.empty() || broken_) return false;
+  google::protobuf::io::CodedInputStream in{reinterpret_cast<const std::uint8_t*>(rest_.data()),
+                                            static_cast<int>(rest_.size())};
+  const auto here = [&] { return static_cast<std::size_t>(in.CurrentPosition()); };
   std::uint64_t tag = 0, size = 0;
-  broken_ = !varint(tag) || tag >> 32 != 0 || tag >> 3 == 0;
+  std::uint32_t four = 0;
+  broken_ = !in.ReadVarint64(&tag) || tag >> 32 != 0 || tag >> 3 == 0;
   if (broken_) return false;
   number = static_cast<std::uint32_t>(tag >> 3);
   wire_type = static_cast<std::uint32_t>(tag & 7);
   switch (wire_type) {
     case kVarint:
-      broken_ = !varint(value);
+      broken_ = !in.ReadVarint64(&value);
       break;
     case kFixed64:
-      broken_ = !fixed(8);
+      broken_ = !in.ReadLittleEndian64(&value);
       break;
     case kFixed32:
-      broken_ = !fixed(4);
+      broken_ = !in.ReadLittleEndian32(&four);
+      value = four;
       break;
     case kBytes:
-      broken_ = !varint(size) || size > rest_.size();
+      broken_ = !in.ReadVarint64(&size) || size > rest_.size() - here();
       if (broken_) break;
-      payload = rest_.first(size);
-      rest_ = rest_.subspan(size);
+      payload = rest_.subspan(here(), size);
+      in.Skip(static_cast<int>(size));
       break;
     default:
       broken_ = true;
   }
+  rest_ = rest_.subspan(here());
   return !broken_;
 }
 

@@ -28,9 +28,6 @@ class Fields {
   std::span<const std::byte> payload;  ///< of 2
 
  private:
-  bool varint(std::uint64_t& value) noexcept;
-  bool fixed(std::size_t size) noexcept;
-
   std::span<const std::byte> rest_;
   bool broken_ = false;
 };

@@ -52,31 +52,33 @@ struct Walk {
   void next() { q[0] += 1e-4, q[3] -= 1e-5, q[5] += 2e-5; }
 };
 
-template <class Compute>
-void own(benchmark::State& state, Compute compute) {
-  const Arm arm{parameters()};
-  Walk w;
-  for (auto _ : state) {
-    w.next();
-    auto result = compute(arm, w);
-    benchmark::DoNotOptimize(result);
-  }
+/// `compute(engine)` over and over, the arm a step further each time.
+template <class Engine, class Compute>
+void add(const char* name, Compute compute) {
+  benchmark::RegisterBenchmark(name, [compute](benchmark::State& state) {
+    Engine engine;
+    for (auto _ : state) {
+      engine.next();
+      compute(engine);
+      benchmark::ClobberMemory();
+    }
+  });
 }
 
-const int registered = [] {
-  const auto add = [](const char* name, auto compute) {
-    benchmark::RegisterBenchmark(name, [compute](benchmark::State& s) { own(s, compute); });
-  };
-  add("own/forward_kinematics", [](const Arm& m, const Walk& w) { return m.pose(w.q); });
-  add("own/jacobian", [](const Arm& m, const Walk& w) { return m.jacobian(m.pose(w.q)); });
-  add("own/gravity_torque", [](const Arm& m, const Walk& w) { return m.gravity_torque(m.pose(w.q), kGravity); });
-  add("own/inverse_dynamics",
-      [](const Arm& m, const Walk& w) { return m.inverse_dynamics(m.pose(w.q), w.v, w.a, kGravity); });
-  add("own/inertia_matrix", [](const Arm& m, const Walk& w) { return m.inertia(m.pose(w.q)); });
-  add("own/forward_dynamics",
-      [](const Arm& m, const Walk& w) { return m.forward_dynamics(m.pose(w.q), w.v, w.a, kGravity); });
-  return 0;
-}();
+struct Own : Walk {
+  const Arm arm{parameters()};
+};
+void add_own() {
+  add<Own>("own/forward_kinematics", [](Own& o) { benchmark::DoNotOptimize(o.arm.pose(o.q)); });
+  add<Own>("own/jacobian", [](Own& o) { benchmark::DoNotOptimize(o.arm.jacobian(o.arm.pose(o.q))); });
+  add<Own>("own/gravity_torque",
+           [](Own& o) { benchmark::DoNotOptimize(o.arm.gravity_torque(o.arm.pose(o.q), kGravity)); });
+  add<Own>("own/inverse_dynamics",
+           [](Own& o) { benchmark::DoNotOptimize(o.arm.inverse_dynamics(o.arm.pose(o.q), o.v, o.a, kGravity)); });
+  add<Own>("own/inertia_matrix", [](Own& o) { benchmark::DoNotOptimize(o.arm.inertia(o.arm.pose(o.q))); });
+  add<Own>("own/forward_dynamics",
+           [](Own& o) { benchmark::DoNotOptimize(o.arm.forward_dynamics(o.arm.pose(o.q), o.v, o.a, kGravity)); });
+}
 
 /// A tick of the simulated arm at 2 kHz: controller, plant, wrist.
 void plant(benchmark::State& state, const char* world) {
@@ -102,47 +104,22 @@ struct Kdl {
   KDL::Chain chain = test::kdl_chain(parameters());
   KDL::JntArray q{7}, v{7}, a{7}, tau{7};
   KDL::Wrenches none = KDL::Wrenches(chain.getNrOfSegments(), KDL::Wrench::Zero());
+  KDL::ChainFkSolverPos_recursive pose{chain};
+  KDL::ChainJntToJacSolver jacobian{chain};
+  KDL::ChainIdSolver_RNE inverse_dynamics{chain, test::kdl(kGravity)};
+  KDL::ChainDynParam dynamics{chain, test::kdl(kGravity)};
+  KDL::Frame frame;
+  KDL::Jacobian J{7};
+  KDL::JntSpaceInertiaMatrix M{7};
   Kdl() { q.data = Walk{}.q, v.data = Walk{}.v, a.data = Walk{}.a; }
   void next() { q(0) += 1e-4, q(3) -= 1e-5, q(5) += 2e-5; }
 };
-
-template <class Compute>
-void kdl(benchmark::State& state, Compute compute) {
-  Kdl k;
-  for (auto _ : state) {
-    k.next();
-    compute(k);
-    benchmark::ClobberMemory();
-  }
+void add_kdl() {
+  add<Kdl>("kdl/forward_kinematics", [](Kdl& k) { k.pose.JntToCart(k.q, k.frame); });
+  add<Kdl>("kdl/jacobian", [](Kdl& k) { k.jacobian.JntToJac(k.q, k.J); });
+  add<Kdl>("kdl/inverse_dynamics", [](Kdl& k) { k.inverse_dynamics.CartToJnt(k.q, k.v, k.a, k.none, k.tau); });
+  add<Kdl>("kdl/inertia_matrix", [](Kdl& k) { k.dynamics.JntToMass(k.q, k.M); });
 }
-
-void kdl_forward_kinematics(benchmark::State& state) {
-  KDL::Chain chain = test::kdl_chain(parameters());
-  KDL::ChainFkSolverPos_recursive solver{chain};
-  KDL::Frame out;
-  kdl(state, [&](Kdl& k) { solver.JntToCart(k.q, out); });
-}
-void kdl_jacobian(benchmark::State& state) {
-  KDL::Chain chain = test::kdl_chain(parameters());
-  KDL::ChainJntToJacSolver solver{chain};
-  KDL::Jacobian out{7};
-  kdl(state, [&](Kdl& k) { solver.JntToJac(k.q, out); });
-}
-void kdl_inverse_dynamics(benchmark::State& state) {
-  KDL::Chain chain = test::kdl_chain(parameters());
-  KDL::ChainIdSolver_RNE solver{chain, test::kdl(kGravity)};
-  kdl(state, [&](Kdl& k) { solver.CartToJnt(k.q, k.v, k.a, k.none, k.tau); });
-}
-void kdl_inertia_matrix(benchmark::State& state) {
-  KDL::Chain chain = test::kdl_chain(parameters());
-  KDL::ChainDynParam solver{chain, test::kdl(kGravity)};
-  KDL::JntSpaceInertiaMatrix out{7};
-  kdl(state, [&](Kdl& k) { solver.JntToMass(k.q, out); });
-}
-BENCHMARK(kdl_forward_kinematics)->Name("kdl/forward_kinematics");
-BENCHMARK(kdl_jacobian)->Name("kdl/jacobian");
-BENCHMARK(kdl_inverse_dynamics)->Name("kdl/inverse_dynamics");
-BENCHMARK(kdl_inertia_matrix)->Name("kdl/inertia_matrix");
 #endif
 
 #ifdef TWOPORT_MUJOCO
@@ -168,33 +145,28 @@ struct MuJoCo {
     mj_deleteData(data);
     mj_deleteModel(model);
   }
-};
-
-template <class Compute>
-void mujoco(benchmark::State& state, Compute compute) {
-  MuJoCo m;
-  for (auto _ : state) {
-    m.w.next();
-    std::copy(m.w.q.begin(), m.w.q.end(), m.data->qpos);
-    compute(m.model, m.data);
-    benchmark::ClobberMemory();
+  void next() {
+    w.next();
+    std::copy(w.q.begin(), w.q.end(), data->qpos);
   }
+};
+void add_mujoco() {
+  add<MuJoCo>("mujoco/forward_kinematics", [](MuJoCo& m) { mj_kinematics(m.model, m.data); });
+  add<MuJoCo>("mujoco/jacobian", [](MuJoCo& m) {
+    std::array<mjtNum, 21> linear, angular;
+    mj_kinematics(m.model, m.data);
+    mj_comPos(m.model, m.data);
+    mj_jacSite(m.model, m.data, linear.data(), angular.data(), 0);
+    benchmark::DoNotOptimize(linear);
+  });
+  add<MuJoCo>("mujoco/inverse_dynamics", [](MuJoCo& m) { mj_inverse(m.model, m.data); });
+  add<MuJoCo>("mujoco/inertia_matrix", [](MuJoCo& m) {
+    mj_kinematics(m.model, m.data);
+    mj_comPos(m.model, m.data);
+    mj_crb(m.model, m.data);
+  });
+  add<MuJoCo>("mujoco/forward_dynamics", [](MuJoCo& m) { mj_forward(m.model, m.data); });
 }
-BENCHMARK_CAPTURE(mujoco, forward_kinematics, [](const mjModel* m, mjData* d) { mj_kinematics(m, d); });
-BENCHMARK_CAPTURE(mujoco, jacobian, [](const mjModel* m, mjData* d) {
-  std::array<mjtNum, 21> linear, angular;
-  mj_kinematics(m, d);
-  mj_comPos(m, d);
-  mj_jacSite(m, d, linear.data(), angular.data(), 0);
-  benchmark::DoNotOptimize(linear);
-});
-BENCHMARK_CAPTURE(mujoco, inverse_dynamics, [](const mjModel* m, mjData* d) { mj_inverse(m, d); });
-BENCHMARK_CAPTURE(mujoco, inertia_matrix, [](const mjModel* m, mjData* d) {
-  mj_kinematics(m, d);
-  mj_comPos(m, d);
-  mj_crb(m, d);
-});
-BENCHMARK_CAPTURE(mujoco, forward_dynamics, [](const mjModel* m, mjData* d) { mj_forward(m, d); });
 #endif
 
 #ifdef TWOPORT_DART
@@ -215,26 +187,35 @@ struct Dart {
       last = arm->createJointAndBodyNodePair<dart::dynamics::RevoluteJoint>(last, joint, body).second;
     }
   }
-};
-template <class Compute>
-void dart_arm(benchmark::State& state, Compute compute) {
-  Dart d;
-  for (auto _ : state) {
-    d.w.next();
-    d.arm->setPositions(d.w.q);
-    d.arm->setVelocities(d.w.v);
-    d.arm->setAccelerations(d.w.a);
-    compute(d);
-    benchmark::ClobberMemory();
+  void next() {
+    w.next();
+    arm->setPositions(w.q);
+    arm->setVelocities(w.v);
+    arm->setAccelerations(w.a);
   }
+};
+void add_dart() {
+  add<Dart>("dart_arm/forward_kinematics", [](Dart& d) { benchmark::DoNotOptimize(d.last->getTransform()); });
+  add<Dart>("dart_arm/jacobian", [](Dart& d) { benchmark::DoNotOptimize(d.arm->getWorldJacobian(d.last)); });
+  add<Dart>("dart_arm/inverse_dynamics", [](Dart& d) { d.arm->computeInverseDynamics(); });
+  add<Dart>("dart_arm/inertia_matrix", [](Dart& d) { benchmark::DoNotOptimize(d.arm->getMassMatrix()); });
+  add<Dart>("dart_arm/forward_dynamics", [](Dart& d) { d.arm->computeForwardDynamics(); });
 }
-BENCHMARK_CAPTURE(dart_arm, forward_kinematics, [](Dart& d) { benchmark::DoNotOptimize(d.last->getTransform()); });
-BENCHMARK_CAPTURE(dart_arm, jacobian, [](Dart& d) { benchmark::DoNotOptimize(d.arm->getWorldJacobian(d.last)); });
-BENCHMARK_CAPTURE(dart_arm, inverse_dynamics, [](Dart& d) { d.arm->computeInverseDynamics(); });
-BENCHMARK_CAPTURE(dart_arm, inertia_matrix, [](Dart& d) { benchmark::DoNotOptimize(d.arm->getMassMatrix()); });
-BENCHMARK_CAPTURE(dart_arm, forward_dynamics, [](Dart& d) { d.arm->computeForwardDynamics(); });
 #endif
 
 }  // namespace
 
-BENCHMARK_MAIN();
+int main(int argc, char** argv) {
+  add_own();
+#ifdef TWOPORT_KDL
+  add_kdl();
+#endif
+#ifdef TWOPORT_MUJOCO
+  add_mujoco();
+#endif
+#ifdef TWOPORT_DART
+  add_dart();
+#endif
+  benchmark::Initialize(&argc, argv);
+  benchmark::RunSpecifiedBenchmarks();
+}

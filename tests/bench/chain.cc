@@ -1,13 +1,13 @@
-// Cost per tick of the whole chain in virtual time, compared with a hand-written loop of the same equations, and
-// single node steps. One axis and the blocks of a scene are in chain_1.cc. Compare times only within one run.
-
-#include "tests/bench/chain.h"
+// Cost per tick of the whole chain in virtual time, compared with a hand-written loop of the same equations, of the blocks of a scene, and
+// of single node steps. Compare times only within one run.
 
 #include <benchmark/benchmark.h>
 
+#include <cstdint>
 #include <string>
 
 #include "common/method/passivity/time_domain/time_domain.h"
+#include "common/record/metrics.h"
 #include "common/scene/load.h"
 #include "lab/engine/loops.h"
 #include "sim/operator/path.h"
@@ -19,7 +19,6 @@ using namespace twoport;
 
 constexpr double kSeconds = 8.0, kRate = 2000.0;
 
-using bench::chain;
 using bench::wall_scene;
 
 template <int N>
@@ -49,17 +48,46 @@ void hand_written(benchmark::State& state) {
   state.SetItemsProcessed(state.iterations() * static_cast<std::int64_t>(kSeconds * kRate));
 }
 
-void chain3(benchmark::State& s) {
-  chain<lab::LinkLoop<3, TimeDomainPassivity>, 3>(s, wall_scene(3));
+/// Runs the scene `text` once per iteration; items are ticks.
+template <class Simulation, int N, bool kMetrics = false>
+void run_scene(benchmark::State& state, const std::string& text) {
+  const Scene scene = parse_scene(text, "bench");
+  double end = 0.0;
+  std::int64_t ticks = 0;
+  for (auto _ : state) {
+    state.PauseTiming();
+    Simulation simulation{scene};
+    Metrics<N> metrics{{.rate_hz = scene.master_rate_hz, .duration_s = scene.duration_s, .quiet_from_s = 1.0}};
+    state.ResumeTiming();
+    ticks += static_cast<std::int64_t>(simulation.run_until(simulation.end(), [&](const Row<N>& row) {
+      end = row.slave_x.translation()[0];
+      if constexpr (kMetrics) return metrics.add(row);
+      return true;
+    }));
+    benchmark::ClobberMemory();
+  }
+  state.counters["slave_x_m"] = end;
+  state.SetItemsProcessed(ticks);
 }
-void chain6(benchmark::State& s) {
-  chain<lab::LinkLoop<6, TimeDomainPassivity>, 6>(s, wall_scene(6));
+template <int N, bool kMetrics>
+void chain(benchmark::State& s) {
+  run_scene<lab::LinkLoop<N, TimeDomainPassivity>, N, kMetrics>(s, wall_scene(N));
 }
-void chain3_metrics(benchmark::State& s) {
-  chain<lab::LinkLoop<3, TimeDomainPassivity>, 3, true>(s, wall_scene(3));
+
+// An absent block costs nothing: the same device alone in free space, then with all there is.
+void free_space(benchmark::State& s) {
+  run_scene<lab::RenderLoop<1>, 1>(s, R"(dof: 1 duration_s: 8 rate_hz: 2000
+    device { mass_kg: 0.075 velocity_m_per_s: [0.01] } control { architecture: RENDER })");
 }
-void chain6_metrics(benchmark::State& s) {
-  chain<lab::LinkLoop<6, TimeDomainPassivity>, 6, true>(s, wall_scene(6));
+void full_scene(benchmark::State& s) {
+  run_scene<lab::LinkLoop<1, TimeDomainPassivity>, 1>(s, R"(dof: 1 duration_s: 8 rate_hz: 2000
+    operator { hand { mass_kg: 0.1 stiffness_n_per_m: 400 damping_n_s_per_m: 8 }
+               path { move_to { position_m: [0.03] duration_s: 1 } } path { sine { amplitude_m: 0.01 frequency_hz: 1 duration_s: 6 } } }
+    device { mass_kg: 0.075 coulomb_friction_n: 0.04 position_resolution_m: 30e-6 velocity_estimate: FILTERED max_force_n: 8.5 }
+    control { passivity { method: FORCE_PROJECTED } }
+    to_slave { delay_ms: 20 jitter_ms: 3 loss: 0.05 } to_master { delay_ms: 20 jitter_ms: 3 loss: 0.05 }
+    robot { mass_kg: 0.5 damping_n_s_per_m: 2 force_sensor { noise_n: 0.01 latency_ms: 1 } }
+    environment { wall { normal: [-1] offset_m: -0.02 stiffness_n_per_m: 5000 damping_n_s_per_m: 2 } })");
 }
 
 template <int N>
@@ -100,19 +128,18 @@ void slave_step(benchmark::State& state) {
   }
 }
 
-BENCHMARK(hand_written<1>);
-BENCHMARK(hand_written<3>);
-BENCHMARK(chain3);
-BENCHMARK(chain3_metrics);
-BENCHMARK(hand_written<6>);
-BENCHMARK(chain6);
-BENCHMARK(chain6_metrics);
-BENCHMARK(master_step<1>);
-BENCHMARK(slave_step<1>);
-BENCHMARK(master_step<3>);
-BENCHMARK(slave_step<3>);
-BENCHMARK(master_step<6>);
-BENCHMARK(slave_step<6>);
+template <int N>
+void add() {
+  const std::string chain_n = "chain" + std::to_string(N), of_n = "<" + std::to_string(N) + ">";
+  benchmark::RegisterBenchmark(("hand_written" + of_n).c_str(), hand_written<N>);
+  benchmark::RegisterBenchmark(chain_n.c_str(), chain<N, false>);
+  benchmark::RegisterBenchmark((chain_n + "_metrics").c_str(), chain<N, true>);
+  benchmark::RegisterBenchmark(("master_step" + of_n).c_str(), master_step<N>);
+  benchmark::RegisterBenchmark(("slave_step" + of_n).c_str(), slave_step<N>);
+}
+const bool added = (add<1>(), add<3>(), add<6>(), true);
+BENCHMARK(free_space);
+BENCHMARK(full_scene);
 
 }  // namespace
 

@@ -2,7 +2,7 @@
 # The slave of a live pair under a flood of each kind, 100,000 datagrams a second, beside quiet runs, with and without a key.
 # usage: tests/bench/flood.sh [SECONDS [SCENE]]
 set -eu
-cd "$(dirname "$0")/.."
+cd "$(dirname "$0")/../.."
 seconds=${1:-6} scene=${2:-scenes/demo.textproto} bin=build/release/bin port=45877
 out=$(mktemp -d)
 trap 'rm -rf "$out"' EXIT

@@ -3,7 +3,7 @@
 # reads (deaf), each with and without a recording (-rec), in turn: tests/bench/page_lateness.sh [ROUNDS] [SECONDS] [OPTION OF THE MASTER...], e.g. --no-spin. Prints p50, p99
 # and p99.9 of each run, and their medians against those without page and recording.
 set -euo pipefail
-cd "$(dirname "$(readlink -f "$0")")/.."
+cd "$(dirname "$(readlink -f "$0")")/../.."
 rounds=${1:-5} seconds=${2:-8}
 [ $# -le 2 ] && set -- || shift 2
 options=("$@")

@@ -129,6 +129,18 @@ void tools() {
        }));
 }
 
+const CouplingOptions kSpring{.stiffness_n_per_m = 2000,
+                              .damping_n_s_per_m = 0,
+                              .rotational_stiffness_n_m_per_rad = 4,
+                              .rotational_damping_n_m_s_per_rad = 0};
+const std::vector<Vector3d> kPeg = sample(Peg::of(Vector3d::Zero(), Vector3d::UnitZ(), 0.01, 0.03, 0.001), 8e-3);
+const auto kHole = std::make_shared<const std::vector<PlateHole>>(1, PlateHole{{0, 0}, 0.0101});
+const std::vector<Vector3d> kCorners = [] {
+  std::vector<Vector3d> corners;
+  for (int i = 0; i < 8; ++i) corners.push_back({i & 1 ? 0.03 : -0.03, i & 2 ? 0.02 : -0.02, i & 4 ? 0.01 : -0.01});
+  return corners;
+}();
+
 /// 1 kg pushed through spheres of 8 mm in a cube of 20 cm; `few`: up to so many are all asked.
 template <int N>
 double tick_among(int count, const std::vector<Vector3d>& tool, const char* integrator, std::size_t few, int ticks) {
@@ -153,7 +165,6 @@ double tick_among(int count, const std::vector<Vector3d>& tool, const char* inte
   });
 }
 void many_parts() {
-  std::vector<Vector3d> tool = sample(Peg::of(Vector3d::Zero(), Vector3d::UnitZ(), 0.01, 0.03, 0.001), 8e-3);
   for (const int count : {8, 16, 3000})
     for (const char* integrator : {"EXACT", "DORMAND_PRINCE"}) {
       const auto both = [&](const std::string& what, auto tick_of) {
@@ -162,38 +173,26 @@ void many_parts() {
         line(fmt::format("the same, all asked: {:.2f} times as long", all / found), all);
       };
       both("point", [&](std::size_t few, int ticks) { return tick_among<3>(count, {}, integrator, few, ticks); });
-      both(fmt::format("peg of {} points", tool.size()),
-           [&](std::size_t few, int ticks) { return tick_among<6>(count, tool, integrator, few, ticks); });
+      both(fmt::format("peg of {} points", kPeg.size()),
+           [&](std::size_t few, int ticks) { return tick_among<6>(count, kPeg, integrator, few, ticks); });
     }
 }
 
 template <int N>
 void god_object(const std::string& what, const Environment<N>& environment, const Position<N>& start,
                 const Position<N>& end, double aside) {
-  const CouplingOptions spring{.stiffness_n_per_m = 2000,
-                               .damping_n_s_per_m = 0,
-                               .rotational_stiffness_n_m_per_rad = 4,
-                               .rotational_damping_n_m_s_per_rad = 0};
-  GodObject<N> proxy{spring, environment};
-  const auto moved = [](Position<N> x, double by) {
-    if constexpr (N == 6)
-      return x.moved({by, 0.5 * by, 0}, {by, 3 * by, 0});
-    else
-      return Position<N>{x.translation() + Vector3d{by, 0.5 * by, 0}};
-  };
-  for (int i = 0; i <= 400; ++i) {
-    const double s = i / 400.0;
-    if constexpr (N == 6)
-      proxy.follow(Position<6>{start.translation() + s * (end.translation() - start.translation()), start.attitude()});
-    else
-      proxy.follow(Position<N>{start.translation() + s * (end.translation() - start.translation())});
-  }
+  using Vector = typename Displacement<N>::Vector;
+  GodObject<N> proxy{kSpring, environment};
+  for (int i = 0; i <= 400; ++i) proxy.follow(start + Displacement<N>{Vector{i / 400.0 * (end - start).vec()}});
   line("god-object at rest, " + what, ns(50'000, [&](int) {
          proxy.follow(end);
          return proxy.potential(end).si();
        }));
+  Vector way = Vector::Zero();
+  way[0] = 1, way[1] = 0.5;
+  if constexpr (N == 6) way[3] = 1, way[4] = 3;
   line("god-object sliding, " + what, ns(50'000, [&](int i) {
-         const Position<N> x = moved(end, aside * std::sin(1e-3 * i));
+         const Position<N> x = end + Displacement<N>{Vector{aside * std::sin(1e-3 * i) * way}};
          proxy.follow(x);
          return proxy.potential(x).si();
        }));
@@ -202,37 +201,25 @@ void god_object(const std::string& what, const Environment<N>& environment, cons
 void god_objects() {
   const Material any{1, 0, 0, 0};
   const auto at = [](double z) { return Position<3>{Vector3d{0.001, 0.002, z}}; };
+  const auto pose = [](double z) { return Position<6>{Vector3d{0.001, 0.002, z}, Eigen::Quaterniond::Identity()}; };
+  const Surface box{Box{{0, 0, -0.05}, {0.05, 0.05, 0.05}}, any};
   god_object<3>("point on a plane", Environment<3>{{Surface{Wall{Vector3d::UnitZ(), 0}, any}}}, at(0.01), at(-0.003),
                 0.01);
-  god_object<3>("point on a box", Environment<3>{{Surface{Box{{0, 0, -0.05}, {0.05, 0.05, 0.05}}, any}}}, at(0.01),
-                at(-0.003), 0.01);
+  god_object<3>("point on a box", Environment<3>{{box}}, at(0.01), at(-0.003), 0.01);
   const auto sphere = std::make_shared<const DistanceField>(test::sphere_mesh(0.03, 5), 1e-3);
   god_object<3>("point on a sphere of 8192 triangles",
                 Environment<3>{{Surface{Mesh{Vector3d::Zero(), Eigen::Matrix3d::Identity(), sphere}, any}}}, at(0.04),
                 at(0.027), 0.005);
-  const auto pose = [](double z) { return Position<6>{Vector3d{0.001, 0.002, z}, Eigen::Quaterniond::Identity()}; };
-  std::vector<Vector3d> corners;
-  for (int i = 0; i < 8; ++i) corners.push_back({i & 1 ? 0.03 : -0.03, i & 2 ? 0.02 : -0.02, i & 4 ? 0.01 : -0.01});
-  god_object<6>("box of 8 corners on a box",
-                Environment<6>{{Surface{Box{{0, 0, -0.05}, {0.05, 0.05, 0.05}}, any}}, corners}, pose(0.02),
-                pose(0.007), 0.01);
-  std::vector<Vector3d> peg = sample(Peg::of(Vector3d::Zero(), Vector3d::UnitZ(), 0.01, 0.03, 0.001), 8e-3);
-  const auto hole = std::make_shared<const std::vector<PlateHole>>(1, PlateHole{{0, 0}, 0.0101});
-  god_object<6>(
-      fmt::format("peg of {} points in a plate's hole", peg.size()),
-      Environment<6>{{Surface{Plate{{0.001, 0.002, 0}, Eigen::Matrix3d::Identity(), {0.05, 0.05, 0.015}, hole}, any}},
-                     peg},
-      pose(0.02), pose(-0.005), 0.002);
+  god_object<6>("box of 8 corners on a box", Environment<6>{{box}, kCorners}, pose(0.02), pose(0.007), 0.01);
+  const Plate plate{{0.001, 0.002, 0}, Eigen::Matrix3d::Identity(), {0.05, 0.05, 0.015}, kHole};
+  god_object<6>(fmt::format("peg of {} points in a plate's hole", kPeg.size()),
+                Environment<6>{{Surface{plate, any}}, kPeg}, pose(0.02), pose(-0.005), 0.002);
 }
 
 /// The slowest of ticks in which a handle is put anywhere 5 to 15 cm inside a rough shape, of each tick the least of several rounds: what
 /// the limit of Newton's steps leaves. Its number of steps, and how often the friction was not solved for.
 void worst_tick(const std::string& what, const std::vector<Shape>& shapes, const std::vector<Vector3d>& tool) {
   constexpr int kTicks = 3000, kRounds = 5;
-  const CouplingOptions spring{.stiffness_n_per_m = 2000,
-                               .damping_n_s_per_m = 0,
-                               .rotational_stiffness_n_m_per_rad = 4,
-                               .rotational_damping_n_m_s_per_rad = 0};
   double most = 0.0;
   std::uint64_t unfinished = 0;
   int steps = 0;
@@ -244,7 +231,7 @@ void worst_tick(const std::string& what, const std::vector<Shape>& shapes, const
     for (int round = 0; round < kRounds; ++round) {
       std::mt19937_64 random{5};
       std::uniform_real_distribution<double> any{-1.0, 1.0};
-      GodObject<6> proxy{spring, environment};
+      GodObject<6> proxy{kSpring, environment};
       proxy.follow({Vector3d{0, 0, 0.2}, Eigen::Quaterniond::Identity()});
       for (double& each : least) {
         const Vector3d where{0.1 * any(random), 0.1 * any(random), -0.1 + 0.05 * any(random)};
@@ -265,11 +252,7 @@ void worst_tick(const std::string& what, const std::vector<Shape>& shapes, const
 }
 
 void worst_ticks() {
-  std::vector<Vector3d> corners;
-  for (int i = 0; i < 8; ++i) corners.push_back({i & 1 ? 0.03 : -0.03, i & 2 ? 0.02 : -0.02, i & 4 ? 0.01 : -0.01});
-  const std::vector<Vector3d> peg = sample(Peg::of(Vector3d::Zero(), Vector3d::UnitZ(), 0.01, 0.03, 0.001), 8e-3);
   const auto torus = std::make_shared<const DistanceField>(test::torus_mesh(0.05, 0.02, 105, 48), 2e-3);
-  const auto hole = std::make_shared<const std::vector<PlateHole>>(1, PlateHole{{0, 0}, 0.0101});
   const std::vector<std::pair<const char*, std::vector<Shape>>> all{
       {"plane", {Wall{Vector3d::UnitZ(), 0}}},
       {"wedge", {Wall{Vector3d{1, 0, 1}.normalized(), 0}, Wall{Vector3d{-1, 0, 1}.normalized(), 0}}},
@@ -278,11 +261,11 @@ void worst_ticks() {
       {"torus", {Torus{{0, 0, -0.1}, Vector3d::UnitZ(), 0.08, 0.06}}},
       {"hole", {Hole::of({0, 0, -0.1}, Vector3d::UnitZ(), 0.05, 0.02, 0.002)}},
       {"cone", {Cone::of({0, 0, 0}, Vector3d::UnitZ(), 0.15, 0.1)}},
-      {"plate", {Plate{{0, 0, -0.1}, Eigen::Matrix3d::Identity(), {0.1, 0.1, 0.05}, hole}}},
+      {"plate", {Plate{{0, 0, -0.1}, Eigen::Matrix3d::Identity(), {0.1, 0.1, 0.05}, kHole}}},
       {"mesh", {Mesh{{0, 0, -0.1}, Eigen::Matrix3d::Identity(), torus}}}};
   for (const auto& [name, shapes] : all) {
-    worst_tick(fmt::format("box of 8 corners in a {}", name), shapes, corners);
-    worst_tick(fmt::format("peg of {} points in a {}", peg.size(), name), shapes, peg);
+    worst_tick(fmt::format("box of 8 corners in a {}", name), shapes, kCorners);
+    worst_tick(fmt::format("peg of {} points in a {}", kPeg.size(), name), shapes, kPeg);
   }
 }
 

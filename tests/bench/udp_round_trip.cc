@@ -13,27 +13,26 @@
 // On a shared machine run it as `chrt -f 50 udp_round_trip`, or other programs' time slices end up in p99.
 //
 // usage: udp_round_trip [--dof 1|3|6] [--blocks N] [--trips N] [--cores A,B] [--stages yes|no]
-#include <arpa/inet.h>
 #include <fmt/format.h>
 #include <pthread.h>
 #include <sched.h>
-#include <sys/socket.h>
-#include <unistd.h>
 
+#include <CLI/CLI.hpp>
 #include <array>
 #include <atomic>
+#include <boost/asio/io_context.hpp>
+#include <boost/asio/ip/udp.hpp>
 #include <chrono>
 #include <cstdio>
-#include <cstdlib>
-#include <cstring>
 #include <ctime>
 #include <memory>
 #include <optional>
 #include <span>
-#include <string_view>
+#include <string>
 #include <thread>
 #include <vector>
 
+#include "common/base/built_for.h"
 #include "common/base/histogram.h"
 #include "common/link/impaired_socket.h"
 #include "common/link/mailbox.h"
@@ -46,6 +45,7 @@
 #include "sim/sim_device.h"
 #include "sim/sim_robot.h"
 #include "slave/slave_node.h"
+#include "tests/support/hand_written.h"
 
 namespace twoport {
 namespace {
@@ -54,8 +54,8 @@ using Clock = std::chrono::steady_clock;
 
 struct Arguments {
   int dof = 3, blocks = 20, trips = 5000;
-  std::array<int, 2> cores{0, 1};
-  bool stages = false;
+  std::vector<int> cores{0, 1};
+  std::string stages = "no";
 };
 
 Duration clock_now() {
@@ -69,31 +69,6 @@ void pin(int core) {
   if (pthread_setaffinity_np(pthread_self(), sizeof set, &set) != 0)
     std::fprintf(stderr, "not pinned to core %d: the numbers will jump\n", core);
 }
-
-/// While it lives, this thread and those that it starts have ordinary priority and every core: the handshakes' threads must
-/// not wait for ours.
-class Ordinary {
- public:
-  Ordinary() {
-    pthread_getschedparam(pthread_self(), &policy_, &parameter_);
-    pthread_getaffinity_np(pthread_self(), sizeof cores_, &cores_);
-    const sched_param none{};
-    pthread_setschedparam(pthread_self(), SCHED_OTHER, &none);
-    cpu_set_t all;
-    std::memset(&all, 0xff, sizeof all);
-    pthread_setaffinity_np(pthread_self(), sizeof all, &all);
-  }
-  ~Ordinary() {
-    pthread_setaffinity_np(pthread_self(), sizeof cores_, &cores_);
-    pthread_setschedparam(pthread_self(), policy_, &parameter_);
-  }
-  Ordinary(const Ordinary&) = delete;
-
- private:
-  int policy_ = 0;
-  sched_param parameter_{};
-  cpu_set_t cores_{};
-};
 
 Endpoint here() {
   return parse_endpoint("127.0.0.1:0", "bench");
@@ -112,46 +87,36 @@ Envelope<N> full_envelope() {
 
 // ---- raw sockets
 
-int plain_socket(sockaddr_in& local) {
-  const int fd = socket(AF_INET, SOCK_DGRAM, 0);
-  local = {};
-  local.sin_family = AF_INET;
-  local.sin_addr.s_addr = htonl(INADDR_LOOPBACK);
-  socklen_t size = sizeof local;
-  if (fd < 0 || bind(fd, reinterpret_cast<sockaddr*>(&local), size) != 0 ||
-      getsockname(fd, reinterpret_cast<sockaddr*>(&local), &size) != 0) {
-    std::perror("raw socket");
-    std::exit(1);
-  }
-  return fd;
-}
-
 class Raw {
  public:
   explicit Raw(std::size_t payload) : payload_{payload} {
-    sockaddr_in a{}, b{};
-    near_ = plain_socket(a);
-    far_ = plain_socket(b);
-    if (connect(near_, reinterpret_cast<sockaddr*>(&b), sizeof b) != 0 ||
-        connect(far_, reinterpret_cast<sockaddr*>(&a), sizeof a) != 0)
-      std::exit(1);
+    near_.connect(far_.local_endpoint());
+    far_.connect(near_.local_endpoint());
+    near_.non_blocking(true), far_.non_blocking(true);
   }
-  ~Raw() { close(near_), close(far_); }
 
   void near_trip() {
-    send(near_, buffer_.data(), payload_, 0);
-    while (recv(near_, buffer_.data(), buffer_.size(), MSG_DONTWAIT) < 0) {
+    near_.send(boost::asio::buffer(buffer_, payload_));
+    while (!receives(near_, buffer_)) {
     }
   }
   void far_turn() {
-    if (recv(far_, far_buffer_.data(), far_buffer_.size(), MSG_DONTWAIT) > 0)
-      send(far_, far_buffer_.data(), payload_, 0);
+    if (receives(far_, far_buffer_)) far_.send(boost::asio::buffer(far_buffer_, payload_));
   }
 
  private:
+  using udp = boost::asio::ip::udp;
+  using Buffer = std::array<char, kMaxDatagram>;
+  static bool receives(udp::socket& socket, Buffer& to) {
+    boost::system::error_code none;
+    return socket.receive(boost::asio::buffer(to), 0, none) > 0;
+  }
+
   std::size_t payload_;
-  int near_, far_;
-  std::array<char, kMaxDatagram> buffer_{}, far_buffer_{};
+  boost::asio::io_context context_;
+  udp::socket near_{context_, {boost::asio::ip::address_v4::loopback(), 0}},
+      far_{context_, {boost::asio::ip::address_v4::loopback(), 0}};
+  Buffer buffer_{}, far_buffer_{};
 };
 
 // ---- stages between the two
@@ -215,38 +180,19 @@ class StageEnd {
 /// A hand, a robot and a wall, stepped by their nodes: what the programs run between two packets.
 template <int N>
 Scene scene() {
-  const char* const three = N == 1 ? "" : ", 0, 0";
-  return parse_scene(
-      fmt::format(
-          "dof: {0} duration_s: 1 rate_hz: 2000 operator {{ hand {{ mass_kg: 0.1 stiffness_n_per_m: 400 "
-          "damping_n_s_per_m: 8 }} path {{ move_to {{ position_m: [0.03{1}] duration_s: 0.2 }} }} }} device {{ "
-          "mass_kg: 0.075 {2} }} control {{ passivity {{ method: FORCE_PROJECTED }} }} robot {{ mass_kg: 0.5 {2} "
-          "force_sensor {{ }} }} environment {{ wall {{ normal: [-1{1}] offset_m: -0.02 stiffness_n_per_m: 5000 "
-          "}} }}",
-          N, three, N == 6 ? "inertia_kg_m2: 1e-3" : ""),
-      "bench");
+  return parse_scene(bench::wall_scene(N), "bench", std::vector<std::string>{"robot.force_sensor={}"});
 }
 constexpr Seconds kPeriod{5e-4};
 
-template <int N>
-struct MasterSide {
-  sim::SimDevice<N> device{scene<N>(), kPeriod};
-  MasterNode<N> node{scene<N>().control};
+/// A node and its simulated hardware.
+template <int N, class Hardware, class Node, class Clock>
+struct Stepped {
+  Hardware hardware{scene<N>(), kPeriod};
+  Node node{scene<N>().control};
   Report<N> step(const PeerState<N>& known, Duration now) noexcept {
-    device.advance();
-    const auto out = node.step(Tick<MasterClock>{Instant<MasterClock>{now}, kPeriod}, device.sense(), known);
-    device.actuate(out.command);
-    return out.report;
-  }
-};
-template <int N>
-struct SlaveSide {
-  sim::SimRobot<N> robot{scene<N>(), kPeriod};
-  SlaveNode<N> node{scene<N>().control};
-  Report<N> step(const PeerState<N>& known, Duration now) noexcept {
-    robot.advance();
-    const auto out = node.step(Tick<SlaveClock>{Instant<SlaveClock>{now}, kPeriod}, robot.sense(), known);
-    robot.actuate(out.command);
+    hardware.advance();
+    const auto out = node.step(Tick<Clock>{Instant<Clock>{now}, kPeriod}, hardware.sense(), known);
+    hardware.actuate(out.command);
     return out.report;
   }
 };
@@ -258,7 +204,6 @@ class Path {
   /// `sleeps`: until a datagram is there, else it looks again and again.
   explicit Path(bool key, bool nodes = true, bool sleeps = false) : nodes_{nodes}, sleeps_{sleeps} {
     if (key) {
-      const Ordinary ordinary;
       far_secure_ = std::make_unique<SecureSocket>(
           far_network_, SecureSocketOptions{.server = true, .own_thread = true}, Key{Key::Bytes{}});
       near_secure_ = std::make_unique<SecureSocket>(
@@ -321,8 +266,8 @@ class Path {
   std::unique_ptr<SecureSocket> far_secure_, near_secure_;
   using Box = Mailbox<N, LinkTransport<N>>;
   std::unique_ptr<Box> far_box_, near_box_;
-  SlaveSide<N> far_node_;
-  MasterSide<N> near_node_;
+  Stepped<N, sim::SimRobot<N>, SlaveNode<N>, SlaveClock> far_node_;
+  Stepped<N, sim::SimDevice<N>, MasterNode<N>, MasterClock> near_node_;
   PeerState<N> known_;
 };
 
@@ -404,13 +349,16 @@ void measure(const Arguments& arguments) {
   Stage<StageEnd<N, true, false>> network;
   Stage<StageEnd<N, true, true>> codec;
   Path<N> link{false, false}, path{false}, key{true}, sleep{false, true, true};
+  // From here on: the handshakes' threads, which are there now, have every core.
+  pin(arguments.cores[0]);
+  const bool stages = arguments.stages == "yes";
   std::array<const char*, 8> names{"raw", "socket", "network", "codec", "link", "path", "key", "sleep"};
   const auto trips = std::make_unique<std::array<Histogram, 8>>();
   double busy = 0.0, asleep = 0.0;
   auto& t = *trips;
   for (int b = 0; b < arguments.blocks; ++b) {
     block(raw, arguments, t[0]);
-    if (arguments.stages) {
+    if (stages) {
       block(socket, arguments, t[1]);
       block(network, arguments, t[2]);
       block(codec, arguments, t[3]);
@@ -418,7 +366,7 @@ void measure(const Arguments& arguments) {
     }
     busy += block(path, arguments, t[5]);
     block(key, arguments, t[6]);
-    if (arguments.stages) asleep += block(sleep, arguments, t[7]);
+    if (stages) asleep += block(sleep, arguments, t[7]);
   }
   std::printf("dof %d, payload %zu B, %d blocks of %d round trips each, cores %d and %d\n", N, payload,
               arguments.blocks, arguments.trips, arguments.cores[0], arguments.cores[1]);
@@ -428,16 +376,10 @@ void measure(const Arguments& arguments) {
   std::printf("reports lost: %llu, with a key %llu\n", static_cast<unsigned long long>(path.lost()),
               static_cast<unsigned long long>(key.lost()));
   std::printf("cores in use by both ends: %.2f", busy / arguments.blocks);
-  if (arguments.stages) std::printf(", asleep %.2f", asleep / arguments.blocks);
+  if (stages) std::printf(", asleep %.2f", asleep / arguments.blocks);
   std::printf("\n");
   const auto [seal, open] = seal_and_open_ns(payload);
   std::printf("one datagram: seal %.0f ns, open %.0f ns, one reading of the clock in each\n", seal, open);
-}
-
-int usage() {
-  std::fprintf(stderr,
-               "usage: udp_round_trip [--dof 1|3|6] [--blocks N] [--trips N] [--cores A,B] [--stages yes|no]\n");
-  return 2;
 }
 
 }  // namespace
@@ -445,33 +387,12 @@ int usage() {
 
 int main(int argc, char** argv) {
   twoport::Arguments a;
-  for (int i = 1; i < argc; i += 2) {
-    const std::string_view option = argv[i];
-    if (i + 1 == argc) return twoport::usage();
-    if (option == "--dof") {
-      a.dof = std::atoi(argv[i + 1]);
-    } else if (option == "--blocks") {
-      a.blocks = std::atoi(argv[i + 1]);
-    } else if (option == "--trips") {
-      a.trips = std::atoi(argv[i + 1]);
-    } else if (option == "--stages") {
-      a.stages = std::string_view{argv[i + 1]} == "yes";
-    } else if (option != "--cores" || std::sscanf(argv[i + 1], "%d,%d", &a.cores[0], &a.cores[1]) != 2) {
-      return twoport::usage();
-    }
-  }
-  twoport::pin(a.cores[0]);
-  switch (a.dof) {
-    case 1:
-      twoport::measure<1>(a);
-      return 0;
-    case 3:
-      twoport::measure<3>(a);
-      return 0;
-    case 6:
-      twoport::measure<6>(a);
-      return 0;
-    default:
-      return twoport::usage();
-  }
+  CLI::App app{"udp_round_trip: one datagram over 127.0.0.1 and back"};
+  app.add_option("--dof", a.dof)->check(CLI::IsMember({1, 3, 6}));
+  app.add_option("--blocks", a.blocks);
+  app.add_option("--trips", a.trips);
+  app.add_option("--cores", a.cores)->delimiter(',')->expected(2);
+  app.add_option("--stages", a.stages)->check(CLI::IsMember({"yes", "no"}));
+  CLI11_PARSE(app, argc, argv);
+  twoport::for_dof(a.dof, [&]<int N>() { twoport::measure<N>(a); });
 }

@@ -49,7 +49,7 @@ std::vector<double> rows(const Scene& scene) {
 int main(int argc, char** argv) {
   using namespace twoport;
   const std::string out = argv[1];
-  const Scene scene = load_scene(argv[2], std::vector<std::string>(argv + 3, argv + argc));
+  Scene scene = load_scene(argv[2], std::vector<std::string>(argv + 3, argv + argc));
   playground::Packer packer;
   packer(scene);
   std::ofstream{out + ".scene", std::ios::binary} << packer.bytes();

@@ -47,6 +47,10 @@ class Examination {
   void add(std::string name, Grade grade, std::string says, std::string cure = {}) {
     findings_.push_back({std::move(name), grade, std::move(says), std::move(cure)});
   }
+  void either(std::string name, bool good, std::string says_good, Grade grade, std::string says, std::string cure) {
+    if (good) return add(std::move(name), Grade::good, std::move(says_good));
+    add(std::move(name), grade, std::move(says), std::move(cure));
+  }
   void unseen(std::string name, const std::string& why) {
     add(std::move(name), Grade::unseen, "cannot be seen here: " + why);
   }
@@ -63,46 +67,38 @@ class Examination {
     return all;
   }
   static std::string reason(int error) { return std::strerror(error); }
+  /// During the measurement; nothing where it cannot be seen.
+  std::optional<std::int64_t> counted(std::optional<std::int64_t> Counters::*what) const {
+    if (!(before_.*what) || !(after_.*what)) return {};
+    return *(after_.*what) - *(before_.*what);
+  }
 
   void permissions() {
-    if (may_.rt_errno == 0) {
-      add("real-time priority", Grade::good, "SCHED_FIFO 80 is permitted");
-    } else {
-      add("real-time priority", Grade::bad,
-          fmt::format(
-              "SCHED_FIFO 80 is not permitted ({}; the limit is {}): other programs delay a tick by milliseconds",
-              reason(may_.rt_errno), may_.rt_priority_limit),
-          kLimits);
-    }
-    if (may_.lock_errno == 0) {
-      add("locked memory", Grade::good, "memory can be locked");
-    } else {
-      add("locked memory", Grade::bad,
-          fmt::format("memory cannot be locked ({}; the limit is {}): a page fault may delay a tick",
-                      reason(may_.lock_errno),
-                      may_.memory_lock_bytes < 0 ? "none" : fmt::format("{} kB", may_.memory_lock_bytes / 1024)),
-          kLimits);
-    }
-    if (may_.latency_errno == 0) {
-      add("idle latency", Grade::good, "/dev/cpu_dma_latency can be held at 0 while a program runs");
-    } else if (may_.latency_errno == ENOENT) {
+    either(
+        "real-time priority", may_.rt_errno == 0, "SCHED_FIFO 80 is permitted", Grade::bad,
+        fmt::format("SCHED_FIFO 80 is not permitted ({}; the limit is {}): other programs delay a tick by milliseconds",
+                    reason(may_.rt_errno), may_.rt_priority_limit),
+        kLimits);
+    either("locked memory", may_.lock_errno == 0, "memory can be locked", Grade::bad,
+           fmt::format("memory cannot be locked ({}; the limit is {}): a page fault may delay a tick",
+                       reason(may_.lock_errno),
+                       may_.memory_lock_bytes < 0 ? "none" : fmt::format("{} kB", may_.memory_lock_bytes / 1024)),
+           kLimits);
+    if (may_.latency_errno == ENOENT)
       unseen("idle latency", "there is no /dev/cpu_dma_latency, as in most containers");
-    } else {
-      add("idle latency", Grade::notice,
-          fmt::format(
-              "/dev/cpu_dma_latency cannot be opened ({}): waking an idle core may take tens of microseconds longer",
-              reason(may_.latency_errno)),
-          kJoin +
-              "; echo 'KERNEL==\"cpu_dma_latency\", GROUP=\"realtime\", MODE=\"0660\"' | sudo tee "
-              "/etc/udev/rules.d/60-twoport.rules; sudo udevadm trigger /dev/cpu_dma_latency");
-    }
-    if (may_.timer_slack_ns < 0) {
-      unseen("timer slack", "the kernel does not tell it");
-    } else {
-      add("timer slack", Grade::good,
-          fmt::format("{} us by default; the programs set it to 1 ns, and real-time threads have none",
-                      may_.timer_slack_ns / 1000));
-    }
+    else
+      either("idle latency", may_.latency_errno == 0, "/dev/cpu_dma_latency can be held at 0 while a program runs",
+             Grade::notice,
+             fmt::format(
+                 "/dev/cpu_dma_latency cannot be opened ({}): waking an idle core may take tens of microseconds longer",
+                 reason(may_.latency_errno)),
+             kJoin +
+                 "; echo 'KERNEL==\"cpu_dma_latency\", GROUP=\"realtime\", MODE=\"0660\"' | sudo tee "
+                 "/etc/udev/rules.d/60-twoport.rules; sudo udevadm trigger /dev/cpu_dma_latency");
+    if (may_.timer_slack_ns < 0) return unseen("timer slack", "the kernel does not tell it");
+    add("timer slack", Grade::good,
+        fmt::format("{} us by default; the programs set it to 1 ns, and real-time threads have none",
+                    may_.timer_slack_ns / 1000));
   }
 
   void idle_states() {
@@ -150,20 +146,13 @@ class Examination {
         preemption(may_.kernel, read_("/sys/kernel/realtime").value_or(""), read_("/proc/cmdline").value_or(""));
     const std::string cure = "sudo apt-get install linux-image-rt-amd64; sudo reboot";
     if (!model) return unseen("kernel", "its version does not say how it preempts");
-    switch (*model) {
-      case Preemption::real_time:
-        return add("kernel", Grade::good, "PREEMPT_RT");
-      case Preemption::full:
-        return add("kernel", Grade::notice, "preempt=full, not PREEMPT_RT: single ticks may be late by a millisecond",
-                   cure);
-      case Preemption::voluntary:
-      case Preemption::none:
-        return add("kernel", Grade::notice,
-                   "it does not preempt its own code (not PREEMPT_RT): single ticks may be late by milliseconds", cure);
-      case Preemption::dynamic:
-        return add("kernel", Grade::notice,
-                   "not PREEMPT_RT; PREEMPT_DYNAMIC without preempt= at boot does not say how it preempts", cure);
-    }
+    if (*model == Preemption::real_time) return add("kernel", Grade::good, "PREEMPT_RT");
+    add("kernel", Grade::notice,
+        *model == Preemption::full ? "preempt=full, not PREEMPT_RT: single ticks may be late by a millisecond"
+        : *model == Preemption::dynamic
+            ? "not PREEMPT_RT; PREEMPT_DYNAMIC without preempt= at boot does not say how it preempts"
+            : "it does not preempt its own code (not PREEMPT_RT): single ticks may be late by milliseconds",
+        cure);
   }
 
   void throttling() {
@@ -178,14 +167,11 @@ class Examination {
   void cores() {
     const auto isolated = processor_list(read_(kCpu + "isolated").value_or(""));
     const std::size_t count = processors().size();
-    if (may_.processors == 1) {
-      add("processors", Grade::notice, "one: every other program and every interrupt delays a tick");
-    } else {
-      add("processors", Grade::good,
-          fmt::format("{} of {}{}", may_.processors, count,
-                      isolated.empty() ? std::string{", none isolated"}
-                                       : fmt::format(", isolated: {}", fmt::join(isolated, ","))));
-    }
+    either("processors", may_.processors != 1,
+           fmt::format(
+               "{} of {}, {}", may_.processors, count,
+               isolated.empty() ? std::string{"none isolated"} : fmt::format("isolated: {}", fmt::join(isolated, ","))),
+           Grade::notice, "one: every other program and every interrupt delays a tick", {});
     if (const auto smt = line(kCpu + "smt/active"); smt == "1")
       add("hyper-threading", Grade::notice, "on: a busy sibling slows a tick down by up to half",
           "echo off | sudo tee /sys/devices/system/cpu/smt/control");
@@ -202,11 +188,10 @@ class Examination {
                           std::max(spent, 1e-9);
       if (rate > most) most = rate, busiest = name;
     }
-    if (most < 2000.0)
-      return add("interrupts", Grade::good, fmt::format("of devices, at most {:.0f} a second on one processor", most));
-    add("interrupts", Grade::notice, fmt::format("{:.0f} a second by {}", most, busiest),
-        "echo OTHER | sudo tee /proc/irq/" + busiest.substr(0, busiest.find(' ')) +
-            "/smp_affinity_list, with another processor's number");
+    either("interrupts", most < 2000.0, fmt::format("of devices, at most {:.0f} a second on one processor", most),
+           Grade::notice, fmt::format("{:.0f} a second by {}", most, busiest),
+           "echo OTHER | sudo tee /proc/irq/" + busiest.substr(0, busiest.find(' ')) +
+               "/smp_affinity_list, with another processor's number");
   }
 
   void quota() {
@@ -216,9 +201,7 @@ class Examination {
     if (!without_group) return unseen("processor quota", "no cpu.max of a control group (version 2)");
     const auto share = cpu_quota(*without_group);
     if (!share) return add("processor quota", Grade::good, "none");
-    const std::int64_t throttled = before_.throttled_periods && after_.throttled_periods
-                                       ? *after_.throttled_periods - *before_.throttled_periods
-                                       : 0;
+    const std::int64_t throttled = counted(&Counters::throttled_periods).value_or(0);
     add("processor quota", throttled > 0 ? Grade::bad : Grade::notice,
         fmt::format("{:.2f} processors; held back {} times during the measurement", *share, throttled),
         "run outside the container, or raise its limit (docker run --cpus)");
@@ -228,10 +211,8 @@ class Examination {
     const auto cpuinfo = read_("/proc/cpuinfo");
     if (!cpuinfo) return unseen("virtual machine", "no /proc/cpuinfo");
     const bool is_virtual = names_hypervisor(*cpuinfo);
-    const std::int64_t steal =
-        before_.steal_ticks && after_.steal_ticks ? *after_.steal_ticks - *before_.steal_ticks : 0;
-    const std::int64_t total =
-        before_.total_ticks && after_.total_ticks ? *after_.total_ticks - *before_.total_ticks : 0;
+    const std::int64_t steal = counted(&Counters::steal_ticks).value_or(0),
+                       total = counted(&Counters::total_ticks).value_or(0);
     const double share = total > 0 ? 100.0 * static_cast<double>(steal) / static_cast<double>(total) : 0.0;
     if (steal > 0)
       add("virtual machine", share > 1.0 ? Grade::bad : Grade::notice,
@@ -266,10 +247,10 @@ class Examination {
   }
 
   void pressure() {
-    if (!before_.pressure_us || !after_.pressure_us) return unseen("load", "no /proc/pressure/cpu");
+    const auto waited_us = counted(&Counters::pressure_us);
+    if (!waited_us) return unseen("load", "no /proc/pressure/cpu");
     const double spent = after_.at_s - before_.at_s;
-    const double share =
-        spent > 0.0 ? 1e-4 * static_cast<double>(*after_.pressure_us - *before_.pressure_us) / spent : 0.0;
+    const double share = spent > 0.0 ? 1e-4 * static_cast<double>(*waited_us) / spent : 0.0;
     const Grade grade = share > 20.0 ? (may_.rt_errno == 0 ? Grade::notice : Grade::bad) : Grade::good;
     add("load", grade,
         fmt::format("some program waited for a processor in {:.0f} % of the time{}", share,
@@ -278,30 +259,26 @@ class Examination {
   }
 
   void thermal() {
-    if (!before_.throttle_events || !after_.throttle_events)
-      return unseen("temperature", "no thermal_throttle counters");
-    const std::int64_t events = *after_.throttle_events - *before_.throttle_events;
-    add("temperature", events > 0 ? Grade::bad : Grade::good,
-        events > 0 ? fmt::format("the processor was slowed down {} times during the measurement", events)
-                   : "the processor was not slowed down",
-        events > 0 ? "cool the machine; sensors" : "");
+    const auto events = counted(&Counters::throttle_events);
+    if (!events) return unseen("temperature", "no thermal_throttle counters");
+    either("temperature", *events <= 0, "the processor was not slowed down", Grade::bad,
+           fmt::format("the processor was slowed down {} times during the measurement", *events),
+           "cool the machine; sensors");
   }
 
   void network() {
-    if (!before_.udp_queue_errors || !after_.udp_queue_errors) {
-      unseen("UDP queue", "no /proc/net/snmp");
-    } else {
-      const std::int64_t errors = *after_.udp_queue_errors - *before_.udp_queue_errors;
+    if (const auto errors = counted(&Counters::udp_queue_errors)) {
       const auto room = whole_number(read_("/proc/sys/net/core/rmem_max").value_or(""));
-      add("UDP queue", errors > 0 ? Grade::notice : Grade::good,
-          fmt::format("{} datagrams found a full queue during the measurement{}", errors,
+      add("UDP queue", *errors > 0 ? Grade::notice : Grade::good,
+          fmt::format("{} datagrams found a full queue during the measurement{}", *errors,
                       room ? fmt::format("; the largest queue is {} kB", *room / 1024) : ""),
-          errors > 0 ? "sudo sysctl net.core.rmem_max=4194304" : "");
+          *errors > 0 ? "sudo sysctl net.core.rmem_max=4194304" : "");
+    } else {
+      unseen("UDP queue", "no /proc/net/snmp");
     }
-    if (before_.softnet_dropped && after_.softnet_dropped && *after_.softnet_dropped > *before_.softnet_dropped)
+    if (const auto dropped = counted(&Counters::softnet_dropped); dropped && *dropped > 0)
       add("network interrupts", Grade::notice,
-          fmt::format("the kernel dropped {} packets before they were sorted",
-                      *after_.softnet_dropped - *before_.softnet_dropped),
+          fmt::format("the kernel dropped {} packets before they were sorted", *dropped),
           "sudo sysctl net.core.netdev_max_backlog=5000");
   }
 
@@ -315,17 +292,8 @@ class Examination {
 }  // namespace
 
 std::string to_string(Grade grade) {
-  switch (grade) {
-    case Grade::good:
-      return "good";
-    case Grade::notice:
-      return "notice";
-    case Grade::bad:
-      return "bad";
-    case Grade::unseen:
-      break;
-  }
-  return "unseen";
+  constexpr const char* kNames[] = {"good", "notice", "bad", "unseen"};
+  return kNames[static_cast<std::size_t>(grade)];
 }
 
 Counters read_counters(const ReadFile& read, double at_s) {

@@ -10,9 +10,12 @@
 #include <sys/utsname.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <array>
 #include <atomic>
 #include <cerrno>
+#include <cinttypes>
+#include <cstdio>
 #include <exception>
 #include <thread>
 
@@ -43,20 +46,9 @@ class ThreadWatch {
     getrusage(RUSAGE_THREAD, &usage);
     ThreadCounters c{usage.ru_nivcsw, usage.ru_majflt, sched_getcpu(), 0};
     std::array<char, 96> text;
-    const ssize_t size = fd_ >= 0 ? pread(fd_, text.data(), text.size(), 0) : 0;
-    // Numbers "running waiting slices"; read without allocation.
-    std::int64_t number = 0;
-    int field = 0;
-    for (ssize_t i = 0; i < size && field < 2; ++i) {
-      const char digit = text[static_cast<std::size_t>(i)];
-      if (digit >= '0' && digit <= '9') {
-        number = 10 * number + (digit - '0');
-      } else {
-        if (field == 1) c.waited_ns = number;
-        ++field;
-        number = 0;
-      }
-    }
+    const ssize_t size = fd_ >= 0 ? pread(fd_, text.data(), text.size() - 1, 0) : 0;
+    text[static_cast<std::size_t>(std::max<ssize_t>(size, 0))] = '\0';
+    std::sscanf(text.data(), "%*d %" SCNd64, &c.waited_ns);  // running, waiting, slices
     return c;
   }
 

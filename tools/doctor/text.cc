@@ -10,50 +10,42 @@ namespace {
 constexpr std::string_view kSpace = " \t\r\n";
 
 bool is_number(std::string_view text) {
-  return !text.empty() && std::all_of(text.begin(), text.end(), [](char c) { return c >= '0' && c <= '9'; });
+  return !text.empty() && text.find_first_not_of("0123456789") == text.npos;
 }
-std::optional<std::int64_t> number(std::string_view text, int base) {
+std::optional<std::int64_t> number(std::string_view text, int base = 10) {
   return number_from<std::int64_t>(text, base);
 }
 
 }  // namespace
 
-std::vector<std::string_view> words(std::string_view text) {
+std::vector<std::string_view> split(std::string_view text, std::string_view between) {
   std::vector<std::string_view> all;
-  for (std::size_t at = text.find_first_not_of(kSpace); at != text.npos;) {
-    const std::size_t end = std::min(text.find_first_of(kSpace, at), text.size());
+  for (std::size_t at = text.find_first_not_of(between); at != text.npos;) {
+    const std::size_t end = std::min(text.find_first_of(between, at), text.size());
     all.push_back(text.substr(at, end - at));
-    at = text.find_first_not_of(kSpace, end);
+    at = text.find_first_not_of(between, end);
   }
   return all;
 }
-
+std::vector<std::string_view> words(std::string_view text) {
+  return split(text, kSpace);
+}
 std::vector<std::string_view> lines(std::string_view text) {
-  std::vector<std::string_view> all;
-  while (!text.empty()) {
-    const std::size_t end = std::min(text.find('\n'), text.size());
-    all.push_back(text.substr(0, end));
-    text.remove_prefix(std::min(end + 1, text.size()));
-  }
-  return all;
+  return split(text, "\n");
 }
 
 std::optional<std::int64_t> whole_number(std::string_view text) {
-  return number(trimmed(text), 10);
+  return number(trimmed(text));
 }
 
 std::vector<int> processor_list(std::string_view text) {
   std::vector<int> all;
-  text = trimmed(text);
-  while (!text.empty()) {
-    const std::size_t comma = std::min(text.find(','), text.size());
-    const std::string_view range = text.substr(0, comma);
+  for (const std::string_view range : split(trimmed(text), ",")) {
     const std::size_t dash = range.find('-');
-    const auto first = number(range.substr(0, dash), 10);
-    const auto last = dash == range.npos ? first : number(range.substr(dash + 1), 10);
+    const auto first = number(range.substr(0, dash));
+    const auto last = dash == range.npos ? first : number(range.substr(dash + 1));
     if (!first || !last || *last - *first > 100000) return {};
     for (std::int64_t cpu = *first; cpu <= *last; ++cpu) all.push_back(static_cast<int>(cpu));
-    text.remove_prefix(std::min(comma + 1, text.size()));
   }
   return all;
 }
@@ -90,7 +82,7 @@ std::optional<ProcessorTimes> processor_times(std::string_view stat) {
     ProcessorTimes times;
     // user nice system idle iowait irq softirq steal; guest times are part of user and nice.
     for (std::size_t i = 1; i <= 8; ++i) {
-      const auto value = number(word[i], 10);
+      const auto value = number(word[i]);
       if (!value) return {};
       times.total += *value;
       if (i == 8) times.steal = *value;
@@ -104,7 +96,7 @@ std::optional<std::int64_t> pressure_us(std::string_view pressure) {
   for (const std::string_view line : lines(pressure)) {
     if (!line.starts_with("some ")) continue;
     const std::size_t total = line.find("total=");
-    return total == line.npos ? std::nullopt : number(trimmed(line.substr(total + 6)), 10);
+    return total == line.npos ? std::nullopt : number(trimmed(line.substr(total + 6)));
   }
   return {};
 }
@@ -117,7 +109,7 @@ std::map<std::string, std::int64_t> device_interrupts(std::string_view interrupt
     if (column == 0) {
       processors = word.size();
       const auto found = std::find_if(word.begin(), word.end(), [&](std::string_view name) {
-        return name.starts_with("CPU") && number(name.substr(3), 10) == processor;
+        return name.starts_with("CPU") && number(name.substr(3)) == processor;
       });
       if (found == word.end()) return {};
       column = static_cast<std::size_t>(found - word.begin()) + 1;
@@ -125,7 +117,7 @@ std::map<std::string, std::int64_t> device_interrupts(std::string_view interrupt
     }
     // Numbered ones are of devices; the others have letters.
     if (word.size() <= column || !word[0].ends_with(':') || !is_number(word[0].substr(0, word[0].size() - 1))) continue;
-    const auto count = number(word[column], 10);
+    const auto count = number(word[column]);
     if (!count) continue;
     std::string name{word[0].substr(0, word[0].size() - 1)};
     if (word.size() > processors + 1) (name += ' ') += word.back();
@@ -145,7 +137,7 @@ std::optional<std::int64_t> udp_queue_errors(std::string_view snmp) {
     }
     const auto found = std::find(names.begin(), names.end(), "RcvbufErrors");
     const auto at = static_cast<std::size_t>(found - names.begin());
-    return at < word.size() ? number(word[at], 10) : std::nullopt;
+    return at < word.size() ? number(word[at]) : std::nullopt;
   }
   return {};
 }
@@ -168,7 +160,7 @@ std::optional<Softnet> softnet(std::string_view text) {
 std::optional<double> cpu_quota(std::string_view cpu_max) {
   const std::vector<std::string_view> word = words(cpu_max);
   if (word.size() != 2 || word[0] == "max") return {};
-  const auto quota = number(word[0], 10), period = number(word[1], 10);
+  const auto quota = number(word[0]), period = number(word[1]);
   if (!quota || !period || *period <= 0) return {};
   return static_cast<double>(*quota) / static_cast<double>(*period);
 }

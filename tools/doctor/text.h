@@ -11,7 +11,8 @@
 
 namespace twoport::doctor {
 
-/// Parts between white space.
+/// Parts that are not empty: between characters of `between`, white space, and ends of lines.
+std::vector<std::string_view> split(std::string_view text, std::string_view between);
 std::vector<std::string_view> words(std::string_view text);
 std::vector<std::string_view> lines(std::string_view text);
 std::optional<std::int64_t> whole_number(std::string_view text);

@@ -8,8 +8,8 @@
 #include "common/base/built_for.h"
 #include "common/hardware/transparency_host.h"
 #include "common/page/judge.h"
+#include "web/playground/make_run.h"
 #include "web/playground/packed_scene.h"
-#include "web/playground/run.h"
 
 namespace twoport {
 
@@ -59,9 +59,7 @@ TWOPORT_EXPORT(command) int command() {
     page_judge->disturb();
   before = *c;
   PageChannel& to = *run->page().channel();
-  const bool of_hand = c->kind == PageCommand::Kind::target || c->kind == PageCommand::Kind::release ||
-                       c->kind == PageCommand::Kind::grip || c->kind == PageCommand::Kind::opening;
-  (of_hand ? to.hand : to.commands).try_push(*c);
+  (c->is_of_hand() ? to.hand : to.commands).try_push(*c);
   return 1;
 }
 /// Goes on to a time since the start, and returns how many numbers of samples there are at samples().

@@ -5,12 +5,20 @@
 #include "common/hardware/mounted.h"
 #include "drivers/page_device.h"
 #include "drivers/simulated.h"
+#include "master/page_samples.h"
 #include "master/render_node.h"
 #include "master/with_device.h"
-#include "web/playground/run.h"
 #include "web/playground/session.h"
 
 namespace twoport::playground {
+
+/// A scene that runs in the page. Its hand is the page's pointer, or where `scripted` that of the scene.
+class Run {
+ public:
+  virtual ~Run() = default;
+  virtual void until(Duration end) = 0;
+  [[nodiscard]] virtual PageSamples& page() = 0;
+};
 
 /// Limits of the network that the page adds.
 inline ImpairmentOptions most_added() {

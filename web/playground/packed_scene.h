@@ -14,6 +14,7 @@
 #include <optional>
 #include <string>
 #include <type_traits>
+#include <utility>
 #include <variant>
 #include <vector>
 
@@ -45,13 +46,13 @@ inline constexpr std::size_t kFields = count_fields<T>();
 /// branch for each.
 template <class T, class See>
 void with_fields(T& of, See see) {
-  static_assert(kFields<T> >= 1 && kFields<T> <= 40);
+  static_assert(kFields<T> >= 1 && kFields<T> <= 48);
 #define TWOPORT_BRANCH(z, count, unused)         \
   if constexpr (kFields<T> == count) {           \
     auto& [BOOST_PP_ENUM_PARAMS(count, v)] = of; \
     return see(BOOST_PP_ENUM_PARAMS(count, v));  \
   }
-  BOOST_PP_REPEAT_FROM_TO(1, 41, TWOPORT_BRANCH, )
+  BOOST_PP_REPEAT_FROM_TO(1, 49, TWOPORT_BRANCH, )
 #undef TWOPORT_BRANCH
 }
 
@@ -61,160 +62,111 @@ void with_fields(T& of, See see) {
 
 /// Is it one of these? Their content is not packed.
 template <class T>
-inline constexpr bool kLeftOut = std::is_same_v<T, SceneSource> || std::is_same_v<T, TransparencyHost>;
+inline constexpr bool kLeftOut = std::is_same_v<T, SceneSource> || std::is_same_v<T, TransparencyHost> || std::is_same_v<T, ArmModel>;
 template <class T>
 inline constexpr bool kRefused = std::is_same_v<T, RecordedHand> || std::is_same_v<T, DistanceField>;
 
-class Packer {
+/// Writes a scene to bytes, or reads it from them: one walk for both, so that they cannot differ.
+template <bool kWrites>
+class Archive {
  public:
+  /// Reads; on a little-endian machine, as WebAssembly is.
+  explicit Archive(const char* bytes = nullptr) : at_{bytes} {}
+
   template <class T>
-  void operator()(const T& value) {
+  void operator()(T& value) {
     if constexpr (std::is_arithmetic_v<T> || std::is_enum_v<T>) {
-      const auto* bytes = reinterpret_cast<const char*>(&value);
-      bytes_.append(bytes, sizeof value);
-      if constexpr (std::endian::native == std::endian::big) std::reverse(bytes_.end() - sizeof value, bytes_.end());
+      pass(&value, sizeof value);
+      if constexpr (kWrites && std::endian::native == std::endian::big)
+        std::reverse(bytes_.end() - sizeof value, bytes_.end());
     } else {
-      pack(value);
+      walk(value);
     }
   }
   [[nodiscard]] const std::string& bytes() const { return bytes_; }
 
  private:
-  void count(std::size_t n) { (*this)(static_cast<std::uint32_t>(n)); }
-  void pack(const std::string& s) {
-    count(s.size());
-    bytes_ += s;
-  }
-  template <class T>
-  void pack(const std::vector<T>& list) {
-    count(list.size());
-    for (const T& each : list) (*this)(each);
-  }
-  template <class T>
-  void pack(const std::optional<T>& value) {
-    (*this)(value.has_value());
-    if (value) (*this)(*value);
-  }
-  template <class... T>
-  void pack(const std::variant<T...>& choice) {
-    count(choice.index());
-    std::visit([this](const auto& value) { (*this)(value); }, choice);
-  }
-  template <class T>
-  void pack(const std::shared_ptr<T>& value) {
-    if constexpr (kRefused<std::remove_const_t<T>>) {
-      throw ConfigError{"a mesh or a recorded hand"};
-    } else if constexpr (!kLeftOut<std::remove_const_t<T>>) {
-      (*this)(value != nullptr);
-      if (value) (*this)(*value);
-    }
-  }
-  template <class Kind>
-  void pack(const Scalar<Kind>& value) {
-    (*this)(value.si());
-  }
-  void pack(const Eigen::Quaterniond& q) { (*this)(Eigen::Vector4d{q.coeffs()}); }
-  template <int Rows, int Columns>
-  void pack(const Eigen::Matrix<double, Rows, Columns>& m) {
-    for (int i = 0; i < Rows * Columns; ++i) (*this)(m.data()[i]);
-  }
-  /// As its corners, exactly those that it was made from: every chain ends on the axis by a segment across it, and one that comes from
-  /// infinity comes across it too.
-  void pack(const Profile& p) {
-    const auto& segments = p.segments();
-    const bool endless = !std::isfinite(segments.front().from);
-    std::vector<Eigen::Vector2d> corners;
-    if (endless) corners.emplace_back(2.0 * segments.front().origin.x(), segments.front().origin.y());
-    for (const Profile::Segment& s : segments)
-      if (!endless || &s != &segments.front()) corners.push_back(s.origin);
-    corners.emplace_back(0.0, segments.back().origin.y());
-    (*this)(endless);
-    (*this)(corners);
-  }
-  template <class T>
-  void pack(const T& value) requires std::is_class_v<T> {
-    if constexpr (std::is_base_of_v<Revolved, T> && !std::is_same_v<T, Revolved>) {
-      (*this)(static_cast<const Revolved&>(value));
+  void pass(void* data, std::size_t size) {
+    if constexpr (kWrites) {
+      bytes_.append(static_cast<const char*>(data), size);
     } else {
-      with_fields(value, [this](const auto&... fields) { ((*this)(fields), ...); });
+      std::memcpy(data, at_, size);
+      at_ += size;
     }
   }
-
-  std::string bytes_;
-};
-
-/// On a little-endian machine, as WebAssembly is.
-class Unpacker {
- public:
-  explicit Unpacker(const char* bytes) : at_{bytes} {}
+  /// Of what is written; what is read may be another one.
   template <class T>
-  void operator()(T& value) {
-    if constexpr (std::is_arithmetic_v<T> || std::is_enum_v<T>) {
-      std::memcpy(&value, at_, sizeof value);
-      at_ += sizeof value;
-    } else {
-      unpack(value);
-    }
-  }
-
- private:
-  template <class T>
-  T get() {
-    T value{};
+  T passed(T value) {
     (*this)(value);
     return value;
   }
-  std::size_t count() { return get<std::uint32_t>(); }
-  void unpack(std::string& s) {
-    const std::size_t size = count();
-    s.assign(at_, size);
-    at_ += size;
+  std::size_t count(std::size_t n) { return passed(static_cast<std::uint32_t>(n)); }
+
+  void walk(std::string& s) {
+    s.resize(count(s.size()));
+    pass(s.data(), s.size());
   }
   template <class T>
-  void unpack(std::vector<T>& list) {
-    list.resize(count());
+  void walk(std::vector<T>& list) {
+    list.resize(count(list.size()));
     for (T& each : list) (*this)(each);
   }
   template <class T>
-  void unpack(std::optional<T>& value) {
-    value.reset();
-    if (get<bool>()) (*this)(value.emplace());
+  void walk(std::optional<T>& value) {
+    const bool is_there = passed(value.has_value());
+    if (!kWrites) value.reset();
+    if (is_there) (*this)(kWrites ? *value : value.emplace());
   }
   template <class... T>
-  void unpack(std::variant<T...>& choice) {
-    std::size_t index = count();
-    ((index-- == 0 ? (*this)(choice.template emplace<T>()) : void()), ...);
+  void walk(std::variant<T...>& choice) {
+    [[maybe_unused]] std::size_t index = count(choice.index());
+    if constexpr (!kWrites) ((index-- == 0 ? static_cast<void>(choice.template emplace<T>()) : void()), ...);
+    std::visit(*this, choice);
   }
   template <class T>
-  void unpack(std::shared_ptr<T>& value) {
+  void walk(std::shared_ptr<T>& value) {
     using Value = std::remove_const_t<T>;
-    value = nullptr;
-    if constexpr (std::is_same_v<Value, Profile>) {
-      if (!get<bool>()) return;
-      const bool endless = get<bool>();
-      value = std::make_shared<const Profile>(get<std::vector<Eigen::Vector2d>>(), endless);
-    } else if constexpr (!kRefused<Value> && !kLeftOut<Value>) {
-      if (!get<bool>()) return;
-      const auto made = std::make_shared<Value>();
-      (*this)(*made);
-      value = made;
+    if constexpr (kWrites && kRefused<Value>) {
+      throw ConfigError{"a mesh or a recorded hand"};
+    } else if constexpr (kRefused<Value> || kLeftOut<Value>) {
+      if (!kWrites) value = nullptr;
+    } else if (!passed(value != nullptr)) {
+      value = nullptr;
+    } else if constexpr (std::is_same_v<Value, Profile>) {
+      walk_profile(value);
+    } else {
+      if constexpr (!kWrites) value = std::make_shared<Value>();
+      (*this)(const_cast<Value&>(*value));
     }
   }
+  /// As its corners, exactly those that it was made from: every chain ends on the axis by a segment across it, and one that comes from
+  /// infinity comes across it too.
+  void walk_profile(std::shared_ptr<const Profile>& value) {
+    std::vector<Eigen::Vector2d> corners;
+    bool endless = false;
+    if constexpr (kWrites) {
+      const auto& segments = value->segments();
+      endless = !std::isfinite(segments.front().from);
+      if (endless) corners.emplace_back(2.0 * segments.front().origin.x(), segments.front().origin.y());
+      for (const Profile::Segment& s : segments)
+        if (!endless || &s != &segments.front()) corners.push_back(s.origin);
+      corners.emplace_back(0.0, segments.back().origin.y());
+    }
+    (*this)(endless);
+    (*this)(corners);
+    if constexpr (!kWrites) value = std::make_shared<const Profile>(std::move(corners), endless);
+  }
   template <class Kind>
-  void unpack(Scalar<Kind>& value) {
-    value = Scalar<Kind>{get<double>()};
+  void walk(Scalar<Kind>& value) {
+    value = Scalar<Kind>{passed(value.si())};
   }
-  void unpack(Eigen::Quaterniond& q) {
-    Eigen::Vector4d c;
-    (*this)(c);
-    q.coeffs() = c;
-  }
-  template <int Rows, int Columns>
-  void unpack(Eigen::Matrix<double, Rows, Columns>& m) {
-    for (int i = 0; i < Rows * Columns; ++i) (*this)(m.data()[i]);
+  void walk(Eigen::Quaterniond& q) { walk(q.coeffs()); }
+  template <class Numbers>
+  void walk(Eigen::PlainObjectBase<Numbers>& m) {
+    for (int i = 0; i < m.size(); ++i) (*this)(m.data()[i]);
   }
   template <class T>
-  void unpack(T& value) requires std::is_class_v<T> {
+  void walk(T& value) requires std::is_class_v<T> {
     if constexpr (std::is_base_of_v<Revolved, T> && !std::is_same_v<T, Revolved>) {
       (*this)(static_cast<Revolved&>(value));
     } else {
@@ -222,7 +174,10 @@ class Unpacker {
     }
   }
 
+  std::string bytes_;
   const char* at_;
 };
+using Packer = Archive<true>;
+using Unpacker = Archive<false>;
 
 }  // namespace twoport::playground

@@ -90,7 +90,7 @@ int main(int argc, char** argv) {
   for (int i = 2; i < argc; ++i) {
     const std::filesystem::path path = argv[i];
     try {
-      const Scene scene = playground::with_all_methods(path);
+      Scene scene = playground::with_all_methods(path);
       if (scene.control.architecture == Architecture::uncontrolled) throw ConfigError{"a robot without a hand"};
       playground::Packer packer;
       packer(scene);

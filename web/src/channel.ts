@@ -53,9 +53,7 @@ export interface Introduction {
   home_m: Vec; // where the handle began
   grip_n_per_m: number;
   grip_limits_n_per_m: [number, number];
-  max_force_n: number | null;
   motion_scale: number;
-  force_scale: number;
   limits: string[]; // names, by bit of a sample's `limits`
   linked: boolean;
   to_slave: Network;

@@ -4,7 +4,7 @@ import './style.css';
 import { connect, Layout, type Connection, type Introduction, type Network, type Told, type Vec } from './channel';
 import { isSolid, viewsFor } from './picture';
 import { Plots, type Curve, type PlotSpec } from './plots';
-import { joules, Session, state, type Kind } from './session';
+import { element, joules, Session, state, type Kind } from './session';
 import { Sound } from './sound';
 import { Tour } from './tour';
 
@@ -19,9 +19,6 @@ const REACH_M = 0.5;
 const ADJUSTABLE = 1; // environment_answer
 const OUT_OF_RANGE = 6;
 
-function element<T extends HTMLElement>(id: string): T {
-  return document.getElementById(id) as T;
-}
 /** A value with its unit; the number itself stays readable to programs. */
 function show(id: string, value: number, digits: number, unit: string): void {
   const out = element(id);
@@ -343,53 +340,24 @@ class Page {
       colour,
       value: (s) => (s[place]! <= absent ? null : factor * s[place]!),
     });
-    const specs: PlotSpec[] = [
-      {
-        title: `Position ${name}`,
-        unit: 'mm',
-        curves: [
-          { label: 'hand', colour: '--hand', value: (s) => scale * s[at('hand_x_m') + i]! + 1e3 * this.first!.origin[i]! },
-          curve('robot', '--robot', at('robot_x_m') + i, 1e3),
-        ],
-      },
-      {
-        title: `Force ${name}`,
-        unit: 'N',
-        curves: [
-          curve('wanted', '--third', at('unlimited_n') + i, 1),
-          curve('on the environment', '--robot', at('environment_n') + i, 1),
-          curve('felt', '--felt', at('felt_n') + i, 1),
-        ],
-      },
-      {
-        title: 'Energy',
-        unit: 'mJ',
-        curves: [
-          curve('in at the hand', '--hand', at('hand_energy_j'), 1e3),
-          curve('in at the robot', '--robot', at('robot_energy_j'), 1e3),
-          curve('dissipated', '--felt', at('dissipated_j'), 1e3),
-          curve('not dissipated yet', '--third', at('deficit_j'), 1e3),
-        ],
-      },
-      {
-        title: 'Gripper',
-        unit: 'mm',
-        curves: [
-          curve('handle', '--hand', at('gripper_hand_m'), 1e3),
-          curve('fingers', '--robot', at('gripper_robot_m'), 1e3),
-        ],
-      },
-      {
-        title: 'Force at the gripper',
-        unit: 'N',
-        curves: [
-          curve('on the object', '--robot', at('gripper_object_n'), -1),
-          curve('felt', '--felt', at('gripper_felt_n'), 1),
-        ],
-      },
-      { title: 'Energy at the gripper', unit: 'mJ', curves: [curve('in at the hand', '--hand', at('gripper_energy_j'), 1e3)] },
-      { title: 'Round trip', unit: 'ms', curves: [curve('round trip', '--hand', at('round_trip_ms'), 1, -1e-9)] },
-      { title: 'Wake-up latency', unit: 'µs', curves: [curve('latency', '--hand', at('late_us'), 1)] },
+    const plot = (title: string, unit: string, ...curves: Curve[]): PlotSpec => ({ title, unit, curves });
+    const hand: Curve = { label: 'hand', colour: '--hand', value: (s) => scale * s[at('hand_x_m') + i]! + 1e3 * this.first!.origin[i]! };
+    const specs = [
+      plot(`Position ${name}`, 'mm', hand, curve('robot', '--robot', at('robot_x_m') + i, 1e3)),
+      plot(`Force ${name}`, 'N',
+        curve('wanted', '--third', at('unlimited_n') + i, 1),
+        curve('on the environment', '--robot', at('environment_n') + i, 1),
+        curve('felt', '--felt', at('felt_n') + i, 1)),
+      plot('Energy', 'mJ',
+        curve('in at the hand', '--hand', at('hand_energy_j'), 1e3),
+        curve('in at the robot', '--robot', at('robot_energy_j'), 1e3),
+        curve('dissipated', '--felt', at('dissipated_j'), 1e3),
+        curve('not dissipated yet', '--third', at('deficit_j'), 1e3)),
+      plot('Gripper', 'mm', curve('handle', '--hand', at('gripper_hand_m'), 1e3), curve('fingers', '--robot', at('gripper_robot_m'), 1e3)),
+      plot('Force at the gripper', 'N', curve('on the object', '--robot', at('gripper_object_n'), -1), curve('felt', '--felt', at('gripper_felt_n'), 1)),
+      plot('Energy at the gripper', 'mJ', curve('in at the hand', '--hand', at('gripper_energy_j'), 1e3)),
+      plot('Round trip', 'ms', curve('round trip', '--hand', at('round_trip_ms'), 1, -1e-9)),
+      plot('Wake-up latency', 'µs', curve('latency', '--hand', at('late_us'), 1)),
     ];
     this.plots = new Plots(element('plots'), specs.filter(
       (s) =>
@@ -404,14 +372,12 @@ class Page {
     const grip = element<HTMLInputElement>('grip');
     [grip.min, grip.max] = scene.grip_limits_n_per_m.map(String) as [string, string];
     grip.value = String(scene.grip_n_per_m);
-    const tellGrip = (): void => {
-      element('grip-value').textContent = `${grip.value} N/m`;
-    };
-    grip.oninput = () => {
+    const tellGrip = (): string => (element('grip-value').textContent = `${grip.value} N/m`);
+    const sendGrip = (): void => {
       tellGrip();
       this.channel.send(`grip ${grip.value}`);
     };
-    const sendGrip = grip.oninput as () => void;
+    grip.oninput = sendGrip;
     tellGrip();
 
     for (const row of document.querySelectorAll<HTMLElement>('.gripper')) row.hidden = scene.gripper_m === null;
@@ -435,40 +401,22 @@ class Page {
       { key: 'loss', name: 'Loss', most: 100 * limits.loss, step: 1, unit: '%', factor: 0.01 },
     ];
     const directions = ['to_slave', 'to_master'] as const;
-    const inputs = directions.map((direction) =>
-      rows.map((row) => {
-        const input = document.createElement('input');
-        Object.assign(input, { type: 'range', min: '0', max: String(row.most), step: String(row.step), value: '0' });
-        input.id = `${direction}-${row.key}`;
-        return input;
-      }),
-    );
-    const outputs = inputs.map((list) => list.map(() => document.createElement('output')));
+    const sliders = (direction: string): string =>
+      rows.map((r) => `<label class="slider"><span>${r.name}</span><input id="${direction}-${r.key}" type="range" min="0" max="${r.most}" step="${r.step}" value="0"><output></output></label>`).join('');
+    element('network').innerHTML = directions.map((direction) => `<div class="direction"><b></b>${sliders(direction)}</div>`).join('');
+    const boxes = [...document.querySelectorAll<HTMLElement>('#network .direction')];
+    const inputs = boxes.map((box) => [...box.querySelectorAll('input')]);
+    const tell = (d: number): void => boxes[d]!.querySelectorAll('output').forEach((out, i) => (out.textContent = `${inputs[d]![i]!.value} ${rows[i]!.unit}`));
     const send = (d: number): void => {
       const words = rows.map((row, i) => Number(inputs[d]![i]!.value) * row.factor);
       this.channel.send(`network ${directions[d]} ${words.join(' ')}`);
       tell(d);
     };
-    const boxes = directions.map((direction, d) => {
-      const box = document.createElement('div');
-      box.className = 'direction';
-      const title = document.createElement('b');
-      box.append(title);
-      rows.forEach((row, i) => {
-        const label = document.createElement('label'), text = document.createElement('span');
-        label.className = 'slider';
-        text.textContent = row.name;
-        label.append(text, inputs[d]![i]!, outputs[d]![i]!);
-        box.append(label);
-        inputs[d]![i]!.oninput = () => {
-          if (both.checked) inputs[1 - d]![i]!.value = inputs[d]![i]!.value;
-          send(d);
-          if (both.checked) send(1 - d);
-        };
-      });
-      title.dataset.direction = direction;
-      return box;
-    });
+    inputs.forEach((list, d) => list.forEach((input, i) => (input.oninput = () => {
+      if (both.checked) inputs[1 - d]![i]!.value = input.value;
+      send(d);
+      if (both.checked) send(1 - d);
+    })));
     const arrange = (): void => {
       boxes[1]!.hidden = both.checked;
       boxes[0]!.querySelector('b')!.textContent = both.checked ? 'Each direction' : 'To the slave';
@@ -480,9 +428,7 @@ class Page {
       inputs[0]!.forEach((input, i) => (inputs[1]![i]!.value = input.value));
       send(1);
     };
-    element('network').replaceChildren(...boxes);
     arrange();
-    const tell = (d: number): void => rows.forEach((row, i) => (outputs[d]![i]!.textContent = `${inputs[d]![i]!.value} ${row.unit}`));
     tell(0);
     tell(1);
     this.sendAll = () => {
@@ -533,18 +479,12 @@ class Page {
     this.clutching = false;
     this.workTouchedAt = -Infinity;
     const names = ['x', 'y', 'z', 'about x', 'about y', 'about z'].slice(0, scene.dof);
-    const boxes = names.map((name) => {
-      const label = document.createElement('label'), box = document.createElement('input');
-      box.type = 'checkbox';
-      label.className = 'check';
-      label.append(box, `lock ${name}`);
-      return { label, box };
-    });
-    element('locks').replaceChildren(...boxes.map((b) => b.label));
-    for (const { box } of boxes)
+    element('locks').innerHTML = names.map((name) => `<label class="check"><input type="checkbox">lock ${name}</label>`).join('');
+    const boxes = [...document.querySelectorAll<HTMLInputElement>('#locks input')];
+    for (const box of boxes)
       box.onchange = () => {
         this.workTouchedAt = performance.now();
-        this.channel.send(`lock ${boxes.reduce((sum, b, i) => sum + (b.box.checked ? 2 ** i : 0), 0)}`);
+        this.channel.send(`lock ${boxes.reduce((sum, b, i) => sum + (b.checked ? 2 ** i : 0), 0)}`);
       };
     const motion = element<HTMLInputElement>('motion'), force = element<HTMLInputElement>('force');
     motion.oninput = force.oninput = () => {
@@ -765,16 +705,13 @@ class Page {
   private take(numbers: Float64Array, which = 0): void {
     const size = this.layout.size, session = this.sessions[which];
     if (!session || size === 0 || numbers.length % size !== 0) return;
-    if (which > 0) {
-      for (let at = 0; at < numbers.length; at += size) session.take(numbers.subarray(at, at + size));
-      return;
-    }
-    this.receivedAt = performance.now();
+    if (which === 0) this.receivedAt = performance.now();
     for (let at = 0; at < numbers.length; at += size) {
       const sample = numbers.subarray(at, at + size);
       const t = sample[this.layout.place('t_s')]!;
-      if (this.last && t < this.last[this.layout.place('t_s')]!) this.plots?.clear();
+      if (which === 0 && this.last && t < this.last[this.layout.place('t_s')]!) this.plots?.clear();
       session.take(sample);
+      if (which > 0) continue;
       const limits = sample[this.layout.place('limits')]!;
       for (let bit = 0; limits > 0 && bit < 16; ++bit) if ((limits >> bit) & 1) this.limitsSeen.push({ at: this.receivedAt, bit });
       const late = sample[this.layout.place('late_us')]!;
@@ -782,6 +719,7 @@ class Page {
       if (this.samples++ % PLOT_EVERY === 0) this.plots?.add(t, sample);
       this.recording?.push(Array.from(sample).join(','));
     }
+    if (which > 0) return;
     const now = this.last![this.layout.place('t_s')]!;
     this.latest = this.latest.filter((x) => x.at > now - 1);
   }

@@ -8,6 +8,9 @@ const COUPLED = 1;
 export type Kind = '' | 'good' | 'bad' | 'warn' | 'old';
 const KINDS = { passive: 'good', 'not passive': 'bad', restless: 'warn', unstable: 'bad' } as const;
 
+export function element<T extends HTMLElement>(id: string): T {
+  return document.getElementById(id) as T;
+}
 export function state(out: HTMLElement, text: string, kind: Kind = ''): void {
   if (out.textContent !== text) out.textContent = text;
   out.className = `state ${kind}`;
@@ -54,12 +57,10 @@ export class Session {
     return this.last![this.layout.place(name)]!;
   }
   vector(name: string): Vec {
-    const at = this.layout.place(name);
-    return [this.last![at]!, this.last![at + 1]!, this.last![at + 2]!];
+    return this.list(name) as Vec;
   }
   attitude(name: string): Attitude {
-    const at = this.layout.place(name);
-    return [this.last![at]!, this.last![at + 1]!, this.last![at + 2]!, this.last![at + 3]!];
+    return this.list(name) as Attitude;
   }
   private list(name: string): number[] {
     const at = this.layout.place(name);

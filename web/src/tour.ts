@@ -1,6 +1,7 @@
 // A guided tour: five steps, each a sentence and something to do. It knows the page only through what is here.
 
 import type { Told } from './channel';
+import { element } from './session';
 
 export interface Guided {
   felt(): number; // [N]
@@ -21,10 +22,6 @@ interface Step {
   act?: { name: string; run(): void };
   limited?: string; // said while a limit acts
   done(): boolean;
-}
-
-function element<T extends HTMLElement>(id: string): T {
-  return document.getElementById(id) as T;
 }
 
 export class Tour {
