@@ -93,7 +93,7 @@ class LinkLoop final : public Simulation<N> {
     return order_.run(
         end, [this](TickAt at) { slave_tick(at); }, [this, &visit](TickAt at) { return visit(master_tick(at)); });
   }
-  [[nodiscard]] const sim::Path<N>* path() const override { return &device_.path(); }
+  [[nodiscard]] const sim::Path<sim::kPathSize<N>>* path() const override { return &device_.path(); }
   void slave_tick(TickAt at) noexcept {
     if (at.now > Duration{0}) {
       Position<N> before = robot_.state().x;
@@ -209,7 +209,7 @@ class RenderLoop final : public Simulation<N> {
                           .coupled = true});
     });
   }
-  [[nodiscard]] const sim::Path<N>* path() const override { return &device_.path(); }
+  [[nodiscard]] const sim::Path<sim::kPathSize<N>>* path() const override { return &device_.path(); }
   auto cycle(NoMail& mail, Duration now) noexcept {
     const Tick<MasterClock> tick{Instant<MasterClock>{now}, Seconds{1.0 / ticker_.rate_hz()}};
     return tapped_cycle(taps_ ? &taps_->master : nullptr, node_, device_, mail, tick);

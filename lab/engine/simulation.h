@@ -98,7 +98,7 @@ class Simulation {
   static constexpr std::uint64_t kEvery = 256;
   virtual std::uint64_t advance(Duration end, const Visit& visit) = 0;
   /// Of the operator; null: there is none.
-  [[nodiscard]] virtual const sim::Path<N>* path() const { return nullptr; }
+  [[nodiscard]] virtual const sim::Path<sim::kPathSize<N>>* path() const { return nullptr; }
 
   Duration end_;
   Energy initial_energy_, granted_energy_;

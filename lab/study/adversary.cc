@@ -1,6 +1,7 @@
 #include "lab/study/adversary.h"
 
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 
 #include <algorithm>
 #include <cmath>
@@ -16,6 +17,7 @@
 #include "common/passivity/velocity_predictor.h"
 #include "common/scene/load.h"
 #include "lab/engine/both_nodes.h"
+#include "sim/sim_joints.h"
 #include "lab/study/map.h"
 
 namespace twoport::lab {
@@ -253,6 +255,49 @@ std::string schedule_of(const std::string& method, double duration_s, Draw& also
   return all;
 }
 
+/// Two arms with the same number of joints, a hand that holds the leader's tool, and what the follower's touches.
+std::string arms_text(double rate_hz, Draw& draw) {
+  constexpr const char* kSeven[] = {"panda", "fr3", "iiwa14"};
+  const bool six = draw.once_in(4);
+  const auto arm = [&] {
+    std::string text = fmt::format("arm {{ file: \"{}\" tool_mass_kg: {} joint_damping_n_m_s_per_rad: {} ",
+                                   six ? "ur5e" : kSeven[draw.below(3)], draw.once_in(2) ? 0.0 : draw.decades(0.1, 3.0),
+                                   draw.decades(0.05, 5.0));
+    if (draw.once_in(6))
+      text += fmt::format("joint_coulomb_friction_n_m: [{}] ",
+                          fmt::join(std::vector<double>(six ? 6 : 7, draw.decades(0.05, 2.0)), ", "));
+    return text + "}";
+  };
+  std::string text = fmt::format(
+      "operator {{ hand {{ mass_kg: {} stiffness_n_per_m: {} damping_n_s_per_m: {} ", draw.decades(0.02, 0.5),
+      draw.decades(100.0, 2000.0), draw.decades(2.0, 40.0));
+  if (draw.once_in(2))
+    text += fmt::format("inertia_kg_m2: 1e-4 rotational_stiffness_n_m_per_rad: {} rotational_damping_n_m_s_per_rad: {} ",
+                        draw.decades(1.0, 50.0), draw.decades(0.05, 2.0));
+  text += "} ";
+  for (int left = 2 + draw.below(4); left > 0; --left) {
+    const Eigen::Vector3d to = draw.uniform(0.0, 0.1) * draw.direction<3>();
+    if (draw.once_in(3))
+      text += fmt::format("path {{ sine {{ axis: {} amplitude_m: {} frequency_hz: {} duration_s: {} }} }} ",
+                          draw.below(3), draw.decades(0.005, 0.1), draw.decades(0.3, 6.0), draw.uniform(0.2, 1.0));
+    else
+      text += fmt::format("path {{ move_to {{ position_m: [{}, {}, {}] duration_s: {} }} }} ", to.x(), to.y(), to.z(),
+                          draw.uniform(0.1, 1.0));
+  }
+  if (draw.once_in(4)) text += fmt::format("tremor {{ rms_m: {} }} ", draw.decades(1e-5, 3e-3));
+  text += "} device { " + arm();
+  if (draw.once_in(4)) text += fmt::format(" position_resolution_m: {}", draw.decades(1e-6, 1e-3));
+  text += " } robot { " + arm() + " force_sensor { } }";
+  for (int left = 1 + draw.below(3); left > 0; --left) {
+    const Eigen::Vector3d n = draw.direction<3>();
+    text += fmt::format(
+        " environment {{ wall {{ normal: [{}, {}, {}] offset_m: {} stiffness_n_per_m: {} friction: {} }} }}", n.x(), n.y(),
+        n.z(), -draw.decades(0.002, 0.08), std::min(draw.decades(300.0, 2e4), 0.02 * rate_hz * rate_hz),
+        draw.once_in(2) ? 0.0 : draw.uniform(0.0, 0.8));
+  }
+  return text;
+}
+
 /// Scene of a run; `draw` and `also` go on with what the scene does not hold.
 Scene scene_of(const std::string& method, AdversaryRun& run, Draw& draw, Draw& also,
                const std::vector<std::string>& set) {
@@ -269,11 +314,18 @@ Scene scene_of(const std::string& method, AdversaryRun& run, Draw& draw, Draw& a
   const double stiffness = std::min(draw.decades(300.0, 2000.0), 0.05 * least_kg * least_hz * least_hz);
   const double damping = std::min(draw.uniform(0.2, 1.0) * std::sqrt(stiffness * robot_kg), 0.2 * least_kg * least_hz);
   const auto six = [&](double kg) { return dof == 6 ? fmt::format(" inertia_kg_m2: {}", 1e-3 * kg) : std::string{}; };
-  std::string text = fmt::format(
-      "dof: {} duration_s: 1 rate_hz: {} slave_rate_hz: {} seed: {} device {{ mass_kg: {} damping_n_s_per_m: {} "
-      "max_force_n: {}",
-      dof, master_hz, slave_hz, draw.below(1 << 30), mass_kg, draw.decades(0.01, 0.5), draw.decades(3.0, 30.0));
-  text += six(mass_kg) + fmt::format(" }} robot {{ mass_kg: {} force_sensor {{ }}{} }}", robot_kg, six(robot_kg));
+  std::string text;
+  if (dof == kJointPort) {
+    text = fmt::format("space: JOINTS duration_s: 1 rate_hz: {} slave_rate_hz: {} seed: {} ", master_hz, slave_hz,
+                       draw.below(1 << 30)) +
+           arms_text(least_hz, draw);
+  } else {
+    text = fmt::format(
+        "dof: {} duration_s: 1 rate_hz: {} slave_rate_hz: {} seed: {} device {{ mass_kg: {} damping_n_s_per_m: {} "
+        "max_force_n: {}",
+        dof, master_hz, slave_hz, draw.below(1 << 30), mass_kg, draw.decades(0.01, 0.5), draw.decades(3.0, 30.0));
+    text += six(mass_kg) + fmt::format(" }} robot {{ mass_kg: {} force_sensor {{ }}{} }}", robot_kg, six(robot_kg));
+  }
   text +=
       fmt::format(" control {{ virtual_coupling {{ stiffness_n_per_m: {} damping_n_s_per_m: {} ", stiffness, damping);
   if (dof == 6)
@@ -285,8 +337,8 @@ Scene scene_of(const std::string& method, AdversaryRun& run, Draw& draw, Draw& a
                          draw);
   if (also.once_in(3))
     text += fmt::format("force_scale: {} motion_scale: {} ", also.decades(0.1, 10.0), also.decades(0.1, 10.0));
-  if (also.once_in(3)) text += limits("device_limits", false, also);
-  if (also.once_in(3)) text += limits("robot_limits", true, also);
+  if (dof != kJointPort && also.once_in(3)) text += limits("device_limits", false, also);
+  if (dof != kJointPort && also.once_in(3)) text += limits("robot_limits", true, also);
   const std::string to_slave = way(draw), to_master = way(draw);
   if (run.rests) text += "release_after_s: 0.3 ";
   if (also.once_in(3)) text += schedule_of(method, run.rests ? 2.0 : 1500.0 / master_hz, also);
@@ -296,6 +348,54 @@ Scene scene_of(const std::string& method, AdversaryRun& run, Draw& draw, Draw& a
                         also.uniform(-500.0, 500.0));
   return parse_scene(text, "adversary", set);
 }
+
+/// Handle and robot of a run.
+template <int N>
+struct Bodies {
+  Bodies(const Scene& s, Draw& draw, Seconds master_dt, Seconds slave_dt)
+      : handle{s.device->mass_kg, 1e-3 * s.device->mass_kg, s.device->damping_n_s_per_m, true, draw, master_dt},
+        robot{s.robot->mass_kg, 1e-3 * s.robot->mass_kg, 0.0, false, draw, slave_dt} {}
+  Body<N> handle, robot;
+};
+/// The arms of the scene.
+template <>
+struct Bodies<kJointPort> {
+  template <class Arm>
+  class Joints {
+   public:
+    static constexpr int N = kJointPort;
+    Joints(const Scene& s, Seconds dt) : arm_{s, dt} {}
+    void rest(int) {
+      if constexpr (requires { arm_.hold(); }) {
+        arm_.hold();
+      } else {
+        arm_.silence();
+      }
+    }
+    Displacement<N> advance(const Force<N>& port) {
+      const Position<N> before = x();
+      if constexpr (requires { arm_.hold(); }) {
+        arm_.actuate(-port);
+      } else {
+        arm_.actuate(RobotCommand<N>{port, {}, {}});
+      }
+      arm_.advance();
+      return x() - before;
+    }
+    [[nodiscard]] Position<N> x() const { return arm_.sense().x; }
+    [[nodiscard]] Velocity<N> v() const { return arm_.sense().v; }
+    [[nodiscard]] Force<N> own_force() const { return arm_.environment_force(); }
+    [[nodiscard]] Force<N>::Vector mass() const { return Force<N>::Vector::Ones(); }
+    [[nodiscard]] Force<N>::Vector damping() const { return Force<N>::Vector::Zero(); }
+
+   private:
+    Arm arm_;
+  };
+
+  Bodies(const Scene& s, Draw&, Seconds master_dt, Seconds slave_dt) : handle{s, master_dt}, robot{s, slave_dt} {}
+  Joints<sim::SimDevice<kJointPort>> handle;
+  Joints<sim::SimRobot<kJointPort>> robot;
+};
 
 /// While a queue holds them no packets come; afterwards some in a poll, the oldest first, until it is empty.
 struct Queue {
@@ -537,9 +637,16 @@ AdversaryRun run_of(const std::string& method, AdversaryRun out, Draw& draw, con
   AtWork<N> at_work{!out.rests && also.once_in(5), scene.control.engage, also};
   const double repeats = also.once_in(4) ? also.decades(0.01, 1.0) : 0.0;
 
-  Body<N> handle{
-      scene.device->mass_kg, 1e-3 * scene.device->mass_kg, scene.device->damping_n_s_per_m, true, draw, master_dt};
-  Body<N> robot{scene.robot->mass_kg, 1e-3 * scene.robot->mass_kg, 0.0, false, draw, order.slave_period()};
+  Bodies<N> bodies{scene, draw, master_dt, order.slave_period()};
+  auto& [handle, robot] = bodies;
+  // Of a motion of joints in the metric of the nodes.
+  const auto size2 = [&](const Displacement<N>& by) {
+    if constexpr (N == kJointPort) {
+      return by.vec().cwiseProduct(scene.control.joint_scale).squaredNorm();
+    } else {
+      return by.squared_norm();
+    }
+  };
   MasterNode<N> master{scene.control, scene.schedule};
   SlaveNode<N> slave{scene.control, scene.schedule};
   const auto room = [&](const ImpairmentOptions& way, const Queue& queue, double rate_hz) {
@@ -576,7 +683,7 @@ AdversaryRun run_of(const std::string& method, AdversaryRun out, Draw& draw, con
       const Displacement<N> driven = robot.advance(pushed);
       if (is_half_a_turn(driven)) turns = true;
       at.robot_j += dot(pushed, driven).si();
-      at.robot_largest2 = std::max(at.robot_largest2, driven.squared_norm());
+      at.robot_largest2 = std::max(at.robot_largest2, size2(driven));
     }
     slave_mail.transport().set_clock_ahead(when.ahead);
     GivenReading<RobotSample<N>> reading{{robot.x(), robot.v(), -robot.own_force()}};
@@ -592,7 +699,7 @@ AdversaryRun run_of(const std::string& method, AdversaryRun out, Draw& draw, con
       const double dt_s = master_dt.si();
       at.hand_j += dot(held, by).si();
       at.damped_j += handle.damping().dot(by.vec().cwiseAbs2()) / dt_s;
-      at.hand_largest2 = std::max(at.hand_largest2, by.squared_norm());
+      at.hand_largest2 = std::max(at.hand_largest2, size2(by));
     }
     const DeviceSample<N> port = at_work.reading({handle.x(), handle.v(), held}, first ? 0.0 : master_dt.si());
     const std::uint32_t epoch = master.epoch();
@@ -638,9 +745,11 @@ AdversaryRun run_of(const std::string& method, AdversaryRun out, Draw& draw, con
                        (claim.tick_at_hand ? 0.5 * stiffness * std::max(1.0, scale) * at.hand_largest2 : 0.0);
   const double slack_of_robot = claim.tick_at_robot ? 0.5 * stiffness * in_master_units(at.robot_largest2) : 0.0;
   constexpr double kNothing = -std::numeric_limits<double>::infinity();
-  out.hand_bound_j = claim.hand && !out.rests ? -initial - slack : kNothing;
+  // What the hand does against a prediction is measured of bodies with one mass.
+  const bool measured = N != kJointPort || !claim.predicts;
+  out.hand_bound_j = claim.hand && !out.rests && measured ? -initial - slack : kNothing;
   out.both_bound_j =
-      claim.both && !out.lies && !out.rests
+      claim.both && !out.lies && !out.rests && measured
           ? -initial - (claim.in_hand_joules ? initial : in_master_units(initial)) - slack - slack_of_robot
           : kNothing;
   return out;
@@ -658,13 +767,17 @@ std::vector<std::string> claiming_methods() {
   return all;
 }
 
-AdversaryRun attack(const std::string& method, std::uint64_t seed, const std::vector<std::string>& set) {
+AdversaryRun attack(const std::string& method, std::uint64_t seed, const std::vector<std::string>& set, bool joints) {
   Draw draw{seed};
   constexpr int kSizes[] = {1, 3, 3, 6};
   AdversaryRun run;
   run.seed = seed;
   run.dof = kSizes[draw.below(4)];
   run.lies = draw.once_in(4);
+  if (joints) {
+    run.dof = kJointPort;
+    return run_of<kJointPort>(method, run, draw, set);
+  }
   if (run.dof == 1) return run_of<1>(method, run, draw, set);
   if (run.dof == 3) return run_of<3>(method, run, draw, set);
   return run_of<6>(method, run, draw, set);
@@ -695,7 +808,7 @@ Adversary attack_all(const AdversaryOptions& o, const Heard& heard) {
   run_each(count, o.jobs, tally, [&](std::size_t i) {
     const std::size_t m = i / parts, from = i % parts * kAtOnce;
     for (std::size_t r = from; r < std::min(runs, from + kAtOnce); ++r)
-      all.runs[m][r] = attack(all.methods[m], o.seed + r);
+      all.runs[m][r] = attack(all.methods[m], o.seed + r, {}, o.joints);
   });
   return all;
 }

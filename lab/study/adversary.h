@@ -47,7 +47,11 @@ struct AdversaryRun {
 /// did before and flows after both sides have released. A switch away from RANDOM counts no self-movement: the hand pushes
 /// against what it displays, and the next layer may give the robot that push.
 /// `set`: overrides of the scene. Throws ConfigError for an unknown method.
-AdversaryRun attack(const std::string& method, std::uint64_t seed, const std::vector<std::string>& set = {});
+/// `joints`: ports of joints in place of the drawn size. Leader and follower are arms of `arms/` with drawn tools, friction, gains, hand, walls
+/// and friction of walls; the hand is a spring and damper on the tool. What a claim that rests on a prediction leaves open is not measured
+/// there, so such a claim is not checked.
+AdversaryRun attack(const std::string& method, std::uint64_t seed, const std::vector<std::string>& set = {},
+                    bool joints = false);
 
 /// Every pair of layers and every method of one piece that claims a bound, but for a plug-in's.
 std::vector<std::string> claiming_methods();
@@ -57,6 +61,7 @@ struct AdversaryOptions {
   std::uint64_t seed = 1;            ///< of the first run
   int runs = 500;                    ///< per method, with seeds counted up
   int jobs = 1;
+  bool joints = false;  ///< ports of joints
 };
 struct Adversary {
   std::vector<std::string> methods;

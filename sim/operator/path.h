@@ -76,6 +76,10 @@ struct SegmentTimes {
   std::vector<double> stations_s;
 };
 
+/// Size of the intended motion of a hand at a port of size N: at one of joints the hand holds the tool.
+template <int N>
+inline constexpr int kPathSize = N == kJointPort ? 6 : N;
+
 /// The intended motion of the hand: segments, each starting where the last one ended; after the last, hold.
 ///
 ///     move_to   x(s) = x0 + (x1 - x0)(10 s³ - 15 s⁴ + 6 s⁵),   s = t / duration       minimum jerk

@@ -7,9 +7,11 @@
 #include <cmath>
 #include <random>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "common/arm/arm_model.h"
+#include "common/base/check.h"
 #include "common/coupling/joint_metric.h"
 #include "common/record/tool_view.h"
 #include "common/safety/peer_guard.h"
@@ -66,6 +68,34 @@ TEST(JointScene, TakesGainsOfSingleJoints) {
     const double s2 = std::pow(scene.control.joint_scale[i], 2);
     EXPECT_NEAR(s2 * scene.control.coupling.stiffness_n_per_m, stiffness[i], 1e-9);
     EXPECT_NEAR(s2 * scene.control.coupling.damping_of_joints[i], damping[i], 1e-9);
+  }
+}
+
+// Each names the field, its value or what is there, and what is allowed.
+TEST(JointScene, RefusesInWordsWhatJointsHaveNot) {
+  const std::vector<std::pair<std::vector<std::string>, std::vector<std::string>>> cases{
+      {{"dof=6"}, {"dof is 6", "absent or 7"}},
+      {{"control.architecture=RENDER"}, {"control.architecture is RENDER", "link"}},
+      {{"control.device_limits={force_n: 5}"}, {"control.device_limits.force_n is 5", "absent", "arm's file"}},
+      {{"control.robot_limits={speed_m_per_s: 5}"}, {"control.robot_limits.speed_m_per_s is 5", "absent"}},
+      {{"device.max_force_n=5"}, {"device.max_force_n is 5", "absent"}},
+      {{"robot.arm.file=../arms/ur5e.textproto", "robot.arm.joint_position_rad=[0,-1.5,1.5,-1.5,-1.5,0]"},
+       {"device.arm has 7 joints", "robot.arm 6", "same number"}},
+      {{"control.virtual_coupling.joint_stiffness=[1,2]"}, {"control.virtual_coupling.joint_stiffness", "7 numbers"}},
+      {{"control.virtual_coupling.joint_damping=[1,2,3,4,5,6,-7]"}, {"joint_damping", "> 0"}},
+      {{"robot.arm.force_feedback={gain: 1}"}, {"robot.arm.force_feedback", "absent"}},
+      {{"robot.arm.null_space_stiffness_n_m_per_rad=1"}, {"robot.arm.null_space_stiffness_n_m_per_rad is 1", "absent"}},
+      {{"device_mount={scale: 2}"}, {"device_mount", "absent"}},
+      {{"space=CARTESIAN"}, {"dof", "1, 3 or 6"}},
+  };
+  for (const auto& [overrides, words] : cases) {
+    try {
+      scene_of(overrides);
+      ADD_FAILURE() << overrides[0] << " is read";
+    } catch (const ConfigError& e) {
+      for (const std::string& each : words)
+        EXPECT_NE(std::string{e.what()}.find(each), std::string::npos) << overrides[0] << ": " << e.what();
+    }
   }
 }
 
