@@ -152,7 +152,7 @@ TEST(RandomArms, HaveTheKinematicsAndDynamicsOfKdl) {
     ASSERT_GE(inverse.CartToJnt(kq, kv, ka, KDL::Wrenches(chain.getNrOfSegments(), KDL::Wrench::Zero()), tau), 0);
     differ(tau.data, arm.inverse_dynamics(p, v, a, kGravity));
     KDL::ChainDynParam dynamics{chain, test::kdl(kGravity)};
-    KDL::JntSpaceInertiaMatrix M{rows};
+    KDL::JntSpaceInertiaMatrix M{n};
     ASSERT_GE(dynamics.JntToMass(kq, M), 0);
     differ(M.data, arm.inertia(p));
     ASSERT_GE(dynamics.JntToGravity(kq, gravity), 0);
