@@ -373,6 +373,7 @@ void add_adversary(CLI::App& app, Chosen& chosen) {
   CLI::App& adversary = *app.add_subcommand(
       "adversary", "Hand, robot, network and packets drawn to create energy: the least that each method lets pass");
   adversary.add_option("--methods", a->methods, "NAME,NAME; all of them if absent");
+  adversary.add_flag("--joints", a->adversary.joints, "Ports of joints: two arms in place of the drawn bodies");
   adversary.add_flag("--claiming", a->claiming, "Every pair of layers and every method that claims a bound");
   adversary.add_option("--seed", a->adversary.seed, "Of the first run")->capture_default_str();
   adversary.add_option("--runs", a->adversary.runs, "Per method, with seeds counted up")->capture_default_str();

@@ -116,8 +116,7 @@ TEST(ArmAgainstKdl, SameKinematicsAndDynamics) {
 #endif
 }
 
-// 200 chains of 1 to 8 revolute and prismatic joints with turned tools. Errors in parts of the largest number: reach and inertia are drawn
-// from a range of a thousand. Measured: 3e-15.
+// 200 chains of 1 to 8 revolute and prismatic joints with turned tools. Rounding in parts of the largest number: 1.1e-14 was measured.
 TEST(RandomArms, HaveTheKinematicsAndDynamicsOfKdl) {
 #ifdef TWOPORT_KDL
   test::RandomArms random{20261128};
@@ -152,7 +151,7 @@ TEST(RandomArms, HaveTheKinematicsAndDynamicsOfKdl) {
     ASSERT_GE(inverse.CartToJnt(kq, kv, ka, KDL::Wrenches(chain.getNrOfSegments(), KDL::Wrench::Zero()), tau), 0);
     differ(tau.data, arm.inverse_dynamics(p, v, a, kGravity));
     KDL::ChainDynParam dynamics{chain, test::kdl(kGravity)};
-    KDL::JntSpaceInertiaMatrix M{rows};
+    KDL::JntSpaceInertiaMatrix M{n};
     ASSERT_GE(dynamics.JntToMass(kq, M), 0);
     differ(M.data, arm.inertia(p));
     ASSERT_GE(dynamics.JntToGravity(kq, gravity), 0);
@@ -177,11 +176,11 @@ TEST(RandomArms, AccelerateAsTheirPosesAndTorquesSay) {
     const Arm arm{of.arm, of.tool, of.tool_rotation};
     const Joints q = random.joints(n, 3.0), v = random.joints(n, 1.0), a = random.joints(n, 5.0);
     const Arm::Pose p = arm.pose(q);
-    // Of M up to 4e5, from light wrists behind long slides.
+    // Rounding times the condition of M: 2.3e-13 was measured, and 1.1e-15 of the mobility.
     const Joints back = arm.forward_dynamics(p, v, arm.inverse_dynamics(p, v, a, kGravity), kGravity);
-    EXPECT_LT((back - a).cwiseAbs().maxCoeff(), 1e-8);
+    EXPECT_LT((back - a).cwiseAbs().maxCoeff(), 1e-10);
     const Eigen::MatrixXd J = arm.jacobian(p), M = arm.inertia(p), mobility = J * M.inverse() * J.transpose();
-    EXPECT_LT((tool_mobility(arm, q) - mobility).cwiseAbs().maxCoeff(), 1e-9 * (1.0 + mobility.cwiseAbs().maxCoeff()));
+    EXPECT_LT((tool_mobility(arm, q) - mobility).cwiseAbs().maxCoeff(), 1e-12 * (1.0 + mobility.cwiseAbs().maxCoeff()));
     // Central differences err by h² and rounding/h, of accelerations up to some 100 m/s².
     constexpr double h = 1e-5;
     const Arm::Vector6 change = (arm.jacobian(arm.pose(q + h * v)) - arm.jacobian(arm.pose(q - h * v))) * v / (2.0 * h);

@@ -15,7 +15,8 @@ inline KDL::Rotation kdl(const Eigen::Matrix3d& R) {
 }
 
 inline KDL::RigidBodyInertia kdl(double mass, const Eigen::Vector3d& center, const Eigen::Matrix3d& I) {
-  return {mass, kdl(center), KDL::RotationalInertia{I(0, 0), I(1, 1), I(2, 2), I(0, 1), I(0, 2), I(1, 2)}};
+  return KDL::RigidBodyInertia{mass, kdl(center),
+                               KDL::RotationalInertia{I(0, 0), I(1, 1), I(2, 2), I(0, 1), I(0, 2), I(1, 2)}};
 }
 
 /// The same arm for KDL; the last segment is the tool.

@@ -46,7 +46,9 @@ class RandomArms {
  private:
   double part() { return static_cast<double>(rng_() >> 11) * 0x1.0p-53; }
   Eigen::Vector3d vector(double size) { return joints(3, size); }
-  Eigen::Matrix3d rotation() { return Eigen::Quaterniond{joints(4, 1.0)}.normalized().toRotationMatrix(); }
+  Eigen::Matrix3d rotation() {
+    return Eigen::Quaterniond{Eigen::Vector4d{joints(4, 1.0)}}.normalized().toRotationMatrix();
+  }
   /// Of points on three axes, turned.
   Eigen::Matrix3d inertia() {
     const Eigen::Vector3d a = vector(0.3).cwiseAbs();
