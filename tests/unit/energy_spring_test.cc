@@ -196,7 +196,7 @@ TEST(PortVelocityPredictor, KnowsTheLargestErrorThatAHandCanCause) {
     const Displacement<3> moved = k == 0 ? Displacement<3>{} : hand.step(f);
     if (k > 1) {
       const VelocityPrediction<3>& port = predictor.prediction();
-      const Eigen::Vector3d error = moved.vec() / dt.si() - port.w.vec() + port.mobility.cwiseProduct(f.vec());
+      const Eigen::Vector3d error = moved.vec() / dt.si() - port.w.vec() + port.mobility * f.vec();
       most = std::max(most, error.norm() / port.worst_error());
     }
     predictor.step(moved, f, dt, dt);
@@ -226,7 +226,7 @@ TEST(PortVelocityPredictor, KnowsNoPushAgainstALockInTheSecondTickAfterItOpens) 
     const VelocityPrediction<3>& port = predictor.prediction();
     EXPECT_EQ(port.opened[0] > 0.0, k == 1) << k;
     EXPECT_EQ(port.opened[1], 0.0) << k;
-    EXPECT_EQ(port.mobility[0] == 0.0 && port.w.vec()[0] == 0.0, k == 0) << k;
+    EXPECT_EQ(port.mobility.diagonal()[0] == 0.0 && port.w.vec()[0] == 0.0, k == 0) << k;
     const double w = port.w.vec()[0];
     const Displacement<3> moved = tick(1.0);
     const double error = std::abs(moved.vec()[0] / dt_s - w);

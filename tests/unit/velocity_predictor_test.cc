@@ -28,14 +28,24 @@ class PortVelocity : public ::testing::Test {
     if constexpr (kN == 6) m.template tail<3>().setConstant(1.0 / inertia);
     return m;
   }
+  /// M⁻¹; of joints one that couples them.
+  AxisMatrix<kN> inverse_mass() {
+    if constexpr (kN == kJointPort) {
+      AxisMatrix<kN> m;
+      for (int i = 0; i < kN; ++i) m.col(i) = random(1.0);
+      return m * m.transpose() + AxisMatrix<kN>::Identity();
+    } else {
+      return axis_matrix<kN>(mobility(0.1, 1e-3));
+    }
+  }
   /// A prediction of any kind.
   VelocityPrediction<kN> prediction(double error_bound) {
-    return {mobility(0.1, 1e-3) * (0.5 * kT), Velocity<kN>{random(0.1)}, uniform(0.0, error_bound),
+    return {axis_matrix<kN>(mobility(0.1, 1e-3) * (0.5 * kT)), Velocity<kN>{random(0.1)}, uniform(0.0, error_bound),
             kN == 6 ? uniform(0.0, error_bound) : 0.0};
   }
   /// What comes in over an interval that goes as predicted, but for an error of w [J].
   static double taken_in(const Force<kN>& f, const VelocityPrediction<kN>& h, const Vector& error) {
-    return f.vec().dot(h.w.vec() + error - h.mobility.cwiseProduct(f.vec())) * kT;
+    return f.vec().dot(h.w.vec() + error - Vector{h.mobility * f.vec()}) * kT;
   }
 
  private:
@@ -44,7 +54,7 @@ class PortVelocity : public ::testing::Test {
 };
 template <int Size>
 using Axes = std::integral_constant<int, Size>;
-using Sizes = ::testing::Types<Axes<1>, Axes<3>, Axes<6>>;
+using Sizes = ::testing::Types<Axes<1>, Axes<3>, Axes<6>, Axes<kJointPort>>;
 TYPED_TEST_SUITE(PortVelocity, Sizes);
 
 ControllerOptions options(double max_gain = 10.0) {
@@ -54,19 +64,21 @@ ControllerOptions options(double max_gain = 10.0) {
 TYPED_TEST(PortVelocity, UnderAConstantForceOfTheHandIsPredictedExactly) {
   constexpr int N = TestFixture::kN;
   using V = typename TestFixture::Vector;
-  const V mobility = this->mobility(0.1, 1e-3), push = this->random(0.3);
+  const V push = this->random(0.3);
+  const AxisMatrix<N> inverse_mass = this->inverse_mass();
   PortVelocityPredictor<N> handle{0.1, 1e-3};
+  handle.take_inertia({inverse_mass, 1.0});
   V v = this->random(0.1), moved = V::Zero(), f = V::Zero();
   for (int k = 0; k < 200; ++k) {
     handle.step(Displacement<N>{moved}, Force<N>{f}, kPeriod, kPeriod);
     f = this->random(2.0);
     // A mass under a held force, exactly.
-    const V a = mobility.cwiseProduct(push - f);
+    const V a = inverse_mass * (push - f);
     moved = v * kT + 0.5 * kT * kT * a;
     v += a * kT;
     // The start is forgotten by a factor of four per tick.
     if (k < 40) continue;
-    const V expected = handle.prediction().w.vec() - handle.prediction().mobility.cwiseProduct(f);
+    const V expected = handle.prediction().w.vec() - handle.prediction().mobility * f;
     EXPECT_LT((expected - moved / kT).norm(), 1e-11 * (1.0 + v.norm())) << "tick " << k;
   }
 }
@@ -74,8 +86,10 @@ TYPED_TEST(PortVelocity, UnderAConstantForceOfTheHandIsPredictedExactly) {
 TYPED_TEST(PortVelocity, IsForeseenAsWellAfterTicksThatWereLeftOut) {
   constexpr int N = TestFixture::kN;
   using V = typename TestFixture::Vector;
-  const V mobility = this->mobility(0.1, 1e-3), push = this->random(0.3);
+  const V push = this->random(0.3);
+  const AxisMatrix<N> inverse_mass = this->inverse_mass();
   PortVelocityPredictor<N> handle{0.1, 1e-3};
+  handle.take_inertia({inverse_mass, 1.0});
   V v = this->random(0.1), moved = V::Zero(), f = V::Zero();
   double ended = kT;
   for (int k = 0; k < 200; ++k) {
@@ -83,9 +97,9 @@ TYPED_TEST(PortVelocity, IsForeseenAsWellAfterTicksThatWereLeftOut) {
     const V next = handle.prediction().w.vec();
     f = this->random(2.0);
     ended = k % 10 == 9 ? 4 * kT : kT;
-    const V a = mobility.cwiseProduct(push - f);
+    const V a = inverse_mass * (push - f);
     if (k >= 40) {
-      EXPECT_LT((next - handle.prediction().mobility.cwiseProduct(f) - (v + 0.5 * kT * a)).norm(),
+      EXPECT_LT((next - handle.prediction().mobility * f - (v + 0.5 * kT * a)).norm(),
                 1e-10 * (1.0 + v.norm()))
           << "tick " << k;
     }
@@ -166,7 +180,7 @@ TYPED_TEST(PortVelocity, WithADeficitTakesInWhatItCanAndGivesNothing) {
     }
     ++paid;
     // As much as is due, or as the cap allows, or as the handle can give: at most P²T/4Q for s in [0, 1].
-    const double q = wanted.vec().dot(h.mobility.cwiseProduct(wanted.vec()));
+    const double q = wanted.vec().dot(typename TestFixture::Vector{h.mobility * wanted.vec()});
     const double most = (p >= 2.0 * q ? p - q : p * p / (4.0 * q)) * kT;
     const double due = std::min(deficit, o.max_gain * kT * p * p / wanted.squared_norm());
     ASSERT_GE(in, std::min(due, most) - 1e-15);
@@ -181,7 +195,7 @@ TYPED_TEST(PortVelocity, AtRestAgainstAHandTheForceStaysWithAnEmptyAccount) {
   constexpr int N = TestFixture::kN;
   const Force<N> wanted{this->random(3.0)};
   VelocityPrediction<N> h = this->prediction(0.0);
-  h.w = Velocity<N>{h.mobility.cwiseProduct(wanted.vec())};  // the hand pushes just as hard
+  h.w = Velocity<N>{h.mobility * wanted.vec()};  // the hand pushes just as hard
   const Corrected<Force<N>> c = predictive_impedance_controller(wanted, h, Energy{1e-15}, options(), kPeriod);
   EXPECT_LT((c.out.vec() - wanted.vec()).norm(), 1e-12);
   EXPECT_EQ(c.undissipated.si(), 0.0);

@@ -161,9 +161,12 @@ class Archive {
     value = Scalar<Kind>{passed(value.si())};
   }
   void walk(Eigen::Quaterniond& q) { walk(q.coeffs()); }
-  template <class Numbers>
-  void walk(Eigen::PlainObjectBase<Numbers>& m) {
-    for (int i = 0; i < m.size(); ++i) (*this)(m.data()[i]);
+  template <int Rows, int Columns>
+  void walk(Eigen::Matrix<double, Rows, Columns>& m) {
+    for (int i = 0; i < Rows * Columns; ++i) (*this)(m.data()[i]);
+  }
+  void walk(Eigen::Array<double, kJointPort, 1>& a) {
+    for (double& each : a) (*this)(each);
   }
   template <class T>
   void walk(T& value) requires std::is_class_v<T> {
