@@ -163,14 +163,14 @@ std::string first_difference(const pb::Message& recorded, const pb::Message& rep
       std::string before, now;
       pb::TextFormat::PrintFieldValueToString(recorded, &field, list ? k : -1, &before);
       pb::TextFormat::PrintFieldValueToString(replayed, &field, list ? k : -1, &now);
-      const auto with_bits = [&](const std::string& value) {
-        return field.cpp_type() != pb::FieldDescriptor::CPPTYPE_DOUBLE
-                   ? value
-                   : fmt::format("{} ({:016x})", value, std::bit_cast<std::uint64_t>(std::stod(value)));
+      const auto with_bits = [&](const pb::Message& of, const std::string& value) {
+        if (field.cpp_type() != pb::FieldDescriptor::CPPTYPE_DOUBLE) return value;
+        const double number = list ? r.GetRepeatedDouble(of, &field, k) : r.GetDouble(of, &field);
+        return fmt::format("{} ({:016x})", value, std::bit_cast<std::uint64_t>(number));
       };
       if (now != before)
-        return fmt::format("{}{} is {}, recorded {}", name, list ? fmt::format("[{}]", k) : "", with_bits(now),
-                           with_bits(before));
+        return fmt::format("{}{} is {}, recorded {}", name, list ? fmt::format("[{}]", k) : "",
+                           with_bits(replayed, now), with_bits(recorded, before));
     }
   }
   return {};

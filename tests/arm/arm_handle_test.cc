@@ -379,7 +379,7 @@ TEST(ArmAtTheHand, RenderedSpringIsStableUpToTheEigenvalues) {
 TEST(ArmAtTheHand, SpringAtTheTipIsStableUpToTheEigenvalues) {
   Scene s = scene("joint_damping_n_m_s_per_rad: 0.5");
   auto light = std::make_shared<ArmParameters>(*s.device->arm->parameters);
-  for (ArmJoint& joint : light->joints) joint.rotor_inertia_kg_m2 = 0.1;
+  for (ArmJoint& joint : light->joints) joint.rotor_inertia = 0.1;
   s.device->arm->parameters = light;
   const auto tip = [](double k) {
     Vector6 K;

@@ -200,6 +200,7 @@ TEST(Recording, OneBitOfAnInputOrAResultIsFound) {
     const std::string difference = difference_after(run, each.topic, 2000, each.change);
     ASSERT_NE(difference, "") << each.topic << " " << each.name;
     // At once, or where the number first counts.
+    ASSERT_EQ(difference.find("tick "), 0u) << each.topic << " " << each.name << ": " << difference;
     const std::uint64_t tick = std::stoull(difference.substr(std::string{"tick "}.size()));
     EXPECT_GE(tick, 2000u) << difference;
     EXPECT_LE(tick, 2200u) << difference;

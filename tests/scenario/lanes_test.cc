@@ -272,7 +272,8 @@ const std::map<std::string, std::string> kNeeds{
 /// a file.
 constexpr const char* kSetWithOthers =
     "control.device_limits.set_point_step_m\ncontrol.passivity.layer\ncontrol.schedule.passivity.layer\n"
-    "control.schedule.transparency.layer\ncontrol.transparency.layer\ndof\nexpect.at_least.key\nexpect.at_least.value\n"
+    "control.schedule.transparency.layer\ncontrol.transparency.layer\ncontrol.virtual_coupling.joint_damping\n"
+    "control.virtual_coupling.joint_stiffness\ndof\nexpect.at_least.key\nexpect.at_least.value\n"
     "expect.at_most.key\nexpect.at_most.value\nexpect.of_method.method\nexpect.of_method.verdict\nto_master.trace_"
     "file\n"
     "to_slave.trace_file\n";

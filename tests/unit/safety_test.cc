@@ -130,7 +130,7 @@ TEST(SafetyStage, BoundsTheStepOfTheSetPointAndHoldsItAtAPressedWall) {
 
 // ---- what the other side claims
 
-constexpr PortLimits kPeer{.force_n = 10.0, .speed_m_per_s = 2.0, .workspace_m = 1.0};
+const PortLimits kPeer{.force_n = 10.0, .speed_m_per_s = 2.0, .workspace_m = 1.0};
 
 struct Heard {
   PeerGuard<1> guard{kPeer};
