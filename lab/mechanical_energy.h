@@ -26,9 +26,10 @@ Energy mechanical_energy(const std::optional<RobotSpec>& robot, const Environmen
 /// The same of a simulated one.
 template <int N>
 Energy mechanical_energy([[maybe_unused]] const std::optional<RobotSpec>& spec, const auto& robot) {
-  if constexpr (N == kJointPort) return robot.environment().potential(Position<6>{});  // it begins at rest
+  if constexpr (N == kJointPort)
+    return robot.environment().potential(Position<6>{});  // it begins at rest
   else
-  return mechanical_energy<N>(spec, robot.environment(), robot.state().x, robot.state().v);
+    return mechanical_energy<N>(spec, robot.environment(), robot.state().x, robot.state().v);
 }
 
 }  // namespace twoport::lab

@@ -35,7 +35,8 @@ class Registration {
       matrix_ = rotation_.toRotationMatrix();
       rotated_ = !matrix_.isIdentity(0.0);
     }
-    if (absolute_) origin_.template head<std::min(kAxes<N>, 3)>() = o.registration.position_m.template head<std::min(kAxes<N>, 3)>();
+    if (absolute_)
+      origin_.template head<std::min(kAxes<N>, 3)>() = o.registration.position_m.template head<std::min(kAxes<N>, 3)>();
     shifted_ = !origin_.isZero(0.0);
   }
 

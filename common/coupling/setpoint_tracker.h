@@ -48,7 +48,6 @@ class SetpointTracker {
  private:
   static constexpr double kRadPerMetre = 10.0;  // catch_up of the attitude [rad/s] for each m/s
 
-
   /// A way that is still to be made up.
   struct Owed {
     double left = 0.0, rate = 0.0;
@@ -70,8 +69,7 @@ class SetpointTracker {
   }
   Velocity<N> clip(const Velocity<N>& repair, Seconds dt) noexcept {
     typename Velocity<N>::Vector r = repair.vec();
-    r.template head<kAxes<N>>() *=
-        bounded(r.template head<kAxes<N>>().squaredNorm(), way_.limit(catch_up_, dt));
+    r.template head<kAxes<N>>() *= bounded(r.template head<kAxes<N>>().squaredNorm(), way_.limit(catch_up_, dt));
     if constexpr (N == 6)
       r.template tail<3>() *= bounded(r.template tail<3>().squaredNorm(), turn_.limit(kRadPerMetre * catch_up_, dt));
     return Velocity<N>{r};

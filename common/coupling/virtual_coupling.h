@@ -89,9 +89,8 @@ class VirtualCoupling {
     x_sd_ = x_sd_ + (command.x_d - asked.x_d);
     if (!robot.ideal) {
       typename Displacement<N>::Vector e = (x_sd_ - robot.x).vec();
-      e.template head<kAxes<N>>() *=
-          applied_part(command.f.vec().template head<kAxes<N>>(), asked.f.vec().template head<kAxes<N>>(),
-                       e.template head<kAxes<N>>());
+      e.template head<kAxes<N>>() *= applied_part(command.f.vec().template head<kAxes<N>>(),
+                                                  asked.f.vec().template head<kAxes<N>>(), e.template head<kAxes<N>>());
       if constexpr (N == 6)
         e.template tail<3>() *=
             applied_part(command.f.vec().template tail<3>(), asked.f.vec().template tail<3>(), e.template tail<3>());
@@ -106,7 +105,6 @@ class VirtualCoupling {
   [[nodiscard]] SpringDamper<N>& spring() noexcept { return spring_; }
 
  private:
-
   static double applied_part(const auto& f, const auto& asked, const auto& e) noexcept {
     const double wanted = asked.dot(e), has = f.dot(e);
     return wanted > 0.0 && has < wanted ? std::max(0.0, has) / wanted : 1.0;

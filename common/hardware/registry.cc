@@ -35,8 +35,9 @@ void DriverList<Hardware>::refuse_size(const Entry& driver, int wanted) const {
   has(static_cast<bool>(std::get<1>(driver.makers)), "3");
   has(static_cast<bool>(std::get<2>(driver.makers)), "6");
   const bool joints = wanted == kJointPort;
-  throw ConfigError{flag_ + " " + driver.name + ": drives dof " + sizes +
-                    (joints ? ", but space of the scene is JOINTS" : ", but dof of the scene is " + std::to_string(wanted))};
+  throw ConfigError{
+      flag_ + " " + driver.name + ": drives dof " + sizes +
+      (joints ? ", but space of the scene is JOINTS" : ", but dof of the scene is " + std::to_string(wanted))};
 }
 
 template class DriverList<Device>;

@@ -40,7 +40,10 @@ class DriverList {
   /// `sentence` is its description in --list-devices.
   template <template <int> class Driver>
   void add(const std::string& name, const std::string& sentence) {
-    drivers_.push_back({name, sentence, {maker<Driver, 1>(), maker<Driver, 3>(), maker<Driver, 6>(), maker<Driver, kJointPort>()}, false});
+    drivers_.push_back({name,
+                        sentence,
+                        {maker<Driver, 1>(), maker<Driver, 3>(), maker<Driver, 6>(), maker<Driver, kJointPort>()},
+                        false});
   }
   /// Adds a class that drives one size, that of the Hardware<N> it derives from.
   template <class Driver>

@@ -29,17 +29,17 @@ struct MasterInput {
   Seconds dt;     ///< of the coming interval
   Seconds ended;  ///< length of the interval that has just ended
   const DeviceSample<N>& device;
-  const Interval<N>& interval;  ///< motion of the port since the last tick
-  bool first;                   ///< there was no tick before: `interval` is empty
-  const PeerState<N>& slave;    ///< in the master's world, but for positions
-  Energy slave_energy_in;       ///< the slave's running total of this method
-  Energy slave_energy_net;      ///< the slave's newest SlaveOutput::energy_net
-  const Ledger& account;        ///< energy into the master port, exact, since the start
-  bool active;                  ///< coupled or holding; else the force is zero
-  bool paused;                  ///< this side has stood still: what was displayed before is old
+  const Interval<N>& interval;    ///< motion of the port since the last tick
+  bool first;                     ///< there was no tick before: `interval` is empty
+  const PeerState<N>& slave;      ///< in the master's world, but for positions
+  Energy slave_energy_in;         ///< the slave's running total of this method
+  Energy slave_energy_net;        ///< the slave's newest SlaveOutput::energy_net
+  const Ledger& account;          ///< energy into the master port, exact, since the start
+  bool active;                    ///< coupled or holding; else the force is zero
+  bool paused;                    ///< this side has stood still: what was displayed before is old
   const PortInertia<N>* inertia;  ///< of the port; null: what ControlOptions says of it
-  double ramp;                  ///< rises from 0 to 1 after engagement
-  Bridge<N>* bridge;            ///< from the force of the method before, after a switch; null: none
+  double ramp;                    ///< rises from 0 to 1 after engagement
+  Bridge<N>* bridge;              ///< from the force of the method before, after a switch; null: none
 
   /// Of the port, in the interval that has just ended; zero in the first tick.
   [[nodiscard]] Velocity<N> mean_velocity() const noexcept { return first ? Velocity<N>{} : interval.moved / ended; }

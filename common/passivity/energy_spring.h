@@ -171,8 +171,8 @@ class EnergySpring {
   [[nodiscard]] Energy worst_outflow(const Force<N>& f, Seconds dt) const noexcept {
     if (!predictor_) return Energy{norm(f, dt) * reach(dt)};
     const VelocityPrediction<N>& port = predictor_->prediction();
-    const double out_w =
-        f.vec().dot(typename Force<N>::Vector{port.mobility * f.vec()}) - power_without_response(f) + port.worst_power_error(f);
+    const double out_w = f.vec().dot(typename Force<N>::Vector{port.mobility * f.vec()}) - power_without_response(f) +
+                         port.worst_power_error(f);
     return positive_part(Energy{out_w * dt.si()});
   }
   [[nodiscard]] double sampled(double stiffness, double quarter, Seconds dt) const noexcept {

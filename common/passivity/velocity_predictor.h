@@ -68,7 +68,6 @@ struct VelocityPrediction {
   }
 
  private:
-
   [[nodiscard]] double power_of_error(const Force<N>& f, double error,
                                       [[maybe_unused]] double rotation_error) const noexcept {
     const double unknown = f.vec().cwiseAbs().dot(opened);
@@ -149,7 +148,8 @@ class PortVelocityPredictor {
   [[nodiscard]] const VelocityPrediction<N>& prediction() const noexcept { return prediction_; }
 
  private:
-  void predict(const AxisMatrix<N>& c, const Vector& e, const Vector& unforeseen, const Vector& applied, Seconds dt) noexcept {
+  void predict(const AxisMatrix<N>& c, const Vector& e, const Vector& unforeseen, const Vector& applied,
+               Seconds dt) noexcept {
     applied_ = applied;
     before_ = e;
     if ((unknown_ > 0).any()) [[unlikely]]
@@ -169,10 +169,10 @@ class PortVelocityPredictor {
   }
   void count_push(Seconds dt) noexcept {
     for (int i = 0; i < N; ++i)
-      prediction_.opened[i] =
-          unknown_[i] > 0
-              ? ratio_[i] * dt.si() * std::sqrt(inertia_.inverse_mass.diagonal()[i] * inertia_.of_hand) * kHandAgainstLock_n
-              : 0.0;
+      prediction_.opened[i] = unknown_[i] > 0 ? ratio_[i] * dt.si() *
+                                                    std::sqrt(inertia_.inverse_mass.diagonal()[i] * inertia_.of_hand) *
+                                                    kHandAgainstLock_n
+                                              : 0.0;
   }
   void set_ratio(const Vector& r) noexcept {
     ratio_ = r;
@@ -237,7 +237,7 @@ class PortVelocityPredictor {
   using Ticks = Eigen::Array<int, N, 1>;
   static constexpr int kUnknownTicks = 2;
 
-  Ticks unknown_ = Ticks::Zero();                                   ///< ticks until d of an axis is known
+  Ticks unknown_ = Ticks::Zero();  ///< ticks until d of an axis is known
   PortInertia<N> inertia_;
   Vector ratio_ = Vector::Ones();
   AxisMatrix<N> inverse_at_port_;  ///< r²/m

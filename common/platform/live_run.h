@@ -178,8 +178,9 @@ int run_live(LiveSide& side, const Scene& scene, const LiveArguments& arguments,
   if (stream && !stream->stays_on_this_machine())
     log.warn("--stream {}: positions and forces of this side leave this machine unencrypted", arguments.stream);
   const bool has_earlier = has_content(arguments.record);
-  const RunFolder folder = begin_folder(
-      arguments, [&] { recording = open_recording<N>(arguments, LiveSide::kName, rate_hz, side.hardware.info(), scene.joints); });
+  const RunFolder folder = begin_folder(arguments, [&] {
+    recording = open_recording<N>(arguments, LiveSide::kName, rate_hz, side.hardware.info(), scene.joints);
+  });
   WholeFile* const trace = folder.trace.get();
   if (recording) side.link.tap(&recording->feed());
   if (recording && recording->output()->listeners()) say_where(*recording->output()->listeners(), log);

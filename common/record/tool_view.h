@@ -29,7 +29,8 @@ class ToolView<kJointPort> {
  public:
   static constexpr int kSize = 3;
   explicit ToolView(const Scene& scene)
-      : leader_{*scene.device->arm, scene.control.joint_scale}, follower_{*scene.robot->arm, scene.control.joint_scale} {}
+      : leader_{*scene.device->arm, scene.control.joint_scale},
+        follower_{*scene.robot->arm, scene.control.joint_scale} {}
 
   Row<3> operator()(const Row<kJointPort>& r) const noexcept {
     const Arm::At leader = leader_.at(r.master_x), follower = follower_.at(r.slave_x);
@@ -84,7 +85,8 @@ class ToolView<kJointPort> {
       at.J.leftCols(model_.size()) = model_.jacobian(pose).topRows<3>();
       const Eigen::Matrix<double, 3, kJointPort> weighted = at.J * mobility_.asDiagonal();
       Eigen::Matrix3d tool_mobility = weighted * at.J.transpose();
-      tool_mobility.diagonal().array() += 1e-9 * tool_mobility.trace();  // a tool that an arm cannot move in some direction
+      tool_mobility.diagonal().array() +=
+          1e-9 * tool_mobility.trace();  // a tool that an arm cannot move in some direction
       at.to_force = tool_mobility.llt().solve(weighted);
       return at;
     }

@@ -61,20 +61,20 @@ struct PortLimits {
 /// Limits of a live run whose scene names none. The force and power of the robot are those that ISO 10218-1:2006, 5.10.5, allows
 /// beside people. The laboratory has no limits unless the scene names them.
 inline const PortLimits kDeviceDefaults{.force_n = 50.0,
-                                            .torque_n_m = 5.0,
-                                            .force_rate_n_per_s = 50e3,
-                                            .power_w = 100.0,
-                                            .speed_m_per_s = 5.0,
-                                            .angular_speed_rad_per_s = 50.0,
-                                            .workspace_m = 10.0};
+                                        .torque_n_m = 5.0,
+                                        .force_rate_n_per_s = 50e3,
+                                        .power_w = 100.0,
+                                        .speed_m_per_s = 5.0,
+                                        .angular_speed_rad_per_s = 50.0,
+                                        .workspace_m = 10.0};
 inline const PortLimits kRobotDefaults{.force_n = 150.0,
-                                           .torque_n_m = 30.0,
-                                           .force_rate_n_per_s = 150e3,
-                                           .power_w = 80.0,
-                                           .speed_m_per_s = 3.0,
-                                           .angular_speed_rad_per_s = 30.0,
-                                           .set_point_step_m = 0.02,
-                                           .workspace_m = 10.0};
+                                       .torque_n_m = 30.0,
+                                       .force_rate_n_per_s = 150e3,
+                                       .power_w = 80.0,
+                                       .speed_m_per_s = 3.0,
+                                       .angular_speed_rad_per_s = 30.0,
+                                       .set_point_step_m = 0.02,
+                                       .workspace_m = 10.0};
 
 /// What may be limited. The first six are kept at the own hardware, the next three at what the other side claims; `pause` is a gap
 /// in the own clock.

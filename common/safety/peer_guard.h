@@ -121,8 +121,8 @@ class PeerGuard {
     bool acted = clip_norm(p.template head<kAxes<N>>(), o_.workspace_m);
     if (checked_.sequence > newest_) {
       Point step = p - Point{x_.translation()};
-      if (newest_ != 0 &&
-          clip_norm(step.template head<kAxes<N>>(), o_.speed_m_per_s * (to_seconds(now - at_) + kMotionOnTheWay).si())) {
+      if (newest_ != 0 && clip_norm(step.template head<kAxes<N>>(),
+                                    o_.speed_m_per_s * (to_seconds(now - at_) + kMotionOnTheWay).si())) {
         p = Point{x_.translation()} + step;
         acted = true;
       }

@@ -42,9 +42,8 @@ class SafetyStage {
                      std::min({limits.force_rate_n_per_s, limits.power_w, limits.speed_m_per_s, limits.workspace_m}) <
                          PortLimits::kNone ||
                      (N == 6 && limits.angular_speed_rad_per_s < PortLimits::kNone)},
-        bounds_set_point_{has_joint_limits() ||
-                          std::min({limits.set_point_step_m, limits.workspace_m, limits.speed_m_per_s,
-                                    limits.force_n}) < PortLimits::kNone} {}
+        bounds_set_point_{has_joint_limits() || std::min({limits.set_point_step_m, limits.workspace_m,
+                                                          limits.speed_m_per_s, limits.force_n}) < PortLimits::kNone} {}
 
   /// The force to be applied until the next tick. `f` is finite.
   Force<N> operator()(const Force<N>& f, const Position<N>& x, const Velocity<N>& v, Seconds dt) noexcept {

@@ -97,7 +97,8 @@ std::optional<std::pair<double, double>> holding_dampings(const auto& holds, dou
 }
 
 std::optional<FedMotion> fed_by_coupling(const Scene& s) {
-  if (!has_link(s) || !s.robot || s.joints > 0 || !s.expect.stable.value_or(true) || coupling_holds_robot(s, s.control.coupling))
+  if (!has_link(s) || !s.robot || s.joints > 0 || !s.expect.stable.value_or(true) ||
+      coupling_holds_robot(s, s.control.coupling))
     return {};
   const bool arm = s.robot->arm.has_value();
   const CouplingOptions& c = s.control.coupling;

@@ -91,8 +91,8 @@ void read_joints(const Block<schema::Scene>& of, Scene& scene) {
     control.refuse(FIELD(architecture), "be one with a link where space is JOINTS");
   const auto need_arm = [&](const auto& part, bool has) {
     if (!has)
-      of.fail(fmt::format("{}.arm is missing; it must be given where space is JOINTS: its joints are the port",
-                          part.name));
+      of.fail(
+          fmt::format("{}.arm is missing; it must be given where space is JOINTS: its joints are the port", part.name));
   };
   need_arm(FIELD(device), scene.device && scene.device->arm);
   need_arm(FIELD(robot), scene.robot && scene.robot->arm);
@@ -100,9 +100,10 @@ void read_joints(const Block<schema::Scene>& of, Scene& scene) {
   scene.joints = static_cast<int>(leader.parameters->joints.size());
   const auto n = static_cast<std::size_t>(scene.joints);
   if (follower.parameters->joints.size() != n)
-    of.fail(fmt::format("device.arm has {} joints and robot.arm {}; they must have the same number where space is "
-                        "JOINTS; arms that differ are coupled at their tools, without it",
-                        n, follower.parameters->joints.size()));
+    of.fail(
+        fmt::format("device.arm has {} joints and robot.arm {}; they must have the same number where space is "
+                    "JOINTS; arms that differ are coupled at their tools, without it",
+                    n, follower.parameters->joints.size()));
   if (of->has_dof() && of->dof() != scene.joints)
     of.refuse(FIELD(dof), fmt::format("be absent or {}, the number of the arms' joints, where space is JOINTS", n));
 

@@ -173,8 +173,8 @@ struct ClockSpec {
 
 struct Scene {
   std::string name, description;
-  int dof;         ///< of a port; kJointPort where its coordinates are joints
-  int joints = 0;  ///< number of those; 0: the ports are handle and tool
+  int dof;            ///< of a port; kJointPort where its coordinates are joints
+  int joints = 0;     ///< number of those; 0: the ports are handle and tool
   double duration_s;  ///< infinity: until somebody ends it; live runs only
   double rate_hz, master_rate_hz, slave_rate_hz;
   std::uint64_t seed;

@@ -20,8 +20,8 @@ constexpr int kSampleSize = (N == 6 ? 7 : N) + 5 * N + 1;
 constexpr int kGripperSize = kSampleSize<1> + 1;  // and the energy
 /// Doubles of a packet's report; a gripper moved by joints is one of them.
 template <int N>
-constexpr std::size_t kReportSize =
-    kSampleSize<N> + kMostWords<N> + (N == kJointPort ? 0 : kGripperSize + kMostWords<1>);
+constexpr std::size_t kReportSize = kSampleSize<N> + kMostWords<N> +
+                                    (N == kJointPort ? 0 : kGripperSize + kMostWords<1>);
 
 // Moments are durations since a loop began: 73 years, and no sum of two of them overflows.
 constexpr std::int64_t kLatest = std::int64_t{1} << 61;
@@ -226,8 +226,7 @@ std::span<const std::byte> Codec<N>::encode(const Envelope<N>& envelope) noexcep
   }
   const std::size_t size = message.ByteSizeLong();
   // Tags, lengths and single numbers of all fields take less than 20 doubles.
-  static_assert(kMaxDatagram >=
-                8 * (kReportSize<N> + 2 * kAdjustableSurfaces + kMostJoints + 20) + kMaxSceneFields);
+  static_assert(kMaxDatagram >= 8 * (kReportSize<N> + 2 * kAdjustableSurfaces + kMostJoints + 20) + kMaxSceneFields);
   message.SerializeWithCachedSizesToArray(reinterpret_cast<std::uint8_t*>(impl_->buffer.data()));
   return {impl_->buffer.data(), size};
 }

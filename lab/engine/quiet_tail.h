@@ -34,6 +34,7 @@ TailVerdict judge_tail(const Simulation<N>& at, const Scene& scene, const Motion
 extern template TailVerdict judge_tail<1>(const Simulation<1>&, const Scene&, const MotionScale&, TwinUse);
 extern template TailVerdict judge_tail<3>(const Simulation<3>&, const Scene&, const MotionScale&, TwinUse);
 extern template TailVerdict judge_tail<6>(const Simulation<6>&, const Scene&, const MotionScale&, TwinUse);
-extern template TailVerdict judge_tail<kJointPort>(const Simulation<kJointPort>&, const Scene&, const MotionScale&, TwinUse);
+extern template TailVerdict judge_tail<kJointPort>(const Simulation<kJointPort>&, const Scene&, const MotionScale&,
+                                                   TwinUse);
 
 }  // namespace twoport::lab

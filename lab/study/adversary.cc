@@ -17,8 +17,8 @@
 #include "common/passivity/velocity_predictor.h"
 #include "common/scene/load.h"
 #include "lab/engine/both_nodes.h"
-#include "sim/sim_joints.h"
 #include "lab/study/map.h"
+#include "sim/sim_joints.h"
 
 namespace twoport::lab {
 namespace {
@@ -268,12 +268,12 @@ std::string arms_text(double rate_hz, Draw& draw) {
                           fmt::join(std::vector<double>(six ? 6 : 7, draw.decades(0.05, 2.0)), ", "));
     return text + "}";
   };
-  std::string text = fmt::format(
-      "operator {{ hand {{ mass_kg: {} stiffness_n_per_m: {} damping_n_s_per_m: {} ", draw.decades(0.02, 0.5),
-      draw.decades(100.0, 2000.0), draw.decades(2.0, 40.0));
+  std::string text = fmt::format("operator {{ hand {{ mass_kg: {} stiffness_n_per_m: {} damping_n_s_per_m: {} ",
+                                 draw.decades(0.02, 0.5), draw.decades(100.0, 2000.0), draw.decades(2.0, 40.0));
   if (draw.once_in(2))
-    text += fmt::format("inertia_kg_m2: 1e-4 rotational_stiffness_n_m_per_rad: {} rotational_damping_n_m_s_per_rad: {} ",
-                        draw.decades(1.0, 50.0), draw.decades(0.05, 2.0));
+    text +=
+        fmt::format("inertia_kg_m2: 1e-4 rotational_stiffness_n_m_per_rad: {} rotational_damping_n_m_s_per_rad: {} ",
+                    draw.decades(1.0, 50.0), draw.decades(0.05, 2.0));
   text += "} ";
   for (int left = 2 + draw.below(4); left > 0; --left) {
     const Eigen::Vector3d to = draw.uniform(0.0, 0.1) * draw.direction<3>();
@@ -291,8 +291,8 @@ std::string arms_text(double rate_hz, Draw& draw) {
   for (int left = 1 + draw.below(3); left > 0; --left) {
     const Eigen::Vector3d n = draw.direction<3>();
     text += fmt::format(
-        " environment {{ wall {{ normal: [{}, {}, {}] offset_m: {} stiffness_n_per_m: {} friction: {} }} }}", n.x(), n.y(),
-        n.z(), -draw.decades(0.002, 0.08), std::min(draw.decades(300.0, 2e4), 0.02 * rate_hz * rate_hz),
+        " environment {{ wall {{ normal: [{}, {}, {}] offset_m: {} stiffness_n_per_m: {} friction: {} }} }}", n.x(),
+        n.y(), n.z(), -draw.decades(0.002, 0.08), std::min(draw.decades(300.0, 2e4), 0.02 * rate_hz * rate_hz),
         draw.once_in(2) ? 0.0 : draw.uniform(0.0, 0.8));
   }
   return text;

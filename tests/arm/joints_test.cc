@@ -117,7 +117,8 @@ TEST(JointLimits, BoundTorqueSpeedAndRange) {
   rate[2] = 3.0;  // its speed is 2.175 rad/s
   torque.setZero();
   torque[2] = 1.0, torque[1] = 1.0;
-  const Force<N> slow = stage(Force<N>{torque.cwiseQuotient(s)}, ready, Velocity<N>{rate.cwiseProduct(s)}, Seconds{1e-3});
+  const Force<N> slow =
+      stage(Force<N>{torque.cwiseQuotient(s)}, ready, Velocity<N>{rate.cwiseProduct(s)}, Seconds{1e-3});
   EXPECT_EQ(slow[2], 0.0);
   EXPECT_NEAR(slow[1] * s[1], 1.0, 1e-12);
   EXPECT_EQ(stage.counts()[Limit::speed], 1u);

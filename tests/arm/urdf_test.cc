@@ -624,7 +624,8 @@ TEST(SceneOfAUrdf, SaysWhatItLacks) {
     write_whole(path, text);
     return error(path, kStart);
   };
-  EXPECT_NE(arm(two_links()).find("an arm must have 6 to 8 joints, or the scene space JOINTS; this one has 2"), std::string::npos)
+  EXPECT_NE(arm(two_links()).find("an arm must have 6 to 8 joints, or the scene space JOINTS; this one has 2"),
+            std::string::npos)
       << arm(two_links());
   std::string weak = read_whole(kSix), damped = weak;
   weak.replace(weak.find("effort=\"150\""), 12, "effort=\"0\"");

@@ -16,8 +16,7 @@ TEST(BuiltFor, RunsTheSizesOfTheFileAndRefusesOthersInWords) {
     size(6);
     FAIL() << "6 is not built";
   } catch (const ConfigError& e) {
-    EXPECT_EQ(std::string{e.what()},
-              "dof is 6, which this program is not built for; scripts/build builds it for all");
+    EXPECT_EQ(std::string{e.what()}, "dof is 6, which this program is not built for; scripts/build builds it for all");
   }
 }
 

@@ -99,8 +99,7 @@ TYPED_TEST(PortVelocity, IsForeseenAsWellAfterTicksThatWereLeftOut) {
     ended = k % 10 == 9 ? 4 * kT : kT;
     const V a = inverse_mass * (push - f);
     if (k >= 40) {
-      EXPECT_LT((next - handle.prediction().mobility * f - (v + 0.5 * kT * a)).norm(),
-                1e-10 * (1.0 + v.norm()))
+      EXPECT_LT((next - handle.prediction().mobility * f - (v + 0.5 * kT * a)).norm(), 1e-10 * (1.0 + v.norm()))
           << "tick " << k;
     }
     moved = v * ended + 0.5 * ended * ended * a;

@@ -48,7 +48,8 @@ TWOPORT_EXPORT(start) void start(int scripted) {
   playground::Unpacker{input.data()}(scene);
   run.reset();
   page_judge.emplace(scene, std::min(PageSamples::kSampleHz, scene.master_rate_hz), true);
-  run = for_cartesian_dof(scene.dof, "the playground", [&]<int N>() { return playground::make_run<N>(scene, scripted != 0); });
+  run = for_cartesian_dof(scene.dof, "the playground",
+                          [&]<int N>() { return playground::make_run<N>(scene, scripted != 0); });
 }
 /// A command of the page in the input. 0: it is malformed.
 TWOPORT_EXPORT(command) int command() {

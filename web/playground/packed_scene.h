@@ -62,7 +62,8 @@ void with_fields(T& of, See see) {
 
 /// Is it one of these? Their content is not packed.
 template <class T>
-inline constexpr bool kLeftOut = std::is_same_v<T, SceneSource> || std::is_same_v<T, TransparencyHost> || std::is_same_v<T, ArmModel>;
+inline constexpr bool kLeftOut =
+    std::is_same_v<T, SceneSource> || std::is_same_v<T, TransparencyHost> || std::is_same_v<T, ArmModel>;
 template <class T>
 inline constexpr bool kRefused = std::is_same_v<T, RecordedHand> || std::is_same_v<T, DistanceField>;
 

@@ -22,7 +22,8 @@ void collect_numbers(const google::protobuf::Message& block, const std::string& 
     const Field* field = descriptor.field(i);
     const std::string path = prefix + field->name();
     // In place of what the full scene has, and tested in tests/arm.
-    if (field->name().starts_with("principal_") || field->name() == "arm" || field->name().starts_with("joint_")) continue;
+    if (field->name().starts_with("principal_") || field->name() == "arm" || field->name().starts_with("joint_"))
+      continue;
     const int size = field->is_repeated() ? reflection.FieldSize(block, field) : 0;
     if (field->cpp_type() == Field::CPPTYPE_DOUBLE) {
       EXPECT_TRUE(!field->is_repeated() || size > 0) << path << " is not in the full scene";
