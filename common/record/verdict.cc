@@ -6,6 +6,8 @@
 #include <cmath>
 #include <limits>
 
+#include "common/base/vector.h"
+
 namespace twoport {
 namespace {
 

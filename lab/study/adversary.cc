@@ -286,7 +286,6 @@ std::string arms_text(double rate_hz, Draw& draw) {
   }
   if (draw.once_in(4)) text += fmt::format("tremor {{ rms_m: {} }} ", draw.decades(1e-5, 3e-3));
   text += "} device { " + arm();
-  if (draw.once_in(4)) text += fmt::format(" position_resolution_m: {}", draw.decades(1e-6, 1e-3));
   text += " } robot { " + arm() + " force_sensor { } }";
   for (int left = 1 + draw.below(3); left > 0; --left) {
     const Eigen::Vector3d n = draw.direction<3>();
@@ -364,7 +363,9 @@ struct Bodies<kJointPort> {
   class Joints {
    public:
     static constexpr int N = kJointPort;
-    Joints(const Scene& s, Seconds dt) : arm_{s, dt} {}
+    Joints(const Scene& s, const ArmSpec& arm, Seconds dt) : arm_{s, dt} {
+      for (int i = 0; const ArmJoint& joint : arm.parameters->joints) damping_[i++] = joint.damping.value_or(0.0);
+    }
     void rest(int) {
       if constexpr (requires { arm_.hold(); }) {
         arm_.hold();
@@ -386,13 +387,15 @@ struct Bodies<kJointPort> {
     [[nodiscard]] Velocity<N> v() const { return arm_.sense().v; }
     [[nodiscard]] Force<N> own_force() const { return arm_.environment_force(); }
     [[nodiscard]] Force<N>::Vector mass() const { return Force<N>::Vector::Ones(); }
-    [[nodiscard]] Force<N>::Vector damping() const { return Force<N>::Vector::Zero(); }
+    [[nodiscard]] const Force<N>::Vector& damping() const { return damping_; }
 
    private:
     Arm arm_;
+    Force<N>::Vector damping_ = Force<N>::Vector::Zero();
   };
 
-  Bodies(const Scene& s, Draw&, Seconds master_dt, Seconds slave_dt) : handle{s, master_dt}, robot{s, slave_dt} {}
+  Bodies(const Scene& s, Draw&, Seconds master_dt, Seconds slave_dt)
+      : handle{s, *s.device->arm, master_dt}, robot{s, *s.robot->arm, slave_dt} {}
   Joints<sim::SimDevice<kJointPort>> handle;
   Joints<sim::SimRobot<kJointPort>> robot;
 };
@@ -603,7 +606,7 @@ constexpr double kRest_s = 0.7, kFlow_s = 1.6, kRestEnd_s = 2.2;
 template <int N>
 AdversaryRun run_of(const std::string& method, AdversaryRun out, Draw& draw, const std::vector<std::string>& set) {
   Draw also{out.seed ^ 0x6d6f7265};
-  out.rests = also.once_in(5);
+  out.rests = also.once_in(5) && N != kJointPort;  // an arm that is let go swings on
   const Scene scene = scene_of(method, out, draw, also, set);
   out.rate_hz = scene.master_rate_hz;
   out.switches = static_cast<int>(scene.schedule.size());
@@ -863,10 +866,11 @@ std::string broken_runs(const Adversary& all) {
       if (!run.broken()) continue;
       const bool hand = run.hand_least_j < run.hand_bound_j - AdversaryRun::kRounding_j;
       out += fmt::format(
-          "{}: {} {:.9g} mJ, claimed at least {:.9g} mJ; again: twoport-lab adversary --methods {} --seed {} --runs "
-          "1\n",
+          "{}: {} {:.9g} mJ, claimed at least {:.9g} mJ; again: twoport-lab adversary{} --methods {} --seed {} "
+          "--runs 1\n",
           all.methods[m], hand ? "hand" : "both", 1e3 * (hand ? run.hand_least_j : run.both_least_j),
-          1e3 * (hand ? run.hand_bound_j : run.both_bound_j), all.methods[m], run.seed);
+          1e3 * (hand ? run.hand_bound_j : run.both_bound_j), run.dof == kJointPort ? " --joints" : "", all.methods[m],
+          run.seed);
     }
   return out;
 }

@@ -308,13 +308,16 @@ TEST_F(Ros2, ARobotThatDiesOrSendsNoNumbersLetsTheHandGo) {
     }
     EXPECT_EQ(live.slave->wait(), exited(1)) << live.slave->err();
     const std::string why = live.slave->err();
-    // Pose and wrench stop together; which is found missing first is a matter of chance.
+    // Pose and wrench stop together; which is found missing first is a matter of chance. One that is not stopped may get no processor for as
+    // long.
     const bool pose =
         why.find(": nothing on /arm/pose (geometry_msgs::msg::dds_::PoseStamped_) for 0.1 s") != std::string::npos;
     const bool wrench =
         why.find(": nothing on /arm/wrench (geometry_msgs::msg::dds_::WrenchStamped_) for 0.1 s") != std::string::npos;
-    EXPECT_TRUE(pose || (dies && wrench)) << why;
-    EXPECT_EQ(why.find("of which 0 were dropped") == std::string::npos, !dies) << why;
+    EXPECT_TRUE(pose || wrench) << why;
+    if (pose) {
+      EXPECT_EQ(why.find("of which 0 were dropped") == std::string::npos, !dies) << why;
+    }
     EXPECT_EQ(live.master->wait(), exited(3)) << "not coupled to the end: " << live.master->err();
     const Trace felt = live.pair->trace("master");
     if (dies) {
