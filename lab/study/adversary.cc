@@ -641,7 +641,8 @@ AdversaryRun run_of(const std::string& method, AdversaryRun out, Draw& draw, con
   const double repeats = also.once_in(4) ? also.decades(0.01, 1.0) : 0.0;
 
   Bodies<N> bodies{scene, draw, master_dt, order.slave_period()};
-  auto& [handle, robot] = bodies;
+  auto& handle = bodies.handle;
+  auto& robot = bodies.robot;
   // Of a motion of joints in the metric of the nodes.
   const auto size2 = [&](const Displacement<N>& by) {
     if constexpr (N == kJointPort) {
