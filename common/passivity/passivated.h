@@ -26,9 +26,13 @@ class Passivated {
   Passivated(E element, const ControllerOptions& options, Energy initial = Energy{})
       : element_{std::move(element)}, options_{options}, observer_{initial} {}
 
+  /// Where `in` is not finite or dt <= 0, nothing is booked; then, and where the element's answer is not finite, it is zero until the next step.
   Out step(const In& in, Seconds dt) noexcept {
+    if (!all_finite(in) || !(dt.si() > 0.0)) return held_ = Out{};
     observer_.book(0, dot(held_, in) * dt);
-    last_ = passivity_controller(element_.step(in, dt), in, Budget{observer_.energy(), Energy{}}, options_, dt);
+    const Out wanted = element_.step(in, dt);
+    if (!all_finite(wanted)) return held_ = Out{};
+    last_ = passivity_controller(wanted, in, Budget{observer_.energy(), Energy{}}, options_, dt);
     return held_ = last_.out;
   }
   const E& element() const { return element_; }
@@ -68,12 +72,17 @@ class Passivated<E, EnergySpringOptions> {
   Passivated(E element, const EnergySpringOptions& o)
       : element_{std::move(element)},
         initial_{o.initial},
-        spring_{o.initial, o.stiffness_n_per_m, o.rotational_stiffness_n_m_per_rad, o.mass_kg, o.inertia_kg_m2} {}
+        spring_{o.initial, o.stiffness_n_per_m, o.rotational_stiffness_n_m_per_rad, o.mass_kg, o.inertia_kg_m2} {
+    spring_.take_port(Velocity<Out::kSize>::Vector::Ones());  // the hand's push is not known yet
+  }
 
+  /// As of the other wrapper. The claim is for a constant dt.
   Out step(const In& in, Seconds dt) noexcept {
+    if (!all_finite(in) || !(dt.si() > 0.0)) return held_ = Out{};
     const Displacement<Out::kSize> moved = in * dt;
     spring_.observe(spring_.energy() + dot(held_, moved), moved, held_, dt, dt);
     const Out wanted = element_.step(in, dt);
+    if (!all_finite(wanted)) return held_ = Out{};
     share_ = spring_.scale(wanted, dt);
     return held_ = share_ * wanted;
   }

@@ -2,6 +2,8 @@
 
 #include <fmt/format.h>
 
+#include "common/method/catalogue.h"
+
 namespace twoport {
 
 bool is_coarse(const Scene& scene) {
@@ -23,8 +25,7 @@ NoiseMotion noise_motion(const Scene& s) {
                              s.device->rotational_damping_n_m_s_per_rad + hand.rotational_damping_n_m_s_per_rad)};
 }
 bool has_controller(const Scene& scene) {
-  const ControlOptions& c = scene.control;
-  return c.method_name.empty() ? c.controller.method != Method::none : c.method_name != kPlainMethod;
+  return keeps_account(scene.control, {});
 }
 
 template <int N>

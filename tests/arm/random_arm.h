@@ -20,7 +20,12 @@ class RandomArms {
   explicit RandomArms(std::uint64_t seed) : rng_{seed} {}
   RandomArm next() {
     const auto n = static_cast<int>(1.0 + 8.0 * part());
-    RandomArm of{.arm = {.flange_m = vector(0.3), .flange_rotation = rotation()},
+    RandomArm of{.arm = {.name = {},
+                         .source = {},
+                         .joints = {},
+                         .flange_m = vector(0.3),
+                         .flange_rotation = rotation(),
+                         .ready_position = {}},
                  .tool = {.mass_kg = 0.1 + part(), .center_m = vector(0.2), .inertia = 0.1 * inertia()},
                  .tool_rotation = rotation()};
     for (int i = 0; i < n; ++i)

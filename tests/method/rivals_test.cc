@@ -282,6 +282,8 @@ TEST(WaveVariables, AClampedLineIsAStaircaseOfTwiceTheImpedance) {
                                 .slave_energy_net = {},
                                 .account = account,
                                 .active = true,
+                                .paused = false,
+                                .inertia = nullptr,
                                 .ramp = 1.0,
                                 .bridge = nullptr});
     account.book(dot(out.f, device.v * dt));
