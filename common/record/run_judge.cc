@@ -2,7 +2,7 @@
 
 #include <fmt/format.h>
 
-#include "common/method/catalogue.h"
+#include "common/base/built_for.h"
 
 namespace twoport {
 
@@ -25,7 +25,8 @@ NoiseMotion noise_motion(const Scene& s) {
                              s.device->rotational_damping_n_m_s_per_rad + hand.rotational_damping_n_m_s_per_rad)};
 }
 bool has_controller(const Scene& scene) {
-  return keeps_account(scene.control, {});
+  const ControlOptions& c = scene.control;
+  return c.method_name.empty() ? c.controller.method != Method::none : c.method_name != kPlainMethod;
 }
 
 template <int N>
