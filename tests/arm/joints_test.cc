@@ -16,6 +16,7 @@
 #include "common/record/tool_view.h"
 #include "common/safety/peer_guard.h"
 #include "common/safety/safety_stage.h"
+#include "common/safety/turning_limits.h"
 #include "common/scene/load.h"
 #include "sim/sim_joints.h"
 
@@ -135,6 +136,20 @@ TEST(JointLimits, BoundTorqueSpeedAndRange) {
   const Position<N> step = stage.set_point(to, ready, Seconds{1e-3}, nullptr);
   const Axes moved = (step.translation() - ready.translation()).cwiseQuotient(s);
   for (int i = 0; i < 4; ++i) EXPECT_LE(std::abs(moved[i]), 2.175e-3 * (1 + 1e-9)) << i;
+}
+
+// Where a limit of a joint takes a part of a force, a layer must expect another direction than its own.
+TEST(JointLimits, TellWhereAForceMayBeTurned) {
+  const Scene scene = scene_of();
+  const PortLimits limits = limits_at_device(scene.control);
+  const Axes& s = scene.control.joint_scale;
+  const Axes ready = s.cwiseProduct((Axes{} << 0, -0.5, 0, -2.2, 0, 1.8, 0.785, 0).finished());
+  Axes beyond = ready, rate = Axes::Zero();
+  EXPECT_FALSE(may_turn(limits, Position<N>{ready}, Velocity<N>{rate}));
+  beyond[3] = -0.01 * s[3];  // its range ends at -0.0698 rad
+  EXPECT_TRUE(may_turn(limits, Position<N>{beyond}, Velocity<N>{rate}));
+  rate[2] = 3.0 * s[2];  // its speed is 2.175 rad/s
+  EXPECT_TRUE(may_turn(limits, Position<N>{ready}, Velocity<N>{rate}));
 }
 
 TEST(JointLimits, BoundWhatTheOtherSideClaims) {

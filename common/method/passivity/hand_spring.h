@@ -5,6 +5,7 @@
 
 #include "common/method/layers.h"
 #include "common/passivity/energy_spring.h"
+#include "common/safety/turning_limits.h"
 
 namespace twoport {
 
@@ -35,7 +36,7 @@ class HandSpring {
     if (in.inertia != nullptr) spring_.take_inertia(*in.inertia);
     spring_.observe(in.account.net(), moved, in.device.applied, in.ended, in.dt);
     spring_.take_ratio(in.device.ratio, in.device.v, in.dt);
-    spring_.expect_turned(may_turn(in.device));
+    spring_.expect_turned(may_turn(limits_, in.device.x, in.device.v));
     damper_.observe(moved, applied_part(in.device.applied, f_), in.ended);
   }
   /// Writes force, share and energies into `out`. `damper`: null: none.
@@ -75,17 +76,6 @@ class HandSpring {
 
  private:
   static constexpr double kCredit_j = 20e-3;
-
-  /// May a limit at the device turn the force?
-  [[nodiscard]] bool may_turn(const DeviceSample<N>& device) const noexcept {
-    if constexpr (N == kJointPort) {
-      const JointLimits& j = limits_.joints;
-      const auto x = device.x.translation().array(), v = device.v.vec().array();
-      return (x > j.upper || x < j.lower || v.abs() > j.speed).any();
-    } else {
-      return device.x.translation().template head<kAxes<N>>().norm() > limits_.workspace_m;
-    }
-  }
 
   PortLimits limits_;  ///< at the device
   EnergySpring<N> spring_;

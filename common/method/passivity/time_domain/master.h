@@ -6,6 +6,7 @@
 #include "common/method/layers.h"
 #include "common/passivity/controller.h"
 #include "common/passivity/velocity_predictor.h"
+#include "common/safety/turning_limits.h"
 
 namespace twoport {
 
@@ -34,7 +35,7 @@ class TimeDomainMaster final : public Copyable<TimeDomainMaster<N>, MasterPassiv
         initial_{o.initial_energy},
         as_published_{o.controller.method == Method::classic},
         measured_{returns_measured_force(o)},
-        workspace_m_{limits_at_device(o).workspace_m},
+        limits_{limits_at_device(o)},
         predictor_{predictor(o)} {}
 
   Shown<N> limit(const Wish<N>& wish, const MasterInput<N>& in) noexcept override {
@@ -74,7 +75,7 @@ class TimeDomainMaster final : public Copyable<TimeDomainMaster<N>, MasterPassiv
  private:
   Corrected<Force<N>> within(const Force<N>& wanted, Energy available, const MasterInput<N>& in) const noexcept {
     return predictor_ ? predictive_impedance_controller(wanted, predictor_->prediction(), available, controller_, in.dt,
-                                                        may_be_turned(in.device.x))
+                                                        may_turn(limits_, in.device.x, in.device.v))
                       : passivity_controller(wanted, in.device.v, Budget{available, Energy{}}, controller_, in.dt);
   }
   /// Empty if the mass at the handle is not known, as its response to a force is then unknown.
@@ -94,11 +95,6 @@ class TimeDomainMaster final : public Copyable<TimeDomainMaster<N>, MasterPassiv
       }
     }
     if (measured_) command_force_ = in.slave.newest.f_coupling;
-  }
-
-  /// By the limit of the workspace.
-  [[nodiscard]] bool may_be_turned(const Position<N>& x) const noexcept {
-    return workspace_m_ < PortLimits::kNone && x.translation().norm() > workspace_m_;
   }
 
   /// Energy that the hand puts in while there is a deficit cancels the deficit and is not sent to the slave:
@@ -128,7 +124,7 @@ class TimeDomainMaster final : public Copyable<TimeDomainMaster<N>, MasterPassiv
   ObserverRule observer_;
   Energy initial_;
   bool as_published_, measured_;
-  double workspace_m_;
+  PortLimits limits_;  ///< at the device
   std::optional<PortVelocityPredictor<N>> predictor_;
   Ledger command_;  ///< the motion command as a separate source
   Force<N> command_force_;
