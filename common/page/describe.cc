@@ -52,11 +52,11 @@ std::string json(const T& v) {
 template <class Value, class... Rest>
 std::string fields(std::string_view name, const Value& value, const Rest&... rest) {
   std::string out = fmt::format("\"{}\":{}", name, json(value));
-  if constexpr (sizeof...(rest) > 0) out += ',' + fields(rest...);
+  if constexpr (sizeof...(rest) > 0) (out += ',') += fields(rest...);
   return out;
 }
 Json object(const auto&... name_and_value) {
-  return {"{" + fields(name_and_value...) + "}"};
+  return {fmt::format("{{{}}}", fields(name_and_value...))};
 }
 
 struct Fields {
