@@ -107,8 +107,7 @@ class Path {
         typename Displacement<N>::Vector along = Displacement<N>::Vector::Zero();
         if (const auto* sine = std::get_if<SineSpec>(&spec)) along[sine->axis] = sine->amplitude_m;
         if (const auto* multi = std::get_if<MultiSineSpec>(&spec))
-          along.head(static_cast<Eigen::Index>(multi->direction.size())) = Eigen::Map<const Eigen::VectorXd>{
-              multi->direction.data(), static_cast<Eigen::Index>(multi->direction.size())};
+          std::copy(multi->direction.begin(), multi->direction.end(), along.data());
         s.along = Displacement<N>{along};
         end_ = s.at(duration_s).x;
       }
