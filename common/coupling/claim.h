@@ -38,6 +38,11 @@ struct StandingClaim {
   const MethodName& method = method_entry(o);
   return (method.claim ? method.claim : passivity_layer(o).claim).value_or(Claim{});
 }
+/// Is the account, and E(0), the master's own? The slave then need not know it.
+[[nodiscard]] inline bool account_is_of_master(const ControlOptions& o) {
+  const Claim claim = stated_claim(o);
+  return claim.hand && !claim.both;
+}
 [[nodiscard]] inline StandingClaim standing_claim(const ControlOptions& o) {
   using enum StandingClaim::Voided;
   // Within the limit of force no force changes by more than twice that in a tick.

@@ -215,6 +215,11 @@ inline const MethodName& method_entry(const ControlOptions& o) {
   return entry_of(kMethods, o.method_name);
 }
 
+/// Is there no layer but the plain ones, and no method of one piece? The coupling acts as it is.
+inline bool is_plain(const ControlOptions& o) {
+  return o.method_name == kPlainMethod;
+}
+
 /// Sets a method by its name, of kMethods or TRANSPARENCY+PASSIVITY. False: there is no such method, and nothing is set.
 inline bool choose_method(ControlOptions& o, std::string_view name) {
   if (const MethodName* method = find_name(kMethods, name)) {

@@ -26,7 +26,7 @@ NoiseMotion noise_motion(const Scene& s) {
 }
 bool has_controller(const Scene& scene) {
   const ControlOptions& c = scene.control;
-  return c.method_name.empty() ? c.controller.method != Method::none : c.method_name != kPlainMethod;
+  return c.method_name.empty() ? c.controller.method != Method::none : !is_plain(c);
 }
 
 template <int N>

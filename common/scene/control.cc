@@ -191,7 +191,7 @@ void read_passivity(const Block<schema::Control>& control, ControlOptions& optio
 
   read_method_options(of, options);
 
-  if (rendering && options.controller.method == Method::none && options.method_name != kPlainMethod)
+  if (rendering && options.controller.method == Method::none && !is_plain(options))
     of.refuse(FIELD(method), fmt::format("be one of {} where control.architecture is RENDER: it needs a link",
                                          fmt::join(names_of(kControllers), ", ")));
   if (!rendering && rendering_controller(options.method_name) != Method::none)

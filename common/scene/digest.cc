@@ -7,7 +7,7 @@
 #include <utility>
 #include <vector>
 
-#include "common/coupling/layers.h"
+#include "common/coupling/claim.h"
 #include "common/scene/source.h"
 
 namespace twoport {
@@ -101,9 +101,8 @@ void complete(schema::Control& stated, const ControlOptions& control) {
     passivity.set_layer(layer);
   }
   passivity.set_accounts(static_cast<schema::Passivity::Accounts>(control.accounts));
-  // Under internal-model control the account is the master's own, and its default that of the scene's delays.
   passivity.clear_initial_energy_j();
-  if (control.method_name != kDefaultMethod) passivity.set_initial_energy_j(control.initial_energy.si());
+  if (!account_is_of_master(control)) passivity.set_initial_energy_j(control.initial_energy.si());
 }
 
 std::uint64_t digest_of(const std::vector<SharedField>& fields) {
@@ -124,7 +123,7 @@ std::uint64_t gripper_digest(const schema::Gripper& stated, const Scene& gripper
   static const std::vector<Shared> shared = find_shared(*schema::Gripper::descriptor());
   schema::Gripper message = stated;
   message.clear_initial_energy_j();
-  if (gripper.control.method_name != kDefaultMethod) message.set_initial_energy_j(gripper.control.initial_energy.si());
+  if (!account_is_of_master(gripper.control)) message.set_initial_energy_j(gripper.control.initial_energy.si());
   Digest all;
   for (const Shared& each : shared) all.add(each.digest(message));
   return all.value();

@@ -305,7 +305,7 @@ constexpr Hint kHints[] = {
      true},
     {[](const Scene& s) {
       const bool delayed = has_link(s) && (delays(s.to_slave) || delays(s.to_master));
-      if (!delayed || !s.expect.stable.value_or(true) || s.control.method_name != kPlainMethod) return std::string{};
+      if (!delayed || !s.expect.stable.value_or(true) || !is_plain(s.control)) return std::string{};
       return fmt::format(
           "control.passivity.method is {} and the link delays: the loop may be unstable; {}, the default, holds it",
           s.control.method_name, kDefaultMethod);

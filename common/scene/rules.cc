@@ -57,7 +57,7 @@ void check_moving_anchors(const SceneBlock& scene, const Scene& values) {
 /// A force that reaches the handle later than it is commanded is none that a controller has booked.
 void check_latency(const SceneBlock& scene, const Scene& values) {
   if (!values.device || !(values.device->force_latency_s > 0.0)) return;
-  if (values.control.architecture != Architecture::render || values.control.method_name != kPlainMethod)
+  if (values.control.architecture != Architecture::render || !is_plain(values.control))
     scene.block(FIELD(device))
         .refuse(FIELD(force_latency_ms),
                 fmt::format("be 0 unless control.architecture is RENDER and the method {}", kPlainMethod));

@@ -275,9 +275,8 @@ void add_matrix(CLI::App& app, Chosen& chosen) {
   matrix.footer(std::string{kColumns} + R"(
 broken      the passivity layer's claim of energy: the port that it bounds has given more than E(0) and 0.1 mJ
 
-twoport-lab methods --layers lists the layers. Every pair has the E(0) that the scene has as it is. The port that a
-passivity layer bounds is the hand's, or both together, with E(0) of both sides where each side has one (FORCE_PROJECTED, ENERGY_TANK).
-The claim of ENERGY_BOUNDING counts the device's own damping and is not judged.)");
+twoport-lab methods --layers lists the layers and what each claims: the hand's port, or both together with E(0) of both
+sides. Every pair has the E(0) that the scene has as it is. A claim that counts the device's own damping is not judged.)");
   matrix.callback([a, &chosen] { chosen = [a] { return matrix_command(*a); }; });
 }
 
