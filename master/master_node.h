@@ -95,7 +95,7 @@ class MasterNode {
                                         .account = account_,
                                         .active = modes_.active(),
                                         .paused = paused,
-                                        .inertia = inertia_.at(device.x),
+                                        .inertia = inertia_.at(reading.x),
                                         .ramp = ramp,
                                         .bridge = bridge_.over(modes_.active())});
     before_ = motion;

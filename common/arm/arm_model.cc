@@ -1,6 +1,7 @@
 #include "common/arm/arm_model.h"
 
 #include <cmath>
+#include <type_traits>
 
 namespace twoport {
 
@@ -166,41 +167,91 @@ ArmModel::Inertia ArmModel::inertia(const Pose& p) const noexcept {
   return M;
 }
 
-InertiaFactors::InertiaFactors(const ArmModel::Inertia& M) noexcept : lower_{M}, inverse_{M.rows()} {
-  const auto n = static_cast<int>(M.rows());
-  for (int i = 0; i < n; ++i) {
-    for (int k = 0; k < i; ++k) {
-      double rest = M(i, k);
-      for (int j = 0; j < k; ++j) rest -= lower_(i, j) * lower_(k, j);
-      lower_(i, k) = rest * inverse_[k];
-    }
-    double rest = M(i, i);
-    for (int j = 0; j < i; ++j) rest -= lower_(i, j) * lower_(i, j);
-    inverse_[i] = 1.0 / std::sqrt(rest);
+namespace {
+
+/// `compute` with the number of rows as a constant, so that loops unroll.
+template <class Compute>
+void with_size(Eigen::Index rows, const Compute& compute) noexcept {
+  switch (rows) {
+    case 6:
+      return compute(std::integral_constant<int, 6>{});
+    case 7:
+      return compute(std::integral_constant<int, 7>{});
+    default:
+      return compute(static_cast<int>(rows));
   }
 }
+
+}  // namespace
+
+InertiaFactors::InertiaFactors(const ArmModel::Inertia& M) noexcept : lower_{M}, inverse_{M.rows()} {
+  with_size(M.rows(), [l = lower_.data(), inverse = inverse_.data()](auto rows) {
+    const int n = rows;
+#pragma GCC unroll 8
+    for (int k = 0; k < n; ++k) {
+      const double r = inverse[k] = 1.0 / l[k + k * n];
+#pragma GCC unroll 8
+      for (int j = k + 1; j < n; ++j) {
+        const double of = l[j + k * n] * r;
+#pragma GCC unroll 8
+        for (int i = j; i < n; ++i) l[i + j * n] -= l[i + k * n] * of;
+      }
+#pragma GCC unroll 8
+      for (int i = k + 1; i < n; ++i) l[i + k * n] *= r;
+    }
+  });
+}
 ArmModel::Joints InertiaFactors::solve(const ArmModel::Joints& b) const noexcept {
-  const auto n = static_cast<int>(b.size());
-  ArmModel::Joints x = b;
-  for (int i = 0; i < n; ++i) {
-    double rest = x[i];
-    for (int k = 0; k < i; ++k) rest -= lower_(i, k) * x[k];
-    x[i] = rest * inverse_[i];
-  }
-  for (int i = n; i-- > 0;) {
-    double rest = x[i];
-    for (int k = i + 1; k < n; ++k) rest -= lower_(k, i) * x[k];
-    x[i] = rest * inverse_[i];
-  }
-  return x;
+  ArmModel::Joints solution = b;
+  with_size(b.size(), [l = lower_.data(), inverse = inverse_.data(), x = solution.data()](auto rows) {
+    const int n = rows;
+#pragma GCC unroll 8
+    for (int k = 0; k < n; ++k) {
+#pragma GCC unroll 8
+      for (int i = k + 1; i < n; ++i) x[i] -= l[i + k * n] * x[k];
+    }
+#pragma GCC unroll 8
+    for (int k = 0; k < n; ++k) x[k] *= inverse[k];
+#pragma GCC unroll 8
+    for (int i = n; i-- > 0;) {
+#pragma GCC unroll 8
+      for (int k = 0; k < i; ++k) x[k] -= l[i + k * n] * x[i];
+    }
+  });
+  return solution;
+}
+
+ArmModel::Inertia InertiaFactors::inverse() const noexcept {
+  ArmModel::Inertia W = lower_, all{lower_.rows(), lower_.rows()};  // W = L⁻¹ below the diagonal
+  with_size(W.rows(), [w = W.data(), l = lower_.data(), r = inverse_.data(), a = all.data()](auto rows) {
+    const int n = rows;
+#pragma GCC unroll 8
+    for (int j = 0; j < n; ++j)
+#pragma GCC unroll 8
+      for (int i = j + 1; i < n; ++i) {
+        double sum = l[i + j * n];
+#pragma GCC unroll 8
+        for (int k = j + 1; k < i; ++k) sum += l[i + k * n] * w[k + j * n];
+        w[i + j * n] = -sum;
+      }
+#pragma GCC unroll 8
+    for (int j = 0; j < n; ++j)
+#pragma GCC unroll 8
+      for (int i = j; i < n; ++i) {
+        double sum = i == j ? r[i] : r[i] * w[i + j * n];
+#pragma GCC unroll 8
+        for (int k = i + 1; k < n; ++k) sum += w[k + i * n] * (r[k] * w[k + j * n]);
+        a[i + j * n] = a[j + i * n] = sum;
+      }
+  });
+  return all;
 }
 
 Eigen::Matrix<double, 6, 6> InertiaFactors::mobility(const ArmModel::Jacobian& J) const noexcept {
-  ArmModel::Jacobian x = J;  // J L⁻ᵀ
-  for (int k = 0; k < J.cols(); ++k) {
-    x.col(k) *= inverse_[k];
+  ArmModel::Jacobian x = J;  // J L⁻ᵀ, and D^(-1/2)
+  for (int k = 0; k < J.cols(); ++k)
     for (int i = k + 1; i < J.cols(); ++i) x.col(i) -= lower_(i, k) * x.col(k);
-  }
+  x = x * inverse_.cwiseSqrt().asDiagonal();
   return x.lazyProduct(x.transpose());
 }
 

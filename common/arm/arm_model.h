@@ -97,19 +97,21 @@ class ArmModel {
   Eigen::Vector3d tool_;           ///< in axes of the last link
 };
 
-/// M = L Lᵀ, L lower triangular.
+/// M = L D Lᵀ, L lower triangular with a diagonal of 1, D diagonal.
 class InertiaFactors {
  public:
   InertiaFactors() = default;
   explicit InertiaFactors(const ArmModel::Inertia& M) noexcept;
   /// M⁻¹ b
   [[nodiscard]] ArmModel::Joints solve(const ArmModel::Joints& b) const noexcept;
+  /// M⁻¹
+  [[nodiscard]] ArmModel::Inertia inverse() const noexcept;
   /// J M⁻¹ Jᵀ
   [[nodiscard]] Eigen::Matrix<double, 6, 6> mobility(const ArmModel::Jacobian& J) const noexcept;
 
  private:
-  ArmModel::Inertia lower_;
-  ArmModel::Joints inverse_;  ///< of L's diagonal
+  ArmModel::Inertia lower_;   ///< L below the diagonal
+  ArmModel::Joints inverse_;  ///< D⁻¹
 };
 
 /// Of numbers, one a joint.

@@ -1,6 +1,5 @@
 #pragma once
 
-#include <Eigen/Cholesky>
 #include <memory>
 #include <utility>
 
@@ -12,7 +11,7 @@ namespace twoport {
 
 /// The inertia of the leader's joints, in the metric of its node (JointMetric), at each position:
 ///
-///     (S⁻¹ M(q) S⁻¹)⁻¹       |S M⁻¹ Jᵀ|, the most that a force on the tool accelerates the joints
+///     S M(q)⁻¹ S       |S M⁻¹ Jᵀ|, the most that a force on the tool accelerates the joints
 ///
 /// Null where the model of the arm is not known, and for another port than one of joints.
 template <int N>
@@ -25,22 +24,19 @@ class LeaderInertia {
 template <>
 class LeaderInertia<kJointPort> {
  public:
-  explicit LeaderInertia(const ControlOptions& o) : model_{o.leader}, s_{o.joint_scale} {}
+  explicit LeaderInertia(const ControlOptions& o) : model_{o.leader}, s_{o.joint_scale} {
+    now_.inverse_mass.setIdentity();
+  }
 
-  /// `x` in the metric. It lives until the next call.
-  const PortInertia<kJointPort>* at(const Position<kJointPort>& x) noexcept {
+  /// `q` as the device reads it. It lives until the next call.
+  const PortInertia<kJointPort>* at(const Position<kJointPort>& q) noexcept {
     if (model_ == nullptr) return nullptr;
     const auto n = model_->size();
-    const Axes q = x.translation().cwiseQuotient(s_);
-    const ArmModel::Pose pose = model_->pose(q.head(n));
-    const Axes inverse = s_.cwiseInverse();
-    Eigen::Matrix<double, kJointPort, kJointPort> M = Eigen::Matrix<double, kJointPort, kJointPort>::Identity();
-    M.topLeftCorner(n, n) = inverse.head(n).asDiagonal() * model_->inertia(pose) * inverse.head(n).asDiagonal();
-    const Eigen::LLT<Eigen::Matrix<double, kJointPort, kJointPort>> factors{M};
-    now_.inverse_mass = factors.solve(Eigen::Matrix<double, kJointPort, kJointPort>::Identity());
-    Eigen::Matrix<double, kJointPort, 3> to_joints = Eigen::Matrix<double, kJointPort, 3>::Zero();
-    to_joints.topRows(n) = inverse.head(n).asDiagonal() * model_->jacobian(pose).topRows<3>().transpose();
-    now_.of_hand = (now_.inverse_mass * to_joints).norm();
+    const ArmModel::Pose pose = model_->pose(q.translation().head(n));
+    const auto scale = s_.head(n).asDiagonal();
+    const ArmModel::Inertia inverse = scale * InertiaFactors{model_->inertia(pose)}.inverse();
+    now_.inverse_mass.topLeftCorner(n, n) = inverse * scale;
+    now_.of_hand = inverse.lazyProduct(model_->jacobian(pose).topRows<3>().transpose()).norm();
     return &now_;
   }
 

@@ -16,6 +16,10 @@ using Matrix6 = Eigen::Matrix<double, 6, 6>;
 
 constexpr double kStopStiffness = 2e3, kStopDamping = 20.0;           // [N m/rad], [N m s/rad]
 constexpr double kSlideStopStiffness = 1e5, kSlideStopDamping = 1e3;  // of prismatic joints [N/m], [N s/m]
+// Steps: the rate of what oscillates times a step is at most kShort, that of what decays kShort/kDecay, of friction kShort/kStable of 2.8,
+// beyond which none is stable. The stages of a step disagree by kError at most [rad/s], [m/s].
+constexpr double kShort = 0.1, kDecay = 0.3, kStable = 0.05, kError = 1e-5, kSmallError = kError / 16,
+                 kMostSteps = 256.0;
 // det J M⁻¹ Jᵀ below this part of that at the beginning is nearly singular.
 constexpr double kSingular = 1e-3;
 
@@ -92,34 +96,36 @@ ArmPlant::ArmPlant(const ArmSpec& arm, std::shared_ptr<const Environment<6>> env
   const InertiaFactors inertia{model_.inertia(pose)};
   mobility_ = inertia.mobility(model_.jacobian(pose));
   regular_ = kSingular * determinant(mobility_.llt());
-  // Rates of the fastest motions, for the length of steps: joints, their stops, and one contact of the tool.
+  // Rates of the fastest motions, for the length of steps: joints, and one contact of the tool.
   double stiffness = 0.0, damping = 0.0;
   for (const Surface& s : environment_->world().surfaces) {
     stiffness = std::max(stiffness, s.material.stiffness_n_per_m);
     damping = std::max(damping, s.material.all_damping_n_s_per_m());
-    friction_ = std::max(friction_, s.material.friction);
   }
   const double linear = largest_eigenvalue(mobility_.topLeftCorner<3, 3>()),
                angular = largest_eigenvalue(mobility_.bottomRightCorner<3, 3>());
   for (const Eigen::Vector3d& point : environment_->tool())
     point_mobility_ = std::max(point_mobility_, linear + point.squaredNorm() * angular);
   const Joints most_damping = damping_.array() + arm_.null_space_damping_n_m_s_per_rad;
-  rate_ = std::max({std::sqrt(stiffness * point_mobility_), damping * point_mobility_,
-                    largest_rate(most_damping, inertia), std::sqrt(largest_rate(stop_stiffness_, inertia))});
+  rate_ = std::max({std::sqrt(stiffness * point_mobility_), kDecay * damping * point_mobility_,
+                    kDecay * largest_rate(most_damping, inertia)});
+  stop_rate_ =
+      std::max(std::sqrt(largest_rate(stop_stiffness_, inertia)), kDecay * largest_rate(stop_damping_, inertia));
   if (hand_) {
     const HandSpec& h = hand_->spec;
-    rate_ = std::max({rate_, std::sqrt(h.stiffness_n_per_m * linear), h.damping_n_s_per_m * linear,
+    rate_ = std::max({rate_, std::sqrt(h.stiffness_n_per_m * linear), kDecay * h.damping_n_s_per_m * linear,
                       std::sqrt(h.rotational_stiffness_n_m_per_rad * angular),
-                      h.rotational_damping_n_m_s_per_rad * angular});
+                      kDecay * h.rotational_damping_n_m_s_per_rad * angular});
   }
   if (!arm_.joint_coulomb_friction_n_m.empty()) coulomb_ = joint_vector(arm_.joint_coulomb_friction_n_m);
   dry_ = !coulomb_.isZero(0.0);
   torque_ = model_.gravity_torque(pose, kGravity);  // what holds it until the first command
-  update();
+  arrive(0.0);
 }
 
 BodyState<6> ArmPlant::advance(const Force<6>& f) noexcept {
-  move(control(f.vec()));
+  control(f.vec());
+  move();
   return body();
 }
 
@@ -129,11 +135,11 @@ void ArmPlant::advance_joints(const Force<kJointPort>& torque) noexcept {
   torque_ = wanted.cwiseMin(most_torque_).cwiseMax(-most_torque_);
   saturated_ = torque_ != wanted;
   commanded_ = torque_ - gravity;
-  move(torque_);
+  move();
 }
 void ArmPlant::kick_joints(const Velocity<kJointPort>& dv) noexcept {
   s_.v += dv.vec().head(s_.v.size());
-  update();
+  arrive(0.0);
 }
 BodyState<kJointPort> ArmPlant::joints() const noexcept {
   Velocity<kJointPort>::Vector q = Velocity<kJointPort>::Vector::Zero(), v = q;
@@ -143,90 +149,103 @@ BodyState<kJointPort> ArmPlant::joints() const noexcept {
 }
 Force<kJointPort> ArmPlant::outside_torque() const noexcept {
   Force<kJointPort>::Vector torque = Force<kJointPort>::Vector::Zero();
-  torque.head(s_.q.size()) = now_.jacobian.transpose() * now_.outside;
+  torque.head(s_.q.size()) = now_.jacobian.transpose() * met_.outside;
   return Force<kJointPort>{torque};
 }
 
-/// One tick under `torque`.
-void ArmPlant::move(const Joints& torque) noexcept {
+/// One tick under torque_, in steps that are short against the fastest motion and where their stages agree. With friction each ends where a
+/// joint stops or is released.
+void ArmPlant::move() noexcept {
+  constexpr int kCuts = 64;  // of a tick; beyond, at steps only
   const Joints before = s_.q;
   // The sensor has read the force at the end of the last tick; from now on the hand moves at its new rate.
-  if (hand_) meet_outside(now_, 0.0);
-  double rate = std::max({rate_, std::sqrt(now_.stiffness * point_mobility_), now_.damping * point_mobility_});
-  if (friction_ > 0.0)
-    rate = std::max(rate, friction_ * now_.outside.template head<3>().norm() * point_mobility_ / kStictionSpeed);
-  const int pieces = static_cast<int>(std::clamp(std::ceil(dt_ * rate / 0.1), 1.0, 256.0));
-  const double h = dt_ / pieces;
-  if (dry_) {
-    move_with_friction(torque, h);
-  } else {
-    for (int i = 0; i < pieces; ++i) {
-      const double t = i * h;
-      const Step step = runge_kutta(i == 0 ? rates_now(torque) : rates(s_, torque, t), torque, t, h);
-      s_ = step.to;
-      outside_j_ += step.outside;
-      dissipated_j_ += step.damping;
+  if (hand_) met_ = meet(now_, s_.v, 0.0);
+  if (dry_) choose_directions(now_, load(s_, now_, met_) - bias_);
+  const double longest = dt_ / std::clamp(std::ceil(dt_ * rate() / kShort), 1.0, kMostSteps),
+               shortest = dt_ / kMostSteps;
+  int cuts = 0;
+  double h = longest;
+  for (double t = 0.0;;) {
+    const double left = dt_ - t;
+    h = h < (1.0 - 1e-12) * left ? h : left;
+    const Rate a = rates_now();
+    Step next = step(a, t, h);
+    while (next.error > kError && h > shortest) next = step(a, t, h *= 0.5);
+    const double wanted = next.error < kSmallError ? std::min(2.0 * h, longest) : h;
+    const bool whole = h == left;
+    double passed = h;
+    if (dry_ && cuts < kCuts && !keeps(next, t + h)) {
+      ++cuts;
+      passed = last_that_keeps(a, t, next, h);
     }
+    dissipated_j_ += next.damping + coulomb_.dot((next.to.q - s_.q).cwiseAbs());
+    outside_j_ += next.outside;
+    s_ = next.to;
+    for (int i = 0; i < model_.size(); ++i)
+      if (coulomb_[i] > 0.0 && direction_[i] * s_.v[i] < 0.0) s_.v[i] = 0.0;
+    t = whole && passed == left ? dt_ : t + passed;
+    if (!(t < dt_)) break;
+    arrive(t);
+    h = wanted;
   }
   const Joints turned = s_.q - before;
   energy_ += Energy{commanded_.dot(turned)};
-  all_energy_ += Energy{torque.dot(turned)};
+  all_energy_ += Energy{torque_.dot(turned)};
   if (hand_) {
     hand_->intended = hand_->next;
     hand_->rate = Velocity<6>{};
   }
-  update();
+  arrive(0.0);
+}
+/// Rate of the fastest motion now [1/s]; of what decays, kDecay of its rate, and of friction what keeps steps stable.
+double ArmPlant::rate() const noexcept {
+  constexpr double kNear_rad = 1e-3;
+  double rate = std::max({rate_, std::sqrt(met_.stiffness * point_mobility_), kDecay * met_.damping * point_mobility_,
+                          kStable * met_.friction * point_mobility_});
+  const Joints reach = (2.0 * dt_) * s_.v.cwiseAbs() + Joints::Constant(s_.q.size(), kNear_rad);
+  if (((s_.q + reach - upper_).array() > 0.0 || (s_.q - reach - lower_).array() < 0.0).any())
+    rate = std::max(rate, stop_rate_);
+  return rate;
 }
 
-/// A step of h from s_, at t, where the rate is a.
-ArmPlant::Step ArmPlant::runge_kutta(const Rate& a, const Joints& torque, double t, double h) const noexcept {
-  const Rate b = rates(moved(a, 0.5 * h), torque, t + 0.5 * h), c = rates(moved(b, 0.5 * h), torque, t + 0.5 * h),
-             d = rates(moved(c, h), torque, t + h);
-  return {{s_.q + h / 6.0 * (a.q + 2.0 * (b.q + c.q) + d.q), s_.v + h / 6.0 * (a.v + 2.0 * (b.v + c.v) + d.v)},
+/// A step of h from s_, at t, where the rate is a (E. J. Nyström, Acta Soc. Sci. Fennicae 50(13), 1925):
+///
+///     b, c at q + h/2 v + h²/8 a,  v + h/2 a, v + h/2 b       d at q + h v + h²/2 c,  v + h c
+///     q += h v + h²/6 (a + b + c)      v += h/6 (a + 2 b + 2 c + d)
+ArmPlant::Step ArmPlant::step(const Rate& a, double t, double h) const noexcept {
+  const double m = 0.5 * h;
+  State s{s_.q + m * s_.v + (0.5 * m * m) * a.v, s_.v + m * a.v};
+  Place at;
+  find(s.q, at);
+  const Rate b = rates(at, s, t + m);
+  s.v = s_.v + m * b.v;
+  const Rate c = rates(at, s, t + m);
+  s = {s_.q + h * s_.v + (m * h) * c.v, s_.v + h * c.v};
+  find(s.q, at);
+  const Rate d = rates(at, s, t + h);
+  return {{s_.q + h * s_.v + (h * h / 6.0) * (a.v + b.v + c.v), s_.v + h / 6.0 * (a.v + 2.0 * (b.v + c.v) + d.v)},
           h / 6.0 * (a.outside + 2.0 * (b.outside + c.outside) + d.outside),
-          h / 6.0 * (damped(a.q) + 2.0 * (damped(b.q) + damped(c.q)) + damped(d.q))};
+          h / 6.0 * (damped(a.q) + 2.0 * (damped(b.q) + damped(c.q)) + damped(d.q)),
+          h * (c.v - b.v).cwiseAbs().cwiseMax((a.v - b.v - c.v + d.v).cwiseAbs()).maxCoeff()};
 }
-
-/// A tick in steps of at most `longest`, each ended where a joint stops or its friction releases it.
-void ArmPlant::move_with_friction(const Joints& torque, double longest) noexcept {
-  constexpr int kCuts = 64;      // of a tick; beyond, at steps only
-  constexpr int kHalvings = 40;  // of a step, to find where it ends
-  choose_directions(inertia_, load(s_, now_, torque) - bias_);
-  Rate a = rates_now(torque);
-  int cuts = 0;
-  for (double t = 0.0; t < dt_;) {
-    double h = longest < (1.0 - 1e-12) * (dt_ - t) ? longest : dt_ - t;
-    Step step = runge_kutta(a, torque, t, h);
-    const bool whole = h == dt_ - t;
-    if (cuts < kCuts && !keeps(step, torque, t + h)) {
-      ++cuts;
-      double lo = 0.0, hi = h;
-      for (int i = 0; i < kHalvings; ++i) {
-        const double middle = 0.5 * (lo + hi);
-        const Step trial = runge_kutta(a, torque, t, middle);
-        if (keeps(trial, torque, t + middle))
-          lo = middle;
-        else
-          hi = middle, step = trial;
-      }
-      h = hi;
-    }
-    dissipated_j_ += step.damping + coulomb_.dot((step.to.q - s_.q).cwiseAbs());
-    outside_j_ += step.outside;
-    s_ = step.to;
-    for (int i = 0; i < model_.size(); ++i)
-      if (coulomb_[i] > 0.0 && direction_[i] * s_.v[i] < 0.0) s_.v[i] = 0.0;
-    t = whole && h == dt_ - t ? dt_ : t + h;
-    const Kinematics k = kinematics(s_, t);
-    const Inertia M = model_.inertia(k.pose);
-    const Joints of_all = load(s_, k, torque) - model_.bias_torque(k.pose, s_.v, kGravity);
-    choose_directions(M, of_all);
-    a = {s_.v, acceleration(M, of_all), k.outside.dot(k.tool_velocity)};
+/// How much of a step of h friction keeps; `step` then is that.
+double ArmPlant::last_that_keeps(const Rate& a, double t, Step& step, double h) const noexcept {
+  constexpr int kHalvings = 40;
+  double lo = 0.0, hi = h;
+  for (int i = 0; i < kHalvings; ++i) {
+    const double middle = 0.5 * (lo + hi);
+    const Step trial = this->step(a, t, middle);
+    if (keeps(trial, t + middle))
+      lo = middle;
+    else
+      hi = middle, step = trial;
   }
+  return hi;
 }
 /// q̈ under the torques of all but friction, each joint in its direction.
-ArmPlant::Joints ArmPlant::acceleration(const Inertia& M, const Joints& load) const noexcept {
-  Inertia A = M;
+ArmPlant::Joints ArmPlant::acceleration(const Place& at, const Joints& load) const noexcept {
+  if (!dry_) return at.inverse.solve(load);
+  Inertia A = at.inertia;
   Joints b = load - coulomb_.cwiseProduct(direction_);
   for (int i = 0; i < model_.size(); ++i) {
     if (!(coulomb_[i] > 0.0) || direction_[i] != 0.0) continue;
@@ -238,27 +257,27 @@ ArmPlant::Joints ArmPlant::acceleration(const Inertia& M, const Joints& load) co
   return InertiaFactors{A}.solve(b);
 }
 /// Has no joint turned back, and does friction still hold those that it held?
-bool ArmPlant::keeps(const Step& step, const Joints& torque, double t) const noexcept {
+bool ArmPlant::keeps(const Step& step, double t) const noexcept {
   bool holds = false;
   for (int i = 0; i < model_.size(); ++i) {
     if (direction_[i] * step.to.v[i] < 0.0 && coulomb_[i] > 0.0) return false;
     holds = holds || (direction_[i] == 0.0 && coulomb_[i] > 0.0);
   }
   if (!holds) return true;
-  const Kinematics k = kinematics(step.to, t);
-  const Inertia M = model_.inertia(k.pose);
-  const Joints of_all = load(step.to, k, torque) - model_.bias_torque(k.pose, step.to.v, kGravity),
-               carried = of_all - M * acceleration(M, of_all);
+  Place at;
+  find(step.to.q, at);
+  const Joints of_all = load(step.to, at, meet(at, step.to.v, t)) - model_.bias_torque(at.pose, step.to.v, kGravity),
+               carried = of_all - at.inertia * acceleration(at, of_all);
   for (int i = 0; i < model_.size(); ++i)
     if (direction_[i] == 0.0 && std::abs(carried[i]) > coulomb_[i]) return false;
   return true;
 }
 /// Which joints friction holds in s_, and where the others move: those at rest are released one after the other, the one that is farthest
 /// beyond its limit first, and held again where that makes them turn against their direction.
-void ArmPlant::choose_directions(const Inertia& M, const Joints& load) noexcept {
+void ArmPlant::choose_directions(const Place& at, const Joints& load) noexcept {
   for (int i = 0; i < model_.size(); ++i) direction_[i] = s_.v[i] > 0.0 ? 1.0 : s_.v[i] < 0.0 ? -1.0 : 0.0;
   for (int tries = 0; tries < 4 * model_.size(); ++tries) {
-    const Joints a = acceleration(M, load), carried = load - M * a;
+    const Joints a = acceleration(at, load), carried = load - at.inertia * a;
     int released = -1;
     double most = 1.0;
     bool held_again = false;
@@ -289,14 +308,14 @@ double ArmPlant::mechanical_energy() const noexcept {
 
 void ArmPlant::set_state(const State& state) noexcept {
   s_ = state;
-  update();
+  arrive(0.0);
 }
 
 void ArmPlant::kick(const Velocity<6>& dv) noexcept {
   const auto& J = now_.jacobian;
-  Matrix6 A = inverse_.mobility(J);
-  s_.v += inverse_.solve(J.transpose() * factors(A).solve(dv.vec()));
-  update();
+  Matrix6 A = now_.inverse.mobility(J);
+  s_.v += now_.inverse.solve(J.transpose() * factors(A).solve(dv.vec()));
+  arrive(0.0);
 }
 
 /// How far each joint is beyond its limits; 0 within them.
@@ -334,104 +353,99 @@ ArmPlant::Vector6 ArmPlant::feedback(const Vector6& f) const noexcept {
 }
 
 /// Torques for the coming tick.
-ArmPlant::Joints ArmPlant::control(const Vector6& wrench) noexcept {
+void ArmPlant::control(const Vector6& wrench) noexcept {
   const auto& J = now_.jacobian;
   const Joints gravity = model_.gravity_torque(now_.pose, kGravity);
   Joints within = zero_;
   if (model_.size() > 6) {
     within = arm_.null_space_stiffness_n_m_per_rad * (home_ - s_.q) - arm_.null_space_damping_n_m_s_per_rad * s_.v;
-    Matrix6 A = inverse_.mobility(J);
-    within -= J.transpose() * factors(A).solve(J * inverse_.solve(within));
+    Matrix6 A = now_.inverse.mobility(J);
+    within -= J.transpose() * factors(A).solve(J * now_.inverse.solve(within));
   }
   if (arm_.force_feedback_gain > 0.0 || arm_.force_feedback_torque_gain > 0.0) {
-    sensed_ += sensor_weight_ * (now_.outside + inertial_ - sensed_);
+    sensed_ += sensor_weight_ * (met_.outside + inertial() - sensed_);
     within += J.transpose() * feedback(wrench + sensed_);
   }
   const Joints wanted = gravity + J.transpose() * wrench + within;
   torque_ = wanted.cwiseMin(most_torque_).cwiseMax(-most_torque_);
   saturated_ = torque_ != wanted;
   commanded_ = torque_ - gravity - within;
-  return torque_;
 }
 
-ArmPlant::Kinematics ArmPlant::kinematics(const State& s, double t) const noexcept {
-  Kinematics k;
-  k.pose = model_.pose(s.q);
-  k.jacobian = model_.jacobian(k.pose);
-  k.tool_velocity = k.jacobian * s.v;
-  meet_outside(k, t);
-  return k;
+void ArmPlant::find(const Joints& q, Place& at) const noexcept {
+  at.pose = model_.pose(q);
+  at.jacobian = model_.jacobian(at.pose);
+  at.inertia = model_.inertia(at.pose);
+  at.inverse = InertiaFactors{at.inertia};
 }
 /// What environment and hand do at this pose and velocity.
-void ArmPlant::meet_outside(Kinematics& k, double t) const noexcept {
-  const Vector6& v = k.tool_velocity;
-  const Position<6> at = tool_position(k.pose);
-  SpatialVector sum = SpatialVector::Zero();
-  k.stiffness = k.damping = 0.0;
-  if (!environment_->empty())
+ArmPlant::Meeting ArmPlant::meet(const Place& place, const Joints& joint_velocity, double t) const noexcept {
+  Meeting m{.tool_velocity = place.jacobian * joint_velocity, .outside = Vector6::Zero()};
+  const Vector6& v = m.tool_velocity;
+  if (environment_->empty() && !hand_) return m;
+  const Position<6> at = tool_position(place.pose);
+  if (!environment_->empty()) {
+    SpatialVector sum = SpatialVector::Zero();
     environment_->for_each_contact(at, port_vector<6>(v), clearance_, [&](const ContactPort<6>& c) {
       if (!c.presses) return;
       sum += c.normal + c.tangential;
       const auto [stiffness, damping] = environment_->impedance_of(c.index);
-      k.stiffness += stiffness;
-      k.damping += damping;
+      m.stiffness += stiffness;
+      m.damping += damping;
+      m.friction += c.coulomb_damping;
     });
-  k.outside << sum.linear, sum.angular;
+    m.outside << sum.linear, sum.angular;
+  }
   if (hand_) {
     const HandSpec& h = hand_->spec;
     const Vector6 rate = hand_->rate.vec(), push = vector<6>(h.force_n);
     const Position<6> target =
         rate.isZero(0.0) ? hand_->intended : hand_->intended + Displacement<6>{Vector6{t * rate}};
     const Vector6 stretch = (target - at).vec(), by = rate - v;
-    k.outside.template head<3>() += h.stiffness_n_per_m * stretch.template head<3>() +
+    m.outside.template head<3>() += h.stiffness_n_per_m * stretch.template head<3>() +
                                     h.damping_n_s_per_m * by.template head<3>() + push.template head<3>();
-    k.outside.template tail<3>() += h.rotational_stiffness_n_m_per_rad * stretch.template tail<3>() +
+    m.outside.template tail<3>() += h.rotational_stiffness_n_m_per_rad * stretch.template tail<3>() +
                                     h.rotational_damping_n_m_s_per_rad * by.template tail<3>() +
                                     push.template tail<3>();
   }
+  return m;
 }
 /// Torques of all that acts but weight and inertial forces.
-ArmPlant::Joints ArmPlant::load(const State& s, const Kinematics& k, const Joints& torque) const noexcept {
-  return torque + k.jacobian.transpose() * k.outside - damping_.cwiseProduct(s.v) + stops(s);
+ArmPlant::Joints ArmPlant::load(const State& s, const Place& at, const Meeting& m) const noexcept {
+  return torque_ + at.jacobian.transpose() * m.outside - damping_.cwiseProduct(s.v) + stops(s);
 }
 /// q̇ and q̈.
-ArmPlant::Rate ArmPlant::rates(const State& s, const Joints& torque, double t) const noexcept {
-  const Kinematics k = kinematics(s, t);
-  const double outside = k.outside.dot(k.tool_velocity);
-  const Joints of_all = load(s, k, torque);
-  if (dry_) {
-    const Joints all = of_all - model_.bias_torque(k.pose, s.v, kGravity);
-    return {s.v, acceleration(model_.inertia(k.pose), all), outside};
-  }
-  return {s.v, model_.forward_dynamics(k.pose, s.v, of_all, kGravity), outside};
+ArmPlant::Rate ArmPlant::rates(const Place& at, const State& s, double t) const noexcept {
+  const Meeting m = meet(at, s.v, t);
+  const Joints of_all = load(s, at, m) - model_.bias_torque(at.pose, s.v, kGravity);
+  return {s.v, acceleration(at, of_all), m.outside.dot(m.tool_velocity)};
 }
-/// The same where the tick begins.
-ArmPlant::Rate ArmPlant::rates_now(const Joints& torque) const noexcept {
-  const Joints of_all = load(s_, now_, torque) - bias_;
-  const double outside = now_.outside.dot(now_.tool_velocity);
-  return {s_.v, dry_ ? acceleration(inertia_, of_all) : inverse_.solve(of_all), outside};
+/// The same of s_.
+ArmPlant::Rate ArmPlant::rates_now() const noexcept {
+  return {s_.v, acceleration(now_, load(s_, now_, met_) - bias_), met_.outside.dot(met_.tool_velocity)};
 }
 
-void ArmPlant::update() noexcept {
-  now_ = kinematics(s_, 0.0);
-  inertia_ = model_.inertia(now_.pose);
-  inverse_ = InertiaFactors{inertia_};
+/// In s_, at t of the tick.
+void ArmPlant::arrive(double t) noexcept {
+  find(s_.q, now_);
+  met_ = meet(now_, s_.v, t);
   bias_ = model_.bias_torque(now_.pose, s_.v, kGravity);
-  if (dry_) choose_directions(inertia_, load(s_, now_, torque_) - bias_);
-  if (senses_tool_) sense_tool();
+  if (dry_) choose_directions(now_, load(s_, now_, met_) - bias_);
 }
-/// The inertial wrench of tool and hand.
-void ArmPlant::sense_tool() noexcept {
-  const Joints acceleration = rates_now(torque_).v;
+ArmPlant::Vector6 ArmPlant::inertial() const noexcept {
+  if (!senses_tool_) return Vector6::Zero();
+  const Joints acceleration = rates_now().v;
   const Vector6 a = now_.jacobian * acceleration + model_.bias_acceleration(now_.pose, s_.v);
-  const Eigen::Vector3d c = now_.pose.tool_rotation * tool_.center_m, w = now_.tool_velocity.template tail<3>(),
+  const Eigen::Vector3d c = now_.pose.tool_rotation * tool_.center_m, w = met_.tool_velocity.template tail<3>(),
                         alpha = a.template tail<3>();
   const Eigen::Vector3d f = -tool_.mass_kg * (a.template head<3>() + alpha.cross(c) + w.cross(w.cross(c)));
-  inertial_ << f, c.cross(f);
-  if (!hand_) return;
+  Vector6 all;
+  all << f, c.cross(f);
+  if (!hand_) return all;
   const Eigen::Matrix3d& R = now_.pose.tool_rotation;
   const Eigen::Vector3d spin = R * (tool_.inertia * (R.transpose() * w));
-  inertial_.template tail<3>() -= R * (tool_.inertia * (R.transpose() * alpha)) + w.cross(spin);
+  all.template tail<3>() -= R * (tool_.inertia * (R.transpose() * alpha)) + w.cross(spin);
+  return all;
 }
 
 WristCompensation::WristCompensation(const ArmSpec& arm, const ForceSensorSpec& sensor, std::uint64_t seed) {

@@ -36,7 +36,8 @@ struct HandOnTool {
 /// Control 107(1), 1985). With a gain of its own for the rotation G = Λ D⁻¹ Λ⁻¹ D⁻¹ - 1, of the arm without its tool, which is then felt as
 /// D Λ D, D = diag(1/√(1 + gain), 1/√(1 + torque_gain)). q_0: the position at the beginning. N lets no torque of the null space accelerate the tool (O. Khatib, IEEE
 /// J. Robotics and Automation 3(1), 1987); six joints have none. Near a singular position J M⁻¹ Jᵀ is damped (Y. Nakamura,
-/// H. Hanafusa, J. Dyn. Syst. Meas. Control 108(3), 1986); Jᵀ f has no inverse and needs nothing. The plant, by Runge-Kutta 4:
+/// H. Hanafusa, J. Dyn. Syst. Meas. Control 108(3), 1986); Jᵀ f has no inverse and needs nothing. The plant, by Nyström's method of fourth
+/// order, whose two inner stages are at one position:
 ///
 ///     M q̈ = τ + Jᵀ f_out - d q̇ - τ_c - c(q, q̇) - g(q) + stops          f_out: of environment and hand
 ///
@@ -53,7 +54,7 @@ class ArmPlant final {
   struct State {
     Joints q, v;
   };
-  /// Derivative of a state, and powers [W].
+  /// Derivative of a state, and power [W].
   struct Rate {
     Joints q, v;
     double outside;  ///< f_out·V
@@ -79,12 +80,12 @@ class ArmPlant final {
   /// Adds dv to the tool's velocity, with the joint motion of the least kinetic energy.
   void kick(const Velocity<6>& dv) noexcept;
   [[nodiscard]] BodyState<6> body() const noexcept {
-    return {tool_position(now_.pose), Velocity<6>{now_.tool_velocity}};
+    return {tool_position(now_.pose), Velocity<6>{met_.tool_velocity}};
   }
   /// Of environment and hand on the tool.
-  [[nodiscard]] Force<6> outside_force() const noexcept { return Force<6>{now_.outside}; }
+  [[nodiscard]] Force<6> outside_force() const noexcept { return Force<6>{met_.outside}; }
   /// What the wrist sensor adds to that, in world axes at the tool's origin: the inertia of tool and hand, from their mass.
-  [[nodiscard]] Force<6> tool_inertia() const noexcept { return Force<6>{inertial_}; }
+  [[nodiscard]] Force<6> tool_inertia() const noexcept { return Force<6>{inertial()}; }
   [[nodiscard]] const Eigen::Matrix3d& attitude() const noexcept { return now_.pose.tool_rotation; }
 
   [[nodiscard]] const State& state() const noexcept { return s_; }
@@ -94,7 +95,7 @@ class ArmPlant final {
   /// Energy of all torques into the arm through the joints [J].
   [[nodiscard]] Energy joint_energy() const noexcept { return all_energy_; }
   /// Σ ∫ d q̇² dt of the joints' damping with the work of their Coulomb friction, and ∫ f_out·V dt of environment and hand, by
-  /// Runge-Kutta 4 as the motion [J].
+  /// the quadrature of the motion's steps [J].
   [[nodiscard]] Energy dissipated() const noexcept { return Energy{dissipated_j_}; }
   [[nodiscard]] Energy outside_energy() const noexcept { return Energy{outside_j_}; }
   /// Kinetic energy, weight, and what stops and environment hold [J].
@@ -108,24 +109,27 @@ class ArmPlant final {
   using Matrix6 = Eigen::Matrix<double, 6, 6>;
   using Inertia = ArmModel::Inertia;
 
-  /// A step of Runge-Kutta 4: where it leads, and works on the way [J].
+  /// A step: where it leads, works on the way [J], and how far its stages disagree
+  /// [rad/s], [m/s].
   struct Step {
     State to;
-    double outside, damping;
+    double outside, damping, error;
   };
-  /// What a state says of pose, velocity and outside forces.
-  struct Kinematics {
+  /// What a position says.
+  struct Place {
     ArmModel::Pose pose;
     ArmModel::Jacobian jacobian;
+    Inertia inertia;
+    InertiaFactors inverse;  ///< of inertia; not used in the steps of an arm with friction
+  };
+  /// What a velocity says besides.
+  struct Meeting {
     Vector6 tool_velocity, outside;
-    double stiffness, damping;  ///< of all contacts that press, together [N/m], [N s/m]
+    double stiffness = 0.0, damping = 0.0, friction = 0.0;  ///< of all contacts that press, together [N/m], [N s/m]
   };
 
   [[nodiscard]] Position<6> tool_position(const ArmModel::Pose& p) const noexcept {
     return {base_ + p.tool, Eigen::Quaterniond{p.tool_rotation}};
-  }
-  [[nodiscard]] State moved(const Rate& rate, double h) const noexcept {
-    return {s_.q + h * rate.q, s_.v + h * rate.v};
   }
   /// Power that the joints' damping takes at these velocities [W].
   [[nodiscard]] double damped(const Joints& v) const noexcept { return v.dot(damping_.cwiseProduct(v)); }
@@ -133,20 +137,21 @@ class ArmPlant final {
   [[nodiscard]] Joints stops(const State& s) const noexcept;
   [[nodiscard]] Eigen::LLT<Matrix6> factors(Matrix6& A) const noexcept;
   [[nodiscard]] Vector6 feedback(const Vector6& f) const noexcept;
-  [[nodiscard]] Kinematics kinematics(const State& s, double t) const noexcept;
-  void meet_outside(Kinematics& k, double t) const noexcept;
-  [[nodiscard]] Joints load(const State& s, const Kinematics& k, const Joints& torque) const noexcept;
-  [[nodiscard]] Rate rates(const State& s, const Joints& torque, double t) const noexcept;
-  [[nodiscard]] Rate rates_now(const Joints& torque) const noexcept;
-  [[nodiscard]] Step runge_kutta(const Rate& a, const Joints& torque, double t, double h) const noexcept;
-  [[nodiscard]] Joints acceleration(const Inertia& M, const Joints& load) const noexcept;
-  [[nodiscard]] bool keeps(const Step& step, const Joints& torque, double t) const noexcept;
-  void choose_directions(const Inertia& M, const Joints& load) noexcept;
-  void move_with_friction(const Joints& torque, double longest) noexcept;
-  [[nodiscard]] Joints control(const Vector6& wrench) noexcept;
-  void move(const Joints& torque) noexcept;
-  void update() noexcept;
-  void sense_tool() noexcept;
+  [[nodiscard]] double rate() const noexcept;
+  void find(const Joints& q, Place& at) const noexcept;
+  [[nodiscard]] Meeting meet(const Place& at, const Joints& v, double t) const noexcept;
+  [[nodiscard]] Joints load(const State& s, const Place& at, const Meeting& m) const noexcept;
+  [[nodiscard]] Rate rates(const Place& at, const State& s, double t) const noexcept;
+  [[nodiscard]] Rate rates_now() const noexcept;
+  [[nodiscard]] Step step(const Rate& a, double t, double h) const noexcept;
+  [[nodiscard]] Joints acceleration(const Place& at, const Joints& load) const noexcept;
+  [[nodiscard]] double last_that_keeps(const Rate& a, double t, Step& step, double h) const noexcept;
+  [[nodiscard]] bool keeps(const Step& step, double t) const noexcept;
+  void choose_directions(const Place& at, const Joints& load) noexcept;
+  void control(const Vector6& wrench) noexcept;
+  void move() noexcept;
+  void arrive(double t) noexcept;
+  [[nodiscard]] Vector6 inertial() const noexcept;
 
   std::shared_ptr<const Environment<6>> environment_;
   double dt_;
@@ -162,14 +167,13 @@ class ArmPlant final {
   bool dry_ = false;        ///< there is some
   Eigen::Vector3d base_;    ///< in the world
   Matrix6 mobility_;        ///< J M⁻¹ Jᵀ at the beginning
-  double regular_ = 0.0, rate_ = 0.0, friction_ = 0.0, point_mobility_ = 0.0, sensor_weight_ = 1.0;
+  double regular_ = 0.0, rate_ = 0.0, stop_rate_ = 0.0, point_mobility_ = 0.0, sensor_weight_ = 1.0;
   State s_;
-  Kinematics now_;            ///< of s_
-  Inertia inertia_;           ///< of s_
-  InertiaFactors inverse_;    ///< of s_
+  Place now_;                 ///< of s_
+  Meeting met_;               ///< of s_
   Joints bias_ = zero_;       ///< c(q, q̇) + g(q) of s_
   Joints direction_ = zero_;  ///< of a joint with Coulomb friction: 1 or -1; 0 while it is held
-  Vector6 inertial_ = Vector6::Zero(), sensed_ = Vector6::Zero();
+  Vector6 sensed_ = Vector6::Zero();
   Joints torque_ = zero_, commanded_ = zero_;
   bool saturated_ = false, senses_tool_ = false;
   mutable Clearance clearance_;  ///< no state: without it the results are the same
