@@ -1,6 +1,6 @@
 #include "common/base/check.h"
 #include "common/hardware/registry.h"
-#include "drivers/page_device.h"
+#include "drivers/page_leader.h"
 
 namespace twoport {
 namespace {

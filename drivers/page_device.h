@@ -11,14 +11,89 @@
 
 namespace twoport {
 
+/// The pointer of the live page as the intended motion x_h of a hand: it follows the pointer through a critically damped filter of 6 Hz,
+/// so that events at 60 Hz neither step nor jerk what the hand holds; translation and rotation alike. A pointer that the page has not
+/// confirmed for 250 ms is released.
+template <int N>
+class PointerHand {
+ public:
+  using Vector = typename Force<N>::Vector;
+
+  PointerHand() = default;
+  PointerHand(const Position<N>& x, double grip_n_per_m) : x_{x}, target_{x}, grip_{grip_n_per_m} {}
+
+  [[nodiscard]] const Position<N>& x() const noexcept { return x_; }
+  [[nodiscard]] const Vector& v() const noexcept { return v_; }
+  [[nodiscard]] double grip_n_per_m() const noexcept { return grip_; }
+  [[nodiscard]] bool held() const noexcept { return held_; }
+
+  void aim(const Vector& at) noexcept { target_ = Position<N>{} + Displacement<N>{at}; }
+  /// `x`, `v`: of what it takes.
+  void hold(bool held, const Position<N>& x, const Vector& v) noexcept {
+    if (held && !held_) {
+      x_ = x;
+      v_ = v;
+    }
+    held_ = held;
+  }
+  void release() noexcept { held_ = false; }
+
+  /// target, release and grip; others change nothing.
+  void obey(const PageCommand& c, const Position<N>& x, const Vector& v) noexcept {
+    if (c.kind == PageCommand::Kind::target) {
+      since_ = 0.0;
+      Vector to;
+      for (int i = 0; i < N; ++i) to[i] = c.number[static_cast<std::size_t>(i)];
+      aim(to);
+      hold(true, x, v);
+    }
+    if (c.kind == PageCommand::Kind::release) release();
+    if (c.kind == PageCommand::Kind::grip) grip_ = c.number[0];
+  }
+  /// A period of the program has passed.
+  void pass(double ended_s) noexcept { since_ += ended_s; }
+  void watch() noexcept {
+    if (since_ > kWatchdog) release();
+  }
+
+  /// Filter: v_h' = w² (target - x_h) - 2 w v_h, implicit.
+  void advance(double dt) noexcept {
+    const double w = kSmoothing;
+    v_ = (v_ + dt * w * w * (target_ - x_).vec()) / (1.0 + 2.0 * w * dt + w * w * dt * dt);
+    if constexpr (N == 6) {
+      limit(v_.template head<3>());
+    } else {
+      limit(v_);
+    }
+    x_ = x_ + Displacement<N>{Vector{dt * v_}};
+  }
+
+  static constexpr double kWatchdog = 0.25;  ///< without a target of the page what it holds is released [s]
+
+ private:
+  static constexpr double kSmoothing = 2.0 * M_PI * 6.0;  // of the pointer's motion [rad/s]
+  static constexpr double kFastest = 1.5;                 // the hand's intended motion [m/s]
+
+  template <class Part>
+  static void limit(Part&& v) noexcept {
+    const double speed = v.norm();
+    if (speed > kFastest) v *= kFastest / speed;
+  }
+
+  Position<N> x_, target_;
+  Vector v_ = Vector::Zero();
+  double grip_ = 400.0;
+  double since_ = 0.0;  ///< the last target [s]
+  bool held_ = false;
+};
+
 /// The pointer of the live page as a hand on a handle with mass. Per axis, with f the force at the master port:
 ///
 ///     held:      (m_d + m_h) v' = -f - b_d v + k_h (x_h - x) + b_h (v_h - v)
 ///     released:   m_d        v' = -f - (b_d + b_0) v
 ///
-/// x_h follows the pointer through a critically damped filter of 6 Hz, so that events at 60 Hz neither step nor jerk the
-/// handle. Implicit Euler, stable and dissipative at every stiffness; translation and rotation alike. A pointer that the
-/// page has not confirmed for 250 ms is released. A gripper is held with the handle; the page says which opening the hand intends.
+/// Implicit Euler, stable and dissipative at every stiffness; translation and rotation alike. A gripper is held with the handle; the page
+/// says which opening the hand intends.
 template <int N>
 class PageDevice : public Device<N> {
  public:
@@ -26,29 +101,25 @@ class PageDevice : public Device<N> {
 
   /// `channel` is null for the gripper of a handle, which the handle holds and moves.
   PageDevice(const Scene& scene, double period_s, PageChannel* channel) : channel_{channel}, dt_{period_s} {
-    take(scene);
+    double grip = 400.0;
+    take(scene, grip);
+    if (channel_) grip = std::clamp(grip, kPageGripLeast, kPageGripMost);
+    pointer_ = {x_, grip};
     if (channel_ == nullptr) return;
-    grip_ = std::clamp(grip_, kPageGripLeast, kPageGripMost);
-    channel_->pointer.grip_n_per_m = grip_;
+    channel_->pointer.grip_n_per_m = grip;
     if constexpr (built_for(1))
       if (scene.gripper) gripper_ = std::make_unique<PageDevice<1>>(*scene.gripper, dt_, nullptr);
   }
 
-  void hold(bool held) noexcept {
-    if (held && !held_) {
-      hand_ = x_;
-      hand_v_ = v_;
-    }
-    held_ = held;
-  }
-  void aim(const Vector& at) noexcept { target_ = Position<N>{} + Displacement<N>{at}; }
+  void hold(bool held) noexcept { pointer_.hold(held, x_, v_); }
+  void aim(const Vector& at) noexcept { pointer_.aim(at); }
 
   [[nodiscard]] DeviceInfo info() const override {
     return {.name = "pointer of the page",
             .max_force_n = max_force_n_,
             .mass_kg = mass_,
             .inertia_kg_m2 = inertia_,
-            .watchdog = Seconds{kWatchdog},
+            .watchdog = Seconds{PointerHand<N>::kWatchdog},
             .gripper = gripper_ != nullptr};
   }
 
@@ -57,31 +128,28 @@ class PageDevice : public Device<N> {
     while (channel_ && channel_->hand.try_pop(command)) obey(command);
     if (begun_) {
       for (long left = std::min(std::lround(tick.ended.si() / dt_), 100L); left > 0; --left) advance();
-      since_ += tick.ended.si();
+      pointer_.pass(tick.ended.si());
     }
     begun_ = true;
     if (channel_) {
-      if (held_ && since_ > kWatchdog) held_ = false;
-      channel_->pointer.held = held_;
-      if (gripper_) gripper_->hold(held_);
+      pointer_.watch();
+      channel_->pointer.held = pointer_.held();
+      if (gripper_) gripper_->hold(pointer_.held());
     }
-    return {.x = x_, .v = Velocity<N>{v_}, .applied = applied_, .held = held_};
+    return {.x = x_, .v = Velocity<N>{v_}, .applied = applied_, .held = pointer_.held()};
   }
   void actuate(const Force<N>& f) noexcept override { applied_ = f; }
   void release() noexcept override {
     applied_ = Force<N>{};
-    held_ = false;
+    pointer_.release();
   }
   [[nodiscard]] Device<1>* gripper() noexcept override { return gripper_.get(); }
 
  private:
-  static constexpr double kWatchdog = 0.25;               // without a target of the page the handle is released [s]
-  static constexpr double kSmoothing = 2.0 * M_PI * 6.0;  // of the pointer's motion [rad/s]
-  static constexpr double kFastest = 1.5;                 // the hand's intended motion [m/s]
   static constexpr double kFreeDamping = 4.0;             // a released handle, besides its own [N s/m]
   static constexpr double kFreeRotationalDamping = 0.02;  // [N m s/rad]
 
-  void take(const Scene& scene) {
+  void take(const Scene& scene, double& grip) {
     if (scene.device) {
       const DeviceSpec& d = *scene.device;
       if (d.mass_kg > 0.0) mass_ = d.mass_kg;
@@ -95,10 +163,9 @@ class PageDevice : public Device<N> {
       const HandSpec& h = *scene.operator_model->hand;
       if (h.mass_kg > 0.0) hand_mass_ = h.mass_kg;
       if (h.inertia_kg_m2 > 0.0) hand_inertia_ = h.inertia_kg_m2;
-      if (h.stiffness_n_per_m > 0.0) grip_ = h.stiffness_n_per_m;
+      if (h.stiffness_n_per_m > 0.0) grip = h.stiffness_n_per_m;
       if (h.rotational_stiffness_n_m_per_rad > 0.0) rotational_grip_ = h.rotational_stiffness_n_m_per_rad;
     }
-    target_ = hand_ = x_;
   }
   static Position<N> placed(const Numbers& p) {
     if constexpr (N == 6) {
@@ -113,27 +180,8 @@ class PageDevice : public Device<N> {
   }
 
   void obey(const PageCommand& c) noexcept {
-    switch (c.kind) {
-      case PageCommand::Kind::target: {
-        since_ = 0.0;
-        Vector to;
-        for (int i = 0; i < N; ++i) to[i] = c.number[static_cast<std::size_t>(i)];
-        aim(to);
-        hold(true);
-        break;
-      }
-      case PageCommand::Kind::release:
-        held_ = false;
-        break;
-      case PageCommand::Kind::grip:
-        grip_ = c.number[0];
-        break;
-      case PageCommand::Kind::opening:
-        if (gripper_) gripper_->aim(Force<1>::Vector{c.number[0]});
-        break;
-      default:
-        break;
-    }
+    pointer_.obey(c, x_, v_);
+    if (c.kind == PageCommand::Kind::opening && gripper_) gripper_->aim(Force<1>::Vector{c.number[0]});
   }
 
   /// One period under the force held since the last actuate().
@@ -142,25 +190,17 @@ class PageDevice : public Device<N> {
            b_r = rotational_damping_ + kFreeRotationalDamping;
     Vector pull = Vector::Zero();  // of the hand, at the present position and rest
     double k = 0.0, k_r = 0.0;
-    if (held_) {
-      // Filter: v_h' = w² (target - x_h) - 2 w v_h, implicit.
-      const double w = kSmoothing;
-      hand_v_ = (hand_v_ + dt_ * w * w * (target_ - hand_).vec()) / (1.0 + 2.0 * w * dt_ + w * w * dt_ * dt_);
-      if constexpr (N == 6) {
-        limit(hand_v_.template head<3>());
-      } else {
-        limit(hand_v_);
-      }
-      hand_ = hand_ + Displacement<N>{Vector{dt_ * hand_v_}};
+    if (pointer_.held()) {
+      pointer_.advance(dt_);
       mass += hand_mass_;
       inertia += hand_inertia_;
-      k = grip_;
+      k = pointer_.grip_n_per_m();
       k_r = rotational_grip_;
       // Damping ratio 0.7 of hand and handle.
       const double b_h = 1.4 * std::sqrt(k * mass), b_rh = 1.4 * std::sqrt(k_r * inertia);
-      const Vector stretch = (hand_ - x_).vec();
+      const Vector stretch = (pointer_.x() - x_).vec();
       for (int i = 0; i < N; ++i)
-        pull[i] = i < 3 ? k * stretch[i] + b_h * hand_v_[i] : k_r * stretch[i] + b_rh * hand_v_[i];
+        pull[i] = i < 3 ? k * stretch[i] + b_h * pointer_.v()[i] : k_r * stretch[i] + b_rh * pointer_.v()[i];
       b = damping_ + b_h;
       b_r = rotational_damping_ + b_rh;
     }
@@ -171,23 +211,18 @@ class PageDevice : public Device<N> {
     }
     x_ = x_ + Displacement<N>{Vector{dt_ * v_}};
   }
-  template <class Part>
-  static void limit(Part&& v) noexcept {
-    const double speed = v.norm();
-    if (speed > kFastest) v *= kFastest / speed;
-  }
 
   PageChannel* channel_;  ///< null for a gripper
   double dt_;
   double mass_ = 0.1, damping_ = 0.2, inertia_ = 1e-3, rotational_damping_ = 1e-3;
-  double hand_mass_ = 0.1, hand_inertia_ = 1e-4, grip_ = 400.0, rotational_grip_ = 5.0;
+  double hand_mass_ = 0.1, hand_inertia_ = 1e-4, rotational_grip_ = 5.0;
   double max_force_n_ = 8.0;
 
-  Position<N> x_, hand_, target_;
-  Vector v_ = Vector::Zero(), hand_v_ = Vector::Zero();
+  Position<N> x_;
+  Vector v_ = Vector::Zero();
   Force<N> applied_;
-  double since_ = 0.0;  ///< the last target [s]
-  bool held_ = false, begun_ = false;
+  PointerHand<N> pointer_;
+  bool begun_ = false;
   std::unique_ptr<PageDevice<1>> gripper_;  ///< of the scene; null: none
 };
 

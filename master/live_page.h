@@ -25,7 +25,7 @@ class LivePage : public PageSamples {
   /// From now on the page is there. `world`: what it draws around the robot; nothing: the scene's.
   void serve(const Scene& scene, const LiveArguments& a, const std::string& device, std::optional<ShownShapes> world,
              spdlog::logger& log) {
-    begin(scene.master_rate_hz);
+    begin(scene);
     const bool pointer = a.hardware == "page";
     const PageServer::Options options{
         .address = a.page,
@@ -36,6 +36,7 @@ class LivePage : public PageSamples {
                                                   .methods = configurations(scene),
                                                   .world = std::move(world)}),
         .page = page_html(),
+        .joints = scene.joints > 0,
         .restartable = a.restartable};
     server_.emplace(options, *channel(), PageJudge{scene, std::min(kSampleHz, scene.master_rate_hz), pointer});
     log.info("page: {}", server_->url());

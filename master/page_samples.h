@@ -4,20 +4,23 @@
 #include <array>
 #include <cmath>
 #include <cstdint>
+#include <optional>
 
 #include "common/coupling/registration.h"
 #include "common/hardware/device.h"
 #include "common/hardware/mounted.h"
 #include "common/link/mailbox.h"
 #include "common/page/channel.h"
+#include "common/record/tool_view.h"
 #include "common/runtime/modes.h"
 #include "common/safety/limits.h"
 
 namespace twoport {
 
-/// Clutch, locks and scales, from the page; other commands change nothing.
+/// Clutch, locks and scales, from the page; other commands change nothing. Joints have none: a leader's inertia is that of where it is.
 template <int N>
 void change_handle(MountedDevice<N>& device, const PageCommand& c) noexcept {
+  if constexpr (N == kJointPort) return;
   HandControls to = device.controls();
   switch (c.kind) {
     case PageCommand::Kind::clutch:
@@ -46,7 +49,13 @@ class PageSamples {
   [[nodiscard]] PageChannel* channel() noexcept { return &channel_; }
 
   /// Before the first tick.
-  void begin(double rate_hz) noexcept { every_ = std::max<std::int64_t>(1, std::llround(rate_hz / kSampleHz)); }
+  void begin(const Scene& scene) {
+    every_ = std::max<std::int64_t>(1, std::llround(scene.master_rate_hz / kSampleHz));
+    if (scene.joints == 0) return;
+    tools_.emplace(scene);
+    std::ranges::copy(scene.device->arm->joint_position_rad, next_.leader_rad.begin());
+    std::ranges::copy(scene.robot->arm->joint_position_rad, next_.joint_rad.begin());
+  }
 
   /// Calls apply(command) for each command that has arrived: network, surface, method.
   template <class Apply>
@@ -68,6 +77,7 @@ class PageSamples {
   /// Before show(): clutch, locks and scales.
   template <int N>
   void note_handle(const MountedDevice<N>& device, const Position<N>& x) noexcept {
+    if constexpr (N == kJointPort) return;
     const ModulatedTransformer<N>* t = device.transformer();
     put(t ? t->hand() : x, next_.handle_x_m, next_.handle_attitude);
     if (t == nullptr) return;
@@ -83,7 +93,7 @@ class PageSamples {
   void note_environment(const EnvironmentMessage& e, const Registration<N>& registration) noexcept {
     environment_ = e;
     next_.robot_port_j = registration.to_master(Energy{e.link_energy_j}).si();
-    next_.joint_rad = e.joint_rad;
+    if constexpr (N != kJointPort) next_.joint_rad = e.joint_rad;
   }
 
   /// Of every tick. `peer`: null without a link. `from_slave`: packets. `epoch`: of the method.
@@ -96,12 +106,16 @@ class PageSamples {
     if (++tick_ % every_ != 0) return;
     PageSample& s = next_;
     s.t_s = to_seconds(now).si();
-    put(device.x, s.hand_x_m, s.hand_attitude);
-    put(device.v, s.hand_v_m_per_s);
     typename Force<N>::Vector felt = -out.command.vec();
     for (int i = 0; i < N; ++i) felt[i] *= felt_share_[static_cast<std::size_t>(i)];
-    put(Force<N>{felt}, s.felt_n, &s.felt_n_m);
-    put(-out.wanted, s.unlimited_n, nullptr);
+    if constexpr (N == kJointPort) {
+      put_tools(device, Force<N>{felt}, -out.wanted, *peer);
+    } else {
+      put(device.x, s.hand_x_m, s.hand_attitude);
+      put(device.v, s.hand_v_m_per_s);
+      put(Force<N>{felt}, s.felt_n, &s.felt_n_m);
+      put(-out.wanted, s.unlimited_n, nullptr);
+    }
     if constexpr (requires { out.mode; }) {
       s.mode = static_cast<double>(out.mode);
     } else {
@@ -109,12 +123,14 @@ class PageSamples {
     }
     s.slave_mode = s.mode;
     if (peer != nullptr) {
-      const PortReport<N>& r = peer->newest;
-      put(r.x, s.robot_x_m, s.robot_attitude);
-      put(r.v, s.robot_v_m_per_s);
-      put(r.f_environment, s.environment_n, &s.environment_n_m);
-      put(r.f_coupling, s.coupling_n, nullptr);
-      for (int i = 0; i < std::min(N, 3); ++i) s.behind_m[static_cast<std::size_t>(i)] = r.position_error[i];
+      if constexpr (N != kJointPort) {
+        const PortReport<N>& r = peer->newest;
+        put(r.x, s.robot_x_m, s.robot_attitude);
+        put(r.v, s.robot_v_m_per_s);
+        put(r.f_environment, s.environment_n, &s.environment_n_m);
+        put(r.f_coupling, s.coupling_n, nullptr);
+        for (int i = 0; i < std::min(N, 3); ++i) s.behind_m[static_cast<std::size_t>(i)] = r.position_error[i];
+      }
       s.slave_mode = static_cast<double>(peer->heard.mode);
       s.robot_energy_j = peer->energy_in_j;
       const Duration round_trip = peer->round_trip();
@@ -169,12 +185,63 @@ class PageSamples {
     }
   }
 
+  /// The tools of two arms that are coupled joint by joint, against where they begin.
+  struct Tools {
+    struct Tool {
+      Tool(const ArmSpec& arm, const ControlOptions& control) : of{arm, control.joint_scale} {
+        Eigen::Matrix<double, kJointPort, 1> q = Eigen::Matrix<double, kJointPort, 1>::Zero();
+        std::ranges::copy(arm.joint_position_rad, q.begin());
+        const ToolOfArm::At at = of.at(Position<kJointPort>{q});
+        start = at.tool;
+        turned_back = at.attitude.transpose();
+      }
+      [[nodiscard]] Position<6> place(const ToolOfArm::At& at) const noexcept {
+        return {at.tool - start, Eigen::Quaterniond{at.attitude * turned_back}};
+      }
+      ToolOfArm of;
+      Eigen::Vector3d start;
+      Eigen::Matrix3d turned_back;
+    };
+    explicit Tools(const Scene& s) : leader{*s.device->arm, s.control}, follower{*s.robot->arm, s.control} {}
+    Tool leader, follower;
+  };
+
+  static void put(const Force<kJointPort>& torque, std::array<double, kMostJoints>& to) noexcept {
+    std::ranges::copy(torque.vec(), to.begin());
+  }
+  /// Of joints: the tools of both arms, and the joints.
+  void put_tools(const DeviceSample<kJointPort>& leader, const Force<kJointPort>& felt,
+                 const Force<kJointPort>& unlimited, const PeerState<kJointPort>& peer) noexcept {
+    PageSample& s = next_;
+    const ToolOfArm::At hand = tools_->leader.of.at(leader.x);
+    put(tools_->leader.place(hand), s.hand_x_m, s.hand_attitude);
+    put(Velocity<3>{hand.moved(leader.v.vec())}, s.hand_v_m_per_s);
+    put(hand.force(felt), s.felt_n, nullptr);
+    put(hand.force(unlimited), s.unlimited_n, nullptr);
+    s.handle_x_m = s.hand_x_m;
+    s.handle_attitude = s.hand_attitude;
+    std::ranges::copy(leader.x.translation(), s.leader_rad.begin());
+    put(-felt, s.leader_torque);
+    if (!peer.has_report) return;
+    const PortReport<kJointPort>& r = peer.newest;
+    const ToolOfArm::At robot = tools_->follower.of.at(r.x);
+    put(tools_->follower.place(robot), s.robot_x_m, s.robot_attitude);
+    put(Velocity<3>{robot.moved(r.v.vec())}, s.robot_v_m_per_s);
+    put(robot.force(r.f_environment), s.environment_n, nullptr);
+    put(robot.force(r.f_coupling), s.coupling_n, nullptr);
+    put(Velocity<3>{robot.moved(r.position_error.vec())}, s.behind_m);
+    std::ranges::copy(r.x.translation(), s.joint_rad.begin());
+    put(r.f_environment, s.follower_torque);
+  }
+
   PageChannel channel_;
   std::int64_t tick_ = 0, every_ = 1;
   Duration late_{0};
   double dissipated_j_ = 0.0;
   PageSample next_;
-  std::array<double, 6> felt_share_{1.0, 1.0, 1.0, 1.0, 1.0, 1.0};  ///< of the node's force, on each axis
+  std::array<double, kJointPort> felt_share_{1.0, 1.0, 1.0, 1.0,
+                                             1.0, 1.0, 1.0, 1.0};  ///< of the node's force, on each axis
+  std::optional<Tools> tools_;                                     ///< where the ports are joints
   EnvironmentMessage environment_;
   LimitCounts limits_;
 };

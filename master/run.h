@@ -266,8 +266,6 @@ template <int N>
 int run_master(const Scene& read, const LiveArguments& arguments, const Registry& hardware) {
   spdlog::logger log = make_log("master");
   const std::unique_ptr<LivePage> page = LivePage::wanted(arguments);
-  if (N == kJointPort && page)
-    throw ConfigError{"--page: space of the scene is JOINTS; the page shows handle and tool"};
   const auto device = std::make_unique<MountedDevice<N>>(
       hardware.devices.open<N>(arguments.hardware, read, Seconds{1.0 / read.master_rate_hz},
                                page ? page->channel() : nullptr),

@@ -61,12 +61,16 @@ struct PageSample {
   std::array<double, kAdjustableSurfaces> surface_friction{};  ///< negative: cannot be changed
   std::array<double, kMostJoints> joint_rad{};                 ///< of the robot's arm, where it is one
   double dropped = 0.0;                                        ///< samples that the page was too slow for
+  // Where the ports are joints, all above is of the tools of leader and follower; besides, zero from the last joint on:
+  std::array<double, kMostJoints> leader_rad{};
+  std::array<double, kMostJoints> leader_torque{};    ///< that the leader's motors display, against the hand
+  std::array<double, kMostJoints> follower_torque{};  ///< of the follower on the environment, as measured
 };
 
 /// Calls see(name, size, field) for each field in order: the layout of a sample on the wire, doubles of this machine's
-/// byte order.
+/// byte order. Of the joints of two arms only where the ports are `joints`.
 template <class Sample, class See>
-void for_each_page_field(Sample& s, See&& see) {
+void for_each_page_field(Sample& s, See&& see, bool joints = false) {
   const auto vector = [&](const char* name, auto& field) { see(name, field.size(), field.data()); };
   const auto number = [&](const char* name, auto& field) { see(name, std::size_t{1}, &field); };
   number("t_s", s.t_s);
@@ -118,12 +122,16 @@ void for_each_page_field(Sample& s, See&& see) {
   vector("surface_friction", s.surface_friction);
   vector("joint_rad", s.joint_rad);
   number("dropped", s.dropped);
+  if (!joints) return;
+  vector("leader_rad", s.leader_rad);
+  vector("leader_torque", s.leader_torque);
+  vector("follower_torque", s.follower_torque);
 }
 
 /// A command of the page: finite numbers within their limits.
 struct PageCommand {
   enum class Kind : std::uint8_t {
-    target,   ///< the pointer holds the handle; numbers 0 to 2: where [m], 3 to 5: rotation vector [rad]
+    target,  ///< the pointer holds the handle, or the leader's tool; numbers 0 to 2: where [m], 3 to 5: rotation vector [rad]
     release,  ///< it does not
     grip,     ///< number 0: stiffness of the hand [N/m]
     opening,  ///< number 0: opening that the hand intends at the gripper [m]

@@ -105,16 +105,15 @@ std::string part(const Shape& s) {
   return fmt::format("{{{},{}}}", fields("kind", kind), Fields{}(s));
 }
 
-Json arm(const Scene& s, const ShownArm& shown) {
-  if (!s.robot || !s.robot->arm) return {"null"};
-  const ArmParameters& p = *s.robot->arm->parameters;
+Json arm(const ArmSpec& spec, const ShownArm& shown) {
+  const ArmParameters& p = *spec.parameters;
   const auto joint = [](const ArmJoint& j) {
     return object("origin_m", j.origin_m, "attitude", Eigen::Quaterniond{j.rotation}, "slides",
                   j.type == JointType::prismatic)
         .text;
   };
-  return object("joints", list(p.joints, joint), "flange_m", p.flange_m, "links", list(shown.links, part<TriangleMesh>),
-                "left_out", shown.left_out);
+  return object("joints", list(p.joints, joint), "flange_m", p.flange_m, "links",
+                shown.as_robot ? Json{"null"} : list(shown.links, part<TriangleMesh>), "left_out", shown.left_out);
 }
 
 std::string element(const EnvironmentSpec& spec) {
@@ -139,9 +138,11 @@ Json network(const ImpairmentOptions& o) {
 std::string describe_for_page(const Scene& s, const PageIntroduction& i) {
   std::vector<Json> layout;
   PageSample sample;
-  for_each_page_field(sample, [&](const char* name, std::size_t size, const double*) {
+  const bool joints = s.joints > 0;
+  const auto field = [&](const char* name, std::size_t size, const double*) {
     layout.push_back({fmt::format("[{},{}]", json_string(name), size)});
-  });
+  };
+  for_each_page_field(sample, field, joints);
   // Where the handle's gripper starts: as far as the page opens it.
   Json gripper{"null"};
   if (s.gripper) {
@@ -157,20 +158,21 @@ std::string describe_for_page(const Scene& s, const PageIntroduction& i) {
     return fmt::format("[{},{},{}]", json(f.name), json(f.unit), f.least_dof);
   };
   const auto any_part = [](const auto& each) { return std::visit([](const auto& p) { return part(p); }, each); };
-  return object("scene", s.name, "dof", s.dof, "rate_hz", s.master_rate_hz, "architecture",
-                to_string(s.control.architecture), "method", s.control.method_name, "methods", i.methods,
-                "plain_method", kPlainMethod, "initial_energies_j", initial_energies_j(s), "device", i.device,
-                "pointer", i.has_pointer, "home_m", home, "restarts", i.restarts, "grip_n_per_m", i.grip_n_per_m,
-                "grip_limits_n_per_m", std::array{kPageGripLeast, kPageGripMost}, "max_force_n", s.control.max_force_n,
-                "motion_scale", s.control.motion_scale, "force_scale", s.control.force_scale, "limits", kLimitNames,
-                "linked", s.control.architecture != Architecture::render, "to_slave", network(s.to_slave), "to_master",
-                network(s.to_master), "network_limits", network(kPageDelayMs, kPageJitterMs, kPageLoss), "environment",
-                of_scene(list(s.environment, element)), "meshes", list(shown.meshes, part<TriangleMesh>),
-                "environment_answers", answers, "surface_limits",
+  return object("scene", s.name, "dof", joints ? 6 : s.dof, "joints", s.joints, "rate_hz", s.master_rate_hz,
+                "architecture", to_string(s.control.architecture), "method", s.control.method_name, "methods",
+                i.methods, "plain_method", kPlainMethod, "initial_energies_j", initial_energies_j(s), "device",
+                i.device, "pointer", i.has_pointer, "home_m", home, "restarts", i.restarts, "grip_n_per_m",
+                i.grip_n_per_m, "grip_limits_n_per_m", std::array{kPageGripLeast, kPageGripMost}, "max_force_n",
+                s.control.max_force_n, "motion_scale", joints ? 1.0 : s.control.motion_scale, "force_scale",
+                s.control.force_scale, "limits", kLimitNames, "linked", s.control.architecture != Architecture::render,
+                "to_slave", network(s.to_slave), "to_master", network(s.to_master), "network_limits",
+                network(kPageDelayMs, kPageJitterMs, kPageLoss), "environment", of_scene(list(s.environment, element)),
+                "meshes", list(shown.meshes, part<TriangleMesh>), "environment_answers", answers, "surface_limits",
                 object("stiffness_n_per_m", kSurfaceStiffnessMost, "friction", kSurfaceFrictionMost), "layer_figures",
                 list(kLayerFigures, figure), "tool", of_scene({json(s.tool)}), "tool_parts",
                 list(shown.tool_parts, any_part), "tool_alone", shown.tool_alone, "arm",
-                i.world ? Json{"null"} : arm(s, shown_arm(s)), "gripper_m", gripper, "fields", layout)
+                i.world || !s.robot || !s.robot->arm ? Json{"null"} : arm(*s.robot->arm, shown_arm(s)), "leader",
+                joints ? arm(*s.device->arm, shown_arm(s, true)) : Json{"null"}, "gripper_m", gripper, "fields", layout)
       .text;
 }
 

@@ -104,12 +104,15 @@ struct PageServer::Impl {
     if (count == 0 || clients.empty()) return;
     std::string numbers;
     for (std::size_t i = count - std::min(count, kMostSamples); i < count; ++i)
-      for_each_page_field(batch[i % kMostSamples], [&](const char*, std::size_t size, const double* values) {
-        for (const double each : std::span{values, size}) {
-          const auto bits = boost::endian::native_to_little(std::bit_cast<std::uint64_t>(each));
-          numbers.append(reinterpret_cast<const char*>(&bits), sizeof bits);
-        }
-      });
+      for_each_page_field(
+          batch[i % kMostSamples],
+          [&](const char*, std::size_t size, const double* values) {
+            for (const double each : std::span{values, size}) {
+              const auto bits = boost::endian::native_to_little(std::bit_cast<std::uint64_t>(each));
+              numbers.append(reinterpret_cast<const char*>(&bits), sizeof bits);
+            }
+          },
+          options.joints);
     const auto message = std::make_shared<const std::string>(std::move(numbers));
     for (Client* const client : clients) {
       if (!client->greeted) continue;

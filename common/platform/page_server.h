@@ -38,6 +38,7 @@ class PageServer {
     std::string address{};       ///< value of --page, ADDR:PORT; port 0: any free one
     std::string introduction{};  ///< text message that each client gets first
     std::string_view page{};     ///< the HTML file
+    bool joints = false;         ///< the ports are joints
     bool restartable = false;    ///< a page may end the program (SIGTERM) to have it started again
     std::chrono::milliseconds request_time{5000}, ping_every{2000}, silence{5000}, spectator_time{30000};
   };

@@ -310,10 +310,14 @@ void decimate_together(std::vector<TriangleMesh>& meshes) {
 
 }  // namespace
 
-ShownArm shown_arm(const Scene& scene) {
-  if (!scene.source || !scene.source->message.robot().has_arm()) return {};
+ShownArm shown_arm(const Scene& scene, bool of_leader) {
+  if (!scene.source) return {};
+  const schema::Scene& message = scene.source->message;
+  if (!(of_leader ? message.device().has_arm() : message.robot().has_arm())) return {};
+  const std::string& file = of_leader ? message.device().arm().file() : message.robot().arm().file();
+  if (of_leader && file == message.robot().arm().file()) return {.links = {}, .left_out = {}, .as_robot = true};
   const std::string folder = std::filesystem::path{scene.source->file}.parent_path().string();
-  ShownArm arm = load_arm_shapes(arm_file(scene.source->message.robot().arm().file(), folder));
+  ShownArm arm = load_arm_shapes(arm_file(file, folder));
   decimate_together(arm.links);
   return arm;
 }

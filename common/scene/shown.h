@@ -18,6 +18,7 @@ struct ShownArm {
   std::vector<TriangleMesh>
       links;  ///< of the base, then of the link behind each joint, in its axes; none: nothing is known
   std::vector<std::string> left_out;  ///< what cannot be read, a sentence for each link
+  bool as_robot = false;              ///< of a leader: it has the robot's file, and so the robot's links
 };
 
 /// Shapes that a picture shows, and no computation needs: from the blocks and files that a scene was read from.
@@ -28,7 +29,7 @@ struct ShownShapes {
 };
 /// Empty for a scene that a program has made. Throws ConfigError where a mesh file cannot be read any more.
 ShownShapes shown_shapes(const Scene& scene);
-/// Of the robot's arm, decimated; in the same way.
-ShownArm shown_arm(const Scene& scene);
+/// Of the robot's arm, or of the leader's, decimated; in the same way.
+ShownArm shown_arm(const Scene& scene, bool of_leader = false);
 
 }  // namespace twoport

@@ -300,6 +300,14 @@ void ArmPlant::lead(const Position<6>& intended) noexcept {
   hand_->rate = (intended - hand_->intended) / Seconds{dt_};
 }
 
+void ArmPlant::grip(const HandSpec& hand) noexcept {
+  HandSpec& h = hand_->spec;
+  h.stiffness_n_per_m = hand.stiffness_n_per_m;
+  h.damping_n_s_per_m = hand.damping_n_s_per_m;
+  h.rotational_stiffness_n_m_per_rad = hand.rotational_stiffness_n_m_per_rad;
+  h.rotational_damping_n_m_s_per_rad = hand.rotational_damping_n_m_s_per_rad;
+}
+
 double ArmPlant::mechanical_energy() const noexcept {
   const Joints beyond = over_stops(s_.q);
   return model_.energy(now_.pose, s_.v, kGravity) + 0.5 * beyond.dot(stop_stiffness_.cwiseProduct(beyond)) +

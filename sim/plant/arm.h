@@ -77,6 +77,8 @@ class ArmPlant final {
   [[nodiscard]] Force<kJointPort> outside_torque() const noexcept;
   /// The hand's intended position at the end of the coming tick.
   void lead(const Position<6>& intended) noexcept;
+  /// From the coming tick on the hand has this stiffness and damping, at most those of the beginning; none: it lets go. Its mass stays.
+  void grip(const HandSpec& hand) noexcept;
   /// Adds dv to the tool's velocity, with the joint motion of the least kinetic energy.
   void kick(const Velocity<6>& dv) noexcept;
   [[nodiscard]] BodyState<6> body() const noexcept {

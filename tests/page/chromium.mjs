@@ -43,15 +43,15 @@ export async function until(what, condition, patience_ms = 15000) {
 export const coupled = () =>
   until('both sides are coupled', async () => (await text('mode')) === 'master: coupled' && (await text('slave-mode')) === 'slave: coupled');
 
-/// Takes the handle in the middle of the picture; to(x_m) then moves it along x.
-export async function take() {
+/// Takes the handle in the middle of the picture; to(m) then moves it along x, or along another direction of the picture.
+export async function take([right, down] = [1, 0]) {
   await until('the page shows the run', async () => page.locator('#verdict').isVisible());
   const box = await page.locator('#picture').boundingBox();
   const [x, y] = [box.x + 0.45 * box.width, box.y + 0.5 * box.height], scale = Number(await page.locator('#zoom').inputValue());
   await page.mouse.move(x, y);
   await page.mouse.down();
   await coupled();
-  return (x_m) => page.mouse.move(x + x_m * scale, y, { steps: 20 });
+  return (m) => page.mouse.move(x + right * m * scale, y + down * m * scale, { steps: 20 });
 }
 
 export async function set(id, to) {

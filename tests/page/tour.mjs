@@ -1,4 +1,4 @@
-// The tour from a wall to the budget, done as it says; then home. Prints one line for each step; throws at the first that fails.
+// The tour from a wall, or with two arms a table, to the budget, done as it says; then home. Prints one line for each step; throws at the first that fails.
 import { page, pause, run, take, takePicture, text, until, value } from './chromium.mjs';
 
 const done = (step) => until(`step ${step} is done`, async () => (await text('tour-step')) .startsWith(`${step} `) && (await text('tour-step')).includes('✓'), 40000);
@@ -6,8 +6,11 @@ const verdict = () => text('verdict');
 
 await run(async () => {
   await until('both sides wait for a hand', async () => (await text('slave-mode')) === 'slave: waiting for a hand');
+  const table = (await text('scene')).includes('joints');
+  if (table) await page.locator('#view').selectOption({ label: 'x – z' });
   await page.locator('#tour-begin').click();
-  let to = await take();
+  if (!(await text('tour-text')).includes(table ? ' down until' : ' to the right until')) throw new Error(`the way to the wall: ${await text('tour-text')}`);
+  const to = await take(table ? [0, 1] : [1, 0]);
   await to(0.045);
   await done(1);
   if ((await verdict()) !== 'passive') throw new Error(`at a wall: ${await verdict()}`);

@@ -104,7 +104,8 @@ TEST(PageCommand, RefusesAnythingElse) {
 TEST(PageSample, FieldsCoverTheWholeSample) {
   PageSample sample;
   std::size_t numbers = 0;
-  for_each_page_field(sample, [&](const char*, std::size_t size, const double*) { numbers += size; });
+  for_each_page_field(
+      sample, [&](const char*, std::size_t size, const double*) { numbers += size; }, true);
   EXPECT_EQ(numbers * sizeof(double), sizeof(PageSample));
 }
 

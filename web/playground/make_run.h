@@ -44,7 +44,7 @@ class LinkRun final : public Run {
         mounted_{device_, {}},
         session_{scene_, mounted_, robot_, most_added()},
         registration_{scene_.control} {
-    page_.begin(scene_.master_rate_hz);
+    page_.begin(scene_);
     if (!scene_.gripper || !device_->gripper() || !robot_.gripper()) return;
     gripper_.emplace(scripted ? *scene_.gripper : with_device(*scene_.gripper, device_->gripper()->info()),
                      *device_->gripper(), *robot_.gripper(), most_added());
@@ -128,7 +128,7 @@ class RenderRun final : public Run {
         environment_{scene_.environment, scene_.tool},
         node_{scene_.control, environment_},
         plant_{*device_, {}} {
-    page_.begin(scene_.master_rate_hz);
+    page_.begin(scene_);
     device_->start();
     initial_ = scene_.control.initial_energy +
                environment_.potential(device_->truth() ? device_->truth()->x : first_reading().x);

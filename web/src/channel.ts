@@ -28,7 +28,7 @@ export interface Element {
 export interface Arm {
   joints: { origin_m: Vec; attitude: [number, number, number, number]; slides: boolean }[];
   flange_m: Vec;
-  links: Element[]; // meshes of the base and of the link behind each joint, in its axes; empty, or without triangles: not known
+  links: Element[] | null; // meshes of the base and of the link behind each joint, in its axes; empty, or without triangles: not known; null: the robot's
   left_out: string[]; // what of them could not be read, in sentences
 }
 
@@ -40,7 +40,8 @@ export interface Network {
 
 export interface Introduction {
   scene: string;
-  dof: number;
+  dof: number; // of handle and tool
+  joints: number; // of leader and robot, which are coupled joint by joint; 0: handle and tool are
   rate_hz: number;
   architecture: string;
   method: string;
@@ -68,6 +69,7 @@ export interface Introduction {
   tool_alone: number;
   tool_parts: Element[];
   arm: Arm | null; // of the robot
+  leader: Arm | null; // whose tool the hand holds
   gripper_m: number | null; // where the gripper of the handle starts; null: none
   fields: [string, number][];
 }

@@ -76,10 +76,7 @@ class Page {
     window.setInterval(() => this.ages(), 100);
     element('take').onclick = () => this.channel.send('take');
     element('home').onclick = () => this.goHome();
-    element('fit').onclick = () => {
-      for (const session of this.sessions) session.fit();
-      if (this.first) element<HTMLInputElement>('zoom').value = String(this.first.picture.chosen.scale);
-    };
+    element('fit').onclick = () => this.fit();
     element('reset').onclick = () => (this.comparing === null ? this.channel.send('restart') : void this.compareWith(this.comparing));
     element('sound').onclick = () => element('sound').setAttribute('aria-pressed', String(this.sound.toggle()));
     element('tour-begin').onclick = () => this.tour?.go(0);
@@ -108,6 +105,11 @@ class Page {
     return this.first?.last ?? null;
   }
 
+  private fit(): void {
+    for (const session of this.sessions) session.fit();
+    if (this.first) element<HTMLInputElement>('zoom').value = String(this.first.picture.chosen.scale);
+  }
+
   private begin(scene: Introduction): void {
     this.scene = scene;
     this.layout = new Layout(scene.fields);
@@ -117,7 +119,7 @@ class Page {
     element('ended').hidden = true;
     element('reset').hidden = !scene.restarts;
     element('scene').textContent =
-      `${scene.scene} · ${scene.dof} DoF · ${scene.rate_hz} Hz` +
+      `${scene.scene} · ${scene.leader ? `${scene.joints} joints` : `${scene.dof} DoF`} · ${scene.rate_hz} Hz` +
       (scene.methods.length > 1 ? '' : ` · ${scene.method}, ${scene.architecture}`);
     const zoom = element<HTMLInputElement>('zoom');
     zoom.value = scene.dof !== 6 ? '4000' : scene.arm ? '1000' : '2000';
@@ -137,14 +139,18 @@ class Page {
       this.axis = Number(axis.value);
       this.makePlots();
     };
-    this.axis = 0;
+    // Of two arms along the wall's normal, where the forces are.
+    const normal = scene.leader ? scene.environment.find((e) => e.kind === 'wall')?.normal : undefined;
+    this.axis = normal ? normal.findIndex((n) => Math.abs(n) === Math.max(...normal.map(Math.abs))) : 0;
+    axis.value = String(this.axis);
     this.makePlots();
     this.makeSliders(scene);
     this.makeWorkControls(scene);
-    const leftOut = scene.arm?.left_out ?? [], more = leftOut.length - 2;
+    const leftOut = [scene.arm, scene.leader].flatMap((arm) => arm?.left_out ?? []), more = leftOut.length - 2;
     element('hint').textContent = [this.hint(scene), ...leftOut.slice(0, 2), ...(more > 0 ? [`So ${more === 1 ? 'is another link' : `are ${more} other links`}.`] : [])].join(' ');
     for (const row of document.querySelectorAll<HTMLElement>('.linked'))
       row.hidden = !scene.linked;
+    if (scene.leader) element('work-controls').hidden = true; // it couples joints wherever they are
     this.makeLayerFigures(scene);
     for (const id of ['let-go', 'home']) element(id).hidden = !scene.pointer;
     element('late-row').hidden = this.channel.compare !== undefined; // its time is that of the frames
@@ -204,18 +210,21 @@ class Page {
     if (scene.dof === 1) return 'Drag to move the hand. Keyboard: Space takes and lets go, ← → move.' + gripper;
     if (scene.dof === 3)
       return `Drag to move the hand in the view; the wheel moves it along the view.${isSolid(scene) ? ' The right button turns the view.' : ''} Keyboard: Space, arrows, Page Up and Down.` + gripper;
-    return 'Drag to move the hand in the view, with Shift to turn it; the wheel moves it along the view. The right button turns the view. Keyboard: Space, arrows, Page Up and Down, with Shift to turn.' + gripper;
+    return `Drag to move the hand${scene.leader ? ', which holds the tool of the leader,' : ''} in the view, with Shift to turn it; the wheel moves it along the view. The right button turns the view. Keyboard: Space, arrows, Page Up and Down, with Shift to turn.` + gripper;
   }
 
   private makeTour(scene: Introduction): void {
     const without = scene.methods.findIndex((m) => m.startsWith(scene.plain_method));
-    const wall = scene.environment.some((e) => e.kind === 'wall');
+    const wall = scene.environment.find((e) => e.kind === 'wall');
     const possible = scene.pointer && scene.linked && wall && without > 0;
     element('tour-begin').hidden = !possible;
     this.tour = null;
     if (!possible) return;
     const number = (name: string): number => (this.last ? this.last[this.layout.place(name)]! : 0);
+    const { right, up } = viewsFor(scene)[0]!, along = (axis: Vec): number => -wall.normal!.reduce((sum, n, i) => sum + n * axis[i]!, 0);
+    const [x, y] = [along(right), along(up)];
     this.tour = new Tour({
+      toWall: Math.abs(x) > Math.abs(y) ? (x > 0 ? 'to the right' : 'to the left') : y > 0 ? 'up' : 'down',
       limited: () => this.limitsSeen.length > 0,
       felt: () => (this.last ? Math.hypot(...this.first!.vector('felt_n')) : 0),
       pressed: () => (this.last ? Math.hypot(...this.first!.vector('environment_n')) : 0),
@@ -341,13 +350,18 @@ class Page {
       value: (s) => (s[place]! <= absent ? null : factor * s[place]!),
     });
     const plot = (title: string, unit: string, ...curves: Curve[]): PlotSpec => ({ title, unit, curves });
-    const hand: Curve = { label: 'hand', colour: '--hand', value: (s) => scale * s[at('hand_x_m') + i]! + 1e3 * this.first!.origin[i]! };
+    const { leader } = this.scene!;
+    /** A curve for each joint; a prismatic one has another unit than the plot's. */
+    const torques = (field: string): Curve[] =>
+      leader!.joints.map(({ slides }, j) => curve(`${j + 1}${slides ? ' [N]' : ''}`, `--joint-${j + 1}`, at(field) + j, 1));
+    const hand: Curve = { label: leader ? 'leader' : 'hand', colour: '--hand', value: (s) => scale * s[at('hand_x_m') + i]! + 1e3 * this.first!.origin[i]! };
     const specs = [
-      plot(`Position ${name}`, 'mm', hand, curve('robot', '--robot', at('robot_x_m') + i, 1e3)),
+      plot(`Position ${name}`, 'mm', hand, curve(leader ? 'follower' : 'robot', '--robot', at('robot_x_m') + i, 1e3)),
       plot(`Force ${name}`, 'N',
         curve('wanted', '--third', at('unlimited_n') + i, 1),
         curve('on the environment', '--robot', at('environment_n') + i, 1),
         curve('felt', '--felt', at('felt_n') + i, 1)),
+      ...(leader ? [plot('Torque displayed, by joint', 'N\u00a0m', ...torques('leader_torque')), plot('Torque measured, by joint', 'N\u00a0m', ...torques('follower_torque'))] : []),
       plot('Energy', 'mJ',
         curve('in at the hand', '--hand', at('hand_energy_j'), 1e3),
         curve('in at the robot', '--robot', at('robot_energy_j'), 1e3),
@@ -469,7 +483,7 @@ class Page {
     window.addEventListener('keydown', (e) => {
       if (!pressing(e)) return;
       e.preventDefault();
-      if (!e.repeat && this.scene?.linked) this.clutch(true);
+      if (!e.repeat && !element('work-controls').hidden) this.clutch(true);
     });
     window.addEventListener('keyup', (e) => pressing(e) && this.clutch(false));
     element('rehome').onclick = () => this.channel.send('rehome');
@@ -710,8 +724,10 @@ class Page {
       const sample = numbers.subarray(at, at + size);
       const t = sample[this.layout.place('t_s')]!;
       if (which === 0 && this.last && t < this.last[this.layout.place('t_s')]!) this.plots?.clear();
+      const begins = session.last === null;
       session.take(sample);
       if (which > 0) continue;
+      if (begins && this.scene!.leader) this.look();
       const limits = sample[this.layout.place('limits')]!;
       for (let bit = 0; limits > 0 && bit < 16; ++bit) if ((limits >> bit) & 1) this.limitsSeen.push({ at: this.receivedAt, bit });
       const late = sample[this.layout.place('late_us')]!;
@@ -722,6 +738,14 @@ class Page {
     if (which > 0) return;
     const now = this.last![this.layout.place('t_s')]!;
     this.latest = this.latest.filter((x) => x.at > now - 1);
+  }
+
+  /** Shows both arms from the first frame on. */
+  private look(): void {
+    const { picture } = this.first!;
+    this.first!.draw(null, this.age);
+    this.fit();
+    picture.look(picture);
   }
 
   private framed = 0; // [ms]

@@ -41,6 +41,7 @@ export interface Shown {
   robot: Vec;
   robotAttitude: Attitude;
   joints: number[]; // of the robot's arm [rad]
+  leaderJoints: number[]; // of the leader
   fingers: number | null; // opening of the robot's gripper [m]; null: none
   handle: number; // of the handle's, where there is one
   target: Vec | null; // of the pointer, in the robot's world
@@ -201,8 +202,8 @@ export class Picture {
     }
     const differ = norm(add(s.wanted, s.felt, -1)) > 0.05;
     this.legend(colour('--text'), [
-      [ofHand, 'hand'],
-      [ofRobot, 'robot'],
+      [ofHand, this.scene.leader ? 'leader' : 'hand'],
+      [ofRobot, this.scene.leader ? 'follower' : 'robot'],
       [ofForce, 'force felt'],
       ...(differ ? [[ofWanted, 'force wanted'] as [string, string]] : []),
     ]);

@@ -5,6 +5,7 @@ import type { Introduction, Layout, Told, Vec } from './channel';
 import { Picture, type Attitude, type Shown } from './picture';
 
 const COUPLED = 1;
+const ASIDE: Vec = [0, 0.9, 0]; // where a leader stands, from the follower [m]
 export type Kind = '' | 'good' | 'bad' | 'warn' | 'old';
 const KINDS = { passive: 'good', 'not passive': 'bad', restless: 'warn', unstable: 'bad' } as const;
 
@@ -67,6 +68,7 @@ export class Session {
     return Array.from(this.last!.subarray(at, at + this.layout.count(name)));
   }
   inRobotWorld(p: Vec): Vec {
+    if (this.scene.leader) return p.map((x, i) => x + ASIDE[i]!) as Vec;
     return p.map((x, i) => this.scene.motion_scale * x + this.origin[i]!) as Vec;
   }
   method(): string {
@@ -81,6 +83,7 @@ export class Session {
   }
   /** The hand's place in the robot's world: where the robot was told to be, against the hand a round trip ago. */
   private register(t: number): void {
+    if (this.scene.leader) return; // arms stand where they stand
     const hand = this.vector('hand_x_m');
     if (this.samples % 10 === 0) this.past.push({ t, hand });
     if (this.past.length > 200) this.past.shift();
@@ -116,6 +119,7 @@ export class Session {
       robot: this.vector('robot_x_m'),
       robotAttitude: this.attitude('robot_attitude'),
       joints: this.list('joint_rad'),
+      leaderJoints: this.scene.leader ? this.list('leader_rad') : [],
       handle: this.number('gripper_hand_m'),
       fingers: this.scene.gripper_m === null ? null : this.number('gripper_robot_m'),
       target: target && this.inRobotWorld(this.ofHandle(target)),

@@ -9,7 +9,7 @@ import {
 import { ConvexGeometry } from 'three/examples/jsm/geometries/ConvexGeometry.js';
 import { toCreasedNormals } from 'three/examples/jsm/utils/BufferGeometryUtils.js';
 
-import type { Element, Introduction, Vec } from './channel';
+import type { Arm, Element, Introduction, Vec } from './channel';
 import type { Attitude, Shown, View } from './picture';
 
 const WALL_M = 0.16; // half of the part of a plane that is shown
@@ -114,7 +114,8 @@ export class Space {
   private readonly hand = new Group();
   private readonly fingers: Mesh[] = [];
   private handOld = false;
-  private readonly arm: ArmParts | null;
+  private readonly arms: { parts: ArmParts; of: 'leader' | 'robot' }[] = [];
+  private readonly leader: MeshLambertMaterial;
   private readonly floor: Mesh;
   private drawn = { at: 0, mean_ms: 0, frames: 0 };
 
@@ -139,11 +140,13 @@ export class Space {
     this.light.shadow.radius = 3;
     this.light.shadow.normalBias = 0.002;
     this.robot = new MeshLambertMaterial({ color: colour('--robot') });
+    this.leader = new MeshLambertMaterial({ color: colour('--hand') });
     for (const element of [...scene.environment, ...scene.meshes]) this.addElement(element);
     this.floor = new Mesh(new PlaneGeometry(6, 6), new ShadowMaterial({ opacity: 0.25 }));
     this.floor.receiveShadow = true;
-    this.arm = scene.arm ? this.makeArm(scene) : null;
-    this.floor.visible = this.arm !== null;
+    if (scene.arm) this.arms.push({ parts: this.makeArm(scene, scene.arm, this.robot), of: 'robot' });
+    if (scene.leader) this.arms.push({ parts: this.makeArm(scene, { ...scene.leader, links: scene.leader.links ?? scene.arm!.links }, this.leader), of: 'leader' });
+    this.floor.visible = this.arms.length > 0;
     this.world.add(this.floor, this.tool, this.hand);
     this.addTool(scene);
   }
@@ -196,7 +199,7 @@ export class Space {
     const at = new BufferGeometry().setFromPoints(points);
     this.tool.add(new Points(at, new PointsMaterial({ color: colour('--text'), size: 4, sizeAttenuation: false })));
     const middle = points.reduce((sum, p) => sum.addScaledVector(p, 1 / points.length), new Vector3());
-    if (!this.arm && middle.length() > 0.01) this.tool.add(solid(new CapsuleGeometry(0.006, 0, 8, 24), this.robot), rod(new Vector3(), middle, 0.003, this.robot));
+    if (this.arms.length === 0 && middle.length() > 0.01) this.tool.add(solid(new CapsuleGeometry(0.006, 0, 8, 24), this.robot), rod(new Vector3(), middle, 0.003, this.robot));
     if (scene.gripper_m === null) return;
     for (let i = 0; i < 2; ++i) {
       const finger = solid(new BoxGeometry(0.012, 0.006, 0.04), this.robot);
@@ -204,14 +207,14 @@ export class Space {
       this.tool.add(finger);
     }
   }
-  private makeArm(scene: Introduction): ArmParts {
+  private makeArm(scene: Introduction, arm: Arm, rings: MeshLambertMaterial): ArmParts {
     const link = new MeshLambertMaterial({ color: colour('--solid'), side: DoubleSide }), none = new Vector3();
     /** The shape that the arm's file knows of the base, or of the link behind joint i; else rods are drawn. */
-    const own = scene.arm!.links.map((e) => shapeOf(e, link, colour('--surface-line')));
-    const base = new Group(), joints: ArmParts['joints'] = [], all = scene.arm!.joints;
+    const own = arm.links!.map((e) => shapeOf(e, link, colour('--surface-line')));
+    const base = new Group(), joints: ArmParts['joints'] = [], all = arm.joints;
     const length = (p: Vec): number => Math.hypot(...p);
     // A tool that reaches back towards the arm covers that much of the last link.
-    const flange = v3(scene.arm!.flange_m), back = Math.max(0, ...scene.tool.map((p) => Math.abs(p[2])));
+    const flange = v3(arm.flange_m), back = Math.max(0, ...scene.tool.map((p) => Math.abs(p[2])));
     let parent = base;
     base.add(own[0] ?? rod(new Vector3(0, 0, 0), new Vector3(0, 0, 0.02), 2 * LINK_M, link));
     all.forEach((joint, i) => {
@@ -225,7 +228,7 @@ export class Space {
       else
         moving.add(
           rod(new Vector3(0, 0, -thick), new Vector3(0, 0, thick), 1.1 * thick, link),
-          rod(new Vector3(0, 0, -0.006), new Vector3(0, 0, 0.006), 1.13 * thick, this.robot),
+          rod(new Vector3(0, 0, -0.006), new Vector3(0, 0, 0.006), 1.13 * thick, rings),
         );
       fixed.add(moving);
       parent.add(fixed);
@@ -243,11 +246,12 @@ export class Space {
 
   // Where it is.
 
-  /** Corners of the box around the arm as it was drawn last. */
+  /** Corners of the boxes around the arms as they were drawn last. */
   armPlaces(): Vec[] {
-    if (!this.arm) return [];
-    const { min, max } = new Box3().setFromObject(this.arm.base);
-    return [min.x, max.x].flatMap((x) => [min.y, max.y].flatMap((y) => [min.z, max.z].map((z): Vec => [x, y, z])));
+    return this.arms.flatMap(({ parts }) => {
+      const { min, max } = new Box3().setFromObject(parts.base);
+      return [min.x, max.x].flatMap((x) => [min.y, max.y].flatMap((y) => [min.z, max.z].map((z): Vec => [x, y, z])));
+    });
   }
   private pose(s: Shown): void {
     this.tool.position.copy(v3(s.robot));
@@ -255,18 +259,20 @@ export class Space {
     this.hand.position.copy(v3(s.hand));
     this.hand.quaternion.copy(quaternion(s.handAttitude));
     this.robot.color.set(colour(s.robotOld ? '--muted' : '--robot'));
+    this.leader.color.set(colour(s.old ? '--muted' : '--hand'));
     if (s.old !== this.handOld)
       this.hand.traverse((o) => (o instanceof Mesh || o instanceof LineSegments) && o.material.color.set(colour(s.old ? '--muted' : '--hand')));
     this.handOld = s.old;
     this.fingers.forEach((finger, i) => finger.position.set(0, (i === 0 ? 1 : -1) * (0.5 * (s.fingers ?? 0) + 0.003), 0.02));
-    if (!this.arm) return;
-    // The base stands where the tool is at its place.
-    const { base, joints, flange } = this.arm;
-    joints.forEach(({ part, slides }, i) => (slides ? part.position : part.rotation).z = s.joints[i] ?? 0);
-    base.position.set(0, 0, 0);
-    const from = flange.getWorldPosition(new Vector3());
-    base.position.copy(v3(s.robot)).sub(from);
-    this.floor.position.copy(base.position);
+    // A base stands where the tool is at its place.
+    for (const { parts: { base, joints, flange }, of } of this.arms) {
+      const [at, tool] = of === 'robot' ? [s.joints, s.robot] : [s.leaderJoints, s.hand];
+      joints.forEach(({ part, slides }, i) => (slides ? part.position : part.rotation).z = at[i] ?? 0);
+      base.position.set(0, 0, 0);
+      const from = flange.getWorldPosition(new Vector3());
+      base.position.copy(v3(tool)).sub(from);
+      this.floor.position.copy(base.position);
+    }
   }
 
   /** A browser that is slow, as without a graphics processor, draws no shadow. */

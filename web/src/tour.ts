@@ -4,6 +4,7 @@ import type { Told } from './channel';
 import { element } from './session';
 
 export interface Guided {
+  toWall: string; // where the hand must go
   felt(): number; // [N]
   limited(): boolean; // does a limit act?
   pressed(): number; // force on the environment [N]
@@ -37,7 +38,7 @@ export class Tour {
     this.steps = [
       {
         name: 'A wall.',
-        text: `${drag} to the right until the robot presses the wall: you move the robot, and the green arrow is its force coming back to you.`,
+        text: `${drag} ${page.toWall} until the robot presses the wall: you move the robot, and the green arrow is its force coming back to you.`,
         act: { name: 'No delay', run: () => page.setDelay(0) },
         done: () => page.felt() > 1 && page.pressed() > 1,
       },
