@@ -19,9 +19,11 @@ await run(async () => {
   await done(2);
   await page.locator('#tour-next').evaluate((b) => b.click());
   await page.locator('#tour-do').evaluate((b) => b.click());
-  await to(0.09);
-  await until('the tour says to press less', async () => /Press less/.test(await text('tour-text')));
-  await to(0.045);
+  if (!table) { // an arm's limits are far
+    await to(0.09);
+    await until('the tour says to press less', async () => /Press less/.test(await text('tour-text')));
+    await to(0.045);
+  }
   await done(3);
   console.log(`NONE at 60 ms each way: ${await verdict()}, ${await text('budget-left')}; ${await page.locator('#verdict').getAttribute('title')}`);
   await until('the gauge shows that the budget is spent', async () => (await text('budget-left')).startsWith('spent'), 20000);
