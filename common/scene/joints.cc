@@ -6,6 +6,7 @@
 #include <limits>
 
 #include "common/arm/arm_model.h"
+#include "common/coupling/layers.h"
 
 namespace twoport {
 namespace {
@@ -117,6 +118,11 @@ void read_joints(const Block<schema::Scene>& of, Scene& scene) {
   }
   const auto model = std::make_shared<const ArmModel>(model_of(leader));
   const auto tell = [&](ControlOptions& c) {
+    if (transparency_layer(c).is_external)
+      of.fail(
+          fmt::format("control.transparency.layer is {}, which knows handle and tool only; it must be another one "
+                      "where space is JOINTS",
+                      c.transparency));
     c.joint_scale = s;
     c.leader = model;
     if (!damping.empty()) {

@@ -87,6 +87,8 @@ TEST(JointScene, RefusesInWordsWhatJointsHaveNot) {
       {{"robot.arm.force_feedback={gain: 1}"}, {"robot.arm.force_feedback", "absent"}},
       {{"robot.arm.null_space_stiffness_n_m_per_rad=1"}, {"robot.arm.null_space_stiffness_n_m_per_rad is 1", "absent"}},
       {{"device_mount={scale: 2}"}, {"device_mount", "absent"}},
+      {{"control.transparency.layer=PLUGIN", "control.transparency.plugin.file=x.so"},
+       {"control.transparency.layer is PLUGIN", "another one where space is JOINTS"}},
       {{"space=CARTESIAN"}, {"dof", "1, 3 or 6"}},
   };
   for (const auto& [overrides, words] : cases) {
