@@ -7,7 +7,7 @@
 // `--robot PATH.so[:ARGS]`. This file needs no other and no library; a plug-in is built as in docs/examples/plugin.
 //
 // SI units; arrays of six are translation first, then rotation, in world axes. Attitudes are unit quaternions w x y z.
-// A device of fewer degrees of freedom leaves the other numbers as they are.
+// A device of fewer degrees of freedom leaves the other numbers as they are. An arm that is coupled joint by joint is an Arm.
 //
 // All calls come from one thread, in the order: constructor, info(), sense() once, then sense() and actuate() in every period;
 // start() between two of them; release() when the loop has ended; destructor. The constructor opens the hardware and throws a
@@ -17,15 +17,17 @@
 
 namespace twoport::plugin {
 
-/// Of this interface. Version 2 has gripper() as the last function of Device and Robot; nothing else differs from version 1.
+/// Of Device and Robot. Version 2 has gripper() as the last function of both; nothing else differs from version 1.
 /// A program loads plug-ins from kOldestVersion to kVersion.
 inline constexpr std::uint32_t kVersion = 2;
 inline constexpr std::uint32_t kOldestVersion = 1;
+/// Of Arm, which has entry points of its own.
+inline constexpr std::uint32_t kArmVersion = 1;
 
 /// What the program asks for.
 struct Session {
   const char* arguments;  ///< ARGS, or ""
-  int dof;                ///< of the scene: 1, 3 or 6
+  int dof;                ///< of the scene: 1, 3 or 6; with space JOINTS the number of joints of its arms
   double period_s;        ///< of the loop
 };
 
@@ -112,6 +114,49 @@ class Robot {
   virtual Robot* gripper() { return nullptr; }
 };
 
+inline constexpr int kMostJoints = 8;
+
+/// Of one joint.
+struct ArmLimits {
+  double torque = kUnlimited, speed = kUnlimited, lower = -kUnlimited, upper = kUnlimited;
+};
+
+/// Of joints the units are rad, rad/s and N m; of those that slide m, m/s and N.
+struct ArmInfo {
+  const char* name = "";
+  int joints = 0;  ///< 1 to 8, as many as the scene's arms have. Of each array below the first ones count
+  ArmLimits limits[kMostJoints]{};  ///< what the arm can do or shall do; the smaller of these and the scene's is kept
+  bool has_torque_sensors = true;   ///< of a follower
+  double watchdog_s = 0.0;
+};
+
+struct ArmReading {
+  double position[kMostJoints]{}, velocity[kMostJoints]{};
+  double applied[kMostJoints]{};   ///< of a leader: torque of the motors, held since the last reading, as commanded
+  double external[kMostJoints]{};  ///< of a follower: torque of the environment on the joints, by sensors
+  std::uint32_t buttons = 0;       ///< of a leader, as the next one
+  bool held = true;
+  bool ideal = false;  ///< of a follower
+  Status status = Status::ok;
+};
+
+struct ArmCommand {
+  double torque[kMostJoints]{};                             ///< on the joints, beside that which carries the weight
+  double position[kMostJoints]{}, velocity[kMostJoints]{};  ///< of a follower: set point
+};
+
+/// An arm whose port is its joints (space JOINTS), as leader or as follower. Calls as of Device and Robot.
+class Arm {
+ public:
+  virtual ~Arm() = default;
+  virtual ArmInfo info() const = 0;
+  virtual ArmReading sense(double now_s, double ended_s) = 0;
+  virtual void actuate(const ArmCommand& command) = 0;
+  virtual void start() {}
+  /// Carries its weight and no more, now; a position-controlled arm stops.
+  virtual void release() = 0;
+};
+
 /// What the entry point returns. `version` stays first in every version.
 template <class Interface>
 struct Entry {
@@ -121,14 +166,17 @@ struct Entry {
 
 }  // namespace twoport::plugin
 
-/// Makes the library a plug-in: Class derives from twoport::plugin::Device (Robot) and is constructed from a Session.
-#define TWOPORT_DEVICE_PLUGIN(Class) TWOPORT_PLUGIN_ENTRY(twoport_device_plugin, Device, Class)
-#define TWOPORT_ROBOT_PLUGIN(Class) TWOPORT_PLUGIN_ENTRY(twoport_robot_plugin, Robot, Class)
-#define TWOPORT_PLUGIN_ENTRY(symbol, Interface, Class)                                                              \
+/// Makes the library a plug-in: Class derives from twoport::plugin::Device (Robot, Arm) and is constructed from a Session. A leader is
+/// for --device, a follower for --robot. A library may have several.
+#define TWOPORT_DEVICE_PLUGIN(Class) TWOPORT_PLUGIN_ENTRY(twoport_device_plugin, Device, Class, kVersion)
+#define TWOPORT_ROBOT_PLUGIN(Class) TWOPORT_PLUGIN_ENTRY(twoport_robot_plugin, Robot, Class, kVersion)
+#define TWOPORT_LEADER_PLUGIN(Class) TWOPORT_PLUGIN_ENTRY(twoport_leader_plugin, Arm, Class, kArmVersion)
+#define TWOPORT_FOLLOWER_PLUGIN(Class) TWOPORT_PLUGIN_ENTRY(twoport_follower_plugin, Arm, Class, kArmVersion)
+#define TWOPORT_PLUGIN_ENTRY(symbol, Interface, Class, number)                                                      \
   extern "C" __attribute__((visibility("default"))) const twoport::plugin::Entry<twoport::plugin::Interface>*       \
   symbol() {                                                                                                        \
     static const twoport::plugin::Entry<twoport::plugin::Interface> entry{                                          \
-        twoport::plugin::kVersion,                                                                                  \
+        twoport::plugin::number,                                                                                    \
         [](const twoport::plugin::Session& session) -> twoport::plugin::Interface* { return new Class(session); }}; \
     return &entry;                                                                                                  \
   }

@@ -22,10 +22,17 @@ namespace {
 
 template <class Interface>
 constexpr bool kIsDevice = std::is_same_v<Interface, plugin::Device>;
-template <class Interface>
-constexpr const char* kSymbol = kIsDevice<Interface> ? "twoport_device_plugin" : "twoport_robot_plugin";
-template <class Interface>
-constexpr const char* kOtherSymbol = kIsDevice<Interface> ? "twoport_robot_plugin" : "twoport_device_plugin";
+
+/// Of an entry point.
+struct Kind {
+  const char* symbol;
+  const char* is_for;  ///< an option, and what the scene must say
+  std::uint32_t oldest, newest;
+};
+constexpr Kind kDevicePlugin{"twoport_device_plugin", "--device", plugin::kOldestVersion, plugin::kVersion};
+constexpr Kind kRobotPlugin{"twoport_robot_plugin", "--robot", plugin::kOldestVersion, plugin::kVersion};
+constexpr Kind kLeaderPlugin{"twoport_leader_plugin", "--device with space JOINTS", 1, plugin::kArmVersion};
+constexpr Kind kFollowerPlugin{"twoport_follower_plugin", "--robot with space JOINTS", 1, plugin::kArmVersion};
 
 [[noreturn]] void refuse(const std::string& flag, const PluginChoice& choice, const std::string& why) {
   throw ConfigError{flag + " " + choice.path + (choice.arguments.empty() ? "" : ":" + choice.arguments) + ": " + why};
@@ -41,7 +48,7 @@ bool is_function(void* symbol) {
 }
 
 template <class Interface>
-const plugin::Entry<Interface>& load(const std::string& flag, const PluginChoice& choice) {
+const plugin::Entry<Interface>& load(const Kind& kind, const std::string& flag, const PluginChoice& choice) {
   std::error_code error;
   if (!std::filesystem::exists(choice.path, error))
     refuse(flag, choice, "there is no such file; give the path of a shared library");
@@ -52,16 +59,17 @@ const plugin::Entry<Interface>& load(const std::string& flag, const PluginChoice
   if (const std::string why = try_to_load(path); !why.empty()) refuse(flag, choice, "cannot be loaded: " + why);
   void* const library = dlopen(path.c_str(), RTLD_NOW | RTLD_LOCAL);
   if (library == nullptr) refuse(flag, choice, std::string{"cannot be loaded: "} + dlerror());
-  void* const symbol = dlsym(library, kSymbol<Interface>);
-  if (symbol == nullptr)
+  void* const symbol = dlsym(library, kind.symbol);
+  if (symbol == nullptr) {
+    std::string others;
+    for (const Kind& other : {kDevicePlugin, kRobotPlugin, kLeaderPlugin, kFollowerPlugin})
+      if (dlsym(library, other.symbol) != nullptr)
+        others += (others.empty() ? "; it has one for " : " and one for ") + std::string{other.is_for};
     refuse(flag, choice,
-           std::string{"is no plug-in for "} + flag + ": it has no entry point " + kSymbol<Interface> +
-               (dlsym(library, kOtherSymbol<Interface>) != nullptr
-                    ? std::string{"; it has one for "} + (kIsDevice<Interface> ? "--robot" : "--device")
-                    : std::string{}));
+           std::string{"is no plug-in for "} + kind.is_for + ": it has no entry point " + kind.symbol + others);
+  }
   if (!is_function(symbol))
-    refuse(flag, choice,
-           std::string{"its entry point "} + kSymbol<Interface> + " is no function; use the macro of plugin.h");
+    refuse(flag, choice, std::string{"its entry point "} + kind.symbol + " is no function; use the macro of plugin.h");
   const plugin::Entry<Interface>* entry = nullptr;
   std::string why;
   try {
@@ -71,22 +79,26 @@ const plugin::Entry<Interface>& load(const std::string& flag, const PluginChoice
   }
   if (!why.empty()) refuse(flag, choice, why);
   if (entry == nullptr) refuse(flag, choice, "its entry point returns nothing");
-  if (entry->version < plugin::kOldestVersion || entry->version > plugin::kVersion)
+  if (entry->version < kind.oldest || entry->version > kind.newest)
     refuse(flag, choice,
-           "is a plug-in of version " + std::to_string(entry->version) + ", and this program loads versions " +
-               std::to_string(plugin::kOldestVersion) + " to " + std::to_string(plugin::kVersion) +
-               "; build it again with the installed twoport");
+           "is a plug-in of version " + std::to_string(entry->version) + ", and this program loads " +
+               (kind.oldest == kind.newest ? "version " : "versions " + std::to_string(kind.oldest) + " to ") +
+               std::to_string(kind.newest) + "; build it again with the installed twoport");
   return *entry;
 }
+
+/// Notes the first of a description's numbers that cannot be true.
+struct Needs {
+  void operator()(bool met, const std::string& name, double value, const char* what) {
+    if (!met && why.empty()) why = fmt::format("info() says {} {:g}; it must be {}", name, value, what);
+  }
+  std::string why;
+};
 
 /// Why a plug-in's description cannot be true; empty: it can.
 template <class Info>
 std::string defect(const Info& info) {
-  std::string why;
-  const auto need = [&](bool met, const char* name, double value, const char* what) {
-    if (!met && why.empty())
-      why = std::string{"info() says "} + name + " " + fmt::format("{:g}", value) + "; it must be " + what;
-  };
+  Needs need;
   const auto known = [&](const char* name, double v) {
     need(v >= 0.0 && std::isfinite(v), name, v, ">= 0 and finite");
   };
@@ -108,7 +120,20 @@ std::string defect(const Info& info) {
     need(info.max_speed_m_per_s > 0.0, "max_speed_m_per_s", info.max_speed_m_per_s, "> 0");
     need(info.workspace_m > 0.0, "workspace_m", info.workspace_m, "> 0");
   }
-  return why;
+  return need.why;
+}
+std::string defect(const plugin::ArmInfo& info) {
+  Needs need;
+  need(info.joints >= 1 && info.joints <= plugin::kMostJoints, "joints", info.joints, "1 to 8");
+  need(info.watchdog_s >= 0.0 && std::isfinite(info.watchdog_s), "watchdog_s", info.watchdog_s, ">= 0 and finite");
+  for (int i = 0; i < info.joints && need.why.empty(); ++i) {
+    const plugin::ArmLimits& limits = info.limits[i];
+    const std::string of = fmt::format("limits[{}].", i);
+    need(limits.torque > 0.0, of + "torque", limits.torque, "> 0");
+    need(limits.speed > 0.0, of + "speed", limits.speed, "> 0");
+    need(limits.lower < limits.upper, of + "lower", limits.lower, "below upper");
+  }
+  return need.why;
 }
 
 const char* name_of(const char* name) {
@@ -135,6 +160,16 @@ Interface* gripper_of(Interface& hardware, std::uint32_t version, std::string& w
   return gripper;
 }
 
+/// Why hardware does not fit the scene's port; empty: it does.
+std::string mismatch(const auto& info, int dof) {
+  return info.dof >= dof ? "" : fmt::format("drives dof {}, but dof of the scene is {}", info.dof, dof);
+}
+std::string mismatch(const plugin::ArmInfo& info, int joints) {
+  return joints == 0 || info.joints == joints
+             ? ""
+             : fmt::format("has {} joints, but the arms of the scene have {}", info.joints, joints);
+}
+
 /// What a plug-in has opened. The gripper is the hardware's; null: none.
 template <class Interface>
 struct Opened {
@@ -143,27 +178,25 @@ struct Opened {
 };
 
 template <class Interface>
-Opened<Interface> open(const std::string& flag, const PluginChoice& choice, int dof, Seconds period) {
-  const plugin::Entry<Interface>& entry = load<Interface>(flag, choice);
+Opened<Interface> open(const Kind& kind, const std::string& flag, const PluginChoice& choice, int dof, Seconds period) {
+  const plugin::Entry<Interface>& entry = load<Interface>(kind, flag, choice);
   Opened<Interface> opened;
   std::unique_ptr<Interface>& hardware = opened.hardware;
   std::string why;
-  int has = 0;
   try {
     hardware.reset(entry.open({choice.arguments.c_str(), dof, period.si()}));
     if (hardware) {
       const auto info = hardware->info();
-      has = info.dof;
       why = defect(info);
-      if (why.empty()) opened.gripper = gripper_of(*hardware, entry.version, why);
+      if (why.empty()) why = mismatch(info, dof);
+      if constexpr (!std::is_same_v<Interface, plugin::Arm>)
+        if (why.empty()) opened.gripper = gripper_of(*hardware, entry.version, why);
     }
   } catch (...) {
     why = current_words();
   }
   if (!why.empty()) refuse(flag, choice, why);
   if (!hardware) refuse(flag, choice, "has opened nothing and does not say why");
-  if (has < dof)
-    refuse(flag, choice, "drives dof " + std::to_string(has) + ", but dof of the scene is " + std::to_string(dof));
   return opened;
 }
 
@@ -244,8 +277,7 @@ class Guarded {
   Seconds not_finite_;
 };
 
-DeviceInfo described(const plugin::DeviceInfo& from) {
-  DeviceInfo info;
+void describe(const plugin::DeviceInfo& from, DeviceInfo& info) {
   info.name = name_of(from.name);
   info.max_force_n = from.peak_force_n;
   info.mass_kg = from.mass_kg;
@@ -259,10 +291,8 @@ DeviceInfo described(const plugin::DeviceInfo& from) {
   info.rate_hz = from.rate_hz;
   info.buttons = from.buttons;
   info.gripper = from.gripper;
-  return info;
 }
-RobotInfo described(const plugin::RobotInfo& from) {
-  RobotInfo info;
+void describe(const plugin::RobotInfo& from, RobotInfo& info) {
   info.name = name_of(from.name);
   info.has_force_sensor = from.has_force_sensor;
   info.limits.force_n = from.max_force_n;
@@ -270,7 +300,22 @@ RobotInfo described(const plugin::RobotInfo& from) {
   info.limits.speed_m_per_s = from.max_speed_m_per_s;
   info.limits.workspace_m = from.workspace_m;
   info.watchdog = Seconds{from.watchdog_s};
-  return info;
+}
+void describe(const plugin::ArmInfo& from, auto& info) {
+  info.name = name_of(from.name);
+  info.watchdog = Seconds{from.watchdog_s};
+  JointLimits& all = info.limits.joints;
+  for (int i = 0; i < from.joints; ++i) {
+    const plugin::ArmLimits& limits = from.limits[i];
+    all.effort[i] = limits.torque;
+    all.speed[i] = limits.speed;
+    all.lower[i] = limits.lower;
+    all.upper[i] = limits.upper;
+  }
+  if constexpr (requires { info.dof; })
+    info.dof = from.joints;
+  else
+    info.has_force_sensor = from.has_torque_sensors;
 }
 template <int N>
 void read(const plugin::DeviceReading& r, DeviceSample<N>& s) {
@@ -286,6 +331,30 @@ void read(const plugin::RobotReading& r, RobotSample<N>& s) {
   s = {.x = position<N>(r.position_m, r.attitude),
        .v = coords<Velocity<N>>(r.velocity),
        .f_environment = coords<Force<N>>(r.force),
+       .ideal = r.ideal,
+       .status = status_of(r.status)};
+}
+/// Of the first `joints`; the others are zero.
+template <class Quantity>
+Quantity of_joints(const double* each, int joints) {
+  typename Quantity::Vector all = Quantity::Vector::Zero();
+  std::copy_n(each, joints, all.data());
+  return Quantity{all};
+}
+/// A leader's motors push the hand.
+void read(const plugin::ArmReading& r, int joints, DeviceSample<kJointPort>& s) {
+  s = {.x = of_joints<Position<kJointPort>>(r.position, joints),
+       .v = of_joints<Velocity<kJointPort>>(r.velocity, joints),
+       .applied = -of_joints<Force<kJointPort>>(r.applied, joints),
+       .status = status_of(r.status),
+       .buttons = r.buttons,
+       .held = r.held};
+}
+/// What a follower senses acts on it.
+void read(const plugin::ArmReading& r, int joints, RobotSample<kJointPort>& s) {
+  s = {.x = of_joints<Position<kJointPort>>(r.position, joints),
+       .v = of_joints<Velocity<kJointPort>>(r.velocity, joints),
+       .f_environment = -of_joints<Force<kJointPort>>(r.external, joints),
        .ideal = r.ideal,
        .status = status_of(r.status)};
 }
@@ -314,24 +383,42 @@ void command(plugin::Robot& robot, const RobotCommand<N>& c) {
   robot.actuate(plain);
 }
 
+void command(plugin::Arm& leader, const Force<kJointPort>& f) {
+  plugin::ArmCommand plain;
+  const Force<kJointPort> on_arm = -f;
+  std::copy_n(on_arm.vec().data(), kJointPort, plain.torque);
+  leader.actuate(plain);
+}
+void command(plugin::Arm& follower, const RobotCommand<kJointPort>& c) {
+  plugin::ArmCommand plain;
+  std::copy_n(c.f.vec().data(), kJointPort, plain.torque);
+  std::copy_n(c.x_d.translation().data(), kJointPort, plain.position);
+  std::copy_n(c.v_d.vec().data(), kJointPort, plain.velocity);
+  follower.actuate(plain);
+}
+
 /// The types of a Device or Robot, and of its plug-ins.
 template <template <int> class Hardware, int N>
 struct Types {
-  using Interface = plugin::Device;
+  static constexpr bool kArm = N == kJointPort;
+  using Interface = std::conditional_t<kArm, plugin::Arm, plugin::Device>;
   using Info = DeviceInfo;
-  using Reading = plugin::DeviceReading;
+  using Reading = std::conditional_t<kArm, plugin::ArmReading, plugin::DeviceReading>;
   using Sample = DeviceSample<N>;
   using Command = Force<N>;
   using Clock = MasterClock;
+  static constexpr Kind kKind = kArm ? kLeaderPlugin : kDevicePlugin;
 };
 template <int N>
 struct Types<Robot, N> {
-  using Interface = plugin::Robot;
+  static constexpr bool kArm = N == kJointPort;
+  using Interface = std::conditional_t<kArm, plugin::Arm, plugin::Robot>;
   using Info = RobotInfo;
-  using Reading = plugin::RobotReading;
+  using Reading = std::conditional_t<kArm, plugin::ArmReading, plugin::RobotReading>;
   using Sample = RobotSample<N>;
   using Command = RobotCommand<N>;
   using Clock = SlaveClock;
+  static constexpr Kind kKind = kArm ? kFollowerPlugin : kRobotPlugin;
 };
 
 template <template <int> class Hardware, int N>
@@ -342,12 +429,18 @@ class Plugin final : public Hardware<N> {
  public:
   Plugin(Opened<Interface> opened, const std::string& path) : Plugin{*opened.hardware, path} {
     owned_ = std::move(opened.hardware);
-    if (opened.gripper == nullptr) return;
-    gripper_ = std::make_unique<Plugin<Hardware, 1>>(*opened.gripper, path);
-    if constexpr (kIsDevice<Interface>) info_.gripper = true;
+    if constexpr (!T::kArm) {
+      if (opened.gripper == nullptr) return;
+      gripper_ = std::make_unique<Plugin<Hardware, 1>>(*opened.gripper, path);
+      if constexpr (kIsDevice<Interface>) info_.gripper = true;
+    }
   }
   /// `hardware` must outlive this object.
-  Plugin(Interface& hardware, const std::string& path) : hardware_{hardware, path}, info_{described(hardware.info())} {}
+  Plugin(Interface& hardware, const std::string& path) : hardware_{hardware, path} {
+    const auto info = hardware.info();
+    describe(info, info_);
+    if constexpr (T::kArm) joints_ = info.joints;
+  }
 
   [[nodiscard]] typename T::Info info() const override { return info_; }
   typename T::Sample sense(const Tick<typename T::Clock>& tick) noexcept override {
@@ -358,7 +451,10 @@ class Plugin final : public Hardware<N> {
       last_.status = HardwareStatus::fault;
       return last_;
     }
-    read(r, last_);
+    if constexpr (T::kArm)
+      read(r, joints_, last_);
+    else
+      read(r, last_);
     if (!hardware_.plausible(all_finite(last_.x, last_.v, force_of(last_)), tick.ended))
       last_.status = HardwareStatus::fault;
     return last_;
@@ -377,6 +473,7 @@ class Plugin final : public Hardware<N> {
   std::unique_ptr<Interface> owned_;  ///< null for a gripper
   Guarded<Interface> hardware_;
   typename T::Info info_;
+  int joints_ = 0;  ///< of a port of joints
   typename T::Sample last_;
   std::unique_ptr<Plugin<Hardware, 1>> gripper_;
 };
@@ -393,18 +490,21 @@ std::optional<PluginChoice> plugin_choice(const std::string& choice) {
 }
 
 template <template <int> class Hardware, int N>
-std::unique_ptr<Hardware<N>> open_plugin(const std::string& flag, const PluginChoice& choice, Seconds period) {
-  using Interface = typename Types<Hardware, N>::Interface;
-  return std::make_unique<Plugin<Hardware, N>>(open<Interface>(flag, choice, N, period), choice.path);
+std::unique_ptr<Hardware<N>> open_plugin(const std::string& flag, const PluginChoice& choice, int dof, Seconds period) {
+  using T = Types<Hardware, N>;
+  return std::make_unique<Plugin<Hardware, N>>(open<typename T::Interface>(T::kKind, flag, choice, dof, period),
+                                               choice.path);
 }
 
 #define TWOPORT_OPEN(Hardware, N) \
-  template std::unique_ptr<Hardware<N>> open_plugin<Hardware, N>(const std::string&, const PluginChoice&, Seconds)
+  template std::unique_ptr<Hardware<N>> open_plugin<Hardware, N>(const std::string&, const PluginChoice&, int, Seconds)
 TWOPORT_OPEN(Device, 1);
 TWOPORT_OPEN(Device, 3);
 TWOPORT_OPEN(Device, 6);
+TWOPORT_OPEN(Device, kJointPort);
 TWOPORT_OPEN(Robot, 1);
 TWOPORT_OPEN(Robot, 3);
 TWOPORT_OPEN(Robot, 6);
+TWOPORT_OPEN(Robot, kJointPort);
 
 }  // namespace twoport

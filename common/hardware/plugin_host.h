@@ -15,12 +15,12 @@ struct PluginChoice {
 /// Empty where `choice` is a driver's name.
 std::optional<PluginChoice> plugin_choice(const std::string& choice);
 
-/// Loads a plug-in (plugin.h) and opens its hardware as Hardware<N>, which is Device<N> or Robot<N>. Throws ConfigError with one
-/// sentence: no such file, not a library, not a plug-in of this kind, of another version, fewer degrees of freedom than N, or
-/// what the plug-in says. The library is loaded in a process of its own first, which its static objects may end; then it stays
+/// Loads a plug-in (plugin.h) and opens its hardware as Hardware<N>, which is Device<N> or Robot<N>, with `dof` degrees of freedom: N, or
+/// of a port of joints their number, 0 for any. Throws ConfigError with one sentence: no such file, not a library, not a plug-in of this
+/// kind, of another version, fewer degrees of freedom or another number of joints, or what the plug-in says. The library is loaded in a process of its own first, which its static objects may end; then it stays
 /// loaded until the program ends.
 template <template <int> class Hardware, int N>
-std::unique_ptr<Hardware<N>> open_plugin(const std::string& flag, const PluginChoice& choice, Seconds period);
+std::unique_ptr<Hardware<N>> open_plugin(const std::string& flag, const PluginChoice& choice, int dof, Seconds period);
 
 /// What is being caught, in words.
 std::string current_words();

@@ -58,15 +58,12 @@ class DriverList {
 
   /// Opens "NAME", "NAME:ARGUMENTS", or a plug-in, "PATH.so" or "PATH.so:ARGUMENTS". Throws ConfigError for an unknown name, a
   /// size that the driver does not support, a plug-in that cannot be loaded, and errors of the driver's constructor.
+  /// `scene` is a Scene, which is of a higher layer.
   template <int N>
-  [[nodiscard]] std::unique_ptr<Hardware<N>> open(const std::string& choice, const Scene& scene, Seconds period,
+  [[nodiscard]] std::unique_ptr<Hardware<N>> open(const std::string& choice, const auto& scene, Seconds period,
                                                   PageChannel* page = nullptr) const {
-    if (const std::optional<PluginChoice> plugin = plugin_choice(choice)) {
-      if constexpr (N == kJointPort)
-        throw ConfigError{flag_ + " " + choice + ": a plug-in drives dof 1, 3 or 6, but space of the scene is JOINTS"};
-      else
-        return open_plugin<Hardware, N>(flag_, *plugin, period);
-    }
+    if (const std::optional<PluginChoice> plugin = plugin_choice(choice))
+      return open_plugin<Hardware, N>(flag_, *plugin, N == kJointPort ? scene.joints : N, period);
     const std::size_t colon = choice.find(':');
     const Entry& driver = find(choice.substr(0, colon));
     const Maker<N>& maker = std::get<Maker<N>>(driver.makers);

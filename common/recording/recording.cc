@@ -119,6 +119,9 @@ constexpr double PortLimits::*kRecordedLimits[] = {
     &PortLimits::force_n,          &PortLimits::torque_n_m,    &PortLimits::force_rate_n_per_s,
     &PortLimits::power_w,          &PortLimits::speed_m_per_s, &PortLimits::angular_speed_rad_per_s,
     &PortLimits::set_point_step_m, &PortLimits::workspace_m};
+/// Behind them, for each joint of a port of joints.
+constexpr JointLimits::Axes JointLimits::*kRecordedOfJoint[] = {&JointLimits::effort, &JointLimits::speed,
+                                                                &JointLimits::lower, &JointLimits::upper};
 
 /// What a node makes of its reading and the reports.
 template <int N>
@@ -206,6 +209,8 @@ RecordingSide::RecordingSide(mcap::Channels& to, const RecordingHeader& header)
     p.set_mass_kg(header.properties->mass_kg);
     p.set_inertia_kg_m2(header.properties->inertia_kg_m2);
     for (const auto limit : kRecordedLimits) p.add_limits(header.properties->limits.*limit);
+    for (int i = 0; i < header.joints; ++i)
+      for (const auto limit : kRecordedOfJoint) p.add_limits((header.properties->limits.joints.*limit)[i]);
   }
   to.write(of_header, log_time_ns(Duration{0}), message.SerializeAsString());
 }
@@ -293,13 +298,18 @@ RecordingReader::Kind RecordingReader::next() {
              .joints = static_cast<int>(m.joints())};
   if (m.has_properties()) {
     const schema::HardwareProperties& p = m.properties();
-    if (p.limits_size() != static_cast<int>(std::size(kRecordedLimits))) fail("a header has other limits");
+    constexpr int kOfPort = std::size(kRecordedLimits), kOfJoint = std::size(kRecordedOfJoint);
+    // Programs before kRecordedOfJoint recorded none of them.
+    const int joints = p.limits_size() == kOfPort ? 0 : header_.joints;
+    if (p.limits_size() != kOfPort + joints * kOfJoint) fail("a header has other limits");
     DeviceInfo& info = header_.properties.emplace();
     info.name = m.hardware();
     info.max_force_n = p.max_force_n();
     info.mass_kg = p.mass_kg();
     info.inertia_kg_m2 = p.inertia_kg_m2();
-    for (int i = 0; i < p.limits_size(); ++i) info.limits.*kRecordedLimits[i] = p.limits(i);
+    for (int i = 0; i < kOfPort; ++i) info.limits.*kRecordedLimits[i] = p.limits(i);
+    for (int i = 0; i < joints * kOfJoint; ++i)
+      (info.limits.joints.*kRecordedOfJoint[i % kOfJoint])[i / kOfJoint] = p.limits(kOfPort + i);
   }
   return Kind::header;
 }

@@ -23,21 +23,28 @@ namespace {
 
 constexpr Seconds kPeriod{1e-3};
 const std::string kOdd = TWOPORT_ODD_PLUGIN, kOld = TWOPORT_OLD_PLUGIN, kGripper = TWOPORT_GRIPPER_PLUGIN,
-                  kFirst = TWOPORT_FIRST_PLUGIN, kNone = TWOPORT_NO_PLUGIN;
+                  kFirst = TWOPORT_FIRST_PLUGIN, kArm = TWOPORT_ARM_PLUGIN, kNone = TWOPORT_NO_PLUGIN;
 
+/// Of three joints, where the port is joints.
+Scene scene_of_joints() {
+  Scene scene{};
+  scene.joints = 3;
+  return scene;
+}
 template <int N = 3>
 std::unique_ptr<Device<N>> open_device(const std::string& choice) {
-  static const Scene scene{};
+  static const Scene scene = scene_of_joints();
   return all_drivers().devices.open<N>(choice, scene, kPeriod);
 }
 template <int N>
 std::unique_ptr<Robot<N>> open_robot(const std::string& choice) {
-  static const Scene scene{};
+  static const Scene scene = scene_of_joints();
   return all_drivers().robots.open<N>(choice, scene, kPeriod);
 }
+template <int N = 3>
 std::string why_not(const std::string& choice) {
   try {
-    open_device(choice);
+    open_device<N>(choice);
   } catch (const ConfigError& e) {
     return e.what();
   }
@@ -49,6 +56,8 @@ Tick<Clock> tick(long k) {
 }
 
 // A plug-in that was compiled with other sizes crashes the program: where they change, plugin::kVersion must grow.
+static_assert(plugin::kArmVersion == 1 && sizeof(plugin::ArmInfo) == 288 && sizeof(plugin::ArmReading) == 272 &&
+              sizeof(plugin::ArmCommand) == 192);
 static_assert(plugin::kVersion == 2 && sizeof(plugin::Session) == 24 && sizeof(plugin::DeviceInfo) == 112 &&
               sizeof(plugin::DeviceReading) == 168 && sizeof(plugin::RobotInfo) == 56 &&
               sizeof(plugin::RobotReading) == 160 && sizeof(plugin::RobotCommand) == 152);
@@ -142,6 +151,60 @@ TEST(Plugin, WhoseGripperCannotBeTrueIsRefusedInOneSentence) {
   EXPECT_EQ(why_not(kGripper + ":throws"), flag + ":throws: the gripper does not answer");
   EXPECT_THROW(open_robot<1>(kGripper + ":wide"), ConfigError);
   EXPECT_EQ(open_robot<1>(kGripper + ":no_gripper")->gripper(), nullptr);
+}
+
+TEST(Plugin, OfAnArmHasItsJointsLimitsAndSigns) {
+  const std::unique_ptr<Device<8>> leader = open_device<8>(kArm + ":still");
+  const DeviceInfo info = leader->info();
+  EXPECT_EQ(info.name, "odd arm");
+  EXPECT_EQ(info.dof, 3);
+  EXPECT_EQ(info.watchdog, Seconds{0.1});
+  const JointLimits& limits = info.limits.joints;
+  EXPECT_EQ(limits.effort[0], 8.0);
+  EXPECT_EQ(limits.effort[1], JointLimits::kNone);
+  EXPECT_EQ(limits.speed[2], 0.5);
+  EXPECT_EQ(limits.lower[2], -0.1);
+  EXPECT_EQ(limits.upper[2], 0.1);
+  using Vector = Force<8>::Vector;
+  const auto three = [](double a, double b, double c) {
+    Vector v = Vector::Zero();
+    v.head<3>() << a, b, c;
+    return v;
+  };
+  leader->actuate(Force<8>{three(1.0, 2.0, 3.0)});
+  const DeviceSample<8> hand = leader->sense(tick<MasterClock>(1));
+  EXPECT_EQ(hand.x.translation().head<3>(), (Eigen::Vector3d{0.1, 0.2, 3 * 0.1}));
+  EXPECT_EQ(hand.x.translation().tail<5>(), Vector::Zero().tail<5>()) << "of joints that there are not";
+  EXPECT_EQ(hand.v.vec(), three(-1.0, -2.0, -3.0)) << "the hand is pushed with -f";
+  EXPECT_EQ(hand.applied.vec(), three(1.0, 2.0, 3.0));
+
+  const std::unique_ptr<Robot<8>> follower = open_robot<8>(kArm + ":still");
+  EXPECT_TRUE(follower->info().has_force_sensor);
+  EXPECT_EQ(follower->info().limits.joints.effort[0], 8.0);
+  RobotCommand<8> command;
+  command.f = Force<8>{three(1.0, 2.0, 3.0)};
+  command.x_d = Position<8>{three(0.5, 0.5, 0.5)};
+  follower->actuate(command);
+  const RobotSample<8> tool = follower->sense(tick<SlaveClock>(1));
+  EXPECT_EQ(tool.x.translation().head<2>(), (Eigen::Vector2d{0.6, 0.7}));
+  EXPECT_EQ(tool.v.vec(), three(1.0, 2.0, 3.0));
+  EXPECT_EQ(tool.f_environment.vec(), three(-4.0, -5.0, -6.0)) << "of the robot on the environment";
+  follower->release();
+  EXPECT_EQ(follower->sense(tick<SlaveClock>(2)).v.vec(), three(0.0, 0.0, 0.0));
+}
+
+TEST(Plugin, OfAnArmThatDoesNotFitIsRefusedInOneSentence) {
+  const std::string flag = "--device " + kArm;
+  EXPECT_EQ(why_not<8>(kArm + ":joints=2"), flag + ":joints=2: has 2 joints, but the arms of the scene have 3");
+  EXPECT_EQ(why_not<8>(kArm + ":joints=9"), flag + ":joints=9: info() says joints 9; it must be 1 to 8");
+  EXPECT_EQ(why_not<8>(kArm + ":torque=-1"), flag + ":torque=-1: info() says limits[0].torque -1; it must be > 0");
+  EXPECT_EQ(why_not<8>(kArm + ":range"), flag + ":range: info() says limits[2].lower -0.1; it must be below upper");
+  EXPECT_EQ(why_not(kArm), flag +
+                               ": is no plug-in for --device: it has no entry point twoport_device_plugin; it has one "
+                               "for --device with space JOINTS and one for --robot with space JOINTS");
+  EXPECT_EQ(why_not<8>(kFirst), "--device " + kFirst +
+                                    ": is no plug-in for --device with space JOINTS: it has no entry point "
+                                    "twoport_leader_plugin; it has one for --device and one for --robot");
 }
 
 TEST(Plugin, ThatCannotBeLoadedIsRefusedInOneSentence) {

@@ -15,24 +15,30 @@ cmake -S "$root/docs/examples/plugin" -B "$work/build" -G Ninja -D CMAKE_BUILD_T
   -D CMAKE_DISABLE_FIND_PACKAGE_Eigen3=ON -D CMAKE_DISABLE_FIND_PACKAGE_Protobuf=ON -D CMAKE_DISABLE_FIND_PACKAGE_fmt=ON \
   -D "CMAKE_CXX_COMPILER=$compiler" ${launcher:+-D "CMAKE_CXX_COMPILER_LAUNCHER=$launcher"} >"$work/log"
 cmake --build "$work/build" >"$work/log" || { cat "$work/log"; exit 1; }
-for file in rail cart; do
+for file in rail cart scara; do
   lines=$(wc -l <"$root/docs/examples/plugin/$file.cc")
   [ "$lines" -lt 60 ] || fail "docs/examples/plugin/$file.cc has $lines lines; a driver should need fewer than 60"
 done
 
 "$prefix/bin/twoport-master" --list-devices | grep -q "^PATH.so" || fail "--list-devices does not name plug-ins"
-"$prefix/bin/twoport-slave" --scene "$root/docs/examples/own_hardware/scene.textproto" --duration 6 --robot "$work/build/cart.so" \
-  --listen 127.0.0.1:0 --out "$work/slave" >"$work/slave.said" 2>&1 &
-slave=$!
-for _ in $(seq 100); do grep -q 'listening on' "$work/slave.said" && break; sleep 0.1; done
-port=$(sed -n 's/.*listening on 127\.0\.0\.1:\([0-9]*\).*/\1/p' "$work/slave.said")
-[ -n "$port" ] || fail "the slave does not listen"
-"$prefix/bin/twoport-master" --scene "$root/docs/examples/own_hardware/scene.textproto" --duration 4 --device "$work/build/rail.so:1" \
-  --peer "127.0.0.1:$port" --out "$work/master" >"$work/master.said" 2>&1 || fail "the master failed"
-wait "$slave" || fail "the slave failed"
-slave=''
+# run SCENE ROBOT DEVICE
+run() {
+  "$prefix/bin/twoport-slave" --scene "$root/docs/examples/$1" --duration 6 --robot "$work/build/$2" --listen 127.0.0.1:0 \
+    --out "$work/slave" >"$work/slave.said" 2>&1 &
+  slave=$!
+  for _ in $(seq 100); do grep -q 'listening on' "$work/slave.said" && break; sleep 0.1; done
+  port=$(sed -n 's/.*listening on 127\.0\.0\.1:\([0-9]*\).*/\1/p' "$work/slave.said")
+  [ -n "$port" ] || fail "the slave does not listen"
+  "$prefix/bin/twoport-master" --scene "$root/docs/examples/$1" --duration 4 --device "$work/build/$3" --peer "127.0.0.1:$port" \
+    --out "$work/master" >"$work/master.said" 2>&1 || fail "the master failed"
+  wait "$slave" || fail "the slave failed"
+  slave=''
+  [ "$(figure master mode)" = '"coupled"' ] || fail "not coupled"
+}
+run plugin/scene.textproto scara.so scara.so
+grep -q "hardware: arm of the example" "$work/master.said" || fail "the log does not name the arm"
+run own_hardware/scene.textproto cart.so rail.so:1
 # The hand goes to 40 mm and the wall begins at 20 mm: the cart presses it, and the hand feels no more than the device displays.
-[ "$(figure master mode)" = '"coupled"' ] || fail "not coupled"
 awk -v f="$(figure master max_force_n)" 'BEGIN { exit !(f > 0.5 && f <= 6.0001) }' ||
   fail "felt $(figure master max_force_n) N"
 grep -q "hardware: rail of the example" "$work/master.said" || fail "the log does not name the device"

@@ -66,6 +66,13 @@ robot {{ mass_kg: 0.5 damping_n_s_per_m: 2 force_sensor {{ }} {} }}
   return text;
 }
 
+std::string two_arms(const std::string& examples) {
+  std::string text = read_text(examples + "/plugin/scene.textproto");
+  for (std::size_t at = 0; (at = text.find("\"scara.", at)) != text.npos; ++at)
+    text.insert(at + 1, examples + "/plugin/");
+  return text + "duration_s: 2.5\n";
+}
+
 Trace::Trace(const std::string& path) {
   const std::string text = read_text(path);
   if (text.empty() || text.back() != '\n') throw std::runtime_error{path + ": missing, or its last line is cut"};

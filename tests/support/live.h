@@ -16,6 +16,8 @@ using Words = std::vector<std::string>;
 /// A scene: a hand holds still for 0.2 s, moves 30 mm within 0.5 s, and presses a wall that begins at 20 mm; the link
 /// takes 10 ms each way. With `architecture: RENDER` there is no link.
 std::string press(int dof = 1, std::string_view architecture = "POSITION_FORCE");
+/// The scene of docs/examples/plugin for 2.5 s: two arms of three joints. `examples`: the path of docs/examples.
+std::string two_arms(const std::string& examples);
 
 /// Columns of a trace.csv by name. Throws unless it is whole: a header and rows of as many numbers.
 struct Trace {

@@ -4,7 +4,7 @@
 #include <chrono>
 #include <cmath>
 
-// Stand-ins for the libraries of two vendors: simulated hardware that runs by itself, in real time.
+// Stand-ins for the libraries of vendors: simulated hardware that runs by itself, in real time.
 
 /// Calls step(t_s, step_s) for each 0.1 ms that has passed since the last call. False: none has.
 class RunsByItself {
@@ -72,4 +72,40 @@ class Cart {
   RunsByItself clock_;
   Reading reading_;
   double drive_n_ = 0.0;
+};
+
+/// An arm of two joints and a slide [rad], [rad], [m], whose motors carry its weight. In a hand its first joint goes to and fro between 0 and
+/// 0.5 rad with a period of 3 s; by itself this joint meets a wall at 0.3 rad. Non-blocking, torque control.
+class Scara {
+ public:
+  explicit Scara(bool in_hand) : in_hand_{in_hand} {}
+  struct Reading {
+    double q[3]{}, v[3]{};
+    double motor[3]{};    ///< that the motors have held until now
+    double outside[3]{};  ///< of hand or wall on the joints
+  };
+  Reading read() {
+    const double inertia[3]{0.18, 0.03, 0.3}, stiffness[3]{30.0, 5.0, 300.0}, grip[3]{1.0, 0.2, 5.0};
+    clock_.catch_up([&](double t_s, double step_s) {
+      for (int i = 0; i < 3; ++i) {
+        double& q = reading_.q[i];
+        double& v = reading_.v[i];
+        const double target = i == 0 ? 0.25 * (1.0 - std::cos(2.0 * 3.14159 / 3.0 * t_s)) : 0.0;
+        reading_.outside[i] = in_hand_ ? stiffness[i] * (target - q) - grip[i] * v
+                              : i == 0 ? -2000.0 * std::max(0.0, q - 0.3)
+                                       : 0.0;
+        v += step_s / inertia[i] * (motor_[i] + reading_.outside[i] - 0.1 * v);
+        q += step_s * v;
+      }
+    });
+    std::copy_n(motor_, 3, reading_.motor);
+    return reading_;
+  }
+  void drive(const double* torque) { std::copy_n(torque, 3, motor_); }
+
+ private:
+  RunsByItself clock_;
+  bool in_hand_;
+  Reading reading_;
+  double motor_[3]{};
 };
