@@ -66,10 +66,12 @@ inline void check_size(double value, const char* what) {
     throw ConfigError{fmt::format("{}: {} is too large; it must be {} at most", what, value, kLargestNumber)};
 }
 
-/// N numbers from a sequence, or with N = 1 from a number. Throws ConfigError, whose sentence begins with `what`.
+/// N numbers from a sequence, or with N = 1 from a number; of a port of joints as many as there are, the others are zero. Throws ConfigError,
+/// whose sentence begins with `what`.
 template <int N>
-Eigen::Matrix<double, N, 1> numbers_from(const py::handle& from, const char* what) {
-  Eigen::Matrix<double, N, 1> v;
+Eigen::Matrix<double, N, 1> numbers_from(const py::handle& from, const char* what, int joints = N) {
+  const int count = N == kJointPort ? joints : N;
+  Eigen::Matrix<double, N, 1> v = Eigen::Matrix<double, N, 1>::Zero();
   if constexpr (N == 1) {
     if (PyFloat_Check(from.ptr())) {
       v[0] = PyFloat_AS_DOUBLE(from.ptr());
@@ -80,44 +82,45 @@ Eigen::Matrix<double, N, 1> numbers_from(const py::handle& from, const char* wha
   const auto array = py::array_t<double, py::array::c_style | py::array::forcecast>::ensure(from);
   if (!array)
     throw ConfigError{fmt::format("{}: {} cannot be read as numbers", what, std::string{py::str(py::repr(from))})};
-  if (array.size() != N || array.ndim() > 1)
+  if (array.size() != count || array.ndim() > 1)
     throw ConfigError{
-        fmt::format("{}: {} numbers of {} dimensions; it must hold {}", what, array.size(), array.ndim(), N)};
-  for (int i = 0; i < N; ++i) {
+        fmt::format("{}: {} numbers of {} dimensions; it must hold {}", what, array.size(), array.ndim(), count)};
+  for (int i = 0; i < count; ++i) {
     v[i] = array.data()[i];
     check_size(v[i], what);
   }
   return v;
 }
 
+/// The first `count` numbers; 0: all.
 template <class Vector>
-py::array_t<double> to_array(const Vector& v) {
-  py::array_t<double> array(v.size());
-  std::copy_n(v.data(), v.size(), array.mutable_data());
+py::array_t<double> to_array(const Vector& v, py::ssize_t count = 0) {
+  py::array_t<double> array(count > 0 ? count : v.size());
+  std::copy_n(v.data(), array.size(), array.mutable_data());
   return array;
 }
 
-/// Position as numbers: N of them; N = 6: 7, with the attitude as a unit quaternion w x y z.
+/// Position as numbers: N of them; N = 6: 7, with the attitude as a unit quaternion w x y z; joints as numbers_from().
 template <int N>
-Position<N> position_from(const py::handle& from, const char* what) {
+Position<N> position_from(const py::handle& from, const char* what, int joints = N) {
   if constexpr (N == 6) {
     const auto v = numbers_from<7>(from, what);
     if (const double length = v.template tail<4>().norm(); !(std::abs(length - 1.0) < 1e-6) && length - length == 0.0)
       throw ConfigError{fmt::format("{}: the attitude w x y z has the length {}; it must be 1", what, length)};
     return {v.template head<3>(), Eigen::Quaterniond{v[3], v[4], v[5], v[6]}};
   } else {
-    return Position<N>{numbers_from<N>(from, what)};
+    return Position<N>{numbers_from<N>(from, what, joints)};
   }
 }
 template <int N>
-py::array_t<double> to_array(const Position<N>& x) {
+py::array_t<double> to_array(const Position<N>& x, py::ssize_t joints = 0) {
   if constexpr (N == 6) {
     Eigen::Matrix<double, 7, 1> v;
     const Eigen::Quaterniond& q = x.attitude();
     v << x.translation(), q.w(), q.x(), q.y(), q.z();
     return to_array(v);
   } else {
-    return to_array(x.translation());
+    return to_array(x.translation(), joints);
   }
 }
 
@@ -131,11 +134,12 @@ class AnySide {
   [[nodiscard]] virtual std::string mode() const = 0;
   [[nodiscard]] virtual std::optional<double> round_trip_s() const = 0;
 };
+inline constexpr const char* kDof = "Degrees of freedom: 1, 3 or 6; of a port of joints their number, 1 to 8.";
 inline constexpr const char* kModes = "idle, coupled, holding, released, let_go or stopped.";
 template <class Side>
 py::class_<Side> side_class(py::module_& module, const char* name, const char* doc, const char* not_pickled_why) {
   return py::class_<Side>{module, name, doc}
-      .def_property_readonly("dof", &Side::dof, "Degrees of freedom: 1, 3 or 6.")
+      .def_property_readonly("dof", &Side::dof, kDof)
       .def_property_readonly("rate_hz", &Side::rate_hz, "Rate at which step() is to be called [Hz].")
       .def_property_readonly("mode", &Side::mode, kModes)
       .def_property_readonly("round_trip_s", &Side::round_trip_s,

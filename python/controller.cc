@@ -19,6 +19,14 @@ Method method_of(const std::string& name) {
   throw ConfigError{fmt::format("method is {}; it must be one of {}", name, fmt::join(names_of(kControllers), ", "))};
 }
 
+/// use.operator()<N>() of a port with `dof` degrees of freedom, or `dof` joints.
+template <class Use>
+auto for_port(int dof, bool joints, Use use) {
+  if (joints ? dof < 1 || dof > kJointPort : dof != 1 && dof != 3 && dof != 6)
+    throw ConfigError{fmt::format("dof is {}; it must be 1, 3 or 6, or with joints=True 1 to {}", dof, kJointPort)};
+  return for_dof(joints ? kJointPort : dof, use);
+}
+
 double not_negative(const char* name, double value) {
   if (!(value >= 0.0 && value <= kLargestNumber))
     throw ConfigError{fmt::format("{} is {}; it must be 0 to {}", name, value, kLargestNumber)};
@@ -50,21 +58,22 @@ class Controller {
   [[nodiscard]] virtual double undissipated_j() const = 0;
 };
 
-/// Passivated with the wanted answer as an argument, so that the element may be Python.
+/// Passivated with the wanted answer as an argument, so that the element may be Python. Of a port of joints the first `count` numbers are used.
 template <class Out, class In>
 class ControllerOf final : public Controller {
  public:
-  ControllerOf(const ControllerOptions& options, Energy initial) : port_{Given<Out, In>{&wanted_}, options, initial} {}
+  ControllerOf(const ControllerOptions& options, Energy initial, int count)
+      : port_{Given<Out, In>{&wanted_}, options, initial}, count_{count} {}
   ControllerOf(const ControllerOf&) = delete;
   ControllerOf& operator=(const ControllerOf&) = delete;
 
   py::array_t<double> step(const py::object& wanted, const py::object& input, double dt_s) override {
     const Seconds dt{positive("dt_s", dt_s)};
-    const Out out{numbers_from<Out::kSize>(wanted, "wanted")};
-    const In in{numbers_from<In::kSize>(input, "input")};
+    const Out out{numbers_from<Out::kSize>(wanted, "wanted", count_)};
+    const In in{numbers_from<In::kSize>(input, "input", count_)};
     if (!all_finite(out, in)) throw ConfigError{"wanted and input must be finite"};
     wanted_ = out;
-    return to_array(port_.step(in, dt).vec());
+    return to_array(port_.step(in, dt).vec(), count_);
   }
   [[nodiscard]] double energy_j() const override { return port_.energy().si(); }
   [[nodiscard]] double dissipated_j() const override { return port_.last().dissipated.si(); }
@@ -73,9 +82,10 @@ class ControllerOf final : public Controller {
  private:
   Out wanted_{};
   Passivated<Given<Out, In>> port_;
+  int count_;
 };
 
-std::unique_ptr<Controller> make_controller(int dof, const std::string& method, const std::string& output,
+std::unique_ptr<Controller> make_controller(int dof, bool joints, const std::string& method, const std::string& output,
                                             double initial_energy_j, std::optional<double> max_gain, bool unilateral,
                                             bool predict, double mass_kg, double radius_of_gyration_m,
                                             double max_turn_rad) {
@@ -94,9 +104,9 @@ std::unique_ptr<Controller> make_controller(int dof, const std::string& method, 
     throw ConfigError{
         fmt::format("method is {}; with the output velocity it must be NONE, CLASSIC or FORCE_PROJECTED", method)};
   if (max_gain) (force ? o.max_gain : o.max_mobility_m_per_n_s) = not_negative("max_gain", *max_gain);
-  return for_cartesian_dof(dof, "dof", [&]<int N>() -> std::unique_ptr<Controller> {
-    if (force) return std::make_unique<ControllerOf<Force<N>, Velocity<N>>>(o, initial);
-    return std::make_unique<ControllerOf<Velocity<N>, Force<N>>>(o, initial);
+  return for_port(dof, joints, [&]<int N>() -> std::unique_ptr<Controller> {
+    if (force) return std::make_unique<ControllerOf<Force<N>, Velocity<N>>>(o, initial, dof);
+    return std::make_unique<ControllerOf<Velocity<N>, Force<N>>>(o, initial, dof);
   });
 }
 
@@ -111,12 +121,12 @@ class PortObserver {
 template <int N>
 class PortObserverOf final : public PortObserver {
  public:
-  PortObserverOf(Energy initial, ObserverRule rule) : observer_{initial}, rule_{rule} {}
+  PortObserverOf(Energy initial, ObserverRule rule, int count) : observer_{initial}, rule_{rule}, count_{count} {}
 
   double step(const py::object& held, const py::object& x, const py::object& v, double dt_s) override {
     const Seconds dt{positive("dt_s", dt_s)};
-    const Force<N> f{numbers_from<N>(held, "held")};
-    const PortMotion<N> now{position_from<N>(x, "x"), Velocity<N>{numbers_from<N>(v, "v")}};
+    const Force<N> f{numbers_from<N>(held, "held", count_)};
+    const PortMotion<N> now{position_from<N>(x, "x", count_), Velocity<N>{numbers_from<N>(v, "v", count_)}};
     if (!all_finite(f, now.x, now.v)) throw ConfigError{"held, x and v must be finite"};
     if (before_) observer_.book(0, held_energy(rule_, f, now - *before_, dt));
     before_ = now;
@@ -127,16 +137,17 @@ class PortObserverOf final : public PortObserver {
  private:
   Observer<1> observer_;
   ObserverRule rule_;
+  int count_;
   std::optional<PortMotion<N>> before_;
 };
 
-std::unique_ptr<PortObserver> make_observer(int dof, double initial_energy_j, const std::string& rule) {
+std::unique_ptr<PortObserver> make_observer(int dof, bool joints, double initial_energy_j, const std::string& rule) {
   if (rule != "EXACT" && rule != "RECTANGLE")
     throw ConfigError{fmt::format("rule is {}; it must be EXACT or RECTANGLE", rule)};
   const Energy initial{not_negative("initial_energy_j", initial_energy_j)};
-  return for_cartesian_dof(dof, "dof", [&]<int N>() -> std::unique_ptr<PortObserver> {
-    return std::make_unique<PortObserverOf<N>>(initial,
-                                               rule == "EXACT" ? ObserverRule::exact : ObserverRule::rectangle);
+  return for_port(dof, joints, [&]<int N>() -> std::unique_ptr<PortObserver> {
+    return std::make_unique<PortObserverOf<N>>(initial, rule == "EXACT" ? ObserverRule::exact : ObserverRule::rectangle,
+                                               dof);
   });
 }
 
@@ -152,15 +163,17 @@ void add_controllers(py::module_& module) {
 
 The network behind the port is passive while E >= 0. Signs: f.v is power into the network.
 
-dof: 1, 3 or 6. initial_energy_j: E(0) [J], 0 or more.
+dof: 1, 3 or 6; joints=True: the number of joints, 1 to 8. initial_energy_j: E(0) [J], 0 or more.
 rule: "EXACT", or "RECTANGLE", f(k-1).v(k-1) T, which misses what a sampled spring generates.
 Errors: ValueError.)")
-      .def(py::init(&make_observer), "dof"_a, py::kw_only(), "initial_energy_j"_a = 0.0, "rule"_a = "EXACT")
+      .def(py::init(&make_observer), "dof"_a, py::kw_only(), "joints"_a = false, "initial_energy_j"_a = 0.0,
+           "rule"_a = "EXACT")
       .def("step", &PortObserver::step, "held"_a, "x"_a, "v"_a, "dt_s"_a,
            R"(Books the interval that ends now, and returns E [J].
 
-held: force held since the last call, after all limits [N], dof 6: force and torque [N], [N m]
-x: position [m], dof 6: 7 numbers, position and attitude w x y z;  v: velocity [m/s], dof 6: twist [m/s], [rad/s]
+held: force held since the last call, after all limits [N], dof 6: force and torque [N], [N m], joints [N m]
+x: position [m], dof 6: 7 numbers, position and attitude w x y z, joints [rad]
+v: velocity [m/s], dof 6: twist [m/s], [rad/s], joints [rad/s]
 dt_s: length of the interval [s]. The first call books nothing.)")
       .def("__reduce_ex__", not_pickled("a PassivityObserver cannot be copied or pickled"))
       .def_property_readonly("energy_j", &PortObserver::energy_j, "E, E(0) included [J].");
@@ -178,14 +191,16 @@ step() returns the output to apply instead: the same, less what would take more 
 
 Exact when `input` is the mean over the interval that has just ended and the output is held until the next step.
 
-dof: 1, 3 or 6. initial_energy_j: E(0) [J]. output: "force" (an impedance) or "velocity" (an admittance).
+dof: 1, 3 or 6; joints=True: the number of joints, 1 to 8. Norms, directions and gains are those of the numbers given: scale joints of unlike
+inertia first, x = s q, v = s q', f = torque/s with s^2 the inertia.
+initial_energy_j: E(0) [J]. output: "force" (an impedance) or "velocity" (an admittance).
 max_gain: largest damping against energy that is already missing; None: 10 N s/m, with the output "velocity" 0.01 m/(N s).
 unilateral: a projected output keeps its sign. predict: the coming interval's deficit counts too.
 mass_kg, radius_of_gyration_m: of the body at the port; 0 kg: not known. max_turn_rad: FORCE_CONE only [rad].
 Errors: ValueError. Source: docs/reference/notation.md, common/passivity/controller.h.)")
-      .def(py::init(&make_controller), "dof"_a, py::kw_only(), "method"_a = "FORCE_PROJECTED", "output"_a = "force",
-           "initial_energy_j"_a = 0.0, "max_gain"_a = py::none(), "unilateral"_a = defaults.unilateral,
-           "predict"_a = defaults.predict, "mass_kg"_a = defaults.mass_kg,
+      .def(py::init(&make_controller), "dof"_a, py::kw_only(), "joints"_a = false, "method"_a = "FORCE_PROJECTED",
+           "output"_a = "force", "initial_energy_j"_a = 0.0, "max_gain"_a = py::none(),
+           "unilateral"_a = defaults.unilateral, "predict"_a = defaults.predict, "mass_kg"_a = defaults.mass_kg,
            "radius_of_gyration_m"_a = defaults.radius_of_gyration_m, "max_turn_rad"_a = defaults.max_turn_rad)
       .def("step", &Controller::step, "wanted"_a, "input"_a, "dt_s"_a,
            R"(The output to apply until the next step.

@@ -53,10 +53,12 @@ class Live final : public Base {
         node_{scene_.control, scene_.schedule} {}
 
   LiveOutput step(const py::object& x, const py::object& v, const py::object& f, bool held) override {
-    const auto position = position_from<N>(x, "x");
-    const Velocity<N> velocity{numbers_from<N>(v, "v")};
+    const int n = dof();
+    const auto position = position_from<N>(x, "x", n);
+    const Velocity<N> velocity{numbers_from<N>(v, "v", n)};
     const std::optional<Force<N>> given =
-        f.is_none() ? std::nullopt : std::optional{Force<N>{numbers_from<N>(f, kMaster ? "applied" : "f_environment")}};
+        f.is_none() ? std::nullopt
+                    : std::optional{Force<N>{numbers_from<N>(f, kMaster ? "applied" : "f_environment", n)}};
     const Tick<Clock> tick = wait();
     if (!link_.refusal().empty()) throw IoError{std::string{link_.refusal()}};
     link_.met(node_);
@@ -76,14 +78,14 @@ class Live final : public Base {
       if (given) robot.sample.f_environment = *given;
       const auto out = run_cycle(node_, robot, link_.mail(), tick);
       command_ = out.command.f;
-      result.set_point = to_array(out.command.x_d);
+      result.set_point = to_array(out.command.x_d, n);
     }
     link_.note();
-    result.force = to_array(command_.vec());
+    result.force = to_array(command_.vec(), n);
     result.mode = to_string(node_.mode());
     return result;
   }
-  [[nodiscard]] int dof() const override { return N; }
+  [[nodiscard]] int dof() const override { return scene_.coordinates(); }
   [[nodiscard]] double rate_hz() const override { return rate_hz_; }
   [[nodiscard]] std::string mode() const override { return to_string(node_.mode()); }
   [[nodiscard]] std::int64_t missed() const override { return missed_; }
@@ -159,7 +161,7 @@ Errors: ValueError; OSError where the two sides cannot work together.)")
       .def("step", &AnyLive::step, "x"_a, "v"_a, "applied"_a = py::none(), "held"_a = true,
            R"(Waits for the next tick, exchanges packets, and returns the force. Call it again and again.
 
-x, v: position [m] and velocity [m/s] of the handle, dof 6: 7 numbers, and twist
+x, v: position [m] and velocity [m/s] of the handle, dof 6: 7 numbers, and twist; with space JOINTS of each joint [rad], [rad/s]
 applied: force held at the port since the last step [N]; None: the one returned then
 held: does the operator hold the handle?)");
   py::class_<AnyLiveSlave, AnyLive>(module, "LiveSlave",

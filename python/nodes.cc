@@ -26,6 +26,7 @@ namespace {
 struct Sender {
   Side side;
   std::vector<SharedField> fields;
+  int dof;  ///< or number of joints
 };
 
 /// What one side tells the other one in a tick. Immutable.
@@ -39,13 +40,6 @@ struct Message {
     return std::visit(use, report);
   }
 };
-template <int N>
-constexpr int dof_of(const Report<N>&) {
-  return N;
-}
-int dof_of(const Message& m) {
-  return m.use([](const auto& r) { return dof_of(r); });
-}
 
 /// The link of one node: what has been handed in since the last tick, and what the node sends.
 template <int N>
@@ -116,21 +110,21 @@ class WithLink : public Base {
   WithLink(Side side, const Scene& s)
       : mail_{lab::mailbox_of<N>(side, s, InHand<N>{})},
         rate_hz_{side == Side::master ? s.master_rate_hz : s.slave_rate_hz},
-        self_{std::make_shared<Sender>(Sender{side, shared_fields(s)})} {}
+        self_{std::make_shared<Sender>(Sender{side, shared_fields(s), s.coordinates()})} {}
   void receive(const Message& message) override {
     if (message.sender->side == self_->side)
       throw ConfigError{fmt::format("message: of a {}; this node takes those of a {}", to_string(self_->side),
                                     to_string(self_->side == Side::master ? Side::slave : Side::master))};
     const auto* report = std::get_if<Report<N>>(&message.report);
-    if (report == nullptr)
-      throw ConfigError{fmt::format("message: of {} degrees of freedom; this node has {}", dof_of(message), N)};
+    if (report == nullptr || message.sender->dof != dof())
+      throw ConfigError{fmt::format("message: of {} degrees of freedom; this node has {}", message.sender->dof, dof())};
     for (std::size_t i = 0; i < self_->fields.size(); ++i)
       if (message.sender->fields[i].digest != self_->fields[i].digest)
         throw ConfigError{
             fmt::format("message: {} of its sender's scene differs from this node's", self_->fields[i].path)};
     if (report->finite()) mail_.transport().put(*report);
   }
-  [[nodiscard]] int dof() const override { return N; }
+  [[nodiscard]] int dof() const override { return self_->dof; }
   [[nodiscard]] double rate_hz() const override { return rate_hz_; }
   [[nodiscard]] py::dict packets() const override {
     const PacketCounts& c = mail_.counts();
@@ -175,17 +169,18 @@ class MasterOf final : public WithLink<N, AnyMaster> {
   MasterResult step(double t_s, const py::object& x, const py::object& v, const py::object& applied,
                     bool held) override {
     GivenReading<DeviceSample<N>> device;
-    device.sample.x = position_from<N>(x, "x");
-    device.sample.v = Velocity<N>{numbers_from<N>(v, "v")};
-    device.sample.applied = applied.is_none() ? command_ : Force<N>{numbers_from<N>(applied, "applied")};
+    const int n = this->dof();
+    device.sample.x = position_from<N>(x, "x", n);
+    device.sample.v = Velocity<N>{numbers_from<N>(v, "v", n)};
+    device.sample.applied = applied.is_none() ? command_ : Force<N>{numbers_from<N>(applied, "applied", n)};
     device.sample.held = held;
     const Tick<MasterClock> tick = ticks_.at(t_s);
     DeviceTruth<N> truth;
     if (works_) transformer_.step(device.sample, truth, false, tick.ended.si(), engage_s_);
     const auto out = run_cycle(node_, device, this->mail_, tick);
     command_ = works_ ? transformer_.to_hand(out.command) : out.command;
-    return {to_array(command_.vec()), to_array(out.wanted.vec()), this->take_sent(),
-            out.dissipated.si(),      out.undissipated.si(),      to_string(out.mode)};
+    return {to_array(command_.vec(), n), to_array(out.wanted.vec(), n), this->take_sent(),
+            out.dissipated.si(),         out.undissipated.si(),         to_string(out.mode)};
   }
   [[nodiscard]] std::string mode() const override { return to_string(node_.mode()); }
   [[nodiscard]] double observed_j() const override { return node_.observed().si(); }
@@ -196,7 +191,8 @@ class MasterOf final : public WithLink<N, AnyMaster> {
     if (locked) {
       c.locked = 0;
       for (const int axis : *locked) {
-        if (axis < 0 || axis >= N) throw ConfigError{fmt::format("locked: {}; an axis is 0 to {}", axis, N - 1)};
+        if (axis < 0 || axis >= this->dof())
+          throw ConfigError{fmt::format("locked: {}; an axis is 0 to {}", axis, this->dof() - 1)};
         c.locked |= 1u << axis;
       }
     }
@@ -239,15 +235,19 @@ class SlaveOf final : public WithLink<N, AnySlave> {
   SlaveResult step(double t_s, const py::object& x, const py::object& v, const py::object& f_environment,
                    bool ideal) override {
     GivenReading<RobotSample<N>> robot;
-    robot.sample.x = position_from<N>(x, "x");
-    robot.sample.v = Velocity<N>{numbers_from<N>(v, "v")};
+    const int n = this->dof();
+    robot.sample.x = position_from<N>(x, "x", n);
+    robot.sample.v = Velocity<N>{numbers_from<N>(v, "v", n)};
     if (!f_environment.is_none())
-      robot.sample.f_environment = Force<N>{numbers_from<N>(f_environment, "f_environment")};
+      robot.sample.f_environment = Force<N>{numbers_from<N>(f_environment, "f_environment", n)};
     robot.sample.ideal = ideal;
     const auto out = run_cycle(node_, robot, this->mail_, ticks_.at(t_s));
-    return {
-        to_array(out.command.f.vec()), to_array(out.command.x_d), to_array(out.command.v_d.vec()), this->take_sent(),
-        out.dissipated.si(),           to_string(out.mode)};
+    return {to_array(out.command.f.vec(), n),
+            to_array(out.command.x_d, n),
+            to_array(out.command.v_d.vec(), n),
+            this->take_sent(),
+            out.dissipated.si(),
+            to_string(out.mode)};
   }
   [[nodiscard]] std::string mode() const override { return to_string(node_.mode()); }
   [[nodiscard]] double delivered_j() const override { return node_.delivered().si(); }
@@ -271,22 +271,25 @@ auto made(const char* name) {
 void add_nodes(py::module_& module) {
   using namespace py::literals;
   const auto of_report = [](auto use) { return [use](const Message& m) { return m.use(use); }; };
+  const auto numbers = [](auto get) {
+    return [get](const Message& m) { return m.use([&](const auto& r) { return to_array(get(r), m.sender->dof); }); };
+  };
 
   py::class_<Message, std::shared_ptr<Message>>(
       module, "Message",
       R"(What one side tells the other in a tick. Keep it as long as your network delays it, then hand it to
 receive() of the other node. Immutable.)")
       .def_property_readonly(
-          "dof", [](const Message& m) { return dof_of(m); }, "Degrees of freedom: 1, 3 or 6.")
+          "dof", [](const Message& m) { return m.sender->dof; }, kDof)
       .def_property_readonly("sequence", of_report([](const auto& r) { return r.sequence; }), "Number, from 1.")
       .def_property_readonly("sent_s", of_report([](const auto& r) { return to_seconds(Duration{r.sent_ns}).si(); }),
                              "Time of the tick by the sender's clock [s].")
-      .def_property_readonly("x", of_report([](const auto& r) { return to_array(r.x); }),
+      .def_property_readonly("x", numbers([](const auto& r) { return r.x; }),
                              "Position of the port [m], dof 6: 7 numbers, position and attitude w x y z.")
-      .def_property_readonly("v", of_report([](const auto& r) { return to_array(r.v.vec()); }),
+      .def_property_readonly("v", numbers([](const auto& r) { return r.v.vec(); }),
                              "Velocity of the port [m/s], dof 6: [m/s], [rad/s].")
       .def_property_readonly(
-          "f", of_report([](const auto& r) { return to_array(r.f.vec()); }),
+          "f", numbers([](const auto& r) { return r.f.vec(); }),
           "Force: the slave's is the one it returns, the master's the one it displays [N], dof 6: [N], [N m].")
       .def_property_readonly("energy_in_j", of_report([](const auto& r) { return r.energy_in_j; }),
                              "Energy that has entered the link at the sender since the session began [J].")
@@ -341,7 +344,8 @@ Errors: ValueError for a scene without a link.)")
            R"(One period: takes what has been received, returns the force and the message to send.
 
 t_s: time by the master's clock [s], after that of the last step
-x: position of the handle [m], dof 6: 7 numbers, position and attitude w x y z
+x: position of the handle [m], dof 6: 7 numbers, position and attitude w x y z; with space JOINTS, here and in all that follows, a number for
+each joint [rad], [rad/s], [N m]
 v: its velocity [m/s], dof 6: twist [m/s], [rad/s]
 applied: force held at the port since the last step [N]; None: the one returned then
 held: does the operator hold the handle?

@@ -2,6 +2,7 @@
 #include <atomic>
 #include <cstdint>
 #include <exception>
+#include <functional>
 #include <limits>
 #include <memory>
 #include <optional>
@@ -161,6 +162,7 @@ Result run_scene(const SceneOfText& s, bool trace, std::int64_t trace_every, con
   Scene scene = s.scene;
   std::shared_ptr<FunctionLayer> layer;
   if (transparency) {
+    if (scene.joints > 0) throw ConfigError{"transparency is given, but space of " + s.source + " is JOINTS"};
     const auto external = std::find_if(std::begin(kTransparencyLayers), std::end(kTransparencyLayers),
                                        [](const TransparencyLayerName& each) { return each.is_external; });
     if (!choose_method(scene.control, std::string{external->name} + "+" + scene.control.passivity))
@@ -344,7 +346,9 @@ py::object boundary_of(const SceneOfText& s, const py::object& vary, const py::o
 }  // namespace
 
 void add_studies(py::module_& module) {
-  const auto of_scene = [](auto Scene::*field) { return [field](const SceneOfText& s) { return s.scene.*field; }; };
+  const auto of_scene = [](auto Scene::*field) {
+    return [field](const SceneOfText& s) { return std::invoke(field, s.scene); };
+  };
   const auto of_header = [](auto RecordingHeader::*field) {
     return [field](const Recording& r) { return r.header.*field; };
   };
@@ -365,7 +369,7 @@ PATH=VALUE as for --set of the programs. Errors: ValueError with the programs' s
           "overrides", [](const SceneOfText& s) { return py::tuple(py::cast(s.overrides)); }, "PATH=VALUE, in order.")
       .def_property_readonly("name", of_scene(&Scene::name), "Name of the scene.")
       .def_property_readonly("description", of_scene(&Scene::description), "Its description.")
-      .def_property_readonly("dof", of_scene(&Scene::dof), "Degrees of freedom: 1, 3 or 6.")
+      .def_property_readonly("dof", of_scene(&Scene::coordinates), kDof)
       .def_property_readonly("duration_s", of_scene(&Scene::duration_s), "Length of a run [s].")
       .def_property_readonly("master_rate_hz", of_scene(&Scene::master_rate_hz), "Rate of the master [Hz].")
       .def_property_readonly("slave_rate_hz", of_scene(&Scene::slave_rate_hz), "Rate of the slave [Hz].")
@@ -382,8 +386,8 @@ PATH=VALUE as for --set of the programs. Errors: ValueError with the programs' s
                                       state[2].cast<Strings>());
                       }))
       .def("__repr__", [](const SceneOfText& s) {
-        return fmt::format("<twoport.Scene \"{}\" of {}, dof {}, {}, {}>", s.scene.name, s.source, s.scene.dof,
-                           to_string(s.scene.control.architecture), s.scene.control.method_name);
+        return fmt::format("<twoport.Scene \"{}\" of {}, dof {}, {}, {}>", s.scene.name, s.source,
+                           s.scene.coordinates(), to_string(s.scene.control.architecture), s.scene.control.method_name);
       });
   module.def("load_scene", &load, "path"_a,
              R"(Reads a scene file: load_scene("scenes/demo.textproto", "to_slave.delay_ms=50").

@@ -127,7 +127,7 @@ def boundary(
 def methods() -> List[Tuple[str, str]]: ...
 
 class PassivityObserver:
-    def __init__(self, dof: int, *, initial_energy_j: float = 0.0, rule: str = "EXACT") -> None: ...
+    def __init__(self, dof: int, *, joints: bool = False, initial_energy_j: float = 0.0, rule: str = "EXACT") -> None: ...
     def step(self, held: ArrayLike, x: ArrayLike, v: ArrayLike, dt_s: float) -> float: ...
     @property
     def energy_j(self) -> float: ...
@@ -137,6 +137,7 @@ class PassivityController:
         self,
         dof: int,
         *,
+        joints: bool = False,
         method: str = "FORCE_PROJECTED",
         output: str = "force",
         initial_energy_j: float = 0.0,

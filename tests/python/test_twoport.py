@@ -448,8 +448,12 @@ class Errors(unittest.TestCase):
             twoport.MasterNode(twoport.load_scene(HELD))
         with self.assertRaisesRegex(ValueError, "method is BEST"):
             twoport.PassivityController(1, method="BEST")
-        with self.assertRaisesRegex(ValueError, "dof is 2"):
-            twoport.PassivityController(2)
+        for make in (twoport.PassivityController, twoport.PassivityObserver):
+            for dof, joints in ((2, False), (8, False), (0, True), (9, True)):
+                with self.assertRaisesRegex(ValueError, f"^dof is {dof}; it must be 1, 3 or 6, or with joints=True 1 to 8$"):
+                    make(dof, joints=joints)
+        with self.assertRaisesRegex(ValueError, "wanted: 8 numbers of 1 dimensions; it must hold 7"):
+            twoport.PassivityController(7, joints=True).step(np.zeros(8), np.zeros(7), 1e-3)
         with self.assertRaisesRegex(ValueError, "dt_s is 0"):
             twoport.PassivityController(1).step(0.0, 0.0, 0.0)
         six = twoport.MasterNode(twoport.load_scene(SCENES / "six_dof_plate.textproto"))
@@ -680,6 +684,20 @@ class Nodes(unittest.TestCase):
     def test_three_axes(self):
         self.check("stiff_wall_50ms", ["duration_s=1.5", "device.max_force_n=100"])
 
+    def test_joints(self):
+        """Seven of two arms: that many numbers go in and come out."""
+        self.check("leader_follower", ["duration_s=2"])
+        scene = twoport.load_scene(SCENES / "leader_follower.textproto")
+        slave, seven = twoport.SlaveNode(scene), np.zeros(7)
+        self.assertEqual((scene.dof, slave.dof), (7, 7))
+        out = slave.step(0.0, seven, seven, f_environment=seven)
+        self.assertEqual([v.shape for v in (out.force, out.x_d, out.v_d, out.message.x, out.message.f)], [(7,)] * 5)
+        self.assertEqual(out.message.dof, 7)
+        for numbers in (np.zeros(6), np.zeros(8)):
+            with self.assertRaisesRegex(ValueError, f"x: {numbers.size} numbers of 1 dimensions; it must hold 7"):
+                slave.step(0.1, numbers, seven)
+        self.assertTrue(np.isfinite(slave.step(0.2, seven * math.nan, seven).force).all())
+
     def test_six_axes_couple_and_turn(self):
         scene = twoport.load_scene(SCENES / "six_dof_plate.textproto", "to_slave.delay_ms=0", "to_master.delay_ms=0")
         master, slave = twoport.MasterNode(scene), twoport.SlaveNode(scene)
@@ -791,11 +809,12 @@ class Controllers(unittest.TestCase):
 
     def test_the_controller_keeps_the_direction_and_the_energy(self):
         rng = np.random.default_rng(1)
-        for dof in (3, 6):
-            controller = twoport.PassivityController(dof, initial_energy_j=1e-3)
+        for dof, joints in ((3, False), (6, False), (2, True), (7, True), (8, True)):
+            controller = twoport.PassivityController(dof, joints=joints, initial_energy_j=1e-3)
             for _ in range(500):
                 wanted, v = rng.normal(size=dof), 0.1 * rng.normal(size=dof)
                 f = controller.step(wanted, v, 1e-3)
+                self.assertEqual(f.shape, (dof,))
                 along = f @ wanted / np.linalg.norm(wanted)
                 self.assertAlmostEqual(np.linalg.norm(f), abs(along), delta=1e-12)
                 self.assertGreaterEqual(controller.undissipated_j, 0.0)
@@ -818,6 +837,9 @@ class Controllers(unittest.TestCase):
         self.assertAlmostEqual(exact.step(2.0, 0.3, 4.0, 0.1), 0.5 + 2.0 * 0.3, delta=1e-15)
         self.assertAlmostEqual(rectangle.step(2.0, 0.3, 4.0, 0.1), 2.0 * 1.0 * 0.1, delta=1e-15)
         self.assertEqual(exact.energy_j, 1.1)
+        joints = twoport.PassivityObserver(2, joints=True)
+        joints.step([0, 0], [0, 0], [0, 0], 0.1)
+        self.assertAlmostEqual(joints.step([2.0, -1.0], [0.3, 0.5], [0, 0], 0.1), 2.0 * 0.3 - 1.0 * 0.5, delta=1e-15)
 
 
 class Hints(unittest.TestCase):
