@@ -17,6 +17,8 @@
 #include <memory>
 #include <string>
 #include <thread>
+#include <utility>
+#include <vector>
 
 #include "common/base/check.h"
 #include "common/base/scalar.h"
@@ -30,25 +32,18 @@ namespace twoport::ros2 {
 inline constexpr int kWatchdogMs = 100;  // without a message, or without a command
 inline constexpr std::chrono::seconds kDiscovery{5};
 
-/// Of a message of geometry_msgs, in the order of its definition: x y z and a quaternion x y z w, or two vectors.
-using Numbers = std::array<double, 7>;
-struct Message {
-  std_msgs_msg_dds__Header_ header;
-  Numbers numbers;
-};
-static_assert(offsetof(geometry_msgs_msg_dds__PoseStamped_, pose) == offsetof(Message, numbers) &&
-              offsetof(geometry_msgs_msg_dds__TwistStamped_, twist) == offsetof(Message, numbers) &&
-              offsetof(geometry_msgs_msg_dds__WrenchStamped_, wrench) == offsetof(Message, numbers));
 using Type = dds_topic_descriptor_t;
-inline const Type &kPose = geometry_msgs_msg_dds__PoseStamped__desc,
-                  &kTwist = geometry_msgs_msg_dds__TwistStamped__desc,
-                  &kWrench = geometry_msgs_msg_dds__WrenchStamped__desc;
 
 /// What has come of a topic.
-struct Inbox {
+class Inbox {
+ public:
+  Inbox(std::string of, const Type& with, bool must_come) : topic{std::move(of)}, type{with}, needed{must_come} {}
+  virtual ~Inbox() = default;
+  Inbox(const Inbox&) = delete;
+
   /// Of the control loop. What has come while the program was stopped is not yet here when it goes on.
   void take(Seconds ended) noexcept {
-    fresh = mail.take(numbers);
+    fresh = newest();
     arrived = arrived || fresh;
     silence = fresh ? Seconds{} : silence + std::min(ended, Seconds{0.02});
   }
@@ -58,33 +53,117 @@ struct Inbox {
     dds_sample_info_t info;
     for (; dds_take(reader, &sample, &info, 1, 1) > 0; dds_return_loan(reader, &sample, 1)) {
       if (!info.valid_data) continue;
-      Numbers n{};
-      std::memcpy(n.data(), static_cast<const std::byte*>(sample) + offsetof(Message, numbers),
-                  type.m_size - offsetof(Message, numbers));
-      const double squared = n[3] * n[3] + n[4] * n[4] + n[5] * n[5] + n[6] * n[6];
-      const bool finite = std::all_of(n.begin(), n.end(), [](double x) { return std::isfinite(x); });
       ++came;
-      if (finite && (!turns || std::abs(squared - 1.0) < 0.01))
-        mail.put(n);
-      else
-        ++dropped;
+      if (!post(sample)) ++dropped;
     }
   }
   [[nodiscard]] std::string none_for(double seconds) const {
-    return fmt::format(
-        "nothing on {} ({}) for {} s; {} messages had come, of which {} were dropped: numbers that are not finite, or "
-        "a quaternion that is no rotation",
-        topic, type.m_typename, seconds, came.load(), dropped.load());
+    return fmt::format("nothing on {} ({}) for {} s; {} messages had come, of which {} were dropped: {}", topic,
+                       type.m_typename, seconds, came.load(), dropped.load(), bad());
   }
 
-  std::string topic;
+  const std::string topic;
   const Type& type;
-  bool turns = false;  ///< has a quaternion that must be a rotation
-  Newest<Numbers> mail{};
+  const bool needed;  ///< without it nothing begins
   std::atomic<std::uint64_t> came{0}, dropped{0};
-  Numbers numbers{};
   Seconds silence{};
   bool fresh = false, arrived = false;
+
+ private:
+  /// Takes what a message says; false: it is dropped.
+  virtual bool post(const void* message) noexcept = 0;
+  /// Is there anything that the loop has not had?
+  virtual bool newest() noexcept = 0;
+  /// What is dropped, in words.
+  [[nodiscard]] virtual std::string bad() const = 0;
+};
+
+inline bool all_finite(const auto& numbers) noexcept {
+  return std::all_of(numbers.begin(), numbers.end(), [](double x) { return std::isfinite(x); });
+}
+
+/// Of a message of geometry_msgs, in the order of its definition: x y z and a quaternion x y z w, or two vectors.
+using Numbers = std::array<double, 7>;
+struct Message {
+  std_msgs_msg_dds__Header_ header;
+  Numbers numbers;
+};
+static_assert(offsetof(geometry_msgs_msg_dds__PoseStamped_, pose) == offsetof(Message, numbers) &&
+              offsetof(geometry_msgs_msg_dds__TwistStamped_, twist) == offsetof(Message, numbers) &&
+              offsetof(geometry_msgs_msg_dds__WrenchStamped_, wrench) == offsetof(Message, numbers));
+inline const Type &kPose = geometry_msgs_msg_dds__PoseStamped__desc,
+                  &kTwist = geometry_msgs_msg_dds__TwistStamped__desc,
+                  &kWrench = geometry_msgs_msg_dds__WrenchStamped__desc,
+                  &kJointState = sensor_msgs_msg_dds__JointState__desc,
+                  &kArray = std_msgs_msg_dds__Float64MultiArray__desc;
+
+/// `turns`: has a quaternion that must be a rotation.
+class GeometryInbox final : public Inbox {
+ public:
+  GeometryInbox(const std::string& of, const Type& with, bool must_come, bool turns = false)
+      : Inbox{of, with, must_come}, turns_{turns} {}
+  Numbers numbers{};
+
+ private:
+  bool post(const void* message) noexcept override {
+    Numbers n{};
+    std::memcpy(n.data(), static_cast<const std::byte*>(message) + offsetof(Message, numbers),
+                type.m_size - offsetof(Message, numbers));
+    const double squared = n[3] * n[3] + n[4] * n[4] + n[5] * n[5] + n[6] * n[6];
+    if (!all_finite(n) || (turns_ && !(std::abs(squared - 1.0) < 0.01))) return false;
+    mail_.put(n);
+    return true;
+  }
+  bool newest() noexcept override { return mail_.take(numbers); }
+  [[nodiscard]] std::string bad() const override {
+    return "numbers that are not finite, or a quaternion that is no rotation";
+  }
+
+  bool turns_;
+  Newest<Numbers> mail_{};
+};
+
+/// Of an arm; zero from the last joint on.
+struct JointNumbers {
+  using Each = std::array<double, 8>;
+  Each position{}, velocity{}, effort{};
+};
+/// Of joints by their names, which may stand in any order and beside others. `moves`: position and velocity count, else effort.
+class JointInbox final : public Inbox {
+ public:
+  JointInbox(const std::string& of, bool must_come, const std::vector<std::string>& names, bool moves)
+      : Inbox{of, kJointState, must_come}, names_{names}, moves_{moves} {}
+  JointNumbers numbers{};
+
+ private:
+  using State = sensor_msgs_msg_dds__JointState_;
+
+  bool post(const void* message) noexcept override {
+    const auto& m = *static_cast<const State*>(message);
+    JointNumbers n;
+    for (std::size_t i = 0; i < names_.size(); ++i) {
+      std::uint32_t at = 0;
+      while (at < m.name._length && names_[i] != m.name._buffer[at]) ++at;
+      const auto has = [&](const dds_sequence_double& from, double& to) {
+        if (at >= std::min(m.name._length, from._length) || !std::isfinite(from._buffer[at])) return false;
+        to = from._buffer[at];
+        return true;
+      };
+      if (moves_ ? !has(m.position, n.position[i]) || !has(m.velocity, n.velocity[i]) : !has(m.effort, n.effort[i]))
+        return false;
+    }
+    mail_.put(n);
+    return true;
+  }
+  bool newest() noexcept override { return mail_.take(numbers); }
+  [[nodiscard]] std::string bad() const override {
+    return fmt::format("without a finite {} of {}", moves_ ? "position and velocity" : "effort",
+                       fmt::join(names_, ", "));
+  }
+
+  std::vector<std::string> names_;
+  bool moves_;
+  Newest<JointNumbers> mail_{};
 };
 
 inline dds_entity_t made(dds_entity_t entity) {
@@ -109,31 +188,116 @@ inline dds_entity_t open_topic(dds_entity_t in, const std::string& topic, const 
   return made(reader);
 }
 
-/// Topics of ROS 2 below a prefix: pose, twist and a robot's wrench come; command goes, and target_pose and target_twist to a robot.
-class Node {
+inline std_msgs_msg_dds__Header_ header_now(char* frame) noexcept {
+  const auto [s, ns] = std::lldiv(dds_time(), DDS_NSECS_IN_SEC);
+  return {{static_cast<std::int32_t>(s), static_cast<std::uint32_t>(ns)}, frame};
+}
+
+/// pose, twist and a robot's wrench come; command goes, and target_pose and target_twist to a robot. `turns`: the attitude is used.
+class ToolTopics {
  public:
   struct Command {
     Numbers wrench{}, pose{}, twist{};
   };
-  /// Waits for pose and twist, and as long for a robot's wrench. Throws ConfigError, which `choice` begins. `turns`: the attitude is used.
-  Node(const std::string& choice, const std::string& prefix, dds_domainid_t domain, bool robot, bool turns)
-      : Node{prefix, domain, turns} {
+  ToolTopics(const std::string& prefix, bool robot, bool turns)
+      : pose{prefix + "/pose", kPose, true, turns},
+        twist{prefix + "/twist", kTwist, true},
+        wrench{prefix + "/wrench", kWrench, false},
+        inboxes{&pose, &twist} {
+    if (robot) inboxes.push_back(&wrench);
+  }
+  GeometryInbox pose, twist, wrench;
+
+ protected:
+  void open_writers(dds_entity_t in, const std::string& prefix) {
+    command_ = open_topic(in, prefix + "/command", kWrench);
+    if (inboxes.back() != &wrench) return;
+    target_pose_ = open_topic(in, prefix + "/target_pose", kPose);
+    target_twist_ = open_topic(in, prefix + "/target_twist", kTwist);
+  }
+  void publish(const Command& command, bool lets_go) const noexcept {
+    write(command_, lets_go ? Numbers{} : command.wrench);
+    if (target_twist_) write(target_twist_, lets_go ? Numbers{} : command.twist);
+    if (target_pose_ && !lets_go) write(target_pose_, command.pose);
+  }
+  std::vector<Inbox*> inboxes;  ///< a command answers the first one
+
+ private:
+  static void write(dds_entity_t writer, const Numbers& numbers) noexcept {
+    char frame[] = "world";
+    const Message message{header_now(frame), numbers};
+    dds_write(writer, &message);
+  }
+  dds_entity_t command_ = 0, target_pose_ = 0, target_twist_ = 0;  ///< 0: there is none
+};
+
+/// joint_states and a robot's external_effort come; joint_command goes, and its efforts alone as joint_effort.
+class JointTopics {
+ public:
+  using Command = JointNumbers;
+  JointTopics(const std::string& prefix, bool robot, const std::vector<std::string>& names)
+      : states{prefix + "/joint_states", true, names, true},
+        external{prefix + "/external_effort", false, names, false},
+        inboxes{&states},
+        robot_{robot},
+        names_{names} {
+    for (std::string& each : names_) pointers_.push_back(each.data());
+    if (robot) inboxes.push_back(&external);
+  }
+  JointInbox states, external;
+
+ protected:
+  void open_writers(dds_entity_t in, const std::string& prefix) {
+    command_ = open_topic(in, prefix + "/joint_command", kJointState);
+    effort_ = open_topic(in, prefix + "/joint_effort", kArray);
+  }
+  /// A set point goes to a robot that is not let go.
+  void publish(Command command, bool lets_go) noexcept {
+    char frame[] = "";
+    const auto n = static_cast<std::uint32_t>(names_.size());
+    if (lets_go) command = {};
+    const auto sequence = [](JointNumbers::Each& of, std::uint32_t length) {
+      return dds_sequence_double{length, length, of.data(), false};
+    };
+    const std::uint32_t moves = robot_ && !lets_go ? n : 0;
+    const sensor_msgs_msg_dds__JointState_ state{header_now(frame),
+                                                 {n, n, pointers_.data(), false},
+                                                 sequence(command.position, moves),
+                                                 sequence(command.velocity, moves),
+                                                 sequence(command.effort, n)};
+    const std_msgs_msg_dds__Float64MultiArray_ efforts{{}, sequence(command.effort, n)};
+    dds_write(command_, &state);
+    dds_write(effort_, &efforts);
+  }
+  std::vector<Inbox*> inboxes;
+
+ private:
+  bool robot_;
+  std::vector<std::string> names_;
+  std::vector<char*> pointers_;
+  dds_entity_t command_ = 0, effort_ = 0;
+};
+
+/// Topics of ROS 2 below a prefix, of tool or joints, and the thread that publishes.
+template <class Topics>
+class Node : public Topics {
+ public:
+  using typename Topics::Command;
+  /// Waits for the topics. Throws ConfigError, which `choice` begins.
+  template <class... Of>
+  Node(const std::string& choice, const std::string& prefix, dds_domainid_t domain, const Of&... of)
+      : Node{Begun{}, prefix, domain, of...} {
     participant_ = made(dds_create_participant(domain, nullptr, nullptr));
-    command_ = open_topic(participant_, prefix + "/command", kWrench);
-    for (Inbox* each : {&pose, &twist, &wrench})
-      if (robot || each != &wrench) open_topic(participant_, each->topic, each->type, each);
-    if (robot) {
-      target_pose_ = open_topic(participant_, prefix + "/target_pose", kPose);
-      target_twist_ = open_topic(participant_, prefix + "/target_twist", kTwist);
-    }
+    Topics::open_writers(participant_, prefix);
+    for (Inbox* each : inboxes) open_topic(participant_, each->topic, each->type, each);
     using std::chrono::steady_clock;
     const auto until = steady_clock::now() + kDiscovery;
     for (; steady_clock::now() < until; std::this_thread::sleep_for(std::chrono::milliseconds{5})) {
       read({});
-      if (pose.arrived && twist.arrived && (wrench.arrived || !robot)) break;
+      if (std::all_of(inboxes.begin(), inboxes.end(), [](const Inbox* each) { return each->arrived; })) break;
     }
-    for (const Inbox* needed : {&pose, &twist})
-      if (!needed->arrived) throw ConfigError{choice + ": " + needed->none_for(kDiscovery.count())};
+    for (const Inbox* each : inboxes)
+      if (each->needed && !each->arrived) throw ConfigError{choice + ": " + each->none_for(kDiscovery.count())};
     thread_ = std::thread{[this] { run(); }};
   }
   ~Node() {
@@ -146,11 +310,11 @@ class Node {
   Node(const Node&) = delete;
 
   HardwareStatus read(Seconds ended) noexcept {
-    for (Inbox* each : {&pose, &twist, &wrench}) {
+    for (Inbox* each : inboxes) {
       each->take(ended);
       if (each->arrived && each->silence.si() > 1e-3 * kWatchdogMs && !silent_) silent_ = each;
     }
-    return silent_ ? HardwareStatus::fault : pose.fresh ? HardwareStatus::ok : HardwareStatus::stale;
+    return silent_ ? HardwareStatus::fault : inboxes.front()->fresh ? HardwareStatus::ok : HardwareStatus::stale;
   }
   [[nodiscard]] std::string trouble() const { return silent_ ? silent_->none_for(1e-3 * kWatchdogMs) : ""; }
   void write(const Command& command) noexcept {
@@ -164,14 +328,15 @@ class Node {
   }
 
   const std::string name;
-  Inbox pose, twist, wrench;
 
  private:
-  Node(const std::string& prefix, dds_domainid_t domain, bool turns)
-      : name{fmt::format("ROS 2 topics of {}, domain {}", prefix, domain)},
-        pose{prefix + "/pose", kPose, turns},
-        twist{prefix + "/twist", kTwist},
-        wrench{prefix + "/wrench", kWrench} {}
+  using Topics::inboxes;
+
+  /// What it delegates to is whole, so that the destructor runs where it throws.
+  struct Begun {};
+  template <class... Of>
+  Node(Begun, const std::string& prefix, dds_domainid_t domain, const Of&... of)
+      : Topics{prefix, of...}, name{fmt::format("ROS 2 topics of {}, domain {}", prefix, domain)} {}
 
   void run() noexcept {
     take_ordinary_priority();
@@ -182,25 +347,16 @@ class Node {
       eventfd_t times;
       eventfd_read(wake_, &times);
       mail_.take(command);
-      const bool lets_go = late || released_;
-      publish(command_, lets_go ? Numbers{} : command.wrench);
-      if (target_twist_) publish(target_twist_, lets_go ? Numbers{} : command.twist);
-      if (target_pose_ && !lets_go) publish(target_pose_, command.pose);
+      Topics::publish(command, late || released_);
     }
-    publish(command_, {});
-  }
-  static void publish(dds_entity_t writer, const Numbers& numbers) noexcept {
-    const auto [s, ns] = std::lldiv(dds_time(), DDS_NSECS_IN_SEC);
-    char frame[] = "world";
-    const Message message{{{static_cast<std::int32_t>(s), static_cast<std::uint32_t>(ns)}, frame}, numbers};
-    dds_write(writer, &message);
+    Topics::publish({}, true);
   }
 
   const Inbox* silent_ = nullptr;
   Newest<Command> mail_;
   std::atomic<bool> released_{true}, going_{true};
   const int wake_ = eventfd(0, EFD_NONBLOCK | EFD_CLOEXEC);
-  dds_entity_t participant_ = 0, command_ = 0, target_pose_ = 0, target_twist_ = 0;  ///< 0: there is none
+  dds_entity_t participant_ = 0;
   std::thread thread_;
 };
 

@@ -9,6 +9,8 @@
 #include <map>
 #include <stdexcept>
 #include <string>
+#include <utility>
+#include <vector>
 
 #include "ros2_messages.h"
 
@@ -16,7 +18,19 @@ namespace twoport::test {
 
 using Seven = std::array<double, 7>;  ///< x y z and a quaternion x y z w, or two vectors
 
-/// A node of ROS 2 as DDS sees it, with the quality of service that rclcpp and rclpy have by default: reliable, the last ten.
+inline dds_entity_t made(dds_entity_t entity) {
+  if (entity < 0) throw std::runtime_error{dds_strretcode(entity)};
+  return entity;
+}
+/// The quality of service that rclcpp and rclpy have by default: reliable, the last ten.
+inline dds_qos_t* qos_of_ros() {
+  dds_qos_t* qos = dds_create_qos();
+  dds_qset_reliability(qos, DDS_RELIABILITY_RELIABLE, DDS_INFINITY);
+  dds_qset_history(qos, DDS_HISTORY_KEEP_LAST, 10);
+  return qos;
+}
+
+/// A node of ROS 2 as DDS sees it.
 class Ros2Side {
  public:
   Ros2Side(const std::string& prefix, std::uint32_t domain)
@@ -70,16 +84,6 @@ class Ros2Side {
   [[nodiscard]] dds_entity_t reader(const std::string& name) const { return readers_.at(name); }
 
  private:
-  static dds_entity_t made(dds_entity_t entity) {
-    if (entity < 0) throw std::runtime_error{dds_strretcode(entity)};
-    return entity;
-  }
-  static dds_qos_t* of_ros() {
-    dds_qos_t* qos = dds_create_qos();
-    dds_qset_reliability(qos, DDS_RELIABILITY_RELIABLE, DDS_INFINITY);
-    dds_qset_history(qos, DDS_HISTORY_KEEP_LAST, 10);
-    return qos;
-  }
   dds_entity_t topic(const std::string& name) {
     const bool pose = name.ends_with("pose"), twist = name.ends_with("twist");
     return made(dds_create_topic(participant_,
@@ -90,9 +94,83 @@ class Ros2Side {
   }
 
   std::string prefix_;
-  dds_qos_t* qos_ = of_ros();
+  dds_qos_t* qos_ = qos_of_ros();
   dds_entity_t participant_;
   std::map<std::string, dds_entity_t> writers_, readers_;
+};
+
+/// The same of an arm that is coupled joint by joint.
+class JointSide {
+ public:
+  struct State {
+    std::vector<std::string> name;
+    std::vector<double> position, velocity, effort;
+  };
+
+  JointSide(const std::string& prefix, std::uint32_t domain)
+      : participant_{made(dds_create_participant(domain, nullptr, nullptr))} {
+    const auto topic = [&](const char* name, const dds_topic_descriptor_t& type) {
+      return made(dds_create_topic(participant_, &type, ("rt" + prefix + "/" + name).c_str(), nullptr, nullptr));
+    };
+    const auto &state = sensor_msgs_msg_dds__JointState__desc, &array = std_msgs_msg_dds__Float64MultiArray__desc;
+    for (const char* name : {"joint_states", "external_effort"})
+      writers_[name] = made(dds_create_writer(participant_, topic(name, state), qos_, nullptr));
+    command_ = made(dds_create_reader(participant_, topic("joint_command", state), qos_, nullptr));
+    effort_ = made(dds_create_reader(participant_, topic("joint_effort", array), qos_, nullptr));
+  }
+  ~JointSide() {
+    dds_delete(participant_);
+    dds_delete_qos(qos_);
+  }
+  JointSide(const JointSide&) = delete;
+
+  void publish(const std::string& topic, State s) {
+    char frame[] = "base";
+    std::vector<char*> names;
+    for (std::string& each : s.name) names.push_back(each.data());
+    const auto length = static_cast<std::uint32_t>(names.size());
+    const auto sequence = [](std::vector<double>& of) {
+      const auto n = static_cast<std::uint32_t>(of.size());
+      return dds_sequence_double{n, n, of.data(), false};
+    };
+    const sensor_msgs_msg_dds__JointState_ message{{{1, 2}, frame},
+                                                   {length, length, names.data(), false},
+                                                   sequence(s.position),
+                                                   sequence(s.velocity),
+                                                   sequence(s.effort)};
+    dds_write(writers_.at(topic), &message);
+  }
+  /// The newest command that has not been taken; false: none.
+  bool take(State& command) {
+    return take_all(command_, [&](const void* sample) {
+      const auto& m = *static_cast<const sensor_msgs_msg_dds__JointState_*>(sample);
+      command = {{m.name._buffer, m.name._buffer + m.name._length}, list(m.position), list(m.velocity), list(m.effort)};
+    });
+  }
+  /// The efforts alone.
+  bool take(std::vector<double>& effort) {
+    return take_all(effort_, [&](const void* sample) {
+      effort = list(static_cast<const std_msgs_msg_dds__Float64MultiArray_*>(sample)->data);
+    });
+  }
+
+ private:
+  static std::vector<double> list(const dds_sequence_double& from) {
+    return {from._buffer, from._buffer + from._length};
+  }
+  template <class Use>
+  static bool take_all(dds_entity_t reader, Use use) {
+    void* sample = nullptr;
+    dds_sample_info_t info;
+    bool any = false;
+    for (; dds_take(reader, &sample, &info, 1, 1) > 0; dds_return_loan(reader, &sample, 1))
+      if (info.valid_data) use(sample), any = true;
+    return any;
+  }
+
+  dds_qos_t* qos_ = qos_of_ros();
+  dds_entity_t participant_, command_, effort_;
+  std::map<std::string, dds_entity_t> writers_;
 };
 
 }  // namespace twoport::test

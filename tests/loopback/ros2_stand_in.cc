@@ -7,13 +7,17 @@
 #include <iostream>
 #include <string>
 #include <thread>
+#include <vector>
 
+#include "docs/examples/own_hardware/vendor.h"
 #include "tests/loopback/ros2_side.h"
 
 // Stands in for a robot behind ROS 2, at 1 kHz: 0.5 kg with 2 N s/m, free in x, y and z, and a wall of 5000 N/m and 20 N s/m from x = 20 mm on.
 //
 //   ros2_stand_in PREFIX DOMAIN [SECONDS [nan]]    after SECONDS it ends, or sends positions that are no numbers
 //   ros2_stand_in PREFIX DOMAIN echo               sends each command's force back as the position, at once
+//   ros2_stand_in PREFIX DOMAIN leader|follower    an arm, joint by joint: that of docs/examples/plugin, whose joints are q1, q2 and q3. The
+//                                                  hand begins to move when commands come
 using namespace twoport::test;
 using namespace std::chrono_literals;
 using std::chrono::steady_clock;
@@ -31,14 +35,39 @@ void echo(dds_entity_t, void* side) {
   ros.publish("pose", {n[0], n[1], n[2], 0.0, 0.0, 0.0, 1.0});
 }
 
+[[noreturn]] void run_arm(JointSide& ros, bool in_hand) {
+  Scara arm{in_hand};
+  JointSide::State command;
+  int commands = 0;
+  auto next = steady_clock::now(), heard = next;
+  for (;; std::this_thread::sleep_until(next += 1ms)) {
+    const auto now = steady_clock::now();
+    if (ros.take(command)) {
+      heard = now;
+      if (++commands == 100) arm = Scara{in_hand};
+    }
+    if (now - heard > 100ms) command.effort.assign(3, 0.0);
+    if (command.effort.size() == 3) arm.drive(command.effort.data());
+    const Scara::Reading r = commands >= 100 ? arm.read() : Scara::Reading{};
+    const auto list = [](const double* from) { return std::vector<double>(from, from + 3); };
+    ros.publish("joint_states", {{"q1", "q2", "q3"}, list(r.q), list(r.v), list(r.motor)});
+    ros.publish("external_effort", {{"q1", "q2", "q3"}, {}, {}, list(r.outside)});
+  }
+}
+
 }  // namespace
 
 int main(int argc, char** argv) {
   if (argc < 3) {
-    std::cerr << "usage: ros2_stand_in PREFIX DOMAIN [SECONDS [nan]] | PREFIX DOMAIN echo\n";
+    std::cerr
+        << "usage: ros2_stand_in PREFIX DOMAIN [SECONDS [nan]] | PREFIX DOMAIN echo | PREFIX DOMAIN leader|follower\n";
     return 2;
   }
   const std::string how = argc > 3 ? argv[3] : "";
+  if (how == "leader" || how == "follower") {
+    JointSide arm{argv[1], static_cast<std::uint32_t>(std::atoi(argv[2]))};
+    run_arm(arm, how == "leader");
+  }
   const bool echoes = how == "echo", nan = argc > 4;
   const double seconds = how.empty() || echoes ? 1e9 : std::stod(how);
   Ros2Side ros{argv[1], static_cast<std::uint32_t>(std::atoi(argv[2]))};

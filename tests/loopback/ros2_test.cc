@@ -18,10 +18,12 @@
 #include <string>
 #include <thread>
 #include <type_traits>
+#include <utility>
 #include <vector>
 
+#include "common/arm/parameters.h"
 #include "common/base/check.h"
-#include "common/scene/scene.h"
+#include "common/scene/load.h"
 #include "dds/ddsi/ddsi_serdata.h"
 #include "drivers/drivers.h"
 #include "tests/loopback/ros2_side.h"
@@ -38,8 +40,7 @@ using std::chrono::steady_clock;
 const int kDomain = 10 + getpid() % 90;
 
 template <template <int> class Hardware, int N>
-std::unique_ptr<Hardware<N>> open(const std::string& arguments) {
-  static const Scene scene{};
+std::unique_ptr<Hardware<N>> open(const std::string& arguments, const Scene& scene = {}) {
   const std::string choice = "ros2:" + arguments;
   if constexpr (std::is_same_v<Hardware<N>, Robot<N>>)
     return all_drivers().robots.open<N>(choice, scene, Seconds{1e-3});
@@ -178,6 +179,139 @@ TEST_F(Ros2, WhatIsNoNumberOrNoRotationIsDroppedAndSilenceIsAFault) {
   EXPECT_EQ(robot->trouble().find("of which 0 were dropped"), std::string::npos) << robot->trouble();
 }
 
+using Names = std::vector<std::string>;
+
+/// Two arms of three joints, which their file does not name.
+Scene scene_of_arms(Names overrides = {}) {
+  overrides.push_back("duration_s=1");
+  return load_scene(TWOPORT_EXAMPLES "/plugin/scene.textproto", overrides);
+}
+
+/// Publishes the same states of joints until this object ends.
+class PublishingJoints {
+ public:
+  PublishingJoints(JointSide& side, JointSide::State states, JointSide::State external)
+      : thread_{[&side, states = std::move(states), external = std::move(external), this] {
+          for (; going_; std::this_thread::sleep_for(2ms)) {
+            side.publish("joint_states", states);
+            side.publish("external_effort", external);
+          }
+        }} {}
+  ~PublishingJoints() {
+    going_ = false;
+    thread_.join();
+  }
+
+ private:
+  std::atomic<bool> going_{true};
+  std::thread thread_;
+};
+// Other joints beside them, in another order.
+const JointSide::State kJointsSomewhere{{"finger", "c", "a", "b"}, {9, 0.3, 0.1, 0.2}, {9, 3, 1, 2}, {}},
+    kLoad{{"a", "b", "c"}, {}, {}, {-4, -5, -6}};
+
+Force<8>::Vector first(double a, double b, double c) {
+  Force<8>::Vector v = Force<8>::Vector::Zero();
+  v.head<3>() << a, b, c;
+  return v;
+}
+
+TEST_F(Ros2, JointsAreFoundByTheirNamesAndGetTheirCommand) {
+  JointSide side{"/arm", static_cast<std::uint32_t>(kDomain)};
+  const PublishingJoints publishing{side, kJointsSomewhere, kLoad};
+  const auto robot = open<Robot, 8>(in_domain("/arm") + ",joints=a:b:c", scene_of_arms());
+  EXPECT_TRUE(robot->info().has_force_sensor);
+  RobotCommand<8> command;
+  command = {Force<8>{first(1.5, 2.5, 3.5)}, Position<8>{first(0.5, 0.6, 0.7)}, Velocity<8>{first(5.0, 6.0, 7.0)}};
+  RobotSample<8> s;
+  const NoAlloc guard;
+  s = robot->sense(tick<SlaveClock>());
+  robot->actuate(command);
+  EXPECT_EQ(guard.seen(), 0);
+  EXPECT_EQ(s.x.translation(), first(0.1, 0.2, 0.3));
+  EXPECT_EQ(s.v.vec(), first(1.0, 2.0, 3.0));
+  EXPECT_EQ(s.f_environment.vec(), first(4.0, 5.0, 6.0)) << "of the robot on the environment";
+  JointSide::State n;
+  std::vector<double> effort;
+  ASSERT_TRUE(within(2s, [&] {
+    robot->actuate(command);
+    return side.take(n) && n.position.size() == 3;
+  }));
+  EXPECT_EQ(n.name, (Names{"a", "b", "c"}));
+  EXPECT_EQ(n.position, (std::vector{0.5, 0.6, 0.7}));
+  EXPECT_EQ(n.velocity, (std::vector{5.0, 6.0, 7.0}));
+  EXPECT_EQ(n.effort, (std::vector{1.5, 2.5, 3.5}));
+  EXPECT_TRUE(within(1s, [&] {
+    robot->actuate(command);
+    return side.take(effort) && effort == n.effort;
+  }));
+  robot->release();
+  EXPECT_TRUE(within(90ms, [&] {
+    return side.take(n) && n.position.empty() && n.effort == std::vector{0.0, 0.0, 0.0};
+  }));
+  EXPECT_TRUE(within(90ms, [&] { return side.take(effort) && effort == std::vector{0.0, 0.0, 0.0}; }));
+
+  const auto device = open<Device, 8>(in_domain("/arm") + ",joints=c:b:a", scene_of_arms());
+  EXPECT_TRUE(within(2s, [&] {
+    device->actuate(Force<8>{first(1.0, 2.0, 3.0)});
+    return side.take(n) && n.effort == std::vector{-1.0, -2.0, -3.0};
+  })) << "the hand is pushed with -f";
+  EXPECT_EQ(n.name, (Names{"c", "b", "a"}));
+  EXPECT_TRUE(n.position.empty());
+  const DeviceSample<8> hand = device->sense(tick<MasterClock>());
+  EXPECT_EQ(hand.x.translation(), first(0.3, 0.2, 0.1));
+  EXPECT_EQ(hand.applied.vec(), first(1.0, 2.0, 3.0));
+}
+
+TEST_F(Ros2, AJointWithoutANumberIsDroppedAndSilenceIsAFault) {
+  JointSide::State lacks = kJointsSomewhere, nan = kJointsSomewhere, cut = kJointsSomewhere;
+  lacks.name[3] = "d";
+  nan.velocity[2] = std::nan("");
+  cut.position.pop_back();
+  for (const JointSide::State& bad : {lacks, nan, cut}) {
+    JointSide side{"/arm", static_cast<std::uint32_t>(kDomain)};
+    auto publishing = std::make_unique<PublishingJoints>(side, kJointsSomewhere, kLoad);
+    const auto robot = open<Robot, 8>(in_domain("/arm") + ",joints=a:b:c", scene_of_arms());
+    publishing.reset();
+    publishing = std::make_unique<PublishingJoints>(side, bad, kLoad);
+    std::this_thread::sleep_for(50ms);
+    RobotSample<8> s = robot->sense(tick<SlaveClock>());
+    for (int k = 0; k < 120; ++k) s = robot->sense(tick<SlaveClock>());
+    EXPECT_EQ(s.status, HardwareStatus::fault);
+    EXPECT_EQ(s.x.translation(), first(0.1, 0.2, 0.3));
+    EXPECT_NE(robot->trouble().find("nothing on /arm/joint_states (sensor_msgs::msg::dds_::JointState_) for 0.1 s"),
+              std::string::npos)
+        << robot->trouble();
+    EXPECT_TRUE(robot->trouble().ends_with("were dropped: without a finite position and velocity of a, b, c"))
+        << robot->trouble();
+    EXPECT_EQ(robot->trouble().find("of which 0 were dropped"), std::string::npos) << robot->trouble();
+  }
+}
+
+TEST_F(Ros2, JointsWithoutNamesAreRefusedInWords) {
+  const auto why_not = [](const std::string& arguments) -> std::string {
+    try {
+      open<Robot, 8>(arguments, scene_of_arms());
+    } catch (const ConfigError& e) {
+      return e.what();
+    }
+    return "opened";
+  };
+  EXPECT_EQ(
+      why_not("/arm,domain=7"),
+      "--robot ros2:/arm,domain=7: 0 joints are named, but the arm of the scene has 3; name them in its order, as in "
+      "ros2:/arm,joints=shoulder:elbow:wrist, or take a URDF");
+  EXPECT_NE(why_not("/arm,domain=7,joints=a:b").find("2 joints are named, but the arm of the scene has 3"),
+            std::string::npos);
+  try {
+    open<Robot, 3>("/arm,domain=7,joints=a:b");
+    ADD_FAILURE() << "opened";
+  } catch (const ConfigError& e) {
+    EXPECT_STREQ(e.what(),
+                 "--robot ros2:/arm,domain=7,joints=a:b: joints are given, but space of the scene is CARTESIAN");
+  }
+}
+
 // Names and types as ROS 2 gives them to DDS (design.ros2.org, topic and service names); bytes as CDR has them: numbers at multiples of their size.
 TEST_F(Ros2, TopicsTypesAndBytesAreThoseOfRos) {
   Ros2Side side{"/arm", static_cast<std::uint32_t>(kDomain)};
@@ -295,6 +429,50 @@ TEST_F(Ros2, TheHandFeelsTheWallOfARobotBehindTopics) {
   EXPECT_NEAR(std::abs(felt["master_f_0"].back()), std::abs(at_end), 0.15 * std::abs(at_end));
   EXPECT_NEAR(pressed["slave_x_0"].back(), 0.02 + std::abs(at_end) / 5000.0, 1e-4);
   EXPECT_GE(m.min_port_energy_j(), -1e-3);
+}
+
+// A URDF names them.
+TEST_F(Ros2, JointsHaveTheNamesOfTheUrdf) {
+  Names overrides;
+  for (const std::string side : {"device", "robot"}) {
+    overrides.push_back(side + ".arm.file=../../../arms/six_joints.urdf");
+    overrides.push_back(side + ".arm.joint_position_rad=[0,-1,1,0,1,0]");
+  }
+  const Scene scene = scene_of_arms(overrides);
+  JointSide::State states{{}, {1, 2, 3, 4, 5, 6}, {6, 5, 4, 3, 2, 1}, {}};
+  for (const ArmJoint& joint : scene.robot->arm->parameters->joints) states.name.push_back(joint.name);
+  std::swap(states.name[0], states.name[5]);
+  JointSide side{"/arm", static_cast<std::uint32_t>(kDomain)};
+  const PublishingJoints publishing{side, states, states};
+  const DeviceSample<8> hand = open<Device, 8>(in_domain("/arm"), scene)->sense(tick<MasterClock>());
+  Force<8>::Vector expected;
+  expected << 6, 2, 3, 4, 5, 1, 0, 0;
+  EXPECT_EQ(hand.x.translation(), expected);
+}
+
+TEST_F(Ros2, LeaderAndFollowerBehindTopicsPressJointByJoint) {
+  const sched_param priority{1};
+  sched_setscheduler(0, SCHED_RR, &priority);
+  const auto arm = [](const std::string& is) { return "ros2:" + in_domain("/" + is) + ",joints=q1:q2:q3"; };
+  std::optional<Pair> pair;
+  for (int tries = 3; tries > 0; --tries) {
+    pair.emplace(two_arms(TWOPORT_EXAMPLES));
+    Process leader = stand_in("/leader", {"leader"}), follower = stand_in("/follower", {"follower"});
+    Process slave = pair->listening_slave("slave", {"--robot", arm("follower")});
+    Process master = pair->master("master", {"--device", arm("leader")});
+    const Exit of_master = master.wait(), of_slave = slave.wait();
+    if (of_master == exited(0) && of_slave == exited(0)) break;
+    ASSERT_GT(tries, 1) << master.err() << slave.err();
+  }
+  const schema::Summary m = pair->summary("master"), s = pair->summary("slave");
+  EXPECT_GT(m.coupled_share(), 0.8);
+  if (!kept_time({m, s})) return;
+  const Trace felt = pair->trace("master"), pressed = pair->trace("slave");
+  const double pressed_n_m = pressed.peak("env_f_0", 1.4, 1.6);
+  EXPECT_GT(pressed_n_m, 2.0);
+  EXPECT_NEAR(felt.peak("master_f_0", 1.4, 1.6), pressed_n_m, 0.2 * pressed_n_m);
+  EXPECT_GT(felt.peak("master_x_0", 0.0, 3.0), 0.32);
+  EXPECT_LT(pressed.peak("slave_x_0", 0.0, 3.0), 0.31) << "the wall";
 }
 
 TEST_F(Ros2, ARobotThatDiesOrSendsNoNumbersLetsTheHandGo) {
