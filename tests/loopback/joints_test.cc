@@ -80,6 +80,32 @@ TEST(RunJoints, WithAMomentWithoutANumberGoesOn) {
   EXPECT_GT(pair.trace("slave").peak("env_f_0", 1.2, 3.0), 2.0);
 }
 
+/// Two arms on one torso: two pairs of programs, one with a key, and one stop.
+TEST(RunJoints, OfTwoPairsEndsByOneStop) {
+  const Pair left{two_arms(TWOPORT_EXAMPLES)};
+  Pair right{two_arms(TWOPORT_EXAMPLES)};
+  right.share_key();
+  const std::string port = std::to_string(free_udp_port());
+  const auto with = [](const char* flag, Words more = {}) {
+    more.insert(more.end(), {flag, TWOPORT_ARM_PLUGIN, "--set", "duration_s=60"});
+    return more;
+  };
+  const Words listens{"--stop-port", port};
+  Process left_slave = left.listening_slave("slave", with("--robot"));
+  Process right_slave = right.listening_slave("slave", with("--robot", listens));
+  Process left_master = left.master("master", with("--device", listens));
+  Process right_master = right.master("master", with("--device"));
+  for (const Pair* pair : {&left, &right})
+    for (const char* side : {"master", "slave"}) pair->await(side, 1.0);
+  Process stop = finished({TWOPORT_SCRIPTS "/stop", port});
+  EXPECT_EQ(stop.wait(), exited(0)) << stop.err();
+  for (Process* program : {&left_slave, &left_master, &right_slave, &right_master}) {
+    EXPECT_EQ(program->wait(), exited(1)) << program->err();
+    EXPECT_NE(program->err().find("no force until both programs have ended"), std::string::npos) << program->err();
+  }
+  EXPECT_TRUE(right.summary("master").encrypted());
+}
+
 /// A joint of 0.03 kg m2 and 0.1 N m s/rad; the stand-in goes by the clock.
 TEST(RunJoints, AProbeMeasuresOneJointOfAPlugIn) {
   const std::string arm = TWOPORT_ARM_PLUGIN;
