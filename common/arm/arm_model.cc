@@ -213,7 +213,8 @@ ArmModel::Joints InertiaFactors::solve(const ArmModel::Joints& b) const noexcept
 #pragma GCC unroll 8
     for (int k = 0; k < n; ++k) x[k] *= inverse[k];
 #pragma GCC unroll 8
-    for (int i = n; i-- > 0;) {
+    for (int done = 0; done < n; ++done) {
+      const int i = n - 1 - done;
 #pragma GCC unroll 8
       for (int k = 0; k < i; ++k) x[k] -= l[i + k * n] * x[i];
     }

@@ -83,7 +83,7 @@ struct ControlOptions {
   double force_scale = 1.0, motion_scale = 1.0;
   /// Of a port of joints: s_i of JointMetric [m/rad], prismatic: 1 is a metre. Of axes that the arms have not: 1.
   Eigen::Matrix<double, kJointPort, 1> joint_scale = Eigen::Matrix<double, kJointPort, 1>::Ones();
-  std::shared_ptr<const ArmModel> leader{};  ///< of a port of joints; null: not known
+  std::shared_ptr<const ArmModel> leader{}, follower{};  ///< of ports of joints; null: not known
   RegistrationOptions registration;
   std::string method_name{kPlainMethod};  ///< over a link: a name of kMethods (layers.h), or TRANSPARENCY+PASSIVITY
   std::string transparency{kPlainTransparency}, passivity{kPlainPassivity};  ///< its layers; empty for one of one piece

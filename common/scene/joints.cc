@@ -116,7 +116,8 @@ void read_joints(const Block<schema::Scene>& of, Scene& scene) {
     const auto at = static_cast<std::size_t>(i);
     s[i] = std::sqrt(stiffness.empty() ? of_follower(i, i) : stiffness[at] / coupling->stiffness_n_per_m());
   }
-  const auto model = std::make_shared<const ArmModel>(model_of(leader));
+  const auto leads = std::make_shared<const ArmModel>(model_of(leader)),
+             follows = std::make_shared<const ArmModel>(model_of(follower));
   const auto tell = [&](ControlOptions& c) {
     if (transparency_layer(c).is_external)
       of.fail(
@@ -124,7 +125,8 @@ void read_joints(const Block<schema::Scene>& of, Scene& scene) {
                       "where space is JOINTS",
                       c.transparency));
     c.joint_scale = s;
-    c.leader = model;
+    c.leader = leads;
+    c.follower = follows;
     if (!damping.empty()) {
       for (int i = 0; i < scene.joints; ++i)
         c.coupling.damping_of_joints[i] = damping[static_cast<std::size_t>(i)] / (s[i] * s[i]);

@@ -13,6 +13,7 @@
 #include "common/arm/arm_model.h"
 #include "common/base/check.h"
 #include "common/coupling/joint_metric.h"
+#include "common/method/transparency/surface/joint_surface.h"
 #include "common/record/tool_view.h"
 #include "common/safety/peer_guard.h"
 #include "common/safety/safety_stage.h"
@@ -198,6 +199,40 @@ TEST(ToolView, SeesForcesAndMotionOfTheTools) {
     EXPECT_LT((seen.slave_v.vec() - J.topRows<3>() * rate.head(7)).norm(), 1e-12);
     EXPECT_LT((seen.slave_x.translation() - pose.tool).norm(), 1e-12);
   }
+}
+
+// A tool that is drawn over a table, there and back, while the elbow swings: the normal and the friction are the table's.
+TEST(JointSurface, IsThatOfTheToolWhateverTheJointsDo) {
+  const Scene scene = scene_of();
+  const ControlOptions& control = scene.control;
+  const JointTool tool{control.follower, control.joint_scale};
+  JointSurface surface{control};
+  const Eigen::Vector3d into = -Eigen::Vector3d::UnitZ();
+  const double dt = 1e-3, friction = 0.3;
+  Axes q = Axes::Zero();
+  q.head<7>() = joint_vector(scene.robot->arm->joint_position_rad);
+  const double height = tool.at(Position<N>{q}).tool.z();
+  double worst = 0.0;
+  for (int k = 0; k < 4000; ++k) {
+    const JointTool::At at = tool.at(Position<N>{q});
+    Eigen::Vector3d v{0.0, 0.1 * std::sin(2e-3 * k), 0.0};
+    v.z() = 10.0 * (height - at.tool.z());
+    const Axes swing = 0.3 * std::cos(3e-3 * k) * Axes::Unit(4) + 0.2 * std::sin(5e-3 * k) * Axes::Unit(2);
+    const Eigen::Matrix<double, 3, N> J = at.J.topRows<3>();
+    const Eigen::Matrix<double, N, 3> back = J.transpose() * (J * J.transpose()).inverse();
+    const Axes rate = back * v + swing - back * (J * swing);
+    const Eigen::Vector3d force =
+        10.0 * (into + friction * v.y() / std::max(std::abs(v.y()), 1e-3) * Eigen::Vector3d::UnitY());
+    const Axes& s = control.joint_scale;
+    const Axes f = (J.transpose() * force).cwiseQuotient(s);
+    surface.step(Position<N>{q}, q.cwiseProduct(s), rate.cwiseProduct(s), f, Seconds{dt});
+    const Axes normal = (J.transpose() * into).cwiseQuotient(s).normalized();
+    if (k > 500) worst = std::max(worst, (surface.patch().normal - normal).norm());
+    q += rate * dt;
+  }
+  ASSERT_TRUE(surface.contact());
+  EXPECT_LT(worst, 0.02);
+  EXPECT_NEAR(surface.patch().friction, friction, 0.02);
 }
 
 // Without friction, hand and contact the work of held torques is what the arm has gained; Runge-Kutta 4 in a millisecond: 1e-7 of it.

@@ -3,11 +3,13 @@
 #include <algorithm>
 #include <cmath>
 #include <numbers>
+#include <type_traits>
 
 #include "common/method/coupled_by_position.h"
 #include "common/method/layers.h"
 #include "common/method/transparency/reaction_force_observer.h"
 #include "common/method/transparency/surface/contact_lever.h"
+#include "common/method/transparency/surface/joint_surface.h"
 #include "common/method/transparency/surface/payload.h"
 #include "common/method/transparency/surface/surface_estimator.h"
 
@@ -43,7 +45,7 @@ inline ControlOptions with_damped_robot(ControlOptions o) {
 /// of 0. The hand's motion and tremor, a delay old, would come through it with |K_c + j ω B_c|; the model knows K_c only. What acts on the
 /// robot with v_s alone, g B_c and the brake, is paid by the robot, not by the link.
 ///
-/// To the master: n, p, K*, μ, κ (surface_estimator.h), contact, the set point x_sd, and f as the returned force.
+/// To the master: n, p, K*, μ, κ (surface_estimator.h; of joints: joint_surface.h), contact, the set point x_sd, and f as the returned force.
 /// N = 6: contact of the force or of the torque, sqrt(K_c/K_r) τ; K* = 0 where only a torque is felt, as no surface is known. The surface is that at the contact point x + R b, from the lever of the wrench:
 ///
 ///     b = LP_a[Rᵀ(f × τ)]/LP_a[|f|²]                       ContactLever
@@ -70,7 +72,8 @@ class InternalModelSlave final : public Copyable<InternalModelSlave<N>, SlaveTra
         brake_n_s_per_m_{std::min(kBrake_n_s_per_m, o.coupling.damping_n_s_per_m)},
         coupling_n_per_m_{o.force_scale * o.motion_scale * o.coupling.stiffness_n_per_m},
         rotation_n_m_per_rad_{o.force_scale / o.motion_scale * o.coupling.rotational_stiffness_n_m_per_rad},
-        newtons_per_n_m_{o.motion_scale * std::sqrt(stiffness_ratio(o.coupling))} {}
+        newtons_per_n_m_{o.motion_scale * std::sqrt(stiffness_ratio(o.coupling))},
+        estimator_{estimator_of(o)} {}
 
   void start(const RobotSample<N>& robot, bool engaged) noexcept override {
     yield_m_ = grounded_share_ = 0.0;
@@ -145,6 +148,14 @@ class InternalModelSlave final : public Copyable<InternalModelSlave<N>, SlaveTra
     if (!along_force_ || !(o.known.robot_mass_kg > 0.0)) return kBlind_s;
     return std::min(kBlind_s, std::numbers::pi * std::sqrt(o.known.robot_mass_kg / o.coupling.stiffness_n_per_m));
   }
+  using Estimator = std::conditional_t<N == kJointPort, JointSurface, SurfaceEstimator<D>>;
+  [[nodiscard]] static Estimator estimator_of([[maybe_unused]] const ControlOptions& o) {
+    if constexpr (N == kJointPort) {
+      return Estimator{o};
+    } else {
+      return {};
+    }
+  }
   [[nodiscard]] bool touches() const noexcept { return estimator_.contact() || torque_.contact(); }
 
   /// Force on the environment without a sensor, friction of the robot included. An ideal robot tells it.
@@ -213,6 +224,8 @@ class InternalModelSlave final : public Copyable<InternalModelSlave<N>, SlaveTra
       before_ = x;
       estimator_.step(contact_point_, material_point_, velocity, f.template head<D>(), dt);
       torque_.step(newtons_per_n_m_ * f.template tail<3>(), dt);
+    } else if constexpr (N == kJointPort) {
+      estimator_.step(in.robot.x, contact_point_, velocity, f, dt);
     } else {
       estimator_.step(contact_point_, velocity, f.template head<D>(), dt);
     }
@@ -262,7 +275,7 @@ class InternalModelSlave final : public Copyable<InternalModelSlave<N>, SlaveTra
   Force<N> f_;  ///< on the robot in the last tick
   double to_master_stiffness_, brake_n_s_per_m_, coupling_n_per_m_, rotation_n_m_per_rad_;
   double newtons_per_n_m_;  ///< sqrt(K_c/K_r) in the master's units
-  SurfaceEstimator<D> estimator_;
+  Estimator estimator_;
   TorqueContact torque_;  ///< N = 6
   Point<D> contact_point_ = Point<D>::Zero();
   ContactLever lever_;                          ///< N = 6: b

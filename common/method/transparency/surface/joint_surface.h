@@ -1,0 +1,66 @@
+#pragma once
+
+#include <optional>
+
+#include "common/coupling/joint_tool.h"
+#include "common/coupling/options.h"
+#include "common/method/transparency/surface/surface_estimator.h"
+
+namespace twoport {
+
+/// The surface that a tool touches whose arm's joints are the port, as a plane in their metric. Friction acts along the way of the tool,
+/// which is not the way of the joints; in their axes it would tilt the normal whenever the tool turns back, and close a delayed loop.
+///
+///     p_t, J S⁻¹ v, f_t (JointTool)       at the tool: SurfaceEstimator finds n_t, p_0, K_t, μ
+///     m = S⁻¹ Jᵀ n_t,   n = m/|m|,   K = K_t |m|²,   p = x - n n_t·(p_t - p_0)/|m|,   κ = 0
+///
+/// Where the arm is not known the surface is estimated in the axes of the joints.
+class JointSurface {
+ public:
+  static constexpr int N = kJointPort;
+
+  explicit JointSurface(const ControlOptions& o) : scale_{o.joint_scale}, motion_scale_{o.motion_scale} {
+    if (o.follower != nullptr) tool_.emplace(o.follower, o.joint_scale);
+  }
+
+  void reset() noexcept {
+    at_tool_.reset();
+    in_joints_.reset();
+  }
+  /// `robot` in the slave's world; x, v, f as of SurfaceEstimator, in the metric.
+  void step(const Position<N>& robot, const Point<N>& x, const Point<N>& v, const Point<N>& f, Seconds dt) noexcept {
+    if (!tool_) {
+      in_joints_.step(x, v, f, dt);
+      patch_ = in_joints_.patch();
+      return;
+    }
+    const JointTool::At at = tool_->at(Position<N>{robot.translation().cwiseQuotient(scale_)});
+    const Point<3> p = at.tool / motion_scale_;
+    at_tool_.step(p, at.moved(v.cwiseQuotient(scale_)),
+                  tool_->force_beside_moment(at, Force<N>{f.cwiseProduct(scale_)}).vec(), dt);
+    if (!contact()) return;
+    const SurfacePatch<3>& found = at_tool_.patch();
+    const Point<N> m = (at.J.topRows<3>().transpose() * found.normal).cwiseQuotient(scale_);
+    const double size = m.norm();
+    if (!(size > kStill)) return;
+    patch_.normal = m / size;
+    patch_.point = x - found.normal.dot(p - found.point) / size * patch_.normal;
+    patch_.stiffness = found.stiffness * size * size;
+    patch_.friction = found.friction;
+  }
+
+  [[nodiscard]] bool contact() const noexcept { return tool_ ? at_tool_.contact() : in_joints_.contact(); }
+  [[nodiscard]] const SurfacePatch<N>& patch() const noexcept { return patch_; }
+
+ private:
+  static constexpr double kStill = 1e-6;  ///< no joint moves the tool across the surface
+
+  std::optional<JointTool> tool_;
+  JointTool::Axes scale_;
+  double motion_scale_;
+  SurfaceEstimator<3> at_tool_;
+  SurfaceEstimator<N> in_joints_;
+  SurfacePatch<N> patch_;
+};
+
+}  // namespace twoport

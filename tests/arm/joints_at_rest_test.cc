@@ -1,0 +1,85 @@
+// Two arms, joint by joint: a hand that has pressed, slid and stopped comes to rest, and one in free air feels little.
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+#include <string>
+#include <vector>
+
+#include "common/record/tool_view.h"
+#include "common/scene/load.h"
+#include "lab/engine/simulation.h"
+
+namespace twoport {
+namespace {
+
+constexpr int N = kJointPort;
+
+/// Of the scene, from some time on.
+struct Figures {
+  double speed = 0.0;                ///< of any joint of either arm, in the last 1.5 s [rad/s]
+  double pressed = 0.0, felt = 0.0;  ///< mean in the last 1.5 s [N]
+  double drag = 0.0;   ///< the largest force displayed at the tool while nothing is touched, after the first 0.6 s [N]
+  double moved = 0.0;  ///< of the leader's tool [m]
+};
+Figures run(const std::vector<std::string>& overrides) {
+  const Scene scene = load_scene(TWOPORT_SCENES "/leader_follower.textproto", overrides);
+  const ToolView<N> view{scene};
+  const double rests = scene.duration_s.si() - 1.5;
+  Figures all;
+  int rows = 0;
+  Position<3> start;
+  lab::make_simulation<N>(scene)->run([&](const Row<N>& row) {
+    const Row<3> tools = view(row);
+    const double felt = tools.master_f.vec().norm();
+    if (row.t_s == 0.0) start = tools.master_x;
+    if (!row.touching && row.t_s > 0.6) all.drag = std::max(all.drag, felt);
+    all.moved = std::max(all.moved, (tools.master_x - start).vec().norm());
+    if (row.t_s < rests) return true;
+    ++rows;
+    all.speed =
+        std::max({all.speed, row.master_v.vec().cwiseAbs().maxCoeff(), row.slave_v.vec().cwiseAbs().maxCoeff()});
+    all.pressed += tools.env_f.vec().norm();
+    all.felt += felt;
+    return true;
+  });
+  all.pressed /= rows, all.felt /= rows;
+  return all;
+}
+std::vector<std::string> over(int round_trip_ms, const std::string& method) {
+  const std::string one_way = std::to_string(round_trip_ms / 2);
+  return {"to_slave.delay_ms=" + one_way, "to_master.delay_ms=" + one_way, "control.passivity.method=" + method};
+}
+
+// The table's friction of 0.2 holds the tool, and the joints that do not move it too.
+TEST(JointsAtRest, StandStillInContact) {
+  for (const std::string method : {"INTERNAL_MODEL", "ENERGY_EXCHANGE"})
+    for (const int round_trip_ms : {0, 50, 100, 200}) {
+      const Figures f = run(over(round_trip_ms, method));
+      std::printf("%s, %d ms: %.4f rad/s, pressed %.2f N, felt %.2f N\n", method.c_str(), round_trip_ms, f.speed,
+                  f.pressed, f.felt);
+      EXPECT_LE(f.speed, 0.01) << method << ", " << round_trip_ms << " ms";
+      EXPECT_GE(f.pressed, 8.0) << method << ", " << round_trip_ms << " ms";
+      EXPECT_NEAR(f.felt / f.pressed, 1.0, 0.03) << method << ", " << round_trip_ms << " ms";
+    }
+}
+
+TEST(JointsAtRest, StandStillInFreeAirAfterAnEasyWay) {
+  for (const std::string method : {"INTERNAL_MODEL", "ENERGY_EXCHANGE"})
+    for (const int round_trip_ms : {0, 200}) {
+      std::vector<std::string> overrides = over(round_trip_ms, method);
+      overrides.insert(overrides.end(), {"duration_s=6", "environment[0].wall.offset_m=-1",
+                                         "operator.path=[{hold: {duration_s: 0.5}}, {move_to: {position_m: [0, 0.3, 0] "
+                                         "duration_s: 2}}, {hold: {duration_s: 3.5}}]"});
+      const Figures f = run(overrides);
+      std::printf("%s, %d ms: %.5f rad/s, drag %.2f N\n", method.c_str(), round_trip_ms, f.speed, f.drag);
+      EXPECT_GT(f.moved, 0.29);
+      EXPECT_LE(f.speed, 0.001) << method << ", " << round_trip_ms << " ms";
+      EXPECT_LE(f.drag, 1.0) << method << ", " << round_trip_ms << " ms";
+    }
+}
+
+}  // namespace
+}  // namespace twoport
