@@ -12,7 +12,7 @@ picture() { # NAME SCRIPT SCENE
 }
 picture page_no_control tour three_axes
 picture page_dead_slave states three_axes
-picture page_arm arm ../../tests/page/arm
+picture page_arm arm ../../../tests/page/arm
 picture page screens three_axes # a telephone and a laptop, light and dark
 mv "$work/page_phone_dark.png" "$work/page_phone.png"
 for name in page_no_control page_dead_slave page_arm page_phone; do

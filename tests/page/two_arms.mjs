@@ -3,7 +3,7 @@
 import { readFile } from 'node:fs/promises';
 import { page, pause, run, take, takePicture, text, until, value } from './chromium.mjs';
 
-const COLUMN_M = 0.0675, APART_M = 0.9; // of the drawn Pandas: the lowest link's width, and from base to base
+const COLUMN_M = 0.0675, APART_M = 0.6; // of the drawn Pandas: the lowest link's width, and from base to base
 
 await run(async () => {
   await until('both sides wait for a hand', async () => (await text('slave-mode')) === 'slave: waiting for a hand');

@@ -5,7 +5,7 @@ import type { Introduction, Layout, Told, Vec } from './channel';
 import { Picture, type Attitude, type Shown } from './picture';
 
 const COUPLED = 1;
-const ASIDE: Vec = [0, 0.9, 0]; // where a leader stands, from the follower [m]
+const ASIDE: Vec = [-0.8, 0.6, 0]; // where a leader stands, from the follower [m]
 export type Kind = '' | 'good' | 'bad' | 'warn' | 'old';
 const KINDS = { passive: 'good', 'not passive': 'bad', restless: 'warn', unstable: 'bad' } as const;
 
