@@ -4,16 +4,18 @@
 #include <array>
 #include <cmath>
 #include <cstdint>
+#include <memory>
 #include <optional>
 
+#include "common/coupling/joint_tool.h"
 #include "common/coupling/registration.h"
 #include "common/hardware/device.h"
 #include "common/hardware/mounted.h"
 #include "common/link/mailbox.h"
 #include "common/page/channel.h"
-#include "common/record/tool_view.h"
 #include "common/runtime/modes.h"
 #include "common/safety/limits.h"
+#include "common/scene/scene.h"
 
 namespace twoport {
 
@@ -188,21 +190,24 @@ class PageSamples {
   /// The tools of two arms that are coupled joint by joint, against where they begin.
   struct Tools {
     struct Tool {
-      Tool(const ArmSpec& arm, const ControlOptions& control) : of{arm, control.joint_scale} {
-        Eigen::Matrix<double, kJointPort, 1> q = Eigen::Matrix<double, kJointPort, 1>::Zero();
+      Tool(const ArmSpec& arm, const std::shared_ptr<const ArmModel>& model, const JointTool::Axes& scale)
+          : of{model, scale} {
+        JointTool::Axes q = JointTool::Axes::Zero();
         std::ranges::copy(arm.joint_position_rad, q.begin());
-        const ToolOfArm::At at = of.at(Position<kJointPort>{q});
+        const JointTool::At at = of.at(Position<kJointPort>{q});
         start = at.tool;
         turned_back = at.attitude.transpose();
       }
-      [[nodiscard]] Position<6> place(const ToolOfArm::At& at) const noexcept {
+      [[nodiscard]] Position<6> place(const JointTool::At& at) const noexcept {
         return {at.tool - start, Eigen::Quaterniond{at.attitude * turned_back}};
       }
-      ToolOfArm of;
+      JointTool of;
       Eigen::Vector3d start;
       Eigen::Matrix3d turned_back;
     };
-    explicit Tools(const Scene& s) : leader{*s.device->arm, s.control}, follower{*s.robot->arm, s.control} {}
+    explicit Tools(const Scene& s)
+        : leader{*s.device->arm, s.control.leader, s.control.joint_scale},
+          follower{*s.robot->arm, s.control.follower, s.control.joint_scale} {}
     Tool leader, follower;
   };
 
@@ -213,7 +218,7 @@ class PageSamples {
   void put_tools(const DeviceSample<kJointPort>& leader, const Force<kJointPort>& felt,
                  const Force<kJointPort>& unlimited, const PeerState<kJointPort>& peer) noexcept {
     PageSample& s = next_;
-    const ToolOfArm::At hand = tools_->leader.of.at(leader.x);
+    const JointTool::At hand = tools_->leader.of.at(leader.x);
     put(tools_->leader.place(hand), s.hand_x_m, s.hand_attitude);
     put(Velocity<3>{hand.moved(leader.v.vec())}, s.hand_v_m_per_s);
     put(hand.force(felt), s.felt_n, nullptr);
@@ -224,7 +229,7 @@ class PageSamples {
     put(-felt, s.leader_torque);
     if (!peer.has_report) return;
     const PortReport<kJointPort>& r = peer.newest;
-    const ToolOfArm::At robot = tools_->follower.of.at(r.x);
+    const JointTool::At robot = tools_->follower.of.at(r.x);
     put(tools_->follower.place(robot), s.robot_x_m, s.robot_attitude);
     put(Velocity<3>{robot.moved(r.v.vec())}, s.robot_v_m_per_s);
     put(robot.force(r.f_environment), s.environment_n, nullptr);

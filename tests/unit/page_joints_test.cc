@@ -80,12 +80,12 @@ TEST(PageLeader, ThePointerPlacesAndTurnsTheTool) {
 TEST(PageLeader, AForceAtTheToolDisplacesTheHandByItsStiffness) {
   Rig rig;
   rig.page.channel()->hand.try_push({PageCommand::Kind::grip, 0, {1000.0}});
-  const ToolOfArm tool{*rig.scene.device->arm, rig.scene.control.joint_scale};
+  const JointTool tool{rig.scene.control.leader, rig.scene.control.joint_scale};
   const std::array<double, 6> target{};
   const Eigen::Vector3d f{1.0, -2.0, 5.0};
   DeviceSample<N> leader = rig.run(1, &target);
   for (int i = 0; i < 400; ++i) {
-    rig.torque = Force<N>{tool.at(leader.x).J.transpose() * f};
+    rig.torque = Force<N>{tool.at(leader.x).J.topRows<3>().transpose() * f};
     leader = rig.run(10, &target);
   }
   const PageSample s = rig.shown(leader, {}, {.command = rig.torque, .wanted = 2.0 * rig.torque});
@@ -113,13 +113,13 @@ TEST(PageOfTwoArms, ShowsBothToolsAndAllJointsWithoutAllocation) {
   Rig rig;
   const std::array<double, 6> target{0.0, 0.0, -0.02, 0.0, 0.0, 0.0};
   const DeviceSample<N> leader = rig.run(2000, &target);
-  const ToolOfArm tool{*rig.scene.robot->arm, rig.scene.control.joint_scale};
+  const JointTool tool{rig.scene.control.follower, rig.scene.control.joint_scale};
   PeerState<N> follower;
   follower.has_report = true;
   follower.newest.x = leader.x;
   follower.newest.v = Velocity<N>{Velocity<N>::Vector::Unit(3)};
   const Eigen::Vector3d f{0.0, 1.0, -8.0};
-  follower.newest.f_environment = Force<N>{tool.at(leader.x).J.transpose() * f};
+  follower.newest.f_environment = Force<N>{tool.at(leader.x).J.topRows<3>().transpose() * f};
   PageSample s;
   {
     NoAlloc guard;
@@ -131,7 +131,7 @@ TEST(PageOfTwoArms, ShowsBothToolsAndAllJointsWithoutAllocation) {
   EXPECT_EQ(s.robot_x_m, s.hand_x_m) << "the same arm at the same joints";
   EXPECT_EQ(s.joint_rad, s.leader_rad);
   EXPECT_LT((vector_of(s.environment_n) - f).norm(), 1e-6);
-  EXPECT_LT((vector_of(s.robot_v_m_per_s) - tool.at(leader.x).J.col(3)).norm(), 1e-12);
+  EXPECT_LT((vector_of(s.robot_v_m_per_s) - tool.at(leader.x).J.col(3).head<3>()).norm(), 1e-12);
   for (int i = 0; i < N; ++i)
     EXPECT_EQ(s.follower_torque[static_cast<std::size_t>(i)], follower.newest.f_environment[i]);
 }
