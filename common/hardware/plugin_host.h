@@ -17,8 +17,8 @@ std::optional<PluginChoice> plugin_choice(const std::string& choice);
 
 /// Loads a plug-in (plugin.h) and opens its hardware as Hardware<N>, which is Device<N> or Robot<N>, with `dof` degrees of freedom: N, or
 /// of a port of joints their number, 0 for any. Throws ConfigError with one sentence: no such file, not a library, not a plug-in of this
-/// kind, of another version, fewer degrees of freedom or another number of joints, or what the plug-in says. The library is loaded in a process of its own first, which its static objects may end; then it stays
-/// loaded until the program ends.
+/// kind, of another version, fewer degrees of freedom or another number of joints, or what the plug-in says. The library is loaded in a
+/// process of its own first, which its static objects may end; then it stays loaded until the program ends.
 template <template <int> class Hardware, int N>
 std::unique_ptr<Hardware<N>> open_plugin(const std::string& flag, const PluginChoice& choice, int dof, Seconds period);
 

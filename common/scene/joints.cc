@@ -87,6 +87,7 @@ void read_joints(const Block<schema::Scene>& of, Scene& scene) {
   refuse(of.block(FIELD(device)), FIELD(max_force_n), kOfArm);
   refuse(of, FIELD(gripper), "with space JOINTS it is the last joint of the arms");
   refuse(of, FIELD(device_mount), "space JOINTS couples joints, wherever the arms stand");
+  refuse(of, FIELD(robot_mount), "with space JOINTS the driver senses the torques of contacts alone");
   refuse(control, FIELD(registration), "space JOINTS couples joints, wherever the arms stand");
   if (scene.control.architecture == Architecture::render || scene.control.architecture == Architecture::uncontrolled)
     control.refuse(FIELD(architecture), "be one with a link where space is JOINTS");

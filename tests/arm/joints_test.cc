@@ -88,6 +88,7 @@ TEST(JointScene, RefusesInWordsWhatJointsHaveNot) {
       {{"robot.arm.force_feedback={gain: 1}"}, {"robot.arm.force_feedback", "absent"}},
       {{"robot.arm.null_space_stiffness_n_m_per_rad=1"}, {"robot.arm.null_space_stiffness_n_m_per_rad is 1", "absent"}},
       {{"device_mount={scale: 2}"}, {"device_mount", "absent"}},
+      {{"robot_mount={tool_mass_kg: 1}"}, {"robot_mount", "absent", "the torques of contacts alone"}},
       {{"control.transparency.layer=PLUGIN", "control.transparency.plugin.file=x.so"},
        {"control.transparency.layer is PLUGIN", "another one where space is JOINTS"}},
       {{"space=CARTESIAN"}, {"dof", "1, 3 or 6"}},

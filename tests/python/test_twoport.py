@@ -409,6 +409,8 @@ class Errors(unittest.TestCase):
             twoport.boundary(scene, "seed=1:3", scan=0)
         with self.assertRaisesRegex(ValueError, "verdict is loud"):
             twoport.run(scene, verdict="loud")
+        with self.assertRaisesRegex(ValueError, "transparency is given, but space of .* is JOINTS"):
+            twoport.run(twoport.load_scene(SCENES / "leader_follower.textproto"), transparency=lambda reading: [0.0] * 7)
         for every in (0, -1):
             with self.assertRaisesRegex(ValueError, f"trace_every is {every}"):
                 twoport.run(scene, trace_every=every)
