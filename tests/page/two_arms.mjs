@@ -15,7 +15,7 @@ await run(async () => {
   }
   if (await page.locator('#work-controls').isVisible()) throw new Error('the page offers a clutch, which joints have not');
 
-  // Seen along x, the lowest row of pixels with two runs as wide as the columns of both arms: their middles.
+  // Seen along x, the lowest row of pixels with two runs as wide as the columns of both arms: x of their middles, y of the bases below.
   await page.locator('#view').selectOption({ label: 'y – z' });
   await page.locator('#fit').click();
   const columns = () => page.evaluate((ratio) => new Promise((done) => requestAnimationFrame(() => {
@@ -29,15 +29,18 @@ await run(async () => {
       for (let x = 0; x < width; ++x)
         if (data[4 * (y * width + x) + 3] === 255) runs.at(-1)?.[1] === x - 1 ? (runs.at(-1)[1] = x) : runs.push([x, x]);
       const middles = runs.map(([a, b]) => (a + b) / 2), wide = ratio * (middles[1] - middles[0]);
-      if (runs.length === 2 && runs.every(([a, b]) => Math.abs(b - a + 1 - wide) < 3)) return done(middles);
+      if (runs.length !== 2 || runs.some(([a, b]) => Math.abs(b - a + 1 - wide) > 3)) continue;
+      const below = (x) => Array.from({ length: height - y }, (_, i) => y + i).findLast((at) => data[4 * (at * width + x) + 3] === 255);
+      return done([...middles, ...middles.map((x) => below(Math.round(x)))]);
     }
     done(null);
   })), COLUMN_M / APART_M);
   let stand = null;
   await until('both arms stand on their bases', async () => {
     const before = stand;
+    await pause(1000); // the view comes to the chosen one frame by frame
     stand = await columns();
-    return stand && before && Math.abs(stand[0] - before[0]) < 0.5;
+    return stand && before && stand.join() === before.join();
   }, 60000);
 
   await page.locator('#record').click();
