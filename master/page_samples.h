@@ -19,7 +19,7 @@
 
 namespace twoport {
 
-/// Clutch, locks and scales, from the page; other commands change nothing. Joints have none: a leader's inertia is that of where it is.
+/// Clutch, locks and scales, from the page; other commands change nothing. Joints have none: M(q) is needed where the leader is.
 template <int N>
 void change_handle(MountedDevice<N>& device, const PageCommand& c) noexcept {
   if constexpr (N == kJointPort) return;
