@@ -226,7 +226,8 @@ TEST(JointSurface, IsThatOfTheToolWhateverTheJointsDo) {
         10.0 * (into + friction * v.y() / std::max(std::abs(v.y()), 1e-3) * Eigen::Vector3d::UnitY());
     const Axes& s = control.joint_scale;
     const Axes f = (J.transpose() * force).cwiseQuotient(s);
-    surface.step(Position<N>{q}, q.cwiseProduct(s), rate.cwiseProduct(s), f, Seconds{dt});
+    const Axes x = q.cwiseProduct(s);
+    surface.step(Position<N>{x}, x, rate.cwiseProduct(s), f, Seconds{dt});
     const Axes normal = (J.transpose() * into).cwiseQuotient(s).normalized();
     if (k > 500) worst = std::max(worst, (surface.patch().normal - normal).norm());
     q += rate * dt;
