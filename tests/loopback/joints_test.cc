@@ -82,8 +82,7 @@ TEST(RunJoints, WithAMomentWithoutANumberGoesOn) {
 
 /// Two arms on one torso: two pairs of programs, one with a key, and one stop.
 TEST(RunJoints, OfTwoPairsEndsByOneStop) {
-  const Pair left{two_arms(TWOPORT_EXAMPLES)};
-  Pair right{two_arms(TWOPORT_EXAMPLES)};
+  Pair left{two_arms(TWOPORT_EXAMPLES)}, right{two_arms(TWOPORT_EXAMPLES)};
   right.share_key();
   const std::string port = std::to_string(free_udp_port());
   const auto with = [](const char* flag, Words more = {}) {
