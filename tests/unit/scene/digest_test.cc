@@ -165,13 +165,15 @@ TEST(SceneDigest, NamesTheGripperWhereItAloneDiffers) {
 // The slave need not know E(0) of an account that is the master's own; where each side has one, both must have the same.
 TEST(SceneDigest, HasTheInitialEnergyOfAnAccountAtBothSides) {
   const auto digest = [](const std::string& control, const char* energy) {
-    return scene_digest(scene_of("dof: 1 duration_s: 1 device { mass_kg: 0.1 damping_n_s_per_m: 1 } control { " + control + " }",
-                                 {std::string{"control.passivity.initial_energy_j="} + energy}));
+    return scene_digest(
+        scene_of("dof: 1 duration_s: 1 device { mass_kg: 0.1 damping_n_s_per_m: 1 } control { " + control + " }",
+                 {std::string{"control.passivity.initial_energy_j="} + energy}));
   };
   for (const char* own : {"", "transparency { layer: CONTACT_SPRING }", "passivity { method: ENERGY_BOUNDING }"})
     EXPECT_EQ(digest(own, "0.001"), digest(own, "0.002")) << own;
-  for (const char* both : {"passivity { internal_model { strict_two_port: true } }", "passivity { method: ENERGY_EXCHANGE }",
-                           "passivity { method: CLASSIC }", "passivity { method: ENERGY_TANK }"})
+  for (const char* both :
+       {"passivity { internal_model { strict_two_port: true } }", "passivity { method: ENERGY_EXCHANGE }",
+        "passivity { method: CLASSIC }", "passivity { method: ENERGY_TANK }"})
     EXPECT_NE(digest(both, "0.001"), digest(both, "0.002")) << both;
 }
 
