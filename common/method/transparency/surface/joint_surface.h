@@ -14,13 +14,14 @@ namespace twoport {
 ///     p_t, J S⁻¹ v, f_t (JointTool)       at the tool: SurfaceEstimator finds n_t, p_0, K_t, μ
 ///     m = S⁻¹ Jᵀ n_t,   n = m/|m|,   K = K_t |m|²,   p = x - n n_t·(p_t - p_0)/|m|,   κ = 0
 ///
-/// Where the arm is not known the surface is estimated in the axes of the joints.
+/// Where the arm is not known, and of fewer than six joints, whose torques do not tell at which link the contact is, the surface is
+/// estimated in the axes of the joints.
 class JointSurface {
  public:
   static constexpr int N = kJointPort;
 
   explicit JointSurface(const ControlOptions& o) : scale_{o.joint_scale}, motion_scale_{o.motion_scale} {
-    if (o.follower != nullptr) tool_.emplace(o.follower, o.joint_scale);
+    if (o.follower != nullptr && o.follower->size() >= 6) tool_.emplace(o.follower, o.joint_scale);
   }
 
   void reset() noexcept {
