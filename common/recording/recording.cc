@@ -238,6 +238,7 @@ void RecordingSide::add(const TickRecord<N>& tick, std::span<const Report<N>> re
   message.set_status(static_cast<std::uint32_t>(tick.status));
   message.set_buttons(tick.buttons);
   message.set_held(tick.held);
+  if ((tick.ratio.array() != 1.0).any()) message.mutable_ratio()->Add(tick.ratio.begin(), tick.ratio.end());
   for (const Report<N>& each : received) put(each, *message.add_received());
   put_results(tick, master_, message);
   message.SerializeToString(&bytes_);
@@ -333,6 +334,9 @@ bool RecordingReader::tick(RecordedTick<N>& into) {
   t.status = static_cast<HardwareStatus>(m.status());
   t.buttons = m.buttons();
   t.held = m.held();
+  t.ratio.setOnes();
+  if (m.ratio_size() != 0 && m.ratio_size() != N) return false;
+  std::copy(m.ratio().begin(), m.ratio().end(), t.ratio.begin());
   t.dissipated_j = m.dissipated_j();
   t.undissipated_j = m.undissipated_j();
   const bool master = m.applied_size() > 0;

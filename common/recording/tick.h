@@ -30,6 +30,7 @@ struct TickRecord {
   HardwareStatus status = HardwareStatus::ok;
   std::uint32_t buttons = 0;
   bool held = true;
+  typename Velocity<N>::Vector ratio = Velocity<N>::Vector::Ones();
 
   // The result.
   Force<N> command, wanted;
@@ -41,7 +42,7 @@ struct TickRecord {
   Report<N> sent;
 
   void take(const DeviceSample<N>& s) noexcept {
-    x = s.x, v = s.v, f = s.applied, status = s.status, buttons = s.buttons, held = s.held;
+    x = s.x, v = s.v, f = s.applied, status = s.status, buttons = s.buttons, held = s.held, ratio = s.ratio;
   }
   void take(const RobotSample<N>& s) noexcept {
     x = s.x, v = s.v, f = s.f_environment, status = s.status, ideal = s.ideal;

@@ -54,7 +54,8 @@ struct MasterSide {
   explicit MasterSide(const Scene& s)
       : node{s.control, s.schedule}, mail{mailbox_of<N>(Side::master, s, ReplayTransport<N>{})} {}
   static Sample sample(const TickRecord<N>& t) {
-    return {.x = t.x, .v = t.v, .applied = t.f, .status = t.status, .buttons = t.buttons, .held = t.held};
+    return {
+        .x = t.x, .v = t.v, .applied = t.f, .status = t.status, .buttons = t.buttons, .held = t.held, .ratio = t.ratio};
   }
   MasterNode<N> node;
   Mailbox<N, ReplayTransport<N>> mail;
