@@ -1,7 +1,6 @@
 #include "common/arm/arm_model.h"
 
 #include <cmath>
-#include <type_traits>
 
 namespace twoport {
 
@@ -167,84 +166,43 @@ ArmModel::Inertia ArmModel::inertia(const Pose& p) const noexcept {
   return M;
 }
 
-namespace {
-
-/// `compute` with the number of rows as a constant, so that loops unroll.
-template <class Compute>
-void with_size(Eigen::Index rows, const Compute& compute) noexcept {
-  switch (rows) {
-    case 6:
-      return compute(std::integral_constant<int, 6>{});
-    case 7:
-      return compute(std::integral_constant<int, 7>{});
-    default:
-      return compute(static_cast<int>(rows));
+InertiaFactors::InertiaFactors(const ArmModel::Inertia& M) noexcept : lower_{M}, inverse_{M.rows()} {
+  const auto n = static_cast<int>(M.rows());
+  for (int k = 0; k < n; ++k) {
+    inverse_[k] = 1.0 / lower_(k, k);
+    for (int j = k + 1; j < n; ++j) {
+      const double of = lower_(j, k) * inverse_[k];
+      for (int i = j; i < n; ++i) lower_(i, j) -= lower_(i, k) * of;
+    }
+    for (int i = k + 1; i < n; ++i) lower_(i, k) *= inverse_[k];
   }
 }
-
-}  // namespace
-
-InertiaFactors::InertiaFactors(const ArmModel::Inertia& M) noexcept : lower_{M}, inverse_{M.rows()} {
-  with_size(M.rows(), [l = lower_.data(), inverse = inverse_.data()](auto rows) {
-    const int n = rows;
-#pragma GCC unroll 8
-    for (int k = 0; k < n; ++k) {
-      const double r = inverse[k] = 1.0 / l[k + k * n];
-#pragma GCC unroll 8
-      for (int j = k + 1; j < n; ++j) {
-        const double of = l[j + k * n] * r;
-#pragma GCC unroll 8
-        for (int i = j; i < n; ++i) l[i + j * n] -= l[i + k * n] * of;
-      }
-#pragma GCC unroll 8
-      for (int i = k + 1; i < n; ++i) l[i + k * n] *= r;
-    }
-  });
-}
 ArmModel::Joints InertiaFactors::solve(const ArmModel::Joints& b) const noexcept {
-  ArmModel::Joints solution = b;
-  with_size(b.size(), [l = lower_.data(), inverse = inverse_.data(), x = solution.data()](auto rows) {
-    const int n = rows;
-#pragma GCC unroll 8
-    for (int k = 0; k < n; ++k) {
-#pragma GCC unroll 8
-      for (int i = k + 1; i < n; ++i) x[i] -= l[i + k * n] * x[k];
-    }
-#pragma GCC unroll 8
-    for (int k = 0; k < n; ++k) x[k] *= inverse[k];
-#pragma GCC unroll 8
-    for (int done = 0; done < n; ++done) {
-      const int i = n - 1 - done;
-#pragma GCC unroll 8
-      for (int k = 0; k < i; ++k) x[k] -= l[i + k * n] * x[i];
-    }
-  });
-  return solution;
+  const auto n = static_cast<int>(b.size());
+  ArmModel::Joints x = b;
+  for (int k = 0; k < n; ++k)
+    for (int i = k + 1; i < n; ++i) x[i] -= lower_(i, k) * x[k];
+  for (int k = 0; k < n; ++k) x[k] *= inverse_[k];
+  for (int i = n; i-- > 0;)
+    for (int k = 0; k < i; ++k) x[k] -= lower_(i, k) * x[i];
+  return x;
 }
 
 ArmModel::Inertia InertiaFactors::inverse() const noexcept {
-  ArmModel::Inertia W = lower_, all{lower_.rows(), lower_.rows()};  // W = L⁻¹ below the diagonal
-  with_size(W.rows(), [w = W.data(), l = lower_.data(), r = inverse_.data(), a = all.data()](auto rows) {
-    const int n = rows;
-#pragma GCC unroll 8
-    for (int j = 0; j < n; ++j)
-#pragma GCC unroll 8
-      for (int i = j + 1; i < n; ++i) {
-        double sum = l[i + j * n];
-#pragma GCC unroll 8
-        for (int k = j + 1; k < i; ++k) sum += l[i + k * n] * w[k + j * n];
-        w[i + j * n] = -sum;
-      }
-#pragma GCC unroll 8
-    for (int j = 0; j < n; ++j)
-#pragma GCC unroll 8
-      for (int i = j; i < n; ++i) {
-        double sum = i == j ? r[i] : r[i] * w[i + j * n];
-#pragma GCC unroll 8
-        for (int k = i + 1; k < n; ++k) sum += w[k + i * n] * (r[k] * w[k + j * n]);
-        a[i + j * n] = a[j + i * n] = sum;
-      }
-  });
+  const auto n = static_cast<int>(lower_.rows());
+  ArmModel::Inertia W = lower_, all{n, n};  // W = L⁻¹ below the diagonal
+  for (int j = 0; j < n; ++j)
+    for (int i = j + 1; i < n; ++i) {
+      double sum = lower_(i, j);
+      for (int k = j + 1; k < i; ++k) sum += lower_(i, k) * W(k, j);
+      W(i, j) = -sum;
+    }
+  for (int j = 0; j < n; ++j)
+    for (int i = j; i < n; ++i) {
+      double sum = i == j ? inverse_[i] : inverse_[i] * W(i, j);
+      for (int k = i + 1; k < n; ++k) sum += W(k, i) * (inverse_[k] * W(k, j));
+      all(i, j) = all(j, i) = sum;
+    }
   return all;
 }
 
