@@ -16,11 +16,11 @@ const check = (holds, what) => {
 
 // A browser's page of another site, and a client of another protocol.
 const refused = (protocols, options) =>
-  new Promise((done) => {
+  new Promise((done, fail) => {
     const socket = new WebSocket(url, protocols, options);
     socket.on("unexpected-response", (_, response) => done(response.statusCode));
     socket.on("open", () => done("open"));
-    socket.on("error", () => {});
+    socket.on("error", fail);
   });
 check((await refused("foxglove.websocket.v1", { origin: "https://elsewhere.example" })) === 403, "another site is refused");
 check((await refused("mqtt", {})) === 426, "another protocol is refused");

@@ -44,7 +44,7 @@ start_slave() {
 }
 if [ "$reader" = foxglove ]; then
   start_slave
-  "$master" --scene "$scene" --set duration_s=3 --peer "127.0.0.1:$port" --no-spin --trace none --foxglove 127.0.0.1:0 \
+  "$master" --scene "$scene" --set duration_s=6 --peer "127.0.0.1:$port" --no-spin --trace none --foxglove 127.0.0.1:0 \
     --record "$work/heard.mcap" >"$work/master.log" 2>&1 &
   pids+=($!)
   wait_for 'foxglove: ws' "$work/master.log"
