@@ -5,6 +5,7 @@
 #include <span>
 #include <utility>
 
+#include "common/base/built_for.h"
 #include "common/base/time.h"
 #include "common/coupling/bridge.h"
 #include "common/coupling/joint_metric.h"
@@ -36,98 +37,12 @@ class MasterNode {
     LayerFigures figures{};
   };
 
-  explicit MasterNode(const ControlOptions& o, std::span<const ScheduledControl> schedule = {})
-      : observer_{o.observer},
-        metric_{o},
-        inertia_{o},
-        registration_{o},
-        safety_{limits_at_device(o), -1.0, o.handle_mass_kg, o.handle_inertia_kg_m2},
-        half_{o},
-        alternatives_{o, schedule},
-        bridge_{o.engage},
-        ramp_{o.engage},
-        modes_{o} {}
+  explicit MasterNode(const ControlOptions& o, std::span<const ScheduledControl> schedule = {});
 
-  Output step(const Tick<MasterClock>& tick, const DeviceSample<N>& reading, const PeerState<N>& slave) noexcept {
-    if (!all_finite(reading.x, reading.v, reading.applied)) [[unlikely]] {
-      if (!unread_) held_unread_ = command_;
-      unread_ = true;
-      return fail_safe(reading);
-    }
-    const DeviceSample<N>& device = metric_.scaled(reading);
-    PortMotion<N> motion{device.x, device.v};
-    Interval<N> interval{};
-    const bool paused = started_ && modes_.has_paused(tick);
-    if (started_) {
-      interval = motion - before_;
-      Energy into = held_energy(observer_, device.applied, interval, tick.ended);
-      if (paused) [[unlikely]]
-        into = pause(into);
-      if (unread_) [[unlikely]]
-        into += given_unread(interval.moved);
-      account_.book(into);
-    }
-    if (modes_.is_stopped(device.status, slave)) [[unlikely]] {
-      before_ = motion;
-      started_ = true;
-      return fail_safe(reading);
-    }
-    const Duration now = tick.now.time_since_epoch();
-    if (modes_.step(now, slave, modes_.has_let_go(now, device.held))) {
-      ramp_.drop();
-      half_->start(device);
-    }
-    const double ramp = ramp_.step(modes_.coupled(), tick.dt);
-    const bool same_epoch = slave.epoch == epoch_;
-    if (!same_epoch) [[unlikely]]
-      awaits_slave_ = true;
-    else if (awaits_slave_) [[unlikely]]
-      slave_follows();
-    arrive(slave, same_epoch);
-    MasterOutput<N> half = half_->step({.dt = tick.dt,
-                                        .ended = tick.ended,
-                                        .device = device,
-                                        .interval = interval,
-                                        .first = !started_,
-                                        .slave = slave_,
-                                        .slave_energy_in = slave_energy_in_,
-                                        .slave_energy_net = Energy{same_epoch ? slave_.newest.energy_net_j : 0.0},
-                                        .account = account_,
-                                        .active = modes_.active(),
-                                        .paused = paused,
-                                        .inertia = inertia_.at(reading.x),
-                                        .ramp = ramp,
-                                        .bridge = bridge_.over(modes_.active())});
-    before_ = motion;
-    ratio_ = device.ratio;
-    started_ = true;
-    energy_sent_ = half.energy_in;
-    if (!all_finite(half.f)) [[unlikely]]
-      return fail_safe(reading);
-    command_ = safety_(half.f, device.x, device.v, tick.dt);
-    Force<N> f = metric_.joints(command_);
-    return {.command = f,
-            .report = {.x = reading.x,
-                       .v = reading.v,
-                       .f = f,
-                       .energy_in_j = half.energy_in.si(),
-                       .energy_net_j = half.energy_net.si(),
-                       .mode = modes_.mode(),
-                       .epoch = epoch_},
-            .wanted = metric_.joints(half.wanted),
-            .dissipated = half.dissipated,
-            .undissipated = half.undissipated,
-            .mode = modes_.mode(),
-            .figures = half.figures};
-  }
+  Output step(const Tick<MasterClock>& tick, const DeviceSample<N>& reading, const PeerState<N>& slave) noexcept;
 
   /// The slave has restarted and its totals with it: those of this side restart too.
-  void on_peer_restart(Energy slave_energy_in) noexcept {
-    half_->restart(account_, std::min(half_->balance(account_, registration_.to_master(slave_energy_in)), Energy{}));
-    energy_sent_ = Energy{};
-    modes_.reset();
-    ramp_.drop();
-  }
+  void on_peer_restart(Energy slave_energy_in) noexcept;
 
   /// Switches to another method or architecture; `next` then holds the previous one. The force is continuous (Bridge, over
   /// engage_s), now and when the slave's first report under the new one arrives:
@@ -137,16 +52,7 @@ class MasterNode {
   /// The bridge is a part of what the new half wishes, so that its passivity layer limits it: where the account has not the energy, the
   /// force falls at once. The account goes on with what the one before has left, a deficit included. Totals start from zero in a new
   /// epoch.
-  void switch_method(Held<Half>& next) noexcept {
-    next->restart(account_, half_->balance(account_, slave_energy_in_));
-    next->take_over(ratio_);
-    next->start({.x = before_.x, .v = before_.v, .applied = command_});
-    std::swap(half_, next);
-    bridge_.begin(command_);
-    ramp_.drop();
-    energy_sent_ = Energy{};
-    ++epoch_;
-  }
+  void switch_method(Held<Half>& next) noexcept;
   /// Switches to the next entry of the schedule, after the last one to the first control. Call between ticks.
   void switch_to_next() noexcept {
     if (alternatives_.empty()) return;
@@ -238,5 +144,116 @@ class MasterNode {
   bool unread_ = false;   ///< the last reading was not finite
   Force<N> held_unread_;  ///< the force that was held then
 };
+
+template <int N, class Half>
+MasterNode<N, Half>::MasterNode(const ControlOptions& o, std::span<const ScheduledControl> schedule)
+    : observer_{o.observer},
+      metric_{o},
+      inertia_{o},
+      registration_{o},
+      safety_{limits_at_device(o), -1.0, o.handle_mass_kg, o.handle_inertia_kg_m2},
+      half_{o},
+      alternatives_{o, schedule},
+      bridge_{o.engage},
+      ramp_{o.engage},
+      modes_{o} {}
+
+template <int N, class Half>
+auto MasterNode<N, Half>::step(const Tick<MasterClock>& tick, const DeviceSample<N>& reading,
+                               const PeerState<N>& slave) noexcept -> Output {
+  if (!all_finite(reading.x, reading.v, reading.applied)) [[unlikely]] {
+    if (!unread_) held_unread_ = command_;
+    unread_ = true;
+    return fail_safe(reading);
+  }
+  const DeviceSample<N>& device = metric_.scaled(reading);
+  PortMotion<N> motion{device.x, device.v};
+  Interval<N> interval{};
+  const bool paused = started_ && modes_.has_paused(tick);
+  if (started_) {
+    interval = motion - before_;
+    Energy into = held_energy(observer_, device.applied, interval, tick.ended);
+    if (paused) [[unlikely]]
+      into = pause(into);
+    if (unread_) [[unlikely]]
+      into += given_unread(interval.moved);
+    account_.book(into);
+  }
+  if (modes_.is_stopped(device.status, slave)) [[unlikely]] {
+    before_ = motion;
+    started_ = true;
+    return fail_safe(reading);
+  }
+  const Duration now = tick.now.time_since_epoch();
+  if (modes_.step(now, slave, modes_.has_let_go(now, device.held))) {
+    ramp_.drop();
+    half_->start(device);
+  }
+  const double ramp = ramp_.step(modes_.coupled(), tick.dt);
+  const bool same_epoch = slave.epoch == epoch_;
+  if (!same_epoch) [[unlikely]]
+    awaits_slave_ = true;
+  else if (awaits_slave_) [[unlikely]]
+    slave_follows();
+  arrive(slave, same_epoch);
+  MasterOutput<N> half = half_->step({.dt = tick.dt,
+                                      .ended = tick.ended,
+                                      .device = device,
+                                      .interval = interval,
+                                      .first = !started_,
+                                      .slave = slave_,
+                                      .slave_energy_in = slave_energy_in_,
+                                      .slave_energy_net = Energy{same_epoch ? slave_.newest.energy_net_j : 0.0},
+                                      .account = account_,
+                                      .active = modes_.active(),
+                                      .paused = paused,
+                                      .inertia = inertia_.at(reading.x),
+                                      .ramp = ramp,
+                                      .bridge = bridge_.over(modes_.active())});
+  before_ = motion;
+  ratio_ = device.ratio;
+  started_ = true;
+  energy_sent_ = half.energy_in;
+  if (!all_finite(half.f)) [[unlikely]]
+    return fail_safe(reading);
+  command_ = safety_(half.f, device.x, device.v, tick.dt);
+  Force<N> f = metric_.joints(command_);
+  return {.command = f,
+          .report = {.x = reading.x,
+                     .v = reading.v,
+                     .f = f,
+                     .energy_in_j = half.energy_in.si(),
+                     .energy_net_j = half.energy_net.si(),
+                     .mode = modes_.mode(),
+                     .epoch = epoch_},
+          .wanted = metric_.joints(half.wanted),
+          .dissipated = half.dissipated,
+          .undissipated = half.undissipated,
+          .mode = modes_.mode(),
+          .figures = half.figures};
+}
+
+template <int N, class Half>
+void MasterNode<N, Half>::on_peer_restart(Energy slave_energy_in) noexcept {
+  half_->restart(account_, std::min(half_->balance(account_, registration_.to_master(slave_energy_in)), Energy{}));
+  energy_sent_ = Energy{};
+  modes_.reset();
+  ramp_.drop();
+}
+
+template <int N, class Half>
+void MasterNode<N, Half>::switch_method(Held<Half>& next) noexcept {
+  next->restart(account_, half_->balance(account_, slave_energy_in_));
+  next->take_over(ratio_);
+  next->start({.x = before_.x, .v = before_.v, .applied = command_});
+  std::swap(half_, next);
+  bridge_.begin(command_);
+  ramp_.drop();
+  energy_sent_ = Energy{};
+  ++epoch_;
+}
+
+// The same for each number of axes, with halves that are chosen when they are made: compiled once, in master_node.cc.
+TWOPORT_DECLARE(MasterNode);
 
 }  // namespace twoport

@@ -24,7 +24,7 @@ class RenderNode {
   RenderNode(const ControlOptions& o, Environment<N> environment)
       : rendering_{o, std::move(environment)}, safety_{limits_at_device(o), -1.0} {}
 
-  [[gnu::flatten]] Output step(const Tick<MasterClock>& tick, const DeviceSample<N>& device, const NoReport&) noexcept {
+  Output step(const Tick<MasterClock>& tick, const DeviceSample<N>& device, const NoReport&) noexcept {
     if (device.status == HardwareStatus::stopped || !all_finite(device.x, device.v, device.applied)) [[unlikely]]
       return fail_safe();
     Output out{rendering_.step({device.x, device.v}, device.applied, tick.dt, tick.ended), {}};

@@ -5,6 +5,7 @@
 #include <span>
 #include <utility>
 
+#include "common/base/built_for.h"
 #include "common/base/time.h"
 #include "common/coupling/bridge.h"
 #include "common/coupling/joint_metric.h"
@@ -32,86 +33,16 @@ class SlaveNode {
     Mode mode;
   };
 
-  explicit SlaveNode(const ControlOptions& o, std::span<const ScheduledControl> schedule = {})
-      : metric_{o},
-        registration_{o},
-        half_{o},
-        alternatives_{o, schedule},
-        bridge_{o.engage},
-        modes_{o},
-        safety_{limits_at_robot(o), 1.0, o.known.robot_mass_kg, o.known.robot_inertia_kg_m2} {}
+  explicit SlaveNode(const ControlOptions& o, std::span<const ScheduledControl> schedule = {});
 
-  Output step(const Tick<SlaveClock>& tick, const RobotSample<N>& reading, const PeerState<N>& master) noexcept {
-    if (modes_.is_stopped(reading.status, master) || !all_finite(reading.x, reading.v, reading.f_environment))
-        [[unlikely]]
-      return fail_safe(reading);
-    const RobotSample<N>& robot = metric_.scaled(reading);
-    if (modes_.has_paused(tick)) [[unlikely]]
-      pause();
-    if (master.epoch != epoch_) [[unlikely]]
-      follow(robot, master);  // a coupling that begins now is of the new method
-    const bool shared = modes_.shares_coupling();
-    const bool begins = modes_.step(tick.now.time_since_epoch(), master, master.newest.mode == Mode::let_go);
-    // The robot follows what the hand does once the master says that it is coupled too.
-    const bool shares = modes_.shares_coupling();
-    if (begins || (shares && !shared) || !started_) {
-      half_->start(robot, master.has_report);
-      engage(robot, master, shares);
-      commanded_ = false;
-    }
-    started_ = true;
-    const bool same_epoch = master.epoch == epoch_;
-    arrive(master, same_epoch);
-    SlaveOutput<N> half = half_->step({.dt = tick.dt,
-                                       .robot = robot,
-                                       .master = master_,
-                                       .commanded = x_rx_,
-                                       .worlds = registration_,
-                                       .master_energy_in = master_energy_in_,
-                                       .master_energy_net = Energy{same_epoch ? master_.newest.energy_net_j : 0.0},
-                                       .account = account_,
-                                       .coupled = modes_.coupled() && shares,
-                                       .active = modes_.active() && shares,
-                                       .bridge = bridge_.over(modes_.active() && !robot.ideal)});
-    if (!all_finite(half.command.f, half.command.v_d, half.command.x_d)) [[unlikely]]
-      return fail_safe(reading);
-    if (safety_.any()) [[unlikely]]
-      half = limited(half, robot, tick.dt);
-    command_ = half.command.f;
-    account_.book(half.grounded - dot(half.command.f, half.command.v_d * tick.dt));
-    position_error_ =
-        modes_.coupled() && shares ? metric_.joints(Displacement<N>{robot.x - half_->target()}) : Displacement<N>{};
-    RobotCommand<N> command = metric_.joints(half.command);
-    return {.command = command,
-            .report = {.x = reading.x,
-                       .v = reading.v,
-                       .f = metric_.joints(half.f_back),
-                       .f_coupling = command.f,
-                       .f_environment = reading.f_environment,
-                       .position_error = position_error_,
-                       .energy_in_j = half.energy_in.si(),
-                       .energy_net_j = half.energy_net.si(),
-                       .mode = modes_.mode(),
-                       .epoch = epoch_},
-            .dissipated = half.dissipated,
-            .mode = modes_.mode()};
-  }
+  Output step(const Tick<SlaveClock>& tick, const RobotSample<N>& reading, const PeerState<N>& master) noexcept;
 
   /// As MasterNode::on_peer_restart.
-  void on_peer_restart(Energy master_energy_in) noexcept {
-    half_->restart(account_, std::min(half_->balance(account_, registration_.to_slave(master_energy_in)), Energy{}));
-    modes_.reset();
-  }
+  void on_peer_restart(Energy master_energy_in) noexcept;
 
   /// As MasterNode::switch_method; set point and registration are kept. The force on the robot is continuous (Bridge): what
   /// that adds does at most the work |f_before - f_new(0)| times the robot's path within engage_s.
-  void switch_method(Held<Half>& next) noexcept {
-    next->restart(account_, half_->balance(account_, master_energy_in_));
-    if (modes_.active()) next->resume(half_->set_point());
-    std::swap(half_, next);
-    bridge_.begin(command_);
-    ++epoch_;
-  }
+  void switch_method(Held<Half>& next) noexcept;
 
   [[nodiscard]] std::uint32_t epoch() const noexcept { return epoch_; }
 
@@ -226,5 +157,91 @@ class SlaveNode {
   std::uint32_t epoch_ = 0;
   bool started_ = false;
 };
+
+template <int N, class Half>
+SlaveNode<N, Half>::SlaveNode(const ControlOptions& o, std::span<const ScheduledControl> schedule)
+    : metric_{o},
+      registration_{o},
+      half_{o},
+      alternatives_{o, schedule},
+      bridge_{o.engage},
+      modes_{o},
+      safety_{limits_at_robot(o), 1.0, o.known.robot_mass_kg, o.known.robot_inertia_kg_m2} {}
+
+template <int N, class Half>
+auto SlaveNode<N, Half>::step(const Tick<SlaveClock>& tick, const RobotSample<N>& reading,
+                              const PeerState<N>& master) noexcept -> Output {
+  if (modes_.is_stopped(reading.status, master) || !all_finite(reading.x, reading.v, reading.f_environment))
+      [[unlikely]]
+    return fail_safe(reading);
+  const RobotSample<N>& robot = metric_.scaled(reading);
+  if (modes_.has_paused(tick)) [[unlikely]]
+    pause();
+  if (master.epoch != epoch_) [[unlikely]]
+    follow(robot, master);  // a coupling that begins now is of the new method
+  const bool shared = modes_.shares_coupling();
+  const bool begins = modes_.step(tick.now.time_since_epoch(), master, master.newest.mode == Mode::let_go);
+  // The robot follows what the hand does once the master says that it is coupled too.
+  const bool shares = modes_.shares_coupling();
+  if (begins || (shares && !shared) || !started_) {
+    half_->start(robot, master.has_report);
+    engage(robot, master, shares);
+    commanded_ = false;
+  }
+  started_ = true;
+  const bool same_epoch = master.epoch == epoch_;
+  arrive(master, same_epoch);
+  SlaveOutput<N> half = half_->step({.dt = tick.dt,
+                                     .robot = robot,
+                                     .master = master_,
+                                     .commanded = x_rx_,
+                                     .worlds = registration_,
+                                     .master_energy_in = master_energy_in_,
+                                     .master_energy_net = Energy{same_epoch ? master_.newest.energy_net_j : 0.0},
+                                     .account = account_,
+                                     .coupled = modes_.coupled() && shares,
+                                     .active = modes_.active() && shares,
+                                     .bridge = bridge_.over(modes_.active() && !robot.ideal)});
+  if (!all_finite(half.command.f, half.command.v_d, half.command.x_d)) [[unlikely]]
+    return fail_safe(reading);
+  if (safety_.any()) [[unlikely]]
+    half = limited(half, robot, tick.dt);
+  command_ = half.command.f;
+  account_.book(half.grounded - dot(half.command.f, half.command.v_d * tick.dt));
+  position_error_ =
+      modes_.coupled() && shares ? metric_.joints(Displacement<N>{robot.x - half_->target()}) : Displacement<N>{};
+  RobotCommand<N> command = metric_.joints(half.command);
+  return {.command = command,
+          .report = {.x = reading.x,
+                     .v = reading.v,
+                     .f = metric_.joints(half.f_back),
+                     .f_coupling = command.f,
+                     .f_environment = reading.f_environment,
+                     .position_error = position_error_,
+                     .energy_in_j = half.energy_in.si(),
+                     .energy_net_j = half.energy_net.si(),
+                     .mode = modes_.mode(),
+                     .epoch = epoch_},
+          .dissipated = half.dissipated,
+          .mode = modes_.mode()};
+}
+
+template <int N, class Half>
+void SlaveNode<N, Half>::on_peer_restart(Energy master_energy_in) noexcept {
+  half_->restart(account_, std::min(half_->balance(account_, registration_.to_slave(master_energy_in)), Energy{}));
+  modes_.reset();
+}
+
+template <int N, class Half>
+void SlaveNode<N, Half>::switch_method(Held<Half>& next) noexcept {
+  next->restart(account_, half_->balance(account_, master_energy_in_));
+  if (modes_.active()) next->resume(half_->set_point());
+  std::swap(half_, next);
+  bridge_.begin(command_);
+  ++epoch_;
+}
+
+// As MasterNode.
+TWOPORT_DECLARE(SlaveNode);
 
 }  // namespace twoport

@@ -8,6 +8,7 @@
 #include <thread>
 #include <vector>
 
+#include "common/base/built_for.h"
 #include "common/base/histogram.h"
 #include "common/link/clock_offset.h"
 #include "common/link/impaired_socket.h"
@@ -37,59 +38,17 @@ class LiveLink {
 
   /// A master calls the slave at the address, a slave listens there. Throws ConfigError for an address of another machine
   /// without a key. `adjustable`: with a further network that adjust() changes.
-  LiveLink(Side side, const Scene& scene, const LiveArguments& arguments, bool adjustable = false)
-      : side_{side},
-        address_{arguments.address},
-        key_file_{arguments.key},
-        where_{parse_allowed_endpoint(address_, side == Side::master ? "--peer" : "--listen", !key_file_.empty(),
-                                      arguments.insecure)},
-        peer_{side == Side::master ? std::optional{where_} : std::nullopt},
-        udp_{peer_ ? UdpSocket{any_port_toward(*peer_), *peer_} : UdpSocket{where_}},
-        adjustable_{adjustable ? std::make_unique<ImpairedSocket>(udp_, of_page(side, scene, where_)) : nullptr},
-        network_{adjustable_ ? static_cast<DatagramSocket&>(*adjustable_) : udp_, network(side, scene, peer_)},
-        secure_{secured(to_duration(arguments.rekey_after_s))},
-        mail_{Transport{side == Side::master ? limits_of_slave_reports(scene.control)
-                                             : limits_of_master_reports(scene.control),
-                        top(), session(side, scene, peer_, secure_ != nullptr, arguments.measures),
-                        SessionNumbers{system_random}},
-              age_of_reports(scene.control), incoming(side, scene), outgoing(side, scene)} {
-    if (arguments.dscp != 0) udp_.mark(arguments.dscp);
-    // Of a period: the rest is for the node.
-    udp_.limit(to_duration(0.25 / (side == Side::master ? scene.master_rate_hz : scene.slave_rate_hz)));
-  }
+  LiveLink(Side side, const Scene& scene, const LiveArguments& arguments, bool adjustable = false);
   LiveLink(const LiveLink&) = delete;  // its parts refer to each other
 
   [[nodiscard]] Mailbox<N, Transport>& mail() noexcept { return mail_; }
   [[nodiscard]] const PeerState<N>& known() const noexcept { return mail_.known(); }
   void tap(ReportTap<N>* tap) noexcept { mail_.transport().tap(tap); }
   /// `log` is used until this is destroyed, from another thread too.
-  void say_where(spdlog::logger& log) {
-    log_ = &log;
-    if (side_ == Side::master) {
-      log.info("waiting for a slave at {}", address_);
-    } else {
-      log.info("listening on {}", to_string(udp_.local()));
-    }
-    if (secure_) {
-      log.info("packets are encrypted and authenticated with {} in {}", key_count(), key_file_);
-    } else if (where_.loopback()) {
-      log.info("without a key: every program on this machine can take part");
-    } else {
-      log.warn("--insecure: packets are neither encrypted nor authenticated; whoever reaches {} can take over",
-               to_string(where_));
-    }
-  }
+  void say_where(spdlog::logger& log);
 
   /// Says that the other side has not come, and what to do.
-  [[nodiscard]] std::string not_met() {
-    const std::string about_keys = key_advice();
-    if (!about_keys.empty()) return about_keys;
-    if (side_ == Side::master)
-      return "no slave answered at " + address_ +
-             " before --duration was over; start twoport-slave there, or set --peer to its address";
-    return "no master called " + to_string(udp_.local()) +
-           " before --duration was over; start twoport-master with this address, or the one of this machine, as --peer";
-  }
+  [[nodiscard]] std::string not_met();
 
   /// Call before every cycle. True when the other side appears for the first time or has restarted; the node's totals
   /// then restart with the peer's.
@@ -106,14 +65,7 @@ class LiveLink {
   /// Reason why the two sides cannot work together, or empty.
   [[nodiscard]] std::string_view refusal() noexcept { return mail_.transport().reject_reason(); }
   /// After the last cycle, at the time `now`: this side ends, and the other one releases at once. Repeated for 0.1 s: packets are lost.
-  void say_goodbye(Duration now) noexcept {
-    constexpr Duration kEvery = std::chrono::milliseconds{5}, kFor = std::chrono::milliseconds{100};
-    if (mail_.counts().sent == 0) return;
-    for (Duration said{0}; said < kFor; said += kEvery) {
-      mail_.transport().say_goodbye(now + said);
-      std::this_thread::sleep_for(kEvery);
-    }
-  }
+  void say_goodbye(Duration now) noexcept;
   /// After every cycle.
   void note() noexcept {
     const PeerState<N>& peer = mail_.known();
@@ -131,38 +83,12 @@ class LiveLink {
     }
   }
 
-  [[nodiscard]] TickView view(Duration now) noexcept {
-    return {.round_trip = mail_.known().round_trip(),
-            .received = mail_.counts().received,
-            .lost = mail_.counts().lost,
-            .sessions = mail_.transport().pairings(),
-            .refused = mail_.transport().counts().rejected.total(),
-            .stale = mail_.counts().stale,
-            .peer_mode = mail_.known().heard.mode,
-            .silence = now - mail_.known().heard.at,
-            .answers = mail_.known().heard.answers};
-  }
+  [[nodiscard]] TickView view(Duration now) noexcept;
   /// Of what the other side claims.
   [[nodiscard]] const LimitCounts& limit_counts() noexcept { return mail_.transport().limit_counts(); }
 
   /// Link figures of the summary.
-  void fill(Summary& s, Mode mode) {
-    const LinkCounts link = mail_.transport().counts();
-    auto *to_slave = s.mutable_packets()->mutable_to_slave(), *to_master = s.mutable_packets()->mutable_to_master();
-    const bool master = side_ == Side::master;
-    *(master ? to_master : to_slave) = received_packets(mail_.counts(), link.rejected);
-    Packets& outgoing = *(master ? to_slave : to_master);
-    outgoing.set_sent(count(mail_.counts().sent - link.unaddressed - link.unsent));
-    outgoing.set_unsent(count(link.unsent));
-    s.set_encrypted(secure_ != nullptr);
-    if (secure_ && secure_->paired_key()) s.set_peer_key(key_names_[*secure_->paired_key()]);
-    s.set_mode(to_string(mode));
-    s.set_reconnects(count(std::max<std::uint64_t>(mail_.transport().pairings(), 1) - 1));
-    *s.mutable_limits()->mutable_peer() = limits_of_peer(limit_counts());
-    if (round_trip_.count() > 0) *s.mutable_rtt_ms() = percentiles(round_trip_, 1e6);
-    if (master && clock_.known())
-      *s.mutable_slave_clock() = clock_estimate(clock_.figures(to_seconds(mail_.known().received_at).si()));
-  }
+  void fill(Summary& s, Mode mode);
   /// Packets dropped because the simulated network was full.
   [[nodiscard]] std::uint64_t overflowed() { return mail_.transport().counts().overflowed; }
 
@@ -275,6 +201,101 @@ class LiveLink {
   Histogram round_trip_;
   ClockOffset clock_;
 };
+
+template <int N>
+LiveLink<N>::LiveLink(Side side, const Scene& scene, const LiveArguments& arguments, bool adjustable)
+    : side_{side},
+      address_{arguments.address},
+      key_file_{arguments.key},
+      where_{parse_allowed_endpoint(address_, side == Side::master ? "--peer" : "--listen", !key_file_.empty(),
+                                    arguments.insecure)},
+      peer_{side == Side::master ? std::optional{where_} : std::nullopt},
+      udp_{peer_ ? UdpSocket{any_port_toward(*peer_), *peer_} : UdpSocket{where_}},
+      adjustable_{adjustable ? std::make_unique<ImpairedSocket>(udp_, of_page(side, scene, where_)) : nullptr},
+      network_{adjustable_ ? static_cast<DatagramSocket&>(*adjustable_) : udp_, network(side, scene, peer_)},
+      secure_{secured(to_duration(arguments.rekey_after_s))},
+      mail_{Transport{
+                side == Side::master ? limits_of_slave_reports(scene.control) : limits_of_master_reports(scene.control),
+                top(), session(side, scene, peer_, secure_ != nullptr, arguments.measures),
+                SessionNumbers{system_random}},
+            age_of_reports(scene.control), incoming(side, scene), outgoing(side, scene)} {
+  if (arguments.dscp != 0) udp_.mark(arguments.dscp);
+  // Of a period: the rest is for the node.
+  udp_.limit(to_duration(0.25 / (side == Side::master ? scene.master_rate_hz : scene.slave_rate_hz)));
+}
+
+template <int N>
+void LiveLink<N>::say_where(spdlog::logger& log) {
+  log_ = &log;
+  if (side_ == Side::master) {
+    log.info("waiting for a slave at {}", address_);
+  } else {
+    log.info("listening on {}", to_string(udp_.local()));
+  }
+  if (secure_) {
+    log.info("packets are encrypted and authenticated with {} in {}", key_count(), key_file_);
+  } else if (where_.loopback()) {
+    log.info("without a key: every program on this machine can take part");
+  } else {
+    log.warn("--insecure: packets are neither encrypted nor authenticated; whoever reaches {} can take over",
+             to_string(where_));
+  }
+}
+
+template <int N>
+std::string LiveLink<N>::not_met() {
+  const std::string about_keys = key_advice();
+  if (!about_keys.empty()) return about_keys;
+  if (side_ == Side::master)
+    return "no slave answered at " + address_ +
+           " before --duration was over; start twoport-slave there, or set --peer to its address";
+  return "no master called " + to_string(udp_.local()) +
+         " before --duration was over; start twoport-master with this address, or the one of this machine, as --peer";
+}
+
+template <int N>
+void LiveLink<N>::say_goodbye(Duration now) noexcept {
+  constexpr Duration kEvery = std::chrono::milliseconds{5}, kFor = std::chrono::milliseconds{100};
+  if (mail_.counts().sent == 0) return;
+  for (Duration said{0}; said < kFor; said += kEvery) {
+    mail_.transport().say_goodbye(now + said);
+    std::this_thread::sleep_for(kEvery);
+  }
+}
+
+template <int N>
+TickView LiveLink<N>::view(Duration now) noexcept {
+  return {.round_trip = mail_.known().round_trip(),
+          .received = mail_.counts().received,
+          .lost = mail_.counts().lost,
+          .sessions = mail_.transport().pairings(),
+          .refused = mail_.transport().counts().rejected.total(),
+          .stale = mail_.counts().stale,
+          .peer_mode = mail_.known().heard.mode,
+          .silence = now - mail_.known().heard.at,
+          .answers = mail_.known().heard.answers};
+}
+
+template <int N>
+void LiveLink<N>::fill(Summary& s, Mode mode) {
+  const LinkCounts link = mail_.transport().counts();
+  auto *to_slave = s.mutable_packets()->mutable_to_slave(), *to_master = s.mutable_packets()->mutable_to_master();
+  const bool master = side_ == Side::master;
+  *(master ? to_master : to_slave) = received_packets(mail_.counts(), link.rejected);
+  Packets& outgoing = *(master ? to_slave : to_master);
+  outgoing.set_sent(count(mail_.counts().sent - link.unaddressed - link.unsent));
+  outgoing.set_unsent(count(link.unsent));
+  s.set_encrypted(secure_ != nullptr);
+  if (secure_ && secure_->paired_key()) s.set_peer_key(key_names_[*secure_->paired_key()]);
+  s.set_mode(to_string(mode));
+  s.set_reconnects(count(std::max<std::uint64_t>(mail_.transport().pairings(), 1) - 1));
+  *s.mutable_limits()->mutable_peer() = limits_of_peer(limit_counts());
+  if (round_trip_.count() > 0) *s.mutable_rtt_ms() = percentiles(round_trip_, 1e6);
+  if (master && clock_.known())
+    *s.mutable_slave_clock() = clock_estimate(clock_.figures(to_seconds(mail_.known().received_at).si()));
+}
+
+TWOPORT_DECLARE(LiveLink);
 
 /// The same without a link: the session begins with the first tick.
 class NoLink {

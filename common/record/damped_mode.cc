@@ -1,9 +1,10 @@
-#include <Eigen/Eigenvalues>
+#include <Eigen/Core>
 #include <algorithm>
 #include <cmath>
 #include <complex>
 #include <limits>
 
+#include "common/base/eigenvalues.h"
 #include "common/record/trend.h"
 
 namespace twoport {
@@ -67,7 +68,7 @@ DampedMode fit_modes(const Eigen::VectorXd& z) {
   SmallMatrix step = used.topRows(rows - 1).transpose().lazyProduct(used.bottomRows(rows - 1));
   step += b * (step.transpose() * b / (1.0 - b.squaredNorm())).transpose();
   if (!step.allFinite()) return {};
-  const Eigen::VectorXcd lambda = Eigen::EigenSolver<SmallMatrix>(step, false).eigenvalues();
+  const Eigen::VectorXcd lambda = eigenvalues(step);
   Eigen::MatrixXcd v(samples, rank);
   for (Eigen::Index j = 0; j < rank; ++j)
     for (Eigen::Index k = 0; k < samples; ++k) v(k, j) = k == 0 ? std::complex<double>(1.0) : v(k - 1, j) * lambda[j];

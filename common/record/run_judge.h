@@ -47,31 +47,7 @@ class RunJudge {
 
   /// Returns false once the run has diverged: a value is not finite, or a speed is beyond 1000 m/s or rad/s and ten times
   /// that of the first row. The run may then end.
-  bool add(const Row<N>& row) noexcept {
-    const double speed2 =
-        (known_.of_master ? row.master_v.squared_norm() : 0.0) + (known_.of_slave ? row.slave_v.squared_norm() : 0.0);
-    if (rows_++ == 0) most_speed2_ = std::max(kDiverged * kDiverged, 100.0 * speed2);
-    const double reach2 = std::max(known_.of_master ? row.master_x.translation().squaredNorm() : 0.0,
-                                   known_.of_slave ? row.slave_x.translation().squaredNorm() : 0.0);
-    if (!(speed2 <= most_speed2_) || !std::isfinite(reach2 + row.master_energy_j)) [[unlikely]] {
-      diverged_ = true;
-      diverged_at_s_ = row.t_s;
-      return false;
-    }
-    if (early_ && row.t_s >= early_until_s_) [[unlikely]]
-      end_early();
-    // Extremes change in few ticks: a branch costs less than a store.
-    if (reach2 > sums_.reach2) sums_.reach2 = reach2;
-    for (int i = 0; i < N; ++i) {
-      const double of_master = std::abs(row.master_v.vec()[i]), of_slave = std::abs(row.slave_v.vec()[i]);
-      if (of_master > sums_.speed[i] && known_.of_master) sums_.speed[i] = of_master;
-      if (of_slave > sums_.speed[N + i] && known_.of_slave) sums_.speed[N + i] = of_slave;
-    }
-    if (row.mode == Mode::coupled) sums_.was_coupled = 1.0;
-    note_apart(row);
-    if (known_.trends) see(row);
-    return true;
-  }
+  bool add(const Row<N>& row) noexcept;
 
   [[nodiscard]] bool diverged() const { return diverged_; }
   /// Were the two sides coupled to the end, or let go on purpose? Where less than 5 % of the rest at the end is missing they were.
@@ -159,6 +135,33 @@ class RunJudge {
   Mode mode_ = Mode::idle;
   std::optional<double> failed_at_s_;  ///< this side has released by itself, and not coupled again
 };
+
+template <int N>
+bool RunJudge<N>::add(const Row<N>& row) noexcept {
+  const double speed2 =
+      (known_.of_master ? row.master_v.squared_norm() : 0.0) + (known_.of_slave ? row.slave_v.squared_norm() : 0.0);
+  if (rows_++ == 0) most_speed2_ = std::max(kDiverged * kDiverged, 100.0 * speed2);
+  const double reach2 = std::max(known_.of_master ? row.master_x.translation().squaredNorm() : 0.0,
+                                 known_.of_slave ? row.slave_x.translation().squaredNorm() : 0.0);
+  if (!(speed2 <= most_speed2_) || !std::isfinite(reach2 + row.master_energy_j)) [[unlikely]] {
+    diverged_ = true;
+    diverged_at_s_ = row.t_s;
+    return false;
+  }
+  if (early_ && row.t_s >= early_until_s_) [[unlikely]]
+    end_early();
+  // Extremes change in few ticks: a branch costs less than a store.
+  if (reach2 > sums_.reach2) sums_.reach2 = reach2;
+  for (int i = 0; i < N; ++i) {
+    const double of_master = std::abs(row.master_v.vec()[i]), of_slave = std::abs(row.slave_v.vec()[i]);
+    if (of_master > sums_.speed[i] && known_.of_master) sums_.speed[i] = of_master;
+    if (of_slave > sums_.speed[N + i] && known_.of_slave) sums_.speed[N + i] = of_slave;
+  }
+  if (row.mode == Mode::coupled) sums_.was_coupled = 1.0;
+  note_apart(row);
+  if (known_.trends) see(row);
+  return true;
+}
 
 /// Is something in the scene that makes a loop nonlinear however small its motion: an encoder, Coulomb friction?
 bool is_coarse(const Scene& scene);

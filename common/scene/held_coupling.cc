@@ -7,6 +7,7 @@
 
 #include "common/arm/arm_model.h"
 #include "common/base/built_for.h"
+#include "common/base/eigenvalues.h"
 
 namespace twoport {
 namespace {
@@ -60,7 +61,7 @@ bool holds_arm(const ArmSpec& arm, const CouplingOptions& c, double period) {
   Square A{2 * n, 2 * n};
   A << Square::Identity(n, n) - l.asDiagonal() * K, Square{h.asDiagonal()} - l.asDiagonal() * B, -(g.asDiagonal() * K),
       Square{a.asDiagonal()} - g.asDiagonal() * B;
-  return Eigen::EigenSolver<Square>{A, false}.eigenvalues().cwiseAbs().maxCoeff() < 1.0 + kRounding;
+  return eigenvalues(A).cwiseAbs().maxCoeff() < 1.0 + kRounding;
 }
 
 }  // namespace

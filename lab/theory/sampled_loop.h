@@ -7,10 +7,9 @@
 #include <limits>
 #include <vector>
 
-namespace twoport::lab {
+#include "common/base/eigenvalues.h"
 
-/// Of a matrix that is balanced first.
-Eigen::VectorXcd eigenvalues(Eigen::MatrixXd a);
+namespace twoport::lab {
 
 // Sampled loops as matrices from tick to tick, computed without the laboratory's code.
 

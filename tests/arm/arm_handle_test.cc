@@ -346,7 +346,7 @@ Matrix21 tick_with_hand(const Scene& s, const HandSpec& hand) {
   return all;
 }
 double radius(const Matrix21& tick) {
-  return lab::eigenvalues(tick).cwiseAbs().maxCoeff();
+  return eigenvalues(tick).cwiseAbs().maxCoeff();
 }
 
 /// The value at which a rising growth is zero.

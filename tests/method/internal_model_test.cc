@@ -9,12 +9,10 @@
 #include <string>
 #include <vector>
 
-#include "common/method/passivity/energy_spring/energy_spring_layer.h"
-#include "common/method/transparency/internal_model/contact_model.h"
-#include "common/method/transparency/internal_model/slave.h"
+#include "common/method/transparency/surface/payload.h"
 #include "common/record/high_pass.h"
 #include "common/scene/load.h"
-#include "lab/engine/loops.h"
+#include "lab/engine/simulation.h"
 #include "master/master_node.h"
 #include "sim/sim_device.h"
 
@@ -97,7 +95,7 @@ double least_energy_j(const Hostile& c) {
   const Scene scene = hostile_scene(c);
   const Seconds dt{1.0 / c.rate_hz};
   sim::SimDevice<N> device{scene, dt};
-  MasterNode<N, MasterPair<N, InternalModel<N>, EnergySpringMaster<N>>> master{scene.control};
+  MasterNode<N> master{scene.control};
   HostileSlave<N> slave{c.seed};
   double least = 0.0, largest = 0.0;
   for (int k = 0; k < static_cast<int>(scene.duration_s * c.rate_hz); ++k) {
@@ -184,14 +182,14 @@ struct Figures {
 
 Figures run(const Contact& c) {
   const Scene scene = contact_scene(c);
-  lab::LinkLoop<3> loop{scene};
+  const auto loop = lab::make_simulation<3>(scene);
   Figures out;
   double rests = 0.0, slides = 0.0, direction2 = 0.0, felt2 = 0.0;
   Eigen::Vector3d mean = Eigen::Vector3d::Zero();
   HighPass<3> high_pass{30.0, c.rate_hz};
   double fast2 = 0.0, contact2 = 0.0, ticks = 0.0, contacts = 0.0;
   const double scale = scene.control.force_scale, motion = scene.control.motion_scale;
-  loop.run_until(loop.end(), [&](const Row<3>& row) {
+  loop->run([&](const Row<3>& row) {
     const Eigen::Vector3d felt = row.master_f.vec(), environment = -scale * row.env_f.vec(),
                           delayed = row.reference.vec();
     const Eigen::Vector3d apart = row.master_x.translation() - row.slave_x.translation() / motion;
@@ -350,9 +348,9 @@ TEST(InternalModel, ShowsTheTorqueOfAPlateOnItsEdge) {
       "-0.03, "
       "-0.03] } }",
       "plate");
-  lab::LinkLoop<6> loop{scene};
+  const auto loop = lab::make_simulation<6>(scene);
   double force_n = 0.0, torque_n_m = 0.0, moving2 = 0.0, pressed_n = 0.0, rests = 0.0, moves = 0.0;
-  loop.run_until(loop.end(), [&](const Row<6>& row) {
+  loop->run([&](const Row<6>& row) {
     const Force<6> error = row.master_f + row.env_f;
     if (row.t_s > 5.0) {
       ++rests;
@@ -377,9 +375,9 @@ TEST(InternalModel, IsTheSameInATurnedWorld) {
     const Scene scene = contact_scene(
         {.surface = "wall { normal: " + normal + " offset_m: -0.02 stiffness_n_per_m: 5000 friction: 0.2 }",
          .control = rotation});
-    lab::LinkLoop<3> loop{scene};
+    const auto loop = lab::make_simulation<3>(scene);
     std::vector<Eigen::Vector3d> all;
-    loop.run_until(loop.end(), [&](const Row<3>& row) {
+    loop->run([&](const Row<3>& row) {
       all.push_back(row.master_f.vec());
       return true;
     });
@@ -403,10 +401,10 @@ struct Choice {
   int turns = 0;  ///< how often the share begins to rise or to fall
 };
 Choice choice_of(const Scene& scene) {
-  lab::LinkLoop<6> loop{scene};
+  const auto loop = lab::make_simulation<6>(scene);
   Choice c;
   double sum = 0.0, touching = 0.0, way = 0.0;
-  loop.run_until(loop.end(), [&](const Row<6>& row) {
+  loop->run([&](const Row<6>& row) {
     const double change = row.figures[layer_figure("contact_spring_share")] - c.last;
     c.largest_change = std::max(c.largest_change, std::abs(change));
     if (change != 0.0 && change * way <= 0.0) ++c.turns;
@@ -457,9 +455,9 @@ TEST(ContactSpring, PressesWhatTheHandFeelsWhereTheEnergyIsSpent) {
   for (int i = 0; const char* corner : {"0.1, 0.1", "-0.1, 0.1", "0.1, -0.1", "-0.1, -0.1"})
     overrides.push_back("tool.contact_point[" + std::to_string(i++) + "].position_m=[0.05, " + corner + "]");
   const Scene scene = load_scene(TWOPORT_SCENES "/six_dof_plate.textproto", overrides);
-  lab::LinkLoop<6> loop{scene};
+  const auto loop = lab::make_simulation<6>(scene);
   double felt = 0.0, pressed = 0.0, wanted = 0.0;
-  loop.run_until(loop.end(), [&](const Row<6>& row) {
+  loop->run([&](const Row<6>& row) {
     if (row.t_s < 6.0) return true;
     felt += row.master_f.vec().head<3>().norm(), pressed += row.env_f.vec().head<3>().norm();
     wanted += row.master_f_wanted.vec().head<3>().norm();

@@ -17,7 +17,7 @@
 #include "common/record/summary.h"
 #include "common/runtime/cycle.h"
 #include "common/scene/load.h"
-#include "lab/engine/loops.h"
+#include "lab/engine/simulation.h"
 #include "lab/run.h"
 #include "tests/support/two_sides.h"
 
@@ -59,9 +59,9 @@ struct Felt {
 };
 template <int N>
 Felt run(const Scene& scene) {
-  lab::LinkLoop<N> loop{scene};
+  const auto loop = lab::make_simulation<N>(scene);
   Felt out;
-  loop.run_until(loop.end(), [&](const Row<N>& row) {
+  loop->run([&](const Row<N>& row) {
     out.finite = out.finite && all_finite(row.master_f, row.slave_f);
     out.last_n = std::sqrt(row.master_f.squared_norm());
     out.largest_n = std::max(out.largest_n, out.last_n);

@@ -18,7 +18,6 @@
 #include "common/method/transparency/four_channel/four_channel.h"
 #include "common/method/transparency/fractal_impedance/fractal_impedance.h"
 #include "common/scene/load.h"
-#include "lab/engine/loops.h"
 #include "lab/run.h"
 #include "tests/support/two_sides.h"
 

@@ -12,7 +12,7 @@
 #include <vector>
 
 #include "common/scene/load.h"
-#include "lab/engine/loops.h"
+#include "lab/engine/simulation.h"
 #include "tests/support/rows.h"
 #include "tests/support/two_sides.h"
 

@@ -247,66 +247,7 @@ class GodObject {
 
   /// Moves x towards the goal. `free`: x is known to penetrate nothing. True if it ends so. With friction moved_anchors_ and
   /// solved_friction_energy_ go with x.
-  bool solve(Position<N>& x, const Position<N>& goal, bool free) noexcept {
-    Position<N> last_free = x;
-    bool has_free = free;
-    cuts_.clear();
-    contacts_ = 0;
-    newton_steps_ = 0;
-    double step = 0.0;
-    if (rough_) {
-      solved_friction_energy_ = {};
-      start_energy_ = potential(x, goal);
-      moved_anchors_ = anchors_;
-      if (!free)
-        for (Anchor& a : moved_anchors_) a.holds = false;
-    }
-    for (int i = 0; i <= kSteps; ++i) {
-      Vector y = scaled(goal, x);
-      const double far = travel(y);
-      const double least = look(x, 2.5 * std::min(far, kStep_m) + 1e-4, i == 0);
-      if (least >= -kPenetration_m) {
-        last_free = x, has_free = true;
-        if (i > 0 && step <= kStill_m) {
-          if (rough_) drag_anchors(x, goal);
-          return true;
-        }
-      }
-      if (i == kSteps) break;
-      if (rows_.empty()) {
-        contacts_ = 0;
-        if (far <= kStep_m) {
-          x = goal;
-          for (Anchor& a : moved_anchors_) a.holds = false;
-          return true;
-        }
-        y *= kStep_m / far;
-        step = travel(y);
-        x = moved(x, y);
-        continue;
-      }
-      if (rough_)
-        solve_with_friction(x, y);
-      else
-        solver_.solve(rows_, y, kTolerance_m);
-      tell_contacts();
-      const double way = travel(y);
-      const bool whole = way <= kStep_m;
-      if (!whole) y *= kStep_m / way;
-      step = travel(y);
-      if (i == 0 && has_free && step <= kRest_m) {
-        if (rough_) drag_anchors(x, goal);
-        return true;
-      }
-      if (contacts_ == 0 && whole)
-        x = goal, step = 0.0;  // checked by the next look
-      else if (step > 0.0)
-        x = moved(x, y);
-    }
-    x = last_free;
-    if (rough_) drag_anchors(x, goal);
-    return has_free;
-  }
+  [[gnu::noinline]] bool solve(Position<N>& x, const Position<N>& goal, bool free) noexcept;
 
   /// The step y from x to the goal, both scaled, under normal forces and friction.
   void solve_with_friction(const Position<N>& x, Vector& y) noexcept {
@@ -494,5 +435,72 @@ class GodObject {
   std::array<Contact, static_cast<std::size_t>(N)> contact_{};
   std::size_t contacts_ = 0;
 };
+
+template <int N>
+bool GodObject<N>::solve(Position<N>& x, const Position<N>& goal, bool free) noexcept {
+  Position<N> last_free = x;
+  bool has_free = free;
+  cuts_.clear();
+  contacts_ = 0;
+  newton_steps_ = 0;
+  double step = 0.0;
+  if (rough_) {
+    solved_friction_energy_ = {};
+    start_energy_ = potential(x, goal);
+    moved_anchors_ = anchors_;
+    if (!free)
+      for (Anchor& a : moved_anchors_) a.holds = false;
+  }
+  for (int i = 0; i <= kSteps; ++i) {
+    Vector y = scaled(goal, x);
+    const double far = travel(y);
+    const double least = look(x, 2.5 * std::min(far, kStep_m) + 1e-4, i == 0);
+    if (least >= -kPenetration_m) {
+      last_free = x, has_free = true;
+      if (i > 0 && step <= kStill_m) {
+        if (rough_) drag_anchors(x, goal);
+        return true;
+      }
+    }
+    if (i == kSteps) break;
+    if (rows_.empty()) {
+      contacts_ = 0;
+      if (far <= kStep_m) {
+        x = goal;
+        for (Anchor& a : moved_anchors_) a.holds = false;
+        return true;
+      }
+      y *= kStep_m / far;
+      step = travel(y);
+      x = moved(x, y);
+      continue;
+    }
+    if (rough_)
+      solve_with_friction(x, y);
+    else
+      solver_.solve(rows_, y, kTolerance_m);
+    tell_contacts();
+    const double way = travel(y);
+    const bool whole = way <= kStep_m;
+    if (!whole) y *= kStep_m / way;
+    step = travel(y);
+    if (i == 0 && has_free && step <= kRest_m) {
+      if (rough_) drag_anchors(x, goal);
+      return true;
+    }
+    if (contacts_ == 0 && whole)
+      x = goal, step = 0.0;  // checked by the next look
+    else if (step > 0.0)
+      x = moved(x, y);
+  }
+  x = last_free;
+  if (rough_) drag_anchors(x, goal);
+  return has_free;
+}
+
+// Compiled once, in method/dof_N.cc.
+extern template class GodObject<1>;
+extern template class GodObject<3>;
+extern template class GodObject<6>;
 
 }  // namespace twoport

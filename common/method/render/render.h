@@ -34,45 +34,10 @@ class Rendering {
   };
 
   /// With the accounts of `o`; allocates here only.
-  Rendering(const ControlOptions& o, Environment<N> environment)
-      : options_{o},
-        controller_{controller_at_the_handle(o)},
-        environment_{std::move(environment)},
-        clearance_{environment_.clearance()},
-        accounts_(static_cast<std::size_t>(accounts(o, environment_))),
-        observer_{o.initial_energy, accounts(o, environment_)} {
-    if (o.rendering == RenderingAlgorithm::god_object) god_object_.emplace(o.coupling, environment_);
-  }
+  Rendering(const ControlOptions& o, Environment<N> environment);
 
   /// One control period of length `dt`: `ended` after the last one. `applied` is the force actually held since then.
-  Output step(const PortMotion<N>& port, const Force<N>& applied, Seconds dt, Seconds ended) noexcept {
-    evaluate(port);
-    book(port, applied, ended);
-    if (options_.reference_energy) potentials(port.x + port.v * dt, &Account::next_potential);
-
-    Output out{};
-    int i = 0;
-    for (Account& a : accounts_) {
-      const Energy energy = observer_.energy(i++);
-      const Budget budget = options_.reference_energy ? Budget{energy - a.potential, a.next_potential - a.potential}
-                                                      : Budget{energy, Energy{}};
-      const bool owes = !(budget.available >= Energy{}) || !(budget.rise <= budget.available);
-      if (!a.presses && !owes) {
-        a.acts = false;
-        continue;
-      }
-      a.acts = true;
-      const Force<N> wanted{a.on_environment};
-      const Corrected<Force<N>> part = passivity_controller(wanted, port.v, budget, controller_, dt);
-      a.held = part.out;
-      out.wanted += wanted;
-      out.command += part.out;
-      out.dissipated += part.dissipated;
-      out.undissipated += part.undissipated;
-    }
-    commanded_ = out.command;
-    return out;
-  }
+  Output step(const PortMotion<N>& port, const Force<N>& applied, Seconds dt, Seconds ended) noexcept;
 
   /// Instead of a step without a valid reading: no force until the next one.
   void release() noexcept {
@@ -209,5 +174,52 @@ class Rendering {
   PortMotion<N> before_;
   bool started_ = false;
 };
+
+template <int N>
+Rendering<N>::Rendering(const ControlOptions& o, Environment<N> environment)
+    : options_{o},
+      controller_{controller_at_the_handle(o)},
+      environment_{std::move(environment)},
+      clearance_{environment_.clearance()},
+      accounts_(static_cast<std::size_t>(accounts(o, environment_))),
+      observer_{o.initial_energy, accounts(o, environment_)} {
+  if (o.rendering == RenderingAlgorithm::god_object) god_object_.emplace(o.coupling, environment_);
+}
+
+template <int N>
+[[gnu::flatten]] auto Rendering<N>::step(const PortMotion<N>& port, const Force<N>& applied, Seconds dt,
+                                         Seconds ended) noexcept -> Output {
+  evaluate(port);
+  book(port, applied, ended);
+  if (options_.reference_energy) potentials(port.x + port.v * dt, &Account::next_potential);
+
+  Output out{};
+  int i = 0;
+  for (Account& a : accounts_) {
+    const Energy energy = observer_.energy(i++);
+    const Budget budget = options_.reference_energy ? Budget{energy - a.potential, a.next_potential - a.potential}
+                                                    : Budget{energy, Energy{}};
+    const bool owes = !(budget.available >= Energy{}) || !(budget.rise <= budget.available);
+    if (!a.presses && !owes) {
+      a.acts = false;
+      continue;
+    }
+    a.acts = true;
+    const Force<N> wanted{a.on_environment};
+    const Corrected<Force<N>> part = passivity_controller(wanted, port.v, budget, controller_, dt);
+    a.held = part.out;
+    out.wanted += wanted;
+    out.command += part.out;
+    out.dissipated += part.dissipated;
+    out.undissipated += part.undissipated;
+  }
+  commanded_ = out.command;
+  return out;
+}
+
+// Compiled once, in method/dof_N.cc.
+extern template class Rendering<1>;
+extern template class Rendering<3>;
+extern template class Rendering<6>;
 
 }  // namespace twoport

@@ -1,9 +1,9 @@
+#include "common/base/eigenvalues.h"
+
 #include <Eigen/Eigenvalues>
 #include <cmath>
 
-#include "lab/theory/sampled_loop.h"
-
-namespace twoport::lab {
+namespace twoport {
 namespace {
 
 /// Scales states by powers of two until rows and columns are alike (Parlett and Reinsch, 1969): positions and forces
@@ -27,7 +27,7 @@ void balance(Eigen::MatrixXd& a) {
 
 Eigen::VectorXcd eigenvalues(Eigen::MatrixXd a) {
   balance(a);
-  return a.eigenvalues();
+  return Eigen::EigenSolver<Eigen::MatrixXd>{a, false}.eigenvalues();
 }
 
-}  // namespace twoport::lab
+}  // namespace twoport

@@ -1,0 +1,7 @@
+#include "common/record/metrics.h"
+
+namespace twoport {
+
+TWOPORT_COMPILE(Metrics);
+
+}  // namespace twoport

@@ -1,0 +1,7 @@
+#include "master/master_node.h"
+
+namespace twoport {
+
+TWOPORT_COMPILE(MasterNode);
+
+}  // namespace twoport

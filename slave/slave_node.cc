@@ -1,0 +1,7 @@
+#include "slave/slave_node.h"
+
+namespace twoport {
+
+TWOPORT_COMPILE(SlaveNode);
+
+}  // namespace twoport
