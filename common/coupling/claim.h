@@ -12,7 +12,7 @@ namespace twoport {
 ///     all    observer RECTANGLE: the account misses energy
 ///            a limit of the force's rate at the device that can act: a force outlasts its account (layers that exchange energy show
 ///            none that could)
-///     hand   options that count on more damping than the device has
+///     hand   an option of the layer (PassivityLayerName::voids_hand)
 ///     both   of a layer that bounds the robot's own port: a limit of the force's rate at the robot that can act; an ideal robot, which goes to
 ///            its set point whatever force that takes
 ///            `predicts`: POSITION_MEASURED_FORCE, and a damper at the robot that is of the link (damps_link)
@@ -27,7 +27,7 @@ struct StandingClaim {
     prediction,
     measured_force,
     link_damper,
-    damping
+    option
   };
 
   Claim claim;
@@ -68,8 +68,8 @@ struct StandingClaim {
     if (returns_measured_force(o)) take_both(measured_force);
     if (transparency_layer(o).damps_link) take_both(link_damper);
   }
-  if (const auto overstates = passivity_layer(o).overstates_damping; overstates != nullptr && !overstates(o).empty())
-    claim.hand = false, voided = damping;
+  if (const auto voids = passivity_layer(o).voids_hand; voids != nullptr && !voids(o).empty())
+    claim.hand = false, voided = option;
   return {claim.any() ? claim : Claim{}, voided};
 }
 [[nodiscard]] inline Claim claim_of(const ControlOptions& o) {

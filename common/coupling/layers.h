@@ -59,6 +59,7 @@ struct LayerFigure {
 
 struct TransparencyLayerName {
   std::string_view name, summary;
+  bool is_plain = false;  ///< it leaves the force as it arrives
   /// A damper at the robot that acts beside the passivity layer is of the link: no controller of the link's port bounds it.
   bool damps_link = false;
   /// E(0) that no scene states grows with the round trip (default_initial_energy).
@@ -77,14 +78,15 @@ struct TransparencyLayerName {
 };
 struct PassivityLayerName {
   std::string_view name, summary;
+  bool is_plain = false;             ///< it displays everything and keeps no account
   std::optional<Claim> claim{};      ///< each layer states one
   Method controller = Method::none;  ///< of the observer's port
   bool exchanges = false;            ///< both sides have an account and exchange energy
   std::string_view passes_on{};      ///< the same layer without the bound of the hand's port alone
   /// What must be otherwise, after "it must "; empty: nothing.
   std::string_view (*refusal)(const ControlOptions&) = nullptr;
-  /// The block of options that counts on more damping than the device has, so that the claim of the hand's port is void; empty: none.
-  std::string_view (*overstates_damping)(const ControlOptions&) = nullptr;
+  /// Which of its options voids the claim of the hand's port, and why: a sentence. Empty: none.
+  std::string_view (*voids_hand)(const ControlOptions&) = nullptr;
 };
 /// A named pair; a method of one piece has no layers, and a claim of its own.
 struct MethodName {
@@ -192,10 +194,17 @@ consteval std::size_t layer_figure(std::string_view name) {
   while (kLayerFigures.at(i).name != name) ++i;
   return i;
 }
+/// Has a layer figures in a scene with so many degrees of freedom?
+constexpr bool has_figures(const TransparencyLayerName& layer, int dof) {
+  return std::any_of(std::begin(layer.figures), std::end(layer.figures),
+                     [&](const LayerFigure& each) { return !each.name.empty() && dof >= each.least_dof; });
+}
 
 /// The method of a scene over a link that names none.
 inline constexpr std::string_view kDefaultMethod = kMethods[0].name;
-static_assert(find_name(kMethods, kPlainMethod)->transparency == kPlainTransparency &&
+static_assert(find_name(kTransparencyLayers, kPlainTransparency)->is_plain &&
+              find_name(kPassivityLayers, kPlainPassivity)->is_plain &&
+              find_name(kMethods, kPlainMethod)->transparency == kPlainTransparency &&
               find_name(kMethods, kPlainMethod)->passivity == kPlainPassivity);
 
 /// The entry of what is in use; where it has no such layer, as of one piece, one that states nothing.

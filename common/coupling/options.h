@@ -12,18 +12,12 @@
 
 #include "common/base/scalar.h"
 #include "common/base/vector.h"
-#include "common/method/one_piece/set_position_modulation/options.h"
-#include "common/method/one_piece/wave_variables/options.h"
-#include "common/method/passivity/energy_bounding/options.h"
-#include "common/method/passivity/energy_tank/options.h"
-#include "common/method/transparency/fixed_damping/options.h"
-#include "common/method/transparency/four_channel/options.h"
-#include "common/method/transparency/fractal_impedance/options.h"
-#include "common/method/transparency/plugin/options.h"
-#include "common/method/transparency/random/options.h"
 #include "common/passivity/controller_options.h"
 #include "common/passivity/observer.h"
 #include "common/safety/limits.h"
+#define TWOPORT_LAYER_OPTIONS(BLOCK, Struct)
+#include "common/method/list.h"
+#undef TWOPORT_LAYER_OPTIONS
 
 namespace twoport {
 
@@ -101,16 +95,10 @@ struct ControlOptions {
   PortLimits own_limits;                                         ///< of this side's driver
   KnownSystem known;
   std::optional<Seconds> stated_round_trip;  ///< of the network; absent: known.round_trip is that of the scene's delays
-  // One block of options for each layer and method that has some; only those in use are read.
-  FixedDampingOptions fixed_damping;
-  WaveVariablesOptions wave_variables;
-  SetPositionModulationOptions set_position_modulation;
-  EnergyTankOptions energy_tank;
-  EnergyBoundingOptions energy_bounding;
-  FourChannelOptions four_channel;
-  FractalImpedanceOptions fractal_impedance;
-  RandomOptions random;
-  PluginOptions plugin;
+  // The options of each layer and method that has some, under the name of its block; only those in use are read.
+#define TWOPORT_LAYER_OPTIONS(BLOCK, Struct) Struct BLOCK;
+#include "common/method/list.h"
+#undef TWOPORT_LAYER_OPTIONS
 };
 
 /// What the master keeps at its device, and the slave at its robot; joints in the node's metric.

@@ -8,9 +8,9 @@
 #include "common/base/check.h"
 #include "common/method/catalogue.h"
 #include "common/method/layers.h"
-#include "common/method/one_piece/list.h"
-#include "common/method/passivity/list.h"
-#include "common/method/transparency/list.h"
+#define TWOPORT_LAYER_CLASSES
+#include "common/method/list.h"
+#undef TWOPORT_LAYER_CLASSES
 
 namespace twoport {
 

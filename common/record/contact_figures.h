@@ -80,8 +80,9 @@ class ContactFigures {
   }
 
   /// As after rows with these sums, without torques.
-  void set(const ContactSums<double>& sums, std::optional<double> held_force_ratio) {
+  void set(const ContactSums<double>& sums, std::optional<double> held_force_ratio, const LayerFigures& figures) {
     sums_ = sums;
+    layer_figures_ = figures;
     held_force_.set(held_force_ratio);
   }
 

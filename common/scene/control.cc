@@ -27,10 +27,6 @@ static_assert(same_number(Accounts::total, schema::Passivity::TOTAL) &&
 static_assert(same_number(RenderingAlgorithm::penalty, schema::Control::PENALTY) &&
               same_number(RenderingAlgorithm::god_object, schema::Control::GOD_OBJECT) &&
               same_number(RenderingAlgorithm::god_object, schema::Control::Rendering_MAX));
-static_assert(same_number(WaveReceiverRule::energy_limited, schema::WaveVariables::ENERGY_LIMITED) &&
-              same_number(WaveReceiverRule::hold, schema::WaveVariables::HOLD) &&
-              same_number(WaveReceiverRule::zero, schema::WaveVariables::ZERO) &&
-              same_number(WaveReceiverRule::zero, schema::WaveVariables::Receiver_MAX));
 
 CouplingOptions read_coupling(const Block<schema::VirtualCoupling>& of) {
   return {
@@ -67,55 +63,21 @@ Method rendering_controller(std::string_view name) {
   return found != nullptr && found->rendering ? found->method : Method::none;
 }
 
-/// The options of single methods. Those of a method that is not in use are checked all the same.
-void read_method_options(const Block<schema::Passivity>& of, ControlOptions& options) {
-  const Block fixed = of.block(FIELD(fixed_damping));
-  options.fixed_damping = {
-      .damping_n_s_per_m = GIVEN(fixed, damping_n_s_per_m),
-      .stiffness_n_per_m = GIVEN(fixed, stiffness_n_per_m),
-      .rotational_damping_n_m_s_per_rad = GIVEN(fixed, rotational_damping_n_m_s_per_rad),
-      .rotational_stiffness_n_m_per_rad = GIVEN(fixed, rotational_stiffness_n_m_per_rad),
-  };
-  const Block wave = of.block(FIELD(wave_variables));
-  options.wave_variables = {
-      .impedance_n_s_per_m = GIVEN(wave, impedance_n_s_per_m),
-      .rotational_impedance_n_m_s_per_rad = GIVEN(wave, rotational_impedance_n_m_s_per_rad),
-      .receiver = static_cast<WaveReceiverRule>(wave->receiver()),
-      .position_correction_per_s = wave->position_correction_per_s(),
-  };
-  const Block set_position = of.block(FIELD(set_position_modulation));
-  options.set_position_modulation = {
-      .stiffness_n_per_m = GIVEN(set_position, stiffness_n_per_m),
-      .damping_n_s_per_m = GIVEN(set_position, damping_n_s_per_m),
-      .rotational_stiffness_n_m_per_rad = GIVEN(set_position, rotational_stiffness_n_m_per_rad),
-      .rotational_damping_n_m_s_per_rad = GIVEN(set_position, rotational_damping_n_m_s_per_rad),
-      .energy_ceiling_j = GIVEN(set_position, energy_ceiling_j),
-  };
-  const Block tank = of.block(FIELD(energy_tank));
-  options.energy_tank = {
-      .desired_level_j = GIVEN(tank, desired_level_j),
-      .level_gain_n_s_per_m_per_j = GIVEN(tank, level_gain_n_s_per_m_per_j),
-      .transfer_per_s = GIVEN(tank, transfer_per_s),
-  };
-  const Block bounding = of.block(FIELD(energy_bounding));
-  options.energy_bounding = {
-      .damping_n_s_per_m = GIVEN(bounding, damping_n_s_per_m),
-      .rotational_damping_n_m_s_per_rad = GIVEN(bounding, rotational_damping_n_m_s_per_rad),
-  };
-  const Block channels = of.block(FIELD(four_channel));
-  options.four_channel = {
-      .reaction_force_observer = channels->reaction_force_observer(),
-      .observer_bandwidth_rad_per_s = GIVEN(channels, observer_bandwidth_rad_per_s),
-      .force_gain = GIVEN(channels, force_gain),
-      .disturbance_observer = channels->disturbance_observer(),
-  };
-  if (of->internal_model().strict_two_port() && method_entry(options).strict_two_port)
-    options.passivity = passivity_layer(options).passes_on;
-  const Block fractal = of.block(FIELD(fractal_impedance));
-  options.fractal_impedance = {
-      .stiffness_n_per_m = GIVEN(fractal, stiffness_n_per_m),
-      .rotational_stiffness_n_m_per_rad = GIVEN(fractal, rotational_stiffness_n_m_per_rad),
-  };
+/// A layer's options, from its block in `transparency` or `passivity`.
+void read_options(auto& options, const schema::Control& of, auto block) {
+  if constexpr (requires { block(of.transparency()); }) {
+    options.read(block(of.transparency()));
+  } else {
+    options.read(block(of.passivity()));
+  }
+}
+/// Those of a layer that is not in use are checked all the same.
+void read_options_of_layers(const Block<schema::Control>& of, ControlOptions& options) {
+#define TWOPORT_LAYER_OPTIONS(BLOCK, Struct) \
+  read_options(options.BLOCK, of.message(), [](const auto& in) -> decltype(in.BLOCK()) { return in.BLOCK(); });
+#include "common/method/list.h"
+#undef TWOPORT_LAYER_OPTIONS
+  if (std::string& file = options.plugin.file; !file.empty()) file = file_beside(of.context().file, file);
 }
 
 /// Of an architecture that is the transparency layer `named`: the passivity layer that the scene's method has.
@@ -127,7 +89,8 @@ std::string passivity_below(const Block<schema::Control>& of, const Transparency
                         fmt::format("be absent or {} where control.architecture is {}", named.name, named.name));
   if (!passivity->has_method()) return std::string{kMethods[0].passivity};
   const MethodName* method = find_name(kMethods, schema::Passivity::Method_Name(passivity->method()));
-  if (method == nullptr || (method->transparency != kPlainTransparency && method->transparency != named.name))
+  if (method == nullptr ||
+      (method->transparency != named.name && !entry_of(kTransparencyLayers, method->transparency).is_plain))
     passivity.refuse(FIELD(method), fmt::format("be one with the layer {} or {} where control.architecture is {}",
                                                 kPlainTransparency, named.name, named.name));
   return std::string{method->passivity};
@@ -138,11 +101,6 @@ bool read_layers(const Block<schema::Control>& of, ControlOptions& options) {
   const Block transparency = of.block(FIELD(transparency));
   const Block passivity = of.block(FIELD(passivity));
   const TransparencyLayerName* named_above = named_by_architecture(of.message());
-  options.random.force_n = transparency->random().force_n();
-  options.random.hold_ms = transparency->random().hold_ms();
-  const std::string& plugin = transparency->plugin().file();
-  options.plugin.file = plugin.empty() ? plugin : file_beside(of.context().file, plugin);
-  options.plugin.arguments = transparency->plugin().arguments();
   if (!transparency->has_layer() && !passivity->has_layer() && named_above == nullptr) return false;
   const std::string named = transparency->has_layer() ? transparency.path_of("layer") : passivity.path_of("layer");
   if (passivity->has_method() && (transparency->has_layer() || passivity->has_layer()))
@@ -189,7 +147,9 @@ void read_passivity(const Block<schema::Control>& control, ControlOptions& optio
   // Absent: default_initial_energy, once the system is known.
   if (const auto j = GIVEN(of, initial_energy_j)) options.initial_energy = Energy{*j};
 
-  read_method_options(of, options);
+  read_options_of_layers(control, options);
+  if (of->internal_model().strict_two_port() && method_entry(options).strict_two_port)
+    options.passivity = passivity_layer(options).passes_on;
 
   if (rendering && options.controller.method == Method::none && !is_plain(options))
     of.refuse(FIELD(method), fmt::format("be one of {} where control.architecture is RENDER: it needs a link",

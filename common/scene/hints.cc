@@ -261,9 +261,8 @@ std::string what_voids(const ControlOptions& o) {
       return fmt::format("the force sensor's force is displayed, of which {} at the robot has no account", layer);
     case link_damper:
       return fmt::format("{} has a brake at the robot beside the account of {}", o.transparency, layer);
-    case damping:
-      return fmt::format("{} states more damping than the device has, {:g} N s/m",
-                         passivity_layer(o).overstates_damping(o), o.known.device_damping_n_s_per_m);
+    case option:
+      return std::string{passivity_layer(o).voids_hand(o)};
   }
   return {};
 }
@@ -274,7 +273,7 @@ bool is_said(const ControlOptions& o) {
   switch (standing_claim(o).voided) {
     case observer:
     case prediction:
-    case damping:
+    case option:
       return true;
     case device_rate:
       return o.device_limits.force_rate_n_per_s != kDeviceDefaults.force_rate_n_per_s;

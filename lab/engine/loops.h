@@ -269,8 +269,8 @@ std::unique_ptr<Simulation<N>> make_simulation(const Scene& scene, Taps<N>* taps
     if (scene.control.architecture == Architecture::render) return std::make_unique<RenderLoop<N>>(scene, taps);
     if (scene.control.architecture == Architecture::uncontrolled) return std::make_unique<BodyLoop<N>>(scene);
     // One loop for each size does for every method; the controllers that sweeps run most have one of their own, 10 % faster.
-    if (scene.control.transparency == kPlainTransparency &&
-        scene.control.controller.method != ::twoport::Method::none && scene.schedule.empty())
+    if (transparency_layer(scene.control).is_plain && scene.control.controller.method != ::twoport::Method::none &&
+        scene.schedule.empty())
       return std::make_unique<LinkLoop<N, TimeDomainPassivity>>(scene, taps);
   }
   return std::make_unique<LinkLoop<N>>(scene, taps);

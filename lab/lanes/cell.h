@@ -41,7 +41,10 @@ namespace twoport::lab::lanes {
 template <int N>
 class Nodes {
  public:
-  explicit Nodes(const Scene& scene) : rate_hz_{scene.master_rate_hz}, nodes_{scene} {}
+  explicit Nodes(const Scene& scene)
+      : rate_hz_{scene.master_rate_hz},
+        nodes_{scene},
+        held_by_environment_{!World{scene.environment}.springs.empty()} {}
 
   void be_quiet() noexcept { nodes_.be_quiet(); }
   [[nodiscard]] LinkUse use() const { return nodes_.use(); }
@@ -50,6 +53,7 @@ class Nodes {
   TWOPORT_FLATTEN void slave_tick(double* numbers, std::size_t width) noexcept {
     const auto at = [&](std::size_t field) -> double& { return numbers[field * width]; };
     const Force<N> environment{vector_at(numbers + 2 * N * width, width)};
+    touching_ = held_by_environment_ || environment.squared_norm() > 0.0;
     GivenReading<RobotSample<N>> robot{{Position<N>{vector_at(numbers, width)},
                                         Velocity<N>{vector_at(numbers + N * width, width)},
                                         Force<N>{bias_ - environment.vec()}, false}};
@@ -70,6 +74,7 @@ class Nodes {
                                           Velocity<N>{vector_at(numbers + N * width, width)},
                                           Force<N>{vector_at(numbers + 2 * N * width, width)}}};
     const auto out = nodes_.master_tick(device, {tick_time(ticks_++, rate_hz_)});
+    for (std::size_t i = 0; touching_ && i < figures_.size(); ++i) figures_[i] += out.figures[i];
     for (std::size_t i = 0; i < N; ++i) {
       const int k = static_cast<int>(i);
       at(2 * N + i) = out.command[k];
@@ -81,6 +86,8 @@ class Nodes {
     at(5 * N + 2) = out.dissipated.si();
     at(5 * N + 3) = out.undissipated.si();
   }
+  /// Sums over ticks in contact.
+  [[nodiscard]] const LayerFigures& figures() const { return figures_; }
   /// Of the force sensor.
   void set_bias(const typename Force<N>::Vector& bias) { bias_ = bias; }
 
@@ -93,6 +100,8 @@ class Nodes {
 
   double rate_hz_;
   LinkedNodes<N> nodes_;
+  bool held_by_environment_, touching_ = false;
+  LayerFigures figures_{};
   typename Force<N>::Vector bias_ = Force<N>::Vector::Zero();
   std::int64_t ticks_ = 0, slave_ticks_ = 0;
 };
@@ -263,7 +272,7 @@ class Cell {
     const auto rows = static_cast<std::uint64_t>(k);
     const double last_s = static_cast<double>((k - 1) * period_ns_) / kNanosecondsPerSecond;
     m.set(t, rows, last_s);
-    m.contact().set(t, held_ratio_);
+    m.contact().set(t, held_ratio_, nodes_ ? nodes_->figures() : LayerFigures{});
     m.judge().set(t, rows, early_, diverged ? std::optional{last_s} : std::nullopt);
     if (is_plain()) {
       m.judge().set_after(std::move(*after_), acted_after_, now.state.master_energy);

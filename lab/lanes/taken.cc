@@ -87,6 +87,7 @@ bool may_be_silent(const ImpairmentOptions& o, const Scene& scene) {
 }
 bool has_nodes_in_lanes(const Scene& scene) {
   const ControlOptions& c = scene.control;
+  if (has_figures(transparency_layer(c), scene.dof)) return false;
   const bool model = c.method_name == "INTERNAL_MODEL" && !exchanges_energy(c) && c.coupling.stiffness_n_per_m > 0.0;
   if (!model && c.method_name != "NONE" && c.method_name != "CLASSIC" && c.method_name != "FORCE_PROJECTED")
     return false;
@@ -122,8 +123,6 @@ std::string why_not_in_lanes(const Scene& scene) {
   if (c.architecture == Architecture::render || c.architecture == Architecture::uncontrolled)
     return "the scene has no link";
   if (scene.dof != 1 && scene.dof != 3) return "dof is 6";
-  for (const LayerFigure& figure : transparency_layer(c).figures)
-    if (!figure.name.empty() && figure.least_dof <= scene.dof) return "the layer has figures of its own";
   if (scene.master_rate_hz != scene.slave_rate_hz) return "the rates of the sides differ";
   if (kNanosecondsPerSecond / scene.master_rate_hz != static_cast<double>(period_of(scene)))
     return "a tick is not a whole number of nanoseconds";

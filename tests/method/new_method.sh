@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
-# A new layer is a folder, a line of the list and a name in the schema: adds these of the example of docs/guides/add-a-method.md to a tree of
-# its own, compiles there what reads names, makes halves and writes figures, and looks for its force and its figure.
+# A new layer is a folder, a line of the list, and its name and block in the schema: adds these of the example of docs/guides/add-a-method.md
+# to a tree of its own, compiles there what reads scenes, makes halves and writes figures, and looks for its option and its figures.
 # new_method.sh COMPILER PROTOC EIGEN_INCLUDE LIBRARY...
 set -euo pipefail
 cd "$(dirname "$(readlink -f "$0")")/../.."
@@ -19,7 +19,9 @@ change() {
   ! cmp -s "$file" "$work/$file" || { echo "$file: no place for the new method"; exit 1; }
 }
 change common/method/transparency/list.h 's|^#include ".*/delayed_force/layer.h"|&\n#include "common/method/transparency/local_damping/layer.h"|'
-change proto/scene.proto 's/^ *DELAYED_FORCE = 0;/& LOCAL_DAMPING = 1000;/'
+change proto/scene.proto -e 's/^ *DELAYED_FORCE = 0;/& LOCAL_DAMPING = 1000;/' \
+  -e 's/^ *optional TransparencyPlugin plugin = .*/&\n  optional LocalDamping local_damping = 1000;/' \
+  -e '$a message LocalDamping { optional double damping_n_s_per_m = 1 [default = 2, (must_be) = ">= 0"]; }'
 
 cat >"$work/main.cc" <<'CC'
 #include <google/protobuf/text_format.h>
@@ -45,8 +47,8 @@ ControlOptions read(const char* control) {
   return read_control(Block{context, message, "control"}, SceneFor::laboratory);
 }
 
-/// A tick of a run with this result leaves the figure in trace and summary.
-bool leaves_its_figure(const MasterOutput<3>& out, const std::string& folder) {
+/// A tick of a run with this result leaves the figures of both halves in trace and summary.
+bool leaves_its_figures(const MasterOutput<3>& out, const std::string& folder) {
   const Row<3> row{.master_f = out.f, .figures = out.figures, .touching = true, .coupled = true};
   const std::string trace = folder + "/trace.csv";
   {
@@ -57,27 +59,38 @@ bool leaves_its_figure(const MasterOutput<3>& out, const std::string& folder) {
   std::istringstream text{read_whole(trace)};
   std::string header, values;
   std::getline(text, header) && std::getline(text, values);
-  std::printf("%s ... %s\n", header.substr(header.rfind(',') + 1).c_str(), values.substr(values.rfind(',') + 1).c_str());
+  std::printf("%s\n%s\n", header.c_str(), values.c_str());
   ContactFigures<3> figures{1000.0, std::nullopt};
   figures.add(row, out.f.vec(), out.f.squared_norm());
   Summary summary;
   figures.fill(summary, true, true, 1.0, 1000.0);
-  const double mean = Figure::named("local_damping_power_w").of(summary);
-  std::printf("layer_figures.mean of the summary: %g W\n", mean);
-  return header.ends_with(",local_damping_power_w") && values.ends_with(",0.5") && mean == 0.5;
+  const double power_w = Figure::named("local_damping_power_w").of(summary), robot = Figure::named("robot_speed_m_per_s").of(summary);
+  std::printf("layer_figures.mean of the summary: %g W, %g m/s\n", power_w, robot);
+  return header.ends_with(",local_damping_power_w,robot_speed_m_per_s") && values.ends_with(",0.75,0.25") && power_w == 0.75 &&
+         robot == 0.25;
 }
 }  // namespace
 
 int main(int, char** arguments) {
-  Held<MasterHalf<3>> half{read("transparency { layer: LOCAL_DAMPING } passivity { layer: NONE }")};
+  if (read("").local_damping.damping_n_s_per_m != 2.0) return 1;
+  const ControlOptions options =
+      read("transparency { layer: LOCAL_DAMPING local_damping { damping_n_s_per_m: 3 } } passivity { layer: NONE }");
+  Held<MasterHalf<3>> half{options};
+  Held<SlaveHalf<3>> slave_half{options};
   DeviceSample<3> device;
   device.v = Velocity<3>{Eigen::Vector3d{0.5, 0, 0}};
-  PeerState<3> slave;
+  PeerState<3> slave, master;
+  RobotSample<3> robot;
+  robot.v = Velocity<3>{Eigen::Vector3d{0, 0.25, 0}};
+  const Registration<3> worlds{options};
+  slave_half->step({.dt = Seconds{1e-3}, .robot = robot, .master = master, .commanded = robot.x, .worlds = worlds, .master_energy_in = {},
+                    .master_energy_net = {}, .account = {}, .coupled = true, .active = true, .bridge = nullptr});
+  slave_half->write_payload(slave.words, worlds);
   const MasterOutput<3> out =
       half->step({.dt = Seconds{1e-3}, .ended = Seconds{1e-3}, .device = device, .interval = {}, .first = true, .slave = slave,
                  .slave_energy_in = {}, .account = {}, .active = true, .ramp = 1.0});
   std::printf("%g N\n", out.f[0]);
-  if (out.f[0] != 1.0 || !leaves_its_figure(out, arguments[1])) return 1;
+  if (out.f[0] != 1.5 || !leaves_its_figures(out, arguments[1])) return 1;
   try {
     read("architecture: RENDER transparency { layer: LOCAL_DAMPING }");
   } catch (const ConfigError& e) {
@@ -106,3 +119,9 @@ sed 's/\.claim = Claim{}/.claim = {}/' common/method/passivity/none/layer.h >"$w
 "$compiler" -std=c++20 -I"$work/unclaimed" -I. -isystem "$eigen" -fsyntax-only -x c++ common/coupling/layers.h 2>"$work/errors" &&
   { echo "a layer without a claim compiles"; exit 1; }
 grep 'each passivity layer states a claim' "$work/errors"
+
+# Nor does the name of a figure that no layer declares.
+echo 'int main() { return static_cast<int>(twoport::layer_figure("local_dampin_power_w")); }' >"$work/name.cc"
+"$compiler" -std=c++20 -I"$work" -I. -isystem "$eigen" -fsyntax-only -include common/coupling/layers.h "$work/name.cc" 2>"$work/errors" &&
+  { echo "a wrong name of a figure compiles"; exit 1; }
+grep -m 1 'layer_figure' "$work/errors"

@@ -23,6 +23,7 @@
 #include "common/scene/load.h"
 #include "common/scene/source.h"
 #include "lab/engine/simulation.h"
+#include "lab/lanes/cell.h"
 #include "lab/run.h"
 #include "lab/study/map.h"
 #include "lab/study/sweep.h"
@@ -502,6 +503,24 @@ TEST(Lanes, AnImpossibleNumberIsRefused) {
   EXPECT_THROW(checked_lanes(16), ConfigError);
   EXPECT_EQ(checked_lanes(1), 1);
   EXPECT_EQ(checked_lanes(0), widest_lanes());
+}
+
+// That of CONTACT_SPRING is 1 while it displays.
+TEST(Lanes, SumTheFiguresOfALayerOverTicksInContact) {
+  const Scene scene = parse_scene(
+      "dof: 3 duration_s: 1 rate_hz: 1000 operator { hand { stiffness_n_per_m: 300 } } device { mass_kg: 0.1 } control "
+      "{ transparency { "
+      "layer: CONTACT_SPRING } } robot { mass_kg: 0.5 force_sensor { } }",
+      "figures");
+  lanes::Nodes<3> nodes{scene};
+  for (int k = 0; k < 500; ++k) {
+    std::array<double, lanes::numbers_of_slave(3)> slave{};
+    std::array<double, lanes::numbers_of_master(3)> master{};
+    slave[6] = k < 300 ? 0.0 : -1.0;  // the environment's force
+    nodes.slave_tick(slave.data(), 1);
+    nodes.master_tick(master.data(), 1);
+  }
+  EXPECT_EQ(nodes.figures()[layer_figure("contact_spring_share")], 200.0);
 }
 
 }  // namespace

@@ -1,6 +1,4 @@
-// The transparency layers, in the order in which they are listed; the first is the default.
-// common/coupling/layers.h reads their entries, with TWOPORT_LAYER(name, class at the master, class at the slave, entry); without that
-// macro this includes their classes.
+// The transparency layers, in the order in which they are listed; the first is the default. common/method/list.h says how it is read.
 // clang-format off
 #include "common/method/transparency/internal_model/layer.h"
 #include "common/method/transparency/delayed_force/layer.h"

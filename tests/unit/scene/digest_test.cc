@@ -1,3 +1,4 @@
+#include <google/protobuf/descriptor.h>
 #include <gtest/gtest.h>
 
 #include <cstdint>
@@ -5,6 +6,7 @@
 #include <string>
 #include <vector>
 
+#include "proto/scene.pb.h"
 #include "tests/unit/scene/scenes.h"
 
 namespace twoport::test {
@@ -21,6 +23,27 @@ control {
               unilateral: true predict: true }
 }
 )";
+
+/// An override for each option of the blocks in control.passivity that both sides share.
+std::vector<std::string> shared_options_of_layers() {
+  using Field = google::protobuf::FieldDescriptor;
+  std::vector<std::string> all;
+  const auto& passivity = *schema::Passivity::descriptor();
+  for (int i = 0; i < passivity.field_count(); ++i) {
+    const Field& block = *passivity.field(i);
+    if (block.message_type() == nullptr || !block.options().GetExtension(schema::shared)) continue;
+    for (int k = 0; k < block.message_type()->field_count(); ++k) {
+      const Field& option = *block.message_type()->field(k);
+      const auto* values = option.enum_type();
+      const std::string value = values != nullptr                          ? values->value(1)->name()
+                                : option.cpp_type() == Field::CPPTYPE_BOOL ? "true"
+                                                                           : "1";
+      all.push_back("control.passivity." + block.name() + "." + option.name() + "=" + value);
+    }
+  }
+  EXPECT_GT(all.size(), 20U);
+  return all;
+}
 
 TEST(SceneDigest, ChangesWithEverythingThatBothSidesShare) {
   std::set<std::uint64_t> seen{scene_digest(scene_of(kSpelt))};
@@ -48,31 +71,11 @@ TEST(SceneDigest, ChangesWithEverythingThatBothSidesShare) {
                              "control.passivity.unilateral=false",
                              "control.passivity.predict=false",
                              "control.passivity.round_trip_ms=1",
-                             "control.passivity.fixed_damping.damping_n_s_per_m=1",
-                             "control.passivity.fixed_damping.stiffness_n_per_m=1",
-                             "control.passivity.fixed_damping.rotational_damping_n_m_s_per_rad=1",
-                             "control.passivity.fixed_damping.rotational_stiffness_n_m_per_rad=1",
-                             "control.passivity.wave_variables.impedance_n_s_per_m=1",
-                             "control.passivity.wave_variables.rotational_impedance_n_m_s_per_rad=1",
-                             "control.passivity.wave_variables.receiver=HOLD",
-                             "control.passivity.wave_variables.position_correction_per_s=1",
-                             "control.passivity.set_position_modulation.stiffness_n_per_m=1",
-                             "control.passivity.set_position_modulation.damping_n_s_per_m=1",
-                             "control.passivity.set_position_modulation.rotational_stiffness_n_m_per_rad=1",
-                             "control.passivity.set_position_modulation.rotational_damping_n_m_s_per_rad=1",
-                             "control.passivity.set_position_modulation.energy_ceiling_j=1",
-                             "control.passivity.energy_tank.desired_level_j=1",
-                             "control.passivity.energy_tank.level_gain_n_s_per_m_per_j=1",
-                             "control.passivity.energy_tank.transfer_per_s=1",
-                             "control.passivity.four_channel.reaction_force_observer=true",
-                             "control.passivity.four_channel.observer_bandwidth_rad_per_s=1",
-                             "control.passivity.four_channel.force_gain=1",
-                             "control.passivity.four_channel.disturbance_observer=true",
-                             "control.passivity.internal_model.strict_two_port=true",
-                             "control.passivity.fractal_impedance.stiffness_n_per_m=1",
-                             "control.passivity.fractal_impedance.rotational_stiffness_n_m_per_rad=1",
                              "control.schedule={at_s: 1 passivity { method: CLASSIC }}",
                              "control.schedule={at_s: 1 architecture: POSITION_POSITION}"})
+    EXPECT_TRUE(seen.insert(scene_digest(scene_of(kSpelt, {shared}))).second)
+        << shared << " made no difference of its own";
+  for (const std::string& shared : shared_options_of_layers())
     EXPECT_TRUE(seen.insert(scene_digest(scene_of(kSpelt, {shared}))).second)
         << shared << " made no difference of its own";
   EXPECT_NE(scene_digest(scene_of("dof: 1 duration_s: 1")), scene_digest(scene_of("dof: 3 duration_s: 1")));

@@ -43,10 +43,23 @@ void collect_numbers(const google::protobuf::Message& block, const std::string& 
   }
 }
 
+/// Adds the blocks of single layers.
+void add_blocks_of_layers(google::protobuf::Message& of) {
+  const auto& descriptor = *of.GetDescriptor();
+  for (int i = 0; i < descriptor.field_count(); ++i)
+    if (descriptor.field(i)->message_type() != nullptr) of.GetReflection()->MutableMessage(&of, descriptor.field(i));
+}
+
 // Also finds a number of the schema that nobody reads.
 TEST(Scene, RefusesEveryNumberThatIsNotFinite) {
   schema::Scene message;
   ASSERT_TRUE(google::protobuf::TextFormat::ParseFromString(kTurning, &message));
+  for (auto* of : {message.mutable_control()->mutable_schedule(0)->mutable_passivity(),
+                   message.mutable_control()->mutable_passivity()})
+    add_blocks_of_layers(*of);
+  for (auto* of : {message.mutable_control()->mutable_schedule(0)->mutable_transparency(),
+                   message.mutable_control()->mutable_transparency()})
+    add_blocks_of_layers(*of);
   std::vector<std::string> paths;
   collect_numbers(message, "", paths);
   EXPECT_GT(paths.size(), 100U);

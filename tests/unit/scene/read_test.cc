@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <sstream>
 #include <string>
 #include <utility>
 #include <variant>
@@ -11,6 +12,7 @@
 #include "common/base/check.h"
 #include "common/coupling/layers.h"
 #include "common/scene/shown.h"
+#include "proto/scene.pb.h"
 #include "tests/support/folder.h"
 #include "tests/support/meshes.h"
 #include "tests/unit/scene/scenes.h"
@@ -407,6 +409,32 @@ TEST(Scene, OptionsOfMethodsAreAbsentUntilGivenAndAllowedUnderAnyMethod) {
   EXPECT_EQ(o.method_name, "FORCE_PROJECTED");
   EXPECT_EQ(o.fixed_damping.damping_n_s_per_m, 7.0);
   EXPECT_EQ(o.wave_variables.receiver, WaveReceiverRule::zero);
+  EXPECT_EQ(scene_of(kStiffWall, {"control.passivity.wave_variables.receiver=HOLD"}).control.wave_variables.receiver,
+            WaveReceiverRule::hold);
+}
+
+/// The fields of that block.
+std::vector<std::string> fields_of(const std::string& block) {
+  std::vector<std::string> all;
+  for (const auto* in : {schema::Passivity::descriptor(), schema::Transparency::descriptor()})
+    if (const auto* field = in->FindFieldByName(block))
+      for (int i = 0; i < field->message_type()->field_count(); ++i)
+        all.push_back(field->message_type()->field(i)->name());
+  std::sort(all.begin(), all.end());
+  return all;
+}
+TEST(Scene, EachFieldOfALayersBlockIsAnOption) {
+  const auto check = [](const char* block, const std::string& of_block) {
+    std::vector<std::string> read;
+    for (std::istringstream in{of_block}; std::getline(in >> std::ws, read.emplace_back(), ',');) {
+    }
+    read.pop_back();
+    std::sort(read.begin(), read.end());
+    EXPECT_EQ(read, fields_of(block)) << block;
+  };
+#define TWOPORT_LAYER_OPTIONS(BLOCK, Struct) check(#BLOCK, Struct::kOfBlock);
+#include "common/method/list.h"
+#undef TWOPORT_LAYER_OPTIONS
 }
 
 TEST(Scene, AccountsStartWithAMillijouleOverALinkAndWithNothingUnderRender) {

@@ -57,13 +57,11 @@ operator {
 device { mass_kg: 0.1 inertia_kg_m2: 1e-4 rotational_damping_n_m_s_per_rad: 1e-3
          position_m: [0, 0, 0.1, 1, 0, 0, 0] velocity_m_per_s: [0, 0, 0, 0, 0, 1] }
 control { virtual_coupling { rotational_stiffness_n_m_per_rad: 5 rotational_damping_n_m_s_per_rad: 0.3 }
-          passivity { fixed_damping { } wave_variables { } set_position_modulation { } energy_tank { } energy_bounding { }
-                      four_channel { } fractal_impedance { } internal_model { } }
+          passivity { }
           registration { mode: ABSOLUTE rotation: [0.6, 0.8, 0, 0] position_m: [0.1, 0.2, 0.3] }
           device_limits { force_n: 50 } robot_limits { force_n: 150 }
-          transparency { random { } plugin { } }
-          schedule { at_s: 1 transparency { random { } plugin { } } passivity { method: NONE fixed_damping { } wave_variables { } set_position_modulation { } energy_tank { }
-                                         energy_bounding { } four_channel { } fractal_impedance { } internal_model { } } } }
+          transparency { }
+          schedule { at_s: 1 transparency { } passivity { method: NONE } } }
 to_slave { burst { p: 0.1 r: 0.5 } blackout { start_s: 1 duration_s: 1 } delay_step { at_s: 1 delay_ms: 20 } deadband { ratio: 0.1 } }
 to_master { burst { p: 0.1 r: 0.5 } blackout { start_s: 1 duration_s: 1 } delay_step { at_s: 1 delay_ms: 20 } deadband { ratio: 0.1 } }
 slave_clock { offset_ms: 3 drift_ppm: 200 }

@@ -3,6 +3,8 @@
 #include <cstdint>
 #include <optional>
 
+#include "common/base/option_fields.h"
+
 namespace twoport {
 
 /// What a receiver plays when packets are late or lost (receiver.h).
@@ -17,6 +19,7 @@ struct WaveVariablesOptions {
   std::optional<double> impedance_n_s_per_m, rotational_impedance_n_m_s_per_rad;
   WaveReceiverRule receiver = WaveReceiverRule::energy_limited;
   double position_correction_per_s = 0.0;
+  TWOPORT_OPTIONS_OF_BLOCK(impedance_n_s_per_m, rotational_impedance_n_m_s_per_rad, receiver, position_correction_per_s)
 };
 
 }  // namespace twoport

@@ -10,14 +10,19 @@ TWOPORT_LAYER(
              "control.passivity.energy_bounding.damping_n_s_per_m must "
              "be given: it needs damping of the device";
     },
-    .overstates_damping = [](const ControlOptions& o) -> std::string_view {
+    .voids_hand = [](const ControlOptions& o) -> std::string_view {
       const EnergyBoundingOptions& b = o.energy_bounding;
       const bool more =
           b.damping_n_s_per_m.value_or(0.0) > o.known.device_damping_n_s_per_m ||
           b.rotational_damping_n_m_s_per_rad.value_or(0.0) > o.known.device_rotational_damping_n_m_s_per_rad;
-      return more ? "control.passivity.energy_bounding" : "";
+      return more ? "control.passivity.energy_bounding states more damping than the device has" : "";
     })
-#else
+#endif
+#ifdef TWOPORT_LAYER_OPTIONS
+#include "common/method/passivity/energy_bounding/options.h"
+TWOPORT_LAYER_OPTIONS(energy_bounding, EnergyBoundingOptions)
+#endif
+#ifdef TWOPORT_LAYER_CLASSES
 #include "common/method/passivity/energy_bounding/energy_bounding.h"
 #include "common/method/passivity/none/none.h"
 #endif

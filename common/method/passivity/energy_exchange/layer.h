@@ -12,6 +12,7 @@ TWOPORT_LAYER(
     .summary =
         "the same without the bound of the hand's port alone: an environment that moves is felt as long as it does",
     .claim = Claim{.both = true, .robot_port = true, .tick_at_robot = true, .in_hand_joules = true}, .exchanges = true)
-#else
+#endif
+#ifdef TWOPORT_LAYER_CLASSES
 #include "common/method/passivity/energy_exchange/energy_exchange.h"
 #endif

@@ -7,6 +7,7 @@ TWOPORT_LAYER(
 TWOPORT_LAYER("FORCE_PROJECTED", TimeDomainMaster, TimeDomainSlave,
               .summary = "two-port time domain passivity, correction along the force",
               .claim = Claim{.hand = true, .both = true, .predicts = true}, .controller = Method::force_projected)
-#else
+#endif
+#ifdef TWOPORT_LAYER_CLASSES
 #include "common/method/passivity/time_domain/time_domain.h"
 #endif

@@ -5,6 +5,11 @@ TWOPORT_LAYER(
     .replaces_force_sensor = [](const ControlOptions& o) -> std::string_view {
       return o.four_channel.reaction_force_observer ? "" : "control.passivity.four_channel.reaction_force_observer";
     })
-#else
+#endif
+#ifdef TWOPORT_LAYER_OPTIONS
+#include "common/method/transparency/four_channel/options.h"
+TWOPORT_LAYER_OPTIONS(four_channel, FourChannelOptions)
+#endif
+#ifdef TWOPORT_LAYER_CLASSES
 #include "common/method/transparency/four_channel/four_channel.h"
 #endif

@@ -5,7 +5,12 @@ TWOPORT_LAYER(
     .refusal = [](const ControlOptions& o) -> std::string_view {
       return o.plugin.file.empty() ? "control.transparency.plugin.file is absent; PLUGIN needs it" : "";
     })
-#else
+#endif
+#ifdef TWOPORT_LAYER_OPTIONS
+#include "common/method/transparency/plugin/options.h"
+TWOPORT_LAYER_OPTIONS(plugin, PluginOptions)
+#endif
+#ifdef TWOPORT_LAYER_CLASSES
 #include "common/method/transparency/delayed_force/delayed_force.h"
 #include "common/method/transparency/plugin/plugin.h"
 #endif
