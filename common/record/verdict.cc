@@ -165,7 +165,8 @@ class Judge {
   /// The verdict of a tail shorter than the run: only what is clear.
   Verdict at_a_glance() const {
     const auto clearly = [](const MotionTrend& t) { return t.slope * (kTrendWindows - 3); };
-    if (!tail_.controller_acted &&
+    // What is not linear goes from rest to rest through stretches that grow: such a motion must be seen.
+    if (!tail_.controller_acted && (linear_ || noticed()) &&
         any([&](const Coordinate& c) { return c.y.trend == Trend::grows && clearly(c.y) > 3.0; }))
       return grows_by_itself();
     // A linear loop and its twin that agree on every slope show its dominant mode.

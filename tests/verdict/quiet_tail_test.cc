@@ -235,6 +235,18 @@ TEST(Verdict, CallsTheDitherOfAnEncoderStable) {
   EXPECT_EQ(s.verdict_kind(), "STABLE") << s.verdict();
 }
 
+// Joints with dry friction stick, slip and stick again at 1e-4 rad/s: a stretch of that grows, and no part of the loop does.
+TEST(Verdict, CallsDryJointsThatComeToRestStable) {
+  std::vector<std::string> set{"control.architecture=POSITION_POSITION", "control.passivity.method=NONE",
+                               "control.force_scale=0.2", "to_slave.delay_ms=0", "to_master.delay_ms=0"};
+  for (const std::string side : {"device", "robot"})
+    for (const std::string field : {"file=../arms/fr3.textproto", "joint_damping_n_m_s_per_rad=1",
+                                    "joint_coulomb_friction_n_m=[0.273,0.436,0.32,0.64,0.42,0.152,0.282]"})
+      set.push_back(side + ".arm." + field);
+  const Summary s = run(load_scene(TWOPORT_SCENES "/leader_follower.textproto", set));
+  EXPECT_EQ(s.verdict_kind(), "STABLE") << s.verdict();
+}
+
 // Positions beyond a hundred metres are no divergence where nothing drives.
 TEST(Verdict, LetsAFreeBodyGo) {
   const Summary s = run(parse_scene(
