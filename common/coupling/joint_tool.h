@@ -51,9 +51,8 @@ class JointTool {
     return at;
   }
 
-  /// The force beside the moment; of fewer than six joints as At::force.
+  /// The force beside the moment, of six joints or more.
   [[nodiscard]] Force<3> force_beside_moment(const At& at, const Force<kJointPort>& torque) const noexcept {
-    if (arm_->size() < 6) return at.force(torque);
     const Eigen::Matrix<double, 6, kJointPort> weighted = at.J * mobility_.asDiagonal();
     Eigen::Matrix<double, 6, 6> tool_mobility = weighted * at.J.transpose();
     tool_mobility.diagonal() *= 1.0 + kSingular;
@@ -61,7 +60,19 @@ class JointTool {
     return Force<3>{wrench.head<3>()};
   }
 
+  /// Do the torques come from a link before the tool, of six joints or more? Joints beyond the link that is touched feel nothing: the force
+  /// has next to no lever about the last three, and none at the tool's origin explains the rest. `was`: they did.
+  [[nodiscard]] bool is_before_tool(const At& at, const Force<kJointPort>& torque, bool was = false) const noexcept {
+    const Eigen::Vector3d f = at.to_force * torque.vec();
+    const double lever_m = (was ? 2.0 : 1.0) * kLever_m;
+    if (!(torque.vec().segment<kWrist>(arm_->size() - kWrist).norm() < lever_m * f.norm())) return false;
+    const Axes unexplained = torque.vec() - at.J.topRows<3>().transpose() * f;
+    return unexplained.norm() > kUnexplained * torque.vec().norm();
+  }
+
  private:
+  static constexpr int kWrist = 3;
+  static constexpr double kLever_m = 0.01, kUnexplained = 0.2;
   static constexpr double kSingular = 1e-4;  ///< so that a tool that cannot move in some direction has no force there
 
   std::shared_ptr<const ArmModel> arm_;

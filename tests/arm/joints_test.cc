@@ -237,6 +237,76 @@ TEST(JointSurface, IsThatOfTheToolWhateverTheJointsDo) {
   EXPECT_NEAR(surface.patch().friction, friction, 0.02);
 }
 
+/// The elbow of a Panda, pressed against a wall: torques of a force on the fourth link, on which the joints beyond it do not act.
+struct PressedElbow {
+  explicit PressedElbow(const Scene& scene)
+      : whole{*scene.robot->arm->parameters}, arm{whole}, start{joint_vector(scene.robot->arm->joint_position_rad)} {
+    whole.joints.resize(4);
+    whole.flange_m = {-0.08, 0.05, 0.0};
+    arm = ArmModel{whole};
+  }
+  ArmParameters whole;
+  ArmModel arm;
+  ArmModel::Joints start;
+};
+
+// A wall at the elbow is not one at the tool: it is estimated in the axes of the joints, and no joint beyond the elbow takes part.
+TEST(JointSurface, IsThatOfTheElbowWhereTheElbowTouches) {
+  const Scene scene = scene_of();
+  const Axes& s = scene.control.joint_scale;
+  const PressedElbow elbow{scene};
+  JointSurface surface{scene.control};
+  const Eigen::Vector3d into = Eigen::Vector3d{1.0, 0.0, -0.5}.normalized();
+  const double stiffness = 5000.0, dt = 1e-3;
+  const auto wall = elbow.arm.pose(elbow.start.head(4)).tool;
+  for (int k = 0; k < 1000; ++k) {
+    Axes q = Axes::Zero(), rate = Axes::Zero();
+    q.head<7>() = elbow.start;
+    q[1] += 0.01 + 2e-3 * std::sin(0.05 * k), rate[1] = 2e-3 * 50.0 * std::cos(0.05 * k);
+    q[5] += 0.1 * std::sin(0.02 * k), rate[5] = 0.1 * 20.0 * std::cos(0.02 * k);
+    const auto pose = elbow.arm.pose(q.head(4));
+    const Eigen::Vector3d force = std::max(0.0, stiffness * into.dot(pose.tool - wall)) * into;
+    Axes torque = Axes::Zero();
+    torque.head<4>() = elbow.arm.jacobian(pose).topRows<3>().transpose() * force;
+    surface.step(Position<N>{q.cwiseProduct(s)}, q.cwiseProduct(s), rate.cwiseProduct(s), torque.cwiseQuotient(s),
+                 Seconds{dt});
+  }
+  ASSERT_TRUE(surface.contact());
+  Axes m = Axes::Zero();
+  m.head<4>() = elbow.arm.jacobian(elbow.arm.pose(elbow.start.head(4))).topRows<3>().transpose() * into;
+  m = m.cwiseQuotient(s).eval();
+  EXPECT_LT((surface.patch().normal - m.normalized()).norm(), 0.03);
+  EXPECT_NEAR(surface.patch().stiffness, stiffness * m.squaredNorm(), 0.1 * stiffness * m.squaredNorm());
+}
+
+// Where the tool is touched up to 0.1 m from its origin, under friction too, next to no contact is taken for one before the tool; at a link
+// before the wrist most are.
+TEST(JointTool, TellsALinkBeforeTheToolByItsTorques) {
+  const Scene scene = scene_of();
+  const Axes& s = scene.control.joint_scale;
+  const JointTool tool{scene.control.follower, s};
+  const PressedElbow elbow{scene};
+  std::mt19937 rng{4};
+  int at_tool = 0, at_elbow = 0;
+  for (int run = 0; run < 2000; ++run) {
+    Axes q = Axes::Zero();
+    q.head<7>() = elbow.start + 0.3 * random_axes(rng, 7).head<7>();
+    const JointTool::At at = tool.at(Position<N>{q});
+    const Eigen::Vector3d force = random_axes(rng).head<3>(), lever = 0.1 * random_axes(rng).head<3>();
+    const auto noise = [&](const Axes& torque) -> Axes {
+      return torque + 0.01 * torque.norm() * random_axes(rng, 7).cwiseProduct(s) / s.norm();
+    };
+    const Axes of_tool = at.J.topRows<3>().transpose() * force + at.J.bottomRows<3>().transpose() * lever.cross(force);
+    at_tool += tool.is_before_tool(at, Force<N>{noise(of_tool)});
+    Axes of_elbow = Axes::Zero();
+    of_elbow.head<4>() = elbow.arm.jacobian(elbow.arm.pose(q.head(4))).topRows<3>().transpose() * force;
+    at_elbow += tool.is_before_tool(at, Force<N>{noise(of_elbow)});
+    EXPECT_FALSE(tool.is_before_tool(at, Force<N>{Axes{at.J.topRows<3>().transpose() * force}}));
+  }
+  EXPECT_LT(at_tool, 20);
+  EXPECT_GT(at_elbow, 1800);
+}
+
 // Without friction, hand and contact the work of held torques is what the arm has gained; Runge-Kutta 4 in a millisecond: 1e-7 of it.
 TEST(SimJoints, ConserveTheEnergyOfTheirPort) {
   const Scene scene = scene_of({"robot.arm.joint_damping_n_m_s_per_rad=0"});

@@ -14,8 +14,8 @@ namespace twoport {
 ///     p_t, J S⁻¹ v, f_t (JointTool)       at the tool: SurfaceEstimator finds n_t, p_0, K_t, μ
 ///     m = S⁻¹ Jᵀ n_t,   n = m/|m|,   K = K_t |m|²,   p = x - n n_t·(p_t - p_0)/|m|,   κ = 0
 ///
-/// Where the arm is not known, and of fewer than six joints, whose torques do not tell at which link the contact is, the surface is
-/// estimated in the axes of the joints.
+/// The surface is estimated in the axes of the joints where the arm is not known, where it has fewer than six joints, whose torques do not
+/// tell at which link the contact is, and where they tell that it is not at the tool (JointTool::is_before_tool of LP_50ms τ).
 class JointSurface {
  public:
   static constexpr int N = kJointPort;
@@ -27,18 +27,23 @@ class JointSurface {
   void reset() noexcept {
     at_tool_.reset();
     in_joints_.reset();
+    before_tool_ = false;
+    torque_ = Force<N>{};
   }
   /// `robot` in the slave's world; x, v, f as of SurfaceEstimator, in the metric.
   void step(const Position<N>& robot, const Point<N>& x, const Point<N>& v, const Point<N>& f, Seconds dt) noexcept {
-    if (!tool_) {
-      in_joints_.step(x, v, f, dt);
-      patch_ = in_joints_.patch();
-      return;
-    }
+    if (!tool_) return step_in_joints(x, v, f, dt);
     const JointTool::At at = tool_->at(Position<N>{robot.translation().cwiseQuotient(scale_)});
+    const Force<N> torque{f.cwiseProduct(scale_)};
+    low_pass(torque_, torque, dt, kLink_s);
+    if (tool_->is_before_tool(at, torque_, before_tool_) != before_tool_) {
+      before_tool_ = !before_tool_;
+      at_tool_.reset();
+      in_joints_.reset();
+    }
+    if (before_tool_) return step_in_joints(x, v, f, dt);
     const Point<3> p = at.tool / motion_scale_;
-    at_tool_.step(p, at.moved(v.cwiseQuotient(scale_)),
-                  tool_->force_beside_moment(at, Force<N>{f.cwiseProduct(scale_)}).vec(), dt);
+    at_tool_.step(p, at.moved(v.cwiseQuotient(scale_)), tool_->force_beside_moment(at, torque).vec(), dt);
     if (!contact()) return;
     const SurfacePatch<3>& found = at_tool_.patch();
     const Point<N> m = (at.J.topRows<3>().transpose() * found.normal).cwiseQuotient(scale_);
@@ -50,17 +55,27 @@ class JointSurface {
     patch_.friction = found.friction;
   }
 
-  [[nodiscard]] bool contact() const noexcept { return tool_ ? at_tool_.contact() : in_joints_.contact(); }
+  [[nodiscard]] bool contact() const noexcept {
+    return tool_ && !before_tool_ ? at_tool_.contact() : in_joints_.contact();
+  }
   [[nodiscard]] const SurfacePatch<N>& patch() const noexcept { return patch_; }
 
  private:
   static constexpr double kStill = 1e-6;  ///< no joint moves the tool across the surface
+  static constexpr double kLink_s = 50e-3;
+
+  void step_in_joints(const Point<N>& x, const Point<N>& v, const Point<N>& f, Seconds dt) noexcept {
+    in_joints_.step(x, v, f, dt);
+    patch_ = in_joints_.patch();
+  }
 
   std::optional<JointTool> tool_;
   JointTool::Axes scale_;
   double motion_scale_;
   SurfaceEstimator<3> at_tool_;
   SurfaceEstimator<N> in_joints_;
+  bool before_tool_ = false;
+  Force<N> torque_;  ///< LP_50ms τ
   SurfacePatch<N> patch_;
 };
 
