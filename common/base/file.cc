@@ -58,11 +58,25 @@ std::string read_whole(const std::string& path, std::string_view name, std::size
   if (text.starts_with("\xEF\xBB\xBF")) text.erase(0, 3);  // the byte order mark that Windows programs write
   return text;
 }
+std::string_view wide_encoding(std::string_view text) {
+  using namespace std::string_view_literals;
+  const auto begins = [&](auto... marks) { return (text.starts_with(marks) || ...); };
+  if (begins("\xFF\xFE\0\0"sv, "\0\0\xFE\xFF"sv)) return "UTF-32";
+  if (begins("\xFF\xFE"sv, "\xFE\xFF"sv)) return "UTF-16";
+  // Without a mark: of a text that begins with characters of ASCII every second byte is 0, or three of four.
+  if (text.size() < 4) return {};
+  const auto zero = [&](std::size_t i) { return text[i] == '\0'; };
+  const int zeros = zero(0) + zero(1) + zero(2) + zero(3);
+  if (zeros == 3 && (!zero(0) || !zero(3))) return "UTF-32";
+  if (zeros == 2 && zero(0) == zero(2)) return "UTF-16";
+  return {};
+}
+
 std::string read_text(const std::string& path, std::string_view name) {
   std::string text = read_whole(path, name);
   const std::string of{name.empty() ? path : name};
-  if (text.starts_with("\xFF\xFE") || text.starts_with("\xFE\xFF"))
-    throw ConfigError{of + ": is in UTF-16; save it as UTF-8"};
+  if (const std::string_view encoding = wide_encoding(text); !encoding.empty())
+    throw ConfigError{of + ": is in " + std::string{encoding} + "; save it as UTF-8"};
   if (const std::size_t at = text.find('\0'); at != text.npos)
     throw ConfigError{of + ": byte " + std::to_string(at + 1) + " is 0; it must be a text in UTF-8"};
   return text;

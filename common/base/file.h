@@ -14,7 +14,10 @@ inline constexpr std::size_t kLargestFile = std::size_t{64} << 20;
 /// the reason: the file is missing, no regular file (a directory, a pipe, a device), or larger.
 std::string read_whole(const std::string& path, std::string_view name = {}, std::size_t most = kLargestFile);
 
-/// read_whole() of a text file. Refuses one in UTF-16, and one with a byte 0.
+/// "UTF-16", "UTF-32" where the content begins as a text in it does, with a byte order mark or without; else empty.
+std::string_view wide_encoding(std::string_view content);
+
+/// read_whole() of a text file. Refuses one in UTF-16 or UTF-32, and one with a byte 0.
 std::string read_text(const std::string& path, std::string_view name = {});
 
 /// Writes `text` to `path` whole or not at all. Throws as WholeFile does.

@@ -3,17 +3,21 @@
 #include <Eigen/Geometry>
 #include <array>
 #include <bit>
+#include <boost/algorithm/string/predicate.hpp>
 #include <boost/endian/conversion.hpp>
 #include <boost/functional/hash.hpp>
 #include <cmath>
 #include <cstdint>
+#include <locale>
 #include <optional>
 #include <unordered_map>
 #include <utility>
 #include <vector>
 
 #include "common/base/check.h"
+#include "common/base/file.h"
 #include "common/base/text.h"
+#include "common/mesh/joined.h"
 #include "common/mesh/triangle_mesh.h"
 
 namespace twoport {
@@ -44,10 +48,17 @@ class Builder {
   }
   void triangle(std::uint32_t a, std::uint32_t b, std::uint32_t c) {
     const Eigen::Vector3d &p = mesh_.vertices[a], &q = mesh_.vertices[b], &r = mesh_.vertices[c];
-    if (!((q - p).cross(r - p).squaredNorm() > 0.0)) return;
-    if (mesh_.triangles.size() == kMostTriangles) fail(fmt::format("it has more than {} triangles", kMostTriangles));
-    mesh_.triangles.push_back({a, b, c});
+    if (mesh_.triangles.size() + flat_.size() == kMostTriangles)
+      fail(fmt::format("it has more than {} triangles", kMostTriangles));
+    if ((q - p).cross(r - p).squaredNorm() > 0.0)
+      mesh_.triangles.push_back({a, b, c});
+    else if (p != q && q != r && r != p)
+      flat_.push_back({a, b, c});
+    else
+      ++points_or_lines_;
   }
+  /// Vertices that follow have places of their own.
+  void new_solid() { index_.clear(); }
   /// Triangles of a plane polygon, convex or not, by its ears: those from its first corner where it is convex (Meisters, Polygons have
   /// ears, American Mathematical Monthly 82, 1975).
   void polygon(std::vector<std::uint32_t> corner) {
@@ -78,15 +89,23 @@ class Builder {
     triangle(corner[0], corner[1], corner[2]);
   }
   [[nodiscard]] std::size_t vertices() const { return mesh_.vertices.size(); }
-  TriangleMesh finish() {
+  TriangleMesh finish(std::string& left_out) {
     if (mesh_.triangles.empty()) fail("it has no triangle with an area");
-    return std::move(mesh_);
+    std::size_t flat = 0;
+    TriangleMesh mesh = joined(std::move(mesh_), flat_, flat);
+    flat += points_or_lines_;
+    if (flat > 0)
+      left_out = fmt::format("{}: {} without area {} left out", name_,
+                             flat == 1 ? "1 triangle" : fmt::format("{} triangles", flat), flat == 1 ? "is" : "are");
+    return mesh;
   }
 
  private:
   using Place = std::array<double, 3>;
   const std::string& name_;
   TriangleMesh mesh_;
+  std::vector<TriangleMesh::Triangle> flat_;  ///< with three places and no area
+  std::size_t points_or_lines_ = 0;           ///< with fewer places
   std::unordered_map<Place, std::uint32_t, boost::hash<Place>> index_;
 };
 
@@ -100,7 +119,13 @@ class Words {
   [[nodiscard]] std::size_t line() const { return line_; }
   /// The next word of this line; empty at its end.
   std::string_view next() {
-    while (!text_.empty() && is_blank(text_.front())) text_.remove_prefix(1);
+    for (std::size_t n = 1; n > 0; text_.remove_prefix(n)) {
+      n = text_.starts_with("\\\n") ? 2 : text_.starts_with("\\\r\n") ? 3 : 0;  // the line goes on
+      if (n > 0)
+        ++line_;
+      else
+        n = !text_.empty() && is_blank(text_.front());
+    }
     std::size_t n = 0;
     while (n < text_.size() && !is_blank(text_[n]) && text_[n] != '\n') ++n;
     const std::string_view word = text_.substr(0, n);
@@ -159,31 +184,40 @@ Eigen::Vector3d coordinates(const Builder& builder, const Words& words, Next nex
   return v;
 }
 
-TriangleMesh parse_ascii_stl(std::string_view content, Builder& builder) {
+bool is_word(std::string_view word, std::string_view wanted) {
+  return boost::algorithm::iequals(word, wanted, std::locale::classic());
+}
+
+void parse_ascii_stl(std::string_view content, Builder& builder) {
   Words words{content};
-  words.next_line();  // solid NAME
-  const auto expect = [&](std::string_view wanted) {
-    if (const std::string_view word = words.next_anywhere(); word != wanted)
-      builder.fail(fmt::format("line {}: {} stands where \"{}\" is expected", words.line(), in_quotes(word), wanted));
+  const auto fail = [&](std::string_view word, std::string_view wanted) {
+    builder.fail(fmt::format("line {}: {} stands where {} is expected", words.line(), in_quotes(word), wanted));
   };
-  for (;;) {
-    const std::string_view word = words.next_anywhere();
-    if (word == "endsolid") break;
-    if (word != "facet")
-      builder.fail(
-          fmt::format("line {}: {} stands where \"facet\" or \"endsolid\" is expected", words.line(), in_quotes(word)));
-    expect("normal");
-    for (int i = 0; i < 3; ++i) words.next_anywhere();  // what it says does not count: the order of the vertices does
-    expect("outer"), expect("loop");
-    std::uint32_t corner[3];
-    for (std::uint32_t& each : corner) {
-      expect("vertex");
-      each = builder.shared_vertex(coordinates(builder, words, [&] { return words.next_anywhere(); }));
+  const auto expect = [&](std::string_view wanted) {
+    if (const std::string_view word = words.next_anywhere(); !is_word(word, wanted))
+      fail(word, fmt::format("\"{}\"", wanted));
+  };
+  for (std::string_view solid = words.next_anywhere(); !solid.empty(); solid = words.next_anywhere()) {
+    if (!is_word(solid, "solid")) fail(solid, "\"solid\" or the end of the file");
+    words.next_line();  // its name
+    builder.new_solid();
+    for (;;) {
+      const std::string_view word = words.next_anywhere();
+      if (is_word(word, "endsolid")) break;
+      if (!is_word(word, "facet")) fail(word, "\"facet\" or \"endsolid\"");
+      expect("normal");
+      for (int i = 0; i < 3; ++i) words.next_anywhere();  // what it says does not count: the order of the vertices does
+      expect("outer"), expect("loop");
+      std::uint32_t corner[3];
+      for (std::uint32_t& each : corner) {
+        expect("vertex");
+        each = builder.shared_vertex(coordinates(builder, words, [&] { return words.next_anywhere(); }));
+      }
+      expect("endloop"), expect("endfacet");
+      builder.triangle(corner[0], corner[1], corner[2]);
     }
-    expect("endloop"), expect("endfacet");
-    builder.triangle(corner[0], corner[1], corner[2]);
+    words.next_line();  // its name
   }
-  return builder.finish();
 }
 
 /// The vertex that I, I/J, I//K or I/J/K names, from 1; negative ones count backwards from the newest.
@@ -195,7 +229,7 @@ std::uint32_t obj_index(const Builder& builder, const Words& words, std::string_
   return static_cast<std::uint32_t>(*index > 0 ? *index - 1 : count + *index);
 }
 
-TriangleMesh parse_obj(std::string_view content, Builder& builder) {
+void parse_obj(std::string_view content, Builder& builder) {
   Words words{content};
   do {
     const std::string_view kind = words.next();
@@ -212,7 +246,6 @@ TriangleMesh parse_obj(std::string_view content, Builder& builder) {
       builder.polygon(std::move(corners));
     }
   } while (words.next_line());
-  return builder.finish();
 }
 
 // --- binary --------------------------------------------------------------------------------------
@@ -223,7 +256,7 @@ std::uint32_t little_endian(std::string_view bytes) {
   return boost::endian::load_little_u32(reinterpret_cast<const unsigned char*>(bytes.data()));
 }
 
-TriangleMesh parse_binary_stl(std::string_view content, Builder& builder) {
+void parse_binary_stl(std::string_view content, Builder& builder) {
   const std::size_t count = (content.size() - kHeader) / kFacet;
   for (std::size_t i = 0; i < count; ++i) {
     const std::string_view facet = content.substr(kHeader + i * kFacet, kFacet);
@@ -238,26 +271,45 @@ TriangleMesh parse_binary_stl(std::string_view content, Builder& builder) {
     }
     builder.triangle(corner[0], corner[1], corner[2]);
   }
-  return builder.finish();
 }
 
-}  // namespace
-
-TriangleMesh parse_mesh(std::string_view content, const std::string& name) {
-  Builder builder{name};
+void parse(std::string_view content, Builder& builder) {
   if (content.size() >= kHeader) {
     const std::uint64_t count = little_endian(content.substr(80, 4));
     if (content.size() == kHeader + count * kFacet) return parse_binary_stl(content, builder);
   }
+  if (const std::string_view encoding = wide_encoding(content); !encoding.empty())
+    builder.fail(fmt::format("it is in {}; save it as UTF-8", encoding));
+  const bool is_text = content.find('\0') == content.npos;
   Words words{content};
-  if (words.next_anywhere() == "solid") return parse_ascii_stl(content, builder);
+  const std::string_view first = words.next_anywhere();
+  if (is_text && is_word(first, "solid")) return parse_ascii_stl(content, builder);
   // An OBJ file is text of which each line that counts begins with a keyword; one of them is v.
   Words lines{content};
   do {
-    if (lines.next() == "v") return parse_obj(content, builder);
+    if (is_text && lines.next() == "v") return parse_obj(content, builder);
   } while (lines.next_line());
-  builder.fail(
-      "it is no triangle mesh that is read here: neither STL (a binary one is 84 + 50 n bytes long) nor Wavefront OBJ");
+  const std::string neither =
+      "it is no triangle mesh that is read here: neither STL (a binary one is 84 + 50 n bytes long) nor Wavefront OBJ";
+  if (first == "ply" || first.starts_with("glTF") || first.starts_with("<?xml") || first.starts_with("<COLLADA"))
+    builder.fail(neither + "; MeshLab and Blender export both");
+  if (!is_text && content.size() >= kHeader && is_word(first.substr(0, 5), "solid"))
+    builder.fail(fmt::format("it is {} bytes long, and a binary STL of {} triangles, as its header says, is {}",
+                             content.size(), little_endian(content.substr(80, 4)),
+                             kHeader + std::uint64_t{little_endian(content.substr(80, 4))} * kFacet));
+  builder.fail(neither);
+}
+
+}  // namespace
+
+TriangleMesh parse_mesh(std::string_view content, const std::string& name, std::string& left_out) {
+  Builder builder{name};
+  parse(content, builder);
+  return builder.finish(left_out);
+}
+TriangleMesh parse_mesh(std::string_view content, const std::string& name) {
+  std::string left_out;
+  return parse_mesh(content, name, left_out);
 }
 
 }  // namespace twoport

@@ -4,11 +4,15 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdint>
+#include <functional>
 #include <map>
 #include <numbers>
+#include <numeric>
 #include <tuple>
 #include <utility>
 #include <vector>
+
+#include "common/mesh/joined.h"
 
 namespace twoport {
 
@@ -32,9 +36,11 @@ double volume_m3(const TriangleMesh& mesh) {
   return volume;
 }
 
-MeshFaults faults_of(const TriangleMesh& mesh) {
-  MeshFaults faults;
-  faults.volume_m3 = volume_m3(mesh);
+namespace {
+
+/// Calls f(edge, of one triangle only) for each that is not of two triangles of the same orientation.
+template <class F>
+void for_each_fault(const TriangleMesh& mesh, const F& f) {
   std::vector<std::pair<std::uint64_t, bool>> edges;  // and is it run through from its lower vertex?
   edges.reserve(3 * mesh.triangles.size());
   for (const TriangleMesh::Triangle& t : mesh.triangles)
@@ -42,12 +48,51 @@ MeshFaults faults_of(const TriangleMesh& mesh) {
   std::sort(edges.begin(), edges.end());
   for (std::size_t i = 0, next; i < edges.size(); i = next) {
     for (next = i + 1; next < edges.size() && edges[i].first == edges[next].first;) ++next;
-    if (next - i == 1)
-      ++faults.open_edges;
-    else if (next - i != 2 || edges[i].second == edges[i + 1].second)
-      ++faults.odd_edges;
+    if (next - i != 2 || edges[i].second == edges[i + 1].second) f(edges[i].first, next - i == 1);
   }
+}
+std::pair<std::uint32_t, std::uint32_t> ends_of(std::uint64_t edge) {
+  return {static_cast<std::uint32_t>(edge >> 32), static_cast<std::uint32_t>(edge)};
+}
+
+}  // namespace
+
+MeshFaults faults_of(const TriangleMesh& mesh) {
+  MeshFaults faults;
+  faults.volume_m3 = volume_m3(mesh);
+  for_each_fault(mesh, [&](std::uint64_t, bool open) { ++(open ? faults.open_edges : faults.odd_edges); });
   return faults;
+}
+
+Eigen::Vector3d odd_edge_of(const TriangleMesh& mesh) {
+  Eigen::Vector3d middle = Eigen::Vector3d::Zero();
+  for_each_fault(mesh, [&](std::uint64_t edge, bool open) {
+    const auto [a, b] = ends_of(edge);
+    if (!open) middle = 0.5 * (mesh.vertices[a] + mesh.vertices[b]);
+  });
+  return middle;
+}
+
+std::vector<Eigen::AlignedBox3d> gaps_of(const TriangleMesh& mesh) {
+  std::vector<std::uint32_t> parent(mesh.vertices.size());
+  std::iota(parent.begin(), parent.end(), 0u);
+  const auto root = [&](std::uint32_t i) {
+    for (; parent[i] != i; i = parent[i]) parent[i] = parent[parent[i]];
+    return i;
+  };
+  std::vector<std::uint32_t> at;
+  for_each_fault(mesh, [&](std::uint64_t edge, bool open) {
+    if (!open) return;
+    const auto [a, b] = ends_of(edge);
+    parent[root(a)] = root(b);
+    at.push_back(a), at.push_back(b);
+  });
+  std::map<std::uint32_t, Eigen::AlignedBox3d> boxes;
+  for (const std::uint32_t v : at) boxes[root(v)].extend(mesh.vertices[v]);
+  std::vector<Eigen::AlignedBox3d> gaps;
+  for (const auto& [v, box] : boxes) gaps.push_back(box);
+  std::ranges::stable_sort(gaps, std::ranges::greater{}, [](const auto& box) { return box.sizes().squaredNorm(); });
+  return gaps;
 }
 
 TriangleMesh turned(const std::vector<Eigen::Vector2d>& profile, std::uint32_t sides) {

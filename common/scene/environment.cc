@@ -18,6 +18,7 @@
 #include "common/base/file.h"
 #include "common/contact/sample_shape.h"
 #include "common/mesh/distance_field.h"
+#include "common/mesh/joined.h"
 #include "common/mesh/solids.h"
 #include "common/mesh/triangle_mesh.h"
 #include "common/scene/blocks.h"
@@ -119,23 +120,34 @@ constexpr std::size_t kMostShells = 256;  // each costs a distance field while t
 TriangleMesh read_mesh_file(const std::string& path, double scale) {
   TriangleMesh mesh = parse_mesh(read_whole(path), path);
   for (Eigen::Vector3d& v : mesh.vertices) v *= scale;
+  const auto text = [](const Eigen::Vector3d& p) { return fmt::format("({:.6g}, {:.6g}, {:.6g})", p[0], p[1], p[2]); };
   const MeshFaults faults = faults_of(mesh);
-  if (faults.open_edges > 0)
-    throw ConfigError{
-        fmt::format("{} has {} edges of one triangle only; the mesh must be closed", path, faults.open_edges)};
+  if (faults.open_edges > 0) {
+    const std::vector<Eigen::AlignedBox3d> gaps = gaps_of(mesh);
+    throw ConfigError{fmt::format(
+        "{} has {} edges of one triangle only, in {} gap{} of which the largest is around {} m and {:.3g} m across; "
+        "the "
+        "mesh must be closed: in MeshLab by Merge Close Vertices, then Close Holes, in Blender by Merge by Distance, "
+        "then Fill Holes",
+        path, faults.open_edges, gaps.size(), gaps.size() == 1 ? "" : "s", text(gaps[0].center()),
+        gaps[0].sizes().norm())};
+  }
   if (faults.odd_edges > 0)
-    throw ConfigError{
-        fmt::format("{} has {} edges that do not join two triangles of the same orientation; every edge must", path,
-                    faults.odd_edges)};
+    throw ConfigError{fmt::format(
+        "{} has {} edges that do not join two triangles of the same orientation, one of them at {} m; every edge must: "
+        "in MeshLab by Remove Duplicate Faces, then Re-Orient All Faces Coherently, in Blender by Merge by Distance, "
+        "then Recalculate Outside",
+        path, faults.odd_edges, text(odd_edge_of(mesh)))};
   if (faults.volume_m3 == 0.0) throw ConfigError{fmt::format("{} encloses no volume at scale {}", path, scale)};
   if (!(faults.volume_m3 > 0.0))
     throw ConfigError{fmt::format(
-        "{} has its triangles facing inwards; their corners must be counterclockwise seen from outside", path)};
+        "{} has its triangles facing inwards; their corners must be counterclockwise seen from outside: in MeshLab by "
+        "Invert Faces Orientation, in Blender by Recalculate Outside",
+        path)};
   const std::vector<TriangleMesh> shells = shells_of(mesh);
   if (shells.size() > kMostShells)
     throw ConfigError{
         fmt::format("{} has {} separate surfaces; at most {} are read", path, shells.size(), kMostShells)};
-  const auto text = [](const Eigen::Vector3d& p) { return fmt::format("({:.6g}, {:.6g}, {:.6g})", p[0], p[1], p[2]); };
   for (const TriangleMesh& shell : shells) {
     if (const auto where = BoundingVolumeTree{shell}.crossing())
       throw ConfigError{fmt::format("{} has a surface that crosses itself at {} m; surfaces may only cross others",
@@ -315,6 +327,22 @@ TriangleMesh shown(const Block<schema::Mesh>& of, std::size_t most) {
 }
 
 }  // namespace
+
+std::vector<std::string> left_out_of_meshes(const Scene& scene) {
+  if (!scene.source) return {};
+  const schema::Scene& message = scene.source->message;
+  std::vector<std::string> all;
+  const auto add = [&](const auto& each) {
+    if (!each.has_mesh()) return;
+    const std::string path = file_beside(scene.source->file, each.mesh().file());
+    std::string sentence;
+    parse_mesh(read_whole(path), path, sentence);
+    if (!sentence.empty()) all.push_back(std::move(sentence));
+  };
+  for (const auto& each : message.environment()) add(each);
+  for (const auto& each : message.tool().part()) add(each);
+  return all;
+}
 
 ShownShapes shown_shapes(const Scene& scene) {
   if (!scene.source) return {};

@@ -6,6 +6,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <iterator>
 #include <limits>
 #include <numbers>
 #include <optional>
@@ -17,6 +18,7 @@
 #include "common/base/built_for.h"
 #include "common/coupling/claim.h"
 #include "common/scene/held_coupling.h"
+#include "common/scene/shown.h"
 #include "common/scene/source.h"
 
 namespace twoport {
@@ -404,6 +406,7 @@ std::vector<std::string> hints(const Scene& scene, bool device_is_simulated) {
   for (const Hint& hint : kHints)
     if (device_is_simulated || !hint.of_simulated_device)
       if (std::string sentence = hint.sentence(scene); !sentence.empty()) all.push_back(std::move(sentence));
+  std::ranges::move(left_out_of_meshes(scene), std::back_inserter(all));
   return all;
 }
 

@@ -29,6 +29,8 @@ struct ShownShapes {
 };
 /// Empty for a scene that a program has made. Throws ConfigError where a mesh file cannot be read any more.
 ShownShapes shown_shapes(const Scene& scene);
+/// What the files of its meshes have and the meshes have not, a sentence each; throws as shown_shapes.
+std::vector<std::string> left_out_of_meshes(const Scene& scene);
 /// Of the robot's arm, or of the leader's, decimated; in the same way.
 ShownArm shown_arm(const Scene& scene, bool of_leader = false);
 

@@ -60,7 +60,19 @@ TEST(ReadText, RefusesUtf16AndBytesThatAreNoText) {
   EXPECT_EQ(refusal("\xFE\xFF\0"
                     "5"s),
             "it: is in UTF-16; save it as UTF-8");
-  EXPECT_EQ(refusal("5\0\n\0"s), "it: byte 2 is 0; it must be a text in UTF-8");
+  EXPECT_EQ(refusal("5\0\n\0"s), "it: is in UTF-16; save it as UTF-8");
+  EXPECT_EQ(refusal("\0"
+                    "5\0\n"s),
+            "it: is in UTF-16; save it as UTF-8");
+  for (const std::string& wide : {"\xFF\xFE\0\0"
+                                  "5\0\0\0"s,
+                                  "\0\0\xFE\xFF\0\0\0"
+                                  "5"s,
+                                  "5\0\0\0"s,
+                                  "\0\0\0"
+                                  "5"s})
+    EXPECT_EQ(refusal(wide), "it: is in UTF-32; save it as UTF-8");
+  EXPECT_EQ(refusal("5\n6\0"s), "it: byte 4 is 0; it must be a text in UTF-8");
   EXPECT_EQ(refusal("\xEF\xBB\xBF"
                     "5\n"s),
             "5\n");

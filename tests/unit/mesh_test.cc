@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <array>
+#include <cctype>
 #include <cmath>
 #include <cstdint>
 #include <memory>
@@ -15,6 +16,7 @@
 #include "common/contact/environment.h"
 #include "common/mesh/bounding_volume_tree.h"
 #include "common/mesh/distance_field.h"
+#include "common/mesh/joined.h"
 #include "common/mesh/solids.h"
 #include "common/mesh/triangle_mesh.h"
 #include "tests/support/meshes.h"
@@ -90,6 +92,210 @@ TEST(ReadMesh, SplitsPolygonsAndCountsBackwards) {
   EXPECT_EQ(mesh.triangles[2], (TriangleMesh::Triangle{0, 1, 4}));
 }
 
+// --- what exporters write
+
+/// Each face with corners of its own, moved by `moved`.
+template <class Moved>
+TriangleMesh exploded(const TriangleMesh& mesh, const Moved& moved) {
+  TriangleMesh out;
+  for (std::uint32_t k = 0; k < mesh.triangles.size(); ++k) {
+    for (const std::uint32_t v : mesh.triangles[k]) out.vertices.push_back(moved(mesh.vertices[v]));
+    out.triangles.push_back({3 * k, 3 * k + 1, 3 * k + 2});
+  }
+  return out;
+}
+TriangleMesh exploded(const TriangleMesh& mesh) {
+  return exploded(mesh, [](const Vector3d& v) { return v; });
+}
+void append(TriangleMesh& mesh, const TriangleMesh& part, const Vector3d& at, bool cavity = false) {
+  const auto first = static_cast<std::uint32_t>(mesh.vertices.size());
+  for (const Vector3d& v : part.vertices) mesh.vertices.push_back(v + at);
+  for (TriangleMesh::Triangle t : part.triangles) {
+    for (std::uint32_t& v : t) v += first;
+    if (cavity) std::swap(t[0], t[1]);
+    mesh.triangles.push_back(t);
+  }
+}
+/// A prism of n sides, its area and its volume in closed form.
+struct Prism {
+  double n, radius, height;
+  [[nodiscard]] TriangleMesh mesh() const {
+    return turned({{0, 0}, {radius, 0}, {radius, height}, {0, height}}, static_cast<std::uint32_t>(n));
+  }
+  [[nodiscard]] double base() const { return 0.5 * n * radius * radius * std::sin(2 * std::numbers::pi / n); }
+  [[nodiscard]] double area() const { return 2 * base() + 2 * n * radius * std::sin(std::numbers::pi / n) * height; }
+  [[nodiscard]] double volume() const { return base() * height; }
+};
+
+TEST(ReadMesh, ReadsEverySolidOfAnAsciiStl) {
+  Source source;
+  for (int solids = 1; solids <= 6; ++solids) {
+    std::string text;
+    double volume = 0.0, area = 0.0;
+    Vector3d at = source.vector<3>(1.0);
+    for (int i = 0; i < solids; ++i) {
+      const Prism prism{static_cast<double>(3 + i), source.uniform(0.1, 0.2), source.uniform(0.1, 0.4)};
+      TriangleMesh mesh;
+      append(mesh, prism.mesh(), at);
+      at.z() += prism.height;  // they stand on each other
+      std::string part = ascii_stl(mesh);
+      if (i % 2 == 1) std::ranges::transform(part, part.begin(), [](unsigned char c) { return std::toupper(c); });
+      text += part + (i % 3 == 0 ? "\n \n" : "");
+      volume += prism.volume(), area += prism.area();
+    }
+    const TriangleMesh mesh = parse_mesh(text, "parts");
+    EXPECT_TRUE(faults_of(mesh).none()) << solids;
+    EXPECT_EQ(shells_of(mesh).size(), static_cast<std::size_t>(solids));
+    EXPECT_NEAR(volume_m3(mesh), volume, 1e-12 * volume);
+    EXPECT_NEAR(area_of(mesh), area, 1e-12 * area);
+  }
+}
+
+/// Patches of one surface that have names of their own, as flow solvers write them.
+TEST(ReadMesh, JoinsASurfaceOfSeveralSolids) {
+  const Prism prism{12, 0.1, 0.3};
+  const TriangleMesh whole = prism.mesh();
+  TriangleMesh top = whole, sides = whole;
+  const auto is_top = [&](const TriangleMesh::Triangle& t) {
+    return std::ranges::all_of(t, [&](std::uint32_t v) { return whole.vertices[v].z() > 0.2; });
+  };
+  std::erase_if(top.triangles, [&](const auto& t) { return !is_top(t); });
+  std::erase_if(sides.triangles, is_top);
+  const TriangleMesh mesh = parse_mesh(ascii_stl(sides) + ascii_stl(top), "patches");
+  EXPECT_TRUE(faults_of(mesh).none());
+  EXPECT_EQ(shells_of(mesh).size(), 1U);
+  EXPECT_NEAR(volume_m3(mesh), prism.volume(), 1e-12 * prism.volume());
+}
+
+TEST(ReadMesh, JoinsFacesThatHaveVerticesOfTheirOwn) {
+  for (const TriangleMesh& whole : {box_mesh({0.1, 0.2, 0.3}), torus_mesh(kRadius, kTube, 24, 12), sphere_mesh(0.03, 3),
+                                    Prism{7, 0.1, 0.2}.mesh()}) {
+    const TriangleMesh mesh = parse_mesh(obj(exploded(whole)), "part");
+    EXPECT_EQ(mesh.triangles.size(), whole.triangles.size());
+    EXPECT_TRUE(faults_of(mesh).none());
+    EXPECT_EQ(shells_of(mesh).size(), 1U);
+    EXPECT_NEAR(volume_m3(mesh), volume_m3(whole), 1e-13 * volume_m3(whole));
+    EXPECT_NEAR(area_of(mesh), area_of(whole), 1e-13 * area_of(whole));
+  }
+  // Seams: some triangles have corners of their own, others share theirs.
+  Source source;
+  const TriangleMesh torus = torus_mesh(kRadius, kTube, 24, 12);
+  for (int trial = 0; trial < 20; ++trial) {
+    TriangleMesh seamed = torus;
+    for (TriangleMesh::Triangle& t : seamed.triangles)
+      for (std::uint32_t& v : t)
+        if (source.uniform(0, 1) < 0.1)
+          seamed.vertices.push_back(torus.vertices[v]), v = static_cast<std::uint32_t>(seamed.vertices.size()) - 1;
+    expect_same_solid(parse_mesh(obj(seamed), "part"), torus, 1e-13);
+  }
+}
+
+/// Parts that touch at a corner, along an edge and at a face: where more than two faces meet, those of one part belong together.
+TEST(ReadMesh, KeepsPartsApartThatTouch) {
+  const Vector3d half{0.1, 0.2, 0.3};
+  for (const Vector3d& off : {Vector3d{0.2, 0.4, 0.6}, Vector3d{0.2, 0.4, 0}, Vector3d{0, 0.4, 0.6},
+                              Vector3d{0.2, 0, 0}, Vector3d{0, 0, 0.6}}) {
+    TriangleMesh two = box_mesh(half);
+    append(two, box_mesh(half), off);
+    for (const std::string& file : {obj(exploded(two)), ascii_stl(two), binary_stl(two)}) {
+      const TriangleMesh mesh = parse_mesh(file, "parts");
+      EXPECT_TRUE(faults_of(mesh).none()) << off.transpose();
+      EXPECT_EQ(shells_of(mesh).size(), 2U) << off.transpose();
+      for (const TriangleMesh& shell : shells_of(mesh)) EXPECT_NEAR(volume_m3(shell), 0.048, 1e-7);
+    }
+  }
+}
+
+TEST(ReadMesh, JoinsCornersThatAnExporterHasRounded) {
+  Source source;
+  for (const double size : {1e-3, 0.1, 250.0})
+    for (const double offset : {0.0, 3.0}) {
+      const TriangleMesh whole = torus_mesh(size * kRadius, size * kTube, 40, 20);
+      // Of each facet by itself, in float: into axes of its own and back.
+      const TriangleMesh rounded = exploded(whole, [&](const Vector3d& v) {
+        const float turn = static_cast<float>(source.uniform(-3, 3)), c = std::cos(turn), s = std::sin(turn);
+        const Eigen::Vector3f p = (v + size * offset * kRadius * Vector3d::Ones()).cast<float>();
+        const Eigen::Vector3f there{c * p.x() - s * p.y(), s * p.x() + c * p.y(), p.z()};
+        return Vector3d{
+            Eigen::Vector3f{c * there.x() + s * there.y(), c * there.y() - s * there.x(), p.z()}.cast<double>()};
+      });
+      for (const std::string& file : {binary_stl(rounded), ascii_stl(rounded), obj(rounded)}) {
+        const TriangleMesh mesh = parse_mesh(file, "part");
+        EXPECT_TRUE(faults_of(mesh).none()) << size << " at " << offset << ": " << faults_of(mesh).open_edges;
+        EXPECT_EQ(mesh.vertices.size(), whole.vertices.size());
+        EXPECT_NEAR(volume_m3(mesh), volume_m3(whole), 1e-5 * volume_m3(whole));
+      }
+    }
+  // What no rounding explains stays open.
+  const TriangleMesh box = box_mesh(Vector3d::Constant(0.05));
+  const TriangleMesh loose = exploded(box, [&](const Vector3d& v) { return Vector3d{v + source.vector<3>(1e-6)}; });
+  EXPECT_EQ(faults_of(parse_mesh(obj(loose), "part")).open_edges, 36U);
+}
+
+TEST(ReadMesh, LeavesAClosedMeshAsItIsToTheBit) {
+  TriangleMesh two = torus_mesh(kRadius, kTube, 24, 12);
+  append(two, box_mesh({0.1, 0.2, 0.3}), {0.2, 0, 0});
+  append(two, box_mesh({0.1, 0.2, 0.3}), {0.4, 0, 0});  // shares the places of four corners
+  two.vertices[0] += Vector3d{1e-9, 0, 0};              // near a place, and another one
+  const TriangleMesh mesh = parse_mesh(obj(two), "parts");
+  EXPECT_EQ(mesh.vertices, two.vertices);
+  EXPECT_EQ(mesh.triangles, two.triangles);
+}
+
+/// A box of which a face has a corner more, on an edge of its neighbour: a triangle without area lies between.
+TEST(ReadMesh, TakesInTrianglesWithoutArea) {
+  const std::string corners =
+      "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nv 0 0 1\nv 1 0 1\nv 1 1 1\nv 0 1 1\nv 0.25 0 0\nv 0.5 0 0\n";
+  const std::string faces = "f 4 3 2\nf 4 2 1\nf 5 6 7 8\nf 2 3 7 6\nf 3 4 8 7\nf 4 1 5 8\n";
+  std::string left_out;
+  const auto read = [&](const std::string& more) {
+    left_out.clear();
+    return parse_mesh(corners + faces + more, "box", left_out);
+  };
+  for (const char* more :
+       {"f 1 10 5\nf 10 2 5\nf 2 6 5\nf 1 2 10\n", "f 1 9 5\nf 9 10 5\nf 10 2 5\nf 2 6 5\nf 1 10 9\nf 1 2 10\n",
+        "f 1 9 5\nf 9 10 5\nf 10 2 5\nf 2 6 5\nf 9 2 10\nf 1 2 9\n"}) {
+    const TriangleMesh mesh = read(more);
+    EXPECT_TRUE(faults_of(mesh).none()) << more << faults_of(mesh).open_edges;
+    EXPECT_NEAR(volume_m3(mesh), 1.0, 1e-15);
+    EXPECT_NEAR(area_of(mesh), 6.0, 1e-15);
+    EXPECT_EQ(left_out, "") << "all of them hold it together";
+  }
+  // These hold nothing together: a line, a point, and a fold over a whole edge.
+  const TriangleMesh mesh = read("f 1 2 6 5\nf 1 2 2\nf 3 3 3\nf 9 10 1\n");
+  EXPECT_TRUE(faults_of(mesh).none());
+  EXPECT_EQ(left_out, "box: 3 triangles without area are left out");
+  EXPECT_TRUE(faults_of(read("f 1 2 6 5\nf 1 2 2\n")).none());
+  EXPECT_EQ(left_out, "box: 1 triangle without area is left out");
+  EXPECT_TRUE(faults_of(read("f 1 2 6 5\n")).none());
+  EXPECT_EQ(left_out, "");
+}
+
+TEST(ReadMesh, ReadsLinesThatGoOn) {
+  const TriangleMesh mesh = parse_mesh("v 0 0 \\\n 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nf 1 2 \\\r\n3 4\n", "part");
+  EXPECT_NEAR(area_of(mesh), 1.0, 1e-15);
+}
+
+TEST(Mesh, KnowsWhereItIsOpen) {
+  TriangleMesh mesh = box_mesh({0.1, 0.2, 0.3});
+  std::erase_if(mesh.triangles, [&](const TriangleMesh::Triangle& t) {
+    return std::ranges::all_of(t, [&](std::uint32_t v) { return mesh.vertices[v].x() > 0.0; });
+  });
+  append(mesh, sphere_mesh(0.05, 2), {2, 0, 0});
+  mesh.triangles.pop_back();
+  const std::vector<Eigen::AlignedBox3d> gaps = gaps_of(mesh);
+  ASSERT_EQ(gaps.size(), 2U);
+  EXPECT_LT((gaps[0].center() - Vector3d{0.1, 0, 0}).norm(), 1e-15);
+  EXPECT_LT((gaps[0].sizes() - Vector3d{0, 0.4, 0.6}).norm(), 1e-15);
+  EXPECT_LT((gaps[1].center() - Vector3d{2, 0, 0}).norm(), 0.06);
+  EXPECT_TRUE(gaps_of(box_mesh({1, 1, 1})).empty());
+  TriangleMesh flipped = box_mesh({0.1, 0.2, 0.3});
+  std::swap(flipped.triangles[0][0], flipped.triangles[0][1]);
+  EXPECT_NEAR(odd_edge_of(flipped).z(), -0.3, 1e-15);
+  EXPECT_EQ(faults_of(parse_mesh(obj(exploded(flipped)), "part")).odd_edges, 3U) << "turned, and no gap";
+  EXPECT_EQ(faults_of(parse_mesh(obj(exploded(flipped)), "part")).open_edges, 0U);
+}
+
 std::string refusal(const std::string& content) {
   try {
     parse_mesh(content, "part");
@@ -129,6 +335,18 @@ TEST(ReadMesh, RefusesInOneSentenceWhatIsNoMesh) {
   EXPECT_EQ(refusal("v 0 0"), "part: line 1: \"\" stands where a coordinate is expected");
   EXPECT_EQ(refusal("v 0 0 1e300"), "part: line 1 has a coordinate 1e+300; it must be a number of at most 1e+06");
   EXPECT_EQ(refusal("v 0 0 0\n"), "part: it has no triangle with an area");
+  const std::string solid = ascii_stl(box_mesh({1, 1, 1}));
+  EXPECT_EQ(refusal(solid + "facet"),
+            "part: line 87: \"facet\" stands where \"solid\" or the end of the file is expected");
+  EXPECT_EQ(refusal(solid + "solid b\nfacet normal 0 0 1\n"), "part: line 89: \"\" stands where \"outer\" is expected");
+  EXPECT_EQ(refusal("ply\nformat ascii 1.0\n"), neither + "; MeshLab and Blender export both");
+  std::string named = stl;
+  named.replace(0, 5, "solid");
+  EXPECT_EQ(refusal(named + "x"),
+            "part: it is 685 bytes long, and a binary STL of 12 triangles, as its header says, is 684");
+  std::string wide;
+  for (const char c : solid) wide += c, wide += '\0';
+  EXPECT_EQ(refusal(wide), "part: it is in UTF-16; save it as UTF-8");
 }
 
 TEST(Mesh, TellsWhatKeepsItFromBeingASolid) {
@@ -147,15 +365,6 @@ TEST(Mesh, TellsWhatKeepsItFromBeingASolid) {
 
 // --- solids --------------------------------------------------------------------------------------
 
-void append(TriangleMesh& mesh, const TriangleMesh& part, const Vector3d& at, bool cavity = false) {
-  const auto first = static_cast<std::uint32_t>(mesh.vertices.size());
-  for (const Vector3d& v : part.vertices) mesh.vertices.push_back(v + at);
-  for (TriangleMesh::Triangle t : part.triangles) {
-    for (std::uint32_t& v : t) v += first;
-    if (cavity) std::swap(t[0], t[1]);
-    mesh.triangles.push_back(t);
-  }
-}
 double box_distance(const Vector3d& p, const Vector3d& half) {
   const Vector3d q = p.cwiseAbs() - half;
   return q.maxCoeff() < 0.0 ? q.maxCoeff() : q.cwiseMax(0.0).norm();
