@@ -52,8 +52,7 @@ double area_of(const TriangleMesh& mesh);
 inline constexpr std::size_t kMostTriangles = 2'000'000;
 
 /// The mesh of a file's content: STL, binary or ASCII, or Wavefront OBJ, of which v and f are read and polygons are split
-/// into triangles. Vertices of a solid of an STL file with equal coordinates become one, edges that are open are joined() where they meet,
-/// and triangles without area are left out.
+/// into triangles. Vertices of an STL file with equal coordinates become one; triangles without area are left out.
 /// Throws ConfigError, in one sentence that begins with `name`, for anything else: sizes, numbers and indices are checked,
 /// nothing is allocated that the content does not pay for.
 TriangleMesh parse_mesh(std::string_view content, const std::string& name);

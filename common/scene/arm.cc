@@ -130,6 +130,9 @@ ArmParameters read_described(const Block<schema::ArmParameters>& of, const std::
   of.need_length(FIELD(joint_rotor_inertia_kg_m2), static_cast<int>(arm.joints.size()));
   const Numbers rotors = numbers(of->joint_rotor_inertia_kg_m2());
   for (std::size_t i = 0; i < rotors.size(); ++i) arm.joints[i].rotor_inertia = rotors[i];
+  of.need_length(FIELD(joint_max_torque_n_m), static_cast<int>(arm.joints.size()));
+  const Numbers torques = numbers(of->joint_max_torque_n_m());
+  for (std::size_t i = 0; i < torques.size(); ++i) arm.joints[i].max_effort = torques[i];
   if (of->has_name()) arm.name = of->name();
   return arm;
 }
@@ -138,6 +141,8 @@ ArmParameters read_joints(const Block<schema::ArmParameters>& of, const std::str
     of.fail(fmt::format("the tip \"{}\" is named, but only links of a URDF have names", tip.empty() ? of->tip() : tip));
   if (of.has(FIELD(joint_rotor_inertia_kg_m2)))
     of.fail("joint_rotor_inertia_kg_m2 is given without urdf; each joint has its rotor_inertia_kg_m2");
+  if (of.has(FIELD(joint_max_torque_n_m)))
+    of.fail("joint_max_torque_n_m is given without urdf; each joint has its max_torque_n_m");
   ArmParameters arm;
   arm.name = of->name();
   for (const auto& each : of.blocks(FIELD(joint))) {
@@ -155,10 +160,15 @@ ArmParameters read_joints(const Block<schema::ArmParameters>& of, const std::str
 
 std::string inertia_fault(const Eigen::Matrix3d& inertia, double rounding) {
   const Eigen::Vector3d moments = Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d>{inertia}.eigenvalues();
-  if (!(moments[0] > -rounding)) return "be positive definite";
+  if (!(moments[0] > -rounding))
+    return fmt::format("be positive definite: no principal moment is below 0, and one is {:.3g} kg m²", moments[0]);
   // Identified parameters miss it by rounding; by more they belong to no body.
-  if (moments[2] > 1.05 * (moments[0] + moments[1]) + rounding)
-    return "keep the triangle inequality: no principal moment exceeds the sum of the other two by more than 5 %";
+  const double sum = moments[0] + moments[1];
+  if (moments[2] > 1.05 * sum + rounding)
+    return fmt::format(
+        "keep the triangle inequality: no principal moment exceeds the sum of the other two by more than 5 %, and "
+        "{:.4g} exceeds {:.4g} + {:.4g} kg m² by {:.3g} %",
+        moments[2], moments[0], moments[1], 100.0 * (moments[2] / sum - 1.0));
   return {};
 }
 
@@ -211,7 +221,8 @@ void complete(const Block<schema::Arm>& of, const std::string& path, ArmParamete
                           words));
     };
     if (*joint.damping > 300.0) refuse("damping", *joint.damping, "at most 300");
-    if (!(joint.max_effort > 0.0)) refuse("effort", joint.max_effort, "> 0");
+    if (!(joint.max_effort > 0.0))
+      refuse("effort", joint.max_effort, "> 0: give joint_max_torque_n_m in a file beside the URDF that names it");
     if (const std::string words = inertia_fault(joint.inertia); !words.empty())
       of.fail(fmt::format("{}: the link behind joint \"{}\" has an inertia that must {}", path, joint.name, words));
   }

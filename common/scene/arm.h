@@ -8,7 +8,7 @@
 namespace twoport {
 
 /// Reads an arm of any number of joints from a file in Protobuf text format (proto/arm.proto), or from a `.urdf` up to its link `tip`;
-/// "": the only link without children. Throws ConfigError with file, field or name, value and what is allowed.
+/// "": the only link without children that a joint moves. Throws ConfigError with file, field or name, value and what is allowed.
 ArmParameters load_arm(const std::string& path, const std::string& tip = {});
 
 /// The shapes of the links of that arm, with the same errors; none where the file is no URDF and names none.
@@ -23,7 +23,7 @@ std::string inertia_fault(const Eigen::Matrix3d& inertia, double rounding = 0.0)
 
 // Internal to common/scene.
 
-/// Reads the arm between the root and the link `tip` of a URDF; "": the only link without children. Fixed joints join their links;
+/// Reads the arm between the root and the link `tip` of a URDF; "": the only link without children that a joint moves. Fixed joints join their links;
 /// joints beside the arm are held at 0 or at the nearer limit. Throws ConfigError with file, line and name.
 ArmParameters read_urdf(const std::string& text, const std::string& file, const std::string& tip);
 

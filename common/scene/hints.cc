@@ -11,11 +11,13 @@
 #include <numbers>
 #include <optional>
 #include <set>
+#include <string_view>
 #include <utility>
 #include <variant>
 
 #include "common/arm/arm_model.h"
 #include "common/base/built_for.h"
+#include "common/contact/environment.h"
 #include "common/coupling/claim.h"
 #include "common/scene/held_coupling.h"
 #include "common/scene/shown.h"
@@ -64,6 +66,86 @@ Length largest_length(const Scene& scene) {
   for (int i = 0; i < message.environment_size(); ++i)
     look_at(message.environment(i), fmt::format("environment[{}].", i), largest);
   return largest;
+}
+
+/// Where a number is probably a thousand times what was meant, or a thousandth.
+struct UnitMistake {
+  std::string_view block, field;  ///< block: its path, or a beginning of it
+  double least, most;             ///< of a value that is not 0
+  const char *quantities, *unit, *small, *large;
+};
+constexpr UnitMistake kUnitMistakes[] = {
+    {"device", "mass_kg", 1e-3, 10.0, "masses", "kilograms", "g", "t"},
+    {"operator.hand", "mass_kg", 1e-3, 10.0, "masses", "kilograms", "g", "t"},
+    {"robot", "mass_kg", 1e-3, 200.0, "masses", "kilograms", "g", "t"},
+    {"device", "inertia_kg_m2", 0.0, 5.0, "inertias", "kg m²", "g m²", ""},
+    {"operator.hand", "inertia_kg_m2", 0.0, 5.0, "inertias", "kg m²", "g m²", ""},
+    {"robot", "inertia_kg_m2", 0.0, 50.0, "inertias", "kg m²", "g m²", ""},
+    {"operator.hand", "stiffness_n_per_m", 10.0, 1e5, "stiffnesses", "N/m", "mN/m", "N/mm"},
+    {"environment", "stiffness_n_per_m", 20.0, 2e6, "stiffnesses", "N/m", "mN/m", "N/mm"},
+    {"control.virtual_coupling", "stiffness_n_per_m", 20.0, 2e5, "stiffnesses", "N/m", "mN/m", "N/mm"},
+    {"device", "max_force_n", 0.05, 2e3, "forces", "newtons", "mN", "kN"},
+    {"control.device_limits", "force_n", 0.05, 2e3, "forces", "newtons", "mN", "kN"},
+    {"control.robot_limits", "force_n", 0.05, 5e3, "forces", "newtons", "mN", "kN"},
+    {"control.device_limits", "speed_m_per_s", 1e-3, 20.0, "speeds", "m/s", "mm/s", "km/s"},
+    {"control.robot_limits", "speed_m_per_s", 1e-3, 20.0, "speeds", "m/s", "mm/s", "km/s"},
+};
+
+/// The first number that `block` and the blocks within give in another unit, it seems; empty: none.
+std::string unit_mistake(const pb::Message& block, const std::string& path) {
+  const pb::Reflection& r = *block.GetReflection();
+  std::vector<const pb::FieldDescriptor*> given;
+  r.ListFields(block, &given);
+  for (const pb::FieldDescriptor* const field : given)
+    for (int i = 0; i < (field->is_repeated() ? r.FieldSize(block, field) : 1); ++i) {
+      const bool list = field->is_repeated();
+      if (field->message_type() != nullptr) {
+        // A spring may be as soft as it likes, and an arm's numbers stand in its file.
+        if (field->name() == "spring" || field->name() == "arm") continue;
+        const std::string name = (path.empty() ? "" : path + ".") + field->name();
+        std::string found = unit_mistake(list ? r.GetRepeatedMessage(block, field, i) : r.GetMessage(block, field),
+                                         list ? fmt::format("{}[{}]", name, i) : name);
+        if (!found.empty()) return found;
+      } else if (field->cpp_type() == pb::FieldDescriptor::CPPTYPE_DOUBLE) {
+        const double value = list ? r.GetRepeatedDouble(block, field, i) : r.GetDouble(block, field);
+        for (const UnitMistake& m : kUnitMistakes) {
+          if (field->name() != m.field || !path.starts_with(m.block) || value == 0.0 ||
+              (value >= m.least && value <= m.most))
+            continue;
+          const bool much = value > m.most;
+          return fmt::format("{}.{} is {:g}; {} are in {}, and {:g} {} are {:g}", path, field->name(), value,
+                             m.quantities, m.unit, value, much ? m.small : m.large, (much ? 1e-3 : 1e3) * value);
+        }
+      }
+    }
+  return {};
+}
+
+/// The surface that a point of the handle or the tool at this position is inside of by more than 0.1 mm, and how deep; K d²/2 is
+/// the energy that pushes it out.
+struct Inside {
+  std::size_t surface;
+  double depth_m;
+};
+std::optional<Inside> starts_inside(const Scene& s, const Numbers& at) {
+  constexpr double kDeep_m = 1e-4;
+  if (s.joints > 0 || !built_for(s.dof)) return {};
+  for (std::size_t i = 0; i < s.environment.size(); ++i) {
+    const auto* surface = std::get_if<Surface>(&s.environment[i]);
+    if (surface == nullptr) continue;
+    const double energy_j = for_cartesian_dof(s.dof, "dof", [&]<int N>() {
+      return Environment<N>{{*surface}, s.tool}.potential(position<N>(at)).si();
+    });
+    const double depth_m = std::sqrt(2.0 * energy_j / surface->material.stiffness_n_per_m);
+    if (depth_m > kDeep_m) return Inside{i, depth_m};
+  }
+  return {};
+}
+std::string pushed_out(const Scene& s, const char* path, const Numbers& at) {
+  const auto inside = starts_inside(s, at);
+  if (!inside) return {};
+  return fmt::format("{} is {:.3g} mm inside environment[{}].{}, which pushes it out before anything is coupled", path,
+                     1e3 * inside->depth_m, inside->surface, name(s.environment[inside->surface]));
 }
 
 bool has_link(const Scene& scene) {
@@ -299,6 +381,15 @@ constexpr Hint kHints[] = {
       if (!(length.metres > kLong)) return std::string{};
       return fmt::format("{} is {:g} m; lengths are in metres, and {:g} mm are {:g}", length.path, length.metres,
                          length.metres, 1e-3 * length.metres);
+    }},
+    {[](const Scene& s) { return s.source ? unit_mistake(s.source->message, "") : std::string{}; }},
+    {[](const Scene& s) {
+       const bool renders = s.control.architecture == Architecture::render && s.device;
+       return renders ? pushed_out(s, "device.position_m", s.device->position_m) : std::string{};
+     },
+     true},
+    {[](const Scene& s) {
+      return has_link(s) && s.robot ? pushed_out(s, "robot.position_m", s.robot->position_m) : std::string{};
     }},
     {[](const Scene& s) -> std::string {
        return has_link(s) && s.device && !s.operator_model ? "operator is absent: no hand holds the handle" : "";

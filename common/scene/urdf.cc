@@ -73,6 +73,32 @@ struct Text {
     }
     return 0;
   }
+  /// Of the first attribute of this name whose value is no number; 0: there is none.
+  [[nodiscard]] long line_of_no_number(std::string_view attribute) const {
+    static const std::set<std::string_view> kNumbers{"ixx",      "iyy",     "izz",     "ixy",   "ixz",
+                                                     "iyz",      "value",   "lower",   "upper", "effort",
+                                                     "velocity", "damping", "friction"};
+    if (!kNumbers.contains(attribute)) return 0;
+    const std::string open = fmt::format("{}=", attribute);
+    for (std::size_t at = text.find(open); at != text.npos; at = text.find(open, at + 1)) {
+      const std::size_t from = at + open.size() + 1, to = text.find(text[from - 1], from);
+      if (to == text.npos) return 0;
+      const std::string_view value = trimmed(std::string_view{text}.substr(from, to - from));
+      if (!number_from<double>(value.starts_with('+') ? value.substr(1) : value))
+        return 1 + std::count(text.begin(), text.begin() + static_cast<std::ptrdiff_t>(at), '\n');
+    }
+    return 0;
+  }
+  /// Of the first attribute with this word, which is no number; 0: there is none.
+  [[nodiscard]] long line_of_value(std::string_view word) const {
+    constexpr std::string_view kAround = " \t\r\n'\"";
+    if (word.empty() || number_from<double>(word)) return 0;
+    for (std::size_t at = text.find(word, 1); at != text.npos; at = text.find(word, at + 1))
+      if (const std::size_t end = at + word.size();
+          end < text.size() && kAround.find(text[at - 1]) != kAround.npos && kAround.find(text[end]) != kAround.npos)
+        return 1 + std::count(text.begin(), text.begin() + static_cast<std::ptrdiff_t>(at), '\n');
+    return 0;
+  }
   [[noreturn]] void fail(long line, const std::string& words) const {
     throw ConfigError{line > 0 ? fmt::format("{}:{}: {}", file, line, words) : fmt::format("{}: {}", file, words)};
   }
@@ -139,12 +165,14 @@ std::string checked(const Text& of, bool with_shapes) {
     of.fail(0, "these are macros; expand them first: xacro FILE.xacro > FILE.urdf");
   if (complaint.find("No root link") != complaint.npos)
     of.fail(0, "no one link is the root, the child of no joint; an arm has one, and no loops");
-  // The parser puts names in brackets or quotes.
+  // The parser puts names in brackets or quotes, or names an attribute whose value is no number.
   long line = 0;
+  std::istringstream words{complaint};
+  for (std::string word; line == 0 && words >> word;) line = of.line_of_no_number(word);
   for (std::size_t at = complaint.find_first_of("['\""); line == 0 && at != complaint.npos;
        at = complaint.find_first_of("['\"", at + 1)) {
     const std::string name = complaint.substr(at + 1, complaint.find_first_of("]'\"", at + 1) - at - 1);
-    line = std::max(of.line_of("joint", name), of.line_of("link", name));
+    line = std::max({of.line_of("joint", name), of.line_of("link", name), of.line_of_value(name)});
   }
   of.fail(line, complaint.empty() ? std::string{"no URDF: it has no element <robot>"} : complaint);
 }
@@ -184,14 +212,23 @@ void check_tree(const Text& of, const urdf::ModelInterface& model) {
 }
 
 std::string tip_of(const Text& of, const urdf::ModelInterface& model, const std::string& wanted) {
-  std::vector<std::string> all, leaves;
+  std::vector<std::string> all, leaves, moved;
+  const auto is_moved = [&](const urdf::Link* at) {
+    for (; at->parent_joint; at = model.links_.at(at->parent_joint->parent_link_name).get())
+      if (at->parent_joint->type != urdf::Joint::FIXED) return true;
+    return false;
+  };
   for (const auto& [name, link] : model.links_) {
     all.push_back(name);
-    if (link->child_links.empty()) leaves.push_back(name);
+    if (!link->child_links.empty()) continue;
+    leaves.push_back(name);
+    if (is_moved(link.get())) moved.push_back(name);
   }
+  // A frame at the base is no tip.
+  if (!moved.empty()) leaves = moved;
   if (wanted.empty()) {
     if (leaves.size() == 1) return leaves[0];
-    of.fail(0, fmt::format("{} links have no children: {}; name the tip by --tip, or by tip in an arm's file",
+    of.fail(0, fmt::format("{} links have no children: {}; name the tip by --tip, or by tip in a file beside the URDF",
                            leaves.size(), fmt::join(leaves, ", ")));
   }
   if (!model.links_.contains(wanted))

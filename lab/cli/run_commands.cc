@@ -94,11 +94,12 @@ int replay_command(const std::string& file) {
   if (all.torn) fmt::print("{}: the recording has no end: its program was killed, or it was cut off\n", file);
   for (const ReplayedSide& each : all.sides) {
     if (each.difference.empty() && each.ticks == 0) {
-      fmt::print("{}: no whole tick to compare\n", each.side);
+      fmt::print("{}: no whole tick to compare\n", in_one_line(each.side));
     } else if (each.difference.empty()) {
-      fmt::print("{}: {} ticks, identical to the bit\n", each.side, each.ticks);
+      fmt::print("{}: {} ticks, identical to the bit\n", in_one_line(each.side), each.ticks);
     } else {
-      fmt::print("{}: {} ticks identical to the bit, then {}\n", each.side, each.ticks, each.difference);
+      fmt::print("{}: {} ticks identical to the bit, then {}\n", in_one_line(each.side), each.ticks,
+                 in_one_line(each.difference));
     }
   }
   return all.identical() ? 0 : 3;

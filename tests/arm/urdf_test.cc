@@ -440,12 +440,15 @@ const std::string kSeven =
     "urdf: \"" TWOPORT_ARMS "/seven_joints.urdf\" ready_position_rad: [0, 0.6, 0, -1.4, 0, 1.1, 0] ";
 
 TEST(ArmFileOfAUrdf, AddsWhatAUrdfCannotSay) {
-  const ArmParameters arm = described(kSeven + "tip: \"grasp\" joint_rotor_inertia_kg_m2: [1, 2, 3, 4, 5, 6, 7]"),
+  const ArmParameters arm = described(kSeven +
+                                      "tip: \"grasp\" joint_rotor_inertia_kg_m2: [1, 2, 3, 4, 5, 6, 7] "
+                                      "joint_max_torque_n_m: [7, 6, 5, 4, 3, 2, 1]"),
                       bare = load_arm(TWOPORT_ARMS "/seven_joints.urdf", "grasp");
   ASSERT_EQ(arm.joints.size(), 7U);
   for (std::size_t i = 0; i < 7; ++i) {
     EXPECT_EQ(arm.joints[i].rotor_inertia, static_cast<double>(i + 1));
     EXPECT_EQ(bare.joints[i].rotor_inertia, 0.0);
+    EXPECT_EQ(arm.joints[i].max_effort, static_cast<double>(7 - i));
     EXPECT_EQ(arm.joints[i].inertia, bare.joints[i].inertia);
   }
   EXPECT_EQ(arm.flange_m, bare.flange_m);
@@ -511,6 +514,9 @@ TEST(Urdf, SaysWhatIsWrongWithAFile) {
            {"<mujoco/>", "", "obot"},
            {"<robot name='x' xmlns:xacro='y'><xacro:arm/></robot>", "", "these are macros; expand them first"},
            {two_links(branch), "", "2 links have no children: camera, tool; name the tip by --tip"},
+           {two_links(branch + "<link name='world_frame'/><joint name='w' type='fixed'><parent link='base'/><child "
+                               "link='world_frame'/></joint>"),
+            "", "2 links have no children: camera, tool; name the tip by --tip"},
            {two_links(), "toll", "the tip is \"toll\", but there is no link of this name; did you mean tool"},
            {two_links(), "base", "link \"base\" is the tip, but no joint moves it"},
            {changed("type='revolute'", "type='floating'"), "",
@@ -542,9 +548,13 @@ TEST(Urdf, SaysWhatIsWrongWithAFile) {
             "link \"lower\" moves with joint \"b\" and has no mass: neither it nor a link fixed to it has an "
             "<inertial>"},
            {changed("izz='0.02'", "izz='2'"), "",
-            "link \"upper\" has, with what is fixed to it, an inertia that must keep the triangle"},
+            "link \"upper\" has, with what is fixed to it, an inertia that must keep the triangle inequality: no "
+            "principal moment exceeds the sum of the other two by more than 5 %, and 2 exceeds 0.02 + 0.03 kg m² by "
+            "3.9e+03 %"},
            {changed("ixx='0.02'", "ixx='-0.02'"), "",
-            "link \"upper\" has, with what is fixed to it, an inertia that must be positive"},
+            "link \"upper\" has, with what is fixed to it, an inertia that must be positive definite: no principal "
+            "moment "
+            "is below 0, and one is -0.02 kg m²"},
            {changed("<child link='upper'/>", "<child link='uper'/>"), "", "uper"},
            {changed("<parent link='base'/>", "<parent link='bass'/>"), "", "bass"},
            {changed("<parent link='base'/>", ""), "", "a"},
@@ -585,6 +595,35 @@ TEST(Urdf, SaysWhatIsWrongWithAFile) {
       << error_of([&] { load(lines); });
 }
 
+/// As base beside tool0 in the descriptions of industrial arms.
+TEST(Urdf, TakesNoFrameAtTheBaseForTheTip) {
+  const ArmParameters alone = load(two_links());
+  for (const char* chain : {"base", "frame"}) {
+    const std::string frame =
+        std::string{
+            "<link name='frame'/><joint name='f' type='fixed'><parent link='base'/><child "
+            "link='frame'/></joint>"} +
+        "<link name='end'/><joint name='e' type='fixed'><parent link='" + chain + "'/><child link='end'/></joint>";
+    const ArmParameters arm = load(two_links(frame));
+    EXPECT_EQ(arm.joints.size(), alone.joints.size());
+    EXPECT_EQ(arm.flange_m, alone.flange_m);
+  }
+}
+
+/// The line of a number with a comma, or a word.
+TEST(Urdf, NamesTheLineOfWhatIsNoNumber) {
+  for (const auto& [from, to] : {std::pair{"ixx='0.02'", "ixx='0,02'"},
+                                 {"<mass value='1.5'/>", "<mass value='1,5'/>"},
+                                 {"effort='50'", "effort='fifty'"},
+                                 {"xyz='0 0 0.7'", "xyz='0 0 0,7'"}}) {
+    std::string lines = changed(from, to);
+    for (std::size_t at = lines.find("><"); at != lines.npos; at = lines.find("><")) lines.replace(at, 2, ">\n<");
+    const auto line = 1 + std::count(lines.begin(), lines.begin() + static_cast<std::ptrdiff_t>(lines.find(to)), '\n');
+    const std::string error = error_of([&] { load(lines); });
+    EXPECT_NE(error.find(fmt::format("arm_of_a_test.urdf:{}: ", line)), std::string::npos) << to << ": " << error;
+  }
+}
+
 TEST(ArmFileOfAUrdf, SaysWhatIsWrong) {
   const auto expect = [](const std::string& text, const std::string& words) {
     const std::string error = error_of([&] { described(text); });
@@ -604,6 +643,9 @@ TEST(ArmFileOfAUrdf, SaysWhatIsWrong) {
   expect("urdf: \"" + kSix + "\"", "ready_position_rad is missing; it must hold 6 numbers");
   expect("tip: \"x\"", "the tip \"x\" is named, but only links of a URDF have names");
   expect("joint_rotor_inertia_kg_m2: [1]", "joint_rotor_inertia_kg_m2 is given without urdf");
+  expect(with + "joint_max_torque_n_m: [1]", "joint_max_torque_n_m is [1]; it must hold 7 numbers");
+  expect(with + "joint_max_torque_n_m: [1, 1, 1, 1, 1, 1, 0]", "joint_max_torque_n_m");
+  expect("joint_max_torque_n_m: [1]", "joint_max_torque_n_m is given without urdf");
 }
 
 TEST(SceneOfAUrdf, SaysWhatItLacks) {
@@ -630,7 +672,11 @@ TEST(SceneOfAUrdf, SaysWhatItLacks) {
   std::string weak = read_whole(kSix), damped = weak;
   weak.replace(weak.find("effort=\"150\""), 12, "effort=\"0\"");
   damped.replace(damped.find("damping=\"2\""), 11, "damping=\"301\"");
-  EXPECT_NE(arm(weak).find("joint \"shoulder_pan\" has the effort 0; in a scene it must be > 0"), std::string::npos)
+  EXPECT_NE(
+      arm(weak).find(
+          "joint \"shoulder_pan\" has the effort 0; in a scene it must be > 0: give joint_max_torque_n_m in a file "
+          "beside the URDF that names it"),
+      std::string::npos)
       << arm(weak);
   EXPECT_NE(arm(damped).find("joint \"shoulder_pan\" has the damping 301; in a scene it must be at most 300"),
             std::string::npos)

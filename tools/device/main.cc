@@ -13,6 +13,7 @@
 #include "common/arm/parameters.h"
 #include "common/base/built_for.h"
 #include "common/base/check.h"
+#include "common/base/text.h"
 #include "common/platform/arguments.h"
 #include "common/platform/realtime.h"
 #include "common/scene/load.h"
@@ -108,7 +109,7 @@ void print_handle(const DeviceInfo& i, int dof) {
   fmt::print("apparent mass      {}\n", number(i.mass_kg, "kg"));
 }
 void print_info(const DeviceInfo& i, int dof, int joint, const JointLimits& limits, const Units& u, bool simulated) {
-  fmt::print("device             {}{}\n", i.name, simulated ? ", in virtual time" : "");
+  fmt::print("device             {}{}\n", in_one_line(i.name), simulated ? ", in virtual time" : "");
   if (joint > 0)
     print_joints(i.dof > 0 ? i.dof : dof, joint, limits, u);
   else
@@ -120,7 +121,7 @@ void print_info(const DeviceInfo& i, int dof, int joint, const JointLimits& limi
 }
 
 void print_gripper(const DeviceInfo& i, double opening_m) {
-  fmt::print("gripper            {}; it begins at {:.3g} m; {}\n", i.name, opening_m,
+  fmt::print("gripper            {}; it begins at {:.3g} m; {}\n", in_one_line(i.name), opening_m,
              i.max_force_n == 0.0           ? std::string{"it displays no force"}
              : std::isfinite(i.max_force_n) ? fmt::format("{:.3g} N at most", i.max_force_n)
                                             : "its force is not known");

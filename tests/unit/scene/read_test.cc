@@ -251,11 +251,12 @@ TEST(Scene, ReadsAMeshBesideIt) {
       return e.what();
     }
   };
-  EXPECT_TRUE(says(error("v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n"),
-                   {"lab.textproto: environment[0].mesh.file: ",
-                    "other.obj has 3 edges of one triangle only, in 1 gap of which the largest is around (0.5, 0.5, 0) m "
-                    "and 1.41 m across; the mesh must be closed: in MeshLab by Merge Close Vertices, then Close Holes, "
-                    "in Blender by Merge by Distance, then Fill Holes"}));
+  EXPECT_TRUE(
+      says(error("v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n"),
+           {"lab.textproto: environment[0].mesh.file: ",
+            "other.obj has 3 edges of one triangle only, in 1 gap of which the largest is around (0.5, 0.5, 0) m "
+            "and 1.41 m across; the mesh must be closed: in MeshLab by Merge Close Vertices, then Close Holes, "
+            "in Blender by Merge by Distance, then Fill Holes"}));
   EXPECT_TRUE(
       says(error("v 1 2\n"), {"environment[0].mesh.file: ", "other.obj: line 1: \"\" stands where a coordinate"}));
   TriangleMesh inward = box_mesh({1, 1, 1});
