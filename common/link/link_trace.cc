@@ -16,6 +16,7 @@ namespace {
 constexpr double kLost = std::numeric_limits<double>::quiet_NaN();
 constexpr std::uint64_t kMostSequence = std::uint64_t{1} << 53;
 constexpr double kMostSent_s = 1e6, kMostDelay_ms = 1e6;
+constexpr std::size_t kShown = 60;  // characters of a line that is refused
 
 /// All of `text` as a number from 0 to `most`.
 template <class Number>
@@ -42,7 +43,10 @@ class Reader {
       if (std::exchange(header, true)) {
         add(line);
       } else if (line != kLinkTraceHeader) {
-        fail(line_, fmt::format("\"{}\" is not the header; it must be {}", line, kLinkTraceHeader));
+        fail(line_,
+             fmt::format("\"{}\" is not the header; it must be {}, then a row for each packet, as twoport-lab doctor "
+                         "--save writes them",
+                         in_one_line(line.substr(0, kShown)), kLinkTraceHeader));
       }
     }
     return {.to_slave = in_order("to_slave", to_slave_), .to_master = in_order("to_master", to_master_)};
@@ -145,6 +149,47 @@ std::string to_csv(const LinkTrace& trace) {
   return text;
 }
 
+std::string why_no_delays(const std::vector<double>& ms) {
+  constexpr std::size_t kFew = 100;
+  constexpr double kLong_ms = 1000.0;
+  const auto is_whole = [](double each) { return each == std::floor(each); };
+  if (ms.size() < kFew || ms.back() < kLong_ms || !std::is_sorted(ms.begin(), ms.end()) ||
+      !std::all_of(ms.begin(), ms.end(), is_whole))
+    return {};
+  return fmt::format(
+      "{} whole numbers that never fall are times, as in a trace of mahimahi, and no delays; it must hold "
+      "one delay in ms a line, or begin with {}",
+      ms.size(), kLinkTraceHeader);
+}
+
+namespace {
+
+/// The delays of each row as those of packets that are sent more often.
+std::vector<double> of_sparse_rows(const std::vector<double>& rows, std::size_t packets, double rows_a_packet) {
+  std::vector<double> nearest = rows;  // of a lost row that of the one before, or the first
+  const auto first = std::find_if(rows.begin(), rows.end(), [](double each) { return !std::isnan(each); });
+  double last = first == rows.end() ? kLost : *first, runs = 0.0;
+  for (std::size_t i = 0; i < rows.size(); ++i) {
+    if (std::isnan(rows[i]) && (i + 1 == rows.size() || !std::isnan(rows[i + 1]))) ++runs;
+    if (!std::isnan(rows[i])) last = rows[i];
+    nearest[i] = last;
+  }
+  const double share = runs / static_cast<double>(rows.size());
+  constexpr double kGolden = 0.6180339887498949;  // its multiples are spread evenly
+  double spread = 0.0;
+  std::vector<double> all(packets);
+  for (std::size_t k = 0; k < packets; ++k) {
+    const std::size_t i =
+        std::min(static_cast<std::size_t>(static_cast<double>(k) * rows_a_packet + 1e-6), rows.size() - 1);
+    const bool in_outage = std::isnan(rows[i]) && i + 1 < rows.size() && std::isnan(rows[i + 1]);
+    spread += spread < 1.0 - kGolden ? kGolden : kGolden - 1.0;
+    all[k] = in_outage || spread < share ? kLost : nearest[i];
+  }
+  return all;
+}
+
+}  // namespace
+
 std::vector<double> delays_at(const TracedWay& way, double rate_hz) {
   const double packets = static_cast<double>(way.size());
   // Mean time between two packets of the trace. With none, packet k is row k.
@@ -161,6 +206,7 @@ std::vector<double> delays_at(const TracedWay& way, double rate_hz) {
   }
   if (same_rate) return delay;
   std::vector<double> at_rate(static_cast<std::size_t>(std::max(1.0, std::round(packets / rows_a_packet))));
+  if (period_s > kSparse_s && rows_a_packet < 1.0) return of_sparse_rows(delay, at_rate.size(), rows_a_packet);
   for (std::size_t k = 0; k < at_rate.size(); ++k)
     at_rate[k] =
         delay[std::min(static_cast<std::size_t>(static_cast<double>(k) * rows_a_packet + 1e-6), way.size() - 1)];
@@ -176,6 +222,7 @@ DirectionFigures figures_of(const TracedWay& way) {
     if (i == 0 || !way[i - 1].lost()) ++losses_in_a_row;
   }
   if (losses_in_a_row > 0.0) f.burst_packets = f.lost / losses_in_a_row;
+  if (way.size() > 1) f.spacing_s = (way.back().sent_s - way.front().sent_s) / static_cast<double>(way.size() - 1);
   const std::vector<std::size_t> order = by_arrival(way);
   if (order.empty()) return f;
   f.received = static_cast<double>(order.size());

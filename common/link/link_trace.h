@@ -1,5 +1,6 @@
 #pragma once
 
+#include <algorithm>
 #include <cmath>
 #include <cstdint>
 #include <string>
@@ -32,9 +33,16 @@ LinkTrace parse_link_trace(std::string_view text, const std::string& name);
 /// Times to a tenth of a microsecond: packets that are read one after the other keep their order.
 std::string to_csv(const LinkTrace& trace);
 
+/// Why the delays of a file with one number a line are none; empty: they may be.
+std::string why_no_delays(const std::vector<double>& ms);
+
+/// Rows further apart than this, such as those of a ping each second, show how often packets are lost, not for how long [s].
+inline constexpr double kSparse_s = 0.05;
+
 /// Delays of the packets that a side sends at `rate_hz` over this direction [s], NaN where lost: that of the row that was on its way at
 /// the time of the packet. Where the trace has the same rate to 1 %, packet k is row k. Packets of a trace arrive in the trace's
-/// order, also where its sender was irregular.
+/// order, also where its sender was irregular. Of sparse rows each run of lost ones is an outage from its first to its last, and one more lost
+/// row, whose share is lost of all packets, evenly.
 std::vector<double> delays_at(const TracedWay& way, double rate_hz);
 
 /// Figures of one direction.
@@ -44,7 +52,10 @@ struct DirectionFigures {
   /// Delay above the least one: median, 99 %, largest [s]. Free of the clocks' offset.
   double jitter_p50_s = 0.0, jitter_p99_s = 0.0, jitter_max_s = 0.0;
   double longest_gap_s = 0.0;  ///< between two arrivals
+  double spacing_s = 0.0;      ///< mean time between two packets that were sent
   double burst_packets = 1.0;  ///< mean number of packets lost in a row, by sequence
+  /// For which nothing can have arrived, however often a packet had been sent.
+  [[nodiscard]] double longest_silence_s() const { return std::max(0.0, longest_gap_s - 2.0 * spacing_s); }
   [[nodiscard]] double loss() const {
     return received + lost > duplicated ? lost / (received - duplicated + lost) : 0.0;
   }

@@ -81,10 +81,14 @@ std::vector<double> read_trace_file(const Block<schema::Impairment>& of, double 
     if (entry.empty()) continue;
     const std::optional<double> ms = number_from<double>(entry);
     if (!ms || !(*ms >= 0.0 && *ms <= 1e6))
-      of.fail(fmt::format("{}: {}:{}: \"{}\" is not a delay in ms; it must be between 0 and 1000000", field, file, line,
-                          entry));
-    delays.push_back(*ms * 1e-3);
+      of.fail(fmt::format(
+          "{}: {}:{}: \"{}\" is not a delay in ms; it must be between 0 and 1000000, or the file begin with "
+          "{}",
+          field, file, line, in_one_line(entry.substr(0, 60)), kLinkTraceHeader));
+    delays.push_back(*ms);
   }
+  if (const std::string why = why_no_delays(delays); !why.empty()) of.fail(fmt::format("{}: {}: {}", field, file, why));
+  for (double& each : delays) each *= 1e-3;
   if (delays.empty()) of.fail(fmt::format("{}: {} holds no delay; it must hold one a line", field, file));
   return delays;
 }

@@ -208,7 +208,8 @@ void make_room(std::span<const std::string> overrides, schema::Scene& message) {
 }
 }  // namespace
 
-void SceneText::apply(std::span<const std::string> overrides, schema::Scene& message, std::vector<Created>& created) {
+void SceneText::apply(std::span<const std::string> given, schema::Scene& message, std::vector<Created>& created) {
+  const std::vector<std::string> overrides = single_overrides(given);
   make_room(overrides, message);
   for (const std::string& assignment : overrides)
     if (std::string block = apply_override(message, assignment); !block.empty())

@@ -165,6 +165,28 @@ std::string assignment_error(const std::string& assignment) {
                                          value < whole.size() ? whole.substr(value) : "VALUE"));
 }
 
+std::vector<std::string> single_overrides(std::span<const std::string> overrides) {
+  std::vector<std::string> all;
+  for (const std::string& assignment : overrides) {
+    const std::size_t equals = assignment.find('=');
+    if (equals == assignment.npos || assignment.find(',') > equals) {
+      all.push_back(assignment);
+      continue;
+    }
+    std::vector<std::string_view> paths;
+    for (std::size_t from = 0, to = 0; to < equals; from = to + 1) {
+      to = std::min(assignment.find(',', from), equals);
+      const std::string_view path = trimmed(std::string_view{assignment}.substr(from, to - from));
+      if (path.empty()) throw ConfigError{refusal(assignment, "a path is empty; linked paths read A,B=VALUE")};
+      if (std::find(paths.begin(), paths.end(), path) != paths.end())
+        throw ConfigError{refusal(assignment, fmt::format("{} is named twice", path))};
+      paths.push_back(path);
+      all.push_back(fmt::format("{}{}", path, std::string_view{assignment}.substr(equals)));
+    }
+  }
+  return all;
+}
+
 std::string apply_override(schema::Scene& scene, const std::string& assignment) {
   return Override{scene, assignment}.apply();
 }

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <memory>
+#include <span>
 #include <string>
 #include <vector>
 
@@ -27,5 +28,7 @@ std::vector<schema::Control> scheduled(const schema::Control& control);
 /// Sets what "PATH=VALUE" names; creates the blocks on the way, and returns the path of the outermost that it has created, or nothing.
 /// Throws ConfigError "override PATH=VALUE: sentence".
 std::string apply_override(schema::Scene& scene, const std::string& assignment);
+/// Overrides of one path each: A,B=VALUE sets both. Throws ConfigError where a path is empty or there twice.
+std::vector<std::string> single_overrides(std::span<const std::string> overrides);
 
 }  // namespace twoport

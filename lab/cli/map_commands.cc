@@ -53,10 +53,10 @@ struct MapArguments {
 };
 
 auto cells_run(const Map& map) {
-  return std::count_if(map.cells.begin(), map.cells.end(), [](const MapCell& c) { return c.seeds() > 0; });
+  return std::count_if(map.cells.begin(), map.cells.end(), [](const MapCell& c) { return c.runs() > 0; });
 }
 auto cells_that_hold(const Map& map) {
-  return std::count_if(map.cells.begin(), map.cells.end(), [](const MapCell& c) { return c.seeds() > 0 && c.holds(); });
+  return std::count_if(map.cells.begin(), map.cells.end(), [](const MapCell& c) { return c.runs() > 0 && c.holds(); });
 }
 
 int map_command(MapArguments& a) {
@@ -195,7 +195,7 @@ int recommend_command(const RecommendArguments& a) {
                             .seeds = a.seeds,
                             .jobs = a.jobs},
                            show_progress);
-  const Recommendation found = recommend(map);
+  const Recommendation found = recommend(standings(map, 0));
   if (a.json) {
     fmt::print("{{\"method\": {}, \"initial_energy_j\": {:.4g}, \"why\": {}}}\n", json_string(found.method),
                map.initial_energy_j[0], json_string(found.why));

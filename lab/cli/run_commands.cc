@@ -18,11 +18,13 @@
 #include "common/mcap/bytes.h"
 #include "common/record/summary.h"
 #include "common/record/trace_channel.h"
+#include "common/record/trace_table.h"
 #include "common/recording/recording.h"
 #include "common/scene/hints.h"
 #include "common/scene/load.h"
 #include "lab/cli/commands.h"
 #include "lab/engine/recording.h"
+#include "lab/plot/pictures.h"
 #include "lab/run.h"
 #include "lab/study/cells.h"
 #include "lab/study/replay.h"
@@ -33,6 +35,7 @@ namespace {
 struct RunArguments {
   std::string scene, out, trace = "csv", verdict = "tail", record, robot;
   std::uint64_t trace_every = 1;
+  bool plot = false;
   std::vector<std::string> set;
 };
 
@@ -59,11 +62,14 @@ int run_command(const RunArguments& a) {
   std::optional<RecordingOptions> record;
   std::string unrecorded;
   if (!a.record.empty()) record = {a.record, a.scene, read_whole(a.scene), a.set, &unrecorded};
+  std::optional<TraceTable> drawn;
+  if (a.plot) drawn.emplace(scene.dof, scene.coordinates(), scene.duration_s * scene.master_rate_hz);
   const Summary summary = run(scene, {.trace = trace ? &*trace : nullptr,
                                       .trace_every = a.trace_every,
                                       .verdict = verdict_from(a.verdict),
                                       .gripper_trace = gripper_trace ? &*gripper_trace : nullptr,
                                       .record = record ? &*record : nullptr,
+                                      .table = drawn ? &*drawn : nullptr,
                                       .robot = robot ? &*robot : nullptr});
   // First the trace: one that finds no room is cut, which leaves room for the summary.
   std::exception_ptr unwritten;
@@ -74,6 +80,15 @@ int run_command(const RunArguments& a) {
     unwritten = std::current_exception();
   }
   leave_summary(summary, a.out);
+  if (drawn) {
+    const std::string sentence = draw(*drawn, summary, a.out.empty() ? "." : a.out);
+    // Without --out the summary alone is on stdout.
+    if (a.out.empty()) {
+      print_error("{}\n", sentence);
+    } else {
+      fmt::print("{}\n", sentence);
+    }
+  }
   if (!a.out.empty()) fmt::print("{}: {}\n", in_one_line(scene.name), summary.verdict());
   if (!a.out.empty() && summary.has_gripper())
     fmt::print("{}, gripper: {}\n", in_one_line(scene.name), summary.gripper().verdict());
@@ -140,6 +155,7 @@ void add_run_command(CLI::App& app, Chosen& chosen) {
   add_scene(run, a->scene, a->set);
   add_robot(run, a->robot);
   run.add_option("--out", a->out, "Folder for summary.json and trace.csv");
+  run.add_flag("--plot", a->plot, "Draw run.png and run.svg into --out, or the present folder");
   run.add_option("--record", a->record,
                  "FILE.mcap: a recording of both sides, for replay, export, Foxglove, PlotJuggler and Python");
   run.add_option("--trace", a->trace, "none or csv")->check(CLI::IsMember({"none", "csv"}))->capture_default_str();

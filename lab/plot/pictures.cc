@@ -13,6 +13,7 @@
 
 #include "common/base/check.h"
 #include "common/base/text.h"
+#include "common/record/trace_table.h"
 #include "lab/plot/picture.h"
 #include "lab/study/boundary.h"
 #include "lab/study/chart.h"
@@ -146,11 +147,11 @@ std::string draw(const Map& map, const std::string& folder) {
     if (series.empty()) {
       for (std::size_t m = 0; m < map.methods.size(); ++m)
         series.push_back({Look::boxes, kColours[m % std::size(kColours)], map.methods[m]});
-      series.push_back({Look::boxes, kNothingColour, "none holds"});
+      series.push_back({Look::boxes, kNothingColour, "none"});
     }
-    add_box(series[best_method(map, p)], x_of(p), y_of(p));
+    add_box(series[best_of(standings(map, p))], x_of(p), y_of(p));
   }
-  Picture best{.name = "map_best", .title = scene + ": the method with the least error"};
+  Picture best{.name = "map_best", .title = scene + ": the best method"};
   for (auto& [loss, series] : by_loss)
     best.panels.push_back({.title = fmt::format("loss {:g} %{}", 100.0 * loss.first,
                                                 loss.second > 1.0 ? fmt::format(", bursts of {:g}", loss.second) : ""),
@@ -279,6 +280,63 @@ std::string draw(const Comparison& all, const std::string& folder) {
          .series = {environment, felt}});
   }
   return draw(picture, folder);
+}
+
+// ---- run
+
+std::string draw(const TraceTable& trace, const Summary& summary, const std::string& folder) {
+  constexpr std::size_t kPoints = 4000;
+  const auto at_row = [&](std::size_t row) { return trace.data() + row * trace.width(); };
+  // Where a column begins, and its field.
+  const auto column = [&](std::string_view name) {
+    std::size_t at = 0;
+    for (const TraceTable::Field& field : trace.fields()) {
+      if (field.name == name) return std::pair{at, &field};
+      at += field.size;
+    }
+    return std::pair{at, static_cast<const TraceTable::Field*>(nullptr)};
+  };
+  const auto [position, of_position] = column("master_x");
+  const std::size_t other = column("slave_x").first, felt = column("master_f").first, pressed = column("env_f").first;
+  const std::size_t energy = column("master_energy_j").first, step = trace.rows() / kPoints + 1;
+  // Turns of a tool are not compared with its shifts.
+  const bool tool = of_position->unit != of_position->rotational_unit;
+  const std::size_t axes = tool ? std::min<std::size_t>(of_position->size, 3) : of_position->size;
+  std::vector<double> load(axes);
+  for (std::size_t row = 0; row < trace.rows(); row += step)
+    for (std::size_t i = 0; i < axes; ++i) load[i] += std::pow(at_row(row)[felt + i], 2);
+  const auto axis = static_cast<std::size_t>(std::max_element(load.begin(), load.end()) - load.begin());
+  Series master{Look::line, kUnstableColour, "hand"}, slave{Look::line, kStableColour, "robot"};
+  Series by_hand{Look::line, kUnstableColour, "felt"}, by_robot{Look::line, kStableColour, "pressed"};
+  Series put_in{Look::line, kStableColour}, least{Look::dashes, "#404040", "-E(0)"};
+  const double scale = tool ? 1e3 : 1.0;
+  double end_s = 0.0;
+  for (std::size_t row = 0; row < trace.rows(); row += step) {
+    const double* const of = at_row(row);
+    end_s = of[0];
+    master.add({of[0], scale * of[position + axis]});
+    slave.add({of[0], scale * of[other + axis]});
+    by_hand.add({of[0], of[felt + axis]});
+    by_robot.add({of[0], -of[pressed + axis]});
+    put_in.add({of[0], of[energy]});
+  }
+  if (summary.has_initial_energy_j())
+    for (const double t_s : {0.0, end_s}) least.add({t_s, -summary.initial_energy_j()});
+  const std::string along = tool ? fmt::format(" along {}", "xyz"[axis]) : fmt::format(" of joint {}", axis + 1);
+  const auto panel = [&](const Label& label, std::vector<Series> series) {
+    return Panel{.title = "",
+                 .x = {.label = {"time", "s"}, .low = 0.0, .high = end_s},
+                 .y = {.label = label},
+                 .series = std::move(series)};
+  };
+  return draw(Picture{.name = "run",
+                      .title = fmt::format("{}, {}: {}", summary.scene(), summary.method(), summary.verdict_kind()),
+                      .panels = {panel({"position" + along, tool ? "mm" : of_position->unit}, {master, slave}),
+                                 panel({(tool ? "force" : "torque") + along, tool ? "N" : "N m"}, {by_hand, by_robot}),
+                                 panel({"energy put in by the hand", "J"}, {put_in, least})},
+                      .across = 1,
+                      .panel = {900, 260}},
+              folder);
 }
 
 // ---- impedance

@@ -3,6 +3,12 @@
 #include <string>
 #include <vector>
 
+#include "common/record/summary.h"
+
+namespace twoport {
+class TraceTable;
+}
+
 namespace twoport::lab {
 
 struct BlockCost;
@@ -16,6 +22,10 @@ struct Table;
 struct ZWidth;
 
 // The pictures of the laboratory's studies (picture.h). Each returns one sentence for a picture: what was drawn, or why nothing was.
+
+/// run: of the axis or joint that is loaded most the position of both sides and the force felt and pressed, and the energy that the hand
+/// has put in, over time.
+std::string draw(const TraceTable& trace, const Summary& summary, const std::string& folder);
 
 /// Draws one column of a sweep into FOLDER/KEY.png and .svg: one axis a curve, two a map (the first across), three a map for
 /// each value of the third. Runs that are unstable are marked in a curve and grey in a map; `stable` itself is drawn in two
@@ -31,7 +41,7 @@ std::string draw(const BoundaryCurve& curve, const std::string& folder);
 /// zwidth: for each method a dot at every damping and stiffness that was run, and theory's border.
 std::string draw(const ZWidth& z, const std::string& folder);
 /// map: a panel for each method; round trip to the right, stiffness upwards, the colour is the share of the losses at which the
-/// method holds (MapCell::holds). map_best: a panel for each loss, the colour is the method with the least error.
+/// method holds (Standing::holds). map_best: a panel for each loss, the colour is the best method (best_of).
 std::string draw(const Map& map, const std::string& folder);
 /// matrix: rows are transparency layers, columns passivity layers; the colour is the error of the felt force, strokes say where a claim of
 /// energy is broken and where the run is not stable.

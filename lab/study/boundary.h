@@ -63,6 +63,14 @@ BoundarySearch search_boundary(const BoundaryOptions& options, const std::functi
 Boundary find_boundary(const BoundaryOptions& options, const std::function<void(const Trial&)>& tried = {},
                        const Heard& heard = {});
 
+/// What makes the run unstable just beyond a boundary: contact, if without its environment it is stable there, else the free motion.
+/// Nothing with a robot in a world of its own.
+struct Decided {
+  bool by_contact;
+  std::string verdict;  ///< without the environment
+};
+std::optional<Decided> what_decides(const BoundaryOptions& options, const Boundary& boundary);
+
 /// A boundary for each value of a second axis.
 struct BoundaryCurve {
   std::string scene;  ///< its name

@@ -69,22 +69,22 @@ void drop_refused(const MatrixOptions& o, Matrix& m) {
 }  // namespace
 
 Comparison compare(const CompareOptions& o, const Heard& heard) {
-  Comparison all{.scene = {}, .dof = 0, .methods = o.methods, .summaries = {}};
+  Comparison all{.scene = {}, .dof = 0, .methods = o.methods, .summaries = {}, .standings = {}};
   warn_if_lost(o.set, {"control.passivity.method"});
   const Scene as_it_is = load_scene(o.scene, o.set);
   const bool rendered = as_it_is.control.architecture == Architecture::render;
   const std::vector<std::string> allowed = rendered ? rendering_methods() : method_names();
   check_methods(o.methods, allowed);
   if (all.methods.empty()) all.methods = allowed;
-  std::vector<Scene> scenes;
-  for (const std::string& method : all.methods) {
+  const double initial_energy_j = shared_initial_energy(as_it_is, as_it_is.control.known.round_trip).si();
+  const auto scene_with = [&](const std::string& method) {
     std::vector<std::string> set = o.set;
     for (std::string& each : method_overrides(method)) set.push_back(std::move(each));
-    // The same E(0) for every method.
-    if (!rendered)
-      set.push_back(fmt::format("control.passivity.initial_energy_j={}", as_it_is.control.initial_energy.si()));
-    scenes.push_back(load_scene(o.scene, set));
-  }
+    if (!rendered) set.push_back(fmt::format("control.passivity.initial_energy_j={}", initial_energy_j));
+    return load_scene(o.scene, set);
+  };
+  std::vector<Scene> scenes;
+  for (const std::string& method : all.methods) scenes.push_back(scene_with(method));
   all.scene = scenes.front().name;
   all.dof = scenes.front().dof;
   all.summaries.resize(scenes.size());
@@ -101,6 +101,14 @@ Comparison compare(const CompareOptions& o, const Heard& heard) {
     trace->commit();
     leave_summary(all.summaries[i], folder);
   });
+  if (rendered) return all;
+  for (const auto& [way, rate_hz] :
+       {std::pair{&as_it_is.to_slave, as_it_is.master_rate_hz}, {&as_it_is.to_master, as_it_is.slave_rate_hz}})
+    all.unplayed_s =
+        std::max(all.unplayed_s, static_cast<double>(way->recorded_delay_s.size()) / rate_hz - as_it_is.duration_s);
+  const double reference_n = reference_force_n(scene_with(std::string{kPlainMethod}));
+  for (std::size_t m = 0; m < all.methods.size(); ++m)
+    all.standings.push_back(standing_of(all.methods[m], {all.summaries[m]}, reference_n, initial_energy_j));
   return all;
 }
 
@@ -108,11 +116,12 @@ Table to_table(const Comparison& all) {
   Table table;
   table.columns = {"method"};
   for (const std::string& name : figures()) table.columns.push_back(name);
-  table.columns.insert(table.columns.end(), {"verdict_kind", "verdict"});
+  table.columns.insert(table.columns.end(), {"error_n", "verdict_kind", "verdict"});
   for (std::size_t m = 0; m < all.methods.size(); ++m) {
     const Summary& s = all.summaries[m];
     Values& row = table.rows.emplace_back(Values{all.methods[m]});
     for (const std::string& name : figures()) row.push_back(Value::finite(Figure::named(name).of(s)));
+    row.push_back(all.standings.empty() ? Value{} : Value::finite(all.standings[m].error_n.mean));
     row.emplace_back(s.verdict_kind());
     row.emplace_back(s.verdict(), true);
   }
@@ -145,10 +154,22 @@ std::string compared_columns(const Summary* of) {
 }
 
 std::string to_text(const Comparison& all) {
-  std::string out = fmt::format("{}\n{:<26} {:<10}", all.scene, "method", "verdict") + compared_columns(nullptr);
-  for (std::size_t m = 0; m < all.methods.size(); ++m)
-    out += fmt::format("{:<26} {:<10}", all.methods[m], all.summaries[m].verdict_kind()) +
-           compared_columns(&all.summaries[m]);
+  const bool ranked = !all.standings.empty();
+  std::string out = fmt::format("{}\n{:<26} {:<10}{}", all.scene, "method", "verdict", ranked ? "    error N" : "") +
+                    compared_columns(nullptr);
+  for (std::size_t m = 0; m < all.methods.size(); ++m) {
+    out += fmt::format("{:<26} {:<10}", all.methods[m], all.summaries[m].verdict_kind());
+    if (ranked) {
+      const double error_n = all.standings[m].error_n.mean;
+      out += std::isfinite(error_n) ? fmt::format(" {:>10.3g}", error_n) : fmt::format(" {:>10}", "-");
+    }
+    out += compared_columns(&all.summaries[m]);
+  }
+  out += ranked ? in_a_line(recommend(all.standings)) : "best: none is named where there is no link\n";
+  if (all.unplayed_s > 0.1)
+    out +=
+        fmt::format("{:.1f} s of the link's trace come after the scene's end; recommend --link plays its worst parts\n",
+                    all.unplayed_s);
   return out;
 }
 

@@ -6,6 +6,7 @@
 
 #include "common/record/summary.h"
 #include "lab/study/many_runs.h"
+#include "lab/study/ranking.h"
 #include "lab/study/table.h"
 
 namespace twoport::lab {
@@ -24,14 +25,17 @@ struct Comparison {
   int dof = 0;
   std::vector<std::string> methods;
   std::vector<Summary> summaries;  ///< one for each method
+  /// One for each method; none without a link.
+  std::vector<Standing> standings;
+  double unplayed_s = 0.0;  ///< of a link's trace what comes after the end of the scene
 };
 
 /// Throws ConfigError for an invalid scene or method, before anything runs.
 Comparison compare(const CompareOptions& options, const Heard& heard = {});
 
-/// A row for each method: its name, then every figure of the summary, then its texts.
+/// A row for each method: its name, then every figure of the summary, the error by which methods are ranked, then its texts.
 Table to_table(const Comparison& all);
-/// For people.
+/// For people; below the table which method is best, and why.
 std::string to_text(const Comparison& all);
 
 /// A figure that tells runs of one scene apart, for people.

@@ -105,11 +105,11 @@ void refuse_overlap(const Axis& axis, const std::vector<std::string>& varied, co
 
 void warn_if_lost(const std::vector<std::string>& set, const std::vector<std::string>& varied) {
   for (const std::string& assignment : set)
-    for (const std::string& path : varied) {
-      const std::string_view name = trimmed(std::string_view{assignment}.substr(0, assignment.find('=')));
-      if (name == path || is_part(name, path))
-        print_error("warning: --set {} has no effect: {} is varied\n", assignment, path);
-    }
+    for (const std::string_view linked : parts_of(std::string_view{assignment}.substr(0, assignment.find('=')), ','))
+      for (const std::string& path : varied)
+        if (const std::string_view name = trimmed(linked); name == path || is_part(name, path))
+          print_error("warning: --set {} has no effect{}: {} is varied\n", assignment,
+                      linked.size() < assignment.find('=') ? fmt::format(" on {}", name) : "", path);
 }
 
 std::size_t Grid::cells() const {

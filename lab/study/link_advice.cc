@@ -40,11 +40,20 @@ Map map_of(const LinkTrace& link, const LinkAdvice& advice, MapOptions options, 
 }
 
 double best_error_n(const Map& map) {
-  const std::size_t best = advised_method(map);
+  const std::size_t best = best_of(standings(map, 0));
   return best < map.methods.size() ? map.at(best, 0).error_n.mean : std::numeric_limits<double>::infinity();
 }
 std::string in_words(double error_n) {
   return std::isfinite(error_n) ? fmt::format("an error of {:.2g} N", error_n) : "no method that holds";
+}
+
+/// Which parts of the trace were played, and why.
+std::string played(const LinkTrace& link, const std::vector<LinkPart>& parts) {
+  if (parts.size() == 1 && parts[0].why.empty())
+    return fmt::format("played: all {:.1f} s of the trace, in a loop", duration_s(link));
+  std::vector<std::string> words;
+  for (const LinkPart& part : parts) words.push_back(fmt::format("from {:.1f} s on, {}", part.from_s, part.why));
+  return fmt::format("played, of {:.1f} s, as long as the scene lasts: {}", duration_s(link), fmt::join(words, "; "));
 }
 
 std::string of_passivity(const LinkAdvice& a) {
@@ -59,8 +68,8 @@ std::string transparency_of(const LinkAdvice& a) {
 
 }  // namespace
 
-double LinkAdvice::longest_gap_s() const {
-  return std::max(to_slave.figures.longest_gap_s, to_master.figures.longest_gap_s);
+double LinkAdvice::longest_silence_s() const {
+  return std::max(to_slave.figures.longest_silence_s(), to_master.figures.longest_silence_s());
 }
 
 LinkAdvice advise(const DirectionFigures& to_slave, const DirectionFigures& to_master) {
@@ -69,7 +78,7 @@ LinkAdvice advise(const DirectionFigures& to_slave, const DirectionFigures& to_m
     return LinkAdvice::Way{f, f.jitter_p99_s < 1e-3 ? 0.0 : playout_ms};
   };
   LinkAdvice a{.to_slave = way(to_slave), .to_master = way(to_master), .method = {}, .why = {}};
-  a.hold_after_s = std::clamp(0.05 * std::ceil(4.0 * a.longest_gap_s() / 0.05 - 1e-9), 0.1, kLongestHold_s);
+  a.hold_after_s = std::clamp(0.05 * std::ceil(4.0 * a.longest_silence_s() / 0.05 - 1e-9), 0.1, kLongestHold_s);
   const double wait_s = std::max(a.hold_after_s, 1e-3 * std::max(a.to_slave.playout_ms, a.to_master.playout_ms));
   a.release_after_s = std::max(1.0, 2.0 * wait_s);
   return a;
@@ -101,21 +110,27 @@ LinkAdvice recommend(const LinkTrace& link, MapOptions options, const Heard& hea
         in_words(error_n), in_words(error_without_n));
     if (drop) advice = std::move(without), map = std::move(other);
   }
-  const Recommendation found = recommend(map);
+  const Recommendation found = recommend(standings(map, 0));
   advice.method = found.method;
   advice.initial_energy_j = map.initial_energy_j[0];
   advice.why = {
       fmt::format("{}: {}", found.method, found.why),
+      played(link, map.parts),
       fmt::format("round_trip_ms {:.1f} = {} + {}", advice.round_trip_ms(), part(advice.to_slave, "there"),
                   part(advice.to_master, "back")),
       playout,
-      fmt::format("hold_after_s {:g}: four times the longest gap between packets, {:.1f} ms, at least 0.1 and at most "
-                  "{:g}{}",
-                  advice.hold_after_s, 1e3 * advice.longest_gap_s(), kLongestHold_s,
-                  advice.longest_gap_s() > kLongestHold_s ? ": in such an outage the robot is held, then let go, and "
-                                                            "coupled anew"
-                                                          : ""),
+      fmt::format("hold_after_s {:g}: four times the longest silence, {:.1f} ms, at least 0.1 and at most {:g}{}",
+                  advice.hold_after_s, 1e3 * advice.longest_silence_s(), kLongestHold_s,
+                  advice.longest_silence_s() > kLongestHold_s
+                      ? ": in such an outage the robot is held, then let go, and coupled anew"
+                      : ""),
       "initial_energy_j: what the hand may get at most beyond what it has put in, by the rule for this round trip"};
+  if (const double spacing_s = std::max(advice.to_slave.figures.spacing_s, advice.to_master.figures.spacing_s);
+      spacing_s > kSparse_s)
+    advice.why.push_back(fmt::format(
+        "the rows are {:.2g} s apart: what is shorter than two rows, an outage or a change of delay, is not "
+        "in them; measure at the rate of the scene",
+        spacing_s));
   return advice;
 }
 

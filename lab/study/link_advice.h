@@ -24,11 +24,11 @@ struct LinkAdvice {
   double initial_energy_j = 0.0;
   std::vector<std::string> why;  ///< sentences
   [[nodiscard]] double round_trip_ms() const { return to_slave.delay_ms() + to_master.delay_ms(); }
-  [[nodiscard]] double longest_gap_s() const;
+  [[nodiscard]] double longest_silence_s() const;
 };
 
 /// Without a method. Playout: nothing below a millisecond of jitter (99 %), else that jitter, rounded up, at most 2 s. hold_after_s: four
-/// times the longest gap, rounded up to 50 ms, at least the default 0.1 s. release_after_s: twice that and the playout, at least the
+/// times the longest silence, rounded up to 50 ms, at least the default 0.1 s. release_after_s: twice that and the playout, at least the
 /// default 1 s.
 LinkAdvice advise(const DirectionFigures& to_slave, const DirectionFigures& to_master);
 

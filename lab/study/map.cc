@@ -5,7 +5,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <limits>
 #include <map>
 #include <string_view>
 #include <utility>
@@ -15,7 +14,6 @@
 #include "common/base/file.h"
 #include "common/coupling/layers.h"
 #include "common/method/catalogue.h"
-#include "common/record/summary.h"
 #include "common/scene/load.h"
 #include "lab/engine/simulation.h"
 #include "lab/study/parallel.h"
@@ -26,45 +24,16 @@ namespace {
 constexpr const char* kMapScene =
 #include "lab/map_scene.inc"
     ;
-constexpr double kNone = std::numeric_limits<double>::quiet_NaN();
 
 SceneText base_of(const MapOptions& o) {
   return o.scene.empty() ? SceneText{kMapScene, "the map's scene", o.set}
                          : SceneText{read_text(o.scene), o.scene, o.set};
 }
 
-double positive_or_zero(double value) {
-  return value > 0.0 ? value : 0.0;
-}
-/// What the environment takes, as a mean over the run: one without contact has pressed nothing.
-double pressed_force(const Summary& s) {
-  return positive_or_zero(s.environment_force_mean_n()) * positive_or_zero(s.touching_share());
-}
-
-MapCell cell_of(const std::string& method, const MapPlace& place, const std::vector<Summary>& of_seeds,
-                double reference_n) {
-  MapCell cell{};
-  cell.method = method;
-  cell.place = place;
-  cell.reference_n = reference_n;
-  std::vector<double> pressed, error;
-  for (const Summary& s : of_seeds) {
-    const std::string& kind = s.verdict_kind();
-    ++(kind == "STABLE"     ? cell.stable
-       : kind == "RESTLESS" ? cell.restless
-       : kind == "UNSTABLE" ? cell.unstable
-                            : cell.undecided);
-    if (kind != "STABLE") continue;
-    const double force = pressed_force(s);
-    pressed.push_back(reference_n > 0.0 ? force / reference_n : kNone);
-    error.push_back(std::sqrt(
-        std::pow(positive_or_zero(s.felt_force_error_rms_n()), 2) + std::pow(positive_or_zero(reference_n - force), 2) +
-        std::pow(positive_or_zero(s.free_force_rms_n()), 2) + std::pow(positive_or_zero(s.chatter_rms_n()), 2)));
-  }
-  // Less pressed is worse; any other name has the largest value as the worst.
-  cell.pressed = pressed.empty() ? Spread{kNone, kNone, kNone} : spread("environment_force_mean_n", pressed);
-  cell.error_n = error.empty() ? Spread{kNone, kNone, kNone} : spread("error", error);
-  for (const Figure& figure : map_figures()) cell.figures.push_back(spread(figure, of_seeds));
+MapCell cell_of(const std::string& method, const MapPlace& place, const std::vector<Summary>& runs, double reference_n,
+                double initial_energy_j) {
+  MapCell cell{standing_of(method, runs, reference_n, initial_energy_j), place, {}};
+  for (const Figure& figure : map_figures()) cell.figures.push_back(spread(figure, runs));
   return cell;
 }
 
@@ -74,7 +43,7 @@ std::vector<MapPlace> places_of(const MapOptions& o) {
     for (const double loss : o.losses)
       for (std::size_t b = 0; b < (loss > 0.0 ? o.bursts_packets.size() : 1); ++b)
         for (const double stiffness : o.stiffnesses_n_per_m)
-          all.push_back({round_trip, loss, loss > 0.0 ? o.bursts_packets[b] : 1.0, stiffness});
+          all.push_back({round_trip, loss, loss > 0.0 ? o.bursts_packets[b] : 1.0, stiffness, o.link != nullptr});
   return all;
 }
 
@@ -100,30 +69,6 @@ void check(const MapOptions& o) {
   if ((o.link == nullptr && o.robot == nullptr) || o.stiffnesses_n_per_m != std::vector{0.0})
     need("--stiffness", o.stiffnesses_n_per_m, 1e-3, 1e9);
   if (o.seeds < 1) throw ConfigError{fmt::format("--seeds is {}; it must be at least 1", o.seeds)};
-}
-
-/// `figure`: of map_figures().
-const Spread& spread_of(const MapCell& cell, std::string_view figure) {
-  const auto named = [&](const Figure& each) { return each.name() == figure; };
-  const auto found = std::find_if(map_figures().begin(), map_figures().end(), named);
-  return cell.figures[static_cast<std::size_t>(found - map_figures().begin())];
-}
-
-/// Of a recommended method that errs less than the default only because the default has drag: it shows a surface that it knows
-/// when the hand reaches it, a long round trip before the robot, and the measure compares with what the robot meets.
-std::string beside_the_default(const Map& map, const MapCell& best) {
-  const auto at = std::find(map.methods.begin(), map.methods.end(), kDefaultMethod);
-  if (at == map.methods.end()) return {};
-  const MapCell& c = map.at(static_cast<std::size_t>(at - map.methods.begin()), 0);
-  const double drag_n = spread_of(c, "free_force_rms_n").mean;
-  const double more = std::pow(c.error_n.mean, 2) - std::pow(best.error_n.mean, 2);
-  if (!c.holds() || !(more > 0.0) || 2.0 * drag_n * drag_n < more) return {};
-  return fmt::format(
-      "; it holds a press at {:.2f}. {}, the default, presses {:.0f} %, holds at {:.2f} and errs by {:.2g} N, mostly "
-      "drag, {:.2g} N: it shows a known surface before the robot reaches it. Take it where the hand meets a surface at "
-      "rest more than once",
-      spread_of(best, "held_force_ratio").mean, c.method, 100.0 * c.pressed.mean, spread_of(c, "held_force_ratio").mean,
-      c.error_n.mean, drag_n);
 }
 
 }  // namespace
@@ -184,6 +129,7 @@ std::vector<std::string> map_overrides(const Scene& scene, const std::string& me
     all.push_back(
         fmt::format("environment[0].{}.stiffness_n_per_m={}", name(scene.environment.at(0)), p.stiffness_n_per_m));
   for (const char* way : {"to_slave", "to_master"}) {
+    if (p.recorded) break;
     all.push_back(fmt::format("{}.delay_ms={}", way, 0.5 * p.round_trip_ms));
     if (p.burst_packets > 1.0 && p.loss > 0.0) {
       // Two states: lost with r = 1/length to end, so that the share of the bad state p/(p + r) is the loss.
@@ -193,19 +139,16 @@ std::vector<std::string> map_overrides(const Scene& scene, const std::string& me
       all.push_back(fmt::format("{}.loss={}", way, p.loss));
     }
   }
-  // The same E(0) for every method, that of the default's rule at this round trip, unless the scene states one.
-  if (scene.control.initial_energy.si() == default_initial_energy(scene.control).si()) {
-    ControlOptions there = scene.control;
-    there.method_name = kDefaultMethod;
-    there.known.round_trip = Seconds{round_trip_s};
-    all.push_back(fmt::format("control.passivity.initial_energy_j={}", default_initial_energy(there).si()));
-  }
+  all.push_back(
+      fmt::format("control.passivity.initial_energy_j={}", shared_initial_energy(scene, Seconds{round_trip_s}).si()));
   double duration_s = scene.duration_s;
+  const double longer_s = p.recorded ? 0.0 : round_trip_s - scene.to_slave.delay_s - scene.to_master.delay_s;
   if (scene.operator_model)
     for (std::size_t i = 0; i < scene.operator_model->path.size(); ++i)
       if (const auto* hold = std::get_if<HoldSpec>(&scene.operator_model->path[i])) {
-        all.push_back(fmt::format("operator.path[{}].hold.duration_s={}", i, hold->duration_s + round_trip_s));
-        duration_s += round_trip_s;
+        const double rest_s = std::max(0.0, hold->duration_s + longer_s);
+        all.push_back(fmt::format("operator.path[{}].hold.duration_s={}", i, rest_s));
+        duration_s += rest_s - hold->duration_s;
       }
   all.push_back(fmt::format("duration_s={}", duration_s));
   return all;
@@ -222,44 +165,65 @@ void run_map(const MapOptions& o, const SceneText& base, const Scene& scene, con
   std::vector<std::pair<const std::pair<double, double>, double>*> to_run;
   for (auto& each : references) to_run.push_back(&each);
   for_each_parallel(to_run.size(), o.jobs, [&](std::size_t i) {
-    const MapPlace place{.round_trip_ms = to_run[i]->first.first, .stiffness_n_per_m = to_run[i]->first.second};
-    Scene ideal = base.with(map_overrides(scene, std::string{kPlainMethod}, place, scene.seed));
-    ideal.to_slave = ideal.to_master = {};
-    ideal.transmission_to_slave = ideal.transmission_to_master = {};
-    to_run[i]->second = pressed_force(run(ideal, {.verdict = VerdictFrom::plain, .stop = o.stop, .robot = o.robot}));
+    const MapPlace place{.round_trip_ms = to_run[i]->first.first,
+                         .stiffness_n_per_m = to_run[i]->first.second,
+                         .recorded = o.link != nullptr};
+    to_run[i]->second = reference_force_n(base.with(map_overrides(scene, std::string{kPlainMethod}, place, scene.seed)),
+                                          o.stop, o.robot);
   });
-  const auto scene_of = [&](const std::string& method, const MapPlace& place) {
+  if (o.link != nullptr) map.parts = worst_parts(*o.link, scene.duration_s);
+  const auto scene_of = [&](const std::string& method, const MapPlace& place, std::size_t part) {
     Scene of_place = base.with(map_overrides(scene, method, place, scene.seed));
     if (o.link != nullptr) {
+      const double from_s = map.parts[part].from_s;
       of_place.to_slave = of_place.to_master = {};
-      of_place.to_slave.recorded_delay_s = delays_at(o.link->to_slave, of_place.master_rate_hz);
-      of_place.to_master.recorded_delay_s = delays_at(o.link->to_master, of_place.slave_rate_hz);
+      of_place.to_slave.recorded_delay_s = delays_from(o.link->to_slave, from_s, of_place.master_rate_hz);
+      of_place.to_master.recorded_delay_s = delays_from(o.link->to_master, from_s, of_place.slave_rate_hz);
     }
     return of_place;
   };
   for (const MapPlace& p : map.places) {
     map.reference_n.push_back(references.at({p.round_trip_ms, p.stiffness_n_per_m}));
-    map.initial_energy_j.push_back(scene_of(map.methods[0], p).control.initial_energy.si());
+    map.initial_energy_j.push_back(scene_of(map.methods[0], p, 0).control.initial_energy.si());
   }
   const Refinement refinement{map.sides};
   std::vector<signed char> holds(count, -1);
-  Cells cells{count,
+  // Of a link each part is a cell of its own to run.
+  const std::size_t parts = std::max<std::size_t>(map.parts.size(), 1);
+  std::vector<std::vector<Summary>> ran(count * parts);
+  Cells cells{count * parts,
               static_cast<std::size_t>(o.seeds),
-              [&](std::size_t i) { return scene_of(map.methods[i / places], map.places[i % places]); },
+              [&](std::size_t i) {
+                const std::size_t cell = i / parts;
+                return scene_of(map.methods[cell / places], map.places[cell % places], i % parts);
+              },
               {},
               [&] {
                 map.stopped = true;
                 if (o.coarse) o.coarse(map);
                 map.stopped = false;
               },
-              [&] { return refinement.edges(holds); }};
-  for (std::size_t i = 0; i < count; ++i) cells.levels.push_back(refinement.level(i));
-  Tally tally{count, heard, 0, static_cast<std::size_t>(o.seeds)};
+              [&] {
+                const std::vector<bool> edges = refinement.edges(holds);
+                std::vector<bool> first(count * parts);
+                for (std::size_t i = 0; i < first.size(); ++i) first[i] = edges[i / parts];
+                return first;
+              }};
+  for (std::size_t i = 0; i < count * parts; ++i) cells.levels.push_back(refinement.level(i / parts));
+  Tally tally{count * parts, heard, 0, static_cast<std::size_t>(o.seeds)};
   map.use = run_cells(cells, {.lanes = o.lanes, .jobs = o.jobs, .verdict = o.verdict, .stop = o.stop, .robot = o.robot},
-                      tally, [&](std::size_t i, std::uint64_t, const std::vector<Summary>& of_seeds) {
-                        map.cells[i] = cell_of(map.methods[i / places], map.places[i % places], of_seeds,
-                                               map.reference_n[i % places]);
-                        holds[i] = map.cells[i].holds() ? 1 : 0;
+                      tally, [&](std::size_t i, std::uint64_t, std::vector<Summary> runs) {
+                        const std::size_t cell = i / parts, place = cell % places;
+                        ran[i] = std::move(runs);
+                        runs.clear();
+                        for (std::size_t part = cell * parts; part < (cell + 1) * parts; ++part) {
+                          if (ran[part].empty()) return;
+                          runs.insert(runs.end(), ran[part].begin(), ran[part].end());
+                        }
+                        for (std::size_t part = cell * parts; part < (cell + 1) * parts; ++part) ran[part] = {};
+                        map.cells[cell] = cell_of(map.methods[cell / places], map.places[place], runs,
+                                                  map.reference_n[place], map.initial_energy_j[place]);
+                        holds[cell] = map.cells[cell].holds() ? 1 : 0;
                       });
 }
 
@@ -277,6 +241,7 @@ Map make_map(const MapOptions& o, const Heard& heard) {
           .methods = o.methods.empty() ? method_names() : o.methods,
           .places = places_of(o),
           .reference_n = {},
+          .parts = {},
           .initial_energy_j = {},
           .cells = {},
           .use = {}};
@@ -299,7 +264,7 @@ Map make_map(const MapOptions& o, const Heard& heard) {
 
 std::optional<Map> filled(const Map& some) {
   std::vector<bool> known;
-  for (const MapCell& cell : some.cells) known.push_back(cell.seeds() > 0);
+  for (const MapCell& cell : some.cells) known.push_back(cell.runs() > 0);
   const std::vector<std::size_t> stand_ins = Refinement{some.sides}.stand_ins(known);
   if (std::find(stand_ins.begin(), stand_ins.end(), Refinement::kNone) != stand_ins.end()) return std::nullopt;
   Map all = some;
@@ -307,36 +272,10 @@ std::optional<Map> filled(const Map& some) {
   return all;
 }
 
-namespace {
-
-/// Has it a passivity layer that bounds a port's energy, or is it of one piece?
-bool claims_a_bound(std::string_view method) {
-  const MethodName* const named = find_name(kMethods, method);
-  const std::string_view layer = named != nullptr ? named->passivity : method.substr(method.find('+') + 1);
-  const PassivityLayerName* const passivity = find_name(kPassivityLayers, layer);
-  return passivity == nullptr || passivity->claim->any();
-}
-
-std::size_t least_error(const Map& map, std::size_t place, const std::function<bool(const MapCell&)>& may) {
-  std::size_t found = map.methods.size();
-  for (std::size_t m = 0; m < map.methods.size(); ++m)
-    if (map.at(m, place).holds() && may(map.at(m, place)) &&
-        (found == map.methods.size() || map.at(m, place).error_n.mean < map.at(found, place).error_n.mean))
-      found = m;
-  return found;
-}
-
-}  // namespace
-
-std::size_t best_method(const Map& map, std::size_t place) {
-  return least_error(map, place, [](const MapCell&) { return true; });
-}
-std::size_t advised_method(const Map& map) {
-  constexpr double kRounding = 1e-6, kMostPressed = 1.5;
-  return least_error(map, 0, [&](const MapCell& c) {
-    return claims_a_bound(c.method) && c.pressed.mean <= kMostPressed &&
-           spread_of(c, "hand_min_energy_j").worst >= -(map.initial_energy_j[0] + kRounding);
-  });
+std::vector<Standing> standings(const Map& map, std::size_t place) {
+  std::vector<Standing> all;
+  for (std::size_t m = 0; m < map.methods.size(); ++m) all.push_back(map.at(m, place));
+  return all;
 }
 
 Table to_table(const Map& map) {
@@ -352,8 +291,8 @@ Table to_table(const Map& map) {
   add_columns("error_n");
   for (const Figure& figure : map_figures()) add_columns(figure.name());
   for (const MapCell& c : map.cells) {
-    if (c.seeds() == 0) continue;
-    const ConfidenceInterval stable = wilson(c.stable, c.seeds());
+    if (c.runs() == 0) continue;
+    const ConfidenceInterval stable = wilson(c.stable, c.runs());
     Values& row = table.rows.emplace_back(
         Values{c.method, c.place.round_trip_ms, c.place.loss, c.place.burst_packets, c.place.stiffness_n_per_m,
                c.stable, c.restless, c.undecided, c.unstable, fmt::format("{:.4f}", stable.low),
@@ -372,18 +311,18 @@ std::string to_text(const Map& map) {
   std::vector<std::size_t> places;
   for (std::size_t p = 0; p < map.places.size(); ++p) {
     std::size_t m = 0;
-    while (m < map.methods.size() && map.at(m, p).seeds() > 0) ++m;
+    while (m < map.methods.size() && map.at(m, p).runs() > 0) ++m;
     if (m == map.methods.size()) places.push_back(p);
   }
   std::string out = fmt::format(
       "{}: {} places, {} seeds each\n", map.scene,
       map.stopped ? fmt::format("{} of {}", places.size(), map.places.size()) : std::to_string(places.size()),
-      places.empty() ? 0 : map.at(0, places[0]).seeds());
+      places.empty() ? 0 : map.at(0, places[0]).runs());
   out += fmt::format("{:<24} {:>7} {:>9} {:>9} {:>9} {:>17} {:>7} {:>7} {:>7} {:>9} {:>14}\n", "method", "stable",
                      "restless", "undecided", "unstable", "stable runs, 95 %", "holds", "good", "best", "within 5 %",
                      "least hand mJ");
-  std::map<std::size_t, std::size_t> best_of;
-  for (const std::size_t p : places) best_of[p] = best_method(map, p);
+  std::map<std::size_t, std::size_t> best;
+  for (const std::size_t p : places) best[p] = best_of(standings(map, p));
   for (std::size_t m = 0; m < map.methods.size(); ++m) {
     int stable = 0, restless = 0, undecided = 0, unstable = 0, holds = 0, good = 0, first = 0, near = 0, runs = 0,
         stable_runs = 0;
@@ -391,12 +330,12 @@ std::string to_text(const Map& map) {
     for (const std::size_t p : places) {
       const MapCell& c = map.at(m, p);
       ++(c.unstable > 0 ? unstable : c.restless > 0 ? restless : c.undecided > 0 ? undecided : stable);
-      runs += c.seeds(), stable_runs += c.stable;
+      runs += c.runs(), stable_runs += c.stable;
       holds += c.holds();
       good += c.good();
-      first += best_of[p] == m;
-      near += c.holds() && c.error_n.mean <= 1.05 * map.at(best_of[p], p).error_n.mean;
-      least = std::min(least, spread_of(c, "hand_min_energy_j").worst);
+      first += best[p] == m;
+      near += c.may_be_best() && c.error_n.mean <= 1.05 * map.at(best[p], p).error_n.mean;
+      least = std::min(least, c.hand_min_energy_j);
     }
     const ConfidenceInterval share = wilson(stable_runs, runs);
     out += fmt::format("{:<24} {:>7} {:>9} {:>9} {:>9} {:>17} {:>7} {:>7} {:>7} {:>9} {:>14.4g}\n", map.methods[m],
@@ -404,35 +343,8 @@ std::string to_text(const Map& map) {
                        fmt::format("{:.1f} - {:.1f} %", 100.0 * share.low, 100.0 * share.high), holds, good, first,
                        near, 1e3 * least);
   }
+  if (map.places.size() == 1 && places.size() == 1) out += in_a_line(recommend(standings(map, 0)));
   return out;
-}
-
-Recommendation recommend(const Map& map) {
-  const std::size_t found = advised_method(map);
-  if (found == map.methods.size()) {
-    const std::size_t held = best_method(map, 0);
-    return {
-        "none",
-        "no method that bounds the energy of the hand's port is stable and quiet here with at least half of the force "
-        "pressed, and at most half of it more" +
-            (held < map.methods.size()
-                 ? "; " + map.methods[held] + " is, but bounds no energy, pays the hand more than E(0), or presses more"
-                 : std::string{})};
-  }
-  const MapCell& c = map.at(found, 0);
-  int holding = 0, not_stable = 0;
-  for (std::size_t m = 0; m < map.methods.size(); ++m) {
-    const MapCell& other = map.at(m, 0);
-    holding += other.holds();
-    not_stable += other.unstable > 0;
-  }
-  return {c.method,
-          fmt::format("stable and quiet with {} seed{}, presses {:.0f} % of the force, error {:.2g} N of {:.2g} N; {} "
-                      "of {} methods hold here, {} are unstable{}; with control.passivity.initial_energy_j: {:.4g}{}",
-                      c.seeds(), c.seeds() == 1 ? "" : "s", 100.0 * c.pressed.mean, c.error_n.mean, map.reference_n[0],
-                      holding, map.methods.size(), not_stable,
-                      c.good() ? "" : "; not good: an error of half the force or more", map.initial_energy_j[0],
-                      beside_the_default(map, c))};
 }
 
 }  // namespace twoport::lab

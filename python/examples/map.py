@@ -27,7 +27,7 @@ scene = twoport.load_scene(root / "scenes/map.textproto")
 
 # %% [markdown]
 # ## The sweep
-# One cell is one run of 14.5 s. Ctrl-C ends it.
+# One cell is one run of 14.8 s. Ctrl-C ends it.
 
 # %%
 delays_ms = [1, 10, 50, 100]

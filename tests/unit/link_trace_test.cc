@@ -6,8 +6,11 @@
 #include <limits>
 #include <random>
 #include <string>
+#include <utility>
+#include <vector>
 
 #include "common/base/check.h"
+#include "common/base/file.h"
 #include "common/link/delay_line.h"
 
 namespace twoport {
@@ -52,8 +55,9 @@ TEST(LinkTrace, RefusesWithLineValueAndWhatIsAllowed) {
   const std::string first = kHeader + "to_slave,1,0.5,20\n";
   const std::vector<std::pair<std::string, std::string>> cases{
       {"direction,sent_s\n",
-       "link.csv:1: \"direction,sent_s\" is not the header; it must be "
-       "direction,sequence,sent_s,delay_ms"},
+       "link.csv:1: \"direction,sent_s\" is not the header; it must be direction,sequence,sent_s,delay_ms, then a row "
+       "for each "
+       "packet, as twoport-lab doctor --save writes them"},
       {first + "to_slave,2,0.6\n",
        "link.csv:3: \"to_slave,2,0.6\" has 3 fields; a row must be "
        "direction,sequence,sent_s,delay_ms"},
@@ -79,6 +83,22 @@ TEST(LinkTrace, RefusesWithLineValueAndWhatIsAllowed) {
        "link.csv:3: sent_s of sequence 2 of to_slave is 0.4; it must not be before 0.5, that of sequence 1"},
       {first + "to_master,1,0.5,\n", "link.csv: every packet of to_master is lost; at least one must arrive"}};
   for (const auto& [text, error] : cases) EXPECT_EQ(error_of(text), error);
+}
+
+/// What other programs write of a link is refused in one line, however long its own is.
+TEST(LinkTrace, RefusesTheFilesOfOtherPrograms) {
+  for (const std::string& text :
+       {std::string{"PING 192.0.2.1 (192.0.2.1) 56(84) bytes of data.\n[1700000000.000001] 64 bytes from 192.0.2.1: "
+                    "icmp_seq=1 ttl=57 time=20.1 ms\n"},
+        std::string{"{\n \"version\": {\"irtt\": \"0.9.0\"},\n \"round_trips\": [{\"seqno\": 0}]\n}\n"},
+        std::string{"0 16724562312345678901 1 0.00012 16724562312400000000 1 0.00021 255\n"},
+        std::string{"0\n1\n1\n4\n"}, "seq;rtt\x1b[31m\x01" + std::string(5000, 'x')}) {
+    const std::string error = error_of(text);
+    EXPECT_TRUE(error.starts_with("link.csv:1: \"")) << error;
+    EXPECT_NE(error.find("is not the header; it must be direction,sequence,sent_s,delay_ms"), error.npos) << error;
+    EXPECT_LT(error.size(), 320U) << error;
+    EXPECT_TRUE(std::all_of(error.begin(), error.end(), [](char c) { return c >= ' '; })) << error;
+  }
 }
 
 /// Whatever the bytes: a trace that is read back as it was written, or a sentence with the line.
@@ -203,6 +223,91 @@ TEST(LinkReplay, FollowsTheTimeOfTheTraceAtAnotherRate) {
   ASSERT_EQ(slow.size(), 2U);
   EXPECT_NEAR(slow[1], 0.02, 1e-12);
   EXPECT_EQ(delays_at({{1, 0.0, 0.01}}, 400.0), std::vector<double>{0.01});
+}
+
+/// Rows of a ping each second: a lost one is a share of the packets, two in a row an outage between them.
+TEST(LinkReplay, TakesSparseRowsForSharesAndNotForOutages) {
+  TracedWay way;
+  for (std::uint64_t i = 0; i < 40; ++i) way.push_back({i, static_cast<double>(i), 0.02});
+  way[7].delay_s = way[20].delay_s = way[21].delay_s = way[22].delay_s = kLost;
+  const std::vector<double> delays = delays_at(way, 1000.0);
+  ASSERT_EQ(delays.size(), 40'000U);
+  const auto lost = [&](std::size_t from, std::size_t to) {
+    return static_cast<double>(std::count_if(delays.begin() + static_cast<std::ptrdiff_t>(from),
+                                             delays.begin() + static_cast<std::ptrdiff_t>(to),
+                                             [](double each) { return std::isnan(each); }));
+  };
+  EXPECT_EQ(lost(20'000, 22'000), 2000);
+  EXPECT_NEAR(lost(0, 20'000), 0.05 * 20'000, 3);  // two of forty rows
+  EXPECT_NEAR(lost(7'000, 8'000), 50, 2);
+  EXPECT_NEAR(lost(22'000, 40'000), 0.05 * 18'000, 3);
+  EXPECT_NEAR(delays[7'001], 0.02, 1e-9);
+}
+
+/// Of the same link a row each second and each millisecond tell the same silence: none.
+TEST(LinkFigures, TakeNoIntervalOfAProbeForSilence) {
+  for (const double period_s : {1.0, 1e-3}) {
+    TracedWay way;
+    for (std::uint64_t i = 0; i < 60; ++i) way.push_back({i, period_s * static_cast<double>(i), 0.02});
+    EXPECT_NEAR(figures_of(way).spacing_s, period_s, 1e-12);
+    EXPECT_EQ(figures_of(way).longest_silence_s(), 0.0);
+    way[30].delay_s = way[31].delay_s = way[32].delay_s = kLost;
+    EXPECT_NEAR(figures_of(way).longest_silence_s(), 2.0 * period_s, 1e-9);
+  }
+}
+
+struct Carried {
+  double p50_ms, p99_ms, max_ms, lost_percent;
+  int longest_run;
+};
+Carried statistics_of(const TracedWay& way) {
+  const DirectionFigures f = figures_of(way);
+  int run = 0, longest = 0;
+  for (const TracedPacket& p : way) run = p.lost() ? run + 1 : 0, longest = std::max(longest, run);
+  const auto ms = [&](double above_least_s) { return 1e3 * (f.least_s + above_least_s); };
+  return {ms(f.jitter_p50_s), ms(f.jitter_p99_s), ms(f.jitter_max_s), 100.0 * f.loss(), longest};
+}
+/// Of each packet to the slave, with that of the first packet that is sent back after it has arrived.
+Carried round_trips_of(const LinkTrace& link) {
+  TracedWay way;
+  for (const TracedPacket& p : link.to_slave) {
+    const auto back = std::lower_bound(link.to_master.begin(), link.to_master.end(), p.sent_s + p.delay_s,
+                                       [](const TracedPacket& b, double arrived_s) { return b.sent_s < arrived_s; });
+    if (!p.lost() && back != link.to_master.end()) way.push_back({p.sequence, p.sent_s, p.delay_s + back->delay_s});
+  }
+  return statistics_of(way);
+}
+
+/// satellite: 10,000 packets of Starlink; car_*: round trips of 5G runs (tests/scenario/link_traces names both). The others are those of
+/// docs/guides/network.md, to what it prints.
+TEST(LinkFigures, ShippedLinksCarryTheStatisticsThatTheyAreSaidToHave) {
+  const auto shipped = [](const std::string& name) {
+    const std::string file = TWOPORT_SCENES "/links/" + name + ".csv";
+    return parse_link_trace(read_text(file), file);
+  };
+  const auto expect = [](const std::string& what, const Carried& is, const Carried& said, double tolerance) {
+    SCOPED_TRACE(what);
+    EXPECT_NEAR(is.p50_ms, said.p50_ms, tolerance * said.p50_ms);
+    EXPECT_NEAR(is.p99_ms, said.p99_ms, tolerance * said.p99_ms);
+    EXPECT_NEAR(is.max_ms, said.max_ms, tolerance * said.max_ms);
+    EXPECT_NEAR(is.lost_percent, said.lost_percent, 0.005);
+    EXPECT_EQ(is.longest_run, said.longest_run);
+  };
+  const LinkTrace satellite = shipped("satellite");
+  expect("satellite up", statistics_of(satellite.to_slave), {19.2, 43.7, 144.0, 0.04, 3}, 0.01);
+  expect("satellite down", statistics_of(satellite.to_master), {19.4, 39.5, 90.5, 0.33, 3}, 0.01);
+  expect("3.5 GHz", round_trips_of(shipped("car_3500_mhz")), {17.0, 33.0, 282.0, 0.0, 0}, 0.03);
+  expect("900 MHz", round_trips_of(shipped("car_900_mhz")), {29.0, 63.0, 282.0, 0.0, 0}, 0.03);
+  const std::vector<std::pair<std::string, std::pair<Carried, Carried>>> models{
+      {"wifi_roaming", {{3.34, 22.07, 46.24, 8.675, 80}, {3.38, 22.89, 51.36, 8.65, 80}}},
+      {"lte", {{22.08, 36.71, 65.0, 0.0, 0}, {12.62, 28.02, 60.0, 0.0, 0}}},
+      {"transatlantic", {{41.01, 45.25, 51.08, 0.1, 2}, {41.03, 44.37, 49.24, 0.375, 4}}},
+      {"home_uplink_under_load", {{200.41, 260.83, 261.17, 0.35, 2}, {10.35, 12.26, 16.19, 0.0, 0}}}};
+  for (const auto& [name, said] : models) {
+    const LinkTrace link = shipped(name);
+    expect(name + " there", statistics_of(link.to_slave), said.first, 0.005);
+    expect(name + " back", statistics_of(link.to_master), said.second, 0.005);
+  }
 }
 
 TEST(LinkReplay, LosesTheCopiesOfALostPacketToo) {

@@ -65,6 +65,13 @@ TEST(SceneFile, AWrongRecordedDelayIsNamedWithItsLine) {
   EXPECT_TRUE(says(error("inf\n"), {"delays.txt:1: \"inf\""}));
   EXPECT_TRUE(says(error("1 2\n"), {"delays.txt:1: \"1 2\""}));
   EXPECT_TRUE(says(error("# nothing\n"), {"delays.txt holds no delay"}));
+  EXPECT_TRUE(
+      says(error("PING 192.0.2.1 56(84) bytes\n"), {"delays.txt:1: \"PING 192", "direction,sequence,sent_s,delay_ms"}));
+  // Times of deliveries, as mahimahi has them, are no delays; a ramp of delays is.
+  std::string times, ramp;
+  for (int i = 0; i < 200; ++i) times += std::to_string(12 * i) + "\n", ramp += std::to_string(i) + "\n";
+  EXPECT_TRUE(says(error(times), {"to_master.trace_file: delays.txt: 200 whole numbers that never fall", "mahimahi"}));
+  EXPECT_EQ(error(ramp), "");
 }
 
 TEST(SceneFile, OneThatIsNotThereIsNamedWithTheReason) {

@@ -20,6 +20,20 @@ TEST(Override, SetsNumbersChoicesFlagsListsAndStrings) {
   EXPECT_EQ(s.name, "of another name");
 }
 
+TEST(Override, SetsLinkedPathsTogether) {
+  const Scene s = scene_of(kStiffWall, {"to_slave.delay_ms , to_master.delay_ms=12.5"});
+  EXPECT_EQ(s.to_slave.delay_s, 0.0125);
+  EXPECT_EQ(s.to_master.delay_s, 0.0125);
+}
+
+TEST(Override, OfLinkedPathsNamesTheOneThatIsWrong) {
+  const auto error = [](const std::string& linked) { return error_of(kStiffWall, {linked}); };
+  EXPECT_NE(error("to_slave.delay_ms,to_master.delay=1").find("override to_master.delay=1: no field \"delay\""),
+            std::string::npos);
+  EXPECT_NE(error("to_slave.delay_ms,,dof=1").find("a path is empty"), std::string::npos);
+  EXPECT_NE(error("dof,dof=1").find("dof is named twice"), std::string::npos);
+}
+
 TEST(Override, TakesAStringWithoutItsQuotes) {
   EXPECT_EQ(scene_of(kStiffWall, {"name=plain = name"}).name, "plain = name");
 }
