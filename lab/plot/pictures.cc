@@ -307,7 +307,7 @@ std::string draw(const TraceTable& trace, const Summary& summary, const std::str
     for (std::size_t i = 0; i < axes; ++i) load[i] += std::pow(at_row(row)[felt + i], 2);
   const auto axis = static_cast<std::size_t>(std::max_element(load.begin(), load.end()) - load.begin());
   Series master{Look::line, kUnstableColour, "hand"}, slave{Look::line, kStableColour, "robot"};
-  Series by_hand{Look::line, kUnstableColour, "felt"}, by_robot{Look::line, kStableColour, "pressed"};
+  Series by_hand{Look::line, kUnstableColour}, by_robot{Look::line, kStableColour};
   Series put_in{Look::line, kStableColour}, least{Look::dashes, "#404040", "-E(0)"};
   const double scale = tool ? 1e3 : 1.0;
   double end_s = 0.0;

@@ -63,6 +63,7 @@ class Circle {
   }
 
   [[nodiscard]] Sums at(std::size_t from) const { return sums_[from + part_] - sums_[from]; }
+  [[nodiscard]] double mean_s() const { return whole_.mean_s(); }
   [[nodiscard]] double mean_s(std::size_t from) const { return at(from).mean_s() + whole_.mean_s(); }
   [[nodiscard]] double since_start_s(std::size_t from) const { return static_cast<double>(from) * period_s_; }
   [[nodiscard]] std::size_t size() const { return size_; }
@@ -139,14 +140,16 @@ std::vector<LinkPart> worst_parts(const LinkTrace& link, double length_s) {
     found.emplace_back(from, std::move(why));
   };
   const std::size_t delayed = circle.largest([](const Sums& s) { return s.mean_s(); });
-  add(delayed, fmt::format("the longest delays, {:.3g} ms in the mean", 1e3 * circle.mean_s(delayed)));
+  if (circle.mean_s(delayed) > circle.mean_s() + kNoChange_s)
+    add(delayed, fmt::format("the longest delays, {:.3g} ms in the mean", 1e3 * circle.mean_s(delayed)));
   if (const std::size_t lossy = circle.largest([](const Sums& s) { return s.lost; }); circle.at(lossy).lost > 0.0)
     add(lossy, fmt::format("most lost, {:.2g} %", 100.0 * circle.at(lossy).lost / circle.at(lossy).packets));
   if (const auto [gap_s, from] = circle.longest_gap(); gap_s > kNoGap_s)
     add(from, fmt::format("the longest gap, {:.3g} ms", 1e3 * gap_s));
   const std::size_t changing = circle.largest([](const Sums& s) { return s.deviation_s(); });
   if (const double change_s = circle.at(changing).deviation_s(); change_s > kNoChange_s)
-    add(changing, fmt::format("the largest change of delay, {:.2g} ms rms", 1e3 * change_s));
+    add(changing, fmt::format("the largest change of delay, {:.3g} ms rms", 1e3 * change_s));
+  if (found.empty()) found.emplace_back(0, "all parts are alike");
   std::vector<LinkPart> parts;
   for (auto& [from, why] : found) parts.push_back({circle.since_start_s(from), std::move(why)});
   return parts;

@@ -109,7 +109,7 @@ Energy shared_initial_energy(const Scene& scene, Seconds round_trip) {
   if (scene.control.initial_energy.si() != default_initial_energy(scene.control).si())
     return scene.control.initial_energy;
   ControlOptions there = scene.control;
-  there.method_name = kDefaultMethod;
+  choose_method(there, kDefaultMethod);
   there.known.round_trip = round_trip;
   return default_initial_energy(there);
 }

@@ -362,7 +362,20 @@ TEST(BoundaryProgram, EndsWithPathAndValue) {
   ASSERT_EQ(line.rfind(name, 0), 0U) << p.out() << p.err();
   const double theory = critical_stiffness({.period_s = 5e-4});
   EXPECT_NEAR(std::stod(line.substr(name.size())), theory, 5e-4 * theory);
+  EXPECT_NE(p.out().find("contact decides: without its environment the run is stable at "), std::string::npos)
+      << p.out();
   EXPECT_EQ(p.err(), "");
+}
+
+// Positions exchanged over a delay, with springs alone, feed themselves where a soft wall is touched and where not.
+TEST(BoundaryProgram, SaysThatFreeSpaceDecides) {
+  const test::Process p =
+      finished({TWOPORT_LAB, "boundary", TWOPORT_SCENES "/one_axis_wall.textproto", "--set",
+                "control.passivity.method=NONE", "--set", "control.architecture=POSITION_POSITION", "--set",
+                "control.virtual_coupling.damping_n_s_per_m=1", "--set", "environment[0].wall.stiffness_n_per_m=20",
+                "--vary", "to_slave.delay_ms,to_master.delay_ms=0.5:100", "--tolerance", "0.05"});
+  EXPECT_NE(p.out().find("free space decides: without its environment the run is unstable at "), std::string::npos)
+      << p.out() << p.err();
 }
 
 TEST(BoundaryProgram, SaysSoWhereAValueIsTheLeastThatIsStable) {
