@@ -70,7 +70,8 @@ TEST(SceneFile, AWrongRecordedDelayIsNamedWithItsLine) {
   // Times of deliveries, as mahimahi has them, are no delays; a ramp of delays is.
   std::string times, ramp;
   for (int i = 0; i < 200; ++i) times += std::to_string(12 * i) + "\n", ramp += std::to_string(i) + "\n";
-  EXPECT_TRUE(says(error(times), {"to_master.trace_file: delays.txt: 200 whole numbers that never fall", "mahimahi"}));
+  EXPECT_TRUE(
+      says(error(times), {"to_master.trace_file: ", "delays.txt: 200 whole numbers that never fall", "mahimahi"}));
   EXPECT_EQ(error(ramp), "");
 }
 
