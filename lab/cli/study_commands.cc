@@ -79,8 +79,8 @@ int boundary_command(BoundaryArguments& a) {
     if (!progress_is_shown()) show_runs(p);  // a terminal shows the values
   });
   if (const std::optional<Decided> decided = what_decides(a.boundary, found))
-    fmt::print("{} decides: without its environment the run is {} at {}, {}\n",
-               decided->by_contact ? "contact" : "free space", decided->by_contact ? "stable" : "unstable",
+    fmt::print("{} decides: without its environment the run is {} at {}: {}\n",
+               decided->by_contact ? "contact" : "free space", decided->by_contact ? "not unstable" : "unstable",
                found.unstable, decided->verdict);
   if (found.stable > found.unstable) fmt::print("stable from here up:\n");
   fmt::print("{} = {}\n", a.boundary.vary.name(), found.stable);
@@ -265,7 +265,7 @@ void add_boundary_command(CLI::App& app, Chosen& chosen) {
       ->capture_default_str();
   boundary.footer(
       R"(Prints a line for each run: value, verdict; then whether contact or free space decides: whether, just beyond the
-boundary, the run is stable without its environment. The last line is PATH = VALUE, the largest value up to which the run is
+boundary, the run is unstable without its environment. The last line is PATH = VALUE, the largest value up to which the run is
 stable (or the smallest, if it is stable at HI). Exit status 2 when both ends agree.
 The verdict is the summary's `stable`. The loop needs an excitation, and near a boundary growth is slow: give the run
 time after the operator's path has ended.

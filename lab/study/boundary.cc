@@ -210,11 +210,10 @@ Boundary find_boundary(const BoundaryOptions& o, const std::function<void(const 
 
 std::optional<Decided> what_decides(const BoundaryOptions& o, const Boundary& boundary) {
   if (o.robot != nullptr) return std::nullopt;
-  std::vector<Scene> free{scene_at({text_of(o), o.scene, o.set}, o.vary, boundary.unstable)};
-  free[0].environment.clear();
-  LaneUse use;
-  const Trial alone = tried(free, {boundary.unstable}, o, use).front();
-  return Decided{alone.stable, alone.verdict};
+  Scene free = scene_at({text_of(o), o.scene, o.set}, o.vary, boundary.unstable);
+  free.environment.clear();
+  const Summary alone = with_verdict_of_both(run(free, {.verdict = o.verdict, .stop = o.stop}));
+  return Decided{alone.verdict_kind() != "UNSTABLE", alone.verdict()};
 }
 
 BoundaryCurve boundary_curve(const BoundaryOptions& o, const Axis& along, const Heard& heard,

@@ -63,7 +63,7 @@ BoundarySearch search_boundary(const BoundaryOptions& options, const std::functi
 Boundary find_boundary(const BoundaryOptions& options, const std::function<void(const Trial&)>& tried = {},
                        const Heard& heard = {});
 
-/// What makes the run unstable just beyond a boundary: contact, if without its environment it is stable there, else the free motion.
+/// What makes the run unstable just beyond a boundary: contact, if without its environment it is not unstable there, else the free motion.
 /// Nothing with a robot in a world of its own.
 struct Decided {
   bool by_contact;
