@@ -81,7 +81,7 @@ constexpr UnitMistake kUnitMistakes[] = {
     {"device", "inertia_kg_m2", 0.0, 5.0, "inertias", "kg m²", "g m²", ""},
     {"operator.hand", "inertia_kg_m2", 0.0, 5.0, "inertias", "kg m²", "g m²", ""},
     {"robot", "inertia_kg_m2", 0.0, 50.0, "inertias", "kg m²", "g m²", ""},
-    {"operator.hand", "stiffness_n_per_m", 10.0, 1e5, "stiffnesses", "N/m", "mN/m", "N/mm"},
+    {"operator.hand", "stiffness_n_per_m", 1.0, 1e5, "stiffnesses", "N/m", "mN/m", "N/mm"},
     {"environment", "stiffness_n_per_m", 20.0, 2e6, "stiffnesses", "N/m", "mN/m", "N/mm"},
     {"control.virtual_coupling", "stiffness_n_per_m", 20.0, 2e5, "stiffnesses", "N/m", "mN/m", "N/mm"},
     {"device", "max_force_n", 0.05, 2e3, "forces", "newtons", "mN", "kN"},
@@ -121,8 +121,7 @@ std::string unit_mistake(const pb::Message& block, const std::string& path) {
   return {};
 }
 
-/// The surface that a point of the handle or the tool at this position is inside of by more than 0.1 mm, and how deep; K d²/2 is
-/// the energy that pushes it out.
+/// The surface that a point of the handle or the tool at this position is inside of by more than 0.1 mm, and how deep.
 struct Inside {
   std::size_t surface;
   double depth_m;
@@ -130,13 +129,18 @@ struct Inside {
 std::optional<Inside> starts_inside(const Scene& s, const Numbers& at) {
   constexpr double kDeep_m = 1e-4;
   if (s.joints > 0 || !built_for(s.dof)) return {};
+  std::vector<Eigen::Vector3d> points = s.tool;
+  if (points.empty()) points.emplace_back(Eigen::Vector3d::Zero());
   for (std::size_t i = 0; i < s.environment.size(); ++i) {
     const auto* surface = std::get_if<Surface>(&s.environment[i]);
     if (surface == nullptr) continue;
-    const double energy_j = for_cartesian_dof(s.dof, "dof", [&]<int N>() {
-      return Environment<N>{{*surface}, s.tool}.potential(position<N>(at)).si();
-    });
-    const double depth_m = std::sqrt(2.0 * energy_j / surface->material.stiffness_n_per_m);
+    double depth_m = 0.0;
+    for (const Eigen::Vector3d& point : points) {
+      const double energy_j = for_cartesian_dof(s.dof, "dof", [&]<int N>() {
+        return Environment<N>{{*surface}, {point}}.potential(position<N>(at)).si();
+      });
+      depth_m = std::max(depth_m, std::sqrt(2.0 * energy_j / surface->material.stiffness_n_per_m));
+    }
     if (depth_m > kDeep_m) return Inside{i, depth_m};
   }
   return {};
@@ -384,8 +388,9 @@ constexpr Hint kHints[] = {
     }},
     {[](const Scene& s) { return s.source ? unit_mistake(s.source->message, "") : std::string{}; }},
     {[](const Scene& s) {
+       const bool pressed = s.operator_model && s.operator_model->hand && !s.operator_model->hand->force_n.empty();
        const bool renders = s.control.architecture == Architecture::render && s.device;
-       return renders ? pushed_out(s, "device.position_m", s.device->position_m) : std::string{};
+       return renders && !pressed ? pushed_out(s, "device.position_m", s.device->position_m) : std::string{};
      },
      true},
     {[](const Scene& s) {
