@@ -5,20 +5,28 @@
 namespace twoport {
 
 ArmModel::ArmModel(const ArmParameters& arm, const ArmTool& tool, const Eigen::Matrix3d& tool_rotation)
-    : joints_{arm.joints.size()}, tool_rotation_{arm.flange_rotation * tool_rotation}, tool_{arm.flange_m} {
+    : joints_{arm.joints.size()},
+      tool_rotation_{arm.flange_rotation * tool_rotation},
+      tool_{arm.flange_m},
+      fingers_{arm.joints.back().mirrored} {
   for (std::size_t i = 0; i < joints_; ++i) {
     const ArmJoint& j = arm.joints[i];
     links_.at(i) = {
         j.rotation, j.origin_m, j.mass_kg, j.center_m, j.inertia, j.rotor_inertia, j.type == JointType::prismatic};
   }
-  const Eigen::Matrix3d inertia = tool_rotation_ * tool.inertia * tool_rotation_.transpose();
-  Link& last = links_[joints_ - 1];
+  Eigen::Matrix3d inertia = tool_rotation_ * tool.inertia * tool_rotation_.transpose();
+  Eigen::Vector3d center = tool_ + tool_rotation_ * tool.center_m;
+  if (fingers_) {
+    const Link& finger = links_[joints_ - 1];
+    inertia = Eigen::Matrix3d{finger.rotation * inertia * finger.rotation.transpose()};
+    center = Eigen::Vector3d{finger.origin + finger.rotation * center};
+  }
+  Link& last = links_[joints_ - (fingers_ ? 2 : 1)];
   if (!(tool.mass_kg > 0.0)) {
     last.inertia += inertia;
     return;
   }
-  // The tool is part of the last link.
-  const Eigen::Vector3d center = tool_ + tool_rotation_ * tool.center_m;
+  // The tool is part of the last link, and of the one before its fingers.
   const double mass = last.mass + tool.mass_kg;
   const Eigen::Vector3d common = (last.mass * last.center + tool.mass_kg * center) / mass;
   const auto of_point = [](double m, const Eigen::Vector3d& c) -> Eigen::Matrix3d {
@@ -56,6 +64,7 @@ ArmModel::Pose ArmModel::pose(const Joints& q) const noexcept {
   }
   p.tool_rotation = R * tool_rotation_;
   p.tool = x + R * tool_;
+  if (fingers_) p.tool -= q[size() - 1] * R.col(2);
   return p;
 }
 
@@ -69,6 +78,7 @@ ArmModel::Jacobian ArmModel::jacobian(const Pose& p) const noexcept {
       column.head<3>() = p.axis[i].cross(p.tool - p.origin[i]);
     column.tail<3>() = p.axis[i];
   }
+  if (fingers_) J.col(size() - 1).setZero();
   return J;
 }
 
@@ -79,7 +89,7 @@ ArmModel::Vector6 ArmModel::bias_acceleration(const Pose& p, const Joints& v) co
     const Eigen::Vector3d arm = p.origin[i] - x;
     a += alpha.cross(arm) + w.cross(w.cross(arm));
     if (links_[i].slides) {
-      a += 2.0 * vi * w.cross(p.moment[i]);
+      if (!fingers_ || i + 1 < joints_) a += 2.0 * vi * w.cross(p.moment[i]);
     } else {
       const Eigen::Vector3d turned = vi * p.axis[i];
       alpha += w.cross(turned);

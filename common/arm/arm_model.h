@@ -50,6 +50,8 @@ class ArmModel {
   explicit ArmModel(const ArmParameters& arm, const ArmTool& tool = {},
                     const Eigen::Matrix3d& tool_rotation = Eigen::Matrix3d::Identity());
 
+  /// Is the last joint a gripper of two fingers, at ±q along its axis from the tool?
+  [[nodiscard]] bool has_fingers() const noexcept { return fingers_; }
   /// Number of joints.
   [[nodiscard]] int size() const noexcept { return static_cast<int>(joints_); }
 
@@ -94,7 +96,8 @@ class ArmModel {
   std::size_t joints_;
   std::array<Link, kMost> links_;
   Eigen::Matrix3d tool_rotation_;  ///< last link from tool
-  Eigen::Vector3d tool_;           ///< in axes of the last link
+  Eigen::Vector3d tool_;           ///< in axes of the last link, with fingers at joint position 0
+  bool fingers_;
 };
 
 /// M = L D Lᵀ, L lower triangular with a diagonal of 1, D diagonal.

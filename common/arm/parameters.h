@@ -28,6 +28,8 @@ struct ArmJoint {
       coulomb_friction{};  ///< where the file states them [N m s/rad], [N m]; prismatic: [N s/m], [N]
   std::string name{};
   JointType type = JointType::revolute;
+  bool mirrored =
+      false;  ///< of the last one: two fingers, at ±position along its axis from the flange, which does not move with them
 };
 
 /// A serial arm, as a file describes it (proto/arm.proto, arms/; or a URDF).

@@ -77,7 +77,7 @@ ArmJoint read_joint(const Block<schema::ArmJoint>& of) {
     if (belongs) (of.require(fields), ...);
   };
   refuse_unless(!slides, FIELD(rotor_inertia_kg_m2));
-  refuse_unless(slides, FIELD(rotor_mass_kg));
+  refuse_unless(slides, FIELD(rotor_mass_kg), FIELD(mirrored));
   require_if(!slides, FIELD(max_torque_n_m), FIELD(max_speed_rad_per_s));
   require_if(slides, FIELD(max_force_n), FIELD(max_speed_m_per_s), FIELD(lower_m), FIELD(upper_m));
   require_if(!slides && limited, FIELD(lower_rad), FIELD(upper_rad));
@@ -91,7 +91,8 @@ ArmJoint read_joint(const Block<schema::ArmJoint>& of) {
                  .max_speed = slides ? of->max_speed_m_per_s() : of->max_speed_rad_per_s(),
                  .lower = -kUnlimited,
                  .upper = kUnlimited,
-                 .type = static_cast<JointType>(of->type())};
+                 .type = static_cast<JointType>(of->type()),
+                 .mirrored = of->mirrored()};
   const auto limit = [&](double lower, const auto& upper, const char* unit) {
     joint.lower = lower, joint.upper = upper.value(of.message());
     if (!(joint.lower < joint.upper)) of.refuse(upper, fmt::format("be > lower_{}, which is {}", unit, joint.lower));
@@ -151,6 +152,10 @@ ArmParameters read_joints(const Block<schema::ArmParameters>& of, const std::str
   }
   if (arm.joints.empty() || arm.joints.size() > kMostArmJoints)
     of.fail(fmt::format("joint is given {} times; an arm must have 1 to {} joints", arm.joints.size(), kMostArmJoints));
+  for (std::size_t i = 0; i < arm.joints.size(); ++i)
+    if (arm.joints[i].mirrored && (i == 0 || i + 1 < arm.joints.size()))
+      of.fail(
+          fmt::format("joint[{}].mirrored is true; it must be false of every joint but the last of two or more", i));
   arm.flange_m = vector<3>(of->flange_m());
   arm.flange_rotation = rotation_rpy(of->flange_rotation_rpy_rad());
   return arm;

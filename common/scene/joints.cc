@@ -3,6 +3,7 @@
 #include <Eigen/Eigenvalues>
 #include <algorithm>
 #include <cmath>
+#include <functional>
 #include <limits>
 
 #include "common/arm/arm_model.h"
@@ -41,8 +42,8 @@ double least_damping_n_s_per_m(const ArmSpec& arm, const Axes& s) {
   return least;
 }
 
-/// What the joints of an arm stand.
-JointLimits limits_of(const ArmSpec& arm) {
+/// What the joints of an arm stand, and within that what the scene allows.
+JointLimits limits_of(const ArmSpec& arm, const Block<schema::Limits>& of) {
   JointLimits all;
   for (std::size_t i = 0; i < arm.parameters->joints.size(); ++i) {
     const ArmJoint& joint = arm.parameters->joints[i];
@@ -52,7 +53,52 @@ JointLimits limits_of(const ArmSpec& arm) {
     all.lower[axis] = joint.lower;
     all.upper[axis] = joint.upper;
   }
+  const auto n = static_cast<int>(arm.parameters->joints.size());
+  // `within`: does a number go no further than the file's?
+  const auto take = [&](const auto& field, JointLimits::Axes& limit, auto within, const char* words) {
+    of.need_length(field, n);
+    const Numbers given = numbers(field.value(of.message()));
+    for (std::size_t i = 0; i < given.size(); ++i) {
+      double& of_file = limit[static_cast<Eigen::Index>(i)];
+      if (!within(given[i], of_file))
+        of.refuse(field, fmt::format("be within the arm's file: number {} must be {} {:g}", i + 1, words, of_file));
+      of_file = given[i];
+    }
+  };
+  take(FIELD(joint_torque_n_m), all.effort, std::less_equal<>{}, "at most");
+  take(FIELD(joint_speed_rad_per_s), all.speed, std::less_equal<>{}, "at most");
+  take(FIELD(joint_lower_rad), all.lower, std::greater_equal<>{}, "at least");
+  take(FIELD(joint_upper_rad), all.upper, std::less_equal<>{}, "at most");
+  for (int i = 0; i < n; ++i)
+    if (const double q = arm.joint_position_rad[static_cast<std::size_t>(i)]; !(all.lower[i] < q && q < all.upper[i]))
+      of.fail(fmt::format("{} allow joint {} from {:g} to {:g}; they must hold {:g}, where it begins", of.path(), i + 1,
+                          all.lower[i], all.upper[i], q));
   return all;
+}
+
+FingerSpec read_finger(const Block<schema::Finger>& of) {
+  FingerSpec finger{of->stiffness_n_per_m(), of->damping_n_s_per_m(), {}};
+  double now_s = 0.0;
+  for (const auto& move : of.blocks(FIELD(move))) {
+    const double wait_s = move->start_s() - now_s;
+    if (!(wait_s >= 0.0)) move.refuse(FIELD(start_s), fmt::format("be >= {:g}, the end of the move before", now_s));
+    if (wait_s > 0.0) finger.path.emplace_back(HoldSpec{wait_s});
+    finger.path.emplace_back(MoveToSpec{{move->opening_m()}, move->duration_s()});
+    now_s = move->start_s() + move->duration_s();
+  }
+  return finger;
+}
+
+ObjectSpec read_object(const Block<schema::Object>& of) {
+  const Eigen::Vector3d position = vector<3>(of->position_m());
+  return {.mass_kg = of->mass_kg(),
+          .position_m = position,
+          .half_size_m = vector<3>(of->half_size_m()),
+          .target_m = of->target_m().empty() ? position : Eigen::Vector3d{vector<3>(of->target_m())},
+          .material = {.stiffness_n_per_m = of->stiffness_n_per_m(),
+                       .damping_n_s_per_m = of->damping_n_s_per_m(),
+                       .friction = of->friction(),
+                       .viscous_friction_n_s_per_m = 0.0}};
 }
 
 /// A number for each joint, each > 0; empty: none are given.
@@ -71,9 +117,18 @@ void read_joints(const Block<schema::Scene>& of, Scene& scene) {
   if (scene.dof != kJointPort) {
     refuse(coupling, FIELD(joint_stiffness), "it needs space JOINTS");
     refuse(coupling, FIELD(joint_damping), "it needs space JOINTS");
+    const Block control = of.block(FIELD(control));
+    for (const auto& limits : {control.block(FIELD(device_limits)), control.block(FIELD(robot_limits))}) {
+      refuse(limits, FIELD(joint_torque_n_m), "it needs space JOINTS");
+      refuse(limits, FIELD(joint_speed_rad_per_s), "it needs space JOINTS");
+      refuse(limits, FIELD(joint_lower_rad), "it needs space JOINTS");
+      refuse(limits, FIELD(joint_upper_rad), "it needs space JOINTS");
+    }
+    refuse(of, FIELD(object), "it needs space JOINTS and fingers of robot.arm");
+    refuse(of.block(FIELD(operator_)), FIELD(finger), "it needs space JOINTS");
     return;
   }
-  constexpr const char* kOfArm = "with space JOINTS the arm's file has it for each joint";
+  constexpr const char* kOfArm = "with space JOINTS each joint has limits of its own, the arm's file's or joint_...";
   const Block control = of.block(FIELD(control));
   for (const auto& limits : {control.block(FIELD(device_limits)), control.block(FIELD(robot_limits))}) {
     refuse(limits, FIELD(force_n), kOfArm);
@@ -109,6 +164,21 @@ void read_joints(const Block<schema::Scene>& of, Scene& scene) {
   if (of->has_dof() && of->dof() != scene.joints)
     of.refuse(FIELD(dof), fmt::format("be absent or {}, the number of the arms' joints, where space is JOINTS", n));
 
+  if (of->has_object()) {
+    if (!follower.parameters->joints.back().mirrored)
+      of.refuse(FIELD(object), "be absent: the last joint of robot.arm has no two fingers (mirrored)");
+    scene.object = read_object(of.block(FIELD(object)));
+  }
+  const Block hand = of.block(FIELD(operator_));
+  if (hand->has_finger()) {
+    if (!hand->has_hand()) hand.refuse(FIELD(finger), "be absent: there is no operator.hand");
+    if (leader.parameters->joints.back().type != JointType::prismatic)
+      hand.refuse(FIELD(finger), "be absent: the last joint of device.arm does not slide");
+    scene.finger = read_finger(hand.block(FIELD(finger)));
+  }
+
+  const JointLimits of_device = limits_of(leader, control.block(FIELD(device_limits))),
+                    of_robot = limits_of(follower, control.block(FIELD(robot_limits)));
   const Numbers stiffness = for_each_joint(coupling, FIELD(joint_stiffness), scene.joints),
                 damping = for_each_joint(coupling, FIELD(joint_damping), scene.joints);
   const Inertia of_leader = inertia_at_start(leader), of_follower = inertia_at_start(follower);
@@ -134,8 +204,8 @@ void read_joints(const Block<schema::Scene>& of, Scene& scene) {
       c.coupling.damping_n_s_per_m = c.coupling.damping_of_joints.head(scene.joints).minCoeff();
     }
     // A joint has its arm's limits; power is what it is in any metric.
-    c.device_limits = {.power_w = c.device_limits.power_w, .joints = limits_of(leader)};
-    c.robot_limits = {.power_w = c.robot_limits.power_w, .joints = limits_of(follower)};
+    c.device_limits = {.power_w = c.device_limits.power_w, .joints = of_device};
+    c.robot_limits = {.power_w = c.robot_limits.power_w, .joints = of_robot};
     c.handle_mass_kg = least_mass_kg(of_leader, s);
     c.known.robot_mass_kg = least_mass_kg(of_follower, s);
     c.known.device_damping_n_s_per_m = least_damping_n_s_per_m(leader, s);

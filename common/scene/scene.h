@@ -88,10 +88,22 @@ using SegmentSpec = std::variant<HoldSpec, MoveToSpec, SineSpec, ScrewSpec, Mult
 struct TremorSpec {
   double rms_m, low_hz, high_hz;
 };
+/// On the leader's last joint.
+struct FingerSpec {
+  double stiffness_n_per_m, damping_n_s_per_m;
+  std::vector<SegmentSpec> path;  ///< of the opening
+};
 struct OperatorSpec {
   std::optional<HandSpec> hand;
   std::vector<SegmentSpec> path;
   std::optional<TremorSpec> tremor;
+};
+
+/// A box that fingers take.
+struct ObjectSpec {
+  double mass_kg;
+  Eigen::Vector3d position_m, half_size_m, target_m;
+  Material material;
 };
 
 /// A serial arm in place of a rigid body.
@@ -197,6 +209,8 @@ struct Scene {
   std::shared_ptr<const Scene> gripper{};
   /// The message that it was read from; null: a program has made it.
   std::shared_ptr<const SceneSource> source{};
+  std::optional<FingerSpec> finger{};  ///< of the operator; ports of joints only
+  std::optional<ObjectSpec> object{};  ///< the same
 
   /// Coordinates of a port that there are.
   [[nodiscard]] int coordinates() const { return joints > 0 ? joints : dof; }
