@@ -81,6 +81,29 @@ class Contacts {
   States states_;
 };
 
+/// What becomes of the scene's object.
+class ObjectWatch {
+ public:
+  void add(const Row<kJointPort>& row, double period_s) {
+    const Eigen::Vector3d& x = row.object.x;
+    if (!first_) first_ = before_ = x;
+    highest_m_ = std::max(highest_m_, x.z() - first_->z());
+    fall_m_per_s_ = std::max(fall_m_per_s_, (before_->z() - x.z()) / period_s);
+    before_ = x;
+  }
+  void fill(const ObjectSpec& object, Summary& s) const {
+    if (!before_) return;
+    schema::ObjectFigures& figures = *s.mutable_object();
+    figures.set_off_target_m((*before_ - object.target_m).norm());
+    figures.set_lifted_m(highest_m_);
+    figures.set_fall_m_per_s(fall_m_per_s_);
+  }
+
+ private:
+  std::optional<Eigen::Vector3d> first_, before_;
+  double highest_m_ = 0.0, fall_m_per_s_ = 0.0;
+};
+
 /// The verdict of the loop as the scene leaves it, and in the other states: the worst.
 template <int N>
 TailVerdict judge_all(const Simulation<N>& at_end, const Contacts<N>& contacts, const Scene& scene,
@@ -121,6 +144,7 @@ CountedRun run_as(Simulation<N>& simulation, const Scene& scene, const RunOption
   const bool probes = tails && !alone && options.robot == nullptr && !World{scene.environment}.surfaces.empty();
   const double end_s = to_seconds(simulation.end()).si();
   std::uint64_t rows = 0;
+  ObjectWatch object;
   for (const Part& part : probes ? parts(simulation.segment_times(), end_s) : std::vector{Part{.until_s = end_s}}) {
     contacts.begin(part);
     const auto start = ThreadClock::now();
@@ -128,6 +152,8 @@ CountedRun run_as(Simulation<N>& simulation, const Scene& scene, const RunOption
       if (is_kept && rows++ % options.trace_every == 0) [[unlikely]]
         keep(row);
       if (probes) contacts.add(row);
+      if constexpr (N == kJointPort)
+        if (scene.object) object.add(row, 1.0 / scene.master_rate_hz);
       return goes_on = metrics.add(row);
     });
     spent += ThreadClock::now() - start;
@@ -138,6 +164,7 @@ CountedRun run_as(Simulation<N>& simulation, const Scene& scene, const RunOption
   Summary s;
   metrics.fill(s);
   describe_run(scene, "lab", s);
+  if (scene.object) object.fill(*scene.object, s);
   s.set_step_ns(spent.count() / static_cast<double>(std::max<std::uint64_t>(ticks, 1)));
   const RunJudge<N>& judge = metrics.judge();
   if (tails && !judge.diverged() && judge.not_judged().empty()) {

@@ -27,7 +27,10 @@ class SimDevice<kJointPort> final {
   SimDevice(const Scene& scene, Seconds dt);
 
   void advance() noexcept;
-  void hold() noexcept { path_.hold(static_cast<double>(tick_) * dt_); }
+  void hold() noexcept {
+    path_.hold(static_cast<double>(tick_) * dt_);
+    opening_.hold(static_cast<double>(tick_) * dt_);
+  }
   bool kick(const Velocity<N>& dv) noexcept;
 
   [[nodiscard]] DeviceSample<N> sense() const noexcept {
@@ -52,7 +55,8 @@ class SimDevice<kJointPort> final {
  private:
   double dt_;
   Path<6> path_;
-  bool led_;  ///< there is a hand
+  Path<1> opening_;  ///< that the hand's finger intends
+  bool led_;         ///< there is a hand
   Copied<ArmPlant> arm_;
   BodyState<N> state_;
   Encoder<N> encoder_;
@@ -90,6 +94,7 @@ class SimRobot<kJointPort> final {
   [[nodiscard]] const Force<N>& environment_force() const noexcept { return from_environment_; }
   [[nodiscard]] const Environment<6>& environment() const noexcept { return *environment_; }
   [[nodiscard]] const ArmPlant* arm() const noexcept { return arm_.get(); }
+  [[nodiscard]] const Eigen::Vector3d& object() const noexcept { return arm_->object().x; }
 
  private:
   void read() noexcept;

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <cmath>
 #include <memory>
 #include <utility>
 
@@ -11,7 +12,7 @@ namespace twoport {
 
 /// The inertia of the leader's joints, in the metric of its node (JointMetric), at each position:
 ///
-///     S M(q)⁻¹ S       |S M⁻¹ Jᵀ|, the most that a force on the tool accelerates the joints
+///     S M(q)⁻¹ S       |S M⁻¹ Jᵀ|, the most that a force on the tool, and on fingers, accelerates the joints
 ///
 /// Null where the model of the arm is not known, and for another port than one of joints.
 template <int N>
@@ -37,6 +38,7 @@ class LeaderInertia<kJointPort> {
     const ArmModel::Inertia inverse = scale * InertiaFactors{model_->inertia(pose)}.inverse();
     now_.inverse_mass.topLeftCorner(n, n) = inverse * scale;
     now_.of_hand = inverse.lazyProduct(model_->jacobian(pose).topRows<3>().transpose()).norm();
+    if (model_->has_fingers()) now_.of_hand = std::hypot(now_.of_hand, inverse.col(n - 1).norm());
     return &now_;
   }
 

@@ -45,6 +45,7 @@ void for_each_column(const Row<N>& row, See&& see, [[maybe_unused]] int size = N
   see(Column{"dissipated_j", "J", ""}, row.dissipated_j);
   see(vector("position_error", "m", "rad"), all(row.position_error.vec()));
   see(Column{"mode", "", ""}, static_cast<double>(row.mode));
+  if constexpr (N == kJointPort) see(Column{"object_x", "m", ""}, row.object.x);
   for (std::size_t i = 0; i < kLayerFigures.size(); ++i)
     if (N >= kLayerFigures[i].least_dof) see(Column{kLayerFigures[i].name, kLayerFigures[i].unit, ""}, row.figures[i]);
 }

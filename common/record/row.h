@@ -6,6 +6,14 @@
 
 namespace twoport {
 
+/// Of a row with ports of joints.
+template <int N>
+struct ObjectRow {};
+template <>
+struct ObjectRow<kJointPort> {
+  Eigen::Vector3d x = Eigen::Vector3d::Zero();  ///< the scene's object [m]; zero where there is none, and live
+};
+
 /// One tick of the master: a row of trace.csv, and the input of the summary.
 /// In a live run the other side's values are those of the newest report.
 template <int N>
@@ -26,6 +34,7 @@ struct Row {
   double undissipated_j = 0.0;       ///< deficit that the master's controller has not dissipated yet
   double dissipated_j = 0.0;         ///< by both controllers, in this tick
   Mode mode = Mode::idle;
+  [[no_unique_address]] ObjectRow<N> object{};
   LayerFigures figures{};  ///< of kLayerFigures, as the master's transparency layer has them
 
   // For the summary only, not in trace.csv.

@@ -68,7 +68,8 @@ ArmModel with_tool(const ArmSpec& arm, const ArmTool& tool, const ArmModel::Join
 }  // namespace
 
 ArmPlant::ArmPlant(const ArmSpec& arm, std::shared_ptr<const Environment<6>> environment, double dt,
-                   const Position<6>& start, const std::optional<HandOnTool>& hand)
+                   const Position<6>& start, const std::optional<HandOnTool>& hand,
+                   const std::optional<ObjectSpec>& object)
     : environment_{std::move(environment)},
       dt_{dt},
       arm_{arm},
@@ -117,6 +118,23 @@ ArmPlant::ArmPlant(const ArmSpec& arm, std::shared_ptr<const Environment<6>> env
                       std::sqrt(h.rotational_stiffness_n_m_per_rad * angular),
                       kDecay * h.rotational_damping_n_m_s_per_rad * angular});
   }
+  const int last = model_.size() - 1;
+  const double of_last = inertia.solve(Joints::Unit(model_.size(), last))[last];
+  const auto hurry = [&](double k, double b, double per_kg) {
+    rate_ = std::max({rate_, std::sqrt(k * per_kg), kDecay * b * per_kg});
+  };
+  if (hand_) hurry(hand_->finger_stiffness, hand_->finger_damping, of_last);
+  if (object) {
+    const Material& m = object->material;
+    hurry(2.0 * m.stiffness_n_per_m, 2.0 * m.damping_n_s_per_m, of_last);
+    hurry(2.0 * m.stiffness_n_per_m + stiffness, 2.0 * m.damping_n_s_per_m + damping, 1.0 / object->mass_kg);
+    s_.object.x = object->position_m;
+    Place at;
+    find(s_.q, at);
+    const Object::Fingers both = fingers(at, s_);
+    object_.emplace(*object, environment_->world().surfaces, std::array{both[0].x, both[1].x});
+    at_start_j_ = object_->forces(s_.object, both).elastic_j;
+  }
   if (!arm_.joint_coulomb_friction_n_m.empty()) coulomb_ = joint_vector(arm_.joint_coulomb_friction_n_m);
   dry_ = !coulomb_.isZero(0.0);
   torque_ = model_.gravity_torque(pose, kGravity);  // what holds it until the first command
@@ -150,6 +168,7 @@ BodyState<kJointPort> ArmPlant::joints() const noexcept {
 Force<kJointPort> ArmPlant::outside_torque() const noexcept {
   Force<kJointPort>::Vector torque = Force<kJointPort>::Vector::Zero();
   torque.head(s_.q.size()) = now_.jacobian.transpose() * met_.outside;
+  torque[s_.q.size() - 1] += met_.on_last_joint;
   return Force<kJointPort>{torque};
 }
 
@@ -159,7 +178,7 @@ void ArmPlant::move() noexcept {
   constexpr int kCuts = 64;  // of a tick; beyond, at steps only
   const Joints before = s_.q;
   // The sensor has read the force at the end of the last tick; from now on the hand moves at its new rate.
-  if (hand_) met_ = meet(now_, s_.v, 0.0);
+  if (hand_) met_ = meet(now_, s_, 0.0);
   if (dry_) choose_directions(now_, load(s_, now_, met_) - bias_);
   const double longest = dt_ / std::clamp(std::ceil(dt_ * rate() / kShort), 1.0, kMostSteps),
                shortest = dt_ / kMostSteps;
@@ -180,6 +199,7 @@ void ArmPlant::move() noexcept {
     }
     dissipated_j_ += next.damping + coulomb_.dot((next.to.q - s_.q).cwiseAbs());
     outside_j_ += next.outside;
+    contacts_j_ += next.contacts;
     s_ = next.to;
     for (int i = 0; i < model_.size(); ++i)
       if (coulomb_[i] > 0.0 && direction_[i] * s_.v[i] < 0.0) s_.v[i] = 0.0;
@@ -194,6 +214,8 @@ void ArmPlant::move() noexcept {
   if (hand_) {
     hand_->intended = hand_->next;
     hand_->rate = Velocity<6>{};
+    hand_->opening = hand_->next_opening;
+    hand_->opening_rate = 0.0;
   }
   arrive(0.0);
 }
@@ -214,19 +236,31 @@ double ArmPlant::rate() const noexcept {
 ///     q += h v + h²/6 (a + b + c)      v += h/6 (a + 2 b + 2 c + d)
 ArmPlant::Step ArmPlant::step(const Rate& a, double t, double h) const noexcept {
   const double m = 0.5 * h;
-  State s{s_.q + m * s_.v + (0.5 * m * m) * a.v, s_.v + m * a.v};
+  const Object::Moving& o = s_.object;
+  State s{s_.q + m * s_.v + (0.5 * m * m) * a.v,
+          s_.v + m * a.v,
+          {o.x + m * o.v + (0.5 * m * m) * a.object, o.v + m * a.object}};
   Place at;
   find(s.q, at);
   const Rate b = rates(at, s, t + m);
   s.v = s_.v + m * b.v;
+  s.object.v = o.v + m * b.object;
   const Rate c = rates(at, s, t + m);
-  s = {s_.q + h * s_.v + (m * h) * c.v, s_.v + h * c.v};
+  s = {s_.q + h * s_.v + (m * h) * c.v, s_.v + h * c.v, {o.x + h * o.v + (m * h) * c.object, o.v + h * c.object}};
   find(s.q, at);
   const Rate d = rates(at, s, t + h);
-  return {{s_.q + h * s_.v + (h * h / 6.0) * (a.v + b.v + c.v), s_.v + h / 6.0 * (a.v + 2.0 * (b.v + c.v) + d.v)},
+  double error = h * (c.v - b.v).cwiseAbs().cwiseMax((a.v - b.v - c.v + d.v).cwiseAbs()).maxCoeff();
+  if (object_)
+    error = std::max({error, h * (c.object - b.object).cwiseAbs().maxCoeff(),
+                      h * (a.object - b.object - c.object + d.object).cwiseAbs().maxCoeff()});
+  return {{s_.q + h * s_.v + (h * h / 6.0) * (a.v + b.v + c.v),
+           s_.v + h / 6.0 * (a.v + 2.0 * (b.v + c.v) + d.v),
+           {o.x + h * o.v + (h * h / 6.0) * (a.object + b.object + c.object),
+            o.v + h / 6.0 * (a.object + 2.0 * (b.object + c.object) + d.object)}},
           h / 6.0 * (a.outside + 2.0 * (b.outside + c.outside) + d.outside),
           h / 6.0 * (damped(a.q) + 2.0 * (damped(b.q) + damped(c.q)) + damped(d.q)),
-          h * (c.v - b.v).cwiseAbs().cwiseMax((a.v - b.v - c.v + d.v).cwiseAbs()).maxCoeff()};
+          h / 6.0 * (a.contacts + 2.0 * (b.contacts + c.contacts) + d.contacts),
+          error};
 }
 /// How much of a step of h friction keeps; `step` then is that.
 double ArmPlant::last_that_keeps(const Rate& a, double t, Step& step, double h) const noexcept {
@@ -266,7 +300,7 @@ bool ArmPlant::keeps(const Step& step, double t) const noexcept {
   if (!holds) return true;
   Place at;
   find(step.to.q, at);
-  const Joints of_all = load(step.to, at, meet(at, step.to.v, t)) - model_.bias_torque(at.pose, step.to.v, kGravity),
+  const Joints of_all = load(step.to, at, meet(at, step.to, t)) - model_.bias_torque(at.pose, step.to.v, kGravity),
                carried = of_all - at.inertia * acceleration(at, of_all);
   for (int i = 0; i < model_.size(); ++i)
     if (direction_[i] == 0.0 && std::abs(carried[i]) > coulomb_[i]) return false;
@@ -300,6 +334,11 @@ void ArmPlant::lead(const Position<6>& intended) noexcept {
   hand_->rate = (intended - hand_->intended) / Seconds{dt_};
 }
 
+void ArmPlant::lead_finger(double opening_m) noexcept {
+  hand_->next_opening = opening_m;
+  hand_->opening_rate = (opening_m - hand_->opening) / dt_;
+}
+
 void ArmPlant::grip(const HandSpec& hand) noexcept {
   HandSpec& h = hand_->spec;
   h.stiffness_n_per_m = hand.stiffness_n_per_m;
@@ -310,7 +349,11 @@ void ArmPlant::grip(const HandSpec& hand) noexcept {
 
 double ArmPlant::mechanical_energy() const noexcept {
   const Joints beyond = over_stops(s_.q);
-  return model_.energy(now_.pose, s_.v, kGravity) + 0.5 * beyond.dot(stop_stiffness_.cwiseProduct(beyond)) +
+  double of_object = 0.0;
+  if (object_)
+    of_object =
+        met_.object_elastic_j + object_->spec().mass_kg * (0.5 * s_.object.v.squaredNorm() - kGravity.dot(s_.object.x));
+  return of_object + model_.energy(now_.pose, s_.v, kGravity) + 0.5 * beyond.dot(stop_stiffness_.cwiseProduct(beyond)) +
          environment_->potential(tool_position(now_.pose)).si();
 }
 
@@ -387,10 +430,10 @@ void ArmPlant::find(const Joints& q, Place& at) const noexcept {
   at.inverse = InertiaFactors{at.inertia};
 }
 /// What environment and hand do at this pose and velocity.
-ArmPlant::Meeting ArmPlant::meet(const Place& place, const Joints& joint_velocity, double t) const noexcept {
-  Meeting m{.tool_velocity = place.jacobian * joint_velocity, .outside = Vector6::Zero()};
+ArmPlant::Meeting ArmPlant::meet(const Place& place, const State& s, double t) const noexcept {
+  Meeting m{.tool_velocity = place.jacobian * s.v, .outside = Vector6::Zero()};
   const Vector6& v = m.tool_velocity;
-  if (environment_->empty() && !hand_) return m;
+  if (environment_->empty() && !hand_ && !object_) return m;
   const Position<6> at = tool_position(place.pose);
   if (!environment_->empty()) {
     SpatialVector sum = SpatialVector::Zero();
@@ -415,28 +458,65 @@ ArmPlant::Meeting ArmPlant::meet(const Place& place, const Joints& joint_velocit
     m.outside.template tail<3>() += h.rotational_stiffness_n_m_per_rad * stretch.template tail<3>() +
                                     h.rotational_damping_n_m_s_per_rad * by.template tail<3>() +
                                     push.template tail<3>();
+    const auto last = s.q.size() - 1;
+    m.on_last_joint = hand_->finger_stiffness * (hand_->opening + t * hand_->opening_rate - s.q[last]) +
+                      hand_->finger_damping * (hand_->opening_rate - s.v[last]);
+  }
+  if (object_) {
+    const Object::Fingers both = fingers(place, s);
+    const Object::Forces f = object_->forces(s.object, both);
+    const Eigen::Vector3d along = place.pose.moment[static_cast<std::size_t>(model_.size() - 1)],
+                          arm = both[0].x - at.translation();
+    m.outside.template head<3>() += f.on_finger[0] + f.on_finger[1];
+    m.outside.template tail<3>() += arm.cross(f.on_finger[0] - f.on_finger[1]);
+    m.on_last_joint += along.dot(f.on_finger[0] - f.on_finger[1]);
+    m.on_object = f.on_box;
+    m.contacts = f.power;
+    m.object_elastic_j = f.elastic_j;
   }
   return m;
 }
+/// At ±q along the last joint's axis from the tool.
+Object::Fingers ArmPlant::fingers(const Place& place, const State& s) const noexcept {
+  const auto last = static_cast<std::size_t>(model_.size() - 1);
+  const Eigen::Vector3d &along = place.pose.moment[last], tool = base_ + place.pose.tool;
+  const Vector6 v = place.jacobian * s.v;
+  const double q = s.q[model_.size() - 1], rate = s.v[model_.size() - 1];
+  const Eigen::Vector3d arm = q * along, beside = v.template tail<3>().cross(arm) + rate * along;
+  return {Object::Moving{tool + arm, v.template head<3>() + beside},
+          Object::Moving{tool - arm, v.template head<3>() - beside}};
+}
+/// Of environment, hand and object on the arm [W].
+double ArmPlant::power(const Meeting& m, const Joints& v) const noexcept {
+  return m.outside.dot(m.tool_velocity) + m.on_last_joint * v[v.size() - 1];
+}
+Eigen::Vector3d ArmPlant::object_acceleration(const Meeting& m) const noexcept {
+  if (!object_) return Eigen::Vector3d::Zero();
+  return kGravity + m.on_object / object_->spec().mass_kg;
+}
 /// Torques of all that acts but weight and inertial forces.
 ArmPlant::Joints ArmPlant::load(const State& s, const Place& at, const Meeting& m) const noexcept {
-  return torque_ + at.jacobian.transpose() * m.outside - damping_.cwiseProduct(s.v) + stops(s);
+  Joints all = torque_ + at.jacobian.transpose() * m.outside - damping_.cwiseProduct(s.v) + stops(s);
+  all[all.size() - 1] += m.on_last_joint;
+  return all;
 }
 /// q̇ and q̈.
 ArmPlant::Rate ArmPlant::rates(const Place& at, const State& s, double t) const noexcept {
-  const Meeting m = meet(at, s.v, t);
+  const Meeting m = meet(at, s, t);
   const Joints of_all = load(s, at, m) - model_.bias_torque(at.pose, s.v, kGravity);
-  return {s.v, acceleration(at, of_all), m.outside.dot(m.tool_velocity)};
+  return {s.v, acceleration(at, of_all), power(m, s.v), object_acceleration(m), m.contacts};
 }
 /// The same of s_.
 ArmPlant::Rate ArmPlant::rates_now() const noexcept {
-  return {s_.v, acceleration(now_, load(s_, now_, met_) - bias_), met_.outside.dot(met_.tool_velocity)};
+  return {s_.v, acceleration(now_, load(s_, now_, met_) - bias_), power(met_, s_.v), object_acceleration(met_),
+          met_.contacts};
 }
 
 /// In s_, at t of the tick.
 void ArmPlant::arrive(double t) noexcept {
   find(s_.q, now_);
-  met_ = meet(now_, s_.v, t);
+  if (object_) object_->settle(s_.object, fingers(now_, s_));
+  met_ = meet(now_, s_, t);
   bias_ = model_.bias_torque(now_.pose, s_.v, kGravity);
   if (dry_) choose_directions(now_, load(s_, now_, met_) - bias_);
 }

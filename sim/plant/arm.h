@@ -11,6 +11,7 @@
 #include "common/contact/environment.h"
 #include "common/scene/scene.h"
 #include "sim/plant/body_plant.h"
+#include "sim/plant/object.h"
 
 namespace twoport::sim {
 
@@ -24,6 +25,8 @@ struct HandOnTool {
   HandSpec spec;
   Position<6> intended, next;  ///< where the tick begins and ends
   Velocity<6> rate{};
+  /// A finger on the last joint, as the hand on the tool [N/m], [N s/m], [m].
+  double finger_stiffness = 0.0, finger_damping = 0.0, opening = 0.0, next_opening = 0.0, opening_rate = 0.0;
 };
 
 /// A serial arm of 6 to 8 joints with torque control that holds a tool in an environment. At every tick its controller turns
@@ -41,6 +44,8 @@ struct HandOnTool {
 ///
 ///     M q̈ = τ + Jᵀ f_out - d q̇ - τ_c - c(q, q̇) - g(q) + stops          f_out: of environment and hand
 ///
+/// Two fingers (ArmModel::has_fingers) may hold an object, whose motion is integrated with the arm's.
+///
 /// A stop is a spring and damper beyond a joint's limit, which never pulls. τ_c is Coulomb friction: its limit against the velocity of a
 /// joint that moves; a joint at rest is held, and does not move at all, while that takes no more than the limit. A step ends where a joint
 /// stops or is released. Energy into the arm through the joints is exact: a torque that is held over a tick does τ·(q(k+1) - q(k)),
@@ -53,17 +58,21 @@ class ArmPlant final {
   /// State between two ticks.
   struct State {
     Joints q, v;
+    Object::Moving object{Eigen::Vector3d::Zero(), Eigen::Vector3d::Zero()};
   };
   /// Derivative of a state, and power [W].
   struct Rate {
     Joints q, v;
     double outside;  ///< f_out·V
+    Eigen::Vector3d object;
+    double contacts;  ///< power of the object's contacts on it and the fingers
   };
 
   static inline const Eigen::Vector3d kGravity{0.0, 0.0, -9.81};
 
   ArmPlant(const ArmSpec& arm, std::shared_ptr<const Environment<6>> environment, double dt, const Position<6>& start,
-           const std::optional<HandOnTool>& hand = std::nullopt);
+           const std::optional<HandOnTool>& hand = std::nullopt,
+           const std::optional<ObjectSpec>& object = std::nullopt);
 
   [[nodiscard]] std::unique_ptr<ArmPlant> copy() const { return std::make_unique<ArmPlant>(*this); }
   /// One tick under the commanded wrench f.
@@ -77,6 +86,8 @@ class ArmPlant final {
   [[nodiscard]] Force<kJointPort> outside_torque() const noexcept;
   /// The hand's intended position at the end of the coming tick.
   void lead(const Position<6>& intended) noexcept;
+  /// The same of the finger on the last joint [m].
+  void lead_finger(double opening_m) noexcept;
   /// From the coming tick on the hand has this stiffness and damping, at most those of the beginning; none: it lets go. Its mass stays.
   void grip(const HandSpec& hand) noexcept;
   /// Adds dv to the tool's velocity, with the joint motion of the least kinetic energy.
@@ -100,7 +111,13 @@ class ArmPlant final {
   /// the quadrature of the motion's steps [J].
   [[nodiscard]] Energy dissipated() const noexcept { return Energy{dissipated_j_}; }
   [[nodiscard]] Energy outside_energy() const noexcept { return Energy{outside_j_}; }
-  /// Kinetic energy, weight, and what stops and environment hold [J].
+  /// Of the object; zero where there is none.
+  [[nodiscard]] const Object::Moving& object() const noexcept { return s_.object; }
+  /// What friction and damping of its contacts have taken [J].
+  [[nodiscard]] Energy dissipated_at_object() const noexcept {
+    return Energy{at_start_j_ - contacts_j_ - met_.object_elastic_j};
+  }
+  /// Kinetic energy, weight, and what stops, environment and object hold [J].
   [[nodiscard]] double mechanical_energy() const noexcept;
   /// Torques of the joints in the last tick [N m], prismatic: [N], and whether limits took a part of them.
   [[nodiscard]] const Joints& torque() const noexcept { return torque_; }
@@ -115,7 +132,7 @@ class ArmPlant final {
   /// [rad/s], [m/s].
   struct Step {
     State to;
-    double outside, damping, error;
+    double outside, damping, contacts, error;
   };
   /// What a position says.
   struct Place {
@@ -128,6 +145,9 @@ class ArmPlant final {
   struct Meeting {
     Vector6 tool_velocity, outside;
     double stiffness = 0.0, damping = 0.0, friction = 0.0;  ///< of all contacts that press, together [N/m], [N s/m]
+    double on_last_joint = 0.0;  ///< of the hand's finger, and of an object on both fingers [N]
+    Eigen::Vector3d on_object = Eigen::Vector3d::Zero();
+    double contacts = 0.0, object_elastic_j = 0.0;  ///< of the object [W], [J]
   };
 
   [[nodiscard]] Position<6> tool_position(const ArmModel::Pose& p) const noexcept {
@@ -141,7 +161,10 @@ class ArmPlant final {
   [[nodiscard]] Vector6 feedback(const Vector6& f) const noexcept;
   [[nodiscard]] double rate() const noexcept;
   void find(const Joints& q, Place& at) const noexcept;
-  [[nodiscard]] Meeting meet(const Place& at, const Joints& v, double t) const noexcept;
+  [[nodiscard]] Object::Fingers fingers(const Place& at, const State& s) const noexcept;
+  [[nodiscard]] Meeting meet(const Place& at, const State& s, double t) const noexcept;
+  [[nodiscard]] double power(const Meeting& m, const Joints& v) const noexcept;
+  [[nodiscard]] Eigen::Vector3d object_acceleration(const Meeting& m) const noexcept;
   [[nodiscard]] Joints load(const State& s, const Place& at, const Meeting& m) const noexcept;
   [[nodiscard]] Rate rates(const Place& at, const State& s, double t) const noexcept;
   [[nodiscard]] Rate rates_now() const noexcept;
@@ -161,7 +184,8 @@ class ArmPlant final {
   std::optional<HandOnTool> hand_;
   ArmTool tool_;  ///< with the hand's mass
   Joints home_;
-  ArmModel model_, bare_;                     ///< with the tool, and without
+  ArmModel model_, bare_;  ///< with the tool, and without
+  std::optional<Object> object_;
   Joints zero_ = Joints::Zero(home_.size());  ///< one a joint
   Joints most_torque_ = zero_, lower_ = zero_, upper_ = zero_, damping_ = zero_, stop_stiffness_ = zero_,
          stop_damping_ = zero_;
@@ -179,7 +203,7 @@ class ArmPlant final {
   Joints torque_ = zero_, commanded_ = zero_;
   bool saturated_ = false, senses_tool_ = false;
   mutable Clearance clearance_;  ///< no state: without it the results are the same
-  double dissipated_j_ = 0.0, outside_j_ = 0.0;
+  double dissipated_j_ = 0.0, outside_j_ = 0.0, contacts_j_ = 0.0, at_start_j_ = 0.0;
   Energy energy_, all_energy_;
 };
 

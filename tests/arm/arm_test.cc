@@ -244,6 +244,28 @@ TEST(Arm, JacobianIsTheDerivativeOfThePose) {
   }
 }
 
+// Fingers move the tool by nothing, and everything before them as one body.
+TEST(Fingers, LeaveTheToolWhereItIs) {
+  const ArmParameters of = parameters("panda_gripper");
+  const Arm arm{of, {.mass_kg = 0.3, .center_m = Vector3d{0.01, 0.02, 0.05}}};
+  ASSERT_TRUE(arm.has_fingers());
+  Draw draw{11};
+  for (int run = 0; run < 20; ++run) {
+    const Joints q = draw.position(of), v = draw.joints(1.0, 8);
+    const double h = 1e-4;
+    const auto before = arm.pose(q - h * v), now = arm.pose(q), after = arm.pose(q + h * v);
+    const Arm::Jacobian J = arm.jacobian(now);
+    EXPECT_TRUE(J.col(7).isZero(0.0));
+    EXPECT_LT((J.topRows<3>() * v - (after.tool - before.tool) / (2 * h)).norm(), 1e-6);
+    EXPECT_LT((arm.bias_acceleration(now, v).head<3>() - (after.tool - 2 * now.tool + before.tool) / (h * h)).norm(),
+              1e-5);
+    // One finger is at the joint's position from it, along its axis, and the tool is not on its link: it does not weigh on it.
+    const Vector3d of_finger = now.origin[7] - q[7] * now.moment[7];
+    EXPECT_NEAR((now.tool - of_finger).dot(now.moment[7]), 0.0, 1e-12);
+    EXPECT_NEAR(arm.inertia(now)(7, 7), 0.515, 1e-12);
+  }
+}
+
 // c = Ṁ q̇ - ½ ∂(q̇ᵀ M q̇)/∂q. Gyroscopic torques do no work: the energy below does not see them.
 TEST(Arm, TorqueOfVelocitiesIsThatOfLagrange) {
   for (const std::string& name : kArms) {

@@ -51,18 +51,23 @@ void append(std::vector<double>& out, const Position<N>& x) {
   if constexpr (N == 6) out.insert(out.end(), x.attitude().coeffs().data(), x.attitude().coeffs().data() + 4);
 }
 
+template <int N>
+void append(std::vector<double>& out, [[maybe_unused]] const ObjectRow<N>& object) {
+  if constexpr (N == kJointPort) out.insert(out.end(), object.x.data(), object.x.data() + object.x.size());
+}
+
 /// All numbers of a row.
 template <int N>
 std::vector<double> numbers(const Row<N>& row) {
   // By name: a new column does not compile until it is here.
   const auto& [t, master_x, master_v, master_f, wanted, slave_x, slave_v, slave_f, env_f, position_error, master_energy,
-               slave_energy, observed, undissipated, dissipated, mode, figures, reference, coupling_energy, ahead,
-               touching, coupled, following] = row;
+               slave_energy, observed, undissipated, dissipated, mode, object, figures, reference, coupling_energy,
+               ahead, touching, coupled, following] = row;
   std::vector<double> out;
   const auto each = [&](const auto&... values) { (append(out, values), ...); };
   each(t, master_x, master_v, master_f, wanted, slave_x, slave_v, slave_f, env_f, position_error, master_energy,
-       slave_energy, observed, undissipated, dissipated, static_cast<double>(mode), figures, reference, coupling_energy,
-       ahead, touching ? 1.0 : 0.0, coupled ? 1.0 : 0.0, following ? 1.0 : 0.0);
+       slave_energy, observed, undissipated, dissipated, static_cast<double>(mode), object, figures, reference,
+       coupling_energy, ahead, touching ? 1.0 : 0.0, coupled ? 1.0 : 0.0, following ? 1.0 : 0.0);
   return out;
 }
 /// All numbers of all rows.
